@@ -1,0 +1,46 @@
+// The four wheel motors of a youBot base, as robot_io drives them: one exchange a millisecond,
+// setpoints out, states in, on one bus frame. What carries it (EtherCAT master, virtual robot) is
+// the implementation's business.
+//
+// Wheel order: 0 front left, 1 front right, 2 back left, 3 back right. Signs as in the youBot's own
+// wiring: the kinematics carries them (drivers/youbot/mecanum.hpp).
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "rt/time.hpp"
+
+namespace drivers {
+
+inline constexpr int kWheels = 4;
+
+enum class MotorMode : std::uint8_t { kStop = 0, kVelocity = 2 };  // youBot controller modes
+
+struct MotorSetpoints {
+  MotorMode mode = MotorMode::kStop;
+  std::array<double, kWheels> wheel_rad_per_s{};
+};
+
+struct MotorStates {
+  std::uint64_t seq = 0;
+  rt::Time taken{};
+  std::array<double, kWheels> wheel_rad{};        // unwrapped
+  std::array<double, kWheels> wheel_rad_per_s{};
+  std::array<double, kWheels> current_A{};
+  std::array<std::uint32_t, kWheels> flags{};     // youBot error and status word
+};
+
+enum class BusStatus : std::uint8_t { kOk, kFrameLost, kDown };
+
+class MotorBus {
+ public:
+  virtual ~MotorBus() = default;
+  // One cycle. `states` is untouched unless kOk.
+  [[nodiscard]] virtual BusStatus exchange(rt::Time now, const MotorSetpoints& setpoints,
+                                           MotorStates& states) noexcept = 0;
+  // Motor stop, at once, from any thread, even while the owner hangs in exchange().
+  virtual void make_safe() noexcept = 0;
+};
+
+}  // namespace drivers

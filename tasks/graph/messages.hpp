@@ -1,0 +1,84 @@
+// Messages between the operator's tasks. Plain data, SI, world (= map) frame W unless named.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "perception/geometry/pose.hpp"
+#include "rt/health.hpp"
+#include "rt/time.hpp"
+
+namespace tasks {
+
+using perception::Pose;
+using perception::Vec3;
+
+// Box modes; supervision is the only writer. Motion after a restart needs an explicit engage.
+enum class Mode : std::uint8_t { kInit, kHold, kEngaged, kRampDown, kSafeStop };
+
+struct ModeMsg {
+  std::uint64_t seq = 0;
+  rt::Time stamp{};
+  Mode mode = Mode::kInit;
+  rt::FaultId cause = rt::kNoFault;
+};
+
+// Where the hand is, for fusion's window and for the console. haptic -> fusion, every tick.
+struct HapticState {
+  std::uint64_t seq = 0;
+  rt::Time stamp{};
+  Vec3 p_WH = Vec3::Zero();       // stylus tip
+  Vec3 v_WH = Vec3::Zero();
+  Vec3 p_WP = Vec3::Zero();       // proxy
+  Vec3 f_H_W = Vec3::Zero();      // force on the hand, N, after all guards
+  Vec3 normal_W = Vec3::Zero();   // of the contact; zero when free
+  std::int32_t contacts = 0;      // active constraints
+  bool button = false;
+  std::uint64_t patch_seq = 0;    // newest patch in use
+};
+
+// What the hand did, in order. haptic -> planning, Ring. A full ring drops the newest and sets `gap`
+// in the next one that fits; after a gap planning drops an open mark.
+struct TouchEvent {
+  enum class Kind : std::uint8_t { kContactBegin, kContactEnd, kMarkBegin, kMarkPoint, kMarkEnd };
+  std::uint64_t seq = 0;
+  rt::Time stamp{};
+  Kind kind = Kind::kContactBegin;
+  bool gap = false;
+  Vec3 p_W = Vec3::Zero();        // proxy position on the surface
+  Vec3 normal_W = Vec3::Zero();
+  double force_N = 0;
+};
+
+// Where fusion says the camera is. fusion -> prediction, console.
+struct CameraPose {
+  enum class Tracking : std::uint8_t { kLost = 0, kWeak = 1, kTracking = 2 };
+  std::uint64_t seq = 0;
+  rt::Time exposure{};
+  Pose X_WC = Pose::Identity();
+  Tracking tracking = Tracking::kLost;
+  bool claimed = false;           // definitions: fusion, "claimed"
+};
+
+// A path for the base on the ground, in W (z of the ground plane). planning -> prediction.
+struct Path {
+  static constexpr int kMaxPoints = 256;
+  std::uint64_t seq = 0;          // 0: there is no path
+  rt::Time made{};
+  std::uint64_t mark_seq = 0;     // event seq of the mark it answers
+  rt::Time mark_stamp{};
+  std::int32_t size = 0;
+  std::array<std::array<double, 3>, kMaxPoints> points{};  // x, y, yaw of the base in W
+  Vec3 marked_W = Vec3::Zero();
+};
+
+// planning -> supervision, console, prediction.
+struct TaskState {
+  enum class Phase : std::uint8_t { kIdle, kPlanning, kDriving, kArrived, kFailed };
+  std::uint64_t seq = 0;
+  rt::Time stamp{};
+  Phase phase = Phase::kIdle;
+  std::uint32_t marks = 0, paths = 0, failures = 0;
+};
+
+}  // namespace tasks

@@ -1,0 +1,16 @@
+// The subcommands of the program. Each lives in cmd_<name>.cpp, parses its own arguments (CLI11),
+// throws std::runtime_error with one line for bad input, and returns the exit code.
+#pragma once
+
+namespace teletact {
+
+int cmd_demo(int argc, char** argv);
+int cmd_fuse(int argc, char** argv);
+int cmd_touch(int argc, char** argv);
+int cmd_predict(int argc, char** argv);
+int cmd_doctor(int argc, char** argv);
+int cmd_calibrate(int argc, char** argv);
+int cmd_audit(int argc, char** argv);
+int cmd_bench(int argc, char** argv);
+
+}  // namespace teletact
