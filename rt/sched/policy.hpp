@@ -1,0 +1,82 @@
+// Miss policies as pure functions, shared by both executors: which release is served next.
+#pragma once
+
+#include <cstdint>
+
+#include "rt/sched/task_spec.hpp"
+
+namespace rt {
+
+struct NextRelease {
+  std::uint64_t k = 0;        // release to serve next
+  std::uint32_t skipped = 0;  // releases dropped on the way there
+};
+
+// After the job of release k ended at `end`, which release is next? `release_of(k)` is the instant of
+// release k. A release exactly at `end` is not late and is never dropped.
+//   skip, abort, degrade: the first release at or after `end`
+//   catch_up(n): pending releases (<= end) run back to back; of more than n the oldest are dropped
+template <class ReleaseOf>
+[[nodiscard]] NextRelease next_release(const TaskSpec& spec, std::uint64_t k, Time end,
+                                       const ReleaseOf& release_of) noexcept {
+  std::uint64_t first_future = k + 1;  // first release at or after `end`
+  while (release_of(first_future) < end) ++first_future;
+  if (spec.policy != MissPolicy::kCatchUp) {
+    return {first_future, static_cast<std::uint32_t>(first_future - (k + 1))};
+  }
+  const std::uint64_t pending = first_future - (k + 1);
+  const auto keep = static_cast<std::uint64_t>(spec.catch_up_max);
+  const std::uint64_t dropped = pending > keep ? pending - keep : 0;
+  return {k + 1 + dropped, static_cast<std::uint32_t>(dropped)};
+}
+
+// Which variant a task with policy degrade runs: one level down at the first hyperperiod boundary
+// after a miss where no job of it is pending, one level back after `clean_needed` clean hyperperiods.
+class LevelControl {
+ public:
+  LevelControl(int start_level, int levels, int clean_needed = 10) noexcept
+      : level_(start_level), floor_(start_level), levels_(levels), clean_needed_(clean_needed) {}
+
+  void on_miss() noexcept { missed_ = true; }
+  // At a hyperperiod boundary. Returns true when the level changed.
+  bool at_boundary(bool job_pending) noexcept {
+    if (job_pending) return false;
+    if (missed_) {
+      missed_ = false;
+      clean_ = 0;
+      if (level_ + 1 >= levels_) return false;
+      ++level_;
+      return true;
+    }
+    if (level_ == floor_ || ++clean_ < clean_needed_) return false;
+    clean_ = 0;
+    --level_;
+    return true;
+  }
+  [[nodiscard]] int level() const noexcept { return level_; }
+
+ private:
+  int level_, floor_, levels_, clean_needed_;
+  int clean_ = 0;
+  bool missed_ = false;
+};
+
+// Leaky bucket on consecutive misses: +1 for a miss, -1 for a job in time; above the limit the
+// task's safe output is forced, and that never waits for a boundary.
+class MissBucket {
+ public:
+  explicit MissBucket(int limit) noexcept : limit_(limit) {}
+  // Returns true when the limit is passed.
+  bool on_job(bool missed, std::uint32_t skipped) noexcept {
+    if (missed || skipped > 0) level_ += 1 + static_cast<int>(skipped);
+    else if (level_ > 0) --level_;
+    return limit_ > 0 && level_ > limit_;
+  }
+  [[nodiscard]] int level() const noexcept { return level_; }
+
+ private:
+  int limit_;
+  int level_ = 0;
+};
+
+}  // namespace rt

@@ -1,0 +1,265 @@
+#include "rt/sched/virtual_executor.hpp"
+
+#include <algorithm>
+#include <limits>
+
+#include "rt/fault/planned.hpp"
+#include "rt/memory/section.hpp"
+
+namespace rt {
+
+namespace {
+constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+}
+
+template <class Faults>
+VirtualExecutor<Faults>::VirtualExecutor(std::vector<PlacedTask> tasks, CostModel& costs,
+                                         const Faults& faults, Sink sink, VirtualOptions options)
+    : costs_(costs), faults_(faults), sink_(std::move(sink)), options_(options) {
+  for (const auto& t : tasks) {
+    owned_.push_back(std::make_unique<State>(t));
+    cores_ = std::max(cores_, t.core + 1);
+  }
+}
+
+template <class Faults>
+Time VirtualExecutor<Faults>::release_box(const State& s, std::uint64_t k) const noexcept {
+  const auto& clock = plan_.clock[static_cast<std::size_t>(s.task.spec.box)];
+  return clock.from_host(plan_.epoch_host_ns) + s.task.spec.offset + s.task.spec.rate.release(k);
+}
+
+template <class Faults>
+void VirtualExecutor<Faults>::arm_next(State& s) {
+  const auto& clock = plan_.clock[static_cast<std::size_t>(s.task.spec.box)];
+  Time release = release_box(s, s.next_k);
+  if (clock.to_host(release) >= end_) {
+    s.next_release = kNever;
+    return;
+  }
+  if constexpr (Faults::kEnabled) {
+    const JobFaults f = faults_.job(s.task.id, s.next_k);
+    if (f.dead) {
+      s.dead = true;
+      s.next_release = kNever;
+      return;
+    }
+    release += f.late;
+  }
+  s.next_release = std::max(now_, clock.to_host(release));
+}
+
+template <class Faults>
+void VirtualExecutor<Faults>::run(const RunPlan& plan) {
+  plan_ = plan;
+  now_ = plan.epoch_host_ns;
+  end_ = plan.epoch_host_ns + plan.duration.count();
+  next_boundary_ = plan.epoch_host_ns + plan.hyperperiod.count();
+  stop_ = false;
+  for (auto& s : owned_) arm_next(*s);
+  while (!stop_) {
+    const std::int64_t t = next_event();
+    if (t == kNever || t > end_) break;
+    advance(t);
+    complete_due();
+    abort_due();
+    for (auto* actor : actors_) {
+      while (actor->next_host_ns() <= now_) actor->act(now_);
+    }
+    switch_levels();
+    release_due();
+    dispatch();
+  }
+}
+
+template <class Faults>
+bool VirtualExecutor<Faults>::core_stopped(int core) const noexcept {
+  return std::any_of(spans_.begin(), spans_.end(), [&](const Span& s) {
+    return s.core == core && s.from <= now_ && now_ < s.to;
+  });
+}
+
+// The job that holds a core: the highest priority that is pending, started or not, and not blocked.
+template <class Faults>
+typename VirtualExecutor<Faults>::State* VirtualExecutor<Faults>::running_on(int core) noexcept {
+  if (core_stopped(core)) return nullptr;
+  State* best = nullptr;
+  for (auto& s : owned_) {
+    if (s->task.core != core || !s->pending || s->blocked_until > now_) continue;
+    if (best == nullptr || s->task.priority > best->task.priority) best = s.get();
+  }
+  return best;
+}
+
+template <class Faults>
+std::int64_t VirtualExecutor<Faults>::next_event() noexcept {
+  std::int64_t t = kNever;
+  for (auto& s : owned_) {
+    if (!s->pending) t = std::min(t, s->next_release);
+    if (s->pending && s->started && s->blocked_until > now_) t = std::min(t, s->blocked_until);
+    if (s->pending && s->task.spec.policy == MissPolicy::kAbort) {
+      t = std::min(t, std::max(now_, s->deadline_host));
+    }
+  }
+  for (int core = 0; core < cores_; ++core) {
+    const State* s = running_on(core);
+    if (s != nullptr && s->started) t = std::min(t, now_ + s->remaining);
+  }
+  for (const auto& span : spans_) {
+    if (span.to > now_) t = std::min(t, span.to);
+  }
+  for (const auto* actor : actors_) t = std::min(t, std::max(now_, actor->next_host_ns()));
+  if (t != kNever) t = std::min(t, std::max(now_, next_boundary_));
+  return t;
+}
+
+template <class Faults>
+void VirtualExecutor<Faults>::advance(std::int64_t to) noexcept {
+  const std::int64_t dt = to - now_;
+  for (int core = 0; core < cores_ && dt > 0; ++core) {
+    State* s = running_on(core);
+    if (s != nullptr && s->started) {
+      s->remaining -= dt;
+      s->served += dt;
+    }
+  }
+  now_ = to;
+  std::erase_if(spans_, [&](const Span& s) { return s.to <= now_; });
+}
+
+template <class Faults>
+void VirtualExecutor<Faults>::complete_due() {
+  for (auto& s : owned_) {
+    if (s->pending && s->started && s->remaining <= 0 && s->blocked_until <= now_) {
+      finish(*s, Outcome::kCompleted);
+    }
+  }
+}
+
+template <class Faults>
+void VirtualExecutor<Faults>::abort_due() {
+  for (auto& s : owned_) {
+    if (s->pending && s->task.spec.policy == MissPolicy::kAbort && s->deadline_host <= now_) {
+      finish(*s, Outcome::kAborted);
+    }
+  }
+}
+
+template <class Faults>
+void VirtualExecutor<Faults>::switch_levels() {
+  if (now_ < next_boundary_) return;
+  next_boundary_ += plan_.hyperperiod.count();
+  for (auto& s : owned_) {
+    if (s->task.spec.policy == MissPolicy::kDegrade) s->levels.at_boundary(s->pending);
+  }
+}
+
+template <class Faults>
+void VirtualExecutor<Faults>::release_due() {
+  for (auto& s : owned_) {
+    if (s->pending || s->next_release > now_) continue;
+    const auto& clock = plan_.clock[static_cast<std::size_t>(s->task.spec.box)];
+    const Time release = release_box(*s, s->next_k);
+    s->pending = true;
+    s->started = false;
+    s->blocked_until = 0;
+    s->served = 0;
+    s->tick = Tick{s->next_k, release, {}, s->task.spec.period(), s->skipped, s->levels.level(),
+                   &s->cancel};
+    s->record = JobRecord{};
+    s->record.k = s->next_k;
+    s->record.task = s->task.id;
+    s->record.core = static_cast<std::uint8_t>(s->task.core);
+    s->record.release_ns = ns_of(release);
+    s->record.deadline_ns = ns_of(release + s->task.spec.relative_deadline());
+    s->deadline_host = clock.to_host(release + s->task.spec.relative_deadline());
+    s->skipped = 0;
+    if constexpr (Faults::kEnabled) {
+      const JobFaults f = faults_.job(s->task.id, s->next_k);
+      const Nanos gone = f.hog + f.theft;
+      if (gone.count() > 0) spans_.push_back({s->task.core, now_, now_ + gone.count()});
+    }
+  }
+}
+
+template <class Faults>
+void VirtualExecutor<Faults>::dispatch() {
+  for (int core = 0; core < cores_; ++core) {
+    State* s = running_on(core);
+    while (s != nullptr && !s->started) {
+      first_dispatch(*s);
+      s = running_on(core);  // it may have blocked: the next one gets the core
+    }
+  }
+}
+
+template <class Faults>
+void VirtualExecutor<Faults>::first_dispatch(State& s) {
+  const auto& clock = plan_.clock[static_cast<std::size_t>(s.task.spec.box)];
+  s.started = true;
+  s.tick.start = clock.from_host(now_);
+  s.record.start_ns = ns_of(s.tick.start);
+  s.record.level = static_cast<std::uint8_t>(s.tick.level);
+  s.record.skipped = s.tick.skipped;
+  s.remaining = costs_.cost(s.task.id, s.tick.k, s.tick.level).count();
+  if constexpr (Faults::kEnabled) {
+    const JobFaults f = faults_.job(s.task.id, s.tick.k);
+    s.remaining += f.extra_cpu.count();
+    if (f.block.count() > 0) s.blocked_until = now_ + f.block.count();
+    s.record.injected = f.any() ? 1 : 0;
+  }
+  // A job that can not end before its deadline even undisturbed sees its token from the start, as
+  // its polls would; one that is later preempted past the deadline is aborted there and commits nothing.
+  s.cancel.clear();
+  if (s.task.spec.policy == MissPolicy::kAbort && now_ + s.remaining > s.deadline_host) {
+    s.cancel.request();
+  }
+  if (options_.stub_bodies || s.task.body == nullptr) return;
+  const std::int64_t twin0 = s.task.body->twin_cpu_ns();
+  const std::int64_t cpu0 = options_.measure_cpu ? thread_cpu_ns() : 0;
+  s.task.body->latch(s.tick, s.record);
+  Health health;
+  {
+    const Section section(s.task.spec.task_class == TaskClass::kHard);
+    health = s.task.body->step(s.tick, s.record);
+  }
+  s.record.severity = health.severity;
+  s.record.fault = health.fault;
+  if (options_.measure_cpu) s.record.cpu_ns = thread_cpu_ns() - cpu0;
+  s.record.twin_cpu_ns = s.task.body->twin_cpu_ns() - twin0;
+}
+
+template <class Faults>
+void VirtualExecutor<Faults>::finish(State& s, Outcome outcome) {
+  const auto& clock = plan_.clock[static_cast<std::size_t>(s.task.spec.box)];
+  s.pending = false;
+  s.record.outcome = outcome;
+  s.record.end_ns = ns_of(clock.from_host(now_));
+  if (!s.started) s.record.start_ns = s.record.end_ns;
+  const bool live = !options_.stub_bodies && s.task.body != nullptr;
+  if (options_.measure_cpu && live && outcome == Outcome::kCompleted) {
+    const std::int64_t twin0 = s.task.body->twin_cpu_ns();
+    const std::int64_t cpu0 = thread_cpu_ns();
+    s.task.body->commit(s.tick, s.record);
+    s.record.twin_cpu_ns += s.task.body->twin_cpu_ns() - twin0;
+    s.record.cpu_ns += thread_cpu_ns() - cpu0 - s.record.twin_cpu_ns;
+  } else {
+    if (live && outcome == Outcome::kCompleted) s.task.body->commit(s.tick, s.record);
+    if (live && outcome == Outcome::kAborted && s.started) s.task.body->abandon(s.tick);
+    s.record.twin_cpu_ns = 0;  // measured, so not the same on every machine
+    s.record.cpu_ns = s.served;
+  }
+  const bool missed = s.record.missed();
+  const NextRelease next = next_release(s.task.spec, s.tick.k, clock.from_host(now_),
+                                        [&](std::uint64_t k) { return release_box(s, k); });
+  s.next_k = next.k;
+  s.skipped = next.skipped;
+  if (s.task.spec.policy == MissPolicy::kDegrade && (missed || next.skipped > 0)) s.levels.on_miss();
+  if (s.bucket.on_job(missed, next.skipped) && live) s.task.body->make_safe();
+  sink_(s.record);
+  arm_next(s);
+}
+
+template class VirtualExecutor<Plain>;
+template class VirtualExecutor<Planned>;
+
+}  // namespace rt

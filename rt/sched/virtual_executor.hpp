@@ -1,0 +1,110 @@
+// The virtual clock: preemptive fixed-priority scheduling of the same TaskBody objects as a
+// discrete-event simulation. Inputs are latched at the instant of first dispatch, step() runs there
+// and then, outputs are committed at the instant of completion; between the two lies the cost that
+// the CostModel (and the fault plan) gives the job, stretched by preemption. Bit-exact on any machine.
+//
+// Order at one instant: completions, then aborts, then actors (devices, link), then variant switches,
+// then releases, then dispatch by priority, lowest core first.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "rt/fault/injector.hpp"
+#include "rt/sched/cost_model.hpp"
+#include "rt/sched/executor.hpp"
+#include "rt/sched/policy.hpp"
+
+namespace rt {
+
+// Something outside the tasks that acts at instants of its own: the simulated link, a script.
+class Actor {
+ public:
+  virtual ~Actor() = default;
+  // Host instant of its next action; int64 max = none.
+  [[nodiscard]] virtual std::int64_t next_host_ns() const noexcept = 0;
+  virtual void act(std::int64_t host_ns) = 0;
+};
+
+struct VirtualOptions {
+  bool stub_bodies = false;   // schedule only: no body is called
+  bool measure_cpu = false;   // put the measured thread CPU of the body into the record
+                              // (calibration); otherwise cpu_ns is the virtual cost
+};
+
+template <class Faults>
+class VirtualExecutor final : public Executor {
+ public:
+  using Sink = std::function<void(const JobRecord&)>;
+  VirtualExecutor(std::vector<PlacedTask> tasks, CostModel& costs, const Faults& faults, Sink sink,
+                  VirtualOptions options = {});
+  void add_actor(Actor& actor) { actors_.push_back(&actor); }
+  void run(const RunPlan& plan) override;
+  void request_stop() noexcept override { stop_ = true; }
+  [[nodiscard]] std::int64_t now_host_ns() const noexcept { return now_; }
+  // Level in force of a task, by position in the vector given to the constructor.
+  [[nodiscard]] int level(std::size_t task) const noexcept { return state_[task].levels.level(); }
+
+ private:
+  struct State {
+    PlacedTask task;
+    LevelControl levels;
+    MissBucket bucket;
+    CancelToken cancel;
+    std::uint64_t next_k = 0;
+    std::uint32_t skipped = 0;      // to hand to the next job
+    std::int64_t next_release = 0;  // host; int64 max = none left
+    bool pending = false;           // released, not finished
+    bool started = false;
+    bool abort_only = false;        // its cost exceeds what is left before the deadline
+    bool dead = false;
+    std::int64_t remaining = 0;     // CPU still to be served
+    std::int64_t blocked_until = 0;
+    std::int64_t deadline_host = 0;
+    std::int64_t served = 0;
+    Tick tick{};
+    JobRecord record{};
+
+    State(const PlacedTask& t)
+        : task(t), levels(t.level, t.spec.levels()), bucket(t.spec.consecutive_miss_limit) {}
+  };
+  struct Span {  // a core stopped (theft) or busy above the tasks (hog)
+    int core = 0;
+    std::int64_t from = 0, to = 0;
+  };
+
+  void arm_next(State& s);
+  [[nodiscard]] Time release_box(const State& s, std::uint64_t k) const noexcept;
+  [[nodiscard]] State* running_on(int core) noexcept;
+  [[nodiscard]] bool core_stopped(int core) const noexcept;
+  [[nodiscard]] std::int64_t next_event() noexcept;
+  void advance(std::int64_t to) noexcept;
+  void complete_due();
+  void abort_due();
+  void switch_levels();
+  void release_due();
+  void dispatch();
+  void first_dispatch(State& s);
+  void finish(State& s, Outcome outcome);
+
+  std::vector<std::unique_ptr<State>> owned_;
+  struct Table {
+    std::vector<std::unique_ptr<State>>* rows;
+    State& operator[](std::size_t i) const { return *(*rows)[i]; }
+  } state_{&owned_};
+  CostModel& costs_;
+  const Faults& faults_;
+  Sink sink_;
+  VirtualOptions options_;
+  std::vector<Actor*> actors_;
+  std::vector<Span> spans_;
+  RunPlan plan_{};
+  std::int64_t now_ = 0, end_ = 0, next_boundary_ = 0;
+  int cores_ = 1;
+  bool stop_ = false;
+};
+
+}  // namespace rt
