@@ -58,7 +58,8 @@ class Section {
   struct Field {
     std::string key, doc;
     std::variant<Number, Integer, Seed, Flag, Text, Numbers, List, std::unique_ptr<Section>> value;
-    bool named = false;  // the file named it
+    bool named = false;   // the file named it
+    std::string initial;  // the value when it was described, as TOML
   };
   [[nodiscard]] const std::vector<std::unique_ptr<Field>>& fields() const { return fields_; }
   [[nodiscard]] std::vector<std::unique_ptr<Field>>& fields() { return fields_; }
