@@ -1,0 +1,57 @@
+// Energy observer of the haptic loop (definitions: E(k) = E(k-1) - F(k-1) . (x(k) - x(k-1)), the force
+// on the hand times its motion, exact for a force held between ticks). E is the net energy the hand
+// put in: passive means E >= 0. What a moving surface or a changing stiffness puts into the spring at
+// a held hand is booked apart; E + booked is what passivity is asserted on.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+
+#include "perception/geometry/pose.hpp"
+
+namespace tasks {
+
+class EnergyObserver {
+ public:
+  // Motion of the hand under the force sent last tick.
+  void move(const perception::Vec3& f_sent_D, const perception::Vec3& dx_D) noexcept {
+    const double e = -f_sent_D.dot(dx_D);
+    energy_J_ += e;
+    reserve_J_ = std::min(reserve_J_ + e, kReserveCap_J);
+  }
+  // Energy put into the spring from outside; dt advances the window of the power limit.
+  void book(double injected_J, double dt) noexcept {
+    booked_J_ += injected_J;
+    reserve_J_ = std::min(reserve_J_ + injected_J, kReserveCap_J);
+    if (injected_J > 0) {
+      event_J_ += injected_J;
+      bins_[bin_] += injected_J;
+    }
+    bin_time_ += dt;
+    if (bin_time_ >= kBin_s) {
+      bin_time_ = 0;
+      bin_ = (bin_ + 1) % bins_.size();
+      bins_[bin_] = 0;
+    }
+  }
+  void begin_event() noexcept { event_J_ = 0; }
+  // Booked more than 1 W over 100 ms, or 50 mJ in this event: whoever injects has to slow down.
+  [[nodiscard]] bool over_budget() const noexcept {
+    double sum = 0;
+    for (const double b : bins_) sum += b;
+    return sum > 1.0 * kBin_s * 10 || event_J_ > 0.05;
+  }
+  [[nodiscard]] double energy_J() const noexcept { return energy_J_; }
+  [[nodiscard]] double booked_J() const noexcept { return booked_J_; }
+  [[nodiscard]] double reserve_J() const noexcept { return reserve_J_; }
+
+ private:
+  static constexpr double kBin_s = 0.01;
+  static constexpr double kReserveCap_J = 0.02;
+  double energy_J_ = 0, booked_J_ = 0, reserve_J_ = 0, event_J_ = 0, bin_time_ = 0;
+  std::array<double, 10> bins_{};
+  std::size_t bin_ = 0;
+};
+
+}  // namespace tasks

@@ -1,0 +1,167 @@
+// Haptic rendering, 1 kHz: stylus position in, force on the hand out, in the same tick.
+//
+//   sense   StylusSample          from drivers/omega       outside step()
+//   reads   Latest<SurfacePatch>  from tasks/fusion        retains 2; ramps to zero when not published
+//                                                          for 100 ms
+//           Latest<ModeMsg>       from tasks/supervision
+//   writes  HapticState           to tasks/fusion          every tick
+//           Ring<TouchEvent>      to tasks/planning        0..4 a tick
+//   act     ForceCommand          to drivers/omega         outside step()
+//   budget  100 us of the 1 ms period
+//
+// Pipeline: position -> field (two patches, blended over one fusion period) -> proxy -> spring at the
+// device -> fade and ramps -> force limit -> slew guard -> energy observer.
+// Stiffness, force and energy are those at the device: F_D = K (p_WP - p_WH) / scale, turned into D.
+// Frames: W world (= map), D haptic base, H stylus tip, P proxy.  SI.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+
+#include "config/schema.hpp"
+#include "drivers/omega/haptic_device.hpp"
+#include "perception/patch/surface_patch.hpp"
+#include "rt/health.hpp"
+#include "rt/memory/non_realtime.hpp"
+#include "rt/tick.hpp"
+#include "tasks/graph/messages.hpp"
+#include "tasks/haptic/energy.hpp"
+#include "tasks/haptic/field.hpp"
+#include "tasks/haptic/proxy.hpp"
+
+namespace tasks {
+
+// Section [haptic].
+struct HapticConfig {
+  std::string method = "constrained";
+  double stiffness_N_per_m = 1000.0;  // at the device
+  double scale = 1.0;                 // scene metres per hand metre
+  std::array<double, 3> workspace_W_m{0.0, 0.0, 0.0};  // origin of D in W
+  double workspace_yaw_deg = 0.0;     // of D about z of W
+  double tip_radius_m = 0.0;          // scene metres
+  double force_limit_N = 12.0;
+  double slew_N_per_s = 300.0;
+  double fade_in_s = 0.05;            // after start inside, re-enable, reconnect
+  double blend_s = 1.0 / 30.0;        // old patch -> new patch: one fusion period
+  double patch_liveness_s = 0.1;
+  double ramp_s = 0.1;                // to zero when a patch is stale or on ramp-down
+  double device_liveness_s = 0.01;    // last force held this long without a sample
+  double mark_spacing_m = 0.02;
+  double mark_rate_hz = 10.0;
+  bool guard = true;                  // slew guard
+  bool passivity_controller = false;
+
+  void describe(config::Section& s);
+};
+
+// Fault ids of this task (docs/faults.md).
+inline constexpr rt::FaultId kFaultHapticNotFinite = 101;   // NaN in or out: zero force
+inline constexpr rt::FaultId kFaultHapticPatchStale = 102;  // no publication for the liveness time
+inline constexpr rt::FaultId kFaultHapticDeviceLost = 103;  // no stylus sample for its liveness
+inline constexpr rt::FaultId kFaultHapticBadPatch = 104;    // malformed patch refused
+
+// For recording and figures; not a message of another task.
+struct HapticTelemetry {
+  perception::Vec3 f_raw_D = perception::Vec3::Zero();  // spring, faded and limited, before the guard
+  double step_raw_N = 0;       // |F_raw(k) - F_raw(k-1)|
+  double step_N = 0;           // the same after all guards
+  double penetration_m = 0;    // |p_WP - p_WH| in contact, scene metres
+  double gain = 0;             // fade and ramps, 0..1
+  double blend = 1;            // s of the running blend; 1 = settled
+  double energy_J = 0;         // observer E
+  double booked_J = 0;         // injections booked apart
+  double patch_age_s = 0;
+  std::uint32_t work = 0;      // field samples of this tick
+  bool in_contact = false;
+  bool guard_active = false;   // the slew guard changed the force
+  bool guard_use = false;      // contact tick with |dF_raw| > K |dh| + 0.1 N
+  bool limit_active = false;   // the force limit cut
+  bool held = false;           // held contact frame in use
+  bool near_edge = false;      // hand or proxy within two voxels of the window's edge
+  bool stale = false;
+};
+
+class HapticTask {
+ public:
+  struct In {
+    drivers::StylusSample stylus;
+    bool stylus_ok = false;  // sense() gave a sample this tick
+    // The newest published patch, only looked at when wants_patch() was true before this step; may
+    // be null. A pointer taken must stay valid until a second one has been taken and
+    // wants_patch() is true again (Latest with two retained values, acquired on demand).
+    const perception::SurfacePatch* patch_newest = nullptr;
+    ModeMsg mode;            // seq 0 = none yet
+  };
+  struct Out {
+    drivers::ForceCommand force;
+    HapticState state;
+    std::array<TouchEvent, 4> events{};
+    std::int32_t event_count = 0;
+    HapticTelemetry telemetry;
+  };
+
+  // Throws std::runtime_error naming both figures: stiffness above the device's limit at this period,
+  // a window whose half-extent is below speed limit x scale x 100 ms + 50 mm, bad method name.
+  // `window_half_extent_m` 0: not checked.
+  HapticTask(rt::NonRealtime&, const HapticConfig&, const drivers::DeviceProperties&,
+             double period_s, double window_half_extent_m = 0);
+
+  // No blend is running: the graph should acquire the newest patch for the next step.
+  [[nodiscard]] bool wants_patch() const noexcept { return older_ == nullptr; }
+
+  // One cycle. No throw, lock, allocation or I/O. `out` is overwritten.
+  [[nodiscard]] rt::Health step(const rt::Tick&, const In&, Out&) noexcept;
+
+  [[nodiscard]] const ProxyState& proxy() const noexcept { return proxy_; }
+  [[nodiscard]] const Field& field() const noexcept { return field_; }
+  [[nodiscard]] const HapticConfig& config() const noexcept { return config_; }
+  // p_WH = X_WD * (scale * p_DH).
+  [[nodiscard]] perception::Vec3 to_world(const perception::Vec3& p_DH) const noexcept {
+    return origin_W_ + R_WD_ * (config_.scale * p_DH);
+  }
+  [[nodiscard]] perception::Vec3 to_device(const perception::Vec3& p_W) const noexcept {
+    return R_WD_.transpose() * (p_W - origin_W_) / config_.scale;
+  }
+
+ private:
+  bool take_patch(const perception::SurfacePatch* patch) noexcept;
+  void advance_blend(double dt) noexcept;
+  double advance_gain(const In& in, bool stale, double dt) noexcept;
+  void safe(Out& out, rt::Nanos dt) noexcept;
+  void guard_force(const perception::Vec3& f_raw, double dh, double dt, Out& out) noexcept;
+  void emit(Out& out, TouchEvent::Kind kind, const rt::Tick& tick) noexcept;
+  void events(const rt::Tick& tick, const In& in, Out& out) noexcept;
+
+  HapticConfig config_;
+  ProxyConfig proxy_config_;
+  ProxyStep proxy_step_;
+  double period_s_;
+  double force_limit_N_;
+  perception::Vec3 origin_W_;
+  perception::Mat3 R_WD_;
+
+  Field field_;
+  ProxyState proxy_;
+  EnergyObserver energy_;
+  const perception::SurfacePatch* older_ = nullptr;  // non-null while blending
+  const perception::SurfacePatch* newer_ = nullptr;
+  double blend_ = 1;
+
+  bool have_hand_ = false;
+  perception::Vec3 h_D_ = perception::Vec3::Zero();   // last sample
+  rt::Time hand_time_{};
+  perception::Vec3 v_D_ = perception::Vec3::Zero();
+  perception::Vec3 f_raw_D_ = perception::Vec3::Zero();  // of the last tick
+  perception::Vec3 f_D_ = perception::Vec3::Zero();
+  double fade_ = 0, ramp_ = 0;
+  bool enabled_ = false;
+  bool was_contact_ = false, was_button_ = false, marking_ = false;
+  perception::Vec3 mark_p_W_ = perception::Vec3::Zero();
+  rt::Time mark_time_{};
+  rt::Time last_release_{};
+  bool have_release_ = false;
+  std::uint64_t state_seq_ = 0, event_seq_ = 0;
+};
+
+}  // namespace tasks

@@ -1,0 +1,86 @@
+// The proxy: where the stylus tip would be if the surface were rigid. Pure functions of field, hand
+// and state; one function type for all methods, compared on the same trace.
+//
+//   nearest      nearest surface point by descent on the field from the hand, 1 step: no memory
+//   nearest10    the same, 10 steps
+//   constrained  the proxy moves only through free space, in steps of at most a quarter voxel: up to
+//                three tangent constraints, a small quadratic programme, then corrected onto the
+//                surface. Every accepted step comes nearer to the hand, so it ends in the minimum of
+//                |p - h| that can be reached from the last proxy without passing through the
+//                solid (the path-constrained minimum), not in the global one.
+//
+// Rules of the constrained proxy (docs: haptic rendering)
+//   - contact begins only by crossing from seen-free space to field <= radius; a hand that comes
+//     from unknown space gets no force until it has entered seen-free space;
+//   - unknown space holds no surface: in contact it is bridged by the last contact planes, so it
+//     neither attracts nor drops the hand; the same within two voxels of the window's edge;
+//   - at a changed field the proxy is carried along its own side.
+// Sources: Ruspini, Kolarov, Khatib 1997 (virtual proxy, up to three planes); Salisbury and Tarr 1997
+// (implicit surfaces).  Frames: W (= map).  SI.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string_view>
+#include <type_traits>
+
+#include "perception/geometry/pose.hpp"
+#include "tasks/haptic/field.hpp"
+
+namespace tasks {
+
+enum class ProxyMethod : std::uint8_t { kNearest, kNearest10, kConstrained };
+
+struct ProxyConfig {
+  double tip_radius_m = 0.0;
+  int iterations_max = 24;      // descent steps a tick; the proxy catches up in the next tick
+  double tolerance_m = 1e-6;    // of the constraint: |field - radius|
+  double step_min_m = 2e-6;     // a descent step below this ends the tick
+};
+
+// n . x >= d, |n| = 1.
+struct ProxyPlane {
+  double nx = 0, ny = 0, nz = 0, d = 0;
+};
+
+// Everything that is remembered from tick to tick, in map coordinates. Trivially copyable: recorded
+// and replayed as bytes.
+struct ProxyState {
+  enum class Phase : std::uint8_t {
+    kStart,    // nothing known yet: the next step places the proxy, also from inside
+    kUnknown,  // no force until seen-free space is entered
+    kFree,     // proxy = hand
+    kContact,
+  };
+  double px = 0, py = 0, pz = 0;  // proxy centre, W
+  double nx = 0, ny = 0, nz = 0;  // side: outward normal of the contact; zero when free
+  std::array<ProxyPlane, 3> frame{};  // last contact planes, tightest first
+  std::int32_t frame_size = 0;
+  std::int32_t contacts = 0;      // active constraints of this tick
+  Phase phase = Phase::kStart;
+  bool held = false;              // this tick used the held frame (window edge, unknown space)
+  bool started_inside = false;    // contact was placed, not entered: force has to fade in
+
+  [[nodiscard]] perception::Vec3 p_WP() const noexcept { return {px, py, pz}; }
+  [[nodiscard]] perception::Vec3 normal_W() const noexcept { return {nx, ny, nz}; }
+  void set_p(const perception::Vec3& p) noexcept { px = p.x(), py = p.y(), pz = p.z(); }
+  void set_normal(const perception::Vec3& n) noexcept { nx = n.x(), ny = n.y(), nz = n.z(); }
+};
+static_assert(std::is_trivially_copyable_v<ProxyState>);
+
+// One tick: moves `state` to its place for the hand at p_WH. The spring is p_WP - p_WH.
+using ProxyStep = void (*)(const Field&, const perception::Vec3& p_WH, ProxyState& state,
+                           const ProxyConfig&) noexcept;
+
+void step_nearest(const Field&, const perception::Vec3& p_WH, ProxyState&,
+                  const ProxyConfig&) noexcept;
+void step_nearest10(const Field&, const perception::Vec3& p_WH, ProxyState&,
+                    const ProxyConfig&) noexcept;
+void step_constrained(const Field&, const perception::Vec3& p_WH, ProxyState&,
+                      const ProxyConfig&) noexcept;
+
+[[nodiscard]] ProxyStep proxy_step(ProxyMethod method) noexcept;
+// "nearest", "nearest10", "constrained"; false for any other name.
+[[nodiscard]] bool parse_proxy_method(std::string_view name, ProxyMethod& out) noexcept;
+
+}  // namespace tasks
