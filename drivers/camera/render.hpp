@@ -1,0 +1,37 @@
+// Ray-casts a World into an RgbdFrame: the synthetic camera's lens, and the tests' truth.
+//
+// Pixels are cast in tiles; a tile looks only at the shapes whose bounding sphere touches its
+// frustum, and each of them goes over the whole tile at once, in double precision. Without noise a
+// pixel's depth is World::ray_cast's, rounded to the nearest millimetre.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "drivers/camera/depth_noise.hpp"
+#include "drivers/world/world.hpp"
+#include "perception/geometry/rgbd_frame.hpp"
+#include "rt/memory/non_realtime.hpp"
+
+namespace drivers {
+
+struct DepthRange {
+  double min_m = 0.4, max_m = 5.0;  // outside it a pixel reads 0
+};
+
+// Working memory of render(), for any image up to RgbdFrame's capacity.
+class RenderScratch {
+ public:
+  explicit RenderScratch(rt::NonRealtime&);
+  std::vector<float> depth_m;      // before noise; 0 = nothing within 10 x max range
+  std::vector<float> inverse_m;    // 1 / depth, 0 where nothing
+};
+
+// Fills depth, colour, intrinsics, has_colour and seq of `out`; leaves `exposure`. Allocates nothing.
+// The result is a function of the arguments only.
+void render(const World& world, const perception::Intrinsics& intrinsics,
+            const perception::Pose& X_WC, const DepthRange& range, const DepthNoise& noise,
+            std::uint64_t seed, std::uint64_t seq, RenderScratch& scratch,
+            perception::RgbdFrame& out) noexcept;
+
+}  // namespace drivers

@@ -1,0 +1,78 @@
+// An RGB-D camera that looks into a World: Kinect v2 geometry (512 x 424, f 365 px, 30 Hz).
+//
+// Frame f exposes from t0 + f/30 s for the exposure time; it shows the world from the pose in the
+// middle of it (no motion blur, no rolling) and is complete at its end. Frames nobody polled are
+// lost, as with a real camera: their numbers are missing.
+//
+// Twin: its CPU time is counted apart (twin_cpu_ns) and is no part of any task's budget.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "config/schema.hpp"
+#include "drivers/camera/camera.hpp"
+#include "drivers/camera/pose_source.hpp"
+#include "drivers/camera/render.hpp"
+#include "rt/memory/non_realtime.hpp"
+
+namespace drivers {
+
+// Section [camera] of a scene.
+struct SyntheticCameraConfig {
+  std::string resolution = "full";  // full: 512 x 424, f 365; half: 256 x 212, f 182.5
+  double exposure_ms = 10;
+  double range_min_m = 0.4, range_max_m = 5.0;
+  std::uint64_t seed = 1;           // of the noise
+  std::array<double, 3> mount_position_m{-0.20, 0.0, 0.95};  // of the lens in B
+  double mount_yaw_deg = 0;         // positive: to the left
+  double mount_pitch_deg = 30;      // positive: looks down
+  DepthNoiseConfig noise;
+  void describe(config::Section& s);
+
+  [[nodiscard]] perception::Intrinsics intrinsics() const noexcept;
+  [[nodiscard]] perception::Pose X_BC() const noexcept;  // the mount as a pose
+};
+
+inline constexpr rt::Rate kCameraRate{30, 1};
+
+class SyntheticCamera : public Camera {
+ public:
+  // `world` and `pose` must outlive the camera. Frame 0 begins its exposure at t0.
+  SyntheticCamera(rt::NonRealtime&, const SyntheticCameraConfig& config, const World& world,
+                  PoseSource& pose, rt::Time t0);
+
+  [[nodiscard]] perception::Intrinsics intrinsics() const noexcept override { return intrinsics_; }
+  [[nodiscard]] double rate_hz() const noexcept override { return kCameraRate.hz(); }
+  // Renders on demand, in the caller's thread: for the virtual clock and for tests.
+  [[nodiscard]] CameraStatus poll(rt::Time now, perception::RgbdFrame& out) noexcept override;
+
+  // Instant at which frame f is complete, and the middle of its exposure.
+  [[nodiscard]] rt::Time complete(std::uint64_t f) const noexcept;
+  [[nodiscard]] rt::Time mid_exposure(std::uint64_t f) const noexcept;
+  // Renders frame f whatever the time is.
+  void expose(std::uint64_t f, perception::RgbdFrame& out) noexcept;
+
+  [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept { return twin_cpu_ns_; }
+  [[nodiscard]] std::uint64_t rendered() const noexcept { return rendered_; }
+  [[nodiscard]] const DepthNoise& noise() const noexcept { return noise_; }
+
+ private:
+  const World& world_;
+  PoseSource& pose_;
+  perception::Intrinsics intrinsics_;
+  DepthRange range_;
+  DepthNoise noise_;
+  RenderScratch scratch_;
+  std::uint64_t seed_;
+  rt::Time t0_;
+  rt::Nanos exposure_;
+  std::uint64_t next_ = 0;  // first frame not handed out and not passed over
+  std::int64_t twin_cpu_ns_ = 0;
+  std::uint64_t rendered_ = 0;
+};
+
+}  // namespace drivers

@@ -1,0 +1,48 @@
+// Colour as baseline JPEG through OpenCV's imgcodecs, at full or half resolution.
+//
+// OpenCV and libjpeg allocate; that is why capture is a firm task. Nothing is thrown out of here. The
+// decoder looks at the JPEG's own size before it lets the library see it, so a damaged header can
+// not ask for gigabytes.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "config/schema.hpp"
+#include "perception/geometry/rgbd_frame.hpp"
+#include "rt/memory/non_realtime.hpp"
+
+namespace drivers {
+
+// Section [codec].
+struct ColourCodecConfig {
+  int quality = 60;        // of JPEG, 1..100
+  bool half = true;        // half the width and height: a quarter of the bytes and of the time
+  void describe(config::Section& s);
+};
+
+class ColourCodec {
+ public:
+  ColourCodec(rt::NonRealtime&, const ColourCodecConfig& config);
+  ~ColourCodec();
+  ColourCodec(const ColourCodec&) = delete;
+  ColourCodec& operator=(const ColourCodec&) = delete;
+
+  // Bytes written; 0 when the library failed or the result does not fit.
+  [[nodiscard]] std::size_t encode(perception::ImageView<const perception::Rgb> image,
+                                   std::span<std::uint8_t> out) noexcept;
+  // Decodes a JPEG of the size of `image`, or of half of it (rounded up), into `image`.
+  [[nodiscard]] bool decode(std::span<const std::uint8_t> in,
+                            perception::ImageView<perception::Rgb> image) noexcept;
+
+ private:
+  struct State;  // OpenCV's images and buffers
+  std::unique_ptr<State> state_;
+};
+
+// Width and height of a baseline JPEG; {0, 0} when it is none, or its header contradicts itself.
+struct JpegSize { int width = 0, height = 0; };
+[[nodiscard]] JpegSize jpeg_size(std::span<const std::uint8_t> in) noexcept;
+
+}  // namespace drivers

@@ -1,0 +1,57 @@
+// An RGB-D frame as it crosses the link: a header and two blobs, depth (lossless) and colour (JPEG).
+// Fixed capacity, so it lives in a prefaulted channel slot; on the wire it has only its real length.
+//
+// Wire form, little-endian (write_wire / read_wire), kWireHeader bytes and then the blobs:
+//   u32 magic "TTF1", u8 box, u8 flags (1 = colour), u16 width, u16 height, u16 0,
+//   u32 depth size, u32 colour size, u64 seq, i64 exposure ns, 4 x f64 fx fy cx cy,
+//   u64 check (rt::Hash64 over the header before it and the blobs)
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "perception/geometry/rgbd_frame.hpp"
+#include "rt/time.hpp"
+
+namespace drivers {
+
+struct EncodedFrame {
+  static constexpr std::size_t kMaxDepthBytes = 2 * perception::RgbdFrame::kMaxPixels + 16;
+  static constexpr std::size_t kMaxColourBytes = std::size_t{256} * 1024;
+  static constexpr std::size_t kCapacity = kMaxDepthBytes + kMaxColourBytes;
+
+  rt::Stamp exposure{};     // middle of the exposure, clock of the box that has the camera
+  std::uint64_t seq = 0;    // the camera's frame number
+  perception::Intrinsics intrinsics{};
+  bool has_colour = false;
+  std::uint32_t depth_size = 0, colour_size = 0;
+  std::array<std::uint8_t, kCapacity> bytes{};  // depth, then colour
+
+  [[nodiscard]] std::span<const std::uint8_t> depth() const noexcept {
+    return {bytes.data(), depth_size};
+  }
+  [[nodiscard]] std::span<const std::uint8_t> colour() const noexcept {
+    return {bytes.data() + depth_size, colour_size};
+  }
+};
+
+enum class FrameStatus : std::uint8_t {
+  kOk,
+  kNoColour,      // depth is good; colour could not be coded or decoded and was left out
+  kTruncated,     // fewer bytes than the header asks for
+  kBadHeader,     // magic, size, intrinsics outside what a camera can have
+  kBadCheck,      // bytes changed on the way
+  kBadDepth,      // the depth blob is not one of ours
+  kNoRoom,        // destination too small
+};
+[[nodiscard]] const char* to_text(FrameStatus s) noexcept;
+
+inline constexpr std::size_t kWireHeader = 76;
+[[nodiscard]] std::size_t wire_size(const EncodedFrame& frame) noexcept;
+// Bytes written; 0 when `out` is shorter than wire_size().
+std::size_t write_wire(const EncodedFrame& frame, std::span<std::uint8_t> out) noexcept;
+// Copies only what the header and the check vouch for; `out` is untouched on any status but kOk.
+[[nodiscard]] FrameStatus read_wire(std::span<const std::uint8_t> in, EncodedFrame& out) noexcept;
+
+}  // namespace drivers

@@ -1,0 +1,72 @@
+// The simulated place: analytic solids that the synthetic camera sees, the virtual robot collides
+// with, and tests take as the truth. Immutable after construction, so any thread may ask.
+//
+// World frame W: z up, floor at z = 0. SI units. Never linked into tasks.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "drivers/world/shape.hpp"
+#include "drivers/world/world_config.hpp"
+#include "rt/memory/non_realtime.hpp"
+
+namespace drivers {
+
+struct RayHit {
+  int shape = -1;  // index into World::shapes(); -1: the ray leaves the world
+  double t = 0;    // p = origin + t dir; metres when dir has length 1
+  perception::Vec3 normal_W = perception::Vec3::Zero();  // out of the solid, length 1
+  perception::Rgb colour{};
+  [[nodiscard]] explicit operator bool() const noexcept { return shape >= 0; }
+};
+
+// What of the robot can bump: boxes upright in B (x forward, z up, origin on the floor under the
+// base's centre). Default: the youBot's base 580 x 376 x 140 mm (KUKA's data sheet), the folded arm
+// and the camera mast (our own declaration).
+struct BodyBox {
+  perception::Vec3 centre_B, half;
+};
+[[nodiscard]] std::span<const BodyBox> youbot_body() noexcept;
+
+class World {
+ public:
+  // Throws std::runtime_error naming the shape and the value: a name used twice, a zero normal.
+  World(rt::NonRealtime&, const WorldConfig& config);
+
+  [[nodiscard]] std::span<const Shape> shapes() const noexcept { return shapes_; }
+  // Index of the shape of that name, -1 if there is none. The room's are floor, ceiling, wall_x_min,
+  // wall_x_max, wall_y_min, wall_y_max.
+  [[nodiscard]] int find(std::string_view name) const noexcept;
+
+  // First entry of the ray into a solid at t > 0. A solid that the origin lies inside is not seen.
+  // `dir` need not have length 1.
+  [[nodiscard]] RayHit ray_cast(const perception::Vec3& origin_W,
+                                const perception::Vec3& dir_W) const noexcept;
+
+  // Distance to the union of all solids, negative inside. Exact outside; inside it is the depth in
+  // the solid that holds the point deepest (a bound where solids overlap). +infinity: empty world.
+  [[nodiscard]] double signed_distance(const perception::Vec3& p_W) const noexcept;
+  [[nodiscard]] double signed_distance(const perception::Vec3& p_W, int shape) const noexcept;
+  // Shape with the smallest signed distance; -1 in an empty world.
+  [[nodiscard]] int nearest_shape(const perception::Vec3& p_W) const noexcept;
+
+  // First shape that the body at (x, y, yaw) touches or overlaps; -1: none. Ground shapes do not
+  // count. Exact: box-plane by corners, box-box by separating axes, box-cylinder as rectangle-disc in
+  // the plane times height overlap, box-sphere by distance.
+  [[nodiscard]] int robot_collision(double x_m, double y_m, double yaw_rad) const noexcept;
+  [[nodiscard]] int robot_collision(double x_m, double y_m, double yaw_rad,
+                                    std::span<const BodyBox> body) const noexcept;
+
+ private:
+  void add(Shape shape);
+  std::vector<Shape> shapes_;
+};
+
+// Colour of a shape at a point of its surface.
+[[nodiscard]] perception::Rgb surface_colour(const Shape& shape,
+                                             const perception::Vec3& p_S) noexcept;
+
+}  // namespace drivers
