@@ -1,0 +1,78 @@
+// What a camera at X_WC sees of the map: for each ray the first crossing from outside (+) to inside (-)
+// beyond the least depth, refined on the trilinear field. Unknown nodes are never crossed into a
+// surface: both sides of a crossing are known.
+//
+// Frame     vertices and normals in the frame C of the casting camera, m; normals unit, towards the
+//           camera.
+// Records   x, y, z, depth, nx, ny, nz, 0 a pixel (the layout of perception/icp/model_view.hpp);
+//           no surface: all eight are 0.
+// Method    per-tile depth bounds from the blocks in view, absent chunks and blocks skipped whole,
+//           steps by the stored distance, then secant on trilinear values.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "perception/geometry/camera_model.hpp"
+#include "perception/geometry/image.hpp"
+#include "perception/tsdf/tsdf_map.hpp"
+#include "rt/memory/non_realtime.hpp"
+
+namespace perception {
+
+struct RaycastOptions {
+  int pixel_step = 1;         // rays of pixels 0, step, 2 step, ...
+  double min_depth_m = 0.1;   // along the optical axis
+  double max_depth_m = 6.0;
+  double min_weight = 1.0;    // observations of every corner used
+  bool colour = false;
+  // Tracking only: depth (m, 0 = none) of the image at full resolution; a ray with a hint starts
+  // 1.1 truncation in front of it, so it misses a surface that lies before the hint by more.
+  ImageView<const float> hint_depth_m{};
+};
+
+struct RaycastStats {
+  std::int32_t rays = 0, hits = 0;
+  std::int64_t steps = 0;    // deterministic work count
+};
+
+class RaycastMaps {
+ public:
+  static constexpr int kStride = 8;
+  // Room for width x height rays.
+  RaycastMaps(rt::NonRealtime&, int width, int height);
+
+  Intrinsics intrinsics{};  // of the maps: the casting camera, subsampled
+  Pose X_WC = Pose::Identity();
+
+  [[nodiscard]] int width() const noexcept { return intrinsics.width; }
+  [[nodiscard]] int height() const noexcept { return intrinsics.height; }
+  [[nodiscard]] std::size_t capacity() const noexcept { return capacity_; }
+  [[nodiscard]] const float* data() const noexcept { return records_; }
+  [[nodiscard]] float* data() noexcept { return records_; }
+  [[nodiscard]] const float* at(int u, int v) const noexcept {
+    return records_ + kStride * (static_cast<std::ptrdiff_t>(v) * intrinsics.width + u);
+  }
+  [[nodiscard]] bool hit(int u, int v) const noexcept { return at(u, v)[3] > 0; }
+  [[nodiscard]] Vec3f vertex_C(int u, int v) const noexcept { return Vec3f(at(u, v)); }
+  [[nodiscard]] Vec3f normal_C(int u, int v) const noexcept { return Vec3f(at(u, v) + 4); }
+  // Filled when options.colour; mid grey where the map has none.
+  [[nodiscard]] ImageView<const Rgb> colour() const noexcept {
+    return {colour_.data(), intrinsics.width, intrinsics.height, intrinsics.width};
+  }
+
+ private:
+  friend class Caster;
+  std::size_t capacity_ = 0;
+  std::vector<float> storage_;
+  float* records_ = nullptr;  // 32-byte aligned into storage_
+  std::vector<Rgb> colour_;
+  std::vector<float> near_m_, far_m_;  // per tile of 8 x 8 rays
+};
+
+// `camera` is the full-resolution camera. When the maps are too small for the rays, or the pose is not
+// finite, nothing is cast and stats.rays is 0 (the maps then hold 0 x 0 rays).
+RaycastStats raycast(const TsdfMap& map, const Intrinsics& camera, const Pose& X_WC,
+                     const RaycastOptions& options, RaycastMaps& out) noexcept;
+
+}  // namespace perception

@@ -1,0 +1,54 @@
+// One depth image made ready for fusion: per pixel the depth and the weight it is fused with, and a
+// pyramid of least and greatest depth that answers "how near, how far is anything in this rectangle".
+//
+// A pixel is   0 (no reading) | depth_mm + weight << 16.
+// Weight 0 with a depth: carves free space up to that depth and is not fused. So are readings beyond
+// max_depth, and readings on a depth edge, whose depth is then the least of the 3x3 neighbourhood (a
+// flying pixel lies between two surfaces: nothing behind the near one is known free).
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "perception/geometry/camera_model.hpp"
+#include "perception/geometry/image.hpp"
+#include "rt/memory/non_realtime.hpp"
+
+namespace perception {
+
+struct DepthRule {
+  float min_depth_m, max_depth_m;
+  float edge_base_m, edge_per_m;
+  bool range_weight;  // weight (1.5 m / z)^2 in [1/4, 1], else 1
+};
+
+class DepthPyramid {
+ public:
+  static constexpr int kMaxWidth = 640, kMaxHeight = 480;
+  static constexpr int kLevels = 7;         // tiles of 1, 2, 4, ... 64 px
+  static constexpr int kWeightOne = 128;
+
+  explicit DepthPyramid(rt::NonRealtime&);
+  // Returns the number of pixels with weight > 0. The image is at most kMaxWidth x kMaxHeight.
+  int build(ImageView<const std::uint16_t> depth_mm, const DepthRule& rule) noexcept;
+
+  [[nodiscard]] int width() const noexcept { return width_; }
+  [[nodiscard]] int height() const noexcept { return height_; }
+  [[nodiscard]] const std::uint32_t* pixels() const noexcept { return pixels_.data(); }  // row-major
+
+  struct Range { std::uint16_t least_mm, greatest_mm; };  // least 0: some pixel has no reading
+  // Of the pixels u0..u1, v0..v1 (inclusive, inside the image), and perhaps of a few beside them.
+  [[nodiscard]] Range range(int u0, int v0, int u1, int v1) const noexcept;
+
+ private:
+  struct Level {
+    int width = 0, height = 0;
+    std::vector<Range> tiles;
+  };
+  int width_ = 0, height_ = 0;
+  std::vector<std::uint32_t> pixels_;  // one spare at the end, always 0
+  std::array<Level, kLevels> levels_;
+};
+
+}  // namespace perception

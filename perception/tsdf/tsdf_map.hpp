@@ -1,0 +1,231 @@
+// The fused scene: a sparse truncated signed distance field (Curless and Levoy 1996; Newcombe et
+// al., KinectFusion, 2011; Niessner et al., voxel hashing, 2013), with colour, labels and free space.
+//
+// Grid      node (i,j,k) sits at p_W = (i,j,k) * voxel_size. 8^3 nodes make a block, 8^3 blocks a
+//           chunk. Chunks are found through an open-addressing hash, blocks through the chunk's table.
+// Voxel     one aligned 32-bit word: int16 distance (unit: truncation / 32767, positive outside) and
+//           uint16 weight (unit: 1/128 of one full observation). Weight 0 = unknown, distance void.
+//           Beside it, same index: colour (r, g, b, weight), label, label weight.
+// Distance  projective: along the viewing ray, (depth - z) * |ray|, so |grad| need not be 1.
+// Blocks    allocated only where a ray passes within the truncation of its reading.
+// Free      a node is seen free when a ray passed in front of its reading there: one bit a node in
+//           blocks, one bit per 2^3 nodes (all of them, conservatively) where no block is.
+//           Free is not unknown.
+// Memory    everything is allocated and touched in the constructor. A full pool loses nothing that
+//           is stored: new blocks are refused and counted.
+// Order     every result is a function of the sequence of calls: same input, same bytes.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "config/schema.hpp"
+#include "perception/geometry/camera_model.hpp"
+#include "perception/geometry/image.hpp"
+#include "perception/geometry/pose.hpp"
+#include "perception/geometry/rgbd_frame.hpp"
+#include "perception/tsdf/depth_pyramid.hpp"
+#include "rt/memory/non_realtime.hpp"
+
+namespace perception {
+
+struct TsdfConfig {
+  double voxel_size_m = 0.01;
+  double truncation_m = 0.05;     // at least 2.1 voxels, see effective_truncation()
+  double min_depth_m = 0.2;       // nearer readings are ignored
+  double max_depth_m = 5.0;       // farther readings carve free space up to here, no more
+  double max_weight = 100;        // observations; a cap lets changes be learned
+  std::string weighting = "uniform";  // or "range": weight falls with the noise, (1.5 m / z)^2, >= 1/4
+  double edge_base_m = 0.04;      // a reading is on a depth edge when a neighbour differs by more than
+  double edge_per_m = 0.02;       // edge_base_m + edge_per_m * z; edges carve but are not fused
+  double colour_band_m = 0.02;    // colour is fused this near to the surface
+  int max_blocks = 32768;         // about 5.2 KiB each
+  int max_chunks = 4096;          // about 6.2 KiB each
+
+  void describe(config::Section& s);
+  // truncation_m, raised to 2.1 voxels where the voxels are coarse.
+  [[nodiscard]] double effective_truncation() const noexcept;
+};
+
+// What is fused. Colour is registered to depth; empty (data == nullptr) where there is none.
+struct FrameView {
+  Intrinsics intrinsics{};
+  ImageView<const std::uint16_t> depth_mm{};  // 0 and 65535 = no reading
+  ImageView<const Rgb> colour{};
+
+  [[nodiscard]] static FrameView of(const RgbdFrame& f) noexcept {
+    return {f.intrinsics, f.depth(), f.has_colour ? f.rgb() : ImageView<const Rgb>{}};
+  }
+};
+
+// Deterministic work counts of one integrate(); a job's cost follows them.
+struct IntegrateStats {
+  bool refused = false;          // pose or image not usable: the map is unchanged
+  std::int32_t pixels = 0;       // readings in range, edges excluded
+  std::int32_t rays = 0;         // readings whose band was allocated
+  std::int32_t blocks_new = 0;
+  std::int32_t blocks_refused = 0;  // fault when > 0: block pool or chunk pool full (band lost)
+  std::int32_t chunks_refused = 0;  // free space that found no chunk
+  std::int32_t blocks_updated = 0;
+  std::int64_t voxels_fused = 0;   // inside the band
+  std::int64_t voxels_carved = 0;  // known voxels seen through
+  std::int64_t free_tests = 0;     // cubes tested for free space
+};
+
+struct BlockCoord {
+  std::int32_t x = 0, y = 0, z = 0;  // block (x,y,z) holds nodes 8x..8x+7, ...
+  friend bool operator==(const BlockCoord&, const BlockCoord&) = default;
+};
+
+enum class Seen : std::uint8_t { kUnknown = 0, kFree = 1, kBand = 2 };
+
+class TsdfMap {
+ public:
+  static constexpr int kBlockShift = 3, kBlockEdge = 8, kBlockVoxels = 512;
+  static constexpr int kChunkShift = 6;          // of nodes: 64 along an edge
+  static constexpr int kChunkBlocks = 512;       // 8^3
+  static constexpr int kWeightOne = 128;         // raw weight of one full observation
+  static constexpr int kDistanceOne = 32767;     // raw distance of one truncation
+  static constexpr std::int32_t kNoBlock = -1;
+  static constexpr std::int32_t kMaxBlockCoord = 1 << 19;  // |coordinate| beyond is refused
+
+  // Throws std::invalid_argument naming the key, value and range.
+  TsdfMap(rt::NonRealtime&, const TsdfConfig&);
+
+  // Fuses one frame. pixel_step thins the rays that allocate (1 = every pixel); all voxels of the
+  // blocks in view are always updated. X_WC: camera (optical frame) in the world, rigid.
+  IntegrateStats integrate(const FrameView& frame, const Pose& X_WC, int pixel_step) noexcept;
+
+  // Forgets everything; map_id() changes.
+  void clear() noexcept;
+  // Voxels, colour, labels and free space of the nodes in the closed box become unknown; blocks left
+  // without any weight go back to the pool.
+  void clear_region(const Eigen::AlignedBox3d& box_W) noexcept;
+
+  [[nodiscard]] const TsdfConfig& config() const noexcept { return config_; }
+  [[nodiscard]] double voxel_size() const noexcept { return voxel_; }
+  [[nodiscard]] double truncation() const noexcept { return truncation_; }
+  [[nodiscard]] float metres_per_unit() const noexcept { return metres_per_unit_; }
+  [[nodiscard]] std::uint32_t map_id() const noexcept { return map_id_; }
+  [[nodiscard]] int block_count() const noexcept { return live_blocks_; }
+  [[nodiscard]] int chunk_count() const noexcept { return chunk_count_; }
+  [[nodiscard]] std::size_t memory_bytes() const noexcept;  // held, whether in use or not
+  // Of all stored words, colours, labels and free bits, in allocation order.
+  [[nodiscard]] std::uint64_t checksum() const noexcept;
+
+  // --- word layout
+  [[nodiscard]] static constexpr std::int16_t word_distance(std::uint32_t w) noexcept {
+    return static_cast<std::int16_t>(w & 0xffffU);
+  }
+  [[nodiscard]] static constexpr std::uint16_t word_weight(std::uint32_t w) noexcept {
+    return static_cast<std::uint16_t>(w >> 16U);
+  }
+  [[nodiscard]] static constexpr std::uint32_t make_word(int distance, int weight) noexcept {
+    return (static_cast<std::uint32_t>(distance) & 0xffffU) | (static_cast<std::uint32_t>(weight) << 16U);
+  }
+  // Index of node (x,y,z) within its block, 0 <= x,y,z < 8; z runs fastest.
+  [[nodiscard]] static constexpr int in_block(int x, int y, int z) noexcept {
+    return (((x & 7) << 3 | (y & 7)) << 3) | (z & 7);
+  }
+
+  // --- blocks, by pool index; live blocks are those with in_use().
+  [[nodiscard]] std::int32_t find_block(BlockCoord b) const noexcept;  // kNoBlock when absent
+  [[nodiscard]] int block_slots() const noexcept { return used_blocks_; }  // indices 0..slots-1
+  [[nodiscard]] bool in_use(std::int32_t block) const noexcept {
+    return in_use_[static_cast<std::size_t>(block)] != 0;
+  }
+  [[nodiscard]] BlockCoord block_coord(std::int32_t block) const noexcept {
+    return coords_[static_cast<std::size_t>(block)];
+  }
+  [[nodiscard]] const std::uint32_t* block_words(std::int32_t block) const noexcept {
+    return words_.data() + static_cast<std::size_t>(block) * kBlockVoxels;
+  }
+  // Colour: r | g << 8 | b << 16 | weight << 24; weight 0 = none.
+  [[nodiscard]] const std::uint32_t* block_colours(std::int32_t block) const noexcept {
+    return colours_.data() + static_cast<std::size_t>(block) * kBlockVoxels;
+  }
+  // 8 words, bit (y * 8 + z) of word x.
+  [[nodiscard]] const std::uint64_t* block_free(std::int32_t block) const noexcept {
+    return free_.data() + static_cast<std::size_t>(block) * 8;
+  }
+  [[nodiscard]] std::uint8_t* block_labels(std::int32_t block) noexcept {
+    return labels_.data() + static_cast<std::size_t>(block) * kBlockVoxels;
+  }
+  [[nodiscard]] const std::uint8_t* block_labels(std::int32_t block) const noexcept {
+    return labels_.data() + static_cast<std::size_t>(block) * kBlockVoxels;
+  }
+  [[nodiscard]] std::uint8_t* block_label_weights(std::int32_t block) noexcept {
+    return label_weights_.data() + static_cast<std::size_t>(block) * kBlockVoxels;
+  }
+  [[nodiscard]] const std::uint8_t* block_label_weights(std::int32_t block) const noexcept {
+    return label_weights_.data() + static_cast<std::size_t>(block) * kBlockVoxels;
+  }
+  // fn(pool index, BlockCoord) for every live block, in order of pool index.
+  template <class Fn>
+  void for_each_block(Fn&& fn) const {
+    for (std::int32_t b = 0; b < used_blocks_; ++b)
+      if (in_use(b)) fn(b, coords_[static_cast<std::size_t>(b)]);
+  }
+
+  // --- single nodes (any world node; slow, see MapReader for runs of reads)
+  [[nodiscard]] std::uint32_t word_at(int i, int j, int k) const noexcept;  // 0 when unknown
+  // Seen free: a known voxel by its sign, any other by its bit.
+  [[nodiscard]] bool free_at(int i, int j, int k) const noexcept;
+  // kBand: weight >= 2 observations; else free or unknown.
+  [[nodiscard]] Seen seen_at(int i, int j, int k) const noexcept;
+
+  // --- chunks: what raycast, patch copy and the readers walk.
+  struct Chunk {
+    std::array<std::int32_t, kChunkBlocks> block;   // pool index or kNoBlock
+    std::array<std::uint64_t, kChunkBlocks> free;   // one bit per 2^3 nodes, bit (x*4+y)*4+z
+    std::array<std::uint64_t, 8> settled;           // bit by*8+bz of word bx: block allocated, or all free
+    BlockCoord coord;                               // in chunks
+    std::int32_t blocks;                            // allocated
+  };
+  [[nodiscard]] const Chunk* find_chunk(int cx, int cy, int cz) const noexcept;
+  [[nodiscard]] const Chunk& chunk(int n) const noexcept {  // n < chunk_count(), allocation order
+    return chunks_[static_cast<std::size_t>(n)];
+  }
+  [[nodiscard]] static constexpr int in_chunk(int bx, int by, int bz) noexcept {
+    return (((bx & 7) << 3 | (by & 7)) << 3) | (bz & 7);
+  }
+
+ private:
+  struct View;  // one frame's camera, in floats (integrate.cpp)
+
+  Chunk* chunk_for(int cx, int cy, int cz) noexcept;         // nullptr: pool full
+  bool touch_block(int bx, int by, int bz, IntegrateStats&) noexcept;  // allocate where absent
+  void free_block(Chunk& c, int slot) noexcept;
+  void allocate_band(const View&, int pixel_step, IntegrateStats&) noexcept;
+  void update_blocks(const View&, IntegrateStats&) noexcept;
+  void carve(const View&, IntegrateStats&) noexcept;
+  void carve_cube(const View&, Chunk*& c, const std::array<int, 3>& node0, int edge,
+                  IntegrateStats&) noexcept;
+
+  TsdfConfig config_;
+  double voxel_ = 0, truncation_ = 0;
+  float metres_per_unit_ = 0;
+  std::uint32_t map_id_ = 1;
+
+  std::vector<std::uint64_t> keys_;    // hash of chunks; 0 = empty
+  std::vector<std::int32_t> values_;
+  std::vector<Chunk> chunks_;
+  int chunk_count_ = 0;
+
+  std::vector<std::uint32_t> words_, colours_;
+  std::vector<std::uint8_t> labels_, label_weights_;
+  std::vector<std::uint64_t> free_;
+  std::vector<BlockCoord> coords_;
+  std::vector<std::uint8_t> in_use_;
+  std::vector<std::int32_t> recycled_;  // stack of returned pool indices
+  int used_blocks_ = 0, recycled_count_ = 0, live_blocks_ = 0;
+
+  DepthPyramid pyramid_;
+  const Chunk* last_chunk_ = nullptr;
+};
+
+}  // namespace perception
