@@ -1,0 +1,116 @@
+// Histogram of times: 64 equal buckets in each power of two, from 1 ns to 2^40 ns (18 minutes).
+//
+//   error     a quantile is at most 1/64 (1.6 %) above the true value, exact below 128 ns
+//   record    a few instructions, no branch on history, no memory beyond the object (about 18 kB)
+//   merge     adds; the order of merging does not matter
+//
+// Values below 0 count in the lowest bucket and values from 2^40 on in the highest; minimum,
+// maximum and mean are exact all the same. One writer; copy or merge it only while the writer
+// rests. Layout idea: G. Tene, HdrHistogram.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "rt/time.hpp"
+
+namespace rt {
+
+class Histogram {
+ public:
+  static constexpr int kSubBits = 6;  // 64 buckets a power of two
+  static constexpr int kMaxBits = 40;
+  static constexpr std::int64_t kLimit = std::int64_t{1} << kMaxBits;
+  static constexpr std::size_t kBuckets = static_cast<std::size_t>(kMaxBits - kSubBits + 1)
+                                          << kSubBits;
+
+  void record(std::int64_t ns) noexcept {
+    ++counts_[bucket_of(ns)];
+    ++count_;
+    sum_ += ns;
+    if (ns < min_) min_ = ns;
+    if (ns > max_) max_ = ns;
+  }
+  void record(Nanos d) noexcept { record(d.count()); }
+
+  void merge(const Histogram& other) noexcept {
+    for (std::size_t i = 0; i < kBuckets; ++i) counts_[i] += other.counts_[i];
+    count_ += other.count_;
+    sum_ += other.sum_;
+    if (other.min_ < min_) min_ = other.min_;
+    if (other.max_ > max_) max_ = other.max_;
+  }
+  void reset() noexcept { *this = Histogram{}; }
+
+  [[nodiscard]] std::uint64_t count() const noexcept { return count_; }
+  [[nodiscard]] bool empty() const noexcept { return count_ == 0; }
+  // Exact; 0 when empty.
+  [[nodiscard]] std::int64_t min() const noexcept { return empty() ? 0 : min_; }
+  [[nodiscard]] std::int64_t max() const noexcept { return empty() ? 0 : max_; }
+  [[nodiscard]] double mean() const noexcept {
+    return empty() ? 0.0 : static_cast<double>(sum_) / static_cast<double>(count_);
+  }
+
+  // The upper edge (within [min, max]) of the bucket that holds the ceil(q * count)-th smallest
+  // value: at least a share q of the values is not above it. q is clamped to [0, 1]; 0 when empty.
+  [[nodiscard]] std::int64_t quantile(double q) const noexcept;
+
+  // How many values lie in buckets wholly above `ns`; exact where ns is the upper edge of a bucket.
+  [[nodiscard]] std::uint64_t count_above(std::int64_t ns) const noexcept {
+    std::uint64_t n = 0;
+    for (std::size_t i = bucket_of(ns) + 1; i < kBuckets; ++i) n += counts_[i];
+    return n;
+  }
+
+  // f(lowest ns, one past the highest ns, count) for each bucket that is not empty, in order.
+  template <class F>
+  void for_each(F&& f) const {
+    for (std::size_t i = 0; i < kBuckets; ++i) {
+      if (counts_[i] > 0) f(lower_edge(i), lower_edge(i + 1), counts_[i]);
+    }
+  }
+
+  [[nodiscard]] static constexpr std::size_t bucket_of(std::int64_t ns) noexcept {
+    const std::int64_t bounded = ns < 0 ? 0 : (ns >= kLimit ? kLimit - 1 : ns);
+    const auto v = static_cast<std::uint64_t>(bounded);
+    // Values below 2^kSubBits are their own bucket; above, the top kSubBits + 1 bits tell it.
+    const int top = std::bit_width(v | (std::uint64_t{1} << kSubBits)) - 1;
+    const int shift = top - kSubBits;
+    return (static_cast<std::size_t>(shift) << kSubBits) + static_cast<std::size_t>(v >> shift);
+  }
+  // Smallest value of bucket i; kLimit for i == kBuckets.
+  [[nodiscard]] static constexpr std::int64_t lower_edge(std::size_t i) noexcept {
+    constexpr std::size_t sub = std::size_t{1} << kSubBits;
+    if (i < 2 * sub) return static_cast<std::int64_t>(i);
+    const std::size_t shift = (i >> kSubBits) - 1;
+    return static_cast<std::int64_t>((i - (shift << kSubBits)) << shift);
+  }
+
+ private:
+  __extension__ using Sum = __int128;
+  std::array<std::uint64_t, kBuckets> counts_{};
+  std::uint64_t count_ = 0;
+  Sum sum_ = 0;
+  std::int64_t min_ = std::numeric_limits<std::int64_t>::max();
+  std::int64_t max_ = std::numeric_limits<std::int64_t>::min();
+};
+
+inline std::int64_t Histogram::quantile(double q) const noexcept {
+  if (empty()) return 0;
+  const double bounded = q > 0.0 ? (q < 1.0 ? q : 1.0) : 0.0;
+  const double wanted = bounded * static_cast<double>(count_);
+  auto rank = static_cast<std::uint64_t>(wanted);
+  if (static_cast<double>(rank) < wanted) ++rank;
+  if (rank < 1) rank = 1;
+  if (rank >= count_) return max_;
+  std::uint64_t seen = 0;
+  std::size_t i = 0;
+  while ((seen += counts_[i]) < rank) ++i;
+  const std::int64_t edge = lower_edge(i + 1) - 1;
+  return edge > max_ ? max_ : (edge < min_ ? min_ : edge);
+}
+
+}  // namespace rt
