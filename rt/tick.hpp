@@ -3,22 +3,33 @@
 
 #include <atomic>
 #include <cstdint>
+#include <limits>
 
+#include "rt/clock/box_time.hpp"
 #include "rt/time.hpp"
 
 namespace rt {
 
-// Polled by long steps at least every 1 ms; set by the executor when the job has no time left.
+// Polled by long steps at least every 1 ms. The virtual executor sets it when the job's cost does not
+// fit before its deadline; the real one arms it with the deadline, so a poll costs one clock read.
 class CancelToken {
  public:
   void request() noexcept { requested_.store(true, std::memory_order_relaxed); }
-  void clear() noexcept { requested_.store(false, std::memory_order_relaxed); }
+  void clear() noexcept {
+    requested_.store(false, std::memory_order_relaxed);
+    deadline_host_ns_ = std::numeric_limits<std::int64_t>::max();
+  }
+  // By the thread that polls, before the step.
+  void arm(std::int64_t deadline_host_ns) noexcept { deadline_host_ns_ = deadline_host_ns; }
   [[nodiscard]] bool requested() const noexcept {
-    return requested_.load(std::memory_order_relaxed);
+    return requested_.load(std::memory_order_relaxed) ||
+           (deadline_host_ns_ != std::numeric_limits<std::int64_t>::max() &&
+            monotonic_ns() > deadline_host_ns_);
   }
 
  private:
   std::atomic<bool> requested_{false};
+  std::int64_t deadline_host_ns_ = std::numeric_limits<std::int64_t>::max();
 };
 
 struct Tick {

@@ -26,7 +26,8 @@ struct JobRecord {
   std::array<std::uint64_t, kMaxInputs> input_seq{};  // sequence number of every input used
   std::uint32_t skipped = 0;       // releases dropped directly before this job
   std::uint32_t minor_faults = 0;
-  std::uint32_t involuntary = 0;   // involuntary context switches
+  std::uint32_t involuntary = 0;   // involuntary context switches since the previous job's end
+  std::uint32_t voluntary = 0;     // voluntary ones: 1 is the sleep before the release, more is a wait
   std::uint16_t task = 0;          // row of the task table
   std::uint16_t fault = kNoFault;
   std::uint8_t core = 0;

@@ -60,7 +60,7 @@ class RealExecutor final : public Executor {
   std::size_t drain_once();
   void launch(std::thread& thread, int cpu, int priority, const std::string& name,
               std::function<void()> body);
-  void spawn_span(int cpu, int priority, Nanos length);
+  void injector_loop(int cpu, bool theft);
   [[nodiscard]] Time release_box(const TaskSpec& spec, std::uint64_t k) const noexcept;
   bool sleep_until(std::int64_t host_ns) const noexcept;
 

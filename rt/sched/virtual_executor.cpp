@@ -55,7 +55,11 @@ void VirtualExecutor<Faults>::run(const RunPlan& plan) {
   end_ = plan.epoch_host_ns + plan.duration.count();
   next_boundary_ = plan.epoch_host_ns + plan.hyperperiod.count();
   stop_ = false;
-  for (auto& s : owned_) arm_next(*s);
+  core_.assign(static_cast<std::size_t>(cores_), CoreState{});
+  for (auto& s : owned_) {
+    arm_next(*s);
+    arm_span(*s);
+  }
   while (!stop_) {
     const std::int64_t t = next_event();
     if (t == kNever || t > end_) break;
@@ -66,22 +70,42 @@ void VirtualExecutor<Faults>::run(const RunPlan& plan) {
       while (actor->next_host_ns() <= now_) actor->act(now_);
     }
     switch_levels();
+    start_spans();
     release_due();
     dispatch();
   }
 }
 
+// Theft and hogs belong to nominal releases, whether or not the job of that release is served.
 template <class Faults>
-bool VirtualExecutor<Faults>::core_stopped(int core) const noexcept {
-  return std::any_of(spans_.begin(), spans_.end(), [&](const Span& s) {
-    return s.core == core && s.from <= now_ && now_ < s.to;
-  });
+void VirtualExecutor<Faults>::arm_span(State& s) {
+  s.next_span = kNever;
+  if (!faults_.has_spans()) return;
+  const auto& clock = plan_.clock[static_cast<std::size_t>(s.task.spec.box)];
+  const std::int64_t host = clock.to_host(release_box(s, s.span_k));
+  if (host < end_) s.next_span = host;
+}
+
+template <class Faults>
+void VirtualExecutor<Faults>::start_spans() {
+  if (!faults_.has_spans()) return;
+  for (auto& s : owned_) {
+    while (s->next_span <= now_) {
+      const JobFaults f = faults_.job(s->task.id, s->span_k);
+      CoreState& core = core_[static_cast<std::size_t>(s->task.core)];
+      if (f.theft.count() > 0) core.stolen_until = std::max(core.stolen_until, now_ + f.theft.count());
+      core.hog_left += f.hog.count();
+      ++s->span_k;
+      arm_span(*s);
+    }
+  }
 }
 
 // The job that holds a core: the highest priority that is pending, started or not, and not blocked.
 template <class Faults>
 typename VirtualExecutor<Faults>::State* VirtualExecutor<Faults>::running_on(int core) noexcept {
-  if (core_stopped(core)) return nullptr;
+  const CoreState& c = core_[static_cast<std::size_t>(core)];
+  if (c.stolen_until > now_ || c.hog_left > 0) return nullptr;
   State* best = nullptr;
   for (auto& s : owned_) {
     if (s->task.core != core || !s->pending || s->blocked_until > now_) continue;
@@ -95,17 +119,21 @@ std::int64_t VirtualExecutor<Faults>::next_event() noexcept {
   std::int64_t t = kNever;
   for (auto& s : owned_) {
     if (!s->pending) t = std::min(t, s->next_release);
+    t = std::min(t, s->next_span);
     if (s->pending && s->started && s->blocked_until > now_) t = std::min(t, s->blocked_until);
     if (s->pending && s->task.spec.policy == MissPolicy::kAbort) {
       t = std::min(t, std::max(now_, s->deadline_host));
     }
   }
   for (int core = 0; core < cores_; ++core) {
-    const State* s = running_on(core);
-    if (s != nullptr && s->started) t = std::min(t, now_ + s->remaining);
-  }
-  for (const auto& span : spans_) {
-    if (span.to > now_) t = std::min(t, span.to);
+    const CoreState& c = core_[static_cast<std::size_t>(core)];
+    if (c.stolen_until > now_) {
+      t = std::min(t, c.stolen_until);
+    } else if (c.hog_left > 0) {
+      t = std::min(t, now_ + c.hog_left);
+    } else if (const State* s = running_on(core); s != nullptr && s->started) {
+      t = std::min(t, now_ + s->remaining);
+    }
   }
   for (const auto* actor : actors_) t = std::min(t, std::max(now_, actor->next_host_ns()));
   if (t != kNever) t = std::min(t, std::max(now_, next_boundary_));
@@ -116,14 +144,16 @@ template <class Faults>
 void VirtualExecutor<Faults>::advance(std::int64_t to) noexcept {
   const std::int64_t dt = to - now_;
   for (int core = 0; core < cores_ && dt > 0; ++core) {
-    State* s = running_on(core);
-    if (s != nullptr && s->started) {
+    CoreState& c = core_[static_cast<std::size_t>(core)];
+    if (c.stolen_until > now_) continue;
+    if (c.hog_left > 0) {
+      c.hog_left -= dt;
+    } else if (State* s = running_on(core); s != nullptr && s->started) {
       s->remaining -= dt;
       s->served += dt;
     }
   }
   now_ = to;
-  std::erase_if(spans_, [&](const Span& s) { return s.to <= now_; });
 }
 
 template <class Faults>
@@ -173,11 +203,6 @@ void VirtualExecutor<Faults>::release_due() {
     s->record.deadline_ns = ns_of(release + s->task.spec.relative_deadline());
     s->deadline_host = clock.to_host(release + s->task.spec.relative_deadline());
     s->skipped = 0;
-    if constexpr (Faults::kEnabled) {
-      const JobFaults f = faults_.job(s->task.id, s->next_k);
-      const Nanos gone = f.hog + f.theft;
-      if (gone.count() > 0) spans_.push_back({s->task.core, now_, now_ + gone.count()});
-    }
   }
 }
 
@@ -203,7 +228,7 @@ void VirtualExecutor<Faults>::first_dispatch(State& s) {
   s.remaining = costs_.cost(s.task.id, s.tick.k, s.tick.level).count();
   if constexpr (Faults::kEnabled) {
     const JobFaults f = faults_.job(s.task.id, s.tick.k);
-    s.remaining += f.extra_cpu.count();
+    s.remaining += f.extra_cpu.count() + f.page_fault.count();
     if (f.block.count() > 0) s.blocked_until = now_ + f.block.count();
     s.record.injected = f.any() ? 1 : 0;
   }

@@ -65,21 +65,24 @@ class VirtualExecutor final : public Executor {
     std::int64_t blocked_until = 0;
     std::int64_t deadline_host = 0;
     std::int64_t served = 0;
+    std::uint64_t span_k = 0;       // next nominal release to ask the plan about
+    std::int64_t next_span = 0;     // its host instant; int64 max = none
     Tick tick{};
     JobRecord record{};
 
     State(const PlacedTask& t)
         : task(t), levels(t.level, t.spec.levels()), bucket(t.spec.consecutive_miss_limit) {}
   };
-  struct Span {  // a core stopped (theft) or busy above the tasks (hog)
-    int core = 0;
-    std::int64_t from = 0, to = 0;
+  struct CoreState {
+    std::int64_t stolen_until = 0;  // theft: nothing runs, overlapping spans unite
+    std::int64_t hog_left = 0;      // CPU that a hog above all tasks still wants; hogs queue
   };
 
   void arm_next(State& s);
   [[nodiscard]] Time release_box(const State& s, std::uint64_t k) const noexcept;
   [[nodiscard]] State* running_on(int core) noexcept;
-  [[nodiscard]] bool core_stopped(int core) const noexcept;
+  void arm_span(State& s);
+  void start_spans();
   [[nodiscard]] std::int64_t next_event() noexcept;
   void advance(std::int64_t to) noexcept;
   void complete_due();
@@ -100,7 +103,7 @@ class VirtualExecutor final : public Executor {
   Sink sink_;
   VirtualOptions options_;
   std::vector<Actor*> actors_;
-  std::vector<Span> spans_;
+  std::vector<CoreState> core_;
   RunPlan plan_{};
   std::int64_t now_ = 0, end_ = 0, next_boundary_ = 0;
   int cores_ = 1;

@@ -1,0 +1,153 @@
+#include "rt/audit/blame.hpp"
+
+#include <algorithm>
+
+namespace rt {
+
+namespace {
+
+// Spans in which a core was not to be had, by its sentinel: [release, release + late), in order.
+struct CoreGaps {
+  struct Gap {
+    std::int64_t from, to;
+  };
+  std::vector<Gap> gaps;
+
+  CoreGaps(const RunLog& log, int core) {
+    for (const auto& s : log.sentinels) {
+      if (s.core == core) gaps.push_back({s.release_ns, s.release_ns + s.late_ns});
+    }
+    std::sort(gaps.begin(), gaps.end(), [](const Gap& a, const Gap& b) { return a.from < b.from; });
+    // Samples overlap after a theft: keep the union.
+    std::int64_t reach = 0;
+    for (auto& g : gaps) {
+      g.from = std::max(g.from, std::min(reach, g.to));
+      reach = std::max(reach, g.to);
+    }
+  }
+  [[nodiscard]] std::int64_t overlap(std::int64_t from, std::int64_t to) const {
+    if (to <= from) return 0;
+    auto it = std::lower_bound(gaps.begin(), gaps.end(), from,
+                               [](const Gap& g, std::int64_t t) { return g.to <= t; });
+    std::int64_t sum = 0;
+    for (; it != gaps.end() && it->from < to; ++it) {
+      sum += std::max<std::int64_t>(0, std::min(it->to, to) - std::max(it->from, from));
+    }
+    return sum;
+  }
+};
+
+JobBlame split(const JobRecord& r, std::int64_t previous_end, const TaskLog& task,
+               const CoreGaps& gaps) {
+  JobBlame b;
+  b.response = r.end_ns - r.release_ns;
+  const std::int64_t free_from = std::clamp(previous_end, r.release_ns, r.start_ns);
+  b.carried = free_from - r.release_ns;
+  const std::int64_t waiting = r.start_ns - free_from;
+  const std::int64_t platform_before = gaps.overlap(free_from, r.start_ns);
+  const std::int64_t delay_before = std::min(r.run_delay_ns, waiting);
+  const std::int64_t queued_before = std::clamp<std::int64_t>(waiting - platform_before, 0, delay_before);
+  const std::int64_t wall = r.end_ns - r.start_ns;
+  const std::int64_t delay_inside = std::clamp<std::int64_t>(r.run_delay_ns - delay_before, 0, wall);
+  const std::int64_t gone = std::max<std::int64_t>(0, wall - r.cpu_ns - r.twin_cpu_ns - delay_inside);
+  const std::int64_t over =
+      std::max<std::int64_t>(0, r.cpu_ns - task.spec.budget_of(r.level).count());
+  const bool calibrated = task.work_max > 0;
+  const bool more_work = !calibrated || r.work > task.work_max;
+  b.platform = platform_before;
+  b.queued = queued_before + delay_inside;
+  (more_work ? b.own : b.charged) += over;
+  // Off the CPU without being runnable: a wait of ours if the kernel counted one, else the host.
+  (r.voluntary > 1 ? b.own : b.platform) += gone;
+  return b;
+}
+
+Cause largest(const JobBlame& b, std::int64_t to_explain, bool whole_job) {
+  const std::array<std::pair<std::int64_t, Cause>, 5> parts{{{b.carried, Cause::kCarried},
+                                                             {b.platform, Cause::kPlatform},
+                                                             {b.queued, Cause::kQueued},
+                                                             {whole_job ? b.own : 0, Cause::kOwn},
+                                                             {whole_job ? b.charged : 0, Cause::kCharged}}};
+  std::int64_t best = 0, sum = 0;
+  Cause cause = Cause::kUnknown;
+  for (const auto& [ns, c] : parts) {
+    sum += ns;
+    if (ns > best) {
+      best = ns;
+      cause = c;
+    }
+  }
+  return 2 * sum < to_explain ? Cause::kUnknown : cause;
+}
+
+}  // namespace
+
+std::string_view name_of(Cause cause) noexcept {
+  constexpr std::array<std::string_view, kCauses> names{"carried", "platform", "queued",
+                                                        "own",     "charged",  "unknown"};
+  return names[static_cast<std::size_t>(cause)];
+}
+
+TaskBlame blame(const RunLog& log, const TaskLog& task, const BlameOptions& options) {
+  const CoreGaps gaps(log, task.core);
+  TaskBlame out;
+  out.jobs.reserve(task.jobs.size());
+  std::int64_t previous_end = 0;
+  Cause previous_cause = Cause::kUnknown;
+  for (const auto& r : task.jobs) {
+    JobBlame b = split(r, previous_end, task, gaps);
+    const std::int64_t late = r.lateness_ns();
+    b.late_start = late > options.late_ns;
+    b.missed = r.missed();
+    // Only what happened before the start can make a start late.
+    JobBlame before = b;
+    before.platform = gaps.overlap(std::max(previous_end, r.release_ns), r.start_ns);
+    before.queued = std::min(r.run_delay_ns, std::max<std::int64_t>(0, late - before.carried - before.platform));
+    b.late_cause = largest(before, late, false);
+    // A late job needed more than its deadline; explain what exceeds an undisturbed run.
+    const std::int64_t undisturbed = std::min(r.cpu_ns + r.twin_cpu_ns, task.spec.budget_of(r.level).count());
+    b.miss_cause = largest(b, b.response - undisturbed, true);
+    if (b.late_start) {
+      ++out.late[static_cast<std::size_t>(b.late_cause)];
+      ++out.late_total;
+    }
+    // The releases dropped before this job were lost to the one that ran over them.
+    const Cause skip_cause = previous_cause;
+    out.misses[static_cast<std::size_t>(skip_cause)] += r.skipped;
+    out.miss_total += r.skipped;
+    out.skipped += r.skipped;
+    if (b.missed) {
+      ++out.misses[static_cast<std::size_t>(b.miss_cause)];
+      ++out.miss_total;
+    }
+    (r.outcome == Outcome::kAborted ? out.aborted : out.completed) += 1;
+    // A job that ran over a release without missing its own deadline still has a cause.
+    previous_cause = b.miss_cause;
+    previous_end = r.end_ns;
+    out.jobs.push_back(b);
+  }
+  out.releases = out.completed + out.aborted + out.skipped;
+  return out;
+}
+
+std::vector<std::int64_t> late_minus_sentinel(const RunLog& log, const TaskLog& task) {
+  std::vector<SentinelRecord> own;
+  for (const auto& s : log.sentinels) {
+    if (s.core == task.core) own.push_back(s);
+  }
+  std::sort(own.begin(), own.end(),
+            [](const auto& a, const auto& b) { return a.release_ns < b.release_ns; });
+  std::vector<std::int64_t> out;
+  std::int64_t previous_end = 0;
+  for (const auto& r : task.jobs) {
+    const bool carried = previous_end > r.release_ns;
+    previous_end = r.end_ns;
+    if (carried) continue;
+    auto it = std::lower_bound(own.begin(), own.end(), r.release_ns,
+                               [](const auto& s, std::int64_t t) { return s.release_ns < t; });
+    if (it != own.end() && it->release_ns == r.release_ns) out.push_back(r.lateness_ns() - it->late_ns);
+  }
+  return out;
+}
+
+}  // namespace rt
