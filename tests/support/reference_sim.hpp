@@ -13,8 +13,8 @@
 //   Jobs of one task are strictly sequential, in the order of k.
 // One instant t is worked through in this order, on all cores:
 //   1. completions: a job that has received its whole cost ends. It is late if t > d(k).
-//   2. aborts: an unfinished job of a task with policy abort and d(k) == t is aborted. (So a job that
-//      ends exactly at its deadline has met it.)
+//   2. aborts: the oldest job of a task with policy abort that has arrived, started or not, and has
+//      d(k) == t is aborted. (So a job that ends exactly at its deadline has met it.)
 //      At every end (1 or 2) the task's policy drops releases that have arrived before t and have not
 //      started. A release that arrives exactly at t is not dropped, and does not count as pending here.
 //        skip, degrade, abort: all of them
@@ -24,13 +24,13 @@
 //   4. arrivals: releases with A(k) == t, in the order of the task table; blocked jobs whose time is
 //      up become ready; thefts and hogs of r(k) == t begin; thefts whose time is up end.
 //      A job of a task with policy abort that arrives at or after d(k) is aborted on arrival, without
-//      a start, if the task is idle; if the task is not idle it waits for step 2's dropping or its own
-//      start, see dispatch.
+//      a start.
 //   5. dispatch: per core, unless a theft is under way: the hog if one has work left, else the ready
 //      job of highest priority. A job dispatched for the first time *starts* (its inputs are latched);
 //      if its plan says block, it is suspended at once until t + magnitude and the next one is
-//      dispatched at the same instant. A job whose task has policy abort and d(k) <= t at its first
-//      dispatch is aborted without a start.
+//      dispatched at the same instant.
+//      A job inside its locked section (see SimTask::locked) keeps the core against everything but a
+//      theft.
 // Between instants the dispatched job, or the hog, receives CPU. Preempted jobs resume where they were.
 //
 // Cost. cost(k, level) + extra_cpu + page_fault, at least 1 tick; the level is the one at the start.
@@ -45,8 +45,9 @@
 //   A task that is not idle is not evaluated; its miss stays noted for the next boundary. The switch
 //   comes before the releases of that instant.
 //
-// dead_thread at k0. No release k >= k0 starts. Each is counted as skipped when it arrives; one that
-//   arrives while an earlier job runs or waits likewise. Releases before k0 run as always.
+// dead_thread at k0. No release k >= k0 starts; each is counted as skipped when it arrives, and is not
+//   noted as a miss for degrade. From the arrival of k0 on the level of the task stays.
+//   Releases before k0 run as always.
 //
 // End. Instants 0 .. horizon - 1 are worked through whole; at `horizon` only steps 1 and 2.
 #pragma once
@@ -77,6 +78,7 @@ struct SimTask {
   SimPolicy policy = SimPolicy::kSkip;
   int catch_up_max = 0;
   int first_level = 0, last_level = 0;                // of policy degrade
+  Ticks locked = 0;   // the first ticks of a job's cost cannot be preempted, once begun
   Ticks cost = 1;                                     // if cost_of is empty
   std::function<Ticks(std::uint64_t k, int level)> cost_of;
   std::function<Ticks(std::uint64_t k)> jitter_of;    // empty: 0
