@@ -1,0 +1,124 @@
+// Robot I/O, 1 kHz, hard: goal and wheel angles in, wheel speeds out.
+//
+//   sense    MotorStates           from drivers/youbot   (bus exchange; outside step)
+//   reads    Latest<RobotGoal>     from prediction, over the link; silent or expired -> ramp to a halt
+//            Latest<ModeMsg>       from supervision of the robot box
+//   act      MotorSetpoints        to drivers/youbot     (bus exchange; outside step)
+//   writes   RobotState            over the link, to prediction
+//   budget   100 us of the 1 ms period
+//
+// Frames: O odometry (= world at the start), B base. SI units.
+// The base moves only while: mode engaged, bus up, a finite goal that is engaged and not expired, the
+// link heard from. Whatever is missing, it slows down with the acceleration limit and holds still;
+// safe stop switches the motors off at once. A motor watchdog that has latched needs a new engage.
+#pragma once
+
+#include <cstdint>
+
+#include "drivers/link/messages.hpp"
+#include "drivers/youbot/mecanum.hpp"
+#include "drivers/youbot/motor_bus.hpp"
+#include "rt/health.hpp"
+#include "rt/memory/non_realtime.hpp"
+#include "rt/tick.hpp"
+#include "tasks/graph/messages.hpp"
+#include "tasks/robot_io/trajectory.hpp"
+
+namespace tasks {
+
+// Section [robot_io].
+struct RobotIoConfig {
+  TrajectoryConfig trajectory;
+  drivers::MecanumConfig base;
+  double wheel_speed_limit_rad_per_s = 25;
+  int link_silence_ms = 250;          // nothing heard from the operator box: halt
+  int frames_lost_limit = 100;        // consecutive: the bus counts as down, safe stop
+  double start_x_m = 0, start_y_m = 0, start_yaw_rad = 0;  // X_OB at the start
+
+  void describe(config::Section& s) {
+    trajectory.describe(s.section("trajectory", "limits and gains of the base"));
+    base.describe(s.section("base", "geometry of the base"));
+    s.number("wheel_speed_limit_rad_per_s", wheel_speed_limit_rad_per_s, 1, 100,
+             "largest wheel speed; the twist is scaled down to it");
+    s.integer("link_silence_ms", link_silence_ms, 10, 10000, "halt after this silence of the link");
+    s.integer("frames_lost_limit", frames_lost_limit, 1, 10000,
+              "consecutive lost bus frames that count as a lost bus");
+    s.number("start_x_m", start_x_m, -1000, 1000, "pose at the start");
+    s.number("start_y_m", start_y_m, -1000, 1000, "pose at the start");
+    s.number("start_yaw_rad", start_yaw_rad, -3.1416, 3.1416, "pose at the start");
+  }
+};
+
+namespace robot_io_fault {
+inline constexpr rt::FaultId kFrameLost = 501;      // one bus frame: counted
+inline constexpr rt::FaultId kBusDown = 502;        // many in a row or bus down: safe stop
+inline constexpr rt::FaultId kGoalExpired = 503;    // halt with the ramp
+inline constexpr rt::FaultId kGoalRefused = 504;    // not finite: ignored, counted
+inline constexpr rt::FaultId kLinkSilent = 505;     // halt with the ramp
+inline constexpr rt::FaultId kMotorTimeout = 506;   // flag bit 16: motors off until a new engage
+inline constexpr rt::FaultId kEncoder = 507;        // not finite or a leap: safe stop
+inline constexpr rt::FaultId kTracking = 508;       // base does not follow: reference waits
+}  // namespace robot_io_fault
+
+struct RobotIoTelemetry {
+  perception::Pose2 X_OR;             // reference pose of the controller
+  double tracking_error_m = 0;        // |reference - odometry| while driving, else 0
+  double tracking_error_rad = 0;
+  double tracking_error_max_m = 0;    // largest so far
+  double goal_distance_m = 0;         // odometry to the goal in force, 0 without one
+  double odometry_path_m = 0;
+  std::uint64_t frames_lost = 0, goals_refused = 0, goals_expired = 0;
+  bool driving = false;               // following a goal in this tick
+};
+
+class RobotIoTask {
+ public:
+  struct In {
+    drivers::BusStatus bus = drivers::BusStatus::kDown;
+    drivers::MotorStates motors;              // of this tick's exchange; valid when bus is kOk
+    const drivers::RobotGoal* goal = nullptr;  // newest, times of this box; null: none yet
+    const ModeMsg* mode = nullptr;            // newest; null: not engaged
+    bool link_heard = false;                  // ever
+    rt::Time link_heard_at{};                 // last valid message of the operator box
+  };
+  struct Out {
+    drivers::MotorSetpoints setpoints;
+    drivers::RobotState state;
+    RobotIoTelemetry telemetry;
+    // A new engage came while the motors' watchdog is latched: the driver shall clear it.
+    bool clear_motor_timeout = false;
+  };
+
+  // Throws std::invalid_argument if a limit contradicts another one.
+  RobotIoTask(rt::NonRealtime&, const RobotIoConfig&);
+  // One cycle. No throw, lock, allocation or I/O.
+  [[nodiscard]] rt::Health step(const rt::Tick&, const In&, Out&) noexcept;
+
+ private:
+  enum class Drive : std::uint8_t { kOff, kHalt, kGoal };
+  [[nodiscard]] rt::Health sense_bus(const In&) noexcept;
+  [[nodiscard]] Drive decide(const rt::Tick&, const In&, Out&, rt::Health&) noexcept;
+  [[nodiscard]] rt::Health accept_goal(const rt::Tick&, const In&) noexcept;
+  void write_setpoints(Drive, Out&) noexcept;
+  void write_state(const rt::Tick&, const In&, Drive, rt::Health, Out&) noexcept;
+
+  RobotIoConfig config_;
+  drivers::Mecanum kinematics_;
+  drivers::Odometry odometry_;
+  Trajectory trajectory_;
+  drivers::RobotGoal goal_;            // last accepted one
+  bool have_goal_ = false, expiry_counted_ = false;
+  std::uint64_t refused_seq_ = 0;
+  Mode last_mode_ = Mode::kInit;
+  std::uint64_t seq_ = 0;
+  int lost_in_a_row_ = 0;
+  perception::Twist2 v_measured_;
+  perception::Twist2 v_commanded_;
+  perception::Pose2 last_pose_;
+  rt::Time motors_taken_{};
+  std::uint32_t motor_flags_ = 0;
+  bool encoder_fault_ = false;
+  RobotIoTelemetry telemetry_;
+};
+
+}  // namespace tasks
