@@ -1,0 +1,191 @@
+#include "perception/icp/preprocess.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "perception/icp/kernels.hpp"
+
+namespace perception {
+
+namespace icp {
+
+bool cpu_has_v3() noexcept {
+  return __builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("fma") != 0 &&
+         __builtin_cpu_supports("bmi2") != 0;
+}
+
+const Kernels& kernels() noexcept {
+  static const bool v3 = cpu_has_v3();
+  return v3 ? kV3Kernels : kBaseKernels;
+}
+
+}  // namespace icp
+
+void PreprocessConfig::describe(config::Section& s) {
+  s.number("depth_min_m", depth_min_m, 0.05, 5, "nearer readings are dropped")
+      .number("depth_max_m", depth_max_m, 0.5, 20, "farther readings are dropped")
+      .integer("bilateral_radius_px", bilateral_radius_px, 0, 4, "0 switches the filter off")
+      .number("bilateral_sigma_px", bilateral_sigma_px, 0.3, 10, "spatial width of the filter")
+      .number("edge_base_m", edge_base_m, 0.001, 0.5, "depth step that is an edge, at depth 0")
+      .number("edge_per_m2", edge_per_m2, 0, 0.1, "and its growth with depth squared");
+}
+
+PaddedImage::PaddedImage(int max_width, int max_height)
+    : max_width_(max_width), max_height_(max_height) {
+  const int stride = (max_width + 2 * kMargin + 7) / 8 * 8;
+  data_.assign(static_cast<std::size_t>(stride) * static_cast<std::size_t>(max_height + 2 * kMargin),
+               0.0F);
+  reshape(max_width, max_height);
+}
+
+void PaddedImage::reshape(int width, int height) noexcept {
+  width_ = std::min(width, max_width_);
+  height_ = std::min(height, max_height_);
+  stride_ = (width_ + 2 * kMargin + 7) / 8 * 8;
+  origin_ = static_cast<std::ptrdiff_t>(kMargin) * stride_ + kMargin;
+  float* p = data_.data();
+  const auto rows = static_cast<std::size_t>(kMargin) * static_cast<std::size_t>(stride_);
+  std::fill_n(p, rows, 0.0F);
+  std::fill_n(p + static_cast<std::ptrdiff_t>(height_ + kMargin) * stride_, rows, 0.0F);
+  for (int v = 0; v < height_; ++v) {
+    std::fill_n(row(v) - kMargin, kMargin, 0.0F);
+    std::fill_n(row(v) + width_, stride_ - kMargin - width_, 0.0F);
+  }
+}
+
+namespace {
+
+// Kernels write whole groups of eight; what lies right of the image must stay "no reading".
+void clear_right(PaddedImage& image, int v) noexcept {
+  float* row = image.row(v);
+  std::fill(row + image.width(), row + image.stride() - PaddedImage::kMargin, 0.0F);
+}
+
+}  // namespace
+
+void depth_to_metres(ImageView<const std::uint16_t> depth_mm, float min_m, float max_m,
+                     PaddedImage& out) noexcept {
+  out.reshape(depth_mm.width, depth_mm.height);
+  for (int v = 0; v < out.height(); ++v) {
+    icp::kernels().to_metres_row(depth_mm.row(v), out.width(), min_m, max_m, out.row(v));
+  }
+}
+
+void bilateral(const PaddedImage& in, const std::vector<float>& spatial_weight, int radius,
+               float edge_base, float edge_per_m2, PaddedImage& out) noexcept {
+  out.reshape(in.width(), in.height());
+  for (int v = 0; v < in.height(); ++v) {
+    icp::kernels().bilateral_row(in.row(v), in.stride(), in.width(), spatial_weight.data(), radius,
+                                 edge_base, edge_per_m2, out.row(v));
+    clear_right(out, v);
+  }
+}
+
+void half_sample(const PaddedImage& in, float edge_base, float edge_per_m2,
+                 PaddedImage& out) noexcept {
+  out.reshape((in.width() + 1) / 2, (in.height() + 1) / 2);
+  for (int v = 0; v < out.height(); ++v) {
+    icp::kernels().half_row(in.row(2 * v), in.stride(), out.width(), edge_base, edge_per_m2,
+                            out.row(v));
+  }
+}
+
+void normals(DepthLevel& level, float edge_base, float edge_per_m2) noexcept {
+  const PaddedImage& z = level.depth;
+  for (PaddedImage* n : {&level.nx, &level.ny, &level.nz}) n->reshape(z.width(), z.height());
+  for (int v = 0; v < z.height(); ++v) {
+    icp::kernels().normal_row(z.row(v), z.stride(), z.width(),
+                              level.x_factor.data() + PaddedImage::kMargin,
+                              level.y_factor.data() + PaddedImage::kMargin + v, edge_base,
+                              edge_per_m2, level.nx.row(v), level.ny.row(v), level.nz.row(v));
+  }
+}
+
+std::vector<float> bilateral_weights(int radius, double sigma_px) {
+  std::vector<float> w;
+  for (int dv = -radius; dv <= radius; ++dv) {
+    for (int du = -radius; du <= radius; ++du) {
+      w.push_back(static_cast<float>(std::exp(-0.5 * (du * du + dv * dv) / (sigma_px * sigma_px))));
+    }
+  }
+  return w;
+}
+
+TrackingPyramid::TrackingPyramid(rt::NonRealtime&, const PreprocessConfig& config, int max_width,
+                           int max_height)
+    : config_(config),
+      raw_(max_width, max_height),
+      half_((max_width + 1) / 2, (max_height + 1) / 2),
+      quarter_((max_width + 3) / 4, (max_height + 3) / 4),
+      spatial_weight_(bilateral_weights(config.bilateral_radius_px, config.bilateral_sigma_px)) {
+  int w = max_width, h = max_height;
+  for (DepthLevel& level : levels_) {
+    level.depth = level.nx = level.ny = level.nz = PaddedImage(w, h);
+    level.x_factor.assign(static_cast<std::size_t>(w + 3 * PaddedImage::kMargin), 0.0F);
+    level.y_factor.assign(static_cast<std::size_t>(h + 3 * PaddedImage::kMargin), 0.0F);
+    w = (w + 1) / 2;
+    h = (h + 1) / 2;
+  }
+}
+
+namespace {
+
+void set_camera(DepthLevel& level, const Intrinsics& k) noexcept {
+  if (level.intrinsics == k) return;
+  level.intrinsics = k;
+  constexpr int kMargin = PaddedImage::kMargin;
+  for (int i = 0; i < k.width + 2 * kMargin; ++i) {
+    level.x_factor[static_cast<std::size_t>(i)] = static_cast<float>((i - kMargin - k.cx) / k.fx);
+  }
+  for (int i = 0; i < k.height + 2 * kMargin; ++i) {
+    level.y_factor[static_cast<std::size_t>(i)] = static_cast<float>((i - kMargin - k.cy) / k.fy);
+  }
+}
+
+void count_readings(DepthLevel& level) noexcept {
+  level.valid = 0;
+  level.depth_sum = 0;
+  for (int v = 0; v < level.depth.height(); ++v) {
+    const float* row = level.depth.row(v);
+    for (int u = 0; u < level.depth.width(); ++u) {
+      level.valid += row[u] > 0 ? 1 : 0;
+      level.depth_sum += static_cast<double>(row[u]);
+    }
+  }
+}
+
+}  // namespace
+
+void TrackingPyramid::build(ImageView<const std::uint16_t> depth_mm, const Intrinsics& intrinsics,
+                         int pixel_step) noexcept {
+  const auto edge_base = static_cast<float>(config_.edge_base_m);
+  const auto edge_per_m2 = static_cast<float>(config_.edge_per_m2);
+  pixel_step_ = pixel_step >= 4 ? 4 : (pixel_step >= 2 ? 2 : 1);
+  depth_to_metres(depth_mm, static_cast<float>(config_.depth_min_m),
+                  static_cast<float>(config_.depth_max_m), raw_);
+  work_ = static_cast<std::uint64_t>(raw_.width()) * static_cast<std::uint64_t>(raw_.height());
+  if (pixel_step_ >= 2) half_sample(raw_, edge_base, edge_per_m2, half_);
+  if (pixel_step_ >= 4) half_sample(half_, edge_base, edge_per_m2, quarter_);
+  const PaddedImage& base = pixel_step_ >= 4 ? quarter_ : (pixel_step_ >= 2 ? half_ : raw_);
+  Intrinsics k = intrinsics.subsampled(pixel_step_);
+  k.width = base.width();
+  k.height = base.height();
+  bilateral(base, spatial_weight_, config_.bilateral_radius_px, edge_base, edge_per_m2,
+            levels_[0].depth);
+  for (std::size_t l = 0; l < levels_.size(); ++l) {
+    if (l > 0) half_sample(levels_[l - 1].depth, edge_base, edge_per_m2, levels_[l].depth);
+    set_camera(levels_[l], k);
+    normals(levels_[l], edge_base, edge_per_m2);
+    work_ += static_cast<std::uint64_t>(k.width) * static_cast<std::uint64_t>(k.height);
+    k = k.subsampled(2);
+  }
+  count_readings(levels_[1]);
+}
+
+double TrackingPyramid::mean_depth() const noexcept {
+  const DepthLevel& l = levels_[1];
+  return l.valid > 0 ? l.depth_sum / l.valid : 0.0;
+}
+
+}  // namespace perception

@@ -1,0 +1,160 @@
+#include "perception/icp/tracker.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "perception/icp/normal_equations.hpp"
+
+namespace perception {
+
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+
+}  // namespace
+
+void TrackerConfig::describe(config::Section& s) {
+  preprocess.describe(s.section("preprocess", "depth filter and pyramid"));
+  s.integer("iterations_fine", iterations[0], 1, 50, "at full resolution")
+      .integer("iterations_middle", iterations[1], 1, 50, "at half")
+      .integer("iterations_coarse", iterations[2], 1, 50, "at a quarter")
+      .numbers("gate_distance_m", gate_distance_m, 0.005, 1, "largest pair distance, fine to coarse")
+      .number("gate_normal_deg", gate_normal_deg, 1, 89, "largest angle between normals")
+      .number("range_weight_m", range_weight_m, 0.1, 100, "beyond it a residual weighs 1/z^2")
+      .number("stop_translation_m", stop_translation_m, 0, 0.01, "a level ends below this step")
+      .number("stop_rotation_deg", stop_rotation_deg, 0, 1, "and this one")
+      .number("weak_inlier_share", weak_inlier_share, 0, 1, "below: weak")
+      .number("lost_inlier_share", lost_inlier_share, 0, 1, "below: lost")
+      .number("lost_overlap", lost_overlap, 0, 1, "share of points that meet the map; below: lost")
+      .number("weak_residual_m", weak_residual_m, 0, 1, "RMS above: weak")
+      .number("lost_residual_m", lost_residual_m, 0, 1, "RMS above: lost")
+      .integer("lost_inliers", lost_inliers, 6, 100000, "fewer points at half resolution: lost")
+      .number("jump_translation_m", jump_translation_m, 0.001, 10, "from the prior; beyond: lost")
+      .number("jump_rotation_deg", jump_rotation_deg, 0.1, 180, "from the prior; beyond: lost")
+      .number("claim_translation_m", claim_translation_m, 0, 1, "prior good enough to claim on")
+      .number("claim_rotation_deg", claim_rotation_deg, 0, 90, "prior good enough to claim on");
+  degeneracy.describe(s.section("degeneracy", "which directions the scene constrains"));
+}
+
+Tracker::Tracker(rt::NonRealtime& nrt, const TrackerConfig& config, int max_width, int max_height)
+    : config_(config), pyramid_(nrt, config.preprocess, max_width, max_height) {}
+
+void Tracker::prepare(ImageView<const std::uint16_t> depth_mm, const Intrinsics& intrinsics,
+                      int pixel_step) noexcept {
+  pyramid_.build(depth_mm, intrinsics, pixel_step);
+}
+
+namespace {
+
+// The state of one alignment: the pose being refined and what is needed to refine it.
+struct Alignment {
+  const TrackingPyramid& pyramid;
+  const ModelView& model;
+  const TrackerConfig& config;
+  Pose X_FC;
+  Vec3 centre_F;
+  double length_m;
+  Degeneracy directions;
+  std::uint64_t work = 0;
+
+  [[nodiscard]] Gates gates(std::size_t level) const noexcept {
+    return {static_cast<float>(config.gate_distance_m[level]),
+            static_cast<float>(std::cos(config.gate_normal_deg * kDegree)),
+            static_cast<float>(config.range_weight_m)};
+  }
+  // Sums at `level`, and from them which directions are constrained.
+  [[nodiscard]] NormalEquations examine(std::size_t level) noexcept {
+    NormalEquations eq;
+    CrossMoment cross;
+    accumulate_cross(pyramid.level(static_cast<int>(level)), model, X_FC, centre_F, gates(level),
+                     eq, cross);
+    directions = analyse(eq.H, cross.H, eq.weight, length_m, config.degeneracy);
+    count_work(level);
+    return eq;
+  }
+  void count_work(std::size_t level) noexcept {
+    const Intrinsics& k = pyramid.level(static_cast<int>(level)).intrinsics;
+    work += static_cast<std::uint64_t>(k.width) * static_cast<std::uint64_t>(k.height);
+  }
+  // One step. False: the level is done.
+  [[nodiscard]] bool refine(std::size_t level) noexcept {
+    NormalEquations eq;
+    accumulate(pyramid.level(static_cast<int>(level)), model, X_FC, centre_F, gates(level), eq);
+    count_work(level);
+    Vec6 xi;
+    if (!confined_step(eq.H, eq.g, length_m, directions, xi)) return false;
+    const Eigen::Translation3d to_centre(-centre_F), back(centre_F);
+    X_FC = orthonormalised(Pose(back * exp_se3(xi) * to_centre * X_FC));
+    return xi.head<3>().norm() >= config.stop_translation_m ||
+           xi.tail<3>().norm() >= config.stop_rotation_deg * kDegree;
+  }
+};
+
+void judge(const TrackerConfig& c, const MotionPrior& prior, const Pose& X_WC,
+           const NormalEquations& eq, TrackingResult& out) noexcept {
+  out.inliers = static_cast<int>(eq.inliers);
+  out.inlier_share =
+      eq.met > 0 ? static_cast<double>(eq.inliers) / static_cast<double>(eq.met) : 0;
+  out.overlap = eq.live > 0 ? static_cast<double>(eq.met) / static_cast<double>(eq.live) : 0;
+  out.residual_m = eq.weight > 0 ? std::sqrt(eq.r2 / eq.weight) : 0;
+  const Pose jump = prior.X_WC.inverse() * X_WC;
+  const bool finite = X_WC.matrix().allFinite() && std::isfinite(out.residual_m);
+  const bool lost = !finite || out.inliers < c.lost_inliers ||
+                    out.inlier_share < c.lost_inlier_share || out.overlap < c.lost_overlap ||
+                    out.residual_m > c.lost_residual_m ||
+                    jump.translation().norm() > c.jump_translation_m ||
+                    rotation_angle(jump.linear()) > c.jump_rotation_deg * kDegree;
+  if (lost) return;
+  const bool trusted_prior = prior.source == MotionPrior::Source::kOdometry &&
+                             prior.sigma_translation_m <= c.claim_translation_m &&
+                             prior.sigma_rotation_deg <= c.claim_rotation_deg;
+  out.fully_constrained = out.degenerate_count == 0;
+  out.claimed = out.fully_constrained || trusted_prior;
+  const bool weak = out.inlier_share < c.weak_inlier_share || out.residual_m > c.weak_residual_m ||
+                    !out.claimed;
+  out.state = weak ? TrackingState::kWeak : TrackingState::kTracking;
+  out.X_WC = X_WC;
+}
+
+}  // namespace
+
+void Tracker::track(const ModelView& model, const MotionPrior& prior,
+                    const std::array<int, 3>& iterations, TrackingResult& out) noexcept {
+  out = TrackingResult{};
+  out.X_WC = prior.X_WC;
+  out.condition = std::numeric_limits<double>::infinity();
+  out.degenerate_count = 6;
+  const double length = pyramid_.mean_depth();
+  if (!model.valid() || !(length > 0) || !prior.X_WC.matrix().allFinite()) return;
+
+  const Pose X_FW = model.X_WF.inverse();
+  Alignment a{pyramid_, model, config_, X_FW * prior.X_WC, Vec3::Zero(), length, {}};
+  a.centre_F = a.X_FC * Vec3(0, 0, length);
+  for (int level = TrackingPyramid::kLevels - 1; level >= 0; --level) {
+    const auto l = static_cast<std::size_t>(level);
+    // Level 0 would say what level 1 said, at four times the price.
+    if (level > 0) static_cast<void>(a.examine(l));
+    const int limit = std::min(iterations[l], config_.iterations[l]);
+    for (int i = 0; i < limit; ++i) {
+      ++out.iterations[l];
+      if (!a.refine(l)) break;
+    }
+  }
+  const NormalEquations eq = a.examine(1);
+
+  out.condition = a.directions.condition;
+  out.degenerate_count = a.directions.degenerate_count;
+  for (int i = 0; i < out.degenerate_count; ++i) {
+    Vec6 d = a.directions.degenerate.col(i);
+    d.head<3>() = model.X_WF.linear() * d.head<3>();
+    d.tail<3>() = model.X_WF.linear() * d.tail<3>();
+    out.degenerate_W[static_cast<std::size_t>(i)] = d;
+  }
+  out.length_m = length;
+  out.work = a.work;
+  judge(config_, prior, model.X_WF * a.X_FC, eq, out);
+}
+
+}  // namespace perception

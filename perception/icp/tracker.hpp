@@ -1,0 +1,102 @@
+// Camera tracking: where was the camera when this depth image was taken?
+//
+// Projective point-to-plane ICP of a depth pyramid against the ray cast of the map from the last
+// pose, coarse to fine (Newcombe et al., KinectFusion, ISMAR 2011, section 3.5). The increment is a
+// left twist xi = (v, w) about the model's centroid in frame F:
+//     q = X_FC p,  r = n_m . (q - v_m),  dr/dxi = [n_m, (q - c) x n_m].
+// fp32 sums inside a row, fp64 sums over rows in fixed order, fp64 solve: same bytes on every machine.
+//
+// A direction the scene does not constrain is not moved along; the motion prior's value stays
+// (solution remapping, Zhang, Kaess, Singh, ICRA 2016). Which directions those are is decided from the
+// eigenvalues of the 6x6 with rotation scaled by the mean depth, on the cross moment of live and
+// model normals: their noise is independent, so a noisy flat wall does not look like structure
+// (degeneracy.hpp).
+//
+// Claimed (docs/accuracy.md): every direction constrained by the scene, or by an odometry prior whose
+// stated error since the last full constraint is below claim_translation_m and claim_rotation_deg,
+// and the frame is not lost. Only claimed frames may be integrated.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "config/schema.hpp"
+#include "perception/icp/degeneracy.hpp"
+#include "perception/icp/model_view.hpp"
+#include "perception/icp/preprocess.hpp"
+#include "rt/memory/non_realtime.hpp"
+
+namespace perception {
+
+struct TrackerConfig {
+  PreprocessConfig preprocess;
+  std::array<int, 3> iterations{4, 5, 15};  // fine to coarse; the upper bound of a dynamic knob
+  std::array<double, 3> gate_distance_m{0.08, 0.10, 0.15};  // fine to coarse
+  double gate_normal_deg = 30;
+  double range_weight_m = 1.5;       // beyond it a residual weighs (range_weight_m / z)^2
+  double stop_translation_m = 1e-5;  // a level ends when a step is below both
+  double stop_rotation_deg = 5e-4;
+  DegeneracyConfig degeneracy;
+  double weak_inlier_share = 0.60;   // of the points that meet a model surface
+  double lost_inlier_share = 0.35;
+  double lost_overlap = 0.10;        // share of live points that meet a model surface
+  double weak_residual_m = 0.020;    // RMS, point to plane, of the inliers
+  double lost_residual_m = 0.040;
+  int lost_inliers = 400;            // at level 1
+  double jump_translation_m = 0.30;  // farther from the prior in one frame: lost
+  double jump_rotation_deg = 20;
+  double claim_translation_m = 0.010;
+  double claim_rotation_deg = 0.5;
+  void describe(config::Section& s);
+};
+
+// Where the camera is believed to be before the image is looked at.
+struct MotionPrior {
+  enum class Source : std::uint8_t { kConstantVelocity, kOdometry };
+  Pose X_WC = Pose::Identity();
+  Source source = Source::kConstantVelocity;
+  // One-sigma error accumulated since the last frame that the scene constrained fully.
+  double sigma_translation_m = 1.0;
+  double sigma_rotation_deg = 180.0;
+};
+
+enum class TrackingState : std::uint8_t { kLost = 0, kWeak = 1, kTracking = 2 };
+
+struct TrackingResult {
+  Pose X_WC = Pose::Identity();  // lost: the prior
+  TrackingState state = TrackingState::kLost;
+  bool claimed = false;
+  bool fully_constrained = false;     // by the scene alone
+  double residual_m = 0;              // RMS of the inliers, point to plane
+  double inlier_share = 0;            // inliers / live points that meet a model surface
+  double overlap = 0;                 // live points that meet a model surface / live points
+  int inliers = 0;                    // at level 1
+  double condition = 0;               // largest / smallest eigenvalue of the scaled 6x6; inf = singular
+  int degenerate_count = 0;
+  // Unit twists (v, w L) in W about the centroid, w scaled by `length_m` (mean depth).
+  std::array<Eigen::Matrix<double, 6, 1>, 6> degenerate_W{};
+  double length_m = 0;
+  std::array<int, 3> iterations{};    // done, fine to coarse
+  std::uint64_t work = 0;             // associations tried
+};
+
+class Tracker {
+ public:
+  Tracker(rt::NonRealtime&, const TrackerConfig& config, int max_width, int max_height);
+
+  // Filter, pyramid, normals. `pixel_step` 1, 2, 4.
+  void prepare(ImageView<const std::uint16_t> depth_mm, const Intrinsics& intrinsics,
+               int pixel_step) noexcept;
+  // Aligns the prepared frame. `iterations` fine to coarse, each clipped to the configured value.
+  void track(const ModelView& model, const MotionPrior& prior,
+             const std::array<int, 3>& iterations, TrackingResult& out) noexcept;
+
+  [[nodiscard]] const TrackingPyramid& pyramid() const noexcept { return pyramid_; }
+  [[nodiscard]] const TrackerConfig& config() const noexcept { return config_; }
+
+ private:
+  TrackerConfig config_;
+  TrackingPyramid pyramid_;
+};
+
+}  // namespace perception
