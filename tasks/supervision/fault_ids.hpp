@@ -1,0 +1,90 @@
+// Every fault of the stack, as ordered data: id, severity, reaction, clear rule. docs/faults.md is this
+// table; a test compares them. The tasks name their own ids in their own headers; a test compares
+// those too. The number is 100 x group + number within the group.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string_view>
+
+#include "rt/health.hpp"
+
+namespace tasks {
+
+// How a fault ends, once its condition is gone.
+enum class ClearRule : std::uint8_t {
+  kItself,    // the next engage may start motion
+  kOperator,  // an explicit clear first
+  kRestart,   // only a new start of the program
+};
+
+struct FaultRow {
+  rt::FaultId id;
+  std::string_view code;       // F-HAP-01
+  rt::Severity severity;       // at least this, whatever the task reported
+  ClearRule clear;
+  std::string_view what;       // what happened
+  std::string_view reaction;   // what the stack does
+};
+
+// clang-format off
+inline constexpr std::array kFaultTable = {
+  FaultRow{101, "F-HAP-01", rt::Severity::kSafeStop, ClearRule::kOperator, "haptic: a value is not finite", "force zero at once"},
+  FaultRow{102, "F-HAP-02", rt::Severity::kDegraded, ClearRule::kItself, "haptic: surface patch not published for its liveness time", "force ramps to zero; returns with the patch"},
+  FaultRow{103, "F-HAP-03", rt::Severity::kRampDown, ClearRule::kItself, "haptic: no sample from the device", "last force held for its liveness, then zero"},
+  FaultRow{104, "F-HAP-04", rt::Severity::kDegraded, ClearRule::kItself, "haptic: malformed patch refused", "the patches in use stay"},
+  FaultRow{190, "F-HAP-90", rt::Severity::kSafeStop, ClearRule::kOperator, "haptic: task silent", "device made safe by the watchdog"},
+  FaultRow{290, "F-FUS-90", rt::Severity::kRampDown, ClearRule::kItself, "fusion: task silent", "robot ramps down; the hand goes limp with the patch"},
+  FaultRow{390, "F-PRE-90", rt::Severity::kRampDown, ClearRule::kItself, "prediction: task silent", "goals expire; the robot holds still"},
+  FaultRow{401, "F-PLN-01", rt::Severity::kCounted, ClearRule::kItself, "planning: no path to the goal", "goal given up; the robot stays; a new mark is needed"},
+  FaultRow{402, "F-PLN-02", rt::Severity::kDegraded, ClearRule::kItself, "planning: the planning library threw", "no path this job; tried again, then given up"},
+  FaultRow{403, "F-PLN-03", rt::Severity::kCounted, ClearRule::kItself, "planning: input not finite or ground not level", "mark or map refused"},
+  FaultRow{404, "F-PLN-04", rt::Severity::kCounted, ClearRule::kItself, "planning: touch events were lost", "an open mark is dropped"},
+  FaultRow{405, "F-PLN-05", rt::Severity::kCounted, ClearRule::kItself, "planning: job out of time", "job aborted; nothing committed; the next one tries again"},
+  FaultRow{490, "F-PLN-90", rt::Severity::kDegraded, ClearRule::kItself, "planning: task silent", "the last path stays; no new ones"},
+  FaultRow{590, "F-RIO-90", rt::Severity::kSafeStop, ClearRule::kOperator, "robot_io: task silent", "motors stopped by the watchdog"},
+  FaultRow{690, "F-CAP-90", rt::Severity::kDegraded, ClearRule::kItself, "capture: task silent", "no new images; the map stays as it is"},
+  FaultRow{701, "F-SUP-01", rt::Severity::kSafeStop, ClearRule::kOperator, "emergency stop pressed, broken or not sampled", "safe stop"},
+  FaultRow{702, "F-SUP-02", rt::Severity::kRampDown, ClearRule::kItself, "link silent", "ramp down; a new engage is needed"},
+  FaultRow{703, "F-SUP-03", rt::Severity::kSafeStop, ClearRule::kRestart, "link refused: message schema or version differ", "no motion until restarted with equal builds"},
+  FaultRow{704, "F-SUP-04", rt::Severity::kRampDown, ClearRule::kItself, "the other box did not follow or left the engaged mode", "ramp down; a new engage is needed"},
+  FaultRow{705, "F-SUP-05", rt::Severity::kSafeStop, ClearRule::kOperator, "the other box is in a safe stop", "safe stop"},
+  FaultRow{706, "F-SUP-06", rt::Severity::kRampDown, ClearRule::kItself, "engage withdrawn by the operator's box", "ramp down"},
+  FaultRow{707, "F-SUP-07", rt::Severity::kRampDown, ClearRule::kItself, "ramp down requested", "ramp down"},
+  FaultRow{708, "F-SUP-08", rt::Severity::kSafeStop, ClearRule::kOperator, "stop requested", "safe stop"},
+  FaultRow{709, "F-SUP-09", rt::Severity::kSafeStop, ClearRule::kRestart, "the executor's watchdog made an output safe", "safe stop"},
+  FaultRow{710, "F-SUP-10", rt::Severity::kSafeStop, ClearRule::kRestart, "a task reported a fault that is not in this table", "safe stop: unknown is not harmless"},
+};
+// clang-format on
+inline constexpr std::size_t kFaultCount = kFaultTable.size();
+
+enum Fault : rt::FaultId {
+  kFaultEstop = 701,
+  kFaultLinkSilent = 702,
+  kFaultLinkRefused = 703,
+  kFaultPeerNotEngaged = 704,
+  kFaultPeerStopped = 705,
+  kFaultEngageWithdrawn = 706,
+  kFaultRampRequested = 707,
+  kFaultStopRequested = 708,
+  kFaultWatchdog = 709,
+  kFaultUnknown = 710,
+};
+
+// Row of an id, or -1.
+[[nodiscard]] constexpr int fault_row(rt::FaultId id) noexcept {
+  for (std::size_t i = 0; i < kFaultCount; ++i) {
+    if (kFaultTable[i].id == id) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+// The table of docs/faults.md, in its order.
+static_assert([] {
+  for (std::size_t i = 1; i < kFaultCount; ++i) {
+    if (kFaultTable[i].id <= kFaultTable[i - 1].id) return false;
+  }
+  return true;
+}());
+
+}  // namespace tasks

@@ -1,0 +1,118 @@
+// Modes and health, 100 Hz, on both boxes. The only writer of Mode.
+//
+//   reads   Health and heartbeat of every task of this box, liveness of the link, mode of the peer,
+//           e-stop input, requests (engage, ramp down, stop, clear)
+//   writes  Latest<ModeMsg>   to every task of this box
+//   budget  50 us of the 10 ms period
+//
+//   kInit ──every task heard──▶ kHold ──engage──▶ kEngaged ──fault, request──▶ kRampDown ──ramp──▶ kHold
+//     any mode ──safe-stop fault, stop request──▶ kSafeStop ──clear, causes gone──▶ kHold
+//
+// Faults are ordered data (fault_ids.hpp): the worst wins. Within an episode (from one engage, or
+// from a stop, to the act that ends it) severity only grows; recovery is an act, never a timeout:
+// a rising engage from kHold, or clear from kSafeStop. An engage must be seen as "no" before a "yes"
+// counts, so a switch left on, or a link that comes back, starts nothing.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "config/schema.hpp"
+#include "rt/health.hpp"
+#include "rt/memory/non_realtime.hpp"
+#include "rt/tick.hpp"
+#include "tasks/graph/messages.hpp"
+#include "tasks/supervision/fault_ids.hpp"
+
+namespace tasks {
+
+// Section [supervision].
+struct SupervisionConfig {
+  double ramp_s = 0.2;            // time in kRampDown before kHold
+  double link_liveness_s = 0.2;   // silence of the link beyond it is a fault
+  double peer_grace_s = 1.0;      // after engage, time for the peer to follow
+  double estop_liveness_s = 0.05; // age of the e-stop input beyond it counts as pressed
+
+  void describe(config::Section& s);
+};
+
+// One task to watch.
+struct Watch {
+  rt::FaultId silent_fault = rt::kNoFault;  // raised when the heartbeat is older than `liveness`
+  rt::Nanos liveness{0};
+};
+
+class SupervisionTask {
+ public:
+  static constexpr int kMaxTasks = 16;
+
+  enum class Engage : std::uint8_t { kAbsent, kNo, kYes };
+  struct TaskReport {
+    bool heard = false;         // has published at least once
+    rt::Time heartbeat{};       // end of its newest job
+    rt::Health health;          // of its newest job
+  };
+  struct Requests {
+    Engage engage = Engage::kAbsent;  // level; only kNo -> kYes is an act
+    bool ramp_down = false;           // level; SIGINT, SIGTERM, operator
+    bool stop = false;                // level
+    bool clear = false;               // level; only its rising edge is an act
+  };
+  struct In {
+    std::array<TaskReport, kMaxTasks> tasks{};  // in the order of the watches
+    bool link_expected = false;       // this box has a peer
+    bool link_heard = false;
+    rt::Time link_last{};             // newest valid message of the peer
+    bool link_refused = false;        // hand-shake failed: schema or version differ
+    Mode peer_mode = Mode::kInit;     // newest, meaningful while the link is live
+    bool estop_fitted = false;
+    bool estop_closed = true;         // false: pressed or wire broken
+    rt::Time estop_sampled{};
+    bool watchdog_bit = false;        // the executor's watchdog has made something safe
+    Requests requests;
+  };
+  struct Out {
+    ModeMsg mode;
+    rt::Health now;       // worst condition of this tick
+    rt::Health episode;   // worst of the episode; severity never falls within one
+    bool engage_refused = false;  // an engage came and was not followed
+  };
+
+  // `box` decides who leads: the robot follows the operator's engage and ramps down when it is
+  // withdrawn; the operator ramps down when the robot has not followed, or left.
+  SupervisionTask(rt::NonRealtime&, const SupervisionConfig&, rt::Box box,
+                  const Watch* watches, int watch_count);
+
+  [[nodiscard]] rt::Health step(const rt::Tick&, const In&, Out&) noexcept;
+
+  // Times each fault began (condition became true), by row of kFaultTable.
+  [[nodiscard]] std::uint32_t count(rt::FaultId id) const noexcept;
+
+ private:
+  struct Conditions {
+    rt::Health worst;
+    std::array<bool, kFaultCount> active{};
+  };
+  void gather(rt::Time now, const In& in, Conditions& c) const noexcept;
+  void raise(Conditions& c, rt::FaultId id, rt::Severity reported) const noexcept;
+  void enter(Mode mode, rt::FaultId cause, rt::Time now) noexcept;
+  [[nodiscard]] bool may_recover(const Conditions& c, bool operator_act) const noexcept;
+
+  SupervisionConfig config_;
+  rt::Box box_;
+  std::array<Watch, kMaxTasks> watches_{};
+  int watch_count_ = 0;
+
+  Mode mode_ = Mode::kInit;
+  rt::FaultId cause_ = rt::kNoFault;
+  rt::Time entered_{};
+  rt::Health episode_;
+  std::array<bool, kFaultCount> was_active_{}, latched_{};
+  std::array<std::uint32_t, kFaultCount> counts_{};
+  Engage last_engage_ = Engage::kAbsent;
+  bool last_clear_ = true;  // a clear that is on at the start is no act
+  bool peer_followed_ = false;
+  std::uint64_t seq_ = 0;
+};
+
+}  // namespace tasks
