@@ -21,6 +21,12 @@ struct RunPlan {
   Nanos hyperperiod{100000000};      // variant switches happen at its multiples
 };
 
+// Every release that arrived before the end is one of these, or still open at the end.
+struct TaskTotals {
+  std::uint64_t completed = 0, late = 0, aborted = 0, skipped = 0;
+  int level = 0;
+};
+
 class Executor {
  public:
   virtual ~Executor() = default;
@@ -28,6 +34,8 @@ class Executor {
   // completion order (virtual) or per-task order (real).
   virtual void run(const RunPlan& plan) = 0;
   virtual void request_stop() noexcept = 0;
+  // By position in the vector of tasks; after run().
+  [[nodiscard]] virtual std::vector<TaskTotals> totals() const = 0;
 };
 
 }  // namespace rt

@@ -1,6 +1,7 @@
 // Miss policies as pure functions, shared by both executors: which release is served next.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "rt/sched/task_spec.hpp"
@@ -10,24 +11,28 @@ namespace rt {
 struct NextRelease {
   std::uint64_t k = 0;        // release to serve next
   std::uint32_t skipped = 0;  // releases dropped on the way there
+  Time arrival{};             // when it arrives (in the past for a caught-up one)
 };
 
-// After the job of release k ended at `end`, which release is next? `release_of(k)` is the instant of
-// release k. A release exactly at `end` is not late and is never dropped.
-//   skip, abort, degrade: the first release at or after `end`
-//   catch_up(n): pending releases (<= end) run back to back; of more than n the oldest are dropped
-template <class ReleaseOf>
-[[nodiscard]] NextRelease next_release(const TaskSpec& spec, std::uint64_t k, Time end,
-                                       const ReleaseOf& release_of) noexcept {
-  std::uint64_t first_future = k + 1;  // first release at or after `end`
-  while (release_of(first_future) < end) ++first_future;
-  if (spec.policy != MissPolicy::kCatchUp) {
-    return {first_future, static_cast<std::uint32_t>(first_future - (k + 1))};
-  }
-  const std::uint64_t pending = first_future - (k + 1);
-  const auto keep = static_cast<std::uint64_t>(spec.catch_up_max);
-  const std::uint64_t dropped = pending > keep ? pending - keep : 0;
-  return {k + 1 + dropped, static_cast<std::uint32_t>(dropped)};
+// After the job of release k, which arrived at `arrival`, ended at `end`: which release is next?
+// `raw_arrival(i)` is release i plus its injected delay; release i arrives at
+// A(i) = max(raw_arrival(i), A(i - 1)). A release that arrives exactly at `end` is neither late nor
+// pending.
+//   skip, abort, degrade: everything that arrived before `end` is dropped
+//   catch_up(n): of what arrived before `end` the newest n are kept and run back to back
+template <class RawArrival>
+[[nodiscard]] NextRelease next_release(const TaskSpec& spec, std::uint64_t k, Time arrival, Time end,
+                                       const RawArrival& raw_arrival) noexcept {
+  std::uint64_t open = k + 1;  // first release that has not arrived before `end`
+  Time a = std::max(arrival, raw_arrival(open));
+  while (a < end) a = std::max(a, raw_arrival(++open));
+  const std::uint64_t pending = open - (k + 1);
+  const std::uint64_t keep = spec.policy == MissPolicy::kCatchUp
+                                 ? std::min(pending, static_cast<std::uint64_t>(spec.catch_up_max))
+                                 : 0;
+  const std::uint64_t dropped = pending - keep;
+  // A kept release has arrived already; its exact instant no longer matters, only that it is past.
+  return {k + 1 + dropped, static_cast<std::uint32_t>(dropped), keep > 0 ? std::min(a, end) : a};
 }
 
 // Which variant a task with policy degrade runs: one level down at the first hyperperiod boundary

@@ -16,6 +16,7 @@
 #include "rt/fault/planned.hpp"
 #include "rt/memory/prefault.hpp"
 #include "rt/memory/section.hpp"
+#include "rt/sched/admission.hpp"
 #include "rt/sched/policy.hpp"
 
 namespace rt {
@@ -23,9 +24,9 @@ namespace rt {
 namespace {
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
-constexpr int kSentinelPriority = 95;
-constexpr int kWatchdogPriority = 96;
-constexpr int kHogPriority = 94;
+
+
+constexpr int kHogPriority = 93;
 constexpr int kTheftPriority = 98;
 constexpr std::int64_t kSentinelLead = 20000;  // before the wake-up of a task that spins
 
@@ -96,6 +97,7 @@ struct RealExecutor<Faults>::Worker {
   // Heartbeat for the watchdog: start of the job in progress, 0 between jobs.
   std::atomic<std::int64_t> busy_since{0};
   bool forced = false;  // watchdog only
+  TaskTotals totals;
 
   explicit Worker(const PlacedTask& t)
       : task(t), levels(t.level, t.spec.levels()), bucket(t.spec.consecutive_miss_limit) {}
@@ -235,19 +237,24 @@ void RealExecutor<Faults>::task_loop(Worker& w) {
     for (std::size_t i = 0; i < sizeof stack; i += 512) stack[i] = 0;
   }
   w.before = counters(w.stat);
+  const auto raw_arrival = [&](std::uint64_t i) {
+    Time t = release_box(spec, i);
+    if constexpr (Faults::kEnabled) t += faults_.job(w.task.id, i).late;
+    return t;
+  };
   std::uint64_t k = 0;
   std::uint32_t skipped = 0;
+  Time arrival = raw_arrival(0);
   const std::int64_t hyper = plan_.hyperperiod.count();
   std::int64_t boundary = plan_.epoch_host_ns + hyper;
-  for (;;) {
-    Time release = release_box(spec, k);
-    if (clock.to_host(release) >= end) return;
+  while (clock.to_host(arrival) < end) {
     JobFaults f{};
-    if constexpr (Faults::kEnabled) {
-      f = faults_.job(w.task.id, k);
-      if (f.dead) return;
+    if constexpr (Faults::kEnabled) f = faults_.job(w.task.id, k);
+    if (f.dead) {
+      lose_rest(w, k, end);
+      return;
     }
-    const std::int64_t host = clock.to_host(release + f.late);
+    const std::int64_t host = clock.to_host(arrival);
     if (!sleep_until(host - spec.spin_lead.count())) return;
     while (monotonic_ns() < host) {
     }
@@ -256,18 +263,36 @@ void RealExecutor<Faults>::task_loop(Worker& w) {
       w.levels.at_boundary(false);
       boundary += hyper;
     }
-    serve(w, k, release, skipped, f.block);
-    const NextRelease next =
-        next_release(spec, k, clock.from_host(monotonic_ns()),
-                     [&](std::uint64_t i) { return release_box(spec, i); });
+    serve(w, k, release_box(spec, k), skipped, f);
+    // A release at or after the end is not ours to drop.
+    const std::int64_t ended = std::min(monotonic_ns(), end);
+    const NextRelease next = next_release(spec, k, arrival, clock.from_host(ended), raw_arrival);
     k = next.k;
+    arrival = next.arrival;
     skipped = next.skipped;
+    w.totals.skipped += next.skipped;
+    w.totals.level = w.levels.level();
   }
+}
+
+// The thread of a task ends, as a fault plan says: its releases still arrive, and are lost.
+template <class Faults>
+void RealExecutor<Faults>::lose_rest(Worker& w, std::uint64_t k, std::int64_t end) {
+  const auto& clock = plan_.clock[static_cast<std::size_t>(w.task.spec.box)];
+  for (; clock.to_host(release_box(w.task.spec, k)) < end; ++k) ++w.totals.skipped;
+}
+
+template <class Faults>
+std::vector<TaskTotals> RealExecutor<Faults>::totals() const {
+  std::vector<TaskTotals> out;
+  for (const auto& w : workers_) out.push_back(w->totals);
+  return out;
 }
 
 template <class Faults>
 void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::uint32_t skipped,
-                                 Nanos injected_block) {
+                                 const JobFaults& f) {
+  (void)f;
   const TaskSpec& spec = w.task.spec;
   const auto& clock = plan_.clock[static_cast<std::size_t>(spec.box)];
   JobRecord r{};
@@ -291,9 +316,8 @@ void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::
   w.busy_since.store(start, std::memory_order_release);
   w.task.body->latch(tick, r);
   if constexpr (Faults::kEnabled) {
-    const JobFaults f = faults_.job(w.task.id, k);
     r.injected = f.any() ? 1 : 0;
-    if (injected_block.count() > 0) sleep_until(monotonic_ns() + injected_block.count());
+    if (f.block.count() > 0) sleep_until(monotonic_ns() + f.block.count());
     if (f.extra_cpu.count() > 0) burn_cpu(f.extra_cpu);
     if (f.touch_page) touch_released_page();
   }
@@ -304,7 +328,7 @@ void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::
   }
   if constexpr (Faults::kEnabled) {
     // Injected work counts as work: the classifier must be able to see that the job did more.
-    r.work += static_cast<std::uint64_t>(faults_.job(w.task.id, k).extra_cpu.count());
+    r.work += static_cast<std::uint64_t>(f.extra_cpu.count());
   }
   const bool aborted = spec.policy == MissPolicy::kAbort &&
                        clock.from_host(monotonic_ns()) > release + spec.relative_deadline();
@@ -324,6 +348,8 @@ void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::
   w.before = after;
   r.end_ns = ns_of(clock.from_host(monotonic_ns()));
   if (spec.policy == MissPolicy::kDegrade && (r.missed() || skipped > 0)) w.levels.on_miss();
+  (aborted ? w.totals.aborted : w.totals.completed) += 1;
+  if (!aborted && r.missed()) ++w.totals.late;
   if (w.bucket.on_job(r.missed(), skipped)) w.task.body->make_safe();
   w.records.try_push(r);
 }

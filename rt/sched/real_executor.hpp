@@ -3,7 +3,8 @@
 // rings. A right that is missing (FIFO, mlock, cpu_dma_latency) is reported and the run is marked
 // "not real-time"; it is never pretended.
 //
-// Thread priorities: watchdog 96 > sentinel 95 > hog of a fault plan 94 > tasks 80 - rank.
+// Thread priorities: theft of a fault plan 98 > sentinel 95 > watchdog 94 > hog of a fault plan 93 >
+// tasks 80 - rank.
 #pragma once
 
 #include <atomic>
@@ -43,6 +44,8 @@ class RealExecutor final : public Executor {
   void run(const RunPlan& plan) override;
   void request_stop() noexcept override { stop_.store(true, std::memory_order_relaxed); }
 
+  [[nodiscard]] std::vector<TaskTotals> totals() const override;
+
   // What was asked for and not granted, one line each; empty = a real-time run.
   [[nodiscard]] const std::vector<std::string>& missing() const noexcept { return missing_; }
   [[nodiscard]] std::uint64_t dropped_records() const noexcept;
@@ -53,7 +56,7 @@ class RealExecutor final : public Executor {
   struct Worker;
   struct Sentinel;
   void task_loop(Worker& w);
-  void serve(Worker& w, std::uint64_t k, Time release, std::uint32_t skipped, Nanos injected_block);
+  void serve(Worker& w, std::uint64_t k, Time release, std::uint32_t skipped, const JobFaults& faults);
   void sentinel_loop(Sentinel& s);
   void watchdog_loop();
   void drain_loop();
@@ -61,6 +64,7 @@ class RealExecutor final : public Executor {
   void launch(std::thread& thread, int cpu, int priority, const std::string& name,
               std::function<void()> body);
   void injector_loop(int cpu, bool theft);
+  void lose_rest(Worker& w, std::uint64_t k, std::int64_t end);
   [[nodiscard]] Time release_box(const TaskSpec& spec, std::uint64_t k) const noexcept;
   bool sleep_until(std::int64_t host_ns) const noexcept;
 

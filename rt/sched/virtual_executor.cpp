@@ -29,23 +29,18 @@ Time VirtualExecutor<Faults>::release_box(const State& s, std::uint64_t k) const
 }
 
 template <class Faults>
-void VirtualExecutor<Faults>::arm_next(State& s) {
+Time VirtualExecutor<Faults>::raw_arrival(const State& s, std::uint64_t k) const noexcept {
+  Time t = release_box(s, k);
+  if constexpr (Faults::kEnabled) t += faults_.job(s.task.id, k).late;
+  return t;
+}
+
+template <class Faults>
+void VirtualExecutor<Faults>::arm_next(State& s, Time arrival) {
   const auto& clock = plan_.clock[static_cast<std::size_t>(s.task.spec.box)];
-  Time release = release_box(s, s.next_k);
-  if (clock.to_host(release) >= end_) {
-    s.next_release = kNever;
-    return;
-  }
-  if constexpr (Faults::kEnabled) {
-    const JobFaults f = faults_.job(s.task.id, s.next_k);
-    if (f.dead) {
-      s.dead = true;
-      s.next_release = kNever;
-      return;
-    }
-    release += f.late;
-  }
-  s.next_release = std::max(now_, clock.to_host(release));
+  s.arrival = arrival;
+  s.next_release = clock.to_host(arrival) >= end_ ? kNever : std::max(now_, clock.to_host(arrival));
+  if constexpr (Faults::kEnabled) s.dead = s.dead || faults_.job(s.task.id, s.next_k).dead;
 }
 
 template <class Faults>
@@ -57,7 +52,7 @@ void VirtualExecutor<Faults>::run(const RunPlan& plan) {
   stop_ = false;
   core_.assign(static_cast<std::size_t>(cores_), CoreState{});
   for (auto& s : owned_) {
-    arm_next(*s);
+    arm_next(*s, raw_arrival(*s, 0));
     arm_span(*s);
   }
   while (!stop_) {
@@ -66,14 +61,27 @@ void VirtualExecutor<Faults>::run(const RunPlan& plan) {
     advance(t);
     complete_due();
     abort_due();
+    if (now_ == end_) break;
     for (auto* actor : actors_) {
       while (actor->next_host_ns() <= now_) actor->act(now_);
     }
     switch_levels();
     start_spans();
-    release_due();
+    do {
+      release_due();
+    } while (abort_due());  // one that arrives at or after its deadline never starts
     dispatch();
   }
+}
+
+template <class Faults>
+std::vector<TaskTotals> VirtualExecutor<Faults>::totals() const {
+  std::vector<TaskTotals> out;
+  for (const auto& s : owned_) {
+    out.push_back(s->totals);
+    out.back().level = s->levels.level();
+  }
+  return out;
 }
 
 // Theft and hogs belong to nominal releases, whether or not the job of that release is served.
@@ -166,12 +174,15 @@ void VirtualExecutor<Faults>::complete_due() {
 }
 
 template <class Faults>
-void VirtualExecutor<Faults>::abort_due() {
+bool VirtualExecutor<Faults>::abort_due() {
+  bool any = false;
   for (auto& s : owned_) {
     if (s->pending && s->task.spec.policy == MissPolicy::kAbort && s->deadline_host <= now_) {
       finish(*s, Outcome::kAborted);
+      any = true;
     }
   }
+  return any;
 }
 
 template <class Faults>
@@ -186,24 +197,40 @@ void VirtualExecutor<Faults>::switch_levels() {
 template <class Faults>
 void VirtualExecutor<Faults>::release_due() {
   for (auto& s : owned_) {
-    if (s->pending || s->next_release > now_) continue;
-    const auto& clock = plan_.clock[static_cast<std::size_t>(s->task.spec.box)];
-    const Time release = release_box(*s, s->next_k);
-    s->pending = true;
-    s->started = false;
-    s->blocked_until = 0;
-    s->served = 0;
-    s->tick = Tick{s->next_k, release, {}, s->task.spec.period(), s->skipped, s->levels.level(),
-                   &s->cancel};
-    s->record = JobRecord{};
-    s->record.k = s->next_k;
-    s->record.task = s->task.id;
-    s->record.core = static_cast<std::uint8_t>(s->task.core);
-    s->record.release_ns = ns_of(release);
-    s->record.deadline_ns = ns_of(release + s->task.spec.relative_deadline());
-    s->deadline_host = clock.to_host(release + s->task.spec.relative_deadline());
-    s->skipped = 0;
+    while (!s->pending && s->next_release <= now_) {
+      if (!s->dead) {
+        begin_job(*s);
+        break;
+      }
+      // Nobody serves it: it is lost as it arrives.
+      ++s->totals.skipped;
+      ++s->skipped;
+      if (s->task.spec.policy == MissPolicy::kDegrade) s->levels.on_miss();
+      ++s->next_k;
+      arm_next(*s, std::max(s->arrival, raw_arrival(*s, s->next_k)));
+    }
   }
+}
+
+template <class Faults>
+void VirtualExecutor<Faults>::begin_job(State& s) {
+  const auto& clock = plan_.clock[static_cast<std::size_t>(s.task.spec.box)];
+  const Time release = release_box(s, s.next_k);
+  s.pending = true;
+  s.started = false;
+  s.blocked_until = 0;
+  s.served = 0;
+  s.tick = Tick{s.next_k, release, {}, s.task.spec.period(), s.skipped, s.levels.level(), &s.cancel};
+  s.record = JobRecord{};
+  s.record.k = s.next_k;
+  s.record.task = s.task.id;
+  s.record.core = static_cast<std::uint8_t>(s.task.core);
+  s.record.level = static_cast<std::uint8_t>(s.tick.level);
+  s.record.skipped = s.skipped;
+  s.record.release_ns = ns_of(release);
+  s.record.deadline_ns = ns_of(release + s.task.spec.relative_deadline());
+  s.deadline_host = clock.to_host(release + s.task.spec.relative_deadline());
+  s.skipped = 0;
 }
 
 template <class Faults>
@@ -223,8 +250,6 @@ void VirtualExecutor<Faults>::first_dispatch(State& s) {
   s.started = true;
   s.tick.start = clock.from_host(now_);
   s.record.start_ns = ns_of(s.tick.start);
-  s.record.level = static_cast<std::uint8_t>(s.tick.level);
-  s.record.skipped = s.tick.skipped;
   s.remaining = costs_.cost(s.task.id, s.tick.k, s.tick.level).count();
   if constexpr (Faults::kEnabled) {
     const JobFaults f = faults_.job(s.task.id, s.tick.k);
@@ -274,14 +299,18 @@ void VirtualExecutor<Faults>::finish(State& s, Outcome outcome) {
     s.record.cpu_ns = s.served;
   }
   const bool missed = s.record.missed();
-  const NextRelease next = next_release(s.task.spec, s.tick.k, clock.from_host(now_),
-                                        [&](std::uint64_t k) { return release_box(s, k); });
+  (outcome == Outcome::kAborted ? s.totals.aborted : s.totals.completed) += 1;
+  if (outcome == Outcome::kCompleted && missed) ++s.totals.late;
+  const NextRelease next =
+      next_release(s.task.spec, s.tick.k, s.arrival, clock.from_host(now_),
+                   [&](std::uint64_t k) { return raw_arrival(s, k); });
   s.next_k = next.k;
   s.skipped = next.skipped;
+  s.totals.skipped += next.skipped;
   if (s.task.spec.policy == MissPolicy::kDegrade && (missed || next.skipped > 0)) s.levels.on_miss();
   if (s.bucket.on_job(missed, next.skipped) && live) s.task.body->make_safe();
   sink_(s.record);
-  arm_next(s);
+  arm_next(s, next.arrival);
 }
 
 template class VirtualExecutor<Plain>;

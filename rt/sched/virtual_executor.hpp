@@ -44,9 +44,8 @@ class VirtualExecutor final : public Executor {
   void add_actor(Actor& actor) { actors_.push_back(&actor); }
   void run(const RunPlan& plan) override;
   void request_stop() noexcept override { stop_ = true; }
+  [[nodiscard]] std::vector<TaskTotals> totals() const override;
   [[nodiscard]] std::int64_t now_host_ns() const noexcept { return now_; }
-  // Level in force of a task, by position in the vector given to the constructor.
-  [[nodiscard]] int level(std::size_t task) const noexcept { return state_[task].levels.level(); }
 
  private:
   struct State {
@@ -59,8 +58,9 @@ class VirtualExecutor final : public Executor {
     std::int64_t next_release = 0;  // host; int64 max = none left
     bool pending = false;           // released, not finished
     bool started = false;
-    bool abort_only = false;        // its cost exceeds what is left before the deadline
-    bool dead = false;
+    bool dead = false;              // the thread has ended: releases arrive and are lost
+    Time arrival{};                 // of next_k
+    TaskTotals totals;
     std::int64_t remaining = 0;     // CPU still to be served
     std::int64_t blocked_until = 0;
     std::int64_t deadline_host = 0;
@@ -78,26 +78,24 @@ class VirtualExecutor final : public Executor {
     std::int64_t hog_left = 0;      // CPU that a hog above all tasks still wants; hogs queue
   };
 
-  void arm_next(State& s);
+  void arm_next(State& s, Time arrival);
   [[nodiscard]] Time release_box(const State& s, std::uint64_t k) const noexcept;
+  [[nodiscard]] Time raw_arrival(const State& s, std::uint64_t k) const noexcept;
   [[nodiscard]] State* running_on(int core) noexcept;
   void arm_span(State& s);
   void start_spans();
   [[nodiscard]] std::int64_t next_event() noexcept;
   void advance(std::int64_t to) noexcept;
   void complete_due();
-  void abort_due();
+  bool abort_due();
   void switch_levels();
   void release_due();
+  void begin_job(State& s);
   void dispatch();
   void first_dispatch(State& s);
   void finish(State& s, Outcome outcome);
 
   std::vector<std::unique_ptr<State>> owned_;
-  struct Table {
-    std::vector<std::unique_ptr<State>>* rows;
-    State& operator[](std::size_t i) const { return *(*rows)[i]; }
-  } state_{&owned_};
   CostModel& costs_;
   const Faults& faults_;
   Sink sink_;
