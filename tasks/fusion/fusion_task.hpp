@@ -1,0 +1,181 @@
+// Fusion, 30 Hz: depth images in, a scene that can be touched, seen and driven on out.
+//
+//   reads    Latest<RgbdFrame>     from the link      a frame it has not seen, or none
+//            Latest<HapticState>   from tasks/haptic  where the window follows the hand
+//            Latest<RobotState>    from the link      odometry: motion prior of the tracking
+//   writes   Latest<SurfacePatch>  to tasks/haptic    every period, even without a new image
+//            Latest<CostMap>       to tasks/planning  every frame that was claimed, and every
+//                                                     cost_map_period without one (liveness)
+//            Latest<CameraPose>    to prediction, console   every frame
+//            Latest<SceneView>     to console         every view_period_frames-th period
+//   budget   25 ms of the 33.3 ms period at level 0
+//
+// One frame: filter -> pyramid -> track -> integrate -> ray cast for the next track -> cost map;
+// then always: patch copy; sometimes: view. Only claimed frames are integrated (perception/icp).
+// The first usable frame defines the map: it is integrated at the initial pose.
+//
+// Levels (rt::Tick::level) pick a row of FusionConfig::levels: pixel step and ICP iterations. They are
+// dynamic knobs; voxel size is fixed at construction.
+//
+// Frames: W world (= map), C camera (optical), B robot base, O odometry (starts equal to W). SI.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+
+#include "config/schema.hpp"
+#include "perception/geometry/rgbd_frame.hpp"
+#include "perception/ground/cost_map.hpp"
+#include "perception/ground/ground_map.hpp"
+#include "perception/icp/tracker.hpp"
+#include "perception/patch/surface_patch.hpp"
+#include "perception/raycast/raycast.hpp"
+#include "perception/tsdf/tsdf_map.hpp"
+#include "rt/health.hpp"
+#include "rt/memory/non_realtime.hpp"
+#include "rt/tick.hpp"
+#include "tasks/fusion/scene_view.hpp"
+#include "tasks/graph/messages.hpp"
+
+namespace tasks {
+
+inline constexpr rt::FaultId kFaultFusionLost = 301;      // F-FUS-01 tracking lost: nothing integrated
+inline constexpr rt::FaultId kFaultFusionUnclaimed = 302; // F-FUS-02 a direction is only guessed
+inline constexpr rt::FaultId kFaultFusionMapFull = 303;   // F-FUS-03 block pool full: band lost
+inline constexpr rt::FaultId kFaultFusionBadFrame = 304;  // F-FUS-04 image of another size, or empty
+
+struct FusionLevel {
+  int pixel_step = 1;                        // of tracking and of its ray cast: 1, 2, 4
+  int allocate_step = 1;                     // rays that allocate blocks
+  std::array<int, 3> iterations{4, 5, 15};   // fine to coarse
+};
+
+struct FusionConfig {
+  static constexpr int kMaxLevels = 4;
+  perception::TsdfConfig tsdf;
+  perception::TrackerConfig tracker;
+  perception::GroundConfig ground;
+  int patch_nodes = 64;
+  double window_lead_periods = 2;      // patch centre = hand + velocity x this many periods
+  bool patch_checksums = true;         // fill SurfacePatch::checksum
+  int view_period_frames = 3;          // 0: no view
+  int view_step = 2;                   // pixels of the camera per pixel of the view, 1..8
+  int cost_map_period = 3;             // frames
+  // Odometry: error growth since the last frame the scene constrained fully.
+  double odometry_translation_share = 0.02;   // of the way
+  double odometry_rotation_share = 0.02;      // of the turn
+  double odometry_deg_per_m = 0.5;
+  double velocity_decay = 0.8;         // of the constant-velocity prior a frame that is not claimed
+  int level_count = 3;
+  std::array<FusionLevel, kMaxLevels> levels{
+      FusionLevel{1, 1, {4, 5, 15}}, FusionLevel{2, 2, {4, 5, 15}}, FusionLevel{2, 2, {2, 3, 8}},
+      FusionLevel{4, 4, {4, 5, 10}}};
+  void describe(config::Section& s);
+};
+
+// What is known when the task is built.
+struct FusionSetup {
+  perception::Intrinsics camera{};       // of the depth images
+  Pose X_WC0 = Pose::Identity();         // camera at the first frame; robots: X_WB0 * X_BC
+  Pose X_BC = Pose::Identity();          // camera mount; recordings: identity
+  perception::GroundPrior ground;        // robots: up = z, camera height, start of the base
+  std::array<perception::Material, perception::SurfacePatch::kMaxMaterials> palette{};
+  rt::Nanos period{33333333};
+};
+
+// X_OB at an instant, with the velocity there.
+struct OdometryPrior {
+  rt::Time taken{};
+  Pose X_OB = Pose::Identity();
+  Vec3 v_OB_B = Vec3::Zero(), w_OB_B = Vec3::Zero();  // m/s, rad/s, in B
+};
+
+class FusionTask {
+ public:
+  struct In {
+    const perception::RgbdFrame* frame = nullptr;  // nullptr: there never was one
+    bool frame_fresh = false;                      // not handed in before
+    HapticState hand;
+    std::optional<OdometryPrior> odometry;         // newest one
+    std::span<const perception::VirtualObstacle> virtual_obstacles;  // drawn by the operator
+    bool virtual_obstacles_changed = false;
+    std::optional<Pose> X_WV;                      // eye of the view; none: the camera
+  };
+  struct Out {
+    perception::SurfacePatch* patch = nullptr;     // a nullptr output is not made
+    SceneView* view = nullptr;
+    perception::CostMap* cost_map = nullptr;
+    CameraPose camera;
+    bool patch_written = false, view_written = false, cost_map_written = false;
+    bool camera_written = false;                   // true when a frame was consumed
+    bool integrated = false;
+    perception::TrackingResult tracking;           // of the consumed frame
+    perception::IntegrateStats integration;
+    std::uint64_t work = 0;                        // deterministic count of the whole step
+    std::uint64_t work_view = 0;                   // of it, for the view
+  };
+  // Thread CPU of the stages of the last step, ns; filled only while profile(true). Off in the tasks.
+  struct Profile {
+    std::int64_t prepare = 0, track = 0, integrate = 0, raycast = 0, ground = 0, cost_map = 0,
+                 patch = 0, view = 0;
+  };
+
+  // Throws std::invalid_argument naming key, value, range. Allocates everything.
+  FusionTask(rt::NonRealtime&, const FusionConfig& config, const FusionSetup& setup);
+  ~FusionTask();
+
+  // One cycle. No throw, lock, allocation or I/O.
+  [[nodiscard]] rt::Health step(const rt::Tick& tick, const In& in, Out& out) noexcept;
+
+  void profile(bool on) noexcept { profiling_ = on; }
+  [[nodiscard]] const Profile& last_profile() const noexcept { return profile_; }
+  [[nodiscard]] const perception::TsdfMap& map() const noexcept { return map_; }
+  [[nodiscard]] const perception::GroundMap& ground() const noexcept { return ground_; }
+  [[nodiscard]] const FusionConfig& config() const noexcept { return config_; }
+  [[nodiscard]] std::uint64_t frames() const noexcept { return frames_; }
+  [[nodiscard]] std::uint64_t frames_claimed() const noexcept { return frames_claimed_; }
+  // Half-extent a window must have so that the hand can not outrun it (definitions: patch).
+  [[nodiscard]] static double needed_half_extent(double hand_speed_m_per_s, double scale) noexcept {
+    return hand_speed_m_per_s * scale * 0.1 + 0.05;
+  }
+
+ private:
+  [[nodiscard]] perception::MotionPrior predict(rt::Time exposure) noexcept;
+  void remember_odometry(const std::optional<OdometryPrior>& odometry) noexcept;
+  [[nodiscard]] std::optional<Pose> odometry_at(rt::Time t) const noexcept;
+  [[nodiscard]] rt::Health consume(const rt::Tick& tick, const In& in, Out& out) noexcept;
+  void settle_motion(const perception::TrackingResult& result, rt::Time exposure) noexcept;
+  void cast_model(int pixel_step, Out& out) noexcept;
+  void write_patch(const rt::Tick& tick, const In& in, Out& out) noexcept;
+  void write_view(const rt::Tick& tick, const In& in, Out& out) noexcept;
+  void write_cost_map(const rt::Tick& tick, Out& out) noexcept;
+
+  FusionConfig config_;
+  FusionSetup setup_;
+  perception::TsdfMap map_;
+  perception::Tracker tracker_;
+  perception::GroundMap ground_;
+  perception::RaycastMaps model_, view_maps_;
+
+  bool started_ = false, have_model_ = false, profiling_ = false;
+  Profile profile_;
+  Pose X_WC_ = Pose::Identity();            // last pose believed
+  Eigen::Matrix<double, 6, 1> velocity_ = Eigen::Matrix<double, 6, 1>::Zero();  // of C, in C, per second
+  rt::Time exposure_{};                     // of the last frame consumed
+  rt::Time fused_exposure_{};               // of the last frame integrated
+  std::uint64_t frames_ = 0, frames_claimed_ = 0, patch_seq_ = 0, view_seq_ = 0, map_seq_ = 0;
+  std::uint64_t periods_ = 0, periods_since_map_ = 0;
+  bool ground_dirty_ = false;
+
+  static constexpr std::size_t kOdometry = 16;
+  std::array<OdometryPrior, kOdometry> odometry_{};  // ring, newest at odometry_count_ - 1
+  std::uint64_t odometry_count_ = 0;
+  double sigma_translation_m_ = 0, sigma_rotation_deg_ = 0;  // of odometry, since fully constrained
+  bool odometry_valid_ = false;             // there was one at the last frame
+  Pose X_OB_last_ = Pose::Identity();       // at the last frame
+};
+
+}  // namespace tasks
