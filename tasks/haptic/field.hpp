@@ -49,9 +49,11 @@ class Field {
     const FieldSample s = sample(p_W);
     return s.known && s.value > 0;
   }
-  // Gradient by differences one voxel to either side: the normal at a coarser scale than the cell.
-  // Axes with an unknown side fall back to the cell's own derivative. Zero where p_W is unknown.
-  [[nodiscard]] perception::Vec3 smooth_gradient(const perception::Vec3& p_W) const noexcept;
+  // Gradient by differences `half_step_vox` voxels to either side: with 1, the normal at a coarser
+  // scale than the cell. Axes with an unknown side fall back to the cell's own derivative. Zero
+  // where p_W is unknown.
+  [[nodiscard]] perception::Vec3 smooth_gradient(const perception::Vec3& p_W,
+                                                 double half_step_vox = 1.0) const noexcept;
   // Within `voxels` of the edge of the newest window, or outside it.
   [[nodiscard]] bool near_edge(const perception::Vec3& p_W, double voxels = 2.0) const noexcept;
 

@@ -125,13 +125,19 @@ class HapticTask {
   }
 
  private:
+  static constexpr double kFarthestHand_m = 10.0;  // beyond it a position is no position
+
   bool take_patch(const perception::SurfacePatch* patch) noexcept;
   void advance_blend(double dt) noexcept;
-  double advance_gain(const In& in, bool stale, double dt) noexcept;
-  void safe(Out& out, rt::Nanos dt) noexcept;
-  void guard_force(const perception::Vec3& f_raw, double dh, double dt, Out& out) noexcept;
+  double advance_gain(bool ramp_down, double dt) noexcept;
+  bool take_hand(const drivers::StylusSample& stylus, const rt::Tick& tick, double dt,
+                 perception::Vec3& dx_D) noexcept;
+  rt::Health without_sample(const rt::Tick& tick, Out& out) noexcept;
+  void safe(Out& out) noexcept;
+  void guard_force(const perception::Vec3& f_spring_D, double dh, double dt, Out& out) noexcept;
   void emit(Out& out, TouchEvent::Kind kind, const rt::Tick& tick) noexcept;
-  void events(const rt::Tick& tick, const In& in, Out& out) noexcept;
+  void events(const rt::Tick& tick, bool button, Out& out) noexcept;
+  void report(const rt::Tick& tick, bool button, Out& out) noexcept;
 
   HapticConfig config_;
   ProxyConfig proxy_config_;
@@ -155,6 +161,7 @@ class HapticTask {
   perception::Vec3 f_raw_D_ = perception::Vec3::Zero();  // of the last tick
   perception::Vec3 f_D_ = perception::Vec3::Zero();
   double fade_ = 0, ramp_ = 0;
+  double spring_J_ = 0;  // energy in the spring last tick
   bool enabled_ = false;
   bool was_contact_ = false, was_button_ = false, marking_ = false;
   perception::Vec3 mark_p_W_ = perception::Vec3::Zero();

@@ -1,0 +1,354 @@
+#include "tasks/haptic/haptic_task.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <sstream>
+#include <stdexcept>
+
+namespace tasks {
+
+using perception::SurfacePatch;
+using perception::Vec3;
+
+namespace {
+
+bool finite(const Vec3& v) noexcept {
+  return std::isfinite(v.x()) && std::isfinite(v.y()) && std::isfinite(v.z());
+}
+
+// A patch that the field can be built on; anything else is refused, not clamped.
+bool well_formed(const SurfacePatch& p) noexcept {
+  return p.seq > 0 && p.nodes >= 8 && p.nodes <= SurfacePatch::kMaxNodes && p.nodes % 4 == 0 &&
+         std::isfinite(p.voxel_size) && p.voxel_size >= 1e-4 && p.voxel_size <= 1.0 &&
+         std::isfinite(p.metres_per_unit) && p.metres_per_unit > 0;
+}
+
+Vec3 limited(const Vec3& f, double limit) noexcept {
+  const double norm = f.norm();
+  return norm > limit ? Vec3(f * (limit / norm)) : f;
+}
+
+// Energy of a spring whose force is cut at `limit`.
+double spring_energy(double stiffness, double stretch, double limit) noexcept {
+  const double knee = limit / stiffness;
+  return stretch <= knee ? 0.5 * stiffness * stretch * stretch
+                         : 0.5 * stiffness * knee * knee + limit * (stretch - knee);
+}
+
+[[noreturn]] void refuse(const std::ostringstream& text) { throw std::runtime_error(text.str()); }
+
+}  // namespace
+
+void HapticConfig::describe(config::Section& s) {
+  s.text("method", method, {"constrained", "nearest", "nearest10"}, "how the proxy is found");
+  s.number("stiffness_N_per_m", stiffness_N_per_m, 1, 14500, "spring at the device");
+  s.number("scale", scale, 0.01, 100, "scene metres per hand metre");
+  s.numbers("workspace_W_m", workspace_W_m, -1000, 1000, "centre of the device workspace in W");
+  s.number("workspace_yaw_deg", workspace_yaw_deg, -360, 360, "device base about z of W");
+  s.number("tip_radius_m", tip_radius_m, 0, 0.04, "radius of the proxy, in the scene");
+  s.number("force_limit_N", force_limit_N, 0.1, 12, "largest force on the hand");
+  s.number("slew_N_per_s", slew_N_per_s, 10, 10000, "fastest change of force at a still hand");
+  s.number("fade_in_s", fade_in_s, 0, 1, "after start inside, re-enable, reconnect");
+  s.number("blend_s", blend_s, 0, 1, "old patch to new patch");
+  s.number("patch_liveness_s", patch_liveness_s, 0.01, 10, "oldest publication still touched");
+  s.number("ramp_s", ramp_s, 0.001, 1, "to zero when a patch is stale or on ramp-down");
+  s.number("device_liveness_s", device_liveness_s, 0, 0.1, "last force held without a sample");
+  s.number("mark_spacing_m", mark_spacing_m, 0.001, 1, "distance between points of a mark");
+  s.number("mark_rate_hz", mark_rate_hz, 0.1, 1000, "points of a mark a second, at least");
+  s.flag("guard", guard, "slew guard");
+  s.flag("passivity_controller", passivity_controller, "damp what the observer finds active");
+}
+
+HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
+                       const drivers::DeviceProperties& device, double period_s,
+                       double window_half_extent_m)
+    : config_(config), period_s_(period_s) {
+  ProxyMethod method = ProxyMethod::kConstrained;
+  if (!parse_proxy_method(config.method, method)) {
+    throw std::runtime_error("haptic.method = '" + config.method +
+                             "': allowed are constrained, nearest, nearest10");
+  }
+  proxy_step_ = proxy_step(method);
+  const double k_max = device.stiffness_limit(period_s);
+  if (!(config.stiffness_N_per_m > 0) || config.stiffness_N_per_m > k_max) {
+    std::ostringstream text;
+    text << "haptic.stiffness_N_per_m = " << config.stiffness_N_per_m
+         << " is above what the device renders stably: 0.8 b / (T/2 + t_d) = " << k_max
+         << " N/m (b = " << device.damping_N_s_per_m << " N s/m, T = " << period_s
+         << " s, t_d = " << device.delay_s << " s)";
+    refuse(text);
+  }
+  const double half_min = device.speed_limit_m_per_s * config.scale * 0.1 + 0.05;
+  if (window_half_extent_m > 0 && window_half_extent_m < half_min) {
+    std::ostringstream text;
+    text << "haptic: the patch window reaches " << window_half_extent_m
+         << " m to each side, below the needed " << half_min << " m (speed limit "
+         << device.speed_limit_m_per_s << " m/s x scale " << config.scale
+         << " x 100 ms + 50 mm): use more nodes, a larger voxel or a smaller scale";
+    refuse(text);
+  }
+  proxy_config_.tip_radius_m = config.tip_radius_m;
+  force_limit_N_ = std::min(config.force_limit_N, device.force_limit_N);
+  origin_W_ = Vec3(config.workspace_W_m[0], config.workspace_W_m[1], config.workspace_W_m[2]);
+  R_WD_ = Eigen::AngleAxisd(config.workspace_yaw_deg * std::numbers::pi / 180.0, Vec3::UnitZ())
+              .toRotationMatrix();
+}
+
+// True: `patch` was refused as malformed.
+bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
+  if (patch == nullptr || !wants_patch()) return false;
+  if (newer_ != nullptr && patch->map_id == newer_->map_id && patch->seq <= newer_->seq) {
+    return false;  // again, or an older one: nothing new
+  }
+  if (!well_formed(*patch)) return patch->seq > 0;
+  if (newer_ != nullptr && patch->map_id != newer_->map_id) {
+    proxy_ = ProxyState{};  // another map: old places mean nothing in it
+    newer_ = nullptr;
+    fade_ = 0;
+  }
+  const bool blends =
+      newer_ != nullptr && config_.blend_s > 0 && Field::compatible(*newer_, *patch);
+  older_ = blends ? newer_ : nullptr;
+  newer_ = patch;
+  blend_ = blends ? 0.0 : 1.0;
+  energy_.begin_event();
+  field_.set(older_, newer_, blend_);
+  return false;
+}
+
+void HapticTask::advance_blend(double dt) noexcept {
+  if (older_ == nullptr) return;
+  const double slow = energy_.over_budget() ? 0.25 : 1.0;
+  blend_ = std::min(1.0, blend_ + slow * dt / config_.blend_s);
+  if (blend_ > 1.0 - 1e-9) {
+    blend_ = 1.0;
+    older_ = nullptr;
+  }
+  field_.set(older_, newer_, blend_);
+}
+
+// Fade-in and ramps as one gain. `ramp_down` pulls to zero, recovery climbs as a fade-in does.
+double HapticTask::advance_gain(bool ramp_down, double dt) noexcept {
+  const double up = config_.fade_in_s > 0 ? dt / config_.fade_in_s : 1.0;
+  if (!enabled_) {
+    enabled_ = true;
+    fade_ = proxy_.phase == ProxyState::Phase::kContact ? 0.0 : 1.0;
+    ramp_ = ramp_down ? 0.0 : 1.0;
+  }
+  if (proxy_.started_inside) fade_ = 0;
+  fade_ = std::min(1.0, fade_ + up);
+  ramp_ = std::clamp(ramp_ + (ramp_down ? -dt / config_.ramp_s : up), 0.0, 1.0);
+  return fade_ * ramp_;
+}
+
+// Force limit, passivity, slew guard; fills force and telemetry, and remembers both forces.
+void HapticTask::guard_force(const Vec3& f_spring_D, double dh, double dt, Out& out) noexcept {
+  HapticTelemetry& t = out.telemetry;
+  Vec3 f = limited(f_spring_D, force_limit_N_);
+  t.limit_active = f_spring_D.norm() > force_limit_N_;
+  if (config_.passivity_controller && energy_.reserve_J() < 0 && t.in_contact) {
+    const double v2 = v_D_.squaredNorm();
+    if (v2 > 1e-6) {  // alpha bounded: never more than half the device's own stable damping range
+      const double alpha =
+          std::min(-energy_.reserve_J() / (period_s_ * v2), 0.5 * config_.stiffness_N_per_m * dt);
+      f = limited(f - alpha * v_D_, force_limit_N_);
+    }
+  }
+  const Vec3 change_raw = f - f_raw_D_;
+  t.f_raw_D = f;
+  t.step_raw_N = change_raw.norm();
+  t.guard_use = t.in_contact && t.step_raw_N > config_.stiffness_N_per_m * dh + 0.1;
+  f_raw_D_ = f;
+  const Vec3 change = f - f_D_;
+  const double most =
+      std::max(config_.slew_N_per_s * period_s_, 1.1 * config_.stiffness_N_per_m * dh);
+  const double size = change.norm();
+  if (config_.guard && size > most) {
+    f = f_D_ + change * (most / size);
+    t.guard_active = true;
+  }
+  f = limited(f, force_limit_N_);
+  t.step_N = (f - f_D_).norm();
+  f_D_ = f;
+  out.force.f_H_D = f;
+}
+
+// Forces off at once; what is remembered of the surface stays, and the next enable fades in.
+void HapticTask::safe(Out& out) noexcept {
+  out.telemetry.step_N = f_D_.norm();
+  f_D_ = f_raw_D_ = Vec3::Zero();
+  enabled_ = false;
+  fade_ = ramp_ = 0;
+  spring_J_ = 0;
+  out.force.f_H_D = Vec3::Zero();
+}
+
+void HapticTask::emit(Out& out, TouchEvent::Kind kind, const rt::Tick& tick) noexcept {
+  if (out.event_count >= static_cast<std::int32_t>(out.events.size())) return;
+  TouchEvent& e = out.events[static_cast<std::size_t>(out.event_count++)];
+  e = TouchEvent{};
+  e.seq = ++event_seq_;
+  e.stamp = tick.release;
+  e.kind = kind;
+  e.p_W = proxy_.p_WP();
+  e.normal_W = proxy_.normal_W();
+  e.force_N = out.force.f_H_D.norm();
+}
+
+// At most four a tick: a contact begins and its mark with it, or the reverse.
+void HapticTask::events(const rt::Tick& tick, bool button, Out& out) noexcept {
+  using Kind = TouchEvent::Kind;
+  const bool contact = out.telemetry.in_contact;
+  if (contact && !was_contact_) emit(out, Kind::kContactBegin, tick);
+  if (marking_ && (!contact || !button)) {
+    emit(out, Kind::kMarkEnd, tick);
+    marking_ = false;
+  }
+  if (contact && button && !was_button_ && !marking_) {
+    emit(out, Kind::kMarkBegin, tick);
+    marking_ = true;
+    mark_p_W_ = proxy_.p_WP();
+    mark_time_ = tick.release;
+  } else if (marking_ && ((proxy_.p_WP() - mark_p_W_).norm() >= config_.mark_spacing_m ||
+                          rt::seconds(tick.release - mark_time_) >= 1.0 / config_.mark_rate_hz)) {
+    emit(out, Kind::kMarkPoint, tick);
+    mark_p_W_ = proxy_.p_WP();
+    mark_time_ = tick.release;
+  }
+  if (!contact && was_contact_) emit(out, Kind::kContactEnd, tick);
+  was_contact_ = contact;
+  was_button_ = button;
+}
+
+void HapticTask::report(const rt::Tick& tick, bool button, Out& out) noexcept {
+  HapticState& s = out.state;
+  s.seq = ++state_seq_;
+  s.stamp = tick.release;
+  s.p_WH = have_hand_ ? to_world(h_D_) : Vec3::Zero();
+  s.v_WH = R_WD_ * (config_.scale * v_D_);
+  s.p_WP = have_hand_ && newer_ != nullptr ? proxy_.p_WP() : s.p_WH;
+  s.f_H_W = R_WD_ * out.force.f_H_D;
+  s.normal_W = out.telemetry.in_contact ? proxy_.normal_W() : Vec3::Zero();
+  s.contacts = out.telemetry.in_contact ? proxy_.contacts : 0;
+  s.button = button;
+  s.patch_seq = newer_ != nullptr ? newer_->seq : 0;
+  HapticTelemetry& t = out.telemetry;
+  t.energy_J = energy_.energy_J();
+  t.booked_J = energy_.booked_J();
+  t.blend = blend_;
+  t.work = field_.take_work();
+}
+
+// No sample: the last force is held for its liveness, then forces are off and the hand is new again.
+rt::Health HapticTask::without_sample(const rt::Tick& tick, Out& out) noexcept {
+  rt::Health health = rt::Health::of(rt::Severity::kCounted, kFaultHapticDeviceLost);
+  const bool live =
+      have_hand_ && rt::seconds(tick.release - hand_time_) <= config_.device_liveness_s;
+  if (live) {
+    out.force.f_H_D = f_D_;
+    out.telemetry.in_contact = was_contact_;
+  } else {
+    if (have_hand_) health = rt::Health::of(rt::Severity::kDegraded, kFaultHapticDeviceLost);
+    have_hand_ = false;
+    proxy_ = ProxyState{};
+    safe(out);
+  }
+  events(tick, was_button_ && live, out);
+  report(tick, was_button_ && live, out);
+  return health;
+}
+
+// The hand's position of this tick; false when it is not a number.
+bool HapticTask::take_hand(const drivers::StylusSample& stylus, const rt::Tick& tick, double dt,
+                           Vec3& dx_D) noexcept {
+  dx_D = Vec3::Zero();
+  if (!finite(stylus.p_DH) || stylus.p_DH.norm() > kFarthestHand_m) return false;
+  if (have_hand_) {
+    dx_D = stylus.p_DH - h_D_;
+    constexpr double kVelocityTime_s = 0.01;
+    v_D_ += (dx_D / dt - v_D_) * std::min(1.0, dt / kVelocityTime_s);
+    energy_.move(f_D_, dx_D);
+  } else {
+    v_D_ = Vec3::Zero();
+    proxy_ = ProxyState{};
+    enabled_ = false;
+  }
+  have_hand_ = true;
+  h_D_ = stylus.p_DH;
+  hand_time_ = tick.release;
+  return true;
+}
+
+rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
+  out = Out{};
+  const double since = have_release_ ? rt::seconds(tick.release - last_release_) : period_s_;
+  const double dt = std::clamp(since, 0.1 * period_s_, 0.1);
+  last_release_ = tick.release;
+  have_release_ = true;
+
+  rt::Health health = rt::Health::ok();
+  if (take_patch(in.patch_newest)) {
+    health = rt::Health::of(rt::Severity::kCounted, kFaultHapticBadPatch);
+  }
+  const bool blending = older_ != nullptr;
+  advance_blend(dt);
+  if (!in.stylus_ok) return rt::worst(health, without_sample(tick, out));
+
+  Vec3 dx_D;
+  if (!take_hand(in.stylus, tick, dt, dx_D)) {
+    have_hand_ = false;
+    safe(out);
+    events(tick, false, out);
+    report(tick, false, out);
+    return rt::Health::of(rt::Severity::kDegraded, kFaultHapticNotFinite);
+  }
+  const Vec3 p_WH = to_world(h_D_);
+  proxy_step_(field_, p_WH, proxy_, proxy_config_);
+  const Vec3 stretch_W = proxy_.p_WP() - p_WH;
+  if (!finite(stretch_W)) {
+    proxy_ = ProxyState{};
+    have_hand_ = false;
+    safe(out);
+    events(tick, false, out);
+    report(tick, false, out);
+    return rt::Health::of(rt::Severity::kDegraded, kFaultHapticNotFinite);
+  }
+
+  HapticTelemetry& t = out.telemetry;
+  t.held = proxy_.held;
+  t.near_edge = newer_ != nullptr && (field_.near_edge(p_WH) || field_.near_edge(proxy_.p_WP()));
+  t.patch_age_s = newer_ != nullptr ? rt::seconds(tick.release - newer_->fused) : 0;
+  t.stale = newer_ != nullptr && t.patch_age_s > config_.patch_liveness_s;
+  if (t.stale) {
+    health = rt::worst(health, rt::Health::of(rt::Severity::kDegraded, kFaultHapticPatchStale));
+  }
+  const bool allowed = in.mode.seq > 0 && newer_ != nullptr &&
+                       in.stylus.state == drivers::DeviceState::kForce &&
+                       in.mode.mode != Mode::kInit && in.mode.mode != Mode::kSafeStop;
+  if (!allowed) {
+    safe(out);
+  } else {
+    t.in_contact = proxy_.phase == ProxyState::Phase::kContact;
+    t.penetration_m = t.in_contact ? stretch_W.norm() : 0;
+    const double gain_before = t.gain = fade_ * ramp_;
+    t.gain = advance_gain(t.stale || in.mode.mode == Mode::kRampDown, dt);
+    const Vec3 f_D = (t.gain * config_.stiffness_N_per_m / config_.scale) *
+                     (R_WD_.transpose() * stretch_W);
+    const Vec3 f_raw_before = f_raw_D_;
+    guard_force(t.in_contact ? f_D : Vec3::Zero(), dx_D.norm(), dt, out);
+    const double spring_J =
+        t.gain > 0 ? t.gain * spring_energy(config_.stiffness_N_per_m,
+                                            t.penetration_m / config_.scale,
+                                            force_limit_N_ / t.gain)
+                   : 0;
+    const bool moved = blending || t.gain != gain_before;
+    energy_.book(moved ? spring_J - spring_J_ + 0.5 * (f_raw_before + f_raw_D_).dot(dx_D) : 0, dt);
+    spring_J_ = spring_J;
+  }
+  events(tick, in.stylus.button, out);
+  report(tick, in.stylus.button, out);
+  return health;
+}
+
+}  // namespace tasks

@@ -1,0 +1,521 @@
+#include "tasks/haptic/proxy.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tasks/haptic/nearest_on_planes.hpp"
+
+namespace tasks {
+
+using perception::Vec3;
+
+namespace {
+
+constexpr double kSlopeMin = 0.05;      // below it a gradient gives no direction
+constexpr double kSweepStep_vox = 0.25;
+constexpr int kSweepSamples = 512;      // 128 voxels: more than any window
+
+// What the proxy has to keep >= 0, and its gradient.
+struct Gap {
+  double value = 0;
+  Vec3 gradient = Vec3::Zero();
+  bool known = false;
+};
+
+struct Plane {
+  HalfSpace half;
+  Vec3 at = Vec3::Zero();  // where it was sampled
+  bool fresh = false;      // found from the current proxy, not carried from an earlier one
+  bool known = false;
+};
+
+// One tick of the constrained method: the working set, on the stack.
+class Descent {
+ public:
+  Descent(const Field& field, const Vec3& h, ProxyState& state, const ProxyConfig& cfg) noexcept
+      : field_(field), h_(h), state_(state), cfg_(cfg), radius_(cfg.tip_radius_m) {
+    if (radius_ > 0) {
+      // A projective field overstates distance (|gradient| > 1) at grazing views; the tip's radius is
+      // a true length. Below 1 the gradient is that of a rounded crease and must not shrink it.
+      radius_ *= std::max(1.0, field.smooth_gradient(state.p_WP()).norm());
+    }
+    for (std::int32_t i = 0; i < state.frame_size; ++i) {
+      const ProxyPlane& f = state.frame[static_cast<std::size_t>(i)];
+      frame_[frame_size_++] = {Vec3(f.nx, f.ny, f.nz), f.d};
+    }
+  }
+
+  [[nodiscard]] Gap gap(const Vec3& x) noexcept {
+    const FieldSample s = field_.sample(x);
+    if (s.known) return {s.value - radius_, s.gradient, true};
+    return held_gap(x);
+  }
+
+  void place() noexcept;
+  void sweep() noexcept;
+  void contact(Vec3 p) noexcept;
+  void hold() noexcept;
+
+ private:
+  // Unknown space in contact: the surface goes on as the last contact planes.
+  [[nodiscard]] Gap held_gap(const Vec3& x) noexcept {
+    Gap g{1.0, state_.normal_W(), false};
+    for (std::size_t i = 0; i < frame_size_; ++i) {
+      const double d = frame_[i].distance(x);
+      if (d < g.value) g = {d, frame_[i].n, false};
+    }
+    return g;
+  }
+  [[nodiscard]] Plane plane(const Vec3& x, const Gap& g, bool fresh) const noexcept;
+  bool lift(Vec3& p, Gap& g) noexcept;
+  bool carry(Vec3& p, Gap& g) noexcept;
+  void accept(const Vec3& p, const Gap& g) noexcept;
+  void add(const Plane& plane) noexcept;
+  bool drop_stale(unsigned active) noexcept;
+  [[nodiscard]] PlanesResult solve() const noexcept;
+  [[nodiscard]] bool step(Vec3& p, Gap& g, double& trust) noexcept;
+  void finish(const Vec3& p, const Gap& g) noexcept;
+  void leave(const Vec3& p, bool free) noexcept;
+
+  const Field& field_;
+  const Vec3 h_;
+  ProxyState& state_;
+  const ProxyConfig& cfg_;
+  double radius_;
+  std::array<HalfSpace, 3> frame_{};
+  std::size_t frame_size_ = 0;
+  std::array<Plane, 3> planes_{};  // [0] is the tangent at the proxy
+  std::size_t size_ = 0;
+  unsigned active_ = 0;
+};
+
+Plane Descent::plane(const Vec3& x, const Gap& g, bool fresh) const noexcept {
+  const double slope = g.gradient.norm();
+  Plane out;
+  out.at = x;
+  out.fresh = fresh;
+  out.known = g.known;
+  if (slope < kSlopeMin) {
+    // Flat spot (the ridge of a crease on a node): keep the side, stay where it is.
+    out.half.n = state_.normal_W();
+    out.half.d = out.half.n.dot(x);
+  } else {
+    out.half.n = g.gradient / slope;
+    out.half.d = out.half.n.dot(x) - g.value / slope;
+  }
+  return out;
+}
+
+PlanesResult Descent::solve() const noexcept {
+  std::array<HalfSpace, 3> halves{};
+  for (std::size_t i = 0; i < size_; ++i) halves[i] = planes_[i].half;
+  return nearest_on_planes(halves, size_, h_);
+}
+
+// Newton onto the surface, outwards. False: not reached.
+bool Descent::lift(Vec3& p, Gap& g) noexcept {
+  for (int i = 0; i < 8 && g.value < -cfg_.tolerance_m; ++i) {
+    const double slope = g.gradient.norm();
+    if (slope < kSlopeMin) return false;
+    const double step = std::min(-g.value / slope, kSweepStep_vox * field_.voxel());
+    p += (step / slope) * g.gradient;
+    g = gap(p);
+  }
+  return g.value >= -10 * cfg_.tolerance_m;
+}
+
+// The field changed under a proxy in contact: out of the solid along its own side, never through it.
+bool Descent::carry(Vec3& p, Gap& g) noexcept {
+  if (g.value >= -cfg_.tolerance_m) return true;
+  const Vec3 side = state_.normal_W();
+  if (g.gradient.dot(side) > 0.5 * g.gradient.norm()) {
+    Vec3 q = p;
+    Gap gq = g;
+    if (lift(q, gq) && (q - p).dot(side) > 0) {
+      p = q;
+      g = gq;
+      return true;
+    }
+  }
+  const double step = kSweepStep_vox * field_.voxel();
+  Vec3 inside = p;
+  for (double done = step; done <= field_.truncation() + step; done += step) {
+    Vec3 q = p + done * side;
+    Gap gq = gap(q);
+    if (gq.value < 0) {
+      inside = q;
+      continue;
+    }
+    for (int i = 0; i < 24 && gq.value > cfg_.tolerance_m; ++i) {
+      const Vec3 middle = 0.5 * (inside + q);
+      const Gap gm = gap(middle);
+      if (gm.value < 0) {
+        inside = middle;
+      } else {
+        q = middle;
+        gq = gm;
+      }
+    }
+    p = q;
+    g = gq;
+    return true;
+  }
+  return false;
+}
+
+// The proxy moved: its tangent comes first; older planes stay while the proxy is on their free side
+// (the surface is concave between) and near the place they were sampled at.
+void Descent::accept(const Vec3& p, const Gap& g) noexcept {
+  std::array<Plane, 3> kept{};
+  kept[0] = plane(p, g, true);
+  std::size_t n = 1;
+  const double reach = 0.5 * field_.voxel();
+  for (std::size_t i = 0; i < size_ && n < 3; ++i) {
+    Plane old = planes_[i];
+    if (old.half.distance(p) < -cfg_.tolerance_m) continue;
+    if ((old.at - p).squaredNorm() > reach * reach) continue;
+    if (old.half.n.dot(kept[0].half.n) > 0.9999) continue;
+    old.fresh = false;
+    kept[n++] = old;
+  }
+  planes_ = kept;
+  size_ = n;
+}
+
+void Descent::add(const Plane& p) noexcept {
+  if (size_ < 3) {
+    planes_[size_++] = p;
+    return;
+  }
+  // Full: the proxy's own tangent stays; an inactive plane goes first, else the older one.
+  const std::size_t victim = (active_ & 2U) == 0 ? 1 : (active_ & 4U) == 0 ? 2 : 1;
+  if (victim == 1) planes_[1] = planes_[2];
+  planes_[2] = p;
+}
+
+bool Descent::drop_stale(unsigned active) noexcept {
+  bool dropped = false;
+  std::size_t n = 1;
+  for (std::size_t i = 1; i < size_; ++i) {
+    if (!planes_[i].fresh && (active & (1U << i)) != 0) {
+      dropped = true;
+      continue;
+    }
+    planes_[n++] = planes_[i];
+  }
+  size_ = n;
+  return dropped;
+}
+
+// One descent step from p. False: the proxy is where it should be.
+bool Descent::step(Vec3& p, Gap& g, double& trust) noexcept {
+  const PlanesResult best = solve();
+  active_ = best.active;
+  if (!best.solved) return drop_stale(~0U);
+  const Vec3 d = best.x - p;
+  const double length = d.norm();
+  if (length < cfg_.step_min_m) return drop_stale(best.active);
+  const double stride = std::min(length, trust);
+  Vec3 x = p + (stride / length) * d;
+  Gap gx = gap(x);
+  if (gx.value < -cfg_.tolerance_m) {
+    const Plane cut = plane(x, gx, true);
+    const double depth = -cut.half.distance(x);
+    // The tangent there holds for the proxy too: the surface bends towards us. Take it as a constraint.
+    if (depth > 0.02 * stride && cut.half.distance(p) >= -cfg_.tolerance_m) {
+      add(cut);
+      return true;
+    }
+    if (!lift(x, gx)) {
+      trust = 0.25 * stride;
+      return trust >= cfg_.step_min_m;
+    }
+  }
+  const double before = (p - h_).squaredNorm(), after = (x - h_).squaredNorm();
+  const double gain_min = 2e-8 * std::sqrt(before) + 1e-16;
+  bool good = after < before - gain_min;
+  if (good && stride > 0.125 * field_.voxel()) {
+    good = gap(0.5 * (p + x)).value > -0.05 * field_.voxel();
+  }
+  if (!good) {
+    trust = 0.25 * stride;
+    return trust >= cfg_.step_min_m;
+  }
+  accept(x, gx);
+  p = x;
+  g = gx;
+  trust = std::min(2 * std::max(trust, stride), kSweepStep_vox * field_.voxel());
+  return true;
+}
+
+void Descent::contact(Vec3 p) noexcept {
+  Gap g = gap(p);
+  if (!carry(p, g)) {
+    hold();
+    return;
+  }
+  size_ = 0;
+  accept(p, g);
+  double trust = kSweepStep_vox * field_.voxel();
+  for (int i = 0; i < cfg_.iterations_max; ++i) {
+    if (!step(p, g, trust)) break;
+  }
+  finish(p, g);
+}
+
+void Descent::finish(const Vec3& p, const Gap& g) noexcept {
+  if ((p - h_).squaredNorm() <= cfg_.step_min_m * cfg_.step_min_m && g.value >= 0) {
+    leave(h_, g.known);
+    return;
+  }
+  state_.phase = ProxyState::Phase::kContact;
+  state_.held = !g.known;
+  state_.set_p(p);
+  std::size_t n = 0;
+  unsigned used = active_;
+  if (used == 0) used = 1;
+  bool all_known = true;
+  for (std::size_t i = 0; i < size_; ++i) {
+    if ((used & (1U << i)) == 0) continue;
+    all_known = all_known && planes_[i].known;
+    ++n;
+  }
+  state_.contacts = active_ == 0 && g.value > 1e-4 ? 0 : static_cast<std::int32_t>(n);
+  const Vec3 out = p - h_;
+  const double length = out.norm();
+  state_.set_normal(length > 1e-5 ? Vec3(out / length) : planes_[0].half.n);
+  if (!all_known) {
+    state_.held = true;
+    return;
+  }
+  n = 0;
+  for (std::size_t i = 0; i < size_; ++i) {
+    if ((used & (1U << i)) == 0) continue;
+    const HalfSpace& f = planes_[i].half;
+    state_.frame[n++] = {f.n.x(), f.n.y(), f.n.z(), f.d};
+  }
+  state_.frame_size = static_cast<std::int32_t>(n);
+}
+
+void Descent::leave(const Vec3& p, bool free) noexcept {
+  state_.phase = free ? ProxyState::Phase::kFree : ProxyState::Phase::kUnknown;
+  state_.set_p(p);
+  state_.set_normal(Vec3::Zero());
+  state_.frame_size = 0;
+  state_.contacts = 0;
+}
+
+// No field to go by: the last contact planes alone.
+void Descent::hold() noexcept {
+  const PlanesResult best = nearest_on_planes(frame_, frame_size_, h_);
+  if (!best.solved) {  // opposed planes: stay
+    state_.held = true;
+    state_.contacts = state_.frame_size;
+    return;
+  }
+  if (best.active == 0) {
+    leave(h_, false);
+    return;
+  }
+  state_.held = true;
+  state_.set_p(best.x);
+  const Vec3 out = best.x - h_;
+  if (out.norm() > 1e-5) state_.set_normal(out.normalized());
+  state_.contacts = static_cast<std::int32_t>((best.active & 1U) + ((best.active >> 1U) & 1U) +
+                                              ((best.active >> 2U) & 1U));
+}
+
+// First tick: in free space the proxy is the hand; inside, the nearest surface point, if what lies
+// before it was seen free (the right side).
+void Descent::place() noexcept {
+  state_.set_p(h_);
+  const FieldSample s = field_.sample(h_);
+  if (!s.known) {
+    state_.phase = ProxyState::Phase::kUnknown;
+    return;
+  }
+  if (s.value > radius_) {
+    state_.phase = ProxyState::Phase::kFree;
+    return;
+  }
+  state_.phase = ProxyState::Phase::kUnknown;
+  Vec3 p = h_;
+  Gap g = gap(p);
+  double gone = 0;
+  for (int i = 0; i < 32 && g.known && g.value < -cfg_.tolerance_m; ++i) {
+    const double slope = g.gradient.norm();
+    if (slope < kSlopeMin) return;
+    const double step = std::min(-g.value / slope, 0.5 * field_.voxel());
+    p += (step / slope) * g.gradient;
+    gone += step;
+    if (gone > 1.5 * field_.truncation()) return;
+    g = gap(p);
+  }
+  if (!g.known || g.value < -10 * cfg_.tolerance_m || g.gradient.norm() < kSlopeMin) return;
+  const Vec3 n = g.gradient.normalized();
+  if (!field_.seen_free(p + 0.5 * field_.voxel() * n)) return;
+  state_.set_normal(n);
+  state_.started_inside = true;
+  contact(p);
+}
+
+// Free or unknown: from the last place to the hand, looking for the crossing from seen-free to solid.
+void Descent::sweep() noexcept {
+  using Phase = ProxyState::Phase;
+  if (field_.near_edge(h_)) {
+    leave(h_, false);
+    return;
+  }
+  const Vec3 from = state_.p_WP();
+  const Vec3 way = h_ - from;
+  const double length = way.norm(), stride = kSweepStep_vox * field_.voxel();
+  int n = std::max(1, static_cast<int>(std::min(std::ceil(length / stride), 1e6)));
+  int i = 0;
+  if (n > kSweepSamples) {  // another place altogether: nothing is known of the way
+    state_.phase = Phase::kUnknown;
+    n = i = 1;
+  }
+  bool free = state_.phase == Phase::kFree;
+  Vec3 last = from;
+  double last_value = 0;
+  for (; i <= n; ++i) {
+    const Vec3 x = i == n ? h_ : Vec3(from + (static_cast<double>(i) / n) * way);
+    const FieldSample s = field_.sample(x);
+    if (!s.known) {
+      free = false;
+    } else if (s.value > radius_) {
+      free = true;
+    } else if (free) {
+      Vec3 out = last, in = x;
+      if (i == 0) {  // the surface came to the hand
+        const double slope = s.gradient.norm();
+        if (slope < kSlopeMin) {
+          free = false;
+          continue;
+        }
+        out = x;
+      } else {  // regula falsi with bisection, keeping `out` on the free side
+        double value_in = s.value - radius_;
+        for (int k = 0; k < 24 && last_value > cfg_.tolerance_m; ++k) {
+          double t = (k & 1) != 0 ? 0.5 : last_value / (last_value - value_in);
+          t = std::clamp(t, 0.01, 0.99);
+          const Vec3 middle = out + t * (in - out);
+          const FieldSample m = field_.sample(middle);
+          if (m.known && m.value > radius_) {
+            out = middle;
+            last_value = m.value - radius_;
+          } else {
+            in = middle;
+            value_in = m.known ? m.value - radius_ : value_in;
+          }
+        }
+      }
+      const Vec3 gradient = field_.sample(out).gradient;
+      const double slope = gradient.norm();
+      state_.set_normal(slope > kSlopeMin ? Vec3(gradient / slope)
+                        : length > 0      ? Vec3(-way / length)
+                                          : Vec3::UnitZ());
+      contact(out);
+      return;
+    }
+    last = x;
+    last_value = s.value - radius_;
+  }
+  leave(h_, free);
+}
+
+void nearest(const Field& field, const Vec3& h, ProxyState& state, const ProxyConfig& cfg,
+             int steps) noexcept {
+  state.held = state.started_inside = false;
+  state.contacts = 0;
+  state.frame_size = 0;
+  state.set_p(h);
+  state.set_normal(Vec3::Zero());
+  const FieldSample at_hand = field.sample(h);
+  state.phase = at_hand.known ? ProxyState::Phase::kFree : ProxyState::Phase::kUnknown;
+  if (!at_hand.known || at_hand.value > cfg.tip_radius_m) return;
+  Vec3 p = h;
+  double value = at_hand.value;
+  for (int i = 0; i < steps; ++i) {
+    const Vec3 g = field.smooth_gradient(p, 0.5);
+    const double slope2 = g.squaredNorm();
+    if (slope2 < 1e-6) break;
+    p -= ((value - cfg.tip_radius_m) / slope2) * g;
+    const FieldSample s = field.sample(p);
+    if (!s.known) break;
+    value = s.value;
+  }
+  const Vec3 out = p - h;
+  const double length = out.norm();
+  state.phase = ProxyState::Phase::kContact;
+  state.contacts = 1;
+  state.set_p(p);
+  if (length > 0) state.set_normal(out / length);
+}
+
+}  // namespace
+
+void step_nearest(const Field& field, const Vec3& p_WH, ProxyState& state,
+                  const ProxyConfig& cfg) noexcept {
+  nearest(field, p_WH, state, cfg, 1);
+}
+
+void step_nearest10(const Field& field, const Vec3& p_WH, ProxyState& state,
+                    const ProxyConfig& cfg) noexcept {
+  nearest(field, p_WH, state, cfg, 10);
+}
+
+void step_constrained(const Field& field, const Vec3& p_WH, ProxyState& state,
+                      const ProxyConfig& cfg) noexcept {
+  using Phase = ProxyState::Phase;
+  state.held = state.started_inside = false;
+  state.contacts = 0;
+  if (field.empty()) {
+    state.set_p(p_WH);
+    state.set_normal(Vec3::Zero());
+    state.frame_size = 0;
+    if (state.phase != Phase::kStart) state.phase = Phase::kUnknown;
+    return;
+  }
+  Descent descent(field, p_WH, state, cfg);
+  switch (state.phase) {
+    case Phase::kStart:
+      descent.place();
+      break;
+    case Phase::kContact:
+      if (state.frame_size > 0 && (field.near_edge(p_WH) || field.near_edge(state.p_WP()))) {
+        descent.hold();
+      } else {
+        descent.contact(state.p_WP());
+      }
+      break;
+    case Phase::kUnknown:
+    case Phase::kFree:
+      descent.sweep();
+      break;
+  }
+}
+
+ProxyStep proxy_step(ProxyMethod method) noexcept {
+  switch (method) {
+    case ProxyMethod::kNearest: return &step_nearest;
+    case ProxyMethod::kNearest10: return &step_nearest10;
+    case ProxyMethod::kConstrained: break;
+  }
+  return &step_constrained;
+}
+
+bool parse_proxy_method(std::string_view name, ProxyMethod& out) noexcept {
+  if (name == "nearest") {
+    out = ProxyMethod::kNearest;
+  } else if (name == "nearest10") {
+    out = ProxyMethod::kNearest10;
+  } else if (name == "constrained") {
+    out = ProxyMethod::kConstrained;
+  } else {
+    return false;
+  }
+  return true;
+}
+
+}  // namespace tasks
