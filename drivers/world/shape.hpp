@@ -39,6 +39,20 @@ struct Shape {
   std::uint32_t paint_seed = 0;
 };
 
+// Lattice coordinate of p_m. The bias keeps it positive, so truncation is floor (and vectorises);
+// beyond +-2^20 cells it stays at the last one.
+[[nodiscard]] inline std::uint32_t lattice_index(double p_m, double offset_m,
+                                                 double inverse_cell) noexcept {
+  const double x = (p_m + offset_m) * inverse_cell + 1048576.0;
+  const double low = x > 0.0 ? x : 0.0;
+  return static_cast<std::uint32_t>(static_cast<std::int32_t>(low < 2097152.0 ? low : 2097152.0));
+}
+
+// Depth of the pattern in paint_level()'s unit.
+[[nodiscard]] inline std::uint32_t pattern_depth(const Paint& paint) noexcept {
+  return static_cast<std::uint32_t>(paint.contrast * 256.0 + 0.5);
+}
+
 // Brightness of the lattice cell, 256 = the base colour. Integer arithmetic only, so a picture is
 // the same on every machine.
 [[nodiscard]] inline std::uint32_t paint_level(std::uint32_t ix, std::uint32_t iy, std::uint32_t iz,
