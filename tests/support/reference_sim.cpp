@@ -77,7 +77,6 @@ class Sim {
     std::uint64_t span_k = 0;   // next nominal release to look up for thefts and hogs
     bool has_spans = false;
     std::uint64_t dead_from = kAlive;
-    bool dead = false;          // release dead_from has arrived
     int level = 0;
     bool missed = false;        // since the last evaluation at a boundary
     int clean = 0;
@@ -148,6 +147,7 @@ class Sim {
       keep = static_cast<std::size_t>(cfg_.tasks[i].catch_up_max);
     }
     while (tasks_[i].queue.size() > keep) end_front(i, t, SimOutcome::kSkipped);
+    bury_dead(i, t);
   }
 
   void completions(Ticks t) {
@@ -175,7 +175,7 @@ class Sim {
     for (std::size_t i = 0; i < tasks_.size(); ++i) {
       const SimTask& s = cfg_.tasks[i];
       Task& task = tasks_[i];
-      if (s.policy != SimPolicy::kDegrade || task.dead || !task.queue.empty()) continue;
+      if (s.policy != SimPolicy::kDegrade || !task.queue.empty()) continue;
       if (task.missed) {
         task.missed = false;
         task.clean = 0;
@@ -214,19 +214,20 @@ class Sim {
     job.log.k = task.next_k;
     job.log.release = nominal(i, task.next_k);
     job.log.arrival = t;
-    if (task.next_k >= task.dead_from) {
-      task.dead = true;
-      ++result_.tasks[i].skipped;
-      job.log.end = t;
-      job.log.level = task.level;
-      job.log.outcome = SimOutcome::kSkipped;
-      if (cfg_.keep_jobs) result_.tasks[i].jobs.push_back(job.log);
-      return;
-    }
     task.queue.push_back(job);
-    if (cfg_.tasks[i].policy == SimPolicy::kAbort && due(i, task.next_k) <= t) {
+    if (cfg_.tasks[i].policy == SimPolicy::kAbort && due(i, task.next_k) <= t &&
+        task.next_k < task.dead_from) {
       // Nothing older can be waiting: it would have been aborted at its own, earlier deadline.
       end_front(i, t, SimOutcome::kAborted);
+    }
+    bury_dead(i, t);
+  }
+
+  // Releases of a thread that is gone, once nothing older is before them.
+  void bury_dead(std::size_t i, Ticks t) {
+    Task& task = tasks_[i];
+    while (!task.queue.empty() && task.queue.front().log.k >= task.dead_from) {
+      end_front(i, t, SimOutcome::kSkipped);
     }
   }
 
