@@ -16,6 +16,7 @@
 // Same input, same answer.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <span>
 #include <string>
@@ -57,6 +58,7 @@ struct AdmissionRequest {
 
 struct AdmittedTask {
   std::string name;
+  Box box = Box::kOperator;
   int core = -1;          // index into cpus; -1: not placed
   int cpu = -1;
   int rank = 0;
@@ -74,7 +76,7 @@ struct AdmittedCore {
   double best_effort = 0;   // pinned here
   double liu_layland = 1, hyperbolic = 1;
   bool schedulable = false;
-  double growth = 0;        // factor by which all budgets of this core may grow
+  double growth = 0;        // factor by which all budgets of this core may grow; infinite if unused
 };
 
 struct Admission {
@@ -84,7 +86,8 @@ struct Admission {
   std::vector<AdmittedTask> platform;   // one row per instance: "sentinel@0"
   std::vector<AdmittedCore> cores;      // as in cpus
   double floating_best_effort = 0;      // declared without a core
-  double growth = 0;                    // smallest of the used cores
+  double core_limit = 0.90;
+  double growth = 0;                    // factor by which all budgets of the host may grow
   std::vector<std::string> steps;       // each lowering: which task, from what to what, and why
 };
 
