@@ -1,0 +1,92 @@
+// One end of the link, without a transport: what to send when, and what to do with what arrives.
+// The TCP transport (tcp_link.hpp) and the virtual clock's link drive the same object, so the same
+// bytes travel in both.
+//
+// Sending: each outgoing edge is asked for its newest message at its rate; small messages go first;
+// an image is fetched (and so encoded bytes are copied) only when the line is free: newest wins.
+// Receiving: header and CRC are checked, then the edge's handler gets the body with the stamp
+// already in local time. The first message must be a Hello of the same schema.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "drivers/link/clock_sync.hpp"
+#include "drivers/link/wire.hpp"
+#include "rt/memory/non_realtime.hpp"
+
+namespace drivers {
+
+class LinkEndpoint {
+ public:
+  // Writes the newest message's body into `out` and returns its size; 0 = nothing new.
+  using Fill = std::function<std::size_t(std::span<std::uint8_t> out)>;
+  // Body of a received message; `sent` is its stamp in local time. False: refused (counted).
+  using Deliver = std::function<bool(std::span<const std::uint8_t> body, rt::Time sent)>;
+  using Send = std::function<void(std::span<const std::uint8_t> message)>;
+
+  LinkEndpoint(rt::NonRealtime&, rt::Box box);
+
+  void add_outgoing(MessageId id, rt::Nanos period, bool bulk, Fill fill);
+  void add_incoming(MessageId id, Deliver deliver);
+  // Set once: a message of ours right now, before everything else (requests).
+  void request(RequestKind kind) { pending_requests_.push_back({kind}); }
+
+  // Called every millisecond or so by the transport; `line_free` says whether bulk may go out.
+  void poll(rt::Time now, bool line_free, const Send& send);
+  // One whole message as it arrived. False: the connection must be closed; fault() says why.
+  [[nodiscard]] bool receive(std::span<const std::uint8_t> message, rt::Time now, const Send& send);
+
+  [[nodiscard]] bool ready() const noexcept { return hello_ok_ && clock_.valid(); }
+  [[nodiscard]] bool hello_ok() const noexcept { return hello_ok_; }
+  [[nodiscard]] bool bye_received() const noexcept { return bye_; }
+  [[nodiscard]] const std::string& fault() const noexcept { return fault_; }
+  [[nodiscard]] const ClockSync& clock() const noexcept { return clock_; }
+  [[nodiscard]] rt::Time last_heard() const noexcept { return last_heard_; }
+  [[nodiscard]] bool ever_heard() const noexcept { return ever_heard_; }
+  [[nodiscard]] rt::Nanos round_trip() const noexcept { return clock_.round_trip(); }
+  [[nodiscard]] rt::Time to_local(std::int64_t remote_ns) const noexcept {
+    return clock_.to_local({other(), remote_ns});
+  }
+
+  struct Stats {
+    std::array<std::uint64_t, kMessageIds + 1> sent{}, received{}, refused{};
+    std::uint64_t bytes_sent = 0, bytes_received = 0;
+  };
+  [[nodiscard]] const Stats& stats() const noexcept { return stats_; }
+  void send_bye(rt::Time now, const Send& send);
+
+ private:
+  struct Outgoing {
+    MessageId id{};
+    rt::Nanos period{};
+    bool bulk = false;
+    Fill fill;
+    rt::Time next{};
+    std::uint64_t seq = 0;
+  };
+  [[nodiscard]] rt::Box other() const noexcept {
+    return box_ == rt::Box::kOperator ? rt::Box::kRobot : rt::Box::kOperator;
+  }
+  void emit(MessageId id, std::uint64_t seq, std::span<const std::uint8_t> body, rt::Time now, const Send& send);
+  [[nodiscard]] bool on_hello(const Header& h);
+
+  rt::Box box_;
+  std::vector<Outgoing> outgoing_;
+  std::array<Deliver, kMessageIds + 1> incoming_{};
+  std::vector<Request> pending_requests_;
+  std::vector<std::uint8_t> buffer_;   // message under construction: header and body
+  ClockSync clock_;
+  rt::Time next_clock_{};
+  bool hello_sent_ = false, hello_ok_ = false, bye_ = false, ever_heard_ = false;
+  rt::Time last_heard_{};
+  std::uint64_t control_seq_ = 0;
+  std::string fault_;
+  Stats stats_;
+};
+
+}  // namespace drivers

@@ -1,0 +1,82 @@
+// The link's wire format: a fixed 40-byte header, then the body. Little-endian whatever the host.
+//
+//   u32 magic "TLT1"   u16 schema version   u16 message id   u32 body length   u32 CRC32C of the body
+//   u64 sequence (per message id)   i64 stamp (ns of the sender's box clock)   u64 schema hash (Hello
+//   only, else 0)
+//
+// Every reader checks magic, version, id, length cap of the id and CRC before it looks at the body;
+// every field of a body is range-checked (finite, flags known) before it is handed on.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "drivers/link/encoded_frame.hpp"
+#include "drivers/link/messages.hpp"
+#include "rt/time.hpp"
+
+namespace drivers {
+
+enum class MessageId : std::uint16_t {
+  kHello = 1,       // first on a connection, both ways
+  kClockRequest,    // both ways: each side measures the other's clock
+  kClockReply,
+  kFrame,           // robot -> operator: EncodedFrame
+  kRobotState,      // robot -> operator
+  kRobotGoal,       // operator -> robot
+  kRequest,         // operator -> robot: engage, ramp down
+  kBye,             // an orderly end, both ways
+};
+inline constexpr int kMessageIds = 8;
+inline constexpr std::uint16_t kSchemaVersion = 1;
+inline constexpr std::size_t kHeaderSize = 40;
+inline constexpr std::size_t kMaxBody = kWireHeader + EncodedFrame::kCapacity;
+inline constexpr std::size_t kMaxControlBody = 512;
+
+// Hash over the field lists of all messages: two programs talk only when it is equal.
+[[nodiscard]] std::uint64_t schema_hash() noexcept;
+
+struct Header {
+  MessageId id = MessageId::kHello;
+  std::uint32_t length = 0;   // of the body
+  std::uint32_t crc = 0;
+  std::uint64_t seq = 0;
+  std::int64_t stamp_ns = 0;  // sender's box clock
+  std::uint64_t schema = 0;
+  std::uint16_t version = kSchemaVersion;
+};
+
+enum class WireStatus : std::uint8_t { kOk, kIncomplete, kBadMagic, kBadVersion, kBadId, kTooLong, kBadCrc };
+[[nodiscard]] const char* to_text(WireStatus s) noexcept;
+
+[[nodiscard]] std::uint32_t crc32c(std::span<const std::uint8_t> data) noexcept;
+void write_header(const Header& h, std::span<std::uint8_t, kHeaderSize> out) noexcept;
+// kIncomplete when fewer than kHeaderSize bytes are there.
+[[nodiscard]] WireStatus read_header(std::span<const std::uint8_t> in, Header& out) noexcept;
+// Header and body; the CRC is filled in. Returns bytes written, 0 when `out` is too short.
+std::size_t write_message(Header h, std::span<const std::uint8_t> body, std::span<std::uint8_t> out) noexcept;
+
+// Clock exchange: t0 sent by the asker, t1 received and t2 sent by the other (its clock).
+struct ClockRequest { std::int64_t t0_ns = 0; };
+struct ClockReply { std::int64_t t0_ns = 0, t1_ns = 0, t2_ns = 0; };
+
+enum class RequestKind : std::uint8_t { kEngage = 1, kRampDown = 2, kStop = 3 };
+struct Request { RequestKind kind = RequestKind::kRampDown; };
+
+// Bodies. encode() returns the size; decode() is false for a wrong size or a value out of range.
+// Times inside a body are in the *sender's* clock; the endpoint converts them.
+std::size_t encode(const RobotState& m, std::span<std::uint8_t> out) noexcept;
+std::size_t encode(const RobotGoal& m, std::span<std::uint8_t> out) noexcept;
+std::size_t encode(const ClockRequest& m, std::span<std::uint8_t> out) noexcept;
+std::size_t encode(const ClockReply& m, std::span<std::uint8_t> out) noexcept;
+std::size_t encode(const Request& m, std::span<std::uint8_t> out) noexcept;
+[[nodiscard]] bool decode(std::span<const std::uint8_t> in, RobotState& m) noexcept;
+[[nodiscard]] bool decode(std::span<const std::uint8_t> in, RobotGoal& m) noexcept;
+[[nodiscard]] bool decode(std::span<const std::uint8_t> in, ClockRequest& m) noexcept;
+[[nodiscard]] bool decode(std::span<const std::uint8_t> in, ClockReply& m) noexcept;
+[[nodiscard]] bool decode(std::span<const std::uint8_t> in, Request& m) noexcept;
+
+}  // namespace drivers
