@@ -293,6 +293,8 @@ class Admitter {
     row.C = t.C;
     row.T = t.T;
     row.D = t.D;
+    row.J = t.J;
+    row.B = t.B;
     row.R = kUnbounded;
     row.slack = Nanos::min();
     row.utilisation = utilisation(std::span(&t, 1), req_.analysis);

@@ -66,7 +66,7 @@ struct AdmittedTask {
   int level = 0;          // variant in force at the start
   int last_level = 0;     // run-time degradation goes no further
   std::string variant;    // its name; empty if the task has one
-  Nanos C{0}, T{0}, D{0}, R{0}, slack{0};
+  Nanos C{0}, T{0}, D{0}, J{0}, B{0}, R{0}, slack{0};
   double utilisation = 0;
 };
 

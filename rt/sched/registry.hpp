@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <string>
 #include <vector>
@@ -33,11 +34,13 @@ struct RegistryOptions {
   AnalysisOptions analysis;
 };
 
-// The rows a process has to register for its admitted tasks; `mine` says which task rows are run by
-// the calling process (by name; empty: all). Platform rows and pinned best effort come with them.
+// The rows to register for an admission: placed tasks, platform tasks, best effort with a core. `mine`
+// says which of them the calling process runs (name and box of the spec; best effort has the
+// operator's); empty: all. Where two processes share one admission each registers its own part.
+using IsMine = std::function<bool(const std::string& name, Box box)>;
 [[nodiscard]] std::vector<RegistryEntry> registry_entries(const AdmissionRequest& request,
                                                           const Admission& admission,
-                                                          std::span<const std::string> mine = {});
+                                                          const IsMine& mine = {});
 
 class Registry {
  public:
@@ -49,10 +52,11 @@ class Registry {
   Registry(const Registry&) = delete;
   Registry& operator=(const Registry&) = delete;
 
-  // Enters all rows under this process's pid, or none. Refused if on some CPU the union with the rows
-  // already there exceeds the limit or makes any task, ours or another's, miss its deadline; the
-  // message names that task, the figures and what is already there. Rows of equal priority are taken
-  // to delay each other.
+  // Enters all rows under this process's pid in place of those that this object entered before (a mode
+  // change), or changes nothing. Refused if on some CPU of the rows the union with the others already
+  // there exceeds the limit or makes any task, ours or another's, miss its deadline; the message names
+  // that task, the figures and what is already there. Rows of equal priority are taken to delay each
+  // other.
   [[nodiscard]] Result<bool> try_register(std::span<const RegistryEntry> rows,
                                           const RegistryOptions& options = {});
   // Removes the rows this object entered. Only the process that entered them can.
@@ -64,10 +68,15 @@ class Registry {
 
  private:
   struct Table;
-  Registry(int fd, Table* table) noexcept : fd_(fd), table_(table) {}
+  class Lock;
+  Registry(int fd, Table* table, std::string name) noexcept;
+  void close() noexcept;
+
   int fd_ = -1;
   Table* table_ = nullptr;
-  int owner_pid_ = 0;  // a forked child must not remove its parent's rows
+  std::string name_;
+  std::uint64_t owner_ = 0;  // this object's mark on its rows
+  int owner_pid_ = 0;        // a forked child must not remove its parent's rows
 };
 
 }  // namespace rt

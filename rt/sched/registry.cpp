@@ -1,0 +1,387 @@
+#include "rt/sched/registry.hpp"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/file.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <set>
+#include <utility>
+
+namespace rt {
+namespace {
+
+constexpr std::uint64_t kMagic = 0x7465'6c65'7461'6374ULL;  // "teletact"
+constexpr std::uint32_t kVersion = 1;
+constexpr std::size_t kSlots = 512;
+
+std::string system_error(const std::string& what) { return what + ": " + std::strerror(errno); }
+
+std::string milliseconds(Nanos d) {
+  if (d == kUnbounded) return "unbounded";
+  std::array<char, 48> text{};
+  std::snprintf(text.data(), text.size(), "%.3f ms", static_cast<double>(d.count()) * 1e-6);
+  return text.data();
+}
+
+std::string fixed3(double v) {
+  std::array<char, 48> text{};
+  std::snprintf(text.data(), text.size(), "%.3f", v);
+  return text.data();
+}
+
+struct ProcessState {
+  bool alive = false;
+  std::uint64_t start = 0;  // clock ticks after boot; tells a reused pid
+};
+
+// /proc/<pid>/stat: "pid (name) state ppid ... starttime(22) ..."; the name may hold anything.
+ProcessState process_state(int pid) {
+  ProcessState p;
+  const std::string path = "/proc/" + std::to_string(pid) + "/stat";
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) {
+    // Without /proc only "no such process" is certain.
+    p.alive = ::kill(pid, 0) == 0 || errno != ESRCH;
+    return p;
+  }
+  std::array<char, 2048> text{};
+  const ssize_t n = ::read(fd, text.data(), text.size() - 1);
+  ::close(fd);
+  if (n <= 0) return p;
+  const char* after = std::strrchr(text.data(), ')');
+  if (after == nullptr || after[1] == '\0') return p;
+  const char state = after[2];
+  p.alive = state != 'Z' && state != 'X' && state != 'x';
+  const char* field = after + 2;  // field 3
+  for (int i = 3; i < 22 && field != nullptr; ++i) {
+    field = std::strchr(field, ' ');
+    if (field != nullptr) ++field;
+  }
+  if (field != nullptr) p.start = std::strtoull(field, nullptr, 10);
+  return p;
+}
+
+double share_of(const RegistryEntry& e) {
+  return static_cast<double>(e.C.count()) / static_cast<double>(e.T.count());
+}
+
+std::string row_text(const RegistryEntry& e) {
+  if (e.priority == 0) {
+    return e.task + " (pid " + std::to_string(e.pid) + ", best effort " + fixed3(share_of(e)) + ")";
+  }
+  return e.task + " (pid " + std::to_string(e.pid) + ", priority " + std::to_string(e.priority) +
+         ", C = " + milliseconds(e.C) + ", T = " + milliseconds(e.T) + ")";
+}
+
+// Empty if all rows of this CPU fit together; `there` are the rows of others, for the message.
+std::string cpu_problem(int cpu, const std::vector<RegistryEntry>& rows,
+                        const std::vector<RegistryEntry>& there, const RegistryOptions& options) {
+  std::vector<AnalysisTask> tasks;
+  std::vector<const RegistryEntry*> who;
+  double best_effort = 0;
+  for (const RegistryEntry& e : rows) {
+    if (e.cpu != cpu) continue;
+    if (e.priority == 0) {
+      best_effort += share_of(e);
+      continue;
+    }
+    tasks.push_back({e.C, e.T, e.D, e.J, e.B, -e.priority});
+    who.push_back(&e);
+  }
+  std::string present;
+  for (const RegistryEntry& e : there) {
+    if (e.cpu == cpu) present += (present.empty() ? "" : ", ") + row_text(e);
+  }
+  const std::string tail = "; already there: " + (present.empty() ? "nothing" : present);
+  const double u = utilisation(tasks, options.analysis);
+  if (u + best_effort > options.core_limit) {
+    return "cpu " + std::to_string(cpu) + " would be used to " + fixed3(u + best_effort) +
+           ", above " + fixed3(options.core_limit) + " (real-time " + fixed3(u) +
+           ", best effort " + fixed3(best_effort) + ")" + tail;
+  }
+  for (std::size_t i = 0; i < tasks.size(); ++i) {
+    const ResponseTime r = response_time(tasks, i, options.analysis);
+    if (r.meets) continue;
+    return "on cpu " + std::to_string(cpu) + " task '" + who[i]->task + "' (pid " +
+           std::to_string(who[i]->pid) + ") would have R = " + milliseconds(r.R) +
+           " > D = " + milliseconds(tasks[i].D) + tail;
+  }
+  return {};
+}
+
+std::string malformed(const RegistryEntry& e) {
+  const std::string who = "registry row '" + e.task + "': ";
+  if (e.task.empty()) return "registry row without a task name";
+  if (e.cpu < 0) return who + "cpu " + std::to_string(e.cpu) + " (allowed: 0 or more)";
+  if (e.priority < 0 || e.priority > 99) {
+    return who + "priority " + std::to_string(e.priority) + " (allowed: 0 to 99)";
+  }
+  if (e.T.count() <= 0 || e.C.count() < 0) return who + "C and T must be positive";
+  if (e.priority > 0 && (e.C.count() == 0 || e.D.count() <= 0)) {
+    return who + "C and D must be positive";
+  }
+  if (e.J.count() < 0 || e.B.count() < 0) return who + "J or B is negative";
+  return {};
+}
+
+std::uint64_t next_owner() noexcept {
+  static std::atomic<std::uint64_t> counter{0};
+  return ++counter;
+}
+
+}  // namespace
+
+// A slot is free while pid is 0. pid is written last and cleared first.
+struct Registry::Table {
+  struct Slot {
+    std::atomic<std::int32_t> pid;
+    std::int32_t cpu, priority, unused;
+    std::uint64_t start, owner;
+    std::int64_t C, T, D, J, B;
+    std::array<char, 48> task;
+  };
+  std::atomic<std::uint64_t> magic;
+  std::uint32_t version, slot_size;
+  std::array<Slot, kSlots> slots;
+
+  void clear_dead() {
+    for (Slot& s : slots) {
+      const int pid = s.pid.load(std::memory_order_acquire);
+      if (pid == 0) continue;
+      const ProcessState p = process_state(pid);
+      if (!p.alive || (p.start != 0 && s.start != 0 && p.start != s.start)) {
+        s.pid.store(0, std::memory_order_release);
+      }
+    }
+  }
+  [[nodiscard]] std::vector<RegistryEntry> rows(int skip_pid, std::uint64_t skip_owner) const {
+    std::vector<RegistryEntry> out;
+    for (const Slot& s : slots) {
+      const int pid = s.pid.load(std::memory_order_acquire);
+      if (pid == 0 || (pid == skip_pid && s.owner == skip_owner)) continue;
+      RegistryEntry e;
+      e.pid = pid;
+      e.task.assign(s.task.data(), ::strnlen(s.task.data(), s.task.size()));
+      e.cpu = s.cpu;
+      e.priority = s.priority;
+      e.C = Nanos{s.C};
+      e.T = Nanos{s.T};
+      e.D = Nanos{s.D};
+      e.J = Nanos{s.J};
+      e.B = Nanos{s.B};
+      out.push_back(e);
+    }
+    return out;
+  }
+  void remove(int pid, std::uint64_t owner) noexcept {
+    for (Slot& s : slots) {
+      if (s.pid.load(std::memory_order_acquire) == pid && s.owner == owner) {
+        s.pid.store(0, std::memory_order_release);
+      }
+    }
+  }
+  [[nodiscard]] std::size_t free_slots() const noexcept {
+    std::size_t n = 0;
+    for (const Slot& s : slots) n += s.pid.load(std::memory_order_acquire) == 0 ? 1U : 0U;
+    return n;
+  }
+  void add(const RegistryEntry& e, int pid, std::uint64_t start, std::uint64_t owner) noexcept {
+    for (Slot& s : slots) {
+      if (s.pid.load(std::memory_order_acquire) != 0) continue;
+      s.cpu = e.cpu;
+      s.priority = e.priority;
+      s.start = start;
+      s.owner = owner;
+      s.C = e.C.count();
+      s.T = e.T.count();
+      s.D = e.D.count();
+      s.J = e.J.count();
+      s.B = e.B.count();
+      s.task.fill('\0');
+      std::memcpy(s.task.data(), e.task.data(), std::min(e.task.size(), s.task.size() - 1));
+      s.pid.store(pid, std::memory_order_release);
+      return;
+    }
+  }
+};
+
+// flock on a file description of its own: two threads, or a parent and its forked child, that share
+// one Registry's descriptor would otherwise both hold "the" lock.
+class Registry::Lock {
+ public:
+  explicit Lock(int fd) noexcept {
+    const std::string path = "/proc/self/fd/" + std::to_string(fd);
+    own_ = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
+    while (::flock(own_ >= 0 ? own_ : fd, LOCK_EX) != 0 && errno == EINTR) {
+    }
+    fd_ = own_ >= 0 ? own_ : fd;
+  }
+  ~Lock() {
+    ::flock(fd_, LOCK_UN);
+    if (own_ >= 0) ::close(own_);
+  }
+  Lock(const Lock&) = delete;
+  Lock& operator=(const Lock&) = delete;
+
+ private:
+  int own_ = -1, fd_ = -1;
+};
+
+Registry::Registry(int fd, Table* table, std::string name) noexcept
+    : fd_(fd), table_(table), name_(std::move(name)), owner_(next_owner()), owner_pid_(::getpid()) {}
+
+Registry::Registry(Registry&& other) noexcept
+    : fd_(std::exchange(other.fd_, -1)),
+      table_(std::exchange(other.table_, nullptr)),
+      name_(std::move(other.name_)),
+      owner_(other.owner_),
+      owner_pid_(other.owner_pid_) {}
+
+Registry& Registry::operator=(Registry&& other) noexcept {
+  if (this == &other) return *this;
+  close();
+  fd_ = std::exchange(other.fd_, -1);
+  table_ = std::exchange(other.table_, nullptr);
+  name_ = std::move(other.name_);
+  owner_ = other.owner_;
+  owner_pid_ = other.owner_pid_;
+  return *this;
+}
+
+Registry::~Registry() { close(); }
+
+void Registry::close() noexcept {
+  if (table_ == nullptr) return;
+  unregister();
+  ::munmap(table_, sizeof(Table));
+  ::close(fd_);
+  table_ = nullptr;
+  fd_ = -1;
+}
+
+Result<Registry> Registry::open(const std::string& name) {
+  if (name.empty() || name.find('/') != std::string::npos || name.size() > 200) {
+    return Error{"registry name '" + name + "' (allowed: 1 to 200 characters, no slash)"};
+  }
+  const std::string path = "/dev/shm/" + name;
+  const int fd = ::shm_open(("/" + name).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0660);
+  if (fd < 0) return Error{system_error("cannot open the task registry " + path)};
+  void* memory = MAP_FAILED;
+  std::string problem;
+  {
+    const Lock lock(fd);
+    struct stat info {};
+    if (::fstat(fd, &info) != 0) {
+      problem = system_error("cannot stat " + path);
+    } else if (info.st_size == 0 && ::ftruncate(fd, static_cast<off_t>(sizeof(Table))) != 0) {
+      problem = system_error("cannot size " + path);
+    } else if (info.st_size != 0 && info.st_size != static_cast<off_t>(sizeof(Table))) {
+      problem = path + " has " + std::to_string(info.st_size) + " bytes, this version needs " +
+                std::to_string(sizeof(Table)) + ": another version runs; stop it, or remove the file";
+    } else {
+      memory = ::mmap(nullptr, sizeof(Table), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
+      if (memory == MAP_FAILED) problem = system_error("cannot map " + path);
+    }
+    if (memory != MAP_FAILED) {
+      auto* table = static_cast<Table*>(memory);
+      // New, or its maker died before it wrote the magic: all slots are still zero, hence free.
+      if (table->magic.load() == 0) {
+        table->version = kVersion;
+        table->slot_size = sizeof(Table::Slot);
+        table->magic.store(kMagic);
+      }
+      if (table->magic.load() != kMagic || table->version != kVersion ||
+          table->slot_size != sizeof(Table::Slot)) {
+        problem = path + " is not a task registry of version " + std::to_string(kVersion) +
+                  "; stop what uses it, or remove the file";
+        ::munmap(memory, sizeof(Table));
+      }
+    }
+  }
+  if (!problem.empty()) {
+    ::close(fd);
+    return Error{problem};
+  }
+  return Registry(fd, static_cast<Table*>(memory), name);
+}
+
+Result<bool> Registry::try_register(std::span<const RegistryEntry> rows,
+                                    const RegistryOptions& options) {
+  for (const RegistryEntry& e : rows) {
+    if (const std::string text = malformed(e); !text.empty()) return Error{text};
+  }
+  const int pid = ::getpid();
+  if (pid != owner_pid_) {  // a forked child registers as itself; the parent's rows are not its own
+    owner_pid_ = pid;
+    owner_ = next_owner();
+  }
+  const Lock lock(fd_);
+  table_->clear_dead();
+  const std::vector<RegistryEntry> others = table_->rows(pid, owner_);
+  std::vector<RegistryEntry> all = others;
+  std::set<int> cpus;
+  for (const RegistryEntry& e : rows) {
+    all.push_back(e);
+    all.back().pid = pid;
+    cpus.insert(e.cpu);
+  }
+  if (all.size() > kSlots) {
+    return Error{"the task registry " + name_ + " is full (" + std::to_string(kSlots) + " rows)"};
+  }
+  for (const int cpu : cpus) {
+    const std::string problem = cpu_problem(cpu, all, others, options);
+    if (!problem.empty()) return Error{"not registered: " + problem};
+  }
+  const std::uint64_t start = process_state(pid).start;
+  table_->remove(pid, owner_);
+  for (const RegistryEntry& e : rows) table_->add(e, pid, start, owner_);
+  return true;
+}
+
+void Registry::unregister() noexcept {
+  if (table_ == nullptr || ::getpid() != owner_pid_) return;
+  const Lock lock(fd_);
+  table_->remove(owner_pid_, owner_);
+}
+
+std::vector<RegistryEntry> Registry::entries() {
+  const Lock lock(fd_);
+  table_->clear_dead();
+  return table_->rows(0, 0);
+}
+
+void Registry::remove(const std::string& name) noexcept { ::shm_unlink(("/" + name).c_str()); }
+
+std::vector<RegistryEntry> registry_entries(const AdmissionRequest& request,
+                                            const Admission& admission, const IsMine& mine) {
+  std::vector<RegistryEntry> rows;
+  const auto wanted = [&](const std::string& name, Box box) { return !mine || mine(name, box); };
+  for (const AdmittedTask& t : admission.tasks) {
+    if (t.core < 0 || !wanted(t.name, t.box)) continue;
+    rows.push_back({0, t.name, t.cpu, t.priority, t.C, t.T, t.D, t.J, t.B});
+  }
+  for (const AdmittedTask& t : admission.platform) {
+    if (!wanted(t.name, t.box)) continue;
+    rows.push_back({0, t.name, t.cpu, t.priority, t.C, t.T, t.D, t.J, t.B});
+  }
+  for (const BestEffortLoad& load : request.best_effort) {
+    if (!load.core || !wanted(load.name, Box::kOperator)) continue;
+    constexpr Nanos kWindow{1'000'000'000};
+    const auto c = static_cast<std::int64_t>(load.share * 1e9 + 0.5);
+    rows.push_back({0, load.name, request.cpus[static_cast<std::size_t>(*load.core)], 0, Nanos{c},
+                    kWindow, kWindow, Nanos{0}, Nanos{0}});
+  }
+  return rows;
+}
+
+}  // namespace rt
