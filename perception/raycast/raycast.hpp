@@ -47,7 +47,10 @@ class RaycastMaps {
 
   [[nodiscard]] int width() const noexcept { return intrinsics.width; }
   [[nodiscard]] int height() const noexcept { return intrinsics.height; }
-  [[nodiscard]] std::size_t capacity() const noexcept { return capacity_; }
+  [[nodiscard]] bool fits(int width, int height) const noexcept {
+    const auto w = static_cast<std::size_t>(width), h = static_cast<std::size_t>(height);
+    return w * h <= capacity_ && ((w + 7) / 8) * ((h + 7) / 8) <= near_m_.size();
+  }
   [[nodiscard]] const float* data() const noexcept { return records_; }
   [[nodiscard]] float* data() noexcept { return records_; }
   [[nodiscard]] const float* at(int u, int v) const noexcept {

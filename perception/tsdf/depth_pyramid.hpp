@@ -8,6 +8,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -37,6 +38,8 @@ class DepthPyramid {
   [[nodiscard]] int height() const noexcept { return height_; }
   [[nodiscard]] const std::uint32_t* pixels() const noexcept { return pixels_.data(); }  // row-major
 
+  [[nodiscard]] std::size_t memory_bytes() const noexcept;
+
   struct Range { std::uint16_t least_mm, greatest_mm; };  // least 0: some pixel has no reading
   // Of the pixels u0..u1, v0..v1 (inclusive, inside the image), and perhaps of a few beside them.
   [[nodiscard]] Range range(int u0, int v0, int u1, int v1) const noexcept;
@@ -47,7 +50,8 @@ class DepthPyramid {
     std::vector<Range> tiles;
   };
   int width_ = 0, height_ = 0;
-  std::vector<std::uint32_t> pixels_;  // one spare at the end, always 0
+  std::vector<std::uint16_t> padded_;  // sanitised readings with a border of 0
+  std::vector<std::uint32_t> pixels_;  // one spare at width * height, always 0
   std::array<Level, kLevels> levels_;
 };
 

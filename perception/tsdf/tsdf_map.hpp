@@ -19,6 +19,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -32,6 +33,9 @@
 #include "rt/memory/non_realtime.hpp"
 
 namespace perception {
+
+struct UpdateCamera;   // voxel_update.hpp
+struct UpdateScratch;
 
 struct TsdfConfig {
   double voxel_size_m = 0.01;
@@ -93,8 +97,13 @@ class TsdfMap {
   static constexpr std::int32_t kNoBlock = -1;
   static constexpr std::int32_t kMaxBlockCoord = 1 << 19;  // |coordinate| beyond is refused
 
+  static constexpr int kObservedWeight = 2 * kWeightOne;  // "observed": two full observations
+
   // Throws std::invalid_argument naming the key, value and range.
   TsdfMap(rt::NonRealtime&, const TsdfConfig&);
+  ~TsdfMap();
+  TsdfMap(const TsdfMap&) = delete;
+  TsdfMap& operator=(const TsdfMap&) = delete;
 
   // Fuses one frame. pixel_step thins the rays that allocate (1 = every pixel); all voxels of the
   // blocks in view are always updated. X_WC: camera (optical frame) in the world, rigid.
@@ -173,7 +182,7 @@ class TsdfMap {
 
   // --- single nodes (any world node; slow, see MapReader for runs of reads)
   [[nodiscard]] std::uint32_t word_at(int i, int j, int k) const noexcept;  // 0 when unknown
-  // Seen free: a known voxel by its sign, any other by its bit.
+  // Seen free: an observed voxel by its sign, any other by its bit.
   [[nodiscard]] bool free_at(int i, int j, int k) const noexcept;
   // kBand: weight >= 2 observations; else free or unknown.
   [[nodiscard]] Seen seen_at(int i, int j, int k) const noexcept;
@@ -197,14 +206,20 @@ class TsdfMap {
  private:
   struct View;  // one frame's camera, in floats (integrate.cpp)
 
-  Chunk* chunk_for(int cx, int cy, int cz) noexcept;         // nullptr: pool full
-  bool touch_block(int bx, int by, int bz, IntegrateStats&) noexcept;  // allocate where absent
+  Chunk* chunk_for(int cx, int cy, int cz) noexcept;  // nullptr: pool full
+  // Makes the block exist. `near` is a chunk to try first (or null); returns the one to try next.
+  Chunk* touch_block(int bx, int by, int bz, Chunk* near, IntegrateStats&) noexcept;
   void free_block(Chunk& c, int slot) noexcept;
+  void clear_nodes(Chunk& c, int slot, const std::array<int, 3>& lo,
+                   const std::array<int, 3>& hi) noexcept;
   void allocate_band(const View&, int pixel_step, IntegrateStats&) noexcept;
   void update_blocks(const View&, IntegrateStats&) noexcept;
+  void update_one(const View&, const UpdateCamera&, std::int32_t block, IntegrateStats&) noexcept;
   void carve(const View&, IntegrateStats&) noexcept;
   void carve_cube(const View&, Chunk*& c, const std::array<int, 3>& node0, int edge,
                   IntegrateStats&) noexcept;
+  static bool is_settled(const Chunk& c, const std::array<int, 3>& local, int edge) noexcept;
+  static void set_free(Chunk& c, const std::array<int, 3>& local, int edge) noexcept;
 
   TsdfConfig config_;
   double voxel_ = 0, truncation_ = 0;
@@ -224,8 +239,9 @@ class TsdfMap {
   std::vector<std::int32_t> recycled_;  // stack of returned pool indices
   int used_blocks_ = 0, recycled_count_ = 0, live_blocks_ = 0;
 
+  bool range_weight_ = false;
   DepthPyramid pyramid_;
-  const Chunk* last_chunk_ = nullptr;
+  std::unique_ptr<UpdateScratch> scratch_;
 };
 
 }  // namespace perception

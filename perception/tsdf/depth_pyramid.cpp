@@ -1,0 +1,172 @@
+#include "perception/tsdf/depth_pyramid.hpp"
+
+#include <algorithm>
+
+#include "perception/tsdf/clones.hpp"
+
+namespace perception {
+namespace {
+
+constexpr int kPad = 1;
+
+TELETACT_CLONES
+void sanitise_row(const std::uint16_t* in, int width, std::uint16_t min_mm,
+                  std::uint16_t* out) noexcept {
+  for (int u = 0; u < width; ++u) {
+    const std::uint16_t d = in[u];
+    out[u] = (d >= min_mm && d != 65535) ? d : std::uint16_t{0};
+  }
+}
+
+struct RowRule {
+  std::int32_t edge_base_mm, edge_per_q16, max_mm;
+};
+
+// Three padded rows in, one row of pixels out.
+TELETACT_CLONES
+void classify_row(const std::uint16_t* above, const std::uint16_t* here, const std::uint16_t* below,
+                  int width, RowRule rule, std::uint32_t* out) noexcept {
+  for (int u = 0; u < width; ++u) {
+    const std::int32_t c = here[u + 1];
+    const std::int32_t gate = rule.edge_base_mm + ((rule.edge_per_q16 * (c >> 1)) >> 15);
+    const std::int32_t n[4] = {above[u + 1], below[u + 1], here[u], here[u + 2]};
+    std::int32_t edge = 0;
+    for (const std::int32_t d : n)
+      edge |= static_cast<std::int32_t>(d != 0) &
+              static_cast<std::int32_t>((d > c ? d - c : c - d) > gate);
+    // Least of the valid readings: 0 wraps to the top.
+    std::uint16_t least = 65535;
+    for (int k = 0; k < 3; ++k) {
+      least = std::min(least, static_cast<std::uint16_t>(above[u + k] - 1));
+      least = std::min(least, static_cast<std::uint16_t>(here[u + k] - 1));
+      least = std::min(least, static_cast<std::uint16_t>(below[u + k] - 1));
+    }
+    const std::uint32_t depth =
+        edge != 0 ? static_cast<std::uint32_t>(least) + 1U : static_cast<std::uint32_t>(c);
+    const bool fused = (c != 0) & (edge == 0) & (c <= rule.max_mm);
+    out[u] = c == 0 ? 0U : (depth | (fused ? std::uint32_t{DepthPyramid::kWeightOne} << 16U : 0U));
+  }
+}
+
+TELETACT_CLONES
+void weigh_row(std::uint32_t* row, int width) noexcept {
+  for (int u = 0; u < width; ++u) {
+    const float q = 1500.0F / static_cast<float>(std::max(row[u] & 0xffffU, 1U));
+    const float w = std::min(std::max(q * q * 128.0F, 32.0F), 128.0F);
+    const auto raw = static_cast<std::uint32_t>(static_cast<std::int32_t>(w + 0.5F));
+    row[u] = (row[u] >> 16U) != 0 ? ((row[u] & 0xffffU) | (raw << 16U)) : row[u];
+  }
+}
+
+TELETACT_CLONES
+int count_fused(const std::uint32_t* p, int n) noexcept {
+  int count = 0;
+  for (int i = 0; i < n; ++i) count += static_cast<int>((p[i] >> 16U) != 0);
+  return count;
+}
+
+using Range = DepthPyramid::Range;
+
+Range merged(Range a, Range b) noexcept {
+  return {std::min(a.least_mm, b.least_mm), std::max(a.greatest_mm, b.greatest_mm)};
+}
+Range single(std::uint32_t pixel) noexcept {
+  const auto d = static_cast<std::uint16_t>(pixel & 0xffffU);
+  return {d, d};
+}
+
+TELETACT_CLONES
+void halve_pixels(const std::uint32_t* a, const std::uint32_t* b, int pairs, Range* out) noexcept {
+  for (int u = 0; u < pairs; ++u) {
+    const auto p = static_cast<std::uint16_t>(a[2 * u]), q = static_cast<std::uint16_t>(a[2 * u + 1]);
+    const auto r = static_cast<std::uint16_t>(b[2 * u]), s = static_cast<std::uint16_t>(b[2 * u + 1]);
+    out[u] = {std::min(std::min(p, q), std::min(r, s)), std::max(std::max(p, q), std::max(r, s))};
+  }
+}
+
+}  // namespace
+
+DepthPyramid::DepthPyramid(rt::NonRealtime&)
+    : padded_(static_cast<std::size_t>(kMaxWidth + 2 * kPad) * (kMaxHeight + 2 * kPad)),
+      pixels_(static_cast<std::size_t>(kMaxWidth) * kMaxHeight + 1) {
+  for (int l = 1; l < kLevels; ++l) {
+    const auto w = static_cast<std::size_t>(((kMaxWidth - 1) >> l) + 1);
+    const auto h = static_cast<std::size_t>(((kMaxHeight - 1) >> l) + 1);
+    levels_[static_cast<std::size_t>(l)].tiles.resize(w * h);
+  }
+}
+
+int DepthPyramid::build(ImageView<const std::uint16_t> depth_mm, const DepthRule& rule) noexcept {
+  width_ = depth_mm.width, height_ = depth_mm.height;
+  const int pitch = width_ + 2 * kPad;
+  const auto min_mm = static_cast<std::uint16_t>(
+      std::clamp(static_cast<int>(rule.min_depth_m * 1000.0F + 0.5F), 1, 65534));
+  std::fill_n(padded_.begin(), pitch, std::uint16_t{0});
+  std::fill_n(padded_.begin() + static_cast<std::ptrdiff_t>(pitch) * (height_ + 1), pitch,
+              std::uint16_t{0});
+  for (int v = 0; v < height_; ++v) {
+    std::uint16_t* row = padded_.data() + static_cast<std::ptrdiff_t>(pitch) * (v + 1);
+    row[0] = row[pitch - 1] = 0;
+    sanitise_row(depth_mm.row(v), width_, min_mm, row + 1);
+  }
+  const RowRule r{static_cast<std::int32_t>(rule.edge_base_m * 1000.0F + 0.5F),
+                  static_cast<std::int32_t>(rule.edge_per_m * 65536.0F + 0.5F),
+                  static_cast<std::int32_t>(rule.max_depth_m * 1000.0F + 0.5F)};
+  for (int v = 0; v < height_; ++v) {
+    const std::uint16_t* here = padded_.data() + static_cast<std::ptrdiff_t>(pitch) * (v + 1);
+    std::uint32_t* out = pixels_.data() + static_cast<std::ptrdiff_t>(width_) * v;
+    classify_row(here - pitch, here, here + pitch, width_, r, out);
+    if (rule.range_weight) weigh_row(out, width_);
+  }
+  pixels_[static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_)] = 0;
+
+  for (int l = 1; l < kLevels; ++l) {
+    Level& to = levels_[static_cast<std::size_t>(l)];
+    const Level& from = levels_[static_cast<std::size_t>(l - 1)];
+    const int fw = l == 1 ? width_ : from.width, fh = l == 1 ? height_ : from.height;
+    to.width = (fw + 1) / 2, to.height = (fh + 1) / 2;
+    for (int v = 0; v < to.height; ++v) {
+      const int va = 2 * v, vb = std::min(2 * v + 1, fh - 1);
+      Range* out = to.tiles.data() + static_cast<std::ptrdiff_t>(v) * to.width;
+      if (l == 1) {
+        const std::uint32_t* a = pixels_.data() + static_cast<std::ptrdiff_t>(va) * fw;
+        const std::uint32_t* b = pixels_.data() + static_cast<std::ptrdiff_t>(vb) * fw;
+        halve_pixels(a, b, fw / 2, out);
+        if (fw % 2 != 0) out[to.width - 1] = merged(single(a[fw - 1]), single(b[fw - 1]));
+      } else {
+        const Range* a = from.tiles.data() + static_cast<std::ptrdiff_t>(va) * fw;
+        const Range* b = from.tiles.data() + static_cast<std::ptrdiff_t>(vb) * fw;
+        for (int u = 0; u < to.width; ++u) {
+          const int ua = 2 * u, ub = std::min(2 * u + 1, fw - 1);
+          out[u] = merged(merged(a[ua], a[ub]), merged(b[ua], b[ub]));
+        }
+      }
+    }
+  }
+  return count_fused(pixels_.data(), width_ * height_);
+}
+
+std::size_t DepthPyramid::memory_bytes() const noexcept {
+  std::size_t n = padded_.capacity() * sizeof padded_[0] + pixels_.capacity() * sizeof pixels_[0];
+  for (const Level& l : levels_) n += l.tiles.capacity() * sizeof(Range);
+  return n;
+}
+
+DepthPyramid::Range DepthPyramid::range(int u0, int v0, int u1, int v1) const noexcept {
+  int l = 0;
+  while (l < kLevels - 1 && ((u1 >> l) - (u0 >> l) > 2 || (v1 >> l) - (v0 >> l) > 2)) ++l;
+  Range all{65535, 0};
+  if (l == 0) {
+    for (int v = v0; v <= v1; ++v)
+      for (int u = u0; u <= u1; ++u)
+        all = merged(all, single(pixels_[static_cast<std::size_t>(v * width_ + u)]));
+    return all;
+  }
+  const Level& level = levels_[static_cast<std::size_t>(l)];
+  for (int v = v0 >> l; v <= v1 >> l; ++v)
+    for (int u = u0 >> l; u <= u1 >> l; ++u)
+      all = merged(all, level.tiles[static_cast<std::size_t>(v * level.width + u)]);
+  return all;
+}
+
+}  // namespace perception

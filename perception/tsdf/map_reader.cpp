@@ -1,0 +1,53 @@
+#include "perception/tsdf/map_reader.hpp"
+
+namespace perception {
+namespace {
+
+// Grid coordinates outside this range would not fit an int.
+bool in_range(const Vec3& grid) noexcept {
+  return grid.cwiseAbs().maxCoeff() < 8.0 * TsdfMap::kMaxBlockCoord && grid.allFinite();
+}
+
+}  // namespace
+
+MapReader::Sample MapReader::sample(const Vec3& p_W) noexcept {
+  const Vec3 g = p_W * inv_voxel_;
+  if (!in_range(g)) return {};
+  const Cell c = cell(g.x(), g.y(), g.z());
+  if (!c.valid) return {};
+  return {c.value() * map_->metres_per_unit(), true};
+}
+
+bool MapReader::gradient(const Vec3& p_W, Vec3& out) noexcept {
+  const double h = map_->voxel_size();
+  for (int a = 0; a < 3; ++a) {
+    const Sample lo = sample(p_W - h * Vec3::Unit(a)), hi = sample(p_W + h * Vec3::Unit(a));
+    if (!lo.valid || !hi.valid) return false;
+    out(a) = (static_cast<double>(hi.distance_m) - static_cast<double>(lo.distance_m)) / (2 * h);
+  }
+  return true;
+}
+
+bool MapReader::colour(const Vec3& p_W, Rgb& out) noexcept {
+  const Vec3 g = p_W * inv_voxel_;
+  if (!in_range(g)) return false;
+  const int i = ifloor(g.x()), j = ifloor(g.y()), k = ifloor(g.z());
+  double best = 1e9;
+  for (int n = 0; n < 8; ++n) {
+    const int x = i + (n >> 2), y = j + ((n >> 1) & 1), z = k + (n & 1);
+    const double d = (g - Vec3(x, y, z)).squaredNorm();
+    if (d >= best) continue;
+    const TsdfMap::Chunk* c = chunk_of(x >> 6, y >> 6, z >> 6);
+    if (c == nullptr) continue;
+    const std::int32_t b = c->block[static_cast<std::size_t>(TsdfMap::in_chunk(x >> 3, y >> 3, z >> 3))];
+    if (b == TsdfMap::kNoBlock) continue;
+    const std::uint32_t v = map_->block_colours(b)[TsdfMap::in_block(x, y, z)];
+    if (v >> 24U == 0) continue;
+    best = d;
+    out = {static_cast<std::uint8_t>(v & 0xffU), static_cast<std::uint8_t>((v >> 8U) & 0xffU),
+           static_cast<std::uint8_t>((v >> 16U) & 0xffU)};
+  }
+  return best < 1e9;
+}
+
+}  // namespace perception

@@ -1,0 +1,314 @@
+#include "perception/tsdf/tsdf_map.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <stdexcept>
+
+#include "perception/tsdf/voxel_update.hpp"
+#include "rt/hash.hpp"
+#include "rt/random.hpp"
+
+namespace perception {
+namespace {
+
+constexpr int kChunkEdgeBlocks = 8;
+
+std::uint64_t chunk_key(int cx, int cy, int cz) noexcept {
+  constexpr std::uint64_t kMask = (1U << 21U) - 1U;
+  return (1ULL << 63U) | ((static_cast<std::uint64_t>(cx) & kMask) << 42U) |
+         ((static_cast<std::uint64_t>(cy) & kMask) << 21U) | (static_cast<std::uint64_t>(cz) & kMask);
+}
+
+void require(bool ok, const char* key, double value, const char* range) {
+  if (ok) return;
+  throw std::invalid_argument("tsdf." + std::string(key) + " = " + std::to_string(value) +
+                              ": must be " + range);
+}
+
+const TsdfConfig& checked(const TsdfConfig& c) {
+  require(c.voxel_size_m >= 0.002 && c.voxel_size_m <= 0.1, "voxel_size_m", c.voxel_size_m,
+          "0.002 to 0.1");
+  require(c.truncation_m >= 0.005 && c.truncation_m <= 0.5, "truncation_m", c.truncation_m,
+          "0.005 to 0.5");
+  require(c.min_depth_m >= 0.05 && c.min_depth_m < c.max_depth_m, "min_depth_m", c.min_depth_m,
+          "0.05 to max_depth_m");
+  require(c.max_depth_m <= 20, "max_depth_m", c.max_depth_m, "at most 20");
+  require(c.max_weight >= 2 && c.max_weight <= 255, "max_weight", c.max_weight, "2 to 255");
+  require(c.edge_base_m >= 0 && c.edge_base_m <= 10, "edge_base_m", c.edge_base_m, "0 to 10");
+  require(c.edge_per_m >= 0 && c.edge_per_m <= 0.4, "edge_per_m", c.edge_per_m, "0 to 0.4");
+  require(c.colour_band_m >= 0 && c.colour_band_m <= 0.5, "colour_band_m", c.colour_band_m,
+          "0 to 0.5");
+  require(c.max_blocks >= 1 && c.max_blocks <= 1 << 20, "max_blocks", c.max_blocks, "1 to 1048576");
+  require(c.max_chunks >= 1 && c.max_chunks <= 1 << 16, "max_chunks", c.max_chunks, "1 to 65536");
+  if (c.weighting != "uniform" && c.weighting != "range")
+    throw std::invalid_argument("tsdf.weighting = \"" + c.weighting +
+                                "\": must be \"uniform\" or \"range\"");
+  return c;
+}
+
+// Free bits of a block from the bits of its 2^3 cells, and back (a cell is free when all of it is).
+void expand_free(std::uint64_t cells, std::uint64_t* bits) noexcept {
+  for (int x = 0; x < 8; ++x) {
+    std::uint64_t word = 0;
+    for (int y = 0; y < 8; ++y)
+      for (int z = 0; z < 8; ++z)
+        if (((cells >> (((x >> 1) * 4 + (y >> 1)) * 4 + (z >> 1))) & 1U) != 0)
+          word |= 1ULL << (y * 8 + z);
+    bits[x] = word;
+  }
+}
+std::uint64_t shrink_free(const std::uint64_t* bits) noexcept {
+  std::uint64_t cells = 0;
+  for (int cell = 0; cell < 64; ++cell) {
+    const int x = (cell >> 4) * 2, y = ((cell >> 2) & 3) * 2, z = (cell & 3) * 2;
+    const std::uint64_t both = bits[x] & bits[x + 1];
+    const std::uint64_t pair = (3ULL << (y * 8 + z)) | (3ULL << (y * 8 + 8 + z));
+    if ((both & pair) == pair) cells |= 1ULL << cell;
+  }
+  return cells;
+}
+
+}  // namespace
+
+void TsdfConfig::describe(config::Section& s) {
+  s.number("voxel_size_m", voxel_size_m, 0.005, 0.08, "edge of a voxel");
+  s.number("truncation_m", truncation_m, 0.01, 0.4,
+           "half width of the stored band; raised to 2.1 voxels");
+  s.number("min_depth_m", min_depth_m, 0.05, 2, "nearer readings are ignored");
+  s.number("max_depth_m", max_depth_m, 0.5, 12, "farther readings only carve free space");
+  s.number("max_weight", max_weight, 2, 255, "cap of the running mean, observations");
+  s.text("weighting", weighting, {"uniform", "range"},
+         "weight of a reading: 1, or falling with depth as the sensor's noise grows");
+  s.number("edge_base_m", edge_base_m, 0, 1, "depth step that is an edge, at depth 0");
+  s.number("edge_per_m", edge_per_m, 0, 0.4, "growth of that step with depth");
+  s.number("colour_band_m", colour_band_m, 0, 0.1, "distance from the surface that takes colour");
+  s.integer("max_blocks", max_blocks, 64, 262144, "pool of 8^3 blocks, 5.2 KiB each");
+  s.integer("max_chunks", max_chunks, 8, 65536, "pool of 64^3 chunks, 6.2 KiB each");
+}
+
+double TsdfConfig::effective_truncation() const noexcept {
+  return std::max(truncation_m, 2.1 * voxel_size_m);
+}
+
+TsdfMap::TsdfMap(rt::NonRealtime& nrt, const TsdfConfig& config)
+    : config_(checked(config)), voxel_(config.voxel_size_m),
+      truncation_(config.effective_truncation()),
+      metres_per_unit_(static_cast<float>(truncation_ / kDistanceOne)), range_weight_(config.weighting == "range"),
+      pyramid_(nrt), scratch_(std::make_unique<UpdateScratch>()) {
+  const auto blocks = static_cast<std::size_t>(config_.max_blocks);
+  const auto chunks = static_cast<std::size_t>(config_.max_chunks);
+  const std::size_t slots = std::bit_ceil(2 * chunks);
+  keys_.assign(slots, 0);
+  values_.assign(slots, 0);
+  chunks_.resize(chunks);
+  words_.assign(blocks * kBlockVoxels, 0);
+  colours_.assign(blocks * kBlockVoxels, 0);
+  labels_.assign(blocks * kBlockVoxels, 0);
+  label_weights_.assign(blocks * kBlockVoxels, 0);
+  free_.assign(blocks * 8, 0);
+  coords_.assign(blocks, {});
+  in_use_.assign(blocks, 0);
+  recycled_.assign(blocks, 0);
+}
+
+TsdfMap::~TsdfMap() = default;
+
+std::size_t TsdfMap::memory_bytes() const noexcept {
+  const auto bytes = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
+  return sizeof *this + bytes(keys_) + bytes(values_) + bytes(chunks_) + bytes(words_) +
+         bytes(colours_) + bytes(labels_) + bytes(label_weights_) + bytes(free_) + bytes(coords_) +
+         bytes(in_use_) + bytes(recycled_) + pyramid_.memory_bytes();
+}
+
+void TsdfMap::clear() noexcept {
+  std::fill(keys_.begin(), keys_.end(), std::uint64_t{0});
+  std::fill_n(in_use_.begin(), used_blocks_, std::uint8_t{0});
+  chunk_count_ = used_blocks_ = recycled_count_ = live_blocks_ = 0;
+  ++map_id_;
+}
+
+const TsdfMap::Chunk* TsdfMap::find_chunk(int cx, int cy, int cz) const noexcept {
+  const std::uint64_t key = chunk_key(cx, cy, cz);
+  const std::size_t mask = keys_.size() - 1;
+  for (std::size_t s = rt::mix64(key) & mask; keys_[s] != 0; s = (s + 1) & mask)
+    if (keys_[s] == key) return &chunks_[static_cast<std::size_t>(values_[s])];
+  return nullptr;  // at most half of the slots are taken, so the probe ends
+}
+
+TsdfMap::Chunk* TsdfMap::chunk_for(int cx, int cy, int cz) noexcept {
+  const std::uint64_t key = chunk_key(cx, cy, cz);
+  const std::size_t mask = keys_.size() - 1;
+  std::size_t s = rt::mix64(key) & mask;
+  for (; keys_[s] != 0; s = (s + 1) & mask)
+    if (keys_[s] == key) return &chunks_[static_cast<std::size_t>(values_[s])];
+  if (chunk_count_ == config_.max_chunks) return nullptr;
+  keys_[s] = key;
+  values_[s] = chunk_count_;
+  Chunk& c = chunks_[static_cast<std::size_t>(chunk_count_++)];
+  c.block.fill(kNoBlock);
+  c.free.fill(0);
+  c.settled.fill(0);
+  c.coord = {cx, cy, cz};
+  c.blocks = 0;
+  return &c;
+}
+
+TsdfMap::Chunk* TsdfMap::touch_block(int bx, int by, int bz, Chunk* near,
+                                     IntegrateStats& stats) noexcept {
+  Chunk* c = near;
+  if (c == nullptr || c->coord.x != bx >> 3 || c->coord.y != by >> 3 || c->coord.z != bz >> 3) {
+    const auto far = [](int b) { return b >= kMaxBlockCoord || b < -kMaxBlockCoord; };
+    c = far(bx) || far(by) || far(bz) ? nullptr : chunk_for(bx >> 3, by >> 3, bz >> 3);
+    if (c == nullptr) {
+      ++stats.blocks_refused;
+      return near;
+    }
+  }
+  const auto slot = static_cast<std::size_t>(in_chunk(bx, by, bz));
+  if (c->block[slot] != kNoBlock) return c;
+  std::int32_t b;
+  if (recycled_count_ > 0) {
+    b = recycled_[static_cast<std::size_t>(--recycled_count_)];
+  } else if (used_blocks_ < config_.max_blocks) {
+    b = used_blocks_++;
+  } else {
+    ++stats.blocks_refused;
+    return c;
+  }
+  const auto at = static_cast<std::ptrdiff_t>(b) * kBlockVoxels;
+  std::fill_n(words_.begin() + at, kBlockVoxels, 0U);
+  std::fill_n(colours_.begin() + at, kBlockVoxels, 0U);
+  std::fill_n(labels_.begin() + at, kBlockVoxels, std::uint8_t{0});
+  std::fill_n(label_weights_.begin() + at, kBlockVoxels, std::uint8_t{0});
+  expand_free(c->free[slot], free_.data() + static_cast<std::ptrdiff_t>(b) * 8);
+  coords_[static_cast<std::size_t>(b)] = {bx, by, bz};
+  in_use_[static_cast<std::size_t>(b)] = 1;
+  c->block[slot] = b;
+  c->settled[static_cast<std::size_t>(bx & 7)] |= 1ULL << ((by & 7) * 8 + (bz & 7));
+  ++c->blocks;
+  ++live_blocks_;
+  ++stats.blocks_new;
+  return c;
+}
+
+void TsdfMap::free_block(Chunk& c, int slot) noexcept {
+  const auto s = static_cast<std::size_t>(slot);
+  const std::int32_t b = c.block[s];
+  c.free[s] = shrink_free(block_free(b));
+  if (c.free[s] != ~0ULL) c.settled[s >> 6U] &= ~(1ULL << (s & 63U));
+  c.block[s] = kNoBlock;
+  --c.blocks;
+  --live_blocks_;
+  in_use_[static_cast<std::size_t>(b)] = 0;
+  recycled_[static_cast<std::size_t>(recycled_count_++)] = b;
+}
+
+void TsdfMap::clear_nodes(Chunk& c, int slot, const std::array<int, 3>& lo,
+                          const std::array<int, 3>& hi) noexcept {
+  const auto s = static_cast<std::size_t>(slot);
+  const std::int32_t b = c.block[s];
+  std::array<std::uint64_t, 8> bits{};
+  std::uint64_t* free = b == kNoBlock ? bits.data() : free_.data() + static_cast<std::ptrdiff_t>(b) * 8;
+  if (b == kNoBlock) expand_free(c.free[s], free);
+  for (int x = lo[0]; x <= hi[0]; ++x)
+    for (int y = lo[1]; y <= hi[1]; ++y)
+      for (int z = lo[2]; z <= hi[2]; ++z) {
+        free[x] &= ~(1ULL << (y * 8 + z));
+        if (b == kNoBlock) continue;
+        const auto n = static_cast<std::size_t>(b) * kBlockVoxels +
+                       static_cast<std::size_t>(in_block(x, y, z));
+        words_[n] = colours_[n] = 0;
+        labels_[n] = label_weights_[n] = 0;
+      }
+  if (b == kNoBlock) {
+    c.free[s] = shrink_free(free);
+    if (c.free[s] != ~0ULL) c.settled[s >> 6U] &= ~(1ULL << (s & 63U));
+  } else if (std::all_of(block_words(b), block_words(b) + kBlockVoxels,
+                         [](std::uint32_t w) { return word_weight(w) == 0; })) {
+    free_block(c, slot);
+  }
+}
+
+void TsdfMap::clear_region(const Eigen::AlignedBox3d& box_W) noexcept {
+  if (box_W.isEmpty() || !box_W.min().allFinite() || !box_W.max().allFinite()) return;
+  std::array<int, 3> lo{}, hi{};  // first and last node inside
+  for (std::size_t a = 0; a < 3; ++a) {
+    const auto i = static_cast<Eigen::Index>(a);
+    constexpr double kLimit = 8.0 * kMaxBlockCoord;
+    lo[a] = static_cast<int>(std::ceil(std::clamp(box_W.min()(i) / voxel_, -kLimit, kLimit)));
+    hi[a] = static_cast<int>(std::floor(std::clamp(box_W.max()(i) / voxel_, -kLimit, kLimit)));
+    if (lo[a] > hi[a]) return;
+  }
+  for (int n = 0; n < chunk_count_; ++n) {
+    Chunk& c = chunks_[static_cast<std::size_t>(n)];
+    const std::array<int, 3> base{c.coord.x * 64, c.coord.y * 64, c.coord.z * 64};
+    bool apart = false;
+    for (std::size_t a = 0; a < 3; ++a) apart |= base[a] > hi[a] || base[a] + 63 < lo[a];
+    if (apart) continue;
+    for (int slot = 0; slot < kChunkBlocks; ++slot) {
+      const std::array<int, 3> node{base[0] + (slot >> 6) * kChunkEdgeBlocks,
+                                    base[1] + ((slot >> 3) & 7) * kChunkEdgeBlocks,
+                                    base[2] + (slot & 7) * kChunkEdgeBlocks};
+      std::array<int, 3> from{}, to{};
+      bool touched = true;
+      for (std::size_t a = 0; a < 3; ++a) {
+        from[a] = std::max(lo[a] - node[a], 0);
+        to[a] = std::min(hi[a] - node[a], 7);
+        touched &= from[a] <= to[a];
+      }
+      if (touched && (c.block[static_cast<std::size_t>(slot)] != kNoBlock ||
+                      c.free[static_cast<std::size_t>(slot)] != 0))
+        clear_nodes(c, slot, from, to);
+    }
+  }
+}
+
+std::int32_t TsdfMap::find_block(BlockCoord b) const noexcept {
+  const Chunk* c = find_chunk(b.x >> 3, b.y >> 3, b.z >> 3);
+  return c == nullptr ? kNoBlock : c->block[static_cast<std::size_t>(in_chunk(b.x, b.y, b.z))];
+}
+
+std::uint32_t TsdfMap::word_at(int i, int j, int k) const noexcept {
+  const std::int32_t b = find_block({i >> 3, j >> 3, k >> 3});
+  return b == kNoBlock ? 0U : block_words(b)[in_block(i, j, k)];
+}
+
+bool TsdfMap::free_at(int i, int j, int k) const noexcept {
+  const Chunk* c = find_chunk(i >> 6, j >> 6, k >> 6);
+  if (c == nullptr) return false;
+  const auto slot = static_cast<std::size_t>(in_chunk(i >> 3, j >> 3, k >> 3));
+  const std::int32_t b = c->block[slot];
+  if (b == kNoBlock) {
+    const int cell = ((((i & 7) >> 1) * 4) + ((j & 7) >> 1)) * 4 + ((k & 7) >> 1);
+    return ((c->free[slot] >> cell) & 1U) != 0;
+  }
+  const std::uint32_t word = block_words(b)[in_block(i, j, k)];
+  if (word_weight(word) >= kObservedWeight) return word_distance(word) > 0;
+  return ((block_free(b)[i & 7] >> ((j & 7) * 8 + (k & 7))) & 1U) != 0;
+}
+
+Seen TsdfMap::seen_at(int i, int j, int k) const noexcept {
+  if (word_weight(word_at(i, j, k)) >= kObservedWeight) return Seen::kBand;
+  return free_at(i, j, k) ? Seen::kFree : Seen::kUnknown;
+}
+
+std::uint64_t TsdfMap::checksum() const noexcept {
+  rt::Hash64 h;
+  for (int n = 0; n < chunk_count_; ++n) {
+    const Chunk& c = chunks_[static_cast<std::size_t>(n)];
+    h.value(c.coord);
+    h.bytes(c.block.data(), sizeof c.block);
+    h.bytes(c.free.data(), sizeof c.free);
+  }
+  for_each_block([&](std::int32_t b, BlockCoord) {
+    h.bytes(block_words(b), kBlockVoxels * sizeof(std::uint32_t));
+    h.bytes(block_colours(b), kBlockVoxels * sizeof(std::uint32_t));
+    h.bytes(block_labels(b), kBlockVoxels);
+    h.bytes(block_label_weights(b), kBlockVoxels);
+    h.bytes(block_free(b), 8 * sizeof(std::uint64_t));
+  });
+  return h.digest();
+}
+
+}  // namespace perception
