@@ -98,6 +98,9 @@ class RobotPlant {
   // What the encoders say: quantised when the effect is built.
   [[nodiscard]] WheelVector encoder_rad() const noexcept;
   [[nodiscard]] WheelVector encoder_rad_per_s() const noexcept;
+  [[nodiscard]] double current_A(int wheel) const noexcept {
+    return state_.torque_Nm[wheel] / config_.torque_per_A;
+  }
   [[nodiscard]] const Mecanum& kinematics() const noexcept { return kinematics_; }
   // Names of the effects that were built.
   [[nodiscard]] std::vector<std::string> effects() const;

@@ -15,17 +15,10 @@
 #include <cstdint>
 
 #include "drivers/youbot/motor_bus.hpp"
+#include "drivers/youbot/motor_flags.hpp"
 #include "drivers/youbot/robot_plant.hpp"
 
 namespace drivers {
-
-// Bits of MotorStates::flags (youBot error and status word).
-namespace motor_flag {
-inline constexpr std::uint32_t kMotorHalted = 1U << 4U;
-inline constexpr std::uint32_t kVelocityMode = 1U << 9U;
-inline constexpr std::uint32_t kInitialised = 1U << 15U;
-inline constexpr std::uint32_t kTimeout = 1U << 16U;
-}  // namespace motor_flag
 
 struct BusFaults {
   std::uint32_t lose_frames = 0;  // this many exchanges from now are lost, both ways
@@ -53,7 +46,8 @@ class PoseHistory {
   [[nodiscard]] bool newest(Sample& out) const noexcept;
 
  private:
-  static constexpr std::size_t kSlots = 1024;  // a second at 1 kHz
+  static constexpr std::size_t kSlots = 1024;        // a second at 1 kHz
+  static constexpr std::size_t kKept = kSlots - 24;  // of these a reader asks for
   struct Slot {
     std::atomic<std::uint64_t> sequence{0};
     std::atomic<std::int64_t> ns{0};

@@ -24,7 +24,7 @@ struct TrajectoryConfig {
   double planning_share = 0.8;      // of the acceleration; the rest is left to the controller
   double position_gain_per_s = 4.0;
   double yaw_gain_per_s = 4.0;
-  double motor_lag_s = 0.02;        // fed forward: reference velocity + lag x acceleration
+  double motor_lag_s = 0.002;       // fed forward: reference velocity + lag x acceleration
   double leash_m = 0.10;            // the reference waits when the base is this far behind
   double leash_rad = 0.25;
 
@@ -61,8 +61,6 @@ class Trajectory {
  public:
   explicit Trajectory(const TrajectoryConfig& c) noexcept : config_(c) {}
 
-  // Sets the reference to where the base is, moving as it was last told to.
-  void reset(const perception::Pose2& X_OB) noexcept;
   // One tick toward the goal; `X_OB` is the measured pose. Returns the velocity to command, in O.
   PlanarVelocity track(const TrajectoryTarget&, const perception::Pose2& X_OB, double dt) noexcept;
   // One tick of slowing down to a halt with the acceleration limit. The reference follows the base.

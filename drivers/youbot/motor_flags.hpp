@@ -1,0 +1,16 @@
+// Bits of MotorStates::flags: the error and status word of the youBot's motor controllers that this
+// project reads (reference: bits 0 to 16 of axis parameter 156).
+#pragma once
+
+#include <cstdint>
+
+namespace drivers {
+
+namespace motor_flag {
+inline constexpr std::uint32_t kMotorHalted = 1U << 4U;
+inline constexpr std::uint32_t kVelocityMode = 1U << 9U;
+inline constexpr std::uint32_t kInitialised = 1U << 15U;
+inline constexpr std::uint32_t kTimeout = 1U << 16U;
+}  // namespace motor_flag
+
+}  // namespace drivers

@@ -1,0 +1,213 @@
+#include "tasks/robot_io/robot_io_task.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "drivers/youbot/motor_flags.hpp"
+
+namespace tasks {
+namespace {
+
+using drivers::RobotGoal;
+using perception::Pose2;
+using perception::Twist2;
+using rt::Health;
+using rt::Severity;
+
+bool usable(const RobotGoal& g) noexcept {
+  const double all[] = {g.x_m, g.y_m, g.yaw_rad, g.vx, g.vy, g.wz, g.speed_limit_m_per_s};
+  for (const double v : all) {
+    if (!std::isfinite(v)) return false;
+  }
+  return g.speed_limit_m_per_s >= 0;
+}
+
+}  // namespace
+
+RobotIoTask::RobotIoTask(rt::NonRealtime&, const RobotIoConfig& config)
+    : config_(config),
+      kinematics_(config.base),
+      odometry_(kinematics_, {config.start_x_m, config.start_y_m, config.start_yaw_rad}),
+      trajectory_(config.trajectory),
+      last_pose_(odometry_.pose()) {
+  // Straight drive at the speed limit must be within what the wheels may do; combined motion is
+  // scaled down when it has to be.
+  const double peak = kinematics_.peak_wheel_speed({config.trajectory.speed_m_per_s, 0, 0});
+  if (peak > config.wheel_speed_limit_rad_per_s) {
+    throw std::invalid_argument("robot_io: speed_m_per_s needs " + std::to_string(peak) +
+                                " rad/s at the wheels, wheel_speed_limit_rad_per_s is " +
+                                std::to_string(config.wheel_speed_limit_rad_per_s));
+  }
+  trajectory_.halt(odometry_.pose());
+}
+
+Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
+  out.clear_motor_timeout = false;
+  Health health = sense_bus(in);
+  health = rt::worst(health, accept_goal(tick, in));
+
+  const Mode mode = in.mode != nullptr ? in.mode->mode : Mode::kInit;
+  if (mode == Mode::kEngaged && last_mode_ != Mode::kEngaged) {
+    // An explicit engage: the operator's act that clears what has latched.
+    if (encoder_fault_) {
+      odometry_.reset(odometry_.pose());
+      encoder_fault_ = false;
+    }
+    out.clear_motor_timeout = (motor_flags_ & drivers::motor_flag::kTimeout) != 0;
+  }
+  last_mode_ = mode;
+
+  const Drive drive = decide(tick, in, out, health);
+  const double period = rt::seconds(tick.period);
+  const double dt = period * std::min(10.0, 1.0 + static_cast<double>(tick.skipped));
+  const Pose2& X_OB = odometry_.pose();
+  telemetry_.driving = drive == Drive::kGoal;
+  telemetry_.tracking_error_m = telemetry_.tracking_error_rad = 0;
+  PlanarVelocity v_O;
+  switch (drive) {
+    case Drive::kOff:
+      trajectory_.halt(X_OB);
+      break;
+    case Drive::kHalt:
+      v_O = trajectory_.stop(X_OB, dt);
+      break;
+    case Drive::kGoal: {
+      // Measured before the reference moves on: both are of this tick's sample.
+      const Pose2& ref = trajectory_.reference();
+      telemetry_.tracking_error_m = std::hypot(ref.x - X_OB.x, ref.y - X_OB.y);
+      telemetry_.tracking_error_rad = std::abs(perception::wrap_angle(ref.yaw - X_OB.yaw));
+      telemetry_.tracking_error_max_m =
+          std::max(telemetry_.tracking_error_max_m, telemetry_.tracking_error_m);
+      if (telemetry_.tracking_error_m > 0.5 * config_.trajectory.leash_m) {
+        health = rt::worst(health, Health::of(Severity::kCounted, robot_io_fault::kTracking));
+      }
+      TrajectoryTarget target;
+      target.X_OG = {goal_.x_m, goal_.y_m, goal_.yaw_rad};
+      const double c = std::cos(goal_.yaw_rad), s = std::sin(goal_.yaw_rad);
+      target.v_O = {c * goal_.vx - s * goal_.vy, s * goal_.vx + c * goal_.vy, goal_.wz};
+      target.speed_limit_m_per_s = goal_.speed_limit_m_per_s;
+      v_O = trajectory_.track(target, X_OB, dt);
+      break;
+    }
+  }
+  const double c = std::cos(X_OB.yaw), s = std::sin(X_OB.yaw);
+  v_commanded_ = {c * v_O.x + s * v_O.y, -s * v_O.x + c * v_O.y, v_O.yaw};
+  write_setpoints(drive, out);
+  write_state(tick, in, drive, health, out);
+  return health;
+}
+
+Health RobotIoTask::sense_bus(const In& in) noexcept {
+  if (in.bus != drivers::BusStatus::kOk) {
+    ++telemetry_.frames_lost;
+    ++lost_in_a_row_;
+    if (in.bus == drivers::BusStatus::kDown || lost_in_a_row_ >= config_.frames_lost_limit) {
+      lost_in_a_row_ = config_.frames_lost_limit;
+      return Health::of(Severity::kSafeStop, robot_io_fault::kBusDown);
+    }
+    return Health::of(Severity::kCounted, robot_io_fault::kFrameLost);
+  }
+  lost_in_a_row_ = 0;
+  motor_flags_ = 0;
+  for (const std::uint32_t f : in.motors.flags) motor_flags_ |= f;
+  const Twist2 v = kinematics_.forward(in.motors.wheel_rad_per_s);
+  if (!perception::is_finite(v) || !odometry_.update(in.motors.wheel_rad)) encoder_fault_ = true;
+  if (encoder_fault_) {
+    v_measured_ = {};
+    return Health::of(Severity::kSafeStop, robot_io_fault::kEncoder);
+  }
+  v_measured_ = v;
+  motors_taken_ = in.motors.taken;
+  const Pose2& p = odometry_.pose();
+  telemetry_.odometry_path_m += std::hypot(p.x - last_pose_.x, p.y - last_pose_.y);
+  last_pose_ = p;
+  if ((motor_flags_ & drivers::motor_flag::kTimeout) != 0) {
+    return Health::of(Severity::kSafeStop, robot_io_fault::kMotorTimeout);
+  }
+  return Health::ok();
+}
+
+Health RobotIoTask::accept_goal(const rt::Tick&, const In& in) noexcept {
+  if (in.goal == nullptr || (have_goal_ && in.goal->seq == goal_.seq)) return Health::ok();
+  if (!usable(*in.goal)) {
+    if (refused_seq_ != in.goal->seq || telemetry_.goals_refused == 0) ++telemetry_.goals_refused;
+    refused_seq_ = in.goal->seq;
+    return Health::of(Severity::kCounted, robot_io_fault::kGoalRefused);
+  }
+  goal_ = *in.goal;
+  have_goal_ = true;
+  expiry_counted_ = false;
+  return Health::ok();
+}
+
+RobotIoTask::Drive RobotIoTask::decide(const rt::Tick& tick, const In& in, Out&,
+                                       Health& health) noexcept {
+  telemetry_.goal_distance_m = 0;
+  if (health.severity == Severity::kSafeStop || !odometry_.primed()) return Drive::kOff;
+  switch (last_mode_) {
+    case Mode::kInit:
+    case Mode::kSafeStop:
+      return Drive::kOff;
+    case Mode::kHold:
+    case Mode::kRampDown:
+      return Drive::kHalt;
+    case Mode::kEngaged:
+      break;
+  }
+  if (!in.link_heard ||
+      tick.start - in.link_heard_at > std::chrono::milliseconds{config_.link_silence_ms}) {
+    health = rt::worst(health, Health::of(Severity::kDegraded, robot_io_fault::kLinkSilent));
+    return Drive::kHalt;
+  }
+  if (!have_goal_ || goal_.engaged == 0) return Drive::kHalt;
+  if (tick.start > goal_.valid_until) {
+    if (!expiry_counted_) ++telemetry_.goals_expired;
+    expiry_counted_ = true;
+    health = rt::worst(health, Health::of(Severity::kDegraded, robot_io_fault::kGoalExpired));
+    return Drive::kHalt;
+  }
+  const Pose2& p = odometry_.pose();
+  telemetry_.goal_distance_m = std::hypot(goal_.x_m - p.x, goal_.y_m - p.y);
+  return Drive::kGoal;
+}
+
+void RobotIoTask::write_setpoints(Drive drive, Out& out) noexcept {
+  if (drive == Drive::kOff) {
+    out.setpoints = {};
+    return;
+  }
+  const double peak = kinematics_.peak_wheel_speed(v_commanded_);
+  if (peak > config_.wheel_speed_limit_rad_per_s) {
+    const double scale = config_.wheel_speed_limit_rad_per_s / peak;
+    v_commanded_ = {scale * v_commanded_.vx, scale * v_commanded_.vy, scale * v_commanded_.wz};
+  }
+  out.setpoints.mode = drivers::MotorMode::kVelocity;
+  out.setpoints.wheel_rad_per_s = kinematics_.inverse(v_commanded_);
+}
+
+void RobotIoTask::write_state(const rt::Tick&, const In& in, Drive, Health health,
+                              Out& out) noexcept {
+  const Pose2& p = odometry_.pose();
+  drivers::RobotState& s = out.state;
+  s.seq = ++seq_;
+  s.taken = motors_taken_;
+  s.x_m = p.x;
+  s.y_m = p.y;
+  s.yaw_rad = p.yaw;
+  s.vx = v_measured_.vx;
+  s.vy = v_measured_.vy;
+  s.wz = v_measured_.wz;
+  s.cmd_vx = v_commanded_.vx;
+  s.cmd_vy = v_commanded_.vy;
+  s.cmd_wz = v_commanded_.wz;
+  s.goal_seq = have_goal_ ? goal_.seq : 0;
+  s.mode = static_cast<std::uint8_t>(in.mode != nullptr ? in.mode->mode : Mode::kInit);
+  const bool turning = std::hypot(s.vx, s.vy) > 0.005 || std::abs(s.wz) > 0.01;
+  s.moving = static_cast<std::uint8_t>(turning || trajectory_.moving());
+  s.fault = health.fault;
+  telemetry_.X_OR = trajectory_.reference();
+  out.telemetry = telemetry_;
+}
+
+}  // namespace tasks
