@@ -1,0 +1,154 @@
+// Slow reference for the haptic proxy: the point nearest to the hand that can be reached from a given
+// point without entering the solid, found by direct search on the samples. No gradient, no tangent
+// plane, no quadratic programme, and its own trilinear interpolation: nothing is shared with the
+// renderer. Resolution 0.05 mm.
+//
+// Search: the neighbourhood of p is seen along the line to the hand h. An offset across that line is
+// walked to in steps of at most 0.25 mm; a walk that enters the solid rises away from h to the surface,
+// and in the free it sinks towards h until it meets the surface or h. The best of 16 directions
+// and their refinement is taken, at ever smaller radii, until none is better.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "perception/geometry/pose.hpp"
+
+namespace support {
+
+using perception::Vec3;
+
+// Trilinear interpolation of node values given by a function of integer grid coordinates; NaN = unknown.
+class ReferenceField {
+ public:
+  using Node = std::function<double(int, int, int)>;
+  ReferenceField(Node node, double voxel) : node_(std::move(node)), voxel_(voxel) {}
+
+  [[nodiscard]] double operator()(const Vec3& p) const {
+    const Vec3 q = p / voxel_;
+    const int i = static_cast<int>(std::floor(q.x())), j = static_cast<int>(std::floor(q.y())),
+              k = static_cast<int>(std::floor(q.z()));
+    const double u = q.x() - i, v = q.y() - j, w = q.z() - k;
+    double sum = 0;
+    for (int a = 0; a < 2; ++a) {
+      for (int b = 0; b < 2; ++b) {
+        for (int c = 0; c < 2; ++c) {
+          sum += (a ? u : 1 - u) * (b ? v : 1 - v) * (c ? w : 1 - w) *
+                 node_(i + a, j + b, k + c);
+        }
+      }
+    }
+    return sum;
+  }
+
+ private:
+  Node node_;
+  double voxel_;
+};
+
+class FieldOptimum {
+ public:
+  FieldOptimum(const ReferenceField& field, double radius) : field_(field), radius_(radius) {}
+
+  // From p (outside the solid, or less than 20 mm below its surface along the line from h). Every
+  // step is at most 0.25 mm long and ends nearer to h, so no hump is hopped over.
+  [[nodiscard]] Vec3 advance(Vec3 p, const Vec3& h) const {
+    p = sink(rise(p, h), h);
+    for (int round = 0; round < 2000; ++round) {
+      const double distance = (p - h).norm();
+      if (distance < 1e-5) break;
+      const Vec3 axis = (p - h) / distance;
+      const Vec3 a = axis.unitOrthogonal(), b = axis.cross(a);
+      Vec3 best = p;
+      double best_distance = distance - 1e-7;
+      for (double r = kStep; r > 8e-6 && best == p; r *= 0.5) {
+        double best_angle = 0, least = 1e9;
+        const auto attempt = [&](double angle) {
+          const Vec3 x = walk(p, std::cos(angle) * a + std::sin(angle) * b, r, h);
+          const double d = (x - h).norm();
+          if (x != p && d < least) {
+            least = d;
+            best_angle = angle;
+          }
+          if (d < best_distance) {
+            best = x;
+            best_distance = d;
+          }
+        };
+        for (int k = 0; k < 16; ++k) attempt(0.39269908169872414 * k + 0.1);
+        // In a crease only a narrow fan of directions leads down: close in on it.
+        for (double turn = 0.2; turn > 2e-3 && least < 1e9; turn *= 0.5) {
+          const double middle = best_angle;
+          attempt(middle - turn);
+          attempt(middle + turn);
+        }
+      }
+      if (best == p) break;
+      p = best;
+    }
+    return p;
+  }
+
+ private:
+  static constexpr double kStep = 2.5e-4;
+
+  [[nodiscard]] bool solid(const Vec3& x) const { return field_(x) < radius_; }
+
+  // Out of the solid, away from h.
+  [[nodiscard]] Vec3 rise(const Vec3& p, const Vec3& h) const {
+    if (!solid(p)) return p;
+    const Vec3 away = (p - h).normalized();
+    for (double s = kStep; s < 0.02; s += kStep) {
+      if (!solid(p + s * away)) {
+        double lo = s - kStep, hi = s;
+        for (int i = 0; i < 12; ++i) {
+          const double m = 0.5 * (lo + hi);
+          (solid(p + m * away) ? lo : hi) = m;
+        }
+        return p + hi * away;
+      }
+    }
+    return p;
+  }
+  // Towards h until the surface.
+  [[nodiscard]] Vec3 sink(const Vec3& p, const Vec3& h) const {
+    const double length = (h - p).norm();
+    if (length < 1e-9) return p;
+    const Vec3 way = (h - p) / length;
+    double done = 0;
+    while (done < length) {
+      const double next = std::min(length, done + kStep);
+      if (solid(p + next * way)) {
+        double lo = done, hi = next;
+        for (int i = 0; i < 12; ++i) {
+          const double m = 0.5 * (lo + hi);
+          (solid(p + m * way) ? hi : lo) = m;
+        }
+        return p + lo * way;
+      }
+      done = next;
+    }
+    return h;
+  }
+  // One step; p itself when the slope there is steeper than 8 in 1.
+  [[nodiscard]] Vec3 walk(const Vec3& p, const Vec3& direction, double r, const Vec3& h) const {
+    Vec3 next = p + r * direction;
+    if (solid(next)) {
+      const Vec3 away = (next - h).normalized();
+      double lo = 0, hi = 8 * r;
+      if (solid(next + hi * away)) return p;
+      for (int k = 0; k < 12; ++k) {
+        const double m = 0.5 * (lo + hi);
+        (solid(next + m * away) ? lo : hi) = m;
+      }
+      return next + hi * away;
+    }
+    return sink(next, h);
+  }
+
+  const ReferenceField& field_;
+  double radius_;
+};
+
+}  // namespace support
