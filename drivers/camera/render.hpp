@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "drivers/camera/depth_noise.hpp"
+#include "drivers/camera/ray_tile.hpp"
 #include "drivers/world/world.hpp"
 #include "perception/geometry/rgbd_frame.hpp"
 #include "rt/memory/non_realtime.hpp"
@@ -19,16 +20,19 @@ struct DepthRange {
   double min_m = 0.4, max_m = 5.0;  // outside it a pixel reads 0
 };
 
-// Working memory of render(), for any image up to RgbdFrame's capacity.
-class RenderScratch {
- public:
-  explicit RenderScratch(rt::NonRealtime&);
-  std::vector<float> depth_m;      // before noise; 0 = nothing within 10 x max range
-  std::vector<float> inverse_m;    // 1 / depth, 0 where nothing
+// Working memory of render(), for any image up to RgbdFrame's capacity and worlds of up to
+// `max_shapes`.
+struct RenderScratch {
+  RenderScratch(rt::NonRealtime&, std::size_t max_shapes);
+  std::vector<float> depth_m;             // before noise; 0 = nothing there
+  std::vector<float> inverse_m;           // 1 / depth, 0 where nothing is; only with edge effects
+  std::vector<float> shift_u, shift_v;    // of the rays of one row of tiles, px; only with jitter
+  std::vector<SeenShape> seen;            // the world from this pose
+  std::vector<const SeenShape*> in_tile;  // what a tile may see
 };
 
 // Fills depth, colour, intrinsics, has_colour and seq of `out`; leaves `exposure`. Allocates nothing.
-// The result is a function of the arguments only.
+// The result is a function of the arguments only. Asserts that the scratch is large enough.
 void render(const World& world, const perception::Intrinsics& intrinsics,
             const perception::Pose& X_WC, const DepthRange& range, const DepthNoise& noise,
             std::uint64_t seed, std::uint64_t seq, RenderScratch& scratch,

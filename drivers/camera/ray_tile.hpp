@@ -1,0 +1,45 @@
+// One tile of camera rays against one shape at a time: the inner loops of render().
+//
+// A ray is (x, y, 1) in the camera's frame, so its parameter t is the depth. Loops run over the
+// whole tile without branches; compiled once for the base instruction set and once for AVX2, with
+// the same bytes out of both (no fused multiply-add anywhere).
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "drivers/world/shape.hpp"
+
+// The resolver of a clone runs before a sanitizer's runtime is up.
+#if defined(__x86_64__) && !defined(__SANITIZE_THREAD__) && !defined(__SANITIZE_ADDRESS__)
+#define TELETACT_CAMERA_CLONES __attribute__((target_clones("default", "arch=x86-64-v3")))
+#else
+#define TELETACT_CAMERA_CLONES
+#endif
+
+namespace drivers {
+
+struct RayTile {
+  static constexpr int kWidth = 32, kHeight = 8, kSize = kWidth * kHeight;
+  alignas(64) std::array<double, kSize> x, y;      // direction
+  alignas(64) std::array<double, kSize> t;         // nearest entry so far
+  alignas(64) std::array<std::int64_t, kSize> id;  // its shape, -1: none
+  alignas(64) std::array<std::uint32_t, kSize> colour;  // r | g << 8 | b << 16
+};
+
+// A shape as this frame's camera sees it.
+struct SeenShape {
+  const Shape* shape = nullptr;
+  std::int64_t id = 0;
+  perception::Vec3 origin_S;              // the lens
+  perception::Mat3 R_SC;                  // d_S = R_SC (x, y, 1)
+  perception::Vec3 centre_C;              // of the bounding sphere
+  perception::Vec3 normal_C;              // planes
+};
+
+void tile_begin(RayTile& tile, double max_t) noexcept;
+void tile_cast(RayTile& tile, const SeenShape& s) noexcept;
+// Colours the rays whose nearest entry is this shape's.
+void tile_paint(RayTile& tile, const SeenShape& s) noexcept;
+
+}  // namespace drivers

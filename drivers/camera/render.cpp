@@ -1,0 +1,272 @@
+#include "drivers/camera/render.hpp"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "rt/random.hpp"
+
+namespace drivers {
+
+using perception::Intrinsics;
+using perception::Mat3;
+using perception::Pose;
+using perception::RgbdFrame;
+using perception::Vec3;
+
+namespace {
+
+// One stream of random numbers per row and purpose, so that switching one effect on leaves the
+// numbers of the others as they were.
+enum class Purpose : std::uint64_t { kJitterU, kJitterV, kAxial, kFlying, kDropout };
+rt::Random row_stream(std::uint64_t seed, std::uint64_t seq, int v, Purpose purpose) noexcept {
+  return rt::Random(seed, rt::mix64(seq, static_cast<std::uint64_t>(v) * 8U +
+                                             static_cast<std::uint64_t>(purpose)));
+}
+std::uint32_t high_bits(rt::Random& rng) noexcept { return static_cast<std::uint32_t>(rng() >> 32U); }
+
+struct TileBounds {
+  double x0, x1, y0, y1;  // directions of the tile's rays lie within
+};
+
+bool may_see(const SeenShape& s, const TileBounds& b) noexcept {
+  if (s.shape->kind == Shape::Kind::kPlane) {
+    // Linear in (x, y): it can be met if it is approached by one of the corners.
+    const Vec3& n = s.normal_C;
+    const double least = n.z() + std::min(n.x() * b.x0, n.x() * b.x1) +
+                         std::min(n.y() * b.y0, n.y() * b.y1);
+    return s.origin_S.z() > 0 && least < 0;
+  }
+  // Bounding sphere against the four side planes of the tile's frustum.
+  const Vec3& c = s.centre_C;
+  const double r = s.shape->bound_radius_m;
+  const auto outside = [&](double along, double slope) {  // along - slope z <= 0 is inside
+    return along - slope * c.z() > r * std::sqrt(1 + slope * slope);
+  };
+  return c.z() > -r && !outside(c.x(), b.x1) && !outside(-c.x(), -b.x0) && !outside(c.y(), b.y1) &&
+         !outside(-c.y(), -b.y0);
+}
+
+void look(const World& world, const Pose& X_WC, std::vector<SeenShape>& seen) noexcept {
+  assert(seen.capacity() >= world.shapes().size());
+  seen.clear();
+  for (const Shape& shape : world.shapes()) {
+    SeenShape s;
+    s.shape = &shape;
+    s.id = static_cast<std::int64_t>(seen.size());
+    const Mat3 R_SW = shape.X_WS.linear().transpose();
+    s.origin_S = R_SW * (X_WC.translation() - shape.X_WS.translation());
+    s.R_SC = R_SW * X_WC.linear();
+    s.centre_C = X_WC.linear().transpose() * (shape.X_WS.translation() - X_WC.translation());
+    s.normal_C = s.R_SC.row(2).transpose();
+    seen.push_back(s);
+  }
+}
+
+void jitter_rows(const LateralJitter& jitter, std::uint64_t seed, std::uint64_t seq, int v0, int rows,
+                 int width, RenderScratch& scratch) noexcept {
+  const float sigma = static_cast<float>(jitter.sigma_px);
+  for (int v = 0; v < rows; ++v) {
+    rt::Random ru = row_stream(seed, seq, v0 + v, Purpose::kJitterU);
+    rt::Random rv = row_stream(seed, seq, v0 + v, Purpose::kJitterV);
+    float* u_out = scratch.shift_u.data() + static_cast<std::ptrdiff_t>(v) * width;
+    float* v_out = scratch.shift_v.data() + static_cast<std::ptrdiff_t>(v) * width;
+    for (int u = 0; u < width; ++u) {
+      u_out[u] = sigma * jitter.normal(high_bits(ru));
+      v_out[u] = sigma * jitter.normal(high_bits(rv));
+    }
+  }
+}
+
+struct TileAt {
+  int u0, v0, width, height;  // px; a tile at the border is narrower
+};
+
+// Rays of the tile; the missing ones of a border tile repeat the last.
+TileBounds aim(const Intrinsics& k, const TileAt& at, const RenderScratch& scratch, bool jittered,
+               double margin_px, RayTile& tile) noexcept {
+  for (int j = 0; j < RayTile::kHeight; ++j) {
+    const int dv = std::min(j, at.height - 1);
+    for (int i = 0; i < RayTile::kWidth; ++i) {
+      const int du = std::min(i, at.width - 1);
+      double u = at.u0 + du, v = at.v0 + dv;
+      if (jittered) {
+        const std::size_t n = static_cast<std::size_t>(dv * k.width + at.u0 + du);
+        u += static_cast<double>(scratch.shift_u[n]);
+        v += static_cast<double>(scratch.shift_v[n]);
+      }
+      const std::size_t n = static_cast<std::size_t>(j * RayTile::kWidth + i);
+      tile.x[n] = (u - k.cx) / k.fx;
+      tile.y[n] = (v - k.cy) / k.fy;
+    }
+  }
+  return {(at.u0 - margin_px - k.cx) / k.fx, (at.u0 + at.width - 1 + margin_px - k.cx) / k.fx,
+          (at.v0 - margin_px - k.cy) / k.fy, (at.v0 + at.height - 1 + margin_px - k.cy) / k.fy};
+}
+
+void cast_tile(const std::vector<SeenShape>& seen, const TileBounds& bounds, double max_t,
+               std::vector<const SeenShape*>& in_tile, RayTile& tile) noexcept {
+  in_tile.clear();
+  for (const SeenShape& s : seen) {
+    if (may_see(s, bounds)) in_tile.push_back(&s);
+  }
+  tile_begin(tile, max_t);
+  for (const SeenShape* s : in_tile) tile_cast(tile, *s);
+  for (const SeenShape* s : in_tile) tile_paint(tile, *s);
+}
+
+void store(const RayTile& tile, const TileAt& at, int width, float* depth_m,
+           perception::Rgb* colour) noexcept {
+  for (int j = 0; j < at.height; ++j) {
+    const std::size_t from = static_cast<std::size_t>(j * RayTile::kWidth);
+    const std::size_t to = static_cast<std::size_t>((at.v0 + j) * width + at.u0);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(at.width); ++i) {
+      depth_m[to + i] = tile.id[from + i] >= 0 ? static_cast<float>(tile.t[from + i]) : 0.0F;
+      const std::uint32_t c = tile.colour[from + i];
+      colour[to + i] = {static_cast<std::uint8_t>(c), static_cast<std::uint8_t>(c >> 8U),
+                        static_cast<std::uint8_t>(c >> 16U)};
+    }
+  }
+}
+
+TELETACT_CAMERA_CLONES
+void invert(const float* depth, float* inverse, int n) noexcept {
+  for (int i = 0; i < n; ++i) {
+    const float d = depth[i];
+    const float safe = d > 0 ? d : 1.0F;
+    inverse[i] = d > 0 ? 1.0F / safe : 0.0F;
+  }
+}
+
+// mm of one row: readings outside the range become 0.
+TELETACT_CAMERA_CLONES
+void quantise(const float* z_m, std::uint16_t* out, int n, float lo, float hi) noexcept {
+  for (int i = 0; i < n; ++i) {
+    const float z = z_m[i];
+    const bool in = (z >= lo) & (z <= hi);
+    out[i] = static_cast<std::uint16_t>(static_cast<std::int32_t>(in ? z * 1000.0F + 0.5F : 0.0F));
+  }
+}
+
+class NoisyRows {
+ public:
+  NoisyRows(const DepthNoise& noise, std::uint64_t seed, std::uint64_t seq, int width, int height,
+            const RenderScratch& scratch) noexcept
+      : noise_(noise), seed_(seed), seq_(seq), width_(width), height_(height), scratch_(scratch) {}
+
+  // Noisy depth of row v into `z`; `z` holds the true depth before.
+  void apply(int v, float* z) const noexcept {
+    if (noise_.flying() != nullptr) fly(v, z);
+    if (noise_.axial() != nullptr) shake(v, z);
+    if (noise_.dropout() != nullptr) drop(v, z);
+  }
+
+ private:
+  [[nodiscard]] const float* inverse(int v) const noexcept {
+    return scratch_.inverse_m.data() + static_cast<std::ptrdiff_t>(v) * width_;
+  }
+  // Relative step that a plane through the neighbours does not explain.
+  [[nodiscard]] bool beside_edge(int u, int v) const noexcept {
+    const float* row = inverse(v);
+    const float middle = row[u];
+    if (middle <= 0) return false;
+    float step = 0;
+    if (u > 0 && u + 1 < width_) step = std::abs(row[u - 1] - 2 * middle + row[u + 1]);
+    if (v > 0 && v + 1 < height_) {
+      step = std::max(step, std::abs(inverse(v - 1)[u] - 2 * middle + inverse(v + 1)[u]));
+    }
+    return step > static_cast<float>(DepthNoise::kEdgeStep) * middle;
+  }
+  void fly(int v, float* z) const noexcept {
+    rt::Random rng = row_stream(seed_, seq_, v, Purpose::kFlying);
+    const auto share = static_cast<float>(noise_.flying()->share);
+    for (int u = 0; u < width_; ++u) {
+      const std::uint64_t bits = rng();
+      if (!beside_edge(u, v) || unit(bits >> 32U) >= share) continue;
+      float lo = inverse(v)[u], hi = lo;
+      const auto widen = [&lo, &hi](float i) {
+        if (i > 0) lo = std::min(lo, i), hi = std::max(hi, i);
+      };
+      if (u > 0) widen(inverse(v)[u - 1]);
+      if (u + 1 < width_) widen(inverse(v)[u + 1]);
+      if (v > 0) widen(inverse(v - 1)[u]);
+      if (v + 1 < height_) widen(inverse(v + 1)[u]);
+      z[u] = 1 / hi + (1 / lo - 1 / hi) * unit(bits & 0xffffffffU);
+    }
+  }
+  void shake(int v, float* z) const noexcept {
+    rt::Random rng = row_stream(seed_, seq_, v, Purpose::kAxial);
+    const AxialNoise& axial = *noise_.axial();
+    const auto scale = static_cast<float>(axial.scale);
+    for (int u = 0; u < width_; ++u) {
+      const float n = axial.normal(high_bits(rng));
+      const float mm = 1.5F - 0.5F * z[u] + 0.3F * z[u] * z[u];
+      const float sigma = (mm > 1.2F ? mm : 1.2F) * 1e-3F * scale;
+      z[u] = z[u] > 0 ? z[u] + sigma * n : z[u];
+    }
+  }
+  void drop(int v, float* z) const noexcept {
+    rt::Random rng = row_stream(seed_, seq_, v, Purpose::kDropout);
+    const auto share = static_cast<float>(noise_.dropout()->share);
+    for (int u = 0; u < width_; ++u) {
+      const std::uint64_t bits = rng();
+      if (beside_edge(u, v) && unit(bits >> 32U) < share) z[u] = 0;
+    }
+  }
+  static float unit(std::uint64_t bits32) noexcept {
+    return static_cast<float>(bits32 >> 8U) * 0x1.0p-24F;
+  }
+
+  const DepthNoise& noise_;
+  std::uint64_t seed_, seq_;
+  int width_, height_;
+  const RenderScratch& scratch_;
+};
+
+}  // namespace
+
+RenderScratch::RenderScratch(rt::NonRealtime&, std::size_t max_shapes)
+    : depth_m(RgbdFrame::kMaxPixels),
+      inverse_m(RgbdFrame::kMaxPixels),
+      shift_u(static_cast<std::size_t>(RgbdFrame::kMaxWidth) * RayTile::kHeight),
+      shift_v(shift_u.size()) {
+  seen.reserve(max_shapes);
+  in_tile.reserve(max_shapes);
+}
+
+void render(const World& world, const Intrinsics& k, const Pose& X_WC, const DepthRange& range,
+            const DepthNoise& noise, std::uint64_t seed, std::uint64_t seq, RenderScratch& scratch,
+            RgbdFrame& out) noexcept {
+  assert(k.width <= RgbdFrame::kMaxWidth && k.height <= RgbdFrame::kMaxHeight);
+  look(world, X_WC, scratch.seen);
+  const double margin_px = noise.lateral() != nullptr ? 4.2 * noise.lateral()->sigma_px : 0.0;
+  RayTile tile;
+  for (int v0 = 0; v0 < k.height; v0 += RayTile::kHeight) {
+    const int rows = std::min(RayTile::kHeight, k.height - v0);
+    if (noise.lateral() != nullptr) {
+      jitter_rows(*noise.lateral(), seed, seq, v0, rows, k.width, scratch);
+    }
+    for (int u0 = 0; u0 < k.width; u0 += RayTile::kWidth) {
+      const TileAt at{u0, v0, std::min(RayTile::kWidth, k.width - u0), rows};
+      const TileBounds bounds = aim(k, at, scratch, noise.lateral() != nullptr, margin_px, tile);
+      cast_tile(scratch.seen, bounds, 1000.0, scratch.in_tile, tile);
+      store(tile, at, k.width, scratch.depth_m.data(), out.colour.data());
+    }
+  }
+  const int pixels = k.width * k.height;
+  if (noise.flying() != nullptr || noise.dropout() != nullptr) {
+    invert(scratch.depth_m.data(), scratch.inverse_m.data(), pixels);
+  }
+  const NoisyRows noisy(noise, seed, seq, k.width, k.height, scratch);
+  for (int v = 0; v < k.height; ++v) {
+    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(v) * k.width;
+    noisy.apply(v, scratch.depth_m.data() + row);
+    quantise(scratch.depth_m.data() + row, out.depth_mm.data() + row, k.width,
+             static_cast<float>(range.min_m), static_cast<float>(range.max_m));
+  }
+  out.intrinsics = k;
+  out.has_colour = true;
+  out.seq = seq;
+}
+
+}  // namespace drivers

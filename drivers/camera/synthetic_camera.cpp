@@ -1,0 +1,93 @@
+#include "drivers/camera/synthetic_camera.hpp"
+
+#include <ctime>
+#include <numbers>
+
+namespace drivers {
+
+using perception::Intrinsics;
+using perception::Pose;
+using perception::Vec3;
+
+namespace {
+
+std::int64_t thread_cpu_ns() noexcept {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<std::int64_t>(t.tv_sec) * 1000000000 + t.tv_nsec;
+}
+
+}  // namespace
+
+void SyntheticCameraConfig::describe(config::Section& s) {
+  s.text("resolution", resolution, {"full", "half"}, "full 512 x 424, half 256 x 212");
+  s.number("exposure_ms", exposure_ms, 0.1, 30, "time the shutter is open");
+  s.number("range_min_m", range_min_m, 0.05, 5, "nearer things give no reading");
+  s.number("range_max_m", range_max_m, 0.1, 60, "farther things give no reading");
+  s.seed("seed", seed, "of the noise");
+  s.numbers("mount_position_m", mount_position_m, -2, 2, "lens in the base's frame");
+  s.number("mount_yaw_deg", mount_yaw_deg, -180, 180, "positive: looks to the left");
+  s.number("mount_pitch_deg", mount_pitch_deg, -90, 90, "positive: looks down");
+  noise.describe(s.section("noise", "effects on the depth; none is on by itself"));
+}
+
+Intrinsics SyntheticCameraConfig::intrinsics() const noexcept {
+  if (resolution == "half") return {182.5, 182.5, 127.5, 105.5, 256, 212};
+  return {365.0, 365.0, 255.5, 211.5, 512, 424};
+}
+
+Pose SyntheticCameraConfig::X_BC() const noexcept {
+  constexpr double kDeg = std::numbers::pi / 180.0;
+  // Camera axes (right, down, forward) in a base that looks along its own x.
+  perception::Mat3 R_forward;
+  R_forward << 0, 0, 1, -1, 0, 0, 0, -1, 0;
+  Pose X = Pose::Identity();
+  X.linear() = Eigen::AngleAxisd(mount_yaw_deg * kDeg, Vec3::UnitZ()).toRotationMatrix() *
+               Eigen::AngleAxisd(mount_pitch_deg * kDeg, Vec3::UnitY()).toRotationMatrix() *
+               R_forward;
+  X.translation() = Vec3(mount_position_m[0], mount_position_m[1], mount_position_m[2]);
+  return X;
+}
+
+SyntheticCamera::SyntheticCamera(rt::NonRealtime& nrt, const SyntheticCameraConfig& config,
+                                 const World& world, PoseSource& pose, rt::Time t0)
+    : world_(world),
+      pose_(pose),
+      intrinsics_(config.intrinsics()),
+      range_{config.range_min_m, config.range_max_m},
+      noise_(nrt, config.noise),
+      scratch_(nrt, world.shapes().size()),
+      seed_(config.seed),
+      t0_(t0),
+      exposure_(rt::nanos_from_seconds(config.exposure_ms * 1e-3)) {}
+
+rt::Time SyntheticCamera::complete(std::uint64_t f) const noexcept {
+  return t0_ + kCameraRate.release(f) + exposure_;
+}
+
+rt::Time SyntheticCamera::mid_exposure(std::uint64_t f) const noexcept {
+  return t0_ + kCameraRate.release(f) + exposure_ / 2;
+}
+
+void SyntheticCamera::expose(std::uint64_t f, perception::RgbdFrame& out) noexcept {
+  const std::int64_t begin = thread_cpu_ns();
+  const rt::Time middle = mid_exposure(f);
+  render(world_, intrinsics_, pose_.X_WC_at(middle), range_, noise_, seed_, f, scratch_, out);
+  out.exposure = middle;
+  twin_cpu_ns_ += thread_cpu_ns() - begin;
+  ++rendered_;
+}
+
+CameraStatus SyntheticCamera::poll(rt::Time now, perception::RgbdFrame& out) noexcept {
+  if (now < complete(next_)) return CameraStatus::kNoFrame;
+  // Newest complete frame: the estimate by division is corrected by the exact formula.
+  auto f = static_cast<std::uint64_t>((now - t0_ - exposure_).count() * kCameraRate.num /
+                                      (1000000000 * kCameraRate.den));
+  while (complete(f + 1) <= now) ++f;
+  while (f > next_ && complete(f) > now) --f;
+  expose(f, out);
+  next_ = f + 1;
+  return CameraStatus::kFrame;
+}
+
+}  // namespace drivers

@@ -1,0 +1,58 @@
+#include "drivers/camera/threaded_camera.hpp"
+
+#include <algorithm>
+
+#include "drivers/camera/frame_copy.hpp"
+
+namespace drivers {
+
+ThreadedCamera::ThreadedCamera(rt::NonRealtime& nrt, std::unique_ptr<SyntheticCamera> camera,
+                               std::function<rt::Time()> now)
+    : camera_(std::move(camera)), now_(std::move(now)), frames_(nrt, {1}) {
+  thread_ = std::thread([this] { run(); });
+}
+
+ThreadedCamera::~ThreadedCamera() { stop(); }
+
+void ThreadedCamera::stop() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  wake_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+bool ThreadedCamera::wait_until_reached(rt::Time t) {
+  std::unique_lock lock(mutex_);
+  // The box's clock may run at another speed than this machine's: look again after each sleep.
+  for (rt::Time now = now_(); !stop_ && now < t; now = now_()) wake_.wait_for(lock, t - now);
+  return !stop_;
+}
+
+void ThreadedCamera::run() {
+  for (std::uint64_t f = 0;; ++f) {
+    const rt::Time now = now_();
+    while (camera_->mid_exposure(f + 1) <= now) ++f;  // too late for it: lost
+    // The pose is known from the middle of the exposure on; its second half is time to render in.
+    if (!wait_until_reached(camera_->mid_exposure(f))) return;
+    camera_->expose(f, frames_.begin_write());
+    // Nobody may see a frame before its shutter has closed.
+    if (!wait_until_reached(camera_->complete(f))) return;
+    frames_.publish();
+    rendered_.store(camera_->rendered());
+    twin_cpu_ns_.store(camera_->twin_cpu_ns());
+    late_max_ns_.store(std::max(late_max_ns_.load(), (now_() - camera_->complete(f)).count()));
+  }
+}
+
+CameraStatus ThreadedCamera::poll(rt::Time, perception::RgbdFrame& out) noexcept {
+  if (!frames_.fresh(0)) return CameraStatus::kNoFrame;
+  const auto view = frames_.acquire(0);
+  if (!view || view.seq == handed_out_) return CameraStatus::kNoFrame;
+  handed_out_ = view.seq;
+  copy_frame(*view, out);
+  return CameraStatus::kFrame;
+}
+
+}  // namespace drivers
