@@ -234,7 +234,7 @@ class Caster {
   [[nodiscard]] Rgb colour_of(const float* record) noexcept {
     Rgb c{128, 128, 128};
     const Vec3 p_C = Vec3f(record).cast<double>();
-    reader_.colour(out_.X_WC * p_C, c);
+    if (!reader_.colour(out_.X_WC * p_C, c)) return {128, 128, 128};
     return c;
   }
 
