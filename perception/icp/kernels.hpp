@@ -33,20 +33,26 @@ struct RowSums {
   std::int32_t inliers, met, live;
 };
 
+// Depth step that separates two surfaces at depth z: noise(z) = base + per_m2 z^2 for what should be
+// flat, step(z) = noise(z) + per_m z for neighbours on a slope.
+struct EdgeRule {
+  float base, per_m, per_m2;
+};
+
 struct Kernels {
   const char* name;
   void (*accumulate_row)(const RowJob&, RowSums&) noexcept;
   void (*accumulate_row_cross)(const RowJob&, RowSums&) noexcept;
   // out[u] of one row; `in` points at pixel 0 of the row, `stride` floats between rows.
   void (*bilateral_row)(const float* in, std::ptrdiff_t stride, int width, const float* weight,
-                        int radius, float edge_base, float edge_per_m2, float* out) noexcept;
+                        int radius, const EdgeRule& rule, float* out) noexcept;
   void (*normal_row)(const float* z, std::ptrdiff_t stride, int width, const float* x_factor,
-                     const float* y_factor, float edge_base, float edge_per_m2, float* nx,
-                     float* ny, float* nz) noexcept;
+                     const float* y_factor, const EdgeRule& rule, float* nx, float* ny,
+                     float* nz) noexcept;
   void (*to_metres_row)(const std::uint16_t* mm, int width, float min_m, float max_m,
                         float* out) noexcept;
-  void (*half_row)(const float* in, std::ptrdiff_t stride, int width, float edge_base,
-                   float edge_per_m2, float* out) noexcept;
+  void (*half_row)(const float* in, std::ptrdiff_t stride, int width, const EdgeRule& rule,
+                   float* out) noexcept;
 };
 
 extern const Kernels kBaseKernels;

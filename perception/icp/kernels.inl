@@ -172,41 +172,43 @@ static void accumulate_row_cross(const RowJob& job, RowSums& out) noexcept {
 }
 
 static void bilateral_row(const float* in, std::ptrdiff_t stride, int width, const float* weight,
-                          int radius, float edge_base, float edge_per_m2, float* out) noexcept {
+                          int radius, const EdgeRule& rule, float* out) noexcept {
   for (int u = 0; u < width; u += 8) {
     const F8 c = load(in + u);
-    const F8 edge = splat(edge_base) + splat(edge_per_m2) * c * c;
+    const F8 edge = splat(rule.base) + splat(rule.per_m) * c + splat(rule.per_m2) * c * c;
     const F8 inv = splat(1.0F) / (edge * edge);
-    F8 sum = splat(0), total = splat(0);
-    const float* w = weight;
-    for (int dv = -radius; dv <= radius; ++dv) {
-      const float* row = in + dv * stride + u;
-      for (int du = -radius; du <= radius; ++du, ++w) {
-        const F8 tap = load(row + du);
-        const F8 d = tap - c;
-        F8 k = splat(1.0F) - d * d * inv;
-        const I8 same = (k > splat(0)) & (tap > splat(0));
-        k = keep(same, k * k * splat(*w));
-        sum += k * d;  // around the centre: no digits lost
-        total += k;
+    F8 sum = splat(0), total = splat(*weight);
+    const float* w = weight + 1;
+    for (int dv = 0; dv <= radius; ++dv) {
+      const float* after = in + dv * stride + u;
+      const float* before = in - dv * stride + u;
+      for (int du = dv == 0 ? 1 : -radius; du <= radius; ++du, ++w) {
+        const F8 za = load(after + du), zb = load(before - du);
+        const F8 a = za - c, b = zb - c;
+        const F8 a2 = a * a, b2 = b * b;
+        F8 k = splat(1.0F) - (a2 < b2 ? b2 : a2) * inv;
+        k = keep((k > splat(0)) & (za > splat(0)) & (zb > splat(0)), k * k * splat(*w));
+        sum += k * (a + b);  // around the centre: no digits lost
+        total += k + k;
       }
     }
-    const I8 ok = c > splat(0);
-    store(out + u, keep(ok, c + sum / (ok ? total : splat(1.0F))));
+    store(out + u, keep(c > splat(0), c + sum / total));
   }
 }
 
 static void normal_row(const float* z, std::ptrdiff_t stride, int width, const float* x_factor,
-                       const float* y_factor, float edge_base, float edge_per_m2, float* out_x,
-                       float* out_y, float* out_z) noexcept {
+                       const float* y_factor, const EdgeRule& rule, float* out_x, float* out_y,
+                       float* out_z) noexcept {
   for (int u = 0; u < width; u += 8) {
     const F8 c = load(z + u);
     const F8 l = load(z + u - 1), r = load(z + u + 1);
     const F8 t = load(z + u - stride), b = load(z + u + stride);
-    const F8 edge = splat(edge_base) + splat(edge_per_m2) * c * c;
+    const F8 noise = splat(rule.base) + splat(rule.per_m2) * c * c;
+    const F8 step = noise + splat(rule.per_m) * c;
     I8 ok = (c > splat(0)) & (l > splat(0)) & (r > splat(0)) & (t > splat(0)) & (b > splat(0));
-    ok &= (magnitude(l - c) < edge) & (magnitude(r - c) < edge) & (magnitude(t - c) < edge) &
-          (magnitude(b - c) < edge);
+    ok &= (magnitude(l - c) < step) & (magnitude(r - c) < step) & (magnitude(t - c) < step) &
+          (magnitude(b - c) < step);
+    ok &= (magnitude(l + r - c - c) < noise) & (magnitude(t + b - c - c) < noise);
     const F8 xl = load(x_factor + u - 1), xc = load(x_factor + u), xr = load(x_factor + u + 1);
     const F8 ax = xr * r - xl * l, ay = splat(y_factor[0]) * (r - l), az = r - l;
     const F8 bx = xc * (b - t), by = splat(y_factor[1]) * b - splat(y_factor[-1]) * t, bz = b - t;
@@ -228,17 +230,19 @@ static void to_metres_row(const std::uint16_t* mm, int width, float min_m, float
   }
 }
 
-static void half_row(const float* in, std::ptrdiff_t stride, int width, float edge_base,
-                     float edge_per_m2, float* out) noexcept {
+static void half_row(const float* in, std::ptrdiff_t stride, int width, const EdgeRule& rule,
+                     float* out) noexcept {
   for (int u = 0; u < width; ++u) {
     const float* p = in + 2 * u;
     const float c = *p;
-    const float edge = edge_base + edge_per_m2 * c * c;
+    const float noise = rule.base + rule.per_m2 * c * c;
+    const float step = noise + rule.per_m * c;
     float sum = 0, n = 1;
     const std::ptrdiff_t pair[4] = {1, stride, stride + 1, stride - 1};
     for (const std::ptrdiff_t d : pair) {
       const float a = p[d] - c, b = p[-d] - c;
-      const bool same = a < edge && a > -edge && b < edge && b > -edge && p[d] > 0 && p[-d] > 0;
+      const bool same = (a < step) & (a > -step) & (b < step) & (b > -step) & (a + b < noise) &
+                        (a + b > -noise) & (p[d] > 0) & (p[-d] > 0);
       sum += same ? a + b : 0.0F;
       n += same ? 2.0F : 0.0F;
     }

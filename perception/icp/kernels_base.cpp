@@ -6,7 +6,6 @@
 
 #include "perception/icp/kernels.hpp"
 
-#pragma GCC diagnostic ignored "-Wpsabi"  // the vectors never cross a call
 
 namespace perception::icp {
 namespace {

@@ -6,7 +6,6 @@
 
 #include "perception/icp/kernels.hpp"
 
-#pragma GCC diagnostic ignored "-Wpsabi"  // the vectors never cross a call
 #pragma GCC target("arch=x86-64-v3")
 
 namespace perception::icp {

@@ -28,7 +28,8 @@ void PreprocessConfig::describe(config::Section& s) {
       .integer("bilateral_radius_px", bilateral_radius_px, 0, 4, "0 switches the filter off")
       .number("bilateral_sigma_px", bilateral_sigma_px, 0.3, 10, "spatial width of the filter")
       .number("edge_base_m", edge_base_m, 0.001, 0.5, "depth step that is an edge, at depth 0")
-      .number("edge_per_m2", edge_per_m2, 0, 0.1, "and its growth with depth squared");
+      .number("edge_per_m2", edge_per_m2, 0, 0.1, "and its growth with depth squared")
+      .number("edge_slope", edge_slope, 0, 20, "steepest surface, dz/dx, whose pixels are neighbours");
 }
 
 PaddedImage::PaddedImage(int max_width, int max_height)
@@ -72,44 +73,48 @@ void depth_to_metres(ImageView<const std::uint16_t> depth_mm, float min_m, float
   }
 }
 
-void bilateral(const PaddedImage& in, const std::vector<float>& spatial_weight, int radius,
-               float edge_base, float edge_per_m2, PaddedImage& out) noexcept {
+void bilateral(const PaddedImage& in, const std::vector<float>& weights, int radius,
+               const icp::EdgeRule& rule, PaddedImage& out) noexcept {
   out.reshape(in.width(), in.height());
   for (int v = 0; v < in.height(); ++v) {
-    icp::kernels().bilateral_row(in.row(v), in.stride(), in.width(), spatial_weight.data(), radius,
-                                 edge_base, edge_per_m2, out.row(v));
+    icp::kernels().bilateral_row(in.row(v), in.stride(), in.width(), weights.data(), radius,
+                                 rule, out.row(v));
     clear_right(out, v);
   }
 }
 
-void half_sample(const PaddedImage& in, float edge_base, float edge_per_m2,
-                 PaddedImage& out) noexcept {
+void half_sample(const PaddedImage& in, const icp::EdgeRule& rule, PaddedImage& out) noexcept {
   out.reshape((in.width() + 1) / 2, (in.height() + 1) / 2);
   for (int v = 0; v < out.height(); ++v) {
-    icp::kernels().half_row(in.row(2 * v), in.stride(), out.width(), edge_base, edge_per_m2,
-                            out.row(v));
+    icp::kernels().half_row(in.row(2 * v), in.stride(), out.width(), rule, out.row(v));
   }
 }
 
-void normals(DepthLevel& level, float edge_base, float edge_per_m2) noexcept {
+void normals(DepthLevel& level, const icp::EdgeRule& rule) noexcept {
   const PaddedImage& z = level.depth;
   for (PaddedImage* n : {&level.nx, &level.ny, &level.nz}) n->reshape(z.width(), z.height());
   for (int v = 0; v < z.height(); ++v) {
     icp::kernels().normal_row(z.row(v), z.stride(), z.width(),
                               level.x_factor.data() + PaddedImage::kMargin,
-                              level.y_factor.data() + PaddedImage::kMargin + v, edge_base,
-                              edge_per_m2, level.nx.row(v), level.ny.row(v), level.nz.row(v));
+                              level.y_factor.data() + PaddedImage::kMargin + v, rule,
+                              level.nx.row(v), level.ny.row(v), level.nz.row(v));
   }
 }
 
 std::vector<float> bilateral_weights(int radius, double sigma_px) {
-  std::vector<float> w;
-  for (int dv = -radius; dv <= radius; ++dv) {
-    for (int du = -radius; du <= radius; ++du) {
-      w.push_back(static_cast<float>(std::exp(-0.5 * (du * du + dv * dv) / (sigma_px * sigma_px))));
-    }
+  const auto weight = [&](int du, int dv) {
+    return static_cast<float>(std::exp(-0.5 * (du * du + dv * dv) / (sigma_px * sigma_px)));
+  };
+  std::vector<float> w{1.0F};
+  for (int dv = 0; dv <= radius; ++dv) {
+    for (int du = dv == 0 ? 1 : -radius; du <= radius; ++du) w.push_back(weight(du, dv));
   }
   return w;
+}
+
+icp::EdgeRule TrackingPyramid::edge_rule(double focal_px) const noexcept {
+  return {static_cast<float>(config_.edge_base_m), static_cast<float>(config_.edge_slope / focal_px),
+          static_cast<float>(config_.edge_per_m2)};
 }
 
 TrackingPyramid::TrackingPyramid(rt::NonRealtime&, const PreprocessConfig& config, int max_width,
@@ -159,24 +164,22 @@ void count_readings(DepthLevel& level) noexcept {
 
 void TrackingPyramid::build(ImageView<const std::uint16_t> depth_mm, const Intrinsics& intrinsics,
                          int pixel_step) noexcept {
-  const auto edge_base = static_cast<float>(config_.edge_base_m);
-  const auto edge_per_m2 = static_cast<float>(config_.edge_per_m2);
   pixel_step_ = pixel_step >= 4 ? 4 : (pixel_step >= 2 ? 2 : 1);
   depth_to_metres(depth_mm, static_cast<float>(config_.depth_min_m),
                   static_cast<float>(config_.depth_max_m), raw_);
   work_ = static_cast<std::uint64_t>(raw_.width()) * static_cast<std::uint64_t>(raw_.height());
-  if (pixel_step_ >= 2) half_sample(raw_, edge_base, edge_per_m2, half_);
-  if (pixel_step_ >= 4) half_sample(half_, edge_base, edge_per_m2, quarter_);
+  if (pixel_step_ >= 2) half_sample(raw_, edge_rule(intrinsics.fx), half_);
+  if (pixel_step_ >= 4) half_sample(half_, edge_rule(intrinsics.fx / 2), quarter_);
   const PaddedImage& base = pixel_step_ >= 4 ? quarter_ : (pixel_step_ >= 2 ? half_ : raw_);
   Intrinsics k = intrinsics.subsampled(pixel_step_);
   k.width = base.width();
   k.height = base.height();
-  bilateral(base, spatial_weight_, config_.bilateral_radius_px, edge_base, edge_per_m2,
+  bilateral(base, spatial_weight_, config_.bilateral_radius_px, edge_rule(k.fx),
             levels_[0].depth);
   for (std::size_t l = 0; l < levels_.size(); ++l) {
-    if (l > 0) half_sample(levels_[l - 1].depth, edge_base, edge_per_m2, levels_[l].depth);
+    if (l > 0) half_sample(levels_[l - 1].depth, edge_rule(2 * k.fx), levels_[l].depth);
     set_camera(levels_[l], k);
-    normals(levels_[l], edge_base, edge_per_m2);
+    normals(levels_[l], edge_rule(k.fx));
     work_ += static_cast<std::uint64_t>(k.width) * static_cast<std::uint64_t>(k.height);
     k = k.subsampled(2);
   }

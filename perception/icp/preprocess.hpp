@@ -1,10 +1,11 @@
 // From a depth image to what tracking needs: filtered depth, a 3-level pyramid, normals.
 //
-// Every step refuses to mix two surfaces: a neighbour counts only when its depth differs from the
-// centre's by less than edge(z) = edge_base_m + edge_per_m2 * z^2 (sensor noise grows with z^2), and a
-// missing reading (0) never counts. Borders are padded with "no reading". Sources: bilateral filter,
-// Tomasi and Manduchi 1998, with a compact range kernel (1 - (d/edge)^2)^2 in place of a Gaussian, so
-// that beyond the edge the weight is exactly 0; pyramid and normals, Newcombe et al., KinectFusion 2011.
+// Every step refuses to mix two surfaces: neighbours count in point-symmetric pairs (so a slanted plane
+// is not biased at its border), only when both differ from the centre by less than the depth edge of the
+// EdgeRule (noise grows with z^2, a slope with the size of a pixel), and a missing reading (0) never
+// counts. Borders are padded with "no reading". Sources: bilateral filter, Tomasi and Manduchi 1998, with
+// a compact range kernel (1 - (d/edge)^2)^2 in place of a Gaussian, so that beyond the edge the weight
+// is exactly 0; pyramid and normals, Newcombe et al., KinectFusion 2011.
 //
 // Same bytes on every instruction set: fixed lane order, no contraction. Nothing here allocates
 // after construction.
@@ -17,6 +18,7 @@
 #include "config/schema.hpp"
 #include "perception/geometry/camera_model.hpp"
 #include "perception/geometry/image.hpp"
+#include "perception/icp/kernels.hpp"
 #include "rt/memory/non_realtime.hpp"
 
 namespace perception {
@@ -27,7 +29,8 @@ struct PreprocessConfig {
   int bilateral_radius_px = 2;     // 0 switches the filter off
   double bilateral_sigma_px = 1.5;
   double edge_base_m = 0.02;       // depth step that is an edge, at depth 0 ...
-  double edge_per_m2 = 0.006;      // ... plus this much times depth squared
+  double edge_per_m2 = 0.006;      // ... plus this much times depth squared ...
+  double edge_slope = 2.0;         // ... plus what a surface of this slope (dz/dx) changes in a pixel
   void describe(config::Section& s);
 };
 
@@ -91,6 +94,7 @@ class TrackingPyramid {
   [[nodiscard]] std::uint64_t work() const noexcept { return work_; }
 
  private:
+  [[nodiscard]] icp::EdgeRule edge_rule(double focal_px) const noexcept;
   PreprocessConfig config_;
   std::array<DepthLevel, kLevels> levels_;
   PaddedImage raw_, half_, quarter_;
@@ -102,13 +106,13 @@ class TrackingPyramid {
 // The single steps, for tests and for reuse.
 void depth_to_metres(ImageView<const std::uint16_t> depth_mm, float min_m, float max_m,
                      PaddedImage& out) noexcept;
-void bilateral(const PaddedImage& in, const std::vector<float>& spatial_weight, int radius,
-               float edge_base, float edge_per_m2, PaddedImage& out) noexcept;
-// Half resolution, sample at even pixels; mean of the 3x3 window over point-symmetric pairs that both
-// lie on the centre's surface, so a slanted plane is not biased at its border.
-void half_sample(const PaddedImage& in, float edge_base, float edge_per_m2,
-                 PaddedImage& out) noexcept;
-void normals(DepthLevel& level, float edge_base, float edge_per_m2) noexcept;
+// weights: bilateral_weights() of the same radius.
+void bilateral(const PaddedImage& in, const std::vector<float>& weights, int radius,
+               const icp::EdgeRule& rule, PaddedImage& out) noexcept;
+// Half resolution, samples at even pixels: mean of the 3x3 window.
+void half_sample(const PaddedImage& in, const icp::EdgeRule& rule, PaddedImage& out) noexcept;
+void normals(DepthLevel& level, const icp::EdgeRule& rule) noexcept;
+// Of the centre, then of one half plane: (1..r, 0), then rows 1..r from -r to r.
 [[nodiscard]] std::vector<float> bilateral_weights(int radius, double sigma_px);
 
 }  // namespace perception

@@ -81,8 +81,14 @@ struct Alignment {
   // One step. False: the level is done.
   [[nodiscard]] bool refine(std::size_t level) noexcept {
     NormalEquations eq;
-    accumulate(pyramid.level(static_cast<int>(level)), model, X_FC, centre_F, gates(level), eq);
-    count_work(level);
+    if (level > 0) {
+      // Looked at anew each time: structure that was out of the gates comes into them.
+      eq = examine(level);
+    } else {
+      // Level 0 would say what level 1 said, at four times the price.
+      accumulate(pyramid.level(0), model, X_FC, centre_F, gates(level), eq);
+      count_work(level);
+    }
     Vec6 xi;
     if (!confined_step(eq.H, eq.g, length_m, directions, xi)) return false;
     const Eigen::Translation3d to_centre(-centre_F), back(centre_F);
@@ -134,8 +140,6 @@ void Tracker::track(const ModelView& model, const MotionPrior& prior,
   a.centre_F = a.X_FC * Vec3(0, 0, length);
   for (int level = TrackingPyramid::kLevels - 1; level >= 0; --level) {
     const auto l = static_cast<std::size_t>(level);
-    // Level 0 would say what level 1 said, at four times the price.
-    if (level > 0) static_cast<void>(a.examine(l));
     const int limit = std::min(iterations[l], config_.iterations[l]);
     for (int i = 0; i < limit; ++i) {
       ++out.iterations[l];
