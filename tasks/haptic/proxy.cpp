@@ -11,7 +11,7 @@ using perception::Vec3;
 
 namespace {
 
-constexpr double kSlopeMin = 0.05;      // below it a gradient gives no direction
+constexpr double kSlopeMin = 0.005;  // below it a gradient gives no direction
 constexpr double kSweepStep_vox = 0.25;
 constexpr int kSweepSamples = 512;      // 128 voxels: more than any window
 
@@ -67,6 +67,7 @@ class Descent {
     return g;
   }
   [[nodiscard]] Plane plane(const Vec3& x, const Gap& g, bool fresh) const noexcept;
+  void probe(const Vec3& p) noexcept;
   bool lift(Vec3& p, Gap& g) noexcept;
   bool carry(Vec3& p, Gap& g) noexcept;
   void accept(const Vec3& p, const Gap& g) noexcept;
@@ -96,14 +97,39 @@ Plane Descent::plane(const Vec3& x, const Gap& g, bool fresh) const noexcept {
   out.fresh = fresh;
   out.known = g.known;
   if (slope < kSlopeMin) {
-    // Flat spot (the ridge of a crease on a node): keep the side, stay where it is.
-    out.half.n = state_.normal_W();
+    out.half.n = state_.normal_W();  // no direction here: the side it is on
     out.half.d = out.half.n.dot(x);
   } else {
     out.half.n = g.gradient / slope;
     out.half.d = out.half.n.dot(x) - g.value / slope;
   }
   return out;
+}
+
+// A crease that runs along grid nodes has no gradient on its line: there the tangents of the faces are
+// taken from an eighth of a voxel to either side, those that hold for p and bar h the most.
+void Descent::probe(const Vec3& p) noexcept {
+  const double reach = 0.125 * field_.voxel();
+  std::array<Plane, 3> found{};
+  std::size_t n = 0;
+  for (int i = 0; i < 6; ++i) {
+    Vec3 q = p;
+    q[i >> 1] += (i & 1) != 0 ? -reach : reach;
+    const Gap g = gap(q);
+    if (g.gradient.norm() < kSlopeMin) continue;
+    const Plane face = plane(q, g, true);
+    if (face.half.distance(p) < -cfg_.tolerance_m || face.half.distance(h_) >= 0) continue;
+    std::size_t twin = 0;
+    while (twin < n && face.half.n.dot(found[twin].half.n) < 0.9) ++twin;
+    if (twin < n) {  // the same face again: keep the tighter one at p
+      if (face.half.distance(p) < found[twin].half.distance(p)) found[twin] = face;
+    } else if (n < 3) {
+      found[n++] = face;
+    }
+  }
+  if (n == 0) return;
+  planes_ = found;
+  size_ = n;
 }
 
 PlanesResult Descent::solve() const noexcept {
@@ -180,6 +206,7 @@ void Descent::accept(const Vec3& p, const Gap& g) noexcept {
   }
   planes_ = kept;
   size_ = n;
+  if (g.gradient.norm() < kSlopeMin) probe(p);
 }
 
 void Descent::add(const Plane& p) noexcept {

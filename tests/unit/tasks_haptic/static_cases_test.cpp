@@ -28,6 +28,15 @@ Result run(const std::string& name, Scene setup, const Path& path, bool scored =
   out.figures = rig::figures(out.rows);
   if (scored) rig::score(r, out.rows, out.figures);
   rig::print(name, out.figures);
+  if (std::getenv("RIG_JUMPS") != nullptr) {
+    for (const Row& row : out.rows) {
+      if (row.telemetry.step_raw_N > 0.25) {
+        std::printf("   jump t %.3f h %.2f %.2f %.2f p %.3f %.3f %.3f raw %.3f work %d n %d held %d\n", row.t, 1e3 * row.h.x(),
+                    1e3 * row.h.y(), 1e3 * row.h.z(), 1e3 * row.p.x(), 1e3 * row.p.y(),
+                    1e3 * row.p.z(), row.telemetry.step_raw_N, row.telemetry.work, row.contacts, row.telemetry.held);
+      }
+    }
+  }
   return out;
 }
 
