@@ -15,7 +15,7 @@
 //                      with soft ends
 //         hold         stays
 //         button_down, button_up   at the segment's start; then stays for time_s (may be 0)
-// A segment that has no point of its own (`has_point = false`) keeps the last one.
+// With source = "last" a segment keeps the point of the one before (press again, draw back).
 // A point may come later than the script: source = "pixel" with pixel = [u, v] says which image point
 // it is; set_point() delivers it in W. A segment whose point has not arrived when it starts is
 // passed over in place (held) and counted.

@@ -177,9 +177,12 @@ void RobotPlant::move_step(const Twist2& v) noexcept {
   if (state_.in_contact) {
     state_.v_B = {};
     if (!check || v == Twist2{}) return;
-    const Pose2 next =
-        perception::integrate(checked_X_WB_, v, dt_ * static_cast<double>(check_every_));
-    if (collides_(next)) return;
+    // At least a millimetre ahead: the last free pose lies a little before the wall, and creeping
+    // over that gap would count as a new entry.
+    const double speed =
+        std::max(std::hypot(v.vx, v.vy), std::abs(v.wz) * kinematics_.lever());
+    const double ahead = std::max(dt_ * static_cast<double>(check_every_), 1e-3 / speed);
+    if (!(ahead < 1.0) || collides_(perception::integrate(checked_X_WB_, v, ahead))) return;
     state_.in_contact = false;  // the motion leads away: the base comes free where it stands
     state_.v_B = v;
     return;
