@@ -77,7 +77,7 @@ class Histogram {
     const std::int64_t bounded = ns < 0 ? 0 : (ns >= kLimit ? kLimit - 1 : ns);
     const auto v = static_cast<std::uint64_t>(bounded);
     // Values below 2^kSubBits are their own bucket; above, the top kSubBits + 1 bits tell it.
-    const int top = std::bit_width(v | (std::uint64_t{1} << kSubBits)) - 1;
+    const int top = static_cast<int>(std::bit_width(v | (std::uint64_t{1} << kSubBits))) - 1;
     const int shift = top - kSubBits;
     return (static_cast<std::size_t>(shift) << kSubBits) + static_cast<std::size_t>(v >> shift);
   }

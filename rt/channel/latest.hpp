@@ -46,6 +46,7 @@ struct LatestProtocol {
   static constexpr std::memory_order kOrder = std::memory_order_seq_cst;
   static constexpr int kSpareSlots = 2;
   static constexpr bool kHelpReaders = true;  // the writer's compare-and-swap of NONE words
+  static constexpr bool kReaderSwaps = true;  // the reader's, instead of a plain store
 };
 
 // The protocol on slot numbers only; Latest<T> adds the slots.
@@ -118,7 +119,11 @@ class LatestIndex {
     word.store(kNone, Protocol::kOrder);
     const std::uint64_t newest = latest_.load(Protocol::kOrder);
     std::uint64_t held = kNone;
-    if (word.compare_exchange_strong(held, newest, Protocol::kOrder)) held = newest;
+    if constexpr (Protocol::kReaderSwaps) {
+      if (word.compare_exchange_strong(held, newest, Protocol::kOrder)) held = newest;
+    } else {
+      word.store(held = newest, Protocol::kOrder);
+    }
     reader.last = unpack(held);
     return reader.last;
   }

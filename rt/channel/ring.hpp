@@ -26,14 +26,17 @@ namespace rt {
 
 inline constexpr std::size_t kLinePair = 128;  // bytes that may travel together between cores
 
-// The memory orders the protocol needs. Tests replace them to show that weaker ones are caught.
-struct RingOrders {
+// What the protocol is made of. Tests replace single parts to show that each one is needed.
+struct RingProtocol {
+  template <class U>
+  using Atomic = std::atomic<U>;
   static constexpr std::memory_order kPublish = std::memory_order_release;
   static constexpr std::memory_order kObserve = std::memory_order_acquire;
 };
 
-template <class T, std::size_t N, class Orders = RingOrders>
+template <class T, std::size_t N, class Protocol = RingProtocol>
 class Ring {
+  static_assert(std::is_copy_assignable_v<T>);
   // Fixed-size Eigen vectors have a copy constructor of their own; what is trivially destructible
   // owns nothing, so copying it neither allocates nor throws.
   static_assert(std::is_trivially_copyable_v<T> ||
@@ -61,7 +64,7 @@ class Ring {
   bool try_push(const T& value) noexcept {
     const std::uint64_t tail = tail_.load(std::memory_order_relaxed);
     if (tail - head_copy_ >= N) [[unlikely]] {
-      head_copy_ = head_.load(Orders::kObserve);
+      head_copy_ = head_.load(Protocol::kObserve);
       if (tail - head_copy_ >= N) {
         dropped_.store(dropped_.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
         gap_pending_ = true;
@@ -77,7 +80,7 @@ class Ring {
         gap_pending_ = false;
       }
     }
-    tail_.store(tail + 1, Orders::kPublish);
+    tail_.store(tail + 1, Protocol::kPublish);
     return true;
   }
 
@@ -89,7 +92,7 @@ class Ring {
       if (head == tail_copy_) return false;
     }
     copy_out(head, out);
-    head_.store(head + 1, Orders::kPublish);
+    head_.store(head + 1, Protocol::kPublish);
     return true;
   }
 
@@ -99,7 +102,7 @@ class Ring {
     if (tail_copy_ - head < max) refresh(head);
     const std::size_t n = std::min(max, static_cast<std::size_t>(tail_copy_ - head));
     for (std::size_t i = 0; i < n; ++i) copy_out(head + i, out[i]);
-    if (n > 0) head_.store(head + n, Orders::kPublish);
+    if (n > 0) head_.store(head + n, Protocol::kPublish);
     return n;
   }
 
@@ -125,38 +128,34 @@ class Ring {
 
  private:
   void refresh(std::uint64_t head) noexcept {
-    tail_copy_ = tail_.load(Orders::kObserve);
+    tail_copy_ = tail_.load(Protocol::kObserve);
     const std::uint64_t backlog = tail_copy_ - head;
     if (backlog > high_water_.load(std::memory_order_relaxed)) {
       high_water_.store(backlog, std::memory_order_relaxed);
     }
   }
+  // Plain assignment, not memcpy: gcc's ThreadSanitizer does not see a memcpy that it expands
+  // inline.
   void copy_in(std::uint64_t i, const T& value) noexcept {
-    if constexpr (std::is_trivially_copyable_v<T>) {
-      std::memcpy(place(i), &value, sizeof(T));
-    } else {
-      *std::launder(reinterpret_cast<T*>(place(i))) = value;
-    }
+    *std::launder(reinterpret_cast<T*>(place(i))) = value;
   }
   void copy_out(std::uint64_t i, T& out) noexcept {
-    if constexpr (std::is_trivially_copyable_v<T>) {
-      std::memcpy(static_cast<void*>(&out), place(i), sizeof(T));
-    } else {
-      out = *std::launder(reinterpret_cast<const T*>(place(i)));
-    }
+    out = *std::launder(reinterpret_cast<const T*>(place(i)));
   }
   [[nodiscard]] std::byte* place(std::uint64_t i) noexcept {
     return storage_ + static_cast<std::size_t>(i & (N - 1)) * sizeof(T);
   }
 
   alignas(kLinePair)
-      std::atomic<std::uint64_t> tail_;         // written by the producer, polled by the consumer
+      typename Protocol::template Atomic<std::uint64_t> tail_;  // written by the producer, polled
+                                                                // by the consumer
   alignas(kLinePair) std::uint64_t head_copy_;  // producer only, with what it rarely writes
   bool gap_pending_ = false;
   std::atomic<std::uint64_t> dropped_{0};
   alignas(kLinePair)
-      std::atomic<std::uint64_t> head_;         // written by the consumer, polled by the producer
-  alignas(kLinePair) std::uint64_t tail_copy_;  // consumer only
+      typename Protocol::template Atomic<std::uint64_t> head_;  // written by the consumer, polled
+                                                                // by the producer
+  alignas(kLinePair) std::uint64_t tail_copy_;                  // consumer only
   std::atomic<std::uint64_t> high_water_{0};
   alignas(kLinePair) std::byte storage_[N * sizeof(T)];
 };
