@@ -4,17 +4,20 @@
 //           Latest<CostMap>      from tasks/fusion         held for one job
 //           Latest<RobotState>   over the link             newest; without one nothing is planned
 //           Latest<ModeMsg>      from tasks/supervision    a stop drops mark and path
-//   writes  Latest<Path>         to tasks/prediction       every job, the same path again while it holds
+//   writes  Latest<Path>         to tasks/prediction       every job, the same path again while it
+//   holds
 //           Latest<TaskState>    to console, supervision   every job
 //   budget  50 ms of the 100 ms period; firm: OMPL allocates, our own code does not
-//   policy  abort: an aborted job leaves the task as it was (abandon()), with the same events unread
+//   policy  abort: an aborted job leaves the task as it was (abandon()), with the same events
+//   unread
 //
-// A mark runs from MarkBegin to MarkEnd; the marked point is the drawn point nearest to the stroke's
-// mean. The goal is the nearest driveable, reachable cell to its foot on the ground, on the side that
-// the marked surface faces, heading towards the mark. A path is planned again when the map no longer
-// lets it pass, or when the robot has left it.
+// A mark runs from MarkBegin to MarkEnd; the marked point is the drawn point nearest to the
+// stroke's mean. The goal is the nearest driveable, reachable cell to its foot on the ground, on
+// the side that the marked surface faces, heading towards the mark. A path is planned again when
+// the map no longer lets it pass, or when the robot has left it.
 //
-// Frames: W world (= map), M grid of the cost map, B base. The robot's odometry frame is taken as W.
+// Frames: W world (= map), M grid of the cost map, B base. The robot's odometry frame is taken as
+// W.
 #pragma once
 
 #include <array>
@@ -34,23 +37,23 @@ namespace tasks {
 // Section [planning].
 struct PlanningConfig {
   PlannerConfig planner;
-  double goal_radius_m = 1.2;       // largest distance from the mark's foot to the goal
-  double start_radius_m = 0.8;      // unseen floor the base may cross to reach the seen one
-  double spacing_m = 0.04;          // of the published points
-  double turn_rad_per_m = 3.0;      // heading change along the path
-  double arrive_m = 0.05;           // distance to the last point that counts as arrived
+  double goal_radius_m = 1.2;   // largest distance from the mark's foot to the goal
+  double start_radius_m = 0.8;  // unseen floor the base may cross to reach the seen one
+  double spacing_m = 0.04;      // of the published points
+  double turn_rad_per_m = 3.0;  // heading change along the path
+  double arrive_m = 0.05;       // distance to the last point that counts as arrived
   double arrive_speed_m_per_s = 0.03;
-  double leave_m = 0.4;             // farther from the path than this: plan again
-  int attempts = 3;                 // jobs a goal may spend its iterations in vain
-  int wait_jobs = 50;               // jobs a mark waits for a map and a robot
+  double leave_m = 0.4;  // farther from the path than this: plan again
+  int attempts = 3;      // jobs a goal may spend its iterations in vain
+  int wait_jobs = 50;    // jobs a mark waits for a map and a robot
 
   void describe(config::Section& s);
 };
 
 // Fault ids of this task (docs/faults.md).
-inline constexpr rt::FaultId kFaultPlanningNoPath = 401;      // goal given up: unreachable or budget
-inline constexpr rt::FaultId kFaultPlanningLibrary = 402;     // the planning library threw
-inline constexpr rt::FaultId kFaultPlanningBadInput = 403;    // not finite, or ground not level in W
+inline constexpr rt::FaultId kFaultPlanningNoPath = 401;    // goal given up: unreachable or budget
+inline constexpr rt::FaultId kFaultPlanningLibrary = 402;   // the planning library threw
+inline constexpr rt::FaultId kFaultPlanningBadInput = 403;  // not finite, or ground not level in W
 inline constexpr rt::FaultId kFaultPlanningEventsLost = 404;  // gap: an open mark was dropped
 inline constexpr rt::FaultId kFaultPlanningCancelled = 405;   // no time left; nothing committed
 
@@ -58,13 +61,14 @@ class PlanningTask {
  public:
   static constexpr int kMaxEvents = 64;
   enum Flags : std::uint32_t {
-    kNewPath = 1U << 0U,       // this job made the path it publishes
-    kReplanned = 1U << 1U,     // ... because the old one did not hold
-    kGapDropped = 1U << 2U,    // an open mark was dropped after a gap
-    kMarkTaken = 1U << 3U,     // a mark was completed
-    kEscape = 1U << 4U,        // the path begins with a leg over unseen floor
-    kTruncated = 1U << 5U,     // longer than a Path holds; its rest comes when the robot is near
-    kPathDropped = 1U << 6U,   // a path was withdrawn
+    kNewPath = 1U << 0U,      // this job made the path it publishes
+    kReplanned = 1U << 1U,    // ... because the old one did not hold
+    kGapDropped = 1U << 2U,   // an open mark was dropped after a gap
+    kMarkTaken = 1U << 3U,    // a mark was completed
+    kEscape = 1U << 4U,       // the path begins with a leg over unseen floor
+    kTruncated = 1U << 5U,    // longer than a Path holds; its rest comes when the robot is near
+    kPathDropped = 1U << 6U,  // a path was withdrawn
+    kFromGrid = 1U << 7U,     // the search spent its iterations; the path is the grid's chain
   };
 
   struct In {  // latched at dispatch
@@ -97,20 +101,20 @@ class PlanningTask {
     std::uint64_t seq = 0;
     rt::Time stamp{};
     Vec3 sum = Vec3::Zero();
-    int count = 0;                   // points seen
-    int stride = 1, stored = 0;      // every stride-th is stored
+    int count = 0;               // points seen
+    int stride = 1, stored = 0;  // every stride-th is stored
     std::array<Vec3, kMaxStroke> points{};
     std::array<Vec3, kMaxStroke> normals{};
   };
   struct Goal {
-    bool pending = false;            // a path is wanted
-    bool have = false;               // a mark is being answered
+    bool pending = false;  // a path is wanted
+    bool have = false;     // a mark is being answered
     std::uint64_t mark_seq = 0;
     rt::Time mark_stamp{};
     Vec3 p_W = Vec3::Zero(), normal_W = Vec3::Zero();
     int attempts = 0, waited = 0;
   };
-  struct State {                     // everything step() changes: abandon() restores it
+  struct State {  // everything step() changes: abandon() restores it
     Mark mark;
     Goal goal;
     Path path;
@@ -120,6 +124,7 @@ class PlanningTask {
     TouchEvent::Kind last_event_kind = TouchEvent::Kind::kContactEnd;
     bool any_event = false;
     bool path_truncated = false;
+    int escape_points = 0;  // leading points of the path that cross unseen floor
   };
 
   // The ground plane of a map, seen from W.
@@ -130,20 +135,24 @@ class PlanningTask {
   void add_point(const TouchEvent& e) noexcept;
   void end_mark(Out& out) noexcept;
   void drop_path(Out& out) noexcept;
-  [[nodiscard]] bool path_holds(const In& in, const Ground& ground) const noexcept;
+  void give_up(Out& out) noexcept;
+  enum class Holds : std::uint8_t { kYes, kNo, kExtend };  // kExtend: passable, but plan again
+  [[nodiscard]] Holds path_holds(const Ground& ground, const perception::CostMap& map,
+                                 Point2 robot) const noexcept;
   [[nodiscard]] bool arrived(const drivers::RobotState& robot) const noexcept;
   rt::Health make_path(const rt::Tick& tick, const In& in, const Ground& ground, Out& out) noexcept;
-  [[nodiscard]] bool find_start(const perception::CostMap& map, Point2 robot,
-                                Point2& start) const noexcept;
+  [[nodiscard]] PlanStatus find_start(const perception::CostMap& map, Point2 robot,
+                                      const rt::Tick& tick, bool& escape) noexcept;
   [[nodiscard]] bool find_goal(const perception::CostMap& map, Point2 mark, Point2 facing,
                                Point2& goal) const noexcept;
-  void publish_points(const rt::Tick& tick, const Ground& ground, Point2 robot, double robot_yaw,
-                      bool escape, Out& out) noexcept;
+  void lay_points(const Ground& ground, Point2 robot, bool escape, Out& out) noexcept;
+  void lay_headings(double robot_yaw, const Ground& ground, Point2 mark, Point2 facing) noexcept;
 
   PlanningConfig config_;
   std::uint64_t seed_;
   Planner planner_;
   State state_, before_;
+  std::array<Planner::Source, 4096> sources_{};
 };
 
 }  // namespace tasks

@@ -5,13 +5,14 @@
 //   writes  Latest<ModeMsg>   to every task of this box
 //   budget  50 us of the 10 ms period
 //
-//   kInit ──every task heard──▶ kHold ──engage──▶ kEngaged ──fault, request──▶ kRampDown ──ramp──▶ kHold
+//   kInit ──every task heard──▶ kHold ──engage──▶ kEngaged ──fault, request──▶ kRampDown ──ramp──▶
+//   kHold
 //     any mode ──safe-stop fault, stop request──▶ kSafeStop ──clear, causes gone──▶ kHold
 //
 // Faults are ordered data (fault_ids.hpp): the worst wins. Within an episode (from one engage, or
 // from a stop, to the act that ends it) severity only grows; recovery is an act, never a timeout:
-// a rising engage from kHold, or clear from kSafeStop. An engage must be seen as "no" before a "yes"
-// counts, so a switch left on, or a link that comes back, starts nothing.
+// a rising engage from kHold, or clear from kSafeStop. An engage must be seen as "no" before a
+// "yes" counts, so a switch left on, or a link that comes back, starts nothing.
 #pragma once
 
 #include <array>
@@ -28,10 +29,10 @@ namespace tasks {
 
 // Section [supervision].
 struct SupervisionConfig {
-  double ramp_s = 0.2;            // time in kRampDown before kHold
-  double link_liveness_s = 0.2;   // silence of the link beyond it is a fault
-  double peer_grace_s = 1.0;      // after engage, time for the peer to follow
-  double estop_liveness_s = 0.05; // age of the e-stop input beyond it counts as pressed
+  double ramp_s = 0.2;             // time in kRampDown before kHold
+  double link_liveness_s = 0.2;    // silence of the link beyond it is a fault
+  double peer_grace_s = 1.0;       // after engage, time for the peer to follow
+  double estop_liveness_s = 0.05;  // age of the e-stop input beyond it counts as pressed
 
   void describe(config::Section& s);
 };
@@ -48,9 +49,9 @@ class SupervisionTask {
 
   enum class Engage : std::uint8_t { kAbsent, kNo, kYes };
   struct TaskReport {
-    bool heard = false;         // has published at least once
-    rt::Time heartbeat{};       // end of its newest job
-    rt::Health health;          // of its newest job
+    bool heard = false;    // has published at least once
+    rt::Time heartbeat{};  // end of its newest job
+    rt::Health health;     // of its newest job
   };
   struct Requests {
     Engage engage = Engage::kAbsent;  // level; only kNo -> kYes is an act
@@ -60,28 +61,28 @@ class SupervisionTask {
   };
   struct In {
     std::array<TaskReport, kMaxTasks> tasks{};  // in the order of the watches
-    bool link_expected = false;       // this box has a peer
+    bool link_expected = false;                 // this box has a peer
     bool link_heard = false;
-    rt::Time link_last{};             // newest valid message of the peer
-    bool link_refused = false;        // hand-shake failed: schema or version differ
-    Mode peer_mode = Mode::kInit;     // newest, meaningful while the link is live
+    rt::Time link_last{};          // newest valid message of the peer
+    bool link_refused = false;     // hand-shake failed: schema or version differ
+    Mode peer_mode = Mode::kInit;  // newest, meaningful while the link is live
     bool estop_fitted = false;
-    bool estop_closed = true;         // false: pressed or wire broken
+    bool estop_closed = true;  // false: pressed or wire broken
     rt::Time estop_sampled{};
-    bool watchdog_bit = false;        // the executor's watchdog has made something safe
+    bool watchdog_bit = false;  // the executor's watchdog has made something safe
     Requests requests;
   };
   struct Out {
     ModeMsg mode;
-    rt::Health now;       // worst condition of this tick
-    rt::Health episode;   // worst of the episode; severity never falls within one
+    rt::Health now;               // worst condition of this tick
+    rt::Health episode;           // worst of the episode; severity never falls within one
     bool engage_refused = false;  // an engage came and was not followed
   };
 
   // `box` decides who leads: the robot follows the operator's engage and ramps down when it is
   // withdrawn; the operator ramps down when the robot has not followed, or left.
-  SupervisionTask(rt::NonRealtime&, const SupervisionConfig&, rt::Box box,
-                  const Watch* watches, int watch_count);
+  SupervisionTask(rt::NonRealtime&, const SupervisionConfig&, rt::Box box, const Watch* watches,
+                  int watch_count);
 
   [[nodiscard]] rt::Health step(const rt::Tick&, const In&, Out&) noexcept;
 

@@ -11,10 +11,10 @@ namespace plot {
 
 struct Series {
   std::string name;
-  std::vector<double> x, y;   // a point that is not finite breaks the line
-  std::string colour;         // empty: the next of the palette
-  bool points = false;        // markers instead of a line
-  bool filled = false;        // area down to the axis
+  std::vector<double> x, y;  // a point that is not finite breaks the line
+  std::string colour;        // empty: the next of the palette
+  bool points = false;       // markers instead of a line
+  bool filled = false;       // area down to the axis
 };
 
 // A vertical or horizontal reference, e.g. a budget.
@@ -31,15 +31,15 @@ struct Figure {
   std::vector<Series> series;
   std::vector<Rule> rules;
 };
-// A line plot with axes, ticks, grid and legend. More points than pixels are thinned to the smallest
-// and largest of each pixel column, so that no peak is lost.
+// A line plot with axes, ticks, grid and legend. More points than pixels are thinned to the
+// smallest and largest of each pixel column, so that no peak is lost.
 [[nodiscard]] std::string line_plot(const Figure& figure);
 
 struct Bins {
   std::string name;
-  std::vector<double> lower;   // lower edge of each bin, ascending; the last one ends at `upper_end`
+  std::vector<double> lower;  // lower edge of each bin, ascending; the last one ends at `upper_end`
   std::vector<double> count;
-  double upper_end = 0;        // 0: the last bin is as wide as the one before
+  double upper_end = 0;  // 0: the last bin is as wide as the one before
   std::string colour;
 };
 // Histograms as outlined steps over each other; with log_y a count of 1 is drawn above the axis.
@@ -58,7 +58,7 @@ struct Overlay {
 // 8-bit images, row-major.
 struct Picture {
   int width = 0, height = 0;
-  int channels = 3;                   // 3: RGB, 1: grey
+  int channels = 3;  // 3: RGB, 1: grey
   std::vector<std::uint8_t> pixels;
 };
 // data:image/png;base64,... Throws std::runtime_error on an inconsistent size.
@@ -71,14 +71,14 @@ struct Picture {
 // A top view: `picture` row 0 is at the smallest y; x to the right, y up, axes in metres.
 struct MapAxes {
   std::string title;
-  double x0_m = 0, y0_m = 0;          // lower left corner of the picture
-  double resolution_m = 0.05;         // a pixel
+  double x0_m = 0, y0_m = 0;   // lower left corner of the picture
+  double resolution_m = 0.05;  // a pixel
   int width_px = 720;
 };
 [[nodiscard]] std::string map_plot(const MapAxes& axes, const Picture& picture,
                                    std::span<const Overlay> overlays);
 
-[[nodiscard]] std::string escaped(const std::string& text);   // for XML and HTML
+[[nodiscard]] std::string escaped(const std::string& text);  // for XML and HTML
 [[nodiscard]] std::string base64(std::span<const std::uint8_t> bytes);
 // Ticks at 1, 2, 5 x 10^n inside [lo, hi], about `wanted` of them.
 [[nodiscard]] std::vector<double> nice_ticks(double lo, double hi, int wanted);

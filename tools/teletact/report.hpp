@@ -15,7 +15,7 @@ namespace teletact {
 struct ReportVerdict {
   enum class State : std::uint8_t { kGood, kNote, kBad };
   State state = State::kGood;
-  std::string text;            // one line, figures included
+  std::string text;  // one line, figures included
 };
 
 struct ReportTask {
@@ -23,13 +23,16 @@ struct ReportTask {
   double rate_hz = 0;
   int core = 0, priority = 0;
   double budget_us = 0;
-  std::string level;           // variant in force at the end
+  std::string level;  // variant in force at the end
   std::uint64_t releases = 0, completed = 0, skipped = 0, aborted = 0;
   // Misses by cause; the causes add up to `misses`.
-  std::uint64_t misses = 0, own = 0, queued = 0, platform = 0, carried = 0, charged = 0, unknown = 0;
-  struct Quantiles { double p50 = 0, p99 = 0, p999 = 0, max = 0; };
+  std::uint64_t misses = 0, own = 0, queued = 0, platform = 0, carried = 0, charged = 0,
+                unknown = 0;
+  struct Quantiles {
+    double p50 = 0, p99 = 0, p999 = 0, max = 0;
+  };
   Quantiles cpu_us, lateness_us, response_us;
-  double analysis_response_us = 0;   // R of admission; 0: not analysed
+  double analysis_response_us = 0;                            // R of admission; 0: not analysed
   std::vector<plot::Bins> cpu_histogram, lateness_histogram;  // us; several: e.g. task and sentinel
 };
 
@@ -37,14 +40,17 @@ struct ReportSeries {
   std::vector<double> t_s, force_N, penetration_mm;  // one length
 };
 
-struct ReportMap {              // top view, frame M of the cost map turned into W by the caller
+struct ReportMap {  // top view, frame M of the cost map turned into W by the caller
   int width = 0, height = 0;
   double x0_m = 0, y0_m = 0, resolution_m = 0.05;
-  std::vector<std::uint8_t> cost;           // CostMap cells, iy * width + ix
-  struct Line { std::string label; std::vector<double> x_m, y_m; };
-  std::vector<Line> planned;                // published paths
-  Line driven;                              // robot by its own odometry
-  Line truth;                               // robot in the simulated world; may be empty
+  std::vector<std::uint8_t> cost;  // CostMap cells, iy * width + ix
+  struct Line {
+    std::string label;
+    std::vector<double> x_m, y_m;
+  };
+  std::vector<Line> planned;  // published paths
+  Line driven;                // robot by its own odometry
+  Line truth;                 // robot in the simulated world; may be empty
   std::vector<double> mark_x_m, mark_y_m;
   std::vector<double> goal_x_m, goal_y_m;
 };
@@ -52,24 +58,24 @@ struct ReportMap {              // top view, frame M of the cost map turned into
 struct ReportPicture {
   std::string title, caption;
   plot::Picture image;
-  std::vector<plot::Overlay> overlays;      // pixels
+  std::vector<plot::Overlay> overlays;  // pixels
 };
 
 struct ReportData {
-  std::string title, version, command, started;  // started: ISO 8601, given by the caller
-  std::vector<std::pair<std::string, std::string>> host;   // name, value
+  std::string title, version, command, started;           // started: ISO 8601, given by the caller
+  std::vector<std::pair<std::string, std::string>> host;  // name, value
   std::vector<std::pair<std::string, std::string>> seeds;
   std::vector<ReportVerdict> verdicts;
-  std::string config_toml;                  // effective configuration
-  std::string calibration;                  // file or "declared", with the host's id
-  std::string admission;                    // text of the admission, preformatted
+  std::string config_toml;  // effective configuration
+  std::string calibration;  // file or "declared", with the host's id
+  std::string admission;    // text of the admission, preformatted
   std::vector<ReportTask> tasks;
   ReportSeries touch;
   ReportMap map;
   std::vector<ReportPicture> pictures;
-  std::vector<std::pair<std::string, std::string>> effects;  // constructed: name, by which key
+  std::vector<std::pair<std::string, std::string>> effects;   // constructed: name, by which key
   std::vector<std::pair<std::string, std::uint64_t>> faults;  // code and text, count
-  std::vector<std::string> files;           // other files of the folder, e.g. trace.json
+  std::vector<std::string> files;  // other files of the folder, e.g. trace.json
   Metrics metrics{"demo"};
 };
 
