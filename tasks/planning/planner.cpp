@@ -87,7 +87,9 @@ struct Planner::Impl {
     return map->contains(ix, iy) ? static_cast<std::int32_t>(map->index(ix, iy)) : -1;
   }
   Point2 sample() {
-    const bool guided = random.uniform() < config.guide_share;
+    // The longer the search takes, the more it is a maze, and the more the chain is worth.
+    const double spent = static_cast<double>(used) / static_cast<double>(budget);
+    const bool guided = random.uniform() < config.guide_share * (1.0 + 4.0 * spent);
     const auto cells =
         guided ? std::span<const std::int32_t>(chain.data(), static_cast<std::size_t>(chain_size))
                : way->cells();

@@ -51,9 +51,9 @@ inline constexpr std::uint8_t kDriveableCost = perception::CostMap::kInscribed -
                                          std::uint8_t limit) noexcept;
 
 struct PlannerConfig {
-  int iterations = 2000;      // of RRT-Connect at level 0; halved at each further level
+  int iterations = 4000;      // of RRT-Connect at level 0; halved at each further level
   double range_m = 0.6;       // longest tree edge
-  double guide_share = 0.15;  // share of samples on the flood's chain of cells
+  double guide_share = 0.2;    // of the samples lie on the flood's chain, up to five times as much later
   int shortcuts = 150;        // tries of the random shortcut pass
   int comfort_cost = 96;      // cells above it are only used when there is no other way
   bool grid_fallback = true;  // the flood's chain when the iterations are spent
