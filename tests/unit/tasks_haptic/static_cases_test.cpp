@@ -52,7 +52,7 @@ TEST(StaticCases, C01FloorSlide) {
     EXPECT_LE(r.figures.p_error_p95, 0.5e-3);
     for (const Row& row : r.rows) {
       if (!row.telemetry.in_contact || row.h.z() > -0.0079) continue;
-      EXPECT_LE(std::hypot(row.f.x(), row.f.y()), 0.03);
+      EXPECT_LE(std::hypot(row.f.x(), row.f.y()), 0.03) << row.t << " p " << 1e3 * row.p.transpose() << " h " << 1e3 * row.h.transpose() << " work " << row.telemetry.work << " n " << row.contacts << " guard " << row.telemetry.guard_active;
       EXPECT_NEAR(row.p.z(), 0, 0.05e-3);
       EXPECT_NEAR(row.f.z(), 8, 0.05);
     }
