@@ -21,7 +21,9 @@ std::string milliseconds(Nanos d) {
   return format("%.3f ms", static_cast<double>(d.count()) * 1e-6);
 }
 
-std::string shown_name(const TaskSpec& spec) { return "'" + spec.name + "'"; }
+std::string shown_name(const TaskSpec& spec) {
+  return std::string("'").append(spec.name).append("'");
+}
 
 std::string variant_name(const TaskSpec& spec, int level) {
   if (spec.variants.empty()) return "level 0";
@@ -326,7 +328,7 @@ class Admitter {
       const bool here = platform.spec.core ? *platform.spec.core == c : !set.tasks.empty();
       if (!here) continue;
       AdmittedTask row = common_row(platform.spec, 0);
-      row.name += "@" + std::to_string(core.cpu);
+      row.name.append("@").append(std::to_string(core.cpu));
       row.core = c;
       row.cpu = core.cpu;
       row.rank = -1;
