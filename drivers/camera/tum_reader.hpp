@@ -21,6 +21,10 @@
 #include "perception/geometry/rgbd_frame.hpp"
 #include "rt/result.hpp"
 
+namespace cv {
+class Mat;
+}
+
 namespace drivers {
 
 struct TumOptions {
@@ -64,6 +68,9 @@ class TumSequence {
     perception::Mat3 R = perception::Mat3::Identity();
     perception::Vec3 t = perception::Vec3::Zero();
   };
+  [[nodiscard]] rt::Result<bool> read_registration(const std::string& path);
+  void register_colour(const cv::Mat& colour, perception::RgbdFrame& out) const;
+
   std::string folder_;
   TumOptions options_;
   perception::Intrinsics source_, intrinsics_;  // of the files; of the frames

@@ -1,0 +1,33 @@
+// Text and image files of a TUM folder, read strictly. Every error names file, line and value.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <opencv2/core/mat.hpp>
+
+#include "rt/result.hpp"
+
+namespace drivers {
+
+// Calls `line(number, tokens)` for each line that is neither empty nor a '#' comment, until one
+// returns an error.
+[[nodiscard]] rt::Result<bool> for_each_line(
+    const std::string& path,
+    const std::function<rt::Result<bool>(int, const std::vector<std::string>&)>& line);
+
+// A finite number, and nothing behind it.
+[[nodiscard]] rt::Result<double> parse_number(const std::string& path, int line,
+                                              const std::string& name, const std::string& token);
+
+[[nodiscard]] rt::Error file_error(const std::string& path, int line, const std::string& what);
+
+// Decodes a PNG or JPEG as it is stored; `type` is what it must be (CV_16UC1, CV_8UC3).
+[[nodiscard]] rt::Result<cv::Mat> read_image(const std::string& path, int type, int width,
+                                             int height);
+
+// Reads of images in a task's process must not start OpenCV's thread pool. Idempotent.
+void opencv_threads_off();
+
+}  // namespace drivers

@@ -1,0 +1,124 @@
+// SyntheticCamera and ThreadedCamera as cameras: which frame when, from which pose.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <memory>
+#include <thread>
+
+#include "drivers/camera/synthetic_camera.hpp"
+#include "drivers/camera/threaded_camera.hpp"
+#include "tests/unit/drivers_camera/scene.hpp"
+
+namespace {
+
+using camera_test::base_pose;
+using camera_test::load_world;
+using camera_test::startup;
+using drivers::CameraStatus;
+using drivers::SyntheticCamera;
+using drivers::SyntheticCameraConfig;
+using perception::Pose;
+using perception::RgbdFrame;
+
+class Recording : public drivers::PoseSource {
+ public:
+  explicit Recording(const Pose& X_BC) : X_BC_(X_BC) {}
+  Pose X_WC_at(rt::Time t) noexcept override {
+    asked.push_back(t);
+    return base_pose(0.1 * rt::seconds(t.time_since_epoch()), 0, 0) * X_BC_;
+  }
+  std::vector<rt::Time> asked;
+
+ private:
+  Pose X_BC_;
+};
+
+TEST(SyntheticCamera, MountLooksForwardAndDown) {
+  SyntheticCameraConfig c;
+  c.mount_pitch_deg = 0;
+  EXPECT_TRUE((c.X_BC().linear() * perception::Vec3(0, 0, 1)).isApprox(perception::Vec3(1, 0, 0), 1e-12));
+  EXPECT_TRUE((c.X_BC().linear() * perception::Vec3(1, 0, 0)).isApprox(perception::Vec3(0, -1, 0), 1e-12));
+  c.mount_pitch_deg = 90;
+  EXPECT_TRUE((c.X_BC().linear() * perception::Vec3(0, 0, 1)).isApprox(perception::Vec3(0, 0, -1), 1e-12));
+  c.mount_pitch_deg = 0, c.mount_yaw_deg = 90;
+  EXPECT_TRUE((c.X_BC().linear() * perception::Vec3(0, 0, 1)).isApprox(perception::Vec3(0, 1, 0), 1e-12));
+  EXPECT_NEAR(c.X_BC().linear().determinant(), 1, 1e-12);
+}
+
+TEST(SyntheticCamera, FrameIsCompleteAtItsInstantAndShowsTheMiddleOfTheExposure) {
+  const auto world = load_world("default_room.toml");
+  SyntheticCameraConfig config;
+  config.resolution = "half";
+  Recording pose(config.X_BC());
+  const rt::Time t0 = rt::time_from_ns(5'000'000'000);
+  SyntheticCamera camera(startup.token(), config, world, pose, t0);
+  auto f = std::make_unique<RgbdFrame>();
+  const auto at = [&](std::int64_t us) { return camera.poll(t0 + std::chrono::microseconds(us), *f); };
+  EXPECT_EQ(at(-100000), CameraStatus::kNoFrame);
+  EXPECT_EQ(at(9999), CameraStatus::kNoFrame);
+  ASSERT_EQ(at(10000), CameraStatus::kFrame);
+  EXPECT_EQ(f->seq, 0u);
+  EXPECT_EQ(f->exposure, t0 + std::chrono::milliseconds(5));
+  EXPECT_EQ(pose.asked.back(), f->exposure);
+  EXPECT_EQ(f->intrinsics, config.intrinsics());
+  EXPECT_EQ(at(10001), CameraStatus::kNoFrame);
+  EXPECT_EQ(at(43332), CameraStatus::kNoFrame);
+  ASSERT_EQ(at(43334), CameraStatus::kFrame);
+  EXPECT_EQ(f->seq, 1u);
+  ASSERT_EQ(at(10000 + 500000), CameraStatus::kFrame);  // frames 2..14 are lost
+  EXPECT_EQ(f->seq, 15u);
+  EXPECT_EQ(camera.rendered(), 3u);
+  EXPECT_GT(camera.twin_cpu_ns(), 0);
+}
+
+TEST(SyntheticCamera, EveryFrameOnceWithAPollAtTheSameRate) {
+  const auto world = load_world("empty_room.toml");
+  SyntheticCameraConfig config;
+  config.resolution = "half";
+  drivers::FixedPose pose(config.X_BC());
+  SyntheticCamera camera(startup.token(), config, world, pose, rt::Time{});
+  auto f = std::make_unique<RgbdFrame>();
+  // Polled exactly at the completion, computed by the same integer formula: no frame is lost.
+  for (std::uint64_t k = 0; k < 300; ++k) {
+    const rt::Time now = rt::Time{} + drivers::kCameraRate.release(k) + std::chrono::milliseconds(10);
+    ASSERT_EQ(camera.poll(now, *f), CameraStatus::kFrame) << k;
+    ASSERT_EQ(f->seq, k);
+  }
+}
+
+TEST(ThreadedCamera, DeliversNewFramesInOrderAndStops) {
+  const auto world = load_world("default_room.toml");
+  SyntheticCameraConfig config;
+  drivers::FixedPose pose(config.X_BC());
+  const auto now = [] {
+    return rt::time_from_ns(std::chrono::steady_clock::now().time_since_epoch().count());
+  };
+  const rt::Time t0 = now() + std::chrono::milliseconds(5);
+  drivers::ThreadedCamera camera(
+      startup.token(),
+      std::make_unique<SyntheticCamera>(startup.token(), config, world, pose, t0), now);
+  auto f = std::make_unique<RgbdFrame>();
+  std::uint64_t frames = 0, last = 0;
+  while (now() < t0 + std::chrono::milliseconds(500)) {
+    if (camera.poll(now(), *f) == CameraStatus::kFrame) {
+      ASSERT_TRUE(frames == 0 || f->seq > last);
+      ASSERT_LE(f->exposure + std::chrono::milliseconds(5), now());  // not before its shutter closed
+      last = f->seq;
+      ++frames;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(3));
+  }
+  camera.stop();
+  EXPECT_GE(frames, 5u);
+  EXPECT_LE(frames, 16u);
+  EXPECT_GT(camera.twin_cpu_ns(), 0);
+  EXPECT_GE(camera.late_max().count(), 0);
+  // What arrived is what the on-demand camera makes of the same number.
+  SyntheticCamera again(startup.token(), config, world, pose, t0);
+  auto g = std::make_unique<RgbdFrame>();
+  again.expose(last, *g);
+  EXPECT_TRUE(std::equal(f->depth_mm.begin(), f->depth_mm.begin() + 512 * 424, g->depth_mm.begin()));
+  EXPECT_TRUE(std::equal(f->colour.begin(), f->colour.begin() + 512 * 424, g->colour.begin()));
+}
+
+}  // namespace
