@@ -15,6 +15,8 @@
 //          cell: on the safe side); inflation falls linearly to 0 over inflation_m beyond; unknown.
 //          Exact Euclidean distances, capped at robot_radius + inflation_m.
 //
+// Virtual obstacles are drawn into the occupied layer; every cell such a shape touches counts.
+//
 // START DISC: a camera on a robot can not see the floor under and just before the robot. The disc of
 // start_radius_m about the robot's start position is declared free ("the robot stands there") when the
 // ground is found; obstacles seen inside it still count. This is an assumption, not an observation:

@@ -4,8 +4,7 @@
 //            Latest<HapticState>   from tasks/haptic  where the window follows the hand
 //            Latest<RobotState>    from the link      odometry: motion prior of the tracking
 //   writes   Latest<SurfacePatch>  to tasks/haptic    every period, even without a new image
-//            Latest<CostMap>       to tasks/planning  every frame that was claimed, and every
-//                                                     cost_map_period without one (liveness)
+//            Latest<CostMap>       to tasks/planning  every cost_map_period-th period
 //            Latest<CameraPose>    to prediction, console   every frame
 //            Latest<SceneView>     to console         every view_period_frames-th period
 //   budget   25 ms of the 33.3 ms period at level 0
@@ -22,7 +21,6 @@
 
 #include <array>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <span>
 
@@ -63,7 +61,7 @@ struct FusionConfig {
   bool patch_checksums = true;         // fill SurfacePatch::checksum
   int view_period_frames = 3;          // 0: no view
   int view_step = 2;                   // pixels of the camera per pixel of the view, 1..8
-  int cost_map_period = 3;             // frames
+  int cost_map_period = 3;             // periods; published whether it changed or not
   // Odometry: error growth since the last frame the scene constrained fully.
   double odometry_translation_share = 0.02;   // of the way
   double odometry_rotation_share = 0.02;      // of the turn
@@ -146,11 +144,12 @@ class FusionTask {
   [[nodiscard]] perception::MotionPrior predict(rt::Time exposure) noexcept;
   void remember_odometry(const std::optional<OdometryPrior>& odometry) noexcept;
   [[nodiscard]] std::optional<Pose> odometry_at(rt::Time t) const noexcept;
-  [[nodiscard]] rt::Health consume(const rt::Tick& tick, const In& in, Out& out) noexcept;
-  void settle_motion(const perception::TrackingResult& result, rt::Time exposure) noexcept;
-  void cast_model(int pixel_step, Out& out) noexcept;
-  void write_patch(const rt::Tick& tick, const In& in, Out& out) noexcept;
-  void write_view(const rt::Tick& tick, const In& in, Out& out) noexcept;
+  [[nodiscard]] rt::Health consume(const rt::Tick& tick, const perception::RgbdFrame& frame,
+                                   Out& out) noexcept;
+  void settle_motion(const perception::TrackingResult& r, rt::Time exposure, bool first) noexcept;
+  void cast_model(int pixel_step, bool hint, Out& out) noexcept;
+  void write_patch(const rt::Tick& tick, const HapticState& hand, Out& out) noexcept;
+  void write_view(const rt::Tick& tick, const std::optional<Pose>& X_WV, Out& out) noexcept;
   void write_cost_map(const rt::Tick& tick, Out& out) noexcept;
 
   FusionConfig config_;
@@ -160,22 +159,22 @@ class FusionTask {
   perception::GroundMap ground_;
   perception::RaycastMaps model_, view_maps_;
 
-  bool started_ = false, have_model_ = false, profiling_ = false;
+  bool started_ = false, profiling_ = false;
   Profile profile_;
-  Pose X_WC_ = Pose::Identity();            // last pose believed
-  Eigen::Matrix<double, 6, 1> velocity_ = Eigen::Matrix<double, 6, 1>::Zero();  // of C, in C, per second
-  rt::Time exposure_{};                     // of the last frame consumed
-  rt::Time fused_exposure_{};               // of the last frame integrated
+  Pose X_WC_ = Pose::Identity();  // last pose believed
+  Vec3 window_centre_W_ = Vec3::Zero();
+  Eigen::Matrix<double, 6, 1> velocity_ = Eigen::Matrix<double, 6, 1>::Zero();  // of C, in C, per s
+  rt::Time exposure_{};           // of the last frame consumed
+  rt::Time fused_exposure_{};     // of the last frame integrated
   std::uint64_t frames_ = 0, frames_claimed_ = 0, patch_seq_ = 0, view_seq_ = 0, map_seq_ = 0;
   std::uint64_t periods_ = 0, periods_since_map_ = 0;
-  bool ground_dirty_ = false;
 
   static constexpr std::size_t kOdometry = 16;
   std::array<OdometryPrior, kOdometry> odometry_{};  // ring, newest at odometry_count_ - 1
   std::uint64_t odometry_count_ = 0;
-  double sigma_translation_m_ = 0, sigma_rotation_deg_ = 0;  // of odometry, since fully constrained
-  bool odometry_valid_ = false;             // there was one at the last frame
-  Pose X_OB_last_ = Pose::Identity();       // at the last frame
+  // Error of odometry since the scene last constrained everything; and where it was at the last frame.
+  double sigma_translation_m_ = 0, sigma_rotation_deg_ = 0;
+  std::optional<Pose> X_OB_last_;
 };
 
 }  // namespace tasks

@@ -1,0 +1,387 @@
+#include "tasks/fusion/fusion_task.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+#include <numbers>
+#include <stdexcept>
+#include <string>
+
+#include "perception/tsdf/patch_copy.hpp"
+
+namespace tasks {
+
+namespace {
+
+using perception::FrameView;
+using perception::MotionPrior;
+using perception::RgbdFrame;
+using perception::SurfacePatch;
+using perception::TrackingResult;
+using perception::TrackingState;
+using Twist = Eigen::Matrix<double, 6, 1>;
+
+constexpr double kDegree = std::numbers::pi / 180;
+
+// Adds the thread CPU of its scope to a counter while profiling is on.
+class Stage {
+ public:
+  Stage(bool on, std::int64_t& sum) noexcept : sum_(on ? &sum : nullptr), begin_(on ? now() : 0) {}
+  ~Stage() {
+    if (sum_ != nullptr) *sum_ += now() - begin_;
+  }
+  Stage(const Stage&) = delete;
+  Stage& operator=(const Stage&) = delete;
+
+ private:
+  static std::int64_t now() noexcept {
+    timespec t{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    return t.tv_sec * 1000000000LL + t.tv_nsec;
+  }
+  std::int64_t* sum_;
+  std::int64_t begin_;
+};
+
+// (v, w) with exp_se3(v, w) = X.
+Twist twist_of(const Pose& X) noexcept {
+  const Eigen::AngleAxisd r(X.linear());
+  Twist xi;
+  xi << X.translation(), r.angle() * r.axis();
+  return xi;
+}
+
+Pose between(const Pose& a, const Pose& b, double f) noexcept {
+  const Pose step = a.inverse() * b;
+  return perception::orthonormalised(a * perception::exp_se3(f * twist_of(step)));
+}
+
+double seconds_between(rt::Time a, rt::Time b) noexcept { return rt::seconds(b - a); }
+
+void check(bool ok, const char* key, double value, const char* range) {
+  if (ok) return;
+  throw std::invalid_argument("fusion." + std::string(key) + " = " + std::to_string(value) +
+                              ": must be " + range);
+}
+
+}  // namespace
+
+FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const FusionSetup& setup)
+    : config_(config),
+      setup_(setup),
+      map_(nrt, config.tsdf),
+      tracker_(nrt, config.tracker, setup.camera.width, setup.camera.height),
+      ground_(nrt, config.ground, setup.ground),
+      model_(nrt, setup.camera.width, setup.camera.height),
+      view_maps_(nrt, setup.camera.width / std::max(1, config.view_step) + 1,
+                 setup.camera.height / std::max(1, config.view_step) + 1),
+      X_WC_(perception::orthonormalised(setup.X_WC0)),
+      window_centre_W_(setup.X_WC0 * Vec3(0, 0, 1)) {
+  const auto& k = setup.camera;
+  check(k.valid() && k.width <= RgbdFrame::kMaxWidth && k.height <= RgbdFrame::kMaxHeight,
+        "camera.width", k.width, "a valid camera of at most 640 x 480");
+  check(config.patch_nodes >= 8 && config.patch_nodes <= SurfacePatch::kMaxNodes &&
+            config.patch_nodes % 4 == 0,
+        "patch_nodes", config.patch_nodes, "a multiple of 4 in 8 .. 64");
+  check(config.view_step >= 1 && (k.width - 1) / config.view_step < SceneView::kMaxWidth &&
+            (k.height - 1) / config.view_step < SceneView::kMaxHeight,
+        "view_step", config.view_step, "large enough for a view of 320 x 240");
+  check(config.level_count >= 1 && config.level_count <= FusionConfig::kMaxLevels, "level_count",
+        config.level_count, "1 .. 4");
+  check(config.cost_map_period >= 1, "cost_map_period", config.cost_map_period, "at least 1");
+}
+
+FusionTask::~FusionTask() = default;
+
+rt::Health FusionTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
+  out.patch_written = out.view_written = out.cost_map_written = out.camera_written = false;
+  out.integrated = false;
+  out.tracking = TrackingResult{};
+  out.integration = perception::IntegrateStats{};
+  out.work = out.work_view = 0;
+  profile_ = Profile{};
+  ++periods_;
+
+  remember_odometry(in.odometry);
+  if (in.virtual_obstacles_changed) static_cast<void>(ground_.set_virtual(in.virtual_obstacles));
+  rt::Health health = rt::Health::ok();
+  if (in.frame != nullptr && in.frame_fresh) health = consume(tick, *in.frame, out);
+  write_cost_map(tick, out);
+  write_patch(tick, in.hand, out);
+  write_view(tick, in.X_WV, out);
+  out.work += ground_.take_work();
+  return health;
+}
+
+// ---------------------------------------------------------------- one image
+
+rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out& out) noexcept {
+  const auto& k = frame.intrinsics;
+  if (!(k == setup_.camera)) return rt::Health::of(rt::Severity::kCounted, kFaultFusionBadFrame);
+  // A frame that is not newer than the last one was duplicated or overtaken on its way.
+  if (started_ && frame.exposure <= exposure_) {
+    return rt::Health::of(rt::Severity::kCounted, kFaultFusionBadFrame);
+  }
+  const auto level = static_cast<std::size_t>(std::clamp(tick.level, 0, config_.level_count - 1));
+  const FusionLevel& knobs = config_.levels[level];
+  {
+    Stage stage(profiling_, profile_.prepare);
+    tracker_.prepare(frame.depth(), k, knobs.pixel_step);
+    out.work += tracker_.pyramid().work();
+  }
+  if (!started_ && tracker_.pyramid().level(1).valid < config_.tracker.lost_inliers) {
+    return rt::Health::of(rt::Severity::kCounted, kFaultFusionBadFrame);
+  }
+
+  TrackingResult& r = out.tracking;
+  const bool first = !started_;
+  if (first) {
+    started_ = true;
+    r.X_WC = X_WC_;
+    r.state = TrackingState::kTracking;
+    r.claimed = r.fully_constrained = true;
+    r.degenerate_count = 0;
+  } else {
+    Stage stage(profiling_, profile_.track);
+    const MotionPrior prior = predict(frame.exposure);
+    tracker_.track({model_.data(), model_.intrinsics, model_.X_WC}, prior, knobs.iterations, r);
+    out.work += r.work;
+  }
+  settle_motion(r, frame.exposure, first);
+  ++frames_;
+
+  if (r.claimed) {
+    ++frames_claimed_;
+    Stage stage(profiling_, profile_.integrate);
+    out.integration = map_.integrate(FrameView::of(frame), X_WC_, knobs.allocate_step);
+    out.integrated = !out.integration.refused;
+    const auto& s = out.integration;
+    out.work += static_cast<std::uint64_t>(s.pixels) + static_cast<std::uint64_t>(s.rays) +
+                static_cast<std::uint64_t>(s.voxels_fused + s.voxels_carved + s.free_tests);
+    if (out.integrated) fused_exposure_ = frame.exposure;
+  }
+  cast_model(knobs.pixel_step, r.state != TrackingState::kLost, out);
+  if (r.claimed) {
+    Stage stage(profiling_, profile_.ground);
+    const auto& pyramid = tracker_.pyramid();
+    const auto& depth = pyramid.level(pyramid.pixel_step() >= 2 ? 0 : 1);
+    ground_.update({depth.intrinsics,
+                    {depth.depth.row(0), depth.depth.width(), depth.depth.height(),
+                     depth.depth.stride()},
+                    X_WC_});
+  }
+
+  out.camera.seq = frames_;
+  out.camera.exposure = frame.exposure;
+  out.camera.X_WC = X_WC_;
+  out.camera.tracking = static_cast<CameraPose::Tracking>(r.state);
+  out.camera.claimed = r.claimed;
+  out.camera_written = true;
+
+  if (r.state == TrackingState::kLost) {
+    return rt::Health::of(rt::Severity::kDegraded, kFaultFusionLost);
+  }
+  if (out.integration.blocks_refused > 0) {
+    return rt::Health::of(rt::Severity::kDegraded, kFaultFusionMapFull);
+  }
+  if (!r.claimed) return rt::Health::of(rt::Severity::kCounted, kFaultFusionUnclaimed);
+  return rt::Health::ok();
+}
+
+// Where the camera should be at `exposure`. Also advances what odometry knows to that instant.
+perception::MotionPrior FusionTask::predict(rt::Time exposure) noexcept {
+  MotionPrior prior;
+  const std::optional<Pose> X_OB = odometry_at(exposure);
+  if (X_OB && X_OB_last_) {
+    const Pose step_B = X_OB_last_->inverse() * *X_OB;
+    const double way = step_B.translation().norm();
+    const double turn_deg = perception::rotation_angle(step_B.linear()) / kDegree;
+    sigma_translation_m_ += config_.odometry_translation_share * way;
+    sigma_rotation_deg_ +=
+        config_.odometry_rotation_share * turn_deg + config_.odometry_deg_per_m * way;
+    prior.X_WC = X_WC_ * setup_.X_BC.inverse() * step_B * setup_.X_BC;
+    prior.source = MotionPrior::Source::kOdometry;
+    prior.sigma_translation_m = sigma_translation_m_;
+    prior.sigma_rotation_deg = sigma_rotation_deg_;
+  } else {
+    // Without odometry over the whole interval, a later odometry step starts from nothing known.
+    sigma_translation_m_ = sigma_rotation_deg_ = 1e3;
+    const double dt = seconds_between(exposure_, exposure);
+    prior.X_WC = X_WC_ * perception::exp_se3(dt * velocity_);
+  }
+  X_OB_last_ = X_OB;
+  prior.X_WC = perception::orthonormalised(prior.X_WC);
+  return prior;
+}
+
+void FusionTask::settle_motion(const TrackingResult& r, rt::Time exposure, bool first) noexcept {
+  if (first) {
+    X_OB_last_ = odometry_at(exposure);
+  } else {
+    const double dt = seconds_between(exposure_, exposure);
+    velocity_ = twist_of(X_WC_.inverse() * r.X_WC) / std::max(dt, 1e-3);
+    if (!r.claimed) velocity_ *= config_.velocity_decay;
+  }
+  if (r.fully_constrained) sigma_translation_m_ = sigma_rotation_deg_ = 0;
+  X_WC_ = r.X_WC;
+  exposure_ = exposure;
+}
+
+void FusionTask::cast_model(int pixel_step, bool hint, Out& out) noexcept {
+  // Lost without odometry: the camera is looked for where it was last known, so that view is kept.
+  if (!hint && !X_OB_last_) return;
+  Stage stage(profiling_, profile_.raycast);
+  perception::RaycastOptions o;
+  o.pixel_step = pixel_step;
+  o.max_depth_m = config_.tracker.preprocess.depth_max_m + config_.tsdf.truncation_m;
+  if (hint) o.hint_depth_m = tracker_.pyramid().full_depth();
+  const auto stats = perception::raycast(map_, setup_.camera, X_WC_, o, model_);
+  out.work += static_cast<std::uint64_t>(stats.steps);
+}
+
+// ---------------------------------------------------------------- odometry
+
+void FusionTask::remember_odometry(const std::optional<OdometryPrior>& odometry) noexcept {
+  if (!odometry || !odometry->X_OB.matrix().allFinite()) return;
+  if (odometry_count_ > 0) {
+    const OdometryPrior& newest = odometry_[(odometry_count_ - 1) % kOdometry];
+    if (odometry->taken <= newest.taken) return;
+  }
+  odometry_[odometry_count_++ % kOdometry] = *odometry;
+}
+
+// Interpolated; beyond the newest sample by its velocity, at most 100 ms. Empty: not known then.
+std::optional<Pose> FusionTask::odometry_at(rt::Time t) const noexcept {
+  if (odometry_count_ == 0) return std::nullopt;
+  const OdometryPrior& newest = odometry_[(odometry_count_ - 1) % kOdometry];
+  if (t >= newest.taken) {
+    const double dt = seconds_between(newest.taken, t);
+    if (dt > 0.1) return std::nullopt;
+    Twist xi;
+    xi << newest.v_OB_B * dt, newest.w_OB_B * dt;
+    return perception::orthonormalised(newest.X_OB * perception::exp_se3(xi));
+  }
+  const std::uint64_t held = std::min<std::uint64_t>(odometry_count_, kOdometry);
+  for (std::uint64_t i = 1; i < held; ++i) {
+    const OdometryPrior& after = odometry_[(odometry_count_ - i) % kOdometry];
+    const OdometryPrior& before = odometry_[(odometry_count_ - i - 1) % kOdometry];
+    if (before.taken > t) continue;
+    const double f = seconds_between(before.taken, t) / seconds_between(before.taken, after.taken);
+    return between(before.X_OB, after.X_OB, f);
+  }
+  return std::nullopt;
+}
+
+// ---------------------------------------------------------------- what others read
+
+void FusionTask::write_patch(const rt::Tick& tick, const HapticState& hand, Out& out) noexcept {
+  if (out.patch == nullptr) return;
+  Stage stage(profiling_, profile_.patch);
+  const Vec3 centre =
+      hand.p_WH + config_.window_lead_periods * rt::seconds(setup_.period) * hand.v_WH;
+  // Before the haptic task ran, and for a hand that is not finite, the window stays where it was.
+  if (hand.seq > 0 && centre.allFinite()) window_centre_W_ = centre;
+  SurfacePatch& p = *out.patch;
+  if (!perception::copy_patch(map_, window_centre_W_, config_.patch_nodes, p)) return;
+  p.seq = ++patch_seq_;
+  p.fused = tick.start;
+  p.exposure = fused_exposure_;
+  p.palette = setup_.palette;
+  p.checksum = config_.patch_checksums ? perception::patch_checksum(p) : 0;
+  out.work += p.cells();
+  out.patch_written = true;
+}
+
+void FusionTask::write_cost_map(const rt::Tick& tick, Out& out) noexcept {
+  if (out.cost_map == nullptr) return;
+  ++periods_since_map_;
+  const bool due = periods_since_map_ >= static_cast<std::uint64_t>(config_.cost_map_period);
+  if (!due && map_seq_ > 0) return;
+  Stage stage(profiling_, profile_.cost_map);
+  ground_.write(*out.cost_map);
+  out.cost_map->seq = ++map_seq_;
+  out.cost_map->fused = tick.start;
+  out.cost_map->exposure = fused_exposure_;
+  out.cost_map_written = true;
+  periods_since_map_ = 0;
+}
+
+void FusionTask::write_view(const rt::Tick& tick, const std::optional<Pose>& X_WV,
+                            Out& out) noexcept {
+  if (out.view == nullptr || config_.view_period_frames <= 0 || !started_) return;
+  if ((periods_ - 1) % static_cast<std::uint64_t>(config_.view_period_frames) != 0) return;
+  Stage stage(profiling_, profile_.view);
+  perception::RaycastOptions o;
+  o.pixel_step = config_.view_step;
+  o.colour = true;
+  const Pose X = X_WV ? *X_WV : X_WC_;
+  const auto stats = perception::raycast(map_, setup_.camera, X, o, view_maps_);
+  if (stats.rays == 0) return;
+  SceneView& v = *out.view;
+  v.X_WV = X;
+  v.intrinsics = view_maps_.intrinsics;
+  const auto colour = view_maps_.colour();
+  for (int y = 0; y < view_maps_.height(); ++y) {
+    for (int x = 0; x < view_maps_.width(); ++x) {
+      const auto i = static_cast<std::size_t>(y) * static_cast<std::size_t>(v.intrinsics.width) +
+                     static_cast<std::size_t>(x);
+      const float* r = view_maps_.at(x, y);
+      if (!view_maps_.hit(x, y)) {
+        v.colour[i] = {24, 26, 30};
+        v.points[i] = {};
+        continue;
+      }
+      // Headlight: brightness by the angle between ray and surface.
+      const Eigen::Vector3f p(r[0], r[1], r[2]), n(r[4], r[5], r[6]);
+      const float shade = 0.35F + 0.65F * std::clamp(-n.dot(p) / p.norm(), 0.0F, 1.0F);
+      const perception::Rgb c = colour.at(x, y);
+      const auto lit = [shade](std::uint8_t channel) {
+        return static_cast<std::uint8_t>(static_cast<float>(channel) * shade);
+      };
+      v.colour[i] = {lit(c.r), lit(c.g), lit(c.b)};
+      const Eigen::Vector3f q = (X * p.cast<double>()).cast<float>();
+      v.points[i] = {q.x(), q.y(), q.z(), r[3]};
+    }
+  }
+  v.seq = ++view_seq_;
+  v.fused = tick.start;
+  v.exposure = fused_exposure_;
+  out.work_view = static_cast<std::uint64_t>(stats.steps) + static_cast<std::uint64_t>(stats.rays);
+  out.work += out.work_view;
+  out.view_written = true;
+}
+
+// ---------------------------------------------------------------- configuration
+
+void FusionConfig::describe(config::Section& s) {
+  tsdf.describe(s.section("tsdf", "the map"));
+  tracker.describe(s.section("tracker", "camera tracking"));
+  ground.describe(s.section("ground", "ground plane and cost map"));
+  s.integer("patch_nodes", patch_nodes, 8, SurfacePatch::kMaxNodes,
+            "edge of the haptic window, a multiple of 4")
+      .number("window_lead_periods", window_lead_periods, 0, 10,
+              "the window is centred where the hand will be after this many periods")
+      .flag("patch_checksums", patch_checksums, "write a checksum into every patch")
+      .integer("view_period_frames", view_period_frames, 0, 300, "0 switches the view off")
+      .integer("view_step", view_step, 1, 8, "camera pixels a view pixel")
+      .integer("cost_map_period", cost_map_period, 1, 300, "periods between two cost maps")
+      .number("odometry_translation_share", odometry_translation_share, 0, 1,
+              "error of odometry, share of the way")
+      .number("odometry_rotation_share", odometry_rotation_share, 0, 1,
+              "error of odometry, share of the turn")
+      .number("odometry_deg_per_m", odometry_deg_per_m, 0, 90, "heading error of odometry a metre")
+      .number("velocity_decay", velocity_decay, 0, 1,
+              "of the velocity prior, in a frame that is not claimed")
+      .integer("level_count", level_count, 1, kMaxLevels, "variants, largest first");
+  for (std::size_t i = 0; i < levels.size(); ++i) {
+    auto& l = levels[i];
+    s.section("level_" + std::to_string(i), "variant " + std::to_string(i))
+        .integer("pixel_step", l.pixel_step, 1, 4, "1, 2 or 4: pixels of tracking and its ray cast")
+        .integer("allocate_step", l.allocate_step, 1, 8, "pixels that allocate blocks")
+        .integer("iterations_fine", l.iterations[0], 0, 50, "of ICP at full resolution")
+        .integer("iterations_middle", l.iterations[1], 0, 50, "at half")
+        .integer("iterations_coarse", l.iterations[2], 0, 50, "at a quarter");
+  }
+}
+
+}  // namespace tasks
