@@ -40,10 +40,10 @@
 
 namespace tasks {
 
-inline constexpr rt::FaultId kFaultFusionLost = 301;      // F-FUS-01 tracking lost: nothing integrated
-inline constexpr rt::FaultId kFaultFusionUnclaimed = 302; // F-FUS-02 a direction is only guessed
-inline constexpr rt::FaultId kFaultFusionMapFull = 303;   // F-FUS-03 block pool full: band lost
-inline constexpr rt::FaultId kFaultFusionBadFrame = 304;  // F-FUS-04 image of another size, or empty
+inline constexpr rt::FaultId kFaultFusionLost = 201;      // F-FUS-01 tracking lost: nothing integrated
+inline constexpr rt::FaultId kFaultFusionUnclaimed = 202; // F-FUS-02 a direction is only guessed
+inline constexpr rt::FaultId kFaultFusionMapFull = 203;   // F-FUS-03 block pool full: band lost
+inline constexpr rt::FaultId kFaultFusionBadFrame = 204;  // F-FUS-04 image of another size, or empty
 
 struct FusionLevel {
   int pixel_step = 1;                        // of tracking and of its ray cast: 1, 2, 4

@@ -1,6 +1,6 @@
 // Every fault of the stack, as ordered data: id, severity, reaction, clear rule. docs/faults.md is this
-// table; a test compares them. The tasks name their own ids in their own headers; a test compares
-// those too. The number is 100 x group + number within the group.
+// table; a test compares them. The tasks name their own ids in their own headers, since no task
+// includes another; a test compares those too. A number is an identity and says nothing by itself.
 #pragma once
 
 #include <array>
@@ -29,31 +29,50 @@ struct FaultRow {
 
 // clang-format off
 inline constexpr std::array kFaultTable = {
-  FaultRow{101, "F-HAP-01", rt::Severity::kSafeStop, ClearRule::kOperator, "haptic: a value is not finite", "force zero at once"},
+  FaultRow{101, "F-HAP-01", rt::Severity::kDegraded, ClearRule::kItself, "haptic: a value is not finite", "force zero; back through the fade"},
   FaultRow{102, "F-HAP-02", rt::Severity::kDegraded, ClearRule::kItself, "haptic: surface patch not published for its liveness time", "force ramps to zero; returns with the patch"},
-  FaultRow{103, "F-HAP-03", rt::Severity::kRampDown, ClearRule::kItself, "haptic: no sample from the device", "last force held for its liveness, then zero"},
-  FaultRow{104, "F-HAP-04", rt::Severity::kDegraded, ClearRule::kItself, "haptic: malformed patch refused", "the patches in use stay"},
-  FaultRow{190, "F-HAP-90", rt::Severity::kSafeStop, ClearRule::kOperator, "haptic: task silent", "device made safe by the watchdog"},
-  FaultRow{290, "F-FUS-90", rt::Severity::kRampDown, ClearRule::kItself, "fusion: task silent", "robot ramps down; the hand goes limp with the patch"},
-  FaultRow{390, "F-PRE-90", rt::Severity::kRampDown, ClearRule::kItself, "prediction: task silent", "goals expire; the robot holds still"},
+  FaultRow{103, "F-HAP-03", rt::Severity::kCounted, ClearRule::kItself, "haptic: no sample from the device", "last force held for its liveness, then zero"},
+  FaultRow{104, "F-HAP-04", rt::Severity::kCounted, ClearRule::kItself, "haptic: malformed patch refused", "the patches in use stay"},
+  FaultRow{190, "F-HAP-90", rt::Severity::kSafeStop, ClearRule::kOperator, "haptic: task silent", "safe stop; device made safe by the watchdog"},
+  FaultRow{201, "F-FUS-01", rt::Severity::kDegraded, ClearRule::kItself, "fusion: tracking lost", "nothing integrated; the map stays as it is"},
+  FaultRow{202, "F-FUS-02", rt::Severity::kCounted, ClearRule::kItself, "fusion: a direction is only guessed", "the frame is not claimed and not integrated"},
+  FaultRow{203, "F-FUS-03", rt::Severity::kDegraded, ClearRule::kRestart, "fusion: block pool full", "what does not fit is lost and counted"},
+  FaultRow{204, "F-FUS-04", rt::Severity::kCounted, ClearRule::kItself, "fusion: image of another size, or empty", "image refused"},
+  FaultRow{290, "F-FUS-90", rt::Severity::kRampDown, ClearRule::kItself, "fusion: task silent", "ramp down; the hand goes limp with the patch"},
+  FaultRow{301, "F-PRE-01", rt::Severity::kDegraded, ClearRule::kItself, "prediction: no robot state for too long", "goals are not engaged: the robot holds still"},
+  FaultRow{302, "F-PRE-02", rt::Severity::kCounted, ClearRule::kItself, "prediction: robot state not finite", "state refused; the last one ages"},
+  FaultRow{303, "F-PRE-03", rt::Severity::kCounted, ClearRule::kItself, "prediction: path not finite", "path refused and the old one dropped"},
+  FaultRow{304, "F-PRE-04", rt::Severity::kDegraded, ClearRule::kItself, "prediction: no round trip measured", "goals are not engaged: the robot holds still"},
+  FaultRow{305, "F-PRE-05", rt::Severity::kCounted, ClearRule::kItself, "prediction: camera pose too far from the odometry", "correction refused"},
+  FaultRow{390, "F-PRE-90", rt::Severity::kRampDown, ClearRule::kItself, "prediction: task silent", "ramp down; goals expire at the robot"},
   FaultRow{401, "F-PLN-01", rt::Severity::kCounted, ClearRule::kItself, "planning: no path to the goal", "goal given up; the robot stays; a new mark is needed"},
   FaultRow{402, "F-PLN-02", rt::Severity::kDegraded, ClearRule::kItself, "planning: the planning library threw", "no path this job; tried again, then given up"},
-  FaultRow{403, "F-PLN-03", rt::Severity::kCounted, ClearRule::kItself, "planning: input not finite or ground not level", "mark or map refused"},
+  FaultRow{403, "F-PLN-03", rt::Severity::kCounted, ClearRule::kItself, "planning: input not finite, or ground not level", "mark, robot pose or map refused"},
   FaultRow{404, "F-PLN-04", rt::Severity::kCounted, ClearRule::kItself, "planning: touch events were lost", "an open mark is dropped"},
-  FaultRow{405, "F-PLN-05", rt::Severity::kCounted, ClearRule::kItself, "planning: job out of time", "job aborted; nothing committed; the next one tries again"},
+  FaultRow{405, "F-PLN-05", rt::Severity::kCounted, ClearRule::kItself, "planning: job out of time", "job aborted, nothing committed; the next one tries again"},
   FaultRow{490, "F-PLN-90", rt::Severity::kDegraded, ClearRule::kItself, "planning: task silent", "the last path stays; no new ones"},
-  FaultRow{590, "F-RIO-90", rt::Severity::kSafeStop, ClearRule::kOperator, "robot_io: task silent", "motors stopped by the watchdog"},
+  FaultRow{501, "F-RIO-01", rt::Severity::kCounted, ClearRule::kItself, "robot_io: a bus frame was lost", "last state kept"},
+  FaultRow{502, "F-RIO-02", rt::Severity::kSafeStop, ClearRule::kOperator, "robot_io: bus down, or many frames lost in a row", "safe stop"},
+  FaultRow{503, "F-RIO-03", rt::Severity::kDegraded, ClearRule::kItself, "robot_io: goal expired", "the base halts with its ramp"},
+  FaultRow{504, "F-RIO-04", rt::Severity::kCounted, ClearRule::kItself, "robot_io: goal not finite", "goal ignored"},
+  FaultRow{505, "F-RIO-05", rt::Severity::kDegraded, ClearRule::kItself, "robot_io: link silent", "the base halts with its ramp"},
+  FaultRow{506, "F-RIO-06", rt::Severity::kSafeStop, ClearRule::kOperator, "robot_io: a motor controller timed out", "safe stop; motors off until a new engage"},
+  FaultRow{507, "F-RIO-07", rt::Severity::kSafeStop, ClearRule::kOperator, "robot_io: encoder not finite, or a leap", "safe stop"},
+  FaultRow{508, "F-RIO-08", rt::Severity::kCounted, ClearRule::kItself, "robot_io: the base does not follow", "the reference waits"},
+  FaultRow{590, "F-RIO-90", rt::Severity::kSafeStop, ClearRule::kOperator, "robot_io: task silent", "safe stop; motors stopped by the watchdog"},
   FaultRow{690, "F-CAP-90", rt::Severity::kDegraded, ClearRule::kItself, "capture: task silent", "no new images; the map stays as it is"},
   FaultRow{701, "F-SUP-01", rt::Severity::kSafeStop, ClearRule::kOperator, "emergency stop pressed, broken or not sampled", "safe stop"},
   FaultRow{702, "F-SUP-02", rt::Severity::kRampDown, ClearRule::kItself, "link silent", "ramp down; a new engage is needed"},
-  FaultRow{703, "F-SUP-03", rt::Severity::kSafeStop, ClearRule::kRestart, "link refused: message schema or version differ", "no motion until restarted with equal builds"},
-  FaultRow{704, "F-SUP-04", rt::Severity::kRampDown, ClearRule::kItself, "the other box did not follow or left the engaged mode", "ramp down; a new engage is needed"},
-  FaultRow{705, "F-SUP-05", rt::Severity::kSafeStop, ClearRule::kOperator, "the other box is in a safe stop", "safe stop"},
+  FaultRow{703, "F-SUP-03", rt::Severity::kSafeStop, ClearRule::kRestart, "link refused: message schema or version differ", "safe stop; no motion until started again with equal builds"},
+  FaultRow{704, "F-SUP-04", rt::Severity::kRampDown, ClearRule::kItself, "the robot's box did not follow into the engaged mode, or left it", "ramp down; a new engage is needed"},
+  FaultRow{705, "F-SUP-05", rt::Severity::kSafeStop, ClearRule::kOperator, "the other box went into a safe stop", "safe stop; while it lasts no engage is followed"},
   FaultRow{706, "F-SUP-06", rt::Severity::kRampDown, ClearRule::kItself, "engage withdrawn by the operator's box", "ramp down"},
   FaultRow{707, "F-SUP-07", rt::Severity::kRampDown, ClearRule::kItself, "ramp down requested", "ramp down"},
   FaultRow{708, "F-SUP-08", rt::Severity::kSafeStop, ClearRule::kOperator, "stop requested", "safe stop"},
   FaultRow{709, "F-SUP-09", rt::Severity::kSafeStop, ClearRule::kRestart, "the executor's watchdog made an output safe", "safe stop"},
-  FaultRow{710, "F-SUP-10", rt::Severity::kSafeStop, ClearRule::kRestart, "a task reported a fault that is not in this table", "safe stop: unknown is not harmless"},
+  FaultRow{710, "F-SUP-10", rt::Severity::kDegraded, ClearRule::kOperator, "a task reported a fault that is not in this table", "as severe as the task says, at least degraded"},
+  FaultRow{1537, "F-CAP-01", rt::Severity::kCounted, ClearRule::kItself, "capture: not an image", "nothing sent"},
+  FaultRow{1538, "F-CAP-02", rt::Severity::kCounted, ClearRule::kItself, "capture: colour left out", "depth sent alone"},
 };
 // clang-format on
 inline constexpr std::size_t kFaultCount = kFaultTable.size();

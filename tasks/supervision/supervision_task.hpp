@@ -91,13 +91,17 @@ class SupervisionTask {
 
  private:
   struct Conditions {
-    rt::Health worst;
-    std::array<bool, kFaultCount> active{};
+    rt::Health worst;                        // that a mode answers to
+    std::array<rt::Severity, kFaultCount> severity{};  // kOk: not active
   };
   void gather(rt::Time now, const In& in, Conditions& c) const noexcept;
-  void raise(Conditions& c, rt::FaultId id, rt::Severity reported) const noexcept;
+  static void raise(Conditions& c, rt::FaultId id, rt::Severity reported) noexcept;
+  void count_and_latch(const Conditions& c) noexcept;
   void enter(Mode mode, rt::FaultId cause, rt::Time now) noexcept;
-  [[nodiscard]] bool may_recover(const Conditions& c, bool operator_act) const noexcept;
+  void acknowledge(const Conditions& c) noexcept;
+  [[nodiscard]] bool held_back() const noexcept;
+  [[nodiscard]] bool link_live(rt::Time now, const In& in) const noexcept;
+  [[nodiscard]] bool all_heard(const In& in) const noexcept;
 
   SupervisionConfig config_;
   rt::Box box_;
@@ -108,7 +112,8 @@ class SupervisionTask {
   rt::FaultId cause_ = rt::kNoFault;
   rt::Time entered_{};
   rt::Health episode_;
-  std::array<bool, kFaultCount> was_active_{}, latched_{};
+  std::array<bool, kFaultCount> was_active_{};
+  std::array<bool, kFaultCount> latched_{};  // waits for the operator, or for a restart
   std::array<std::uint32_t, kFaultCount> counts_{};
   Engage last_engage_ = Engage::kAbsent;
   bool last_clear_ = true;  // a clear that is on at the start is no act

@@ -1,0 +1,198 @@
+#include "tasks/supervision/supervision_task.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+namespace tasks {
+
+using rt::Severity;
+
+void SupervisionConfig::describe(config::Section& s) {
+  s.number("ramp_s", ramp_s, 0.01, 5.0, "time in ramp-down before hold");
+  s.number("link_liveness_s", link_liveness_s, 0.02, 10.0, "silence of the link that is a fault");
+  s.number("peer_grace_s", peer_grace_s, 0.05, 30.0, "after engage, time for the robot to follow");
+  s.number("estop_liveness_s", estop_liveness_s, 0.01, 1.0,
+           "age of the e-stop input that counts as pressed");
+}
+
+SupervisionTask::SupervisionTask(rt::NonRealtime&, const SupervisionConfig& config, rt::Box box,
+                                 const Watch* watches, int watch_count)
+    : config_(config), box_(box), watch_count_(watch_count) {
+  if (watch_count < 0 || watch_count > kMaxTasks) {
+    throw std::logic_error("supervision: " + std::to_string(watch_count) +
+                           " tasks to watch: allowed 0.." + std::to_string(kMaxTasks));
+  }
+  for (int i = 0; i < watch_count; ++i) {
+    const Watch& w = watches[i];
+    if (fault_row(w.silent_fault) < 0 || w.liveness.count() <= 0) {
+      throw std::logic_error("supervision: watch " + std::to_string(i) +
+                             " needs a fault of the table and a liveness above 0");
+    }
+    watches_[static_cast<std::size_t>(i)] = w;
+  }
+}
+
+// ---- conditions of one tick
+// ----------------------------------------------------------------------
+
+void SupervisionTask::raise(Conditions& c, rt::FaultId id, Severity reported) noexcept {
+  int row = fault_row(id);
+  if (row < 0) row = fault_row(kFaultUnknown);
+  const FaultRow& fault = kFaultTable[static_cast<std::size_t>(row)];
+  const Severity severity = std::max(fault.severity, reported);
+  auto& active = c.severity[static_cast<std::size_t>(row)];
+  active = std::max(active, severity);
+  c.worst = rt::worst(c.worst, rt::Health::of(severity, fault.id));
+}
+
+bool SupervisionTask::link_live(rt::Time now, const In& in) const noexcept {
+  return in.link_heard && now - in.link_last <= rt::nanos_from_seconds(config_.link_liveness_s);
+}
+
+bool SupervisionTask::all_heard(const In& in) const noexcept {
+  return std::all_of(in.tasks.begin(), in.tasks.begin() + watch_count_,
+                     [](const TaskReport& t) { return t.heard; });
+}
+
+void SupervisionTask::gather(rt::Time now, const In& in, Conditions& c) const noexcept {
+  if (in.requests.stop) raise(c, kFaultStopRequested, Severity::kOk);
+  if (in.estop_fitted) {
+    const bool stale = now - in.estop_sampled > rt::nanos_from_seconds(config_.estop_liveness_s);
+    if (!in.estop_closed || stale) raise(c, kFaultEstop, Severity::kOk);
+  }
+  if (in.watchdog_bit) raise(c, kFaultWatchdog, Severity::kOk);
+  if (in.requests.ramp_down) raise(c, kFaultRampRequested, Severity::kOk);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(watch_count_); ++i) {
+    const TaskReport& t = in.tasks[i];
+    if (!t.heard) continue;  // kInit waits for it
+    if (now - t.heartbeat > watches_[i].liveness) {
+      raise(c, watches_[i].silent_fault, Severity::kOk);
+    } else if (t.health.severity > Severity::kOk) {
+      raise(c, t.health.fault, t.health.severity);
+    }
+  }
+  if (!in.link_expected) return;
+  const bool live = link_live(now, in);
+  if (in.link_refused) raise(c, kFaultLinkRefused, Severity::kOk);
+  if (in.link_heard && !live) raise(c, kFaultLinkSilent, Severity::kOk);
+  const bool moving = mode_ == Mode::kEngaged || mode_ == Mode::kRampDown;
+  // Two boxes that each waited for the other to leave its safe stop would wait for ever: it
+  // forces this box only out of motion.
+  if (live && moving && in.peer_mode == Mode::kSafeStop) {
+    raise(c, kFaultPeerStopped, Severity::kOk);
+  }
+  if (mode_ != Mode::kEngaged) return;
+  if (box_ == rt::Box::kRobot) {
+    if (in.requests.engage != Engage::kYes) raise(c, kFaultEngageWithdrawn, Severity::kOk);
+  } else if (live && in.peer_mode != Mode::kEngaged) {
+    const bool patient = now - entered_ <= rt::nanos_from_seconds(config_.peer_grace_s);
+    if (peer_followed_ || !patient) raise(c, kFaultPeerNotEngaged, Severity::kOk);
+  }
+}
+
+void SupervisionTask::count_and_latch(const Conditions& c) noexcept {
+  for (std::size_t i = 0; i < kFaultCount; ++i) {
+    const bool active = c.severity[i] > Severity::kOk;
+    if (active && !was_active_[i]) ++counts_[i];
+    was_active_[i] = active;
+    const bool held = kFaultTable[i].clear != ClearRule::kItself;
+    if (held && c.severity[i] >= Severity::kRampDown) latched_[i] = true;
+  }
+}
+
+// ---- acts
+// ----------------------------------------------------------------------------------------
+
+// The operator has seen it: what is gone and asks for no restart no longer holds motion back.
+void SupervisionTask::acknowledge(const Conditions& c) noexcept {
+  for (std::size_t i = 0; i < kFaultCount; ++i) {
+    if (kFaultTable[i].clear == ClearRule::kOperator && c.severity[i] == Severity::kOk) {
+      latched_[i] = false;
+    }
+  }
+}
+
+bool SupervisionTask::held_back() const noexcept {
+  return std::any_of(latched_.begin(), latched_.end(), [](bool l) { return l; });
+}
+
+void SupervisionTask::enter(Mode mode, rt::FaultId cause, rt::Time now) noexcept {
+  mode_ = mode;
+  cause_ = cause;
+  entered_ = now;
+}
+
+rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
+  const rt::Time now = tick.start;
+  Conditions c;
+  gather(now, in, c);
+  count_and_latch(c);
+  const bool engage = in.requests.engage == Engage::kYes && last_engage_ == Engage::kNo;
+  const bool clear = in.requests.clear && !last_clear_;
+  last_engage_ = in.requests.engage;
+  last_clear_ = in.requests.clear;
+  out.engage_refused = false;
+  if (clear) acknowledge(c);
+
+  const bool may_move = c.worst.severity < Severity::kRampDown;
+  if (c.worst.severity >= Severity::kSafeStop) {
+    if (mode_ != Mode::kSafeStop) {
+      if (mode_ != Mode::kEngaged && mode_ != Mode::kRampDown) episode_ = {};
+      enter(Mode::kSafeStop, c.worst.fault, now);
+    }
+    out.engage_refused = engage;
+  } else {
+    switch (mode_) {
+      case Mode::kInit:
+        if (all_heard(in)) enter(Mode::kHold, rt::kNoFault, now);
+        out.engage_refused = engage;
+        break;
+      case Mode::kHold: {
+        if (!engage) break;
+        const bool peer_ok =
+            !in.link_expected || (link_live(now, in) && in.peer_mode != Mode::kSafeStop);
+        if (may_move && peer_ok && !held_back()) {
+          enter(Mode::kEngaged, rt::kNoFault, now);
+          episode_ = {};
+          peer_followed_ = false;
+        } else {
+          out.engage_refused = true;
+        }
+        break;
+      }
+      case Mode::kEngaged:
+        if (!may_move) enter(Mode::kRampDown, c.worst.fault, now);
+        break;
+      case Mode::kRampDown:
+        // The cause stays on show; what is still wrong keeps the next engage from being followed.
+        if (now - entered_ >= rt::nanos_from_seconds(config_.ramp_s)) {
+          enter(Mode::kHold, cause_, now);
+        }
+        out.engage_refused = engage;
+        break;
+      case Mode::kSafeStop:
+        if (clear && !held_back()) enter(Mode::kHold, rt::kNoFault, now);
+        out.engage_refused = engage;
+        break;
+    }
+  }
+  const bool in_episode = mode_ != Mode::kInit && mode_ != Mode::kHold;
+  if (in_episode) episode_ = rt::worst(episode_, c.worst);
+  if (mode_ == Mode::kEngaged && in.peer_mode == Mode::kEngaged) peer_followed_ = true;
+
+  out.now = c.worst;
+  out.episode = episode_;
+  out.mode.seq = ++seq_;
+  out.mode.stamp = now;
+  out.mode.mode = mode_;
+  out.mode.cause = cause_;
+  return c.worst;
+}
+
+std::uint32_t SupervisionTask::count(rt::FaultId id) const noexcept {
+  const int row = fault_row(id);
+  return row < 0 ? 0 : counts_[static_cast<std::size_t>(row)];
+}
+
+}  // namespace tasks

@@ -1,0 +1,122 @@
+// docs/faults.md is the table of fault_ids.hpp, and every id that a task's header names has a row.
+// TELETACT_UPDATE=1 in the environment writes the page anew.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <regex>
+#include <set>
+#include <sstream>
+
+#include "tasks/supervision/fault_ids.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using tasks::kFaultTable;
+
+std::string read(const fs::path& path) {
+  std::ifstream in(path);
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+const char* severity_name(rt::Severity s) {
+  switch (s) {
+    case rt::Severity::kOk:
+      return "ok";
+    case rt::Severity::kCounted:
+      return "count";
+    case rt::Severity::kDegraded:
+      return "degrade";
+    case rt::Severity::kRampDown:
+      return "ramp down";
+    case rt::Severity::kSafeStop:
+      return "safe stop";
+  }
+  return "";
+}
+
+const char* clear_name(tasks::ClearRule c) {
+  switch (c) {
+    case tasks::ClearRule::kItself:
+      return "by itself";
+    case tasks::ClearRule::kOperator:
+      return "by the operator";
+    case tasks::ClearRule::kRestart:
+      return "by restart";
+  }
+  return "";
+}
+
+std::string rows() {
+  std::vector<tasks::FaultRow> sorted(kFaultTable.begin(), kFaultTable.end());
+  std::sort(sorted.begin(), sorted.end(),
+            [](const auto& a, const auto& b) { return a.code < b.code; });
+  std::ostringstream out;
+  out << "| fault | id | what happened | severity | reaction | clears |\n"
+      << "|---|---|---|---|---|---|\n";
+  for (const auto& r : sorted) {
+    out << "| " << r.code << " | " << r.id << " | " << r.what << " | " << severity_name(r.severity)
+        << " | " << r.reaction << " | " << clear_name(r.clear) << " |\n";
+  }
+  return out.str();
+}
+
+constexpr char kBegin[] = "<!-- table: tests/unit/tasks_supervision writes it -->\n";
+constexpr char kEnd[] = "<!-- end of table -->\n";
+
+TEST(FaultTable, PageIsTheTable) {
+  const fs::path page = fs::path(TELETACT_SOURCE_DIR) / "docs" / "faults.md";
+  std::string text = read(page);
+  const auto begin = text.find(kBegin), end = text.find(kEnd);
+  ASSERT_NE(begin, std::string::npos);
+  ASSERT_NE(end, std::string::npos);
+  const auto from = begin + sizeof kBegin - 1;
+  if (std::getenv("TELETACT_UPDATE") != nullptr) {
+    std::ofstream(page) << text.substr(0, from) << rows() << text.substr(end);
+    return;
+  }
+  EXPECT_EQ(text.substr(from, end - from), rows())
+      << "run this test once with TELETACT_UPDATE=1 to write docs/faults.md";
+}
+
+TEST(FaultTable, IdsAndCodesAreUnique) {
+  std::set<std::string_view> codes;
+  for (const auto& r : kFaultTable) {
+    EXPECT_TRUE(codes.insert(r.code).second) << r.code;
+    EXPECT_NE(r.id, rt::kNoFault);
+    EXPECT_EQ(tasks::fault_row(r.id), &r - kFaultTable.data());
+    EXPECT_GT(r.severity, rt::Severity::kOk);
+  }
+  EXPECT_EQ(tasks::fault_row(4242), -1);
+  for (int id = tasks::kFaultEstop; id <= tasks::kFaultUnknown; ++id) {
+    EXPECT_GE(tasks::fault_row(static_cast<rt::FaultId>(id)), 0);
+  }
+}
+
+// The constants of the tasks are found by their text, since no task may include another.
+TEST(FaultTable, EveryIdNamedByATaskHasARow) {
+  const std::regex constant(R"(constexpr\s+rt::FaultId\s+(\w+)\s*=\s*(0x[0-9a-fA-F]+|\d+)\s*;)");
+  int found = 0;
+  std::map<unsigned long, std::string> owners;
+  for (const auto& entry :
+       fs::recursive_directory_iterator(fs::path(TELETACT_SOURCE_DIR) / "tasks")) {
+    if (entry.path().extension() != ".hpp") continue;
+    const std::string text = read(entry.path());
+    for (std::sregex_iterator it(text.begin(), text.end(), constant), last; it != last; ++it) {
+      const auto id = std::stoul((*it)[2].str(), nullptr, 0);
+      ++found;
+      const auto [owner, is_new] = owners.emplace(id, entry.path().filename().string());
+      EXPECT_TRUE(is_new) << id << " is used by " << owner->second << " and by " << entry.path();
+      EXPECT_GE(tasks::fault_row(static_cast<rt::FaultId>(id)), 0)
+          << entry.path() << ": " << (*it)[1] << " = " << id << " has no row in fault_ids.hpp";
+    }
+  }
+  EXPECT_GE(found, 9);
+}
+
+}  // namespace
