@@ -83,7 +83,7 @@ class PathFollower {
   std::array<std::array<double, 3>, Path::kMaxPoints> points_{};
   std::array<double, Path::kMaxPoints> along_{};  // arc length up to point i
   double progress_ = 0;
-  bool fresh_ = true, arrived_ = false;
+  bool arrived_ = false;
 };
 
 }  // namespace tasks
