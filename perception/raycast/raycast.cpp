@@ -18,35 +18,31 @@ constexpr float kNoTile = 1e9F;
 
 class Caster {
  public:
-  Caster(const TsdfMap& map, const Pose& X_WC, const RaycastOptions& o,
-         RaycastMaps& out) noexcept
-      : map_(map), reader_(map, o.min_weight), options_(o), out_(out),
-        voxel_(map.voxel_size()), inv_voxel_(1.0 / voxel_),
-        voxels_per_unit_(static_cast<double>(map.metres_per_unit()) * inv_voxel_),
-        stride_unknown_(std::max(1.0, std::floor(0.4 * map.truncation() * inv_voxel_))) {
+  Caster(const TsdfMap& map, const Pose& X_WC, const RaycastOptions& o, RaycastMaps& out) noexcept
+      : map_(map), reader_(map, o.min_weight), options_(o), out_(out), voxel_(map.voxel_size()),
+        voxels_per_unit_(map.metres_per_unit() / static_cast<float>(voxel_)),
+        stride_unknown_(std::max(
+            1.0F, std::floor(static_cast<float>(0.4 * map.truncation() / voxel_)))) {
+    // Grid coordinates are kept relative to a node near the camera: floats then resolve microns.
     const Mat3 R = X_WC.linear();
     for (int r = 0; r < 3; ++r) {
-      origin_[r] = X_WC.translation()(r) * inv_voxel_;
-      for (int c = 0; c < 3; ++c) R_[r][c] = R(r, c);
+      const double grid = X_WC.translation()(r) / voxel_;
+      base_[r] = ifloor(grid) & ~63;
+      origin_[r] = static_cast<float>(grid - base_[r]);
+      for (int c = 0; c < 3; ++c) {
+        R_[r][c] = static_cast<float>(R(r, c));
+        axes_[c][r] = static_cast<float>(R(r, c) / voxel_);
+      }
     }
   }
 
   RaycastStats run() noexcept {
     const Intrinsics& k = out_.intrinsics;
     bound_tiles();
-    const int tiles_u = (k.width + 7) >> kTileShift;
+    const int tiles_u = (k.width + 7) >> kTileShift, tiles_v = (k.height + 7) >> kTileShift;
     RaycastStats stats;
-    for (int v = 0; v < k.height; ++v) {
-      float* record = out_.records_ + static_cast<std::ptrdiff_t>(v) * k.width * RaycastMaps::kStride;
-      Rgb* colour = out_.colour_.data() + static_cast<std::ptrdiff_t>(v) * k.width;
-      for (int u = 0; u < k.width; ++u, record += RaycastMaps::kStride) {
-        const auto tile = static_cast<std::size_t>((v >> kTileShift) * tiles_u + (u >> kTileShift));
-        const bool hit = out_.near_m_[tile] < kNoTile && cast(u, v, tile, record);
-        if (!hit) std::memset(record, 0, RaycastMaps::kStride * sizeof(float));
-        if (options_.colour) colour[u] = hit ? colour_of(record) : Rgb{};
-        stats.hits += static_cast<int>(hit);
-      }
-    }
+    // Tile by tile: neighbouring rays read the same cache lines.
+    for (int n = 0; n < tiles_u * tiles_v; ++n) stats.hits += cast_tile(n % tiles_u, n / tiles_u, n);
     stats.rays = k.width * k.height;
     stats.steps = steps_;
     return stats;
@@ -85,80 +81,89 @@ class Caster {
     }
   }
 
-  // One ray in grid coordinates, parameter t = depth along the optical axis.
+  int cast_tile(int tile_u, int tile_v, int tile) noexcept {
+    const Intrinsics& k = out_.intrinsics;
+    const float near = out_.near_m_[static_cast<std::size_t>(tile)];
+    const float first = std::max(static_cast<float>(options_.min_depth_m), near);
+    const float last = std::min(static_cast<float>(options_.max_depth_m),
+                                out_.far_m_[static_cast<std::size_t>(tile)]);
+    const int v1 = std::min((tile_v + 1) << kTileShift, k.height);
+    const int u1 = std::min((tile_u + 1) << kTileShift, k.width);
+    int hits = 0;
+    for (int v = tile_v << kTileShift; v < v1; ++v)
+      for (int u = tile_u << kTileShift; u < u1; ++u) {
+        const auto at = static_cast<std::ptrdiff_t>(v) * k.width + u;
+        float* record = out_.records_ + at * RaycastMaps::kStride;
+        const bool hit = near < kNoTile && cast(u, v, first, last, record);
+        if (!hit) std::memset(record, 0, RaycastMaps::kStride * sizeof(float));
+        if (options_.colour) out_.colour_[static_cast<std::size_t>(at)] = hit ? colour_of(record) : Rgb{};
+        hits += static_cast<int>(hit);
+      }
+    return hits;
+  }
+
+  // One ray in grid coordinates relative to base_, parameter t = depth along the optical axis.
   struct Ray {
-    double o[3], d[3], inv[3];
-    double per_t;      // grid length of one unit of t
-    double voxel_t;    // t of one voxel's length
+    Float4 d;
+    float voxel_t;  // t of one voxel's length along the ray
   };
 
-  [[nodiscard]] double leave(const Ray& r, const int (&low)[3], int edge) const noexcept {
-    double t = 1e30;
-    for (int a = 0; a < 3; ++a) {
-      // Space nearest to the nodes low .. low + edge - 1.
-      const double wall = r.d[a] > 0 ? low[a] + edge - 0.5 : low[a] - 0.5;
-      if (r.d[a] != 0) t = std::min(t, (wall - r.o[a]) * r.inv[a]);
-    }
-    return t;
+  [[nodiscard]] MapReader::Cell cell_at(const Ray& r, float t) noexcept {
+    ++steps_;
+    const Float4 p = origin_ + splat(t) * r.d;
+    const Int4 n = floor4(p);
+    const Float4 f = p - to_float(n);
+    const Int4 node = n + base_;
+    return reader_.cell(node[0], node[1], node[2], f[0], f[1], f[2]);
   }
 
-  [[nodiscard]] MapReader::Cell cell_at(const Ray& r, double t) noexcept {
-    return reader_.cell(r.o[0] + t * r.d[0], r.o[1] + t * r.d[1], r.o[2] + t * r.d[2]);
-  }
-
-  bool cast(int u, int v, std::size_t tile, float* record) noexcept {
+  bool cast(int u, int v, float first, float last, float* record) noexcept {
     const Intrinsics& k = out_.intrinsics;
-    const double x = (u - k.cx) / k.fx, y = (v - k.cy) / k.fy;
+    const auto x = static_cast<float>((u - k.cx) / k.fx), y = static_cast<float>((v - k.cy) / k.fy);
     Ray r;
-    for (int a = 0; a < 3; ++a) {
-      r.o[a] = origin_[a];
-      r.d[a] = (R_[a][0] * x + R_[a][1] * y + R_[a][2]) * inv_voxel_;
-      r.inv[a] = 1.0 / r.d[a];
-    }
-    r.per_t = std::sqrt(r.d[0] * r.d[0] + r.d[1] * r.d[1] + r.d[2] * r.d[2]);
-    r.voxel_t = 1.0 / r.per_t;
-    double t = std::max(options_.min_depth_m, static_cast<double>(out_.near_m_[tile]));
-    const double end = std::min(options_.max_depth_m, static_cast<double>(out_.far_m_[tile]));
+    r.d = splat(x) * axes_[0] + splat(y) * axes_[1] + axes_[2];
+    r.voxel_t = 1.0F / std::sqrt(r.d[0] * r.d[0] + r.d[1] * r.d[1] + r.d[2] * r.d[2]);
     if (options_.hint_depth_m.data != nullptr) {
-      const auto hint = static_cast<double>(
-          options_.hint_depth_m.at(u * options_.pixel_step, v * options_.pixel_step));
-      const double start = hint - 1.1 * map_.truncation() * inv_voxel_ * r.voxel_t;
-      if (hint > 0 && start > t) t = start;
+      const float hint = options_.hint_depth_m.at(u * options_.pixel_step, v * options_.pixel_step);
+      const float start =
+          hint - static_cast<float>(1.1 * map_.truncation() / voxel_) * r.voxel_t;
+      if (hint > 0 && start > first) first = start;
     }
-    double hit_t = 0;
-    MapReader::Cell cell{};
-    if (!march(r, t, end, hit_t, cell)) return false;
-    return store(x, y, hit_t, cell, record);
+    float hit_t = 0;
+    MapReader::Cell cell;
+    return march(r, first, last, hit_t, cell) && store(x, y, hit_t, cell, record);
   }
 
   enum class Side { kUnknown, kOutside, kInside };
 
-  bool march(const Ray& r, double t, double end, double& hit_t, MapReader::Cell& cell) noexcept {
+  bool march(const Ray& r, float t, float end, float& hit_t, MapReader::Cell& cell) noexcept {
     Side before = Side::kUnknown;
-    double before_t = t, careful_until = -1;
+    float before_t = t, careful_until = -1;
+    const Float4 half = splat(0.5F);
     for (int n = 0; n < kMaxSteps && t <= end; ++n) {
       ++steps_;
-      const int node[3] = {ifloor(r.o[0] + t * r.d[0] + 0.5), ifloor(r.o[1] + t * r.d[1] + 0.5),
-                           ifloor(r.o[2] + t * r.d[2] + 0.5)};
-      const std::uint32_t* words = reader_.block_of(node[0] >> 3, node[1] >> 3, node[2] >> 3);
-      const std::uint32_t word =
-          words == nullptr ? 0U : words[TsdfMap::in_block(node[0], node[1], node[2])];
+      const Int4 node = floor4(origin_ + splat(t) * r.d + half) + base_;
+      const Int4 block = node >> 3;
+      const std::uint32_t* words = reader_.block_of(block[0], block[1], block[2]);
+      std::uint32_t word = 0;
+      if (words != nullptr) word = words[TsdfMap::in_block(node[0], node[1], node[2])];
       const bool known = reader_.known(word);
-      const int d = TsdfMap::word_distance(word);
+      const auto d = static_cast<float>(TsdfMap::word_distance(word));
       if (known && d > 0) {
         before = Side::kOutside, before_t = t;
-        const double jump = 0.8 * d * voxels_per_unit_;
-        t += (jump < 1.0 || t < careful_until ? 1.0 : jump) * r.voxel_t;
+        const float jump = 0.8F * d * voxels_per_unit_;
+        t += (jump < 1.0F || t < careful_until ? 1.0F : jump) * r.voxel_t;
         continue;
       }
       // A long step may have passed a thin band: go back and walk.
-      if (before == Side::kOutside && t - before_t > 1.5 * r.voxel_t) {
+      if (before == Side::kOutside && t - before_t > 1.5F * r.voxel_t) {
         careful_until = t;
         t = before_t + r.voxel_t;
         continue;
       }
       if (known) {
-        if (before != Side::kInside && crossing(r, std::max(before_t, t - 2.5 * r.voxel_t), t, hit_t, cell))
+        if (before != Side::kInside &&
+            crossing(r, std::max(before_t, t - 2.5F * r.voxel_t), t, hit_t, cell))
           return true;
         before = Side::kInside, before_t = t;
         t += r.voxel_t;
@@ -170,69 +175,75 @@ class Caster {
     return false;
   }
 
-  // How far to the end of the absent block or chunk round `node`.
-  [[nodiscard]] double skip(const Ray& r, const int (&node)[3], double t) noexcept {
+  // How far to the end of the absent block or chunk round `node`: the space nearest to its nodes.
+  [[nodiscard]] float skip(const Ray& r, Int4 node, float t) noexcept {
     const bool chunk = reader_.chunk_of(node[0] >> 6, node[1] >> 6, node[2] >> 6) != nullptr;
-    const int edge = chunk ? 8 : 64, mask = ~(edge - 1);
-    const int low[3] = {node[0] & mask, node[1] & mask, node[2] & mask};
-    return std::max(leave(r, low, edge) - t, 0.0) + 0.01 * r.voxel_t;
+    const int edge = chunk ? 8 : 64;
+    const Float4 low = to_float((node & ~(edge - 1)) - base_) - splat(0.5F);
+    const Float4 high = low + splat(static_cast<float>(edge));
+    float leave = 1e30F;
+    for (int a = 0; a < 3; ++a) {
+      const float wall = r.d[a] > 0 ? high[a] : low[a];
+      if (r.d[a] != 0) leave = std::min(leave, (wall - origin_[a]) / r.d[a]);
+    }
+    return std::max(leave - t, 0.0F) + 0.01F * r.voxel_t;
   }
 
-  // First + to - of the trilinear field in [a, b + 1 voxel], both sides known.
-  bool crossing(const Ray& r, double a, double b, double& hit_t, MapReader::Cell& cell) noexcept {
-    double t0 = a;
+  // First + to - of the trilinear field from a little before t = a to a voxel behind b; both sides
+  // known.
+  bool crossing(const Ray& r, float a, float b, float& hit_t, MapReader::Cell& cell) noexcept {
+    float t0 = a;
     MapReader::Cell c = cell_at(r, t0);
+    // The nearest node was outside, the interpolant need not be: begin before the surface.
+    for (int n = 0; n < 3 && c.valid && c.value() <= 0; ++n) {
+      t0 -= 0.7F * r.voxel_t;
+      c = cell_at(r, t0);
+    }
     float f0 = c.valid ? c.value() : -1.0F;
-    const double stop = b + 1.01 * r.voxel_t;
-    double step = f0 > 0 ? b - a : 0.5 * r.voxel_t;  // the usual case: one interval does it
-    if (step > 1.7 * r.voxel_t || step < 0.25 * r.voxel_t) step = 0.5 * r.voxel_t;
+    const float stop = b + 1.01F * r.voxel_t;
+    float step = f0 > 0 ? b - t0 : 0.5F * r.voxel_t;  // the usual case: one interval does it
+    if (step > 2.5F * r.voxel_t || step < 0.25F * r.voxel_t) step = 0.5F * r.voxel_t;
     while (t0 < stop) {
-      const double t1 = t0 + step;
-      ++steps_;
+      const float t1 = t0 + step;
       c = cell_at(r, t1);
       const float f1 = c.valid ? c.value() : 1.0F;
-      if (f0 > 0 && c.valid && f1 <= 0) return refine(r, t0, f0, t1, f1, hit_t, cell);
+      if (f0 > 0 && f1 <= 0) return refine(r, t0, f0, t1, f1, hit_t, cell);
       f0 = c.valid ? f1 : -1.0F;
       t0 = t1;
-      step = 0.5 * r.voxel_t;
+      step = 0.5F * r.voxel_t;
     }
     return false;
   }
 
-  bool refine(const Ray& r, double t0, float f0, double t1, float f1, double& hit_t,
+  // Secant, and once more on the bracket it leaves. `cell` is the one the root was last tested in.
+  bool refine(const Ray& r, float t0, float f0, float t1, float f1, float& hit_t,
               MapReader::Cell& cell) noexcept {
-    for (int n = 0; n < 2; ++n) {
-      const double t = t0 + (t1 - t0) * static_cast<double>(f0 / (f0 - f1));
-      cell = cell_at(r, t);
-      if (!cell.valid) return false;
-      const float f = cell.value();
-      if (f > 0) t0 = t, f0 = f;
-      else t1 = t, f1 = f;
-    }
-    hit_t = f0 > f1 ? t0 + (t1 - t0) * static_cast<double>(f0 / (f0 - f1)) : t1;
-    cell = cell_at(r, hit_t);
-    return cell.valid;
+    const float t = t0 + (t1 - t0) * (f0 / (f0 - f1));
+    cell = cell_at(r, t);
+    if (!cell.valid) return false;
+    const float f = cell.value();
+    if (f > 0) hit_t = t + (t1 - t) * (f / (f - f1));
+    else hit_t = f0 > f ? t0 + (t - t0) * (f0 / (f0 - f)) : t;
+    return true;
   }
 
-  bool store(double x, double y, double t, const MapReader::Cell& cell, float* record) noexcept {
+  bool store(float x, float y, float t, const MapReader::Cell& cell, float* record) noexcept {
     float g[3];
     cell.gradient(g);
-    double n[3];
-    for (int c = 0; c < 3; ++c)
-      n[c] = R_[0][c] * static_cast<double>(g[0]) + R_[1][c] * static_cast<double>(g[1]) +
-             R_[2][c] * static_cast<double>(g[2]);
-    const double length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+    float n[3];
+    for (int c = 0; c < 3; ++c) n[c] = R_[0][c] * g[0] + R_[1][c] * g[1] + R_[2][c] * g[2];
+    const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
     // The field falls along the ray here, so the normal faces the camera or there is none.
     if (!(length > 0) || n[0] * x + n[1] * y + n[2] >= 0) return false;
-    record[0] = static_cast<float>(x * t), record[1] = static_cast<float>(y * t);
-    record[2] = record[3] = static_cast<float>(t);
-    for (int c = 0; c < 3; ++c) record[4 + c] = static_cast<float>(n[c] / length);
+    record[0] = x * t, record[1] = y * t;
+    record[2] = record[3] = t;
+    for (int c = 0; c < 3; ++c) record[4 + c] = n[c] / length;
     record[7] = 0;
     return true;
   }
 
   [[nodiscard]] Rgb colour_of(const float* record) noexcept {
-    Rgb c{128, 128, 128};
+    Rgb c;
     const Vec3 p_C = Vec3f(record).cast<double>();
     if (!reader_.colour(out_.X_WC * p_C, c)) return {128, 128, 128};
     return c;
@@ -242,8 +253,12 @@ class Caster {
   MapReader reader_;
   const RaycastOptions& options_;
   RaycastMaps& out_;
-  double voxel_, inv_voxel_, voxels_per_unit_, stride_unknown_;
-  double origin_[3], R_[3][3];
+  double voxel_;
+  float voxels_per_unit_, stride_unknown_;
+  Int4 base_{};
+  Float4 origin_{};
+  Float4 axes_[3]{};  // camera axes in grid units a metre
+  float R_[3][3];
   std::int64_t steps_ = 0;
 };
 

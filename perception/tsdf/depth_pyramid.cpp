@@ -36,15 +36,19 @@ void classify_row(const std::uint16_t* above, const std::uint16_t* here, const s
               static_cast<std::int32_t>((d > c ? d - c : c - d) > gate);
     // Least of the valid readings: 0 wraps to the top.
     std::uint16_t least = 65535;
-    for (int k = 0; k < 3; ++k) {
-      least = std::min(least, static_cast<std::uint16_t>(above[u + k] - 1));
-      least = std::min(least, static_cast<std::uint16_t>(here[u + k] - 1));
-      least = std::min(least, static_cast<std::uint16_t>(below[u + k] - 1));
-    }
-    const std::uint32_t depth =
-        edge != 0 ? static_cast<std::uint32_t>(least) + 1U : static_cast<std::uint32_t>(c);
+    std::int32_t readings = 0;
+    for (int k = 0; k < 3; ++k)
+      for (const std::uint16_t d : {above[u + k], here[u + k], below[u + k]}) {
+        least = std::min(least, static_cast<std::uint16_t>(d - 1));
+        readings += static_cast<std::int32_t>(d != 0);
+      }
+    const std::int32_t hole =
+        static_cast<std::int32_t>(c == 0) & static_cast<std::int32_t>(readings < DepthPyramid::kFillFrom);
+    const std::uint32_t depth = (edge | static_cast<std::int32_t>(c == 0)) != 0
+                                    ? static_cast<std::uint32_t>(least) + 1U
+                                    : static_cast<std::uint32_t>(c);
     const bool fused = (c != 0) & (edge == 0) & (c <= rule.max_mm);
-    out[u] = c == 0 ? 0U : (depth | (fused ? std::uint32_t{DepthPyramid::kWeightOne} << 16U : 0U));
+    out[u] = hole != 0 ? 0U : (depth | (fused ? std::uint32_t{DepthPyramid::kWeightOne} << 16U : 0U));
   }
 }
 

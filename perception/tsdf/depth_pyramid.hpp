@@ -2,9 +2,11 @@
 // pyramid of least and greatest depth that answers "how near, how far is anything in this rectangle".
 //
 // A pixel is   0 (no reading) | depth_mm + weight << 16.
-// Weight 0 with a depth: carves free space up to that depth and is not fused. So are readings beyond
-// max_depth, and readings on a depth edge, whose depth is then the least of the 3x3 neighbourhood (a
-// flying pixel lies between two surfaces: nothing behind the near one is known free).
+// Weight 0 with a depth: carves free space up to that depth and is not fused. So are
+//   readings beyond max_depth;
+//   readings on a depth edge, with the least depth of the 3x3 neighbourhood (a flying pixel lies
+//   between two surfaces: nothing behind the near one is known free);
+//   single holes (at least 6 of the 8 neighbours have a reading), with the least of those.
 #pragma once
 
 #include <array>
@@ -29,6 +31,7 @@ class DepthPyramid {
   static constexpr int kMaxWidth = 640, kMaxHeight = 480;
   static constexpr int kLevels = 7;         // tiles of 1, 2, 4, ... 64 px
   static constexpr int kWeightOne = 128;
+  static constexpr int kFillFrom = 6;       // neighbours with a reading that fill a hole
 
   explicit DepthPyramid(rt::NonRealtime&);
   // Returns the number of pixels with weight > 0. The image is at most kMaxWidth x kMaxHeight.

@@ -77,6 +77,9 @@ void TsdfMap::carve_cube(const View& view, Chunk*& c, const std::array<int, 3>& 
     return;
   }
   if (edge == 2) return;
+  // The rim of the view is left for the frame that sees it whole: it would be halved to the last
+  // cube in every frame.
+  if (edge <= 8 && (!box.inside || box.z_far > far)) return;
   // An allocated block keeps its own bits.
   if (edge == 8 && c != nullptr &&
       c->block[static_cast<std::size_t>(in_chunk(local[0] >> 3, local[1] >> 3, local[2] >> 3))] != kNoBlock)

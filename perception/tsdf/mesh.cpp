@@ -1,6 +1,7 @@
 #include "perception/tsdf/mesh.hpp"
 
 #include <bit>
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -30,14 +31,14 @@ class Mesher {
 
  private:
   void cell(int i, int j, int k) {
-    const MapReader::Cell c = reader_.cell(i, j, k);
+    const MapReader::Cell c = reader_.cell(i, j, k, 0.0F, 0.0F, 0.0F);
     if (!c.valid) return;
     unsigned inside = 0;
-    for (unsigned n = 0; n < 8; ++n) inside |= static_cast<unsigned>(c.d[n] <= 0) << n;
+    for (unsigned n = 0; n < 8; ++n) inside |= static_cast<unsigned>(c.corner(static_cast<int>(n)) <= 0) << n;
     const marching_cubes::Case& m = marching_cubes::kCases[inside];
     if (m.triangles == 0) return;
     for (const marching_cubes::Edge& e : marching_cubes::kEdges) {
-      const float a = c.d[e.corner], b = c.d[e.corner | marching_cubes::axis_bit(e.axis)];
+      const float a = c.corner(e.corner), b = c.corner(e.corner | marching_cubes::axis_bit(e.axis));
       if ((a <= 0) != (b <= 0) && std::fabs(a - b) > max_jump_) return;
     }
     for (std::size_t t = 0; t < m.triangles; ++t) {
@@ -57,7 +58,7 @@ class Mesher {
                               (static_cast<std::uint64_t>(z) & kMask) << 2U | e.axis;
     const auto [it, added] = index_.try_emplace(key, static_cast<std::uint32_t>(mesh_.vertices_W.size()));
     if (!added) return it->second;
-    const float a = c.d[e.corner], b = c.d[e.corner | marching_cubes::axis_bit(e.axis)];
+    const float a = c.corner(e.corner), b = c.corner(e.corner | marching_cubes::axis_bit(e.axis));
     Vec3 p(x, y, z);
     p(e.axis) += static_cast<double>(a / (a - b));
     p *= map_.voxel_size();
