@@ -1,7 +1,7 @@
-// Energy observer of the haptic loop (definitions: E(k) = E(k-1) - F(k-1) . (x(k) - x(k-1)), the force
-// on the hand times its motion, exact for a force held between ticks). E is the net energy the hand
-// put in: passive means E >= 0. What a moving surface or a changing stiffness puts into the spring at
-// a held hand is booked apart; E + booked is what passivity is asserted on.
+// Energy observer of the haptic loop (definitions: E(k) = E(k-1) - F(k-1) . (x(k) - x(k-1)), the
+// force on the hand times its motion, exact for a force held between ticks). E is the net energy
+// the hand put in: passive means E >= 0. What a moving surface or a changing stiffness puts into
+// the spring at a held hand is booked apart; E + booked is what passivity is asserted on.
 #pragma once
 
 #include <algorithm>

@@ -24,8 +24,8 @@ Node node_of(const SurfacePatch& patch, std::int32_t x, std::int32_t y, std::int
   if (!inside(lx) || !inside(ly) || !inside(lz)) return {false, 0};
   const std::size_t i = patch.index(lx, ly, lz);
   if (patch.material[i] != 0) {
-    return {true, static_cast<double>(patch.distance[i]) *
-                      static_cast<double>(patch.metres_per_unit)};
+    return {true,
+            static_cast<double>(patch.distance[i]) * static_cast<double>(patch.metres_per_unit)};
   }
   if (patch.free_at(i)) return {true, static_cast<double>(patch.truncation())};
   return {false, 0};

@@ -2,7 +2,8 @@
 //
 //   node    both observed: (1 - s) old + s new; observed in one window only: that value; seen free
 //           without a distance: + truncation; else unknown
-//   value   trilinear over the eight nodes of a cell, metres, positive outside. A cell with an unknown
+//   value   trilinear over the eight nodes of a cell, metres, positive outside. A cell with an
+//   unknown
 //           node is unknown as a whole: nothing is extrapolated from half a cell.
 //   frame   W (= map); both windows lie on the world's voxel grid, so they overlap node on node.
 //
@@ -22,7 +23,8 @@ namespace tasks {
 struct FieldSample {
   bool known = false;  // all eight nodes observed or seen free; otherwise the rest is zero
   double value = 0;    // m
-  perception::Vec3 gradient = perception::Vec3::Zero();  // of the trilinear cell, at constraint scale
+  perception::Vec3 gradient =
+      perception::Vec3::Zero();  // of the trilinear cell, at constraint scale
 };
 
 class Field {

@@ -95,23 +95,27 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
               .toRotationMatrix();
 }
 
-// True: `patch` was refused as malformed.
+// Every pointer handed in is one acquire of the channel: what was taken before the last one is
+// about to be reused, whether or not this task liked what came since. True: `patch` was refused as
+// malformed.
 bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
-  if (patch == nullptr || !wants_patch()) return false;
-  if (newer_ != nullptr && patch->map_id == newer_->map_id && patch->seq <= newer_->seq) {
-    return false;  // again, or an older one: nothing new
+  if (patch == nullptr || !wants_patch() || patch == newer_) return false;
+  if (!well_formed(*patch)) {
+    if (patch->seq == 0) return false;  // nothing published yet
+    blend_allowed_ = false;
+    return true;
   }
-  if (!well_formed(*patch)) return patch->seq > 0;
-  if (newer_ != nullptr && patch->map_id != newer_->map_id) {
+  const bool same_map = newer_ != nullptr && patch->map_id == newer_->map_id;
+  const bool blends = same_map && blend_allowed_ && config_.blend_s > 0 &&
+                      patch->seq != newer_->seq && Field::compatible(*newer_, *patch);
+  if (newer_ != nullptr && !same_map) {
     proxy_ = ProxyState{};  // another map: old places mean nothing in it
-    newer_ = nullptr;
     fade_ = 0;
   }
-  const bool blends =
-      newer_ != nullptr && config_.blend_s > 0 && Field::compatible(*newer_, *patch);
   older_ = blends ? newer_ : nullptr;
   newer_ = patch;
   blend_ = blends ? 0.0 : 1.0;
+  blend_allowed_ = true;
   energy_.begin_event();
   field_.set(older_, newer_, blend_);
   return false;
@@ -120,8 +124,10 @@ bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
 void HapticTask::advance_blend(double dt) noexcept {
   if (older_ == nullptr) return;
   const double slow = energy_.over_budget() ? 0.25 : 1.0;
-  blend_ = std::min(1.0, blend_ + slow * dt / config_.blend_s);
-  if (blend_ > 1.0 - 1e-9) {
+  const double step = slow * dt / config_.blend_s;
+  blend_ += step;
+  if (blend_ + 0.5 * step >=
+      1.0) {  // no left-over tick: 30 Hz patches find the last blend finished
     blend_ = 1.0;
     older_ = nullptr;
   }
@@ -240,16 +246,17 @@ void HapticTask::report(const rt::Tick& tick, bool button, Out& out) noexcept {
   t.work = field_.take_work();
 }
 
-// No sample: the last force is held for its liveness, then forces are off and the hand is new again.
+// No sample: the last force is held for its liveness, then forces are off and the hand is new
+// again.
 rt::Health HapticTask::without_sample(const rt::Tick& tick, Out& out) noexcept {
-  rt::Health health = rt::Health::of(rt::Severity::kCounted, kFaultHapticDeviceLost);
+  rt::Health health = rt::Health::ok();
   const bool live =
       have_hand_ && rt::seconds(tick.release - hand_time_) <= config_.device_liveness_s;
   if (live) {
     out.force.f_H_D = f_D_;
     out.telemetry.in_contact = was_contact_;
   } else {
-    if (have_hand_) health = rt::Health::of(rt::Severity::kDegraded, kFaultHapticDeviceLost);
+    if (seen_hand_) health = rt::Health::of(rt::Severity::kRampDown, kFaultHapticDeviceLost);
     have_hand_ = false;
     proxy_ = ProxyState{};
     safe(out);
@@ -274,7 +281,7 @@ bool HapticTask::take_hand(const drivers::StylusSample& stylus, const rt::Tick& 
     proxy_ = ProxyState{};
     enabled_ = false;
   }
-  have_hand_ = true;
+  have_hand_ = seen_hand_ = true;
   h_D_ = stylus.p_DH;
   hand_time_ = tick.release;
   return true;
@@ -289,7 +296,7 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
 
   rt::Health health = rt::Health::ok();
   if (take_patch(in.patch_newest)) {
-    health = rt::Health::of(rt::Severity::kCounted, kFaultHapticBadPatch);
+    health = rt::Health::of(rt::Severity::kDegraded, kFaultHapticBadPatch);
   }
   const bool blending = older_ != nullptr;
   advance_blend(dt);
@@ -301,7 +308,7 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
     safe(out);
     events(tick, false, out);
     report(tick, false, out);
-    return rt::Health::of(rt::Severity::kDegraded, kFaultHapticNotFinite);
+    return rt::Health::of(rt::Severity::kSafeStop, kFaultHapticNotFinite);
   }
   const Vec3 p_WH = to_world(h_D_);
   proxy_step_(field_, p_WH, proxy_, proxy_config_);
@@ -312,7 +319,7 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
     safe(out);
     events(tick, false, out);
     report(tick, false, out);
-    return rt::Health::of(rt::Severity::kDegraded, kFaultHapticNotFinite);
+    return rt::Health::of(rt::Severity::kSafeStop, kFaultHapticNotFinite);
   }
 
   HapticTelemetry& t = out.telemetry;
@@ -333,15 +340,14 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
     t.penetration_m = t.in_contact ? stretch_W.norm() : 0;
     const double gain_before = t.gain = fade_ * ramp_;
     t.gain = advance_gain(t.stale || in.mode.mode == Mode::kRampDown, dt);
-    const Vec3 f_D = (t.gain * config_.stiffness_N_per_m / config_.scale) *
-                     (R_WD_.transpose() * stretch_W);
+    const Vec3 f_D =
+        (t.gain * config_.stiffness_N_per_m / config_.scale) * (R_WD_.transpose() * stretch_W);
     const Vec3 f_raw_before = f_raw_D_;
     guard_force(t.in_contact ? f_D : Vec3::Zero(), dx_D.norm(), dt, out);
-    const double spring_J =
-        t.gain > 0 ? t.gain * spring_energy(config_.stiffness_N_per_m,
-                                            t.penetration_m / config_.scale,
-                                            force_limit_N_ / t.gain)
-                   : 0;
+    const double spring_J = t.gain > 0 ? t.gain * spring_energy(config_.stiffness_N_per_m,
+                                                                t.penetration_m / config_.scale,
+                                                                force_limit_N_ / t.gain)
+                                       : 0;
     const bool moved = blending || t.gain != gain_before;
     energy_.book(moved ? spring_J - spring_J_ + 0.5 * (f_raw_before + f_raw_D_).dot(dx_D) : 0, dt);
     spring_J_ = spring_J;

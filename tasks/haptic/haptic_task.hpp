@@ -1,7 +1,8 @@
 // Haptic rendering, 1 kHz: stylus position in, force on the hand out, in the same tick.
 //
 //   sense   StylusSample          from drivers/omega       outside step()
-//   reads   Latest<SurfacePatch>  from tasks/fusion        retains 2; ramps to zero when not published
+//   reads   Latest<SurfacePatch>  from tasks/fusion        retains 2; ramps to zero when not
+//   published
 //                                                          for 100 ms
 //           Latest<ModeMsg>       from tasks/supervision
 //   writes  HapticState           to tasks/fusion          every tick
@@ -9,10 +10,10 @@
 //   act     ForceCommand          to drivers/omega         outside step()
 //   budget  100 us of the 1 ms period
 //
-// Pipeline: position -> field (two patches, blended over one fusion period) -> proxy -> spring at the
-// device -> fade and ramps -> force limit -> slew guard -> energy observer.
-// Stiffness, force and energy are those at the device: F_D = K (p_WP - p_WH) / scale, turned into D.
-// Frames: W world (= map), D haptic base, H stylus tip, P proxy.  SI.
+// Pipeline: position -> field (two patches, blended over one fusion period) -> proxy -> spring at
+// the device -> fade and ramps -> force limit -> slew guard -> energy observer. Stiffness, force
+// and energy are those at the device: F_D = K (p_WP - p_WH) / scale, turned into D. Frames: W world
+// (= map), D haptic base, H stylus tip, P proxy.  SI.
 #pragma once
 
 #include <array>
@@ -35,27 +36,28 @@ namespace tasks {
 // Section [haptic].
 struct HapticConfig {
   std::string method = "constrained";
-  double stiffness_N_per_m = 1000.0;  // at the device
-  double scale = 1.0;                 // scene metres per hand metre
+  double stiffness_N_per_m = 1000.0;                   // at the device
+  double scale = 1.0;                                  // scene metres per hand metre
   std::array<double, 3> workspace_W_m{0.0, 0.0, 0.0};  // origin of D in W
-  double workspace_yaw_deg = 0.0;     // of D about z of W
-  double tip_radius_m = 0.0;          // scene metres
+  double workspace_yaw_deg = 0.0;                      // of D about z of W
+  double tip_radius_m = 0.0;                           // scene metres
   double force_limit_N = 12.0;
   double slew_N_per_s = 300.0;
-  double fade_in_s = 0.05;            // after start inside, re-enable, reconnect
-  double blend_s = 1.0 / 30.0;        // old patch -> new patch: one fusion period
+  double fade_in_s = 0.05;      // after start inside, re-enable, reconnect
+  double blend_s = 1.0 / 30.0;  // old patch -> new patch: one fusion period
   double patch_liveness_s = 0.1;
-  double ramp_s = 0.1;                // to zero when a patch is stale or on ramp-down
-  double device_liveness_s = 0.01;    // last force held this long without a sample
+  double ramp_s = 0.1;              // to zero when a patch is stale or on ramp-down
+  double device_liveness_s = 0.01;  // last force held this long without a sample
   double mark_spacing_m = 0.02;
   double mark_rate_hz = 10.0;
-  bool guard = true;                  // slew guard
+  bool guard = true;  // slew guard
   bool passivity_controller = false;
 
   void describe(config::Section& s);
 };
 
-// Fault ids of this task (docs/faults.md).
+// Fault ids of this task (docs/faults.md). A sample missing for less than the device's liveness is
+// no fault.
 inline constexpr rt::FaultId kFaultHapticNotFinite = 101;   // NaN in or out: zero force
 inline constexpr rt::FaultId kFaultHapticPatchStale = 102;  // no publication for the liveness time
 inline constexpr rt::FaultId kFaultHapticDeviceLost = 103;  // no stylus sample for its liveness
@@ -63,22 +65,23 @@ inline constexpr rt::FaultId kFaultHapticBadPatch = 104;    // malformed patch r
 
 // For recording and figures; not a message of another task.
 struct HapticTelemetry {
-  perception::Vec3 f_raw_D = perception::Vec3::Zero();  // spring, faded and limited, before the guard
-  double step_raw_N = 0;       // |F_raw(k) - F_raw(k-1)|
-  double step_N = 0;           // the same after all guards
-  double penetration_m = 0;    // |p_WP - p_WH| in contact, scene metres
-  double gain = 0;             // fade and ramps, 0..1
-  double blend = 1;            // s of the running blend; 1 = settled
-  double energy_J = 0;         // observer E
-  double booked_J = 0;         // injections booked apart
+  perception::Vec3 f_raw_D =
+      perception::Vec3::Zero();  // spring, faded and limited, before the guard
+  double step_raw_N = 0;         // |F_raw(k) - F_raw(k-1)|
+  double step_N = 0;             // the same after all guards
+  double penetration_m = 0;      // |p_WP - p_WH| in contact, scene metres
+  double gain = 0;               // fade and ramps, 0..1
+  double blend = 1;              // s of the running blend; 1 = settled
+  double energy_J = 0;           // observer E
+  double booked_J = 0;           // injections booked apart
   double patch_age_s = 0;
-  std::uint32_t work = 0;      // field samples of this tick
+  std::uint32_t work = 0;  // field samples of this tick
   bool in_contact = false;
-  bool guard_active = false;   // the slew guard changed the force
-  bool guard_use = false;      // contact tick with |dF_raw| > K |dh| + 0.1 N
-  bool limit_active = false;   // the force limit cut
-  bool held = false;           // held contact frame in use
-  bool near_edge = false;      // hand or proxy within two voxels of the window's edge
+  bool guard_active = false;  // the slew guard changed the force
+  bool guard_use = false;     // contact tick with |dF_raw| > K |dh| + 0.1 N
+  bool limit_active = false;  // the force limit cut
+  bool held = false;          // held contact frame in use
+  bool near_edge = false;     // hand or proxy within two voxels of the window's edge
   bool stale = false;
 };
 
@@ -88,10 +91,10 @@ class HapticTask {
     drivers::StylusSample stylus;
     bool stylus_ok = false;  // sense() gave a sample this tick
     // The newest published patch, only looked at when wants_patch() was true before this step; may
-    // be null. A pointer taken must stay valid until a second one has been taken and
-    // wants_patch() is true again (Latest with two retained values, acquired on demand).
+    // be null. A pointer handed in must stay valid until the second one after it is handed in
+    // (Latest with two retained values, acquired only while wants_patch()).
     const perception::SurfacePatch* patch_newest = nullptr;
-    ModeMsg mode;            // seq 0 = none yet
+    ModeMsg mode;  // seq 0 = none yet
   };
   struct Out {
     drivers::ForceCommand force;
@@ -101,9 +104,9 @@ class HapticTask {
     HapticTelemetry telemetry;
   };
 
-  // Throws std::runtime_error naming both figures: stiffness above the device's limit at this period,
-  // a window whose half-extent is below speed limit x scale x 100 ms + 50 mm, bad method name.
-  // `window_half_extent_m` 0: not checked.
+  // Throws std::runtime_error naming both figures: stiffness above the device's limit at this
+  // period, a window whose half-extent is below speed limit x scale x 100 ms + 50 mm, bad method
+  // name. `window_half_extent_m` 0: not checked.
   HapticTask(rt::NonRealtime&, const HapticConfig&, const drivers::DeviceProperties&,
              double period_s, double window_half_extent_m = 0);
 
@@ -154,8 +157,10 @@ class HapticTask {
   const perception::SurfacePatch* newer_ = nullptr;
   double blend_ = 1;
 
-  bool have_hand_ = false;
-  perception::Vec3 h_D_ = perception::Vec3::Zero();   // last sample
+  bool blend_allowed_ = true;  // false: what older_ would be is no longer retained
+
+  bool have_hand_ = false, seen_hand_ = false;
+  perception::Vec3 h_D_ = perception::Vec3::Zero();  // last sample
   rt::Time hand_time_{};
   perception::Vec3 v_D_ = perception::Vec3::Zero();
   perception::Vec3 f_raw_D_ = perception::Vec3::Zero();  // of the last tick

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kSlopeMin = 0.005;  // below it a gradient gives no direction
 constexpr double kSweepStep_vox = 0.25;
-constexpr int kSweepSamples = 512;      // 128 voxels: more than any window
+constexpr int kSweepSamples = 512;  // 128 voxels: more than any window
 
 // What the proxy has to keep >= 0, and its gradient.
 struct Gap {
@@ -35,8 +35,8 @@ class Descent {
   Descent(const Field& field, const Vec3& h, ProxyState& state, const ProxyConfig& cfg) noexcept
       : field_(field), h_(h), state_(state), cfg_(cfg), radius_(cfg.tip_radius_m) {
     if (radius_ > 0) {
-      // A projective field overstates distance (|gradient| > 1) at grazing views; the tip's radius is
-      // a true length. Below 1 the gradient is that of a rounded crease and must not shrink it.
+      // A projective field overstates distance (|gradient| > 1) at grazing views; the tip's radius
+      // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it.
       radius_ *= std::max(1.0, field.smooth_gradient(state.p_WP()).norm());
     }
     for (std::int32_t i = 0; i < state.frame_size; ++i) {
@@ -106,8 +106,8 @@ Plane Descent::plane(const Vec3& x, const Gap& g, bool fresh) const noexcept {
   return out;
 }
 
-// A crease that runs along grid nodes has no gradient on its line: there the tangents of the faces are
-// taken from an eighth of a voxel to either side, those that hold for p and bar h the most.
+// A crease that runs along grid nodes has no gradient on its line: there the tangents of the faces
+// are taken from an eighth of a voxel to either side, those that hold for p and bar h the most.
 void Descent::probe(const Vec3& p) noexcept {
   const double reach = 0.125 * field_.voxel();
   std::array<Plane, 3> found{};
@@ -150,7 +150,8 @@ bool Descent::lift(Vec3& p, Gap& g) noexcept {
   return g.value >= -10 * cfg_.tolerance_m;
 }
 
-// The field changed under a proxy in contact: out of the solid along its own side, never through it.
+// The field changed under a proxy in contact: out of the solid along its own side, never through
+// it.
 bool Descent::carry(Vec3& p, Gap& g) noexcept {
   if (g.value >= -cfg_.tolerance_m) return true;
   const Vec3 side = state_.normal_W();
@@ -248,7 +249,8 @@ bool Descent::step(Vec3& p, Gap& g, double& trust) noexcept {
   if (gx.value < -cfg_.tolerance_m) {
     const Plane cut = plane(x, gx, true);
     const double depth = -cut.half.distance(x);
-    // The tangent there holds for the proxy too: the surface bends towards us. Take it as a constraint.
+    // The tangent there holds for the proxy too: the surface bends towards us. Take it as a
+    // constraint.
     if (depth > 0.02 * stride && cut.half.distance(p) >= -cfg_.tolerance_m) {
       add(cut);
       return true;
@@ -386,7 +388,8 @@ void Descent::place() noexcept {
   contact(p);
 }
 
-// Free or unknown: from the last place to the hand, looking for the crossing from seen-free to solid.
+// Free or unknown: from the last place to the hand, looking for the crossing from seen-free to
+// solid.
 void Descent::sweep() noexcept {
   using Phase = ProxyState::Phase;
   if (field_.near_edge(h_)) {
@@ -525,9 +528,12 @@ void step_constrained(const Field& field, const Vec3& p_WH, ProxyState& state,
 
 ProxyStep proxy_step(ProxyMethod method) noexcept {
   switch (method) {
-    case ProxyMethod::kNearest: return &step_nearest;
-    case ProxyMethod::kNearest10: return &step_nearest10;
-    case ProxyMethod::kConstrained: break;
+    case ProxyMethod::kNearest:
+      return &step_nearest;
+    case ProxyMethod::kNearest10:
+      return &step_nearest10;
+    case ProxyMethod::kConstrained:
+      break;
   }
   return &step_constrained;
 }

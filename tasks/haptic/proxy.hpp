@@ -3,10 +3,11 @@
 //
 //   nearest      nearest surface point by descent on the field from the hand, 1 step: no memory
 //   nearest10    the same, 10 steps
-//   constrained  the proxy moves only through free space, in steps of at most a quarter voxel: up to
+//   constrained  the proxy moves only through free space, in steps of at most a quarter voxel: up
+//   to
 //                three tangent constraints, a small quadratic programme, then corrected onto the
-//                surface. Every accepted step comes nearer to the hand, so it ends in the minimum of
-//                |p - h| that can be reached from the last proxy without passing through the
+//                surface. Every accepted step comes nearer to the hand, so it ends in the minimum
+//                of |p - h| that can be reached from the last proxy without passing through the
 //                solid (the path-constrained minimum), not in the global one.
 //
 // Rules of the constrained proxy (docs: haptic rendering)
@@ -15,8 +16,8 @@
 //   - unknown space holds no surface: in contact it is bridged by the last contact planes, so it
 //     neither attracts nor drops the hand; the same within two voxels of the window's edge;
 //   - at a changed field the proxy is carried along its own side.
-// Sources: Ruspini, Kolarov, Khatib 1997 (virtual proxy, up to three planes); Salisbury and Tarr 1997
-// (implicit surfaces).  Frames: W (= map).  SI.
+// Sources: Ruspini, Kolarov, Khatib 1997 (virtual proxy, up to three planes); Salisbury and Tarr
+// 1997 (implicit surfaces).  Frames: W (= map).  SI.
 #pragma once
 
 #include <array>
@@ -33,9 +34,9 @@ enum class ProxyMethod : std::uint8_t { kNearest, kNearest10, kConstrained };
 
 struct ProxyConfig {
   double tip_radius_m = 0.0;
-  int iterations_max = 24;      // descent steps a tick; the proxy catches up in the next tick
-  double tolerance_m = 2e-8;    // of the constraint; t sticks sideways by sqrt(2 depth t)
-  double step_min_m = 2e-6;     // a descent step below this ends the tick
+  int iterations_max = 24;    // descent steps a tick; the proxy catches up in the next tick
+  double tolerance_m = 2e-8;  // of the constraint; t sticks sideways by sqrt(2 depth t)
+  double step_min_m = 2e-6;   // a descent step below this ends the tick
 };
 
 // n . x >= d, |n| = 1.
@@ -52,14 +53,14 @@ struct ProxyState {
     kFree,     // proxy = hand
     kContact,
   };
-  double px = 0, py = 0, pz = 0;  // proxy centre, W
-  double nx = 0, ny = 0, nz = 0;  // side: outward normal of the contact; zero when free
+  double px = 0, py = 0, pz = 0;      // proxy centre, W
+  double nx = 0, ny = 0, nz = 0;      // side: outward normal of the contact; zero when free
   std::array<ProxyPlane, 3> frame{};  // last contact planes, tightest first
   std::int32_t frame_size = 0;
-  std::int32_t contacts = 0;      // active constraints of this tick
+  std::int32_t contacts = 0;  // active constraints of this tick
   Phase phase = Phase::kStart;
-  bool held = false;              // this tick used the held frame (window edge, unknown space)
-  bool started_inside = false;    // contact was placed, not entered: force has to fade in
+  bool held = false;            // this tick used the held frame (window edge, unknown space)
+  bool started_inside = false;  // contact was placed, not entered: force has to fade in
 
   [[nodiscard]] perception::Vec3 p_WP() const noexcept { return {px, py, pz}; }
   [[nodiscard]] perception::Vec3 normal_W() const noexcept { return {nx, ny, nz}; }

@@ -1,12 +1,12 @@
-// Slow reference for the haptic proxy: the point nearest to the hand that can be reached from a given
-// point without entering the solid, found by direct search on the samples. No gradient, no tangent
-// plane, no quadratic programme, and its own trilinear interpolation: nothing is shared with the
-// renderer. Resolution 0.05 mm.
+// Slow reference for the haptic proxy: the point nearest to the hand that can be reached from a
+// given point without entering the solid, found by direct search on the samples. No gradient, no
+// tangent plane, no quadratic programme, and its own trilinear interpolation: nothing is shared
+// with the renderer. Resolution 0.05 mm.
 //
-// Search: the neighbourhood of p is seen along the line to the hand h. An offset across that line is
-// walked to in steps of at most 0.25 mm; a walk that enters the solid rises away from h to the surface,
-// and in the free it sinks towards h until it meets the surface or h. The best of 16 directions
-// and their refinement is taken, at ever smaller radii, until none is better.
+// Search: the neighbourhood of p is seen along the line to the hand h. An offset across that line
+// is walked to in steps of at most 0.25 mm; a walk that enters the solid rises away from h to the
+// surface, and in the free it sinks towards h until it meets the surface or h. The best of 16
+// directions and their refinement is taken, at ever smaller radii, until none is better.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +19,8 @@ namespace support {
 
 using perception::Vec3;
 
-// Trilinear interpolation of node values given by a function of integer grid coordinates; NaN = unknown.
+// Trilinear interpolation of node values given by a function of integer grid coordinates; NaN =
+// unknown.
 class ReferenceField {
  public:
   using Node = std::function<double(int, int, int)>;
@@ -34,8 +35,7 @@ class ReferenceField {
     for (int a = 0; a < 2; ++a) {
       for (int b = 0; b < 2; ++b) {
         for (int c = 0; c < 2; ++c) {
-          sum += (a ? u : 1 - u) * (b ? v : 1 - v) * (c ? w : 1 - w) *
-                 node_(i + a, j + b, k + c);
+          sum += (a ? u : 1 - u) * (b ? v : 1 - v) * (c ? w : 1 - w) * node_(i + a, j + b, k + c);
         }
       }
     }

@@ -68,8 +68,7 @@ inline double thread_us() {
 class Rig {
  public:
   explicit Rig(Scene setup)
-      : setup_(std::move(setup)),
-        task_(startup_.token(), setup_.config, setup_.device, 1e-3) {
+      : setup_(std::move(setup)), task_(startup_.token(), setup_.config, setup_.device, 1e-3) {
     for (auto& s : slots_) s = std::make_unique<SurfacePatch>();
     in_.mode.seq = 1;
     in_.mode.mode = tasks::Mode::kHold;
@@ -122,7 +121,8 @@ class Rig {
     std::vector<Row> rows;
     const auto n = static_cast<std::int64_t>(std::llround((to - from) * 1000));
     rows.reserve(static_cast<std::size_t>(n));
-    for (std::int64_t i = 0; i < n; ++i) rows.push_back(tick(hand(from + 1e-3 * static_cast<double>(i))));
+    for (std::int64_t i = 0; i < n; ++i)
+      rows.push_back(tick(hand(from + 1e-3 * static_cast<double>(i))));
     return rows;
   }
 
@@ -197,7 +197,8 @@ class Path {
     double s = t * speed_;
     for (std::size_t i = 1; i < points_.size(); ++i) {
       const double length = (points_[i] - points_[i - 1]).norm();
-      if (s <= length && length > 0) return points_[i - 1] + (s / length) * (points_[i] - points_[i - 1]);
+      if (s <= length && length > 0)
+        return points_[i - 1] + (s / length) * (points_[i] - points_[i - 1]);
       s -= length;
     }
     return points_.back();
@@ -252,8 +253,10 @@ inline Figures figures(const std::vector<Row>& rows, double limit_N = 12) {
   return out;
 }
 
-// Force and position against the field optimum, every `stride` ticks. Only for solids that stand still.
-inline void score(const Rig& rig, const std::vector<Row>& rows, Figures& out, std::size_t stride = 5) {
+// Force and position against the field optimum, every `stride` ticks. Only for solids that stand
+// still.
+inline void score(const Rig& rig, const std::vector<Row>& rows, Figures& out,
+                  std::size_t stride = 5) {
   const Scene& setup = rig.setup();
   // Nodes are looked up often: the grid round the path, sampled once.
   Vec3 lo = Vec3::Constant(1e9), hi = Vec3::Constant(-1e9);
@@ -288,8 +291,7 @@ inline void score(const Rig& rig, const std::vector<Row>& rows, Figures& out, st
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Row& r = rows[i];
     if (r.telemetry.in_contact) {
-      out.below_max = std::max(out.below_max,
-                               setup.config.tip_radius_m - field(setup.X_WS * r.p));
+      out.below_max = std::max(out.below_max, setup.config.tip_radius_m - field(setup.X_WS * r.p));
     }
     if (i % stride != 0) continue;
     const Vec3 h = setup.X_WS * r.h;
@@ -302,9 +304,12 @@ inline void score(const Rig& rig, const std::vector<Row>& rows, Figures& out, st
     out.shorter_max = std::max(out.shorter_max, best - mine);
     if (std::getenv("RIG_TRACE") != nullptr) {
       const Vec3 q = setup.X_WS.inverse() * p;
-      std::printf("  %.3f h %.2f %.2f %.2f p %.2f %.2f %.2f opt %.2f %.2f %.2f  |p-h| %.3f opt %.3f phi_opt %.4f n %d\n", r.t,
-                  1e3 * r.h.x(), 1e3 * r.h.y(), 1e3 * r.h.z(), 1e3 * r.p.x(), 1e3 * r.p.y(),
-                  1e3 * r.p.z(), 1e3 * q.x(), 1e3 * q.y(), 1e3 * q.z(), 1e3 * mine, 1e3 * best, 1e3*field(p), r.contacts);
+      std::printf(
+          "  %.3f h %.2f %.2f %.2f p %.2f %.2f %.2f opt %.2f %.2f %.2f  |p-h| %.3f opt %.3f "
+          "phi_opt %.4f n %d\n",
+          r.t, 1e3 * r.h.x(), 1e3 * r.h.y(), 1e3 * r.h.z(), 1e3 * r.p.x(), 1e3 * r.p.y(),
+          1e3 * r.p.z(), 1e3 * q.x(), 1e3 * q.y(), 1e3 * q.z(), 1e3 * mine, 1e3 * best,
+          1e3 * field(p), r.contacts);
     }
     f_error.push_back((setup.X_WS.linear() * r.f - f).norm());
     p_error.push_back((setup.X_WS * r.p - p).norm());
@@ -317,11 +322,12 @@ inline void score(const Rig& rig, const std::vector<Row>& rows, Figures& out, st
 
 inline void print(const std::string& name, const Figures& f) {
   std::printf(
-      "%-34s J %.3f raw %.3f N  Fmax %5.2f  F-err p95 %.3f max %.3f N  p-err p95 %.3f max %.3f mm (longer %.2f shorter %.2f)  "
+      "%-34s J %.3f raw %.3f N  Fmax %5.2f  F-err p95 %.3f max %.3f N  p-err p95 %.3f max %.3f mm "
+      "(longer %.2f shorter %.2f)  "
       "below %.3f mm  guard %.1f %%  contact %.0f %%  cpu %.1f/%.1f us  work %.0f/%.0f\n",
       name.c_str(), f.j, f.j_raw, f.force_max, f.f_error_p95, f.f_error_max, 1e3 * f.p_error_p95,
-      1e3 * f.p_error_max, 1e3 * f.longer_max, 1e3 * f.shorter_max, 1e3 * f.below_max, 100 * f.guard_share, 100 * f.contact_share, f.cpu_p50,
-      f.cpu_p99, f.work_p50, f.work_max);
+      1e3 * f.p_error_max, 1e3 * f.longer_max, 1e3 * f.shorter_max, 1e3 * f.below_max,
+      100 * f.guard_share, 100 * f.contact_share, f.cpu_p50, f.cpu_p99, f.work_p50, f.work_max);
 }
 
 // The placements every case is run at: three rotations about y and three offsets of the grid.
@@ -336,8 +342,7 @@ inline std::vector<Placement> placements() {
   for (const double d : degrees) {
     for (int k = 0; k < 3; ++k) {
       Pose X = Pose::Identity();
-      X.linear() =
-          Eigen::AngleAxisd(d * std::numbers::pi / 180, Vec3::UnitY()).toRotationMatrix();
+      X.linear() = Eigen::AngleAxisd(d * std::numbers::pi / 180, Vec3::UnitY()).toRotationMatrix();
       X.translation() = offsets[k];
       out.push_back({std::to_string(static_cast<int>(d)) + "deg/" + std::to_string(k), X});
     }

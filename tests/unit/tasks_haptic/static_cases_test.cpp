@@ -31,9 +31,11 @@ Result run(const std::string& name, Scene setup, const Path& path, bool scored =
   if (std::getenv("RIG_JUMPS") != nullptr) {
     for (const Row& row : out.rows) {
       if (row.telemetry.step_raw_N > 0.25) {
-        std::printf("   jump t %.3f h %.2f %.2f %.2f p %.3f %.3f %.3f raw %.3f work %d n %d held %d\n", row.t, 1e3 * row.h.x(),
-                    1e3 * row.h.y(), 1e3 * row.h.z(), 1e3 * row.p.x(), 1e3 * row.p.y(),
-                    1e3 * row.p.z(), row.telemetry.step_raw_N, row.telemetry.work, row.contacts, row.telemetry.held);
+        std::printf(
+            "   jump t %.3f h %.2f %.2f %.2f p %.3f %.3f %.3f raw %.3f work %d n %d held %d\n",
+            row.t, 1e3 * row.h.x(), 1e3 * row.h.y(), 1e3 * row.h.z(), 1e3 * row.p.x(),
+            1e3 * row.p.y(), 1e3 * row.p.z(), row.telemetry.step_raw_N, row.telemetry.work,
+            row.contacts, row.telemetry.held);
       }
     }
   }
@@ -45,14 +47,18 @@ TEST(StaticCases, C01FloorSlide) {
     Scene s;
     s.solid = [](const Vec3& p, double) { return solids::floor(p); };
     s.X_WS = place.X_WS;
-    const Path path({{-0.05, 0, 0.01}, {-0.05, 0, -0.008}, {0.05, 0, -0.008}, {0.05, 0, 0.01}}, kSpeed);
+    const Path path({{-0.05, 0, 0.01}, {-0.05, 0, -0.008}, {0.05, 0, -0.008}, {0.05, 0, 0.01}},
+                    kSpeed);
     const Result r = run("1 floor " + place.name, s, path);
     EXPECT_LE(r.figures.j, 0.14);
     EXPECT_LE(r.figures.f_error_p95, 0.3);
     EXPECT_LE(r.figures.p_error_p95, 0.5e-3);
     for (const Row& row : r.rows) {
       if (!row.telemetry.in_contact || row.h.z() > -0.0079) continue;
-      EXPECT_LE(std::hypot(row.f.x(), row.f.y()), 0.03) << row.t << " p " << 1e3 * row.p.transpose() << " h " << 1e3 * row.h.transpose() << " work " << row.telemetry.work << " n " << row.contacts << " guard " << row.telemetry.guard_active;
+      EXPECT_LE(std::hypot(row.f.x(), row.f.y()), 0.03)
+          << row.t << " p " << 1e3 * row.p.transpose() << " h " << 1e3 * row.h.transpose()
+          << " work " << row.telemetry.work << " n " << row.contacts << " guard "
+          << row.telemetry.guard_active;
       EXPECT_NEAR(row.p.z(), 0, 0.05e-3);
       EXPECT_NEAR(row.f.z(), 8, 0.05);
     }
@@ -64,8 +70,12 @@ TEST(StaticCases, C02ConcaveCorner) {
     Scene s;
     s.solid = [](const Vec3& p, double) { return solids::concave_edge(p); };
     s.X_WS = place.X_WS;
-    const Path path({{-0.05, 0, 0.005}, {-0.05, 0, -0.008}, {0.008, 0, -0.008}, {0.008, 0.03, -0.008},
-                     {0.008, 0.03, 0.05}, {-0.01, 0.03, 0.05}},
+    const Path path({{-0.05, 0, 0.005},
+                     {-0.05, 0, -0.008},
+                     {0.008, 0, -0.008},
+                     {0.008, 0.03, -0.008},
+                     {0.008, 0.03, 0.05},
+                     {-0.01, 0.03, 0.05}},
                     kSpeed);
     const Result r = run("2 concave corner " + place.name, s, path);
   }
@@ -76,8 +86,12 @@ TEST(StaticCases, C05RoomCorner) {
     Scene s;
     s.solid = [](const Vec3& p, double) { return solids::room_corner(p); };
     s.X_WS = place.X_WS;
-    const Path path({{-0.04, -0.04, 0.01}, {-0.04, -0.04, -0.006}, {0.006, 0.006, -0.006},
-                     {0.006, 0.006, 0.03}, {-0.01, -0.01, 0.03}, {0.006, 0.006, -0.006},
+    const Path path({{-0.04, -0.04, 0.01},
+                     {-0.04, -0.04, -0.006},
+                     {0.006, 0.006, -0.006},
+                     {0.006, 0.006, 0.03},
+                     {-0.01, -0.01, 0.03},
+                     {0.006, 0.006, -0.006},
                      {-0.02, -0.02, 0.01}},
                     kSpeed);
     const Result r = run("5 room corner " + place.name, s, path);
@@ -93,7 +107,8 @@ TEST(StaticCases, C06ConvexEdgeSlideOff) {
     const Result r = run("6 convex edge " + place.name, s, path);
     double first = 1;
     for (const Row& row : r.rows) {
-      if (row.h.z() <= -0.0079 && std::hypot(row.f.x(), row.f.y()) > 0.3) first = std::min(first, row.h.x());
+      if (row.h.z() <= -0.0079 && std::hypot(row.f.x(), row.f.y()) > 0.3)
+        first = std::min(first, row.h.x());
     }
     std::printf("    lateral > 0.3 N from x = %.2f mm\n", 1e3 * first);
   }
@@ -116,8 +131,11 @@ TEST(StaticCases, C08Plates) {
       s.solid = [thickness](const Vec3& p, double) { return solids::plate(p, thickness); };
       s.X_WS = place.X_WS;
       const double deep = thickness / 2 - 0.8 * thickness;
-      const Path path({{0, 0, thickness / 2 + 0.01}, {0, 0, deep}, {0, 0, thickness / 2 + 0.01}}, kSpeed);
-      const Result r = run("8 plate " + std::to_string(static_cast<int>(thickness * 1e3)) + " mm " + place.name, s, path);
+      const Path path({{0, 0, thickness / 2 + 0.01}, {0, 0, deep}, {0, 0, thickness / 2 + 0.01}},
+                      kSpeed);
+      const Result r =
+          run("8 plate " + std::to_string(static_cast<int>(thickness * 1e3)) + " mm " + place.name,
+              s, path);
     }
   }
 }
@@ -142,7 +160,8 @@ TEST(StaticCases, C04Groove) {
     s.solid = [](const Vec3& p, double) { return solids::groove(p, std::numbers::pi / 4); };
     s.X_WS = place.X_WS;
     std::vector<Vec3> points{{0, 0, 0.03}, {0, 0, -0.004}};
-    for (int i = 0; i < 4; ++i) points.insert(points.end(), {{0.004, 0, -0.004}, {-0.004, 0.01, -0.004}});
+    for (int i = 0; i < 4; ++i)
+      points.insert(points.end(), {{0.004, 0, -0.004}, {-0.004, 0.01, -0.004}});
     const Result r = run("4 groove " + place.name, s, Path(points, kSpeed));
   }
 }

@@ -1,0 +1,334 @@
+// teletact touch: the haptic task on plain files. The field is cut into the windows fusion would
+// publish, the hand is played from a table, and the very code of the 1 kHz task makes the force.
+//
+// Every column of the trace repeats byte by byte on the same input, except cpu_ns, which is
+// measured.
+#include <time.h>
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "rt/memory/non_realtime.hpp"
+#include "tasks/haptic/haptic_task.hpp"
+#include "tools/teletact/commands.hpp"
+#include "tools/teletact/csv.hpp"
+#include "tools/teletact/field_window.hpp"
+#include "tools/teletact/npy.hpp"
+
+namespace teletact {
+
+namespace {
+
+using perception::Vec3;
+
+struct TouchOptions {
+  std::string field, fields, path, out, debug, origin = "0,0,0", method = "constrained";
+  std::string passivity = "off", guard = "on", blend = "on";
+  double voxel_m = 0, stiffness = 1000, tip_radius_m = 0, force_limit_N = 12, rate_hz = 0;
+  double truncation_m = 0.05;
+  int window_nodes = perception::SurfacePatch::kMaxNodes;
+};
+
+struct HandRow {
+  double t = 0;
+  Vec3 p = Vec3::Zero();
+};
+
+template <class T>
+T must(rt::Result<T> result) {
+  if (!result) throw std::runtime_error("touch: " + result.error());
+  return std::move(result).value();
+}
+
+Vec3 parse_origin(const std::string& text) {
+  Vec3 out;
+  int used = 0;
+  if (std::sscanf(text.c_str(), "%lf,%lf,%lf%n", &out.x(), &out.y(), &out.z(), &used) != 3 ||
+      static_cast<std::size_t>(used) != text.size() || !out.allFinite() || out.norm() > 1e6) {
+    throw std::runtime_error("touch: --origin '" + text +
+                             "': three finite numbers x,y,z in metres");
+  }
+  return out;
+}
+
+void check(bool ok, const std::string& what) {
+  if (!ok) throw std::runtime_error("touch: " + what);
+}
+
+bool on_off(const std::string& value, const std::string& option) {
+  check(value == "on" || value == "off", option + " '" + value + "': allowed are on, off");
+  return value == "on";
+}
+
+// The fields and from when each of them is visible.
+struct FieldList {
+  std::vector<double> from;
+  std::vector<DenseField> fields;
+};
+
+FieldList load_fields(const TouchOptions& o) {
+  FieldList out;
+  if (!o.field.empty()) {
+    out.from.push_back(-HUGE_VAL);
+    out.fields.push_back(must(to_field(must(read_npy(o.field)), o.field)));
+    return out;
+  }
+  const CsvTable table = must(read_csv(o.fields));
+  check((table.header.empty() ? table.rows.front().size() : table.header.size()) == 2,
+        o.fields + ": two columns t_s,file are needed");
+  const auto folder = std::filesystem::path(o.fields).parent_path();
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    const double t = must(table.number(i, 0));
+    check(out.from.empty() || t > out.from.back(),
+          o.fields + ":" + std::to_string(table.lines[i]) + ": t_s must rise from row to row");
+    const std::filesystem::path file(table.rows[i][1]);
+    const std::string path = file.is_absolute() ? file.string() : (folder / file).string();
+    out.from.push_back(t);
+    out.fields.push_back(must(to_field(must(read_npy(path)), path)));
+  }
+  return out;
+}
+
+// The hand at every tick: the rows themselves, or the rows interpolated to another rate.
+std::vector<HandRow> load_hand(const TouchOptions& o, double& period_s) {
+  const auto rows = must(numeric_rows(must(read_csv(o.path)), {"t_s", "x", "y", "z"}));
+  std::vector<HandRow> hand;
+  hand.reserve(rows.size());
+  for (const auto& r : rows) {
+    hand.push_back({r[0], Vec3(r[1], r[2], r[3])});
+    check(hand.back().p.norm() < 1000, o.path + ": a position more than 1000 m away");
+  }
+  const double spacing =
+      hand.size() > 1 ? (hand.back().t - hand.front().t) / static_cast<double>(hand.size() - 1)
+                      : 1e-3;
+  period_s = o.rate_hz > 0 ? 1.0 / o.rate_hz : spacing;
+  check(
+      period_s >= 1e-5 && period_s <= 0.1,
+      o.path + ": row spacing of " + std::to_string(period_s) + " s; allowed are 10 us to 100 ms");
+  check((hand.back().t - hand.front().t) / period_s < 1e8, o.path + ": too long a time");
+  if (o.rate_hz <= 0 || std::abs(spacing - period_s) <= 1e-3 * period_s) return hand;
+  std::vector<HandRow> out;
+  std::size_t i = 0;
+  for (std::size_t k = 0;; ++k) {
+    const double t = hand.front().t + static_cast<double>(k) * period_s;
+    if (t > hand.back().t + 1e-9) break;
+    while (i + 2 < hand.size() && hand[i + 1].t <= t) ++i;
+    const HandRow &a = hand[i], &b = hand[std::min(i + 1, hand.size() - 1)];
+    const double s = b.t > a.t ? std::clamp((t - a.t) / (b.t - a.t), 0.0, 1.0) : 0.0;
+    out.push_back({t, (1 - s) * a.p + s * b.p});
+  }
+  return out;
+}
+
+std::int64_t thread_cpu_ns() noexcept {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<std::int64_t>(t.tv_sec) * 1000000000 + t.tv_nsec;
+}
+
+// Publishes windows as fusion does: every 1/30 s, and at once when another field becomes visible.
+class WindowSource {
+ public:
+  WindowSource(const FieldList& fields, const TouchOptions& o, const Vec3& origin)
+      : fields_(fields), options_(o), origin_(origin) {
+    for (auto& slot : slots_) slot = std::make_unique<perception::SurfacePatch>();
+  }
+  // The newest window at time t, or null.
+  const perception::SurfacePatch* at(double t, rt::Time now, const Vec3& hand,
+                                     const Vec3& velocity) {
+    std::size_t field = visible_;
+    while (field < fields_.from.size() && t >= fields_.from[field] - 1e-9) ++field;
+    if (field == 0) return nullptr;
+    const bool other = field != visible_;
+    if (other || t >= next_ - 1e-9) {
+      visible_ = field;
+      constexpr double kPeriod_s = 1.0 / 30.0;
+      next_ = (other || seq_ == 0 ? t : next_) + kPeriod_s;
+      current_ = (current_ + 1) % slots_.size();  // four slots: the task holds two at most
+      perception::SurfacePatch& patch = *slots_[current_];
+      patch.seq = ++seq_;
+      patch.fused = patch.exposure = now;
+      fill_window(fields_.fields[field - 1], hand + velocity * (2 * kPeriod_s) - origin_,
+                  options_.voxel_m, options_.truncation_m, options_.window_nodes, patch);
+    }
+    return slots_[current_].get();
+  }
+
+ private:
+  const FieldList& fields_;
+  const TouchOptions& options_;
+  const Vec3 origin_;
+  std::array<std::unique_ptr<perception::SurfacePatch>, 4> slots_;
+  std::size_t visible_ = 0, current_ = 0;
+  std::uint64_t seq_ = 0;
+  double next_ = 0;
+};
+
+// A text file that appears whole or not at all.
+class TableFile {
+ public:
+  explicit TableFile(std::string path) : path_(std::move(path)), part_(path_ + ".part") {
+    file_ = std::fopen(part_.c_str(), "wb");
+    check(file_ != nullptr, path_ + ": cannot be written");
+  }
+  ~TableFile() {
+    if (file_ != nullptr) {
+      std::fclose(file_);
+      std::remove(part_.c_str());
+    }
+  }
+  TableFile(const TableFile&) = delete;
+  TableFile& operator=(const TableFile&) = delete;
+  std::FILE* get() { return file_; }
+  void finish() {
+    const bool bad = std::ferror(file_) != 0;
+    const bool closed = std::fclose(file_) == 0;
+    file_ = nullptr;
+    if (bad || !closed || std::rename(part_.c_str(), path_.c_str()) != 0) {
+      std::remove(part_.c_str());
+      throw std::runtime_error("touch: " + path_ + ": cannot be written");
+    }
+  }
+
+ private:
+  std::string path_, part_;
+  std::FILE* file_ = nullptr;
+};
+
+void write_debug(std::FILE* f, double t, const tasks::HapticTask::Out& out, int constraints) {
+  const auto& m = out.telemetry;
+  std::fprintf(f, "%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%d,%d,%d,%d,%d,%d,%d,%u,%.9g,%.9g,%.9g,%.9g\n", t,
+               m.f_raw_D.x(), m.f_raw_D.y(), m.f_raw_D.z(), m.step_raw_N, m.step_N,
+               m.in_contact ? 1 : 0, constraints, m.guard_active ? 1 : 0, m.guard_use ? 1 : 0,
+               m.limit_active ? 1 : 0, m.held ? 1 : 0, m.near_edge ? 1 : 0, m.work, m.gain, m.blend,
+               m.energy_J, m.booked_J);
+}
+
+void run(const TouchOptions& o) {
+  const Vec3 origin = parse_origin(o.origin);
+  double period_s = 1e-3;
+  const std::vector<HandRow> hand = load_hand(o, period_s);
+  const FieldList fields = load_fields(o);
+
+  tasks::HapticConfig config;
+  config.method = o.method;
+  config.stiffness_N_per_m = o.stiffness;
+  config.tip_radius_m = o.tip_radius_m;
+  config.force_limit_N = o.force_limit_N;
+  config.workspace_W_m = {-origin.x(), -origin.y(), -origin.z()};
+  config.passivity_controller = on_off(o.passivity, "--passivity");
+  config.guard = on_off(o.guard, "--guard");
+  if (!on_off(o.blend, "--blend")) config.blend_s = 0;
+  config.patch_liveness_s = std::max(config.patch_liveness_s, 4 * period_s);
+  // No device here: nothing bounds the stiffness.
+  drivers::DeviceProperties device;
+  device.damping_N_s_per_m = 1e12;
+  device.force_limit_N = o.force_limit_N;
+
+  rt::Startup startup;
+  tasks::HapticTask task(startup.token(), config, device, period_s);
+  WindowSource windows(fields, o, origin);
+  TableFile trace(o.out);
+  std::unique_ptr<TableFile> debug;
+  if (!o.debug.empty()) debug = std::make_unique<TableFile>(o.debug);
+  std::fprintf(trace.get(), "t_s,hx,hy,hz,px,py,pz,fx,fy,fz,contacts,cpu_ns\n");
+  if (debug) {
+    std::fprintf(
+        debug->get(),
+        "t_s,raw_fx,raw_fy,raw_fz,raw_step_N,step_N,in_contact,constraints,guard_active,"
+        "guard_use,limit_active,held,near_edge,field_samples,gain,blend,energy_J,booked_J\n");
+  }
+  tasks::HapticTask::In in;
+  tasks::HapticTask::Out out;
+  in.mode.seq = 1;
+  in.mode.mode = tasks::Mode::kHold;
+  in.stylus_ok = true;
+  in.stylus.state = drivers::DeviceState::kForce;
+  for (std::size_t k = 0; k < hand.size(); ++k) {
+    const HandRow& row = hand[k];
+    const rt::Time now{rt::nanos_from_seconds(row.t - hand.front().t)};
+    const Vec3 velocity =
+        k > 0 ? Vec3((row.p - hand[k - 1].p) / (row.t - hand[k - 1].t)) : Vec3::Zero();
+    const auto* newest = windows.at(row.t, now, row.p, velocity);
+    in.patch_newest = task.wants_patch() ? newest : nullptr;
+    in.stylus.seq = k + 1;
+    in.stylus.taken = now;
+    in.stylus.p_DH = row.p;
+    rt::Tick tick;
+    tick.k = k;
+    tick.release = tick.start = now;
+    tick.period = rt::nanos_from_seconds(period_s);
+    const std::int64_t before = thread_cpu_ns();
+    (void)task.step(tick, in, out);
+    const std::int64_t cpu_ns = thread_cpu_ns() - before;
+    const Vec3 p = out.state.p_WP + origin;
+    const Vec3& f = out.force.f_H_D;
+    std::fprintf(trace.get(), "%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%d,%lld\n", row.t,
+                 row.p.x(), row.p.y(), row.p.z(), p.x(), p.y(), p.z(), f.x(), f.y(), f.z(),
+                 out.state.contacts, static_cast<long long>(cpu_ns));
+    if (debug) write_debug(debug->get(), row.t, out, out.state.contacts);
+  }
+  if (debug) debug->finish();
+  trace.finish();
+}
+
+}  // namespace
+
+int cmd_touch(int argc, char** argv) {
+  TouchOptions o;
+  CLI::App app("teletact touch: renders a distance field along a hand path", "teletact touch");
+  app.add_option("--field", o.field,
+                 "NPY, float32, signed distance in m, positive outside, NaN = "
+                 "unobserved, C order x,y,z");
+  app.add_option("--fields", o.fields, "CSV t_s,file: fields that replace each other");
+  app.add_option("--voxel", o.voxel_m, "node distance, m")->required();
+  app.add_option("--origin", o.origin, "x,y,z of node (0,0,0), m")->capture_default_str();
+  app.add_option("--path", o.path, "CSV t_s,x,y,z of the hand, m")->required();
+  app.add_option("--method", o.method, "constrained, nearest or nearest10")->capture_default_str();
+  app.add_option("--out", o.out, "trace CSV to write")->required();
+  app.add_option("--debug", o.debug, "CSV with raw force, guards, constraints per tick");
+  app.add_option("--stiffness", o.stiffness, "N/m")->capture_default_str();
+  app.add_option("--tip-radius", o.tip_radius_m, "m")->capture_default_str();
+  app.add_option("--force-limit", o.force_limit_N, "N")->capture_default_str();
+  app.add_option("--rate", o.rate_hz, "ticks a second; default: one tick a row");
+  app.add_option("--truncation", o.truncation_m, "m")->capture_default_str();
+  app.add_option("--window", o.window_nodes, "nodes along an edge of the window")
+      ->capture_default_str();
+  app.add_option("--passivity", o.passivity, "on or off")->capture_default_str();
+  app.add_option("--guard", o.guard, "slew guard, on or off")->capture_default_str();
+  app.add_option("--blend", o.blend, "blend of windows, on or off")->capture_default_str();
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp&) {
+    std::fputs(app.help().c_str(), stdout);
+    return 0;
+  } catch (const CLI::ParseError& e) {
+    throw std::runtime_error(std::string("touch: ") + e.what());
+  }
+  check(o.field.empty() != o.fields.empty(), "one of --field and --fields is needed");
+  const auto within = [](double v, double lo, double hi, const char* option) {
+    std::ostringstream text;
+    text << option << " " << v << ": allowed are " << lo << " to " << hi;
+    check(v >= lo && v <= hi, text.str());
+  };
+  within(o.voxel_m, 1e-4, 1, "--voxel");
+  within(o.stiffness, 1, 1e5, "--stiffness");
+  within(o.tip_radius_m, 0, 0.8 * o.truncation_m, "--tip-radius");
+  within(o.force_limit_N, 0.01, 1000, "--force-limit");
+  within(o.truncation_m, 1e-3, 1, "--truncation");
+  within(o.window_nodes, 8, perception::SurfacePatch::kMaxNodes, "--window");
+  if (app.count("--rate") > 0) within(o.rate_hz, 10, 1e5, "--rate");
+  check(o.window_nodes % 4 == 0, "--window must be a multiple of 4");
+  run(o);
+  return 0;
+}
+
+}  // namespace teletact
