@@ -90,17 +90,18 @@ Health PredictionTask::correct_map(const In& in) noexcept {
       !motion_.pose_at(to_seconds(c->exposure), X_OB)) {
     return Health::ok();
   }
-  const Pose2 seen = perception::compose(planar(c->X_WC * X_CB_), perception::inverse(X_OB));
-  const double dx = seen.x - X_WO_.x, dy = seen.y - X_WO_.y;
-  const double d = std::hypot(dx, dy), turn = perception::wrap_angle(seen.yaw - X_WO_.yaw);
+  // Blended at the base, not at the origin of O: a small turn there would swing the base far away.
+  const Pose2 now = perception::compose(X_WO_, X_OB), seen = planar(c->X_WC * X_CB_);
+  const double dx = seen.x - now.x, dy = seen.y - now.y;
+  const double d = std::hypot(dx, dy), turn = perception::wrap_angle(seen.yaw - now.yaw);
   if (!(d <= config_.map_gate_m) || !std::isfinite(turn)) {
     return Health::of(Severity::kCounted, prediction_fault::kCorrectionRefused);
   }
   const double f = std::min(config_.map_gain, d > 0 ? config_.map_step_m / d : 1.0);
-  X_WO_.x += f * dx;
-  X_WO_.y += f * dy;
-  X_WO_.yaw = perception::wrap_angle(
-      X_WO_.yaw + std::clamp(config_.map_gain * turn, -config_.map_step_rad, config_.map_step_rad));
+  const double r =
+      std::clamp(config_.map_gain * turn, -config_.map_step_rad, config_.map_step_rad);
+  const Pose2 blended{now.x + f * dx, now.y + f * dy, perception::wrap_angle(now.yaw + r)};
+  X_WO_ = perception::compose(blended, perception::inverse(X_OB));
   return Health::ok();
 }
 
