@@ -4,8 +4,8 @@
 //   seed = 1
 //   [[fault]]
 //   kind = "theft"
-//   target = "haptic"        # a task for timing faults, an edge "<writer>.<message>" for message faults
-//   first = 500              # release index, or sequence number
+//   target = "haptic"       # a task for timing faults, "<writer>.<message>" for message faults
+//   first = 500             # release index, or sequence number
 //   every = 1000
 //   magnitude_us = 7700
 #pragma once

@@ -6,8 +6,8 @@ namespace rt {
 namespace {
 
 constexpr std::array<std::string_view, kFaultKinds> kNames{
-    "late_release", "extra_cpu", "block",     "page_fault", "priority_hog", "theft",
-    "dead_thread",  "ring_full", "drop",      "duplicate",  "stale",        "nan"};
+    "late_release", "extra_cpu", "block", "page_fault", "priority_hog", "theft",
+    "dead_thread",  "ring_full", "drop",  "duplicate",  "stale",        "nan"};
 
 bool needs_magnitude(FaultKind kind) noexcept {
   switch (kind) {
@@ -74,8 +74,8 @@ bool fires(const FaultEntry& entry, std::uint64_t plan_seed, std::uint64_t targe
   if (since % entry.every != 0) return false;
   if (entry.count > 0 && since / entry.every >= entry.count) return false;
   if (entry.probability >= 1.0) return true;
-  const std::uint64_t key = mix64(mix64(plan_seed, entry.seed),
-                                  mix64(target, static_cast<std::uint64_t>(entry.kind)));
+  const std::uint64_t key =
+      mix64(mix64(plan_seed, entry.seed), mix64(target, static_cast<std::uint64_t>(entry.kind)));
   return static_cast<double>(mix64(key, n) >> 11U) * 0x1.0p-53 < entry.probability;
 }
 
@@ -89,16 +89,27 @@ TaskFaults decide_task(const FaultPlan& plan, std::uint64_t task_hash, std::uint
     }
     if (!fires(e, plan.seed, task_hash, k)) continue;
     switch (e.kind) {
-      case FaultKind::kLateRelease: f.late += e.magnitude; break;
-      case FaultKind::kExtraCpu: f.extra_cpu += e.magnitude; break;
-      case FaultKind::kBlock: f.block += e.magnitude; break;
-      case FaultKind::kPriorityHog: f.hog += e.magnitude; break;
-      case FaultKind::kTheft: f.theft += e.magnitude; break;
+      case FaultKind::kLateRelease:
+        f.late += e.magnitude;
+        break;
+      case FaultKind::kExtraCpu:
+        f.extra_cpu += e.magnitude;
+        break;
+      case FaultKind::kBlock:
+        f.block += e.magnitude;
+        break;
+      case FaultKind::kPriorityHog:
+        f.hog += e.magnitude;
+        break;
+      case FaultKind::kTheft:
+        f.theft += e.magnitude;
+        break;
       case FaultKind::kPageFault:
         f.touch_page = true;
         f.page_fault += e.magnitude;
         break;
-      default: break;
+      default:
+        break;
     }
   }
   return f;
@@ -110,12 +121,23 @@ EdgeFaults decide_edge(const FaultPlan& plan, std::uint64_t edge_hash, std::uint
     if (!acts_on_edge(e.kind) || target_hash(e.target) != edge_hash) continue;
     if (!fires(e, plan.seed, edge_hash, seq)) continue;
     switch (e.kind) {
-      case FaultKind::kRingFull: f.ring_full = true; break;
-      case FaultKind::kDrop: f.drop = true; break;
-      case FaultKind::kDuplicate: f.duplicate = true; break;
-      case FaultKind::kNan: f.nan = true; break;
-      case FaultKind::kStale: f.stale += e.magnitude; break;
-      default: break;
+      case FaultKind::kRingFull:
+        f.ring_full = true;
+        break;
+      case FaultKind::kDrop:
+        f.drop = true;
+        break;
+      case FaultKind::kDuplicate:
+        f.duplicate = true;
+        break;
+      case FaultKind::kNan:
+        f.nan = true;
+        break;
+      case FaultKind::kStale:
+        f.stale += e.magnitude;
+        break;
+      default:
+        break;
     }
   }
   return f;

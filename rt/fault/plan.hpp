@@ -1,22 +1,22 @@
 // Fault plans: which fault, on which task or edge, at which release index or sequence number. A
-// decision is a pure function of (seed, target, index); wall time has no part in it, so a plan gives
-// the same faults in virtual time, on the machine, and in a replay.
+// decision is a pure function of (seed, target, index); wall time has no part in it, so a plan
+// gives the same faults in virtual time, on the machine, and in a replay.
 //
-// An entry is a candidate at index n when  n >= first,  (n - first) % every == 0  and, if count > 0,
-// (n - first) / every < count.  A candidate fires if probability >= 1, or if the upper 53 bits of
-// mix64(mix64(mix64(plan seed, entry seed), mix64(target hash, kind)), n), read as a number in [0, 1),
-// are below probability. Entries that fire at the same index add their magnitudes.
+// An entry is a candidate at index n when  n >= first,  (n - first) % every == 0  and, if count >
+// 0, (n - first) / every < count.  A candidate fires if probability >= 1, or if the upper 53 bits
+// of mix64(mix64(mix64(plan seed, entry seed), mix64(target hash, kind)), n), read as a number in
+// [0, 1), are below probability. Entries that fire at the same index add their magnitudes.
 //
-// Kinds. r(k) is the nominal release epoch + offset + rate.release(k) of the named task; "the core" is
-// the core that task is placed on.
+// Kinds. r(k) is the nominal release epoch + offset + rate.release(k) of the named task; "the core"
+// is the core that task is placed on.
 //   late_release   release k arrives at r(k) + magnitude; its deadline stays r(k) + D
 //   extra_cpu      job k costs magnitude more CPU
-//   block          job k is suspended for magnitude at its first dispatch, using no CPU, then resumes
-//   page_fault     job k touches a released page; in virtual time it costs magnitude more CPU
-//   priority_hog   from r(k) a hog above all tasks of the core and below its sentinel burns magnitude
-//                  of CPU; several hogs queue
-//   theft          from r(k) nothing runs on the core for magnitude of wall time; overlapping spans
-//                  unite
+//   block          job k is suspended for magnitude at its first dispatch, using no CPU
+//   page_fault     job k touches a released page; in virtual time: magnitude more CPU
+//   priority_hog   from r(k) a hog above all tasks of the core and below its sentinel burns
+//                  magnitude of CPU; several hogs queue
+//   theft          from r(k) nothing runs on the core for magnitude of wall time; overlapping
+//                  spans unite
 //   dead_thread    the task's thread ends instead of starting release `first`; every, count,
 //                  probability and magnitude do not apply
 //   ring_full, drop, duplicate, stale, nan: act on message `n` of an edge when it is committed:
@@ -38,8 +38,18 @@
 namespace rt {
 
 enum class FaultKind : std::uint8_t {
-  kLateRelease, kExtraCpu, kBlock, kPageFault, kPriorityHog, kTheft, kDeadThread,  // of a task
-  kRingFull, kDrop, kDuplicate, kStale, kNan,                                      // of an edge
+  kLateRelease,
+  kExtraCpu,
+  kBlock,
+  kPageFault,
+  kPriorityHog,
+  kTheft,
+  kDeadThread,  // of a task
+  kRingFull,
+  kDrop,
+  kDuplicate,
+  kStale,
+  kNan,  // of an edge
 };
 inline constexpr int kFaultKinds = 12;
 
@@ -52,10 +62,10 @@ inline constexpr int kFaultKinds = 12;
 
 struct FaultEntry {
   FaultKind kind = FaultKind::kLateRelease;
-  std::string target;            // name of a task or of an edge
-  std::uint64_t first = 0;       // release index or sequence number
+  std::string target;       // name of a task or of an edge
+  std::uint64_t first = 0;  // release index or sequence number
   std::uint64_t every = 1;
-  std::uint64_t count = 0;       // 0: no end
+  std::uint64_t count = 0;  // 0: no end
   double probability = 1.0;
   std::uint64_t seed = 0;
   Nanos magnitude{0};
@@ -77,13 +87,13 @@ struct FaultPlan {
 // What happens to job k of a task.
 struct TaskFaults {
   Nanos late{0};
-  Nanos extra_cpu{0};    // page faults not included
+  Nanos extra_cpu{0};  // page faults not included
   Nanos block{0};
   Nanos page_fault{0};
   Nanos hog{0};
   Nanos theft{0};
-  bool touch_page = false;   // a page_fault entry fired (its magnitude may be 0 on a real machine)
-  bool dead = false;         // true for every k >= first
+  bool touch_page = false;  // a page_fault entry fired (its magnitude may be 0 on a real machine)
+  bool dead = false;        // true for every k >= first
   [[nodiscard]] bool any() const noexcept {
     return dead || touch_page || (late + extra_cpu + block + page_fault + hog + theft).count() > 0;
   }
@@ -102,8 +112,8 @@ struct EdgeFaults {
 [[nodiscard]] bool fires(const FaultEntry& entry, std::uint64_t plan_seed, std::uint64_t target,
                          std::uint64_t n) noexcept;
 
-// The plan's answer for a task or an edge. Pure; no allocation, so usable in a commit. Cost: one pass
-// over the entries.
+// The plan's answer for a task or an edge. Pure; no allocation, so usable in a commit. Cost: one
+// pass over the entries.
 [[nodiscard]] TaskFaults decide_task(const FaultPlan& plan, std::uint64_t task_hash,
                                      std::uint64_t k) noexcept;
 [[nodiscard]] EdgeFaults decide_edge(const FaultPlan& plan, std::uint64_t edge_hash,
@@ -128,8 +138,8 @@ class TargetPlan {
   std::uint64_t hash_ = 0;
 };
 
-// One message per bad plan: a kind without its magnitude, every = 0, a probability outside [0, 1], a
-// target that is neither among the tasks (timing faults) nor among the edges (message faults).
+// One message per bad plan: a kind without its magnitude, every = 0, a probability outside [0, 1],
+// a target that is neither among the tasks (timing faults) nor among the edges (message faults).
 // Empty spans: targets are not checked.
 [[nodiscard]] Result<bool> check(const FaultPlan& plan, std::span<const std::string> tasks,
                                  std::span<const std::string> edges);

@@ -1,11 +1,9 @@
 #include "rt/sched/admission.hpp"
 
-#include <sched.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <limits>
-#include <numeric>
+#include <optional>
 
 namespace rt {
 namespace {
@@ -35,14 +33,14 @@ std::string variant_name(const TaskSpec& spec, int level) {
 struct CoreSet {
   std::vector<AnalysisTask> rows;
   std::vector<std::string> names;
-  std::vector<std::size_t> tasks;     // rows platform_rows.. belong to these tasks of the request
+  std::vector<std::size_t> tasks;  // rows platform_rows.. belong to these tasks of the request
   std::size_t platform_rows = 0;
 };
 
 struct Placement {
-  std::vector<int> core;        // per task; -1: nowhere
+  std::vector<int> core;  // per task; -1: nowhere
   bool fits = false;
-  std::string why;              // what does not fit, with figures
+  std::string why;  // what does not fit, with figures
 };
 
 class Admitter {
@@ -51,8 +49,10 @@ class Admitter {
       : req_(request), ranks_(rate_monotonic_ranks(request.tasks)) {
     pinned_load_.assign(req_.cpus.size(), 0.0);
     for (const BestEffortLoad& load : req_.best_effort) {
-      if (load.core) pinned_load_[static_cast<std::size_t>(*load.core)] += load.share;
-      else floating_load_ += load.share;
+      if (load.core)
+        pinned_load_[static_cast<std::size_t>(*load.core)] += load.share;
+      else
+        floating_load_ += load.share;
     }
   }
 
@@ -99,8 +99,8 @@ class Admitter {
     for (std::size_t i = 0; i < set.rows.size(); ++i) {
       const ResponseTime r = response_time(set.rows, i, req_.analysis);
       if (r.meets) continue;
-      return where + set.names[i] + " R = " + milliseconds(r.R) + " > D = " +
-             milliseconds(set.rows[i].D) + " (C = " + milliseconds(set.rows[i].C) +
+      return where + set.names[i] + " R = " + milliseconds(r.R) +
+             " > D = " + milliseconds(set.rows[i].D) + " (C = " + milliseconds(set.rows[i].C) +
              ", T = " + milliseconds(set.rows[i].T) + ", utilisation of the core " +
              format("%.3f", u) + ")";
     }
@@ -178,7 +178,8 @@ class Admitter {
   }
 
   // The task to lower next, or none.
-  std::optional<std::size_t> next_to_lower(const std::vector<int>& levels, std::size_t& entry) const {
+  std::optional<std::size_t> next_to_lower(const std::vector<int>& levels,
+                                           std::size_t& entry) const {
     if (!req_.degrade_order.empty()) {
       while (entry < req_.degrade_order.size()) {
         const std::string& name = req_.degrade_order[entry++];
@@ -221,8 +222,10 @@ class Admitter {
     for (std::size_t s = lowered.size(); s-- > 0;) {
       const std::size_t task = lowered[s];
       --levels[task];
-      if (place(levels).fits) lowered.erase(lowered.begin() + static_cast<std::ptrdiff_t>(s));
-      else ++levels[task];
+      if (place(levels).fits)
+        lowered.erase(lowered.begin() + static_cast<std::ptrdiff_t>(s));
+      else
+        ++levels[task];
     }
     return lowered;
   }
@@ -256,11 +259,10 @@ class Admitter {
       const int from = levels[i]++;
       const bool is_static =
           !spec.variants.empty() && spec.variants[static_cast<std::size_t>(from) + 1].is_static;
-      a.steps.push_back(spec.name + ": " + variant_name(spec, from) + " (" +
-                        milliseconds(spec.budget_of(from)) + ") -> " +
-                        variant_name(spec, from + 1) + " (" +
-                        milliseconds(spec.budget_of(from + 1)) + ", " +
-                        (is_static ? "static" : "dynamic") + " knob), because " + why);
+      a.steps.push_back(
+          spec.name + ": " + variant_name(spec, from) + " (" + milliseconds(spec.budget_of(from)) +
+          ") -> " + variant_name(spec, from + 1) + " (" + milliseconds(spec.budget_of(from + 1)) +
+          ", " + (is_static ? "static" : "dynamic") + " knob), because " + why);
     }
   }
 
@@ -315,9 +317,9 @@ class Admitter {
     core.hyperbolic = analysis.hyperbolic;
     core.schedulable =
         analysis.schedulable && core.utilisation + core.best_effort <= req_.core_limit;
-    core.growth = set.rows.empty() ? std::numeric_limits<double>::infinity()
-                                   : growth_factor(set.rows, req_.core_limit - core.best_effort,
-                                                   req_.analysis);
+    core.growth = set.rows.empty()
+                      ? std::numeric_limits<double>::infinity()
+                      : growth_factor(set.rows, req_.core_limit - core.best_effort, req_.analysis);
     a.cores.push_back(core);
     for (std::size_t r = 0; r < set.tasks.size(); ++r) {
       a.tasks[set.tasks[r]].R = analysis.tasks[set.platform_rows + r].R;
@@ -367,100 +369,16 @@ class Admitter {
   double floating_load_ = 0;
 };
 
-std::string malformed_task(const TaskSpec& spec, int cores) {
-  const std::string who = "task " + shown_name(spec) + ": ";
-  if (spec.name.empty()) return "a task has no name";
-  if (spec.rate.num <= 0 || spec.rate.den <= 0) return who + "rate must be positive";
-  if (spec.deadline.count() < 0) return who + "deadline is negative";
-  if (spec.jitter.count() < 0 || spec.blocking.count() < 0) {
-    return who + "jitter or blocking is negative";
-  }
-  if (spec.core && (*spec.core < 0 || *spec.core >= cores)) {
-    return who + "core " + std::to_string(*spec.core) + " (allowed: 0 to " +
-           std::to_string(cores - 1) + ", the process's CPUs)";
-  }
-  for (int l = 0; l < spec.levels(); ++l) {
-    if (spec.budget_of(l).count() <= 0) {
-      return who + "budget of " + variant_name(spec, l) + " is " +
-             std::to_string(spec.budget_of(l).count()) + " ns (allowed: above 0)";
-    }
-  }
-  return {};
-}
-
-// One line, or empty.
-std::string malformed(const AdmissionRequest& r) {
-  const int cores = static_cast<int>(r.cpus.size());
-  if (cores == 0) return "no CPU given";
-  if (r.tasks.size() >= static_cast<std::size_t>(kTopTaskPriority)) {
-    return std::to_string(r.tasks.size()) + " tasks, but there are priorities for " +
-           std::to_string(kTopTaskPriority - 1);
-  }
-  for (const TaskSpec& spec : r.tasks) {
-    if (const std::string text = malformed_task(spec, cores); !text.empty()) return text;
-  }
-  for (const PlatformTask& p : r.platform) {
-    if (const std::string text = malformed_task(p.spec, cores); !text.empty()) return text;
-    if (p.priority <= kTopTaskPriority) {
-      return "platform task " + shown_name(p.spec) + ": priority " + std::to_string(p.priority) +
-             " is not above " + std::to_string(kTopTaskPriority);
-    }
-  }
-  for (const BestEffortLoad& load : r.best_effort) {
-    if (!(load.share >= 0 && load.share <= 1)) {
-      return "best-effort load '" + load.name + "': share " + format("%g", load.share) +
-             " (allowed: 0 to 1)";
-    }
-    if (load.core && (*load.core < 0 || *load.core >= cores)) {
-      return "best-effort load '" + load.name + "': core " + std::to_string(*load.core) +
-             " (allowed: 0 to " + std::to_string(cores - 1) + ")";
-    }
-  }
-  for (const std::string& name : r.degrade_order) {
-    const bool known = std::any_of(r.tasks.begin(), r.tasks.end(),
-                                   [&](const TaskSpec& t) { return t.name == name; });
-    if (!known) return "degrade_order names '" + name + "', which is no task";
-  }
-  return {};
-}
-
 }  // namespace
 
 Admission admit(const AdmissionRequest& request) {
-  const std::string problem = malformed(request);
+  const std::string problem = problem_of(request);
   if (!problem.empty()) {
     Admission refused;
     refused.refusal = problem;
     return refused;
   }
   return Admitter(request).run();
-}
-
-std::vector<TaskSpec> pinned_as(const Admission& admission, std::span<const TaskSpec> tasks) {
-  std::vector<TaskSpec> pinned(tasks.begin(), tasks.end());
-  for (TaskSpec& spec : pinned) {
-    for (const AdmittedTask& row : admission.tasks) {
-      if (row.name == spec.name && row.box == spec.box && row.core >= 0) spec.core = row.core;
-    }
-  }
-  return pinned;
-}
-
-std::vector<int> affinity_cpus() {
-  std::vector<int> cpus;
-  // The kernel's mask may be wider than cpu_set_t: ask with growing sets.
-  for (int bits = CPU_SETSIZE; bits <= CPU_SETSIZE * 64; bits *= 2) {
-    cpu_set_t* set = CPU_ALLOC(static_cast<std::size_t>(bits));
-    if (set == nullptr) return cpus;
-    const std::size_t size = CPU_ALLOC_SIZE(static_cast<std::size_t>(bits));
-    const bool ok = sched_getaffinity(0, size, set) == 0;
-    for (int c = 0; ok && c < bits; ++c) {
-      if (CPU_ISSET_S(static_cast<std::size_t>(c), size, set)) cpus.push_back(c);
-    }
-    CPU_FREE(set);
-    if (ok) break;
-  }
-  return cpus;
 }
 
 }  // namespace rt

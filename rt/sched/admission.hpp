@@ -1,18 +1,18 @@
-// Admission: may these tasks run on this host, where, and in which variant. Called with the union of
-// everything that runs with real-time priority on the host, at start and at each mode change.
+// Admission: may these tasks run on this host, where, and in which variant. Called with the union
+// of everything that runs with real-time priority on the host, at start and at each mode change.
 //
-//   1. Ranks are rate-monotonic over all tasks; FIFO priority = 80 - rank. Platform tasks (sentinels,
-//      watchdog) stand above with a priority of their own.
+//   1. Ranks are rate-monotonic over all tasks; FIFO priority = 80 - rank. Platform tasks
+//      (sentinels, watchdog) stand above with a priority of their own.
 //   2. Pinned tasks stay on their core. Free ones are placed by first-fit decreasing (largest
-//      utilisation first, ties by registration, cores in the order given); the fit test is the exact
-//      response-time analysis of the whole core.
-//   3. A core is refused above `core_limit` (real-time with switch costs, plus declared best effort),
-//      or if any task has R > D. The limit is 0.90 because the kernel's fair server takes up to 5 % of
-//      a core above FIFO.
-//   4. All tasks start at level 0. While the set does not fit, one task is lowered by one level: the
-//      next entry of `degrade_order`, or, if that list is empty, the task with the largest utilisation
-//      (a step then costs the smallest relative loss per freed CPU; ties: firm before hard, then
-//      registration). Steps that turn out not to be needed are taken back, last first.
+//      utilisation first, ties by registration, cores in the order given); the fit test is the
+//      exact response-time analysis of the whole core.
+//   3. A core is refused above `core_limit` (real-time with switch costs, plus declared best
+//      effort), or if any task has R > D. The limit is 0.90 because the kernel's fair server takes
+//      up to 5 % of a core above FIFO.
+//   4. All tasks start at level 0. While the set does not fit, one task is lowered by one level:
+//      the next entry of `degrade_order`, or, if that list is empty, the task with the largest
+//      utilisation (a step then costs the smallest relative loss per freed CPU; ties: firm before
+//      hard, then registration). Steps that turn out not to be needed are taken back, last first.
 // Same input, same answer.
 #pragma once
 
@@ -27,7 +27,7 @@
 
 namespace rt {
 
-inline constexpr int kTopTaskPriority = 80;     // of rank 0
+inline constexpr int kTopTaskPriority = 80;  // of rank 0
 inline constexpr int kSentinelPriority = 95;
 inline constexpr int kWatchdogPriority = 94;
 
@@ -40,18 +40,18 @@ struct PlatformTask {
 // Ordinary threads with a declared share of a core: link, codec, console, log, report.
 struct BestEffortLoad {
   std::string name;
-  double share = 0;               // of one core, 0..1
-  std::optional<int> core;        // index into cpus; empty: may run on any, and is spread over what is
-                                  // left below the limit
+  double share = 0;         // of one core, 0..1
+  std::optional<int> core;  // index into cpus; empty: may run on any, and is spread over what is
+                            // left below the limit
 };
 
 struct AdmissionRequest {
   std::vector<TaskSpec> tasks;
   std::vector<PlatformTask> platform;
   std::vector<BestEffortLoad> best_effort;
-  std::vector<int> cpus;                     // CPU numbers; TaskSpec::core indexes this list
-  std::vector<std::string> degrade_order;    // task names; each entry lowers that task by one level;
-                                             // when given, tasks not named are never lowered
+  std::vector<int> cpus;                   // CPU numbers; TaskSpec::core indexes this list
+  std::vector<std::string> degrade_order;  // task names; each entry lowers that task by one level;
+                                           // when given, tasks not named are never lowered
   double core_limit = 0.90;
   AnalysisOptions analysis;
 };
@@ -59,41 +59,44 @@ struct AdmissionRequest {
 struct AdmittedTask {
   std::string name;
   Box box = Box::kOperator;
-  int core = -1;          // index into cpus; -1: not placed
+  int core = -1;  // index into cpus; -1: not placed
   int cpu = -1;
   int rank = 0;
-  int priority = 0;       // SCHED_FIFO
-  int level = 0;          // variant in force at the start
-  int last_level = 0;     // run-time degradation goes no further
-  std::string variant;    // its name; empty if the task has one
+  int priority = 0;     // SCHED_FIFO
+  int level = 0;        // variant in force at the start
+  int last_level = 0;   // run-time degradation goes no further
+  std::string variant;  // its name; empty if the task has one
   Nanos C{0}, T{0}, D{0}, J{0}, B{0}, R{0}, slack{0};
   double utilisation = 0;
 };
 
 struct AdmittedCore {
   int cpu = -1;
-  double utilisation = 0;   // real-time, with platform tasks and switch costs
-  double best_effort = 0;   // pinned here
+  double utilisation = 0;  // real-time, with platform tasks and switch costs
+  double best_effort = 0;  // pinned here
   double liu_layland = 1, hyperbolic = 1;
   bool schedulable = false;
-  double growth = 0;        // factor by which all budgets of this core may grow; infinite if unused
+  double growth = 0;  // factor by which all budgets of this core may grow; infinite if unused
 };
 
 struct Admission {
   bool admitted = false;
-  std::string refusal;                  // one line: the task and the figures; empty if admitted
-  std::vector<AdmittedTask> tasks;      // as in the request
-  std::vector<AdmittedTask> platform;   // one row per instance: "sentinel@0"
-  std::vector<AdmittedCore> cores;      // as in cpus
-  double floating_best_effort = 0;      // declared without a core
+  std::string refusal;                 // one line: the task and the figures; empty if admitted
+  std::vector<AdmittedTask> tasks;     // as in the request
+  std::vector<AdmittedTask> platform;  // one row per instance: "sentinel@0"
+  std::vector<AdmittedCore> cores;     // as in cpus
+  double floating_best_effort = 0;     // declared without a core
   double core_limit = 0.90;
-  double growth = 0;                    // factor by which all budgets of the host may grow
-  std::vector<std::string> steps;       // each lowering: which task, from what to what, and why
+  double growth = 0;               // factor by which all budgets of the host may grow
+  std::vector<std::string> steps;  // each lowering: which task, from what to what, and why
 };
 
 // Never throws for a set that does not fit. A malformed request (no CPU, no budget, unknown name in
 // degrade_order, core index out of range, more ranks than priorities) is a refusal too.
 [[nodiscard]] Admission admit(const AdmissionRequest& request);
+
+// What is malformed about a request, in one line; empty if nothing is.
+[[nodiscard]] std::string problem_of(const AdmissionRequest& request);
 
 // The decision for people: steps, one row per task, one per core, the verdict.
 [[nodiscard]] std::string report_table(const Admission& admission);

@@ -49,9 +49,9 @@ std::string report_table(const Admission& a) {
   text += line("  %-6s %10s %12s %8s %12s %12s %8s\n", "cpu", "real-time", "best effort", "limit",
                "Liu-Layland", "hyperbolic", "growth");
   for (const AdmittedCore& c : a.cores) {
-    text += line("  %-6d %10.3f %12.3f %8.2f %12.3f %12.3f %8s\n", c.cpu, c.utilisation,
-                 c.best_effort, a.core_limit, c.liu_layland, c.hyperbolic,
-                 factor(c.growth).c_str());
+    text +=
+        line("  %-6d %10.3f %12.3f %8.2f %12.3f %12.3f %8s\n", c.cpu, c.utilisation, c.best_effort,
+             a.core_limit, c.liu_layland, c.hyperbolic, factor(c.growth).c_str());
   }
   if (a.floating_best_effort > 0) {
     text += line("  best effort on any core: %.3f\n", a.floating_best_effort);

@@ -28,8 +28,8 @@ struct Level {
 Level level_of(std::span<const AnalysisTask> tasks, std::size_t i, const AnalysisOptions& options) {
   const Nanos switches = 2 * options.switch_cost;
   const AnalysisTask& own = tasks[i];
-  Level level{(own.C + switches).count(), own.T.count(), own.D.count(), own.J.count(),
-              own.B.count(), {}};
+  Level level{
+      (own.C + switches).count(), own.T.count(), own.D.count(), own.J.count(), own.B.count(), {}};
   for (std::size_t j = 0; j < tasks.size(); ++j) {
     if (j == i || tasks[j].rank > own.rank) continue;
     level.above.push_back(tasks[j]);
@@ -67,8 +67,8 @@ ResponseTime solve(const Level& level, const AnalysisOptions& options, bool quit
     // at the old w, so this one can not end before w + C.
     w += level.C;
     for (;;) {
-      const Wide next = static_cast<Wide>(level.B) + static_cast<Wide>(q + 1) * level.C +
-                        demand_above(level, w);
+      const Wide next =
+          static_cast<Wide>(level.B) + static_cast<Wide>(q + 1) * level.C + demand_above(level, w);
       if (next > options.horizon.count() || ++steps > kMaxSteps) return kDiverges;
       if (next == w) break;
       w = static_cast<std::int64_t>(next);
@@ -209,7 +209,7 @@ AnalysisTask analysis_task(const TaskSpec& spec, int level, int rank) noexcept {
       c = std::max(c, spec.budget_of(l));
     }
   }
-  return {c, minimum_distance(spec.rate), effective_deadline(spec), spec.jitter, spec.blocking,
+  return {c,   minimum_distance(spec.rate), effective_deadline(spec), spec.jitter, spec.blocking,
           rank};
 }
 

@@ -3,12 +3,13 @@
 //
 //   Liu, Layland 1973         U <= n (2^(1/n) - 1)
 //   Bini, Buttazzo 2003       prod (U_i + 1) <= 2                            (hyperbolic)
-//   Lehoczky 1990, Tindell, Burns, Wellings 1994: arbitrary deadlines, every job of the level-i busy
-//   period, with release jitter J and blocking B:
+//   Lehoczky 1990, Tindell, Burns, Wellings 1994: arbitrary deadlines, every job of the level-i
+//   busy period, with release jitter J and blocking B:
 //     w_i(q) = B_i + (q + 1) C_i + sum over j more important ceil((w_i(q) + J_j) / T_j) C_j
 //     R_i    = max over q of  w_i(q) + J_i - q T_i
-// Both bounds are sufficient only for D >= T without jitter and blocking; they are reported beside the
-// exact answer, which alone decides. R is measured from the nominal release (J is in it), as D is.
+// Both bounds are sufficient only for D >= T without jitter and blocking; they are reported beside
+// the exact answer, which alone decides. R is measured from the nominal release (J is in it), as D
+// is.
 #pragma once
 
 #include <cstdint>
@@ -41,25 +42,26 @@ struct AnalysisOptions {
 inline constexpr Nanos kUnbounded{std::numeric_limits<std::int64_t>::max()};
 
 struct ResponseTime {
-  Nanos R{0};              // kUnbounded if it diverges
-  Nanos slack{0};          // D - R; Nanos::min() if it diverges
-  std::int64_t jobs = 0;   // jobs of the longest busy period of its level
-  bool meets = false;      // R <= D
+  Nanos R{0};             // kUnbounded if it diverges
+  Nanos slack{0};         // D - R; Nanos::min() if it diverges
+  std::int64_t jobs = 0;  // jobs of the longest busy period of its level
+  bool meets = false;     // R <= D
   [[nodiscard]] bool bounded() const noexcept { return R != kUnbounded; }
 };
 
 struct CoreAnalysis {
-  std::vector<ResponseTime> tasks;    // in the order given
-  double utilisation = 0;             // sum (C + 2 switches) / T
-  double liu_layland = 1;             // the bound for this many tasks
-  double hyperbolic = 1;              // prod (U_i + 1), to compare with 2
-  bool passes_liu_layland = false;    // U below the bound, and the bound applies
+  std::vector<ResponseTime> tasks;  // in the order given
+  double utilisation = 0;           // sum (C + 2 switches) / T
+  double liu_layland = 1;           // the bound for this many tasks
+  double hyperbolic = 1;            // prod (U_i + 1), to compare with 2
+  bool passes_liu_layland = false;  // U below the bound, and the bound applies
   bool passes_hyperbolic = false;
-  bool bounds_apply = false;          // D >= T, J = B = 0 for all
-  bool schedulable = false;           // every task meets
+  bool bounds_apply = false;  // D >= T, J = B = 0 for all
+  bool schedulable = false;   // every task meets
 };
 
-[[nodiscard]] CoreAnalysis analyse(std::span<const AnalysisTask> tasks, const AnalysisOptions& = {});
+[[nodiscard]] CoreAnalysis analyse(std::span<const AnalysisTask> tasks,
+                                   const AnalysisOptions& = {});
 
 // Response time of one task of the set.
 [[nodiscard]] ResponseTime response_time(std::span<const AnalysisTask> tasks, std::size_t i,
@@ -68,9 +70,9 @@ struct CoreAnalysis {
 // Sum of (C + 2 switches) / T.
 [[nodiscard]] double utilisation(std::span<const AnalysisTask> tasks, const AnalysisOptions& = {});
 
-// The largest f = n / 10000 such that the set with every C replaced by ceil(f C) meets all deadlines
-// and keeps its utilisation at or below `limit`; (n + 1) / 10000 does not. Below 1 the set does not
-// fit as it is; 0: it never fits. Switch costs and blocking do not grow.
+// The largest f = n / 10000 such that the set with every C replaced by ceil(f C) meets all
+// deadlines and keeps its utilisation at or below `limit`; (n + 1) / 10000 does not. Below 1 the
+// set does not fit as it is; 0: it never fits. Switch costs and blocking do not grow.
 [[nodiscard]] double growth_factor(std::span<const AnalysisTask> tasks, double limit = 1.0,
                                    const AnalysisOptions& = {});
 
@@ -85,16 +87,16 @@ struct CoreAnalysis {
 // leave out an arrival that really happens.
 [[nodiscard]] Nanos minimum_distance(const Rate& rate) noexcept;
 
-// Deadline that admission holds a task to. All policies but catch_up drop a release that lies before
-// the previous job's end, so for them a D beyond the period is cut to the period.
+// Deadline that admission holds a task to. All policies but catch_up drop a release that lies
+// before the previous job's end, so for them a D beyond the period is cut to the period.
 [[nodiscard]] Nanos effective_deadline(const TaskSpec& spec) noexcept;
 
-// One task at one level. A task that may degrade is charged the largest budget that it can reach from
-// this level, in case a "smaller" variant turned out dearer.
+// One task at one level. A task that may degrade is charged the largest budget that it can reach
+// from this level, in case a "smaller" variant turned out dearer.
 [[nodiscard]] AnalysisTask analysis_task(const TaskSpec& spec, int level, int rank) noexcept;
 
-// The last level that run-time degradation can reach from `level`: it never crosses a variant marked
-// is_static, since those knobs are chosen at start.
+// The last level that run-time degradation can reach from `level`: it never crosses a variant
+// marked is_static, since those knobs are chosen at start.
 [[nodiscard]] int last_dynamic_level(const TaskSpec& spec, int level) noexcept;
 
 }  // namespace rt

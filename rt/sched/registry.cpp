@@ -106,8 +106,8 @@ std::string cpu_problem(int cpu, const std::vector<RegistryEntry>& rows,
   const double u = utilisation(tasks, options.analysis);
   if (u + best_effort > options.core_limit) {
     return "cpu " + std::to_string(cpu) + " would be used to " + fixed3(u + best_effort) +
-           ", above " + fixed3(options.core_limit) + " (real-time " + fixed3(u) +
-           ", best effort " + fixed3(best_effort) + ")" + tail;
+           ", above " + fixed3(options.core_limit) + " (real-time " + fixed3(u) + ", best effort " +
+           fixed3(best_effort) + ")" + tail;
   }
   for (std::size_t i = 0; i < tasks.size(); ++i) {
     const ResponseTime r = response_time(tasks, i, options.analysis);
@@ -238,7 +238,11 @@ class Registry::Lock {
 };
 
 Registry::Registry(int fd, Table* table, std::string name) noexcept
-    : fd_(fd), table_(table), name_(std::move(name)), owner_(next_owner()), owner_pid_(::getpid()) {}
+    : fd_(fd),
+      table_(table),
+      name_(std::move(name)),
+      owner_(next_owner()),
+      owner_pid_(::getpid()) {}
 
 Registry::Registry(Registry&& other) noexcept
     : fd_(std::exchange(other.fd_, -1)),
@@ -287,7 +291,8 @@ Result<Registry> Registry::open(const std::string& name) {
       problem = system_error("cannot size " + path);
     } else if (info.st_size != 0 && info.st_size != static_cast<off_t>(sizeof(Table))) {
       problem = path + " has " + std::to_string(info.st_size) + " bytes, this version needs " +
-                std::to_string(sizeof(Table)) + ": another version runs; stop it, or remove the file";
+                std::to_string(sizeof(Table)) +
+                ": another version runs; stop it, or remove the file";
     } else {
       memory = ::mmap(nullptr, sizeof(Table), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
       if (memory == MAP_FAILED) problem = system_error("cannot map " + path);

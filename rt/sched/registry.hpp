@@ -1,6 +1,6 @@
 // Who runs with real-time priority on this host: a table in shared memory that each process enters
-// before its first release, so that two programs, each admitted alone, do not share a core beyond what
-// fits. Set-up time only: every call locks, allocates and may read /proc.
+// before its first release, so that two programs, each admitted alone, do not share a core beyond
+// what fits. Set-up time only: every call locks, allocates and may read /proc.
 //
 // The lock is flock(2) on the shared-memory file: the kernel releases it when its holder dies, so a
 // killed process never leaves it held. A slot is valid from the moment its pid is written, which is
@@ -22,10 +22,10 @@
 namespace rt {
 
 struct RegistryEntry {
-  int pid = 0;              // filled in by the registry
-  std::string task;         // at most 47 characters are kept
-  int cpu = 0;              // CPU number, not an index
-  int priority = 0;         // SCHED_FIFO; 0: best-effort load, C / T is its share
+  int pid = 0;       // filled in by the registry
+  std::string task;  // at most 47 characters are kept
+  int cpu = 0;       // CPU number, not an index
+  int priority = 0;  // SCHED_FIFO; 0: best-effort load, C / T is its share
   Nanos C{0}, T{0}, D{0}, J{0}, B{0};
 };
 
@@ -34,8 +34,8 @@ struct RegistryOptions {
   AnalysisOptions analysis;
 };
 
-// The rows to register for an admission: placed tasks, platform tasks, best effort with a core. `mine`
-// says which of them the calling process runs (name and box of the spec; best effort has the
+// The rows to register for an admission: placed tasks, platform tasks, best effort with a core.
+// `mine` says which of them the calling process runs (name and box of the spec; best effort has the
 // operator's); empty: all. Where two processes share one admission each registers its own part.
 using IsMine = std::function<bool(const std::string& name, Box box)>;
 [[nodiscard]] std::vector<RegistryEntry> registry_entries(const AdmissionRequest& request,
@@ -52,11 +52,11 @@ class Registry {
   Registry(const Registry&) = delete;
   Registry& operator=(const Registry&) = delete;
 
-  // Enters all rows under this process's pid in place of those that this object entered before (a mode
-  // change), or changes nothing. Refused if on some CPU of the rows the union with the others already
-  // there exceeds the limit or makes any task, ours or another's, miss its deadline; the message names
-  // that task, the figures and what is already there. Rows of equal priority are taken to delay each
-  // other.
+  // Enters all rows under this process's pid in place of those that this object entered before (a
+  // mode change), or changes nothing. Refused if on some CPU of the rows the union with the others
+  // already there exceeds the limit or makes any task, ours or another's, miss its deadline; the
+  // message names that task, the figures and what is already there. Rows of equal priority are
+  // taken to delay each other.
   [[nodiscard]] Result<bool> try_register(std::span<const RegistryEntry> rows,
                                           const RegistryOptions& options = {});
   // Removes the rows this object entered. Only the process that entered them can.

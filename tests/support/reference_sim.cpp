@@ -71,20 +71,20 @@ class Sim {
 
  private:
   struct Task {
-    std::deque<Job> queue;      // arrived and not ended; only the front may have started
-    std::uint64_t next_k = 0;   // next to arrive
+    std::deque<Job> queue;     // arrived and not ended; only the front may have started
+    std::uint64_t next_k = 0;  // next to arrive
     Ticks next_arrival = 0;
-    std::uint64_t span_k = 0;   // next nominal release to look up for thefts and hogs
+    std::uint64_t span_k = 0;  // next nominal release to look up for thefts and hogs
     bool has_spans = false;
     std::uint64_t dead_from = kAlive;
     int level = 0;
-    bool missed = false;        // since the last evaluation at a boundary
+    bool missed = false;  // since the last evaluation at a boundary
     int clean = 0;
   };
   struct Core {
     Ticks theft_until = 0;
-    std::deque<Ticks> hogs;     // CPU still wanted by each
-    int running = -1;           // task, or
+    std::deque<Ticks> hogs;  // CPU still wanted by each
+    int running = -1;        // task, or
     bool hog_runs = false;
   };
 

@@ -7,11 +7,10 @@
 // ---------
 // Ticks are integers; the epoch is tick 0. Priorities differ within a core; larger runs first.
 //
-// Releases. r(k) is the nominal release of job k: offset + floor(k * ticks_per_second * den / num),
-// or
-//   offset + k * period. Release k *arrives* at A(k) = max(r(k) + jitter(k) + late_release(k),
-//   A(k-1)). Deadlines are counted from the nominal release: d(k) = r(k) + D. Jobs of one task are
-//   strictly sequential, in the order of k.
+// Releases. r(k) is the nominal release of job k: offset + k * period, or
+//   offset + floor(k * ticks_per_second * den / num). Release k *arrives* at
+//   A(k) = max(r(k) + jitter(k) + late_release(k), A(k-1)). Deadlines are counted from the nominal
+//   release: d(k) = r(k) + D. Jobs of one task are strictly sequential, in the order of k.
 // One instant t is worked through in this order, on all cores:
 //   1. completions: a job that has received its whole cost ends. It is late if t > d(k).
 //   2. aborts: the oldest job of a task with policy abort that has arrived, started or not, and has
@@ -24,13 +23,11 @@
 //      Each dropped release is counted as skipped, at this instant.
 //   3. hyperperiod boundary (t a positive multiple of the host's hyperperiod): see degrade.
 //   4. arrivals: releases with A(k) == t, in the order of the task table; blocked jobs whose time
-//   is
-//      up become ready; thefts and hogs of r(k) == t begin; thefts whose time is up end.
+//      is up become ready; thefts and hogs of r(k) == t begin; thefts whose time is up end.
 //      A job of a task with policy abort that arrives at or after d(k) is aborted on arrival,
 //      without a start.
 //   5. dispatch: per core, unless a theft is under way: the hog if one has work left, else the
-//   ready
-//      job of highest priority. A job dispatched for the first time *starts* (its inputs are
+//      ready job of highest priority. A job dispatched for the first time *starts* (its inputs are
 //      latched); if its plan says block, it is suspended at once until t + magnitude and the next
 //      one is dispatched at the same instant. A job inside its locked section (see SimTask::locked)
 //      keeps the core against everything but a theft.
@@ -51,9 +48,8 @@
 //   switch comes before the releases of that instant.
 //
 // dead_thread at k0. No release k >= k0 starts. Such a release is counted as skipped (a miss like
-// any
-//   other, also for degrade) at the instant it becomes the oldest of its task: when it arrives, or
-//   when the job before it ends. Releases before k0 run as always.
+//   any other, also for degrade) at the instant it becomes the oldest of its task: when it arrives,
+//   or when the job before it ends. Releases before k0 run as always.
 //
 // End. Instants 0 .. horizon - 1 are worked through whole; at `horizon` only steps 1 and 2.
 #pragma once

@@ -1,4 +1,5 @@
-// Closed forms and known vectors of the analysis; random sets are in analysis_vs_reference_test.cpp.
+// Closed forms and known vectors of the analysis; random sets are in
+// analysis_vs_reference_test.cpp.
 #include "rt/sched/analysis.hpp"
 
 #include <gtest/gtest.h>
@@ -30,10 +31,9 @@ TEST(Analysis, LehoczkyHardVectorIsWorstAtTheFifthJob) {
 
 TEST(Analysis, TableOfTheDesignFitsAboveBothBounds) {
   const auto ms = [](double x) { return static_cast<std::int64_t>(x * 1e6); };
-  const std::vector<AnalysisTask> set{task(ms(0.25), ms(1), ms(1), 0),
-                                      task(ms(8), 33'333'333, 33'333'333, 1),
-                                      task(ms(15), ms(100), ms(100), 2),
-                                      task(ms(20), ms(100), ms(100), 3)};
+  const std::vector<AnalysisTask> set{
+      task(ms(0.25), ms(1), ms(1), 0), task(ms(8), 33'333'333, 33'333'333, 1),
+      task(ms(15), ms(100), ms(100), 2), task(ms(20), ms(100), ms(100), 3)};
   const auto a = rt::analyse(set, kNoSwitch);
   EXPECT_NEAR(a.utilisation, 0.84, 0.001);
   EXPECT_NEAR(a.liu_layland, 0.757, 0.001);
@@ -151,9 +151,9 @@ rt::TaskSpec spec(const char* name, rt::Rate rate, std::int64_t deadline_ns = 0)
 }
 
 TEST(Ranks, PeriodThenDeadlineThenRegistration) {
-  const std::vector<rt::TaskSpec> specs{spec("slow", {10, 1}), spec("fast", {1000, 1}),
-                                        spec("fast_too", {2000, 2}), spec("fast_short", {1000, 1}, 500'000),
-                                        spec("frames", {30, 1})};
+  const std::vector<rt::TaskSpec> specs{
+      spec("slow", {10, 1}), spec("fast", {1000, 1}), spec("fast_too", {2000, 2}),
+      spec("fast_short", {1000, 1}, 500'000), spec("frames", {30, 1})};
   EXPECT_EQ(rt::rate_monotonic_order(specs), (std::vector<std::size_t>{3, 1, 2, 4, 0}));
   EXPECT_EQ(rt::rate_monotonic_ranks(specs), (std::vector<int>{4, 1, 2, 0, 3}));
 }
@@ -172,7 +172,8 @@ TEST(Ranks, MinimumDistanceIsTheShortestThatOccurs) {
 TEST(Ranks, AnalysisRowOfADegradingTaskTakesTheDearestReachableVariant) {
   rt::TaskSpec s = spec("f", {10, 1});
   s.policy = rt::MissPolicy::kDegrade;
-  s.variants = {{"full", Nanos{100}, false}, {"less", Nanos{150}, false}, {"other", Nanos{900}, true}};
+  s.variants = {
+      {"full", Nanos{100}, false}, {"less", Nanos{150}, false}, {"other", Nanos{900}, true}};
   EXPECT_EQ(rt::last_dynamic_level(s, 0), 1);
   EXPECT_EQ(rt::analysis_task(s, 0, 0).C.count(), 150);
   s.policy = rt::MissPolicy::kSkip;

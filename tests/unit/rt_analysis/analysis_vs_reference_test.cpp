@@ -30,9 +30,10 @@ struct Set {
   Ticks hyperperiod = 1;
 };
 
-// Half the sets: 2 or 3 arbitrary periods (near-primes give the long busy periods); the others: 3 to 8
-// divisors of one number with many. The least common multiple stays small, so that a whole
-// hyperperiod is simulated. Total utilisation at most 1 (exactly 1 occurs), deadlines up to four periods.
+// Half the sets: 2 or 3 arbitrary periods (near-primes give the long busy periods); the others: 3
+// to 8 divisors of one number with many. The least common multiple stays small, so that a whole
+// hyperperiod is simulated. Total utilisation at most 1 (exactly 1 occurs), deadlines up to four
+// periods.
 std::vector<Ticks> random_periods(rt::Random& rng) {
   constexpr std::array<Ticks, 6> kMany{2520, 4620, 7560, 9240, 10'080, 18'480};
   std::vector<Ticks> periods;
@@ -114,9 +115,10 @@ TEST(AnalysisAgainstReference, EqualWorstResponsesTaskByTask) {
     }
     ASSERT_TRUE(!analysis.passes_liu_layland || analysis.passes_hyperbolic) << "set " << n;
   }
-  std::printf("%d sets, %d tasks: all equal; %d respond later than their period, %d need more than "
-              "one job, %d miss, %d sets at U = 1\n",
-              kSets, tasks, beyond_period, several_jobs, verdicts_no, full);
+  std::printf(
+      "%d sets, %d tasks: all equal; %d respond later than their period, %d need more than "
+      "one job, %d miss, %d sets at U = 1\n",
+      kSets, tasks, beyond_period, several_jobs, verdicts_no, full);
   EXPECT_GT(beyond_period, 100);
   EXPECT_GT(full, 10);
   EXPECT_GT(verdicts_no, 100);
@@ -141,8 +143,8 @@ TEST(AnalysisAgainstReference, NeverBelowWithJitterBlockingAndOffsets) {
       t.locked = rng.integer(0, 2) == 0 ? rng.integer(0, a.C.count()) : 0;
       below = std::max(below, t.locked);
       const auto seed = rng();
-      // Full jitter for the first release and none later is the worst case of the analysis; half the
-      // tasks get it, the others a draw a job.
+      // Full jitter for the first release and none later is the worst case of the analysis; half
+      // the tasks get it, the others a draw a job.
       const bool worst = rng.integer(0, 1) == 0;
       t.jitter_of = [j = a.J.count(), seed, worst](std::uint64_t k) -> Ticks {
         if (worst) return k == 0 ? j : 0;
@@ -168,9 +170,10 @@ TEST(AnalysisAgainstReference, NeverBelowWithJitterBlockingAndOffsets) {
       ++tasks;
     }
   }
-  std::printf("%d sets, %d tasks: analysis >= simulation; mean excess %.1f %% of the bound, largest "
-              "%.1f %%, reached exactly %d times; %d tasks unbounded (U = 1)\n",
-              kSets, tasks, 100.0 * excess / tasks, 100.0 * largest, equal, unbounded);
+  std::printf(
+      "%d sets, %d tasks: analysis >= simulation; mean excess %.1f %% of the bound, largest "
+      "%.1f %%, reached exactly %d times; %d tasks unbounded (U = 1)\n",
+      kSets, tasks, 100.0 * excess / tasks, 100.0 * largest, equal, unbounded);
   EXPECT_GT(equal, tasks / 20);  // a bound that is never reached would prove nothing
   EXPECT_LT(unbounded, tasks / 10);
 }

@@ -99,8 +99,7 @@ TEST(Reference, SkipAfterATheftOfSevenPointSevenPeriods) {
 TEST(Reference, CatchUpOneMakesTwoLateJobs) {
   auto t = task("fusion", 100, 1000, 1000, 1, SimPolicy::kCatchUp);
   t.catch_up_max = 1;
-  const auto r =
-      simulate(config({t}, 20'000, {fault(rt::FaultKind::kTheft, "fusion", 5, 7700)}));
+  const auto r = simulate(config({t}, 20'000, {fault(rt::FaultKind::kTheft, "fusion", 5, 7700)}));
   EXPECT_EQ(r.tasks[0].skipped, 6U);
   EXPECT_EQ(r.tasks[0].late, 1U);  // release 12 is caught up within its own deadline
   EXPECT_EQ(r.tasks[0].jobs[12].start, 12'800);
@@ -121,8 +120,8 @@ TEST(Reference, CatchUpKeepsTheNewest) {
 }
 
 TEST(Reference, AReleaseExactlyAtTheEndIsNotDropped) {
-  const auto r = simulate(config({task("x", 1, 10, 10, 1)}, 60,
-                                 {fault(rt::FaultKind::kExtraCpu, "x", 1, 19)}));
+  const auto r = simulate(
+      config({task("x", 1, 10, 10, 1)}, 60, {fault(rt::FaultKind::kExtraCpu, "x", 1, 19)}));
   // Job 1: 10..30. Release 2 (20) is dropped, release 3 (30) starts at once.
   EXPECT_EQ(r.tasks[0].skipped, 1U);
   EXPECT_EQ(r.tasks[0].late, 1U);
@@ -164,16 +163,16 @@ TEST(Reference, AJobThatArrivesAtItsDeadlineIsAbortedThere) {
 }
 
 TEST(Reference, ALateReleaseKeepsItsDeadlineAndTheOthersTheirPhase) {
-  const auto r = simulate(config({task("x", 2, 10, 6, 1)}, 40,
-                                 {fault(rt::FaultKind::kLateRelease, "x", 1, 5)}));
+  const auto r = simulate(
+      config({task("x", 2, 10, 6, 1)}, 40, {fault(rt::FaultKind::kLateRelease, "x", 1, 5)}));
   EXPECT_EQ(r.tasks[0].jobs[1].start, 15);
   EXPECT_TRUE(r.tasks[0].jobs[1].late);
   EXPECT_EQ(r.tasks[0].jobs[2].start, 20);
 }
 
 TEST(Reference, ALateReleaseBeyondTheNextOneSkipsIt) {
-  const auto r = simulate(config({task("x", 2, 10, 10, 1)}, 60,
-                                 {fault(rt::FaultKind::kLateRelease, "x", 1, 25)}));
+  const auto r = simulate(
+      config({task("x", 2, 10, 10, 1)}, 60, {fault(rt::FaultKind::kLateRelease, "x", 1, 25)}));
   // Release 1 arrives at 35; 2 and 3 wait behind it and are dropped at 37.
   EXPECT_EQ(r.tasks[0].jobs[1].start, 35);
   EXPECT_EQ(r.tasks[0].skipped, 2U);
@@ -191,9 +190,9 @@ TEST(Reference, BlockGivesTheCoreAwayAtOnce) {
 }
 
 TEST(Reference, HogQueuesBehindATheftAndAboveAllTasks) {
-  const auto r = simulate(config({task("x", 2, 50, 50, 1)}, 50,
-                                 {fault(rt::FaultKind::kTheft, "x", 0, 4),
-                                  fault(rt::FaultKind::kPriorityHog, "x", 0, 3)}));
+  const auto r = simulate(config(
+      {task("x", 2, 50, 50, 1)}, 50,
+      {fault(rt::FaultKind::kTheft, "x", 0, 4), fault(rt::FaultKind::kPriorityHog, "x", 0, 3)}));
   EXPECT_EQ(r.tasks[0].jobs[0].start, 7);
   EXPECT_EQ(r.tasks[0].jobs[0].end, 9);
 }
@@ -239,8 +238,8 @@ TEST(Reference, DegradeStopsAtTheLastLevel) {
 }
 
 TEST(Reference, ADeadThreadSkipsForEver) {
-  const auto r = simulate(config({task("x", 2, 10, 10, 1)}, 100,
-                                 {fault(rt::FaultKind::kDeadThread, "x", 4, 0, 0)}));
+  const auto r = simulate(
+      config({task("x", 2, 10, 10, 1)}, 100, {fault(rt::FaultKind::kDeadThread, "x", 4, 0, 0)}));
   EXPECT_EQ(r.tasks[0].completed, 4U);
   EXPECT_EQ(r.tasks[0].skipped, 6U);
 }

@@ -1,0 +1,322 @@
+#include "rt/sched/admission.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sched.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "rt/random.hpp"
+
+namespace {
+
+using rt::AdmissionRequest;
+using rt::Nanos;
+using rt::TaskSpec;
+using testing::HasSubstr;
+
+TaskSpec spec(std::string name, rt::Rate rate, double budget_ms) {
+  TaskSpec s;
+  s.name = std::move(name);
+  s.rate = rate;
+  s.budget = rt::nanos_from_seconds(budget_ms * 1e-3);
+  return s;
+}
+
+rt::Variant variant(const char* name, double budget_ms, bool is_static) {
+  return {name, rt::nanos_from_seconds(budget_ms * 1e-3), is_static};
+}
+
+// The design's table, both boxes, with platform tasks and best effort, on `cores` cores.
+AdmissionRequest demo(int cores) {
+  AdmissionRequest r;
+  r.tasks = {spec("haptic", {1000, 1}, 0.1),      spec("fusion", {30, 1}, 25),
+             spec("prediction", {10, 1}, 2),      spec("planning", {10, 1}, 50),
+             spec("supervision", {100, 1}, 0.05), spec("robot_io", {1000, 1}, 0.1),
+             spec("capture", {30, 1}, 15),        spec("supervision", {100, 1}, 0.05)};
+  for (std::size_t i = 5; i < 8; ++i) r.tasks[i].box = rt::Box::kRobot;
+  r.tasks[1].policy = rt::MissPolicy::kDegrade;
+  r.tasks[1].variants = {variant("10mm", 25, false), variant("10mm_fast", 21, false),
+                         variant("20mm", 12, true), variant("20mm_fast", 9, false)};
+  r.tasks[3].task_class = rt::TaskClass::kFirm;
+  r.tasks[3].variants = {variant("50ms", 50, false), variant("35ms", 35, false),
+                         variant("20ms", 20, false)};
+  r.tasks[6].task_class = rt::TaskClass::kFirm;
+  r.tasks[6].variants = {variant("full", 15, false), variant("half", 8, true)};
+  TaskSpec sentinel = spec("sentinel", {1000, 1}, 0.005);
+  TaskSpec watchdog = spec("watchdog", {100, 1}, 0.02);
+  watchdog.core = 0;
+  r.platform = {{sentinel, rt::kSentinelPriority}, {watchdog, rt::kWatchdogPriority}};
+  r.best_effort = {{"link", 0.05, 0}, {"console", 0.05, std::nullopt}};
+  for (int c = 0; c < cores; ++c) r.cpus.push_back(2 + c);
+  return r;
+}
+
+// The contract, checked from outside on any admitted request.
+void expect_sound(const AdmissionRequest& request, const rt::Admission& a) {
+  ASSERT_TRUE(a.admitted) << a.refusal;
+  std::vector<double> load(request.cpus.size(), 0.0);
+  for (const auto& b : request.best_effort) {
+    if (b.core) load[static_cast<std::size_t>(*b.core)] += b.share;
+  }
+  for (std::size_t i = 0; i < a.tasks.size(); ++i) {
+    const auto& t = a.tasks[i];
+    ASSERT_GE(t.core, 0);
+    EXPECT_EQ(t.cpu, request.cpus[static_cast<std::size_t>(t.core)]);
+    EXPECT_EQ(t.priority, 80 - t.rank);
+    EXPECT_LE(t.R, t.D);
+    EXPECT_EQ(t.slack, t.D - t.R);
+    EXPECT_EQ(t.core, request.tasks[i].core.value_or(t.core));
+    load[static_cast<std::size_t>(t.core)] += t.utilisation;
+    for (std::size_t j = 0; j < i; ++j) EXPECT_NE(t.priority, a.tasks[j].priority);
+  }
+  for (const auto& p : a.platform) load[static_cast<std::size_t>(p.core)] += p.utilisation;
+  for (std::size_t c = 0; c < load.size(); ++c) {
+    EXPECT_LE(load[c], request.core_limit + 1e-12);
+    EXPECT_NEAR(load[c], a.cores[c].utilisation + a.cores[c].best_effort, 1e-12);
+  }
+}
+
+TEST(Admission, FourCoresTakeTheFullTable) {
+  const auto request = demo(4);
+  const auto a = rt::admit(request);
+  expect_sound(request, a);
+  for (const auto& t : a.tasks) EXPECT_EQ(t.level, 0) << t.name;
+  EXPECT_TRUE(a.steps.empty());
+  EXPECT_GE(a.growth, 1.0);
+  EXPECT_THAT(rt::report_table(a), HasSubstr("every task runs its full variant"));
+}
+
+TEST(Admission, TwoCoresTakeSmallerVariantsAndSayWhich) {
+  const auto request = demo(2);
+  const auto a = rt::admit(request);
+  expect_sound(request, a);
+  EXPECT_FALSE(a.steps.empty());
+  const std::string table = rt::report_table(a);
+  std::printf("%s", table.c_str());
+  for (const auto& step : a.steps) EXPECT_THAT(table, HasSubstr(step));
+  EXPECT_THAT(a.steps[0], HasSubstr("because"));
+  // No single step can be taken back.
+  for (std::size_t i = 0; i < a.tasks.size(); ++i) {
+    if (a.tasks[i].level == 0) continue;
+    auto raised = request;
+    for (std::size_t j = 0; j < raised.tasks.size(); ++j) {
+      auto& t = raised.tasks[j];
+      const int level = a.tasks[j].level - (i == j ? 1 : 0);
+      t.budget = request.tasks[j].budget_of(level);
+      t.variants.clear();
+    }
+    EXPECT_FALSE(rt::admit(raised).admitted) << request.tasks[i].name;
+  }
+}
+
+TEST(Admission, OneCoreIsRefusedWithTaskAndFigures) {
+  const auto a = rt::admit(demo(1));
+  EXPECT_FALSE(a.admitted);
+  EXPECT_THAT(a.refusal, HasSubstr("task '"));
+  EXPECT_THAT(a.refusal, HasSubstr("above 0.90"));
+  EXPECT_THAT(a.refusal, HasSubstr("even after lowering"));
+  EXPECT_THAT(rt::report_table(a), HasSubstr("refused"));
+}
+
+TEST(Admission, ADegradeOrderIsFollowedAndNothingElseIsLowered) {
+  auto request = demo(2);
+  request.degrade_order = {"planning", "planning", "capture", "fusion", "fusion", "fusion"};
+  const auto a = rt::admit(request);
+  expect_sound(request, a);
+  ASSERT_FALSE(a.steps.empty());
+  request.degrade_order = {"capture"};
+  const auto refused = rt::admit(request);
+  EXPECT_FALSE(refused.admitted);
+  EXPECT_EQ(refused.tasks[1].level, 0);
+  EXPECT_EQ(refused.tasks[3].level, 0);
+  EXPECT_EQ(refused.tasks[6].level, 1);
+}
+
+TEST(Admission, RunTimeLevelsStopBeforeAStaticKnob) {
+  const auto a = rt::admit(demo(4));
+  EXPECT_EQ(a.tasks[1].last_level, 1);
+  EXPECT_EQ(a.tasks[6].last_level, 0);
+  EXPECT_EQ(a.tasks[3].last_level, 2);
+}
+
+TEST(Admission, RefusesAbovePointNineAlthoughAllDeadlinesHold) {
+  AdmissionRequest r;
+  r.cpus = {0};
+  r.tasks = {spec("a", {10, 1}, 89.9)};
+  EXPECT_TRUE(rt::admit(r).admitted);
+  r.best_effort = {{"log", 0.01, 0}};
+  const auto a = rt::admit(r);
+  EXPECT_FALSE(a.admitted);
+  EXPECT_THAT(a.refusal, HasSubstr("utilisation 0.909 above 0.90"));
+  EXPECT_THAT(a.refusal, HasSubstr("best effort 0.010"));
+}
+
+TEST(Admission, RefusesALateTaskAtLowUtilisation) {
+  AdmissionRequest r;
+  r.cpus = {0};
+  r.tasks = {spec("long", {10, 1}, 5), spec("tight", {8, 1}, 1)};
+  r.tasks[1].deadline = Nanos{3'000'000};
+  const auto a = rt::admit(r);
+  EXPECT_FALSE(a.admitted);
+  EXPECT_THAT(a.refusal, HasSubstr("'tight' R = 6.032 ms > D = 3.000 ms"));
+  r.cpus = {0, 1};  // with two cores each has its own
+  EXPECT_TRUE(rt::admit(r).admitted);
+}
+
+TEST(Admission, BlockingAndJitterCount) {
+  AdmissionRequest r;
+  r.cpus = {0};
+  r.tasks = {spec("a", {1000, 1}, 0.5)};
+  EXPECT_TRUE(rt::admit(r).admitted);
+  r.tasks[0].blocking = Nanos{300'000};
+  EXPECT_EQ(rt::admit(r).tasks[0].R.count(), 816'000);
+  r.tasks[0].jitter = Nanos{200'000};
+  EXPECT_FALSE(rt::admit(r).admitted);
+}
+
+TEST(Admission, PinnedTasksStayAndSentinelsFollowTheUsedCores) {
+  auto r = demo(4);
+  r.tasks[0].core = 3;
+  r.best_effort.clear();
+  const auto a = rt::admit(r);
+  expect_sound(r, a);
+  EXPECT_EQ(a.tasks[0].cpu, 5);
+  std::vector<bool> used(4, false);
+  for (const auto& t : a.tasks) used[static_cast<std::size_t>(t.core)] = true;
+  std::size_t sentinels = 0, watchdogs = 0;
+  for (const auto& p : a.platform) {
+    EXPECT_EQ(p.name.substr(p.name.find('@') + 1), std::to_string(p.cpu));
+    if (p.priority == rt::kSentinelPriority) {
+      ++sentinels;
+      EXPECT_TRUE(used[static_cast<std::size_t>(p.core)]);
+    } else {
+      ++watchdogs;
+      EXPECT_EQ(p.cpu, 2);
+    }
+  }
+  EXPECT_EQ(watchdogs, 1U);
+  EXPECT_EQ(sentinels, static_cast<std::size_t>(std::count(used.begin(), used.end(), true)));
+  const auto again = rt::pinned_as(a, r.tasks);
+  for (std::size_t i = 0; i < again.size(); ++i) EXPECT_EQ(*again[i].core, a.tasks[i].core);
+}
+
+TEST(Admission, TwoTasksPinnedTogetherCanBeRefused) {
+  AdmissionRequest r;
+  r.cpus = {0, 1};
+  r.tasks = {spec("a", {10, 1}, 50), spec("b", {10, 1}, 50)};
+  r.tasks[0].core = r.tasks[1].core = 1;
+  const auto a = rt::admit(r);
+  EXPECT_FALSE(a.admitted);
+  EXPECT_THAT(a.refusal, HasSubstr("task 'b' pinned to core 1 (cpu 1)"));
+}
+
+TEST(Admission, FloatingBestEffortNeedsRoomSomewhere) {
+  AdmissionRequest r;
+  r.cpus = {0, 1};
+  r.tasks = {spec("a", {10, 1}, 60), spec("b", {10, 1}, 60)};
+  r.best_effort = {{"console", 0.5, std::nullopt}};
+  EXPECT_TRUE(rt::admit(r).admitted);
+  r.best_effort.push_back({"report", 0.2, std::nullopt});
+  const auto a = rt::admit(r);
+  EXPECT_FALSE(a.admitted);
+  EXPECT_THAT(a.refusal, HasSubstr("best-effort load without a core is 0.700"));
+}
+
+TEST(Admission, GrowthIsWhatAdmissionItselfWouldAccept) {
+  AdmissionRequest r;
+  r.cpus = {0};
+  r.tasks = {spec("haptic", {1000, 1}, 0.1), spec("fusion", {30, 1}, 10),
+             spec("plan", {10, 1}, 10)};
+  r.best_effort = {{"link", 0.1, 0}};
+  const auto a = rt::admit(r);
+  const auto grown = [&](double f) {
+    auto g = r;
+    for (auto& t : g.tasks) {
+      t.budget =
+          Nanos{static_cast<std::int64_t>(std::ceil(static_cast<double>(t.budget.count()) * f))};
+    }
+    return rt::admit(g).admitted;
+  };
+  EXPECT_TRUE(grown(a.growth));
+  EXPECT_FALSE(grown(a.growth + 1.1e-4));
+}
+
+TEST(Admission, MalformedRequestsAreRefusedByName) {
+  const auto refusal = [](auto change) {
+    auto r = demo(2);
+    change(r);
+    const auto a = rt::admit(r);
+    EXPECT_FALSE(a.admitted);
+    return a.refusal;
+  };
+  EXPECT_THAT(refusal([](auto& r) { r.cpus.clear(); }), HasSubstr("no CPU"));
+  EXPECT_THAT(refusal([](auto& r) { r.tasks[0].budget = Nanos{0}; }), HasSubstr("'haptic'"));
+  EXPECT_THAT(refusal([](auto& r) { r.tasks[0].core = 2; }), HasSubstr("allowed: 0 to 1"));
+  EXPECT_THAT(refusal([](auto& r) { r.tasks[0].rate.num = 0; }), HasSubstr("rate"));
+  EXPECT_THAT(refusal([](auto& r) { r.tasks[1].variants[2].budget = Nanos{0}; }),
+              HasSubstr("20mm"));
+  EXPECT_THAT(refusal([](auto& r) { r.degrade_order = {"fuson"}; }), HasSubstr("fuson"));
+  EXPECT_THAT(refusal([](auto& r) { r.best_effort[0].share = std::nan(""); }), HasSubstr("link"));
+  EXPECT_THAT(refusal([](auto& r) { r.platform[0].priority = 40; }), HasSubstr("sentinel"));
+  EXPECT_THAT(refusal([](auto& r) {
+                while (r.tasks.size() < 80) r.tasks.push_back(spec("x", {1, 1}, 0.001));
+              }),
+              HasSubstr("80 tasks"));
+}
+
+TEST(Admission, RandomRequestsAreSoundAndRepeat) {
+  std::printf("seeds 1..500\n");
+  int admitted = 0, lowered = 0;
+  for (std::uint64_t seed = 1; seed <= 500; ++seed) {
+    rt::Random rng(seed, 3);
+    AdmissionRequest r;
+    const auto cores = rng.integer(1, 4);
+    for (std::int64_t c = 0; c < cores; ++c) r.cpus.push_back(static_cast<int>(c * 2));
+    const auto n = rng.integer(1, 10);
+    for (std::int64_t i = 0; i < n; ++i) {
+      const rt::Rate rate{rng.integer(5, 1000), rng.integer(1, 3)};
+      const double period_ms = 1e3 / rate.hz();
+      const double c_ms = period_ms * rng.uniform(0.01, 0.7);
+      TaskSpec s = spec(std::string("t").append(std::to_string(i)), rate, c_ms);
+      if (rng.integer(0, 3) == 0) s.core = static_cast<int>(rng.integer(0, cores - 1));
+      if (rng.integer(0, 1) == 0) {
+        s.variants = {variant("full", c_ms, false),
+                      variant("half", c_ms / 2, rng.integer(0, 1) == 0),
+                      variant("tenth", c_ms / 10, false)};
+      }
+      r.tasks.push_back(s);
+    }
+    const auto a = rt::admit(r);
+    EXPECT_EQ(rt::report_table(a), rt::report_table(rt::admit(r))) << "seed " << seed;
+    if (!a.admitted) {
+      EXPECT_FALSE(a.refusal.empty());
+      continue;
+    }
+    ++admitted;
+    lowered += a.steps.empty() ? 0 : 1;
+    expect_sound(r, a);
+    EXPECT_GE(a.growth, 1.0) << "seed " << seed;
+  }
+  std::printf("%d of 500 admitted, %d of them with smaller variants\n", admitted, lowered);
+  EXPECT_GT(admitted, 100);
+  EXPECT_LT(admitted, 450);
+  EXPECT_GT(lowered, 20);
+}
+
+TEST(Admission, AffinityMaskIsRead) {
+  const auto cpus = rt::affinity_cpus();
+  ASSERT_FALSE(cpus.empty());
+  cpu_set_t before, one;
+  ASSERT_EQ(sched_getaffinity(0, sizeof before, &before), 0);
+  for (const int c : cpus) EXPECT_TRUE(CPU_ISSET(c, &before));
+  CPU_ZERO(&one);
+  CPU_SET(cpus.back(), &one);
+  ASSERT_EQ(sched_setaffinity(0, sizeof one, &one), 0);
+  EXPECT_EQ(rt::affinity_cpus(), std::vector<int>{cpus.back()});
+  ASSERT_EQ(sched_setaffinity(0, sizeof before, &before), 0);
+}
+
+}  // namespace
