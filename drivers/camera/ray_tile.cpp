@@ -36,8 +36,8 @@ void cast_plane(RayTile& tile, const Linear z, std::int64_t id) noexcept {
 }
 
 TELETACT_CAMERA_CLONES
-void cast_box(RayTile& tile, const Linear lx, const Linear ly, const Linear lz, double hx, double hy,
-              double hz, std::int64_t id) noexcept {
+void cast_box(RayTile& tile, const Linear lx, const Linear ly, const Linear lz, double hx,
+              double hy, double hz, std::int64_t id) noexcept {
   for (int i = 0; i < kN; ++i) {
     const double x = tile.x[i], y = tile.y[i];
     const double ix = safe_inverse(lx(x, y)), iy = safe_inverse(ly(x, y));
@@ -122,8 +122,7 @@ void mix(RayTile& tile, const std::uint32_t* level, perception::Rgb c, std::int6
   const std::uint32_t r = c.r, g = c.g, b = c.b;
   for (int i = 0; i < kN; ++i) {
     const std::uint32_t l = level[i];
-    const std::uint32_t colour =
-        (r * l >> 8U) | ((g * l >> 8U) << 8U) | ((b * l >> 8U) << 16U);
+    const std::uint32_t colour = (r * l >> 8U) | ((g * l >> 8U) << 8U) | ((b * l >> 8U) << 16U);
     tile.colour[i] = tile.id[i] == id ? colour : tile.colour[i];
   }
 }
@@ -140,10 +139,14 @@ void tile_cast(RayTile& tile, const SeenShape& s) noexcept {
   const Linear x(s, 0), y(s, 1), z(s, 2);
   const auto& h = s.shape->half;
   switch (s.shape->kind) {
-    case Shape::Kind::kPlane: return cast_plane(tile, z, s.id);
-    case Shape::Kind::kBox: return cast_box(tile, x, y, z, h.x(), h.y(), h.z(), s.id);
-    case Shape::Kind::kCylinder: return cast_cylinder(tile, x, y, z, h.x(), h.z(), s.id);
-    case Shape::Kind::kSphere: return cast_sphere(tile, x, y, z, h.x(), s.id);
+    case Shape::Kind::kPlane:
+      return cast_plane(tile, z, s.id);
+    case Shape::Kind::kBox:
+      return cast_box(tile, x, y, z, h.x(), h.y(), h.z(), s.id);
+    case Shape::Kind::kCylinder:
+      return cast_cylinder(tile, x, y, z, h.x(), h.z(), s.id);
+    case Shape::Kind::kSphere:
+      return cast_sphere(tile, x, y, z, h.x(), s.id);
   }
 }
 
@@ -154,9 +157,15 @@ void tile_paint(RayTile& tile, const SeenShape& s) noexcept {
   const Linear x(s, 0), y(s, 1), z(s, 2);
   alignas(64) std::array<std::uint32_t, kN> level;
   switch (s.shape->paint.texture) {
-    case Paint::Texture::kPlain: level.fill(256); break;
-    case Paint::Texture::kChecker: levels_checker(tile, x, y, z, *s.shape, level.data()); break;
-    case Paint::Texture::kNoise: levels_noise(tile, x, y, z, *s.shape, level.data()); break;
+    case Paint::Texture::kPlain:
+      level.fill(256);
+      break;
+    case Paint::Texture::kChecker:
+      levels_checker(tile, x, y, z, *s.shape, level.data());
+      break;
+    case Paint::Texture::kNoise:
+      levels_noise(tile, x, y, z, *s.shape, level.data());
+      break;
   }
   mix(tile, level.data(), s.shape->paint.colour, s.id);
 }

@@ -21,9 +21,9 @@ namespace drivers {
 
 struct RayTile {
   static constexpr int kWidth = 32, kHeight = 8, kSize = kWidth * kHeight;
-  alignas(64) std::array<double, kSize> x, y;      // direction
-  alignas(64) std::array<double, kSize> t;         // nearest entry so far
-  alignas(64) std::array<std::int64_t, kSize> id;  // its shape, -1: none
+  alignas(64) std::array<double, kSize> x, y;           // direction
+  alignas(64) std::array<double, kSize> t;              // nearest entry so far
+  alignas(64) std::array<std::int64_t, kSize> id;       // its shape, -1: none
   alignas(64) std::array<std::uint32_t, kSize> colour;  // r | g << 8 | b << 16
 };
 
@@ -31,10 +31,10 @@ struct RayTile {
 struct SeenShape {
   const Shape* shape = nullptr;
   std::int64_t id = 0;
-  perception::Vec3 origin_S;              // the lens
-  perception::Mat3 R_SC;                  // d_S = R_SC (x, y, 1)
-  perception::Vec3 centre_C;              // of the bounding sphere
-  perception::Vec3 normal_C;              // planes
+  perception::Vec3 origin_S;  // the lens
+  perception::Mat3 R_SC;      // d_S = R_SC (x, y, 1)
+  perception::Vec3 centre_C;  // of the bounding sphere
+  perception::Vec3 normal_C;  // planes
 };
 
 void tile_begin(RayTile& tile, double max_t) noexcept;

@@ -23,7 +23,9 @@ rt::Random row_stream(std::uint64_t seed, std::uint64_t seq, int v, Purpose purp
   return rt::Random(seed, rt::mix64(seq, static_cast<std::uint64_t>(v) * 8U +
                                              static_cast<std::uint64_t>(purpose)));
 }
-std::uint32_t high_bits(rt::Random& rng) noexcept { return static_cast<std::uint32_t>(rng() >> 32U); }
+std::uint32_t high_bits(rt::Random& rng) noexcept {
+  return static_cast<std::uint32_t>(rng() >> 32U);
+}
 
 struct TileBounds {
   double x0, x1, y0, y1;  // directions of the tile's rays lie within
@@ -33,8 +35,8 @@ bool may_see(const SeenShape& s, const TileBounds& b) noexcept {
   if (s.shape->kind == Shape::Kind::kPlane) {
     // Linear in (x, y): it can be met if it is approached by one of the corners.
     const Vec3& n = s.normal_C;
-    const double least = n.z() + std::min(n.x() * b.x0, n.x() * b.x1) +
-                         std::min(n.y() * b.y0, n.y() * b.y1);
+    const double least =
+        n.z() + std::min(n.x() * b.x0, n.x() * b.x1) + std::min(n.y() * b.y0, n.y() * b.y1);
     return s.origin_S.z() > 0 && least < 0;
   }
   // Bounding sphere against the four side planes of the tile's frustum.
@@ -63,8 +65,8 @@ void look(const World& world, const Pose& X_WC, std::vector<SeenShape>& seen) no
   }
 }
 
-void jitter_rows(const LateralJitter& jitter, std::uint64_t seed, std::uint64_t seq, int v0, int rows,
-                 int width, RenderScratch& scratch) noexcept {
+void jitter_rows(const LateralJitter& jitter, std::uint64_t seed, std::uint64_t seq, int v0,
+                 int rows, int width, RenderScratch& scratch) noexcept {
   const float sigma = static_cast<float>(jitter.sigma_px);
   for (int v = 0; v < rows; ++v) {
     rt::Random ru = row_stream(seed, seq, v0 + v, Purpose::kJitterU);

@@ -31,8 +31,9 @@ struct RenderScratch {
   std::vector<const SeenShape*> in_tile;  // what a tile may see
 };
 
-// Fills depth, colour, intrinsics, has_colour and seq of `out`; leaves `exposure`. Allocates nothing.
-// The result is a function of the arguments only. Asserts that the scratch is large enough.
+// Fills depth, colour, intrinsics, has_colour and seq of `out`; leaves `exposure`. Allocates
+// nothing. The result is a function of the arguments only. Asserts that the scratch is large
+// enough.
 void render(const World& world, const perception::Intrinsics& intrinsics,
             const perception::Pose& X_WC, const DepthRange& range, const DepthNoise& noise,
             std::uint64_t seed, std::uint64_t seq, RenderScratch& scratch,

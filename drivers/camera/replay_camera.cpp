@@ -16,8 +16,8 @@ ReplayCamera::ReplayCamera(rt::NonRealtime&, const TumSequence& sequence, rt::Ti
                            double hold_s, const Progress& progress)
     : intrinsics_(sequence.intrinsics()), start_(start), hold_(rt::nanos_from_seconds(hold_s)) {
   const auto n = static_cast<std::size_t>(sequence.size());
-  const std::size_t pixels = static_cast<std::size_t>(intrinsics_.width) *
-                             static_cast<std::size_t>(intrinsics_.height);
+  const std::size_t pixels =
+      static_cast<std::size_t>(intrinsics_.width) * static_cast<std::size_t>(intrinsics_.height);
   auto frame = std::make_unique<RgbdFrame>();
   for (std::size_t i = 0; i < n; ++i) {
     const auto ok = sequence.read(static_cast<int>(i), *frame);
@@ -33,8 +33,8 @@ ReplayCamera::ReplayCamera(rt::NonRealtime&, const TumSequence& sequence, rt::Ti
       depth_mm_.resize(n * pixels);
       if (has_colour_) colour_.resize(n * pixels);
     }
-    offsets_.push_back(rt::nanos_from_seconds(sequence.stamp_s(static_cast<int>(i)) -
-                                              sequence.stamp_s(0)));
+    offsets_.push_back(
+        rt::nanos_from_seconds(sequence.stamp_s(static_cast<int>(i)) - sequence.stamp_s(0)));
     std::copy_n(frame->depth_mm.data(), pixels, depth_mm_.data() + i * pixels);
     if (has_colour_) std::copy_n(frame->colour.data(), pixels, colour_.data() + i * pixels);
     if (progress) progress(static_cast<int>(i) + 1, static_cast<int>(n));
@@ -46,8 +46,8 @@ rt::Nanos ReplayCamera::length() const noexcept { return offsets_.back() + hold_
 
 void ReplayCamera::deliver(std::size_t i, std::uint64_t seq, rt::Time exposure,
                            RgbdFrame& out) const noexcept {
-  const std::size_t pixels = static_cast<std::size_t>(intrinsics_.width) *
-                             static_cast<std::size_t>(intrinsics_.height);
+  const std::size_t pixels =
+      static_cast<std::size_t>(intrinsics_.width) * static_cast<std::size_t>(intrinsics_.height);
   out.exposure = exposure;
   out.seq = seq;
   out.intrinsics = intrinsics_;

@@ -44,7 +44,7 @@ class ReplayCamera : public Camera {
   std::vector<rt::Nanos> offsets_;       // of frame i after frame 0
   std::vector<std::uint16_t> depth_mm_;  // all frames, one after the other
   std::vector<perception::Rgb> colour_;
-  std::int64_t next_ = 0;                // first frame number not handed out and not passed over
+  std::int64_t next_ = 0;  // first frame number not handed out and not passed over
 };
 
 }  // namespace drivers

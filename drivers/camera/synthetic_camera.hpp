@@ -26,10 +26,10 @@ struct SyntheticCameraConfig {
   std::string resolution = "full";  // full: 512 x 424, f 365; half: 256 x 212, f 182.5
   double exposure_ms = 10;
   double range_min_m = 0.4, range_max_m = 5.0;
-  std::uint64_t seed = 1;           // of the noise
+  std::uint64_t seed = 1;                                    // of the noise
   std::array<double, 3> mount_position_m{-0.20, 0.0, 0.95};  // of the lens in B
-  double mount_yaw_deg = 0;         // positive: to the left
-  double mount_pitch_deg = 30;      // positive: looks down
+  double mount_yaw_deg = 0;                                  // positive: to the left
+  double mount_pitch_deg = 30;                               // positive: looks down
   DepthNoiseConfig noise;
   void describe(config::Section& s);
 

@@ -69,9 +69,10 @@ rt::Result<cv::Mat> read_image(const std::string& path, int type, int width, int
                           (type == CV_16UC1 ? "16 bit x 1" : "8 bit x 3"));
   }
   if (image.cols != width || image.rows != height) {
-    return file_error(path, 0, "is " + std::to_string(image.cols) + " x " +
-                                   std::to_string(image.rows) + ", intrinsics.txt says " +
-                                   std::to_string(width) + " x " + std::to_string(height));
+    return file_error(path, 0,
+                      "is " + std::to_string(image.cols) + " x " + std::to_string(image.rows) +
+                          ", intrinsics.txt says " + std::to_string(width) + " x " +
+                          std::to_string(height));
   }
   return image;
 }

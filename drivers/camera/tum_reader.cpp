@@ -41,15 +41,13 @@ rt::Result<bool> read_intrinsics(const std::string& path, Intrinsics& k, double&
       v[i] = number.value();
     }
     const auto range = [&](std::size_t i, double lo, double hi) {
-      return v[i] >= lo && v[i] <= hi
-                 ? std::string()
-                 : std::string(names[i]) + " = " + t[i] + " is outside " + std::to_string(lo) +
-                       " ... " + std::to_string(hi);
+      return v[i] >= lo && v[i] <= hi ? std::string()
+                                      : std::string(names[i]) + " = " + t[i] + " is outside " +
+                                            std::to_string(lo) + " ... " + std::to_string(hi);
     };
-    for (const std::string& bad :
-         {range(0, 1, 1e5), range(1, 1, 1e5), range(2, -1e5, 1e5), range(3, -1e5, 1e5),
-          range(4, 1, RgbdFrame::kMaxWidth), range(5, 1, RgbdFrame::kMaxHeight),
-          range(6, 1, 1e6)}) {
+    for (const std::string& bad : {range(0, 1, 1e5), range(1, 1, 1e5), range(2, -1e5, 1e5),
+                                   range(3, -1e5, 1e5), range(4, 1, RgbdFrame::kMaxWidth),
+                                   range(5, 1, RgbdFrame::kMaxHeight), range(6, 1, 1e6)}) {
       if (!bad.empty()) return file_error(path, n, bad);
     }
     for (const std::size_t i : {std::size_t{4}, std::size_t{5}}) {
@@ -101,9 +99,12 @@ rt::Result<TumSequence> TumSequence::open(const std::string& folder, const TumOp
                             "; only 640 x 480 can be resampled to 512 x 424");
     }
     // Pixel centres are whole numbers, so the scale acts about (-0.5, -0.5).
-    s.intrinsics_ = {s.source_.fx * kScale, s.source_.fy * kScale,
+    s.intrinsics_ = {s.source_.fx * kScale,
+                     s.source_.fy * kScale,
                      (s.source_.cx + 0.5) * kScale - 0.5 - kCropLeft,
-                     (s.source_.cy + 0.5) * kScale - 0.5, kKinectWidth, kKinectHeight};
+                     (s.source_.cy + 0.5) * kScale - 0.5,
+                     kKinectWidth,
+                     kKinectHeight};
   }
 
   const std::string list = folder + "/associations.txt";
@@ -121,8 +122,8 @@ rt::Result<TumSequence> TumSequence::open(const std::string& folder, const TumOp
       return file_error(list, n, "depth stamp " + t[2] + " is outside -4e9 ... 4e9 s");
     }
     if (!s.entries_.empty() && depth_s.value() <= s.entries_.back().depth_s) {
-      return file_error(list, n, "depth stamp " + t[2] + " does not rise above " +
-                                     s.entries_.back().depth_stamp);
+      return file_error(
+          list, n, "depth stamp " + t[2] + " does not rise above " + s.entries_.back().depth_stamp);
     }
     Entry e{depth_s.value(), t[2], folder + "/" + t[3], folder + "/" + t[1], n};
     if (!regular_file(e.depth_file)) {
@@ -157,8 +158,9 @@ rt::Result<bool> TumSequence::read_registration(const std::string& path) {
     if ((seen & (1U << key)) != 0) return file_error(path, n, "a second '" + t[0] + "'");
     seen |= 1U << key;
     if (t.size() != counts[key] + 1) {
-      return file_error(path, n, "'" + t[0] + "' wants " + std::to_string(counts[key]) +
-                                     " numbers, found " + std::to_string(t.size() - 1));
+      return file_error(path, n,
+                        "'" + t[0] + "' wants " + std::to_string(counts[key]) + " numbers, found " +
+                            std::to_string(t.size() - 1));
     }
     double v[9];
     for (std::size_t i = 0; i < counts[key]; ++i) {

@@ -1,13 +1,14 @@
 // Reader of an RGB-D sequence in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012).
 //
-//   associations.txt         "t_colour colour_file t_depth depth_file", seconds, paths in the folder;
+//   associations.txt         "t_colour colour_file t_depth depth_file", seconds, paths in the
+//   folder;
 //                            depth stamps rise strictly; '#' begins a comment line
 //   depth/*.png              16 bit, one channel; 0 and 65535 = no reading
 //   rgb/*.jpg|png            8 bit colour, of the depth's size
 //   intrinsics.txt           "fx fy cx cy width height depth_units_per_metre"
 //   colour_registration.txt  optional: colour is not registered; pose and pinhole of the colour
-//                            camera ("fx v", "fy v", "cx v", "cy v", "R 9 values", "t 3 values in m",
-//                            X_colour = R X_depth + t)
+//                            camera ("fx v", "fy v", "cx v", "cy v", "R 9 values", "t 3 values in
+//                            m", X_colour = R X_depth + t)
 //
 // Strict: the first thing that is wrong ends it with one message that names file, line, value.
 // Ground truth beside the images is never opened.
@@ -32,7 +33,8 @@ struct TumOptions {
   // each depth pixel up in the colour image, hidden ones (behind a nearer surface as the colour
   // camera sees it) get black. Without that file colour counts as registered.
   bool register_colour = false;
-  // 640 x 480 to 512 x 424 by nearest pixel: scale 424/480, then a centre crop; f 585 becomes 516.75.
+  // 640 x 480 to 512 x 424 by nearest pixel: scale 424/480, then a centre crop; f 585 becomes
+  // 516.75.
   bool to_512x424 = false;
   // Depth only: colour files are neither asked for nor opened.
   bool skip_colour = false;

@@ -1,8 +1,8 @@
 // Colour as baseline JPEG through OpenCV's imgcodecs, at full or half resolution.
 //
-// OpenCV and libjpeg allocate; that is why capture is a firm task. Nothing is thrown out of here. The
-// decoder looks at the JPEG's own size before it lets the library see it, so a damaged header can
-// not ask for gigabytes.
+// OpenCV and libjpeg allocate; that is why capture is a firm task. Nothing is thrown out of here.
+// The decoder looks at the JPEG's own size before it lets the library see it, so a damaged header
+// can not ask for gigabytes.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +17,8 @@ namespace drivers {
 
 // Section [codec].
 struct ColourCodecConfig {
-  int quality = 60;        // of JPEG, 1..100
-  bool half = true;        // half the width and height: a quarter of the bytes and of the time
+  int quality = 60;  // of JPEG, 1..100
+  bool half = true;  // half the width and height: a quarter of the bytes and of the time
   void describe(config::Section& s);
 };
 
@@ -42,7 +42,9 @@ class ColourCodec {
 };
 
 // Width and height of a baseline JPEG; {0, 0} when it is none, or its header contradicts itself.
-struct JpegSize { int width = 0, height = 0; };
+struct JpegSize {
+  int width = 0, height = 0;
+};
 [[nodiscard]] JpegSize jpeg_size(std::span<const std::uint8_t> in) noexcept;
 
 }  // namespace drivers

@@ -1,5 +1,6 @@
-// An RGB-D frame as it crosses the link: a header and two blobs, depth (lossless) and colour (JPEG).
-// Fixed capacity, so it lives in a prefaulted channel slot; on the wire it has only its real length.
+// An RGB-D frame as it crosses the link: a header and two blobs, depth (lossless) and colour
+// (JPEG). Fixed capacity, so it lives in a prefaulted channel slot; on the wire it has only its
+// real length.
 //
 // Wire form, little-endian (write_wire / read_wire), kWireHeader bytes and then the blobs:
 //   u32 magic "TTF1", u8 box, u8 flags (1 = colour), u16 width, u16 height, u16 0,
@@ -21,8 +22,8 @@ struct EncodedFrame {
   static constexpr std::size_t kMaxColourBytes = std::size_t{256} * 1024;
   static constexpr std::size_t kCapacity = kMaxDepthBytes + kMaxColourBytes;
 
-  rt::Stamp exposure{};     // middle of the exposure, clock of the box that has the camera
-  std::uint64_t seq = 0;    // the camera's frame number
+  rt::Stamp exposure{};   // middle of the exposure, clock of the box that has the camera
+  std::uint64_t seq = 0;  // the camera's frame number
   perception::Intrinsics intrinsics{};
   bool has_colour = false;
   std::uint32_t depth_size = 0, colour_size = 0;
@@ -38,12 +39,12 @@ struct EncodedFrame {
 
 enum class FrameStatus : std::uint8_t {
   kOk,
-  kNoColour,      // depth is good; colour could not be coded or decoded and was left out
-  kTruncated,     // fewer bytes than the header asks for
-  kBadHeader,     // magic, size, intrinsics outside what a camera can have
-  kBadCheck,      // bytes changed on the way
-  kBadDepth,      // the depth blob is not one of ours
-  kNoRoom,        // destination too small
+  kNoColour,   // depth is good; colour could not be coded or decoded and was left out
+  kTruncated,  // fewer bytes than the header asks for
+  kBadHeader,  // magic, size, intrinsics outside what a camera can have
+  kBadCheck,   // bytes changed on the way
+  kBadDepth,   // the depth blob is not one of ours
+  kNoRoom,     // destination too small
 };
 [[nodiscard]] const char* to_text(FrameStatus s) noexcept;
 

@@ -61,11 +61,14 @@ bool touches_sphere(const Obb& b, const Shape& s) {
 
 bool touches(const Obb& b, const Shape& s) {
   switch (s.kind) {
-    case Shape::Kind::kPlane: return touches_plane(b, s);
+    case Shape::Kind::kPlane:
+      return touches_plane(b, s);
     case Shape::Kind::kBox:
       return touches_box(b, {s.X_WS.translation(), s.X_WS.linear(), s.half});
-    case Shape::Kind::kCylinder: return touches_cylinder(b, s);
-    case Shape::Kind::kSphere: return touches_sphere(b, s);
+    case Shape::Kind::kCylinder:
+      return touches_cylinder(b, s);
+    case Shape::Kind::kSphere:
+      return touches_sphere(b, s);
   }
   return false;
 }
@@ -74,9 +77,9 @@ bool touches(const Obb& b, const Shape& s) {
 
 std::span<const BodyBox> youbot_body() noexcept {
   static const std::array<BodyBox, 3> body{{
-      {{0.0, 0.0, 0.07}, {0.29, 0.188, 0.07}},     // base with wheels, down to the floor
-      {{0.143, 0.0, 0.33}, {0.14, 0.10, 0.19}},    // arm, folded
-      {{-0.20, 0.0, 0.57}, {0.04, 0.04, 0.43}},    // camera mast
+      {{0.0, 0.0, 0.07}, {0.29, 0.188, 0.07}},   // base with wheels, down to the floor
+      {{0.143, 0.0, 0.33}, {0.14, 0.10, 0.19}},  // arm, folded
+      {{-0.20, 0.0, 0.57}, {0.04, 0.04, 0.43}},  // camera mast
   }};
   return body;
 }

@@ -35,7 +35,7 @@ struct Shape {
   // Derived by World. The lattice is shifted so that no flat face lies on a cell border, where
   // rounding would make the colour flicker.
   perception::Vec3 lattice_offset_m = perception::Vec3::Zero();
-  double bound_radius_m = 0;                         // of the sphere round X_WS's origin; planes: inf
+  double bound_radius_m = 0;  // of the sphere round X_WS's origin; planes: inf
   std::uint32_t paint_seed = 0;
 };
 

@@ -130,9 +130,12 @@ Entry enter(const Shape& s, const Vec3& o, const Vec3& d) {
     case Shape::Kind::kPlane:
       if (o.z() <= 0 || d.z() >= 0) return {};
       return {-o.z() / d.z(), Vec3::UnitZ()};
-    case Shape::Kind::kBox: return enter_box(o, d, s.half);
-    case Shape::Kind::kCylinder: return enter_cylinder(o, d, s.half.x(), s.half.z());
-    case Shape::Kind::kSphere: return enter_sphere(o, d, s.half.x());
+    case Shape::Kind::kBox:
+      return enter_box(o, d, s.half);
+    case Shape::Kind::kCylinder:
+      return enter_cylinder(o, d, s.half.x(), s.half.z());
+    case Shape::Kind::kSphere:
+      return enter_sphere(o, d, s.half.x());
   }
   return {};
 }
@@ -151,12 +154,10 @@ void add_room(const RoomConfig& room, std::vector<Shape>& shapes) {
     shapes.push_back(make_plane("ceiling", middle + Vec3(0, 0, room.height_m), -Vec3::UnitZ(),
                                 false, room.walls));
   }
-  shapes.push_back(
-      make_plane("wall_x_min", {x0, middle.y(), 0}, Vec3::UnitX(), false, room.walls));
+  shapes.push_back(make_plane("wall_x_min", {x0, middle.y(), 0}, Vec3::UnitX(), false, room.walls));
   shapes.push_back(
       make_plane("wall_x_max", {x1, middle.y(), 0}, -Vec3::UnitX(), false, room.walls));
-  shapes.push_back(
-      make_plane("wall_y_min", {middle.x(), y0, 0}, Vec3::UnitY(), false, room.walls));
+  shapes.push_back(make_plane("wall_y_min", {middle.x(), y0, 0}, Vec3::UnitY(), false, room.walls));
   shapes.push_back(
       make_plane("wall_y_max", {middle.x(), y1, 0}, -Vec3::UnitY(), false, room.walls));
 }
@@ -238,11 +239,10 @@ int World::find(std::string_view name) const noexcept {
 
 Rgb surface_colour(const Shape& s, const Vec3& p_S) noexcept {
   const double inverse = 1.0 / s.paint.cell_m;
-  const std::uint32_t level =
-      paint_level(lattice_index(p_S.x(), s.lattice_offset_m.x(), inverse),
-                  lattice_index(p_S.y(), s.lattice_offset_m.y(), inverse),
-                  lattice_index(p_S.z(), s.lattice_offset_m.z(), inverse), s.paint.texture,
-                  pattern_depth(s.paint), s.paint_seed);
+  const std::uint32_t level = paint_level(lattice_index(p_S.x(), s.lattice_offset_m.x(), inverse),
+                                          lattice_index(p_S.y(), s.lattice_offset_m.y(), inverse),
+                                          lattice_index(p_S.z(), s.lattice_offset_m.z(), inverse),
+                                          s.paint.texture, pattern_depth(s.paint), s.paint_seed);
   const auto dim = [level](std::uint8_t c) { return static_cast<std::uint8_t>(c * level >> 8U); };
   return {dim(s.paint.colour.r), dim(s.paint.colour.g), dim(s.paint.colour.b)};
 }
@@ -267,12 +267,14 @@ double World::signed_distance(const Vec3& p_W, int shape) const noexcept {
   const Shape& s = shapes_[static_cast<std::size_t>(shape)];
   const Vec3 p = s.X_WS.linear().transpose() * (p_W - s.X_WS.translation());
   switch (s.kind) {
-    case Shape::Kind::kPlane: return p.z();
-    case Shape::Kind::kBox: return from_excess<3>(p.cwiseAbs() - s.half);
+    case Shape::Kind::kPlane:
+      return p.z();
+    case Shape::Kind::kBox:
+      return from_excess<3>(p.cwiseAbs() - s.half);
     case Shape::Kind::kCylinder:
-      return from_excess<2>(
-          {std::hypot(p.x(), p.y()) - s.half.x(), std::abs(p.z()) - s.half.z()});
-    case Shape::Kind::kSphere: return p.norm() - s.half.x();
+      return from_excess<2>({std::hypot(p.x(), p.y()) - s.half.x(), std::abs(p.z()) - s.half.z()});
+    case Shape::Kind::kSphere:
+      return p.norm() - s.half.x();
   }
   return kInfinity;
 }

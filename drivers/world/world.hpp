@@ -37,8 +37,8 @@ class World {
   World(rt::NonRealtime&, const WorldConfig& config);
 
   [[nodiscard]] std::span<const Shape> shapes() const noexcept { return shapes_; }
-  // Index of the shape of that name, -1 if there is none. The room's are floor, ceiling, wall_x_min,
-  // wall_x_max, wall_y_min, wall_y_max.
+  // Index of the shape of that name, -1 if there is none. The room's are floor, ceiling,
+  // wall_x_min, wall_x_max, wall_y_min, wall_y_max.
   [[nodiscard]] int find(std::string_view name) const noexcept;
 
   // First entry of the ray into a solid at t > 0. A solid that the origin lies inside is not seen.
@@ -54,8 +54,8 @@ class World {
   [[nodiscard]] int nearest_shape(const perception::Vec3& p_W) const noexcept;
 
   // First shape that the body at (x, y, yaw) touches or overlaps; -1: none. Ground shapes do not
-  // count. Exact: box-plane by corners, box-box by separating axes, box-cylinder as rectangle-disc in
-  // the plane times height overlap, box-sphere by distance.
+  // count. Exact: box-plane by corners, box-box by separating axes, box-cylinder as rectangle-disc
+  // in the plane times height overlap, box-sphere by distance.
   [[nodiscard]] int robot_collision(double x_m, double y_m, double yaw_rad) const noexcept;
   [[nodiscard]] int robot_collision(double x_m, double y_m, double yaw_rad,
                                     std::span<const BodyBox> body) const noexcept;

@@ -45,7 +45,7 @@ struct PlaneConfig {
 struct BoxConfig {
   std::string name;
   std::array<double, 3> size_m{0.1, 0.1, 0.1}, position_m{0, 0, 0};  // centre
-  double yaw_deg = 0, pitch_deg = 0, roll_deg = 0;                   // R = Rz(yaw) Ry(pitch) Rx(roll)
+  double yaw_deg = 0, pitch_deg = 0, roll_deg = 0;  // R = Rz(yaw) Ry(pitch) Rx(roll)
   PaintConfig paint;
   void describe(config::Section& s);
 };

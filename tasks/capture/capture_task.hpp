@@ -21,7 +21,8 @@
 
 namespace tasks {
 
-inline constexpr rt::FaultId kFaultCaptureBadFrame = 0x0601;  // F-CAP-01: not an image, nothing sent
+inline constexpr rt::FaultId kFaultCaptureBadFrame =
+    0x0601;  // F-CAP-01: not an image, nothing sent
 inline constexpr rt::FaultId kFaultCaptureNoColour = 0x0602;  // F-CAP-02: colour left out
 
 // Section [capture].

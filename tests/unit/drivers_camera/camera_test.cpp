@@ -36,12 +36,16 @@ class Recording : public drivers::PoseSource {
 TEST(SyntheticCamera, MountLooksForwardAndDown) {
   SyntheticCameraConfig c;
   c.mount_pitch_deg = 0;
-  EXPECT_TRUE((c.X_BC().linear() * perception::Vec3(0, 0, 1)).isApprox(perception::Vec3(1, 0, 0), 1e-12));
-  EXPECT_TRUE((c.X_BC().linear() * perception::Vec3(1, 0, 0)).isApprox(perception::Vec3(0, -1, 0), 1e-12));
+  EXPECT_TRUE(
+      (c.X_BC().linear() * perception::Vec3(0, 0, 1)).isApprox(perception::Vec3(1, 0, 0), 1e-12));
+  EXPECT_TRUE(
+      (c.X_BC().linear() * perception::Vec3(1, 0, 0)).isApprox(perception::Vec3(0, -1, 0), 1e-12));
   c.mount_pitch_deg = 90;
-  EXPECT_TRUE((c.X_BC().linear() * perception::Vec3(0, 0, 1)).isApprox(perception::Vec3(0, 0, -1), 1e-12));
+  EXPECT_TRUE(
+      (c.X_BC().linear() * perception::Vec3(0, 0, 1)).isApprox(perception::Vec3(0, 0, -1), 1e-12));
   c.mount_pitch_deg = 0, c.mount_yaw_deg = 90;
-  EXPECT_TRUE((c.X_BC().linear() * perception::Vec3(0, 0, 1)).isApprox(perception::Vec3(0, 1, 0), 1e-12));
+  EXPECT_TRUE(
+      (c.X_BC().linear() * perception::Vec3(0, 0, 1)).isApprox(perception::Vec3(0, 1, 0), 1e-12));
   EXPECT_NEAR(c.X_BC().linear().determinant(), 1, 1e-12);
 }
 
@@ -53,7 +57,9 @@ TEST(SyntheticCamera, FrameIsCompleteAtItsInstantAndShowsTheMiddleOfTheExposure)
   const rt::Time t0 = rt::time_from_ns(5'000'000'000);
   SyntheticCamera camera(startup.token(), config, world, pose, t0);
   auto f = std::make_unique<RgbdFrame>();
-  const auto at = [&](std::int64_t us) { return camera.poll(t0 + std::chrono::microseconds(us), *f); };
+  const auto at = [&](std::int64_t us) {
+    return camera.poll(t0 + std::chrono::microseconds(us), *f);
+  };
   EXPECT_EQ(at(-100000), CameraStatus::kNoFrame);
   EXPECT_EQ(at(9999), CameraStatus::kNoFrame);
   ASSERT_EQ(at(10000), CameraStatus::kFrame);
@@ -80,7 +86,8 @@ TEST(SyntheticCamera, EveryFrameOnceWithAPollAtTheSameRate) {
   auto f = std::make_unique<RgbdFrame>();
   // Polled exactly at the completion, computed by the same integer formula: no frame is lost.
   for (std::uint64_t k = 0; k < 300; ++k) {
-    const rt::Time now = rt::Time{} + drivers::kCameraRate.release(k) + std::chrono::milliseconds(10);
+    const rt::Time now =
+        rt::Time{} + drivers::kCameraRate.release(k) + std::chrono::milliseconds(10);
     ASSERT_EQ(camera.poll(now, *f), CameraStatus::kFrame) << k;
     ASSERT_EQ(f->seq, k);
   }
@@ -95,14 +102,15 @@ TEST(ThreadedCamera, DeliversNewFramesInOrderAndStops) {
   };
   const rt::Time t0 = now() + std::chrono::milliseconds(5);
   drivers::ThreadedCamera camera(
-      startup.token(),
-      std::make_unique<SyntheticCamera>(startup.token(), config, world, pose, t0), now);
+      startup.token(), std::make_unique<SyntheticCamera>(startup.token(), config, world, pose, t0),
+      now);
   auto f = std::make_unique<RgbdFrame>();
   std::uint64_t frames = 0, last = 0;
   while (now() < t0 + std::chrono::milliseconds(500)) {
     if (camera.poll(now(), *f) == CameraStatus::kFrame) {
       ASSERT_TRUE(frames == 0 || f->seq > last);
-      ASSERT_LE(f->exposure + std::chrono::milliseconds(5), now());  // not before its shutter closed
+      ASSERT_LE(f->exposure + std::chrono::milliseconds(5),
+                now());  // not before its shutter closed
       last = f->seq;
       ++frames;
     }
@@ -117,7 +125,8 @@ TEST(ThreadedCamera, DeliversNewFramesInOrderAndStops) {
   SyntheticCamera again(startup.token(), config, world, pose, t0);
   auto g = std::make_unique<RgbdFrame>();
   again.expose(last, *g);
-  EXPECT_TRUE(std::equal(f->depth_mm.begin(), f->depth_mm.begin() + 512 * 424, g->depth_mm.begin()));
+  EXPECT_TRUE(
+      std::equal(f->depth_mm.begin(), f->depth_mm.begin() + 512 * 424, g->depth_mm.begin()));
   EXPECT_TRUE(std::equal(f->colour.begin(), f->colour.begin() + 512 * 424, g->colour.begin()));
 }
 

@@ -58,7 +58,8 @@ std::string name(char kind, int i) {
   return s;
 }
 
-// Every pixel of every view equals the ray cast of the world: depth to the rounding, colour exactly.
+// Every pixel of every view equals the ray cast of the world: depth to the rounding, colour
+// exactly.
 void expect_truth(Rig& rig, const Intrinsics& k, const Pose& X_WC, const DepthRange& range) {
   const RgbdFrame& f = rig.shoot(k, X_WC, {}, 0, range);
   int other_colour = 0, other_depth = 0;
@@ -71,12 +72,13 @@ void expect_truth(Rig& rig, const Intrinsics& k, const Pose& X_WC, const DepthRa
       // Not decided: within float rounding of a range limit or of half a millimetre.
       if (std::abs(z - range.min_m) < 1e-6 || std::abs(z - range.max_m) < 1e-6) continue;
       const int want = z >= range.min_m && z <= range.max_m ? static_cast<int>(z * 1000 + 0.5) : 0;
-      if (got != want && std::abs(z * 1000 + 0.5 - std::round(z * 1000 + 0.5)) > 1e-3) ++other_depth;
+      if (got != want && std::abs(z * 1000 + 0.5 - std::round(z * 1000 + 0.5)) > 1e-3)
+        ++other_depth;
       ASSERT_LE(std::abs(got - want), other_depth > 2 ? 1 : 60000) << u << " " << v << " z " << z;
       if (hit && f.rgb().at(u, v) != hit.colour) ++other_colour;
     }
   }
-  EXPECT_LE(other_depth, 2);   // a ray that just touches a silhouette may go either way
+  EXPECT_LE(other_depth, 2);    // a ray that just touches a silhouette may go either way
   EXPECT_LE(other_colour, 20);  // a hit within rounding of a cell's border
 }
 
@@ -220,7 +222,8 @@ TEST(Noise, AxialSigmaIsTheModelsWithin5Percent) {
     double sum = 0, square = 0;
     int n = 0;
     for (std::uint64_t seq = 0; seq < 10; ++seq) {
-      const RgbdFrame& f = rig.shoot({100, 100, 49.5, 49.5, 100, 100}, Pose::Identity(), noise, seq);
+      const RgbdFrame& f =
+          rig.shoot({100, 100, 49.5, 49.5, 100, 100}, Pose::Identity(), noise, seq);
       for (int i = 0; i < 10000; ++i) {
         const double e = f.depth_mm[static_cast<std::size_t>(i)] - z * 1000;
         sum += e, square += e * e, ++n;
@@ -301,7 +304,8 @@ EdgeCount count_edges(const DepthNoise& noise, int frames) {
     for (int v = 1; v < 199; ++v) {
       for (int u = 1; u < 199; ++u) {
         const int here = truth.depth().at(u, v), z = f.depth().at(u, v);
-        const bool edge = truth.depth().at(u - 1, v) != here || truth.depth().at(u + 1, v) != here ||
+        const bool edge = truth.depth().at(u - 1, v) != here ||
+                          truth.depth().at(u + 1, v) != here ||
                           truth.depth().at(u, v - 1) != here || truth.depth().at(u, v + 1) != here;
         if (!edge) {
           EXPECT_EQ(z, here);  // away from edges nothing happens

@@ -1,10 +1,10 @@
 // A small TUM folder written for a test, so that each part of it can be spoilt.
 #pragma once
 
+#include <unistd.h>
 #include <filesystem>
 #include <fstream>
 #include <string>
-#include <unistd.h>
 
 #include <opencv2/imgcodecs.hpp>
 
@@ -20,7 +20,8 @@ class TumFolder {
             ("teletact_tum_" + std::to_string(::getpid()) + "_" + std::to_string(serial++));
     std::filesystem::create_directories(path_ / "depth");
     std::filesystem::create_directories(path_ / "rgb");
-    write("intrinsics.txt", "# fx fy cx cy width height depth_units_per_metre\n30 31 15.5 11.5 32 24 1000\n");
+    write("intrinsics.txt",
+          "# fx fy cx cy width height depth_units_per_metre\n30 31 15.5 11.5 32 24 1000\n");
     std::string list = "# t rgb t depth\n";
     for (int i = 0; i < frames; ++i) {
       const std::string name = std::to_string(i);

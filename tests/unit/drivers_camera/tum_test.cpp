@@ -77,22 +77,27 @@ TEST(Tum, FaultsOfTheFolderAreNamedWithTheirPlace) {
     const char *file, *text, *place, *why;
   } cases[] = {
       {"intrinsics.txt", "30 30 15 11 32 24\n", "intrinsics.txt:1", "wanted 7"},
-      {"intrinsics.txt", "30 x 15 11 32 24 1000\n", "intrinsics.txt:1", "fy is not a finite number: 'x'"},
+      {"intrinsics.txt", "30 x 15 11 32 24 1000\n", "intrinsics.txt:1",
+       "fy is not a finite number: 'x'"},
       {"intrinsics.txt", "nan 30 15 11 32 24 1000\n", "intrinsics.txt:1", "fx"},
       {"intrinsics.txt", "30 30 15 11 3200 24 1000\n", "intrinsics.txt:1", "width = 3200"},
       {"intrinsics.txt", "30 30 15 11 32.5 24 1000\n", "intrinsics.txt:1", "not whole"},
       {"intrinsics.txt", "30 30 15 11 32 24 0\n", "intrinsics.txt:1", "units_per_metre"},
       {"intrinsics.txt", "# nothing\n", "intrinsics.txt", "no line"},
-      {"intrinsics.txt", "30 30 15 11 32 24 1000\n30 30 15 11 32 24 1000\n", "intrinsics.txt:2", "second"},
+      {"intrinsics.txt", "30 30 15 11 32 24 1000\n30 30 15 11 32 24 1000\n", "intrinsics.txt:2",
+       "second"},
       {"associations.txt", "# nothing\n", "associations.txt", "no frame"},
       {"associations.txt", "1 rgb/0.png 1\n", "associations.txt:1", "found 3"},
-      {"associations.txt", "#\n1 rgb/0.png 1s depth/0.png\n", "associations.txt:2", "depth stamp is not a finite number: '1s'"},
-      {"associations.txt", "1 rgb/0.png 1 depth/0.png\n1 rgb/1.png 1 depth/1.png\n", "associations.txt:2", "does not rise"},
+      {"associations.txt", "#\n1 rgb/0.png 1s depth/0.png\n", "associations.txt:2",
+       "depth stamp is not a finite number: '1s'"},
+      {"associations.txt", "1 rgb/0.png 1 depth/0.png\n1 rgb/1.png 1 depth/1.png\n",
+       "associations.txt:2", "does not rise"},
       {"associations.txt", "1 rgb/0.png 1 depth/99.png\n", "associations.txt:1", "depth/99.png"},
       {"associations.txt", "1 rgb/99.png 1 depth/0.png\n", "associations.txt:1", "rgb/99.png"},
       {"associations.txt", "1 rgb/0.png 1 depth\n", "associations.txt:1", "no such file"},
       {"colour_registration.txt", "fx 30\n", "colour_registration.txt", "must all be there"},
-      {"colour_registration.txt", "fx 30\nfoo 1\n", "colour_registration.txt:2", "unknown key 'foo'"},
+      {"colour_registration.txt", "fx 30\nfoo 1\n", "colour_registration.txt:2",
+       "unknown key 'foo'"},
       {"colour_registration.txt", "R 1 0 0 0 1 0 0 0\n", "colour_registration.txt:1", "wants 9"},
       {"colour_registration.txt", "R 1 0 0 0 2 0 0 0 1\n", "colour_registration.txt:1", "rotation"},
   };
@@ -107,7 +112,8 @@ TEST(Tum, FaultsOfAnImageAreNamed) {
   {
     const TumFolder f;
     f.write("depth/1.png", "this is no image");
-    EXPECT_THAT(read_error(f, 1), AllOf(HasSubstr(f.file("depth/1.png")), HasSubstr("not a whole")));
+    EXPECT_THAT(read_error(f, 1),
+                AllOf(HasSubstr(f.file("depth/1.png")), HasSubstr("not a whole")));
   }
   {
     const TumFolder f;
@@ -148,7 +154,9 @@ TEST(Tum, RegistrationLooksColourUpAndBlackensWhatIsHidden) {
   }
   cv::Mat colour(24, 32, CV_8UC3);
   for (int v = 0; v < 24; ++v) {
-    for (int u = 0; u < 32; ++u) colour.at<cv::Vec3b>(v, u) = cv::Vec3b(0, v, u);
+    for (int u = 0; u < 32; ++u)
+      colour.at<cv::Vec3b>(v, u) =
+          cv::Vec3b(0, static_cast<std::uint8_t>(v), static_cast<std::uint8_t>(u));
   }
   cv::imwrite(f.file("depth/0.png"), depth);
   cv::imwrite(f.file("rgb/0.png"), colour);
@@ -277,11 +285,13 @@ TEST(RealRecording, ResampledGeometryIsTheSameScene) {
   for (int v = 0; v < k.height; v += 7) {
     for (int u = 0; u < k.width; u += 7) {
       const auto at = a->intrinsics.project(k.unproject(u, v, 1.0));
-      const int fu = static_cast<int>(std::lround(at.x())), fv = static_cast<int>(std::lround(at.y()));
+      const int fu = static_cast<int>(std::lround(at.x())),
+                fv = static_cast<int>(std::lround(at.y()));
       bool found = false;
       for (int dv = -1; dv <= 1; ++dv) {
         for (int du = -1; du <= 1; ++du) {
-          const bool tie = std::abs(at.x() - (fu + du)) < 0.5 + 1e-9 && std::abs(at.y() - (fv + dv)) < 0.5 + 1e-9;
+          const bool tie = std::abs(at.x() - (fu + du)) < 0.5 + 1e-9 &&
+                           std::abs(at.y() - (fv + dv)) < 0.5 + 1e-9;
           if (!tie || !a->depth().contains(fu + du, fv + dv)) continue;
           const int raw = a->depth().at(fu + du, fv + dv);
           found = found || raw == b->depth().at(u, v);

@@ -90,8 +90,8 @@ TEST(World, RayCastEqualsMarchingOfTheDistanceField) {
       const double t = march(w, o, d);
       // Marching stops before a silhouette it passes within its own tolerance; such rays pass
       // almost along a surface. They are counted and must stay rare.
-      if (std::abs(t - hit.t) > 1e-6 * (1 + hit.t) && std::abs(w.signed_distance(o + t * d)) < 1e-8 &&
-          t < hit.t) {
+      if (std::abs(t - hit.t) > 1e-6 * (1 + hit.t) &&
+          std::abs(w.signed_distance(o + t * d)) < 1e-8 && t < hit.t) {
         ++grazing;
         continue;
       }
@@ -153,13 +153,13 @@ TEST(World, ClosedForms) {
   EXPECT_DOUBLE_EQ(w.ray_cast({0, 0, 0.3}, {1, 0, 0}).t, 0.9);
   EXPECT_DOUBLE_EQ(w.ray_cast({0, 0, 1}, {0, 1, 0}).t, 2.5);
   EXPECT_DOUBLE_EQ(w.ray_cast({0, 0, 0.5}, {0, -1, 0}).t, 1.75);
-  EXPECT_DOUBLE_EQ(w.ray_cast({0, -2, 3}, {0, 0, -1}).t, 2);      // down onto the cylinder's cap
+  EXPECT_DOUBLE_EQ(w.ray_cast({0, -2, 3}, {0, 0, -1}).t, 2);  // down onto the cylinder's cap
   EXPECT_DOUBLE_EQ(w.ray_cast({0.1, -2, 3}, {0, 0, -2}).t, 1);
   EXPECT_DOUBLE_EQ(w.ray_cast({5, 5, 2}, {0, 0, -1}).t, 2);
-  EXPECT_FALSE(w.ray_cast({5, 5, 2}, {0, 0, 1}));                 // open sky
-  EXPECT_FALSE(w.ray_cast({5, 5, 2}, {1, 0, 0}));                 // parallel to the ground
-  EXPECT_EQ(w.ray_cast({5, 5, -1}, {0, 0, 1}).shape, -1);         // from inside the ground
-  EXPECT_EQ(w.ray_cast({1, 0, 0.3}, {1, 0, 0}).shape, -1);        // from inside the box: not seen
+  EXPECT_FALSE(w.ray_cast({5, 5, 2}, {0, 0, 1}));           // open sky
+  EXPECT_FALSE(w.ray_cast({5, 5, 2}, {1, 0, 0}));           // parallel to the ground
+  EXPECT_EQ(w.ray_cast({5, 5, -1}, {0, 0, 1}).shape, -1);   // from inside the ground
+  EXPECT_EQ(w.ray_cast({1, 0, 0.3}, {1, 0, 0}).shape, -1);  // from inside the box: not seen
   // A ray in a face's own plane, and one along an edge: no NaN, no crash.
   (void)w.ray_cast({0, 0.2, 0.6}, {1, 0, 0});
   EXPECT_TRUE(std::isfinite(w.ray_cast({0, 0.2, 0.6}, {1, 0, 0}).t));
@@ -253,8 +253,8 @@ Sampled sample_body(const World& w, int shape, double x, double y, double yaw,
 }
 
 TEST(Collision, AgreesWithDenseSampling) {
-  const std::array<BodyBox, 2> body{{{{0.0, 0.0, 0.07}, {0.29, 0.188, 0.07}},
-                                     {{0.1, 0.0, 0.4}, {0.1, 0.1, 0.26}}}};
+  const std::array<BodyBox, 2> body{
+      {{{0.0, 0.0, 0.07}, {0.29, 0.188, 0.07}}, {{0.1, 0.0, 0.4}, {0.1, 0.1, 0.26}}}};
   constexpr int kN = 24;
   // A solid can slip between samples: with the largest cell's half diagonal as the tolerance the
   // two must agree.
@@ -269,8 +269,8 @@ TEST(Collision, AgreesWithDenseSampling) {
     for (auto& b : config.spheres) b.position_m[2] = rng.uniform(0, 0.5);
     const World w = make(config);
     for (int i = 0; i < 40; ++i) {
-      const auto& target =
-          w.shapes()[static_cast<std::size_t>(rng.integer(0, static_cast<int>(w.shapes().size()) - 1))];
+      const auto& target = w.shapes()[static_cast<std::size_t>(
+          rng.integer(0, static_cast<int>(w.shapes().size()) - 1))];
       Vec3 at = target.X_WS.translation();
       const double x = at.x() + rng.uniform(-0.9, 0.9), y = at.y() + rng.uniform(-0.9, 0.9);
       const double yaw = rng.uniform(-3.2, 3.2);
@@ -340,7 +340,7 @@ TEST(Collision, ExactAtTheBorder) {
     auto& s = k.spheres.emplace_back();
     s.name = "ball", s.radius_m = 0.1, s.position_m = {3, 0, 0.24 - e};
   });
-  EXPECT_EQ(above.robot_collision(0, 0, 0.3, base), -1);       // passes under the shelf ...
+  EXPECT_EQ(above.robot_collision(0, 0, 0.3, base), -1);             // passes under the shelf ...
   EXPECT_EQ(above.robot_collision(0, 0, 0.3), above.find("shelf"));  // ... but not with its mast
   EXPECT_EQ(above.robot_collision(3, 0, 0, base), above.find("ball"));
 }
@@ -362,7 +362,8 @@ World load(const std::string& scene) {
   WorldConfig config;
   config::Section root;
   config.describe(root.section("world"));
-  const auto ok = config::load_file(std::string(TELETACT_SOURCE_DIR) + "/config/scenes/" + scene, root);
+  const auto ok =
+      config::load_file(std::string(TELETACT_SOURCE_DIR) + "/config/scenes/" + scene, root);
   EXPECT_TRUE(ok.has_value()) << (ok ? "" : ok.error());
   return make(config);
 }
@@ -424,7 +425,8 @@ TEST(Scenes, WrongKeysAreNamed) {
   WorldConfig c;
   config::Section root;
   c.describe(root.section("world"));
-  const auto bad = config::load_text("[[world.box]]\nname = \"a\"\nsize_m = [0, 1, 1]\n", "s.toml", root);
+  const auto bad =
+      config::load_text("[[world.box]]\nname = \"a\"\nsize_m = [0, 1, 1]\n", "s.toml", root);
   ASSERT_FALSE(bad.has_value());
   EXPECT_NE(bad.error().find("size_m"), std::string::npos);
   EXPECT_NE(bad.error().find("s.toml"), std::string::npos);

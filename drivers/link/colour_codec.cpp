@@ -1,0 +1,155 @@
+#include "drivers/link/colour_codec.hpp"
+
+#include <algorithm>
+#include <vector>
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+
+namespace drivers {
+
+using perception::ImageView;
+using perception::Rgb;
+using perception::RgbdFrame;
+
+void ColourCodecConfig::describe(config::Section& s) {
+  s.integer("quality", quality, 1, 100, "of the JPEG pictures");
+  s.flag("half", half, "half the width and height");
+}
+
+struct ColourCodec::State {
+  ColourCodecConfig config;
+  cv::Mat bgr;  // of the largest image
+  cv::Mat decoded;
+  std::vector<std::uint8_t> jpeg;
+  std::vector<int> params;
+};
+
+ColourCodec::ColourCodec(rt::NonRealtime&, const ColourCodecConfig& config)
+    : state_(std::make_unique<State>()) {
+  cv::setNumThreads(0);  // no pool of OpenCV's beside the tasks
+  state_->config = config;
+  state_->bgr.create(RgbdFrame::kMaxHeight, RgbdFrame::kMaxWidth, CV_8UC3);
+  state_->jpeg.reserve(RgbdFrame::kMaxPixels);
+  state_->params = {cv::IMWRITE_JPEG_QUALITY,     config.quality,
+                    cv::IMWRITE_JPEG_OPTIMIZE,    0,
+                    cv::IMWRITE_JPEG_PROGRESSIVE, 0};
+}
+
+ColourCodec::~ColourCodec() = default;
+
+namespace {
+
+// Mean of 2 x 2 pixels; a last odd row or column stands for itself.
+void shrink(ImageView<const Rgb> in, cv::Mat& out) noexcept {
+  for (int v = 0; v < out.rows; ++v) {
+    const Rgb *a = in.row(2 * v), *b = in.row(std::min(2 * v + 1, in.height - 1));
+    auto* to = out.ptr<cv::Vec3b>(v);
+    for (int u = 0; u < out.cols; ++u) {
+      const int l = 2 * u, r = std::min(2 * u + 1, in.width - 1);
+      const auto mean = [&](std::uint8_t Rgb::*c) {
+        return static_cast<std::uint8_t>((a[l].*c + a[r].*c + b[l].*c + b[r].*c + 2) / 4);
+      };
+      to[u] = {mean(&Rgb::b), mean(&Rgb::g), mean(&Rgb::r)};
+    }
+  }
+}
+
+void copy_in(ImageView<const Rgb> in, cv::Mat& out) noexcept {
+  for (int v = 0; v < out.rows; ++v) {
+    const Rgb* from = in.row(v);
+    auto* to = out.ptr<cv::Vec3b>(v);
+    for (int u = 0; u < out.cols; ++u) to[u] = {from[u].b, from[u].g, from[u].r};
+  }
+}
+
+// Bilinear by two: each pixel is 9/16 of its own cell, 3/16 of two neighbours, 1/16 of the corner.
+void grow(const cv::Mat& in, ImageView<Rgb> out) noexcept {
+  for (int v = 0; v < out.height; ++v) {
+    const int y = v / 2, other_y = std::clamp(v % 2 == 0 ? y - 1 : y + 1, 0, in.rows - 1);
+    const auto *a = in.ptr<cv::Vec3b>(y), *b = in.ptr<cv::Vec3b>(other_y);
+    Rgb* to = out.row(v);
+    for (int u = 0; u < out.width; ++u) {
+      const int x = u / 2, other_x = std::clamp(u % 2 == 0 ? x - 1 : x + 1, 0, in.cols - 1);
+      const auto blend = [&](int c) {
+        return static_cast<std::uint8_t>(
+            (9 * a[x][c] + 3 * a[other_x][c] + 3 * b[x][c] + b[other_x][c] + 8) / 16);
+      };
+      to[u] = {blend(2), blend(1), blend(0)};
+    }
+  }
+}
+
+void copy_out(const cv::Mat& in, ImageView<Rgb> out) noexcept {
+  for (int v = 0; v < out.height; ++v) {
+    const auto* from = in.ptr<cv::Vec3b>(v);
+    Rgb* to = out.row(v);
+    for (int u = 0; u < out.width; ++u) to[u] = {from[u][2], from[u][1], from[u][0]};
+  }
+}
+
+}  // namespace
+
+std::size_t ColourCodec::encode(ImageView<const Rgb> image, std::span<std::uint8_t> out) noexcept {
+  if (image.width < 1 || image.height < 1 || image.width > RgbdFrame::kMaxWidth ||
+      image.height > RgbdFrame::kMaxHeight) {
+    return 0;
+  }
+  State& s = *state_;
+  const bool half = s.config.half;
+  try {
+    cv::Mat bgr = s.bgr(cv::Rect(0, 0, half ? (image.width + 1) / 2 : image.width,
+                                 half ? (image.height + 1) / 2 : image.height));
+    half ? shrink(image, bgr) : copy_in(image, bgr);
+    if (!cv::imencode(".jpg", bgr, s.jpeg, s.params) || s.jpeg.size() > out.size()) return 0;
+  } catch (...) {  // OpenCV's exceptions, bad_alloc: the frame goes without colour
+    return 0;
+  }
+  std::copy(s.jpeg.begin(), s.jpeg.end(), out.begin());
+  return s.jpeg.size();
+}
+
+bool ColourCodec::decode(std::span<const std::uint8_t> in, ImageView<Rgb> image) noexcept {
+  const JpegSize size = jpeg_size(in);
+  const bool full = size.width == image.width && size.height == image.height;
+  const bool half = size.width == (image.width + 1) / 2 && size.height == (image.height + 1) / 2;
+  if (!full && !half) return false;
+  try {
+    const cv::Mat raw(1, static_cast<int>(in.size()), CV_8U, const_cast<std::uint8_t*>(in.data()));
+    cv::Mat& bgr = state_->decoded;
+    cv::imdecode(raw, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION, &bgr);
+    if (bgr.type() != CV_8UC3 || bgr.cols != size.width || bgr.rows != size.height) return false;
+    full ? copy_out(bgr, image) : grow(bgr, image);
+  } catch (...) {
+    return false;
+  }
+  return true;
+}
+
+JpegSize jpeg_size(std::span<const std::uint8_t> in) noexcept {
+  if (in.size() < 4 || in[0] != 0xff || in[1] != 0xd8) return {};
+  JpegSize size;
+  std::size_t at = 2;
+  while (at + 4 <= in.size()) {
+    if (in[at] != 0xff) return {};
+    const std::uint8_t marker = in[at + 1];
+    const std::size_t length = static_cast<std::size_t>(in[at + 2] << 8U | in[at + 3]);
+    if (length < 2 || at + 2 + length > in.size()) return {};
+    if (marker == 0xda) return size;  // the scan begins
+    const bool table = marker == 0xdb || marker == 0xc4 || marker == 0xdd || marker == 0xfe ||
+                       (marker >= 0xe0 && marker <= 0xef);
+    if (marker == 0xc0) {  // baseline frame, once, three components or one, 8 bit
+      if (size.width != 0 || length < 11 || in[at + 4] != 8) return {};
+      size.height = in[at + 5] << 8U | in[at + 6];
+      size.width = in[at + 7] << 8U | in[at + 8];
+      const int components = in[at + 9];
+      if (size.width == 0 || size.height == 0 || (components != 1 && components != 3)) return {};
+    } else if (!table) {
+      return {};
+    }
+    at += 2 + length;
+  }
+  return {};
+}
+
+}  // namespace drivers
