@@ -42,10 +42,6 @@ void LinkEndpoint::poll(rt::Time now, bool line_free, const Send& send) {
   }
   if (!hello_ok_) return;
   std::array<std::uint8_t, kMaxControlBody> small{};
-  for (const Request& r : pending_requests_) {
-    emit(MessageId::kRequest, ++control_seq_, std::span(small).first(encode(r, small)), now, send);
-  }
-  pending_requests_.clear();
   if (now >= next_clock_) {
     next_clock_ = now + (stats_.received[static_cast<std::size_t>(MessageId::kClockReply)] < 8 ? kClockPeriodAtStart : kClockPeriod);
     emit(MessageId::kClockRequest, ++control_seq_,

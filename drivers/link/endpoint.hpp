@@ -33,8 +33,6 @@ class LinkEndpoint {
 
   void add_outgoing(MessageId id, rt::Nanos period, bool bulk, Fill fill);
   void add_incoming(MessageId id, Deliver deliver);
-  // Set once: a message of ours right now, before everything else (requests).
-  void request(RequestKind kind) { pending_requests_.push_back({kind}); }
 
   // Called every millisecond or so by the transport; `line_free` says whether bulk may go out.
   void poll(rt::Time now, bool line_free, const Send& send);
@@ -78,7 +76,6 @@ class LinkEndpoint {
   rt::Box box_;
   std::vector<Outgoing> outgoing_;
   std::array<Deliver, kMessageIds + 1> incoming_{};
-  std::vector<Request> pending_requests_;
   std::vector<std::uint8_t> buffer_;   // message under construction: header and body
   ClockSync clock_;
   rt::Time next_clock_{};

@@ -87,9 +87,10 @@ rt::Result<std::unique_ptr<TcpLink>> TcpLink::connect(const std::string& address
 TcpLink::~TcpLink() { stop(); }
 
 void TcpLink::start(LinkEndpoint& endpoint, std::function<rt::Time()> now,
-                    const std::optional<LinkShapeConfig>& shape) {
+                    const std::optional<LinkShapeConfig>& shape, std::function<void()> after_poll) {
   endpoint_ = &endpoint;
   now_ = std::move(now);
+  after_poll_ = std::move(after_poll);
   if (shape && shape->any()) shaper_.emplace(*shape, listen_fd_ >= 0 ? 1 : 0);
   inbox_.resize(2 * (kHeaderSize + kMaxBody));
   thread_ = std::thread([this] { run(); });
@@ -181,8 +182,6 @@ void TcpLink::run() {
       continue;
     }
     if (state_.load() == State::kConnecting) state_.store(State::kHandshake);
-    const int kind = request_.exchange(0);
-    if (kind != 0) e.request(static_cast<RequestKind>(kind));
     const bool line_free = queued_bytes_ < 65536 && (!shaper_ || !shaper_->busy(rt::monotonic_ns()));
     e.poll(now_(), line_free, send);
     if (!write_due(rt::monotonic_ns()) || !read_all(e)) break;
@@ -191,6 +190,7 @@ void TcpLink::run() {
     round_trip_.store(e.round_trip().count());
     if (e.clock().valid()) uncertainty_.store(e.clock().uncertainty(now_()).count());
     cpu_.store(rt::thread_cpu_ns());
+    if (after_poll_) after_poll_();
     pollfd p{fd_, POLLIN, 0};
     ::poll(&p, 1, 1);
   }

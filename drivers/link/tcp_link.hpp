@@ -36,13 +36,13 @@ class TcpLink {
 
   [[nodiscard]] int port() const noexcept { return port_; }
   // Starts the thread. `now` is the box's clock; the endpoint is used by that thread only from here on.
+  // `after_poll` is called there once a millisecond, e.g. to hand the status on.
   void start(LinkEndpoint& endpoint, std::function<rt::Time()> now,
-             const std::optional<LinkShapeConfig>& shape);
+             const std::optional<LinkShapeConfig>& shape, std::function<void()> after_poll = {});
   // Sends Bye if it can, ends the thread, closes.
   void stop();
   // Fault injection and tests: the cable is cut, without a Bye.
   void cut() noexcept { cut_.store(true); }
-  void request(RequestKind kind) noexcept { request_.store(static_cast<int>(kind)); }
 
   [[nodiscard]] State state() const noexcept { return state_.load(); }
   [[nodiscard]] std::string fault() const;   // after kFault
@@ -70,6 +70,7 @@ class TcpLink {
   int listen_fd_ = -1, fd_ = -1, port_ = 0;
   LinkEndpoint* endpoint_ = nullptr;
   std::function<rt::Time()> now_;
+  std::function<void()> after_poll_;
   std::optional<LinkShaper> shaper_;
   std::deque<Chunk> queue_;
   std::size_t queued_bytes_ = 0;
@@ -77,7 +78,6 @@ class TcpLink {
   std::size_t inbox_size_ = 0;
   std::thread thread_;
   std::atomic<bool> stop_{false}, cut_{false};
-  std::atomic<int> request_{0};
   std::atomic<State> state_{State::kConnecting};
   std::atomic<std::int64_t> last_heard_{0}, round_trip_{0}, uncertainty_{0}, cpu_{0};
   std::string fault_;

@@ -21,7 +21,7 @@ constexpr std::string_view kSchema =
     "hello:;clock_request:t0i8;clock_reply:t0i8,t1i8,t2i8;frame:encoded_frame_v1;"
     "robot_state:seq8,taken8,x,y,yaw,vx,vy,wz,cmd_vx,cmd_vy,cmd_wz,goal_seq8,mode1,moving1,fault2;"
     "robot_goal:seq8,made8,valid_until8,x,y,yaw,vx,vy,wz,speed_limit,engaged1,path_seq8;"
-    "request:kind1;bye:";
+    "bye:";
 
 constexpr std::array<std::uint32_t, 256> make_crc_table() {
   std::array<std::uint32_t, 256> table{};
@@ -224,20 +224,6 @@ bool decode(std::span<const std::uint8_t> in, ClockReply& m) noexcept {
   r.get(m.t1_ns);
   r.get(m.t2_ns);
   return r.done() && m.t2_ns >= m.t1_ns;
-}
-
-std::size_t encode(const Request& m, std::span<std::uint8_t> out) noexcept {
-  Writer w{out};
-  w.put(static_cast<std::uint8_t>(m.kind));
-  return w.size();
-}
-bool decode(std::span<const std::uint8_t> in, Request& m) noexcept {
-  Reader r{in};
-  std::uint8_t kind = 0;
-  r.get(kind);
-  if (!r.done() || kind < 1 || kind > 3) return false;
-  m.kind = static_cast<RequestKind>(kind);
-  return true;
 }
 
 }  // namespace drivers

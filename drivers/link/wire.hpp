@@ -27,10 +27,9 @@ enum class MessageId : std::uint16_t {
   kFrame,           // robot -> operator: EncodedFrame
   kRobotState,      // robot -> operator
   kRobotGoal,       // operator -> robot
-  kRequest,         // operator -> robot: engage, ramp down
   kBye,             // an orderly end, both ways
 };
-inline constexpr int kMessageIds = 8;
+inline constexpr int kMessageIds = 7;
 inline constexpr std::uint16_t kSchemaVersion = 1;
 inline constexpr std::size_t kHeaderSize = 40;
 inline constexpr std::size_t kMaxBody = kWireHeader + EncodedFrame::kCapacity;
@@ -63,20 +62,15 @@ std::size_t write_message(Header h, std::span<const std::uint8_t> body, std::spa
 struct ClockRequest { std::int64_t t0_ns = 0; };
 struct ClockReply { std::int64_t t0_ns = 0, t1_ns = 0, t2_ns = 0; };
 
-enum class RequestKind : std::uint8_t { kEngage = 1, kRampDown = 2, kStop = 3 };
-struct Request { RequestKind kind = RequestKind::kRampDown; };
-
 // Bodies. encode() returns the size; decode() is false for a wrong size or a value out of range.
 // Times inside a body are in the *sender's* clock; the endpoint converts them.
 std::size_t encode(const RobotState& m, std::span<std::uint8_t> out) noexcept;
 std::size_t encode(const RobotGoal& m, std::span<std::uint8_t> out) noexcept;
 std::size_t encode(const ClockRequest& m, std::span<std::uint8_t> out) noexcept;
 std::size_t encode(const ClockReply& m, std::span<std::uint8_t> out) noexcept;
-std::size_t encode(const Request& m, std::span<std::uint8_t> out) noexcept;
 [[nodiscard]] bool decode(std::span<const std::uint8_t> in, RobotState& m) noexcept;
 [[nodiscard]] bool decode(std::span<const std::uint8_t> in, RobotGoal& m) noexcept;
 [[nodiscard]] bool decode(std::span<const std::uint8_t> in, ClockRequest& m) noexcept;
 [[nodiscard]] bool decode(std::span<const std::uint8_t> in, ClockReply& m) noexcept;
-[[nodiscard]] bool decode(std::span<const std::uint8_t> in, Request& m) noexcept;
 
 }  // namespace drivers

@@ -6,7 +6,7 @@ foreach(module ${OpenCVModules_FIND_COMPONENTS})
   find_library(OpenCVModules_${module}_LIBRARY opencv_${module})
   list(APPEND OpenCVModules_required OpenCVModules_${module}_LIBRARY)
   if(OpenCVModules_${module}_LIBRARY AND NOT TARGET opencv::${module})
-    add_library(opencv::${module} UNKNOWN IMPORTED)
+    add_library(opencv::${module} UNKNOWN IMPORTED GLOBAL)
     set_target_properties(opencv::${module} PROPERTIES
       IMPORTED_LOCATION ${OpenCVModules_${module}_LIBRARY}
       INTERFACE_INCLUDE_DIRECTORIES ${OpenCVModules_INCLUDE_DIR})

@@ -1,0 +1,110 @@
+#include "rt/audit/run_file.hpp"
+
+#include <algorithm>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+
+namespace rt {
+
+RunFileWriter::RunFileWriter(const std::string& path, const RunLog& header)
+    : file_(std::fopen(path.c_str(), "wb")) {
+  if (!file_) throw std::runtime_error(path + ": can not be written");
+  std::fprintf(file_.get(), "teletact-run 1 %zu %zu\n", sizeof(JobRecord), sizeof(SentinelRecord));
+  for (const auto& t : header.tasks) {
+    std::fprintf(file_.get(), "task %u %s %d %d %lld %lld %lld %d %d %d %d %llu %llu", t.id, t.spec.name.c_str(),
+                 static_cast<int>(t.spec.box), static_cast<int>(t.spec.task_class),
+                 static_cast<long long>(t.spec.rate.num), static_cast<long long>(t.spec.rate.den),
+                 static_cast<long long>(t.spec.relative_deadline().count()), static_cast<int>(t.spec.policy),
+                 t.core, t.priority, t.level, static_cast<unsigned long long>(t.work_min),
+                 static_cast<unsigned long long>(t.work_max));
+    for (int level = 0; level < t.spec.levels(); ++level) {
+      std::fprintf(file_.get(), " %lld", static_cast<long long>(t.spec.budget_of(level).count()));
+    }
+    std::fprintf(file_.get(), "\n");
+  }
+  for (std::string note : header.not_realtime) {
+    std::replace(note.begin(), note.end(), '\n', ' ');
+    std::fprintf(file_.get(), "note %s\n", note.c_str());
+  }
+  std::fprintf(file_.get(), "\n");
+  std::fflush(file_.get());
+}
+
+void RunFileWriter::add(const JobRecord& record) noexcept {
+  std::fputc('J', file_.get());
+  std::fwrite(&record, sizeof record, 1, file_.get());
+}
+
+void RunFileWriter::add(const SentinelRecord& record) noexcept {
+  std::fputc('S', file_.get());
+  std::fwrite(&record, sizeof record, 1, file_.get());
+}
+
+void RunFileWriter::flush() noexcept { std::fflush(file_.get()); }
+
+namespace {
+
+// One header line; false when it is not one of ours.
+bool parse_line(const std::string& line, RunLog& log) {
+  std::istringstream in(line);
+  std::string word;
+  in >> word;
+  if (word == "note") {
+    log.not_realtime.push_back(line.substr(5));
+    return true;
+  }
+  if (word != "task") return false;
+  TaskLog t;
+  int box = 0, task_class = 0, policy = 0;
+  long long deadline = 0;
+  in >> t.id >> t.spec.name >> box >> task_class >> t.spec.rate.num >> t.spec.rate.den >> deadline >> policy >>
+      t.core >> t.priority >> t.level >> t.work_min >> t.work_max;
+  if (!in || t.spec.rate.num <= 0 || t.spec.rate.den <= 0 || policy < 0 || policy > 3) return false;
+  t.spec.box = static_cast<Box>(box);
+  t.spec.task_class = static_cast<TaskClass>(task_class);
+  t.spec.policy = static_cast<MissPolicy>(policy);
+  t.spec.deadline = Nanos{deadline};
+  for (long long budget = 0; in >> budget;) {
+    t.spec.variants.push_back({"level" + std::to_string(t.spec.variants.size()), Nanos{budget}, false});
+  }
+  if (t.spec.variants.empty()) return false;
+  t.spec.budget = t.spec.variants.front().budget;
+  log.tasks.push_back(std::move(t));
+  return true;
+}
+
+}  // namespace
+
+Result<RunLog> read_run_file(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  if (!in) return Error{path + ": can not be read"};
+  RunLog log;
+  std::string line;
+  std::getline(in, line);
+  std::ostringstream expected;
+  expected << "teletact-run 1 " << sizeof(JobRecord) << ' ' << sizeof(SentinelRecord);
+  if (line != expected.str()) return Error{path + ":1: not a run log of this version"};
+  for (int number = 2; std::getline(in, line) && !line.empty(); ++number) {
+    if (!parse_line(line, log)) return Error{path + ":" + std::to_string(number) + ": not a header line"};
+  }
+  JobRecord job;
+  SentinelRecord sample;
+  for (int tag = in.get(); tag != EOF; tag = in.get()) {
+    if (tag == 'J' && in.read(reinterpret_cast<char*>(&job), sizeof job)) {
+      if (TaskLog* t = log.find(job.task); t != nullptr && job.level < t->spec.levels()) t->jobs.push_back(job);
+    } else if (tag == 'S' && in.read(reinterpret_cast<char*>(&sample), sizeof sample)) {
+      log.sentinels.push_back(sample);
+    } else if (in.eof()) {
+      break;  // torn by a kill: what came before holds
+    } else {
+      return Error{path + ": damaged at byte " + std::to_string(in.tellg())};
+    }
+  }
+  for (auto& t : log.tasks) {
+    std::stable_sort(t.jobs.begin(), t.jobs.end(), [](const auto& a, const auto& b) { return a.k < b.k; });
+  }
+  return log;
+}
+
+}  // namespace rt

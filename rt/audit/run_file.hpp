@@ -1,0 +1,39 @@
+// A run's log on disk: written while the run goes on, readable after a kill at any moment.
+//
+// Text header, one line a task, ended by an empty line; then tagged binary records of this machine's
+// layout, in the order they were drained:  'J' JobRecord   'S' SentinelRecord
+//   teletact-run 1 <sizeof JobRecord> <sizeof SentinelRecord>
+//   task <id> <name> <box> <class> <num> <den> <deadline ns> <policy> <core> <priority> <level>
+//        <work min> <work max> <budget ns of level 0> <level 1> ...
+//   note <text>        anything the reader should be told, e.g. what made the run not real-time
+#pragma once
+
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "rt/audit/run_log.hpp"
+#include "rt/result.hpp"
+
+namespace rt {
+
+class RunFileWriter {
+ public:
+  // Throws std::runtime_error naming the file.
+  RunFileWriter(const std::string& path, const RunLog& header);
+  void add(const JobRecord& record) noexcept;
+  void add(const SentinelRecord& record) noexcept;
+  // Hands everything written so far to the kernel.
+  void flush() noexcept;
+
+ private:
+  struct Close {
+    void operator()(std::FILE* f) const noexcept { std::fclose(f); }
+  };
+  std::unique_ptr<std::FILE, Close> file_;
+};
+
+// Job records sorted by k within their task; a torn record at the end is dropped.
+[[nodiscard]] Result<RunLog> read_run_file(const std::string& path);
+
+}  // namespace rt

@@ -1,0 +1,111 @@
+// The operator box: its cells, its five tasks bound to them, and the link edges it ends.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <vector>
+
+#include "drivers/link/endpoint.hpp"
+#include "drivers/omega/haptic_device.hpp"
+#include "rt/channel/latest.hpp"
+#include "rt/channel/ring.hpp"
+#include "rt/sched/task.hpp"
+#include "tasks/graph/graph_config.hpp"
+#include "tasks/graph/ports.hpp"
+#include "tasks/graph/samples.hpp"
+#include "tasks/graph/table.hpp"
+
+namespace tasks {
+
+// One writer a cell; the numbers are readers. A cell belongs to the task it is listed under.
+struct OperatorCells {
+  explicit OperatorCells(rt::NonRealtime& nrt);
+
+  // link
+  enum { kFrameFusion };
+  rt::Latest<perception::RgbdFrame> frame;
+  enum { kStateFusion, kStatePrediction, kStatePlanning, kStateSupervision, kStateConsole };
+  rt::Latest<drivers::RobotState> robot_state;
+  // haptic
+  enum { kHandFusion, kHandConsole };
+  rt::Latest<HapticState> hand;
+  rt::Ring<TouchEvent, 256> touch;
+  // fusion
+  enum { kPatchHaptic };
+  rt::Latest<perception::SurfacePatch> patch;   // haptic retains two while it blends
+  enum { kViewConsole };
+  rt::Latest<SceneView> view;
+  enum { kMapPlanning, kMapConsole };
+  rt::Latest<perception::CostMap> cost_map;
+  enum { kCameraPrediction, kCameraConsole };
+  rt::Latest<CameraPose> camera_pose;
+  // planning
+  enum { kPathPrediction, kPathConsole };
+  rt::Latest<Path> path;
+  enum { kTaskConsole };
+  rt::Latest<TaskState> task;
+  // prediction
+  enum { kGoalLink, kGoalConsole };
+  rt::Latest<drivers::RobotGoal> goal;
+  // supervision
+  enum { kModeHaptic, kModePrediction, kModePlanning, kModeConsole };
+  rt::Latest<ModeMsg> mode;
+  // health of the watched tasks, by TaskId
+  std::vector<std::unique_ptr<HealthCell>> health;
+
+  // For people and reports.
+  HapticSamples haptic_samples;
+  FusionSamples fusion_samples;
+};
+
+// Written by the link's thread (or the virtual link), read by supervision and prediction.
+struct LinkStatus {
+  std::atomic<std::int64_t> last_heard_ns{0};   // local box time of the last valid message; 0 never
+  std::atomic<std::int64_t> round_trip_ns{0};
+  std::atomic<std::int64_t> uncertainty_ns{0};
+  std::atomic<bool> refused{false};             // handshake failed
+  std::atomic<bool> expected{true};
+};
+
+// Written by the console: what the operator asks for.
+struct OperatorRequests {
+  std::atomic<int> engage{0};      // 0 absent, 1 no, 2 yes (SupervisionTask::Engage)
+  std::atomic<bool> ramp_down{false}, stop{false}, clear{false};
+  std::atomic<bool> watchdog_bit{false};
+};
+
+struct OperatorSetup {
+  FusionSetup fusion;
+  drivers::HapticDevice* device = nullptr;
+  std::function<std::int64_t()> device_twin_cpu;   // empty: a real device
+  bool hash_outputs = false;                       // fill JobRecord::output_hash
+  rt::FaultPlan faults;                            // message faults on edges; empty = none
+};
+
+class OperatorGraph {
+ public:
+  OperatorGraph(rt::NonRealtime&, const GraphConfig&, const OperatorSetup&, double haptic_period_s);
+  ~OperatorGraph();
+  OperatorGraph(const OperatorGraph&) = delete;
+  OperatorGraph& operator=(const OperatorGraph&) = delete;
+
+  [[nodiscard]] rt::TaskBody& body(TaskId id);
+  // Registers the link edges: frame and robot_state in, goal out.
+  void bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint);
+
+  [[nodiscard]] OperatorCells& cells() noexcept { return *cells_; }
+  [[nodiscard]] LinkStatus& link() noexcept { return link_; }
+  [[nodiscard]] OperatorRequests& requests() noexcept { return requests_; }
+  [[nodiscard]] const FusionTask& fusion() const noexcept;
+  [[nodiscard]] const HapticTask& haptic() const noexcept;
+
+ private:
+  struct Nodes;
+  GraphConfig config_;
+  std::unique_ptr<OperatorCells> cells_;
+  LinkStatus link_;
+  OperatorRequests requests_;
+  std::unique_ptr<Nodes> nodes_;
+};
+
+}  // namespace tasks

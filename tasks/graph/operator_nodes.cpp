@@ -1,0 +1,323 @@
+#include "tasks/graph/operator_nodes.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tasks {
+
+namespace {
+
+std::array<float, 3> to_floats(const Vec3& v) noexcept {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+}
+
+HealthCell& health_of(OperatorCells& cells, TaskId id) noexcept { return *cells.health[index_of(id)]; }
+
+}  // namespace
+
+// ---------------------------------------------------------------- haptic
+
+HapticNode::HapticNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
+                       OperatorCells& cells, double period_s)
+    : task_(nrt, config.haptic, setup.device->properties(), period_s,
+            0.5 * config.fusion.tsdf.voxel_size_m * config.fusion.patch_nodes),
+      device_(*setup.device), cells_(cells), twin_cpu_(setup.device_twin_cpu), hash_(setup.hash_outputs),
+      touch_gate_(setup.faults, "touch") {}
+
+void HapticNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  in_.stylus_ok = device_.sense(tick.start, in_.stylus);
+  in_.patch_newest = nullptr;
+  if (task_.wants_patch()) {
+    const auto patch = cells_.patch.acquire_if_new(OperatorCells::kPatchHaptic);
+    in_.patch_newest = patch.value;
+    record.input_seq[0] = patch.seq;
+  }
+  if (const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModeHaptic)) in_.mode = *mode;
+  record.input_seq[1] = in_.mode.seq;
+  record.input_seq[2] = in_.stylus.seq;
+}
+
+rt::Health HapticNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  health_ = task_.step(tick, in_, out_);
+  record.work = out_.telemetry.work;
+  return health_;
+}
+
+void HapticNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  device_.act(tick.start, out_.force);
+  cells_.hand.begin_write() = out_.state;
+  cells_.hand.publish();
+  for (int i = 0; i < out_.event_count; ++i) {
+    const auto fate = touch_gate_.next();
+    if (fate.drop || fate.ring_full) continue;
+    cells_.touch.try_push(out_.events[static_cast<std::size_t>(i)]);
+  }
+  publish_health(health_of(cells_, TaskId::kHaptic), tick.start, health_);
+  const auto& t = out_.telemetry;
+  HapticSample s;
+  s.stamp = tick.start;
+  s.p_WH = to_floats(out_.state.p_WH);
+  s.p_WP = to_floats(out_.state.p_WP);
+  s.f_W = to_floats(out_.state.f_H_W);
+  s.penetration_m = static_cast<float>(t.penetration_m);
+  s.force_N = static_cast<float>(out_.force.f_H_D.norm());
+  s.step_raw_N = static_cast<float>(t.step_raw_N);
+  s.step_N = static_cast<float>(t.step_N);
+  s.gain = static_cast<float>(t.gain);
+  s.energy_J = static_cast<float>(t.energy_J);
+  s.booked_J = static_cast<float>(t.booked_J);
+  s.patch_age_s = static_cast<float>(t.patch_age_s);
+  s.work = t.work;
+  s.contacts = out_.state.contacts;
+  s.in_contact = t.in_contact;
+  s.guard_active = t.guard_active;
+  s.guard_use = t.guard_use;
+  s.stale = t.stale;
+  s.held = t.held;
+  s.button = out_.state.button;
+  s.finite = out_.force.f_H_D.allFinite();
+  cells_.haptic_samples.try_push(s);
+  if (!hash_) return;
+  rt::Hash64 h;
+  hash_vec(h, out_.force.f_H_D);
+  hash_vec(h, out_.state.p_WP);
+  h.word(static_cast<std::uint64_t>(out_.state.contacts));
+  h.word(static_cast<std::uint64_t>(out_.event_count));
+  record.output_hash = h.digest();
+}
+
+// ---------------------------------------------------------------- fusion
+
+FusionNode::FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
+                       OperatorCells& cells)
+    : task_(std::make_unique<FusionTask>(nrt, config.fusion, setup.fusion)), cells_(cells),
+      hash_(setup.hash_outputs), patch_gate_(setup.faults, "patch") {}
+
+void FusionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
+  const auto frame = cells_.frame.acquire_if_new(OperatorCells::kFrameFusion);
+  in_.frame = frame.value;
+  in_.frame_fresh = frame.value != nullptr && frame.seq != frame_seq_;
+  frame_seq_ = frame.seq;
+  const auto hand = cells_.hand.acquire_if_new(OperatorCells::kHandFusion);
+  if (hand) in_.hand = *hand;
+  const auto robot = cells_.robot_state.acquire_if_new(OperatorCells::kStateFusion);
+  in_.odometry.reset();
+  if (robot) {
+    OdometryPrior prior;
+    prior.taken = robot->taken;
+    prior.X_OB.linear() = Eigen::AngleAxisd(robot->yaw_rad, Vec3::UnitZ()).toRotationMatrix();
+    prior.X_OB.translation() = Vec3(robot->x_m, robot->y_m, 0);
+    prior.v_OB_B = Vec3(robot->vx, robot->vy, 0);
+    prior.w_OB_B = Vec3(0, 0, robot->wz);
+    in_.odometry = prior;
+  }
+  record.input_seq[0] = frame.seq;
+  record.input_seq[1] = hand.seq;
+  record.input_seq[2] = robot.seq;
+  out_.patch = &cells_.patch.begin_write();
+  out_.view = &cells_.view.begin_write();
+  out_.cost_map = &cells_.cost_map.begin_write();
+}
+
+rt::Health FusionNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  health_ = task_->step(tick, in_, out_);
+  record.work = out_.work;
+  return health_;
+}
+
+void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  if (hash_) {
+    rt::Hash64 h;
+    hash_pose(h, out_.camera.X_WC);
+    h.word((static_cast<std::uint64_t>(out_.camera.tracking) << 1U) | (out_.camera.claimed ? 1U : 0U));
+    if (out_.patch_written) h.word(out_.patch->checksum);
+    if (out_.cost_map_written) {
+      h.bytes(out_.cost_map->cost.data(), static_cast<std::size_t>(out_.cost_map->width) *
+                                              static_cast<std::size_t>(out_.cost_map->height));
+    }
+    record.output_hash = h.digest();
+  }
+  if (out_.patch_written && !patch_gate_.next().drop) cells_.patch.publish();
+  if (out_.view_written) cells_.view.publish();
+  if (out_.cost_map_written) cells_.cost_map.publish();
+  if (out_.camera_written) {
+    cells_.camera_pose.begin_write() = out_.camera;
+    cells_.camera_pose.publish();
+  }
+  publish_health(health_of(cells_, TaskId::kFusion), tick.start, health_);
+  FusionSample s;
+  s.stamp = tick.start;
+  s.exposure = out_.camera.exposure;
+  s.p_WC = to_floats(out_.camera.X_WC.translation());
+  const Eigen::Quaternionf q(out_.camera.X_WC.linear().cast<float>());
+  s.q_WC = {q.x(), q.y(), q.z(), q.w()};
+  s.work = out_.work;
+  s.blocks = static_cast<std::uint32_t>(task_->map().block_count());
+  s.consumed = out_.camera_written;
+  s.tracked = out_.camera_written && out_.camera.tracking != CameraPose::Tracking::kLost;
+  s.claimed = out_.camera_written && out_.camera.claimed;
+  s.integrated = out_.integrated;
+  cells_.fusion_samples.try_push(s);
+}
+
+// ---------------------------------------------------------------- planning
+
+PlanningNode::PlanningNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
+                           OperatorCells& cells)
+    : task_(nrt, config.planning, config.seed), cells_(cells), hash_(setup.hash_outputs) {}
+
+void PlanningNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
+  const int room = PlanningTask::kMaxEvents - in_.event_count;
+  in_.event_count += static_cast<int>(cells_.touch.pop_n(in_.events.data() + in_.event_count, static_cast<std::size_t>(room)));
+  const auto map = cells_.cost_map.acquire_if_new(OperatorCells::kMapPlanning);
+  const auto robot = cells_.robot_state.acquire_if_new(OperatorCells::kStatePlanning);
+  in_.map = map.value;
+  in_.robot = robot.value;
+  if (const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModePlanning)) in_.mode = *mode;
+  record.input_seq[0] = map.seq;
+  record.input_seq[1] = robot.seq;
+  record.input_seq[2] = in_.mode.seq;
+  record.input_seq[3] = in_.event_count > 0 ? in_.events[static_cast<std::size_t>(in_.event_count - 1)].seq : 0;
+}
+
+rt::Health PlanningNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  health_ = task_.step(tick, in_, out_);
+  record.work = out_.work;
+  return health_;
+}
+
+void PlanningNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  in_.event_count = 0;
+  cells_.path.begin_write() = out_.path;
+  cells_.path.publish();
+  cells_.task.begin_write() = out_.state;
+  cells_.task.publish();
+  publish_health(health_of(cells_, TaskId::kPlanning), tick.start, health_);
+  if (!hash_) return;
+  rt::Hash64 h;
+  h.word(out_.path.seq);
+  h.word(static_cast<std::uint64_t>(out_.path.size));
+  for (std::int32_t i = 0; i < out_.path.size; ++i) {
+    for (const double c : out_.path.points[static_cast<std::size_t>(i)]) h.value(c);
+  }
+  h.word(static_cast<std::uint64_t>(out_.state.phase));
+  record.output_hash = h.digest();
+}
+
+void PlanningNode::abandon(const rt::Tick& tick) noexcept {
+  task_.abandon();
+  publish_health(health_of(cells_, TaskId::kPlanning), tick.start,
+                 rt::Health::of(rt::Severity::kCounted, kFaultPlanningCancelled));
+}
+
+// ---------------------------------------------------------------- prediction
+
+PredictionNode::PredictionNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
+                               OperatorCells& cells, LinkStatus& link)
+    : task_(nrt, config.prediction, setup.fusion.X_BC), cells_(cells), link_(link), hash_(setup.hash_outputs),
+      goal_gate_(setup.faults, "goal") {
+  in_.mode = &mode_;
+}
+
+void PredictionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
+  const auto robot = cells_.robot_state.acquire_if_new(OperatorCells::kStatePrediction);
+  const auto path = cells_.path.acquire_if_new(OperatorCells::kPathPrediction);
+  const auto camera = cells_.camera_pose.acquire_if_new(OperatorCells::kCameraPrediction);
+  in_.robot = robot.value;
+  in_.path = path.value;
+  in_.camera = camera.value;
+  if (const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModePrediction)) mode_ = *mode;
+  in_.round_trip = rt::Nanos{link_.round_trip_ns.load(std::memory_order_relaxed)};
+  in_.round_trip_uncertainty = rt::Nanos{link_.uncertainty_ns.load(std::memory_order_relaxed)};
+  in_.delay_known = in_.round_trip.count() > 0;
+  record.input_seq[0] = robot.seq;
+  record.input_seq[1] = path.seq;
+  record.input_seq[2] = camera.seq;
+  record.input_seq[3] = mode_.seq;
+}
+
+rt::Health PredictionNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  health_ = task_.step(tick, in_, out_);
+  record.work = 1;
+  return health_;
+}
+
+void PredictionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  const auto fate = goal_gate_.next();
+  if (!fate.drop) {
+    auto& goal = cells_.goal.begin_write();
+    goal = out_.goal;
+    goal.made -= fate.stale;
+    goal.valid_until -= fate.stale;
+    if (fate.nan) goal.x_m = std::nan("");
+    cells_.goal.publish();
+  }
+  publish_health(health_of(cells_, TaskId::kPrediction), tick.start, health_);
+  if (!hash_) return;
+  rt::Hash64 h;
+  for (const double v : {out_.goal.x_m, out_.goal.y_m, out_.goal.yaw_rad, out_.goal.vx, out_.goal.vy,
+                         out_.goal.wz, out_.goal.speed_limit_m_per_s}) {
+    h.value(v);
+  }
+  h.word(out_.goal.engaged);
+  record.output_hash = h.digest();
+}
+
+// ---------------------------------------------------------------- supervision
+
+namespace {
+
+using std::chrono::milliseconds;
+constexpr std::array<Watch, 4> kOperatorWatches{{{190, milliseconds{50}},    // haptic
+                                                 {290, milliseconds{500}},   // fusion
+                                                 {390, milliseconds{500}},   // prediction
+                                                 {490, milliseconds{1000}}}};  // planning
+constexpr std::array<TaskId, 4> kOperatorWatched{TaskId::kHaptic, TaskId::kFusion, TaskId::kPrediction,
+                                                 TaskId::kPlanning};
+
+}  // namespace
+
+SupervisionNode::SupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config, OperatorCells& cells,
+                                 LinkStatus& link, OperatorRequests& requests, bool hash)
+    : task_(nrt, config.supervision, rt::Box::kOperator, kOperatorWatches.data(),
+            static_cast<int>(kOperatorWatches.size())),
+      cells_(cells), link_(link), requests_(requests), hash_(hash) {}
+
+void SupervisionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
+  for (std::size_t i = 0; i < kOperatorWatched.size(); ++i) {
+    const auto health = health_of(cells_, kOperatorWatched[i]).acquire_if_new(0);
+    auto& report = in_.tasks[i];
+    report.heard = static_cast<bool>(health);
+    if (health) {
+      report.heartbeat = health->heartbeat;
+      report.health = health->health;
+    }
+    record.input_seq[i] = health.seq;
+  }
+  const auto robot = cells_.robot_state.acquire_if_new(OperatorCells::kStateSupervision);
+  in_.peer_mode = robot ? static_cast<Mode>(robot->mode) : Mode::kInit;
+  record.input_seq[4] = robot.seq;
+  const std::int64_t heard = link_.last_heard_ns.load(std::memory_order_relaxed);
+  in_.link_expected = link_.expected.load(std::memory_order_relaxed);
+  in_.link_heard = heard != 0 && robot;
+  in_.link_last = rt::time_from_ns(heard);
+  in_.link_refused = link_.refused.load(std::memory_order_relaxed);
+  in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
+  in_.requests.engage = static_cast<SupervisionTask::Engage>(requests_.engage.load(std::memory_order_relaxed));
+  in_.requests.ramp_down = requests_.ramp_down.load(std::memory_order_relaxed);
+  in_.requests.stop = requests_.stop.load(std::memory_order_relaxed);
+  in_.requests.clear = requests_.clear.load(std::memory_order_relaxed);
+}
+
+rt::Health SupervisionNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  record.work = 1;
+  return task_.step(tick, in_, out_);
+}
+
+void SupervisionNode::commit(const rt::Tick&, rt::JobRecord& record) noexcept {
+  cells_.mode.begin_write() = out_.mode;
+  cells_.mode.publish();
+  if (hash_) record.output_hash = rt::mix64(static_cast<std::uint64_t>(out_.mode.mode), out_.mode.cause);
+}
+
+}  // namespace tasks

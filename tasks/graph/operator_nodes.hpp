@@ -1,0 +1,105 @@
+// The operator box's tasks as executors see them: latch the ports, run the pure step, commit.
+#pragma once
+
+#include "tasks/graph/operator_graph.hpp"
+
+namespace tasks {
+
+class HapticNode final : public rt::TaskBody {
+ public:
+  HapticNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
+             OperatorCells& cells, double period_s);
+  void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  void make_safe() noexcept override { device_.make_safe(); }
+  [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept override { return twin_cpu_ ? twin_cpu_() : 0; }
+  [[nodiscard]] const HapticTask& task() const noexcept { return task_; }
+
+ private:
+  HapticTask task_;
+  drivers::HapticDevice& device_;
+  OperatorCells& cells_;
+  std::function<std::int64_t()> twin_cpu_;
+  bool hash_;
+  EdgeGate touch_gate_;
+  HapticTask::In in_;
+  HapticTask::Out out_;
+  rt::Health health_;
+};
+
+class FusionNode final : public rt::TaskBody {
+ public:
+  FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup, OperatorCells& cells);
+  void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  [[nodiscard]] const FusionTask& task() const noexcept { return *task_; }
+
+ private:
+  std::unique_ptr<FusionTask> task_;
+  OperatorCells& cells_;
+  bool hash_;
+  EdgeGate patch_gate_;
+  std::uint64_t frame_seq_ = 0;
+  FusionTask::In in_;
+  FusionTask::Out out_;
+  rt::Health health_;
+};
+
+class PlanningNode final : public rt::TaskBody {
+ public:
+  PlanningNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup, OperatorCells& cells);
+  void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  void abandon(const rt::Tick& tick) noexcept override;
+
+ private:
+  PlanningTask task_;
+  OperatorCells& cells_;
+  bool hash_;
+  PlanningTask::In in_;   // events stay here until a job that saw them has committed
+  PlanningTask::Out out_;
+  rt::Health health_;
+};
+
+class PredictionNode final : public rt::TaskBody {
+ public:
+  PredictionNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
+                 OperatorCells& cells, LinkStatus& link);
+  void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+
+ private:
+  PredictionTask task_;
+  OperatorCells& cells_;
+  LinkStatus& link_;
+  bool hash_;
+  EdgeGate goal_gate_;
+  ModeMsg mode_;
+  PredictionTask::In in_;
+  PredictionTask::Out out_;
+  rt::Health health_;
+};
+
+class SupervisionNode final : public rt::TaskBody {
+ public:
+  SupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config, OperatorCells& cells, LinkStatus& link,
+                  OperatorRequests& requests, bool hash);
+  void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+
+ private:
+  SupervisionTask task_;
+  OperatorCells& cells_;
+  LinkStatus& link_;
+  OperatorRequests& requests_;
+  bool hash_;
+  SupervisionTask::In in_;
+  SupervisionTask::Out out_;
+};
+
+}  // namespace tasks

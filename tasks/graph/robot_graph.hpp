@@ -1,0 +1,75 @@
+// The robot box: its cells, its three tasks bound to them, and the link edges it ends.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "drivers/camera/camera.hpp"
+#include "drivers/link/endpoint.hpp"
+#include "drivers/youbot/motor_bus.hpp"
+#include "rt/channel/latest.hpp"
+#include "rt/sched/task.hpp"
+#include "tasks/graph/graph_config.hpp"
+#include "tasks/graph/operator_graph.hpp"
+#include "tasks/graph/ports.hpp"
+#include "tasks/graph/samples.hpp"
+#include "tasks/graph/table.hpp"
+
+namespace tasks {
+
+struct RobotCells {
+  explicit RobotCells(rt::NonRealtime& nrt);
+
+  // link
+  enum { kGoalIo, kGoalSupervision };
+  rt::Latest<drivers::RobotGoal> goal;
+  // capture
+  enum { kEncodedLink };
+  rt::Latest<drivers::EncodedFrame> encoded;
+  // robot_io
+  enum { kStateLink, kStateConsole };
+  rt::Latest<drivers::RobotState> state;
+  // supervision
+  enum { kModeIo, kModeConsole };
+  rt::Latest<ModeMsg> mode;
+  std::vector<std::unique_ptr<HealthCell>> health;   // by TaskId
+
+  RobotSamples robot_samples;
+};
+
+struct RobotSetup {
+  drivers::MotorBus* bus = nullptr;
+  drivers::Camera* camera = nullptr;
+  std::function<std::int64_t()> bus_twin_cpu, camera_twin_cpu;  // empty: real devices
+  bool hash_outputs = false;
+  rt::FaultPlan faults;
+};
+
+class RobotGraph {
+ public:
+  RobotGraph(rt::NonRealtime&, const GraphConfig&, const RobotSetup&);
+  ~RobotGraph();
+  RobotGraph(const RobotGraph&) = delete;
+  RobotGraph& operator=(const RobotGraph&) = delete;
+
+  [[nodiscard]] rt::TaskBody& body(TaskId id);
+  // Registers the link edges: frame and robot_state out, goal in.
+  void bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint);
+
+  [[nodiscard]] RobotCells& cells() noexcept { return *cells_; }
+  [[nodiscard]] LinkStatus& link() noexcept { return link_; }
+  [[nodiscard]] OperatorRequests& requests() noexcept { return requests_; }
+
+ private:
+  struct Nodes;
+  GraphConfig config_;
+  std::unique_ptr<RobotCells> cells_;
+  LinkStatus link_;
+  OperatorRequests requests_;
+  std::unique_ptr<Nodes> nodes_;
+  EdgeGate frame_gate_, state_gate_;
+};
+
+}  // namespace tasks

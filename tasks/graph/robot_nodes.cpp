@@ -1,0 +1,156 @@
+#include "tasks/graph/robot_nodes.hpp"
+
+#include <cmath>
+
+namespace tasks {
+
+// ---------------------------------------------------------------- robot_io
+
+RobotIoNode::RobotIoNode(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup,
+                         RobotCells& cells, LinkStatus& link)
+    : task_(nrt, config.robot_io), bus_(*setup.bus), cells_(cells), link_(link),
+      twin_cpu_(setup.bus_twin_cpu), hash_(setup.hash_outputs) {
+  in_.mode = &mode_;
+}
+
+// One bus frame a tick carries the setpoints of the last committed job out and the states in.
+void RobotIoNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  in_.bus = bus_.exchange(tick.start, setpoints_, in_.motors);
+  const auto goal = cells_.goal.acquire_if_new(RobotCells::kGoalIo);
+  in_.goal = goal.value;
+  if (const auto mode = cells_.mode.acquire_if_new(RobotCells::kModeIo)) mode_ = *mode;
+  const std::int64_t heard = link_.last_heard_ns.load(std::memory_order_relaxed);
+  in_.link_heard = heard != 0;
+  in_.link_heard_at = rt::time_from_ns(heard);
+  record.input_seq[0] = goal.seq;
+  record.input_seq[1] = mode_.seq;
+  record.input_seq[2] = in_.motors.seq;
+}
+
+rt::Health RobotIoNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  health_ = task_.step(tick, in_, out_);
+  record.work = 1;
+  return health_;
+}
+
+void RobotIoNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  if (out_.clear_motor_timeout) bus_.clear_timeout();
+  setpoints_ = out_.setpoints;
+  cells_.state.begin_write() = out_.state;
+  cells_.state.publish();
+  publish_health(*cells_.health[index_of(TaskId::kRobotIo)], tick.start, health_);
+  if (tick.k % 10 == 0) {
+    RobotSample s;
+    s.stamp = tick.start;
+    s.x_m = static_cast<float>(out_.state.x_m);
+    s.y_m = static_cast<float>(out_.state.y_m);
+    s.yaw_rad = static_cast<float>(out_.state.yaw_rad);
+    s.tracking_error_m = static_cast<float>(out_.telemetry.tracking_error_m);
+    s.goal_distance_m = static_cast<float>(out_.telemetry.goal_distance_m);
+    s.speed_m_per_s = static_cast<float>(std::hypot(out_.state.vx, out_.state.vy));
+    s.goal_seq = out_.state.goal_seq;
+    s.path_seq = in_.goal != nullptr ? in_.goal->path_seq : 0;
+    s.driving = out_.telemetry.driving;
+    s.mode = out_.state.mode;
+    cells_.robot_samples.try_push(s);
+  }
+  if (!hash_) return;
+  rt::Hash64 h;
+  for (const double w : out_.setpoints.wheel_rad_per_s) h.value(w);
+  h.value(out_.state.x_m);
+  h.value(out_.state.y_m);
+  h.value(out_.state.yaw_rad);
+  record.output_hash = h.digest();
+}
+
+// ---------------------------------------------------------------- capture
+
+CaptureNode::CaptureNode(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup,
+                         RobotCells& cells)
+    : task_(nrt, config.capture, rt::Box::kRobot), camera_(*setup.camera), cells_(cells),
+      twin_cpu_(setup.camera_twin_cpu), hash_(setup.hash_outputs),
+      frame_(std::make_unique<perception::RgbdFrame>()) {
+  in_.frame = frame_.get();
+}
+
+void CaptureNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  const auto status = camera_.poll(tick.start, *frame_);
+  in_.fresh = status == drivers::CameraStatus::kFrame;
+  out_.slot = &cells_.encoded.begin_write();
+  out_.written = false;
+  record.input_seq[0] = frame_->seq;
+}
+
+rt::Health CaptureNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  health_ = task_.step(tick, in_, out_);
+  record.work = out_.written ? out_.slot->depth_size + out_.slot->colour_size : 0;
+  return health_;
+}
+
+void CaptureNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  if (out_.written) {
+    if (hash_) {
+      rt::Hash64 h;
+      h.bytes(out_.slot->bytes.data(), out_.slot->depth_size + out_.slot->colour_size);
+      record.output_hash = h.digest();
+    }
+    cells_.encoded.publish();
+  }
+  publish_health(*cells_.health[index_of(TaskId::kCapture)], tick.start, health_);
+}
+
+// ---------------------------------------------------------------- supervision
+
+namespace {
+
+using std::chrono::milliseconds;
+constexpr std::array<Watch, 2> kRobotWatches{{{590, milliseconds{50}}, {690, milliseconds{1000}}}};
+constexpr std::array<TaskId, 2> kRobotWatched{TaskId::kRobotIo, TaskId::kCapture};
+
+}  // namespace
+
+RobotSupervisionNode::RobotSupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config, RobotCells& cells,
+                                           LinkStatus& link, OperatorRequests& requests, bool hash)
+    : task_(nrt, config.supervision, rt::Box::kRobot, kRobotWatches.data(),
+            static_cast<int>(kRobotWatches.size())),
+      cells_(cells), link_(link), requests_(requests), hash_(hash) {}
+
+void RobotSupervisionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
+  for (std::size_t i = 0; i < kRobotWatched.size(); ++i) {
+    const auto health = cells_.health[index_of(kRobotWatched[i])]->acquire_if_new(0);
+    auto& report = in_.tasks[i];
+    report.heard = static_cast<bool>(health);
+    if (health) {
+      report.heartbeat = health->heartbeat;
+      report.health = health->health;
+    }
+    record.input_seq[i] = health.seq;
+  }
+  const auto goal = cells_.goal.acquire_if_new(RobotCells::kGoalSupervision);
+  record.input_seq[2] = goal.seq;
+  const std::int64_t heard = link_.last_heard_ns.load(std::memory_order_relaxed);
+  in_.link_expected = link_.expected.load(std::memory_order_relaxed);
+  in_.link_heard = heard != 0;
+  in_.link_last = rt::time_from_ns(heard);
+  in_.link_refused = link_.refused.load(std::memory_order_relaxed);
+  in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
+  // The operator's engage travels in the goal; without a goal there is none.
+  using Engage = SupervisionTask::Engage;
+  in_.requests.engage = !goal ? Engage::kAbsent : goal->engaged != 0 ? Engage::kYes : Engage::kNo;
+  in_.peer_mode = goal && goal->engaged != 0 ? Mode::kEngaged : Mode::kHold;
+  in_.requests.ramp_down = requests_.ramp_down.load(std::memory_order_relaxed);
+  in_.requests.stop = requests_.stop.load(std::memory_order_relaxed);
+}
+
+rt::Health RobotSupervisionNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  record.work = 1;
+  return task_.step(tick, in_, out_);
+}
+
+void RobotSupervisionNode::commit(const rt::Tick&, rt::JobRecord& record) noexcept {
+  cells_.mode.begin_write() = out_.mode;
+  cells_.mode.publish();
+  if (hash_) record.output_hash = rt::mix64(static_cast<std::uint64_t>(out_.mode.mode), out_.mode.cause);
+}
+
+}  // namespace tasks

@@ -1,0 +1,100 @@
+// The task table and the edge table of the whole stack: reading this file is the tour.
+//
+//     robot box                                      operator box
+//     camera ─▶ capture ══frame══▶ fusion ──patch──▶ haptic ◀──▶ Omega
+//                                    │ ▲───hand──────┘ │
+//                                    │cost_map         │touch
+//     bus ◀─▶ robot_io ◀══goal══ prediction ◀─path─ planning
+//                 └═══robot_state══▶ prediction, planning, fusion, supervision
+//     supervision (one on each box) ──mode──▶ every task of its box
+//
+// A process instantiates the rows of its box; an edge that crosses boxes (══) becomes a link
+// endpoint at both ends. Tasks see channels only, never each other.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string_view>
+
+#include "rt/sched/task_spec.hpp"
+
+namespace tasks {
+
+enum class TaskId : std::uint16_t {
+  kHaptic, kFusion, kPrediction, kPlanning, kSupervision,   // operator box
+  kRobotIo, kCapture, kRobotSupervision,                    // robot box
+};
+inline constexpr int kTaskCount = 8;
+[[nodiscard]] constexpr std::size_t index_of(TaskId id) noexcept { return static_cast<std::size_t>(id); }
+
+struct VariantRow {
+  std::string_view name;
+  std::int64_t budget_us;  // declared CPU; calibration replaces it
+};
+
+struct TaskRow {
+  TaskId id;
+  std::string_view name;
+  rt::Box box;
+  rt::TaskClass task_class;
+  std::int64_t rate_hz;
+  rt::MissPolicy policy;
+  int miss_limit;                     // leaky bucket; above it the safe output is forced
+  std::array<VariantRow, 4> variants; // level 0 first; an empty name ends the list
+};
+
+using enum rt::MissPolicy;
+inline constexpr std::array<TaskRow, kTaskCount> kTaskTable{{
+    {TaskId::kHaptic, "haptic", rt::Box::kOperator, rt::TaskClass::kHard, 1000, kSkip, 100,
+     {{{"full", 100}}}},
+    {TaskId::kFusion, "fusion", rt::Box::kOperator, rt::TaskClass::kHard, 30, kSkip, 0,
+     {{{"full", 25000}, {"step2", 12000}, {"step2_short", 9000}, {"step4", 6000}}}},
+    {TaskId::kPrediction, "prediction", rt::Box::kOperator, rt::TaskClass::kHard, 10, kSkip, 5,
+     {{{"full", 2000}}}},
+    {TaskId::kPlanning, "planning", rt::Box::kOperator, rt::TaskClass::kFirm, 10, kAbort, 0,
+     {{{"full", 50000}, {"short", 20000}}}},
+    {TaskId::kSupervision, "supervision", rt::Box::kOperator, rt::TaskClass::kHard, 100, kSkip, 0,
+     {{{"full", 50}}}},
+    {TaskId::kRobotIo, "robot_io", rt::Box::kRobot, rt::TaskClass::kHard, 1000, kSkip, 100,
+     {{{"full", 100}}}},
+    {TaskId::kCapture, "capture", rt::Box::kRobot, rt::TaskClass::kFirm, 30, kSkip, 0,
+     {{{"colour", 15000}, {"depth", 6000}}}},
+    {TaskId::kRobotSupervision, "robot_supervision", rt::Box::kRobot, rt::TaskClass::kHard, 100, kSkip, 0,
+     {{{"full", 50}}}},
+}};
+
+enum class EdgeId : std::uint8_t {
+  kFrame, kRobotState, kGoal,                                             // across the link
+  kPatch, kView, kCostMap, kCameraPose, kHand, kTouch, kPath, kTask, kMode,  // operator box
+  kRobotMode,                                                             // robot box
+};
+inline constexpr int kEdgeCount = 13;
+
+enum class EdgeKind : std::uint8_t { kLatest, kRing, kRemote };
+
+struct EdgeRow {
+  EdgeId id;
+  std::string_view name, from, to;
+  EdgeKind kind;
+  int liveness_ms;   // since the writer last published; beyond it `beyond` happens; 0 = no limit
+  int data_age_ms;   // since the oldest sensor datum in it; 0 = shown only
+  std::string_view beyond;
+};
+
+inline constexpr std::array<EdgeRow, kEdgeCount> kEdgeTable{{
+    {EdgeId::kFrame, "frame", "capture", "fusion", EdgeKind::kRemote, 0, 0, "map stays, tracking idles"},
+    {EdgeId::kRobotState, "robot_state", "robot_io", "prediction planning fusion supervision", EdgeKind::kRemote, 200, 500, "ramp down"},
+    {EdgeId::kGoal, "goal", "prediction", "robot_io robot_supervision", EdgeKind::kRemote, 250, 400, "robot halts with its ramp"},
+    {EdgeId::kPatch, "patch", "fusion", "haptic", EdgeKind::kLatest, 100, 0, "force ramps to zero"},
+    {EdgeId::kView, "view", "fusion", "console", EdgeKind::kLatest, 0, 0, "shown"},
+    {EdgeId::kCostMap, "cost_map", "fusion", "planning", EdgeKind::kLatest, 0, 0, "no new path"},
+    {EdgeId::kCameraPose, "camera_pose", "fusion", "prediction console", EdgeKind::kLatest, 0, 0, "odometry alone"},
+    {EdgeId::kHand, "hand", "haptic", "fusion console", EdgeKind::kLatest, 0, 0, "window stays"},
+    {EdgeId::kTouch, "touch", "haptic", "planning", EdgeKind::kRing, 0, 0, "full: newest dropped, gap flag; open mark dropped"},
+    {EdgeId::kPath, "path", "planning", "prediction console", EdgeKind::kLatest, 0, 0, "last path holds"},
+    {EdgeId::kTask, "task", "planning", "console", EdgeKind::kLatest, 0, 0, "shown"},
+    {EdgeId::kMode, "mode", "supervision", "haptic prediction planning", EdgeKind::kLatest, 0, 0, "not engaged"},
+    {EdgeId::kRobotMode, "robot_mode", "robot_supervision", "robot_io", EdgeKind::kLatest, 0, 0, "not engaged"},
+}};
+
+}  // namespace tasks

@@ -1,0 +1,286 @@
+#include "tools/teletact/box_process.hpp"
+
+#include <unistd.h>
+
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <stdexcept>
+#include <thread>
+
+#include "drivers/link/tcp_link.hpp"
+#include "rt/audit/run_file.hpp"
+#include "rt/fault/planned.hpp"
+#include "rt/sched/real_executor.hpp"
+#include "rt/sched/registry.hpp"
+
+namespace teletact {
+
+namespace {
+
+constexpr const char* kRegistry = "teletact";
+constexpr std::int64_t kRampDown = 200000000;   // from the request to the stop
+
+std::vector<rt::PlacedTask> placed_tasks(const BoxPlan& plan, rt::Box box,
+                                         const std::function<rt::TaskBody&(tasks::TaskId)>& body) {
+  std::vector<rt::PlacedTask> placed;
+  for (std::size_t i = 0; i < plan.specs.size(); ++i) {
+    if (plan.specs[i].box != box) continue;
+    const auto& a = plan.admission.tasks[i];
+    placed.push_back({plan.specs[i], &body(static_cast<tasks::TaskId>(i)), static_cast<std::uint16_t>(i), a.cpu,
+                      a.priority, a.level});
+  }
+  return placed;
+}
+
+rt::RunLog header_of(const std::vector<rt::PlacedTask>& placed, const tasks::Calibration& calibration,
+                     const std::vector<std::string>& missing) {
+  rt::RunLog log;
+  log.not_realtime = missing;
+  for (const auto& p : placed) {
+    rt::TaskLog t;
+    t.spec = p.spec;
+    t.id = p.id;
+    t.core = p.core;
+    t.priority = p.priority;
+    t.level = p.level;
+    if (const auto* row = calibration.find(p.spec.name, p.level)) {
+      t.work_min = static_cast<std::uint64_t>(row->work_min);
+      t.work_max = static_cast<std::uint64_t>(row->work_max);
+    }
+    log.tasks.push_back(std::move(t));
+  }
+  return log;
+}
+
+// Refuses to start beside another teletact whose tasks leave no room on these cores.
+rt::Registry enter_registry(const BoxPlan& plan, rt::Box box) {
+  auto registry = rt::Registry::open(kRegistry);
+  if (!registry) throw std::runtime_error(registry.error());
+  std::vector<rt::RegistryEntry> rows;
+  for (std::size_t i = 0; i < plan.specs.size(); ++i) {
+    if (plan.specs[i].box != box) continue;
+    const auto& a = plan.admission.tasks[i];
+    rt::RegistryEntry e;
+    e.task = plan.specs[i].name;
+    e.cpu = a.cpu;
+    e.priority = a.priority;
+    e.C = a.C;
+    e.T = a.T;
+    e.D = a.D;
+    rows.push_back(e);
+  }
+  rt::Registry r = std::move(registry).value();
+  if (auto ok = r.try_register(rows); !ok) throw std::runtime_error(ok.error());
+  return r;
+}
+
+// What both boxes do once their graph, link and console stand.
+struct BoxRunner {
+  const DemoOptions& options;
+  const BoxPlan& plan;
+  rt::Box box;
+  rt::BoxTime clock;
+  std::vector<rt::PlacedTask> placed;
+  tasks::OperatorRequests* requests = nullptr;
+  drivers::TcpLink* link = nullptr;
+  std::function<void(rt::Time)> tick;      // console
+  std::function<void()> save;              // partial half, so that a kill loses little
+  std::vector<BoxTotals> totals;
+  std::uint64_t dropped = 0, hangs = 0;
+
+  [[nodiscard]] rt::Time now() const { return clock.from_host(rt::monotonic_ns()); }
+
+  // Handshake before the epoch, or an error that names what is missing.
+  void await_link() const {
+    while (link->state() != drivers::TcpLink::State::kReady) {
+      if (link->state() == drivers::TcpLink::State::kFault) throw std::runtime_error(link->fault());
+      if (rt::monotonic_ns() > plan.epoch_host_ns - 50000000) {
+        throw std::runtime_error("link: no handshake before the start");
+      }
+      ::usleep(2000);
+    }
+  }
+
+  template <class Faults>
+  void run(rt::NonRealtime& nrt, const Faults& faults, const std::string& file) {
+    std::unique_ptr<rt::RunFileWriter> writer;
+    rt::RealExecutor<Faults> executor(
+        nrt, placed, faults, [&](const rt::JobRecord& r) { writer->add(r); },
+        [&](const rt::SentinelRecord& r) { writer->add(r); });
+    // What the machine refuses is known in part only when the threads run: the header tells what is
+    // known now, the rest is appended to the notes of a second header line by the caller's report.
+    writer = std::make_unique<rt::RunFileWriter>(file, header_of(placed, plan.calibration, executor.missing()));
+    const auto missing_before = executor.missing().size();
+    rt::RunPlan run_plan;
+    run_plan.epoch_host_ns = plan.epoch_host_ns;
+    run_plan.duration = rt::nanos_from_seconds(options.seconds);
+    run_plan.clock[static_cast<std::size_t>(box)] = clock;
+    std::atomic<bool> done{false};
+    std::thread runner([&] {
+      executor.run(run_plan);
+      done.store(true);
+    });
+    std::int64_t ramp_from = 0, next_save = plan.epoch_host_ns + 1000000000;
+    while (!done.load()) {
+      tick(now());
+      const std::int64_t host = rt::monotonic_ns();
+      if (executor.hangs() > 0) requests->watchdog_bit.store(true);
+      if (g_stop_requested.load() && ramp_from == 0) {
+        ramp_from = host;
+        requests->ramp_down.store(true);
+      }
+      if (ramp_from != 0 && host - ramp_from > kRampDown) executor.request_stop();
+      if (host > next_save) {
+        next_save += 1000000000;
+        writer->flush();
+        save();
+      }
+      ::usleep(20000);
+    }
+    runner.join();
+    writer->flush();
+    tick(now());
+    const auto t = executor.totals();
+    for (std::size_t i = 0; i < placed.size(); ++i) totals.push_back({placed[i].id, t[i]});
+    dropped = executor.dropped_records();
+    hangs = executor.hangs();
+    for (std::size_t i = missing_before; i < executor.missing().size(); ++i) {
+      std::ofstream(plan.folder + "/not_realtime", std::ios::app) << executor.missing()[i] << '\n';
+    }
+  }
+
+  void run(rt::NonRealtime& nrt, const std::string& file) {
+    if (!plan.planned) {
+      run(nrt, rt::Plain{}, file);
+      return;
+    }
+    std::vector<std::string> names;
+    for (const auto& s : plan.specs) names.push_back(s.name);
+    run(nrt, rt::Planned(plan.faults, names), file);
+  }
+};
+
+int with_errors(const char* who, const std::function<int()>& body) {
+  try {
+    return body();
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "teletact %s: %s\n", who, e.what());
+    return 3;
+  }
+}
+
+}  // namespace
+
+int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options, const BoxPlan& plan) {
+  return with_errors("operator", [&] {
+    BoxOptions box_options;
+    box_options.epoch = kOperatorClock.from_host(plan.epoch_host_ns);
+    box_options.faults = plan.faults;
+    OperatorBox box(nrt, scene, camera_of(scene), box_options);
+    OperatorConsole console(box, scene, box_options.epoch);
+    const auto registry = enter_registry(plan, rt::Box::kOperator);
+
+    int port = 0;
+    while (port == 0) {
+      std::ifstream(plan.folder + "/robot.port") >> port;
+      if (rt::monotonic_ns() > plan.epoch_host_ns) throw std::runtime_error("the robot's process has not come up");
+      ::usleep(5000);
+    }
+    auto link = drivers::TcpLink::connect(scene.link.address, port, std::chrono::seconds{2});
+    if (!link) throw std::runtime_error(link.error());
+    auto& tcp = *link.value();
+    auto& status = box.graph().link();
+    const auto now = [] { return kOperatorClock.from_host(rt::monotonic_ns()); };
+    tcp.start(box.endpoint(), now, scene.link.shape, [&] {
+      status.last_heard_ns.store(tcp.last_heard_ns());
+      status.round_trip_ns.store(tcp.round_trip_ns());
+      status.uncertainty_ns.store(tcp.clock_uncertainty_ns());
+      status.refused.store(tcp.state() == drivers::TcpLink::State::kFault);
+    });
+
+    OperatorHalf half;
+    half.epoch_ns = rt::ns_of(box_options.epoch);
+    BoxRunner runner{options, plan, rt::Box::kOperator, kOperatorClock, placed_tasks(plan, rt::Box::kOperator, [&](tasks::TaskId id) -> rt::TaskBody& { return box.graph().body(id); }), &box.graph().requests(), &tcp, {}, {}, {}, 0, 0};
+    std::int64_t next_line = plan.epoch_host_ns + 1000000000;
+    bool was_cut = false;
+    runner.tick = [&](rt::Time t) {
+      console.tick(t);
+      if (!options.quiet && rt::monotonic_ns() >= next_line) {
+        next_line += 1000000000;
+        std::printf("%s\n", console.status_line(t).c_str());
+        std::fflush(stdout);
+      }
+      if (options.cut_link_at_s >= 0 && !was_cut && rt::seconds(t - box_options.epoch) >= options.cut_link_at_s) {
+        was_cut = true;
+        tcp.cut();
+      }
+    };
+    runner.save = [&] {
+      half.view = console.copy();
+      save_half(plan.folder, half);
+    };
+    runner.await_link();
+    runner.run(nrt, plan.folder + "/operator.run");
+    box.device().make_safe();
+    half.totals = runner.totals;
+    half.dropped_records = runner.dropped;
+    half.hangs = runner.hangs;
+    half.link_round_trip_ns = tcp.round_trip_ns();
+    half.link_uncertainty_ns = tcp.clock_uncertainty_ns();
+    tcp.stop();
+    half.view = console.copy();
+    half.complete = true;
+    save_half(plan.folder, half);
+    return runner.hangs > 0 ? 4 : 0;
+  });
+}
+
+int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options, const BoxPlan& plan) {
+  return with_errors("robot", [&] {
+    BoxOptions box_options;
+    box_options.epoch = kRobotClock.from_host(plan.epoch_host_ns);
+    box_options.faults = plan.faults;
+    box_options.threaded_camera = true;
+    box_options.now = [] { return kRobotClock.from_host(rt::monotonic_ns()); };
+    RobotBox box(nrt, scene, box_options);
+    RobotConsole console(box);
+    const auto registry = enter_registry(plan, rt::Box::kRobot);
+
+    auto link = drivers::TcpLink::listen(scene.link.address, scene.link.port);
+    if (!link) throw std::runtime_error(link.error());
+    auto& tcp = *link.value();
+    {
+      std::ofstream(plan.folder + "/robot.port.tmp") << tcp.port() << '\n';
+      std::rename((plan.folder + "/robot.port.tmp").c_str(), (plan.folder + "/robot.port").c_str());
+    }
+    auto& status = box.graph().link();
+    tcp.start(box.endpoint(), box_options.now, scene.link.shape, [&] {
+      status.last_heard_ns.store(tcp.last_heard_ns());
+      status.refused.store(tcp.state() == drivers::TcpLink::State::kFault);
+    });
+
+    RobotHalf half;
+    half.epoch_ns = rt::ns_of(box_options.epoch);
+    BoxRunner runner{options, plan, rt::Box::kRobot, kRobotClock, placed_tasks(plan, rt::Box::kRobot, [&](tasks::TaskId id) -> rt::TaskBody& { return box.graph().body(id); }), &box.graph().requests(), &tcp, {}, {}, {}, 0, 0};
+    runner.tick = [&](rt::Time t) { console.tick(t); };
+    runner.save = [&] {
+      half.view = console.seen();
+      save_half(plan.folder, half);
+    };
+    runner.await_link();
+    runner.run(nrt, plan.folder + "/robot.run");
+    box.bus().make_safe();
+    half.totals = runner.totals;
+    half.dropped_records = runner.dropped;
+    half.hangs = runner.hangs;
+    half.camera_twin_cpu_ns = box.camera_twin_cpu_ns();
+    tcp.stop();
+    half.view = console.seen();
+    half.complete = true;
+    save_half(plan.folder, half);
+    return runner.hangs > 0 ? 4 : 0;
+  });
+}
+
+}  // namespace teletact

@@ -1,0 +1,23 @@
+// One box of the demo as a process of its own: build, hand-shake, arm, run, ramp down, save.
+// Exit codes of a child: 0 orderly, 3 could not start, 4 stopped by a fault.
+#pragma once
+
+#include "rt/sched/admission.hpp"
+#include "tools/teletact/run_demo.hpp"
+
+namespace teletact {
+
+struct BoxPlan {
+  std::int64_t epoch_host_ns = 0;
+  rt::Admission admission;            // of the union of both boxes
+  std::vector<rt::TaskSpec> specs;    // by task id
+  tasks::Calibration calibration;
+  rt::FaultPlan faults;
+  bool planned = false;               // run the planned executor
+  std::string folder;                 // where the halves go
+};
+
+[[nodiscard]] int run_operator_process(rt::NonRealtime&, const Scene&, const DemoOptions&, const BoxPlan&);
+[[nodiscard]] int run_robot_process(rt::NonRealtime&, const Scene&, const DemoOptions&, const BoxPlan&);
+
+}  // namespace teletact

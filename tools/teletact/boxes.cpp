@@ -1,0 +1,133 @@
+#include "tools/teletact/boxes.hpp"
+
+#include <numbers>
+#include <stdexcept>
+
+#include "drivers/camera/tum_reader.hpp"
+#include "rt/clock/box_time.hpp"
+
+namespace teletact {
+
+namespace {
+
+// Recordings start this long after the epoch: half a camera period off the releases of capture, so
+// that every frame is complete well before the poll that takes it.
+constexpr rt::Nanos kRecordingLead = std::chrono::milliseconds{317};
+
+drivers::TumSequence open_sequence(const std::string& dir) {
+  auto sequence = drivers::TumSequence::open(dir);
+  if (!sequence) throw std::runtime_error(sequence.error());
+  return std::move(sequence).value();
+}
+
+}  // namespace
+
+perception::Intrinsics camera_of(const Scene& scene) {
+  return scene.rgbd_dir.empty() ? scene.camera.intrinsics() : open_sequence(scene.rgbd_dir).intrinsics();
+}
+
+// The camera rides on the robot's true pose.
+class RobotBox::BasePose final : public drivers::PoseSource {
+ public:
+  BasePose(const drivers::VirtualYoubot& bus, const perception::Pose& X_BC, const perception::Pose& X_WB0)
+      : bus_(bus), X_BC_(X_BC), X_WB_(X_WB0) {}
+  [[nodiscard]] perception::Pose X_WC_at(rt::Time t) noexcept override {
+    drivers::PoseHistory::Sample s;
+    if (bus_.history().at(t, s)) {
+      X_WB_.linear() = Eigen::AngleAxisd(s.X_WB.yaw, perception::Vec3::UnitZ()).toRotationMatrix();
+      X_WB_.translation() = perception::Vec3(s.X_WB.x, s.X_WB.y, 0);
+    }
+    return X_WB_ * X_BC_;
+  }
+
+ private:
+  const drivers::VirtualYoubot& bus_;
+  perception::Pose X_BC_, X_WB_;
+};
+
+RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& options)
+    : world_(std::make_unique<drivers::World>(nrt, scene.rgbd_dir.empty() ? scene.world : drivers::WorldConfig{})),
+      endpoint_(nrt, rt::Box::kRobot) {
+  const auto& io = scene.graph.robot_io;
+  const drivers::World* world = world_.get();
+  drivers::CollisionTest collides = [world](const perception::Pose2& X) {
+    return world->robot_collision(X.x, X.y, X.yaw) >= 0;
+  };
+  drivers::RobotPlant plant(nrt, scene.plant, io.base, perception::Pose2{io.start_x_m, io.start_y_m, io.start_yaw_rad},
+                            std::move(collides));
+  bus_ = std::make_unique<drivers::VirtualYoubot>(nrt, scene.bus, std::move(plant));
+  bus_->set_cpu_clock(&rt::thread_cpu_ns);
+
+  tasks::RobotSetup setup;
+  setup.bus = bus_.get();
+  setup.bus_twin_cpu = [this] { return bus_->twin_cpu_ns(); };
+  setup.hash_outputs = options.hash_outputs;
+  setup.faults = options.faults;
+  if (!scene.rgbd_dir.empty()) {
+    camera_ = std::make_unique<drivers::ReplayCamera>(nrt, open_sequence(scene.rgbd_dir), options.epoch + kRecordingLead,
+                                                      scene.hold_s, options.progress);
+  } else {
+    pose_ = std::make_unique<BasePose>(*bus_, scene.camera.X_BC(), scene.start_X_WB());
+    auto synthetic = std::make_unique<drivers::SyntheticCamera>(nrt, scene.camera, *world_, *pose_, options.epoch);
+    camera_effects_ = synthetic->noise().effects();
+    if (options.threaded_camera) {
+      auto threaded = std::make_unique<drivers::ThreadedCamera>(nrt, std::move(synthetic), options.now);
+      threaded_ = threaded.get();
+      camera_ = std::move(threaded);
+    } else {
+      synthetic_ = synthetic.get();
+      setup.camera_twin_cpu = [this] { return synthetic_->twin_cpu_ns(); };
+      camera_ = std::move(synthetic);
+    }
+  }
+  setup.camera = camera_.get();
+  graph_ = std::make_unique<tasks::RobotGraph>(nrt, scene.graph, setup);
+  graph_->bind_link(nrt, endpoint_);
+}
+
+std::int64_t RobotBox::camera_twin_cpu_ns() const noexcept {
+  return threaded_ != nullptr ? threaded_->twin_cpu_ns() : synthetic_ != nullptr ? synthetic_->twin_cpu_ns() : 0;
+}
+
+Effects RobotBox::effects() const {
+  Effects out;
+  for (const auto& name : camera_effects_) out.emplace_back("camera noise: " + name, "camera.noise");
+  for (const auto& name : bus_->plant().effects()) out.emplace_back("robot: " + name, "robot.plant");
+  return out;
+}
+
+OperatorBox::OperatorBox(rt::NonRealtime& nrt, const Scene& scene, const perception::Intrinsics& camera,
+                         const BoxOptions& options)
+    : scene_(scene), endpoint_(nrt, rt::Box::kOperator) {
+  hand_ = std::make_unique<drivers::HandScript>(nrt, scene.hand, scene.workspace());
+  const auto start = hand_->target(rt::Nanos{0});
+  device_ = std::make_unique<drivers::OmegaTwin>(nrt, scene.device, hand_.get(), scene.workspace().to_device(start.p_WT));
+  device_->set_cpu_clock(&rt::thread_cpu_ns);
+  device_->start_hand(options.epoch);
+  device_->enable_force(options.epoch);
+
+  tasks::OperatorSetup setup;
+  setup.device = device_.get();
+  setup.device_twin_cpu = [this] { return device_->twin_cpu_ns(); };
+  setup.hash_outputs = options.hash_outputs;
+  setup.faults = options.faults;
+  setup.fusion.camera = camera;
+  if (scene.rgbd_dir.empty()) {
+    setup.fusion.X_BC = scene.camera.X_BC();
+    setup.fusion.X_WC0 = scene.start_X_WB() * setup.fusion.X_BC;
+    setup.fusion.ground.up_known = true;
+    setup.fusion.ground.start_W = scene.start_X_WB().translation();
+    setup.fusion.ground.camera_height_m = scene.camera.mount_position_m[2];
+  }
+  graph_ = std::make_unique<tasks::OperatorGraph>(nrt, scene.graph, setup, 1e-3);
+  graph_->bind_link(nrt, endpoint_);
+}
+
+Effects OperatorBox::effects() const {
+  Effects out;
+  for (const auto& name : device_->effects()) out.emplace_back("device: " + name, "device");
+  if (scene_.link.shape.any()) out.emplace_back("link shape", "link.shape");
+  return out;
+}
+
+}  // namespace teletact

@@ -1,0 +1,80 @@
+// The two boxes with their devices' twins: what a process of the demo holds.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "drivers/camera/replay_camera.hpp"
+#include "drivers/camera/synthetic_camera.hpp"
+#include "drivers/camera/threaded_camera.hpp"
+#include "drivers/link/endpoint.hpp"
+#include "drivers/omega/hand_script.hpp"
+#include "drivers/omega/omega_twin.hpp"
+#include "drivers/world/world.hpp"
+#include "drivers/youbot/virtual_youbot.hpp"
+#include "rt/fault/plan.hpp"
+#include "tasks/graph/operator_graph.hpp"
+#include "tasks/graph/robot_graph.hpp"
+#include "tools/teletact/scene.hpp"
+
+namespace teletact {
+
+struct BoxOptions {
+  rt::Time epoch{};                       // in this box's clock
+  bool hash_outputs = false;
+  bool threaded_camera = false;           // real clock: render on an ordinary thread
+  std::function<rt::Time()> now;          // box clock, for the threaded camera
+  rt::FaultPlan faults;
+  std::function<void(int, int)> progress;  // of decoding a recording
+};
+
+// What a twin or effect constructed in this run is called, and which key called for it.
+using Effects = std::vector<std::pair<std::string, std::string>>;
+
+class RobotBox {
+ public:
+  RobotBox(rt::NonRealtime&, const Scene&, const BoxOptions&);
+  [[nodiscard]] tasks::RobotGraph& graph() noexcept { return *graph_; }
+  [[nodiscard]] drivers::LinkEndpoint& endpoint() noexcept { return endpoint_; }
+  [[nodiscard]] drivers::VirtualYoubot& bus() noexcept { return *bus_; }
+  [[nodiscard]] const drivers::World& world() const noexcept { return *world_; }
+  [[nodiscard]] Effects effects() const;
+  [[nodiscard]] std::int64_t camera_twin_cpu_ns() const noexcept;
+
+ private:
+  class BasePose;
+  std::unique_ptr<drivers::World> world_;
+  std::unique_ptr<drivers::VirtualYoubot> bus_;
+  std::unique_ptr<drivers::PoseSource> pose_;
+  std::unique_ptr<drivers::Camera> camera_;
+  drivers::SyntheticCamera* synthetic_ = nullptr;
+  drivers::ThreadedCamera* threaded_ = nullptr;
+  std::vector<std::string> camera_effects_;
+  std::unique_ptr<tasks::RobotGraph> graph_;
+  drivers::LinkEndpoint endpoint_;
+};
+
+class OperatorBox {
+ public:
+  OperatorBox(rt::NonRealtime&, const Scene&, const perception::Intrinsics& camera, const BoxOptions&);
+  [[nodiscard]] tasks::OperatorGraph& graph() noexcept { return *graph_; }
+  [[nodiscard]] drivers::LinkEndpoint& endpoint() noexcept { return endpoint_; }
+  [[nodiscard]] drivers::HandScript& hand() noexcept { return *hand_; }
+  [[nodiscard]] drivers::OmegaTwin& device() noexcept { return *device_; }
+  [[nodiscard]] Effects effects() const;
+
+ private:
+  const Scene& scene_;
+  std::unique_ptr<drivers::HandScript> hand_;
+  std::unique_ptr<drivers::OmegaTwin> device_;
+  std::unique_ptr<tasks::OperatorGraph> graph_;
+  drivers::LinkEndpoint endpoint_;
+};
+
+// Depth camera of the scene: the recording's if it names one, else the synthetic one's.
+[[nodiscard]] perception::Intrinsics camera_of(const Scene& scene);
+
+}  // namespace teletact

@@ -1,0 +1,133 @@
+#include "tools/teletact/console.hpp"
+
+#include <algorithm>
+#include <cstdio>
+
+namespace teletact {
+
+using tasks::OperatorCells;
+
+OperatorConsole::OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time epoch)
+    : box_(box), scene_(scene), epoch_(epoch), camera_width_px_(camera_of(scene).width) {}
+
+void OperatorConsole::drain() {
+  auto& cells = box_.graph().cells();
+  tasks::HapticSample h;
+  while (cells.haptic_samples.try_pop(h)) seen_.haptic.push_back(h);
+  tasks::FusionSample f;
+  while (cells.fusion_samples.try_pop(f)) seen_.fusion.push_back(f);
+  if (const auto v = cells.view.acquire_if_new(OperatorCells::kViewConsole); v && v->seq != seen_.view->seq) {
+    *seen_.view = *v;
+  }
+  if (const auto m = cells.cost_map.acquire_if_new(OperatorCells::kMapConsole); m && m->seq != seen_.map->seq) {
+    *seen_.map = *m;
+  }
+  if (const auto p = cells.path.acquire_if_new(OperatorCells::kPathConsole); p && p->seq != 0 && p->size > 0) {
+    const bool known = std::any_of(seen_.paths.begin(), seen_.paths.end(), [&](const auto& o) { return o.seq == p->seq; });
+    if (!known) seen_.paths.push_back(*p);
+  }
+  if (const auto t = cells.task.acquire_if_new(OperatorCells::kTaskConsole)) {
+    using Phase = tasks::TaskState::Phase;
+    if (t->phase == Phase::kArrived && seen_.task.phase != Phase::kArrived) {
+      if (seen_.arrivals++ == 0) seen_.first_arrival = t->stamp;
+    }
+    seen_.task = *t;
+  }
+  if (const auto c = cells.camera_pose.acquire_if_new(OperatorCells::kCameraConsole)) seen_.camera = *c;
+  if (const auto m = cells.mode.acquire_if_new(OperatorCells::kModeConsole)) seen_.mode = *m;
+  if (const auto r = cells.robot_state.acquire_if_new(OperatorCells::kStateConsole)) seen_.robot = *r;
+}
+
+// The person looks at the picture and puts the hand where they see the surface: the points of pixel
+// segments come from the newest view, shortly before the segment starts.
+void OperatorConsole::resolve_points(rt::Time now) {
+  auto& hand = box_.hand();
+  while (next_point_ < hand.size()) {
+    const auto& segment = hand.segment(next_point_);
+    if (segment.source != "pixel") {
+      ++next_point_;
+      continue;
+    }
+    const rt::Time start = epoch_ + hand.start(next_point_);
+    if (now + std::chrono::milliseconds{100} < start) return;
+    const auto& view = *seen_.view;
+    if (view.seq == 0) return;
+    // Pixels are those of the depth image; the view shows every n-th of them.
+    const double step = camera_width_px_ / static_cast<double>(view.intrinsics.width);
+    const int u = static_cast<int>(segment.pixel[0] / step), v = static_cast<int>(segment.pixel[1] / step);
+    perception::Vec3 p = perception::Vec3::Zero(), along_u = p, along_v = p;
+    const auto point = [&](int du, int dv, perception::Vec3& out) {
+      const int uu = u + du, vv = v + dv;
+      if (uu < 0 || vv < 0 || uu >= view.intrinsics.width || vv >= view.intrinsics.height) return false;
+      const auto& q = view.points[static_cast<std::size_t>(vv) * static_cast<std::size_t>(view.intrinsics.width) +
+                                  static_cast<std::size_t>(uu)];
+      out = perception::Vec3(static_cast<double>(q.x), static_cast<double>(q.y), static_cast<double>(q.z));
+      return q.depth > 0;
+    };
+    constexpr int kReach = 4;
+    perception::Vec3 l, r, t, b;
+    if (point(0, 0, p) && point(-kReach, 0, l) && point(kReach, 0, r) && point(0, -kReach, t) && point(0, kReach, b)) {
+      perception::Vec3 n = (r - l).cross(t - b);
+      if (n.norm() > 1e-9) {
+        n.normalize();
+        if (n.dot(view.X_WV.translation() - p) < 0) n = -n;
+        if (hand.set_point(next_point_, p, n)) ++seen_.points_resolved;
+      }
+    }
+    ++next_point_;
+  }
+}
+
+void OperatorConsole::tick(rt::Time now) {
+  drain();
+  using Engage = tasks::SupervisionTask::Engage;
+  const bool engage = rt::seconds(now - epoch_) >= scene_.operator_script.engage_after_s;
+  box_.graph().requests().engage.store(static_cast<int>(engage ? Engage::kYes : Engage::kNo));
+  resolve_points(now);
+}
+
+std::string OperatorConsole::status_line(rt::Time now) const {
+  const char* modes[] = {"init", "hold", "engaged", "ramp down", "safe stop"};
+  const char* phases[] = {"idle", "planning", "driving", "arrived", "failed"};
+  const float force = seen_.haptic.empty() ? 0.0F : seen_.haptic.back().force_N;
+  const auto tracked = std::count_if(seen_.fusion.begin(), seen_.fusion.end(), [](const auto& f) { return f.tracked; });
+  char line[200];
+  std::snprintf(line, sizeof line, "%5.1f s  %-9s  force %5.2f N  frames %4ld  marks %u  paths %u  %-8s  robot (%.2f, %.2f) m",
+                rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)], static_cast<double>(force),
+                static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
+                phases[static_cast<int>(seen_.task.phase)], seen_.robot.x_m, seen_.robot.y_m);
+  return line;
+}
+
+OperatorView OperatorConsole::copy() const {
+  OperatorView v;
+  v.haptic = seen_.haptic;
+  v.fusion = seen_.fusion;
+  v.paths = seen_.paths;
+  v.task = seen_.task;
+  v.camera = seen_.camera;
+  v.mode = seen_.mode;
+  v.robot = seen_.robot;
+  *v.view = *seen_.view;
+  *v.map = *seen_.map;
+  v.arrivals = seen_.arrivals;
+  v.first_arrival = seen_.first_arrival;
+  v.points_resolved = seen_.points_resolved;
+  return v;
+}
+
+void RobotConsole::tick(rt::Time) {
+  tasks::RobotSample r;
+  auto& cells = box_.graph().cells();
+  while (cells.robot_samples.try_pop(r)) {
+    seen_.robot.push_back(r);
+    seen_.tracking_error_max_m = std::max(seen_.tracking_error_max_m, static_cast<double>(r.tracking_error_m));
+  }
+  if (const auto m = cells.mode.acquire_if_new(tasks::RobotCells::kModeConsole)) seen_.mode = *m;
+  drivers::PoseHistory::Sample s;
+  if (box_.bus().history().newest(s)) {
+    seen_.truth.push_back({s.time, s.X_WB.x, s.X_WB.y, s.X_WB.yaw, s.path_m, s.collisions});
+  }
+}
+
+}  // namespace teletact

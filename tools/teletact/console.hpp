@@ -1,0 +1,77 @@
+// The desk without a screen: what an ordinary thread does beside the tasks. It watches (samples,
+// views, maps), plays the operator's script (engage, points for the hand), and keeps what the report
+// needs. Called every 20 ms or so, by the process's main thread or by an actor on the virtual clock.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tools/teletact/boxes.hpp"
+
+namespace teletact {
+
+// What the operator box's console has seen.
+struct OperatorView {
+  std::vector<tasks::HapticSample> haptic;
+  std::vector<tasks::FusionSample> fusion;
+  std::vector<tasks::Path> paths;               // each path once, as it was first published
+  tasks::TaskState task;
+  tasks::CameraPose camera;
+  tasks::ModeMsg mode;
+  drivers::RobotState robot;
+  std::unique_ptr<tasks::SceneView> view = std::make_unique<tasks::SceneView>();
+  std::unique_ptr<perception::CostMap> map = std::make_unique<perception::CostMap>();
+  std::uint64_t arrivals = 0;
+  rt::Time first_arrival{};
+  std::uint32_t points_resolved = 0;
+};
+
+class OperatorConsole {
+ public:
+  OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time epoch);
+  void tick(rt::Time now);
+  [[nodiscard]] const OperatorView& seen() const noexcept { return seen_; }
+  [[nodiscard]] OperatorView take() { return std::move(seen_); }   // ends its use
+  [[nodiscard]] OperatorView copy() const;
+  void ramp_down() noexcept { box_.graph().requests().ramp_down.store(true); }
+  [[nodiscard]] std::string status_line(rt::Time now) const;
+
+ private:
+  void drain();
+  void resolve_points(rt::Time now);
+  OperatorBox& box_;
+  const Scene& scene_;
+  rt::Time epoch_;
+  OperatorView seen_;
+  std::size_t next_point_ = 0;
+  int camera_width_px_;
+};
+
+struct TruthSample {
+  rt::Time stamp{};
+  double x_m = 0, y_m = 0, yaw_rad = 0, path_m = 0;
+  std::uint32_t collisions = 0;
+};
+
+struct RobotView {
+  std::vector<tasks::RobotSample> robot;
+  std::vector<TruthSample> truth;
+  tasks::ModeMsg mode;
+  double tracking_error_max_m = 0;
+};
+
+class RobotConsole {
+ public:
+  explicit RobotConsole(RobotBox& box) : box_(box) {}
+  void tick(rt::Time now);
+  [[nodiscard]] const RobotView& seen() const noexcept { return seen_; }
+  [[nodiscard]] RobotView take() { return std::move(seen_); }
+
+ private:
+  RobotBox& box_;
+  RobotView seen_;
+};
+
+}  // namespace teletact

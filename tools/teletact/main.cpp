@@ -1,0 +1,62 @@
+// teletact: touch what only a robot can see. One program, one subcommand a job.
+#include <array>
+#include <cstdio>
+#include <cstring>
+#include <exception>
+
+#include "tools/teletact/build_info.hpp"
+#include "tools/teletact/commands.hpp"
+
+namespace {
+
+struct Command {
+  const char* name;
+  int (*run)(int, char**);
+  const char* help;
+};
+
+constexpr std::array kCommands{
+    Command{"demo", teletact::cmd_demo, "run both boxes on this machine, every device a twin; writes a report"},
+    Command{"fuse", teletact::cmd_fuse, "a recorded RGB-D sequence to camera poses and a mesh"},
+    Command{"touch", teletact::cmd_touch, "a distance field and a hand path to forces"},
+    Command{"predict", teletact::cmd_predict, "an odometry log to delay-compensated poses"},
+    Command{"calibrate", teletact::cmd_calibrate, "measure what each task variant costs on this machine"},
+    Command{"audit", teletact::cmd_audit, "read a run's log: who was late, and why"},
+    Command{"bench", teletact::cmd_bench, "rings, wake-up, audit: measured beside their peers"},
+    Command{"doctor", teletact::cmd_doctor, "is this machine fit for real-time use, and what to do"},
+};
+
+void usage(std::FILE* out) {
+  std::fprintf(out, "teletact %s: touch what only a robot can see\n\nusage: teletact COMMAND [OPTIONS]\n\n", teletact::kVersion);
+  for (const auto& c : kCommands) std::fprintf(out, "  %-10s %s\n", c.name, c.help);
+  std::fprintf(out, "\nteletact COMMAND --help tells the options.\n");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc < 2) {
+    usage(stderr);
+    return 2;
+  }
+  if (std::strcmp(argv[1], "--help") == 0 || std::strcmp(argv[1], "-h") == 0) {
+    usage(stdout);
+    return 0;
+  }
+  if (std::strcmp(argv[1], "--version") == 0) {
+    std::printf("teletact %s\n", teletact::kVersion);
+    return 0;
+  }
+  for (const auto& c : kCommands) {
+    if (std::strcmp(argv[1], c.name) != 0) continue;
+    try {
+      return c.run(argc - 1, argv + 1);
+    } catch (const std::exception& e) {
+      std::fprintf(stderr, "teletact %s: %s\n", c.name, e.what());
+      return 2;
+    }
+  }
+  std::fprintf(stderr, "teletact: unknown command '%s'\n\n", argv[1]);
+  usage(stderr);
+  return 2;
+}

@@ -1,0 +1,53 @@
+// Running the whole stack, on either clock.
+#pragma once
+
+#include <atomic>
+#include <string>
+#include <vector>
+
+#include "rt/fault/plan.hpp"
+#include "rt/memory/non_realtime.hpp"
+#include "tasks/graph/calibration.hpp"
+#include "tools/teletact/run_results.hpp"
+#include "tools/teletact/scene.hpp"
+
+namespace teletact {
+
+struct DemoOptions {
+  std::string scene_path;
+  std::vector<std::string> overrides;
+  std::string rgbd_dir;              // empty: the synthetic place
+  double seconds = 20;
+  bool virtual_clock = false, stub_bodies = false, measure_cpu = false;
+  std::string report = "report";     // folder
+  std::string calibration;           // file; empty: the built-in reference (virtual) or the host's
+  std::string fault_plan;            // file; empty: the plain executor
+  int force_level = -1;              // calibration: this level of every task that has it
+  bool quiet = false;
+  std::string command;               // as typed, for the report
+  std::uint64_t cost_seed = 1;
+  double cut_link_at_s = -1;         // the cable is cut then
+};
+
+// Set by the signal handler: ramp down, then stop.
+extern std::atomic<bool> g_stop_requested;
+
+// The robot's clock of the demo: 1000 s ahead and 50 ppm fast.
+inline constexpr rt::BoxTime kOperatorClock{0, 0};
+inline constexpr rt::BoxTime kRobotClock{1000000000000LL, 50};
+
+struct VirtualRun {
+  OperatorHalf op;
+  RobotHalf robot;
+  std::uint64_t sched_hash = 0, log_hash = 0;
+  Effects effects;
+  rt::Admission admission;
+};
+// One process, simulated time. `log` in the halves holds each box's tasks.
+[[nodiscard]] VirtualRun run_virtual(rt::NonRealtime&, const Scene&, const DemoOptions&, const tasks::Calibration&);
+
+// Both halves, from either clock, to metrics, report and exit code.
+int finish_run(const DemoOptions&, const Scene&, RunInfo& info, const OperatorHalf&, const RobotHalf&,
+               const std::string& json_path);
+
+}  // namespace teletact

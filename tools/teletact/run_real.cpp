@@ -1,0 +1,125 @@
+#include "tools/teletact/run_real.hpp"
+
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
+
+#include "config/fault_plan.hpp"
+#include "drivers/world/world.hpp"
+#include "tools/teletact/box_process.hpp"
+
+namespace teletact {
+
+std::atomic<bool> g_stop_requested{false};
+
+namespace {
+
+void on_signal(int) { g_stop_requested.store(true); }
+
+void catch_signals() {
+  struct sigaction action{};
+  action.sa_handler = on_signal;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+struct Child {
+  const char* name;
+  pid_t pid = 0;
+  bool running = true;
+};
+
+// What a child's end means for the run; empty for an orderly end.
+std::string verdict(const Child& c, int status) {
+  if (WIFSIGNALED(status)) {
+    return std::string("the ") + c.name + " process was killed by signal " + std::to_string(WTERMSIG(status));
+  }
+  const int code = WEXITSTATUS(status);
+  if (code == 0) return {};
+  return std::string("the ") + c.name + " process ended with code " + std::to_string(code) +
+         (code == 3 ? " (could not start)" : code == 4 ? " (a task hung and was made safe)" : "");
+}
+
+}  // namespace
+
+RealRun run_real(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
+                 const tasks::Calibration& calibration) {
+  namespace fs = std::filesystem;
+  RealRun run;
+  BoxPlan plan;
+  plan.calibration = calibration;
+  plan.specs = tasks::make_specs(calibration);
+  const auto cpus = rt::affinity_cpus();
+  // The camera's twin renders on an ordinary thread; a recording needs none.
+  tasks::BestEffortShares shares;
+  shares.camera_twin = scene.rgbd_dir.empty() ? 0.30 : 0.0;
+  plan.admission = rt::admit(tasks::make_request(plan.specs, cpus, shares));
+  run.admission = plan.admission;
+  if (!plan.admission.admitted) throw std::runtime_error("admission: " + plan.admission.refusal);
+  if (!options.quiet) std::printf("%s\n", rt::report_table(plan.admission).c_str());
+  if (!options.fault_plan.empty()) {
+    auto loaded = config::load_fault_plan(options.fault_plan);
+    if (!loaded) throw std::runtime_error(loaded.error());
+    plan.faults = std::move(loaded).value();
+    plan.planned = true;
+  }
+  plan.folder = options.report + "/raw";
+  fs::remove_all(plan.folder);
+  fs::create_directories(plan.folder);
+  // Time to build both boxes and shake hands; a recording is decoded whole before that.
+  const std::int64_t lead = scene.rgbd_dir.empty() ? 3000000000 : 12000000000;
+  plan.epoch_host_ns = rt::monotonic_ns() + lead;
+
+  catch_signals();
+  std::fflush(stdout);
+  Child children[2] = {{"operator"}, {"robot"}};
+  for (Child& c : children) {
+    c.pid = ::fork();
+    if (c.pid < 0) throw std::runtime_error("fork failed");
+    if (c.pid == 0) {
+      const bool op = &c == &children[0];
+      const int code = op ? run_operator_process(nrt, scene, options, plan) : run_robot_process(nrt, scene, options, plan);
+      std::fflush(stdout);
+      ::_exit(code);
+    }
+  }
+  {
+    std::ofstream pids(plan.folder + "/pids");
+    pids << children[0].pid << ' ' << children[1].pid << '\n';
+  }
+  bool forwarded = false;
+  std::int64_t end_by = 0;   // once one child is gone the other gets a second to be safe, then ends
+  while (children[0].running || children[1].running) {
+    for (Child& c : children) {
+      int status = 0;
+      if (c.running && ::waitpid(c.pid, &status, WNOHANG) == c.pid) {
+        c.running = false;
+        const std::string what = verdict(c, status);
+        if (!what.empty()) {
+          run.problems.push_back(what);
+          std::fprintf(stderr, "teletact: %s\n", what.c_str());
+          end_by = rt::monotonic_ns() + 1000000000;
+        }
+      }
+    }
+    if ((g_stop_requested.load() || (end_by != 0 && rt::monotonic_ns() > end_by)) && !forwarded) {
+      forwarded = true;
+      for (const Child& c : children) {
+        if (c.running) ::kill(c.pid, SIGTERM);
+      }
+    }
+    ::usleep(10000);
+  }
+  load_half(plan.folder, run.op);
+  load_half(plan.folder, run.robot);
+  std::ifstream missing(plan.folder + "/not_realtime");
+  for (std::string line; std::getline(missing, line);) run.op.log.not_realtime.push_back(line);
+  return run;
+}
+
+}  // namespace teletact

@@ -1,0 +1,18 @@
+// The demo on the real clock: this process admits both boxes, then runs them as two child processes
+// that talk over loopback TCP, and makes the report from what they leave.
+#pragma once
+
+#include "tools/teletact/run_demo.hpp"
+
+namespace teletact {
+
+struct RealRun {
+  OperatorHalf op;
+  RobotHalf robot;
+  Effects effects;
+  rt::Admission admission;
+  std::vector<std::string> problems;
+};
+[[nodiscard]] RealRun run_real(rt::NonRealtime&, const Scene&, const DemoOptions&, const tasks::Calibration&);
+
+}  // namespace teletact

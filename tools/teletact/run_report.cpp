@@ -1,0 +1,269 @@
+// From the halves of a run to the report's data.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "rt/audit/histogram.hpp"
+#include "tasks/graph/table.hpp"
+#include "tools/teletact/build_info.hpp"
+#include "tools/teletact/run_results.hpp"
+
+namespace teletact {
+
+namespace {
+
+const char* const kPolicies[] = {"skip", "catch_up", "abort", "degrade"};
+
+ReportTask::Quantiles quantiles(const rt::Histogram& h) {
+  const auto us = [&](double q) { return static_cast<double>(h.quantile(q)) * 1e-3; };
+  return {us(0.5), us(0.99), us(0.999), static_cast<double>(h.max()) * 1e-3};
+}
+
+plot::Bins bins(const std::string& name, const rt::Histogram& h) {
+  // Half-octave bins from 1 us: fine enough to see modes, coarse enough to read.
+  plot::Bins b;
+  b.name = name;
+  std::vector<double> edges;
+  for (double e = 1.0; e < 1e6; e *= std::sqrt(2.0)) edges.push_back(e);
+  std::vector<double> count(edges.size(), 0);
+  h.for_each([&](std::int64_t lower_ns, std::int64_t, std::uint64_t n) {
+    const double us = static_cast<double>(lower_ns) * 1e-3;
+    const auto it = std::upper_bound(edges.begin(), edges.end(), us);
+    count[it == edges.begin() ? 0 : static_cast<std::size_t>(it - edges.begin() - 1)] += static_cast<double>(n);
+  });
+  std::size_t last = 0;
+  for (std::size_t i = 0; i < count.size(); ++i) {
+    if (count[i] > 0) last = i;
+  }
+  b.lower.assign(edges.begin(), edges.begin() + static_cast<std::ptrdiff_t>(last + 1));
+  b.count.assign(count.begin(), count.begin() + static_cast<std::ptrdiff_t>(last + 1));
+  b.upper_end = edges[std::min(last + 1, edges.size() - 1)];
+  return b;
+}
+
+ReportTask report_task(const rt::RunLog& log, const rt::TaskLog& task, const std::vector<BoxTotals>& totals,
+                       bool virtual_clock) {
+  ReportTask r;
+  r.name = task.spec.name;
+  r.box = task.spec.box == rt::Box::kOperator ? "operator" : "robot";
+  r.task_class = task.spec.task_class == rt::TaskClass::kHard ? "hard" : "firm";
+  r.policy = kPolicies[static_cast<int>(task.spec.policy)];
+  r.rate_hz = task.spec.rate.hz();
+  r.core = task.core;
+  r.priority = task.priority;
+  const int level = task.jobs.empty() ? task.level : task.jobs.back().level;
+  r.budget_us = static_cast<double>(task.spec.budget_of(level).count()) * 1e-3;
+  const auto& row = tasks::kTaskTable[task.id];
+  r.level = std::string(row.variants[static_cast<std::size_t>(level)].name);
+  const rt::TaskBlame b = rt::blame(log, task);
+  const auto cause = [&](rt::Cause c) { return b.misses[static_cast<std::size_t>(c)]; };
+  r.completed = b.completed;
+  r.aborted = b.aborted;
+  r.skipped = b.skipped;
+  for (const auto& t : totals) {
+    if (t.task == task.id) {
+      r.completed = t.totals.completed;
+      r.aborted = t.totals.aborted;
+      r.skipped = t.totals.skipped;
+    }
+  }
+  const std::uint64_t tail = r.skipped > b.skipped ? r.skipped - b.skipped : 0;
+  r.releases = r.completed + r.aborted + r.skipped;
+  r.misses = b.miss_total + tail;
+  r.own = cause(rt::Cause::kOwn);
+  r.queued = cause(rt::Cause::kQueued);
+  r.platform = cause(rt::Cause::kPlatform);
+  r.carried = cause(rt::Cause::kCarried);
+  r.charged = cause(rt::Cause::kCharged);
+  r.unknown = cause(rt::Cause::kUnknown) + tail;
+  rt::Histogram cpu, late, response, sentinel;
+  for (const auto& j : task.jobs) {
+    cpu.record(j.cpu_ns);
+    late.record(j.lateness_ns());
+    response.record(j.end_ns - j.release_ns);
+  }
+  for (const auto& s : log.sentinels) {
+    if (s.core == task.core) sentinel.record(s.late_ns);
+  }
+  r.cpu_us = quantiles(cpu);
+  r.lateness_us = quantiles(late);
+  r.response_us = quantiles(response);
+  r.cpu_histogram = {bins("CPU", cpu)};
+  r.lateness_histogram = {bins("task", late)};
+  if (!virtual_clock && sentinel.count() > 0) r.lateness_histogram.push_back(bins("sentinel", sentinel));
+  return r;
+}
+
+ReportMap report_map(const OperatorHalf& op, const RobotHalf& robot) {
+  ReportMap map;
+  const auto& c = *op.view.map;
+  if (c.seq != 0 && c.ground_found) {
+    // The grid lies in W up to a turn about z in the scenes with a robot; its origin places it.
+    map.width = c.width;
+    map.height = c.height;
+    map.resolution_m = c.resolution;
+    map.x0_m = c.X_WM.translation().x();
+    map.y0_m = c.X_WM.translation().y();
+    map.cost.assign(c.cost.begin(), c.cost.begin() + static_cast<std::ptrdiff_t>(c.width) * c.height);
+  }
+  const perception::Pose X_MW = c.X_WM.inverse();
+  const auto to_map = [&](double x, double y) {
+    // Into the grid's frame, shown with the grid's origin at its place in the world.
+    const perception::Vec3 p = X_MW * perception::Vec3(x, y, 0);
+    return std::pair{map.x0_m + p.x(), map.y0_m + p.y()};
+  };
+  for (const auto& path : op.view.paths) {
+    auto& line = map.planned.emplace_back();
+    line.label = "path " + std::to_string(path.seq);
+    for (std::int32_t i = 0; i < path.size; ++i) {
+      const auto& p = path.points[static_cast<std::size_t>(i)];
+      const auto [x, y] = to_map(p[0], p[1]);
+      line.x_m.push_back(x);
+      line.y_m.push_back(y);
+    }
+    const auto [mx, my] = to_map(path.marked_W.x(), path.marked_W.y());
+    map.mark_x_m.push_back(mx);
+    map.mark_y_m.push_back(my);
+    if (!line.x_m.empty()) {
+      map.goal_x_m.push_back(line.x_m.back());
+      map.goal_y_m.push_back(line.y_m.back());
+    }
+  }
+  map.driven.label = "odometry";
+  for (std::size_t i = 0; i < robot.view.robot.size(); i += 5) {
+    const auto [x, y] = to_map(static_cast<double>(robot.view.robot[i].x_m), static_cast<double>(robot.view.robot[i].y_m));
+    map.driven.x_m.push_back(x);
+    map.driven.y_m.push_back(y);
+  }
+  map.truth.label = "true path";
+  for (const auto& t : robot.view.truth) {
+    const auto [x, y] = to_map(t.x_m, t.y_m);
+    map.truth.x_m.push_back(x);
+    map.truth.y_m.push_back(y);
+  }
+  return map;
+}
+
+ReportPicture report_picture(const OperatorHalf& op) {
+  ReportPicture picture;
+  const auto& v = *op.view.view;
+  picture.title = "The fused scene, as the camera's eye sees it at the end";
+  picture.image.width = v.intrinsics.width;
+  picture.image.height = v.intrinsics.height;
+  const auto pixels = static_cast<std::size_t>(v.intrinsics.width) * static_cast<std::size_t>(v.intrinsics.height);
+  for (std::size_t i = 0; i < pixels; ++i) {
+    picture.image.pixels.insert(picture.image.pixels.end(), {v.colour[i].r, v.colour[i].g, v.colour[i].b});
+  }
+  const perception::Pose X_VW = v.X_WV.inverse();
+  const auto add = [&](plot::Overlay& o, const perception::Vec3& p_W) {
+    const perception::Vec3 p = X_VW * p_W;
+    if (p.z() < 0.05) return;
+    const auto uv = v.intrinsics.project(p);
+    if (uv.x() < 0 || uv.y() < 0 || uv.x() >= v.intrinsics.width || uv.y() >= v.intrinsics.height) return;
+    o.x.push_back(uv.x());
+    o.y.push_back(uv.y());
+  };
+  plot::Overlay proxy;
+  proxy.label = "proxy while touching";
+  proxy.colour = "#d81b60";
+  for (std::size_t i = 0; i < op.view.haptic.size(); i += 20) {
+    const auto& s = op.view.haptic[i];
+    if (!s.in_contact) continue;
+    add(proxy, perception::Vec3(static_cast<double>(s.p_WP[0]), static_cast<double>(s.p_WP[1]), static_cast<double>(s.p_WP[2])));
+  }
+  proxy.kind = plot::Overlay::Kind::kDot;
+  proxy.radius_px = 2;
+  plot::Overlay marks, path, base;
+  marks.kind = plot::Overlay::Kind::kCross;
+  marks.label = "mark";
+  marks.colour = "#ff9800";
+  path.kind = plot::Overlay::Kind::kPolyline;
+  path.label = "path";
+  path.colour = "#1e88e5";
+  base.kind = plot::Overlay::Kind::kCircle;
+  base.label = "robot";
+  base.colour = "#43a047";
+  for (const auto& p : op.view.paths) add(marks, p.marked_W);
+  if (!op.view.paths.empty()) {
+    const auto& p = op.view.paths.back();
+    for (std::int32_t i = 0; i < p.size; ++i) {
+      const auto& q = p.points[static_cast<std::size_t>(i)];
+      add(path, perception::Vec3(q[0], q[1], 0));
+    }
+  }
+  add(base, perception::Vec3(op.view.robot.x_m, op.view.robot.y_m, 0));
+  for (auto* o : {&proxy, &path, &marks, &base}) {
+    if (!o->x.empty()) picture.overlays.push_back(*o);
+  }
+  char text[160];
+  std::snprintf(text, sizeof text, "Eye at (%.2f, %.2f, %.2f) m in W; %zu blocks in the map.", v.X_WV.translation().x(),
+                v.X_WV.translation().y(), v.X_WV.translation().z(),
+                op.view.fusion.empty() ? std::size_t{0} : static_cast<std::size_t>(op.view.fusion.back().blocks));
+  picture.caption = text;
+  return picture;
+}
+
+void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, const Metrics& m, ReportData& d) {
+  using State = ReportVerdict::State;
+  for (const auto& p : info.problems) d.verdicts.push_back({State::kBad, p});
+  const auto value = [&](const std::string& name) {
+    for (const auto& r : m.rows()) {
+      if (r.name == name) return r.value;
+    }
+    return 0.0;
+  };
+  char text[240];
+  std::snprintf(text, sizeof text, "haptic: %.0f releases = %.0f completed + %.0f skipped + %.0f aborted; misses %.0f, own %.0f",
+                value("haptic.releases"), value("haptic.completed"), value("haptic.skipped"), value("haptic.aborted"),
+                value("haptic.miss_total"), value("haptic.miss_own"));
+  d.verdicts.push_back({value("haptic.miss_own") == 0 ? State::kGood : State::kBad, text});
+  std::snprintf(text, sizeof text, "touch: %.0f contacts, largest force %.2f N, share of time in contact %.2f",
+                value("haptic.contacts"), value("haptic.force_max_N"), value("haptic.contact_share"));
+  d.verdicts.push_back({value("haptic.contacts") > 0 ? State::kGood : State::kNote, text});
+  std::snprintf(text, sizeof text, "fusion: %.0f of %.0f frames tracked", value("fusion.frames_tracked"), value("fusion.frames"));
+  d.verdicts.push_back({value("fusion.frames_tracked") == value("fusion.frames") ? State::kGood : State::kNote, text});
+  std::snprintf(text, sizeof text, "robot: %.0f marks, %.0f paths, %.2f m driven, goal error %.3f m, %.0f collisions",
+                value("mark.count"), value("plan.paths"), value("robot.path_m"), value("robot.goal_error_m"),
+                value("robot.collisions"));
+  d.verdicts.push_back({value("robot.collisions") == 0 ? State::kGood : State::kBad, text});
+  if (!info.virtual_clock) {
+    std::snprintf(text, sizeof text, "machine: %.2f %% of the haptic starts were late by the platform%s",
+                  100 * value("platform.late_share"),
+                  value("run.measured") > 0 ? "" : " - above 5 %: timing NOT MEASURED in this run");
+    d.verdicts.push_back({value("run.measured") > 0 ? State::kGood : State::kNote, text});
+    for (const auto* log : {&op.log, &robot.log}) {
+      for (const auto& what : log->not_realtime) d.verdicts.push_back({State::kNote, "NOT REAL-TIME: " + what});
+    }
+  }
+}
+
+}  // namespace
+
+ReportData make_report(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, const Metrics& metrics) {
+  ReportData d;
+  d.title = info.virtual_clock ? "teletact demo, virtual clock" : "teletact demo";
+  d.version = kVersion;
+  d.command = info.command;
+  d.started = info.started;
+  d.host = info.host;
+  d.seeds = info.seeds;
+  d.config_toml = info.config_toml;
+  d.calibration = info.calibration_text;
+  d.admission = info.admission_text;
+  d.effects = info.effects;
+  d.files = info.files;
+  d.metrics = metrics;
+  for (const auto& t : op.log.tasks) d.tasks.push_back(report_task(op.log, t, op.totals, info.virtual_clock));
+  for (const auto& t : robot.log.tasks) d.tasks.push_back(report_task(robot.log, t, robot.totals, info.virtual_clock));
+  for (const auto& s : op.view.haptic) {
+    d.touch.t_s.push_back(static_cast<double>(rt::ns_of(s.stamp) - op.epoch_ns) * 1e-9);
+    d.touch.force_N.push_back(static_cast<double>(s.force_N));
+    d.touch.penetration_mm.push_back(1e3 * static_cast<double>(s.penetration_m));
+  }
+  d.map = report_map(op, robot);
+  if (op.view.view->seq != 0) d.pictures.push_back(report_picture(op));
+  add_verdicts(info, op, robot, metrics, d);
+  return d;
+}
+
+}  // namespace teletact

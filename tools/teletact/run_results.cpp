@@ -1,0 +1,247 @@
+#include "tools/teletact/run_results.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <type_traits>
+
+#include "rt/audit/histogram.hpp"
+#include "tasks/graph/table.hpp"
+
+namespace teletact {
+
+namespace {
+
+// Plain records in and out. The file is read by the build that wrote it, on the same host.
+struct Saver {
+  std::ofstream out;
+  template <class T>
+  void one(const T& v) {
+    out.write(reinterpret_cast<const char*>(&v), sizeof v);
+  }
+  template <class T>
+  void many(const std::vector<T>& v) {
+    one(static_cast<std::uint64_t>(v.size()));
+    out.write(reinterpret_cast<const char*>(v.data()), static_cast<std::streamsize>(v.size() * sizeof(T)));
+  }
+};
+
+struct Loader {
+  std::ifstream in;
+  template <class T>
+  bool one(T& v) {
+    return static_cast<bool>(in.read(reinterpret_cast<char*>(&v), sizeof v));
+  }
+  template <class T>
+  bool many(std::vector<T>& v) {
+    std::uint64_t n = 0;
+    if (!one(n) || n > (1ULL << 28U)) return false;
+    v.resize(n);
+    return static_cast<bool>(in.read(reinterpret_cast<char*>(v.data()), static_cast<std::streamsize>(n * sizeof(T))));
+  }
+};
+
+template <class Body>
+void save_whole(const std::string& path, const Body& body) {
+  {
+    Saver s{std::ofstream(path + ".tmp", std::ios::binary)};
+    body(s);
+  }
+  std::rename((path + ".tmp").c_str(), path.c_str());
+}
+
+double quantile(std::vector<double> v, double q) {
+  if (v.empty()) return 0;
+  const auto i = static_cast<std::size_t>(q * static_cast<double>(v.size() - 1) + 0.5);
+  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(i), v.end());
+  return v[i];
+}
+
+std::vector<double> cpu_us(const rt::TaskLog& task) {
+  std::vector<double> v;
+  for (const auto& j : task.jobs) v.push_back(static_cast<double>(j.cpu_ns) * 1e-3);
+  return v;
+}
+
+const rt::TaskLog* task_of(const OperatorHalf& op, const RobotHalf& robot, tasks::TaskId id) {
+  for (const auto* log : {&op.log, &robot.log}) {
+    for (const auto& t : log->tasks) {
+      if (t.id == static_cast<std::uint16_t>(id)) return &t;
+    }
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+void save_half(const std::string& folder, const OperatorHalf& h) {
+  save_whole(folder + "/operator.view", [&](Saver& s) {
+    s.one(h.epoch_ns);
+    s.many(h.view.haptic);
+    s.many(h.view.fusion);
+    s.many(h.view.paths);
+    s.one(h.view.task);
+    s.one(h.view.camera);
+    s.one(h.view.robot);
+    s.one(h.view.arrivals);
+    s.one(h.view.first_arrival);
+    s.one(h.view.points_resolved);
+    s.one(*h.view.view);
+    s.one(*h.view.map);
+    s.many(h.totals);
+    s.one(h.dropped_records);
+    s.one(h.hangs);
+    s.one(h.link_round_trip_ns);
+    s.one(h.link_uncertainty_ns);
+    s.one(h.complete);
+  });
+}
+
+void load_half(const std::string& folder, OperatorHalf& h) {
+  Loader l{std::ifstream(folder + "/operator.view", std::ios::binary)};
+  h.complete = false;
+  (void)(l.one(h.epoch_ns) && l.many(h.view.haptic) && l.many(h.view.fusion) && l.many(h.view.paths) &&
+         l.one(h.view.task) && l.one(h.view.camera) && l.one(h.view.robot) && l.one(h.view.arrivals) &&
+         l.one(h.view.first_arrival) && l.one(h.view.points_resolved) && l.one(*h.view.view) &&
+         l.one(*h.view.map) && l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
+         l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.complete));
+  if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();
+}
+
+void save_half(const std::string& folder, const RobotHalf& h) {
+  save_whole(folder + "/robot.view", [&](Saver& s) {
+    s.one(h.epoch_ns);
+    s.many(h.view.robot);
+    s.many(h.view.truth);
+    s.one(h.view.tracking_error_max_m);
+    s.many(h.totals);
+    s.one(h.camera_twin_cpu_ns);
+    s.one(h.dropped_records);
+    s.one(h.hangs);
+    s.one(h.complete);
+  });
+}
+
+void load_half(const std::string& folder, RobotHalf& h) {
+  Loader l{std::ifstream(folder + "/robot.view", std::ios::binary)};
+  h.complete = false;
+  (void)(l.one(h.epoch_ns) && l.many(h.view.robot) && l.many(h.view.truth) && l.one(h.view.tracking_error_max_m) &&
+         l.many(h.totals) && l.one(h.camera_twin_cpu_ns) && l.one(h.dropped_records) && l.one(h.hangs) &&
+         l.one(h.complete));
+  if (auto log = rt::read_run_file(folder + "/robot.run")) h.log = std::move(log).value();
+}
+
+namespace {
+
+void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
+  const rt::TaskLog* task = task_of(op, robot, tasks::TaskId::kHaptic);
+  if (task != nullptr) {
+    const rt::TaskBlame b = rt::blame(op.log, *task);
+    rt::TaskTotals totals{b.completed, 0, b.aborted, b.skipped, 0};
+    for (const auto& t : op.totals) {
+      if (t.task == task->id) totals = t.totals;
+    }
+    const auto miss = [&](rt::Cause c) { return static_cast<double>(b.misses[static_cast<std::size_t>(c)]); };
+    // Releases dropped after the last recorded job have no record to blame them on.
+    const std::uint64_t tail = totals.skipped > b.skipped ? totals.skipped - b.skipped : 0;
+    m.add("haptic.releases", static_cast<double>(totals.completed + totals.aborted + totals.skipped), "1");
+    m.add("haptic.completed", static_cast<double>(totals.completed), "1");
+    m.add("haptic.skipped", static_cast<double>(totals.skipped), "1");
+    m.add("haptic.aborted", static_cast<double>(totals.aborted), "1");
+    m.add("haptic.miss_total", static_cast<double>(b.miss_total + tail), "1");
+    m.add("haptic.miss_own", miss(rt::Cause::kOwn), "1");
+    m.add("haptic.miss_platform", miss(rt::Cause::kPlatform), "1");
+    m.add("haptic.miss_charged", miss(rt::Cause::kCharged), "1");
+    m.add("haptic.miss_queued", miss(rt::Cause::kQueued), "1");
+    m.add("haptic.miss_carried", miss(rt::Cause::kCarried), "1");
+    m.add("haptic.miss_unknown", miss(rt::Cause::kUnknown) + static_cast<double>(tail), "1");
+    m.add("haptic.cpu_p50_us", quantile(cpu_us(*task), 0.5), "us");
+    m.add("haptic.cpu_p99_us", quantile(cpu_us(*task), 0.99), "us");
+    std::vector<double> difference;
+    for (const auto ns : rt::late_minus_sentinel(op.log, *task)) difference.push_back(static_cast<double>(ns) * 1e-3);
+    if (!difference.empty()) m.add("haptic.late_minus_sentinel_p999_us", quantile(difference, 0.999), "us");
+    const double late_platform = static_cast<double>(b.late[static_cast<std::size_t>(rt::Cause::kPlatform)] +
+                                                     b.late[static_cast<std::size_t>(rt::Cause::kCarried)]);
+    m.add("platform.late_share", task->jobs.empty() ? 0 : late_platform / static_cast<double>(task->jobs.size()), "1");
+  }
+  double force = 0, step = 0, raw = 0;
+  std::size_t contact = 0, guard = 0, begins = 0, not_finite = 0;
+  bool before = false;
+  for (const auto& s : op.view.haptic) {
+    force = std::max(force, static_cast<double>(s.force_N));
+    step = std::max(step, static_cast<double>(s.step_N));
+    raw = std::max(raw, static_cast<double>(s.step_raw_N));
+    contact += s.in_contact ? 1 : 0;
+    guard += s.in_contact && s.guard_use ? 1 : 0;
+    begins += s.in_contact && !before ? 1 : 0;
+    not_finite += s.finite ? 0 : 1;
+    before = s.in_contact;
+  }
+  const auto n = static_cast<double>(std::max<std::size_t>(1, op.view.haptic.size()));
+  m.add("haptic.force_max_N", force, "N");
+  m.add("haptic.force_step_max_N", step, "N");
+  m.add("haptic.force_step_raw_max_N", raw, "N");
+  m.add("haptic.contact_share", static_cast<double>(contact) / n, "1");
+  m.add("haptic.contacts", static_cast<double>(begins), "1");
+  m.add("haptic.guard_share", static_cast<double>(guard) / static_cast<double>(std::max<std::size_t>(1, contact)), "1");
+  m.add("haptic.not_finite", static_cast<double>(not_finite), "1");
+}
+
+void add_robot_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
+  const auto& truth = robot.view.truth;
+  m.add("robot.path_m", truth.empty() ? 0 : truth.back().path_m, "m");
+  m.add("robot.collisions", truth.empty() ? 0 : truth.back().collisions, "1");
+  m.add("robot.tracking_error_max_m", robot.view.tracking_error_max_m, "m");
+  if (!op.view.paths.empty() && !truth.empty()) {
+    const auto& path = op.view.paths.back();
+    const auto& end = path.points[static_cast<std::size_t>(path.size - 1)];
+    m.add("robot.goal_error_m", std::hypot(truth.back().x_m - end[0], truth.back().y_m - end[1]), "m");
+  }
+  if (op.view.arrivals > 0 && !op.view.paths.empty()) {
+    m.add("scene.touch_to_goal_ms", 1e3 * rt::seconds(op.view.first_arrival - op.view.paths.front().mark_stamp), "ms");
+  }
+}
+
+}  // namespace
+
+void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
+  add_haptic_metrics(op, robot, m);
+  std::size_t consumed = 0, tracked = 0, claimed = 0;
+  for (const auto& s : op.view.fusion) {
+    consumed += s.consumed ? 1 : 0;
+    tracked += s.tracked ? 1 : 0;
+    claimed += s.claimed ? 1 : 0;
+  }
+  m.add("fusion.frames", static_cast<double>(consumed), "1");
+  m.add("fusion.frames_tracked", static_cast<double>(tracked), "1");
+  m.add("fusion.frames_claimed", static_cast<double>(claimed), "1");
+  if (const auto* fusion = task_of(op, robot, tasks::TaskId::kFusion)) {
+    m.add("fusion.cpu_p50_us", quantile(cpu_us(*fusion), 0.5), "us");
+    m.add("fusion.cpu_p99_us", quantile(cpu_us(*fusion), 0.99), "us");
+  }
+  if (info.ate_first_pose_mm >= 0) m.add("fusion.ate_first_pose_mm", info.ate_first_pose_mm, "mm");
+  if (info.force_on_planes_p95 >= 0) m.add("haptic.force_error_p95", info.force_on_planes_p95, "1");
+  m.add("mark.count", op.view.task.marks, "1");
+  m.add("plan.paths", op.view.task.paths, "1");
+  add_robot_metrics(op, robot, m);
+  m.add("effects.constructed", static_cast<double>(info.effects.size()), "1");
+  m.add("link.round_trip_ms", 1e-6 * static_cast<double>(op.link_round_trip_ns), "ms");
+  const bool real_time = op.log.not_realtime.empty() && robot.log.not_realtime.empty();
+  double late_share = 0;
+  for (const auto& row : m.rows()) {
+    if (row.name == "platform.late_share") late_share = row.value;
+  }
+  m.add("run.realtime", real_time && !info.virtual_clock ? 1 : 0, "1");
+  m.add("run.measured", !info.virtual_clock && late_share <= 0.05 ? 1 : 0, "1");
+  m.add("run.problems", static_cast<double>(info.problems.size()), "1");
+  char hash[20];
+  std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(info.sched_hash));
+  if (info.virtual_clock) m.add("run.sched_hash", std::string(hash), "hash");
+  std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(info.log_hash));
+  if (info.virtual_clock) m.add("run.log_hash", std::string(hash), "hash");
+}
+
+}  // namespace teletact

@@ -1,0 +1,69 @@
+// What a run leaves: the logs of both boxes and what their consoles saw. A process of the demo saves
+// its half into the report folder while it runs; the parent (or the virtual run) reads both halves
+// and makes metrics and report from them.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "rt/audit/blame.hpp"
+#include "rt/audit/run_log.hpp"
+#include "rt/sched/executor.hpp"
+#include "tools/teletact/console.hpp"
+#include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/report.hpp"
+
+namespace teletact {
+
+struct BoxTotals {
+  std::uint16_t task = 0;
+  rt::TaskTotals totals;
+};
+
+struct OperatorHalf {
+  rt::RunLog log;
+  OperatorView view;
+  std::vector<BoxTotals> totals;
+  std::int64_t epoch_ns = 0;              // operator box clock
+  std::uint64_t dropped_records = 0, hangs = 0;
+  std::int64_t link_round_trip_ns = 0, link_uncertainty_ns = 0;
+  bool complete = false;                  // false: the process ended early
+};
+
+struct RobotHalf {
+  rt::RunLog log;
+  RobotView view;
+  std::vector<BoxTotals> totals;
+  std::int64_t epoch_ns = 0;              // robot box clock
+  std::int64_t camera_twin_cpu_ns = 0;
+  std::uint64_t dropped_records = 0, hangs = 0;
+  bool complete = false;
+};
+
+// <folder>/operator.view, robot.view: raw records of this build, read back on this host only.
+void save_half(const std::string& folder, const OperatorHalf& half);
+void save_half(const std::string& folder, const RobotHalf& half);
+// Missing or torn parts stay empty, `complete` false.
+void load_half(const std::string& folder, OperatorHalf& half);
+void load_half(const std::string& folder, RobotHalf& half);
+
+struct RunInfo {
+  std::string command, admission_text, calibration_text, config_toml, started, folder;
+  bool virtual_clock = false, stub_bodies = false, recording = false;
+  double seconds = 0;
+  Effects effects;
+  std::vector<std::pair<std::string, std::string>> host, seeds;
+  std::uint64_t sched_hash = 0, log_hash = 0;
+  std::vector<std::string> problems;      // each makes the exit code non-zero
+  std::vector<std::string> files;
+  double ate_first_pose_mm = -1;          // recordings: against its own poses, by the caller
+  double force_on_planes_p95 = -1;
+};
+
+// Figures of the run under their documented names (docs/metrics.md).
+void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, Metrics& metrics);
+[[nodiscard]] ReportData make_report(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
+                                     const Metrics& metrics);
+
+}  // namespace teletact

@@ -1,0 +1,186 @@
+// The whole stack on the virtual clock: both boxes in one process, the link an actor in between.
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+#include <stdexcept>
+
+#include "config/fault_plan.hpp"
+#include "rt/audit/log_hash.hpp"
+#include "rt/fault/planned.hpp"
+#include "rt/sched/virtual_executor.hpp"
+#include "tools/teletact/run_demo.hpp"
+#include "tools/teletact/sim_link.hpp"
+
+namespace teletact {
+
+namespace {
+
+constexpr std::int64_t kHandshake = 500000000;   // before the epoch, as on the real clock
+
+// Something that happens every so often beside the tasks.
+class Periodic final : public rt::Actor {
+ public:
+  Periodic(std::int64_t first, std::int64_t period, std::function<void(std::int64_t)> body)
+      : next_(first), period_(period), body_(std::move(body)) {}
+  [[nodiscard]] std::int64_t next_host_ns() const noexcept override { return next_; }
+  void act(std::int64_t host_ns) override {
+    next_ += period_;
+    body_(host_ns);
+  }
+
+ private:
+  std::int64_t next_, period_;
+  std::function<void(std::int64_t)> body_;
+};
+
+rt::RunLog log_header(const std::vector<rt::PlacedTask>& placed, rt::Box box, const tasks::Calibration& calibration) {
+  rt::RunLog log;
+  for (const auto& p : placed) {
+    if (p.spec.box != box) continue;
+    rt::TaskLog t;
+    t.spec = p.spec;
+    t.id = p.id;
+    t.core = p.core;
+    t.priority = p.priority;
+    t.level = p.level;
+    if (const auto* row = calibration.find(p.spec.name, p.level)) {
+      t.work_min = static_cast<std::uint64_t>(row->work_min);
+      t.work_max = static_cast<std::uint64_t>(row->work_max);
+    }
+    log.tasks.push_back(std::move(t));
+  }
+  return log;
+}
+
+template <class Faults>
+void execute(std::vector<rt::PlacedTask> placed, rt::CostModel& costs, const Faults& faults,
+             const typename rt::VirtualExecutor<Faults>::Sink& sink, const rt::VirtualOptions& options,
+             const std::vector<rt::Actor*>& actors, const rt::RunPlan& plan, std::vector<BoxTotals>& op,
+             std::vector<BoxTotals>& robot) {
+  rt::VirtualExecutor<Faults> executor(placed, costs, faults, sink, options);
+  for (auto* a : actors) executor.add_actor(*a);
+  executor.run(plan);
+  const auto totals = executor.totals();
+  for (std::size_t i = 0; i < placed.size(); ++i) {
+    (placed[i].spec.box == rt::Box::kOperator ? op : robot).push_back({placed[i].id, totals[i]});
+  }
+}
+
+}  // namespace
+
+VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
+                       const tasks::Calibration& calibration) {
+  VirtualRun run;
+  const std::int64_t epoch = 1000000000;   // any instant; fixed, so that runs repeat
+  const auto specs = tasks::make_specs(calibration);
+  run.admission = rt::admit(tasks::make_request(specs, {0, 1}, {0.30}));
+  if (!run.admission.admitted) throw std::runtime_error("admission: " + run.admission.refusal);
+
+  BoxOptions op_options, robot_options;
+  rt::FaultPlan plan_of_faults;
+  if (!options.fault_plan.empty()) {
+    auto loaded = config::load_fault_plan(options.fault_plan);
+    if (!loaded) throw std::runtime_error(loaded.error());
+    plan_of_faults = std::move(loaded).value();
+  }
+  op_options.hash_outputs = robot_options.hash_outputs = !options.measure_cpu;
+  op_options.faults = robot_options.faults = plan_of_faults;
+  op_options.epoch = kOperatorClock.from_host(epoch);
+  robot_options.epoch = kRobotClock.from_host(epoch);
+  std::unique_ptr<RobotBox> robot;
+  std::unique_ptr<OperatorBox> op;
+  std::unique_ptr<SimLink> link;
+  std::unique_ptr<OperatorConsole> op_console;
+  std::unique_ptr<RobotConsole> robot_console;
+  std::vector<std::unique_ptr<rt::Actor>> owned;
+  std::vector<rt::Actor*> actors;
+  if (!options.stub_bodies) {
+    robot = std::make_unique<RobotBox>(nrt, scene, robot_options);
+    op = std::make_unique<OperatorBox>(nrt, scene, camera_of(scene), op_options);
+    link = std::make_unique<SimLink>(SimLink::End{&op->endpoint(), &op->graph().link(), kOperatorClock},
+                                     SimLink::End{&robot->endpoint(), &robot->graph().link(), kRobotClock},
+                                     scene.link.shape, epoch - kHandshake);
+    if (!link->handshake(epoch - kHandshake, epoch)) throw std::runtime_error("link: no handshake before the epoch");
+    op_console = std::make_unique<OperatorConsole>(*op, scene, op_options.epoch);
+    robot_console = std::make_unique<RobotConsole>(*robot);
+    owned.push_back(std::make_unique<Periodic>(epoch + 7000000, 20000000, [&](std::int64_t t) {
+      op_console->tick(kOperatorClock.from_host(t));
+      robot_console->tick(kRobotClock.from_host(t));
+    }));
+    if (!options.quiet) {
+      owned.push_back(std::make_unique<Periodic>(epoch + 1000000000, 1000000000, [&](std::int64_t t) {
+        std::printf("%s\n", op_console->status_line(kOperatorClock.from_host(t)).c_str());
+        std::fflush(stdout);
+      }));
+    }
+    if (options.cut_link_at_s >= 0) {
+      owned.push_back(std::make_unique<Periodic>(epoch + static_cast<std::int64_t>(options.cut_link_at_s * 1e9),
+                                                 std::int64_t{1} << 60, [&](std::int64_t) { link->cut(); }));
+    }
+    actors.push_back(link.get());
+    for (auto& a : owned) actors.push_back(a.get());
+    run.effects = robot->effects();
+    for (auto& e : op->effects()) run.effects.push_back(e);
+  }
+
+  std::vector<rt::PlacedTask> placed;
+  for (std::size_t i = 0; i < specs.size(); ++i) {
+    const auto id = static_cast<tasks::TaskId>(i);
+    rt::PlacedTask p;
+    p.spec = specs[i];
+    p.id = static_cast<std::uint16_t>(i);
+    p.core = run.admission.tasks[i].core;
+    p.priority = run.admission.tasks[i].priority;
+    p.level = run.admission.tasks[i].level;
+    if (options.force_level >= 0) p.level = std::min(options.force_level, specs[i].levels() - 1);
+    if (!options.stub_bodies) {
+      p.body = specs[i].box == rt::Box::kOperator ? &op->graph().body(id) : &robot->graph().body(id);
+    }
+    placed.push_back(p);
+  }
+  run.op.log = log_header(placed, rt::Box::kOperator, calibration);
+  run.robot.log = log_header(placed, rt::Box::kRobot, calibration);
+  rt::LogHasher hasher;
+  const auto sink = [&](const rt::JobRecord& r) {
+    hasher.add(r);
+    auto& log = specs[r.task].box == rt::Box::kOperator ? run.op.log : run.robot.log;
+    log.find(r.task)->jobs.push_back(r);
+  };
+  rt::RunPlan plan;
+  plan.epoch_host_ns = epoch;
+  plan.duration = rt::nanos_from_seconds(options.seconds);
+  plan.clock[0] = kOperatorClock;
+  plan.clock[1] = kRobotClock;
+  rt::QuantileCosts costs(options.cost_seed, tasks::make_costs(calibration, specs));
+  const rt::VirtualOptions how{options.stub_bodies, options.measure_cpu};
+  if (options.fault_plan.empty()) {
+    execute(placed, costs, rt::Plain{}, sink, how, actors, plan, run.op.totals, run.robot.totals);
+  } else {
+    std::vector<std::string> names;
+    for (const auto& s : specs) names.push_back(s.name);
+    const rt::Planned planned(plan_of_faults, names);
+    execute(placed, costs, planned, sink, how, actors, plan, run.op.totals, run.robot.totals);
+  }
+  if (link) {
+    const std::uint64_t bytes = link->byte_hash();
+    hasher.add_bytes(&bytes, sizeof bytes);
+  }
+  run.sched_hash = hasher.sched();
+  run.log_hash = hasher.log();
+  run.op.epoch_ns = rt::ns_of(op_options.epoch);
+  run.robot.epoch_ns = rt::ns_of(robot_options.epoch);
+  if (op) {
+    const std::int64_t end = epoch + plan.duration.count();
+    op_console->tick(kOperatorClock.from_host(end));
+    robot_console->tick(kRobotClock.from_host(end));
+    run.op.link_round_trip_ns = op->endpoint().round_trip().count();
+    run.op.view = op_console->take();
+    run.robot.view = robot_console->take();
+    run.robot.camera_twin_cpu_ns = robot->camera_twin_cpu_ns();
+  }
+  run.op.complete = run.robot.complete = true;
+  return run;
+}
+
+}  // namespace teletact

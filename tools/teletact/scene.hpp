@@ -1,0 +1,77 @@
+// A scene file, whole: the place, the twins of the devices, the network's shape, and every task's
+// section. What a scene does not name is not simulated.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "config/schema.hpp"
+#include "drivers/camera/synthetic_camera.hpp"
+#include "drivers/link/shaper.hpp"
+#include "drivers/omega/hand_script.hpp"
+#include "drivers/omega/omega_twin.hpp"
+#include "drivers/world/world_config.hpp"
+#include "drivers/youbot/robot_plant.hpp"
+#include "drivers/youbot/virtual_youbot.hpp"
+#include "tasks/graph/graph_config.hpp"
+
+namespace teletact {
+
+// Section [operator]: what the person at the desk does beside moving the hand.
+struct OperatorScript {
+  double engage_after_s = 1.0;    // explicit engage, once everything has been heard
+  void describe(config::Section& s) {
+    s.number("engage_after_s", engage_after_s, 0, 3600, "the operator engages the robot then");
+  }
+};
+
+// Section [link].
+struct LinkConfig {
+  std::string address = "127.0.0.1";
+  int port = 0;                   // 0: the kernel chooses
+  drivers::LinkShapeConfig shape;
+  void describe(config::Section& s) {
+    s.text("address", address, {}, "loopback only, until the link is authenticated");
+    s.integer("port", port, 0, 65535, "0: chosen by the kernel");
+    shape.describe(s.section("shape", "effect: the loopback link shaped like a network"));
+  }
+};
+
+struct Scene {
+  std::string title = "scene";
+  drivers::WorldConfig world;
+  drivers::SyntheticCameraConfig camera;
+  drivers::RobotPlantConfig plant;
+  drivers::VirtualYoubotConfig bus;
+  drivers::OmegaTwinConfig device;
+  drivers::HandScriptConfig hand;
+  OperatorScript operator_script;
+  LinkConfig link;
+  tasks::GraphConfig graph;
+
+  // Of a recording: the camera is the recording's, world and robot are not in it.
+  std::string rgbd_dir;
+  double hold_s = 15.0;
+
+  config::Section schema;   // describes this object; it must not move
+  Scene() { describe(schema); }
+  Scene(const Scene&) = delete;
+  Scene& operator=(const Scene&) = delete;
+
+  [[nodiscard]] drivers::WorkspaceMap workspace() const;
+  // Radius of the base for planning and the pose at the start, in the forms the tasks take.
+  [[nodiscard]] perception::Pose start_X_WB() const;
+
+ private:
+  void describe(config::Section& s);
+};
+
+// Reads the file, then the overrides ("a.b=value"). Throws std::runtime_error with one line.
+[[nodiscard]] std::unique_ptr<Scene> load_scene(const std::string& path, const std::vector<std::string>& overrides);
+// A scene by name ("default_room") or path: looks beside the program, in the source tree and in the
+// installed share folder.
+[[nodiscard]] std::string find_config(const std::string& folder, const std::string& name);
+
+}  // namespace teletact
