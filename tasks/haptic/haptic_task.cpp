@@ -80,7 +80,7 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
     refuse(text);
   }
   const double half_min = device.speed_limit_m_per_s * config.scale * 0.1 + 0.05;
-  if (window_half_extent_m > 0 && window_half_extent_m < half_min) {
+  if (window_half_extent_m > 0 && window_half_extent_m < half_min - 1e-9) {
     std::ostringstream text;
     text << "haptic: the patch window reaches " << window_half_extent_m
          << " m to each side, below the needed " << half_min << " m (speed limit "
@@ -124,10 +124,10 @@ bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
 void HapticTask::advance_blend(double dt) noexcept {
   if (older_ == nullptr) return;
   const double slow = energy_.over_budget() ? 0.25 : 1.0;
-  const double step = slow * dt / config_.blend_s;
-  blend_ += step;
-  if (blend_ + 0.5 * step >=
-      1.0) {  // no left-over tick: 30 Hz patches find the last blend finished
+  // Half a tick short of the period: 30 Hz patches find the last blend finished.
+  const double lasting = std::max(config_.blend_s - 0.5 * dt, 0.5 * dt);
+  blend_ = std::min(1.0, blend_ + slow * dt / lasting);
+  if (blend_ > 1.0 - 1e-9) {
     blend_ = 1.0;
     older_ = nullptr;
   }

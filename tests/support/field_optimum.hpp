@@ -10,8 +10,10 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
+#include <numbers>
 
 #include "perception/geometry/pose.hpp"
 
@@ -63,25 +65,35 @@ class FieldOptimum {
       Vec3 best = p;
       double best_distance = distance - 1e-7;
       for (double r = kStep; r > 8e-6 && best == p; r *= 0.5) {
-        double best_angle = 0, least = 1e9;
+        // Distance reached in one direction; only what really moves counts.
         const auto attempt = [&](double angle) {
           const Vec3 x = walk(p, std::cos(angle) * a + std::sin(angle) * b, r, h);
-          const double d = (x - h).norm();
-          if (x != p && d < least) {
-            least = d;
-            best_angle = angle;
-          }
+          const double d = x == p ? 1e9 : (x - h).norm();
           if (d < best_distance) {
             best = x;
             best_distance = d;
           }
+          return d;
         };
-        for (int k = 0; k < 16; ++k) attempt(0.39269908169872414 * k + 0.1);
-        // In a crease only a narrow fan of directions leads down: close in on it.
-        for (double turn = 0.2; turn > 2e-3 && least < 1e9; turn *= 0.5) {
-          const double middle = best_angle;
-          attempt(middle - turn);
-          attempt(middle + turn);
+        constexpr int kFan = 16;
+        std::array<double, kFan> reached{};
+        const auto angle_of = [](int k) { return 2 * std::numbers::pi * k / kFan + 0.1; };
+        for (int k = 0; k < kFan; ++k) reached[static_cast<std::size_t>(k)] = attempt(angle_of(k));
+        // In a crease only a narrow fan leads down: close in on every local minimum of the fan.
+        for (int k = 0; k < kFan && best == p; ++k) {
+          const auto at = [&](int i) { return reached[static_cast<std::size_t>((i + kFan) % kFan)]; };
+          if (at(k) >= 1e9 || at(k) > at(k - 1) || at(k) > at(k + 1)) continue;
+          double middle = angle_of(k), least = at(k);
+          for (double turn = 0.2; turn > 5e-4; turn *= 0.5) {
+            const double m = middle;
+            for (const double angle : {m - turn, m + turn}) {
+              const double d = attempt(angle);
+              if (d < least) {
+                least = d;
+                middle = angle;
+              }
+            }
+          }
         }
       }
       if (best == p) break;

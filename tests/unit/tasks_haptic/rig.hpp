@@ -40,7 +40,7 @@ struct Scene {
   };
   Pose X_WS = Pose::Identity();
   double voxel = 0.01, truncation = 0.05;
-  int nodes = 40;
+  int nodes = 28;
   bool moving = false;  // the solid changes with t: sampled anew for each frame
   tasks::HapticConfig config;
   drivers::DeviceProperties device = [] {
@@ -128,7 +128,8 @@ class Rig {
 
   Row tick(const Vec3& p_SH) {
     const double t = 1e-3 * static_cast<double>(k_);
-    const Vec3 h_W = setup_.X_WS * p_SH;
+    const Vec3 p_DH = setup_.X_WS * p_SH;
+    const Vec3 h_W = task_.to_world(p_DH);
     const auto frame = static_cast<int>(std::floor(t * 30 + 1e-9));
     if (frame > frame_ && publish_) {
       frame_ = frame;
@@ -146,7 +147,7 @@ class Rig {
     if (task_.wants_patch() && frame_ >= 0) in_.patch_newest = slots_[current_].get();
     in_.stylus.seq = k_;
     in_.stylus.taken = tick.release;
-    in_.stylus.p_DH = h_W;  // the workspace is the world here
+    in_.stylus.p_DH = p_DH;
     Row row;
     {
       const double before = thread_us();
@@ -169,6 +170,9 @@ class Rig {
   HapticTask::Out& out() { return out_; }
   HapticTask& task() { return task_; }
   const Scene& setup() const { return setup_; }
+  [[nodiscard]] rt::Time now() const {  // of the next tick
+    return rt::time_from_ns(static_cast<std::int64_t>(k_) * 1000000);
+  }
   void publish(bool on) { publish_ = on; }
 
  private:
