@@ -4,13 +4,14 @@
 #include <cmath>
 #include <cstring>
 
+#include "perception/tsdf/clones.hpp"
 #include "perception/tsdf/frame_view.hpp"
 #include "perception/tsdf/map_reader.hpp"
 
 namespace perception {
 namespace {
 
-constexpr int kTileShift = 3;
+constexpr int kTileShift = 2, kTileEdge = 1 << kTileShift;
 constexpr int kMaxSteps = 4096;  // a ray of 6 m at 2 mm voxels, twice over
 constexpr float kNoTile = 1e9F;
 
@@ -39,7 +40,7 @@ class Caster {
   RaycastStats run() noexcept {
     const Intrinsics& k = out_.intrinsics;
     bound_tiles();
-    const int tiles_u = (k.width + 7) >> kTileShift, tiles_v = (k.height + 7) >> kTileShift;
+    const int tiles_u = (k.width + kTileEdge - 1) >> kTileShift, tiles_v = (k.height + kTileEdge - 1) >> kTileShift;
     RaycastStats stats;
     // Tile by tile: neighbouring rays read the same cache lines.
     for (int n = 0; n < tiles_u * tiles_v; ++n) stats.hits += cast_tile(n % tiles_u, n / tiles_u, n);
@@ -49,10 +50,10 @@ class Caster {
   }
 
  private:
-  // Depth range of the allocated blocks that each tile of 8 x 8 rays can meet.
+  // Depth range of the allocated blocks that each tile of 4 x 4 rays can meet.
   void bound_tiles() noexcept {
     const Intrinsics& k = out_.intrinsics;
-    const int tiles_u = (k.width + 7) >> kTileShift, tiles_v = (k.height + 7) >> kTileShift;
+    const int tiles_u = (k.width + kTileEdge - 1) >> kTileShift, tiles_v = (k.height + kTileEdge - 1) >> kTileShift;
     const auto tiles = static_cast<std::size_t>(tiles_u) * static_cast<std::size_t>(tiles_v);
     std::fill_n(out_.near_m_.begin(), tiles, kNoTile);
     std::fill_n(out_.far_m_.begin(), tiles, 0.0F);
@@ -81,6 +82,7 @@ class Caster {
     }
   }
 
+  TELETACT_CLONES __attribute__((flatten))
   int cast_tile(int tile_u, int tile_v, int tile) noexcept {
     const Intrinsics& k = out_.intrinsics;
     const float near = out_.near_m_[static_cast<std::size_t>(tile)];
@@ -104,8 +106,11 @@ class Caster {
 
   // One ray in grid coordinates relative to base_, parameter t = depth along the optical axis.
   struct Ray {
-    Float4 d;
-    float voxel_t;  // t of one voxel's length along the ray
+    Float4 d, inverse;  // inverse: finite, huge where d is 0
+    Float4 ahead;       // 1 where d > 0, else 0
+    Float4 block_t;     // t from one block to the next along each axis
+    Int4 positive;      // ahead as an integer
+    float voxel_t;      // t of one voxel's length along the ray
   };
 
   [[nodiscard]] MapReader::Cell cell_at(const Ray& r, float t) noexcept {
@@ -120,8 +125,14 @@ class Caster {
   bool cast(int u, int v, float first, float last, float* record) noexcept {
     const Intrinsics& k = out_.intrinsics;
     const auto x = static_cast<float>((u - k.cx) / k.fx), y = static_cast<float>((v - k.cy) / k.fy);
-    Ray r;
+    Ray r{};
     r.d = splat(x) * axes_[0] + splat(y) * axes_[1] + axes_[2];
+    for (int a = 0; a < 3; ++a) {
+      r.positive[a] = r.d[a] > 0 ? 1 : 0;
+      r.inverse[a] = std::fabs(r.d[a]) > 1e-9F ? 1.0F / r.d[a] : (r.d[a] > 0 ? 1e9F : -1e9F);
+    }
+    r.ahead = to_float(r.positive);
+    for (int a = 0; a < 3; ++a) r.block_t[a] = 8.0F * std::fabs(r.inverse[a]);
     r.voxel_t = 1.0F / std::sqrt(r.d[0] * r.d[0] + r.d[1] * r.d[1] + r.d[2] * r.d[2]);
     if (options_.hint_depth_m.data != nullptr) {
       const float hint = options_.hint_depth_m.at(u * options_.pixel_step, v * options_.pixel_step);
@@ -138,7 +149,7 @@ class Caster {
 
   bool march(const Ray& r, float t, float end, float& hit_t, MapReader::Cell& cell) noexcept {
     Side before = Side::kUnknown;
-    float before_t = t, careful_until = -1;
+    float before_t = t, before_d = 0, careful_until = -1;
     const Float4 half = splat(0.5F);
     for (int n = 0; n < kMaxSteps && t <= end; ++n) {
       ++steps_;
@@ -150,7 +161,7 @@ class Caster {
       const bool known = reader_.known(word);
       const auto d = static_cast<float>(TsdfMap::word_distance(word));
       if (known && d > 0) {
-        before = Side::kOutside, before_t = t;
+        before = Side::kOutside, before_t = t, before_d = d;
         const float jump = 0.8F * d * voxels_per_unit_;
         t += (jump < 1.0F || t < careful_until ? 1.0F : jump) * r.voxel_t;
         continue;
@@ -162,6 +173,10 @@ class Caster {
         continue;
       }
       if (known) {
+        if (before == Side::kOutside &&
+            quick_root(r, before_t, t, before_t + (t - before_t) * (before_d / (before_d - d)), hit_t,
+                       cell))
+          return true;
         if (before != Side::kInside &&
             crossing(r, std::max(before_t, t - 2.5F * r.voxel_t), t, hit_t, cell))
           return true;
@@ -170,23 +185,61 @@ class Caster {
         continue;
       }
       before = Side::kUnknown, before_t = t;
-      t += words == nullptr ? skip(r, node, t) : stride_unknown_ * r.voxel_t;
+      t = words == nullptr ? skip(r, node, t, end) : t + stride_unknown_ * r.voxel_t;
     }
     return false;
   }
 
-  // How far to the end of the absent block or chunk round `node`: the space nearest to its nodes.
-  [[nodiscard]] float skip(const Ray& r, Int4 node, float t) noexcept {
-    const bool chunk = reader_.chunk_of(node[0] >> 6, node[1] >> 6, node[2] >> 6) != nullptr;
-    const int edge = chunk ? 8 : 64;
-    const Float4 low = to_float((node & ~(edge - 1)) - base_) - splat(0.5F);
-    const Float4 high = low + splat(static_cast<float>(edge));
-    float leave = 1e30F;
-    for (int a = 0; a < 3; ++a) {
-      const float wall = r.d[a] > 0 ? high[a] : low[a];
-      if (r.d[a] != 0) leave = std::min(leave, (wall - origin_[a]) / r.d[a]);
+  // From a point whose block is absent: t where the ray enters the next allocated block (or a little
+  // before), or beyond `end`. Walks from block to block, over absent chunks in one stride. A block owns
+  // the space nearest to its nodes.
+  [[nodiscard]] float skip(const Ray& r, Int4 node, float t, float end) noexcept {
+    if (reader_.chunk_of(node[0] >> 6, node[1] >> 6, node[2] >> 6) == nullptr) {
+      const Float4 wall = wall_of(r, node & ~63, 64.0F);
+      return std::max(std::min(std::min(wall[0], wall[1]), wall[2]), t) + 0.01F * r.voxel_t;
     }
-    return std::max(leave - t, 0.0F) + 0.01F * r.voxel_t;
+    Float4 next = wall_of(r, node & ~7, 8.0F);
+    Int4 block = node >> 3;
+    for (int n = 0; n < 24; ++n) {
+      const int a = next[0] <= next[1] ? (next[0] <= next[2] ? 0 : 2) : (next[1] <= next[2] ? 1 : 2);
+      t = std::max(t, next[a]);
+      if (t > end) return t;
+      block[a] += r.positive[a] != 0 ? 1 : -1;
+      next[a] += r.block_t[a];
+      if (reader_.block_of(block[0], block[1], block[2]) != nullptr) break;
+    }
+    return t + 0.01F * r.voxel_t;
+  }
+  // t at which the ray crosses the far walls of the cube of `edge` nodes from `low`.
+  [[nodiscard]] Float4 wall_of(const Ray& r, Int4 low, float edge) const noexcept {
+    const Float4 far = to_float(low - base_) - splat(0.5F) + r.ahead * splat(edge);
+    return (far - origin_) * r.inverse;
+  }
+
+  // The usual case: nearest nodes + and - at t0 and t1, a root of the interpolant close to `guess`.
+  // Newton along the ray; taken only when it lands within the bracket (half a voxel wider: nodes are
+  // not on the ray) in a known cell that falls along the ray there. Else crossing() looks closely.
+  bool quick_root(const Ray& r, float t0, float t1, float guess, float& hit_t,
+                  MapReader::Cell& cell) noexcept {
+    const float low = t0 - 0.5F * r.voxel_t, high = t1 + 0.5F * r.voxel_t;
+    float t = guess;
+    for (int n = 0; n < 3; ++n) {
+      cell = cell_at(r, t);
+      if (!cell.valid) return false;
+      const float f = cell.value();
+      float g[3];
+      cell.gradient(g);
+      const float slope = g[0] * r.d[0] + g[1] * r.d[1] + g[2] * r.d[2];  // raw units per t
+      if (!(slope < 0)) return false;
+      const float move = -f / slope;
+      t += move;
+      if (!(t >= low && t <= high)) return false;
+      if (move < 0.1F * r.voxel_t && move > -0.1F * r.voxel_t) {
+        hit_t = t;
+        return true;
+      }
+    }
+    return false;
   }
 
   // First + to - of the trilinear field from a little before t = a to a voxel behind b; both sides
@@ -268,7 +321,7 @@ RaycastMaps::RaycastMaps(rt::NonRealtime&, int width, int height)
   const auto address = reinterpret_cast<std::uintptr_t>(storage_.data());
   records_ = storage_.data() + ((32 - address % 32) % 32) / sizeof(float);
   // Any shape with that many rays: a tile row more each way covers the rounding.
-  const std::size_t tiles = capacity_ / 64 + 2 * (static_cast<std::size_t>(width + height) / 8 + 2);
+  const std::size_t tiles = capacity_ / 16 + 2 * (static_cast<std::size_t>(width + height) / 4 + 2);
   near_m_.resize(tiles);
   far_m_.resize(tiles);
 }

@@ -49,7 +49,7 @@ class RaycastMaps {
   [[nodiscard]] int height() const noexcept { return intrinsics.height; }
   [[nodiscard]] bool fits(int width, int height) const noexcept {
     const auto w = static_cast<std::size_t>(width), h = static_cast<std::size_t>(height);
-    return w * h <= capacity_ && ((w + 7) / 8) * ((h + 7) / 8) <= near_m_.size();
+    return w * h <= capacity_ && ((w + 3) / 4) * ((h + 3) / 4) <= near_m_.size();
   }
   [[nodiscard]] const float* data() const noexcept { return records_; }
   [[nodiscard]] float* data() noexcept { return records_; }
@@ -70,7 +70,7 @@ class RaycastMaps {
   std::vector<float> storage_;
   float* records_ = nullptr;  // 32-byte aligned into storage_
   std::vector<Rgb> colour_;
-  std::vector<float> near_m_, far_m_;  // per tile of 8 x 8 rays
+  std::vector<float> near_m_, far_m_;  // per tile of 4 x 4 rays
 };
 
 // `camera` is the full-resolution camera. When the maps are too small for the rays, or the pose is not
