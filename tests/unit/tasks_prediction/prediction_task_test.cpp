@@ -1,0 +1,414 @@
+#include "tasks/prediction/prediction_task.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <deque>
+
+#include "drivers/youbot/virtual_youbot.hpp"
+#include "rt/hash.hpp"
+#include "rt/memory/section.hpp"
+#include "rt/random.hpp"
+#include "tasks/robot_io/robot_io_task.hpp"
+
+namespace {
+
+using namespace std::chrono_literals;
+using drivers::RobotGoal;
+using drivers::RobotState;
+using perception::Pose2;
+using tasks::CameraPose;
+using tasks::Mode;
+using tasks::ModeMsg;
+using tasks::Path;
+using tasks::PathFollower;
+using tasks::PredictionConfig;
+using tasks::PredictionTask;
+namespace fault = tasks::prediction_fault;
+
+Path make_path(std::uint64_t seq, const std::vector<Pose2>& corners, double step = 0.05) {
+  Path p;
+  p.seq = seq;
+  for (std::size_t i = 0; i + 1 < corners.size(); ++i) {
+    const Pose2 a = corners[i], b = corners[i + 1];
+    const int n = std::max(1, static_cast<int>(std::hypot(b.x - a.x, b.y - a.y) / step));
+    for (int k = 0; k < n; ++k) {
+      const double f = static_cast<double>(k) / n;
+      p.points[static_cast<std::size_t>(p.size++)] = {a.x + f * (b.x - a.x), a.y + f * (b.y - a.y),
+                                                      a.yaw + f * (b.yaw - a.yaw)};
+    }
+  }
+  const Pose2 e = corners.back();
+  p.points[static_cast<std::size_t>(p.size++)] = {e.x, e.y, e.yaw};
+  p.marked_W = {e.x, e.y, 0};
+  return p;
+}
+
+double distance_to(const Path& p, double x, double y) {
+  double best = 1e9;
+  for (int i = 0; i + 1 < p.size; ++i) {
+    const auto& a = p.points[static_cast<std::size_t>(i)];
+    const auto& b = p.points[static_cast<std::size_t>(i + 1)];
+    for (int k = 0; k <= 20; ++k) {
+      const double f = k / 20.0;
+      best = std::min(best, std::hypot(a[0] + f * (b[0] - a[0]) - x, a[1] + f * (b[1] - a[1]) - y));
+    }
+  }
+  return best;
+}
+
+TEST(PathFollower, ChoosesTheFurtherPointWhereTheWayIsStraight) {
+  PathFollower f{{}};
+  ASSERT_TRUE(f.take(make_path(1, {{0, 0, 0}, {2, 0, 0}})));
+  const auto g = f.next({0.3, 0, 0});
+  EXPECT_TRUE(g.is_mark);
+  EXPECT_EQ(g.X_WG.x, 2);
+  EXPECT_NEAR(g.progress_m, 0.3, 1e-9);
+  EXPECT_NEAR(g.remaining_m, 1.7, 1e-9);
+  // A bend on the way: the mark may not be driven at, the path point is.
+  ASSERT_TRUE(f.take(make_path(2, {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}})));
+  const auto b = f.next({0.3, 0, 0});
+  EXPECT_FALSE(b.is_mark);
+  EXPECT_NEAR(b.X_WG.x, 0.75, 1e-9);
+  EXPECT_NEAR(b.X_WG.y, 0, 1e-9);
+  // Near the corner the point is drawn nearer, but never below the minimum.
+  const auto c = f.next({0.9, 0, 0});
+  EXPECT_LT(c.ahead_m, 0.35);
+  EXPECT_GE(c.ahead_m, 0.15 - 1e-9);
+  // Beyond it the rest is straight.
+  EXPECT_TRUE(f.next({1.0, 0.3, 0}).is_mark);
+}
+
+TEST(PathFollower, ProgressNeverGoesBackNorLeapsToALaterBranch) {
+  PathFollower f{{}};
+  // A hairpin: out along y = 0, back along y = 0.2.
+  ASSERT_TRUE(f.take(make_path(1, {{0, 0, 0}, {3, 0, 0}, {3, 0.2, 0}, {0, 0.2, 0}})));
+  EXPECT_NEAR(f.next({0.5, 0.15, 0}).progress_m, 0.5, 0.01);  // nearer to the way back
+  EXPECT_NEAR(f.next({1.0, 0, 0}).progress_m, 1.0, 1e-9);
+  EXPECT_NEAR(f.next({0.2, 0, 0}).progress_m, 1.0, 1e-9);
+}
+
+TEST(PathFollower, RefusesBadPathsAndHandlesTinyOnes) {
+  PathFollower f{{}};
+  Path p = make_path(1, {{0, 0, 0}, {1, 0, 0}});
+  p.points[3][1] = std::nan("");
+  EXPECT_FALSE(f.take(p));
+  p = make_path(2, {{0, 0, 0}, {1, 0, 0}});
+  p.size = 0;
+  EXPECT_FALSE(f.take(p));
+  p.size = Path::kMaxPoints + 1;
+  EXPECT_FALSE(f.take(p));
+  Path one;
+  one.seq = 3;
+  one.size = 1;
+  one.points[0] = {1, 2, 0.5};
+  ASSERT_TRUE(f.take(one));
+  const auto g = f.next({0, 0, 0});
+  EXPECT_EQ(g.X_WG, (Pose2{1, 2, 0.5}));
+  EXPECT_EQ(g.remaining_m, 0);
+  Path twice;  // equal points: segments of no length
+  twice.seq = 4;
+  twice.size = 4;
+  for (int i = 0; i < 4; ++i) twice.points[static_cast<std::size_t>(i)] = {i < 2 ? 0.0 : 1.0, 0, 0};
+  ASSERT_TRUE(f.take(twice));
+  EXPECT_TRUE(perception::is_finite(f.next({0.1, 0.1, 0}).X_WG));
+}
+
+// One desk, one robot, a link between them that takes `one_way` in each direction.
+struct Loop {
+  rt::Startup startup;
+  PredictionConfig config;
+  drivers::VirtualYoubot bus;
+  tasks::RobotIoTask robot;
+  PredictionTask prediction;
+  tasks::RobotIoTask::In rin;
+  tasks::RobotIoTask::Out rout;
+  PredictionTask::In pin;
+  PredictionTask::Out pout;
+  ModeMsg mode;
+  RobotState state;
+  RobotGoal goal;
+  Path path;
+  CameraPose camera;
+  rt::Nanos one_way;
+  rt::Time now = rt::time_from_ns(3'000'000'000);
+  std::deque<std::pair<rt::Time, RobotState>> up;
+  std::deque<std::pair<rt::Time, RobotGoal>> down;
+  rt::Health health;
+  int ms = 0;
+  double worst_off_path = 0, worst_tracking = 0;
+
+  explicit Loop(rt::Nanos delay = 20ms, const PredictionConfig& c = {},
+                const drivers::RobotPlantConfig& plant = {})
+      : config(c),
+        bus(startup.token(), {}, drivers::RobotPlant(startup.token(), plant, {}, {})),
+        robot(startup.token(), {}),
+        prediction(startup.token(), c),
+        one_way(delay) {
+    mode.mode = Mode::kEngaged;
+    rin.mode = pin.mode = &mode;
+    pin.delay_known = true;
+    pin.round_trip = 2 * delay;
+    pin.round_trip_uncertainty = 1ms;
+  }
+  void tick() {
+    rt::Tick t;
+    t.release = t.start = now;
+    t.period = 1ms;
+    while (!down.empty() && down.front().first <= now) {
+      goal = down.front().second;
+      rin.goal = &goal;
+      rin.link_heard = true;
+      rin.link_heard_at = now;
+      down.pop_front();
+    }
+    {
+      rt::Section section;
+      rin.bus = bus.exchange(now, rout.setpoints, rin.motors);
+      (void)robot.step(t, rin, rout);
+    }
+    if (ms % 20 == 0) up.emplace_back(now + one_way, rout.state);
+    while (!up.empty() && up.front().first <= now) {
+      state = up.front().second;
+      pin.robot = &state;
+      up.pop_front();
+    }
+    if (ms % 100 == 50) {
+      t.period = 100ms;
+      {
+        rt::Section section;
+        health = prediction.step(t, pin, pout);
+      }
+      down.emplace_back(now + one_way, pout.goal);
+    }
+    if (path.size > 0 && rout.telemetry.driving) {
+      const Pose2& x = bus.plant().state().X_WB;
+      worst_off_path = std::max(worst_off_path, distance_to(path, x.x, x.y));
+      worst_tracking = std::max(worst_tracking, rout.telemetry.tracking_error_m);
+    }
+    now += 1ms;
+    ++ms;
+  }
+  void run(int n) {
+    for (int i = 0; i < n; ++i) tick();
+  }
+  [[nodiscard]] const drivers::PlantState& truth() const { return bus.plant().state(); }
+};
+
+TEST(PredictionTask, DrivesAPathRoundCornersAcrossDelays) {
+  drivers::RobotPlantConfig plant;
+  plant.encoder_ticks_per_motor_turn = 4000;
+  plant.gear_friction_Nm = 0.3;
+  for (const rt::Nanos delay : {rt::Nanos{0}, rt::Nanos{20ms}, rt::Nanos{100ms}}) {
+    Loop l(delay, {}, plant);
+    l.path = make_path(7, {{0, 0, 0}, {1.2, 0, 0.3}, {1.2, 1.0, 1.5}, {0.4, 1.4, 2.5}});
+    l.run(300);
+    EXPECT_EQ(l.truth().path_m, 0);  // no path, no motion
+    l.pin.path = &l.path;
+    int arrived_at = 0;
+    for (int i = 0; i < 15000; ++i) {
+      l.tick();
+      if (arrived_at == 0 && l.pout.telemetry.arrived) arrived_at = i;
+    }
+    const Pose2& x = l.truth().X_WB;
+    const double end = std::hypot(x.x - 0.4, x.y - 1.4);
+    std::printf("one way %3lld ms: arrived after %.1f s, end error %.1f mm, off the path %.1f mm, "
+                "tracking %.1f mm\n",
+                static_cast<long long>(delay.count() / 1000000), arrived_at * 1e-3, 1e3 * end,
+                1e3 * l.worst_off_path, 1e3 * l.worst_tracking);
+    EXPECT_GT(arrived_at, 0);
+    EXPECT_LT(arrived_at, 12000);
+    EXPECT_LT(end, 0.010);
+    EXPECT_LT(std::abs(perception::wrap_angle(x.yaw - 2.5)), 0.05);
+    EXPECT_LT(l.worst_off_path, 0.06);
+    EXPECT_LT(l.worst_tracking, 0.030);
+    EXPECT_EQ(l.pout.telemetry.path_seq, 7U);
+  }
+}
+
+TEST(PredictionTask, GoalIsAheadByTheRoundTrip) {
+  // A bend far away keeps the path point in force; constant speed along x.
+  for (const int trip_ms : {0, 100, 300}) {
+    rt::Startup startup;
+    PredictionConfig c;
+    PredictionTask task(startup.token(), c);
+    const Path path = make_path(1, {{0, 0, 0}, {4, 0, 0}, {4, 4, 0}});
+    ModeMsg mode;
+    mode.mode = Mode::kEngaged;
+    PredictionTask::In in;
+    in.path = &path;
+    in.mode = &mode;
+    in.delay_known = true;
+    in.round_trip = std::chrono::milliseconds{trip_ms};
+    RobotState s;
+    in.robot = &s;
+    PredictionTask::Out out;
+    for (int k = 0; k < 20; ++k) {
+      rt::Tick t;
+      t.start = rt::time_from_ns(1'000'000'000LL + k * 100'000'000LL);
+      s.seq = static_cast<std::uint64_t>(k + 1);
+      s.taken = t.start - std::chrono::milliseconds{trip_ms / 2};
+      s.x_m = 0.04 * k;
+      s.vx = 0.4;
+      ASSERT_TRUE(task.step(t, in, out) == rt::Health::ok());
+    }
+    EXPECT_EQ(out.goal.engaged, 1);
+    EXPECT_NEAR(out.telemetry.lead_s, trip_ms * 1e-3, 1e-9);
+    EXPECT_NEAR(out.goal.x_m, s.x_m + 0.4 * trip_ms * 1e-3 + c.path.look_ahead_m, 1e-6);
+    EXPECT_EQ(out.goal.valid_until - out.goal.made, 300ms);
+  }
+}
+
+TEST(PredictionTask, HoldsWhenSomethingIsMissing) {
+  Loop l;
+  l.path = make_path(1, {{0, 0, 0}, {2, 0, 0}});
+  l.pin.path = &l.path;
+  l.run(1500);
+  ASSERT_EQ(l.pout.goal.engaged, 1);
+  l.pin.delay_known = false;
+  l.run(100);
+  EXPECT_EQ(l.pout.goal.engaged, 0);
+  EXPECT_EQ(l.health.fault, fault::kDelayUnknown);
+  l.pin.delay_known = true;
+  l.run(100);
+  EXPECT_EQ(l.pout.goal.engaged, 1);
+  for (const Mode m : {Mode::kInit, Mode::kHold, Mode::kRampDown, Mode::kSafeStop}) {
+    l.mode.mode = m;
+    l.run(100);
+    EXPECT_EQ(l.pout.goal.engaged, 0);
+  }
+  l.mode.mode = Mode::kEngaged;
+  l.run(100);
+  EXPECT_EQ(l.pout.goal.engaged, 1);
+  l.pin.path = nullptr;  // the mark was taken back
+  l.run(100);
+  EXPECT_EQ(l.pout.goal.engaged, 0);
+  l.run(1000);
+  EXPECT_NEAR(l.truth().v_B.vx, 0, 1e-3);
+  l.pin.path = &l.path;
+  l.one_way = 10s;  // states stop coming
+  l.run(500);
+  EXPECT_EQ(l.pout.goal.engaged, 0);
+  EXPECT_EQ(l.health.fault, fault::kStateStale);
+}
+
+TEST(PredictionTask, BadPathAndBadStateAreRefused) {
+  Loop l;
+  l.path = make_path(1, {{0, 0, 0}, {2, 0, 0}});
+  l.pin.path = &l.path;
+  l.run(1000);
+  Path bad = l.path;
+  bad.seq = 2;
+  bad.points[1][0] = std::nan("");
+  l.pin.path = &bad;
+  l.run(100);
+  EXPECT_EQ(l.health.fault, fault::kPathRefused);
+  EXPECT_EQ(l.pout.goal.engaged, 0);
+  EXPECT_TRUE(std::isfinite(l.pout.goal.x_m));
+  RobotState nan_state = l.state;
+  nan_state.seq += 1000;
+  nan_state.x_m = std::nan("");
+  rt::Tick t;
+  t.start = l.now;
+  l.pin.robot = &nan_state;
+  l.pin.path = &l.path;
+  EXPECT_EQ(l.prediction.step(t, l.pin, l.pout).fault, fault::kStateRefused);
+  EXPECT_TRUE(std::isfinite(l.pout.goal.x_m));
+}
+
+TEST(PredictionTask, UncertainDelaySlowsDown) {
+  Loop l;
+  l.path = make_path(1, {{0, 0, 0}, {2, 0, 0}});
+  l.pin.path = &l.path;
+  l.pin.round_trip_uncertainty = 250ms;
+  l.run(2500);
+  EXPECT_NEAR(l.pout.goal.speed_limit_m_per_s, 0.2, 1e-9);
+  EXPECT_NEAR(l.truth().v_B.vx, 0.2, 0.01);
+}
+
+TEST(PredictionTask, NewPathOnTheWayIsTaken) {
+  Loop l;
+  l.path = make_path(1, {{0, 0, 0}, {2, 0, 0}});
+  l.pin.path = &l.path;
+  l.run(2500);
+  const Pose2 here = l.truth().X_WB;
+  l.path = make_path(2, {here, {here.x, 1.0, 0}});
+  l.run(8000);
+  EXPECT_TRUE(l.pout.telemetry.arrived);
+  EXPECT_LT(std::hypot(l.truth().X_WB.x - here.x, l.truth().X_WB.y - 1.0), 0.02);
+}
+
+// Wheels slip by 3 %: odometry is short, the camera knows; with the correction the base ends where the
+// path does in the map, without it it does not.
+TEST(PredictionTask, MapCorrectionTakesTheDriftOut) {
+  double error[2] = {};
+  for (const bool on : {false, true}) {
+    PredictionConfig c;
+    c.map_correction = on;
+    drivers::RobotPlantConfig plant;
+    plant.slip_ratio = 0.03;
+    Loop l(20ms, c, plant);
+    l.path = make_path(1, {{0, 0, 0}, {2.5, 0, 0}});
+    l.pin.path = &l.path;
+    l.pin.camera = &l.camera;
+    for (int i = 0; i < 12000; ++i) {
+      if (i % 33 == 0) {
+        l.camera.seq++;
+        l.camera.exposure = l.now - 25ms;
+        drivers::PoseHistory::Sample s;
+        if (l.bus.history().at(l.camera.exposure, s)) {
+          l.camera.X_WC = perception::Pose::Identity();
+          l.camera.X_WC.translation() = perception::Vec3(s.X_WB.x, s.X_WB.y, 0);
+          l.camera.X_WC.linear() =
+              Eigen::AngleAxisd(s.X_WB.yaw, perception::Vec3::UnitZ()).toRotationMatrix();
+          l.camera.tracking = CameraPose::Tracking::kTracking;
+          l.camera.claimed = true;
+        }
+      }
+      l.tick();
+    }
+    error[on ? 1 : 0] = std::hypot(l.truth().X_WB.x - 2.5, l.truth().X_WB.y);
+  }
+  std::printf("3 %% slip over 2.5 m: end error %.0f mm without, %.1f mm with map correction\n",
+              1e3 * error[0], 1e3 * error[1]);
+  EXPECT_GT(error[0], 0.06);
+  EXPECT_LT(error[1], 0.015);
+}
+
+TEST(PredictionTask, UnbelievableCameraPoseIsRefused) {
+  PredictionConfig c;
+  c.map_correction = true;
+  Loop l(20ms, c);
+  l.path = make_path(1, {{0, 0, 0}, {2, 0, 0}});
+  l.pin.path = &l.path;
+  l.run(1000);
+  l.pin.camera = &l.camera;
+  l.camera.seq = 1;
+  l.camera.exposure = l.now - 50ms;
+  l.camera.tracking = CameraPose::Tracking::kTracking;
+  l.camera.claimed = true;
+  l.camera.X_WC.translation() = perception::Vec3(30, 0, 0);
+  l.run(100);
+  EXPECT_EQ(l.health.fault, fault::kCorrectionRefused);
+  EXPECT_EQ(l.pout.telemetry.X_WO, Pose2{});
+}
+
+TEST(PredictionTask, SameInputSameBytes) {
+  std::uint64_t digest[2];
+  for (std::uint64_t& d : digest) {
+    rt::Hash64 h;
+    Loop l;
+    l.path = make_path(1, {{0, 0, 0}, {1, 0, 0}, {1, 1, 1}});
+    l.pin.path = &l.path;
+    for (int i = 0; i < 4000; ++i) {
+      l.tick();
+      h.value(l.pout.goal.x_m);
+      h.value(l.pout.goal.yaw_rad);
+    }
+    d = h.digest();
+  }
+  EXPECT_EQ(digest[0], digest[1]);
+}
+
+}  // namespace
