@@ -22,8 +22,8 @@ class Caster {
   Caster(const TsdfMap& map, const Pose& X_WC, const RaycastOptions& o, RaycastMaps& out) noexcept
       : map_(map), reader_(map, o.min_weight), options_(o), out_(out), voxel_(map.voxel_size()),
         voxels_per_unit_(map.metres_per_unit() / static_cast<float>(voxel_)),
-        stride_unknown_(std::max(
-            1.0F, std::floor(static_cast<float>(0.4 * map.truncation() / voxel_)))) {
+        stride_unknown_(static_cast<float>(
+            std::floor(1.6 * std::min(2.5, map.truncation() / voxel_)))) {
     // Grid coordinates are kept relative to a node near the camera: floats then resolve microns.
     const Mat3 R = X_WC.linear();
     for (int r = 0; r < 3; ++r) {
@@ -178,7 +178,7 @@ class Caster {
                        cell))
           return true;
         if (before != Side::kInside &&
-            crossing(r, std::max(before_t, t - 2.5F * r.voxel_t), t, hit_t, cell))
+            crossing(r, std::max(before_t, t - (stride_unknown_ + 0.5F) * r.voxel_t), t, hit_t, cell))
           return true;
         before = Side::kInside, before_t = t;
         t += r.voxel_t;
@@ -307,7 +307,8 @@ class Caster {
   const RaycastOptions& options_;
   RaycastMaps& out_;
   double voxel_;
-  float voxels_per_unit_, stride_unknown_;
+  float voxels_per_unit_;
+  float stride_unknown_;  // voxels; below the thickness of the band across a surface
   Int4 base_{};
   Float4 origin_{};
   Float4 axes_[3]{};  // camera axes in grid units a metre

@@ -1,13 +1,14 @@
 #include "perception/tsdf/depth_pyramid.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "perception/tsdf/clones.hpp"
 
 namespace perception {
 namespace {
 
-constexpr int kPad = 1;
+constexpr int kPad = 2;
 
 TELETACT_CLONES
 void sanitise_row(const std::uint16_t* in, int width, std::uint16_t min_mm,
@@ -22,10 +23,12 @@ struct RowRule {
   std::int32_t edge_base_mm, edge_per_q16, max_mm;
 };
 
-// Three padded rows in, one row of pixels out.
+// Five padded rows, [2] the pixel's own, in; one row of pixels without reach out.
 TELETACT_CLONES
-void classify_row(const std::uint16_t* above, const std::uint16_t* here, const std::uint16_t* below,
-                  int width, RowRule rule, std::uint32_t* out) noexcept {
+void classify_row(const std::uint16_t* const (&rows)[5], int width, RowRule rule,
+                  std::uint32_t* out) noexcept {
+  const std::uint16_t *above = rows[1] + kPad - 1, *here = rows[2] + kPad - 1,
+                      *below = rows[3] + kPad - 1;
   for (int u = 0; u < width; ++u) {
     const std::int32_t c = here[u + 1];
     const std::int32_t gate = rule.edge_base_mm + ((rule.edge_per_q16 * (c >> 1)) >> 15);
@@ -42,13 +45,47 @@ void classify_row(const std::uint16_t* above, const std::uint16_t* here, const s
         least = std::min(least, static_cast<std::uint16_t>(d - 1));
         readings += static_cast<std::int32_t>(d != 0);
       }
+    const std::int32_t missing = static_cast<std::int32_t>(c == 0);
     const std::int32_t hole =
-        static_cast<std::int32_t>(c == 0) & static_cast<std::int32_t>(readings < DepthPyramid::kFillFrom);
-    const std::uint32_t depth = (edge | static_cast<std::int32_t>(c == 0)) != 0
-                                    ? static_cast<std::uint32_t>(least) + 1U
-                                    : static_cast<std::uint32_t>(c);
-    const bool fused = (c != 0) & (edge == 0) & (c <= rule.max_mm);
-    out[u] = hole != 0 ? 0U : (depth | (fused ? std::uint32_t{DepthPyramid::kWeightOne} << 16U : 0U));
+        missing & static_cast<std::int32_t>(readings < DepthPyramid::kFillFrom);
+    const std::uint32_t depth = (edge | missing) != 0 ? static_cast<std::uint32_t>(least) + 1U
+                                                      : static_cast<std::uint32_t>(c);
+    const std::int32_t fused = (missing ^ 1) & (edge ^ 1) & static_cast<std::int32_t>(c <= rule.max_mm);
+    out[u] = hole != 0 ? 0U : (depth | (static_cast<std::uint32_t>(fused) << 23U));
+  }
+}
+static_assert(DepthPyramid::kWeightOne << 16 == 1 << 23);
+
+// Slope of depth, mm a pixel, over two pixels either side; a side without a reading, or across an
+// edge, counts as the centre itself (the slope is then too small: the band stays short).
+inline float slope(std::int32_t low, std::int32_t mid, std::int32_t high, std::int32_t gate) noexcept {
+  const bool has_low = (low != 0) & (std::abs(low - mid) <= 2 * gate);
+  const bool has_high = (high != 0) & (std::abs(high - mid) <= 2 * gate);
+  const std::int32_t rise = (has_high ? high : mid) - (has_low ? low : mid);
+  const std::int32_t run = (has_high ? 2 : 0) + (has_low ? 2 : 0);
+  return static_cast<float>(rise) / static_cast<float>(run > 0 ? run : 1);
+}
+
+TELETACT_CLONES
+void reach_row(const std::uint16_t* const (&rows)[5], int width, float y, const DepthRule& rule,
+               RowRule row, std::uint32_t* out) noexcept {
+  const std::uint16_t *above = rows[0] + kPad, *here = rows[2], *below = rows[4] + kPad;
+  const float fx = rule.fx, fy = rule.fy, cx = rule.cx, inv_fx = 1.0F / rule.fx;
+  for (int u = 0; u < width; ++u) {
+    const std::int32_t c = here[u + kPad];
+    const std::int32_t gate = row.edge_base_mm + ((row.edge_per_q16 * (c >> 1)) >> 15);
+    const float z = static_cast<float>(c > 1 ? c : 1);
+    const float zu = slope(here[u], c, here[u + 2 * kPad], gate);
+    const float zv = slope(above[u], c, below[u], gate);
+    // Normal n = (-fx zu, -fy zv, z + (u-cx) zu + (v-cy) zv), ray r = (x, y, 1): n.r = z.
+    const float du = static_cast<float>(u) - cx, x = du * inv_fx;
+    const float nx = fx * zu, ny = fy * zv, nz = (z + du * zu) + (y * fy) * zv;
+    const float nn = (nx * nx + ny * ny) + nz * nz, rr = (x * x + y * y) + 1.0F;
+    const float inverse_cos = std::sqrt(nn * rr) / z;
+    const float raw = std::min(std::max(inverse_cos * rule.reach_gain * 32.0F, 32.0F), 96.0F) + 0.5F;
+    const std::uint32_t p = out[u];
+    const std::uint32_t reach = (p >> 16U) != 0 ? static_cast<std::uint32_t>(static_cast<std::int32_t>(raw)) : 32U;
+    out[u] = p != 0 ? (p | (reach << 24U)) : 0U;
   }
 }
 
@@ -65,7 +102,7 @@ void weigh_row(std::uint32_t* row, int width) noexcept {
 TELETACT_CLONES
 int count_fused(const std::uint32_t* p, int n) noexcept {
   int count = 0;
-  for (int i = 0; i < n; ++i) count += static_cast<int>((p[i] >> 16U) != 0);
+  for (int i = 0; i < n; ++i) count += static_cast<int>(((p[i] >> 16U) & 0xffU) != 0);
   return count;
 }
 
@@ -105,22 +142,23 @@ int DepthPyramid::build(ImageView<const std::uint16_t> depth_mm, const DepthRule
   const int pitch = width_ + 2 * kPad;
   const auto min_mm = static_cast<std::uint16_t>(
       std::clamp(static_cast<int>(rule.min_depth_m * 1000.0F + 0.5F), 1, 65534));
-  std::fill_n(padded_.begin(), pitch, std::uint16_t{0});
-  std::fill_n(padded_.begin() + static_cast<std::ptrdiff_t>(pitch) * (height_ + 1), pitch,
-              std::uint16_t{0});
-  for (int v = 0; v < height_; ++v) {
-    std::uint16_t* row = padded_.data() + static_cast<std::ptrdiff_t>(pitch) * (v + 1);
-    row[0] = row[pitch - 1] = 0;
-    sanitise_row(depth_mm.row(v), width_, min_mm, row + 1);
+  const auto padded_row = [&](int v) {
+    return padded_.data() + static_cast<std::ptrdiff_t>(pitch) * (v + kPad);
+  };
+  for (int v = -kPad; v < height_ + kPad; ++v) {
+    std::fill_n(padded_row(v), pitch, std::uint16_t{0});
+    if (v >= 0 && v < height_) sanitise_row(depth_mm.row(v), width_, min_mm, padded_row(v) + kPad);
   }
   const RowRule r{static_cast<std::int32_t>(rule.edge_base_m * 1000.0F + 0.5F),
                   static_cast<std::int32_t>(rule.edge_per_m * 65536.0F + 0.5F),
                   static_cast<std::int32_t>(rule.max_depth_m * 1000.0F + 0.5F)};
   for (int v = 0; v < height_; ++v) {
-    const std::uint16_t* here = padded_.data() + static_cast<std::ptrdiff_t>(pitch) * (v + 1);
+    const std::uint16_t* const rows[5] = {padded_row(v - 2), padded_row(v - 1), padded_row(v),
+                                          padded_row(v + 1), padded_row(v + 2)};
     std::uint32_t* out = pixels_.data() + static_cast<std::ptrdiff_t>(width_) * v;
-    classify_row(here - pitch, here, here + pitch, width_, r, out);
+    classify_row(rows, width_, r, out);
     if (rule.range_weight) weigh_row(out, width_);
+    reach_row(rows, width_, (static_cast<float>(v) - rule.cy) / rule.fy, rule, r, out);
   }
   pixels_[static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_)] = 0;
 

@@ -1,7 +1,10 @@
-// One depth image made ready for fusion: per pixel the depth and the weight it is fused with, and a
-// pyramid of least and greatest depth that answers "how near, how far is anything in this rectangle".
+// One depth image made ready for fusion: per pixel the depth, the weight it is fused with and how far
+// its band reaches, and a pyramid of least and greatest depth that answers "how near, how far is
+// anything in this rectangle".
 //
-// A pixel is   0 (no reading) | depth_mm + weight << 16.
+// A pixel is   0 (no reading) | depth_mm + (weight << 16) + (reach << 24).
+// Reach: reach_gain / cos(angle between ray and normal), unit 1/32, from 1 to 3: seen at a grazing
+// angle the band must be longer along the ray to keep some thickness across the surface.
 // Weight 0 with a depth: carves free space up to that depth and is not fused. So are
 //   readings beyond max_depth;
 //   readings on a depth edge, with the least depth of the 3x3 neighbourhood (a flying pixel lies
@@ -23,6 +26,8 @@ namespace perception {
 struct DepthRule {
   float min_depth_m, max_depth_m;
   float edge_base_m, edge_per_m;
+  float fx, fy, cx, cy;
+  float reach_gain;
   bool range_weight;  // weight (1.5 m / z)^2 in [1/4, 1], else 1
 };
 
@@ -31,6 +36,7 @@ class DepthPyramid {
   static constexpr int kMaxWidth = 640, kMaxHeight = 480;
   static constexpr int kLevels = 7;         // tiles of 1, 2, 4, ... 64 px
   static constexpr int kWeightOne = 128;
+  static constexpr int kReachOne = 32, kReachMost = 96;
   static constexpr int kFillFrom = 6;       // neighbours with a reading that fill a hole
 
   explicit DepthPyramid(rt::NonRealtime&);

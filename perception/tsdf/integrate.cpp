@@ -25,6 +25,10 @@ bool usable(const FrameView& f, const Pose& X_WC, double voxel) noexcept {
   return X_WC.translation().cwiseAbs().maxCoeff() < voxel * 8 * TsdfMap::kMaxBlockCoord / 2;
 }
 
+// The band is at least this thick to either side across the surface, also at grazing angles: a cell
+// cut by the surface then has eight known corners.
+constexpr double kThinnestVox = 2.5;
+
 // Running mean of a colour in bytes, rounded; the weight is capped so that a change is still learned.
 constexpr std::uint32_t kColourCap = 15;
 struct Reciprocals {
@@ -58,7 +62,13 @@ IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
   const DepthRule rule{static_cast<float>(config_.min_depth_m),
                        static_cast<float>(config_.max_depth_m),
                        static_cast<float>(config_.edge_base_m),
-                       static_cast<float>(config_.edge_per_m), range_weight_};
+                       static_cast<float>(config_.edge_per_m),
+                       static_cast<float>(frame.intrinsics.fx),
+                       static_cast<float>(frame.intrinsics.fy),
+                       static_cast<float>(frame.intrinsics.cx),
+                       static_cast<float>(frame.intrinsics.cy),
+                       static_cast<float>(std::min(1.0, kThinnestVox * voxel_ / truncation_)),
+                       range_weight_};
   stats.pixels = pyramid_.build(frame.depth_mm, rule);
   const Pose X_CW = X_WC.inverse(Eigen::Isometry);
   const View view{frame, X_WC, X_CW, CameraBoxes(frame.intrinsics, X_CW)};
@@ -81,10 +91,11 @@ void TsdfMap::allocate_band(const View& view, int pixel_step, IntegrateStats& st
     const std::uint32_t* row = pyramid_.pixels() + static_cast<std::ptrdiff_t>(v) * k.width;
     const double y = (v - k.cy) / k.fy;
     for (int u = 0; u < k.width; u += pixel_step) {
-      if (row[u] >> 16U == 0) continue;
+      if (((row[u] >> 16U) & 0xffU) == 0) continue;
       ++stats.rays;
       const double z = (row[u] & 0xffffU) * 1e-3, x = (u - k.cx) / k.fx;
-      const double half = truncation_ / std::sqrt(1.0 + x * x + y * y);
+      const double half = truncation_ * (row[u] >> 24U) / DepthPyramid::kReachOne /
+                          std::sqrt(1.0 + x * x + y * y);
       const double dir[3] = {R(0, 0) * x + R(0, 1) * y + R(0, 2), R(1, 0) * x + R(1, 1) * y + R(1, 2),
                              R(2, 0) * x + R(2, 1) * y + R(2, 2)};
       double q0[3], q1[3];
@@ -139,7 +150,8 @@ void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
     cam.dy[r] = static_cast<float>(step(r, 1));
     cam.dz[r] = static_cast<float>(step(r, 2));
   }
-  const auto reach = static_cast<float>(truncation_) + 1e-4F;
+  const auto reach = static_cast<float>(truncation_ * DepthPyramid::kReachMost /
+                                        DepthPyramid::kReachOne) + 1e-4F;
   const auto block_half = static_cast<float>(3.5 * voxel_), chunk_half = static_cast<float>(31.5 * voxel_);
   const auto far = static_cast<float>(config_.max_depth_m) + reach;
   for (int n = 0; n < chunk_count_; ++n) {

@@ -7,7 +7,9 @@
 //           uint16 weight (unit: 1/128 of one full observation). Weight 0 = unknown, distance void.
 //           Beside it, same index: colour (r, g, b, weight), label, label weight.
 // Distance  projective: along the viewing ray, (depth - z) * |ray|, so |grad| need not be 1.
-// Blocks    allocated only where a ray passes within the truncation of its reading.
+// Band      the truncation along the ray; at grazing angles up to three times that, with the distance
+//           clipped to it, so that 2.5 voxels across the surface are known on either side.
+// Blocks    allocated only where a ray passes through its band.
 // Free      a node is seen free when a ray passed in front of its reading there: one bit a node in
 //           blocks, one bit per 2^3 nodes (all of them, conservatively) where no block is.
 //           Free is not unknown.

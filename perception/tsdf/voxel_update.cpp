@@ -71,20 +71,23 @@ void fuse(const UpdateCamera& c, UpdateScratch& s, std::uint32_t* __restrict wor
   for (int n = 0; n < 512; ++n) {
     const std::uint32_t reading = s.reading[static_cast<std::size_t>(n)];
     const auto depth_mm = static_cast<std::int32_t>(reading & 0xffffU);
-    const auto w_pixel = static_cast<std::int32_t>(reading >> 16U);
+    const auto w_pixel = static_cast<std::int32_t>((reading >> 16U) & 0xffU);
+    const float limit = trunc * (static_cast<float>(static_cast<std::int32_t>(reading >> 24U)) * 0.03125F);
     const float sdf = (static_cast<float>(depth_mm) * 0.001F - s.z[static_cast<std::size_t>(n)]) *
                       s.stretch[static_cast<std::size_t>(n)];
     const std::uint32_t word = words[n];
     const auto w = static_cast<std::int32_t>(word >> 16U);
     const auto d = static_cast<std::int32_t>(word << 16U) >> 16;
     const std::int32_t seen = depth_mm != 0;
-    const std::int32_t front = seen & static_cast<std::int32_t>(sdf > trunc);
+    const std::int32_t front = seen & static_cast<std::int32_t>(sdf > limit);
     const std::int32_t band = seen & static_cast<std::int32_t>(w_pixel != 0) &
-                              static_cast<std::int32_t>(sdf <= trunc) &
-                              static_cast<std::int32_t>(sdf >= -trunc);
+                              static_cast<std::int32_t>(sdf <= limit) &
+                              static_cast<std::int32_t>(sdf >= -limit);
     const std::int32_t carve = front & static_cast<std::int32_t>(w != 0);
     const std::int32_t w_new = (-band & w_pixel) | (-carve & 128);
-    const float value = band != 0 ? sdf * units : 32767.0F;
+    const float scaled = sdf * units;
+    const float clipped = scaled > 32767.0F ? 32767.0F : scaled < -32767.0F ? -32767.0F : scaled;
+    const float value = band != 0 ? clipped : 32767.0F;
     const std::int32_t w_sum = w + w_new;
     const float mean = (static_cast<float>(d) * static_cast<float>(w) +
                         value * static_cast<float>(w_new)) /

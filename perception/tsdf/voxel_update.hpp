@@ -4,9 +4,11 @@
 //   p     = ((p0 + x dx) + y dy) + z dz          node (x,y,z) of the block in the camera frame
 //   u, v  = (p.x / p.z) fx + cx, ...             nearest pixel; none outside the image or p.z < 0.05
 //   sdf   = (depth - p.z) * sqrt(1 + (p.x/p.z)^2 + (p.y/p.z)^2)
-//   sdf > truncation            seen through: free; a known voxel learns +1 with weight 1
-//   |sdf| <= truncation         fused with the pixel's weight; free when sdf > 0, else not free
-//   sdf < -truncation           hidden: unchanged
+//   limit = truncation * the pixel's reach (1 for pixels that only carve)
+//   sdf > limit                 seen through: free; a known voxel learns +1 with weight 1
+//   |sdf| <= limit              fused with the pixel's weight, s = sdf / truncation clipped to +-1;
+//                               free when sdf > 0, else not free
+//   sdf < -limit                hidden: unchanged
 //   d'    = round((d w + s w_o) / (w + w_o)), half away from 0;  w' = min(w + w_o, cap)
 #pragma once
 
