@@ -163,12 +163,14 @@ Canvas::Canvas(double width, double height, const std::string& title) {
 
 void Canvas::text(double x, double y, const std::string& s, const char* anchor, double size,
                   const char* colour, double rotate) {
-  out_ += "<text x=\"" + f(x) + "\" y=\"" + f(y) + "\" font-size=\"" + f(size) + "\" fill=\"" +
-          colour + "\" text-anchor=\"" + anchor + "\"";
+  out_.append("<text x=\"").append(f(x)).append("\" y=\"").append(f(y));
+  out_.append("\" font-size=\"").append(f(size)).append("\" fill=\"").append(escaped(colour));
+  out_.append("\" text-anchor=\"").append(anchor).append("\"");
   if (rotate != 0) {
-    out_ += " transform=\"rotate(" + f(rotate) + " " + f(x) + " " + f(y) + ")\"";
+    out_.append(" transform=\"rotate(").append(f(rotate)).append(" ").append(f(x));
+    out_.append(" ").append(f(y)).append(")\"");
   }
-  out_ += ">" + escaped(s) + "</text>\n";
+  out_.append(">").append(escaped(s)).append("</text>\n");
 }
 
 void Canvas::line(double x0, double y0, double x1, double y1, const std::string& colour,
@@ -239,9 +241,9 @@ double Canvas::legend(double x, double x1, double y, const std::vector<LegendIte
         circle("4.5", "fill=\"none\" stroke-width=\"2\" stroke=\"" + colour + "\"");
         break;
       case LegendItem::Sign::kCross: {
-        const double x = dx + kSwatch / 2;
-        line(x - 4, my - 4, x + 4, my + 4, item.colour, 2.2);
-        line(x - 4, my + 4, x + 4, my - 4, item.colour, 2.2);
+        const double mx = dx + kSwatch / 2;
+        line(mx - 4, my - 4, mx + 4, my + 4, item.colour, 2.2);
+        line(mx - 4, my + 4, mx + 4, my - 4, item.colour, 2.2);
         break;
       }
     }

@@ -214,8 +214,8 @@ void ground(const ReportData& d, std::string& out) {
   using Kind = plot::Overlay::Kind;
   std::vector<plot::Overlay> overlays;
   if (!m.truth.x_m.empty()) {
-    overlays.push_back({Kind::kPolyline, m.truth.x_m, m.truth.y_m, "#222222",
-                        m.truth.label.empty() ? "true path" : m.truth.label, 4, 5, false});
+    overlays.push_back({Kind::kPolyline, m.truth.x_m, m.truth.y_m, "#8a8f98",
+                        m.truth.label.empty() ? "true path" : m.truth.label, 5, 5, false});
   }
   if (!m.driven.x_m.empty()) {
     overlays.push_back({Kind::kPolyline, m.driven.x_m, m.driven.y_m, "#2ca02c",
