@@ -5,7 +5,6 @@
 #include <sched.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -16,6 +15,7 @@
 #include "rt/fault/planned.hpp"
 #include "rt/memory/prefault.hpp"
 #include "rt/memory/section.hpp"
+#include "rt/sched/thread_probe.hpp"
 #include "rt/sched/admission.hpp"
 #include "rt/sched/policy.hpp"
 
@@ -29,43 +29,6 @@ constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 constexpr int kHogPriority = 93;
 constexpr int kTheftPriority = 98;
 constexpr std::int64_t kSentinelLead = 20000;  // before the wake-up of a task that spins
-
-// What the kernel counts for the calling thread; deltas go into the job's record.
-struct ThreadCounters {
-  std::int64_t run_delay_ns = 0;
-  long minor_faults = 0;
-  long involuntary = 0;
-  long voluntary = 0;
-};
-
-// /proc/thread-self/schedstat, held open: the second number is the time spent runnable but waiting.
-class SchedStat {
- public:
-  void open_here() noexcept { fd_ = ::open("/proc/thread-self/schedstat", O_RDONLY | O_CLOEXEC); }
-  ~SchedStat() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  [[nodiscard]] std::int64_t run_delay_ns() const noexcept {
-    char text[96];
-    const ssize_t n = fd_ < 0 ? -1 : ::pread(fd_, text, sizeof text - 1, 0);
-    if (n <= 0) return 0;
-    text[n] = '\0';
-    const char* p = text;
-    while (*p != ' ' && *p != '\0') ++p;
-    std::int64_t value = 0;
-    for (++p; *p >= '0' && *p <= '9'; ++p) value = value * 10 + (*p - '0');
-    return value;
-  }
-
- private:
-  int fd_ = -1;
-};
-
-ThreadCounters counters(const SchedStat& stat) noexcept {
-  rusage usage{};
-  getrusage(RUSAGE_THREAD, &usage);
-  return {stat.run_delay_ns(), usage.ru_minflt, usage.ru_nivcsw, usage.ru_nvcsw};
-}
 
 void burn_cpu(Nanos length) noexcept {
   const std::int64_t until = thread_cpu_ns() + length.count();

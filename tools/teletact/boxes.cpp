@@ -69,7 +69,7 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   } else {
     pose_ = std::make_unique<BasePose>(*bus_, scene.camera.X_BC(), scene.start_X_WB());
     auto synthetic = std::make_unique<drivers::SyntheticCamera>(nrt, scene.camera, *world_, *pose_, options.epoch);
-    camera_effects_ = synthetic->noise().effects();
+    camera_effects_ = synthetic->noise().constructed();
     if (options.threaded_camera) {
       auto threaded = std::make_unique<drivers::ThreadedCamera>(nrt, std::move(synthetic), options.now);
       threaded_ = threaded.get();

@@ -55,7 +55,7 @@ void OperatorConsole::resolve_points(rt::Time now) {
     // Pixels are those of the depth image; the view shows every n-th of them.
     const double step = camera_width_px_ / static_cast<double>(view.intrinsics.width);
     const int u = static_cast<int>(segment.pixel[0] / step), v = static_cast<int>(segment.pixel[1] / step);
-    perception::Vec3 p = perception::Vec3::Zero(), along_u = p, along_v = p;
+    perception::Vec3 p = perception::Vec3::Zero();
     const auto point = [&](int du, int dv, perception::Vec3& out) {
       const int uu = u + du, vv = v + dv;
       if (uu < 0 || vv < 0 || uu >= view.intrinsics.width || vv >= view.intrinsics.height) return false;

@@ -44,7 +44,7 @@ std::vector<TruePose> read_truth(const std::string& path) {
 
 double recording_seconds(const std::string& dir) {
   const auto sequence = open_sequence(dir);
-  return sequence.size() < 2 ? 0.0 : sequence.time_s(sequence.size() - 1) - sequence.time_s(0);
+  return sequence.size() < 2 ? 0.0 : sequence.stamp_s(sequence.size() - 1) - sequence.stamp_s(0);
 }
 
 double recording_error_mm(const std::string& dir, const std::vector<tasks::FusionSample>& samples) {
@@ -59,8 +59,8 @@ double recording_error_mm(const std::string& dir, const std::vector<tasks::Fusio
   for (const auto& s : samples) {
     if (!s.consumed) continue;
     if (first_exposure == rt::Time{}) first_exposure = s.exposure;
-    const double t = sequence.time_s(0) + rt::seconds(s.exposure - first_exposure);
-    if (t > sequence.time_s(sequence.size() - 1) + 0.5 / 30) break;  // the held last frame counts once
+    const double t = sequence.stamp_s(0) + rt::seconds(s.exposure - first_exposure);
+    if (t > sequence.stamp_s(sequence.size() - 1) + 0.5 / 30) break;  // the held last frame counts once
     if (!s.claimed) continue;
     const TruePose* best = &truth.front();
     for (const auto& p : truth) {

@@ -9,6 +9,7 @@
 #include <type_traits>
 
 #include "rt/audit/histogram.hpp"
+#include "rt/audit/run_file.hpp"
 #include "tasks/graph/table.hpp"
 
 namespace teletact {

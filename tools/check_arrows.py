@@ -1,0 +1,59 @@
+#!/usr/bin/env python3
+"""Includes go one way: {rt, config} <- perception <- drivers <- tasks <- tools.
+
+config may include rt; drivers may include of perception only geometry; tasks never include each other
+(tasks/graph may include all of them, and all may include tasks/graph/messages.hpp); no task includes the
+simulated world. Exit 1 and one line for each offence. `--self-test` proves that offences are seen.
+"""
+import pathlib
+import re
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+INCLUDE = re.compile(r'^\s*#include "([a-z_]+)/([a-z_]+)[/.]', re.M)
+MAY = {
+    "rt": {"rt"},
+    "config": {"config", "rt"},
+    "perception": {"perception", "rt", "config"},
+    "drivers": {"drivers", "perception", "rt", "config"},
+    "tasks": {"tasks", "drivers", "perception", "rt", "config"},
+}
+
+
+def offences(path: str, text: str):
+    top, sub = path.split("/")[:2]
+    for line in re.findall(r'^\s*#include "([^"]+)"', text, re.M):
+        parts = line.split("/")
+        if len(parts) < 2:
+            continue
+        to, to_sub = parts[0], parts[1]
+        if top in MAY and to in set(MAY) | {"tools", "tests"} and to not in MAY[top]:
+            yield f"{path}: {top} may not include {line}"
+        if top == "drivers" and to == "perception" and to_sub != "geometry":
+            yield f"{path}: drivers may include of perception only geometry, not {line}"
+        if top == "tasks" and to == "tasks" and sub != "graph" and to_sub != sub and line != "tasks/graph/messages.hpp":
+            if not (sub == "robot_io" and to_sub == "robot_io") and to_sub != sub:
+                yield f"{path}: tasks do not include each other: {line}"
+        if top == "tasks" and to == "drivers" and to_sub == "world":
+            yield f"{path}: the simulated world is never linked into tasks: {line}"
+
+
+def main() -> int:
+    if "--self-test" in sys.argv:
+        bad = [("rt/a/b.hpp", '#include "config/schema.hpp"'), ("drivers/x/y.cpp", '#include "perception/tsdf/z.hpp"'),
+               ("tasks/haptic/a.cpp", '#include "tasks/fusion/b.hpp"'), ("tasks/graph/a.cpp", '#include "drivers/world/w.hpp"')]
+        missed = [p for p, t in bad if not list(offences(p, t))]
+        good = list(offences("tasks/haptic/a.cpp", '#include "tasks/graph/messages.hpp"'))
+        print("missed:", missed, "wrongly flagged:", good)
+        return 1 if missed or good else 0
+    found = []
+    for top in MAY:
+        for f in sorted((ROOT / top).rglob("*")):
+            if f.suffix in {".hpp", ".cpp", ".inl"}:
+                found += offences(str(f.relative_to(ROOT)), f.read_text())
+    print("\n".join(found) if found else "includes: all arrows go one way")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

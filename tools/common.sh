@@ -1,0 +1,37 @@
+# Shared by tools/run and tools/test: packages and build. Sourced, not run.
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+
+# packages_of SECTION...: names from tools/packages
+packages_of() {
+  awk -v want=" $* " '/^#/ {next} /^\[/ {section = substr($1, 2, length($1) - 2); next}
+    NF > 0 && index(want, " " section " ") {print $1}' "$root/tools/packages"
+}
+
+# install_packages SECTION...: installs what is missing, nothing else
+install_packages() {
+  local missing=() p
+  for p in $(packages_of "$@"); do
+    dpkg-query -W -f='${db:Status-Status}' "$p" 2>/dev/null | grep -qx installed || missing+=("$p")
+  done
+  [ ${#missing[@]} -eq 0 ] && return 0
+  echo "installing: ${missing[*]}"
+  local sudo=()
+  if [ "$(id -u)" -ne 0 ]; then
+    command -v sudo >/dev/null || { echo "$0: packages are missing and there is no sudo: run as root: apt-get install ${missing[*]}" >&2; exit 2; }
+    sudo=(sudo)
+  fi
+  "${sudo[@]}" apt-get update -qq
+  DEBIAN_FRONTEND=noninteractive "${sudo[@]}" apt-get install -y -qq --no-install-recommends -o DPkg::Lock::Timeout=300 "${missing[@]}"
+}
+
+# build PRESET [CMAKE-OPTION...]
+build() {
+  local preset=$1
+  shift
+  (cd "$root" && cmake --preset "$preset" "$@" >"$root/build/.configure-$preset.log" 2>&1) || {
+    cat "$root/build/.configure-$preset.log" >&2
+    return 1
+  }
+  cmake --build "$root/build/$preset" -j "$(nproc)"
+}

@@ -1,0 +1,45 @@
+// teletact bench WHAT: figures beside a peer's, measured in the same run.
+#include <CLI/CLI.hpp>
+#include <iostream>
+
+#include "tools/bench/audit_bench.hpp"
+#include "tools/bench/log_bench.hpp"
+#include "tools/bench/rings.hpp"
+#include "tools/bench/wakeup.hpp"
+#include "tools/teletact/commands.hpp"
+#include "tools/teletact/metrics_json.hpp"
+
+namespace teletact {
+
+int cmd_bench(int argc, char** argv) {
+  CLI::App app{"Measures one part beside its peers. WHAT: rings, wakeup, audit."};
+  std::string what, json;
+  int rounds = 9;
+  double slice_s = 1.0;
+  app.add_option("WHAT", what, "rings | wakeup | audit")->required()->check(CLI::IsMember({"rings", "wakeup", "audit"}));
+  app.add_option("--rounds", rounds, "interleaved rounds")->check(CLI::Range(1, 1000))->capture_default_str();
+  app.add_option("--slice", slice_s, "wakeup: seconds a slice")->check(CLI::Range(0.2, 60.0))->capture_default_str();
+  app.add_option("--json", json, "write the figures to this file");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  Metrics metrics("bench " + what);
+  const auto take = [&](const auto& result) {
+    result.print(std::cout);
+    for (const auto& m : result.metrics()) metrics.add(m.name, m.value, m.unit);
+  };
+  if (what == "rings") {
+    take(bench_rings(std::cerr, rounds));
+  } else if (what == "wakeup") {
+    take(bench_wakeup(std::cerr, rounds, slice_s));
+  } else {
+    take(bench_audit(200));
+    take(bench_log(50));
+  }
+  if (!json.empty()) metrics.write(json);
+  return 0;
+}
+
+}  // namespace teletact
