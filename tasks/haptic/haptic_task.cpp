@@ -287,6 +287,15 @@ bool HapticTask::take_hand(const drivers::StylusSample& stylus, const rt::Tick& 
   return true;
 }
 
+rt::Health HapticTask::not_finite(const rt::Tick& tick, Out& out) noexcept {
+  proxy_ = ProxyState{};
+  have_hand_ = false;
+  safe(out);
+  events(tick, false, out);
+  report(tick, false, out);
+  return rt::Health::of(rt::Severity::kSafeStop, kFaultHapticNotFinite);
+}
+
 rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   out = Out{};
   const double since = have_release_ ? rt::seconds(tick.release - last_release_) : period_s_;
@@ -304,22 +313,13 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
 
   Vec3 dx_D;
   if (!take_hand(in.stylus, tick, dt, dx_D)) {
-    have_hand_ = false;
-    safe(out);
-    events(tick, false, out);
-    report(tick, false, out);
-    return rt::Health::of(rt::Severity::kSafeStop, kFaultHapticNotFinite);
+    return not_finite(tick, out);
   }
   const Vec3 p_WH = to_world(h_D_);
   proxy_step_(field_, p_WH, proxy_, proxy_config_);
   const Vec3 stretch_W = proxy_.p_WP() - p_WH;
   if (!finite(stretch_W)) {
-    proxy_ = ProxyState{};
-    have_hand_ = false;
-    safe(out);
-    events(tick, false, out);
-    report(tick, false, out);
-    return rt::Health::of(rt::Severity::kSafeStop, kFaultHapticNotFinite);
+    return not_finite(tick, out);
   }
 
   HapticTelemetry& t = out.telemetry;

@@ -136,6 +136,7 @@ class HapticTask {
   bool take_hand(const drivers::StylusSample& stylus, const rt::Tick& tick, double dt,
                  perception::Vec3& dx_D) noexcept;
   rt::Health without_sample(const rt::Tick& tick, Out& out) noexcept;
+  rt::Health not_finite(const rt::Tick& tick, Out& out) noexcept;
   void safe(Out& out) noexcept;
   void guard_force(const perception::Vec3& f_spring_D, double dh, double dt, Out& out) noexcept;
   void emit(Out& out, TouchEvent::Kind kind, const rt::Tick& tick) noexcept;

@@ -10,7 +10,7 @@
 //                of |p - h| that can be reached from the last proxy without passing through the
 //                solid (the path-constrained minimum), not in the global one.
 //
-// Rules of the constrained proxy (docs: haptic rendering)
+// Rules of the constrained proxy
 //   - contact begins only by crossing from seen-free space to field <= radius; a hand that comes
 //     from unknown space gets no force until it has entered seen-free space;
 //   - unknown space holds no surface: in contact it is bridged by the last contact planes, so it

@@ -81,7 +81,9 @@ class FieldOptimum {
         for (int k = 0; k < kFan; ++k) reached[static_cast<std::size_t>(k)] = attempt(angle_of(k));
         // In a crease only a narrow fan leads down: close in on every local minimum of the fan.
         for (int k = 0; k < kFan && best == p; ++k) {
-          const auto at = [&](int i) { return reached[static_cast<std::size_t>((i + kFan) % kFan)]; };
+          const auto at = [&](int i) {
+            return reached[static_cast<std::size_t>((i + kFan) % kFan)];
+          };
           if (at(k) >= 1e9 || at(k) > at(k - 1) || at(k) > at(k + 1)) continue;
           double middle = angle_of(k), least = at(k);
           for (double turn = 0.2; turn > 5e-4; turn *= 0.5) {

@@ -229,8 +229,7 @@ inline double percentile(std::vector<double> v, double p) {
   return v[static_cast<std::size_t>(std::llround(i))];
 }
 
-inline Figures figures(const std::vector<Row>& rows, double limit_N = 12) {
-  (void)limit_N;
+inline Figures figures(const std::vector<Row>& rows) {
   Figures out;
   std::vector<double> cpu, work;
   std::size_t contact = 0, guard = 0;
@@ -259,8 +258,12 @@ inline Figures figures(const std::vector<Row>& rows, double limit_N = 12) {
 
 // Force and position against the field optimum, every `stride` ticks. Only for solids that stand
 // still.
-inline void score(const Rig& rig, const std::vector<Row>& rows, Figures& out,
-                  std::size_t stride = 5) {
+struct Optimum {
+  std::size_t row;
+  Vec3 p, f;  // S
+};
+inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, Figures& out,
+                                  std::size_t stride = 5) {
   const Scene& setup = rig.setup();
   // Nodes are looked up often: the grid round the path, sampled once.
   Vec3 lo = Vec3::Constant(1e9), hi = Vec3::Constant(-1e9);
@@ -290,6 +293,7 @@ inline void score(const Rig& rig, const std::vector<Row>& rows, Figures& out,
   const support::ReferenceField field([&](int x, int y, int z) { return at(x, y, z); },
                                       setup.voxel);
   const support::FieldOptimum optimum(field, setup.config.tip_radius_m);
+  std::vector<Optimum> path;
   std::vector<double> f_error, p_error;
   Vec3 p = setup.X_WS * rows.front().h;
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -306,15 +310,7 @@ inline void score(const Rig& rig, const std::vector<Row>& rows, Figures& out,
     const double mine = (setup.X_WS * r.p - h).norm(), best = (p - h).norm();
     out.longer_max = std::max(out.longer_max, mine - best);
     out.shorter_max = std::max(out.shorter_max, best - mine);
-    if (std::getenv("RIG_TRACE") != nullptr) {
-      const Vec3 q = setup.X_WS.inverse() * p;
-      std::printf(
-          "  %.3f h %.2f %.2f %.2f p %.2f %.2f %.2f opt %.2f %.2f %.2f  |p-h| %.3f opt %.3f "
-          "phi_opt %.4f n %d\n",
-          r.t, 1e3 * r.h.x(), 1e3 * r.h.y(), 1e3 * r.h.z(), 1e3 * r.p.x(), 1e3 * r.p.y(),
-          1e3 * r.p.z(), 1e3 * q.x(), 1e3 * q.y(), 1e3 * q.z(), 1e3 * mine, 1e3 * best,
-          1e3 * field(p), r.contacts);
-    }
+    path.push_back({i, setup.X_WS.inverse() * p, setup.X_WS.linear().transpose() * f});
     f_error.push_back((setup.X_WS.linear() * r.f - f).norm());
     p_error.push_back((setup.X_WS * r.p - p).norm());
   }
@@ -322,6 +318,7 @@ inline void score(const Rig& rig, const std::vector<Row>& rows, Figures& out,
   out.f_error_max = percentile(f_error, 1);
   out.p_error_p95 = percentile(p_error, 0.95);
   out.p_error_max = percentile(p_error, 1);
+  return path;
 }
 
 inline void print(const std::string& name, const Figures& f) {

@@ -88,7 +88,8 @@ TEST(StreamCases, C11StillHandOnANoisyStream) {
       worst_std = std::max(worst_std, deviation(f));
       worst_j = std::max(worst_j, g.j_raw);
     }
-    std::printf("  11 worst at %.0f mm: std F %.3f N, J_raw %.3f N\n", sigma * 1e3, worst_std, worst_j);
+    std::printf("  11 worst at %.0f mm: std F %.3f N, J_raw %.3f N\n", sigma * 1e3, worst_std,
+                worst_j);
   }
 }
 
@@ -145,7 +146,8 @@ TEST(StreamCases, C13SurfaceRises) {
       if (row.t > 0.58 && row.t < 0.69) lag = std::max(lag, row.t - 0.5 - row.p.z() / 0.1);
     }
     rig::print("13 rise 100 mm/s " + place.name, g);
-    std::printf("    lag behind the true surface %.0f ms (a frame's wait and the blend)\n", 1e3 * lag);
+    std::printf("    lag behind the true surface %.0f ms (a frame's wait and the blend)\n",
+                1e3 * lag);
     EXPECT_LE(g.j, 0.15);
     EXPECT_LE(lag, 0.034 + 0.040);  // the newest frame is up to one period old when it is taken
     EXPECT_NEAR(rows.back().f.norm(), 400 * 0.024, 0.05);
@@ -208,7 +210,8 @@ TEST(StreamCases, C16OverTheEdgeOfTheObserved) {
 }
 
 TEST(StreamCases, C16ComingFromTheUnknownGivesNoForce) {
-  // Seen only below z = -15 mm, as from behind: the hand rises through the solid and never meets free.
+  // Seen only below z = -15 mm, as from behind: the hand rises through the solid and never meets
+  // free.
   Scene s;
   s.solid = [](const Vec3& p, double) { return solids::floor(p); };
   s.seen = [](const Vec3& p) { return p.z() < 0.04 && p.z() > -0.03; };

@@ -273,6 +273,27 @@ TEST(HapticTask, EnergyOfAHeldSpringMatchesTheClosedForm) {
   }
 }
 
+TEST(HapticTask, PassivityControllerPaysForTheHold) {
+  double spent[2];
+  for (const bool on : {false, true}) {
+    Scene s = floor_scene();
+    s.config.passivity_controller = on;
+    Rig r(s);
+    press(r, 0.008);
+    const double begin = r.out().telemetry.energy_J, w = 2 * std::numbers::pi * 3;
+    const auto hand = [&](double t) { return Vec3(0, 0, -0.008 + 0.0025 * std::sin(w * t)); };
+    for (const Row& row : r.run(hand, 0, 10.0)) EXPECT_LE(row.f.norm(), 12 + 1e-9);
+    r.tick(hand(10.0));
+    spent[on ? 1 : 0] = r.out().telemetry.energy_J - begin;
+  }
+  std::printf("energy over thirty cycles: %.3f mJ without, %.3f mJ with the controller\n",
+              1e3 * spent[0], 1e3 * spent[1]);
+  EXPECT_LT(spent[0], -5e-3);
+  EXPECT_GE(spent[1],
+            -1e-3 - 0.5 * 1000 * 0.008 * 0.008);  // the spring's own energy may be used up
+  EXPECT_GT(spent[1], spent[0] - 1e-6);
+}
+
 TEST(HapticTask, InjectionByARisingSurfaceIsBooked) {
   Scene s;
   s.solid = [](const Vec3& p, double t) { return solids::floor(p) - (t > 0.5 ? 0.003 : 0.0); };
@@ -314,7 +335,8 @@ TEST(HapticTask, EventsFollowTheHandInOrder) {
   for (std::size_t i = 0; i < events.size(); ++i) {
     EXPECT_EQ(events[i].seq, i + 1);
     order += "CcBpE"[static_cast<int>(events[i].kind)];
-    EXPECT_NEAR(events[i].p_W.z(), events[i].kind == Kind::kContactEnd ? events[i].p_W.z() : 0, 1e-3);
+    EXPECT_NEAR(events[i].p_W.z(), events[i].kind == Kind::kContactEnd ? events[i].p_W.z() : 0,
+                1e-3);
   }
   // 80 mm at 160 mm/s: 20 mm take 125 ms, so the 100 ms rule comes first: 5 points; 2 while still.
   EXPECT_EQ(order, "CBpppppppEBEc");
@@ -370,7 +392,8 @@ TEST(HapticTask, SameInputSameBytes) {
     rt::Random random(5);
     Vec3 p(-0.02, -0.02, 0.02);
     for (int i = 0; i < 3000; ++i) {
-      p += 2e-4 * Vec3(random.normal(), random.normal(), random.normal()) - 2e-3 * (p - Vec3(0, 0, 0));
+      p += 2e-4 * Vec3(random.normal(), random.normal(), random.normal()) -
+           2e-3 * (p - Vec3(0, 0, 0));
       const Row row = r.tick(p);
       for (int a = 0; a < 3; ++a) {
         hash.value(row.f[a]);
@@ -382,7 +405,8 @@ TEST(HapticTask, SameInputSameBytes) {
   EXPECT_EQ(digest[0], digest[1]);
 }
 
-// Random hands in random noisy fields with holes: whatever happens, the rules that protect the hand hold.
+// Random hands in random noisy fields with holes: whatever happens, the rules that protect the hand
+// hold.
 TEST(HapticTask, ProtectsTheHandWhateverTheFieldIs) {
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
@@ -396,9 +420,9 @@ TEST(HapticTask, ProtectsTheHandWhateverTheFieldIs) {
                         .normal();
     };
     s.seen = [seed](const Vec3& p) {
-      const auto key = static_cast<std::uint64_t>(std::lround(p.x() * 100) * 7919 +
-                                                  std::lround(p.y() * 100) * 104729 +
-                                                  std::lround(p.z() * 100));
+      const auto key =
+          static_cast<std::uint64_t>(std::lround(p.x() * 100) * 7919 +
+                                     std::lround(p.y() * 100) * 104729 + std::lround(p.z() * 100));
       return rt::Random(seed, key).uniform() > 0.02;
     };
     s.config.tip_radius_m = seed % 2 == 0 ? 0.003 : 0.0;
@@ -444,16 +468,20 @@ TEST(HapticTask, CostOfATick) {
   const auto sort = [&](const std::vector<Row>& rows) {
     for (const Row& row : rows) (row.telemetry.in_contact ? contact : free).push_back(row.cpu_us);
   };
-  const Path path({{-0.04, -0.04, 0.01}, {-0.04, -0.04, -0.006}, {0.006, 0.006, -0.006},
-                   {0.006, 0.006, 0.03}, {-0.01, -0.01, 0.03}, {0.006, 0.006, -0.006}},
+  const Path path({{-0.04, -0.04, 0.01},
+                   {-0.04, -0.04, -0.006},
+                   {0.006, 0.006, -0.006},
+                   {0.006, 0.006, 0.03},
+                   {-0.01, -0.01, 0.03},
+                   {0.006, 0.006, -0.006}},
                   0.1);
   sort(r.run(path, 0, path.duration()));
   sort(r.run([](double t) { return Vec3(-0.03 + 0.01 * t, -0.03, 0.02); }, 0, 1));
-  std::printf("thread CPU of a step, blend running: contact p50 %.2f p99 %.2f max %.2f us (%zu ticks); "
-              "free p50 %.2f p99 %.2f us\n",
-              rig::percentile(contact, 0.5), rig::percentile(contact, 0.99),
-              rig::percentile(contact, 1), contact.size(), rig::percentile(free, 0.5),
-              rig::percentile(free, 0.99));
+  std::printf(
+      "thread CPU of a step, blend running: contact p50 %.2f p99 %.2f max %.2f us (%zu ticks); "
+      "free p50 %.2f p99 %.2f us\n",
+      rig::percentile(contact, 0.5), rig::percentile(contact, 0.99), rig::percentile(contact, 1),
+      contact.size(), rig::percentile(free, 0.5), rig::percentile(free, 0.99));
   EXPECT_LE(rig::percentile(contact, 0.99), 100);  // the budget; the aim is 25
 }
 
