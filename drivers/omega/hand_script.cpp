@@ -42,12 +42,18 @@ HandScript::HandScript(rt::NonRealtime&, const HandScriptConfig& config, const W
   for (std::size_t i = 0; i < count_; ++i) {
     HandSegmentConfig& c = config_.segments[i];
     Kind kind = Kind::kHold;
-    if (c.kind == "move") kind = Kind::kMove;
-    else if (c.kind == "press") kind = Kind::kPress;
-    else if (c.kind == "slide") kind = Kind::kSlide;
-    else if (c.kind == "button_down") kind = Kind::kButtonDown;
-    else if (c.kind == "button_up") kind = Kind::kButtonUp;
-    else if (c.kind != "hold") refuse(i, "kind = \"" + c.kind + "\" is not known");
+    if (c.kind == "move")
+      kind = Kind::kMove;
+    else if (c.kind == "press")
+      kind = Kind::kPress;
+    else if (c.kind == "slide")
+      kind = Kind::kSlide;
+    else if (c.kind == "button_down")
+      kind = Kind::kButtonDown;
+    else if (c.kind == "button_up")
+      kind = Kind::kButtonUp;
+    else if (c.kind != "hold")
+      refuse(i, "kind = \"" + c.kind + "\" is not known");
     const bool moves = kind == Kind::kMove || kind == Kind::kPress || kind == Kind::kSlide;
     if (moves && c.time_s < 0.001) refuse(i, "time_s of a motion must be at least 0.001");
     const double length = vec(c.normal).norm();

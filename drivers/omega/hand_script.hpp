@@ -16,9 +16,9 @@
 //         hold         stays
 //         button_down, button_up   at the segment's start; then stays for time_s (may be 0)
 // With source = "last" a segment keeps the point of the one before (press again, draw back).
-// A point may come later than the script: source = "pixel" with pixel = [u, v] says which image point
-// it is; set_point() delivers it in W. A segment whose point has not arrived when it starts is
-// passed over in place (held) and counted.
+// A point may come later than the script: source = "pixel" with pixel = [u, v] says which image
+// point it is; set_point() delivers it in W. A segment whose point has not arrived when it starts
+// is passed over in place (held) and counted.
 //
 // Frames: W world, D haptic base. Pure function of (time since start, points delivered before the
 // segment started). target() belongs to one thread and its time must not go back; set_point() may
@@ -44,10 +44,10 @@ namespace drivers {
 struct HandSegmentConfig {
   std::string kind = "hold";
   double time_s = 1.0;
-  std::string source = "point";         // or "pixel", or "last"
+  std::string source = "point";  // or "pixel", or "last"
   std::array<double, 3> point_m{};
   std::array<double, 3> normal{0, 0, 1};
-  std::array<double, 2> pixel{};        // u right, v down, of the image that the run names
+  std::array<double, 2> pixel{};  // u right, v down, of the image that the run names
   double standoff_m = 0.05;
   double depth_m = 0.005;
 
@@ -65,16 +65,16 @@ struct HandSegmentConfig {
 };
 
 struct HandScriptConfig {
-  double start_after_s = 0.0;           // stays at the start point so long
-  std::array<double, 3> start_m{};      // offset of the start from the workspace centre, in W
+  double start_after_s = 0.0;       // stays at the start point so long
+  std::array<double, 3> start_m{};  // offset of the start from the workspace centre, in W
   std::deque<HandSegmentConfig> segments;
 
   void describe(config::Section& s) {
     s.number("start_after_s", start_after_s, 0, 3600, "rest before the first segment");
     s.numbers("start_m", start_m, -10, 10, "start point relative to the workspace centre, in W");
-    s.list("segment",
-           [this](config::Section& item) { segments.emplace_back().describe(item); },
-           "one motion of the hand");
+    s.list(
+        "segment", [this](config::Section& item) { segments.emplace_back().describe(item); },
+        "one motion of the hand");
   }
 };
 
@@ -82,7 +82,7 @@ struct HandTarget {
   perception::Vec3 p_WT = perception::Vec3::Zero();  // where the hand wants the tip
   perception::Vec3 v_WT = perception::Vec3::Zero();  // and how fast
   bool button = false;
-  int segment = -1;                                   // in force; -1 before, size() after
+  int segment = -1;  // in force; -1 before, size() after
 };
 
 class HandScript {
@@ -91,13 +91,15 @@ class HandScript {
   HandScript(rt::NonRealtime&, const HandScriptConfig&, const WorkspaceMap&);
 
   [[nodiscard]] HandTarget target(rt::Nanos since_start) noexcept;
-  // Delivers the point of segment `i`, surface point and outward normal in W. False: no such segment,
-  // not a pixel segment, already delivered or not finite. Any one thread.
+  // Delivers the point of segment `i`, surface point and outward normal in W. False: no such
+  // segment, not a pixel segment, already delivered or not finite. Any one thread.
   bool set_point(std::size_t i, const perception::Vec3& p_W,
                  const perception::Vec3& normal_W) noexcept;
 
   [[nodiscard]] std::size_t size() const noexcept { return count_; }
-  [[nodiscard]] const HandSegmentConfig& segment(std::size_t i) const { return config_.segments[i]; }
+  [[nodiscard]] const HandSegmentConfig& segment(std::size_t i) const {
+    return config_.segments[i];
+  }
   // Start of segment i after the script's start; start(size()) is the end.
   [[nodiscard]] rt::Nanos start(std::size_t i) const noexcept { return starts_[i]; }
   [[nodiscard]] rt::Nanos duration() const noexcept { return starts_[count_]; }
@@ -117,13 +119,13 @@ class HandScript {
   WorkspaceMap map_;
   std::size_t count_ = 0;
   std::vector<Kind> kinds_;
-  std::vector<rt::Nanos> starts_;        // count_ + 1
+  std::vector<rt::Nanos> starts_;  // count_ + 1
   std::unique_ptr<Slot[]> slots_;
   // Of the segment in force: from, to, and the surface point it works on.
   int current_ = -1;
   perception::Vec3 from_ = perception::Vec3::Zero(), to_ = perception::Vec3::Zero();
   perception::Vec3 anchor_ = perception::Vec3::Zero(), normal_ = perception::Vec3::UnitZ();
-  double offset_ = 0;                    // along the normal, from the anchor: negative is depth
+  double offset_ = 0;  // along the normal, from the anchor: negative is depth
   bool button_ = false;
   std::uint32_t unresolved_ = 0;
 };

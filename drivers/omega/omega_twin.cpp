@@ -21,10 +21,7 @@ Vec3 clipped(const Vec3& f, double limit) noexcept {
 
 OmegaTwin::OmegaTwin(rt::NonRealtime&, const OmegaTwinConfig& c, HandScript* hand,
                      const Vec3& start_p_DH)
-    : config_(c),
-      hand_(hand),
-      step_ns_(std::chrono::microseconds{c.substep_us}),
-      x_(start_p_DH) {
+    : config_(c), hand_(hand), step_ns_(std::chrono::microseconds{c.substep_us}), x_(start_p_DH) {
   if (!start_p_DH.allFinite() || start_p_DH.norm() > c.workspace_radius_m) {
     throw std::invalid_argument("device twin: the start lies outside workspace_radius_m = " +
                                 std::to_string(c.workspace_radius_m));
@@ -41,10 +38,9 @@ OmegaTwin::OmegaTwin(rt::NonRealtime&, const OmegaTwinConfig& c, HandScript* han
   const double brake = c.damping_N_s_per_m + c.brake_damping_N_s_per_m;
   free_ = transition(c.mass_kg, c.damping_N_s_per_m, 0, h);
   braked_ = transition(c.mass_kg, brake, 0, h);
-  held_ = transition(held, c.damping_N_s_per_m + c.hand_damping_N_s_per_m,
-                     c.hand_stiffness_N_per_m, h);
-  braked_held_ =
-      transition(held, brake + c.hand_damping_N_s_per_m, c.hand_stiffness_N_per_m, h);
+  held_ =
+      transition(held, c.damping_N_s_per_m + c.hand_damping_N_s_per_m, c.hand_stiffness_N_per_m, h);
+  braked_held_ = transition(held, brake + c.hand_damping_N_s_per_m, c.hand_stiffness_N_per_m, h);
   state_ = c.calibrated ? DeviceState::kIdle : DeviceState::kReset;
 }
 
@@ -82,9 +78,8 @@ DeviceProperties OmegaTwin::properties() const noexcept {
 bool OmegaTwin::sense(rt::Time now, StylusSample& out) noexcept {
   advance(now);
   if (faults_.unplugged) return false;
-  const bool guarded =
-      config_.time_guard_s > 0 && sampled_ &&
-      now - last_sample_.taken < rt::nanos_from_seconds(config_.time_guard_s);
+  const bool guarded = config_.time_guard_s > 0 && sampled_ &&
+                       now - last_sample_.taken < rt::nanos_from_seconds(config_.time_guard_s);
   if (sampled_ && (guarded || faults_.repeat > 0)) {
     if (!guarded) --faults_.repeat;
     ++repeats_;

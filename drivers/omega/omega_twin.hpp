@@ -1,9 +1,10 @@
 // Twin of an Omega.3 with a hand on it.
 //
-// Mechanics  A point mass (device + hand) with viscous and Coulomb friction in D; the hand is a spring
+// Mechanics  A point mass (device + hand) with viscous and Coulomb friction in D; the hand is a
+// spring
 //            and damper toward the scripted target. Integrated lazily on a fixed grid of sub-steps;
-//            within a sub-step the linear part is exact (matrix exponential, computed at set-up), so
-//            without Coulomb friction the motion between ticks is exact, as the stability sweeps
+//            within a sub-step the linear part is exact (matrix exponential, computed at set-up),
+//            so without Coulomb friction the motion between ticks is exact, as the stability sweeps
 //            need. The result does not depend on who asks or which clock runs.
 // Loop       act() holds its force until the next act() (zero-order hold), after `delay_s`.
 // States     RESET (not calibrated) -> IDLE (reads only) -> FORCE; BRAKE with the motor windings
@@ -37,14 +38,14 @@ struct OmegaTwinConfig {
   double speed_limit_m_per_s = 1.0;
   double brake_damping_N_s_per_m = 15.0;
   double watchdog_s = 0.020;
-  double time_guard_s = 0.0;             // effect: reads closer than this repeat the last sample
-  double gravity_mass_kg = 0.0;          // effect: weight of the arm, compensated by the driver
+  double time_guard_s = 0.0;     // effect: reads closer than this repeat the last sample
+  double gravity_mass_kg = 0.0;  // effect: weight of the arm, compensated by the driver
   double hand_mass_kg = 0.2;
   double hand_stiffness_N_per_m = 400.0;  // 0: nobody holds the stylus
   double hand_damping_N_s_per_m = 8.0;
-  double end_stop_N_per_m = 5000.0;      // rim of the workspace
+  double end_stop_N_per_m = 5000.0;  // rim of the workspace
   int substep_us = 50;
-  bool calibrated = true;                // false: starts in RESET
+  bool calibrated = true;  // false: starts in RESET
 
   void describe(config::Section& s) {
     s.number("mass_kg", mass_kg, 0.01, 5, "effective mass at the tip (assumed)");
@@ -70,19 +71,24 @@ struct OmegaTwinConfig {
 
 // Why the forces are off (as the vendor's status reports it).
 enum class ForceOffCause : std::uint8_t {
-  kNone, kButton, kVelocity, kWatchdog, kSoftware, kDisconnect
+  kNone,
+  kButton,
+  kVelocity,
+  kWatchdog,
+  kSoftware,
+  kDisconnect
 };
 
 struct DeviceFaults {
-  bool unplugged = false;          // sense() gives nothing, commands go nowhere, brakes on
-  std::uint32_t repeat = 0;        // this many next reads repeat the last sample
+  bool unplugged = false;           // sense() gives nothing, commands go nowhere, brakes on
+  std::uint32_t repeat = 0;         // this many next reads repeat the last sample
   std::uint32_t drop_commands = 0;  // this many next commands are lost
-  bool nan_position = false;       // reads carry NaN
+  bool nan_position = false;        // reads carry NaN
   perception::Vec3 jump_m = perception::Vec3::Zero();  // added to what is read (a slipped encoder)
-  bool stuck_button = false;       // stylus button reads pressed
-  bool force_button = false;       // the base's force button was pressed: brake (cleared by the twin)
-  bool lose_calibration = false;   // back to RESET (cleared by the twin)
-  bool frozen = false;             // position no longer changes, the device otherwise lives
+  bool stuck_button = false;                           // stylus button reads pressed
+  bool force_button = false;  // the base's force button was pressed: brake (cleared by the twin)
+  bool lose_calibration = false;  // back to RESET (cleared by the twin)
+  bool frozen = false;            // position no longer changes, the device otherwise lives
   perception::Vec3 force_bias_N = perception::Vec3::Zero();  // motor offset
 };
 
@@ -100,10 +106,11 @@ class OmegaTwin final : public HapticDevice {
 
   // Owner's thread. The hand's script starts at the first access, or here.
   void start_hand(rt::Time now) noexcept;
-  // Leaves BRAKE or IDLE for FORCE with zero force, watchdog restarted. False in RESET or unplugged.
+  // Leaves BRAKE or IDLE for FORCE with zero force, watchdog restarted. False in RESET or
+  // unplugged.
   bool enable_force(rt::Time now) noexcept;
   void disable_force(rt::Time now) noexcept;
-  void calibrate() noexcept;             // RESET -> IDLE
+  void calibrate() noexcept;  // RESET -> IDLE
   [[nodiscard]] DeviceFaults& faults() noexcept { return faults_; }
   [[nodiscard]] DeviceState state() const noexcept { return state_; }
   [[nodiscard]] ForceOffCause force_off_cause() const noexcept { return cause_; }
@@ -150,7 +157,7 @@ class OmegaTwin final : public HapticDevice {
 
   bool started_ = false, hand_started_ = false;
   rt::Time epoch_{};
-  rt::Nanos hand_offset_{0};             // script start after the epoch
+  rt::Nanos hand_offset_{0};  // script start after the epoch
   std::int64_t steps_ = 0, last_command_step_ = 0;
   perception::Vec3 x_, v_ = perception::Vec3::Zero();
   perception::Vec3 force_ = perception::Vec3::Zero(), external_ = perception::Vec3::Zero();

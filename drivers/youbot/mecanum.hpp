@@ -20,9 +20,9 @@ namespace drivers {
 // Section [robot.base] of a robot file.
 struct MecanumConfig {
   double wheel_radius_m = 0.0475;
-  double axle_distance_m = 0.47;   // front to rear
-  double track_width_m = 0.30;     // left to right
-  double slide_ratio = 1.0;        // sideways speed per wheel speed; 1 = rollers at 45 degrees
+  double axle_distance_m = 0.47;       // front to rear
+  double track_width_m = 0.30;         // left to right
+  double slide_ratio = 1.0;            // sideways speed per wheel speed; 1 = rollers at 45 degrees
   double gear_ratio = 9405.0 / 364.0;  // motor turns per wheel turn
 
   void describe(config::Section& s) {
@@ -49,15 +49,15 @@ class Mecanum {
     const double y = v.vy / s_, w = k_ * v.wz;
     return {(-v.vx + y + w) / r_, (v.vx + y + w) / r_, (-v.vx - y + w) / r_, (v.vx - y + w) / r_};
   }
-  // Body twist of the wheel speeds: least squares, since four wheels carry three freedoms. Also maps
-  // wheel angle differences (rad) to body displacement (m, m, rad).
+  // Body twist of the wheel speeds: least squares, since four wheels carry three freedoms. Also
+  // maps wheel angle differences (rad) to body displacement (m, m, rad).
   [[nodiscard]] perception::Twist2 forward(const WheelVector& w) const noexcept {
     const double q = r_ / 4;
     return {q * (-w[0] + w[1] - w[2] + w[3]), s_ * q * (w[0] + w[1] - w[2] - w[3]),
             q / k_ * (w[0] + w[1] + w[2] + w[3])};
   }
-  // What the four wheels disagree about: the part of `w` (rad/s) that no body twist explains. Non-zero
-  // means a slipping or stuck wheel.
+  // What the four wheels disagree about: the part of `w` (rad/s) that no body twist explains.
+  // Non-zero means a slipping or stuck wheel.
   [[nodiscard]] double disagreement(const WheelVector& w) const noexcept {
     return (w[0] - w[1] - w[2] + w[3]) / 4;
   }

@@ -32,8 +32,8 @@ Eigen::Matrix4d wheel_mass_matrix(const RobotPlantConfig& c, const Mecanum& kine
 
 }  // namespace
 
-RobotPlant::RobotPlant(rt::NonRealtime&, const RobotPlantConfig& config,
-                       const MecanumConfig& base, const Pose2& start_X_WB, CollisionTest collides)
+RobotPlant::RobotPlant(rt::NonRealtime&, const RobotPlantConfig& config, const MecanumConfig& base,
+                       const Pose2& start_X_WB, CollisionTest collides)
     : config_(config),
       kinematics_(base),
       collides_(std::move(collides)),
@@ -45,9 +45,8 @@ RobotPlant::RobotPlant(rt::NonRealtime&, const RobotPlantConfig& config,
   }
   if (collides_ && collides_(start_X_WB)) {
     throw std::invalid_argument("robot plant: the robot collides at its start pose (" +
-                                std::to_string(start_X_WB.x) + ", " +
-                                std::to_string(start_X_WB.y) + ", " +
-                                std::to_string(start_X_WB.yaw) + ")");
+                                std::to_string(start_X_WB.x) + ", " + std::to_string(start_X_WB.y) +
+                                ", " + std::to_string(start_X_WB.yaw) + ")");
   }
   dt_ = rt::seconds(step_ns_);
   // Speed loop: poles at the configured bandwidth for the inertia of a wheel in straight drive.
@@ -155,7 +154,8 @@ void RobotPlant::wheel_step() noexcept {
     }
     const Eigen::Vector4d driven = w + dt_ * (mass_inverse_ * torque);
     if (friction_) {
-      // Coulomb: takes away at most the motion that is there, so it stops a wheel but never turns it.
+      // Coulomb: takes away at most the motion that is there, so it stops a wheel but never turns
+      // it.
       for (int i = 0; i < kWheels; ++i) {
         const double loss = dt_ * mass_inverse_(i, i) * friction_->torque;
         w[i] = driven[i] > loss ? driven[i] - loss : driven[i] < -loss ? driven[i] + loss : 0.0;
@@ -179,8 +179,7 @@ void RobotPlant::move_step(const Twist2& v) noexcept {
     if (!check || v == Twist2{}) return;
     // At least a millimetre ahead: the last free pose lies a little before the wall, and creeping
     // over that gap would count as a new entry.
-    const double speed =
-        std::max(std::hypot(v.vx, v.vy), std::abs(v.wz) * kinematics_.lever());
+    const double speed = std::max(std::hypot(v.vx, v.vy), std::abs(v.wz) * kinematics_.lever());
     const double ahead = std::max(dt_ * static_cast<double>(check_every_), 1e-3 / speed);
     if (!(ahead < 1.0) || collides_(perception::integrate(checked_X_WB_, v, ahead))) return;
     state_.in_contact = false;  // the motion leads away: the base comes free where it stands

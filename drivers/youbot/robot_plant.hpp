@@ -2,7 +2,8 @@
 //
 // Time     Lazy: nothing moves until somebody advances it; then it integrates in fixed sub-steps on
 //          a grid that starts at the first access. The state at an instant is the state of the last
-//          sub-step not after it, so it does not depend on who asked in between or which clock runs.
+//          sub-step not after it, so it does not depend on who asked in between or which clock
+//          runs.
 // Model    Wheel speeds w with the joint inertia  M = J_w I + F^T diag(m, m, I_zz) F  (F = forward
 //          kinematics), a speed loop per motor with a torque limit, no slip between wheel and floor
 //          unless the slip effect is named. The base moves with F w, exact on SE(2).
@@ -33,7 +34,7 @@ namespace drivers {
 // Section [robot.plant].
 struct RobotPlantConfig {
   int substep_us = 100;
-  int speed_loop_order = 2;         // 0: wheels follow at once; 1: lag; 2: PI loop on the inertia
+  int speed_loop_order = 2;          // 0: wheels follow at once; 1: lag; 2: PI loop on the inertia
   double speed_loop_rad_per_s = 50;  // bandwidth of the motors' speed loop
   double speed_loop_damping = 1.0;   // of the second-order loop
   double torque_limit_Nm = 6.9;      // at the wheel: 8 A
@@ -42,10 +43,10 @@ struct RobotPlantConfig {
   double inertia_kg_m2 = 3.683;      // about z
   double wheel_inertia_kg_m2 = 0.024;  // wheel and rotor, at the wheel
   // Effects, off at zero.
-  double slip_ratio = 0;             // share of the wheels' travel that the base does not make
+  double slip_ratio = 0;  // share of the wheels' travel that the base does not make
   int encoder_ticks_per_motor_turn = 0;
-  double dead_time_s = 0;            // setpoint to motor
-  double gear_friction_Nm = 0;       // Coulomb, at the wheel
+  double dead_time_s = 0;       // setpoint to motor
+  double gear_friction_Nm = 0;  // Coulomb, at the wheel
 
   void describe(config::Section& s) {
     s.integer("substep_us", substep_us, 10, 1000, "integration step");
@@ -69,15 +70,15 @@ struct RobotPlantConfig {
 using CollisionTest = std::function<bool(const perception::Pose2& X_WB)>;
 
 struct PlantState {
-  rt::Time time{};                 // of the last sub-step
-  perception::Pose2 X_WB;          // true pose, not what odometry thinks
-  perception::Twist2 v_B;          // true velocity, body frame
-  WheelVector wheel_rad{};         // true
+  rt::Time time{};          // of the last sub-step
+  perception::Pose2 X_WB;   // true pose, not what odometry thinks
+  perception::Twist2 v_B;   // true velocity, body frame
+  WheelVector wheel_rad{};  // true
   WheelVector wheel_rad_per_s{};
   WheelVector torque_Nm{};
-  std::uint32_t collisions = 0;    // entries into contact so far
+  std::uint32_t collisions = 0;  // entries into contact so far
   bool in_contact = false;
-  double path_m = 0;               // distance driven
+  double path_m = 0;  // distance driven
 };
 
 class RobotPlant {
@@ -86,7 +87,8 @@ class RobotPlant {
   RobotPlant(rt::NonRealtime&, const RobotPlantConfig&, const MecanumConfig&,
              const perception::Pose2& start_X_WB, CollisionTest collides = {});
 
-  // Integrates up to `now`; the first call sets the zero of the sub-step grid. Going back is a no-op.
+  // Integrates up to `now`; the first call sets the zero of the sub-step grid. Going back is a
+  // no-op.
   void advance(rt::Time now) noexcept;
   // From the first sub-step not before `at` (>= the last access), plus the dead time, these speeds
   // hold. `powered` false: motors stop (speed loop to zero, setpoints ignored).
@@ -106,9 +108,15 @@ class RobotPlant {
   [[nodiscard]] std::vector<std::string> effects() const;
 
  private:
-  struct Slip { double ratio; };
-  struct Encoder { double rad_per_tick; };
-  struct GearFriction { double torque; };
+  struct Slip {
+    double ratio;
+  };
+  struct Encoder {
+    double rad_per_tick;
+  };
+  struct GearFriction {
+    double torque;
+  };
   struct Pending {
     std::int64_t step = 0;
     WheelVector speed{};

@@ -44,8 +44,8 @@ bool PoseHistory::newest(Sample& out) const noexcept {
 bool PoseHistory::at(rt::Time t, Sample& out, rt::Nanos extrapolate) const noexcept {
   const std::uint64_t n = count_.load(std::memory_order_acquire);
   if (n == 0) return false;
-  // The last sample not after t, by bisection over what the ring still holds. Some slots are left out:
-  // the writer may reach them meanwhile.
+  // The last sample not after t, by bisection over what the ring still holds. Some slots are left
+  // out: the writer may reach them meanwhile.
   const std::uint64_t oldest = n > kKept ? n - kKept : 0;
   std::uint64_t lo = oldest, hi = n;
   Sample s;
@@ -53,8 +53,10 @@ bool PoseHistory::at(rt::Time t, Sample& out, rt::Nanos extrapolate) const noexc
   while (hi - lo > 1) {
     const std::uint64_t mid = lo + (hi - lo) / 2;
     if (!read(mid, s)) return false;
-    if (s.time <= t) lo = mid;
-    else hi = mid;
+    if (s.time <= t)
+      lo = mid;
+    else
+      hi = mid;
   }
   if (!read(lo, out)) return false;
   if (lo + 1 == n && t - out.time > extrapolate) return false;
@@ -63,8 +65,7 @@ bool PoseHistory::at(rt::Time t, Sample& out, rt::Nanos extrapolate) const noexc
   return true;
 }
 
-VirtualYoubot::VirtualYoubot(rt::NonRealtime&, const VirtualYoubotConfig& config,
-                             RobotPlant plant)
+VirtualYoubot::VirtualYoubot(rt::NonRealtime&, const VirtualYoubotConfig& config, RobotPlant plant)
     : config_(config), plant_(std::move(plant)) {}
 
 BusStatus VirtualYoubot::exchange(rt::Time now, const MotorSetpoints& setpoints,
@@ -78,8 +79,7 @@ BusStatus VirtualYoubot::exchange(rt::Time now, const MotorSetpoints& setpoints,
   last_exchange_ = now;
   bool finite = true;
   for (const double w : setpoints.wheel_rad_per_s) finite = finite && std::isfinite(w);
-  const bool powered =
-      setpoints.mode == MotorMode::kVelocity && finite && !timeout_ && !safe();
+  const bool powered = setpoints.mode == MotorMode::kVelocity && finite && !timeout_ && !safe();
   plant_.command(now, setpoints.wheel_rad_per_s, powered);
 
   states.seq = ++seq_;

@@ -1,9 +1,11 @@
 // Twin of the youBot's motor bus: MotorBus in front of a RobotPlant.
 //
-// Watchdog  no exchange for 100 ms: the motors stop and flag bit 16 latches on every wheel; setpoints
+// Watchdog  no exchange for 100 ms: the motors stop and flag bit 16 latches on every wheel;
+// setpoints
 //           have no effect until clear_timeout() (SAP 158 on the real boards). It is armed by the
 //           first exchange.
-// Safe      make_safe() may come from any thread; it holds from the last exchange on and stays until
+// Safe      make_safe() may come from any thread; it holds from the last exchange on and stays
+// until
 //           rearm(), which only the owner calls (an operator's act).
 // Faults    planned by time in config or set by the owner: frame lost, bus down, stuck wheel,
 //           not-a-number angle.
@@ -24,7 +26,7 @@ struct BusFaults {
   std::uint32_t lose_frames = 0;  // this many exchanges from now are lost, both ways
   bool down = false;
   int stuck_wheel = -1;
-  bool nan_angle = false;         // wheel 0 reports NaN
+  bool nan_angle = false;  // wheel 0 reports NaN
 };
 
 // True poses of the last second: one writer, any number of readers, nobody waits. All fields are
@@ -82,7 +84,8 @@ class VirtualYoubot final : public MotorBus {
   [[nodiscard]] BusFaults& faults() noexcept { return faults_; }
   [[nodiscard]] const RobotPlant& plant() const noexcept { return plant_; }
   [[nodiscard]] bool timed_out() const noexcept { return timeout_; }
-  // Thread CPU spent in the simulation, if a CPU clock was given (twin time is no part of a budget).
+  // Thread CPU spent in the simulation, if a CPU clock was given (twin time is no part of a
+  // budget).
   using CpuClock = std::int64_t (*)() noexcept;
   void set_cpu_clock(CpuClock clock) noexcept { cpu_clock_ = clock; }
   [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept { return twin_cpu_ns_; }

@@ -28,9 +28,12 @@ std::array<double, 2> ridge_solve(double a11, double a12, double a22, double b1,
 }
 
 MotionPredictor::MotionPredictor(const MotionPredictorConfig& config) : config_(config) {
-  if (config.method == "none") method_ = Method::kNone;
-  else if (config.method == "hold") method_ = Method::kHold;
-  else if (config.method == "lsq") method_ = Method::kLsq;
+  if (config.method == "none")
+    method_ = Method::kNone;
+  else if (config.method == "hold")
+    method_ = Method::kHold;
+  else if (config.method == "lsq")
+    method_ = Method::kLsq;
   else
     throw std::invalid_argument("prediction method \"" + config.method +
                                 "\" is not one of none, hold, lsq");
@@ -67,8 +70,7 @@ bool MotionPredictor::add(const MotionSample& s) noexcept {
 
 bool MotionPredictor::add_command(double t, const Twist2& cmd_B) noexcept {
   if (!std::isfinite(t) || !perception::is_finite(cmd_B)) return false;
-  if (command_size_ > 0 &&
-      !(t > commands_[(command_head_ + command_size_ - 1) % kCommands].t)) {
+  if (command_size_ > 0 && !(t > commands_[(command_head_ + command_size_ - 1) % kCommands].t)) {
     return false;
   }
   if (command_size_ == kCommands) {
@@ -147,8 +149,9 @@ MotionPredictor::Axes MotionPredictor::learned_mean(double h) const noexcept {
   for (std::size_t k = 0; k < 3; ++k) {
     const bool turn = k == 2;
     const double scale = turn ? config_.yaw_rate_scale_rad_per_s : config_.speed_scale_m_per_s;
-    const double bound = 0.5 * h * (turn ? config_.yaw_acceleration_limit_rad_per_s2
-                                         : config_.acceleration_limit_m_per_s2);
+    const double bound =
+        0.5 * h *
+        (turn ? config_.yaw_acceleration_limit_rad_per_s2 : config_.acceleration_limit_m_per_s2);
     const double lambda = config_.prior_samples * scale * scale;
     const Sums& s = sums[k];
     const auto theta = ridge_solve(s.a11, s.a12, s.a22, s.b1, s.b2, lambda, lambda);
@@ -162,8 +165,10 @@ const MotionPredictor::Command* MotionPredictor::command_at(double t) const noex
   std::size_t lo = 0, hi = command_size_;
   while (lo < hi) {  // first command after t
     const std::size_t mid = lo + (hi - lo) / 2;
-    if (commands_[(command_head_ + mid) % kCommands].t <= t) lo = mid + 1;
-    else hi = mid;
+    if (commands_[(command_head_ + mid) % kCommands].t <= t)
+      lo = mid + 1;
+    else
+      hi = mid;
   }
   return lo == 0 ? nullptr : &commands_[(command_head_ + lo - 1) % kCommands];
 }
@@ -196,8 +201,8 @@ bool MotionPredictor::respond(double t, Prediction& out) const noexcept {
   }
   Axes gain{}, rate{};
   for (std::size_t k = 0; k < 3; ++k) {
-    const double scale =
-        config_.spacing_s * (k == 2 ? config_.yaw_rate_scale_rad_per_s : config_.speed_scale_m_per_s);
+    const double scale = config_.spacing_s *
+                         (k == 2 ? config_.yaw_rate_scale_rad_per_s : config_.speed_scale_m_per_s);
     const double lambda = config_.prior_samples * scale * scale;
     const auto& s = sums[k];
     const auto p = ridge_solve(s[0], s[1], s[2], s[3], s[4], lambda, lambda);

@@ -3,8 +3,10 @@
 // Methods
 //   none   it stays where it was last seen.
 //   hold   its last velocity goes on (constant body twist, an exact arc).
-//   lsq    regularised linear least squares over the last velocities. Per axis of the body twist, the
-//          mean velocity over the horizon h is the last velocity plus a learned share of its changes:
+//   lsq    regularised linear least squares over the last velocities. Per axis of the body twist,
+//   the
+//          mean velocity over the horizon h is the last velocity plus a learned share of its
+//          changes:
 //
 //            m(t, h) = v(t) + theta_1 (v(t) - v(t - lag_1)) + theta_2 (v(t) - v(t - lag_2))
 //            theta   = (Phi^T Phi + Lambda)^-1 Phi^T y,   y(q) = m(q, h) observed - v(q)
@@ -12,14 +14,14 @@
 //          over the training instants q of the last `window_s` whose outcome is already known
 //          (q + h <= t). Lambda is worth `prior_samples` instants of ordinary motion, so without
 //          data, or with data that say nothing (rest, constant speed), theta -> 0 and lsq is hold.
-//          The inverse is the one the published formula lacks; the 2x2 system is solved in closed form.
-//          With commands known ahead (cmd columns of a log) the velocity instead follows the command by
-//          a first-order response dv/dt = p1 cmd - p2 v, (p1, p2) by the same regularised fit, and is
-//          integrated forward under the known commands.
+//          The inverse is the one the published formula lacks; the 2x2 system is solved in closed
+//          form. With commands known ahead (cmd columns of a log) the velocity instead follows the
+//          command by a first-order response dv/dt = p1 cmd - p2 v, (p1, p2) by the same
+//          regularised fit, and is integrated forward under the known commands.
 //
 // Causal: predict() uses only what add() was given. Deterministic, allocation only in the
-// constructor. Frames: pose X_OB in a fixed frame, twist in the body frame. Times in seconds from any
-// zero, strictly increasing.
+// constructor. Frames: pose X_OB in a fixed frame, twist in the body frame. Times in seconds from
+// any zero, strictly increasing.
 #pragma once
 
 #include <array>
@@ -35,15 +37,15 @@ namespace tasks {
 // Section [prediction.motion].
 struct MotionPredictorConfig {
   std::string method = "lsq";
-  double window_s = 30.0;          // training instants no older than this
-  double spacing_s = 0.1;          // between training instants
+  double window_s = 30.0;  // training instants no older than this
+  double spacing_s = 0.1;  // between training instants
   double lag_1_s = 0.1, lag_2_s = 0.3;
-  double prior_samples = 10;       // weight of "no change" against one instant
-  double speed_scale_m_per_s = 0.2;    // an ordinary change of velocity
+  double prior_samples = 10;         // weight of "no change" against one instant
+  double speed_scale_m_per_s = 0.2;  // an ordinary change of velocity
   double yaw_rate_scale_rad_per_s = 0.5;
-  double acceleration_limit_m_per_s2 = 2.0;   // no correction beyond what this could do
+  double acceleration_limit_m_per_s2 = 2.0;  // no correction beyond what this could do
   double yaw_acceleration_limit_rad_per_s2 = 6.0;
-  double response_time_s = 0.2;    // prior of the response to commands
+  double response_time_s = 0.2;  // prior of the response to commands
 
   void describe(config::Section& s) {
     s.text("method", method, {"none", "hold", "lsq"}, "how the velocity goes on");
@@ -64,7 +66,7 @@ struct MotionPredictorConfig {
 };
 
 struct MotionSample {
-  double t = 0;                // s
+  double t = 0;  // s
   perception::Pose2 X_OB;
   perception::Twist2 v_B;
 };
@@ -87,8 +89,8 @@ class MotionPredictor {
 
   struct Prediction {
     perception::Pose2 X_OB;
-    perception::Twist2 mean_B;   // mean body twist over the horizon that leads there
-    double horizon = 0;          // s after the newest sample
+    perception::Twist2 mean_B;  // mean body twist over the horizon that leads there
+    double horizon = 0;         // s after the newest sample
   };
   // The pose at `t`; at or before the newest sample: that sample's pose. False: no sample yet.
   [[nodiscard]] bool predict(double t, Prediction& out) const noexcept;
@@ -104,7 +106,7 @@ class MotionPredictor {
   using Axes = std::array<double, 3>;
   struct Entry {
     MotionSample sample;
-    Axes travelled{};            // integral of v since the first sample (trapezoids)
+    Axes travelled{};  // integral of v since the first sample (trapezoids)
   };
   struct Command {
     double t = 0;

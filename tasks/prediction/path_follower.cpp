@@ -64,10 +64,9 @@ void PathFollower::advance(const Pose2& X_WB, double& off) noexcept {
   for (int i = 0; i + 1 < size_; ++i) {
     if (along_[i + 1] < from) continue;
     if (along_[i] > to) break;
-    const Foot t = foot(X_WB.x, X_WB.y, points_[i][0], points_[i][1], points_[i + 1][0],
-                        points_[i + 1][1]);
-    const double s =
-        std::clamp(along_[i] + t.f * (along_[i + 1] - along_[i]), from, to);
+    const Foot t =
+        foot(X_WB.x, X_WB.y, points_[i][0], points_[i][1], points_[i + 1][0], points_[i + 1][1]);
+    const double s = std::clamp(along_[i] + t.f * (along_[i + 1] - along_[i]), from, to);
     const Pose2 p = at(s);
     const double d = std::hypot(X_WB.x - p.x, X_WB.y - p.y);
     if (d < off) {
@@ -84,8 +83,8 @@ double PathFollower::bend(const Pose2& from, double s0, double s1) const noexcep
   for (int i = 0; i < size_; ++i) {
     if (along_[i] <= s0) continue;
     if (along_[i] >= s1) break;
-    worst = std::max(
-        worst, foot(points_[i][0], points_[i][1], from.x, from.y, to.x, to.y).distance);
+    worst =
+        std::max(worst, foot(points_[i][0], points_[i][1], from.x, from.y, to.x, to.y).distance);
   }
   return worst;
 }
@@ -97,8 +96,8 @@ PathFollower::Goal PathFollower::next(const Pose2& predicted_X_WB) noexcept {
   goal.progress_m = progress_;
   goal.remaining_m = end - progress_;
 
-  // Path point: as far ahead as the bend allows. The straight way starts at the path's own point, so
-  // that a base that is off the path is led back to it.
+  // Path point: as far ahead as the bend allows. The straight way starts at the path's own point,
+  // so that a base that is off the path is led back to it.
   const Pose2 on_path = at(progress_);
   const double allowed = 0.25 * config_.corridor_m;
   constexpr double kStep = 0.025;

@@ -1,9 +1,11 @@
-// From a planned path to the next goal: how far ahead on the path the base may be sent in one straight
-// motion.
+// From a planned path to the next goal: how far ahead on the path the base may be sent in one
+// straight motion.
 //
-// Progress    The point of the path nearest to the predicted base; it never goes back and never leaps
+// Progress    The point of the path nearest to the predicted base; it never goes back and never
+// leaps
 //             to a later branch of a path that comes near itself.
-// Path point  the point `look_ahead_m` further on, drawn nearer where the path bends: the base drives
+// Path point  the point `look_ahead_m` further on, drawn nearer where the path bends: the base
+// drives
 //             straight at its goal, and pursuing a point at distance l on a bend of radius r leaves
 //             the path by l^2 / 2r, four times what the chord does; so the chord may leave it by a
 //             quarter of `corridor_m`.
@@ -26,8 +28,8 @@ struct PathFollowerConfig {
   double look_ahead_m = 0.45;
   double look_ahead_min_m = 0.15;
   double corridor_m = 0.05;
-  double search_m = 1.0;           // progress is looked for this far along the path
-  double arrive_m = 0.03;          // nearer to the end than this, slow and turned right: arrived
+  double search_m = 1.0;   // progress is looked for this far along the path
+  double arrive_m = 0.03;  // nearer to the end than this, slow and turned right: arrived
   double arrive_rad = 0.1;
   double arrive_speed_m_per_s = 0.05;
 
@@ -48,17 +50,21 @@ class PathFollower {
 
   // Takes a new path; nothing happens if it is the one in force. False: empty or not finite.
   bool take(const Path&) noexcept;
-  void drop() noexcept { size_ = 0; seq_ = 0; arrived_ = false; }
+  void drop() noexcept {
+    size_ = 0;
+    seq_ = 0;
+    arrived_ = false;
+  }
   [[nodiscard]] bool has_path() const noexcept { return size_ > 0; }
   [[nodiscard]] std::uint64_t seq() const noexcept { return seq_; }
 
   struct Goal {
     perception::Pose2 X_WG;
-    bool is_mark = false;        // the end was chosen over the path point
-    double progress_m = 0;       // along the path, of the predicted base
-    double off_path_m = 0;       // distance of the predicted base from the path
-    double remaining_m = 0;      // from there to the end, along the path
-    double ahead_m = 0;          // along the path, from progress to the goal
+    bool is_mark = false;    // the end was chosen over the path point
+    double progress_m = 0;   // along the path, of the predicted base
+    double off_path_m = 0;   // distance of the predicted base from the path
+    double remaining_m = 0;  // from there to the end, along the path
+    double ahead_m = 0;      // along the path, from progress to the goal
   };
   // The goal for a base that will be at `predicted` when the goal arrives. Needs a path.
   [[nodiscard]] Goal next(const perception::Pose2& predicted_X_WB) noexcept;
@@ -73,7 +79,8 @@ class PathFollower {
     return {points_[i][0], points_[i][1], points_[i][2]};
   }
   [[nodiscard]] perception::Pose2 at(double s) const noexcept;
-  // Largest distance of the path between s0 and s1 from the straight line from `from` to the path at s1.
+  // Largest distance of the path between s0 and s1 from the straight line from `from` to the path
+  // at s1.
   [[nodiscard]] double bend(const perception::Pose2& from, double s0, double s1) const noexcept;
   void advance(const perception::Pose2& X_WB, double& off) noexcept;
 

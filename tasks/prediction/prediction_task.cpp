@@ -98,8 +98,7 @@ Health PredictionTask::correct_map(const In& in) noexcept {
     return Health::of(Severity::kCounted, prediction_fault::kCorrectionRefused);
   }
   const double f = std::min(config_.map_gain, d > 0 ? config_.map_step_m / d : 1.0);
-  const double r =
-      std::clamp(config_.map_gain * turn, -config_.map_step_rad, config_.map_step_rad);
+  const double r = std::clamp(config_.map_gain * turn, -config_.map_step_rad, config_.map_step_rad);
   const Pose2 blended{now.x + f * dx, now.y + f * dy, perception::wrap_angle(now.yaw + r)};
   X_WO_ = perception::compose(blended, perception::inverse(X_OB));
   return Health::ok();

@@ -1,6 +1,7 @@
 // Prediction, 10 Hz, hard: the path's next goal, moved ahead by the round-trip delay.
 //
-//   reads    Latest<RobotState>   from robot_io, over the link, in local time; silent -> not engaged
+//   reads    Latest<RobotState>   from robot_io, over the link, in local time; silent -> not
+//   engaged
 //            Latest<Path>         from planning
 //            Latest<CameraPose>   from fusion, only with `map_correction`
 //            Latest<ModeMsg>      from supervision of the operator box
@@ -31,16 +32,16 @@ namespace tasks {
 struct PredictionConfig {
   MotionPredictorConfig motion;
   PathFollowerConfig path;
-  double speed_m_per_s = 0.5;        // sent as the goal's speed limit
+  double speed_m_per_s = 0.5;  // sent as the goal's speed limit
   int goal_valid_ms = 300;
-  int state_liveness_ms = 250;       // older robot states do not drive
-  double horizon_limit_s = 1.0;      // the goal is moved ahead by at most this much
+  int state_liveness_ms = 250;        // older robot states do not drive
+  double horizon_limit_s = 1.0;       // the goal is moved ahead by at most this much
   double uncertainty_share_m = 0.05;  // speed x delay uncertainty stays below it
   bool map_correction = false;
-  double map_gain = 0.1;             // share of the difference taken per camera pose
-  double map_step_m = 0.01;          // and at most this much
+  double map_gain = 0.1;     // share of the difference taken per camera pose
+  double map_step_m = 0.01;  // and at most this much
   double map_step_rad = 0.01;
-  double map_gate_m = 0.5;           // a difference beyond it is not believed
+  double map_gate_m = 0.5;  // a difference beyond it is not believed
 
   void describe(config::Section& s) {
     motion.describe(s.section("motion", "velocity prediction"));
@@ -60,10 +61,10 @@ struct PredictionConfig {
 };
 
 namespace prediction_fault {
-inline constexpr rt::FaultId kStateStale = 301;       // no robot state for too long: not engaged
-inline constexpr rt::FaultId kStateRefused = 302;     // not finite: counted
-inline constexpr rt::FaultId kPathRefused = 303;      // not finite: counted, the old path is dropped
-inline constexpr rt::FaultId kDelayUnknown = 304;     // no round trip measured: not engaged
+inline constexpr rt::FaultId kStateStale = 301;    // no robot state for too long: not engaged
+inline constexpr rt::FaultId kStateRefused = 302;  // not finite: counted
+inline constexpr rt::FaultId kPathRefused = 303;   // not finite: counted, the old path is dropped
+inline constexpr rt::FaultId kDelayUnknown = 304;  // no round trip measured: not engaged
 inline constexpr rt::FaultId kCorrectionRefused = 305;  // camera pose too far off: counted
 }  // namespace prediction_fault
 
@@ -71,11 +72,11 @@ struct PredictionTelemetry {
   perception::Pose2 X_WB;            // newest measured
   perception::Pose2 predicted_X_WB;  // where it will be when the goal arrives
   perception::Pose2 X_WO;
-  double lead_s = 0;                 // newest state to predicted
+  double lead_s = 0;  // newest state to predicted
   double remaining_m = 0, off_path_m = 0;
-  double end_distance_m = 0;         // measured base to the end of the path
+  double end_distance_m = 0;  // measured base to the end of the path
   bool goal_is_mark = false;
-  bool arrived = false;              // at the end of the path in force, latched
+  bool arrived = false;  // at the end of the path in force, latched
   std::uint64_t path_seq = 0;
 };
 
@@ -91,7 +92,7 @@ class PredictionTask {
     rt::Nanos round_trip_uncertainty{0};
   };
   struct Out {
-    drivers::RobotGoal goal;         // always valid to send; engaged = 0 holds the robot
+    drivers::RobotGoal goal;  // always valid to send; engaged = 0 holds the robot
     PredictionTelemetry telemetry;
   };
 

@@ -1,16 +1,18 @@
 // Robot I/O, 1 kHz, hard: goal and wheel angles in, wheel speeds out.
 //
 //   sense    MotorStates           from drivers/youbot   (bus exchange; outside step)
-//   reads    Latest<RobotGoal>     from prediction, over the link; silent or expired -> ramp to a halt
+//   reads    Latest<RobotGoal>     from prediction, over the link; silent or expired -> ramp to a
+//   halt
 //            Latest<ModeMsg>       from supervision of the robot box
 //   act      MotorSetpoints        to drivers/youbot     (bus exchange; outside step)
 //   writes   RobotState            over the link, to prediction
 //   budget   100 us of the 1 ms period
 //
 // Frames: O odometry (= world at the start), B base. SI units.
-// The base moves only while: mode engaged, bus up, a finite goal that is engaged and not expired, the
-// link heard from. Whatever is missing, it slows down with the acceleration limit and holds still;
-// safe stop switches the motors off at once. A motor watchdog that has latched needs a new engage.
+// The base moves only while: mode engaged, bus up, a finite goal that is engaged and not expired,
+// the link heard from. Whatever is missing, it slows down with the acceleration limit and holds
+// still; safe stop switches the motors off at once. A motor watchdog that has latched needs a new
+// engage.
 #pragma once
 
 #include <cstdint>
@@ -31,8 +33,8 @@ struct RobotIoConfig {
   TrajectoryConfig trajectory;
   drivers::MecanumConfig base;
   double wheel_speed_limit_rad_per_s = 25;
-  int link_silence_ms = 250;          // nothing heard from the operator box: halt
-  int frames_lost_limit = 100;        // consecutive: the bus counts as down, safe stop
+  int link_silence_ms = 250;    // nothing heard from the operator box: halt
+  int frames_lost_limit = 100;  // consecutive: the bus counts as down, safe stop
   double start_x_m = 0, start_y_m = 0, start_yaw_rad = 0;  // X_OB at the start
 
   void describe(config::Section& s) {
@@ -50,36 +52,36 @@ struct RobotIoConfig {
 };
 
 namespace robot_io_fault {
-inline constexpr rt::FaultId kFrameLost = 501;      // one bus frame: counted
-inline constexpr rt::FaultId kBusDown = 502;        // many in a row or bus down: safe stop
-inline constexpr rt::FaultId kGoalExpired = 503;    // halt with the ramp
-inline constexpr rt::FaultId kGoalRefused = 504;    // not finite: ignored, counted
-inline constexpr rt::FaultId kLinkSilent = 505;     // halt with the ramp
-inline constexpr rt::FaultId kMotorTimeout = 506;   // flag bit 16: motors off until a new engage
-inline constexpr rt::FaultId kEncoder = 507;        // not finite or a leap: safe stop
-inline constexpr rt::FaultId kTracking = 508;       // base does not follow: reference waits
+inline constexpr rt::FaultId kFrameLost = 501;     // one bus frame: counted
+inline constexpr rt::FaultId kBusDown = 502;       // many in a row or bus down: safe stop
+inline constexpr rt::FaultId kGoalExpired = 503;   // halt with the ramp
+inline constexpr rt::FaultId kGoalRefused = 504;   // not finite: ignored, counted
+inline constexpr rt::FaultId kLinkSilent = 505;    // halt with the ramp
+inline constexpr rt::FaultId kMotorTimeout = 506;  // flag bit 16: motors off until a new engage
+inline constexpr rt::FaultId kEncoder = 507;       // not finite or a leap: safe stop
+inline constexpr rt::FaultId kTracking = 508;      // base does not follow: reference waits
 }  // namespace robot_io_fault
 
 struct RobotIoTelemetry {
-  perception::Pose2 X_OR;             // reference pose of the controller
-  double tracking_error_m = 0;        // |reference - odometry| while driving, else 0
+  perception::Pose2 X_OR;       // reference pose of the controller
+  double tracking_error_m = 0;  // |reference - odometry| while driving, else 0
   double tracking_error_rad = 0;
-  double tracking_error_max_m = 0;    // largest so far
-  double goal_distance_m = 0;         // odometry to the goal in force, 0 without one
+  double tracking_error_max_m = 0;  // largest so far
+  double goal_distance_m = 0;       // odometry to the goal in force, 0 without one
   double odometry_path_m = 0;
   std::uint64_t frames_lost = 0, goals_refused = 0, goals_expired = 0;
-  bool driving = false;               // following a goal in this tick
+  bool driving = false;  // following a goal in this tick
 };
 
 class RobotIoTask {
  public:
   struct In {
     drivers::BusStatus bus = drivers::BusStatus::kDown;
-    drivers::MotorStates motors;              // of this tick's exchange; valid when bus is kOk
+    drivers::MotorStates motors;               // of this tick's exchange; valid when bus is kOk
     const drivers::RobotGoal* goal = nullptr;  // newest, times of this box; null: none yet
-    const ModeMsg* mode = nullptr;            // newest; null: not engaged
-    bool link_heard = false;                  // ever
-    rt::Time link_heard_at{};                 // last valid message of the operator box
+    const ModeMsg* mode = nullptr;             // newest; null: not engaged
+    bool link_heard = false;                   // ever
+    rt::Time link_heard_at{};                  // last valid message of the operator box
   };
   struct Out {
     drivers::MotorSetpoints setpoints;
@@ -106,7 +108,7 @@ class RobotIoTask {
   drivers::Mecanum kinematics_;
   drivers::Odometry odometry_;
   Trajectory trajectory_;
-  drivers::RobotGoal goal_;            // last accepted one
+  drivers::RobotGoal goal_;  // last accepted one
   bool have_goal_ = false, expiry_counted_ = false;
   std::uint64_t refused_seq_ = 0;
   Mode last_mode_ = Mode::kInit;

@@ -108,7 +108,9 @@ void Trajectory::halt(const Pose2& X_OB) noexcept {
   X_OR_ = X_OB;
 }
 
-bool Trajectory::moving() const noexcept { return norm(v_cmd_) > 1e-4 || std::abs(v_cmd_.yaw) > 1e-4; }
+bool Trajectory::moving() const noexcept {
+  return norm(v_cmd_) > 1e-4 || std::abs(v_cmd_.yaw) > 1e-4;
+}
 
 void Trajectory::limit_command(PlanarVelocity wanted, double dt) noexcept {
   v_cmd_ = slew(v_cmd_, wanted, config_.acceleration_m_per_s2 * dt,

@@ -1,11 +1,13 @@
 // Trajectory planner and tracking controller of the base: from the pose where it is to a goal pose
 // that may change at any tick, with bounded speed and acceleration and without passing the goal.
 //
-// Planner     On-line, no look-ahead table: each tick the wanted velocity points at the goal with the
+// Planner     On-line, no look-ahead table: each tick the wanted velocity points at the goal with
+// the
 //             speed from which the base can still stop there, v(d) = sqrt((a T)^2 + 2 a d) - a T
 //             (the discrete braking curve), and the reference velocity follows it by at most a T.
 //             Position and yaw are planned side by side in the odometry frame O.
-// Controller  Feed-forward of the reference velocity (with the lag of the motors' speed loop) plus a
+// Controller  Feed-forward of the reference velocity (with the lag of the motors' speed loop) plus
+// a
 //             proportional term on the pose error; then the limits once more, so that what is sent
 //             never exceeds them, whatever the error.
 #pragma once
@@ -21,11 +23,11 @@ struct TrajectoryConfig {
   double yaw_rate_rad_per_s = 0.8;
   double acceleration_m_per_s2 = 1.0;
   double yaw_acceleration_rad_per_s2 = 1.6;
-  double planning_share = 0.8;      // of the acceleration; the rest is left to the controller
+  double planning_share = 0.8;  // of the acceleration; the rest is left to the controller
   double position_gain_per_s = 4.0;
   double yaw_gain_per_s = 4.0;
-  double motor_lag_s = 0.002;       // fed forward: reference velocity + lag x acceleration
-  double leash_m = 0.10;            // the reference waits when the base is this far behind
+  double motor_lag_s = 0.002;  // fed forward: reference velocity + lag x acceleration
+  double leash_m = 0.10;       // the reference waits when the base is this far behind
   double leash_rad = 0.25;
 
   void describe(config::Section& s) {
@@ -49,8 +51,8 @@ struct PlanarVelocity {
 };
 
 struct TrajectoryTarget {
-  perception::Pose2 X_OG;      // goal pose
-  PlanarVelocity v_O;          // velocity wanted at the goal (zero: stop there)
+  perception::Pose2 X_OG;  // goal pose
+  PlanarVelocity v_O;      // velocity wanted at the goal (zero: stop there)
   double speed_limit_m_per_s = 1e9;
 };
 

@@ -1,7 +1,8 @@
 // teletact predict: where a ground robot is, told only what was known `delay` seconds ago.
 //
 //   --log ODO.csv   t_s,x_m,y_m,yaw_rad,vx,vy,wz (body frame), optional cmd_vx,cmd_vy,cmd_wz
-//   --delay S       row t_s is made from the rows with t <= t_s - S only; commands are known up to t_s
+//   --delay S       row t_s is made from the rows with t <= t_s - S only; commands are known up to
+//   t_s
 //   --method M      none, hold, lsq: the predictor of the prediction task (motion_predictor.hpp)
 //   --out P.csv     t_s,x_m,y_m,yaw_rad for each row that has data at least S older
 #include <CLI/CLI.hpp>
@@ -30,8 +31,8 @@ T take(rt::Result<T> result) {
 }
 
 struct Log {
-  std::vector<std::string> stamps;         // t_s as the file writes it
-  std::vector<std::vector<double>> rows;   // t, x, y, yaw, vx, vy, wz [, cmd vx, vy, wz]
+  std::vector<std::string> stamps;        // t_s as the file writes it
+  std::vector<std::vector<double>> rows;  // t, x, y, yaw, vx, vy, wz [, cmd vx, vy, wz]
   bool commands = false;
 };
 
@@ -55,8 +56,7 @@ Log read_log(const std::string& path) {
     if (!known) throw std::runtime_error("predict: " + path + ": unknown column '" + name + "'");
   }
   if (table.header.empty() && table.rows.front().size() != columns.size()) {
-    throw std::runtime_error("predict: " + path + ": " +
-                             std::to_string(table.rows.front().size()) +
+    throw std::runtime_error("predict: " + path + ": " + std::to_string(table.rows.front().size()) +
                              " columns without a header; allowed are 7 or 10");
   }
   log.rows = take(numeric_rows(table, columns));

@@ -41,7 +41,8 @@ struct Device {
   OmegaTwin twin;
   rt::Time now = kStart;
   StylusSample sample;
-  explicit Device(const OmegaTwinConfig& c, HandScript* hand = nullptr, const Vec3& p = Vec3::Zero())
+  explicit Device(const OmegaTwinConfig& c, HandScript* hand = nullptr,
+                  const Vec3& p = Vec3::Zero())
       : twin(startup.token(), c, hand, p) {
     EXPECT_TRUE(twin.sense(now, sample));
   }
@@ -53,7 +54,8 @@ struct Device {
   }
 };
 
-// The hand's spring and damper on the mass, target at rest: the closed form of a damped oscillation.
+// The hand's spring and damper on the mass, target at rest: the closed form of a damped
+// oscillation.
 TEST(OmegaTwin, FreeOscillationMatchesClosedForm) {
   rt::Startup startup;
   for (const double damping : {0.5, 3.0}) {
@@ -369,8 +371,8 @@ TEST(OmegaTwin, EffectsAreListed) {
 
 // --- Stability of a stiff wall against the sampled-data bound K < b / (T/2 + t_d). ---
 
-// Largest stiffness, to 1 %, at which a device that is pushed into a wall at x = 0 with 3 N comes to
-// rest within 7 s. It starts at the depth where the forces balance, with 10 mm/s.
+// Largest stiffness, to 1 %, at which a device that is pushed into a wall at x = 0 with 3 N comes
+// to rest within 7 s. It starts at the depth where the forces balance, with 10 mm/s.
 double largest_stable_stiffness(double b, double delay_s) {
   const auto residual_speed = [&](double K) {
     OmegaTwinConfig c = ideal();

@@ -98,7 +98,8 @@ TEST(Planar, ComposeAndInverse) {
   EXPECT_TRUE(std::isnan(perception::wrap_angle(std::numeric_limits<double>::quiet_NaN())));
 }
 
-// Constant wheel speeds give an arc; sampled odometry follows it exactly, whatever the sample times.
+// Constant wheel speeds give an arc; sampled odometry follows it exactly, whatever the sample
+// times.
 TEST(Odometry, ArcIsExactForIrregularSamples) {
   const std::uint64_t seed = 21;
   rt::Random random(seed);

@@ -18,7 +18,8 @@ using tasks::MotionPredictor;
 using tasks::MotionPredictorConfig;
 using tasks::MotionSample;
 
-// The regularised problem as a stacked least-squares problem, by Eigen's QR: min |[A; sqrt(L)] x - [b; 0]|.
+// The regularised problem as a stacked least-squares problem, by Eigen's QR: min |[A; sqrt(L)] x -
+// [b; 0]|.
 Eigen::Vector2d by_qr(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, double l1, double l2) {
   Eigen::MatrixXd S(A.rows() + 2, 2);
   S << A, std::sqrt(l1), 0, 0, std::sqrt(l2);
@@ -81,7 +82,9 @@ TEST(MotionPredictor, LearnedCorrectionEqualsTheSlowReference) {
   const double h = 0.5, now = 20.0;
   // All instants fall on samples, so no interpolation is needed here.
   const auto v = [&](double t) { return speed(t); };
-  const auto x = [&](double t) { return log[static_cast<std::size_t>(std::lround(t * 10))].X_OB.x; };
+  const auto x = [&](double t) {
+    return log[static_cast<std::size_t>(std::lround(t * 10))].X_OB.x;
+  };
   std::vector<Eigen::Vector3d> rows;
   for (int n = 0; n < 300; ++n) {
     const double q = now - h - 0.1 * n;
@@ -96,7 +99,8 @@ TEST(MotionPredictor, LearnedCorrectionEqualsTheSlowReference) {
   }
   const double lambda = c.prior_samples * c.speed_scale_m_per_s * c.speed_scale_m_per_s;
   const Eigen::Vector2d theta = by_qr(A, b, lambda, lambda);
-  const double want = v(now) + theta[0] * (v(now) - v(now - 0.1)) + theta[1] * (v(now) - v(now - 0.3));
+  const double want =
+      v(now) + theta[0] * (v(now) - v(now - 0.1)) + theta[1] * (v(now) - v(now - 0.3));
   MotionPredictor::Prediction p;
   ASSERT_TRUE(predictor.predict(now + h, p));
   EXPECT_NEAR(p.mean_B.vx, want, 1e-9);
@@ -141,9 +145,8 @@ TEST(MotionPredictor, HoldIsAnExactArcAndNoneStandsStill) {
     EXPECT_FALSE(p.predict(1, out));
     ASSERT_TRUE(p.add({5, {1, 2, 3}, {0.4, 0.1, 0.7}}));
     ASSERT_TRUE(p.predict(5.8, out));
-    const Pose2 want = c.method == "none"
-                           ? Pose2{1, 2, 3}
-                           : perception::integrate({1, 2, 3}, {0.4, 0.1, 0.7}, 0.8);
+    const Pose2 want = c.method == "none" ? Pose2{1, 2, 3}
+                                          : perception::integrate({1, 2, 3}, {0.4, 0.1, 0.7}, 0.8);
     EXPECT_NEAR(out.X_OB.x, want.x, 1e-12) << method;
     EXPECT_NEAR(out.X_OB.y, want.y, 1e-12) << method;
     EXPECT_NEAR(out.X_OB.yaw, want.yaw, 1e-12) << method;
@@ -200,7 +203,8 @@ TEST(MotionPredictor, CorrectionIsBounded) {
     ASSERT_TRUE(p.predict(t + h, out));
     ASSERT_TRUE(perception::is_finite(out.X_OB)) << "seed " << seed;
     ASSERT_LE(std::abs(out.mean_B.vx - v.vx), 0.5 * h * c.acceleration_limit_m_per_s2 + 1e-12);
-    ASSERT_LE(std::abs(out.mean_B.wz - v.wz), 0.5 * h * c.yaw_acceleration_limit_rad_per_s2 + 1e-12);
+    ASSERT_LE(std::abs(out.mean_B.wz - v.wz),
+              0.5 * h * c.yaw_acceleration_limit_rad_per_s2 + 1e-12);
   }
 }
 

@@ -213,10 +213,11 @@ TEST(PredictionTask, DrivesAPathRoundCornersAcrossDelays) {
     }
     const Pose2& x = l.truth().X_WB;
     const double end = std::hypot(x.x - 0.4, x.y - 1.4);
-    std::printf("one way %3lld ms: arrived after %.1f s, end error %.1f mm, off the path %.1f mm, "
-                "tracking %.1f mm\n",
-                static_cast<long long>(delay.count() / 1000000), arrived_at * 1e-3, 1e3 * end,
-                1e3 * l.worst_off_path, 1e3 * l.worst_tracking);
+    std::printf(
+        "one way %3lld ms: arrived after %.1f s, end error %.1f mm, off the path %.1f mm, "
+        "tracking %.1f mm\n",
+        static_cast<long long>(delay.count() / 1000000), arrived_at * 1e-3, 1e3 * end,
+        1e3 * l.worst_off_path, 1e3 * l.worst_tracking);
     EXPECT_GT(arrived_at, 0);
     EXPECT_LT(arrived_at, 12000);
     EXPECT_LT(end, 0.010);
@@ -339,8 +340,8 @@ TEST(PredictionTask, NewPathOnTheWayIsTaken) {
   EXPECT_LT(std::hypot(l.truth().X_WB.x - here.x, l.truth().X_WB.y - 1.0), 0.02);
 }
 
-// Wheels slip by 3 %: odometry is short, the camera knows; with the correction the base ends where the
-// path does in the map, without it it does not.
+// Wheels slip by 3 %: odometry is short, the camera knows; with the correction the base ends where
+// the path does in the map, without it it does not.
 TEST(PredictionTask, MapCorrectionTakesTheDriftOut) {
   double error[2] = {};
   for (const bool on : {false, true}) {

@@ -190,8 +190,8 @@ TEST(RobotIo, FollowsAnArc) {
   }
   std::printf("arc: tracking %.1f mm, off the circle %.1f mm\n", 1e3 * tracking, 1e3 * off);
   EXPECT_LE(tracking, 0.030);
-  // Pursuit of a point l ahead runs tangentially at r - sqrt(r^2 - l^2) inside the circle; the point
-  // is up to one goal period further ahead than it was sent.
+  // Pursuit of a point l ahead runs tangentially at r - sqrt(r^2 - l^2) inside the circle; the
+  // point is up to one goal period further ahead than it was sent.
   const double ahead = 0.35 + speed * 0.1;
   EXPECT_LE(off, radius - std::sqrt(radius * radius - ahead * ahead));
   EXPECT_GE(off, 0.02);

@@ -97,8 +97,7 @@ TEST(Trajectory, LimitsHoldForJumpingGoals) {
         base.X.yaw += random.uniform(-1, 1);
       }
       const bool braking = random.uniform() < 0.05;
-      const PlanarVelocity v =
-          braking ? base.trajectory.stop(base.X, kT) : base.tick(t);
+      const PlanarVelocity v = braking ? base.trajectory.stop(base.X, kT) : base.tick(t);
       ASSERT_LE(std::hypot(v.x, v.y), c.speed_m_per_s * (1 + 1e-9)) << "seed " << seed;
       ASSERT_LE(std::abs(v.yaw), c.yaw_rate_rad_per_s * (1 + 1e-9)) << "seed " << seed;
       ASSERT_LE(std::hypot(v.x - last.x, v.y - last.y), c.acceleration_m_per_s2 * kT * (1 + 1e-6));
