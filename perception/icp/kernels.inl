@@ -123,7 +123,8 @@ LANE_FN void accumulate_row_impl(const RowJob& job, RowSums& out) {
     inliers -= ok;
 
     const F8 r = keep(ok, nx * dx + ny * dy + nz * dz);
-    const F8 w = keep(ok, lesser(splat(1.0F), splat(job.range_weight2) * inv_z * inv_z));
+    const F8 share = lesser(splat(1.0F), splat(job.range_weight2) * inv_z * inv_z);
+    const F8 w = keep(ok, share * share);
     const F8 ax = qx - splat(job.centre[0]), ay = qy - splat(job.centre[1]),
              az = qz - splat(job.centre[2]);
     const F8 J[6] = {keep(ok, nx),

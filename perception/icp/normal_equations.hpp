@@ -15,7 +15,7 @@ using Mat6 = Eigen::Matrix<double, 6, 6>;
 struct Gates {
   float distance_m = 0.1F;     // largest |q - v_m|
   float normal_cos = 0.866F;   // smallest n_live . n_m
-  float range_weight_m = 1.5F; // weight (range_weight_m / z)^2 beyond it, 1 nearer
+  float range_weight_m = 1.0F; // weight (range_weight_m / z)^4 beyond it, 1 nearer
 };
 
 // Weighted normal equations H xi = -g of xi = (v, w) about `centre_F`, residual sums and counts.

@@ -22,7 +22,7 @@ void TrackerConfig::describe(config::Section& s) {
       .integer("iterations_coarse", iterations[2], 1, 50, "at a quarter")
       .numbers("gate_distance_m", gate_distance_m, 0.005, 1, "largest pair distance, fine to coarse")
       .number("gate_normal_deg", gate_normal_deg, 1, 89, "largest angle between normals")
-      .number("range_weight_m", range_weight_m, 0.1, 100, "beyond it a residual weighs 1/z^2")
+      .number("range_weight_m", range_weight_m, 0.1, 100, "beyond it a residual weighs 1/z^4")
       .number("stop_translation_m", stop_translation_m, 0, 0.01, "a level ends below this step")
       .number("stop_rotation_deg", stop_rotation_deg, 0, 1, "and this one")
       .number("weak_inlier_share", weak_inlier_share, 0, 1, "below: weak")

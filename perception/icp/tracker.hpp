@@ -31,9 +31,10 @@ namespace perception {
 struct TrackerConfig {
   PreprocessConfig preprocess;
   std::array<int, 3> iterations{4, 5, 15};  // fine to coarse; the upper bound of a dynamic knob
-  std::array<double, 3> gate_distance_m{0.08, 0.10, 0.15};  // fine to coarse
+  std::array<double, 3> gate_distance_m{0.05, 0.08, 0.20};  // fine to coarse
   double gate_normal_deg = 30;
-  double range_weight_m = 1.5;       // beyond it a residual weighs (range_weight_m / z)^2
+  // Beyond it a residual weighs (range_weight_m / z)^4: the noise of depth cameras grows with z^2.
+  double range_weight_m = 1.0;
   double stop_translation_m = 1e-5;  // a level ends when a step is below both
   double stop_rotation_deg = 5e-4;
   DegeneracyConfig degeneracy;

@@ -233,6 +233,7 @@ void FusionTask::cast_model(int pixel_step, bool hint, Out& out) noexcept {
   Stage stage(profiling_, profile_.raycast);
   perception::RaycastOptions o;
   o.pixel_step = pixel_step;
+  o.min_weight = 0.2;  // one far observation under range weighting is 1/4
   o.max_depth_m = config_.tracker.preprocess.depth_max_m + config_.tsdf.truncation_m;
   if (hint) o.hint_depth_m = tracker_.pyramid().full_depth();
   const auto stats = perception::raycast(map_, setup_.camera, X_WC_, o, model_);

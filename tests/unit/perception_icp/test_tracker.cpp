@@ -271,7 +271,7 @@ NormalEquations reference_sums(const DepthLevel& live, const ModelView& model, c
       if (l.dot(n) <= static_cast<double>(gates.normal_cos)) continue;
       ++eq.inliers;
       const double range = static_cast<double>(gates.range_weight_m) / q.z();
-      const double w = std::min(1.0, range * range);
+      const double w = std::min(1.0, std::pow(range, 4));
       const auto residual = [&](const Vec6& xi, const Vec3& normal) {
         return normal.dot(centre + exp_se3(xi) * (q - centre) - m);
       };
