@@ -8,7 +8,7 @@ namespace {
 
 constexpr std::uint8_t kCoded = 1, kPlain = 2;
 constexpr unsigned kGroupBits = 3;  // of a nibble; the fourth says that more follow
-constexpr std::uint64_t kMore = 8;
+constexpr std::uint32_t kMore = 8;
 
 // Nibbles, low one first, eight bytes at a time.
 class NibbleWriter {

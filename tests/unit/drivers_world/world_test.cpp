@@ -5,10 +5,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
+#include <fstream>
 #include <numbers>
 
 #include "config/schema.hpp"
 #include "rt/random.hpp"
+#include "tests/support/world_scene.hpp"
 
 namespace {
 
@@ -358,58 +361,84 @@ TEST(Collision, ThinAndParallelBoxes) {
 
 // ---- scene files -----------------------------------------------------------------------------
 
-World load(const std::string& scene) {
-  WorldConfig config;
-  config::Section root;
-  config.describe(root.section("world"));
-  const auto ok =
-      config::load_file(std::string(TELETACT_SOURCE_DIR) + "/config/scenes/" + scene, root);
-  EXPECT_TRUE(ok.has_value()) << (ok ? "" : ok.error());
-  return make(config);
+World load(const std::string& scene) { return test_support::load_world(startup.token(), scene); }
+
+// Point of the first press of the scene's hand: where the mark on the floor will be.
+Vec3 first_press(const std::string& scene) {
+  std::ifstream file(test_support::scene_path(scene));
+  Vec3 p = Vec3::Constant(std::nan(""));
+  for (std::string line; std::getline(file, line);) {
+    if (line != "kind = \"press\"") continue;
+    std::getline(file, line);
+    EXPECT_EQ(std::sscanf(line.c_str(), "point_m = [%lf, %lf, %lf]", &p[0], &p[1], &p[2]), 3);
+    break;
+  }
+  return p;
+}
+
+bool free_any_heading(const World& w, double x, double y) {
+  for (double yaw = -3.2; yaw < 3.2; yaw += 0.1) {
+    if (w.robot_collision(x, y, yaw) >= 0) return false;
+  }
+  return true;
+}
+
+// Flood fill on a 5 cm grid of places that are free at any heading.
+bool way_exists(const World& w, double x1, double y1) {
+  constexpr int kN = 61;  // -1 ... 2 m in x and y
+  const auto cell = [](double v) { return static_cast<int>(std::lround((v + 1) / 0.05)); };
+  std::vector<char> seen(kN * kN, 0);
+  std::vector<std::pair<int, int>> open{{cell(0), cell(0)}};
+  while (!open.empty()) {
+    const auto [i, j] = open.back();
+    open.pop_back();
+    if (i < 0 || j < 0 || i >= kN || j >= kN || seen[static_cast<std::size_t>(i * kN + j)])
+      continue;
+    seen[static_cast<std::size_t>(i * kN + j)] = 1;
+    if (!free_any_heading(w, i * 0.05 - 1, j * 0.05 - 1)) continue;
+    if (i == cell(x1) && j == cell(y1)) return true;
+    for (const auto& [di, dj] : {std::pair{1, 0}, {-1, 0}, {0, 1}, {0, -1}}) {
+      open.emplace_back(i + di, j + dj);
+    }
+  }
+  return false;
 }
 
 TEST(Scenes, DefaultRoomIsWhatItsHeadSays) {
   const World w = load("default_room.toml");
-  EXPECT_EQ(w.robot_collision(0, 0, 0), -1);
-  for (double yaw = -3.2; yaw < 3.2; yaw += 0.05) {
-    EXPECT_EQ(w.robot_collision(1.95, 0.8, yaw), -1);  // any heading is free at the goal
-    EXPECT_EQ(w.robot_collision(0, 0, yaw), -1);
-  }
-  // The straight way to it is not free, a way round on either side is.
+  const Vec3 goal = first_press("default_room.toml");
+  ASSERT_TRUE(goal.allFinite());
+  EXPECT_EQ(goal.z(), 0);
+  EXPECT_GT(goal.norm(), 1.5);
+  EXPECT_TRUE(free_any_heading(w, 0, 0));
+  EXPECT_TRUE(free_any_heading(w, goal.x(), goal.y()));
+  // The straight way to it is not free, a way round is.
   bool blocked = false;
   for (double a = 0; a <= 1; a += 0.01) {
-    blocked = blocked || w.robot_collision(1.95 * a, 0.8 * a, std::atan2(0.8, 1.95)) >= 0;
+    blocked = blocked || w.robot_collision(a * goal.x(), a * goal.y(), 0) >= 0;
   }
   EXPECT_TRUE(blocked);
-  const auto free_line = [&w](double x0, double y0, double x1, double y1) {
-    for (double a = 0; a <= 1; a += 0.005) {
-      for (double yaw = -3.2; yaw < 3.2; yaw += 0.2) {
-        if (w.robot_collision(x0 + a * (x1 - x0), y0 + a * (y1 - y0), yaw) >= 0) return false;
-      }
-    }
-    return true;
-  };
-  EXPECT_TRUE(free_line(0, 0, 0.6, -0.2) && free_line(0.6, -0.2, 1.75, -0.2) &&
-              free_line(1.75, -0.2, 1.95, 0.8));
-  // The camera sees the pedestal's face and its top at 1.2-1.9 m.
+  EXPECT_TRUE(way_exists(w, goal.x(), goal.y()));
+  // From the start the camera sees the floor of the goal, and the pedestal's top and one side.
   const Vec3 lens{-0.2, 0, 0.95};
-  const int pedestal = w.find("pedestal");
-  const Vec3 top{1.45, -0.85, 0.50};
-  const auto hit = w.ray_cast(lens, (top - lens).normalized());
-  EXPECT_EQ(hit.shape, pedestal);
-  EXPECT_GT(hit.normal_W.z(), 0.99);
-  const Vec3 face = Vec3(1.45, -0.85, 0.3) - 0.18 * Vec3(std::cos(0.2618), std::sin(0.2618), 0);
-  const auto front = w.ray_cast(lens, (face - lens).normalized());
-  EXPECT_EQ(front.shape, pedestal);
-  EXPECT_LT(std::abs(front.normal_W.z()), 1e-9);
-  EXPECT_NEAR(front.t, 1.8, 0.15);
-  // The floor of the goal area is seen over the hurdle.
-  for (double x = 1.65; x < 2.3; x += 0.05) {
-    for (double y = 0.5; y < 1.15; y += 0.05) {
-      const Vec3 p{x, y, 0};
-      EXPECT_EQ(w.ray_cast(lens, p - lens).shape, w.find("floor")) << x << " " << y;
+  for (const double dx : {-0.05, 0.0, 0.05}) {
+    for (const double dy : {-0.05, 0.0, 0.05}) {
+      EXPECT_EQ(w.ray_cast(lens, goal + Vec3(dx, dy, 0) - lens).shape, w.find("floor"));
     }
   }
+  const int pedestal = w.find("pedestal");
+  ASSERT_GE(pedestal, 0);
+  const Shape& shape = w.shapes()[static_cast<std::size_t>(pedestal)];
+  const Vec3 top = shape.X_WS * Vec3(0, 0, shape.half.z());
+  const Vec3 front = shape.X_WS * Vec3(-shape.half.x(), 0, 0.05);
+  const auto on_top = w.ray_cast(lens, (top - lens).normalized());
+  const auto on_front = w.ray_cast(lens, (front - lens).normalized());
+  EXPECT_EQ(on_top.shape, pedestal);
+  EXPECT_GT(on_top.normal_W.z(), 0.99);
+  EXPECT_EQ(on_front.shape, pedestal);
+  EXPECT_LT(std::abs(on_front.normal_W.z()), 1e-9);
+  EXPECT_GT(on_front.t, 1.2);
+  EXPECT_LT(on_front.t, 2.0);
 }
 
 TEST(Scenes, OtherScenesLoadAndStartFree) {
