@@ -1,0 +1,174 @@
+// teletact fuse on a rendered sequence written as files: poses, claims, determinism, bad input.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <sstream>
+
+#include "tests/support/analytic_scene.hpp"
+#include "tools/teletact/commands.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using perception::Pose;
+using perception::Vec3;
+
+std::string slurp(const fs::path& p) {
+  std::ifstream in(p, std::ios::binary);
+  std::stringstream s;
+  s << in.rdbuf();
+  return s.str();
+}
+
+class Fuse : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    root_ = fs::temp_directory_path() /
+            ("teletact_fuse_" + std::to_string(getpid()) + "_" +
+             ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::create_directories(root_ / "seq" / "depth");
+    fs::create_directories(root_ / "seq" / "rgb");
+  }
+  void TearDown() override { fs::remove_all(root_); }
+
+  void write_sequence(const tests::AnalyticScene& scene, const std::vector<Pose>& poses) {
+    const auto k = tests::small_camera();
+    rt::Random random(77);
+    std::ofstream list(root_ / "seq" / "associations.txt");
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      const auto mm = tests::to_mm(tests::cast_depth(scene, k, poses[i]), 0.001, random);
+      cv::Mat depth(k.height, k.width, CV_16UC1), colour(k.height, k.width, CV_8UC3, {90, 120, 200});
+      std::copy(mm.begin(), mm.end(), depth.ptr<std::uint16_t>());
+      char stamp[32];
+      std::snprintf(stamp, sizeof stamp, "%.6f", static_cast<double>(i) / 30);
+      const std::string d = std::string("depth/") + stamp + ".png", c = std::string("rgb/") + stamp + ".png";
+      cv::imwrite((root_ / "seq" / d).string(), depth);
+      cv::imwrite((root_ / "seq" / c).string(), colour);
+      list << stamp << ' ' << c << ' ' << stamp << ' ' << d << '\n';
+    }
+    std::ofstream(root_ / "seq" / "intrinsics.txt")
+        << k.fx << ' ' << k.fy << ' ' << k.cx << ' ' << k.cy << ' ' << k.width << ' ' << k.height
+        << " 1000\n";
+  }
+  void write_odometry(const std::vector<Pose>& poses) {
+    std::ofstream out(root_ / "odometry.txt");
+    out.precision(9);
+    for (std::size_t i = 0; i < poses.size(); ++i) {
+      const Eigen::Quaterniond q(poses[i].linear());
+      const Vec3 t = poses[i].translation();
+      char stamp[32];
+      std::snprintf(stamp, sizeof stamp, "%.6f", static_cast<double>(i) / 30);
+      out << stamp << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' ' << q.x() << ' ' << q.y() << ' '
+          << q.z() << ' ' << q.w() << '\n';
+    }
+  }
+  int fuse(std::vector<std::string> extra, const std::string& name = "out") {
+    std::vector<std::string> args{"fuse", "--rgbd", (root_ / "seq").string(), "--poses", (root_ / (name + ".txt")).string(), "--ply", (root_ / (name + ".ply")).string()};
+    if (extra.empty() || extra[0] != "--voxel") args.insert(args.end(), {"--voxel", "0.02"});
+    args.insert(args.end(), extra.begin(), extra.end());
+    std::vector<char*> argv;
+    for (auto& a : args) argv.push_back(a.data());
+    return teletact::cmd_fuse(static_cast<int>(argv.size()), argv.data());
+  }
+  struct Line {
+    double t;
+    Pose X;
+  };
+  [[nodiscard]] std::vector<Line> claims(const std::string& name = "out") const {
+    std::istringstream in(slurp(root_ / (name + ".txt")));
+    std::vector<Line> lines;
+    for (std::string text; std::getline(in, text);) {
+      if (text.empty() || text[0] == '#') continue;
+      std::istringstream s(text);
+      double t, x, y, z, qx, qy, qz, qw;
+      s >> t >> x >> y >> z >> qx >> qy >> qz >> qw;
+      Pose X = Pose::Identity();
+      X.linear() = Eigen::Quaterniond(qw, qx, qy, qz).toRotationMatrix();
+      X.translation() = Vec3(x, y, z);
+      lines.push_back({t, X});
+    }
+    return lines;
+  }
+  fs::path root_;
+};
+
+std::vector<Pose> drive(int n) {
+  std::vector<Pose> poses;
+  for (int i = 0; i < n; ++i) {
+    poses.push_back(tests::look_at(Vec3(-0.2 + 0.008 * i, 0.1 - 0.004 * i, 0.9), Vec3(1.8, -0.05, 0.3)));
+  }
+  return poses;
+}
+
+TEST_F(Fuse, PosesFollowTheTruthAndRunsAreEqual) {
+  const auto truth = drive(15);
+  write_sequence(tests::test_room(), truth);
+  ASSERT_EQ(fuse({"--json", (root_ / "m.json").string()}), 0);
+  const auto lines = claims();
+  ASSERT_EQ(lines.size(), truth.size());
+  double worst = 0;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    EXPECT_NEAR(lines[i].t, static_cast<double>(i) / 30, 1e-6);
+    const Pose expected = truth[0].inverse() * truth[i];
+    worst = std::max(worst, (lines[i].X.translation() - expected.translation()).norm());
+  }
+  std::cout << "worst translation error " << worst * 1000 << " mm over "
+            << 1000 * (truth.back().translation() - truth[0].translation()).norm() << " mm\n";
+  EXPECT_LT(worst, 0.005);
+  EXPECT_NE(slurp(root_ / "m.json").find("fusion.frames_tracked"), std::string::npos);
+  EXPECT_EQ(slurp(root_ / "out.ply").rfind("ply\n", 0), 0U);
+  ASSERT_EQ(fuse({}, "again"), 0);
+  EXPECT_EQ(slurp(root_ / "out.txt"), slurp(root_ / "again.txt"));
+  EXPECT_EQ(slurp(root_ / "out.ply"), slurp(root_ / "again.ply"));
+}
+
+TEST_F(Fuse, FlatWallIsClaimedOnlyWithOdometry) {
+  tests::AnalyticScene wall;
+  wall.planes = {{Vec3(1.2, 0, 0), -Vec3::UnitX()}};
+  std::vector<Pose> truth;
+  for (int i = 0; i < 10; ++i) truth.push_back(tests::look_at(Vec3(0, 0.005 * i, 0.5), Vec3(1.2, 0.005 * i, 0.5)));
+  write_sequence(wall, truth);
+  ASSERT_EQ(fuse({}, "alone"), 0);
+  EXPECT_EQ(claims("alone").size(), 1U) << "only the first frame, which defines the world";
+  EXPECT_NE(slurp(root_ / "alone.txt").find("# degenerate "), std::string::npos);
+  write_odometry(truth);
+  ASSERT_EQ(fuse({"--odometry", (root_ / "odometry.txt").string()}, "odometry"), 0);
+  const auto lines = claims("odometry");
+  ASSERT_EQ(lines.size(), truth.size());
+  const Pose expected = truth[0].inverse() * truth.back();
+  EXPECT_LT((lines.back().X.translation() - expected.translation()).norm(), 0.002);
+}
+
+TEST_F(Fuse, BadInputLeavesNoOutputAndNamesTheCause) {
+  write_sequence(tests::test_room(), drive(3));
+  const auto refuses = [&](const std::vector<std::string>& extra, const std::string& word) {
+    try {
+      fuse(extra, "bad");
+      ADD_FAILURE() << "accepted; expected a message with " << word;
+    } catch (const std::exception& e) {
+      EXPECT_NE(std::string(e.what()).find(word), std::string::npos) << e.what();
+    }
+    EXPECT_FALSE(fs::exists(root_ / "bad.txt"));
+    EXPECT_FALSE(fs::exists(root_ / "bad.ply"));
+  };
+  refuses({"--voxel", "0.5"}, "0.004 to 0.1");
+  refuses({"--unknown"}, "--unknown");
+  refuses({"--odometry", (root_ / "none.txt").string()}, "none.txt");
+  std::ofstream(root_ / "bad_odometry.txt") << "0 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1\n";
+  refuses({"--odometry", (root_ / "bad_odometry.txt").string()}, "rise");
+  std::ofstream(root_ / "bad_odometry.txt") << "0 0 0 0 0 0 0 2\n";
+  refuses({"--odometry", (root_ / "bad_odometry.txt").string()}, "quaternion");
+  std::ofstream(root_ / "bad_odometry.txt") << "0 0 0 0 0 0 1\n";
+  refuses({"--odometry", (root_ / "bad_odometry.txt").string()}, "8");
+  fs::resize_file(root_ / "seq" / "depth" / "0.033333.png", 100);
+  refuses({}, "0.033333.png");
+  fs::remove(root_ / "seq" / "intrinsics.txt");
+  refuses({}, "intrinsics.txt");
+  for (const auto& entry : fs::directory_iterator(root_)) {
+    EXPECT_EQ(entry.path().string().find("bad.ply"), std::string::npos) << entry.path();
+  }
+}
+
+}  // namespace

@@ -1,0 +1,264 @@
+// teletact fuse: a recorded RGB-D sequence to camera poses and a coloured mesh, through the very task
+// that runs in the demo (tasks/fusion).
+//
+//   --rgbd DIR       TUM layout (drivers/camera/tum_reader.hpp); its ground truth is never opened
+//   --odometry FILE  TUM lines "t tx ty tz qx qy qz qw", camera to its own start, as motion prior
+//   --voxel M        edge of a voxel
+//   --poses OUT.txt  TUM lines, camera to world (world = first camera). A data line is a claim; a
+//                    frame that is lost, or that the scene and the odometry leave open, is a comment
+//   --ply OUT.ply    the fused surface
+//
+// Images of 640 x 480 are brought to 512 x 424, the size the stack works at, unless --full-size.
+// Outputs appear whole or not at all. Same input, same bytes.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "drivers/camera/tum_files.hpp"
+#include "drivers/camera/tum_reader.hpp"
+#include "perception/tsdf/mesh.hpp"
+#include "tasks/fusion/fusion_task.hpp"
+#include "tools/teletact/commands.hpp"
+#include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/whole_file.hpp"
+
+namespace teletact {
+namespace {
+
+struct FuseOptions {
+  std::string rgbd, odometry, json, poses, ply;
+  double voxel_m = tasks::FusionConfig{}.tsdf.voxel_size_m;
+  bool full_size = false;
+};
+
+template <class T>
+T take(rt::Result<T> result) {
+  if (!result) throw std::runtime_error(result.error());
+  return std::move(result).value();
+}
+
+struct OdometryLine {
+  double t_s = 0;
+  perception::Pose X = perception::Pose::Identity();
+};
+
+std::vector<OdometryLine> read_odometry(const std::string& path) {
+  std::vector<OdometryLine> lines;
+  take(drivers::for_each_line(
+      path, [&](int number, const std::vector<std::string>& tokens) -> rt::Result<bool> {
+        static constexpr const char* kNames[] = {"t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"};
+        if (tokens.size() != 8) {
+          return drivers::file_error(path, number, std::to_string(tokens.size()) +
+                                                       " values; a TUM pose has 8: t tx ty tz qx qy qz qw");
+        }
+        double v[8];
+        for (std::size_t i = 0; i < 8; ++i) {
+          auto value = drivers::parse_number(path, number, kNames[i], tokens[i]);
+          if (!value) return rt::Error{value.error()};
+          v[i] = value.value();
+        }
+        if (!lines.empty() && v[0] <= lines.back().t_s) {
+          return drivers::file_error(path, number, "t = " + tokens[0] + " does not rise");
+        }
+        const Eigen::Quaterniond q(v[7], v[4], v[5], v[6]);
+        if (std::abs(q.norm() - 1) > 0.02) {
+          return drivers::file_error(path, number,
+                                     "quaternion of length " + std::to_string(q.norm()) + "; must be 1");
+        }
+        OdometryLine line;
+        line.t_s = v[0];
+        line.X.linear() = q.normalized().toRotationMatrix();
+        line.X.translation() = perception::Vec3(v[1], v[2], v[3]);
+        lines.push_back(line);
+        return true;
+      }));
+  if (lines.empty()) throw std::runtime_error(path + ": no pose in it");
+  return lines;
+}
+
+// Odometry at t, between two lines at most 0.2 s apart, with the velocity there; empty where the file
+// says nothing.
+std::optional<tasks::OdometryPrior> odometry_at(const std::vector<OdometryLine>& lines, double t_s,
+                                                rt::Time taken) {
+  auto after = std::lower_bound(lines.begin(), lines.end(), t_s,
+                                [](const OdometryLine& l, double t) { return l.t_s < t; });
+  if (after == lines.end()) return std::nullopt;
+  if (after == lines.begin()) {
+    if (after->t_s != t_s || lines.size() < 2) return std::nullopt;
+    ++after;
+  }
+  const auto before = after - 1;
+  const double span = after->t_s - before->t_s, f = (t_s - before->t_s) / span;
+  if (span > 0.2) return std::nullopt;
+  const perception::Pose step = before->X.inverse() * after->X;
+  const Eigen::AngleAxisd turn(step.linear());
+  tasks::OdometryPrior prior;
+  prior.taken = taken;
+  prior.X_OB = before->X;
+  prior.X_OB.translate(f * step.translation()).rotate(Eigen::AngleAxisd(f * turn.angle(), turn.axis()));
+  prior.v_OB_B = step.translation() / span;
+  prior.w_OB_B = turn.angle() / span * turn.axis();
+  return prior;
+}
+
+void check_writable(const std::string& path) {
+  auto folder = std::filesystem::path(path).parent_path();
+  if (folder.empty()) folder = ".";
+  if (access(folder.c_str(), W_OK) != 0 || std::filesystem::is_directory(path)) {
+    throw std::runtime_error(path + ": can not be written");
+  }
+}
+
+std::string pose_line(const std::string& stamp, const tasks::CameraPose& camera) {
+  const perception::Vec3 p = camera.X_WC.translation();
+  const Eigen::Quaterniond q(camera.X_WC.linear());
+  const double sign = q.w() < 0 ? -1 : 1;
+  char line[256];
+  std::snprintf(line, sizeof line, "%s %.6f %.6f %.6f %.9f %.9f %.9f %.9f\n", stamp.c_str(), p.x(), p.y(),
+                p.z(), sign * q.x(), sign * q.y(), sign * q.z(), sign * q.w());
+  if (camera.claimed) return line;
+  const bool lost = camera.tracking == tasks::CameraPose::Tracking::kLost;
+  return std::string(lost ? "# lost " : "# degenerate ") + line;
+}
+
+double quantile(std::vector<double> v, double q) {
+  if (v.empty()) return std::nan("");
+  std::sort(v.begin(), v.end());
+  return v[std::min(v.size() - 1, static_cast<std::size_t>(q * static_cast<double>(v.size())))];
+}
+
+struct Tally {
+  int frames = 0, tracked = 0, claimed = 0, empty = 0;
+  std::int64_t blocks_refused = 0;
+  std::vector<double> cpu_ms;
+};
+
+void note_frame(const tasks::FusionTask& task, const tasks::FusionTask::Out& out, Tally& tally) {
+  ++tally.frames;
+  tally.tracked += out.camera_written && out.camera.tracking != tasks::CameraPose::Tracking::kLost ? 1 : 0;
+  tally.claimed += out.camera_written && out.camera.claimed ? 1 : 0;
+  tally.empty += out.camera_written ? 0 : 1;
+  tally.blocks_refused += out.integration.blocks_refused;
+  const auto& p = task.last_profile();
+  tally.cpu_ms.push_back(1e-6 * static_cast<double>(p.prepare + p.track + p.integrate + p.raycast +
+                                                    p.ground + p.cost_map + p.patch));
+}
+
+// Runs the task over the sequence; returns the text of the pose file.
+std::string fuse(const drivers::TumSequence& sequence, const std::vector<OdometryLine>& odometry,
+                 tasks::FusionTask& task, Tally& tally) {
+  auto frame = std::make_unique<perception::RgbdFrame>();
+  auto patch = std::make_unique<perception::SurfacePatch>();
+  auto cost_map = std::make_unique<perception::CostMap>();
+  std::string poses = "# camera to world; world = first camera. A data line is a claim.\n"
+                      "# timestamp tx ty tz qx qy qz qw\n";
+  for (int i = 0; i < sequence.size(); ++i) {
+    take(sequence.read(i, *frame));
+    rt::Tick tick;
+    tick.k = static_cast<std::uint64_t>(i);
+    tick.release = tick.start = frame->exposure;
+    tasks::FusionTask::In in;
+    in.frame = frame.get();
+    in.frame_fresh = true;
+    if (!odometry.empty()) in.odometry = odometry_at(odometry, sequence.stamp_s(i), frame->exposure);
+    tasks::FusionTask::Out out;
+    out.patch = patch.get();
+    out.cost_map = cost_map.get();
+    static_cast<void>(task.step(tick, in, out));
+    note_frame(task, out, tally);
+    poses += out.camera_written ? pose_line(sequence.stamp_text(i), out.camera)
+                                : "# no image " + sequence.stamp_text(i) + "\n";
+  }
+  return poses;
+}
+
+void run(const FuseOptions& o) {
+  if (!(o.voxel_m >= 0.004 && o.voxel_m <= 0.1)) {
+    throw std::runtime_error("--voxel " + std::to_string(o.voxel_m) + ": must be 0.004 to 0.1 m");
+  }
+  for (const std::string& path : {o.poses, o.ply, o.json}) {
+    if (!path.empty()) check_writable(path);
+  }
+  drivers::TumOptions tum;
+  tum.register_colour = true;
+  auto sequence = take(drivers::TumSequence::open(o.rgbd, tum));
+  if (sequence.intrinsics().width == 640 && sequence.intrinsics().height == 480 && !o.full_size) {
+    tum.to_512x424 = true;
+    sequence = take(drivers::TumSequence::open(o.rgbd, tum));
+  }
+  std::vector<OdometryLine> odometry;
+  if (!o.odometry.empty()) odometry = read_odometry(o.odometry);
+
+  rt::Startup startup;
+  tasks::FusionConfig config;
+  config.tsdf.voxel_size_m = o.voxel_m;
+  // The surface of the same place takes more blocks as voxels get finer.
+  const double finer = std::max(1.0, 0.01 / o.voxel_m);
+  config.tsdf.max_blocks = static_cast<int>(config.tsdf.max_blocks * finer * finer);
+  tasks::FusionSetup setup;
+  setup.camera = sequence.intrinsics();
+  tasks::FusionTask task(startup.token(), config, setup);
+  task.profile(true);
+  Tally tally;
+  const std::string poses = fuse(sequence, odometry, task, tally);
+
+  const perception::Mesh mesh = perception::extract_mesh(startup.token(), task.map());
+  take(perception::write_ply(startup.token(), o.ply, mesh));
+  try {
+    write_whole_file(o.poses, poses);
+    Metrics metrics("fuse");
+    metrics.add("fusion.frames", tally.frames, "1");
+    metrics.add("fusion.frames_tracked", tally.tracked, "1");
+    metrics.add("fusion.frames_claimed", tally.claimed, "1");
+    metrics.add("fusion.cpu_p50_ms", quantile(tally.cpu_ms, 0.5), "ms");
+    metrics.add("fusion.cpu_p95_ms", quantile(tally.cpu_ms, 0.95), "ms");
+    metrics.add("fusion.blocks", task.map().block_count(), "1");
+    metrics.add("fusion.blocks_refused", static_cast<double>(tally.blocks_refused), "1");
+    metrics.add("fusion.vertices", static_cast<double>(mesh.vertices_W.size()), "1");
+    if (!o.json.empty()) metrics.write(o.json);
+  } catch (...) {
+    std::error_code ignored;
+    for (const std::string& path : {o.ply, o.poses}) std::filesystem::remove(path, ignored);
+    throw;
+  }
+  std::printf("%d frames, %d tracked, %d claimed; %.1f ms CPU a frame (p50); %zu vertices\n", tally.frames,
+              tally.tracked, tally.claimed, quantile(tally.cpu_ms, 0.5), mesh.vertices_W.size());
+  if (tally.blocks_refused > 0) {
+    std::fprintf(stderr, "teletact fuse: the map is full, %lld blocks were refused: use larger voxels\n",
+                 static_cast<long long>(tally.blocks_refused));
+  }
+}
+
+}  // namespace
+
+int cmd_fuse(int argc, char** argv) {
+  FuseOptions o;
+  CLI::App app("teletact fuse: camera poses and a mesh from a recorded RGB-D sequence", "teletact fuse");
+  app.add_option("--rgbd", o.rgbd, "folder in TUM layout")->required();
+  app.add_option("--odometry", o.odometry, "TUM poses used as motion prior");
+  app.add_option("--voxel", o.voxel_m, "edge of a voxel, m, 0.004 to 0.1")->capture_default_str();
+  app.add_option("--poses", o.poses, "TUM poses to write, camera to world")->required();
+  app.add_option("--ply", o.ply, "mesh to write")->required();
+  app.add_option("--json", o.json, "figures to write");
+  app.add_flag("--full-size", o.full_size, "do not bring 640 x 480 images to 512 x 424");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp&) {
+    std::fputs(app.help().c_str(), stdout);
+    return 0;
+  } catch (const CLI::ParseError& e) {
+    throw std::runtime_error(e.what());
+  }
+  run(o);
+  return 0;
+}
+
+}  // namespace teletact
