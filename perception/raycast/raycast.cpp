@@ -23,7 +23,8 @@ class Caster {
       : map_(map), reader_(map, o.min_weight), options_(o), out_(out), voxel_(map.voxel_size()),
         voxels_per_unit_(map.metres_per_unit() / static_cast<float>(voxel_)),
         stride_unknown_(static_cast<float>(
-            std::floor(1.6 * std::min(2.5, map.truncation() / voxel_)))) {
+            std::max(1.0, std::floor(0.8 * std::min(5.0, map.truncation() / voxel_))))) {
+    hint_reach_ = static_cast<float>(0.55 * map.truncation() / voxel_);
     // Grid coordinates are kept relative to a node near the camera: floats then resolve microns.
     const Mat3 R = X_WC.linear();
     for (int r = 0; r < 3; ++r) {
@@ -134,15 +135,20 @@ class Caster {
     r.ahead = to_float(r.positive);
     for (int a = 0; a < 3; ++a) r.block_t[a] = 8.0F * std::fabs(r.inverse[a]);
     r.voxel_t = 1.0F / std::sqrt(r.d[0] * r.d[0] + r.d[1] * r.d[1] + r.d[2] * r.d[2]);
-    if (options_.hint_depth_m.data != nullptr) {
-      const float hint = options_.hint_depth_m.at(u * options_.pixel_step, v * options_.pixel_step);
-      const float start =
-          hint - static_cast<float>(1.1 * map_.truncation() / voxel_) * r.voxel_t;
-      if (hint > 0 && start > first) first = start;
-    }
+    const float hint = options_.hint_depth_m.data == nullptr
+                           ? 0.0F
+                           : options_.hint_depth_m.at(u * options_.pixel_step, v * options_.pixel_step);
     float hit_t = 0;
     MapReader::Cell cell;
-    return march(r, first, last, hit_t, cell) && store(x, y, hit_t, cell, record);
+    if (hint > 0) {
+      // Live depth is nearly always the surface itself.
+      const float near = hint_reach_ * r.voxel_t;
+      if (hint - near > first && hint + near < last &&
+          quick_root(r, hint - near, hint + near, hint, hit_t, cell))
+        return store(r, x, y, hit_t, cell, record);
+      first = std::max(first, hint - 2.0F * near);
+    }
+    return march(r, first, last, hit_t, cell) && store(r, x, y, hit_t, cell, record);
   }
 
   enum class Side { kUnknown, kOutside, kInside };
@@ -280,9 +286,33 @@ class Caster {
     return true;
   }
 
-  bool store(float x, float y, float t, const MapReader::Cell& cell, float* record) noexcept {
+  // Averages the field's noise: of the cell three voxels wide round the hit's own; where that holds an
+  // unknown or clipped node, of differences over one voxel to either side; false where neither is.
+  bool smooth_gradient(const Ray& r, float t, float (&g)[3]) noexcept {
+    const Float4 p = origin_ + splat(t) * r.d;
+    const Int4 n = floor4(p), node = n + base_;
+    const Float4 f = p - to_float(n), wide = (f + splat(1.0F)) * splat(1.0F / 3.0F);
+    const MapReader::Cell w =
+        reader_.wide_cell(node[0], node[1], node[2], wide[0], wide[1], wide[2]);
+    if (w.valid && w.within(static_cast<float>(TsdfMap::kDistanceOne))) {
+      w.gradient(g);
+      return true;
+    }
+    for (int a = 0; a < 3; ++a) {
+      Int4 lo = node, hi = node;
+      --lo[a], ++hi[a];
+      const MapReader::Cell c = reader_.cell(lo[0], lo[1], lo[2], f[0], f[1], f[2]);
+      const MapReader::Cell d = reader_.cell(hi[0], hi[1], hi[2], f[0], f[1], f[2]);
+      if (!c.valid || !d.valid) return false;
+      g[a] = d.value() - c.value();
+    }
+    return true;
+  }
+
+  bool store(const Ray& r, float x, float y, float t, const MapReader::Cell& cell,
+             float* record) noexcept {
     float g[3];
-    cell.gradient(g);
+    if (!options_.smooth_normals || !smooth_gradient(r, t, g)) cell.gradient(g);
     float n[3];
     for (int c = 0; c < 3; ++c) n[c] = R_[0][c] * g[0] + R_[1][c] * g[1] + R_[2][c] * g[2];
     const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
@@ -308,7 +338,8 @@ class Caster {
   RaycastMaps& out_;
   double voxel_;
   float voxels_per_unit_;
-  float stride_unknown_;  // voxels; below the thickness of the band across a surface
+  float stride_unknown_;  // voxels; the band across a surface is at least 5 thick
+  float hint_reach_ = 0;  // voxels: half of 1.1 truncation
   Int4 base_{};
   Float4 origin_{};
   Float4 axes_[3]{};  // camera axes in grid units a metre

@@ -26,8 +26,12 @@ struct RaycastOptions {
   double max_depth_m = 6.0;
   double min_weight = 1.0;    // observations of every corner used
   bool colour = false;
-  // Tracking only: depth (m, 0 = none) of the image at full resolution; a ray with a hint starts
-  // 1.1 truncation in front of it, so it misses a surface that lies before the hint by more.
+  // Normals from three voxels round the hit (averages the field's noise) instead of from the cell
+  // that holds it.
+  bool smooth_normals = true;
+  // Tracking only: depth (m, 0 = none) of the image at full resolution. A ray with a hint takes the
+  // crossing next to it, within 0.55 truncation, or else the first one from 1.1 truncation in front of
+  // it: it passes a surface that lies farther before the hint.
   ImageView<const float> hint_depth_m{};
 };
 

@@ -51,6 +51,11 @@ class MapReader {
 
     // Corner n: bit 2 = x+1, bit 1 = y+1, bit 0 = z+1.
     [[nodiscard]] float corner(int n) const noexcept { return n < 4 ? low[n] : high[n - 4]; }
+    // Every corner is below `limit` in magnitude.
+    [[nodiscard]] bool within(float limit) const noexcept {
+      const Float4 l = splat(limit);
+      return all_equal((low < l) & (low > -l) & (high < l) & (high > -l), Int4{-1, -1, -1, -1});
+    }
     [[nodiscard]] float value() const noexcept {  // raw units
       const Float4 x = low + splat(fx) * (high - low);
       const float z0 = x[0] + fy * (x[2] - x[0]), z1 = x[1] + fy * (x[3] - x[1]);
@@ -88,11 +93,17 @@ class MapReader {
       low = Int4{at(0, 0, 0), at(0, 0, 1), at(0, 1, 0), at(0, 1, 1)};
       high = Int4{at(1, 0, 0), at(1, 0, 1), at(1, 1, 0), at(1, 1, 1)};
     }
-    // Weights are 16 bits, so shifted down arithmetically and masked they compare as signed.
-    const Int4 least = Int4{min_raw_, min_raw_, min_raw_, min_raw_};
-    const Int4 poor = (((low >> 16) & 0xffff) < least) | (((high >> 16) & 0xffff) < least);
-    return {to_float((low << 16) >> 16), to_float((high << 16) >> 16), fx, fy, fz,
-            all_equal(poor, Int4{0, 0, 0, 0})};
+    return decode(low, high, fx, fy, fz);
+  }
+
+  // The same with corners one node farther out, (i - 1 or i + 2, ...): a cell three voxels wide.
+  // Positions and gradient are in units of that cell.
+  [[nodiscard]] Cell wide_cell(int i, int j, int k, float fx, float fy, float fz) noexcept {
+    const auto at = [&](int a, int b, int c) {
+      return static_cast<std::int32_t>(word(i - 1 + a, j - 1 + b, k - 1 + c));
+    };
+    return decode(Int4{at(0, 0, 0), at(0, 0, 3), at(0, 3, 0), at(0, 3, 3)},
+                  Int4{at(3, 0, 0), at(3, 0, 3), at(3, 3, 0), at(3, 3, 3)}, fx, fy, fz);
   }
 
   struct Sample {
@@ -116,6 +127,13 @@ class MapReader {
     int x = INT32_MIN, y = 0, z = 0;
     const TsdfMap::Chunk* chunk = nullptr;
   };
+  [[nodiscard]] Cell decode(Int4 low, Int4 high, float fx, float fy, float fz) const noexcept {
+    // Weights are 16 bits, so shifted down arithmetically and masked they compare as signed.
+    const Int4 least = Int4{min_raw_, min_raw_, min_raw_, min_raw_};
+    const Int4 poor = (((low >> 16) & 0xffff) < least) | (((high >> 16) & 0xffff) < least);
+    return {to_float((low << 16) >> 16), to_float((high << 16) >> 16), fx, fy, fz,
+            all_equal(poor, Int4{0, 0, 0, 0})};
+  }
   void fetch(BlockEntry& e, int bx, int by, int bz) noexcept {
     const TsdfMap::Chunk* c = chunk_of(bx >> 3, by >> 3, bz >> 3);
     const std::int32_t b = c == nullptr

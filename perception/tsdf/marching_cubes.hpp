@@ -68,8 +68,8 @@ inline constexpr std::array<Edge, 12> kEdges = make_edges();
     std::size_t a = static_cast<std::size_t>(next[first]);
     done[first] = done[a] = true;
     for (auto b = static_cast<std::size_t>(next[a]); b != first; b = static_cast<std::size_t>(next[b])) {
-      out.edge[out.triangles++] = {static_cast<std::uint8_t>(first), static_cast<std::uint8_t>(a),
-                                   static_cast<std::uint8_t>(b)};
+      out.edge[out.triangles++] = {static_cast<std::uint8_t>(first), static_cast<std::uint8_t>(b),
+                                   static_cast<std::uint8_t>(a)};
       done[b] = true;
       a = b;
     }

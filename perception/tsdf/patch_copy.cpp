@@ -79,6 +79,7 @@ std::array<std::int32_t, 3> patch_origin(const Vec3& centre_W, int nodes,
 bool copy_patch(const TsdfMap& map, const Vec3& centre_W, int nodes, SurfacePatch& out,
                 std::span<const std::uint8_t> slot_of_label) noexcept {
   if (nodes < 8 || nodes > SurfacePatch::kMaxNodes || nodes % 4 != 0) return false;
+  if (!centre_W.allFinite()) return false;
   if (!(centre_W.cwiseAbs().maxCoeff() < 4.0 * TsdfMap::kMaxBlockCoord * map.voxel_size()))
     return false;
   if (!slot_of_label.empty() && slot_of_label.size() < 256) return false;

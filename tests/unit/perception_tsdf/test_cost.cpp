@@ -13,7 +13,7 @@ TEST(Cost, OfEachStageInARoom) {
   rt::Startup startup;
   const Scene scene = room();
   const Intrinsics k = kinect2();
-  constexpr int kFrames = 12;
+  constexpr int kFrames = 6;
   std::vector<Pose> poses;
   std::vector<Frame> frames;
   for (int n = 0; n < kFrames; ++n) {

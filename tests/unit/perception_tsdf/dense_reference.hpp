@@ -1,0 +1,84 @@
+// A dense integrator that visits every node for every frame, one node at a time: what the sparse one
+// must agree with, word for word, wherever it keeps a block.
+#pragma once
+
+#include <cmath>
+#include <cstdlib>
+#include <vector>
+
+#include "tests/unit/perception_tsdf/scene.hpp"
+
+namespace tests {
+
+struct DenseReference {
+  int lo = 0, edge = 0;  // nodes lo .. lo + edge - 1 along each axis
+  double voxel = 0, truncation = 0, max_weight = 0;
+  struct Node {
+    int d = 0, w = 0;
+    bool free = false;
+  };
+  std::vector<Node> nodes;
+
+  DenseReference(int lo_node, int edge_nodes, const TsdfConfig& c)
+      : lo(lo_node), edge(edge_nodes), voxel(c.voxel_size_m), truncation(c.effective_truncation()),
+        max_weight(c.max_weight), nodes(static_cast<std::size_t>(edge) * edge * edge) {}
+
+  [[nodiscard]] Node& at(int i, int j, int k) {
+    return nodes[(static_cast<std::size_t>(i - lo) * static_cast<std::size_t>(edge) + static_cast<std::size_t>(j - lo)) *
+                     static_cast<std::size_t>(edge) + static_cast<std::size_t>(k - lo)];
+  }
+
+  // pixels: DepthPyramid's, tested apart. stored(i,j,k): the map keeps a block there.
+  template <class Stored>
+  void integrate(const Intrinsics& c, const std::uint32_t* pixels, const Pose& X_WC, Stored&& stored) {
+    const Pose X_CW = X_WC.inverse(Eigen::Isometry);
+    const Mat3 step = X_CW.linear() * voxel;
+    const Eigen::Matrix3f axes = step.cast<float>();
+    for (int i = lo; i < lo + edge; ++i)
+      for (int j = lo; j < lo + edge; ++j)
+        for (int k = lo; k < lo + edge; ++k) {
+          if (!stored(i, j, k)) continue;
+          const auto first = [](int n) { return 8.0 * (n >> 3); };
+          const Eigen::Vector3f base = (X_CW * (voxel * Vec3(first(i), first(j), first(k)))).cast<float>();
+          float p[3];
+          for (int a = 0; a < 3; ++a) {
+            p[a] = base(a) + static_cast<float>(i & 7) * axes(a, 0);
+            p[a] = p[a] + static_cast<float>(j & 7) * axes(a, 1);
+            p[a] = p[a] + static_cast<float>(k & 7) * axes(a, 2);
+          }
+          if (p[2] < 0.05F) continue;
+          const float inverse = 1.0F / p[2], x = p[0] * inverse, y = p[1] * inverse;
+          const float u = x * static_cast<float>(c.fx) + static_cast<float>(c.cx);
+          const float v = y * static_cast<float>(c.fy) + static_cast<float>(c.cy);
+          if (u < -0.5F || v < -0.5F || u >= static_cast<float>(c.width) - 0.5F ||
+              v >= static_cast<float>(c.height) - 0.5F)
+            continue;
+          const std::uint32_t pixel = pixels[static_cast<int>(std::floor(v + 0.5F)) * c.width +
+                                             static_cast<int>(std::floor(u + 0.5F))];
+          if (pixel == 0) continue;
+          const int weight = static_cast<int>((pixel >> 16U) & 0xffU);
+          const float depth = static_cast<float>(pixel & 0xffffU) * 0.001F;
+          const float sdf = (depth - p[2]) * std::sqrt((1.0F + x * x) + y * y);
+          const float limit = static_cast<float>(truncation) * (static_cast<float>(pixel >> 24U) / 32.0F);
+          Node& n = at(i, j, k);
+          if (sdf > limit) {
+            n.free = true;
+            if (n.w > 0) learn(n, 32767.0F, 128);
+          } else if (weight > 0 && sdf >= -limit) {
+            float s = sdf * static_cast<float>(32767 / truncation);
+            s = std::min(std::max(s, -32767.0F), 32767.0F);
+            learn(n, s, weight);
+            n.free = sdf > 0;
+          }
+        }
+  }
+
+  void learn(Node& n, float s, int w) const {
+    const float mean = (static_cast<float>(n.d) * static_cast<float>(n.w) + s * static_cast<float>(w)) /
+                       static_cast<float>(n.w + w);
+    n.d = static_cast<int>(std::lround(mean));
+    n.w = std::min(n.w + w, static_cast<int>(max_weight * 128));
+  }
+};
+
+}  // namespace tests
