@@ -18,12 +18,13 @@ class EnergyObserver {
   void move(const perception::Vec3& f_sent_D, const perception::Vec3& dx_D) noexcept {
     const double e = -f_sent_D.dot(dx_D);
     energy_J_ += e;
-    reserve_J_ = std::min(reserve_J_ + e, kReserveCap_J);
+    reserve_J_ += e;
   }
-  // Energy put into the spring from outside; dt advances the window of the power limit.
-  void book(double injected_J, double dt) noexcept {
+  // Energy put into the spring from outside, and the change of what the spring holds; dt advances
+  // the window of the power limit.
+  void book(double injected_J, double spring_change_J, double dt) noexcept {
     booked_J_ += injected_J;
-    reserve_J_ = std::min(reserve_J_ + injected_J, kReserveCap_J);
+    reserve_J_ = std::min(reserve_J_ + injected_J - spring_change_J, kReserveCap_J);
     if (injected_J > 0) {
       event_J_ += injected_J;
       bins_[bin_] += injected_J;
@@ -44,6 +45,8 @@ class EnergyObserver {
   }
   [[nodiscard]] double energy_J() const noexcept { return energy_J_; }
   [[nodiscard]] double booked_J() const noexcept { return booked_J_; }
+  // What was dissipated beyond what was created, at most 20 mJ: what the passivity controller may
+  // still let go. Energy held by the spring is not part of it: that is the hand's to take back.
   [[nodiscard]] double reserve_J() const noexcept { return reserve_J_; }
 
  private:

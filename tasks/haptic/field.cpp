@@ -1,5 +1,6 @@
 #include "tasks/haptic/field.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace tasks {
@@ -14,20 +15,41 @@ struct Node {
   double value;
 };
 
+bool inside(const SurfacePatch& patch, std::int32_t x, std::int32_t y, std::int32_t z) noexcept {
+  const auto n = static_cast<std::uint32_t>(patch.nodes);
+  return static_cast<std::uint32_t>(x) < n && static_cast<std::uint32_t>(y) < n &&
+         static_cast<std::uint32_t>(z) < n;
+}
+
+// A node seen free that has no distance (yet): at most one voxel more than its nearest neighbours
+// with one, since a surface next to it must not be pushed away by a whole truncation; never solid.
+double free_value(const SurfacePatch& patch, std::int32_t x, std::int32_t y,
+                  std::int32_t z) noexcept {
+  const auto unit = static_cast<double>(patch.metres_per_unit);
+  double least = static_cast<double>(patch.truncation());
+  constexpr int kSides[6][3] = {{-1, 0, 0}, {1, 0, 0},  {0, -1, 0},
+                                {0, 1, 0},  {0, 0, -1}, {0, 0, 1}};
+  for (const auto& side : kSides) {
+    const std::int32_t nx = x + side[0], ny = y + side[1], nz = z + side[2];
+    if (!inside(patch, nx, ny, nz)) continue;
+    const std::size_t i = patch.index(nx, ny, nz);
+    if (patch.material[i] == 0) continue;
+    least = std::min(least, static_cast<double>(patch.distance[i]) * unit + patch.voxel_size);
+  }
+  return std::max(least, 0.5 * patch.voxel_size);
+}
+
 // The node at world grid index (x, y, z) as one window has it.
 Node node_of(const SurfacePatch& patch, std::int32_t x, std::int32_t y, std::int32_t z) noexcept {
   const std::int32_t lx = x - patch.origin_node[0], ly = y - patch.origin_node[1],
                      lz = z - patch.origin_node[2];
-  const auto inside = [n = patch.nodes](std::int32_t i) {
-    return static_cast<std::uint32_t>(i) < static_cast<std::uint32_t>(n);
-  };
-  if (!inside(lx) || !inside(ly) || !inside(lz)) return {false, 0};
+  if (!inside(patch, lx, ly, lz)) return {false, 0};
   const std::size_t i = patch.index(lx, ly, lz);
   if (patch.material[i] != 0) {
     return {true,
             static_cast<double>(patch.distance[i]) * static_cast<double>(patch.metres_per_unit)};
   }
-  if (patch.free_at(i)) return {true, static_cast<double>(patch.truncation())};
+  if (patch.free_at(i)) return {true, free_value(patch, lx, ly, lz)};
   return {false, 0};
 }
 

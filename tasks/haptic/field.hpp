@@ -1,10 +1,10 @@
 // Field: one scalar field made of two SurfacePatches, the old one fading into the new one.
 //
 //   node    both observed: (1 - s) old + s new; observed in one window only: that value; seen free
-//           without a distance: + truncation; else unknown
+//           without a distance: + truncation, or a voxel more than a neighbour that has one; else
+//           unknown
 //   value   trilinear over the eight nodes of a cell, metres, positive outside. A cell with an
-//   unknown
-//           node is unknown as a whole: nothing is extrapolated from half a cell.
+//           unknown node is unknown as a whole: nothing is extrapolated from half a cell.
 //   frame   W (= map); both windows lie on the world's voxel grid, so they overlap node on node.
 //
 // A fused field is projective: |gradient| need not be 1, and nothing here assumes it.

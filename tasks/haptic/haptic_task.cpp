@@ -349,7 +349,9 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
                                                                 force_limit_N_ / t.gain)
                                        : 0;
     const bool moved = blending || t.gain != gain_before;
-    energy_.book(moved ? spring_J - spring_J_ + 0.5 * (f_raw_before + f_raw_D_).dot(dx_D) : 0, dt);
+    const double injected =
+        moved ? spring_J - spring_J_ + 0.5 * (f_raw_before + f_raw_D_).dot(dx_D) : 0;
+    energy_.book(injected, spring_J - spring_J_, dt);
     spring_J_ = spring_J;
   }
   events(tick, in.stylus.button, out);
