@@ -1,9 +1,8 @@
 // Haptic rendering, 1 kHz: stylus position in, force on the hand out, in the same tick.
 //
 //   sense   StylusSample          from drivers/omega       outside step()
-//   reads   Latest<SurfacePatch>  from tasks/fusion        retains 2; ramps to zero when not
-//   published
-//                                                          for 100 ms
+//   reads   Latest<SurfacePatch>  from tasks/fusion        retains 2; force ramps to zero
+//                                                          when none is published for 100 ms
 //           Latest<ModeMsg>       from tasks/supervision
 //   writes  HapticState           to tasks/fusion          every tick
 //           Ring<TouchEvent>      to tasks/planning        0..4 a tick
@@ -11,9 +10,9 @@
 //   budget  100 us of the 1 ms period
 //
 // Pipeline: position -> field (two patches, blended over one fusion period) -> proxy -> spring at
-// the device -> fade and ramps -> force limit -> slew guard -> energy observer. Stiffness, force
-// and energy are those at the device: F_D = K (p_WP - p_WH) / scale, turned into D. Frames: W world
-// (= map), D haptic base, H stylus tip, P proxy.  SI.
+// the device -> fade and ramps -> force limit -> slew guard -> energy observer.
+// Stiffness, force and energy are those at the device: F_D = K (p_WP - p_WH) / scale, turned into
+// D. Frames: W world (= map), D haptic base, H stylus tip, P proxy.  SI.
 #pragma once
 
 #include <array>

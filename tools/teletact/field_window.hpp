@@ -24,8 +24,7 @@ struct DenseField {
 [[nodiscard]] rt::Result<DenseField> to_field(NpyArray array, const std::string& name);
 
 // Fills `patch` with the window of `nodes`^3 nodes round `centre` (grid frame, m): distance clamped
-// to
-// +- truncation; beyond + truncation a node is free space without a distance, NaN and everything
+// to +- truncation; beyond + truncation a node is free space without a distance, NaN and everything
 // outside the field is unobserved. seq and fused are the caller's.
 void fill_window(const DenseField& field, const perception::Vec3& centre, double voxel_size,
                  double truncation, int nodes, perception::SurfacePatch& patch);
