@@ -93,6 +93,9 @@ class Caster {
     const int v1 = std::min((tile_v + 1) << kTileShift, k.height);
     const int u1 = std::min((tile_u + 1) << kTileShift, k.width);
     int hits = 0;
+    if (options_.hint_depth_m.data != nullptr)
+      for (int v = tile_v << kTileShift; v < v1; ++v)
+        for (int u = tile_u << kTileShift; u < u1; ++u) prefetch(u, v);
     for (int v = tile_v << kTileShift; v < v1; ++v)
       for (int u = tile_u << kTileShift; u < u1; ++u) {
         const auto at = static_cast<std::ptrdiff_t>(v) * k.width + u;
@@ -121,6 +124,24 @@ class Caster {
     const Float4 f = p - to_float(n);
     const Int4 node = n + base_;
     return reader_.cell(node[0], node[1], node[2], f[0], f[1], f[2]);
+  }
+
+  // Asks for the cache lines round the hint of a ray, so that the waits of a tile's rays overlap.
+  void prefetch(int u, int v) noexcept {
+    const Intrinsics& k = out_.intrinsics;
+    const float hint =
+        options_.hint_depth_m.at(u * options_.pixel_step, v * options_.pixel_step);
+    if (!(hint > 0)) return;
+    const auto x = static_cast<float>((u - k.cx) / k.fx), y = static_cast<float>((v - k.cy) / k.fy);
+    const Float4 d = splat(x) * axes_[0] + splat(y) * axes_[1] + axes_[2];
+    const Int4 n = floor4(origin_ + splat(hint) * d) + base_;
+    for (int a = -1; a <= 2; ++a) {
+      const std::uint32_t* p = reader_.block_of((n[0] + a) >> 3, n[1] >> 3, n[2] >> 3);
+      if (p == nullptr) continue;
+      p += TsdfMap::in_block(n[0] + a, n[1], n[2]);
+      __builtin_prefetch(p);
+      __builtin_prefetch(p + ((n[1] & 7) < 7 ? 8 : -8));
+    }
   }
 
   bool cast(int u, int v, float first, float last, float* record) noexcept {

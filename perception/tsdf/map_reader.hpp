@@ -79,31 +79,16 @@ class MapReader {
                 static_cast<float>(z - k));
   }
   [[nodiscard]] Cell cell(int i, int j, int k, float fx, float fy, float fz) noexcept {
-    Int4 low, high;
-    if ((i & 7) != 7 && (j & 7) != 7 && (k & 7) != 7) {
-      const std::uint32_t* p = block_of(i >> 3, j >> 3, k >> 3);
-      if (p == nullptr) return {Float4{}, Float4{}, fx, fy, fz, false};
-      const auto* w = reinterpret_cast<const std::int32_t*>(p) + TsdfMap::in_block(i, j, k);
-      low = Int4{w[0], w[1], w[8], w[9]};
-      high = Int4{w[64], w[65], w[72], w[73]};
-    } else {
-      const auto at = [&](int a, int b, int c) {
-        return static_cast<std::int32_t>(word(i + a, j + b, k + c));
-      };
-      low = Int4{at(0, 0, 0), at(0, 0, 1), at(0, 1, 0), at(0, 1, 1)};
-      high = Int4{at(1, 0, 0), at(1, 0, 1), at(1, 1, 0), at(1, 1, 1)};
-    }
-    return decode(low, high, fx, fy, fz);
+    if ((i & 7) == 7 || (j & 7) == 7 || (k & 7) == 7) return span_cell<1>(i, j, k, fx, fy, fz);
+    const std::uint32_t* p = block_of(i >> 3, j >> 3, k >> 3);
+    if (p == nullptr) return {Float4{}, Float4{}, fx, fy, fz, false};
+    const auto* w = reinterpret_cast<const std::int32_t*>(p) + TsdfMap::in_block(i, j, k);
+    return decode(Int4{w[0], w[1], w[8], w[9]}, Int4{w[64], w[65], w[72], w[73]}, fx, fy, fz);
   }
-
   // The same with corners one node farther out, (i - 1 or i + 2, ...): a cell three voxels wide.
   // Positions and gradient are in units of that cell.
   [[nodiscard]] Cell wide_cell(int i, int j, int k, float fx, float fy, float fz) noexcept {
-    const auto at = [&](int a, int b, int c) {
-      return static_cast<std::int32_t>(word(i - 1 + a, j - 1 + b, k - 1 + c));
-    };
-    return decode(Int4{at(0, 0, 0), at(0, 0, 3), at(0, 3, 0), at(0, 3, 3)},
-                  Int4{at(3, 0, 0), at(3, 0, 3), at(3, 3, 0), at(3, 3, 3)}, fx, fy, fz);
+    return span_cell<3>(i - 1, j - 1, k - 1, fx, fy, fz);
   }
 
   struct Sample {
@@ -127,6 +112,34 @@ class MapReader {
     int x = INT32_MIN, y = 0, z = 0;
     const TsdfMap::Chunk* chunk = nullptr;
   };
+  // A cell of any width below a block: asks for each block it reaches into once.
+  template <int kSpan>
+  [[nodiscard]] Cell span_cell(int i, int j, int k, float fx, float fy, float fz) noexcept {
+    const int x0 = i >> 3, y0 = j >> 3, z0 = k >> 3;
+    const int x1 = (i + kSpan) >> 3, y1 = (j + kSpan) >> 3, z1 = (k + kSpan) >> 3;
+    const auto get = [&](int x, int y, int z) {
+      const std::uint32_t* p = block_of(x, y, z);
+      return reinterpret_cast<const std::int32_t*>(p == nullptr ? kNothing.data() : p);
+    };
+    const std::int32_t* p[8];
+    p[0] = get(x0, y0, z0);
+    p[1] = z1 == z0 ? p[0] : get(x0, y0, z1);
+    p[2] = p[0], p[3] = p[1];
+    if (y1 != y0) p[2] = get(x0, y1, z0), p[3] = z1 == z0 ? p[2] : get(x0, y1, z1);
+    p[4] = p[0], p[5] = p[1], p[6] = p[2], p[7] = p[3];
+    if (x1 != x0) {
+      p[4] = get(x1, y0, z0);
+      p[5] = z1 == z0 ? p[4] : get(x1, y0, z1);
+      p[6] = p[4], p[7] = p[5];
+      if (y1 != y0) p[6] = get(x1, y1, z0), p[7] = z1 == z0 ? p[6] : get(x1, y1, z1);
+    }
+    const int xa = (i & 7) << 6, xb = ((i + kSpan) & 7) << 6;
+    const int ya = (j & 7) << 3, yb = ((j + kSpan) & 7) << 3;
+    const int za = k & 7, zb = (k + kSpan) & 7;
+    return decode(Int4{p[0][xa + ya + za], p[1][xa + ya + zb], p[2][xa + yb + za], p[3][xa + yb + zb]},
+                  Int4{p[4][xb + ya + za], p[5][xb + ya + zb], p[6][xb + yb + za], p[7][xb + yb + zb]},
+                  fx, fy, fz);
+  }
   [[nodiscard]] Cell decode(Int4 low, Int4 high, float fx, float fy, float fz) const noexcept {
     // Weights are 16 bits, so shifted down arithmetically and masked they compare as signed.
     const Int4 least = Int4{min_raw_, min_raw_, min_raw_, min_raw_};
@@ -141,6 +154,8 @@ class MapReader {
                                : c->block[static_cast<std::size_t>(TsdfMap::in_chunk(bx, by, bz))];
     e = {bx, by, bz, b == TsdfMap::kNoBlock ? nullptr : map_->block_words(b)};
   }
+
+  static constexpr std::array<std::uint32_t, TsdfMap::kBlockVoxels> kNothing{};  // an absent block
 
   const TsdfMap* map_;
   double inv_voxel_;
