@@ -46,7 +46,8 @@ void GroundConfig::describe(config::Section& s) {
       .number("tolerance_per_m2", tolerance_per_m2, 0, 0.1, "and its growth with range squared")
       .number("robot_height_m", robot_height_m, 0.05, 5, "higher surfaces are overhead")
       .number("bridge_m", bridge_m, 0, 2, "longest gap between ground points that is ground")
-      .integer("obstacle_points", obstacle_points, 1, 1000, "in a cell in one frame, to count")
+      .number("obstacle_area", obstacle_area, 0.01, 10,
+              "share of a cell's area seen as obstacle in one frame, to count")
       .integer("occupied_at", occupied_at, 1, 255, "evidence that makes a cell occupied")
       .integer("evidence_gain", evidence_gain, 1, 255, "a frame that shows an obstacle")
       .integer("evidence_loss", evidence_loss, 0, 255, "a frame that shows the floor")
@@ -209,7 +210,7 @@ void GroundMap::fix_grid() noexcept {
 
 void GroundMap::touch(std::size_t cell) noexcept {
   Cell& c = cells_[cell];
-  if (c.obstacle_points == 0 && c.ground_points == 0) {
+  if (c.obstacle_area == 0 && c.ground_points == 0) {
     touched_[touched_count_++] = static_cast<std::uint32_t>(cell);
     c.frame_height = -std::numeric_limits<float>::infinity();
   }
@@ -237,7 +238,9 @@ void GroundMap::collect(const GroundFrame& frame) noexcept {
   Vec3 drift_rhs = Vec3::Zero();
   std::uint64_t steps = 0;
 
-  const auto count = [&](float x, float y, bool ground, float h) {
+  // A pixel at depth z stands for (z / f)^2 of surface that faces the camera.
+  const float area_per_z2 = 256.0F * inv_cell * inv_cell / static_cast<float>(k.fx * k.fy);
+  const auto count = [&](float x, float y, bool ground, float h, float z) {
     const float cx = x * inv_cell, cy = y * inv_cell;
     if (!(cx >= 0 && cy >= 0 && cx < limit && cy < limit)) return;
     const auto i = static_cast<std::size_t>(static_cast<int>(cy)) *
@@ -248,7 +251,9 @@ void GroundMap::collect(const GroundFrame& frame) noexcept {
     if (ground) {
       if (at.ground_points < 0xffffU) ++at.ground_points;
     } else {
-      if (at.obstacle_points < 0xffffU) ++at.obstacle_points;
+      const float area = std::min(65535.0F - static_cast<float>(at.obstacle_area),
+                                  std::max(1.0F, area_per_z2 * z * z));
+      at.obstacle_area = static_cast<std::uint16_t>(at.obstacle_area + static_cast<int>(area));
       at.frame_height = std::max(at.frame_height, h);
     }
   };
@@ -270,14 +275,14 @@ void GroundMap::collect(const GroundFrame& frame) noexcept {
       const float gate = tolerance + per_m2 * z * z;
       const bool ground = std::abs(h) <= gate;
       if (ground) {
-        count(p.x(), p.y(), true, h);
+        count(p.x(), p.y(), true, h, z);
         // Cells between this row's ground and the row above's, same column.
         const float dx = row_x_[i] - p.x(), dy = row_y_[i] - p.y(), d2 = dx * dx + dy * dy;
         if (row_h_[i] == row_h_[i] && d2 > cell * cell && d2 <= bridge2) {
           const int n = static_cast<int>(std::sqrt(d2) * inv_cell * 1.5F) + 1;
           for (int s = 1; s < n; ++s) {
             const float f = static_cast<float>(s) / static_cast<float>(n);
-            count(p.x() + f * dx, p.y() + f * dy, true, h);
+            count(p.x() + f * dx, p.y() + f * dy, true, h, z);
           }
           steps += static_cast<std::uint64_t>(n);
         }
@@ -288,7 +293,7 @@ void GroundMap::collect(const GroundFrame& frame) noexcept {
           drift_rhs += static_cast<double>(h) * j;
         }
       } else if (h > 0 ? h <= top : h < -3 * gate) {
-        count(p.x(), p.y(), false, h);
+        count(p.x(), p.y(), false, h, z);
       }
       row_x_[i] = p.x();
       row_y_[i] = p.y();
@@ -311,15 +316,16 @@ void GroundMap::collect(const GroundFrame& frame) noexcept {
 }
 
 void GroundMap::settle() noexcept {
+  const int enough = std::max(1, static_cast<int>(std::lround(256 * config_.obstacle_area)));
   for (std::size_t i = 0; i < touched_count_; ++i) {
     const std::size_t cell = touched_[i];
     Cell& c = cells_[cell];
     const bool was = c.evidence >= config_.occupied_at;
-    if (c.obstacle_points >= config_.obstacle_points) {
+    if (c.obstacle_area >= enough) {
       c.evidence = static_cast<std::uint8_t>(
           std::min<int>(c.evidence + config_.evidence_gain, config_.evidence_cap));
       c.height = c.frame_height;
-    } else if (c.obstacle_points == 0 && c.ground_points > 0) {
+    } else if (4 * c.obstacle_area < enough && c.ground_points > 0) {
       c.evidence =
           static_cast<std::uint8_t>(std::max<int>(c.evidence - config_.evidence_loss, 0));
       c.seen = 1;
@@ -330,7 +336,7 @@ void GroundMap::settle() noexcept {
       occupied_[cell] = is ? 1 : 0;
       dirty_ = true;
     }
-    c.obstacle_points = c.ground_points = 0;
+    c.obstacle_area = c.ground_points = 0;
   }
   work_ += touched_count_;
   touched_count_ = 0;

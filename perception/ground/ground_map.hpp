@@ -72,7 +72,7 @@ struct GroundConfig {
   double tolerance_per_m2 = 0.004;
   double robot_height_m = 1.1;        // higher surfaces are overhead
   double bridge_m = 0.40;             // longest gap between two rows' ground points that is ground
-  int obstacle_points = 3;            // in a cell in one frame, to count
+  double obstacle_area = 0.06;        // of a cell's area, seen as obstacle in one frame, to count
   int occupied_at = 3;                // evidence
   int evidence_gain = 1, evidence_loss = 1, evidence_cap = 12;
   double robot_radius_m = 0.35;       // youBot: half diagonal of 580 x 376 mm is 0.345
@@ -122,7 +122,7 @@ class GroundMap {
  private:
   struct Cell {
     std::uint8_t evidence, seen;
-    std::uint16_t obstacle_points, ground_points;  // of the current frame
+    std::uint16_t obstacle_area, ground_points;  // of the current frame; area in 1/256 of a cell
     float frame_height, height;
   };
   void search(const GroundFrame& frame) noexcept;

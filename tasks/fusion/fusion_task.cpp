@@ -235,6 +235,7 @@ void FusionTask::cast_model(int pixel_step, bool hint, Out& out) noexcept {
   o.pixel_step = pixel_step;
   o.min_weight = 0.2;  // one far observation under range weighting is 1/4
   o.max_depth_m = config_.tracker.preprocess.depth_max_m + config_.tsdf.truncation_m;
+  o.smooth_normals = false;  // the sums average; smoothing over voxels would round the corners
   if (hint) o.hint_depth_m = tracker_.pyramid().full_depth();
   const auto stats = perception::raycast(map_, setup_.camera, X_WC_, o, model_);
   out.work += static_cast<std::uint64_t>(stats.steps);

@@ -1,0 +1,333 @@
+// The fusion task on rendered frames: what it publishes, what it refuses, what it survives.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "rt/hash.hpp"
+#include "rt/memory/section.hpp"
+#include "tasks/fusion/fusion_task.hpp"
+#include "tests/support/analytic_scene.hpp"
+#include "tests/support/rt_guard.hpp"
+
+namespace tasks {
+namespace {
+
+using tests::AnalyticScene;
+
+constexpr double kDt = 1.0 / 30;
+
+FusionConfig coarse() {
+  FusionConfig c;
+  c.tsdf.voxel_size_m = 0.02;
+  c.tsdf.max_blocks = 8192;
+  c.tsdf.max_chunks = 1024;
+  c.patch_nodes = 32;
+  return c;
+}
+
+struct Rig {
+  rt::Startup startup;
+  FusionSetup setup;
+  std::unique_ptr<FusionTask> task;
+  std::unique_ptr<perception::RgbdFrame> frame = std::make_unique<perception::RgbdFrame>();
+  std::unique_ptr<perception::SurfacePatch> patch = std::make_unique<perception::SurfacePatch>();
+  std::unique_ptr<SceneView> view = std::make_unique<SceneView>();
+  std::unique_ptr<perception::CostMap> cost = std::make_unique<perception::CostMap>();
+  rt::Random random{1};
+  std::uint64_t period = 0;
+  FusionTask::In in;
+  FusionTask::Out out;
+  rt::Health health;
+
+  explicit Rig(const FusionConfig& config = coarse(), const Pose& X_WC0 = eye(0)) {
+    setup.camera = tests::small_camera();
+    setup.X_WC0 = X_WC0;
+    setup.ground.up_known = true;
+    task = std::make_unique<FusionTask>(startup.token(), config, setup);
+  }
+  static Pose eye(int i) {
+    return tests::look_at(Vec3(-0.2 + 0.008 * i, 0.1 - 0.004 * i, 0.9), Vec3(1.8, -0.05, 0.3));
+  }
+  void step(bool fresh, int level = 0) {
+    in.frame = frame.get();
+    in.frame_fresh = fresh;
+    out.patch = patch.get();
+    out.view = view.get();
+    out.cost_map = cost.get();
+    rt::Tick tick;
+    tick.k = period;
+    tick.release = tick.start = rt::Time{rt::nanos_from_seconds(static_cast<double>(period) * kDt)};
+    tick.level = level;
+    ++period;
+    rt_guard::reset();
+    {
+      rt::Section section;
+      health = task->step(tick, in, out);
+    }
+    EXPECT_EQ(rt_guard::counts().total(), 0U);
+  }
+  void see(const AnalyticScene& scene, const Pose& X_WC, double sigma = 0.001, int level = 0) {
+    tests::fill_frame(scene, setup.camera, X_WC, sigma, random, *frame);
+    frame->exposure = rt::Time{rt::nanos_from_seconds(static_cast<double>(period) * kDt - 0.02)};
+    ++frame->seq;
+    step(true, level);
+  }
+};
+
+TEST(FusionTask, TracksARoomAcrossLevelSwitches) {
+  const AnalyticScene room = tests::test_room();
+  Rig rig;
+  double worst_mm = 0;
+  for (int i = 0; i < 24; ++i) {
+    rig.see(room, Rig::eye(i), 0.001, i < 8 ? 0 : (i < 16 ? 1 : 0));
+    EXPECT_EQ(rig.health, rt::Health::ok()) << i;
+    EXPECT_TRUE(rig.out.camera_written && rig.out.camera.claimed && rig.out.integrated) << i;
+    worst_mm = std::max(
+        worst_mm, 1000 * (rig.out.camera.X_WC.translation() - Rig::eye(i).translation()).norm());
+  }
+  std::cout << "worst error " << worst_mm << " mm over 24 frames, 215 mm\n";
+  EXPECT_LT(worst_mm, 4.0);
+  EXPECT_EQ(rig.task->frames_claimed(), 24U);
+}
+
+TEST(FusionTask, PatchEveryPeriodFollowsTheHand) {
+  const AnalyticScene room = tests::test_room();
+  Rig rig;
+  for (int i = 0; i < 3; ++i) rig.see(room, Rig::eye(0));
+  rig.in.hand.seq = 1;
+  rig.in.hand.p_WH = Vec3(1.5, 0.5, 0.3);  // at the front of the large box
+  rig.in.hand.v_WH = Vec3(0.3, 0, 0);
+  rig.step(false);
+  EXPECT_TRUE(rig.out.patch_written);
+  EXPECT_FALSE(rig.out.camera_written);
+  EXPECT_EQ(rig.patch->seq, 4U);
+  EXPECT_EQ(rig.patch->nodes, 32);
+  EXPECT_EQ(rig.patch->fused, rt::Time{rt::nanos_from_seconds(3 * kDt)});
+  EXPECT_EQ(rig.patch->exposure, rig.frame->exposure);
+  const Vec3 middle = rig.patch->node_W(16, 16, 16);
+  const Vec3 wanted = rig.in.hand.p_WH + 2 * kDt * rig.in.hand.v_WH;
+  EXPECT_LE((middle - wanted).cwiseAbs().maxCoeff(), 2 * 0.02 + 1e-3);  // period rounded to ns
+  int observed = 0, inside = 0;
+  for (std::size_t i = 0; i < rig.patch->cells(); ++i) {
+    observed += rig.patch->material[i] != 0 ? 1 : 0;
+    inside += rig.patch->material[i] != 0 && rig.patch->distance[i] <= 0 ? 1 : 0;
+  }
+  EXPECT_GT(observed, 500);
+  EXPECT_GT(inside, 50);
+  const auto checksum = rig.patch->checksum;
+  rig.in.hand.p_WH = Vec3(std::numeric_limits<double>::quiet_NaN(), 0, 0);
+  rig.step(false);
+  EXPECT_TRUE(rig.out.patch_written) << "a hand that is not a number leaves the window where it was";
+  EXPECT_EQ(rig.patch->seq, 5U);
+  EXPECT_EQ(rig.patch->checksum, checksum);
+}
+
+TEST(FusionTask, LostFrameIsNotIntegratedAndTrackingComesBack) {
+  const AnalyticScene room = tests::test_room();
+  Rig rig;
+  for (int i = 0; i < 5; ++i) rig.see(room, Rig::eye(i));
+  const auto before = rig.task->map().checksum();
+  AnalyticScene other;
+  other.planes = {{Vec3(1.0, 0, 0.5), Vec3(-1, 0.9, 0.7).normalized()}};
+  for (int i = 5; i < 8; ++i) {
+    rig.see(other, Rig::eye(i));
+    EXPECT_FALSE(rig.out.camera.claimed);
+    EXPECT_FALSE(rig.out.integrated);
+    EXPECT_EQ(rig.health.fault, kFaultFusionLost);
+    EXPECT_TRUE(rig.out.patch_written);
+    EXPECT_EQ(rig.task->map().checksum(), before);
+  }
+  for (int i = 8; i < 11; ++i) rig.see(room, Rig::eye(i));
+  EXPECT_TRUE(rig.out.camera.claimed);
+  EXPECT_LT((rig.out.camera.X_WC.translation() - Rig::eye(10).translation()).norm(), 0.004);
+  EXPECT_NE(rig.task->map().checksum(), before);
+}
+
+TEST(FusionTask, BadFramesAreCountedNotFused) {
+  const AnalyticScene room = tests::test_room();
+  Rig rig;
+  rig.step(false);  // no frame yet: patch and map are published, nothing is known
+  EXPECT_TRUE(rig.out.patch_written && rig.out.cost_map_written);
+  EXPECT_FALSE(rig.cost->ground_found);
+  rig.see(AnalyticScene{}, Rig::eye(0));  // empty image
+  EXPECT_EQ(rig.health.fault, kFaultFusionBadFrame);
+  EXPECT_FALSE(rig.out.camera_written);
+  rig.see(room, Rig::eye(0));
+  EXPECT_TRUE(rig.out.camera.claimed);
+  const auto before = rig.task->map().checksum();
+  rig.step(true);  // the same frame again
+  EXPECT_EQ(rig.health.fault, kFaultFusionBadFrame);
+  rig.frame->intrinsics.fx *= 1.1;
+  rig.frame->exposure += std::chrono::milliseconds(33);
+  rig.step(true);  // another camera
+  EXPECT_EQ(rig.health.fault, kFaultFusionBadFrame);
+  rig.see(AnalyticScene{}, Rig::eye(0));  // black image while running
+  EXPECT_EQ(rig.health.fault, kFaultFusionLost);
+  EXPECT_EQ(rig.task->map().checksum(), before);
+  rig.see(room, Rig::eye(0));
+  EXPECT_TRUE(rig.out.camera.claimed);
+}
+
+AnalyticScene wall() {
+  AnalyticScene s;
+  s.planes = {{Vec3(1.2, 0, 0), -Vec3::UnitX()}};
+  return s;
+}
+Pose along_wall(double y) { return tests::look_at(Vec3(0, y, 0.5), Vec3(1.2, y, 0.5)); }
+
+TEST(FusionTask, OdometryCarriesAlongAWallUntilItsErrorIsTooLarge) {
+  Rig rig(coarse(), along_wall(0));
+  double claimed_until = -1;
+  for (int i = 0; i < 50; ++i) {
+    const double y = 0.02 * i;
+    OdometryPrior o;
+    o.taken = rt::Time{rt::nanos_from_seconds(i * kDt - 0.02)};
+    o.X_OB = along_wall(y);  // mount = identity
+    rig.in.odometry = o;
+    rig.see(wall(), along_wall(y));
+    if (rig.out.camera.claimed) {
+      EXPECT_EQ(claimed_until, i == 0 ? -1 : 0.02 * (i - 1)) << "no claim after the budget is spent";
+      claimed_until = y;
+      EXPECT_LT((rig.out.camera.X_WC.translation() - along_wall(y).translation()).norm(), 0.003);
+    } else {
+      EXPECT_EQ(rig.health.fault, kFaultFusionUnclaimed);
+      EXPECT_FALSE(rig.out.integrated);
+    }
+  }
+  // 2 % of 0.5 m is 10 mm.
+  EXPECT_NEAR(claimed_until, 0.5, 0.03);
+}
+
+TEST(FusionTask, WithoutOdometryAWallIsNotClaimedAndStandsStill) {
+  Rig rig(coarse(), along_wall(0));
+  for (int i = 0; i < 20; ++i) {
+    rig.see(wall(), along_wall(0), 0.0015);
+    if (i > 0) {
+      EXPECT_FALSE(rig.out.camera.claimed);
+      EXPECT_EQ(rig.out.tracking.degenerate_count, 3);
+    }
+  }
+  EXPECT_LT((rig.out.camera.X_WC.translation() - along_wall(0).translation()).norm(), 0.002);
+}
+
+TEST(FusionTask, CostMapAndViewOfTheRoom) {
+  const AnalyticScene room = tests::test_room();
+  Rig rig;
+  int views = 0, maps = 0;
+  for (int i = 0; i < 12; ++i) {
+    rig.see(room, Rig::eye(i));
+    views += rig.out.view_written ? 1 : 0;
+    maps += rig.out.cost_map_written ? 1 : 0;
+  }
+  EXPECT_EQ(views, 4);
+  EXPECT_EQ(maps, 4);
+  ASSERT_TRUE(rig.cost->ground_found);
+  EXPECT_LT(std::abs(rig.task->ground().plane_W().offset), 0.01);
+  const auto at = [&](double x, double y) {
+    const Vec3 p = rig.cost->X_WM.inverse() * Vec3(x, y, 0) / rig.cost->resolution;
+    return rig.cost->cost[rig.cost->index(static_cast<int>(p.x()), static_cast<int>(p.y()))];
+  };
+  EXPECT_EQ(at(1.7, 0.5), perception::CostMap::kOccupied) << "top of the box";
+  EXPECT_EQ(at(1.5, -0.9), perception::CostMap::kOccupied);
+  EXPECT_EQ(at(1.0, -0.2), perception::CostMap::kFree);
+  EXPECT_EQ(at(0.0, 0.0), perception::CostMap::kFree);
+
+  // The view shows the scene where it is: points lie on true surfaces.
+  ASSERT_EQ(rig.view->seq, 4U);
+  const auto& k = rig.view->intrinsics;
+  ASSERT_EQ(k.width, 128);
+  int seen = 0, off = 0;
+  for (int v = 0; v < k.height; ++v) {
+    for (int u = 0; u < k.width; ++u) {
+      const auto& p = rig.view->points[static_cast<std::size_t>(v * k.width + u)];
+      if (p.depth <= 0) continue;
+      ++seen;
+      const Vec3 d = rig.view->X_WV.linear() * k.unproject(u, v, 1);
+      const tests::Hit hit = room.cast(rig.view->X_WV.translation(), d);
+      const Vec3 q = rig.view->X_WV.translation() + hit.t * d;
+      off += (q - Vec3(p.x, p.y, p.z)).norm() > 0.03 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(seen, k.width * k.height * 3 / 4);
+  EXPECT_LT(off, seen / 20);
+  perception::VirtualObstacle disc;
+  disc.centre_W = Vec3(1.0, -0.2, 0);
+  disc.radius_m = 0.15;
+  rig.in.virtual_obstacles = {&disc, 1};
+  rig.in.virtual_obstacles_changed = true;
+  for (int i = 0; i < 3; ++i) rig.step(false);
+  EXPECT_EQ(at(1.0, -0.2), perception::CostMap::kOccupied);
+}
+
+std::uint64_t run_hash(bool flip) {
+  const AnalyticScene room = tests::test_room();
+  Rig rig;
+  rt::Hash64 hash;
+  for (int i = 0; i < 6; ++i) {
+    tests::fill_frame(room, rig.setup.camera, Rig::eye(i), 0.001, rig.random, *rig.frame);
+    if (flip && i == 3) rig.frame->depth_mm[100 * 256 + 128] += 10;
+    rig.frame->exposure = rt::Time{rt::nanos_from_seconds(i * kDt)};
+    rig.step(true);
+    hash.word(rig.patch->checksum);
+    hash.bytes(rig.out.camera.X_WC.data(), 16 * sizeof(double));
+    hash.bytes(rig.cost->cost.data(), rig.cost->cost.size());
+    hash.bytes(rig.view->points.data(), sizeof rig.view->points);
+    hash.word(rig.out.work);
+  }
+  return hash.digest();
+}
+
+TEST(FusionTask, SameInputSameBytesAndOnePixelShows) {
+  const auto a = run_hash(false);
+  EXPECT_EQ(a, run_hash(false));
+  EXPECT_NE(a, run_hash(true));
+}
+
+TEST(FusionTask, FullMapIsReported) {
+  FusionConfig config = coarse();
+  config.tsdf.max_blocks = 64;
+  Rig rig(config);
+  rig.see(tests::test_room(), Rig::eye(0));
+  EXPECT_EQ(rig.health.fault, kFaultFusionMapFull);
+  EXPECT_TRUE(rig.out.patch_written);
+}
+
+TEST(FusionTask, RefusesAConfigurationThatCanNotWork) {
+  rt::Startup startup;
+  FusionSetup setup;
+  setup.camera = tests::small_camera();
+  FusionConfig c = coarse();
+  c.patch_nodes = 30;
+  EXPECT_THROW(FusionTask(startup.token(), c, setup), std::invalid_argument);
+  c = coarse();
+  setup.camera.width = 0;
+  EXPECT_THROW(FusionTask(startup.token(), c, setup), std::invalid_argument);
+  setup.camera = {585, 585, 320, 240, 640, 480};
+  c.view_step = 1;
+  EXPECT_THROW(FusionTask(startup.token(), c, setup), std::invalid_argument);
+}
+
+TEST(FusionConfig, EveryKeyCanBeSetAndIsChecked) {
+  FusionConfig config;
+  config::Section section;
+  config.describe(section);
+  const auto ok = config::load_text(
+      "view_step = 4\n[tsdf]\nvoxel_size_m = 0.02\n[tracker]\ngate_distance_m = [0.04, 0.06, 0.1]\n"
+      "[ground]\ncells = 128\n[[ground.virtual_obstacle]]\nshape = \"box\"\nposition_m = [1, 0, 0]\n"
+      "[level_1]\npixel_step = 4\n",
+      "test", section);
+  ASSERT_TRUE(ok) << ok.error();
+  EXPECT_EQ(config.levels[1].pixel_step, 4);
+  EXPECT_EQ(config.tracker.gate_distance_m[1], 0.06);
+  ASSERT_EQ(config.ground.virtual_obstacles.size(), 1U);
+  EXPECT_EQ(config.ground.virtual_obstacles[0].shape, "box");
+  FusionConfig other;
+  config::Section again;
+  other.describe(again);
+  EXPECT_FALSE(config::load_text("[ground]\ncells = 300\n", "test", again));
+}
+
+}  // namespace
+}  // namespace tasks
