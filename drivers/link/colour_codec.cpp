@@ -1,6 +1,7 @@
 #include "drivers/link/colour_codec.hpp"
 
 #include <algorithm>
+#include <stdexcept>
 #include <vector>
 
 #include <opencv2/core.hpp>
@@ -34,6 +35,14 @@ ColourCodec::ColourCodec(rt::NonRealtime&, const ColourCodecConfig& config)
   state_->params = {cv::IMWRITE_JPEG_QUALITY,     config.quality,
                     cv::IMWRITE_JPEG_OPTIMIZE,    0,
                     cv::IMWRITE_JPEG_PROGRESSIVE, 0};
+  // The first use makes OpenCV set up its list of formats (GDAL among them: locks, milliseconds).
+  // Here, not in the first job.
+  std::vector<Rgb> small(64);
+  std::vector<std::uint8_t> jpeg(4096);
+  const std::size_t size = encode({small.data(), 8, 8, 8}, jpeg);
+  if (size == 0 || !decode({jpeg.data(), size}, {small.data(), 8, 8, 8})) {
+    throw std::runtime_error("colour codec: OpenCV can not code a JPEG picture");
+  }
 }
 
 ColourCodec::~ColourCodec() = default;

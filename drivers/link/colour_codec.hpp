@@ -24,6 +24,7 @@ struct ColourCodecConfig {
 
 class ColourCodec {
  public:
+  // Codes one picture to make the library set itself up. Throws std::runtime_error if it can not.
   ColourCodec(rt::NonRealtime&, const ColourCodecConfig& config);
   ~ColourCodec();
   ColourCodec(const ColourCodec&) = delete;

@@ -16,6 +16,7 @@
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
 #include "tests/support/rt_guard.hpp"
+#include "tests/support/tsan_opencv.hpp"
 #include "tests/unit/drivers_camera/scene.hpp"
 
 namespace {
