@@ -32,6 +32,7 @@ struct RobotGoal {
   double vx = 0, vy = 0, wz = 0;            // feed-forward at the target, body frame
   double speed_limit_m_per_s = 0;
   std::uint8_t engaged = 0;                 // 0: hold still, whatever the pose says
+  std::uint8_t operator_engaged = 0;        // the operator's box is in the engaged mode
   std::uint64_t path_seq = 0;
 };
 

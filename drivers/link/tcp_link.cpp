@@ -127,7 +127,6 @@ void TcpLink::enqueue(std::span<const std::uint8_t> message) {
   const std::int64_t now = rt::monotonic_ns();
   const std::int64_t due = shaper_ ? shaper_->deliver_at(now, message.size()) : now;
   queue_.push_back({due, {message.begin(), message.end()}, 0});
-  queued_bytes_ += message.size();
 }
 
 // False: the connection is gone.
@@ -138,7 +137,6 @@ bool TcpLink::write_due(std::int64_t now_ns) {
     if (n < 0) return errno == EAGAIN || errno == EWOULDBLOCK;
     c.sent += static_cast<std::size_t>(n);
     if (c.sent < c.bytes.size()) return true;
-    queued_bytes_ -= c.bytes.size();
     queue_.pop_front();
   }
   return true;
@@ -182,7 +180,9 @@ void TcpLink::run() {
       continue;
     }
     if (state_.load() == State::kConnecting) state_.store(State::kHandshake);
-    const bool line_free = queued_bytes_ < 65536 && (!shaper_ || !shaper_->busy(rt::monotonic_ns()));
+    // Bytes that are due and still here are backlog: then nothing large is added to it.
+    const bool backlog = !queue_.empty() && queue_.front().due <= rt::monotonic_ns();
+    const bool line_free = !backlog && (!shaper_ || !shaper_->busy(rt::monotonic_ns()));
     e.poll(now_(), line_free, send);
     if (!write_due(rt::monotonic_ns()) || !read_all(e)) break;
     if (e.ready() && state_.load() == State::kHandshake) state_.store(State::kReady);

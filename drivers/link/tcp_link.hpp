@@ -73,7 +73,6 @@ class TcpLink {
   std::function<void()> after_poll_;
   std::optional<LinkShaper> shaper_;
   std::deque<Chunk> queue_;
-  std::size_t queued_bytes_ = 0;
   std::vector<std::uint8_t> inbox_;
   std::size_t inbox_size_ = 0;
   std::thread thread_;

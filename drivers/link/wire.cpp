@@ -20,7 +20,7 @@ constexpr std::string_view kSchema =
     "header:magic4,version2,id2,length4,crc4,seq8,stamp8,schema8;"
     "hello:;clock_request:t0i8;clock_reply:t0i8,t1i8,t2i8;frame:encoded_frame_v1;"
     "robot_state:seq8,taken8,x,y,yaw,vx,vy,wz,cmd_vx,cmd_vy,cmd_wz,goal_seq8,mode1,moving1,fault2;"
-    "robot_goal:seq8,made8,valid_until8,x,y,yaw,vx,vy,wz,speed_limit,engaged1,path_seq8;"
+    "robot_goal:seq8,made8,valid_until8,x,y,yaw,vx,vy,wz,speed_limit,engaged1,operator_engaged1,path_seq8;"
     "bye:";
 
 constexpr std::array<std::uint32_t, 256> make_crc_table() {
@@ -185,6 +185,7 @@ std::size_t encode(const RobotGoal& m, std::span<std::uint8_t> out) noexcept {
   w.put(rt::ns_of(m.valid_until));
   for (const double v : {m.x_m, m.y_m, m.yaw_rad, m.vx, m.vy, m.wz, m.speed_limit_m_per_s}) w.put(v);
   w.put(m.engaged);
+  w.put(m.operator_engaged);
   w.put(m.path_seq);
   return w.size();
 }
@@ -196,8 +197,9 @@ bool decode(std::span<const std::uint8_t> in, RobotGoal& m) noexcept {
   r.time(m.valid_until);
   for (double* v : {&m.x_m, &m.y_m, &m.yaw_rad, &m.vx, &m.vy, &m.wz, &m.speed_limit_m_per_s}) r.finite(*v);
   r.get(m.engaged);
+  r.get(m.operator_engaged);
   r.get(m.path_seq);
-  return r.done() && m.engaged <= 1;
+  return r.done() && m.engaged <= 1 && m.operator_engaged <= 1;
 }
 
 std::size_t encode(const ClockRequest& m, std::span<std::uint8_t> out) noexcept {

@@ -52,6 +52,9 @@ class HapticDevice {
   [[nodiscard]] virtual bool sense(rt::Time now, StylusSample& out) noexcept = 0;
   // Sends a force. The driver clips the sum with gravity compensation to its force limit.
   virtual void act(rt::Time now, const ForceCommand& command) noexcept = 0;
+  // Asks for forces again after a brake (the operator's act, like the button on the base); any thread.
+  // The owner's next sense() carries it out.
+  virtual void request_enable() noexcept {}
   // Forces off, at once, from any thread, even while the owner hangs in sense() or act().
   virtual void make_safe() noexcept = 0;
 };

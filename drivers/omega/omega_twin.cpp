@@ -76,6 +76,7 @@ DeviceProperties OmegaTwin::properties() const noexcept {
 }
 
 bool OmegaTwin::sense(rt::Time now, StylusSample& out) noexcept {
+  if (enable_asked_.exchange(false, std::memory_order_acq_rel)) (void)enable_force(now);
   advance(now);
   if (faults_.unplugged) return false;
   const bool guarded = config_.time_guard_s > 0 && sampled_ &&

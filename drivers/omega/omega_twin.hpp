@@ -103,6 +103,7 @@ class OmegaTwin final : public HapticDevice {
   [[nodiscard]] bool sense(rt::Time now, StylusSample& out) noexcept override;
   void act(rt::Time now, const ForceCommand& command) noexcept override;
   void make_safe() noexcept override { safe_.store(true, std::memory_order_release); }
+  void request_enable() noexcept override { enable_asked_.store(true, std::memory_order_release); }
 
   // Owner's thread. The hand's script starts at the first access, or here.
   void start_hand(rt::Time now) noexcept;
@@ -167,7 +168,7 @@ class OmegaTwin final : public HapticDevice {
   perception::Vec3 target_D_ = perception::Vec3::Zero(), target_v_D_ = perception::Vec3::Zero();
   DeviceState state_ = DeviceState::kIdle;
   ForceOffCause cause_ = ForceOffCause::kNone;
-  std::atomic<bool> safe_{false};
+  std::atomic<bool> safe_{false}, enable_asked_{false};
   DeviceFaults faults_;
   StylusSample last_sample_;
   bool sampled_ = false;

@@ -75,6 +75,7 @@ void HapticNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   s.stale = t.stale;
   s.held = t.held;
   s.button = out_.state.button;
+  s.device_state = static_cast<std::uint8_t>(in_.stylus.state);
   s.finite = out_.force.f_H_D.allFinite();
   cells_.haptic_samples.try_push(s);
   if (!hash_) return;

@@ -136,8 +136,8 @@ void RobotSupervisionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcep
   in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
   // The operator's engage travels in the goal; without a goal there is none.
   using Engage = SupervisionTask::Engage;
-  in_.requests.engage = !goal ? Engage::kAbsent : goal->engaged != 0 ? Engage::kYes : Engage::kNo;
-  in_.peer_mode = goal && goal->engaged != 0 ? Mode::kEngaged : Mode::kHold;
+  in_.requests.engage = !goal ? Engage::kAbsent : goal->operator_engaged != 0 ? Engage::kYes : Engage::kNo;
+  in_.peer_mode = goal && goal->operator_engaged != 0 ? Mode::kEngaged : Mode::kHold;
   in_.requests.ramp_down = requests_.ramp_down.load(std::memory_order_relaxed);
   in_.requests.stop = requests_.stop.load(std::memory_order_relaxed);
 }

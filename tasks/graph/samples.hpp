@@ -18,6 +18,7 @@ struct HapticSample {
   std::int32_t contacts = 0;
   bool in_contact = false, guard_active = false, guard_use = false, stale = false, held = false;
   bool button = false, finite = true;
+  std::uint8_t device_state = 0;  // drivers::DeviceState
 };
 
 struct FusionSample {

@@ -78,8 +78,25 @@ void OperatorConsole::resolve_points(rt::Time now) {
   }
 }
 
+// A stall beyond the device's own watchdog brakes it. The person notices that it is limp and presses the
+// button on its base: that is an act, so it is counted.
+void OperatorConsole::mind_device(rt::Time now) {
+  const bool braked = !seen_.haptic.empty() &&
+                      seen_.haptic.back().device_state == static_cast<std::uint8_t>(drivers::DeviceState::kBrake);
+  if (!braked) {
+    braked_since_ = rt::Time{};
+  } else if (braked_since_ == rt::Time{}) {
+    braked_since_ = now;
+  } else if (now - braked_since_ > std::chrono::milliseconds{300}) {
+    box_.device().request_enable();
+    ++seen_.device_brakes;
+    braked_since_ = rt::Time{};
+  }
+}
+
 void OperatorConsole::tick(rt::Time now) {
   drain();
+  mind_device(now);
   using Engage = tasks::SupervisionTask::Engage;
   const bool engage = rt::seconds(now - epoch_) >= scene_.operator_script.engage_after_s;
   box_.graph().requests().engage.store(static_cast<int>(engage ? Engage::kYes : Engage::kNo));
@@ -113,6 +130,7 @@ OperatorView OperatorConsole::copy() const {
   v.arrivals = seen_.arrivals;
   v.first_arrival = seen_.first_arrival;
   v.points_resolved = seen_.points_resolved;
+  v.device_brakes = seen_.device_brakes;
   return v;
 }
 

@@ -26,6 +26,7 @@ struct OperatorView {
   std::uint64_t arrivals = 0;
   rt::Time first_arrival{};
   std::uint32_t points_resolved = 0;
+  std::uint32_t device_brakes = 0;               // times the operator had to enable the forces again
 };
 
 class OperatorConsole {
@@ -41,12 +42,14 @@ class OperatorConsole {
  private:
   void drain();
   void resolve_points(rt::Time now);
+  void mind_device(rt::Time now);
   OperatorBox& box_;
   const Scene& scene_;
   rt::Time epoch_;
   OperatorView seen_;
   std::size_t next_point_ = 0;
   int camera_width_px_;
+  rt::Time braked_since_{};
 };
 
 struct TruthSample {

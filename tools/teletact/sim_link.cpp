@@ -10,8 +10,8 @@ constexpr std::int64_t kBareDelay = 100000;   // loopback without a shaper: neve
 }  // namespace
 
 SimLink::SimLink(End op, End robot, const drivers::LinkShapeConfig& shape, std::int64_t start_host_ns)
-    : to_robot_{op, robot, drivers::LinkShaper(shape, 0), shape.any(), {}, 0},
-      to_operator_{robot, op, drivers::LinkShaper(shape, 1), shape.any(), {}, 0},
+    : to_robot_{op, robot, drivers::LinkShaper(shape, 0), shape.any(), {}},
+      to_operator_{robot, op, drivers::LinkShaper(shape, 1), shape.any(), {}},
       next_poll_(start_host_ns) {}
 
 std::int64_t SimLink::next_host_ns() const noexcept {
@@ -27,14 +27,12 @@ void SimLink::send(Direction& d, std::span<const std::uint8_t> message, std::int
   if (cut_) return;
   const std::int64_t due = d.shaped ? d.shaper.deliver_at(host_ns, message.size()) : host_ns + kBareDelay;
   d.queue.push_back({due, {message.begin(), message.end()}});
-  d.queued += message.size();
 }
 
 void SimLink::deliver(Direction& d, Direction& back, std::int64_t host_ns) {
   while (!d.queue.empty() && d.queue.front().due <= host_ns) {
     const Packet packet = std::move(d.queue.front());
     d.queue.pop_front();
-    d.queued -= packet.bytes.size();
     if (cut_) continue;
     if (!d.to.endpoint->receive(packet.bytes, d.to.clock.from_host(host_ns),
                                 [&](std::span<const std::uint8_t> m) { send(back, m, host_ns); })) {
@@ -59,7 +57,7 @@ void SimLink::act(std::int64_t host_ns) {
   if (next_poll_ > host_ns) return;
   next_poll_ += kPoll;
   for (auto* d : {&to_robot_, &to_operator_}) {
-    const bool line_free = d->queued < 65536 && (!d->shaped || !d->shaper.busy(host_ns));
+    const bool line_free = d->shaped ? !d->shaper.busy(host_ns) : d->queue.empty();
     d->from.endpoint->poll(d->from.clock.from_host(host_ns), line_free,
                            [&](std::span<const std::uint8_t> m) { send(*d, m, host_ns); });
   }

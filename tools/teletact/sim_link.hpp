@@ -43,7 +43,6 @@ class SimLink final : public rt::Actor {
     drivers::LinkShaper shaper;
     bool shaped = false;
     std::deque<Packet> queue;
-    std::size_t queued = 0;
   };
   void send(Direction& d, std::span<const std::uint8_t> message, std::int64_t host_ns);
   void deliver(Direction& d, Direction& back, std::int64_t host_ns);
