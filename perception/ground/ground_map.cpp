@@ -15,6 +15,7 @@ namespace {
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kMaxRow = 640;             // pixels of a row that is bridged
 constexpr std::size_t kSearchPoints = 4096;
+constexpr std::uint8_t kNeither = 0, kGround = 1, kObstacle = 2;
 
 }  // namespace
 
@@ -88,6 +89,7 @@ GroundMap::GroundMap(rt::NonRealtime&, const GroundConfig& config, const GroundP
   row_x_.resize(kMaxRow);
   row_y_.resize(kMaxRow);
   row_h_.resize(kMaxRow);
+  row_kind_.resize(kMaxRow);
   const int largest = (reach_ + 1) * (reach_ + 1);
   cost_of_distance2_.resize(static_cast<std::size_t>(largest) + 1);
   for (int d2 = 0; d2 <= largest; ++d2) {
@@ -233,7 +235,6 @@ void GroundMap::collect(const GroundFrame& frame) noexcept {
   const auto bridge2 = static_cast<float>(config_.bridge_m * config_.bridge_m);
   const auto limit = static_cast<float>(config_.cells);
   const int width = std::min(k.width, kMaxRow);
-  const float kNone = std::numeric_limits<float>::quiet_NaN();
   Eigen::Matrix3d drift = Eigen::Matrix3d::Zero();  // normal equations of the correction
   Vec3 drift_rhs = Vec3::Zero();
   std::uint64_t steps = 0;
@@ -258,7 +259,7 @@ void GroundMap::collect(const GroundFrame& frame) noexcept {
     }
   };
 
-  std::fill(row_h_.begin(), row_h_.end(), kNone);
+  std::fill(row_kind_.begin(), row_kind_.end(), kNeither);
   for (int v = 0; v < k.height; ++v) {
     const float* z_row = frame.depth_m.row(v);
     const Vec3f base =
@@ -267,37 +268,40 @@ void GroundMap::collect(const GroundFrame& frame) noexcept {
       const auto i = static_cast<std::size_t>(u);
       const float z = z_row[u];
       if (!(z > 0 && z <= range)) {
-        row_h_[i] = kNone;
+        row_kind_[i] = kNeither;
         continue;
       }
       const Vec3f p = z * (base + static_cast<float>(u) * step) + t;
       const float h = p.z() - (a + b * p.x() + c * p.y());
       const float gate = tolerance + per_m2 * z * z;
       const bool ground = std::abs(h) <= gate;
-      if (ground) {
-        count(p.x(), p.y(), true, h, z);
-        // Cells between this row's ground and the row above's, same column.
+      const bool obstacle = !ground && (h > 0 ? h <= top : h < -3 * gate);
+      if (ground || obstacle) {
+        count(p.x(), p.y(), ground, h, z);
+        // Cells between this point and the one above it in the image, when both are of one kind and, for
+        // an obstacle, of one height: rows of a grazing surface lie farther apart than cells.
         const float dx = row_x_[i] - p.x(), dy = row_y_[i] - p.y(), d2 = dx * dx + dy * dy;
-        if (row_h_[i] == row_h_[i] && d2 > cell * cell && d2 <= bridge2) {
+        const bool joined = row_kind_[i] == (ground ? kGround : kObstacle) &&
+                            std::abs(row_h_[i] - h) <= gate;
+        if (joined && d2 > cell * cell && d2 <= bridge2) {
           const int n = static_cast<int>(std::sqrt(d2) * inv_cell * 1.5F) + 1;
           for (int s = 1; s < n; ++s) {
             const float f = static_cast<float>(s) / static_cast<float>(n);
-            count(p.x() + f * dx, p.y() + f * dy, true, h, z);
+            count(p.x() + f * dx, p.y() + f * dy, ground, h, z);
           }
           steps += static_cast<std::uint64_t>(n);
         }
-        if (((u ^ v) & 3) == 0) {
-          // About the camera's foot, so that offset and tilt hardly mix.
-          const Vec3 j(1, static_cast<double>(p.x() - t.x()), static_cast<double>(p.y() - t.y()));
-          drift += j * j.transpose();
-          drift_rhs += static_cast<double>(h) * j;
-        }
-      } else if (h > 0 ? h <= top : h < -3 * gate) {
-        count(p.x(), p.y(), false, h, z);
+      }
+      if (ground && ((u ^ v) & 3) == 0) {
+        // About the camera's foot, so that offset and tilt hardly mix.
+        const Vec3 j(1, static_cast<double>(p.x() - t.x()), static_cast<double>(p.y() - t.y()));
+        drift += j * j.transpose();
+        drift_rhs += static_cast<double>(h) * j;
       }
       row_x_[i] = p.x();
       row_y_[i] = p.y();
-      row_h_[i] = ground ? h : kNone;
+      row_h_[i] = h;
+      row_kind_[i] = ground ? kGround : (obstacle ? kObstacle : kNeither);
     }
   }
   work_ += static_cast<std::uint64_t>(k.width) * static_cast<std::uint64_t>(k.height) + steps;

@@ -7,8 +7,9 @@
 //          small correction (offset and tilt) that only sorts heights.
 // update   one claimed frame: each point falls into a cell and counts as ground (|height| below
 //          ground_tolerance), obstacle (up to robot_height) or neither (overhead: the robot passes
-//          below; deep below: a hole, counts as an obstacle). Between two ground points of neighbouring
-//          pixel rows the cells are ground too (at grazing angles rows lie farther apart than cells).
+//          below; deep below: a hole, counts as an obstacle). Between two points of neighbouring pixel
+//          rows that are of one kind and height the cells count too (at grazing angles rows lie
+//          farther apart than cells). Points count by the area they stand for, (z / f)^2.
 //          Evidence: an obstacle frame adds, a ground frame takes away, so a moved box is forgotten
 //          after `cap` views of its floor.
 // layers   occupied; inscribed within robot_radius of an occupied cell (centre to centre, plus half a
@@ -71,7 +72,7 @@ struct GroundConfig {
   double ground_tolerance_m = 0.04;   // plus tolerance_per_m2 times range squared
   double tolerance_per_m2 = 0.004;
   double robot_height_m = 1.1;        // higher surfaces are overhead
-  double bridge_m = 0.40;             // longest gap between two rows' ground points that is ground
+  double bridge_m = 0.40;             // longest gap between two rows that is filled
   double obstacle_area = 0.06;        // of a cell's area, seen as obstacle in one frame, to count
   int occupied_at = 3;                // evidence
   int evidence_gain = 1, evidence_loss = 1, evidence_cap = 12;
@@ -151,6 +152,7 @@ class GroundMap {
   std::vector<std::uint16_t> column_, distance2_;  // capped, cells
   std::vector<std::uint8_t> cost_of_distance2_;
   std::vector<float> row_x_, row_y_, row_h_;       // previous pixel row in M
+  std::vector<std::uint8_t> row_kind_;
   std::array<VirtualObstacle, kMaxVirtual> virtual_{};
   int virtual_count_ = 0;
 };
