@@ -220,6 +220,7 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
       half.view = console.copy();
       save_half(plan.folder, half);
     };
+    save_effects(plan.folder, "operator", box.effects());
     runner.await_link();
     runner.run(nrt, plan.folder + "/operator.run");
     box.device().make_safe();
@@ -268,6 +269,7 @@ int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOption
       half.view = console.seen();
       save_half(plan.folder, half);
     };
+    save_effects(plan.folder, "robot", box.effects());
     runner.await_link();
     runner.run(nrt, plan.folder + "/robot.run");
     box.bus().make_safe();

@@ -108,14 +108,14 @@ int cmd_demo(int argc, char** argv) {
   if (o.virtual_clock && o.calibration.empty()) info.calibration_text = "reference: " + calibration.host;
   if (o.virtual_clock) {
     VirtualRun run = run_virtual(nrt, *scene, o, calibration);
-    info.admission_text = rt::report_table(run.admission);
+    info.admission = run.admission;
     info.effects = run.effects;
     info.sched_hash = run.sched_hash;
     info.log_hash = run.log_hash;
     return finish_run(o, *scene, info, run.op, run.robot, json);
   }
   RealRun run = run_real(nrt, *scene, o, calibration);
-  info.admission_text = rt::report_table(run.admission);
+  info.admission = run.admission;
   info.problems = run.problems;
   info.effects = run.effects;
   return finish_run(o, *scene, info, run.op, run.robot, json);

@@ -116,6 +116,7 @@ RealRun run_real(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& op
     ::usleep(10000);
   }
   load_half(plan.folder, run.op);
+  run.effects = load_effects(plan.folder);
   load_half(plan.folder, run.robot);
   std::ifstream missing(plan.folder + "/not_realtime");
   for (std::string line; std::getline(missing, line);) run.op.log.not_realtime.push_back(line);

@@ -99,18 +99,38 @@ ReportMap report_map(const OperatorHalf& op, const RobotHalf& robot) {
   const auto& c = *op.view.map;
   if (c.seq != 0 && c.ground_found) {
     // The grid lies in W up to a turn about z in the scenes with a robot; its origin places it.
-    map.width = c.width;
-    map.height = c.height;
-    map.resolution_m = c.resolution;
-    map.x0_m = c.X_WM.translation().x();
-    map.y0_m = c.X_WM.translation().y();
-    map.cost.assign(c.cost.begin(), c.cost.begin() + static_cast<std::ptrdiff_t>(c.width) * c.height);
+    // Only what was seen, with a margin.
+    int x0 = c.width, y0 = c.height, x1 = 0, y1 = 0;
+    for (int y = 0; y < c.height; ++y) {
+      for (int x = 0; x < c.width; ++x) {
+        if (c.cost[c.index(x, y)] == perception::CostMap::kUnknown) continue;
+        x0 = std::min(x0, x);
+        y0 = std::min(y0, y);
+        x1 = std::max(x1, x);
+        y1 = std::max(y1, y);
+      }
+    }
+    constexpr int kMargin = 4;
+    x0 = std::max(0, x0 - kMargin);
+    y0 = std::max(0, y0 - kMargin);
+    x1 = std::min(c.width - 1, x1 + kMargin);
+    y1 = std::min(c.height - 1, y1 + kMargin);
+    if (x1 > x0 && y1 > y0) {
+      map.width = x1 - x0 + 1;
+      map.height = y1 - y0 + 1;
+      map.resolution_m = c.resolution;
+      map.x0_m = c.X_WM.translation().x() + x0 * c.resolution;
+      map.y0_m = c.X_WM.translation().y() + y0 * c.resolution;
+      for (int y = y0; y <= y1; ++y) {
+        for (int x = x0; x <= x1; ++x) map.cost.push_back(c.cost[c.index(x, y)]);
+      }
+    }
   }
   const perception::Pose X_MW = c.X_WM.inverse();
   const auto to_map = [&](double x, double y) {
     // Into the grid's frame, shown with the grid's origin at its place in the world.
     const perception::Vec3 p = X_MW * perception::Vec3(x, y, 0);
-    return std::pair{map.x0_m + p.x(), map.y0_m + p.y()};
+    return std::pair{c.X_WM.translation().x() + p.x(), c.X_WM.translation().y() + p.y()};
   };
   for (const auto& path : op.view.paths) {
     auto& line = map.planned.emplace_back();
@@ -249,7 +269,7 @@ ReportData make_report(const RunInfo& info, const OperatorHalf& op, const RobotH
   d.seeds = info.seeds;
   d.config_toml = info.config_toml;
   d.calibration = info.calibration_text;
-  d.admission = info.admission_text;
+  d.admission = info.admission.tasks.empty() ? "" : rt::report_table(info.admission);
   d.effects = info.effects;
   d.files = info.files;
   d.metrics = metrics;
@@ -262,6 +282,11 @@ ReportData make_report(const RunInfo& info, const OperatorHalf& op, const RobotH
   }
   d.map = report_map(op, robot);
   if (op.view.view->seq != 0) d.pictures.push_back(report_picture(op));
+  for (auto& t : d.tasks) {
+    for (const auto& a : info.admission.tasks) {
+      if (a.name == t.name) t.analysis_response_us = static_cast<double>(a.R.count()) * 1e-3;
+    }
+  }
   add_verdicts(info, op, robot, metrics, d);
   return d;
 }

@@ -136,6 +136,23 @@ void load_half(const std::string& folder, RobotHalf& h) {
   if (auto log = rt::read_run_file(folder + "/robot.run")) h.log = std::move(log).value();
 }
 
+void save_effects(const std::string& folder, const std::string& box, const Effects& effects) {
+  std::ofstream out(folder + "/" + box + ".effects");
+  for (const auto& [name, key] : effects) out << name << '\t' << key << '\n';
+}
+
+Effects load_effects(const std::string& folder) {
+  Effects all;
+  for (const char* box : {"operator", "robot"}) {
+    std::ifstream in(folder + "/" + box + ".effects");
+    for (std::string line; std::getline(in, line);) {
+      const auto tab = line.find('\t');
+      if (tab != std::string::npos) all.emplace_back(line.substr(0, tab), line.substr(tab + 1));
+    }
+  }
+  return all;
+}
+
 namespace {
 
 void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {

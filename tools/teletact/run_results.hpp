@@ -9,6 +9,7 @@
 
 #include "rt/audit/blame.hpp"
 #include "rt/audit/run_log.hpp"
+#include "rt/sched/admission.hpp"
 #include "rt/sched/executor.hpp"
 #include "tools/teletact/console.hpp"
 #include "tools/teletact/metrics_json.hpp"
@@ -48,11 +49,16 @@ void save_half(const std::string& folder, const RobotHalf& half);
 void load_half(const std::string& folder, OperatorHalf& half);
 void load_half(const std::string& folder, RobotHalf& half);
 
+// Effects constructed by a process: <folder>/<box>.effects, one "name<TAB>key" a line.
+void save_effects(const std::string& folder, const std::string& box, const Effects& effects);
+[[nodiscard]] Effects load_effects(const std::string& folder);
+
 struct RunInfo {
-  std::string command, admission_text, calibration_text, config_toml, started, folder;
+  std::string command, calibration_text, config_toml, started, folder;
   bool virtual_clock = false, stub_bodies = false, recording = false;
   double seconds = 0;
   Effects effects;
+  rt::Admission admission;
   std::vector<std::pair<std::string, std::string>> host, seeds;
   std::uint64_t sched_hash = 0, log_hash = 0;
   std::vector<std::string> problems;      // each makes the exit code non-zero
