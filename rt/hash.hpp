@@ -34,10 +34,8 @@ class Hash64 {
   }
   // Only types without padding: every byte counts.
   template <class T>
-    requires std::has_unique_object_representations_v<T>
-  void value(const T& v) noexcept {
-    bytes(&v, sizeof v);
-  }
+  requires std::has_unique_object_representations_v<T>
+  void value(const T& v) noexcept { bytes(&v, sizeof v); }
   void value(double v) noexcept { bytes(&v, sizeof v); }
   void value(float v) noexcept { bytes(&v, sizeof v); }
   [[nodiscard]] std::uint64_t digest() const noexcept { return mix64(state_); }

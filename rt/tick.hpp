@@ -33,12 +33,12 @@ class CancelToken {
 };
 
 struct Tick {
-  std::uint64_t k = 0;           // release index: the instant is epoch + offset + rate.release(k)
-  Time release{};                // the instant the job was due
-  Time start{};                  // the instant its inputs were latched (first dispatch)
-  Nanos period{0};               // nominal distance of releases
-  std::uint32_t skipped = 0;     // releases dropped by the miss policy just before this one
-  int level = 0;                 // variant in force; 0 is the full one
+  std::uint64_t k = 0;        // release index: the instant is epoch + offset + rate.release(k)
+  Time release{};             // the instant the job was due
+  Time start{};               // the instant its inputs were latched (first dispatch)
+  Nanos period{0};            // nominal distance of releases
+  std::uint32_t skipped = 0;  // releases dropped by the miss policy just before this one
+  int level = 0;              // variant in force; 0 is the full one
   const CancelToken* cancel = nullptr;  // never null in a job of a task with policy abort
 
   [[nodiscard]] bool cancelled() const noexcept { return cancel != nullptr && cancel->requested(); }

@@ -23,7 +23,8 @@ class ClockSync {
   bool add(std::int64_t t0, std::int64_t t1, std::int64_t t2, std::int64_t t3) noexcept {
     const std::int64_t rtt = (t3 - t0) - (t2 - t1);
     if (t2 < t1 || rtt < 0 || rtt > 10'000'000'000) return false;
-    samples_[static_cast<std::size_t>(count_++ % kWindow)] = {rtt, t1 - t0 + (t2 - t1 - (t3 - t0)) / 2, t3};
+    samples_[static_cast<std::size_t>(count_++ % kWindow)] = {
+        rtt, t1 - t0 + (t2 - t1 - (t3 - t0)) / 2, t3};
     const auto n = std::min<std::uint64_t>(count_, kWindow);
     best_ = samples_[0];
     for (std::size_t i = 1; i < n; ++i) {
@@ -49,7 +50,9 @@ class ClockSync {
     std::int64_t rtt = 0, offset = 0, at = 0;
   };
   [[nodiscard]] static std::int64_t cost(const Sample& s, std::int64_t now) noexcept {
-    return s.rtt / 2 + static_cast<std::int64_t>(kDriftBound * static_cast<double>(std::max<std::int64_t>(0, now - s.at)));
+    return s.rtt / 2 +
+           static_cast<std::int64_t>(kDriftBound *
+                                     static_cast<double>(std::max<std::int64_t>(0, now - s.at)));
   }
   std::array<Sample, kWindow> samples_{};
   Sample best_{};

@@ -11,19 +11,21 @@ constexpr rt::Nanos kClockPeriod = std::chrono::milliseconds{200};
 constexpr rt::Nanos kClockPeriodAtStart = std::chrono::milliseconds{20};
 }  // namespace
 
-LinkEndpoint::LinkEndpoint(rt::NonRealtime&, rt::Box box) : box_(box), buffer_(kHeaderSize + kMaxBody) {}
+LinkEndpoint::LinkEndpoint(rt::NonRealtime&, rt::Box box)
+    : box_(box), buffer_(kHeaderSize + kMaxBody) {}
 
 void LinkEndpoint::add_outgoing(MessageId id, rt::Nanos period, bool bulk, Fill fill) {
   outgoing_.push_back({id, period, bulk, std::move(fill), {}, 0});
-  std::stable_partition(outgoing_.begin(), outgoing_.end(), [](const Outgoing& o) { return !o.bulk; });
+  std::stable_partition(outgoing_.begin(), outgoing_.end(),
+                        [](const Outgoing& o) { return !o.bulk; });
 }
 
 void LinkEndpoint::add_incoming(MessageId id, Deliver deliver) {
   incoming_[static_cast<std::size_t>(id)] = std::move(deliver);
 }
 
-void LinkEndpoint::emit(MessageId id, std::uint64_t seq, std::span<const std::uint8_t> body, rt::Time now,
-                        const Send& send) {
+void LinkEndpoint::emit(MessageId id, std::uint64_t seq, std::span<const std::uint8_t> body,
+                        rt::Time now, const Send& send) {
   Header h;
   h.id = id;
   h.seq = seq;
@@ -43,7 +45,9 @@ void LinkEndpoint::poll(rt::Time now, bool line_free, const Send& send) {
   if (!hello_ok_) return;
   std::array<std::uint8_t, kMaxControlBody> small{};
   if (now >= next_clock_) {
-    next_clock_ = now + (stats_.received[static_cast<std::size_t>(MessageId::kClockReply)] < 8 ? kClockPeriodAtStart : kClockPeriod);
+    next_clock_ = now + (stats_.received[static_cast<std::size_t>(MessageId::kClockReply)] < 8
+                             ? kClockPeriodAtStart
+                             : kClockPeriod);
     emit(MessageId::kClockRequest, ++control_seq_,
          std::span(small).first(encode(ClockRequest{rt::ns_of(now)}, small)), now, send);
   }
@@ -65,8 +69,8 @@ bool LinkEndpoint::on_hello(const Header& h) {
   }
   char text[160];
   std::snprintf(text, sizeof text,
-                "link: the other side speaks schema version %u (%016" PRIx64 "), this side %u (%016" PRIx64
-                "): install the same teletact on both boxes",
+                "link: the other side speaks schema version %u (%016" PRIx64
+                "), this side %u (%016" PRIx64 "): install the same teletact on both boxes",
                 h.version, h.schema, kSchemaVersion, schema_hash());
   fault_ = text;
   return false;
@@ -97,11 +101,13 @@ bool LinkEndpoint::receive(std::span<const std::uint8_t> message, rt::Time now, 
     std::array<std::uint8_t, 64> small{};
     const std::int64_t t = rt::ns_of(now);
     if (taken) {
-      emit(MessageId::kClockReply, ++control_seq_, std::span(small).first(encode(ClockReply{request.t0_ns, t, t}, small)), now, send);
+      emit(MessageId::kClockReply, ++control_seq_,
+           std::span(small).first(encode(ClockReply{request.t0_ns, t, t}, small)), now, send);
     }
   } else if (h.id == MessageId::kClockReply) {
     ClockReply reply;
-    taken = decode(body, reply) && clock_.add(reply.t0_ns, reply.t1_ns, reply.t2_ns, rt::ns_of(now));
+    taken =
+        decode(body, reply) && clock_.add(reply.t0_ns, reply.t1_ns, reply.t2_ns, rt::ns_of(now));
   } else if (h.id == MessageId::kBye) {
     bye_ = true;
   } else if (!clock_.valid()) {

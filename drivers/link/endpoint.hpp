@@ -70,13 +70,14 @@ class LinkEndpoint {
   [[nodiscard]] rt::Box other() const noexcept {
     return box_ == rt::Box::kOperator ? rt::Box::kRobot : rt::Box::kOperator;
   }
-  void emit(MessageId id, std::uint64_t seq, std::span<const std::uint8_t> body, rt::Time now, const Send& send);
+  void emit(MessageId id, std::uint64_t seq, std::span<const std::uint8_t> body, rt::Time now,
+            const Send& send);
   [[nodiscard]] bool on_hello(const Header& h);
 
   rt::Box box_;
   std::vector<Outgoing> outgoing_;
   std::array<Deliver, kMessageIds + 1> incoming_{};
-  std::vector<std::uint8_t> buffer_;   // message under construction: header and body
+  std::vector<std::uint8_t> buffer_;  // message under construction: header and body
   ClockSync clock_;
   rt::Time next_clock_{};
   bool hello_sent_ = false, hello_ok_ = false, bye_ = false, ever_heard_ = false;

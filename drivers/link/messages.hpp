@@ -14,11 +14,11 @@ namespace drivers {
 struct RobotState {
   std::uint64_t seq = 0;
   rt::Time taken{};
-  double x_m = 0, y_m = 0, yaw_rad = 0;     // X_OB
-  double vx = 0, vy = 0, wz = 0;            // body frame, m/s, rad/s, measured
+  double x_m = 0, y_m = 0, yaw_rad = 0;       // X_OB
+  double vx = 0, vy = 0, wz = 0;              // body frame, m/s, rad/s, measured
   double cmd_vx = 0, cmd_vy = 0, cmd_wz = 0;  // body frame, commanded in the same cycle
-  std::uint64_t goal_seq = 0;               // newest RobotGoal the robot has accepted
-  std::uint8_t mode = 0;                    // tasks::Mode of the robot box
+  std::uint64_t goal_seq = 0;                 // newest RobotGoal the robot has accepted
+  std::uint8_t mode = 0;                      // tasks::Mode of the robot box
   std::uint8_t moving = 0;
   std::uint16_t fault = 0;
 };
@@ -27,12 +27,12 @@ struct RobotState {
 struct RobotGoal {
   std::uint64_t seq = 0;
   rt::Time made{};
-  rt::Time valid_until{};                   // beyond it the robot holds still
-  double x_m = 0, y_m = 0, yaw_rad = 0;     // target pose X_OB
-  double vx = 0, vy = 0, wz = 0;            // feed-forward at the target, body frame
+  rt::Time valid_until{};                // beyond it the robot holds still
+  double x_m = 0, y_m = 0, yaw_rad = 0;  // target pose X_OB
+  double vx = 0, vy = 0, wz = 0;         // feed-forward at the target, body frame
   double speed_limit_m_per_s = 0;
-  std::uint8_t engaged = 0;                 // 0: hold still, whatever the pose says
-  std::uint8_t operator_engaged = 0;        // the operator's box is in the engaged mode
+  std::uint8_t engaged = 0;           // 0: hold still, whatever the pose says
+  std::uint8_t operator_engaged = 0;  // the operator's box is in the engaged mode
   std::uint64_t path_seq = 0;
 };
 

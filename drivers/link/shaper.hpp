@@ -13,8 +13,8 @@ namespace drivers {
 
 // Section [link.shape].
 struct LinkShapeConfig {
-  double delay_ms = 0;      // one way
-  double jitter_ms = 0;     // uniform, 0 .. jitter
+  double delay_ms = 0;         // one way
+  double jitter_ms = 0;        // uniform, 0 .. jitter
   double rate_Mbit_per_s = 0;  // 0: no bottleneck
   std::uint64_t seed = 1;
 
@@ -24,7 +24,9 @@ struct LinkShapeConfig {
     s.number("rate_Mbit_per_s", rate_Mbit_per_s, 0, 10000, "bottleneck; 0 = none");
     s.seed("seed", seed, "of the jitter");
   }
-  [[nodiscard]] bool any() const noexcept { return delay_ms > 0 || jitter_ms > 0 || rate_Mbit_per_s > 0; }
+  [[nodiscard]] bool any() const noexcept {
+    return delay_ms > 0 || jitter_ms > 0 || rate_Mbit_per_s > 0;
+  }
 };
 
 class LinkShaper {
@@ -40,7 +42,8 @@ class LinkShaper {
     }
     line_free_ = t;
     t += static_cast<std::int64_t>(config_.delay_ms * 1e6);
-    if (config_.jitter_ms > 0) t += static_cast<std::int64_t>(random_.uniform() * config_.jitter_ms * 1e6);
+    if (config_.jitter_ms > 0)
+      t += static_cast<std::int64_t>(random_.uniform() * config_.jitter_ms * 1e6);
     last_ = std::max(last_, t);
     return last_;
   }

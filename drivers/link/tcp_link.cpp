@@ -25,10 +25,12 @@ rt::Result<sockaddr_in> loopback(const std::string& address, int port) {
     return rt::Error{"link.address = " + address + ": not an IPv4 address"};
   }
   if ((ntohl(a.sin_addr.s_addr) >> 24U) != 127U) {
-    return rt::Error{"link.address = " + address +
-                     ": the link is not authenticated yet, so only loopback (127.0.0.0/8) is allowed"};
+    return rt::Error{
+        "link.address = " + address +
+        ": the link is not authenticated yet, so only loopback (127.0.0.0/8) is allowed"};
   }
-  if (port < 0 || port > 65535) return rt::Error{"link.port = " + std::to_string(port) + ": allowed 0..65535"};
+  if (port < 0 || port > 65535)
+    return rt::Error{"link.port = " + std::to_string(port) + ": allowed 0..65535"};
   return a;
 }
 
@@ -64,7 +66,8 @@ rt::Result<std::unique_ptr<TcpLink>> TcpLink::listen(const std::string& address,
   return link;
 }
 
-rt::Result<std::unique_ptr<TcpLink>> TcpLink::connect(const std::string& address, int port, rt::Nanos timeout) {
+rt::Result<std::unique_ptr<TcpLink>> TcpLink::connect(const std::string& address, int port,
+                                                      rt::Nanos timeout) {
   auto a = loopback(address, port);
   if (!a) return rt::Error{a.error()};
   std::unique_ptr<TcpLink> link(new TcpLink);
@@ -72,7 +75,9 @@ rt::Result<std::unique_ptr<TcpLink>> TcpLink::connect(const std::string& address
   for (;;) {
     link->fd_ = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
     if (link->fd_ < 0) return rt::Error{errno_text("link: socket")};
-    if (::connect(link->fd_, reinterpret_cast<const sockaddr*>(&a.value()), sizeof(sockaddr_in)) == 0) break;
+    if (::connect(link->fd_, reinterpret_cast<const sockaddr*>(&a.value()), sizeof(sockaddr_in)) ==
+        0)
+      break;
     const std::string why = errno_text("link: connect to " + address + ":" + std::to_string(port));
     ::close(link->fd_);
     link->fd_ = -1;
@@ -110,7 +115,9 @@ void TcpLink::fail(std::string why) {
   state_.store(State::kFault);
 }
 
-std::string TcpLink::fault() const { return state_.load() == State::kFault ? fault_ : std::string{}; }
+std::string TcpLink::fault() const {
+  return state_.load() == State::kFault ? fault_ : std::string{};
+}
 
 LinkEndpoint::Stats TcpLink::stats() const {
   return endpoint_ != nullptr ? endpoint_->stats() : LinkEndpoint::Stats{};
@@ -196,7 +203,8 @@ void TcpLink::run() {
   }
   if (fd_ >= 0 && !cut_.load() && stop_.load()) {
     e.send_bye(now_(), send);
-    for (int i = 0; i < 200 && !queue_.empty() && write_due(rt::monotonic_ns()); ++i) ::usleep(1000);
+    for (int i = 0; i < 200 && !queue_.empty() && write_due(rt::monotonic_ns()); ++i)
+      ::usleep(1000);
   }
   if (fd_ >= 0) ::close(fd_);
   fd_ = -1;

@@ -26,10 +26,11 @@ class TcpLink {
   enum class State : std::uint8_t { kConnecting, kHandshake, kReady, kClosed, kFault };
 
   // Listens on 127.0.0.1; port 0 lets the kernel choose (see port()).
-  [[nodiscard]] static rt::Result<std::unique_ptr<TcpLink>> listen(const std::string& address, int port);
+  [[nodiscard]] static rt::Result<std::unique_ptr<TcpLink>> listen(const std::string& address,
+                                                                   int port);
   // Connects, trying again until `timeout`.
-  [[nodiscard]] static rt::Result<std::unique_ptr<TcpLink>> connect(const std::string& address, int port,
-                                                                    rt::Nanos timeout);
+  [[nodiscard]] static rt::Result<std::unique_ptr<TcpLink>> connect(const std::string& address,
+                                                                    int port, rt::Nanos timeout);
   ~TcpLink();
   TcpLink(const TcpLink&) = delete;
   TcpLink& operator=(const TcpLink&) = delete;
@@ -45,13 +46,13 @@ class TcpLink {
   void cut() noexcept { cut_.store(true); }
 
   [[nodiscard]] State state() const noexcept { return state_.load(); }
-  [[nodiscard]] std::string fault() const;   // after kFault
+  [[nodiscard]] std::string fault() const;  // after kFault
   // Local time of the last valid message, ns; 0 = never. For supervision and robot_io.
   [[nodiscard]] std::int64_t last_heard_ns() const noexcept { return last_heard_.load(); }
   [[nodiscard]] std::int64_t round_trip_ns() const noexcept { return round_trip_.load(); }
   [[nodiscard]] std::int64_t clock_uncertainty_ns() const noexcept { return uncertainty_.load(); }
   [[nodiscard]] std::int64_t thread_cpu_ns() const noexcept { return cpu_.load(); }
-  [[nodiscard]] LinkEndpoint::Stats stats() const;   // after stop()
+  [[nodiscard]] LinkEndpoint::Stats stats() const;  // after stop()
 
  private:
   TcpLink() = default;

@@ -1,7 +1,7 @@
 #include "drivers/link/wire.hpp"
 
-#include <array>
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -20,7 +20,8 @@ constexpr std::string_view kSchema =
     "header:magic4,version2,id2,length4,crc4,seq8,stamp8,schema8;"
     "hello:;clock_request:t0i8;clock_reply:t0i8,t1i8,t2i8;frame:encoded_frame_v1;"
     "robot_state:seq8,taken8,x,y,yaw,vx,vy,wz,cmd_vx,cmd_vy,cmd_wz,goal_seq8,mode1,moving1,fault2;"
-    "robot_goal:seq8,made8,valid_until8,x,y,yaw,vx,vy,wz,speed_limit,engaged1,operator_engaged1,path_seq8;"
+    "robot_goal:seq8,made8,valid_until8,x,y,yaw,vx,vy,wz,speed_limit,engaged1,operator_engaged1,"
+    "path_seq8;"
     "bye:";
 
 constexpr std::array<std::uint32_t, 256> make_crc_table() {
@@ -93,13 +94,20 @@ std::uint64_t schema_hash() noexcept {
 
 const char* to_text(WireStatus s) noexcept {
   switch (s) {
-    case WireStatus::kOk: return "ok";
-    case WireStatus::kIncomplete: return "incomplete";
-    case WireStatus::kBadMagic: return "bad magic";
-    case WireStatus::kBadVersion: return "other schema version";
-    case WireStatus::kBadId: return "unknown message id";
-    case WireStatus::kTooLong: return "body too long";
-    case WireStatus::kBadCrc: return "bad checksum";
+    case WireStatus::kOk:
+      return "ok";
+    case WireStatus::kIncomplete:
+      return "incomplete";
+    case WireStatus::kBadMagic:
+      return "bad magic";
+    case WireStatus::kBadVersion:
+      return "other schema version";
+    case WireStatus::kBadId:
+      return "unknown message id";
+    case WireStatus::kTooLong:
+      return "body too long";
+    case WireStatus::kBadCrc:
+      return "bad checksum";
   }
   return "?";
 }
@@ -140,7 +148,8 @@ WireStatus read_header(std::span<const std::uint8_t> in, Header& out) noexcept {
   out.id = static_cast<MessageId>(id);
   // A Hello of another version is still read: the refusal must be able to name both.
   if (out.version != kSchemaVersion && out.id != MessageId::kHello) return WireStatus::kBadVersion;
-  if (out.length > (out.id == MessageId::kFrame ? kMaxBody : kMaxControlBody)) return WireStatus::kTooLong;
+  if (out.length > (out.id == MessageId::kFrame ? kMaxBody : kMaxControlBody))
+    return WireStatus::kTooLong;
   return WireStatus::kOk;
 }
 
@@ -158,7 +167,8 @@ std::size_t encode(const RobotState& m, std::span<std::uint8_t> out) noexcept {
   Writer w{out};
   w.put(m.seq);
   w.put(rt::ns_of(m.taken));
-  for (const double v : {m.x_m, m.y_m, m.yaw_rad, m.vx, m.vy, m.wz, m.cmd_vx, m.cmd_vy, m.cmd_wz}) w.put(v);
+  for (const double v : {m.x_m, m.y_m, m.yaw_rad, m.vx, m.vy, m.wz, m.cmd_vx, m.cmd_vy, m.cmd_wz})
+    w.put(v);
   w.put(m.goal_seq);
   w.put(m.mode);
   w.put(m.moving);
@@ -170,7 +180,9 @@ bool decode(std::span<const std::uint8_t> in, RobotState& m) noexcept {
   Reader r{in};
   r.get(m.seq);
   r.time(m.taken);
-  for (double* v : {&m.x_m, &m.y_m, &m.yaw_rad, &m.vx, &m.vy, &m.wz, &m.cmd_vx, &m.cmd_vy, &m.cmd_wz}) r.finite(*v);
+  for (double* v :
+       {&m.x_m, &m.y_m, &m.yaw_rad, &m.vx, &m.vy, &m.wz, &m.cmd_vx, &m.cmd_vy, &m.cmd_wz})
+    r.finite(*v);
   r.get(m.goal_seq);
   r.get(m.mode);
   r.get(m.moving);
@@ -183,7 +195,8 @@ std::size_t encode(const RobotGoal& m, std::span<std::uint8_t> out) noexcept {
   w.put(m.seq);
   w.put(rt::ns_of(m.made));
   w.put(rt::ns_of(m.valid_until));
-  for (const double v : {m.x_m, m.y_m, m.yaw_rad, m.vx, m.vy, m.wz, m.speed_limit_m_per_s}) w.put(v);
+  for (const double v : {m.x_m, m.y_m, m.yaw_rad, m.vx, m.vy, m.wz, m.speed_limit_m_per_s})
+    w.put(v);
   w.put(m.engaged);
   w.put(m.operator_engaged);
   w.put(m.path_seq);
@@ -195,7 +208,8 @@ bool decode(std::span<const std::uint8_t> in, RobotGoal& m) noexcept {
   r.get(m.seq);
   r.time(m.made);
   r.time(m.valid_until);
-  for (double* v : {&m.x_m, &m.y_m, &m.yaw_rad, &m.vx, &m.vy, &m.wz, &m.speed_limit_m_per_s}) r.finite(*v);
+  for (double* v : {&m.x_m, &m.y_m, &m.yaw_rad, &m.vx, &m.vy, &m.wz, &m.speed_limit_m_per_s})
+    r.finite(*v);
   r.get(m.engaged);
   r.get(m.operator_engaged);
   r.get(m.path_seq);

@@ -21,13 +21,13 @@
 namespace drivers {
 
 enum class MessageId : std::uint16_t {
-  kHello = 1,       // first on a connection, both ways
-  kClockRequest,    // both ways: each side measures the other's clock
+  kHello = 1,     // first on a connection, both ways
+  kClockRequest,  // both ways: each side measures the other's clock
   kClockReply,
-  kFrame,           // robot -> operator: EncodedFrame
-  kRobotState,      // robot -> operator
-  kRobotGoal,       // operator -> robot
-  kBye,             // an orderly end, both ways
+  kFrame,       // robot -> operator: EncodedFrame
+  kRobotState,  // robot -> operator
+  kRobotGoal,   // operator -> robot
+  kBye,         // an orderly end, both ways
 };
 inline constexpr int kMessageIds = 7;
 inline constexpr std::uint16_t kSchemaVersion = 1;
@@ -40,7 +40,7 @@ inline constexpr std::size_t kMaxControlBody = 512;
 
 struct Header {
   MessageId id = MessageId::kHello;
-  std::uint32_t length = 0;   // of the body
+  std::uint32_t length = 0;  // of the body
   std::uint32_t crc = 0;
   std::uint64_t seq = 0;
   std::int64_t stamp_ns = 0;  // sender's box clock
@@ -48,7 +48,15 @@ struct Header {
   std::uint16_t version = kSchemaVersion;
 };
 
-enum class WireStatus : std::uint8_t { kOk, kIncomplete, kBadMagic, kBadVersion, kBadId, kTooLong, kBadCrc };
+enum class WireStatus : std::uint8_t {
+  kOk,
+  kIncomplete,
+  kBadMagic,
+  kBadVersion,
+  kBadId,
+  kTooLong,
+  kBadCrc
+};
 [[nodiscard]] const char* to_text(WireStatus s) noexcept;
 
 [[nodiscard]] std::uint32_t crc32c(std::span<const std::uint8_t> data) noexcept;
@@ -56,11 +64,16 @@ void write_header(const Header& h, std::span<std::uint8_t, kHeaderSize> out) noe
 // kIncomplete when fewer than kHeaderSize bytes are there.
 [[nodiscard]] WireStatus read_header(std::span<const std::uint8_t> in, Header& out) noexcept;
 // Header and body; the CRC is filled in. Returns bytes written, 0 when `out` is too short.
-std::size_t write_message(Header h, std::span<const std::uint8_t> body, std::span<std::uint8_t> out) noexcept;
+std::size_t write_message(Header h, std::span<const std::uint8_t> body,
+                          std::span<std::uint8_t> out) noexcept;
 
 // Clock exchange: t0 sent by the asker, t1 received and t2 sent by the other (its clock).
-struct ClockRequest { std::int64_t t0_ns = 0; };
-struct ClockReply { std::int64_t t0_ns = 0, t1_ns = 0, t2_ns = 0; };
+struct ClockRequest {
+  std::int64_t t0_ns = 0;
+};
+struct ClockReply {
+  std::int64_t t0_ns = 0, t1_ns = 0, t2_ns = 0;
+};
 
 // Bodies. encode() returns the size; decode() is false for a wrong size or a value out of range.
 // Times inside a body are in the *sender's* clock; the endpoint converts them.

@@ -46,10 +46,13 @@ JobBlame split(const JobRecord& r, std::int64_t previous_end, const TaskLog& tas
   const std::int64_t waiting = r.start_ns - free_from;
   const std::int64_t platform_before = gaps.overlap(free_from, r.start_ns);
   const std::int64_t delay_before = std::min(r.run_delay_ns, waiting);
-  const std::int64_t queued_before = std::clamp<std::int64_t>(waiting - platform_before, 0, delay_before);
+  const std::int64_t queued_before =
+      std::clamp<std::int64_t>(waiting - platform_before, 0, delay_before);
   const std::int64_t wall = r.end_ns - r.start_ns;
-  const std::int64_t delay_inside = std::clamp<std::int64_t>(r.run_delay_ns - delay_before, 0, wall);
-  const std::int64_t gone = std::max<std::int64_t>(0, wall - r.cpu_ns - r.twin_cpu_ns - delay_inside);
+  const std::int64_t delay_inside =
+      std::clamp<std::int64_t>(r.run_delay_ns - delay_before, 0, wall);
+  const std::int64_t gone =
+      std::max<std::int64_t>(0, wall - r.cpu_ns - r.twin_cpu_ns - delay_inside);
   const std::int64_t over =
       std::max<std::int64_t>(0, r.cpu_ns - task.spec.budget_of(r.level).count());
   const bool calibrated = task.work_max > 0;
@@ -63,11 +66,12 @@ JobBlame split(const JobRecord& r, std::int64_t previous_end, const TaskLog& tas
 }
 
 Cause largest(const JobBlame& b, std::int64_t to_explain, bool whole_job) {
-  const std::array<std::pair<std::int64_t, Cause>, 5> parts{{{b.carried, Cause::kCarried},
-                                                             {b.platform, Cause::kPlatform},
-                                                             {b.queued, Cause::kQueued},
-                                                             {whole_job ? b.own : 0, Cause::kOwn},
-                                                             {whole_job ? b.charged : 0, Cause::kCharged}}};
+  const std::array<std::pair<std::int64_t, Cause>, 5> parts{
+      {{b.carried, Cause::kCarried},
+       {b.platform, Cause::kPlatform},
+       {b.queued, Cause::kQueued},
+       {whole_job ? b.own : 0, Cause::kOwn},
+       {whole_job ? b.charged : 0, Cause::kCharged}}};
   std::int64_t best = 0, sum = 0;
   Cause cause = Cause::kUnknown;
   for (const auto& [ns, c] : parts) {
@@ -102,10 +106,12 @@ TaskBlame blame(const RunLog& log, const TaskLog& task, const BlameOptions& opti
     // Only what happened before the start can make a start late.
     JobBlame before = b;
     before.platform = gaps.overlap(std::max(previous_end, r.release_ns), r.start_ns);
-    before.queued = std::min(r.run_delay_ns, std::max<std::int64_t>(0, late - before.carried - before.platform));
+    before.queued = std::min(r.run_delay_ns,
+                             std::max<std::int64_t>(0, late - before.carried - before.platform));
     b.late_cause = largest(before, late, false);
     // A late job needed more than its deadline; explain what exceeds an undisturbed run.
-    const std::int64_t undisturbed = std::min(r.cpu_ns + r.twin_cpu_ns, task.spec.budget_of(r.level).count());
+    const std::int64_t undisturbed =
+        std::min(r.cpu_ns + r.twin_cpu_ns, task.spec.budget_of(r.level).count());
     b.miss_cause = largest(b, b.response - undisturbed, true);
     if (b.late_start) {
       ++out.late[static_cast<std::size_t>(b.late_cause)];
@@ -145,7 +151,8 @@ std::vector<std::int64_t> late_minus_sentinel(const RunLog& log, const TaskLog& 
     if (carried) continue;
     auto it = std::lower_bound(own.begin(), own.end(), r.release_ns,
                                [](const auto& s, std::int64_t t) { return s.release_ns < t; });
-    if (it != own.end() && it->release_ns == r.release_ns) out.push_back(r.lateness_ns() - it->late_ns);
+    if (it != own.end() && it->release_ns == r.release_ns)
+      out.push_back(r.lateness_ns() - it->late_ns);
   }
   return out;
 }

@@ -39,15 +39,16 @@ struct JobBlame {
 };
 
 struct TaskBlame {
-  std::vector<JobBlame> jobs;                      // one per record
-  std::array<std::uint64_t, kCauses> late{};       // late starts by cause
-  std::array<std::uint64_t, kCauses> misses{};     // late or aborted jobs plus skipped releases
+  std::vector<JobBlame> jobs;                   // one per record
+  std::array<std::uint64_t, kCauses> late{};    // late starts by cause
+  std::array<std::uint64_t, kCauses> misses{};  // late or aborted jobs plus skipped releases
   std::uint64_t late_total = 0, miss_total = 0;
   std::uint64_t completed = 0, aborted = 0, skipped = 0, releases = 0;
 };
 
 // `log.sentinels` may be empty (virtual clock): then nothing is blamed on the platform.
-[[nodiscard]] TaskBlame blame(const RunLog& log, const TaskLog& task, const BlameOptions& options = {});
+[[nodiscard]] TaskBlame blame(const RunLog& log, const TaskLog& task,
+                              const BlameOptions& options = {});
 
 // Start lateness minus the sentinel's at the same release, ns, for jobs with a sample and without a
 // carried start; unsorted.

@@ -17,7 +17,8 @@ class LogHasher {
       h->word(static_cast<std::uint64_t>(r.start_ns));
       h->word(static_cast<std::uint64_t>(r.end_ns));
       h->word(static_cast<std::uint64_t>(r.cpu_ns));
-      h->word((static_cast<std::uint64_t>(r.skipped) << 32U) | (static_cast<std::uint64_t>(r.core) << 16U) |
+      h->word((static_cast<std::uint64_t>(r.skipped) << 32U) |
+              (static_cast<std::uint64_t>(r.core) << 16U) |
               (static_cast<std::uint64_t>(r.level) << 8U) | static_cast<std::uint64_t>(r.outcome));
     }
     log_.word(r.output_hash);

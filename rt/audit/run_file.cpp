@@ -12,12 +12,13 @@ RunFileWriter::RunFileWriter(const std::string& path, const RunLog& header)
   if (!file_) throw std::runtime_error(path + ": can not be written");
   std::fprintf(file_.get(), "teletact-run 1 %zu %zu\n", sizeof(JobRecord), sizeof(SentinelRecord));
   for (const auto& t : header.tasks) {
-    std::fprintf(file_.get(), "task %u %s %d %d %lld %lld %lld %d %d %d %d %llu %llu", t.id, t.spec.name.c_str(),
-                 static_cast<int>(t.spec.box), static_cast<int>(t.spec.task_class),
-                 static_cast<long long>(t.spec.rate.num), static_cast<long long>(t.spec.rate.den),
-                 static_cast<long long>(t.spec.relative_deadline().count()), static_cast<int>(t.spec.policy),
-                 t.core, t.priority, t.level, static_cast<unsigned long long>(t.work_min),
-                 static_cast<unsigned long long>(t.work_max));
+    std::fprintf(
+        file_.get(), "task %u %s %d %d %lld %lld %lld %d %d %d %d %llu %llu", t.id,
+        t.spec.name.c_str(), static_cast<int>(t.spec.box), static_cast<int>(t.spec.task_class),
+        static_cast<long long>(t.spec.rate.num), static_cast<long long>(t.spec.rate.den),
+        static_cast<long long>(t.spec.relative_deadline().count()), static_cast<int>(t.spec.policy),
+        t.core, t.priority, t.level, static_cast<unsigned long long>(t.work_min),
+        static_cast<unsigned long long>(t.work_max));
     for (int level = 0; level < t.spec.levels(); ++level) {
       std::fprintf(file_.get(), " %lld", static_cast<long long>(t.spec.budget_of(level).count()));
     }
@@ -58,15 +59,16 @@ bool parse_line(const std::string& line, RunLog& log) {
   TaskLog t;
   int box = 0, task_class = 0, policy = 0;
   long long deadline = 0;
-  in >> t.id >> t.spec.name >> box >> task_class >> t.spec.rate.num >> t.spec.rate.den >> deadline >> policy >>
-      t.core >> t.priority >> t.level >> t.work_min >> t.work_max;
+  in >> t.id >> t.spec.name >> box >> task_class >> t.spec.rate.num >> t.spec.rate.den >>
+      deadline >> policy >> t.core >> t.priority >> t.level >> t.work_min >> t.work_max;
   if (!in || t.spec.rate.num <= 0 || t.spec.rate.den <= 0 || policy < 0 || policy > 3) return false;
   t.spec.box = static_cast<Box>(box);
   t.spec.task_class = static_cast<TaskClass>(task_class);
   t.spec.policy = static_cast<MissPolicy>(policy);
   t.spec.deadline = Nanos{deadline};
   for (long long budget = 0; in >> budget;) {
-    t.spec.variants.push_back({"level" + std::to_string(t.spec.variants.size()), Nanos{budget}, false});
+    t.spec.variants.push_back(
+        {"level" + std::to_string(t.spec.variants.size()), Nanos{budget}, false});
   }
   if (t.spec.variants.empty()) return false;
   t.spec.budget = t.spec.variants.front().budget;
@@ -86,13 +88,15 @@ Result<RunLog> read_run_file(const std::string& path) {
   expected << "teletact-run 1 " << sizeof(JobRecord) << ' ' << sizeof(SentinelRecord);
   if (line != expected.str()) return Error{path + ":1: not a run log of this version"};
   for (int number = 2; std::getline(in, line) && !line.empty(); ++number) {
-    if (!parse_line(line, log)) return Error{path + ":" + std::to_string(number) + ": not a header line"};
+    if (!parse_line(line, log))
+      return Error{path + ":" + std::to_string(number) + ": not a header line"};
   }
   JobRecord job;
   SentinelRecord sample;
   for (int tag = in.get(); tag != EOF; tag = in.get()) {
     if (tag == 'J' && in.read(reinterpret_cast<char*>(&job), sizeof job)) {
-      if (TaskLog* t = log.find(job.task); t != nullptr && job.level < t->spec.levels()) t->jobs.push_back(job);
+      if (TaskLog* t = log.find(job.task); t != nullptr && job.level < t->spec.levels())
+        t->jobs.push_back(job);
     } else if (tag == 'S' && in.read(reinterpret_cast<char*>(&sample), sizeof sample)) {
       log.sentinels.push_back(sample);
     } else if (in.eof()) {
@@ -102,7 +106,8 @@ Result<RunLog> read_run_file(const std::string& path) {
     }
   }
   for (auto& t : log.tasks) {
-    std::stable_sort(t.jobs.begin(), t.jobs.end(), [](const auto& a, const auto& b) { return a.k < b.k; });
+    std::stable_sort(t.jobs.begin(), t.jobs.end(),
+                     [](const auto& a, const auto& b) { return a.k < b.k; });
   }
   return log;
 }

@@ -21,10 +21,10 @@ struct TaskLog {
 };
 
 struct RunLog {
-  std::vector<TaskLog> tasks;              // by position in the task table
-  std::vector<SentinelRecord> sentinels;   // in order of release, all cores mixed
-  std::uint64_t dropped = 0;               // records lost because a ring was full
-  std::vector<std::string> not_realtime;   // what the machine refused; empty = a real-time run
+  std::vector<TaskLog> tasks;             // by position in the task table
+  std::vector<SentinelRecord> sentinels;  // in order of release, all cores mixed
+  std::uint64_t dropped = 0;              // records lost because a ring was full
+  std::vector<std::string> not_realtime;  // what the machine refused; empty = a real-time run
   std::uint64_t sched_hash = 0, log_hash = 0;
 
   [[nodiscard]] TaskLog* find(std::uint16_t id) noexcept {

@@ -16,7 +16,7 @@ struct JobFaults {
   Nanos theft{0};       // from the nominal release on, the core is gone for this long
   Nanos page_fault{0};  // what a page fault costs in virtual time
   bool touch_page = false;  // on the machine: touch a page that was given back
-  bool dead = false;    // the thread ends instead of starting this release
+  bool dead = false;        // the thread ends instead of starting this release
   [[nodiscard]] bool any() const noexcept {
     return late.count() != 0 || extra_cpu.count() != 0 || block.count() != 0 || hog.count() != 0 ||
            theft.count() != 0 || page_fault.count() != 0 || touch_page || dead;

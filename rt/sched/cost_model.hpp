@@ -27,7 +27,8 @@ struct CostQuantiles {
     const auto i = std::min(static_cast<std::size_t>(x), value_ns.size() - 1);
     const std::size_t j = std::min(i + 1, value_ns.size() - 1);
     const double f = x - static_cast<double>(i);
-    return value_ns[i] + static_cast<std::int64_t>(static_cast<double>(value_ns[j] - value_ns[i]) * f);
+    return value_ns[i] +
+           static_cast<std::int64_t>(static_cast<double>(value_ns[j] - value_ns[i]) * f);
   }
 };
 
@@ -42,7 +43,8 @@ class QuantileCosts final : public CostModel {
       return Nanos{1};
     }
     Random random(mix64(seed_, task), k);
-    return Nanos{std::max<std::int64_t>(1, tables_[task][static_cast<std::size_t>(level)].at(random.uniform()))};
+    return Nanos{std::max<std::int64_t>(
+        1, tables_[task][static_cast<std::size_t>(level)].at(random.uniform()))};
   }
 
  private:

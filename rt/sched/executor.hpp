@@ -15,10 +15,10 @@
 namespace rt {
 
 struct RunPlan {
-  std::int64_t epoch_host_ns = 0;    // common epoch of both boxes, host clock
-  Nanos duration{0};                 // releases at or after epoch + duration are not served
-  BoxTime clock[2];                  // of the operator box and the robot box
-  Nanos hyperperiod{100000000};      // variant switches happen at its multiples
+  std::int64_t epoch_host_ns = 0;  // common epoch of both boxes, host clock
+  Nanos duration{0};               // releases at or after epoch + duration are not served
+  BoxTime clock[2];                // of the operator box and the robot box
+  Nanos hyperperiod{100000000};    // variant switches happen at its multiples
 };
 
 // Every release that arrived before the end is one of these, or still open at the end.

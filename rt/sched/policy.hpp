@@ -21,8 +21,8 @@ struct NextRelease {
 //   skip, abort, degrade: everything that arrived before `end` is dropped
 //   catch_up(n): of what arrived before `end` the newest n are kept and run back to back
 template <class RawArrival>
-[[nodiscard]] NextRelease next_release(const TaskSpec& spec, std::uint64_t k, Time arrival, Time end,
-                                       const RawArrival& raw_arrival) noexcept {
+[[nodiscard]] NextRelease next_release(const TaskSpec& spec, std::uint64_t k, Time arrival,
+                                       Time end, const RawArrival& raw_arrival) noexcept {
   std::uint64_t open = k + 1;  // first release that has not arrived before `end`
   Time a = std::max(arrival, raw_arrival(open));
   while (a < end) a = std::max(a, raw_arrival(++open));
@@ -73,8 +73,10 @@ class MissBucket {
   explicit MissBucket(int limit) noexcept : limit_(limit) {}
   // Returns true when the limit is passed.
   bool on_job(bool missed, std::uint32_t skipped) noexcept {
-    if (missed || skipped > 0) level_ += 1 + static_cast<int>(skipped);
-    else if (level_ > 0) --level_;
+    if (missed || skipped > 0)
+      level_ += 1 + static_cast<int>(skipped);
+    else if (level_ > 0)
+      --level_;
     return limit_ > 0 && level_ > limit_;
   }
   [[nodiscard]] int level() const noexcept { return level_; }

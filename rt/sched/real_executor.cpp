@@ -15,16 +15,15 @@
 #include "rt/fault/planned.hpp"
 #include "rt/memory/prefault.hpp"
 #include "rt/memory/section.hpp"
-#include "rt/sched/thread_probe.hpp"
 #include "rt/sched/admission.hpp"
 #include "rt/sched/policy.hpp"
+#include "rt/sched/thread_probe.hpp"
 
 namespace rt {
 
 namespace {
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
-
 
 constexpr int kHogPriority = 93;
 constexpr int kTheftPriority = 98;
@@ -78,7 +77,9 @@ template <class Faults>
 RealExecutor<Faults>::RealExecutor(NonRealtime& nrt, std::vector<PlacedTask> tasks,
                                    const Faults& faults, JobSink jobs, SentinelSink sentinels,
                                    RealOptions options)
-    : options_(options), faults_(faults), job_sink_(std::move(jobs)),
+    : options_(options),
+      faults_(faults),
+      job_sink_(std::move(jobs)),
       sentinel_sink_(std::move(sentinels)) {
   for (const auto& t : tasks) {
     workers_.push_back(std::make_unique<Worker>(t));
@@ -149,7 +150,8 @@ void RealExecutor<Faults>::launch(std::thread& thread, int cpu, int priority,
   sched_param param{};
   param.sched_priority = priority;
   // Reset-on-fork: a thread that a library starts from here must not inherit the priority.
-  if (const int e = pthread_setschedparam(handle, SCHED_FIFO | SCHED_RESET_ON_FORK, &param); e != 0) {
+  if (const int e = pthread_setschedparam(handle, SCHED_FIFO | SCHED_RESET_ON_FORK, &param);
+      e != 0) {
     missing_.push_back(name + ": SCHED_FIFO " + std::to_string(priority) + ": " + std::strerror(e));
   }
 }
@@ -164,14 +166,15 @@ void RealExecutor<Faults>::run(const RunPlan& plan) {
            [this, p = w.get()] { task_loop(*p); });
   }
   for (auto& s : sentinels_) {
-    launch(s->thread, s->cpu, kSentinelPriority, "sentinel", [this, p = s.get()] { sentinel_loop(*p); });
+    launch(s->thread, s->cpu, kSentinelPriority, "sentinel",
+           [this, p = s.get()] { sentinel_loop(*p); });
   }
   std::vector<std::thread> injectors;
   if (faults_.has_spans()) {
     for (const auto& sentinel : sentinels_) {
       for (const bool theft : {true, false}) {
-        launch(injectors.emplace_back(), sentinel->cpu, theft ? kTheftPriority : kHogPriority, "injector",
-               [this, cpu = sentinel->cpu, theft] { injector_loop(cpu, theft); });
+        launch(injectors.emplace_back(), sentinel->cpu, theft ? kTheftPriority : kHogPriority,
+               "injector", [this, cpu = sentinel->cpu, theft] { injector_loop(cpu, theft); });
       }
     }
   }
@@ -269,8 +272,8 @@ void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::
   r.skipped = skipped;
   r.release_ns = ns_of(release);
   r.deadline_ns = ns_of(release + spec.relative_deadline());
-  const Tick tick{k, release, clock.from_host(start), spec.period(), skipped, w.levels.level(),
-                  &w.cancel};
+  const Tick tick{
+      k, release, clock.from_host(start), spec.period(), skipped, w.levels.level(), &w.cancel};
   r.start_ns = ns_of(tick.start);
   w.cancel.clear();
   if (spec.policy == MissPolicy::kAbort) {
@@ -295,8 +298,10 @@ void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::
   }
   const bool aborted = spec.policy == MissPolicy::kAbort &&
                        clock.from_host(monotonic_ns()) > release + spec.relative_deadline();
-  if (aborted) w.task.body->abandon(tick);
-  else w.task.body->commit(tick, r);
+  if (aborted)
+    w.task.body->abandon(tick);
+  else
+    w.task.body->commit(tick, r);
   w.busy_since.store(0, std::memory_order_release);
   r.outcome = aborted ? Outcome::kAborted : Outcome::kCompleted;
   r.severity = health.severity;
@@ -387,7 +392,8 @@ void RealExecutor<Faults>::sentinel_loop(Sentinel& s) {
       if (clock.to_host(release_box(s.specs[i], k[i])) <= host) ++k[i];
     }
     const std::int64_t due = lead > 0 ? host - lead - kSentinelLead : host;
-    if (due < monotonic_ns() - 1000000) continue;  // still behind after a theft: those samples are gone
+    if (due < monotonic_ns() - 1000000)
+      continue;  // still behind after a theft: those samples are gone
     if (!sleep_until(due)) return;
     s.records.try_push({ns_of(release), monotonic_ns() - due, static_cast<std::uint16_t>(s.cpu)});
   }

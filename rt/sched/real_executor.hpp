@@ -23,12 +23,12 @@
 namespace rt {
 
 struct RealOptions {
-  bool fifo = true;              // ask for SCHED_FIFO
+  bool fifo = true;  // ask for SCHED_FIFO
   bool sentinel = true;
   bool lock_memory = true;
   bool hold_dma_latency = true;
   Nanos watchdog_period{10000000};
-  Nanos hang_limit{100000000};   // a job older than this is hung: its safe output is forced
+  Nanos hang_limit{100000000};  // a job older than this is hung: its safe output is forced
 };
 
 template <class Faults>
@@ -38,8 +38,8 @@ class RealExecutor final : public Executor {
   using JobSink = std::function<void(const JobRecord&)>;
   using SentinelSink = std::function<void(const SentinelRecord&)>;
 
-  RealExecutor(NonRealtime& nrt, std::vector<PlacedTask> tasks, const Faults& faults,
-               JobSink jobs, SentinelSink sentinels, RealOptions options = {});
+  RealExecutor(NonRealtime& nrt, std::vector<PlacedTask> tasks, const Faults& faults, JobSink jobs,
+               SentinelSink sentinels, RealOptions options = {});
   ~RealExecutor() override;
   void run(const RunPlan& plan) override;
   void request_stop() noexcept override { stop_.store(true, std::memory_order_relaxed); }
@@ -56,7 +56,8 @@ class RealExecutor final : public Executor {
   struct Worker;
   struct Sentinel;
   void task_loop(Worker& w);
-  void serve(Worker& w, std::uint64_t k, Time release, std::uint32_t skipped, const JobFaults& faults);
+  void serve(Worker& w, std::uint64_t k, Time release, std::uint32_t skipped,
+             const JobFaults& faults);
   void sentinel_loop(Sentinel& s);
   void watchdog_loop();
   void drain_loop();

@@ -32,10 +32,10 @@ class TaskBody {
 struct PlacedTask {
   TaskSpec spec;
   TaskBody* body = nullptr;
-  std::uint16_t id = 0;   // row in the task table of the whole stack
-  int core = 0;           // CPU number (real) or core index (virtual)
-  int priority = 0;       // larger runs first; derived by rate_monotonic_order()
-  int level = 0;          // variant in force at the start
+  std::uint16_t id = 0;  // row in the task table of the whole stack
+  int core = 0;          // CPU number (real) or core index (virtual)
+  int priority = 0;      // larger runs first; derived by rate_monotonic_order()
+  int level = 0;         // variant in force at the start
 };
 
 }  // namespace rt

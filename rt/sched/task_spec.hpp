@@ -38,16 +38,16 @@ struct TaskSpec {
   TaskClass task_class = TaskClass::kHard;
   Rate rate{1, 1};
   Nanos offset{0};
-  Nanos deadline{0};                // relative; 0 means the period. May exceed the period.
-  Nanos budget{0};                  // CPU of one job (C), of the variant in force
-  Nanos blocking{0};                // longest time a lower task can hold it up (B)
-  Nanos jitter{0};                  // release jitter (J)
-  std::optional<int> core;          // index into the admitted core list; empty = placed by admission
+  Nanos deadline{0};        // relative; 0 means the period. May exceed the period.
+  Nanos budget{0};          // CPU of one job (C), of the variant in force
+  Nanos blocking{0};        // longest time a lower task can hold it up (B)
+  Nanos jitter{0};          // release jitter (J)
+  std::optional<int> core;  // index into the admitted core list; empty = placed by admission
   MissPolicy policy = MissPolicy::kSkip;
-  int catch_up_max = 0;             // for kCatchUp
-  int consecutive_miss_limit = 0;   // leaky bucket: above it the safe output is forced; 0 = never
-  std::vector<Variant> variants;    // empty = one variant with `budget`
-  Nanos spin_lead{0};               // wake this much earlier and spin; counted in the budget
+  int catch_up_max = 0;            // for kCatchUp
+  int consecutive_miss_limit = 0;  // leaky bucket: above it the safe output is forced; 0 = never
+  std::vector<Variant> variants;   // empty = one variant with `budget`
+  Nanos spin_lead{0};              // wake this much earlier and spin; counted in the budget
 
   [[nodiscard]] Nanos period() const noexcept { return rate.period(); }
   [[nodiscard]] Nanos relative_deadline() const noexcept {

@@ -101,7 +101,8 @@ void VirtualExecutor<Faults>::start_spans() {
     while (s->next_span <= now_) {
       const JobFaults f = faults_.job(s->task.id, s->span_k);
       CoreState& core = core_[static_cast<std::size_t>(s->task.core)];
-      if (f.theft.count() > 0) core.stolen_until = std::max(core.stolen_until, now_ + f.theft.count());
+      if (f.theft.count() > 0)
+        core.stolen_until = std::max(core.stolen_until, now_ + f.theft.count());
       core.hog_left += f.hog.count();
       ++s->span_k;
       arm_span(*s);
@@ -220,7 +221,8 @@ void VirtualExecutor<Faults>::begin_job(State& s) {
   s.started = false;
   s.blocked_until = 0;
   s.served = 0;
-  s.tick = Tick{s.next_k, release, {}, s.task.spec.period(), s.skipped, s.levels.level(), &s.cancel};
+  s.tick =
+      Tick{s.next_k, release, {}, s.task.spec.period(), s.skipped, s.levels.level(), &s.cancel};
   s.record = JobRecord{};
   s.record.k = s.next_k;
   s.record.task = s.task.id;
@@ -301,13 +303,13 @@ void VirtualExecutor<Faults>::finish(State& s, Outcome outcome) {
   const bool missed = s.record.missed();
   (outcome == Outcome::kAborted ? s.totals.aborted : s.totals.completed) += 1;
   if (outcome == Outcome::kCompleted && missed) ++s.totals.late;
-  const NextRelease next =
-      next_release(s.task.spec, s.tick.k, s.arrival, clock.from_host(now_),
-                   [&](std::uint64_t k) { return raw_arrival(s, k); });
+  const NextRelease next = next_release(s.task.spec, s.tick.k, s.arrival, clock.from_host(now_),
+                                        [&](std::uint64_t k) { return raw_arrival(s, k); });
   s.next_k = next.k;
   s.skipped = next.skipped;
   s.totals.skipped += next.skipped;
-  if (s.task.spec.policy == MissPolicy::kDegrade && (missed || next.skipped > 0)) s.levels.on_miss();
+  if (s.task.spec.policy == MissPolicy::kDegrade && (missed || next.skipped > 0))
+    s.levels.on_miss();
   if (s.bucket.on_job(missed, next.skipped) && live) s.task.body->make_safe();
   sink_(s.record);
   arm_next(s, next.arrival);

@@ -30,9 +30,9 @@ class Actor {
 };
 
 struct VirtualOptions {
-  bool stub_bodies = false;   // schedule only: no body is called
-  bool measure_cpu = false;   // put the measured thread CPU of the body into the record
-                              // (calibration); otherwise cpu_ns is the virtual cost
+  bool stub_bodies = false;  // schedule only: no body is called
+  bool measure_cpu = false;  // put the measured thread CPU of the body into the record
+                             // (calibration); otherwise cpu_ns is the virtual cost
 };
 
 template <class Faults>
@@ -58,15 +58,15 @@ class VirtualExecutor final : public Executor {
     std::int64_t next_release = 0;  // host; int64 max = none left
     bool pending = false;           // released, not finished
     bool started = false;
-    bool dead = false;              // the thread has ended: releases arrive and are lost
-    Time arrival{};                 // of next_k
+    bool dead = false;  // the thread has ended: releases arrive and are lost
+    Time arrival{};     // of next_k
     TaskTotals totals;
-    std::int64_t remaining = 0;     // CPU still to be served
+    std::int64_t remaining = 0;  // CPU still to be served
     std::int64_t blocked_until = 0;
     std::int64_t deadline_host = 0;
     std::int64_t served = 0;
-    std::uint64_t span_k = 0;       // next nominal release to ask the plan about
-    std::int64_t next_span = 0;     // its host instant; int64 max = none
+    std::uint64_t span_k = 0;    // next nominal release to ask the plan about
+    std::int64_t next_span = 0;  // its host instant; int64 max = none
     Tick tick{};
     JobRecord record{};
 

@@ -28,7 +28,8 @@ rt::Nanos CalibrationRow::budget() const noexcept {
 
 void Calibration::describe(config::Section& s) {
   s.text("host", host, {}, "machine that measured it");
-  s.list("task", [this](config::Section& item) { rows.emplace_back().describe(item); }, "one variant");
+  s.list(
+      "task", [this](config::Section& item) { rows.emplace_back().describe(item); }, "one variant");
 }
 
 const CalibrationRow* Calibration::find(std::string_view name, int level) const noexcept {
@@ -49,8 +50,8 @@ std::string host_id() {
       break;
     }
   }
-  return model + ", " + std::to_string(std::thread::hardware_concurrency()) + " CPUs, " + u.sysname + " " +
-         u.release + " " + u.machine;
+  return model + ", " + std::to_string(std::thread::hardware_concurrency()) + " CPUs, " +
+         u.sysname + " " + u.release + " " + u.machine;
 }
 
 rt::Result<Calibration> load_calibration(const std::string& path) {
@@ -65,13 +66,15 @@ void save_calibration(const std::string& path, const Calibration& calibration) {
   const std::string temporary = path + ".tmp";
   {
     std::ofstream out(temporary);
-    out << "# CPU of each task variant, measured by `teletact calibrate`.\nhost = \"" << calibration.host << "\"\n";
+    out << "# CPU of each task variant, measured by `teletact calibrate`.\nhost = \""
+        << calibration.host << "\"\n";
     for (const auto& r : calibration.rows) {
       char line[256];
-      std::snprintf(line, sizeof line,
-                    "\n[[task]]\nname = \"%s\"\nlevel = %d\np50_us = %.3f\np99_us = %.3f\np999_us = %.3f\n"
-                    "work_min = %.0f\nwork_max = %.0f\nquantiles_us = [",
-                    r.name.c_str(), r.level, r.p50_us, r.p99_us, r.p999_us, r.work_min, r.work_max);
+      std::snprintf(
+          line, sizeof line,
+          "\n[[task]]\nname = \"%s\"\nlevel = %d\np50_us = %.3f\np99_us = %.3f\np999_us = %.3f\n"
+          "work_min = %.0f\nwork_max = %.0f\nquantiles_us = [",
+          r.name.c_str(), r.level, r.p50_us, r.p99_us, r.p999_us, r.work_min, r.work_max);
       out << line;
       for (std::size_t i = 0; i < CalibrationRow::kQuantiles; ++i) {
         std::snprintf(line, sizeof line, "%s%.3f", i == 0 ? "" : ", ", r.quantiles_us[i]);
@@ -81,7 +84,8 @@ void save_calibration(const std::string& path, const Calibration& calibration) {
     }
     if (!out.flush()) throw std::runtime_error(temporary + ": can not be written");
   }
-  if (std::rename(temporary.c_str(), path.c_str()) != 0) throw std::runtime_error(path + ": can not be written");
+  if (std::rename(temporary.c_str(), path.c_str()) != 0)
+    throw std::runtime_error(path + ": can not be written");
 }
 
 std::vector<rt::TaskSpec> make_specs(const Calibration& calibration) {
@@ -94,7 +98,8 @@ std::vector<rt::TaskSpec> make_specs(const Calibration& calibration) {
     s.rate = rt::Rate{row.rate_hz, 1};
     s.policy = row.policy;
     s.consecutive_miss_limit = row.miss_limit;
-    for (std::size_t level = 0; level < row.variants.size() && !row.variants[level].name.empty(); ++level) {
+    for (std::size_t level = 0; level < row.variants.size() && !row.variants[level].name.empty();
+         ++level) {
       const auto* measured = calibration.find(row.name, static_cast<int>(level));
       s.variants.push_back({std::string(row.variants[level].name),
                             measured != nullptr ? measured->budget()
@@ -127,8 +132,8 @@ std::vector<std::vector<rt::CostQuantiles>> make_costs(const Calibration& calibr
   return tables;
 }
 
-rt::AdmissionRequest make_request(const std::vector<rt::TaskSpec>& specs, const std::vector<int>& cpus,
-                                  const BestEffortShares& shares) {
+rt::AdmissionRequest make_request(const std::vector<rt::TaskSpec>& specs,
+                                  const std::vector<int>& cpus, const BestEffortShares& shares) {
   rt::AdmissionRequest r;
   r.tasks = specs;
   r.cpus = cpus;

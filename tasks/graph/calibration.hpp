@@ -27,7 +27,7 @@ struct CalibrationRow {
   int level = 0;
   double p50_us = 0, p99_us = 0, p999_us = 0;
   double work_min = 0, work_max = 0;
-  std::array<double, kQuantiles> quantiles_us{};   // of the CPU of a job, i / 32
+  std::array<double, kQuantiles> quantiles_us{};  // of the CPU of a job, i / 32
   void describe(config::Section& s);
   [[nodiscard]] rt::Nanos budget() const noexcept;
 };
@@ -50,14 +50,15 @@ void save_calibration(const std::string& path, const Calibration& calibration);
 
 // Costs for the virtual clock: each variant's measured distribution, scaled so that its 99.9 %
 // quantile is that of the budget (budget / 1.2); a variant without a row costs 0.3 .. 0.8 of its budget.
-[[nodiscard]] std::vector<std::vector<rt::CostQuantiles>> make_costs(const Calibration& calibration,
-                                                                    const std::vector<rt::TaskSpec>& specs);
+[[nodiscard]] std::vector<std::vector<rt::CostQuantiles>> make_costs(
+    const Calibration& calibration, const std::vector<rt::TaskSpec>& specs);
 
 // Admission request of the demo: both boxes, sentinels, watchdogs, declared ordinary threads.
 struct BestEffortShares {
   double camera_twin = 0, link = 0.03, console = 0.02;
 };
 [[nodiscard]] rt::AdmissionRequest make_request(const std::vector<rt::TaskSpec>& specs,
-                                                const std::vector<int>& cpus, const BestEffortShares& shares);
+                                                const std::vector<int>& cpus,
+                                                const BestEffortShares& shares);
 
 }  // namespace tasks

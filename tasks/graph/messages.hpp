@@ -27,14 +27,14 @@ struct ModeMsg {
 struct HapticState {
   std::uint64_t seq = 0;
   rt::Time stamp{};
-  Vec3 p_WH = Vec3::Zero();       // stylus tip
+  Vec3 p_WH = Vec3::Zero();  // stylus tip
   Vec3 v_WH = Vec3::Zero();
-  Vec3 p_WP = Vec3::Zero();       // proxy
-  Vec3 f_H_W = Vec3::Zero();      // force on the hand, N, after all guards
-  Vec3 normal_W = Vec3::Zero();   // of the contact; zero when free
-  std::int32_t contacts = 0;      // active constraints
+  Vec3 p_WP = Vec3::Zero();      // proxy
+  Vec3 f_H_W = Vec3::Zero();     // force on the hand, N, after all guards
+  Vec3 normal_W = Vec3::Zero();  // of the contact; zero when free
+  std::int32_t contacts = 0;     // active constraints
   bool button = false;
-  std::uint64_t patch_seq = 0;    // newest patch in use
+  std::uint64_t patch_seq = 0;  // newest patch in use
 };
 
 // What the hand did, in order. haptic -> planning, Ring. A full ring drops the newest and sets `gap`
@@ -45,7 +45,7 @@ struct TouchEvent {
   rt::Time stamp{};
   Kind kind = Kind::kContactBegin;
   bool gap = false;
-  Vec3 p_W = Vec3::Zero();        // proxy position on the surface
+  Vec3 p_W = Vec3::Zero();  // proxy position on the surface
   Vec3 normal_W = Vec3::Zero();
   double force_N = 0;
 };
@@ -57,15 +57,15 @@ struct CameraPose {
   rt::Time exposure{};
   Pose X_WC = Pose::Identity();
   Tracking tracking = Tracking::kLost;
-  bool claimed = false;           // definitions: fusion, "claimed"
+  bool claimed = false;  // definitions: fusion, "claimed"
 };
 
 // A path for the base on the ground, in W (z of the ground plane). planning -> prediction.
 struct Path {
   static constexpr int kMaxPoints = 256;
-  std::uint64_t seq = 0;          // 0: there is no path
+  std::uint64_t seq = 0;  // 0: there is no path
   rt::Time made{};
-  std::uint64_t mark_seq = 0;     // event seq of the mark it answers
+  std::uint64_t mark_seq = 0;  // event seq of the mark it answers
   rt::Time mark_stamp{};
   std::int32_t size = 0;
   std::array<std::array<double, 3>, kMaxPoints> points{};  // x, y, yaw of the base in W

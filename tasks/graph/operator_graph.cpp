@@ -8,10 +8,19 @@
 namespace tasks {
 
 OperatorCells::OperatorCells(rt::NonRealtime& nrt)
-    : frame(nrt, {1}), robot_state(nrt, {1, 1, 1, 1, 1}), hand(nrt, {1, 1}), patch(nrt, {2}),
-      view(nrt, {1}), cost_map(nrt, {1, 1}), camera_pose(nrt, {1, 1}), path(nrt, {1, 1}), task(nrt, {1}),
-      goal(nrt, {1, 1}), mode(nrt, {1, 1, 1, 1}) {
-  for (int i = 0; i < kTaskCount; ++i) health.push_back(std::make_unique<HealthCell>(nrt, std::vector<int>{1}));
+    : frame(nrt, {1}),
+      robot_state(nrt, {1, 1, 1, 1, 1}),
+      hand(nrt, {1, 1}),
+      patch(nrt, {2}),
+      view(nrt, {1}),
+      cost_map(nrt, {1, 1}),
+      camera_pose(nrt, {1, 1}),
+      path(nrt, {1, 1}),
+      task(nrt, {1}),
+      goal(nrt, {1, 1}),
+      mode(nrt, {1, 1, 1, 1}) {
+  for (int i = 0; i < kTaskCount; ++i)
+    health.push_back(std::make_unique<HealthCell>(nrt, std::vector<int>{1}));
 }
 
 struct OperatorGraph::Nodes {
@@ -22,24 +31,30 @@ struct OperatorGraph::Nodes {
   SupervisionNode supervision;
 };
 
-OperatorGraph::OperatorGraph(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
-                             double haptic_period_s)
+OperatorGraph::OperatorGraph(rt::NonRealtime& nrt, const GraphConfig& config,
+                             const OperatorSetup& setup, double haptic_period_s)
     : config_(config), cells_(std::make_unique<OperatorCells>(nrt)) {
-  nodes_.reset(new Nodes{HapticNode(nrt, config_, setup, *cells_, haptic_period_s),
-                         FusionNode(nrt, config_, setup, *cells_), PlanningNode(nrt, config_, setup, *cells_),
-                         PredictionNode(nrt, config_, setup, *cells_, link_),
-                         SupervisionNode(nrt, config_, *cells_, link_, requests_, setup.hash_outputs)});
+  nodes_.reset(new Nodes{
+      HapticNode(nrt, config_, setup, *cells_, haptic_period_s),
+      FusionNode(nrt, config_, setup, *cells_), PlanningNode(nrt, config_, setup, *cells_),
+      PredictionNode(nrt, config_, setup, *cells_, link_),
+      SupervisionNode(nrt, config_, *cells_, link_, requests_, setup.hash_outputs)});
 }
 
 OperatorGraph::~OperatorGraph() = default;
 
 rt::TaskBody& OperatorGraph::body(TaskId id) {
   switch (id) {
-    case TaskId::kHaptic: return nodes_->haptic;
-    case TaskId::kFusion: return nodes_->fusion;
-    case TaskId::kPlanning: return nodes_->planning;
-    case TaskId::kPrediction: return nodes_->prediction;
-    default: return nodes_->supervision;
+    case TaskId::kHaptic:
+      return nodes_->haptic;
+    case TaskId::kFusion:
+      return nodes_->fusion;
+    case TaskId::kPlanning:
+      return nodes_->planning;
+    case TaskId::kPrediction:
+      return nodes_->prediction;
+    default:
+      return nodes_->supervision;
   }
 }
 
@@ -53,23 +68,27 @@ void OperatorGraph::bind_link(rt::NonRealtime& nrt, drivers::LinkEndpoint& endpo
     drivers::FrameCodecScratch scratch;
   };
   auto decoder = std::make_shared<Decoder>(nrt, config_.capture.colour);
-  endpoint.add_incoming(drivers::MessageId::kFrame, [this, decoder, &endpoint](std::span<const std::uint8_t> body, rt::Time) {
-    if (drivers::read_wire(body, decoder->encoded) != drivers::FrameStatus::kOk) return false;
-    auto& slot = cells_->frame.begin_write();
-    const rt::Time exposure = endpoint.to_local(decoder->encoded.exposure.ns);
-    const auto status = drivers::decode(decoder->encoded, exposure, decoder->scratch, slot);
-    if (status != drivers::FrameStatus::kOk && status != drivers::FrameStatus::kNoColour) return false;
-    cells_->frame.publish();
-    return true;
-  });
-  endpoint.add_incoming(drivers::MessageId::kRobotState, [this, &endpoint](std::span<const std::uint8_t> body, rt::Time) {
-    drivers::RobotState m;
-    if (!drivers::decode(body, m)) return false;
-    m.taken = endpoint.to_local(rt::ns_of(m.taken));
-    cells_->robot_state.begin_write() = m;
-    cells_->robot_state.publish();
-    return true;
-  });
+  endpoint.add_incoming(
+      drivers::MessageId::kFrame,
+      [this, decoder, &endpoint](std::span<const std::uint8_t> body, rt::Time) {
+        if (drivers::read_wire(body, decoder->encoded) != drivers::FrameStatus::kOk) return false;
+        auto& slot = cells_->frame.begin_write();
+        const rt::Time exposure = endpoint.to_local(decoder->encoded.exposure.ns);
+        const auto status = drivers::decode(decoder->encoded, exposure, decoder->scratch, slot);
+        if (status != drivers::FrameStatus::kOk && status != drivers::FrameStatus::kNoColour)
+          return false;
+        cells_->frame.publish();
+        return true;
+      });
+  endpoint.add_incoming(drivers::MessageId::kRobotState,
+                        [this, &endpoint](std::span<const std::uint8_t> body, rt::Time) {
+                          drivers::RobotState m;
+                          if (!drivers::decode(body, m)) return false;
+                          m.taken = endpoint.to_local(rt::ns_of(m.taken));
+                          cells_->robot_state.begin_write() = m;
+                          cells_->robot_state.publish();
+                          return true;
+                        });
   endpoint.add_outgoing(drivers::MessageId::kRobotGoal, std::chrono::milliseconds{50}, false,
                         [this](std::span<std::uint8_t> out) -> std::size_t {
                           const auto goal = cells_->goal.acquire_if_new(OperatorCells::kGoalLink);

@@ -32,7 +32,7 @@ struct OperatorCells {
   rt::Ring<TouchEvent, 256> touch;
   // fusion
   enum { kPatchHaptic };
-  rt::Latest<perception::SurfacePatch> patch;   // haptic retains two while it blends
+  rt::Latest<perception::SurfacePatch> patch;  // haptic retains two while it blends
   enum { kViewConsole };
   rt::Latest<SceneView> view;
   enum { kMapPlanning, kMapConsole };
@@ -60,16 +60,16 @@ struct OperatorCells {
 
 // Written by the link's thread (or the virtual link), read by supervision and prediction.
 struct LinkStatus {
-  std::atomic<std::int64_t> last_heard_ns{0};   // local box time of the last valid message; 0 never
+  std::atomic<std::int64_t> last_heard_ns{0};  // local box time of the last valid message; 0 never
   std::atomic<std::int64_t> round_trip_ns{0};
   std::atomic<std::int64_t> uncertainty_ns{0};
-  std::atomic<bool> refused{false};             // handshake failed
+  std::atomic<bool> refused{false};  // handshake failed
   std::atomic<bool> expected{true};
 };
 
 // Written by the console: what the operator asks for.
 struct OperatorRequests {
-  std::atomic<int> engage{0};      // 0 absent, 1 no, 2 yes (SupervisionTask::Engage)
+  std::atomic<int> engage{0};  // 0 absent, 1 no, 2 yes (SupervisionTask::Engage)
   std::atomic<bool> ramp_down{false}, stop{false}, clear{false};
   std::atomic<bool> watchdog_bit{false};
 };
@@ -77,9 +77,9 @@ struct OperatorRequests {
 struct OperatorSetup {
   FusionSetup fusion;
   drivers::HapticDevice* device = nullptr;
-  std::function<std::int64_t()> device_twin_cpu;   // empty: a real device
-  bool hash_outputs = false;                       // fill JobRecord::output_hash
-  rt::FaultPlan faults;                            // message faults on edges; empty = none
+  std::function<std::int64_t()> device_twin_cpu;  // empty: a real device
+  bool hash_outputs = false;                      // fill JobRecord::output_hash
+  rt::FaultPlan faults;                           // message faults on edges; empty = none
 };
 
 class OperatorGraph {

@@ -11,7 +11,9 @@ std::array<float, 3> to_floats(const Vec3& v) noexcept {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
 }
 
-HealthCell& health_of(OperatorCells& cells, TaskId id) noexcept { return *cells.health[index_of(id)]; }
+HealthCell& health_of(OperatorCells& cells, TaskId id) noexcept {
+  return *cells.health[index_of(id)];
+}
 
 }  // namespace
 
@@ -21,7 +23,10 @@ HapticNode::HapticNode(rt::NonRealtime& nrt, const GraphConfig& config, const Op
                        OperatorCells& cells, double period_s)
     : task_(nrt, config.haptic, setup.device->properties(), period_s,
             0.5 * config.fusion.tsdf.voxel_size_m * config.fusion.patch_nodes),
-      device_(*setup.device), cells_(cells), twin_cpu_(setup.device_twin_cpu), hash_(setup.hash_outputs),
+      device_(*setup.device),
+      cells_(cells),
+      twin_cpu_(setup.device_twin_cpu),
+      hash_(setup.hash_outputs),
       touch_gate_(setup.faults, "touch") {}
 
 void HapticNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
@@ -91,8 +96,10 @@ void HapticNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
 
 FusionNode::FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
                        OperatorCells& cells)
-    : task_(std::make_unique<FusionTask>(nrt, config.fusion, setup.fusion)), cells_(cells),
-      hash_(setup.hash_outputs), patch_gate_(setup.faults, "patch") {}
+    : task_(std::make_unique<FusionTask>(nrt, config.fusion, setup.fusion)),
+      cells_(cells),
+      hash_(setup.hash_outputs),
+      patch_gate_(setup.faults, "patch") {}
 
 void FusionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   const auto frame = cells_.frame.acquire_if_new(OperatorCells::kFrameFusion);
@@ -130,7 +137,8 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (hash_) {
     rt::Hash64 h;
     hash_pose(h, out_.camera.X_WC);
-    h.word((static_cast<std::uint64_t>(out_.camera.tracking) << 1U) | (out_.camera.claimed ? 1U : 0U));
+    h.word((static_cast<std::uint64_t>(out_.camera.tracking) << 1U) |
+           (out_.camera.claimed ? 1U : 0U));
     if (out_.patch_written) h.word(out_.patch->checksum);
     if (out_.cost_map_written) {
       h.bytes(out_.cost_map->cost.data(), static_cast<std::size_t>(out_.cost_map->width) *
@@ -163,13 +171,14 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
 
 // ---------------------------------------------------------------- planning
 
-PlanningNode::PlanningNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
-                           OperatorCells& cells)
+PlanningNode::PlanningNode(rt::NonRealtime& nrt, const GraphConfig& config,
+                           const OperatorSetup& setup, OperatorCells& cells)
     : task_(nrt, config.planning, config.seed), cells_(cells), hash_(setup.hash_outputs) {}
 
 void PlanningNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   const int room = PlanningTask::kMaxEvents - in_.event_count;
-  in_.event_count += static_cast<int>(cells_.touch.pop_n(in_.events.data() + in_.event_count, static_cast<std::size_t>(room)));
+  in_.event_count += static_cast<int>(
+      cells_.touch.pop_n(in_.events.data() + in_.event_count, static_cast<std::size_t>(room)));
   const auto map = cells_.cost_map.acquire_if_new(OperatorCells::kMapPlanning);
   const auto robot = cells_.robot_state.acquire_if_new(OperatorCells::kStatePlanning);
   in_.map = map.value;
@@ -178,7 +187,8 @@ void PlanningNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   record.input_seq[0] = map.seq;
   record.input_seq[1] = robot.seq;
   record.input_seq[2] = in_.mode.seq;
-  record.input_seq[3] = in_.event_count > 0 ? in_.events[static_cast<std::size_t>(in_.event_count - 1)].seq : 0;
+  record.input_seq[3] =
+      in_.event_count > 0 ? in_.events[static_cast<std::size_t>(in_.event_count - 1)].seq : 0;
 }
 
 rt::Health PlanningNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
@@ -213,9 +223,12 @@ void PlanningNode::abandon(const rt::Tick& tick) noexcept {
 
 // ---------------------------------------------------------------- prediction
 
-PredictionNode::PredictionNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
-                               OperatorCells& cells, LinkStatus& link)
-    : task_(nrt, config.prediction, setup.fusion.X_BC), cells_(cells), link_(link), hash_(setup.hash_outputs),
+PredictionNode::PredictionNode(rt::NonRealtime& nrt, const GraphConfig& config,
+                               const OperatorSetup& setup, OperatorCells& cells, LinkStatus& link)
+    : task_(nrt, config.prediction, setup.fusion.X_BC),
+      cells_(cells),
+      link_(link),
+      hash_(setup.hash_outputs),
       goal_gate_(setup.faults, "goal") {
   in_.mode = &mode_;
 }
@@ -256,8 +269,8 @@ void PredictionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcep
   publish_health(health_of(cells_, TaskId::kPrediction), tick.start, health_);
   if (!hash_) return;
   rt::Hash64 h;
-  for (const double v : {out_.goal.x_m, out_.goal.y_m, out_.goal.yaw_rad, out_.goal.vx, out_.goal.vy,
-                         out_.goal.wz, out_.goal.speed_limit_m_per_s}) {
+  for (const double v : {out_.goal.x_m, out_.goal.y_m, out_.goal.yaw_rad, out_.goal.vx,
+                         out_.goal.vy, out_.goal.wz, out_.goal.speed_limit_m_per_s}) {
     h.value(v);
   }
   h.word(out_.goal.engaged);
@@ -269,20 +282,24 @@ void PredictionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcep
 namespace {
 
 using std::chrono::milliseconds;
-constexpr std::array<Watch, 4> kOperatorWatches{{{190, milliseconds{50}},    // haptic
-                                                 {290, milliseconds{500}},   // fusion
-                                                 {390, milliseconds{500}},   // prediction
+constexpr std::array<Watch, 4> kOperatorWatches{{{190, milliseconds{50}},      // haptic
+                                                 {290, milliseconds{500}},     // fusion
+                                                 {390, milliseconds{500}},     // prediction
                                                  {490, milliseconds{1000}}}};  // planning
-constexpr std::array<TaskId, 4> kOperatorWatched{TaskId::kHaptic, TaskId::kFusion, TaskId::kPrediction,
-                                                 TaskId::kPlanning};
+constexpr std::array<TaskId, 4> kOperatorWatched{TaskId::kHaptic, TaskId::kFusion,
+                                                 TaskId::kPrediction, TaskId::kPlanning};
 
 }  // namespace
 
-SupervisionNode::SupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config, OperatorCells& cells,
-                                 LinkStatus& link, OperatorRequests& requests, bool hash)
+SupervisionNode::SupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config,
+                                 OperatorCells& cells, LinkStatus& link, OperatorRequests& requests,
+                                 bool hash)
     : task_(nrt, config.supervision, rt::Box::kOperator, kOperatorWatches.data(),
             static_cast<int>(kOperatorWatches.size())),
-      cells_(cells), link_(link), requests_(requests), hash_(hash) {}
+      cells_(cells),
+      link_(link),
+      requests_(requests),
+      hash_(hash) {}
 
 void SupervisionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   for (std::size_t i = 0; i < kOperatorWatched.size(); ++i) {
@@ -304,7 +321,8 @@ void SupervisionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   in_.link_last = rt::time_from_ns(heard);
   in_.link_refused = link_.refused.load(std::memory_order_relaxed);
   in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
-  in_.requests.engage = static_cast<SupervisionTask::Engage>(requests_.engage.load(std::memory_order_relaxed));
+  in_.requests.engage =
+      static_cast<SupervisionTask::Engage>(requests_.engage.load(std::memory_order_relaxed));
   in_.requests.ramp_down = requests_.ramp_down.load(std::memory_order_relaxed);
   in_.requests.stop = requests_.stop.load(std::memory_order_relaxed);
   in_.requests.clear = requests_.clear.load(std::memory_order_relaxed);
@@ -318,7 +336,8 @@ rt::Health SupervisionNode::step(const rt::Tick& tick, rt::JobRecord& record) no
 void SupervisionNode::commit(const rt::Tick&, rt::JobRecord& record) noexcept {
   cells_.mode.begin_write() = out_.mode;
   cells_.mode.publish();
-  if (hash_) record.output_hash = rt::mix64(static_cast<std::uint64_t>(out_.mode.mode), out_.mode.cause);
+  if (hash_)
+    record.output_hash = rt::mix64(static_cast<std::uint64_t>(out_.mode.mode), out_.mode.cause);
 }
 
 }  // namespace tasks

@@ -13,7 +13,9 @@ class HapticNode final : public rt::TaskBody {
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void make_safe() noexcept override { device_.make_safe(); }
-  [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept override { return twin_cpu_ ? twin_cpu_() : 0; }
+  [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept override {
+    return twin_cpu_ ? twin_cpu_() : 0;
+  }
   [[nodiscard]] const HapticTask& task() const noexcept { return task_; }
 
  private:
@@ -30,7 +32,8 @@ class HapticNode final : public rt::TaskBody {
 
 class FusionNode final : public rt::TaskBody {
  public:
-  FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup, OperatorCells& cells);
+  FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
+             OperatorCells& cells);
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
@@ -49,7 +52,8 @@ class FusionNode final : public rt::TaskBody {
 
 class PlanningNode final : public rt::TaskBody {
  public:
-  PlanningNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup, OperatorCells& cells);
+  PlanningNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
+               OperatorCells& cells);
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
@@ -59,7 +63,7 @@ class PlanningNode final : public rt::TaskBody {
   PlanningTask task_;
   OperatorCells& cells_;
   bool hash_;
-  PlanningTask::In in_;   // events stay here until a job that saw them has committed
+  PlanningTask::In in_;  // events stay here until a job that saw them has committed
   PlanningTask::Out out_;
   rt::Health health_;
 };
@@ -86,8 +90,8 @@ class PredictionNode final : public rt::TaskBody {
 
 class SupervisionNode final : public rt::TaskBody {
  public:
-  SupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config, OperatorCells& cells, LinkStatus& link,
-                  OperatorRequests& requests, bool hash);
+  SupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config, OperatorCells& cells,
+                  LinkStatus& link, OperatorRequests& requests, bool hash);
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;

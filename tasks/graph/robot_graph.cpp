@@ -7,7 +7,8 @@ namespace tasks {
 
 RobotCells::RobotCells(rt::NonRealtime& nrt)
     : goal(nrt, {1, 1}), encoded(nrt, {1}), state(nrt, {1, 1}), mode(nrt, {1, 1}) {
-  for (int i = 0; i < kTaskCount; ++i) health.push_back(std::make_unique<HealthCell>(nrt, std::vector<int>{1}));
+  for (int i = 0; i < kTaskCount; ++i)
+    health.push_back(std::make_unique<HealthCell>(nrt, std::vector<int>{1}));
 }
 
 struct RobotGraph::Nodes {
@@ -17,33 +18,39 @@ struct RobotGraph::Nodes {
 };
 
 RobotGraph::RobotGraph(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup)
-    : config_(config), cells_(std::make_unique<RobotCells>(nrt)), frame_gate_(setup.faults, "frame"),
+    : config_(config),
+      cells_(std::make_unique<RobotCells>(nrt)),
+      frame_gate_(setup.faults, "frame"),
       state_gate_(setup.faults, "robot_state") {
-  nodes_.reset(new Nodes{RobotIoNode(nrt, config_, setup, *cells_, link_),
-                         CaptureNode(nrt, config_, setup, *cells_),
-                         RobotSupervisionNode(nrt, config_, *cells_, link_, requests_, setup.hash_outputs)});
+  nodes_.reset(new Nodes{
+      RobotIoNode(nrt, config_, setup, *cells_, link_), CaptureNode(nrt, config_, setup, *cells_),
+      RobotSupervisionNode(nrt, config_, *cells_, link_, requests_, setup.hash_outputs)});
 }
 
 RobotGraph::~RobotGraph() = default;
 
 rt::TaskBody& RobotGraph::body(TaskId id) {
   switch (id) {
-    case TaskId::kRobotIo: return nodes_->robot_io;
-    case TaskId::kCapture: return nodes_->capture;
-    default: return nodes_->supervision;
+    case TaskId::kRobotIo:
+      return nodes_->robot_io;
+    case TaskId::kCapture:
+      return nodes_->capture;
+    default:
+      return nodes_->supervision;
   }
 }
 
 void RobotGraph::bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint) {
-  endpoint.add_incoming(drivers::MessageId::kRobotGoal, [this, &endpoint](std::span<const std::uint8_t> body, rt::Time) {
-    drivers::RobotGoal m;
-    if (!drivers::decode(body, m)) return false;
-    m.made = endpoint.to_local(rt::ns_of(m.made));
-    m.valid_until = endpoint.to_local(rt::ns_of(m.valid_until));
-    cells_->goal.begin_write() = m;
-    cells_->goal.publish();
-    return true;
-  });
+  endpoint.add_incoming(drivers::MessageId::kRobotGoal,
+                        [this, &endpoint](std::span<const std::uint8_t> body, rt::Time) {
+                          drivers::RobotGoal m;
+                          if (!drivers::decode(body, m)) return false;
+                          m.made = endpoint.to_local(rt::ns_of(m.made));
+                          m.valid_until = endpoint.to_local(rt::ns_of(m.valid_until));
+                          cells_->goal.begin_write() = m;
+                          cells_->goal.publish();
+                          return true;
+                        });
   endpoint.add_outgoing(drivers::MessageId::kRobotState, std::chrono::milliseconds{10}, false,
                         [this](std::span<std::uint8_t> out) -> std::size_t {
                           const auto state = cells_->state.acquire_if_new(RobotCells::kStateLink);
@@ -53,7 +60,8 @@ void RobotGraph::bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint) {
   endpoint.add_outgoing(drivers::MessageId::kFrame, std::chrono::milliseconds{30}, true,
                         [this](std::span<std::uint8_t> out) -> std::size_t {
                           if (!cells_->encoded.fresh(RobotCells::kEncodedLink)) return 0;
-                          const auto frame = cells_->encoded.acquire_if_new(RobotCells::kEncodedLink);
+                          const auto frame =
+                              cells_->encoded.acquire_if_new(RobotCells::kEncodedLink);
                           if (!frame || (!frame_gate_.empty() && frame_gate_.next().drop)) return 0;
                           return drivers::write_wire(*frame, out);
                         });

@@ -34,7 +34,7 @@ struct RobotCells {
   // supervision
   enum { kModeIo, kModeConsole };
   rt::Latest<ModeMsg> mode;
-  std::vector<std::unique_ptr<HealthCell>> health;   // by TaskId
+  std::vector<std::unique_ptr<HealthCell>> health;  // by TaskId
 
   RobotSamples robot_samples;
 };

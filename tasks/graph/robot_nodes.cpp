@@ -8,8 +8,12 @@ namespace tasks {
 
 RobotIoNode::RobotIoNode(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup,
                          RobotCells& cells, LinkStatus& link)
-    : task_(nrt, config.robot_io), bus_(*setup.bus), cells_(cells), link_(link),
-      twin_cpu_(setup.bus_twin_cpu), hash_(setup.hash_outputs) {
+    : task_(nrt, config.robot_io),
+      bus_(*setup.bus),
+      cells_(cells),
+      link_(link),
+      twin_cpu_(setup.bus_twin_cpu),
+      hash_(setup.hash_outputs) {
   in_.mode = &mode_;
 }
 
@@ -67,8 +71,11 @@ void RobotIoNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
 
 CaptureNode::CaptureNode(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup,
                          RobotCells& cells)
-    : task_(nrt, config.capture, rt::Box::kRobot), camera_(*setup.camera), cells_(cells),
-      twin_cpu_(setup.camera_twin_cpu), hash_(setup.hash_outputs),
+    : task_(nrt, config.capture, rt::Box::kRobot),
+      camera_(*setup.camera),
+      cells_(cells),
+      twin_cpu_(setup.camera_twin_cpu),
+      hash_(setup.hash_outputs),
       frame_(std::make_unique<perception::RgbdFrame>()) {
   in_.frame = frame_.get();
 }
@@ -109,11 +116,15 @@ constexpr std::array<TaskId, 2> kRobotWatched{TaskId::kRobotIo, TaskId::kCapture
 
 }  // namespace
 
-RobotSupervisionNode::RobotSupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config, RobotCells& cells,
-                                           LinkStatus& link, OperatorRequests& requests, bool hash)
+RobotSupervisionNode::RobotSupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config,
+                                           RobotCells& cells, LinkStatus& link,
+                                           OperatorRequests& requests, bool hash)
     : task_(nrt, config.supervision, rt::Box::kRobot, kRobotWatches.data(),
             static_cast<int>(kRobotWatches.size())),
-      cells_(cells), link_(link), requests_(requests), hash_(hash) {}
+      cells_(cells),
+      link_(link),
+      requests_(requests),
+      hash_(hash) {}
 
 void RobotSupervisionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   for (std::size_t i = 0; i < kRobotWatched.size(); ++i) {
@@ -136,7 +147,9 @@ void RobotSupervisionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcep
   in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
   // The operator's engage travels in the goal; without a goal there is none.
   using Engage = SupervisionTask::Engage;
-  in_.requests.engage = !goal ? Engage::kAbsent : goal->operator_engaged != 0 ? Engage::kYes : Engage::kNo;
+  in_.requests.engage = !goal                         ? Engage::kAbsent
+                        : goal->operator_engaged != 0 ? Engage::kYes
+                                                      : Engage::kNo;
   in_.peer_mode = goal && goal->operator_engaged != 0 ? Mode::kEngaged : Mode::kHold;
   in_.requests.ramp_down = requests_.ramp_down.load(std::memory_order_relaxed);
   in_.requests.stop = requests_.stop.load(std::memory_order_relaxed);
@@ -150,7 +163,8 @@ rt::Health RobotSupervisionNode::step(const rt::Tick& tick, rt::JobRecord& recor
 void RobotSupervisionNode::commit(const rt::Tick&, rt::JobRecord& record) noexcept {
   cells_.mode.begin_write() = out_.mode;
   cells_.mode.publish();
-  if (hash_) record.output_hash = rt::mix64(static_cast<std::uint64_t>(out_.mode.mode), out_.mode.cause);
+  if (hash_)
+    record.output_hash = rt::mix64(static_cast<std::uint64_t>(out_.mode.mode), out_.mode.cause);
 }
 
 }  // namespace tasks

@@ -7,13 +7,15 @@ namespace tasks {
 
 class RobotIoNode final : public rt::TaskBody {
  public:
-  RobotIoNode(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup, RobotCells& cells,
-              LinkStatus& link);
+  RobotIoNode(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup,
+              RobotCells& cells, LinkStatus& link);
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void make_safe() noexcept override { bus_.make_safe(); }
-  [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept override { return twin_cpu_ ? twin_cpu_() : 0; }
+  [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept override {
+    return twin_cpu_ ? twin_cpu_() : 0;
+  }
 
  private:
   RobotIoTask task_;
@@ -22,7 +24,7 @@ class RobotIoNode final : public rt::TaskBody {
   LinkStatus& link_;
   std::function<std::int64_t()> twin_cpu_;
   bool hash_;
-  drivers::MotorSetpoints setpoints_;   // of the last committed job: goes out with the next exchange
+  drivers::MotorSetpoints setpoints_;  // of the last committed job: goes out with the next exchange
   drivers::RobotGoal goal_;
   ModeMsg mode_;
   RobotIoTask::In in_;
@@ -32,11 +34,14 @@ class RobotIoNode final : public rt::TaskBody {
 
 class CaptureNode final : public rt::TaskBody {
  public:
-  CaptureNode(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup, RobotCells& cells);
+  CaptureNode(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup,
+              RobotCells& cells);
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
-  [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept override { return twin_cpu_ ? twin_cpu_() : 0; }
+  [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept override {
+    return twin_cpu_ ? twin_cpu_() : 0;
+  }
 
  private:
   CaptureTask task_;
@@ -52,8 +57,8 @@ class CaptureNode final : public rt::TaskBody {
 
 class RobotSupervisionNode final : public rt::TaskBody {
  public:
-  RobotSupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config, RobotCells& cells, LinkStatus& link,
-                       OperatorRequests& requests, bool hash);
+  RobotSupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config, RobotCells& cells,
+                       LinkStatus& link, OperatorRequests& requests, bool hash);
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;

@@ -25,7 +25,7 @@ struct FusionSample {
   rt::Time stamp{};
   rt::Time exposure{};
   std::array<float, 3> p_WC{};
-  std::array<float, 4> q_WC{};    // x y z w
+  std::array<float, 4> q_WC{};  // x y z w
   float residual_m = 0, inlier_share = 0, condition = 0;
   std::uint64_t work = 0;
   std::uint32_t blocks = 0;
@@ -34,7 +34,7 @@ struct FusionSample {
 
 struct RobotSample {
   rt::Time stamp{};
-  float x_m = 0, y_m = 0, yaw_rad = 0;        // odometry
+  float x_m = 0, y_m = 0, yaw_rad = 0;  // odometry
   float tracking_error_m = 0, goal_distance_m = 0, speed_m_per_s = 0;
   std::uint64_t goal_seq = 0, path_seq = 0;
   bool driving = false;

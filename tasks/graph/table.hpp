@@ -20,6 +20,8 @@
 
 namespace tasks {
 
+// One row a line: this is a table.
+// clang-format off
 enum class TaskId : std::uint16_t {
   kHaptic, kFusion, kPrediction, kPlanning, kSupervision,   // operator box
   kRobotIo, kCapture, kRobotSupervision,                    // robot box
@@ -96,5 +98,7 @@ inline constexpr std::array<EdgeRow, kEdgeCount> kEdgeTable{{
     {EdgeId::kMode, "mode", "supervision", "haptic prediction planning", EdgeKind::kLatest, 0, 0, "not engaged"},
     {EdgeId::kRobotMode, "robot_mode", "robot_supervision", "robot_io", EdgeKind::kLatest, 0, 0, "not engaged"},
 }};
+
+// clang-format on
 
 }  // namespace tasks

@@ -72,12 +72,15 @@ AuditBenchResult bench_audit(int rounds) {
   return r;
 }
 
-std::vector<BenchMetric> AuditBenchResult::metrics() const { return {{"audit.job_ns", job_ns, "ns"}}; }
+std::vector<BenchMetric> AuditBenchResult::metrics() const {
+  return {{"audit.job_ns", job_ns, "ns"}};
+}
 
 void AuditBenchResult::print(std::ostream& out) const {
   char text[240];
   std::snprintf(text, sizeof text,
-                "audit of a job: %.0f ns (clock %.0f, thread CPU clock %.0f, getrusage %.0f, schedstat %.0f; two, two, one, one)\n",
+                "audit of a job: %.0f ns (clock %.0f, thread CPU clock %.0f, getrusage %.0f, "
+                "schedstat %.0f; two, two, one, one)\n",
                 job_ns, parts_ns[0], parts_ns[1], parts_ns[2], parts_ns[3]);
   out << text;
 }

@@ -51,18 +51,19 @@ WakeupResult::Slice own_slice(int cpu, double seconds, std::int64_t lead, bool& 
       while (now < due) now = rt::monotonic_ns();
       late.record(now - due);
       due += kPeriod;
-      while (due < now) due += kPeriod;   // skip, phase kept
+      while (due < now) due += kPeriod;  // skip, phase kept
     }
   });
   worker.join();
-  return {static_cast<double>(late.quantile(0.5)) * 1e-3, static_cast<double>(late.quantile(0.99)) * 1e-3,
-          static_cast<double>(late.max()) * 1e-3};
+  return {static_cast<double>(late.quantile(0.5)) * 1e-3,
+          static_cast<double>(late.quantile(0.99)) * 1e-3, static_cast<double>(late.max()) * 1e-3};
 }
 
 // cyclictest prints its histogram in whole microseconds: "000017 000123".
 bool cyclictest_slice(int cpu, double seconds, WakeupResult::Slice& out) {
   char command[200];
-  std::snprintf(command, sizeof command, "cyclictest -m -q -p90 -i1000 -t1 -a%d -l%d -h2000 2>/dev/null", cpu,
+  std::snprintf(command, sizeof command,
+                "cyclictest -m -q -p90 -i1000 -t1 -a%d -l%d -h2000 2>/dev/null", cpu,
                 static_cast<int>(seconds * 1e3));
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> pipe(::popen(command, "r"), &::pclose);
   if (!pipe) return false;
@@ -85,7 +86,8 @@ bool cyclictest_slice(int cpu, double seconds, WakeupResult::Slice& out) {
     long seen = 0;
     for (const auto& [us, n] : bins) {
       const double wanted = q * static_cast<double>(total);
-      if (static_cast<double>(seen + n) >= wanted) return us + (wanted - static_cast<double>(seen)) / static_cast<double>(n);
+      if (static_cast<double>(seen + n) >= wanted)
+        return us + (wanted - static_cast<double>(seen)) / static_cast<double>(n);
       seen += n;
     }
     return static_cast<double>(bins.back().first);
@@ -127,7 +129,8 @@ WakeupResult bench_wakeup(std::ostream& progress, int rounds, double slice_s) {
 }
 
 std::vector<BenchMetric> WakeupResult::metrics() const {
-  std::vector<BenchMetric> m{{"wakeup.p50_plain_us", p50_plain_us, "us"}, {"wakeup.p50_spin_us", p50_spin_us, "us"}};
+  std::vector<BenchMetric> m{{"wakeup.p50_plain_us", p50_plain_us, "us"},
+                             {"wakeup.p50_spin_us", p50_spin_us, "us"}};
   if (!cyclictest.empty()) {
     m.push_back({"wakeup.p50_cyclictest_us", p50_cyclictest_us, "us"});
     m.push_back({"wakeup.p50_over_cyclictest", p50_plain_us / p50_cyclictest_us, "1"});
@@ -145,8 +148,10 @@ void WakeupResult::print(std::ostream& out) const {
       max.push_back(s.max_us);
     }
     char text[160];
-    std::snprintf(text, sizeof text, "%-22s p50 %8.2f us   p99 %8.2f us   max %9.1f us   (%zu slices)\n", name, median(p50),
-                  median(p99), max.empty() ? 0.0 : *std::max_element(max.begin(), max.end()), v.size());
+    std::snprintf(text, sizeof text,
+                  "%-22s p50 %8.2f us   p99 %8.2f us   max %9.1f us   (%zu slices)\n", name,
+                  median(p50), median(p99),
+                  max.empty() ? 0.0 : *std::max_element(max.begin(), max.end()), v.size());
     out << text;
   };
   row("own, plain", plain);

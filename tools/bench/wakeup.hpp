@@ -13,10 +13,10 @@ struct WakeupResult {
   struct Slice {
     double p50_us = 0, p99_us = 0, max_us = 0;
   };
-  std::vector<Slice> plain, spin, cyclictest;   // one a round
-  double p50_plain_us = 0, p50_spin_us = 0, p50_cyclictest_us = 0;   // medians over rounds
+  std::vector<Slice> plain, spin, cyclictest;                       // one a round
+  double p50_plain_us = 0, p50_spin_us = 0, p50_cyclictest_us = 0;  // medians over rounds
   bool fifo = false;
-  std::string remark;   // what was missing, e.g. cyclictest not installed
+  std::string remark;  // what was missing, e.g. cyclictest not installed
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;
 };

@@ -19,7 +19,7 @@ namespace teletact {
 namespace {
 
 constexpr const char* kRegistry = "teletact";
-constexpr std::int64_t kRampDown = 200000000;   // from the request to the stop
+constexpr std::int64_t kRampDown = 200000000;  // from the request to the stop
 
 std::vector<rt::PlacedTask> placed_tasks(const BoxPlan& plan, rt::Box box,
                                          const std::function<rt::TaskBody&(tasks::TaskId)>& body) {
@@ -27,13 +27,14 @@ std::vector<rt::PlacedTask> placed_tasks(const BoxPlan& plan, rt::Box box,
   for (std::size_t i = 0; i < plan.specs.size(); ++i) {
     if (plan.specs[i].box != box) continue;
     const auto& a = plan.admission.tasks[i];
-    placed.push_back({plan.specs[i], &body(static_cast<tasks::TaskId>(i)), static_cast<std::uint16_t>(i), a.cpu,
-                      a.priority, a.level});
+    placed.push_back({plan.specs[i], &body(static_cast<tasks::TaskId>(i)),
+                      static_cast<std::uint16_t>(i), a.cpu, a.priority, a.level});
   }
   return placed;
 }
 
-rt::RunLog header_of(const std::vector<rt::PlacedTask>& placed, const tasks::Calibration& calibration,
+rt::RunLog header_of(const std::vector<rt::PlacedTask>& placed,
+                     const tasks::Calibration& calibration,
                      const std::vector<std::string>& missing) {
   rt::RunLog log;
   log.not_realtime = missing;
@@ -84,8 +85,8 @@ struct BoxRunner {
   std::vector<rt::PlacedTask> placed;
   tasks::OperatorRequests* requests = nullptr;
   drivers::TcpLink* link = nullptr;
-  std::function<void(rt::Time)> tick;      // console
-  std::function<void()> save;              // partial half, so that a kill loses little
+  std::function<void(rt::Time)> tick;  // console
+  std::function<void()> save;          // partial half, so that a kill loses little
   std::vector<BoxTotals> totals;
   std::uint64_t dropped = 0, hangs = 0;
 
@@ -110,7 +111,8 @@ struct BoxRunner {
         [&](const rt::SentinelRecord& r) { writer->add(r); });
     // What the machine refuses is known in part only when the threads run: the header tells what is
     // known now, the rest is appended to the notes of a second header line by the caller's report.
-    writer = std::make_unique<rt::RunFileWriter>(file, header_of(placed, plan.calibration, executor.missing()));
+    writer = std::make_unique<rt::RunFileWriter>(
+        file, header_of(placed, plan.calibration, executor.missing()));
     const auto missing_before = executor.missing().size();
     rt::RunPlan run_plan;
     run_plan.epoch_host_ns = plan.epoch_host_ns;
@@ -172,7 +174,8 @@ int with_errors(const char* who, const std::function<int()>& body) {
 
 }  // namespace
 
-int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options, const BoxPlan& plan) {
+int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
+                         const BoxPlan& plan) {
   return with_errors("operator", [&] {
     BoxOptions box_options;
     box_options.epoch = kOperatorClock.from_host(plan.epoch_host_ns);
@@ -184,7 +187,8 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
     int port = 0;
     while (port == 0) {
       std::ifstream(plan.folder + "/robot.port") >> port;
-      if (rt::monotonic_ns() > plan.epoch_host_ns) throw std::runtime_error("the robot's process has not come up");
+      if (rt::monotonic_ns() > plan.epoch_host_ns)
+        throw std::runtime_error("the robot's process has not come up");
       ::usleep(5000);
     }
     auto link = drivers::TcpLink::connect(scene.link.address, port, std::chrono::seconds{2});
@@ -201,7 +205,20 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
 
     OperatorHalf half;
     half.epoch_ns = rt::ns_of(box_options.epoch);
-    BoxRunner runner{options, plan, rt::Box::kOperator, kOperatorClock, placed_tasks(plan, rt::Box::kOperator, [&](tasks::TaskId id) -> rt::TaskBody& { return box.graph().body(id); }), &box.graph().requests(), &tcp, {}, {}, {}, 0, 0};
+    BoxRunner runner{
+        options,
+        plan,
+        rt::Box::kOperator,
+        kOperatorClock,
+        placed_tasks(plan, rt::Box::kOperator,
+                     [&](tasks::TaskId id) -> rt::TaskBody& { return box.graph().body(id); }),
+        &box.graph().requests(),
+        &tcp,
+        {},
+        {},
+        {},
+        0,
+        0};
     std::int64_t next_line = plan.epoch_host_ns + 1000000000;
     bool was_cut = false;
     runner.tick = [&](rt::Time t) {
@@ -211,7 +228,8 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
         std::printf("%s\n", console.status_line(t).c_str());
         std::fflush(stdout);
       }
-      if (options.cut_link_at_s >= 0 && !was_cut && rt::seconds(t - box_options.epoch) >= options.cut_link_at_s) {
+      if (options.cut_link_at_s >= 0 && !was_cut &&
+          rt::seconds(t - box_options.epoch) >= options.cut_link_at_s) {
         was_cut = true;
         tcp.cut();
       }
@@ -237,7 +255,8 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
   });
 }
 
-int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options, const BoxPlan& plan) {
+int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
+                      const BoxPlan& plan) {
   return with_errors("robot", [&] {
     BoxOptions box_options;
     box_options.epoch = kRobotClock.from_host(plan.epoch_host_ns);
@@ -263,7 +282,20 @@ int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOption
 
     RobotHalf half;
     half.epoch_ns = rt::ns_of(box_options.epoch);
-    BoxRunner runner{options, plan, rt::Box::kRobot, kRobotClock, placed_tasks(plan, rt::Box::kRobot, [&](tasks::TaskId id) -> rt::TaskBody& { return box.graph().body(id); }), &box.graph().requests(), &tcp, {}, {}, {}, 0, 0};
+    BoxRunner runner{
+        options,
+        plan,
+        rt::Box::kRobot,
+        kRobotClock,
+        placed_tasks(plan, rt::Box::kRobot,
+                     [&](tasks::TaskId id) -> rt::TaskBody& { return box.graph().body(id); }),
+        &box.graph().requests(),
+        &tcp,
+        {},
+        {},
+        {},
+        0,
+        0};
     runner.tick = [&](rt::Time t) { console.tick(t); };
     runner.save = [&] {
       half.view = console.seen();

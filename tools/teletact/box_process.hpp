@@ -9,15 +9,17 @@ namespace teletact {
 
 struct BoxPlan {
   std::int64_t epoch_host_ns = 0;
-  rt::Admission admission;            // of the union of both boxes
-  std::vector<rt::TaskSpec> specs;    // by task id
+  rt::Admission admission;          // of the union of both boxes
+  std::vector<rt::TaskSpec> specs;  // by task id
   tasks::Calibration calibration;
   rt::FaultPlan faults;
-  bool planned = false;               // run the planned executor
-  std::string folder;                 // where the halves go
+  bool planned = false;  // run the planned executor
+  std::string folder;    // where the halves go
 };
 
-[[nodiscard]] int run_operator_process(rt::NonRealtime&, const Scene&, const DemoOptions&, const BoxPlan&);
-[[nodiscard]] int run_robot_process(rt::NonRealtime&, const Scene&, const DemoOptions&, const BoxPlan&);
+[[nodiscard]] int run_operator_process(rt::NonRealtime&, const Scene&, const DemoOptions&,
+                                       const BoxPlan&);
+[[nodiscard]] int run_robot_process(rt::NonRealtime&, const Scene&, const DemoOptions&,
+                                    const BoxPlan&);
 
 }  // namespace teletact

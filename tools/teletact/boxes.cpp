@@ -23,13 +23,15 @@ drivers::TumSequence open_sequence(const std::string& dir) {
 }  // namespace
 
 perception::Intrinsics camera_of(const Scene& scene) {
-  return scene.rgbd_dir.empty() ? scene.camera.intrinsics() : open_sequence(scene.rgbd_dir).intrinsics();
+  return scene.rgbd_dir.empty() ? scene.camera.intrinsics()
+                                : open_sequence(scene.rgbd_dir).intrinsics();
 }
 
 // The camera rides on the robot's true pose.
 class RobotBox::BasePose final : public drivers::PoseSource {
  public:
-  BasePose(const drivers::VirtualYoubot& bus, const perception::Pose& X_BC, const perception::Pose& X_WB0)
+  BasePose(const drivers::VirtualYoubot& bus, const perception::Pose& X_BC,
+           const perception::Pose& X_WB0)
       : bus_(bus), X_BC_(X_BC), X_WB_(X_WB0) {}
   [[nodiscard]] perception::Pose X_WC_at(rt::Time t) noexcept override {
     drivers::PoseHistory::Sample s;
@@ -46,14 +48,16 @@ class RobotBox::BasePose final : public drivers::PoseSource {
 };
 
 RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& options)
-    : world_(std::make_unique<drivers::World>(nrt, scene.rgbd_dir.empty() ? scene.world : drivers::WorldConfig{})),
+    : world_(std::make_unique<drivers::World>(
+          nrt, scene.rgbd_dir.empty() ? scene.world : drivers::WorldConfig{})),
       endpoint_(nrt, rt::Box::kRobot) {
   const auto& io = scene.graph.robot_io;
   const drivers::World* world = world_.get();
   drivers::CollisionTest collides = [world](const perception::Pose2& X) {
     return world->robot_collision(X.x, X.y, X.yaw) >= 0;
   };
-  drivers::RobotPlant plant(nrt, scene.plant, io.base, perception::Pose2{io.start_x_m, io.start_y_m, io.start_yaw_rad},
+  drivers::RobotPlant plant(nrt, scene.plant, io.base,
+                            perception::Pose2{io.start_x_m, io.start_y_m, io.start_yaw_rad},
                             std::move(collides));
   bus_ = std::make_unique<drivers::VirtualYoubot>(nrt, scene.bus, std::move(plant));
   bus_->set_cpu_clock(&rt::thread_cpu_ns);
@@ -64,14 +68,17 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   setup.hash_outputs = options.hash_outputs;
   setup.faults = options.faults;
   if (!scene.rgbd_dir.empty()) {
-    camera_ = std::make_unique<drivers::ReplayCamera>(nrt, open_sequence(scene.rgbd_dir), options.epoch + kRecordingLead,
-                                                      scene.hold_s, options.progress);
+    camera_ = std::make_unique<drivers::ReplayCamera>(nrt, open_sequence(scene.rgbd_dir),
+                                                      options.epoch + kRecordingLead, scene.hold_s,
+                                                      options.progress);
   } else {
     pose_ = std::make_unique<BasePose>(*bus_, scene.camera.X_BC(), scene.start_X_WB());
-    auto synthetic = std::make_unique<drivers::SyntheticCamera>(nrt, scene.camera, *world_, *pose_, options.epoch);
+    auto synthetic = std::make_unique<drivers::SyntheticCamera>(nrt, scene.camera, *world_, *pose_,
+                                                                options.epoch);
     camera_effects_ = synthetic->noise().constructed();
     if (options.threaded_camera) {
-      auto threaded = std::make_unique<drivers::ThreadedCamera>(nrt, std::move(synthetic), options.now);
+      auto threaded =
+          std::make_unique<drivers::ThreadedCamera>(nrt, std::move(synthetic), options.now);
       threaded_ = threaded.get();
       camera_ = std::move(threaded);
     } else {
@@ -86,22 +93,27 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
 }
 
 std::int64_t RobotBox::camera_twin_cpu_ns() const noexcept {
-  return threaded_ != nullptr ? threaded_->twin_cpu_ns() : synthetic_ != nullptr ? synthetic_->twin_cpu_ns() : 0;
+  return threaded_ != nullptr    ? threaded_->twin_cpu_ns()
+         : synthetic_ != nullptr ? synthetic_->twin_cpu_ns()
+                                 : 0;
 }
 
 Effects RobotBox::effects() const {
   Effects out;
-  for (const auto& name : camera_effects_) out.emplace_back("camera noise: " + name, "camera.noise");
-  for (const auto& name : bus_->plant().effects()) out.emplace_back("robot: " + name, "robot.plant");
+  for (const auto& name : camera_effects_)
+    out.emplace_back("camera noise: " + name, "camera.noise");
+  for (const auto& name : bus_->plant().effects())
+    out.emplace_back("robot: " + name, "robot.plant");
   return out;
 }
 
-OperatorBox::OperatorBox(rt::NonRealtime& nrt, const Scene& scene, const perception::Intrinsics& camera,
-                         const BoxOptions& options)
+OperatorBox::OperatorBox(rt::NonRealtime& nrt, const Scene& scene,
+                         const perception::Intrinsics& camera, const BoxOptions& options)
     : scene_(scene), endpoint_(nrt, rt::Box::kOperator) {
   hand_ = std::make_unique<drivers::HandScript>(nrt, scene.hand, scene.workspace());
   const auto start = hand_->target(rt::Nanos{0});
-  device_ = std::make_unique<drivers::OmegaTwin>(nrt, scene.device, hand_.get(), scene.workspace().to_device(start.p_WT));
+  device_ = std::make_unique<drivers::OmegaTwin>(nrt, scene.device, hand_.get(),
+                                                 scene.workspace().to_device(start.p_WT));
   device_->set_cpu_clock(&rt::thread_cpu_ns);
   device_->start_hand(options.epoch);
   device_->enable_force(options.epoch);

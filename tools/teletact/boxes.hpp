@@ -23,10 +23,10 @@
 namespace teletact {
 
 struct BoxOptions {
-  rt::Time epoch{};                       // in this box's clock
+  rt::Time epoch{};  // in this box's clock
   bool hash_outputs = false;
-  bool threaded_camera = false;           // real clock: render on an ordinary thread
-  std::function<rt::Time()> now;          // box clock, for the threaded camera
+  bool threaded_camera = false;   // real clock: render on an ordinary thread
+  std::function<rt::Time()> now;  // box clock, for the threaded camera
   rt::FaultPlan faults;
   std::function<void(int, int)> progress;  // of decoding a recording
 };
@@ -59,7 +59,8 @@ class RobotBox {
 
 class OperatorBox {
  public:
-  OperatorBox(rt::NonRealtime&, const Scene&, const perception::Intrinsics& camera, const BoxOptions&);
+  OperatorBox(rt::NonRealtime&, const Scene&, const perception::Intrinsics& camera,
+              const BoxOptions&);
   [[nodiscard]] tasks::OperatorGraph& graph() noexcept { return *graph_; }
   [[nodiscard]] drivers::LinkEndpoint& endpoint() noexcept { return endpoint_; }
   [[nodiscard]] drivers::HandScript& hand() noexcept { return *hand_; }

@@ -39,7 +39,8 @@ void add_row(tasks::Calibration& c, const rt::TaskLog& log, int level) {
   row.work_min = static_cast<double>(work_min);
   row.work_max = static_cast<double>(work_max);
   for (std::size_t i = 0; i < row.quantiles_us.size(); ++i) {
-    row.quantiles_us[i] = at(cpu_us, static_cast<double>(i) / static_cast<double>(row.quantiles_us.size() - 1));
+    row.quantiles_us[i] =
+        at(cpu_us, static_cast<double>(i) / static_cast<double>(row.quantiles_us.size() - 1));
   }
   c.rows.push_back(row);
 }
@@ -55,9 +56,10 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, const Scene& scene, double se
       if (!row.variants[i].name.empty()) levels = std::max(levels, static_cast<int>(i) + 1);
     }
   }
-  const tasks::Calibration declared;   // admission and costs of these runs are the declared ones
+  const tasks::Calibration declared;  // admission and costs of these runs are the declared ones
   for (int level = 0; level < levels; ++level) {
-    if (!quiet) std::printf("calibrate: level %d of %d ...\n", level + 1, levels), std::fflush(stdout);
+    if (!quiet)
+      std::printf("calibrate: level %d of %d ...\n", level + 1, levels), std::fflush(stdout);
     DemoOptions o;
     o.seconds = seconds;
     o.virtual_clock = o.measure_cpu = o.quiet = true;
@@ -65,14 +67,16 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, const Scene& scene, double se
     const VirtualRun run = run_virtual(nrt, scene, o, declared);
     for (const auto* log : {&run.op.log, &run.robot.log}) {
       for (const auto& t : log->tasks) {
-        if (t.spec.policy != rt::MissPolicy::kAbort && level < t.spec.levels()) add_row(c, t, level);
+        if (t.spec.policy != rt::MissPolicy::kAbort && level < t.spec.levels())
+          add_row(c, t, level);
       }
     }
   }
   return c;
 }
 
-tasks::Calibration host_calibration(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options, std::string& text) {
+tasks::Calibration host_calibration(rt::NonRealtime& nrt, const Scene& scene,
+                                    const DemoOptions& options, std::string& text) {
   namespace fs = std::filesystem;
   if (!options.calibration.empty()) {
     auto c = tasks::load_calibration(options.calibration);
@@ -82,8 +86,11 @@ tasks::Calibration host_calibration(rt::NonRealtime& nrt, const Scene& scene, co
   }
   const char* cache = std::getenv("XDG_CACHE_HOME");
   const char* home = std::getenv("HOME");
-  const fs::path folder = (cache != nullptr ? fs::path(cache) : fs::path(home != nullptr ? home : "/tmp") / ".cache") / "teletact";
-  const std::string file = (folder / ("calibration-" + fs::path(options.scene_path).stem().string() + ".toml")).string();
+  const fs::path folder =
+      (cache != nullptr ? fs::path(cache) : fs::path(home != nullptr ? home : "/tmp") / ".cache") /
+      "teletact";
+  const std::string file =
+      (folder / ("calibration-" + fs::path(options.scene_path).stem().string() + ".toml")).string();
   if (fs::exists(file)) {
     auto c = tasks::load_calibration(file);
     if (c && c.value().host == tasks::host_id()) {

@@ -12,11 +12,13 @@ namespace teletact {
 
 // `seconds` of simulated time a level. Tasks with policy abort are not measured: their budget is what
 // they are given, and they end when it is spent.
-[[nodiscard]] tasks::Calibration calibrate(rt::NonRealtime&, const Scene&, double seconds, bool quiet);
+[[nodiscard]] tasks::Calibration calibrate(rt::NonRealtime&, const Scene&, double seconds,
+                                           bool quiet);
 
 // The calibration of this host: the file named, or ~/.cache/teletact/calibration.toml if it is of this
 // host, else measured now and stored there. `text` says which it was.
-[[nodiscard]] tasks::Calibration host_calibration(rt::NonRealtime&, const Scene&, const DemoOptions&, std::string& text);
+[[nodiscard]] tasks::Calibration host_calibration(rt::NonRealtime&, const Scene&,
+                                                  const DemoOptions&, std::string& text);
 
 // config/limits/reference_costs.toml: shipped, so that virtual runs are the same everywhere.
 [[nodiscard]] tasks::Calibration reference_calibration();

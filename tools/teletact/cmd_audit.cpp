@@ -23,10 +23,13 @@ bool print_task(const rt::RunLog& log, const rt::TaskLog& t, Metrics& metrics) {
     cpu.record(j.cpu_ns);
     response.record(j.end_ns - j.release_ns);
   }
-  const auto us = [](const rt::Histogram& h, double q) { return static_cast<double>(h.quantile(q)) * 1e-3; };
-  std::printf("%-18s %8zu %8.1f %8.1f %8.1f | %8.1f %8.1f %8.1f | %6llu", t.spec.name.c_str(), t.jobs.size(), us(cpu, 0.5),
-              us(cpu, 0.99), static_cast<double>(t.spec.budget_of(t.level).count()) * 1e-3, us(late, 0.5), us(late, 0.99),
-              us(late, 0.999), static_cast<unsigned long long>(b.miss_total));
+  const auto us = [](const rt::Histogram& h, double q) {
+    return static_cast<double>(h.quantile(q)) * 1e-3;
+  };
+  std::printf("%-18s %8zu %8.1f %8.1f %8.1f | %8.1f %8.1f %8.1f | %6llu", t.spec.name.c_str(),
+              t.jobs.size(), us(cpu, 0.5), us(cpu, 0.99),
+              static_cast<double>(t.spec.budget_of(t.level).count()) * 1e-3, us(late, 0.5),
+              us(late, 0.99), us(late, 0.999), static_cast<unsigned long long>(b.miss_total));
   for (const auto n : b.misses) std::printf(" %6llu", static_cast<unsigned long long>(n));
   std::printf("\n");
   const std::string name = t.spec.name;
@@ -45,8 +48,10 @@ bool print_task(const rt::RunLog& log, const rt::TaskLog& t, Metrics& metrics) {
 }  // namespace
 
 int cmd_audit(int argc, char** argv) {
-  CLI::App app{"Reads the log of a run (report/raw/*.run): table, histograms, trace. Exit 0: no miss of a task's own "
-               "making; 1: there was one; 2: bad input."};
+  CLI::App app{
+      "Reads the log of a run (report/raw/*.run): table, histograms, trace. Exit 0: no miss of a "
+      "task's own "
+      "making; 1: there was one; 2: bad input."};
   std::vector<std::string> files;
   std::string html, trace, csv, json;
   app.add_option("FILE", files, "run logs, one or both boxes")->required();
@@ -68,8 +73,9 @@ int cmd_audit(int argc, char** argv) {
     logs.push_back(std::move(log).value());
   }
   Metrics metrics("audit");
-  std::printf("%-18s %8s %8s %8s %8s | %8s %8s %8s | %6s %6s %6s %6s %6s %6s %6s\n", "task", "jobs", "cpu p50", "p99",
-              "budget", "late p50", "p99", "p99.9", "misses", "carry", "platf", "queue", "own", "charg", "unkn");
+  std::printf("%-18s %8s %8s %8s %8s | %8s %8s %8s | %6s %6s %6s %6s %6s %6s %6s\n", "task", "jobs",
+              "cpu p50", "p99", "budget", "late p50", "p99", "p99.9", "misses", "carry", "platf",
+              "queue", "own", "charg", "unkn");
   bool kept = true;
   std::vector<const rt::RunLog*> pointers;
   for (const auto& log : logs) {

@@ -16,9 +16,15 @@ int cmd_bench(int argc, char** argv) {
   std::string what, json;
   int rounds = 9;
   double slice_s = 1.0;
-  app.add_option("WHAT", what, "rings | wakeup | audit")->required()->check(CLI::IsMember({"rings", "wakeup", "audit"}));
-  app.add_option("--rounds", rounds, "interleaved rounds")->check(CLI::Range(1, 1000))->capture_default_str();
-  app.add_option("--slice", slice_s, "wakeup: seconds a slice")->check(CLI::Range(0.2, 60.0))->capture_default_str();
+  app.add_option("WHAT", what, "rings | wakeup | audit")
+      ->required()
+      ->check(CLI::IsMember({"rings", "wakeup", "audit"}));
+  app.add_option("--rounds", rounds, "interleaved rounds")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_option("--slice", slice_s, "wakeup: seconds a slice")
+      ->check(CLI::Range(0.2, 60.0))
+      ->capture_default_str();
   app.add_option("--json", json, "write the figures to this file");
   try {
     app.parse(argc, argv);

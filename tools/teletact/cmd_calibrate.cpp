@@ -7,13 +7,17 @@
 namespace teletact {
 
 int cmd_calibrate(int argc, char** argv) {
-  CLI::App app{"Runs each task variant on a scene and writes p50 / p99 / p99.9 of its CPU with the host's id."};
+  CLI::App app{
+      "Runs each task variant on a scene and writes p50 / p99 / p99.9 of its CPU with the host's "
+      "id."};
   std::string scene_name = "default_room", out, rgbd;
   double seconds = 10;
   bool quiet = false;
   app.add_option("--scene", scene_name, "scene that the variants run on")->capture_default_str();
   app.add_option("--rgbd", rgbd, "a recording as the camera");
-  app.add_option("--seconds", seconds, "simulated time a level")->check(CLI::Range(2.0, 600.0))->capture_default_str();
+  app.add_option("--seconds", seconds, "simulated time a level")
+      ->check(CLI::Range(2.0, 600.0))
+      ->capture_default_str();
   app.add_option("--out", out, "file to write")->required();
   app.add_flag("--quiet", quiet, "no progress");
   try {
@@ -26,10 +30,11 @@ int cmd_calibrate(int argc, char** argv) {
   scene->rgbd_dir = rgbd;
   const auto c = calibrate(startup.token(), *scene, seconds, quiet);
   tasks::save_calibration(out, c);
-  std::printf("%-18s %5s %10s %10s %10s %10s\n", "task", "level", "p50 us", "p99 us", "p99.9 us", "budget us");
+  std::printf("%-18s %5s %10s %10s %10s %10s\n", "task", "level", "p50 us", "p99 us", "p99.9 us",
+              "budget us");
   for (const auto& r : c.rows) {
-    std::printf("%-18s %5d %10.1f %10.1f %10.1f %10.1f\n", r.name.c_str(), r.level, r.p50_us, r.p99_us, r.p999_us,
-                static_cast<double>(r.budget().count()) * 1e-3);
+    std::printf("%-18s %5d %10.1f %10.1f %10.1f %10.1f\n", r.name.c_str(), r.level, r.p50_us,
+                r.p99_us, r.p999_us, static_cast<double>(r.budget().count()) * 1e-3);
   }
   return 0;
 }

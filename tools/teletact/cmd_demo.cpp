@@ -23,16 +23,20 @@ std::string iso_now() {
 
 void print_metrics(const Metrics& metrics) {
   for (const auto& r : metrics.rows()) {
-    if (r.is_text) std::printf("  %-36s %s\n", r.name.c_str(), r.text.c_str());
-    else std::printf("  %-36s %.6g %s\n", r.name.c_str(), r.value, r.unit == "1" ? "" : r.unit.c_str());
+    if (r.is_text)
+      std::printf("  %-36s %s\n", r.name.c_str(), r.text.c_str());
+    else
+      std::printf("  %-36s %.6g %s\n", r.name.c_str(), r.value,
+                  r.unit == "1" ? "" : r.unit.c_str());
   }
 }
 
 }  // namespace
 
-int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info, const OperatorHalf& op,
-               const RobotHalf& robot, const std::string& json_path) {
-  if (!scene.rgbd_dir.empty()) info.ate_first_pose_mm = recording_error_mm(scene.rgbd_dir, op.view.fusion);
+int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
+               const OperatorHalf& op, const RobotHalf& robot, const std::string& json_path) {
+  if (!scene.rgbd_dir.empty())
+    info.ate_first_pose_mm = recording_error_mm(scene.rgbd_dir, op.view.fusion);
   if (!info.stub_bodies) {
     if (!op.complete) info.problems.push_back("the operator's half of the run is not complete");
     if (!robot.complete) info.problems.push_back("the robot's half of the run is not complete");
@@ -54,21 +58,31 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info, co
 }
 
 int cmd_demo(int argc, char** argv) {
-  CLI::App app{"Runs the operator's box and the robot's box on this machine, every device a twin, and writes a report."};
+  CLI::App app{
+      "Runs the operator's box and the robot's box on this machine, every device a twin, and "
+      "writes a report."};
   DemoOptions o;
   std::string clock = "real", bodies = "real", json, scene_name = "default_room", simd = "auto";
   double seconds = -1;
-  app.add_option("--scene", scene_name, "scene: a name from config/scenes or a file")->capture_default_str();
+  app.add_option("--scene", scene_name, "scene: a name from config/scenes or a file")
+      ->capture_default_str();
   app.add_option("--set", o.overrides, "override a key of the scene: section.key=value");
   app.add_option("--rgbd", o.rgbd_dir, "drive fusion with a recording (TUM RGB-D layout)");
-  app.add_option("--seconds", seconds, "length of the run; default 20, with --rgbd the recording plus 15 s held");
-  app.add_option("--clock", clock, "real: threads on this machine; virtual: simulated time")->check(CLI::IsMember({"real", "virtual"}))->capture_default_str();
-  app.add_option("--bodies", bodies, "virtual clock: real task bodies, or the schedule alone")->check(CLI::IsMember({"real", "stub"}))->capture_default_str();
-  app.add_option("--simd", simd, "instruction set; all give the same bytes")->check(CLI::IsMember({"auto", "scalar"}));
+  app.add_option("--seconds", seconds,
+                 "length of the run; default 20, with --rgbd the recording plus 15 s held");
+  app.add_option("--clock", clock, "real: threads on this machine; virtual: simulated time")
+      ->check(CLI::IsMember({"real", "virtual"}))
+      ->capture_default_str();
+  app.add_option("--bodies", bodies, "virtual clock: real task bodies, or the schedule alone")
+      ->check(CLI::IsMember({"real", "stub"}))
+      ->capture_default_str();
+  app.add_option("--simd", simd, "instruction set; all give the same bytes")
+      ->check(CLI::IsMember({"auto", "scalar"}));
   app.add_option("--report", o.report, "folder for the report")->capture_default_str();
   app.add_option("--json", json, "write the figures to this file");
   app.add_option("--faults", o.fault_plan, "fault plan: a name from config/faults or a file");
-  app.add_option("--calibration", o.calibration, "calibration file; default: this host's, measured if there is none");
+  app.add_option("--calibration", o.calibration,
+                 "calibration file; default: this host's, measured if there is none");
   app.add_option("--cost-seed", o.cost_seed, "virtual clock: seed of the job costs");
   app.add_option("--cut-link", o.cut_link_at_s, "cut the cable at this second");
   app.add_flag("--quiet", o.quiet, "no status lines");
@@ -79,7 +93,8 @@ int cmd_demo(int argc, char** argv) {
   }
   o.virtual_clock = clock == "virtual";
   o.stub_bodies = bodies == "stub";
-  if (o.stub_bodies && !o.virtual_clock) throw std::runtime_error("--bodies stub needs --clock virtual");
+  if (o.stub_bodies && !o.virtual_clock)
+    throw std::runtime_error("--bodies stub needs --clock virtual");
   if (!o.fault_plan.empty()) o.fault_plan = find_config("faults", o.fault_plan);
   if (!o.rgbd_dir.empty() && app.count("--scene") == 0) scene_name = "recording";
   o.scene_path = find_config("scenes", scene_name);
@@ -87,7 +102,9 @@ int cmd_demo(int argc, char** argv) {
 
   auto scene = load_scene(o.scene_path, o.overrides);
   scene->rgbd_dir = o.rgbd_dir;
-  o.seconds = seconds > 0 ? seconds : o.rgbd_dir.empty() ? 20.0 : recording_seconds(o.rgbd_dir) + scene->hold_s + 0.5;
+  o.seconds = seconds > 0          ? seconds
+              : o.rgbd_dir.empty() ? 20.0
+                                   : recording_seconds(o.rgbd_dir) + scene->hold_s + 0.5;
 
   rt::Startup startup;
   rt::NonRealtime& nrt = startup.token();
@@ -100,12 +117,16 @@ int cmd_demo(int argc, char** argv) {
   info.recording = !o.rgbd_dir.empty();
   info.seconds = o.seconds;
   info.host = host_rows();
-  info.seeds = {{"tasks", std::to_string(scene->graph.seed)}, {"camera noise", std::to_string(scene->camera.seed)},
+  info.seeds = {{"tasks", std::to_string(scene->graph.seed)},
+                {"camera noise", std::to_string(scene->camera.seed)},
                 {"job costs", std::to_string(o.cost_seed)}};
   // The virtual clock costs jobs by a fixed reference, so that a run is the same on every machine.
   const tasks::Calibration calibration =
-      o.virtual_clock && o.calibration.empty() ? reference_calibration() : host_calibration(nrt, *scene, o, info.calibration_text);
-  if (o.virtual_clock && o.calibration.empty()) info.calibration_text = "reference: " + calibration.host;
+      o.virtual_clock && o.calibration.empty()
+          ? reference_calibration()
+          : host_calibration(nrt, *scene, o, info.calibration_text);
+  if (o.virtual_clock && o.calibration.empty())
+    info.calibration_text = "reference: " + calibration.host;
   if (o.virtual_clock) {
     VirtualRun run = run_virtual(nrt, *scene, o, calibration);
     info.admission = run.admission;

@@ -56,8 +56,9 @@ std::vector<OdometryLine> read_odometry(const std::string& path) {
       path, [&](int number, const std::vector<std::string>& tokens) -> rt::Result<bool> {
         static constexpr const char* kNames[] = {"t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"};
         if (tokens.size() != 8) {
-          return drivers::file_error(path, number, std::to_string(tokens.size()) +
-                                                       " values; a TUM pose has 8: t tx ty tz qx qy qz qw");
+          return drivers::file_error(
+              path, number,
+              std::to_string(tokens.size()) + " values; a TUM pose has 8: t tx ty tz qx qy qz qw");
         }
         double v[8];
         for (std::size_t i = 0; i < 8; ++i) {
@@ -70,8 +71,8 @@ std::vector<OdometryLine> read_odometry(const std::string& path) {
         }
         const Eigen::Quaterniond q(v[7], v[4], v[5], v[6]);
         if (std::abs(q.norm() - 1) > 0.02) {
-          return drivers::file_error(path, number,
-                                     "quaternion of length " + std::to_string(q.norm()) + "; must be 1");
+          return drivers::file_error(
+              path, number, "quaternion of length " + std::to_string(q.norm()) + "; must be 1");
         }
         OdometryLine line;
         line.t_s = v[0];
@@ -103,7 +104,8 @@ std::optional<tasks::OdometryPrior> odometry_at(const std::vector<OdometryLine>&
   tasks::OdometryPrior prior;
   prior.taken = taken;
   prior.X_OB = before->X;
-  prior.X_OB.translate(f * step.translation()).rotate(Eigen::AngleAxisd(f * turn.angle(), turn.axis()));
+  prior.X_OB.translate(f * step.translation())
+      .rotate(Eigen::AngleAxisd(f * turn.angle(), turn.axis()));
   prior.v_OB_B = step.translation() / span;
   prior.w_OB_B = turn.angle() / span * turn.axis();
   return prior;
@@ -122,8 +124,8 @@ std::string pose_line(const std::string& stamp, const tasks::CameraPose& camera)
   const Eigen::Quaterniond q(camera.X_WC.linear());
   const double sign = q.w() < 0 ? -1 : 1;
   char line[256];
-  std::snprintf(line, sizeof line, "%s %.6f %.6f %.6f %.9f %.9f %.9f %.9f\n", stamp.c_str(), p.x(), p.y(),
-                p.z(), sign * q.x(), sign * q.y(), sign * q.z(), sign * q.w());
+  std::snprintf(line, sizeof line, "%s %.6f %.6f %.6f %.9f %.9f %.9f %.9f\n", stamp.c_str(), p.x(),
+                p.y(), p.z(), sign * q.x(), sign * q.y(), sign * q.z(), sign * q.w());
   if (camera.claimed) return line;
   const bool lost = camera.tracking == tasks::CameraPose::Tracking::kLost;
   return std::string(lost ? "# lost " : "# degenerate ") + line;
@@ -143,7 +145,8 @@ struct Tally {
 
 void note_frame(const tasks::FusionTask& task, const tasks::FusionTask::Out& out, Tally& tally) {
   ++tally.frames;
-  tally.tracked += out.camera_written && out.camera.tracking != tasks::CameraPose::Tracking::kLost ? 1 : 0;
+  tally.tracked +=
+      out.camera_written && out.camera.tracking != tasks::CameraPose::Tracking::kLost ? 1 : 0;
   tally.claimed += out.camera_written && out.camera.claimed ? 1 : 0;
   tally.empty += out.camera_written ? 0 : 1;
   tally.blocks_refused += out.integration.blocks_refused;
@@ -158,8 +161,9 @@ std::string fuse(const drivers::TumSequence& sequence, const std::vector<Odometr
   auto frame = std::make_unique<perception::RgbdFrame>();
   auto patch = std::make_unique<perception::SurfacePatch>();
   auto cost_map = std::make_unique<perception::CostMap>();
-  std::string poses = "# camera to world; world = first camera. A data line is a claim.\n"
-                      "# timestamp tx ty tz qx qy qz qw\n";
+  std::string poses =
+      "# camera to world; world = first camera. A data line is a claim.\n"
+      "# timestamp tx ty tz qx qy qz qw\n";
   for (int i = 0; i < sequence.size(); ++i) {
     take(sequence.read(i, *frame));
     rt::Tick tick;
@@ -168,7 +172,8 @@ std::string fuse(const drivers::TumSequence& sequence, const std::vector<Odometr
     tasks::FusionTask::In in;
     in.frame = frame.get();
     in.frame_fresh = true;
-    if (!odometry.empty()) in.odometry = odometry_at(odometry, sequence.stamp_s(i), frame->exposure);
+    if (!odometry.empty())
+      in.odometry = odometry_at(odometry, sequence.stamp_s(i), frame->exposure);
     tasks::FusionTask::Out out;
     out.patch = patch.get();
     out.cost_map = cost_map.get();
@@ -229,10 +234,12 @@ void run(const FuseOptions& o) {
     for (const std::string& path : {o.ply, o.poses}) std::filesystem::remove(path, ignored);
     throw;
   }
-  std::printf("%d frames, %d tracked, %d claimed; %.1f ms CPU a frame (p50); %zu vertices\n", tally.frames,
-              tally.tracked, tally.claimed, quantile(tally.cpu_ms, 0.5), mesh.vertices_W.size());
+  std::printf("%d frames, %d tracked, %d claimed; %.1f ms CPU a frame (p50); %zu vertices\n",
+              tally.frames, tally.tracked, tally.claimed, quantile(tally.cpu_ms, 0.5),
+              mesh.vertices_W.size());
   if (tally.blocks_refused > 0) {
-    std::fprintf(stderr, "teletact fuse: the map is full, %lld blocks were refused: use larger voxels\n",
+    std::fprintf(stderr,
+                 "teletact fuse: the map is full, %lld blocks were refused: use larger voxels\n",
                  static_cast<long long>(tally.blocks_refused));
   }
 }
@@ -241,7 +248,8 @@ void run(const FuseOptions& o) {
 
 int cmd_fuse(int argc, char** argv) {
   FuseOptions o;
-  CLI::App app("teletact fuse: camera poses and a mesh from a recorded RGB-D sequence", "teletact fuse");
+  CLI::App app("teletact fuse: camera poses and a mesh from a recorded RGB-D sequence",
+               "teletact fuse");
   app.add_option("--rgbd", o.rgbd, "folder in TUM layout")->required();
   app.add_option("--odometry", o.odometry, "TUM poses used as motion prior");
   app.add_option("--voxel", o.voxel_m, "edge of a voxel, m, 0.004 to 0.1")->capture_default_str();

@@ -16,14 +16,18 @@ void OperatorConsole::drain() {
   while (cells.haptic_samples.try_pop(h)) seen_.haptic.push_back(h);
   tasks::FusionSample f;
   while (cells.fusion_samples.try_pop(f)) seen_.fusion.push_back(f);
-  if (const auto v = cells.view.acquire_if_new(OperatorCells::kViewConsole); v && v->seq != seen_.view->seq) {
+  if (const auto v = cells.view.acquire_if_new(OperatorCells::kViewConsole);
+      v && v->seq != seen_.view->seq) {
     *seen_.view = *v;
   }
-  if (const auto m = cells.cost_map.acquire_if_new(OperatorCells::kMapConsole); m && m->seq != seen_.map->seq) {
+  if (const auto m = cells.cost_map.acquire_if_new(OperatorCells::kMapConsole);
+      m && m->seq != seen_.map->seq) {
     *seen_.map = *m;
   }
-  if (const auto p = cells.path.acquire_if_new(OperatorCells::kPathConsole); p && p->seq != 0 && p->size > 0) {
-    const bool known = std::any_of(seen_.paths.begin(), seen_.paths.end(), [&](const auto& o) { return o.seq == p->seq; });
+  if (const auto p = cells.path.acquire_if_new(OperatorCells::kPathConsole);
+      p && p->seq != 0 && p->size > 0) {
+    const bool known = std::any_of(seen_.paths.begin(), seen_.paths.end(),
+                                   [&](const auto& o) { return o.seq == p->seq; });
     if (!known) seen_.paths.push_back(*p);
   }
   if (const auto t = cells.task.acquire_if_new(OperatorCells::kTaskConsole)) {
@@ -33,9 +37,11 @@ void OperatorConsole::drain() {
     }
     seen_.task = *t;
   }
-  if (const auto c = cells.camera_pose.acquire_if_new(OperatorCells::kCameraConsole)) seen_.camera = *c;
+  if (const auto c = cells.camera_pose.acquire_if_new(OperatorCells::kCameraConsole))
+    seen_.camera = *c;
   if (const auto m = cells.mode.acquire_if_new(OperatorCells::kModeConsole)) seen_.mode = *m;
-  if (const auto r = cells.robot_state.acquire_if_new(OperatorCells::kStateConsole)) seen_.robot = *r;
+  if (const auto r = cells.robot_state.acquire_if_new(OperatorCells::kStateConsole))
+    seen_.robot = *r;
 }
 
 // The person looks at the picture and puts the hand where they see the surface: the points of pixel
@@ -54,19 +60,24 @@ void OperatorConsole::resolve_points(rt::Time now) {
     if (view.seq == 0) return;
     // Pixels are those of the depth image; the view shows every n-th of them.
     const double step = camera_width_px_ / static_cast<double>(view.intrinsics.width);
-    const int u = static_cast<int>(segment.pixel[0] / step), v = static_cast<int>(segment.pixel[1] / step);
+    const int u = static_cast<int>(segment.pixel[0] / step),
+              v = static_cast<int>(segment.pixel[1] / step);
     perception::Vec3 p = perception::Vec3::Zero();
     const auto point = [&](int du, int dv, perception::Vec3& out) {
       const int uu = u + du, vv = v + dv;
-      if (uu < 0 || vv < 0 || uu >= view.intrinsics.width || vv >= view.intrinsics.height) return false;
-      const auto& q = view.points[static_cast<std::size_t>(vv) * static_cast<std::size_t>(view.intrinsics.width) +
+      if (uu < 0 || vv < 0 || uu >= view.intrinsics.width || vv >= view.intrinsics.height)
+        return false;
+      const auto& q = view.points[static_cast<std::size_t>(vv) *
+                                      static_cast<std::size_t>(view.intrinsics.width) +
                                   static_cast<std::size_t>(uu)];
-      out = perception::Vec3(static_cast<double>(q.x), static_cast<double>(q.y), static_cast<double>(q.z));
+      out = perception::Vec3(static_cast<double>(q.x), static_cast<double>(q.y),
+                             static_cast<double>(q.z));
       return q.depth > 0;
     };
     constexpr int kReach = 4;
     perception::Vec3 l, r, t, b;
-    if (point(0, 0, p) && point(-kReach, 0, l) && point(kReach, 0, r) && point(0, -kReach, t) && point(0, kReach, b)) {
+    if (point(0, 0, p) && point(-kReach, 0, l) && point(kReach, 0, r) && point(0, -kReach, t) &&
+        point(0, kReach, b)) {
       perception::Vec3 n = (r - l).cross(t - b);
       if (n.norm() > 1e-9) {
         n.normalize();
@@ -81,8 +92,9 @@ void OperatorConsole::resolve_points(rt::Time now) {
 // A stall beyond the device's own watchdog brakes it. The person notices that it is limp and presses the
 // button on its base: that is an act, so it is counted.
 void OperatorConsole::mind_device(rt::Time now) {
-  const bool braked = !seen_.haptic.empty() &&
-                      seen_.haptic.back().device_state == static_cast<std::uint8_t>(drivers::DeviceState::kBrake);
+  const bool braked =
+      !seen_.haptic.empty() &&
+      seen_.haptic.back().device_state == static_cast<std::uint8_t>(drivers::DeviceState::kBrake);
   if (!braked) {
     braked_since_ = rt::Time{};
   } else if (braked_since_ == rt::Time{}) {
@@ -107,12 +119,15 @@ std::string OperatorConsole::status_line(rt::Time now) const {
   const char* modes[] = {"init", "hold", "engaged", "ramp down", "safe stop"};
   const char* phases[] = {"idle", "planning", "driving", "arrived", "failed"};
   const float force = seen_.haptic.empty() ? 0.0F : seen_.haptic.back().force_N;
-  const auto tracked = std::count_if(seen_.fusion.begin(), seen_.fusion.end(), [](const auto& f) { return f.tracked; });
+  const auto tracked = std::count_if(seen_.fusion.begin(), seen_.fusion.end(),
+                                     [](const auto& f) { return f.tracked; });
   char line[200];
-  std::snprintf(line, sizeof line, "%5.1f s  %-9s  force %5.2f N  frames %4ld  marks %u  paths %u  %-8s  robot (%.2f, %.2f) m",
-                rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)], static_cast<double>(force),
-                static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
-                phases[static_cast<int>(seen_.task.phase)], seen_.robot.x_m, seen_.robot.y_m);
+  std::snprintf(
+      line, sizeof line,
+      "%5.1f s  %-9s  force %5.2f N  frames %4ld  marks %u  paths %u  %-8s  robot (%.2f, %.2f) m",
+      rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
+      static_cast<double>(force), static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
+      phases[static_cast<int>(seen_.task.phase)], seen_.robot.x_m, seen_.robot.y_m);
   return line;
 }
 
@@ -139,7 +154,8 @@ void RobotConsole::tick(rt::Time) {
   auto& cells = box_.graph().cells();
   while (cells.robot_samples.try_pop(r)) {
     seen_.robot.push_back(r);
-    seen_.tracking_error_max_m = std::max(seen_.tracking_error_max_m, static_cast<double>(r.tracking_error_m));
+    seen_.tracking_error_max_m =
+        std::max(seen_.tracking_error_max_m, static_cast<double>(r.tracking_error_m));
   }
   if (const auto m = cells.mode.acquire_if_new(tasks::RobotCells::kModeConsole)) seen_.mode = *m;
   drivers::PoseHistory::Sample s;

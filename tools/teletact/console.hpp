@@ -16,7 +16,7 @@ namespace teletact {
 struct OperatorView {
   std::vector<tasks::HapticSample> haptic;
   std::vector<tasks::FusionSample> fusion;
-  std::vector<tasks::Path> paths;               // each path once, as it was first published
+  std::vector<tasks::Path> paths;  // each path once, as it was first published
   tasks::TaskState task;
   tasks::CameraPose camera;
   tasks::ModeMsg mode;
@@ -26,7 +26,7 @@ struct OperatorView {
   std::uint64_t arrivals = 0;
   rt::Time first_arrival{};
   std::uint32_t points_resolved = 0;
-  std::uint32_t device_brakes = 0;               // times the operator had to enable the forces again
+  std::uint32_t device_brakes = 0;  // times the operator had to enable the forces again
 };
 
 class OperatorConsole {
@@ -34,7 +34,7 @@ class OperatorConsole {
   OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time epoch);
   void tick(rt::Time now);
   [[nodiscard]] const OperatorView& seen() const noexcept { return seen_; }
-  [[nodiscard]] OperatorView take() { return std::move(seen_); }   // ends its use
+  [[nodiscard]] OperatorView take() { return std::move(seen_); }  // ends its use
   [[nodiscard]] OperatorView copy() const;
   void ramp_down() noexcept { box_.graph().requests().ramp_down.store(true); }
   [[nodiscard]] std::string status_line(rt::Time now) const;

@@ -16,18 +16,23 @@ struct Command {
 };
 
 constexpr std::array kCommands{
-    Command{"demo", teletact::cmd_demo, "run both boxes on this machine, every device a twin; writes a report"},
+    Command{"demo", teletact::cmd_demo,
+            "run both boxes on this machine, every device a twin; writes a report"},
     Command{"fuse", teletact::cmd_fuse, "a recorded RGB-D sequence to camera poses and a mesh"},
     Command{"touch", teletact::cmd_touch, "a distance field and a hand path to forces"},
     Command{"predict", teletact::cmd_predict, "an odometry log to delay-compensated poses"},
-    Command{"calibrate", teletact::cmd_calibrate, "measure what each task variant costs on this machine"},
+    Command{"calibrate", teletact::cmd_calibrate,
+            "measure what each task variant costs on this machine"},
     Command{"audit", teletact::cmd_audit, "read a run's log: who was late, and why"},
     Command{"bench", teletact::cmd_bench, "rings, wake-up, audit: measured beside their peers"},
-    Command{"doctor", teletact::cmd_doctor, "is this machine fit for real-time use, and what to do"},
+    Command{"doctor", teletact::cmd_doctor,
+            "is this machine fit for real-time use, and what to do"},
 };
 
 void usage(std::FILE* out) {
-  std::fprintf(out, "teletact %s: touch what only a robot can see\n\nusage: teletact COMMAND [OPTIONS]\n\n", teletact::kVersion);
+  std::fprintf(
+      out, "teletact %s: touch what only a robot can see\n\nusage: teletact COMMAND [OPTIONS]\n\n",
+      teletact::kVersion);
   for (const auto& c : kCommands) std::fprintf(out, "  %-10s %s\n", c.name, c.help);
   std::fprintf(out, "\nteletact COMMAND --help tells the options.\n");
 }

@@ -15,7 +15,11 @@ class Metrics {
   // Writes the file whole or not at all (temporary file, then rename). Throws std::runtime_error.
   void write(const std::string& path) const;
   [[nodiscard]] std::string json() const;
-  struct Row { std::string name, text, unit; double value = 0; bool is_text = false; };
+  struct Row {
+    std::string name, text, unit;
+    double value = 0;
+    bool is_text = false;
+  };
   [[nodiscard]] const std::vector<Row>& rows() const { return rows_; }
 
  private:

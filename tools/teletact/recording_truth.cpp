@@ -60,15 +60,21 @@ double recording_error_mm(const std::string& dir, const std::vector<tasks::Fusio
     if (!s.consumed) continue;
     if (first_exposure == rt::Time{}) first_exposure = s.exposure;
     const double t = sequence.stamp_s(0) + rt::seconds(s.exposure - first_exposure);
-    if (t > sequence.stamp_s(sequence.size() - 1) + 0.5 / 30) break;  // the held last frame counts once
+    if (t > sequence.stamp_s(sequence.size() - 1) + 0.5 / 30)
+      break;  // the held last frame counts once
     if (!s.claimed) continue;
     const TruePose* best = &truth.front();
     for (const auto& p : truth) {
       if (std::abs(p.t_s - t) < std::abs(best->t_s - t)) best = &p;
     }
     perception::Pose X = perception::Pose::Identity();
-    X.linear() = Eigen::Quaternionf(s.q_WC[3], s.q_WC[0], s.q_WC[1], s.q_WC[2]).cast<double>().normalized().toRotationMatrix();
-    X.translation() = perception::Vec3(static_cast<double>(s.p_WC[0]), static_cast<double>(s.p_WC[1]), static_cast<double>(s.p_WC[2]));
+    X.linear() = Eigen::Quaternionf(s.q_WC[3], s.q_WC[0], s.q_WC[1], s.q_WC[2])
+                     .cast<double>()
+                     .normalized()
+                     .toRotationMatrix();
+    X.translation() =
+        perception::Vec3(static_cast<double>(s.p_WC[0]), static_cast<double>(s.p_WC[1]),
+                         static_cast<double>(s.p_WC[2]));
     if (!have_first) {
       X_align = best->X_WC * X.inverse();
       have_first = true;

@@ -13,6 +13,7 @@ namespace teletact {
 [[nodiscard]] double recording_seconds(const std::string& dir);
 // RMS translation error over claimed frames, aligned by the first claimed pose, mm; -1 without
 // groundtruth.txt or frames.
-[[nodiscard]] double recording_error_mm(const std::string& dir, const std::vector<tasks::FusionSample>& samples);
+[[nodiscard]] double recording_error_mm(const std::string& dir,
+                                        const std::vector<tasks::FusionSample>& samples);
 
 }  // namespace teletact

@@ -16,17 +16,17 @@ namespace teletact {
 struct DemoOptions {
   std::string scene_path;
   std::vector<std::string> overrides;
-  std::string rgbd_dir;              // empty: the synthetic place
+  std::string rgbd_dir;  // empty: the synthetic place
   double seconds = 20;
   bool virtual_clock = false, stub_bodies = false, measure_cpu = false;
-  std::string report = "report";     // folder
-  std::string calibration;           // file; empty: the built-in reference (virtual) or the host's
-  std::string fault_plan;            // file; empty: the plain executor
-  int force_level = -1;              // calibration: this level of every task that has it
+  std::string report = "report";  // folder
+  std::string calibration;        // file; empty: the built-in reference (virtual) or the host's
+  std::string fault_plan;         // file; empty: the plain executor
+  int force_level = -1;           // calibration: this level of every task that has it
   bool quiet = false;
-  std::string command;               // as typed, for the report
+  std::string command;  // as typed, for the report
   std::uint64_t cost_seed = 1;
-  double cut_link_at_s = -1;         // the cable is cut then
+  double cut_link_at_s = -1;  // the cable is cut then
 };
 
 // Set by the signal handler: ramp down, then stop.
@@ -44,10 +44,11 @@ struct VirtualRun {
   rt::Admission admission;
 };
 // One process, simulated time. `log` in the halves holds each box's tasks.
-[[nodiscard]] VirtualRun run_virtual(rt::NonRealtime&, const Scene&, const DemoOptions&, const tasks::Calibration&);
+[[nodiscard]] VirtualRun run_virtual(rt::NonRealtime&, const Scene&, const DemoOptions&,
+                                     const tasks::Calibration&);
 
 // Both halves, from either clock, to metrics, report and exit code.
-int finish_run(const DemoOptions&, const Scene&, RunInfo& info, const OperatorHalf&, const RobotHalf&,
-               const std::string& json_path);
+int finish_run(const DemoOptions&, const Scene&, RunInfo& info, const OperatorHalf&,
+               const RobotHalf&, const std::string& json_path);
 
 }  // namespace teletact

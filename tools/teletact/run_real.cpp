@@ -22,7 +22,7 @@ namespace {
 void on_signal(int) { g_stop_requested.store(true); }
 
 void catch_signals() {
-  struct sigaction action{};
+  struct sigaction action {};
   action.sa_handler = on_signal;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
@@ -37,12 +37,15 @@ struct Child {
 // What a child's end means for the run; empty for an orderly end.
 std::string verdict(const Child& c, int status) {
   if (WIFSIGNALED(status)) {
-    return std::string("the ") + c.name + " process was killed by signal " + std::to_string(WTERMSIG(status));
+    return std::string("the ") + c.name + " process was killed by signal " +
+           std::to_string(WTERMSIG(status));
   }
   const int code = WEXITSTATUS(status);
   if (code == 0) return {};
   return std::string("the ") + c.name + " process ended with code " + std::to_string(code) +
-         (code == 3 ? " (could not start)" : code == 4 ? " (a task hung and was made safe)" : "");
+         (code == 3   ? " (could not start)"
+          : code == 4 ? " (a task hung and was made safe)"
+                      : "");
 }
 
 }  // namespace
@@ -83,7 +86,8 @@ RealRun run_real(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& op
     if (c.pid < 0) throw std::runtime_error("fork failed");
     if (c.pid == 0) {
       const bool op = &c == &children[0];
-      const int code = op ? run_operator_process(nrt, scene, options, plan) : run_robot_process(nrt, scene, options, plan);
+      const int code = op ? run_operator_process(nrt, scene, options, plan)
+                          : run_robot_process(nrt, scene, options, plan);
       std::fflush(stdout);
       ::_exit(code);
     }
@@ -93,7 +97,7 @@ RealRun run_real(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& op
     pids << children[0].pid << ' ' << children[1].pid << '\n';
   }
   bool forwarded = false;
-  std::int64_t end_by = 0;   // once one child is gone the other gets a second to be safe, then ends
+  std::int64_t end_by = 0;  // once one child is gone the other gets a second to be safe, then ends
   while (children[0].running || children[1].running) {
     for (Child& c : children) {
       int status = 0;

@@ -13,6 +13,7 @@ struct RealRun {
   rt::Admission admission;
   std::vector<std::string> problems;
 };
-[[nodiscard]] RealRun run_real(rt::NonRealtime&, const Scene&, const DemoOptions&, const tasks::Calibration&);
+[[nodiscard]] RealRun run_real(rt::NonRealtime&, const Scene&, const DemoOptions&,
+                               const tasks::Calibration&);
 
 }  // namespace teletact

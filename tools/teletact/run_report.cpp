@@ -29,7 +29,8 @@ plot::Bins bins(const std::string& name, const rt::Histogram& h) {
   h.for_each([&](std::int64_t lower_ns, std::int64_t, std::uint64_t n) {
     const double us = static_cast<double>(lower_ns) * 1e-3;
     const auto it = std::upper_bound(edges.begin(), edges.end(), us);
-    count[it == edges.begin() ? 0 : static_cast<std::size_t>(it - edges.begin() - 1)] += static_cast<double>(n);
+    count[it == edges.begin() ? 0 : static_cast<std::size_t>(it - edges.begin() - 1)] +=
+        static_cast<double>(n);
   });
   std::size_t last = 0;
   for (std::size_t i = 0; i < count.size(); ++i) {
@@ -41,8 +42,8 @@ plot::Bins bins(const std::string& name, const rt::Histogram& h) {
   return b;
 }
 
-ReportTask report_task(const rt::RunLog& log, const rt::TaskLog& task, const std::vector<BoxTotals>& totals,
-                       bool virtual_clock) {
+ReportTask report_task(const rt::RunLog& log, const rt::TaskLog& task,
+                       const std::vector<BoxTotals>& totals, bool virtual_clock) {
   ReportTask r;
   r.name = task.spec.name;
   r.box = task.spec.box == rt::Box::kOperator ? "operator" : "robot";
@@ -90,7 +91,8 @@ ReportTask report_task(const rt::RunLog& log, const rt::TaskLog& task, const std
   r.response_us = quantiles(response);
   r.cpu_histogram = {bins("CPU", cpu)};
   r.lateness_histogram = {bins("task", late)};
-  if (!virtual_clock && sentinel.count() > 0) r.lateness_histogram.push_back(bins("sentinel", sentinel));
+  if (!virtual_clock && sentinel.count() > 0)
+    r.lateness_histogram.push_back(bins("sentinel", sentinel));
   return r;
 }
 
@@ -151,7 +153,8 @@ ReportMap report_map(const OperatorHalf& op, const RobotHalf& robot) {
   }
   map.driven.label = "odometry";
   for (std::size_t i = 0; i < robot.view.robot.size(); i += 5) {
-    const auto [x, y] = to_map(static_cast<double>(robot.view.robot[i].x_m), static_cast<double>(robot.view.robot[i].y_m));
+    const auto [x, y] = to_map(static_cast<double>(robot.view.robot[i].x_m),
+                               static_cast<double>(robot.view.robot[i].y_m));
     map.driven.x_m.push_back(x);
     map.driven.y_m.push_back(y);
   }
@@ -170,16 +173,19 @@ ReportPicture report_picture(const OperatorHalf& op) {
   picture.title = "The fused scene, as the camera's eye sees it at the end";
   picture.image.width = v.intrinsics.width;
   picture.image.height = v.intrinsics.height;
-  const auto pixels = static_cast<std::size_t>(v.intrinsics.width) * static_cast<std::size_t>(v.intrinsics.height);
+  const auto pixels =
+      static_cast<std::size_t>(v.intrinsics.width) * static_cast<std::size_t>(v.intrinsics.height);
   for (std::size_t i = 0; i < pixels; ++i) {
-    picture.image.pixels.insert(picture.image.pixels.end(), {v.colour[i].r, v.colour[i].g, v.colour[i].b});
+    picture.image.pixels.insert(picture.image.pixels.end(),
+                                {v.colour[i].r, v.colour[i].g, v.colour[i].b});
   }
   const perception::Pose X_VW = v.X_WV.inverse();
   const auto add = [&](plot::Overlay& o, const perception::Vec3& p_W) {
     const perception::Vec3 p = X_VW * p_W;
     if (p.z() < 0.05) return;
     const auto uv = v.intrinsics.project(p);
-    if (uv.x() < 0 || uv.y() < 0 || uv.x() >= v.intrinsics.width || uv.y() >= v.intrinsics.height) return;
+    if (uv.x() < 0 || uv.y() < 0 || uv.x() >= v.intrinsics.width || uv.y() >= v.intrinsics.height)
+      return;
     o.x.push_back(uv.x());
     o.y.push_back(uv.y());
   };
@@ -189,7 +195,8 @@ ReportPicture report_picture(const OperatorHalf& op) {
   for (std::size_t i = 0; i < op.view.haptic.size(); i += 20) {
     const auto& s = op.view.haptic[i];
     if (!s.in_contact) continue;
-    add(proxy, perception::Vec3(static_cast<double>(s.p_WP[0]), static_cast<double>(s.p_WP[1]), static_cast<double>(s.p_WP[2])));
+    add(proxy, perception::Vec3(static_cast<double>(s.p_WP[0]), static_cast<double>(s.p_WP[1]),
+                                static_cast<double>(s.p_WP[2])));
   }
   proxy.kind = plot::Overlay::Kind::kDot;
   proxy.radius_px = 2;
@@ -216,14 +223,16 @@ ReportPicture report_picture(const OperatorHalf& op) {
     if (!o->x.empty()) picture.overlays.push_back(*o);
   }
   char text[160];
-  std::snprintf(text, sizeof text, "Eye at (%.2f, %.2f, %.2f) m in W; %zu blocks in the map.", v.X_WV.translation().x(),
-                v.X_WV.translation().y(), v.X_WV.translation().z(),
-                op.view.fusion.empty() ? std::size_t{0} : static_cast<std::size_t>(op.view.fusion.back().blocks));
+  std::snprintf(text, sizeof text, "Eye at (%.2f, %.2f, %.2f) m in W; %zu blocks in the map.",
+                v.X_WV.translation().x(), v.X_WV.translation().y(), v.X_WV.translation().z(),
+                op.view.fusion.empty() ? std::size_t{0}
+                                       : static_cast<std::size_t>(op.view.fusion.back().blocks));
   picture.caption = text;
   return picture;
 }
 
-void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, const Metrics& m, ReportData& d) {
+void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
+                  const Metrics& m, ReportData& d) {
   using State = ReportVerdict::State;
   for (const auto& p : info.problems) d.verdicts.push_back({State::kBad, p});
   const auto value = [&](const std::string& name) {
@@ -233,33 +242,44 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
     return 0.0;
   };
   char text[240];
-  std::snprintf(text, sizeof text, "haptic: %.0f releases = %.0f completed + %.0f skipped + %.0f aborted; misses %.0f, own %.0f",
-                value("haptic.releases"), value("haptic.completed"), value("haptic.skipped"), value("haptic.aborted"),
-                value("haptic.miss_total"), value("haptic.miss_own"));
+  std::snprintf(
+      text, sizeof text,
+      "haptic: %.0f releases = %.0f completed + %.0f skipped + %.0f aborted; misses %.0f, own %.0f",
+      value("haptic.releases"), value("haptic.completed"), value("haptic.skipped"),
+      value("haptic.aborted"), value("haptic.miss_total"), value("haptic.miss_own"));
   d.verdicts.push_back({value("haptic.miss_own") == 0 ? State::kGood : State::kBad, text});
-  std::snprintf(text, sizeof text, "touch: %.0f contacts, largest force %.2f N, share of time in contact %.2f",
-                value("haptic.contacts"), value("haptic.force_max_N"), value("haptic.contact_share"));
+  std::snprintf(text, sizeof text,
+                "touch: %.0f contacts, largest force %.2f N, share of time in contact %.2f",
+                value("haptic.contacts"), value("haptic.force_max_N"),
+                value("haptic.contact_share"));
   d.verdicts.push_back({value("haptic.contacts") > 0 ? State::kGood : State::kNote, text});
-  std::snprintf(text, sizeof text, "fusion: %.0f of %.0f frames tracked", value("fusion.frames_tracked"), value("fusion.frames"));
-  d.verdicts.push_back({value("fusion.frames_tracked") == value("fusion.frames") ? State::kGood : State::kNote, text});
-  std::snprintf(text, sizeof text, "robot: %.0f marks, %.0f paths, %.2f m driven, goal error %.3f m, %.0f collisions",
-                value("mark.count"), value("plan.paths"), value("robot.path_m"), value("robot.goal_error_m"),
-                value("robot.collisions"));
+  std::snprintf(text, sizeof text, "fusion: %.0f of %.0f frames tracked",
+                value("fusion.frames_tracked"), value("fusion.frames"));
+  d.verdicts.push_back(
+      {value("fusion.frames_tracked") == value("fusion.frames") ? State::kGood : State::kNote,
+       text});
+  std::snprintf(text, sizeof text,
+                "robot: %.0f marks, %.0f paths, %.2f m driven, goal error %.3f m, %.0f collisions",
+                value("mark.count"), value("plan.paths"), value("robot.path_m"),
+                value("robot.goal_error_m"), value("robot.collisions"));
   d.verdicts.push_back({value("robot.collisions") == 0 ? State::kGood : State::kBad, text});
   if (!info.virtual_clock) {
-    std::snprintf(text, sizeof text, "machine: %.2f %% of the haptic starts were late by the platform%s",
+    std::snprintf(text, sizeof text,
+                  "machine: %.2f %% of the haptic starts were late by the platform%s",
                   100 * value("platform.late_share"),
                   value("run.measured") > 0 ? "" : " - above 5 %: timing NOT MEASURED in this run");
     d.verdicts.push_back({value("run.measured") > 0 ? State::kGood : State::kNote, text});
     for (const auto* log : {&op.log, &robot.log}) {
-      for (const auto& what : log->not_realtime) d.verdicts.push_back({State::kNote, "NOT REAL-TIME: " + what});
+      for (const auto& what : log->not_realtime)
+        d.verdicts.push_back({State::kNote, "NOT REAL-TIME: " + what});
     }
   }
 }
 
 }  // namespace
 
-ReportData make_report(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, const Metrics& metrics) {
+ReportData make_report(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
+                       const Metrics& metrics) {
   ReportData d;
   d.title = info.virtual_clock ? "teletact demo, virtual clock" : "teletact demo";
   d.version = kVersion;
@@ -273,8 +293,10 @@ ReportData make_report(const RunInfo& info, const OperatorHalf& op, const RobotH
   d.effects = info.effects;
   d.files = info.files;
   d.metrics = metrics;
-  for (const auto& t : op.log.tasks) d.tasks.push_back(report_task(op.log, t, op.totals, info.virtual_clock));
-  for (const auto& t : robot.log.tasks) d.tasks.push_back(report_task(robot.log, t, robot.totals, info.virtual_clock));
+  for (const auto& t : op.log.tasks)
+    d.tasks.push_back(report_task(op.log, t, op.totals, info.virtual_clock));
+  for (const auto& t : robot.log.tasks)
+    d.tasks.push_back(report_task(robot.log, t, robot.totals, info.virtual_clock));
   for (const auto& s : op.view.haptic) {
     d.touch.t_s.push_back(static_cast<double>(rt::ns_of(s.stamp) - op.epoch_ns) * 1e-9);
     d.touch.force_N.push_back(static_cast<double>(s.force_N));

@@ -26,7 +26,8 @@ struct Saver {
   template <class T>
   void many(const std::vector<T>& v) {
     one(static_cast<std::uint64_t>(v.size()));
-    out.write(reinterpret_cast<const char*>(v.data()), static_cast<std::streamsize>(v.size() * sizeof(T)));
+    out.write(reinterpret_cast<const char*>(v.data()),
+              static_cast<std::streamsize>(v.size() * sizeof(T)));
   }
 };
 
@@ -41,7 +42,8 @@ struct Loader {
     std::uint64_t n = 0;
     if (!one(n) || n > (1ULL << 28U)) return false;
     v.resize(n);
-    return static_cast<bool>(in.read(reinterpret_cast<char*>(v.data()), static_cast<std::streamsize>(n * sizeof(T))));
+    return static_cast<bool>(
+        in.read(reinterpret_cast<char*>(v.data()), static_cast<std::streamsize>(n * sizeof(T))));
   }
 };
 
@@ -105,9 +107,10 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
 void load_half(const std::string& folder, OperatorHalf& h) {
   Loader l{std::ifstream(folder + "/operator.view", std::ios::binary)};
   h.complete = false;
-  (void)(l.one(h.epoch_ns) && l.many(h.view.haptic) && l.many(h.view.fusion) && l.many(h.view.paths) &&
-         l.one(h.view.task) && l.one(h.view.camera) && l.one(h.view.robot) && l.one(h.view.arrivals) &&
-         l.one(h.view.first_arrival) && l.one(h.view.points_resolved) && l.one(h.view.device_brakes) && l.one(*h.view.view) &&
+  (void)(l.one(h.epoch_ns) && l.many(h.view.haptic) && l.many(h.view.fusion) &&
+         l.many(h.view.paths) && l.one(h.view.task) && l.one(h.view.camera) &&
+         l.one(h.view.robot) && l.one(h.view.arrivals) && l.one(h.view.first_arrival) &&
+         l.one(h.view.points_resolved) && l.one(h.view.device_brakes) && l.one(*h.view.view) &&
          l.one(*h.view.map) && l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
          l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();
@@ -130,9 +133,9 @@ void save_half(const std::string& folder, const RobotHalf& h) {
 void load_half(const std::string& folder, RobotHalf& h) {
   Loader l{std::ifstream(folder + "/robot.view", std::ios::binary)};
   h.complete = false;
-  (void)(l.one(h.epoch_ns) && l.many(h.view.robot) && l.many(h.view.truth) && l.one(h.view.tracking_error_max_m) &&
-         l.many(h.totals) && l.one(h.camera_twin_cpu_ns) && l.one(h.dropped_records) && l.one(h.hangs) &&
-         l.one(h.complete));
+  (void)(l.one(h.epoch_ns) && l.many(h.view.robot) && l.many(h.view.truth) &&
+         l.one(h.view.tracking_error_max_m) && l.many(h.totals) && l.one(h.camera_twin_cpu_ns) &&
+         l.one(h.dropped_records) && l.one(h.hangs) && l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/robot.run")) h.log = std::move(log).value();
 }
 
@@ -163,10 +166,13 @@ void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics&
     for (const auto& t : op.totals) {
       if (t.task == task->id) totals = t.totals;
     }
-    const auto miss = [&](rt::Cause c) { return static_cast<double>(b.misses[static_cast<std::size_t>(c)]); };
+    const auto miss = [&](rt::Cause c) {
+      return static_cast<double>(b.misses[static_cast<std::size_t>(c)]);
+    };
     // Releases dropped after the last recorded job have no record to blame them on.
     const std::uint64_t tail = totals.skipped > b.skipped ? totals.skipped - b.skipped : 0;
-    m.add("haptic.releases", static_cast<double>(totals.completed + totals.aborted + totals.skipped), "1");
+    m.add("haptic.releases",
+          static_cast<double>(totals.completed + totals.aborted + totals.skipped), "1");
     m.add("haptic.completed", static_cast<double>(totals.completed), "1");
     m.add("haptic.skipped", static_cast<double>(totals.skipped), "1");
     m.add("haptic.aborted", static_cast<double>(totals.aborted), "1");
@@ -180,11 +186,15 @@ void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics&
     m.add("haptic.cpu_p50_us", quantile(cpu_us(*task), 0.5), "us");
     m.add("haptic.cpu_p99_us", quantile(cpu_us(*task), 0.99), "us");
     std::vector<double> difference;
-    for (const auto ns : rt::late_minus_sentinel(op.log, *task)) difference.push_back(static_cast<double>(ns) * 1e-3);
-    if (!difference.empty()) m.add("haptic.late_minus_sentinel_p999_us", quantile(difference, 0.999), "us");
-    const double late_platform = static_cast<double>(b.late[static_cast<std::size_t>(rt::Cause::kPlatform)] +
-                                                     b.late[static_cast<std::size_t>(rt::Cause::kCarried)]);
-    m.add("platform.late_share", task->jobs.empty() ? 0 : late_platform / static_cast<double>(task->jobs.size()), "1");
+    for (const auto ns : rt::late_minus_sentinel(op.log, *task))
+      difference.push_back(static_cast<double>(ns) * 1e-3);
+    if (!difference.empty())
+      m.add("haptic.late_minus_sentinel_p999_us", quantile(difference, 0.999), "us");
+    const double late_platform =
+        static_cast<double>(b.late[static_cast<std::size_t>(rt::Cause::kPlatform)] +
+                            b.late[static_cast<std::size_t>(rt::Cause::kCarried)]);
+    m.add("platform.late_share",
+          task->jobs.empty() ? 0 : late_platform / static_cast<double>(task->jobs.size()), "1");
   }
   double force = 0, step = 0, raw = 0;
   std::size_t contact = 0, guard = 0, begins = 0, not_finite = 0;
@@ -205,7 +215,8 @@ void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics&
   m.add("haptic.force_step_raw_max_N", raw, "N");
   m.add("haptic.contact_share", static_cast<double>(contact) / n, "1");
   m.add("haptic.contacts", static_cast<double>(begins), "1");
-  m.add("haptic.guard_share", static_cast<double>(guard) / static_cast<double>(std::max<std::size_t>(1, contact)), "1");
+  m.add("haptic.guard_share",
+        static_cast<double>(guard) / static_cast<double>(std::max<std::size_t>(1, contact)), "1");
   m.add("haptic.device_brakes", op.view.device_brakes, "1");
   m.add("haptic.not_finite", static_cast<double>(not_finite), "1");
 }
@@ -218,10 +229,12 @@ void add_robot_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& 
   if (!op.view.paths.empty() && !truth.empty()) {
     const auto& path = op.view.paths.back();
     const auto& end = path.points[static_cast<std::size_t>(path.size - 1)];
-    m.add("robot.goal_error_m", std::hypot(truth.back().x_m - end[0], truth.back().y_m - end[1]), "m");
+    m.add("robot.goal_error_m", std::hypot(truth.back().x_m - end[0], truth.back().y_m - end[1]),
+          "m");
   }
   if (op.view.arrivals > 0 && !op.view.paths.empty()) {
-    m.add("scene.touch_to_goal_ms", 1e3 * rt::seconds(op.view.first_arrival - op.view.paths.front().mark_stamp), "ms");
+    m.add("scene.touch_to_goal_ms",
+          1e3 * rt::seconds(op.view.first_arrival - op.view.paths.front().mark_stamp), "ms");
   }
 }
 

@@ -26,17 +26,17 @@ struct OperatorHalf {
   rt::RunLog log;
   OperatorView view;
   std::vector<BoxTotals> totals;
-  std::int64_t epoch_ns = 0;              // operator box clock
+  std::int64_t epoch_ns = 0;  // operator box clock
   std::uint64_t dropped_records = 0, hangs = 0;
   std::int64_t link_round_trip_ns = 0, link_uncertainty_ns = 0;
-  bool complete = false;                  // false: the process ended early
+  bool complete = false;  // false: the process ended early
 };
 
 struct RobotHalf {
   rt::RunLog log;
   RobotView view;
   std::vector<BoxTotals> totals;
-  std::int64_t epoch_ns = 0;              // robot box clock
+  std::int64_t epoch_ns = 0;  // robot box clock
   std::int64_t camera_twin_cpu_ns = 0;
   std::uint64_t dropped_records = 0, hangs = 0;
   bool complete = false;
@@ -61,15 +61,16 @@ struct RunInfo {
   rt::Admission admission;
   std::vector<std::pair<std::string, std::string>> host, seeds;
   std::uint64_t sched_hash = 0, log_hash = 0;
-  std::vector<std::string> problems;      // each makes the exit code non-zero
+  std::vector<std::string> problems;  // each makes the exit code non-zero
   std::vector<std::string> files;
-  double ate_first_pose_mm = -1;          // recordings: against its own poses, by the caller
+  double ate_first_pose_mm = -1;  // recordings: against its own poses, by the caller
   double force_on_planes_p95 = -1;
 };
 
 // Figures of the run under their documented names (docs/metrics.md).
-void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, Metrics& metrics);
-[[nodiscard]] ReportData make_report(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
-                                     const Metrics& metrics);
+void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
+                 Metrics& metrics);
+[[nodiscard]] ReportData make_report(const RunInfo& info, const OperatorHalf& op,
+                                     const RobotHalf& robot, const Metrics& metrics);
 
 }  // namespace teletact

@@ -16,7 +16,7 @@ namespace teletact {
 
 namespace {
 
-constexpr std::int64_t kHandshake = 500000000;   // before the epoch, as on the real clock
+constexpr std::int64_t kHandshake = 500000000;  // before the epoch, as on the real clock
 
 // Something that happens every so often beside the tasks.
 class Periodic final : public rt::Actor {
@@ -34,7 +34,8 @@ class Periodic final : public rt::Actor {
   std::function<void(std::int64_t)> body_;
 };
 
-rt::RunLog log_header(const std::vector<rt::PlacedTask>& placed, rt::Box box, const tasks::Calibration& calibration) {
+rt::RunLog log_header(const std::vector<rt::PlacedTask>& placed, rt::Box box,
+                      const tasks::Calibration& calibration) {
   rt::RunLog log;
   for (const auto& p : placed) {
     if (p.spec.box != box) continue;
@@ -55,9 +56,9 @@ rt::RunLog log_header(const std::vector<rt::PlacedTask>& placed, rt::Box box, co
 
 template <class Faults>
 void execute(std::vector<rt::PlacedTask> placed, rt::CostModel& costs, const Faults& faults,
-             const typename rt::VirtualExecutor<Faults>::Sink& sink, const rt::VirtualOptions& options,
-             const std::vector<rt::Actor*>& actors, const rt::RunPlan& plan, std::vector<BoxTotals>& op,
-             std::vector<BoxTotals>& robot) {
+             const typename rt::VirtualExecutor<Faults>::Sink& sink,
+             const rt::VirtualOptions& options, const std::vector<rt::Actor*>& actors,
+             const rt::RunPlan& plan, std::vector<BoxTotals>& op, std::vector<BoxTotals>& robot) {
   rt::VirtualExecutor<Faults> executor(placed, costs, faults, sink, options);
   for (auto* a : actors) executor.add_actor(*a);
   executor.run(plan);
@@ -72,7 +73,7 @@ void execute(std::vector<rt::PlacedTask> placed, rt::CostModel& costs, const Fau
 VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
                        const tasks::Calibration& calibration) {
   VirtualRun run;
-  const std::int64_t epoch = 1000000000;   // any instant; fixed, so that runs repeat
+  const std::int64_t epoch = 1000000000;  // any instant; fixed, so that runs repeat
   const auto specs = tasks::make_specs(calibration);
   run.admission = rt::admit(tasks::make_request(specs, {0, 1}, {0.30}));
   if (!run.admission.admitted) throw std::runtime_error("admission: " + run.admission.refusal);
@@ -98,10 +99,12 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
   if (!options.stub_bodies) {
     robot = std::make_unique<RobotBox>(nrt, scene, robot_options);
     op = std::make_unique<OperatorBox>(nrt, scene, camera_of(scene), op_options);
-    link = std::make_unique<SimLink>(SimLink::End{&op->endpoint(), &op->graph().link(), kOperatorClock},
-                                     SimLink::End{&robot->endpoint(), &robot->graph().link(), kRobotClock},
-                                     scene.link.shape, epoch - kHandshake);
-    if (!link->handshake(epoch - kHandshake, epoch)) throw std::runtime_error("link: no handshake before the epoch");
+    link = std::make_unique<SimLink>(
+        SimLink::End{&op->endpoint(), &op->graph().link(), kOperatorClock},
+        SimLink::End{&robot->endpoint(), &robot->graph().link(), kRobotClock}, scene.link.shape,
+        epoch - kHandshake);
+    if (!link->handshake(epoch - kHandshake, epoch))
+      throw std::runtime_error("link: no handshake before the epoch");
     op_console = std::make_unique<OperatorConsole>(*op, scene, op_options.epoch);
     robot_console = std::make_unique<RobotConsole>(*robot);
     owned.push_back(std::make_unique<Periodic>(epoch + 7000000, 20000000, [&](std::int64_t t) {
@@ -109,14 +112,16 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
       robot_console->tick(kRobotClock.from_host(t));
     }));
     if (!options.quiet) {
-      owned.push_back(std::make_unique<Periodic>(epoch + 1000000000, 1000000000, [&](std::int64_t t) {
-        std::printf("%s\n", op_console->status_line(kOperatorClock.from_host(t)).c_str());
-        std::fflush(stdout);
-      }));
+      owned.push_back(
+          std::make_unique<Periodic>(epoch + 1000000000, 1000000000, [&](std::int64_t t) {
+            std::printf("%s\n", op_console->status_line(kOperatorClock.from_host(t)).c_str());
+            std::fflush(stdout);
+          }));
     }
     if (options.cut_link_at_s >= 0) {
-      owned.push_back(std::make_unique<Periodic>(epoch + static_cast<std::int64_t>(options.cut_link_at_s * 1e9),
-                                                 std::int64_t{1} << 60, [&](std::int64_t) { link->cut(); }));
+      owned.push_back(
+          std::make_unique<Periodic>(epoch + static_cast<std::int64_t>(options.cut_link_at_s * 1e9),
+                                     std::int64_t{1} << 60, [&](std::int64_t) { link->cut(); }));
     }
     actors.push_back(link.get());
     for (auto& a : owned) actors.push_back(a.get());
@@ -135,7 +140,8 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
     p.level = run.admission.tasks[i].level;
     if (options.force_level >= 0) p.level = std::min(options.force_level, specs[i].levels() - 1);
     if (!options.stub_bodies) {
-      p.body = specs[i].box == rt::Box::kOperator ? &op->graph().body(id) : &robot->graph().body(id);
+      p.body =
+          specs[i].box == rt::Box::kOperator ? &op->graph().body(id) : &robot->graph().body(id);
     }
     placed.push_back(p);
   }

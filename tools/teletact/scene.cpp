@@ -35,15 +35,18 @@ drivers::WorkspaceMap Scene::workspace() const {
 perception::Pose Scene::start_X_WB() const {
   perception::Pose X = perception::Pose::Identity();
   X.translation() = perception::Vec3(graph.robot_io.start_x_m, graph.robot_io.start_y_m, 0);
-  X.linear() = Eigen::AngleAxisd(graph.robot_io.start_yaw_rad, perception::Vec3::UnitZ()).toRotationMatrix();
+  X.linear() =
+      Eigen::AngleAxisd(graph.robot_io.start_yaw_rad, perception::Vec3::UnitZ()).toRotationMatrix();
   return X;
 }
 
-std::unique_ptr<Scene> load_scene(const std::string& path, const std::vector<std::string>& overrides) {
+std::unique_ptr<Scene> load_scene(const std::string& path,
+                                  const std::vector<std::string>& overrides) {
   auto scene = std::make_unique<Scene>();
   if (auto ok = config::load_file(path, scene->schema); !ok) throw std::runtime_error(ok.error());
   for (const auto& o : overrides) {
-    if (auto ok = config::load_override(o, scene->schema); !ok) throw std::runtime_error(ok.error());
+    if (auto ok = config::load_override(o, scene->schema); !ok)
+      throw std::runtime_error(ok.error());
   }
   return scene;
 }
@@ -51,12 +54,15 @@ std::unique_ptr<Scene> load_scene(const std::string& path, const std::vector<std
 std::string find_config(const std::string& folder, const std::string& name) {
   namespace fs = std::filesystem;
   if (fs::exists(name)) return name;
-  const std::string file = name.size() > 5 && name.substr(name.size() - 5) == ".toml" ? name : name + ".toml";
+  const std::string file =
+      name.size() > 5 && name.substr(name.size() - 5) == ".toml" ? name : name + ".toml";
   char self[PATH_MAX] = {};
   const ssize_t n = ::readlink("/proc/self/exe", self, sizeof self - 1);
-  const fs::path program = n > 0 ? fs::path(std::string(self, static_cast<std::size_t>(n))).parent_path() : fs::path(".");
-  const std::array<fs::path, 3> roots{program / "../share/teletact/config", program / "../../config",
-                                      fs::path(kSourceConfig)};
+  const fs::path program =
+      n > 0 ? fs::path(std::string(self, static_cast<std::size_t>(n))).parent_path()
+            : fs::path(".");
+  const std::array<fs::path, 3> roots{program / "../share/teletact/config",
+                                      program / "../../config", fs::path(kSourceConfig)};
   for (const auto& root : roots) {
     if (fs::exists(root / folder / file)) return fs::canonical(root / folder / file).string();
   }

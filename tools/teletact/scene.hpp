@@ -21,7 +21,7 @@ namespace teletact {
 
 // Section [operator]: what the person at the desk does beside moving the hand.
 struct OperatorScript {
-  double engage_after_s = 1.0;    // explicit engage, once everything has been heard
+  double engage_after_s = 1.0;  // explicit engage, once everything has been heard
   void describe(config::Section& s) {
     s.number("engage_after_s", engage_after_s, 0, 3600, "the operator engages the robot then");
   }
@@ -30,7 +30,7 @@ struct OperatorScript {
 // Section [link].
 struct LinkConfig {
   std::string address = "127.0.0.1";
-  int port = 0;                   // 0: the kernel chooses
+  int port = 0;  // 0: the kernel chooses
   drivers::LinkShapeConfig shape;
   void describe(config::Section& s) {
     s.text("address", address, {}, "loopback only, until the link is authenticated");
@@ -55,7 +55,7 @@ struct Scene {
   std::string rgbd_dir;
   double hold_s = 15.0;
 
-  config::Section schema;   // describes this object; it must not move
+  config::Section schema;  // describes this object; it must not move
   Scene() { describe(schema); }
   Scene(const Scene&) = delete;
   Scene& operator=(const Scene&) = delete;
@@ -69,7 +69,8 @@ struct Scene {
 };
 
 // Reads the file, then the overrides ("a.b=value"). Throws std::runtime_error with one line.
-[[nodiscard]] std::unique_ptr<Scene> load_scene(const std::string& path, const std::vector<std::string>& overrides);
+[[nodiscard]] std::unique_ptr<Scene> load_scene(const std::string& path,
+                                                const std::vector<std::string>& overrides);
 // A scene by name ("default_room") or path: looks beside the program, in the source tree and in the
 // installed share folder.
 [[nodiscard]] std::string find_config(const std::string& folder, const std::string& name);

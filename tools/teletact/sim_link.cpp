@@ -5,11 +5,12 @@
 namespace teletact {
 
 namespace {
-constexpr std::int64_t kPoll = 1000000;       // as the TCP transport's loop
-constexpr std::int64_t kBareDelay = 100000;   // loopback without a shaper: never in no time
+constexpr std::int64_t kPoll = 1000000;      // as the TCP transport's loop
+constexpr std::int64_t kBareDelay = 100000;  // loopback without a shaper: never in no time
 }  // namespace
 
-SimLink::SimLink(End op, End robot, const drivers::LinkShapeConfig& shape, std::int64_t start_host_ns)
+SimLink::SimLink(End op, End robot, const drivers::LinkShapeConfig& shape,
+                 std::int64_t start_host_ns)
     : to_robot_{op, robot, drivers::LinkShaper(shape, 0), shape.any(), {}},
       to_operator_{robot, op, drivers::LinkShaper(shape, 1), shape.any(), {}},
       next_poll_(start_host_ns) {}
@@ -25,7 +26,8 @@ std::int64_t SimLink::next_host_ns() const noexcept {
 void SimLink::send(Direction& d, std::span<const std::uint8_t> message, std::int64_t host_ns) {
   hash_.bytes(message.data(), message.size());
   if (cut_) return;
-  const std::int64_t due = d.shaped ? d.shaper.deliver_at(host_ns, message.size()) : host_ns + kBareDelay;
+  const std::int64_t due =
+      d.shaped ? d.shaper.deliver_at(host_ns, message.size()) : host_ns + kBareDelay;
   d.queue.push_back({due, {message.begin(), message.end()}});
 }
 
