@@ -131,14 +131,9 @@ double line_trip_ns(CorePair& pair) {
   return ns;
 }
 
-// The limit of any exchange between the two cores: the better of the two ways to wait for a line.
-double line_trip_ns(CorePair& pair) {
-  const double plain = line_trip_ns<false>(pair);
-  return std::min(plain, line_trip_ns<true>(pair));
-}
-
 struct Trips {
-  double line_before = 0, line_after = 0;
+  double line_before = 0, line_after = 0;  // plain retry loops, as round the queues
+  double best_before = 0, best_after = 0;  // the better of plain and with a pause
   [[nodiscard]] bool mixed() const {
     return (line_before < kNearBelow_ns) != (line_after < kNearBelow_ns);
   }
@@ -146,14 +141,17 @@ struct Trips {
     return line_before < kNearBelow_ns ? RingsResult::kNear : RingsResult::kFar;
   }
   [[nodiscard]] double line() const { return (line_before + line_after) / 2; }
+  [[nodiscard]] double best() const { return (best_before + best_after) / 2; }
 };
 
 template <class Burst>
 Trips enclosed(CorePair& pair, Burst&& burst) {
   Trips t;
-  t.line_before = line_trip_ns(pair);
+  t.line_before = line_trip_ns<false>(pair);
+  t.best_before = std::min(t.line_before, line_trip_ns<true>(pair));
   burst();
-  t.line_after = line_trip_ns(pair);
+  t.line_after = line_trip_ns<false>(pair);
+  t.best_after = std::min(t.line_after, line_trip_ns<true>(pair));
   // The rest of the machine gets its turn between bursts.
   std::this_thread::sleep_for(std::chrono::milliseconds(2));
   return t;
@@ -161,7 +159,15 @@ Trips enclosed(CorePair& pair, Burst&& burst) {
 
 struct Samples {
   std::vector<double> Mops[RingsResult::kPlacements], rtt[RingsResult::kPlacements],
-      over_line[RingsResult::kPlacements];
+      over_line[RingsResult::kPlacements], over_best[RingsResult::kPlacements];
+};
+
+struct Lines {
+  std::vector<double> plain[RingsResult::kPlacements], best[RingsResult::kPlacements];
+  void add(const Trips& t) {
+    plain[t.placement()].push_back(t.line());
+    best[t.placement()].push_back(t.best());
+  }
 };
 
 // Queues of one kind and size, kept for the whole bench so that their pages are touched. Several
@@ -177,7 +183,7 @@ class Contestant {
     }
   }
 
-  void round(CorePair& pair, RingsResult& result, std::vector<double>* line, Samples& samples) {
+  void round(CorePair& pair, RingsResult& result, Lines& lines, Samples& samples) {
     there_ = there_all_[turn_ % kPairs].get();
     back_ = back_all_[turn_ % kPairs].get();
     ++turn_;
@@ -188,7 +194,7 @@ class Contestant {
         return false;
       }
       ++result.bursts[t.placement()];
-      line[t.placement()].push_back(t.line());
+      lines.add(t);
       to[t.placement()].push_back(value);
       return true;
     };
@@ -197,6 +203,7 @@ class Contestant {
     const Trips trip = enclosed(pair, [&] { rtt = trip_ns(pair); });
     if (keep(trip, samples.rtt, rtt)) {
       samples.over_line[trip.placement()].push_back(rtt / trip.line());
+      samples.over_best[trip.placement()].push_back(rtt / trip.best());
     }
   }
 
@@ -305,14 +312,14 @@ struct Field {
   Contestant<Moodycamel<T>, T> moodycamel;
 #endif
 
-  void round(CorePair& pair, RingsResult& result, std::vector<double>* line,
+  void round(CorePair& pair, RingsResult& result, Lines& lines,
              Samples (&samples)[RingsResult::kQueues], int shift) {
     for (int i = 0; i < RingsResult::kQueues; ++i) {
       const int q = (i + shift) % RingsResult::kQueues;
-      if (q == RingsResult::kOwn) own.round(pair, result, line, samples[q]);
+      if (q == RingsResult::kOwn) own.round(pair, result, lines, samples[q]);
 #if TELETACT_BENCH_PEERS
-      if (q == RingsResult::kBoost) boost.round(pair, result, line, samples[q]);
-      if (q == RingsResult::kMoodycamel) moodycamel.round(pair, result, line, samples[q]);
+      if (q == RingsResult::kBoost) boost.round(pair, result, lines, samples[q]);
+      if (q == RingsResult::kMoodycamel) moodycamel.round(pair, result, lines, samples[q]);
 #endif
     }
   }
@@ -324,6 +331,7 @@ void summarise(const Samples& from, RingsResult::Figures* to) {
     to[p].Mops = median(from.Mops[p]);
     to[p].rtt_ns = median(from.rtt[p]);
     to[p].rtt_over_line = median(from.over_line[p]);
+    to[p].rtt_over_best_line = median(from.over_best[p]);
   }
 }
 
@@ -349,17 +357,17 @@ RingsResult bench_rings(std::ostream& progress, int rounds) {
   Field<256> large;
   rt::Latest<Page> cell(startup.token(), {1});
   Samples samples[RingsResult::kSizes][RingsResult::kQueues];
-  std::vector<double> line[RingsResult::kPlacements];
+  Lines lines;
   std::vector<double> read[RingsResult::kPlacements], writes[RingsResult::kPlacements];
 
   // The first lap of each queue meets untouched pages and a cold predictor: not counted.
   {
     Samples unused[RingsResult::kQueues];
     RingsResult not_counted;
-    std::vector<double> no_line[RingsResult::kPlacements];
+    Lines no_lines;
     for (int i = 0; i < 4; ++i) {
-      small.round(pair, not_counted, no_line, unused, i);
-      large.round(pair, not_counted, no_line, unused, i);
+      small.round(pair, not_counted, no_lines, unused, i);
+      large.round(pair, not_counted, no_lines, unused, i);
     }
   }
   const auto near_rounds = [&] {
@@ -373,8 +381,8 @@ RingsResult bench_rings(std::ostream& progress, int rounds) {
     return static_cast<int>(least);
   };
   for (int tried = 0; tried < 4 * rounds && near_rounds() < rounds; ++tried) {
-    small.round(pair, result, line, samples[RingsResult::k8B], tried);
-    large.round(pair, result, line, samples[RingsResult::k256B], tried);
+    small.round(pair, result, lines, samples[RingsResult::k8B], tried);
+    large.round(pair, result, lines, samples[RingsResult::k256B], tried);
     LatestRound latest;
     const Trips t = enclosed(pair, [&] { latest = latest_round(pair, cell); });
     result.latest_torn += latest.torn;
@@ -394,7 +402,8 @@ RingsResult bench_rings(std::ostream& progress, int rounds) {
     for (int q = 0; q < RingsResult::kQueues; ++q) summarise(samples[s][q], result.queue[q][s]);
   }
   for (int p = 0; p < RingsResult::kPlacements; ++p) {
-    result.line_ns[p] = median(line[p]);
+    result.line_ns[p] = median(lines.plain[p]);
+    result.line_best_ns[p] = median(lines.best[p]);
     result.latest[p] = {static_cast<int>(read[p].size()), median(read[p]), median(writes[p])};
   }
   result.measured = near_rounds() >= kNeeded;
@@ -419,6 +428,7 @@ std::vector<BenchMetric> RingsResult::metrics() const {
       m.push_back({name + ".Mops", queue[q][s][kNear].Mops, "1e6/s"});
       m.push_back({name + ".rtt_ns", queue[q][s][kNear].rtt_ns, "ns"});
       m.push_back({name + ".rtt_over_line", queue[q][s][kNear].rtt_over_line, "1"});
+      m.push_back({name + ".rtt_over_best_line", queue[q][s][kNear].rtt_over_best_line, "1"});
       if (queue[q][s][kFar].rounds == 0) continue;
       m.push_back({name + ".far_Mops", queue[q][s][kFar].Mops, "1e6/s"});
       m.push_back({name + ".far_rtt_ns", queue[q][s][kFar].rtt_ns, "ns"});
@@ -428,6 +438,7 @@ std::vector<BenchMetric> RingsResult::metrics() const {
     m.push_back({std::string("ring.own_over_best.") + kSizeNames[s], own_over_best(s, kNear), "1"});
   }
   m.push_back({"ring.line_ns", line_ns[kNear], "ns"});
+  m.push_back({"ring.line_best_ns", line_best_ns[kNear], "ns"});
   m.push_back({"ring.bursts_near", static_cast<double>(bursts[kNear]), "1"});
   m.push_back({"ring.bursts_far", static_cast<double>(bursts[kFar]), "1"});
   m.push_back({"ring.bursts_mixed", static_cast<double>(bursts_mixed), "1"});
@@ -447,15 +458,15 @@ void RingsResult::print(std::ostream& out) const {
   const char* const placements[] = {"near", "far"};
   for (int p = 0; p < kPlacements; ++p) {
     if (bursts[p] == 0) continue;
-    out << "cores " << placements[p] << ": bare line " << line_ns[p] << " ns a round trip, "
-        << bursts[p] << " bursts\n";
+    out << "cores " << placements[p] << ": bare line " << line_ns[p] << " ns a round trip ("
+        << line_best_ns[p] << " when waited for with a pause), " << bursts[p] << " bursts\n";
     for (int s = 0; s < kSizes; ++s) {
       for (int q = 0; q < kQueues; ++q) {
         const Figures& f = queue[q][s][p];
         out << "  " << std::setw(10) << kQueueNames[q] << std::setw(6) << kSizeNames[s]
             << std::setw(8) << f.Mops << " M items/s, round trip " << std::setw(6) << f.rtt_ns
-            << " ns = " << std::setprecision(2) << f.rtt_over_line << " lines (" << f.rounds
-            << " rounds)\n"
+            << " ns = " << std::setprecision(2) << f.rtt_over_line << " lines, "
+            << f.rtt_over_best_line << " paused ones (" << f.rounds << " rounds)\n"
             << std::setprecision(1);
       }
       out << "        own / best of the others" << std::setw(6) << kSizeNames[s] << ": "

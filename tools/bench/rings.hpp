@@ -8,6 +8,8 @@
 //
 //   Mops      items through the queue a second, both sides retrying without a pause
 //   rtt       one item there and one back through a second queue; p50 over batches of 16
+//   line      a bare cache line there and back, retried like the queues; beside it the better of
+//             that and a loop with a pause instruction, which is nearer to the physical limit
 //   Latest    4 KB, the writer fills and publishes without rest, the reader takes the newest and
 //             reads every word; a read whose words differ is torn (there is no retry to count)
 #pragma once
@@ -31,10 +33,13 @@ struct RingsResult {
     int rounds = 0;
     double Mops = 0;
     double rtt_ns = 0;
-    double rtt_over_line = 0;  // median of the ratios to the line measured around the same burst
+    // Medians of the ratios to the lines measured around the same burst.
+    double rtt_over_line = 0;
+    double rtt_over_best_line = 0;
   };
   Figures queue[kQueues][kSizes][kPlacements];
-  double line_ns[kPlacements] = {0, 0};
+  double line_ns[kPlacements] = {0, 0};       // waited for in the loop the queues are retried in
+  double line_best_ns[kPlacements] = {0, 0};  // the better of that and waiting with a pause
   int bursts[kPlacements] = {0, 0};
   int bursts_mixed = 0;  // the placement changed within the burst: thrown away
 
