@@ -1,13 +1,35 @@
 # Build functions of the project: one place for warnings, sanitizers and floating-point rules.
 
+# What is installed: include/teletact/<module>/<folder>/*.hpp, found as "<module>/<folder>/x.hpp".
+include(GNUInstallDirs)
+set(TELETACT_INSTALL_INCLUDE ${CMAKE_INSTALL_INCLUDEDIR}/teletact)
+set(TELETACT_INSTALL_CMAKE ${CMAKE_INSTALL_LIBDIR}/cmake/teletact)
+
+# teletact_install(<module>_<folder>): exports teletact_x as teletact::x. The parts that can be installed
+# and found apart are the top folders; config goes with rt, which everything needs.
+function(teletact_install name)
+  string(REGEX REPLACE "_.*" "" part ${name})
+  if(part MATCHES "^(config|options)$")
+    set(part rt)
+  endif()
+  set_target_properties(teletact_${name} PROPERTIES EXPORT_NAME ${name})
+  install(TARGETS teletact_${name} EXPORT teletact_${part}
+    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}/teletact COMPONENT ${part})
+endfunction()
+
 add_library(teletact_options INTERFACE)
-target_include_directories(teletact_options INTERFACE ${PROJECT_SOURCE_DIR})
-# -ffp-contract=off: the same bytes from every instruction set; an FMA would round once less.
+target_include_directories(teletact_options INTERFACE
+  $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:${TELETACT_INSTALL_INCLUDE}>)
+# -ffp-contract=off: the same bytes from every instruction set; an FMA would round once less. Some of
+# the algorithms live in headers, so a consumer gets it too; warnings and optimisation stay ours.
+# -Wno-restrict: GCC 12 warns falsely of overlapping copies in std::string + "literal" (PR 105329).
 target_compile_options(teletact_options INTERFACE
-  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wold-style-cast
-  -Wdouble-promotion -ffp-contract=off $<$<BOOL:${TELETACT_WERROR}>:-Werror>)
-# Large test rigs and Eigen: a little debug information keeps stacks readable.
-target_compile_options(teletact_options INTERFACE $<$<CONFIG:Release>:-O3>)
+  "$<BUILD_INTERFACE:-Wall;-Wextra;-Wpedantic;-Wshadow;-Wconversion;-Wno-sign-conversion>"
+  "$<BUILD_INTERFACE:-Wold-style-cast;-Wdouble-promotion;-Wno-restrict>"
+  -ffp-contract=off
+  "$<BUILD_INTERFACE:$<$<BOOL:${TELETACT_WERROR}>:-Werror>>"
+  "$<BUILD_INTERFACE:$<$<CONFIG:Release>:-O3>>")
+target_compile_features(teletact_options INTERFACE cxx_std_20)
 if(TELETACT_SANITIZE)
   target_compile_options(teletact_options INTERFACE -fsanitize=${TELETACT_SANITIZE}
     -fno-omit-frame-pointer -g)
@@ -15,9 +37,10 @@ if(TELETACT_SANITIZE)
 endif()
 # Eigen must not start threads, and its assertions would throw out of a step().
 target_compile_definitions(teletact_options INTERFACE EIGEN_DONT_PARALLELIZE)
-target_link_libraries(teletact_options INTERFACE Threads::Threads)
+target_link_libraries(teletact_options INTERFACE Threads::Threads $<INSTALL_INTERFACE:Eigen3::Eigen>)
 target_include_directories(teletact_options SYSTEM INTERFACE
-  $<TARGET_PROPERTY:Eigen3::Eigen,INTERFACE_INCLUDE_DIRECTORIES>)
+  $<BUILD_INTERFACE:$<TARGET_PROPERTY:Eigen3::Eigen,INTERFACE_INCLUDE_DIRECTORIES>>)
+teletact_install(options)
 
 # teletact_library(<module>_<folder> [FOLDER dir] [DEPS ours...] [PACKAGES imported...])
 # Takes every .cpp of the folder; a folder of headers only becomes an interface library.
@@ -36,6 +59,7 @@ function(teletact_library name)
     target_link_libraries(teletact_${name} ${kind} teletact_${dep})
   endforeach()
   add_library(teletact::${name} ALIAS teletact_${name})
+  teletact_install(${name})
 endfunction()
 
 # teletact_test(<name> [DEPS ours...] [PACKAGES ...] [LABELS ...] [TIMEOUT s] [NO_GUARD])
