@@ -56,7 +56,10 @@ struct Scene {
   double hold_s = 15.0;
 
   config::Section schema;  // describes this object; it must not move
-  Scene() { describe(schema); }
+  Scene() {
+    plant.speed_loop_order = 0;  // motor dynamics are an effect too: a scene asks for them
+    describe(schema);
+  }
   Scene(const Scene&) = delete;
   Scene& operator=(const Scene&) = delete;
 
