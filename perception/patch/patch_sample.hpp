@@ -17,7 +17,7 @@ struct PatchCell {
   std::uint8_t free = 0;      // bit c: corner c was seen free
   std::array<float, 8> d{};   // m; 0 where not observed
   std::array<std::uint8_t, 8> material{};  // 0 or slot + 1
-  std::array<float, 3> f{};   // position in the cell, [0, 1]
+  std::array<float, 3> f{};                // position in the cell, [0, 1]
 
   [[nodiscard]] bool complete() const noexcept { return observed == 0xff; }
   // m, of the trilinear interpolant.
@@ -73,12 +73,14 @@ struct PatchCell {
   }
   cell.inside = true;
   for (unsigned c = 0; c < 8; ++c) {
-    const std::size_t n = patch.index(i[0] + static_cast<int>(c >> 2U), i[1] + static_cast<int>((c >> 1U) & 1U),
-                                      i[2] + static_cast<int>(c & 1U));
+    const std::size_t n =
+        patch.index(i[0] + static_cast<int>(c >> 2U), i[1] + static_cast<int>((c >> 1U) & 1U),
+                    i[2] + static_cast<int>(c & 1U));
     const std::uint8_t m = patch.material[n];
     cell.material[c] = m;
     cell.observed = static_cast<std::uint8_t>(cell.observed | (static_cast<unsigned>(m != 0) << c));
-    cell.free = static_cast<std::uint8_t>(cell.free | (static_cast<unsigned>(patch.free_at(n)) << c));
+    cell.free =
+        static_cast<std::uint8_t>(cell.free | (static_cast<unsigned>(patch.free_at(n)) << c));
     cell.d[c] = m != 0 ? static_cast<float>(patch.distance[n]) * patch.metres_per_unit : 0.0F;
   }
   return cell;

@@ -20,7 +20,11 @@ constexpr float kNoTile = 1e9F;
 class Caster {
  public:
   Caster(const TsdfMap& map, const Pose& X_WC, const RaycastOptions& o, RaycastMaps& out) noexcept
-      : map_(map), reader_(map, o.min_weight), options_(o), out_(out), voxel_(map.voxel_size()),
+      : map_(map),
+        reader_(map, o.min_weight),
+        options_(o),
+        out_(out),
+        voxel_(map.voxel_size()),
         voxels_per_unit_(map.metres_per_unit() / static_cast<float>(voxel_)),
         stride_unknown_(static_cast<float>(
             std::max(1.0, std::floor(0.8 * std::min(5.0, map.truncation() / voxel_))))) {
@@ -41,10 +45,12 @@ class Caster {
   RaycastStats run() noexcept {
     const Intrinsics& k = out_.intrinsics;
     bound_tiles();
-    const int tiles_u = (k.width + kTileEdge - 1) >> kTileShift, tiles_v = (k.height + kTileEdge - 1) >> kTileShift;
+    const int tiles_u = (k.width + kTileEdge - 1) >> kTileShift,
+              tiles_v = (k.height + kTileEdge - 1) >> kTileShift;
     RaycastStats stats;
     // Tile by tile: neighbouring rays read the same cache lines.
-    for (int n = 0; n < tiles_u * tiles_v; ++n) stats.hits += cast_tile(n % tiles_u, n / tiles_u, n);
+    for (int n = 0; n < tiles_u * tiles_v; ++n)
+      stats.hits += cast_tile(n % tiles_u, n / tiles_u, n);
     stats.rays = k.width * k.height;
     stats.steps = steps_;
     return stats;
@@ -54,18 +60,21 @@ class Caster {
   // Depth range of the allocated blocks that each tile of 4 x 4 rays can meet.
   void bound_tiles() noexcept {
     const Intrinsics& k = out_.intrinsics;
-    const int tiles_u = (k.width + kTileEdge - 1) >> kTileShift, tiles_v = (k.height + kTileEdge - 1) >> kTileShift;
+    const int tiles_u = (k.width + kTileEdge - 1) >> kTileShift,
+              tiles_v = (k.height + kTileEdge - 1) >> kTileShift;
     const auto tiles = static_cast<std::size_t>(tiles_u) * static_cast<std::size_t>(tiles_v);
     std::fill_n(out_.near_m_.begin(), tiles, kNoTile);
     std::fill_n(out_.far_m_.begin(), tiles, 0.0F);
     const CameraBoxes boxes(k, out_.X_WC.inverse(Eigen::Isometry));
-    const auto half = static_cast<float>(4.0 * voxel_), chunk_half = static_cast<float>(32.0 * voxel_);
+    const auto half = static_cast<float>(4.0 * voxel_),
+               chunk_half = static_cast<float>(32.0 * voxel_);
     const auto far = static_cast<float>(options_.max_depth_m);
     for (int n = 0; n < map_.chunk_count(); ++n) {
       const TsdfMap::Chunk& c = map_.chunk(n);
       if (c.blocks == 0) continue;
-      const BoxView whole = boxes.view((c.coord.x * 64 + 31.5) * voxel_, (c.coord.y * 64 + 31.5) * voxel_,
-                                       (c.coord.z * 64 + 31.5) * voxel_, chunk_half);
+      const BoxView whole =
+          boxes.view((c.coord.x * 64 + 31.5) * voxel_, (c.coord.y * 64 + 31.5) * voxel_,
+                     (c.coord.z * 64 + 31.5) * voxel_, chunk_half);
       if (!whole.visible || whole.z_near > far) continue;
       for (const std::int32_t b : c.block) {
         if (b == TsdfMap::kNoBlock) continue;
@@ -83,8 +92,8 @@ class Caster {
     }
   }
 
-  TELETACT_CLONES __attribute__((flatten))
-  int cast_tile(int tile_u, int tile_v, int tile) noexcept {
+  TELETACT_CLONES __attribute__((flatten)) int cast_tile(int tile_u, int tile_v,
+                                                         int tile) noexcept {
     const Intrinsics& k = out_.intrinsics;
     const float near = out_.near_m_[static_cast<std::size_t>(tile)];
     const float first = std::max(static_cast<float>(options_.min_depth_m), near);
@@ -102,7 +111,8 @@ class Caster {
         float* record = out_.records_ + at * RaycastMaps::kStride;
         const bool hit = near < kNoTile && cast(u, v, first, last, record);
         if (!hit) std::memset(record, 0, RaycastMaps::kStride * sizeof(float));
-        if (options_.colour) out_.colour_[static_cast<std::size_t>(at)] = hit ? colour_of(record) : Rgb{};
+        if (options_.colour)
+          out_.colour_[static_cast<std::size_t>(at)] = hit ? colour_of(record) : Rgb{};
         hits += static_cast<int>(hit);
       }
     return hits;
@@ -129,8 +139,7 @@ class Caster {
   // Asks for the cache lines round the hint of a ray, so that the waits of a tile's rays overlap.
   void prefetch(int u, int v) noexcept {
     const Intrinsics& k = out_.intrinsics;
-    const float hint =
-        options_.hint_depth_m.at(u * options_.pixel_step, v * options_.pixel_step);
+    const float hint = options_.hint_depth_m.at(u * options_.pixel_step, v * options_.pixel_step);
     if (!(hint > 0)) return;
     const auto x = static_cast<float>((u - k.cx) / k.fx), y = static_cast<float>((v - k.cy) / k.fy);
     const Float4 d = splat(x) * axes_[0] + splat(y) * axes_[1] + axes_[2];
@@ -156,9 +165,10 @@ class Caster {
     r.ahead = to_float(r.positive);
     for (int a = 0; a < 3; ++a) r.block_t[a] = 8.0F * std::fabs(r.inverse[a]);
     r.voxel_t = 1.0F / std::sqrt(r.d[0] * r.d[0] + r.d[1] * r.d[1] + r.d[2] * r.d[2]);
-    const float hint = options_.hint_depth_m.data == nullptr
-                           ? 0.0F
-                           : options_.hint_depth_m.at(u * options_.pixel_step, v * options_.pixel_step);
+    const float hint =
+        options_.hint_depth_m.data == nullptr
+            ? 0.0F
+            : options_.hint_depth_m.at(u * options_.pixel_step, v * options_.pixel_step);
     float hit_t = 0;
     MapReader::Cell cell;
     if (hint > 0) {
@@ -201,11 +211,12 @@ class Caster {
       }
       if (known) {
         if (before == Side::kOutside &&
-            quick_root(r, before_t, t, before_t + (t - before_t) * (before_d / (before_d - d)), hit_t,
-                       cell))
+            quick_root(r, before_t, t, before_t + (t - before_t) * (before_d / (before_d - d)),
+                       hit_t, cell))
           return true;
         if (before != Side::kInside &&
-            crossing(r, std::max(before_t, t - (stride_unknown_ + 0.5F) * r.voxel_t), t, hit_t, cell))
+            crossing(r, std::max(before_t, t - (stride_unknown_ + 0.5F) * r.voxel_t), t, hit_t,
+                     cell))
           return true;
         before = Side::kInside, before_t = t;
         t += r.voxel_t;
@@ -228,7 +239,8 @@ class Caster {
     Float4 next = wall_of(r, node & ~7, 8.0F);
     Int4 block = node >> 3;
     for (int n = 0; n < 24; ++n) {
-      const int a = next[0] <= next[1] ? (next[0] <= next[2] ? 0 : 2) : (next[1] <= next[2] ? 1 : 2);
+      const int a =
+          next[0] <= next[1] ? (next[0] <= next[2] ? 0 : 2) : (next[1] <= next[2] ? 1 : 2);
       t = std::max(t, next[a]);
       if (t > end) return t;
       block[a] += r.positive[a] != 0 ? 1 : -1;
@@ -302,8 +314,10 @@ class Caster {
     cell = cell_at(r, t);
     if (!cell.valid) return false;
     const float f = cell.value();
-    if (f > 0) hit_t = t + (t1 - t) * (f / (f - f1));
-    else hit_t = f0 > f ? t0 + (t - t0) * (f0 / (f0 - f)) : t;
+    if (f > 0)
+      hit_t = t + (t1 - t) * (f / (f - f1));
+    else
+      hit_t = f0 > f ? t0 + (t - t0) * (f0 / (f0 - f)) : t;
     return true;
   }
 
@@ -370,7 +384,8 @@ class Caster {
 
 RaycastMaps::RaycastMaps(rt::NonRealtime&, int width, int height)
     : capacity_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)),
-      storage_(capacity_ * kStride + 8), colour_(capacity_) {
+      storage_(capacity_ * kStride + 8),
+      colour_(capacity_) {
   const auto address = reinterpret_cast<std::uintptr_t>(storage_.data());
   records_ = storage_.data() + ((32 - address % 32) % 32) / sizeof(float);
   // Any shape with that many rays: a tile row more each way covers the rounding.
@@ -387,8 +402,8 @@ RaycastStats raycast(const TsdfMap& map, const Intrinsics& camera, const Pose& X
   if (!(reach < 8.0 * TsdfMap::kMaxBlockCoord * map.voxel_size())) return {};
   const Intrinsics k = camera.subsampled(options.pixel_step);
   if (!out.fits(k.width, k.height)) return {};
-  if (options.hint_depth_m.data != nullptr && (options.hint_depth_m.width != camera.width ||
-                                               options.hint_depth_m.height != camera.height))
+  if (options.hint_depth_m.data != nullptr &&
+      (options.hint_depth_m.width != camera.width || options.hint_depth_m.height != camera.height))
     return {};
   out.intrinsics = k;
   out.X_WC = X_WC;

@@ -21,10 +21,10 @@
 namespace perception {
 
 struct RaycastOptions {
-  int pixel_step = 1;         // rays of pixels 0, step, 2 step, ...
-  double min_depth_m = 0.1;   // along the optical axis
+  int pixel_step = 1;        // rays of pixels 0, step, 2 step, ...
+  double min_depth_m = 0.1;  // along the optical axis
   double max_depth_m = 6.0;
-  double min_weight = 1.0;    // observations of every corner used
+  double min_weight = 1.0;  // observations of every corner used
   bool colour = false;
   // Normals from three voxels round the hit (averages the field's noise) instead of from the cell
   // that holds it.
@@ -37,7 +37,7 @@ struct RaycastOptions {
 
 struct RaycastStats {
   std::int32_t rays = 0, hits = 0;
-  std::int64_t steps = 0;    // deterministic work count
+  std::int64_t steps = 0;  // deterministic work count
 };
 
 class RaycastMaps {

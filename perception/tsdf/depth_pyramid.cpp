@@ -50,7 +50,8 @@ void classify_row(const std::uint16_t* const (&rows)[5], int width, RowRule rule
         missing & static_cast<std::int32_t>(readings < DepthPyramid::kFillFrom);
     const std::uint32_t depth = (edge | missing) != 0 ? static_cast<std::uint32_t>(least) + 1U
                                                       : static_cast<std::uint32_t>(c);
-    const std::int32_t fused = (missing ^ 1) & (edge ^ 1) & static_cast<std::int32_t>(c <= rule.max_mm);
+    const std::int32_t fused =
+        (missing ^ 1) & (edge ^ 1) & static_cast<std::int32_t>(c <= rule.max_mm);
     out[u] = hole != 0 ? 0U : (depth | (static_cast<std::uint32_t>(fused) << 23U));
   }
 }
@@ -58,7 +59,8 @@ static_assert(DepthPyramid::kWeightOne << 16 == 1 << 23);
 
 // Slope of depth, mm a pixel, over two pixels either side; a side without a reading, or across an
 // edge, counts as the centre itself (the slope is then too small: the band stays short).
-inline float slope(std::int32_t low, std::int32_t mid, std::int32_t high, std::int32_t gate) noexcept {
+inline float slope(std::int32_t low, std::int32_t mid, std::int32_t high,
+                   std::int32_t gate) noexcept {
   const bool has_low = (low != 0) & (std::abs(low - mid) <= 2 * gate);
   const bool has_high = (high != 0) & (std::abs(high - mid) <= 2 * gate);
   const std::int32_t rise = (has_high ? high : mid) - (has_low ? low : mid);
@@ -82,9 +84,11 @@ void reach_row(const std::uint16_t* const (&rows)[5], int width, float y, const 
     const float nx = fx * zu, ny = fy * zv, nz = (z + du * zu) + (y * fy) * zv;
     const float nn = (nx * nx + ny * ny) + nz * nz, rr = (x * x + y * y) + 1.0F;
     const float inverse_cos = std::sqrt(nn * rr) / z;
-    const float raw = std::min(std::max(inverse_cos * rule.reach_gain * 32.0F, 32.0F), 96.0F) + 0.5F;
+    const float raw =
+        std::min(std::max(inverse_cos * rule.reach_gain * 32.0F, 32.0F), 96.0F) + 0.5F;
     const std::uint32_t p = out[u];
-    const std::uint32_t reach = (p >> 16U) != 0 ? static_cast<std::uint32_t>(static_cast<std::int32_t>(raw)) : 32U;
+    const std::uint32_t reach =
+        (p >> 16U) != 0 ? static_cast<std::uint32_t>(static_cast<std::int32_t>(raw)) : 32U;
     out[u] = p != 0 ? (p | (reach << 24U)) : 0U;
   }
 }
@@ -119,8 +123,10 @@ Range single(std::uint32_t pixel) noexcept {
 TELETACT_CLONES
 void halve_pixels(const std::uint32_t* a, const std::uint32_t* b, int pairs, Range* out) noexcept {
   for (int u = 0; u < pairs; ++u) {
-    const auto p = static_cast<std::uint16_t>(a[2 * u]), q = static_cast<std::uint16_t>(a[2 * u + 1]);
-    const auto r = static_cast<std::uint16_t>(b[2 * u]), s = static_cast<std::uint16_t>(b[2 * u + 1]);
+    const auto p = static_cast<std::uint16_t>(a[2 * u]),
+               q = static_cast<std::uint16_t>(a[2 * u + 1]);
+    const auto r = static_cast<std::uint16_t>(b[2 * u]),
+               s = static_cast<std::uint16_t>(b[2 * u + 1]);
     out[u] = {std::min(std::min(p, q), std::min(r, s)), std::max(std::max(p, q), std::max(r, s))};
   }
 }

@@ -34,10 +34,10 @@ struct DepthRule {
 class DepthPyramid {
  public:
   static constexpr int kMaxWidth = 640, kMaxHeight = 480;
-  static constexpr int kLevels = 7;         // tiles of 1, 2, 4, ... 64 px
+  static constexpr int kLevels = 7;  // tiles of 1, 2, 4, ... 64 px
   static constexpr int kWeightOne = 128;
   static constexpr int kReachOne = 32, kReachMost = 96;
-  static constexpr int kFillFrom = 6;       // neighbours with a reading that fill a hole
+  static constexpr int kFillFrom = 6;  // neighbours with a reading that fill a hole
 
   explicit DepthPyramid(rt::NonRealtime&);
   // Returns the number of pixels with weight > 0. The image is at most kMaxWidth x kMaxHeight.
@@ -45,11 +45,15 @@ class DepthPyramid {
 
   [[nodiscard]] int width() const noexcept { return width_; }
   [[nodiscard]] int height() const noexcept { return height_; }
-  [[nodiscard]] const std::uint32_t* pixels() const noexcept { return pixels_.data(); }  // row-major
+  [[nodiscard]] const std::uint32_t* pixels() const noexcept {
+    return pixels_.data();
+  }  // row-major
 
   [[nodiscard]] std::size_t memory_bytes() const noexcept;
 
-  struct Range { std::uint16_t least_mm, greatest_mm; };  // least 0: some pixel has no reading
+  struct Range {
+    std::uint16_t least_mm, greatest_mm;
+  };  // least 0: some pixel has no reading
   // Of the pixels u0..u1, v0..v1 (inclusive, inside the image), and perhaps of a few beside them.
   [[nodiscard]] Range range(int u0, int v0, int u1, int v1) const noexcept;
 

@@ -25,13 +25,17 @@ struct BoxView {
 class CameraBoxes {
  public:
   CameraBoxes(const Intrinsics& k, const Pose& X_CW) noexcept
-      : fx_(static_cast<float>(k.fx)), fy_(static_cast<float>(k.fy)), cx_(static_cast<float>(k.cx)),
-        cy_(static_cast<float>(k.cy)), width_(k.width), height_(k.height) {
+      : fx_(static_cast<float>(k.fx)),
+        fy_(static_cast<float>(k.fy)),
+        cx_(static_cast<float>(k.cx)),
+        cy_(static_cast<float>(k.cy)),
+        width_(k.width),
+        height_(k.height) {
     for (int r = 0; r < 3; ++r) {
       for (int c = 0; c < 3; ++c) R_[r][c] = X_CW.linear()(r, c);
       t_[r] = X_CW.translation()(r);
-      spread_[r] = static_cast<float>(std::fabs(R_[r][0]) + std::fabs(R_[r][1]) +
-                                      std::fabs(R_[r][2]));
+      spread_[r] =
+          static_cast<float>(std::fabs(R_[r][0]) + std::fabs(R_[r][1]) + std::fabs(R_[r][2]));
     }
   }
 

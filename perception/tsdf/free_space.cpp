@@ -34,8 +34,8 @@ bool TsdfMap::is_settled(const Chunk& c, const std::array<int, 3>& local, int ed
       if ((c.settled[static_cast<std::size_t>(x)] & bits) != bits) return false;
     return true;
   }
-  const std::uint64_t bits = cell_bits((local[0] & 7) >> 1, (local[1] & 7) >> 1,
-                                       (local[2] & 7) >> 1, edge >> 1);
+  const std::uint64_t bits =
+      cell_bits((local[0] & 7) >> 1, (local[1] & 7) >> 1, (local[2] & 7) >> 1, edge >> 1);
   return (c.free[static_cast<std::size_t>(in_chunk(bx, by, bz))] & bits) == bits;
 }
 
@@ -45,13 +45,15 @@ void TsdfMap::set_free(Chunk& c, const std::array<int, 3>& local, int edge) noex
     const int n = edge >> 3;
     for (int x = bx; x < bx + n; ++x) {
       for (int y = by; y < by + n; ++y)
-        for (int z = bz; z < bz + n; ++z) c.free[static_cast<std::size_t>(in_chunk(x, y, z))] = ~0ULL;
+        for (int z = bz; z < bz + n; ++z)
+          c.free[static_cast<std::size_t>(in_chunk(x, y, z))] = ~0ULL;
       c.settled[static_cast<std::size_t>(x)] |= block_bits(by, bz, n);
     }
     return;
   }
   const auto slot = static_cast<std::size_t>(in_chunk(bx, by, bz));
-  c.free[slot] |= cell_bits((local[0] & 7) >> 1, (local[1] & 7) >> 1, (local[2] & 7) >> 1, edge >> 1);
+  c.free[slot] |=
+      cell_bits((local[0] & 7) >> 1, (local[1] & 7) >> 1, (local[2] & 7) >> 1, edge >> 1);
   if (c.free[slot] == ~0ULL) c.settled[slot >> 6U] |= 1ULL << (slot & 63U);
 }
 
@@ -72,8 +74,10 @@ void TsdfMap::carve_cube(const View& view, Chunk*& c, const std::array<int, 3>& 
   if (box.inside && box.z_far <= far &&
       static_cast<float>(range.least_mm) * 1e-3F > box.z_far + margin) {
     if (c == nullptr) c = chunk_for(node0[0] >> 6, node0[1] >> 6, node0[2] >> 6);
-    if (c == nullptr) ++stats.chunks_refused;
-    else set_free(*c, local, edge);
+    if (c == nullptr)
+      ++stats.chunks_refused;
+    else
+      set_free(*c, local, edge);
     return;
   }
   if (edge == 2) return;
@@ -82,12 +86,15 @@ void TsdfMap::carve_cube(const View& view, Chunk*& c, const std::array<int, 3>& 
   if (edge <= 8 && (!box.inside || box.z_far > far)) return;
   // An allocated block keeps its own bits.
   if (edge == 8 && c != nullptr &&
-      c->block[static_cast<std::size_t>(in_chunk(local[0] >> 3, local[1] >> 3, local[2] >> 3))] != kNoBlock)
+      c->block[static_cast<std::size_t>(in_chunk(local[0] >> 3, local[1] >> 3, local[2] >> 3))] !=
+          kNoBlock)
     return;
   const int h = edge / 2;
   for (int i = 0; i < 8; ++i)
-    carve_cube(view, c, {node0[0] + ((i >> 2) & 1) * h, node0[1] + ((i >> 1) & 1) * h,
-                         node0[2] + (i & 1) * h}, h, stats);
+    carve_cube(
+        view, c,
+        {node0[0] + ((i >> 2) & 1) * h, node0[1] + ((i >> 1) & 1) * h, node0[2] + (i & 1) * h}, h,
+        stats);
 }
 
 void TsdfMap::carve(const View& view, IntegrateStats& stats) noexcept {

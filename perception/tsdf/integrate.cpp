@@ -94,9 +94,10 @@ void TsdfMap::allocate_band(const View& view, int pixel_step, IntegrateStats& st
       if (((row[u] >> 16U) & 0xffU) == 0) continue;
       ++stats.rays;
       const double z = (row[u] & 0xffffU) * 1e-3, x = (u - k.cx) / k.fx;
-      const double half = truncation_ * (row[u] >> 24U) / DepthPyramid::kReachOne /
-                          std::sqrt(1.0 + x * x + y * y);
-      const double dir[3] = {R(0, 0) * x + R(0, 1) * y + R(0, 2), R(1, 0) * x + R(1, 1) * y + R(1, 2),
+      const double half =
+          truncation_ * (row[u] >> 24U) / DepthPyramid::kReachOne / std::sqrt(1.0 + x * x + y * y);
+      const double dir[3] = {R(0, 0) * x + R(0, 1) * y + R(0, 2),
+                             R(1, 0) * x + R(1, 1) * y + R(1, 2),
                              R(2, 0) * x + R(2, 1) * y + R(2, 2)};
       double q0[3], q1[3];
       std::array<int, 6> ends{};
@@ -142,24 +143,25 @@ void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
   cam.truncation_m = static_cast<float>(truncation_);
   cam.units_per_m = static_cast<float>(kDistanceOne / truncation_);
   cam.weight_cap = static_cast<std::int32_t>(config_.max_weight * kWeightOne);
-  cam.colour_band_m = view.frame.colour.data != nullptr ? static_cast<float>(config_.colour_band_m)
-                                                        : -1.0F;
+  cam.colour_band_m =
+      view.frame.colour.data != nullptr ? static_cast<float>(config_.colour_band_m) : -1.0F;
   const Mat3 step = view.X_CW.linear() * voxel_;
   for (int r = 0; r < 3; ++r) {
     cam.dx[r] = static_cast<float>(step(r, 0));
     cam.dy[r] = static_cast<float>(step(r, 1));
     cam.dz[r] = static_cast<float>(step(r, 2));
   }
-  const auto reach = static_cast<float>(truncation_ * DepthPyramid::kReachMost /
-                                        DepthPyramid::kReachOne) + 1e-4F;
-  const auto block_half = static_cast<float>(3.5 * voxel_), chunk_half = static_cast<float>(31.5 * voxel_);
+  const auto reach =
+      static_cast<float>(truncation_ * DepthPyramid::kReachMost / DepthPyramid::kReachOne) + 1e-4F;
+  const auto block_half = static_cast<float>(3.5 * voxel_),
+             chunk_half = static_cast<float>(31.5 * voxel_);
   const auto far = static_cast<float>(config_.max_depth_m) + reach;
   for (int n = 0; n < chunk_count_; ++n) {
     const Chunk& c = chunks_[static_cast<std::size_t>(n)];
     if (c.blocks == 0) continue;
-    const BoxView whole = view.boxes.view((c.coord.x * 64 + 31.5) * voxel_,
-                                          (c.coord.y * 64 + 31.5) * voxel_,
-                                          (c.coord.z * 64 + 31.5) * voxel_, chunk_half);
+    const BoxView whole =
+        view.boxes.view((c.coord.x * 64 + 31.5) * voxel_, (c.coord.y * 64 + 31.5) * voxel_,
+                        (c.coord.z * 64 + 31.5) * voxel_, chunk_half);
     if (!whole.visible || whole.z_near > far) continue;
     for (std::size_t slot = 0; slot < kChunkBlocks; ++slot) {
       const std::int32_t b = c.block[slot];
@@ -178,8 +180,7 @@ void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
 void TsdfMap::update_one(const View& view, const UpdateCamera& cam, std::int32_t b,
                          IntegrateStats& stats) noexcept {
   const BlockCoord at = coords_[static_cast<std::size_t>(b)];
-  const Vec3 first_C =
-      view.X_CW * (voxel_ * Vec3(8.0 * at.x, 8.0 * at.y, 8.0 * at.z));
+  const Vec3 first_C = view.X_CW * (voxel_ * Vec3(8.0 * at.x, 8.0 * at.y, 8.0 * at.z));
   const float p0[3] = {static_cast<float>(first_C.x()), static_cast<float>(first_C.y()),
                        static_cast<float>(first_C.z())};
   const std::size_t base = static_cast<std::size_t>(b) * kBlockVoxels;

@@ -39,7 +39,8 @@ bool MapReader::colour(const Vec3& p_W, Rgb& out) noexcept {
     if (d >= best) continue;
     const TsdfMap::Chunk* c = chunk_of(x >> 6, y >> 6, z >> 6);
     if (c == nullptr) continue;
-    const std::int32_t b = c->block[static_cast<std::size_t>(TsdfMap::in_chunk(x >> 3, y >> 3, z >> 3))];
+    const std::int32_t b =
+        c->block[static_cast<std::size_t>(TsdfMap::in_chunk(x >> 3, y >> 3, z >> 3))];
     if (b == TsdfMap::kNoBlock) continue;
     const std::uint32_t v = map_->block_colours(b)[TsdfMap::in_block(x, y, z)];
     if (v >> 24U == 0) continue;

@@ -16,7 +16,8 @@ class MapReader {
  public:
   // min_weight in observations: nodes below it count as unknown.
   explicit MapReader(const TsdfMap& map, double min_weight = 1.0) noexcept
-      : map_(&map), inv_voxel_(1.0 / map.voxel_size()),
+      : map_(&map),
+        inv_voxel_(1.0 / map.voxel_size()),
         min_raw_(static_cast<std::int32_t>(
             std::lround(std::fmin(std::fmax(min_weight * TsdfMap::kWeightOne, 1.0), 65535.0)))) {}
 
@@ -37,8 +38,7 @@ class MapReader {
   // nullptr when absent.
   [[nodiscard]] const TsdfMap::Chunk* chunk_of(int cx, int cy, int cz) noexcept {
     ChunkEntry& e = chunks_[static_cast<std::size_t>((cx & 3) << 4 | (cy & 3) << 2 | (cz & 3))];
-    if (((e.x ^ cx) | (e.y ^ cy) | (e.z ^ cz)) != 0)
-      e = {cx, cy, cz, map_->find_chunk(cx, cy, cz)};
+    if (((e.x ^ cx) | (e.y ^ cy) | (e.z ^ cz)) != 0) e = {cx, cy, cz, map_->find_chunk(cx, cy, cz)};
     return e.chunk;
   }
 
@@ -136,15 +136,16 @@ class MapReader {
     const int xa = (i & 7) << 6, xb = ((i + kSpan) & 7) << 6;
     const int ya = (j & 7) << 3, yb = ((j + kSpan) & 7) << 3;
     const int za = k & 7, zb = (k + kSpan) & 7;
-    return decode(Int4{p[0][xa + ya + za], p[1][xa + ya + zb], p[2][xa + yb + za], p[3][xa + yb + zb]},
-                  Int4{p[4][xb + ya + za], p[5][xb + ya + zb], p[6][xb + yb + za], p[7][xb + yb + zb]},
-                  fx, fy, fz);
+    return decode(
+        Int4{p[0][xa + ya + za], p[1][xa + ya + zb], p[2][xa + yb + za], p[3][xa + yb + zb]},
+        Int4{p[4][xb + ya + za], p[5][xb + ya + zb], p[6][xb + yb + za], p[7][xb + yb + zb]}, fx,
+        fy, fz);
   }
   [[nodiscard]] Cell decode(Int4 low, Int4 high, float fx, float fy, float fz) const noexcept {
     // Weights are 16 bits, so shifted down arithmetically and masked they compare as signed.
     const Int4 least = Int4{min_raw_, min_raw_, min_raw_, min_raw_};
     const Int4 poor = (((low >> 16) & 0xffff) < least) | (((high >> 16) & 0xffff) < least);
-    return {to_float((low << 16) >> 16), to_float((high << 16) >> 16), fx, fy, fz,
+    return {to_float((low << 16) >> 16),      to_float((high << 16) >> 16), fx, fy, fz,
             all_equal(poor, Int4{0, 0, 0, 0})};
   }
   void fetch(BlockEntry& e, int bx, int by, int bz) noexcept {

@@ -13,7 +13,8 @@
 namespace perception::marching_cubes {
 
 struct Edge {
-  std::uint8_t corner, axis;  // from `corner` (whose bit of the axis is 0) along 0 = x, 1 = y, 2 = z
+  std::uint8_t corner,
+      axis;  // from `corner` (whose bit of the axis is 0) along 0 = x, 1 = y, 2 = z
 };
 
 struct Case {
@@ -21,7 +22,9 @@ struct Case {
   std::array<std::array<std::uint8_t, 3>, 10> edge{};  // indices into kEdges
 };
 
-[[nodiscard]] constexpr std::uint8_t axis_bit(int axis) { return static_cast<std::uint8_t>(4 >> axis); }
+[[nodiscard]] constexpr std::uint8_t axis_bit(int axis) {
+  return static_cast<std::uint8_t>(4 >> axis);
+}
 
 [[nodiscard]] constexpr std::array<Edge, 12> make_edges() {
   std::array<Edge, 12> edges{};
@@ -67,7 +70,8 @@ inline constexpr std::array<Edge, 12> kEdges = make_edges();
     if (next[first] < 0 || done[first]) continue;
     std::size_t a = static_cast<std::size_t>(next[first]);
     done[first] = done[a] = true;
-    for (auto b = static_cast<std::size_t>(next[a]); b != first; b = static_cast<std::size_t>(next[b])) {
+    for (auto b = static_cast<std::size_t>(next[a]); b != first;
+         b = static_cast<std::size_t>(next[b])) {
       out.edge[out.triangles++] = {static_cast<std::uint8_t>(first), static_cast<std::uint8_t>(b),
                                    static_cast<std::uint8_t>(a)};
       done[b] = true;

@@ -18,7 +18,8 @@ namespace {
 class Mesher {
  public:
   Mesher(const TsdfMap& map, const MeshOptions& o)
-      : map_(map), reader_(map, o.min_weight),
+      : map_(map),
+        reader_(map, o.min_weight),
         max_jump_(static_cast<float>(o.max_edge_jump * TsdfMap::kDistanceOne)) {}
 
   Mesh run() {
@@ -34,7 +35,8 @@ class Mesher {
     const MapReader::Cell c = reader_.cell(i, j, k, 0.0F, 0.0F, 0.0F);
     if (!c.valid) return;
     unsigned inside = 0;
-    for (unsigned n = 0; n < 8; ++n) inside |= static_cast<unsigned>(c.corner(static_cast<int>(n)) <= 0) << n;
+    for (unsigned n = 0; n < 8; ++n)
+      inside |= static_cast<unsigned>(c.corner(static_cast<int>(n)) <= 0) << n;
     const marching_cubes::Case& m = marching_cubes::kCases[inside];
     if (m.triangles == 0) return;
     for (const marching_cubes::Edge& e : marching_cubes::kEdges) {
@@ -56,7 +58,8 @@ class Mesher {
     const std::uint64_t key = (static_cast<std::uint64_t>(x) & kMask) << 42U |
                               (static_cast<std::uint64_t>(y) & kMask) << 22U |
                               (static_cast<std::uint64_t>(z) & kMask) << 2U | e.axis;
-    const auto [it, added] = index_.try_emplace(key, static_cast<std::uint32_t>(mesh_.vertices_W.size()));
+    const auto [it, added] =
+        index_.try_emplace(key, static_cast<std::uint32_t>(mesh_.vertices_W.size()));
     if (!added) return it->second;
     const float a = c.corner(e.corner), b = c.corner(e.corner | marching_cubes::axis_bit(e.axis));
     Vec3 p(x, y, z);
@@ -126,7 +129,8 @@ Mesh extract_mesh(rt::NonRealtime&, const TsdfMap& map, const MeshOptions& optio
 }
 
 rt::Result<bool> write_ply(rt::NonRealtime&, const std::string& path, const Mesh& mesh) {
-  if (mesh.normals_W.size() != mesh.vertices_W.size() || mesh.colours.size() != mesh.vertices_W.size())
+  if (mesh.normals_W.size() != mesh.vertices_W.size() ||
+      mesh.colours.size() != mesh.vertices_W.size())
     return rt::Error{path + ": the mesh has " + std::to_string(mesh.vertices_W.size()) +
                      " vertices but another number of normals or colours"};
   const std::string beside = path + ".tmp" + std::to_string(::getpid());

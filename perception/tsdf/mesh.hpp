@@ -16,20 +16,23 @@ namespace perception {
 
 struct Mesh {
   std::vector<Eigen::Vector3f> vertices_W;
-  std::vector<Eigen::Vector3f> normals_W;  // unit, towards free space
-  std::vector<Rgb> colours;                // grey where the map has none
+  std::vector<Eigen::Vector3f> normals_W;               // unit, towards free space
+  std::vector<Rgb> colours;                             // grey where the map has none
   std::vector<std::array<std::uint32_t, 3>> triangles;  // counter-clockwise seen from free space
 };
 
 struct MeshOptions {
-  double min_weight = 2.0;      // observations; cells with a corner below are left open
-  double max_edge_jump = 1.2;   // in truncations: a steeper sign change is an occlusion, not a surface
+  double min_weight = 2.0;  // observations; cells with a corner below are left open
+  double max_edge_jump =
+      1.2;  // in truncations: a steeper sign change is an occlusion, not a surface
 };
 
-[[nodiscard]] Mesh extract_mesh(rt::NonRealtime&, const TsdfMap& map, const MeshOptions& options = {});
+[[nodiscard]] Mesh extract_mesh(rt::NonRealtime&, const TsdfMap& map,
+                                const MeshOptions& options = {});
 
 // Binary little-endian PLY: x y z nx ny nz (float) red green blue (uchar), faces as uchar + 3 ints.
 // Written beside and renamed, so `path` never holds half a file.
-[[nodiscard]] rt::Result<bool> write_ply(rt::NonRealtime&, const std::string& path, const Mesh& mesh);
+[[nodiscard]] rt::Result<bool> write_ply(rt::NonRealtime&, const std::string& path,
+                                         const Mesh& mesh);
 
 }  // namespace perception

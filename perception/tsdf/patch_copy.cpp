@@ -10,7 +10,6 @@
 namespace perception {
 namespace {
 
-
 // words: first node of the brick in its block. Returns the free bits.
 TELETACT_CLONES
 std::uint64_t copy_brick(const std::uint32_t* words, const std::uint64_t* free_x, int y0, int z0,
@@ -107,7 +106,8 @@ bool copy_patch(const TsdfMap& map, const Vec3& centre_W, int nodes, SurfacePatc
           const int first = TsdfMap::in_block(i, j, k);
           out.free[at] = copy_brick(map.block_words(b) + first, map.block_free(b) + (i & 7), j & 7,
                                     k & 7, distance, material);
-          if (!slot_of_label.empty()) label_brick(map.block_labels(b) + first, slot_of_label, material);
+          if (!slot_of_label.empty())
+            label_brick(map.block_labels(b) + first, slot_of_label, material);
           continue;
         }
         std::memset(distance, 0, 64 * sizeof *distance);

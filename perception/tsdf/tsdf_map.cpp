@@ -17,7 +17,8 @@ constexpr int kChunkEdgeBlocks = 8;
 std::uint64_t chunk_key(int cx, int cy, int cz) noexcept {
   constexpr std::uint64_t kMask = (1U << 21U) - 1U;
   return (1ULL << 63U) | ((static_cast<std::uint64_t>(cx) & kMask) << 42U) |
-         ((static_cast<std::uint64_t>(cy) & kMask) << 21U) | (static_cast<std::uint64_t>(cz) & kMask);
+         ((static_cast<std::uint64_t>(cy) & kMask) << 21U) |
+         (static_cast<std::uint64_t>(cz) & kMask);
 }
 
 void require(bool ok, const char* key, double value, const char* range) {
@@ -92,10 +93,13 @@ double TsdfConfig::effective_truncation() const noexcept {
 }
 
 TsdfMap::TsdfMap(rt::NonRealtime& nrt, const TsdfConfig& config)
-    : config_(checked(config)), voxel_(config.voxel_size_m),
+    : config_(checked(config)),
+      voxel_(config.voxel_size_m),
       truncation_(config.effective_truncation()),
-      metres_per_unit_(static_cast<float>(truncation_ / kDistanceOne)), range_weight_(config.weighting == "range"),
-      pyramid_(nrt), scratch_(std::make_unique<UpdateScratch>()) {
+      metres_per_unit_(static_cast<float>(truncation_ / kDistanceOne)),
+      range_weight_(config.weighting == "range"),
+      pyramid_(nrt),
+      scratch_(std::make_unique<UpdateScratch>()) {
   const auto blocks = static_cast<std::size_t>(config_.max_blocks);
   const auto chunks = static_cast<std::size_t>(config_.max_chunks);
   const std::size_t slots = std::bit_ceil(2 * chunks);
@@ -209,7 +213,8 @@ void TsdfMap::clear_nodes(Chunk& c, int slot, const std::array<int, 3>& lo,
   const auto s = static_cast<std::size_t>(slot);
   const std::int32_t b = c.block[s];
   std::array<std::uint64_t, 8> bits{};
-  std::uint64_t* free = b == kNoBlock ? bits.data() : free_.data() + static_cast<std::ptrdiff_t>(b) * 8;
+  std::uint64_t* free =
+      b == kNoBlock ? bits.data() : free_.data() + static_cast<std::ptrdiff_t>(b) * 8;
   if (b == kNoBlock) expand_free(c.free[s], free);
   for (int x = lo[0]; x <= hi[0]; ++x)
     for (int y = lo[1]; y <= hi[1]; ++y)

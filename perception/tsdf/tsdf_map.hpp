@@ -36,21 +36,22 @@
 
 namespace perception {
 
-struct UpdateCamera;   // voxel_update.hpp
+struct UpdateCamera;  // voxel_update.hpp
 struct UpdateScratch;
 
 struct TsdfConfig {
   double voxel_size_m = 0.01;
-  double truncation_m = 0.05;     // at least 2.1 voxels, see effective_truncation()
-  double min_depth_m = 0.2;       // nearer readings are ignored
-  double max_depth_m = 5.0;       // farther readings carve free space up to here, no more
-  double max_weight = 100;        // observations; a cap lets changes be learned
-  std::string weighting = "uniform";  // or "range": weight falls with the noise, (1.5 m / z)^2, >= 1/4
-  double edge_base_m = 0.04;      // a reading is on a depth edge when a neighbour differs by more than
-  double edge_per_m = 0.02;       // edge_base_m + edge_per_m * z; edges carve but are not fused
-  double colour_band_m = 0.02;    // colour is fused this near to the surface
-  int max_blocks = 32768;         // about 5.2 KiB each
-  int max_chunks = 4096;          // about 6.2 KiB each
+  double truncation_m = 0.05;  // at least 2.1 voxels, see effective_truncation()
+  double min_depth_m = 0.2;    // nearer readings are ignored
+  double max_depth_m = 5.0;    // farther readings carve free space up to here, no more
+  double max_weight = 100;     // observations; a cap lets changes be learned
+  std::string weighting =
+      "uniform";              // or "range": weight falls with the noise, (1.5 m / z)^2, >= 1/4
+  double edge_base_m = 0.04;  // a reading is on a depth edge when a neighbour differs by more than
+  double edge_per_m = 0.02;   // edge_base_m + edge_per_m * z; edges carve but are not fused
+  double colour_band_m = 0.02;  // colour is fused this near to the surface
+  int max_blocks = 32768;       // about 5.2 KiB each
+  int max_chunks = 4096;        // about 6.2 KiB each
 
   void describe(config::Section& s);
   // truncation_m, raised to 2.1 voxels where the voxels are coarse.
@@ -70,9 +71,9 @@ struct FrameView {
 
 // Deterministic work counts of one integrate(); a job's cost follows them.
 struct IntegrateStats {
-  bool refused = false;          // pose or image not usable: the map is unchanged
-  std::int32_t pixels = 0;       // readings in range, edges excluded
-  std::int32_t rays = 0;         // readings whose band was allocated
+  bool refused = false;     // pose or image not usable: the map is unchanged
+  std::int32_t pixels = 0;  // readings in range, edges excluded
+  std::int32_t rays = 0;    // readings whose band was allocated
   std::int32_t blocks_new = 0;
   std::int32_t blocks_refused = 0;  // fault when > 0: block pool or chunk pool full (band lost)
   std::int32_t chunks_refused = 0;  // free space that found no chunk
@@ -92,10 +93,10 @@ enum class Seen : std::uint8_t { kUnknown = 0, kFree = 1, kBand = 2 };
 class TsdfMap {
  public:
   static constexpr int kBlockShift = 3, kBlockEdge = 8, kBlockVoxels = 512;
-  static constexpr int kChunkShift = 6;          // of nodes: 64 along an edge
-  static constexpr int kChunkBlocks = 512;       // 8^3
-  static constexpr int kWeightOne = 128;         // raw weight of one full observation
-  static constexpr int kDistanceOne = 32767;     // raw distance of one truncation
+  static constexpr int kChunkShift = 6;       // of nodes: 64 along an edge
+  static constexpr int kChunkBlocks = 512;    // 8^3
+  static constexpr int kWeightOne = 128;      // raw weight of one full observation
+  static constexpr int kDistanceOne = 32767;  // raw distance of one truncation
   static constexpr std::int32_t kNoBlock = -1;
   static constexpr std::int32_t kMaxBlockCoord = 1 << 19;  // |coordinate| beyond is refused
 
@@ -136,7 +137,8 @@ class TsdfMap {
     return static_cast<std::uint16_t>(w >> 16U);
   }
   [[nodiscard]] static constexpr std::uint32_t make_word(int distance, int weight) noexcept {
-    return (static_cast<std::uint32_t>(distance) & 0xffffU) | (static_cast<std::uint32_t>(weight) << 16U);
+    return (static_cast<std::uint32_t>(distance) & 0xffffU) |
+           (static_cast<std::uint32_t>(weight) << 16U);
   }
   // Index of node (x,y,z) within its block, 0 <= x,y,z < 8; z runs fastest.
   [[nodiscard]] static constexpr int in_block(int x, int y, int z) noexcept {
@@ -144,7 +146,7 @@ class TsdfMap {
   }
 
   // --- blocks, by pool index; live blocks are those with in_use().
-  [[nodiscard]] std::int32_t find_block(BlockCoord b) const noexcept;  // kNoBlock when absent
+  [[nodiscard]] std::int32_t find_block(BlockCoord b) const noexcept;      // kNoBlock when absent
   [[nodiscard]] int block_slots() const noexcept { return used_blocks_; }  // indices 0..slots-1
   [[nodiscard]] bool in_use(std::int32_t block) const noexcept {
     return in_use_[static_cast<std::size_t>(block)] != 0;
@@ -191,11 +193,11 @@ class TsdfMap {
 
   // --- chunks: what raycast, patch copy and the readers walk.
   struct Chunk {
-    std::array<std::int32_t, kChunkBlocks> block;   // pool index or kNoBlock
-    std::array<std::uint64_t, kChunkBlocks> free;   // one bit per 2^3 nodes, bit (x*4+y)*4+z
-    std::array<std::uint64_t, 8> settled;           // bit by*8+bz of word bx: block allocated, or all free
-    BlockCoord coord;                               // in chunks
-    std::int32_t blocks;                            // allocated
+    std::array<std::int32_t, kChunkBlocks> block;  // pool index or kNoBlock
+    std::array<std::uint64_t, kChunkBlocks> free;  // one bit per 2^3 nodes, bit (x*4+y)*4+z
+    std::array<std::uint64_t, 8> settled;  // bit by*8+bz of word bx: block allocated, or all free
+    BlockCoord coord;                      // in chunks
+    std::int32_t blocks;                   // allocated
   };
   [[nodiscard]] const Chunk* find_chunk(int cx, int cy, int cz) const noexcept;
   [[nodiscard]] const Chunk& chunk(int n) const noexcept {  // n < chunk_count(), allocation order
@@ -228,7 +230,7 @@ class TsdfMap {
   float metres_per_unit_ = 0;
   std::uint32_t map_id_ = 1;
 
-  std::vector<std::uint64_t> keys_;    // hash of chunks; 0 = empty
+  std::vector<std::uint64_t> keys_;  // hash of chunks; 0 = empty
   std::vector<std::int32_t> values_;
   std::vector<Chunk> chunks_;
   int chunk_count_ = 0;

@@ -72,7 +72,8 @@ void fuse(const UpdateCamera& c, UpdateScratch& s, std::uint32_t* __restrict wor
     const std::uint32_t reading = s.reading[static_cast<std::size_t>(n)];
     const auto depth_mm = static_cast<std::int32_t>(reading & 0xffffU);
     const auto w_pixel = static_cast<std::int32_t>((reading >> 16U) & 0xffU);
-    const float limit = trunc * (static_cast<float>(static_cast<std::int32_t>(reading >> 24U)) * 0.03125F);
+    const float limit =
+        trunc * (static_cast<float>(static_cast<std::int32_t>(reading >> 24U)) * 0.03125F);
     const float sdf = (static_cast<float>(depth_mm) * 0.001F - s.z[static_cast<std::size_t>(n)]) *
                       s.stretch[static_cast<std::size_t>(n)];
     const std::uint32_t word = words[n];
@@ -89,19 +90,19 @@ void fuse(const UpdateCamera& c, UpdateScratch& s, std::uint32_t* __restrict wor
     const float clipped = scaled > 32767.0F ? 32767.0F : scaled < -32767.0F ? -32767.0F : scaled;
     const float value = band != 0 ? clipped : 32767.0F;
     const std::int32_t w_sum = w + w_new;
-    const float mean = (static_cast<float>(d) * static_cast<float>(w) +
-                        value * static_cast<float>(w_new)) /
-                       static_cast<float>(w_sum > 1 ? w_sum : 1);
+    const float mean =
+        (static_cast<float>(d) * static_cast<float>(w) + value * static_cast<float>(w_new)) /
+        static_cast<float>(w_sum > 1 ? w_sum : 1);
     const auto rounded = static_cast<std::int32_t>(mean + (mean >= 0.0F ? 0.5F : -0.5F));
     const std::int32_t w_kept = w_sum < cap ? w_sum : cap;
-    const std::uint32_t updated =
-        (static_cast<std::uint32_t>(rounded) & 0xffffU) | (static_cast<std::uint32_t>(w_kept) << 16U);
+    const std::uint32_t updated = (static_cast<std::uint32_t>(rounded) & 0xffffU) |
+                                  (static_cast<std::uint32_t>(w_kept) << 16U);
     words[n] = w_new != 0 ? updated : word;
     const std::int32_t outside = static_cast<std::int32_t>(sdf > 0.0F);
     s.set_free[static_cast<std::size_t>(n)] = static_cast<std::uint8_t>(front | (band & outside));
     s.clear_free[static_cast<std::size_t>(n)] = static_cast<std::uint8_t>(band & (outside ^ 1));
-    const std::int32_t near = band & static_cast<std::int32_t>(sdf <= band_c) &
-                              static_cast<std::int32_t>(sdf >= -band_c);
+    const std::int32_t near =
+        band & static_cast<std::int32_t>(sdf <= band_c) & static_cast<std::int32_t>(sdf >= -band_c);
     s.near[static_cast<std::size_t>(n)] = static_cast<std::uint8_t>(near);
     fused += band;
     carved += carve;

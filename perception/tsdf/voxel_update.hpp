@@ -22,9 +22,9 @@ struct UpdateCamera {
   int width, height;
   const std::uint32_t* pixels;  // DepthPyramid::pixels(); [width * height] is 0
   float truncation_m;
-  float units_per_m;            // 32767 / truncation
-  std::int32_t weight_cap;      // raw
-  float dx[3], dy[3], dz[3];    // one node along each world axis, in the camera frame, m
+  float units_per_m;          // 32767 / truncation
+  std::int32_t weight_cap;    // raw
+  float dx[3], dy[3], dz[3];  // one node along each world axis, in the camera frame, m
   float colour_band_m;
 };
 
@@ -38,7 +38,7 @@ struct UpdateScratch {
   alignas(64) std::array<std::uint32_t, 512> reading;
   alignas(64) std::array<float, 512> z, stretch;
   alignas(64) std::array<std::uint8_t, 512> set_free, clear_free;
-  alignas(64) std::array<std::uint8_t, 512> near;   // 1: fused and within the colour band
+  alignas(64) std::array<std::uint8_t, 512> near;  // 1: fused and within the colour band
 };
 
 // words: 512 of the block; free: its 8 words of bits.

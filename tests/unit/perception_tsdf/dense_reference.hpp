@@ -20,17 +20,24 @@ struct DenseReference {
   std::vector<Node> nodes;
 
   DenseReference(int lo_node, int edge_nodes, const TsdfConfig& c)
-      : lo(lo_node), edge(edge_nodes), voxel(c.voxel_size_m), truncation(c.effective_truncation()),
-        max_weight(c.max_weight), nodes(static_cast<std::size_t>(edge) * edge * edge) {}
+      : lo(lo_node),
+        edge(edge_nodes),
+        voxel(c.voxel_size_m),
+        truncation(c.effective_truncation()),
+        max_weight(c.max_weight),
+        nodes(static_cast<std::size_t>(edge) * edge * edge) {}
 
   [[nodiscard]] Node& at(int i, int j, int k) {
-    return nodes[(static_cast<std::size_t>(i - lo) * static_cast<std::size_t>(edge) + static_cast<std::size_t>(j - lo)) *
-                     static_cast<std::size_t>(edge) + static_cast<std::size_t>(k - lo)];
+    return nodes[(static_cast<std::size_t>(i - lo) * static_cast<std::size_t>(edge) +
+                  static_cast<std::size_t>(j - lo)) *
+                     static_cast<std::size_t>(edge) +
+                 static_cast<std::size_t>(k - lo)];
   }
 
   // pixels: DepthPyramid's, tested apart. stored(i,j,k): the map keeps a block there.
   template <class Stored>
-  void integrate(const Intrinsics& c, const std::uint32_t* pixels, const Pose& X_WC, Stored&& stored) {
+  void integrate(const Intrinsics& c, const std::uint32_t* pixels, const Pose& X_WC,
+                 Stored&& stored) {
     const Pose X_CW = X_WC.inverse(Eigen::Isometry);
     const Mat3 step = X_CW.linear() * voxel;
     const Eigen::Matrix3f axes = step.cast<float>();
@@ -39,7 +46,8 @@ struct DenseReference {
         for (int k = lo; k < lo + edge; ++k) {
           if (!stored(i, j, k)) continue;
           const auto first = [](int n) { return 8.0 * (n >> 3); };
-          const Eigen::Vector3f base = (X_CW * (voxel * Vec3(first(i), first(j), first(k)))).cast<float>();
+          const Eigen::Vector3f base =
+              (X_CW * (voxel * Vec3(first(i), first(j), first(k)))).cast<float>();
           float p[3];
           for (int a = 0; a < 3; ++a) {
             p[a] = base(a) + static_cast<float>(i & 7) * axes(a, 0);
@@ -59,7 +67,8 @@ struct DenseReference {
           const int weight = static_cast<int>((pixel >> 16U) & 0xffU);
           const float depth = static_cast<float>(pixel & 0xffffU) * 0.001F;
           const float sdf = (depth - p[2]) * std::sqrt((1.0F + x * x) + y * y);
-          const float limit = static_cast<float>(truncation) * (static_cast<float>(pixel >> 24U) / 32.0F);
+          const float limit =
+              static_cast<float>(truncation) * (static_cast<float>(pixel >> 24U) / 32.0F);
           Node& n = at(i, j, k);
           if (sdf > limit) {
             n.free = true;
@@ -74,8 +83,9 @@ struct DenseReference {
   }
 
   void learn(Node& n, float s, int w) const {
-    const float mean = (static_cast<float>(n.d) * static_cast<float>(n.w) + s * static_cast<float>(w)) /
-                       static_cast<float>(n.w + w);
+    const float mean =
+        (static_cast<float>(n.d) * static_cast<float>(n.w) + s * static_cast<float>(w)) /
+        static_cast<float>(n.w + w);
     n.d = static_cast<int>(std::lround(mean));
     n.w = std::min(n.w + w, static_cast<int>(max_weight * 128));
   }

@@ -18,14 +18,24 @@ using namespace perception;  // NOLINT: a test-only header
 
 // Union of half-spaces, spheres and axis-aligned boxes.
 struct Scene {
-  struct Plane { Vec3 point, normal; };   // solid behind the normal
-  struct Sphere { Vec3 centre; double radius; };
-  struct Box { Vec3 lo, hi; };
+  struct Plane {
+    Vec3 point, normal;
+  };  // solid behind the normal
+  struct Sphere {
+    Vec3 centre;
+    double radius;
+  };
+  struct Box {
+    Vec3 lo, hi;
+  };
   std::vector<Plane> planes;
   std::vector<Sphere> spheres;
   std::vector<Box> boxes;
 
-  struct Hit { double t = std::numeric_limits<double>::infinity(); Vec3 normal = Vec3::Zero(); };
+  struct Hit {
+    double t = std::numeric_limits<double>::infinity();
+    Vec3 normal = Vec3::Zero();
+  };
 
   // First surface of o + t d, t > 0, entered from outside.
   [[nodiscard]] Hit cast(const Vec3& o, const Vec3& d) const {
@@ -52,7 +62,8 @@ struct Scene {
         if (std::min(t0, t1) > in) in = std::min(t0, t1), axis = a;
         out = std::min(out, std::max(t0, t1));
       }
-      if (in < out && in > 0 && in < best.t) best = {in, d(axis) > 0 ? Vec3(-Vec3::Unit(axis)) : Vec3(Vec3::Unit(axis))};
+      if (in < out && in > 0 && in < best.t)
+        best = {in, d(axis) > 0 ? Vec3(-Vec3::Unit(axis)) : Vec3(Vec3::Unit(axis))};
     }
     return best;
   }
@@ -101,7 +112,9 @@ inline Frame render(const Scene& scene, const Intrinsics& k, const Pose& X_WC, d
       if (noise_m > 0) z += noise_m * z * z * random.normal();
       if (holes > 0 && random.uniform() < holes) continue;
       f.depth.at(u, v) = static_cast<std::uint16_t>(std::lround(z * 1000));
-      const auto shade = [](double n) { return static_cast<std::uint8_t>(std::lround(128 + 100 * n)); };
+      const auto shade = [](double n) {
+        return static_cast<std::uint8_t>(std::lround(128 + 100 * n));
+      };
       f.colour.at(u, v) = {shade(hit.normal.x()), shade(hit.normal.y()), shade(hit.normal.z())};
     }
   return f;
@@ -113,9 +126,9 @@ inline Intrinsics small_camera() { return {91.25, 91.25, 63.5, 52.5, 128, 106}; 
 // A room 5 x 4 x 2.5 m about the origin, seen from inside, with a sphere and two boxes.
 inline Scene room() {
   Scene s;
-  s.planes = {{{0, 0, 0}, Vec3::UnitZ()},          {{0, 0, 2.5}, -Vec3::UnitZ()},
-              {{2.5, 0, 0}, -Vec3::UnitX()},       {{-2.5, 0, 0}, Vec3::UnitX()},
-              {{0, 2, 0}, -Vec3::UnitY()},         {{0, -2, 0}, Vec3::UnitY()}};
+  s.planes = {{{0, 0, 0}, Vec3::UnitZ()},    {{0, 0, 2.5}, -Vec3::UnitZ()},
+              {{2.5, 0, 0}, -Vec3::UnitX()}, {{-2.5, 0, 0}, Vec3::UnitX()},
+              {{0, 2, 0}, -Vec3::UnitY()},   {{0, -2, 0}, Vec3::UnitY()}};
   s.spheres = {{{1.2, 0.3, 0.9}, 0.3}};
   s.boxes = {{{0.6, -1.0, 0.0}, {1.1, -0.4, 0.6}}, {{1.6, 0.9, 0.0}, {2.1, 1.5, 1.1}}};
   return s;
@@ -139,6 +152,20 @@ inline TsdfConfig small_map(double voxel = 0.02) {
   c.max_blocks = 8192;
   c.max_chunks = 512;
   return c;
+}
+
+// A sphere and a box before a wall, all inside [-0.64, 0.64]^3, seen from about 1.2 m.
+inline Scene table_top() {
+  Scene s;
+  s.planes = {{{0.45, 0, 0}, -Vec3::UnitX()}};
+  s.spheres = {{{0.05, 0.15, 0.1}, 0.15}};
+  s.boxes = {{{0.0, -0.35, -0.3}, {0.2, -0.12, 0.0}}};
+  return s;
+}
+
+inline Pose around(int n) {
+  const double a = 0.35 * std::sin(0.9 * n), b = 0.3 * std::cos(0.7 * n);
+  return look_at(Vec3(-0.95 * std::cos(a), 0.95 * std::sin(a), b), Vec3(0.1, 0, 0));
 }
 
 }  // namespace tests

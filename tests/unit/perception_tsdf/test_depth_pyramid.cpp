@@ -8,8 +8,16 @@ namespace tests {
 namespace {
 
 DepthRule rule_for(const Intrinsics& k) {
-  return {0.2F, 4.0F, 0.04F, 0.02F, static_cast<float>(k.fx), static_cast<float>(k.fy),
-          static_cast<float>(k.cx), static_cast<float>(k.cy), 1.0F, false};
+  return {0.2F,
+          4.0F,
+          0.04F,
+          0.02F,
+          static_cast<float>(k.fx),
+          static_cast<float>(k.fy),
+          static_cast<float>(k.cx),
+          static_cast<float>(k.cy),
+          1.0F,
+          false};
 }
 
 int reading(const Image<std::uint16_t>& d, int u, int v) {
@@ -85,13 +93,18 @@ TEST(DepthPyramid, RangeHoldsEveryPixelOfTheRectangle) {
   Intrinsics k{300, 300, 150, 100, 301, 203};  // odd sizes: tiles at the border are cut
   Image<std::uint16_t> d(k.width, k.height);
   for (int i = 0; i < k.width * k.height; ++i)
-    d.data()[i] = static_cast<std::uint16_t>(random.uniform() < 0.002 ? 0 : random.integer(1000, 1030));
+    d.data()[i] =
+        static_cast<std::uint16_t>(random.uniform() < 0.002 ? 0 : random.integer(1000, 1030));
   pyramid.build(d.view(), rule_for(k));
   std::int64_t loose = 0;
   for (int n = 0; n < 3000; ++n) {
-    int u0 = static_cast<int>(random.integer(0, k.width - 1)), u1 = static_cast<int>(random.integer(0, k.width - 1));
-    int v0 = static_cast<int>(random.integer(0, k.height - 1)), v1 = static_cast<int>(random.integer(0, k.height - 1));
-    if (n % 3 != 0) u1 = std::min(u0 + static_cast<int>(random.integer(0, 9)), k.width - 1), v1 = std::min(v0 + 4, k.height - 1);
+    int u0 = static_cast<int>(random.integer(0, k.width - 1)),
+        u1 = static_cast<int>(random.integer(0, k.width - 1));
+    int v0 = static_cast<int>(random.integer(0, k.height - 1)),
+        v1 = static_cast<int>(random.integer(0, k.height - 1));
+    if (n % 3 != 0)
+      u1 = std::min(u0 + static_cast<int>(random.integer(0, 9)), k.width - 1),
+      v1 = std::min(v0 + 4, k.height - 1);
     if (u1 < u0) std::swap(u0, u1);
     if (v1 < v0) std::swap(v0, v1);
     std::uint32_t least = 65535, greatest = 0;
@@ -144,7 +157,8 @@ TEST(DepthPyramid, RangeWeightFallsWithTheSquare) {
   Intrinsics k{90, 90, 10, 10, 21, 21};
   DepthRule rule = rule_for(k);
   rule.range_weight = true;
-  for (const auto& [mm, want] : {std::pair{800, 128}, {1500, 128}, {2000, 72}, {3000, 32}, {3900, 32}}) {
+  for (const auto& [mm, want] :
+       {std::pair{800, 128}, {1500, 128}, {2000, 72}, {3000, 32}, {3900, 32}}) {
     Image<std::uint16_t> d(21, 21, static_cast<std::uint16_t>(mm));
     pyramid.build(d.view(), rule);
     EXPECT_EQ((pyramid.pixels()[10 * 21 + 10] >> 16U) & 0xffU, static_cast<unsigned>(want)) << mm;

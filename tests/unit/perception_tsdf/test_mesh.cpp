@@ -26,7 +26,8 @@ TEST(MarchingCubes, EveryCaseIsClosedWithinItsFaces) {
         ++sides[{m.edge[t][v], m.edge[t][(v + 1) % 3]}];
       }
     for (int e = 0; e < 12; ++e) {
-      const int a = mc::kEdges[static_cast<std::size_t>(e)].corner, b = a | mc::axis_bit(mc::kEdges[static_cast<std::size_t>(e)].axis);
+      const int a = mc::kEdges[static_cast<std::size_t>(e)].corner,
+                b = a | mc::axis_bit(mc::kEdges[static_cast<std::size_t>(e)].axis);
       if (((c >> a) & 1) != ((c >> b) & 1)) crossed.insert(e);
     }
     EXPECT_EQ(used, crossed) << c;
@@ -79,7 +80,8 @@ TEST(MarchingCubes, NeighboursAgreeOnTheSharedFace) {
         for (std::size_t t = 0; t < m.triangles; ++t)
           for (std::size_t v = 0; v < 3; ++v) all.insert({m.edge[t][v], m.edge[t][(v + 1) % 3]});
         for (const auto& [a, b] : all)
-          if (!all.contains({b, a}) && on_face(a) && on_face(b)) sides.insert(upper ? std::pair{name(a), name(b)} : std::pair{name(b), name(a)});
+          if (!all.contains({b, a}) && on_face(a) && on_face(b))
+            sides.insert(upper ? std::pair{name(a), name(b)} : std::pair{name(b), name(a)});
         return sides;
       };
       for (int rest = 0; rest < 16; ++rest) {
@@ -106,13 +108,16 @@ struct Field {
     // Frames from all sides allocate the blocks; then every node gets the true distance.
     for (int n = 0; n < 14; ++n) {
       const double a = 0.9 * n, b = -1.2 + 0.18 * n;
-      const Pose X = look_at(Vec3(std::cos(a) * std::cos(b), std::sin(a) * std::cos(b), std::sin(b)) * 1.2, Vec3(1e-4, 0, 0));
+      const Pose X =
+          look_at(Vec3(std::cos(a) * std::cos(b), std::sin(a) * std::cos(b), std::sin(b)) * 1.2,
+                  Vec3(1e-4, 0, 0));
       map.integrate(render(scene, small_camera(), X).view(true), X, 1);
     }
     map.for_each_block([&](std::int32_t b, BlockCoord at) {
       auto* words = const_cast<std::uint32_t*>(map.block_words(b));
       for (int n = 0; n < 512; ++n) {
-        const Vec3 p = 0.02 * Vec3(at.x * 8 + (n >> 6), at.y * 8 + ((n >> 3) & 7), at.z * 8 + (n & 7));
+        const Vec3 p =
+            0.02 * Vec3(at.x * 8 + (n >> 6), at.y * 8 + ((n >> 3) & 7), at.z * 8 + (n & 7));
         const double d = std::clamp(scene.distance(p) / 0.05, -1.0, 1.0);
         words[n] = TsdfMap::make_word(static_cast<int>(std::lround(d * 32767)), 1280);
       }
@@ -159,12 +164,14 @@ TEST(Mesh, SphereIsClosedRoundAndOnTheSurface) {
     EXPECT_NEAR(f.mesh.normals_W[i].norm(), 1, 1e-5);
   }
   for (const auto& tri : f.mesh.triangles) {
-    const Vec3 a = f.mesh.vertices_W[tri[0]].cast<double>() - centre, b = f.mesh.vertices_W[tri[1]].cast<double>() - centre,
+    const Vec3 a = f.mesh.vertices_W[tri[0]].cast<double>() - centre,
+               b = f.mesh.vertices_W[tri[1]].cast<double>() - centre,
                c = f.mesh.vertices_W[tri[2]].cast<double>() - centre;
     area += 0.5 * (b - a).cross(c - a).norm();
     volume += a.dot(b.cross(c)) / 6;
   }
-  std::printf("sphere: %ld vertices, worst %.3f mm, area %.4f of %.4f m2\n", t.vertices, worst * 1e3, area, 4 * M_PI * 0.0625);
+  std::printf("sphere: %ld vertices, worst %.3f mm, area %.4f of %.4f m2\n", t.vertices,
+              worst * 1e3, area, 4 * M_PI * 0.0625);
   EXPECT_LT(worst, 0.0006);  // second order: voxel^2 / (8 r)
   EXPECT_NEAR(area, 4 * M_PI * 0.0625, 0.01);
   EXPECT_NEAR(volume, 4.0 / 3 * M_PI * 0.25 * 0.25 * 0.25, 5e-4);  // positive: seen from outside
@@ -172,7 +179,8 @@ TEST(Mesh, SphereIsClosedRoundAndOnTheSurface) {
 
 TEST(Mesh, TwoTouchingBoxesStayClosed) {
   Scene scene;  // a shared edge makes ambiguous faces
-  scene.boxes = {{{-0.21, -0.21, -0.15}, {-0.01, -0.01, 0.15}}, {{-0.011, -0.009, -0.15}, {0.2, 0.21, 0.15}}};
+  scene.boxes = {{{-0.21, -0.21, -0.15}, {-0.01, -0.01, 0.15}},
+                 {{-0.011, -0.009, -0.15}, {0.2, 0.21, 0.15}}};
   const Topology t = topology(Field(scene).mesh);
   EXPECT_EQ(t.open, 0);
   EXPECT_EQ(t.twisted, 0);
@@ -193,7 +201,8 @@ TEST(Mesh, FusedRoomLiesOnTheWallsWithoutShadowSurfaces) {
     ASSERT_TRUE(v.allFinite());
     mm.push_back(std::fabs(scene.distance(v.cast<double>())) * 1e3);
   }
-  std::printf("room: %zu vertices, median %.2f p95 %.2f p99 %.2f mm\n", mm.size(), quantile(mm, 0.5), quantile(mm, 0.95), quantile(mm, 0.99));
+  std::printf("room: %zu vertices, median %.2f p95 %.2f p99 %.2f mm\n", mm.size(),
+              quantile(mm, 0.5), quantile(mm, 0.95), quantile(mm, 0.99));
   EXPECT_GT(mm.size(), 10000U);
   EXPECT_LT(quantile(mm, 0.5), 2.0);
   EXPECT_LT(quantile(mm, 0.95), 12.0);
@@ -206,7 +215,8 @@ TEST(Mesh, PlyHoldsWhatTheMeshHolds) {
   m.normals_W = {{0, 0, 1}, {0, 0, 1}, {0, 1, 0}};
   m.colours = {{1, 2, 3}, {4, 5, 6}, {7, 8, 255}};
   m.triangles = {{0, 1, 2}};
-  const auto dir = std::filesystem::temp_directory_path() / ("teletact_ply_" + std::to_string(::getpid()));
+  const auto dir =
+      std::filesystem::temp_directory_path() / ("teletact_ply_" + std::to_string(::getpid()));
   std::filesystem::create_directories(dir);
   const std::string path = (dir / "m.ply").string();
   ASSERT_TRUE(write_ply(startup.token(), path, m)) << "could not write";
@@ -229,7 +239,8 @@ TEST(Mesh, PlyHoldsWhatTheMeshHolds) {
   std::int32_t last;
   std::memcpy(&last, body.data() + 81 + 9, 4);
   EXPECT_EQ(last, 2);
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(dir), {}), 1);  // nothing left beside it
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(dir), {}),
+            1);  // nothing left beside it
   const auto bad = write_ply(startup.token(), (dir / "no" / "m.ply").string(), m);
   ASSERT_FALSE(bad.has_value());
   EXPECT_NE(bad.error().find("no/m.ply"), std::string::npos);

@@ -22,7 +22,10 @@ struct PatchTest : testing::Test {
     s.spheres = {{{0.02, 0.01, -0.03}, 0.2}};
     for (int n = 0; n < 5; ++n) {
       const Pose X = look_at(Vec3(-1.0, 0.2 * n - 0.4, 0.1 * n - 0.2), Vec3(0.1, 0, 0));
-      map.integrate(render(s, small_camera(), X, 0.002, 0.05, rt::Random(1, static_cast<std::uint64_t>(n))).view(), X, 1);
+      map.integrate(
+          render(s, small_camera(), X, 0.002, 0.05, rt::Random(1, static_cast<std::uint64_t>(n)))
+              .view(),
+          X, 1);
     }
   }
 };
@@ -31,7 +34,8 @@ TEST_F(PatchTest, EveryNodeIsTheMaps) {
   rt::Random random(31);
   for (const int nodes : {8, 12, 32, 60, 64}) {
     for (int round = 0; round < 6; ++round) {
-      const Vec3 centre(random.uniform(-0.7, 0.7), random.uniform(-0.7, 0.7), random.uniform(-0.7, 0.7));
+      const Vec3 centre(random.uniform(-0.7, 0.7), random.uniform(-0.7, 0.7),
+                        random.uniform(-0.7, 0.7));
       ASSERT_TRUE(copy_patch(map, centre, nodes, *patch));
       const auto o = patch->origin_node;
       int observed = 0;
@@ -41,7 +45,8 @@ TEST_F(PatchTest, EveryNodeIsTheMaps) {
             const std::size_t n = patch->index(x, y, z);
             const std::uint32_t w = map.word_at(o[0] + x, o[1] + y, o[2] + z);
             const bool seen = TsdfMap::word_weight(w) >= 256;
-            ASSERT_EQ(patch->material[n], seen ? 1 : 0) << nodes << ": " << x << " " << y << " " << z;
+            ASSERT_EQ(patch->material[n], seen ? 1 : 0)
+                << nodes << ": " << x << " " << y << " " << z;
             ASSERT_EQ(patch->distance[n], seen ? TsdfMap::word_distance(w) : 0);
             ASSERT_EQ(patch->free_at(n), map.free_at(o[0] + x, o[1] + y, o[2] + z));
             observed += seen;
@@ -69,7 +74,8 @@ TEST_F(PatchTest, UnobservedIsZeroAndWindowsOverlapNodeOnNode) {
   for (int x = 0; x < 40; ++x)
     for (int y = 0; y < 40; ++y)
       for (int z = 0; z < 40; ++z) {
-        const int i[3] = {x + other->origin_node[0] - patch->origin_node[0], y + other->origin_node[1] - patch->origin_node[1],
+        const int i[3] = {x + other->origin_node[0] - patch->origin_node[0],
+                          y + other->origin_node[1] - patch->origin_node[1],
                           z + other->origin_node[2] - patch->origin_node[2]};
         if (std::min({i[0], i[1], i[2]}) < 0 || std::max({i[0], i[1], i[2]}) >= 64) continue;
         const std::size_t a = patch->index(i[0], i[1], i[2]), b = other->index(x, y, z);
@@ -95,7 +101,8 @@ TEST_F(PatchTest, LabelsBecomeMaterialSlots) {
       for (int z = 0; z < 64; ++z) {
         const std::size_t n = patch->index(x, y, z);
         if (patch->material[n] == 0) continue;
-        const int at = TsdfMap::in_block(patch->origin_node[0] + x, patch->origin_node[1] + y, patch->origin_node[2] + z);
+        const int at = TsdfMap::in_block(patch->origin_node[0] + x, patch->origin_node[1] + y,
+                                         patch->origin_node[2] + z);
         ASSERT_EQ(patch->material[n], at % 5 == 3 ? 6 : 1);
         fives += at % 5 == 3;
       }
@@ -106,7 +113,8 @@ TEST_F(PatchTest, RefusesBadArguments) {
   ASSERT_TRUE(copy_patch(map, Vec3::Zero(), 32, *patch));
   const std::uint64_t sum = patch_checksum(*patch);
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  for (const int nodes : {0, 4, 10, 68, -8}) EXPECT_FALSE(copy_patch(map, Vec3::Zero(), nodes, *patch));
+  for (const int nodes : {0, 4, 10, 68, -8})
+    EXPECT_FALSE(copy_patch(map, Vec3::Zero(), nodes, *patch));
   EXPECT_FALSE(copy_patch(map, Vec3(0, nan, 0), 32, *patch));
   EXPECT_FALSE(copy_patch(map, Vec3(0, 1e15, 0), 32, *patch));
   std::array<std::uint8_t, 3> short_table{};
@@ -138,7 +146,8 @@ TEST_F(PatchTest, SampleAgreesWithTheMap) {
   rt::Random random(41);
   int complete = 0, gradients = 0;
   for (int n = 0; n < 50000; ++n) {
-    const Vec3 p(random.uniform(-0.6, 0.5), random.uniform(-0.55, 0.55), random.uniform(-0.55, 0.55));
+    const Vec3 p(random.uniform(-0.6, 0.5), random.uniform(-0.55, 0.55),
+                 random.uniform(-0.55, 0.55));
     const PatchCell cell = patch_cell(*patch, p);
     ASSERT_EQ(cell.inside, inside_window(*patch, p));
     if (!cell.inside) continue;
@@ -150,8 +159,11 @@ TEST_F(PatchTest, SampleAgreesWithTheMap) {
     const Vec3 g = cell.gradient(0.02);
     const double e = 1e-5;
     for (int a = 0; a < 3; ++a) {
-      const PatchCell lo = patch_cell(*patch, p - e * Vec3::Unit(a)), hi = patch_cell(*patch, p + e * Vec3::Unit(a));
-      if (std::fabs(static_cast<double>(hi.f[static_cast<std::size_t>(a)] - lo.f[static_cast<std::size_t>(a)])) > 0.5) continue;
+      const PatchCell lo = patch_cell(*patch, p - e * Vec3::Unit(a)),
+                      hi = patch_cell(*patch, p + e * Vec3::Unit(a));
+      if (std::fabs(static_cast<double>(hi.f[static_cast<std::size_t>(a)] -
+                                        lo.f[static_cast<std::size_t>(a)])) > 0.5)
+        continue;
       EXPECT_NEAR(g(a), (hi.value() - lo.value()) / (2 * e), 2e-3);
     }
     Vec3 far, from_map;
@@ -178,7 +190,9 @@ TEST_F(PatchTest, SampleAtTheEdgesOfTheWindow) {
         p.distance[p.index(x, y, z)] = static_cast<std::int16_t>(1000 * x + 100 * y + 10 * z);
         p.material[p.index(x, y, z)] = 1;
       }
-  const auto units = [&](const Vec3& q) { return patch_cell(p, q).value() / static_cast<double>(p.metres_per_unit); };
+  const auto units = [&](const Vec3& q) {
+    return patch_cell(p, q).value() / static_cast<double>(p.metres_per_unit);
+  };
   EXPECT_NEAR(units(p.node_W(0, 0, 0)), 0, 1e-2);
   EXPECT_NEAR(units(p.node_W(7, 7, 7)), 7770, 1e-2);
   EXPECT_NEAR(units(p.node_W(3, 7, 0)), 3700, 1e-2);
@@ -191,7 +205,8 @@ TEST_F(PatchTest, SampleAtTheEdgesOfTheWindow) {
   EXPECT_EQ(cell.observed, 0x7f);
   EXPECT_EQ(cell.d[7], 0.0F);
   EXPECT_FALSE(cell.complete());
-  const Vec3 g = patch_cell(p, p.node_W(3, 3, 3) + Vec3(0.002, 0.003, 0.004)).gradient(p.voxel_size);
+  const Vec3 g =
+      patch_cell(p, p.node_W(3, 3, 3) + Vec3(0.002, 0.003, 0.004)).gradient(p.voxel_size);
   EXPECT_NEAR(g.x() / (1000 * static_cast<double>(p.metres_per_unit) / 0.01), 1, 1e-5);
   EXPECT_NEAR(g.y() / (100 * static_cast<double>(p.metres_per_unit) / 0.01), 1, 1e-5);
   EXPECT_NEAR(g.z() / (10 * static_cast<double>(p.metres_per_unit) / 0.01), 1, 1e-5);

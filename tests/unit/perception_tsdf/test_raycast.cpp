@@ -20,7 +20,8 @@ Errors against(const Scene& scene, const RaycastMaps& m) {
   Errors e;
   for (int v = 0; v < m.height(); ++v)
     for (int u = 0; u < m.width(); ++u) {
-      const auto truth = scene.cast(m.X_WC.translation(), m.X_WC.linear() * m.intrinsics.unproject(u, v, 1));
+      const auto truth =
+          scene.cast(m.X_WC.translation(), m.X_WC.linear() * m.intrinsics.unproject(u, v, 1));
       const bool there = std::isfinite(truth.t);
       ++e.rays;
       e.truth += there;
@@ -41,15 +42,20 @@ Errors against(const Scene& scene, const RaycastMaps& m) {
 
 TEST(Raycast, DepthMatchesTheClosedForm) {
   rt::Startup startup;
-  struct Case { const char* name; Scene scene; double voxel, median_mm, p95_mm; };
+  struct Case {
+    const char* name;
+    Scene scene;
+    double voxel, median_mm, p95_mm;
+  };
   Scene plane, sphere;
   plane.planes = {{{1.5, 0, 0}, Vec3(-0.8, 0.6, 0).normalized()}};
   sphere.spheres = {{{1.3, 0, 0}, 0.4}};
   const Intrinsics k = half_camera();
   RaycastMaps maps(startup.token(), k.width, k.height);
-  for (const Case& c : {Case{"plane", plane, 0.01, 0.6, 2.5}, Case{"plane", plane, 0.02, 0.6, 2.5},
-                        Case{"sphere", sphere, 0.01, 0.5, 2.0}, Case{"sphere", sphere, 0.02, 0.7, 4.0},
-                        Case{"room", room(), 0.02, 1.0, 8.0}}) {
+  for (const Case& c :
+       {Case{"plane", plane, 0.01, 0.6, 2.5}, Case{"plane", plane, 0.02, 0.6, 2.5},
+        Case{"sphere", sphere, 0.01, 0.5, 2.0}, Case{"sphere", sphere, 0.02, 0.7, 4.0},
+        Case{"room", room(), 0.02, 1.0, 8.0}}) {
     TsdfConfig config = small_map(c.voxel);
     config.max_blocks = 20000;
     TsdfMap map(startup.token(), config);
@@ -68,11 +74,14 @@ TEST(Raycast, DepthMatchesTheClosedForm) {
     const Errors e = against(c.scene, maps);
     EXPECT_EQ(stats.hits, e.hits);
     EXPECT_EQ(stats.rays, e.rays);
-    std::printf("%s, %.0f mm: %d of %d missed, %d invented, |depth error| median %.2f p95 %.2f mm, normal median %.2f p95 %.2f deg "
-                "(of the cell: %.2f, %.2f), %.1f steps a ray\n", c.name, c.voxel * 1e3, e.missed, e.truth, e.invented, quantile(e.depth_mm, 0.5),
-                quantile(e.depth_mm, 0.95), quantile(e.normal_deg, 0.5), quantile(e.normal_deg, 0.95),
-                quantile(cell.normal_deg, 0.5), quantile(cell.normal_deg, 0.95),
-                static_cast<double>(stats.steps) / stats.rays);
+    std::printf(
+        "%s, %.0f mm: %d of %d missed, %d invented, |depth error| median %.2f p95 %.2f mm, normal "
+        "median %.2f p95 %.2f deg "
+        "(of the cell: %.2f, %.2f), %.1f steps a ray\n",
+        c.name, c.voxel * 1e3, e.missed, e.truth, e.invented, quantile(e.depth_mm, 0.5),
+        quantile(e.depth_mm, 0.95), quantile(e.normal_deg, 0.5), quantile(e.normal_deg, 0.95),
+        quantile(cell.normal_deg, 0.5), quantile(cell.normal_deg, 0.95),
+        static_cast<double>(stats.steps) / stats.rays);
     EXPECT_LT(quantile(e.depth_mm, 0.5), c.median_mm);
     EXPECT_LT(quantile(e.depth_mm, 0.95), c.p95_mm);
     EXPECT_LT(quantile(e.normal_deg, 0.5), 2.5);
@@ -83,7 +92,8 @@ TEST(Raycast, DepthMatchesTheClosedForm) {
 }
 
 // Steps of a twentieth of a voxel on the trilinear field: the first + to - between known points.
-double march_slowly(MapReader& reader, const Pose& X, const Vec3& ray_C, double from, double to, double step) {
+double march_slowly(MapReader& reader, const Pose& X, const Vec3& ray_C, double from, double to,
+                    double step) {
   const Vec3 d = X.linear() * ray_C;
   bool outside = false;
   double before = 0, before_t = 0;
@@ -106,7 +116,9 @@ TEST(Raycast, FindsWhatASlowMarcherFinds) {
     const Intrinsics k{120, 120, 79.5, 59.5, 160, 120};
     for (int n = 0; n < 6; ++n) {
       const Pose X = look_at(Vec3(-0.8 + 0.02 * n, -0.05 * n, 1.2), Vec3(1.4, 0.1 * n - 0.2, 0.7));
-      map.integrate(render(room(), k, X, 0.002, 0.03, rt::Random(4, static_cast<std::uint64_t>(n))).view(), X, 1);
+      map.integrate(
+          render(room(), k, X, 0.002, 0.03, rt::Random(4, static_cast<std::uint64_t>(n))).view(), X,
+          1);
     }
     // From a place the map was never seen from: silhouettes, back sides, unknown space.
     const Pose X = look_at(Vec3(-0.4, 0.9, 1.6), Vec3(1.0, -0.3, 0.5));
@@ -122,8 +134,10 @@ TEST(Raycast, FindsWhatASlowMarcherFinds) {
         const double fast = static_cast<double>(maps.at(u, v)[3]);
         if (slow > 0 && fast > 0) {
           ++both;
-          if (std::fabs(slow - fast) > voxel) ++differ;
-          else gap_mm.push_back(std::fabs(slow - fast) * 1e3);
+          if (std::fabs(slow - fast) > voxel)
+            ++differ;
+          else
+            gap_mm.push_back(std::fabs(slow - fast) * 1e3);
         } else if (fast > 0) {
           ++only_fast;
         } else if (slow > 0) {
@@ -133,9 +147,12 @@ TEST(Raycast, FindsWhatASlowMarcherFinds) {
         }
       }
     const int all = both + neither + only_fast + only_slow;
-    std::printf("voxel %.0f mm: both %d (other surface %d), neither %d, only fast %d, only slow %d; |gap| median %.3f "
-                "p99 %.3f mm\n", voxel * 1e3, both, differ, neither, only_fast, only_slow, quantile(gap_mm, 0.5),
-                quantile(gap_mm, 0.99));
+    std::printf(
+        "voxel %.0f mm: both %d (other surface %d), neither %d, only fast %d, only slow %d; |gap| "
+        "median %.3f "
+        "p99 %.3f mm\n",
+        voxel * 1e3, both, differ, neither, only_fast, only_slow, quantile(gap_mm, 0.5),
+        quantile(gap_mm, 0.99));
     EXPECT_GT(both, all / 3);
     EXPECT_LT(only_fast, all / 200);  // a surface no slow marcher sees would be a false one
     EXPECT_LT(only_slow, all / 25);   // slivers thinner than a voxel
@@ -157,7 +174,8 @@ TEST(Raycast, NoSurfaceFromBehindOrInTheUnknown) {
   map.integrate(render(scene, k, X).view(), X, 1);
   EXPECT_GT(raycast(map, k, X, {}, maps).hits, k.width * k.height * 9 / 10);
   EXPECT_EQ(raycast(map, k, look_at(Vec3(3, 0, 0), Vec3::Zero()), {}, maps).hits, 0);
-  EXPECT_EQ(raycast(map, k, look_at(Vec3(1.52, 0, 0), Vec3(3, 0.1, 0)), {}, maps).hits, 0);  // from within
+  EXPECT_EQ(raycast(map, k, look_at(Vec3(1.52, 0, 0), Vec3(3, 0.1, 0)), {}, maps).hits,
+            0);  // from within
   RaycastOptions heavy;
   heavy.min_weight = 2;
   EXPECT_EQ(raycast(map, k, X, heavy, maps).hits, 0);  // one observation only
@@ -184,7 +202,8 @@ TEST(Raycast, HintSkipsOnlyWhatLiesWellBeforeIt) {
   const auto hint_of = [&](const Scene& s) {
     const Frame f = render(s, k, X);
     Image<float> h(k.width, k.height);
-    for (int i = 0; i < k.width * k.height; ++i) h.data()[i] = static_cast<float>(f.depth.data()[i]) * 1e-3F;
+    for (int i = 0; i < k.width * k.height; ++i)
+      h.data()[i] = static_cast<float>(f.depth.data()[i]) * 1e-3F;
     return h;
   };
   const Image<float> same = hint_of(with), removed = hint_of(scene);
@@ -200,7 +219,8 @@ TEST(Raycast, HintSkipsOnlyWhatLiesWellBeforeIt) {
   EXPECT_LT(differ, k.width * k.height / 100);
   const int u = k.width / 2, v = k.height / 2;
   EXPECT_NEAR(plain.at(u, v)[3], 1.2, 0.01);
-  o.hint_depth_m = removed.view();  // the box is gone from the live image: its old surface is passed
+  o.hint_depth_m =
+      removed.view();  // the box is gone from the live image: its old surface is passed
   raycast(map, k, X, o, hinted);
   EXPECT_TRUE(hinted.at(u, v)[3] == 0 || hinted.at(u, v)[3] > 1.8F) << hinted.at(u, v)[3];
 }

@@ -18,8 +18,7 @@ namespace {
 TEST(Recording, FusedKitchenAgreesWithItsFrames) {
   const std::filesystem::path dir =
       std::filesystem::path(TELETACT_SOURCE_DIR) / "../shared/data/rgbd/7scenes_redkitchen";
-  if (!std::filesystem::exists(dir / "groundtruth.txt"))
-    GTEST_SKIP() << "no recording at " << dir;
+  if (!std::filesystem::exists(dir / "groundtruth.txt")) GTEST_SKIP() << "no recording at " << dir;
   std::vector<std::pair<std::string, Pose>> frames;
   std::ifstream list(dir / "groundtruth.txt");
   for (std::string line; std::getline(list, line);) {
@@ -50,7 +49,8 @@ TEST(Recording, FusedKitchenAgreesWithItsFrames) {
   IntegrateStats last;
   for (int n = 0; n < 24; ++n) {
     const auto& [stamp, X] = frames[static_cast<std::size_t>(n)];
-    const cv::Mat image = cv::imread((dir / "depth" / (stamp + ".png")).string(), cv::IMREAD_UNCHANGED);
+    const cv::Mat image =
+        cv::imread((dir / "depth" / (stamp + ".png")).string(), cv::IMREAD_UNCHANGED);
     ASSERT_EQ(image.type(), CV_16UC1) << stamp;
     for (int v = 0; v < k.height; ++v)
       for (int u = 0; u < k.width; ++u) {
@@ -75,7 +75,8 @@ TEST(Recording, FusedKitchenAgreesWithItsFrames) {
       for (int v = 0; v < k.height; ++v)
         for (int u = 0; u < k.width; ++u)
           if (depth.at(u, v) != 0 && depth.at(u, v) < 4000 && maps.hit(u, v))
-            gap_mm.push_back(std::fabs(static_cast<double>(maps.at(u, v)[3]) * 1e3 - depth.at(u, v)));
+            gap_mm.push_back(
+                std::fabs(static_cast<double>(maps.at(u, v)[3]) * 1e3 - depth.at(u, v)));
     o.hint_depth_m = hint.view();
     t = thread_cpu_ms();
     raycast(map, k, X, o, maps);
@@ -89,15 +90,21 @@ TEST(Recording, FusedKitchenAgreesWithItsFrames) {
     copy_ms.push_back(thread_cpu_ms() - t);
   }
   const Mesh mesh = extract_mesh(startup.token(), map);
-  std::printf("512x424, 10 mm, thread CPU median: integrate %.2f (p95 %.2f), ray cast %.2f, hinted %.2f, hinted every "
-              "2nd pixel %.2f, patch %.3f ms\n", quantile(fuse_ms, 0.5), quantile(fuse_ms, 0.95), quantile(cast_ms, 0.5),
-              quantile(hint_ms, 0.5), quantile(half_ms, 0.5), quantile(copy_ms, 0.5));
-  std::printf("blocks updated %.0f a frame, %d in the map, %lld voxels fused, %lld carved, %lld free tests; |cast - image| median %.1f p95 %.1f mm; "
-              "mesh %zu vertices\n", quantile(blocks, 0.5), map.block_count(), static_cast<long long>(last.voxels_fused),
-              static_cast<long long>(last.voxels_carved), static_cast<long long>(last.free_tests), quantile(gap_mm, 0.5), quantile(gap_mm, 0.95),
-              mesh.vertices_W.size());
+  std::printf(
+      "512x424, 10 mm, thread CPU median: integrate %.2f (p95 %.2f), ray cast %.2f, hinted %.2f, "
+      "hinted every "
+      "2nd pixel %.2f, patch %.3f ms\n",
+      quantile(fuse_ms, 0.5), quantile(fuse_ms, 0.95), quantile(cast_ms, 0.5),
+      quantile(hint_ms, 0.5), quantile(half_ms, 0.5), quantile(copy_ms, 0.5));
+  std::printf(
+      "blocks updated %.0f a frame, %d in the map, %lld voxels fused, %lld carved, %lld free "
+      "tests; |cast - image| median %.1f p95 %.1f mm; "
+      "mesh %zu vertices\n",
+      quantile(blocks, 0.5), map.block_count(), static_cast<long long>(last.voxels_fused),
+      static_cast<long long>(last.voxels_carved), static_cast<long long>(last.free_tests),
+      quantile(gap_mm, 0.5), quantile(gap_mm, 0.95), mesh.vertices_W.size());
   EXPECT_GT(gap_mm.size(), 120000U);
-  EXPECT_LT(quantile(gap_mm, 0.5), 8);   // the sensor's noise and the poses' own disagreement
+  EXPECT_LT(quantile(gap_mm, 0.5), 8);  // the sensor's noise and the poses' own disagreement
   EXPECT_LT(quantile(gap_mm, 0.95), 60);
   EXPECT_GT(mesh.vertices_W.size(), 40000U);
 }
