@@ -89,7 +89,7 @@ class Reader {
         continue;
       }
       f->named = true;
-      std::visit([&](auto& v) { read(node, v, *f, full); }, f->value);
+      std::visit([&, &entry = node](auto& v) { read(entry, v, *f, full); }, f->value);
     }
   }
 

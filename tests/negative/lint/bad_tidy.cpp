@@ -26,10 +26,13 @@ int copies(const std::vector<std::string>& all) {
   return n;
 }
 
-int uninitialised() {
-  int value;  // cppcoreguidelines-init-variables
-  value = 3;
-  return value;
-}
+struct HasVirtual {  // cppcoreguidelines-virtual-class-destructor
+  virtual int f() { return 1; }
+};
+
+struct Raw {
+  Raw() {}  // cppcoreguidelines-pro-type-member-init
+  int value;
+};
 
 }  // namespace lint
