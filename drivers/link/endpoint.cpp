@@ -110,8 +110,8 @@ bool LinkEndpoint::receive(std::span<const std::uint8_t> message, rt::Time now, 
         decode(body, reply) && clock_.add(reply.t0_ns, reply.t1_ns, reply.t2_ns, rt::ns_of(now));
   } else if (h.id == MessageId::kBye) {
     bye_ = true;
-  } else if (!clock_.valid()) {
-    taken = false;  // its stamps could not be read yet
+  } else if (!clock_.valid() || !plausible_instant(h.stamp_ns)) {
+    taken = false;  // its stamps can not be read (yet)
   } else if (incoming_[index]) {
     taken = incoming_[index](body, to_local(h.stamp_ns));
   }

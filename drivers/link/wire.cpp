@@ -76,9 +76,13 @@ struct Reader {
     get(v);
     if (!std::isfinite(v) || std::abs(v) > 1e6) ok = false;
   }
+  void instant(std::int64_t& ns) noexcept {
+    get(ns);
+    if (!plausible_instant(ns)) ok = false;
+  }
   void time(rt::Time& t) noexcept {
     std::int64_t ns = 0;
-    get(ns);
+    instant(ns);
     t = rt::time_from_ns(ns);
   }
   [[nodiscard]] bool done() const noexcept { return ok && at == in.size(); }
@@ -223,7 +227,7 @@ std::size_t encode(const ClockRequest& m, std::span<std::uint8_t> out) noexcept 
 }
 bool decode(std::span<const std::uint8_t> in, ClockRequest& m) noexcept {
   Reader r{in};
-  r.get(m.t0_ns);
+  r.instant(m.t0_ns);
   return r.done();
 }
 
@@ -236,9 +240,9 @@ std::size_t encode(const ClockReply& m, std::span<std::uint8_t> out) noexcept {
 }
 bool decode(std::span<const std::uint8_t> in, ClockReply& m) noexcept {
   Reader r{in};
-  r.get(m.t0_ns);
-  r.get(m.t1_ns);
-  r.get(m.t2_ns);
+  r.instant(m.t0_ns);
+  r.instant(m.t1_ns);
+  r.instant(m.t2_ns);
   return r.done() && m.t2_ns >= m.t1_ns;
 }
 

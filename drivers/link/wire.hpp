@@ -35,6 +35,12 @@ inline constexpr std::size_t kHeaderSize = 40;
 inline constexpr std::size_t kMaxBody = kWireHeader + EncodedFrame::kCapacity;
 inline constexpr std::size_t kMaxControlBody = 512;
 
+// Instants of a box's clock lie within 31 years of its zero: differences and sums of a few of them
+// then never overflow, whatever a damaged or hostile message says.
+[[nodiscard]] constexpr bool plausible_instant(std::int64_t ns) noexcept {
+  return ns >= -1'000'000'000'000'000'000 && ns <= 1'000'000'000'000'000'000;
+}
+
 // Hash over the field lists of all messages: two programs talk only when it is equal.
 [[nodiscard]] std::uint64_t schema_hash() noexcept;
 

@@ -18,11 +18,10 @@ struct CoreGaps {
       if (s.core == core) gaps.push_back({s.release_ns, s.release_ns + s.late_ns});
     }
     std::sort(gaps.begin(), gaps.end(), [](const Gap& a, const Gap& b) { return a.from < b.from; });
-    // Samples overlap after a theft: keep the union.
-    std::int64_t reach = 0;
-    for (auto& g : gaps) {
-      g.from = std::max(g.from, std::min(reach, g.to));
-      reach = std::max(reach, g.to);
+    // Samples overlap after a theft: keep the union, with both ends in ascending order.
+    for (std::size_t i = 1; i < gaps.size(); ++i) {
+      gaps[i].from = std::max(gaps[i].from, gaps[i - 1].to);
+      gaps[i].to = std::max(gaps[i].to, gaps[i].from);
     }
   }
   [[nodiscard]] std::int64_t overlap(std::int64_t from, std::int64_t to) const {
@@ -49,10 +48,11 @@ JobBlame split(const JobRecord& r, std::int64_t previous_end, const TaskLog& tas
   const std::int64_t queued_before =
       std::clamp<std::int64_t>(waiting - platform_before, 0, delay_before);
   const std::int64_t wall = r.end_ns - r.start_ns;
+  const std::int64_t off_cpu = std::max<std::int64_t>(0, wall - r.cpu_ns - r.twin_cpu_ns);
+  // The run delay also holds what fell between two jobs; inside this one it can not exceed off_cpu.
   const std::int64_t delay_inside =
-      std::clamp<std::int64_t>(r.run_delay_ns - delay_before, 0, wall);
-  const std::int64_t gone =
-      std::max<std::int64_t>(0, wall - r.cpu_ns - r.twin_cpu_ns - delay_inside);
+      std::clamp<std::int64_t>(r.run_delay_ns - delay_before, 0, off_cpu);
+  const std::int64_t gone = off_cpu - delay_inside;
   const std::int64_t over =
       std::max<std::int64_t>(0, r.cpu_ns - task.spec.budget_of(r.level).count());
   const bool calibrated = task.work_max > 0;

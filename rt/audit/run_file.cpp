@@ -52,7 +52,7 @@ bool parse_line(const std::string& line, RunLog& log) {
   std::string word;
   in >> word;
   if (word == "note") {
-    log.not_realtime.push_back(line.substr(5));
+    log.not_realtime.push_back(line.size() > 5 ? line.substr(5) : std::string{});
     return true;
   }
   if (word != "task") return false;
@@ -61,7 +61,16 @@ bool parse_line(const std::string& line, RunLog& log) {
   long long deadline = 0;
   in >> t.id >> t.spec.name >> box >> task_class >> t.spec.rate.num >> t.spec.rate.den >>
       deadline >> policy >> t.core >> t.priority >> t.level >> t.work_min >> t.work_max;
-  if (!in || t.spec.rate.num <= 0 || t.spec.rate.den <= 0 || policy < 0 || policy > 3) return false;
+  // Beyond these bounds a period in nanoseconds would not fit its integer.
+  constexpr std::int64_t kMaxRate = 1000000000;
+  const auto in_range = [](std::int64_t v, std::int64_t lo, std::int64_t hi) {
+    return v >= lo && v <= hi;
+  };
+  if (!in || !in_range(t.spec.rate.num, 1, kMaxRate) || !in_range(t.spec.rate.den, 1, kMaxRate) ||
+      deadline <= 0 || !in_range(box, 0, 1) || !in_range(task_class, 0, 1) ||
+      !in_range(policy, 0, 3)) {
+    return false;
+  }
   t.spec.box = static_cast<Box>(box);
   t.spec.task_class = static_cast<TaskClass>(task_class);
   t.spec.policy = static_cast<MissPolicy>(policy);
@@ -70,7 +79,8 @@ bool parse_line(const std::string& line, RunLog& log) {
     t.spec.variants.push_back(
         {"level" + std::to_string(t.spec.variants.size()), Nanos{budget}, false});
   }
-  if (t.spec.variants.empty()) return false;
+  const auto levels = static_cast<std::int64_t>(t.spec.variants.size());
+  if (!in.eof() || !in_range(t.level, 0, levels - 1) || log.find(t.id) != nullptr) return false;
   t.spec.budget = t.spec.variants.front().budget;
   log.tasks.push_back(std::move(t));
   return true;
