@@ -39,6 +39,7 @@ void burn_cpu(Nanos length) noexcept {
 void touch_released_page() noexcept {
   void* page = ::mmap(nullptr, 4096, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (page == MAP_FAILED) return;
+  ::munlock(page, 4096);  // under mlockall the page is there at once and can not be given back
   ::madvise(page, 4096, MADV_DONTNEED);
   *static_cast<volatile char*>(page) = 1;
   ::munmap(page, 4096);
@@ -213,6 +214,7 @@ void RealExecutor<Faults>::task_loop(Worker& w) {
   Time arrival = raw_arrival(0);
   const std::int64_t hyper = plan_.hyperperiod.count();
   std::int64_t boundary = plan_.epoch_host_ns + hyper;
+  std::int64_t pending_from = 0, pending_to = 0;  // host: the last job, arrival to end
   while (clock.to_host(arrival) < end) {
     JobFaults f{};
     if constexpr (Faults::kEnabled) f = faults_.job(w.task.id, k);
@@ -224,19 +226,23 @@ void RealExecutor<Faults>::task_loop(Worker& w) {
     if (!sleep_until(host - spec.spin_lead.count())) return;
     while (monotonic_ns() < host) {
     }
-    // Variants switch at the first boundary with no pending job; between jobs none is pending.
+    // Variants switch at the first boundary with no pending job. Those that passed since the last
+    // job's arrival are looked at here, with what was pending then.
     while (spec.policy == MissPolicy::kDegrade && boundary <= host) {
-      w.levels.at_boundary(false);
+      w.levels.at_boundary(pending_from < boundary && boundary < pending_to);
       boundary += hyper;
     }
     serve(w, k, release_box(spec, k), skipped, f);
+    pending_from = host;
+    pending_to = monotonic_ns();
     // A release at or after the end is not ours to drop.
-    const std::int64_t ended = std::min(monotonic_ns(), end);
+    const std::int64_t ended = std::min(pending_to, end);
     const NextRelease next = next_release(spec, k, arrival, clock.from_host(ended), raw_arrival);
     k = next.k;
     arrival = next.arrival;
     skipped = next.skipped;
     w.totals.skipped += next.skipped;
+    if (spec.policy == MissPolicy::kDegrade && skipped > 0) w.levels.on_miss();
     w.totals.level = w.levels.level();
   }
 }
@@ -315,7 +321,7 @@ void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::
   r.voluntary = static_cast<std::uint32_t>(after.voluntary - w.before.voluntary);
   w.before = after;
   r.end_ns = ns_of(clock.from_host(monotonic_ns()));
-  if (spec.policy == MissPolicy::kDegrade && (r.missed() || skipped > 0)) w.levels.on_miss();
+  if (spec.policy == MissPolicy::kDegrade && r.missed()) w.levels.on_miss();
   (aborted ? w.totals.aborted : w.totals.completed) += 1;
   if (!aborted && r.missed()) ++w.totals.late;
   if (w.bucket.on_job(r.missed(), skipped)) w.task.body->make_safe();
