@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs a build to a temporary prefix, moves the prefix (it must not know where it was), builds the
-# consumer against it and runs it. Negative: the consumer must not be found at a wrong version.
+# consumer against it and runs it; a wrong version and an unknown part must be refused.
 #
 #   tests/install/run.sh BUILD_FOLDER [PART...]      parts: rt perception drivers tasks program
 set -euo pipefail
@@ -35,17 +35,22 @@ if grep -rqsF -e "$source_tree/rt" -e "I$source_tree " "$temporary"/consumer/CMa
   echo "install: the installed package points into the source tree" >&2
   exit 1
 fi
-for program in "$temporary"/consumer/consumer*; do
-  [ -x "$program" ] && [ -f "$program" ] && "$program"
-done
-# A version that was never installed must be refused.
-sed 's/find_package(teletact 0.1/find_package(teletact 99.0/' "$here/CMakeLists.txt" >"$temporary/wrong.txt"
-mkdir "$temporary/wrong" && cp "$here"/*.cpp "$temporary/wrong/" && cp "$temporary/wrong.txt" "$temporary/wrong/CMakeLists.txt"
-if cmake -S "$temporary/wrong" -B "$temporary/wrong/build" -DCMAKE_PREFIX_PATH="$prefix" \
-    -DCONSUMER_PARTS=rt >/dev/null 2>&1; then
-  echo "install: version 99.0 was found" >&2
-  exit 1
-fi
+"$temporary/consumer/consumer"
+if [[ " ${libraries[*]} " == *" perception "* ]]; then "$temporary/consumer/consumer_tsdf"; fi
+# What was never installed must be refused: another version, a part that does not exist.
+refused() {
+  local folder=$temporary/$1
+  mkdir "$folder"
+  cp "$here"/*.cpp "$folder/"
+  sed "$2" "$here/CMakeLists.txt" >"$folder/CMakeLists.txt"
+  if cmake -S "$folder" -B "$folder/build" -DCMAKE_PREFIX_PATH="$prefix" -DCONSUMER_PARTS=rt >"$folder/log" 2>&1; then
+    echo "install: $1 was found" >&2
+    exit 1
+  fi
+  grep -q "$3" "$folder/log" || { cat "$folder/log" >&2; exit 1; }
+}
+refused version_99 's/find_package(teletact 0.1/find_package(teletact 99.0/' 'compatible with requested'
+refused part_nonsense 's/COMPONENTS /COMPONENTS nonsense /' 'nonsense'
 if [ -x "$prefix/bin/teletact" ]; then
   "$prefix/bin/teletact" --version
   [ -f "$prefix/share/teletact/config/scenes/default_room.toml" ]
