@@ -13,7 +13,7 @@ namespace perception {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr int kMaxRow = 640;             // pixels of a row that is bridged
+constexpr int kMaxRow = 640;  // pixels of a row that is bridged
 constexpr std::size_t kSearchPoints = 4096;
 constexpr std::uint8_t kNeither = 0, kGround = 1, kObstacle = 2;
 
@@ -95,9 +95,12 @@ GroundMap::GroundMap(rt::NonRealtime&, const GroundConfig& config, const GroundP
   for (int d2 = 0; d2 <= largest; ++d2) {
     const double beyond = std::sqrt(d2) * config.resolution_m - config.robot_radius_m;
     double cost = 0;
-    if (d2 == 0) cost = CostMap::kOccupied;
-    else if (beyond <= config.resolution_m / 2) cost = CostMap::kInscribed;
-    else if (beyond < config.inflation_m) cost = std::max(1.0, 252 * (1 - beyond / config.inflation_m));
+    if (d2 == 0)
+      cost = CostMap::kOccupied;
+    else if (beyond <= config.resolution_m / 2)
+      cost = CostMap::kInscribed;
+    else if (beyond < config.inflation_m)
+      cost = std::max(1.0, 252 * (1 - beyond / config.inflation_m));
     cost_of_distance2_[static_cast<std::size_t>(d2)] = static_cast<std::uint8_t>(cost);
   }
   for (const VirtualObstacleConfig& v : config.virtual_obstacles) {
@@ -244,9 +247,9 @@ void GroundMap::collect(const GroundFrame& frame) noexcept {
   const auto count = [&](float x, float y, bool ground, float h, float z) {
     const float cx = x * inv_cell, cy = y * inv_cell;
     if (!(cx >= 0 && cy >= 0 && cx < limit && cy < limit)) return;
-    const auto i = static_cast<std::size_t>(static_cast<int>(cy)) *
-                       static_cast<std::size_t>(config_.cells) +
-                   static_cast<std::size_t>(static_cast<int>(cx));
+    const auto i =
+        static_cast<std::size_t>(static_cast<int>(cy)) * static_cast<std::size_t>(config_.cells) +
+        static_cast<std::size_t>(static_cast<int>(cx));
     touch(i);
     Cell& at = cells_[i];
     if (ground) {
@@ -281,8 +284,8 @@ void GroundMap::collect(const GroundFrame& frame) noexcept {
         // Cells between this point and the one above it in the image, when both are of one kind and, for
         // an obstacle, of one height: rows of a grazing surface lie farther apart than cells.
         const float dx = row_x_[i] - p.x(), dy = row_y_[i] - p.y(), d2 = dx * dx + dy * dy;
-        const bool joined = row_kind_[i] == (ground ? kGround : kObstacle) &&
-                            std::abs(row_h_[i] - h) <= gate;
+        const bool joined =
+            row_kind_[i] == (ground ? kGround : kObstacle) && std::abs(row_h_[i] - h) <= gate;
         if (joined && d2 > cell * cell && d2 <= bridge2) {
           const int n = static_cast<int>(std::sqrt(d2) * inv_cell * 1.5F) + 1;
           for (int s = 1; s < n; ++s) {
@@ -312,8 +315,8 @@ void GroundMap::collect(const GroundFrame& frame) noexcept {
     drift.diagonal() += n * Vec3(0, 0.5, 0.5);
     const Vec3 delta = 0.05 * drift.ldlt().solve(drift_rhs);
     if (!delta.allFinite()) return;
-    correction_.x() += delta.x() - delta.y() * X_MC.translation().x() -
-                       delta.z() * X_MC.translation().y();
+    correction_.x() +=
+        delta.x() - delta.y() * X_MC.translation().x() - delta.z() * X_MC.translation().y();
     correction_.y() += delta.y();
     correction_.z() += delta.z();
   }
@@ -330,8 +333,7 @@ void GroundMap::settle() noexcept {
           std::min<int>(c.evidence + config_.evidence_gain, config_.evidence_cap));
       c.height = c.frame_height;
     } else if (4 * c.obstacle_area < enough && c.ground_points > 0) {
-      c.evidence =
-          static_cast<std::uint8_t>(std::max<int>(c.evidence - config_.evidence_loss, 0));
+      c.evidence = static_cast<std::uint8_t>(std::max<int>(c.evidence - config_.evidence_loss, 0));
       c.seen = 1;
       if (c.evidence < config_.occupied_at) c.height = 0;
     }
@@ -383,7 +385,9 @@ void GroundMap::inflate() noexcept {
   const auto cap2 = static_cast<std::uint16_t>(cap * cap);
   // Distance along y, two sweeps over whole rows; margins stay at the cap.
   std::fill(column_.begin(), column_.end(), cap);
-  const auto row = [&](int y) { return column_.data() + static_cast<std::ptrdiff_t>(y) * stride + pad; };
+  const auto row = [&](int y) {
+    return column_.data() + static_cast<std::ptrdiff_t>(y) * stride + pad;
+  };
   for (int y = 0; y < n; ++y) {
     std::uint16_t* d = row(y);
     const std::uint16_t* before = y > 0 ? row(y - 1) : nullptr;

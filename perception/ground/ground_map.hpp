@@ -66,19 +66,19 @@ struct VirtualObstacleConfig {
 
 struct GroundConfig {
   GroundPlaneConfig plane;
-  int cells = 256;                    // along an edge
+  int cells = 256;  // along an edge
   double resolution_m = 0.05;
-  double range_m = 4.0;               // points farther along the optical axis are not used
-  double ground_tolerance_m = 0.04;   // plus tolerance_per_m2 times range squared
+  double range_m = 4.0;              // points farther along the optical axis are not used
+  double ground_tolerance_m = 0.04;  // plus tolerance_per_m2 times range squared
   double tolerance_per_m2 = 0.004;
-  double robot_height_m = 1.1;        // higher surfaces are overhead
-  double bridge_m = 0.40;             // longest gap between two rows that is filled
-  double obstacle_area = 0.06;        // of a cell's area, seen as obstacle in one frame, to count
-  int occupied_at = 3;                // evidence
+  double robot_height_m = 1.1;  // higher surfaces are overhead
+  double bridge_m = 0.40;       // longest gap between two rows that is filled
+  double obstacle_area = 0.06;  // of a cell's area, seen as obstacle in one frame, to count
+  int occupied_at = 3;          // evidence
   int evidence_gain = 1, evidence_loss = 1, evidence_cap = 12;
-  double robot_radius_m = 0.35;       // youBot: half diagonal of 580 x 376 mm is 0.345
-  double inflation_m = 0.25;          // beyond the radius
-  double start_radius_m = 0.60;       // see START DISC
+  double robot_radius_m = 0.35;  // youBot: half diagonal of 580 x 376 mm is 0.345
+  double inflation_m = 0.25;     // beyond the radius
+  double start_radius_m = 0.60;  // see START DISC
   std::deque<VirtualObstacleConfig> virtual_obstacles;
   void describe(config::Section& s);
 };
@@ -96,7 +96,7 @@ struct GroundPrior {
   bool up_known = false;
   Vec3 up_W = Vec3::UnitZ();
   std::optional<double> camera_height_m;
-  Vec3 start_W = Vec3::Zero();        // robot's start; centre of grid and start disc
+  Vec3 start_W = Vec3::Zero();  // robot's start; centre of grid and start disc
 };
 
 class GroundMap {
@@ -142,16 +142,16 @@ class GroundMap {
   GroundPlane plane_W_, candidate_W_;
   Pose X_WM_ = Pose::Identity(), X_MW_ = Pose::Identity();
   Vec3 correction_ = Vec3::Zero();
-  int reach_ = 0;                        // cells, of the capped distance
-  bool dirty_ = true;                    // occupied set changed since the last inflate()
-  std::vector<Vec3f> points_;            // scratch of the search
+  int reach_ = 0;              // cells, of the capped distance
+  bool dirty_ = true;          // occupied set changed since the last inflate()
+  std::vector<Vec3f> points_;  // scratch of the search
   std::vector<Cell> cells_;
   std::vector<std::uint32_t> touched_;
   std::size_t touched_count_ = 0;
   std::vector<std::uint8_t> occupied_, drawn_;
   std::vector<std::uint16_t> column_, distance2_;  // capped, cells
   std::vector<std::uint8_t> cost_of_distance2_;
-  std::vector<float> row_x_, row_y_, row_h_;       // previous pixel row in M
+  std::vector<float> row_x_, row_y_, row_h_;  // previous pixel row in M
   std::vector<std::uint8_t> row_kind_;
   std::array<VirtualObstacle, kMaxVirtual> virtual_{};
   int virtual_count_ = 0;

@@ -19,8 +19,10 @@ void GroundPlaneConfig::describe(config::Section& s) {
       .number("max_below_share", max_below_share, 0, 1, "of all points, below the plane")
       .number("up_tolerance_deg", up_tolerance_deg, 0.5, 89, "with a known up direction")
       .number("up_tolerance_blind_deg", up_tolerance_blind_deg, 0.5, 89, "without one")
-      .number("min_camera_height_m", min_camera_height_m, 0.01, 10, "of the camera above the ground")
-      .number("max_camera_height_m", max_camera_height_m, 0.02, 50, "of the camera above the ground")
+      .number("min_camera_height_m", min_camera_height_m, 0.01, 10,
+              "of the camera above the ground")
+      .number("max_camera_height_m", max_camera_height_m, 0.02, 50,
+              "of the camera above the ground")
       .number("height_tolerance_m", height_tolerance_m, 0.005, 5, "with a known camera height")
       .seed("seed", seed, "of the hypotheses");
 }
@@ -38,7 +40,8 @@ struct Search {
   }
   // Could this be ground, whatever the points say?
   [[nodiscard]] bool plausible(const GroundPlane& plane) const noexcept {
-    const double tolerance = hint.up_known ? config.up_tolerance_deg : config.up_tolerance_blind_deg;
+    const double tolerance =
+        hint.up_known ? config.up_tolerance_deg : config.up_tolerance_blind_deg;
     if (plane.normal.dot(hint.up) < std::cos(tolerance * std::numbers::pi / 180)) return false;
     const double height = plane.height(camera);
     if (hint.camera_height_m) {

@@ -21,16 +21,16 @@
 namespace perception {
 
 struct GroundPlaneConfig {
-  int draws = 200;                  // RANSAC hypotheses a frame while none is found
-  int frames = 3;                   // agreeing frames before the ground counts as found
-  double inlier_m = 0.02;           // distance that supports a hypothesis, at 1 m range ...
-  double inlier_per_m2 = 0.004;     // ... plus this much per range squared
-  double min_share = 0.08;          // of all points, on the plane
-  double max_below_share = 0.05;    // of all points, more than 3 inlier distances below it
-  double up_tolerance_deg = 12;     // with a known up direction
+  int draws = 200;                     // RANSAC hypotheses a frame while none is found
+  int frames = 3;                      // agreeing frames before the ground counts as found
+  double inlier_m = 0.02;              // distance that supports a hypothesis, at 1 m range ...
+  double inlier_per_m2 = 0.004;        // ... plus this much per range squared
+  double min_share = 0.08;             // of all points, on the plane
+  double max_below_share = 0.05;       // of all points, more than 3 inlier distances below it
+  double up_tolerance_deg = 12;        // with a known up direction
   double up_tolerance_blind_deg = 50;  // without
   double min_camera_height_m = 0.2, max_camera_height_m = 2.5;
-  double height_tolerance_m = 0.15; // with a known camera height
+  double height_tolerance_m = 0.15;  // with a known camera height
   std::uint64_t seed = 1;
   void describe(config::Section& s);
 };
@@ -39,15 +39,15 @@ struct GroundPlaneConfig {
 struct GroundPlane {
   Vec3 normal = Vec3::UnitZ();
   double offset = 0;
-  double rms_m = 0;      // of the inliers
+  double rms_m = 0;  // of the inliers
   int inliers = 0;
-  double share = 0;      // inliers / points
-  double below = 0;      // share of points below
+  double share = 0;  // inliers / points
+  double below = 0;  // share of points below
   [[nodiscard]] double height(const Vec3& p) const noexcept { return normal.dot(p) - offset; }
 };
 
 struct GroundHint {
-  Vec3 up = Vec3::UnitZ();          // unit, in the frame of the points
+  Vec3 up = Vec3::UnitZ();  // unit, in the frame of the points
   bool up_known = false;
   std::optional<double> camera_height_m;
 };

@@ -47,8 +47,10 @@ Degeneracy analyse(const Mat6& H, const Mat6& cross, double weight, double lengt
   d.degenerate_count = 0;
   for (int i = 0; i < 6; ++i) {
     const bool seen = d.eigenvalues(i) >= limit && d.eigenvalues(i) > 0;
-    if (seen) d.constrained.col(d.constrained_count++) = solver.eigenvectors().col(i);
-    else d.degenerate.col(d.degenerate_count++) = solver.eigenvectors().col(i);
+    if (seen)
+      d.constrained.col(d.constrained_count++) = solver.eigenvectors().col(i);
+    else
+      d.degenerate.col(d.degenerate_count++) = solver.eigenvectors().col(i);
   }
   return d;
 }

@@ -18,7 +18,8 @@
 namespace perception {
 
 struct DegeneracyConfig {
-  double min_information = 1e-3;  // of the largest eigenvalue: one over the condition number allowed
+  double min_information =
+      1e-3;  // of the largest eigenvalue: one over the condition number allowed
   void describe(config::Section& s);
 };
 

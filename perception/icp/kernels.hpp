@@ -23,7 +23,7 @@ struct RowJob {
   float fx, fy, cx, cy;
   const float* model;
   float model_width, model_height;
-  float centre[3];       // in F
+  float centre[3];  // in F
   float gate_d2, gate_cos, range_weight2;
 };
 

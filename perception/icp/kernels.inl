@@ -102,8 +102,8 @@ LANE_FN void accumulate_row_impl(const RowJob& job, RowSums& out) {
           (pv < splat(job.model_height));
     pu = __builtin_convertvector(__builtin_convertvector(keep(ok, pu), I8), F8);
     pv = __builtin_convertvector(__builtin_convertvector(keep(ok, pv), I8), F8);
-    const I8 index =
-        __builtin_convertvector(pv * splat(job.model_width) + pu, I8) << 3;  // exact below 2^24
+    const I8 index = __builtin_convertvector(pv * splat(job.model_width) + pu, I8)
+                     << 3;  // exact below 2^24
     alignas(32) std::int32_t offset[8];
     std::memcpy(offset, &index, sizeof offset);
 

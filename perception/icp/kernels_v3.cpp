@@ -13,7 +13,7 @@ namespace {
 #include "perception/icp/kernels.inl"
 }  // namespace
 
-const Kernels kV3Kernels{"v3",          accumulate_row, accumulate_row_cross, bilateral_row,
-                           normal_row,    to_metres_row,  half_row};
+const Kernels kV3Kernels{
+    "v3", accumulate_row, accumulate_row_cross, bilateral_row, normal_row, to_metres_row, half_row};
 
 }  // namespace perception::icp

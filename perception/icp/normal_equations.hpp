@@ -13,17 +13,17 @@ using Vec6 = Eigen::Matrix<double, 6, 1>;
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 
 struct Gates {
-  float distance_m = 0.1F;     // largest |q - v_m|
-  float normal_cos = 0.866F;   // smallest n_live . n_m
-  float range_weight_m = 1.0F; // weight (range_weight_m / z)^4 beyond it, 1 nearer
+  float distance_m = 0.1F;      // largest |q - v_m|
+  float normal_cos = 0.866F;    // smallest n_live . n_m
+  float range_weight_m = 1.0F;  // weight (range_weight_m / z)^4 beyond it, 1 nearer
 };
 
 // Weighted normal equations H xi = -g of xi = (v, w) about `centre_F`, residual sums and counts.
 struct NormalEquations {
   Mat6 H = Mat6::Zero();
   Vec6 g = Vec6::Zero();
-  double weight = 0;      // sum of weights
-  double r2 = 0;          // sum of weight * r^2
+  double weight = 0;  // sum of weights
+  double r2 = 0;      // sum of weight * r^2
   std::int64_t inliers = 0;
   std::int64_t met = 0;   // live points that project onto a model surface
   std::int64_t live = 0;  // live points with depth

@@ -29,14 +29,15 @@ void PreprocessConfig::describe(config::Section& s) {
       .number("bilateral_sigma_px", bilateral_sigma_px, 0.3, 10, "spatial width of the filter")
       .number("edge_base_m", edge_base_m, 0.001, 0.5, "depth step that is an edge, at depth 0")
       .number("edge_per_m2", edge_per_m2, 0, 0.1, "and its growth with depth squared")
-      .number("edge_slope", edge_slope, 0, 20, "steepest surface, dz/dx, whose pixels are neighbours");
+      .number("edge_slope", edge_slope, 0, 20,
+              "steepest surface, dz/dx, whose pixels are neighbours");
 }
 
 PaddedImage::PaddedImage(int max_width, int max_height)
     : max_width_(max_width), max_height_(max_height) {
   const int stride = (max_width + 2 * kMargin + 7) / 8 * 8;
-  data_.assign(static_cast<std::size_t>(stride) * static_cast<std::size_t>(max_height + 2 * kMargin),
-               0.0F);
+  data_.assign(
+      static_cast<std::size_t>(stride) * static_cast<std::size_t>(max_height + 2 * kMargin), 0.0F);
   reshape(max_width, max_height);
 }
 
@@ -77,8 +78,8 @@ void bilateral(const PaddedImage& in, const std::vector<float>& weights, int rad
                const icp::EdgeRule& rule, PaddedImage& out) noexcept {
   out.reshape(in.width(), in.height());
   for (int v = 0; v < in.height(); ++v) {
-    icp::kernels().bilateral_row(in.row(v), in.stride(), in.width(), weights.data(), radius,
-                                 rule, out.row(v));
+    icp::kernels().bilateral_row(in.row(v), in.stride(), in.width(), weights.data(), radius, rule,
+                                 out.row(v));
     clear_right(out, v);
   }
 }
@@ -113,12 +114,13 @@ std::vector<float> bilateral_weights(int radius, double sigma_px) {
 }
 
 icp::EdgeRule TrackingPyramid::edge_rule(double focal_px) const noexcept {
-  return {static_cast<float>(config_.edge_base_m), static_cast<float>(config_.edge_slope / focal_px),
+  return {static_cast<float>(config_.edge_base_m),
+          static_cast<float>(config_.edge_slope / focal_px),
           static_cast<float>(config_.edge_per_m2)};
 }
 
 TrackingPyramid::TrackingPyramid(rt::NonRealtime&, const PreprocessConfig& config, int max_width,
-                           int max_height)
+                                 int max_height)
     : config_(config),
       raw_(max_width, max_height),
       half_((max_width + 1) / 2, (max_height + 1) / 2),
@@ -163,7 +165,7 @@ void count_readings(DepthLevel& level) noexcept {
 }  // namespace
 
 void TrackingPyramid::build(ImageView<const std::uint16_t> depth_mm, const Intrinsics& intrinsics,
-                         int pixel_step) noexcept {
+                            int pixel_step) noexcept {
   pixel_step_ = pixel_step >= 4 ? 4 : (pixel_step >= 2 ? 2 : 1);
   depth_to_metres(depth_mm, static_cast<float>(config_.depth_min_m),
                   static_cast<float>(config_.depth_max_m), raw_);
@@ -174,8 +176,7 @@ void TrackingPyramid::build(ImageView<const std::uint16_t> depth_mm, const Intri
   Intrinsics k = intrinsics.subsampled(pixel_step_);
   k.width = base.width();
   k.height = base.height();
-  bilateral(base, spatial_weight_, config_.bilateral_radius_px, edge_rule(k.fx),
-            levels_[0].depth);
+  bilateral(base, spatial_weight_, config_.bilateral_radius_px, edge_rule(k.fx), levels_[0].depth);
   for (std::size_t l = 0; l < levels_.size(); ++l) {
     if (l > 0) half_sample(levels_[l - 1].depth, edge_rule(2 * k.fx), levels_[l].depth);
     set_camera(levels_[l], k);

@@ -24,13 +24,13 @@
 namespace perception {
 
 struct PreprocessConfig {
-  double depth_min_m = 0.3;        // nearer readings are dropped
-  double depth_max_m = 5.0;        // farther ones too
-  int bilateral_radius_px = 2;     // 0 switches the filter off
+  double depth_min_m = 0.3;     // nearer readings are dropped
+  double depth_max_m = 5.0;     // farther ones too
+  int bilateral_radius_px = 2;  // 0 switches the filter off
   double bilateral_sigma_px = 1.5;
-  double edge_base_m = 0.02;       // depth step that is an edge, at depth 0 ...
-  double edge_per_m2 = 0.006;      // ... plus this much times depth squared ...
-  double edge_slope = 2.0;         // ... plus what a surface of this slope (dz/dx) changes in a pixel
+  double edge_base_m = 0.02;   // depth step that is an edge, at depth 0 ...
+  double edge_per_m2 = 0.006;  // ... plus this much times depth squared ...
+  double edge_slope = 2.0;     // ... plus what a surface of this slope (dz/dx) changes in a pixel
   void describe(config::Section& s);
 };
 
@@ -66,8 +66,8 @@ struct DepthLevel {
   PaddedImage depth, nx, ny, nz;
   std::vector<float> x_factor;  // (u - cx) / fx, padded by 8 entries
   std::vector<float> y_factor;
-  int valid = 0;                // pixels with depth; counted at level 1 only
-  double depth_sum = 0;         // m, over valid pixels
+  int valid = 0;         // pixels with depth; counted at level 1 only
+  double depth_sum = 0;  // m, over valid pixels
 };
 
 class TrackingPyramid {

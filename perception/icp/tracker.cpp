@@ -20,7 +20,8 @@ void TrackerConfig::describe(config::Section& s) {
   s.integer("iterations_fine", iterations[0], 1, 50, "at full resolution")
       .integer("iterations_middle", iterations[1], 1, 50, "at half")
       .integer("iterations_coarse", iterations[2], 1, 50, "at a quarter")
-      .numbers("gate_distance_m", gate_distance_m, 0.005, 1, "largest pair distance, fine to coarse")
+      .numbers("gate_distance_m", gate_distance_m, 0.005, 1,
+               "largest pair distance, fine to coarse")
       .number("gate_normal_deg", gate_normal_deg, 1, 89, "largest angle between normals")
       .number("range_weight_m", range_weight_m, 0.1, 100, "beyond it a residual weighs 1/z^4")
       .number("stop_translation_m", stop_translation_m, 0, 0.01, "a level ends below this step")
@@ -101,8 +102,7 @@ struct Alignment {
 void judge(const TrackerConfig& c, const MotionPrior& prior, const Pose& X_WC,
            const NormalEquations& eq, TrackingResult& out) noexcept {
   out.inliers = static_cast<int>(eq.inliers);
-  out.inlier_share =
-      eq.met > 0 ? static_cast<double>(eq.inliers) / static_cast<double>(eq.met) : 0;
+  out.inlier_share = eq.met > 0 ? static_cast<double>(eq.inliers) / static_cast<double>(eq.met) : 0;
   out.overlap = eq.live > 0 ? static_cast<double>(eq.met) / static_cast<double>(eq.live) : 0;
   out.residual_m = eq.weight > 0 ? std::sqrt(eq.r2 / eq.weight) : 0;
   const Pose jump = prior.X_WC.inverse() * X_WC;
@@ -118,8 +118,8 @@ void judge(const TrackerConfig& c, const MotionPrior& prior, const Pose& X_WC,
                              prior.sigma_rotation_deg <= c.claim_rotation_deg;
   out.fully_constrained = out.degenerate_count == 0;
   out.claimed = out.fully_constrained || trusted_prior;
-  const bool weak = out.inlier_share < c.weak_inlier_share || out.residual_m > c.weak_residual_m ||
-                    !out.claimed;
+  const bool weak =
+      out.inlier_share < c.weak_inlier_share || out.residual_m > c.weak_residual_m || !out.claimed;
   out.state = weak ? TrackingState::kWeak : TrackingState::kTracking;
   out.X_WC = X_WC;
 }

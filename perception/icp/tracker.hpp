@@ -35,13 +35,13 @@ struct TrackerConfig {
   double gate_normal_deg = 30;
   // Beyond it a residual weighs (range_weight_m / z)^4: the noise of depth cameras grows with z^2.
   double range_weight_m = 1.0;
-  double stop_translation_m = 1e-5;  // a level ends when a step is below both
-  double stop_rotation_deg = 5e-4;
+  double stop_translation_m = 1e-4;  // a level ends when a step is below both
+  double stop_rotation_deg = 5e-3;
   DegeneracyConfig degeneracy;
-  double weak_inlier_share = 0.60;   // of the points that meet a model surface
+  double weak_inlier_share = 0.60;  // of the points that meet a model surface
   double lost_inlier_share = 0.35;
-  double lost_overlap = 0.10;        // share of live points that meet a model surface
-  double weak_residual_m = 0.020;    // RMS, point to plane, of the inliers
+  double lost_overlap = 0.10;      // share of live points that meet a model surface
+  double weak_residual_m = 0.020;  // RMS, point to plane, of the inliers
   double lost_residual_m = 0.040;
   int lost_inliers = 400;            // at level 1
   double jump_translation_m = 0.30;  // farther from the prior in one frame: lost
@@ -67,18 +67,18 @@ struct TrackingResult {
   Pose X_WC = Pose::Identity();  // lost: the prior
   TrackingState state = TrackingState::kLost;
   bool claimed = false;
-  bool fully_constrained = false;     // by the scene alone
-  double residual_m = 0;              // RMS of the inliers, point to plane
-  double inlier_share = 0;            // inliers / live points that meet a model surface
-  double overlap = 0;                 // live points that meet a model surface / live points
-  int inliers = 0;                    // at level 1
-  double condition = 0;               // largest / smallest eigenvalue of the scaled 6x6; inf = singular
+  bool fully_constrained = false;  // by the scene alone
+  double residual_m = 0;           // RMS of the inliers, point to plane
+  double inlier_share = 0;         // inliers / live points that meet a model surface
+  double overlap = 0;              // live points that meet a model surface / live points
+  int inliers = 0;                 // at level 1
+  double condition = 0;  // largest / smallest eigenvalue of the scaled 6x6; inf = singular
   int degenerate_count = 0;
   // Unit twists (v, w L) in W about the centroid, w scaled by `length_m` (mean depth).
   std::array<Eigen::Matrix<double, 6, 1>, 6> degenerate_W{};
   double length_m = 0;
-  std::array<int, 3> iterations{};    // done, fine to coarse
-  std::uint64_t work = 0;             // associations tried
+  std::array<int, 3> iterations{};  // done, fine to coarse
+  std::uint64_t work = 0;           // associations tried
 };
 
 class Tracker {
@@ -89,8 +89,8 @@ class Tracker {
   void prepare(ImageView<const std::uint16_t> depth_mm, const Intrinsics& intrinsics,
                int pixel_step) noexcept;
   // Aligns the prepared frame. `iterations` fine to coarse, each clipped to the configured value.
-  void track(const ModelView& model, const MotionPrior& prior,
-             const std::array<int, 3>& iterations, TrackingResult& out) noexcept;
+  void track(const ModelView& model, const MotionPrior& prior, const std::array<int, 3>& iterations,
+             TrackingResult& out) noexcept;
 
   [[nodiscard]] const TrackingPyramid& pyramid() const noexcept { return pyramid_; }
   [[nodiscard]] const TrackerConfig& config() const noexcept { return config_; }

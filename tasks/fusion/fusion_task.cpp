@@ -165,10 +165,10 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
     Stage stage(profiling_, profile_.ground);
     const auto& pyramid = tracker_.pyramid();
     const auto& depth = pyramid.level(pyramid.pixel_step() >= 2 ? 0 : 1);
-    ground_.update({depth.intrinsics,
-                    {depth.depth.row(0), depth.depth.width(), depth.depth.height(),
-                     depth.depth.stride()},
-                    X_WC_});
+    ground_.update(
+        {depth.intrinsics,
+         {depth.depth.row(0), depth.depth.width(), depth.depth.height(), depth.depth.stride()},
+         X_WC_});
   }
 
   out.camera.seq = frames_;

@@ -40,15 +40,16 @@
 
 namespace tasks {
 
-inline constexpr rt::FaultId kFaultFusionLost = 201;      // F-FUS-01 tracking lost: nothing integrated
-inline constexpr rt::FaultId kFaultFusionUnclaimed = 202; // F-FUS-02 a direction is only guessed
-inline constexpr rt::FaultId kFaultFusionMapFull = 203;   // F-FUS-03 block pool full: band lost
-inline constexpr rt::FaultId kFaultFusionBadFrame = 204;  // F-FUS-04 image of another size, or empty
+inline constexpr rt::FaultId kFaultFusionLost = 201;  // F-FUS-01 tracking lost: nothing integrated
+inline constexpr rt::FaultId kFaultFusionUnclaimed = 202;  // F-FUS-02 a direction is only guessed
+inline constexpr rt::FaultId kFaultFusionMapFull = 203;    // F-FUS-03 block pool full: band lost
+inline constexpr rt::FaultId kFaultFusionBadFrame =
+    204;  // F-FUS-04 image of another size, or empty
 
 struct FusionLevel {
-  int pixel_step = 1;                        // of tracking and of its ray cast: 1, 2, 4
-  int allocate_step = 1;                     // rays that allocate blocks
-  std::array<int, 3> iterations{4, 5, 15};   // fine to coarse
+  int pixel_step = 1;                       // of tracking and of its ray cast: 1, 2, 4
+  int allocate_step = 1;                    // rays that allocate blocks
+  std::array<int, 3> iterations{4, 5, 15};  // fine to coarse
 };
 
 struct FusionConfig {
@@ -57,16 +58,16 @@ struct FusionConfig {
   perception::TrackerConfig tracker;
   perception::GroundConfig ground;
   int patch_nodes = 64;
-  double window_lead_periods = 2;      // patch centre = hand + velocity x this many periods
-  bool patch_checksums = true;         // fill SurfacePatch::checksum
-  int view_period_frames = 3;          // 0: no view
-  int view_step = 2;                   // pixels of the camera per pixel of the view, 1..8
-  int cost_map_period = 3;             // periods; published whether it changed or not
+  double window_lead_periods = 2;  // patch centre = hand + velocity x this many periods
+  bool patch_checksums = true;     // fill SurfacePatch::checksum
+  int view_period_frames = 3;      // 0: no view
+  int view_step = 2;               // pixels of the camera per pixel of the view, 1..8
+  int cost_map_period = 3;         // periods; published whether it changed or not
   // Odometry: error growth since the last frame the scene constrained fully.
-  double odometry_translation_share = 0.02;   // of the way
-  double odometry_rotation_share = 0.02;      // of the turn
+  double odometry_translation_share = 0.02;  // of the way
+  double odometry_rotation_share = 0.02;     // of the turn
   double odometry_deg_per_m = 0.5;
-  double velocity_decay = 0.8;         // of the constant-velocity prior a frame that is not claimed
+  double velocity_decay = 0.8;  // of the constant-velocity prior a frame that is not claimed
   int level_count = 3;
   std::array<FusionLevel, kMaxLevels> levels{
       FusionLevel{1, 1, {4, 5, 15}}, FusionLevel{2, 2, {4, 5, 15}}, FusionLevel{4, 4, {4, 5, 15}},
@@ -76,10 +77,10 @@ struct FusionConfig {
 
 // What is known when the task is built.
 struct FusionSetup {
-  perception::Intrinsics camera{};       // of the depth images
-  Pose X_WC0 = Pose::Identity();         // camera at the first frame; robots: X_WB0 * X_BC
-  Pose X_BC = Pose::Identity();          // camera mount; recordings: identity
-  perception::GroundPrior ground;        // robots: up = z, camera height, start of the base
+  perception::Intrinsics camera{};  // of the depth images
+  Pose X_WC0 = Pose::Identity();    // camera at the first frame; robots: X_WB0 * X_BC
+  Pose X_BC = Pose::Identity();     // camera mount; recordings: identity
+  perception::GroundPrior ground;   // robots: up = z, camera height, start of the base
   std::array<perception::Material, perception::SurfacePatch::kMaxMaterials> palette{};
   rt::Nanos period{33333333};
 };
@@ -97,23 +98,23 @@ class FusionTask {
     const perception::RgbdFrame* frame = nullptr;  // nullptr: there never was one
     bool frame_fresh = false;                      // not handed in before
     HapticState hand;
-    std::optional<OdometryPrior> odometry;         // newest one
+    std::optional<OdometryPrior> odometry;                           // newest one
     std::span<const perception::VirtualObstacle> virtual_obstacles;  // drawn by the operator
     bool virtual_obstacles_changed = false;
-    std::optional<Pose> X_WV;                      // eye of the view; none: the camera
+    std::optional<Pose> X_WV;  // eye of the view; none: the camera
   };
   struct Out {
-    perception::SurfacePatch* patch = nullptr;     // a nullptr output is not made
+    perception::SurfacePatch* patch = nullptr;  // a nullptr output is not made
     SceneView* view = nullptr;
     perception::CostMap* cost_map = nullptr;
     CameraPose camera;
     bool patch_written = false, view_written = false, cost_map_written = false;
-    bool camera_written = false;                   // true when a frame was consumed
+    bool camera_written = false;  // true when a frame was consumed
     bool integrated = false;
-    perception::TrackingResult tracking;           // of the consumed frame
+    perception::TrackingResult tracking;  // of the consumed frame
     perception::IntegrateStats integration;
-    std::uint64_t work = 0;                        // deterministic count of the whole step
-    std::uint64_t work_view = 0;                   // of it, for the view
+    std::uint64_t work = 0;       // deterministic count of the whole step
+    std::uint64_t work_view = 0;  // of it, for the view
   };
   // Thread CPU of the stages of the last step, ns; filled only while profile(true). Off in the tasks.
   struct Profile {
@@ -164,8 +165,8 @@ class FusionTask {
   Pose X_WC_ = Pose::Identity();  // last pose believed
   Vec3 window_centre_W_ = Vec3::Zero();
   Eigen::Matrix<double, 6, 1> velocity_ = Eigen::Matrix<double, 6, 1>::Zero();  // of C, in C, per s
-  rt::Time exposure_{};           // of the last frame consumed
-  rt::Time fused_exposure_{};     // of the last frame integrated
+  rt::Time exposure_{};        // of the last frame consumed
+  rt::Time fused_exposure_{};  // of the last frame integrated
   std::uint64_t frames_ = 0, frames_claimed_ = 0, patch_seq_ = 0, view_seq_ = 0, map_seq_ = 0;
   std::uint64_t periods_ = 0, periods_since_map_ = 0;
 

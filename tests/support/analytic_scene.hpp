@@ -106,7 +106,8 @@ inline Intrinsics kinect2_camera() { return {365, 365, 255.5, 211.5, 512, 424}; 
 // Depth in metres, row-major, 0 = none.
 inline std::vector<double> cast_depth(const AnalyticScene& scene, const Intrinsics& k,
                                       const Pose& X_WC) {
-  std::vector<double> z(static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height), 0.0);
+  std::vector<double> z(static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height),
+                        0.0);
   for (int v = 0; v < k.height; ++v) {
     for (int u = 0; u < k.width; ++u) {
       const Hit h = scene.cast(X_WC.translation(), X_WC.linear() * k.unproject(u, v, 1.0));

@@ -186,8 +186,10 @@ TEST(GroundMap, InflationEqualsBruteForce) {
         }
         const double beyond = std::sqrt(d2) * m.resolution - config.robot_radius_m;
         int expected = 0;
-        if (d2 == 0) expected = CostMap::kOccupied;
-        else if (beyond <= m.resolution / 2) expected = CostMap::kInscribed;
+        if (d2 == 0)
+          expected = CostMap::kOccupied;
+        else if (beyond <= m.resolution / 2)
+          expected = CostMap::kInscribed;
         else if (beyond < config.inflation_m)
           expected = static_cast<int>(std::max(1.0, 252 * (1 - beyond / config.inflation_m)));
         ASSERT_EQ(m.cost[m.index(x, y)], expected) << "seed " << seed << " cell " << x << ' ' << y;

@@ -60,7 +60,8 @@ TEST(GroundPlane, TheTableIsNotTheGround) {
   std::vector<Vec3f> points;
   for (int i = 0; i < 3000; ++i) {  // a large table hides two thirds of the floor
     const double z = i % 3 != 0 ? 0.7 : 0.0;
-    points.emplace_back(static_cast<float>(random.uniform(0, 2)), static_cast<float>(random.uniform(-1, 1)),
+    points.emplace_back(static_cast<float>(random.uniform(0, 2)),
+                        static_cast<float>(random.uniform(-1, 1)),
                         static_cast<float>(z + 0.004 * random.normal()));
   }
   GroundHint hint;
@@ -80,9 +81,11 @@ TEST(GroundPlane, NoGroundIsNoGround) {
   GroundHint hint;
   hint.up_known = true;
   EXPECT_FALSE(find_ground({}, Vec3::Zero(), hint, GroundPlaneConfig{}, 0));
-  std::vector<Vec3f> wall, line, same(500, Vec3f(1, 0, 0)), nan(500, Vec3f::Constant(std::nanf("")));
+  std::vector<Vec3f> wall, line, same(500, Vec3f(1, 0, 0)),
+      nan(500, Vec3f::Constant(std::nanf("")));
   for (int i = 0; i < 2000; ++i) {
-    wall.emplace_back(2.0F, static_cast<float>(random.uniform(-2, 2)), static_cast<float>(random.uniform(0, 2)));
+    wall.emplace_back(2.0F, static_cast<float>(random.uniform(-2, 2)),
+                      static_cast<float>(random.uniform(0, 2)));
     line.emplace_back(static_cast<float>(random.uniform(0, 2)), 0.0F, 0.0F);
   }
   for (const auto* points : {&wall, &line, &same, &nan}) {

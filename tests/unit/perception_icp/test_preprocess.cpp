@@ -6,9 +6,9 @@
 
 #include "perception/icp/kernels.hpp"
 #include "perception/icp/preprocess.hpp"
+#include "rt/memory/section.hpp"
 #include "tests/support/analytic_scene.hpp"
 #include "tests/support/rt_guard.hpp"
-#include "rt/memory/section.hpp"
 
 namespace perception {
 namespace {
@@ -153,11 +153,13 @@ TEST(Pyramid, SlantedPlaneStaysOnThePlaneUpToItsBorder) {
           const auto depth = static_cast<double>(level.depth.row(v)[u]);
           if (depth <= 0) continue;
           const Vec3 p = level.intrinsics.unproject(u, v, depth);
-          worst = std::max(worst, std::abs((p - scene.planes[0].point).dot(scene.planes[0].normal)));
+          worst =
+              std::max(worst, std::abs((p - scene.planes[0].point).dot(scene.planes[0].normal)));
           const Vec3 n(level.nx.row(v)[u], level.ny.row(v)[u], level.nz.row(v)[u]);
           if (n.norm() < 0.5) continue;
           ASSERT_NEAR(n.norm(), 1, 1e-5);
-          worst_normal = std::max(worst_normal, std::acos(std::min(1.0, n.dot(scene.planes[0].normal))));
+          worst_normal =
+              std::max(worst_normal, std::acos(std::min(1.0, n.dot(scene.planes[0].normal))));
         }
       }
       EXPECT_LT(worst, 0.0015 * s) << "step " << step << " level " << l;
@@ -178,7 +180,8 @@ TEST(Kernels, BaselineAndV3GiveTheSameBytes) {
     for (int v = 0; v < 31; ++v) {
       float* o = out.data() + v * 101;
       k.bilateral_row(in.row(v), in.stride(), 96, weights.data(), 2, kRule, o);
-      k.normal_row(in.row(v), in.stride(), 96, factors.data() + 8, factors.data() + 8 + v, kRule, o + 3131, o + 2 * 3131, o + 3 * 3131);
+      k.normal_row(in.row(v), in.stride(), 96, factors.data() + 8, factors.data() + 8 + v, kRule,
+                   o + 3131, o + 2 * 3131, o + 3 * 3131);
       k.half_row(in.row(v), in.stride(), 50, kRule, o + 4 * 3131);
     }
     return out;

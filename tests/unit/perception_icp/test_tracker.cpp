@@ -124,7 +124,8 @@ TEST(Tracker, SmallerVariantsStayAccurate) {
       rig.cast(room, X_WF);
       rig.see(room, X_WC, 0.0015, random, step);
       const TrackingResult r = rig.track({X_WF});
-      if (r.state == TrackingState::kLost) continue;  // too few pixels at a quarter of this small image
+      if (r.state == TrackingState::kLost)
+        continue;  // too few pixels at a quarter of this small image
       worst_mm = std::max(worst_mm, translation_mm(r.X_WC, X_WC));
     }
     std::cout << "pixel step " << step << ": worst " << worst_mm << " mm\n";
@@ -260,8 +261,10 @@ NormalEquations reference_sums(const DepthLevel& live, const ModelView& model, c
       const Vec3 q = X_FC * live.intrinsics.unproject(u, v, z);
       if (q.z() <= 0.05) continue;
       const Eigen::Vector2d px = model.intrinsics.project(q) + Eigen::Vector2d(0.5, 0.5);
-      const int iu = static_cast<int>(std::floor(px.x())), iv = static_cast<int>(std::floor(px.y()));
-      if (iu < 0 || iv < 0 || iu >= model.intrinsics.width || iv >= model.intrinsics.height) continue;
+      const int iu = static_cast<int>(std::floor(px.x())),
+                iv = static_cast<int>(std::floor(px.y()));
+      if (iu < 0 || iv < 0 || iu >= model.intrinsics.width || iv >= model.intrinsics.height)
+        continue;
       const float* r = model.at(iu, iv);
       const Vec3 m(r[0], r[1], r[2]), n(r[4], r[5], r[6]);
       if (!(n.squaredNorm() > 0.5)) continue;
@@ -308,14 +311,16 @@ TEST(NormalEquations, EqualNumericJacobiansSummedInDouble) {
       NormalEquations eq;
       CrossMoment cross;
       Mat6 cross_reference = Mat6::Zero();
-      accumulate_cross(rig.tracker.pyramid().level(level), rig.model, X_FC, centre, gates, eq, cross);
-      const NormalEquations ref = reference_sums(rig.tracker.pyramid().level(level), rig.model, X_FC,
-                                                 centre, gates, &cross_reference);
+      accumulate_cross(rig.tracker.pyramid().level(level), rig.model, X_FC, centre, gates, eq,
+                       cross);
+      const NormalEquations ref = reference_sums(rig.tracker.pyramid().level(level), rig.model,
+                                                 X_FC, centre, gates, &cross_reference);
       // A few points lie on a rounding border of a pixel or a gate and fall either way.
       EXPECT_EQ(eq.live, ref.live);
       EXPECT_NEAR(static_cast<double>(eq.inliers), static_cast<double>(ref.inliers),
                   4 + 1e-3 * static_cast<double>(ref.inliers));
-      EXPECT_LT((eq.H - ref.H).norm(), 3e-3 * ref.H.norm()) << "seed " << seed << " level " << level;
+      EXPECT_LT((eq.H - ref.H).norm(), 3e-3 * ref.H.norm())
+          << "seed " << seed << " level " << level;
       EXPECT_LT((eq.g - ref.g).norm(), 5e-3 * ref.g.norm() + 1e-3);
       EXPECT_NEAR(eq.r2, ref.r2, 1e-2 * ref.r2);
       EXPECT_LT((cross.H - cross_reference).norm(), 3e-3 * cross_reference.norm());
@@ -339,7 +344,8 @@ TEST(NormalEquations, BaselineAndV3GiveTheSameBytes) {
   icp::RowJob job{};
   job.x_factor = live.x_factor.data() + PaddedImage::kMargin;
   job.width = live.depth.width();
-  const float R[9] = {0.9998F, -0.01F, 0.015F, 0.0099F, 0.9999F, 0.002F, -0.015F, -0.0018F, 0.9999F};
+  const float R[9] = {0.9998F, -0.01F,  0.015F,   0.0099F, 0.9999F,
+                      0.002F,  -0.015F, -0.0018F, 0.9999F};
   std::memcpy(job.R_F, R, sizeof R);
   job.t_F[0] = 0.01F;
   job.fx = job.fy = 182.5F;

@@ -100,13 +100,13 @@ Playback run(const FusionConfig& config, int level, bool small, int frames) {
 }
 
 void print(const char* name, const Playback& r) {
-  const char* stages[] = {"prepare", "track", "integrate", "raycast", "ground",
-                          "cost_map", "patch", "view", "frame"};
-  std::printf("%s: tracked %d claimed %d of %zu, ATE first pose %.1f mm, condition <= %.0f, residual <= "
-              "%.1f mm, inlier share >= %.2f\n  CPU ms p50 (p95):",
-              name, r.tracked, r.claimed, r.poses.size(),
-              tests::ate_first_pose_mm(r.poses, r.truth), r.worst_condition, r.worst_residual_mm,
-              r.least_share);
+  const char* stages[] = {"prepare",  "track", "integrate", "raycast", "ground",
+                          "cost_map", "patch", "view",      "frame"};
+  std::printf(
+      "%s: tracked %d claimed %d of %zu, ATE first pose %.1f mm, condition <= %.0f, residual <= "
+      "%.1f mm, inlier share >= %.2f\n  CPU ms p50 (p95):",
+      name, r.tracked, r.claimed, r.poses.size(), tests::ate_first_pose_mm(r.poses, r.truth),
+      r.worst_condition, r.worst_residual_mm, r.least_share);
   for (std::size_t s = 0; s < 9; ++s) {
     std::printf(" %s %.2f (%.2f)", stages[s], quantile(r.stage_ms[s], 0.5),
                 quantile(r.stage_ms[s], 0.95));
@@ -121,8 +121,9 @@ TEST(Recording, EveryFrameTrackedWithinTheBound) {
     double voxel_m;
     int level;
   };
-  for (const Case& c : {Case{"512x424, 10 mm, step 1", 0.01, 0}, Case{"512x424, 20 mm, step 2", 0.02, 1},
-                        Case{"512x424, 20 mm, step 4", 0.02, 2}}) {
+  for (const Case& c :
+       {Case{"512x424, 10 mm, step 1", 0.01, 0}, Case{"512x424, 20 mm, step 2", 0.02, 1},
+        Case{"512x424, 20 mm, step 4", 0.02, 2}}) {
     FusionConfig config;
     config.tsdf.voxel_size_m = c.voxel_m;
     const Playback r = run(config, c.level, true, 150);
@@ -142,7 +143,8 @@ TEST(Recording, CostOfTheVariants) {
     int level;
     bool small;
   };
-  for (const Case& c : {Case{"512x424, 10 mm, step 2", 0.01, 1, true}, Case{"512x424, 20 mm, step 1", 0.02, 0, true},
+  for (const Case& c : {Case{"512x424, 10 mm, step 2", 0.01, 1, true},
+                        Case{"512x424, 20 mm, step 1", 0.02, 0, true},
                         Case{"640x480, 10 mm, step 1", 0.01, 0, false}}) {
     FusionConfig config;
     config.tsdf.voxel_size_m = c.voxel_m;

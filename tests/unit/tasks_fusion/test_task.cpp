@@ -119,7 +119,8 @@ TEST(FusionTask, PatchEveryPeriodFollowsTheHand) {
   const auto checksum = rig.patch->checksum;
   rig.in.hand.p_WH = Vec3(std::numeric_limits<double>::quiet_NaN(), 0, 0);
   rig.step(false);
-  EXPECT_TRUE(rig.out.patch_written) << "a hand that is not a number leaves the window where it was";
+  EXPECT_TRUE(rig.out.patch_written)
+      << "a hand that is not a number leaves the window where it was";
   EXPECT_EQ(rig.patch->seq, 5U);
   EXPECT_EQ(rig.patch->checksum, checksum);
 }
@@ -188,7 +189,8 @@ TEST(FusionTask, OdometryCarriesAlongAWallUntilItsErrorIsTooLarge) {
     rig.in.odometry = o;
     rig.see(wall(), along_wall(y));
     if (rig.out.camera.claimed) {
-      EXPECT_EQ(claimed_until, i == 0 ? -1 : 0.02 * (i - 1)) << "no claim after the budget is spent";
+      EXPECT_EQ(claimed_until, i == 0 ? -1 : 0.02 * (i - 1))
+          << "no claim after the budget is spent";
       claimed_until = y;
       EXPECT_LT((rig.out.camera.X_WC.translation() - along_wall(y).translation()).norm(), 0.003);
     } else {
@@ -315,7 +317,8 @@ TEST(FusionConfig, EveryKeyCanBeSetAndIsChecked) {
   config.describe(section);
   const auto ok = config::load_text(
       "view_step = 4\n[tsdf]\nvoxel_size_m = 0.02\n[tracker]\ngate_distance_m = [0.04, 0.06, 0.1]\n"
-      "[ground]\ncells = 128\n[[ground.virtual_obstacle]]\nshape = \"box\"\nposition_m = [1, 0, 0]\n"
+      "[ground]\ncells = 128\n[[ground.virtual_obstacle]]\nshape = \"box\"\nposition_m = [1, 0, "
+      "0]\n"
       "[level_1]\npixel_step = 4\n",
       "test", section);
   ASSERT_TRUE(ok) << ok.error();

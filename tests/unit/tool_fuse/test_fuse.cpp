@@ -39,11 +39,13 @@ class Fuse : public ::testing::Test {
     std::ofstream list(root_ / "seq" / "associations.txt");
     for (std::size_t i = 0; i < poses.size(); ++i) {
       const auto mm = tests::to_mm(tests::cast_depth(scene, k, poses[i]), 0.001, random);
-      cv::Mat depth(k.height, k.width, CV_16UC1), colour(k.height, k.width, CV_8UC3, {90, 120, 200});
+      cv::Mat depth(k.height, k.width, CV_16UC1),
+          colour(k.height, k.width, CV_8UC3, {90, 120, 200});
       std::copy(mm.begin(), mm.end(), depth.ptr<std::uint16_t>());
       char stamp[32];
       std::snprintf(stamp, sizeof stamp, "%.6f", static_cast<double>(i) / 30);
-      const std::string d = std::string("depth/") + stamp + ".png", c = std::string("rgb/") + stamp + ".png";
+      const std::string d = std::string("depth/") + stamp + ".png",
+                        c = std::string("rgb/") + stamp + ".png";
       cv::imwrite((root_ / "seq" / d).string(), depth);
       cv::imwrite((root_ / "seq" / c).string(), colour);
       list << stamp << ' ' << c << ' ' << stamp << ' ' << d << '\n';
@@ -60,12 +62,18 @@ class Fuse : public ::testing::Test {
       const Vec3 t = poses[i].translation();
       char stamp[32];
       std::snprintf(stamp, sizeof stamp, "%.6f", static_cast<double>(i) / 30);
-      out << stamp << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' ' << q.x() << ' ' << q.y() << ' '
-          << q.z() << ' ' << q.w() << '\n';
+      out << stamp << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' ' << q.x() << ' ' << q.y()
+          << ' ' << q.z() << ' ' << q.w() << '\n';
     }
   }
   int fuse(std::vector<std::string> extra, const std::string& name = "out") {
-    std::vector<std::string> args{"fuse", "--rgbd", (root_ / "seq").string(), "--poses", (root_ / (name + ".txt")).string(), "--ply", (root_ / (name + ".ply")).string()};
+    std::vector<std::string> args{"fuse",
+                                  "--rgbd",
+                                  (root_ / "seq").string(),
+                                  "--poses",
+                                  (root_ / (name + ".txt")).string(),
+                                  "--ply",
+                                  (root_ / (name + ".ply")).string()};
     if (extra.empty() || extra[0] != "--voxel") args.insert(args.end(), {"--voxel", "0.02"});
     args.insert(args.end(), extra.begin(), extra.end());
     std::vector<char*> argv;
@@ -97,7 +105,8 @@ class Fuse : public ::testing::Test {
 std::vector<Pose> drive(int n) {
   std::vector<Pose> poses;
   for (int i = 0; i < n; ++i) {
-    poses.push_back(tests::look_at(Vec3(-0.2 + 0.008 * i, 0.1 - 0.004 * i, 0.9), Vec3(1.8, -0.05, 0.3)));
+    poses.push_back(
+        tests::look_at(Vec3(-0.2 + 0.008 * i, 0.1 - 0.004 * i, 0.9), Vec3(1.8, -0.05, 0.3)));
   }
   return poses;
 }
@@ -128,7 +137,8 @@ TEST_F(Fuse, FlatWallIsClaimedOnlyWithOdometry) {
   tests::AnalyticScene wall;
   wall.planes = {{Vec3(1.2, 0, 0), -Vec3::UnitX()}};
   std::vector<Pose> truth;
-  for (int i = 0; i < 10; ++i) truth.push_back(tests::look_at(Vec3(0, 0.005 * i, 0.5), Vec3(1.2, 0.005 * i, 0.5)));
+  for (int i = 0; i < 10; ++i)
+    truth.push_back(tests::look_at(Vec3(0, 0.005 * i, 0.5), Vec3(1.2, 0.005 * i, 0.5)));
   write_sequence(wall, truth);
   ASSERT_EQ(fuse({}, "alone"), 0);
   EXPECT_EQ(claims("alone").size(), 1U) << "only the first frame, which defines the world";
