@@ -1,0 +1,201 @@
+#include "tools/teletact/run_results.hpp"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+
+#include "tasks/graph/table.hpp"
+
+namespace {
+
+using teletact::Metrics;
+using teletact::OperatorHalf;
+using teletact::RobotHalf;
+using teletact::RunInfo;
+
+constexpr std::int64_t kUs = 1000;
+constexpr std::int64_t kMs = 1'000'000;
+
+double value(const Metrics& m, const std::string& name) {
+  for (const auto& row : m.rows()) {
+    if (row.name == name) return row.value;
+  }
+  ADD_FAILURE() << name << " is missing";
+  return std::nan("");
+}
+
+rt::TaskLog haptic_log() {
+  rt::TaskLog t;
+  t.id = static_cast<std::uint16_t>(tasks::TaskId::kHaptic);
+  t.spec.name = "haptic";
+  t.spec.rate = {1000, 1};
+  t.spec.budget = rt::Nanos{100 * kUs};
+  t.work_max = 1000;
+  return t;
+}
+
+rt::JobRecord& add_job(rt::TaskLog& t, std::uint64_t k, std::int64_t wait, std::int64_t cpu) {
+  rt::JobRecord r;
+  r.task = t.id;
+  r.k = k;
+  r.release_ns = static_cast<std::int64_t>(k) * kMs;
+  r.deadline_ns = r.release_ns + kMs;
+  r.start_ns = r.release_ns + wait;
+  r.end_ns = r.start_ns + cpu;
+  r.cpu_ns = cpu;
+  r.voluntary = 1;
+  t.jobs.push_back(r);
+  return t.jobs.back();
+}
+
+// 100 jobs; job 10 overruns by itself over 11 and 12, the platform delays job 50, and after the last
+// record the totals know of three more dropped releases.
+OperatorHalf known_run() {
+  OperatorHalf op;
+  rt::TaskLog t = haptic_log();
+  std::uint64_t k = 0;
+  for (; k < 10; ++k) add_job(t, k, 10 * kUs, 40 * kUs);
+  add_job(t, k, 10 * kUs, 2500 * kUs).work = 5000;
+  add_job(t, 13, 10 * kUs, 40 * kUs).skipped = 2;
+  for (k = 14; k < 50; ++k) add_job(t, k, 10 * kUs, 40 * kUs);
+  op.log.sentinels.push_back({50 * kMs, 970 * kUs, 0});
+  add_job(t, 50, 980 * kUs, 40 * kUs);
+  for (k = 51; k < 97; ++k) add_job(t, k, 10 * kUs, 40 * kUs);
+  op.log.sentinels.push_back({60 * kMs, 4 * kUs, 0});
+  op.totals.push_back({t.id, {t.jobs.size(), 2, 0, 5, 0}});
+  op.log.tasks.push_back(std::move(t));
+  return op;
+}
+
+TEST(RunResults, CausesAddUpToTheMissesIncludingTheTail) {
+  const OperatorHalf op = known_run();
+  Metrics m("demo");
+  teletact::add_metrics({}, op, {}, m);
+  EXPECT_EQ(value(m, "haptic.releases"), 100);
+  EXPECT_EQ(value(m, "haptic.completed") + value(m, "haptic.skipped") + value(m, "haptic.aborted"),
+            value(m, "haptic.releases"));
+  EXPECT_EQ(value(m, "haptic.skipped"), 5);
+  EXPECT_EQ(value(m, "haptic.miss_own"), 3) << "job 10 and the two it ran over";
+  EXPECT_EQ(value(m, "haptic.miss_platform"), 1);
+  EXPECT_EQ(value(m, "haptic.miss_unknown"), 3) << "the tail has no record to blame it on";
+  double sum = 0;
+  for (const char* cause : {"own", "platform", "charged", "queued", "carried", "unknown"}) {
+    sum += value(m, std::string("haptic.miss_") + cause);
+  }
+  EXPECT_EQ(sum, value(m, "haptic.miss_total"));
+  EXPECT_EQ(value(m, "haptic.miss_total"), 7);
+  EXPECT_DOUBLE_EQ(value(m, "haptic.cpu_p50_us"), 40);
+  EXPECT_DOUBLE_EQ(value(m, "haptic.late_minus_sentinel_p999_us"), 10);
+}
+
+TEST(RunResults, MeasuredOnlyWhileThePlatformIsOnTime) {
+  OperatorHalf op = known_run();
+  Metrics good("demo"), bad("demo"), simulated("demo");
+  teletact::add_metrics({}, op, {}, good);
+  EXPECT_EQ(value(good, "run.measured"), 1);
+  EXPECT_EQ(value(good, "run.realtime"), 1);
+  for (auto& r : op.log.tasks[0].jobs) {
+    if (r.k < 60 || r.k > 70) continue;
+    r.start_ns += 400 * kUs;
+    r.end_ns += 400 * kUs;
+    op.log.sentinels.push_back({r.release_ns, 400 * kUs, 0});
+  }
+  op.log.not_realtime = {"SCHED_FIFO"};
+  teletact::add_metrics({}, op, {}, bad);
+  EXPECT_GT(value(bad, "platform.late_share"), 0.05);
+  EXPECT_EQ(value(bad, "run.measured"), 0);
+  EXPECT_EQ(value(bad, "run.realtime"), 0);
+  RunInfo info;
+  info.virtual_clock = true;
+  teletact::add_metrics(info, known_run(), {}, simulated);
+  EXPECT_EQ(value(simulated, "run.measured"), 0) << "a simulation measures no machine";
+}
+
+TEST(RunResults, TouchFigures) {
+  OperatorHalf op;
+  for (int i = 0; i < 100; ++i) {
+    tasks::HapticSample s;
+    s.in_contact = i % 50 >= 40;
+    s.force_N = s.in_contact ? static_cast<float>(i % 50 - 39) : 0.0F;
+    s.step_N = 0.25F;
+    s.step_raw_N = i == 70 ? 3.0F : 0.25F;
+    s.guard_use = i == 41 || i == 5;
+    s.finite = i != 99;
+    op.view.haptic.push_back(s);
+  }
+  Metrics m("demo");
+  teletact::add_metrics({}, op, {}, m);
+  EXPECT_DOUBLE_EQ(value(m, "haptic.force_max_N"), 10);
+  EXPECT_DOUBLE_EQ(value(m, "haptic.force_step_max_N"), 0.25);
+  EXPECT_DOUBLE_EQ(value(m, "haptic.force_step_raw_max_N"), 3);
+  EXPECT_DOUBLE_EQ(value(m, "haptic.contact_share"), 0.2);
+  EXPECT_DOUBLE_EQ(value(m, "haptic.contacts"), 2);
+  EXPECT_DOUBLE_EQ(value(m, "haptic.guard_share"), 0.05) << "guard use counts in contact only";
+  EXPECT_DOUBLE_EQ(value(m, "haptic.not_finite"), 1);
+}
+
+TEST(RunResults, AnEmptyRunHasFiguresAndNoNaN) {
+  Metrics m("demo");
+  teletact::add_metrics({}, {}, {}, m);
+  for (const auto& row : m.rows()) {
+    if (!row.is_text) {
+      EXPECT_TRUE(std::isfinite(row.value)) << row.name;
+    }
+  }
+}
+
+TEST(RunResults, HalvesComeBackAndTornOnesAreIncomplete) {
+  const auto folder =
+      std::filesystem::temp_directory_path() / ("teletact_halves_" + std::to_string(::getpid()));
+  std::filesystem::create_directories(folder);
+  OperatorHalf op = known_run();
+  op.epoch_ns = 77;
+  op.hangs = 3;
+  op.complete = true;
+  op.view.haptic.resize(10);
+  op.view.haptic[3].force_N = 4.5F;
+  RobotHalf robot;
+  robot.view.truth.push_back({{}, 1, 2, 3, 4, 5});
+  robot.view.tracking_error_max_m = 0.01;
+  robot.complete = true;
+  teletact::save_half(folder.string(), op);
+  teletact::save_half(folder.string(), robot);
+  OperatorHalf op2;
+  RobotHalf robot2;
+  teletact::load_half(folder.string(), op2);
+  teletact::load_half(folder.string(), robot2);
+  EXPECT_TRUE(op2.complete);
+  EXPECT_EQ(op2.epoch_ns, 77);
+  EXPECT_EQ(op2.hangs, 3U);
+  ASSERT_EQ(op2.view.haptic.size(), 10U);
+  EXPECT_EQ(op2.view.haptic[3].force_N, 4.5F);
+  ASSERT_EQ(op2.totals.size(), 1U);
+  EXPECT_EQ(op2.totals[0].totals.skipped, 5U);
+  EXPECT_TRUE(robot2.complete);
+  ASSERT_EQ(robot2.view.truth.size(), 1U);
+  EXPECT_EQ(robot2.view.truth[0].path_m, 4);
+  EXPECT_EQ(robot2.view.tracking_error_max_m, 0.01);
+
+  const auto path = folder / "robot.view";
+  std::ifstream in(path, std::ios::binary);
+  const std::string all{std::istreambuf_iterator<char>(in), {}};
+  for (std::size_t n = 0; n < all.size(); ++n) {
+    std::ofstream(path, std::ios::binary) << all.substr(0, n);
+    RobotHalf torn;
+    torn.complete = true;
+    teletact::load_half(folder.string(), torn);
+    EXPECT_FALSE(torn.complete) << n;
+  }
+  std::filesystem::remove(path);
+  RobotHalf absent;
+  absent.complete = true;
+  teletact::load_half(folder.string(), absent);
+  EXPECT_FALSE(absent.complete);
+  std::filesystem::remove_all(folder);
+}
+
+}  // namespace
