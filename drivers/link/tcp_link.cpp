@@ -201,10 +201,13 @@ void TcpLink::run() {
     pollfd p{fd_, POLLIN, 0};
     ::poll(&p, 1, 1);
   }
-  if (fd_ >= 0 && !cut_.load() && stop_.load()) {
-    e.send_bye(now_(), send);
-    for (int i = 0; i < 200 && !queue_.empty() && write_due(rt::monotonic_ns()); ++i)
+  const bool refused = state_.load() == State::kFault;
+  if (fd_ >= 0 && !cut_.load() && (stop_.load() || refused)) {
+    // A refused side still gets the Hello that waits here: it must be able to name both schemas too.
+    if (!refused) e.send_bye(now_(), send);
+    for (int i = 0; i < 200 && !queue_.empty() && write_due(rt::monotonic_ns()); ++i) {
       ::usleep(1000);
+    }
   }
   if (fd_ >= 0) ::close(fd_);
   fd_ = -1;

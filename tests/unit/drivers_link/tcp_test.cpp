@@ -224,11 +224,11 @@ TEST(TcpLink, ATakenPortAndAnAbsentPeerAreOneMessageEach) {
 struct Stranger {
   End op{rt::Box::kOperator, {}};
   int fd = -1;
-  Stranger() {
+  explicit Stranger(const std::optional<LinkShapeConfig>& shape = {}) {
     auto listening = TcpLink::listen("127.0.0.1", 0);
     EXPECT_TRUE(listening);
     op.link = std::move(listening).value();
-    op.start();
+    op.start(shape);
     fd = ::socket(AF_INET, SOCK_STREAM, 0);
     sockaddr_in a{};
     a.sin_family = AF_INET;
@@ -290,6 +290,32 @@ TEST(TcpLink, EachKindOfBadMessageHasItsFault) {
   set_field<std::uint64_t>(b, 32, drivers::schema_hash() + 1);
   s.say(b);
   EXPECT_THAT(s.fault(), HasSubstr("install the same teletact on both boxes"));
+}
+
+// The refused side must be able to name both schemas as well: our Hello reaches it before we close,
+// even over a slow network.
+TEST(TcpLink, AStrangerStillGetsOurHello) {
+  for (const double delay_ms : {0.0, 60.0}) {
+    LinkShapeConfig shape;
+    shape.delay_ms = delay_ms;
+    Stranger s(shape);
+    Bytes b = whole(MessageId::kHello, {});
+    set_field<std::uint16_t>(b, 4, drivers::kSchemaVersion + 1);
+    s.say(b);
+    EXPECT_THAT(s.fault(),
+                HasSubstr("schema version " + std::to_string(drivers::kSchemaVersion + 1)));
+    Bytes got(1000);
+    std::size_t n = 0;
+    for (ssize_t k = 0; (k = ::recv(s.fd, got.data() + n, got.size() - n, 0)) > 0;) {
+      n += static_cast<std::size_t>(k);
+    }
+    drivers::Header h;
+    ASSERT_EQ(drivers::read_header(std::span(got).first(n), h), drivers::WireStatus::kOk)
+        << delay_ms;
+    EXPECT_EQ(h.id, MessageId::kHello);
+    EXPECT_EQ(h.schema, drivers::schema_hash());
+    EXPECT_EQ(n, drivers::kHeaderSize) << "and nothing else";
+  }
 }
 
 // A valid stream handed over byte by byte, and torn in the middle of a message.
