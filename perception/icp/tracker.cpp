@@ -154,7 +154,7 @@ void Tracker::track(const ModelView& model, const MotionPrior& prior,
     Vec6 d = a.directions.degenerate.col(i);
     d.head<3>() = model.X_WF.linear() * d.head<3>();
     d.tail<3>() = model.X_WF.linear() * d.tail<3>();
-    out.degenerate_W[static_cast<std::size_t>(i)] = d;
+    out.degenerate_W.col(i) = d;
   }
   out.length_m = length;
   out.work = a.work;

@@ -74,8 +74,8 @@ struct TrackingResult {
   int inliers = 0;                 // at level 1
   double condition = 0;  // largest / smallest eigenvalue of the scaled 6x6; inf = singular
   int degenerate_count = 0;
-  // Unit twists (v, w L) in W about the centroid, w scaled by `length_m` (mean depth).
-  std::array<Eigen::Matrix<double, 6, 1>, 6> degenerate_W{};
+  // First degenerate_count columns: unit twists (v, w L) in W about the centroid, w scaled by `length_m` (mean depth).
+  Eigen::Matrix<double, 6, 6> degenerate_W = Eigen::Matrix<double, 6, 6>::Zero();
   double length_m = 0;
   std::array<int, 3> iterations{};  // done, fine to coarse
   std::uint64_t work = 0;           // associations tried

@@ -201,7 +201,7 @@ TEST(Tracker, FlatWallReportsThreeDirectionsAndDoesNotDrift) {
     EXPECT_LT(std::abs(Eigen::AngleAxisd(R).angle() * Eigen::AngleAxisd(R).axis().x()), 2e-4);
     // The reported space is spanned by the two slides and the spin.
     for (int i = 0; i < 3; ++i) {
-      const auto& d = r.degenerate_W[static_cast<std::size_t>(i)];
+      const Vec6 d = r.degenerate_W.col(i);
       EXPECT_LT(std::abs(d(0)), 0.15) << "towards the wall is seen";
       EXPECT_LT(std::hypot(d(4), d(5)), 0.15) << "tilt is seen";
     }
@@ -244,7 +244,7 @@ TEST(Tracker, TwoWallsLeaveOneSlide) {
   rig.see(scene, X_WF, 0.0015, random);
   const TrackingResult r = rig.track({X_WF});
   ASSERT_EQ(r.degenerate_count, 1);
-  EXPECT_GT(std::abs(r.degenerate_W[0](2)), 0.95) << "up and down along the edge";
+  EXPECT_GT(std::abs(r.degenerate_W(2, 0)), 0.95) << "up and down along the edge";
 }
 
 // ---------------------------------------------------------------- sums
