@@ -30,9 +30,4 @@ struct HasVirtual {  // cppcoreguidelines-virtual-class-destructor
   virtual int f() { return 1; }
 };
 
-struct Raw {
-  Raw() {}  // cppcoreguidelines-pro-type-member-init
-  int value;
-};
-
 }  // namespace lint
