@@ -99,6 +99,7 @@ FusionNode::FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const Op
     : task_(std::make_unique<FusionTask>(nrt, config.fusion, setup.fusion)),
       cells_(cells),
       hash_(setup.hash_outputs),
+      odometry_prior_(setup.odometry_prior),
       patch_gate_(setup.faults, "patch") {}
 
 void FusionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
@@ -110,7 +111,7 @@ void FusionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   if (hand) in_.hand = *hand;
   const auto robot = cells_.robot_state.acquire_if_new(OperatorCells::kStateFusion);
   in_.odometry.reset();
-  if (robot) {
+  if (robot && odometry_prior_) {
     OdometryPrior prior;
     prior.taken = robot->taken;
     prior.X_OB.linear() = Eigen::AngleAxisd(robot->yaw_rad, Vec3::UnitZ()).toRotationMatrix();

@@ -42,7 +42,7 @@ class FusionNode final : public rt::TaskBody {
  private:
   std::unique_ptr<FusionTask> task_;
   OperatorCells& cells_;
-  bool hash_;
+  bool hash_, odometry_prior_;
   EdgeGate patch_gate_;
   std::uint64_t frame_seq_ = 0;
   FusionTask::In in_;

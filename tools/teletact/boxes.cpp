@@ -14,8 +14,15 @@ namespace {
 // that every frame is complete well before the poll that takes it.
 constexpr rt::Nanos kRecordingLead = std::chrono::milliseconds{317};
 
+// A 640 x 480 recording is brought to the 512 x 424 of a Kinect v2, as `teletact fuse` does.
 drivers::TumSequence open_sequence(const std::string& dir) {
-  auto sequence = drivers::TumSequence::open(dir);
+  drivers::TumOptions options;
+  options.register_colour = true;
+  auto sequence = drivers::TumSequence::open(dir, options);
+  if (sequence && sequence.value().intrinsics().width == 640 && sequence.value().intrinsics().height == 480) {
+    options.to_512x424 = true;
+    sequence = drivers::TumSequence::open(dir, options);
+  }
   if (!sequence) throw std::runtime_error(sequence.error());
   return std::move(sequence).value();
 }
@@ -130,6 +137,8 @@ OperatorBox::OperatorBox(rt::NonRealtime& nrt, const Scene& scene,
     setup.fusion.ground.up_known = true;
     setup.fusion.ground.start_W = scene.start_X_WB().translation();
     setup.fusion.ground.camera_height_m = scene.camera.mount_position_m[2];
+  } else {
+    setup.odometry_prior = false;
   }
   graph_ = std::make_unique<tasks::OperatorGraph>(nrt, scene.graph, setup, 1e-3);
   graph_->bind_link(nrt, endpoint_);

@@ -64,6 +64,7 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, const Scene& scene, double se
     o.seconds = seconds;
     o.virtual_clock = o.measure_cpu = o.quiet = true;
     o.force_level = level;
+    o.cores = 8;  // never a reason to refuse
     const VirtualRun run = run_virtual(nrt, scene, o, declared);
     for (const auto* log : {&run.op.log, &run.robot.log}) {
       for (const auto& t : log->tasks) {

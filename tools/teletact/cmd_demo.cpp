@@ -85,6 +85,7 @@ int cmd_demo(int argc, char** argv) {
                  "calibration file; default: this host's, measured if there is none");
   app.add_option("--cost-seed", o.cost_seed, "virtual clock: seed of the job costs");
   app.add_option("--cut-link", o.cut_link_at_s, "cut the cable at this second");
+  app.add_option("--cores", o.cores, "virtual clock: cores of the simulated host")->check(CLI::Range(1, 64))->capture_default_str();
   app.add_flag("--quiet", o.quiet, "no status lines");
   try {
     app.parse(argc, argv);

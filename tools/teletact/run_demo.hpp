@@ -26,6 +26,7 @@ struct DemoOptions {
   bool quiet = false;
   std::string command;  // as typed, for the report
   std::uint64_t cost_seed = 1;
+  int cores = 4;                     // of the virtual clock's host; the declared budgets are for four
   double cut_link_at_s = -1;  // the cable is cut then
 };
 

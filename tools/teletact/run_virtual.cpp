@@ -75,7 +75,9 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
   VirtualRun run;
   const std::int64_t epoch = 1000000000;  // any instant; fixed, so that runs repeat
   const auto specs = tasks::make_specs(calibration);
-  run.admission = rt::admit(tasks::make_request(specs, {0, 1}, {0.30}));
+  std::vector<int> cpus;
+  for (int i = 0; i < options.cores; ++i) cpus.push_back(i);
+  run.admission = rt::admit(tasks::make_request(specs, cpus, {0.30}));
   if (!run.admission.admitted) throw std::runtime_error("admission: " + run.admission.refusal);
 
   BoxOptions op_options, robot_options;

@@ -18,6 +18,7 @@ VirtualRun run(double seconds, const std::vector<std::string>& overrides = {}, D
   const auto scene = teletact::load_scene(teletact::find_config("scenes", "default_room"), overrides);
   options.seconds = seconds;
   options.virtual_clock = options.quiet = true;
+  options.cores = 2;  // the smaller variants: faster
   return teletact::run_virtual(startup.token(), *scene, options, teletact::reference_calibration());
 }
 
@@ -101,6 +102,7 @@ TEST(Demo, MovingTheBoxChangesThePath) {
   DemoOptions options;
   options.seconds = 8;
   options.virtual_clock = options.quiet = true;
+  options.cores = 2;  // the smaller variants: faster
   const VirtualRun moved = teletact::run_virtual(startup.token(), *scene, options, teletact::reference_calibration());
   ASSERT_FALSE(moved.op.view.paths.empty());
   ASSERT_FALSE(default_run().op.view.paths.empty());
@@ -124,6 +126,7 @@ TEST(Demo, WithoutAMarkTheRobotStaysStill) {
   DemoOptions options;
   options.seconds = 9;
   options.virtual_clock = options.quiet = true;
+  options.cores = 2;  // the smaller variants: faster
   const VirtualRun r = teletact::run_virtual(startup.token(), *scene, options, teletact::reference_calibration());
   EXPECT_EQ(value(r, "mark.count"), 0);
   EXPECT_LT(value(r, "robot.path_m"), 1e-6);
@@ -156,6 +159,7 @@ TEST(Demo, AnEffectThatNoKeyCallsForIsNotConstructed) {
   DemoOptions options;
   options.seconds = 0.2;
   options.virtual_clock = options.quiet = true;
+  options.cores = 2;  // the smaller variants: faster
   const VirtualRun bare = teletact::run_virtual(startup.token(), *scene, options, teletact::reference_calibration());
   EXPECT_TRUE(bare.effects.empty()) << bare.effects.front().first;
   EXPECT_GE(default_run().effects.size(), 5U);
