@@ -153,7 +153,8 @@ double growth_factor(std::span<const AnalysisTask> tasks, double limit,
     lo = hi;
     hi *= 2;
   }
-  if (hi >= kMaxGrowth) return static_cast<double>(kMaxGrowth / kGrowthUnit);
+  constexpr std::int64_t kMost = kMaxGrowth / kGrowthUnit;
+  if (hi >= kMaxGrowth) return static_cast<double>(kMost);
   while (hi - lo > 1) {
     const std::int64_t mid = lo + (hi - lo) / 2;
     (fits(mid) ? lo : hi) = mid;

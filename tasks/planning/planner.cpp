@@ -78,8 +78,8 @@ struct Planner::Impl {
   ob::State *start_state = nullptr, *goal_state = nullptr;
 
   [[nodiscard]] Point2 centre(std::int32_t cell) const {
-    return {(cell % map->width + 0.5) * map->resolution,
-            (cell / map->width + 0.5) * map->resolution};
+    const std::int32_t ix = cell % map->width, iy = cell / map->width;
+    return {(ix + 0.5) * map->resolution, (iy + 0.5) * map->resolution};
   }
   [[nodiscard]] std::int32_t cell_of(Point2 p) const {
     const int ix = static_cast<int>(std::floor(p.x / map->resolution));
@@ -95,8 +95,8 @@ struct Planner::Impl {
                : way->cells();
     const auto i = random.integer(0, static_cast<std::int64_t>(cells.size()) - 1);
     const std::int32_t c = cells[static_cast<std::size_t>(i)];
-    return {(c % map->width + random.uniform()) * map->resolution,
-            (c / map->width + random.uniform()) * map->resolution};
+    const std::int32_t ix = c % map->width, iy = c / map->width;
+    return {(ix + random.uniform()) * map->resolution, (iy + random.uniform()) * map->resolution};
   }
 
   bool flood(int seed_count, std::uint8_t start_cost, const rt::Tick& t);
