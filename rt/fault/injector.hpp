@@ -1,12 +1,19 @@
 // What a fault plan does to one job. Two policies with one shape: Plain knows no faults and compiles
 // to nothing, Planned asks the plan. Both executors are built with each; the choice falls at start.
+// A build with TELETACT_FAULTS=OFF has no executor for Planned.
 #pragma once
 
 #include <cstdint>
 
 #include "rt/time.hpp"
 
+#ifndef TELETACT_FAULTS  // set by the build
+#define TELETACT_FAULTS 1
+#endif
+
 namespace rt {
+
+inline constexpr bool kFaultsBuilt = TELETACT_FAULTS != 0;
 
 struct JobFaults {
   Nanos late{0};        // the release arrives this much later; its deadline stays

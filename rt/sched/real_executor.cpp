@@ -463,6 +463,8 @@ std::uint64_t RealExecutor<Faults>::dropped_records() const noexcept {
 }
 
 template class RealExecutor<Plain>;
+#if TELETACT_FAULTS
 template class RealExecutor<Planned>;
+#endif
 
 }  // namespace rt

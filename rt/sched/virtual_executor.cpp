@@ -316,6 +316,8 @@ void VirtualExecutor<Faults>::finish(State& s, Outcome outcome) {
 }
 
 template class VirtualExecutor<Plain>;
+#if TELETACT_FAULTS
 template class VirtualExecutor<Planned>;
+#endif
 
 }  // namespace rt
