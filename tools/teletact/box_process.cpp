@@ -153,13 +153,10 @@ struct BoxRunner {
   }
 
   void run(rt::NonRealtime& nrt, const std::string& file) {
-    if (!plan.planned) {
-      run(nrt, rt::Plain{}, file);
-      return;
-    }
     std::vector<std::string> names;
     for (const auto& s : plan.specs) names.push_back(s.name);
-    run(nrt, rt::Planned(plan.faults, names), file);
+    rt::with_faults(plan.planned ? &plan.faults : nullptr, names,
+                    [&](const auto& faults) { run(nrt, faults, file); });
   }
 };
 

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <thread>
 
+#include "rt/fault/injector.hpp"
 #include "tools/teletact/calibrate.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/host_info.hpp"
@@ -96,6 +97,8 @@ int cmd_demo(int argc, char** argv) {
   o.stub_bodies = bodies == "stub";
   if (o.stub_bodies && !o.virtual_clock)
     throw std::runtime_error("--bodies stub needs --clock virtual");
+  if (!o.fault_plan.empty() && !rt::kFaultsBuilt)
+    throw std::runtime_error("--faults: this build runs no fault plans (TELETACT_FAULTS=OFF)");
   if (!o.fault_plan.empty()) o.fault_plan = find_config("faults", o.fault_plan);
   if (!o.rgbd_dir.empty() && app.count("--scene") == 0) scene_name = "recording";
   o.scene_path = find_config("scenes", scene_name);

@@ -162,14 +162,13 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
   plan.clock[1] = kRobotClock;
   rt::QuantileCosts costs(options.cost_seed, tasks::make_costs(calibration, specs));
   const rt::VirtualOptions how{options.stub_bodies, options.measure_cpu};
-  if (options.fault_plan.empty()) {
-    execute(placed, costs, rt::Plain{}, sink, how, actors, plan, run.op.totals, run.robot.totals);
-  } else {
-    std::vector<std::string> names;
-    for (const auto& s : specs) names.push_back(s.name);
-    const rt::Planned planned(plan_of_faults, names);
-    execute(placed, costs, planned, sink, how, actors, plan, run.op.totals, run.robot.totals);
-  }
+  std::vector<std::string> names;
+  for (const auto& s : specs) names.push_back(s.name);
+  rt::with_faults(options.fault_plan.empty() ? nullptr : &plan_of_faults, names,
+                  [&](const auto& faults) {
+                    execute(placed, costs, faults, sink, how, actors, plan, run.op.totals,
+                            run.robot.totals);
+                  });
   if (link) {
     const std::uint64_t bytes = link->byte_hash();
     hasher.add_bytes(&bytes, sizeof bytes);
