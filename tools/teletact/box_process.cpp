@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <fstream>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <thread>
 
@@ -13,13 +14,16 @@
 #include "rt/fault/planned.hpp"
 #include "rt/sched/real_executor.hpp"
 #include "rt/sched/registry.hpp"
+#include "tools/teletact/force_check.hpp"
 
 namespace teletact {
 
 namespace {
 
 constexpr const char* kRegistry = "teletact";
-constexpr std::int64_t kRampDown = 200000000;  // from the request to the stop
+// From the request to the last job: outputs are at zero within 200 ms of the signal, polls included.
+constexpr std::int64_t kRampDown = 160000000;
+constexpr std::int64_t kPoll = 5000000, kConsolePeriod = 20000000;
 
 std::vector<rt::PlacedTask> placed_tasks(const BoxPlan& plan, rt::Box box,
                                          const std::function<rt::TaskBody&(tasks::TaskId)>& body) {
@@ -55,12 +59,12 @@ rt::RunLog header_of(const std::vector<rt::PlacedTask>& placed,
 }
 
 // Refuses to start beside another teletact whose tasks leave no room on these cores.
-rt::Registry enter_registry(const BoxPlan& plan, rt::Box box) {
+rt::Registry enter_registry(const BoxPlan& plan, std::optional<rt::Box> box) {
   auto registry = rt::Registry::open(kRegistry);
   if (!registry) throw std::runtime_error(registry.error());
   std::vector<rt::RegistryEntry> rows;
   for (std::size_t i = 0; i < plan.specs.size(); ++i) {
-    if (plan.specs[i].box != box) continue;
+    if (box && plan.specs[i].box != *box) continue;
     const auto& a = plan.admission.tasks[i];
     rt::RegistryEntry e;
     e.task = plan.specs[i].name;
@@ -87,10 +91,17 @@ struct BoxRunner {
   drivers::TcpLink* link = nullptr;
   std::function<void(rt::Time)> tick;  // console
   std::function<void()> save;          // partial half, so that a kill loses little
+  std::function<void()> make_safe;     // outputs to zero, from any thread
   std::vector<BoxTotals> totals;
   std::uint64_t dropped = 0, hangs = 0;
 
   [[nodiscard]] rt::Time now() const { return clock.from_host(rt::monotonic_ns()); }
+
+  // <folder>/<box>.stop: when this process was asked to end, in its box's clock.
+  void note_request(std::int64_t host) const {
+    const char* name = box == rt::Box::kOperator ? "/operator.stop" : "/robot.stop";
+    std::ofstream(plan.folder + name) << rt::ns_of(clock.from_host(host)) << '\n';
+  }
 
   // Handshake before the epoch, or an error that names what is missing.
   void await_link() const {
@@ -123,24 +134,35 @@ struct BoxRunner {
       executor.run(run_plan);
       done.store(true);
     });
-    std::int64_t ramp_from = 0, next_save = plan.epoch_host_ns + 1000000000;
+    std::int64_t ramp_from = 0, next_save = plan.epoch_host_ns + 1000000000, next_tick = 0;
+    bool stopped = false;
     while (!done.load()) {
-      tick(now());
       const std::int64_t host = rt::monotonic_ns();
+      if (host >= next_tick) {
+        next_tick = host + kConsolePeriod;
+        tick(now());
+      }
       if (executor.hangs() > 0) requests->watchdog_bit.store(true);
       if (g_stop_requested.load() && ramp_from == 0) {
         ramp_from = host;
         requests->ramp_down.store(true);
+        note_request(host);
       }
-      if (ramp_from != 0 && host - ramp_from > kRampDown) executor.request_stop();
+      // A slow task notices the stop at its next release; the outputs do not wait for it.
+      if (ramp_from != 0 && host - ramp_from > kRampDown && !stopped) {
+        stopped = true;
+        executor.request_stop();
+        make_safe();
+      }
       if (host > next_save) {
         next_save += 1000000000;
         writer->flush();
         save();
       }
-      ::usleep(20000);
+      ::usleep(kPoll / 1000);
     }
     runner.join();
+    make_safe();
     writer->flush();
     tick(now());
     const auto t = executor.totals();
@@ -170,6 +192,8 @@ int with_errors(const char* who, const std::function<int()>& body) {
 }
 
 }  // namespace
+
+void check_room(const BoxPlan& plan) { (void)enter_registry(plan, std::nullopt); }
 
 int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
                          const BoxPlan& plan) {
@@ -214,6 +238,7 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
         {},
         {},
         {},
+        {},
         0,
         0};
     std::int64_t next_line = plan.epoch_host_ns + 1000000000;
@@ -236,9 +261,9 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
       save_half(plan.folder, half);
     };
     save_effects(plan.folder, "operator", box.effects());
+    runner.make_safe = [&] { box.device().make_safe(); };
     runner.await_link();
     runner.run(nrt, plan.folder + "/operator.run");
-    box.device().make_safe();
     half.totals = runner.totals;
     half.dropped_records = runner.dropped;
     half.hangs = runner.hangs;
@@ -246,6 +271,10 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
     half.link_uncertainty_ns = tcp.clock_uncertainty_ns();
     tcp.stop();
     half.view = console.copy();
+    half.force_error_p95 =
+        check_force(box.graph().fusion().map(), half.view.haptic,
+                    scene.graph.haptic.stiffness_N_per_m, scene.graph.haptic.scale)
+            .relative_error_p95;
     half.complete = true;
     save_half(plan.folder, half);
     return runner.hangs > 0 ? 4 : 0;
@@ -291,6 +320,7 @@ int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOption
         {},
         {},
         {},
+        {},
         0,
         0};
     runner.tick = [&](rt::Time t) { console.tick(t); };
@@ -299,9 +329,9 @@ int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOption
       save_half(plan.folder, half);
     };
     save_effects(plan.folder, "robot", box.effects());
+    runner.make_safe = [&] { box.bus().make_safe(); };
     runner.await_link();
     runner.run(nrt, plan.folder + "/robot.run");
-    box.bus().make_safe();
     half.totals = runner.totals;
     half.dropped_records = runner.dropped;
     half.hangs = runner.hangs;

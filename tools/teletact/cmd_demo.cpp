@@ -37,7 +37,7 @@ void print_metrics(const Metrics& metrics) {
 int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
                const OperatorHalf& op, const RobotHalf& robot, const std::string& json_path) {
   if (!scene.rgbd_dir.empty())
-    info.ate_first_pose_mm = recording_error_mm(scene.rgbd_dir, op.view.fusion);
+    info.recorded = recording_figures(scene.rgbd_dir, op.view.fusion);
   if (!info.stub_bodies) {
     if (!op.complete) info.problems.push_back("the operator's half of the run is not complete");
     if (!robot.complete) info.problems.push_back("the robot's half of the run is not complete");

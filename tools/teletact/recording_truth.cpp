@@ -47,9 +47,10 @@ double recording_seconds(const std::string& dir) {
   return sequence.size() < 2 ? 0.0 : sequence.stamp_s(sequence.size() - 1) - sequence.stamp_s(0);
 }
 
-double recording_error_mm(const std::string& dir, const std::vector<tasks::FusionSample>& samples) {
+RecordingFigures recording_figures(const std::string& dir,
+                                   const std::vector<tasks::FusionSample>& samples) {
+  RecordingFigures out;
   const auto truth = read_truth(dir + "/groundtruth.txt");
-  if (truth.empty()) return -1;
   const auto sequence = open_sequence(dir);
   perception::Pose X_align = perception::Pose::Identity();
   bool have_first = false;
@@ -62,7 +63,9 @@ double recording_error_mm(const std::string& dir, const std::vector<tasks::Fusio
     const double t = sequence.stamp_s(0) + rt::seconds(s.exposure - first_exposure);
     if (t > sequence.stamp_s(sequence.size() - 1) + 0.5 / 30)
       break;  // the held last frame counts once
-    if (!s.claimed) continue;
+    ++out.frames;
+    out.tracked += s.tracked ? 1 : 0;
+    if (!s.claimed || truth.empty()) continue;
     const TruePose* best = &truth.front();
     for (const auto& p : truth) {
       if (std::abs(p.t_s - t) < std::abs(best->t_s - t)) best = &p;
@@ -82,7 +85,8 @@ double recording_error_mm(const std::string& dir, const std::vector<tasks::Fusio
     sum += ((X_align * X).translation() - best->X_WC.translation()).squaredNorm();
     ++n;
   }
-  return n == 0 ? -1 : 1e3 * std::sqrt(sum / static_cast<double>(n));
+  if (n > 0) out.ate_first_pose_mm = 1e3 * std::sqrt(sum / static_cast<double>(n));
+  return out;
 }
 
 }  // namespace teletact

@@ -100,6 +100,7 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.one(h.hangs);
     s.one(h.link_round_trip_ns);
     s.one(h.link_uncertainty_ns);
+    s.one(h.force_error_p95);
     s.one(h.complete);
   });
 }
@@ -112,7 +113,8 @@ void load_half(const std::string& folder, OperatorHalf& h) {
          l.one(h.view.robot) && l.one(h.view.arrivals) && l.one(h.view.first_arrival) &&
          l.one(h.view.points_resolved) && l.one(h.view.device_brakes) && l.one(*h.view.view) &&
          l.one(*h.view.map) && l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
-         l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.complete));
+         l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.force_error_p95) &&
+         l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();
 }
 
@@ -255,8 +257,14 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
     m.add("fusion.cpu_p50_us", quantile(cpu_us(*fusion), 0.5), "us");
     m.add("fusion.cpu_p99_us", quantile(cpu_us(*fusion), 0.99), "us");
   }
-  if (info.ate_first_pose_mm >= 0) m.add("fusion.ate_first_pose_mm", info.ate_first_pose_mm, "mm");
-  if (info.force_on_planes_p95 >= 0) m.add("haptic.force_error_p95", info.force_on_planes_p95, "1");
+  if (info.recording) {
+    m.add("fusion.recorded_frames", static_cast<double>(info.recorded.frames), "1");
+    m.add("fusion.recorded_frames_tracked", static_cast<double>(info.recorded.tracked), "1");
+    if (info.recorded.ate_first_pose_mm >= 0) {
+      m.add("fusion.ate_first_pose_mm", info.recorded.ate_first_pose_mm, "mm");
+    }
+  }
+  if (op.force_error_p95 >= 0) m.add("haptic.force_error_p95", op.force_error_p95, "1");
   m.add("mark.count", op.view.task.marks, "1");
   m.add("plan.paths", op.view.task.paths, "1");
   add_robot_metrics(op, robot, m);

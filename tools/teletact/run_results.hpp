@@ -13,6 +13,7 @@
 #include "rt/sched/executor.hpp"
 #include "tools/teletact/console.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/recording_truth.hpp"
 #include "tools/teletact/report.hpp"
 
 namespace teletact {
@@ -29,7 +30,8 @@ struct OperatorHalf {
   std::int64_t epoch_ns = 0;  // operator box clock
   std::uint64_t dropped_records = 0, hangs = 0;
   std::int64_t link_round_trip_ns = 0, link_uncertainty_ns = 0;
-  bool complete = false;  // false: the process ended early
+  double force_error_p95 = -1;  // force_check.hpp; -1: not checked
+  bool complete = false;        // false: the process ended early
 };
 
 struct RobotHalf {
@@ -63,8 +65,7 @@ struct RunInfo {
   std::uint64_t sched_hash = 0, log_hash = 0;
   std::vector<std::string> problems;  // each makes the exit code non-zero
   std::vector<std::string> files;
-  double ate_first_pose_mm = -1;  // recordings: against its own poses, by the caller
-  double force_on_planes_p95 = -1;
+  RecordingFigures recorded;  // of a recording, against its own poses
 };
 
 // Figures of the run under their documented names (docs/metrics.md).

@@ -9,6 +9,7 @@
 #include "rt/audit/log_hash.hpp"
 #include "rt/fault/planned.hpp"
 #include "rt/sched/virtual_executor.hpp"
+#include "tools/teletact/force_check.hpp"
 #include "tools/teletact/run_demo.hpp"
 #include "tools/teletact/sim_link.hpp"
 
@@ -183,6 +184,10 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
     robot_console->tick(kRobotClock.from_host(end));
     run.op.link_round_trip_ns = op->endpoint().round_trip().count();
     run.op.view = op_console->take();
+    run.op.force_error_p95 =
+        check_force(op->graph().fusion().map(), run.op.view.haptic,
+                    scene.graph.haptic.stiffness_N_per_m, scene.graph.haptic.scale)
+            .relative_error_p95;
     run.robot.view = robot_console->take();
     run.robot.camera_twin_cpu_ns = robot->camera_twin_cpu_ns();
   }
