@@ -92,7 +92,7 @@ class Admitter {
     const std::string where =
         "core " + std::to_string(core) + " (cpu " + std::to_string(cpu(core)) + "): ";
     if (u + load > req_.core_limit) {
-      return where + "utilisation " + format("%.3f", u + load) + " above " +
+      return where + "utilisation " + format("%.4f", u + load) + " above " +
              format("%.2f", req_.core_limit) + " (real-time " + format("%.3f", u) +
              ", best effort " + format("%.3f", load) + ")";
     }

@@ -75,7 +75,7 @@ struct RealExecutor<Faults>::Sentinel {
 };
 
 template <class Faults>
-RealExecutor<Faults>::RealExecutor(NonRealtime& nrt, std::vector<PlacedTask> tasks,
+RealExecutor<Faults>::RealExecutor(NonRealtime& nrt, const std::vector<PlacedTask>& tasks,
                                    const Faults& faults, JobSink jobs, SentinelSink sentinels,
                                    RealOptions options)
     : options_(options),

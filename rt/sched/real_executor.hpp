@@ -38,7 +38,7 @@ class RealExecutor final : public Executor {
   using JobSink = std::function<void(const JobRecord&)>;
   using SentinelSink = std::function<void(const SentinelRecord&)>;
 
-  RealExecutor(NonRealtime& nrt, std::vector<PlacedTask> tasks, const Faults& faults, JobSink jobs,
+  RealExecutor(NonRealtime& nrt, const std::vector<PlacedTask>& tasks, const Faults& faults, JobSink jobs,
                SentinelSink sentinels, RealOptions options = {});
   ~RealExecutor() override;
   void run(const RunPlan& plan) override;

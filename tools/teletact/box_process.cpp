@@ -62,19 +62,11 @@ rt::RunLog header_of(const std::vector<rt::PlacedTask>& placed,
 rt::Registry enter_registry(const BoxPlan& plan, std::optional<rt::Box> box) {
   auto registry = rt::Registry::open(kRegistry);
   if (!registry) throw std::runtime_error(registry.error());
-  std::vector<rt::RegistryEntry> rows;
-  for (std::size_t i = 0; i < plan.specs.size(); ++i) {
-    if (box && plan.specs[i].box != *box) continue;
-    const auto& a = plan.admission.tasks[i];
-    rt::RegistryEntry e;
-    e.task = plan.specs[i].name;
-    e.cpu = a.cpu;
-    e.priority = a.priority;
-    e.C = a.C;
-    e.T = a.T;
-    e.D = a.D;
-    rows.push_back(e);
+  std::vector<std::string> mine;
+  for (const auto& spec : plan.specs) {
+    if (spec.box == box) mine.push_back(spec.name);
   }
+  const auto rows = rt::registry_entries(plan.request, plan.admission, mine);
   rt::Registry r = std::move(registry).value();
   if (auto ok = r.try_register(rows); !ok) throw std::runtime_error(ok.error());
   return r;

@@ -10,6 +10,7 @@ namespace teletact {
 struct BoxPlan {
   std::int64_t epoch_host_ns = 0;
   rt::Admission admission;          // of the union of both boxes
+  rt::AdmissionRequest request;     // what was admitted
   std::vector<rt::TaskSpec> specs;  // by task id
   tasks::Calibration calibration;
   rt::FaultPlan faults;

@@ -61,7 +61,8 @@ RealRun run_real(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& op
   // The camera's twin renders on an ordinary thread; a recording needs none.
   tasks::BestEffortShares shares;
   shares.camera_twin = scene.rgbd_dir.empty() ? 0.30 : 0.0;
-  plan.admission = rt::admit(tasks::make_request(plan.specs, cpus, shares));
+  plan.request = tasks::make_request(plan.specs, cpus, shares);
+  plan.admission = rt::admit(plan.request);
   run.admission = plan.admission;
   if (!plan.admission.admitted) throw std::runtime_error("admission: " + plan.admission.refusal);
   if (!options.quiet) std::printf("%s\n", rt::report_table(plan.admission).c_str());

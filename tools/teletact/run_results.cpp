@@ -192,9 +192,8 @@ void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics&
       difference.push_back(static_cast<double>(ns) * 1e-3);
     if (!difference.empty())
       m.add("haptic.late_minus_sentinel_p999_us", quantile(difference, 0.999), "us");
-    const double late_platform =
-        static_cast<double>(b.late[static_cast<std::size_t>(rt::Cause::kPlatform)] +
-                            b.late[static_cast<std::size_t>(rt::Cause::kCarried)]);
+    const auto late_platform =
+        static_cast<double>(b.late[static_cast<std::size_t>(rt::Cause::kPlatform)]);
     m.add("platform.late_share",
           task->jobs.empty() ? 0 : late_platform / static_cast<double>(task->jobs.size()), "1");
   }
@@ -254,8 +253,8 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
   m.add("fusion.frames_tracked", static_cast<double>(tracked), "1");
   m.add("fusion.frames_claimed", static_cast<double>(claimed), "1");
   if (const auto* fusion = task_of(op, robot, tasks::TaskId::kFusion)) {
-    m.add("fusion.cpu_p50_us", quantile(cpu_us(*fusion), 0.5), "us");
-    m.add("fusion.cpu_p99_us", quantile(cpu_us(*fusion), 0.99), "us");
+    m.add("fusion.cpu_p50_ms", 1e-3 * quantile(cpu_us(*fusion), 0.5), "ms");
+    m.add("fusion.cpu_p99_ms", 1e-3 * quantile(cpu_us(*fusion), 0.99), "ms");
   }
   if (info.recording) {
     m.add("fusion.recorded_frames", static_cast<double>(info.recorded.frames), "1");
@@ -276,7 +275,7 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
     if (row.name == "platform.late_share") late_share = row.value;
   }
   m.add("run.realtime", real_time && !info.virtual_clock ? 1 : 0, "1");
-  m.add("run.measured", !info.virtual_clock && late_share <= 0.05 ? 1 : 0, "1");
+  m.add("run.measured", real_time && !info.virtual_clock && late_share <= 0.05 ? 1 : 0, "1");
   m.add("run.problems", static_cast<double>(info.problems.size()), "1");
   char hash[20];
   std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(info.sched_hash));
