@@ -25,13 +25,12 @@ install_packages() {
   DEBIAN_FRONTEND=noninteractive "${sudo[@]}" apt-get install -y -qq --no-install-recommends -o DPkg::Lock::Timeout=300 "${missing[@]}"
 }
 
-# build PRESET [CMAKE-OPTION...]
+# build PRESET [TARGET]: all of it, or one target
 build() {
-  local preset=$1
-  shift
-  (cd "$root" && cmake --preset "$preset" "$@" >"$root/build/.configure-$preset.log" 2>&1) || {
+  local preset=$1 target=${2:-all}
+  (cd "$root" && cmake --preset "$preset" >"$root/build/.configure-$preset.log" 2>&1) || {
     cat "$root/build/.configure-$preset.log" >&2
     return 1
   }
-  cmake --build "$root/build/$preset" -j "$(nproc)"
+  cmake --build "$root/build/$preset" -j "$(nproc)" --target "$target"
 }

@@ -31,8 +31,9 @@ target_compile_options(teletact_options INTERFACE
   "$<BUILD_INTERFACE:$<$<CONFIG:Release>:-O3>>")
 target_compile_features(teletact_options INTERFACE cxx_std_20)
 if(TELETACT_SANITIZE)
+  # Without no-recover UBSan prints its findings and the test passes.
   target_compile_options(teletact_options INTERFACE -fsanitize=${TELETACT_SANITIZE}
-    -fno-omit-frame-pointer -g)
+    -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
   target_link_options(teletact_options INTERFACE -fsanitize=${TELETACT_SANITIZE})
 endif()
 # Eigen must not start threads, and its assertions would throw out of a step().
@@ -62,11 +63,22 @@ function(teletact_library name)
   teletact_install(${name})
 endfunction()
 
-# teletact_test(<name> [DEPS ours...] [PACKAGES ...] [LABELS ...] [TIMEOUT s] [NO_GUARD])
+# Built alone by tools/test --all: the programs with the label sanitize, and those with threads.
+add_custom_target(sanitize_tests)
+add_custom_target(threads_tests)
+
+# teletact_test(<name> [DEPS ours...] [PACKAGES ...] [LABELS ...] [TIMEOUT s] [NO_GUARD] [NO_SANITIZE]
+#               [NEEDS_FAULTS])
 # Every .cpp of the calling folder becomes one GoogleTest program test_<name>. The allocation and
-# lock guard is linked in unless NO_GUARD or a sanitizer is on.
+# lock guard is linked in unless NO_GUARD or a sanitizer is on. Labels: unit; sanitize (run by
+# tools/test --all with AddressSanitizer and UBSan) unless NO_SANITIZE, which is for what takes
+# minutes, or LABELS timing; LABELS threads: run with ThreadSanitizer too. NEEDS_FAULTS: not declared when
+# TELETACT_FAULTS is OFF, for it runs a planned executor. Sanitizers get five times the TIMEOUT.
 function(teletact_test name)
-  cmake_parse_arguments(A "NO_GUARD" "TIMEOUT" "DEPS;PACKAGES;LABELS" ${ARGN})
+  cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS" "TIMEOUT" "DEPS;PACKAGES;LABELS" ${ARGN})
+  if(A_NEEDS_FAULTS AND NOT TELETACT_FAULTS)
+    return()
+  endif()
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/*.cpp)
   add_executable(test_${name} ${sources})
   target_link_libraries(test_${name} PRIVATE teletact_options GTest::gtest_main GTest::gmock
@@ -82,6 +94,18 @@ function(teletact_test name)
   if(NOT A_TIMEOUT)
     set(A_TIMEOUT 300)
   endif()
+  if(TELETACT_SANITIZE)
+    math(EXPR A_TIMEOUT "5 * ${A_TIMEOUT}")
+  endif()
+  set(labels unit ${A_LABELS})
+  if(NOT A_NO_SANITIZE AND NOT "timing" IN_LIST labels)
+    list(APPEND labels sanitize)
+  endif()
+  foreach(label sanitize threads)
+    if(label IN_LIST labels)
+      add_dependencies(${label}_tests test_${name})
+    endif()
+  endforeach()
   add_test(NAME ${name} COMMAND test_${name})
-  set_tests_properties(${name} PROPERTIES TIMEOUT ${A_TIMEOUT} LABELS "unit;${A_LABELS}")
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${A_TIMEOUT} LABELS "${labels}")
 endfunction()
