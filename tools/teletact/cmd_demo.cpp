@@ -1,5 +1,8 @@
 // teletact demo: both boxes on this machine, and a report at the end.
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
+#include <cstdlib>
 #include <ctime>
 #include <filesystem>
 #include <thread>
@@ -22,6 +25,20 @@ std::string iso_now() {
   return text;
 }
 
+// One instruction set for a run that is to repeat on another machine. Our own vector kernels give the same
+// bytes as their scalar form; what differs between processors is libm, which chooses FMA variants by
+// itself. They are chosen when the program is loaded, so the program starts again with them switched off.
+void start_again_scalar(char** argv) {
+  constexpr const char* kTunables = "GLIBC_TUNABLES";
+  constexpr const char* kScalar = "glibc.cpu.hwcaps=-AVX,-AVX2,-AVX512F,-FMA,-FMA4";
+  const char* now = std::getenv(kTunables);
+  if (now != nullptr && std::string(now) == kScalar) return;
+  ::setenv(kTunables, kScalar, 1);
+  // argv[0] is the subcommand; the word before it is the program's name.
+  ::execv("/proc/self/exe", argv - 1);
+  throw std::runtime_error("--simd scalar: the program can not be started again");
+}
+
 void print_metrics(const Metrics& metrics) {
   for (const auto& r : metrics.rows()) {
     if (r.is_text)
@@ -36,8 +53,7 @@ void print_metrics(const Metrics& metrics) {
 
 int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
                const OperatorHalf& op, const RobotHalf& robot, const std::string& json_path) {
-  if (!scene.rgbd_dir.empty())
-    info.recorded = recording_figures(scene.rgbd_dir, op.view.fusion);
+  if (!scene.rgbd_dir.empty()) info.recorded = recording_figures(scene.rgbd_dir, op.view.fusion);
   if (!info.stub_bodies) {
     if (!op.complete) info.problems.push_back("the operator's half of the run is not complete");
     if (!robot.complete) info.problems.push_back("the robot's half of the run is not complete");
@@ -77,7 +93,8 @@ int cmd_demo(int argc, char** argv) {
   app.add_option("--bodies", bodies, "virtual clock: real task bodies, or the schedule alone")
       ->check(CLI::IsMember({"real", "stub"}))
       ->capture_default_str();
-  app.add_option("--simd", simd, "instruction set; all give the same bytes")
+  app.add_option("--simd", simd,
+                 "auto: this processor's; scalar: the same bytes on every processor")
       ->check(CLI::IsMember({"auto", "scalar"}));
   app.add_option("--report", o.report, "folder for the report")->capture_default_str();
   app.add_option("--json", json, "write the figures to this file");
@@ -86,13 +103,18 @@ int cmd_demo(int argc, char** argv) {
                  "calibration file; default: this host's, measured if there is none");
   app.add_option("--cost-seed", o.cost_seed, "virtual clock: seed of the job costs");
   app.add_option("--cut-link", o.cut_link_at_s, "cut the cable at this second");
-  app.add_option("--cores", o.cores, "virtual clock: cores of the simulated host")->check(CLI::Range(1, 64))->capture_default_str();
+  app.add_option("--cores", o.cores, "virtual clock: cores of the simulated host")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  app.add_flag("--record", o.record,
+               "record the inputs of both boxes, for teletact replay REPORT/raw");
   app.add_flag("--quiet", o.quiet, "no status lines");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
+  if (simd == "scalar") start_again_scalar(argv);
   o.virtual_clock = clock == "virtual";
   o.stub_bodies = bodies == "stub";
   if (o.stub_bodies && !o.virtual_clock)
