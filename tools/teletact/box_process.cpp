@@ -58,14 +58,13 @@ rt::RunLog header_of(const std::vector<rt::PlacedTask>& placed,
   return log;
 }
 
-// Refuses to start beside another teletact whose tasks leave no room on these cores.
+// Refuses to start beside another teletact whose tasks leave no room on these cores;
+// without a box, with the rows of both.
 rt::Registry enter_registry(const BoxPlan& plan, std::optional<rt::Box> box) {
   auto registry = rt::Registry::open(kRegistry);
   if (!registry) throw std::runtime_error(registry.error());
-  std::vector<std::string> mine;
-  for (const auto& spec : plan.specs) {
-    if (spec.box == box) mine.push_back(spec.name);
-  }
+  rt::IsMine mine;  // both boxes: all
+  if (box) mine = [box](const std::string&, rt::Box b) { return b == *box; };
   const auto rows = rt::registry_entries(plan.request, plan.admission, mine);
   rt::Registry r = std::move(registry).value();
   if (auto ok = r.try_register(rows); !ok) throw std::runtime_error(ok.error());

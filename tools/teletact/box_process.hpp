@@ -18,6 +18,9 @@ struct BoxPlan {
   std::string folder;    // where the halves go
 };
 
+// Throws what the registry says when another program's tasks leave no room for both boxes.
+void check_room(const BoxPlan& plan);
+
 [[nodiscard]] int run_operator_process(rt::NonRealtime&, const Scene&, const DemoOptions&,
                                        const BoxPlan&);
 [[nodiscard]] int run_robot_process(rt::NonRealtime&, const Scene&, const DemoOptions&,

@@ -6,6 +6,7 @@
 
 #include "tools/teletact/build_info.hpp"
 #include "tools/teletact/commands.hpp"
+#include "tools/teletact/run_real.hpp"
 
 namespace {
 
@@ -24,6 +25,8 @@ constexpr std::array kCommands{
     Command{"calibrate", teletact::cmd_calibrate,
             "measure what each task variant costs on this machine"},
     Command{"audit", teletact::cmd_audit, "read a run's log: who was late, and why"},
+    Command{"replay", teletact::cmd_replay,
+            "a recorded run's tasks again, to the last bit"},
     Command{"bench", teletact::cmd_bench, "rings, wake-up, audit: measured beside their peers"},
     Command{"doctor", teletact::cmd_doctor,
             "is this machine fit for real-time use, and what to do"},
@@ -56,6 +59,9 @@ int main(int argc, char** argv) {
     if (std::strcmp(argv[1], c.name) != 0) continue;
     try {
       return c.run(argc - 1, argv + 1);
+    } catch (const teletact::CouldNotStart& e) {
+      std::fprintf(stderr, "teletact %s: %s\n", c.name, e.what());
+      return 3;
     } catch (const std::exception& e) {
       std::fprintf(stderr, "teletact %s: %s\n", c.name, e.what());
       return 2;

@@ -1,6 +1,7 @@
 #include "tools/teletact/run_real.hpp"
 
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -64,7 +65,12 @@ RealRun run_real(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& op
   plan.request = tasks::make_request(plan.specs, cpus, shares);
   plan.admission = rt::admit(plan.request);
   run.admission = plan.admission;
-  if (!plan.admission.admitted) throw std::runtime_error("admission: " + plan.admission.refusal);
+  if (!plan.admission.admitted) throw CouldNotStart("admission: " + plan.admission.refusal);
+  try {
+    check_room(plan);  // before anything of an earlier run is touched
+  } catch (const std::runtime_error& e) {
+    throw CouldNotStart(e.what());
+  }
   if (!options.quiet) std::printf("%s\n", rt::report_table(plan.admission).c_str());
   if (!options.fault_plan.empty()) {
     auto loaded = config::load_fault_plan(options.fault_plan);
@@ -86,6 +92,7 @@ RealRun run_real(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& op
     c.pid = ::fork();
     if (c.pid < 0) throw std::runtime_error("fork failed");
     if (c.pid == 0) {
+      ::prctl(PR_SET_PDEATHSIG, SIGTERM);  // without a parent there is no report: ramp down
       const bool op = &c == &children[0];
       const int code = op ? run_operator_process(nrt, scene, options, plan)
                           : run_robot_process(nrt, scene, options, plan);
@@ -118,7 +125,7 @@ RealRun run_real(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& op
         if (c.running) ::kill(c.pid, SIGTERM);
       }
     }
-    ::usleep(10000);
+    ::usleep(5000);
   }
   load_half(plan.folder, run.op);
   run.effects = load_effects(plan.folder);

@@ -2,6 +2,8 @@
 // that talk over loopback TCP, and makes the report from what they leave.
 #pragma once
 
+#include <stdexcept>
+
 #include "tools/teletact/run_demo.hpp"
 
 namespace teletact {
@@ -12,6 +14,10 @@ struct RealRun {
   Effects effects;
   rt::Admission admission;
   std::vector<std::string> problems;
+};
+// Not admitted, or no room beside what runs already: nothing was started. Exit code 3.
+struct CouldNotStart : std::runtime_error {
+  using std::runtime_error::runtime_error;
 };
 [[nodiscard]] RealRun run_real(rt::NonRealtime&, const Scene&, const DemoOptions&,
                                const tasks::Calibration&);
