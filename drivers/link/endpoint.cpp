@@ -77,6 +77,12 @@ bool LinkEndpoint::on_hello(const Header& h) {
 }
 
 bool LinkEndpoint::receive(std::span<const std::uint8_t> message, rt::Time now, const Send& send) {
+  const bool ok = take(message, now, send);
+  if (tap_) tap_(message, now, ok);
+  return ok;
+}
+
+bool LinkEndpoint::take(std::span<const std::uint8_t> message, rt::Time now, const Send& send) {
   Header h;
   WireStatus status = read_header(message, h);
   const auto body = message.subspan(std::min(kHeaderSize, message.size()));

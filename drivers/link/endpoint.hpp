@@ -34,6 +34,10 @@ class LinkEndpoint {
   void add_outgoing(MessageId id, rt::Nanos period, bool bulk, Fill fill);
   void add_incoming(MessageId id, Deliver deliver);
 
+  // Sees every message as it arrived and whether it was taken, after its handler has run.
+  using Tap = std::function<void(std::span<const std::uint8_t> message, rt::Time now, bool taken)>;
+  void set_tap(Tap tap) { tap_ = std::move(tap); }
+
   // Called every millisecond or so by the transport; `line_free` says whether bulk may go out.
   void poll(rt::Time now, bool line_free, const Send& send);
   // One whole message as it arrived. False: the connection must be closed; fault() says why.
@@ -73,11 +77,13 @@ class LinkEndpoint {
   void emit(MessageId id, std::uint64_t seq, std::span<const std::uint8_t> body, rt::Time now,
             const Send& send);
   [[nodiscard]] bool on_hello(const Header& h);
+  [[nodiscard]] bool take(std::span<const std::uint8_t> message, rt::Time now, const Send& send);
 
   rt::Box box_;
   std::vector<Outgoing> outgoing_;
   std::array<Deliver, kMessageIds + 1> incoming_{};
   std::vector<std::uint8_t> buffer_;  // message under construction: header and body
+  Tap tap_;
   ClockSync clock_;
   rt::Time next_clock_{};
   bool hello_sent_ = false, hello_ok_ = false, bye_ = false, ever_heard_ = false;

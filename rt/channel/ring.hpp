@@ -133,6 +133,13 @@ class Ring {
   [[nodiscard]] bool empty() const noexcept { return size() == 0; }
   [[nodiscard]] static constexpr std::size_t capacity() noexcept { return N; }
 
+  // Any thread: elements accepted and elements taken, since both counters were 0.
+  [[nodiscard]] std::uint64_t pushed() const noexcept {
+    return tail_.load(std::memory_order_acquire);
+  }
+  [[nodiscard]] std::uint64_t taken() const noexcept {
+    return head_.load(std::memory_order_acquire);
+  }
   // Any thread: elements refused since construction.
   [[nodiscard]] std::uint64_t dropped() const noexcept {
     return dropped_.load(std::memory_order_relaxed);

@@ -58,6 +58,18 @@ rt::TaskBody& OperatorGraph::body(TaskId id) {
   }
 }
 
+LatchedStatus OperatorGraph::latched(TaskId id) const noexcept {
+  if (id == TaskId::kSupervision) return latched_status(nodes_->supervision.in());
+  LatchedStatus s;
+  if (id == TaskId::kPrediction) {
+    s.round_trip_ns = nodes_->prediction.in().round_trip.count();
+    s.uncertainty_ns = nodes_->prediction.in().round_trip_uncertainty.count();
+  }
+  if (id == TaskId::kPlanning)
+    s.events_full = nodes_->planning.in().event_count == PlanningTask::kMaxEvents;
+  return s;
+}
+
 const FusionTask& OperatorGraph::fusion() const noexcept { return nodes_->fusion.task(); }
 const HapticTask& OperatorGraph::haptic() const noexcept { return nodes_->haptic.task(); }
 

@@ -74,6 +74,16 @@ struct OperatorRequests {
   std::atomic<bool> watchdog_bit{false};
 };
 
+// The values of LinkStatus and OperatorRequests that a latch took: no sequence number names them, so
+// whoever records a run asks for them.
+struct LatchedStatus {
+  std::int64_t last_heard_ns = 0, round_trip_ns = 0, uncertainty_ns = 0;
+  int engage = 0;
+  bool refused = false, expected = false;
+  bool ramp_down = false, stop = false, clear = false, watchdog_bit = false;
+  bool events_full = false;  // planning took all the touch events it had room for
+};
+
 struct OperatorSetup {
   FusionSetup fusion;
   drivers::HapticDevice* device = nullptr;
@@ -97,6 +107,8 @@ class OperatorGraph {
   [[nodiscard]] OperatorCells& cells() noexcept { return *cells_; }
   [[nodiscard]] LinkStatus& link() noexcept { return link_; }
   [[nodiscard]] OperatorRequests& requests() noexcept { return requests_; }
+  // Of the newest latch of `id`; by that task's thread, before its next latch.
+  [[nodiscard]] LatchedStatus latched(TaskId id) const noexcept;
   [[nodiscard]] const FusionTask& fusion() const noexcept;
   [[nodiscard]] const HapticTask& haptic() const noexcept;
 

@@ -38,6 +38,10 @@ void HapticNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
     record.input_seq[0] = patch.seq;
   }
   if (const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModeHaptic)) in_.mode = *mode;
+  // A box that holds because of a fault stays limp until the next engage: force does not come back
+  // by a timeout.
+  if (in_.mode.mode == Mode::kHold && in_.mode.cause != rt::kNoFault)
+    in_.mode.mode = Mode::kRampDown;
   record.input_seq[1] = in_.mode.seq;
   record.input_seq[2] = in_.stylus.seq;
 }
@@ -291,6 +295,19 @@ constexpr std::array<TaskId, 4> kOperatorWatched{TaskId::kHaptic, TaskId::kFusio
                                                  TaskId::kPrediction, TaskId::kPlanning};
 
 }  // namespace
+
+LatchedStatus latched_status(const SupervisionTask::In& in) noexcept {
+  LatchedStatus s;
+  s.last_heard_ns = rt::ns_of(in.link_last);
+  s.refused = in.link_refused;
+  s.expected = in.link_expected;
+  s.engage = static_cast<int>(in.requests.engage);
+  s.ramp_down = in.requests.ramp_down;
+  s.stop = in.requests.stop;
+  s.clear = in.requests.clear;
+  s.watchdog_bit = in.watchdog_bit;
+  return s;
+}
 
 SupervisionNode::SupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config,
                                  OperatorCells& cells, LinkStatus& link, OperatorRequests& requests,

@@ -58,6 +58,7 @@ class PlanningNode final : public rt::TaskBody {
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void abandon(const rt::Tick& tick) noexcept override;
+  [[nodiscard]] const PlanningTask::In& in() const noexcept { return in_; }
 
  private:
   PlanningTask task_;
@@ -75,6 +76,7 @@ class PredictionNode final : public rt::TaskBody {
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  [[nodiscard]] const PredictionTask::In& in() const noexcept { return in_; }
 
  private:
   PredictionTask task_;
@@ -88,6 +90,9 @@ class PredictionNode final : public rt::TaskBody {
   rt::Health health_;
 };
 
+// What `in` took from the shared words of link and operator.
+[[nodiscard]] LatchedStatus latched_status(const SupervisionTask::In& in) noexcept;
+
 class SupervisionNode final : public rt::TaskBody {
  public:
   SupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config, OperatorCells& cells,
@@ -95,6 +100,7 @@ class SupervisionNode final : public rt::TaskBody {
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  [[nodiscard]] const SupervisionTask::In& in() const noexcept { return in_; }
 
  private:
   SupervisionTask task_;

@@ -1,6 +1,7 @@
 #include "tasks/graph/robot_graph.hpp"
 
 #include "drivers/link/wire.hpp"
+#include "tasks/graph/operator_nodes.hpp"
 #include "tasks/graph/robot_nodes.hpp"
 
 namespace tasks {
@@ -38,6 +39,13 @@ rt::TaskBody& RobotGraph::body(TaskId id) {
     default:
       return nodes_->supervision;
   }
+}
+
+LatchedStatus RobotGraph::latched(TaskId id) const noexcept {
+  if (id == TaskId::kRobotSupervision) return latched_status(nodes_->supervision.in());
+  LatchedStatus s;
+  if (id == TaskId::kRobotIo) s.last_heard_ns = rt::ns_of(nodes_->robot_io.in().link_heard_at);
+  return s;
 }
 
 void RobotGraph::bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint) {

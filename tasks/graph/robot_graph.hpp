@@ -61,6 +61,8 @@ class RobotGraph {
   [[nodiscard]] RobotCells& cells() noexcept { return *cells_; }
   [[nodiscard]] LinkStatus& link() noexcept { return link_; }
   [[nodiscard]] OperatorRequests& requests() noexcept { return requests_; }
+  // Of the newest latch of `id`; by that task's thread, before its next latch.
+  [[nodiscard]] LatchedStatus latched(TaskId id) const noexcept;
 
  private:
   struct Nodes;

@@ -16,6 +16,7 @@ class RobotIoNode final : public rt::TaskBody {
   [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept override {
     return twin_cpu_ ? twin_cpu_() : 0;
   }
+  [[nodiscard]] const RobotIoTask::In& in() const noexcept { return in_; }
 
  private:
   RobotIoTask task_;
@@ -62,6 +63,7 @@ class RobotSupervisionNode final : public rt::TaskBody {
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  [[nodiscard]] const SupervisionTask::In& in() const noexcept { return in_; }
 
  private:
   SupervisionTask task_;

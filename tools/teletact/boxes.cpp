@@ -70,7 +70,7 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   bus_->set_cpu_clock(&rt::thread_cpu_ns);
 
   tasks::RobotSetup setup;
-  setup.bus = bus_.get();
+  setup.bus = options.wrap_bus ? options.wrap_bus(*bus_) : bus_.get();
   setup.bus_twin_cpu = [this] { return bus_->twin_cpu_ns(); };
   setup.hash_outputs = options.hash_outputs;
   setup.faults = options.faults;
@@ -94,7 +94,7 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
       camera_ = std::move(synthetic);
     }
   }
-  setup.camera = camera_.get();
+  setup.camera = options.wrap_camera ? options.wrap_camera(*camera_) : camera_.get();
   graph_ = std::make_unique<tasks::RobotGraph>(nrt, scene.graph, setup);
   graph_->bind_link(nrt, endpoint_);
 }
@@ -126,7 +126,7 @@ OperatorBox::OperatorBox(rt::NonRealtime& nrt, const Scene& scene,
   device_->enable_force(options.epoch);
 
   tasks::OperatorSetup setup;
-  setup.device = device_.get();
+  setup.device = options.wrap_device ? options.wrap_device(*device_) : device_.get();
   setup.device_twin_cpu = [this] { return device_->twin_cpu_ns(); };
   setup.hash_outputs = options.hash_outputs;
   setup.faults = options.faults;

@@ -29,6 +29,10 @@ struct BoxOptions {
   std::function<rt::Time()> now;  // box clock, for the threaded camera
   rt::FaultPlan faults;
   std::function<void(int, int)> progress;  // of decoding a recording
+  // What stands between a task and its device's twin; empty: nothing.
+  std::function<drivers::HapticDevice*(drivers::HapticDevice&)> wrap_device;
+  std::function<drivers::MotorBus*(drivers::MotorBus&)> wrap_bus;
+  std::function<drivers::Camera*(drivers::Camera&)> wrap_camera;
 };
 
 // What a twin or effect constructed in this run is called, and which key called for it.

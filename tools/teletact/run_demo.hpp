@@ -28,6 +28,7 @@ struct DemoOptions {
   std::uint64_t cost_seed = 1;
   int cores = 4;                     // of the virtual clock's host; the declared budgets are for four
   double cut_link_at_s = -1;  // the cable is cut then
+  bool record = false;        // inputs of both boxes to <report>/raw, for a replay
 };
 
 // Set by the signal handler: ramp down, then stop.

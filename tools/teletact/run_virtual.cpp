@@ -10,6 +10,7 @@
 #include "rt/fault/planned.hpp"
 #include "rt/sched/virtual_executor.hpp"
 #include "tools/teletact/force_check.hpp"
+#include "tools/teletact/input_recorder.hpp"
 #include "tools/teletact/run_demo.hpp"
 #include "tools/teletact/sim_link.hpp"
 
@@ -92,6 +93,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
   op_options.faults = robot_options.faults = plan_of_faults;
   op_options.epoch = kOperatorClock.from_host(epoch);
   robot_options.epoch = kRobotClock.from_host(epoch);
+  std::unique_ptr<InputRecorder> op_inputs, robot_inputs;  // outlive what they are attached to
   std::unique_ptr<RobotBox> robot;
   std::unique_ptr<OperatorBox> op;
   std::unique_ptr<SimLink> link;
@@ -100,8 +102,21 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
   std::vector<std::unique_ptr<rt::Actor>> owned;
   std::vector<rt::Actor*> actors;
   if (!options.stub_bodies) {
+    const perception::Intrinsics camera = camera_of(scene);
+    if (options.record) {
+      const std::string folder = options.report + "/raw";
+      save_setup(folder, scene, options.fault_plan);
+      op_inputs = make_recorder(nrt, folder, rt::Box::kOperator, scene, camera);
+      robot_inputs = make_recorder(nrt, folder, rt::Box::kRobot, scene, camera);
+      op_inputs->wrap(op_options);
+      robot_inputs->wrap(robot_options);
+    }
     robot = std::make_unique<RobotBox>(nrt, scene, robot_options);
-    op = std::make_unique<OperatorBox>(nrt, scene, camera_of(scene), op_options);
+    op = std::make_unique<OperatorBox>(nrt, scene, camera, op_options);
+    if (options.record) {
+      op_inputs->attach(op->graph(), op->endpoint());
+      robot_inputs->attach(robot->graph(), robot->endpoint());
+    }
     link = std::make_unique<SimLink>(
         SimLink::End{&op->endpoint(), &op->graph().link(), kOperatorClock},
         SimLink::End{&robot->endpoint(), &robot->graph().link(), kRobotClock}, scene.link.shape,
@@ -113,6 +128,9 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
     owned.push_back(std::make_unique<Periodic>(epoch + 7000000, 20000000, [&](std::int64_t t) {
       op_console->tick(kOperatorClock.from_host(t));
       robot_console->tick(kRobotClock.from_host(t));
+      for (auto* inputs : {op_inputs.get(), robot_inputs.get()}) {
+        if (inputs != nullptr) inputs->drain();
+      }
     }));
     if (!options.quiet) {
       owned.push_back(
@@ -145,6 +163,10 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
     if (!options.stub_bodies) {
       p.body =
           specs[i].box == rt::Box::kOperator ? &op->graph().body(id) : &robot->graph().body(id);
+      if (options.record) {
+        auto& inputs = specs[i].box == rt::Box::kOperator ? *op_inputs : *robot_inputs;
+        p.body = &inputs.body(id, *p.body);
+      }
     }
     placed.push_back(p);
   }
@@ -178,6 +200,9 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
   run.log_hash = hasher.log();
   run.op.epoch_ns = rt::ns_of(op_options.epoch);
   run.robot.epoch_ns = rt::ns_of(robot_options.epoch);
+  for (auto* inputs : {op_inputs.get(), robot_inputs.get()}) {
+    if (inputs != nullptr) inputs->finish();
+  }
   if (op) {
     const std::int64_t end = epoch + plan.duration.count();
     op_console->tick(kOperatorClock.from_host(end));

@@ -1,0 +1,59 @@
+// teletact replay: the tasks of a recorded run again, and whether every job committed the same.
+#include <CLI/CLI.hpp>
+#include <cinttypes>
+#include <cstdio>
+#include <filesystem>
+#include <stdexcept>
+
+#include "config/fault_plan.hpp"
+#include "tools/teletact/commands.hpp"
+#include "tools/teletact/input_recorder.hpp"
+#include "tools/teletact/replay.hpp"
+
+namespace teletact {
+
+int cmd_replay(int argc, char** argv) {
+  CLI::App app{
+      "Runs the tasks of a recorded run (demo --record) again on their recorded inputs. Exit code 0: "
+      "every job committed the same bytes; 1: not; 2: the recording can not be replayed."};
+  std::string folder, box = "both";
+  std::uint64_t order = 0;
+  app.add_option("folder", folder, "REPORT/raw of the run")->required();
+  app.add_option("--box", box, "which box")
+      ->check(CLI::IsMember({"operator", "robot", "both"}))
+      ->capture_default_str();
+  app.add_option("--order", order,
+                 "0: jobs in the order they ran; else the seed of another order that the inputs allow");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  rt::FaultPlan faults;
+  if (const std::string file = folder + "/faults.toml"; std::filesystem::exists(file)) {
+    auto loaded = config::load_fault_plan(file);
+    if (!loaded) throw std::runtime_error(loaded.error());
+    faults = std::move(loaded).value();
+  }
+  rt::Startup startup;
+  bool same = true;
+  for (const rt::Box b : {rt::Box::kOperator, rt::Box::kRobot}) {
+    const char* name = b == rt::Box::kOperator ? "operator" : "robot";
+    if (box != "both" && box != name) continue;
+    auto recording = read_recording(recording_file(folder, b));
+    if (!recording) throw std::runtime_error(recording.error());
+    const auto scene = load_scene(folder + "/scene.toml", {});
+    const auto result = replay(startup.token(), *scene, faults, recording.value(), order);
+    if (!result) throw std::runtime_error(result.error());
+    const auto& r = result.value();
+    std::printf("%-8s  %" PRIu64 " of %" PRIu64 " jobs equal, %" PRIu64 " abandoned, %" PRIu64
+                " unfinished, %" PRIu64 " messages\n",
+                name, r.equal, r.jobs, r.abandoned, r.unfinished, r.messages);
+    if (!r.first_difference.empty())
+      std::printf("%-8s  first difference: %s\n", name, r.first_difference.c_str());
+    same = same && r.same();
+  }
+  return same ? 0 : 1;
+}
+
+}  // namespace teletact
