@@ -15,6 +15,7 @@
 #include "rt/sched/real_executor.hpp"
 #include "rt/sched/registry.hpp"
 #include "tools/teletact/force_check.hpp"
+#include "tools/teletact/input_recorder.hpp"
 
 namespace teletact {
 
@@ -173,6 +174,14 @@ struct BoxRunner {
   }
 };
 
+// Null unless the run is to be recorded.
+std::unique_ptr<InputRecorder> start_recorder(rt::NonRealtime& nrt, rt::Box box, const Scene& scene,
+                                              const DemoOptions& options, const BoxPlan& plan,
+                                              std::function<rt::Time()> now) {
+  if (!options.record) return nullptr;
+  return make_recorder(nrt, plan.folder, box, scene, camera_of(scene), std::move(now));
+}
+
 int with_errors(const char* who, const std::function<int()>& body) {
   try {
     return body();
@@ -192,7 +201,11 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
     BoxOptions box_options;
     box_options.epoch = kOperatorClock.from_host(plan.epoch_host_ns);
     box_options.faults = plan.faults;
+    const auto now = [] { return kOperatorClock.from_host(rt::monotonic_ns()); };
+    const auto inputs = start_recorder(nrt, rt::Box::kOperator, scene, options, plan, now);
+    if (inputs) inputs->wrap(box_options);
     OperatorBox box(nrt, scene, camera_of(scene), box_options);
+    if (inputs) inputs->attach(box.graph(), box.endpoint());
     OperatorConsole console(box, scene, box_options.epoch);
     const auto registry = enter_registry(plan, rt::Box::kOperator);
 
@@ -207,7 +220,6 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
     if (!link) throw std::runtime_error(link.error());
     auto& tcp = *link.value();
     auto& status = box.graph().link();
-    const auto now = [] { return kOperatorClock.from_host(rt::monotonic_ns()); };
     tcp.start(box.endpoint(), now, scene.link.shape, [&] {
       status.last_heard_ns.store(tcp.last_heard_ns());
       status.round_trip_ns.store(tcp.round_trip_ns());
@@ -223,7 +235,10 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
         rt::Box::kOperator,
         kOperatorClock,
         placed_tasks(plan, rt::Box::kOperator,
-                     [&](tasks::TaskId id) -> rt::TaskBody& { return box.graph().body(id); }),
+                     [&](tasks::TaskId id) -> rt::TaskBody& {
+                       rt::TaskBody& body = box.graph().body(id);
+                       return inputs ? inputs->body(id, body) : body;
+                     }),
         &box.graph().requests(),
         &tcp,
         {},
@@ -236,6 +251,7 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
     bool was_cut = false;
     runner.tick = [&](rt::Time t) {
       console.tick(t);
+      if (inputs) inputs->drain();
       if (!options.quiet && rt::monotonic_ns() >= next_line) {
         next_line += 1000000000;
         std::printf("%s\n", console.status_line(t).c_str());
@@ -261,6 +277,7 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
     half.link_round_trip_ns = tcp.round_trip_ns();
     half.link_uncertainty_ns = tcp.clock_uncertainty_ns();
     tcp.stop();
+    if (inputs) inputs->finish();
     half.view = console.copy();
     half.force_error_p95 =
         check_force(box.graph().fusion().map(), half.view.haptic,
@@ -280,7 +297,11 @@ int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOption
     box_options.faults = plan.faults;
     box_options.threaded_camera = true;
     box_options.now = [] { return kRobotClock.from_host(rt::monotonic_ns()); };
+    const auto inputs = start_recorder(nrt, rt::Box::kRobot, scene, options, plan,
+                                       box_options.now);
+    if (inputs) inputs->wrap(box_options);
     RobotBox box(nrt, scene, box_options);
+    if (inputs) inputs->attach(box.graph(), box.endpoint());
     RobotConsole console(box);
     const auto registry = enter_registry(plan, rt::Box::kRobot);
 
@@ -305,7 +326,10 @@ int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOption
         rt::Box::kRobot,
         kRobotClock,
         placed_tasks(plan, rt::Box::kRobot,
-                     [&](tasks::TaskId id) -> rt::TaskBody& { return box.graph().body(id); }),
+                     [&](tasks::TaskId id) -> rt::TaskBody& {
+                       rt::TaskBody& body = box.graph().body(id);
+                       return inputs ? inputs->body(id, body) : body;
+                     }),
         &box.graph().requests(),
         &tcp,
         {},
@@ -314,7 +338,10 @@ int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOption
         {},
         0,
         0};
-    runner.tick = [&](rt::Time t) { console.tick(t); };
+    runner.tick = [&](rt::Time t) {
+      console.tick(t);
+      if (inputs) inputs->drain();
+    };
     runner.save = [&] {
       half.view = console.seen();
       save_half(plan.folder, half);
@@ -328,6 +355,7 @@ int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOption
     half.hangs = runner.hangs;
     half.camera_twin_cpu_ns = box.camera_twin_cpu_ns();
     tcp.stop();
+    if (inputs) inputs->finish();
     half.view = console.seen();
     half.complete = true;
     save_half(plan.folder, half);

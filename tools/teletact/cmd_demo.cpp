@@ -121,6 +121,7 @@ int cmd_demo(int argc, char** argv) {
     throw std::runtime_error("--bodies stub needs --clock virtual");
   if (!o.fault_plan.empty() && !rt::kFaultsBuilt)
     throw std::runtime_error("--faults: this build runs no fault plans (TELETACT_FAULTS=OFF)");
+  if (o.stub_bodies && o.record) throw std::runtime_error("--record needs --bodies real");
   if (!o.fault_plan.empty()) o.fault_plan = find_config("faults", o.fault_plan);
   if (!o.rgbd_dir.empty() && app.count("--scene") == 0) scene_name = "recording";
   o.scene_path = find_config("scenes", scene_name);

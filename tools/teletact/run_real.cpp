@@ -13,6 +13,7 @@
 #include "config/fault_plan.hpp"
 #include "drivers/world/world.hpp"
 #include "tools/teletact/box_process.hpp"
+#include "tools/teletact/input_recorder.hpp"
 
 namespace teletact {
 
@@ -81,6 +82,7 @@ RealRun run_real(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& op
   plan.folder = options.report + "/raw";
   fs::remove_all(plan.folder);
   fs::create_directories(plan.folder);
+  if (options.record) save_setup(plan.folder, scene, options.fault_plan);
   // Time to build both boxes and shake hands; a recording is decoded whole before that.
   const std::int64_t lead = scene.rgbd_dir.empty() ? 3000000000 : 12000000000;
   plan.epoch_host_ns = rt::monotonic_ns() + lead;
