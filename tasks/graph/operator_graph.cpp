@@ -18,7 +18,8 @@ OperatorCells::OperatorCells(rt::NonRealtime& nrt)
       path(nrt, {1, 1}),
       task(nrt, {1}),
       goal(nrt, {1, 1}),
-      mode(nrt, {1, 1, 1, 1}) {
+      mode(nrt, {1, 1, 1, 1}),
+      logs(std::make_unique<TaskLogs>(nrt)) {
   for (int i = 0; i < kTaskCount; ++i)
     health.push_back(std::make_unique<HealthCell>(nrt, std::vector<int>{1}));
 }
@@ -33,12 +34,15 @@ struct OperatorGraph::Nodes {
 
 OperatorGraph::OperatorGraph(rt::NonRealtime& nrt, const GraphConfig& config,
                              const OperatorSetup& setup, double haptic_period_s)
-    : config_(config), cells_(std::make_unique<OperatorCells>(nrt)) {
+    : config_(config),
+      cells_(std::make_unique<OperatorCells>(nrt)),
+      frame_gate_(setup.faults, "frame"),
+      state_gate_(setup.faults, "robot_state") {
   nodes_.reset(new Nodes{
       HapticNode(nrt, config_, setup, *cells_, haptic_period_s),
       FusionNode(nrt, config_, setup, *cells_), PlanningNode(nrt, config_, setup, *cells_),
       PredictionNode(nrt, config_, setup, *cells_, link_),
-      SupervisionNode(nrt, config_, *cells_, link_, requests_, setup.hash_outputs)});
+      SupervisionNode(nrt, config_, *cells_, link_, requests_, setup)});
 }
 
 OperatorGraph::~OperatorGraph() = default;
@@ -89,7 +93,7 @@ void OperatorGraph::bind_link(rt::NonRealtime& nrt, drivers::LinkEndpoint& endpo
         const auto status = drivers::decode(decoder->encoded, exposure, decoder->scratch, slot);
         if (status != drivers::FrameStatus::kOk && status != drivers::FrameStatus::kNoColour)
           return false;
-        cells_->frame.publish();
+        publish(frame_gate_, cells_->frame, slot);
         return true;
       });
   endpoint.add_incoming(drivers::MessageId::kRobotState,
@@ -97,8 +101,9 @@ void OperatorGraph::bind_link(rt::NonRealtime& nrt, drivers::LinkEndpoint& endpo
                           drivers::RobotState m;
                           if (!drivers::decode(body, m)) return false;
                           m.taken = endpoint.to_local(rt::ns_of(m.taken));
-                          cells_->robot_state.begin_write() = m;
-                          cells_->robot_state.publish();
+                          auto& slot = cells_->robot_state.begin_write();
+                          slot = m;
+                          publish(state_gate_, cells_->robot_state, slot);
                           return true;
                         });
   endpoint.add_outgoing(drivers::MessageId::kRobotGoal, std::chrono::milliseconds{50}, false,

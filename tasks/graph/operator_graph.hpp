@@ -14,6 +14,7 @@
 #include "tasks/graph/ports.hpp"
 #include "tasks/graph/samples.hpp"
 #include "tasks/graph/table.hpp"
+#include "tasks/graph/task_log.hpp"
 
 namespace tasks {
 
@@ -54,6 +55,7 @@ struct OperatorCells {
   std::vector<std::unique_ptr<HealthCell>> health;
 
   // For people and reports.
+  std::unique_ptr<TaskLogs> logs;
   HapticSamples haptic_samples;
   FusionSamples fusion_samples;
 };
@@ -116,6 +118,7 @@ class OperatorGraph {
   struct Nodes;
   GraphConfig config_;
   std::unique_ptr<OperatorCells> cells_;
+  EdgeGate frame_gate_, state_gate_;
   LinkStatus link_;
   OperatorRequests requests_;
   std::unique_ptr<Nodes> nodes_;

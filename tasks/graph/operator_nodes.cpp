@@ -27,7 +27,8 @@ HapticNode::HapticNode(rt::NonRealtime& nrt, const GraphConfig& config, const Op
       cells_(cells),
       twin_cpu_(setup.device_twin_cpu),
       hash_(setup.hash_outputs),
-      touch_gate_(setup.faults, "touch") {}
+      touch_gate_(setup.faults, "touch"),
+      hand_gate_(setup.faults, "hand") {}
 
 void HapticNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   in_.stylus_ok = device_.sense(tick.start, in_.stylus);
@@ -54,13 +55,11 @@ rt::Health HapticNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcep
 
 void HapticNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   device_.act(tick.start, out_.force);
-  cells_.hand.begin_write() = out_.state;
-  cells_.hand.publish();
-  for (int i = 0; i < out_.event_count; ++i) {
-    const auto fate = touch_gate_.next();
-    if (fate.drop || fate.ring_full) continue;
-    cells_.touch.try_push(out_.events[static_cast<std::size_t>(i)]);
-  }
+  HapticState& hand = cells_.hand.begin_write();
+  hand = out_.state;
+  publish(hand_gate_, cells_.hand, hand);
+  for (int i = 0; i < out_.event_count; ++i)
+    send(tick, out_.events[static_cast<std::size_t>(i)]);
   publish_health(health_of(cells_, TaskId::kHaptic), tick.start, health_);
   const auto& t = out_.telemetry;
   HapticSample s;
@@ -96,6 +95,16 @@ void HapticNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   record.output_hash = h.digest();
 }
 
+void HapticNode::send(const rt::Tick& tick, const TouchEvent& event) noexcept {
+  push(touch_gate_, cells_.touch, event, touch_gap_);
+  auto& logs = *cells_.logs;
+  auto& log = logs.of(TaskId::kHaptic);
+  if (touch_gap_) log.write(logs.events_lost, tick.start, event.seq);
+  if (event.kind == TouchEvent::Kind::kContactBegin) {
+    log.write(logs.contact, tick.start, event.p_W.x(), event.p_W.y(), event.p_W.z(), event.force_N);
+  }
+}
+
 // ---------------------------------------------------------------- fusion
 
 FusionNode::FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
@@ -104,7 +113,10 @@ FusionNode::FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const Op
       cells_(cells),
       hash_(setup.hash_outputs),
       odometry_prior_(setup.odometry_prior),
-      patch_gate_(setup.faults, "patch") {}
+      patch_gate_(setup.faults, "patch"),
+      view_gate_(setup.faults, "view"),
+      map_gate_(setup.faults, "cost_map"),
+      camera_gate_(setup.faults, "camera_pose") {}
 
 void FusionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   const auto frame = cells_.frame.acquire_if_new(OperatorCells::kFrameFusion);
@@ -151,14 +163,23 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
     }
     record.output_hash = h.digest();
   }
-  if (out_.patch_written && !patch_gate_.next().drop) cells_.patch.publish();
-  if (out_.view_written) cells_.view.publish();
-  if (out_.cost_map_written) cells_.cost_map.publish();
+  if (out_.patch_written) publish(patch_gate_, cells_.patch, *out_.patch);
+  if (out_.view_written) publish(view_gate_, cells_.view, *out_.view);
+  if (out_.cost_map_written) publish(map_gate_, cells_.cost_map, *out_.cost_map);
   if (out_.camera_written) {
-    cells_.camera_pose.begin_write() = out_.camera;
-    cells_.camera_pose.publish();
+    CameraPose& camera = cells_.camera_pose.begin_write();
+    camera = out_.camera;
+    publish(camera_gate_, cells_.camera_pose, camera);
   }
   publish_health(health_of(cells_, TaskId::kFusion), tick.start, health_);
+  log_level(*cells_.logs, TaskId::kFusion, tick, logged_level_);
+  const bool lost = out_.camera_written ? out_.camera.tracking == CameraPose::Tracking::kLost : lost_;
+  if (lost != lost_) {
+    const auto& logs = *cells_.logs;
+    cells_.logs->of(TaskId::kFusion)
+        .write(lost ? logs.tracking_lost : logs.tracking_back, tick.start, tick.k);
+    lost_ = lost;
+  }
   FusionSample s;
   s.stamp = tick.start;
   s.exposure = out_.camera.exposure;
@@ -178,7 +199,11 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
 
 PlanningNode::PlanningNode(rt::NonRealtime& nrt, const GraphConfig& config,
                            const OperatorSetup& setup, OperatorCells& cells)
-    : task_(nrt, config.planning, config.seed), cells_(cells), hash_(setup.hash_outputs) {}
+    : task_(nrt, config.planning, config.seed),
+      cells_(cells),
+      hash_(setup.hash_outputs),
+      path_gate_(setup.faults, "path"),
+      task_gate_(setup.faults, "task") {}
 
 void PlanningNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   const int room = PlanningTask::kMaxEvents - in_.event_count;
@@ -204,11 +229,22 @@ rt::Health PlanningNode::step(const rt::Tick& tick, rt::JobRecord& record) noexc
 
 void PlanningNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   in_.event_count = 0;
-  cells_.path.begin_write() = out_.path;
-  cells_.path.publish();
-  cells_.task.begin_write() = out_.state;
-  cells_.task.publish();
+  Path& path = cells_.path.begin_write();
+  path = out_.path;
+  publish(path_gate_, cells_.path, path);
+  TaskState& state = cells_.task.begin_write();
+  state = out_.state;
+  publish(task_gate_, cells_.task, state);
   publish_health(health_of(cells_, TaskId::kPlanning), tick.start, health_);
+  auto& logs = *cells_.logs;
+  auto& log = logs.of(TaskId::kPlanning);
+  log_level(logs, TaskId::kPlanning, tick, logged_level_);
+  if ((out_.flags & PlanningTask::kMarkTaken) != 0)
+    log.write(logs.mark, tick.start, out_.state.marks);
+  if ((out_.flags & PlanningTask::kGapDropped) != 0)
+    log.write(logs.mark_dropped, tick.start, tick.k);
+  if ((out_.flags & PlanningTask::kNewPath) != 0)
+    log.write(logs.path, tick.start, out_.path.seq, out_.path.size, out_.path.mark_seq);
   if (!hash_) return;
   rt::Hash64 h;
   h.word(out_.path.seq);
@@ -233,8 +269,7 @@ PredictionNode::PredictionNode(rt::NonRealtime& nrt, const GraphConfig& config,
     : task_(nrt, config.prediction, setup.fusion.X_BC),
       cells_(cells),
       link_(link),
-      hash_(setup.hash_outputs),
-      goal_gate_(setup.faults, "goal") {
+      hash_(setup.hash_outputs) {
   in_.mode = &mode_;
 }
 
@@ -262,15 +297,8 @@ rt::Health PredictionNode::step(const rt::Tick& tick, rt::JobRecord& record) noe
 }
 
 void PredictionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
-  const auto fate = goal_gate_.next();
-  if (!fate.drop) {
-    auto& goal = cells_.goal.begin_write();
-    goal = out_.goal;
-    goal.made -= fate.stale;
-    goal.valid_until -= fate.stale;
-    if (fate.nan) goal.x_m = std::nan("");
-    cells_.goal.publish();
-  }
+  cells_.goal.begin_write() = out_.goal;
+  cells_.goal.publish();
   publish_health(health_of(cells_, TaskId::kPrediction), tick.start, health_);
   if (!hash_) return;
   rt::Hash64 h;
@@ -311,15 +339,16 @@ LatchedStatus latched_status(const SupervisionTask::In& in) noexcept {
 
 SupervisionNode::SupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config,
                                  OperatorCells& cells, LinkStatus& link, OperatorRequests& requests,
-                                 bool hash)
+                                 const OperatorSetup& setup)
     : task_(nrt, config.supervision, rt::Box::kOperator, kOperatorWatches.data(),
             static_cast<int>(kOperatorWatches.size())),
       cells_(cells),
       link_(link),
       requests_(requests),
-      hash_(hash) {}
+      hash_(setup.hash_outputs),
+      mode_gate_(setup.faults, "mode") {}
 
-void SupervisionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
+void SupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   for (std::size_t i = 0; i < kOperatorWatched.size(); ++i) {
     const auto health = health_of(cells_, kOperatorWatched[i]).acquire_if_new(0);
     auto& report = in_.tasks[i];
@@ -336,7 +365,12 @@ void SupervisionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   const std::int64_t heard = link_.last_heard_ns.load(std::memory_order_relaxed);
   in_.link_expected = link_.expected.load(std::memory_order_relaxed);
   in_.link_heard = heard != 0 && robot;
-  in_.link_last = rt::time_from_ns(heard);
+  // A line that carries everything but the robot's state is as good as silent.
+  if (robot.seq != state_seq_) {
+    state_seq_ = robot.seq;
+    state_heard_ = tick.start;
+  }
+  in_.link_last = std::min(rt::time_from_ns(heard), state_heard_);
   in_.link_refused = link_.refused.load(std::memory_order_relaxed);
   in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
   in_.requests.engage =
@@ -351,9 +385,11 @@ rt::Health SupervisionNode::step(const rt::Tick& tick, rt::JobRecord& record) no
   return task_.step(tick, in_, out_);
 }
 
-void SupervisionNode::commit(const rt::Tick&, rt::JobRecord& record) noexcept {
-  cells_.mode.begin_write() = out_.mode;
-  cells_.mode.publish();
+void SupervisionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  log_mode(*cells_.logs, TaskId::kSupervision, tick.start, out_.mode, logged_mode_);
+  ModeMsg& mode = cells_.mode.begin_write();
+  mode = out_.mode;
+  publish(mode_gate_, cells_.mode, mode);
   if (hash_)
     record.output_hash = rt::mix64(static_cast<std::uint64_t>(out_.mode.mode), out_.mode.cause);
 }

@@ -19,12 +19,14 @@ class HapticNode final : public rt::TaskBody {
   [[nodiscard]] const HapticTask& task() const noexcept { return task_; }
 
  private:
+  void send(const rt::Tick& tick, const TouchEvent& event) noexcept;
   HapticTask task_;
   drivers::HapticDevice& device_;
   OperatorCells& cells_;
   std::function<std::int64_t()> twin_cpu_;
   bool hash_;
-  EdgeGate touch_gate_;
+  EdgeGate touch_gate_, hand_gate_;
+  bool touch_gap_ = false;  // an event did not fit: the next one says so
   HapticTask::In in_;
   HapticTask::Out out_;
   rt::Health health_;
@@ -42,8 +44,9 @@ class FusionNode final : public rt::TaskBody {
  private:
   std::unique_ptr<FusionTask> task_;
   OperatorCells& cells_;
-  bool hash_, odometry_prior_;
-  EdgeGate patch_gate_;
+  bool hash_, odometry_prior_, lost_ = false;
+  int logged_level_ = -1;
+  EdgeGate patch_gate_, view_gate_, map_gate_, camera_gate_;
   std::uint64_t frame_seq_ = 0;
   FusionTask::In in_;
   FusionTask::Out out_;
@@ -64,6 +67,8 @@ class PlanningNode final : public rt::TaskBody {
   PlanningTask task_;
   OperatorCells& cells_;
   bool hash_;
+  EdgeGate path_gate_, task_gate_;
+  int logged_level_ = -1;
   PlanningTask::In in_;  // events stay here until a job that saw them has committed
   PlanningTask::Out out_;
   rt::Health health_;
@@ -83,7 +88,6 @@ class PredictionNode final : public rt::TaskBody {
   OperatorCells& cells_;
   LinkStatus& link_;
   bool hash_;
-  EdgeGate goal_gate_;
   ModeMsg mode_;
   PredictionTask::In in_;
   PredictionTask::Out out_;
@@ -96,7 +100,7 @@ class PredictionNode final : public rt::TaskBody {
 class SupervisionNode final : public rt::TaskBody {
  public:
   SupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config, OperatorCells& cells,
-                  LinkStatus& link, OperatorRequests& requests, bool hash);
+                  LinkStatus& link, OperatorRequests& requests, const OperatorSetup& setup);
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
@@ -108,6 +112,10 @@ class SupervisionNode final : public rt::TaskBody {
   LinkStatus& link_;
   OperatorRequests& requests_;
   bool hash_;
+  EdgeGate mode_gate_;
+  Mode logged_mode_ = Mode::kInit;
+  std::uint64_t state_seq_ = 0;
+  rt::Time state_heard_{};  // when a robot state last arrived
   SupervisionTask::In in_;
   SupervisionTask::Out out_;
 };

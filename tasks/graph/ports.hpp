@@ -1,5 +1,4 @@
-// Helpers that the nodes share: hashing what is committed, publishing health, and message faults at
-// the commit step of a named edge.
+// Helpers that the nodes share: hashing what is committed, publishing health.
 #pragma once
 
 #include <optional>
@@ -7,9 +6,11 @@
 
 #include "rt/channel/latest.hpp"
 #include "rt/channel/ring.hpp"
-#include "rt/fault/plan.hpp"
 #include "rt/hash.hpp"
+#include "rt/tick.hpp"
+#include "tasks/graph/edge_faults.hpp"
 #include "tasks/graph/messages.hpp"
+#include "tasks/graph/task_log.hpp"
 
 namespace tasks {
 
@@ -25,19 +26,22 @@ inline void publish_health(HealthCell& cell, rt::Time now, rt::Health health) no
   cell.publish();
 }
 
-// What a fault plan does to the messages of one edge. Empty plan: one branch.
-class EdgeGate {
- public:
-  EdgeGate() = default;
-  EdgeGate(const rt::FaultPlan& plan, std::string_view edge) : plan_(plan, edge) {}
-  // Fate of the next message; counts messages, so the decision is by sequence number.
-  [[nodiscard]] rt::EdgeFaults next() noexcept { return plan_.edge(seq_++); }
-  [[nodiscard]] bool empty() const noexcept { return plan_.empty(); }
+inline void log_mode(TaskLogs& logs, TaskId id, rt::Time now, const ModeMsg& mode,
+                     Mode& logged) noexcept {
+  if (mode.mode == logged) return;
+  logs.of(id).write(logs.mode, now, static_cast<unsigned>(logged), static_cast<unsigned>(mode.mode),
+                    static_cast<unsigned>(mode.cause));
+  logged = mode.mode;
+}
 
- private:
-  rt::TargetPlan plan_;
-  std::uint64_t seq_ = 0;
-};
+inline void log_level(TaskLogs& logs, TaskId id, const rt::Tick& tick, int& logged) noexcept {
+  if (tick.level == logged) return;
+  if (logged >= 0) {
+    logs.of(id).write(logs.level, tick.start, static_cast<unsigned>(logged),
+                      static_cast<unsigned>(tick.level));
+  }
+  logged = tick.level;
+}
 
 inline void hash_vec(rt::Hash64& h, const Vec3& v) noexcept {
   h.value(v.x());

@@ -7,7 +7,7 @@
 namespace tasks {
 
 RobotCells::RobotCells(rt::NonRealtime& nrt)
-    : goal(nrt, {1, 1}), encoded(nrt, {1}), state(nrt, {1, 1}), mode(nrt, {1, 1}) {
+    : goal(nrt, {1, 1}), encoded(nrt, {1}), state(nrt, {1, 1}), mode(nrt, {1, 1}), logs(std::make_unique<TaskLogs>(nrt)) {
   for (int i = 0; i < kTaskCount; ++i)
     health.push_back(std::make_unique<HealthCell>(nrt, std::vector<int>{1}));
 }
@@ -16,16 +16,16 @@ struct RobotGraph::Nodes {
   RobotIoNode robot_io;
   CaptureNode capture;
   RobotSupervisionNode supervision;
+  EdgeGate goal_gate;
 };
 
 RobotGraph::RobotGraph(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup)
     : config_(config),
-      cells_(std::make_unique<RobotCells>(nrt)),
-      frame_gate_(setup.faults, "frame"),
-      state_gate_(setup.faults, "robot_state") {
+      cells_(std::make_unique<RobotCells>(nrt)) {
   nodes_.reset(new Nodes{
       RobotIoNode(nrt, config_, setup, *cells_, link_), CaptureNode(nrt, config_, setup, *cells_),
-      RobotSupervisionNode(nrt, config_, *cells_, link_, requests_, setup.hash_outputs)});
+      RobotSupervisionNode(nrt, config_, *cells_, link_, requests_, setup),
+      EdgeGate(setup.faults, "goal")});
 }
 
 RobotGraph::~RobotGraph() = default;
@@ -55,14 +55,15 @@ void RobotGraph::bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint) {
                           if (!drivers::decode(body, m)) return false;
                           m.made = endpoint.to_local(rt::ns_of(m.made));
                           m.valid_until = endpoint.to_local(rt::ns_of(m.valid_until));
-                          cells_->goal.begin_write() = m;
-                          cells_->goal.publish();
+                          auto& slot = cells_->goal.begin_write();
+                          slot = m;
+                          publish(nodes_->goal_gate, cells_->goal, slot);
                           return true;
                         });
   endpoint.add_outgoing(drivers::MessageId::kRobotState, std::chrono::milliseconds{10}, false,
                         [this](std::span<std::uint8_t> out) -> std::size_t {
                           const auto state = cells_->state.acquire_if_new(RobotCells::kStateLink);
-                          if (!state || (!state_gate_.empty() && state_gate_.next().drop)) return 0;
+                          if (!state) return 0;
                           return drivers::encode(*state, out);
                         });
   endpoint.add_outgoing(drivers::MessageId::kFrame, std::chrono::milliseconds{30}, true,
@@ -70,7 +71,7 @@ void RobotGraph::bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint) {
                           if (!cells_->encoded.fresh(RobotCells::kEncodedLink)) return 0;
                           const auto frame =
                               cells_->encoded.acquire_if_new(RobotCells::kEncodedLink);
-                          if (!frame || (!frame_gate_.empty() && frame_gate_.next().drop)) return 0;
+                          if (!frame) return 0;
                           return drivers::write_wire(*frame, out);
                         });
 }

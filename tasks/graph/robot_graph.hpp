@@ -36,6 +36,7 @@ struct RobotCells {
   rt::Latest<ModeMsg> mode;
   std::vector<std::unique_ptr<HealthCell>> health;  // by TaskId
 
+  std::unique_ptr<TaskLogs> logs;
   RobotSamples robot_samples;
 };
 
@@ -71,7 +72,6 @@ class RobotGraph {
   LinkStatus link_;
   OperatorRequests requests_;
   std::unique_ptr<Nodes> nodes_;
-  EdgeGate frame_gate_, state_gate_;
 };
 
 }  // namespace tasks

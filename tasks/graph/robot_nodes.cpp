@@ -43,6 +43,12 @@ void RobotIoNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   cells_.state.begin_write() = out_.state;
   cells_.state.publish();
   publish_health(*cells_.health[index_of(TaskId::kRobotIo)], tick.start, health_);
+  auto& logs = *cells_.logs;
+  auto& log = logs.of(TaskId::kRobotIo);
+  if (out_.telemetry.goals_refused != logged_refused_)
+    log.write(logs.goal_refused, tick.start, logged_refused_ = out_.telemetry.goals_refused);
+  if (out_.telemetry.goals_expired != logged_expired_)
+    log.write(logs.goal_expired, tick.start, logged_expired_ = out_.telemetry.goals_expired);
   if (tick.k % 10 == 0) {
     RobotSample s;
     s.stamp = tick.start;
@@ -104,6 +110,7 @@ void CaptureNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
     cells_.encoded.publish();
   }
   publish_health(*cells_.health[index_of(TaskId::kCapture)], tick.start, health_);
+  log_level(*cells_.logs, TaskId::kCapture, tick, logged_level_);
 }
 
 // ---------------------------------------------------------------- supervision
@@ -118,13 +125,14 @@ constexpr std::array<TaskId, 2> kRobotWatched{TaskId::kRobotIo, TaskId::kCapture
 
 RobotSupervisionNode::RobotSupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config,
                                            RobotCells& cells, LinkStatus& link,
-                                           OperatorRequests& requests, bool hash)
+                                           OperatorRequests& requests, const RobotSetup& setup)
     : task_(nrt, config.supervision, rt::Box::kRobot, kRobotWatches.data(),
             static_cast<int>(kRobotWatches.size())),
       cells_(cells),
       link_(link),
       requests_(requests),
-      hash_(hash) {}
+      hash_(setup.hash_outputs),
+      mode_gate_(setup.faults, "robot_mode") {}
 
 void RobotSupervisionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   for (std::size_t i = 0; i < kRobotWatched.size(); ++i) {
@@ -160,9 +168,11 @@ rt::Health RobotSupervisionNode::step(const rt::Tick& tick, rt::JobRecord& recor
   return task_.step(tick, in_, out_);
 }
 
-void RobotSupervisionNode::commit(const rt::Tick&, rt::JobRecord& record) noexcept {
-  cells_.mode.begin_write() = out_.mode;
-  cells_.mode.publish();
+void RobotSupervisionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  log_mode(*cells_.logs, TaskId::kRobotSupervision, tick.start, out_.mode, logged_mode_);
+  ModeMsg& mode = cells_.mode.begin_write();
+  mode = out_.mode;
+  publish(mode_gate_, cells_.mode, mode);
   if (hash_)
     record.output_hash = rt::mix64(static_cast<std::uint64_t>(out_.mode.mode), out_.mode.cause);
 }

@@ -27,6 +27,7 @@ class RobotIoNode final : public rt::TaskBody {
   bool hash_;
   drivers::MotorSetpoints setpoints_;  // of the last committed job: goes out with the next exchange
   drivers::RobotGoal goal_;
+  std::uint64_t logged_refused_ = 0, logged_expired_ = 0;
   ModeMsg mode_;
   RobotIoTask::In in_;
   RobotIoTask::Out out_;
@@ -50,6 +51,7 @@ class CaptureNode final : public rt::TaskBody {
   RobotCells& cells_;
   std::function<std::int64_t()> twin_cpu_;
   bool hash_;
+  int logged_level_ = -1;
   std::unique_ptr<perception::RgbdFrame> frame_;
   CaptureTask::In in_;
   CaptureTask::Out out_;
@@ -59,7 +61,7 @@ class CaptureNode final : public rt::TaskBody {
 class RobotSupervisionNode final : public rt::TaskBody {
  public:
   RobotSupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config, RobotCells& cells,
-                       LinkStatus& link, OperatorRequests& requests, bool hash);
+                       LinkStatus& link, OperatorRequests& requests, const RobotSetup& setup);
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
@@ -71,6 +73,8 @@ class RobotSupervisionNode final : public rt::TaskBody {
   LinkStatus& link_;
   OperatorRequests& requests_;
   bool hash_;
+  EdgeGate mode_gate_;
+  Mode logged_mode_ = Mode::kInit;
   SupervisionTask::In in_;
   SupervisionTask::Out out_;
 };

@@ -207,6 +207,7 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
     OperatorBox box(nrt, scene, camera_of(scene), box_options);
     if (inputs) inputs->attach(box.graph(), box.endpoint());
     OperatorConsole console(box, scene, box_options.epoch);
+    console.log_to(nrt, plan.folder + "/operator.log");
     const auto registry = enter_registry(plan, rt::Box::kOperator);
 
     int port = 0;
@@ -303,6 +304,7 @@ int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOption
     RobotBox box(nrt, scene, box_options);
     if (inputs) inputs->attach(box.graph(), box.endpoint());
     RobotConsole console(box);
+    console.log_to(nrt, plan.folder + "/robot.log");
     const auto registry = enter_registry(plan, rt::Box::kRobot);
 
     auto link = drivers::TcpLink::listen(scene.link.address, scene.link.port);

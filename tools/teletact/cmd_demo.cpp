@@ -155,6 +155,7 @@ int cmd_demo(int argc, char** argv) {
   if (o.virtual_clock && o.calibration.empty())
     info.calibration_text = "reference: " + calibration.host;
   if (o.virtual_clock) {
+    o.log_folder = o.report + "/raw";
     VirtualRun run = run_virtual(nrt, *scene, o, calibration);
     info.admission = run.admission;
     info.effects = run.effects;

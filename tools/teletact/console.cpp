@@ -1,11 +1,37 @@
 #include "tools/teletact/console.hpp"
 
+#include <spdlog/logger.h>
+#include <spdlog/sinks/basic_file_sink.h>
+
 #include <algorithm>
 #include <cstdio>
 
 namespace teletact {
 
 using tasks::OperatorCells;
+
+namespace {
+
+// The records carry their own time (box clock), so lines need no other.
+std::unique_ptr<rt::LogDrain> drain_to(rt::NonRealtime& nrt, tasks::TaskLogs& logs, rt::Box box,
+                                       const std::string& path) {
+  auto sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(path, true);
+  auto logger = std::make_shared<spdlog::logger>("tasks", std::move(sink));
+  logger->set_pattern("%l %v");
+  logger->flush_on(spdlog::level::info);
+  auto drain = std::make_unique<rt::LogDrain>(nrt, logs.sites(), std::move(logger));
+  logs.attach(nrt, box, *drain);
+  return drain;
+}
+
+}  // namespace
+
+void OperatorConsole::log_to(rt::NonRealtime& nrt, const std::string& path) {
+  log_ = drain_to(nrt, *box_.graph().cells().logs, rt::Box::kOperator, path);
+}
+void RobotConsole::log_to(rt::NonRealtime& nrt, const std::string& path) {
+  log_ = drain_to(nrt, *box_.graph().cells().logs, rt::Box::kRobot, path);
+}
 
 OperatorConsole::OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time epoch)
     : box_(box), scene_(scene), epoch_(epoch), camera_width_px_(camera_of(scene).width) {}
@@ -108,6 +134,10 @@ void OperatorConsole::mind_device(rt::Time now) {
 
 void OperatorConsole::tick(rt::Time now) {
   drain();
+  if (log_) {
+    log_->drain();
+    seen_.log_dropped = log_->dropped();
+  }
   mind_device(now);
   using Engage = tasks::SupervisionTask::Engage;
   const bool engage = rt::seconds(now - epoch_) >= scene_.operator_script.engage_after_s;
@@ -146,10 +176,15 @@ OperatorView OperatorConsole::copy() const {
   v.first_arrival = seen_.first_arrival;
   v.points_resolved = seen_.points_resolved;
   v.device_brakes = seen_.device_brakes;
+  v.log_dropped = seen_.log_dropped;
   return v;
 }
 
 void RobotConsole::tick(rt::Time) {
+  if (log_) {
+    log_->drain();
+    seen_.log_dropped = log_->dropped();
+  }
   tasks::RobotSample r;
   auto& cells = box_.graph().cells();
   while (cells.robot_samples.try_pop(r)) {

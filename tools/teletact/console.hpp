@@ -26,6 +26,7 @@ struct OperatorView {
   std::uint64_t arrivals = 0;
   rt::Time first_arrival{};
   std::uint32_t points_resolved = 0;
+  std::uint64_t log_dropped = 0;    // records of the tasks' logs that did not fit
   std::uint32_t device_brakes = 0;  // times the operator had to enable the forces again
 };
 
@@ -33,6 +34,8 @@ class OperatorConsole {
  public:
   OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time epoch);
   void tick(rt::Time now);
+  // From now on the tasks' log lines go to this file. By an ordinary thread, with every tick.
+  void log_to(rt::NonRealtime& nrt, const std::string& path);
   [[nodiscard]] const OperatorView& seen() const noexcept { return seen_; }
   [[nodiscard]] OperatorView take() { return std::move(seen_); }  // ends its use
   [[nodiscard]] OperatorView copy() const;
@@ -50,6 +53,7 @@ class OperatorConsole {
   std::size_t next_point_ = 0;
   int camera_width_px_;
   rt::Time braked_since_{};
+  std::unique_ptr<rt::LogDrain> log_;
 };
 
 struct TruthSample {
@@ -63,18 +67,21 @@ struct RobotView {
   std::vector<TruthSample> truth;
   tasks::ModeMsg mode;
   double tracking_error_max_m = 0;
+  std::uint64_t log_dropped = 0;
 };
 
 class RobotConsole {
  public:
   explicit RobotConsole(RobotBox& box) : box_(box) {}
   void tick(rt::Time now);
+  void log_to(rt::NonRealtime& nrt, const std::string& path);
   [[nodiscard]] const RobotView& seen() const noexcept { return seen_; }
   [[nodiscard]] RobotView take() { return std::move(seen_); }
 
  private:
   RobotBox& box_;
   RobotView seen_;
+  std::unique_ptr<rt::LogDrain> log_;
 };
 
 }  // namespace teletact

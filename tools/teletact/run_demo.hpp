@@ -19,6 +19,7 @@ struct DemoOptions {
   std::string rgbd_dir;  // empty: the synthetic place
   double seconds = 20;
   bool virtual_clock = false, stub_bodies = false, measure_cpu = false;
+  std::string log_folder;  // virtual clock: where the tasks' logs go; empty: nowhere
   std::string report = "report";  // folder
   std::string calibration;        // file; empty: the built-in reference (virtual) or the host's
   std::string fault_plan;         // file; empty: the plain executor

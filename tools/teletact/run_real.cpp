@@ -12,6 +12,7 @@
 
 #include "config/fault_plan.hpp"
 #include "drivers/world/world.hpp"
+#include "tasks/graph/edge_faults.hpp"
 #include "tools/teletact/box_process.hpp"
 #include "tools/teletact/input_recorder.hpp"
 
@@ -76,6 +77,8 @@ RealRun run_real(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& op
   if (!options.fault_plan.empty()) {
     auto loaded = config::load_fault_plan(options.fault_plan);
     if (!loaded) throw std::runtime_error(loaded.error());
+    if (auto good = tasks::check_faults(loaded.value()); !good)
+      throw std::runtime_error(options.fault_plan + ": " + good.error());
     plan.faults = std::move(loaded).value();
     plan.planned = true;
   }

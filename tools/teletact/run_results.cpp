@@ -93,6 +93,7 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.one(h.view.first_arrival);
     s.one(h.view.points_resolved);
     s.one(h.view.device_brakes);
+    s.one(h.view.log_dropped);
     s.one(*h.view.view);
     s.one(*h.view.map);
     s.many(h.totals);
@@ -111,8 +112,9 @@ void load_half(const std::string& folder, OperatorHalf& h) {
   (void)(l.one(h.epoch_ns) && l.many(h.view.haptic) && l.many(h.view.fusion) &&
          l.many(h.view.paths) && l.one(h.view.task) && l.one(h.view.camera) &&
          l.one(h.view.robot) && l.one(h.view.arrivals) && l.one(h.view.first_arrival) &&
-         l.one(h.view.points_resolved) && l.one(h.view.device_brakes) && l.one(*h.view.view) &&
-         l.one(*h.view.map) && l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
+         l.one(h.view.points_resolved) && l.one(h.view.device_brakes) &&
+         l.one(h.view.log_dropped) && l.one(*h.view.view) && l.one(*h.view.map) &&
+         l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
          l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.force_error_p95) &&
          l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();
@@ -124,6 +126,7 @@ void save_half(const std::string& folder, const RobotHalf& h) {
     s.many(h.view.robot);
     s.many(h.view.truth);
     s.one(h.view.tracking_error_max_m);
+    s.one(h.view.log_dropped);
     s.many(h.totals);
     s.one(h.camera_twin_cpu_ns);
     s.one(h.dropped_records);
@@ -136,8 +139,9 @@ void load_half(const std::string& folder, RobotHalf& h) {
   Loader l{std::ifstream(folder + "/robot.view", std::ios::binary)};
   h.complete = false;
   (void)(l.one(h.epoch_ns) && l.many(h.view.robot) && l.many(h.view.truth) &&
-         l.one(h.view.tracking_error_max_m) && l.many(h.totals) && l.one(h.camera_twin_cpu_ns) &&
-         l.one(h.dropped_records) && l.one(h.hangs) && l.one(h.complete));
+         l.one(h.view.tracking_error_max_m) && l.one(h.view.log_dropped) && l.many(h.totals) &&
+         l.one(h.camera_twin_cpu_ns) && l.one(h.dropped_records) && l.one(h.hangs) &&
+         l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/robot.run")) h.log = std::move(log).value();
 }
 
@@ -267,6 +271,7 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
   m.add("mark.count", op.view.task.marks, "1");
   m.add("plan.paths", op.view.task.paths, "1");
   add_robot_metrics(op, robot, m);
+  m.add("log.dropped", static_cast<double>(op.view.log_dropped + robot.view.log_dropped), "1");
   m.add("effects.constructed", static_cast<double>(info.effects.size()), "1");
   m.add("link.round_trip_ms", 1e-6 * static_cast<double>(op.link_round_trip_ns), "ms");
   const bool real_time = op.log.not_realtime.empty() && robot.log.not_realtime.empty();

@@ -9,6 +9,7 @@
 #include "rt/audit/log_hash.hpp"
 #include "rt/fault/planned.hpp"
 #include "rt/sched/virtual_executor.hpp"
+#include "tasks/graph/edge_faults.hpp"
 #include "tools/teletact/force_check.hpp"
 #include "tools/teletact/input_recorder.hpp"
 #include "tools/teletact/run_demo.hpp"
@@ -87,6 +88,8 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
   if (!options.fault_plan.empty()) {
     auto loaded = config::load_fault_plan(options.fault_plan);
     if (!loaded) throw std::runtime_error(loaded.error());
+    if (auto good = tasks::check_faults(loaded.value()); !good)
+      throw std::runtime_error(options.fault_plan + ": " + good.error());
     plan_of_faults = std::move(loaded).value();
   }
   op_options.hash_outputs = robot_options.hash_outputs = !options.measure_cpu;
@@ -125,6 +128,11 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
       throw std::runtime_error("link: no handshake before the epoch");
     op_console = std::make_unique<OperatorConsole>(*op, scene, op_options.epoch);
     robot_console = std::make_unique<RobotConsole>(*robot);
+    if (!options.log_folder.empty()) {
+      std::filesystem::create_directories(options.log_folder);
+      op_console->log_to(nrt, options.log_folder + "/operator.log");
+      robot_console->log_to(nrt, options.log_folder + "/robot.log");
+    }
     owned.push_back(std::make_unique<Periodic>(epoch + 7000000, 20000000, [&](std::int64_t t) {
       op_console->tick(kOperatorClock.from_host(t));
       robot_console->tick(kRobotClock.from_host(t));

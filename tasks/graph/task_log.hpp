@@ -1,0 +1,63 @@
+// What the tasks of one box say for people: one log a task, written in commit, put into words by an
+// ordinary thread (rt/audit/rt_log.hpp). Lines are events, not values: a quiet run is a short log.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <string>
+
+#include "rt/audit/rt_log.hpp"
+#include "tasks/graph/table.hpp"
+
+namespace tasks {
+
+class TaskLogs {
+ public:
+  explicit TaskLogs(rt::NonRealtime& nrt)
+      : mode(sites_.add<unsigned, unsigned, unsigned>(
+            nrt, rt::LogLevel::kInfo,
+            "mode {} -> {} (0 init, 1 hold, 2 engaged, 3 ramp down, 4 safe stop), cause {}")),
+        contact(sites_.add<double, double, double, double>(
+            nrt, rt::LogLevel::kInfo, "contact begins at ({:.3f}, {:.3f}, {:.3f}) m, {:.2f} N")),
+        events_lost(sites_.add<std::uint64_t>(nrt, rt::LogLevel::kWarning,
+                                              "touch event {} did not fit; the next one says so")),
+        mark(sites_.add<unsigned>(nrt, rt::LogLevel::kInfo, "mark {} taken")),
+        mark_dropped(sites_.add<std::uint64_t>(
+            nrt, rt::LogLevel::kWarning, "open mark dropped at job {}: touch events were lost")),
+        path(sites_.add<std::uint64_t, int, std::uint64_t>(
+            nrt, rt::LogLevel::kInfo, "path {} made: {} points, for the mark of event {}")),
+        tracking_lost(
+            sites_.add<std::uint64_t>(nrt, rt::LogLevel::kWarning, "tracking lost in job {}")),
+        tracking_back(
+            sites_.add<std::uint64_t>(nrt, rt::LogLevel::kInfo, "tracking recovered in job {}")),
+        goal_refused(sites_.add<std::uint64_t>(nrt, rt::LogLevel::kWarning,
+                                               "goal refused, not finite; {} so far")),
+        goal_expired(
+            sites_.add<std::uint64_t>(nrt, rt::LogLevel::kWarning, "goal expired; {} so far")),
+        level(sites_.add<unsigned, unsigned>(nrt, rt::LogLevel::kInfo, "level {} -> {}")) {}
+
+  [[nodiscard]] rt::RtLog& of(TaskId id) noexcept { return logs_[index_of(id)]; }
+  [[nodiscard]] const rt::LogSites& sites() const noexcept { return sites_; }
+  // Logs of the tasks of `box`, by name, to a drain.
+  void attach(rt::NonRealtime& nrt, rt::Box box, rt::LogDrain& drain) {
+    for (const auto& row : kTaskTable) {
+      if (row.box == box) drain.attach(nrt, std::string(row.name), of(row.id));
+    }
+  }
+
+ private:
+  rt::LogSites sites_;
+  std::array<rt::RtLog, kTaskCount> logs_;
+
+ public:
+  const rt::LogSite<unsigned, unsigned, unsigned> mode;
+  const rt::LogSite<double, double, double, double> contact;
+  const rt::LogSite<std::uint64_t> events_lost;
+  const rt::LogSite<unsigned> mark;
+  const rt::LogSite<std::uint64_t> mark_dropped;
+  const rt::LogSite<std::uint64_t, int, std::uint64_t> path;
+  const rt::LogSite<std::uint64_t> tracking_lost, tracking_back, goal_refused, goal_expired;
+  const rt::LogSite<unsigned, unsigned> level;
+};
+
+}  // namespace tasks

@@ -1,0 +1,321 @@
+// Message faults on the virtual clock: each kind on its edge has the reaction that docs/faults.md
+// and the edge table (`beyond`) promise.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "config/fault_plan.hpp"
+#include "tasks/graph/edge_faults.hpp"
+#include "tools/teletact/calibrate.hpp"
+#include "tools/teletact/run_demo.hpp"
+
+namespace {
+
+using rt::FaultEntry;
+using rt::FaultKind;
+using rt::FaultPlan;
+using tasks::TouchEvent;
+using teletact::VirtualRun;
+using namespace std::chrono_literals;
+
+rt::Startup& startup() {
+  static rt::Startup s;
+  return s;
+}
+
+struct Line {
+  std::string kind, target;
+  int first, every = 1, count = 0;
+  double magnitude_us = 0, probability = 1;
+};
+
+VirtualRun run(double seconds, const std::vector<Line>& lines, const std::string& logs = {}) {
+  const auto path = std::filesystem::temp_directory_path() /
+                    ("teletact-messages-" + std::to_string(::getpid()) + ".toml");
+  {
+    std::ofstream out(path);
+    out << "name = \"test\"\nseed = 3\n";
+    for (const auto& l : lines) {
+      out << "[[fault]]\nkind = \"" << l.kind << "\"\ntarget = \"" << l.target
+          << "\"\nfirst = " << l.first << "\nevery = " << l.every << "\ncount = " << l.count
+          << "\nprobability = " << std::to_string(l.probability);
+      if (l.magnitude_us > 0) out << "\nmagnitude_us = " << std::to_string(l.magnitude_us);
+      out << "\n\n";
+    }
+  }
+  const auto scene = teletact::load_scene(teletact::find_config("scenes", "default_room"), {});
+  teletact::DemoOptions options;
+  options.seconds = seconds;
+  options.virtual_clock = options.quiet = true;
+  options.cores = 2;
+  options.fault_plan = path;
+  options.log_folder = logs;
+  VirtualRun r =
+      teletact::run_virtual(startup().token(), *scene, options, teletact::reference_calibration());
+  std::filesystem::remove(path);
+  return r;
+}
+
+double since(const teletact::OperatorHalf& h, rt::Time t) {
+  return 1e-9 * static_cast<double>(rt::ns_of(t) - h.epoch_ns);
+}
+double since(const teletact::RobotHalf& h, rt::Time t) {
+  return 1e-9 * static_cast<double>(rt::ns_of(t) - h.epoch_ns);
+}
+double largest_force(const VirtualRun& r, double from, double to) {
+  double f = 0;
+  for (const auto& s : r.op.view.haptic) {
+    const double t = since(r.op, s.stamp);
+    if (t >= from && t < to) f = std::max(f, static_cast<double>(s.force_N));
+  }
+  return f;
+}
+double largest_speed(const VirtualRun& r, double from, double to) {
+  double v = 0;
+  for (const auto& s : r.robot.view.robot) {
+    const double t = since(r.robot, s.stamp);
+    if (t >= from && t < to) v = std::max(v, static_cast<double>(s.speed_m_per_s));
+  }
+  return v;
+}
+std::size_t jobs_with(const rt::RunLog& log, tasks::TaskId id, rt::FaultId fault, double from_s,
+                      std::int64_t epoch) {
+  std::size_t n = 0;
+  for (const auto& t : log.tasks) {
+    if (t.id != static_cast<std::uint16_t>(id)) continue;
+    for (const auto& j : t.jobs) {
+      n += j.fault == fault && static_cast<double>(j.start_ns - epoch) * 1e-9 >= from_s ? 1 : 0;
+    }
+  }
+  return n;
+}
+
+// ---- plans
+
+FaultPlan plan_of(FaultKind kind, const std::string& target) {
+  FaultEntry e;
+  e.kind = kind;
+  e.target = target;
+  e.magnitude = kind == FaultKind::kStale ? rt::Nanos{1000} : rt::Nanos{0};
+  FaultPlan p;
+  p.name = "p";
+  p.entries = {e};
+  return p;
+}
+
+TEST(MessagePlans, EveryShippedPlanNamesTasksAndEdgesThatExist) {
+  int plans = 0;
+  for (const auto& f : std::filesystem::directory_iterator(TELETACT_SOURCE_DIR "/config/faults")) {
+    const auto plan = config::load_fault_plan(f.path());
+    ASSERT_TRUE(plan) << plan.error();
+    const auto good = tasks::check_faults(plan.value());
+    EXPECT_TRUE(good) << f.path() << ": " << good.error();
+    ++plans;
+  }
+  EXPECT_GE(plans, 10);
+}
+
+TEST(MessagePlans, AnUnknownTargetOrAKindThatMeansNothingIsOneError) {
+  const auto unknown = tasks::check_faults(plan_of(FaultKind::kDrop, "force"));
+  ASSERT_FALSE(unknown);
+  EXPECT_NE(unknown.error().find("no such edge"), std::string::npos) << unknown.error();
+  EXPECT_NE(unknown.error().find("robot_state"), std::string::npos) << "it lists what there is";
+  for (const auto& [kind, edge] :
+       std::vector<std::pair<FaultKind, std::string>>{{FaultKind::kRingFull, "patch"},
+                                                      {FaultKind::kNan, "frame"},
+                                                      {FaultKind::kNan, "mode"}}) {
+    const auto refused = tasks::check_faults(plan_of(kind, edge));
+    ASSERT_FALSE(refused) << edge;
+    EXPECT_EQ(refused.error().find('\n'), std::string::npos);
+    EXPECT_NE(refused.error().find(edge), std::string::npos) << refused.error();
+  }
+  for (const auto& row : tasks::kEdgeTable) {
+    EXPECT_TRUE(tasks::check_faults(plan_of(FaultKind::kDrop, std::string(row.name)))) << row.name;
+  }
+}
+
+// ---- the gate itself
+
+TEST(EdgeGate, LatestKinds) {
+  auto& nrt = startup().token();
+  rt::Latest<drivers::RobotGoal> cell(nrt, {1});
+  FaultPlan plan;
+  const auto at = [&](FaultKind kind, std::uint64_t n, rt::Nanos magnitude = rt::Nanos{0}) {
+    FaultEntry e;
+    e.kind = kind;
+    e.target = "goal";
+    e.first = n;
+    e.count = 1;
+    e.magnitude = magnitude;
+    plan.entries.push_back(e);
+  };
+  at(FaultKind::kDrop, 1);
+  at(FaultKind::kDuplicate, 2);
+  at(FaultKind::kStale, 3, 5ms);
+  at(FaultKind::kNan, 4);
+  tasks::EdgeGate gate(plan, "goal");
+  const auto send = [&](std::uint64_t n) {
+    auto& slot = cell.begin_write();
+    slot = {};
+    slot.seq = n;
+    slot.made = rt::time_from_ns(100000000);
+    slot.x_m = 1;
+    (void)tasks::publish(gate, cell, slot);
+    const auto got = cell.acquire(0);
+    return std::pair<std::uint64_t, drivers::RobotGoal>{got.seq, *got};
+  };
+  EXPECT_EQ(send(0).first, 1U);
+  const auto dropped = send(1);
+  EXPECT_EQ(dropped.first, 1U);
+  EXPECT_EQ(dropped.second.seq, 0U) << "the reader keeps what it had";
+  const auto twice = send(2);
+  EXPECT_EQ(twice.first, 3U);
+  EXPECT_EQ(twice.second.seq, 2U);
+  EXPECT_EQ(rt::ns_of(send(3).second.made), 95000000);
+  EXPECT_TRUE(std::isnan(send(4).second.x_m));
+  EXPECT_EQ(send(5).second.x_m, 1);
+}
+
+TEST(EdgeGate, WhatARingRefusedIsFlaggedInTheNextEventThatFits) {
+  rt::Ring<TouchEvent, 4> ring;
+  tasks::EdgeGate none;
+  bool gap = false;
+  TouchEvent e;
+  for (e.seq = 1; e.seq <= 6; ++e.seq) tasks::push(none, ring, e, gap);
+  EXPECT_TRUE(gap) << "5 and 6 did not fit";
+  EXPECT_EQ(ring.dropped(), 2U);
+  TouchEvent out;
+  for (std::uint64_t i = 1; i <= 4; ++i) {
+    ASSERT_TRUE(ring.try_pop(out));
+    EXPECT_EQ(out.seq, i);
+    EXPECT_FALSE(out.gap);
+  }
+  tasks::push(none, ring, e, gap);
+  ASSERT_TRUE(ring.try_pop(out));
+  EXPECT_EQ(out.seq, 7U);
+  EXPECT_TRUE(out.gap);
+  tasks::push(none, ring, e, gap);
+  ASSERT_TRUE(ring.try_pop(out));
+  EXPECT_FALSE(out.gap) << "said once";
+}
+
+// ---- the stack
+
+TEST(MessageFaults, PatchesThatStopComingMakeTheHandLimp) {
+  const auto r = run(4.4, {{"drop", "patch", 100, 1, 15}});  // 3.33 s to 3.83 s
+  EXPECT_GT(largest_force(r, 3.0, 3.33), 1.0);
+  EXPECT_LT(largest_force(r, 3.33 + 0.1 + 0.1 + 0.05, 3.82), 0.01);
+  EXPECT_GT(largest_force(r, 4.0, 4.4), 1.0) << "back with the patch";
+  EXPECT_GT(jobs_with(r.op.log, tasks::TaskId::kHaptic, 102, 3.3, r.op.epoch_ns), 100U);
+}
+
+TEST(MessageFaults, EventsThatTheRingRefusedDropTheOpenMark) {
+  const auto r = run(5.2, {{"ring_full", "touch", 3, 2}});
+  EXPECT_EQ(r.op.view.task.marks, 0U);
+  EXPECT_EQ(r.op.view.paths.size(), 0U);
+  EXPECT_GT(jobs_with(r.op.log, tasks::TaskId::kPlanning, 404, 0, r.op.epoch_ns), 0U);
+}
+
+TEST(MessageFaults, GoalsThatAreNotFiniteOrOldHaltTheRobot) {
+  const auto logs = std::filesystem::temp_directory_path() /
+                    ("teletact-messages-logs-" + std::to_string(::getpid()));
+  const auto r = run(9, {{"nan", "goal", 108, 1, 28}, {"stale", "goal", 147, 1, 28, 500000}}, logs);
+  // What the tasks said, in words.
+  const auto text = [&](const char* file) {
+    std::stringstream s;
+    s << std::ifstream(logs / file).rdbuf();
+    return s.str();
+  };
+  const std::string op = text("operator.log"), robot = text("robot.log");
+  for (const char* line : {"supervision: mode 1 -> 2", "haptic: contact begins at",
+                           "planning: mark 1 taken", "planning: path 1 made"}) {
+    EXPECT_NE(op.find(line), std::string::npos) << line << " is not in\n" << op;
+  }
+  for (const char* line : {"robot_supervision: mode 1 -> 2", "robot_io: goal refused, not finite",
+                           "robot_io: goal expired"}) {
+    EXPECT_NE(robot.find(line), std::string::npos) << line << " is not in\n" << robot;
+  }
+  EXPECT_EQ(r.op.view.log_dropped + r.robot.view.log_dropped, 0U);
+  std::filesystem::remove_all(logs);
+  EXPECT_GT(largest_speed(r, 5.0, 5.5), 0.1);
+  EXPECT_LT(largest_speed(r, 5.5 + 0.4 + 0.6, 6.85), 0.01) << "not finite: refused, then expired";
+  EXPECT_GT(largest_speed(r, 7.0, 7.5), 0.1) << "goes on by itself";
+  EXPECT_LT(largest_speed(r, 7.5 + 0.4 + 0.6, 8.75), 0.01) << "old";
+  EXPECT_GT(jobs_with(r.robot.log, tasks::TaskId::kRobotIo, 504, 5.4, r.robot.epoch_ns), 0U);
+  EXPECT_GT(jobs_with(r.robot.log, tasks::TaskId::kRobotIo, 503, 5.4, r.robot.epoch_ns), 0U);
+  for (const auto& s : r.robot.view.truth) ASSERT_TRUE(std::isfinite(s.x_m + s.y_m + s.yaw_rad));
+}
+
+TEST(MessageFaults, WithoutFramesTheMapStaysWithoutStatesTheBoxesRampDown) {
+  const auto r = run(6.6, {{"drop", "frame", 90, 1, 30}, {"drop", "robot_state", 500}});
+  // Frames 90 to 119 of 30 a second: nothing is consumed, the map stays, the hand still feels it.
+  std::size_t consumed = 0;
+  std::uint32_t first = 0, last = 0;
+  double frames_from = 1e9, frames_to = 0;
+  rt::Time before{};
+  for (const auto& s : r.op.view.fusion) {
+    if (!s.consumed) continue;
+    if (before != rt::Time{} && rt::seconds(s.stamp - before) > 0.5) {
+      frames_from = since(r.op, before);
+      frames_to = since(r.op, s.stamp);
+    }
+    before = s.stamp;
+  }
+  ASSERT_LT(frames_from, frames_to) << "a gap of a second";
+  EXPECT_NEAR(frames_to - frames_from, 1.03, 0.1);
+  for (const auto& s : r.op.view.fusion) {
+    const double t = since(r.op, s.stamp);
+    if (t <= frames_from || t >= frames_to) continue;
+    consumed += s.consumed ? 1 : 0;
+    if (first == 0) first = s.blocks;
+    last = s.blocks;
+  }
+  EXPECT_EQ(consumed, 0U);
+  EXPECT_EQ(first, last);
+  EXPECT_GT(largest_force(r, frames_from + 0.5, frames_to), 1.0);
+  // States from the 500th on: 200 ms later both boxes leave the engaged mode, and stay out.
+  double left = 0;
+  for (const auto& s : r.robot.view.robot) {
+    const double t = since(r.robot, s.stamp);
+    if (s.mode == static_cast<std::uint8_t>(tasks::Mode::kEngaged)) left = t;
+  }
+  EXPECT_GT(left, 4.8);
+  EXPECT_LT(left, 5.6);
+  EXPECT_GT(largest_speed(r, left - 0.3, left), 0.05);
+  EXPECT_LT(largest_speed(r, left + 0.6, 7), 0.01);
+  EXPECT_NE(r.op.view.mode.mode, tasks::Mode::kEngaged);
+  EXPECT_EQ(r.op.view.mode.cause, tasks::kFaultLinkSilent);
+  EXPECT_LT(largest_force(r, left + 0.3, 7), 0.01) << "limp until the next engage";
+}
+
+// Every kind on every edge that takes it, at random: nothing that is no number gets out, nothing is
+// hit.
+TEST(MessageFaults, AStormOfAllKindsLeavesTheOutputsSane) {
+  std::vector<Line> storm;
+  for (const auto& row : tasks::kEdgeTable) {
+    for (int k = static_cast<int>(FaultKind::kRingFull); k < rt::kFaultKinds; ++k) {
+      const auto kind = static_cast<FaultKind>(k);
+      if (!tasks::edge_takes(row.id, kind)) continue;
+      storm.push_back({std::string(rt::name_of(kind)), std::string(row.name), 20, 1, 0,
+                       kind == FaultKind::kStale ? 30000.0 : 0.0, 0.03});
+    }
+  }
+  EXPECT_GT(storm.size(), 40U);
+  const auto r = run(7, storm);
+  for (const auto& s : r.op.view.haptic) {
+    ASSERT_TRUE(s.finite);
+    ASSERT_TRUE(std::isfinite(s.force_N));
+    ASSERT_LE(s.force_N, 12.0F);
+  }
+  for (const auto& s : r.robot.view.truth) {
+    ASSERT_TRUE(std::isfinite(s.x_m + s.y_m + s.yaw_rad));
+    ASSERT_EQ(s.collisions, 0U);
+  }
+  EXPECT_GT(largest_force(r, 2, 7), 0.5) << "it still works";
+}
+
+}  // namespace
