@@ -19,7 +19,8 @@ drivers::TumSequence open_sequence(const std::string& dir) {
   drivers::TumOptions options;
   options.register_colour = true;
   auto sequence = drivers::TumSequence::open(dir, options);
-  if (sequence && sequence.value().intrinsics().width == 640 && sequence.value().intrinsics().height == 480) {
+  if (sequence && sequence.value().intrinsics().width == 640 &&
+      sequence.value().intrinsics().height == 480) {
     options.to_512x424 = true;
     sequence = drivers::TumSequence::open(dir, options);
   }
@@ -119,7 +120,8 @@ OperatorBox::OperatorBox(rt::NonRealtime& nrt, const Scene& scene,
     : scene_(scene), endpoint_(nrt, rt::Box::kOperator) {
   hand_ = std::make_unique<drivers::HandScript>(nrt, scene.hand, scene.workspace());
   const auto start = hand_->target(rt::Nanos{0});
-  device_ = std::make_unique<drivers::OmegaTwin>(nrt, scene.device, hand_.get(),
+  device_ = std::make_unique<drivers::OmegaTwin>(nrt, scene.device,
+                                                 hand_->size() > 0 ? hand_.get() : nullptr,
                                                  scene.workspace().to_device(start.p_WT));
   device_->set_cpu_clock(&rt::thread_cpu_ns);
   device_->start_hand(options.epoch);

@@ -57,7 +57,10 @@ struct Scene {
 
   config::Section schema;  // describes this object; it must not move
   Scene() {
-    plant.speed_loop_order = 0;  // motor dynamics are an effect too: a scene asks for them
+    // Effects too: a scene asks for them.
+    plant.speed_loop_order = 0;
+    device.coulomb_N = 0;
+    device.quantum_m = 0;
     describe(schema);
   }
   Scene(const Scene&) = delete;
