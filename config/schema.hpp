@@ -45,12 +45,28 @@ class Section {
   // the caller's container and describes it. Use a std::deque or std::list: pointers must stay.
   Section& list(std::string key, std::function<void(Section&)> make, std::string doc);
 
-  struct Number { double* value; double lo, hi; };
-  struct Integer { int* value; int lo, hi; };
-  struct Seed { std::uint64_t* value; };
-  struct Flag { bool* value; };
-  struct Text { std::string* value; std::vector<std::string> allowed; };
-  struct Numbers { std::span<double> values; double lo, hi; };
+  struct Number {
+    double* value;
+    double lo, hi;
+  };
+  struct Integer {
+    int* value;
+    int lo, hi;
+  };
+  struct Seed {
+    std::uint64_t* value;
+  };
+  struct Flag {
+    bool* value;
+  };
+  struct Text {
+    std::string* value;
+    std::vector<std::string> allowed;
+  };
+  struct Numbers {
+    std::span<double> values;
+    double lo, hi;
+  };
   struct List {
     std::function<void(Section&)> make;
     std::vector<std::unique_ptr<Section>> items;

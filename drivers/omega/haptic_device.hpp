@@ -17,12 +17,12 @@ namespace drivers {
 enum class DeviceState : std::uint8_t { kReset, kIdle, kForce, kBrake };
 
 struct StylusSample {
-  std::uint64_t seq = 0;           // sample number of the device
+  std::uint64_t seq = 0;  // sample number of the device
   rt::Time taken{};
   perception::Vec3 p_DH = perception::Vec3::Zero();  // m
-  bool button = false;             // stylus button: "mark"
+  bool button = false;                               // stylus button: "mark"
   DeviceState state = DeviceState::kReset;
-  bool repeated = false;           // the device had no new data: same position again
+  bool repeated = false;  // the device had no new data: same position again
 };
 
 struct ForceCommand {
@@ -30,10 +30,10 @@ struct ForceCommand {
 };
 
 struct DeviceProperties {
-  double mass_kg = 0.2;             // effective mass at the tip
-  double damping_N_s_per_m = 2.0;   // b
-  double coulomb_N = 0.1;           // c
-  double delay_s = 0.0;             // t_d from position sample to force, beyond the hold
+  double mass_kg = 0.2;            // effective mass at the tip
+  double damping_N_s_per_m = 2.0;  // b
+  double coulomb_N = 0.1;          // c
+  double delay_s = 0.0;            // t_d from position sample to force, beyond the hold
   double quantum_m = 1e-5;
   double force_limit_N = 12.0;
   double workspace_radius_m = 0.075;

@@ -25,10 +25,10 @@ struct MotorSetpoints {
 struct MotorStates {
   std::uint64_t seq = 0;
   rt::Time taken{};
-  std::array<double, kWheels> wheel_rad{};        // unwrapped
+  std::array<double, kWheels> wheel_rad{};  // unwrapped
   std::array<double, kWheels> wheel_rad_per_s{};
   std::array<double, kWheels> current_A{};
-  std::array<std::uint32_t, kWheels> flags{};     // youBot error and status word
+  std::array<std::uint32_t, kWheels> flags{};  // youBot error and status word
 };
 
 enum class BusStatus : std::uint8_t { kOk, kFrameLost, kDown };

@@ -30,7 +30,8 @@ class Image {
  public:
   Image() = default;
   Image(int width, int height, const T& fill = T{})
-      : width_(width), height_(height),
+      : width_(width),
+        height_(height),
         pixels_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), fill) {}
 
   // Changes the shape without allocating; the product must not exceed the constructed size.

@@ -28,8 +28,6 @@ using Pose = Eigen::Isometry3d;
   return X;
 }
 
-[[nodiscard]] inline double rotation_angle(const Mat3& R) {
-  return Eigen::AngleAxisd(R).angle();
-}
+[[nodiscard]] inline double rotation_angle(const Mat3& R) { return Eigen::AngleAxisd(R).angle(); }
 
 }  // namespace perception

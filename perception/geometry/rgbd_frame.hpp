@@ -22,9 +22,9 @@ struct RgbdFrame {
   static constexpr std::size_t kMaxPixels =
       static_cast<std::size_t>(kMaxWidth) * static_cast<std::size_t>(kMaxHeight);
 
-  rt::Time exposure{};       // middle of the exposure, in the reader's box clock
-  std::uint64_t seq = 0;     // camera's frame number; gaps are lost frames
-  Intrinsics intrinsics{};   // of the depth image; colour is registered to it when has_colour
+  rt::Time exposure{};      // middle of the exposure, in the reader's box clock
+  std::uint64_t seq = 0;    // camera's frame number; gaps are lost frames
+  Intrinsics intrinsics{};  // of the depth image; colour is registered to it when has_colour
   bool has_colour = false;
   std::array<std::uint16_t, kMaxPixels> depth_mm{};  // row-major, width x height; 0 = no reading
   std::array<Rgb, kMaxPixels> colour{};

@@ -16,21 +16,23 @@ namespace perception {
 struct CostMap {
   static constexpr int kMaxCells = 256;  // along an edge
   enum Cell : std::uint8_t {
-    kFree = 0,          // 1..252: inflation, larger is nearer to an obstacle
-    kInscribed = 253,   // the robot's centre here would touch an obstacle
-    kOccupied = 254,    // an obstacle in the robot's height band, or a virtual one
-    kUnknown = 255,     // never seen: not driveable for planning, not an obstacle for display
+    kFree = 0,         // 1..252: inflation, larger is nearer to an obstacle
+    kInscribed = 253,  // the robot's centre here would touch an obstacle
+    kOccupied = 254,   // an obstacle in the robot's height band, or a virtual one
+    kUnknown = 255,    // never seen: not driveable for planning, not an obstacle for display
   };
 
-  std::uint64_t seq = 0;       // 0 = never published
-  rt::Time fused{};            // when it was made
-  rt::Time exposure{};         // newest image in it
-  bool ground_found = false;   // false: every cell is unknown and nothing may be planned
-  double resolution = 0.05;    // m a cell
-  int width = 0, height = 0;   // cells along x and y
+  std::uint64_t seq = 0;      // 0 = never published
+  rt::Time fused{};           // when it was made
+  rt::Time exposure{};        // newest image in it
+  bool ground_found = false;  // false: every cell is unknown and nothing may be planned
+  double resolution = 0.05;   // m a cell
+  int width = 0, height = 0;  // cells along x and y
   Pose X_WM = Pose::Identity();
-  std::array<std::uint8_t, static_cast<std::size_t>(kMaxCells) * kMaxCells> cost{};  // iy * width + ix
-  std::array<float, static_cast<std::size_t>(kMaxCells) * kMaxCells> height_m{};  // highest surface; NaN unknown
+  std::array<std::uint8_t, static_cast<std::size_t>(kMaxCells) * kMaxCells>
+      cost{};  // iy * width + ix
+  std::array<float, static_cast<std::size_t>(kMaxCells) * kMaxCells>
+      height_m{};  // highest surface; NaN unknown
 
   [[nodiscard]] bool contains(int ix, int iy) const noexcept {
     return ix >= 0 && iy >= 0 && ix < width && iy < height;

@@ -23,8 +23,8 @@ namespace perception {
 
 // Parameters of a surface material; slot 0 is the scene's default material.
 struct Material {
-  float stiffness_scale = 1.0F;   // multiplies the device stiffness, (0, 1]
-  float friction_static = 0.0F;   // 0 = frictionless
+  float stiffness_scale = 1.0F;  // multiplies the device stiffness, (0, 1]
+  float friction_static = 0.0F;  // 0 = frictionless
   float friction_dynamic = 0.0F;
   float texture_amplitude_m = 0.0F;
   float texture_period_m = 0.0F;
@@ -36,19 +36,19 @@ struct SurfacePatch {
       static_cast<std::size_t>(kMaxNodes) * kMaxNodes * kMaxNodes;
   static constexpr int kMaxMaterials = 16;
 
-  std::uint32_t map_id = 0;       // changes when the map is reset or another one is loaded
-  std::uint64_t seq = 0;          // 0 = never published
-  rt::Time fused{};               // when fusion made this window (liveness)
-  rt::Time exposure{};            // exposure of the newest image in it (data age)
-  double voxel_size = 0;          // m
-  float metres_per_unit = 0;      // truncation / 32767
+  std::uint32_t map_id = 0;   // changes when the map is reset or another one is loaded
+  std::uint64_t seq = 0;      // 0 = never published
+  rt::Time fused{};           // when fusion made this window (liveness)
+  rt::Time exposure{};        // exposure of the newest image in it (data age)
+  double voxel_size = 0;      // m
+  float metres_per_unit = 0;  // truncation / 32767
   std::array<std::int32_t, 3> origin_node{};  // world grid node of node (0,0,0)
-  int nodes = 0;                  // n
-  std::uint64_t checksum = 0;     // of distance and material; set by the writer when asked
+  int nodes = 0;                              // n
+  std::uint64_t checksum = 0;  // of distance and material; set by the writer when asked
   std::array<Material, kMaxMaterials> palette{};
 
   std::array<std::int16_t, kMaxCells> distance{};
-  std::array<std::uint8_t, kMaxCells> material{};   // 0 = unobserved, else slot + 1
+  std::array<std::uint8_t, kMaxCells> material{};    // 0 = unobserved, else slot + 1
   std::array<std::uint64_t, kMaxCells / 64> free{};  // one bit a node, same order
 
   // Storage index of a node; the caller keeps 0 <= i < nodes.
@@ -63,8 +63,10 @@ struct SurfacePatch {
   }
   void set_free(std::size_t i, bool value) noexcept {
     const std::uint64_t bit = 1ULL << (i & 63U);
-    if (value) free[i >> 6U] |= bit;
-    else free[i >> 6U] &= ~bit;
+    if (value)
+      free[i >> 6U] |= bit;
+    else
+      free[i >> 6U] &= ~bit;
   }
   [[nodiscard]] Vec3 node_W(int ix, int iy, int iz) const noexcept {
     return voxel_size * Vec3(origin_node[0] + ix, origin_node[1] + iy, origin_node[2] + iz);

@@ -38,8 +38,8 @@ class RealExecutor final : public Executor {
   using JobSink = std::function<void(const JobRecord&)>;
   using SentinelSink = std::function<void(const SentinelRecord&)>;
 
-  RealExecutor(NonRealtime& nrt, const std::vector<PlacedTask>& tasks, const Faults& faults, JobSink jobs,
-               SentinelSink sentinels, RealOptions options = {});
+  RealExecutor(NonRealtime& nrt, const std::vector<PlacedTask>& tasks, const Faults& faults,
+               JobSink jobs, SentinelSink sentinels, RealOptions options = {});
   ~RealExecutor() override;
   void run(const RunPlan& plan) override;
   void request_stop() noexcept override { stop_.store(true, std::memory_order_relaxed); }

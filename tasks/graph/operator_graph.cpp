@@ -38,11 +38,11 @@ OperatorGraph::OperatorGraph(rt::NonRealtime& nrt, const GraphConfig& config,
       cells_(std::make_unique<OperatorCells>(nrt)),
       frame_gate_(setup.faults, "frame"),
       state_gate_(setup.faults, "robot_state") {
-  nodes_.reset(new Nodes{
-      HapticNode(nrt, config_, setup, *cells_, haptic_period_s),
-      FusionNode(nrt, config_, setup, *cells_), PlanningNode(nrt, config_, setup, *cells_),
-      PredictionNode(nrt, config_, setup, *cells_, link_),
-      SupervisionNode(nrt, config_, *cells_, link_, requests_, setup)});
+  nodes_.reset(new Nodes{HapticNode(nrt, config_, setup, *cells_, haptic_period_s),
+                         FusionNode(nrt, config_, setup, *cells_),
+                         PlanningNode(nrt, config_, setup, *cells_),
+                         PredictionNode(nrt, config_, setup, *cells_, link_),
+                         SupervisionNode(nrt, config_, *cells_, link_, requests_, setup)});
 }
 
 OperatorGraph::~OperatorGraph() = default;

@@ -90,8 +90,8 @@ struct OperatorSetup {
   FusionSetup fusion;
   drivers::HapticDevice* device = nullptr;
   std::function<std::int64_t()> device_twin_cpu;  // empty: a real device
-  bool odometry_prior = true;  // false: the camera does not ride on the robot
-  bool hash_outputs = false;  // fill JobRecord::output_hash
+  bool odometry_prior = true;                     // false: the camera does not ride on the robot
+  bool hash_outputs = false;                      // fill JobRecord::output_hash
   rt::FaultPlan faults;                           // message faults on edges; empty = none
 };
 

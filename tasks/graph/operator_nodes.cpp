@@ -58,8 +58,7 @@ void HapticNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   HapticState& hand = cells_.hand.begin_write();
   hand = out_.state;
   publish(hand_gate_, cells_.hand, hand);
-  for (int i = 0; i < out_.event_count; ++i)
-    send(tick, out_.events[static_cast<std::size_t>(i)]);
+  for (int i = 0; i < out_.event_count; ++i) send(tick, out_.events[static_cast<std::size_t>(i)]);
   publish_health(health_of(cells_, TaskId::kHaptic), tick.start, health_);
   const auto& t = out_.telemetry;
   HapticSample s;
@@ -173,7 +172,8 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   }
   publish_health(health_of(cells_, TaskId::kFusion), tick.start, health_);
   log_level(*cells_.logs, TaskId::kFusion, tick, logged_level_);
-  const bool lost = out_.camera_written ? out_.camera.tracking == CameraPose::Tracking::kLost : lost_;
+  const bool lost =
+      out_.camera_written ? out_.camera.tracking == CameraPose::Tracking::kLost : lost_;
   if (lost != lost_) {
     const auto& logs = *cells_.logs;
     cells_.logs->of(TaskId::kFusion)

@@ -7,7 +7,11 @@
 namespace tasks {
 
 RobotCells::RobotCells(rt::NonRealtime& nrt)
-    : goal(nrt, {1, 1}), encoded(nrt, {1}), state(nrt, {1, 1}), mode(nrt, {1, 1}), logs(std::make_unique<TaskLogs>(nrt)) {
+    : goal(nrt, {1, 1}),
+      encoded(nrt, {1}),
+      state(nrt, {1, 1}),
+      mode(nrt, {1, 1}),
+      logs(std::make_unique<TaskLogs>(nrt)) {
   for (int i = 0; i < kTaskCount; ++i)
     health.push_back(std::make_unique<HealthCell>(nrt, std::vector<int>{1}));
 }
@@ -20,12 +24,11 @@ struct RobotGraph::Nodes {
 };
 
 RobotGraph::RobotGraph(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup)
-    : config_(config),
-      cells_(std::make_unique<RobotCells>(nrt)) {
-  nodes_.reset(new Nodes{
-      RobotIoNode(nrt, config_, setup, *cells_, link_), CaptureNode(nrt, config_, setup, *cells_),
-      RobotSupervisionNode(nrt, config_, *cells_, link_, requests_, setup),
-      EdgeGate(setup.faults, "goal")});
+    : config_(config), cells_(std::make_unique<RobotCells>(nrt)) {
+  nodes_.reset(new Nodes{RobotIoNode(nrt, config_, setup, *cells_, link_),
+                         CaptureNode(nrt, config_, setup, *cells_),
+                         RobotSupervisionNode(nrt, config_, *cells_, link_, requests_, setup),
+                         EdgeGate(setup.faults, "goal")});
 }
 
 RobotGraph::~RobotGraph() = default;

@@ -51,11 +51,12 @@ inline constexpr std::uint8_t kDriveableCost = perception::CostMap::kInscribed -
                                          std::uint8_t limit) noexcept;
 
 struct PlannerConfig {
-  int iterations = 4000;      // of RRT-Connect at level 0; halved at each further level
-  double range_m = 0.6;       // longest tree edge
-  double guide_share = 0.2;    // of the samples lie on the flood's chain, up to five times as much later
-  int shortcuts = 150;        // tries of the random shortcut pass
-  int comfort_cost = 96;      // cells above it are only used when there is no other way
+  int iterations = 4000;  // of RRT-Connect at level 0; halved at each further level
+  double range_m = 0.6;   // longest tree edge
+  double guide_share =
+      0.2;                // of the samples lie on the flood's chain, up to five times as much later
+  int shortcuts = 150;    // tries of the random shortcut pass
+  int comfort_cost = 96;  // cells above it are only used when there is no other way
   bool grid_fallback = true;  // the flood's chain when the iterations are spent
 
   void describe(config::Section& s);

@@ -20,11 +20,11 @@ enum class ClearRule : std::uint8_t {
 
 struct FaultRow {
   rt::FaultId id;
-  std::string_view code;       // F-HAP-01
-  rt::Severity severity;       // at least this, whatever the task reported
+  std::string_view code;  // F-HAP-01
+  rt::Severity severity;  // at least this, whatever the task reported
   ClearRule clear;
-  std::string_view what;       // what happened
-  std::string_view reaction;   // what the stack does
+  std::string_view what;      // what happened
+  std::string_view reaction;  // what the stack does
 };
 
 // clang-format off

@@ -30,7 +30,7 @@ namespace tasks {
 // Section [supervision].
 struct SupervisionConfig {
   double ramp_s = 0.2;             // time in kRampDown before kHold
-  double link_liveness_s = 0.2;    // silence of the link beyond it is a fault
+  double link_liveness_s = 0.18;   // silence of the link beyond it is a fault
   double peer_grace_s = 1.0;       // after engage, time for the peer to follow
   double estop_liveness_s = 0.05;  // age of the e-stop input beyond it counts as pressed
 
@@ -91,7 +91,7 @@ class SupervisionTask {
 
  private:
   struct Conditions {
-    rt::Health worst;                        // that a mode answers to
+    rt::Health worst;                                  // that a mode answers to
     std::array<rt::Severity, kFaultCount> severity{};  // kOk: not active
   };
   void gather(rt::Time now, const In& in, Conditions& c) const noexcept;

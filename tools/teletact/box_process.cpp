@@ -230,24 +230,23 @@ int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOpt
 
     OperatorHalf half;
     half.epoch_ns = rt::ns_of(box_options.epoch);
-    BoxRunner runner{
-        options,
-        plan,
-        rt::Box::kOperator,
-        kOperatorClock,
-        placed_tasks(plan, rt::Box::kOperator,
-                     [&](tasks::TaskId id) -> rt::TaskBody& {
-                       rt::TaskBody& body = box.graph().body(id);
-                       return inputs ? inputs->body(id, body) : body;
-                     }),
-        &box.graph().requests(),
-        &tcp,
-        {},
-        {},
-        {},
-        {},
-        0,
-        0};
+    BoxRunner runner{options,
+                     plan,
+                     rt::Box::kOperator,
+                     kOperatorClock,
+                     placed_tasks(plan, rt::Box::kOperator,
+                                  [&](tasks::TaskId id) -> rt::TaskBody& {
+                                    rt::TaskBody& body = box.graph().body(id);
+                                    return inputs ? inputs->body(id, body) : body;
+                                  }),
+                     &box.graph().requests(),
+                     &tcp,
+                     {},
+                     {},
+                     {},
+                     {},
+                     0,
+                     0};
     std::int64_t next_line = plan.epoch_host_ns + 1000000000;
     bool was_cut = false;
     runner.tick = [&](rt::Time t) {
@@ -298,8 +297,7 @@ int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOption
     box_options.faults = plan.faults;
     box_options.threaded_camera = true;
     box_options.now = [] { return kRobotClock.from_host(rt::monotonic_ns()); };
-    const auto inputs = start_recorder(nrt, rt::Box::kRobot, scene, options, plan,
-                                       box_options.now);
+    const auto inputs = start_recorder(nrt, rt::Box::kRobot, scene, options, plan, box_options.now);
     if (inputs) inputs->wrap(box_options);
     RobotBox box(nrt, scene, box_options);
     if (inputs) inputs->attach(box.graph(), box.endpoint());
@@ -322,24 +320,23 @@ int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOption
 
     RobotHalf half;
     half.epoch_ns = rt::ns_of(box_options.epoch);
-    BoxRunner runner{
-        options,
-        plan,
-        rt::Box::kRobot,
-        kRobotClock,
-        placed_tasks(plan, rt::Box::kRobot,
-                     [&](tasks::TaskId id) -> rt::TaskBody& {
-                       rt::TaskBody& body = box.graph().body(id);
-                       return inputs ? inputs->body(id, body) : body;
-                     }),
-        &box.graph().requests(),
-        &tcp,
-        {},
-        {},
-        {},
-        {},
-        0,
-        0};
+    BoxRunner runner{options,
+                     plan,
+                     rt::Box::kRobot,
+                     kRobotClock,
+                     placed_tasks(plan, rt::Box::kRobot,
+                                  [&](tasks::TaskId id) -> rt::TaskBody& {
+                                    rt::TaskBody& body = box.graph().body(id);
+                                    return inputs ? inputs->body(id, body) : body;
+                                  }),
+                     &box.graph().requests(),
+                     &tcp,
+                     {},
+                     {},
+                     {},
+                     {},
+                     0,
+                     0};
     runner.tick = [&](rt::Time t) {
       console.tick(t);
       if (inputs) inputs->drain();

@@ -14,7 +14,8 @@ namespace teletact {
 
 int cmd_replay(int argc, char** argv) {
   CLI::App app{
-      "Runs the tasks of a recorded run (demo --record) again on their recorded inputs. Exit code 0: "
+      "Runs the tasks of a recorded run (demo --record) again on their recorded inputs. Exit code "
+      "0: "
       "every job committed the same bytes; 1: not; 2: the recording can not be replayed."};
   std::string folder, box = "both";
   std::uint64_t order = 0;
@@ -22,8 +23,9 @@ int cmd_replay(int argc, char** argv) {
   app.add_option("--box", box, "which box")
       ->check(CLI::IsMember({"operator", "robot", "both"}))
       ->capture_default_str();
-  app.add_option("--order", order,
-                 "0: jobs in the order they ran; else the seed of another order that the inputs allow");
+  app.add_option(
+      "--order", order,
+      "0: jobs in the order they ran; else the seed of another order that the inputs allow");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

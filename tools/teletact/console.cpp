@@ -132,6 +132,30 @@ void OperatorConsole::mind_device(rt::Time now) {
   }
 }
 
+// Engage is an act: it must be seen as "no" before it counts, and after a fault that has cleared the
+// person at the desk has to do it again.
+void OperatorConsole::engage(rt::Time now) {
+  using Engage = tasks::SupervisionTask::Engage;
+  const auto& script = scene_.operator_script;
+  const bool holding = seen_.mode.mode == tasks::Mode::kHold;
+  if (!holding)
+    held_since_ = rt::Time{};
+  else if (held_since_ == rt::Time{})
+    held_since_ = now;
+  const bool first = seen_.engages == 0 && rt::seconds(now - epoch_) >= script.engage_after_s;
+  const bool again = seen_.engages > 0 && script.re_engage_after_s > 0 && holding &&
+                     rt::seconds(now - held_since_) >= script.re_engage_after_s;
+  if (!engage_shown_ && holding && (first || again)) {
+    engage_shown_ = true;
+    ++seen_.engages;
+    held_since_ = now;
+  } else if (engage_shown_ && again) {
+    engage_shown_ = false;  // lift the finger: the next tick presses again
+  }
+  box_.graph().requests().engage.store(
+      static_cast<int>(engage_shown_ ? Engage::kYes : Engage::kNo));
+}
+
 void OperatorConsole::tick(rt::Time now) {
   drain();
   if (log_) {
@@ -139,9 +163,7 @@ void OperatorConsole::tick(rt::Time now) {
     seen_.log_dropped = log_->dropped();
   }
   mind_device(now);
-  using Engage = tasks::SupervisionTask::Engage;
-  const bool engage = rt::seconds(now - epoch_) >= scene_.operator_script.engage_after_s;
-  box_.graph().requests().engage.store(static_cast<int>(engage ? Engage::kYes : Engage::kNo));
+  engage(now);
   resolve_points(now);
 }
 
@@ -176,6 +198,7 @@ OperatorView OperatorConsole::copy() const {
   v.first_arrival = seen_.first_arrival;
   v.points_resolved = seen_.points_resolved;
   v.device_brakes = seen_.device_brakes;
+  v.engages = seen_.engages;
   v.log_dropped = seen_.log_dropped;
   return v;
 }

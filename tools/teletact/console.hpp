@@ -28,6 +28,7 @@ struct OperatorView {
   std::uint32_t points_resolved = 0;
   std::uint64_t log_dropped = 0;    // records of the tasks' logs that did not fit
   std::uint32_t device_brakes = 0;  // times the operator had to enable the forces again
+  std::uint32_t engages = 0;        // acts of the operator; more than one: again after a fault
 };
 
 class OperatorConsole {
@@ -46,6 +47,7 @@ class OperatorConsole {
   void drain();
   void resolve_points(rt::Time now);
   void mind_device(rt::Time now);
+  void engage(rt::Time now);
   OperatorBox& box_;
   const Scene& scene_;
   rt::Time epoch_;
@@ -53,6 +55,8 @@ class OperatorConsole {
   std::size_t next_point_ = 0;
   int camera_width_px_;
   rt::Time braked_since_{};
+  rt::Time held_since_{};
+  bool engage_shown_ = false;
   std::unique_ptr<rt::LogDrain> log_;
 };
 

@@ -87,7 +87,7 @@ struct MotorInput {  // robot_io
   std::int64_t link_heard_ns = 0;
   std::uint8_t status = 0;
 };
-struct TouchInput {  // planning
+struct TouchInput {         // planning
   std::uint64_t taken = 0;  // events taken off the ring since the start
   std::uint8_t full = 0;    // it took all it had room for; there may have been more
 };

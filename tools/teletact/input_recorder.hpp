@@ -79,8 +79,10 @@ class InputRecorder {
 // built from: scene.toml (in effect) and, with a fault plan, faults.toml. An earlier recording goes.
 void save_setup(const std::string& folder, const Scene& scene, const std::string& fault_plan_file);
 [[nodiscard]] std::string recording_file(const std::string& folder, rt::Box box);
-[[nodiscard]] std::unique_ptr<InputRecorder> make_recorder(
-    rt::NonRealtime&, const std::string& folder, rt::Box box, const Scene& scene,
-    const perception::Intrinsics& camera, std::function<rt::Time()> now = {});
+[[nodiscard]] std::unique_ptr<InputRecorder> make_recorder(rt::NonRealtime&,
+                                                           const std::string& folder, rt::Box box,
+                                                           const Scene& scene,
+                                                           const perception::Intrinsics& camera,
+                                                           std::function<rt::Time()> now = {});
 
 }  // namespace teletact

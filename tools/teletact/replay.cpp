@@ -151,10 +151,11 @@ class Replayer {
     const bool taken = box_.endpoint->receive(buffer_, rt::time_from_ns(m.head.at_ns),
                                               [](std::span<const std::uint8_t>) {});
     ++result_.messages;
-    const std::string who = "message " + std::to_string(index) + " (" +
-                            std::to_string(m.head.size) + " bytes)";
+    const std::string who =
+        "message " + std::to_string(index) + " (" + std::to_string(m.head.size) + " bytes)";
     if (taken != (m.head.taken != 0))
-      differs(who + (taken ? ": accepted, recorded as refused" : ": refused, recorded as accepted: ") +
+      differs(who +
+              (taken ? ": accepted, recorded as refused" : ": refused, recorded as accepted: ") +
               (taken ? "" : box_.endpoint->fault()));
     else if (box_.published(kLinkWriter) != m.head.published)
       differs(who + ": made other publications than recorded");
@@ -282,7 +283,8 @@ rt::Result<ReplayResult> replay(rt::NonRealtime& nrt, Scene& scene, const rt::Fa
                                 const Recording& recording, std::uint64_t seed) {
   auto steps = replay_order(recording, seed);
   if (!steps) return rt::Error{steps.error()};
-  if (!camera_key(recording).valid()) return rt::Error{recording.path + ": no camera in its header"};
+  if (!camera_key(recording).valid())
+    return rt::Error{recording.path + ": no camera in its header"};
   const std::string box = recording.key("box");
   BoxOptions options;
   options.hash_outputs = true;

@@ -51,8 +51,7 @@ class Order {
     std::priority_queue<Key, std::vector<Key>, std::greater<>> ready;
     const auto offer = [&](Node n) {
       const std::int64_t at = n < ops_ ? r_.ops[n].at_ns : r_.messages[n - ops_].head.at_ns;
-      ready.emplace(seed == 0 ? static_cast<std::uint64_t>(at) ^ (1ULL << 63U)
-                              : rt::mix64(seed, n),
+      ready.emplace(seed == 0 ? static_cast<std::uint64_t>(at) ^ (1ULL << 63U) : rt::mix64(seed, n),
                     n);
     };
     for (Node n = 0; n < nodes_; ++n) {

@@ -19,7 +19,7 @@ struct DemoOptions {
   std::string rgbd_dir;  // empty: the synthetic place
   double seconds = 20;
   bool virtual_clock = false, stub_bodies = false, measure_cpu = false;
-  std::string log_folder;  // virtual clock: where the tasks' logs go; empty: nowhere
+  std::string log_folder;         // virtual clock: where the tasks' logs go; empty: nowhere
   std::string report = "report";  // folder
   std::string calibration;        // file; empty: the built-in reference (virtual) or the host's
   std::string fault_plan;         // file; empty: the plain executor
@@ -27,7 +27,7 @@ struct DemoOptions {
   bool quiet = false;
   std::string command;  // as typed, for the report
   std::uint64_t cost_seed = 1;
-  int cores = 4;                     // of the virtual clock's host; the declared budgets are for four
+  int cores = 4;              // of the virtual clock's host; the declared budgets are for four
   double cut_link_at_s = -1;  // the cable is cut then
   bool record = false;        // inputs of both boxes to <report>/raw, for a replay
 };

@@ -195,11 +195,10 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
   const rt::VirtualOptions how{options.stub_bodies, options.measure_cpu};
   std::vector<std::string> names;
   for (const auto& s : specs) names.push_back(s.name);
-  rt::with_faults(options.fault_plan.empty() ? nullptr : &plan_of_faults, names,
-                  [&](const auto& faults) {
-                    execute(placed, costs, faults, sink, how, actors, plan, run.op.totals,
-                            run.robot.totals);
-                  });
+  rt::with_faults(
+      options.fault_plan.empty() ? nullptr : &plan_of_faults, names, [&](const auto& faults) {
+        execute(placed, costs, faults, sink, how, actors, plan, run.op.totals, run.robot.totals);
+      });
   if (link) {
     const std::uint64_t bytes = link->byte_hash();
     hasher.add_bytes(&bytes, sizeof bytes);

@@ -21,9 +21,12 @@ namespace teletact {
 
 // Section [operator]: what the person at the desk does beside moving the hand.
 struct OperatorScript {
-  double engage_after_s = 1.0;  // explicit engage, once everything has been heard
+  double engage_after_s = 1.0;
+  double re_engage_after_s = 1.0;  // 0: never
   void describe(config::Section& s) {
     s.number("engage_after_s", engage_after_s, 0, 3600, "the operator engages the robot then");
+    s.number("re_engage_after_s", re_engage_after_s, 0, 3600,
+             "after a fault that has cleared, the operator engages again; 0: never");
   }
 };
 

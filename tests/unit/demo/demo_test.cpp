@@ -13,9 +13,11 @@ namespace {
 using teletact::DemoOptions;
 using teletact::VirtualRun;
 
-VirtualRun run(double seconds, const std::vector<std::string>& overrides = {}, DemoOptions options = {}) {
+VirtualRun run(double seconds, const std::vector<std::string>& overrides = {},
+               DemoOptions options = {}) {
   static rt::Startup startup;
-  const auto scene = teletact::load_scene(teletact::find_config("scenes", "default_room"), overrides);
+  const auto scene =
+      teletact::load_scene(teletact::find_config("scenes", "default_room"), overrides);
   options.seconds = seconds;
   options.virtual_clock = options.quiet = true;
   options.cores = 2;  // the smaller variants: faster
@@ -77,7 +79,8 @@ TEST(Demo, TheSameRunTwiceIsTheSameToTheLastBit) {
   EXPECT_EQ(a.sched_hash, b.sched_hash);
   EXPECT_EQ(a.log_hash, b.log_hash);
   const VirtualRun seed = run(3, {"camera.seed=2"});
-  EXPECT_EQ(a.sched_hash, seed.sched_hash) << "the schedule does not depend on what the camera sees";
+  EXPECT_EQ(a.sched_hash, seed.sched_hash)
+      << "the schedule does not depend on what the camera sees";
   EXPECT_NE(a.log_hash, seed.log_hash);
   const VirtualRun stiffness = run(4, {"haptic.stiffness_N_per_m=1000.0000001"});
   const VirtualRun plain = run(4);
@@ -103,7 +106,8 @@ TEST(Demo, MovingTheBoxChangesThePath) {
   options.seconds = 8;
   options.virtual_clock = options.quiet = true;
   options.cores = 2;  // the smaller variants: faster
-  const VirtualRun moved = teletact::run_virtual(startup.token(), *scene, options, teletact::reference_calibration());
+  const VirtualRun moved =
+      teletact::run_virtual(startup.token(), *scene, options, teletact::reference_calibration());
   ASSERT_FALSE(moved.op.view.paths.empty());
   ASSERT_FALSE(default_run().op.view.paths.empty());
   const auto& a = default_run().op.view.paths.front();
@@ -127,7 +131,8 @@ TEST(Demo, WithoutAMarkTheRobotStaysStill) {
   options.seconds = 9;
   options.virtual_clock = options.quiet = true;
   options.cores = 2;  // the smaller variants: faster
-  const VirtualRun r = teletact::run_virtual(startup.token(), *scene, options, teletact::reference_calibration());
+  const VirtualRun r =
+      teletact::run_virtual(startup.token(), *scene, options, teletact::reference_calibration());
   EXPECT_EQ(value(r, "mark.count"), 0);
   EXPECT_LT(value(r, "robot.path_m"), 1e-6);
   EXPECT_GE(value(r, "haptic.contacts"), 1) << "the hand still touches";
@@ -160,7 +165,8 @@ TEST(Demo, AnEffectThatNoKeyCallsForIsNotConstructed) {
   options.seconds = 0.2;
   options.virtual_clock = options.quiet = true;
   options.cores = 2;  // the smaller variants: faster
-  const VirtualRun bare = teletact::run_virtual(startup.token(), *scene, options, teletact::reference_calibration());
+  const VirtualRun bare =
+      teletact::run_virtual(startup.token(), *scene, options, teletact::reference_calibration());
   EXPECT_TRUE(bare.effects.empty()) << bare.effects.front().first;
   EXPECT_GE(default_run().effects.size(), 5U);
 }
@@ -168,7 +174,8 @@ TEST(Demo, AnEffectThatNoKeyCallsForIsNotConstructed) {
 TEST(Demo, AnUnknownKeyOrABadValueStopsWithOneLine) {
   const std::string path = teletact::find_config("scenes", "default_room");
   for (const auto& [override_text, named] : std::vector<std::pair<std::string, std::string>>{
-           {"haptic.stifness_N_per_m=900", "stifness_N_per_m"}, {"fusion.tsdf.voxel_size_m=5", "voxel_size_m"}}) {
+           {"haptic.stifness_N_per_m=900", "stifness_N_per_m"},
+           {"fusion.tsdf.voxel_size_m=5", "voxel_size_m"}}) {
     try {
       (void)teletact::load_scene(path, {override_text});
       ADD_FAILURE() << override_text << " was taken";

@@ -138,8 +138,8 @@ TEST(Replay, OrdersReallyDiffer) {
   ASSERT_EQ(a.value().size(), b.value().size());
   std::size_t moved = 0;
   for (std::size_t i = 0; i < a.value().size(); ++i) {
-    moved += a.value()[i].message != b.value()[i].message ||
-             a.value()[i].index != b.value()[i].index;
+    moved +=
+        a.value()[i].message != b.value()[i].message || a.value()[i].index != b.value()[i].index;
   }
   EXPECT_GT(moved, a.value().size() / 2);
 }
@@ -150,7 +150,8 @@ TEST(Replay, RecordingChangesNothing) {
   options.seconds = 6;
   options.virtual_clock = options.quiet = true;
   options.cores = 2;
-  const auto bare = teletact::run_virtual(nrt(), *scene, options, teletact::reference_calibration());
+  const auto bare =
+      teletact::run_virtual(nrt(), *scene, options, teletact::reference_calibration());
   EXPECT_EQ(bare.sched_hash, plain().run.sched_hash);
   EXPECT_EQ(bare.log_hash, plain().run.log_hash);
 }
@@ -315,7 +316,8 @@ TEST(Replay, AnotherSceneShows) {
 TEST(Replay, ATornRecordingIsRefusedWithOneMessage) {
   const std::string file = copy_of_operator("torn");
   const auto size = fs::file_size(file);
-  for (const std::uintmax_t keep : {size - 1, size - sizeof(teletact::Tally) - 1, size / 2, size / 7}) {
+  for (const std::uintmax_t keep :
+       {size - 1, size - sizeof(teletact::Tally) - 1, size / 2, size / 7}) {
     fs::resize_file(file, keep);
     const auto result = replay_file(plain().folder, file);
     ASSERT_FALSE(result) << keep;

@@ -209,7 +209,8 @@ TEST(Report, EmptyDataGivesAPage) {
   expect_self_contained(html);
   EXPECT_THAT(html, HasSubstr("the scene calls for no effect"));
   EXPECT_EQ(html.find("NaN"), std::string::npos);
-  EXPECT_FALSE(nlohmann::json::parse(teletact::report_json(ReportData{}), nullptr, false).is_discarded());
+  EXPECT_FALSE(
+      nlohmann::json::parse(teletact::report_json(ReportData{}), nullptr, false).is_discarded());
 }
 
 TEST(Report, InconsistentMapIsLeftOut) {
