@@ -138,7 +138,7 @@ TEST(Supervision, LinkSilentRampsDownAndItsReturnStartsNothing) {  // F-SUP-02
     Story s(box);
     s.engaged();
     s.link_up = false;
-    s.run(170ms);
+    s.run(150ms);
     EXPECT_EQ(s.mode(), Mode::kEngaged);
     s.run(30ms);
     EXPECT_EQ(s.mode(), Mode::kRampDown);
