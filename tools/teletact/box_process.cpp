@@ -38,27 +38,6 @@ std::vector<rt::PlacedTask> placed_tasks(const BoxPlan& plan, rt::Box box,
   return placed;
 }
 
-rt::RunLog header_of(const std::vector<rt::PlacedTask>& placed,
-                     const tasks::Calibration& calibration,
-                     const std::vector<std::string>& missing) {
-  rt::RunLog log;
-  log.not_realtime = missing;
-  for (const auto& p : placed) {
-    rt::TaskLog t;
-    t.spec = p.spec;
-    t.id = p.id;
-    t.core = p.core;
-    t.priority = p.priority;
-    t.level = p.level;
-    if (const auto* row = calibration.find(p.spec.name, p.level)) {
-      t.work_min = static_cast<std::uint64_t>(row->work_min);
-      t.work_max = static_cast<std::uint64_t>(row->work_max);
-    }
-    log.tasks.push_back(std::move(t));
-  }
-  return log;
-}
-
 // Refuses to start beside another teletact whose tasks leave no room on these cores;
 // without a box, with the rows of both.
 rt::Registry enter_registry(const BoxPlan& plan, std::optional<rt::Box> box) {
@@ -114,8 +93,9 @@ struct BoxRunner {
         [&](const rt::SentinelRecord& r) { writer->add(r); });
     // What the machine refuses is known in part only when the threads run: the header tells what is
     // known now, the rest is appended to the notes of a second header line by the caller's report.
-    writer = std::make_unique<rt::RunFileWriter>(
-        file, header_of(placed, plan.calibration, executor.missing()));
+    rt::RunLog header = log_header(placed, box, plan.calibration);
+    header.not_realtime = executor.missing();
+    writer = std::make_unique<rt::RunFileWriter>(file, header);
     const auto missing_before = executor.missing().size();
     rt::RunPlan run_plan;
     run_plan.epoch_host_ns = plan.epoch_host_ns;
@@ -194,6 +174,26 @@ int with_errors(const char* who, const std::function<int()>& body) {
 }  // namespace
 
 void check_room(const BoxPlan& plan) { (void)enter_registry(plan, std::nullopt); }
+
+rt::RunLog log_header(const std::vector<rt::PlacedTask>& placed, rt::Box box,
+                      const tasks::Calibration& calibration) {
+  rt::RunLog log;
+  for (const auto& p : placed) {
+    if (p.spec.box != box) continue;
+    rt::TaskLog t;
+    t.spec = p.spec;
+    t.id = p.id;
+    t.core = p.core;
+    t.priority = p.priority;
+    t.level = p.level;
+    if (const auto* row = calibration.find(p.spec.name, p.level)) {
+      t.work_min = static_cast<std::uint64_t>(row->work_min);
+      t.work_max = static_cast<std::uint64_t>(row->work_max);
+    }
+    log.tasks.push_back(std::move(t));
+  }
+  return log;
+}
 
 int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
                          const BoxPlan& plan) {

@@ -21,6 +21,10 @@ struct BoxPlan {
 // Throws what the registry says when another program's tasks leave no room for both boxes.
 void check_room(const BoxPlan& plan);
 
+// Tasks of one box as the header of its run log, with calibration's range of the work count.
+[[nodiscard]] rt::RunLog log_header(const std::vector<rt::PlacedTask>& placed, rt::Box box,
+                                    const tasks::Calibration& calibration);
+
 [[nodiscard]] int run_operator_process(rt::NonRealtime&, const Scene&, const DemoOptions&,
                                        const BoxPlan&);
 [[nodiscard]] int run_robot_process(rt::NonRealtime&, const Scene&, const DemoOptions&,

@@ -10,6 +10,7 @@
 #include "rt/fault/planned.hpp"
 #include "rt/sched/virtual_executor.hpp"
 #include "tasks/graph/edge_faults.hpp"
+#include "tools/teletact/box_process.hpp"
 #include "tools/teletact/force_check.hpp"
 #include "tools/teletact/input_recorder.hpp"
 #include "tools/teletact/run_demo.hpp"
@@ -36,26 +37,6 @@ class Periodic final : public rt::Actor {
   std::int64_t next_, period_;
   std::function<void(std::int64_t)> body_;
 };
-
-rt::RunLog log_header(const std::vector<rt::PlacedTask>& placed, rt::Box box,
-                      const tasks::Calibration& calibration) {
-  rt::RunLog log;
-  for (const auto& p : placed) {
-    if (p.spec.box != box) continue;
-    rt::TaskLog t;
-    t.spec = p.spec;
-    t.id = p.id;
-    t.core = p.core;
-    t.priority = p.priority;
-    t.level = p.level;
-    if (const auto* row = calibration.find(p.spec.name, p.level)) {
-      t.work_min = static_cast<std::uint64_t>(row->work_min);
-      t.work_max = static_cast<std::uint64_t>(row->work_max);
-    }
-    log.tasks.push_back(std::move(t));
-  }
-  return log;
-}
 
 template <class Faults>
 void execute(std::vector<rt::PlacedTask> placed, rt::CostModel& costs, const Faults& faults,

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <numeric>
+#include <span>
 #include <vector>
 
 #include "drivers/camera/render.hpp"
@@ -148,13 +149,18 @@ TEST(DepthCodec, DamagedInputNeverLeavesTheBounds) {
 
 TEST(DepthCodec, PureNoiseIsNeverTrusted) {
   rt::Random rng(77);
-  Depth out(500);
+  constexpr std::size_t kPixels = 500, kGuard = 16;
+  constexpr std::uint16_t kCanary = 0xa55a;
+  Depth out(kPixels + kGuard, kCanary);
+  int refused = 0;
   for (int i = 0; i < 20000; ++i) {
     Bytes b(static_cast<std::size_t>(rng.integer(0, 600)));
     for (auto& x : b) x = static_cast<std::uint8_t>(rng());
     if (!b.empty()) b[0] = 1;
-    (void)drivers::decode_depth(b, out);
+    if (!drivers::decode_depth(b, std::span(out).first(kPixels))) ++refused;
+    for (std::size_t k = 0; k < kGuard; ++k) ASSERT_EQ(out[kPixels + k], kCanary) << "input " << i;
   }
+  EXPECT_GT(refused, 10000) << "noise is hardly ever a depth image";
 }
 
 TEST(DepthCodec, AllocatesNothing) {
