@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <ctime>
 
 #include "perception/tsdf/frame_view.hpp"
 #include "perception/tsdf/voxel_update.hpp"
@@ -23,6 +24,12 @@ bool usable(const FrameView& f, const Pose& X_WC, double voxel) noexcept {
     return false;
   // Leave room for the longest ray, so that no coordinate overflows.
   return X_WC.translation().cwiseAbs().maxCoeff() < voxel * 8 * TsdfMap::kMaxBlockCoord / 2;
+}
+
+std::int64_t cpu_ns() noexcept {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return t.tv_sec * 1000000000LL + t.tv_nsec;
 }
 
 // The band is at least this thick to either side across the surface, also at grazing angles: a cell
@@ -69,12 +76,18 @@ IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
                        static_cast<float>(frame.intrinsics.cy),
                        static_cast<float>(std::min(1.0, kThinnestVox * voxel_ / truncation_)),
                        range_weight_};
+  const std::int64_t begin = profiling_ ? cpu_ns() : 0;
   stats.pixels = pyramid_.build(frame.depth_mm, rule);
   const Pose X_CW = X_WC.inverse(Eigen::Isometry);
   const View view{frame, X_WC, X_CW, CameraBoxes(frame.intrinsics, X_CW)};
+  const std::int64_t ready = profiling_ ? cpu_ns() : 0;
   allocate_band(view, pixel_step, stats);
+  const std::int64_t allocated = profiling_ ? cpu_ns() : 0;
   update_blocks(view, stats);
+  const std::int64_t updated = profiling_ ? cpu_ns() : 0;
   carve(view, stats);
+  if (profiling_)
+    times_ = {ready - begin, allocated - ready, updated - allocated, cpu_ns() - updated};
   return stats;
 }
 

@@ -83,6 +83,11 @@ struct IntegrateStats {
   std::int64_t free_tests = 0;     // cubes tested for free space
 };
 
+// Thread CPU of the stages of the last integrate(), ns; filled only while profile(true).
+struct IntegrateTimes {
+  std::int64_t ready = 0, allocate = 0, update = 0, carve = 0;
+};
+
 struct BlockCoord {
   std::int32_t x = 0, y = 0, z = 0;  // block (x,y,z) holds nodes 8x..8x+7, ...
   friend bool operator==(const BlockCoord&, const BlockCoord&) = default;
@@ -111,6 +116,9 @@ class TsdfMap {
   // Fuses one frame. pixel_step thins the rays that allocate (1 = every pixel); all voxels of the
   // blocks in view are always updated. X_WC: camera (optical frame) in the world, rigid.
   IntegrateStats integrate(const FrameView& frame, const Pose& X_WC, int pixel_step) noexcept;
+
+  void profile(bool on) noexcept { profiling_ = on; }
+  [[nodiscard]] const IntegrateTimes& last_times() const noexcept { return times_; }
 
   // Forgets everything; map_id() changes.
   void clear() noexcept;
@@ -243,7 +251,8 @@ class TsdfMap {
   std::vector<std::int32_t> recycled_;  // stack of returned pool indices
   int used_blocks_ = 0, recycled_count_ = 0, live_blocks_ = 0;
 
-  bool range_weight_ = false;
+  bool range_weight_ = false, profiling_ = false;
+  IntegrateTimes times_;
   DepthPyramid pyramid_;
   std::unique_ptr<UpdateScratch> scratch_;
 };

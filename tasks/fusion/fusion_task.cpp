@@ -155,6 +155,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
     Stage stage(profiling_, profile_.integrate);
     out.integration = map_.integrate(FrameView::of(frame), X_WC_, knobs.allocate_step);
     out.integrated = !out.integration.refused;
+    if (profiling_) profile_.integrate_parts = map_.last_times();
     const auto& s = out.integration;
     out.work += static_cast<std::uint64_t>(s.pixels) + static_cast<std::uint64_t>(s.rays) +
                 static_cast<std::uint64_t>(s.voxels_fused + s.voxels_carved + s.free_tests);

@@ -120,6 +120,7 @@ class FusionTask {
   struct Profile {
     std::int64_t prepare = 0, track = 0, integrate = 0, raycast = 0, ground = 0, cost_map = 0,
                  patch = 0, view = 0;
+    perception::IntegrateTimes integrate_parts;  // of integrate
   };
 
   // Throws std::invalid_argument naming key, value, range. Allocates everything.
@@ -129,7 +130,10 @@ class FusionTask {
   // One cycle. No throw, lock, allocation or I/O.
   [[nodiscard]] rt::Health step(const rt::Tick& tick, const In& in, Out& out) noexcept;
 
-  void profile(bool on) noexcept { profiling_ = on; }
+  void profile(bool on) noexcept {
+    profiling_ = on;
+    map_.profile(on);
+  }
   [[nodiscard]] const Profile& last_profile() const noexcept { return profile_; }
   [[nodiscard]] const perception::TsdfMap& map() const noexcept { return map_; }
   [[nodiscard]] const perception::GroundMap& ground() const noexcept { return ground_; }

@@ -1,10 +1,12 @@
 // teletact bench WHAT: figures beside a peer's, measured in the same run.
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <iostream>
 
 #include "tools/bench/audit_bench.hpp"
 #include "tools/bench/log_bench.hpp"
 #include "tools/bench/rings.hpp"
+#include "tools/bench/table1.hpp"
 #include "tools/bench/wakeup.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/metrics_json.hpp"
@@ -12,18 +14,30 @@
 namespace teletact {
 
 int cmd_bench(int argc, char** argv) {
-  CLI::App app{"Measures one part beside its peers. WHAT: rings, wakeup, audit."};
+  CLI::App app{"Measures one part beside its peers. WHAT: rings, wakeup, audit, table1."};
   std::string what, json;
   int rounds = 9;
   double slice_s = 1.0;
-  app.add_option("WHAT", what, "rings | wakeup | audit")
+  app.add_option("WHAT", what, "rings | wakeup | audit | table1")
       ->required()
-      ->check(CLI::IsMember({"rings", "wakeup", "audit"}));
+      ->check(CLI::IsMember({"rings", "wakeup", "audit", "table1"}));
   app.add_option("--rounds", rounds, "interleaved rounds")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--slice", slice_s, "wakeup: seconds a slice")
       ->check(CLI::Range(0.2, 60.0))
+      ->capture_default_str();
+  Table1Options table1;
+  table1.rgbd = "../shared/data/rgbd/7scenes_redkitchen";
+  auto* rgbd = app.add_option("--rgbd", table1.rgbd,
+                              "table1: recording in TUM layout; the default may be absent")
+                   ->capture_default_str();
+  app.add_option("--edges", table1.edges, "table1: voxels along the cube's edge")
+      ->check(CLI::Range(64, 1024))
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--runs", table1.runs, "table1: passes, of which the median is taken")
+      ->check(CLI::Range(1, 100))
       ->capture_default_str();
   app.add_option("--json", json, "write the figures to this file");
   try {
@@ -40,6 +54,12 @@ int cmd_bench(int argc, char** argv) {
     take(bench_rings(std::cerr, rounds));
   } else if (what == "wakeup") {
     take(bench_wakeup(std::cerr, rounds, slice_s));
+  } else if (what == "table1") {
+    if (rgbd->count() == 0 && !std::filesystem::exists(table1.rgbd)) {
+      std::cerr << table1.rgbd << " is not there: only the synthetic room\n";
+      table1.rgbd.clear();
+    }
+    take(bench_table1(std::cerr, table1));
   } else {
     take(bench_audit(200));
     take(bench_log(50));

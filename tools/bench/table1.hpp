@@ -1,0 +1,60 @@
+// teletact bench table1: the fusion task, frame by frame, beside Table 1 of the paper (KinectFusion and
+// segmentation on a GTX 670; ms a frame).
+//
+//   row          a cube of 5.12 m with N voxels an edge: voxel 5.12 m / N, truncation max(50 mm, 2.1 voxels)
+//   frame CPU    thread CPU from the decoded images to published pose, patch and cost map: filter, pyramid,
+//                ICP, allocation, depth and colour integration, tracking ray cast, patch copy, cost map;
+//                neither file decoding nor the view. Median, p95, max over frames `first_frame` ..
+//                `frames` - 1; of each the median over the runs
+//   memory       bytes that the map (pool, hash, colours, labels, free space) and four patches hold
+//   sequences    the recording (a folder in TUM layout, brought to 512 x 424), and a synthetic room as a
+//                Kinect v2 sees it (512 x 424, f 365, axial and lateral noise, edge drop-out, flying pixels)
+//
+// Other processes disturb: their share of a core is measured over each run, and above 5 % the row says "not
+// measured" beside its figures.
+#pragma once
+
+#include <array>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "tools/bench/bench_metric.hpp"
+
+namespace teletact {
+
+struct Table1Options {
+  std::string rgbd;       // folder of the recording; empty: only the synthetic room
+  bool synthetic = true;  // the synthetic room too
+  std::vector<int> edges{64, 128, 256, 384, 512};
+  int frames = 150, first_frame = 10, runs = 3;
+};
+
+struct Table1Row {
+  static constexpr int kStages = 11;
+  static const std::array<const char*, kStages> kStageNames;
+  struct Figures {
+    double p50 = 0, p95 = 0, max = 0;  // ms
+  };
+  std::string sequence;
+  int edge = 0;  // N
+  Figures frame;
+  std::array<Figures, kStages> stages;
+  int claimed = 0, frames = 0;
+  double ate_mm = 0;  // NaN: no truth
+  double memory_MiB = 0;
+  int blocks = 0;
+  double other_load = 0;  // cores
+  [[nodiscard]] bool measured() const { return other_load <= 0.05; }
+};
+
+struct Table1Result {
+  std::vector<Table1Row> rows;
+  [[nodiscard]] std::vector<BenchMetric> metrics() const;
+  void print(std::ostream& out) const;
+};
+
+// Throws std::runtime_error naming what is wrong with the recording.
+[[nodiscard]] Table1Result bench_table1(std::ostream& progress, const Table1Options& options);
+
+}  // namespace teletact
