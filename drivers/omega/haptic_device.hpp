@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 #include "perception/geometry/pose.hpp"
 #include "rt/time.hpp"
@@ -38,8 +39,10 @@ struct DeviceProperties {
   double force_limit_N = 12.0;
   double workspace_radius_m = 0.075;
   double speed_limit_m_per_s = 1.0;  // over it the controller brakes
+  bool renders_force = true;         // false: a pointer; commands are dropped
   // Largest stiffness the loop may render: K = 0.8 b / (T/2 + t_d)  (definitions: touch, tick).
   [[nodiscard]] double stiffness_limit(double period_s) const noexcept {
+    if (!renders_force) return std::numeric_limits<double>::infinity();
     return 0.8 * damping_N_s_per_m / (period_s / 2 + delay_s);
   }
 };

@@ -167,6 +167,10 @@ void OmegaTwin::calibrate() noexcept {
   if (state_ == DeviceState::kReset) state_ = DeviceState::kIdle;
 }
 
+void OmegaTwin::set_watchdog(rt::Nanos after) noexcept {
+  watchdog_steps_ = after.count() / step_ns_.count();
+}
+
 void OmegaTwin::brake(ForceOffCause cause) noexcept {
   force_.setZero();
   pending_size_ = 0;

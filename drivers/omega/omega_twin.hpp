@@ -112,6 +112,10 @@ class OmegaTwin final : public HapticDevice {
   bool enable_force(rt::Time now) noexcept;
   void disable_force(rt::Time now) noexcept;
   void calibrate() noexcept;  // RESET -> IDLE
+  // Settings of the controller that a driver may change while it runs.
+  void set_watchdog(rt::Nanos after) noexcept;
+  void set_time_guard(double seconds) noexcept { config_.time_guard_s = seconds; }
+  void set_speed_limit(double m_per_s) noexcept { config_.speed_limit_m_per_s = m_per_s; }
   [[nodiscard]] DeviceFaults& faults() noexcept { return faults_; }
   [[nodiscard]] DeviceState state() const noexcept { return state_; }
   [[nodiscard]] ForceOffCause force_off_cause() const noexcept { return cause_; }

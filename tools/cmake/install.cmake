@@ -21,4 +21,5 @@ install(FILES
   ${PROJECT_BINARY_DIR}/teletactConfig.cmake ${PROJECT_BINARY_DIR}/teletactConfigVersion.cmake
   ${PROJECT_SOURCE_DIR}/tools/cmake/FindOpenCVModules.cmake
   ${PROJECT_SOURCE_DIR}/tools/cmake/FindOmplLibrary.cmake
+  ${PROJECT_SOURCE_DIR}/tools/cmake/FindLibUsb.cmake
   DESTINATION ${TELETACT_INSTALL_CMAKE} COMPONENT rt)
