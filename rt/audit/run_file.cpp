@@ -7,28 +7,30 @@
 
 namespace rt {
 
-RunFileWriter::RunFileWriter(const std::string& path, const RunLog& header)
-    : file_(std::fopen(path.c_str(), "wb")) {
-  if (!file_) throw std::runtime_error(path + ": can not be written");
-  std::fprintf(file_.get(), "teletact-run 1 %zu %zu\n", sizeof(JobRecord), sizeof(SentinelRecord));
+std::string run_header_lines(const RunLog& header) {
+  std::ostringstream out;
   for (const auto& t : header.tasks) {
-    std::fprintf(
-        file_.get(), "task %u %s %d %d %lld %lld %lld %d %d %d %d %llu %llu", t.id,
-        t.spec.name.c_str(), static_cast<int>(t.spec.box), static_cast<int>(t.spec.task_class),
-        static_cast<long long>(t.spec.rate.num), static_cast<long long>(t.spec.rate.den),
-        static_cast<long long>(t.spec.relative_deadline().count()), static_cast<int>(t.spec.policy),
-        t.core, t.priority, t.level, static_cast<unsigned long long>(t.work_min),
-        static_cast<unsigned long long>(t.work_max));
-    for (int level = 0; level < t.spec.levels(); ++level) {
-      std::fprintf(file_.get(), " %lld", static_cast<long long>(t.spec.budget_of(level).count()));
-    }
-    std::fprintf(file_.get(), "\n");
+    out << "task " << t.id << ' ' << t.spec.name << ' ' << static_cast<int>(t.spec.box) << ' '
+        << static_cast<int>(t.spec.task_class) << ' ' << t.spec.rate.num << ' ' << t.spec.rate.den
+        << ' ' << t.spec.relative_deadline().count() << ' ' << static_cast<int>(t.spec.policy)
+        << ' ' << t.core << ' ' << t.priority << ' ' << t.level << ' ' << t.work_min << ' '
+        << t.work_max;
+    for (int level = 0; level < t.spec.levels(); ++level)
+      out << ' ' << t.spec.budget_of(level).count();
+    out << '\n';
   }
   for (std::string note : header.not_realtime) {
     std::replace(note.begin(), note.end(), '\n', ' ');
-    std::fprintf(file_.get(), "note %s\n", note.c_str());
+    out << "note " << note << '\n';
   }
-  std::fprintf(file_.get(), "\n");
+  return out.str();
+}
+
+RunFileWriter::RunFileWriter(const std::string& path, const RunLog& header)
+    : file_(std::fopen(path.c_str(), "wb")) {
+  if (!file_) throw std::runtime_error(path + ": can not be written");
+  std::fprintf(file_.get(), "teletact-run 1 %zu %zu\n%s\n", sizeof(JobRecord),
+               sizeof(SentinelRecord), run_header_lines(header).c_str());
   std::fflush(file_.get());
 }
 
@@ -44,10 +46,7 @@ void RunFileWriter::add(const SentinelRecord& record) noexcept {
 
 void RunFileWriter::flush() noexcept { std::fflush(file_.get()); }
 
-namespace {
-
-// One header line; false when it is not one of ours.
-bool parse_line(const std::string& line, RunLog& log) {
+bool parse_run_header_line(const std::string& line, RunLog& log) {
   std::istringstream in(line);
   std::string word;
   in >> word;
@@ -77,7 +76,7 @@ bool parse_line(const std::string& line, RunLog& log) {
   t.spec.deadline = Nanos{deadline};
   for (long long budget = 0; in >> budget;) {
     t.spec.variants.push_back(
-        {"level" + std::to_string(t.spec.variants.size()), Nanos{budget}, false});
+        {"level" + std::to_string(t.spec.variants.size()), Nanos{budget}});
   }
   const auto levels = static_cast<std::int64_t>(t.spec.variants.size());
   if (!in.eof() || !in_range(t.level, 0, levels - 1) || log.find(t.id) != nullptr) return false;
@@ -86,7 +85,12 @@ bool parse_line(const std::string& line, RunLog& log) {
   return true;
 }
 
-}  // namespace
+void sort_jobs(RunLog& log) {
+  for (auto& t : log.tasks) {
+    std::stable_sort(t.jobs.begin(), t.jobs.end(),
+                     [](const auto& a, const auto& b) { return a.k < b.k; });
+  }
+}
 
 Result<RunLog> read_run_file(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
@@ -98,7 +102,7 @@ Result<RunLog> read_run_file(const std::string& path) {
   expected << "teletact-run 1 " << sizeof(JobRecord) << ' ' << sizeof(SentinelRecord);
   if (line != expected.str()) return Error{path + ":1: not a run log of this version"};
   for (int number = 2; std::getline(in, line) && !line.empty(); ++number) {
-    if (!parse_line(line, log))
+    if (!parse_run_header_line(line, log))
       return Error{path + ":" + std::to_string(number) + ": not a header line"};
   }
   JobRecord job;
@@ -115,10 +119,7 @@ Result<RunLog> read_run_file(const std::string& path) {
       return Error{path + ": damaged at byte " + std::to_string(in.tellg())};
     }
   }
-  for (auto& t : log.tasks) {
-    std::stable_sort(t.jobs.begin(), t.jobs.end(),
-                     [](const auto& a, const auto& b) { return a.k < b.k; });
-  }
+  sort_jobs(log);
   return log;
 }
 

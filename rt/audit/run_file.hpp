@@ -33,6 +33,13 @@ class RunFileWriter {
   std::unique_ptr<std::FILE, Close> file_;
 };
 
+// The header's lines after the first, without the empty one; and one of them back into the log (false:
+// not one of ours). For files that carry the same header (black_box.hpp).
+[[nodiscard]] std::string run_header_lines(const RunLog& header);
+[[nodiscard]] bool parse_run_header_line(const std::string& line, RunLog& log);
+// In order of k within each task.
+void sort_jobs(RunLog& log);
+
 // Job records sorted by k within their task; a torn record at the end is dropped.
 [[nodiscard]] Result<RunLog> read_run_file(const std::string& path);
 
