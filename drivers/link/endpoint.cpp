@@ -9,6 +9,7 @@ namespace drivers {
 namespace {
 constexpr rt::Nanos kClockPeriod = std::chrono::milliseconds{200};
 constexpr rt::Nanos kClockPeriodAtStart = std::chrono::milliseconds{20};
+constexpr rt::Nanos kAlivePeriod = std::chrono::milliseconds{10};
 }  // namespace
 
 LinkEndpoint::LinkEndpoint(rt::NonRealtime&, rt::Box box)
@@ -34,6 +35,7 @@ void LinkEndpoint::emit(MessageId id, std::uint64_t seq, std::span<const std::ui
   const std::size_t n = write_message(h, body, buffer_);
   ++stats_.sent[static_cast<std::size_t>(id)];
   stats_.bytes_sent += n;
+  next_alive_ = now + kAlivePeriod;
   send(std::span(buffer_).first(n));
 }
 
@@ -60,6 +62,7 @@ void LinkEndpoint::poll(rt::Time now, bool line_free, const Send& send) {
     emit(o.id, ++o.seq, std::span(buffer_).subspan(kHeaderSize, n), now, send);
     if (o.bulk) line_free = false;
   }
+  if (now >= next_alive_) emit(MessageId::kAlive, ++control_seq_, {}, now, send);
 }
 
 bool LinkEndpoint::on_hello(const Header& h) {
@@ -116,6 +119,8 @@ bool LinkEndpoint::take(std::span<const std::uint8_t> message, rt::Time now, con
         decode(body, reply) && clock_.add(reply.t0_ns, reply.t1_ns, reply.t2_ns, rt::ns_of(now));
   } else if (h.id == MessageId::kBye) {
     bye_ = true;
+  } else if (h.id == MessageId::kAlive) {
+    taken = body.empty();
   } else if (!clock_.valid() || !plausible_instant(h.stamp_ns)) {
     taken = false;  // its stamps can not be read (yet)
   } else if (incoming_[index]) {

@@ -4,6 +4,8 @@
 //
 // Sending: each outgoing edge is asked for its newest message at its rate; small messages go first;
 // an image is fetched (and so encoded bytes are copied) only when the line is free: newest wins.
+// After 10 ms without a message of its own an end says that it is alive, so that the other may take
+// a silence of a few of these for a fault.
 // Receiving: header and CRC are checked, then the edge's handler gets the body with the stamp
 // already in local time. The first message must be a Hello of the same schema.
 #pragma once
@@ -85,7 +87,7 @@ class LinkEndpoint {
   std::vector<std::uint8_t> buffer_;  // message under construction: header and body
   Tap tap_;
   ClockSync clock_;
-  rt::Time next_clock_{};
+  rt::Time next_clock_{}, next_alive_{};
   bool hello_sent_ = false, hello_ok_ = false, bye_ = false, ever_heard_ = false;
   rt::Time last_heard_{};
   std::uint64_t control_seq_ = 0;

@@ -33,6 +33,7 @@ struct RobotGoal {
   double speed_limit_m_per_s = 0;
   std::uint8_t engaged = 0;           // 0: hold still, whatever the pose says
   std::uint8_t operator_engaged = 0;  // the operator's box is in the engaged mode
+  std::uint8_t operator_clear = 0;    // the operator holds the button that clears a safe stop
   std::uint64_t path_seq = 0;
 };
 

@@ -178,10 +178,21 @@ bool TcpLink::read_all(LinkEndpoint& e) {
   }
 }
 
+// What arrives over a cut cable is lost; left unread it would pile up at the sender.
+void TcpLink::drain_unread() {
+  while (fd_ >= 0 && ::recv(fd_, inbox_.data(), inbox_.size(), 0) > 0) {
+  }
+}
+
 void TcpLink::run() {
   LinkEndpoint& e = *endpoint_;
   const auto send = [this](std::span<const std::uint8_t> m) { enqueue(m); };
-  while (!stop_.load() && !cut_.load()) {
+  while (!stop_.load()) {
+    if (cut_.load()) {
+      drain_unread();
+      ::usleep(1000);
+      continue;
+    }
     if (fd_ < 0 && !accept_one()) {
       ::usleep(1000);
       continue;
@@ -212,6 +223,7 @@ void TcpLink::run() {
   if (fd_ >= 0) ::close(fd_);
   fd_ = -1;
   if (state_.load() != State::kFault) state_.store(State::kClosed);
+  if (after_poll_) after_poll_();
 }
 
 }  // namespace drivers

@@ -37,15 +37,20 @@ class TcpLink {
 
   [[nodiscard]] int port() const noexcept { return port_; }
   // Starts the thread. `now` is the box's clock; the endpoint is used by that thread only from here on.
-  // `after_poll` is called there once a millisecond, e.g. to hand the status on.
+  // `after_poll` is called there once a millisecond and once more when the connection has ended, e.g.
+  // to hand the status on.
   void start(LinkEndpoint& endpoint, std::function<rt::Time()> now,
              const std::optional<LinkShapeConfig>& shape, std::function<void()> after_poll = {});
   // Sends Bye if it can, ends the thread, closes.
   void stop();
-  // Fault injection and tests: the cable is cut, without a Bye.
+  // Fault injection and tests: the cable is cut. Nothing crosses any more and neither side is told:
+  // no Bye, no end of the connection, only silence.
   void cut() noexcept { cut_.store(true); }
 
   [[nodiscard]] State state() const noexcept { return state_.load(); }
+  // The connection is over: the peer said Bye, its process is gone (the kernel ends its connections,
+  // also after a SIGKILL), or it was refused. Known at once, unlike a silence.
+  [[nodiscard]] bool ended() const noexcept { return state_.load() >= State::kClosed; }
   [[nodiscard]] std::string fault() const;  // after kFault
   // Local time of the last valid message, ns; 0 = never. For supervision and robot_io.
   [[nodiscard]] std::int64_t last_heard_ns() const noexcept { return last_heard_.load(); }
@@ -60,6 +65,7 @@ class TcpLink {
   bool accept_one();
   bool read_all(LinkEndpoint& e);
   bool write_due(std::int64_t now_ns);
+  void drain_unread();
   void enqueue(std::span<const std::uint8_t> message);
   void fail(std::string why);
 

@@ -21,8 +21,8 @@ constexpr std::string_view kSchema =
     "hello:;clock_request:t0i8;clock_reply:t0i8,t1i8,t2i8;frame:encoded_frame_v1;"
     "robot_state:seq8,taken8,x,y,yaw,vx,vy,wz,cmd_vx,cmd_vy,cmd_wz,goal_seq8,mode1,moving1,fault2;"
     "robot_goal:seq8,made8,valid_until8,x,y,yaw,vx,vy,wz,speed_limit,engaged1,operator_engaged1,"
-    "path_seq8;"
-    "bye:";
+    "operator_clear1,path_seq8;"
+    "bye:;alive:";
 
 constexpr std::array<std::uint32_t, 256> make_crc_table() {
   std::array<std::uint32_t, 256> table{};
@@ -203,6 +203,7 @@ std::size_t encode(const RobotGoal& m, std::span<std::uint8_t> out) noexcept {
     w.put(v);
   w.put(m.engaged);
   w.put(m.operator_engaged);
+  w.put(m.operator_clear);
   w.put(m.path_seq);
   return w.size();
 }
@@ -216,8 +217,9 @@ bool decode(std::span<const std::uint8_t> in, RobotGoal& m) noexcept {
     r.finite(*v);
   r.get(m.engaged);
   r.get(m.operator_engaged);
+  r.get(m.operator_clear);
   r.get(m.path_seq);
-  return r.done() && m.engaged <= 1 && m.operator_engaged <= 1;
+  return r.done() && m.engaged <= 1 && m.operator_engaged <= 1 && m.operator_clear <= 1;
 }
 
 std::size_t encode(const ClockRequest& m, std::span<std::uint8_t> out) noexcept {

@@ -28,8 +28,9 @@ enum class MessageId : std::uint16_t {
   kRobotState,  // robot -> operator
   kRobotGoal,   // operator -> robot
   kBye,         // an orderly end, both ways
+  kAlive,       // nothing to say: sent when the line would else be quiet, both ways
 };
-inline constexpr int kMessageIds = 7;
+inline constexpr int kMessageIds = 8;
 inline constexpr std::uint16_t kSchemaVersion = 1;
 inline constexpr std::size_t kHeaderSize = 40;
 inline constexpr std::size_t kMaxBody = kWireHeader + EncodedFrame::kCapacity;

@@ -39,7 +39,7 @@ class MotorBus {
   // One cycle. `states` is untouched unless kOk.
   [[nodiscard]] virtual BusStatus exchange(rt::Time now, const MotorSetpoints& setpoints,
                                            MotorStates& states) noexcept = 0;
-  // Clears the motors' latched traffic timeout (SAP 158); owner's thread, after a new engage.
+  // Clears the motors' latched traffic timeout (SAP 158); owner's thread, when the operator clears.
   virtual void clear_timeout() noexcept {}
   // Motor stop, at once, from any thread, even while the owner hangs in exchange().
   virtual void make_safe() noexcept = 0;

@@ -363,6 +363,30 @@ TEST(Endpoint, RatesAreKeptAndBulkWaitsForAFreeLine) {
   EXPECT_EQ(goals, 1);
 }
 
+// An end with nothing to say is heard every 10 ms all the same; one with much to say adds nothing.
+TEST(Endpoint, SaysThatItIsAliveWhenItHasNothingElseToSay) {
+  Pair p;
+  p.run(500 * kMs);
+  ASSERT_TRUE(p.op.ready());
+  const auto alive = static_cast<std::size_t>(MessageId::kAlive);
+  auto before = p.op.stats().sent[alive];
+  std::int64_t worst = 0;
+  for (int ms = 0; ms < 2000; ++ms) {
+    p.run(kMs);
+    worst = std::max(worst, (p.robot_clock.from_host(p.host) - p.robot.last_heard()).count());
+  }
+  EXPECT_NEAR(static_cast<double>(p.op.stats().sent[alive] - before), 190, 20);
+  EXPECT_LE(worst, 10 * kMs + 2 * kMs) << "longest silence at the other end";
+  std::uint64_t seq = 0;
+  p.op.add_outgoing(MessageId::kRobotGoal, rt::Nanos{5 * kMs}, false, [&](auto out) {
+    rt::Random r(++seq);
+    return encode(random_goal(r), out);
+  });
+  before = p.op.stats().sent[alive];
+  p.run(kSecond);
+  EXPECT_EQ(p.op.stats().sent[alive], before);
+}
+
 TEST(Endpoint, AStampBeyondAnyClockIsRefused) {
   Pair p;
   p.robot_clock = {1000 * kSecond, 50};

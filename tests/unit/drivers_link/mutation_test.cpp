@@ -39,8 +39,10 @@ Bytes random_message(rt::Random& r) {
       return whole(MessageId::kRobotState, body_of(random_state(r)), r(), stamp);
     case 6:
       return whole(MessageId::kRobotGoal, body_of(random_goal(r)), r(), stamp);
-    default:
+    case 7:
       return whole(MessageId::kBye, {}, r(), stamp);
+    default:
+      return whole(MessageId::kAlive, {}, r(), stamp);
   }
 }
 
@@ -94,7 +96,7 @@ bool vouched_for(std::span<const std::uint8_t> m) {
   if (m.size() < kHeaderSize || std::memcmp(m.data(), "TLT1", 4) != 0) return false;
   const auto id = field<std::uint16_t>(m, 6);
   const auto length = field<std::uint32_t>(m, 8);
-  if (id < 1 || id > 7 || length != m.size() - kHeaderSize) return false;
+  if (id < 1 || id > 8 || length != m.size() - kHeaderSize) return false;
   if (field<std::uint16_t>(m, 4) != drivers::kSchemaVersion) return false;
   if (length > (id == 4 ? drivers::kMaxBody : drivers::kMaxControlBody)) return false;
   return slow_crc32c(m.subspan(kHeaderSize)) == field<std::uint32_t>(m, 12);
@@ -130,7 +132,7 @@ TEST(Mutation, NothingUnvouchedIsHandedOn) {
     drivers::RobotGoal g;
     if (!decode(body, g)) return false;
     ++tally.goals;
-    EXPECT_TRUE(g.engaged <= 1 && g.operator_engaged <= 1);
+    EXPECT_TRUE(g.engaged <= 1 && g.operator_engaged <= 1 && g.operator_clear <= 1);
     for (const double v : {g.x_m, g.y_m, g.yaw_rad, g.vx, g.vy, g.wz, g.speed_limit_m_per_s})
       EXPECT_TRUE(sane(v));
     return true;

@@ -3,7 +3,9 @@
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <signal.h>
 #include <sys/socket.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -156,19 +158,60 @@ TEST(TcpLink, StatesGoalsAndFramesCrossWithMeasuredOffset) {
             b.op.link->stats().refused[5] + static_cast<std::uint64_t>(b.op.got));
 }
 
-TEST(TcpLink, CutIsSeenByTheOtherSideWithoutABye) {
+TEST(TcpLink, ACutCableIsSilenceAndNothingElse) {
   Box2 b;
   b.op.start();
   b.robot.start();
   ASSERT_TRUE(wait_for([&] { return b.ready(); }));
   b.robot.link->cut();
-  EXPECT_TRUE(wait_for([&] { return b.op.link->state() == State::kClosed; }));
-  EXPECT_TRUE(wait_for([&] { return b.robot.link->state() == State::kClosed; }));
-  const std::int64_t heard = b.op.link->last_heard_ns();
+  std::int64_t heard = -1;
+  ASSERT_TRUE(wait_for([&] {
+    const std::int64_t before = heard;
+    heard = b.op.link->last_heard_ns();
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    return heard == before;
+  })) << "what was under way has arrived";
   std::this_thread::sleep_for(std::chrono::milliseconds(50));
   EXPECT_EQ(b.op.link->last_heard_ns(), heard) << "silence is silence";
+  EXPECT_EQ(b.op.link->state(), State::kReady) << "nobody is told";
+  EXPECT_EQ(b.robot.link->state(), State::kReady);
+  EXPECT_FALSE(b.op.link->ended());
   b.op.link->stop();
   EXPECT_FALSE(b.op.endpoint.bye_received());
+}
+
+// The kernel ends the connections of a process that dies, however it dies: the other side is told at
+// once, by the last call of its after_poll.
+TEST(TcpLink, TheEndOfTheOtherProcessIsKnownAtOnce) {
+  End op(rt::Box::kOperator, {});
+  auto listening = TcpLink::listen("127.0.0.1", 0);
+  ASSERT_TRUE(listening);
+  op.link = std::move(listening).value();
+  const pid_t child = ::fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    End robot(rt::Box::kRobot, {1000 * kSecond, 50});
+    auto connected = TcpLink::connect("127.0.0.1", op.link->port(), rt::Nanos{5 * kSecond});
+    if (!connected) ::_exit(1);
+    robot.link = std::move(connected).value();
+    robot.start();
+    ::pause();
+    ::_exit(0);
+  }
+  std::atomic<bool> told{false};
+  op.link->start(
+      op.endpoint, [&] { return op.now(); }, {}, [&] { told = op.link->ended(); });
+  const bool ready = wait_for([&] { return op.link->state() == State::kReady; });
+  EXPECT_FALSE(told);
+  ::kill(child, SIGKILL);
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  EXPECT_TRUE(ready);
+  EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+  EXPECT_TRUE(wait_for([&] { return told.load(); }));
+  EXPECT_EQ(op.link->state(), State::kClosed);
+  EXPECT_FALSE(op.endpoint.bye_received());
+  op.link->stop();
 }
 
 TEST(TcpLink, ShaperDelaysTheRoundTrip) {

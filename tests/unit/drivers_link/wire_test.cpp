@@ -182,6 +182,7 @@ TEST(Bodies, RoundTripRandomValues) {
     EXPECT_EQ(g2.speed_limit_m_per_s, g.speed_limit_m_per_s);
     EXPECT_EQ(g2.engaged, g.engaged);
     EXPECT_EQ(g2.operator_engaged, g.operator_engaged);
+    EXPECT_EQ(g2.operator_clear, g.operator_clear);
     EXPECT_EQ(g2.path_seq, g.path_seq);
 
     const drivers::ClockRequest q{r.integer(0, 1'000'000'000'000'000)};
@@ -256,6 +257,9 @@ TEST(Bodies, EveryFieldOutOfRangeIsRefused) {
     EXPECT_EQ(decode(body_of(g), g_out), v <= 1) << v;
     g = random_goal(r);
     g.operator_engaged = static_cast<std::uint8_t>(v);
+    EXPECT_EQ(decode(body_of(g), g_out), v <= 1) << v;
+    g = random_goal(r);
+    g.operator_clear = static_cast<std::uint8_t>(v);
     EXPECT_EQ(decode(body_of(g), g_out), v <= 1) << v;
   }
 }
