@@ -245,6 +245,8 @@ void PlanningNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept 
     log.write(logs.mark_dropped, tick.start, tick.k);
   if ((out_.flags & PlanningTask::kNewPath) != 0)
     log.write(logs.path, tick.start, out_.path.seq, out_.path.size, out_.path.mark_seq);
+  if ((out_.flags & PlanningTask::kGivenUp) != 0)
+    log.write(logs.given_up, tick.start, tick.k, health_.fault);
   if (!hash_) return;
   rt::Hash64 h;
   h.word(out_.path.seq);

@@ -50,7 +50,7 @@ inline constexpr std::array<TaskRow, kTaskCount> kTaskTable{{
     {TaskId::kHaptic, "haptic", rt::Box::kOperator, rt::TaskClass::kHard, 1000, kSkip, 100,
      {{{"full", 100}}}},
     {TaskId::kFusion, "fusion", rt::Box::kOperator, rt::TaskClass::kHard, 30, kSkip, 0,
-     {{{"full", 25000}, {"step2", 12000}, {"step2_short", 9000}, {"step4", 6000}}}},
+     {{{"full", 25000}, {"step2", 12000}, {"step4", 9000}}}},
     {TaskId::kPrediction, "prediction", rt::Box::kOperator, rt::TaskClass::kHard, 10, kSkip, 5,
      {{{"full", 2000}}}},
     {TaskId::kPlanning, "planning", rt::Box::kOperator, rt::TaskClass::kFirm, 10, kAbort, 0,
@@ -78,27 +78,57 @@ struct EdgeRow {
   EdgeId id;
   std::string_view name, from, to;
   EdgeKind kind;
-  int liveness_ms;   // since the writer last published; beyond it `beyond` happens; 0 = no limit
-  int data_age_ms;   // since the oldest sensor datum in it; 0 = shown only
-  std::string_view beyond;
+  std::string_view beyond;  // what happens without it
 };
 
 inline constexpr std::array<EdgeRow, kEdgeCount> kEdgeTable{{
-    {EdgeId::kFrame, "frame", "capture", "fusion", EdgeKind::kRemote, 0, 0, "map stays, tracking idles"},
-    {EdgeId::kRobotState, "robot_state", "robot_io", "prediction planning fusion supervision", EdgeKind::kRemote, 200, 500, "ramp down"},
-    {EdgeId::kGoal, "goal", "prediction", "robot_io robot_supervision", EdgeKind::kRemote, 250, 400, "robot halts with its ramp"},
-    {EdgeId::kPatch, "patch", "fusion", "haptic", EdgeKind::kLatest, 100, 0, "force ramps to zero"},
-    {EdgeId::kView, "view", "fusion", "console", EdgeKind::kLatest, 0, 0, "shown"},
-    {EdgeId::kCostMap, "cost_map", "fusion", "planning", EdgeKind::kLatest, 0, 0, "no new path"},
-    {EdgeId::kCameraPose, "camera_pose", "fusion", "prediction console", EdgeKind::kLatest, 0, 0, "odometry alone"},
-    {EdgeId::kHand, "hand", "haptic", "fusion console", EdgeKind::kLatest, 0, 0, "window stays"},
-    {EdgeId::kTouch, "touch", "haptic", "planning", EdgeKind::kRing, 0, 0, "full: newest dropped, gap flag; open mark dropped"},
-    {EdgeId::kPath, "path", "planning", "prediction console", EdgeKind::kLatest, 0, 0, "last path holds"},
-    {EdgeId::kTask, "task", "planning", "console", EdgeKind::kLatest, 0, 0, "shown"},
-    {EdgeId::kMode, "mode", "supervision", "haptic prediction planning", EdgeKind::kLatest, 0, 0, "not engaged"},
-    {EdgeId::kRobotMode, "robot_mode", "robot_supervision", "robot_io", EdgeKind::kLatest, 0, 0, "not engaged"},
+    {EdgeId::kFrame, "frame", "capture", "fusion", EdgeKind::kRemote, "map stays, tracking idles"},
+    {EdgeId::kRobotState, "robot_state", "robot_io", "prediction planning fusion supervision", EdgeKind::kRemote, "ramp down"},
+    {EdgeId::kGoal, "goal", "prediction", "robot_io robot_supervision", EdgeKind::kRemote, "robot halts with its ramp"},
+    {EdgeId::kPatch, "patch", "fusion", "haptic", EdgeKind::kLatest, "force ramps to zero"},
+    {EdgeId::kView, "view", "fusion", "console", EdgeKind::kLatest, "shown"},
+    {EdgeId::kCostMap, "cost_map", "fusion", "planning", EdgeKind::kLatest, "no new path"},
+    {EdgeId::kCameraPose, "camera_pose", "fusion", "prediction console", EdgeKind::kLatest, "odometry alone"},
+    {EdgeId::kHand, "hand", "haptic", "fusion console", EdgeKind::kLatest, "window stays"},
+    {EdgeId::kTouch, "touch", "haptic", "planning", EdgeKind::kRing, "full: newest dropped, gap flag; open mark dropped"},
+    {EdgeId::kPath, "path", "planning", "prediction console", EdgeKind::kLatest, "last path holds"},
+    {EdgeId::kTask, "task", "planning", "console", EdgeKind::kLatest, "shown"},
+    {EdgeId::kMode, "mode", "supervision", "haptic prediction planning", EdgeKind::kLatest, "not engaged"},
+    {EdgeId::kRobotMode, "robot_mode", "robot_supervision", "robot_io", EdgeKind::kLatest, "not engaged"},
+}};
+
+// How old an edge's value may be for one of its readers. A reader that is not here has no limit. The
+// tasks' configurations take their defaults from these rows (limit_of), so what is written here is
+// what is in force unless a scene says otherwise.
+struct LimitRow {
+  EdgeId edge;
+  TaskId reader;
+  int liveness_ms;          // since the writer last published, or the link was heard; 0 = no limit
+  int data_age_ms;          // since the oldest sensor datum in it was taken, or the goal was made; 0 = no limit
+  std::string_view key;     // of the scene, that overrides it
+  std::string_view beyond;  // the reader's answer
+};
+
+inline constexpr std::array<LimitRow, 5> kLimitTable{{
+    {EdgeId::kRobotState, TaskId::kPrediction, 0, 250, "prediction.state_liveness_ms", "goals are not engaged"},
+    {EdgeId::kRobotState, TaskId::kSupervision, 180, 0, "supervision.link_liveness_s", "ramp down"},
+    {EdgeId::kGoal, TaskId::kRobotIo, 250, 300, "robot_io.link_silence_ms, prediction.goal_valid_ms", "the base halts with its ramp"},
+    {EdgeId::kGoal, TaskId::kRobotSupervision, 180, 0, "supervision.link_liveness_s", "ramp down"},
+    {EdgeId::kPatch, TaskId::kHaptic, 100, 0, "haptic.patch_liveness_s", "force ramps to zero"},
 }};
 
 // clang-format on
+
+// Does not compile for a pair that has no row.
+[[nodiscard]] consteval LimitRow limit_of(EdgeId edge, TaskId reader) {
+  for (const LimitRow& row : kLimitTable) {
+    if (row.edge == edge && row.reader == reader) return row;
+  }
+  throw "no such row in kLimitTable";
+}
+
+static_assert(limit_of(EdgeId::kRobotState, TaskId::kSupervision).liveness_ms ==
+                  limit_of(EdgeId::kGoal, TaskId::kRobotSupervision).liveness_ms,
+              "one key serves both boxes");
 
 }  // namespace tasks

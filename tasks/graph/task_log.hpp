@@ -26,6 +26,8 @@ class TaskLogs {
             nrt, rt::LogLevel::kWarning, "open mark dropped at job {}: touch events were lost")),
         path(sites_.add<std::uint64_t, int, std::uint64_t>(
             nrt, rt::LogLevel::kInfo, "path {} made: {} points, for the mark of event {}")),
+        given_up(sites_.add<std::uint64_t, unsigned>(nrt, rt::LogLevel::kWarning,
+                                                     "goal given up at job {}, fault {}")),
         tracking_lost(
             sites_.add<std::uint64_t>(nrt, rt::LogLevel::kWarning, "tracking lost in job {}")),
         tracking_back(
@@ -56,6 +58,7 @@ class TaskLogs {
   const rt::LogSite<unsigned> mark;
   const rt::LogSite<std::uint64_t> mark_dropped;
   const rt::LogSite<std::uint64_t, int, std::uint64_t> path;
+  const rt::LogSite<std::uint64_t, unsigned> given_up;
   const rt::LogSite<std::uint64_t> tracking_lost, tracking_back, goal_refused, goal_expired;
   const rt::LogSite<unsigned, unsigned> level;
 };

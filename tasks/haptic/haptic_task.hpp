@@ -26,6 +26,7 @@
 #include "rt/memory/non_realtime.hpp"
 #include "rt/tick.hpp"
 #include "tasks/graph/messages.hpp"
+#include "tasks/graph/table.hpp"
 #include "tasks/haptic/energy.hpp"
 #include "tasks/haptic/field.hpp"
 #include "tasks/haptic/proxy.hpp"
@@ -44,7 +45,7 @@ struct HapticConfig {
   double slew_N_per_s = 300.0;
   double fade_in_s = 0.05;      // after start inside, re-enable, reconnect
   double blend_s = 1.0 / 30.0;  // old patch -> new patch: one fusion period
-  double patch_liveness_s = 0.1;
+  double patch_liveness_s = limit_of(EdgeId::kPatch, TaskId::kHaptic).liveness_ms / 1000.0;
   double ramp_s = 0.1;              // to zero when a patch is stale or on ramp-down
   double device_liveness_s = 0.01;  // last force held this long without a sample
   double mark_spacing_m = 0.02;

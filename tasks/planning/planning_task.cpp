@@ -21,6 +21,7 @@ void PlanningConfig::describe(config::Section& s) {
   s.number("leave_m", leave_m, 0.05, 5.0, "farther from the path: plan again");
   s.integer("attempts", attempts, 1, 100, "jobs a goal may spend its iterations in vain");
   s.integer("wait_jobs", wait_jobs, 1, 100000, "jobs a mark waits for a map and a robot");
+  s.integer("aborts", aborts, 1, 100000, "jobs in a row out of time before a goal is given up");
 }
 
 namespace {
@@ -183,6 +184,7 @@ void PlanningTask::give_up(Out& out) noexcept {
   state_.goal.have = state_.goal.pending = false;
   state_.task.phase = TaskState::Phase::kFailed;
   ++state_.task.failures;
+  out.flags |= kGivenUp;
 }
 
 bool PlanningTask::arrived(const drivers::RobotState& robot) const noexcept {
@@ -224,6 +226,8 @@ PlanningTask::Holds PlanningTask::path_holds(const Ground& ground, const CostMap
 
 rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   before_ = state_;
+  if (tried_) aborted_ = 0;  // the job that planned last was not aborted
+  tried_ = false;
   out.flags = 0;
   out.work = 0;
   out.status = PlanStatus::kFound;
@@ -275,7 +279,15 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
           }
         }
       }
-      if (state_.goal.pending) health = rt::worst(health, make_path(tick, in, ground, out));
+      if (state_.goal.pending) {
+        if (may_try(state_.goal.mark_seq)) {
+          health = rt::worst(health, make_path(tick, in, ground, out));
+        } else {
+          out.status = PlanStatus::kCancelled;
+          give_up(out);
+          health = rt::worst(health, counted(kFaultPlanningNoTime));
+        }
+      }
     }
   }
 
@@ -347,6 +359,13 @@ bool PlanningTask::find_goal(const CostMap& map, Point2 mark, Point2 facing,
     }
   }
   return std::isfinite(best);
+}
+
+bool PlanningTask::may_try(std::uint64_t mark_seq) noexcept {
+  if (mark_seq != tried_mark_) aborted_ = 0;
+  tried_mark_ = mark_seq;
+  tried_ = aborted_ < config_.aborts;
+  return tried_;
 }
 
 rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Ground& ground,

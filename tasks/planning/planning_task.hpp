@@ -9,7 +9,7 @@
 //           Latest<TaskState>    to console, supervision   every job
 //   budget  50 ms of the 100 ms period; firm: OMPL allocates, our own code does not
 //   policy  abort: an aborted job leaves the task as it was (abandon()), with the same events
-//   unread
+//   unread. After `aborts` aborted plans in a row for one mark its goal is given up.
 //
 // A mark runs from MarkBegin to MarkEnd; the marked point is the drawn point nearest to the
 // stroke's mean. The goal is the nearest driveable, reachable cell to its foot on the ground, on
@@ -46,6 +46,7 @@ struct PlanningConfig {
   double leave_m = 0.4;  // farther from the path than this: plan again
   int attempts = 3;      // jobs a goal may spend its iterations in vain
   int wait_jobs = 50;    // jobs a mark waits for a map and a robot
+  int aborts = 20;       // jobs in a row that may run out of time planning for one mark
 
   void describe(config::Section& s);
 };
@@ -56,6 +57,7 @@ inline constexpr rt::FaultId kFaultPlanningLibrary = 402;   // the planning libr
 inline constexpr rt::FaultId kFaultPlanningBadInput = 403;  // not finite, or ground not level in W
 inline constexpr rt::FaultId kFaultPlanningEventsLost = 404;  // gap: an open mark was dropped
 inline constexpr rt::FaultId kFaultPlanningCancelled = 405;   // no time left; nothing committed
+inline constexpr rt::FaultId kFaultPlanningNoTime = 406;      // ... too often: goal given up
 
 class PlanningTask {
  public:
@@ -69,6 +71,7 @@ class PlanningTask {
     kTruncated = 1U << 5U,    // longer than a Path holds; its rest comes when the robot is near
     kPathDropped = 1U << 6U,  // a path was withdrawn
     kFromGrid = 1U << 7U,     // the search spent its iterations; the path is the grid's chain
+    kGivenUp = 1U << 8U,      // a goal was dropped without a path
   };
 
   struct In {  // latched at dispatch
@@ -91,8 +94,12 @@ class PlanningTask {
 
   // One cycle. Never throws; what OMPL throws is caught and becomes a fault.
   [[nodiscard]] rt::Health step(const rt::Tick&, const In&, Out&) noexcept;
-  // The job was aborted: back to the state before its step().
-  void abandon() noexcept { state_ = before_; }
+  // The job was aborted: back to the state before its step(). Only the count of such jobs stays.
+  void abandon() noexcept {
+    state_ = before_;
+    if (tried_) ++aborted_;
+    tried_ = false;
+  }
 
  private:
   static constexpr int kMaxStroke = 128;
@@ -140,6 +147,8 @@ class PlanningTask {
   [[nodiscard]] Holds path_holds(const Ground& ground, const perception::CostMap& map,
                                  Point2 robot) const noexcept;
   [[nodiscard]] bool arrived(const drivers::RobotState& robot) const noexcept;
+  // False: planning for this mark has run out of time too often.
+  [[nodiscard]] bool may_try(std::uint64_t mark_seq) noexcept;
   rt::Health make_path(const rt::Tick& tick, const In& in, const Ground& ground, Out& out) noexcept;
   [[nodiscard]] PlanStatus find_start(const perception::CostMap& map, Point2 robot,
                                       const rt::Tick& tick, bool& escape) noexcept;
@@ -152,6 +161,10 @@ class PlanningTask {
   std::uint64_t seed_;
   Planner planner_;
   State state_, before_;
+  // Not part of State: what an aborted job leaves behind.
+  std::uint64_t tried_mark_ = 0;  // whose plan was tried last
+  int aborted_ = 0;               // jobs in a row that were aborted at it
+  bool tried_ = false;            // this job planned; its end is not known yet
   std::array<Planner::Source, 4096> sources_{};
 };
 

@@ -23,6 +23,7 @@
 #include "rt/memory/non_realtime.hpp"
 #include "rt/tick.hpp"
 #include "tasks/graph/messages.hpp"
+#include "tasks/graph/table.hpp"
 #include "tasks/prediction/motion_predictor.hpp"
 #include "tasks/prediction/path_follower.hpp"
 
@@ -33,8 +34,9 @@ struct PredictionConfig {
   MotionPredictorConfig motion;
   PathFollowerConfig path;
   double speed_m_per_s = 0.5;  // sent as the goal's speed limit
-  int goal_valid_ms = 300;
-  int state_liveness_ms = 250;        // older robot states do not drive
+  int goal_valid_ms = limit_of(EdgeId::kGoal, TaskId::kRobotIo).data_age_ms;
+  // Older robot states do not drive.
+  int state_liveness_ms = limit_of(EdgeId::kRobotState, TaskId::kPrediction).data_age_ms;
   double horizon_limit_s = 1.0;       // the goal is moved ahead by at most this much
   double uncertainty_share_m = 0.05;  // speed x delay uncertainty stays below it
   bool map_correction = false;

@@ -24,6 +24,7 @@
 #include "rt/memory/non_realtime.hpp"
 #include "rt/tick.hpp"
 #include "tasks/graph/messages.hpp"
+#include "tasks/graph/table.hpp"
 #include "tasks/robot_io/trajectory.hpp"
 
 namespace tasks {
@@ -33,7 +34,8 @@ struct RobotIoConfig {
   TrajectoryConfig trajectory;
   drivers::MecanumConfig base;
   double wheel_speed_limit_rad_per_s = 25;
-  int link_silence_ms = 250;    // nothing heard from the operator box: halt
+  // Nothing heard from the operator box: halt.
+  int link_silence_ms = limit_of(EdgeId::kGoal, TaskId::kRobotIo).liveness_ms;
   int frames_lost_limit = 100;  // consecutive: the bus counts as down, safe stop
   double start_x_m = 0, start_y_m = 0, start_yaw_rad = 0;  // X_OB at the start
 

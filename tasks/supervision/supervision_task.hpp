@@ -23,14 +23,16 @@
 #include "rt/memory/non_realtime.hpp"
 #include "rt/tick.hpp"
 #include "tasks/graph/messages.hpp"
+#include "tasks/graph/table.hpp"
 #include "tasks/supervision/fault_ids.hpp"
 
 namespace tasks {
 
 // Section [supervision].
 struct SupervisionConfig {
-  double ramp_s = 0.2;             // time in kRampDown before kHold
-  double link_liveness_s = 0.18;   // silence of the link beyond it is a fault
+  double ramp_s = 0.2;  // time in kRampDown before kHold
+  // Silence of the link beyond it is a fault, on either box.
+  double link_liveness_s = limit_of(EdgeId::kRobotState, TaskId::kSupervision).liveness_ms / 1000.0;
   double peer_grace_s = 1.0;       // after engage, time for the peer to follow
   double estop_liveness_s = 0.05;  // age of the e-stop input beyond it counts as pressed
 

@@ -353,6 +353,85 @@ TEST(PlanningTask, AnAbortedJobLeavesNoTrace) {
   EXPECT_EQ(s.out.state.seq, 2U);
 }
 
+// One job as the executor runs it that is out of time: cancelled, abandoned, its events kept.
+void out_of_time(Story& s, PlanningTask& task, rt::CancelToken& token) {
+  const auto events = s.in.events;
+  const int count = s.in.event_count;
+  token.request();
+  ++s.tick.k;
+  s.health = task.step(s.tick, s.in, s.out);
+  ASSERT_EQ(s.health.fault, tasks::kFaultPlanningCancelled);
+  task.abandon();
+  token.clear();
+  s.in.events = events;
+  s.in.event_count = count;
+}
+
+TEST(PlanningTask, AGoalOutOfTimeAgainAndAgainIsGivenUp) {
+  Story s;
+  PlanningConfig config;
+  config.aborts = 4;
+  PlanningTask task(startup.token(), config, 1);
+  rt::CancelToken token;
+  s.tick.cancel = &token;
+  s.box(-1, -1, 0, 0);
+  const auto job = [&] {
+    ++s.tick.k;
+    s.health = task.step(s.tick, s.in, s.out);
+    s.in.event_count = 0;
+  };
+  s.mark({1, 1, 0});
+  for (int i = 0; i < config.aborts; ++i) out_of_time(s, task, token);
+  // The machine has time again, but nobody waits for this mark any more.
+  job();
+  EXPECT_EQ(s.health.fault, tasks::kFaultPlanningNoTime);
+  EXPECT_EQ(s.health.severity, rt::Severity::kCounted);
+  EXPECT_EQ(s.out.state.phase, Phase::kFailed);
+  EXPECT_EQ(s.out.state.failures, 1U);
+  EXPECT_EQ(s.out.path.seq, 0U);
+  EXPECT_NE(s.out.flags & PlanningTask::kGivenUp, 0U);
+  job();
+  EXPECT_EQ(s.health, rt::Health::ok()) << "reported once";
+  EXPECT_EQ(s.out.flags & PlanningTask::kGivenUp, 0U);
+  // The next mark has its own tries: one fewer than the bound, then a path.
+  s.mark({1, -1, 0});
+  for (int i = 0; i < config.aborts - 1; ++i) out_of_time(s, task, token);
+  job();
+  EXPECT_NE(s.out.path.seq, 0U);
+  EXPECT_EQ(s.out.state.phase, Phase::kDriving);
+  // A job that was not aborted ends the row: the count begins anew when the way is blocked later.
+  const auto at = s.out.path.points[static_cast<std::size_t>(s.out.path.size / 2)];
+  s.box(at[0], at[1], at[0], at[1]);
+  for (int i = 0; i < config.aborts - 1; ++i) out_of_time(s, task, token);
+  job();
+  EXPECT_NE(s.out.flags & PlanningTask::kReplanned, 0U);
+  EXPECT_EQ(s.out.flags & PlanningTask::kGivenUp, 0U);
+  // Blocked again, and never time for it: path and goal go.
+  const auto next = s.out.path.points[static_cast<std::size_t>(s.out.path.size / 2)];
+  s.box(next[0], next[1], next[0], next[1]);
+  for (int i = 0; i < config.aborts; ++i) out_of_time(s, task, token);
+  job();
+  EXPECT_EQ(s.health.fault, tasks::kFaultPlanningNoTime);
+  EXPECT_EQ(s.out.path.seq, 0U);
+}
+
+// A job that is aborted although it had nothing to plan says nothing about a goal.
+TEST(PlanningTask, OnlyAbortedPlansCount) {
+  Story s;
+  PlanningConfig config;
+  config.aborts = 1;
+  PlanningTask task(startup.token(), config, 1);
+  for (int i = 0; i < 5; ++i) {
+    ++s.tick.k;
+    (void)task.step(s.tick, s.in, s.out);
+    task.abandon();
+  }
+  s.mark({1, 1, 0});
+  ++s.tick.k;
+  s.health = task.step(s.tick, s.in, s.out);
+  EXPECT_NE(s.out.path.seq, 0U);
+}
+
 TEST(PlanningTask, SpendsItsAttemptsThenGivesUp) {
   Story s;
   PlanningConfig config;
