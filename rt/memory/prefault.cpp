@@ -8,9 +8,11 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
+#include <memory>
+#include <new>
 
 namespace rt {
 namespace {
@@ -74,10 +76,9 @@ std::string keep_heap(NonRealtime&) {
 
 std::string prefault_heap(NonRealtime& nrt, std::size_t bytes) {
   if (bytes == 0) return {};
-  void* block = std::malloc(bytes);
+  const std::unique_ptr<std::byte[]> block(new (std::nothrow) std::byte[bytes]);
   if (block == nullptr) return "the heap could not grow by " + kib(bytes);
-  prefault_range(nrt, block, bytes);
-  std::free(block);
+  prefault_range(nrt, block.get(), bytes);
   return {};
 }
 
