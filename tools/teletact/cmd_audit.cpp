@@ -5,6 +5,7 @@
 #include "rt/audit/blame.hpp"
 #include "rt/audit/histogram.hpp"
 #include "rt/audit/run_file.hpp"
+#include "tools/teletact/black_box.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/host_info.hpp"
 #include "tools/teletact/metrics_json.hpp"
@@ -45,16 +46,25 @@ bool print_task(const rt::RunLog& log, const rt::TaskLog& t, Metrics& metrics) {
   return b.misses[static_cast<std::size_t>(rt::Cause::kOwn)] == 0;
 }
 
+void add_black_box(const rt::BlackBox& box, Metrics& metrics) {
+  const bool op = !box.log.tasks.empty() && box.log.tasks[0].spec.box == rt::Box::kOperator;
+  const std::string name = std::string("blackbox.") + (op ? "operator" : "robot");
+  metrics.add(name + ".stop", box.stop, "text");
+  metrics.add(name + ".seconds", seconds_of(box), "s");
+  metrics.add(name + ".records", static_cast<double>(box.records), "1");
+  metrics.add(name + ".missing", static_cast<double>(box.missing), "1");
+  metrics.add(name + ".events", static_cast<double>(events_of(box).size()), "1");
+}
+
 }  // namespace
 
 int cmd_audit(int argc, char** argv) {
   CLI::App app{
-      "Reads the log of a run (report/raw/*.run): table, histograms, trace. Exit 0: no miss of a "
-      "task's own "
-      "making; 1: there was one; 2: bad input."};
+      "Reads the log of a run (report/raw/*.run) or what a stop left (*.blackbox): table, "
+      "histograms, trace. Exit 0: no miss of a task's own making; 1: there was one; 2: bad input."};
   std::vector<std::string> files;
   std::string html, trace, csv, json;
-  app.add_option("FILE", files, "run logs, one or both boxes")->required();
+  app.add_option("FILE", files, "run logs or black boxes, one or both boxes")->required();
   app.add_option("--html", html, "folder for a report with the histograms");
   app.add_option("--trace", trace, "Chrome/Perfetto trace file");
   app.add_option("--csv", csv, "one line a job");
@@ -67,12 +77,25 @@ int cmd_audit(int argc, char** argv) {
   OperatorHalf op;
   RobotHalf robot;
   std::vector<rt::RunLog> logs;
+  std::vector<std::pair<std::string, rt::BlackBox>> boxes;
   for (const auto& f : files) {
+    if (rt::is_black_box(f)) {
+      auto box = rt::read_black_box(f);
+      if (!box) throw std::runtime_error(box.error());
+      boxes.emplace_back(f, std::move(box).value());
+      logs.push_back(boxes.back().second.log);
+      continue;
+    }
     auto log = rt::read_run_file(f);
     if (!log) throw std::runtime_error(log.error());
     logs.push_back(std::move(log).value());
   }
   Metrics metrics("audit");
+  for (const auto& [file, box] : boxes) {
+    print_black_box(file, box);
+    std::printf("\n");
+    add_black_box(box, metrics);
+  }
   std::printf("%-18s %8s %8s %8s %8s | %8s %8s %8s | %6s %6s %6s %6s %6s %6s %6s\n", "task", "jobs",
               "cpu p50", "p99", "budget", "late p50", "p99", "p99.9", "misses", "carry", "platf",
               "queue", "own", "charg", "unkn");

@@ -3,6 +3,7 @@
 
 #include "tools/teletact/calibrate.hpp"
 #include "tools/teletact/commands.hpp"
+#include "tools/teletact/metrics_json.hpp"
 
 namespace teletact {
 
@@ -10,7 +11,7 @@ int cmd_calibrate(int argc, char** argv) {
   CLI::App app{
       "Runs each task variant on a scene and writes p50 / p99 / p99.9 of its CPU with the host's "
       "id."};
-  std::string scene_name = "default_room", out, rgbd;
+  std::string scene_name = "default_room", out, rgbd, json;
   double seconds = 10;
   bool quiet = false;
   app.add_option("--scene", scene_name, "scene that the variants run on")->capture_default_str();
@@ -19,6 +20,7 @@ int cmd_calibrate(int argc, char** argv) {
       ->check(CLI::Range(2.0, 600.0))
       ->capture_default_str();
   app.add_option("--out", out, "file to write")->required();
+  app.add_option("--json", json, "write the figures to this file");
   app.add_flag("--quiet", quiet, "no progress");
   try {
     app.parse(argc, argv);
@@ -32,10 +34,17 @@ int cmd_calibrate(int argc, char** argv) {
   tasks::save_calibration(out, c);
   std::printf("%-18s %5s %10s %10s %10s %10s\n", "task", "level", "p50 us", "p99 us", "p99.9 us",
               "budget us");
+  Metrics metrics("calibrate");
   for (const auto& r : c.rows) {
+    const std::string name = "calibrate." + r.name + "." + std::to_string(r.level);
+    metrics.add(name + ".p50_us", r.p50_us, "us");
+    metrics.add(name + ".p99_us", r.p99_us, "us");
+    metrics.add(name + ".p999_us", r.p999_us, "us");
+    metrics.add(name + ".budget_us", static_cast<double>(r.budget().count()) * 1e-3, "us");
     std::printf("%-18s %5d %10.1f %10.1f %10.1f %10.1f\n", r.name.c_str(), r.level, r.p50_us,
                 r.p99_us, r.p999_us, static_cast<double>(r.budget().count()) * 1e-3);
   }
+  if (!json.empty()) metrics.write(json);
   return 0;
 }
 

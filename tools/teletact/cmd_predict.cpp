@@ -14,13 +14,14 @@
 #include "tasks/prediction/motion_predictor.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/csv.hpp"
+#include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
 namespace {
 
 struct PredictOptions {
-  std::string log, method = "lsq", out;
+  std::string log, method = "lsq", out, json;
   double delay_s = 0;
 };
 
@@ -65,12 +66,12 @@ Log read_log(const std::string& path) {
   return log;
 }
 
-std::string predict(const Log& log, const PredictOptions& o) {
+std::string predict(const Log& log, const PredictOptions& o, Metrics& metrics) {
   tasks::MotionPredictorConfig config;
   config.method = o.method;
   tasks::MotionPredictor predictor(config);
   std::string text = "t_s,x_m,y_m,yaw_rad\n";
-  std::size_t known = 0;
+  std::size_t known = 0, predicted = 0;
   for (std::size_t i = 0; i < log.rows.size(); ++i) {
     const double t = log.rows[i][0];
     if (log.commands) {
@@ -86,7 +87,10 @@ std::string predict(const Log& log, const PredictOptions& o) {
     char line[160];
     std::snprintf(line, sizeof line, ",%.6f,%.6f,%.6f\n", p.X_OB.x, p.X_OB.y, p.X_OB.yaw);
     text += log.stamps[i] + line;
+    ++predicted;
   }
+  metrics.add("predict.rows", static_cast<double>(log.rows.size()), "1");
+  metrics.add("predict.predicted", static_cast<double>(predicted), "1");
   return text;
 }
 
@@ -102,6 +106,7 @@ int cmd_predict(int argc, char** argv) {
       ->required();
   app.add_option("--method", o.method, "none, hold or lsq")->capture_default_str();
   app.add_option("--out", o.out, "CSV to write: t_s,x_m,y_m,yaw_rad")->required();
+  app.add_option("--json", o.json, "write the figures to this file");
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp&) {
@@ -117,11 +122,13 @@ int cmd_predict(int argc, char** argv) {
   if (o.method != "none" && o.method != "hold" && o.method != "lsq") {
     throw std::runtime_error("predict: --method " + o.method + ": allowed are none, hold, lsq");
   }
-  const std::string text = predict(read_log(o.log), o);
+  Metrics metrics("predict");
+  const std::string text = predict(read_log(o.log), o, metrics);
   if (text.find('\n') + 1 == text.size()) {
     throw std::runtime_error("predict: " + o.log + ": no row has data " +
                              std::to_string(o.delay_s) + " s older than itself");
   }
+  if (!o.json.empty()) metrics.write(o.json);
   write_whole_file(o.out, text);
   return 0;
 }

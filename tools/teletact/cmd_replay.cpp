@@ -8,6 +8,7 @@
 #include "config/fault_plan.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/input_recorder.hpp"
+#include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/replay.hpp"
 
 namespace teletact {
@@ -17,7 +18,7 @@ int cmd_replay(int argc, char** argv) {
       "Runs the tasks of a recorded run (demo --record) again on their recorded inputs. Exit code "
       "0: "
       "every job committed the same bytes; 1: not; 2: the recording can not be replayed."};
-  std::string folder, box = "both";
+  std::string folder, box = "both", json;
   std::uint64_t order = 0;
   app.add_option("folder", folder, "REPORT/raw of the run")->required();
   app.add_option("--box", box, "which box")
@@ -26,6 +27,7 @@ int cmd_replay(int argc, char** argv) {
   app.add_option(
       "--order", order,
       "0: jobs in the order they ran; else the seed of another order that the inputs allow");
+  app.add_option("--json", json, "write the figures to this file");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
@@ -39,6 +41,7 @@ int cmd_replay(int argc, char** argv) {
   }
   rt::Startup startup;
   bool same = true;
+  Metrics metrics("replay");
   for (const rt::Box b : {rt::Box::kOperator, rt::Box::kRobot}) {
     const char* name = b == rt::Box::kOperator ? "operator" : "robot";
     if (box != "both" && box != name) continue;
@@ -54,7 +57,16 @@ int cmd_replay(int argc, char** argv) {
     if (!r.first_difference.empty())
       std::printf("%-8s  first difference: %s\n", name, r.first_difference.c_str());
     same = same && r.same();
+    const auto add = [&](const char* what, std::uint64_t value) {
+      metrics.add(std::string("replay.") + name + "." + what, static_cast<double>(value), "1");
+    };
+    add("jobs", r.jobs);
+    add("equal", r.equal);
+    add("abandoned", r.abandoned);
+    add("unfinished", r.unfinished);
+    add("messages", r.messages);
   }
+  if (!json.empty()) metrics.write(json);
   return same ? 0 : 1;
 }
 

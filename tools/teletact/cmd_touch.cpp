@@ -6,6 +6,7 @@
 #include <time.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -21,6 +22,7 @@
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/csv.hpp"
 #include "tools/teletact/field_window.hpp"
+#include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/npy.hpp"
 
 namespace teletact {
@@ -30,7 +32,7 @@ namespace {
 using perception::Vec3;
 
 struct TouchOptions {
-  std::string field, fields, path, out, debug, origin = "0,0,0", method = "constrained";
+  std::string field, fields, path, out, debug, json, origin = "0,0,0", method = "constrained";
   std::string passivity = "off", guard = "on", blend = "on";
   double voxel_m = 0, stiffness = 1000, tip_radius_m = 0, force_limit_N = 12, rate_hz = 0;
   double truncation_m = 0.05;
@@ -212,6 +214,45 @@ void write_debug(std::FILE* f, double t, const tasks::HapticTask::Out& out, int 
                m.energy_J, m.booked_J);
 }
 
+// Figures of a run; contact ticks only where docs/metrics.md says so.
+class Tally {
+ public:
+  void add(const tasks::HapticTask::Out& out, std::int64_t cpu_ns) {
+    const auto& m = out.telemetry;
+    ++ticks_;
+    force_N_ = std::max(force_N_, out.force.f_H_D.norm());
+    step_N_ = std::max(step_N_, m.step_N);
+    step_raw_N_ = std::max(step_raw_N_, m.step_raw_N);
+    if (!m.in_contact) return;
+    contact_cpu_us_.push_back(static_cast<double>(cpu_ns) * 1e-3);
+    guarded_ += m.guard_use ? 1 : 0;
+  }
+  [[nodiscard]] Metrics metrics() {
+    Metrics m("touch");
+    const auto contact = static_cast<double>(contact_cpu_us_.size());
+    m.add("touch.ticks", static_cast<double>(ticks_), "1");
+    m.add("touch.contact_share", contact / static_cast<double>(std::max<std::size_t>(1, ticks_)),
+          "1");
+    m.add("touch.force_max_N", force_N_, "N");
+    m.add("touch.force_step_max_N", step_N_, "N");
+    m.add("touch.force_step_raw_max_N", step_raw_N_, "N");
+    if (contact_cpu_us_.empty()) return m;
+    m.add("touch.guard_share", static_cast<double>(guarded_) / contact, "1");
+    std::sort(contact_cpu_us_.begin(), contact_cpu_us_.end());
+    const auto at = [&](double q) {
+      return contact_cpu_us_[static_cast<std::size_t>(q * (contact - 1) + 0.5)];
+    };
+    m.add("touch.cpu_p50_us", at(0.5), "us");
+    m.add("touch.cpu_p99_us", at(0.99), "us");
+    return m;
+  }
+
+ private:
+  std::size_t ticks_ = 0, guarded_ = 0;
+  double force_N_ = 0, step_N_ = 0, step_raw_N_ = 0;
+  std::vector<double> contact_cpu_us_;
+};
+
 void run(const TouchOptions& o) {
   const Vec3 origin = parse_origin(o.origin);
   double period_s = 1e-3;
@@ -246,6 +287,7 @@ void run(const TouchOptions& o) {
         "t_s,raw_fx,raw_fy,raw_fz,raw_step_N,step_N,in_contact,constraints,guard_active,"
         "guard_use,limit_active,held,near_edge,field_samples,gain,blend,energy_J,booked_J\n");
   }
+  Tally tally;
   tasks::HapticTask::In in;
   tasks::HapticTask::Out out;
   in.mode.seq = 1;
@@ -269,6 +311,7 @@ void run(const TouchOptions& o) {
     const std::int64_t before = thread_cpu_ns();
     (void)task.step(tick, in, out);
     const std::int64_t cpu_ns = thread_cpu_ns() - before;
+    tally.add(out, cpu_ns);
     const Vec3 p = out.state.p_WP + origin;
     const Vec3& f = out.force.f_H_D;
     std::fprintf(trace.get(), "%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%d,%lld\n", row.t,
@@ -276,6 +319,7 @@ void run(const TouchOptions& o) {
                  out.state.contacts, static_cast<long long>(cpu_ns));
     if (debug) write_debug(debug->get(), row.t, out, out.state.contacts);
   }
+  if (!o.json.empty()) tally.metrics().write(o.json);
   if (debug) debug->finish();
   trace.finish();
 }
@@ -295,6 +339,7 @@ int cmd_touch(int argc, char** argv) {
   app.add_option("--method", o.method, "constrained, nearest or nearest10")->capture_default_str();
   app.add_option("--out", o.out, "trace CSV to write")->required();
   app.add_option("--debug", o.debug, "CSV with raw force, guards, constraints per tick");
+  app.add_option("--json", o.json, "write the figures to this file");
   app.add_option("--stiffness", o.stiffness, "N/m")->capture_default_str();
   app.add_option("--tip-radius", o.tip_radius_m, "m")->capture_default_str();
   app.add_option("--force-limit", o.force_limit_N, "N")->capture_default_str();

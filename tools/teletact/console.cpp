@@ -1,6 +1,8 @@
 #include "tools/teletact/console.hpp"
 
+#include <spdlog/details/null_mutex.h>
 #include <spdlog/logger.h>
+#include <spdlog/sinks/base_sink.h>
 #include <spdlog/sinks/basic_file_sink.h>
 
 #include <algorithm>
@@ -12,11 +14,24 @@ using tasks::OperatorCells;
 
 namespace {
 
+class LineSink final : public spdlog::sinks::base_sink<spdlog::details::null_mutex> {
+ public:
+  explicit LineSink(TakeLine take) : take_(std::move(take)) {}
+
+ private:
+  void sink_it_(const spdlog::details::log_msg& m) override {
+    take_({m.payload.data(), m.payload.size()});
+  }
+  void flush_() override {}
+  TakeLine take_;
+};
+
 // The records carry their own time (box clock), so lines need no other.
 std::unique_ptr<rt::LogDrain> drain_to(rt::NonRealtime& nrt, tasks::TaskLogs& logs, rt::Box box,
-                                       const std::string& path) {
+                                       const std::string& path, TakeLine also) {
   auto sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(path, true);
   auto logger = std::make_shared<spdlog::logger>("tasks", std::move(sink));
+  if (also) logger->sinks().push_back(std::make_shared<LineSink>(std::move(also)));
   logger->set_pattern("%l %v");
   logger->flush_on(spdlog::level::info);
   auto drain = std::make_unique<rt::LogDrain>(nrt, logs.sites(), std::move(logger));
@@ -26,11 +41,11 @@ std::unique_ptr<rt::LogDrain> drain_to(rt::NonRealtime& nrt, tasks::TaskLogs& lo
 
 }  // namespace
 
-void OperatorConsole::log_to(rt::NonRealtime& nrt, const std::string& path) {
-  log_ = drain_to(nrt, *box_.graph().cells().logs, rt::Box::kOperator, path);
+void OperatorConsole::log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also) {
+  log_ = drain_to(nrt, *box_.graph().cells().logs, rt::Box::kOperator, path, std::move(also));
 }
-void RobotConsole::log_to(rt::NonRealtime& nrt, const std::string& path) {
-  log_ = drain_to(nrt, *box_.graph().cells().logs, rt::Box::kRobot, path);
+void RobotConsole::log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also) {
+  log_ = drain_to(nrt, *box_.graph().cells().logs, rt::Box::kRobot, path, std::move(also));
 }
 
 OperatorConsole::OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time epoch)

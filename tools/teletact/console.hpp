@@ -4,8 +4,10 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "tools/teletact/boxes.hpp"
@@ -31,12 +33,15 @@ struct OperatorView {
   std::uint32_t engages = 0;        // acts of the operator; more than one: again after a fault
 };
 
+using TakeLine = std::function<void(std::string_view)>;  // one line of a task's log
+
 class OperatorConsole {
  public:
   OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time epoch);
   void tick(rt::Time now);
-  // From now on the tasks' log lines go to this file. By an ordinary thread, with every tick.
-  void log_to(rt::NonRealtime& nrt, const std::string& path);
+  // From now on the tasks' log lines go to this file, and to `also`. By an ordinary thread, with every
+  // tick.
+  void log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also = {});
   [[nodiscard]] const OperatorView& seen() const noexcept { return seen_; }
   [[nodiscard]] OperatorView take() { return std::move(seen_); }  // ends its use
   [[nodiscard]] OperatorView copy() const;
@@ -78,7 +83,7 @@ class RobotConsole {
  public:
   explicit RobotConsole(RobotBox& box) : box_(box) {}
   void tick(rt::Time now);
-  void log_to(rt::NonRealtime& nrt, const std::string& path);
+  void log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also = {});
   [[nodiscard]] const RobotView& seen() const noexcept { return seen_; }
   [[nodiscard]] RobotView take() { return std::move(seen_); }
 

@@ -189,6 +189,7 @@ class InputRecorder::Body final : public rt::TaskBody {
     return op;
   }
   void end(const rt::Tick& tick, JobOp::Kind kind, std::uint64_t hash, std::int64_t at) noexcept {
+    if (!owner_.file_) return;
     JobOp op = make(tick, kind);
     op.at_ns = owner_.now_ ? rt::ns_of(owner_.now_()) : std::max(at, op.start_ns);
     op.put(Ended{hash, owner_.published_(static_cast<int>(id_))});
@@ -201,7 +202,9 @@ class InputRecorder::Body final : public rt::TaskBody {
 
 InputRecorder::InputRecorder(rt::NonRealtime&, const std::string& path, const Keys& keys,
                              std::function<rt::Time()> now)
-    : path_(path), file_(std::fopen(path.c_str(), "wb")), now_(std::move(now)) {
+    : path_(path), now_(std::move(now)) {
+  if (path.empty()) return;
+  file_.reset(std::fopen(path.c_str(), "wb"));
   if (!file_) throw std::runtime_error(path + ": can not be written");
   std::fprintf(file_.get(), "teletact-inputs 1 %zu\n", sizeof(JobOp));
   for (const auto& [key, value] : keys)
@@ -212,7 +215,6 @@ InputRecorder::InputRecorder(rt::NonRealtime&, const std::string& path, const Ke
 InputRecorder::~InputRecorder() = default;
 
 void InputRecorder::wrap(BoxOptions& options) {
-  options.hash_outputs = true;
   options.wrap_device = [this](drivers::HapticDevice& device) {
     haptic_ = std::make_unique<HapticTap>(device);
     return haptic_.get();
@@ -221,6 +223,8 @@ void InputRecorder::wrap(BoxOptions& options) {
     bus_ = std::make_unique<BusTap>(bus);
     return bus_.get();
   };
+  if (!file_) return;
+  options.hash_outputs = true;
   options.wrap_camera = [this](drivers::Camera& camera) {
     camera_ = std::make_unique<CameraTap>(camera);
     return camera_.get();
@@ -228,6 +232,7 @@ void InputRecorder::wrap(BoxOptions& options) {
 }
 
 void InputRecorder::attach(drivers::LinkEndpoint& endpoint) {
+  if (!file_) return;
   endpoint.set_tap([this](std::span<const std::uint8_t> message, rt::Time now, bool taken) {
     Message m;
     m.head = {rt::ns_of(now), static_cast<std::uint32_t>(message.size()), taken ? 1U : 0U,
@@ -263,7 +268,7 @@ void InputRecorder::attach(tasks::RobotGraph& graph, drivers::LinkEndpoint& endp
       in.link_heard_ns = graph.latched(id).last_heard_ns;
       op.put(in);
     } else if (id == TaskId::kCapture) {
-      op.put(camera_->newest);
+      if (camera_) op.put(camera_->newest);
     } else {
       op.put(status_input(graph.latched(id)));
     }
@@ -274,6 +279,11 @@ void InputRecorder::attach(tasks::RobotGraph& graph, drivers::LinkEndpoint& endp
 rt::TaskBody& InputRecorder::body(TaskId id, rt::TaskBody& inner) {
   bodies_.push_back(std::make_unique<Body>(*this, id, inner));
   return *bodies_.back();
+}
+
+void InputRecorder::also(TakeOp take, TakeTally mark) {
+  take_ = std::move(take);
+  mark_ = std::move(mark);
 }
 
 void InputRecorder::write(char tag, const void* data, std::size_t size) {
@@ -306,10 +316,13 @@ void InputRecorder::drain() {
   }
   for (auto& b : bodies_) {
     for (JobOp op; b->ring.try_pop(op);) {
+      if (take_ && op.kind == JobOp::Kind::kLatch) take_(op);
+      if (!file_) continue;
       write('O', &op, sizeof op);
       ++tally_.ops;
     }
   }
+  if (file_ && mark_) mark_(tally_);
 }
 
 void InputRecorder::finish() {
@@ -319,6 +332,7 @@ void InputRecorder::finish() {
     const std::lock_guard lock(mutex_);
     finished_ = true;
   }
+  if (!file_) return;
   for (const auto& b : bodies_) tally_.lost += b->ring.dropped();
   if (camera_) tally_.lost += camera_->lost();
   write('E', &tally_, sizeof tally_);

@@ -2,6 +2,9 @@
 // a wrapper that copies into a ring of its own: two copies of 256 bytes a job, nothing inside step().
 // An ordinary thread calls drain() now and then and writes the file. A full ring loses the record,
 // and the recording then says that it is not whole.
+//
+// Without a file it only tells a black box what the jobs latched: no images, no message bodies, no
+// output hashes.
 #pragma once
 
 #include <cstdio>
@@ -26,7 +29,7 @@ class InputRecorder {
  public:
   using Keys = std::vector<std::pair<std::string, std::string>>;
   // `now`: box clock, for what the job's record does not know; empty on the virtual clock.
-  // Throws std::runtime_error naming the file.
+  // `path` empty: no file. Throws std::runtime_error naming the file.
   InputRecorder(rt::NonRealtime&, const std::string& path, const Keys& keys,
                 std::function<rt::Time()> now = {});
   ~InputRecorder();
@@ -40,6 +43,11 @@ class InputRecorder {
   void attach(tasks::RobotGraph& graph, drivers::LinkEndpoint& endpoint);
   // What stands between the executor and a task.
   [[nodiscard]] rt::TaskBody& body(tasks::TaskId id, rt::TaskBody& inner);
+
+  // From now on drain() hands each latch to `take`, and, with a file, how far it has come to `mark`.
+  using TakeOp = std::function<void(const JobOp&)>;
+  using TakeTally = std::function<void(const Tally&)>;
+  void also(TakeOp take, TakeTally mark);
 
   void drain();   // ordinary thread
   void finish();  // drains and writes the end; after it nothing is recorded
@@ -72,6 +80,8 @@ class InputRecorder {
   std::mutex mutex_;  // link thread and ordinary threads only
   std::vector<Message> messages_;
   Tally tally_;
+  TakeOp take_;
+  TakeTally mark_;
   bool failed_ = false, finished_ = false;
 };
 

@@ -69,6 +69,16 @@ std::vector<double> cpu_us(const rt::TaskLog& task) {
   return v;
 }
 
+// Frames that fusion took, and frames that a newer one had replaced before fusion looked: the numbers
+// of the frames that its jobs used tell both.
+std::pair<std::uint64_t, std::uint64_t> frames_seen(const rt::TaskLog& fusion) {
+  std::uint64_t newest = 0, seen = 0;
+  for (const auto& j : fusion.jobs) {
+    if (j.input_seq[0] > newest) ++seen, newest = j.input_seq[0];
+  }
+  return {seen, newest - std::min(newest, seen)};
+}
+
 const rt::TaskLog* task_of(const OperatorHalf& op, const RobotHalf& robot, tasks::TaskId id) {
   for (const auto* log : {&op.log, &robot.log}) {
     for (const auto& t : log->tasks) {
@@ -259,6 +269,11 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
   m.add("fusion.frames_tracked", static_cast<double>(tracked), "1");
   m.add("fusion.frames_claimed", static_cast<double>(claimed), "1");
   if (const auto* fusion = task_of(op, robot, tasks::TaskId::kFusion)) {
+    const auto [seen, lost] = frames_seen(*fusion);
+    m.add("fusion.frames_overwritten", static_cast<double>(lost), "1");
+    m.add("fusion.frames_overwritten_share",
+          static_cast<double>(lost) / static_cast<double>(std::max<std::uint64_t>(1, seen + lost)),
+          "1");
     m.add("fusion.cpu_p50_ms", 1e-3 * quantile(cpu_us(*fusion), 0.5), "ms");
     m.add("fusion.cpu_p99_ms", 1e-3 * quantile(cpu_us(*fusion), 0.99), "ms");
   }
