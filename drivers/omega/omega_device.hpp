@@ -90,7 +90,7 @@ class OmegaDevice final : public HapticDevice {
 
   static constexpr std::array<UsbId, 2> kUsbIds{
       {{0x1451, 0x0402, "omega.x"}, {0x1451, 0x0301, "Force Dimension controller"}}};
-  static constexpr const char* kUdevRule = "config/system/udev/91-teletact-haptic.rules";
+  static constexpr const char* kUdevRule = "config/system/udev/70-teletact-haptic.rules";
 
  private:
   // kLive: the owner may call the SDK. kLost: the minder may. Each changes only its own.

@@ -115,7 +115,7 @@ TEST(OmegaRefusals, NoPermission) {
   EXPECT_EQ(
       refusal(twin, quick_config(), plugged(-3))
           .find("omega: 1451:0402 (omega.x) on bus 1 device 4: no permission: udev rule missing; "
-                "copy config/system/udev/91-teletact-haptic.rules to /etc/udev/rules.d/"),
+                "copy config/system/udev/70-teletact-haptic.rules to /etc/udev/rules.d/"),
       0U);
 }
 
