@@ -21,6 +21,7 @@ struct ModeMsg {
   rt::Time stamp{};
   Mode mode = Mode::kInit;
   rt::FaultId cause = rt::kNoFault;
+  bool clear = false;  // the operator clears: what a device or a task has latched is let go of
 };
 
 // Where the hand is, for fusion's window and for the console. haptic -> fusion, every tick.

@@ -66,6 +66,7 @@ struct LinkStatus {
   std::atomic<std::int64_t> round_trip_ns{0};
   std::atomic<std::int64_t> uncertainty_ns{0};
   std::atomic<bool> refused{false};  // handshake failed
+  std::atomic<bool> closed{false};   // the connection has ended: known at once, unlike a silence
   std::atomic<bool> expected{true};
 };
 
@@ -81,7 +82,7 @@ struct OperatorRequests {
 struct LatchedStatus {
   std::int64_t last_heard_ns = 0, round_trip_ns = 0, uncertainty_ns = 0;
   int engage = 0;
-  bool refused = false, expected = false;
+  bool refused = false, expected = false, closed = false;
   bool ramp_down = false, stop = false, clear = false, watchdog_bit = false;
   bool events_full = false;  // planning took all the touch events it had room for
 };

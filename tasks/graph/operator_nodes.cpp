@@ -330,11 +330,12 @@ LatchedStatus latched_status(const SupervisionTask::In& in) noexcept {
   LatchedStatus s;
   s.last_heard_ns = rt::ns_of(in.link_last);
   s.refused = in.link_refused;
+  s.closed = in.link_closed;
   s.expected = in.link_expected;
   s.engage = static_cast<int>(in.requests.engage);
   s.ramp_down = in.requests.ramp_down;
   s.stop = in.requests.stop;
-  s.clear = in.requests.clear;
+  s.clear = in.requests.clear == SupervisionTask::Clear::kYes;
   s.watchdog_bit = in.watchdog_bit;
   return s;
 }
@@ -374,12 +375,14 @@ void SupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcep
   }
   in_.link_last = std::min(rt::time_from_ns(heard), state_heard_);
   in_.link_refused = link_.refused.load(std::memory_order_relaxed);
+  in_.link_closed = link_.closed.load(std::memory_order_relaxed);
   in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
   in_.requests.engage =
       static_cast<SupervisionTask::Engage>(requests_.engage.load(std::memory_order_relaxed));
   in_.requests.ramp_down = requests_.ramp_down.load(std::memory_order_relaxed);
   in_.requests.stop = requests_.stop.load(std::memory_order_relaxed);
-  in_.requests.clear = requests_.clear.load(std::memory_order_relaxed);
+  using Clear = SupervisionTask::Clear;
+  in_.requests.clear = requests_.clear.load(std::memory_order_relaxed) ? Clear::kYes : Clear::kNo;
 }
 
 rt::Health SupervisionNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {

@@ -47,7 +47,10 @@ rt::TaskBody& RobotGraph::body(TaskId id) {
 LatchedStatus RobotGraph::latched(TaskId id) const noexcept {
   if (id == TaskId::kRobotSupervision) return latched_status(nodes_->supervision.in());
   LatchedStatus s;
-  if (id == TaskId::kRobotIo) s.last_heard_ns = rt::ns_of(nodes_->robot_io.in().link_heard_at);
+  if (id == TaskId::kRobotIo) {
+    s.last_heard_ns = rt::ns_of(nodes_->robot_io.in().link_heard_at);
+    s.closed = nodes_->robot_io.in().link_closed;
+  }
   return s;
 }
 

@@ -26,6 +26,7 @@ void RobotIoNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   const std::int64_t heard = link_.last_heard_ns.load(std::memory_order_relaxed);
   in_.link_heard = heard != 0;
   in_.link_heard_at = rt::time_from_ns(heard);
+  in_.link_closed = link_.closed.load(std::memory_order_relaxed);
   record.input_seq[0] = goal.seq;
   record.input_seq[1] = mode_.seq;
   record.input_seq[2] = in_.motors.seq;
@@ -152,13 +153,18 @@ void RobotSupervisionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcep
   in_.link_heard = heard != 0;
   in_.link_last = rt::time_from_ns(heard);
   in_.link_refused = link_.refused.load(std::memory_order_relaxed);
+  in_.link_closed = link_.closed.load(std::memory_order_relaxed);
   in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
-  // The operator's engage travels in the goal; without a goal there is none.
+  // The operator's engage and clear travel in the goal; without a goal there is none.
   using Engage = SupervisionTask::Engage;
+  using Clear = SupervisionTask::Clear;
   in_.requests.engage = !goal                         ? Engage::kAbsent
                         : goal->operator_engaged != 0 ? Engage::kYes
                                                       : Engage::kNo;
   in_.peer_mode = goal && goal->operator_engaged != 0 ? Mode::kEngaged : Mode::kHold;
+  in_.requests.clear = !goal                       ? Clear::kAbsent
+                       : goal->operator_clear != 0 ? Clear::kYes
+                                                   : Clear::kNo;
   in_.requests.ramp_down = requests_.ramp_down.load(std::memory_order_relaxed);
   in_.requests.stop = requests_.stop.load(std::memory_order_relaxed);
 }

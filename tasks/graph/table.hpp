@@ -84,7 +84,7 @@ struct EdgeRow {
 inline constexpr std::array<EdgeRow, kEdgeCount> kEdgeTable{{
     {EdgeId::kFrame, "frame", "capture", "fusion", EdgeKind::kRemote, "map stays, tracking idles"},
     {EdgeId::kRobotState, "robot_state", "robot_io", "prediction planning fusion supervision", EdgeKind::kRemote, "ramp down"},
-    {EdgeId::kGoal, "goal", "prediction", "robot_io robot_supervision", EdgeKind::kRemote, "robot halts with its ramp"},
+    {EdgeId::kGoal, "goal", "prediction", "robot_io robot_supervision", EdgeKind::kRemote, "robot ramps down"},
     {EdgeId::kPatch, "patch", "fusion", "haptic", EdgeKind::kLatest, "force ramps to zero"},
     {EdgeId::kView, "view", "fusion", "console", EdgeKind::kLatest, "shown"},
     {EdgeId::kCostMap, "cost_map", "fusion", "planning", EdgeKind::kLatest, "no new path"},
@@ -112,7 +112,7 @@ struct LimitRow {
 inline constexpr std::array<LimitRow, 5> kLimitTable{{
     {EdgeId::kRobotState, TaskId::kPrediction, 0, 250, "prediction.state_liveness_ms", "goals are not engaged"},
     {EdgeId::kRobotState, TaskId::kSupervision, 180, 0, "supervision.link_liveness_s", "ramp down"},
-    {EdgeId::kGoal, TaskId::kRobotIo, 250, 300, "robot_io.link_silence_ms, prediction.goal_valid_ms", "the base halts with its ramp"},
+    {EdgeId::kGoal, TaskId::kRobotIo, 90, 300, "robot_io.link_silence_ms, prediction.goal_valid_ms", "the base ramps down"},
     {EdgeId::kGoal, TaskId::kRobotSupervision, 180, 0, "supervision.link_liveness_s", "ramp down"},
     {EdgeId::kPatch, TaskId::kHaptic, 100, 0, "haptic.patch_liveness_s", "force ramps to zero"},
 }};

@@ -43,6 +43,7 @@ Health PredictionTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   out.telemetry.X_WB = out.telemetry.predicted_X_WB = perception::compose(X_WO_, here);
   out.telemetry.path_seq = follower_.seq();
   g.operator_engaged = in.mode != nullptr && in.mode->mode == Mode::kEngaged ? 1 : 0;
+  g.operator_clear = in.mode != nullptr && in.mode->clear ? 1 : 0;
   if (make_goal(tick, in, out, health)) g.engaged = 1;
   return health;
 }

@@ -47,16 +47,9 @@ Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept 
   Health health = sense_bus(in);
   health = rt::worst(health, accept_goal(tick, in));
 
-  const Mode mode = in.mode != nullptr ? in.mode->mode : Mode::kInit;
-  if (mode == Mode::kEngaged && last_mode_ != Mode::kEngaged) {
-    // An explicit engage: the operator's act that clears what has latched.
-    if (encoder_fault_) {
-      odometry_.reset(odometry_.pose());
-      encoder_fault_ = false;
-    }
-    out.clear_motor_timeout = (motor_flags_ & drivers::motor_flag::kTimeout) != 0;
-  }
-  last_mode_ = mode;
+  last_mode_ = in.mode != nullptr ? in.mode->mode : Mode::kInit;
+  if (last_mode_ == Mode::kSafeStop && in.mode->clear) let_go(out);
+  health = until_seen(health);
 
   const Drive drive = decide(tick, in, out, health);
   const double period = rt::seconds(tick.period);
@@ -68,6 +61,9 @@ Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept 
   switch (drive) {
     case Drive::kOff:
       trajectory_.halt(X_OB);
+      break;
+    case Drive::kRampDown:
+      v_O = trajectory_.ramp_down(X_OB, dt);
       break;
     case Drive::kHalt:
       v_O = trajectory_.stop(X_OB, dt);
@@ -112,7 +108,11 @@ Health RobotIoTask::sense_bus(const In& in) noexcept {
   motor_flags_ = 0;
   for (const std::uint32_t f : in.motors.flags) motor_flags_ |= f;
   const Twist2 v = kinematics_.forward(in.motors.wheel_rad_per_s);
-  if (!perception::is_finite(v) || !odometry_.update(in.motors.wheel_rad)) encoder_fault_ = true;
+  encoder_readable_ = perception::is_finite(v);
+  for (const double angle : in.motors.wheel_rad) {
+    encoder_readable_ = encoder_readable_ && std::isfinite(angle);
+  }
+  if (!encoder_readable_ || !odometry_.update(in.motors.wheel_rad)) encoder_fault_ = true;
   if (encoder_fault_) {
     v_measured_ = {};
     return Health::of(Severity::kSafeStop, robot_io_fault::kEncoder);
@@ -126,6 +126,27 @@ Health RobotIoTask::sense_bus(const In& in) noexcept {
     return Health::of(Severity::kSafeStop, robot_io_fault::kMotorTimeout);
   }
   return Health::ok();
+}
+
+// The operator's clear, of what is no longer there. After a leap the pose is kept and the angles
+// count from where they are now.
+void RobotIoTask::let_go(Out& out) noexcept {
+  if (encoder_fault_ && encoder_readable_) {
+    odometry_.reset(odometry_.pose());
+    encoder_fault_ = false;
+  }
+  out.clear_motor_timeout = (motor_flags_ & drivers::motor_flag::kTimeout) != 0;
+}
+
+// Supervision looks every tenth tick and at the newest report only: what lasted for one tick must
+// not be missed.
+Health RobotIoTask::until_seen(Health health) noexcept {
+  if (last_mode_ == Mode::kSafeStop) {
+    unseen_stop_ = Health::ok();
+  } else if (health.severity == Severity::kSafeStop) {
+    unseen_stop_ = health;
+  }
+  return rt::worst(health, unseen_stop_);
 }
 
 Health RobotIoTask::accept_goal(const rt::Tick&, const In& in) noexcept {
@@ -151,21 +172,21 @@ RobotIoTask::Drive RobotIoTask::decide(const rt::Tick& tick, const In& in, Out&,
       return Drive::kOff;
     case Mode::kHold:
     case Mode::kRampDown:
-      return Drive::kHalt;
+      return Drive::kRampDown;
     case Mode::kEngaged:
       break;
   }
-  if (!in.link_heard ||
+  if (!in.link_heard || in.link_closed ||
       tick.start - in.link_heard_at > std::chrono::milliseconds{config_.link_silence_ms}) {
     health = rt::worst(health, Health::of(Severity::kDegraded, robot_io_fault::kLinkSilent));
-    return Drive::kHalt;
+    return Drive::kRampDown;
   }
   if (!have_goal_ || goal_.engaged == 0) return Drive::kHalt;
   if (tick.start > goal_.valid_until) {
     if (!expiry_counted_) ++telemetry_.goals_expired;
     expiry_counted_ = true;
     health = rt::worst(health, Health::of(Severity::kDegraded, robot_io_fault::kGoalExpired));
-    return Drive::kHalt;
+    return Drive::kRampDown;
   }
   const Pose2& p = odometry_.pose();
   telemetry_.goal_distance_m = std::hypot(goal_.x_m - p.x, goal_.y_m - p.y);

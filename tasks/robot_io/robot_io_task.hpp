@@ -1,8 +1,7 @@
 // Robot I/O, 1 kHz, hard: goal and wheel angles in, wheel speeds out.
 //
 //   sense    MotorStates           from drivers/youbot   (bus exchange; outside step)
-//   reads    Latest<RobotGoal>     from prediction, over the link; silent or expired -> ramp to a
-//   halt
+//   reads    Latest<RobotGoal>     from prediction, over the link; silent or expired -> ramp down
 //            Latest<ModeMsg>       from supervision of the robot box
 //   act      MotorSetpoints        to drivers/youbot     (bus exchange; outside step)
 //   writes   RobotState            over the link, to prediction
@@ -10,9 +9,10 @@
 //
 // Frames: O odometry (= world at the start), B base. SI units.
 // The base moves only while: mode engaged, bus up, a finite goal that is engaged and not expired,
-// the link heard from. Whatever is missing, it slows down with the acceleration limit and holds
-// still; safe stop switches the motors off at once. A motor watchdog that has latched needs a new
-// engage.
+// the link heard from. A fault among these ramps it down with its own, steeper deceleration; a goal
+// that is not engaged halts it with the acceleration limit; safe stop switches the motors off at
+// once. What a safe stop has latched (the motors' watchdog, an encoder fault) goes with the
+// operator's clear; until supervision is seen in its safe stop the fault stays reported.
 #pragma once
 
 #include <cstdint>
@@ -34,8 +34,11 @@ struct RobotIoConfig {
   TrajectoryConfig trajectory;
   drivers::MecanumConfig base;
   double wheel_speed_limit_rad_per_s = 25;
-  // Nothing heard from the operator box: halt.
+  // Nothing heard from the operator box: ramp down. Motion goes on by itself when the link is back
+  // before supervision has called it silent.
   int link_silence_ms = limit_of(EdgeId::kGoal, TaskId::kRobotIo).liveness_ms;
+  // From the command's zero until the base stands (below 0.01 m/s): the tail of the speed loop.
+  double motor_settle_s = 0.07;
   int frames_lost_limit = 100;  // consecutive: the bus counts as down, safe stop
   double start_x_m = 0, start_y_m = 0, start_yaw_rad = 0;  // X_OB at the start
 
@@ -44,7 +47,10 @@ struct RobotIoConfig {
     base.describe(s.section("base", "geometry of the base"));
     s.number("wheel_speed_limit_rad_per_s", wheel_speed_limit_rad_per_s, 1, 100,
              "largest wheel speed; the twist is scaled down to it");
-    s.integer("link_silence_ms", link_silence_ms, 10, 10000, "halt after this silence of the link");
+    s.integer("link_silence_ms", link_silence_ms, 10, 10000,
+              "ramp down after this silence of the link");
+    s.number("motor_settle_s", motor_settle_s, 0, 1,
+             "from the command's zero until the base stands");
     s.integer("frames_lost_limit", frames_lost_limit, 1, 10000,
               "consecutive lost bus frames that count as a lost bus");
     s.number("start_x_m", start_x_m, -1000, 1000, "pose at the start");
@@ -56,10 +62,10 @@ struct RobotIoConfig {
 namespace robot_io_fault {
 inline constexpr rt::FaultId kFrameLost = 501;     // one bus frame: counted
 inline constexpr rt::FaultId kBusDown = 502;       // many in a row or bus down: safe stop
-inline constexpr rt::FaultId kGoalExpired = 503;   // halt with the ramp
+inline constexpr rt::FaultId kGoalExpired = 503;   // ramp down
 inline constexpr rt::FaultId kGoalRefused = 504;   // not finite: ignored, counted
-inline constexpr rt::FaultId kLinkSilent = 505;    // halt with the ramp
-inline constexpr rt::FaultId kMotorTimeout = 506;  // flag bit 16: motors off until a new engage
+inline constexpr rt::FaultId kLinkSilent = 505;    // ramp down
+inline constexpr rt::FaultId kMotorTimeout = 506;  // flag bit 16: motors off until cleared
 inline constexpr rt::FaultId kEncoder = 507;       // not finite or a leap: safe stop
 inline constexpr rt::FaultId kTracking = 508;      // base does not follow: reference waits
 }  // namespace robot_io_fault
@@ -84,12 +90,13 @@ class RobotIoTask {
     const ModeMsg* mode = nullptr;             // newest; null: not engaged
     bool link_heard = false;                   // ever
     rt::Time link_heard_at{};                  // last valid message of the operator box
+    bool link_closed = false;                  // its connection has ended
   };
   struct Out {
     drivers::MotorSetpoints setpoints;
     drivers::RobotState state;
     RobotIoTelemetry telemetry;
-    // A new engage came while the motors' watchdog is latched: the driver shall clear it.
+    // The operator clears while the motors' watchdog is latched: the driver shall clear it.
     bool clear_motor_timeout = false;
   };
 
@@ -99,8 +106,10 @@ class RobotIoTask {
   [[nodiscard]] rt::Health step(const rt::Tick&, const In&, Out&) noexcept;
 
  private:
-  enum class Drive : std::uint8_t { kOff, kHalt, kGoal };
+  enum class Drive : std::uint8_t { kOff, kRampDown, kHalt, kGoal };
   [[nodiscard]] rt::Health sense_bus(const In&) noexcept;
+  void let_go(Out&) noexcept;
+  [[nodiscard]] rt::Health until_seen(rt::Health) noexcept;
   [[nodiscard]] Drive decide(const rt::Tick&, const In&, Out&, rt::Health&) noexcept;
   [[nodiscard]] rt::Health accept_goal(const rt::Tick&, const In&) noexcept;
   void write_setpoints(Drive, Out&) noexcept;
@@ -121,7 +130,8 @@ class RobotIoTask {
   perception::Pose2 last_pose_;
   rt::Time motors_taken_{};
   std::uint32_t motor_flags_ = 0;
-  bool encoder_fault_ = false;
+  bool encoder_fault_ = false, encoder_readable_ = false;
+  rt::Health unseen_stop_;  // a safe stop that supervision has not taken up yet
   RobotIoTelemetry telemetry_;
 };
 

@@ -97,6 +97,16 @@ PlanarVelocity Trajectory::track(const TrajectoryTarget& target, const Pose2& X_
 
 PlanarVelocity Trajectory::stop(const Pose2& X_OB, double dt) noexcept {
   limit_command({}, dt);
+  return let_reference_follow(X_OB);
+}
+
+PlanarVelocity Trajectory::ramp_down(const Pose2& X_OB, double dt) noexcept {
+  v_cmd_ = slew(v_cmd_, {}, config_.ramp_down_deceleration_m_per_s2 * dt,
+                config_.ramp_down_yaw_deceleration_rad_per_s2 * dt);
+  return let_reference_follow(X_OB);
+}
+
+PlanarVelocity Trajectory::let_reference_follow(const Pose2& X_OB) noexcept {
   X_OR_ = X_OB;
   v_ref_ = v_cmd_;
   return v_cmd_;

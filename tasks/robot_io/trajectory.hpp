@@ -23,6 +23,9 @@ struct TrajectoryConfig {
   double yaw_rate_rad_per_s = 0.8;
   double acceleration_m_per_s2 = 1.0;
   double yaw_acceleration_rad_per_s2 = 1.6;
+  // Of a ramp-down, where standing soon is worth more than a smooth ride: docs/faults.md.
+  double ramp_down_deceleration_m_per_s2 = 4.0;
+  double ramp_down_yaw_deceleration_rad_per_s2 = 6.4;
   double planning_share = 0.8;  // of the acceleration; the rest is left to the controller
   double position_gain_per_s = 4.0;
   double yaw_gain_per_s = 4.0;
@@ -36,6 +39,10 @@ struct TrajectoryConfig {
     s.number("acceleration_m_per_s2", acceleration_m_per_s2, 0.05, 5, "largest acceleration");
     s.number("yaw_acceleration_rad_per_s2", yaw_acceleration_rad_per_s2, 0.05, 20,
              "largest yaw acceleration");
+    s.number("ramp_down_deceleration_m_per_s2", ramp_down_deceleration_m_per_s2, 0.05, 8,
+             "deceleration of a ramp-down");
+    s.number("ramp_down_yaw_deceleration_rad_per_s2", ramp_down_yaw_deceleration_rad_per_s2, 0.05,
+             40, "yaw deceleration of a ramp-down");
     s.number("planning_share", planning_share, 0.3, 1, "share of the acceleration that is planned");
     s.number("position_gain_per_s", position_gain_per_s, 0, 20, "pose error to speed");
     s.number("yaw_gain_per_s", yaw_gain_per_s, 0, 20, "yaw error to turn rate");
@@ -67,6 +74,8 @@ class Trajectory {
   PlanarVelocity track(const TrajectoryTarget&, const perception::Pose2& X_OB, double dt) noexcept;
   // One tick of slowing down to a halt with the acceleration limit. The reference follows the base.
   PlanarVelocity stop(const perception::Pose2& X_OB, double dt) noexcept;
+  // The same with the deceleration of a ramp-down.
+  PlanarVelocity ramp_down(const perception::Pose2& X_OB, double dt) noexcept;
   // At once: the command is zero, no ramp (safe stop).
   void halt(const perception::Pose2& X_OB) noexcept;
 
@@ -77,6 +86,7 @@ class Trajectory {
 
  private:
   void limit_command(PlanarVelocity wanted, double dt) noexcept;
+  PlanarVelocity let_reference_follow(const perception::Pose2& X_OB) noexcept;
 
   TrajectoryConfig config_;
   perception::Pose2 X_OR_;

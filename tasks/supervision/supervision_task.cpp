@@ -47,7 +47,8 @@ void SupervisionTask::raise(Conditions& c, rt::FaultId id, Severity reported) no
 }
 
 bool SupervisionTask::link_live(rt::Time now, const In& in) const noexcept {
-  return in.link_heard && now - in.link_last <= rt::nanos_from_seconds(config_.link_liveness_s);
+  return in.link_heard && !in.link_closed &&
+         now - in.link_last <= rt::nanos_from_seconds(config_.link_liveness_s);
 }
 
 bool SupervisionTask::all_heard(const In& in) const noexcept {
@@ -104,6 +105,18 @@ void SupervisionTask::count_and_latch(const Conditions& c) noexcept {
 // ---- acts
 // ----------------------------------------------------------------------------------------
 
+void SupervisionTask::take_clear(rt::Time now, const In& in) noexcept {
+  Clear clear = in.requests.clear;
+  // What the robot's box knows of the button is what the link last said.
+  if (box_ == rt::Box::kRobot && in.link_expected && !link_live(now, in)) clear = Clear::kAbsent;
+  if (clear != Clear::kYes) {
+    clearing_ = clear_open_ = false;
+  } else if (last_clear_ == Clear::kNo) {
+    clearing_ = clear_open_ = true;
+  }
+  last_clear_ = clear;
+}
+
 // The operator has seen it: what is gone and asks for no restart no longer holds motion back.
 void SupervisionTask::acknowledge(const Conditions& c) noexcept {
   for (std::size_t i = 0; i < kFaultCount; ++i) {
@@ -129,17 +142,17 @@ rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) n
   gather(now, in, c);
   count_and_latch(c);
   const bool engage = in.requests.engage == Engage::kYes && last_engage_ == Engage::kNo;
-  const bool clear = in.requests.clear && !last_clear_;
   last_engage_ = in.requests.engage;
-  last_clear_ = in.requests.clear;
+  take_clear(now, in);
   out.engage_refused = false;
-  if (clear) acknowledge(c);
+  if (clear_open_) acknowledge(c);
 
   const bool may_move = c.worst.severity < Severity::kRampDown;
   if (c.worst.severity >= Severity::kSafeStop) {
     if (mode_ != Mode::kSafeStop) {
       if (mode_ != Mode::kEngaged && mode_ != Mode::kRampDown) episode_ = {};
       enter(Mode::kSafeStop, c.worst.fault, now);
+      clear_open_ = false;
     }
     out.engage_refused = engage;
   } else {
@@ -172,7 +185,10 @@ rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) n
         out.engage_refused = engage;
         break;
       case Mode::kSafeStop:
-        if (clear && !held_back()) enter(Mode::kHold, rt::kNoFault, now);
+        if (clear_open_ && !held_back()) {
+          enter(Mode::kHold, rt::kNoFault, now);
+          clear_open_ = false;
+        }
         out.engage_refused = engage;
         break;
     }
@@ -187,6 +203,7 @@ rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) n
   out.mode.stamp = now;
   out.mode.mode = mode_;
   out.mode.cause = cause_;
+  out.mode.clear = clearing_;
   return c.worst;
 }
 

@@ -11,8 +11,10 @@
 //
 // Faults are ordered data (fault_ids.hpp): the worst wins. Within an episode (from one engage, or
 // from a stop, to the act that ends it) severity only grows; recovery is an act, never a timeout:
-// a rising engage from kHold, or clear from kSafeStop. An engage must be seen as "no" before a
-// "yes" counts, so a switch left on, or a link that comes back, starts nothing.
+// a rising engage from kHold, or clear from kSafeStop. An engage or a clear must be seen as "no"
+// before a "yes" counts, so a switch left on, or a link that comes back, starts nothing. A clear
+// counts while it is pressed, for the first safe stop only: devices that latch need a few ticks to
+// let go. The operator's acts reach the robot's box with the goal.
 #pragma once
 
 #include <array>
@@ -50,6 +52,7 @@ class SupervisionTask {
   static constexpr int kMaxTasks = 16;
 
   enum class Engage : std::uint8_t { kAbsent, kNo, kYes };
+  enum class Clear : std::uint8_t { kAbsent, kNo, kYes };
   struct TaskReport {
     bool heard = false;    // has published at least once
     rt::Time heartbeat{};  // end of its newest job
@@ -59,7 +62,7 @@ class SupervisionTask {
     Engage engage = Engage::kAbsent;  // level; only kNo -> kYes is an act
     bool ramp_down = false;           // level; SIGINT, SIGTERM, operator
     bool stop = false;                // level
-    bool clear = false;               // level; only its rising edge is an act
+    Clear clear = Clear::kAbsent;     // level; only kNo -> kYes is an act, until it is let go
   };
   struct In {
     std::array<TaskReport, kMaxTasks> tasks{};  // in the order of the watches
@@ -67,6 +70,7 @@ class SupervisionTask {
     bool link_heard = false;
     rt::Time link_last{};          // newest valid message of the peer
     bool link_refused = false;     // hand-shake failed: schema or version differ
+    bool link_closed = false;      // the connection has ended: as silent, at once
     Mode peer_mode = Mode::kInit;  // newest, meaningful while the link is live
     bool estop_fitted = false;
     bool estop_closed = true;  // false: pressed or wire broken
@@ -100,6 +104,7 @@ class SupervisionTask {
   static void raise(Conditions& c, rt::FaultId id, rt::Severity reported) noexcept;
   void count_and_latch(const Conditions& c) noexcept;
   void enter(Mode mode, rt::FaultId cause, rt::Time now) noexcept;
+  void take_clear(rt::Time now, const In& in) noexcept;
   void acknowledge(const Conditions& c) noexcept;
   [[nodiscard]] bool held_back() const noexcept;
   [[nodiscard]] bool link_live(rt::Time now, const In& in) const noexcept;
@@ -118,7 +123,9 @@ class SupervisionTask {
   std::array<bool, kFaultCount> latched_{};  // waits for the operator, or for a restart
   std::array<std::uint32_t, kFaultCount> counts_{};
   Engage last_engage_ = Engage::kAbsent;
-  bool last_clear_ = true;  // a clear that is on at the start is no act
+  Clear last_clear_ = Clear::kAbsent;  // a clear that is on at the start is no act
+  bool clearing_ = false;              // pressed, and not yet let go
+  bool clear_open_ = false;            // and no safe stop has begun or ended since
   bool peer_followed_ = false;
   std::uint64_t seq_ = 0;
 };

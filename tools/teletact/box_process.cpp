@@ -23,7 +23,8 @@ namespace {
 
 constexpr const char* kRegistry = "teletact";
 // From the request to the last job: outputs are at zero within 200 ms of the signal, polls included.
-constexpr std::int64_t kRampDown = 160000000;
+// The base needs 125 ms from its speed limit (robot_io.trajectory), the hand 100 (haptic.ramp_s).
+constexpr std::int64_t kRampDown = 150000000;
 constexpr std::int64_t kPoll = 5000000, kConsolePeriod = 20000000;
 
 std::vector<rt::PlacedTask> placed_tasks(const BoxPlan& plan, rt::Box box,
@@ -57,13 +58,13 @@ struct BoxRunner {
   const BoxPlan& plan;
   rt::Box box;
   rt::BoxTime clock;
-  std::vector<rt::PlacedTask> placed;
+  std::vector<rt::PlacedTask> placed{};
   tasks::OperatorRequests* requests = nullptr;
   drivers::TcpLink* link = nullptr;
-  std::function<void(rt::Time)> tick;  // console
-  std::function<void()> save;          // partial half, so that a kill loses little
-  std::function<void()> make_safe;     // outputs to zero, from any thread
-  std::vector<BoxTotals> totals;
+  std::function<void(rt::Time)> tick{};  // console
+  std::function<void()> save{};          // partial half, so that a kill loses little
+  std::function<void()> make_safe{};     // outputs to zero, from any thread
+  std::vector<BoxTotals> totals{};
   std::uint64_t dropped = 0, hangs = 0;
 
   [[nodiscard]] rt::Time now() const { return clock.from_host(rt::monotonic_ns()); }
@@ -106,6 +107,7 @@ struct BoxRunner {
       executor.run(run_plan);
       done.store(true);
     });
+    g_ramp_down.store(&requests->ramp_down);
     std::int64_t ramp_from = 0, next_save = plan.epoch_host_ns + 1000000000, next_tick = 0;
     bool stopped = false;
     while (!done.load()) {
@@ -116,9 +118,9 @@ struct BoxRunner {
       }
       if (executor.hangs() > 0) requests->watchdog_bit.store(true);
       if (g_stop_requested.load() && ramp_from == 0) {
-        ramp_from = host;
+        ramp_from = g_stop_asked_ns.load();
         requests->ramp_down.store(true);
-        note_request(host);
+        note_request(ramp_from);
       }
       // A slow task notices the stop at its next release; the outputs do not wait for it.
       if (ramp_from != 0 && host - ramp_from > kRampDown && !stopped) {
@@ -126,7 +128,7 @@ struct BoxRunner {
         executor.request_stop();
         make_safe();
       }
-      if (host > next_save) {
+      if (host > next_save && ramp_from == 0) {
         next_save += 1000000000;
         writer->flush();
         save();
@@ -135,6 +137,7 @@ struct BoxRunner {
     }
     runner.join();
     make_safe();
+    g_ramp_down.store(nullptr);
     writer->flush();
     tick(now());
     const auto t = executor.totals();
@@ -160,6 +163,172 @@ std::unique_ptr<InputRecorder> start_recorder(rt::NonRealtime& nrt, rt::Box box,
                                               std::function<rt::Time()> now) {
   if (!options.record) return nullptr;
   return make_recorder(nrt, plan.folder, box, scene, camera_of(scene), std::move(now));
+}
+
+// ---- what differs between the boxes
+
+class OperatorSide {
+ public:
+  static constexpr rt::Box kBox = rt::Box::kOperator;
+  static constexpr const char* kName = "operator";
+  static const rt::BoxTime& clock() { return kOperatorClock; }
+
+  OperatorSide(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
+               const BoxOptions& box_options)
+      : box(nrt, scene, camera_of(scene), box_options),
+        console(box, scene, box_options.epoch),
+        scene_(scene),
+        options_(options),
+        epoch_(box_options.epoch),
+        next_line_(epoch_ + std::chrono::seconds{1}) {
+    half_.epoch_ns = rt::ns_of(epoch_);
+  }
+  static void complete(BoxOptions& box_options) { box_options.real_devices = true; }
+  // Connects to the port that the robot's process wrote down.
+  static rt::Result<std::unique_ptr<drivers::TcpLink>> open_link(const Scene& scene,
+                                                                 const BoxPlan& plan) {
+    int port = 0;
+    while (port == 0) {
+      std::ifstream(plan.folder + "/robot.port") >> port;
+      if (rt::monotonic_ns() > plan.epoch_host_ns)
+        throw std::runtime_error("the robot's process has not come up");
+      ::usleep(5000);
+    }
+    return drivers::TcpLink::connect(scene.link.address, port, std::chrono::seconds{2});
+  }
+  void tick(rt::Time t, drivers::TcpLink& link) {
+    console.tick(t);
+    if (!options_.quiet && t >= next_line_) {
+      next_line_ += std::chrono::seconds{1};
+      std::printf("%s\n", console.status_line(t).c_str());
+      std::fflush(stdout);
+    }
+    if (!cut_ && options_.cut_link_at_s >= 0 && rt::seconds(t - epoch_) >= options_.cut_link_at_s) {
+      cut_ = true;
+      std::ofstream(options_.report + "/raw/link.cut") << rt::monotonic_ns() << '\n';
+      link.cut();
+    }
+  }
+  void make_safe() { box.device().make_safe(); }
+  OperatorHalf& half() {
+    half_.view = console.copy();
+    return half_;
+  }
+  void finish(const drivers::TcpLink& link) {
+    half_.link_round_trip_ns = link.round_trip_ns();
+    half_.link_uncertainty_ns = link.clock_uncertainty_ns();
+    half_.force_error_p95 =
+        check_force(box.graph().fusion().map(), console.seen().haptic,
+                    scene_.graph.haptic.stiffness_N_per_m, scene_.graph.haptic.scale)
+            .relative_error_p95;
+  }
+
+  OperatorBox box;
+  OperatorConsole console;
+
+ private:
+  const Scene& scene_;
+  const DemoOptions& options_;
+  rt::Time epoch_, next_line_;
+  bool cut_ = false;
+  OperatorHalf half_;
+};
+
+class RobotSide {
+ public:
+  static constexpr rt::Box kBox = rt::Box::kRobot;
+  static constexpr const char* kName = "robot";
+  static const rt::BoxTime& clock() { return kRobotClock; }
+
+  RobotSide(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions&,
+            const BoxOptions& box_options)
+      : box(nrt, scene, box_options), console(box) {
+    half_.epoch_ns = rt::ns_of(box_options.epoch);
+  }
+  static void complete(BoxOptions& box_options) { box_options.threaded_camera = true; }
+  static rt::Result<std::unique_ptr<drivers::TcpLink>> open_link(const Scene& scene,
+                                                                 const BoxPlan& plan) {
+    auto link = drivers::TcpLink::listen(scene.link.address, scene.link.port);
+    if (!link) return link;
+    const std::string port = plan.folder + "/robot.port";
+    std::ofstream(port + ".tmp") << link.value()->port() << '\n';
+    std::rename((port + ".tmp").c_str(), port.c_str());  // whole or not there
+    return link;
+  }
+  void tick(rt::Time t, drivers::TcpLink&) { console.tick(t); }
+  void make_safe() { box.bus().make_safe(); }
+  RobotHalf& half() {
+    half_.view = console.seen();
+    return half_;
+  }
+  void finish(const drivers::TcpLink&) { half_.camera_twin_cpu_ns = box.camera_twin_cpu_ns(); }
+
+  RobotBox box;
+  RobotConsole console;
+
+ private:
+  RobotHalf half_;
+};
+
+// ---- what does not
+
+// By the link's thread, once a millisecond and when the connection has ended.
+void show_link(const drivers::TcpLink& link, tasks::LinkStatus& status) {
+  status.last_heard_ns.store(link.last_heard_ns());
+  status.round_trip_ns.store(link.round_trip_ns());
+  status.uncertainty_ns.store(link.clock_uncertainty_ns());
+  status.refused.store(link.state() == drivers::TcpLink::State::kFault);
+  status.closed.store(link.ended());
+}
+
+template <class Side>
+int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
+            const BoxPlan& plan) {
+  BoxOptions box_options;
+  box_options.epoch = Side::clock().from_host(plan.epoch_host_ns);
+  box_options.faults = plan.faults;
+  box_options.now = [] { return Side::clock().from_host(rt::monotonic_ns()); };
+  Side::complete(box_options);
+  BoxRunner runner{options, plan, Side::kBox, Side::clock()};
+  const auto inputs = start_recorder(nrt, Side::kBox, scene, options, plan, box_options.now);
+  if (inputs) inputs->wrap(box_options);
+  Side side(nrt, scene, options, box_options);
+  auto& graph = side.box.graph();
+  if (inputs) inputs->attach(graph, side.box.endpoint());
+  side.console.log_to(nrt, plan.folder + "/" + Side::kName + ".log");
+  const auto registry = enter_registry(plan, Side::kBox);
+
+  auto opened = Side::open_link(scene, plan);
+  if (!opened) throw std::runtime_error(opened.error());
+  drivers::TcpLink& link = *opened.value();
+  link.start(side.box.endpoint(), box_options.now, scene.link.shape,
+             [&] { show_link(link, graph.link()); });
+
+  runner.placed = placed_tasks(plan, Side::kBox, [&](tasks::TaskId id) -> rt::TaskBody& {
+    rt::TaskBody& body = graph.body(id);
+    return inputs ? inputs->body(id, body) : body;
+  });
+  runner.requests = &graph.requests();
+  runner.link = &link;
+  runner.tick = [&](rt::Time t) {
+    side.tick(t, link);
+    if (inputs) inputs->drain();
+  };
+  runner.save = [&] { save_half(plan.folder, side.half()); };
+  runner.make_safe = [&] { side.make_safe(); };
+  save_effects(plan.folder, Side::kName, side.box.effects());
+  runner.await_link();
+  runner.run(nrt, plan.folder + "/" + Side::kName + ".run");
+  side.finish(link);
+  link.stop();
+  if (inputs) inputs->finish();
+  auto& half = side.half();
+  half.totals = runner.totals;
+  half.dropped_records = runner.dropped;
+  half.hangs = runner.hangs;
+  half.complete = true;
+  save_half(plan.folder, half);
+  return runner.hangs > 0 ? 4 : 0;
 }
 
 int with_errors(const char* who, const std::function<int()>& body) {
@@ -197,169 +366,12 @@ rt::RunLog log_header(const std::vector<rt::PlacedTask>& placed, rt::Box box,
 
 int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
                          const BoxPlan& plan) {
-  return with_errors("operator", [&] {
-    BoxOptions box_options;
-    box_options.epoch = kOperatorClock.from_host(plan.epoch_host_ns);
-    box_options.faults = plan.faults;
-    const auto now = [] { return kOperatorClock.from_host(rt::monotonic_ns()); };
-    const auto inputs = start_recorder(nrt, rt::Box::kOperator, scene, options, plan, now);
-    if (inputs) inputs->wrap(box_options);
-    OperatorBox box(nrt, scene, camera_of(scene), box_options);
-    if (inputs) inputs->attach(box.graph(), box.endpoint());
-    OperatorConsole console(box, scene, box_options.epoch);
-    console.log_to(nrt, plan.folder + "/operator.log");
-    const auto registry = enter_registry(plan, rt::Box::kOperator);
-
-    int port = 0;
-    while (port == 0) {
-      std::ifstream(plan.folder + "/robot.port") >> port;
-      if (rt::monotonic_ns() > plan.epoch_host_ns)
-        throw std::runtime_error("the robot's process has not come up");
-      ::usleep(5000);
-    }
-    auto link = drivers::TcpLink::connect(scene.link.address, port, std::chrono::seconds{2});
-    if (!link) throw std::runtime_error(link.error());
-    auto& tcp = *link.value();
-    auto& status = box.graph().link();
-    tcp.start(box.endpoint(), now, scene.link.shape, [&] {
-      status.last_heard_ns.store(tcp.last_heard_ns());
-      status.round_trip_ns.store(tcp.round_trip_ns());
-      status.uncertainty_ns.store(tcp.clock_uncertainty_ns());
-      status.refused.store(tcp.state() == drivers::TcpLink::State::kFault);
-    });
-
-    OperatorHalf half;
-    half.epoch_ns = rt::ns_of(box_options.epoch);
-    BoxRunner runner{options,
-                     plan,
-                     rt::Box::kOperator,
-                     kOperatorClock,
-                     placed_tasks(plan, rt::Box::kOperator,
-                                  [&](tasks::TaskId id) -> rt::TaskBody& {
-                                    rt::TaskBody& body = box.graph().body(id);
-                                    return inputs ? inputs->body(id, body) : body;
-                                  }),
-                     &box.graph().requests(),
-                     &tcp,
-                     {},
-                     {},
-                     {},
-                     {},
-                     0,
-                     0};
-    std::int64_t next_line = plan.epoch_host_ns + 1000000000;
-    bool was_cut = false;
-    runner.tick = [&](rt::Time t) {
-      console.tick(t);
-      if (inputs) inputs->drain();
-      if (!options.quiet && rt::monotonic_ns() >= next_line) {
-        next_line += 1000000000;
-        std::printf("%s\n", console.status_line(t).c_str());
-        std::fflush(stdout);
-      }
-      if (options.cut_link_at_s >= 0 && !was_cut &&
-          rt::seconds(t - box_options.epoch) >= options.cut_link_at_s) {
-        was_cut = true;
-        tcp.cut();
-      }
-    };
-    runner.save = [&] {
-      half.view = console.copy();
-      save_half(plan.folder, half);
-    };
-    save_effects(plan.folder, "operator", box.effects());
-    runner.make_safe = [&] { box.device().make_safe(); };
-    runner.await_link();
-    runner.run(nrt, plan.folder + "/operator.run");
-    half.totals = runner.totals;
-    half.dropped_records = runner.dropped;
-    half.hangs = runner.hangs;
-    half.link_round_trip_ns = tcp.round_trip_ns();
-    half.link_uncertainty_ns = tcp.clock_uncertainty_ns();
-    tcp.stop();
-    if (inputs) inputs->finish();
-    half.view = console.copy();
-    half.force_error_p95 =
-        check_force(box.graph().fusion().map(), half.view.haptic,
-                    scene.graph.haptic.stiffness_N_per_m, scene.graph.haptic.scale)
-            .relative_error_p95;
-    half.complete = true;
-    save_half(plan.folder, half);
-    return runner.hangs > 0 ? 4 : 0;
-  });
+  return with_errors("operator", [&] { return run_box<OperatorSide>(nrt, scene, options, plan); });
 }
 
 int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
                       const BoxPlan& plan) {
-  return with_errors("robot", [&] {
-    BoxOptions box_options;
-    box_options.epoch = kRobotClock.from_host(plan.epoch_host_ns);
-    box_options.faults = plan.faults;
-    box_options.threaded_camera = true;
-    box_options.now = [] { return kRobotClock.from_host(rt::monotonic_ns()); };
-    const auto inputs = start_recorder(nrt, rt::Box::kRobot, scene, options, plan, box_options.now);
-    if (inputs) inputs->wrap(box_options);
-    RobotBox box(nrt, scene, box_options);
-    if (inputs) inputs->attach(box.graph(), box.endpoint());
-    RobotConsole console(box);
-    console.log_to(nrt, plan.folder + "/robot.log");
-    const auto registry = enter_registry(plan, rt::Box::kRobot);
-
-    auto link = drivers::TcpLink::listen(scene.link.address, scene.link.port);
-    if (!link) throw std::runtime_error(link.error());
-    auto& tcp = *link.value();
-    {
-      std::ofstream(plan.folder + "/robot.port.tmp") << tcp.port() << '\n';
-      std::rename((plan.folder + "/robot.port.tmp").c_str(), (plan.folder + "/robot.port").c_str());
-    }
-    auto& status = box.graph().link();
-    tcp.start(box.endpoint(), box_options.now, scene.link.shape, [&] {
-      status.last_heard_ns.store(tcp.last_heard_ns());
-      status.refused.store(tcp.state() == drivers::TcpLink::State::kFault);
-    });
-
-    RobotHalf half;
-    half.epoch_ns = rt::ns_of(box_options.epoch);
-    BoxRunner runner{options,
-                     plan,
-                     rt::Box::kRobot,
-                     kRobotClock,
-                     placed_tasks(plan, rt::Box::kRobot,
-                                  [&](tasks::TaskId id) -> rt::TaskBody& {
-                                    rt::TaskBody& body = box.graph().body(id);
-                                    return inputs ? inputs->body(id, body) : body;
-                                  }),
-                     &box.graph().requests(),
-                     &tcp,
-                     {},
-                     {},
-                     {},
-                     {},
-                     0,
-                     0};
-    runner.tick = [&](rt::Time t) {
-      console.tick(t);
-      if (inputs) inputs->drain();
-    };
-    runner.save = [&] {
-      half.view = console.seen();
-      save_half(plan.folder, half);
-    };
-    save_effects(plan.folder, "robot", box.effects());
-    runner.make_safe = [&] { box.bus().make_safe(); };
-    runner.await_link();
-    runner.run(nrt, plan.folder + "/robot.run");
-    half.totals = runner.totals;
-    half.dropped_records = runner.dropped;
-    half.hangs = runner.hangs;
-    half.camera_twin_cpu_ns = box.camera_twin_cpu_ns();
-    tcp.stop();
-    if (inputs) inputs->finish();
-    half.view = console.seen();
-    half.complete = true;
-    save_half(plan.folder, half);
-    return runner.hangs > 0 ? 4 : 0;
-  });
+  return with_errors("robot", [&] { return run_box<RobotSide>(nrt, scene, options, plan); });
 }
 
 }  // namespace teletact

@@ -171,6 +171,33 @@ void OperatorConsole::engage(rt::Time now) {
       static_cast<int>(engage_shown_ ? Engage::kYes : Engage::kNo));
 }
 
+// A safe stop, of this box or of the robot's, is cleared by an act of its own: a button that is pressed
+// for a while, so that the robot's motors and encoders have time to let go. Then comes the engage.
+void OperatorConsole::clear(rt::Time now) {
+  constexpr rt::Nanos kPress = std::chrono::milliseconds{500};
+  using tasks::Mode;
+  const double wait_s = scene_.operator_script.re_engage_after_s;
+  const bool stopped =
+      seen_.mode.mode == Mode::kSafeStop || static_cast<Mode>(seen_.robot.mode) == Mode::kSafeStop;
+  auto& button = box_.graph().requests().clear;
+  if (button.load()) {
+    if (now - pressed_since_ >= kPress) {
+      button.store(false);
+      stopped_since_ = rt::Time{};
+    }
+    return;
+  }
+  if (!stopped) {
+    stopped_since_ = rt::Time{};
+  } else if (stopped_since_ == rt::Time{}) {
+    stopped_since_ = now;
+  } else if (wait_s > 0 && rt::seconds(now - stopped_since_) >= wait_s) {
+    ++seen_.clears;
+    pressed_since_ = now;
+    button.store(true);
+  }
+}
+
 void OperatorConsole::tick(rt::Time now) {
   drain();
   if (log_) {
@@ -179,6 +206,7 @@ void OperatorConsole::tick(rt::Time now) {
   }
   mind_device(now);
   engage(now);
+  clear(now);
   resolve_points(now);
 }
 
@@ -214,6 +242,7 @@ OperatorView OperatorConsole::copy() const {
   v.points_resolved = seen_.points_resolved;
   v.device_brakes = seen_.device_brakes;
   v.engages = seen_.engages;
+  v.clears = seen_.clears;
   v.log_dropped = seen_.log_dropped;
   return v;
 }

@@ -31,6 +31,7 @@ struct OperatorView {
   std::uint64_t log_dropped = 0;    // records of the tasks' logs that did not fit
   std::uint32_t device_brakes = 0;  // times the operator had to enable the forces again
   std::uint32_t engages = 0;        // acts of the operator; more than one: again after a fault
+  std::uint32_t clears = 0;         // acts of the operator: a safe stop, of either box, cleared
 };
 
 using TakeLine = std::function<void(std::string_view)>;  // one line of a task's log
@@ -53,6 +54,7 @@ class OperatorConsole {
   void resolve_points(rt::Time now);
   void mind_device(rt::Time now);
   void engage(rt::Time now);
+  void clear(rt::Time now);
   OperatorBox& box_;
   const Scene& scene_;
   rt::Time epoch_;
@@ -60,7 +62,7 @@ class OperatorConsole {
   std::size_t next_point_ = 0;
   int camera_width_px_;
   rt::Time braked_since_{};
-  rt::Time held_since_{};
+  rt::Time held_since_{}, stopped_since_{}, pressed_since_{};
   bool engage_shown_ = false;
   std::unique_ptr<rt::LogDrain> log_;
 };

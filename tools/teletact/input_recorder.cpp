@@ -49,6 +49,7 @@ StatusInput status_input(const tasks::LatchedStatus& s) noexcept {
   in.engage = s.engage;
   in.refused = s.refused;
   in.expected = s.expected;
+  in.closed = s.closed;
   in.ramp_down = s.ramp_down;
   in.stop = s.stop;
   in.clear = s.clear;
@@ -206,7 +207,7 @@ InputRecorder::InputRecorder(rt::NonRealtime&, const std::string& path, const Ke
   if (path.empty()) return;
   file_.reset(std::fopen(path.c_str(), "wb"));
   if (!file_) throw std::runtime_error(path + ": can not be written");
-  std::fprintf(file_.get(), "teletact-inputs 1 %zu\n", sizeof(JobOp));
+  std::fprintf(file_.get(), "teletact-inputs 2 %zu\n", sizeof(JobOp));
   for (const auto& [key, value] : keys)
     std::fprintf(file_.get(), "%s %s\n", key.c_str(), value.c_str());
   std::fprintf(file_.get(), "\n");
@@ -266,6 +267,7 @@ void InputRecorder::attach(tasks::RobotGraph& graph, drivers::LinkEndpoint& endp
     if (id == TaskId::kRobotIo) {
       MotorInput in = bus_->newest;
       in.link_heard_ns = graph.latched(id).last_heard_ns;
+      in.link_closed = graph.latched(id).closed;
       op.put(in);
     } else if (id == TaskId::kCapture) {
       if (camera_) op.put(camera_->newest);

@@ -96,6 +96,7 @@ void set_words(tasks::LinkStatus& link, tasks::OperatorRequests& requests, const
   link.uncertainty_ns.store(s.uncertainty_ns);
   link.refused.store(s.refused != 0);
   link.expected.store(s.expected != 0);
+  link.closed.store(s.closed != 0);
   requests.engage.store(s.engage);
   requests.ramp_down.store(s.ramp_down != 0);
   requests.stop.store(s.stop != 0);
@@ -265,6 +266,7 @@ ReplayResult replay_robot(rt::NonRealtime& nrt, const Scene& scene, const BoxOpt
     if (id == TaskId::kRobotIo) {
       bus.fed = op.get<MotorInput>();
       graph.link().last_heard_ns.store(bus.fed.link_heard_ns);
+      graph.link().closed.store(bus.fed.link_closed != 0);
     } else if (id == TaskId::kCapture) {
       camera.fed = op.get<CameraInput>();
     } else {

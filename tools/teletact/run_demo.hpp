@@ -32,8 +32,11 @@ struct DemoOptions {
   bool record = false;        // inputs of both boxes to <report>/raw, for a replay
 };
 
-// Set by the signal handler: ramp down, then stop.
+// Set by the signal handler: ramp down, then stop. When it was asked for (host clock, 0: not yet), and
+// the request of the box's supervision, which the handler sets itself: no loop has to notice first.
 extern std::atomic<bool> g_stop_requested;
+extern std::atomic<std::int64_t> g_stop_asked_ns;
+extern std::atomic<std::atomic<bool>*> g_ramp_down;
 
 // The robot's clock of the demo: 1000 s ahead and 50 ppm fast.
 inline constexpr rt::BoxTime kOperatorClock{0, 0};

@@ -19,10 +19,20 @@
 namespace teletact {
 
 std::atomic<bool> g_stop_requested{false};
+std::atomic<std::int64_t> g_stop_asked_ns{0};
+std::atomic<std::atomic<bool>*> g_ramp_down{nullptr};
 
 namespace {
 
-void on_signal(int) { g_stop_requested.store(true); }
+static_assert(std::atomic<std::int64_t>::is_always_lock_free &&
+                  std::atomic<std::atomic<bool>*>::is_always_lock_free,
+              "a signal handler may not wait");
+void on_signal(int) {
+  std::int64_t never = 0;
+  g_stop_asked_ns.compare_exchange_strong(never, rt::monotonic_ns());
+  if (auto* request = g_ramp_down.load()) request->store(true);
+  g_stop_requested.store(true);
+}
 
 void catch_signals() {
   struct sigaction action {};

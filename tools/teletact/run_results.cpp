@@ -104,6 +104,7 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.one(h.view.points_resolved);
     s.one(h.view.device_brakes);
     s.one(h.view.engages);
+    s.one(h.view.clears);
     s.one(h.view.log_dropped);
     s.one(*h.view.view);
     s.one(*h.view.map);
@@ -124,6 +125,7 @@ void load_half(const std::string& folder, OperatorHalf& h) {
          l.many(h.view.paths) && l.one(h.view.task) && l.one(h.view.camera) &&
          l.one(h.view.robot) && l.one(h.view.arrivals) && l.one(h.view.first_arrival) &&
          l.one(h.view.points_resolved) && l.one(h.view.device_brakes) && l.one(h.view.engages) &&
+         l.one(h.view.clears) &&
          l.one(h.view.log_dropped) && l.one(*h.view.view) && l.one(*h.view.map) &&
          l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
          l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.force_error_p95) &&
@@ -235,6 +237,7 @@ void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics&
         static_cast<double>(guard) / static_cast<double>(std::max<std::size_t>(1, contact)), "1");
   m.add("haptic.device_brakes", op.view.device_brakes, "1");
   m.add("operator.engages", op.view.engages, "1");
+  m.add("operator.clears", op.view.clears, "1");
   m.add("haptic.not_finite", static_cast<double>(not_finite), "1");
 }
 

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "tasks/graph/safe_times.hpp"
 #include "tools/teletact/build_info.hpp"
 
 namespace teletact {
@@ -19,7 +20,9 @@ void Scene::describe(config::Section& s) {
   auto& robot = s.section("robot", "twin of the youBot");
   plant.describe(robot.section("plant", "wheels, motors, floor"));
   bus.describe(robot.section("bus", "motor bus"));
-  device.describe(s.section("device", "twin of the haptic device and the hand on it"));
+  auto& haptic_device = s.section("device", "haptic device, its twin and the hand on it");
+  device.describe(haptic_device);
+  choice.describe(haptic_device);
   hand.describe(s.section("hand", "what the hand does"));
   operator_script.describe(s.section("operator", "what the operator does beside"));
   link.describe(s.section("link", "between the boxes"));
@@ -48,6 +51,8 @@ std::unique_ptr<Scene> load_scene(const std::string& path,
     if (auto ok = config::load_override(o, scene->schema); !ok)
       throw std::runtime_error(ok.error());
   }
+  if (const std::string bad = tasks::check_safe_times(scene->graph); !bad.empty())
+    throw std::runtime_error(path + ": " + bad);
   return scene;
 }
 

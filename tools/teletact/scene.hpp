@@ -16,6 +16,7 @@
 #include "drivers/youbot/robot_plant.hpp"
 #include "drivers/youbot/virtual_youbot.hpp"
 #include "tasks/graph/graph_config.hpp"
+#include "tools/teletact/haptic_choice.hpp"
 
 namespace teletact {
 
@@ -26,7 +27,8 @@ struct OperatorScript {
   void describe(config::Section& s) {
     s.number("engage_after_s", engage_after_s, 0, 3600, "the operator engages the robot then");
     s.number("re_engage_after_s", re_engage_after_s, 0, 3600,
-             "after a fault that has cleared, the operator engages again; 0: never");
+             "after a fault that has cleared, the operator engages again, after a safe stop "
+             "clears first; 0: never");
   }
 };
 
@@ -49,6 +51,7 @@ struct Scene {
   drivers::RobotPlantConfig plant;
   drivers::VirtualYoubotConfig bus;
   drivers::OmegaTwinConfig device;
+  HapticChoice choice;
   drivers::HandScriptConfig hand;
   OperatorScript operator_script;
   LinkConfig link;

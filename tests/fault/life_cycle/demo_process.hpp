@@ -65,6 +65,10 @@ class DemoProcess {
     if (!ended_) return -1;
     return WIFEXITED(status_) ? WEXITSTATUS(status_) : 128 + WTERMSIG(status_);
   }
+  // Another program holds the cores: then a test can say nothing.
+  [[nodiscard]] bool no_room() {
+    return ended() && output().find("not registered") != std::string::npos;
+  }
   void signal(int number) const { ::kill(pid_, number); }
   // Children, {operator, robot}; {0, 0} before they exist.
   [[nodiscard]] std::pair<pid_t, pid_t> boxes() const {
@@ -107,6 +111,12 @@ class DemoProcess {
     text << std::ifstream(raw() + "/operator.log").rdbuf();
     text << std::ifstream(raw() + "/robot.log").rdbuf();
     return text.str();
+  }
+  // When the cable was cut, host clock; 0: it was not.
+  [[nodiscard]] std::int64_t cut_ns() const {
+    std::int64_t t = 0;
+    std::ifstream(raw() + "/link.cut") >> t;
+    return t;
   }
   [[nodiscard]] std::int64_t stop_request_ns(const std::string& box) const {
     std::int64_t t = 0;

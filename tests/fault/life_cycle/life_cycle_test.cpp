@@ -1,6 +1,7 @@
-// Start, end and sudden end of the demo on the real clock, judged by what the run recorded, not by
-// this process's own clock. Bounds are those of docs/faults.md plus `kLoaded`: a machine that also
-// does other work may keep an ordinary thread (the console, the parent) waiting that long.
+// Start, end and sudden end of the demo on the real clock, judged by what the surviving box recorded,
+// in its own clock. The limits are those of docs/faults.md and nothing is added to them. What keeps
+// them is done by real-time jobs; only where a limit is missed *and* the sentinels say that the
+// machine itself held these jobs back in that very time, is the try not measured and made again.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -18,19 +19,58 @@ using life_cycle::DemoProcess;
 using tasks::Mode;
 
 constexpr std::int64_t kMs = 1000000;
-constexpr std::int64_t kLoaded = 100 * kMs;
+constexpr int kTries = 4;
+// A sentinel that wakes this late was held back by the machine: it does nothing and outranks all.
+constexpr std::int64_t kHeldBack = 5 * kMs;
 
-// Another program may hold the cores for a while: then this test can say nothing.
-#define SKIP_IF_NO_ROOM(demo)                                                        \
-  if ((demo).ended() && (demo).output().find("not registered") != std::string::npos) \
-  GTEST_SKIP() << "the cores are taken: " << (demo).output()
+double ms_between(std::int64_t from, std::int64_t to) {
+  return static_cast<double>(to - from) / kMs;
+}
 
-double last_job_end_ms(const rt::RunLog& log, std::int64_t from) {
+// Last job of all tasks, or of the 1 kHz tasks alone: those that have an actuator.
+std::int64_t last_job_end(const rt::RunLog& log, bool actuators_only) {
   std::int64_t last = 0;
   for (const auto& t : log.tasks) {
+    if (actuators_only && t.spec.name != "haptic" && t.spec.name != "robot_io") continue;
     for (const auto& j : t.jobs) last = std::max(last, j.end_ns);
   }
-  return static_cast<double>(last - from) / kMs;
+  return last;
+}
+
+// How long the machine held back the survivor's cores between two instants: its worst sentinel.
+double held_back_ms(const rt::RunLog& log, std::int64_t from, std::int64_t to) {
+  std::int64_t worst = 0;
+  for (const auto& s : log.sentinels) {
+    const std::int64_t woke = s.release_ns + s.late_ns;
+    if (woke >= from && s.release_ns <= to && s.late_ns >= kHeldBack)
+      worst = std::max(worst, s.late_ns);
+  }
+  return static_cast<double>(worst) / kMs;
+}
+
+// One try of a story: what it took and what the machine took of it.
+struct Try {
+  double ms = 0;
+  double held_back = 0;  // ms, by the machine
+  bool skipped = false;
+};
+
+// The limit holds, or the machine was to blame and the story is told again.
+template <class Story>
+void expect_within(double limit_ms, const Story& story) {
+  for (int n = 1; n <= kTries; ++n) {
+    const Try t = story();
+    if (t.skipped) GTEST_SKIP() << "the cores are taken";
+    if (testing::Test::HasFailure()) return;
+    if (t.ms <= limit_ms) return;
+    if (t.held_back <= 0) {
+      ADD_FAILURE() << t.ms << " ms where " << limit_ms << " are allowed";
+      return;
+    }
+    std::printf("try %d: %.0f ms, but the machine held the cores back for %.0f ms: not measured\n",
+                n, t.ms, t.held_back);
+  }
+  GTEST_SKIP() << "not measured: the machine held the cores back in each of " << kTries << " tries";
 }
 
 bool driving(const DemoProcess& d) {
@@ -78,41 +118,67 @@ void expect_zero_before_input(const teletact::OperatorHalf& op, const teletact::
   EXPECT_LT(path_m, 1e-9);
 }
 
-TEST(LifeCycle, InterruptRampsDownWithinTwoHundredMilliseconds) {
+// Newest instant at which a force was on the hand.
+std::int64_t last_force_ns(const teletact::OperatorHalf& half) {
+  std::int64_t last = 0;
+  for (const auto& s : half.view.haptic) {
+    if (s.force_N > 0.0F) last = rt::ns_of(s.stamp);
+  }
+  return last;
+}
+
+void interrupt(Try& result) {
   DemoProcess demo("int", 20);
   const bool drove = demo.until(driving, 20);
-  SKIP_IF_NO_ROOM(demo);
+  result.skipped = demo.no_room();
+  if (result.skipped) return;
   ASSERT_TRUE(drove) << demo.output() << demo.log();
-  const std::int64_t asked = rt::monotonic_ns();  // the operator box's clock
+  const std::int64_t asked = rt::monotonic_ns();
   demo.signal(SIGINT);
   EXPECT_EQ(demo.wait(20), 0) << demo.output();
   EXPECT_TRUE(demo.report_written());
   const auto op = demo.op();
   const auto robot = demo.robot();
-  EXPECT_TRUE(op.complete);
-  EXPECT_TRUE(robot.complete);
-  const double op_ms = last_job_end_ms(op.log, demo.stop_request_ns("operator"));
-  const double robot_ms = last_job_end_ms(robot.log, demo.stop_request_ns("robot"));
+  ASSERT_TRUE(op.complete && robot.complete);
+  const std::int64_t op_asked = rt::ns_of(teletact::kOperatorClock.from_host(asked));
+  const std::int64_t robot_asked = rt::ns_of(teletact::kRobotClock.from_host(asked));
+  const double op_ms = ms_between(op_asked, last_job_end(op.log, true));
+  const double robot_ms = ms_between(robot_asked, last_job_end(robot.log, true));
+  const double force_ms = std::max(0.0, ms_between(op_asked, last_force_ns(op)));
   std::printf(
-      "last job after the request: operator %.1f ms, robot %.1f ms; seen %.1f ms after the "
-      "signal\n",
-      op_ms, robot_ms, static_cast<double>(demo.stop_request_ns("operator") - asked) / kMs);
-  EXPECT_LE(op_ms, 200 + static_cast<double>(kLoaded) / kMs);
-  EXPECT_LE(robot_ms, 200 + static_cast<double>(kLoaded) / kMs);
-  EXPECT_GT(op_ms, 50) << "a ramp, not a cut";
-  EXPECT_LE(demo.stop_request_ns("operator") - asked, kLoaded);
-  // The ramp is a ramp: the mode was left in order and the force ended at zero.
-  EXPECT_EQ(op.view.mode.mode == Mode::kEngaged, false);
+      "after the signal: asked for in the boxes after %.1f and %.1f ms, last force %.1f ms, last "
+      "job "
+      "with an actuator %.1f and %.1f ms, last of any %.1f ms\n",
+      ms_between(op_asked, demo.stop_request_ns("operator")),
+      ms_between(robot_asked, demo.stop_request_ns("robot")), force_ms, op_ms, robot_ms,
+      std::max(ms_between(op_asked, last_job_end(op.log, false)),
+               ms_between(robot_asked, last_job_end(robot.log, false))));
+  result.ms = std::max({op_ms, robot_ms, force_ms});
+  result.held_back = std::max(held_back_ms(op.log, op_asked, op_asked + 200 * kMs),
+                              held_back_ms(robot.log, robot_asked, robot_asked + 200 * kMs));
+  EXPECT_GT(std::min(op_ms, robot_ms), 100) << "a ramp, not a cut";
+  EXPECT_NE(op.view.mode.mode, Mode::kEngaged);
   ASSERT_FALSE(op.view.haptic.empty());
-  EXPECT_LT(op.view.haptic.back().force_N, 0.05F);
+  EXPECT_EQ(op.view.haptic.back().force_N, 0.0F);
   EXPECT_NE(robot.view.robot.back().mode, static_cast<std::uint8_t>(Mode::kEngaged));
+  // The setpoints are zero; what is left is the tail of the speed loop.
+  EXPECT_LT(robot.view.robot.back().speed_m_per_s, 0.05F);
   expect_zero_before_input(op, robot);
 }
 
-TEST(LifeCycle, KilledOperatorLeavesTheRobotStanding) {
+TEST(LifeCycle, InterruptRampsDownWithinTwoHundredMilliseconds) {
+  expect_within(200, [] {
+    Try t;
+    interrupt(t);
+    return t;
+  });
+}
+
+void kill_operator(Try& result) {
   DemoProcess demo("kop", 20);
   const bool drove = demo.until(driving, 20);
-  SKIP_IF_NO_ROOM(demo);
+  result.skipped = demo.no_room();
+  if (result.skipped) return;
   ASSERT_TRUE(drove) << demo.output() << demo.log();
   ASSERT_GT(demo.boxes().first, 0);
   const std::int64_t killed = rt::ns_of(teletact::kRobotClock.from_host(rt::monotonic_ns()));
@@ -125,7 +191,7 @@ TEST(LifeCycle, KilledOperatorLeavesTheRobotStanding) {
       << demo.output();
   const auto robot = demo.robot();
   ASSERT_TRUE(robot.complete);
-  ASSERT_GT(rt::ns_of(robot.view.robot.back().stamp), killed);
+  ASSERT_GT(rt::ns_of(robot.view.robot.back().stamp), killed + 400 * kMs) << "it went on";
   double speed = 0;
   std::int64_t slowing = 0;
   for (const auto& s : robot.view.robot) {
@@ -133,18 +199,23 @@ TEST(LifeCycle, KilledOperatorLeavesTheRobotStanding) {
     if (rt::ns_of(s.stamp) > killed && !s.driving && slowing == 0) slowing = rt::ns_of(s.stamp);
   }
   ASSERT_GT(speed, 0.05) << "it was driving";
-  const double ramp_ms = 1e3 * speed / 1.0;  // robot_io.trajectory.acceleration_m_per_s2
-  const double slow_ms = static_cast<double>(slowing - killed) / kMs;
-  const double stand_ms = static_cast<double>(last_motion_ns(robot) - killed) / kMs;
+  result.ms = ms_between(killed, last_motion_ns(robot));
+  result.held_back = held_back_ms(robot.log, killed, killed + 300 * kMs);
   std::printf("killed at %.2f m/s: ramp begins after %.0f ms, stands after %.0f ms\n", speed,
-              slow_ms, stand_ms);
-  ASSERT_GT(slowing, 0);
-  EXPECT_LE(slow_ms, 300 + static_cast<double>(kLoaded) / kMs);
-  EXPECT_LE(stand_ms, 300 + ramp_ms + static_cast<double>(kLoaded) / kMs);
+              ms_between(killed, slowing), result.ms);
   EXPECT_LT(robot.view.robot.back().speed_m_per_s, 0.005F);
+  EXPECT_NE(robot.view.mode.mode, Mode::kEngaged);
 }
 
-TEST(LifeCycle, KilledRobotLeavesTheHandLimp) {
+TEST(LifeCycle, KilledOperatorLeavesTheRobotStanding) {
+  expect_within(300, [] {
+    Try t;
+    kill_operator(t);
+    return t;
+  });
+}
+
+void kill_robot(Try& result) {
   DemoProcess demo("krob", 20);
   const bool pressed = demo.until(
       [](const DemoProcess& d) {
@@ -153,9 +224,10 @@ TEST(LifeCycle, KilledRobotLeavesTheHandLimp) {
         return h.size() > 400 && h.back().force_N > 1.0F && h[h.size() - 300].force_N > 0.5F;
       },
       25);
-  SKIP_IF_NO_ROOM(demo);
+  result.skipped = demo.no_room();
+  if (result.skipped) return;
   ASSERT_TRUE(pressed) << demo.output() << demo.log();
-  const std::int64_t killed = rt::monotonic_ns();
+  const std::int64_t killed = rt::monotonic_ns();  // the operator box's clock
   ::kill(demo.boxes().second, SIGKILL);
   const int code = demo.wait(20);
   EXPECT_GT(code, 0);
@@ -166,26 +238,73 @@ TEST(LifeCycle, KilledRobotLeavesTheHandLimp) {
   const auto op = demo.op();
   ASSERT_TRUE(op.complete);
   double before = 0;
-  std::int64_t last_force = 0;
   std::size_t after = 0;
   for (const auto& s : op.view.haptic) {
     const std::int64_t t = rt::ns_of(s.stamp);
     if (t <= killed) before = static_cast<double>(s.force_N);
-    if (t > killed && s.force_N > 0.05F) last_force = t;
     if (t > killed + 500 * kMs) ++after;
   }
   ASSERT_GT(before, 0.2) << "the hand pressed";
   ASSERT_GT(after, 100U) << "the operator's box went on after the kill";
-  const double ms = static_cast<double>(last_force - killed) / kMs;
-  std::printf("force %.2f N at the kill, gone after %.0f ms\n", before, ms);
-  EXPECT_LE(ms, 300 + static_cast<double>(kLoaded) / kMs);
+  result.ms = ms_between(killed, last_force_ns(op));
+  result.held_back = held_back_ms(op.log, killed, killed + 300 * kMs);
+  std::printf("force %.2f N at the kill, gone after %.0f ms\n", before, result.ms);
   EXPECT_NE(op.view.mode.mode, Mode::kEngaged);
+}
+
+TEST(LifeCycle, KilledRobotLeavesTheHandLimp) {
+  expect_within(300, [] {
+    Try t;
+    kill_robot(t);
+    return t;
+  });
+}
+
+// The general case: nobody is told, there is only silence. Both boxes live on, and both are safe.
+void cut_link(Try& result) {
+  DemoProcess demo("cut", 9, {"--cut-link", "7"});
+  const int code = demo.wait(40);
+  result.skipped = demo.no_room();
+  if (result.skipped) return;
+  EXPECT_EQ(code, 0) << demo.output();
+  const auto op = demo.op();
+  const auto robot = demo.robot();
+  ASSERT_TRUE(op.complete && robot.complete);
+  const std::int64_t cut = demo.cut_ns();
+  ASSERT_GT(cut, 0);
+  const std::int64_t op_cut = rt::ns_of(teletact::kOperatorClock.from_host(cut));
+  const std::int64_t robot_cut = rt::ns_of(teletact::kRobotClock.from_host(cut));
+  double speed = 0, force = 0;
+  for (const auto& s : robot.view.robot) {
+    if (rt::ns_of(s.stamp) <= robot_cut) speed = static_cast<double>(s.speed_m_per_s);
+  }
+  for (const auto& s : op.view.haptic) {
+    if (rt::ns_of(s.stamp) <= op_cut) force = static_cast<double>(s.force_N);
+  }
+  const double stands = std::max(0.0, ms_between(robot_cut, last_motion_ns(robot)));
+  const double limp = std::max(0.0, ms_between(op_cut, last_force_ns(op)));
+  std::printf("cut at %.2f m/s and %.1f N: stands after %.0f ms, limp after %.0f ms\n", speed,
+              force, stands, limp);
+  EXPECT_TRUE(speed > 0.05 || force > 0.2) << "nothing moved and nothing was felt";
+  EXPECT_NE(op.view.mode.mode, Mode::kEngaged);
+  EXPECT_NE(robot.view.mode.mode, Mode::kEngaged);
+  result.ms = std::max(stands, limp);
+  result.held_back = std::max(held_back_ms(op.log, op_cut, op_cut + 300 * kMs),
+                              held_back_ms(robot.log, robot_cut, robot_cut + 300 * kMs));
+}
+
+TEST(LifeCycle, ACutCableLeavesBothBoxesSafe) {
+  expect_within(300, [] {
+    Try t;
+    cut_link(t);
+    return t;
+  });
 }
 
 TEST(LifeCycle, ASecondStartIsRefusedOrFits) {
   DemoProcess first("one", 6);
   const bool up = first.until([](const DemoProcess& d) { return !d.op().view.haptic.empty(); }, 15);
-  SKIP_IF_NO_ROOM(first);
+  if (first.no_room()) GTEST_SKIP() << "the cores are taken: " << first.output();
   ASSERT_TRUE(up) << first.output();
   DemoProcess second("two", 1);
   const int code = second.wait(20);
@@ -205,7 +324,7 @@ TEST(LifeCycle, ASecondStartIsRefusedOrFits) {
 TEST(LifeCycle, WithoutAnEngageTheRobotNeverMoves) {
   DemoProcess demo("hold", 8, {"--set", "operator.engage_after_s=3600"});
   const int code = demo.wait(40);
-  SKIP_IF_NO_ROOM(demo);
+  if (demo.no_room()) GTEST_SKIP() << "the cores are taken: " << demo.output();
   EXPECT_EQ(code, 0) << demo.output();
   const auto op = demo.op();
   const auto robot = demo.robot();

@@ -96,12 +96,20 @@ TEST(Trajectory, LimitsHoldForJumpingGoals) {
         base.X.x += random.uniform(-0.3, 0.3);
         base.X.yaw += random.uniform(-1, 1);
       }
-      const bool braking = random.uniform() < 0.05;
-      const PlanarVelocity v = braking ? base.trajectory.stop(base.X, kT) : base.tick(t);
+      const bool braking = random.uniform() < 0.05, down = random.uniform() < 0.02;
+      const PlanarVelocity v = down      ? base.trajectory.ramp_down(base.X, kT)
+                               : braking ? base.trajectory.stop(base.X, kT)
+                                         : base.tick(t);
       ASSERT_LE(std::hypot(v.x, v.y), c.speed_m_per_s * (1 + 1e-9)) << "seed " << seed;
       ASSERT_LE(std::abs(v.yaw), c.yaw_rate_rad_per_s * (1 + 1e-9)) << "seed " << seed;
-      ASSERT_LE(std::hypot(v.x - last.x, v.y - last.y), c.acceleration_m_per_s2 * kT * (1 + 1e-6));
-      ASSERT_LE(std::abs(v.yaw - last.yaw), c.yaw_acceleration_rad_per_s2 * kT * (1 + 1e-6));
+      const double a = down ? c.ramp_down_deceleration_m_per_s2 : c.acceleration_m_per_s2;
+      const double a_yaw =
+          down ? c.ramp_down_yaw_deceleration_rad_per_s2 : c.yaw_acceleration_rad_per_s2;
+      ASSERT_LE(std::hypot(v.x - last.x, v.y - last.y), a * kT * (1 + 1e-6));
+      ASSERT_LE(std::abs(v.yaw - last.yaw), a_yaw * kT * (1 + 1e-6));
+      if (down) {
+        ASSERT_LE(std::hypot(v.x, v.y), std::hypot(last.x, last.y)) << "a ramp only goes down";
+      }
       last = v;
     }
   }

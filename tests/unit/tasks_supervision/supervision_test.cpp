@@ -19,6 +19,7 @@ using tasks::Mode;
 using tasks::SupervisionConfig;
 using tasks::SupervisionTask;
 using Engage = SupervisionTask::Engage;
+using Clear = SupervisionTask::Clear;
 
 rt::Startup startup;
 
@@ -40,6 +41,7 @@ struct Story {
     in.link_expected = true;
     in.estop_fitted = true;
     in.requests.engage = Engage::kNo;
+    in.requests.clear = Clear::kNo;
     in.tasks[0].heard = in.tasks[1].heard = true;
   }
   Story& run(std::chrono::milliseconds time) {
@@ -76,11 +78,11 @@ struct Story {
     return run(10ms);
   }
   Story& clear() {
-    in.requests.clear = false;
+    in.requests.clear = Clear::kNo;
     run(10ms);
-    in.requests.clear = true;
+    in.requests.clear = Clear::kYes;
     run(10ms);
-    in.requests.clear = false;
+    in.requests.clear = Clear::kNo;
     return *this;
   }
   Story& engaged() {
@@ -158,6 +160,27 @@ TEST(Supervision, LinkSilentRampsDownAndItsReturnStartsNothing) {  // F-SUP-02
   }
 }
 
+// The end of a connection is known at once: no liveness to wait for.
+TEST(Supervision, LinkClosedRampsDownInTheSameTick) {  // F-SUP-02
+  for (const Box box : {Box::kOperator, Box::kRobot}) {
+    Story s(box);
+    s.engaged();
+    s.in.link_closed = true;
+    s.run(10ms);
+    EXPECT_EQ(s.mode(), Mode::kRampDown);
+    EXPECT_EQ(s.out.mode.cause, tasks::kFaultLinkSilent);
+    s.run(500ms);
+    s.engage();
+    EXPECT_EQ(s.mode(), Mode::kHold) << "no engage over a link that is gone";
+    EXPECT_TRUE(s.out.engage_refused);
+    s.in.link_closed = false;
+    s.run(1000ms);
+    EXPECT_EQ(s.mode(), Mode::kHold);
+    s.engage();
+    EXPECT_EQ(s.mode(), Mode::kEngaged);
+  }
+}
+
 TEST(Supervision, EmergencyStopNeedsReleaseClearAndEngage) {  // F-SUP-01
   for (int cause = 0; cause < 2; ++cause) {
     Story s;
@@ -182,7 +205,7 @@ TEST(Supervision, EmergencyStopNeedsReleaseClearAndEngage) {  // F-SUP-01
 
 TEST(Supervision, AClearThatIsOnFromTheStartIsNoAct) {
   Story s;
-  s.in.requests.clear = true;
+  s.in.requests.clear = Clear::kYes;
   s.in.estop_closed = false;
   s.run(100ms);
   EXPECT_EQ(s.mode(), Mode::kSafeStop) << "also before hold was ever reached";
@@ -238,6 +261,58 @@ TEST(Supervision, PeerStoppedStopsMotionButNotForEver) {  // F-SUP-05
   s.in.peer_mode = Mode::kHold;
   s.engage();
   EXPECT_EQ(s.mode(), Mode::kEngaged);
+}
+
+// A cause that only the clear itself takes away (a latch of a device) goes while it is pressed; a
+// safe stop that begins meanwhile needs a press of its own.
+TEST(Supervision, AClearCountsWhileItIsPressedForOneSafeStop) {
+  for (const Box box : {Box::kOperator, Box::kRobot}) {
+    Story s(box);
+    s.engaged();
+    const auto latched = rt::Health::of(Severity::kSafeStop, 506);
+    s.in.tasks[0].health = latched;
+    s.run(10ms);
+    EXPECT_EQ(s.mode(), Mode::kSafeStop);
+    EXPECT_FALSE(s.out.mode.clear);
+    s.in.requests.engage = Engage::kNo;
+    s.in.requests.clear = Clear::kYes;
+    s.run(30ms);
+    EXPECT_EQ(s.mode(), Mode::kSafeStop) << "the cause is still there";
+    EXPECT_TRUE(s.out.mode.clear) << "the tasks are told";
+    s.in.tasks[0].health = rt::Health::ok();
+    s.run(10ms);
+    EXPECT_EQ(s.mode(), Mode::kHold);
+    s.in.tasks[0].health = latched;
+    s.run(20ms);
+    s.in.tasks[0].health = rt::Health::ok();
+    s.run(1000ms);
+    EXPECT_EQ(s.mode(), Mode::kSafeStop) << "a button that is held down clears nothing new";
+    s.clear();
+    EXPECT_EQ(s.mode(), Mode::kHold);
+    s.engage();
+    EXPECT_EQ(s.mode(), Mode::kEngaged);
+  }
+}
+
+// The robot's box knows the operator's button by the goal: over a silent link, or when the link is
+// back with the button down, it is no act.
+TEST(Supervision, TheRobotTakesAClearOverALiveLinkOnly) {
+  Story s(Box::kRobot);
+  s.engaged();
+  s.in.requests.stop = true;
+  s.run(10ms);
+  EXPECT_EQ(s.mode(), Mode::kSafeStop);
+  s.in.requests.stop = false;
+  s.link_up = false;
+  s.run(500ms);
+  s.in.requests.clear = Clear::kYes;
+  s.run(200ms);
+  EXPECT_EQ(s.mode(), Mode::kSafeStop);
+  s.link_up = true;
+  s.run(500ms);
+  EXPECT_EQ(s.mode(), Mode::kSafeStop) << "it has not been seen released";
+  s.clear();
+  EXPECT_EQ(s.mode(), Mode::kHold);
 }
 
 TEST(Supervision, RobotFollowsTheOperatorsEngage) {  // F-SUP-06
@@ -368,7 +443,8 @@ TEST(Supervision, SeverityNeverFallsAndMotionNeverStartsByItself) {
     Engage last_engage = Engage::kAbsent;
     for (int i = 0; i < 300; ++i) {
       if (r.uniform() < 0.1) s.in.requests.engage = static_cast<Engage>(r.integer(0, 2));
-      if (r.uniform() < 0.05) s.in.requests.clear = !s.in.requests.clear;
+      if (r.uniform() < 0.05) s.in.requests.clear = static_cast<Clear>(r.integer(0, 2));
+      if (r.uniform() < 0.02) s.in.link_closed = !s.in.link_closed;
       if (r.uniform() < 0.02) s.in.requests.ramp_down = !s.in.requests.ramp_down;
       if (r.uniform() < 0.02) s.link_up = !s.link_up;
       if (r.uniform() < 0.01) s.in.estop_closed = !s.in.estop_closed;
