@@ -14,6 +14,7 @@
 #include "rt/fault/planned.hpp"
 #include "rt/sched/real_executor.hpp"
 #include "rt/sched/registry.hpp"
+#include "tools/teletact/black_box.hpp"
 #include "tools/teletact/force_check.hpp"
 #include "tools/teletact/input_recorder.hpp"
 
@@ -64,8 +65,10 @@ struct BoxRunner {
   std::function<void(rt::Time)> tick{};  // console
   std::function<void()> save{};          // partial half, so that a kill loses little
   std::function<void()> make_safe{};     // outputs to zero, from any thread
+  std::function<tasks::ModeMsg()> mode{};  // newest that the console has seen
   std::vector<BoxTotals> totals{};
   std::uint64_t dropped = 0, hangs = 0;
+  std::unique_ptr<BoxRecorder> black_box{};
 
   [[nodiscard]] rt::Time now() const { return clock.from_host(rt::monotonic_ns()); }
 
@@ -73,6 +76,16 @@ struct BoxRunner {
   void note_request(std::int64_t host) const {
     const char* name = box == rt::Box::kOperator ? "/operator.stop" : "/robot.stop";
     std::ofstream(plan.folder + name) << rt::ns_of(clock.from_host(host)) << '\n';
+  }
+
+  template <class Record>
+  void keep(rt::RunFileWriter& writer, const Record& record) {
+    writer.add(record);
+    if (black_box) black_box->add(record);
+  }
+  void look() {
+    tick(now());
+    if (black_box) black_box->watch(mode(), now());
   }
 
   // Handshake before the epoch, or an error that names what is missing.
@@ -90,13 +103,17 @@ struct BoxRunner {
   void run(rt::NonRealtime& nrt, const Faults& faults, const std::string& file) {
     std::unique_ptr<rt::RunFileWriter> writer;
     rt::RealExecutor<Faults> executor(
-        nrt, placed, faults, [&](const rt::JobRecord& r) { writer->add(r); },
-        [&](const rt::SentinelRecord& r) { writer->add(r); });
+        nrt, placed, faults, [&](const auto& r) { keep(*writer, r); },
+        [&](const auto& r) { keep(*writer, r); });
     // What the machine refuses is known in part only when the threads run: the header tells what is
     // known now, the rest is appended to the notes of a second header line by the caller's report.
     rt::RunLog header = log_header(placed, box, plan.calibration);
     header.not_realtime = executor.missing();
     writer = std::make_unique<rt::RunFileWriter>(file, header);
+    if (options.black_box_s > 0) {
+      black_box = std::make_unique<BoxRecorder>(plan.folder, box, header, options.black_box_s);
+      black_box->catch_crashes();
+    }
     const auto missing_before = executor.missing().size();
     rt::RunPlan run_plan;
     run_plan.epoch_host_ns = plan.epoch_host_ns;
@@ -114,7 +131,7 @@ struct BoxRunner {
       const std::int64_t host = rt::monotonic_ns();
       if (host >= next_tick) {
         next_tick = host + kConsolePeriod;
-        tick(now());
+        look();
       }
       if (executor.hangs() > 0) requests->watchdog_bit.store(true);
       if (g_stop_requested.load() && ramp_from == 0) {
@@ -139,11 +156,16 @@ struct BoxRunner {
     make_safe();
     g_ramp_down.store(nullptr);
     writer->flush();
-    tick(now());
+    look();
     const auto t = executor.totals();
     for (std::size_t i = 0; i < placed.size(); ++i) totals.push_back({placed[i].id, t[i]});
     dropped = executor.dropped_records();
     hangs = executor.hangs();
+    if (black_box) {
+      black_box->end(ramp_from != 0 ? "asked to end (SIGINT or SIGTERM)"
+                     : hangs > 0    ? "a task hung and was made safe"
+                                    : "");
+    }
     for (std::size_t i = missing_before; i < executor.missing().size(); ++i) {
       std::ofstream(plan.folder + "/not_realtime", std::ios::app) << executor.missing()[i] << '\n';
     }
@@ -157,11 +179,15 @@ struct BoxRunner {
   }
 };
 
-// Null unless the run is to be recorded.
+// Null when nobody wants the inputs: neither a recording nor a black box.
 std::unique_ptr<InputRecorder> start_recorder(rt::NonRealtime& nrt, rt::Box box, const Scene& scene,
                                               const DemoOptions& options, const BoxPlan& plan,
                                               std::function<rt::Time()> now) {
-  if (!options.record) return nullptr;
+  if (!options.record) {
+    return options.black_box_s > 0
+               ? std::make_unique<InputRecorder>(nrt, "", InputRecorder::Keys{}, std::move(now))
+               : nullptr;
+  }
   return make_recorder(nrt, plan.folder, box, scene, camera_of(scene), std::move(now));
 }
 
@@ -295,7 +321,19 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
   Side side(nrt, scene, options, box_options);
   auto& graph = side.box.graph();
   if (inputs) inputs->attach(graph, side.box.endpoint());
-  side.console.log_to(nrt, plan.folder + "/" + Side::kName + ".log");
+  side.console.log_to(nrt, plan.folder + "/" + Side::kName + ".log", [&](std::string_view line) {
+    if (runner.black_box) runner.black_box->line(line);
+  });
+  if (inputs) {
+    inputs->also(
+        [&](const JobOp& op) {
+          if (runner.black_box) runner.black_box->add(op);
+        },
+        [&](const Tally& t) {
+          const RecordingMark mark{rt::ns_of(runner.now()), t.ops, t.messages, t.frames};
+          if (runner.black_box) runner.black_box->add(mark);
+        });
+  }
   const auto registry = enter_registry(plan, Side::kBox);
 
   auto opened = Side::open_link(scene, plan);
@@ -316,6 +354,7 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
   };
   runner.save = [&] { save_half(plan.folder, side.half()); };
   runner.make_safe = [&] { side.make_safe(); };
+  runner.mode = [&] { return side.console.seen().mode; };
   save_effects(plan.folder, Side::kName, side.box.effects());
   runner.await_link();
   runner.run(nrt, plan.folder + "/" + Side::kName + ".run");

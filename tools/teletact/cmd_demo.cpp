@@ -106,6 +106,10 @@ int cmd_demo(int argc, char** argv) {
   app.add_option("--cores", o.cores, "virtual clock: cores of the simulated host")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();
+  app.add_option("--black-box", o.black_box_s,
+                 "seconds before a stop that REPORT/raw/*.blackbox holds; 0: none")
+      ->check(CLI::Range(0.0, 60.0))
+      ->capture_default_str();
   app.add_flag("--record", o.record,
                "record the inputs of both boxes, for teletact replay REPORT/raw");
   app.add_flag("--quiet", o.quiet, "no status lines");

@@ -29,6 +29,7 @@ struct DemoOptions {
   std::uint64_t cost_seed = 1;
   int cores = 4;              // of the virtual clock's host; the declared budgets are for four
   double cut_link_at_s = -1;  // the cable is cut then
+  double black_box_s = 5;     // seconds that a black box holds; 0: none
   bool record = false;        // inputs of both boxes to <report>/raw, for a replay
 };
 

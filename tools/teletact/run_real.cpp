@@ -13,6 +13,7 @@
 #include "config/fault_plan.hpp"
 #include "drivers/world/world.hpp"
 #include "tasks/graph/edge_faults.hpp"
+#include "tools/teletact/black_box.hpp"
 #include "tools/teletact/box_process.hpp"
 #include "tools/teletact/input_recorder.hpp"
 
@@ -142,6 +143,7 @@ RealRun run_real(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& op
     }
     ::usleep(5000);
   }
+  say_black_boxes(plan.folder);
   load_half(plan.folder, run.op);
   run.effects = load_effects(plan.folder);
   load_half(plan.folder, run.robot);

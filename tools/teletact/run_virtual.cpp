@@ -10,6 +10,7 @@
 #include "rt/fault/planned.hpp"
 #include "rt/sched/virtual_executor.hpp"
 #include "tasks/graph/edge_faults.hpp"
+#include "tools/teletact/black_box.hpp"
 #include "tools/teletact/box_process.hpp"
 #include "tools/teletact/force_check.hpp"
 #include "tools/teletact/input_recorder.hpp"
@@ -83,6 +84,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
   std::unique_ptr<SimLink> link;
   std::unique_ptr<OperatorConsole> op_console;
   std::unique_ptr<RobotConsole> robot_console;
+  std::unique_ptr<BoxRecorder> op_last, robot_last;  // black boxes
   std::vector<std::unique_ptr<rt::Actor>> owned;
   std::vector<rt::Actor*> actors;
   if (!options.stub_bodies) {
@@ -111,12 +113,18 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
     robot_console = std::make_unique<RobotConsole>(*robot);
     if (!options.log_folder.empty()) {
       std::filesystem::create_directories(options.log_folder);
-      op_console->log_to(nrt, options.log_folder + "/operator.log");
-      robot_console->log_to(nrt, options.log_folder + "/robot.log");
+      op_console->log_to(nrt, options.log_folder + "/operator.log", [&](std::string_view line) {
+        if (op_last) op_last->line(line);
+      });
+      robot_console->log_to(nrt, options.log_folder + "/robot.log", [&](std::string_view line) {
+        if (robot_last) robot_last->line(line);
+      });
     }
     owned.push_back(std::make_unique<Periodic>(epoch + 7000000, 20000000, [&](std::int64_t t) {
       op_console->tick(kOperatorClock.from_host(t));
       robot_console->tick(kRobotClock.from_host(t));
+      if (op_last) op_last->watch(op_console->seen().mode, kOperatorClock.from_host(t));
+      if (robot_last) robot_last->watch(robot_console->seen().mode, kRobotClock.from_host(t));
       for (auto* inputs : {op_inputs.get(), robot_inputs.get()}) {
         if (inputs != nullptr) inputs->drain();
       }
@@ -161,11 +169,21 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
   }
   run.op.log = log_header(placed, rt::Box::kOperator, calibration);
   run.robot.log = log_header(placed, rt::Box::kRobot, calibration);
+  if (!options.log_folder.empty() && !options.stub_bodies) {
+    remove_black_boxes(options.log_folder);
+    if (options.black_box_s > 0) {
+      op_last = std::make_unique<BoxRecorder>(options.log_folder, rt::Box::kOperator, run.op.log,
+                                              options.black_box_s);
+      robot_last = std::make_unique<BoxRecorder>(options.log_folder, rt::Box::kRobot, run.robot.log,
+                                                 options.black_box_s);
+    }
+  }
   rt::LogHasher hasher;
   const auto sink = [&](const rt::JobRecord& r) {
     hasher.add(r);
-    auto& log = specs[r.task].box == rt::Box::kOperator ? run.op.log : run.robot.log;
-    log.find(r.task)->jobs.push_back(r);
+    const bool of_op = specs[r.task].box == rt::Box::kOperator;
+    (of_op ? run.op.log : run.robot.log).find(r.task)->jobs.push_back(r);
+    if (auto* last = of_op ? op_last.get() : robot_last.get()) last->add(r);
   };
   rt::RunPlan plan;
   plan.epoch_host_ns = epoch;
@@ -195,6 +213,10 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
     const std::int64_t end = epoch + plan.duration.count();
     op_console->tick(kOperatorClock.from_host(end));
     robot_console->tick(kRobotClock.from_host(end));
+    for (auto* last : {op_last.get(), robot_last.get()}) {
+      if (last != nullptr) last->end("");
+    }
+    if (op_last) say_black_boxes(options.log_folder);
     run.op.link_round_trip_ns = op->endpoint().round_trip().count();
     run.op.view = op_console->take();
     run.op.force_error_p95 =
