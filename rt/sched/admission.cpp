@@ -1,27 +1,17 @@
-#include "rt/sched/admission.hpp"
-
 #include <algorithm>
-#include <cstdio>
 #include <limits>
 #include <optional>
+
+#include "rt/sched/host_rows.hpp"
 
 namespace rt {
 namespace {
 
-std::string format(const char* pattern, double value) {
-  std::array<char, 48> text{};
-  std::snprintf(text.data(), text.size(), pattern, value);
-  return text.data();
-}
-
-std::string milliseconds(Nanos d) {
-  if (d == kUnbounded) return "unbounded";
-  return format("%.3f ms", static_cast<double>(d.count()) * 1e-6);
-}
-
-std::string shown_name(const TaskSpec& spec) {
-  return std::string("'").append(spec.name).append("'");
-}
+using detail::CoreSet;
+using detail::Coupling;
+using detail::format;
+using detail::milliseconds;
+using detail::shown_name;
 
 std::string variant_name(const TaskSpec& spec, int level) {
   if (spec.variants.empty()) return "level 0";
@@ -29,32 +19,15 @@ std::string variant_name(const TaskSpec& spec, int level) {
   return v.name.empty() ? "level " + std::to_string(level) : v.name;
 }
 
-// What stands on one core: analysis rows, and whose they are.
-struct CoreSet {
-  std::vector<AnalysisTask> rows;
-  std::vector<std::string> names;
-  std::vector<std::size_t> tasks;  // rows platform_rows.. belong to these tasks of the request
-  std::size_t platform_rows = 0;
-};
-
 struct Placement {
   std::vector<int> core;  // per task; -1: nowhere
   bool fits = false;
   std::string why;  // what does not fit, with figures
 };
 
-class Admitter {
+class Admitter : private detail::HostRows {
  public:
-  explicit Admitter(const AdmissionRequest& request)
-      : req_(request), ranks_(rate_monotonic_ranks(request.tasks)) {
-    pinned_load_.assign(req_.cpus.size(), 0.0);
-    for (const BestEffortLoad& load : req_.best_effort) {
-      if (load.core)
-        pinned_load_[static_cast<std::size_t>(*load.core)] += load.share;
-      else
-        floating_load_ += load.share;
-    }
-  }
+  using HostRows::HostRows;
 
   Admission run() {
     std::vector<int> levels(req_.tasks.size(), 0);
@@ -65,48 +38,6 @@ class Admitter {
   }
 
  private:
-  // ---- one core ----
-  CoreSet core_set(int core, const std::vector<int>& placed, const std::vector<int>& levels) const {
-    CoreSet set;
-    bool used = false;
-    for (const int c : placed) used = used || c == core;
-    for (const PlatformTask& p : req_.platform) {
-      if (p.spec.core ? *p.spec.core != core : !used) continue;
-      set.rows.push_back(analysis_task(p.spec, 0, -p.priority));
-      set.names.push_back(shown_name(p.spec));
-    }
-    set.platform_rows = set.rows.size();
-    for (std::size_t i = 0; i < placed.size(); ++i) {
-      if (placed[i] != core) continue;
-      set.rows.push_back(analysis_task(req_.tasks[i], levels[i], ranks_[i]));
-      set.names.push_back(shown_name(req_.tasks[i]));
-      set.tasks.push_back(i);
-    }
-    return set;
-  }
-
-  // Empty if the core is fine; else the figures.
-  std::string core_problem(int core, const CoreSet& set) const {
-    const double load = pinned_load_[static_cast<std::size_t>(core)];
-    const double u = utilisation(set.rows, req_.analysis);
-    const std::string where =
-        "core " + std::to_string(core) + " (cpu " + std::to_string(cpu(core)) + "): ";
-    if (u + load > req_.core_limit) {
-      return where + "utilisation " + format("%.4f", u + load) + " above " +
-             format("%.2f", req_.core_limit) + " (real-time " + format("%.3f", u) +
-             ", best effort " + format("%.3f", load) + ")";
-    }
-    for (std::size_t i = 0; i < set.rows.size(); ++i) {
-      const ResponseTime r = response_time(set.rows, i, req_.analysis);
-      if (r.meets) continue;
-      return where + set.names[i] + " R = " + milliseconds(r.R) +
-             " > D = " + milliseconds(set.rows[i].D) + " (C = " + milliseconds(set.rows[i].C) +
-             ", T = " + milliseconds(set.rows[i].T) + ", utilisation of the core " +
-             format("%.3f", u) + ")";
-    }
-    return {};
-  }
-
   // ---- placing ----
   // First-fit decreasing at these levels.
   Placement place(const std::vector<int>& levels) const {
@@ -115,7 +46,7 @@ class Admitter {
     for (std::size_t i = 0; i < req_.tasks.size(); ++i) {
       if (!req_.tasks[i].core) continue;
       p.core[i] = *req_.tasks[i].core;
-      p.why = core_problem(p.core[i], core_set(p.core[i], p.core, levels));
+      p.why = problem_after(i, p.core, levels);
       if (!p.why.empty()) {
         p.why = "task " + shown_name(req_.tasks[i]) + " pinned to " + p.why;
         return p;
@@ -133,7 +64,7 @@ class Admitter {
     std::string reasons;
     for (int c = 0; c < cores(); ++c) {
       p.core[i] = c;
-      const std::string problem = core_problem(c, core_set(c, p.core, levels));
+      const std::string problem = problem_after(i, p.core, levels);
       if (problem.empty()) return true;
       reasons += (reasons.empty() ? "" : "; ") + problem;
     }
@@ -148,7 +79,7 @@ class Admitter {
       if (!req_.tasks[i].core) order.push_back(i);
     }
     std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-      return task_utilisation(a, levels[a]) > task_utilisation(b, levels[b]);
+      return task_utilisation(a, level_of(a, levels)) > task_utilisation(b, level_of(b, levels));
     });
     return order;
   }
@@ -162,8 +93,9 @@ class Admitter {
   std::string floating_problem(const std::vector<int>& placed,
                                const std::vector<int>& levels) const {
     double room = 0;
+    const Coupling k = couple(placed, levels);
     for (int c = 0; c < cores(); ++c) {
-      const double u = utilisation(core_set(c, placed, levels).rows, req_.analysis);
+      const double u = utilisation(core_set(c, placed, levels, k).rows, req_.analysis);
       room += std::max(0.0, req_.core_limit - u - pinned_load_[static_cast<std::size_t>(c)]);
     }
     if (floating_load_ <= room) return {};
@@ -174,7 +106,7 @@ class Admitter {
 
   // ---- levels ----
   bool can_lower(std::size_t i, const std::vector<int>& levels) const {
-    return levels[i] + 1 < req_.tasks[i].levels();
+    return parent_[i] < 0 && levels[i] + 1 < req_.tasks[i].levels();
   }
 
   // The task to lower next, or none.
@@ -243,8 +175,14 @@ class Admitter {
       a.refusal = p.why;
       if (!lowered.empty()) a.refusal += " (even after lowering: " + last_variants(levels) + ")";
     }
-    for (std::size_t i = 0; i < req_.tasks.size(); ++i) a.tasks.push_back(task_row(i, levels, p));
-    for (int c = 0; c < cores(); ++c) describe_core(c, levels, p, a);
+    const Coupling k = couple(p.core, levels);
+    for (std::size_t i = 0; i < req_.tasks.size(); ++i)
+      a.tasks.push_back(task_row(i, levels, p, k));
+    for (int c = 0; c < cores(); ++c) describe_core(c, levels, p, k, a);
+    if (has_workers_ && a.admitted) {
+      const double together = joint_growth(levels, p);
+      for (AdmittedCore& core : a.cores) core.growth = std::min(core.growth, together);
+    }
     finish_growth(a);
     return a;
   }
@@ -257,12 +195,10 @@ class Admitter {
       std::string why = place(levels).why;
       if (why.empty()) why = "needed together with the other steps";
       const int from = levels[i]++;
-      const bool is_static =
-          !spec.variants.empty() && spec.variants[static_cast<std::size_t>(from) + 1].is_static;
-      a.steps.push_back(
-          spec.name + ": " + variant_name(spec, from) + " (" + milliseconds(spec.budget_of(from)) +
-          ") -> " + variant_name(spec, from + 1) + " (" + milliseconds(spec.budget_of(from + 1)) +
-          ", " + (is_static ? "static" : "dynamic") + " knob), because " + why);
+      a.steps.push_back(spec.name + ": " + variant_name(spec, from) + " (" +
+                        milliseconds(spec.budget_of(from)) + ") -> " +
+                        variant_name(spec, from + 1) + " (" +
+                        milliseconds(spec.budget_of(from + 1)) + "), because " + why);
     }
   }
 
@@ -276,21 +212,25 @@ class Admitter {
     return text;
   }
 
-  AdmittedTask task_row(std::size_t i, const std::vector<int>& levels, const Placement& p) const {
+  AdmittedTask task_row(std::size_t i, const std::vector<int>& levels, const Placement& p,
+                        const Coupling& k) const {
     const TaskSpec& spec = req_.tasks[i];
-    AdmittedTask row = common_row(spec, levels[i]);
+    const int level = level_of(i, levels);
+    AdmittedTask row = common_row(spec, level, row_of(i, levels, k));
     row.core = p.core[i];
     row.cpu = row.core < 0 ? -1 : cpu(row.core);
     row.rank = ranks_[i];
     row.priority = kTopTaskPriority - ranks_[i];
-    row.last_level = last_dynamic_level(spec, levels[i]);
-    if (!spec.variants.empty()) row.variant = variant_name(spec, levels[i]);
+    row.last_level = spec.levels() - 1;
+    row.choice = spec.choice;
+    row.parent = spec.parent;
+    row.join_wait = k.wait[i];
+    if (!spec.variants.empty()) row.variant = variant_name(spec, level);
     return row;
   }
 
-  AdmittedTask common_row(const TaskSpec& spec, int level) const {
+  AdmittedTask common_row(const TaskSpec& spec, int level, const AnalysisTask& t) const {
     AdmittedTask row;
-    const AnalysisTask t = analysis_task(spec, level, 0);
     row.name = spec.name;
     row.box = spec.box;
     row.level = level;
@@ -305,9 +245,9 @@ class Admitter {
     return row;
   }
 
-  void describe_core(int c, const std::vector<int>& levels, const Placement& p,
+  void describe_core(int c, const std::vector<int>& levels, const Placement& p, const Coupling& k,
                      Admission& a) const {
-    const CoreSet set = core_set(c, p.core, levels);
+    const CoreSet set = core_set(c, p.core, levels, k);
     const CoreAnalysis analysis = analyse(set.rows, req_.analysis);
     AdmittedCore core;
     core.cpu = cpu(c);
@@ -317,7 +257,7 @@ class Admitter {
     core.hyperbolic = analysis.hyperbolic;
     core.schedulable =
         analysis.schedulable && core.utilisation + core.best_effort <= req_.core_limit;
-    core.growth = set.rows.empty()
+    core.growth = set.rows.empty() || has_workers_
                       ? std::numeric_limits<double>::infinity()
                       : growth_factor(set.rows, req_.core_limit - core.best_effort, req_.analysis);
     a.cores.push_back(core);
@@ -329,7 +269,7 @@ class Admitter {
     for (const PlatformTask& platform : req_.platform) {
       const bool here = platform.spec.core ? *platform.spec.core == c : !set.tasks.empty();
       if (!here) continue;
-      AdmittedTask row = common_row(platform.spec, 0);
+      AdmittedTask row = common_row(platform.spec, 0, analysis_task(platform.spec, 0, 0));
       row.name.append("@").append(std::to_string(core.cpu));
       row.core = c;
       row.cpu = core.cpu;
@@ -360,25 +300,48 @@ class Admitter {
     a.growth = std::min(a.growth, std::max(0.0, room / budgets));
   }
 
-  int cores() const { return static_cast<int>(req_.cpus.size()); }
-  int cpu(int core) const { return req_.cpus[static_cast<std::size_t>(core)]; }
-
-  const AdmissionRequest& req_;
-  std::vector<int> ranks_;
-  std::vector<double> pinned_load_;
-  double floating_load_ = 0;
+  // Where cores are tied together by fork and join, a core's rows do not say what happens when all
+  // budgets grow: the whole placement is analysed again with grown ones.
+  double joint_growth(const std::vector<int>& levels, const Placement& p) const {
+    constexpr std::int64_t kUnit = 10'000;
+    const auto fits = [&](std::int64_t n) {
+      AdmissionRequest grown = req_;
+      const auto grow = [n](Nanos& d) { d = Nanos{(d.count() * n + kUnit - 1) / kUnit}; };
+      for (TaskSpec& t : grown.tasks) {
+        grow(t.budget);
+        grow(t.spin_lead);
+        for (Variant& v : t.variants) {
+          grow(v.budget);
+          grow(v.until_last_fork);
+          v.overlap = Nanos{v.overlap.count() * n / kUnit};
+        }
+      }
+      for (PlatformTask& t : grown.platform) grow(t.spec.budget);
+      const HostRows again(grown);
+      const Coupling k = again.couple(p.core, levels);
+      bool ok = k.problem.empty();
+      for (int c = 0; ok && c < cores(); ++c)
+        ok = again.core_problem(c, again.core_set(c, p.core, levels, k)).empty();
+      return ok;
+    };
+    std::int64_t lo = kUnit, hi = 2 * kUnit;
+    while (hi < 1000 * kUnit && fits(hi)) {
+      lo = hi;
+      hi *= 2;
+    }
+    while (hi - lo > 1) {
+      const std::int64_t mid = lo + (hi - lo) / 2;
+      (fits(mid) ? lo : hi) = mid;
+    }
+    return static_cast<double>(lo) / static_cast<double>(kUnit);
+  }
 };
 
 }  // namespace
 
-Admission admit(const AdmissionRequest& request) {
-  const std::string problem = problem_of(request);
-  if (!problem.empty()) {
-    Admission refused;
-    refused.refusal = problem;
-    return refused;
-  }
-  return Admitter(request).run();
-}
+namespace detail {
 
+Admission admit_levels(const AdmissionRequest& settled) { return Admitter(settled).run(); }
+
+}  // namespace detail
 }  // namespace rt

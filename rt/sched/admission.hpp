@@ -9,11 +9,17 @@
 //   3. A core is refused above `core_limit` (real-time with switch costs, plus declared best
 //      effort), or if any task has R > D. The limit is 0.90 because the kernel's fair server takes
 //      up to 5 % of a core above FIFO.
-//   4. All tasks start at level 0. While the set does not fit, one task is lowered by one level:
-//      the next entry of `degrade_order`, or, if that list is empty, the task with the largest
-//      utilisation (a step then costs the smallest relative loss per freed CPU; ties: firm before
-//      hard, then registration). Steps that turn out not to be needed are taken back, last first.
-// Same input, same answer.
+//   4. Static choices are tried in order of preference: fewest steps down over all tasks, ties: the
+//      later task steps down. The first combination that fits, with whatever levels it takes, is
+//      taken; a choice that is ruled out is passed over and named. What is left when the last one (the floor)
+//      does not fit is a refusal.
+//   5. Within a combination all tasks start at level 0. While the set does not fit, one task is lowered
+//      by one level: the next entry of `degrade_order`, or, if that list is empty, the task with the
+//      largest utilisation (a step then costs the smallest relative loss per freed CPU; ties: firm
+//      before hard, then registration). Steps that turn out not to be needed are taken back, last first.
+//   6. Pool workers (task_spec.hpp) stand on another core than their parent and each other; their
+//      level is the parent's. Release jitter and join wait are iterated to a fixed point over all cores.
+// Same input, same answer. Other modes: mode_table.hpp.
 #pragma once
 
 #include <array>
@@ -66,7 +72,11 @@ struct AdmittedTask {
   int level = 0;        // variant in force at the start
   int last_level = 0;   // run-time degradation goes no further
   std::string variant;  // its name; empty if the task has one
-  Nanos C{0}, T{0}, D{0}, J{0}, B{0}, R{0}, slack{0};
+  std::string choice;   // static choice; empty if it has none
+  std::string parent;   // of a pool worker
+  Nanos C{0}, T{0}, D{0}, J{0}, B{0}, R{0},
+      slack{0};        // J of a worker: with its parent's latest fork
+  Nanos join_wait{0};  // of a task with workers: what waiting for them adds; in C
   double utilisation = 0;
 };
 
@@ -87,16 +97,22 @@ struct Admission {
   std::vector<AdmittedCore> cores;     // as in cpus
   double floating_best_effort = 0;     // declared without a core
   double core_limit = 0.90;
-  double growth = 0;               // factor by which all budgets of the host may grow
-  std::vector<std::string> steps;  // each lowering: which task, from what to what, and why
+  double growth = 0;                 // factor by which all budgets of the host may grow
+  std::vector<std::string> choices;  // each task with static choices: which it runs, and why
+  std::vector<std::string> steps;    // each lowering: which task, from what to what, and why
 };
 
 // Never throws for a set that does not fit. A malformed request (no CPU, no budget, unknown name in
-// degrade_order, core index out of range, more ranks than priorities) is a refusal too.
+// degrade_order, core index out of range, more ranks than priorities, catch_up without a Ring, a
+// worker that does not match its parent, too many combinations of choices) is a refusal too.
 [[nodiscard]] Admission admit(const AdmissionRequest& request);
 
 // What is malformed about a request, in one line; empty if nothing is.
 [[nodiscard]] std::string problem_of(const AdmissionRequest& request);
+
+// The request's tasks with the admitted static choices settled: their levels in `variants`.
+[[nodiscard]] std::vector<TaskSpec> settled_as(const Admission& admission,
+                                               std::span<const TaskSpec> tasks);
 
 // The decision for people: steps, one row per task, one per core, the verdict.
 [[nodiscard]] std::string report_table(const Admission& admission);

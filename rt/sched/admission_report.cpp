@@ -27,10 +27,15 @@ std::string factor(double f) { return std::isinf(f) ? "-" : line("%.4f", f); }
 
 std::string task_line(const AdmittedTask& t) {
   const std::string where = t.core < 0 ? "-" : line("%d", t.cpu);
-  return line("  %-18s %-8s %4s %5d %10s %10s %10s %10s %10s %6.3f  %s\n", t.name.c_str(),
+  std::string how = t.choice;
+  if (!t.variant.empty()) how += (how.empty() ? "" : ", ") + t.variant;
+  if (!t.parent.empty()) how += ", worker of " + t.parent + ", J " + ms(t.J) + " ms";
+  if (t.join_wait.count() > 0) how += ", waits " + ms(t.join_wait) + " ms for its workers";
+  return line("  %-18s %-8s %4s %5d %10s %10s %10s %10s %10s %6.3f  ", t.name.c_str(),
               t.box == Box::kRobot ? "robot" : "operator", where.c_str(), t.priority,
               ms(t.C).c_str(), ms(t.T).c_str(), ms(t.D).c_str(), ms(t.R).c_str(),
-              ms(t.slack).c_str(), t.utilisation, t.variant.c_str());
+              ms(t.slack).c_str(), t.utilisation) +
+         how + "\n";
 }
 
 }  // namespace
@@ -38,6 +43,7 @@ std::string task_line(const AdmittedTask& t) {
 std::string report_table(const Admission& a) {
   std::string text = a.admitted ? "admitted\n" : "refused: " + a.refusal + "\n";
   if (a.cores.empty()) return text;
+  for (const std::string& choice : a.choices) text += "choice  " + choice + "\n";
   if (a.admitted && a.steps.empty()) text += "every task runs its full variant\n";
   for (std::size_t i = 0; i < a.steps.size(); ++i) {
     text += line("step %zu  ", i + 1) + a.steps[i] + "\n";

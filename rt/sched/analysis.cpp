@@ -195,23 +195,77 @@ Nanos effective_deadline(const TaskSpec& spec) noexcept {
   return std::min(deadline, minimum_distance(spec.rate));
 }
 
-int last_dynamic_level(const TaskSpec& spec, int level) noexcept {
-  while (level + 1 < spec.levels() &&
-         !spec.variants[static_cast<std::size_t>(level) + 1].is_static) {
-    ++level;
-  }
-  return level;
-}
-
 AnalysisTask analysis_task(const TaskSpec& spec, int level, int rank) noexcept {
   Nanos c = spec.budget_of(level);
   if (spec.policy == MissPolicy::kDegrade) {
-    for (int l = level + 1; l <= last_dynamic_level(spec, level); ++l) {
-      c = std::max(c, spec.budget_of(l));
-    }
+    for (int l = level + 1; l < spec.levels(); ++l) c = std::max(c, spec.budget_of(l));
   }
-  return {c,   minimum_distance(spec.rate), effective_deadline(spec), spec.jitter, spec.blocking,
+  return {c + spec.spin_lead,
+          minimum_distance(spec.rate),
+          effective_deadline(spec),
+          spec.jitter,
+          spec.blocking,
           rank};
+}
+
+Nanos latest_fork(std::span<const AnalysisTask> tasks, std::size_t i, Nanos spent,
+                  const AnalysisOptions& options) {
+  const Level level = level_of(tasks, i, options);
+  if (surely_overloaded(level)) return kUnbounded;
+  const std::int64_t part = (spent + 2 * options.switch_cost).count();
+  std::int64_t latest = 0, steps = 0;
+  std::int64_t w = level.B;  // end of the job before, from the start of the busy period
+  // Smallest x with x = B + q C + part + demand above in x; again with part = C for the job's end.
+  const auto reach = [&](std::int64_t from, std::int64_t q, std::int64_t own) {
+    std::int64_t x = from + own;
+    for (;;) {
+      const Wide next = static_cast<Wide>(level.B) + static_cast<Wide>(q) * level.C + own +
+                        demand_above(level, x);
+      if (next > options.horizon.count() || ++steps > kMaxSteps) return std::int64_t{-1};
+      if (next == x) return x;
+      x = static_cast<std::int64_t>(next);
+    }
+  };
+  for (std::int64_t q = 0;; ++q) {
+    const std::int64_t fork = reach(w, q, part), end = reach(w, q, level.C);
+    if (fork < 0 || end < 0) return kUnbounded;
+    latest = std::max(latest, fork + level.J - q * level.T);
+    w = end;
+    if (w + level.J <= (q + 1) * level.T) return Nanos{latest};
+  }
+}
+
+Nanos join_time(std::span<const AnalysisTask> tasks, std::size_t i, int forks,
+                const AnalysisOptions& options) {
+  const Level level = level_of(tasks, i, options);
+  const std::int64_t n = std::max(1, forks);
+  const std::int64_t own = tasks[i].C.count() + n * (level.B + 2 * options.switch_cost.count());
+  if (surely_overloaded(level)) return kUnbounded;
+  std::int64_t w = own, steps = 0;
+  for (;;) {
+    Wide next = own;
+    for (const AnalysisTask& t : level.above) {
+      // n windows of together w: each is met by at most floor((w_i + J) / T) + 1 jobs.
+      const std::int64_t jobs =
+          n == 1 ? ceil_div(w + t.J.count(), t.T.count()) : (w + n * t.J.count()) / t.T.count() + n;
+      next += static_cast<Wide>(jobs) * t.C.count();
+    }
+    if (next > options.horizon.count() || ++steps > kMaxSteps) return kUnbounded;
+    if (next == w) return Nanos{w};
+    w = static_cast<std::int64_t>(next);
+  }
+}
+
+Nanos wait_beyond(std::span<const WorkerJoin> workers, int forks, Nanos overlap) {
+  Nanos longest{0}, largest{0}, delays{0};
+  for (const WorkerJoin& w : workers) {
+    if (w.join == kUnbounded) return kUnbounded;
+    longest = std::max(longest, w.join);
+    largest = std::max(largest, w.C);
+    delays += w.join - w.C;
+  }
+  if (forks <= 1) return std::max(Nanos{0}, longest - overlap);
+  return std::max(Nanos{0}, largest - overlap) + delays;
 }
 
 }  // namespace rt

@@ -92,11 +92,34 @@ struct CoreAnalysis {
 [[nodiscard]] Nanos effective_deadline(const TaskSpec& spec) noexcept;
 
 // One task at one level. A task that may degrade is charged the largest budget that it can reach
-// from this level, in case a "smaller" variant turned out dearer.
+// from this level, in case a "smaller" variant turned out dearer; a spin lead is charged too.
 [[nodiscard]] AnalysisTask analysis_task(const TaskSpec& spec, int level, int rank) noexcept;
 
-// The last level that run-time degradation can reach from `level`: it never crosses a variant
-// marked is_static, since those knobs are chosen at start.
-[[nodiscard]] int last_dynamic_level(const TaskSpec& spec, int level) noexcept;
+// ---- fork and join (task_spec.hpp)
+//
+// The parent is analysed as if it executed while it waits for its workers (suspension-oblivious, hence
+// safe for it and for everything below it); a worker as a task of the parent's period on its own
+// core, released with the parent's latest fork as jitter. Each depends on the other through the
+// cores: admission iterates both upwards from zero until nothing changes.
+
+// Latest instant, from the nominal release, at which task i of the set can have spent `spent` of its C:
+// with `spent` = CPU and waits before its last fork, the release jitter of its workers.
+[[nodiscard]] Nanos latest_fork(std::span<const AnalysisTask> tasks, std::size_t i, Nanos spent,
+                                const AnalysisOptions& = {});
+
+// Longest time that a parent waits for worker i of the set, from fork to join, summed over `forks`
+// forks between which the worker's C is shared out. Above one fork every window of waiting may meet
+// each higher task once more. Switch costs of each fork are in it.
+[[nodiscard]] Nanos join_time(std::span<const AnalysisTask> tasks, std::size_t i, int forks,
+                              const AnalysisOptions& = {});
+
+struct WorkerJoin {
+  Nanos C{0};     // budget of the worker
+  Nanos join{0};  // its join_time
+};
+// What waiting adds to the parent's own CPU. One fork: the longest join beyond the parent's own share.
+// Several: that share of the largest worker budget that the parent's own overlap does not cover, and
+// whatever delays any of the workers at any fork.
+[[nodiscard]] Nanos wait_beyond(std::span<const WorkerJoin> workers, int forks, Nanos overlap);
 
 }  // namespace rt

@@ -37,10 +37,11 @@ template <class RawArrival>
 
 // Which variant a task with policy degrade runs: one level down at the first hyperperiod boundary
 // after a miss where no job of it is pending, one level back after `clean_needed` clean hyperperiods.
+// Never above the level that admission chose, never beyond the last one that it reckoned with.
 class LevelControl {
  public:
-  LevelControl(int start_level, int levels, int clean_needed = 10) noexcept
-      : level_(start_level), floor_(start_level), levels_(levels), clean_needed_(clean_needed) {}
+  LevelControl(int start_level, int last_level, int clean_needed = 10) noexcept
+      : level_(start_level), first_(start_level), last_(last_level), clean_needed_(clean_needed) {}
 
   void on_miss() noexcept { missed_ = true; }
   // At a hyperperiod boundary. Returns true when the level changed.
@@ -49,11 +50,11 @@ class LevelControl {
     if (missed_) {
       missed_ = false;
       clean_ = 0;
-      if (level_ + 1 >= levels_) return false;
+      if (level_ >= last_) return false;
       ++level_;
       return true;
     }
-    if (level_ == floor_ || ++clean_ < clean_needed_) return false;
+    if (level_ == first_ || ++clean_ < clean_needed_) return false;
     clean_ = 0;
     --level_;
     return true;
@@ -61,7 +62,7 @@ class LevelControl {
   [[nodiscard]] int level() const noexcept { return level_; }
 
  private:
-  int level_, floor_, levels_, clean_needed_;
+  int level_, first_, last_, clean_needed_;
   int clean_ = 0;
   bool missed_ = false;
 };

@@ -63,7 +63,7 @@ struct RealExecutor<Faults>::Worker {
   TaskTotals totals;
 
   explicit Worker(const PlacedTask& t)
-      : task(t), levels(t.level, t.spec.levels()), bucket(t.spec.consecutive_miss_limit) {}
+      : task(t), levels(t.level, t.lowest_level()), bucket(t.spec.consecutive_miss_limit) {}
 };
 
 template <class Faults>

@@ -373,7 +373,10 @@ std::vector<RegistryEntry> registry_entries(const AdmissionRequest& request,
   const auto wanted = [&](const std::string& name, Box box) { return !mine || mine(name, box); };
   for (const AdmittedTask& t : admission.tasks) {
     if (t.core < 0 || !wanted(t.name, t.box)) continue;
-    rows.push_back({0, t.name, t.cpu, t.priority, t.C, t.T, t.D, t.J, t.B});
+    // What ties two cores together was worked out from these very responses: nothing that another
+    // process adds may delay either side, or the other core's rows would no longer be true.
+    const bool tied = !t.parent.empty() || t.join_wait.count() > 0;
+    rows.push_back({0, t.name, t.cpu, t.priority, t.C, t.T, tied ? t.R : t.D, t.J, t.B});
   }
   for (const AdmittedTask& t : admission.platform) {
     if (!wanted(t.name, t.box)) continue;

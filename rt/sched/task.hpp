@@ -36,6 +36,11 @@ struct PlacedTask {
   int core = 0;          // CPU number (real) or core index (virtual)
   int priority = 0;      // larger runs first; derived by rate_monotonic_order()
   int level = 0;         // variant in force at the start
+  int last_level = -1;   // run-time degradation goes no further; -1: the smallest there is
+
+  [[nodiscard]] int lowest_level() const noexcept {
+    return last_level < 0 ? spec.levels() - 1 : last_level;
+  }
 };
 
 }  // namespace rt

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "rt/time.hpp"
@@ -23,14 +24,41 @@ enum class MissPolicy : std::uint8_t {
   kDegrade,  // as skip, and the task asks for its next smaller variant
 };
 
-// A smaller way to do the same job: a level passed in Tick to the same object. Level 0 is the full
-// one. Static knobs (voxel size) are chosen at start by admission; dynamic ones (ICP iterations,
-// pixel step) at the first hyperperiod boundary with no pending job.
+// A way to do the job: a level passed in Tick to the same object, level 0 the fullest. Its knobs are
+// dynamic (ICP iterations, pixel step): they may change at the first hyperperiod boundary with no
+// pending job.
 struct Variant {
   std::string name;
   Nanos budget{0};
-  bool is_static = false;
+  // Of a task with forks only:
+  Nanos until_last_fork{0};  // CPU of its own before the last fork
+  // CPU of its own while workers run, summed over the forks and counted at each fork up to the
+  // largest share that a worker gets there. 0 is always safe.
+  Nanos overlap{0};
+
+  Variant() = default;
+  Variant(std::string name_, Nanos budget_, Nanos until_last_fork_ = Nanos{0},
+          Nanos overlap_ = Nanos{0})
+      : name(std::move(name_)),
+        budget(budget_),
+        until_last_fork(until_last_fork_),
+        overlap(overlap_) {}
 };
+
+// A static knob's value (voxel size): chosen at start by admission, never afterwards. Each has levels
+// of its own.
+struct StaticChoice {
+  std::string name;               // "20 mm"
+  std::vector<Variant> variants;  // level 0 first; at least one
+  std::string ruled_out;          // why this set-up can not have it; empty: it can
+};
+
+// Fork and join. A task with `forks` hands parts of each job to pool workers on other cores and waits
+// for them; each worker is a row of its own that names its parent. Of a worker: rate, offset, deadline,
+// policy, choices and levels are its parent's (same numbers of them), the budget is its own: over the forks of
+// one job, the sum of the largest share that any worker of the pool gets. Its release jitter is the
+// parent's latest fork and is computed, as is the parent's wait for the join, which counts as
+// execution (analysis.hpp). Workers block while they wait; they never spin.
 
 struct TaskSpec {
   std::string name;
@@ -44,10 +72,16 @@ struct TaskSpec {
   Nanos jitter{0};          // release jitter (J)
   std::optional<int> core;  // index into the admitted core list; empty = placed by admission
   MissPolicy policy = MissPolicy::kSkip;
-  int catch_up_max = 0;            // for kCatchUp
+  int catch_up_max = 0;            // for kCatchUp, at least 1
+  bool ring_fed = false;           // its input is a Ring: late jobs still find their own events
   int consecutive_miss_limit = 0;  // leaky bucket: above it the safe output is forced; 0 = never
   std::vector<Variant> variants;   // empty = one variant with `budget`
-  Nanos spin_lead{0};              // wake this much earlier and spin; counted in the budget
+  // Best first, the floor last; empty = none. Admission puts the chosen one's levels in `variants`.
+  std::vector<StaticChoice> choices;
+  std::string choice;  // name of the chosen one, once chosen
+  Nanos spin_lead{0};  // wake this much earlier and spin; admission adds it to the budget
+  int forks = 0;       // of one job, at most; 0 = it has no workers
+  std::string parent;  // of a pool worker: the row that forks; empty = an ordinary task
 
   [[nodiscard]] Nanos period() const noexcept { return rate.period(); }
   [[nodiscard]] Nanos relative_deadline() const noexcept {
@@ -56,6 +90,7 @@ struct TaskSpec {
   [[nodiscard]] Nanos budget_of(int level) const noexcept {
     return variants.empty() ? budget : variants[static_cast<std::size_t>(level)].budget;
   }
+  [[nodiscard]] bool is_worker() const noexcept { return !parent.empty(); }
   [[nodiscard]] int levels() const noexcept {
     return variants.empty() ? 1 : static_cast<int>(variants.size());
   }

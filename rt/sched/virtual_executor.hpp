@@ -71,7 +71,7 @@ class VirtualExecutor final : public Executor {
     JobRecord record{};
 
     State(const PlacedTask& t)
-        : task(t), levels(t.level, t.spec.levels()), bucket(t.spec.consecutive_miss_limit) {}
+        : task(t), levels(t.level, t.lowest_level()), bucket(t.spec.consecutive_miss_limit) {}
   };
   struct CoreState {
     std::int64_t stolen_until = 0;  // theft: nothing runs, overlapping spans unite

@@ -13,6 +13,7 @@ namespace tasks {
 
 void CalibrationRow::describe(config::Section& s) {
   s.text("name", name, {}, "task");
+  s.text("choice", choice, {}, "static choice it was measured with; none: the task has none");
   s.integer("level", level, 0, 15, "variant");
   s.number("p50_us", p50_us, 0, 1e7, "median CPU of a job");
   s.number("p99_us", p99_us, 0, 1e7, "99 % quantile");
@@ -32,11 +33,30 @@ void Calibration::describe(config::Section& s) {
       "task", [this](config::Section& item) { rows.emplace_back().describe(item); }, "one variant");
 }
 
-const CalibrationRow* Calibration::find(std::string_view name, int level) const noexcept {
+const CalibrationRow* Calibration::find(std::string_view name, std::string_view choice,
+                                        int level) const noexcept {
   for (const auto& r : rows) {
-    if (r.name == name && r.level == level) return &r;
+    if (r.name == name && r.choice == choice && r.level == level) return &r;
   }
   return nullptr;
+}
+
+bool Calibration::covers(const std::vector<rt::TaskSpec>& specs) const noexcept {
+  const auto all_levels = [&](const rt::TaskSpec& s, const std::string& choice, std::size_t n) {
+    for (std::size_t level = 0; level < n; ++level) {
+      if (find(s.name, choice, static_cast<int>(level)) == nullptr) return false;
+    }
+    return true;
+  };
+  for (const auto& s : specs) {
+    if (s.policy == rt::MissPolicy::kAbort) continue;
+    if (s.choices.empty() && !all_levels(s, s.choice, static_cast<std::size_t>(s.levels())))
+      return false;
+    for (const auto& c : s.choices) {
+      if (c.ruled_out.empty() && !all_levels(s, c.name, c.variants.size())) return false;
+    }
+  }
+  return true;
 }
 
 std::string host_id() {
@@ -70,11 +90,12 @@ void save_calibration(const std::string& path, const Calibration& calibration) {
         << calibration.host << "\"\n";
     for (const auto& r : calibration.rows) {
       char line[256];
-      std::snprintf(
-          line, sizeof line,
-          "\n[[task]]\nname = \"%s\"\nlevel = %d\np50_us = %.3f\np99_us = %.3f\np999_us = %.3f\n"
-          "work_min = %.0f\nwork_max = %.0f\nquantiles_us = [",
-          r.name.c_str(), r.level, r.p50_us, r.p99_us, r.p999_us, r.work_min, r.work_max);
+      out << "\n[[task]]\nname = \"" << r.name << "\"\n";
+      if (!r.choice.empty()) out << "choice = \"" << r.choice << "\"\n";
+      std::snprintf(line, sizeof line,
+                    "level = %d\np50_us = %.3f\np99_us = %.3f\np999_us = %.3f\n"
+                    "work_min = %.0f\nwork_max = %.0f\nquantiles_us = [",
+                    r.level, r.p50_us, r.p99_us, r.p999_us, r.work_min, r.work_max);
       out << line;
       for (std::size_t i = 0; i < CalibrationRow::kQuantiles; ++i) {
         std::snprintf(line, sizeof line, "%s%.3f", i == 0 ? "" : ", ", r.quantiles_us[i]);
@@ -88,7 +109,25 @@ void save_calibration(const std::string& path, const Calibration& calibration) {
     throw std::runtime_error(path + ": can not be written");
 }
 
-std::vector<rt::TaskSpec> make_specs(const Calibration& calibration) {
+namespace {
+
+std::vector<rt::Variant> make_variants(const Calibration& calibration, const TaskRow& row,
+                                       const std::string& choice,
+                                       const std::array<std::int64_t, 4>& declared_us) {
+  std::vector<rt::Variant> variants;
+  for (std::size_t level = 0; level < row.variants.size() && !row.variants[level].name.empty();
+       ++level) {
+    const auto* measured = calibration.find(row.name, choice, static_cast<int>(level));
+    variants.emplace_back(
+        std::string(row.variants[level].name),
+        measured != nullptr ? measured->budget() : rt::Nanos{1000 * declared_us[level]});
+  }
+  return variants;
+}
+
+}  // namespace
+
+std::vector<rt::TaskSpec> make_specs(const Calibration& calibration, const ChoiceLimits& limits) {
   std::vector<rt::TaskSpec> specs;
   for (const TaskRow& row : kTaskTable) {
     rt::TaskSpec s;
@@ -98,29 +137,32 @@ std::vector<rt::TaskSpec> make_specs(const Calibration& calibration) {
     s.rate = rt::Rate{row.rate_hz, 1};
     s.policy = row.policy;
     s.consecutive_miss_limit = row.miss_limit;
-    for (std::size_t level = 0; level < row.variants.size() && !row.variants[level].name.empty();
-         ++level) {
-      const auto* measured = calibration.find(row.name, static_cast<int>(level));
-      s.variants.push_back({std::string(row.variants[level].name),
-                            measured != nullptr ? measured->budget()
-                                                : rt::Nanos{1000 * row.variants[level].budget_us},
-                            false});
+    if (row.id == TaskId::kFusion) {
+      for (const VoxelOption& o : voxel_options(limits)) {
+        s.choices.push_back(
+            {o.name, make_variants(calibration, row, o.name, o.budgets_us), o.ruled_out});
+      }
+    } else {
+      std::array<std::int64_t, 4> declared_us{};
+      for (std::size_t i = 0; i < declared_us.size(); ++i)
+        declared_us[i] = row.variants[i].budget_us;
+      s.variants = make_variants(calibration, row, {}, declared_us);
+      s.budget = s.variants.front().budget;
     }
-    s.budget = s.variants.front().budget;
     specs.push_back(std::move(s));
   }
   return specs;
 }
 
 std::vector<std::vector<rt::CostQuantiles>> make_costs(const Calibration& calibration,
-                                                       const std::vector<rt::TaskSpec>& specs) {
+                                                       const std::vector<rt::TaskSpec>& settled) {
   std::vector<std::vector<rt::CostQuantiles>> tables;
-  for (const auto& spec : specs) {
+  for (const auto& spec : settled) {
     auto& levels = tables.emplace_back();
     for (int level = 0; level < spec.levels(); ++level) {
       auto& q = levels.emplace_back();
       const auto budget = static_cast<double>(spec.budget_of(level).count());
-      const auto* row = calibration.find(spec.name, level);
+      const auto* row = calibration.find(spec, level);
       for (std::size_t i = 0; i < CalibrationRow::kQuantiles; ++i) {
         const double share = row != nullptr && row->p999_us > 0
                                  ? std::min(row->quantiles_us[i] / row->p999_us, 1.0) / 1.2
@@ -130,28 +172,6 @@ std::vector<std::vector<rt::CostQuantiles>> make_costs(const Calibration& calibr
     }
   }
   return tables;
-}
-
-rt::AdmissionRequest make_request(const std::vector<rt::TaskSpec>& specs,
-                                  const std::vector<int>& cpus, const BestEffortShares& shares) {
-  rt::AdmissionRequest r;
-  r.tasks = specs;
-  r.cpus = cpus;
-  rt::PlatformTask sentinel;
-  sentinel.spec.name = "sentinel";
-  sentinel.spec.rate = {1000, 1};
-  sentinel.spec.budget = rt::Nanos{6000};
-  sentinel.priority = rt::kSentinelPriority;
-  rt::PlatformTask watchdog;
-  watchdog.spec.name = "watchdog";
-  watchdog.spec.rate = {100, 1};
-  watchdog.spec.budget = rt::Nanos{20000};
-  watchdog.priority = rt::kWatchdogPriority;
-  r.platform = {sentinel, watchdog};
-  r.best_effort = {{"link", 2 * shares.link, {}}, {"console", 2 * shares.console, {}}};
-  if (shares.camera_twin > 0) r.best_effort.push_back({"camera_twin", shares.camera_twin, {}});
-  r.degrade_order = {"fusion", "planning", "fusion", "capture", "fusion"};
-  return r;
 }
 
 }  // namespace tasks

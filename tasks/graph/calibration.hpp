@@ -2,7 +2,8 @@
 // budget = max(1.2 p99.9, p99.9 + 10 us).
 //
 // File (TOML):   host = "..."          which machine measured it
-//                [[task]] name, level, p50_us, p99_us, p999_us, work_min, work_max, quantiles_us[33]
+//                [[task]] name, choice, level, p50_us, p99_us, p999_us, work_min, work_max, quantiles_us[33]
+// `choice` is the static choice that the row was measured with ("20 mm"); a task without choices has none.
 // A variant that is not in the table keeps its declared budget.
 #pragma once
 
@@ -14,16 +15,16 @@
 
 #include "config/schema.hpp"
 #include "rt/result.hpp"
-#include "rt/sched/admission.hpp"
 #include "rt/sched/cost_model.hpp"
 #include "rt/sched/task_spec.hpp"
+#include "tasks/graph/static_choices.hpp"
 #include "tasks/graph/table.hpp"
 
 namespace tasks {
 
 struct CalibrationRow {
   static constexpr std::size_t kQuantiles = 33;
-  std::string name;
+  std::string name, choice;
   int level = 0;
   double p50_us = 0, p99_us = 0, p999_us = 0;
   double work_min = 0, work_max = 0;
@@ -36,7 +37,14 @@ struct Calibration {
   std::string host;
   std::deque<CalibrationRow> rows;
   void describe(config::Section& s);
-  [[nodiscard]] const CalibrationRow* find(std::string_view name, int level) const noexcept;
+  [[nodiscard]] const CalibrationRow* find(std::string_view name, std::string_view choice,
+                                           int level) const noexcept;
+  // Of the variant that a settled spec has at this level.
+  [[nodiscard]] const CalibrationRow* find(const rt::TaskSpec& spec, int level) const noexcept {
+    return find(spec.name, spec.choice, level);
+  }
+  // True if every variant that may run has a row; tasks with policy abort need none.
+  [[nodiscard]] bool covers(const std::vector<rt::TaskSpec>& specs) const noexcept;
 };
 
 // Identity of this machine as far as timing goes: CPU model, cores, kernel.
@@ -45,20 +53,15 @@ struct Calibration {
 // Whole or not at all. Throws std::runtime_error naming the file.
 void save_calibration(const std::string& path, const Calibration& calibration);
 
-// The task table as specs, budgets from the calibration where it has them.
-[[nodiscard]] std::vector<rt::TaskSpec> make_specs(const Calibration& calibration);
+// The task table as specs, budgets from the calibration where it has them. Fusion has its voxel sizes as
+// static choices (static_choices.hpp).
+[[nodiscard]] std::vector<rt::TaskSpec> make_specs(const Calibration& calibration,
+                                                   const ChoiceLimits& limits = {});
 
 // Costs for the virtual clock: each variant's measured distribution, scaled so that its 99.9 %
 // quantile is that of the budget (budget / 1.2); a variant without a row costs 0.3 .. 0.8 of its budget.
+// `settled`: specs with their static choices settled.
 [[nodiscard]] std::vector<std::vector<rt::CostQuantiles>> make_costs(
-    const Calibration& calibration, const std::vector<rt::TaskSpec>& specs);
-
-// Admission request of the demo: both boxes, sentinels, watchdogs, declared ordinary threads.
-struct BestEffortShares {
-  double camera_twin = 0, link = 0.03, console = 0.02;
-};
-[[nodiscard]] rt::AdmissionRequest make_request(const std::vector<rt::TaskSpec>& specs,
-                                                const std::vector<int>& cpus,
-                                                const BestEffortShares& shares);
+    const Calibration& calibration, const std::vector<rt::TaskSpec>& settled);
 
 }  // namespace tasks

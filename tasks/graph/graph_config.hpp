@@ -7,6 +7,7 @@
 #include "config/schema.hpp"
 #include "tasks/capture/capture_task.hpp"
 #include "tasks/fusion/fusion_task.hpp"
+#include "tasks/graph/host_request.hpp"
 #include "tasks/haptic/haptic_task.hpp"
 #include "tasks/planning/planning_task.hpp"
 #include "tasks/prediction/prediction_task.hpp"
@@ -24,6 +25,7 @@ struct GraphConfig {
   RobotIoConfig robot_io;
   CaptureConfig capture;
   SupervisionConfig supervision;
+  PoolConfig pool;
 
   void describe(config::Section& s) {
     s.seed("seed", seed, "of planner and every seeded choice of the tasks");
@@ -34,6 +36,7 @@ struct GraphConfig {
     robot_io.describe(s.section("robot_io", "base control"));
     capture.describe(s.section("capture", "image coding"));
     supervision.describe(s.section("supervision", "modes and health"));
+    pool.describe(s.section("pool", "threads beside a task's own"));
   }
 };
 

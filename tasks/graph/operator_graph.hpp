@@ -9,6 +9,7 @@
 #include "drivers/omega/haptic_device.hpp"
 #include "rt/channel/latest.hpp"
 #include "rt/channel/ring.hpp"
+#include "rt/sched/mode_gate.hpp"
 #include "rt/sched/task.hpp"
 #include "tasks/graph/graph_config.hpp"
 #include "tasks/graph/ports.hpp"
@@ -94,6 +95,7 @@ struct OperatorSetup {
   bool odometry_prior = true;                     // false: the camera does not ride on the robot
   bool hash_outputs = false;                      // fill JobRecord::output_hash
   rt::FaultPlan faults;                           // message faults on edges; empty = none
+  rt::ModeGate mode_gate;                         // from the admission; open = every mode fits
 };
 
 class OperatorGraph {

@@ -344,7 +344,7 @@ SupervisionNode::SupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config
                                  OperatorCells& cells, LinkStatus& link, OperatorRequests& requests,
                                  const OperatorSetup& setup)
     : task_(nrt, config.supervision, rt::Box::kOperator, kOperatorWatches.data(),
-            static_cast<int>(kOperatorWatches.size())),
+            static_cast<int>(kOperatorWatches.size()), setup.mode_gate),
       cells_(cells),
       link_(link),
       requests_(requests),

@@ -46,6 +46,7 @@ struct RobotSetup {
   std::function<std::int64_t()> bus_twin_cpu, camera_twin_cpu;  // empty: real devices
   bool hash_outputs = false;
   rt::FaultPlan faults;
+  rt::ModeGate mode_gate;  // from the admission; open = every mode fits
 };
 
 class RobotGraph {

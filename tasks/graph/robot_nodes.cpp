@@ -128,7 +128,7 @@ RobotSupervisionNode::RobotSupervisionNode(rt::NonRealtime& nrt, const GraphConf
                                            RobotCells& cells, LinkStatus& link,
                                            OperatorRequests& requests, const RobotSetup& setup)
     : task_(nrt, config.supervision, rt::Box::kRobot, kRobotWatches.data(),
-            static_cast<int>(kRobotWatches.size())),
+            static_cast<int>(kRobotWatches.size()), setup.mode_gate),
       cells_(cells),
       link_(link),
       requests_(requests),

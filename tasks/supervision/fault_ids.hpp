@@ -72,6 +72,7 @@ inline constexpr std::array kFaultTable = {
   FaultRow{708, "F-SUP-08", rt::Severity::kSafeStop, ClearRule::kOperator, "stop requested", "safe stop"},
   FaultRow{709, "F-SUP-09", rt::Severity::kSafeStop, ClearRule::kRestart, "the executor's watchdog made an output safe", "safe stop"},
   FaultRow{710, "F-SUP-10", rt::Severity::kDegraded, ClearRule::kOperator, "a task reported a fault that is not in this table", "as severe as the task says, at least degraded"},
+  FaultRow{711, "F-SUP-11", rt::Severity::kCounted, ClearRule::kItself, "engage asked for on a host that has no room for the engaged mode", "engage refused; the admission report has the figures"},
   FaultRow{1537, "F-CAP-01", rt::Severity::kCounted, ClearRule::kItself, "capture: not an image", "nothing sent"},
   FaultRow{1538, "F-CAP-02", rt::Severity::kCounted, ClearRule::kItself, "capture: colour left out", "depth sent alone"},
 };
@@ -89,6 +90,7 @@ enum Fault : rt::FaultId {
   kFaultStopRequested = 708,
   kFaultWatchdog = 709,
   kFaultUnknown = 710,
+  kFaultNoRoom = 711,
 };
 
 // Row of an id, or -1.

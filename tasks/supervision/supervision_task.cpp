@@ -17,8 +17,8 @@ void SupervisionConfig::describe(config::Section& s) {
 }
 
 SupervisionTask::SupervisionTask(rt::NonRealtime&, const SupervisionConfig& config, rt::Box box,
-                                 const Watch* watches, int watch_count)
-    : config_(config), box_(box), watch_count_(watch_count) {
+                                 const Watch* watches, int watch_count, const rt::ModeGate& gate)
+    : config_(config), box_(box), watch_count_(watch_count), gate_(gate) {
   if (watch_count < 0 || watch_count > kMaxTasks) {
     throw std::logic_error("supervision: " + std::to_string(watch_count) +
                            " tasks to watch: allowed 0.." + std::to_string(kMaxTasks));
@@ -64,6 +64,8 @@ void SupervisionTask::gather(rt::Time now, const In& in, Conditions& c) const no
   }
   if (in.watchdog_bit) raise(c, kFaultWatchdog, Severity::kOk);
   if (in.requests.ramp_down) raise(c, kFaultRampRequested, Severity::kOk);
+  if (mode_ == Mode::kHold && in.requests.engage == Engage::kYes && !has_room(Mode::kEngaged))
+    raise(c, kFaultNoRoom, Severity::kOk);
   for (std::size_t i = 0; i < static_cast<std::size_t>(watch_count_); ++i) {
     const TaskReport& t = in.tasks[i];
     if (!t.heard) continue;  // kInit waits for it
@@ -165,7 +167,7 @@ rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) n
         if (!engage) break;
         const bool peer_ok =
             !in.link_expected || (link_live(now, in) && in.peer_mode != Mode::kSafeStop);
-        if (may_move && peer_ok && !held_back()) {
+        if (may_move && peer_ok && !held_back() && has_room(Mode::kEngaged)) {
           enter(Mode::kEngaged, rt::kNoFault, now);
           episode_ = {};
           peer_followed_ = false;

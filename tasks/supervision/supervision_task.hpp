@@ -23,6 +23,7 @@
 #include "config/schema.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
+#include "rt/sched/mode_gate.hpp"
 #include "rt/tick.hpp"
 #include "tasks/graph/messages.hpp"
 #include "tasks/graph/table.hpp"
@@ -87,8 +88,10 @@ class SupervisionTask {
 
   // `box` decides who leads: the robot follows the operator's engage and ramps down when it is
   // withdrawn; the operator ramps down when the robot has not followed, or left.
+  // `gate`: which mode changes the host has room for, by number of Mode; asked before each engage. The
+  // other modes are never refused: a host that has no room for one of them does not start.
   SupervisionTask(rt::NonRealtime&, const SupervisionConfig&, rt::Box box, const Watch* watches,
-                  int watch_count);
+                  int watch_count, const rt::ModeGate& gate = {});
 
   [[nodiscard]] rt::Health step(const rt::Tick&, const In&, Out&) noexcept;
 
@@ -107,6 +110,9 @@ class SupervisionTask {
   void take_clear(rt::Time now, const In& in) noexcept;
   void acknowledge(const Conditions& c) noexcept;
   [[nodiscard]] bool held_back() const noexcept;
+  [[nodiscard]] bool has_room(Mode mode) const noexcept {
+    return gate_.may_enter(static_cast<std::size_t>(mode_), static_cast<std::size_t>(mode));
+  }
   [[nodiscard]] bool link_live(rt::Time now, const In& in) const noexcept;
   [[nodiscard]] bool all_heard(const In& in) const noexcept;
 
@@ -114,6 +120,7 @@ class SupervisionTask {
   rt::Box box_;
   std::array<Watch, kMaxTasks> watches_{};
   int watch_count_ = 0;
+  rt::ModeGate gate_;
 
   Mode mode_ = Mode::kInit;
   rt::FaultId cause_ = rt::kNoFault;

@@ -31,11 +31,10 @@ constexpr std::int64_t kPoll = 5000000, kConsolePeriod = 20000000;
 std::vector<rt::PlacedTask> placed_tasks(const BoxPlan& plan, rt::Box box,
                                          const std::function<rt::TaskBody&(tasks::TaskId)>& body) {
   std::vector<rt::PlacedTask> placed;
-  for (std::size_t i = 0; i < plan.specs.size(); ++i) {
-    if (plan.specs[i].box != box) continue;
-    const auto& a = plan.admission.tasks[i];
-    placed.push_back({plan.specs[i], &body(static_cast<tasks::TaskId>(i)),
-                      static_cast<std::uint16_t>(i), a.cpu, a.priority, a.level});
+  for (std::size_t i = 0; i < plan.host.specs.size(); ++i) {
+    if (plan.host.specs[i].box != box) continue;
+    placed.push_back(placed_task(plan.host, i));
+    placed.back().body = &body(static_cast<tasks::TaskId>(i));
   }
   return placed;
 }
@@ -47,7 +46,7 @@ rt::Registry enter_registry(const BoxPlan& plan, std::optional<rt::Box> box) {
   if (!registry) throw std::runtime_error(registry.error());
   rt::IsMine mine;  // both boxes: all
   if (box) mine = [box](const std::string&, rt::Box b) { return b == *box; };
-  const auto rows = rt::registry_entries(plan.request, plan.admission, mine);
+  const auto rows = rt::registry_entries(plan.host.held, plan.host.held_rows, mine);
   rt::Registry r = std::move(registry).value();
   if (auto ok = r.try_register(rows); !ok) throw std::runtime_error(ok.error());
   return r;
@@ -173,7 +172,7 @@ struct BoxRunner {
 
   void run(rt::NonRealtime& nrt, const std::string& file) {
     std::vector<std::string> names;
-    for (const auto& s : plan.specs) names.push_back(s.name);
+    for (const auto& s : plan.host.specs) names.push_back(s.name);
     rt::with_faults(plan.planned ? &plan.faults : nullptr, names,
                     [&](const auto& faults) { run(nrt, faults, file); });
   }
@@ -313,6 +312,7 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
   BoxOptions box_options;
   box_options.epoch = Side::clock().from_host(plan.epoch_host_ns);
   box_options.faults = plan.faults;
+  box_options.mode_gate = plan.host.modes.gate;
   box_options.now = [] { return Side::clock().from_host(rt::monotonic_ns()); };
   Side::complete(box_options);
   BoxRunner runner{options, plan, Side::kBox, Side::clock()};
@@ -394,7 +394,7 @@ rt::RunLog log_header(const std::vector<rt::PlacedTask>& placed, rt::Box box,
     t.core = p.core;
     t.priority = p.priority;
     t.level = p.level;
-    if (const auto* row = calibration.find(p.spec.name, p.level)) {
+    if (const auto* row = calibration.find(p.spec, p.level)) {
       t.work_min = static_cast<std::uint64_t>(row->work_min);
       t.work_max = static_cast<std::uint64_t>(row->work_max);
     }

@@ -2,16 +2,14 @@
 // Exit codes of a child: 0 orderly, 3 could not start, 4 stopped by a fault.
 #pragma once
 
-#include "rt/sched/admission.hpp"
+#include "tools/teletact/host_admission.hpp"
 #include "tools/teletact/run_demo.hpp"
 
 namespace teletact {
 
 struct BoxPlan {
   std::int64_t epoch_host_ns = 0;
-  rt::Admission admission;          // of the union of both boxes
-  rt::AdmissionRequest request;     // what was admitted
-  std::vector<rt::TaskSpec> specs;  // by task id
+  HostPlan host;  // of the union of both boxes
   tasks::Calibration calibration;
   rt::FaultPlan faults;
   bool planned = false;  // run the planned executor

@@ -75,6 +75,7 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   setup.bus_twin_cpu = [this] { return bus_->twin_cpu_ns(); };
   setup.hash_outputs = options.hash_outputs;
   setup.faults = options.faults;
+  setup.mode_gate = options.mode_gate;
   if (!scene.rgbd_dir.empty()) {
     camera_ = std::make_unique<drivers::ReplayCamera>(nrt, open_sequence(scene.rgbd_dir),
                                                       options.epoch + kRecordingLead, scene.hold_s,
@@ -132,6 +133,7 @@ OperatorBox::OperatorBox(rt::NonRealtime& nrt, const Scene& scene,
   setup.device_twin_cpu = [this] { return device_->twin_cpu_ns(); };
   setup.hash_outputs = options.hash_outputs;
   setup.faults = options.faults;
+  setup.mode_gate = options.mode_gate;
   setup.fusion.camera = camera;
   if (scene.rgbd_dir.empty()) {
     setup.fusion.X_BC = scene.camera.X_BC();

@@ -28,6 +28,7 @@ struct BoxOptions {
   bool threaded_camera = false;   // real clock: render on an ordinary thread
   std::function<rt::Time()> now;  // box clock, for the threaded camera
   rt::FaultPlan faults;
+  rt::ModeGate mode_gate;
   std::function<void(int, int)> progress;  // of decoding a recording
   // What stands between a task and its device's twin; empty: nothing.
   std::function<drivers::HapticDevice*(drivers::HapticDevice&)> wrap_device;

@@ -17,7 +17,7 @@ double at(const std::vector<double>& sorted, double q) {
   return sorted[i] + (sorted[j] - sorted[i]) * (x - static_cast<double>(i));
 }
 
-void add_row(tasks::Calibration& c, const rt::TaskLog& log, int level) {
+void add_row(tasks::Calibration& c, const rt::TaskLog& log, const std::string& choice, int level) {
   std::vector<double> cpu_us;
   std::uint64_t work_min = ~0ULL, work_max = 0;
   // The first jobs run on cold caches and before the first image: not what a budget is for.
@@ -32,6 +32,7 @@ void add_row(tasks::Calibration& c, const rt::TaskLog& log, int level) {
   std::sort(cpu_us.begin(), cpu_us.end());
   tasks::CalibrationRow row;
   row.name = log.spec.name;
+  row.choice = choice;
   row.level = level;
   row.p50_us = at(cpu_us, 0.5);
   row.p99_us = at(cpu_us, 0.99);
@@ -47,37 +48,55 @@ void add_row(tasks::Calibration& c, const rt::TaskLog& log, int level) {
 
 }  // namespace
 
-tasks::Calibration calibrate(rt::NonRealtime& nrt, const Scene& scene, double seconds, bool quiet) {
+tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds, bool quiet) {
   tasks::Calibration c;
   c.host = tasks::host_id();
-  int levels = 1;
+  std::size_t most = 1;  // levels of any task
   for (const auto& row : tasks::kTaskTable) {
     for (std::size_t i = 0; i < row.variants.size(); ++i) {
-      if (!row.variants[i].name.empty()) levels = std::max(levels, static_cast<int>(i) + 1);
+      if (!row.variants[i].name.empty()) most = std::max(most, i + 1);
     }
   }
   const tasks::Calibration declared;  // admission and costs of these runs are the declared ones
-  for (int level = 0; level < levels; ++level) {
-    if (!quiet)
-      std::printf("calibrate: level %d of %d ...\n", level + 1, levels), std::fflush(stdout);
-    DemoOptions o;
-    o.seconds = seconds;
-    o.virtual_clock = o.measure_cpu = o.quiet = true;
-    o.force_level = level;
-    o.cores = 8;  // never a reason to refuse
-    const VirtualRun run = run_virtual(nrt, scene, o, declared);
-    for (const auto* log : {&run.op.log, &run.robot.log}) {
-      for (const auto& t : log->tasks) {
-        if (t.spec.policy != rt::MissPolicy::kAbort && level < t.spec.levels())
-          add_row(c, t, level);
+  const double voxel_m = scene.graph.fusion.tsdf.voxel_size_m;
+  bool first = true;
+  for (const auto& option : tasks::voxel_options(choice_limits(scene))) {
+    if (!option.ruled_out.empty()) {
+      if (!quiet)
+        std::printf("calibrate: not %s: %s\n", option.name.c_str(), option.ruled_out.c_str());
+      continue;
+    }
+    for (int level = 0; level < static_cast<int>(most); ++level) {
+      if (!quiet) {
+        std::printf("calibrate: %s, level %d of %zu ...\n", option.name.c_str(), level + 1, most);
+        std::fflush(stdout);
+      }
+      DemoOptions o;
+      o.seconds = seconds;
+      o.virtual_clock = o.measure_cpu = o.quiet = true;
+      o.force_level = level;
+      o.force_choice = option.name;
+      o.black_box_s = 0;
+      o.cores = 8;  // never a reason to refuse
+      const VirtualRun run = run_virtual(nrt, scene, o, declared);
+      for (const auto* log : {&run.op.log, &run.robot.log}) {
+        for (const auto& t : log->tasks) {
+          const bool chooses = !t.spec.choice.empty();
+          // What has no choice is the same in all of them: once is enough.
+          if (t.spec.policy != rt::MissPolicy::kAbort && level < t.spec.levels() &&
+              (first || chooses))
+            add_row(c, t, t.spec.choice, level);
+        }
       }
     }
+    first = false;
   }
+  scene.graph.fusion.tsdf.voxel_size_m = voxel_m;
   return c;
 }
 
-tasks::Calibration host_calibration(rt::NonRealtime& nrt, const Scene& scene,
-                                    const DemoOptions& options, std::string& text) {
+tasks::Calibration host_calibration(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
+                                    std::string& text) {
   namespace fs = std::filesystem;
   if (!options.calibration.empty()) {
     auto c = tasks::load_calibration(options.calibration);
@@ -94,7 +113,9 @@ tasks::Calibration host_calibration(rt::NonRealtime& nrt, const Scene& scene,
       (folder / ("calibration-" + fs::path(options.scene_path).stem().string() + ".toml")).string();
   if (fs::exists(file)) {
     auto c = tasks::load_calibration(file);
-    if (c && c.value().host == tasks::host_id()) {
+    // One of another host, or of a scene that leaves another choice, is no use.
+    if (c && c.value().host == tasks::host_id() &&
+        c.value().covers(tasks::make_specs(c.value(), choice_limits(scene)))) {
       text = file + " (" + c.value().host + ")";
       return std::move(c).value();
     }

@@ -32,17 +32,22 @@ int cmd_calibrate(int argc, char** argv) {
   scene->rgbd_dir = rgbd;
   const auto c = calibrate(startup.token(), *scene, seconds, quiet);
   tasks::save_calibration(out, c);
-  std::printf("%-18s %5s %10s %10s %10s %10s\n", "task", "level", "p50 us", "p99 us", "p99.9 us",
-              "budget us");
+  std::printf("%-18s %-7s %5s %10s %10s %10s %10s\n", "task", "choice", "level", "p50 us", "p99 us",
+              "p99.9 us", "budget us");
   Metrics metrics("calibrate");
   for (const auto& r : c.rows) {
-    const std::string name = "calibrate." + r.name + "." + std::to_string(r.level);
+    std::string name = "calibrate." + r.name + ".";
+    for (const char ch : r.choice) {
+      if (ch != ' ') name += ch;  // "20mm"
+    }
+    name += (r.choice.empty() ? "" : ".") + std::to_string(r.level);
     metrics.add(name + ".p50_us", r.p50_us, "us");
     metrics.add(name + ".p99_us", r.p99_us, "us");
     metrics.add(name + ".p999_us", r.p999_us, "us");
     metrics.add(name + ".budget_us", static_cast<double>(r.budget().count()) * 1e-3, "us");
-    std::printf("%-18s %5d %10.1f %10.1f %10.1f %10.1f\n", r.name.c_str(), r.level, r.p50_us,
-                r.p99_us, r.p999_us, static_cast<double>(r.budget().count()) * 1e-3);
+    std::printf("%-18s %-7s %5d %10.1f %10.1f %10.1f %10.1f\n", r.name.c_str(), r.choice.c_str(),
+                r.level, r.p50_us, r.p99_us, r.p999_us,
+                static_cast<double>(r.budget().count()) * 1e-3);
   }
   if (!json.empty()) metrics.write(json);
   return 0;

@@ -162,6 +162,7 @@ int cmd_demo(int argc, char** argv) {
     o.log_folder = o.report + "/raw";
     VirtualRun run = run_virtual(nrt, *scene, o, calibration);
     info.admission = run.admission;
+  info.modes = run.modes;
     info.effects = run.effects;
     info.sched_hash = run.sched_hash;
     info.log_hash = run.log_hash;
@@ -169,6 +170,7 @@ int cmd_demo(int argc, char** argv) {
   }
   RealRun run = run_real(nrt, *scene, o, calibration);
   info.admission = run.admission;
+  info.modes = run.modes;
   info.problems = run.problems;
   info.effects = run.effects;
   return finish_run(o, *scene, info, run.op, run.robot, json);

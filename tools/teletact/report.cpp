@@ -159,6 +159,13 @@ void timing(const ReportData& d, std::string& out) {
     }
   }
   out += "</div>\n";
+  if (!d.choices.empty() || !d.steps.empty()) {
+    out += "<p>What was admitted, and why:</p>\n<ul>\n";
+    for (const auto* lines : {&d.choices, &d.steps}) {
+      for (const auto& line : *lines) out += "<li>" + escaped(line) + "</li>\n";
+    }
+    out += "</ul>\n";
+  }
   if (!d.admission.empty()) {
     out +=
         "<details><summary>Admission</summary><pre>" + escaped(d.admission) + "</pre></details>\n";
@@ -392,6 +399,18 @@ std::string report_json(const ReportData& d) {
   }
   auto& tasks = out["tasks"] = nlohmann::ordered_json::array();
   for (const auto& t : d.tasks) tasks.push_back(task_json(t));
+  auto& admission = out["admission"];
+  admission["choices"] = d.choices;
+  admission["steps"] = d.steps;
+  auto& modes = admission["modes"] = nlohmann::ordered_json::array();
+  for (const auto& m : d.modes) {
+    modes.push_back({{"name", m.name},
+                     {"admitted", m.refusal.empty()},
+                     {"refusal", m.refusal},
+                     {"fullest_core", m.utilisation},
+                     {"least_slack_ms", m.slack_ms}});
+  }
+  admission["table"] = d.admission;
   auto& effects = out["effects"] = nlohmann::ordered_json::array();
   for (const auto& [name, key] : d.effects) effects.push_back({{"name", name}, {"key", key}});
   auto& faults = out["faults"] = nlohmann::ordered_json::array();

@@ -66,9 +66,15 @@ struct ReportData {
   std::vector<std::pair<std::string, std::string>> host;  // name, value
   std::vector<std::pair<std::string, std::string>> seeds;
   std::vector<ReportVerdict> verdicts;
-  std::string config_toml;  // effective configuration
-  std::string calibration;  // file or "declared", with the host's id
-  std::string admission;    // text of the admission, preformatted
+  std::string config_toml;                  // effective configuration
+  std::string calibration;                  // file or "declared", with the host's id
+  std::string admission;                    // text of the admission, preformatted
+  std::vector<std::string> choices, steps;  // static choices and levels: which, and why
+  struct Mode {
+    std::string name, refusal;  // empty: admitted
+    double utilisation = 0, slack_ms = 0;
+  };
+  std::vector<Mode> modes;
   std::vector<ReportTask> tasks;
   ReportSeries touch;
   ReportMap map;

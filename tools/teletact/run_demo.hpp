@@ -8,6 +8,7 @@
 #include "rt/fault/plan.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "tasks/graph/calibration.hpp"
+#include "tools/teletact/host_admission.hpp"
 #include "tools/teletact/run_results.hpp"
 #include "tools/teletact/scene.hpp"
 
@@ -24,6 +25,7 @@ struct DemoOptions {
   std::string calibration;        // file; empty: the built-in reference (virtual) or the host's
   std::string fault_plan;         // file; empty: the plain executor
   int force_level = -1;           // calibration: this level of every task that has it
+  std::string force_choice;       // calibration: this static choice ("20 mm")
   bool quiet = false;
   std::string command;  // as typed, for the report
   std::uint64_t cost_seed = 1;
@@ -49,9 +51,11 @@ struct VirtualRun {
   std::uint64_t sched_hash = 0, log_hash = 0;
   Effects effects;
   rt::Admission admission;
+  rt::ModeTable modes;
 };
-// One process, simulated time. `log` in the halves holds each box's tasks.
-[[nodiscard]] VirtualRun run_virtual(rt::NonRealtime&, const Scene&, const DemoOptions&,
+// One process, simulated time. `log` in the halves holds each box's tasks. Sets the scene's voxel size to
+// what was admitted.
+[[nodiscard]] VirtualRun run_virtual(rt::NonRealtime&, Scene&, const DemoOptions&,
                                      const tasks::Calibration&);
 
 // Both halves, from either clock, to metrics, report and exit code.

@@ -64,7 +64,7 @@ std::string verdict(const Child& c, int status) {
 
 }  // namespace
 
-RealRun run_real(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
+RealRun run_real(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
                  const tasks::Calibration& calibration) {
   namespace fs = std::filesystem;
   RealRun run;
@@ -75,16 +75,17 @@ RealRun run_real(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& op
   // The camera's twin renders on an ordinary thread; a recording needs none.
   tasks::BestEffortShares shares;
   shares.camera_twin = scene.rgbd_dir.empty() ? 0.30 : 0.0;
-  plan.request = tasks::make_request(plan.specs, cpus, shares);
-  plan.admission = rt::admit(plan.request);
-  run.admission = plan.admission;
-  if (!plan.admission.admitted) throw CouldNotStart("admission: " + plan.admission.refusal);
+  plan.host = admit_host(scene, calibration, cpus, shares);
+  run.admission = plan.host.admission;
+  run.modes = plan.host.modes;
+  if (!plan.host.refusal.empty()) throw CouldNotStart("admission: " + plan.host.refusal);
+  scene.graph.fusion.tsdf.voxel_size_m = plan.host.voxel_m;
   try {
     check_room(plan);  // before anything of an earlier run is touched
   } catch (const std::runtime_error& e) {
     throw CouldNotStart(e.what());
   }
-  if (!options.quiet) std::printf("%s\n", rt::report_table(plan.admission).c_str());
+  if (!options.quiet) std::printf("%s\n", admission_text(plan.host).c_str());
   if (!options.fault_plan.empty()) {
     auto loaded = config::load_fault_plan(options.fault_plan);
     if (!loaded) throw std::runtime_error(loaded.error());

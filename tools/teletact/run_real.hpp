@@ -13,13 +13,15 @@ struct RealRun {
   RobotHalf robot;
   Effects effects;
   rt::Admission admission;
+  rt::ModeTable modes;
   std::vector<std::string> problems;
 };
 // Not admitted, or no room beside what runs already: nothing was started. Exit code 3.
 struct CouldNotStart : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
-[[nodiscard]] RealRun run_real(rt::NonRealtime&, const Scene&, const DemoOptions&,
+// Sets the scene's voxel size to what was admitted.
+[[nodiscard]] RealRun run_real(rt::NonRealtime&, Scene&, const DemoOptions&,
                                const tasks::Calibration&);
 
 }  // namespace teletact

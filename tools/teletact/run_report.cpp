@@ -289,7 +289,16 @@ ReportData make_report(const RunInfo& info, const OperatorHalf& op, const RobotH
   d.seeds = info.seeds;
   d.config_toml = info.config_toml;
   d.calibration = info.calibration_text;
-  d.admission = info.admission.tasks.empty() ? "" : rt::report_table(info.admission);
+  d.admission = info.admission.tasks.empty()
+                    ? ""
+                    : rt::report_table(info.admission) + rt::mode_report(info.modes);
+  d.choices = info.admission.choices;
+  d.steps = info.admission.steps;
+  for (std::size_t m = 0; m < info.modes.modes.size(); ++m) {
+    const auto& v = info.modes.verdict(m, m);
+    d.modes.push_back({info.modes.modes[m].name, v.refusal, v.utilisation,
+                       static_cast<double>(v.slack.count()) * 1e-6});
+  }
   d.effects = info.effects;
   d.files = info.files;
   d.metrics = metrics;
@@ -306,7 +315,9 @@ ReportData make_report(const RunInfo& info, const OperatorHalf& op, const RobotH
   if (op.view.view->seq != 0) d.pictures.push_back(report_picture(op));
   for (auto& t : d.tasks) {
     for (const auto& a : info.admission.tasks) {
-      if (a.name == t.name) t.analysis_response_us = static_cast<double>(a.R.count()) * 1e-3;
+      if (a.name != t.name) continue;
+      t.analysis_response_us = static_cast<double>(a.R.count()) * 1e-3;
+      if (!a.choice.empty()) t.level = a.choice + ", " + t.level;
     }
   }
   add_verdicts(info, op, robot, metrics, d);

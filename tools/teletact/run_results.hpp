@@ -10,6 +10,7 @@
 #include "rt/audit/blame.hpp"
 #include "rt/audit/run_log.hpp"
 #include "rt/sched/admission.hpp"
+#include "rt/sched/mode_table.hpp"
 #include "rt/sched/executor.hpp"
 #include "tools/teletact/console.hpp"
 #include "tools/teletact/metrics_json.hpp"
@@ -61,6 +62,7 @@ struct RunInfo {
   double seconds = 0;
   Effects effects;
   rt::Admission admission;
+  rt::ModeTable modes;
   std::vector<std::pair<std::string, std::string>> host, seeds;
   std::uint64_t sched_hash = 0, log_hash = 0;
   std::vector<std::string> problems;  // each makes the exit code non-zero

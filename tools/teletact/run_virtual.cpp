@@ -55,17 +55,23 @@ void execute(std::vector<rt::PlacedTask> placed, rt::CostModel& costs, const Fau
 
 }  // namespace
 
-VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
+VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
                        const tasks::Calibration& calibration) {
   VirtualRun run;
   const std::int64_t epoch = 1000000000;  // any instant; fixed, so that runs repeat
   const auto specs = tasks::make_specs(calibration);
   std::vector<int> cpus;
   for (int i = 0; i < options.cores; ++i) cpus.push_back(i);
-  run.admission = rt::admit(tasks::make_request(specs, cpus, {0.30}));
-  if (!run.admission.admitted) throw std::runtime_error("admission: " + run.admission.refusal);
+  const HostPlan host = admit_host(scene, calibration, cpus, {0.30}, options.force_choice);
+  run.admission = host.admission;
+  run.modes = host.modes;
+  if (!host.refusal.empty()) throw std::runtime_error("admission: " + host.refusal);
+  if (!options.quiet) std::printf("%s\n", admission_text(host).c_str());
+  scene.graph.fusion.tsdf.voxel_size_m = host.voxel_m;
+  const auto& specs = host.specs;
 
   BoxOptions op_options, robot_options;
+  op_options.mode_gate = robot_options.mode_gate = host.modes.gate;
   rt::FaultPlan plan_of_faults;
   if (!options.fault_plan.empty()) {
     auto loaded = config::load_fault_plan(options.fault_plan);
@@ -150,12 +156,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, const Scene& scene, const DemoOptio
   std::vector<rt::PlacedTask> placed;
   for (std::size_t i = 0; i < specs.size(); ++i) {
     const auto id = static_cast<tasks::TaskId>(i);
-    rt::PlacedTask p;
-    p.spec = specs[i];
-    p.id = static_cast<std::uint16_t>(i);
-    p.core = run.admission.tasks[i].core;
-    p.priority = run.admission.tasks[i].priority;
-    p.level = run.admission.tasks[i].level;
+    rt::PlacedTask p = placed_task(host, i);
     if (options.force_level >= 0) p.level = std::min(options.force_level, specs[i].levels() - 1);
     if (!options.stub_bodies) {
       p.body =

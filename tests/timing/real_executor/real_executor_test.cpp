@@ -362,11 +362,11 @@ TEST(RealExecutor, DegradeSwitchesAtTheFirstBoundaryWithNoPendingJob) {
   Straddle body;
   std::vector<rt::PlacedTask> tasks{placed("degrade", 50, body, 0)};
   tasks[0].spec.policy = rt::MissPolicy::kDegrade;
-  tasks[0].spec.variants = {{"full", rt::Nanos{kMs}, false}, {"small", rt::Nanos{kMs}, false}};
+  tasks[0].spec.variants = {{"full", rt::Nanos{kMs}}, {"small", rt::Nanos{kMs}}};
   const Outcome o = run(tasks, 1600 * kMs);
   expect_balanced(o, tasks);
   const auto& jobs = o.jobs[0];
-  rt::LevelControl want(0, 2);
+  rt::LevelControl want(0, 1);
   std::int64_t boundary = o.plan.epoch_host_ns + 100 * kMs;
   bool straddled = false;
   int degraded = 0;

@@ -25,8 +25,8 @@ TaskSpec spec(std::string name, rt::Rate rate, double budget_ms) {
   return s;
 }
 
-rt::Variant variant(const char* name, double budget_ms, bool is_static) {
-  return {name, rt::nanos_from_seconds(budget_ms * 1e-3), is_static};
+rt::Variant variant(const char* name, double budget_ms) {
+  return {name, rt::nanos_from_seconds(budget_ms * 1e-3)};
 }
 
 // The design's table, both boxes, with platform tasks and best effort, on `cores` cores.
@@ -38,13 +38,12 @@ AdmissionRequest demo(int cores) {
              spec("capture", {30, 1}, 15),        spec("supervision", {100, 1}, 0.05)};
   for (std::size_t i = 5; i < 8; ++i) r.tasks[i].box = rt::Box::kRobot;
   r.tasks[1].policy = rt::MissPolicy::kDegrade;
-  r.tasks[1].variants = {variant("10mm", 25, false), variant("10mm_fast", 21, false),
-                         variant("20mm", 12, true), variant("20mm_fast", 9, false)};
+  r.tasks[1].choices = {{"10 mm", {variant("full", 25), variant("fast", 21)}, {}},
+                        {"20 mm", {variant("full", 12), variant("fast", 9)}, {}}};
   r.tasks[3].task_class = rt::TaskClass::kFirm;
-  r.tasks[3].variants = {variant("50ms", 50, false), variant("35ms", 35, false),
-                         variant("20ms", 20, false)};
+  r.tasks[3].variants = {variant("50ms", 50), variant("35ms", 35), variant("20ms", 20)};
   r.tasks[6].task_class = rt::TaskClass::kFirm;
-  r.tasks[6].variants = {variant("full", 15, false), variant("half", 8, true)};
+  r.tasks[6].variants = {variant("full", 15), variant("half", 8)};
   TaskSpec sentinel = spec("sentinel", {1000, 1}, 0.005);
   TaskSpec watchdog = spec("watchdog", {100, 1}, 0.02);
   watchdog.core = 0;
@@ -89,6 +88,19 @@ TEST(Admission, FourCoresTakeTheFullTable) {
   EXPECT_THAT(rt::report_table(a), HasSubstr("every task runs its full variant"));
 }
 
+// What was admitted, as a request without choices and levels, each task at its own.
+AdmissionRequest at_levels(const AdmissionRequest& request, const rt::Admission& a,
+                           std::size_t raised = 1000) {
+  AdmissionRequest out = request;
+  out.tasks = rt::settled_as(a, request.tasks);
+  for (std::size_t j = 0; j < out.tasks.size(); ++j) {
+    auto& t = out.tasks[j];
+    t.budget = t.budget_of(a.tasks[j].level - (j == raised ? 1 : 0));
+    t.variants.clear();
+  }
+  return out;
+}
+
 TEST(Admission, TwoCoresTakeSmallerVariantsAndSayWhich) {
   const auto request = demo(2);
   const auto a = rt::admit(request);
@@ -98,17 +110,12 @@ TEST(Admission, TwoCoresTakeSmallerVariantsAndSayWhich) {
   std::printf("%s", table.c_str());
   for (const auto& step : a.steps) EXPECT_THAT(table, HasSubstr(step));
   EXPECT_THAT(a.steps[0], HasSubstr("because"));
+  for (const auto& line : a.choices) EXPECT_THAT(table, HasSubstr(line));
   // No single step can be taken back.
+  EXPECT_TRUE(rt::admit(at_levels(request, a)).admitted);
   for (std::size_t i = 0; i < a.tasks.size(); ++i) {
     if (a.tasks[i].level == 0) continue;
-    auto raised = request;
-    for (std::size_t j = 0; j < raised.tasks.size(); ++j) {
-      auto& t = raised.tasks[j];
-      const int level = a.tasks[j].level - (i == j ? 1 : 0);
-      t.budget = request.tasks[j].budget_of(level);
-      t.variants.clear();
-    }
-    EXPECT_FALSE(rt::admit(raised).admitted) << request.tasks[i].name;
+    EXPECT_FALSE(rt::admit(at_levels(request, a, i)).admitted) << request.tasks[i].name;
   }
 }
 
@@ -118,7 +125,128 @@ TEST(Admission, OneCoreIsRefusedWithTaskAndFigures) {
   EXPECT_THAT(a.refusal, HasSubstr("task '"));
   EXPECT_THAT(a.refusal, HasSubstr("above 0.90"));
   EXPECT_THAT(a.refusal, HasSubstr("even after lowering"));
+  EXPECT_THAT(a.refusal, HasSubstr("at the floor of the static choices: fusion 20 mm"));
   EXPECT_THAT(rt::report_table(a), HasSubstr("refused"));
+}
+
+// ---- static choices
+
+// One task with choices beside a load that leaves `room_ms` of each 100 ms of one core.
+AdmissionRequest choosing(double load_ms) {
+  AdmissionRequest r;
+  r.cpus = {0};
+  r.tasks = {spec("fusion", {10, 1}, 1), spec("load", {10, 1}, load_ms)};
+  r.tasks[0].choices = {{"10 mm", {variant("full", 60), variant("step2", 50)}, {}},
+                        {"15 mm", {variant("full", 55), variant("step2", 30)}, {}},
+                        {"20 mm", {variant("full", 40), variant("step2", 20)}, {}}};
+  return r;
+}
+
+TEST(StaticChoice, TheFirstThatFitsAtAnyLevelIsTaken) {
+  struct Want {
+    double load_ms;
+    const char* choice;
+    int level;
+  };
+  for (const Want& w :
+       {Want{10, "10 mm", 0}, Want{35, "10 mm", 1}, Want{45, "15 mm", 1}, Want{65, "20 mm", 1}}) {
+    const auto request = choosing(w.load_ms);
+    const auto a = rt::admit(request);
+    expect_sound(request, a);
+    EXPECT_EQ(a.tasks[0].choice, w.choice) << w.load_ms;
+    EXPECT_EQ(a.tasks[0].level, w.level) << w.load_ms;
+    EXPECT_EQ(a.tasks[0].last_level, 1);
+    EXPECT_EQ(a.tasks[1].choice, "");
+    ASSERT_FALSE(a.choices.empty());
+    EXPECT_THAT(a.choices[0], HasSubstr(std::string("fusion: ") + w.choice));
+    const auto settled = rt::settled_as(a, request.tasks);
+    EXPECT_TRUE(settled[0].choices.empty());
+    EXPECT_EQ(settled[0].choice, w.choice);
+    EXPECT_EQ(settled[0].levels(), 2);
+  }
+  // What was passed over is named with its figures.
+  const auto a = rt::admit(choosing(45));
+  ASSERT_EQ(a.choices.size(), 2U);
+  EXPECT_THAT(a.choices[1], HasSubstr("not with fusion 10 mm: task 'load'"));
+  EXPECT_THAT(a.choices[1], HasSubstr("above 0.90"));
+}
+
+TEST(StaticChoice, NeverBelowTheFloor) {
+  const auto a = rt::admit(choosing(75));
+  EXPECT_FALSE(a.admitted);
+  EXPECT_THAT(a.refusal, HasSubstr("utilisation 0.95"));
+  EXPECT_THAT(a.refusal, HasSubstr("fusion to step2"));
+  EXPECT_THAT(a.refusal, HasSubstr("at the floor of the static choices: fusion 20 mm"));
+  EXPECT_EQ(a.choices.size(), 3U) << "the floor, and the two that were tried before";
+}
+
+TEST(StaticChoice, WhatIsRuledOutIsPassedOverAndNamed) {
+  auto r = choosing(10);
+  r.tasks[0].choices[0].ruled_out = "the window is too small";
+  auto a = rt::admit(r);
+  ASSERT_TRUE(a.admitted);
+  EXPECT_EQ(a.tasks[0].choice, "15 mm");
+  EXPECT_THAT(a.choices[0], HasSubstr("10 mm is ruled out: the window is too small"));
+  for (auto& c : r.tasks[0].choices) c.ruled_out = "no";
+  a = rt::admit(r);
+  EXPECT_FALSE(a.admitted);
+  EXPECT_THAT(a.refusal, HasSubstr("'fusion' has no choice left: 10 mm: no; 15 mm: no; 20 mm: no"));
+}
+
+// With several tasks that choose: against all combinations, one by one.
+TEST(StaticChoice, FewestStepsDownAgainstEveryCombination) {
+  std::printf("seeds 1..300\n");
+  int chosen_below = 0, refused = 0;
+  for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+    rt::Random rng(seed, 17);
+    AdmissionRequest r;
+    for (std::int64_t c = 0; c < rng.integer(1, 2); ++c) r.cpus.push_back(static_cast<int>(c));
+    const auto n = rng.integer(2, 4);
+    for (std::int64_t i = 0; i < n; ++i) {
+      TaskSpec s = spec("t" + std::to_string(i), {rng.integer(5, 200), 1}, 1);
+      const double ms = 1e3 / s.rate.hz();
+      double share = rng.uniform(0.1, 0.8);
+      for (std::int64_t c = 0; c < rng.integer(1, 3); ++c) {
+        s.choices.push_back({"c" + std::to_string(c), {variant("", share * ms)}, {}});
+        share *= rng.uniform(0.4, 0.9);
+      }
+      r.tasks.push_back(s);
+    }
+    const auto a = rt::admit(r);
+    // Every combination of choices, as requests of their own.
+    std::size_t best = 1000;
+    std::vector<std::size_t> pick(r.tasks.size(), 0);
+    for (bool more = true; more;) {
+      auto one = r;
+      std::size_t steps = 0;
+      for (std::size_t i = 0; i < pick.size(); ++i) {
+        one.tasks[i].budget = r.tasks[i].choices[pick[i]].variants[0].budget;
+        one.tasks[i].choices.clear();
+        steps += pick[i];
+      }
+      if (rt::admit(one).admitted) best = std::min(best, steps);
+      more = false;
+      for (std::size_t i = 0; i < pick.size() && !more; ++i) {
+        more = ++pick[i] < r.tasks[i].choices.size();
+        if (!more) pick[i] = 0;
+      }
+    }
+    ASSERT_EQ(a.admitted, best < 1000) << "seed " << seed;
+    if (!a.admitted) {
+      ++refused;
+      continue;
+    }
+    std::size_t taken = 0;
+    for (std::size_t i = 0; i < r.tasks.size(); ++i) {
+      for (std::size_t c = 0; c < r.tasks[i].choices.size(); ++c)
+        taken += r.tasks[i].choices[c].name == a.tasks[i].choice ? c : 0;
+    }
+    EXPECT_EQ(taken, best) << "seed " << seed;
+    chosen_below += taken > 0 ? 1 : 0;
+  }
+  std::printf("%d with smaller choices, %d refused\n", chosen_below, refused);
+  EXPECT_GT(chosen_below, 30);
+  EXPECT_GT(refused, 10);
 }
 
 TEST(Admission, ADegradeOrderIsFollowedAndNothingElseIsLowered) {
@@ -128,6 +256,7 @@ TEST(Admission, ADegradeOrderIsFollowedAndNothingElseIsLowered) {
   expect_sound(request, a);
   ASSERT_FALSE(a.steps.empty());
   request.degrade_order = {"capture"};
+  request.tasks[1].choices.pop_back();  // the larger ones alone do not fit two cores
   const auto refused = rt::admit(request);
   EXPECT_FALSE(refused.admitted);
   EXPECT_EQ(refused.tasks[1].level, 0);
@@ -135,10 +264,10 @@ TEST(Admission, ADegradeOrderIsFollowedAndNothingElseIsLowered) {
   EXPECT_EQ(refused.tasks[6].level, 1);
 }
 
-TEST(Admission, RunTimeLevelsStopBeforeAStaticKnob) {
+TEST(Admission, RunTimeLevelsStayWithinTheChoice) {
   const auto a = rt::admit(demo(4));
   EXPECT_EQ(a.tasks[1].last_level, 1);
-  EXPECT_EQ(a.tasks[6].last_level, 0);
+  EXPECT_EQ(a.tasks[6].last_level, 1);
   EXPECT_EQ(a.tasks[3].last_level, 2);
 }
 
@@ -256,8 +385,36 @@ TEST(Admission, MalformedRequestsAreRefusedByName) {
   EXPECT_THAT(refusal([](auto& r) { r.tasks[0].budget = Nanos{0}; }), HasSubstr("'haptic'"));
   EXPECT_THAT(refusal([](auto& r) { r.tasks[0].core = 2; }), HasSubstr("allowed: 0 to 1"));
   EXPECT_THAT(refusal([](auto& r) { r.tasks[0].rate.num = 0; }), HasSubstr("rate"));
-  EXPECT_THAT(refusal([](auto& r) { r.tasks[1].variants[2].budget = Nanos{0}; }),
-              HasSubstr("20mm"));
+  EXPECT_THAT(refusal([](auto& r) { r.tasks[1].choices[1].variants[0].budget = Nanos{0}; }),
+              HasSubstr("choice '20 mm'"));
+  EXPECT_THAT(refusal([](auto& r) { r.tasks[1].choices[1].variants.clear(); }),
+              HasSubstr("no level"));
+  EXPECT_THAT(refusal([](auto& r) {
+                for (auto& t : r.tasks) t.choices.resize(3, {"c", {variant("", 1)}, {}});
+              }),
+              HasSubstr("combinations"));
+  EXPECT_THAT(refusal([](auto& r) { r.tasks[0].policy = rt::MissPolicy::kCatchUp; }),
+              HasSubstr("Ring"));
+  EXPECT_THAT(refusal([](auto& r) {
+                r.tasks[0].policy = rt::MissPolicy::kCatchUp;
+                r.tasks[0].ring_fed = true;
+              }),
+              HasSubstr("catch_up_max"));
+  EXPECT_THAT(refusal([](auto& r) { r.tasks[0].parent = "nobody"; }), HasSubstr("'nobody'"));
+  EXPECT_THAT(refusal([](auto& r) { r.tasks[0].parent = "fusion"; }), HasSubstr("its parent"));
+  EXPECT_THAT(refusal([](auto& r) {
+                r.tasks[2].forks = 1;
+                r.tasks.push_back(r.tasks[2]);
+                r.tasks.back().parent = "prediction";
+              }),
+              HasSubstr("forks no further"));
+  EXPECT_THAT(refusal([](auto& r) {
+                r.tasks.push_back(r.tasks[2]);
+                r.tasks.back().parent = "prediction";
+              }),
+              HasSubstr("forks must be at least 1"));
+  EXPECT_THAT(refusal([](auto& r) { r.tasks[0].forks = -1; }), HasSubstr("negative"));
+  EXPECT_THAT(refusal([](auto& r) { r.tasks[0].spin_lead = Nanos{-1}; }), HasSubstr("spin"));
   EXPECT_THAT(refusal([](auto& r) { r.degrade_order = {"fuson"}; }), HasSubstr("fuson"));
   EXPECT_THAT(refusal([](auto& r) { r.best_effort[0].share = std::nan(""); }), HasSubstr("link"));
   EXPECT_THAT(refusal([](auto& r) { r.platform[0].priority = 40; }), HasSubstr("sentinel"));
@@ -283,9 +440,8 @@ TEST(Admission, RandomRequestsAreSoundAndRepeat) {
       TaskSpec s = spec(std::string("t").append(std::to_string(i)), rate, c_ms);
       if (rng.integer(0, 3) == 0) s.core = static_cast<int>(rng.integer(0, cores - 1));
       if (rng.integer(0, 1) == 0) {
-        s.variants = {variant("full", c_ms, false),
-                      variant("half", c_ms / 2, rng.integer(0, 1) == 0),
-                      variant("tenth", c_ms / 10, false)};
+        s.variants = {variant("full", c_ms), variant("half", c_ms / 2),
+                      variant("tenth", c_ms / 10)};
       }
       r.tasks.push_back(s);
     }

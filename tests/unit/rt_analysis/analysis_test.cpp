@@ -172,12 +172,18 @@ TEST(Ranks, MinimumDistanceIsTheShortestThatOccurs) {
 TEST(Ranks, AnalysisRowOfADegradingTaskTakesTheDearestReachableVariant) {
   rt::TaskSpec s = spec("f", {10, 1});
   s.policy = rt::MissPolicy::kDegrade;
-  s.variants = {
-      {"full", Nanos{100}, false}, {"less", Nanos{150}, false}, {"other", Nanos{900}, true}};
-  EXPECT_EQ(rt::last_dynamic_level(s, 0), 1);
+  s.variants = {{"full", Nanos{100}}, {"less", Nanos{150}}, {"least", Nanos{50}}};
   EXPECT_EQ(rt::analysis_task(s, 0, 0).C.count(), 150);
+  EXPECT_EQ(rt::analysis_task(s, 2, 0).C.count(), 50);
   s.policy = rt::MissPolicy::kSkip;
   EXPECT_EQ(rt::analysis_task(s, 0, 0).C.count(), 100);
+}
+
+TEST(Ranks, ASpinLeadIsPaidForByTheTask) {
+  rt::TaskSpec s = spec("f", {1000, 1});
+  s.budget = Nanos{100'000};
+  s.spin_lead = Nanos{30'000};
+  EXPECT_EQ(rt::analysis_task(s, 0, 0).C.count(), 130'000);
 }
 
 TEST(Ranks, OnlyCatchUpMayRunPastThePeriod) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "rt/random.hpp"
+#include "rt/sched/task.hpp"
 
 namespace {
 
@@ -63,7 +64,7 @@ TEST(NextRelease, AnArrivalExactlyAtTheEndIsServed) {
 }
 
 TEST(LevelControl, DownAfterAMissUpAfterCleanOnes) {
-  LevelControl c(0, 3, 4);
+  LevelControl c(0, 2, 4);
   EXPECT_FALSE(c.at_boundary(false));
   c.on_miss();
   c.on_miss();
@@ -88,9 +89,24 @@ TEST(LevelControl, DownAfterAMissUpAfterCleanOnes) {
 }
 
 TEST(LevelControl, NeverAboveTheLevelThatAdmissionChose) {
-  LevelControl c(1, 3, 1);
+  LevelControl c(1, 2, 1);
   for (int i = 0; i < 10; ++i) EXPECT_FALSE(c.at_boundary(false));
   EXPECT_EQ(c.level(), 1);
+}
+
+TEST(LevelControl, NeverBeyondTheLastLevelThatAdmissionReckonedWith) {
+  LevelControl c(0, 1, 1);
+  for (int i = 0; i < 5; ++i) {
+    c.on_miss();
+    (void)c.at_boundary(false);
+  }
+  EXPECT_EQ(c.level(), 1);
+  rt::PlacedTask t;
+  EXPECT_EQ(t.lowest_level(), 0) << "one level";
+  t.spec.variants.resize(3);
+  EXPECT_EQ(t.lowest_level(), 2) << "unless told, the smallest there is";
+  t.last_level = 1;
+  EXPECT_EQ(t.lowest_level(), 1);
 }
 
 TEST(MissBucket, LeaksAndForces) {

@@ -67,7 +67,10 @@ Executed execute(const SimConfig& c) {
     p.spec.deadline = rt::Nanos{t.deadline};
     p.spec.policy = policy_of(t.policy);
     p.spec.catch_up_max = t.catch_up_max;
-    for (int l = 0; l <= t.last_level; ++l) p.spec.variants.push_back({"", rt::Nanos{1}, false});
+    // One level more than admission reckoned with: it must never be reached.
+    for (int l = 0; l <= t.last_level + 1; ++l) p.spec.variants.push_back({"", rt::Nanos{1}});
+    p.level = t.first_level;
+    p.last_level = t.last_level;
     p.id = static_cast<std::uint16_t>(placed.size());
     p.core = t.core;
     p.priority = t.priority;
@@ -234,7 +237,10 @@ SimTask random_task(rt::Random& rng, std::uint64_t seed, int i, int cores) {
   t.core = static_cast<int>(rng.integer(0, cores - 1));
   t.policy = static_cast<SimPolicy>(rng.integer(0, 3));
   t.catch_up_max = static_cast<int>(rng.integer(0, 3));
-  if (t.policy == SimPolicy::kDegrade) t.last_level = static_cast<int>(rng.integer(0, 2));
+  if (t.policy == SimPolicy::kDegrade) {
+    t.last_level = static_cast<int>(rng.integer(0, 2));
+    t.first_level = static_cast<int>(rng.integer(0, t.last_level));
+  }
   const auto base = static_cast<Ticks>(static_cast<double>(period) * rng.uniform(0.02, 0.5));
   const std::uint64_t stream = rt::mix64(seed, static_cast<std::uint64_t>(i));
   t.cost_of = [base, stream](std::uint64_t k, int level) {

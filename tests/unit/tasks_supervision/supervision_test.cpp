@@ -35,8 +35,8 @@ struct Story {
   bool estop_sampled = true;
   bool peer_follows = true;
 
-  explicit Story(Box box = Box::kOperator)
-      : task(startup.token(), SupervisionConfig{}, box, watches.data(), 2) {
+  explicit Story(Box box = Box::kOperator, const rt::ModeGate& gate = {})
+      : task(startup.token(), SupervisionConfig{}, box, watches.data(), 2, gate) {
     tick.start = rt::time_from_ns(5'000'000'000);
     in.link_expected = true;
     in.estop_fitted = true;
@@ -109,6 +109,29 @@ TEST(Supervision, InitHoldEngageAndNothingByItself) {
   s.run(60000ms);
   EXPECT_EQ(s.mode(), Mode::kEngaged);
   EXPECT_EQ(s.out.episode.severity, Severity::kOk);
+}
+
+// The admission has closed the way into the engaged mode: every other mode is entered as ever.
+TEST(Supervision, NoEngageWhereTheHostHasNoRoomForIt) {
+  rt::ModeGate gate;
+  gate.set(static_cast<std::size_t>(Mode::kHold), static_cast<std::size_t>(Mode::kEngaged), false);
+  for (const Box box : {Box::kOperator, Box::kRobot}) {
+    Story s(box, gate);
+    s.run(50ms).engage();
+    EXPECT_EQ(s.mode(), Mode::kHold);
+    EXPECT_TRUE(s.out.engage_refused);
+    EXPECT_EQ(s.task.count(tasks::kFaultNoRoom), 1U);
+    EXPECT_EQ(s.out.now.fault, tasks::kFaultNoRoom);
+    s.run(100ms);
+    EXPECT_EQ(s.task.count(tasks::kFaultNoRoom), 1U) << "one wish, counted once";
+    s.in.requests.stop = true;
+    s.run(20ms);
+    EXPECT_EQ(s.mode(), Mode::kSafeStop);
+    s.in.requests.stop = false;
+    s.in.requests.engage = Engage::kNo;
+    s.run(20ms).clear();
+    EXPECT_EQ(s.mode(), Mode::kHold);
+  }
 }
 
 TEST(Supervision, AnEngageMustBeSeenAsNoFirst) {

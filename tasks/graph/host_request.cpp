@@ -1,0 +1,98 @@
+#include "tasks/graph/host_request.hpp"
+
+#include "tasks/graph/messages.hpp"
+#include "tasks/graph/table.hpp"
+
+namespace tasks {
+
+namespace {
+
+rt::Nanos share_of(rt::Nanos d, double share) {
+  return rt::Nanos{static_cast<std::int64_t>(static_cast<double>(d.count()) * share)};
+}
+
+rt::PlatformTask platform(const char* name, std::int64_t rate_hz, std::int64_t budget_ns,
+                          int priority) {
+  rt::PlatformTask p;
+  p.spec.name = name;
+  p.spec.rate = {rate_hz, 1};
+  p.spec.budget = rt::Nanos{budget_ns};
+  p.priority = priority;
+  return p;
+}
+
+// Fusion as one that forks, and one row a worker.
+void add_pool(const PoolConfig& pool, const Calibration& calibration,
+              std::vector<rt::TaskSpec>& tasks) {
+  if (pool.fusion_workers == 0) return;
+  rt::TaskSpec& fusion = tasks[index_of(TaskId::kFusion)];
+  rt::TaskSpec worker = fusion;
+  fusion.forks = kForksPerImage;
+  worker.parent = fusion.name;
+  worker.consecutive_miss_limit = 0;
+  for (rt::StaticChoice& c : fusion.choices) {
+    for (rt::Variant& v : c.variants) {
+      v.until_last_fork = share_of(v.budget, kBeforeShare);
+      v.overlap = share_of(v.budget, kOverlapShare);
+    }
+  }
+  for (rt::StaticChoice& c : worker.choices) {
+    for (std::size_t level = 0; level < c.variants.size(); ++level) {
+      const auto* row = calibration.find("fusion_worker", c.name, static_cast<int>(level));
+      rt::Variant& v = c.variants[level];
+      v.budget = row != nullptr ? row->budget() : share_of(v.budget, kWorkerShare);
+    }
+  }
+  for (int w = 1; w <= pool.fusion_workers; ++w) {
+    worker.name = "fusion_worker" + std::to_string(w);
+    tasks.push_back(worker);
+  }
+}
+
+}  // namespace
+
+void PoolConfig::describe(config::Section& s) {
+  s.integer("fusion_workers", fusion_workers, 0, 8, "cores beside fusion's own; 0: none");
+}
+
+rt::AdmissionRequest make_request(const std::vector<rt::TaskSpec>& specs,
+                                  const std::vector<int>& cpus, const BestEffortShares& shares,
+                                  const PoolConfig& pool, const Calibration& calibration) {
+  rt::AdmissionRequest r;
+  r.tasks = specs;
+  add_pool(pool, calibration, r.tasks);
+  r.cpus = cpus;
+  r.platform = {platform("sentinel", 1000, 6000, rt::kSentinelPriority),
+                platform("watchdog", 100, 20000, rt::kWatchdogPriority)};
+  r.best_effort = {{"link", 2 * shares.link, {}}, {"console", 2 * shares.console, {}}};
+  if (shares.camera_twin > 0) r.best_effort.push_back({"camera_twin", shares.camera_twin, {}});
+  r.degrade_order = {"fusion", "planning", "fusion", "capture", "fusion"};
+  return r;
+}
+
+std::vector<rt::ModeSet> mode_sets(const rt::AdmissionRequest& request,
+                                   const rt::Admission& admission) {
+  struct Row {
+    Mode mode;
+    const char* name;
+    bool safe;
+  };
+  constexpr Row kRows[] = {{Mode::kInit, "init", true},
+                           {Mode::kHold, "hold", true},
+                           {Mode::kEngaged, "engaged", false},
+                           {Mode::kRampDown, "ramp_down", true},
+                           {Mode::kSafeStop, "safe_stop", true}};
+  std::vector<rt::ModeSet> sets;
+  for (const Row& row : kRows) {
+    rt::ModeSet set{row.name, row.safe, {}};
+    for (std::size_t i = 0; i < request.tasks.size(); ++i) {
+      const rt::AdmittedTask& t = admission.tasks[i];
+      const bool degrades = request.tasks[i].policy == rt::MissPolicy::kDegrade;
+      set.demands.push_back({true, t.level, degrades ? t.last_level : t.level});
+    }
+    sets.push_back(std::move(set));
+  }
+  return sets;
+}
+
+}  // namespace tasks

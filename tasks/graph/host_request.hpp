@@ -1,0 +1,47 @@
+// What the demo asks of the host: both boxes' tasks, fusion's pool workers, sentinels, watchdogs, declared
+// ordinary threads; and what each mode of supervision asks of it.
+#pragma once
+
+#include <vector>
+
+#include "config/schema.hpp"
+#include "rt/sched/admission.hpp"
+#include "rt/sched/mode_table.hpp"
+#include "rt/sched/task_spec.hpp"
+#include "tasks/graph/calibration.hpp"
+
+namespace tasks {
+
+// Section [pool]: threads beside fusion's own that take part of each image, each a row of the admission.
+struct PoolConfig {
+  int fusion_workers = 0;  // 0: fusion runs on one core, as two cores want it
+  void describe(config::Section& s);
+};
+
+// Declared figures of the pool, as shares of a fusion job's budget; a calibration's rows "fusion_worker"
+// replace the first.
+inline constexpr double kWorkerShare = 0.5;   // what one worker may cost
+inline constexpr double kBeforeShare = 0.9;   // fusion's own, before the last fork
+inline constexpr double kOverlapShare = 0.4;  // fusion's own, while workers run
+inline constexpr int kForksPerImage =
+    30;  // at most: iterations of the tracking, integration, ray cast
+
+struct BestEffortShares {
+  double camera_twin = 0, link = 0.03, console = 0.02;
+};
+
+// `specs`: the task table (make_specs). The pool's rows follow them, so row i of the answer is task i.
+[[nodiscard]] rt::AdmissionRequest make_request(const std::vector<rt::TaskSpec>& specs,
+                                                const std::vector<int>& cpus,
+                                                const BestEffortShares& shares,
+                                                const PoolConfig& pool = {},
+                                                const Calibration& calibration = {});
+
+// One set a mode (tasks::Mode), for rt::analyse_modes. Today every task runs in every mode, at the level that
+// it was admitted at: a mode changes what the tasks put out, not what they cost. So no change is ever
+// refused, and the table says so instead of assuming it; a task that is given less or more to do in one mode
+// is entered here. Only engaged may be refused: all others are what a fault leads to.
+[[nodiscard]] std::vector<rt::ModeSet> mode_sets(const rt::AdmissionRequest& request,
+                                                 const rt::Admission& admission);
+
+}  // namespace tasks
