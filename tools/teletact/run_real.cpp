@@ -70,7 +70,6 @@ RealRun run_real(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
   RealRun run;
   BoxPlan plan;
   plan.calibration = calibration;
-  plan.specs = tasks::make_specs(calibration);
   const auto cpus = rt::affinity_cpus();
   // The camera's twin renders on an ordinary thread; a recording needs none.
   tasks::BestEffortShares shares;

@@ -59,7 +59,6 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
                        const tasks::Calibration& calibration) {
   VirtualRun run;
   const std::int64_t epoch = 1000000000;  // any instant; fixed, so that runs repeat
-  const auto specs = tasks::make_specs(calibration);
   std::vector<int> cpus;
   for (int i = 0; i < options.cores; ++i) cpus.push_back(i);
   const HostPlan host = admit_host(scene, calibration, cpus, {0.30}, options.force_choice);
