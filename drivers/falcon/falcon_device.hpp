@@ -89,7 +89,11 @@ class FalconDevice final : public HapticDevice, private FalconTransport::Listene
   FalconDevice(rt::NonRealtime&, const FalconConfig&, Opener open);
   ~FalconDevice() override;
 
-  [[nodiscard]] DeviceProperties properties() const noexcept override;
+  // What a configuration states of the device, without one.
+  [[nodiscard]] static DeviceProperties properties_of(const FalconConfig&) noexcept;
+  [[nodiscard]] DeviceProperties properties() const noexcept override {
+    return properties_of(config_);
+  }
   [[nodiscard]] bool sense(rt::Time now, StylusSample& out) noexcept override;
   void act(rt::Time now, const ForceCommand& command) noexcept override;
   void request_enable() noexcept override { enable_asked_.store(true, std::memory_order_release); }

@@ -71,13 +71,13 @@ MouseDevice::~MouseDevice() {
   if (fd_ >= 0) ::close(fd_);
 }
 
-DeviceProperties MouseDevice::properties() const noexcept {
+DeviceProperties MouseDevice::properties_of(const MouseConfig& config) noexcept {
   DeviceProperties p;
   p.renders_force = false;
   p.force_limit_N = 0;
   p.mass_kg = p.damping_N_s_per_m = p.coulomb_N = 0;
-  p.quantum_m = config_.metres_per_count;
-  p.workspace_radius_m = config_.workspace_radius_m;
+  p.quantum_m = config.metres_per_count;
+  p.workspace_radius_m = config.workspace_radius_m;
   return p;
 }
 

@@ -62,7 +62,11 @@ class MouseDevice final : public HapticDevice {
   MouseDevice(rt::NonRealtime&, const MouseConfig&);
   ~MouseDevice() override;
 
-  [[nodiscard]] DeviceProperties properties() const noexcept override;
+  // What a configuration states of the device, without one.
+  [[nodiscard]] static DeviceProperties properties_of(const MouseConfig&) noexcept;
+  [[nodiscard]] DeviceProperties properties() const noexcept override {
+    return properties_of(config_);
+  }
   [[nodiscard]] bool sense(rt::Time now, StylusSample& out) noexcept override;
   void act(rt::Time, const ForceCommand&) noexcept override {}
   void make_safe() noexcept override {}

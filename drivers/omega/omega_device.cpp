@@ -135,16 +135,16 @@ bool OmegaDevice::mind() {
   return false;
 }
 
-DeviceProperties OmegaDevice::properties() const noexcept {
+DeviceProperties OmegaDevice::properties_of(const OmegaConfig& config) noexcept {
   DeviceProperties p;
-  p.mass_kg = config_.mass_kg;
-  p.damping_N_s_per_m = config_.damping_N_s_per_m;
-  p.coulomb_N = config_.coulomb_N;
-  p.delay_s = config_.delay_s;
+  p.mass_kg = config.mass_kg;
+  p.damping_N_s_per_m = config.damping_N_s_per_m;
+  p.coulomb_N = config.coulomb_N;
+  p.delay_s = config.delay_s;
   p.quantum_m = 1e-5;
-  p.force_limit_N = config_.force_limit_N;
+  p.force_limit_N = config.force_limit_N;
   p.workspace_radius_m = 0.075;
-  p.speed_limit_m_per_s = config_.speed_limit_m_per_s;
+  p.speed_limit_m_per_s = config.speed_limit_m_per_s;
   return p;
 }
 

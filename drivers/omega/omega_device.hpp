@@ -74,7 +74,11 @@ class OmegaDevice final : public HapticDevice {
   OmegaDevice(rt::NonRealtime&, const OmegaConfig&, const UsbScanner& scan = scan_usb);
   ~OmegaDevice() override;
 
-  [[nodiscard]] DeviceProperties properties() const noexcept override;
+  // What a configuration states of the device, without one.
+  [[nodiscard]] static DeviceProperties properties_of(const OmegaConfig&) noexcept;
+  [[nodiscard]] DeviceProperties properties() const noexcept override {
+    return properties_of(config_);
+  }
   [[nodiscard]] bool sense(rt::Time now, StylusSample& out) noexcept override;
   void act(rt::Time now, const ForceCommand& command) noexcept override;
   void request_enable() noexcept override { enable_asked_.store(true, std::memory_order_release); }

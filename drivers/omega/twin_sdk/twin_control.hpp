@@ -38,8 +38,8 @@ struct OmegaTwinControl {
   int (*set)(const char* key, double value) = nullptr;  // -1: no such key
   double (*get)(const char* key) = nullptr;             // NaN: no such key
   void (*advance)(double seconds) = nullptr;
-  // The hand's script starts now.
-  void (*start_hand)() = nullptr;
+  // The hand's script starts so many seconds from now.
+  void (*start_hand)(double in_s) = nullptr;
   // A hand's point that became known while running (HandScript::set_point).
   int (*hand_point)(int segment, const double* p_W, const double* normal_W) = nullptr;
 

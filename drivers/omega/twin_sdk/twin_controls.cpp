@@ -147,9 +147,9 @@ TWIN_EXPORT void teletact_twin_advance(double seconds) {
   Twin& t = twin();
   t.manual_ns += rt::nanos_from_seconds(seconds).count();
 }
-TWIN_EXPORT void teletact_twin_start_hand() {
+TWIN_EXPORT void teletact_twin_start_hand(double in_s) {
   const Lock lock(twin_mutex());
-  twin().device->start_hand(twin().now());
+  twin().device->start_hand(twin().now() + rt::nanos_from_seconds(in_s));
 }
 TWIN_EXPORT int teletact_twin_hand_point(int segment, const double* p_W, const double* normal_W) {
   const Lock lock(twin_mutex());
