@@ -120,17 +120,11 @@ OperatorBox::OperatorBox(rt::NonRealtime& nrt, const Scene& scene,
                          const perception::Intrinsics& camera, const BoxOptions& options)
     : scene_(scene), endpoint_(nrt, rt::Box::kOperator) {
   hand_ = std::make_unique<drivers::HandScript>(nrt, scene.hand, scene.workspace());
-  const auto start = hand_->target(rt::Nanos{0});
-  device_ = std::make_unique<drivers::OmegaTwin>(nrt, scene.device,
-                                                 hand_->size() > 0 ? hand_.get() : nullptr,
-                                                 scene.workspace().to_device(start.p_WT));
-  device_->set_cpu_clock(&rt::thread_cpu_ns);
-  device_->start_hand(options.epoch);
-  device_->enable_force(options.epoch);
+  device_ = open_haptic_device(nrt, scene, *hand_, options.epoch, options.real_devices);
 
   tasks::OperatorSetup setup;
-  setup.device = options.wrap_device ? options.wrap_device(*device_) : device_.get();
-  setup.device_twin_cpu = [this] { return device_->twin_cpu_ns(); };
+  setup.device = options.wrap_device ? options.wrap_device(device_->device()) : &device_->device();
+  setup.device_twin_cpu = device_->twin_cpu();
   setup.hash_outputs = options.hash_outputs;
   setup.faults = options.faults;
   setup.mode_gate = options.mode_gate;

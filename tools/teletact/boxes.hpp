@@ -25,6 +25,7 @@ namespace teletact {
 struct BoxOptions {
   rt::Time epoch{};  // in this box's clock
   bool hash_outputs = false;
+  bool real_devices = false;      // opens the device that the scene names; else a twin stands in
   bool threaded_camera = false;   // real clock: render on an ordinary thread
   std::function<rt::Time()> now;  // box clock, for the threaded camera
   rt::FaultPlan faults;
@@ -69,13 +70,13 @@ class OperatorBox {
   [[nodiscard]] tasks::OperatorGraph& graph() noexcept { return *graph_; }
   [[nodiscard]] drivers::LinkEndpoint& endpoint() noexcept { return endpoint_; }
   [[nodiscard]] drivers::HandScript& hand() noexcept { return *hand_; }
-  [[nodiscard]] drivers::OmegaTwin& device() noexcept { return *device_; }
+  [[nodiscard]] drivers::HapticDevice& device() noexcept { return device_->device(); }
   [[nodiscard]] Effects effects() const;
 
  private:
   const Scene& scene_;
   std::unique_ptr<drivers::HandScript> hand_;
-  std::unique_ptr<drivers::OmegaTwin> device_;
+  std::unique_ptr<OpenedDevice> device_;
   std::unique_ptr<tasks::OperatorGraph> graph_;
   drivers::LinkEndpoint endpoint_;
 };

@@ -133,6 +133,11 @@ int cmd_demo(int argc, char** argv) {
 
   auto scene = load_scene(o.scene_path, o.overrides);
   scene->rgbd_dir = o.rgbd_dir;
+  if (o.virtual_clock && !scene->choice.in_process()) {
+    throw std::runtime_error("device.kind = \"" + scene->choice.kind +
+                             "\": a device lives in real time; --clock virtual has the twin only");
+  }
+  check_haptic_device(*scene);
   o.seconds = seconds > 0          ? seconds
               : o.rgbd_dir.empty() ? 20.0
                                    : recording_seconds(o.rgbd_dir) + scene->hold_s + 0.5;

@@ -133,9 +133,12 @@ void OperatorConsole::resolve_points(rt::Time now) {
 // A stall beyond the device's own watchdog brakes it. The person notices that it is limp and presses the
 // button on its base: that is an act, so it is counted.
 void OperatorConsole::mind_device(rt::Time now) {
+  const auto state = seen_.haptic.empty()
+                         ? drivers::DeviceState::kForce
+                         : static_cast<drivers::DeviceState>(seen_.haptic.back().device_state);
+  // IDLE: a device that has just been calibrated.
   const bool braked =
-      !seen_.haptic.empty() &&
-      seen_.haptic.back().device_state == static_cast<std::uint8_t>(drivers::DeviceState::kBrake);
+      state == drivers::DeviceState::kBrake || state == drivers::DeviceState::kIdle;
   if (!braked) {
     braked_since_ = rt::Time{};
   } else if (braked_since_ == rt::Time{}) {

@@ -20,7 +20,9 @@ void Scene::describe(config::Section& s) {
   auto& robot = s.section("robot", "twin of the youBot");
   plant.describe(robot.section("plant", "wheels, motors, floor"));
   bus.describe(robot.section("bus", "motor bus"));
-  device.describe(s.section("device", "twin of the haptic device and the hand on it"));
+  auto& haptic_device = s.section("device", "haptic device, its twin and the hand on it");
+  device.describe(haptic_device);
+  choice.describe(haptic_device);
   hand.describe(s.section("hand", "what the hand does"));
   operator_script.describe(s.section("operator", "what the operator does beside"));
   link.describe(s.section("link", "between the boxes"));

@@ -16,6 +16,7 @@
 #include "drivers/youbot/robot_plant.hpp"
 #include "drivers/youbot/virtual_youbot.hpp"
 #include "tasks/graph/graph_config.hpp"
+#include "tools/teletact/haptic_choice.hpp"
 
 namespace teletact {
 
@@ -50,6 +51,7 @@ struct Scene {
   drivers::RobotPlantConfig plant;
   drivers::VirtualYoubotConfig bus;
   drivers::OmegaTwinConfig device;
+  HapticChoice choice;
   drivers::HandScriptConfig hand;
   OperatorScript operator_script;
   LinkConfig link;

@@ -1,0 +1,50 @@
+#!/usr/bin/env bash
+# run.sh TELETACT TWIN_LIBRARY
+set -uo pipefail
+teletact=${1:?} twin=${2:?}
+temporary=$(mktemp -d)
+trap 'rm -rf "$temporary"' EXIT
+cd "$temporary"
+unset FORCEDIM_SDK
+bad=0
+
+# refused PATTERN ARGUMENTS...: nothing on stdout, one line with PATTERN on stderr, exit code 2.
+refused() {
+  local pattern=$1 out err code
+  shift
+  out=$("$teletact" "$@" 2>err.txt)
+  code=$?
+  err=$(cat err.txt)
+  if [ $code -ne 2 ] || [ -n "$out" ] || [ "$(wc -l <err.txt)" -ne 1 ] || ! grep -qE -- "$pattern" err.txt; then
+    echo "FAILED: teletact $*: exit $code, wanted 2 and one line with: $pattern"
+    echo "stdout: $out"
+    echo "stderr: $err"
+    bad=1
+  fi
+}
+opens() {
+  if ! "$teletact" "$@" >out.txt 2>&1; then
+    echo "FAILED: teletact $*:"
+    cat out.txt
+    bad=1
+  fi
+}
+
+for command in device demo; do
+  refused "$command: omega: SDK not found: tried /nonexistent/sdk, " \
+    $command --set 'device.kind="omega"' --set 'device.omega.sdk="/nonexistent/sdk"'
+  refused "$command: falcon: (not plugged in|USB can not be read)" $command --set 'device.kind="falcon"'
+  refused "$command: mouse: /dev/input/none: No such file" \
+    $command --set 'device.kind="mouse"' --set 'device.mouse.path="/dev/input/none"'
+  refused "$command: .*device.kind.*phantom.*twin.*omega.*falcon.*mouse" $command --set 'device.kind="phantom"'
+done
+refused "demo: device.kind = \"omega\": a device lives in real time" \
+  demo --clock virtual --set 'device.kind="omega"'
+
+# The real drivers, on their twins.
+opens device --seconds 0.2
+opens device --kind omega --seconds 0.2 --set "device.omega.sdk=\"$twin\""
+FORCEDIM_SDK=$twin opens device --kind omega --seconds 0.2
+opens device --kind falcon --seconds 0.2 --set device.falcon.twin=true
+opens device --kind mouse --seconds 0.2 --set 'device.mouse.path=""'
+exit $bad
