@@ -49,6 +49,8 @@ void HapticConfig::describe(config::Section& s) {
   s.number("tip_radius_m", tip_radius_m, 0, 0.04, "radius of the proxy, in the scene");
   s.number("force_limit_N", force_limit_N, 0.1, 12, "largest force on the hand");
   s.number("slew_N_per_s", slew_N_per_s, 10, 10000, "fastest change of force at a still hand");
+  s.number("slew_calm_N_per_s", slew_calm_N_per_s, 10, 10000,
+           "the same while the force is less than 1 N behind");
   s.number("fade_in_s", fade_in_s, 0, 1, "after start inside, re-enable, reconnect");
   s.number("blend_s", blend_s, 0, 1, "old patch to new patch");
   s.number("patch_liveness_s", patch_liveness_s, 0.01, 10, "oldest publication still touched");
@@ -148,6 +150,19 @@ double HapticTask::advance_gain(bool ramp_down, double dt) noexcept {
   return fade_ * ramp_;
 }
 
+// How far the force may go this tick: max(slew T, 1.1 K |dh|), and less under a hand that is nearly
+// still. There the surface alone turns the force, and what turns it thirty times a second is noise;
+// only where the size of the force is more than 1 N behind, as after a step of the surface, it goes
+// at the full rate.
+double HapticTask::slew_limit(const Vec3& change, double dh) const noexcept {
+  const double moved = config_.stiffness_N_per_m * dh;
+  const double most = std::max(config_.slew_N_per_s * period_s_, 1.1 * moved);
+  const double calm = std::min(config_.slew_calm_N_per_s * period_s_ + 2 * moved, most);
+  const double size = f_D_.norm();
+  const double along = size > 0.1 ? std::abs(change.dot(f_D_)) / size : change.norm();
+  return calm + (most - calm) * std::clamp(along - 1.0, 0.0, 1.0);
+}
+
 // Force limit, passivity, slew guard; fills force and telemetry, and remembers both forces.
 void HapticTask::guard_force(const Vec3& f_spring_D, double dh, double dt, Out& out) noexcept {
   HapticTelemetry& t = out.telemetry;
@@ -167,9 +182,7 @@ void HapticTask::guard_force(const Vec3& f_spring_D, double dh, double dt, Out& 
   t.guard_use = t.in_contact && t.step_raw_N > config_.stiffness_N_per_m * dh + 0.1;
   f_raw_D_ = f;
   const Vec3 change = f - f_D_;
-  const double most =
-      std::max(config_.slew_N_per_s * period_s_, 1.1 * config_.stiffness_N_per_m * dh);
-  const double size = change.norm();
+  const double size = change.norm(), most = slew_limit(change, dh);
   if (config_.guard && size > most) {
     f = f_D_ + change * (most / size);
     t.guard_active = true;
@@ -287,6 +300,20 @@ bool HapticTask::take_hand(const drivers::StylusSample& stylus, const rt::Tick& 
   return true;
 }
 
+// Less than a voxel of solid under the proxy, or a sheet before the hand that the samples hold no
+// solid of: such a wall is not to be relied on.
+bool HapticTask::thin(const Vec3& p_WH) const noexcept {
+  const double voxel = field_.voxel();
+  if (proxy_.phase == ProxyState::Phase::kContact) {
+    return field_.sample(proxy_.p_WP() - voxel * proxy_.normal_W()).value > 0;
+  }
+  if (field_.empty() || proxy_.phase != ProxyState::Phase::kFree) return false;
+  const FieldSample here = field_.sample(p_WH);
+  const double slope = here.gradient.norm();
+  if (!here.known || here.value > 0.5 * voxel || slope < 0.3) return false;
+  return field_.sample(p_WH - (voxel / slope) * here.gradient).value > 0;
+}
+
 rt::Health HapticTask::not_finite(const rt::Tick& tick, Out& out) noexcept {
   proxy_ = ProxyState{};
   have_hand_ = false;
@@ -325,6 +352,7 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   HapticTelemetry& t = out.telemetry;
   t.held = proxy_.held;
   t.near_edge = newer_ != nullptr && (field_.near_edge(p_WH) || field_.near_edge(proxy_.p_WP()));
+  t.unresolved = thin(p_WH);
   t.patch_age_s = newer_ != nullptr ? rt::seconds(tick.release - newer_->fused) : 0;
   t.stale = newer_ != nullptr && t.patch_age_s > config_.patch_liveness_s;
   if (t.stale) {

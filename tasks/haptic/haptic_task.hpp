@@ -43,8 +43,9 @@ struct HapticConfig {
   double tip_radius_m = 0.0;                           // scene metres
   double force_limit_N = 12.0;
   double slew_N_per_s = 300.0;
-  double fade_in_s = 0.05;      // after start inside, re-enable, reconnect
-  double blend_s = 1.0 / 30.0;  // old patch -> new patch: one fusion period
+  double slew_calm_N_per_s = 98.0;  // hand still and less than 1 N behind
+  double fade_in_s = 0.05;          // after start inside, re-enable, reconnect
+  double blend_s = 1.0 / 30.0;      // old patch -> new patch: one fusion period
   double patch_liveness_s = limit_of(EdgeId::kPatch, TaskId::kHaptic).liveness_ms / 1000.0;
   double ramp_s = 0.1;              // to zero when a patch is stale or on ramp-down
   double device_liveness_s = 0.01;  // last force held this long without a sample
@@ -81,6 +82,7 @@ struct HapticTelemetry {
   bool guard_use = false;     // contact tick with |dF_raw| > K |dh| + 0.1 N
   bool limit_active = false;  // the force limit cut
   bool held = false;          // held contact frame in use
+  bool unresolved = false;    // less than a voxel of solid is under the proxy or beside the hand
   bool near_edge = false;     // hand or proxy within two voxels of the window's edge
   bool stale = false;
 };
@@ -139,6 +141,8 @@ class HapticTask {
   rt::Health not_finite(const rt::Tick& tick, Out& out) noexcept;
   void safe(Out& out) noexcept;
   void guard_force(const perception::Vec3& f_spring_D, double dh, double dt, Out& out) noexcept;
+  [[nodiscard]] double slew_limit(const perception::Vec3& change, double dh) const noexcept;
+  [[nodiscard]] bool thin(const perception::Vec3& p_WH) const noexcept;
   void emit(Out& out, TouchEvent::Kind kind, const rt::Tick& tick) noexcept;
   void events(const rt::Tick& tick, bool button, Out& out) noexcept;
   void report(const rt::Tick& tick, bool button, Out& out) noexcept;

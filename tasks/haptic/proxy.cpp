@@ -13,7 +13,9 @@ namespace {
 
 constexpr double kSlopeMin = 0.005;  // below it a gradient gives no direction
 constexpr double kSweepStep_vox = 0.25;
-constexpr int kSweepSamples = 512;  // 128 voxels: more than any window
+constexpr double kHop_vox = 0.025;           // the widest rest before a ridge that is passed over
+constexpr double kResampleNear_vox = 0.002;  // a plane from nearer than this is the surface at p
+constexpr int kSweepSamples = 512;           // 128 voxels: more than any window
 
 // What the proxy has to keep >= 0, and its gradient.
 struct Gap {
@@ -39,6 +41,8 @@ class Descent {
       // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it.
       radius_ *= std::max(1.0, field.smooth_gradient(state.p_WP()).norm());
     }
+    // Zero is solid: a sheet whose samples are all zero has to hold. Half a unit of the patch.
+    radius_ += 0.5 * field.truncation() / 32767;
     for (std::int32_t i = 0; i < state.frame_size; ++i) {
       const ProxyPlane& f = state.frame[static_cast<std::size_t>(i)];
       frame_[frame_size_++] = {Vec3(f.nx, f.ny, f.nz), f.d};
@@ -73,6 +77,8 @@ class Descent {
   void accept(const Vec3& p, const Gap& g) noexcept;
   void add(const Plane& plane) noexcept;
   bool drop_stale(unsigned active) noexcept;
+  bool resample(const Vec3& p, unsigned active, double& trust) noexcept;
+  bool hop(Vec3& p, Gap& g, double& trust) noexcept;
   [[nodiscard]] PlanesResult solve() const noexcept;
   [[nodiscard]] bool step(Vec3& p, Gap& g, double& trust) noexcept;
   void finish(const Vec3& p, const Gap& g) noexcept;
@@ -235,23 +241,48 @@ bool Descent::drop_stale(unsigned active) noexcept {
   return dropped;
 }
 
+// The working set bars every way, but a plane sampled at some distance from p says little of the
+// surface at p where that is bent: such planes go, and the next step is short enough to find them
+// again from near. False: all of them were near.
+bool Descent::resample(const Vec3& p, unsigned active, double& trust) noexcept {
+  const double near2 = kResampleNear_vox * kResampleNear_vox * field_.voxel() * field_.voxel();
+  double farthest2 = near2;
+  std::size_t n = 1;
+  for (std::size_t i = 1; i < size_; ++i) {
+    const double d2 = (planes_[i].at - p).squaredNorm();
+    if ((active & (1U << i)) != 0 && d2 > near2) {
+      farthest2 = std::max(farthest2, d2);
+      continue;
+    }
+    planes_[n++] = planes_[i];
+  }
+  if (n == size_) return false;
+  size_ = n;
+  trust = 0.25 * std::sqrt(farthest2);
+  return true;
+}
+
 // One descent step from p. False: the proxy is where it should be.
 bool Descent::step(Vec3& p, Gap& g, double& trust) noexcept {
   const PlanesResult best = solve();
   active_ = best.active;
-  if (!best.solved) return drop_stale(~0U);
+  if (!best.solved) return drop_stale(~0U) || resample(p, ~0U, trust);
   const Vec3 d = best.x - p;
   const double length = d.norm();
-  if (length < cfg_.step_min_m) return drop_stale(best.active);
+  if (length < cfg_.step_min_m) {
+    return drop_stale(best.active) || resample(p, best.active, trust);
+  }
   const double stride = std::min(length, trust);
   Vec3 x = p + (stride / length) * d;
   Gap gx = gap(x);
   if (gx.value < -cfg_.tolerance_m) {
-    const Plane cut = plane(x, gx, true);
-    const double depth = -cut.half.distance(x);
+    Plane cut = plane(x, gx, true);
+    const double depth = -cut.half.distance(x), at_p = cut.half.distance(p);
     // The tangent there holds for the proxy too: the surface bends towards us. Take it as a
-    // constraint.
-    if (depth > 0.02 * stride && cut.half.distance(p) >= -cfg_.tolerance_m) {
+    // constraint, through the proxy where it would shut it in by the rounding of the surface.
+    if (depth > 0.02 * stride &&
+        at_p >= -std::clamp(0.25 * depth, cfg_.tolerance_m, 10 * cfg_.tolerance_m)) {
+      cut.half.d += std::min(at_p, 0.0);
       add(cut);
       return true;
     }
@@ -277,6 +308,37 @@ bool Descent::step(Vec3& p, Gap& g, double& trust) noexcept {
   return true;
 }
 
+// The field is bent only where cells meet. Just before such a ridge the proxy may rest although the
+// surface falls away behind it; a rest that ends within a fortieth of a voxel is none. True: the
+// other side is nearer to the hand, and the proxy stands there.
+bool Descent::hop(Vec3& p, Gap& g, double& trust) noexcept {
+  const double reach = kHop_vox * field_.voxel();
+  const double before = (p - h_).squaredNorm();
+  const Vec3 n = planes_[0].half.n;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double cell = p[axis] / field_.voxel(), into = cell - std::floor(cell);
+    if (into > kHop_vox && into < 1 - kHop_vox) continue;
+    Vec3 way = -n[axis] * n;
+    way[axis] += 1;
+    const double length = way.norm();
+    if (length < 0.2) continue;
+    Vec3 x = p + ((into < 0.5 ? -reach : reach) / length) * way;
+    Gap gx = gap(x);
+    const double slope = gx.gradient.norm();
+    if (!gx.known || gx.value < 0 || slope < kSlopeMin) continue;
+    x -= (std::min(gx.value / slope, reach) / slope) * gx.gradient;
+    gx = gap(x);
+    if (gx.value < -cfg_.tolerance_m && !lift(x, gx)) continue;
+    if ((x - h_).squaredNorm() >= before - 2e-8 * std::sqrt(before)) continue;
+    accept(x, gx);
+    p = x;
+    g = gx;
+    trust = kSweepStep_vox * field_.voxel();
+    return true;
+  }
+  return false;
+}
+
 void Descent::contact(Vec3 p) noexcept {
   Gap g = gap(p);
   if (!carry(p, g)) {
@@ -287,13 +349,13 @@ void Descent::contact(Vec3 p) noexcept {
   accept(p, g);
   double trust = kSweepStep_vox * field_.voxel();
   for (int i = 0; i < cfg_.iterations_max; ++i) {
-    if (!step(p, g, trust)) break;
+    if (!step(p, g, trust) && !hop(p, g, trust)) break;
   }
   finish(p, g);
 }
 
 void Descent::finish(const Vec3& p, const Gap& g) noexcept {
-  if ((p - h_).squaredNorm() <= cfg_.step_min_m * cfg_.step_min_m && g.value >= 0) {
+  if ((p - h_).squaredNorm() <= cfg_.step_min_m * cfg_.step_min_m && gap(h_).value >= 0) {
     leave(h_, g.known);
     return;
   }

@@ -34,7 +34,7 @@ enum class ProxyMethod : std::uint8_t { kNearest, kNearest10, kConstrained };
 
 struct ProxyConfig {
   double tip_radius_m = 0.0;
-  int iterations_max = 24;    // descent steps a tick; the proxy catches up in the next tick
+  int iterations_max = 120;   // descent steps a tick; the proxy catches up in the next tick
   double tolerance_m = 2e-8;  // of the constraint; t sticks sideways by sqrt(2 depth t)
   double step_min_m = 2e-6;   // a descent step below this ends the tick
 };

@@ -14,6 +14,8 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
+#include <utility>
+#include <vector>
 
 #include "perception/geometry/pose.hpp"
 
@@ -21,32 +23,45 @@ namespace support {
 
 using perception::Vec3;
 
-// Trilinear interpolation of node values given by a function of integer grid coordinates; NaN =
-// unknown.
+// Trilinear interpolation of node values, sampled once over a box of the grid; beyond it the
+// nearest node counts. NaN = unknown.
 class ReferenceField {
  public:
   using Node = std::function<double(int, int, int)>;
-  ReferenceField(Node node, double voxel) : node_(std::move(node)), voxel_(voxel) {}
+  // Nodes first .. first + count - 1 of each axis.
+  ReferenceField(const Node& node, double voxel, const Eigen::Array3i& first,
+                 const Eigen::Array3i& count)
+      : voxel_(voxel), first_(first), count_(count) {
+    nodes_.reserve(static_cast<std::size_t>(count.prod()));
+    for (int x = 0; x < count.x(); ++x) {
+      for (int y = 0; y < count.y(); ++y) {
+        for (int z = 0; z < count.z(); ++z) {
+          nodes_.push_back(node(first.x() + x, first.y() + y, first.z() + z));
+        }
+      }
+    }
+  }
 
   [[nodiscard]] double operator()(const Vec3& p) const {
     const Vec3 q = p / voxel_;
-    const int i = static_cast<int>(std::floor(q.x())), j = static_cast<int>(std::floor(q.y())),
-              k = static_cast<int>(std::floor(q.z()));
-    const double u = q.x() - i, v = q.y() - j, w = q.z() - k;
+    const Eigen::Array3i cell = q.array().floor().cast<int>();
+    const Vec3 u = q - cell.cast<double>().matrix();
     double sum = 0;
-    for (int a = 0; a < 2; ++a) {
-      for (int b = 0; b < 2; ++b) {
-        for (int c = 0; c < 2; ++c) {
-          sum += (a ? u : 1 - u) * (b ? v : 1 - v) * (c ? w : 1 - w) * node_(i + a, j + b, k + c);
-        }
-      }
+    for (int c = 0; c < 8; ++c) {
+      const Eigen::Array3i bit(c & 1, (c >> 1) & 1, c >> 2);
+      double w = 1;
+      for (int a = 0; a < 3; ++a) w *= bit[a] != 0 ? u[a] : 1 - u[a];
+      const Eigen::Array3i i = (cell + bit - first_).max(0).min(count_ - 1);
+      sum +=
+          w * nodes_[static_cast<std::size_t>((i.x() * count_.y() + i.y()) * count_.z() + i.z())];
     }
     return sum;
   }
 
  private:
-  Node node_;
   double voxel_;
+  Eigen::Array3i first_, count_;
+  std::vector<double> nodes_;
 };
 
 class FieldOptimum {
@@ -98,16 +113,63 @@ class FieldOptimum {
           }
         }
       }
+      if (best == p) best = squeeze(p, h);
       if (best == p) break;
       p = best;
     }
     return p;
   }
 
+  // How much of the pull K (h - p) could still move p: the largest part of it along a way of
+  // 0.25 mm that stays outside the solid, as a share of |h - p|. 0 where p rests.
+  [[nodiscard]] double unused(const Vec3& p, const Vec3& h) const {
+    return (h - p).norm() < 2e-4 ? 0 : steepest(p, h, kStep).first;
+  }
+
  private:
   static constexpr double kStep = 2.5e-4;
 
-  [[nodiscard]] bool solid(const Vec3& x) const { return field_(x) < radius_; }
+  // The straight way of length r that leads most towards h without entering the solid: the part of
+  // it towards h, and its direction.
+  [[nodiscard]] std::pair<double, Vec3> steepest(const Vec3& p, const Vec3& h, double r) const {
+    const double distance = (h - p).norm();
+    const Vec3 axis = (h - p) / distance;
+    const Vec3 a = axis.unitOrthogonal(), b = axis.cross(a);
+    r = std::min(r, distance);
+    double best = 0;
+    Vec3 way = Vec3::Zero();
+    constexpr int kFan = 48;
+    for (int k = 0; k < kFan; ++k) {
+      const double angle = 2 * std::numbers::pi * k / kFan + 0.05;
+      const Vec3 side = std::cos(angle) * a + std::sin(angle) * b;
+      double lo = 0, hi = 0.5 * std::numbers::pi;
+      for (int i = 0; i < 9; ++i) {
+        const double e = 0.5 * (lo + hi);
+        const Vec3 d = std::cos(e) * side + std::sin(e) * axis;
+        (solid(p + r * d) ? hi : lo) = e;
+      }
+      if (std::sin(lo) > best) {
+        best = std::sin(lo);
+        way = std::cos(lo) * side + std::sin(lo) * axis;
+      }
+    }
+    return {best, way};
+  }
+  // Out of a place that the fan across the line to h does not lead out of; p itself if there is no
+  // way.
+  [[nodiscard]] Vec3 squeeze(const Vec3& p, const Vec3& h) const {
+    const double distance = (h - p).norm();
+    for (double r = kStep; r > 2e-5; r *= 0.5) {
+      const auto [part, way] = steepest(p, h, r);
+      if (part < 0.01) continue;
+      const Vec3 x = sink(rise(p + std::min(r, distance) * way, h), h);
+      const bool free = field_(p + 0.5 * std::min(r, distance) * way) > radius_ - 5e-6;
+      if (free && (x - h).norm() < distance - 1e-7) return x;
+    }
+    return p;
+  }
+
+  [[nodiscard]] bool solid(const Vec3& x) const { return field_(x) <= radius_; }
 
   // Out of the solid, away from h.
   [[nodiscard]] Vec3 rise(const Vec3& p, const Vec3& h) const {

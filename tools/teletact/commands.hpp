@@ -14,5 +14,6 @@ int cmd_calibrate(int argc, char** argv);
 int cmd_audit(int argc, char** argv);
 int cmd_replay(int argc, char** argv);
 int cmd_bench(int argc, char** argv);
+int cmd_stability(int argc, char** argv);
 
 }  // namespace teletact

@@ -7,8 +7,8 @@
 #include "rt/hash.hpp"
 #include "rt/random.hpp"
 #include "tests/support/rt_guard.hpp"
-#include "tests/unit/tasks_haptic/rig.hpp"
-#include "tests/unit/tasks_haptic/solids.hpp"
+#include "tests/support/haptic_rig.hpp"
+#include "tests/support/haptic_solids.hpp"
 
 namespace {
 

@@ -1,0 +1,97 @@
+// The twenty hard cases of touching a sampled surface, each as a scene, a hand path and limits.
+//
+// Every run is judged by the field optimum (tests/support/field_optimum.hpp): the path-constrained
+// nearest point on the same samples, found without any code of the renderer. A figure over its
+// limit is reported as failed, with the optimum's own figure where there is one: what the samples
+// themselves do not allow, no renderer on them can do.
+//
+// Frames: S of the solid, W of the grid (X_WS of the placement).  SI.
+#pragma once
+
+#include <cmath>
+#include <limits>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tests/support/haptic_rig.hpp"
+
+namespace stability {
+
+struct Setting {
+  rig::Placement place;
+  double speed = 0.1;  // of the hand, m/s
+  std::string method = "constrained";
+  bool judged = true;  // run the field optimum beside
+};
+
+struct Check {
+  std::string name;
+  double value = 0, limit = 0;
+  double optimum = std::numeric_limits<double>::quiet_NaN();  // the field optimum's own figure
+  [[nodiscard]] bool met() const { return value <= limit + 1e-9; }
+  // Over the limit, but so is the field optimum: not the renderer's doing.
+  [[nodiscard]] bool field_bound() const { return !met() && optimum >= 0.85 * value; }
+  [[nodiscard]] double margin() const { return (limit - value) / std::max(limit, 1e-12); }
+};
+
+struct Run {
+  int id = 0;
+  std::string name;  // variant, placement, speed
+  std::vector<rig::Row> rows;
+  rig::Figures figures;
+  std::vector<rig::Optimum> optimum;
+  std::vector<Check> checks;
+  std::string note;  // closed form and other figures printed beside
+};
+
+struct Case {
+  int id;
+  const char* name;
+  const char* must;      // the limits, short
+  const char* baseline;  // published figures of the nearest-point baseline, 1 / 10 steps
+  const char* chai3d;    // and of CHAI3D 3.3 on a mesh
+  std::vector<Run> (*run)(const Setting&);
+};
+[[nodiscard]] std::span<const Case> cases();
+
+// --- shared by the files of cases
+struct Limits {
+  double j = 0.15;      // N a tick, at least 1.2 K |dh| + 0.02
+  bool crease = false;  // 0.33 N, guard in use in at most 6 % of the contact ticks
+  bool optimum = true;  // force and position against the field optimum
+};
+[[nodiscard]] rig::Scene still_scene(const Setting& s,
+                                     std::function<double(const rig::Vec3&)> solid);
+[[nodiscard]] Run slide(int id, const std::string& name, const Setting& s, rig::Scene scene,
+                        const rig::Path& path, const Limits& limits);
+[[nodiscard]] std::string title(const std::string& name, const Setting& s);
+void add(Run& run, std::string name, double value, double limit,
+         double optimum = std::numeric_limits<double>::quiet_NaN());
+// What every run has to keep: finite, at most 12 N.
+void add_gates(Run& run);
+[[nodiscard]] double deviation(const std::vector<double>& v);
+[[nodiscard]] double angle_deg(const rig::Vec3& f, const rig::Vec3& n);
+
+std::vector<Run> case_floor(const Setting&);
+std::vector<Run> case_concave_corner(const Setting&);
+std::vector<Run> case_friction_corner(const Setting&);
+std::vector<Run> case_groove(const Setting&);
+std::vector<Run> case_room_corner(const Setting&);
+std::vector<Run> case_convex_edge(const Setting&);
+std::vector<Run> case_rim_press(const Setting&);
+std::vector<Run> case_plates(const Setting&);
+std::vector<Run> case_slots(const Setting&);
+std::vector<Run> case_saddle(const Setting&);
+std::vector<Run> case_noise(const Setting&);
+std::vector<Run> case_step(const Setting&);
+std::vector<Run> case_rise(const Setting&);
+std::vector<Run> case_vanish(const Setting&);
+std::vector<Run> case_deep_press(const Setting&);
+std::vector<Run> case_border(const Setting&);
+std::vector<Run> case_start_inside(const Setting&);
+std::vector<Run> case_friction_hold(const Setting&);
+std::vector<Run> case_texture(const Setting&);
+std::vector<Run> case_closed_loop(const Setting&);
+
+}  // namespace stability

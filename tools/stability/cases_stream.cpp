@@ -1,0 +1,253 @@
+// Cases where the surface, what is known of it, or the hand's side changes under the hand.
+#include <cstdio>
+
+#include "rt/random.hpp"
+#include "tests/support/haptic_solids.hpp"
+#include "tools/stability/cases.hpp"
+
+namespace stability {
+
+using rig::Path;
+using rig::Rig;
+using rig::Row;
+using rig::Scene;
+using rig::Vec3;
+
+namespace {
+
+std::string text(const char* format, auto... values) {
+  char buffer[256];
+  std::snprintf(buffer, sizeof buffer, format, values...);
+  return buffer;
+}
+
+// Height of the zero crossing over (0, 0) of the field that `frame` publishes.
+double surface_height(const Rig& r, int frame) {
+  const Scene& s = r.setup();
+  const auto value = [&](const Vec3& p) {
+    const Vec3 q = p / s.voxel;
+    const Eigen::Array3i i = q.array().floor().cast<int>();
+    double sum = 0;
+    for (int c = 0; c < 8; ++c) {
+      const int a = c >> 2, b = (c >> 1) & 1, d = c & 1;
+      const double w = (a ? q.x() - i.x() : 1 - q.x() + i.x()) *
+                       (b ? q.y() - i.y() : 1 - q.y() + i.y()) *
+                       (d ? q.z() - i.z() : 1 - q.z() + i.z());
+      sum += w * (r.node(i.x() + a, i.y() + b, i.z() + d, 0) +
+                  s.extra(i.x() + a, i.y() + b, i.z() + d, frame));
+    }
+    return sum;
+  };
+  double lo = -0.02, hi = 0.02;
+  for (int k = 0; k < 40; ++k) {
+    const double m = 0.5 * (lo + hi);
+    (value(s.X_WS * Vec3(0, 0, m)) > 0 ? hi : lo) = m;
+  }
+  return 0.5 * (lo + hi);
+}
+
+Scene noisy_floor(const Setting& setting, double sigma) {
+  Scene s = still_scene(setting, solids::floor);
+  s.extra = [sigma](int x, int y, int z, int frame) {
+    const auto key = (static_cast<std::uint64_t>(x + 4096) << 40U) |
+                     (static_cast<std::uint64_t>(y + 4096) << 20U) |
+                     static_cast<std::uint64_t>(z + 4096);
+    return sigma * rt::Random(rt::mix64(77, key), static_cast<std::uint64_t>(frame)).normal();
+  };
+  return s;
+}
+
+// By how many ticks F follows the height of the newest published frame: the shift of the largest
+// correlation.
+int lag_ticks(const std::vector<Row>& rows, const std::vector<double>& height) {
+  double mean_f = 0, mean_z = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    mean_f += rows[i].f.norm() / static_cast<double>(rows.size());
+    mean_z += height[i] / static_cast<double>(rows.size());
+  }
+  int best = 0;
+  double most = -1;
+  for (int lag = 0; lag < 100; ++lag) {
+    double sum = 0;
+    for (std::size_t i = 100; i < rows.size(); ++i) {
+      sum += (rows[i].f.norm() - mean_f) * (height[i - static_cast<std::size_t>(lag)] - mean_z);
+    }
+    if (sum > most) {
+      most = sum;
+      best = lag;
+    }
+  }
+  return best;
+}
+
+Run finish(int id, const std::string& name, const Setting& s, std::vector<Row> rows) {
+  Run run;
+  run.id = id;
+  run.name = title(name, s);
+  run.rows = std::move(rows);
+  run.figures = rig::figures(run.rows);
+  add_gates(run);
+  return run;
+}
+
+void press(Rig& r, double depth, double speed, double until) {
+  const Path down({{0, 0, 0.02}, {0, 0, -depth}}, speed);
+  r.run(down, 0, std::max(until, down.duration()));
+}
+
+}  // namespace
+
+std::vector<Run> case_noise(const Setting& s) {
+  std::vector<Run> out;
+  for (const double sigma : {0.001, 0.003}) {
+    Rig r(noisy_floor(s, sigma));
+    press(r, 0.008, s.speed, 0.5);
+    const int from = static_cast<int>(std::floor(rt::seconds(r.now() - rt::Time{}) * 30 + 1e-9));
+    Run run = finish(11, text("%.0f mm", 1e3 * sigma), s,
+                     r.run([](double) { return Vec3(0, 0, -0.008); }, 0, 2.0));
+    std::vector<double> f, height, of_tick;
+    for (int frame = from; frame < from + 62; ++frame) height.push_back(surface_height(r, frame));
+    int lost = 0;
+    for (const Row& row : run.rows) {
+      f.push_back(row.f.norm());
+      lost += row.telemetry.in_contact ? 0 : 1;
+      of_tick.push_back(
+          height[static_cast<std::size_t>(static_cast<int>(std::floor(row.t * 30 + 1e-9)) - from)]);
+    }
+    const double sigma_z = deviation(height);
+    const int lag = lag_ticks(run.rows, of_tick);
+    add(run, "std F N", deviation(f), 1.2 * 1000 * sigma_z);
+    add(run, "J N", run.figures.j, sigma < 0.002 ? 0.1 : 0.3);
+    add(run, "lag ms", lag, 50);
+    add(run, "ticks without contact", lost, 0);
+    run.note = text("std F %.3f N, sigma_z %.3f mm, J_raw %.2f N, lag %d ms", deviation(f),
+                    1e3 * sigma_z, run.figures.j_raw, lag);
+    out.push_back(std::move(run));
+  }
+  return out;
+}
+
+std::vector<Run> case_step(const Setting& s) {
+  std::vector<Run> out;
+  for (const double depth : {0.002, 0.008}) {
+    for (const double step : {0.005, -0.005}) {
+      Scene scene = still_scene(s, solids::floor);
+      scene.still = false;
+      const Path down({{0, 0, 0.02}, {0, 0, -depth}}, s.speed);
+      const double at = std::max(0.5, down.duration() + 0.1);
+      scene.solid = [=](const Vec3& p, double t) { return solids::floor(p) - (t > at ? step : 0); };
+      Rig r(std::move(scene));
+      press(r, depth, s.speed, 0.3);
+      Run run =
+          finish(12, text("%+.0f at %.0f mm", 1e3 * step, 1e3 * depth), s,
+                 r.run([=](double) { return Vec3(0, 0, -depth); }, 0, at + 0.2 - down.duration()));
+      const double goal = std::min(12.0, 1000 * std::max(0.0, depth + step));
+      const double published = std::ceil(at * 30 + 1e-6) / 30;
+      double reached = 1;
+      int outside = 0;
+      for (const Row& row : run.rows) {
+        if (row.t >= at && reached == 1 && std::abs(row.f.norm() - goal) < 0.05) {
+          reached = row.t - published;
+        }
+        outside += row.p.z() < std::min(-depth, step) - 1e-3 ? 1 : 0;
+      }
+      add(run, "J N", run.figures.j, 0.3);
+      add(run, "time to the new level ms", 1e3 * reached, 50);
+      add(run, "ticks on the wrong side", outside, 0);
+      out.push_back(std::move(run));
+    }
+  }
+  return out;
+}
+
+std::vector<Run> case_rise(const Setting& s) {
+  Scene scene = still_scene(s, solids::floor);
+  scene.still = false;
+  const Path down({{0, 0, 0.02}, {0, 0, -0.004}}, s.speed);
+  const double at = std::max(0.3, down.duration()) + 0.2;
+  scene.solid = [=](const Vec3& p, double t) {
+    return solids::floor(p) - 0.1 * std::clamp(t - at, 0.0, 0.2);
+  };
+  scene.config.stiffness_N_per_m = 400;  // 20 mm of rise stay below the force limit
+  Rig r(std::move(scene));
+  press(r, 0.004, s.speed, 0.3);
+  Run run = finish(13, "", s, r.run([](double) { return Vec3(0, 0, -0.004); }, 0, 0.7));
+  double lag = 0;
+  int lost = 0;
+  for (const Row& row : run.rows) {
+    lost += row.telemetry.in_contact ? 0 : 1;
+    if (row.t > at + 0.08 && row.t < at + 0.19) lag = std::max(lag, row.t - at - row.p.z() / 0.1);
+  }
+  add(run, "J N", run.figures.j, 0.15);
+  add(run, "lag ms", 1e3 * lag, 40);
+  add(run, "ticks without contact", lost, 0);
+  add(run, "end force error N", std::abs(run.rows.back().f.norm() - 400 * 0.024), 0.05);
+  return {run};
+}
+
+std::vector<Run> case_vanish(const Setting& s) {
+  Scene scene = still_scene(s, solids::floor);
+  scene.still = false;
+  const Path down({{0, 0, 0.02}, {0, 0, -0.008}}, s.speed);
+  const double at = down.duration() + 0.2;
+  scene.solid = [=](const Vec3& p, double t) { return t > at ? 1.0 : solids::floor(p); };
+  Rig r(std::move(scene));
+  press(r, 0.008, s.speed, 0);
+  Run run = finish(14, "", s, r.run([](double) { return Vec3(0, 0, -0.008); }, 0, 0.5));
+  double first = 0, last = 0, previous = 8, rise = 0;
+  for (const Row& row : run.rows) {
+    const double f = row.f.norm();
+    rise = std::max(rise, f - previous);
+    previous = f;
+    if (f > 7.95) first = row.t;
+    if (f > 1e-9) last = row.t;
+  }
+  add(run, "J N", run.figures.j, 0.5);
+  add(run, "rise N", rise, 2e-3);  // one unit of the patch is 1.5 um
+  add(run, "slowest ms", 1e3 * (last - first), 60);
+  add(run, "20 ms less it", 20 - 1e3 * (last - first), 0);
+  add(run, "left over N", run.rows.back().f.norm(), 0);
+  return {run};
+}
+
+std::vector<Run> case_start_inside(const Setting& s) {
+  std::vector<Run> out;
+  {
+    Rig r(still_scene(s, solids::floor));
+    Run run = finish(17, "start", s, r.run([](double) { return Vec3(0, 0, -0.008); }, 0, 0.3));
+    double full = 1, wrong = 0;
+    for (const Row& row : run.rows) {
+      wrong = std::max(wrong, -row.f.z());
+      if (full == 1 && row.f.z() > 7.95) full = row.t;
+    }
+    add(run, "J N", std::max(run.figures.j, run.rows.front().f.norm()), 0.3);
+    add(run, "full force ms", 1e3 * full, 100);
+    add(run, "30 ms less it", 30 - 1e3 * full, 0);
+    add(run, "wrong side N", wrong, 1e-9);
+    out.push_back(std::move(run));
+  }
+  Rig r(still_scene(s, [](const Vec3& p) { return solids::plate(p, 0.02); }));
+  const Path down({{0, 0, 0.02}, {0, 0, 0.002}}, s.speed);
+  r.run(down, 0, down.duration());
+  r.in().stylus.state = drivers::DeviceState::kBrake;
+  std::vector<Row> off;
+  for (int i = 0; i < 50; ++i) off.push_back(r.tick({0, 0, 0.002}));
+  r.in().stylus.state = drivers::DeviceState::kForce;
+  Run run = finish(17, "re-enable", s, r.run([](double) { return Vec3(0, 0, 0.002); }, 0, 0.2));
+  double full = 1, wrong = 0, while_off = 0;
+  for (const Row& row : off) while_off = std::max(while_off, row.f.norm());
+  const double enabled = run.rows.front().t;
+  for (const Row& row : run.rows) {
+    wrong = std::max(wrong, -row.f.z());
+    if (full == 1 && row.f.z() > 7.95) full = row.t - enabled;
+  }
+  add(run, "J N", std::max(run.figures.j, run.rows.front().f.norm()), 0.3);
+  add(run, "full force ms", 1e3 * full, 100);
+  add(run, "30 ms less it", 30 - 1e3 * full, 0);
+  add(run, "wrong side N", wrong, 1e-9);
+  add(run, "force while off N", while_off, 0);
+  out.push_back(std::move(run));
+  return out;
+}
+
+}  // namespace stability

@@ -1,0 +1,193 @@
+// teletact stability: the hard cases of touch, judged by the field optimum; a table with the peers'
+// figures beside, JSON metrics and one SVG a case.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <set>
+#include <sstream>
+#include <stdexcept>
+
+#include "tools/plot/svg.hpp"
+#include "tools/stability/cases.hpp"
+#include "tools/teletact/commands.hpp"
+#include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/whole_file.hpp"
+
+namespace teletact {
+
+namespace {
+
+using stability::Check;
+using stability::Run;
+using stability::Setting;
+
+struct StabilityOptions {
+  std::string cases, json, svg, method = "constrained";
+  bool quick = false, verbose = false, judged = true;
+};
+
+// What is left of a case over all its runs.
+struct Summary {
+  int runs = 0, failed = 0, field_bound = 0;
+  double margin = 1;
+  double j = 0, j_raw = 0, guard = 0, cpu_p99 = 0;
+  std::map<std::string, Check> worst;  // of each check, over its limit the most
+  Run shown;                           // the one drawn
+};
+
+std::set<int> parse_cases(const std::string& list) {
+  std::set<int> out;
+  if (list.empty()) return out;
+  std::stringstream in(list);
+  for (std::string item; std::getline(in, item, ',');) {
+    int id = 0, used = 0;
+    if (std::sscanf(item.c_str(), "%d%n", &id, &used) != 1 ||
+        static_cast<std::size_t>(used) != item.size() || id < 1 || id > 20) {
+      throw std::runtime_error("stability: --cases '" + list + "': numbers 1 to 20, comma between");
+    }
+    out.insert(id);
+  }
+  return out;
+}
+
+// Every placement at every speed; quick: each placement at one speed, each speed at each rotation.
+std::vector<Setting> settings(const StabilityOptions& o) {
+  constexpr double kSpeeds[3] = {0.02, 0.1, 0.2};
+  std::vector<Setting> out;
+  const auto places = rig::placements();
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (o.quick && k != (i / 3 + i) % 3) continue;
+      out.push_back({places[i], kSpeeds[k], o.method, o.judged});
+    }
+  }
+  return out;
+}
+
+void take(Summary& sum, Run run, bool verbose) {
+  ++sum.runs;
+  bool failed = false, bound = true;
+  for (const Check& c : run.checks) {
+    sum.margin = std::min(sum.margin, c.margin());
+    const auto [it, fresh] = sum.worst.try_emplace(c.name, c);
+    if (!fresh && c.margin() < it->second.margin()) it->second = c;
+    if (c.met()) continue;
+    failed = true;
+    bound = bound && c.field_bound();
+    if (verbose) {
+      std::printf(
+          "      %s: %s %.4g, limit %.4g%s\n", run.name.c_str(), c.name.c_str(), c.value, c.limit,
+          std::isnan(c.optimum) ? "" : (", field optimum " + std::to_string(c.optimum)).c_str());
+    }
+  }
+  if (verbose && !run.note.empty()) {
+    std::printf("      %s: %s\n", run.name.c_str(), run.note.c_str());
+  }
+  sum.failed += failed ? 1 : 0;
+  sum.field_bound += failed && bound ? 1 : 0;
+  sum.j = std::max(sum.j, run.figures.j);
+  sum.j_raw = std::max(sum.j_raw, run.figures.j_raw);
+  sum.guard = std::max(sum.guard, run.figures.guard_share);
+  sum.cpu_p99 = std::max(sum.cpu_p99, run.figures.cpu_p99);
+  if (sum.shown.rows.empty() || (failed && sum.failed == 1)) sum.shown = std::move(run);
+}
+
+void draw(const std::string& folder, const stability::Case& c, const Run& run) {
+  plot::Figure f;
+  f.title = "Case " + std::to_string(c.id) + ": " + c.name + ", " + run.name;
+  f.x_label = "time, s";
+  f.y_label = "N (force), mm (proxy height)";
+  plot::Series size{"|F|", {}, {}, "", false, false}, raw = size, height = size, best = size;
+  raw.name = "|F| before the guard";
+  height.name = "proxy z";
+  best.name = "field optimum |F|";
+  for (const auto& row : run.rows) {
+    size.x.push_back(row.t);
+    size.y.push_back(row.f.norm());
+    raw.x.push_back(row.t);
+    raw.y.push_back(row.f_raw.norm());
+    height.x.push_back(row.t);
+    height.y.push_back(1e3 * row.p.z());
+  }
+  for (const auto& o : run.optimum) {
+    best.x.push_back(run.rows[o.row].t);
+    best.y.push_back(o.f.norm());
+  }
+  f.series = {raw, size, height};
+  if (!run.optimum.empty()) f.series.push_back(best);
+  write_whole_file(folder + "/case" + std::to_string(c.id) + ".svg", plot::line_plot(f));
+}
+
+void print(const stability::Case& c, const Summary& s) {
+  const bool pass = s.failed == 0;
+  std::printf("%2d %-26s %-5s %3d/%-3d  J %.3f (raw %.2f) N, guard %.1f %%, step p99 %.1f us\n",
+              c.id, c.name, pass ? "pass" : "FAIL", s.runs - s.failed, s.runs, s.j, s.j_raw,
+              100 * s.guard, s.cpu_p99);
+  std::printf("     must      %s\n     baseline  %s\n     CHAI3D    %s\n", c.must, c.baseline,
+              c.chai3d);
+  for (const auto& [name, check] : s.worst) {
+    if (check.met()) continue;
+    std::printf("     not met   %s %.3g, limit %.3g%s\n", name.c_str(), check.value, check.limit,
+                std::isnan(check.optimum)
+                    ? ""
+                    : (", field optimum itself " + std::to_string(check.optimum)).c_str());
+  }
+  if (s.failed > 0) {
+    std::printf("     %d of the %d failed runs only where the field optimum fails too\n",
+                s.field_bound, s.failed);
+  }
+}
+
+}  // namespace
+
+int cmd_stability(int argc, char** argv) {
+  StabilityOptions o;
+  CLI::App app("teletact stability: the hard cases of touch, judged by the field optimum",
+               "teletact stability");
+  app.add_option("--cases", o.cases, "numbers, comma between; default: all");
+  app.add_option("--method", o.method, "constrained, nearest or nearest10")->capture_default_str();
+  app.add_flag("--quick", o.quick, "a third of the speeds at each placement");
+  app.add_flag("--verbose", o.verbose, "every figure over its limit, and the closed forms");
+  app.add_flag("!--no-optimum", o.judged, "leave the field optimum out (fast)");
+  app.add_option("--json", o.json, "metrics to write");
+  app.add_option("--svg", o.svg, "folder for one figure a case");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp&) {
+    std::fputs(app.help().c_str(), stdout);
+    return 0;
+  } catch (const CLI::ParseError& e) {
+    throw std::runtime_error(std::string("stability: ") + e.what());
+  }
+  tasks::ProxyMethod method{};
+  if (!tasks::parse_proxy_method(o.method, method)) {
+    throw std::runtime_error("stability: --method '" + o.method +
+                             "': allowed are constrained, nearest, nearest10");
+  }
+  const std::set<int> wanted = parse_cases(o.cases);
+  if (!o.svg.empty()) std::filesystem::create_directories(o.svg);
+  Metrics metrics("stability");
+  int failed = 0, run_count = 0;
+  for (const stability::Case& c : stability::cases()) {
+    if (!wanted.empty() && !wanted.contains(c.id)) continue;
+    Summary sum;
+    for (const Setting& setting : settings(o)) {
+      for (Run& run : c.run(setting)) take(sum, std::move(run), o.verbose);
+    }
+    print(c, sum);
+    std::fflush(stdout);
+    const std::string name = "stability.case" + std::to_string(c.id);
+    metrics.add(name + ".pass", sum.failed == 0 ? 1 : 0, "1");
+    metrics.add(name + ".margin", sum.margin, "1");
+    if (!o.svg.empty()) draw(o.svg, c, sum.shown);
+    failed += sum.failed > 0 ? 1 : 0;
+    ++run_count;
+  }
+  std::printf("%d of %d cases within all limits\n", run_count - failed, run_count);
+  if (!o.json.empty()) metrics.write(o.json);
+  return 0;
+}
+
+}  // namespace teletact
