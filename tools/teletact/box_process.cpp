@@ -61,9 +61,9 @@ struct BoxRunner {
   std::vector<rt::PlacedTask> placed{};
   tasks::OperatorRequests* requests = nullptr;
   drivers::TcpLink* link = nullptr;
-  std::function<void(rt::Time)> tick{};  // console
-  std::function<void()> save{};          // partial half, so that a kill loses little
-  std::function<void()> make_safe{};     // outputs to zero, from any thread
+  std::function<void(rt::Time)> tick{};    // console
+  std::function<void()> save{};            // partial half, so that a kill loses little
+  std::function<void()> make_safe{};       // outputs to zero, from any thread
   std::function<tasks::ModeMsg()> mode{};  // newest that the console has seen
   std::vector<BoxTotals> totals{};
   std::uint64_t dropped = 0, hangs = 0;
