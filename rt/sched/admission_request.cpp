@@ -123,7 +123,7 @@ std::string problem_of(const AdmissionRequest& r) {
   }
   if (std::string text = choices_problem(r); !text.empty()) return text;
   for (const PlatformTask& p : r.platform) {
-    if (const std::string text = malformed_task(p.spec, cores); !text.empty()) return text;
+    if (std::string text = malformed_task(p.spec, cores); !text.empty()) return text;
     if (p.priority <= kTopTaskPriority) {
       return "platform task " + quoted(p.spec.name) + ": priority " + std::to_string(p.priority) +
              " is not above " + std::to_string(kTopTaskPriority);

@@ -13,7 +13,7 @@ constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 }
 
 template <class Faults>
-VirtualExecutor<Faults>::VirtualExecutor(std::vector<PlacedTask> tasks, CostModel& costs,
+VirtualExecutor<Faults>::VirtualExecutor(const std::vector<PlacedTask>& tasks, CostModel& costs,
                                          const Faults& faults, Sink sink, VirtualOptions options)
     : costs_(costs), faults_(faults), sink_(std::move(sink)), options_(options) {
   for (const auto& t : tasks) {

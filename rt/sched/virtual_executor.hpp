@@ -39,8 +39,8 @@ template <class Faults>
 class VirtualExecutor final : public Executor {
  public:
   using Sink = std::function<void(const JobRecord&)>;
-  VirtualExecutor(std::vector<PlacedTask> tasks, CostModel& costs, const Faults& faults, Sink sink,
-                  VirtualOptions options = {});
+  VirtualExecutor(const std::vector<PlacedTask>& tasks, CostModel& costs, const Faults& faults,
+                  Sink sink, VirtualOptions options = {});
   void add_actor(Actor& actor) { actors_.push_back(&actor); }
   void run(const RunPlan& plan) override;
   void request_stop() noexcept override { stop_ = true; }
