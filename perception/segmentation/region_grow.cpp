@@ -1,0 +1,156 @@
+#include "perception/segmentation/region_grow.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+namespace perception {
+
+PointImage::PointImage(int max_width, int max_height) {
+  const auto n = static_cast<std::size_t>(max_width * max_height);
+  x_.resize(n);
+  y_.resize(n);
+  z_.resize(n);
+}
+
+void PointImage::set(ImageView<const std::uint16_t> depth, const Intrinsics& k,
+                     float mm_per_unit) noexcept {
+  const auto ifx = static_cast<float>(1 / k.fx), ify = static_cast<float>(1 / k.fy);
+  const auto cx = static_cast<float>(k.cx), cy = static_cast<float>(k.cy);
+  for (int v = 0; v < depth.height; ++v) {
+    const std::uint16_t* row = depth.row(v);
+    const auto first = static_cast<std::size_t>(v * depth.width);
+    float *x = &x_[first], *y = &y_[first], *z = &z_[first];
+    const float ry = (static_cast<float>(v) - cy) * ify;
+    for (int u = 0; u < depth.width; ++u) {
+      const float d = row[u] == 65535 ? 0.0F : static_cast<float>(row[u]) * mm_per_unit;
+      x[u] = (static_cast<float>(u) - cx) * ifx * d;
+      y[u] = ry * d;
+      z[u] = d;
+    }
+  }
+}
+
+int nearest_reading(const float* z_mm, int width, int height, int i) noexcept {
+  if (z_mm[i] > 0) return i;
+  const int u0 = i % width, v0 = i / width;
+  int best = -1;
+  std::int64_t best_d2 = 0;
+  // Square rings; one more than the first hit needs, since a corner is farther than a side.
+  for (int r = 1; r <= std::max(width, height); ++r) {
+    if (best >= 0 && std::int64_t{r} * r > best_d2) break;
+    for (int v = std::max(0, v0 - r); v <= std::min(height - 1, v0 + r); ++v) {
+      const bool rim = v == v0 - r || v == v0 + r;
+      for (int u = u0 - r; u <= u0 + r; u += rim ? 1 : 2 * r) {
+        if (u < 0 || u >= width || !(z_mm[v * width + u] > 0)) continue;
+        const std::int64_t d2 = std::int64_t{u - u0} * (u - u0) + std::int64_t{v - v0} * (v - v0);
+        if (best < 0 || d2 < best_d2) best = v * width + u, best_d2 = d2;
+      }
+    }
+  }
+  return best;
+}
+
+RegionGrower::RegionGrower(int max_width, int max_height) {
+  const auto n = static_cast<std::size_t>(max_width * max_height);
+  heap_.reserve(n);
+  seen_.resize(n);
+  members_.reserve(n);
+  distances_.reserve(n);
+}
+
+void RegionGrower::place(int i, double p[3]) const noexcept {
+  if (points_ == nullptr) {
+    p[0] = i % width_;
+    p[1] = i / width_;
+    p[2] = 0;
+    return;
+  }
+  const int k = i == seed_ ? seed_place_ : i;
+  p[0] = static_cast<double>(points_->x_mm()[k]);
+  p[1] = static_cast<double>(points_->y_mm()[k]);
+  p[2] = static_cast<double>(points_->z_mm()[k]);
+}
+
+float RegionGrower::distance(int i) const noexcept {
+  const Lab c = lab_->at(i);
+  double p[3];
+  place(i, p);
+  const double s = 1 / mean_.n;
+  const double dL = static_cast<double>(c.L) - mean_.L * s,
+               da = static_cast<double>(c.a) - mean_.a * s,
+               db = static_cast<double>(c.b) - mean_.b * s;
+  const double dx = p[0] - mean_.x * s, dy = p[1] - mean_.y * s, dz = p[2] - mean_.z * s;
+  return static_cast<float>(std::sqrt(dL * dL + da * da + db * db) +
+                            beta_ * std::sqrt(dx * dx + dy * dy + dz * dz));
+}
+
+void RegionGrower::join(int i, float d) noexcept {
+  const Lab c = lab_->at(i);
+  double p[3];
+  place(i, p);
+  mean_.L += static_cast<double>(c.L);
+  mean_.a += static_cast<double>(c.a);
+  mean_.b += static_cast<double>(c.b);
+  mean_.x += p[0];
+  mean_.y += p[1];
+  mean_.z += p[2];
+  mean_.n += 1;
+  members_.push_back(i);
+  distances_.push_back(d);
+}
+
+int RegionGrower::grow(const LabImage& lab, const PointImage* points, int seed,
+                       const GrowConfig& config) noexcept {
+  lab_ = &lab;
+  points_ = points;
+  width_ = lab.width();
+  const int n = width_ * lab.height();
+  seed_ = seed_place_ = seed;
+  beta_ = static_cast<double>(config.m / (points != nullptr ? config.g_mm : config.g_px));
+  const float threshold = points != nullptr ? config.threshold : config.threshold_flat;
+  mean_ = {};
+  heap_.clear();
+  members_.clear();
+  distances_.clear();
+  if (points != nullptr) {
+    seed_place_ = nearest_reading(points->z_mm(), width_, lab.height(), seed);
+    if (seed_place_ < 0) return 0;
+  }
+  std::fill_n(seen_.begin(), n, std::uint8_t{0});
+  const auto reach = [&](int i) {
+    const int u = i % width_;
+    const int around[4] = {i - width_, u > 0 ? i - 1 : -1, u < width_ - 1 ? i + 1 : -1,
+                           i + width_ < n ? i + width_ : -1};
+    for (const int j : around) {
+      if (j < 0 || seen_[static_cast<std::size_t>(j)]) continue;
+      seen_[static_cast<std::size_t>(j)] = 1;
+      if (points != nullptr && !(points->z_mm()[j] > 0)) continue;
+      heap_.push_back({distance(j), j});
+      std::push_heap(heap_.begin(), heap_.end());
+    }
+  };
+  seen_[static_cast<std::size_t>(seed)] = 1;
+  join(seed, 0);
+  reach(seed);
+  while (!heap_.empty()) {
+    std::pop_heap(heap_.begin(), heap_.end());
+    Waiting& last = heap_.back();
+    const float now = distance(last.i);
+    if (now > last.d) {
+      last.d = now;
+      const std::int32_t i = last.i;
+      std::push_heap(heap_.begin(), heap_.end());
+      if (heap_.front().i != i) continue;
+      std::pop_heap(heap_.begin(), heap_.end());
+    }
+    const Waiting next = {now, heap_.back().i};
+    heap_.pop_back();
+    if (next.d > threshold) break;
+    join(next.i, next.d);
+    reach(next.i);
+  }
+  return static_cast<int>(members_.size());
+}
+
+}  // namespace perception

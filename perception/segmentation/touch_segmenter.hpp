@@ -1,0 +1,74 @@
+// From a touch to an object, method `default`: surface pieces of the frame (surface_patches.hpp), the
+// support taken out and the pieces joined (object_graph.hpp), the outline at full resolution
+// (outline.hpp). What the touch names, beyond the region it hits:
+//   - on a hole of the depth, or a piece too small for a plane: the nearest region of like colour
+//   - on the support, but of another colour: a flat thing, grown by colour
+//   - on the support: the support
+//   - parts of one object at both sides of an occluder belong together
+// set_frame() once a frame, then touch() or follow() for each object. Neither allocates or throws.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "perception/segmentation/outline.hpp"
+
+namespace perception {
+
+struct TouchConfig {
+  PatchesConfig patches;
+  ObjectGraphConfig graph;
+  OutlineConfig outline;
+  float flat_colour = 12;     // Lab units from the support's colour that make a flat thing
+  int follow_margin_px = 24;  // of the full image: how far the window reaches beyond the seed
+  float follow_share = 0.5F;  // of a region's pixels that the projected object must cover
+  float occluded_cm2 = 15;    // a part behind an occluder counts from this seen area
+};
+
+class TouchSegmenter {
+ public:
+  TouchSegmenter(int max_width, int max_height, const TouchConfig& config = {});
+
+  // The images must outlive the calls of touch() and follow(). depth in units of mm_per_unit. The
+  // window limits the work to a part of the frame.
+  void set_frame(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth,
+                 const Intrinsics& k, float mm_per_unit) noexcept;
+  void set_frame(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth,
+                 const Intrinsics& k, float mm_per_unit, const HalfWindow& window) noexcept;
+
+  // The object at pixel (u, v) of the full image. False, with a mask of that pixel alone, when there
+  // is no depth near it.
+  bool touch(int u, int v) noexcept;
+  // The object that covers `seed` (full size, non-zero where the object's fused labels project to), in
+  // a window round it; it takes the place of set_frame(). False when no region is covered.
+  bool follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, const Intrinsics& k,
+              float mm_per_unit, ImageView<const std::uint8_t> seed) noexcept;
+
+  // Of the last touch() or follow().
+  [[nodiscard]] const OutlineRefiner::Box& box() const noexcept { return outline_.box(); }
+  [[nodiscard]] bool in(int u, int v) const noexcept { return outline_.in(u, v); }
+  [[nodiscard]] const SupportPlane& support() const noexcept { return plane_; }
+
+ private:
+  bool choose_covered(ImageView<const std::uint8_t> seed) noexcept;
+  void select_region(int region) noexcept;
+  void select_flat(int pixel) noexcept;
+  void add_occluded_parts(int region) noexcept;
+  [[nodiscard]] int nearest_region(int u, int v) const noexcept;
+  [[nodiscard]] Lab colour_near(int u, int v) const noexcept;
+
+  TouchConfig config_;
+  SurfacePatches patches_;
+  ObjectGraph graph_;
+  OutlineRefiner outline_;
+  SupportPlane plane_;
+  ImageView<const Rgb> rgb_;
+  ImageView<const std::uint16_t> depth_;
+  float mm_per_unit_ = 1;
+  std::vector<std::uint8_t> inside_;
+  std::vector<std::uint8_t> chosen_;  // a byte a piece
+  std::vector<std::int32_t> queue_;
+  std::vector<float> covered_;
+};
+
+}  // namespace perception
