@@ -231,8 +231,7 @@ TEST(Blame, AbortedJobsAreMisses) {
 
 TEST(Blame, TheBudgetIsThatOfTheLevelInForce) {
   Story s;
-  s.task().spec.variants = {{"full", rt::Nanos{3 * kMs}, false},
-                            {"small", rt::Nanos{200 * kUs}, false}};
+  s.task().spec.variants = {{"full", rt::Nanos{3 * kMs}}, {"small", rt::Nanos{200 * kUs}}};
   auto& a = s.job(10 * kUs, 2000 * kUs);
   a.work = 9999;
   a.level = 1;

@@ -57,7 +57,7 @@ RunLog header() {
   b.spec.rate = {30, 1};
   b.spec.deadline = rt::Nanos{40000000};
   b.spec.policy = rt::MissPolicy::kDegrade;
-  b.spec.variants = {{"full", rt::Nanos{25000000}, false}, {"small", rt::Nanos{9000000}, false}};
+  b.spec.variants = {{"full", rt::Nanos{25000000}}, {"small", rt::Nanos{9000000}}};
   b.level = 1;
   log.tasks = {a, b};
   log.not_realtime = {"SCHED_FIFO: not permitted", "two\nlines", ""};
