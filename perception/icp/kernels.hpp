@@ -1,6 +1,6 @@
-// The hot leaf loops of tracking, compiled twice from kernels.inl: for the baseline instruction set and
-// for x86-64-v3 (AVX2). Both work on 8 lanes in the same order without contraction, so they give the
-// same bytes; tests compare them.
+// The hot leaf loops of tracking: for vectors of any width (kernels.cpp, by highway, chosen at run time), and
+// as plain loops that the tests hold them against (kernels_scalar.cpp). A sum has 16 lanes, pixel u in lane
+// u mod 16, and nothing is contracted, so all give the same bytes.
 #pragma once
 
 #include <cstddef>
@@ -8,29 +8,31 @@
 
 namespace perception::icp {
 
-inline constexpr int kLanes = 8;
+inline constexpr int kLanes = 16;
 inline constexpr int kSums = 29;   // 21 of H (upper triangle by rows), 6 of g, r2, weight
 inline constexpr int kCross = 21;  // upper triangle by rows
 
-// One row of a level against the model. All pointers may be unaligned; rows are readable up to the
-// next multiple of 8 pixels, where depth is 0.
-struct RowJob {
-  const float *z, *nx, *ny, *nz;  // live depth and normals
+// Some rows of a level against the model. Rows are readable up to the next multiple of 16 pixels, where
+// depth is 0.
+struct RowsJob {
+  const float *z, *nx, *ny, *nz;  // live depth and normals, pixel 0 of the first row
+  std::ptrdiff_t stride;          // floats from row to row, of all four
   const float* x_factor;
-  float y_factor;
-  int width;
+  const float* y_factor;  // one a row
+  int width, rows;
   float R_F[9], t_F[3];  // live camera -> camera that cast the model, row-major
-  float fx, fy, cx, cy;
-  const float* model;
+  float fx, fy, cx, cy, inv_fx, inv_fy;
+  const float* model;  // nx, ny, nz, depth a pixel
   float model_width, model_height;
   float centre[3];  // in F
   float gate_d2, gate_cos, range_weight2;
 };
 
-struct RowSums {
-  alignas(32) float sums[kSums][kLanes];
-  alignas(32) float cross[kCross][kLanes];
-  std::int32_t inliers, met, live;
+// fp32 within a row, fp64 over rows.
+struct LaneSums {
+  alignas(64) double sums[kSums][kLanes] = {};
+  alignas(64) double cross[kCross][kLanes] = {};
+  std::int64_t inliers = 0, met = 0, live = 0;
 };
 
 // Depth step that separates two surfaces at depth z: noise(z) = base + per_m2 z^2 for what should be
@@ -40,25 +42,22 @@ struct EdgeRule {
 };
 
 struct Kernels {
-  const char* name;
-  void (*accumulate_row)(const RowJob&, RowSums&) noexcept;
-  void (*accumulate_row_cross)(const RowJob&, RowSums&) noexcept;
-  // out[u] of one row; `in` points at pixel 0 of the row, `stride` floats between rows.
+  // Adds to the sums; with `cross` also to the cross moment.
+  void (*accumulate)(const RowsJob&, bool cross, LaneSums&);
+  // out[u] of one row; `in` points at pixel 0 of the row, `stride` floats between rows. What is readable
+  // beyond the row, up to a multiple of 16, is 0; so is what gets written there.
   void (*bilateral_row)(const float* in, std::ptrdiff_t stride, int width, const float* weight,
-                        int radius, const EdgeRule& rule, float* out) noexcept;
+                        int radius, const EdgeRule& rule, float* out);
   void (*normal_row)(const float* z, std::ptrdiff_t stride, int width, const float* x_factor,
-                     const float* y_factor, const EdgeRule& rule, float* nx, float* ny,
-                     float* nz) noexcept;
-  void (*to_metres_row)(const std::uint16_t* mm, int width, float min_m, float max_m,
-                        float* out) noexcept;
+                     const float* y_factor, const EdgeRule& rule, float* nx, float* ny, float* nz);
+  // These two read and write no more than the row.
+  void (*to_metres_row)(const std::uint16_t* mm, int width, float min_m, float max_m, float* out);
   void (*half_row)(const float* in, std::ptrdiff_t stride, int width, const EdgeRule& rule,
-                   float* out) noexcept;
+                   float* out);
 };
 
-extern const Kernels kBaseKernels;
-extern const Kernels kV3Kernels;
-// The best one this machine can run; fixed for the life of the process.
+extern const Kernels kScalarKernels;
+// Those of simd::chosen().
 [[nodiscard]] const Kernels& kernels() noexcept;
-[[nodiscard]] bool cpu_has_v3() noexcept;
 
 }  // namespace perception::icp

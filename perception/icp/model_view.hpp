@@ -1,9 +1,9 @@
-// What the tracker aligns a new frame to: one vertex and one normal a pixel, interleaved so that a
-// lookup touches one 32-byte record.
+// What the tracker aligns a new frame to: one surface point and one normal a pixel, interleaved so that a
+// lookup touches one 16-byte record.
 //
-// Record of pixel (u, v): x, y, z, unused, nx, ny, nz, unused (floats, m), row-major, in the frame F of
-// the camera that cast the map: pixel (u, v) of its intrinsics sees its vertex. Normals are unit and
-// point towards the camera. No surface: the normal is (0, 0, 0). The layout of perception/raycast.
+// Record of pixel (u, v): nx, ny, nz, depth (floats, m), row-major, in the frame F of the camera that cast
+// the map. The vertex is the point at that depth that pixel (u, v) of its intrinsics sees. Normals are
+// unit and point towards the camera. No surface: all four are 0. The layout of perception/raycast.
 #pragma once
 
 #include <cstddef>
@@ -12,10 +12,10 @@
 
 namespace perception {
 
-inline constexpr int kModelStride = 8;  // floats a pixel
+inline constexpr int kModelStride = 4;  // floats a pixel
 
 struct ModelView {
-  const float* data = nullptr;   // 32-byte aligned is fastest; not required
+  const float* data = nullptr;   // 64-byte aligned is fastest; not required
   Intrinsics intrinsics{};       // of the map; its width and height give the extent
   Pose X_WF = Pose::Identity();  // of the casting camera
 

@@ -13,16 +13,25 @@ void to_float(const Pose& X, float* R, float* t) noexcept {
   }
 }
 
-icp::RowJob make_job(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
-                     const Vec3& centre_F, const Gates& gates) noexcept {
-  icp::RowJob job{};
+icp::RowsJob make_job(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
+                      const Vec3& centre_F, const Gates& gates) noexcept {
+  icp::RowsJob job{};
   job.x_factor = live.x_factor.data() + PaddedImage::kMargin;
   job.width = live.depth.width();
+  job.rows = live.depth.height();
+  job.stride = live.depth.stride();
+  job.z = live.depth.row(0);
+  job.nx = live.nx.row(0);
+  job.ny = live.ny.row(0);
+  job.nz = live.nz.row(0);
+  job.y_factor = live.y_factor.data() + PaddedImage::kMargin;
   to_float(X_FC, job.R_F, job.t_F);
   job.fx = static_cast<float>(model.intrinsics.fx);
   job.fy = static_cast<float>(model.intrinsics.fy);
   job.cx = static_cast<float>(model.intrinsics.cx);
   job.cy = static_cast<float>(model.intrinsics.cy);
+  job.inv_fx = static_cast<float>(1 / model.intrinsics.fx);
+  job.inv_fy = static_cast<float>(1 / model.intrinsics.fy);
   job.model = model.data;
   job.model_width = static_cast<float>(model.intrinsics.width);
   job.model_height = static_cast<float>(model.intrinsics.height);
@@ -33,10 +42,10 @@ icp::RowJob make_job(const DepthLevel& live, const ModelView& model, const Pose&
   return job;
 }
 
-// Lanes in rising order, in double.
-double lane_sum(const float* lanes) noexcept {
+// Lanes in rising order.
+double lane_sum(const double* lanes) noexcept {
   double s = 0;
-  for (int k = 0; k < icp::kLanes; ++k) s += static_cast<double>(lanes[k]);
+  for (int k = 0; k < icp::kLanes; ++k) s += lanes[k];
   return s;
 }
 
@@ -50,29 +59,16 @@ void unpack_upper(const double* upper, Mat6& H) noexcept {
 void accumulate_rows(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
                      const Vec3& centre_F, const Gates& gates, NormalEquations& out,
                      CrossMoment* cross) noexcept {
-  icp::RowJob job = make_job(live, model, X_FC, centre_F, gates);
-  const icp::Kernels& k = icp::kernels();
-  double sums[icp::kSums] = {};
-  double cross_sums[icp::kCross] = {};
-  icp::RowSums row;
+  const icp::RowsJob job = make_job(live, model, X_FC, centre_F, gates);
+  icp::LaneSums lanes;
+  icp::kernels().accumulate(job, cross != nullptr, lanes);
+  double sums[icp::kSums], cross_sums[icp::kCross];
+  for (int i = 0; i < icp::kSums; ++i) sums[i] = lane_sum(lanes.sums[i]);
+  for (int i = 0; i < icp::kCross; ++i) cross_sums[i] = lane_sum(lanes.cross[i]);
   out = NormalEquations{};
-  for (int v = 0; v < live.depth.height(); ++v) {
-    job.z = live.depth.row(v);
-    job.nx = live.nx.row(v);
-    job.ny = live.ny.row(v);
-    job.nz = live.nz.row(v);
-    job.y_factor = live.y_factor[static_cast<std::size_t>(v + PaddedImage::kMargin)];
-    if (cross != nullptr) {
-      k.accumulate_row_cross(job, row);
-      for (int i = 0; i < icp::kCross; ++i) cross_sums[i] += lane_sum(row.cross[i]);
-    } else {
-      k.accumulate_row(job, row);
-    }
-    for (int i = 0; i < icp::kSums; ++i) sums[i] += lane_sum(row.sums[i]);
-    out.inliers += row.inliers;
-    out.met += row.met;
-    out.live += row.live;
-  }
+  out.inliers = lanes.inliers;
+  out.met = lanes.met;
+  out.live = lanes.live;
   unpack_upper(sums, out.H);
   for (int i = 0; i < 6; ++i) out.g(i) = sums[21 + i];
   out.r2 = sums[27];

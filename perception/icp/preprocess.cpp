@@ -8,20 +8,6 @@
 
 namespace perception {
 
-namespace icp {
-
-bool cpu_has_v3() noexcept {
-  return __builtin_cpu_supports("avx2") != 0 && __builtin_cpu_supports("fma") != 0 &&
-         __builtin_cpu_supports("bmi2") != 0;
-}
-
-const Kernels& kernels() noexcept {
-  static const bool v3 = cpu_has_v3();
-  return v3 ? kV3Kernels : kBaseKernels;
-}
-
-}  // namespace icp
-
 void PreprocessConfig::describe(config::Section& s) {
   s.number("depth_min_m", depth_min_m, 0.05, 5, "nearer readings are dropped")
       .number("depth_max_m", depth_max_m, 0.5, 20, "farther readings are dropped")

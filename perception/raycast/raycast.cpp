@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "perception/raycast/hint_kernel.hpp"
+#include "perception/simd/isa.hpp"
 #include "perception/tsdf/clones.hpp"
 #include "perception/tsdf/frame_view.hpp"
 #include "perception/tsdf/map_reader.hpp"
@@ -14,6 +16,7 @@ namespace {
 constexpr int kTileShift = 2, kTileEdge = 1 << kTileShift;
 constexpr int kMaxSteps = 4096;  // a ray of 6 m at 2 mm voxels, twice over
 constexpr float kNoTile = 1e9F;
+constexpr float kClose = 0.1F;  // voxels: a Newton step below it is the last
 
 }  // namespace
 
@@ -28,7 +31,7 @@ class Caster {
         voxels_per_unit_(map.metres_per_unit() / static_cast<float>(voxel_)),
         stride_unknown_(static_cast<float>(
             std::max(1.0, std::floor(0.8 * std::min(5.0, map.truncation() / voxel_))))) {
-    hint_reach_ = static_cast<float>(0.55 * map.truncation() / voxel_);
+    hint_reach_ = static_cast<float>(map.truncation() / voxel_);
     // Grid coordinates are kept relative to a node near the camera: floats then resolve microns.
     const Mat3 R = X_WC.linear();
     for (int r = 0; r < 3; ++r) {
@@ -43,16 +46,17 @@ class Caster {
   }
 
   RaycastStats run() noexcept {
+    if (!hinted_only()) bound_tiles();
     const Intrinsics& k = out_.intrinsics;
-    bound_tiles();
-    const int tiles_u = (k.width + kTileEdge - 1) >> kTileShift,
-              tiles_v = (k.height + kTileEdge - 1) >> kTileShift;
+    for (int u = 0; u < k.width; ++u)
+      out_.x_[static_cast<std::size_t>(u)] = static_cast<float>((u - k.cx) / k.fx);
     RaycastStats stats;
-    // Tile by tile: neighbouring rays read the same cache lines.
-    for (int n = 0; n < tiles_u * tiles_v; ++n)
-      stats.hits += cast_tile(n % tiles_u, n / tiles_u, n);
+    if (options_.hint_depth_m.data != nullptr)
+      cast_hinted(stats);
+    else
+      cast_tiles(stats);
     stats.rays = k.width * k.height;
-    stats.steps = steps_;
+    stats.steps += steps_;
     return stats;
   }
 
@@ -92,30 +96,136 @@ class Caster {
     }
   }
 
+  // Tile by tile: neighbouring rays read the same cache lines.
+  void cast_tiles(RaycastStats& stats) noexcept {
+    const Intrinsics& k = out_.intrinsics;
+    const int tiles_u = (k.width + kTileEdge - 1) >> kTileShift,
+              tiles_v = (k.height + kTileEdge - 1) >> kTileShift;
+    for (int n = 0; n < tiles_u * tiles_v; ++n)
+      stats.hits += cast_tile(n % tiles_u, n / tiles_u, n);
+  }
+
   TELETACT_CLONES __attribute__((flatten)) int cast_tile(int tile_u, int tile_v,
                                                          int tile) noexcept {
     const Intrinsics& k = out_.intrinsics;
     const float near = out_.near_m_[static_cast<std::size_t>(tile)];
-    const float first = std::max(static_cast<float>(options_.min_depth_m), near);
-    const float last = std::min(static_cast<float>(options_.max_depth_m),
-                                out_.far_m_[static_cast<std::size_t>(tile)]);
     const int v1 = std::min((tile_v + 1) << kTileShift, k.height);
     const int u1 = std::min((tile_u + 1) << kTileShift, k.width);
     int hits = 0;
-    if (options_.hint_depth_m.data != nullptr)
-      for (int v = tile_v << kTileShift; v < v1; ++v)
-        for (int u = tile_u << kTileShift; u < u1; ++u) prefetch(u, v);
     for (int v = tile_v << kTileShift; v < v1; ++v)
       for (int u = tile_u << kTileShift; u < u1; ++u) {
         const auto at = static_cast<std::ptrdiff_t>(v) * k.width + u;
         float* record = out_.records_ + at * RaycastMaps::kStride;
-        const bool hit = near < kNoTile && cast(u, v, first, last, record);
-        if (!hit) std::memset(record, 0, RaycastMaps::kStride * sizeof(float));
-        if (options_.colour)
-          out_.colour_[static_cast<std::size_t>(at)] = hit ? colour_of(record) : Rgb{};
-        hits += static_cast<int>(hit);
+        hits += finish(u, v, near < kNoTile && cast_full(u, v, tile, 0.0F, record), record);
       }
     return hits;
+  }
+
+  // Column strips of rays: from row to row they read the same blocks.
+  void cast_hinted(RaycastStats& stats) noexcept {
+    const Intrinsics& k = out_.intrinsics;
+    const bool vectors = simd::chosen() != simd::Isa::kScalar && !options_.smooth_normals;
+    const HintJob job = hint_job();
+    const int hint_step = options_.hint_depth_m.width == k.width ? 1 : options_.pixel_step;
+    alignas(64) float hint[HintJob::kSpan];
+    alignas(64) std::uint8_t found[HintJob::kSpan];
+    for (int u0 = 0; u0 < k.width; u0 += HintJob::kSpan) {
+      const int count = std::min(HintJob::kSpan, k.width - u0);
+      std::fill(std::begin(hint), std::end(hint), 0.0F);
+      for (int v = 0; v < k.height; ++v) {
+        for (int i = 0; i < count; ++i)
+          hint[i] = options_.hint_depth_m.at((u0 + i) * hint_step, v * hint_step);
+        float* records =
+            out_.records_ + (static_cast<std::ptrdiff_t>(v) * k.width + u0) * RaycastMaps::kStride;
+        const HintSpan span{hint, out_.x_.data() + u0, row_y(v), count, records, found};
+        const HintCount n = vectors ? cast_hints(job, span) : cast_hints_scalar(span);
+        stats.hits += n.hits;
+        stats.steps += n.steps;
+        if (!hinted_only() || options_.colour) stats.hits += finish_span(u0, v, span);
+      }
+    }
+  }
+
+  // What the hint did not settle is cast in full; then colour.
+  TELETACT_CLONES __attribute__((flatten)) int finish_span(int u0, int v,
+                                                           const HintSpan& s) noexcept {
+    const int tiles_u = (out_.intrinsics.width + kTileEdge - 1) >> kTileShift;
+    int hits = 0;
+    for (int i = 0; i < s.count; ++i) {
+      float* record = s.records + static_cast<std::ptrdiff_t>(i) * RaycastMaps::kStride;
+      if (s.found[i] != 0 || hinted_only()) {
+        if (options_.colour) static_cast<void>(finish(u0 + i, v, record[3] > 0, record));
+        continue;
+      }
+      const int tile = (v >> kTileShift) * tiles_u + ((u0 + i) >> kTileShift);
+      const bool hit = out_.near_m_[static_cast<std::size_t>(tile)] < kNoTile &&
+                       cast_full(u0 + i, v, tile, s.hint[i], record);
+      hits += finish(u0 + i, v, hit, record);
+    }
+    return hits;
+  }
+
+  int finish(int u, int v, bool hit, float* record) noexcept {
+    if (!hit) std::memset(record, 0, RaycastMaps::kStride * sizeof(float));
+    if (options_.colour) {
+      const auto at = static_cast<std::ptrdiff_t>(v) * out_.intrinsics.width + u;
+      out_.colour_[static_cast<std::size_t>(at)] = hit ? colour_of(u, v, record) : Rgb{};
+    }
+    return static_cast<int>(hit);
+  }
+
+  [[nodiscard]] bool hinted_only() const noexcept {
+    return options_.hinted_only && options_.hint_depth_m.data != nullptr;
+  }
+  [[nodiscard]] float row_y(int v) const noexcept {
+    const Intrinsics& k = out_.intrinsics;
+    return static_cast<float>((v - k.cy) / k.fy);
+  }
+
+  [[nodiscard]] HintJob hint_job() noexcept {
+    const int middle[3] = {base_[0] >> 6, base_[1] >> 6, base_[2] >> 6};
+    out_.directory_.fill(map_, middle);
+    const TsdfMap::Arrays arrays = map_.arrays();
+    HintJob job{};
+    job.directory = out_.directory_.data();
+    job.tables = arrays.tables;
+    job.words = arrays.words;
+    job.ahead = arrays.ahead;
+    job.empty_table = arrays.empty_table;
+    job.empty_block = arrays.empty_block;
+    job.least_word = static_cast<std::uint32_t>(reader_.least_weight()) << 16U;
+    for (int a = 0; a < 3; ++a) {
+      job.base[a] = base_[a];
+      job.origin[a] = origin_[a];
+      job.corner[a] = out_.directory_.corner(a);
+      for (int c = 0; c < 3; ++c) job.axes[c][a] = axes_[c][a], job.R[a][c] = R_[a][c];
+    }
+    job.reach = hint_reach_;
+    job.first = static_cast<float>(options_.min_depth_m);
+    job.last = static_cast<float>(options_.max_depth_m);
+    return job;
+  }
+
+  // The reference of cast_hints(): one ray after the other, through the map's reader.
+  TELETACT_CLONES __attribute__((flatten)) HintCount cast_hints_scalar(const HintSpan& s) noexcept {
+    HintCount count;
+    const std::int64_t before = steps_;
+    for (int i = 0; i < s.count; ++i) {
+      float* record = s.records + static_cast<std::ptrdiff_t>(i) * RaycastMaps::kStride;
+      const Ray r = ray_of(s.x[i], s.y);
+      const float near = hint_reach_ * r.voxel_t, hint = s.hint[i];
+      float hit_t = 0;
+      MapReader::Cell cell{};
+      s.found[i] = hint > 0 && hint - near > static_cast<float>(options_.min_depth_m) &&
+                   hint + near < static_cast<float>(options_.max_depth_m) &&
+                   quick_root(r, hint - near, hint + near, hint, HintJob::kClose, hit_t, cell);
+      const bool hit = s.found[i] != 0 && store(r, s.x[i], s.y, hit_t, cell, record);
+      if (!hit) std::memset(record, 0, RaycastMaps::kStride * sizeof(float));
+      count.hits += static_cast<int>(hit);
+    }
+    count.steps = steps_ - before;
+    steps_ = before;
+    return count;
   }
 
   // One ray in grid coordinates relative to base_, parameter t = depth along the optical axis.
@@ -136,26 +246,7 @@ class Caster {
     return reader_.cell(node[0], node[1], node[2], f[0], f[1], f[2]);
   }
 
-  // Asks for the cache lines round the hint of a ray, so that the waits of a tile's rays overlap.
-  void prefetch(int u, int v) noexcept {
-    const Intrinsics& k = out_.intrinsics;
-    const float hint = options_.hint_depth_m.at(u * options_.pixel_step, v * options_.pixel_step);
-    if (!(hint > 0)) return;
-    const auto x = static_cast<float>((u - k.cx) / k.fx), y = static_cast<float>((v - k.cy) / k.fy);
-    const Float4 d = splat(x) * axes_[0] + splat(y) * axes_[1] + axes_[2];
-    const Int4 n = floor4(origin_ + splat(hint) * d) + base_;
-    for (int a = -1; a <= 2; ++a) {
-      const std::uint32_t* p = reader_.block_of((n[0] + a) >> 3, n[1] >> 3, n[2] >> 3);
-      if (p == nullptr) continue;
-      p += TsdfMap::in_block(n[0] + a, n[1], n[2]);
-      __builtin_prefetch(p);
-      __builtin_prefetch(p + ((n[1] & 7) < 7 ? 8 : -8));
-    }
-  }
-
-  bool cast(int u, int v, float first, float last, float* record) noexcept {
-    const Intrinsics& k = out_.intrinsics;
-    const auto x = static_cast<float>((u - k.cx) / k.fx), y = static_cast<float>((v - k.cy) / k.fy);
+  [[nodiscard]] Ray ray_of(float x, float y) const noexcept {
     Ray r{};
     r.d = splat(x) * axes_[0] + splat(y) * axes_[1] + axes_[2];
     for (int a = 0; a < 3; ++a) {
@@ -165,20 +256,20 @@ class Caster {
     r.ahead = to_float(r.positive);
     for (int a = 0; a < 3; ++a) r.block_t[a] = 8.0F * std::fabs(r.inverse[a]);
     r.voxel_t = 1.0F / std::sqrt(r.d[0] * r.d[0] + r.d[1] * r.d[1] + r.d[2] * r.d[2]);
-    const float hint =
-        options_.hint_depth_m.data == nullptr
-            ? 0.0F
-            : options_.hint_depth_m.at(u * options_.pixel_step, v * options_.pixel_step);
+    return r;
+  }
+
+  // First crossing in the depth range of the ray's tile; with a hint (> 0) from 1.1 truncation in front
+  // of it.
+  bool cast_full(int u, int v, int tile, float hint, float* record) noexcept {
+    const auto at = static_cast<std::size_t>(tile);
+    float first = std::max(static_cast<float>(options_.min_depth_m), out_.near_m_[at]);
+    const float last = std::min(static_cast<float>(options_.max_depth_m), out_.far_m_[at]);
+    const float x = out_.x_[static_cast<std::size_t>(u)], y = row_y(v);
+    const Ray r = ray_of(x, y);
+    if (hint > 0) first = std::max(first, hint - 1.1F * hint_reach_ * r.voxel_t);
     float hit_t = 0;
-    MapReader::Cell cell;
-    if (hint > 0) {
-      // Live depth is nearly always the surface itself.
-      const float near = hint_reach_ * r.voxel_t;
-      if (hint - near > first && hint + near < last &&
-          quick_root(r, hint - near, hint + near, hint, hit_t, cell))
-        return store(r, x, y, hit_t, cell, record);
-      first = std::max(first, hint - 2.0F * near);
-    }
+    MapReader::Cell cell{};
     return march(r, first, last, hit_t, cell) && store(r, x, y, hit_t, cell, record);
   }
 
@@ -212,7 +303,7 @@ class Caster {
       if (known) {
         if (before == Side::kOutside &&
             quick_root(r, before_t, t, before_t + (t - before_t) * (before_d / (before_d - d)),
-                       hit_t, cell))
+                       kClose, hit_t, cell))
           return true;
         if (before != Side::kInside &&
             crossing(r, std::max(before_t, t - (stride_unknown_ + 0.5F) * r.voxel_t), t, hit_t,
@@ -258,11 +349,11 @@ class Caster {
   // The usual case: nearest nodes + and - at t0 and t1, a root of the interpolant close to `guess`.
   // Newton along the ray; taken only when it lands within the bracket (half a voxel wider: nodes are
   // not on the ray) in a known cell that falls along the ray there. Else crossing() looks closely.
-  bool quick_root(const Ray& r, float t0, float t1, float guess, float& hit_t,
+  bool quick_root(const Ray& r, float t0, float t1, float guess, float close_vox, float& hit_t,
                   MapReader::Cell& cell) noexcept {
     const float low = t0 - 0.5F * r.voxel_t, high = t1 + 0.5F * r.voxel_t;
     float t = guess;
-    for (int n = 0; n < 3; ++n) {
+    for (int n = 0; n < HintJob::kNewton; ++n) {
       cell = cell_at(r, t);
       if (!cell.valid) return false;
       const float f = cell.value();
@@ -273,7 +364,8 @@ class Caster {
       const float move = -f / slope;
       t += move;
       if (!(t >= low && t <= high)) return false;
-      if (move < 0.1F * r.voxel_t && move > -0.1F * r.voxel_t) {
+      const float close = close_vox * r.voxel_t;
+      if (move < close && move > -close) {
         hit_t = t;
         return true;
       }
@@ -353,16 +445,15 @@ class Caster {
     const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
     // The field falls along the ray here, so the normal faces the camera or there is none.
     if (!(length > 0) || n[0] * x + n[1] * y + n[2] >= 0) return false;
-    record[0] = x * t, record[1] = y * t;
-    record[2] = record[3] = t;
-    for (int c = 0; c < 3; ++c) record[4 + c] = n[c] / length;
-    record[7] = 0;
+    for (int c = 0; c < 3; ++c) record[c] = n[c] / length;
+    record[3] = t;
     return true;
   }
 
-  [[nodiscard]] Rgb colour_of(const float* record) noexcept {
+  [[nodiscard]] Rgb colour_of(int u, int v, const float* record) noexcept {
     Rgb c;
-    const Vec3 p_C = Vec3f(record).cast<double>();
+    const double z = static_cast<double>(record[3]);
+    const Vec3 p_C = out_.intrinsics.unproject(u, v, z);
     if (!reader_.colour(out_.X_WC * p_C, c)) return {128, 128, 128};
     return c;
   }
@@ -374,7 +465,7 @@ class Caster {
   double voxel_;
   float voxels_per_unit_;
   float stride_unknown_;  // voxels; the band across a surface is at least 5 thick
-  float hint_reach_ = 0;  // voxels: half of 1.1 truncation
+  float hint_reach_ = 0;  // voxels: one truncation
   Int4 base_{};
   Float4 origin_{};
   Float4 axes_[3]{};  // camera axes in grid units a metre
@@ -382,16 +473,18 @@ class Caster {
   std::int64_t steps_ = 0;
 };
 
-RaycastMaps::RaycastMaps(rt::NonRealtime&, int width, int height)
-    : capacity_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)),
-      storage_(capacity_ * kStride + 8),
+RaycastMaps::RaycastMaps(rt::NonRealtime& nrt, int width, int height)
+    : directory_(nrt),
+      capacity_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)),
+      storage_(capacity_ * kStride + 16),
       colour_(capacity_) {
   const auto address = reinterpret_cast<std::uintptr_t>(storage_.data());
-  records_ = storage_.data() + ((32 - address % 32) % 32) / sizeof(float);
+  records_ = storage_.data() + ((64 - address % 64) % 64) / sizeof(float);
   // Any shape with that many rays: a tile row more each way covers the rounding.
   const std::size_t tiles = capacity_ / 16 + 2 * (static_cast<std::size_t>(width + height) / 4 + 2);
   near_m_.resize(tiles);
   far_m_.resize(tiles);
+  x_.resize(capacity_ + HintJob::kSpan);
 }
 
 RaycastStats raycast(const TsdfMap& map, const Intrinsics& camera, const Pose& X_WC,
@@ -402,8 +495,9 @@ RaycastStats raycast(const TsdfMap& map, const Intrinsics& camera, const Pose& X
   if (!(reach < 8.0 * TsdfMap::kMaxBlockCoord * map.voxel_size())) return {};
   const Intrinsics k = camera.subsampled(options.pixel_step);
   if (!out.fits(k.width, k.height)) return {};
-  if (options.hint_depth_m.data != nullptr &&
-      (options.hint_depth_m.width != camera.width || options.hint_depth_m.height != camera.height))
+  const auto& hint = options.hint_depth_m;
+  if (hint.data != nullptr && (hint.width != camera.width || hint.height != camera.height) &&
+      (hint.width != k.width || hint.height != k.height))
     return {};
   out.intrinsics = k;
   out.X_WC = X_WC;

@@ -4,8 +4,8 @@
 //
 // Frame     vertices and normals in the frame C of the casting camera, m; normals unit, towards the
 //           camera.
-// Records   x, y, z, depth, nx, ny, nz, 0 a pixel (the layout of perception/icp/model_view.hpp);
-//           no surface: all eight are 0.
+// Records   nx, ny, nz, depth a pixel (the layout of perception/icp/model_view.hpp); no surface: all
+//           four are 0.
 // Method    per-tile depth bounds from the blocks in view, absent chunks and blocks skipped whole,
 //           steps by the stored distance, then secant on trilinear values.
 #pragma once
@@ -29,10 +29,12 @@ struct RaycastOptions {
   // Normals from three voxels round the hit (averages the field's noise) instead of from the cell
   // that holds it.
   bool smooth_normals = true;
-  // Tracking only: depth (m, 0 = none) of the image at full resolution. A ray with a hint takes the
-  // crossing next to it, within 0.55 truncation, or else the first one from 1.1 truncation in front of
+  // Tracking only: depth (m, 0 = none) of the image, at full resolution or at that of the rays. A ray with a hint takes the
+  // crossing next to it, within one truncation, or else the first one from 1.1 truncation in front of
   // it: it passes a surface that lies farther before the hint.
   ImageView<const float> hint_depth_m{};
+  // With a hint image: what the hint does not settle, and rays without one, see nothing.
+  bool hinted_only = false;
 };
 
 struct RaycastStats {
@@ -42,7 +44,7 @@ struct RaycastStats {
 
 class RaycastMaps {
  public:
-  static constexpr int kStride = 8;
+  static constexpr int kStride = 4;
   // Room for width x height rays.
   RaycastMaps(rt::NonRealtime&, int width, int height);
 
@@ -61,8 +63,12 @@ class RaycastMaps {
     return records_ + kStride * (static_cast<std::ptrdiff_t>(v) * intrinsics.width + u);
   }
   [[nodiscard]] bool hit(int u, int v) const noexcept { return at(u, v)[3] > 0; }
-  [[nodiscard]] Vec3f vertex_C(int u, int v) const noexcept { return Vec3f(at(u, v)); }
-  [[nodiscard]] Vec3f normal_C(int u, int v) const noexcept { return Vec3f(at(u, v) + 4); }
+  [[nodiscard]] Vec3f vertex_C(int u, int v) const noexcept {
+    const float z = at(u, v)[3];
+    return {static_cast<float>((u - intrinsics.cx) / intrinsics.fx) * z,
+            static_cast<float>((v - intrinsics.cy) / intrinsics.fy) * z, z};
+  }
+  [[nodiscard]] Vec3f normal_C(int u, int v) const noexcept { return Vec3f(at(u, v)); }
   // Filled when options.colour; mid grey where the map has none.
   [[nodiscard]] ImageView<const Rgb> colour() const noexcept {
     return {colour_.data(), intrinsics.width, intrinsics.height, intrinsics.width};
@@ -70,11 +76,13 @@ class RaycastMaps {
 
  private:
   friend class Caster;
+  ChunkDirectory directory_;
   std::size_t capacity_ = 0;
   std::vector<float> storage_;
-  float* records_ = nullptr;  // 32-byte aligned into storage_
+  float* records_ = nullptr;  // 64-byte aligned into storage_
   std::vector<Rgb> colour_;
   std::vector<float> near_m_, far_m_;  // per tile of 4 x 4 rays
+  std::vector<float> x_;               // (u - cx) / fx of a column
 };
 
 // `camera` is the full-resolution camera. When the maps are too small for the rays, or the pose is not

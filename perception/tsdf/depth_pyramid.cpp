@@ -135,7 +135,7 @@ void halve_pixels(const std::uint32_t* a, const std::uint32_t* b, int pairs, Ran
 
 DepthPyramid::DepthPyramid(rt::NonRealtime&)
     : padded_(static_cast<std::size_t>(kMaxWidth + 2 * kPad) * (kMaxHeight + 2 * kPad)),
-      pixels_(static_cast<std::size_t>(kMaxWidth) * kMaxHeight + 1) {
+      pixels_(static_cast<std::size_t>(kMaxWidth) * kMaxHeight + 32) {
   for (int l = 1; l < kLevels; ++l) {
     const auto w = static_cast<std::size_t>(((kMaxWidth - 1) >> l) + 1);
     const auto h = static_cast<std::size_t>(((kMaxHeight - 1) >> l) + 1);

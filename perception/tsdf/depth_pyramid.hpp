@@ -64,7 +64,7 @@ class DepthPyramid {
   };
   int width_ = 0, height_ = 0;
   std::vector<std::uint16_t> padded_;  // sanitised readings with a border of 0
-  std::vector<std::uint32_t> pixels_;  // one spare at width * height, always 0
+  std::vector<std::uint32_t> pixels_;  // a spare at width * height, always 0; padded
   std::array<Level, kLevels> levels_;
 };
 

@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <ctime>
 
+#include "perception/tsdf/allocate_scratch.hpp"
 #include "perception/tsdf/frame_view.hpp"
 #include "perception/tsdf/voxel_update.hpp"
 
@@ -36,33 +37,12 @@ std::int64_t cpu_ns() noexcept {
 // cut by the surface then has eight known corners.
 constexpr double kThinnestVox = 2.5;
 
-// Running mean of a colour in bytes, rounded; the weight is capped so that a change is still learned.
-constexpr std::uint32_t kColourCap = 15;
-struct Reciprocals {
-  std::uint32_t of[kColourCap + 2];
-};
-constexpr Reciprocals make_reciprocals() {
-  Reciprocals r{};
-  for (std::uint32_t n = 1; n < kColourCap + 2; ++n) r.of[n] = (65536 + n - 1) / n;
-  return r;
-}
-constexpr Reciprocals kReciprocal = make_reciprocals();
-
-std::uint32_t blend_colour(std::uint32_t old, Rgb c) noexcept {
-  const std::uint32_t n = old >> 24U, sum = n + 1, half = sum / 2;
-  const auto mean = [&](std::uint32_t was, std::uint32_t now) {
-    return ((was * n + now + half) * kReciprocal.of[sum]) >> 16U;  // exact: the sum is below 2^12
-  };
-  return mean(old & 0xffU, c.r) | (mean((old >> 8U) & 0xffU, c.g) << 8U) |
-         (mean((old >> 16U) & 0xffU, c.b) << 16U) | (std::min(sum, kColourCap) << 24U);
-}
-
 }  // namespace
 
 IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
                                   int pixel_step) noexcept {
   IntegrateStats stats;
-  if (pixel_step < 1 || !usable(frame, X_WC, voxel_)) {
+  if (pixel_step < 1 || (pixel_step & (pixel_step - 1)) != 0 || !usable(frame, X_WC, voxel_)) {
     stats.refused = true;
     return stats;
   }
@@ -91,58 +71,46 @@ IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
   return stats;
 }
 
+// Row by row: find what the row's bands lack, then make it, in the order of block coordinates. So the
+// result does not depend on how many rays are looked at together.
 void TsdfMap::allocate_band(const View& view, int pixel_step, IntegrateStats& stats) noexcept {
   const Intrinsics& k = view.frame.intrinsics;
   const double per_block = 1.0 / (8.0 * voxel_);
   const double shift = 1.0 / 16.0;  // half a voxel: a block owns the space nearest to its nodes
-  const Vec3 origin = view.X_WC.translation() * per_block + Vec3::Constant(shift);
-  const Mat3 R = view.X_WC.linear() * per_block;
+  BandJob job{};
+  int middle[3];
+  for (int a = 0; a < 3; ++a) {
+    const double origin = view.X_WC.translation()(a) * per_block + shift;
+    job.base[a] = ifloor(origin);
+    job.origin[a] = static_cast<float>(origin - job.base[a]);
+    middle[a] = job.base[a] >> 3;
+    for (int c = 0; c < 3; ++c)
+      job.axes[c][a] = static_cast<float>(view.X_WC.linear()(a, c) * per_block);
+  }
+  directory_.fill(*this, middle);
+  for (int a = 0; a < 3; ++a) job.corner[a] = directory_.corner(a);
+  job.directory = directory_.data();
+  job.tables = arrays().tables;
+  job.truncation_m = static_cast<float>(truncation_);
+  AllocateScratch& scratch = *allocate_;
+  for (int u = 0; u < k.width; ++u)
+    scratch.x[static_cast<std::size_t>(u)] = static_cast<float>((u - k.cx) / k.fx);
   Chunk* near = nullptr;
-  std::array<int, 6> last{};
-  bool have_last = false;
   for (int v = 0; v < k.height; v += pixel_step) {
-    const std::uint32_t* row = pyramid_.pixels() + static_cast<std::ptrdiff_t>(v) * k.width;
-    const double y = (v - k.cy) / k.fy;
-    for (int u = 0; u < k.width; u += pixel_step) {
-      if (((row[u] >> 16U) & 0xffU) == 0) continue;
-      ++stats.rays;
-      const double z = (row[u] & 0xffffU) * 1e-3, x = (u - k.cx) / k.fx;
-      const double half =
-          truncation_ * (row[u] >> 24U) / DepthPyramid::kReachOne / std::sqrt(1.0 + x * x + y * y);
-      const double dir[3] = {R(0, 0) * x + R(0, 1) * y + R(0, 2),
-                             R(1, 0) * x + R(1, 1) * y + R(1, 2),
-                             R(2, 0) * x + R(2, 1) * y + R(2, 2)};
-      double q0[3], q1[3];
-      std::array<int, 6> ends{};
-      int steps = 0;
-      for (std::size_t a = 0; a < 3; ++a) {
-        q0[a] = origin(static_cast<Eigen::Index>(a)) + (z - half) * dir[a];
-        q1[a] = origin(static_cast<Eigen::Index>(a)) + (z + half) * dir[a];
-        ends[a] = ifloor(q0[a]), ends[a + 3] = ifloor(q1[a]);
-        steps += std::abs(ends[a + 3] - ends[a]);
-      }
-      // The same two ends with nothing between them: the neighbour has been here.
-      if (have_last && steps <= 1 && ends == last) continue;
-      last = ends, have_last = true;
-      int b[3] = {ends[0], ends[1], ends[2]};
-      near = touch_block(b[0], b[1], b[2], near, stats);
-      if (steps == 0) continue;
-      double t[3], dt[3];
-      int sign[3];
-      for (std::size_t a = 0; a < 3; ++a) {
-        const double d = q1[a] - q0[a];
-        sign[a] = d > 0 ? 1 : -1;
-        const bool moves = ends[a + 3] != ends[a];
-        dt[a] = moves ? 1.0 / std::fabs(d) : 0.0;
-        t[a] = moves ? (d > 0 ? b[a] + 1 - q0[a] : q0[a] - b[a]) * dt[a] : 1e30;
-      }
-      for (int s = 0; s < steps; ++s) {
-        const std::size_t a = t[0] <= t[1] ? (t[0] <= t[2] ? 0U : 2U) : (t[1] <= t[2] ? 1U : 2U);
-        b[a] += sign[a];
-        t[a] = b[a] == ends[a + 3] ? 1e30 : t[a] + dt[a];  // ends exactly in the last block
-        near = touch_block(b[0], b[1], b[2], near, stats);
-      }
-    }
+    const BandRow row{pyramid_.pixels() + static_cast<std::ptrdiff_t>(v) * k.width,
+                      scratch.x.data(),
+                      static_cast<float>((v - k.cy) / k.fy),
+                      k.width,
+                      pixel_step,
+                      scratch.keys.data()};
+    const BandCount n = find_missing(job, row);
+    stats.rays += n.rays;
+    std::uint64_t* end = scratch.keys.data() + n.found;
+    std::sort(scratch.keys.data(), end);
+    end = std::unique(scratch.keys.data(), end);
+    for (const std::uint64_t* key = scratch.keys.data(); key != end; ++key)
+      near = touch_block(block_key_axis(*key, 0), block_key_axis(*key, 1), block_key_axis(*key, 2),
+                         near, stats);
   }
 }
 
@@ -156,8 +124,11 @@ void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
   cam.truncation_m = static_cast<float>(truncation_);
   cam.units_per_m = static_cast<float>(kDistanceOne / truncation_);
   cam.weight_cap = static_cast<std::int32_t>(config_.max_weight * kWeightOne);
-  cam.colour_band_m =
-      view.frame.colour.data != nullptr ? static_cast<float>(config_.colour_band_m) : -1.0F;
+  static_assert(sizeof(Rgb) == 3);
+  const bool coloured = view.frame.colour.data != nullptr;
+  cam.colour_band_m = coloured ? static_cast<float>(config_.colour_band_m) : -1.0F;
+  cam.colour = reinterpret_cast<const std::uint8_t*>(view.frame.colour.data);
+  cam.colour_stride_px = view.frame.colour.stride;
   const Mat3 step = view.X_CW.linear() * voxel_;
   for (int r = 0; r < 3; ++r) {
     cam.dx[r] = static_cast<float>(step(r, 0));
@@ -169,6 +140,7 @@ void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
   const auto block_half = static_cast<float>(3.5 * voxel_),
              chunk_half = static_cast<float>(31.5 * voxel_);
   const auto far = static_cast<float>(config_.max_depth_m) + reach;
+  int count = 0;
   for (int n = 0; n < chunk_count_; ++n) {
     const Chunk& c = chunks_[static_cast<std::size_t>(n)];
     if (c.blocks == 0) continue;
@@ -185,8 +157,22 @@ void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
       if (!box.visible || box.z_near > far) continue;
       const auto range = pyramid_.range(box.u0, box.v0, box.u1, box.v1);
       if (static_cast<float>(range.greatest_mm) * 1e-3F + reach < box.z_near) continue;  // hidden
-      update_one(view, cam, b, stats);
+      in_view_[static_cast<std::size_t>(count++)] = b;
     }
+  }
+  // A block's memory is asked for while those before it are worked on.
+  constexpr int kLead = 3;
+  for (int n = 0; n < count + kLead; ++n) {
+    if (n < count) prefetch_block(in_view_[static_cast<std::size_t>(n)]);
+    if (n >= kLead) update_one(view, cam, in_view_[static_cast<std::size_t>(n - kLead)], stats);
+  }
+}
+
+void TsdfMap::prefetch_block(std::int32_t b) const noexcept {
+  const std::size_t at = static_cast<std::size_t>(b) * kBlockVoxels;
+  for (std::size_t n = 0; n < kBlockVoxels; n += 16) {
+    __builtin_prefetch(words_.data() + at + n, 1);
+    __builtin_prefetch(colours_.data() + at + n, 1);
   }
 }
 
@@ -197,20 +183,12 @@ void TsdfMap::update_one(const View& view, const UpdateCamera& cam, std::int32_t
   const float p0[3] = {static_cast<float>(first_C.x()), static_cast<float>(first_C.y()),
                        static_cast<float>(first_C.z())};
   const std::size_t base = static_cast<std::size_t>(b) * kBlockVoxels;
-  const BlockCounts n = update_block(cam, p0, words_.data() + base,
-                                     free_.data() + static_cast<std::size_t>(b) * 8, *scratch_);
+  const BlockCounts n =
+      update_block(cam, p0, words_.data() + base, free_.data() + static_cast<std::size_t>(b) * 8,
+                   colours_.data() + base);
   ++stats.blocks_updated;
   stats.voxels_fused += n.fused;
   stats.voxels_carved += n.carved;
-  if (!n.coloured) return;
-  const Rgb* colour = view.frame.colour.data;
-  const auto stride = view.frame.colour.stride, width = view.frame.intrinsics.width;
-  for (std::size_t v = 0; v < kBlockVoxels; ++v) {
-    if (scratch_->near[v] == 0) continue;
-    const std::int32_t p = scratch_->pixel[v];
-    const Rgb c = stride == width ? colour[p] : view.frame.colour.at(p % width, p / width);
-    colours_[base + v] = blend_colour(colours_[base + v], c);
-  }
 }
 
 }  // namespace perception

@@ -29,6 +29,8 @@ class MapReader {
   [[nodiscard]] bool known(std::uint32_t word) const noexcept {
     return static_cast<std::int32_t>(word >> 16U) >= min_raw_;
   }
+  // Raw weight from which a node is known.
+  [[nodiscard]] std::int32_t least_weight() const noexcept { return min_raw_; }
   // Words of a block, nullptr when it is not allocated.
   [[nodiscard]] const std::uint32_t* block_of(int bx, int by, int bz) noexcept {
     BlockEntry& e = blocks_[static_cast<std::size_t>((bx & 1) << 2 | (by & 1) << 1 | (bz & 1))];

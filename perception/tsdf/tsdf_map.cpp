@@ -5,7 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "perception/tsdf/voxel_update.hpp"
+#include "perception/tsdf/allocate_scratch.hpp"
 #include "rt/hash.hpp"
 #include "rt/random.hpp"
 
@@ -99,21 +99,25 @@ TsdfMap::TsdfMap(rt::NonRealtime& nrt, const TsdfConfig& config)
       metres_per_unit_(static_cast<float>(truncation_ / kDistanceOne)),
       range_weight_(config.weighting == "range"),
       pyramid_(nrt),
-      scratch_(std::make_unique<UpdateScratch>()) {
+      directory_(nrt),
+      allocate_(std::make_unique<AllocateScratch>()) {
   const auto blocks = static_cast<std::size_t>(config_.max_blocks);
   const auto chunks = static_cast<std::size_t>(config_.max_chunks);
   const std::size_t slots = std::bit_ceil(2 * chunks);
   keys_.assign(slots, 0);
   values_.assign(slots, 0);
-  chunks_.resize(chunks);
-  words_.assign(blocks * kBlockVoxels, 0);
+  chunks_.resize(chunks + 1);
+  chunks_.back().block.fill(kNoBlock);
+  words_.assign((blocks + 1) * kBlockVoxels, 0);
   colours_.assign(blocks * kBlockVoxels, 0);
   labels_.assign(blocks * kBlockVoxels, 0);
   label_weights_.assign(blocks * kBlockVoxels, 0);
   free_.assign(blocks * 8, 0);
   coords_.assign(blocks, {});
+  ahead_.assign((blocks + 1) * 8, config_.max_blocks);
   in_use_.assign(blocks, 0);
   recycled_.assign(blocks, 0);
+  in_view_.assign(blocks, 0);
 }
 
 TsdfMap::~TsdfMap() = default;
@@ -122,7 +126,8 @@ std::size_t TsdfMap::memory_bytes() const noexcept {
   const auto bytes = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
   return sizeof *this + bytes(keys_) + bytes(values_) + bytes(chunks_) + bytes(words_) +
          bytes(colours_) + bytes(labels_) + bytes(label_weights_) + bytes(free_) + bytes(coords_) +
-         bytes(in_use_) + bytes(recycled_) + pyramid_.memory_bytes();
+         bytes(ahead_) + bytes(in_use_) + bytes(recycled_) + bytes(in_view_) +
+         pyramid_.memory_bytes() + directory_.memory_bytes();
 }
 
 void TsdfMap::clear() noexcept {
@@ -149,6 +154,7 @@ TsdfMap::Chunk* TsdfMap::chunk_for(int cx, int cy, int cz) noexcept {
   if (chunk_count_ == config_.max_chunks) return nullptr;
   keys_[s] = key;
   values_[s] = chunk_count_;
+  directory_.add(*this, cx, cy, cz, chunk_count_);
   Chunk& c = chunks_[static_cast<std::size_t>(chunk_count_++)];
   c.block.fill(kNoBlock);
   c.free.fill(0);
@@ -193,7 +199,23 @@ TsdfMap::Chunk* TsdfMap::touch_block(int bx, int by, int bz, Chunk* near,
   ++c->blocks;
   ++live_blocks_;
   ++stats.blocks_new;
+  link({bx, by, bz}, b);
   return c;
+}
+
+void TsdfMap::link(BlockCoord at, std::int32_t block) noexcept {
+  const std::int32_t none = config_.max_blocks;
+  for (std::int32_t n = 0; n < 8; ++n) {
+    const int x = n >> 2, y = (n >> 1) & 1, z = n & 1;
+    if (block != kNoBlock) {
+      const std::int32_t next = n == 0 ? block : find_block({at.x + x, at.y + y, at.z + z});
+      ahead_[static_cast<std::size_t>(8 * block + n)] = next == kNoBlock ? none : next;
+    }
+    if (n == 0) continue;
+    const std::int32_t behind = find_block({at.x - x, at.y - y, at.z - z});
+    if (behind != kNoBlock)
+      ahead_[static_cast<std::size_t>(8 * behind + n)] = block == kNoBlock ? none : block;
+  }
 }
 
 void TsdfMap::free_block(Chunk& c, int slot) noexcept {
@@ -202,6 +224,7 @@ void TsdfMap::free_block(Chunk& c, int slot) noexcept {
   c.free[s] = shrink_free(block_free(b));
   if (c.free[s] != ~0ULL) c.settled[s >> 6U] &= ~(1ULL << (s & 63U));
   c.block[s] = kNoBlock;
+  link(coords_[static_cast<std::size_t>(b)], kNoBlock);
   --c.blocks;
   --live_blocks_;
   in_use_[static_cast<std::size_t>(b)] = 0;
@@ -267,6 +290,17 @@ void TsdfMap::clear_region(const Eigen::AlignedBox3d& box_W) noexcept {
         clear_nodes(c, slot, from, to);
     }
   }
+}
+
+TsdfMap::Arrays TsdfMap::arrays() const noexcept {
+  static_assert(sizeof(Chunk) % sizeof(std::int32_t) == 0);
+  constexpr auto kStride = static_cast<std::int32_t>(sizeof(Chunk) / sizeof(std::int32_t));
+  return {chunks_.front().block.data(),
+          reinterpret_cast<const std::int32_t*>(words_.data()),
+          ahead_.data(),
+          kStride,
+          config_.max_chunks * kStride,
+          config_.max_blocks};
 }
 
 std::int32_t TsdfMap::find_block(BlockCoord b) const noexcept {

@@ -31,13 +31,14 @@
 #include "perception/geometry/image.hpp"
 #include "perception/geometry/pose.hpp"
 #include "perception/geometry/rgbd_frame.hpp"
+#include "perception/tsdf/chunk_directory.hpp"
 #include "perception/tsdf/depth_pyramid.hpp"
 #include "rt/memory/non_realtime.hpp"
 
 namespace perception {
 
 struct UpdateCamera;  // voxel_update.hpp
-struct UpdateScratch;
+struct AllocateScratch;
 
 struct TsdfConfig {
   double voxel_size_m = 0.01;
@@ -113,7 +114,7 @@ class TsdfMap {
   TsdfMap(const TsdfMap&) = delete;
   TsdfMap& operator=(const TsdfMap&) = delete;
 
-  // Fuses one frame. pixel_step thins the rays that allocate (1 = every pixel); all voxels of the
+  // Fuses one frame. pixel_step (1, 2, 4, 8) thins the rays that allocate; all voxels of the
   // blocks in view are always updated. X_WC: camera (optical frame) in the world, rigid.
   IntegrateStats integrate(const FrameView& frame, const Pose& X_WC, int pixel_step) noexcept;
 
@@ -192,6 +193,17 @@ class TsdfMap {
       if (in_use(b)) fn(b, coords_[static_cast<std::size_t>(b)]);
   }
 
+  // --- for vector kernels: the arrays themselves. Chunk n's table of block numbers begins at
+  // n * table_stride; table `empty_table` holds no block, block `empty_block` holds zeros. ahead[8 b + n]:
+  // the block one to the x (n bit 2), y (bit 1), z (bit 0) of block b; empty_block where none is.
+  struct Arrays {
+    const std::int32_t* tables;
+    const std::int32_t* words;
+    const std::int32_t* ahead;
+    std::int32_t table_stride, empty_table, empty_block;
+  };
+  [[nodiscard]] Arrays arrays() const noexcept;
+
   // --- single nodes (any world node; slow, see MapReader for runs of reads)
   [[nodiscard]] std::uint32_t word_at(int i, int j, int k) const noexcept;  // 0 when unknown
   // Seen free: an observed voxel by its sign, any other by its bit.
@@ -222,10 +234,13 @@ class TsdfMap {
   // Makes the block exist. `near` is a chunk to try first (or null); returns the one to try next.
   Chunk* touch_block(int bx, int by, int bz, Chunk* near, IntegrateStats&) noexcept;
   void free_block(Chunk& c, int slot) noexcept;
+  // Block number `block` now stands (kNoBlock: no longer) at `at`: tells those behind it.
+  void link(BlockCoord at, std::int32_t block) noexcept;
   void clear_nodes(Chunk& c, int slot, const std::array<int, 3>& lo,
                    const std::array<int, 3>& hi) noexcept;
   void allocate_band(const View&, int pixel_step, IntegrateStats&) noexcept;
   void update_blocks(const View&, IntegrateStats&) noexcept;
+  void prefetch_block(std::int32_t block) const noexcept;
   void update_one(const View&, const UpdateCamera&, std::int32_t block, IntegrateStats&) noexcept;
   void carve(const View&, IntegrateStats&) noexcept;
   void carve_cube(const View&, Chunk*& c, const std::array<int, 3>& node0, int edge,
@@ -247,14 +262,17 @@ class TsdfMap {
   std::vector<std::uint8_t> labels_, label_weights_;
   std::vector<std::uint64_t> free_;
   std::vector<BlockCoord> coords_;
+  std::vector<std::int32_t> ahead_;
   std::vector<std::uint8_t> in_use_;
   std::vector<std::int32_t> recycled_;  // stack of returned pool indices
+  std::vector<std::int32_t> in_view_;   // of the frame being fused
   int used_blocks_ = 0, recycled_count_ = 0, live_blocks_ = 0;
 
   bool range_weight_ = false, profiling_ = false;
   IntegrateTimes times_;
   DepthPyramid pyramid_;
-  std::unique_ptr<UpdateScratch> scratch_;
+  ChunkDirectory directory_;  // round the camera of the frame being fused
+  std::unique_ptr<AllocateScratch> allocate_;
 };
 
 }  // namespace perception

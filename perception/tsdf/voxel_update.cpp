@@ -1,14 +1,24 @@
 #include "perception/tsdf/voxel_update.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
-#include "perception/tsdf/clones.hpp"
+#include "perception/simd/isa.hpp"
+#include "perception/simd/targets.hpp"
 
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "perception/tsdf/voxel_update.cpp"
+#include <hwy/foreach_target.h>
+#include <hwy/highway.h>
+
+#ifndef TELETACT_VOXEL_UPDATE_ONCE
+#define TELETACT_VOXEL_UPDATE_ONCE
 namespace perception {
 namespace {
 
 constexpr float kLeastZ = 0.05F;
+constexpr std::uint32_t kColourCap = 15;
 
 // y and z of the 64 nodes of one x slice.
 struct Slice {
@@ -25,121 +35,293 @@ constexpr Slice make_slice() {
 }
 constexpr Slice kSlice = make_slice();
 
-TELETACT_CLONES
-void project_slice(const UpdateCamera& c, const float* base, std::int32_t* __restrict pixel,
-                   float* __restrict z_out, float* __restrict stretch) noexcept {
-  const float bx = base[0], by = base[1], bz = base[2];
-  const float yx = c.dy[0], yy = c.dy[1], yz = c.dy[2];
-  const float zx = c.dz[0], zy = c.dz[1], zz = c.dz[2];
-  const float fx = c.fx, fy = c.fy, cx = c.cx, cy = c.cy;
-  const auto umax = static_cast<float>(c.width) - 0.5F, vmax = static_cast<float>(c.height) - 0.5F;
-  const std::int32_t width = c.width, spare = c.width * c.height;
-  for (int n = 0; n < 64; ++n) {
-    const float px = (bx + kSlice.y[n] * yx) + kSlice.z[n] * zx;
-    const float py = (by + kSlice.y[n] * yy) + kSlice.z[n] * zy;
-    const float pz = (bz + kSlice.y[n] * yz) + kSlice.z[n] * zz;
-    const bool ahead = pz >= kLeastZ;
-    const float inv = 1.0F / (ahead ? pz : 1.0F);
-    const float x = px * inv, y = py * inv;
-    const float u = x * fx + cx, v = y * fy + cy;
-    const bool in = ahead & (u >= -0.5F) & (v >= -0.5F) & (u < umax) & (v < vmax);
-    const auto iu = static_cast<std::int32_t>((in ? u : 0.0F) + 0.5F);
-    const auto iv = static_cast<std::int32_t>((in ? v : 0.0F) + 0.5F);
-    pixel[n] = in ? iv * width + iu : spare;
-    z_out[n] = pz;
-    stretch[n] = std::sqrt((1.0F + x * x) + y * y);
-  }
+}  // namespace
+}  // namespace perception
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace perception {
+namespace HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using DF = hn::CappedTag<float, 16>;
+using DI = hn::RebindToSigned<DF>;
+using DU = hn::RebindToUnsigned<DF>;
+using VF = hn::Vec<DF>;
+using VI = hn::Vec<DI>;
+using VU = hn::Vec<DU>;
+using MF = hn::Mask<DF>;
+
+HWY_INLINE VF set(float x) { return hn::Set(DF(), x); }
+HWY_INLINE VF add(VF a, VF b) { return hn::Add(a, b); }
+HWY_INLINE VF mul(VF a, VF b) { return hn::Mul(a, b); }
+HWY_INLINE VF to_float(VU v) { return hn::ConvertTo(DF(), hn::BitCast(DI(), v)); }
+HWY_INLINE MF non_zero(VU v) { return hn::RebindMask(DF(), hn::Ne(v, hn::Zero(DU()))); }
+HWY_INLINE std::uint64_t bits_of(MF m) {
+  std::uint8_t bytes[8] = {};
+  hn::StoreMaskBits(DF(), m, bytes);
+  return static_cast<std::uint64_t>(bytes[0]) | static_cast<std::uint64_t>(bytes[1]) << 8U;
 }
 
-TELETACT_CLONES
-std::uint32_t gather(const std::uint32_t* pixels, const std::int32_t* __restrict index,
-                     std::uint32_t* __restrict out) noexcept {
-  std::uint32_t any = 0;
-  for (int n = 0; n < 512; ++n) {
-    out[n] = pixels[index[n]];
-    any |= out[n];
+// Blends what the pixels show into the voxels of `near`.
+HWY_INLINE void blend(const UpdateCamera& c, MF near, const std::uint32_t* pixel,
+                      std::uint32_t* colours) {
+  const DI di;
+  const DU du;
+  HWY_ALIGN std::uint32_t seen[16] = {};
+  for (std::uint64_t m = bits_of(near); m != 0; m &= m - 1) {
+    const auto n = static_cast<std::size_t>(__builtin_ctzll(m));
+    const auto row = static_cast<std::ptrdiff_t>(pixel[n] >> 16U);
+    const auto column = static_cast<std::ptrdiff_t>(pixel[n] & 0xffffU);
+    const std::uint8_t* p = c.colour + 3 * (row * c.colour_stride_px + column);
+    seen[n] = static_cast<std::uint32_t>(p[0]) | static_cast<std::uint32_t>(p[1]) << 8U |
+              static_cast<std::uint32_t>(p[2]) << 16U;
   }
-  return any;
+  const VU now = hn::Load(du, seen), old = hn::LoadU(du, colours);
+  const VU n = hn::ShiftRight<24>(old), sum = hn::Add(n, hn::Set(du, 1U));
+  const VF fn = to_float(n), half = to_float(hn::ShiftRight<1>(sum));
+  const VF inv = hn::Div(set(1.0F), to_float(sum));
+  const VU byte = hn::Set(du, 0xffU);
+  // Below 2^12 over at most 16: the thousandth makes up for the rounding of the reciprocal.
+  const auto mean = [&](VU was, VU is) {
+    const VF x = add(add(mul(to_float(hn::And(was, byte)), fn), to_float(hn::And(is, byte))), half);
+    return hn::BitCast(du, hn::ConvertTo(di, add(mul(x, inv), set(1e-3F))));
+  };
+  const VU r = mean(old, now), g = mean(hn::ShiftRight<8>(old), hn::ShiftRight<8>(now)),
+           b = mean(hn::ShiftRight<16>(old), hn::ShiftRight<16>(now));
+  const VU weight = hn::ShiftLeft<24>(hn::Min(sum, hn::Set(du, kColourCap)));
+  const VU mixed = hn::Or(hn::Or(r, hn::ShiftLeft<8>(g)), hn::Or(hn::ShiftLeft<16>(b), weight));
+  hn::StoreU(hn::IfThenElse(hn::RebindMask(du, near), mixed, old), du, colours);
 }
 
-TELETACT_CLONES
-void fuse(const UpdateCamera& c, UpdateScratch& s, std::uint32_t* __restrict words,
-          std::int32_t* __restrict counts) noexcept {
-  const float trunc = c.truncation_m, units = c.units_per_m, band_c = c.colour_band_m;
-  const std::int32_t cap = c.weight_cap;
-  std::int32_t fused = 0, carved = 0, coloured = 0;
-  for (int n = 0; n < 512; ++n) {
-    const std::uint32_t reading = s.reading[static_cast<std::size_t>(n)];
-    const auto depth_mm = static_cast<std::int32_t>(reading & 0xffffU);
-    const auto w_pixel = static_cast<std::int32_t>((reading >> 16U) & 0xffU);
-    const float limit =
-        trunc * (static_cast<float>(static_cast<std::int32_t>(reading >> 24U)) * 0.03125F);
-    const float sdf = (static_cast<float>(depth_mm) * 0.001F - s.z[static_cast<std::size_t>(n)]) *
-                      s.stretch[static_cast<std::size_t>(n)];
-    const std::uint32_t word = words[n];
-    const auto w = static_cast<std::int32_t>(word >> 16U);
-    const auto d = static_cast<std::int32_t>(word << 16U) >> 16;
-    const std::int32_t seen = depth_mm != 0;
-    const std::int32_t front = seen & static_cast<std::int32_t>(sdf > limit);
-    const std::int32_t band = seen & static_cast<std::int32_t>(w_pixel != 0) &
-                              static_cast<std::int32_t>(sdf <= limit) &
-                              static_cast<std::int32_t>(sdf >= -limit);
-    const std::int32_t carve = front & static_cast<std::int32_t>(w != 0);
-    const std::int32_t w_new = (-band & w_pixel) | (-carve & 128);
-    const float scaled = sdf * units;
-    const float clipped = scaled > 32767.0F ? 32767.0F : scaled < -32767.0F ? -32767.0F : scaled;
-    const float value = band != 0 ? clipped : 32767.0F;
-    const std::int32_t w_sum = w + w_new;
-    const float mean =
-        (static_cast<float>(d) * static_cast<float>(w) + value * static_cast<float>(w_new)) /
-        static_cast<float>(w_sum > 1 ? w_sum : 1);
-    const auto rounded = static_cast<std::int32_t>(mean + (mean >= 0.0F ? 0.5F : -0.5F));
-    const std::int32_t w_kept = w_sum < cap ? w_sum : cap;
-    const std::uint32_t updated = (static_cast<std::uint32_t>(rounded) & 0xffffU) |
-                                  (static_cast<std::uint32_t>(w_kept) << 16U);
-    words[n] = w_new != 0 ? updated : word;
-    const std::int32_t outside = static_cast<std::int32_t>(sdf > 0.0F);
-    s.set_free[static_cast<std::size_t>(n)] = static_cast<std::uint8_t>(front | (band & outside));
-    s.clear_free[static_cast<std::size_t>(n)] = static_cast<std::uint8_t>(band & (outside ^ 1));
-    const std::int32_t near =
-        band & static_cast<std::int32_t>(sdf <= band_c) & static_cast<std::int32_t>(sdf >= -band_c);
-    s.near[static_cast<std::size_t>(n)] = static_cast<std::uint8_t>(near);
-    fused += band;
-    carved += carve;
-    coloured |= near;
+// What the block's nodes fall on. Worked out for the whole block before anything depends on a reading, so
+// that the loads of many nodes are under way at once.
+struct Projected {
+  HWY_ALIGN std::uint32_t reading[512];  // first the number of the pixel
+  HWY_ALIGN std::uint32_t pixel[512];    // row << 16 | column
+  HWY_ALIGN float z[512];
+  HWY_ALIGN float stretch2[512];
+};
+
+// False: no node has a reading.
+HWY_INLINE bool project(const UpdateCamera& c, const float (&p0)[3], Projected& out) {
+  const DF df;
+  const DI di;
+  const DU du;
+  const std::size_t lanes = hn::Lanes(df);
+  const VF one = set(1.0F), half = set(0.5F);
+  const VF umax = set(static_cast<float>(c.width) - 0.5F),
+           vmax = set(static_cast<float>(c.height) - 0.5F);
+  const VI spare = hn::Set(di, c.width * c.height);
+  for (std::size_t n = 0; n < 512; n += lanes) {
+    const auto slice = static_cast<float>(n >> 6U);
+    const VF ny = hn::LoadU(df, kSlice.y + (n & 63U)), nz = hn::LoadU(df, kSlice.z + (n & 63U));
+    const auto point = [&](int a) {
+      return add(add(set(p0[a] + slice * c.dx[a]), mul(ny, set(c.dy[a]))), mul(nz, set(c.dz[a])));
+    };
+    const VF px = point(0), py = point(1), pz = point(2);
+    const MF ahead = hn::Ge(pz, set(kLeastZ));
+    const VF inv = hn::Div(one, hn::IfThenElse(ahead, pz, one));
+    const VF x = mul(px, inv), y = mul(py, inv);
+    const VF u = add(mul(x, set(c.fx)), set(c.cx)), v = add(mul(y, set(c.fy)), set(c.cy));
+    const MF in =
+        hn::And(hn::And(ahead, hn::And(hn::Ge(u, hn::Neg(half)), hn::Ge(v, hn::Neg(half)))),
+                hn::And(hn::Lt(u, umax), hn::Lt(v, vmax)));
+    const auto nearest = [&](VF w) {
+      return hn::ConvertTo(di, add(hn::IfThenElseZero(in, w), half));
+    };
+    const VI iu = nearest(u), iv = nearest(v);
+    // Exact: pixel numbers stay below 2^24.
+    const VI index = hn::ConvertTo(
+        di,
+        add(mul(hn::ConvertTo(df, iv), set(static_cast<float>(c.width))), hn::ConvertTo(df, iu)));
+    hn::Store(hn::BitCast(du, hn::IfThenElse(hn::RebindMask(di, in), index, spare)), du,
+              out.reading + n);
+    hn::Store(hn::BitCast(du, hn::Or(hn::ShiftLeft<16>(iv), iu)), du, out.pixel + n);
+    hn::Store(pz, df, out.z + n);
+    hn::Store(add(add(one, mul(x, x)), mul(y, y)), df, out.stretch2 + n);
   }
-  counts[0] = fused, counts[1] = carved, counts[2] = coloured;
+  // Numbers to readings. Plain loads: a gather takes twice as long on some processors, and not less on the
+  // others. The barriers keep the compiler from making one.
+  __asm__ volatile("" ::: "memory");
+  std::uint64_t any = 0;
+  for (std::size_t n = 0; n < 512; n += 2) {
+    std::uint64_t two =
+        c.pixels[out.reading[n]] | static_cast<std::uint64_t>(c.pixels[out.reading[n + 1]]) << 32U;
+    __asm__ volatile("" : "+r"(two));
+    std::memcpy(out.reading + n, &two, sizeof two);
+    any |= two;
+  }
+  return any != 0;
 }
 
-// Eight bytes of 0 or 1 to eight bits, first byte to bit 0.
-std::uint64_t pack8(const std::uint8_t* p) noexcept {
-  std::uint64_t x;
-  std::memcpy(&x, p, 8);
-  return (x * 0x0102040810204080ULL) >> 56U;
+struct Group {
+  std::uint64_t set = 0, clear = 0;  // free bits
+};
+
+// One vector of voxels, the first of them number n.
+HWY_INLINE Group update_group(const UpdateCamera& c, const Projected& seen_at, std::size_t n,
+                              std::uint32_t* words, std::uint32_t* colours, BlockCounts& counts) {
+  const DF df;
+  const DI di;
+  const DU du;
+  const VF zero = hn::Zero(df), half = set(0.5F);
+  const VU reading = hn::Load(du, seen_at.reading + n);
+  const VF pz = hn::Load(df, seen_at.z + n);
+  const VU depth = hn::And(reading, hn::Set(du, 0xffffU));
+  const MF seen = non_zero(depth);
+  const VF dz = hn::Sub(mul(to_float(depth), set(0.001F)), pz);
+  const VF limit =
+      mul(set(c.truncation_m), mul(to_float(hn::ShiftRight<24>(reading)), set(0.03125F)));
+  // The stretch is at least 1: what lies beyond the limit without it does so with it.
+  const MF maybe = hn::And(seen, hn::And(hn::Le(dz, limit), hn::Ge(dz, hn::Neg(limit))));
+  const MF surely_front = hn::And(seen, hn::Gt(dz, limit));
+  const VU word = hn::LoadU(du, words + n);
+  const VU w = hn::ShiftRight<16>(word);
+  if (hn::AllFalse(df, hn::Or(maybe, hn::And(surely_front, non_zero(w)))))
+    return {bits_of(surely_front), 0};
+
+  const VF stretch = hn::Sqrt(hn::Load(df, seen_at.stretch2 + n));
+  const VF sdf = mul(dz, stretch);
+  const VU w_pixel = hn::And(hn::ShiftRight<16>(reading), hn::Set(du, 0xffU));
+  const MF front = hn::And(seen, hn::Gt(sdf, limit));
+  const MF band = hn::And(hn::And(seen, non_zero(w_pixel)),
+                          hn::And(hn::Le(sdf, limit), hn::Ge(sdf, hn::Neg(limit))));
+  const MF carve = hn::And(front, non_zero(w));
+  const VU w_new = hn::IfThenElse(hn::RebindMask(du, band), w_pixel,
+                                  hn::IfThenElseZero(hn::RebindMask(du, carve), hn::Set(du, 128U)));
+  const VF most = set(32767.0F);
+  const VF scaled = mul(sdf, set(c.units_per_m));
+  const VF clipped =
+      hn::IfThenElse(hn::Gt(scaled, most), most,
+                     hn::IfThenElse(hn::Lt(scaled, hn::Neg(most)), hn::Neg(most), scaled));
+  const VF value = hn::IfThenElse(band, clipped, most);
+  const VU w_sum = hn::Add(w, w_new);
+  const VF d = hn::ConvertTo(df, hn::ShiftRight<16>(hn::BitCast(di, hn::ShiftLeft<16>(word))));
+  const VF mean = hn::Div(add(mul(d, to_float(w)), mul(value, to_float(w_new))),
+                          to_float(hn::Max(w_sum, hn::Set(du, 1U))));
+  const VF away = hn::IfThenElse(hn::Ge(mean, zero), half, hn::Neg(half));
+  const VU rounded =
+      hn::And(hn::BitCast(du, hn::ConvertTo(di, add(mean, away))), hn::Set(du, 0xffffU));
+  const VU w_kept = hn::Min(w_sum, hn::Set(du, static_cast<std::uint32_t>(c.weight_cap)));
+  const VU updated = hn::Or(rounded, hn::ShiftLeft<16>(w_kept));
+  const MF learns = hn::Or(band, carve);
+  hn::StoreU(hn::IfThenElse(hn::RebindMask(du, learns), updated, word), du, words + n);
+  const MF outside = hn::Gt(sdf, zero);
+  const VF band_c = set(c.colour_band_m);
+  const MF near = hn::And(band, hn::And(hn::Le(sdf, band_c), hn::Ge(sdf, hn::Neg(band_c))));
+  if (!hn::AllFalse(df, near)) blend(c, near, seen_at.pixel + n, colours + n);
+  counts.fused += static_cast<std::int32_t>(hn::CountTrue(df, band));
+  counts.carved += static_cast<std::int32_t>(hn::CountTrue(df, carve));
+  return {bits_of(hn::Or(front, hn::And(band, outside))), bits_of(hn::AndNot(outside, band))};
+}
+
+BlockCounts UpdateBlock(const UpdateCamera& c, const float (&p0)[3], std::uint32_t* words,
+                        std::uint64_t* free, std::uint32_t* colours) {
+  BlockCounts counts;
+  Projected seen_at;
+  if (!project(c, p0, seen_at)) return counts;
+  const std::size_t lanes = hn::Lanes(DF());
+  for (std::size_t x = 0; x < 8; ++x) {
+    std::uint64_t set_bits = 0, clear_bits = 0;
+    for (std::size_t at = 0; at < 64; at += lanes) {
+      const Group g = update_group(c, seen_at, x * 64 + at, words, colours, counts);
+      set_bits |= g.set << at;
+      clear_bits |= g.clear << at;
+    }
+    free[x] = (free[x] & ~clear_bits) | set_bits;
+  }
+  return counts;
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace perception
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace perception {
+namespace {
+
+HWY_EXPORT(UpdateBlock);
+
+std::uint32_t blend_colour(std::uint32_t old, const std::uint8_t* seen) noexcept {
+  const std::uint32_t n = old >> 24U, sum = n + 1;
+  std::uint32_t out = std::min(sum, kColourCap) << 24U;
+  for (unsigned channel = 0; channel < 3; ++channel) {
+    const std::uint32_t was = (old >> (8 * channel)) & 0xffU;
+    out |= (was * n + seen[channel] + sum / 2) / sum << (8 * channel);
+  }
+  return out;
+}
+
+struct Voxel {
+  std::uint32_t& word;
+  std::uint32_t& colour;
+  std::uint64_t& free;
+  std::uint64_t bit;
+};
+
+void update_voxel(const UpdateCamera& c, const float (&p)[3], Voxel voxel,
+                  BlockCounts& counts) noexcept {
+  if (!(p[2] >= kLeastZ)) return;
+  const float inv = 1.0F / p[2], x = p[0] * inv, y = p[1] * inv;
+  const float u = x * c.fx + c.cx, v = y * c.fy + c.cy;
+  if (!(u >= -0.5F && v >= -0.5F && u < static_cast<float>(c.width) - 0.5F &&
+        v < static_cast<float>(c.height) - 0.5F))
+    return;
+  const auto iu = static_cast<int>(u + 0.5F), iv = static_cast<int>(v + 0.5F);
+  const std::uint32_t reading = c.pixels[iv * c.width + iu];
+  const std::uint32_t depth_mm = reading & 0xffffU, w_pixel = (reading >> 16U) & 0xffU;
+  if (depth_mm == 0) return;
+  const float limit = c.truncation_m * (static_cast<float>(reading >> 24U) * 0.03125F);
+  const float sdf =
+      (static_cast<float>(depth_mm) * 0.001F - p[2]) * std::sqrt((1.0F + x * x) + y * y);
+  const auto w = static_cast<std::int32_t>(voxel.word >> 16U);
+  const auto d = static_cast<std::int32_t>(voxel.word << 16U) >> 16;
+  const bool front = sdf > limit;
+  const bool band = w_pixel != 0 && sdf <= limit && sdf >= -limit;
+  if (front || (band && sdf > 0))
+    voxel.free |= voxel.bit;
+  else if (band)
+    voxel.free &= ~voxel.bit;
+  const bool carve = front && w != 0;
+  counts.fused += band ? 1 : 0;
+  counts.carved += carve ? 1 : 0;
+  if (!band && !carve) return;
+  const std::int32_t w_new = band ? static_cast<std::int32_t>(w_pixel) : 128;
+  const float value = band ? std::clamp(sdf * c.units_per_m, -32767.0F, 32767.0F) : 32767.0F;
+  const std::int32_t w_sum = w + w_new;
+  const float mean =
+      (static_cast<float>(d) * static_cast<float>(w) + value * static_cast<float>(w_new)) /
+      static_cast<float>(w_sum);
+  const auto rounded = static_cast<std::int32_t>(mean + (mean >= 0.0F ? 0.5F : -0.5F));
+  voxel.word = (static_cast<std::uint32_t>(rounded) & 0xffffU) |
+               static_cast<std::uint32_t>(std::min(w_sum, c.weight_cap)) << 16U;
+  if (band && sdf <= c.colour_band_m && sdf >= -c.colour_band_m)
+    voxel.colour = blend_colour(voxel.colour, c.colour + 3 * (iv * c.colour_stride_px + iu));
 }
 
 }  // namespace
 
+BlockCounts update_block_scalar(const UpdateCamera& c, const float (&p0)[3], std::uint32_t* words,
+                                std::uint64_t* free, std::uint32_t* colours) noexcept {
+  BlockCounts counts;
+  for (std::size_t n = 0; n < 512; ++n) {
+    const std::size_t x = n >> 6U, slice = n & 63U;
+    float p[3];
+    for (int a = 0; a < 3; ++a)
+      p[a] = ((p0[a] + static_cast<float>(x) * c.dx[a]) + kSlice.y[slice] * c.dy[a]) +
+             kSlice.z[slice] * c.dz[a];
+    update_voxel(c, p, {words[n], colours[n], free[x], 1ULL << slice}, counts);
+  }
+  return counts;
+}
+
 BlockCounts update_block(const UpdateCamera& c, const float (&p0)[3], std::uint32_t* words,
-                         std::uint64_t* free, UpdateScratch& s) noexcept {
-  for (int x = 0; x < 8; ++x) {
-    const auto fx = static_cast<float>(x);
-    const float base[3] = {p0[0] + fx * c.dx[0], p0[1] + fx * c.dx[1], p0[2] + fx * c.dx[2]};
-    const std::size_t at = static_cast<std::size_t>(x) * 64;
-    project_slice(c, base, &s.pixel[at], &s.z[at], &s.stretch[at]);
-  }
-  if (gather(c.pixels, s.pixel.data(), s.reading.data()) == 0) return {};
-  std::int32_t counts[3];
-  fuse(c, s, words, counts);
-  for (std::size_t x = 0; x < 8; ++x) {
-    std::uint64_t set = 0, clear = 0;
-    for (std::size_t y = 0; y < 8; ++y) {
-      set |= pack8(&s.set_free[x * 64 + y * 8]) << (8 * y);
-      clear |= pack8(&s.clear_free[x * 64 + y * 8]) << (8 * y);
-    }
-    free[x] = (free[x] & ~clear) | set;
-  }
-  return {counts[0], counts[1], counts[2] != 0};
+                         std::uint64_t* free, std::uint32_t* colours) noexcept {
+  if (simd::chosen() == simd::Isa::kScalar) return update_block_scalar(c, p0, words, free, colours);
+  return HWY_DYNAMIC_DISPATCH(UpdateBlock)(c, p0, words, free, colours);
 }
 
 }  // namespace perception
+#endif

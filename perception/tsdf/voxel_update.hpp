@@ -10,9 +10,10 @@
 //                               free when sdf > 0, else not free
 //   sdf < -limit                hidden: unchanged
 //   d'    = round((d w + s w_o) / (w + w_o)), half away from 0;  w' = min(w + w_o, cap)
+//   colour within colour_band_m: c' = (c n + c_o + (n + 1) / 2) / (n + 1), n' = min(n + 1, 15), in integers
 #pragma once
 
-#include <array>
+#include <cstddef>
 #include <cstdint>
 
 namespace perception {
@@ -22,27 +23,24 @@ struct UpdateCamera {
   int width, height;
   const std::uint32_t* pixels;  // DepthPyramid::pixels(); [width * height] is 0
   float truncation_m;
-  float units_per_m;          // 32767 / truncation
-  std::int32_t weight_cap;    // raw
-  float dx[3], dy[3], dz[3];  // one node along each world axis, in the camera frame, m
-  float colour_band_m;
+  float units_per_m;                // 32767 / truncation
+  std::int32_t weight_cap;          // raw
+  float dx[3], dy[3], dz[3];        // one node along each world axis, in the camera frame, m
+  float colour_band_m;              // negative: no colour
+  const std::uint8_t* colour;       // r, g, b a pixel
+  std::ptrdiff_t colour_stride_px;  // pixels from row to row
 };
 
 struct BlockCounts {
   std::int32_t fused = 0, carved = 0;
-  bool coloured = false;  // some voxel lies in the colour band: Scratch::pixel and near are valid
 };
 
-struct UpdateScratch {
-  alignas(64) std::array<std::int32_t, 512> pixel;  // index of the pixel each node fell on
-  alignas(64) std::array<std::uint32_t, 512> reading;
-  alignas(64) std::array<float, 512> z, stretch;
-  alignas(64) std::array<std::uint8_t, 512> set_free, clear_free;
-  alignas(64) std::array<std::uint8_t, 512> near;  // 1: fused and within the colour band
-};
-
-// words: 512 of the block; free: its 8 words of bits.
+// words, colours: 512 of the block; free: its 8 words of bits.
 BlockCounts update_block(const UpdateCamera& camera, const float (&p0)[3], std::uint32_t* words,
-                         std::uint64_t* free, UpdateScratch& scratch) noexcept;
+                         std::uint64_t* free, std::uint32_t* colours) noexcept;
+// The reference: one voxel after the other.
+BlockCounts update_block_scalar(const UpdateCamera& camera, const float (&p0)[3],
+                                std::uint32_t* words, std::uint64_t* free,
+                                std::uint32_t* colours) noexcept;
 
 }  // namespace perception

@@ -237,7 +237,12 @@ void FusionTask::cast_model(int pixel_step, bool hint, Out& out) noexcept {
   o.min_weight = 0.2;  // one far observation under range weighting is 1/4
   o.max_depth_m = config_.tracker.preprocess.depth_max_m + config_.tsdf.truncation_m;
   o.smooth_normals = false;  // the sums average; smoothing over voxels would round the corners
-  if (hint) o.hint_depth_m = tracker_.pyramid().full_depth();
+  if (hint) {
+    // Live points of the next frame meet what this one sees; elsewhere nothing looks at the model.
+    const auto& depth = tracker_.pyramid().level(0).depth;
+    o.hint_depth_m = {depth.row(0), depth.width(), depth.height(), depth.stride()};
+    o.hinted_only = true;
+  }
   const auto stats = perception::raycast(map_, setup_.camera, X_WC_, o, model_);
   out.work += static_cast<std::uint64_t>(stats.steps);
 }
@@ -335,7 +340,7 @@ void FusionTask::write_view(const rt::Tick& tick, const std::optional<Pose>& X_W
         continue;
       }
       // Headlight: brightness by the angle between ray and surface.
-      const Eigen::Vector3f p(r[0], r[1], r[2]), n(r[4], r[5], r[6]);
+      const Eigen::Vector3f p = view_maps_.vertex_C(x, y), n = view_maps_.normal_C(x, y);
       const float shade = 0.35F + 0.65F * std::clamp(-n.dot(p) / p.norm(), 0.0F, 1.0F);
       const perception::Rgb c = colour.at(x, y);
       const auto lit = [shade](std::uint8_t channel) {

@@ -129,21 +129,18 @@ inline std::vector<std::uint16_t> to_mm(const std::vector<double>& z, double sig
   return mm;
 }
 
-// Interleaved records (x, y, z, depth, nx, ny, nz, 0) in the camera frame.
+// Interleaved records (nx, ny, nz, depth) in the camera frame.
 inline std::vector<float> cast_model(const AnalyticScene& scene, const Intrinsics& k,
                                      const Pose& X_WC) {
-  std::vector<float> m(static_cast<std::size_t>(k.width * k.height) * 8, 0.0F);
+  std::vector<float> m(static_cast<std::size_t>(k.width * k.height) * 4, 0.0F);
   for (int v = 0; v < k.height; ++v) {
     for (int u = 0; u < k.width; ++u) {
       const Vec3 ray_C = k.unproject(u, v, 1.0);
       const Hit h = scene.cast(X_WC.translation(), X_WC.linear() * ray_C);
       if (!std::isfinite(h.t)) continue;
       const Vec3 n = X_WC.linear().transpose() * h.normal_W;
-      float* r = m.data() + 8 * (static_cast<std::ptrdiff_t>(v) * k.width + u);
-      for (int i = 0; i < 3; ++i) {
-        r[i] = static_cast<float>(h.t * ray_C(i));
-        r[4 + i] = static_cast<float>(n(i));
-      }
+      float* r = m.data() + 4 * (static_cast<std::ptrdiff_t>(v) * k.width + u);
+      for (int i = 0; i < 3; ++i) r[i] = static_cast<float>(n(i));
       r[3] = static_cast<float>(h.t);
     }
   }

@@ -15,6 +15,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <ostream>
 #include <string>
 #include <vector>
@@ -28,6 +29,8 @@ struct Table1Options {
   bool synthetic = true;  // the synthetic room too
   std::vector<int> edges{64, 128, 256, 384, 512};
   int frames = 150, first_frame = 10, runs = 3;
+  // Instruction sets; the first one for all rows, the others for the largest cube, one run each.
+  std::vector<std::string> isas{"auto", "avx2", "scalar"};
 };
 
 struct Table1Row {
@@ -36,7 +39,7 @@ struct Table1Row {
   struct Figures {
     double p50 = 0, p95 = 0, max = 0;  // ms
   };
-  std::string sequence;
+  std::string sequence, isa;
   int edge = 0;  // N
   Figures frame;
   std::array<Figures, kStages> stages;
@@ -44,7 +47,9 @@ struct Table1Row {
   double ate_mm = 0;  // NaN: no truth
   double memory_MiB = 0;
   int blocks = 0;
-  double other_load = 0;  // cores
+  std::int64_t refused = 0;  // blocks that found the pool full
+  bool beside = false;       // another instruction set
+  double other_load = 0;     // cores
   [[nodiscard]] bool measured() const { return other_load <= 0.05; }
 };
 

@@ -36,6 +36,10 @@ int cmd_bench(int argc, char** argv) {
       ->check(CLI::Range(64, 1024))
       ->delimiter(',')
       ->capture_default_str();
+  app.add_option("--isa", table1.isas,
+                 "table1: auto, scalar, sse4, avx2 or avx512; further ones run beside the first")
+      ->delimiter(',')
+      ->capture_default_str();
   app.add_option("--runs", table1.runs, "table1: passes, of which the median is taken")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();

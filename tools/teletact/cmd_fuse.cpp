@@ -24,6 +24,7 @@
 
 #include "drivers/camera/tum_files.hpp"
 #include "drivers/camera/tum_reader.hpp"
+#include "perception/simd/isa.hpp"
 #include "perception/tsdf/mesh.hpp"
 #include "tasks/fusion/fusion_task.hpp"
 #include "tools/teletact/commands.hpp"
@@ -34,7 +35,7 @@ namespace teletact {
 namespace {
 
 struct FuseOptions {
-  std::string rgbd, odometry, json, poses, ply;
+  std::string rgbd, odometry, json, poses, ply, isa = "auto";
   double voxel_m = tasks::FusionConfig{}.tsdf.voxel_size_m;
   bool full_size = false;
 };
@@ -189,6 +190,10 @@ void run(const FuseOptions& o) {
   if (!(o.voxel_m >= 0.004 && o.voxel_m <= 0.1)) {
     throw std::runtime_error("--voxel " + std::to_string(o.voxel_m) + ": must be 0.004 to 0.1 m");
   }
+  if (!perception::simd::choose(o.isa)) {
+    throw std::runtime_error("--isa " + o.isa +
+                             ": must be auto, scalar, sse4, avx2 or avx512, and this machine's");
+  }
   for (const std::string& path : {o.poses, o.ply, o.json}) {
     if (!path.empty()) check_writable(path);
   }
@@ -256,6 +261,8 @@ int cmd_fuse(int argc, char** argv) {
   app.add_option("--poses", o.poses, "TUM poses to write, camera to world")->required();
   app.add_option("--ply", o.ply, "mesh to write")->required();
   app.add_option("--json", o.json, "figures to write");
+  app.add_option("--isa", o.isa, "auto, scalar, sse4, avx2, avx512: the same bytes, another speed")
+      ->capture_default_str();
   app.add_flag("--full-size", o.full_size, "do not bring 640 x 480 images to 512 x 424");
   try {
     app.parse(argc, argv);

@@ -6,6 +6,7 @@
 
 #include "perception/icp/kernels.hpp"
 #include "perception/icp/preprocess.hpp"
+#include "perception/simd/isa.hpp"
 #include "rt/memory/section.hpp"
 #include "tests/support/analytic_scene.hpp"
 #include "tests/support/rt_guard.hpp"
@@ -168,26 +169,51 @@ TEST(Pyramid, SlantedPlaneStaysOnThePlaneUpToItsBorder) {
   }
 }
 
-TEST(Kernels, BaselineAndV3GiveTheSameBytes) {
-  if (!icp::cpu_has_v3()) GTEST_SKIP() << "no AVX2 on this machine";
+// Every instruction set of this machine against the plain loops, on widths that leave a remainder.
+TEST(Kernels, EveryInstructionSetGivesTheSameBytes) {
   rt::Random random(21);
-  const PaddedImage in = random_image(101, 31, random, 0.1);
   const auto weights = bilateral_weights(2, 1.5);
-  const auto run = [&](const icp::Kernels& k) {
-    std::vector<float> out(101 * 31 * 6 + 64, 0.0F);
-    std::vector<float> factors(101 + 32, 0.1F);
+  for (const int width : {101, 96, 17, 5}) {
+    const PaddedImage in = random_image(width, 31, random, 0.1);
+    std::vector<std::uint16_t> mm(static_cast<std::size_t>(width));
+    for (auto& d : mm) d = static_cast<std::uint16_t>(random.uniform(0, 6000));
+    std::vector<float> factors(static_cast<std::size_t>(width) + 48, 0.1F);
     for (std::size_t i = 0; i < factors.size(); ++i) factors[i] = 0.01F * static_cast<float>(i);
-    for (int v = 0; v < 31; ++v) {
-      float* o = out.data() + v * 101;
-      k.bilateral_row(in.row(v), in.stride(), 96, weights.data(), 2, kRule, o);
-      k.normal_row(in.row(v), in.stride(), 96, factors.data() + 8, factors.data() + 8 + v, kRule,
-                   o + 3131, o + 2 * 3131, o + 3 * 3131);
-      k.half_row(in.row(v), in.stride(), 50, kRule, o + 4 * 3131);
+    const auto run = [&](const icp::Kernels& k) {
+      const auto plane = static_cast<std::size_t>(31 * width);
+      std::vector<float> out(6 * plane + 64, 0.0F), row(static_cast<std::size_t>(width) + 16);
+      // Vector kernels may write zeros beyond the row.
+      const auto keep = [&](std::size_t to, int v) {
+        std::copy_n(row.begin(), width,
+                    out.begin() + static_cast<std::ptrdiff_t>(to * plane) + v * width);
+      };
+      for (int v = 0; v < 31; ++v) {
+        k.bilateral_row(in.row(v), in.stride(), width, weights.data(), 2, kRule, row.data());
+        keep(0, v);
+        std::vector<float> ny(row.size()), nz(row.size());
+        k.normal_row(in.row(v), in.stride(), width, factors.data() + 8, factors.data() + 8, kRule,
+                     row.data(), ny.data(), nz.data());
+        keep(1, v);
+        row.swap(ny);
+        keep(2, v);
+        row.swap(nz);
+        keep(3, v);
+        k.half_row(in.row(v), in.stride(), width / 2, kRule, row.data());
+        keep(4, v);
+        k.to_metres_row(mm.data(), width, 0.3F, 5.0F, row.data());
+        keep(5, v);
+      }
+      return out;
+    };
+    const auto reference = run(icp::kScalarKernels);
+    for (const simd::Isa isa : simd::available()) {
+      ASSERT_TRUE(simd::choose(isa));
+      const auto out = run(icp::kernels());
+      EXPECT_EQ(std::memcmp(out.data(), reference.data(), out.size() * sizeof(float)), 0)
+          << simd::name_of(isa) << ", width " << width;
     }
-    return out;
-  };
-  const auto a = run(icp::kBaseKernels), b = run(icp::kV3Kernels);
-  EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(float)), 0);
+    ASSERT_TRUE(simd::choose("auto"));
+  }
 }
 
 TEST(Pyramid, EmptyAndOversizedImagesAreHarmless) {

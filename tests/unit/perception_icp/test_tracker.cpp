@@ -7,9 +7,9 @@
 #include <limits>
 #include <numbers>
 
-#include "perception/icp/kernels.hpp"
 #include "perception/icp/normal_equations.hpp"
 #include "perception/icp/tracker.hpp"
+#include "perception/simd/isa.hpp"
 #include "rt/memory/section.hpp"
 #include "tests/support/analytic_scene.hpp"
 #include "tests/support/rt_guard.hpp"
@@ -161,17 +161,14 @@ AnalyticScene wall() {
   return s;
 }
 
-// A model of the wall as a fused map would have it: points and normals with noise of their own.
+// A model of the wall as a fused map would have it: depths and normals with noise of their own.
 void roughen(std::vector<float>& records, double sigma_m, double sigma_n, rt::Random& random) {
-  for (std::size_t i = 0; i < records.size(); i += 8) {
+  for (std::size_t i = 0; i < records.size(); i += kModelStride) {
     if (records[i + 3] <= 0) continue;
-    Vec3 n(records[i + 4], records[i + 5], records[i + 6]);
+    Vec3 n(records[i], records[i + 1], records[i + 2]);
     n = (n + sigma_n * Vec3(random.normal(), random.normal(), random.normal())).normalized();
-    const double shift = sigma_m * random.normal();
-    for (std::size_t j = 0; j < 3; ++j) {
-      records[i + j] += static_cast<float>(shift * n(static_cast<int>(j)));
-      records[i + 4 + j] = static_cast<float>(n(static_cast<int>(j)));
-    }
+    records[i + 3] += static_cast<float>(sigma_m * random.normal());
+    for (std::size_t j = 0; j < 3; ++j) records[i + j] = static_cast<float>(n(static_cast<int>(j)));
   }
 }
 
@@ -266,7 +263,7 @@ NormalEquations reference_sums(const DepthLevel& live, const ModelView& model, c
       if (iu < 0 || iv < 0 || iu >= model.intrinsics.width || iv >= model.intrinsics.height)
         continue;
       const float* r = model.at(iu, iv);
-      const Vec3 m(r[0], r[1], r[2]), n(r[4], r[5], r[6]);
+      const Vec3 n(r[0], r[1], r[2]), m = model.intrinsics.unproject(iu, iv, r[3]);
       if (!(n.squaredNorm() > 0.5)) continue;
       ++eq.met;
       const Vec3 l = X_FC.linear() * Vec3(live.nx.row(v)[u], live.ny.row(v)[u], live.nz.row(v)[u]);
@@ -332,43 +329,40 @@ TEST(NormalEquations, EqualNumericJacobiansSummedInDouble) {
   }
 }
 
-TEST(NormalEquations, BaselineAndV3GiveTheSameBytes) {
-  if (!icp::cpu_has_v3()) GTEST_SKIP() << "no AVX2 on this machine";
+TEST(NormalEquations, EveryInstructionSetGivesTheSameBytes) {
   const AnalyticScene room = tests::test_room();
   rt::Random random(8);
   Rig rig;
   const Pose X_WF = tests::look_at(Vec3(-0.2, 0.1, 0.9), Vec3(1.8, -0.05, 0.3));
   rig.cast(room, X_WF);
   rig.see(room, X_WF, 0.002, random);
-  const DepthLevel& live = rig.tracker.pyramid().level(0);
-  icp::RowJob job{};
-  job.x_factor = live.x_factor.data() + PaddedImage::kMargin;
-  job.width = live.depth.width();
-  const float R[9] = {0.9998F, -0.01F,  0.015F,   0.0099F, 0.9999F,
-                      0.002F,  -0.015F, -0.0018F, 0.9999F};
-  std::memcpy(job.R_F, R, sizeof R);
-  job.t_F[0] = 0.01F;
-  job.fx = job.fy = 182.5F;
-  job.cx = 127.5F;
-  job.cy = 105.5F;
-  job.model = rig.records.data();
-  job.model_width = 256;
-  job.model_height = 212;
-  job.centre[2] = 1.7F;
-  job.gate_d2 = 0.01F;
-  job.gate_cos = 0.85F;
-  job.range_weight2 = 2.25F;
-  for (int v = 0; v < live.depth.height(); ++v) {
-    job.z = live.depth.row(v);
-    job.nx = live.nx.row(v);
-    job.ny = live.ny.row(v);
-    job.nz = live.nz.row(v);
-    job.y_factor = live.y_factor[static_cast<std::size_t>(v + PaddedImage::kMargin)];
-    icp::RowSums a{}, b{};
-    icp::kBaseKernels.accumulate_row_cross(job, a);
-    icp::kV3Kernels.accumulate_row_cross(job, b);
-    ASSERT_EQ(std::memcmp(&a, &b, sizeof a), 0) << "row " << v;
+  Pose X_FC = Pose::Identity();
+  X_FC.linear() = Eigen::AngleAxisd(0.02, Vec3(0.3, 0.8, -0.1).normalized()).toRotationMatrix();
+  X_FC.translation() = Vec3(0.01, -0.004, 0.006);
+  const Gates gates{0.1F, 0.85F, 1.5F};
+  for (int l = 0; l < TrackingPyramid::kLevels; ++l) {
+    std::vector<NormalEquations> sums;
+    std::vector<CrossMoment> crosses;
+    for (const simd::Isa isa : simd::available()) {
+      ASSERT_TRUE(simd::choose(isa));
+      NormalEquations plain;
+      accumulate(rig.tracker.pyramid().level(l), rig.model, X_FC, Vec3(0, 0, 1.7), gates, plain);
+      accumulate_cross(rig.tracker.pyramid().level(l), rig.model, X_FC, Vec3(0, 0, 1.7), gates,
+                       sums.emplace_back(), crosses.emplace_back());
+      EXPECT_GT(sums.back().inliers, 100);
+      EXPECT_LT(sums.back().inliers, sums.back().met) << "the gates cut some";
+      EXPECT_EQ(plain.H, sums.back().H) << simd::name_of(isa);
+      EXPECT_EQ(sums.back().H, sums.front().H) << simd::name_of(isa);
+      EXPECT_EQ(sums.back().g, sums.front().g) << simd::name_of(isa);
+      EXPECT_EQ(sums.back().r2, sums.front().r2) << simd::name_of(isa);
+      EXPECT_EQ(sums.back().weight, sums.front().weight) << simd::name_of(isa);
+      EXPECT_EQ(sums.back().inliers, sums.front().inliers) << simd::name_of(isa);
+      EXPECT_EQ(sums.back().met, sums.front().met) << simd::name_of(isa);
+      EXPECT_EQ(sums.back().live, sums.front().live) << simd::name_of(isa);
+      EXPECT_EQ(crosses.back().H, crosses.front().H) << simd::name_of(isa);
+    }
   }
+  ASSERT_TRUE(simd::choose("auto"));
 }
 
 // ---------------------------------------------------------------- bad input
@@ -417,9 +411,9 @@ TEST(Tracker, NanInTheModelIsSkippedNotSummed) {
   const Pose X_WC = X_WF * tests::random_motion(random, 0.02, 0.02);
   Rig rig;
   rig.cast(room, X_WF);
-  for (std::size_t i = 0; i < rig.records.size(); i += 8 * 7) {
+  for (std::size_t i = 0; i < rig.records.size(); i += 7 * kModelStride) {
     const float nan = std::numeric_limits<float>::quiet_NaN();
-    std::fill_n(rig.records.begin() + static_cast<std::ptrdiff_t>(i), 8, nan);
+    std::fill_n(rig.records.begin() + static_cast<std::ptrdiff_t>(i), kModelStride, nan);
   }
   rig.see(room, X_WC, 0, random);
   const TrackingResult r = rig.track({X_WF});

@@ -29,7 +29,7 @@ Errors against(const Scene& scene, const RaycastMaps& m) {
       e.invented += !there && m.hit(u, v);
       if (!m.hit(u, v)) continue;
       ++e.hits;
-      for (int a = 0; a < 8; ++a) EXPECT_TRUE(std::isfinite(m.at(u, v)[a]));
+      for (int a = 0; a < 4; ++a) EXPECT_TRUE(std::isfinite(m.at(u, v)[a]));
       EXPECT_NEAR(m.normal_C(u, v).norm(), 1, 1e-5);
       EXPECT_LT(m.normal_C(u, v).dot(m.vertex_C(u, v)), 0);
       if (!there) continue;
@@ -293,7 +293,7 @@ TEST(Raycast, SameInputSameBytesAndNoAllocation) {
     EXPECT_EQ(rt_guard::counts().total(), 0U);
   }
   raycast(map, k, X, o, b);
-  const std::size_t n = static_cast<std::size_t>(k.width * k.height) * 8;
+  const std::size_t n = static_cast<std::size_t>(k.width * k.height) * RaycastMaps::kStride;
   EXPECT_TRUE(std::equal(a.data(), a.data() + n, b.data()));
 }
 
