@@ -41,7 +41,8 @@ double spring_energy(double stiffness, double stretch, double limit) noexcept {
 }  // namespace
 
 void HapticConfig::describe(config::Section& s) {
-  s.text("method", method, {"constrained", "nearest", "nearest10"}, "how the proxy is found");
+  s.text("method", method, {"constrained", "nearest", "nearest10", "force_shading"},
+         "how the proxy is found");
   s.number("stiffness_N_per_m", stiffness_N_per_m, 1, 14500, "spring at the device");
   s.number("scale", scale, 0.01, 100, "scene metres per hand metre");
   s.numbers("workspace_W_m", workspace_W_m, -1000, 1000, "centre of the device workspace in W");
@@ -58,6 +59,7 @@ void HapticConfig::describe(config::Section& s) {
   s.number("device_liveness_s", device_liveness_s, 0, 0.1, "last force held without a sample");
   s.number("mark_spacing_m", mark_spacing_m, 0.001, 1, "distance between points of a mark");
   s.number("mark_rate_hz", mark_rate_hz, 0.1, 1000, "points of a mark a second, at least");
+  s.number("paper_friction", paper_friction, 0, 2, "mu of method force_shading's circle");
   s.flag("guard", guard, "slew guard");
   s.flag("passivity_controller", passivity_controller, "damp what the observer finds active");
 }
@@ -68,8 +70,8 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
     : config_(config), period_s_(period_s) {
   ProxyMethod method = ProxyMethod::kConstrained;
   if (!parse_proxy_method(config.method, method)) {
-    throw std::runtime_error("haptic.method = '" + config.method +
-                             "': allowed are constrained, nearest, nearest10");
+    throw std::runtime_error("haptic.method = '" + config.method + "': allowed are " +
+                             std::string(kProxyMethods));
   }
   proxy_step_ = proxy_step(method);
   const double k_max = device.stiffness_limit(period_s);
@@ -91,6 +93,7 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
     refuse(text);
   }
   proxy_config_.tip_radius_m = config.tip_radius_m;
+  proxy_config_.paper_friction = config.paper_friction;
   force_limit_N_ = std::min(config.force_limit_N, device.force_limit_N);
   origin_W_ = Vec3(config.workspace_W_m[0], config.workspace_W_m[1], config.workspace_W_m[2]);
   R_WD_ = Eigen::AngleAxisd(config.workspace_yaw_deg * std::numbers::pi / 180.0, Vec3::UnitZ())
@@ -343,6 +346,7 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
     return not_finite(tick, out);
   }
   const Vec3 p_WH = to_world(h_D_);
+  if (in.surface != nullptr) proxy_config_.surface = in.surface;
   proxy_step_(field_, p_WH, proxy_, proxy_config_);
   const Vec3 stretch_W = proxy_.p_WP() - p_WH;
   if (!finite(stretch_W)) {

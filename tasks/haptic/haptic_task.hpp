@@ -29,6 +29,7 @@
 #include "tasks/graph/table.hpp"
 #include "tasks/haptic/energy.hpp"
 #include "tasks/haptic/field.hpp"
+#include "tasks/haptic/force_shading.hpp"
 #include "tasks/haptic/proxy.hpp"
 
 namespace tasks {
@@ -53,6 +54,7 @@ struct HapticConfig {
   double mark_rate_hz = 10.0;
   bool guard = true;  // slew guard
   bool passivity_controller = false;
+  double paper_friction = 0;  // method force_shading only: mu of the published friction circle
 
   void describe(config::Section& s);
 };
@@ -96,6 +98,9 @@ class HapticTask {
     // be null. A pointer handed in must stay valid until the second one after it is handed in
     // (Latest with two retained values, acquired only while wants_patch()).
     const perception::SurfacePatch* patch_newest = nullptr;
+    // Method force_shading: the newest ray cast, null = as before. It stays valid until another is
+    // handed in.
+    const SurfacePoints* surface = nullptr;
     ModeMsg mode;  // seq 0 = none yet
   };
   struct Out {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tasks/haptic/force_shading.hpp"
 #include "tasks/haptic/nearest_on_planes.hpp"
 
 namespace tasks {
@@ -41,8 +42,6 @@ class Descent {
       // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it.
       radius_ *= std::max(1.0, field.smooth_gradient(state.p_WP()).norm());
     }
-    // Zero is solid: a sheet whose samples are all zero has to hold. Half a unit of the patch.
-    radius_ += 0.5 * field.truncation() / 32767;
     for (std::int32_t i = 0; i < state.frame_size; ++i) {
       const ProxyPlane& f = state.frame[static_cast<std::size_t>(i)];
       frame_[frame_size_++] = {Vec3(f.nx, f.ny, f.nz), f.d};
@@ -355,7 +354,7 @@ void Descent::contact(Vec3 p) noexcept {
 }
 
 void Descent::finish(const Vec3& p, const Gap& g) noexcept {
-  if ((p - h_).squaredNorm() <= cfg_.step_min_m * cfg_.step_min_m && gap(h_).value >= 0) {
+  if ((p - h_).squaredNorm() <= cfg_.step_min_m * cfg_.step_min_m && g.value >= 0) {
     leave(h_, g.known);
     return;
   }
@@ -594,6 +593,8 @@ ProxyStep proxy_step(ProxyMethod method) noexcept {
       return &step_nearest;
     case ProxyMethod::kNearest10:
       return &step_nearest10;
+    case ProxyMethod::kForceShading:
+      return &step_force_shading;
     case ProxyMethod::kConstrained:
       break;
   }
@@ -605,6 +606,8 @@ bool parse_proxy_method(std::string_view name, ProxyMethod& out) noexcept {
     out = ProxyMethod::kNearest;
   } else if (name == "nearest10") {
     out = ProxyMethod::kNearest10;
+  } else if (name == "force_shading") {
+    out = ProxyMethod::kForceShading;
   } else if (name == "constrained") {
     out = ProxyMethod::kConstrained;
   } else {

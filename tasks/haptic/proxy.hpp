@@ -3,6 +3,7 @@
 //
 //   nearest      nearest surface point by descent on the field from the hand, 1 step: no memory
 //   nearest10    the same, 10 steps
+//   force_shading the published method: nearest point of a ray cast (force_shading.hpp)
 //   constrained  the proxy moves only through free space, in steps of at most a quarter voxel: up
 //   to
 //                three tangent constraints, a small quadratic programme, then corrected onto the
@@ -30,13 +31,17 @@
 
 namespace tasks {
 
-enum class ProxyMethod : std::uint8_t { kNearest, kNearest10, kConstrained };
+enum class ProxyMethod : std::uint8_t { kNearest, kNearest10, kForceShading, kConstrained };
+
+struct SurfacePoints;  // force_shading.hpp
 
 struct ProxyConfig {
   double tip_radius_m = 0.0;
   int iterations_max = 120;   // descent steps a tick; the proxy catches up in the next tick
   double tolerance_m = 2e-8;  // of the constraint; t sticks sideways by sqrt(2 depth t)
   double step_min_m = 2e-6;   // a descent step below this ends the tick
+  const SurfacePoints* surface = nullptr;  // force_shading only: the newest ray cast
+  double paper_friction = 0;               // force_shading only: mu of its circle
 };
 
 // n . x >= d, |n| = 1.
@@ -81,7 +86,8 @@ void step_constrained(const Field&, const perception::Vec3& p_WH, ProxyState&,
                       const ProxyConfig&) noexcept;
 
 [[nodiscard]] ProxyStep proxy_step(ProxyMethod method) noexcept;
-// "nearest", "nearest10", "constrained"; false for any other name.
+// The names in kProxyMethods; false for any other.
+inline constexpr std::string_view kProxyMethods = "constrained, nearest, nearest10, force_shading";
 [[nodiscard]] bool parse_proxy_method(std::string_view name, ProxyMethod& out) noexcept;
 
 }  // namespace tasks

@@ -146,7 +146,7 @@ class FieldOptimum {
       for (int i = 0; i < 9; ++i) {
         const double e = 0.5 * (lo + hi);
         const Vec3 d = std::cos(e) * side + std::sin(e) * axis;
-        (solid(p + r * d) ? hi : lo) = e;
+        (field_(p + r * d) < radius_ - 2e-6 ? hi : lo) = e;
       }
       if (std::sin(lo) > best) {
         best = std::sin(lo);
@@ -169,7 +169,7 @@ class FieldOptimum {
     return p;
   }
 
-  [[nodiscard]] bool solid(const Vec3& x) const { return field_(x) <= radius_; }
+  [[nodiscard]] bool solid(const Vec3& x) const { return field_(x) < radius_; }
 
   // Out of the solid, away from h.
   [[nodiscard]] Vec3 rise(const Vec3& p, const Vec3& h) const {

@@ -24,6 +24,7 @@
 #include "tools/teletact/field_window.hpp"
 #include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/npy.hpp"
+#include "tools/teletact/view_cast.hpp"
 
 namespace teletact {
 
@@ -33,7 +34,7 @@ using perception::Vec3;
 
 struct TouchOptions {
   std::string field, fields, path, out, debug, json, origin = "0,0,0", method = "constrained";
-  std::string passivity = "off", guard = "on", blend = "on";
+  std::string view, passivity = "off", guard = "on", blend = "on";
   double voxel_m = 0, stiffness = 1000, tip_radius_m = 0, force_limit_N = 12, rate_hz = 0;
   double truncation_m = 0.05;
   int window_nodes = perception::SurfacePatch::kMaxNodes;
@@ -163,6 +164,8 @@ class WindowSource {
     }
     return slots_[current_].get();
   }
+  // Fields that were visible so far.
+  [[nodiscard]] std::size_t visible() const { return visible_; }
 
  private:
   const FieldList& fields_;
@@ -172,6 +175,57 @@ class WindowSource {
   std::size_t visible_ = 0, current_ = 0;
   std::uint64_t seq_ = 0;
   double next_ = 0;
+};
+
+// The points that force_shading reduces over: one full ray cast of each field, when it becomes
+// visible.
+class SurfaceSource {
+ public:
+  SurfaceSource(const FieldList& fields, const TouchOptions& o, const Vec3& origin,
+                const std::vector<HandRow>& hand)
+      : fields_(fields), options_(o) {
+    wanted_ = o.method == "force_shading";
+    check(wanted_ || o.view.empty(), "--view: only the method force_shading has a view");
+    if (!wanted_) return;
+    if (!o.view.empty()) {
+      view_ = parse_view(o.view);
+      view_.eye -= origin;
+      view_.look -= origin;
+      return;
+    }
+    std::vector<Vec3> path;
+    path.reserve(hand.size());
+    for (const HandRow& row : hand) path.push_back(row.p - origin);
+    if (const auto view = default_view(fields.fields.front(), o.voxel_m, path)) view_ = *view;
+  }
+  // Null: as before.
+  const tasks::SurfacePoints* at(std::size_t visible) {
+    if (!wanted_ || visible == 0 || visible == cast_) return nullptr;
+    cast_ = visible;
+    current_ = 1 - current_;
+    cast_view(fields_.fields[visible - 1], options_.voxel_m, view_, points_[current_]);
+    return &points_[current_];
+  }
+
+ private:
+  static View parse_view(const std::string& text) {
+    View out;
+    Vec3 &e = out.eye, &l = out.look;
+    int used = 0;
+    const int n = std::sscanf(text.c_str(), "%lf,%lf,%lf,%lf,%lf,%lf%n", &e.x(), &e.y(), &e.z(),
+                              &l.x(), &l.y(), &l.z(), &used);
+    check(n == 6 && static_cast<std::size_t>(used) == text.size() && e.allFinite() &&
+              l.allFinite() && e.norm() < 1e6 && l.norm() < 1e6 && (e - l).norm() > 1e-6,
+          "--view '" + text + "': six finite numbers, eye x,y,z and look x,y,z in metres, apart");
+    return out;
+  }
+
+  const FieldList& fields_;
+  const TouchOptions& options_;
+  bool wanted_ = false;
+  View view_;
+  std::array<tasks::SurfacePoints, 2> points_;
+  std::size_t cast_ = 0, current_ = 0;
 };
 
 // A text file that appears whole or not at all.
@@ -207,11 +261,11 @@ class TableFile {
 
 void write_debug(std::FILE* f, double t, const tasks::HapticTask::Out& out, int constraints) {
   const auto& m = out.telemetry;
-  std::fprintf(f, "%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%d,%d,%d,%d,%d,%d,%d,%u,%.9g,%.9g,%.9g,%.9g\n", t,
-               m.f_raw_D.x(), m.f_raw_D.y(), m.f_raw_D.z(), m.step_raw_N, m.step_N,
+  std::fprintf(f, "%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%d,%d,%d,%d,%d,%d,%d,%d,%u,%.9g,%.9g,%.9g,%.9g\n",
+               t, m.f_raw_D.x(), m.f_raw_D.y(), m.f_raw_D.z(), m.step_raw_N, m.step_N,
                m.in_contact ? 1 : 0, constraints, m.guard_active ? 1 : 0, m.guard_use ? 1 : 0,
-               m.limit_active ? 1 : 0, m.held ? 1 : 0, m.near_edge ? 1 : 0, m.work, m.gain, m.blend,
-               m.energy_J, m.booked_J);
+               m.limit_active ? 1 : 0, m.held ? 1 : 0, m.near_edge ? 1 : 0, m.unresolved ? 1 : 0,
+               m.work, m.gain, m.blend, m.energy_J, m.booked_J);
 }
 
 // Figures of a run; contact ticks only where docs/metrics.md says so.
@@ -277,6 +331,7 @@ void run(const TouchOptions& o) {
   rt::Startup startup;
   tasks::HapticTask task(startup.token(), config, device, period_s);
   WindowSource windows(fields, o, origin);
+  SurfaceSource surface(fields, o, origin, hand);
   TableFile trace(o.out);
   std::unique_ptr<TableFile> debug;
   if (!o.debug.empty()) debug = std::make_unique<TableFile>(o.debug);
@@ -285,7 +340,8 @@ void run(const TouchOptions& o) {
     std::fprintf(
         debug->get(),
         "t_s,raw_fx,raw_fy,raw_fz,raw_step_N,step_N,in_contact,constraints,guard_active,"
-        "guard_use,limit_active,held,near_edge,field_samples,gain,blend,energy_J,booked_J\n");
+        "guard_use,limit_active,held,near_edge,unresolved,field_samples,gain,blend,energy_J,"
+        "booked_J\n");
   }
   Tally tally;
   tasks::HapticTask::In in;
@@ -301,6 +357,7 @@ void run(const TouchOptions& o) {
         k > 0 ? Vec3((row.p - hand[k - 1].p) / (row.t - hand[k - 1].t)) : Vec3::Zero();
     const auto* newest = windows.at(row.t, now, row.p, velocity);
     in.patch_newest = task.wants_patch() ? newest : nullptr;
+    in.surface = surface.at(windows.visible());
     in.stylus.seq = k + 1;
     in.stylus.taken = now;
     in.stylus.p_DH = row.p;
@@ -336,7 +393,10 @@ int cmd_touch(int argc, char** argv) {
   app.add_option("--voxel", o.voxel_m, "node distance, m")->required();
   app.add_option("--origin", o.origin, "x,y,z of node (0,0,0), m")->capture_default_str();
   app.add_option("--path", o.path, "CSV t_s,x,y,z of the hand, m")->required();
-  app.add_option("--method", o.method, "constrained, nearest or nearest10")->capture_default_str();
+  app.add_option("--method", o.method, std::string(tasks::kProxyMethods))->capture_default_str();
+  app.add_option("--view", o.view,
+                 "eye,look: six numbers x,y,z,x,y,z in m; the camera that force_shading casts from "
+                 "(default: 1 m off the first contact)");
   app.add_option("--out", o.out, "trace CSV to write")->required();
   app.add_option("--debug", o.debug, "CSV with raw force, guards, constraints per tick");
   app.add_option("--json", o.json, "write the figures to this file");

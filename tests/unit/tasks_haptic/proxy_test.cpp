@@ -71,14 +71,6 @@ TEST(Proxy, BaselinesLoseThePlateThatTheProxyHolds) {
   }
 }
 
-// A sheet whose samples are all exactly zero is solid, and flagged as thin.
-TEST(Proxy, ZeroIsSolid) {
-  Scene s = scene_of(rig::placements()[1], [](const Vec3& p) { return solids::plate(p, 0.01); });
-  Rig r(s);
-  const Path press({{0, 0, 0.015}, {0, 0, -0.003}}, kSpeed);
-  EXPECT_NEAR(r.run(press, 0, press.duration()).back().f.z(), 7.9, 0.1);
-}
-
 TEST(Proxy, SaysWhereAWallIsThinnerThanAVoxel) {
   for (const auto& [thickness, flagged] : {std::pair{0.006, true}, std::pair{0.03, false}}) {
     Rig r(scene_of(rig::placements()[1],

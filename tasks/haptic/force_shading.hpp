@@ -1,0 +1,55 @@
+// The published method (force shading on a ray-cast surface), as it was published: the proxy is the
+// point of one ray cast of the map that is nearest to a goal, found by a reduction over all points.
+//
+//   S              points and normals of a full ray cast from the last fused camera pose
+//   first contact  phi(h) goes from > 0 to <= 0: p = argmin over S of |s - h|
+//   later          g = h - ((h - p').n') n', with p', n' of the tick before; p = argmin |s - g|,
+//                  the lowest index on ties; n = normal at p; ends when (h - p).n >= 0
+//   friction       circle on the tangent plane about the foot of h, radius mu dist(h, plane): p'
+//                  inside stays; outside the goal is the point of the circle nearest to p'
+//   force          K (p - h)
+//
+// No window, no smoothing, no quadratic programme.  Frames: W.  SI.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "perception/geometry/pose.hpp"
+#include "tasks/haptic/proxy.hpp"
+
+namespace tasks {
+
+// One ray cast: a point a pixel, row-major; a ray that met nothing is far away and never nearest.
+// Coordinates apart, padded to kLanes with far points. Filled at set-up or by another task.
+struct SurfacePoints {
+  static constexpr std::size_t kLanes = 16;
+  static constexpr float kFar = 1e9F;
+  std::uint64_t seq = 0;
+  std::size_t count = 0;  // pixels
+  std::vector<float> x, y, z, nx, ny, nz;
+
+  void resize(std::size_t n);  // all far
+  void set(std::size_t i, const perception::Vec3& p, const perception::Vec3& n) noexcept;
+  [[nodiscard]] perception::Vec3 point(std::size_t i) const noexcept {
+    return {static_cast<double>(x[i]), static_cast<double>(y[i]), static_cast<double>(z[i])};
+  }
+  [[nodiscard]] perception::Vec3 normal(std::size_t i) const noexcept {
+    return {static_cast<double>(nx[i]), static_cast<double>(ny[i]), static_cast<double>(nz[i])};
+  }
+};
+
+// Index of the point nearest to g in float arithmetic, the lowest one on ties; the same index from
+// every instruction set. count 0: returns 0.
+[[nodiscard]] std::size_t nearest_index(const SurfacePoints& s, const perception::Vec3& g) noexcept;
+// The same, one point at a time: its oracle.
+[[nodiscard]] std::size_t nearest_index_scalar(const SurfacePoints& s,
+                                               const perception::Vec3& g) noexcept;
+
+// cfg.surface null or empty: no contact.
+void step_force_shading(const Field&, const perception::Vec3& p_WH, ProxyState&,
+                        const ProxyConfig&) noexcept;
+
+}  // namespace tasks
