@@ -95,18 +95,28 @@ std::string twin_library_text(const Scene& scene) {
   return out.str();
 }
 
+// The vendor's library has no such handles; the twin's gets its scene and its hand, before the driver
+// opens it. Kept loaded beside the driver, since a library that is closed forgets.
+std::unique_ptr<drivers::DhdLibrary> set_up_twin_library(rt::NonRealtime& nrt, const Scene& scene,
+                                                         rt::Time epoch) {
+  drivers::DhdSearch search;
+  search.named = scene.choice.omega.sdk;
+  auto loaded = drivers::DhdLibrary::load(nrt, search);
+  if (!loaded) return nullptr;  // the driver says it
+  auto library = std::move(loaded).value();
+  const auto control = drivers::find_twin_control(*library);
+  if (!control.complete()) return nullptr;
+  if (control.reset(twin_library_text(scene).c_str()) != 0) {
+    throw std::runtime_error(std::string("omega: twin library: ") + control.error());
+  }
+  control.start_hand(rt::seconds(epoch - rt::time_from_ns(rt::monotonic_ns())));
+  return library;
+}
+
 class RealOmega final : public OpenedDevice {
  public:
   RealOmega(rt::NonRealtime& nrt, const Scene& scene, rt::Time epoch)
-      : device_(nrt, scene.choice.omega) {
-    // The vendor's library has no such handles; the twin's gets its scene and its hand.
-    const auto control = drivers::find_twin_control(device_.library());
-    if (control.complete()) {
-      if (control.reset(twin_library_text(scene).c_str()) != 0) {
-        throw std::runtime_error(std::string("omega: twin library: ") + control.error());
-      }
-      control.start_hand(rt::seconds(epoch - rt::time_from_ns(rt::monotonic_ns())));
-    }
+      : twin_(set_up_twin_library(nrt, scene, epoch)), device_(nrt, scene.choice.omega) {
     device_.request_enable();
   }
   drivers::HapticDevice& device() noexcept override { return device_; }
@@ -122,6 +132,7 @@ class RealOmega final : public OpenedDevice {
   }
 
  private:
+  std::unique_ptr<drivers::DhdLibrary> twin_;
   drivers::OmegaDevice device_;
 };
 
