@@ -37,8 +37,8 @@ constexpr void vote(LabelVoxel& voxel, std::uint8_t label) noexcept {
 
 // What integration has at hand for one voxel: the pixel it projects to, and its signed distance to the
 // surface measured there (positive in front).
-constexpr void vote_at(LabelVoxel& voxel, ImageView<const std::uint8_t> labels, int u, int v,
-                       float distance_m) noexcept {
+inline void vote_at(LabelVoxel& voxel, ImageView<const std::uint8_t> labels, int u, int v,
+                    float distance_m) noexcept {
   if (!labels.contains(u, v) || distance_m > kLabelBand_m || distance_m < -kLabelBand_m) return;
   const std::uint8_t label = labels.at(u, v);
   if (label != kNoVote) vote(voxel, label);

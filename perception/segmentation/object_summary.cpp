@@ -8,6 +8,13 @@ namespace perception {
 ObjectSummary summarise(std::span<const Vec3f> points, std::span<const Rgb> colours,
                         std::span<float> scratch) noexcept {
   ObjectSummary s;
+  double r = 0, g = 0, b = 0;
+  for (const Rgb& c : colours) r += c.r, g += c.g, b += c.b;
+  if (!colours.empty()) {
+    const auto m = static_cast<double>(colours.size());
+    s.colour = {static_cast<std::uint8_t>(r / m + 0.5), static_cast<std::uint8_t>(g / m + 0.5),
+                static_cast<std::uint8_t>(b / m + 0.5)};
+  }
   const std::size_t n = points.size();
   if (n < 3 || scratch.size() < n) return s;
   s.points = static_cast<int>(n);
@@ -54,13 +61,6 @@ ObjectSummary summarise(std::span<const Vec3f> points, std::span<const Rgb> colo
   for (int k = 0; k < 3; ++k) {
     s.extent_m[k] = high[k] - low[k];
     s.centre_m[k] = 0.5 * (high[k] + low[k]);
-  }
-  double r = 0, g = 0, b = 0;
-  for (const Rgb& c : colours) r += c.r, g += c.g, b += c.b;
-  if (!colours.empty()) {
-    const auto m = static_cast<double>(colours.size());
-    s.colour = {static_cast<std::uint8_t>(r / m + 0.5), static_cast<std::uint8_t>(g / m + 0.5),
-                static_cast<std::uint8_t>(b / m + 0.5)};
   }
   return s;
 }

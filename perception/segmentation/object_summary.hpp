@@ -18,7 +18,7 @@ struct ObjectSummary {
   int points = 0;
 };
 
-// Fewer than 3 points give points = 0 and nothing else. `scratch` holds points.size() values.
+// Fewer than 3 points give points = 0 and the colour alone. `scratch` holds points.size() values.
 [[nodiscard]] ObjectSummary summarise(std::span<const Vec3f> points, std::span<const Rgb> colours,
                                       std::span<float> scratch) noexcept;
 

@@ -133,20 +133,34 @@ int RegionGrower::grow(const LabImage& lab, const PointImage* points, int seed,
   seen_[static_cast<std::size_t>(seed)] = 1;
   join(seed, 0);
   reach(seed);
+  const auto refresh = [&] {
+    for (Waiting& other : heap_) other.d = distance(other.i);
+    std::make_heap(heap_.begin(), heap_.end());
+  };
+  // Between two refreshes the region grows by a twentieth, so its means hardly move.
+  std::size_t next_refresh = 2;
   while (!heap_.empty()) {
-    std::pop_heap(heap_.begin(), heap_.end());
-    Waiting& last = heap_.back();
-    const float now = distance(last.i);
-    if (now > last.d) {
-      last.d = now;
-      const std::int32_t i = last.i;
-      std::push_heap(heap_.begin(), heap_.end());
-      if (heap_.front().i != i) continue;
-      std::pop_heap(heap_.begin(), heap_.end());
+    if (members_.size() >= next_refresh) {
+      refresh();
+      next_refresh = members_.size() + 1 + members_.size() / 20;
     }
-    const Waiting next = {now, heap_.back().i};
+    std::pop_heap(heap_.begin(), heap_.end());
+    const Waiting next = {distance(heap_.back().i), heap_.back().i};
     heap_.pop_back();
-    if (next.d > threshold) break;
+    if (!heap_.empty() && next.d > heap_.front().d) {
+      heap_.push_back(next);
+      std::push_heap(heap_.begin(), heap_.end());
+      if (heap_.front().i != next.i) continue;
+      std::pop_heap(heap_.begin(), heap_.end());
+      heap_.pop_back();
+    }
+    if (next.d > threshold) {
+      // One of the others may be near enough by now.
+      heap_.push_back(next);
+      refresh();
+      if (heap_.front().d > threshold) break;
+      continue;
+    }
     join(next.i, next.d);
     reach(next.i);
   }

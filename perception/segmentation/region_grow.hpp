@@ -4,8 +4,9 @@
 //
 // I in CIELAB; P the point in the camera frame in mm (g in mm), or the pixel (g in pixels) where there
 // is no depth; I(S), P(S) means over the region so far. 4-neighbours, the nearest first, added while
-// d <= threshold. A waiting pixel's d is brought up to date when it comes first, so a moving mean can
-// not let in what it would refuse now; equal d goes by pixel index. Same input, same bytes.
+// d <= threshold. A waiting pixel's d is brought up to date when it comes first, and every one's
+// before growing ends, so no pixel joins that the means of the moment refuse, and none next to the region
+// is left out that they accept; equal d goes by pixel index. Same input, same bytes.
 #pragma once
 
 #include <cstdint>

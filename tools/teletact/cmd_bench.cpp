@@ -2,11 +2,14 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <iostream>
+#include <stdexcept>
 
 #include "tools/bench/audit_bench.hpp"
 #include "tools/bench/log_bench.hpp"
 #include "tools/bench/rings.hpp"
 #include "tools/bench/table1.hpp"
+#include "tools/bench/table2/table2.hpp"
+#include "tools/bench/table2/touches.hpp"
 #include "tools/bench/wakeup.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/metrics_json.hpp"
@@ -14,13 +17,15 @@
 namespace teletact {
 
 int cmd_bench(int argc, char** argv) {
-  CLI::App app{"Measures one part beside its peers. WHAT: rings, wakeup, audit, table1."};
+  CLI::App app{
+      "Measures one part beside its peers. WHAT: rings, wakeup, audit, table1, table2, "
+      "segmentation."};
   std::string what, json;
   int rounds = 9;
   double slice_s = 1.0;
-  app.add_option("WHAT", what, "rings | wakeup | audit | table1")
+  app.add_option("WHAT", what, "rings | wakeup | audit | table1 | table2 | segmentation")
       ->required()
-      ->check(CLI::IsMember({"rings", "wakeup", "audit", "table1"}));
+      ->check(CLI::IsMember({"rings", "wakeup", "audit", "table1", "table2", "segmentation"}));
   app.add_option("--rounds", rounds, "interleaved rounds")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -43,6 +48,11 @@ int cmd_bench(int argc, char** argv) {
   app.add_option("--runs", table1.runs, "table1: passes, of which the median is taken")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
+  std::string data;
+  std::uint64_t seed = 1;
+  app.add_option("--data", data,
+                 "table2, segmentation: folder of images with people's or true masks");
+  app.add_option("--seed", seed, "segmentation: of the touches")->capture_default_str();
   app.add_option("--json", json, "write the figures to this file");
   try {
     app.parse(argc, argv);
@@ -58,6 +68,13 @@ int cmd_bench(int argc, char** argv) {
     take(bench_rings(std::cerr, rounds));
   } else if (what == "wakeup") {
     take(bench_wakeup(std::cerr, rounds, slice_s));
+  } else if (what == "table2" || what == "segmentation") {
+    if (data.empty()) throw std::runtime_error("bench " + what + " needs --data DIR");
+    if (what == "table2") {
+      take(bench_table2(std::cerr, data));
+    } else {
+      take(bench_touches(std::cerr, data, seed));
+    }
   } else if (what == "table1") {
     if (rgbd->count() == 0 && !std::filesystem::exists(table1.rgbd)) {
       std::cerr << table1.rgbd << " is not there: only the synthetic room\n";

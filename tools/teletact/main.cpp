@@ -22,6 +22,8 @@ constexpr std::array kCommands{
     Command{"fuse", teletact::cmd_fuse, "a recorded RGB-D sequence to camera poses and a mesh"},
     Command{"touch", teletact::cmd_touch, "a distance field and a hand path to forces"},
     Command{"stability", teletact::cmd_stability, "the hard cases of touch, judged"},
+    Command{"segment", teletact::cmd_segment,
+            "the object under a touch, or every region of an image"},
     Command{"predict", teletact::cmd_predict, "an odometry log to delay-compensated poses"},
     Command{"calibrate", teletact::cmd_calibrate,
             "measure what each task variant costs on this machine"},

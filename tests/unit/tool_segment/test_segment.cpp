@@ -1,0 +1,217 @@
+// teletact segment as a user calls it: masks, the same bytes, bad input; the image readers fuzzed.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <sstream>
+
+#include "rt/random.hpp"
+#include "tools/images/image_files.hpp"
+#include "tools/teletact/commands.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+constexpr int kW = 96, kH = 72;
+
+std::string slurp(const fs::path& p) {
+  std::ifstream in(p, std::ios::binary);
+  std::stringstream s;
+  s << in.rdbuf();
+  return s.str();
+}
+
+class Segment : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    root_ = fs::temp_directory_path() /
+            ("teletact_segment_" + std::to_string(getpid()) + "_" +
+             ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::create_directories(root_);
+    rt::Random random(4);
+    cv::Mat colour(kH, kW, CV_8UC3), depth(kH, kW, CV_16UC1);
+    for (int v = 0; v < kH; ++v) {
+      for (int u = 0; u < kW; ++u) {
+        const bool box = u >= 30 && u < 60 && v >= 20 && v < 50;
+        const int n = static_cast<int>(random.integer(-4, 4));
+        colour.at<cv::Vec3b>(v, u) = box ? cv::Vec3b(static_cast<std::uint8_t>(40 + n), 60, 190)
+                                         : cv::Vec3b(150, static_cast<std::uint8_t>(160 + n), 150);
+        depth.at<std::uint16_t>(v, u) =
+            static_cast<std::uint16_t>((box ? 800 : 1000) + random.integer(-1, 1));
+      }
+    }
+    cv::imwrite(path("c.png"), colour);
+    cv::imwrite(path("c.jpg"), colour);
+    cv::imwrite(path("d.png"), depth);
+    cv::imwrite(path("small.png"), cv::Mat(kH / 2, kW, CV_16UC1, cv::Scalar(900)));
+    cv::imwrite(path("empty.png"), cv::Mat(kH, kW, CV_16UC1, cv::Scalar(0)));
+  }
+  void TearDown() override { fs::remove_all(root_); }
+
+  std::string path(const std::string& name) const { return (root_ / name).string(); }
+  // Throws what the program prints; otherwise the exit code.
+  int run(const std::vector<std::string>& args) const {
+    std::vector<std::string> all{"segment"};
+    all.insert(all.end(), args.begin(), args.end());
+    std::vector<char*> argv;
+    for (auto& a : all) argv.push_back(a.data());
+    return teletact::cmd_segment(static_cast<int>(argv.size()), argv.data());
+  }
+  std::vector<std::string> with_depth(std::vector<std::string> more) const {
+    std::vector<std::string> a{"--color",      path("c.png"), "--depth", path("d.png"),
+                               "--intrinsics", "90,90,48,36", "--out",   path("m.png")};
+    a.insert(a.end(), more.begin(), more.end());
+    return a;
+  }
+  fs::path root_;
+};
+
+TEST_F(Segment, TouchedPixelInMaskBothMethodsWithAndWithoutDepth) {
+  for (const std::string method : {"default", "paper"}) {
+    for (const bool depth : {false, true}) {
+      std::vector<std::string> args =
+          depth ? with_depth({})
+                : std::vector<std::string>{"--color", path("c.jpg"), "--out", path("m.png")};
+      for (const std::string a :
+           {"--method", method.c_str(), "--touch", "45,35", "--touch", "5,5"}) {
+        args.push_back(a);
+      }
+      ASSERT_EQ(run(args), 0);
+      const cv::Mat m = cv::imread(path("m.png"), cv::IMREAD_UNCHANGED);
+      ASSERT_EQ(m.type(), CV_8UC1);
+      EXPECT_EQ(m.at<std::uint8_t>(35, 45), 1);
+      EXPECT_EQ(m.at<std::uint8_t>(5, 5), 2);
+      int right = 0;
+      for (int v = 0; v < kH; ++v) {
+        for (int u = 0; u < kW; ++u) {
+          right += (m.at<std::uint8_t>(v, u) == 1) == (u >= 30 && u < 60 && v >= 20 && v < 50);
+        }
+      }
+      EXPECT_GT(right, kW * kH * 93 / 100) << method << depth;
+      const std::string first = slurp(path("m.png"));
+      fs::remove(path("m.png"));
+      ASSERT_EQ(run(args), 0);
+      EXPECT_EQ(slurp(path("m.png")), first);
+    }
+  }
+}
+
+TEST_F(Segment, WholeAndJson) {
+  ASSERT_EQ(
+      run({"--color", path("c.png"), "--whole", "--out", path("l.png"), "--json", path("l.json")}),
+      0);
+  const cv::Mat m = cv::imread(path("l.png"), cv::IMREAD_UNCHANGED);
+  ASSERT_EQ(m.cols, kW);
+  EXPECT_NE(m.at<std::uint8_t>(35, 45), m.at<std::uint8_t>(5, 5));
+  EXPECT_GT(m.at<std::uint8_t>(0, 0), 0);
+  EXPECT_NE(slurp(path("l.json")).find("segment.regions"), std::string::npos);
+  ASSERT_EQ(run(with_depth({"--touch", "45,35", "--json", path("o.json")})), 0);
+  const std::string json = slurp(path("o.json"));
+  for (const char* key :
+       {"object_1.centroid_z_m", "object_1.extent_x_m", "object_1.qw", "object_1.colour"}) {
+    EXPECT_NE(json.find(key), std::string::npos) << key;
+  }
+}
+
+TEST_F(Segment, BadInputIsOneMessageAndNoFile) {
+  std::ofstream(path("text.png")) << "not an image";
+  const std::string whole = slurp(path("c.png"));
+  std::ofstream(path("torn.png"), std::ios::binary) << whole.substr(0, whole.size() / 2);
+  const std::string jpg = slurp(path("c.jpg"));
+  std::ofstream(path("torn.jpg"), std::ios::binary) << jpg.substr(0, jpg.size() / 2);
+  std::ofstream(path("none.png"));
+  const std::string c = path("c.png"), d = path("d.png"), out = path("m.png"), k = "90,90,48,36";
+  const std::vector<std::vector<std::string>> bad{
+      {"--color", path("absent.png"), "--touch", "1,1"},
+      {"--color", path("text.png"), "--touch", "1,1"},
+      {"--color", path("torn.png"), "--touch", "1,1"},
+      {"--color", path("torn.jpg"), "--touch", "1,1"},
+      {"--color", path("none.png"), "--touch", "1,1"},
+      {"--color", d, "--touch", "1,1"},
+      {"--color", c},
+      {"--color", c, "--whole", "--touch", "1,1"},
+      {"--color", c, "--touch", "96,10"},
+      {"--color", c, "--touch", "10,72"},
+      {"--color", c, "--touch", "-1,10"},
+      {"--color", c, "--touch", "1.5,10"},
+      {"--color", c, "--touch", "nan,10"},
+      {"--color", c, "--touch", "10"},
+      {"--color", c, "--touch", "10,10,10"},
+      {"--color", c, "--touch", "1,1", "--method", "other"},
+      {"--color", c, "--touch", "1,1", "--depth", d},
+      {"--color", c, "--touch", "1,1", "--intrinsics", k},
+      {"--color", c, "--touch", "1,1", "--depth", d, "--intrinsics", "0,90,48,36"},
+      {"--color", c, "--touch", "1,1", "--depth", d, "--intrinsics", "90,90,48"},
+      {"--color", c, "--touch", "1,1", "--depth", c, "--intrinsics", k},
+      {"--color", c, "--touch", "1,1", "--depth", path("small.png"), "--intrinsics", k},
+      {"--color", c, "--touch", "1,1", "--depth", path("empty.png"), "--intrinsics", k, "--method",
+       "paper"},
+      {"--color", c, "--touch", "1,1", "--no-such-option"},
+  };
+  for (auto args : bad) {
+    args.insert(args.end(), {"--out", out});
+    std::string shown;
+    for (const auto& a : args) shown += " " + a;
+    try {
+      run(args);
+      ADD_FAILURE() << "accepted:" << shown;
+    } catch (const std::exception& e) {
+      EXPECT_GT(std::string(e.what()).size(), 10U) << shown;
+      EXPECT_EQ(std::string(e.what()).find('\n'), std::string::npos) << shown;
+    }
+    EXPECT_FALSE(fs::exists(out)) << shown;
+  }
+  EXPECT_THROW(run({"--color", c, "--touch", "1,1", "--out", path("no/such/folder.png")}),
+               std::runtime_error);
+}
+
+// Every reader on damaged files: an error or an image of sane size, never a fault.
+TEST_F(Segment, ReadersOnDamagedFiles) {
+  const std::uint64_t seed = 99;
+  RecordProperty("seed", std::to_string(seed));
+  rt::Random random(seed);
+  int images = 0;
+  for (const char* file : {"c.png", "c.jpg", "d.png"}) {
+    const std::string whole = slurp(path(file));
+    for (int round = 0; round < 1500; ++round) {
+      std::vector<std::uint8_t> bytes(whole.begin(), whole.end());
+      const int edits = static_cast<int>(random.integer(1, 6));
+      for (int e = 0; e < edits; ++e) {
+        const auto at = static_cast<std::size_t>(
+            random.integer(0, static_cast<std::int64_t>(bytes.size()) - 1));
+        switch (random.integer(0, 3)) {
+          case 0:
+            bytes[at] = static_cast<std::uint8_t>(random());
+            break;
+          case 1:
+            bytes[at] ^= static_cast<std::uint8_t>(1U << (random() & 7U));
+            break;
+          case 2:
+            bytes.resize(at + 1);
+            break;
+          default:
+            bytes.insert(bytes.begin() + static_cast<std::ptrdiff_t>(at),
+                         static_cast<std::uint8_t>(random()));
+            break;
+        }
+      }
+      const auto colour = teletact::decode_colour(bytes, "fuzz");
+      const auto grey = teletact::decode_grey(bytes, "fuzz");
+      for (const auto* error :
+           {colour ? nullptr : &colour.error(), grey ? nullptr : &grey.error()}) {
+        if (error != nullptr) {
+          ASSERT_EQ(error->rfind("fuzz: ", 0), 0U);
+        }
+      }
+      if (colour) {
+        ++images;
+        ASSERT_LE(colour.value().width(), teletact::kMaxImageSide);
+      }
+    }
+  }
+  EXPECT_GT(images, 0);  // some damage in a JPEG's data is not visible in its container
+}
+
+}  // namespace

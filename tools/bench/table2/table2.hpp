@@ -1,0 +1,39 @@
+// teletact bench table2: whole-image segmentation against people, beside the paper's table.
+//
+// DIR/images/ID.jpg|png and DIR/segmentations/ID_K.png (K = 0, 1, ...: label map of person K). Scores:
+// mean over an image's people, then over images (perception/segmentation/measures.hpp). Rows:
+//   people     each person against the others of the image: the yardstick
+//   teletact   segment_whole(), one fixed parameter set, no depth
+//   ... odd / even images: two halves, so that a setting fitted to one would show
+//   paper's protocol   one seed a human region, method `paper` without depth
+//   mean shift (OpenCV)   a packaged method on the same images
+#pragma once
+
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "perception/segmentation/measures.hpp"
+#include "tools/bench/bench_metric.hpp"
+
+namespace teletact {
+
+struct Table2Row {
+  std::string name;
+  perception::SegmentationScores mean;
+  double region_ratio = 0;
+  double ms = 0;  // thread CPU an image
+};
+
+struct Table2Result {
+  int images = 0, maps = 0;
+  Table2Row people, ours, odd, even, paper_protocol, mean_shift;
+
+  [[nodiscard]] std::vector<BenchMetric> metrics() const;
+  void print(std::ostream& out) const;
+};
+
+// Throws std::runtime_error with one line when the folder is not as above.
+[[nodiscard]] Table2Result bench_table2(std::ostream& progress, const std::string& folder);
+
+}  // namespace teletact

@@ -1,0 +1,281 @@
+#include "tools/bench/table2/touches.hpp"
+
+#include <ctime>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+
+#include "perception/segmentation/measures.hpp"
+#include "perception/segmentation/region_grow.hpp"
+#include "perception/segmentation/touch_segmenter.hpp"
+#include "rt/random.hpp"
+#include "tools/images/image_files.hpp"
+
+namespace teletact {
+namespace {
+
+namespace fs = std::filesystem;
+using perception::Image;
+using perception::Intrinsics;
+using perception::Rgb;
+
+constexpr std::uint16_t kUnlabelled = 65535;
+constexpr int kTouches = 10;
+
+template <class T>
+T take(rt::Result<T> result) {
+  if (!result) throw std::runtime_error(result.error());
+  return std::move(result).value();
+}
+
+double cpu_ms() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
+}
+
+double quantile(std::vector<double> v, double q) {
+  if (v.empty()) return 0;
+  std::sort(v.begin(), v.end());
+  return v[std::min(v.size() - 1, static_cast<std::size_t>(q * static_cast<double>(v.size())))];
+}
+
+struct Kind {
+  Intrinsics k;
+  float mm_per_unit = 1;
+  bool parts = false;  // label / 10 is the object
+};
+
+std::optional<Kind> kind_of(const std::string& folder) {
+  if (folder == "mosd_learn") return Kind{{525, 525, 319.5, 239.5, 640, 480}, 1, true};
+  if (folder == "tabletop") return Kind{{612.937, 613.173, 322.549, 248.158, 640, 480}, 1, false};
+  if (folder == "ycb_video") {
+    return Kind{{1066.778, 1067.487, 312.9869, 241.3109, 640, 480}, 0.1F, false};
+  }
+  return std::nullopt;
+}
+
+struct Frame {
+  Image<Rgb> rgb;
+  Image<std::uint16_t> depth, label;  // label: object, 0 rest, kUnlabelled not judged
+};
+
+Frame load(const fs::path& folder, const std::string& name, const Kind& kind) {
+  Frame f;
+  f.rgb = take(read_colour((folder / "rgb" / name).string()));
+  f.depth = take(read_grey((folder / "depth" / name).string()));
+  f.label = take(read_grey((folder / "label" / name).string()));
+  const int w = f.rgb.width(), h = f.rgb.height();
+  if (f.depth.width() != w || f.depth.height() != h || f.label.width() != w ||
+      f.label.height() != h) {
+    throw std::runtime_error((folder / "rgb" / name).string() +
+                             ": depth or label is of another size");
+  }
+  for (int i = 0; kind.parts && i < w * h; ++i) {
+    std::uint16_t& l = f.label.data()[i];
+    l = l == 0 ? kUnlabelled : l < 20 ? std::uint16_t{0} : static_cast<std::uint16_t>(l / 10);
+  }
+  return f;
+}
+
+// Pixels at least 3 from the mask's edge; all of them where it is thinner.
+std::vector<int> touchable(const Image<std::uint16_t>& label, std::uint16_t object) {
+  const int n = label.width() * label.height();
+  std::vector<std::uint8_t> other(static_cast<std::size_t>(n));
+  for (int i = 0; i < n; ++i) other[static_cast<std::size_t>(i)] = label.data()[i] != object;
+  const auto d2 = perception::squared_distance(other, label.width(), label.height());
+  std::vector<int> all, inner;
+  for (int i = 0; i < n; ++i) {
+    if (other[static_cast<std::size_t>(i)]) continue;
+    all.push_back(i);
+    if (d2[static_cast<std::size_t>(i)] >= 9) inner.push_back(i);
+  }
+  return inner.empty() ? all : inner;
+}
+
+template <class In>
+double iou(const Image<std::uint16_t>& label, std::uint16_t object, const In& in) {
+  double both = 0, either = 0;
+  for (int v = 0; v < label.height(); ++v) {
+    for (int u = 0; u < label.width(); ++u) {
+      const std::uint16_t l = label.at(u, v);
+      if (l == kUnlabelled) continue;
+      const bool a = in(u, v), b = l == object;
+      both += a && b ? 1 : 0;
+      either += a || b ? 1 : 0;
+    }
+  }
+  return either > 0 ? both / either : 0;
+}
+
+class Judge {
+ public:
+  Judge(const Kind& kind, int w, int h)
+      : kind_(kind), touch_(w, h), lab_(w, h), points_(w, h), grower_(w, h) {}
+
+  void frame(const Frame& f, rt::Random& random, TouchRow& row) {
+    std::map<std::uint16_t, std::vector<int>> objects;
+    for (int i = 0; i < f.label.width() * f.label.height(); ++i) {
+      const std::uint16_t l = f.label.data()[i];
+      if (l != 0 && l != kUnlabelled) objects[l];
+    }
+    touch_.set_frame(f.rgb.view(), f.depth.view(), kind_.k, kind_.mm_per_unit);
+    lab_.set(f.rgb.view());
+    points_.set(f.depth.view(), kind_.k, kind_.mm_per_unit);
+    for (auto& [object, pixels] : objects) {
+      pixels = touchable(f.label, object);
+      double good = 0, paper = 0;
+      for (int k = 0; k < kTouches; ++k) {
+        const int i = pixels[static_cast<std::size_t>(
+            random.integer(0, static_cast<std::int64_t>(pixels.size()) - 1))];
+        good += one_touch(f, object, i, k) / kTouches;
+        paper += one_paper(f, object, i) / kTouches;
+      }
+      good_.push_back(good);
+      paper_.push_back(paper);
+      row.touches += kTouches;
+    }
+    follow(f, objects);
+    ++row.frames;
+  }
+  void finish(TouchRow& row) const {
+    row.objects = static_cast<int>(good_.size());
+    for (std::size_t i = 0; i < good_.size(); ++i) {
+      row.iou_default += good_[i] / static_cast<double>(good_.size());
+      row.iou_paper += paper_[i] / static_cast<double>(good_.size());
+    }
+    for (const double x : followed_) row.iou_follow += x / static_cast<double>(followed_.size());
+    row.iou_low = quantile(good_, 0.1);
+    row.first_ms = quantile(first_, 0.5);
+    row.first_p95_ms = quantile(first_, 0.95);
+    row.follow_ms = quantile(follow_, 0.5);
+    row.further_ms = quantile(further_, 0.5);
+  }
+
+ private:
+  double one_touch(const Frame& f, std::uint16_t object, int i, int k) {
+    const int w = f.label.width();
+    const double t0 = cpu_ms();
+    // The first touch of an object pays for the frame too; the others only repeat the question.
+    if (k == 0) touch_.set_frame(f.rgb.view(), f.depth.view(), kind_.k, kind_.mm_per_unit);
+    touch_.touch(i % w, i / w);
+    if (k == 0) first_.push_back(cpu_ms() - t0);
+    return iou(f.label, object, [&](int u, int v) { return touch_.in(u, v); });
+  }
+  double one_paper(const Frame& f, std::uint16_t object, int i) {
+    const int w = f.label.width(), n = grower_.grow(lab_, &points_, i, {});
+    mask_.assign(static_cast<std::size_t>(w * f.label.height()), 0);
+    for (int k = 0; k < n; ++k) {
+      mask_[static_cast<std::size_t>(grower_.members()[static_cast<std::size_t>(k)])] = 1;
+    }
+    return iou(f.label, object,
+               [&](int u, int v) { return mask_[static_cast<std::size_t>(v * w + u)] != 0; });
+  }
+  // Each object as if its true mask were its projection from the map: work in its window only.
+  void follow(const Frame& f, const std::map<std::uint16_t, std::vector<int>>& objects) {
+    const int w = f.label.width(), h = f.label.height();
+    int n = 0;
+    for (const auto& [object, pixels] : objects) {
+      mask_.assign(static_cast<std::size_t>(w * h), 0);
+      for (int i = 0; i < w * h; ++i)
+        mask_[static_cast<std::size_t>(i)] = f.label.data()[i] == object;
+      const double t0 = cpu_ms();
+      const bool found = touch_.follow(f.rgb.view(), f.depth.view(), kind_.k, kind_.mm_per_unit,
+                                       {mask_.data(), w, h, w});
+      (n++ == 0 ? follow_ : further_).push_back(cpu_ms() - t0);
+      followed_.push_back(
+          found ? iou(f.label, object, [&](int u, int v) { return touch_.in(u, v); }) : 0);
+    }
+  }
+
+  Kind kind_;
+  perception::TouchSegmenter touch_;
+  perception::LabImage lab_;
+  perception::PointImage points_;
+  perception::RegionGrower grower_;
+  std::vector<std::uint8_t> mask_;
+  std::vector<double> good_, paper_, followed_, first_, follow_, further_;
+};
+
+TouchRow run_folder(const fs::path& folder, const Kind& kind, std::uint64_t seed,
+                    std::ostream& progress) {
+  TouchRow row;
+  row.folder = folder.filename().string();
+  std::vector<std::string> names;
+  for (const auto& e : fs::directory_iterator(folder / "rgb")) names.push_back(e.path().filename());
+  std::sort(names.begin(), names.end());
+  std::unique_ptr<Judge> judge;
+  rt::Random random(seed);
+  for (const std::string& name : names) {
+    progress << "\r" << row.folder << "/" << name << "   " << std::flush;
+    const Frame f = load(folder, name, kind);
+    if (!judge) judge = std::make_unique<Judge>(kind, f.rgb.width(), f.rgb.height());
+    if (f.rgb.width() != kind.k.width || f.rgb.height() != kind.k.height) {
+      throw std::runtime_error((folder / "rgb" / name).string() + ": must be 640 x 480");
+    }
+    judge->frame(f, random, row);
+  }
+  if (!judge) throw std::runtime_error((folder / "rgb").string() + ": holds no image");
+  judge->finish(row);
+  return row;
+}
+
+}  // namespace
+
+TouchResult bench_touches(std::ostream& progress, const std::string& folder, std::uint64_t seed) {
+  TouchResult result;
+  result.seed = seed;
+  std::error_code ec;
+  std::vector<fs::path> folders;
+  for (const auto& e : fs::directory_iterator(folder, ec)) folders.push_back(e.path());
+  std::sort(folders.begin(), folders.end());
+  for (const fs::path& f : folders) {
+    const auto kind = kind_of(f.filename().string());
+    if (kind && fs::is_directory(f / "rgb"))
+      result.rows.push_back(run_folder(f, *kind, seed, progress));
+  }
+  progress << "\r                                        \r";
+  if (result.rows.empty()) {
+    throw std::runtime_error(folder + ": holds none of mosd_learn, tabletop, ycb_video");
+  }
+  return result;
+}
+
+std::vector<BenchMetric> TouchResult::metrics() const {
+  std::vector<BenchMetric> m{{"segmentation.seed", static_cast<double>(seed), "1"}};
+  double cpu = 0;
+  for (const TouchRow& r : rows) {
+    const std::string name = r.folder == "mosd_learn" ? "mosd" : r.folder;
+    const std::string head = "segmentation." + name + ".";
+    m.push_back({head + "iou_mean", r.iou_default, "1"});
+    m.push_back({head + "iou_paper_mean", r.iou_paper, "1"});
+    m.push_back({head + "first_ms", r.first_ms, "ms"});
+    m.push_back({head + "follow_ms", r.follow_ms, "ms"});
+    m.push_back({head + "further_ms", r.further_ms, "ms"});
+    cpu = std::max(cpu, r.first_ms);
+  }
+  m.push_back({"segmentation.cpu_ms", cpu, "ms"});
+  return m;
+}
+
+void TouchResult::print(std::ostream& out) const {
+  out << "one touch, " << kTouches << " touches an object, seed " << seed
+      << "; ms: thread CPU, medians\n\n";
+  char line[200];
+  std::snprintf(line, sizeof line, "%-12s %7s %8s %9s %9s %9s %9s %9s %9s %9s\n", "", "frames",
+                "objects", "IoU", "IoU p10", "IoU paper", "first ms", "p95", "follow ms", "IoU");
+  out << line;
+  for (const TouchRow& r : rows) {
+    std::snprintf(line, sizeof line, "%-12s %7d %8d %9.4f %9.4f %9.4f %9.2f %9.2f %9.2f %9.2f\n",
+                  r.folder.c_str(), r.frames, r.objects, r.iou_default, r.iou_low, r.iou_paper,
+                  r.first_ms, r.first_p95_ms, r.follow_ms, r.iou_follow);
+    out << line;
+  }
+}
+
+}  // namespace teletact

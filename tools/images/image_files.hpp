@@ -1,0 +1,33 @@
+// PNG and JPEG files of outside, read strictly: the container is checked before a decoder sees it
+// (signature, size, PNG chunks with their CRC, JPEG markers up to the end of image), so a torn or
+// huge file ends in one message and not in half an image. The pixel type must be the one asked for.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+
+#include "perception/geometry/image.hpp"
+#include "perception/geometry/rgbd_frame.hpp"
+#include "rt/result.hpp"
+
+namespace teletact {
+
+constexpr int kMaxImageSide = 8192;
+
+// 8 bit colour, PNG or JPEG; grey is taken as colour, an alpha channel is refused. Orientation tags
+// are ignored: pixel (0, 0) is the first one stored. `name` begins each error message.
+[[nodiscard]] rt::Result<perception::Image<perception::Rgb>> decode_colour(
+    std::span<const std::uint8_t> bytes, const std::string& name);
+// 16 or 8 bit grey PNG.
+[[nodiscard]] rt::Result<perception::Image<std::uint16_t>> decode_grey(
+    std::span<const std::uint8_t> bytes, const std::string& name);
+
+[[nodiscard]] rt::Result<perception::Image<perception::Rgb>> read_colour(const std::string& path);
+[[nodiscard]] rt::Result<perception::Image<std::uint16_t>> read_grey(const std::string& path);
+
+// A PNG as bytes: 8 bit when every value is below 256, else 16 bit. Fixed settings, so the same image
+// gives the same bytes.
+[[nodiscard]] std::string encode_labels(perception::ImageView<const std::uint16_t> labels);
+
+}  // namespace teletact

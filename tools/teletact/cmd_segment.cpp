@@ -1,0 +1,356 @@
+// teletact segment: the object under a touch, or every region of an image.
+//
+//   --color C.png             8 bit colour
+//   --depth D.png             16 bit, registered to the colour, --depth-unit mm a step; 0 and 65535 are
+//                             no reading; needs --intrinsics
+//   --touch x,y               pixel; the k-th touch paints value k. A pixel that several objects claim
+//                             goes to the one it is nearer to (d of the paper), then to the first
+//   --method default|paper    paper: region growing from the touched pixel, nothing else
+//   --out MASK.png            8 bit, 0 = no object; with --whole labels 1..N, 16 bit when N > 255
+//
+// Without depth `default` is the region of the whole-image segmentation under the touch. The touched
+// pixel always carries its touch's value unless a later touch names the same pixel.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <filesystem>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "perception/segmentation/object_summary.hpp"
+#include "perception/segmentation/region_grow.hpp"
+#include "perception/segmentation/region_merge.hpp"
+#include "perception/segmentation/touch_segmenter.hpp"
+#include "tools/images/image_files.hpp"
+#include "tools/teletact/commands.hpp"
+#include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/whole_file.hpp"
+
+namespace teletact {
+namespace {
+
+using perception::Image;
+using perception::Rgb;
+
+struct SegmentOptions {
+  std::string color, depth, intrinsics, method = "default", out, json;
+  std::vector<std::string> touches;
+  bool whole = false;
+  double depth_unit_mm = 1;
+  perception::GrowConfig grow;
+};
+
+struct Touch {
+  int u = 0, v = 0;
+};
+
+// What one touch selected: pixels, and d of each for the overlap.
+struct Selected {
+  std::vector<int> pixels;
+  std::vector<float> d;
+};
+
+template <class T>
+T take(rt::Result<T> result) {
+  if (!result) throw std::runtime_error(result.error());
+  return std::move(result).value();
+}
+
+double cpu_ms() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
+}
+
+std::vector<double> numbers(const std::string& key, const std::string& text, std::size_t count) {
+  std::vector<double> values;
+  const char* at = text.c_str();
+  for (;;) {
+    char* end = nullptr;
+    const double v = std::strtod(at, &end);
+    if (end == at || !std::isfinite(v)) break;
+    values.push_back(v);
+    at = end;
+    if (*at != ',') break;
+    ++at;
+  }
+  if (values.size() != count || *at != '\0') {
+    throw std::runtime_error(key + " '" + text + "': must be " + std::to_string(count) +
+                             " numbers with commas between");
+  }
+  return values;
+}
+
+Touch parse_touch(const std::string& text, int width, int height) {
+  const auto v = numbers("--touch", text, 2);
+  if (v[0] != std::floor(v[0]) || v[1] != std::floor(v[1]) || v[0] < 0 || v[1] < 0 ||
+      v[0] >= width || v[1] >= height) {
+    throw std::runtime_error("--touch " + text + ": must be a pixel of the image, 0..." +
+                             std::to_string(width - 1) + ",0..." + std::to_string(height - 1));
+  }
+  return {static_cast<int>(v[0]), static_cast<int>(v[1])};
+}
+
+perception::Intrinsics parse_intrinsics(const std::string& text, int width, int height) {
+  const auto v = numbers("--intrinsics", text, 4);
+  if (!(v[0] >= 1 && v[0] <= 1e5 && v[1] >= 1 && v[1] <= 1e5 && std::abs(v[2]) <= 1e5 &&
+        std::abs(v[3]) <= 1e5)) {
+    throw std::runtime_error("--intrinsics " + text +
+                             ": fx and fy must be 1 to 100000 px, cx and cy within 100000 px");
+  }
+  return {v[0], v[1], v[2], v[3], width, height};
+}
+
+class Segmenter {
+ public:
+  Segmenter(const SegmentOptions& o, const Image<Rgb>& rgb, const Image<std::uint16_t>* depth,
+            const perception::Intrinsics& k)
+      : o_(o),
+        rgb_(rgb),
+        depth_(depth),
+        lab_(rgb.width(), rgb.height()),
+        points_(rgb.width(), rgb.height()) {
+    lab_.set(rgb.view());
+    if (depth_ != nullptr) points_.set(depth_->view(), k, static_cast<float>(o.depth_unit_mm));
+    if (o.method == "paper") {
+      grower_.emplace(rgb.width(), rgb.height());
+    } else if (depth_ != nullptr) {
+      touch_.emplace(rgb.width(), rgb.height());
+      touch_->set_frame(rgb.view(), depth_->view(), k, static_cast<float>(o.depth_unit_mm));
+    } else {
+      whole_ = perception::segment_whole(rgb.view(), {});
+    }
+  }
+
+  Selected select(const Touch& t) {
+    const int seed = t.v * rgb_.width() + t.u;
+    Selected s;
+    if (grower_) {
+      if (grower_->grow(lab_, depth_ != nullptr ? &points_ : nullptr, seed, o_.grow) == 0) {
+        throw std::runtime_error(o_.depth + ": holds no reading");
+      }
+      s.pixels.assign(grower_->members().begin(), grower_->members().end());
+      s.d = grower_->distances();
+      return s;
+    }
+    if (touch_) touch_->touch(t.u, t.v);
+    for (int i = 0; i < rgb_.width() * rgb_.height(); ++i) {
+      const bool in = touch_ ? touch_->in(i % rgb_.width(), i / rgb_.width())
+                             : whole_.labels[static_cast<std::size_t>(i)] ==
+                                   whole_.labels[static_cast<std::size_t>(seed)];
+      if (in || i == seed) s.pixels.push_back(i);
+    }
+    measure(s);
+    return s;
+  }
+
+  [[nodiscard]] perception::ObjectSummary summary(const Selected& s) const {
+    std::vector<perception::Vec3f> points;
+    std::vector<Rgb> colours;
+    for (const int i : s.pixels) {
+      colours.push_back(rgb_.data()[i]);
+      if (depth_ == nullptr || !(points_.z_mm()[i] > 0)) continue;
+      points.push_back(1e-3F *
+                       perception::Vec3f(points_.x_mm()[i], points_.y_mm()[i], points_.z_mm()[i]));
+    }
+    std::vector<float> scratch(points.size());
+    return perception::summarise(points, colours, scratch);
+  }
+
+ private:
+  // d of every pixel to the means of the whole region.
+  void measure(Selected& s) const {
+    double m[6] = {0, 0, 0, 0, 0, 0}, placed = 0;
+    const bool flat = depth_ == nullptr;
+    const auto place = [&](int i, double p[3]) {
+      p[0] = flat ? i % rgb_.width() : static_cast<double>(points_.x_mm()[i]);
+      p[1] = flat ? i / rgb_.width() : static_cast<double>(points_.y_mm()[i]);
+      p[2] = flat ? 0 : static_cast<double>(points_.z_mm()[i]);
+      return flat || points_.z_mm()[i] > 0;
+    };
+    const auto n = static_cast<double>(s.pixels.size());
+    double p[3];
+    for (const int i : s.pixels) {
+      const perception::Lab c = lab_.at(i);
+      m[0] += static_cast<double>(c.L) / n, m[1] += static_cast<double>(c.a) / n,
+          m[2] += static_cast<double>(c.b) / n;
+      if (!place(i, p)) continue;
+      m[3] += p[0], m[4] += p[1], m[5] += p[2], placed += 1;
+    }
+    for (int k = 3; k < 6; ++k) m[k] /= std::max(1.0, placed);
+    const double beta =
+        static_cast<double>(o_.grow.m) / static_cast<double>(flat ? o_.grow.g_px : o_.grow.g_mm);
+    s.d.reserve(s.pixels.size());
+    for (const int i : s.pixels) {
+      const perception::Lab c = lab_.at(i);
+      const double colour =
+          std::hypot(static_cast<double>(c.L) - m[0], static_cast<double>(c.a) - m[1],
+                     static_cast<double>(c.b) - m[2]);
+      const double far = place(i, p) ? std::hypot(p[0] - m[3], p[1] - m[4], p[2] - m[5]) : 0;
+      s.d.push_back(static_cast<float>(colour + beta * far));
+    }
+  }
+
+  const SegmentOptions& o_;
+  const Image<Rgb>& rgb_;
+  const Image<std::uint16_t>* depth_;
+  perception::LabImage lab_;
+  perception::PointImage points_;
+  std::optional<perception::RegionGrower> grower_;
+  std::optional<perception::TouchSegmenter> touch_;
+  perception::WholeImage whole_;
+};
+
+void add_metrics(Metrics& metrics, int number, const perception::ObjectSummary& s,
+                 std::size_t pixels) {
+  const std::string head = "segment.object_" + std::to_string(number) + ".";
+  metrics.add(head + "pixels", static_cast<double>(pixels), "1");
+  char colour[16];
+  std::snprintf(colour, sizeof colour, "#%02x%02x%02x", s.colour.r, s.colour.g, s.colour.b);
+  metrics.add(head + "colour", colour, "sRGB");
+  if (s.points == 0) return;
+  const Eigen::Quaterniond q(s.X_FO.linear());
+  const double sign = q.w() < 0 ? -1 : 1;
+  const char* axis[] = {"x", "y", "z"};
+  for (int k = 0; k < 3; ++k) {
+    metrics.add(head + "centroid_" + axis[k] + "_m", s.X_FO.translation()[k], "m");
+    metrics.add(head + "extent_" + axis[k] + "_m", s.extent_m[k], "m");
+    metrics.add(head + "q" + axis[k], sign * q.vec()[k], "1");
+  }
+  metrics.add(head + "qw", sign * q.w(), "1");
+}
+
+void check(const SegmentOptions& o) {
+  if (o.whole == !o.touches.empty()) {
+    throw std::runtime_error("give --whole, or --touch at least once, not both");
+  }
+  if (o.whole && (!o.depth.empty() || o.method != "default")) {
+    throw std::runtime_error("--whole works on colour alone, by its own method");
+  }
+  if (o.depth.empty() != o.intrinsics.empty()) {
+    throw std::runtime_error("--depth and --intrinsics go together");
+  }
+  if (o.touches.size() > 255) throw std::runtime_error("--touch: at most 255");
+  for (const std::string& path : {o.out, o.json}) {
+    if (path.empty()) continue;
+    auto folder = std::filesystem::path(path).parent_path();
+    if (folder.empty()) folder = ".";
+    if (access(folder.c_str(), W_OK) != 0 || std::filesystem::is_directory(path)) {
+      throw std::runtime_error(path + ": can not be written");
+    }
+  }
+}
+
+Image<std::uint16_t> segment_touches(const SegmentOptions& o, const Image<Rgb>& rgb,
+                                     Metrics& metrics) {
+  const int w = rgb.width(), h = rgb.height();
+  std::vector<Touch> touches;
+  for (const std::string& t : o.touches) touches.push_back(parse_touch(t, w, h));
+  std::optional<Image<std::uint16_t>> depth;
+  perception::Intrinsics k;
+  if (!o.depth.empty()) {
+    k = parse_intrinsics(o.intrinsics, w, h);
+    depth = take(read_grey(o.depth));
+    if (depth->width() != w || depth->height() != h) {
+      throw std::runtime_error(o.depth + ": is " + std::to_string(depth->width()) + " x " +
+                               std::to_string(depth->height()) + ", the colour image " +
+                               std::to_string(w) + " x " + std::to_string(h));
+    }
+  }
+  const double t0 = cpu_ms();
+  Segmenter segmenter(o, rgb, depth ? &*depth : nullptr, k);
+  Image<std::uint16_t> out(w, h, 0);
+  std::vector<float> least(static_cast<std::size_t>(w * h), 1e30F);
+  for (std::size_t n = 0; n < touches.size(); ++n) {
+    const Selected s = segmenter.select(touches[n]);
+    for (std::size_t i = 0; i < s.pixels.size(); ++i) {
+      const auto p = static_cast<std::size_t>(s.pixels[i]);
+      if (s.d[i] < least[p]) least[p] = s.d[i], out.data()[p] = static_cast<std::uint16_t>(n + 1);
+    }
+    add_metrics(metrics, static_cast<int>(n + 1), segmenter.summary(s), s.pixels.size());
+  }
+  for (std::size_t n = 0; n < touches.size(); ++n) {
+    out.at(touches[n].u, touches[n].v) = static_cast<std::uint16_t>(n + 1);
+  }
+  metrics.add("segment.cpu_ms", cpu_ms() - t0, "ms");
+  return out;
+}
+
+void run(const SegmentOptions& o) {
+  check(o);
+  const auto rgb = take(read_colour(o.color));
+  if (rgb.width() < 2 || rgb.height() < 2)
+    throw std::runtime_error(o.color + ": is below 2 x 2 pixels");
+  Metrics metrics("segment");
+  Image<std::uint16_t> labels;
+  if (o.whole) {
+    const double t0 = cpu_ms();
+    const auto whole = perception::segment_whole(rgb.view(), {});
+    metrics.add("segment.cpu_ms", cpu_ms() - t0, "ms");
+    metrics.add("segment.regions", whole.regions, "1");
+    labels = Image<std::uint16_t>(rgb.width(), rgb.height());
+    std::copy(whole.labels.begin(), whole.labels.end(), labels.data());
+  } else {
+    labels = segment_touches(o, rgb, metrics);
+  }
+  const std::string png = encode_labels(labels.view());
+  write_whole_file(o.out, png);
+  try {
+    if (!o.json.empty()) metrics.write(o.json);
+  } catch (...) {
+    std::error_code ignored;
+    std::filesystem::remove(o.out, ignored);
+    throw;
+  }
+  for (const auto& row : metrics.rows()) {
+    if (row.name == "segment.cpu_ms" || row.name == "segment.regions") {
+      std::printf("%s %.1f %s\n", row.name.c_str(), row.value, row.unit.c_str());
+    }
+  }
+}
+
+}  // namespace
+
+int cmd_segment(int argc, char** argv) {
+  SegmentOptions o;
+  CLI::App app("teletact segment: the object under a touch, or every region of an image",
+               "teletact segment");
+  app.add_option("--color", o.color, "colour image, PNG or JPEG")->required();
+  app.add_option("--depth", o.depth, "registered depth, 16 bit PNG");
+  app.add_option("--depth-unit", o.depth_unit_mm, "mm a step of the depth image")
+      ->check(CLI::Range(0.001, 100.0))
+      ->capture_default_str();
+  app.add_option("--intrinsics", o.intrinsics, "fx,fy,cx,cy in px");
+  app.add_option("--touch", o.touches, "pixel x,y; repeat for more objects");
+  app.add_flag("--whole", o.whole, "segment the whole image");
+  app.add_option("--method", o.method, "default | paper")
+      ->check(CLI::IsMember({"default", "paper"}))
+      ->capture_default_str();
+  app.add_option("--m", o.grow.m, "paper: weight of place against colour")
+      ->check(CLI::Range(1.0F, 20.0F))
+      ->capture_default_str();
+  app.add_option("--threshold", o.grow.threshold, "paper: largest d that joins")
+      ->check(CLI::Range(0.0F, 1000.0F));
+  app.add_option("--out", o.out, "PNG to write")->required();
+  app.add_option("--json", o.json, "figures to write: each object's pose, extent, colour");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp&) {
+    std::fputs(app.help().c_str(), stdout);
+    return 0;
+  } catch (const CLI::ParseError& e) {
+    throw std::runtime_error(e.what());
+  }
+  if (app.count("--threshold") > 0) o.grow.threshold_flat = o.grow.threshold;
+  run(o);
+  return 0;
+}
+
+}  // namespace teletact
