@@ -25,7 +25,9 @@ void on_crash(int number) {
   text[sizeof text - 3] = static_cast<char>('0' + number / 10 % 10);
   text[sizeof text - 2] = static_cast<char>('0' + number % 10);
   if (auto* box = g_crash_box.load()) box->note_stop({text, sizeof text - 1});
-  // The action is back at its default (SA_RESETHAND): the fault comes again and ends the process.
+  // The action is back at its default (SA_RESETHAND). A fault would come again by itself, a signal that
+  // somebody sent would not.
+  ::raise(number);
 }
 
 // Inputs of every job and some lines and marks a second, in the ring.

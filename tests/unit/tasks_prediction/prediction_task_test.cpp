@@ -160,9 +160,9 @@ struct Loop {
       goal = down.front().second;
       rin.goal = &goal;
       rin.link_heard = true;
-      rin.link_heard_at = now;
       down.pop_front();
     }
+    rin.link_heard_at = now;  // an end with nothing to say says that it is alive
     {
       rt::Section section;
       rin.bus = bus.exchange(now, rout.setpoints, rin.motors);

@@ -68,6 +68,7 @@ std::regex pattern(const std::string& name) {
   std::string out;
   for (std::size_t i = 0; i < name.size(); ++i) {
     const char c = name[i];
+    if (c == '`') continue;
     if (c == '{') {
       const std::size_t end = name.find('}', i);
       std::string choice = name.substr(i + 1, end - i - 1);
@@ -197,11 +198,13 @@ std::vector<Case> cases(const Folder& f, const camera_test::TumFolder& images) {
        {"predict.rows", "predict.predicted"}},
       {"calibrate --seconds 2 --quiet --out " + (f / "c.toml"),
        "calibrate",
-       {"calibrate.haptic.0.p99_us", "calibrate.fusion.1.budget_us"}},
+       {"calibrate.haptic.0.p99_us", "calibrate.fusion.20mm.1.budget_us"}},
       {"audit " + (f / "a.run"), "audit", {"haptic.jobs", "haptic.miss_own"}},
       {"bench rings --rounds 1", "bench rings", {"ring.line_ns", "ring.measured"}},
       {"bench wakeup --rounds 1 --slice 0.2", "bench wakeup", {"wakeup.p50_plain_us"}},
       {"bench audit", "bench audit", {"audit.job_ns", "log.record_ns"}},
+      {"device --kind twin --seconds 0.2", "device", {"device.new", "device.missing"}},
+      {"stability --cases 1 --quick --no-optimum", "stability", {"stability.case1.pass"}, {0, 1}},
       {"doctor", "doctor", {"doctor.verdict", "doctor.clock"}, {0, 1, 2}},
   };
 }
