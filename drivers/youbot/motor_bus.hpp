@@ -39,8 +39,9 @@ class MotorBus {
   // One cycle. `states` is untouched unless kOk.
   [[nodiscard]] virtual BusStatus exchange(rt::Time now, const MotorSetpoints& setpoints,
                                            MotorStates& states) noexcept = 0;
-  // Clears the motors' latched traffic timeout (SAP 158); owner's thread, when the operator clears.
-  virtual void clear_timeout() noexcept {}
+  // The operator's clear: lets go of the motors' latched traffic timeout (SAP 158) and of make_safe().
+  // Owner's thread.
+  virtual void rearm() noexcept {}
   // Motor stop, at once, from any thread, even while the owner hangs in exchange().
   virtual void make_safe() noexcept = 0;
 };

@@ -1,11 +1,9 @@
 // Twin of the youBot's motor bus: MotorBus in front of a RobotPlant.
 //
 // Watchdog  no exchange for 100 ms: the motors stop and flag bit 16 latches on every wheel;
-// setpoints
-//           have no effect until clear_timeout() (SAP 158 on the real boards). It is armed by the
+//           setpoints have no effect until rearm() (SAP 158 on the real boards). It is armed by the
 //           first exchange.
-// Safe      make_safe() may come from any thread; it holds from the last exchange on and stays
-// until
+// Safe      make_safe() may come from any thread; it holds from the last exchange on and stays until
 //           rearm(), which only the owner calls (an operator's act).
 // Faults    planned by time in config or set by the owner: frame lost, bus down, stuck wheel,
 //           not-a-number angle.
@@ -79,8 +77,10 @@ class VirtualYoubot final : public MotorBus {
   void make_safe() noexcept override { safe_.store(true, std::memory_order_release); }
 
   // Owner's thread only, from here on.
-  void clear_timeout() noexcept { timeout_ = false; }
-  void rearm() noexcept { safe_.store(false, std::memory_order_release); }
+  void rearm() noexcept override {
+    timeout_ = false;
+    safe_.store(false, std::memory_order_release);
+  }
   [[nodiscard]] BusFaults& faults() noexcept { return faults_; }
   [[nodiscard]] const RobotPlant& plant() const noexcept { return plant_; }
   [[nodiscard]] bool timed_out() const noexcept { return timeout_; }

@@ -39,7 +39,7 @@ rt::Health RobotIoNode::step(const rt::Tick& tick, rt::JobRecord& record) noexce
 }
 
 void RobotIoNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
-  if (out_.clear_motor_timeout) bus_.clear_timeout();
+  if (out_.rearm_motors) bus_.rearm();
   setpoints_ = out_.setpoints;
   cells_.state.begin_write() = out_.state;
   cells_.state.publish();

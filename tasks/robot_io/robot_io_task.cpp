@@ -43,7 +43,7 @@ RobotIoTask::RobotIoTask(rt::NonRealtime&, const RobotIoConfig& config)
 }
 
 Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
-  out.clear_motor_timeout = false;
+  out.rearm_motors = false;
   Health health = sense_bus(in);
   health = rt::worst(health, accept_goal(tick, in));
 
@@ -135,7 +135,7 @@ void RobotIoTask::let_go(Out& out) noexcept {
     odometry_.reset(odometry_.pose());
     encoder_fault_ = false;
   }
-  out.clear_motor_timeout = (motor_flags_ & drivers::motor_flag::kTimeout) != 0;
+  out.rearm_motors = true;
 }
 
 // Supervision looks every tenth tick and at the newest report only: what lasted for one tick must

@@ -96,8 +96,8 @@ class RobotIoTask {
     drivers::MotorSetpoints setpoints;
     drivers::RobotState state;
     RobotIoTelemetry telemetry;
-    // The operator clears while the motors' watchdog is latched: the driver shall clear it.
-    bool clear_motor_timeout = false;
+    // The operator clears: the driver lets go of what its motors have latched.
+    bool rearm_motors = false;
   };
 
   // Throws std::invalid_argument if a limit contradicts another one.

@@ -99,7 +99,7 @@ class InputRecorder::BusTap final : public drivers::MotorBus {
     newest.status = static_cast<std::uint8_t>(status);
     return status;
   }
-  void clear_timeout() noexcept override { inner_.clear_timeout(); }
+  void rearm() noexcept override { inner_.rearm(); }
   void make_safe() noexcept override { inner_.make_safe(); }
   MotorInput newest;
 

@@ -278,7 +278,7 @@ TEST(VirtualYoubot, WatchdogStopsAtItsInstantAndLatches) {
   const double stopped = b.truth().X_WB.x;
   b.drive({0.4, 0, 0}, 500);
   EXPECT_NEAR(b.truth().X_WB.x, stopped, 1e-6);  // setpoints have no effect
-  b.bus.clear_timeout();
+  b.bus.rearm();
   b.drive({0.4, 0, 0}, 500);
   EXPECT_GT(b.truth().X_WB.x, stopped + 0.15);
 }

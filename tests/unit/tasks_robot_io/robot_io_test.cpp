@@ -79,7 +79,7 @@ struct Robot {
       }
       health = task.step(t, in, out);
     }
-    if (out.clear_motor_timeout) bus.clear_timeout();
+    if (out.rearm_motors) bus.rearm();
     now += 1ms;
   }
   void run(int ms) {

@@ -205,6 +205,9 @@ std::vector<Case> cases(const Folder& f, const camera_test::TumFolder& images) {
       {"bench audit", "bench audit", {"audit.job_ns", "log.record_ns"}},
       {"device --kind twin --seconds 0.2", "device", {"device.new", "device.missing"}},
       {"stability --cases 1 --quick --no-optimum", "stability", {"stability.case1.pass"}, {0, 1}},
+      {"segment --color " + images.path() + "/rgb/0.png --touch 3,3 --out " + (f / "mask.png"),
+       "segment",
+       {"segment.cpu_ms"}},
       {"doctor", "doctor", {"doctor.verdict", "doctor.clock"}, {0, 1, 2}},
   };
 }
