@@ -336,7 +336,11 @@ bool ObjectGraph::same_behind_occluder(const SurfacePatches& patches, int region
   const float colour = std::sqrt(dL * dL + std::pow(ra.a / ra.n - rb.a / rb.n, 2.0F) +
                                  std::pow(ra.b / ra.n - rb.b / rb.n, 2.0F));
   if (colour > c.occluded_colour) return false;
-  const Face a = largest_face(patches, region_a), b = largest_face(patches, region_b);
+  if (region_a != asked_region_) {
+    asked_face_ = largest_face(patches, region_a);
+    asked_region_ = region_a;
+  }
+  const Face &a = asked_face_, b = largest_face(patches, region_b);
   if (!(a.area > 0) || !(b.area > 0)) return false;
   const Vec3f apart = b.centre - a.centre;
   const float z = std::max(a.centre.z(), b.centre.z());
@@ -365,6 +369,7 @@ bool ObjectGraph::same_behind_occluder(const SurfacePatches& patches, int region
 void ObjectGraph::build(const SurfacePatches& patches, const SupportPlane& plane,
                         const ObjectGraphConfig& c) noexcept {
   pieces_ = patches.count();
+  asked_region_ = kNone;
   mark_support(patches, plane, c);
   free_coloured_support(patches, c);
   const float pixel = patches.x_of(1) - patches.x_of(0);

@@ -102,6 +102,8 @@ class ObjectGraph {
   };
   [[nodiscard]] Face largest_face(const SurfacePatches& patches, int region) const noexcept;
   Lab support_colour_;
+  Face asked_face_;  // of asked_region_, since the last build()
+  int asked_region_ = kNone;
 
   int edge_count_ = 0, pieces_ = 0;
   std::vector<Edge> edges_;
