@@ -119,6 +119,12 @@ void TsdfMap::carve(const View& view, IntegrateStats& stats) noexcept {
                                             (z * 64 + 31.5) * voxel_, half);
         if (!box.visible) continue;
         Chunk* c = const_cast<Chunk*>(find_chunk(x, y, z));
+        // Half of the chunks a frame: between two frames little becomes free.
+        if (c != nullptr) {
+          if (c->carved + 1 == frame_ && ((x + y + z + static_cast<int>(frame_ & 1U)) & 1) != 0)
+            continue;
+          c->carved = frame_;
+        }
         carve_cube(view, c, {x * 64, y * 64, z * 64}, 64, stats);
       }
 }

@@ -46,6 +46,7 @@ IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
     stats.refused = true;
     return stats;
   }
+  frame_ += frame_ == 0 ? 2 : 1;  // a chunk's 0 is never the last frame
   const DepthRule rule{static_cast<float>(config_.min_depth_m),
                        static_cast<float>(config_.max_depth_m),
                        static_cast<float>(config_.edge_base_m),

@@ -161,6 +161,7 @@ TsdfMap::Chunk* TsdfMap::chunk_for(int cx, int cy, int cz) noexcept {
   c.settled.fill(0);
   c.coord = {cx, cy, cz};
   c.blocks = 0;
+  c.carved = 0;
   return &c;
 }
 

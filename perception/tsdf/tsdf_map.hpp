@@ -11,7 +11,8 @@
 //           clipped to it, so that 2.5 voxels across the surface are known on either side.
 // Blocks    allocated only where a ray passes through its band.
 // Free      a node is seen free when a ray passed in front of its reading there: one bit a node in
-//           blocks, one bit per 2^3 nodes (all of them, conservatively) where no block is.
+//           blocks, one bit per 2^3 nodes (all of them, conservatively) where no block is; there a chunk
+//           that was carved in the last frame waits for the next one every other time.
 //           Free is not unknown.
 // Memory    everything is allocated and touched in the constructor. A full pool loses nothing that
 //           is stored: new blocks are refused and counted.
@@ -218,6 +219,7 @@ class TsdfMap {
     std::array<std::uint64_t, 8> settled;  // bit by*8+bz of word bx: block allocated, or all free
     BlockCoord coord;                      // in chunks
     std::int32_t blocks;                   // allocated
+    std::uint32_t carved;                  // frame that last carved here
   };
   [[nodiscard]] const Chunk* find_chunk(int cx, int cy, int cz) const noexcept;
   [[nodiscard]] const Chunk& chunk(int n) const noexcept {  // n < chunk_count(), allocation order
@@ -269,6 +271,7 @@ class TsdfMap {
   int used_blocks_ = 0, recycled_count_ = 0, live_blocks_ = 0;
 
   bool range_weight_ = false, profiling_ = false;
+  std::uint32_t frame_ = 0;  // of integrate()
   IntegrateTimes times_;
   DepthPyramid pyramid_;
   ChunkDirectory directory_;  // round the camera of the frame being fused

@@ -69,13 +69,18 @@ HWY_INLINE void blend(const UpdateCamera& c, MF near, const std::uint32_t* pixel
   const DI di;
   const DU du;
   HWY_ALIGN std::uint32_t seen[16] = {};
+  const std::uint8_t* last = c.colour + 3 * ((c.height - 1) * c.colour_stride_px + c.width - 1);
   for (std::uint64_t m = bits_of(near); m != 0; m &= m - 1) {
     const auto n = static_cast<std::size_t>(__builtin_ctzll(m));
     const auto row = static_cast<std::ptrdiff_t>(pixel[n] >> 16U);
     const auto column = static_cast<std::ptrdiff_t>(pixel[n] & 0xffffU);
     const std::uint8_t* p = c.colour + 3 * (row * c.colour_stride_px + column);
-    seen[n] = static_cast<std::uint32_t>(p[0]) | static_cast<std::uint32_t>(p[1]) << 8U |
-              static_cast<std::uint32_t>(p[2]) << 16U;
+    // Four bytes in one load, but for the image's last pixel; the fourth is not looked at.
+    if (p < last)
+      std::memcpy(&seen[n], p, 4);
+    else
+      seen[n] = static_cast<std::uint32_t>(p[0]) | static_cast<std::uint32_t>(p[1]) << 8U |
+                static_cast<std::uint32_t>(p[2]) << 16U;
   }
   const VU now = hn::Load(du, seen), old = hn::LoadU(du, colours);
   const VU n = hn::ShiftRight<24>(old), sum = hn::Add(n, hn::Set(du, 1U));
@@ -131,10 +136,7 @@ HWY_INLINE bool project(const UpdateCamera& c, const float (&p0)[3], Projected& 
       return hn::ConvertTo(di, add(hn::IfThenElseZero(in, w), half));
     };
     const VI iu = nearest(u), iv = nearest(v);
-    // Exact: pixel numbers stay below 2^24.
-    const VI index = hn::ConvertTo(
-        di,
-        add(mul(hn::ConvertTo(df, iv), set(static_cast<float>(c.width))), hn::ConvertTo(df, iu)));
+    const VI index = hn::Add(hn::Mul(iv, hn::Set(di, c.width)), iu);
     hn::Store(hn::BitCast(du, hn::IfThenElse(hn::RebindMask(di, in), index, spare)), du,
               out.reading + n);
     hn::Store(hn::BitCast(du, hn::Or(hn::ShiftLeft<16>(iv), iu)), du, out.pixel + n);

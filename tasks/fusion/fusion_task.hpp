@@ -70,7 +70,7 @@ struct FusionConfig {
   double velocity_decay = 0.8;  // of the constant-velocity prior a frame that is not claimed
   int level_count = 3;
   std::array<FusionLevel, kMaxLevels> levels{
-      FusionLevel{1, 1, {4, 5, 15}}, FusionLevel{2, 2, {4, 5, 15}}, FusionLevel{4, 4, {4, 5, 15}},
+      FusionLevel{1, 2, {4, 5, 15}}, FusionLevel{2, 2, {4, 5, 15}}, FusionLevel{4, 4, {4, 5, 15}},
       FusionLevel{4, 4, {2, 3, 8}}};
   void describe(config::Section& s);
 };
