@@ -72,7 +72,7 @@ add_custom_target(threads_tests)
 # Every .cpp of the calling folder becomes one GoogleTest program test_<name>. The allocation and
 # lock guard is linked in unless NO_GUARD or a sanitizer is on. Labels: unit; sanitize (run by
 # tools/test --all with AddressSanitizer and UBSan) unless NO_SANITIZE, which is for what takes
-# minutes, or LABELS timing; LABELS threads: run with ThreadSanitizer too. NEEDS_FAULTS: not declared when
+# minutes or runs the whole program, or LABELS timing; LABELS threads: run with ThreadSanitizer too. NEEDS_FAULTS: not declared when
 # TELETACT_FAULTS is OFF, for it runs a planned executor. Sanitizers get five times the TIMEOUT.
 function(teletact_test name)
   cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS" "TIMEOUT" "DEPS;PACKAGES;LABELS" ${ARGN})
