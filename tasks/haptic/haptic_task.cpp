@@ -60,6 +60,12 @@ void HapticConfig::describe(config::Section& s) {
   s.number("mark_spacing_m", mark_spacing_m, 0.001, 1, "distance between points of a mark");
   s.number("mark_rate_hz", mark_rate_hz, 0.1, 1000, "points of a mark a second, at least");
   s.number("paper_friction", paper_friction, 0, 2, "mu of method force_shading's circle");
+  s.number("friction_static", friction_static, 0, 2, "mu of rest; 0: no friction");
+  s.number("friction_dynamic", friction_dynamic, 0, 2, "mu of slip, at most friction_static");
+  s.number("texture_amplitude_m", texture_amplitude_m, 0, 0.002, "height of the bumps; 0: smooth");
+  s.number("texture_period_m", texture_period_m, 0.0004, 0.1, "from bump to bump");
+  s.number("viscosity_N_s_per_m", viscosity_N_s_per_m, 0, 5, "drag of the hand");
+  s.flag("materials", materials, "surface parameters from the palette of the map's labels");
   s.flag("guard", guard, "slew guard");
   s.flag("passivity_controller", passivity_controller, "damp what the observer finds active");
 }
@@ -73,7 +79,13 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
     throw std::runtime_error("haptic.method = '" + config.method + "': allowed are " +
                              std::string(kProxyMethods));
   }
-  proxy_step_ = proxy_step(method);
+  effects_ = config.effects();
+  proxy_step_ = proxy_step(method, config.texture_amplitude_m > 0 || config.materials);
+  stiffness_ = config.stiffness_N_per_m;
+  surface_.friction_static = static_cast<float>(config.friction_static);
+  surface_.friction_dynamic = static_cast<float>(config.friction_dynamic);
+  surface_.texture_amplitude_m = static_cast<float>(config.texture_amplitude_m);
+  surface_.texture_period_m = static_cast<float>(config.texture_period_m);
   const double k_max = device.stiffness_limit(period_s);
   if (!(config.stiffness_N_per_m > 0) || config.stiffness_N_per_m > k_max) {
     std::ostringstream text;
@@ -94,6 +106,8 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
   }
   proxy_config_.tip_radius_m = config.tip_radius_m;
   proxy_config_.paper_friction = config.paper_friction;
+  proxy_config_.texture_amplitude_m = config.texture_amplitude_m;
+  proxy_config_.texture_period_m = config.texture_period_m;
   force_limit_N_ = std::min(config.force_limit_N, device.force_limit_N);
   origin_W_ = Vec3(config.workspace_W_m[0], config.workspace_W_m[1], config.workspace_W_m[2]);
   R_WD_ = Eigen::AngleAxisd(config.workspace_yaw_deg * std::numbers::pi / 180.0, Vec3::UnitZ())
@@ -164,6 +178,29 @@ double HapticTask::slew_limit(const Vec3& change, double dh) const noexcept {
   const double size = f_D_.norm();
   const double along = size > 0.1 ? std::abs(change.dot(f_D_)) / size : change.norm();
   return calm + (most - calm) * std::clamp(along - 1.0, 0.0, 1.0);
+}
+
+// What the scene asks for beyond the plain spring.
+void HapticTask::apply_effects(const Vec3& p_WH) noexcept {
+  const double step_N = 100 * period_s_;
+  if (config_.materials && proxy_.phase == ProxyState::Phase::kContact && newer_ != nullptr) {
+    perception::Material goal;
+    if (material_at(*newer_, proxy_.p_WP(), goal)) {
+      if (was_contact_) {
+        follow(surface_, goal, config_.stiffness_N_per_m,
+               (proxy_.p_WP() - p_WH).norm() / config_.scale, step_N);
+      } else {
+        surface_ = goal;  // first touch: nothing to go on from
+      }
+      stiffness_ = config_.stiffness_N_per_m * static_cast<double>(surface_.stiffness_scale);
+      proxy_config_.texture_amplitude_m = static_cast<double>(surface_.texture_amplitude_m);
+      proxy_config_.texture_period_m =
+          std::max(static_cast<double>(surface_.texture_period_m), 0.0004);
+    }
+  }
+  rendered_W_ =
+      with_friction(field_, p_WH, proxy_, static_cast<double>(surface_.friction_static),
+                    static_cast<double>(surface_.friction_dynamic), proxy_config_.tip_radius_m);
 }
 
 // Force limit, passivity, slew guard; fills force and telemetry, and remembers both forces.
@@ -249,7 +286,7 @@ void HapticTask::report(const rt::Tick& tick, bool button, Out& out) noexcept {
   s.stamp = tick.release;
   s.p_WH = have_hand_ ? to_world(h_D_) : Vec3::Zero();
   s.v_WH = R_WD_ * (config_.scale * v_D_);
-  s.p_WP = have_hand_ && newer_ != nullptr ? proxy_.p_WP() : s.p_WH;
+  s.p_WP = have_hand_ && newer_ != nullptr ? rendered_W_ : s.p_WH;
   s.f_H_W = R_WD_ * out.force.f_H_D;
   s.normal_W = out.telemetry.in_contact ? proxy_.normal_W() : Vec3::Zero();
   s.contacts = out.telemetry.in_contact ? proxy_.contacts : 0;
@@ -346,9 +383,15 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
     return not_finite(tick, out);
   }
   const Vec3 p_WH = to_world(h_D_);
+  const double stiffness_before = stiffness_;
   if (in.surface != nullptr) proxy_config_.surface = in.surface;
   proxy_step_(field_, p_WH, proxy_, proxy_config_);
-  const Vec3 stretch_W = proxy_.p_WP() - p_WH;
+  if (effects_) {
+    apply_effects(p_WH);
+  } else {
+    rendered_W_ = proxy_.p_WP();
+  }
+  const Vec3 stretch_W = rendered_W_ - p_WH;
   if (!finite(stretch_W)) {
     return not_finite(tick, out);
   }
@@ -372,15 +415,19 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
     t.penetration_m = t.in_contact ? stretch_W.norm() : 0;
     const double gain_before = t.gain = fade_ * ramp_;
     t.gain = advance_gain(t.stale || in.mode.mode == Mode::kRampDown, dt);
-    const Vec3 f_D =
-        (t.gain * config_.stiffness_N_per_m / config_.scale) * (R_WD_.transpose() * stretch_W);
+    const Vec3 f_D = (t.gain * stiffness_ / config_.scale) * (R_WD_.transpose() * stretch_W);
     const Vec3 f_raw_before = f_raw_D_;
-    guard_force(t.in_contact ? f_D : Vec3::Zero(), dx_D.norm(), dt, out);
-    const double spring_J = t.gain > 0 ? t.gain * spring_energy(config_.stiffness_N_per_m,
-                                                                t.penetration_m / config_.scale,
-                                                                force_limit_N_ / t.gain)
-                                       : 0;
-    const bool moved = blending || t.gain != gain_before;
+    Vec3 f_sum_D = t.in_contact ? f_D : Vec3::Zero();
+    if (effects_) {
+      t.friction_N = stiffness_ * (rendered_W_ - proxy_.p_WP()).norm() / config_.scale;
+      f_sum_D -= (t.gain * config_.viscosity_N_s_per_m) * v_D_;
+    }
+    guard_force(f_sum_D, dx_D.norm(), dt, out);
+    const double spring_J =
+        t.gain > 0 ? t.gain * spring_energy(stiffness_, t.penetration_m / config_.scale,
+                                            force_limit_N_ / t.gain)
+                   : 0;
+    const bool moved = blending || t.gain != gain_before || stiffness_ != stiffness_before;
     const double injected =
         moved ? spring_J - spring_J_ + 0.5 * (f_raw_before + f_raw_D_).dot(dx_D) : 0;
     energy_.book(injected, spring_J - spring_J_, dt);

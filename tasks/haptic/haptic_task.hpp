@@ -27,6 +27,7 @@
 #include "rt/tick.hpp"
 #include "tasks/graph/messages.hpp"
 #include "tasks/graph/table.hpp"
+#include "tasks/haptic/effects.hpp"
 #include "tasks/haptic/energy.hpp"
 #include "tasks/haptic/field.hpp"
 #include "tasks/haptic/force_shading.hpp"
@@ -53,6 +54,15 @@ struct HapticConfig {
   double mark_spacing_m = 0.02;
   double mark_rate_hz = 10.0;
   bool guard = true;  // slew guard
+  // Effects (effects.hpp), off by default.
+  double friction_static = 0, friction_dynamic = 0;
+  double texture_amplitude_m = 0, texture_period_m = 0.002;
+  double viscosity_N_s_per_m = 0;
+  bool materials = false;  // parameters from the patch's palette instead of the keys above
+
+  [[nodiscard]] bool effects() const noexcept {
+    return friction_static > 0 || texture_amplitude_m > 0 || viscosity_N_s_per_m > 0 || materials;
+  }
   bool passivity_controller = false;
   double paper_friction = 0;  // method force_shading only: mu of the published friction circle
 
@@ -74,6 +84,7 @@ struct HapticTelemetry {
   double step_N = 0;             // the same after all guards
   double penetration_m = 0;      // |p_WP - p_WH| in contact, scene metres
   double gain = 0;               // fade and ramps, 0..1
+  double friction_N = 0;         // K |proxy with friction - frictionless proxy|
   double blend = 1;              // s of the running blend; 1 = settled
   double energy_J = 0;           // observer E
   double booked_J = 0;           // injections booked apart
@@ -137,6 +148,7 @@ class HapticTask {
  private:
   static constexpr double kFarthestHand_m = 10.0;  // beyond it a position is no position
 
+  void apply_effects(const perception::Vec3& p_WH) noexcept;
   bool take_patch(const perception::SurfacePatch* patch) noexcept;
   void advance_blend(double dt) noexcept;
   double advance_gain(bool ramp_down, double dt) noexcept;
@@ -159,6 +171,12 @@ class HapticTask {
   double force_limit_N_;
   perception::Vec3 origin_W_;
   perception::Mat3 R_WD_;
+
+  // The surface as the effects have it, this tick.
+  bool effects_ = false;
+  perception::Material surface_;
+  perception::Vec3 rendered_W_ = perception::Vec3::Zero();  // proxy with friction
+  double stiffness_ = 0;                                    // K of this tick
 
   Field field_;
   ProxyState proxy_;

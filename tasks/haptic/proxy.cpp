@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "tasks/haptic/force_shading.hpp"
 #include "tasks/haptic/nearest_on_planes.hpp"
@@ -33,6 +34,7 @@ struct Plane {
 };
 
 // One tick of the constrained method: the working set, on the stack.
+template <bool kTextured>
 class Descent {
  public:
   Descent(const Field& field, const Vec3& h, ProxyState& state, const ProxyConfig& cfg) noexcept
@@ -42,6 +44,11 @@ class Descent {
       // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it.
       radius_ *= std::max(1.0, field.smooth_gradient(state.p_WP()).norm());
     }
+    stride_max_ = kSweepStep_vox * field.voxel();
+    if constexpr (kTextured) {
+      stride_max_ = std::min(stride_max_, 0.125 * cfg.texture_period_m);
+      wave_ = 2 * std::numbers::pi / cfg.texture_period_m;
+    }
     for (std::int32_t i = 0; i < state.frame_size; ++i) {
       const ProxyPlane& f = state.frame[static_cast<std::size_t>(i)];
       frame_[frame_size_++] = {Vec3(f.nx, f.ny, f.nz), f.d};
@@ -50,8 +57,15 @@ class Descent {
 
   [[nodiscard]] Gap gap(const Vec3& x) noexcept {
     const FieldSample s = field_.sample(x);
-    if (s.known) return {s.value - radius_, s.gradient, true};
-    return held_gap(x);
+    if (!s.known) return held_gap(x);
+    Gap g{s.value - radius_, s.gradient, true};
+    if constexpr (kTextured) {
+      for (int a = 0; a < 3; ++a) {
+        g.value -= cfg_.texture_amplitude_m * std::sin(wave_ * x[a]);
+        g.gradient[a] -= cfg_.texture_amplitude_m * wave_ * std::cos(wave_ * x[a]);
+      }
+    }
+    return g;
   }
 
   void place() noexcept;
@@ -88,6 +102,8 @@ class Descent {
   ProxyState& state_;
   const ProxyConfig& cfg_;
   double radius_;
+  double stride_max_ = 0;  // of one descent step
+  double wave_ = 0;        // 2 pi / period of the texture
   std::array<HalfSpace, 3> frame_{};
   std::size_t frame_size_ = 0;
   std::array<Plane, 3> planes_{};  // [0] is the tangent at the proxy
@@ -95,7 +111,8 @@ class Descent {
   unsigned active_ = 0;
 };
 
-Plane Descent::plane(const Vec3& x, const Gap& g, bool fresh) const noexcept {
+template <bool kTextured>
+Plane Descent<kTextured>::plane(const Vec3& x, const Gap& g, bool fresh) const noexcept {
   const double slope = g.gradient.norm();
   Plane out;
   out.at = x;
@@ -113,7 +130,8 @@ Plane Descent::plane(const Vec3& x, const Gap& g, bool fresh) const noexcept {
 
 // A crease that runs along grid nodes has no gradient on its line: there the tangents of the faces
 // are taken from an eighth of a voxel to either side, those that hold for p and bar h the most.
-void Descent::probe(const Vec3& p) noexcept {
+template <bool kTextured>
+void Descent<kTextured>::probe(const Vec3& p) noexcept {
   const double reach = 0.125 * field_.voxel();
   std::array<Plane, 3> found{};
   std::size_t n = 0;
@@ -137,14 +155,16 @@ void Descent::probe(const Vec3& p) noexcept {
   size_ = n;
 }
 
-PlanesResult Descent::solve() const noexcept {
+template <bool kTextured>
+PlanesResult Descent<kTextured>::solve() const noexcept {
   std::array<HalfSpace, 3> halves{};
   for (std::size_t i = 0; i < size_; ++i) halves[i] = planes_[i].half;
   return nearest_on_planes(halves, size_, h_);
 }
 
 // Newton onto the surface, outwards. False: not reached.
-bool Descent::lift(Vec3& p, Gap& g) noexcept {
+template <bool kTextured>
+bool Descent<kTextured>::lift(Vec3& p, Gap& g) noexcept {
   for (int i = 0; i < 8 && g.value < -cfg_.tolerance_m; ++i) {
     const double slope = g.gradient.norm();
     if (slope < kSlopeMin) return false;
@@ -157,7 +177,8 @@ bool Descent::lift(Vec3& p, Gap& g) noexcept {
 
 // The field changed under a proxy in contact: out of the solid along its own side, never through
 // it.
-bool Descent::carry(Vec3& p, Gap& g) noexcept {
+template <bool kTextured>
+bool Descent<kTextured>::carry(Vec3& p, Gap& g) noexcept {
   if (g.value >= -cfg_.tolerance_m) return true;
   const Vec3 side = state_.normal_W();
   if (g.gradient.dot(side) > 0.5 * g.gradient.norm()) {
@@ -197,7 +218,8 @@ bool Descent::carry(Vec3& p, Gap& g) noexcept {
 
 // The proxy moved: its tangent comes first; older planes stay while the proxy is on their free side
 // (the surface is concave between) and near the place they were sampled at.
-void Descent::accept(const Vec3& p, const Gap& g) noexcept {
+template <bool kTextured>
+void Descent<kTextured>::accept(const Vec3& p, const Gap& g) noexcept {
   std::array<Plane, 3> kept{};
   kept[0] = plane(p, g, true);
   std::size_t n = 1;
@@ -215,7 +237,8 @@ void Descent::accept(const Vec3& p, const Gap& g) noexcept {
   if (g.gradient.norm() < kSlopeMin) probe(p);
 }
 
-void Descent::add(const Plane& p) noexcept {
+template <bool kTextured>
+void Descent<kTextured>::add(const Plane& p) noexcept {
   if (size_ < 3) {
     planes_[size_++] = p;
     return;
@@ -226,7 +249,8 @@ void Descent::add(const Plane& p) noexcept {
   planes_[2] = p;
 }
 
-bool Descent::drop_stale(unsigned active) noexcept {
+template <bool kTextured>
+bool Descent<kTextured>::drop_stale(unsigned active) noexcept {
   bool dropped = false;
   std::size_t n = 1;
   for (std::size_t i = 1; i < size_; ++i) {
@@ -243,7 +267,8 @@ bool Descent::drop_stale(unsigned active) noexcept {
 // The working set bars every way, but a plane sampled at some distance from p says little of the
 // surface at p where that is bent: such planes go, and the next step is short enough to find them
 // again from near. False: all of them were near.
-bool Descent::resample(const Vec3& p, unsigned active, double& trust) noexcept {
+template <bool kTextured>
+bool Descent<kTextured>::resample(const Vec3& p, unsigned active, double& trust) noexcept {
   const double near2 = kResampleNear_vox * kResampleNear_vox * field_.voxel() * field_.voxel();
   double farthest2 = near2;
   std::size_t n = 1;
@@ -262,7 +287,8 @@ bool Descent::resample(const Vec3& p, unsigned active, double& trust) noexcept {
 }
 
 // One descent step from p. False: the proxy is where it should be.
-bool Descent::step(Vec3& p, Gap& g, double& trust) noexcept {
+template <bool kTextured>
+bool Descent<kTextured>::step(Vec3& p, Gap& g, double& trust) noexcept {
   const PlanesResult best = solve();
   active_ = best.active;
   if (!best.solved) return drop_stale(~0U) || resample(p, ~0U, trust);
@@ -303,14 +329,15 @@ bool Descent::step(Vec3& p, Gap& g, double& trust) noexcept {
   accept(x, gx);
   p = x;
   g = gx;
-  trust = std::min(2 * std::max(trust, stride), kSweepStep_vox * field_.voxel());
+  trust = std::min(2 * std::max(trust, stride), stride_max_);
   return true;
 }
 
 // The field is bent only where cells meet. Just before such a ridge the proxy may rest although the
 // surface falls away behind it; a rest that ends within a fortieth of a voxel is none. True: the
 // other side is nearer to the hand, and the proxy stands there.
-bool Descent::hop(Vec3& p, Gap& g, double& trust) noexcept {
+template <bool kTextured>
+bool Descent<kTextured>::hop(Vec3& p, Gap& g, double& trust) noexcept {
   const double reach = kHop_vox * field_.voxel();
   const double before = (p - h_).squaredNorm();
   const Vec3 n = planes_[0].half.n;
@@ -332,13 +359,14 @@ bool Descent::hop(Vec3& p, Gap& g, double& trust) noexcept {
     accept(x, gx);
     p = x;
     g = gx;
-    trust = kSweepStep_vox * field_.voxel();
+    trust = stride_max_;
     return true;
   }
   return false;
 }
 
-void Descent::contact(Vec3 p) noexcept {
+template <bool kTextured>
+void Descent<kTextured>::contact(Vec3 p) noexcept {
   Gap g = gap(p);
   if (!carry(p, g)) {
     hold();
@@ -346,14 +374,15 @@ void Descent::contact(Vec3 p) noexcept {
   }
   size_ = 0;
   accept(p, g);
-  double trust = kSweepStep_vox * field_.voxel();
+  double trust = stride_max_;
   for (int i = 0; i < cfg_.iterations_max; ++i) {
     if (!step(p, g, trust) && !hop(p, g, trust)) break;
   }
   finish(p, g);
 }
 
-void Descent::finish(const Vec3& p, const Gap& g) noexcept {
+template <bool kTextured>
+void Descent<kTextured>::finish(const Vec3& p, const Gap& g) noexcept {
   if ((p - h_).squaredNorm() <= cfg_.step_min_m * cfg_.step_min_m && g.value >= 0) {
     leave(h_, g.known);
     return;
@@ -387,7 +416,8 @@ void Descent::finish(const Vec3& p, const Gap& g) noexcept {
   state_.frame_size = static_cast<std::int32_t>(n);
 }
 
-void Descent::leave(const Vec3& p, bool free) noexcept {
+template <bool kTextured>
+void Descent<kTextured>::leave(const Vec3& p, bool free) noexcept {
   state_.phase = free ? ProxyState::Phase::kFree : ProxyState::Phase::kUnknown;
   state_.set_p(p);
   state_.set_normal(Vec3::Zero());
@@ -396,7 +426,8 @@ void Descent::leave(const Vec3& p, bool free) noexcept {
 }
 
 // No field to go by: the last contact planes alone.
-void Descent::hold() noexcept {
+template <bool kTextured>
+void Descent<kTextured>::hold() noexcept {
   const PlanesResult best = nearest_on_planes(frame_, frame_size_, h_);
   if (!best.solved) {  // opposed planes: stay
     state_.held = true;
@@ -417,7 +448,8 @@ void Descent::hold() noexcept {
 
 // First tick: in free space the proxy is the hand; inside, the nearest surface point, if what lies
 // before it was seen free (the right side).
-void Descent::place() noexcept {
+template <bool kTextured>
+void Descent<kTextured>::place() noexcept {
   state_.set_p(h_);
   const FieldSample s = field_.sample(h_);
   if (!s.known) {
@@ -451,7 +483,8 @@ void Descent::place() noexcept {
 
 // Free or unknown: from the last place to the hand, looking for the crossing from seen-free to
 // solid.
-void Descent::sweep() noexcept {
+template <bool kTextured>
+void Descent<kTextured>::sweep() noexcept {
   using Phase = ProxyState::Phase;
   if (field_.near_edge(h_)) {
     leave(h_, false);
@@ -544,20 +577,9 @@ void nearest(const Field& field, const Vec3& h, ProxyState& state, const ProxyCo
   if (length > 0) state.set_normal(out / length);
 }
 
-}  // namespace
-
-void step_nearest(const Field& field, const Vec3& p_WH, ProxyState& state,
-                  const ProxyConfig& cfg) noexcept {
-  nearest(field, p_WH, state, cfg, 1);
-}
-
-void step_nearest10(const Field& field, const Vec3& p_WH, ProxyState& state,
-                    const ProxyConfig& cfg) noexcept {
-  nearest(field, p_WH, state, cfg, 10);
-}
-
-void step_constrained(const Field& field, const Vec3& p_WH, ProxyState& state,
-                      const ProxyConfig& cfg) noexcept {
+template <bool kTextured>
+void constrained(const Field& field, const Vec3& p_WH, ProxyState& state,
+                 const ProxyConfig& cfg) noexcept {
   using Phase = ProxyState::Phase;
   state.held = state.started_inside = false;
   state.contacts = 0;
@@ -568,7 +590,7 @@ void step_constrained(const Field& field, const Vec3& p_WH, ProxyState& state,
     if (state.phase != Phase::kStart) state.phase = Phase::kUnknown;
     return;
   }
-  Descent descent(field, p_WH, state, cfg);
+  Descent<kTextured> descent(field, p_WH, state, cfg);
   switch (state.phase) {
     case Phase::kStart:
       descent.place();
@@ -587,7 +609,29 @@ void step_constrained(const Field& field, const Vec3& p_WH, ProxyState& state,
   }
 }
 
-ProxyStep proxy_step(ProxyMethod method) noexcept {
+}  // namespace
+
+void step_nearest(const Field& field, const Vec3& p_WH, ProxyState& state,
+                  const ProxyConfig& cfg) noexcept {
+  nearest(field, p_WH, state, cfg, 1);
+}
+
+void step_nearest10(const Field& field, const Vec3& p_WH, ProxyState& state,
+                    const ProxyConfig& cfg) noexcept {
+  nearest(field, p_WH, state, cfg, 10);
+}
+
+void step_constrained(const Field& field, const Vec3& p_WH, ProxyState& state,
+                      const ProxyConfig& cfg) noexcept {
+  constrained<false>(field, p_WH, state, cfg);
+}
+
+void step_constrained_textured(const Field& field, const Vec3& p_WH, ProxyState& state,
+                               const ProxyConfig& cfg) noexcept {
+  constrained<true>(field, p_WH, state, cfg);
+}
+
+ProxyStep proxy_step(ProxyMethod method, bool textured) noexcept {
   switch (method) {
     case ProxyMethod::kNearest:
       return &step_nearest;
@@ -598,7 +642,7 @@ ProxyStep proxy_step(ProxyMethod method) noexcept {
     case ProxyMethod::kConstrained:
       break;
   }
-  return &step_constrained;
+  return textured ? &step_constrained_textured : &step_constrained;
 }
 
 bool parse_proxy_method(std::string_view name, ProxyMethod& out) noexcept {

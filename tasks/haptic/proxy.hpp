@@ -42,6 +42,8 @@ struct ProxyConfig {
   double step_min_m = 2e-6;   // a descent step below this ends the tick
   const SurfacePoints* surface = nullptr;  // force_shading only: the newest ray cast
   double paper_friction = 0;               // force_shading only: mu of its circle
+  double texture_amplitude_m = 0;          // constrained with texture only
+  double texture_period_m = 0.002;
 };
 
 // n . x >= d, |n| = 1.
@@ -66,8 +68,14 @@ struct ProxyState {
   Phase phase = Phase::kStart;
   bool held = false;            // this tick used the held frame (window edge, unknown space)
   bool started_inside = false;  // contact was placed, not entered: force has to fade in
+  bool anchored = false;        // friction: the anchor below holds
+  bool slipping = false;
+  std::int32_t still = 0;         // friction: ticks of slip without motion
+  double ax = 0, ay = 0, az = 0;  // friction: anchor, W
 
   [[nodiscard]] perception::Vec3 p_WP() const noexcept { return {px, py, pz}; }
+  [[nodiscard]] perception::Vec3 anchor_W() const noexcept { return {ax, ay, az}; }
+  void set_anchor(const perception::Vec3& p) noexcept { ax = p.x(), ay = p.y(), az = p.z(); }
   [[nodiscard]] perception::Vec3 normal_W() const noexcept { return {nx, ny, nz}; }
   void set_p(const perception::Vec3& p) noexcept { px = p.x(), py = p.y(), pz = p.z(); }
   void set_normal(const perception::Vec3& n) noexcept { nx = n.x(), ny = n.y(), nz = n.z(); }
@@ -84,8 +92,13 @@ void step_nearest10(const Field&, const perception::Vec3& p_WH, ProxyState&,
                     const ProxyConfig&) noexcept;
 void step_constrained(const Field&, const perception::Vec3& p_WH, ProxyState&,
                       const ProxyConfig&) noexcept;
+// The same on the field less a texture (effects.hpp); a second instance of the code, so that the
+// plain one knows nothing of it.
+void step_constrained_textured(const Field&, const perception::Vec3& p_WH, ProxyState&,
+                               const ProxyConfig&) noexcept;
 
-[[nodiscard]] ProxyStep proxy_step(ProxyMethod method) noexcept;
+// `textured` counts for the constrained method.
+[[nodiscard]] ProxyStep proxy_step(ProxyMethod method, bool textured = false) noexcept;
 // The names in kProxyMethods; false for any other.
 inline constexpr std::string_view kProxyMethods = "constrained, nearest, nearest10, force_shading";
 [[nodiscard]] bool parse_proxy_method(std::string_view name, ProxyMethod& out) noexcept;

@@ -91,7 +91,5 @@ std::vector<Run> case_deep_press(const Setting&);
 std::vector<Run> case_border(const Setting&);
 std::vector<Run> case_start_inside(const Setting&);
 std::vector<Run> case_friction_hold(const Setting&);
-std::vector<Run> case_texture(const Setting&);
-std::vector<Run> case_closed_loop(const Setting&);
 
 }  // namespace stability

@@ -14,6 +14,8 @@ std::span<const Case> cases() {
       Case{2, "concave corner", "J 0.15 (crease 0.33); field optimum",
            "J 0.16-0.22 / 0.13-0.14 N; 2.9-3.4 / 2.5 mm off", "0.11 N planes, 1.67-1.90 N meshed",
            &case_concave_corner},
+      Case{3, "the same with friction", "J 0.25 (crease 0.33), friction never drops by 0.1 N",
+           "no friction", "1.84-1.94 N; 3.73 N meshed with shading", &case_friction_corner},
       Case{4, "V groove 45 deg", "J 0.15 (crease 0.33); field optimum",
            "J 0.14-0.17 / 0.11 N; peak 6.8 / 15.5 N of 5.7", "not run", &case_groove},
       Case{5, "room corner", "J 0.15 (crease 0.33), release 2 ticks",
@@ -43,6 +45,8 @@ std::span<const Case> cases() {
            "cracks cured by the sphere", &case_border},
       Case{17, "start or re-enable inside", "J 0.3, full force in 30-100 ms", "8.0 N in one tick",
            "pushes from the start side only", &case_start_inside},
+      Case{18, "friction: hold 10 s, slide", "creep 0.05 mm, slip step 0.58 N, reversal J 0.3",
+           "none", "p99 jump 1.0 N in a noisy room", &case_friction_hold},
   };
   return kCases;
 }

@@ -6,9 +6,9 @@
 
 #include "rt/hash.hpp"
 #include "rt/random.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/support/haptic_rig.hpp"
 #include "tests/support/haptic_solids.hpp"
+#include "tests/support/rt_guard.hpp"
 
 namespace {
 

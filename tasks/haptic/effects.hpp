@@ -1,0 +1,38 @@
+// Surface properties beyond the plain spring, each only where the scene asks: friction, bump
+// texture, material palette, viscosity. A task without any of them holds no Effects object and
+// pays one test of a pointer a tick; texture is compiled into the proxy as a second instance.
+//
+//   friction   p_c = frictionless proxy, d = |p_c - h|, n = (p_c - h) / d: the resultant, whatever
+//              the number of contacts. t = (I - n n^T)(a - p_c), a = anchor. Stick while
+//              |t| <= mu_s d; slip puts the proxy at p_c + mu_d d t/|t|, swept and lifted onto the
+//              surface, and the anchor with it. Stick again when the motion reverses or stops.
+//   texture    solid height a(x) = A sum over the axes of sin(2 pi x_i / P): phi' = phi - a(x), a
+//              change of the surface itself, so a static texture is conservative.
+//   materials  parameters of the patch's palette, weighted trilinearly at the proxy and followed
+//              with at most 100 N/s of force.
+//   viscosity  - b v, v from position with 10 ms of delay.
+// Sources: Salisbury and Tarr 1997 (cone on implicit surfaces).  Frames: W.  SI.
+#pragma once
+
+#include "perception/patch/surface_patch.hpp"
+#include "tasks/haptic/field.hpp"
+#include "tasks/haptic/proxy.hpp"
+
+namespace tasks {
+
+// Friction of one tick: where the proxy is with it. Keeps anchor and slip in `state`.
+[[nodiscard]] perception::Vec3 with_friction(const Field&, const perception::Vec3& p_WH,
+                                             ProxyState& state, double mu_static, double mu_dynamic,
+                                             double tip_radius_m) noexcept;
+
+// Palette parameters at p_W by trilinear weights of the observed nodes of the newest patch; false
+// and untouched when none of the eight is observed.
+bool material_at(const perception::SurfacePatch&, const perception::Vec3& p_W,
+                 perception::Material& out) noexcept;
+
+// Moves `now` towards `goal` so that no parameter changes the force by more than `force_step_N` at
+// a spring of `stiffness` stretched by `stretch_m`.
+void follow(perception::Material& now, const perception::Material& goal, double stiffness,
+            double stretch_m, double force_step_N) noexcept;
+
+}  // namespace tasks
