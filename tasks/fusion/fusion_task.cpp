@@ -89,6 +89,11 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
   check(config.level_count >= 1 && config.level_count <= FusionConfig::kMaxLevels, "level_count",
         config.level_count, "1 .. 4");
   check(config.cost_map_period >= 1, "cost_map_period", config.cost_map_period, "at least 1");
+  for (const FusionLevel& level : config.levels) {
+    const int step = level.allocate_step;
+    check(step == 1 || step == 2 || step == 4 || step == 8, "level.allocate_step", step,
+          "1, 2, 4 or 8");
+  }
 }
 
 FusionTask::~FusionTask() = default;
@@ -385,7 +390,8 @@ void FusionConfig::describe(config::Section& s) {
     auto& l = levels[i];
     s.section("level_" + std::to_string(i), "variant " + std::to_string(i))
         .integer("pixel_step", l.pixel_step, 1, 4, "1, 2 or 4: pixels of tracking and its ray cast")
-        .integer("allocate_step", l.allocate_step, 1, 8, "pixels that allocate blocks")
+        .integer("allocate_step", l.allocate_step, 1, 8,
+                 "1, 2, 4 or 8: pixels that allocate blocks")
         .integer("iterations_fine", l.iterations[0], 0, 50, "of ICP at full resolution")
         .integer("iterations_middle", l.iterations[1], 0, 50, "at half")
         .integer("iterations_coarse", l.iterations[2], 0, 50, "at a quarter");

@@ -278,5 +278,41 @@ TEST(Integrate, ColourIsTheSurfaces) {
   EXPECT_FALSE(reader.colour(Vec3(-0.5, 0, 0), c));
 }
 
+// A chunk carved in one frame may wait for the next: seen twice, everything that either view alone shows to
+// be free is free.
+TEST(Integrate, FreeSpaceThatWaitsForTheNextFrameIsNotLost) {
+  rt::Startup startup;
+  const TsdfConfig config = small_map(0.02);
+  const Intrinsics k{120, 120, 79.5, 59.5, 160, 120};
+  const Pose X_A = look_at(Vec3(-0.8, 0, 1.2), Vec3(1.4, -0.2, 0.7));
+  const Pose X_B = look_at(Vec3(-0.7, 0.1, 1.25), Vec3(1.4, 0.5, 0.6));
+  const Frame a = render(room(), k, X_A, 0, 0, rt::Random(1, 1));
+  const Frame b = render(room(), k, X_B, 0, 0, rt::Random(1, 2));
+  TsdfMap both(startup.token(), config), only_a(startup.token(), config),
+      only_b(startup.token(), config);
+  only_a.integrate(a.view(), X_A, 1);
+  only_b.integrate(b.view(), X_B, 1);
+  both.integrate(a.view(), X_A, 1);
+  both.integrate(b.view(), X_B, 1);
+  int waiting = 0, lost = 0, free = 0;
+  const auto count = [&](int& missing) {
+    missing = free = 0;
+    for (int i = -60; i < 140; i += 3)
+      for (int j = -100; j < 100; j += 3)
+        for (int l = -10; l < 120; l += 3) {
+          if (both.find_block({i >> 3, j >> 3, l >> 3}) != TsdfMap::kNoBlock) continue;
+          if (!only_a.free_at(i, j, l) && !only_b.free_at(i, j, l)) continue;
+          ++free;
+          missing += both.free_at(i, j, l) ? 0 : 1;
+        }
+  };
+  count(waiting);
+  both.integrate(b.view(), X_B, 1);
+  count(lost);
+  EXPECT_GT(free, 10000);
+  EXPECT_GT(waiting, 0) << "nothing waited: the case shows nothing";
+  EXPECT_EQ(lost, 0);
+}
+
 }  // namespace
 }  // namespace tests

@@ -309,6 +309,10 @@ TEST(FusionTask, RefusesAConfigurationThatCanNotWork) {
   setup.camera = {585, 585, 320, 240, 640, 480};
   c.view_step = 1;
   EXPECT_THROW(FusionTask(startup.token(), c, setup), std::invalid_argument);
+  c = coarse();
+  setup.camera = tests::small_camera();
+  c.levels[1].allocate_step = 3;
+  EXPECT_THROW(FusionTask(startup.token(), c, setup), std::invalid_argument);
 }
 
 TEST(FusionConfig, EveryKeyCanBeSetAndIsChecked) {
