@@ -24,6 +24,7 @@
 #include "tools/teletact/field_window.hpp"
 #include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/npy.hpp"
+#include "tools/teletact/options.hpp"
 #include "tools/teletact/view_cast.hpp"
 
 namespace teletact {
@@ -37,6 +38,8 @@ struct TouchOptions {
   std::string view, passivity = "off", guard = "on", blend = "on";
   double voxel_m = 0, stiffness = 1000, tip_radius_m = 0, force_limit_N = 12, rate_hz = 0;
   double truncation_m = 0.05;
+  double friction_static = 0, friction_dynamic = 0, viscosity = 0, paper_friction = 0;
+  double texture_m = 0, texture_period_m = 0.002;
   int window_nodes = perception::SurfacePatch::kMaxNodes;
 };
 
@@ -117,7 +120,16 @@ std::vector<HandRow> load_hand(const TouchOptions& o, double& period_s) {
       period_s >= 1e-5 && period_s <= 0.1,
       o.path + ": row spacing of " + std::to_string(period_s) + " s; allowed are 10 us to 100 ms");
   check((hand.back().t - hand.front().t) / period_s < 1e8, o.path + ": too long a time");
-  if (o.rate_hz <= 0 || std::abs(spacing - period_s) <= 1e-3 * period_s) return hand;
+  if (o.rate_hz <= 0 || std::abs(spacing - period_s) <= 1e-3 * period_s) {
+    for (std::size_t i = 1; i < hand.size(); ++i) {
+      const double gap = hand[i].t - hand[i - 1].t;
+      check(std::abs(gap - period_s) <= 0.5 * period_s,
+            o.path + ": row " + std::to_string(i + 1) + " is " + std::to_string(gap) +
+                " s after the one before; rows are ticks, " + std::to_string(period_s) +
+                " s apart: give --rate to have them interpolated");
+    }
+    return hand;
+  }
   std::vector<HandRow> out;
   std::size_t i = 0;
   for (std::size_t k = 0;; ++k) {
@@ -321,6 +333,12 @@ void run(const TouchOptions& o) {
   config.workspace_W_m = {-origin.x(), -origin.y(), -origin.z()};
   config.passivity_controller = on_off(o.passivity, "--passivity");
   config.guard = on_off(o.guard, "--guard");
+  config.friction_static = o.friction_static;
+  config.friction_dynamic = std::min(o.friction_dynamic, o.friction_static);
+  config.paper_friction = o.paper_friction;
+  config.texture_amplitude_m = o.texture_m;
+  config.texture_period_m = o.texture_period_m;
+  config.viscosity_N_s_per_m = o.viscosity;
   if (!on_off(o.blend, "--blend")) config.blend_s = 0;
   config.patch_liveness_s = std::max(config.patch_liveness_s, 4 * period_s);
   // No device here: nothing bounds the stiffness.
@@ -376,9 +394,9 @@ void run(const TouchOptions& o) {
                  out.state.contacts, static_cast<long long>(cpu_ns));
     if (debug) write_debug(debug->get(), row.t, out, out.state.contacts);
   }
-  if (!o.json.empty()) tally.metrics().write(o.json);
   if (debug) debug->finish();
   trace.finish();
+  if (!o.json.empty()) tally.metrics().write(o.json);
 }
 
 }  // namespace
@@ -410,6 +428,13 @@ int cmd_touch(int argc, char** argv) {
   app.add_option("--passivity", o.passivity, "on or off")->capture_default_str();
   app.add_option("--guard", o.guard, "slew guard, on or off")->capture_default_str();
   app.add_option("--blend", o.blend, "blend of windows, on or off")->capture_default_str();
+  app.add_option("--friction", o.friction_static, "mu of rest; 0: none")->capture_default_str();
+  app.add_option("--friction-dynamic", o.friction_dynamic,
+                 "mu of slip; default: 0.8 of --friction");
+  app.add_option("--paper-friction", o.paper_friction, "mu of the circle of force_shading");
+  app.add_option("--texture", o.texture_m, "height of the bumps, m; 0: smooth");
+  app.add_option("--texture-period", o.texture_period_m, "m")->capture_default_str();
+  app.add_option("--viscosity", o.viscosity, "drag of the hand, N s/m");
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp&) {
@@ -426,12 +451,21 @@ int cmd_touch(int argc, char** argv) {
   };
   within(o.voxel_m, 1e-4, 1, "--voxel");
   within(o.stiffness, 1, 1e5, "--stiffness");
+  within(o.truncation_m, 1e-3, 1, "--truncation");
   within(o.tip_radius_m, 0, 0.8 * o.truncation_m, "--tip-radius");
   within(o.force_limit_N, 0.01, 1000, "--force-limit");
-  within(o.truncation_m, 1e-3, 1, "--truncation");
+  if (app.count("--friction-dynamic") == 0) o.friction_dynamic = 0.8 * o.friction_static;
+  within(o.friction_static, 0, 2, "--friction");
+  within(o.friction_dynamic, 0, std::max(o.friction_static, 1e-9), "--friction-dynamic");
+  within(o.paper_friction, 0, 2, "--paper-friction");
+  within(o.texture_m, 0, 0.002, "--texture");
+  within(o.texture_period_m, 0.0004, 0.1, "--texture-period");
+  within(o.viscosity, 0, 5, "--viscosity");
   within(o.window_nodes, 8, perception::SurfacePatch::kMaxNodes, "--window");
   if (app.count("--rate") > 0) within(o.rate_hz, 10, 1e5, "--rate");
   check(o.window_nodes % 4 == 0, "--window must be a multiple of 4");
+  check_outputs({{"--out", o.out}, {"--debug", o.debug}, {"--json", o.json}},
+                {o.field, o.fields, o.path});
   run(o);
   return 0;
 }
