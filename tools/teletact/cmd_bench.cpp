@@ -13,6 +13,7 @@
 #include "tools/bench/wakeup.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/options.hpp"
 
 namespace teletact {
 
@@ -30,7 +31,7 @@ int cmd_bench(int argc, char** argv) {
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--slice", slice_s, "wakeup: seconds a slice")
-      ->check(CLI::Range(0.2, 60.0))
+      ->check(in_range(0.2, 60))
       ->capture_default_str();
   Table1Options table1;
   table1.rgbd = "../shared/data/rgbd/7scenes_redkitchen";

@@ -11,6 +11,7 @@
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/haptic_choice.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/options.hpp"
 #include "tools/teletact/scene.hpp"
 
 namespace teletact {
@@ -75,10 +76,10 @@ int cmd_device(int argc, char** argv) {
   std::string kind;
   app.add_option("--kind", kind, "twin, omega, falcon or mouse: short for --set device.kind");
   app.add_option("--seconds", seconds, "how long it is read")
-      ->check(CLI::Range(0.01, 3600.0))
+      ->check(in_range(0.01, 3600))
       ->capture_default_str();
   app.add_option("--rate", rate_hz, "reads a second")
-      ->check(CLI::Range(1.0, 4000.0))
+      ->check(in_range(1, 4000))
       ->capture_default_str();
   app.add_option("--json", json, "write the figures to this file");
   try {

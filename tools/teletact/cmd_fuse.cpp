@@ -10,8 +10,6 @@
 //
 // Images of 640 x 480 are brought to 512 x 424, the size the stack works at, unless --full-size.
 // Outputs appear whole or not at all. Same input, same bytes.
-#include <unistd.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -29,6 +27,7 @@
 #include "tasks/fusion/fusion_task.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/options.hpp"
 #include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
@@ -112,14 +111,6 @@ std::optional<tasks::OdometryPrior> odometry_at(const std::vector<OdometryLine>&
   return prior;
 }
 
-void check_writable(const std::string& path) {
-  auto folder = std::filesystem::path(path).parent_path();
-  if (folder.empty()) folder = ".";
-  if (access(folder.c_str(), W_OK) != 0 || std::filesystem::is_directory(path)) {
-    throw std::runtime_error(path + ": can not be written");
-  }
-}
-
 std::string pose_line(const std::string& stamp, const tasks::CameraPose& camera) {
   const perception::Vec3 p = camera.X_WC.translation();
   const Eigen::Quaterniond q(camera.X_WC.linear());
@@ -194,9 +185,7 @@ void run(const FuseOptions& o) {
     throw std::runtime_error("--isa " + o.isa +
                              ": must be auto, scalar, sse4, avx2 or avx512, and this machine's");
   }
-  for (const std::string& path : {o.poses, o.ply, o.json}) {
-    if (!path.empty()) check_writable(path);
-  }
+  check_outputs({{"--poses", o.poses}, {"--ply", o.ply}, {"--json", o.json}}, {o.odometry});
   drivers::TumOptions tum;
   tum.register_colour = true;
   auto sequence = take(drivers::TumSequence::open(o.rgbd, tum));

@@ -15,6 +15,7 @@
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/csv.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/options.hpp"
 #include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
@@ -122,14 +123,15 @@ int cmd_predict(int argc, char** argv) {
   if (o.method != "none" && o.method != "hold" && o.method != "lsq") {
     throw std::runtime_error("predict: --method " + o.method + ": allowed are none, hold, lsq");
   }
+  check_outputs({{"--out", o.out}, {"--json", o.json}}, {o.log});
   Metrics metrics("predict");
   const std::string text = predict(read_log(o.log), o, metrics);
   if (text.find('\n') + 1 == text.size()) {
     throw std::runtime_error("predict: " + o.log + ": no row has data " +
                              std::to_string(o.delay_s) + " s older than itself");
   }
-  if (!o.json.empty()) metrics.write(o.json);
   write_whole_file(o.out, text);
+  if (!o.json.empty()) metrics.write(o.json);
   return 0;
 }
 

@@ -31,6 +31,7 @@
 #include "tools/images/image_files.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/options.hpp"
 #include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
@@ -285,6 +286,7 @@ Image<std::uint16_t> segment_touches(const SegmentOptions& o, const Image<Rgb>& 
 
 void run(const SegmentOptions& o) {
   check(o);
+  check_outputs({{"--out", o.out}, {"--json", o.json}}, {o.color, o.depth});
   const auto rgb = take(read_colour(o.color));
   if (rgb.width() < 2 || rgb.height() < 2)
     throw std::runtime_error(o.color + ": is below 2 x 2 pixels");
@@ -325,7 +327,7 @@ int cmd_segment(int argc, char** argv) {
   app.add_option("--color", o.color, "colour image, PNG or JPEG")->required();
   app.add_option("--depth", o.depth, "registered depth, 16 bit PNG");
   app.add_option("--depth-unit", o.depth_unit_mm, "mm a step of the depth image")
-      ->check(CLI::Range(0.001, 100.0))
+      ->check(in_range(0.001, 100))
       ->capture_default_str();
   app.add_option("--intrinsics", o.intrinsics, "fx,fy,cx,cy in px");
   app.add_option("--touch", o.touches, "pixel x,y; repeat for more objects");
@@ -334,10 +336,10 @@ int cmd_segment(int argc, char** argv) {
       ->check(CLI::IsMember({"default", "paper"}))
       ->capture_default_str();
   app.add_option("--m", o.grow.m, "paper: weight of place against colour")
-      ->check(CLI::Range(1.0F, 20.0F))
+      ->check(in_range(1, 20))
       ->capture_default_str();
   app.add_option("--threshold", o.grow.threshold, "paper: largest d that joins")
-      ->check(CLI::Range(0.0F, 1000.0F));
+      ->check(in_range(0, 1000));
   app.add_option("--out", o.out, "PNG to write")->required();
   app.add_option("--json", o.json, "figures to write: each object's pose, extent, colour");
   try {

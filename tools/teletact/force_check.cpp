@@ -12,6 +12,8 @@ namespace {
 
 using perception::Vec3;
 
+constexpr double kPlaneCosine = 0.985;  // normals within 10 degrees
+
 Vec3 vec(const std::array<float, 3>& v) {
   return {static_cast<double>(v[0]), static_cast<double>(v[1]), static_cast<double>(v[2])};
 }
@@ -42,6 +44,48 @@ double depth_to_surface(perception::MapReader& reader, double voxel_size, const 
   return -1;
 }
 
+// Unit normal of the field at p by differences over `h` to each side; false where it is unknown.
+bool normal_at(perception::MapReader& reader, double voxel_size, const Vec3& p, double h, Vec3& n) {
+  for (int axis = 0; axis < 3; ++axis) {
+    double side[2];
+    for (int i = 0; i < 2; ++i) {
+      Vec3 q = p;
+      q[axis] += i == 0 ? -h : h;
+      q /= voxel_size;
+      const auto cell = reader.cell(q.x(), q.y(), q.z());
+      if (!cell.valid) return false;
+      side[i] = static_cast<double>(cell.value());
+    }
+    n[axis] = side[1] - side[0];
+  }
+  const double length = n.norm();
+  if (!(length > 0)) return false;
+  n /= length;
+  return true;
+}
+
+// Depth of h below a plane of the map, along the map's own normal where that leaves the surface; the
+// force only says where to look first. -1: no surface, or not a plane for 30 mm around.
+double depth_under_plane(perception::MapReader& reader, double voxel_size, const Vec3& h,
+                         const Vec3& towards) {
+  const double difference = 1.5 * voxel_size;
+  Vec3 n = towards;
+  for (int i = 0; i < 3; ++i) {
+    const double s = depth_to_surface(reader, voxel_size, h, n, 0.15);
+    if (s <= 0 || !normal_at(reader, voxel_size, h + s * n, difference, n)) return -1;
+  }
+  const double depth = depth_to_surface(reader, voxel_size, h, n, 0.15);
+  if (depth <= 0) return -1;
+  const Vec3 foot = h + depth * n;
+  const Vec3 u = n.unitOrthogonal(), v = n.cross(u);
+  for (const Vec3& to : {u, v, Vec3(-u), Vec3(-v)}) {
+    Vec3 there;
+    if (!normal_at(reader, voxel_size, foot + 0.03 * to, difference, there)) return -1;
+    if (there.dot(n) < kPlaneCosine) return -1;
+  }
+  return depth;
+}
+
 }  // namespace
 
 ForceCheck check_force(const perception::TsdfMap& map,
@@ -55,8 +99,7 @@ ForceCheck check_force(const perception::TsdfMap& map,
     if (s.contacts != 1 || s.force_N < 1.0F || s.gain < 1.0F || s.guard_active || speed > 0.005)
       continue;
     const Vec3 f = vec(s.f_W);
-    const double depth =
-        depth_to_surface(reader, map.voxel_size(), vec(s.p_WH), f.normalized(), 0.15);
+    const double depth = depth_under_plane(reader, map.voxel_size(), vec(s.p_WH), f.normalized());
     if (depth <= 0) continue;
     const double expected = stiffness_N_per_m * depth / scale;
     errors.push_back(std::abs(f.norm() - expected) / expected);
