@@ -89,7 +89,14 @@ class Sim {
   };
 
   // ---- releases ----
-  Ticks nominal(std::size_t i, std::uint64_t k) const {
+  // An instant of the task's own clock, in ticks.
+  Ticks tick_of(std::size_t i, Ticks shown) const {
+    const SimTask& s = cfg_.tasks[i];
+    return s.on_clock ? s.on_clock(shown) : shown;
+  }
+  Ticks nominal(std::size_t i, std::uint64_t k) const { return tick_of(i, shown_at(i, k)); }
+  // Release k by the task's own clock.
+  Ticks shown_at(std::size_t i, std::uint64_t k) const {
     const SimTask& s = cfg_.tasks[i];
     if (s.period > 0) return s.offset + static_cast<Ticks>(k) * s.period;
     __extension__ using Wide = __int128;
@@ -98,11 +105,13 @@ class Sim {
   }
   Ticks arrival_of(std::size_t i, std::uint64_t k, Ticks previous) const {
     const SimTask& s = cfg_.tasks[i];
-    Ticks a = nominal(i, k) + magnitude(cfg_.plan, rt::FaultKind::kLateRelease, s.name, k);
+    Ticks a = shown_at(i, k) + magnitude(cfg_.plan, rt::FaultKind::kLateRelease, s.name, k);
     if (s.jitter_of) a += s.jitter_of(k);
-    return std::max(a, previous);
+    return std::max(tick_of(i, a), previous);
   }
-  Ticks due(std::size_t i, std::uint64_t k) const { return nominal(i, k) + cfg_.tasks[i].deadline; }
+  Ticks due(std::size_t i, std::uint64_t k) const {
+    return tick_of(i, shown_at(i, k) + cfg_.tasks[i].deadline);
+  }
 
   void start_task(std::size_t i) {
     Task& task = tasks_[i];

@@ -11,6 +11,9 @@
 //   offset + floor(k * ticks_per_second * den / num). Release k *arrives* at
 //   A(k) = max(r(k) + jitter(k) + late_release(k), A(k-1)). Deadlines are counted from the nominal
 //   release: d(k) = r(k) + D. Jobs of one task are strictly sequential, in the order of k.
+// A task may live by a clock of its own (SimTask::on_clock). Its offset, period, deadline and late
+//   releases are then counted by that clock: r, A and d are the instants at which it shows them.
+//   Costs, blocks, thefts and hogs are counted in ticks.
 // One instant t is worked through in this order, on all cores:
 //   1. completions: a job that has received its whole cost ends. It is late if t > d(k).
 //   2. aborts: the oldest job of a task with policy abort that has arrived, started or not, and has
@@ -84,6 +87,9 @@ struct SimTask {
   Ticks cost = 1;    // if cost_of is empty
   std::function<Ticks(std::uint64_t k, int level)> cost_of;
   std::function<Ticks(std::uint64_t k)> jitter_of;  // empty: 0
+  // First tick at which the task's own clock, 0 at the epoch, shows this much or more. Strictly
+  // increasing; empty: the clock is the simulation's.
+  std::function<Ticks(Ticks shown)> on_clock;
 };
 
 struct SimConfig {

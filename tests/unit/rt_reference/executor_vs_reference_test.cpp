@@ -15,30 +15,17 @@
 #include "rt/fault/planned.hpp"
 #include "rt/random.hpp"
 #include "rt/sched/virtual_executor.hpp"
-#include "tests/support/reference_sim.hpp"
+#include "tests/support/schedule_compare.hpp"
 
 namespace {
 
+using support::compare_task;
+using support::policy_of;
 using support::SimConfig;
-using support::SimJob;
-using support::SimOutcome;
 using support::SimPolicy;
 using support::SimTask;
+using support::Sums;
 using support::Ticks;
-
-rt::MissPolicy policy_of(SimPolicy p) {
-  switch (p) {
-    case SimPolicy::kSkip:
-      return rt::MissPolicy::kSkip;
-    case SimPolicy::kCatchUp:
-      return rt::MissPolicy::kCatchUp;
-    case SimPolicy::kAbort:
-      return rt::MissPolicy::kAbort;
-    case SimPolicy::kDegrade:
-      return rt::MissPolicy::kDegrade;
-  }
-  return rt::MissPolicy::kSkip;
-}
 
 class SameCosts final : public rt::CostModel {
  public:
@@ -93,48 +80,6 @@ Executed execute(const SimConfig& c) {
   return out;
 }
 
-std::string differs(const SimJob& want, const rt::JobRecord& got) {
-  const Ticks start = want.start < 0 ? want.end : want.start;  // how a record says "never started"
-  const bool aborted = want.outcome == SimOutcome::kAborted;
-  if (got.release_ns == want.release && got.start_ns == start && got.end_ns == want.end &&
-      got.level == want.level && (got.outcome == rt::Outcome::kAborted) == aborted &&
-      got.missed() == (want.late || aborted)) {
-    return {};
-  }
-  return "job " + std::to_string(want.k) + ": reference " + std::to_string(start) + ".." +
-         std::to_string(want.end) + " level " + std::to_string(want.level) + ", executor " +
-         std::to_string(got.start_ns) + ".." + std::to_string(got.end_ns) + " level " +
-         std::to_string(got.level);
-}
-
-// The first difference, or empty.
-std::string compare_task(const support::SimTaskResult& want, const rt::TaskTotals& totals,
-                         const std::map<std::uint64_t, rt::JobRecord>& jobs) {
-  if (want.completed != totals.completed || want.late != totals.late ||
-      want.aborted != totals.aborted || want.skipped != totals.skipped ||
-      want.level != totals.level) {
-    return "totals: reference completed " + std::to_string(want.completed) + " late " +
-           std::to_string(want.late) + " aborted " + std::to_string(want.aborted) + " skipped " +
-           std::to_string(want.skipped) + " level " + std::to_string(want.level) + ", executor " +
-           std::to_string(totals.completed) + " " + std::to_string(totals.late) + " " +
-           std::to_string(totals.aborted) + " " + std::to_string(totals.skipped) + " " +
-           std::to_string(totals.level);
-  }
-  std::size_t ended = 0;
-  for (const SimJob& job : want.jobs) {
-    if (job.outcome != SimOutcome::kCompleted && job.outcome != SimOutcome::kAborted) continue;
-    ++ended;
-    const auto got = jobs.find(job.k);
-    if (got == jobs.end()) return "job " + std::to_string(job.k) + " is missing";
-    if (std::string text = differs(job, got->second); !text.empty()) return text;
-  }
-  return ended == jobs.size() ? std::string() : "the executor has more jobs";
-}
-
-struct Sums {
-  std::uint64_t releases = 0, late = 0, skipped = 0, aborted = 0, degraded = 0, restored = 0;
-};
-
 // Both runs, compared; adds to `sums`. Returns the first difference.
 std::string compare(const SimConfig& c, Sums& sums) {
   const support::SimResult want = simulate(c);
@@ -142,12 +87,7 @@ std::string compare(const SimConfig& c, Sums& sums) {
   std::string problem;
   for (std::size_t i = 0; i < c.tasks.size(); ++i) {
     const auto& t = want.tasks[i];
-    sums.releases += t.releases;
-    sums.late += t.late;
-    sums.skipped += t.skipped;
-    sums.aborted += t.aborted;
-    sums.degraded += t.degraded;
-    sums.restored += t.restored;
+    sums.add(t);
     const std::string text = compare_task(t, got.totals[i], got.jobs[i]);
     if (!text.empty() && problem.empty()) problem = c.tasks[i].name + ": " + text;
   }
@@ -196,19 +136,11 @@ TEST(ExecutorAgainstReference, EveryShippedPlan) {
     if (file.path().extension() == ".toml") files.insert(file.path());
   }
   ASSERT_GE(files.size(), 10U);
-  std::printf(
-      "60 s of the design's table, costs 60..100 %% of the budgets\n%-20s %9s %6s %8s %8s %9s\n",
-      "plan", "releases", "late", "skipped", "aborted", "degraded");
-  const auto line = [](const std::string& name, const Sums& s) {
-    std::printf("%-20s %9llu %6llu %8llu %8llu %9llu\n", name.c_str(),
-                static_cast<unsigned long long>(s.releases),
-                static_cast<unsigned long long>(s.late), static_cast<unsigned long long>(s.skipped),
-                static_cast<unsigned long long>(s.aborted),
-                static_cast<unsigned long long>(s.degraded));
-  };
+  std::printf("60 s of the design's table, costs 60..100 %% of the budgets\n");
+  Sums::print_head();
   Sums none;
   EXPECT_EQ(compare(design_table(), none), "");
-  line("(none)", none);
+  none.print("(none)");
   EXPECT_EQ(none.late + none.skipped + none.aborted, 0U);
   for (const auto& path : files) {
     const auto plan = config::load_fault_plan(path.string());
@@ -217,7 +149,7 @@ TEST(ExecutorAgainstReference, EveryShippedPlan) {
     c.plan = plan.value();
     Sums sums;
     EXPECT_EQ(compare(c, sums), "") << path;
-    line(plan.value().name, sums);
+    sums.print(plan.value().name);
     bool timing = false;
     for (const auto& e : c.plan.entries) timing = timing || !rt::acts_on_edge(e.kind);
     EXPECT_EQ(sums.late + sums.skipped + sums.aborted > 0, timing) << path;
@@ -251,27 +183,6 @@ SimTask random_task(rt::Random& rng, std::uint64_t seed, int i, int cores) {
   return t;
 }
 
-rt::FaultEntry random_fault(rt::Random& rng, const std::vector<SimTask>& tasks) {
-  const auto& t =
-      tasks[static_cast<std::size_t>(rng.integer(0, static_cast<std::int64_t>(tasks.size()) - 1))];
-  rt::FaultEntry e;
-  e.target = t.name;
-  e.first = static_cast<std::uint64_t>(rng.integer(0, 30));
-  e.seed = rng();
-  if (rng.integer(0, 14) == 0) {
-    e.kind = rt::FaultKind::kDeadThread;
-    return e;
-  }
-  e.kind = static_cast<rt::FaultKind>(rng.integer(0, 5));
-  e.every = static_cast<std::uint64_t>(rng.integer(1, 20));
-  e.count = static_cast<std::uint64_t>(rng.integer(0, 5));
-  e.probability = rng.integer(0, 1) == 0 ? 1.0 : rng.uniform();
-  // Whole milliseconds make events of several tasks fall on one instant.
-  e.magnitude = rt::Nanos{rng.integer(0, 2) == 0 ? 1'000'000 * rng.integer(1, 20)
-                                                 : rng.integer(1, 3'000'000'000 / t.rate_num)};
-  return e;
-}
-
 TEST(ExecutorAgainstReference, OneThousandRandomPlans) {
   std::printf("seeds 1..1000\n");
   Sums sums;
@@ -285,7 +196,7 @@ TEST(ExecutorAgainstReference, OneThousandRandomPlans) {
     const auto tasks = rng.integer(2, 8);
     for (int i = 0; i < tasks; ++i) c.tasks.push_back(random_task(rng, seed, i, c.cores));
     const auto faults = rng.integer(0, 8);
-    for (int f = 0; f < faults; ++f) c.plan.entries.push_back(random_fault(rng, c.tasks));
+    for (int f = 0; f < faults; ++f) c.plan.entries.push_back(support::random_fault(rng, c.tasks));
     ASSERT_EQ(compare(c, sums), "") << "seed " << seed;
   }
   std::printf(
