@@ -1,5 +1,8 @@
 # cmake -DMODEL=... -DWORK=... -DSPIN=... -DCC=... -DEXPECT=clean|error [-DVARIANT=...] -P check.cmake
 # Verifies one Promela model exhaustively: spin writes the verifier, the compiler builds it, it runs.
+if(NOT SPIN)
+  message(FATAL_ERROR "spin is not installed: the Promela models are not checked (apt install spin)")
+endif()
 file(REMOVE_RECURSE ${WORK})
 file(MAKE_DIRECTORY ${WORK})
 set(define "")
