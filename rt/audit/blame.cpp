@@ -132,6 +132,14 @@ TaskBlame blame(const RunLog& log, const TaskLog& task, const BlameOptions& opti
     previous_end = r.end_ns;
     out.jobs.push_back(b);
   }
+  if (task.totals && task.totals->skipped > out.skipped) {
+    const std::uint64_t tail = task.totals->skipped - out.skipped;
+    const std::uint64_t lost = std::min(tail, task.totals->lost);
+    out.misses[static_cast<std::size_t>(Cause::kOwn)] += lost;
+    out.misses[static_cast<std::size_t>(Cause::kUnknown)] += tail - lost;
+    out.miss_total += tail;
+    out.skipped += tail;
+  }
   out.releases = out.completed + out.aborted + out.skipped;
   return out;
 }

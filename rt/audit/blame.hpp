@@ -9,7 +9,8 @@
 //                                  calibration's range: taken above us, booked on us
 //                        platform  wall time that was neither CPU nor run delay
 // The largest part wins; a late start or miss whose parts do not explain half of it is unknown.
-// A skipped release takes the cause of the job that ran over it.
+// A skipped release takes the cause of the job that ran over it. Of those that the task's totals count
+// beyond the records, what arrived after its thread had ended is own, the rest unknown.
 #pragma once
 
 #include <array>

@@ -35,6 +35,8 @@ struct JobRecord {
   Outcome outcome = Outcome::kCompleted;
   Severity severity = Severity::kOk;
   std::uint8_t injected = 0;  // a fault plan touched this job
+  std::uint16_t major_faults =
+      0;  // pages that came from disk since the previous job's end; at most 65535
 
   [[nodiscard]] bool missed() const noexcept {
     return outcome == Outcome::kAborted || end_ns > deadline_ns;
@@ -42,6 +44,13 @@ struct JobRecord {
   [[nodiscard]] std::int64_t lateness_ns() const noexcept { return start_ns - release_ns; }
 };
 static_assert(sizeof(JobRecord) <= 256, "records travel by Ring");
+
+// Every release of a task that arrived before the end is one of these, or still open at the end.
+struct TaskTotals {
+  std::uint64_t completed = 0, late = 0, aborted = 0, skipped = 0;
+  int level = 0;
+  std::uint64_t lost = 0;  // of the skipped: arrived after the task's thread had ended
+};
 
 // The sentinel of a core: one wake-up at the same instant as a task's release.
 struct SentinelRecord {

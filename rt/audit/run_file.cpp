@@ -29,7 +29,7 @@ std::string run_header_lines(const RunLog& header) {
 RunFileWriter::RunFileWriter(const std::string& path, const RunLog& header)
     : file_(std::fopen(path.c_str(), "wb")) {
   if (!file_) throw std::runtime_error(path + ": can not be written");
-  std::fprintf(file_.get(), "teletact-run 1 %zu %zu\n%s\n", sizeof(JobRecord),
+  std::fprintf(file_.get(), "teletact-run 2 %zu %zu\n%s\n", sizeof(JobRecord),
                sizeof(SentinelRecord), run_header_lines(header).c_str());
   std::fflush(file_.get());
 }
@@ -42,6 +42,16 @@ void RunFileWriter::add(const JobRecord& record) noexcept {
 void RunFileWriter::add(const SentinelRecord& record) noexcept {
   std::fputc('S', file_.get());
   std::fwrite(&record, sizeof record, 1, file_.get());
+}
+
+void RunFileWriter::finish(const std::vector<RunFileTotals>& totals,
+                           std::uint64_t dropped) noexcept {
+  for (const RunFileTotals& t : totals) {
+    std::fputc('T', file_.get());
+    std::fwrite(&t, sizeof t, 1, file_.get());
+  }
+  std::fputc('D', file_.get());
+  std::fwrite(&dropped, sizeof dropped, 1, file_.get());
 }
 
 void RunFileWriter::flush() noexcept { std::fflush(file_.get()); }
@@ -75,8 +85,7 @@ bool parse_run_header_line(const std::string& line, RunLog& log) {
   t.spec.policy = static_cast<MissPolicy>(policy);
   t.spec.deadline = Nanos{deadline};
   for (long long budget = 0; in >> budget;) {
-    t.spec.variants.push_back(
-        {"level" + std::to_string(t.spec.variants.size()), Nanos{budget}});
+    t.spec.variants.push_back({"level" + std::to_string(t.spec.variants.size()), Nanos{budget}});
   }
   const auto levels = static_cast<std::int64_t>(t.spec.variants.size());
   if (!in.eof() || !in_range(t.level, 0, levels - 1) || log.find(t.id) != nullptr) return false;
@@ -99,7 +108,7 @@ Result<RunLog> read_run_file(const std::string& path) {
   std::string line;
   std::getline(in, line);
   std::ostringstream expected;
-  expected << "teletact-run 1 " << sizeof(JobRecord) << ' ' << sizeof(SentinelRecord);
+  expected << "teletact-run 2 " << sizeof(JobRecord) << ' ' << sizeof(SentinelRecord);
   if (line != expected.str()) return Error{path + ":1: not a run log of this version"};
   for (int number = 2; std::getline(in, line) && !line.empty(); ++number) {
     if (!parse_run_header_line(line, log))
@@ -107,12 +116,18 @@ Result<RunLog> read_run_file(const std::string& path) {
   }
   JobRecord job;
   SentinelRecord sample;
+  RunFileTotals totals;
+  std::uint64_t dropped = 0;
   for (int tag = in.get(); tag != EOF; tag = in.get()) {
     if (tag == 'J' && in.read(reinterpret_cast<char*>(&job), sizeof job)) {
       if (TaskLog* t = log.find(job.task); t != nullptr && job.level < t->spec.levels())
         t->jobs.push_back(job);
     } else if (tag == 'S' && in.read(reinterpret_cast<char*>(&sample), sizeof sample)) {
       log.sentinels.push_back(sample);
+    } else if (tag == 'T' && in.read(reinterpret_cast<char*>(&totals), sizeof totals)) {
+      if (TaskLog* t = log.find(totals.task); t != nullptr) t->totals = totals.totals;
+    } else if (tag == 'D' && in.read(reinterpret_cast<char*>(&dropped), sizeof dropped)) {
+      log.dropped = dropped;
     } else if (in.eof()) {
       break;  // torn by a kill: what came before holds
     } else {

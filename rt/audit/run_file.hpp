@@ -2,20 +2,29 @@
 //
 // Text header, one line a task, ended by an empty line; then tagged binary records of this machine's
 // layout, in the order they were drained:  'J' JobRecord   'S' SentinelRecord
-//   teletact-run 1 <sizeof JobRecord> <sizeof SentinelRecord>
+//   teletact-run 2 <sizeof JobRecord> <sizeof SentinelRecord>
 //   task <id> <name> <box> <class> <num> <den> <deadline ns> <policy> <core> <priority> <level>
 //        <work min> <work max> <budget ns of level 0> <level 1> ...
 //   note <text>        anything the reader should be told, e.g. what made the run not real-time
+// A run that reached its end closes with a trailer:  'T' RunFileTotals, one a task
+//                                                    'D' uint64_t, records lost because a ring was full
 #pragma once
 
+#include <cstdint>
 #include <cstdio>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "rt/audit/run_log.hpp"
 #include "rt/result.hpp"
 
 namespace rt {
+
+struct RunFileTotals {
+  std::uint16_t task = 0;
+  TaskTotals totals;
+};
 
 class RunFileWriter {
  public:
@@ -23,6 +32,8 @@ class RunFileWriter {
   RunFileWriter(const std::string& path, const RunLog& header);
   void add(const JobRecord& record) noexcept;
   void add(const SentinelRecord& record) noexcept;
+  // The trailer: once, after the last record.
+  void finish(const std::vector<RunFileTotals>& totals, std::uint64_t dropped) noexcept;
   // Hands everything written so far to the kernel.
   void flush() noexcept;
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,14 +19,16 @@ struct TaskLog {
   std::vector<JobRecord> jobs;  // in order of k
   // Range of the deterministic work count seen by calibration; {0, 0} = not calibrated.
   std::uint64_t work_min = 0, work_max = 0;
+  // What the executor counted; empty if the run did not reach its end. Counts more than the records
+  // tell: releases dropped after the last one, and jobs whose record was lost.
+  std::optional<TaskTotals> totals;
 };
 
 struct RunLog {
   std::vector<TaskLog> tasks;             // by position in the task table
   std::vector<SentinelRecord> sentinels;  // in order of release, all cores mixed
-  std::uint64_t dropped = 0;              // records lost because a ring was full
+  std::uint64_t dropped = 0;              // job and sentinel records lost because a ring was full
   std::vector<std::string> not_realtime;  // what the machine refused; empty = a real-time run
-  std::uint64_t sched_hash = 0, log_hash = 0;
 
   [[nodiscard]] TaskLog* find(std::uint16_t id) noexcept {
     for (auto& t : tasks) {

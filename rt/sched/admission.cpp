@@ -266,9 +266,7 @@ class Admitter : private detail::HostRows {
       a.tasks[set.tasks[r]].slack = analysis.tasks[set.platform_rows + r].slack;
     }
     std::size_t r = 0;
-    for (const PlatformTask& platform : req_.platform) {
-      const bool here = platform.spec.core ? *platform.spec.core == c : !set.tasks.empty();
-      if (!here) continue;
+    for (const PlatformTask& platform : platform_on(c, p.core)) {
       AdmittedTask row = common_row(platform.spec, 0, analysis_task(platform.spec, 0, 0));
       row.name.append("@").append(std::to_string(core.cpu));
       row.core = c;

@@ -37,10 +37,21 @@ inline constexpr int kTopTaskPriority = 80;  // of rank 0
 inline constexpr int kSentinelPriority = 95;
 inline constexpr int kWatchdogPriority = 94;
 
-// Runs above every task. With no core in the spec there is one on every core that has a task.
+// Where a platform task runs, and when it wakes up.
+enum class PlatformWakes : std::uint8_t {
+  kItself,  // at the rate of its spec, on its core; with no core in the spec on every one that has
+            // a task
+  kAtReleases,  // a sentinel: on every core that has a task of its box, at each instant at which one of
+                // them is released. Its spec's rate is not used
+  kOnceABox,  // a watchdog: at its rate, on the CPU with the highest number that has a task of its box
+};
+
+// Runs above every task. Each box is a process of its own, with sentinels and a watchdog of its own,
+// also where the boxes share a core.
 struct PlatformTask {
   TaskSpec spec;
   int priority = kSentinelPriority;
+  PlatformWakes wakes = PlatformWakes::kItself;
 };
 
 // Ordinary threads with a declared share of a core: link, codec, console, log, report.
@@ -93,7 +104,8 @@ struct Admission {
   bool admitted = false;
   std::string refusal;                 // one line: the task and the figures; empty if admitted
   std::vector<AdmittedTask> tasks;     // as in the request
-  std::vector<AdmittedTask> platform;  // one row per instance: "sentinel@0"
+  std::vector<AdmittedTask> platform;  // one row per instance: "sentinel@0"; a sentinel has
+                                       // one for each rate that no faster one covers
   std::vector<AdmittedCore> cores;     // as in cpus
   double floating_best_effort = 0;     // declared without a core
   double core_limit = 0.90;

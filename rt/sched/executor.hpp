@@ -21,12 +21,6 @@ struct RunPlan {
   Nanos hyperperiod{100000000};    // variant switches happen at its multiples
 };
 
-// Every release that arrived before the end is one of these, or still open at the end.
-struct TaskTotals {
-  std::uint64_t completed = 0, late = 0, aborted = 0, skipped = 0;
-  int level = 0;
-};
-
 class Executor {
  public:
   virtual ~Executor() = default;

@@ -58,13 +58,63 @@ AnalysisTask HostRows::row_of(std::size_t i, const std::vector<int>& levels,
   return row;
 }
 
+namespace {
+
+// Is every release of `slow` an instant of `fast` too? Rates are exact fractions and release k is
+// rounded the same way in both, so a whole multiple on the same offset is enough.
+bool covers(const TaskSpec& fast, const TaskSpec& slow) {
+  return fast.offset == slow.offset &&
+         (fast.rate.num * slow.rate.den) % (fast.rate.den * slow.rate.num) == 0;
+}
+
+// The tasks at whose releases the sentinel of a core wakes up: all instants, each once.
+std::vector<const TaskSpec*> wake_ups(const std::vector<const TaskSpec*>& there) {
+  std::vector<const TaskSpec*> kept;
+  for (std::size_t i = 0; i < there.size(); ++i) {
+    bool covered = false;
+    for (std::size_t j = 0; j < there.size() && !covered; ++j) {
+      covered = j != i && covers(*there[j], *there[i]) && (j < i || !covers(*there[i], *there[j]));
+    }
+    if (!covered) kept.push_back(there[i]);
+  }
+  return kept;
+}
+
+}  // namespace
+
+std::vector<PlatformTask> HostRows::platform_on(int core, const std::vector<int>& placed) const {
+  std::vector<PlatformTask> out;
+  const bool used = std::find(placed.begin(), placed.end(), core) != placed.end();
+  for (const PlatformTask& p : req_.platform) {
+    std::vector<const TaskSpec*> there;  // of its box, on this core
+    int last_cpu = -1;                   // of its box
+    for (std::size_t i = 0; i < placed.size(); ++i) {
+      if (placed[i] < 0 || req_.tasks[i].box != p.spec.box) continue;
+      last_cpu = std::max(last_cpu, cpu(placed[i]));
+      if (placed[i] == core) there.push_back(&req_.tasks[i]);
+    }
+    switch (p.wakes) {
+      case PlatformWakes::kItself:
+        if (p.spec.core ? *p.spec.core == core : used) out.push_back(p);
+        break;
+      case PlatformWakes::kAtReleases:
+        for (const TaskSpec* t : wake_ups(there)) {
+          out.push_back(p);
+          out.back().spec.rate = t->rate;
+        }
+        break;
+      case PlatformWakes::kOnceABox:
+        if (cpu(core) == last_cpu) out.push_back(p);
+        break;
+    }
+  }
+  return out;
+}
+
 CoreSet HostRows::core_set(int core, const std::vector<int>& placed, const std::vector<int>& levels,
                            const Coupling& k) const {
   CoreSet set;
-  bool used = false;
-  for (const int c : placed) used = used || c == core;
-  for (const PlatformTask& p : req_.platform) {
-    if (p.spec.core ? *p.spec.core != core : !used) continue;
+  for (const PlatformTask& p : platform_on(core, placed)) {
     set.rows.push_back(analysis_task(p.spec, 0, -p.priority));
     set.names.push_back(shown_name(p.spec));
   }

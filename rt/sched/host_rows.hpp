@@ -34,6 +34,9 @@ class HostRows {
 
   [[nodiscard]] AnalysisTask row_of(std::size_t i, const std::vector<int>& levels,
                                     const Coupling& k) const;
+  // What of the platform stands on a core, with the rates at which it wakes there.
+  [[nodiscard]] std::vector<PlatformTask> platform_on(int core,
+                                                      const std::vector<int>& placed) const;
   [[nodiscard]] CoreSet core_set(int core, const std::vector<int>& placed,
                                  const std::vector<int>& levels, const Coupling& k) const;
   // The least fixed point of latest forks and join waits over all cores. Both figures only grow from

@@ -51,9 +51,14 @@ AdmissionRequest set_of(const AdmissionRequest& request, const Admission& admiss
   r.platform.clear();
   for (const AdmittedTask& p : admission.platform) {
     for (const PlatformTask& row : request.platform) {
-      if (p.priority != row.priority || p.name.rfind(row.spec.name + "@", 0) != 0) continue;
+      if (p.priority != row.priority || p.box != row.spec.box ||
+          p.name.rfind(row.spec.name + "@", 0) != 0)
+        continue;
       r.platform.push_back(row);
+      r.platform.back().wakes = PlatformWakes::kItself;
       r.platform.back().spec.core = p.core;
+      r.platform.back().spec.rate = {1'000'000'000, p.T.count()};
+      break;
     }
   }
   r.degrade_order.clear();

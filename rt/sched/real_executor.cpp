@@ -60,6 +60,11 @@ struct RealExecutor<Faults>::Worker {
   // Heartbeat for the watchdog: start of the job in progress, 0 between jobs.
   std::atomic<std::int64_t> busy_since{0};
   bool forced = false;  // watchdog only
+  // Set last by the task's thread when it ends before the run does: from then on the release to lose
+  // next, its arrival, bucket and totals are the watchdog's.
+  std::atomic<bool> ended{false};
+  std::uint64_t next_k = 0;
+  Time next_arrival{};
   TaskTotals totals;
 
   explicit Worker(const PlacedTask& t)
@@ -118,6 +123,14 @@ Time RealExecutor<Faults>::release_box(const TaskSpec& spec, std::uint64_t k) co
   return clock.from_host(plan_.epoch_host_ns) + spec.offset + spec.rate.release(k);
 }
 
+// With the delay that a fault plan adds.
+template <class Faults>
+Time RealExecutor<Faults>::raw_arrival(const PlacedTask& task, std::uint64_t k) const noexcept {
+  Time t = release_box(task.spec, k);
+  if constexpr (Faults::kEnabled) t += faults_.job(task.id, k).late;
+  return t;
+}
+
 // False when a stop was requested meanwhile.
 template <class Faults>
 bool RealExecutor<Faults>::sleep_until(std::int64_t host_ns) const noexcept {
@@ -161,6 +174,7 @@ template <class Faults>
 void RealExecutor<Faults>::run(const RunPlan& plan) {
   plan_ = plan;
   stop_.store(false);
+  stopped_at_.store(kNever);
   drain_done_.store(false);
   for (auto& w : workers_) {
     launch(w->thread, w->task.core, w->task.priority, w->task.spec.name,
@@ -180,15 +194,33 @@ void RealExecutor<Faults>::run(const RunPlan& plan) {
     }
   }
   std::thread watchdog;
-  launch(watchdog, -1, kWatchdogPriority, "watchdog", [this] { watchdog_loop(); });
+  launch(watchdog, watchdog_cpu(), kWatchdogPriority, "watchdog", [this] { watchdog_loop(); });
   std::thread drain([this] { drain_loop(); });
   for (auto& w : workers_) w->thread.join();
   stop_.store(true);
   for (auto& s : sentinels_) s->thread.join();
   for (auto& t : injectors) t.join();
   watchdog.join();
+  for (auto& w : workers_) {
+    if (w->ended.load(std::memory_order_acquire)) lose_until(*w, kNever);
+  }
   drain_done_.store(true);
   drain.join();
+}
+
+template <class Faults>
+void RealExecutor<Faults>::request_stop() noexcept {
+  std::int64_t never = kNever;
+  stopped_at_.compare_exchange_strong(never, monotonic_ns(), std::memory_order_relaxed);
+  stop_.store(true, std::memory_order_relaxed);
+}
+
+// The rule that admission charges it by (PlatformWakes::kOnceABox).
+template <class Faults>
+int RealExecutor<Faults>::watchdog_cpu() const noexcept {
+  int cpu = -1;
+  for (const auto& w : workers_) cpu = std::max(cpu, w->task.core);
+  return cpu;
 }
 
 template <class Faults>
@@ -204,14 +236,10 @@ void RealExecutor<Faults>::task_loop(Worker& w) {
     for (std::size_t i = 0; i < sizeof stack; i += 512) stack[i] = 0;
   }
   w.before = counters(w.stat);
-  const auto raw_arrival = [&](std::uint64_t i) {
-    Time t = release_box(spec, i);
-    if constexpr (Faults::kEnabled) t += faults_.job(w.task.id, i).late;
-    return t;
-  };
+  const auto raw = [&](std::uint64_t i) { return raw_arrival(w.task, i); };
   std::uint64_t k = 0;
   std::uint32_t skipped = 0;
-  Time arrival = raw_arrival(0);
+  Time arrival = raw(0);
   const std::int64_t hyper = plan_.hyperperiod.count();
   std::int64_t boundary = plan_.epoch_host_ns + hyper;
   std::int64_t pending_from = 0, pending_to = 0;  // host: the last job, arrival to end
@@ -219,7 +247,9 @@ void RealExecutor<Faults>::task_loop(Worker& w) {
     JobFaults f{};
     if constexpr (Faults::kEnabled) f = faults_.job(w.task.id, k);
     if (f.dead) {
-      lose_rest(w, k, end);
+      w.next_k = k;
+      w.next_arrival = arrival;
+      w.ended.store(true, std::memory_order_release);
       return;
     }
     const std::int64_t host = clock.to_host(arrival);
@@ -237,7 +267,7 @@ void RealExecutor<Faults>::task_loop(Worker& w) {
     pending_to = monotonic_ns();
     // A release at or after the end is not ours to drop.
     const std::int64_t ended = std::min(pending_to, end);
-    const NextRelease next = next_release(spec, k, arrival, clock.from_host(ended), raw_arrival);
+    const NextRelease next = next_release(spec, k, arrival, clock.from_host(ended), raw);
     k = next.k;
     arrival = next.arrival;
     skipped = next.skipped;
@@ -247,11 +277,20 @@ void RealExecutor<Faults>::task_loop(Worker& w) {
   }
 }
 
-// The thread of a task ends, as a fault plan says: its releases still arrive, and are lost.
+// The thread of a task has ended, as a fault plan says: its releases still arrive, and each is lost as
+// it does. Nobody else would make its output safe.
 template <class Faults>
-void RealExecutor<Faults>::lose_rest(Worker& w, std::uint64_t k, std::int64_t end) {
+void RealExecutor<Faults>::lose_until(Worker& w, std::int64_t host_ns) {
   const auto& clock = plan_.clock[static_cast<std::size_t>(w.task.spec.box)];
-  for (; clock.to_host(release_box(w.task.spec, k)) < end; ++k) ++w.totals.skipped;
+  const std::int64_t end = std::min({host_ns, plan_.epoch_host_ns + plan_.duration.count(),
+                                     stopped_at_.load(std::memory_order_relaxed)});
+  while (clock.to_host(w.next_arrival) < end) {
+    const bool first = w.totals.lost == 0;
+    ++w.totals.skipped;
+    ++w.totals.lost;
+    if (w.bucket.on_job(true, 0) || first) w.task.body->make_safe();
+    w.next_arrival = std::max(w.next_arrival, raw_arrival(w.task, ++w.next_k));
+  }
 }
 
 template <class Faults>
@@ -317,6 +356,9 @@ void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::
   const ThreadCounters after = counters(w.stat);
   r.run_delay_ns = after.run_delay_ns - w.before.run_delay_ns;
   r.minor_faults = static_cast<std::uint32_t>(after.minor_faults - w.before.minor_faults);
+  r.major_faults = static_cast<std::uint16_t>(
+      std::min(after.major_faults - w.before.major_faults,
+               static_cast<long>(std::numeric_limits<std::uint16_t>::max())));
   r.involuntary = static_cast<std::uint32_t>(after.involuntary - w.before.involuntary);
   r.voluntary = static_cast<std::uint32_t>(after.voluntary - w.before.voluntary);
   w.before = after;
@@ -412,6 +454,7 @@ void RealExecutor<Faults>::watchdog_loop() {
     next = std::max(next, monotonic_ns()) + options_.watchdog_period.count();
     const std::int64_t now = monotonic_ns();
     for (auto& w : workers_) {
+      if (w->ended.load(std::memory_order_acquire)) lose_until(*w, now);
       const std::int64_t since = w->busy_since.load(std::memory_order_acquire);
       const bool hung = since != 0 && now - since > options_.hang_limit.count();
       if (hung && !w->forced) {

@@ -1,5 +1,5 @@
 // The real clock: one pinned SCHED_FIFO thread per task, absolute clock_nanosleep on an exact grid,
-// a sentinel per core just above the tasks, a watchdog, and an ordinary thread that drains the audit
+// a sentinel per core just above the tasks, a watchdog on the last of these cores, and an ordinary thread that drains the audit
 // rings. A right that is missing (FIFO, mlock, cpu_dma_latency) is reported and the run is marked
 // "not real-time"; it is never pretended.
 //
@@ -42,7 +42,7 @@ class RealExecutor final : public Executor {
                JobSink jobs, SentinelSink sentinels, RealOptions options = {});
   ~RealExecutor() override;
   void run(const RunPlan& plan) override;
-  void request_stop() noexcept override { stop_.store(true, std::memory_order_relaxed); }
+  void request_stop() noexcept override;
 
   [[nodiscard]] std::vector<TaskTotals> totals() const override;
 
@@ -65,8 +65,10 @@ class RealExecutor final : public Executor {
   void launch(std::thread& thread, int cpu, int priority, const std::string& name,
               std::function<void()> body);
   void injector_loop(int cpu, bool theft);
-  void lose_rest(Worker& w, std::uint64_t k, std::int64_t end);
+  void lose_until(Worker& w, std::int64_t host_ns);
+  [[nodiscard]] int watchdog_cpu() const noexcept;
   [[nodiscard]] Time release_box(const TaskSpec& spec, std::uint64_t k) const noexcept;
+  [[nodiscard]] Time raw_arrival(const PlacedTask& task, std::uint64_t k) const noexcept;
   bool sleep_until(std::int64_t host_ns) const noexcept;
 
   RealOptions options_;
@@ -77,6 +79,7 @@ class RealExecutor final : public Executor {
   std::vector<std::unique_ptr<Sentinel>> sentinels_;
   std::vector<std::string> missing_;
   std::atomic<bool> stop_{false};
+  std::atomic<std::int64_t> stopped_at_{0};  // host; the largest value: nobody asked
   std::atomic<int> alive_{0};
   std::atomic<bool> drain_done_{false};
   std::atomic<std::uint64_t> hangs_{0};

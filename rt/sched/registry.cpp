@@ -23,6 +23,7 @@ namespace {
 constexpr std::uint64_t kMagic = 0x7465'6c65'7461'6374ULL;  // "teletact"
 constexpr std::uint32_t kVersion = 1;
 constexpr std::size_t kSlots = 512;
+constexpr mode_t kMode = 0666;  // every user of the host: registry.hpp
 
 std::string system_error(const std::string& what) { return what + ": " + std::strerror(errno); }
 
@@ -132,6 +133,25 @@ std::string malformed(const RegistryEntry& e) {
   }
   if (e.J.count() < 0 || e.B.count() < 0) return who + "J or B is negative";
   return {};
+}
+
+// Without O_CREAT first: where fs.protected_regular is set, opening with it a file of another user in a
+// sticky folder is refused even if its mode allows it. The umask takes nothing from what a maker gives.
+int open_or_make(const std::string& shm_name) noexcept {
+  for (;;) {
+    int fd = ::shm_open(shm_name.c_str(), O_RDWR | O_CLOEXEC, 0);
+    if (fd >= 0 || errno != ENOENT) return fd;
+    fd = ::shm_open(shm_name.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, kMode);
+    if (fd >= 0) {
+      if (::fchmod(fd, kMode) == 0) return fd;
+      const int why = errno;
+      ::shm_unlink(shm_name.c_str());
+      ::close(fd);
+      errno = why;
+      return -1;
+    }
+    if (errno != EEXIST) return -1;  // else: another process made it meanwhile
+  }
 }
 
 std::uint64_t next_owner() noexcept {
@@ -278,7 +298,7 @@ Result<Registry> Registry::open(const std::string& name) {
     return Error{"registry name '" + name + "' (allowed: 1 to 200 characters, no slash)"};
   }
   const std::string path = "/dev/shm/" + name;
-  const int fd = ::shm_open(("/" + name).c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0660);
+  const int fd = open_or_make("/" + name);
   if (fd < 0) return Error{system_error("cannot open the task registry " + path)};
   void* memory = MAP_FAILED;
   std::string problem;

@@ -6,6 +6,11 @@
 // killed process never leaves it held. A slot is valid from the moment its pid is written, which is
 // last. Slots of processes that are gone (no such pid, another start time, or a zombie) are cleared
 // whenever the lock is taken.
+//
+// Every user of the host may read and write the table (mode 0666), since whose process it is makes no
+// difference to a core. So it is an agreement among programs that mean well, no protection: any local
+// user can enter rows that keep others out, clear rows, hold the lock, or cut the file short. On a host
+// with users who are not trusted to that extent, do not run real-time work.
 #pragma once
 
 #include <cstdint>
@@ -37,7 +42,8 @@ struct RegistryOptions {
 // The rows to register for an admission: placed tasks, platform tasks, best effort with a core.
 // `mine` says which of them the calling process runs (name and box of the spec; best effort has the
 // operator's); empty: all. A task that forks and its workers are entered with D = R: another process may
-// not delay them, since their rows on one core were computed from those on the other. Where two processes share one admission each registers its own part.
+// not delay them, since their rows on one core were computed from those on the other. Where two processes
+// share one admission each registers its own part: its tasks, its sentinels and its watchdog.
 using IsMine = std::function<bool(const std::string& name, Box box)>;
 [[nodiscard]] std::vector<RegistryEntry> registry_entries(const AdmissionRequest& request,
                                                           const Admission& admission,

@@ -13,6 +13,7 @@ namespace rt {
 struct ThreadCounters {
   std::int64_t run_delay_ns = 0;
   long minor_faults = 0;
+  long major_faults = 0;  // pages that came from disk
   long involuntary = 0;
   long voluntary = 0;
 };
@@ -43,7 +44,7 @@ class SchedStat {
 [[nodiscard]] inline ThreadCounters counters(const SchedStat& stat) noexcept {
   rusage usage{};
   getrusage(RUSAGE_THREAD, &usage);
-  return {stat.run_delay_ns(), usage.ru_minflt, usage.ru_nivcsw, usage.ru_nvcsw};
+  return {stat.run_delay_ns(), usage.ru_minflt, usage.ru_majflt, usage.ru_nivcsw, usage.ru_nvcsw};
 }
 
 }  // namespace rt

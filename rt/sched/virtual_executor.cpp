@@ -204,8 +204,12 @@ void VirtualExecutor<Faults>::release_due() {
         break;
       }
       // Nobody serves it: it is lost as it arrives.
+      const bool live = !options_.stub_bodies && s->task.body != nullptr;
+      const bool first = s->totals.lost == 0;
       ++s->totals.skipped;
+      ++s->totals.lost;
       ++s->skipped;
+      if ((s->bucket.on_job(true, 0) || first) && live) s->task.body->make_safe();
       if (s->task.spec.policy == MissPolicy::kDegrade) s->levels.on_miss();
       ++s->next_k;
       arm_next(*s, std::max(s->arrival, raw_arrival(*s, s->next_k)));

@@ -49,6 +49,7 @@ AuditBenchResult bench_audit(int rounds) {
       const rt::ThreadCounters after = rt::counters(stat);
       r.run_delay_ns = after.run_delay_ns - before.run_delay_ns;
       r.minor_faults = static_cast<std::uint32_t>(after.minor_faults - before.minor_faults);
+      r.major_faults = static_cast<std::uint16_t>(after.major_faults - before.major_faults);
       r.involuntary = static_cast<std::uint32_t>(after.involuntary - before.involuntary);
       r.voluntary = static_cast<std::uint32_t>(after.voluntary - before.voluntary);
       before = after;

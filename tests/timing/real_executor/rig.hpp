@@ -103,7 +103,7 @@ inline rt::RealOptions light() {
 template <class Faults = rt::Plain>
 Outcome run(const std::vector<rt::PlacedTask>& tasks, std::int64_t duration_ns,
             rt::RealOptions options = light(), const Faults& faults = {},
-            std::int64_t stop_after_ns = 0) {
+            std::int64_t stop_after_ns = 0, std::int64_t* stopped_ns = nullptr) {
   rt::Startup startup;
   Outcome out;
   std::size_t ids = 0;
@@ -121,6 +121,7 @@ Outcome run(const std::vector<rt::PlacedTask>& tasks, std::int64_t duration_ns,
     stopper = std::thread([&] {
       std::this_thread::sleep_for(rt::Nanos{stop_after_ns});
       executor.request_stop();
+      if (stopped_ns != nullptr) *stopped_ns = rt::monotonic_ns();
     });
   }
   executor.run(out.plan);

@@ -7,6 +7,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <set>
+#include <string>
+#include <tuple>
+#include <vector>
 
 #include "rt/random.hpp"
 
@@ -14,6 +18,7 @@ namespace {
 
 using rt::AdmissionRequest;
 using rt::Nanos;
+using rt::PlatformTask;
 using rt::TaskSpec;
 using testing::HasSubstr;
 
@@ -330,6 +335,74 @@ TEST(Admission, PinnedTasksStayAndSentinelsFollowTheUsedCores) {
   EXPECT_EQ(sentinels, static_cast<std::size_t>(std::count(used.begin(), used.end(), true)));
   const auto again = rt::pinned_as(a, r.tasks);
   for (std::size_t i = 0; i < again.size(); ++i) EXPECT_EQ(*again[i].core, a.tasks[i].core);
+}
+
+// A box is a process: where both have a task on a core, both have a sentinel there, at what it wakes.
+TEST(Admission, EachBoxBringsItsOwnSentinelsAndWatchdog) {
+  AdmissionRequest r;
+  r.cpus = {4, 6, 9};
+  r.tasks = {spec("haptic", {1000, 1}, 0.1), spec("supervision", {100, 1}, 0.05),
+             spec("fusion", {30, 1}, 5), spec("robot_io", {500, 1}, 0.1)};
+  const int cores[] = {0, 0, 1, 0};
+  for (std::size_t i = 0; i < 4; ++i) r.tasks[i].core = cores[i];
+  r.tasks[3].box = rt::Box::kRobot;
+  for (const rt::Box box : {rt::Box::kOperator, rt::Box::kRobot}) {
+    PlatformTask s{spec("sentinel", {1, 1}, 0.005), rt::kSentinelPriority,
+                   rt::PlatformWakes::kAtReleases};
+    PlatformTask w{spec("watchdog", {100, 1}, 0.02), rt::kWatchdogPriority,
+                   rt::PlatformWakes::kOnceABox};
+    s.spec.box = w.spec.box = box;
+    r.platform.push_back(s);
+    r.platform.push_back(w);
+  }
+  const auto a = rt::admit(r);
+  expect_sound(r, a);
+  std::vector<std::tuple<std::string, rt::Box, std::int64_t>> rows;
+  for (const auto& p : a.platform) rows.emplace_back(p.name, p.box, p.T.count());
+  using enum rt::Box;
+  EXPECT_THAT(rows, testing::UnorderedElementsAre(
+                        std::tuple("sentinel@4", kOperator, 1'000'000),  // 100 Hz on its grid
+                        std::tuple("sentinel@6", kOperator, 33'333'333),
+                        std::tuple("sentinel@4", kRobot, 2'000'000),
+                        std::tuple("watchdog@6", kOperator, 10'000'000),
+                        std::tuple("watchdog@4", kRobot, 10'000'000)));
+}
+
+// Against all instants, one by one: never charged for fewer wake-ups than there are, and never for more
+// than one a release.
+TEST(Admission, ASentinelIsChargedForEveryInstantAtWhichItWakes) {
+  constexpr std::uint64_t kSeed = 8021;
+  std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
+  rt::Random rng(kSeed);
+  int merged = 0;
+  for (int n = 0; n < 300; ++n) {
+    AdmissionRequest r;
+    r.cpus = {0};
+    const int tasks = static_cast<int>(rng.integer(1, 5));
+    constexpr std::int64_t kRates[] = {1000, 500, 300, 100, 90, 60, 30, 20, 10};
+    std::set<std::int64_t> instants;
+    std::int64_t releases = 0;
+    for (int i = 0; i < tasks; ++i) {
+      const std::int64_t hz = kRates[rng.integer(0, 8)];
+      r.tasks.push_back(spec("t" + std::to_string(i), {hz, 1}, 0.01));
+      if (rng.integer(0, 3) == 0) r.tasks.back().offset = Nanos{rng.integer(1, 900'000)};
+      releases += hz;
+      for (std::int64_t k = 0; k < hz; ++k) {
+        instants.insert(r.tasks.back().offset.count() +
+                        r.tasks.back().rate.release(static_cast<std::uint64_t>(k)).count());
+      }
+    }
+    r.platform = {
+        {spec("sentinel", {1, 1}, 0.005), rt::kSentinelPriority, rt::PlatformWakes::kAtReleases}};
+    const auto a = rt::admit(r);
+    ASSERT_TRUE(a.admitted) << a.refusal;
+    double charged = 0;
+    for (const auto& p : a.platform) charged += 1e9 / static_cast<double>(p.T.count());
+    ASSERT_GE(charged, static_cast<double>(instants.size()) - 0.1) << "case " << n;
+    ASSERT_LE(charged, static_cast<double>(releases) + 0.1) << "case " << n;
+    merged += charged < static_cast<double>(releases) - 1 ? 1 : 0;
+  }
+  EXPECT_GT(merged, 50) << "instants that fall together count once";
 }
 
 TEST(Admission, TwoTasksPinnedTogetherCanBeRefused) {

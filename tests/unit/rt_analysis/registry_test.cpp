@@ -7,6 +7,7 @@
 #include <signal.h>
 #include <sys/file.h>
 #include <sys/mman.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -240,6 +241,47 @@ TEST_F(RegistryTest, AForeignFileIsRefused) {
   ASSERT_FALSE(r.has_value());
   EXPECT_THAT(r.error(), HasSubstr("has 100 bytes"));
   EXPECT_FALSE(Registry::open("a/b").has_value());
+}
+
+// Whatever the maker's umask: the next user's process must be able to enter its rows too.
+TEST_F(RegistryTest, AnotherUserCanShareIt) {
+  const mode_t before = ::umask(0077);
+  Registry mine = open();
+  ::umask(before);
+  struct stat info {};
+  ASSERT_EQ(::stat(("/dev/shm/" + name_).c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777U, 0666U);
+  ASSERT_TRUE(mine.try_register(std::array{row("x", 0, 80, 80000, 100000)}).has_value());
+  if (::geteuid() != 0) GTEST_SKIP() << "can not become another user here";
+  Child child = fork_child([&]() -> std::string {
+    if (::setresuid(65534, 65534, 65534) != 0) return "can not become another user";
+    static auto theirs = Registry::open(name_);
+    if (!theirs) return theirs.error();
+    const auto refused = theirs.value().try_register(std::array{row("y", 0, 79, 20000, 100000)});
+    if (refused) return "does not see the first one's rows";
+    const auto ok = theirs.value().try_register(std::array{row("y", 0, 79, 5000, 100000)});
+    return ok ? "ok" : ok.error();
+  });
+  EXPECT_EQ(child.said, "ok");
+  EXPECT_EQ(mine.entries().size(), 2U) << "a process of another user counts as alive";
+  child.reap();
+  EXPECT_EQ(mine.entries().size(), 1U);
+}
+
+// The other way round: made by an ordinary user, used by root and by a third one.
+TEST_F(RegistryTest, ATableThatAnOrdinaryUserMadeServesRootToo) {
+  if (::geteuid() != 0) GTEST_SKIP() << "can not become another user here";
+  Child child = fork_child([&]() -> std::string {
+    if (::setresuid(65534, 65534, 65534) != 0) return "can not become another user";
+    ::umask(0027);
+    static auto theirs = Registry::open(name_);
+    if (!theirs) return theirs.error();
+    const auto ok = theirs.value().try_register(std::array{row("y", 0, 79, 5000, 100000)});
+    return ok ? "ok" : ok.error();
+  });
+  ASSERT_EQ(child.said, "ok");
+  EXPECT_EQ(open().entries().size(), 1U);
+  child.reap();
 }
 
 TEST_F(RegistryTest, BadRowsAreNamed) {

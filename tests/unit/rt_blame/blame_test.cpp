@@ -84,6 +84,25 @@ TEST(Blame, AQuietRunHasNothingToBlame) {
   expect_total(b);
 }
 
+// Ten releases run, two are dropped before the last, then the thread ends: of the totals' skips beyond the
+// records, the lost ones are its own.
+TEST(Blame, WhatAnEndedThreadLostIsItsOwn) {
+  Story s;
+  for (int i = 0; i < 9; ++i) s.job(20 * kUs, 100 * kUs);
+  s.skip_to(11);
+  s.job(20 * kUs, 100 * kUs).skipped = 2;
+  EXPECT_EQ(s.judge().miss_total, 2U) << "the records alone say no more";
+  s.task().totals = rt::TaskTotals{10, 0, 0, 2 + 3 + 40, 0, 40};
+  const auto b = s.judge();
+  EXPECT_EQ(count(b.misses, Cause::kOwn), 40U);
+  EXPECT_EQ(count(b.misses, Cause::kUnknown), 2U + 3U);
+  EXPECT_EQ(b.miss_total, 45U);
+  EXPECT_EQ(b.releases, 55U);
+  expect_total(b);
+  s.task().totals = rt::TaskTotals{10, 0, 0, 2, 0, 0};
+  EXPECT_EQ(s.judge().miss_total, 2U) << "what the records told is not counted twice";
+}
+
 TEST(Blame, LateOnTheLimitIsNotLate) {
   Story s;
   s.job(150 * kUs, 10 * kUs);

@@ -143,6 +143,40 @@ TEST(RunFile, RoundTrip) {
   }
 }
 
+TEST(RunFile, TheTrailerTellsWhatTheRecordsCanNot) {
+  TempFile f;
+  rt::Random r(48);
+  const rt::TaskTotals haptic{90, 3, 2, 8, 0, 5};
+  std::size_t before = 0;
+  {
+    rt::RunFileWriter w(f.path, header());
+    w.add(random_job(r, 0, 1));
+    w.flush();
+    before = f.bytes().size();
+    // 9 is no task of the header: left out.
+    w.finish({{0, haptic}, {9, haptic}}, 17);
+  }
+  const std::string all = f.bytes();
+  for (std::size_t n = before; n <= all.size(); ++n) {
+    f.put(all.substr(0, n));
+    const auto got = read_run_file(f.path);
+    ASSERT_TRUE(got) << n << ": " << got.error();
+    const auto& log = got.value();
+    ASSERT_EQ(log.tasks.size(), 2U);
+    EXPECT_EQ(log.tasks[0].jobs.size(), 1U);
+    EXPECT_FALSE(log.tasks[1].totals);
+    EXPECT_EQ(log.dropped, n == all.size() ? 17U : 0U);
+    ASSERT_EQ(log.tasks[0].totals.has_value(), n >= before + 1 + sizeof(rt::RunFileTotals)) << n;
+    if (!log.tasks[0].totals) continue;
+    const auto& t = *log.tasks[0].totals;
+    EXPECT_EQ(t.completed, 90U);
+    EXPECT_EQ(t.late, 3U);
+    EXPECT_EQ(t.aborted, 2U);
+    EXPECT_EQ(t.skipped, 8U);
+    EXPECT_EQ(t.lost, 5U);
+  }
+}
+
 TEST(RunFile, JobsComeBackInOrderOfRelease) {
   TempFile f;
   rt::Random r(42);
@@ -197,8 +231,8 @@ TEST(RunFile, TornAtEveryByteOfTheLastRecordsStillReads) {
 TEST(RunFile, ForeignFilesAreRefusedWithOneMessage) {
   TempFile f;
   for (const std::string& text : {std::string(), std::string("\n"), std::string("P6 512 424\n"),
-                                  std::string("teletact-run 2 1 1\n"),
-                                  std::string("teletact-run 1 8 8\n\n"), std::string(5000, '\0'),
+                                  std::string("teletact-run 3 1 1\n"),
+                                  std::string("teletact-run 2 8 8\n\n"), std::string(5000, '\0'),
                                   std::string("\x7f"
                                               "ELF\1\1\1")}) {
     f.put(text);
@@ -214,7 +248,7 @@ TEST(RunFile, ForeignFilesAreRefusedWithOneMessage) {
 }
 
 std::string first_line() {
-  return "teletact-run 1 " + std::to_string(sizeof(JobRecord)) + " " +
+  return "teletact-run 2 " + std::to_string(sizeof(JobRecord)) + " " +
          std::to_string(sizeof(SentinelRecord)) + "\n";
 }
 
@@ -291,6 +325,7 @@ TEST(RunFile, MutatedFilesNeverCrash) {
     rt::RunFileWriter w(f.path, header());
     for (std::uint64_t k = 0; k < 3; ++k) w.add(random_job(r, 7, k));
     w.add(SentinelRecord{1, 2, 3});
+    w.finish({{7, {3, 0, 0, 1, 0, 1}}}, 2);
   }
   const std::string all = f.bytes();
   const auto header_size = static_cast<std::int64_t>(all.find("\n\n") + 2);
