@@ -11,13 +11,25 @@ rt::Nanos share_of(rt::Nanos d, double share) {
   return rt::Nanos{static_cast<std::int64_t>(static_cast<double>(d.count()) * share)};
 }
 
-rt::PlatformTask platform(const char* name, std::int64_t rate_hz, std::int64_t budget_ns,
-                          int priority) {
+// As the real executor has them (rt/sched/real_executor.hpp), one in each box's process.
+rt::PlatformTask sentinel(const char* name, rt::Box box) {
   rt::PlatformTask p;
   p.spec.name = name;
-  p.spec.rate = {rate_hz, 1};
-  p.spec.budget = rt::Nanos{budget_ns};
-  p.priority = priority;
+  p.spec.box = box;
+  p.spec.budget = rt::Nanos{6000};
+  p.priority = rt::kSentinelPriority;
+  p.wakes = rt::PlatformWakes::kAtReleases;
+  return p;
+}
+
+rt::PlatformTask watchdog(const char* name, rt::Box box) {
+  rt::PlatformTask p;
+  p.spec.name = name;
+  p.spec.box = box;
+  p.spec.rate = {100, 1};
+  p.spec.budget = rt::Nanos{20000};
+  p.priority = rt::kWatchdogPriority;
+  p.wakes = rt::PlatformWakes::kOnceABox;
   return p;
 }
 
@@ -62,8 +74,15 @@ rt::AdmissionRequest make_request(const std::vector<rt::TaskSpec>& specs,
   r.tasks = specs;
   add_pool(pool, calibration, r.tasks);
   r.cpus = cpus;
-  r.platform = {platform("sentinel", 1000, 6000, rt::kSentinelPriority),
-                platform("watchdog", 100, 20000, rt::kWatchdogPriority)};
+  // Fusion gets its phase when admission has answered (frame_phase.hpp): off everybody's grid, so that
+  // none of its releases counts as an instant at which the sentinel is awake anyway.
+  const std::string& fusion = specs[index_of(TaskId::kFusion)].name;
+  for (rt::TaskSpec& t : r.tasks) {
+    if ((t.name == fusion || t.parent == fusion) && t.offset.count() == 0) t.offset = rt::Nanos{1};
+  }
+  r.platform = {sentinel("sentinel", rt::Box::kOperator), watchdog("watchdog", rt::Box::kOperator),
+                sentinel("robot_sentinel", rt::Box::kRobot),
+                watchdog("robot_watchdog", rt::Box::kRobot)};
   r.best_effort = {{"link", 2 * shares.link, {}}, {"console", 2 * shares.console, {}}};
   if (shares.camera_twin > 0) r.best_effort.push_back({"camera_twin", shares.camera_twin, {}});
   r.degrade_order = {"fusion", "planning", "fusion", "capture", "fusion"};
