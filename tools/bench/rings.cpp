@@ -446,7 +446,6 @@ std::vector<BenchMetric> RingsResult::metrics() const {
   m.push_back({"ring.measured", measured ? 1.0 : 0.0, "1"});
   m.push_back({"latest.4KB.read_ns", latest[kNear].read_ns, "ns"});
   m.push_back({"latest.4KB.writes_per_read", latest[kNear].writes_per_read, "1"});
-  m.push_back({"latest.4KB.retries", 0, "1"});  // the protocol has none
   m.push_back({"latest.4KB.torn", static_cast<double>(latest_torn), "1"});
   if (latest[kFar].rounds > 0) m.push_back({"latest.4KB.far_read_ns", latest[kFar].read_ns, "ns"});
   return m;

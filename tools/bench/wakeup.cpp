@@ -164,6 +164,7 @@ void WakeupResult::print(std::ostream& out) const {
   row("own, plain", plain);
   row("cyclictest", cyclictest);
   row("own, 30 us spin lead", spin);
+  out << "The sentinel is off in this bench: nothing of ours but the measured thread runs.\n";
   if (!remark.empty()) out << "note: " << remark << '\n';
 }
 

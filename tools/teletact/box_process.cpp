@@ -67,6 +67,8 @@ struct BoxRunner {
   std::function<tasks::ModeMsg()> mode{};  // newest that the console has seen
   std::vector<BoxTotals> totals{};
   std::uint64_t dropped = 0, hangs = 0;
+  std::function<std::int64_t()> camera_twin_cpu{};  // empty: no camera's twin in this process
+  OrdinaryCpu ordinary{};
   std::unique_ptr<BoxRecorder> black_box{};
 
   [[nodiscard]] rt::Time now() const { return clock.from_host(rt::monotonic_ns()); }
@@ -85,6 +87,12 @@ struct BoxRunner {
   void look() {
     tick(now());
     if (black_box) black_box->watch(mode(), now());
+  }
+
+  // Since their threads began; the console is the thread that asks.
+  [[nodiscard]] OrdinaryCpu ordinary_now() const {
+    return {link->thread_cpu_ns(), rt::thread_cpu_ns(), camera_twin_cpu ? camera_twin_cpu() : 0,
+            rt::monotonic_ns()};
   }
 
   // Handshake before the epoch, or an error that names what is missing.
@@ -126,8 +134,10 @@ struct BoxRunner {
     g_ramp_down.store(&requests->ramp_down);
     std::int64_t ramp_from = 0, next_save = plan.epoch_host_ns + 1000000000, next_tick = 0;
     bool stopped = false;
+    OrdinaryCpu at_epoch;
     while (!done.load()) {
       const std::int64_t host = rt::monotonic_ns();
+      if (at_epoch.span_ns == 0 && host >= plan.epoch_host_ns) at_epoch = ordinary_now();
       if (host >= next_tick) {
         next_tick = host + kConsolePeriod;
         look();
@@ -153,6 +163,11 @@ struct BoxRunner {
     }
     runner.join();
     make_safe();
+    if (at_epoch.span_ns != 0) {
+      const OrdinaryCpu end = ordinary_now();
+      ordinary = {end.link_ns - at_epoch.link_ns, end.console_ns - at_epoch.console_ns,
+                  end.camera_twin_ns - at_epoch.camera_twin_ns, end.span_ns - at_epoch.span_ns};
+    }
     g_ramp_down.store(nullptr);
     writer->flush();
     look();
@@ -355,6 +370,8 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
   runner.save = [&] { save_half(plan.folder, side.half()); };
   runner.make_safe = [&] { side.make_safe(); };
   runner.mode = [&] { return side.console.seen().mode; };
+  if constexpr (Side::kBox == rt::Box::kRobot)
+    runner.camera_twin_cpu = [&] { return side.box.camera_twin_cpu_ns(); };
   save_effects(plan.folder, Side::kName, side.box.effects());
   runner.await_link();
   runner.run(nrt, plan.folder + "/" + Side::kName + ".run");
@@ -365,6 +382,7 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
   half.totals = runner.totals;
   half.dropped_records = runner.dropped;
   half.hangs = runner.hangs;
+  half.ordinary = runner.ordinary;
   half.complete = true;
   save_half(plan.folder, half);
   return runner.hangs > 0 ? 4 : 0;

@@ -69,6 +69,8 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
   }
   if (!json_path.empty()) metrics.write(json_path);
   print_metrics(metrics);
+  if (const std::string why = not_measured(info, op, robot, metrics); !why.empty())
+    std::printf("timing not measured in this run: %s\n", why.c_str());
   for (const auto& p : info.problems) std::fprintf(stderr, "teletact demo: %s\n", p.c_str());
   if (!info.stub_bodies) std::printf("report: %s/report.html\n", options.report.c_str());
   return info.problems.empty() ? 0 : 1;
@@ -176,6 +178,7 @@ int cmd_demo(int argc, char** argv) {
   RealRun run = run_real(nrt, *scene, o, calibration);
   info.admission = run.admission;
   info.modes = run.modes;
+  info.best_effort = run.best_effort;
   info.problems = run.problems;
   info.effects = run.effects;
   return finish_run(o, *scene, info, run.op, run.robot, json);

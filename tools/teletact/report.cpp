@@ -118,9 +118,10 @@ void quantile_table(const ReportData& d, std::string& out) {
   out +=
       "<div class=\"wide\"><table class=\"numbers\">\n<caption>Microseconds a job</caption>\n"
       "<thead><tr><th rowspan=\"2\">task</th><th colspan=\"4\">CPU</th><th colspan=\"4\">lateness "
-      "of the start</th><th colspan=\"4\">response</th></tr>\n<tr>";
+      "of the start</th><th colspan=\"4\">response</th><th colspan=\"4\">slack</th></tr>\n<tr>";
   for (int i = 0; i < 3; ++i)
     out += "<th class=\"first\">p50</th><th>p99</th><th>p99.9</th><th>max</th>";
+  out += "<th class=\"first\">p50</th><th>p1</th><th>p0.1</th><th>least</th>";
   out += "</tr></thead>\n";
   for (const auto& t : d.tasks) {
     out += "<tr><th>" + escaped(t.name) + "</th>";
@@ -128,9 +129,12 @@ void quantile_table(const ReportData& d, std::string& out) {
       out += "<td class=\"first\">" + us(q->p50) + "</td><td>" + us(q->p99) + "</td><td>" +
              us(q->p999) + "</td><td>" + us(q->max) + "</td>";
     }
-    out += "</tr>\n";
+    out += "<td class=\"first\">" + us(t.slack_us.p50) + "</td><td>" + us(t.slack_us.p1) +
+           "</td><td>" + us(t.slack_us.p01) + "</td><td>" + us(t.slack_us.least) + "</td></tr>\n";
   }
-  out += "</table></div>\n";
+  out +=
+      "</table></div>\n<p class=\"hint\">Response: end - release. Slack: deadline - end; below 0 "
+      "the job was late.</p>\n";
 }
 
 void timing(const ReportData& d, std::string& out) {
@@ -156,6 +160,19 @@ void timing(const ReportData& d, std::string& out) {
       f.rules.clear();
       f.x_label = "µs after the release";
       out += inlined(plot::histogram(f, t.lateness_histogram));
+    }
+    if (!t.response_histogram.empty()) {
+      f.title = t.name + ": response of a job";
+      f.x_label = "µs from the release to the end";
+      f.rules.clear();
+      if (t.analysis_response_us > 0) f.rules = {{t.analysis_response_us, true, "R", "#b03a2e"}};
+      out += inlined(plot::histogram(f, t.response_histogram));
+    }
+    if (!t.slack_histogram.empty()) {
+      f.title = t.name + ": slack of a job";
+      f.x_label = "µs from the end to the deadline";
+      f.rules.clear();
+      out += inlined(plot::histogram(f, t.slack_histogram));
     }
   }
   out += "</div>\n";
@@ -276,6 +293,7 @@ void pictures(const ReportData& d, std::string& out) {
 }
 
 void effects_and_faults(const ReportData& d, std::string& out) {
+  if (d.timing_only) return;
   out += heading("effects", "Effects");
   if (d.effects.empty()) {
     out += "<p>None: the scene calls for no effect, so none was constructed.</p>\n";
@@ -350,6 +368,22 @@ nlohmann::ordered_json task_json(const ReportTask& t) {
       {"cpu_us", &t.cpu_us}, {"lateness_us", &t.lateness_us}, {"response_us", &t.response_us}};
   for (const auto& [name, q] : quantiles) {
     j[name] = {{"p50", q->p50}, {"p99", q->p99}, {"p99.9", q->p999}, {"max", q->max}};
+  }
+  j["slack_us"] = {{"p50", t.slack_us.p50},
+                   {"p1", t.slack_us.p1},
+                   {"p0.1", t.slack_us.p01},
+                   {"min", t.slack_us.least}};
+  const std::pair<const char*, const std::vector<plot::Bins>*> histograms[] = {
+      {"cpu_us", &t.cpu_histogram},
+      {"lateness_us", &t.lateness_histogram},
+      {"response_us", &t.response_histogram},
+      {"slack_us", &t.slack_histogram}};
+  for (const auto& [name, all] : histograms) {
+    auto& list = j["histograms"][name] = nlohmann::ordered_json::array();
+    for (const auto& b : *all) {
+      list.push_back(
+          {{"of", b.name}, {"lower", b.lower}, {"upper_end", b.upper_end}, {"count", b.count}});
+    }
   }
   return j;
 }

@@ -32,8 +32,13 @@ struct ReportTask {
     double p50 = 0, p99 = 0, p999 = 0, max = 0;
   };
   Quantiles cpu_us, lateness_us, response_us;
-  double analysis_response_us = 0;                            // R of admission; 0: not analysed
-  std::vector<plot::Bins> cpu_histogram, lateness_histogram;  // us; several: e.g. task and sentinel
+  struct Slack {  // deadline - end: the small ones matter, a negative one is a miss
+    double p50 = 0, p1 = 0, p01 = 0, least = 0;
+  };
+  Slack slack_us;
+  double analysis_response_us = 0;  // R of admission; 0: not analysed
+  // us; several: e.g. task and sentinel, slack left and deadline passed
+  std::vector<plot::Bins> cpu_histogram, lateness_histogram, response_histogram, slack_histogram;
 };
 
 struct ReportSeries {
@@ -83,6 +88,7 @@ struct ReportData {
   std::vector<std::pair<std::string, std::uint64_t>> faults;  // code and text, count
   std::vector<std::string> files;  // other files of the folder, e.g. trace.json
   Metrics metrics{"demo"};
+  bool timing_only = false;  // from records alone: nothing is known of effects and faults
 };
 
 [[nodiscard]] std::string report_html(const ReportData& data);

@@ -77,6 +77,7 @@ RealRun run_real(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
   plan.host = admit_host(scene, calibration, cpus, shares);
   run.admission = plan.host.admission;
   run.modes = plan.host.modes;
+  run.best_effort = plan.host.request.best_effort;
   if (!plan.host.refusal.empty()) throw CouldNotStart("admission: " + plan.host.refusal);
   scene.graph.fusion.tsdf.voxel_size_m = plan.host.voxel_m;
   try {

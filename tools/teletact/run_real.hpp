@@ -14,6 +14,7 @@ struct RealRun {
   Effects effects;
   rt::Admission admission;
   rt::ModeTable modes;
+  std::vector<rt::BestEffortLoad> best_effort;
   std::vector<std::string> problems;
 };
 // Not admitted, or no room beside what runs already: nothing was started. Exit code 3.

@@ -3,10 +3,10 @@
 #include <cmath>
 #include <cstdio>
 
-#include "rt/audit/histogram.hpp"
 #include "tasks/graph/table.hpp"
 #include "tools/teletact/build_info.hpp"
 #include "tools/teletact/run_results.hpp"
+#include "tools/teletact/task_times.hpp"
 
 namespace teletact {
 
@@ -17,6 +17,17 @@ const char* const kPolicies[] = {"skip", "catch_up", "abort", "degrade"};
 ReportTask::Quantiles quantiles(const rt::Histogram& h) {
   const auto us = [&](double q) { return static_cast<double>(h.quantile(q)) * 1e-3; };
   return {us(0.5), us(0.99), us(0.999), static_cast<double>(h.max()) * 1e-3};
+}
+
+// By the graph's table; a file of another table gets a number.
+std::string level_name(const rt::TaskLog& task, int level) {
+  if (task.id < tasks::kTaskTable.size()) {
+    const auto& row = tasks::kTaskTable[task.id];
+    const auto at = static_cast<std::size_t>(level);
+    if (row.name == task.spec.name && at < row.variants.size() && !row.variants[at].name.empty())
+      return std::string(row.variants[at].name);
+  }
+  return "level " + std::to_string(level);
 }
 
 plot::Bins bins(const std::string& name, const rt::Histogram& h) {
@@ -42,6 +53,8 @@ plot::Bins bins(const std::string& name, const rt::Histogram& h) {
   return b;
 }
 
+}  // namespace
+
 ReportTask report_task(const rt::RunLog& log, const rt::TaskLog& task,
                        const std::vector<BoxTotals>& totals, bool virtual_clock) {
   ReportTask r;
@@ -54,8 +67,7 @@ ReportTask report_task(const rt::RunLog& log, const rt::TaskLog& task,
   r.priority = task.priority;
   const int level = task.jobs.empty() ? task.level : task.jobs.back().level;
   r.budget_us = static_cast<double>(task.spec.budget_of(level).count()) * 1e-3;
-  const auto& row = tasks::kTaskTable[task.id];
-  r.level = std::string(row.variants[static_cast<std::size_t>(level)].name);
+  r.level = level_name(task, level);
   const rt::TaskBlame b = rt::blame(log, task);
   const auto cause = [&](rt::Cause c) { return b.misses[static_cast<std::size_t>(c)]; };
   r.completed = b.completed;
@@ -77,24 +89,31 @@ ReportTask report_task(const rt::RunLog& log, const rt::TaskLog& task,
   r.carried = cause(rt::Cause::kCarried);
   r.charged = cause(rt::Cause::kCharged);
   r.unknown = cause(rt::Cause::kUnknown) + tail;
-  rt::Histogram cpu, late, response, sentinel;
-  for (const auto& j : task.jobs) {
-    cpu.record(j.cpu_ns);
-    late.record(j.lateness_ns());
-    response.record(j.end_ns - j.release_ns);
-  }
+  const TaskTimes times = times_of(task);
+  rt::Histogram sentinel;
   for (const auto& s : log.sentinels) {
     if (s.core == task.core) sentinel.record(s.late_ns);
   }
-  r.cpu_us = quantiles(cpu);
-  r.lateness_us = quantiles(late);
-  r.response_us = quantiles(response);
-  r.cpu_histogram = {bins("CPU", cpu)};
-  r.lateness_histogram = {bins("task", late)};
+  r.cpu_us = quantiles(times.cpu);
+  r.lateness_us = quantiles(times.lateness);
+  r.response_us = quantiles(times.response);
+  const auto slack = [&](double q) { return 1e-3 * static_cast<double>(times.slack.quantile(q)); };
+  r.slack_us = {slack(0.5), slack(0.01), slack(0.001),
+                1e-3 * static_cast<double>(times.slack.least())};
+  r.cpu_histogram = {bins("CPU", times.cpu)};
+  r.lateness_histogram = {bins("task", times.lateness)};
+  r.response_histogram = {bins("response", times.response)};
+  if (!times.slack.left.empty()) r.slack_histogram.push_back(bins("left", times.slack.left));
+  if (!times.slack.past.empty()) {
+    r.slack_histogram.push_back(bins("deadline passed by", times.slack.past));
+    r.slack_histogram.back().colour = "#b03a2e";
+  }
   if (!virtual_clock && sentinel.count() > 0)
     r.lateness_histogram.push_back(bins("sentinel", sentinel));
   return r;
 }
+
+namespace {
 
 ReportMap report_map(const OperatorHalf& op, const RobotHalf& robot) {
   ReportMap map;
@@ -265,10 +284,16 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
   d.verdicts.push_back({value("robot.collisions") == 0 ? State::kGood : State::kBad, text});
   if (!info.virtual_clock) {
     std::snprintf(text, sizeof text,
-                  "machine: %.2f %% of the haptic starts were late by the platform%s",
-                  100 * value("platform.late_share"),
-                  value("run.measured") > 0 ? "" : " - above 5 %: timing NOT MEASURED in this run");
-    d.verdicts.push_back({value("run.measured") > 0 ? State::kGood : State::kNote, text});
+                  "machine: %.2f %% of the haptic starts were late by the platform",
+                  100 * value("platform.late_share"));
+    const std::string why = not_measured(info, op, robot, m);
+    d.verdicts.push_back({why.empty() ? State::kGood : State::kNote,
+                          text + (why.empty() ? "" : "; timing NOT MEASURED in this run: " + why)});
+    for (const auto& o : ordinary_shares(info, op, robot)) {
+      std::snprintf(text, sizeof text, "ordinary thread %s: %.3f of a core, declared %.3f",
+                    o.name.c_str(), o.share, o.declared);
+      d.verdicts.push_back({o.share <= o.declared ? State::kGood : State::kNote, text});
+    }
     for (const auto* log : {&op.log, &robot.log}) {
       for (const auto& what : log->not_realtime)
         d.verdicts.push_back({State::kNote, "NOT REAL-TIME: " + what});

@@ -79,6 +79,12 @@ std::pair<std::uint64_t, std::uint64_t> frames_seen(const rt::TaskLog& fusion) {
   return {seen, newest - std::min(newest, seen)};
 }
 
+constexpr double kLateShareLimit = 0.05;
+
+bool real_time(const OperatorHalf& op, const RobotHalf& robot) {
+  return op.log.not_realtime.empty() && robot.log.not_realtime.empty();
+}
+
 const rt::TaskLog* task_of(const OperatorHalf& op, const RobotHalf& robot, tasks::TaskId id) {
   for (const auto* log : {&op.log, &robot.log}) {
     for (const auto& t : log->tasks) {
@@ -114,6 +120,7 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.one(h.link_round_trip_ns);
     s.one(h.link_uncertainty_ns);
     s.one(h.force_error_p95);
+    s.one(h.ordinary);
     s.one(h.complete);
   });
 }
@@ -129,7 +136,7 @@ void load_half(const std::string& folder, OperatorHalf& h) {
          l.one(h.view.log_dropped) && l.one(*h.view.view) && l.one(*h.view.map) &&
          l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
          l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.force_error_p95) &&
-         l.one(h.complete));
+         l.one(h.ordinary) && l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();
 }
 
@@ -142,6 +149,7 @@ void save_half(const std::string& folder, const RobotHalf& h) {
     s.one(h.view.log_dropped);
     s.many(h.totals);
     s.one(h.camera_twin_cpu_ns);
+    s.one(h.ordinary);
     s.one(h.dropped_records);
     s.one(h.hangs);
     s.one(h.complete);
@@ -153,8 +161,8 @@ void load_half(const std::string& folder, RobotHalf& h) {
   h.complete = false;
   (void)(l.one(h.epoch_ns) && l.many(h.view.robot) && l.many(h.view.truth) &&
          l.one(h.view.tracking_error_max_m) && l.one(h.view.log_dropped) && l.many(h.totals) &&
-         l.one(h.camera_twin_cpu_ns) && l.one(h.dropped_records) && l.one(h.hangs) &&
-         l.one(h.complete));
+         l.one(h.camera_twin_cpu_ns) && l.one(h.ordinary) && l.one(h.dropped_records) &&
+         l.one(h.hangs) && l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/robot.run")) h.log = std::move(log).value();
 }
 
@@ -260,6 +268,41 @@ void add_robot_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& 
 
 }  // namespace
 
+std::vector<OrdinaryShare> ordinary_shares(const RunInfo& info, const OperatorHalf& op,
+                                           const RobotHalf& robot) {
+  std::vector<OrdinaryShare> out;
+  if (op.ordinary.span_ns <= 0 || robot.ordinary.span_ns <= 0) return out;
+  const std::pair<const char*, std::int64_t OrdinaryCpu::*> threads[] = {
+      {"link", &OrdinaryCpu::link_ns},
+      {"console", &OrdinaryCpu::console_ns},
+      {"camera_twin", &OrdinaryCpu::camera_twin_ns}};
+  for (const auto& load : info.best_effort) {
+    for (const auto& [name, cpu] : threads) {
+      if (load.name != name) continue;
+      double share = 0;
+      for (const auto* o : {&op.ordinary, &robot.ordinary})
+        share += static_cast<double>(o->*cpu) / static_cast<double>(o->span_ns);
+      out.push_back({name, share, load.share});
+    }
+  }
+  return out;
+}
+
+std::string not_measured(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
+                         const Metrics& m) {
+  if (info.virtual_clock) return "simulated time measures no machine";
+  std::string why = real_time(op, robot) ? "" : "a right for real-time scheduling was missing";
+  for (const auto& row : m.rows()) {
+    if (row.name != "platform.late_share" || row.value <= kLateShareLimit) continue;
+    char text[120];
+    std::snprintf(text, sizeof text,
+                  "%.1f %% of the haptic starts were late by the platform, above %.0f %%",
+                  100 * row.value, 100 * kLateShareLimit);
+    why += (why.empty() ? "" : "; ") + std::string(text);
+  }
+  return why;
+}
+
 void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
   add_haptic_metrics(op, robot, m);
   std::size_t consumed = 0, tracked = 0, claimed = 0;
@@ -294,13 +337,12 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
   m.add("log.dropped", static_cast<double>(op.view.log_dropped + robot.view.log_dropped), "1");
   m.add("effects.constructed", static_cast<double>(info.effects.size()), "1");
   m.add("link.round_trip_ms", 1e-6 * static_cast<double>(op.link_round_trip_ns), "ms");
-  const bool real_time = op.log.not_realtime.empty() && robot.log.not_realtime.empty();
-  double late_share = 0;
-  for (const auto& row : m.rows()) {
-    if (row.name == "platform.late_share") late_share = row.value;
+  for (const auto& o : ordinary_shares(info, op, robot)) {
+    m.add("best_effort." + o.name + "_share", o.share, "1");
+    m.add("best_effort." + o.name + "_declared", o.declared, "1");
   }
-  m.add("run.realtime", real_time && !info.virtual_clock ? 1 : 0, "1");
-  m.add("run.measured", real_time && !info.virtual_clock && late_share <= 0.05 ? 1 : 0, "1");
+  m.add("run.realtime", real_time(op, robot) && !info.virtual_clock ? 1 : 0, "1");
+  m.add("run.measured", not_measured(info, op, robot, m).empty() ? 1 : 0, "1");
   m.add("run.problems", static_cast<double>(info.problems.size()), "1");
   char hash[20];
   std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(info.sched_hash));

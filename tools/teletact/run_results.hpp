@@ -24,6 +24,12 @@ struct BoxTotals {
   rt::TaskTotals totals;
 };
 
+// Thread CPU of a process's ordinary threads, from the epoch on. span 0: not measured.
+struct OrdinaryCpu {
+  std::int64_t link_ns = 0, console_ns = 0, camera_twin_ns = 0;
+  std::int64_t span_ns = 0;  // of the wall, that it was spent in
+};
+
 struct OperatorHalf {
   rt::RunLog log;
   OperatorView view;
@@ -32,7 +38,8 @@ struct OperatorHalf {
   std::uint64_t dropped_records = 0, hangs = 0;
   std::int64_t link_round_trip_ns = 0, link_uncertainty_ns = 0;
   double force_error_p95 = -1;  // force_check.hpp; -1: not checked
-  bool complete = false;        // false: the process ended early
+  OrdinaryCpu ordinary;
+  bool complete = false;  // false: the process ended early
 };
 
 struct RobotHalf {
@@ -41,6 +48,7 @@ struct RobotHalf {
   std::vector<BoxTotals> totals;
   std::int64_t epoch_ns = 0;  // robot box clock
   std::int64_t camera_twin_cpu_ns = 0;
+  OrdinaryCpu ordinary;
   std::uint64_t dropped_records = 0, hangs = 0;
   bool complete = false;
 };
@@ -63,6 +71,7 @@ struct RunInfo {
   Effects effects;
   rt::Admission admission;
   rt::ModeTable modes;
+  std::vector<rt::BestEffortLoad> best_effort;  // declared shares of ordinary threads, both boxes
   std::vector<std::pair<std::string, std::string>> host, seeds;
   std::uint64_t sched_hash = 0, log_hash = 0;
   std::vector<std::string> problems;  // each makes the exit code non-zero
@@ -70,9 +79,26 @@ struct RunInfo {
   RecordingFigures recorded;  // of a recording, against its own poses
 };
 
+// Ordinary threads: what they took of a core, both boxes together, beside what was declared. Empty where
+// nothing was measured (virtual clock, a process that ended early).
+struct OrdinaryShare {
+  std::string name;
+  double share = 0, declared = 0;
+};
+[[nodiscard]] std::vector<OrdinaryShare> ordinary_shares(const RunInfo&, const OperatorHalf&,
+                                                         const RobotHalf&);
+
+// Why the timing of this run says nothing about the tasks (run.measured 0); empty: it does. `metrics`
+// holds platform.late_share.
+[[nodiscard]] std::string not_measured(const RunInfo&, const OperatorHalf&, const RobotHalf&,
+                                       const Metrics& metrics);
+
 // Figures of the run under their documented names (docs/metrics.md).
 void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
                  Metrics& metrics);
+// One task's figures and histograms; `totals` may be empty: then they are counted from the records.
+[[nodiscard]] ReportTask report_task(const rt::RunLog& log, const rt::TaskLog& task,
+                                     const std::vector<BoxTotals>& totals, bool virtual_clock);
 [[nodiscard]] ReportData make_report(const RunInfo& info, const OperatorHalf& op,
                                      const RobotHalf& robot, const Metrics& metrics);
 

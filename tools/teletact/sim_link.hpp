@@ -10,6 +10,7 @@
 #include "drivers/link/endpoint.hpp"
 #include "drivers/link/shaper.hpp"
 #include "rt/clock/box_time.hpp"
+#include "rt/hash.hpp"
 #include "rt/sched/virtual_executor.hpp"
 #include "tasks/graph/operator_graph.hpp"
 

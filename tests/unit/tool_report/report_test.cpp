@@ -92,7 +92,10 @@ ReportData sample() {
     t.cpu_us = {q(0.5), q(0.99), q(0.999), values.back()};
     t.lateness_us = {8, 21, 310, 420};
     t.response_us = {row.cpu + 8, row.cpu * 1.8, row.cpu * 2.2, row.cpu * 2.5};
+    t.slack_us = {400, 310, 120, -35.5};
     t.cpu_histogram = {cpu};
+    t.response_histogram = {cpu};
+    t.slack_histogram = {late, sentinel};
     t.lateness_histogram = {late, sentinel};
     d.tasks.push_back(t);
   }
@@ -182,6 +185,9 @@ TEST(Report, HtmlIsSelfContainedAndWellFormed) {
   expect_self_contained(html);
   EXPECT_THAT(html, HasSubstr("a &lt;fast&gt; one &amp; more"));
   EXPECT_THAT(html, HasSubstr("haptic: CPU of a job"));
+  EXPECT_THAT(html, HasSubstr("haptic: response of a job"));
+  EXPECT_THAT(html, HasSubstr("haptic: slack of a job"));
+  EXPECT_THAT(html, HasSubstr("-35.5"));
   EXPECT_THAT(html, HasSubstr("Force on the hand"));
   EXPECT_THAT(html, HasSubstr("camera.noise"));
   EXPECT_THAT(html, HasSubstr("F-HAP-02"));
@@ -234,6 +240,12 @@ TEST(Report, JsonHoldsMetricsAndTasks) {
   EXPECT_EQ(m["all"], m["own"].get<int>() + m["queued"].get<int>() + m["carried"].get<int>() +
                           m["charged"].get<int>() + m["platform"].get<int>() +
                           m["unknown"].get<int>());
+  EXPECT_EQ(j["tasks"][0]["slack_us"]["min"], -35.5);
+  for (const char* name : {"cpu_us", "lateness_us", "response_us", "slack_us"}) {
+    const auto& h = j["tasks"][0]["histograms"].at(name).at(0);
+    EXPECT_EQ(h.at("lower").size(), h.at("count").size()) << name;
+    EXPECT_FALSE(h.at("lower").empty()) << name;
+  }
   EXPECT_EQ(j.at("seeds").at("run"), "42");
   EXPECT_EQ(j.at("effects")[0].at("name"), "camera noise");
 }

@@ -109,6 +109,19 @@ TEST(RunResults, MeasuredOnlyWhileThePlatformIsOnTime) {
   EXPECT_GT(value(bad, "platform.late_share"), 0.05);
   EXPECT_EQ(value(bad, "run.measured"), 0);
   EXPECT_EQ(value(bad, "run.realtime"), 0);
+  const std::string why = teletact::not_measured({}, op, {}, bad);
+  EXPECT_NE(why.find("right"), std::string::npos) << why;
+  EXPECT_NE(why.find("late by the platform"), std::string::npos) << why;
+  // The reason is the real one: only a right missing says nothing of late starts.
+  OperatorHalf no_right = known_run();
+  no_right.log.not_realtime = {"SCHED_FIFO"};
+  Metrics unprivileged("demo");
+  teletact::add_metrics({}, no_right, {}, unprivileged);
+  EXPECT_EQ(value(unprivileged, "run.measured"), 0);
+  const std::string only = teletact::not_measured({}, no_right, {}, unprivileged);
+  EXPECT_NE(only.find("right"), std::string::npos) << only;
+  EXPECT_EQ(only.find("late"), std::string::npos) << only;
+  EXPECT_EQ(teletact::not_measured({}, known_run(), {}, good), "");
   RunInfo info;
   info.virtual_clock = true;
   teletact::add_metrics(info, known_run(), {}, simulated);
@@ -136,6 +149,24 @@ TEST(RunResults, TouchFigures) {
   EXPECT_DOUBLE_EQ(value(m, "haptic.contacts"), 2);
   EXPECT_DOUBLE_EQ(value(m, "haptic.guard_share"), 0.05) << "guard use counts in contact only";
   EXPECT_DOUBLE_EQ(value(m, "haptic.not_finite"), 1);
+}
+
+TEST(RunResults, OrdinaryThreadsStandBesideWhatWasDeclared) {
+  RunInfo info;
+  info.best_effort = {{"link", 0.06, {}}, {"console", 0.04, {}}, {"camera_twin", 0.3, {}}};
+  OperatorHalf op = known_run();
+  RobotHalf robot;
+  op.ordinary = {400 * kMs, 100 * kMs, 0, 20000 * kMs};
+  robot.ordinary = {200 * kMs, 50 * kMs, 2500 * kMs, 10000 * kMs};
+  Metrics m("demo");
+  teletact::add_metrics(info, op, robot, m);
+  EXPECT_DOUBLE_EQ(value(m, "best_effort.link_share"), 0.04);
+  EXPECT_DOUBLE_EQ(value(m, "best_effort.link_declared"), 0.06);
+  EXPECT_DOUBLE_EQ(value(m, "best_effort.console_share"), 0.01);
+  EXPECT_DOUBLE_EQ(value(m, "best_effort.camera_twin_share"), 0.25);
+  EXPECT_DOUBLE_EQ(value(m, "best_effort.camera_twin_declared"), 0.3);
+  robot.ordinary = {};  // it ended early: no sum of one box passes for both
+  EXPECT_TRUE(teletact::ordinary_shares(info, op, robot).empty());
 }
 
 TEST(RunResults, AnEmptyRunHasFiguresAndNoNaN) {
