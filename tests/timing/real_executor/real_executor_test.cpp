@@ -117,29 +117,38 @@ TEST(RealExecutor, AnOrdinaryUserIsToldWhatIsMissing) {
   EXPECT_EQ(WEXITSTATUS(status), 0) << "1: a line is missing from missing()";
 }
 
+// The first job from release 10 on runs for 5.5 periods. (Release 10 itself may be lost on a loaded machine.)
 class Overrun final : public Body {
  public:
   void work(const rt::Tick& tick) noexcept override {
-    if (tick.k == 10) burn_until(rt::ns_of(tick.release) + 110 * kMs);  // 5.5 periods
+    if (k_ != 0 || tick.k < 10) return;
+    k_ = tick.k;
+    burn_until(rt::ns_of(tick.release) + 110 * kMs);
   }
+  // Where it is in the records; a few jobs came after it.
+  [[nodiscard]] std::size_t position(const std::vector<rt::JobRecord>& jobs) const {
+    std::size_t i = 0;
+    while (i < jobs.size() && jobs[i].k != k_) ++i;
+    EXPECT_NE(k_, 0U) << "no job from release 10 on";
+    return i;
+  }
+
+ private:
+  std::uint64_t k_ = 0;
 };
 
 TEST(RealExecutor, SkipCountsTheReleasesAnOverrunRanOver) {
   Overrun body;
   std::vector<rt::PlacedTask> tasks{placed("skip", 50, body, 0)};
-  const Outcome o = run(tasks, 600 * kMs);
+  const Outcome o = run(tasks, kSecond);
   expect_balanced(o, tasks);
   const auto& jobs = o.jobs[0];
-  bool seen = false;
-  for (std::size_t i = 0; i + 1 < jobs.size(); ++i) {
-    if (jobs[i].k != 10) continue;
-    seen = true;
-    EXPECT_TRUE(jobs[i].missed());
-    EXPECT_GE(jobs[i + 1].skipped, 5U);
-    EXPECT_EQ(jobs[i + 1].k, 11 + jobs[i + 1].skipped);
-    EXPECT_GE(jobs[i + 1].release_ns, jobs[i].end_ns) << "the next release lies in the future";
-  }
-  if (!seen) GTEST_SKIP() << "release 10 itself was skipped: the machine is too loaded";
+  const std::size_t i = body.position(jobs);
+  ASSERT_LT(i + 1, jobs.size());
+  EXPECT_TRUE(jobs[i].missed());
+  EXPECT_GE(jobs[i + 1].skipped, 5U);
+  EXPECT_EQ(jobs[i + 1].k, jobs[i].k + 1 + jobs[i + 1].skipped);
+  EXPECT_GE(jobs[i + 1].release_ns, jobs[i].end_ns) << "the next release lies in the future";
   EXPECT_GE(o.totals[0].skipped, 5U);
   EXPECT_GE(o.totals[0].late, 1U);
 }
@@ -149,16 +158,15 @@ TEST(RealExecutor, CatchUpRunsTheNewestBackToBack) {
   std::vector<rt::PlacedTask> tasks{placed("catchup", 50, body, 0)};
   tasks[0].spec.policy = rt::MissPolicy::kCatchUp;
   tasks[0].spec.catch_up_max = 3;
-  const Outcome o = run(tasks, 600 * kMs);
+  const Outcome o = run(tasks, kSecond);
   const auto& jobs = o.jobs[0];
-  for (std::size_t i = 0; i + 3 < jobs.size(); ++i) {
-    if (jobs[i].k != 10) continue;
-    EXPECT_GE(jobs[i + 1].skipped, 2U) << "5 pending, 3 kept";
-    EXPECT_LT(jobs[i + 1].release_ns, jobs[i].end_ns) << "a kept one lies in the past";
-    EXPECT_LT(jobs[i + 3].release_ns, jobs[i].end_ns);
-    EXPECT_EQ(jobs[i + 3].k, jobs[i + 1].k + 2);
-  }
-  EXPECT_EQ(o.totals[0].completed + o.totals[0].skipped, 30U);
+  const std::size_t i = body.position(jobs);
+  ASSERT_LT(i + 3, jobs.size());
+  EXPECT_GE(jobs[i + 1].skipped, 2U) << "5 pending, 3 kept";
+  EXPECT_LT(jobs[i + 1].release_ns, jobs[i].end_ns) << "a kept one lies in the past";
+  EXPECT_LT(jobs[i + 3].release_ns, jobs[i].end_ns);
+  EXPECT_EQ(jobs[i + 3].k, jobs[i + 1].k + 2);
+  EXPECT_EQ(o.totals[0].completed + o.totals[0].skipped, 50U);
 }
 
 class Slow final : public Body {
@@ -285,12 +293,6 @@ TEST(RealExecutor, LateReleaseBlockAndTheftLeaveTheirMarks) {
   if (!fifo_allowed()) GTEST_SKIP() << "SCHED_FIFO is not permitted here";
   Body body;
   std::vector<rt::PlacedTask> tasks{placed("task", 50, body, 0)};
-  const auto at = [](const Outcome& o, std::uint64_t k) -> const rt::JobRecord* {
-    for (const auto& r : o.jobs[0]) {
-      if (r.k == k) return &r;
-    }
-    return nullptr;
-  };
   struct Case {
     rt::FaultKind kind;
     bool before_start;
@@ -299,28 +301,32 @@ TEST(RealExecutor, LateReleaseBlockAndTheftLeaveTheirMarks) {
                        Case{rt::FaultKind::kPriorityHog, true}, Case{rt::FaultKind::kBlock, false},
                        Case{rt::FaultKind::kExtraCpu, false}}) {
     SCOPED_TRACE(std::string(rt::name_of(c.kind)));
-    const rt::Planned planned(one_fault(c.kind, "task", 6 * kMs, 4, 1, 1), {"task"});
-    const Outcome o = run(tasks, 200 * kMs, light(), planned);
+    const rt::Planned planned(one_fault(c.kind, "task", 6 * kMs, 2, 3, 6), {"task"});
+    const Outcome o = run(tasks, 400 * kMs, light(), planned);
     expect_balanced(o, tasks);
-    const auto* r = at(o, 4);
-    if (r == nullptr) continue;  // the machine lost it
-    EXPECT_EQ(r->injected, 1);
-    const std::int64_t part = c.before_start ? r->lateness_ns() : r->end_ns - r->start_ns;
-    EXPECT_GE(part, 5 * kMs);
-    if (c.kind == rt::FaultKind::kExtraCpu) {
-      EXPECT_GE(r->cpu_ns, 5 * kMs);
-    }
-    if (c.kind == rt::FaultKind::kBlock) {
-      EXPECT_GE(r->voluntary, 2U) << "a wait of its own";
-    }
-    if (c.kind == rt::FaultKind::kTheft) {
-      // Above the sentinel: it must have been late too. A hog is below it.
-      for (const auto& s : o.sentinels) {
-        if (s.release_ns == r->release_ns) {
-          EXPECT_GE(s.late_ns, 5 * kMs);
+    int seen = 0;  // of six; a loaded machine loses some
+    for (const auto& r : o.jobs[0]) {
+      EXPECT_EQ(r.injected, r.k >= 2 && (r.k - 2) % 3 == 0 ? 1 : 0) << r.k;
+      if (r.injected == 0) continue;
+      ++seen;
+      const std::int64_t part = c.before_start ? r.lateness_ns() : r.end_ns - r.start_ns;
+      EXPECT_GE(part, 5 * kMs);
+      if (c.kind == rt::FaultKind::kExtraCpu) {
+        EXPECT_GE(r.cpu_ns, 5 * kMs);
+      }
+      if (c.kind == rt::FaultKind::kBlock) {
+        EXPECT_GE(r.voluntary, 2U) << "a wait of its own";
+      }
+      if (c.kind == rt::FaultKind::kTheft) {
+        // Above the sentinel: it must have been late too. A hog is below it.
+        for (const auto& s : o.sentinels) {
+          if (s.release_ns == r.release_ns) {
+            EXPECT_GE(s.late_ns, 5 * kMs);
+          }
         }
       }
     }
+    EXPECT_GE(seen, 2) << "of six jobs that the plan names";
   }
 }
 
@@ -392,9 +398,9 @@ TEST(RealExecutor, ExtraCpuIsBlamedOnTheJobItself) {
     GTEST_SKIP() << "SCHED_FIFO is not permitted here: a job would share its core";
   Body body;
   std::vector<rt::PlacedTask> tasks{placed("haptic", 1000, body, 0)};
-  const rt::Planned planned(one_fault(rt::FaultKind::kExtraCpu, "haptic", 2 * kMs, 50, 50, 40),
+  const rt::Planned planned(one_fault(rt::FaultKind::kExtraCpu, "haptic", 2 * kMs, 50, 30, 100),
                             {"haptic"});
-  const Outcome o = run(tasks, 2200 * kMs, light(), planned);
+  const Outcome o = run(tasks, 3200 * kMs, light(), planned);
   expect_balanced(o, tasks);
   rt::RunLog log;
   rt::TaskLog t;
@@ -425,9 +431,9 @@ TEST(RealExecutor, ExtraCpuIsBlamedOnTheJobItself) {
     own += b.jobs[i].miss_cause == rt::Cause::kOwn ? 1 : 0;
   }
   std::printf("injected %d, sentinel on time %d, own %d\n", injected, judged, own);
-  EXPECT_GE(injected, 20);
-  if (judged < 20) GTEST_SKIP() << "the machine was late itself in most of them";
-  EXPECT_GE(own, (97 * judged + 99) / 100 - 1) << "97 %, and one that the host took in the middle";
+  EXPECT_GE(injected, 50);
+  if (judged < 40) GTEST_SKIP() << "not measured: the machine was late itself in most of them";
+  EXPECT_GE(100 * own, 97 * judged) << "97 %";
 }
 
 }  // namespace
