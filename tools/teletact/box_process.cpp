@@ -169,11 +169,14 @@ struct BoxRunner {
                   end.camera_twin_ns - at_epoch.camera_twin_ns, end.span_ns - at_epoch.span_ns};
     }
     g_ramp_down.store(nullptr);
-    writer->flush();
     look();
     const auto t = executor.totals();
     for (std::size_t i = 0; i < placed.size(); ++i) totals.push_back({placed[i].id, t[i]});
     dropped = executor.dropped_records();
+    std::vector<rt::RunFileTotals> trailer;
+    for (const BoxTotals& b : totals) trailer.push_back({b.task, b.totals});
+    writer->finish(trailer, dropped);
+    writer->flush();
     hangs = executor.hangs();
     if (black_box) {
       black_box->end(ramp_from != 0 ? "asked to end (SIGINT or SIGTERM)"

@@ -71,6 +71,10 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
   print_metrics(metrics);
   if (const std::string why = not_measured(info, op, robot, metrics); !why.empty())
     std::printf("timing not measured in this run: %s\n", why.c_str());
+  if (const auto lost = op.dropped_records + robot.dropped_records; lost > 0) {
+    std::printf("AUDIT INCOMPLETE: %llu records lost, a ring was full\n",
+                static_cast<unsigned long long>(lost));
+  }
   for (const auto& p : info.problems) std::fprintf(stderr, "teletact demo: %s\n", p.c_str());
   if (!info.stub_bodies) std::printf("report: %s/report.html\n", options.report.c_str());
   return info.problems.empty() ? 0 : 1;

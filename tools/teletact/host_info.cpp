@@ -70,7 +70,7 @@ void write_csv(const std::string& path, const std::vector<const rt::RunLog*>& lo
   const File f = create(path);
   std::fprintf(
       f.get(),
-      "task,k,release_ns,start_ns,end_ns,cpu_ns,twin_cpu_ns,run_delay_ns,minor_faults,involuntary,"
+      "task,k,release_ns,start_ns,end_ns,cpu_ns,twin_cpu_ns,run_delay_ns,minor_faults,major_faults,involuntary,"
       "voluntary,skipped,level,outcome,work,late_cause,miss_cause\n");
   for (const auto* log : logs) {
     for (const auto& t : log->tasks) {
@@ -81,12 +81,12 @@ void write_csv(const std::string& path, const std::vector<const rt::RunLog*>& lo
             b.jobs[i].late_start ? rt::name_of(b.jobs[i].late_cause) : std::string_view{};
         const auto miss = b.jobs[i].missed ? rt::name_of(b.jobs[i].miss_cause) : std::string_view{};
         std::fprintf(f.get(),
-                     "%s,%llu,%lld,%lld,%lld,%lld,%lld,%lld,%u,%u,%u,%u,%u,%s,%llu,%.*s,%.*s\n",
+                     "%s,%llu,%lld,%lld,%lld,%lld,%lld,%lld,%u,%u,%u,%u,%u,%u,%s,%llu,%.*s,%.*s\n",
                      t.spec.name.c_str(), static_cast<unsigned long long>(j.k),
                      static_cast<long long>(j.release_ns), static_cast<long long>(j.start_ns),
                      static_cast<long long>(j.end_ns), static_cast<long long>(j.cpu_ns),
                      static_cast<long long>(j.twin_cpu_ns), static_cast<long long>(j.run_delay_ns),
-                     j.minor_faults, j.involuntary, j.voluntary, j.skipped, j.level,
+                     j.minor_faults, j.major_faults, j.involuntary, j.voluntary, j.skipped, j.level,
                      j.outcome == rt::Outcome::kAborted ? "aborted" : "completed",
                      static_cast<unsigned long long>(j.work), static_cast<int>(late.size()),
                      late.data(), static_cast<int>(miss.size()), miss.data());

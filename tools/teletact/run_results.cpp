@@ -335,6 +335,7 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
   m.add("plan.paths", op.view.task.paths, "1");
   add_robot_metrics(op, robot, m);
   m.add("log.dropped", static_cast<double>(op.view.log_dropped + robot.view.log_dropped), "1");
+  m.add("audit.dropped", static_cast<double>(op.dropped_records + robot.dropped_records), "1");
   m.add("effects.constructed", static_cast<double>(info.effects.size()), "1");
   m.add("link.round_trip_ms", 1e-6 * static_cast<double>(op.link_round_trip_ns), "ms");
   for (const auto& o : ordinary_shares(info, op, robot)) {

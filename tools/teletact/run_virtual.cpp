@@ -202,6 +202,11 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
     const std::uint64_t bytes = link->byte_hash();
     hasher.add_bytes(&bytes, sizeof bytes);
   }
+  const auto keep_totals = [](auto& half) {
+    for (const BoxTotals& t : half.totals) half.log.find(t.task)->totals = t.totals;
+  };
+  keep_totals(run.op);
+  keep_totals(run.robot);
   run.sched_hash = hasher.sched();
   run.log_hash = hasher.log();
   run.op.epoch_ns = rt::ns_of(op_options.epoch);

@@ -169,6 +169,23 @@ TEST(RunResults, OrdinaryThreadsStandBesideWhatWasDeclared) {
   EXPECT_TRUE(teletact::ordinary_shares(info, op, robot).empty());
 }
 
+// Three of the dropped releases came when the haptic thread had ended; seven records found a full ring.
+TEST(RunResults, WhatAThreadThatEndedLostIsItsOwnAndLostRecordsAreCounted) {
+  OperatorHalf op = known_run();
+  RobotHalf robot;
+  op.log.tasks[0].totals = op.totals[0].totals;
+  op.log.tasks[0].totals->lost = 3;
+  op.dropped_records = 3;
+  robot.dropped_records = 4;
+  Metrics m("demo");
+  teletact::add_metrics({}, op, robot, m);
+  EXPECT_EQ(value(m, "haptic.releases"), 100);
+  EXPECT_EQ(value(m, "haptic.miss_total"), 7);
+  EXPECT_EQ(value(m, "haptic.miss_own"), 6);
+  EXPECT_EQ(value(m, "haptic.miss_unknown"), 0);
+  EXPECT_EQ(value(m, "audit.dropped"), 7);
+}
+
 TEST(RunResults, AnEmptyRunHasFiguresAndNoNaN) {
   Metrics m("demo");
   teletact::add_metrics({}, {}, {}, m);
