@@ -350,7 +350,7 @@ bool ObjectGraph::same_behind_occluder(const SurfacePatches& patches, int region
     return false;
   }
   const int w = patches.window().width, h = patches.window().height;
-  const float du = patches.x_of(1) - patches.x_of(0), dv = patches.y_of(1) - patches.y_of(0);
+  const float du = patches.x_step(), dv = patches.y_step();
   int hidden = 0;
   constexpr int kSamples = 24;
   for (int k = 1; k < kSamples; ++k) {
@@ -372,7 +372,7 @@ void ObjectGraph::build(const SurfacePatches& patches, const SupportPlane& plane
   asked_region_ = kNone;
   mark_support(patches, plane, c);
   free_coloured_support(patches, c);
-  const float pixel = patches.x_of(1) - patches.x_of(0);
+  const float pixel = patches.x_step();
   for (int i = 0; i < pieces_; ++i) {
     const auto k = static_cast<std::size_t>(i);
     const SurfacePiece& p = patches.piece(i);

@@ -52,6 +52,8 @@ void SurfacePatches::set(ImageView<const Rgb> rgb, ImageView<const std::uint16_t
   };
   lab_.set_half(at(rgb));
   halve_depth(at(depth), mm_per_unit);
+  x_step_ = static_cast<float>(2.0 / k.fx);
+  y_step_ = static_cast<float>(2.0 / k.fy);
   for (int u = 0; u < w; ++u) {
     x_[static_cast<std::size_t>(u)] =
         static_cast<float>((2.0 * (window.u0 + u) + 0.5 - k.cx) / k.fx);

@@ -59,6 +59,9 @@ class SurfacePatches {
   // Normalised image point of a window pixel: (x, y, 1) z is the point in C.
   [[nodiscard]] float x_of(int u) const noexcept { return x_[static_cast<std::size_t>(u)]; }
   [[nodiscard]] float y_of(int v) const noexcept { return y_[static_cast<std::size_t>(v)]; }
+  // From one window pixel to the next.
+  [[nodiscard]] float x_step() const noexcept { return x_step_; }
+  [[nodiscard]] float y_step() const noexcept { return y_step_; }
   [[nodiscard]] Vec3f point(int u, int v) const noexcept {
     const float z = z_[static_cast<std::size_t>(v * window_.width + u)];
     return {x_of(u) * z, y_of(v) * z, z};
@@ -73,6 +76,7 @@ class SurfacePatches {
   LabImage lab_;
   Superpixels superpixels_;
   std::vector<float> z_, inverse_, light_, x_, y_;
+  float x_step_ = 0, y_step_ = 0;
   std::vector<SurfacePiece> pieces_;
   std::vector<double> sums_;
 };

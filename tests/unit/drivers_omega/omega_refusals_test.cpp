@@ -23,9 +23,10 @@ struct Folder {
     path = ::mkdtemp(name.data());
   }
   ~Folder() { fs::remove_all(path); }
-  fs::path link_twin(const fs::path& name) const {
+  fs::path copy_twin(const fs::path& name) const {
     fs::create_directories((path / name).parent_path());
-    fs::create_symlink(kTwinLibrary, path / name);
+    // A copy: where a library stays loaded (sanitizers), it would answer for every link to it.
+    fs::copy_file(kTwinLibrary, path / name);
     return path / name;
   }
 };
@@ -197,7 +198,7 @@ TEST(UsbVerdict, TheBestOfWhatIsThereDecides) {
 
 TEST(SdkSearch, FileNamedByConfigurationOrEnvironment) {
   const Folder folder;
-  const auto file = folder.link_twin("any_name.so");
+  const auto file = folder.copy_twin("any_name.so");
   DhdSearch s = nowhere();
   s.named = file;
   EXPECT_EQ(loaded(s), file.string());
@@ -211,7 +212,7 @@ TEST(SdkSearch, FolderOfTheSdk) {
        {"lib/release/lin-" + machine() + "-gcc/libdhd.so.3.17.5", std::string("lib/libdhd.so"),
         std::string("libdhd.so.3"), std::string("lib/libdrd.so.3.14.0")}) {
     const Folder folder;
-    const auto file = folder.link_twin(name);
+    const auto file = folder.copy_twin(name);
     DhdSearch s = nowhere();
     const Environment env(folder.path);
     EXPECT_EQ(loaded(s), file.string());
@@ -220,8 +221,8 @@ TEST(SdkSearch, FolderOfTheSdk) {
 
 TEST(SdkSearch, ConfigurationGoesBeforeTheEnvironment) {
   const Folder a, b;
-  const auto wanted = a.link_twin("libdhd.so.3");
-  (void)b.link_twin("libdhd.so.3");
+  const auto wanted = a.copy_twin("libdhd.so.3");
+  (void)b.copy_twin("libdhd.so.3");
   const Environment env(b.path);
   DhdSearch s = nowhere();
   s.named = a.path;
@@ -230,9 +231,9 @@ TEST(SdkSearch, ConfigurationGoesBeforeTheEnvironment) {
 
 TEST(SdkSearch, FullNameInTheUsualFoldersNewestFirst) {
   const Folder folder;
-  (void)folder.link_twin("libdhd.so.3.9.2");
-  (void)folder.link_twin("libdhd.so.3.17.5");
-  const auto newest = folder.link_twin("libdhd.so.3.17.12");
+  (void)folder.copy_twin("libdhd.so.3.9.2");
+  (void)folder.copy_twin("libdhd.so.3.17.5");
+  const auto newest = folder.copy_twin("libdhd.so.3.17.12");
   DhdSearch s = nowhere();
   s.folders = {folder.path.string()};
   EXPECT_EQ(loaded(s), newest.string());
@@ -240,8 +241,8 @@ TEST(SdkSearch, FullNameInTheUsualFoldersNewestFirst) {
 
 TEST(SdkSearch, DhdGoesBeforeDrd) {
   const Folder folder;
-  (void)folder.link_twin("libdrd.so.3.17.5");
-  const auto dhd = folder.link_twin("libdhd.so.3.14.0");
+  (void)folder.copy_twin("libdrd.so.3.17.5");
+  const auto dhd = folder.copy_twin("libdhd.so.3.14.0");
   DhdSearch s = nowhere();
   s.folders = {folder.path.string()};
   EXPECT_EQ(loaded(s), dhd.string());
@@ -255,7 +256,7 @@ TEST(SdkSearch, AFileThatDoesNotLoadIsNamedAndPassedOver) {
   const std::string said = loaded(s);
   EXPECT_EQ(said.find("SDK not found: tried "), 0U) << said;
   EXPECT_NE(said.find("libdhd.so.3: "), std::string::npos) << said;
-  const auto good = folder.link_twin("libdhd.so");
+  const auto good = folder.copy_twin("libdhd.so");
   EXPECT_EQ(loaded(s), good.string());
 }
 
