@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tasks/graph/output_hash.hpp"
+
 namespace tasks {
 
 namespace {
@@ -57,7 +59,7 @@ void HapticNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   device_.act(tick.start, out_.force);
   HapticState& hand = cells_.hand.begin_write();
   hand = out_.state;
-  publish(hand_gate_, cells_.hand, hand);
+  const bool hand_out = publish(hand_gate_, cells_.hand, hand);
   for (int i = 0; i < out_.event_count; ++i) send(tick, out_.events[static_cast<std::size_t>(i)]);
   publish_health(health_of(cells_, TaskId::kHaptic), tick.start, health_);
   const auto& t = out_.telemetry;
@@ -87,10 +89,10 @@ void HapticNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   cells_.haptic_samples.try_push(s);
   if (!hash_) return;
   rt::Hash64 h;
-  hash_vec(h, out_.force.f_H_D);
-  hash_vec(h, out_.state.p_WP);
-  h.word(static_cast<std::uint64_t>(out_.state.contacts));
-  h.word(static_cast<std::uint64_t>(out_.event_count));
+  hash_output(h, out_.force.f_H_D);
+  if (hand_out) hash_output(h, hand);
+  for (int i = 0; i < out_.event_count; ++i)
+    hash_output(h, out_.events[static_cast<std::size_t>(i)]);
   record.output_hash = h.digest();
 }
 
@@ -150,26 +152,20 @@ rt::Health FusionNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcep
 }
 
 void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
-  if (hash_) {
-    rt::Hash64 h;
-    hash_pose(h, out_.camera.X_WC);
-    h.word((static_cast<std::uint64_t>(out_.camera.tracking) << 1U) |
-           (out_.camera.claimed ? 1U : 0U));
-    if (out_.patch_written) h.word(out_.patch->checksum);
-    if (out_.cost_map_written) {
-      h.bytes(out_.cost_map->cost.data(), static_cast<std::size_t>(out_.cost_map->width) *
-                                              static_cast<std::size_t>(out_.cost_map->height));
-    }
-    record.output_hash = h.digest();
-  }
-  if (out_.patch_written) publish(patch_gate_, cells_.patch, *out_.patch);
-  if (out_.view_written) publish(view_gate_, cells_.view, *out_.view);
-  if (out_.cost_map_written) publish(map_gate_, cells_.cost_map, *out_.cost_map);
+  rt::Hash64 h;
+  // What a gate lets out is hashed as it went out.
+  const auto send = [&](EdgeGate& gate, auto& cell, auto& slot) {
+    if (publish(gate, cell, slot) && hash_) hash_output(h, slot);
+  };
+  if (out_.patch_written) send(patch_gate_, cells_.patch, *out_.patch);
+  if (out_.view_written) send(view_gate_, cells_.view, *out_.view);
+  if (out_.cost_map_written) send(map_gate_, cells_.cost_map, *out_.cost_map);
   if (out_.camera_written) {
     CameraPose& camera = cells_.camera_pose.begin_write();
     camera = out_.camera;
-    publish(camera_gate_, cells_.camera_pose, camera);
+    send(camera_gate_, cells_.camera_pose, camera);
   }
+  if (hash_) record.output_hash = h.digest();
   publish_health(health_of(cells_, TaskId::kFusion), tick.start, health_);
   log_level(*cells_.logs, TaskId::kFusion, tick, logged_level_);
   const bool lost =
@@ -231,10 +227,10 @@ void PlanningNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept 
   in_.event_count = 0;
   Path& path = cells_.path.begin_write();
   path = out_.path;
-  publish(path_gate_, cells_.path, path);
+  const bool path_out = publish(path_gate_, cells_.path, path);
   TaskState& state = cells_.task.begin_write();
   state = out_.state;
-  publish(task_gate_, cells_.task, state);
+  const bool state_out = publish(task_gate_, cells_.task, state);
   publish_health(health_of(cells_, TaskId::kPlanning), tick.start, health_);
   auto& logs = *cells_.logs;
   auto& log = logs.of(TaskId::kPlanning);
@@ -249,12 +245,8 @@ void PlanningNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept 
     log.write(logs.given_up, tick.start, tick.k, health_.fault);
   if (!hash_) return;
   rt::Hash64 h;
-  h.word(out_.path.seq);
-  h.word(static_cast<std::uint64_t>(out_.path.size));
-  for (std::int32_t i = 0; i < out_.path.size; ++i) {
-    for (const double c : out_.path.points[static_cast<std::size_t>(i)]) h.value(c);
-  }
-  h.word(static_cast<std::uint64_t>(out_.state.phase));
+  if (path_out) hash_output(h, path);
+  if (state_out) hash_output(h, state);
   record.output_hash = h.digest();
 }
 
@@ -304,11 +296,7 @@ void PredictionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcep
   publish_health(health_of(cells_, TaskId::kPrediction), tick.start, health_);
   if (!hash_) return;
   rt::Hash64 h;
-  for (const double v : {out_.goal.x_m, out_.goal.y_m, out_.goal.yaw_rad, out_.goal.vx,
-                         out_.goal.vy, out_.goal.wz, out_.goal.speed_limit_m_per_s}) {
-    h.value(v);
-  }
-  h.word(out_.goal.engaged);
+  hash_output(h, out_.goal);
   record.output_hash = h.digest();
 }
 
@@ -394,9 +382,11 @@ void SupervisionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexce
   log_mode(*cells_.logs, TaskId::kSupervision, tick.start, out_.mode, logged_mode_);
   ModeMsg& mode = cells_.mode.begin_write();
   mode = out_.mode;
-  publish(mode_gate_, cells_.mode, mode);
-  if (hash_)
-    record.output_hash = rt::mix64(static_cast<std::uint64_t>(out_.mode.mode), out_.mode.cause);
+  const bool mode_out = publish(mode_gate_, cells_.mode, mode);
+  if (!hash_ || !mode_out) return;
+  rt::Hash64 h;
+  hash_output(h, mode);
+  record.output_hash = h.digest();
 }
 
 }  // namespace tasks

@@ -1,4 +1,4 @@
-// Helpers that the nodes share: hashing what is committed, publishing health.
+// Helpers that the nodes share: publishing health, logging changes of mode and level.
 #pragma once
 
 #include <optional>
@@ -6,7 +6,6 @@
 
 #include "rt/channel/latest.hpp"
 #include "rt/channel/ring.hpp"
-#include "rt/hash.hpp"
 #include "rt/tick.hpp"
 #include "tasks/graph/edge_faults.hpp"
 #include "tasks/graph/messages.hpp"
@@ -41,17 +40,6 @@ inline void log_level(TaskLogs& logs, TaskId id, const rt::Tick& tick, int& logg
                       static_cast<unsigned>(tick.level));
   }
   logged = tick.level;
-}
-
-inline void hash_vec(rt::Hash64& h, const Vec3& v) noexcept {
-  h.value(v.x());
-  h.value(v.y());
-  h.value(v.z());
-}
-inline void hash_pose(rt::Hash64& h, const Pose& X) noexcept {
-  for (int c = 0; c < 4; ++c) {
-    for (int r = 0; r < 3; ++r) h.value(X.matrix()(r, c));
-  }
 }
 
 }  // namespace tasks

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "tasks/graph/output_hash.hpp"
+
 namespace tasks {
 
 // ---------------------------------------------------------------- robot_io
@@ -67,10 +69,9 @@ void RobotIoNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   }
   if (!hash_) return;
   rt::Hash64 h;
-  for (const double w : out_.setpoints.wheel_rad_per_s) h.value(w);
-  h.value(out_.state.x_m);
-  h.value(out_.state.y_m);
-  h.value(out_.state.yaw_rad);
+  hash_output(h, out_.setpoints);
+  h.word(out_.rearm_motors ? 1 : 0);
+  hash_output(h, out_.state);
   record.output_hash = h.digest();
 }
 
@@ -105,7 +106,7 @@ void CaptureNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (out_.written) {
     if (hash_) {
       rt::Hash64 h;
-      h.bytes(out_.slot->bytes.data(), out_.slot->depth_size + out_.slot->colour_size);
+      hash_output(h, *out_.slot);
       record.output_hash = h.digest();
     }
     cells_.encoded.publish();
@@ -178,9 +179,11 @@ void RobotSupervisionNode::commit(const rt::Tick& tick, rt::JobRecord& record) n
   log_mode(*cells_.logs, TaskId::kRobotSupervision, tick.start, out_.mode, logged_mode_);
   ModeMsg& mode = cells_.mode.begin_write();
   mode = out_.mode;
-  publish(mode_gate_, cells_.mode, mode);
-  if (hash_)
-    record.output_hash = rt::mix64(static_cast<std::uint64_t>(out_.mode.mode), out_.mode.cause);
+  const bool mode_out = publish(mode_gate_, cells_.mode, mode);
+  if (!hash_ || !mode_out) return;
+  rt::Hash64 h;
+  hash_output(h, mode);
+  record.output_hash = h.digest();
 }
 
 }  // namespace tasks

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,9 @@ struct DemoOptions {
   double cut_link_at_s = -1;  // the cable is cut then
   double black_box_s = 5;     // seconds that a black box holds; 0: none
   bool record = false;        // inputs of both boxes to <report>/raw, for a replay
+  // Virtual clock, for tests: called once, between two jobs, at this instant of the run.
+  double meddle_at_s = -1;
+  std::function<void(OperatorBox&)> meddle;
 };
 
 // Set by the signal handler: ramp down, then stop. When it was asked for (host clock, 0: not yet), and

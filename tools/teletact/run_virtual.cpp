@@ -146,6 +146,11 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
           std::make_unique<Periodic>(epoch + static_cast<std::int64_t>(options.cut_link_at_s * 1e9),
                                      std::int64_t{1} << 60, [&](std::int64_t) { link->cut(); }));
     }
+    if (options.meddle) {
+      owned.push_back(std::make_unique<Periodic>(
+          epoch + static_cast<std::int64_t>(options.meddle_at_s * 1e9), std::int64_t{1} << 60,
+          [&](std::int64_t) { options.meddle(*op); }));
+    }
     actors.push_back(link.get());
     for (auto& a : owned) actors.push_back(a.get());
     run.effects = robot->effects();

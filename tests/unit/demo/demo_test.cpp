@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "tests/support/rt_guard.hpp"
+#include "tools/teletact/boxes.hpp"
 #include "tools/teletact/calibrate.hpp"
 #include "tools/teletact/run_demo.hpp"
 
@@ -90,6 +91,57 @@ TEST(Demo, TheSameRunTwiceIsTheSameToTheLastBit) {
   DemoOptions costs;
   costs.cost_seed = 2;
   EXPECT_NE(a.sched_hash, run(3, {}, costs).sched_hash);
+}
+
+// The lowest bit of one voxel of the fused map, inside the window of the hand, between two jobs.
+void flip_a_voxel(teletact::OperatorBox& box, const perception::Vec3& near_W) {
+  const perception::TsdfMap& map = box.graph().fusion().map();
+  double nearest = 0.3;  // half a window and less
+  std::uint32_t* word = nullptr;
+  map.for_each_block([&](std::int32_t block, const perception::BlockCoord& at) {
+    for (int n = 0; n < perception::TsdfMap::kBlockVoxels; ++n) {
+      const perception::Vec3 node(8 * at.x + (n >> 6), 8 * at.y + (n >> 3 & 7), 8 * at.z + (n & 7));
+      const double d = (map.voxel_size() * node - near_W).norm();
+      const std::uint32_t* w = map.block_words(block) + n;
+      if (d >= nearest || map.word_weight(*w) < 10 * perception::TsdfMap::kWeightOne) continue;
+      nearest = d;
+      word = const_cast<std::uint32_t*>(w);  // the map is ours; only its face to readers is const
+    }
+  });
+  ASSERT_NE(word, nullptr) << "no voxel near the hand";
+  *word ^= 1U;
+}
+
+TEST(Demo, OneBitOfOneVoxelChangesTheLog) {
+  DemoOptions options;
+  options.meddle_at_s = 2.51;
+  options.meddle = [](teletact::OperatorBox&) {};
+  const VirtualRun untouched = run(3, {}, options);
+  ASSERT_GT(untouched.op.view.haptic.size(), 2500U);
+  const auto& p = untouched.op.view.haptic[2500].p_WH;
+  const perception::Vec3 hand_W(static_cast<double>(p[0]), static_cast<double>(p[1]),
+                                static_cast<double>(p[2]));
+  options.meddle = [&](teletact::OperatorBox& box) { flip_a_voxel(box, hand_W); };
+  const VirtualRun flipped = run(3, {}, options);
+  EXPECT_EQ(untouched.log_hash, run(3).log_hash) << "to look changes nothing";
+  EXPECT_EQ(untouched.sched_hash, flipped.sched_hash);
+  EXPECT_NE(untouched.log_hash, flipped.log_hash);
+  // The first job whose output differs is the patch's writer, right after.
+  const auto& a = untouched.op.log.tasks;
+  const auto& b = flipped.op.log.tasks;
+  std::int64_t first = INT64_MAX;
+  std::string who;
+  for (std::size_t t = 0; t < a.size(); ++t) {
+    ASSERT_EQ(a[t].jobs.size(), b[t].jobs.size());
+    for (std::size_t i = 0; i < a[t].jobs.size(); ++i) {
+      if (a[t].jobs[i].output_hash == b[t].jobs[i].output_hash || a[t].jobs[i].end_ns >= first)
+        continue;
+      first = a[t].jobs[i].end_ns;
+      who = a[t].spec.name;
+    }
+  }
+  EXPECT_EQ(who, "fusion");
+  EXPECT_LT(1e-9 * static_cast<double>(first - untouched.op.epoch_ns), 2.51 + 0.1);
 }
 
 TEST(Demo, StubBodiesGiveTheScheduleOfRealOnes) {

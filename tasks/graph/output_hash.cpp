@@ -1,0 +1,143 @@
+#include "tasks/graph/output_hash.hpp"
+
+#include <concepts>
+
+#include "perception/tsdf/patch_copy.hpp"
+
+// Each message but the hand is taken apart by a structured binding: a field that is added to one does
+// not compile until it is hashed here.
+namespace tasks {
+
+namespace {
+
+template <class T>
+requires std::integral<T> || std::is_enum_v<T>
+void one(rt::Hash64& h, T v) noexcept { h.word(static_cast<std::uint64_t>(v)); }
+template <std::floating_point T>
+void one(rt::Hash64& h, T v) noexcept {
+  h.value(v);
+}
+void one(rt::Hash64& h, rt::Time t) noexcept { one(h, rt::ns_of(t)); }
+void one(rt::Hash64& h, rt::Stamp s) noexcept {
+  one(h, s.box);
+  one(h, s.ns);
+}
+void one(rt::Hash64& h, const Vec3& v) noexcept {
+  for (int i = 0; i < 3; ++i) h.value(v(i));
+}
+void one(rt::Hash64& h, const Pose& X) noexcept {
+  for (int c = 0; c < 4; ++c) {
+    for (int r = 0; r < 3; ++r) h.value(X.matrix()(r, c));
+  }
+}
+void one(rt::Hash64& h, const perception::Intrinsics& k) noexcept {
+  const auto& [fx, fy, cx, cy, width, height] = k;
+  for (const double v : {fx, fy, cx, cy}) h.value(v);
+  for (const int v : {width, height}) one(h, v);
+}
+void one(rt::Hash64& h, const perception::Material& m) noexcept {
+  const auto& [stiffness, friction_static, friction_dynamic, amplitude, period] = m;
+  for (const float v : {stiffness, friction_static, friction_dynamic, amplitude, period})
+    h.value(v);
+}
+
+template <class... T>
+void all(rt::Hash64& h, const T&... fields) noexcept {
+  (one(h, fields), ...);
+}
+
+// By name: the mark is hashed where the hand's state carries one.
+template <class M>
+void hash_hand(rt::Hash64& h, const M& m) noexcept {
+  all(h, m.seq, m.stamp, m.p_WH, m.v_WH, m.p_WP, m.f_H_W, m.normal_W, m.contacts, m.button,
+      m.patch_seq);
+  if constexpr (requires { m.mark_seq; }) all(h, m.mark_seq, m.p_mark_W);
+}
+
+}  // namespace
+
+void hash_output(rt::Hash64& h, const Vec3& v) noexcept { one(h, v); }
+
+void hash_output(rt::Hash64& h, const HapticState& m) noexcept { hash_hand(h, m); }
+
+void hash_output(rt::Hash64& h, const TouchEvent& m) noexcept {
+  const auto& [seq, stamp, kind, gap, p_W, normal_W, force_N] = m;
+  all(h, seq, stamp, kind, p_W, normal_W, force_N);
+}
+
+void hash_output(rt::Hash64& h, const CameraPose& m) noexcept {
+  const auto& [seq, exposure, X_WC, tracking, claimed] = m;
+  all(h, seq, exposure, X_WC, tracking, claimed);
+}
+
+void hash_output(rt::Hash64& h, const Path& m) noexcept {
+  const auto& [seq, made, mark_seq, mark_stamp, size, points, marked_W] = m;
+  all(h, seq, made, mark_seq, mark_stamp, size, marked_W);
+  for (std::int32_t i = 0; i < size; ++i) {
+    for (const double c : points[static_cast<std::size_t>(i)]) h.value(c);
+  }
+}
+
+void hash_output(rt::Hash64& h, const TaskState& m) noexcept {
+  const auto& [seq, stamp, phase, marks, paths, failures] = m;
+  all(h, seq, stamp, phase, marks, paths, failures);
+}
+
+void hash_output(rt::Hash64& h, const ModeMsg& m) noexcept {
+  const auto& [seq, stamp, mode, cause, clear] = m;
+  all(h, seq, stamp, mode, cause, clear);
+}
+
+void hash_output(rt::Hash64& h, const perception::SurfacePatch& m) noexcept {
+  const auto& [map_id, seq, fused, exposure, voxel_size, metres_per_unit, origin_node, nodes,
+               checksum, palette, distance, material, free] = m;
+  all(h, map_id, seq, fused, exposure, voxel_size, metres_per_unit, nodes);
+  for (const std::int32_t o : origin_node) one(h, o);
+  for (const auto& slot : palette) one(h, slot);
+  one(h, checksum != 0 ? checksum : perception::patch_checksum(m));
+}
+
+void hash_output(rt::Hash64& h, const SceneView& m) noexcept {
+  const auto& [seq, fused, exposure, X_WV, intrinsics, colour, points] = m;
+  all(h, seq, fused, exposure, X_WV, intrinsics);
+  const auto pixels =
+      static_cast<std::size_t>(intrinsics.width) * static_cast<std::size_t>(intrinsics.height);
+  h.bytes(colour.data(), pixels * sizeof colour[0]);
+  h.bytes(points.data(), pixels * sizeof points[0]);
+}
+
+void hash_output(rt::Hash64& h, const perception::CostMap& m) noexcept {
+  const auto& [seq, fused, exposure, ground_found, resolution, width, height, X_WM, cost,
+               height_m] = m;
+  all(h, seq, fused, exposure, ground_found, resolution, width, height, X_WM);
+  const auto cells = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  h.bytes(cost.data(), cells);
+  h.bytes(height_m.data(), cells * sizeof height_m[0]);
+}
+
+void hash_output(rt::Hash64& h, const drivers::RobotGoal& m) noexcept {
+  const auto& [seq, made, valid_until, x, y, yaw, vx, vy, wz, speed_limit, engaged,
+               operator_engaged, operator_clear, path_seq] = m;
+  all(h, seq, made, valid_until, x, y, yaw, vx, vy, wz, speed_limit, engaged, operator_engaged,
+      operator_clear, path_seq);
+}
+
+void hash_output(rt::Hash64& h, const drivers::RobotState& m) noexcept {
+  const auto& [seq, taken, x, y, yaw, vx, vy, wz, cmd_vx, cmd_vy, cmd_wz, goal_seq, mode, moving,
+               fault] = m;
+  all(h, seq, taken, x, y, yaw, vx, vy, wz, cmd_vx, cmd_vy, cmd_wz, goal_seq, mode, moving, fault);
+}
+
+void hash_output(rt::Hash64& h, const drivers::MotorSetpoints& m) noexcept {
+  const auto& [mode, wheels] = m;
+  one(h, mode);
+  for (const double w : wheels) h.value(w);
+}
+
+void hash_output(rt::Hash64& h, const drivers::EncodedFrame& m) noexcept {
+  const auto& [exposure, seq, intrinsics, has_colour, depth_size, colour_size, bytes] = m;
+  all(h, exposure, seq, intrinsics, has_colour, depth_size, colour_size);
+  h.bytes(bytes.data(), std::size_t{depth_size} + colour_size);
+}
+
+}  // namespace tasks
