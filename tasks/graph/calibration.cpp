@@ -23,12 +23,101 @@ void CalibrationRow::describe(config::Section& s) {
   s.numbers("quantiles_us", quantiles_us, 0, 1e7, "quantiles i/32 of the CPU of a job");
 }
 
+namespace {
+
+const TaskRow* table_row(std::string_view name) noexcept {
+  for (const TaskRow& row : kTaskTable) {
+    if (row.name == name) return &row;
+  }
+  return nullptr;
+}
+
+std::size_t level_count(const TaskRow& row) noexcept {
+  std::size_t n = 0;
+  while (n < row.variants.size() && !row.variants[n].name.empty()) ++n;
+  return n;
+}
+
+std::string figure(double x) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.9g", x);
+  return text;
+}
+
+// One line that names key, value and what is allowed; empty: nothing is wrong.
+std::string refuse(const std::string& key, const std::string& value, const std::string& allowed) {
+  return "key '" + key + "' = " + value + ": allowed " + allowed;
+}
+
+// `place`: "task[3]."
+std::string wrong_with(const CalibrationRow& r, const std::string& place) {
+  const TaskRow* row = table_row(r.name);
+  if (row == nullptr) {
+    std::string names;
+    for (const TaskRow& t : kTaskTable) names += (names.empty() ? "" : ", ") + std::string(t.name);
+    return refuse(place + "name", "'" + r.name + "'", names);
+  }
+  const std::size_t levels = level_count(*row);
+  if (r.level < 0 || static_cast<std::size_t>(r.level) >= levels)
+    return refuse(place + "level", std::to_string(r.level),
+                  "0.." + std::to_string(levels - 1) + " for " + r.name);
+  if ((row->id == TaskId::kFusion) == r.choice.empty())
+    return refuse(
+        place + "choice", "'" + r.choice + "'",
+        r.choice.empty() ? "a voxel such as '20 mm' for " + r.name : "none for " + r.name);
+  const auto rises = [&](const char* key, double value, const char* below, double least) {
+    return value >= least ? std::string()
+                          : refuse(place + key, figure(value),
+                                   "from " + std::string(below) + " (" + figure(least) + ")");
+  };
+  for (const auto& wrong : {rises("p99_us", r.p99_us, "p50_us", r.p50_us),
+                            rises("p999_us", r.p999_us, "p99_us", r.p99_us),
+                            rises("work_max", r.work_max, "work_min", r.work_min)}) {
+    if (!wrong.empty()) return wrong;
+  }
+  for (std::size_t i = 1; i < r.quantiles_us.size(); ++i) {
+    const std::string key = "quantiles_us[" + std::to_string(i) + "]";
+    if (auto wrong = rises(key.c_str(), r.quantiles_us[i], "the one before", r.quantiles_us[i - 1]);
+        !wrong.empty())
+      return wrong;
+  }
+  return {};
+}
+
+std::string wrong_with(const Calibration& c) {
+  if (c.host.empty()) return refuse("host", "''", "the name of the machine that measured it");
+  for (std::size_t i = 0; i < c.rows.size(); ++i) {
+    const auto& r = c.rows[i];
+    const std::string place = "task[" + std::to_string(i) + "].";
+    if (const std::string wrong = wrong_with(r, place); !wrong.empty()) return wrong;
+    if (c.find(r.name, r.choice, r.level) != &r)
+      return refuse(place + "level", std::to_string(r.level),
+                    "once for " + r.name + (r.choice.empty() ? "" : " " + r.choice));
+  }
+  return {};
+}
+
+rt::Result<Calibration> checked(Calibration&& c, const std::string& path) {
+  if (const std::string wrong = wrong_with(c); !wrong.empty())
+    return rt::Error{path + ": " + wrong};
+  return std::move(c);
+}
+
+}  // namespace
+
 rt::Nanos CalibrationRow::budget() const noexcept {
+  const TaskRow* row = table_row(name);
+  if (row != nullptr && row->policy == rt::MissPolicy::kAbort &&
+      static_cast<std::size_t>(level) < level_count(*row))
+    return rt::Nanos{1000 * row->variants[static_cast<std::size_t>(level)].budget_us};
   return rt::Nanos{static_cast<std::int64_t>(1000.0 * std::max(1.2 * p999_us, p999_us + 10.0))};
 }
 
 void Calibration::describe(config::Section& s) {
   s.text("host", host, {}, "machine that measured it");
+  s.text("build", build, {}, "program that measured it");
+  s.text("config", config, {}, "hash of the configuration");
+  s.text("recording", recording, {}, "folder of recorded images");
   s.list(
       "task", [this](config::Section& item) { rows.emplace_back().describe(item); }, "one variant");
 }
@@ -41,22 +130,36 @@ const CalibrationRow* Calibration::find(std::string_view name, std::string_view 
   return nullptr;
 }
 
-bool Calibration::covers(const std::vector<rt::TaskSpec>& specs) const noexcept {
-  const auto all_levels = [&](const rt::TaskSpec& s, const std::string& choice, std::size_t n) {
+std::string Calibration::lacks(const CalibrationOrigin& wanted,
+                               const std::vector<rt::TaskSpec>& specs) const {
+  const auto differs = [](const char* what, const std::string& here, const std::string& there) {
+    return std::string("another ") + what + " (" + (there.empty() ? "none" : there) + ", now " +
+           (here.empty() ? "none" : here) + ")";
+  };
+  if (host != wanted.host) return differs("host", wanted.host, host);
+  if (build != wanted.build) return differs("build", wanted.build, build);
+  if (recording != wanted.recording) return differs("recording", wanted.recording, recording);
+  if (config != wanted.config) return differs("configuration", wanted.config, config);
+  const auto missing = [&](const rt::TaskSpec& s, const std::string& choice,
+                           std::size_t n) -> std::string {
     for (std::size_t level = 0; level < n; ++level) {
-      if (find(s.name, choice, static_cast<int>(level)) == nullptr) return false;
+      if (find(s.name, choice, static_cast<int>(level)) == nullptr)
+        return "no row of " + s.name + (choice.empty() ? "" : " " + choice) + ", level " +
+               std::to_string(level);
     }
-    return true;
+    return {};
   };
   for (const auto& s : specs) {
-    if (s.policy == rt::MissPolicy::kAbort) continue;
-    if (s.choices.empty() && !all_levels(s, s.choice, static_cast<std::size_t>(s.levels())))
-      return false;
+    if (s.choices.empty()) {
+      auto text = missing(s, s.choice, static_cast<std::size_t>(s.levels()));
+      if (!text.empty()) return text;
+    }
     for (const auto& c : s.choices) {
-      if (c.ruled_out.empty() && !all_levels(s, c.name, c.variants.size())) return false;
+      if (!c.ruled_out.empty()) continue;
+      if (auto text = missing(s, c.name, c.variants.size()); !text.empty()) return text;
     }
   }
-  return true;
+  return {};
 }
 
 std::string host_id() {
@@ -79,15 +182,51 @@ rt::Result<Calibration> load_calibration(const std::string& path) {
   config::Section root;
   c.describe(root);
   if (auto ok = config::load_file(path, root); !ok) return rt::Error{ok.error()};
-  return c;
+  return checked(std::move(c), path);
 }
+
+rt::Result<Calibration> read_calibration(const std::string& text, const std::string& name) {
+  Calibration c;
+  config::Section root;
+  c.describe(root);
+  if (auto ok = config::load_text(text, name, root); !ok) return rt::Error{ok.error()};
+  return checked(std::move(c), name);
+}
+
+namespace {
+
+// As a TOML basic string.
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char ch : text) {
+    char code[8];
+    if (static_cast<unsigned char>(ch) < 0x20 || ch == 0x7f) {
+      std::snprintf(code, sizeof code, "\\u%04x", static_cast<unsigned>(ch));
+      out += code;
+      continue;
+    }
+    if (ch == '"' || ch == '\\') out += '\\';
+    out += ch;
+  }
+  return out + "\"";
+}
+
+}  // namespace
 
 void save_calibration(const std::string& path, const Calibration& calibration) {
   const std::string temporary = path + ".tmp";
   {
     std::ofstream out(temporary);
-    out << "# CPU of each task variant, measured by `teletact calibrate`.\nhost = \""
-        << calibration.host << "\"\n";
+    out << "# CPU of each task variant on the same stored input, measured by `teletact "
+           "calibrate`.\n"
+           "# budget = max(1.2 p99.9, p99.9 + 10 us); planning keeps its declared budget, which "
+           "its\n"
+           "# abort enforces: its rows are what it takes when it is left to end.\n"
+        << "host = " << quoted(calibration.host) << "\n";
+    if (!calibration.build.empty()) out << "build = " << quoted(calibration.build) << "\n";
+    if (!calibration.config.empty()) out << "config = " << quoted(calibration.config) << "\n";
+    if (!calibration.recording.empty())
+      out << "recording = " << quoted(calibration.recording) << "\n";
     for (const auto& r : calibration.rows) {
       char line[256];
       out << "\n[[task]]\nname = \"" << r.name << "\"\n";
@@ -115,8 +254,7 @@ std::vector<rt::Variant> make_variants(const Calibration& calibration, const Tas
                                        const std::string& choice,
                                        const std::array<std::int64_t, 4>& declared_us) {
   std::vector<rt::Variant> variants;
-  for (std::size_t level = 0; level < row.variants.size() && !row.variants[level].name.empty();
-       ++level) {
+  for (std::size_t level = 0; level < level_count(row); ++level) {
     const auto* measured = calibration.find(row.name, choice, static_cast<int>(level));
     variants.emplace_back(
         std::string(row.variants[level].name),
@@ -164,9 +302,11 @@ std::vector<std::vector<rt::CostQuantiles>> make_costs(const Calibration& calibr
       const auto budget = static_cast<double>(spec.budget_of(level).count());
       const auto* row = calibration.find(spec, level);
       for (std::size_t i = 0; i < CalibrationRow::kQuantiles; ++i) {
-        const double share = row != nullptr && row->p999_us > 0
-                                 ? std::min(row->quantiles_us[i] / row->p999_us, 1.0) / 1.2
-                                 : 0.3 + 0.5 * static_cast<double>(i) / 32.0;
+        double share = 0.3 + 0.5 * static_cast<double>(i) / 32.0;
+        if (row != nullptr && spec.policy == rt::MissPolicy::kAbort)
+          share = std::min(1000 * row->quantiles_us[i] / budget, 1 / 1.2);
+        else if (row != nullptr && row->p999_us > 0)
+          share = std::min(row->quantiles_us[i] / row->p999_us, 1.0) / 1.2;
         q.value_ns.push_back(static_cast<std::int64_t>(share * budget));
       }
     }

@@ -1,7 +1,11 @@
 // What each variant of each task costs on a host: measured by `teletact calibrate`, read at start.
-// budget = max(1.2 p99.9, p99.9 + 10 us).
+// budget = max(1.2 p99.9, p99.9 + 10 us), except for a task with policy abort: it is admitted with its declared
+// budget, which the abort enforces; its row tells what it takes when nobody ends it, and decides nothing.
 //
 // File (TOML):   host = "..."          which machine measured it
+//                build = "..."         which program
+//                config = "..."        hash of the configuration that it measured
+//                recording = "..."     folder of recorded images; none: the scene's own camera
 //                [[task]] name, choice, level, p50_us, p99_us, p999_us, work_min, work_max, quantiles_us[33]
 // `choice` is the static choice that the row was measured with ("20 mm"); a task without choices has none.
 // A variant that is not in the table keeps its declared budget.
@@ -30,11 +34,16 @@ struct CalibrationRow {
   double work_min = 0, work_max = 0;
   std::array<double, kQuantiles> quantiles_us{};  // of the CPU of a job, i / 32
   void describe(config::Section& s);
+  // By the rule above; of a task with policy abort the declared one.
   [[nodiscard]] rt::Nanos budget() const noexcept;
 };
 
-struct Calibration {
-  std::string host;
+// What a calibration holds for. Costs differ with each of them.
+struct CalibrationOrigin {
+  std::string host, build, config, recording;
+};
+
+struct Calibration : CalibrationOrigin {
   std::deque<CalibrationRow> rows;
   void describe(config::Section& s);
   [[nodiscard]] const CalibrationRow* find(std::string_view name, std::string_view choice,
@@ -43,13 +52,24 @@ struct Calibration {
   [[nodiscard]] const CalibrationRow* find(const rt::TaskSpec& spec, int level) const noexcept {
     return find(spec.name, spec.choice, level);
   }
-  // True if every variant that may run has a row; tasks with policy abort need none.
-  [[nodiscard]] bool covers(const std::vector<rt::TaskSpec>& specs) const noexcept;
+  // Empty if it was measured here and now, and every variant that may run has a row; else in words what is
+  // different or missing.
+  [[nodiscard]] std::string lacks(const CalibrationOrigin& wanted,
+                                  const std::vector<rt::TaskSpec>& specs) const;
+  [[nodiscard]] bool covers(const CalibrationOrigin& wanted,
+                            const std::vector<rt::TaskSpec>& specs) const {
+    return lacks(wanted, specs).empty();
+  }
 };
 
 // Identity of this machine as far as timing goes: CPU model, cores, kernel.
 [[nodiscard]] std::string host_id();
+// Refused with one line (file, key, value, what is allowed): values out of range, tasks or levels that do not
+// exist, a variant twice, quantiles that do not rise.
 [[nodiscard]] rt::Result<Calibration> load_calibration(const std::string& path);
+// The same for text; `name` stands for the file.
+[[nodiscard]] rt::Result<Calibration> read_calibration(const std::string& text,
+                                                       const std::string& name);
 // Whole or not at all. Throws std::runtime_error naming the file.
 void save_calibration(const std::string& path, const Calibration& calibration);
 
@@ -59,7 +79,8 @@ void save_calibration(const std::string& path, const Calibration& calibration);
                                                    const ChoiceLimits& limits = {});
 
 // Costs for the virtual clock: each variant's measured distribution, scaled so that its 99.9 %
-// quantile is that of the budget (budget / 1.2); a variant without a row costs 0.3 .. 0.8 of its budget.
+// quantile is that of the budget (budget / 1.2); of a task with policy abort as measured, at most budget / 1.2;
+// a variant without a row costs 0.3 .. 0.8 of its budget.
 // `settled`: specs with their static choices settled.
 [[nodiscard]] std::vector<std::vector<rt::CostQuantiles>> make_costs(
     const Calibration& calibration, const std::vector<rt::TaskSpec>& settled);

@@ -1,10 +1,20 @@
 #include "tools/teletact/calibrate.hpp"
 
+#include <unistd.h>
+
 #include <algorithm>
+#include <array>
+#include <cinttypes>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <stdexcept>
+
+#include "rt/hash.hpp"
+#include "tools/teletact/build_info.hpp"
+#include "tools/teletact/input_recorder.hpp"
+#include "tools/teletact/replay.hpp"
 
 namespace teletact {
 
@@ -17,23 +27,26 @@ double at(const std::vector<double>& sorted, double q) {
   return sorted[i] + (sorted[j] - sorted[i]) * (x - static_cast<double>(i));
 }
 
-void add_row(tasks::Calibration& c, const rt::TaskLog& log, const std::string& choice, int level) {
+using Jobs = std::array<std::vector<rt::JobRecord>, tasks::kTaskCount>;
+
+void add_row(tasks::Calibration& c, const std::vector<rt::JobRecord>& jobs, int task,
+             const std::string& choice, int level) {
+  tasks::CalibrationRow row;
+  row.name = tasks::kTaskTable[static_cast<std::size_t>(task)].name;
+  row.choice = choice;
+  row.level = level;
   std::vector<double> cpu_us;
   std::uint64_t work_min = ~0ULL, work_max = 0;
   // The first jobs run on cold caches and before the first image: not what a budget is for.
-  const std::size_t skip = log.jobs.size() / 10;
-  for (std::size_t i = skip; i < log.jobs.size(); ++i) {
-    const auto& j = log.jobs[i];
-    cpu_us.push_back(static_cast<double>(j.cpu_ns) * 1e-3);
-    work_min = std::min(work_min, j.work);
-    work_max = std::max(work_max, j.work);
+  for (std::size_t i = jobs.size() / 10; i < jobs.size(); ++i) {
+    cpu_us.push_back(static_cast<double>(jobs[i].cpu_ns) * 1e-3);
+    work_min = std::min(work_min, jobs[i].work);
+    work_max = std::max(work_max, jobs[i].work);
   }
-  if (cpu_us.size() < 10) return;
+  if (cpu_us.size() < 10)
+    throw std::runtime_error("calibrate: " + row.name + " ended " + std::to_string(cpu_us.size()) +
+                             " jobs, at least 10 are needed: a longer --seconds");
   std::sort(cpu_us.begin(), cpu_us.end());
-  tasks::CalibrationRow row;
-  row.name = log.spec.name;
-  row.choice = choice;
-  row.level = level;
   row.p50_us = at(cpu_us, 0.5);
   row.p99_us = at(cpu_us, 0.99);
   row.p999_us = at(cpu_us, 0.999);
@@ -46,53 +59,175 @@ void add_row(tasks::Calibration& c, const rt::TaskLog& log, const std::string& c
   c.rows.push_back(row);
 }
 
+// A folder for the time of the measurement.
+class ScratchFolder {
+ public:
+  ScratchFolder() {
+    path_ = (std::filesystem::temp_directory_path() /
+             ("teletact-calibrate-" + std::to_string(::getpid()) + "-XXXXXX"))
+                .string();
+    if (::mkdtemp(path_.data()) == nullptr)
+      throw std::runtime_error(path_ + ": can not be made, and the stored input goes there");
+  }
+  ~ScratchFolder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+  [[nodiscard]] const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+// The passes over the stored input.
+class Passes {
+ public:
+  Passes(rt::NonRealtime& nrt, Scene& scene, const std::string& folder, bool quiet)
+      : nrt_(nrt), scene_(scene), rgbd_(scene.rgbd_dir), quiet_(quiet) {
+    for (const auto box : {rt::Box::kOperator, rt::Box::kRobot}) {
+      auto r = read_recording(recording_file(folder, box));
+      if (!r) throw std::runtime_error(r.error());
+      of(box) = std::move(r).value();
+    }
+  }
+
+  // Everything at level 0, but `task` at `level`.
+  Jobs run(rt::Box box, int task, int level, const std::string& what) {
+    if (!quiet_) {
+      std::printf("calibrate: %s\n", what.c_str());
+      std::fflush(stdout);
+    }
+    Jobs jobs;
+    Trial trial;
+    trial.level = [&](tasks::TaskId id, int) { return static_cast<int>(id) == task ? level : 0; };
+    trial.took = [&](const rt::JobRecord& r) { jobs[r.task].push_back(r); };
+    const auto result = run_trial(nrt_, scene_, of(box), trial);
+    scene_.rgbd_dir = rgbd_;
+    if (!result) throw std::runtime_error(result.error());
+    std::string wrong = result.value().first_difference;
+    auto& hash = box == rt::Box::kOperator ? input_.operator_hash : input_.robot_hash;
+    if (hash != 0 && hash != result.value().inputs_hash) wrong = "the bytes are others";
+    hash = result.value().inputs_hash;
+    if (!wrong.empty())
+      throw std::runtime_error("calibrate: " + what + ": not fed what was stored: " + wrong);
+    ++input_.passes;
+    return jobs;
+  }
+  [[nodiscard]] const CalibrationInput& input() const { return input_; }
+
+ private:
+  Recording& of(rt::Box box) { return box == rt::Box::kOperator ? operator_ : robot_; }
+  rt::NonRealtime& nrt_;
+  Scene& scene_;
+  std::string rgbd_;
+  bool quiet_;
+  Recording operator_, robot_;
+  CalibrationInput input_;
+};
+
+int level_count(const tasks::TaskRow& row) {
+  int n = 0;
+  while (n < static_cast<int>(row.variants.size()) &&
+         !row.variants[static_cast<std::size_t>(n)].name.empty())
+    ++n;
+  return n;
+}
+
+std::string pass_name(const tasks::TaskRow& row, const std::string& choice, int level) {
+  return std::string(row.name) + " " +
+         std::string(row.variants[static_cast<std::size_t>(level)].name) +
+         (choice.empty() ? "" : ", " + choice);
+}
+
+constexpr int kFusion = static_cast<int>(tasks::TaskId::kFusion);
+
+// All tasks without static choices, at `choice`, the best one.
+void measure_plain(tasks::Calibration& c, Passes& passes, const std::string& choice) {
+  for (const auto box : {rt::Box::kOperator, rt::Box::kRobot}) {
+    const bool of_op = box == rt::Box::kOperator;
+    const Jobs base = passes.run(
+        box, -1, 0,
+        of_op ? "operator's box at level 0, " + choice : std::string("robot's box at level 0"));
+    for (int task = 0; task < tasks::kTaskCount; ++task) {
+      const auto& row = tasks::kTaskTable[static_cast<std::size_t>(task)];
+      const auto i = static_cast<std::size_t>(task);
+      if (row.box != box) continue;
+      add_row(c, base[i], task, task == kFusion ? choice : "", 0);
+      for (int level = 1; task != kFusion && level < level_count(row); ++level)
+        add_row(c, passes.run(box, task, level, pass_name(row, {}, level))[i], task, {}, level);
+    }
+  }
+}
+
+std::string hex(std::uint64_t x) {
+  char text[20];
+  std::snprintf(text, sizeof text, "%016" PRIx64, x);
+  return text;
+}
+
 }  // namespace
 
-tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds, bool quiet) {
+tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds, bool quiet,
+                             CalibrationInput* input) {
   tasks::Calibration c;
-  c.host = tasks::host_id();
-  std::size_t most = 1;  // levels of any task
-  for (const auto& row : tasks::kTaskTable) {
-    for (std::size_t i = 0; i < row.variants.size(); ++i) {
-      if (!row.variants[i].name.empty()) most = std::max(most, i + 1);
-    }
-  }
-  const tasks::Calibration declared;  // admission and costs of these runs are the declared ones
-  const double voxel_m = scene.graph.fusion.tsdf.voxel_size_m;
-  bool first = true;
+  static_cast<tasks::CalibrationOrigin&>(c) = calibration_origin(scene);
+  std::vector<tasks::VoxelOption> options;
   for (const auto& option : tasks::voxel_options(choice_limits(scene))) {
-    if (!option.ruled_out.empty()) {
-      if (!quiet)
-        std::printf("calibrate: not %s: %s\n", option.name.c_str(), option.ruled_out.c_str());
-      continue;
+    if (option.ruled_out.empty())
+      options.push_back(option);
+    else if (!quiet)
+      std::printf("calibrate: not %s: %s\n", option.name.c_str(), option.ruled_out.c_str());
+  }
+  if (options.empty()) throw std::runtime_error("calibrate: the scene leaves no voxel size");
+  const double voxel_m = scene.graph.fusion.tsdf.voxel_size_m;
+  const ScratchFolder folder;
+  DemoOptions o;
+  o.seconds = seconds;
+  o.virtual_clock = o.quiet = o.record = true;
+  o.report = folder.path();
+  o.force_choice = options.front().name;
+  o.black_box_s = 0;
+  o.cores = 8;  // never a reason to refuse
+  if (!quiet) {
+    std::printf("calibrate: storing %.0f s of input ...\n", seconds);
+    std::fflush(stdout);
+  }
+  // Admission and costs of the stored run are the declared ones: it is the same on every machine.
+  (void)run_virtual(nrt, scene, o, tasks::Calibration{});
+  Passes passes(nrt, scene, folder.path() + "/raw", quiet);
+  const auto& fusion = tasks::kTaskTable[static_cast<std::size_t>(kFusion)];
+  for (const auto& option : options) {
+    scene.graph.fusion.tsdf.voxel_size_m = option.voxel_m;
+    const bool best = &option == &options.front();
+    if (best) measure_plain(c, passes, option.name);
+    for (int level = best ? 1 : 0; level < level_count(fusion); ++level) {
+      const Jobs jobs =
+          passes.run(fusion.box, kFusion, level, pass_name(fusion, option.name, level));
+      add_row(c, jobs[static_cast<std::size_t>(kFusion)], kFusion, option.name, level);
     }
-    for (int level = 0; level < static_cast<int>(most); ++level) {
-      if (!quiet) {
-        std::printf("calibrate: %s, level %d of %zu ...\n", option.name.c_str(), level + 1, most);
-        std::fflush(stdout);
-      }
-      DemoOptions o;
-      o.seconds = seconds;
-      o.virtual_clock = o.measure_cpu = o.quiet = true;
-      o.force_level = level;
-      o.force_choice = option.name;
-      o.black_box_s = 0;
-      o.cores = 8;  // never a reason to refuse
-      const VirtualRun run = run_virtual(nrt, scene, o, declared);
-      for (const auto* log : {&run.op.log, &run.robot.log}) {
-        for (const auto& t : log->tasks) {
-          const bool chooses = !t.spec.choice.empty();
-          // What has no choice is the same in all of them: once is enough.
-          if (t.spec.policy != rt::MissPolicy::kAbort && level < t.spec.levels() &&
-              (first || chooses))
-            add_row(c, t, t.spec.choice, level);
-        }
-      }
-    }
-    first = false;
   }
   scene.graph.fusion.tsdf.voxel_size_m = voxel_m;
+  if (input != nullptr) *input = passes.input();
   return c;
+}
+
+tasks::CalibrationOrigin calibration_origin(const Scene& scene) {
+  rt::Hash64 program, values;
+  std::ifstream self("/proc/self/exe", std::ios::binary);
+  for (std::array<char, 65536> part{}; self.read(part.data(), part.size()) || self.gcount() > 0;)
+    program.bytes(part.data(), static_cast<std::size_t>(self.gcount()));
+  const std::string text = config::effective(scene.schema);
+  values.bytes(text.data(), text.size());
+  tasks::CalibrationOrigin o;
+  o.host = tasks::host_id();
+  o.build =
+      std::string(kVersion) + " " + kBuildType + ", " + kCompiler + ", " + hex(program.digest());
+  o.config = hex(values.digest());
+  if (!scene.rgbd_dir.empty())
+    o.recording = std::filesystem::weakly_canonical(scene.rgbd_dir).string();
+  return o;
 }
 
 tasks::Calibration host_calibration(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
@@ -111,17 +246,21 @@ tasks::Calibration host_calibration(rt::NonRealtime& nrt, Scene& scene, const De
       "teletact";
   const std::string file =
       (folder / ("calibration-" + fs::path(options.scene_path).stem().string() + ".toml")).string();
+  std::string why = "there is none yet";
   if (fs::exists(file)) {
     auto c = tasks::load_calibration(file);
-    // One of another host, or of a scene that leaves another choice, is no use.
-    if (c && c.value().host == tasks::host_id() &&
-        c.value().covers(tasks::make_specs(c.value(), choice_limits(scene)))) {
+    why = c ? c.value().lacks(calibration_origin(scene),
+                              tasks::make_specs(c.value(), choice_limits(scene)))
+            : c.error();
+    if (why.empty()) {
       text = file + " (" + c.value().host + ")";
       return std::move(c).value();
     }
   }
-  std::printf("no calibration of this host yet: measuring what each task costs here (once)\n");
-  tasks::Calibration c = calibrate(nrt, scene, 4.0, options.quiet);
+  std::printf("measuring what each task costs here, once; %s: %s\n", file.c_str(), why.c_str());
+  std::fflush(stdout);
+  // Long enough for the first touches and the first plan of the shipped scenes.
+  tasks::Calibration c = calibrate(nrt, scene, 6.0, options.quiet);
   fs::create_directories(folder);
   tasks::save_calibration(file, c);
   text = file + ", measured just now (" + c.host + ")";

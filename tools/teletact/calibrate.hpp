@@ -1,8 +1,18 @@
-// Measures what each variant of each task costs on this machine: the whole stack on the virtual
-// clock with real bodies, every task forced to one level after the other, thread CPU of each job; again for
-// each static choice that the scene allows, where only the tasks that choose are measured.
+// Measures what each variant of each task costs on this machine, on stored input: the scene runs once on the
+// virtual clock, everything at its best level, and what comes into each box is recorded (input_record.hpp: link
+// messages with the coded camera frames and robot states, hand, motor states, raw camera frames). Then each box
+// runs again from its recording (run_trial), once with everything at level 0, once for each further level of one
+// task and once for each level of each static choice that the scene allows; only that task is measured then.
+//
+// So all variants see the same bytes from outside at the same instants. What tasks of a box hand to each other is made
+// anew in each pass, by the same tasks at level 0, the measured one apart; only another voxel changes it for
+// others, and those are not measured then.
+//
+// A task with policy abort runs to its end here. The recording, 33 MB a second at 512 x 424, lies in the folder for
+// temporary files (TMPDIR) and is removed at the end.
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "rt/memory/non_realtime.hpp"
@@ -11,12 +21,22 @@
 
 namespace teletact {
 
-// `seconds` of simulated time a level and choice. Tasks with policy abort are not measured: their budget is what
-// they are given, and they end when it is spent.
-[[nodiscard]] tasks::Calibration calibrate(rt::NonRealtime&, Scene&, double seconds, bool quiet);
+// What the passes were fed.
+struct CalibrationInput {
+  std::uint64_t passes = 0;                         // of both boxes
+  std::uint64_t operator_hash = 0, robot_hash = 0;  // of the bytes, the same in each pass
+};
 
-// The calibration of this host: the file named, or ~/.cache/teletact/calibration.toml if it is of this
-// host, else measured now and stored there. `text` says which it was.
+// `seconds` of simulated time. Throws std::runtime_error if a pass was not fed what the others were.
+[[nodiscard]] tasks::Calibration calibrate(rt::NonRealtime&, Scene&, double seconds, bool quiet,
+                                           CalibrationInput* input = nullptr);
+
+// This host, this program (its bytes), the scene's values in effect and its recording.
+[[nodiscard]] tasks::CalibrationOrigin calibration_origin(const Scene&);
+
+// The calibration of this host: the file named, or ~/.cache/teletact/calibration-SCENE.toml if it was made here,
+// by this program, for this configuration; else measured now and stored there, and one line says why.
+// `text` says which it was.
 [[nodiscard]] tasks::Calibration host_calibration(rt::NonRealtime&, Scene&, const DemoOptions&,
                                                   std::string& text);
 

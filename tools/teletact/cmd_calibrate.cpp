@@ -4,20 +4,23 @@
 #include "tools/teletact/calibrate.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/options.hpp"
 
 namespace teletact {
 
 int cmd_calibrate(int argc, char** argv) {
   CLI::App app{
-      "Runs each task variant on a scene and writes p50 / p99 / p99.9 of its CPU with the host's "
-      "id."};
+      "Runs each task variant on the same stored input of a scene and writes p50 / p99 / p99.9 of "
+      "its CPU with the host's id."};
   std::string scene_name = "default_room", out, rgbd, json;
+  std::vector<std::string> overrides;
   double seconds = 10;
   bool quiet = false;
   app.add_option("--scene", scene_name, "scene that the variants run on")->capture_default_str();
+  app.add_option("--set", overrides, "override a key of the scene: section.key=value");
   app.add_option("--rgbd", rgbd, "a recording as the camera");
-  app.add_option("--seconds", seconds, "simulated time a level")
-      ->check(CLI::Range(2.0, 600.0))
+  app.add_option("--seconds", seconds, "simulated time that is stored")
+      ->check(in_range(2, 600))
       ->capture_default_str();
   app.add_option("--out", out, "file to write")->required();
   app.add_option("--json", json, "write the figures to this file");
@@ -28,10 +31,17 @@ int cmd_calibrate(int argc, char** argv) {
     return app.exit(e) == 0 ? 0 : 2;
   }
   rt::Startup startup;
-  auto scene = load_scene(find_config("scenes", scene_name), {});
+  if (!rgbd.empty() && app.count("--scene") == 0) scene_name = "recording";
+  auto scene = load_scene(find_config("scenes", scene_name), overrides);
   scene->rgbd_dir = rgbd;
-  const auto c = calibrate(startup.token(), *scene, seconds, quiet);
+  CalibrationInput input;
+  const auto c = calibrate(startup.token(), *scene, seconds, quiet, &input);
   tasks::save_calibration(out, c);
+  std::printf(
+      "host: %s\ninput: %.0f s, the same in %llu passes: %016llx (operator), %016llx (robot)\n",
+      c.host.c_str(), seconds, static_cast<unsigned long long>(input.passes),
+      static_cast<unsigned long long>(input.operator_hash),
+      static_cast<unsigned long long>(input.robot_hash));
   std::printf("%-18s %-7s %5s %10s %10s %10s %10s\n", "task", "choice", "level", "p50 us", "p99 us",
               "p99.9 us", "budget us");
   Metrics metrics("calibrate");
@@ -49,6 +59,7 @@ int cmd_calibrate(int argc, char** argv) {
                 r.level, r.p50_us, r.p99_us, r.p999_us,
                 static_cast<double>(r.budget().count()) * 1e-3);
   }
+  std::printf("planning: the budget is the declared one, which its abort enforces\n");
   if (!json.empty()) metrics.write(json);
   return 0;
 }

@@ -5,8 +5,12 @@
 #include <fstream>
 #include <sstream>
 
+#include "drivers/camera/frame_copy.hpp"
+#include "rt/clock/box_time.hpp"
+#include "rt/hash.hpp"
 #include "rt/memory/section.hpp"
 #include "tools/teletact/boxes.hpp"
+#include "tools/teletact/console.hpp"
 #include "tools/teletact/input_recorder.hpp"
 
 namespace teletact {
@@ -57,35 +61,52 @@ class FedBus final : public drivers::MotorBus {
   MotorInput fed;
 };
 
-// Frames come from the file, one for each poll that had one.
+// Frames come from the file, one for each poll that had one; read when fed, so that a poll costs a copy as a
+// driver's does.
 class FedCamera final : public drivers::Camera {
  public:
   FedCamera(const Recording& recording, const perception::Intrinsics& camera)
-      : recording_(recording), camera_(camera), in_(recording.path, std::ios::binary) {}
+      : recording_(recording),
+        camera_(camera),
+        in_(recording.path, std::ios::binary),
+        frame_(std::make_unique<perception::RgbdFrame>()) {}
   [[nodiscard]] perception::Intrinsics intrinsics() const noexcept override { return camera_; }
   [[nodiscard]] double rate_hz() const noexcept override { return 30; }
-  [[nodiscard]] drivers::CameraStatus poll(rt::Time, perception::RgbdFrame& out) noexcept override {
-    const auto status = static_cast<drivers::CameraStatus>(fed.status);
-    if (status != drivers::CameraStatus::kFrame) return status;
+  void feed(const CameraInput& input, rt::Hash64& inputs) {
+    status_ = static_cast<drivers::CameraStatus>(input.status);
+    inputs.word(input.status);
+    if (status_ != drivers::CameraStatus::kFrame) return;
     FrameHead head;
-    if (next_ >= recording_.frames.size()) return drivers::CameraStatus::kFault;
+    if (next_ >= recording_.frames.size()) {
+      status_ = drivers::CameraStatus::kFault;
+      return;
+    }
+    auto& f = *frame_;
     in_.seekg(static_cast<std::streamoff>(recording_.frames[next_++]));
     in_.read(reinterpret_cast<char*>(&head), sizeof head);
-    out.exposure = rt::time_from_ns(head.exposure_ns);
-    out.seq = head.seq;
-    out.intrinsics = head.intrinsics;
-    out.has_colour = head.has_colour != 0;
+    f.exposure = rt::time_from_ns(head.exposure_ns);
+    f.seq = head.seq;
+    f.intrinsics = head.intrinsics;
+    f.has_colour = head.has_colour != 0;
     const auto n = static_cast<std::streamsize>(head.intrinsics.width) * head.intrinsics.height;
-    in_.read(reinterpret_cast<char*>(out.depth_mm.data()), n * 2);
-    if (out.has_colour) in_.read(reinterpret_cast<char*>(out.colour.data()), n * 3);
-    return in_ ? status : drivers::CameraStatus::kFault;
+    in_.read(reinterpret_cast<char*>(f.depth_mm.data()), n * 2);
+    if (f.has_colour) in_.read(reinterpret_cast<char*>(f.colour.data()), n * 3);
+    if (!in_) status_ = drivers::CameraStatus::kFault;
+    inputs.word(f.seq);
+    inputs.bytes(f.depth_mm.data(), static_cast<std::size_t>(n) * 2);
+    if (f.has_colour) inputs.bytes(f.colour.data(), static_cast<std::size_t>(n) * 3);
   }
-  CameraInput fed;
+  [[nodiscard]] drivers::CameraStatus poll(rt::Time, perception::RgbdFrame& out) noexcept override {
+    if (status_ == drivers::CameraStatus::kFrame) drivers::copy_frame(*frame_, out);
+    return status_;
+  }
 
  private:
   const Recording& recording_;
   perception::Intrinsics camera_;
   std::ifstream in_;
+  std::unique_ptr<perception::RgbdFrame> frame_;
+  drivers::CameraStatus status_{};
   std::size_t next_ = 0;
 };
 
@@ -106,19 +127,23 @@ void set_words(tasks::LinkStatus& link, tasks::OperatorRequests& requests, const
 
 // A box and its feeds: what differs between the two boxes.
 struct FedBox {
-  std::function<void(TaskId, const JobOp&)> feed;
+  std::function<void(TaskId, const JobOp&, rt::Hash64&)> feed;
   std::function<rt::TaskBody&(TaskId)> body;
   std::function<Seqs(int)> published;
+  std::function<void(rt::Time)> console;  // empties what the tasks tell the console
   drivers::LinkEndpoint* endpoint = nullptr;
 };
 
 class Replayer {
  public:
-  Replayer(const Recording& recording, FedBox box) : r_(recording), box_(std::move(box)) {}
+  // With a trial: its levels, CPU measured, outputs not compared.
+  Replayer(const Recording& recording, FedBox box, const Trial* trial)
+      : r_(recording), box_(std::move(box)), trial_(trial) {}
 
   ReplayResult run(const std::vector<ReplayStep>& steps) {
     std::ifstream bytes(r_.path, std::ios::binary);
     for (const auto& s : steps) {
+      if (trial_ != nullptr && !s.message) console(r_.ops[s.index].at_ns);
       if (s.message)
         message(s.index, bytes);
       else if (r_.ops[s.index].kind == JobOp::Kind::kLatch)
@@ -126,6 +151,7 @@ class Replayer {
       else
         end(r_.ops[s.index]);
     }
+    result_.inputs_hash = inputs_.digest();
     return result_;
   }
 
@@ -140,6 +166,12 @@ class Replayer {
   void differs(const std::string& what) {
     if (result_.first_difference.empty()) result_.first_difference = what;
   }
+  // As often as in a run; a full ring would make commits cheaper.
+  void console(std::int64_t at_ns) {
+    if (at_ns < next_console_ns_) return;
+    next_console_ns_ = at_ns + 20'000'000;
+    box_.console(rt::time_from_ns(at_ns));
+  }
   static std::string job(const JobOp& op) {
     return std::string(tasks::kTaskTable[op.task].name) + " job " + std::to_string(op.k);
   }
@@ -149,6 +181,8 @@ class Replayer {
     buffer_.resize(m.head.size);
     bytes.seekg(static_cast<std::streamoff>(m.offset));
     bytes.read(reinterpret_cast<char*>(buffer_.data()), m.head.size);
+    inputs_.word(static_cast<std::uint64_t>(m.head.at_ns));
+    inputs_.bytes(buffer_.data(), buffer_.size());
     const bool taken = box_.endpoint->receive(buffer_, rt::time_from_ns(m.head.at_ns),
                                               [](std::span<const std::uint8_t>) {});
     ++result_.messages;
@@ -163,61 +197,90 @@ class Replayer {
   }
 
   void latch(const JobOp& op) {
+    const auto id = static_cast<TaskId>(op.task);
+    const int level = trial_ != nullptr ? trial_->level(id, op.level) : op.level;
     Running& job_now = running_[op.task];
     job_now.record = rt::JobRecord{};
     job_now.record.k = op.k;
     job_now.record.task = op.task;
-    job_now.record.level = op.level;
+    job_now.record.level = static_cast<std::uint8_t>(level);
     job_now.tick = rt::Tick{op.k,
                             rt::time_from_ns(op.release_ns),
                             rt::time_from_ns(op.start_ns),
                             rt::Nanos{op.period_ns},
                             op.skipped,
-                            op.level,
+                            level,
                             &job_now.cancel};
     job_now.same = true;
-    const auto id = static_cast<TaskId>(op.task);
-    box_.feed(id, op);
+    box_.feed(id, op, inputs_);
     auto& body = box_.body(id);
+    const std::int64_t cpu0 = trial_ != nullptr ? rt::thread_cpu_ns() : 0;
     body.latch(job_now.tick, job_now.record);
+    {
+      const rt::Section section(true);
+      (void)body.step(job_now.tick, job_now.record);
+    }
+    if (trial_ != nullptr) job_now.record.cpu_ns = rt::thread_cpu_ns() - cpu0;
+    compare_latched(op, job_now);
+  }
+
+  void compare_latched(const JobOp& op, Running& job_now) {
     for (std::size_t i = 0; i < op.seq.size(); ++i) {
       if (job_now.record.input_seq[i] == op.seq[i]) continue;
+      if (trial_ != nullptr && !from_link(op.task, i)) continue;
       job_now.same = false;
       differs(job(op) + ": input " + std::to_string(i) + " is number " +
               std::to_string(job_now.record.input_seq[i]) + ", recorded " +
               std::to_string(op.seq[i]));
     }
-    const rt::Section section(true);
-    (void)body.step(job_now.tick, job_now.record);
+  }
+  static bool from_link(int task, std::size_t input) {
+    for (const auto& row : read_table()) {
+      if (static_cast<int>(row.reader) != task || row.input != static_cast<int>(input)) continue;
+      return cell_table()[static_cast<std::size_t>(row.cell)].writer == kLinkWriter;
+    }
+    return false;
   }
 
   void end(const JobOp& op) {
     Running& job_now = running_[op.task];
     auto& body = box_.body(static_cast<TaskId>(op.task));
-    const auto recorded = op.get<Ended>();
     if (op.kind == JobOp::Kind::kAbandon) {
       ++result_.abandoned;
       body.abandon(job_now.tick);
     } else {
       ++result_.jobs;
+      const std::int64_t cpu0 = trial_ != nullptr ? rt::thread_cpu_ns() : 0;
       body.commit(job_now.tick, job_now.record);
-      if (job_now.record.output_hash != recorded.output_hash) {
-        job_now.same = false;
-        char text[96];
-        std::snprintf(text, sizeof text, ": output %016" PRIx64 ", recorded %016" PRIx64,
-                      job_now.record.output_hash, recorded.output_hash);
-        differs(job(op) + text);
+      if (trial_ != nullptr) {
+        job_now.record.cpu_ns += rt::thread_cpu_ns() - cpu0;
+        trial_->took(job_now.record);
       }
+    }
+    if (trial_ == nullptr) compare_ended(op, job_now);
+    if (op.kind == JobOp::Kind::kCommit && job_now.same) ++result_.equal;
+  }
+
+  void compare_ended(const JobOp& op, Running& job_now) {
+    const auto recorded = op.get<Ended>();
+    if (op.kind == JobOp::Kind::kCommit && job_now.record.output_hash != recorded.output_hash) {
+      job_now.same = false;
+      char text[96];
+      std::snprintf(text, sizeof text, ": output %016" PRIx64 ", recorded %016" PRIx64,
+                    job_now.record.output_hash, recorded.output_hash);
+      differs(job(op) + text);
     }
     if (box_.published(op.task) != recorded.published) {
       job_now.same = false;
       differs(job(op) + ": made other publications than recorded");
     }
-    if (op.kind == JobOp::Kind::kCommit && job_now.same) ++result_.equal;
   }
 
   const Recording& r_;
   FedBox box_;
+  const Trial* trial_;
+  rt::Hash64 inputs_;
+  std::int64_t next_console_ns_ = 0;
   std::array<Running, tasks::kTaskCount> running_;
   std::vector<std::uint8_t> buffer_;
   ReplayResult result_;
@@ -230,7 +293,8 @@ perception::Intrinsics camera_key(const Recording& r) {
 }
 
 ReplayResult replay_operator(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& given,
-                             const Recording& recording, const std::vector<ReplayStep>& steps) {
+                             const Recording& recording, const std::vector<ReplayStep>& steps,
+                             const Trial* trial) {
   std::unique_ptr<FedDevice> device;
   BoxOptions options = given;
   options.wrap_device = [&](drivers::HapticDevice& twin) {
@@ -240,20 +304,26 @@ ReplayResult replay_operator(rt::NonRealtime& nrt, const Scene& scene, const Box
   OperatorBox box(nrt, scene, camera_key(recording), options);
   auto& graph = box.graph();
   FedBox fed;
-  fed.feed = [&](TaskId id, const JobOp& op) {
-    if (id == TaskId::kHaptic)
+  OperatorConsole console(box, scene, {});
+  fed.console = [&](rt::Time now) { console.tick(now); };
+  fed.feed = [&](TaskId id, const JobOp& op, rt::Hash64& inputs) {
+    if (id == TaskId::kHaptic) {
       device->fed = op.get<StylusInput>();
-    else if (id == TaskId::kPrediction || id == TaskId::kSupervision)
+      for (const double x : device->fed.p_DH) inputs.value(x);
+      inputs.word(device->fed.seq << 1U | device->fed.button);
+    } else if (id == TaskId::kPrediction || id == TaskId::kSupervision) {
       set_words(graph.link(), graph.requests(), op.get<StatusInput>());
+    }
   };
   fed.body = [&](TaskId id) -> rt::TaskBody& { return graph.body(id); };
   fed.published = [&](int writer) { return published(graph.cells(), writer); };
   fed.endpoint = &box.endpoint();
-  return Replayer(recording, std::move(fed)).run(steps);
+  return Replayer(recording, std::move(fed), trial).run(steps);
 }
 
 ReplayResult replay_robot(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& given,
-                          const Recording& recording, const std::vector<ReplayStep>& steps) {
+                          const Recording& recording, const std::vector<ReplayStep>& steps,
+                          const Trial* trial) {
   FedBus bus;
   FedCamera camera(recording, camera_key(recording));
   BoxOptions options = given;
@@ -262,13 +332,17 @@ ReplayResult replay_robot(rt::NonRealtime& nrt, const Scene& scene, const BoxOpt
   RobotBox box(nrt, scene, options);
   auto& graph = box.graph();
   FedBox fed;
-  fed.feed = [&](TaskId id, const JobOp& op) {
+  RobotConsole console(box);
+  fed.console = [&](rt::Time now) { console.tick(now); };
+  fed.feed = [&](TaskId id, const JobOp& op, rt::Hash64& inputs) {
     if (id == TaskId::kRobotIo) {
       bus.fed = op.get<MotorInput>();
+      for (const double x : bus.fed.wheel_rad) inputs.value(x);
+      for (const double x : bus.fed.wheel_rad_per_s) inputs.value(x);
       graph.link().last_heard_ns.store(bus.fed.link_heard_ns);
       graph.link().closed.store(bus.fed.link_closed != 0);
     } else if (id == TaskId::kCapture) {
-      camera.fed = op.get<CameraInput>();
+      camera.feed(op.get<CameraInput>(), inputs);
     } else {
       set_words(graph.link(), graph.requests(), op.get<StatusInput>());
     }
@@ -276,37 +350,49 @@ ReplayResult replay_robot(rt::NonRealtime& nrt, const Scene& scene, const BoxOpt
   fed.body = [&](TaskId id) -> rt::TaskBody& { return graph.body(id); };
   fed.published = [&](int writer) { return published(graph.cells(), writer); };
   fed.endpoint = &box.endpoint();
-  return Replayer(recording, std::move(fed)).run(steps);
+  return Replayer(recording, std::move(fed), trial).run(steps);
+}
+
+rt::Result<ReplayResult> run_box(rt::NonRealtime& nrt, Scene& scene, const BoxOptions& options,
+                                 const Recording& recording, std::uint64_t seed,
+                                 const Trial* trial) {
+  auto steps = replay_order(recording, seed);
+  if (!steps) return rt::Error{steps.error()};
+  if (!camera_key(recording).valid())
+    return rt::Error{recording.path + ": no camera in its header"};
+  const std::string box = recording.key("box");
+  if (box == "operator") {
+    // Where fusion starts depends on whether the camera rides on the robot, not on the images.
+    scene.rgbd_dir = recording.key("images") == "recorded" ? "replayed" : "";
+    return replay_operator(nrt, scene, options, recording, steps.value(), trial);
+  }
+  if (box == "robot") {
+    scene.rgbd_dir.clear();
+    return replay_robot(nrt, scene, options, recording, steps.value(), trial);
+  }
+  return rt::Error{recording.path + ": box is '" + box + "', allowed are operator, robot"};
 }
 
 }  // namespace
 
 rt::Result<ReplayResult> replay(rt::NonRealtime& nrt, Scene& scene, const rt::FaultPlan& faults,
                                 const Recording& recording, std::uint64_t seed) {
-  auto steps = replay_order(recording, seed);
-  if (!steps) return rt::Error{steps.error()};
-  if (!camera_key(recording).valid())
-    return rt::Error{recording.path + ": no camera in its header"};
-  const std::string box = recording.key("box");
   BoxOptions options;
   options.hash_outputs = true;
   options.faults = faults;
-  ReplayResult result;
-  if (box == "operator") {
-    // Where fusion starts depends on whether the camera rides on the robot, not on the images.
-    scene.rgbd_dir = recording.key("images") == "recorded" ? "replayed" : "";
-    result = replay_operator(nrt, scene, options, recording, steps.value());
-  } else if (box == "robot") {
-    scene.rgbd_dir.clear();
-    result = replay_robot(nrt, scene, options, recording, steps.value());
-  } else {
-    return rt::Error{recording.path + ": box is '" + box + "', allowed are operator, robot"};
-  }
+  auto result = run_box(nrt, scene, options, recording, seed, nullptr);
+  if (!result) return result;
+  ReplayResult& r = result.value();
   for (const auto& op : recording.ops) {
-    if (op.kind == JobOp::Kind::kLatch) ++result.unfinished;
+    if (op.kind == JobOp::Kind::kLatch) ++r.unfinished;
   }
-  result.unfinished -= result.jobs + result.abandoned;
+  r.unfinished -= r.jobs + r.abandoned;
   return result;
+}
+
+rt::Result<ReplayResult> run_trial(rt::NonRealtime& nrt, Scene& scene, const Recording& recording,
+                                   const Trial& trial) {
+  return run_box(nrt, scene, {}, recording, 0, &trial);
 }
 
 }  // namespace teletact

@@ -10,9 +10,11 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
+#include "rt/audit/job_record.hpp"
 #include "rt/fault/plan.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/result.hpp"
@@ -36,7 +38,8 @@ struct ReplayResult {
   std::uint64_t abandoned = 0;   // aborted jobs, taken back again
   std::uint64_t unfinished = 0;  // under way when the recording ended
   std::uint64_t messages = 0;
-  std::string first_difference;  // empty: none
+  std::uint64_t inputs_hash = 0;  // of all that was fed from outside: messages, sensed data, frames
+  std::string first_difference;   // empty: none
   [[nodiscard]] bool same() const noexcept { return jobs == equal && first_difference.empty(); }
 };
 
@@ -44,5 +47,17 @@ struct ReplayResult {
 [[nodiscard]] rt::Result<ReplayResult> replay(rt::NonRealtime&, Scene& scene,
                                               const rt::FaultPlan& faults,
                                               const Recording& recording, std::uint64_t seed = 0);
+
+// The same input for another variant of a task: the recorded jobs at the recorded instants and order, each at
+// the level that `level` gives it, in a box built from a scene that may differ from the recorded one (voxel size).
+// What comes from outside is the recording's, byte for byte; what one task hands to the next in the box is made
+// anew. Compared are the messages taken and the numbers of the messages' values that jobs latched; outputs are not.
+struct Trial {
+  std::function<int(tasks::TaskId, int recorded)> level;
+  // A job that committed. cpu_ns: thread CPU of latch, step and commit; feeding it is not in it.
+  std::function<void(const rt::JobRecord&)> took;
+};
+[[nodiscard]] rt::Result<ReplayResult> run_trial(rt::NonRealtime&, Scene& scene,
+                                                 const Recording& recording, const Trial& trial);
 
 }  // namespace teletact

@@ -20,12 +20,11 @@ struct DemoOptions {
   std::vector<std::string> overrides;
   std::string rgbd_dir;  // empty: the synthetic place
   double seconds = 20;
-  bool virtual_clock = false, stub_bodies = false, measure_cpu = false;
+  bool virtual_clock = false, stub_bodies = false;
   std::string log_folder;         // virtual clock: where the tasks' logs go; empty: nowhere
   std::string report = "report";  // folder
   std::string calibration;        // file; empty: the built-in reference (virtual) or the host's
   std::string fault_plan;         // file; empty: the plain executor
-  int force_level = -1;           // calibration: this level of every task that has it
   std::string force_choice;       // calibration: this static choice ("20 mm")
   bool quiet = false;
   std::string command;  // as typed, for the report

@@ -79,7 +79,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
       throw std::runtime_error(options.fault_plan + ": " + good.error());
     plan_of_faults = std::move(loaded).value();
   }
-  op_options.hash_outputs = robot_options.hash_outputs = !options.measure_cpu;
+  op_options.hash_outputs = robot_options.hash_outputs = true;
   op_options.faults = robot_options.faults = plan_of_faults;
   op_options.epoch = kOperatorClock.from_host(epoch);
   robot_options.epoch = kRobotClock.from_host(epoch);
@@ -161,7 +161,6 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
   for (std::size_t i = 0; i < specs.size(); ++i) {
     const auto id = static_cast<tasks::TaskId>(i);
     rt::PlacedTask p = placed_task(host, i);
-    if (options.force_level >= 0) p.level = std::min(options.force_level, specs[i].levels() - 1);
     if (!options.stub_bodies) {
       p.body =
           specs[i].box == rt::Box::kOperator ? &op->graph().body(id) : &robot->graph().body(id);
@@ -196,7 +195,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
   plan.clock[0] = kOperatorClock;
   plan.clock[1] = kRobotClock;
   rt::QuantileCosts costs(options.cost_seed, tasks::make_costs(calibration, specs));
-  const rt::VirtualOptions how{options.stub_bodies, options.measure_cpu};
+  const rt::VirtualOptions how{options.stub_bodies};
   std::vector<std::string> names;
   for (const auto& s : specs) names.push_back(s.name);
   rt::with_faults(

@@ -80,7 +80,7 @@ TEST(Choices, CalibrationDecides) {
 
 TEST(Choices, AFileKeepsThemAndCoverIsChecked) {
   Calibration c = measured(20, 10);
-  EXPECT_FALSE(c.covers(tasks::make_specs(c))) << "the other tasks have no rows";
+  EXPECT_FALSE(c.covers(c, tasks::make_specs(c))) << "the other tasks have no rows";
   for (const auto& row : tasks::kTaskTable) {
     for (int level = 0; level < 4; ++level) {
       if (row.id == TaskId::kFusion || row.variants[static_cast<std::size_t>(level)].name.empty())
@@ -95,12 +95,12 @@ TEST(Choices, AFileKeepsThemAndCoverIsChecked) {
   tasks::save_calibration(file, c);
   const auto back = tasks::load_calibration(file);
   ASSERT_TRUE(back.has_value()) << back.error();
-  EXPECT_TRUE(back.value().covers(tasks::make_specs(back.value())));
+  EXPECT_TRUE(back.value().covers(c, tasks::make_specs(back.value())));
   ASSERT_NE(back.value().find("fusion", "10 mm", 1), nullptr);
   EXPECT_DOUBLE_EQ(back.value().find("fusion", "10 mm", 1)->p999_us, 10'000);
   EXPECT_EQ(back.value().find("fusion", "", 1), nullptr);
   c.rows.pop_front();
-  EXPECT_FALSE(c.covers(tasks::make_specs(c)));
+  EXPECT_FALSE(c.covers(c, tasks::make_specs(c)));
 }
 
 TEST(Request, PoolRowsFollowTheTable) {

@@ -1,0 +1,207 @@
+// What a calibration says, holds for and refuses.
+#include "tasks/graph/calibration.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <functional>
+#include <iterator>
+
+#include "rt/random.hpp"
+
+namespace {
+
+using tasks::Calibration;
+using tasks::CalibrationOrigin;
+using tasks::CalibrationRow;
+using tasks::TaskId;
+using testing::AllOf;
+using testing::HasSubstr;
+
+constexpr auto kPlanning = static_cast<std::size_t>(TaskId::kPlanning);
+const CalibrationOrigin kHere{"a \"quoted\" CPU\\2", "1.0, gcc", "0123456789abcdef", "/data/desk"};
+
+CalibrationRow row(const std::string& name, const std::string& choice, int level, double p999_us) {
+  CalibrationRow r;
+  r.name = name;
+  r.choice = choice;
+  r.level = level;
+  r.p999_us = p999_us;
+  r.p99_us = 0.9 * p999_us;
+  r.p50_us = 0.5 * p999_us;
+  r.work_min = 1;
+  r.work_max = 5;
+  for (std::size_t i = 0; i < r.quantiles_us.size(); ++i)
+    r.quantiles_us[i] = p999_us * static_cast<double>(i) / 32;
+  return r;
+}
+
+Calibration whole() {
+  Calibration c;
+  static_cast<CalibrationOrigin&>(c) = kHere;
+  for (const auto& t : tasks::kTaskTable) {
+    for (int level = 0; level < 4; ++level) {
+      if (t.variants[static_cast<std::size_t>(level)].name.empty()) break;
+      const double us = 1000.0 / (level + 1);
+      if (t.id == TaskId::kFusion) {
+        c.rows.push_back(row("fusion", "10 mm", level, us));
+        c.rows.push_back(row("fusion", "20 mm", level, us));
+      } else {
+        c.rows.push_back(row(std::string(t.name), "", level, us));
+      }
+    }
+  }
+  return c;
+}
+
+std::string text_of(const Calibration& c) {
+  const std::string file = testing::TempDir() + "calibration_test.toml";
+  tasks::save_calibration(file, c);
+  std::ifstream in(file);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+TEST(Calibration, BudgetIsTheLargerOfTheTwoMargins) {
+  EXPECT_EQ(row("haptic", "", 0, 20).budget().count(), 30'000);    // + 10 us
+  EXPECT_EQ(row("haptic", "", 0, 100).budget().count(), 120'000);  // x 1.2
+}
+
+TEST(Calibration, AnAbortedTaskKeepsTheDeclaredBudgetAndCostsWhatItTakes) {
+  Calibration c = whole();
+  const auto specs = tasks::make_specs(c);
+  const auto& planning = specs[kPlanning];
+  ASSERT_EQ(planning.policy, rt::MissPolicy::kAbort);
+  for (int level = 0; level < planning.levels(); ++level) {
+    const auto declared =
+        1000 * tasks::kTaskTable[kPlanning].variants[static_cast<std::size_t>(level)].budget_us;
+    EXPECT_EQ(planning.budget_of(level).count(), declared);
+    EXPECT_EQ(c.find(planning, level)->budget().count(), declared);
+  }
+  const std::vector<rt::TaskSpec> only{planning};
+  const auto costs = tasks::make_costs(c, only);
+  EXPECT_EQ(costs[0][0].value_ns.back(), 1'000'000);  // as measured, not scaled to 50 ms
+  for (auto& r : c.rows) {
+    if (r.name == "planning") r = row("planning", "", r.level, 400'000);
+  }
+  EXPECT_NEAR(static_cast<double>(tasks::make_costs(c, only)[0][0].value_ns.back()), 50e6 / 1.2, 2);
+}
+
+TEST(Calibration, AFileKeepsEverything) {
+  const Calibration c = whole();
+  const auto back = tasks::read_calibration(text_of(c), "c.toml");
+  ASSERT_TRUE(back) << back.error();
+  const auto& b = back.value();
+  EXPECT_EQ(b.host, kHere.host);
+  EXPECT_EQ(b.build, kHere.build);
+  EXPECT_EQ(b.config, kHere.config);
+  EXPECT_EQ(b.recording, kHere.recording);
+  ASSERT_EQ(b.rows.size(), c.rows.size());
+  for (std::size_t i = 0; i < c.rows.size(); ++i) {
+    EXPECT_EQ(b.rows[i].name, c.rows[i].name);
+    EXPECT_NEAR(b.rows[i].p999_us, c.rows[i].p999_us, 1e-3);
+  }
+  EXPECT_TRUE(b.covers(kHere, tasks::make_specs(b)));
+}
+
+TEST(Calibration, HoldsForOneHostProgramConfigurationAndRecording) {
+  const Calibration c = whole();
+  const auto specs = tasks::make_specs(c);
+  EXPECT_EQ(c.lacks(kHere, specs), "");
+  const std::vector<std::pair<std::string CalibrationOrigin::*, std::string>> keys{
+      {&CalibrationOrigin::host, "another host"},
+      {&CalibrationOrigin::build, "another build"},
+      {&CalibrationOrigin::config, "another configuration"},
+      {&CalibrationOrigin::recording, "another recording"}};
+  for (const auto& [key, words] : keys) {
+    CalibrationOrigin wanted = kHere;
+    wanted.*key += "x";
+    EXPECT_THAT(c.lacks(wanted, specs), HasSubstr(words));
+    EXPECT_THAT(c.lacks(wanted, specs), HasSubstr(wanted.*key));
+    EXPECT_FALSE(c.covers(wanted, specs));
+  }
+  for (std::size_t i = 0; i < c.rows.size(); ++i) {
+    Calibration less = c;
+    less.rows.erase(less.rows.begin() + static_cast<std::ptrdiff_t>(i));
+    EXPECT_THAT(less.lacks(kHere, specs), HasSubstr("no row of " + c.rows[i].name));
+  }
+}
+
+TEST(Calibration, ABadFileIsOneLineWithFileKeyValueAndRange) {
+  struct Bad {
+    std::function<void(Calibration&)> make;
+    std::string key, value, allowed;
+  };
+  const std::vector<Bad> cases{
+      {[](Calibration& c) { c.host.clear(); }, "'host'", "''", "name of the machine"},
+      {[](Calibration& c) { c.rows[1].name = "fusoin"; }, "task[1].name", "fusoin", "haptic"},
+      {[](Calibration& c) { c.rows[0].level = 3; }, "task[0].level", "= 3", "0..0 for haptic"},
+      {[](Calibration& c) { c.rows[0].level = 99; }, "task[0].level", "= 99", "15"},
+      {[](Calibration& c) { c.rows[0].choice = "20 mm"; }, "task[0].choice", "20 mm", "none"},
+      {[](Calibration& c) { c.rows[1].choice.clear(); }, "task[1].choice", "''", "'20 mm'"},
+      {[](Calibration& c) { c.rows[0].p50_us = -1; }, "task[0].p50_us", "-1", "0"},
+      {[](Calibration& c) { c.rows[0].p50_us = NAN; }, "task[0].p50_us", "nan", "0"},
+      {[](Calibration& c) { c.rows[0].p99_us = 7; }, "task[0].p99_us", "= 7", "p50_us (500)"},
+      {[](Calibration& c) { c.rows[0].p999_us = 800; }, "task[0].p999_us", "800", "p99_us (900)"},
+      {[](Calibration& c) { c.rows[2].work_max = 0; }, "task[2].work_max", "= 0", "work_min (1)"},
+      {[](Calibration& c) { c.rows[0].quantiles_us[9] = 3; }, "quantiles_us[9]", "= 3", "before"},
+      {[](Calibration& c) { c.rows[2] = c.rows[1]; }, "task[2].level", "= 0", "once for fusion"},
+  };
+  for (const auto& bad : cases) {
+    Calibration c = whole();
+    bad.make(c);
+    const auto back = tasks::read_calibration(text_of(c), "bad.toml");
+    ASSERT_FALSE(back) << bad.key;
+    EXPECT_THAT(back.error(), AllOf(HasSubstr("bad.toml"), HasSubstr(bad.key), HasSubstr(bad.value),
+                                    HasSubstr(bad.allowed)));
+    EXPECT_EQ(back.error().find('\n'), std::string::npos) << back.error();
+  }
+}
+
+// Whatever is accepted has the properties that admission builds on; what is not is one line.
+TEST(Calibration, ReadsAnyBytes) {
+  const std::string good = text_of(whole());
+  const std::uint64_t seed = 20;
+  std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
+  rt::Random random(seed);
+  int accepted = 0;
+  for (int trial = 0; trial < 400; ++trial) {
+    std::string text = good;
+    for (std::int64_t n = random.integer(1, 3); n > 0; --n) {
+      const auto at =
+          static_cast<std::size_t>(random.integer(0, static_cast<std::int64_t>(text.size()) - 1));
+      switch (random.integer(0, 3)) {
+        case 0:
+          text[at] = static_cast<char>(random.integer(0, 255));
+          break;
+        case 1:
+          text.erase(at, static_cast<std::size_t>(random.integer(1, 40)));
+          break;
+        case 2:
+          text[at] = static_cast<char>('0' + random.integer(0, 9));
+          break;
+        default:
+          text.insert(at, text.substr(at / 2, static_cast<std::size_t>(random.integer(1, 40))));
+      }
+    }
+    const auto back = tasks::read_calibration(text, "fuzz.toml");
+    if (!back) {
+      EXPECT_THAT(back.error(), HasSubstr("fuzz.toml"));
+      EXPECT_EQ(back.error().find('\n'), std::string::npos) << back.error();
+      continue;
+    }
+    ++accepted;
+    for (const auto& r : back.value().rows) {
+      EXPECT_GT(r.budget().count(), 0);
+      EXPECT_TRUE(std::is_sorted(r.quantiles_us.begin(), r.quantiles_us.end()));
+    }
+    (void)tasks::make_specs(back.value());
+  }
+  EXPECT_GT(accepted, 20) << "too few to say anything";
+  EXPECT_LT(accepted, 380);
+}
+
+}  // namespace

@@ -1,0 +1,147 @@
+// Calibration on stored input: the same input and the same work each time; which cached file is taken, and why not.
+#include "tools/teletact/calibrate.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+namespace {
+
+namespace fs = std::filesystem;
+using tasks::Calibration;
+using testing::HasSubstr;
+
+rt::NonRealtime& nrt() {
+  static rt::Startup startup;
+  return startup.token();
+}
+
+// One voxel, so that there are few passes.
+std::unique_ptr<teletact::Scene> scene(const std::vector<std::string>& more = {}) {
+  std::vector<std::string> set{"fusion.tsdf.voxel_size_m=0.02"};
+  set.insert(set.end(), more.begin(), more.end());
+  return teletact::load_scene(teletact::find_config("scenes", "empty_room"), set);
+}
+
+struct Measured {
+  Calibration calibration;
+  teletact::CalibrationInput input;
+};
+const Measured& measured() {
+  static const Measured m = [] {
+    Measured out;
+    const auto s = scene();
+    out.calibration = teletact::calibrate(nrt(), *s, 2, true, &out.input);
+    return out;
+  }();
+  return m;
+}
+
+TEST(Calibrate, EveryVariantHasARowPlanningToo) {
+  const auto& c = measured().calibration;
+  const auto s = scene();
+  EXPECT_EQ(
+      c.lacks(teletact::calibration_origin(*s), tasks::make_specs(c, teletact::choice_limits(*s))),
+      "");
+  EXPECT_EQ(c.rows.size(), 12U);  // 8 tasks; fusion has 3 levels, planning and capture 2
+  EXPECT_EQ(measured().input.passes, 6U);
+  for (const auto& r : c.rows) EXPECT_GT(r.p50_us, 0) << r.name;
+  ASSERT_NE(c.find("planning", "", 1), nullptr);
+  EXPECT_EQ(c.find("planning", "", 1)->budget().count(), 20'000'000) << "the declared one";
+}
+
+TEST(Calibrate, TheSameInputAndWorkEachTime) {
+  const auto s = scene();
+  teletact::CalibrationInput again;
+  const Calibration c = teletact::calibrate(nrt(), *s, 2, true, &again);
+  EXPECT_EQ(again.operator_hash, measured().input.operator_hash);
+  EXPECT_EQ(again.robot_hash, measured().input.robot_hash);
+  ASSERT_EQ(c.rows.size(), measured().calibration.rows.size());
+  for (std::size_t i = 0; i < c.rows.size(); ++i) {
+    EXPECT_EQ(c.rows[i].work_min, measured().calibration.rows[i].work_min) << c.rows[i].name;
+    EXPECT_EQ(c.rows[i].work_max, measured().calibration.rows[i].work_max) << c.rows[i].name;
+  }
+}
+
+TEST(Calibrate, TheScratchFolderIsGone) {
+  (void)measured();
+  for (const auto& e : fs::directory_iterator(fs::temp_directory_path()))
+    EXPECT_EQ(e.path().filename().string().find("teletact-calibrate-" + std::to_string(getpid())),
+              std::string::npos);
+}
+
+class Cache : public testing::Test {
+ protected:
+  Cache() {
+    fs::create_directories(root_ / "teletact");
+    ::setenv("XDG_CACHE_HOME", root_.c_str(), 1);
+    options_.scene_path = "elsewhere/empty_room.toml";
+    options_.quiet = true;
+  }
+  ~Cache() override {
+    ::unsetenv("XDG_CACHE_HOME");
+    fs::remove_all(root_);
+  }
+  [[nodiscard]] std::string file() const {
+    return (root_ / "teletact/calibration-empty_room.toml").string();
+  }
+  fs::path root_ = fs::temp_directory_path() / ("teletact-cache-" + std::to_string(::getpid()));
+  teletact::DemoOptions options_;
+};
+
+TEST_F(Cache, OneMadeHereIsTaken) {
+  tasks::save_calibration(file(), measured().calibration);
+  const auto s = scene();
+  std::string text;
+  const auto c = teletact::host_calibration(nrt(), *s, options_, text);
+  EXPECT_EQ(text.find("measured just now"), std::string::npos);
+  EXPECT_NEAR(c.rows[0].p50_us, measured().calibration.rows[0].p50_us, 1e-3);
+}
+
+TEST_F(Cache, AnotherConfigurationIsMeasuredAgainAndSaidWhy) {
+  tasks::save_calibration(file(), measured().calibration);
+  const auto s = scene({"haptic.scale=2.5"});
+  std::string text;
+  testing::internal::CaptureStdout();
+  const auto c = teletact::host_calibration(nrt(), *s, options_, text);
+  const std::string said = testing::internal::GetCapturedStdout();
+  EXPECT_THAT(said, HasSubstr(file()));
+  EXPECT_THAT(said, HasSubstr("another configuration"));
+  EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+  EXPECT_THAT(text, HasSubstr("measured just now"));
+  const auto stored = tasks::load_calibration(file());
+  ASSERT_TRUE(stored) << stored.error();
+  EXPECT_EQ(stored.value().config, teletact::calibration_origin(*s).config);
+  EXPECT_NE(stored.value().config, measured().calibration.config);
+}
+
+TEST(Origin, FollowsValuesRecordingAndProgram) {
+  const auto base = teletact::calibration_origin(*scene());
+  EXPECT_EQ(teletact::calibration_origin(*scene()).config, base.config);
+  EXPECT_NE(teletact::calibration_origin(*scene({"fusion.patch_nodes=48"})).config, base.config);
+  const auto recorded = scene();
+  recorded->rgbd_dir = "some/recording";
+  EXPECT_THAT(teletact::calibration_origin(*recorded).recording, HasSubstr("some/recording"));
+  EXPECT_EQ(base.recording, "");
+  EXPECT_EQ(base.host, tasks::host_id());
+  EXPECT_THAT(base.build, HasSubstr(", "));
+}
+
+TEST_F(Cache, ABadNamedFileIsAnError) {
+  options_.calibration = (root_ / "bad.toml").string();
+  std::ofstream(options_.calibration) << "host = \"x\"\n[[task]]\nname = \"haptic\"\nlevel = 2\n";
+  const auto s = scene();
+  std::string text;
+  try {
+    (void)teletact::host_calibration(nrt(), *s, options_, text);
+    FAIL();
+  } catch (const std::runtime_error& e) {
+    EXPECT_THAT(e.what(), HasSubstr("bad.toml: key 'task[0].level' = 2: allowed 0..0 for haptic"));
+  }
+}
+
+}  // namespace
