@@ -35,7 +35,9 @@ struct HapticState {
   Vec3 normal_W = Vec3::Zero();  // of the contact; zero when free
   std::int32_t contacts = 0;     // active constraints
   bool button = false;
-  std::uint64_t patch_seq = 0;  // newest patch in use
+  std::uint64_t patch_seq = 0;   // newest patch in use
+  std::uint64_t mark_seq = 0;    // event seq of the newest mark that was begun; 0: none yet
+  Vec3 p_mark_W = Vec3::Zero();  // where it was begun, on the surface
 };
 
 // What the hand did, in order. haptic -> planning, Ring. A full ring drops the newest and sets `gap`

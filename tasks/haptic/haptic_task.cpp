@@ -267,7 +267,8 @@ void HapticTask::events(const rt::Tick& tick, bool button, Out& out) noexcept {
   if (contact && button && !was_button_ && !marking_) {
     emit(out, Kind::kMarkBegin, tick);
     marking_ = true;
-    mark_p_W_ = proxy_.p_WP();
+    mark_p_W_ = mark_begin_W_ = proxy_.p_WP();
+    mark_seq_ = event_seq_;
     mark_time_ = tick.release;
   } else if (marking_ && ((proxy_.p_WP() - mark_p_W_).norm() >= config_.mark_spacing_m ||
                           rt::seconds(tick.release - mark_time_) >= 1.0 / config_.mark_rate_hz)) {
@@ -292,6 +293,8 @@ void HapticTask::report(const rt::Tick& tick, bool button, Out& out) noexcept {
   s.contacts = out.telemetry.in_contact ? proxy_.contacts : 0;
   s.button = button;
   s.patch_seq = newer_ != nullptr ? newer_->seq : 0;
+  s.mark_seq = mark_seq_;
+  s.p_mark_W = mark_begin_W_;
   HapticTelemetry& t = out.telemetry;
   t.energy_J = energy_.energy_J();
   t.booked_J = energy_.booked_J();

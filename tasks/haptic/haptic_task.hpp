@@ -197,11 +197,11 @@ class HapticTask {
   double spring_J_ = 0;  // energy in the spring last tick
   bool enabled_ = false;
   bool was_contact_ = false, was_button_ = false, marking_ = false;
-  perception::Vec3 mark_p_W_ = perception::Vec3::Zero();
+  perception::Vec3 mark_p_W_ = perception::Vec3::Zero(), mark_begin_W_ = perception::Vec3::Zero();
   rt::Time mark_time_{};
   rt::Time last_release_{};
   bool have_release_ = false;
-  std::uint64_t state_seq_ = 0, event_seq_ = 0;
+  std::uint64_t state_seq_ = 0, event_seq_ = 0, mark_seq_ = 0;
 };
 
 }  // namespace tasks
