@@ -194,20 +194,13 @@ int cmd_audit(int argc, char** argv) {
               "max", "slack p50", "p1", "p0.1", "least");
   for (std::size_t i = 0; i < tasks.size(); ++i) print_ends(tasks[i], times[i]);
   std::uint64_t dropped = 0;
-  std::uint64_t dropped = 0;
   std::vector<const rt::RunLog*> pointers;
   for (const auto& log : logs) {
     pointers.push_back(&log);
     dropped += log.dropped;
-    dropped += log.dropped;
     for (const auto& note : log.not_realtime) std::printf("NOT REAL-TIME: %s\n", note.c_str());
   }
   for (const auto& line : against) std::printf("AGAINST: %s\n", line.c_str());
-  metrics.add("audit.dropped", static_cast<double>(dropped), "1");
-  if (dropped > 0) {
-    std::printf("AUDIT INCOMPLETE: %llu records lost, a ring was full\n",
-                static_cast<unsigned long long>(dropped));
-  }
   metrics.add("audit.dropped", static_cast<double>(dropped), "1");
   if (dropped > 0) {
     std::printf("AUDIT INCOMPLETE: %llu records lost, a ring was full\n",
