@@ -363,4 +363,70 @@ TEST(Replay, InputsThatContradictEachOtherAreRefused) {
   EXPECT_NE(b.error().find("contradict"), std::string::npos) << b.error();
 }
 
+// ---- trials: other variants on the same input
+
+rt::Result<ReplayResult> trial(rt::Box box, int task, int level, std::vector<rt::JobRecord>& jobs,
+                               const std::string& file = {}) {
+  const auto& r = plain();
+  auto recording =
+      teletact::read_recording(file.empty() ? teletact::recording_file(r.folder, box) : file);
+  if (!recording) return rt::Error{recording.error()};
+  const auto scene = teletact::load_scene(r.folder + "/scene.toml", {});
+  teletact::Trial t;
+  t.level = [&](tasks::TaskId id, int recorded) {
+    return static_cast<int>(id) == task ? level : recorded;
+  };
+  t.took = [&](const rt::JobRecord& j) { jobs.push_back(j); };
+  return teletact::run_trial(nrt(), *scene, recording.value(), t);
+}
+
+TEST(Trial, EveryVariantIsFedTheSameBytes) {
+  for (const auto box : {rt::Box::kOperator, rt::Box::kRobot}) {
+    const auto whole = replay_file(plain().folder, teletact::recording_file(plain().folder, box));
+    ASSERT_TRUE(whole) << whole.error();
+    const auto task = box == rt::Box::kOperator ? tasks::TaskId::kFusion : tasks::TaskId::kCapture;
+    std::vector<std::uint64_t> work;
+    for (int level = 0; level < 2; ++level) {
+      std::vector<rt::JobRecord> jobs;
+      const auto t = trial(box, static_cast<int>(task), level, jobs);
+      ASSERT_TRUE(t) << t.error();
+      EXPECT_EQ(t.value().inputs_hash, whole.value().inputs_hash) << level;
+      EXPECT_EQ(t.value().first_difference, "") << level;
+      EXPECT_EQ(t.value().jobs, whole.value().jobs);
+      ASSERT_EQ(jobs.size(), whole.value().jobs);
+      std::uint64_t sum = 0;
+      for (const auto& j : jobs) {
+        EXPECT_GT(j.cpu_ns, 0);
+        if (j.task != static_cast<std::uint16_t>(task)) continue;
+        EXPECT_EQ(j.level, level);
+        sum += j.work;
+      }
+      work.push_back(sum);
+    }
+    EXPECT_GT(work[0], work[1]) << "the level changes what is done";
+  }
+}
+
+TEST(Trial, OtherBytesAreAnotherHash) {
+  const std::string file = copy_of_operator("trial.inputs");
+  const auto recording = teletact::read_recording(file);
+  ASSERT_TRUE(recording);
+  // One bit in the middle of a message.
+  const auto& m = recording.value().messages[recording.value().messages.size() / 2];
+  {
+    std::fstream f(file, std::ios::in | std::ios::out | std::ios::binary);
+    f.seekg(static_cast<std::streamoff>(m.offset + m.head.size / 2));
+    const char c = static_cast<char>(f.get());
+    f.seekp(static_cast<std::streamoff>(m.offset + m.head.size / 2));
+    f.put(static_cast<char>(c ^ 1));
+  }
+  std::vector<rt::JobRecord> jobs;
+  const auto good = trial(rt::Box::kOperator, -1, 0, jobs);
+  const auto bad = trial(rt::Box::kOperator, -1, 0, jobs, file);
+  ASSERT_TRUE(good) << good.error();
+  ASSERT_TRUE(bad) << bad.error();
+  EXPECT_NE(good.value().inputs_hash, bad.value().inputs_hash);
+  EXPECT_NE(bad.value().first_difference, "") << "the endpoint refuses a message with a wrong sum";
+}
+
 }  // namespace
