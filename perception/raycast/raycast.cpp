@@ -477,7 +477,8 @@ RaycastMaps::RaycastMaps(rt::NonRealtime& nrt, int width, int height)
     : directory_(nrt),
       capacity_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)),
       storage_(capacity_ * kStride + 16),
-      colour_(capacity_) {
+      colour_(capacity_),
+      labels_(capacity_) {
   const auto address = reinterpret_cast<std::uintptr_t>(storage_.data());
   records_ = storage_.data() + ((64 - address % 64) % 64) / sizeof(float);
   // Any shape with that many rays: a tile row more each way covers the rounding.
@@ -485,6 +486,16 @@ RaycastMaps::RaycastMaps(rt::NonRealtime& nrt, int width, int height)
   near_m_.resize(tiles);
   far_m_.resize(tiles);
   x_.resize(capacity_ + HintJob::kSpan);
+}
+
+void RaycastMaps::find_labels(const TsdfMap& map) noexcept {
+  MapReader reader(map);
+  std::size_t i = 0;
+  for (int v = 0; v < intrinsics.height; ++v)
+    for (int u = 0; u < intrinsics.width; ++u, ++i)
+      labels_[i] = map.label_block_count() == 0 || !hit(u, v)
+                       ? std::uint8_t{0}
+                       : reader.label(X_WC * vertex_C(u, v).cast<double>());
 }
 
 RaycastStats raycast(const TsdfMap& map, const Intrinsics& camera, const Pose& X_WC,
@@ -501,7 +512,9 @@ RaycastStats raycast(const TsdfMap& map, const Intrinsics& camera, const Pose& X
     return {};
   out.intrinsics = k;
   out.X_WC = X_WC;
-  return Caster(map, X_WC, options, out).run();
+  const RaycastStats stats = Caster(map, X_WC, options, out).run();
+  if (options.labels) out.find_labels(map);
+  return stats;
 }
 
 }  // namespace perception

@@ -26,6 +26,7 @@ struct RaycastOptions {
   double max_depth_m = 6.0;
   double min_weight = 1.0;  // observations of every corner used
   bool colour = false;
+  bool labels = false;  // MapReader::label() of the hit
   // Normals from three voxels round the hit (averages the field's noise) instead of from the cell
   // that holds it.
   bool smooth_normals = true;
@@ -74,13 +75,22 @@ class RaycastMaps {
     return {colour_.data(), intrinsics.width, intrinsics.height, intrinsics.width};
   }
 
+  // Filled when options.labels; 0 where the map has none, and where nothing was hit.
+  [[nodiscard]] ImageView<const std::uint8_t> labels() const noexcept {
+    return {labels_.data(), intrinsics.width, intrinsics.height, intrinsics.width};
+  }
+
  private:
   friend class Caster;
+  friend RaycastStats raycast(const TsdfMap&, const Intrinsics&, const Pose&, const RaycastOptions&,
+                              RaycastMaps&) noexcept;
+  void find_labels(const TsdfMap& map) noexcept;
   ChunkDirectory directory_;
   std::size_t capacity_ = 0;
   std::vector<float> storage_;
   float* records_ = nullptr;  // 64-byte aligned into storage_
   std::vector<Rgb> colour_;
+  std::vector<std::uint8_t> labels_;
   std::vector<float> near_m_, far_m_;  // per tile of 4 x 4 rays
   std::vector<float> x_;               // (u - cx) / fx of a column
 };

@@ -175,15 +175,23 @@ bool TouchSegmenter::choose_covered(ImageView<const std::uint8_t> seed) noexcept
 bool TouchSegmenter::follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth,
                             const Intrinsics& k, float mm_per_unit,
                             ImageView<const std::uint8_t> seed) noexcept {
-  int u0 = seed.width, u1 = -1, v0 = seed.height, v1 = -1;
+  SeedBox box{seed.width, seed.height, -1, -1};
   for (int v = 0; v < seed.height; ++v) {
     const std::uint8_t* row = seed.row(v);
     for (int u = 0; u < seed.width; ++u) {
       if (!row[u]) continue;
-      u0 = std::min(u0, u), u1 = std::max(u1, u), v0 = std::min(v0, v), v1 = std::max(v1, v);
+      box.u0 = std::min(box.u0, u), box.u1 = std::max(box.u1, u);
+      box.v0 = std::min(box.v0, v), box.v1 = std::max(box.v1, v);
     }
   }
-  if (u1 < 0) return false;
+  return follow(rgb, depth, k, mm_per_unit, seed, box);
+}
+
+bool TouchSegmenter::follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth,
+                            const Intrinsics& k, float mm_per_unit,
+                            ImageView<const std::uint8_t> seed, const SeedBox& box) noexcept {
+  const auto [u0, v0, u1, v1] = box;
+  if (u1 < u0 || v1 < v0) return false;
   const int margin = config_.follow_margin_px;
   HalfWindow win;
   win.u0 = std::max(0, u0 - margin) / 2;

@@ -43,6 +43,12 @@ class TouchSegmenter {
   // a window round it; it takes the place of set_frame(). False when no region is covered.
   bool follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, const Intrinsics& k,
               float mm_per_unit, ImageView<const std::uint8_t> seed) noexcept;
+  // The same for whoever knows the pixels (inclusive) that hold all of the seed.
+  struct SeedBox {
+    int u0, v0, u1, v1;
+  };
+  bool follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, const Intrinsics& k,
+              float mm_per_unit, ImageView<const std::uint8_t> seed, const SeedBox& box) noexcept;
 
   // Of the last touch() or follow().
   [[nodiscard]] const OutlineRefiner::Box& box() const noexcept { return outline_.box(); }

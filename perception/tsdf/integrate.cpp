@@ -115,8 +115,8 @@ void TsdfMap::allocate_band(const View& view, int pixel_step, IntegrateStats& st
   }
 }
 
-void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
-  const Intrinsics& k = view.frame.intrinsics;
+// Without colour.
+UpdateCamera TsdfMap::update_camera(const Intrinsics& k, const Pose& X_CW) const noexcept {
   UpdateCamera cam{};
   cam.fx = static_cast<float>(k.fx), cam.fy = static_cast<float>(k.fy);
   cam.cx = static_cast<float>(k.cx), cam.cy = static_cast<float>(k.cy);
@@ -125,17 +125,24 @@ void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
   cam.truncation_m = static_cast<float>(truncation_);
   cam.units_per_m = static_cast<float>(kDistanceOne / truncation_);
   cam.weight_cap = static_cast<std::int32_t>(config_.max_weight * kWeightOne);
-  static_assert(sizeof(Rgb) == 3);
-  const bool coloured = view.frame.colour.data != nullptr;
-  cam.colour_band_m = coloured ? static_cast<float>(config_.colour_band_m) : -1.0F;
-  cam.colour = reinterpret_cast<const std::uint8_t*>(view.frame.colour.data);
-  cam.colour_stride_px = view.frame.colour.stride;
-  const Mat3 step = view.X_CW.linear() * voxel_;
+  cam.colour_band_m = -1.0F;
+  const Mat3 step = X_CW.linear() * voxel_;
   for (int r = 0; r < 3; ++r) {
     cam.dx[r] = static_cast<float>(step(r, 0));
     cam.dy[r] = static_cast<float>(step(r, 1));
     cam.dz[r] = static_cast<float>(step(r, 2));
   }
+  return cam;
+}
+
+void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
+  const Intrinsics& k = view.frame.intrinsics;
+  UpdateCamera cam = update_camera(k, view.X_CW);
+  static_assert(sizeof(Rgb) == 3);
+  const bool coloured = view.frame.colour.data != nullptr;
+  cam.colour_band_m = coloured ? static_cast<float>(config_.colour_band_m) : -1.0F;
+  cam.colour = reinterpret_cast<const std::uint8_t*>(view.frame.colour.data);
+  cam.colour_stride_px = view.frame.colour.stride;
   const auto reach =
       static_cast<float>(truncation_ * DepthPyramid::kReachMost / DepthPyramid::kReachOne) + 1e-4F;
   const auto block_half = static_cast<float>(3.5 * voxel_),
@@ -161,6 +168,9 @@ void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
       in_view_[static_cast<std::size_t>(count++)] = b;
     }
   }
+  in_view_count_ = count;
+  last_camera_ = k;
+  X_CW_last_ = view.X_CW;
   // A block's memory is asked for while those before it are worked on.
   constexpr int kLead = 3;
   for (int n = 0; n < count + kLead; ++n) {

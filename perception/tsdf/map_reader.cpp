@@ -1,5 +1,7 @@
 #include "perception/tsdf/map_reader.hpp"
 
+#include <algorithm>
+
 namespace perception {
 namespace {
 
@@ -49,6 +51,36 @@ bool MapReader::colour(const Vec3& p_W, Rgb& out) noexcept {
            static_cast<std::uint8_t>((v >> 16U) & 0xffU)};
   }
   return best < 1e9;
+}
+
+std::uint8_t MapReader::label(const Vec3& p_W) noexcept {
+  const Vec3 g = p_W * inv_voxel_;
+  if (!in_range(g)) return 0;
+  const int i = ifloor(g.x()), j = ifloor(g.y()), k = ifloor(g.z());
+  const auto fx = static_cast<float>(g.x() - i), fy = static_cast<float>(g.y() - j),
+             fz = static_cast<float>(g.z() - k);
+  // At most eight labels; say[n]: votes for label of corner n, kept at the first corner that has it.
+  std::array<std::uint8_t, 8> names{};
+  std::array<float, 8> say{};
+  int count = 0;
+  for (int n = 0; n < 8; ++n) {
+    const int x = i + (n >> 2), y = j + ((n >> 1) & 1), z = k + (n & 1);
+    const TsdfMap::Chunk* c = chunk_of(x >> 6, y >> 6, z >> 6);
+    if (c == nullptr) continue;
+    const std::int32_t b =
+        c->block[static_cast<std::size_t>(TsdfMap::in_chunk(x >> 3, y >> 3, z >> 3))];
+    if (b == TsdfMap::kNoBlock) continue;
+    const LabelVoxel v = map_->label_in(b, TsdfMap::in_block(x, y, z));
+    const float share =
+        ((n & 4) != 0 ? fx : 1 - fx) * ((n & 2) != 0 ? fy : 1 - fy) * ((n & 1) != 0 ? fz : 1 - fz);
+    if (v.weight == 0) continue;
+    int at = 0;
+    while (at < count && names[static_cast<std::size_t>(at)] != v.label) ++at;
+    if (at == count) names[static_cast<std::size_t>(count++)] = v.label;
+    say[static_cast<std::size_t>(at)] += share * static_cast<float>(v.weight);
+  }
+  const auto most = std::max_element(say.begin(), say.end());
+  return *most > 0 ? names[static_cast<std::size_t>(most - say.begin())] : std::uint8_t{0};
 }
 
 }  // namespace perception

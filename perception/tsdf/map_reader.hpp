@@ -103,6 +103,10 @@ class MapReader {
   [[nodiscard]] bool gradient(const Vec3& p_W, Vec3& out) noexcept;
   // Colour of the nearest corner of the cell that has one; false when none has.
   [[nodiscard]] bool colour(const Vec3& p_W, Rgb& out) noexcept;
+  // What the eight nodes round the point say, each with its label's weight times its share; nodes that
+  // nothing voted in abstain, so that an edge does not lose what lies between its nodes and the free
+  // ones. 0: background, or nothing known.
+  [[nodiscard]] std::uint8_t label(const Vec3& p_W) noexcept;
 
  private:
   // Direct-mapped by the low bits, so the eight blocks round a node never collide.

@@ -52,11 +52,13 @@ std::uint64_t spread_cells(std::uint64_t cells, int x0, int y0, int z0) noexcept
   return bits;
 }
 
-void label_brick(const std::uint8_t* labels, std::span<const std::uint8_t> slot_of_label,
+constexpr std::array<LabelVoxel, TsdfMap::kBlockVoxels> kUnlabelled{};
+
+void label_brick(const LabelVoxel* labels, std::span<const std::uint8_t> slot_of_label,
                  std::uint8_t* material) noexcept {
   for (int n = 0; n < 64; ++n) {
     if (material[n] == 0) continue;
-    const std::uint8_t label = labels[(n >> 4) * 64 + ((n >> 2) & 3) * 8 + (n & 3)];
+    const std::uint8_t label = labels[(n >> 4) * 64 + ((n >> 2) & 3) * 8 + (n & 3)].label;
     const std::uint8_t slot = slot_of_label[label];
     material[n] = static_cast<std::uint8_t>(1 + (slot < SurfacePatch::kMaxMaterials ? slot : 0));
   }
@@ -106,8 +108,10 @@ bool copy_patch(const TsdfMap& map, const Vec3& centre_W, int nodes, SurfacePatc
           const int first = TsdfMap::in_block(i, j, k);
           out.free[at] = copy_brick(map.block_words(b) + first, map.block_free(b) + (i & 7), j & 7,
                                     k & 7, distance, material);
-          if (!slot_of_label.empty())
-            label_brick(map.block_labels(b) + first, slot_of_label, material);
+          const LabelVoxel* labels = map.block_labels(b);
+          if (!slot_of_label.empty() && (labels != nullptr || slot_of_label[0] != 0))
+            label_brick((labels != nullptr ? labels : kUnlabelled.data()) + first, slot_of_label,
+                        material);
           continue;
         }
         std::memset(distance, 0, 64 * sizeof *distance);

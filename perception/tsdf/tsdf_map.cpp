@@ -41,6 +41,8 @@ const TsdfConfig& checked(const TsdfConfig& c) {
   require(c.colour_band_m >= 0 && c.colour_band_m <= 0.5, "colour_band_m", c.colour_band_m,
           "0 to 0.5");
   require(c.max_blocks >= 1 && c.max_blocks <= 1 << 20, "max_blocks", c.max_blocks, "1 to 1048576");
+  require(c.max_label_blocks >= 1 && c.max_label_blocks <= 1 << 18, "max_label_blocks",
+          c.max_label_blocks, "1 to 262144");
   require(c.max_chunks >= 1 && c.max_chunks <= 1 << 16, "max_chunks", c.max_chunks, "1 to 65536");
   if (c.weighting != "uniform" && c.weighting != "range")
     throw std::invalid_argument("tsdf.weighting = \"" + c.weighting +
@@ -84,7 +86,9 @@ void TsdfConfig::describe(config::Section& s) {
   s.number("edge_base_m", edge_base_m, 0, 1, "depth step that is an edge, at depth 0");
   s.number("edge_per_m", edge_per_m, 0, 0.4, "growth of that step with depth");
   s.number("colour_band_m", colour_band_m, 0, 0.1, "distance from the surface that takes colour");
-  s.integer("max_blocks", max_blocks, 64, 262144, "pool of 8^3 blocks, 5.2 KiB each");
+  s.integer("max_blocks", max_blocks, 64, 262144, "pool of 8^3 blocks, 4.2 KiB each");
+  s.integer("max_label_blocks", max_label_blocks, 64, 65536,
+            "pool of the labels of blocks that hold a part of an object, 1 KiB each");
   s.integer("max_chunks", max_chunks, 8, 65536, "pool of 64^3 chunks, 6.2 KiB each");
 }
 
@@ -110,8 +114,12 @@ TsdfMap::TsdfMap(rt::NonRealtime& nrt, const TsdfConfig& config)
   chunks_.back().block.fill(kNoBlock);
   words_.assign((blocks + 1) * kBlockVoxels, 0);
   colours_.assign(blocks * kBlockVoxels, 0);
-  labels_.assign(blocks * kBlockVoxels, 0);
-  label_weights_.assign(blocks * kBlockVoxels, 0);
+  const auto labelled = static_cast<std::size_t>(config_.max_label_blocks);
+  label_pool_.assign(labelled * kBlockVoxels, {});
+  label_bits_.assign(labelled, 0);
+  block_of_label_.assign(labelled, kNoBlock);
+  label_recycled_.assign(labelled, 0);
+  label_of_block_.assign(blocks, kNoBlock);
   free_.assign(blocks * 8, 0);
   coords_.assign(blocks, {});
   ahead_.assign((blocks + 1) * 8, config_.max_blocks);
@@ -125,7 +133,8 @@ TsdfMap::~TsdfMap() = default;
 std::size_t TsdfMap::memory_bytes() const noexcept {
   const auto bytes = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
   return sizeof *this + bytes(keys_) + bytes(values_) + bytes(chunks_) + bytes(words_) +
-         bytes(colours_) + bytes(labels_) + bytes(label_weights_) + bytes(free_) + bytes(coords_) +
+         bytes(colours_) + bytes(label_pool_) + bytes(label_bits_) + bytes(label_of_block_) +
+         bytes(block_of_label_) + bytes(label_recycled_) + bytes(free_) + bytes(coords_) +
          bytes(ahead_) + bytes(in_use_) + bytes(recycled_) + bytes(in_view_) +
          pyramid_.memory_bytes() + directory_.memory_bytes();
 }
@@ -133,7 +142,10 @@ std::size_t TsdfMap::memory_bytes() const noexcept {
 void TsdfMap::clear() noexcept {
   std::fill(keys_.begin(), keys_.end(), std::uint64_t{0});
   std::fill_n(in_use_.begin(), used_blocks_, std::uint8_t{0});
+  std::fill_n(label_of_block_.begin(), used_blocks_, kNoBlock);
+  std::fill_n(block_of_label_.begin(), label_used_, kNoBlock);
   chunk_count_ = used_blocks_ = recycled_count_ = live_blocks_ = 0;
+  label_used_ = label_recycled_count_ = label_blocks_ = label_images_ = in_view_count_ = 0;
   ++map_id_;
 }
 
@@ -190,8 +202,6 @@ TsdfMap::Chunk* TsdfMap::touch_block(int bx, int by, int bz, Chunk* near,
   const auto at = static_cast<std::ptrdiff_t>(b) * kBlockVoxels;
   std::fill_n(words_.begin() + at, kBlockVoxels, 0U);
   std::fill_n(colours_.begin() + at, kBlockVoxels, 0U);
-  std::fill_n(labels_.begin() + at, kBlockVoxels, std::uint8_t{0});
-  std::fill_n(label_weights_.begin() + at, kBlockVoxels, std::uint8_t{0});
   expand_free(c->free[slot], free_.data() + static_cast<std::ptrdiff_t>(b) * 8);
   coords_[static_cast<std::size_t>(b)] = {bx, by, bz};
   in_use_[static_cast<std::size_t>(b)] = 1;
@@ -226,6 +236,7 @@ void TsdfMap::free_block(Chunk& c, int slot) noexcept {
   if (c.free[s] != ~0ULL) c.settled[s >> 6U] &= ~(1ULL << (s & 63U));
   c.block[s] = kNoBlock;
   link(coords_[static_cast<std::size_t>(b)], kNoBlock);
+  release_labels(b);
   --c.blocks;
   --live_blocks_;
   in_use_[static_cast<std::size_t>(b)] = 0;
@@ -240,6 +251,7 @@ void TsdfMap::clear_nodes(Chunk& c, int slot, const std::array<int, 3>& lo,
   std::uint64_t* free =
       b == kNoBlock ? bits.data() : free_.data() + static_cast<std::ptrdiff_t>(b) * 8;
   if (b == kNoBlock) expand_free(c.free[s], free);
+  LabelVoxel* labels = b == kNoBlock ? nullptr : const_cast<LabelVoxel*>(block_labels(b));
   for (int x = lo[0]; x <= hi[0]; ++x)
     for (int y = lo[1]; y <= hi[1]; ++y)
       for (int z = lo[2]; z <= hi[2]; ++z) {
@@ -248,7 +260,7 @@ void TsdfMap::clear_nodes(Chunk& c, int slot, const std::array<int, 3>& lo,
         const auto n = static_cast<std::size_t>(b) * kBlockVoxels +
                        static_cast<std::size_t>(in_block(x, y, z));
         words_[n] = colours_[n] = 0;
-        labels_[n] = label_weights_[n] = 0;
+        if (labels != nullptr) labels[in_block(x, y, z)] = {};
       }
   if (b == kNoBlock) {
     c.free[s] = shrink_free(free);
@@ -256,10 +268,13 @@ void TsdfMap::clear_nodes(Chunk& c, int slot, const std::array<int, 3>& lo,
   } else if (std::all_of(block_words(b), block_words(b) + kBlockVoxels,
                          [](std::uint32_t w) { return word_weight(w) == 0; })) {
     free_block(c, slot);
+  } else if (labels != nullptr) {
+    static_cast<void>(store_labels(b, {labels, kBlockVoxels}));  // what is left of them
   }
 }
 
 void TsdfMap::clear_region(const Eigen::AlignedBox3d& box_W) noexcept {
+  in_view_count_ = 0;  // blocks may go
   if (box_W.isEmpty() || !box_W.min().allFinite() || !box_W.max().allFinite()) return;
   std::array<int, 3> lo{}, hi{};  // first and last node inside
   for (std::size_t a = 0; a < 3; ++a) {
@@ -314,6 +329,12 @@ std::uint32_t TsdfMap::word_at(int i, int j, int k) const noexcept {
   return b == kNoBlock ? 0U : block_words(b)[in_block(i, j, k)];
 }
 
+LabelVoxel TsdfMap::label_at(int i, int j, int k) const noexcept {
+  const std::int32_t b = find_block({i >> 3, j >> 3, k >> 3});
+  const LabelVoxel* labels = b == kNoBlock ? nullptr : block_labels(b);
+  return labels == nullptr ? LabelVoxel{} : labels[in_block(i, j, k)];
+}
+
 bool TsdfMap::free_at(int i, int j, int k) const noexcept {
   const Chunk* c = find_chunk(i >> 6, j >> 6, k >> 6);
   if (c == nullptr) return false;
@@ -344,8 +365,7 @@ std::uint64_t TsdfMap::checksum() const noexcept {
   for_each_block([&](std::int32_t b, BlockCoord) {
     h.bytes(block_words(b), kBlockVoxels * sizeof(std::uint32_t));
     h.bytes(block_colours(b), kBlockVoxels * sizeof(std::uint32_t));
-    h.bytes(block_labels(b), kBlockVoxels);
-    h.bytes(block_label_weights(b), kBlockVoxels);
+    if (block_labels(b) != nullptr) h.bytes(block_labels(b), kBlockVoxels * sizeof(LabelVoxel));
     h.bytes(block_free(b), 8 * sizeof(std::uint64_t));
   });
   return h.digest();

@@ -5,7 +5,9 @@
 //           chunk. Chunks are found through an open-addressing hash, blocks through the chunk's table.
 // Voxel     one aligned 32-bit word: int16 distance (unit: truncation / 32767, positive outside) and
 //           uint16 weight (unit: 1/128 of one full observation). Weight 0 = unknown, distance void.
-//           Beside it, same index: colour (r, g, b, weight), label, label weight.
+//           Beside it, same index: colour (r, g, b, weight).
+// Labels    label and label weight of a voxel (perception/segmentation/label_vote.hpp), in a pool of
+//           their own: only blocks in which something is labelled have them.
 // Distance  projective: along the viewing ray, (depth - z) * |ray|, so |grad| need not be 1.
 // Band      the truncation along the ray; at grazing angles up to three times that, with the distance
 //           clipped to it, so that 2.5 voxels across the surface are known on either side.
@@ -32,6 +34,7 @@
 #include "perception/geometry/image.hpp"
 #include "perception/geometry/pose.hpp"
 #include "perception/geometry/rgbd_frame.hpp"
+#include "perception/segmentation/label_vote.hpp"
 #include "perception/tsdf/chunk_directory.hpp"
 #include "perception/tsdf/depth_pyramid.hpp"
 #include "rt/memory/non_realtime.hpp"
@@ -39,6 +42,7 @@
 namespace perception {
 
 struct UpdateCamera;  // voxel_update.hpp
+class CameraBoxes;    // frame_view.hpp
 struct AllocateScratch;
 
 struct TsdfConfig {
@@ -52,8 +56,9 @@ struct TsdfConfig {
   double edge_base_m = 0.04;  // a reading is on a depth edge when a neighbour differs by more than
   double edge_per_m = 0.02;   // edge_base_m + edge_per_m * z; edges carve but are not fused
   double colour_band_m = 0.02;  // colour is fused this near to the surface
-  int max_blocks = 32768;       // about 5.2 KiB each
+  int max_blocks = 32768;       // about 4.2 KiB each
   int max_chunks = 4096;        // about 6.2 KiB each
+  int max_label_blocks = 2048;  // 1 KiB each; an object of 30 cm takes about 150
 
   void describe(config::Section& s);
   // truncation_m, raised to 2.1 voxels where the voxels are coarse.
@@ -83,6 +88,13 @@ struct IntegrateStats {
   std::int64_t voxels_fused = 0;   // inside the band
   std::int64_t voxels_carved = 0;  // known voxels seen through
   std::int64_t free_tests = 0;     // cubes tested for free space
+};
+
+// Of one vote_labels().
+struct LabelStats {
+  bool refused = false;  // no frame, or an image of another size: nothing voted
+  std::int32_t blocks_voted = 0, blocks_new = 0;
+  std::int32_t blocks_refused = 0;  // pool full: what they show stays unlabelled
 };
 
 // Thread CPU of the stages of the last integrate(), ns; filled only while profile(true).
@@ -118,6 +130,12 @@ class TsdfMap {
   // Fuses one frame. pixel_step (1, 2, 4, 8) thins the rays that allocate; all voxels of the
   // blocks in view are always updated. X_WC: camera (optical frame) in the world, rigid.
   IntegrateStats integrate(const FrameView& frame, const Pose& X_WC, int pixel_step) noexcept;
+
+  // The label image of the frame that was last integrated, same pixels, votes: 0 background, 1 ..
+  // kMostLabel an object, anything else says nothing. Once a frame. A block that holds no label gets
+  // room for them when the image shows one in it; what background would have said there in the
+  // images so far is then taken from the voxel's own observations. `fresh`: see vote_at().
+  LabelStats vote_labels(ImageView<const std::uint8_t> labels, std::uint8_t fresh = 0) noexcept;
 
   void profile(bool on) noexcept { profiling_ = on; }
   [[nodiscard]] const IntegrateTimes& last_times() const noexcept { return times_; }
@@ -175,18 +193,33 @@ class TsdfMap {
   [[nodiscard]] const std::uint64_t* block_free(std::int32_t block) const noexcept {
     return free_.data() + static_cast<std::size_t>(block) * 8;
   }
-  [[nodiscard]] std::uint8_t* block_labels(std::int32_t block) noexcept {
-    return labels_.data() + static_cast<std::size_t>(block) * kBlockVoxels;
+  // 512 of the block; nullptr where nothing is labelled.
+  [[nodiscard]] const LabelVoxel* block_labels(std::int32_t block) const noexcept {
+    const std::int32_t at = label_of_block_[static_cast<std::size_t>(block)];
+    return at < 0 ? nullptr : label_pool_.data() + static_cast<std::size_t>(at) * kBlockVoxels;
   }
-  [[nodiscard]] const std::uint8_t* block_labels(std::int32_t block) const noexcept {
-    return labels_.data() + static_cast<std::size_t>(block) * kBlockVoxels;
+  // Of one voxel; where the block holds none, the background that the images so far imply.
+  [[nodiscard]] LabelVoxel label_in(std::int32_t block, int voxel) const noexcept {
+    const LabelVoxel* held = block_labels(block);
+    return held != nullptr ? held[voxel] : implied_background(block_words(block)[voxel]);
   }
-  [[nodiscard]] std::uint8_t* block_label_weights(std::int32_t block) noexcept {
-    return label_weights_.data() + static_cast<std::size_t>(block) * kBlockVoxels;
+  // Bit n: label n > 0 occurs in the block.
+  [[nodiscard]] std::uint32_t labels_present(std::int32_t block) const noexcept {
+    const std::int32_t at = label_of_block_[static_cast<std::size_t>(block)];
+    return at < 0 ? 0U : label_bits_[static_cast<std::size_t>(at)];
   }
-  [[nodiscard]] const std::uint8_t* block_label_weights(std::int32_t block) const noexcept {
-    return label_weights_.data() + static_cast<std::size_t>(block) * kBlockVoxels;
+  // Sets the labels of a block; without any label > 0 it holds none afterwards. False: pool full.
+  bool store_labels(std::int32_t block, std::span<const LabelVoxel> labels) noexcept;
+  [[nodiscard]] int label_block_count() const noexcept { return label_blocks_; }
+  // fn(pool index of the block, bits of its labels), in order of the label pool.
+  template <class Fn>
+  void for_each_label_block(Fn&& fn) const {
+    for (int n = 0; n < label_used_; ++n)
+      if (block_of_label_[static_cast<std::size_t>(n)] != kNoBlock)
+        fn(block_of_label_[static_cast<std::size_t>(n)], label_bits_[static_cast<std::size_t>(n)]);
   }
+  // Every voxel of this label becomes unlabelled.
+  void forget_label(std::uint8_t label) noexcept;
   // fn(pool index, BlockCoord) for every live block, in order of pool index.
   template <class Fn>
   void for_each_block(Fn&& fn) const {
@@ -209,6 +242,7 @@ class TsdfMap {
   [[nodiscard]] std::uint32_t word_at(int i, int j, int k) const noexcept;  // 0 when unknown
   // Seen free: an observed voxel by its sign, any other by its bit.
   [[nodiscard]] bool free_at(int i, int j, int k) const noexcept;
+  [[nodiscard]] LabelVoxel label_at(int i, int j, int k) const noexcept;
   // kBand: weight >= 2 observations; else free or unknown.
   [[nodiscard]] Seen seen_at(int i, int j, int k) const noexcept;
 
@@ -247,6 +281,19 @@ class TsdfMap {
   void carve(const View&, IntegrateStats&) noexcept;
   void carve_cube(const View&, Chunk*& c, const std::array<int, 3>& node0, int edge,
                   IntegrateStats&) noexcept;
+  [[nodiscard]] UpdateCamera update_camera(const Intrinsics& k, const Pose& X_CW) const noexcept;
+  void release_labels(std::int32_t block) noexcept;
+  // Of a voxel without room for labels, as the images so far would have left it: background, if it lies
+  // within the band of the surface, with a weight of the images that can have seen it.
+  [[nodiscard]] LabelVoxel implied_background(std::uint32_t word) const noexcept {
+    const int units = word_distance(word);
+    const bool near =
+        static_cast<float>(units < 0 ? -units : units) * metres_per_unit_ <= kLabelBand_m;
+    const int seen = word_weight(word) / kWeightOne;
+    return {0, static_cast<std::uint8_t>(near ? (seen < label_images_ ? seen : label_images_) : 0)};
+  }
+  void mark_tiles(ImageView<const std::uint8_t> labels) noexcept;
+  [[nodiscard]] bool shows_label(std::int32_t block, const CameraBoxes& boxes) const noexcept;
   static bool is_settled(const Chunk& c, const std::array<int, 3>& local, int edge) noexcept;
   static void set_free(Chunk& c, const std::array<int, 3>& local, int edge) noexcept;
 
@@ -261,7 +308,6 @@ class TsdfMap {
   int chunk_count_ = 0;
 
   std::vector<std::uint32_t> words_, colours_;
-  std::vector<std::uint8_t> labels_, label_weights_;
   std::vector<std::uint64_t> free_;
   std::vector<BlockCoord> coords_;
   std::vector<std::int32_t> ahead_;
@@ -269,6 +315,19 @@ class TsdfMap {
   std::vector<std::int32_t> recycled_;  // stack of returned pool indices
   std::vector<std::int32_t> in_view_;   // of the frame being fused
   int used_blocks_ = 0, recycled_count_ = 0, live_blocks_ = 0;
+  // The frame last integrated, for the votes on it; in_view_count_ 0: there is none.
+  int in_view_count_ = 0;
+  Intrinsics last_camera_{};
+  Pose X_CW_last_ = Pose::Identity();
+
+  std::vector<LabelVoxel> label_pool_;
+  std::vector<std::uint32_t> label_bits_;
+  std::vector<std::int32_t> label_of_block_, block_of_label_, label_recycled_;
+  int label_used_ = 0, label_recycled_count_ = 0, label_blocks_ = 0;
+  int label_images_ = 0;  // that voted, up to the cap
+  static constexpr int kTile = 16;
+  std::array<std::uint64_t, (DepthPyramid::kMaxHeight + kTile - 1) / kTile> label_tiles_{};
+  static_assert(DepthPyramid::kMaxWidth <= 64 * kTile);
 
   bool range_weight_ = false, profiling_ = false;
   std::uint32_t frame_ = 0;  // of integrate()

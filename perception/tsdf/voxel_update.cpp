@@ -12,28 +12,14 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "perception/tsdf/project_block-inl.hpp"
+
 #ifndef TELETACT_VOXEL_UPDATE_ONCE
 #define TELETACT_VOXEL_UPDATE_ONCE
 namespace perception {
 namespace {
 
-constexpr float kLeastZ = 0.05F;
 constexpr std::uint32_t kColourCap = 15;
-
-// y and z of the 64 nodes of one x slice.
-struct Slice {
-  alignas(64) float y[64];
-  alignas(64) float z[64];
-};
-constexpr Slice make_slice() {
-  Slice s{};
-  for (int n = 0; n < 64; ++n) {
-    s.y[n] = static_cast<float>(n >> 3);
-    s.z[n] = static_cast<float>(n & 7);
-  }
-  return s;
-}
-constexpr Slice kSlice = make_slice();
 
 }  // namespace
 }  // namespace perception
@@ -42,26 +28,6 @@ constexpr Slice kSlice = make_slice();
 HWY_BEFORE_NAMESPACE();
 namespace perception {
 namespace HWY_NAMESPACE {
-
-namespace hn = hwy::HWY_NAMESPACE;
-using DF = hn::CappedTag<float, 16>;
-using DI = hn::RebindToSigned<DF>;
-using DU = hn::RebindToUnsigned<DF>;
-using VF = hn::Vec<DF>;
-using VI = hn::Vec<DI>;
-using VU = hn::Vec<DU>;
-using MF = hn::Mask<DF>;
-
-HWY_INLINE VF set(float x) { return hn::Set(DF(), x); }
-HWY_INLINE VF add(VF a, VF b) { return hn::Add(a, b); }
-HWY_INLINE VF mul(VF a, VF b) { return hn::Mul(a, b); }
-HWY_INLINE VF to_float(VU v) { return hn::ConvertTo(DF(), hn::BitCast(DI(), v)); }
-HWY_INLINE MF non_zero(VU v) { return hn::RebindMask(DF(), hn::Ne(v, hn::Zero(DU()))); }
-HWY_INLINE std::uint64_t bits_of(MF m) {
-  std::uint8_t bytes[8] = {};
-  hn::StoreMaskBits(DF(), m, bytes);
-  return static_cast<std::uint64_t>(bytes[0]) | static_cast<std::uint64_t>(bytes[1]) << 8U;
-}
 
 // Blends what the pixels show into the voxels of `near`.
 HWY_INLINE void blend(const UpdateCamera& c, MF near, const std::uint32_t* pixel,
@@ -97,64 +63,6 @@ HWY_INLINE void blend(const UpdateCamera& c, MF near, const std::uint32_t* pixel
   const VU weight = hn::ShiftLeft<24>(hn::Min(sum, hn::Set(du, kColourCap)));
   const VU mixed = hn::Or(hn::Or(r, hn::ShiftLeft<8>(g)), hn::Or(hn::ShiftLeft<16>(b), weight));
   hn::StoreU(hn::IfThenElse(hn::RebindMask(du, near), mixed, old), du, colours);
-}
-
-// What the block's nodes fall on. Worked out for the whole block before anything depends on a reading, so
-// that the loads of many nodes are under way at once.
-struct Projected {
-  HWY_ALIGN std::uint32_t reading[512];  // first the number of the pixel
-  HWY_ALIGN std::uint32_t pixel[512];    // row << 16 | column
-  HWY_ALIGN float z[512];
-  HWY_ALIGN float stretch2[512];
-};
-
-// False: no node has a reading.
-HWY_INLINE bool project(const UpdateCamera& c, const float (&p0)[3], Projected& out) {
-  const DF df;
-  const DI di;
-  const DU du;
-  const std::size_t lanes = hn::Lanes(df);
-  const VF one = set(1.0F), half = set(0.5F);
-  const VF umax = set(static_cast<float>(c.width) - 0.5F),
-           vmax = set(static_cast<float>(c.height) - 0.5F);
-  const VI spare = hn::Set(di, c.width * c.height);
-  for (std::size_t n = 0; n < 512; n += lanes) {
-    const auto slice = static_cast<float>(n >> 6U);
-    const VF ny = hn::LoadU(df, kSlice.y + (n & 63U)), nz = hn::LoadU(df, kSlice.z + (n & 63U));
-    const auto point = [&](int a) {
-      return add(add(set(p0[a] + slice * c.dx[a]), mul(ny, set(c.dy[a]))), mul(nz, set(c.dz[a])));
-    };
-    const VF px = point(0), py = point(1), pz = point(2);
-    const MF ahead = hn::Ge(pz, set(kLeastZ));
-    const VF inv = hn::Div(one, hn::IfThenElse(ahead, pz, one));
-    const VF x = mul(px, inv), y = mul(py, inv);
-    const VF u = add(mul(x, set(c.fx)), set(c.cx)), v = add(mul(y, set(c.fy)), set(c.cy));
-    const MF in =
-        hn::And(hn::And(ahead, hn::And(hn::Ge(u, hn::Neg(half)), hn::Ge(v, hn::Neg(half)))),
-                hn::And(hn::Lt(u, umax), hn::Lt(v, vmax)));
-    const auto nearest = [&](VF w) {
-      return hn::ConvertTo(di, add(hn::IfThenElseZero(in, w), half));
-    };
-    const VI iu = nearest(u), iv = nearest(v);
-    const VI index = hn::Add(hn::Mul(iv, hn::Set(di, c.width)), iu);
-    hn::Store(hn::BitCast(du, hn::IfThenElse(hn::RebindMask(di, in), index, spare)), du,
-              out.reading + n);
-    hn::Store(hn::BitCast(du, hn::Or(hn::ShiftLeft<16>(iv), iu)), du, out.pixel + n);
-    hn::Store(pz, df, out.z + n);
-    hn::Store(add(add(one, mul(x, x)), mul(y, y)), df, out.stretch2 + n);
-  }
-  // Numbers to readings. Plain loads: a gather takes twice as long on some processors, and not less on the
-  // others. The barriers keep the compiler from making one.
-  __asm__ volatile("" ::: "memory");
-  std::uint64_t any = 0;
-  for (std::size_t n = 0; n < 512; n += 2) {
-    std::uint64_t two =
-        c.pixels[out.reading[n]] | static_cast<std::uint64_t>(c.pixels[out.reading[n + 1]]) << 32U;
-    __asm__ volatile("" : "+r"(two));
-    std::memcpy(out.reading + n, &two, sizeof two);
-    any |= two;
-  }
-  return any != 0;
 }
 
 struct Group {

@@ -92,7 +92,9 @@ TEST_F(PatchTest, LabelsBecomeMaterialSlots) {
   slots[3] = 5;
   slots[4] = 200;  // no such slot: the default material
   map.for_each_block([&](std::int32_t b, BlockCoord) {
-    for (int n = 0; n < 512; ++n) map.block_labels(b)[n] = static_cast<std::uint8_t>(n % 5);
+    std::array<LabelVoxel, 512> labels;
+    for (std::size_t n = 0; n < 512; ++n) labels[n] = {static_cast<std::uint8_t>(n % 5), 1};
+    ASSERT_TRUE(map.store_labels(b, labels));
   });
   ASSERT_TRUE(copy_patch(map, Vec3::Zero(), 64, *patch, slots));
   int fives = 0;

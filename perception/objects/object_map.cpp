@@ -1,0 +1,380 @@
+#include "perception/objects/object_map.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "perception/tsdf/map_reader.hpp"
+
+namespace perception {
+namespace {
+
+constexpr int kLeastSeed = 12;          // half-resolution pixels
+constexpr int kMostHalfPixels = 36000;  // of a touch's window
+constexpr int kOthersMargin_px = 12;
+constexpr float kStillThere = 0.4F;  // of what is usually seen of an object
+
+bool reads(std::uint16_t mm) noexcept { return mm != 0 && mm != 65535; }
+
+}  // namespace
+
+std::string_view text_of(TouchAnswer answer) noexcept {
+  switch (answer) {
+    case TouchAnswer::kNone:
+      return "no touch";
+    case TouchAnswer::kObject:
+      return "a new object";
+    case TouchAnswer::kKnown:
+      return "an object that is followed already";
+    case TouchAnswer::kOutOfView:
+      return "refused: the touched point is out of the camera's view";
+    case TouchAnswer::kHidden:
+      return "refused: the touched point is hidden from the camera";
+    case TouchAnswer::kNoReading:
+      return "refused: no depth at the touched point";
+    case TouchAnswer::kMoved:
+      return "refused: the touched surface is no longer there";
+    case TouchAnswer::kNoRoom:
+      return "refused: as many objects as there can be";
+    case TouchAnswer::kNotTracked:
+      return "refused: the camera does not know where it is";
+  }
+  return "";
+}
+
+void ObjectsConfig::describe(config::Section& s) {
+  s.flag("enabled", enabled, "a mark on a surface names an object, which is then followed")
+      .number("touch_window_m", touch_window_m, 0.1, 3,
+              "half edge of the part of the image in which a touch is answered")
+      .number("agree_m", agree_m, 0.005, 0.2, "distance of a touched point to the reading there")
+      .integer("young_frames", young_frames, 1, 100,
+               "masks of a new object that start from the touched point")
+      .number("most_growth", most_growth, 1.2, 10, "of a mask against the fused object")
+      .integer("summary_period", summary_period, 1, 100, "masks between two summaries");
+}
+
+struct ObjectMap::Look {
+  const FrameView& frame;
+  const TsdfMap& map;
+  const Pose& X_WC;
+  Pose X_CW;
+  CameraBoxes boxes;
+  mutable MapReader reader;
+
+  [[nodiscard]] std::uint8_t label(int u, int v) const noexcept {
+    const std::uint16_t mm = frame.depth_mm.at(u, v);
+    if (!reads(mm)) return 0;
+    return reader.label(X_WC * frame.intrinsics.unproject(u, v, 1e-3 * mm));
+  }
+};
+
+ObjectMap::ObjectMap(rt::NonRealtime&, int max_width, int max_height, const ObjectsConfig& config)
+    : config_(config),
+      max_width_(max_width),
+      max_height_(max_height),
+      segmenter_(max_width, max_height),
+      image_(max_width, max_height),
+      seed_(max_width, max_height),
+      points_(kMostPoints),
+      colours_(kMostPoints),
+      scratch_(kMostPoints) {}
+
+int ObjectMap::count() const noexcept {
+  return static_cast<int>(
+      std::count_if(objects_.begin(), objects_.end(), [](const auto& o) { return o.id != 0; }));
+}
+
+void ObjectMap::clear() noexcept {
+  objects_ = {};
+  painted_ = false;
+}
+
+void ObjectMap::forget(TsdfMap& map, std::uint8_t id) noexcept {
+  if (id == 0 || id > kMost) return;
+  objects_[id - 1U] = {};
+  map.forget_label(id);
+}
+
+void ObjectMap::segment(const FrameView& frame, const TsdfMap& map, const Pose& X_WC,
+                        const std::optional<Vec3>& touched_W) noexcept {
+  stats_ = {};
+  painted_ = false;
+  const Intrinsics& k = frame.intrinsics;
+  if (frame.colour.data == nullptr || k.width > max_width_ || k.height > max_height_) return;
+  if (!touched_W && count() == 0) return;
+  image_.reshape(k.width, k.height);
+  seed_.reshape(k.width, k.height);
+  std::fill_n(image_.data(), k.width * k.height, std::uint8_t{0});
+  painted_ = true;
+  const Pose X_CW = X_WC.inverse(Eigen::Isometry);
+  const Look look{frame, map, X_WC, X_CW, CameraBoxes(k, X_CW), MapReader(map)};
+  if (touched_W)
+    answer_touch(look, *touched_W);
+  else
+    follow_next(look);
+}
+
+// ---------------------------------------------------------------- a touch
+
+TouchAnswer ObjectMap::check(const Look& look, const Vec3& p_W, int& u, int& v) const noexcept {
+  if (!p_W.allFinite()) return TouchAnswer::kOutOfView;
+  const Intrinsics& k = look.frame.intrinsics;
+  const Vec3 p_C = look.X_CW * p_W;
+  if (p_C.z() < 0.05) return TouchAnswer::kOutOfView;
+  const double x = k.fx * p_C.x() / p_C.z() + k.cx, y = k.fy * p_C.y() / p_C.z() + k.cy;
+  if (!(x >= 0 && y >= 0 && x < k.width - 0.5 && y < k.height - 0.5))
+    return TouchAnswer::kOutOfView;
+  u = static_cast<int>(x + 0.5), v = static_cast<int>(y + 0.5);
+  // The reading next to the point's own depth, among the pixels beside it.
+  double off = 1e9;
+  for (int b = std::max(0, v - 1); b <= std::min(k.height - 1, v + 1); ++b)
+    for (int a = std::max(0, u - 1); a <= std::min(k.width - 1, u + 1); ++a) {
+      const std::uint16_t mm = look.frame.depth_mm.at(a, b);
+      const double d = 1e-3 * mm - p_C.z();
+      if (reads(mm) && std::abs(d) < std::abs(off)) off = d;
+    }
+  if (off > 1e8) return TouchAnswer::kNoReading;
+  if (off < -config_.agree_m) return TouchAnswer::kHidden;
+  return off > config_.agree_m ? TouchAnswer::kMoved : TouchAnswer::kObject;
+}
+
+void ObjectMap::answer_touch(const Look& look, const Vec3& p_W) noexcept {
+  for (const MapObject& o : objects_)
+    if (o.id != 0) fill(project(look, o.id), kOthersMargin_px, kNoVote);
+  int u = 0, v = 0;
+  stats_.answer = check(look, p_W, u, v);
+  if (stats_.answer != TouchAnswer::kObject) return;
+  if (const std::uint8_t known = look.reader.label(p_W); known != 0) {
+    stats_.answer = TouchAnswer::kKnown;
+    stats_.touched = known;
+    return;
+  }
+  const auto free =
+      std::find_if(objects_.begin(), objects_.end(), [](const auto& o) { return o.id == 0; });
+  if (free == objects_.end()) {
+    stats_.answer = TouchAnswer::kNoRoom;
+    return;
+  }
+  const auto id = static_cast<std::uint8_t>(free - objects_.begin() + 1);
+  if (!touch_at(look, p_W, id, {0, 0, -1, -1})) {
+    stats_.answer = TouchAnswer::kNoReading;
+    return;
+  }
+  *free = {};
+  free->id = id;
+  free->serial = ++serial_;
+  free->seen = true;
+  free->touched_W = p_W;
+  stats_.touched = stats_.followed = id;
+}
+
+// Segments at the point and paints the mask. The window is about the point, or about what is known of
+// the object.
+bool ObjectMap::touch_at(const Look& look, const Vec3& p_W, std::uint8_t id,
+                         const SeedBox& known) noexcept {
+  int u = 0, v = 0;
+  if (check(look, p_W, u, v) != TouchAnswer::kObject) return false;
+  const Intrinsics& k = look.frame.intrinsics;
+  const double reach = std::min(0.5 * config_.touch_window_m * k.fx / (look.X_CW * p_W).z(),
+                                0.5 * std::sqrt(static_cast<double>(kMostHalfPixels)));
+  const int half = std::max(32, static_cast<int>(reach));
+  HalfWindow win;
+  win.u0 = std::max(0, u / 2 - half), win.v0 = std::max(0, v / 2 - half);
+  win.width = std::min(k.width / 2, u / 2 + half) - win.u0;
+  win.height = std::min(k.height / 2, v / 2 + half) - win.v0;
+  if (known.u1 >= known.u0) {
+    constexpr int kMargin = 16;  // half-resolution pixels
+    const int u1 = std::min(win.u0 + win.width, std::max(known.u1, u) / 2 + kMargin);
+    const int v1 = std::min(win.v0 + win.height, std::max(known.v1, v) / 2 + kMargin);
+    win.u0 = std::max(win.u0, std::min(known.u0, u) / 2 - kMargin), win.width = u1 - win.u0;
+    win.v0 = std::max(win.v0, std::min(known.v0, v) / 2 - kMargin), win.height = v1 - win.v0;
+  }
+  if (win.width < 2 || win.height < 2) return false;
+  segmenter_.set_frame(look.frame.colour, look.frame.depth_mm, k, 1.0F, win);
+  stats_.work += static_cast<std::uint64_t>(8 * win.width * win.height);
+  if (!segmenter_.touch(u, v)) return false;
+  stats_.mask_pixels = paint(look, id);
+  return true;
+}
+
+// ---------------------------------------------------------------- following
+
+void ObjectMap::follow_next(const Look& look) noexcept {
+  // The next one in turn that the image can show; one that it can not has nothing to be followed.
+  MapObject* next = nullptr;
+  for (int n = 1; n <= kMost && next == nullptr; ++n) {
+    MapObject& o = objects_[static_cast<std::size_t>((turn_ + n) % kMost)];
+    if (o.id == 0) continue;
+    const SeedBox box = project(look, o.id);
+    const bool young = o.masks < config_.young_frames;
+    if (box.u1 >= box.u0 || young) next = &o;
+  }
+  if (next == nullptr) return;
+  turn_ = next->id - 1;
+  for (const MapObject& o : objects_)
+    if (o.id != 0 && &o != next) fill(project(look, o.id), kOthersMargin_px, kNoVote);
+  stats_.followed = next->id;
+  follow(look, *next);
+}
+
+void ObjectMap::follow(const Look& look, MapObject& object) noexcept {
+  const bool young = object.masks < config_.young_frames;
+  SeedBox seed{};
+  const SeedBox within = project(look, object.id);
+  const int planted = plant_seed(look, object.id, within, seed);
+  object.seen = false;
+  // A few bad masks of a young object would name others for good: the touched point still names it.
+  if (young && touch_at(look, object.touched_W, object.id, within)) {
+    object.seen = true;
+    object.usual_seed = static_cast<float>(planted);
+  } else if (planted >= kLeastSeed) {
+    const Intrinsics& k = look.frame.intrinsics;
+    stats_.work += static_cast<std::uint64_t>(2 * (seed.u1 - seed.u0) * (seed.v1 - seed.v0));
+    const bool found =
+        segmenter_.follow(look.frame.colour, look.frame.depth_mm, k, 1.0F, seed_.view(), seed);
+    int pixels = 0;
+    if (found) {
+      const auto& box = segmenter_.box();
+      for (int v = box.v0; v < box.v0 + box.height; ++v)
+        for (int u = box.u0; u < box.u0 + box.width; ++u) pixels += segmenter_.in(u, v) ? 1 : 0;
+    }
+    const double known = 4.0 * planted;
+    const bool odd = pixels > config_.most_growth * known || pixels * config_.most_growth < known;
+    if (found && (young || !odd)) {
+      stats_.mask_pixels = paint(look, object.id);
+      object.seen = true;
+      const auto now = static_cast<float>(planted);
+      object.usual_seed += (object.masks == 0 ? 1.0F : 0.2F) * (now - object.usual_seed);
+    } else if (static_cast<float>(planted) > kStillThere * object.usual_seed) {
+      stats_.withheld = true;  // else it has gone, and what shows in its place votes
+      fill(seed, kOthersMargin_px, kNoVote);
+    }
+  }
+  wipe_seed(within);
+  object.unseen = object.seen ? 0 : object.unseen + 1;
+}
+
+// Pixels that the blocks with this label can fall on; u1 < u0: none.
+ObjectMap::SeedBox ObjectMap::project(const Look& look, std::uint8_t id) const noexcept {
+  SeedBox out{1 << 20, 1 << 20, -1, -1};
+  const double voxel = look.map.voxel_size();
+  look.map.for_each_label_block([&](std::int32_t b, std::uint32_t bits) {
+    if (((bits >> id) & 1U) == 0) return;
+    const BlockCoord at = look.map.block_coord(b);
+    const BoxView box = look.boxes.view((at.x * 8 + 3.5) * voxel, (at.y * 8 + 3.5) * voxel,
+                                        (at.z * 8 + 3.5) * voxel, static_cast<float>(4 * voxel));
+    if (!box.visible) return;
+    out.u0 = std::min(out.u0, box.u0), out.v0 = std::min(out.v0, box.v0);
+    out.u1 = std::max(out.u1, box.u1), out.v1 = std::max(out.v1, box.v1);
+  });
+  return out;
+}
+
+// Marks, at even pixels, where a reading lies on the object's labels. Returns how many.
+int ObjectMap::plant_seed(const Look& look, std::uint8_t id, const SeedBox& within,
+                          SeedBox& seed) noexcept {
+  seed = {1 << 20, 1 << 20, -1, -1};
+  int planted = 0;
+  for (int v = (within.v0 + 1) & ~1; v <= within.v1; v += 2)
+    for (int u = (within.u0 + 1) & ~1; u <= within.u1; u += 2) {
+      if (look.label(u, v) != id) continue;
+      seed_.at(u, v) = 1;
+      seed.u0 = std::min(seed.u0, u), seed.u1 = std::max(seed.u1, u);
+      seed.v0 = std::min(seed.v0, v), seed.v1 = std::max(seed.v1, v);
+      ++planted;
+    }
+  stats_.work += static_cast<std::uint64_t>(std::max(0, within.u1 - within.u0) *
+                                            std::max(0, within.v1 - within.v0) / 4);
+  return planted;
+}
+
+void ObjectMap::wipe_seed(const SeedBox& box) noexcept {
+  for (int v = box.v0; v <= box.v1; ++v)
+    std::fill_n(&seed_.at(box.u0, v), box.u1 - box.u0 + 1, std::uint8_t{0});
+}
+
+// The segmenter's mask, but not over what the map gives to another object.
+int ObjectMap::paint(const Look& look, std::uint8_t id) noexcept {
+  const auto& box = segmenter_.box();
+  int pixels = 0;
+  for (int v = box.v0; v < box.v0 + box.height; ++v)
+    for (int u = box.u0; u < box.u0 + box.width; ++u) {
+      if (!segmenter_.in(u, v)) continue;
+      std::uint8_t& said = image_.at(u, v);
+      if (said == kNoVote) {
+        const std::uint8_t fused = look.label(u, v);
+        if (fused != 0 && fused != id) continue;
+      }
+      said = id;
+      ++pixels;
+    }
+  return pixels;
+}
+
+void ObjectMap::fill(const SeedBox& box, int margin, std::uint8_t value) noexcept {
+  if (box.u1 < box.u0) return;
+  const int u0 = std::max(0, box.u0 - margin), u1 = std::min(image_.width() - 1, box.u1 + margin);
+  for (int v = std::max(0, box.v0 - margin); v <= std::min(image_.height() - 1, box.v1 + margin);
+       ++v)
+    std::fill_n(&image_.at(u0, v), u1 - u0 + 1, value);
+}
+
+// ---------------------------------------------------------------- into the map
+
+void ObjectMap::fuse(TsdfMap& map) noexcept {
+  if (!painted_) return;
+  const bool fresh = stats_.answer == TouchAnswer::kObject;
+  stats_.votes = map.vote_labels(image_.view(), fresh ? stats_.touched : std::uint8_t{0});
+  stats_.work += static_cast<std::uint64_t>(stats_.votes.blocks_voted) * TsdfMap::kBlockVoxels;
+  std::uint32_t present = 0;
+  map.for_each_label_block([&](std::int32_t, std::uint32_t bits) { present |= bits; });
+  for (MapObject& o : objects_) {
+    if (o.id == 0) continue;
+    const bool mine = o.id == stats_.followed;
+    if (mine && o.seen) ++o.masks;
+    const bool left = ((present >> o.id) & 1U) != 0;
+    const bool young = o.masks < config_.young_frames;
+    if (!left && (!young || o.unseen > config_.young_frames)) {
+      o = {};
+      continue;
+    }
+    if (mine && o.seen && (o.masks - 1) % config_.summary_period == 0) summarise_object(map, o);
+  }
+}
+
+// Of the labelled nodes next to the surface, thinned evenly where there are too many.
+void ObjectMap::summarise_object(const TsdfMap& map, MapObject& object) noexcept {
+  const int near = static_cast<int>(
+      std::min(0.6 * map.voxel_size() / static_cast<double>(map.metres_per_unit()), 32767.0));
+  const auto each = [&](auto&& fn) {
+    map.for_each_label_block([&](std::int32_t b, std::uint32_t bits) {
+      if (((bits >> object.id) & 1U) == 0) return;
+      const LabelVoxel* labels = map.block_labels(b);
+      const std::uint32_t* words = map.block_words(b);
+      for (int n = 0; n < TsdfMap::kBlockVoxels; ++n)
+        if (labels[n].label == object.id &&
+            TsdfMap::word_weight(words[n]) >= TsdfMap::kObservedWeight &&
+            std::abs(static_cast<int>(TsdfMap::word_distance(words[n]))) <= near)
+          fn(b, n);
+    });
+  };
+  std::size_t total = 0;
+  each([&](std::int32_t, int) { ++total; });
+  const std::size_t step = total / kMostPoints + 1;
+  std::size_t seen = 0, points = 0, coloured = 0;
+  each([&](std::int32_t b, int n) {
+    if (seen++ % step != 0 || points == kMostPoints) return;
+    const BlockCoord at = map.block_coord(b);
+    points_[points++] = (map.voxel_size() *
+                         Vec3(8 * at.x + (n >> 6), 8 * at.y + ((n >> 3) & 7), 8 * at.z + (n & 7)))
+                            .cast<float>();
+    const std::uint32_t c = map.block_colours(b)[n];
+    if (c >> 24U == 0) return;
+    colours_[coloured++] = {static_cast<std::uint8_t>(c & 0xffU),
+                            static_cast<std::uint8_t>((c >> 8U) & 0xffU),
+                            static_cast<std::uint8_t>((c >> 16U) & 0xffU)};
+  });
+  object.summary = summarise({points_.data(), points}, {colours_.data(), coloured}, scratch_);
+  stats_.work += 4 * points;
+}
+
+}  // namespace perception

@@ -1,0 +1,130 @@
+// Objects in the map: a touched surface point becomes an object, later frames follow it, and the masks
+// of single frames are fused into the map's labels by vote (perception/segmentation/label_vote.hpp), so
+// that single bad masks do not change it.
+//
+// Each frame, after it was integrated:
+//   segment()  the label image of the frame. First frames: seed = the touched point, so that a few bad
+//              masks do not hand the object on to a neighbour. Later ones, and when the point is not
+//              seen: seed = the pixels whose reading lies on the object's fused labels.
+//   fuse()     its vote, and what became of the objects.
+//
+// One object is segmented a frame, in turn, so a frame's time does not grow with their number; where
+// another one may be the image says nothing. A mask that is out of proportion to what the map knows of
+// an established object, and a frame in which nothing of it was recognised, say nothing either.
+//
+// Labels: an object's id is its label in the map and its slot in the palette, 1 .. kMost. Frames: W
+// world (= map), C camera (optical). SI. Everything is allocated in the constructor.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "config/schema.hpp"
+#include "perception/segmentation/object_summary.hpp"
+#include "perception/segmentation/touch_segmenter.hpp"
+#include "perception/tsdf/tsdf_map.hpp"
+#include "rt/memory/non_realtime.hpp"
+
+namespace perception {
+
+struct ObjectsConfig {
+  bool enabled = false;         // a mark on a surface names an object
+  double touch_window_m = 0.5;  // half edge of the part of the image in which a touch is answered
+  double agree_m = 0.03;        // the reading at a touch lies so near to the touched point
+  int young_frames = 10;        // masks of a new object that start from the touched point
+  double most_growth = 2.5;     // of the mask against the fused object, once it is not young
+  int summary_period = 6;       // masks of an object between two summaries
+  void describe(config::Section& s);
+};
+
+// What became of a touch.
+enum class TouchAnswer : std::uint8_t {
+  kNone,       // there was none
+  kObject,     // a new object
+  kKnown,      // the touched surface belongs to an object already
+  kOutOfView,  // the point does not project into the image
+  kHidden,     // something is in front of it
+  kNoReading,  // no depth there
+  kMoved,      // the surface is no longer there
+  kNoRoom,     // as many objects as there can be
+  kNotTracked  // the camera did not know where it was, for too long
+};
+[[nodiscard]] std::string_view text_of(TouchAnswer answer) noexcept;
+
+struct MapObject {
+  std::uint8_t id = 0;       // 0: this entry is free
+  std::uint32_t serial = 0;  // never used twice
+  bool seen = false;         // its last turn found it
+  std::int32_t masks = 0;    // that voted
+  std::int32_t unseen = 0;   // turns in a row without
+  float usual_seed = 0;      // pixels, running mean: what is normally seen of it
+  Vec3 touched_W = Vec3::Zero();
+  ObjectSummary summary;  // in W, of the labelled surface; points = 0 before the first
+};
+
+struct ObjectStats {
+  TouchAnswer answer = TouchAnswer::kNone;
+  std::uint8_t touched = 0;   // id that the answer names
+  std::uint8_t followed = 0;  // id of the object whose turn it was
+  std::int32_t mask_pixels = 0;
+  bool withheld = false;   // its mask was not believed
+  std::uint64_t work = 0;  // deterministic count
+  LabelStats votes;
+};
+
+class ObjectMap {
+ public:
+  static constexpr int kMost = 15;  // slots of a palette without the scene's own
+
+  ObjectMap(rt::NonRealtime&, int max_width, int max_height, const ObjectsConfig& config);
+
+  // `frame` has colour and was just integrated into `map` at X_WC.
+  void segment(const FrameView& frame, const TsdfMap& map, const Pose& X_WC,
+               const std::optional<Vec3>& touched_W) noexcept;
+  void fuse(TsdfMap& map) noexcept;
+
+  // 0 background, an id, or kNoVote; of the last segment(). To be changed by tests only.
+  [[nodiscard]] ImageView<std::uint8_t> label_image() noexcept { return image_.view(); }
+  [[nodiscard]] const ObjectStats& stats() const noexcept { return stats_; }
+  [[nodiscard]] const std::array<MapObject, kMost>& objects() const noexcept { return objects_; }
+  [[nodiscard]] int count() const noexcept;
+  // Frees the id and takes its label out of the map.
+  void forget(TsdfMap& map, std::uint8_t id) noexcept;
+  // After TsdfMap::clear().
+  void clear() noexcept;
+
+ private:
+  using SeedBox = TouchSegmenter::SeedBox;
+  struct Look;  // one frame, its camera and the map
+  void answer_touch(const Look& look, const Vec3& p_W) noexcept;
+  bool touch_at(const Look& look, const Vec3& p_W, std::uint8_t id, const SeedBox& known) noexcept;
+  [[nodiscard]] TouchAnswer check(const Look& look, const Vec3& p_W, int& u, int& v) const noexcept;
+  void follow_next(const Look& look) noexcept;
+  void follow(const Look& look, MapObject& object) noexcept;
+  [[nodiscard]] SeedBox project(const Look& look, std::uint8_t id) const noexcept;
+  int plant_seed(const Look& look, std::uint8_t id, const SeedBox& within, SeedBox& seed) noexcept;
+  void wipe_seed(const SeedBox& box) noexcept;
+  int paint(const Look& look, std::uint8_t id) noexcept;
+  void fill(const SeedBox& box, int margin, std::uint8_t value) noexcept;
+  void summarise_object(const TsdfMap& map, MapObject& object) noexcept;
+
+  ObjectsConfig config_;
+  int max_width_ = 0, max_height_ = 0;
+  TouchSegmenter segmenter_;
+  Image<std::uint8_t> image_, seed_;
+  std::array<MapObject, kMost> objects_{};
+  ObjectStats stats_;
+  std::uint32_t serial_ = 0;
+  int turn_ = 0;
+  bool painted_ = false;
+
+  static constexpr std::size_t kMostPoints = 4096;
+  std::vector<Vec3f> points_;
+  std::vector<Rgb> colours_;
+  std::vector<float> scratch_;
+};
+
+}  // namespace perception
