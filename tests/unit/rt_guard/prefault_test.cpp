@@ -72,7 +72,9 @@ TEST(Prefault, ProcessMemoryEitherIsLockedOrSaysWhy) {
   getrlimit(RLIMIT_MEMLOCK, &limit);
   if (limit.rlim_cur == RLIM_INFINITY) {
     // A sanitizer's own allocator has no settings to keep its memory, which is said.
-    if (!kOtherAllocator) EXPECT_EQ(missing, "");
+    if (!kOtherAllocator) {
+      EXPECT_EQ(missing, "");
+    }
   } else if (!missing.empty()) {
     EXPECT_NE(missing.find(kOtherAllocator ? "heap" : "memlock"), std::string::npos) << missing;
   }
