@@ -260,10 +260,9 @@ class OperatorSide {
   void finish(const drivers::TcpLink& link) {
     half_.link_round_trip_ns = link.round_trip_ns();
     half_.link_uncertainty_ns = link.clock_uncertainty_ns();
-    half_.force_error_p95 =
+    half_.force_check =
         check_force(box.graph().fusion().map(), console.seen().haptic,
-                    scene_.graph.haptic.stiffness_N_per_m, scene_.graph.haptic.scale)
-            .relative_error_p95;
+                    scene_.graph.haptic.stiffness_N_per_m, scene_.graph.haptic.scale);
   }
 
   OperatorBox box;

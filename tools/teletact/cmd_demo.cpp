@@ -11,6 +11,7 @@
 #include "tools/teletact/calibrate.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/host_info.hpp"
+#include "tools/teletact/options.hpp"
 #include "tools/teletact/recording_truth.hpp"
 #include "tools/teletact/run_real.hpp"
 
@@ -58,6 +59,8 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
     if (!op.complete) info.problems.push_back("the operator's half of the run is not complete");
     if (!robot.complete) info.problems.push_back("the robot's half of the run is not complete");
   }
+  if (!scene.rgbd_dir.empty() && !info.stub_bodies && op.complete && op.force_check.samples == 0)
+    info.problems.push_back("no press on a plane of the recording could be judged");
   Metrics metrics("demo");
   add_metrics(info, op, robot, metrics);
   info.config_toml = config::effective(scene.schema);
@@ -92,7 +95,8 @@ int cmd_demo(int argc, char** argv) {
   app.add_option("--set", o.overrides, "override a key of the scene: section.key=value");
   app.add_option("--rgbd", o.rgbd_dir, "drive fusion with a recording (TUM RGB-D layout)");
   app.add_option("--seconds", seconds,
-                 "length of the run; default 20, with --rgbd the recording plus 15 s held");
+                 "length of the run; default 20, with --rgbd the recording plus 15 s held")
+      ->check(in_range(0.1, 864000));
   app.add_option("--clock", clock, "real: threads on this machine; virtual: simulated time")
       ->check(CLI::IsMember({"real", "virtual"}))
       ->capture_default_str();
@@ -108,13 +112,14 @@ int cmd_demo(int argc, char** argv) {
   app.add_option("--calibration", o.calibration,
                  "calibration file; default: this host's, measured if there is none");
   app.add_option("--cost-seed", o.cost_seed, "virtual clock: seed of the job costs");
-  app.add_option("--cut-link", o.cut_link_at_s, "cut the cable at this second");
+  app.add_option("--cut-link", o.cut_link_at_s, "cut the cable at this second")
+      ->check(in_range(0, 864000));
   app.add_option("--cores", o.cores, "virtual clock: cores of the simulated host")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();
   app.add_option("--black-box", o.black_box_s,
                  "seconds before a stop that REPORT/raw/*.blackbox holds; 0: none")
-      ->check(CLI::Range(0.0, 60.0))
+      ->check(in_range(0, 60))
       ->capture_default_str();
   app.add_flag("--record", o.record,
                "record the inputs of both boxes, for teletact replay REPORT/raw");
@@ -124,6 +129,7 @@ int cmd_demo(int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
+  check_outputs({{"--json", json}}, {});
   if (simd == "scalar") start_again_scalar(argv);
   o.virtual_clock = clock == "virtual";
   o.stub_bodies = bodies == "stub";
@@ -144,9 +150,10 @@ int cmd_demo(int argc, char** argv) {
                              "\": a device lives in real time; --clock virtual has the twin only");
   }
   check_haptic_device(*scene);
-  o.seconds = seconds > 0          ? seconds
-              : o.rgbd_dir.empty() ? 20.0
-                                   : recording_seconds(o.rgbd_dir) + scene->hold_s + 0.5;
+  // A recording that can not be read is said before anything starts.
+  const double whole =
+      o.rgbd_dir.empty() ? 20.0 : recording_seconds(o.rgbd_dir) + scene->hold_s + 0.5;
+  o.seconds = seconds > 0 ? seconds : whole;
 
   rt::Startup startup;
   rt::NonRealtime& nrt = startup.token();
@@ -173,7 +180,7 @@ int cmd_demo(int argc, char** argv) {
     o.log_folder = o.report + "/raw";
     VirtualRun run = run_virtual(nrt, *scene, o, calibration);
     info.admission = run.admission;
-  info.modes = run.modes;
+    info.modes = run.modes;
     info.effects = run.effects;
     info.sched_hash = run.sched_hash;
     info.log_hash = run.log_hash;

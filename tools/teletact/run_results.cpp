@@ -119,7 +119,7 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.one(h.hangs);
     s.one(h.link_round_trip_ns);
     s.one(h.link_uncertainty_ns);
-    s.one(h.force_error_p95);
+    s.one(h.force_check);
     s.one(h.ordinary);
     s.one(h.complete);
   });
@@ -132,10 +132,9 @@ void load_half(const std::string& folder, OperatorHalf& h) {
          l.many(h.view.paths) && l.one(h.view.task) && l.one(h.view.camera) &&
          l.one(h.view.robot) && l.one(h.view.arrivals) && l.one(h.view.first_arrival) &&
          l.one(h.view.points_resolved) && l.one(h.view.device_brakes) && l.one(h.view.engages) &&
-         l.one(h.view.clears) &&
-         l.one(h.view.log_dropped) && l.one(*h.view.view) && l.one(*h.view.map) &&
-         l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
-         l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.force_error_p95) &&
+         l.one(h.view.clears) && l.one(h.view.log_dropped) && l.one(*h.view.view) &&
+         l.one(*h.view.map) && l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
+         l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.force_check) &&
          l.one(h.ordinary) && l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();
 }
@@ -330,7 +329,9 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
       m.add("fusion.ate_first_pose_mm", info.recorded.ate_first_pose_mm, "mm");
     }
   }
-  if (op.force_error_p95 >= 0) m.add("haptic.force_error_p95", op.force_error_p95, "1");
+  if (op.force_check.samples > 0)
+    m.add("haptic.force_error_p95", op.force_check.relative_error_p95, "1");
+  m.add("haptic.force_samples", static_cast<double>(op.force_check.samples), "1");
   m.add("mark.count", op.view.task.marks, "1");
   m.add("plan.paths", op.view.task.paths, "1");
   add_robot_metrics(op, robot, m);

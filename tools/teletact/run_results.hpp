@@ -10,9 +10,10 @@
 #include "rt/audit/blame.hpp"
 #include "rt/audit/run_log.hpp"
 #include "rt/sched/admission.hpp"
-#include "rt/sched/mode_table.hpp"
 #include "rt/sched/executor.hpp"
+#include "rt/sched/mode_table.hpp"
 #include "tools/teletact/console.hpp"
+#include "tools/teletact/force_check.hpp"
 #include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/recording_truth.hpp"
 #include "tools/teletact/report.hpp"
@@ -37,7 +38,7 @@ struct OperatorHalf {
   std::int64_t epoch_ns = 0;  // operator box clock
   std::uint64_t dropped_records = 0, hangs = 0;
   std::int64_t link_round_trip_ns = 0, link_uncertainty_ns = 0;
-  double force_error_p95 = -1;  // force_check.hpp; -1: not checked
+  ForceCheck force_check;
   OrdinaryCpu ordinary;
   bool complete = false;  // false: the process ended early
 };

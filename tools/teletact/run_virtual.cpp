@@ -228,10 +228,9 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
     if (op_last) say_black_boxes(options.log_folder);
     run.op.link_round_trip_ns = op->endpoint().round_trip().count();
     run.op.view = op_console->take();
-    run.op.force_error_p95 =
+    run.op.force_check =
         check_force(op->graph().fusion().map(), run.op.view.haptic,
-                    scene.graph.haptic.stiffness_N_per_m, scene.graph.haptic.scale)
-            .relative_error_p95;
+                    scene.graph.haptic.stiffness_N_per_m, scene.graph.haptic.scale);
     run.robot.view = robot_console->take();
     run.robot.camera_twin_cpu_ns = robot->camera_twin_cpu_ns();
   }

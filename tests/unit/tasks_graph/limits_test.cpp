@@ -1,7 +1,7 @@
 // The limits of kLimitTable are those in force: defaults of the configurations, docs/architecture.md.
 // TELETACT_UPDATE=1 in the environment writes the page anew.
-#include <algorithm>
 #include <gtest/gtest.h>
+#include <algorithm>
 
 #include <cstdlib>
 #include <filesystem>
