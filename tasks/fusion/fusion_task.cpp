@@ -94,23 +94,27 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
     check(step == 1 || step == 2 || step == 4 || step == 8, "level.allocate_step", step,
           "1, 2, 4 or 8");
   }
+  set_up_objects(nrt);
 }
 
 FusionTask::~FusionTask() = default;
 
 rt::Health FusionTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   out.patch_written = out.view_written = out.cost_map_written = out.camera_written = false;
-  out.integrated = false;
+  out.integrated = out.objects_written = false;
   out.tracking = TrackingResult{};
   out.integration = perception::IntegrateStats{};
+  out.segmentation = perception::ObjectStats{};
   out.work = out.work_view = 0;
   profile_ = Profile{};
   ++periods_;
 
   remember_odometry(in.odometry);
+  remember_mark(in.hand);
   if (in.virtual_obstacles_changed) static_cast<void>(ground_.set_virtual(in.virtual_obstacles));
   rt::Health health = rt::Health::ok();
   if (in.frame != nullptr && in.frame_fresh) health = consume(tick, *in.frame, out);
+  write_objects(out);
   write_cost_map(tick, out);
   write_patch(tick, in.hand, out);
   write_view(tick, in.X_WV, out);
@@ -165,6 +169,10 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
     out.work += static_cast<std::uint64_t>(s.pixels) + static_cast<std::uint64_t>(s.rays) +
                 static_cast<std::uint64_t>(s.voxels_fused + s.voxels_carved + s.free_tests);
     if (out.integrated) fused_exposure_ = frame.exposure;
+  }
+  if (objects_ != nullptr) {
+    Stage stage(profiling_, profile_.objects);
+    follow_objects(frame, out.integrated, out);
   }
   cast_model(knobs.pixel_step, r.state != TrackingState::kLost, out);
   if (r.claimed) {
@@ -295,7 +303,9 @@ void FusionTask::write_patch(const rt::Tick& tick, const HapticState& hand, Out&
   // Before the haptic task ran, and for a hand that is not finite, the window stays where it was.
   if (hand.seq > 0 && centre.allFinite()) window_centre_W_ = centre;
   SurfacePatch& p = *out.patch;
-  if (!perception::copy_patch(map_, window_centre_W_, config_.patch_nodes, p)) return;
+  const std::span<const std::uint8_t> slots =
+      objects_ == nullptr ? std::span<const std::uint8_t>{} : slot_of_label_;
+  if (!perception::copy_patch(map_, window_centre_W_, config_.patch_nodes, p, slots)) return;
   p.seq = ++patch_seq_;
   p.fused = tick.start;
   p.exposure = fused_exposure_;
@@ -370,6 +380,7 @@ void FusionConfig::describe(config::Section& s) {
   tsdf.describe(s.section("tsdf", "the map"));
   tracker.describe(s.section("tracker", "camera tracking"));
   ground.describe(s.section("ground", "ground plane and cost map"));
+  describe_objects(s.section("objects", "objects named by a touch"));
   s.integer("patch_nodes", patch_nodes, 8, SurfacePatch::kMaxNodes,
             "edge of the haptic window, a multiple of 4")
       .number("window_lead_periods", window_lead_periods, 0, 10,

@@ -7,6 +7,7 @@
 //            Latest<CostMap>       to tasks/planning  every cost_map_period-th period
 //            Latest<CameraPose>    to prediction, console   every frame
 //            Latest<SceneView>     to console         every view_period_frames-th period
+//            Latest<ObjectList>    to console         every frame, where objects are switched on
 //   budget   25 ms of the 33.3 ms period at level 0
 //
 // One frame: filter -> pyramid -> track -> integrate -> ray cast for the next track -> cost map;
@@ -21,6 +22,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 
@@ -29,12 +31,14 @@
 #include "perception/ground/cost_map.hpp"
 #include "perception/ground/ground_map.hpp"
 #include "perception/icp/tracker.hpp"
+#include "perception/objects/object_map.hpp"
 #include "perception/patch/surface_patch.hpp"
 #include "perception/raycast/raycast.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/tick.hpp"
+#include "tasks/fusion/object_list.hpp"
 #include "tasks/fusion/scene_view.hpp"
 #include "tasks/graph/messages.hpp"
 
@@ -52,11 +56,19 @@ struct FusionLevel {
   std::array<int, 3> iterations{4, 5, 15};  // fine to coarse
 };
 
+// What the palette says of an object's slot; the fields of perception::Material.
+struct ObjectMaterial {
+  double stiffness_scale = 1, friction_static = 0, friction_dynamic = 0;
+  double texture_amplitude_m = 0, texture_period_m = 0;
+};
+
 struct FusionConfig {
   static constexpr int kMaxLevels = 4;
   perception::TsdfConfig tsdf;
   perception::TrackerConfig tracker;
   perception::GroundConfig ground;
+  perception::ObjectsConfig objects;
+  ObjectMaterial object_material;
   int patch_nodes = 64;
   double window_lead_periods = 2;  // patch centre = hand + velocity x this many periods
   bool patch_checksums = true;     // fill SurfacePatch::checksum
@@ -73,6 +85,7 @@ struct FusionConfig {
       FusionLevel{1, 2, {4, 5, 15}}, FusionLevel{2, 2, {4, 5, 15}}, FusionLevel{4, 4, {4, 5, 15}},
       FusionLevel{4, 4, {2, 3, 8}}};
   void describe(config::Section& s);
+  void describe_objects(config::Section& s);
 };
 
 // What is known when the task is built.
@@ -107,19 +120,22 @@ class FusionTask {
     perception::SurfacePatch* patch = nullptr;  // a nullptr output is not made
     SceneView* view = nullptr;
     perception::CostMap* cost_map = nullptr;
+    ObjectList* objects = nullptr;
+    bool objects_written = false;
     CameraPose camera;
     bool patch_written = false, view_written = false, cost_map_written = false;
     bool camera_written = false;  // true when a frame was consumed
     bool integrated = false;
     perception::TrackingResult tracking;  // of the consumed frame
     perception::IntegrateStats integration;
+    perception::ObjectStats segmentation;
     std::uint64_t work = 0;       // deterministic count of the whole step
     std::uint64_t work_view = 0;  // of it, for the view
   };
   // Thread CPU of the stages of the last step, ns; filled only while profile(true). Off in the tasks.
   struct Profile {
     std::int64_t prepare = 0, track = 0, integrate = 0, raycast = 0, ground = 0, cost_map = 0,
-                 patch = 0, view = 0;
+                 patch = 0, view = 0, objects = 0;
     perception::IntegrateTimes integrate_parts;  // of integrate
   };
 
@@ -136,6 +152,8 @@ class FusionTask {
   }
   [[nodiscard]] const Profile& last_profile() const noexcept { return profile_; }
   [[nodiscard]] const perception::TsdfMap& map() const noexcept { return map_; }
+  [[nodiscard]] const Pose& camera() const noexcept { return X_WC_; }  // X_WC, last believed
+  [[nodiscard]] const perception::ObjectMap* objects() const noexcept { return objects_.get(); }
   [[nodiscard]] const perception::GroundMap& ground() const noexcept { return ground_; }
   [[nodiscard]] const FusionConfig& config() const noexcept { return config_; }
   [[nodiscard]] std::uint64_t frames() const noexcept { return frames_; }
@@ -153,6 +171,13 @@ class FusionTask {
                                    Out& out) noexcept;
   void settle_motion(const perception::TrackingResult& r, rt::Time exposure, bool first) noexcept;
   void cast_model(int pixel_step, bool hint, Out& out) noexcept;
+  // fusion_objects.cpp
+  void set_up_objects(rt::NonRealtime& nrt);
+  void remember_mark(const HapticState& hand) noexcept;
+  void follow_objects(const perception::RgbdFrame& frame, bool integrated, Out& out) noexcept;
+  void answer_mark(perception::TouchAnswer answer, std::uint8_t id) noexcept;
+  void write_objects(Out& out) noexcept;
+
   void write_patch(const rt::Tick& tick, const HapticState& hand, Out& out) noexcept;
   void write_view(const rt::Tick& tick, const std::optional<Pose>& X_WV, Out& out) noexcept;
   void write_cost_map(const rt::Tick& tick, Out& out) noexcept;
@@ -163,6 +188,13 @@ class FusionTask {
   perception::Tracker tracker_;
   perception::GroundMap ground_;
   perception::RaycastMaps model_, view_maps_;
+  std::unique_ptr<perception::ObjectMap> objects_;  // null: switched off
+  std::array<std::uint8_t, 256> slot_of_label_{};
+  std::optional<Vec3> mark_W_;  // not answered yet
+  int mark_waited_ = 0;
+  std::uint64_t mark_seq_ = 0, answered_seq_ = 0, published_answer_ = 0, objects_seq_ = 0;
+  perception::TouchAnswer answer_ = perception::TouchAnswer::kNone;
+  std::uint8_t answered_id_ = 0;
 
   bool started_ = false, profiling_ = false;
   Profile profile_;

@@ -6,6 +6,8 @@
 //                ICP, allocation, depth and colour integration, tracking ray cast, patch copy, cost map;
 //                neither file decoding nor the view. Median, p95, max over frames `first_frame` ..
 //                `frames` - 1; of each the median over the runs
+//   with object  the same with one object touched and followed: whenever none was seen for half a second,
+//                the surface in the middle of the image is touched. Only frames in which a mask was made count
 //   memory       bytes that the map (pool, hash, colours, labels, free space) and four patches hold
 //   sequences    the recording (a folder in TUM layout, brought to 512 x 424), and a synthetic room as a
 //                Kinect v2 sees it (512 x 424, f 365, axial and lateral noise, edge drop-out, flying pixels)
@@ -42,6 +44,9 @@ struct Table1Row {
   std::string sequence, isa;
   int edge = 0;  // N
   Figures frame;
+  Figures with_object;            // frames in which an object was segmented, all of the frame
+  Figures object;                 // of it, segmentation and votes
+  int followed = 0, touches = 0;  // frames that count; touches among all frames
   std::array<Figures, kStages> stages;
   int claimed = 0, frames = 0;
   double ate_mm = 0;  // NaN: no truth
