@@ -50,10 +50,15 @@ inline double depth_of(const std::vector<Solid>& solids, const Vec3& eye, const 
   return t;
 }
 
-// Table z = 0, a wall behind it. Depth noise of 2 mm at 1 m that grows with z^2; the ray of a reading is
-// half a pixel off (standard deviation), 2 % have none; colours are uncertain by 12 steps.
-inline void render(const std::vector<Solid>& solids, const Pose& X_WC, rt::Random& random,
-                   Rendered& out) {
+// Depth noise at 1 m, growing with z^2; how far the ray of a reading is off (standard deviations); share
+// of pixels without one.
+struct Noise {
+  double depth_mm = 2, lateral_px = 0.5, holes = 0.02;
+};
+
+// Table z = 0, a wall behind it; colours are uncertain by 12 steps.
+inline void render(const std::vector<Solid>& solids, const Pose& X_WC, const Noise& noise,
+                   rt::Random& random, Rendered& out) {
   const Vec3 eye = X_WC.translation();
   for (int v = 0; v < kH; ++v) {
     for (int u = 0; u < kW; ++u) {
@@ -73,13 +78,14 @@ inline void render(const std::vector<Solid>& solids, const Pose& X_WC, rt::Rando
         return static_cast<std::uint8_t>(
             std::clamp(value + random.integer(-12, 12), std::int64_t{0}, std::int64_t{255}));
       };
-      const Vec3 off = X_WC.linear() *
-                       kCamera.unproject(u + 0.5 * random.normal(), v + 0.5 * random.normal(), 1.0);
+      const Vec3 off =
+          X_WC.linear() * kCamera.unproject(u + noise.lateral_px * random.normal(),
+                                            v + noise.lateral_px * random.normal(), 1.0);
       t = depth_of(solids, eye, off);
       out.rgb.at(u, v) = {n(c.r), n(c.g), n(c.b)};
-      const bool none = t > 4 || random.uniform() < 0.02;
-      out.depth.at(u, v) =
-          static_cast<std::uint16_t>(none ? 0 : 1000 * t + 2 * t * t * random.normal() + 0.5);
+      const bool none = t > 4 || random.uniform() < noise.holes;
+      out.depth.at(u, v) = static_cast<std::uint16_t>(
+          none ? 0 : 1000 * t + noise.depth_mm * t * t * random.normal() + 0.5);
     }
   }
 }
@@ -107,6 +113,7 @@ struct Rig {
   ObjectMap objects;
   RaycastMaps maps;
   Rendered image;
+  Noise noise;
   Pose X_WC = Pose::Identity();
 
   static TsdfConfig map_config() {
@@ -130,7 +137,7 @@ struct Rig {
   void look(const std::vector<Solid>& solids, int n, std::uint64_t seed) {
     rt::Random random(seed, static_cast<std::uint64_t>(n));
     X_WC = carried(n);
-    render(solids, X_WC, random, image);
+    render(solids, X_WC, noise, random, image);
     map.integrate(image.view(), X_WC, 1);
   }
   // A point on the surface of solid `what` that the image shows, near the middle of what it shows of it.

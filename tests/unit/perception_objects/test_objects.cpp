@@ -52,6 +52,7 @@ TEST(Objects, FusedIsBetterThanAFrameAfterThirty) {
   for (const std::uint64_t seed : {5U, 6U}) {
     for (int what = 1; what <= 3; ++what) {
       Rig rig;
+      rig.noise = {3, 0.9, 0.03};
       frame(rig, 0, seed);
       const std::uint8_t id = touch(rig, what);
       double single = rig.frame_iou(what, id);
