@@ -35,7 +35,18 @@ void TrackerConfig::describe(config::Section& s) {
       .number("jump_translation_m", jump_translation_m, 0.001, 10, "from the prior; beyond: lost")
       .number("jump_rotation_deg", jump_rotation_deg, 0.1, 180, "from the prior; beyond: lost")
       .number("claim_translation_m", claim_translation_m, 0, 1, "prior good enough to claim on")
-      .number("claim_rotation_deg", claim_rotation_deg, 0, 90, "prior good enough to claim on");
+      .number("claim_rotation_deg", claim_rotation_deg, 0, 90, "prior good enough to claim on")
+      .number("reacquire_distance_m", reacquire_distance_m, 0.005, 1, "pair distance when lost")
+      .number("reacquire_inlier_share", reacquire_inlier_share, 0, 1, "to be found again")
+      .number("reacquire_overlap", reacquire_overlap, 0, 1, "to be found again")
+      .number("reacquire_residual_m", reacquire_residual_m, 0, 1, "to be found again, at most")
+      .number("reacquire_contradiction_m", reacquire_contradiction_m, 0.005, 1,
+              "off every surface about it by this much at 1 m: against")
+      .number("reacquire_contradiction", reacquire_contradiction, 0, 1,
+              "share of points against, to be found again, at most")
+      .number("reacquire_condition", reacquire_condition, 1, 1e9, "to be found again, at most")
+      .number("reacquire_translation_m", reacquire_translation_m, 0, 10, "from the guess, at most")
+      .number("reacquire_rotation_deg", reacquire_rotation_deg, 0, 180, "from the guess, at most");
   degeneracy.describe(s.section("degeneracy", "which directions the scene constrains"));
 }
 
@@ -59,9 +70,10 @@ struct Alignment {
   double length_m;
   Degeneracy directions;
   std::uint64_t work = 0;
+  double gate_limit_m = std::numeric_limits<double>::infinity();
 
   [[nodiscard]] Gates gates(std::size_t level) const noexcept {
-    return {static_cast<float>(config.gate_distance_m[level]),
+    return {static_cast<float>(std::min(config.gate_distance_m[level], gate_limit_m)),
             static_cast<float>(std::cos(config.gate_normal_deg * kDegree)),
             static_cast<float>(config.range_weight_m)};
   }
@@ -78,6 +90,16 @@ struct Alignment {
   void count_work(std::size_t level) noexcept {
     const Intrinsics& k = pyramid.level(static_cast<int>(level)).intrinsics;
     work += static_cast<std::uint64_t>(k.width) * static_cast<std::uint64_t>(k.height);
+  }
+  // Coarse to fine, from the coarsest level to `finest`.
+  void descend(const std::array<int, 3>& limits, int finest, TrackingResult& out) noexcept {
+    for (int level = TrackingPyramid::kLevels - 1; level >= finest; --level) {
+      const auto l = static_cast<std::size_t>(level);
+      for (int i = 0; i < limits[l]; ++i) {
+        ++out.iterations[l];
+        if (!refine(l)) break;
+      }
+    }
   }
   // One step. False: the level is done.
   [[nodiscard]] bool refine(std::size_t level) noexcept {
@@ -99,12 +121,51 @@ struct Alignment {
   }
 };
 
-void judge(const TrackerConfig& c, const MotionPrior& prior, const Pose& X_WC,
-           const NormalEquations& eq, TrackingResult& out) noexcept {
+void measure(const NormalEquations& eq, TrackingResult& out) noexcept {
   out.inliers = static_cast<int>(eq.inliers);
   out.inlier_share = eq.met > 0 ? static_cast<double>(eq.inliers) / static_cast<double>(eq.met) : 0;
   out.overlap = eq.live > 0 ? static_cast<double>(eq.met) / static_cast<double>(eq.live) : 0;
   out.residual_m = eq.weight > 0 ? std::sqrt(eq.r2 / eq.weight) : 0;
+}
+
+// Of the live points that meet the model, the share that lies off all of the 3 x 3 surface points about the
+// place it projects to: seen through a surface, or in front of one. A pixel at an edge finds its own side.
+double contradiction_share(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
+                           double limit_m) noexcept {
+  std::int64_t met = 0, against = 0;
+  for (int v = 0; v < live.depth.height(); ++v) {
+    for (int u = 0; u < live.depth.width(); ++u) {
+      const auto z = static_cast<double>(live.depth.row(v)[u]);
+      if (!(z > 0)) continue;
+      const Vec3 q = X_FC * live.intrinsics.unproject(u, v, z);
+      if (!(q.z() > 0.05)) continue;
+      const Eigen::Vector2d px = model.intrinsics.project(q) + Eigen::Vector2d(0.5, 0.5);
+      if (!(px.x() >= 1 && px.y() >= 1 && px.x() < model.intrinsics.width - 1 &&
+            px.y() < model.intrinsics.height - 1)) {
+        continue;
+      }
+      const int iu = static_cast<int>(px.x()), iv = static_cast<int>(px.y());
+      double nearest = std::numeric_limits<double>::infinity();
+      for (int k = 0; k < 9; ++k) {
+        const auto d = static_cast<double>(model.at(iu + k % 3 - 1, iv + k / 3 - 1)[3]);
+        if (d > 0) nearest = std::min(nearest, std::abs(q.z() - d));
+      }
+      if (!std::isfinite(nearest)) continue;
+      ++met;
+      against += nearest > limit_m * std::max(1.0, z) ? 1 : 0;
+    }
+  }
+  return met > 0 ? static_cast<double>(against) / static_cast<double>(met) : 1;
+}
+
+bool is_trusted(const TrackerConfig& c, const MotionPrior& prior) noexcept {
+  return prior.source == MotionPrior::Source::kOdometry &&
+         prior.sigma_translation_m <= c.claim_translation_m &&
+         prior.sigma_rotation_deg <= c.claim_rotation_deg;
+}
+
+void judge(const TrackerConfig& c, const MotionPrior& prior, const Pose& X_WC,
+           TrackingResult& out) noexcept {
   const Pose jump = prior.X_WC.inverse() * X_WC;
   const bool finite = X_WC.matrix().allFinite() && std::isfinite(out.residual_m);
   const bool lost = !finite || out.inliers < c.lost_inliers ||
@@ -113,11 +174,8 @@ void judge(const TrackerConfig& c, const MotionPrior& prior, const Pose& X_WC,
                     jump.translation().norm() > c.jump_translation_m ||
                     rotation_angle(jump.linear()) > c.jump_rotation_deg * kDegree;
   if (lost) return;
-  const bool trusted_prior = prior.source == MotionPrior::Source::kOdometry &&
-                             prior.sigma_translation_m <= c.claim_translation_m &&
-                             prior.sigma_rotation_deg <= c.claim_rotation_deg;
   out.fully_constrained = out.degenerate_count == 0;
-  out.claimed = out.fully_constrained || trusted_prior;
+  out.claimed = out.fully_constrained || is_trusted(c, prior);
   const bool weak =
       out.inlier_share < c.weak_inlier_share || out.residual_m > c.weak_residual_m || !out.claimed;
   out.state = weak ? TrackingState::kWeak : TrackingState::kTracking;
@@ -138,14 +196,11 @@ void Tracker::track(const ModelView& model, const MotionPrior& prior,
   const Pose X_FW = model.X_WF.inverse();
   Alignment a{pyramid_, model, config_, X_FW * prior.X_WC, Vec3::Zero(), length, {}};
   a.centre_F = a.X_FC * Vec3(0, 0, length);
-  for (int level = TrackingPyramid::kLevels - 1; level >= 0; --level) {
-    const auto l = static_cast<std::size_t>(level);
-    const int limit = std::min(iterations[l], config_.iterations[l]);
-    for (int i = 0; i < limit; ++i) {
-      ++out.iterations[l];
-      if (!a.refine(l)) break;
-    }
+  std::array<int, 3> limits{};
+  for (std::size_t l = 0; l < limits.size(); ++l) {
+    limits[l] = std::min(iterations[l], config_.iterations[l]);
   }
+  a.descend(limits, 0, out);
   const NormalEquations eq = a.examine(1);
 
   out.condition = a.directions.condition;
@@ -158,7 +213,53 @@ void Tracker::track(const ModelView& model, const MotionPrior& prior,
   }
   out.length_m = length;
   out.work = a.work;
-  judge(config_, prior, model.X_WF * a.X_FC, eq, out);
+  measure(eq, out);
+  judge(config_, prior, orthonormalised(model.X_WF * a.X_FC), out);
+}
+
+void Tracker::reacquire(const ModelView& model, const Pose& X_WC_guess, bool fine,
+                        TrackingResult& out) const noexcept {
+  out = TrackingResult{};
+  out.X_WC = X_WC_guess;
+  out.condition = std::numeric_limits<double>::infinity();
+  out.degenerate_count = 6;
+  const double length = pyramid_.mean_depth();
+  if (!model.valid() || !(length > 0) || !X_WC_guess.matrix().allFinite()) return;
+
+  Alignment a{pyramid_,     model,  config_, model.X_WF.inverse() * X_WC_guess,
+              Vec3::Zero(), length, {}};
+  a.centre_F = a.X_FC * Vec3(0, 0, length);
+  a.descend(config_.iterations, fine ? 0 : 1, out);
+  a.gate_limit_m = config_.reacquire_distance_m;
+  measure(a.examine(1), out);
+  out.contradiction = contradiction_share(pyramid_.level(TrackingPyramid::kLevels - 1), model,
+                                          a.X_FC, config_.reacquire_contradiction_m);
+  a.count_work(TrackingPyramid::kLevels - 1);
+  out.condition = a.directions.condition;
+  out.degenerate_count = a.directions.degenerate_count;
+  out.fully_constrained = out.degenerate_count == 0;
+  out.length_m = length;
+  out.work = a.work;
+  const Pose X_WC = orthonormalised(model.X_WF * a.X_FC);
+  const Pose moved = X_WC_guess.inverse() * X_WC;
+  if (!X_WC.matrix().allFinite() || moved.translation().norm() > config_.reacquire_translation_m ||
+      rotation_angle(moved.linear()) > config_.reacquire_rotation_deg * kDegree) {
+    return;
+  }
+  out.X_WC = X_WC;
+  out.state = TrackingState::kWeak;
+}
+
+bool Tracker::trusted(const MotionPrior& prior) const noexcept {
+  return is_trusted(config_, prior);
+}
+
+bool Tracker::reliable(const TrackingResult& r, bool trusted_prior) const noexcept {
+  return r.state != TrackingState::kLost && (r.fully_constrained || trusted_prior) &&
+         r.inliers >= config_.lost_inliers && r.inlier_share >= config_.reacquire_inlier_share &&
+         r.overlap >= config_.reacquire_overlap && r.residual_m <= config_.reacquire_residual_m &&
+         r.contradiction <= config_.reacquire_contradiction &&
+         (trusted_prior || r.condition <= config_.reacquire_condition);
 }
 
 }  // namespace perception

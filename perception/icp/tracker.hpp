@@ -38,8 +38,8 @@ struct TrackerConfig {
   double stop_translation_m = 1e-4;  // a level ends when a step is below both
   double stop_rotation_deg = 5e-3;
   DegeneracyConfig degeneracy;
-  double weak_inlier_share = 0.60;  // of the points that meet a model surface
-  double lost_inlier_share = 0.40;  // recordings stay above 0.6; a wrong claim was seen at 0.36
+  double weak_inlier_share = 0.65;  // of the points that meet a model surface
+  double lost_inlier_share = 0.55;  // recordings stay above 0.63; wrong fits were seen up to 0.48
   double lost_overlap = 0.10;       // share of live points that meet a model surface
   double weak_residual_m = 0.020;   // RMS, point to plane, of the inliers
   double lost_residual_m = 0.040;
@@ -48,6 +48,16 @@ struct TrackerConfig {
   double jump_rotation_deg = 20;
   double claim_translation_m = 0.010;
   double claim_rotation_deg = 0.5;
+  // A camera that was lost is believed to be back only when more fits than a tracked one needs.
+  double reacquire_distance_m = 0.04;  // pairs counted, at half resolution
+  double reacquire_inlier_share = 0.60;
+  double reacquire_overlap = 0.40;
+  double reacquire_residual_m = 0.015;
+  double reacquire_contradiction_m = 0.06;  // times depth beyond 1 m
+  double reacquire_contradiction = 0.012;
+  double reacquire_condition = 600;
+  double reacquire_translation_m = 0.6;  // farther from the guess: not this place
+  double reacquire_rotation_deg = 30;
   void describe(config::Section& s);
 };
 
@@ -72,6 +82,7 @@ struct TrackingResult {
   double inlier_share = 0;         // inliers / live points that meet a model surface
   double overlap = 0;              // live points that meet a model surface / live points
   int inliers = 0;                 // at level 1
+  double contradiction = 0;        // reacquire() only: share of points off every surface about them
   double condition = 0;  // largest / smallest eigenvalue of the scaled 6x6; inf = singular
   int degenerate_count = 0;
   // First degenerate_count columns: unit twists (v, w L) in W about the centroid, w scaled by `length_m` (mean depth).
@@ -91,6 +102,16 @@ class Tracker {
   // Aligns the prepared frame. `iterations` fine to coarse, each clipped to the configured value.
   void track(const ModelView& model, const MotionPrior& prior, const std::array<int, 3>& iterations,
              TrackingResult& out) noexcept;
+  // Is the prepared frame what `model` shows, seen from near X_WC_guess? For a camera that was lost: `model`
+  // is a cast without hint, so that what should be seen and is not counts against it. Middle and coarse
+  // levels, the fine one too with `fine`. Claims nothing; ask reliable().
+  void reacquire(const ModelView& model, const Pose& X_WC_guess, bool fine,
+                 TrackingResult& out) const noexcept;
+  // Did reacquire() pass its gates? A close fit, and every direction constrained by the scene or, when the
+  // guess was such, by a trusted prior.
+  [[nodiscard]] bool reliable(const TrackingResult& r, bool trusted_prior = false) const noexcept;
+  // Is this prior good enough to claim on?
+  [[nodiscard]] bool trusted(const MotionPrior& prior) const noexcept;
 
   [[nodiscard]] const TrackingPyramid& pyramid() const noexcept { return pyramid_; }
   [[nodiscard]] const TrackerConfig& config() const noexcept { return config_; }

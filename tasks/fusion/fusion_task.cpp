@@ -4,8 +4,6 @@
 #include <cmath>
 #include <ctime>
 #include <numbers>
-#include <stdexcept>
-#include <string>
 
 #include "perception/tsdf/patch_copy.hpp"
 
@@ -56,13 +54,11 @@ Pose between(const Pose& a, const Pose& b, double f) noexcept {
   return perception::orthonormalised(a * perception::exp_se3(f * twist_of(step)));
 }
 
-double seconds_between(rt::Time a, rt::Time b) noexcept { return rt::seconds(b - a); }
-
-void check(bool ok, const char* key, double value, const char* range) {
-  if (ok) return;
-  throw std::invalid_argument("fusion." + std::string(key) + " = " + std::to_string(value) +
-                              ": must be " + range);
+perception::ImageView<const perception::Rgb> colour_of(const RgbdFrame& frame) noexcept {
+  return frame.has_colour ? frame.rgb() : perception::ImageView<const perception::Rgb>{};
 }
+
+double seconds_between(rt::Time a, rt::Time b) noexcept { return rt::seconds(b - a); }
 
 }  // namespace
 
@@ -71,29 +67,14 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
       setup_(setup),
       map_(nrt, config.tsdf),
       tracker_(nrt, config.tracker, setup.camera.width, setup.camera.height),
+      relocaliser_(nrt, config.relocaliser, setup.camera),
       ground_(nrt, config.ground, setup.ground),
       model_(nrt, setup.camera.width, setup.camera.height),
       view_maps_(nrt, setup.camera.width / std::max(1, config.view_step) + 1,
                  setup.camera.height / std::max(1, config.view_step) + 1),
       X_WC_(perception::orthonormalised(setup.X_WC0)),
       window_centre_W_(setup.X_WC0 * Vec3(0, 0, 1)) {
-  const auto& k = setup.camera;
-  check(k.valid() && k.width <= RgbdFrame::kMaxWidth && k.height <= RgbdFrame::kMaxHeight,
-        "camera.width", k.width, "a valid camera of at most 640 x 480");
-  check(config.patch_nodes >= 8 && config.patch_nodes <= SurfacePatch::kMaxNodes &&
-            config.patch_nodes % 4 == 0,
-        "patch_nodes", config.patch_nodes, "a multiple of 4 in 8 .. 64");
-  check(config.view_step >= 1 && (k.width - 1) / config.view_step < SceneView::kMaxWidth &&
-            (k.height - 1) / config.view_step < SceneView::kMaxHeight,
-        "view_step", config.view_step, "large enough for a view of 320 x 240");
-  check(config.level_count >= 1 && config.level_count <= FusionConfig::kMaxLevels, "level_count",
-        config.level_count, "1 .. 4");
-  check(config.cost_map_period >= 1, "cost_map_period", config.cost_map_period, "at least 1");
-  for (const FusionLevel& level : config.levels) {
-    const int step = level.allocate_step;
-    check(step == 1 || step == 2 || step == 4 || step == 8, "level.allocate_step", step,
-          "1, 2, 4 or 8");
-  }
+  require_valid(config, setup);
   set_up_objects(nrt);
 }
 
@@ -153,8 +134,13 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
   } else {
     Stage stage(profiling_, profile_.track);
     const MotionPrior prior = predict(frame.exposure);
-    tracker_.track({model_.data(), model_.intrinsics, model_.X_WC}, prior, knobs.iterations, r);
-    out.work += r.work;
+    if (recovering_) {
+      recover(frame, prior, r);
+    } else {
+      tracker_.track(model(), prior, knobs.iterations, r);
+    }
+    watch_for_loss(r);
+    out.work += r.work + relocaliser_.take_work();
   }
   settle_motion(r, frame.exposure, first);
   ++frames_;
@@ -173,6 +159,9 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
   if (objects_ != nullptr) {
     Stage stage(profiling_, profile_.objects);
     follow_objects(frame, out.integrated, out);
+  }
+  if (r.claimed && r.fully_constrained) {
+    relocaliser_.remember(tracker_.pyramid(), colour_of(frame), X_WC_);
   }
   cast_model(knobs.pixel_step, r.state != TrackingState::kLost, out);
   if (r.claimed) {
@@ -200,6 +189,51 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
   }
   if (!r.claimed) return rt::Health::of(rt::Severity::kCounted, kFaultFusionUnclaimed);
   return rt::Health::ok();
+}
+
+// ---------------------------------------------------------------- lost and found
+
+void FusionTask::watch_for_loss(const TrackingResult& r) noexcept {
+  const bool blank = tracker_.pyramid().level(1).valid < config_.tracker.lost_inliers;
+  blank_run_ = blank ? blank_run_ + 1 : 0;
+  if (recovering_ || r.state != TrackingState::kLost) return;
+  // A dark image says nothing of where the camera is: the prior may still hold when it is over.
+  if (blank && blank_run_ <= config_.blank_frames) return;
+  recovering_ = true;
+  confirming_ = false;
+  relocaliser_.restart();
+}
+
+// A lost camera is believed to be back when two frames in a row pass the strict gates: the first against
+// what was seen last or against a keyframe, the second from the pose that the first one gave.
+void FusionTask::recover(const RgbdFrame& frame, const MotionPrior& prior,
+                         TrackingResult& r) noexcept {
+  const bool was_confirming = confirming_;
+  // Where to look when what was found is not confirmed; odometry carries it on.
+  if (was_confirming) {
+    X_lost_WC_ = perception::orthonormalised(X_lost_WC_ * (X_WC_.inverse() * prior.X_WC));
+  } else {
+    X_lost_WC_ = prior.X_WC;
+  }
+  tracker_.reacquire(model(), prior.X_WC, was_confirming, r);
+  bool found = tracker_.reliable(r, tracker_.trusted(prior));
+  if (found && was_confirming) {
+    recovering_ = confirming_ = false;
+    r.state = TrackingState::kTracking;
+    r.claimed = true;
+    return;
+  }
+  const bool blank = tracker_.pyramid().level(1).valid < config_.tracker.lost_inliers;
+  if (!found && !blank) {
+    const std::uint64_t work = r.work;
+    found = relocaliser_.search(map_, tracker_, colour_of(frame), r);
+    r.work = work;
+  }
+  confirming_ = found;
+  recast_ = found || was_confirming;  // another view is needed than the one there is
+  if (!found) r.X_WC = X_lost_WC_;
+  r.state = TrackingState::kLost;
+  r.claimed = r.fully_constrained = false;
 }
 
 // Where the camera should be at `exposure`. Also advances what odometry knows to that instant.
@@ -235,6 +269,8 @@ void FusionTask::settle_motion(const TrackingResult& r, rt::Time exposure, bool 
     const double dt = seconds_between(exposure_, exposure);
     velocity_ = twist_of(X_WC_.inverse() * r.X_WC) / std::max(dt, 1e-3);
     if (!r.claimed) velocity_ *= config_.velocity_decay;
+    // Between two frames of which one was only found, a way is a leap and no motion.
+    if (recovering_) velocity_.setZero();
   }
   if (r.fully_constrained) sigma_translation_m_ = sigma_rotation_deg_ = 0;
   X_WC_ = r.X_WC;
@@ -243,10 +279,12 @@ void FusionTask::settle_motion(const TrackingResult& r, rt::Time exposure, bool 
 
 void FusionTask::cast_model(int pixel_step, bool hint, Out& out) noexcept {
   // Lost without odometry: the camera is looked for where it was last known, so that view is kept.
-  if (!hint && !X_OB_last_) return;
+  if (!hint && !X_OB_last_ && !recast_) return;
+  recast_ = false;
   Stage stage(profiling_, profile_.raycast);
   perception::RaycastOptions o;
-  o.pixel_step = pixel_step;
+  // Without a hint rays march from the near end: fewer of them, or a lost frame would cost more.
+  o.pixel_step = hint ? pixel_step : std::max(pixel_step, 2);
   o.min_weight = 0.2;  // one far observation under range weighting is 1/4
   o.max_depth_m = config_.tracker.preprocess.depth_max_m + config_.tsdf.truncation_m;
   o.smooth_normals = false;  // the sums average; smoothing over voxels would round the corners
@@ -372,41 +410,6 @@ void FusionTask::write_view(const rt::Tick& tick, const std::optional<Pose>& X_W
   out.work_view = static_cast<std::uint64_t>(stats.steps) + static_cast<std::uint64_t>(stats.rays);
   out.work += out.work_view;
   out.view_written = true;
-}
-
-// ---------------------------------------------------------------- configuration
-
-void FusionConfig::describe(config::Section& s) {
-  tsdf.describe(s.section("tsdf", "the map"));
-  tracker.describe(s.section("tracker", "camera tracking"));
-  ground.describe(s.section("ground", "ground plane and cost map"));
-  describe_objects(s.section("objects", "objects named by a touch"));
-  s.integer("patch_nodes", patch_nodes, 8, SurfacePatch::kMaxNodes,
-            "edge of the haptic window, a multiple of 4")
-      .number("window_lead_periods", window_lead_periods, 0, 10,
-              "the window is centred where the hand will be after this many periods")
-      .flag("patch_checksums", patch_checksums, "write a checksum into every patch")
-      .integer("view_period_frames", view_period_frames, 0, 300, "0 switches the view off")
-      .integer("view_step", view_step, 1, 8, "camera pixels a view pixel")
-      .integer("cost_map_period", cost_map_period, 1, 300, "periods between two cost maps")
-      .number("odometry_translation_share", odometry_translation_share, 0, 1,
-              "error of odometry, share of the way")
-      .number("odometry_rotation_share", odometry_rotation_share, 0, 1,
-              "error of odometry, share of the turn")
-      .number("odometry_deg_per_m", odometry_deg_per_m, 0, 90, "heading error of odometry a metre")
-      .number("velocity_decay", velocity_decay, 0, 1,
-              "of the velocity prior, in a frame that is not claimed")
-      .integer("level_count", level_count, 1, kMaxLevels, "variants, largest first");
-  for (std::size_t i = 0; i < levels.size(); ++i) {
-    auto& l = levels[i];
-    s.section("level_" + std::to_string(i), "variant " + std::to_string(i))
-        .integer("pixel_step", l.pixel_step, 1, 4, "1, 2 or 4: pixels of tracking and its ray cast")
-        .integer("allocate_step", l.allocate_step, 1, 8,
-                 "1, 2, 4 or 8: pixels that allocate blocks")
-        .integer("iterations_fine", l.iterations[0], 0, 50, "of ICP at full resolution")
-        .integer("iterations_middle", l.iterations[1], 0, 50, "at half")
-        .integer("iterations_coarse", l.iterations[2], 0, 50, "at a quarter");
-  }
 }
 
 }  // namespace tasks

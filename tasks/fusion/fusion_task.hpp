@@ -34,6 +34,7 @@
 #include "perception/objects/object_map.hpp"
 #include "perception/patch/surface_patch.hpp"
 #include "perception/raycast/raycast.hpp"
+#include "perception/relocalisation/relocaliser.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
@@ -66,6 +67,7 @@ struct FusionConfig {
   static constexpr int kMaxLevels = 4;
   perception::TsdfConfig tsdf;
   perception::TrackerConfig tracker;
+  perception::RelocaliserConfig relocaliser;
   perception::GroundConfig ground;
   perception::ObjectsConfig objects;
   ObjectMaterial object_material;
@@ -80,6 +82,7 @@ struct FusionConfig {
   double odometry_rotation_share = 0.02;     // of the turn
   double odometry_deg_per_m = 0.5;
   double velocity_decay = 0.8;  // of the constant-velocity prior a frame that is not claimed
+  int blank_frames = 3;         // images without a reading that the prior may bridge
   int level_count = 3;
   std::array<FusionLevel, kMaxLevels> levels{
       FusionLevel{1, 2, {4, 5, 15}}, FusionLevel{2, 2, {4, 5, 15}}, FusionLevel{4, 4, {4, 5, 15}},
@@ -97,6 +100,9 @@ struct FusionSetup {
   std::array<perception::Material, perception::SurfacePatch::kMaxMaterials> palette{};
   rt::Nanos period{33333333};
 };
+
+// Throws std::invalid_argument naming key, value, range.
+void require_valid(const FusionConfig& config, const FusionSetup& setup);
 
 // X_OB at an instant, with the velocity there.
 struct OdometryPrior {
@@ -152,6 +158,9 @@ class FusionTask {
   }
   [[nodiscard]] const Profile& last_profile() const noexcept { return profile_; }
   [[nodiscard]] const perception::TsdfMap& map() const noexcept { return map_; }
+  [[nodiscard]] const perception::Keyframes& keyframes() const noexcept {
+    return relocaliser_.keyframes();
+  }
   [[nodiscard]] const Pose& camera() const noexcept { return X_WC_; }  // X_WC, last believed
   [[nodiscard]] const perception::ObjectMap* objects() const noexcept { return objects_.get(); }
   [[nodiscard]] const perception::GroundMap& ground() const noexcept { return ground_; }
@@ -169,6 +178,12 @@ class FusionTask {
   [[nodiscard]] std::optional<Pose> odometry_at(rt::Time t) const noexcept;
   [[nodiscard]] rt::Health consume(const rt::Tick& tick, const perception::RgbdFrame& frame,
                                    Out& out) noexcept;
+  void recover(const perception::RgbdFrame& frame, const perception::MotionPrior& prior,
+               perception::TrackingResult& r) noexcept;
+  void watch_for_loss(const perception::TrackingResult& r) noexcept;
+  [[nodiscard]] perception::ModelView model() const noexcept {
+    return {model_.data(), model_.intrinsics, model_.X_WC};
+  }
   void settle_motion(const perception::TrackingResult& r, rt::Time exposure, bool first) noexcept;
   void cast_model(int pixel_step, bool hint, Out& out) noexcept;
   // fusion_objects.cpp
@@ -186,6 +201,7 @@ class FusionTask {
   FusionSetup setup_;
   perception::TsdfMap map_;
   perception::Tracker tracker_;
+  perception::Relocaliser relocaliser_;
   perception::GroundMap ground_;
   perception::RaycastMaps model_, view_maps_;
   std::unique_ptr<perception::ObjectMap> objects_;  // null: switched off
@@ -197,6 +213,11 @@ class FusionTask {
   std::uint8_t answered_id_ = 0;
 
   bool started_ = false, profiling_ = false;
+  // Lost: `confirming_` when the last frame was found and this one is to agree; then X_lost_WC_ is where to
+  // look if it does not. `recast_`: the view to track against is of another place.
+  bool recovering_ = false, confirming_ = false, recast_ = false;
+  int blank_run_ = 0;
+  Pose X_lost_WC_ = Pose::Identity();
   Profile profile_;
   Pose X_WC_ = Pose::Identity();  // last pose believed
   Vec3 window_centre_W_ = Vec3::Zero();

@@ -244,6 +244,37 @@ TEST(Tracker, TwoWallsLeaveOneSlide) {
   EXPECT_GT(std::abs(r.degenerate_W(2, 0)), 0.95) << "up and down along the edge";
 }
 
+// Each pose is made from the last one, ten thousand times: it stays a rotation and a translation.
+TEST(Tracker, PoseStaysRigidOverTenThousandUpdates) {
+  const AnalyticScene room = tests::test_room();
+  const Intrinsics k{40, 40, 27.5, 22.5, 56, 46};
+  TrackerConfig config;
+  config.lost_inliers = 50;
+  rt::Startup startup;
+  Tracker tracker(startup.token(), config, k.width, k.height);
+  const Pose X_WF = tests::look_at(Vec3(-0.2, 0.1, 0.9), Vec3(1.8, -0.05, 0.3));
+  const auto records = tests::cast_model(room, k, X_WF);
+  rt::Random random(21);
+  const auto mm = tests::to_mm(tests::cast_depth(room, k, X_WF), 0.0015, random);
+  tracker.prepare({mm.data(), k.width, k.height, k.width}, k, 1);
+  const Pose step = tests::random_motion(random, 0.002, 0.003);
+  Pose X_WM = X_WF, X_WC = X_WF;  // the model travels with the estimate: nothing pulls it back
+  double worst = 0;
+  int tracked = 0;
+  for (int i = 0; i < 10000; ++i) {
+    TrackingResult r;
+    tracker.track({records.data(), k, X_WM}, {X_WC * step}, {1, 1, 2}, r);
+    tracked += r.state != TrackingState::kLost ? 1 : 0;
+    X_WM = X_WC = r.X_WC;
+    const Mat3 R = X_WC.linear();
+    worst = std::max({worst, (R.transpose() * R - Mat3::Identity()).cwiseAbs().maxCoeff(),
+                      std::abs(R.determinant() - 1)});
+  }
+  std::cout << "worst departure from a rotation " << worst << " over " << tracked << " updates\n";
+  EXPECT_GT(tracked, 9900);
+  EXPECT_LE(worst, 1e-9);
+}
+
 // ---------------------------------------------------------------- sums
 
 // Plain double-precision loop with residuals differentiated numerically.

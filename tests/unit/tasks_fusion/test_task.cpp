@@ -3,78 +3,17 @@
 
 #include <cmath>
 #include <limits>
-#include <memory>
 
 #include "rt/hash.hpp"
-#include "rt/memory/section.hpp"
-#include "tasks/fusion/fusion_task.hpp"
-#include "tests/support/analytic_scene.hpp"
-#include "tests/support/rt_guard.hpp"
+#include "tests/unit/tasks_fusion/rig.hpp"
 
 namespace tasks {
 namespace {
 
 using tests::AnalyticScene;
-
-constexpr double kDt = 1.0 / 30;
-
-FusionConfig coarse() {
-  FusionConfig c;
-  c.tsdf.voxel_size_m = 0.02;
-  c.tsdf.max_blocks = 8192;
-  c.tsdf.max_chunks = 1024;
-  c.patch_nodes = 32;
-  return c;
-}
-
-struct Rig {
-  rt::Startup startup;
-  FusionSetup setup;
-  std::unique_ptr<FusionTask> task;
-  std::unique_ptr<perception::RgbdFrame> frame = std::make_unique<perception::RgbdFrame>();
-  std::unique_ptr<perception::SurfacePatch> patch = std::make_unique<perception::SurfacePatch>();
-  std::unique_ptr<SceneView> view = std::make_unique<SceneView>();
-  std::unique_ptr<perception::CostMap> cost = std::make_unique<perception::CostMap>();
-  rt::Random random{1};
-  std::uint64_t period = 0;
-  FusionTask::In in;
-  FusionTask::Out out;
-  rt::Health health;
-
-  explicit Rig(const FusionConfig& config = coarse(), const Pose& X_WC0 = eye(0)) {
-    setup.camera = tests::small_camera();
-    setup.X_WC0 = X_WC0;
-    setup.ground.up_known = true;
-    task = std::make_unique<FusionTask>(startup.token(), config, setup);
-  }
-  static Pose eye(int i) {
-    return tests::look_at(Vec3(-0.2 + 0.008 * i, 0.1 - 0.004 * i, 0.9), Vec3(1.8, -0.05, 0.3));
-  }
-  void step(bool fresh, int level = 0) {
-    in.frame = frame.get();
-    in.frame_fresh = fresh;
-    out.patch = patch.get();
-    out.view = view.get();
-    out.cost_map = cost.get();
-    rt::Tick tick;
-    tick.k = period;
-    tick.release = tick.start = rt::Time{rt::nanos_from_seconds(static_cast<double>(period) * kDt)};
-    tick.level = level;
-    ++period;
-    rt_guard::reset();
-    {
-      rt::Section section;
-      health = task->step(tick, in, out);
-    }
-    EXPECT_EQ(rt_guard::counts().total(), 0U);
-  }
-  void see(const AnalyticScene& scene, const Pose& X_WC, double sigma = 0.001, int level = 0) {
-    tests::fill_frame(scene, setup.camera, X_WC, sigma, random, *frame);
-    frame->exposure = rt::Time{rt::nanos_from_seconds(static_cast<double>(period) * kDt - 0.02)};
-    ++frame->seq;
-    step(true, level);
-  }
-};
+using tests::coarse;
+using tests::kDt;
+using tests::Rig;
 
 TEST(FusionTask, TracksARoomAcrossLevelSwitches) {
   const AnalyticScene room = tests::test_room();

@@ -1,0 +1,189 @@
+#include "perception/relocalisation/keyframes.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <numbers>
+
+namespace perception {
+
+namespace {
+
+constexpr int kDepthCut = 24, kDepthMissing = 12;  // codes
+constexpr int kGreyCut = 48;
+constexpr int kShift = 6;        // largest shift tried, cells: about a sixth of the image
+constexpr int kShiftStep = 2;    // between shifts
+constexpr int kShortList = 12;   // entries that shifts are tried on
+constexpr int kLeastCells = 64;  // fewer cells in common say nothing
+
+std::uint8_t depth_code(float z_m) noexcept {
+  if (!(z_m > 0)) return 0;
+  const double code = 1 + std::log(static_cast<double>(z_m) / 0.3) / std::log(1.012);
+  return static_cast<std::uint8_t>(std::clamp(std::lround(code), 1L, 255L));
+}
+
+int cell_to_pixel(int cell, int cells, int pixels) noexcept {
+  return std::min(pixels - 1, (2 * cell + 1) * pixels / (2 * cells));
+}
+
+// Mean brightness of 3 x 3 pixels spread over the cell.
+int cell_grey(ImageView<const Rgb> colour, int i, int j) noexcept {
+  int sum = 0;
+  for (int b = 0; b < 3; ++b) {
+    for (int a = 0; a < 3; ++a) {
+      const int u = cell_to_pixel(3 * i + a, 3 * Thumbnail::kWidth, colour.width);
+      const int v = cell_to_pixel(3 * j + b, 3 * Thumbnail::kHeight, colour.height);
+      const Rgb c = colour.at(u, v);
+      sum += 2 * c.r + 5 * c.g + c.b;
+    }
+  }
+  return sum / 72;
+}
+
+void fill_grey(ImageView<const Rgb> colour, Thumbnail& out) noexcept {
+  std::array<int, Thumbnail::kCells> raw;
+  std::int64_t sum = 0, squares = 0;
+  for (int j = 0; j < Thumbnail::kHeight; ++j) {
+    for (int i = 0; i < Thumbnail::kWidth; ++i) {
+      const int g = cell_grey(colour, i, j);
+      raw[static_cast<std::size_t>(j * Thumbnail::kWidth + i)] = g;
+      sum += g;
+      squares += std::int64_t{g} * g;
+    }
+  }
+  const double mean = static_cast<double>(sum) / Thumbnail::kCells;
+  const double variance = static_cast<double>(squares) / Thumbnail::kCells - mean * mean;
+  if (variance < 4) return;  // a blank picture shows no place
+  const double gain = 40 / std::sqrt(variance);
+  for (std::size_t k = 0; k < raw.size(); ++k) {
+    out.grey[k] =
+        static_cast<std::uint8_t>(std::clamp(std::lround(128 + gain * (raw[k] - mean)), 1L, 255L));
+  }
+}
+
+}  // namespace
+
+Thumbnail make_thumbnail(const DepthLevel& depth, ImageView<const Rgb> colour) noexcept {
+  Thumbnail t;
+  for (int j = 0; j < Thumbnail::kHeight; ++j) {
+    const float* row = depth.depth.row(cell_to_pixel(j, Thumbnail::kHeight, depth.depth.height()));
+    for (int i = 0; i < Thumbnail::kWidth; ++i) {
+      t.depth[static_cast<std::size_t>(j * Thumbnail::kWidth + i)] =
+          depth_code(row[cell_to_pixel(i, Thumbnail::kWidth, depth.depth.width())]);
+    }
+  }
+  if (colour.data != nullptr) fill_grey(colour, t);
+  return t;
+}
+
+int thumbnail_distance(const Thumbnail& seen, const Thumbnail& kept, int du, int dv) noexcept {
+  const int u0 = std::max(0, -du), u1 = Thumbnail::kWidth - std::max(0, du);
+  const int v0 = std::max(0, -dv), v1 = Thumbnail::kHeight - std::max(0, dv);
+  int cost = 0, common = 0, cells = 0;
+  for (int v = v0; v < v1; ++v) {
+    const std::uint8_t* sd = seen.depth.data() + v * Thumbnail::kWidth;
+    const std::uint8_t* sg = seen.grey.data() + v * Thumbnail::kWidth;
+    const std::ptrdiff_t at = (v + dv) * Thumbnail::kWidth + du;
+    for (int u = u0; u < u1; ++u) {
+      const int a = sd[u], b = kept.depth[static_cast<std::size_t>(at + u)];
+      const int g = sg[u], h = kept.grey[static_cast<std::size_t>(at + u)];
+      const int both = a != 0 && b != 0 ? 1 : 0;
+      const int none = a == 0 && b == 0 ? 1 : 0;
+      cost += both != 0 ? std::min(std::abs(a - b), kDepthCut) : kDepthMissing * (1 - none);
+      cost += g != 0 && h != 0 ? std::min(std::abs(g - h), kGreyCut) / 2 : 0;
+      common += both;
+      cells += 1 - none;
+    }
+  }
+  if (common < kLeastCells) return std::numeric_limits<int>::max();
+  return 256 * cost / cells;
+}
+
+void KeyframeConfig::describe(config::Section& s) {
+  s.integer("max_keyframes", max_keyframes, 1, Keyframes::kMax, "views kept")
+      .number("spacing_m", spacing_m, 0.01, 10, "a view this far from all others is kept")
+      .number("spacing_deg", spacing_deg, 1, 180, "one turned this far from all others too");
+}
+
+Keyframes::Keyframes(rt::NonRealtime&, const KeyframeConfig& config) : config_(config) {
+  config_.max_keyframes = std::clamp(config_.max_keyframes, 1, kMax);
+  entries_.reserve(static_cast<std::size_t>(config_.max_keyframes));
+}
+
+// 1 where two poses are a spacing apart, in way or in turn; smaller where they are nearer.
+double Keyframes::nearness(const Pose& a, const Pose& b) const noexcept {
+  const double way = (a.translation() - b.translation()).norm() / config_.spacing_m;
+  const double cosine = 0.5 * ((a.linear().transpose() * b.linear()).trace() - 1);
+  const double turn =
+      std::acos(std::clamp(cosine, -1.0, 1.0)) / (config_.spacing_deg * std::numbers::pi / 180);
+  return std::max(way, turn);
+}
+
+bool Keyframes::is_new(const Pose& X_WC) const noexcept {
+  return std::none_of(entries_.begin(), entries_.end(),
+                      [&](const Entry& e) { return nearness(e.X_WC, X_WC) < 1; });
+}
+
+std::size_t Keyframes::most_redundant() const noexcept {
+  std::size_t worst = 0;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < entries_.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      const double d = nearness(entries_[i].X_WC, entries_[j].X_WC);
+      if (d < least) least = d, worst = j;  // one of the two
+    }
+  }
+  return worst;
+}
+
+void Keyframes::add(const Pose& X_WC, const Thumbnail& view) noexcept {
+  if (entries_.size() < static_cast<std::size_t>(config_.max_keyframes)) {
+    entries_.push_back({X_WC, view});
+  } else {
+    entries_[most_redundant()] = {X_WC, view};
+  }
+}
+
+namespace {
+
+// Keeps `list` sorted by distance, then by index; the last one falls off.
+void insert_sorted(std::span<Keyframes::Candidate> list, int& count,
+                   const Keyframes::Candidate& c) noexcept {
+  const int room = static_cast<int>(list.size());
+  int at = count;
+  while (at > 0 && list[static_cast<std::size_t>(at - 1)].distance > c.distance) --at;
+  if (at >= room) return;
+  count = std::min(count + 1, room);
+  for (int i = count - 1; i > at; --i) {
+    list[static_cast<std::size_t>(i)] = list[static_cast<std::size_t>(i - 1)];
+  }
+  list[static_cast<std::size_t>(at)] = c;
+}
+
+}  // namespace
+
+int Keyframes::rank(const Thumbnail& seen, std::span<const bool> skip,
+                    std::span<Candidate> out) const noexcept {
+  std::array<Candidate, kShortList> near;
+  int short_count = 0;
+  for (int i = 0; i < size(); ++i) {
+    if (static_cast<std::size_t>(i) < skip.size() && skip[static_cast<std::size_t>(i)]) continue;
+    Candidate best{i, 0, 0, thumbnail_distance(seen, at(i).view, 0, 0)};
+    insert_sorted(near, short_count, best);
+  }
+  int count = 0;
+  for (int k = 0; k < short_count; ++k) {
+    Candidate best = near[static_cast<std::size_t>(k)];
+    for (int dv = -kShift / 2; dv <= kShift / 2; dv += kShiftStep + 1) {
+      for (int du = -kShift; du <= kShift; du += kShiftStep) {
+        const int d = thumbnail_distance(seen, at(best.index).view, du, dv);
+        if (d < best.distance) best = {best.index, du, dv, d};
+      }
+    }
+    insert_sorted(out, count, best);
+  }
+  return count;
+}
+
+}  // namespace perception

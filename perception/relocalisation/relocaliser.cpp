@@ -1,0 +1,89 @@
+#include "perception/relocalisation/relocaliser.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+namespace perception {
+
+namespace {
+
+constexpr int kCastStep = 4;  // pixels of the camera a ray
+
+}  // namespace
+
+void RelocaliserConfig::describe(config::Section& s) {
+  keyframes.describe(s.section("keyframes", "views a lost camera is recognised by"));
+  s.integer("tries", tries, 0, Relocaliser::kMaxTries,
+            "keyframes aligned to in a lost frame; 0 switches relocalisation off")
+      .integer("rest_frames", rest_frames, 0, 1000, "before one that failed is tried again")
+      .number("max_depth_m", max_depth_m, 0.5, 20, "farther surfaces are not looked at");
+}
+
+Relocaliser::Relocaliser(rt::NonRealtime& nrt, const RelocaliserConfig& config,
+                         const Intrinsics& camera)
+    : config_(config),
+      camera_(camera),
+      keyframes_(nrt, config.keyframes),
+      maps_(nrt, camera.width / kCastStep + 1, camera.height / kCastStep + 1) {
+  config_.tries = std::clamp(config_.tries, 0, kMaxTries);
+}
+
+void Relocaliser::remember(const TrackingPyramid& pyramid, ImageView<const Rgb> colour,
+                           const Pose& X_WC) noexcept {
+  if (!keyframes_.is_new(X_WC)) return;
+  keyframes_.add(X_WC, make_thumbnail(pyramid.level(TrackingPyramid::kLevels - 1), colour));
+  work_ += Thumbnail::kCells;
+}
+
+void Relocaliser::restart() noexcept {
+  rests_until_.fill(0);
+  searches_ = 0;
+}
+
+std::uint64_t Relocaliser::take_work() noexcept {
+  const std::uint64_t w = work_;
+  work_ = 0;
+  return w;
+}
+
+// The keyframe's pose, turned so that its image is shifted as the two thumbnails are.
+Pose Relocaliser::guess(const Keyframes::Candidate& c) const noexcept {
+  const double right = std::atan(c.du * camera_.width / (Thumbnail::kWidth * camera_.fx));
+  const double down = std::atan(c.dv * camera_.height / (Thumbnail::kHeight * camera_.fy));
+  Pose X = keyframes_.at(c.index).X_WC;
+  X.rotate(Eigen::AngleAxisd(right, Vec3::UnitY())).rotate(Eigen::AngleAxisd(-down, Vec3::UnitX()));
+  return X;
+}
+
+bool Relocaliser::search(const TsdfMap& map, const Tracker& tracker, ImageView<const Rgb> colour,
+                         TrackingResult& found) noexcept {
+  if (config_.tries == 0 || keyframes_.size() == 0) return false;
+  ++searches_;
+  for (std::size_t i = 0; i < resting_.size(); ++i) resting_[i] = rests_until_[i] > searches_;
+  const Thumbnail seen =
+      make_thumbnail(tracker.pyramid().level(TrackingPyramid::kLevels - 1), colour);
+  std::array<Keyframes::Candidate, kMaxTries> list;
+  const int count = keyframes_.rank(seen, resting_,
+                                    std::span(list).first(static_cast<std::size_t>(config_.tries)));
+  work_ += static_cast<std::uint64_t>(keyframes_.size()) * Thumbnail::kCells / 16;
+  for (int k = 0; k < count; ++k) {
+    const Keyframes::Candidate& c = list[static_cast<std::size_t>(k)];
+    RaycastOptions o;
+    o.pixel_step = kCastStep;
+    o.min_weight = 0.2;
+    o.max_depth_m = config_.max_depth_m;
+    o.smooth_normals = false;
+    const Pose X_WG = guess(c);
+    const RaycastStats stats = raycast(map, camera_, X_WG, o, maps_);
+    work_ += static_cast<std::uint64_t>(stats.steps);
+    if (stats.hits == 0) continue;
+    tracker.reacquire({maps_.data(), maps_.intrinsics, maps_.X_WC}, X_WG, false, found);
+    work_ += found.work;
+    if (tracker.reliable(found)) return true;
+    rests_until_[static_cast<std::size_t>(c.index)] = searches_ + 1 + config_.rest_frames;
+  }
+  return false;
+}
+
+}  // namespace perception
