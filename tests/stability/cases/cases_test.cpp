@@ -63,6 +63,6 @@ TEST_P(HardCase, WithinItsLimits) {
 
 INSTANTIATE_TEST_SUITE_P(All, HardCase,
                          testing::ValuesIn(stability::cases().begin(), stability::cases().end()),
-                         [](const auto& info) { return "C" + std::to_string(info.param.id); });
+                         [](const auto& each) { return "C" + std::to_string(each.param.id); });
 
 }  // namespace
