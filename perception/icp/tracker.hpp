@@ -54,7 +54,7 @@ struct TrackerConfig {
   double reacquire_overlap = 0.40;
   double reacquire_residual_m = 0.015;
   double reacquire_contradiction_m = 0.06;  // times depth beyond 1 m
-  double reacquire_contradiction = 0.012;
+  double reacquire_contradiction = 0.022;
   double reacquire_condition = 600;
   double reacquire_translation_m = 0.6;  // farther from the guess: not this place
   double reacquire_rotation_deg = 30;
