@@ -162,8 +162,7 @@ int cmd_stability(int argc, char** argv) {
     throw std::runtime_error(std::string("stability: ") + e.what());
   }
   tasks::ProxyMethod method{};
-  if (!tasks::parse_proxy_method(o.method, method) ||
-      method == tasks::ProxyMethod::kForceShading) {
+  if (!tasks::parse_proxy_method(o.method, method) || method == tasks::ProxyMethod::kForceShading) {
     throw std::runtime_error("stability: --method '" + o.method +
                              "': allowed are constrained, nearest, nearest10");
   }

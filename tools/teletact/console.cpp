@@ -137,8 +137,7 @@ void OperatorConsole::mind_device(rt::Time now) {
                          ? drivers::DeviceState::kForce
                          : static_cast<drivers::DeviceState>(seen_.haptic.back().device_state);
   // IDLE: a device that has just been calibrated.
-  const bool braked =
-      state == drivers::DeviceState::kBrake || state == drivers::DeviceState::kIdle;
+  const bool braked = state == drivers::DeviceState::kBrake || state == drivers::DeviceState::kIdle;
   if (!braked) {
     braked_since_ = rt::Time{};
   } else if (braked_since_ == rt::Time{}) {

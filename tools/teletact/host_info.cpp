@@ -68,10 +68,10 @@ void write_trace(const std::string& path, const std::vector<const rt::RunLog*>& 
 
 void write_csv(const std::string& path, const std::vector<const rt::RunLog*>& logs) {
   const File f = create(path);
-  std::fprintf(
-      f.get(),
-      "task,k,release_ns,start_ns,end_ns,cpu_ns,twin_cpu_ns,run_delay_ns,minor_faults,major_faults,involuntary,"
-      "voluntary,skipped,level,outcome,work,late_cause,miss_cause\n");
+  std::fprintf(f.get(),
+               "task,k,release_ns,start_ns,end_ns,cpu_ns,twin_cpu_ns,run_delay_ns,minor_faults,"
+               "major_faults,involuntary,"
+               "voluntary,skipped,level,outcome,work,late_cause,miss_cause\n");
   for (const auto* log : logs) {
     for (const auto& t : log->tasks) {
       const rt::TaskBlame b = rt::blame(*log, t);
