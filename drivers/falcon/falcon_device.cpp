@@ -89,7 +89,7 @@ std::string FalconDevice::open() {
   auto opened = opener_();
   if (!opened) return opened.error();
   transport_ = std::move(opened).value();
-  if (const std::string why = boot(*transport_); !why.empty()) {
+  if (std::string why = boot(*transport_); !why.empty()) {
     transport_.reset();
     return why;
   }

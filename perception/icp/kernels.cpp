@@ -14,21 +14,21 @@ namespace HWY_NAMESPACE {
 
 // Without vectors of 16 bytes at least (a processor older than SSE4): the reference itself.
 #if HWY_TARGET == HWY_SCALAR
-void Accumulate(const RowsJob& job, bool cross, LaneSums& out) {
+void accumulate_job(const RowsJob& job, bool cross, LaneSums& out) {
   kScalarKernels.accumulate(job, cross, out);
 }
-void BilateralRow(const float* in, std::ptrdiff_t stride, int width, const float* weight,
-                  int radius, const EdgeRule& rule, float* out) {
+void bilateral_row(const float* in, std::ptrdiff_t stride, int width, const float* weight,
+                   int radius, const EdgeRule& rule, float* out) {
   kScalarKernels.bilateral_row(in, stride, width, weight, radius, rule, out);
 }
-void NormalRow(const float* z, std::ptrdiff_t stride, int width, const float* x, const float* y,
-               const EdgeRule& rule, float* nx, float* ny, float* nz) {
+void normal_row(const float* z, std::ptrdiff_t stride, int width, const float* x, const float* y,
+                const EdgeRule& rule, float* nx, float* ny, float* nz) {
   kScalarKernels.normal_row(z, stride, width, x, y, rule, nx, ny, nz);
 }
-void ToMetresRow(const std::uint16_t* mm, int width, float min_m, float max_m, float* out) {
+void to_metres_row(const std::uint16_t* mm, int width, float min_m, float max_m, float* out) {
   kScalarKernels.to_metres_row(mm, width, min_m, max_m, out);
 }
-void HalfRow(const float* in, std::ptrdiff_t stride, int width, const EdgeRule& rule, float* out) {
+void half_row(const float* in, std::ptrdiff_t stride, int width, const EdgeRule& rule, float* out) {
   kScalarKernels.half_row(in, stride, width, rule, out);
 }
 #else
@@ -211,15 +211,15 @@ HWY_INLINE void accumulate_rows(const RowsJob& job, LaneSums& out) {
   }
 }
 
-void Accumulate(const RowsJob& job, bool cross, LaneSums& out) {
+void accumulate_job(const RowsJob& job, bool cross, LaneSums& out) {
   if (cross)
     accumulate_rows<true>(job, out);
   else
     accumulate_rows<false>(job, out);
 }
 
-void BilateralRow(const float* in, std::ptrdiff_t stride, int width, const float* weight,
-                  int radius, const EdgeRule& rule, float* out) {
+void bilateral_row(const float* in, std::ptrdiff_t stride, int width, const float* weight,
+                   int radius, const EdgeRule& rule, float* out) {
   const DF df;
   for (int u = 0; u < width; u += kWidth) {
     const V c = load(in + u);
@@ -246,9 +246,9 @@ void BilateralRow(const float* in, std::ptrdiff_t stride, int width, const float
   }
 }
 
-void NormalRow(const float* z, std::ptrdiff_t stride, int width, const float* x_factor,
-               const float* y_factor, const EdgeRule& rule, float* out_x, float* out_y,
-               float* out_z) {
+void normal_row(const float* z, std::ptrdiff_t stride, int width, const float* x_factor,
+                const float* y_factor, const EdgeRule& rule, float* out_x, float* out_y,
+                float* out_z) {
   const DF df;
   const auto within = [](V a, V limit) { return hn::Lt(hn::Abs(a), limit); };
   for (int u = 0; u < width; u += kWidth) {
@@ -276,7 +276,7 @@ void NormalRow(const float* z, std::ptrdiff_t stride, int width, const float* x_
   }
 }
 
-void ToMetresRow(const std::uint16_t* mm, int width, float min_m, float max_m, float* out) {
+void to_metres_row(const std::uint16_t* mm, int width, float min_m, float max_m, float* out) {
   const DF df;
   const DI di;
   const hn::Rebind<std::uint16_t, DF> dm;
@@ -288,7 +288,7 @@ void ToMetresRow(const std::uint16_t* mm, int width, float min_m, float max_m, f
   kScalarKernels.to_metres_row(mm + u, width - u, min_m, max_m, out + u);
 }
 
-void HalfRow(const float* in, std::ptrdiff_t stride, int width, const EdgeRule& rule, float* out) {
+void half_row(const float* in, std::ptrdiff_t stride, int width, const EdgeRule& rule, float* out) {
   const DF df;
   int u = 0;
   for (; u + kWidth <= width; u += kWidth) {
@@ -327,29 +327,29 @@ HWY_AFTER_NAMESPACE();
 namespace perception::icp {
 namespace {
 
-HWY_EXPORT(Accumulate);
-HWY_EXPORT(BilateralRow);
-HWY_EXPORT(NormalRow);
-HWY_EXPORT(ToMetresRow);
-HWY_EXPORT(HalfRow);
+HWY_EXPORT(accumulate_job);
+HWY_EXPORT(bilateral_row);
+HWY_EXPORT(normal_row);
+HWY_EXPORT(to_metres_row);
+HWY_EXPORT(half_row);
 
 const Kernels kVectorKernels{
     [](const RowsJob& job, bool cross, LaneSums& out) {
-      HWY_DYNAMIC_DISPATCH(Accumulate)(job, cross, out);
+      HWY_DYNAMIC_DISPATCH(accumulate_job)(job, cross, out);
     },
     [](const float* in, std::ptrdiff_t stride, int width, const float* weight, int radius,
        const EdgeRule& rule, float* out) {
-      HWY_DYNAMIC_DISPATCH(BilateralRow)(in, stride, width, weight, radius, rule, out);
+      HWY_DYNAMIC_DISPATCH(bilateral_row)(in, stride, width, weight, radius, rule, out);
     },
     [](const float* z, std::ptrdiff_t stride, int width, const float* x, const float* y,
        const EdgeRule& rule, float* nx, float* ny, float* nz) {
-      HWY_DYNAMIC_DISPATCH(NormalRow)(z, stride, width, x, y, rule, nx, ny, nz);
+      HWY_DYNAMIC_DISPATCH(normal_row)(z, stride, width, x, y, rule, nx, ny, nz);
     },
     [](const std::uint16_t* mm, int width, float min_m, float max_m, float* out) {
-      HWY_DYNAMIC_DISPATCH(ToMetresRow)(mm, width, min_m, max_m, out);
+      HWY_DYNAMIC_DISPATCH(to_metres_row)(mm, width, min_m, max_m, out);
     },
     [](const float* in, std::ptrdiff_t stride, int width, const EdgeRule& rule, float* out) {
-      HWY_DYNAMIC_DISPATCH(HalfRow)(in, stride, width, rule, out);
+      HWY_DYNAMIC_DISPATCH(half_row)(in, stride, width, rule, out);
     }};
 
 }  // namespace

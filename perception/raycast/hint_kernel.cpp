@@ -197,7 +197,7 @@ HWY_INLINE void store_records(const VF (&n)[3], VF t, int count, float* records)
   std::memcpy(records, all, static_cast<std::size_t>(count) * 4 * sizeof(float));
 }
 
-HintCount CastHints(const HintJob& job, const HintSpan& span) {
+HintCount cast_hints_job(const HintJob& job, const HintSpan& span) {
   const DF df;
   const DI di;
   const int lanes = static_cast<int>(hn::Lanes(df));
@@ -272,10 +272,10 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace perception {
 namespace {
-HWY_EXPORT(CastHints);
+HWY_EXPORT(cast_hints_job);
 }  // namespace
 HintCount cast_hints(const HintJob& job, const HintSpan& span) noexcept {
-  return HWY_DYNAMIC_DISPATCH(CastHints)(job, span);
+  return HWY_DYNAMIC_DISPATCH(cast_hints_job)(job, span);
 }
 }  // namespace perception
 #endif

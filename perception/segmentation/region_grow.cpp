@@ -62,7 +62,8 @@ RegionGrower::RegionGrower(int max_width, int max_height) {
 void RegionGrower::place(int i, double p[3]) const noexcept {
   if (points_ == nullptr) {
     p[0] = i % width_;
-    p[1] = i / width_;
+    const int row = i / width_;
+    p[1] = row;
     p[2] = 0;
     return;
   }

@@ -98,7 +98,7 @@ class Emit {
   std::uint32_t last_[kBandMost];  // of each step; no key at first: no ray is that far out
 };
 
-BandCount FindMissing(const BandJob& job, const BandRow& row) {
+BandCount find_missing_row(const BandJob& job, const BandRow& row) {
   const DF df;
   const DI di;
   const DU du;
@@ -177,7 +177,7 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace perception {
 namespace {
-HWY_EXPORT(FindMissing);
+HWY_EXPORT(find_missing_row);
 
 int floor_of(float x) noexcept {
   const int i = static_cast<int>(x);
@@ -229,7 +229,7 @@ BandCount find_missing_scalar(const BandJob& job, const BandRow& row) noexcept {
 
 BandCount find_missing(const BandJob& job, const BandRow& row) noexcept {
   if (simd::chosen() == simd::Isa::kScalar) return find_missing_scalar(job, row);
-  return HWY_DYNAMIC_DISPATCH(FindMissing)(job, row);
+  return HWY_DYNAMIC_DISPATCH(find_missing_row)(job, row);
 }
 
 }  // namespace perception

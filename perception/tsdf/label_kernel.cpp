@@ -88,8 +88,8 @@ HWY_INLINE void vote_group(const LabelImage& image, const Projected& seen_at, st
   hn::StoreU(hn::DemoteTo(dh, hn::BitCast(DI(), out)), dh, words);
 }
 
-std::uint32_t VoteBlock(const UpdateCamera& c, const LabelImage& image, const float (&p0)[3],
-                        LabelVoxel* labels) {
+std::uint32_t vote_block_words(const UpdateCamera& c, const LabelImage& image, const float (&p0)[3],
+                               LabelVoxel* labels) {
   Projected seen_at;
   if (project(c, p0, seen_at)) {
     const std::size_t lanes = hn::Lanes(DF());
@@ -106,7 +106,7 @@ HWY_AFTER_NAMESPACE();
 namespace perception {
 namespace {
 
-HWY_EXPORT(VoteBlock);
+HWY_EXPORT(vote_block_words);
 
 }  // namespace
 
@@ -149,7 +149,7 @@ std::uint32_t vote_block_scalar(const UpdateCamera& c, const LabelImage& image,
 std::uint32_t vote_block(const UpdateCamera& c, const LabelImage& image, const float (&p0)[3],
                          LabelVoxel* labels) noexcept {
   if (simd::chosen() == simd::Isa::kScalar) return vote_block_scalar(c, image, p0, labels);
-  return HWY_DYNAMIC_DISPATCH(VoteBlock)(c, image, p0, labels);
+  return HWY_DYNAMIC_DISPATCH(vote_block_words)(c, image, p0, labels);
 }
 
 }  // namespace perception

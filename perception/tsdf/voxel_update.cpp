@@ -126,8 +126,8 @@ HWY_INLINE Group update_group(const UpdateCamera& c, const Projected& seen_at, s
   return {bits_of(hn::Or(front, hn::And(band, outside))), bits_of(hn::AndNot(outside, band))};
 }
 
-BlockCounts UpdateBlock(const UpdateCamera& c, const float (&p0)[3], std::uint32_t* words,
-                        std::uint64_t* free, std::uint32_t* colours) {
+BlockCounts update_block_words(const UpdateCamera& c, const float (&p0)[3], std::uint32_t* words,
+                               std::uint64_t* free, std::uint32_t* colours) {
   BlockCounts counts;
   Projected seen_at;
   if (!project(c, p0, seen_at)) return counts;
@@ -152,7 +152,7 @@ HWY_AFTER_NAMESPACE();
 namespace perception {
 namespace {
 
-HWY_EXPORT(UpdateBlock);
+HWY_EXPORT(update_block_words);
 
 std::uint32_t blend_colour(std::uint32_t old, const std::uint8_t* seen) noexcept {
   const std::uint32_t n = old >> 24U, sum = n + 1;
@@ -230,7 +230,7 @@ BlockCounts update_block_scalar(const UpdateCamera& c, const float (&p0)[3], std
 BlockCounts update_block(const UpdateCamera& c, const float (&p0)[3], std::uint32_t* words,
                          std::uint64_t* free, std::uint32_t* colours) noexcept {
   if (simd::chosen() == simd::Isa::kScalar) return update_block_scalar(c, p0, words, free, colours);
-  return HWY_DYNAMIC_DISPATCH(UpdateBlock)(c, p0, words, free, colours);
+  return HWY_DYNAMIC_DISPATCH(update_block_words)(c, p0, words, free, colours);
 }
 
 }  // namespace perception

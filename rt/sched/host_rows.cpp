@@ -216,7 +216,7 @@ std::string HostRows::problem_after(std::size_t i, const std::vector<int>& place
   if (!k.problem.empty()) return k.problem;
   if (!has_workers_) return core_problem(own, core_set(own, placed, levels, k));
   for (int c = 0; c < cores(); ++c) {
-    const std::string problem = core_problem(c, core_set(c, placed, levels, k));
+    std::string problem = core_problem(c, core_set(c, placed, levels, k));
     if (!problem.empty()) return problem;
   }
   return {};

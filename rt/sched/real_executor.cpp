@@ -29,14 +29,14 @@ constexpr int kHogPriority = 93;
 constexpr int kTheftPriority = 98;
 constexpr std::int64_t kSentinelLead = 20000;  // before the wake-up of a task that spins
 
-void burn_cpu(Nanos length) noexcept {
+[[maybe_unused]] void burn_cpu(Nanos length) noexcept {
   const std::int64_t until = thread_cpu_ns() + length.count();
   while (thread_cpu_ns() < until) {
   }
 }
 
 // A page that the kernel took back: touching it faults inside the job.
-void touch_released_page() noexcept {
+[[maybe_unused]] void touch_released_page() noexcept {
   void* page = ::mmap(nullptr, 4096, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (page == MAP_FAILED) return;
   ::munlock(page, 4096);  // under mlockall the page is there at once and can not be given back

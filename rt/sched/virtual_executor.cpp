@@ -270,8 +270,6 @@ void VirtualExecutor<Faults>::first_dispatch(State& s) {
     s.cancel.request();
   }
   if (options_.stub_bodies || s.task.body == nullptr) return;
-  const std::int64_t twin0 = s.task.body->twin_cpu_ns();
-  const std::int64_t cpu0 = options_.measure_cpu ? thread_cpu_ns() : 0;
   s.task.body->latch(s.tick, s.record);
   Health health;
   {
@@ -280,8 +278,6 @@ void VirtualExecutor<Faults>::first_dispatch(State& s) {
   }
   s.record.severity = health.severity;
   s.record.fault = health.fault;
-  if (options_.measure_cpu) s.record.cpu_ns = thread_cpu_ns() - cpu0;
-  s.record.twin_cpu_ns = s.task.body->twin_cpu_ns() - twin0;
 }
 
 template <class Faults>
@@ -292,18 +288,10 @@ void VirtualExecutor<Faults>::finish(State& s, Outcome outcome) {
   s.record.end_ns = ns_of(clock.from_host(now_));
   if (!s.started) s.record.start_ns = s.record.end_ns;
   const bool live = !options_.stub_bodies && s.task.body != nullptr;
-  if (options_.measure_cpu && live && outcome == Outcome::kCompleted) {
-    const std::int64_t twin0 = s.task.body->twin_cpu_ns();
-    const std::int64_t cpu0 = thread_cpu_ns();
-    s.task.body->commit(s.tick, s.record);
-    s.record.twin_cpu_ns += s.task.body->twin_cpu_ns() - twin0;
-    s.record.cpu_ns += thread_cpu_ns() - cpu0 - s.record.twin_cpu_ns;
-  } else {
-    if (live && outcome == Outcome::kCompleted) s.task.body->commit(s.tick, s.record);
-    if (live && outcome == Outcome::kAborted && s.started) s.task.body->abandon(s.tick);
-    s.record.twin_cpu_ns = 0;  // measured, so not the same on every machine
-    s.record.cpu_ns = s.served;
-  }
+  if (live && outcome == Outcome::kCompleted) s.task.body->commit(s.tick, s.record);
+  if (live && outcome == Outcome::kAborted && s.started) s.task.body->abandon(s.tick);
+  s.record.twin_cpu_ns = 0;  // measured, so not the same on every machine
+  s.record.cpu_ns = s.served;
   const bool missed = s.record.missed();
   (outcome == Outcome::kAborted ? s.totals.aborted : s.totals.completed) += 1;
   if (outcome == Outcome::kCompleted && missed) ++s.totals.late;

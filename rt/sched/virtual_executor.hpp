@@ -31,8 +31,6 @@ class Actor {
 
 struct VirtualOptions {
   bool stub_bodies = false;  // schedule only: no body is called
-  bool measure_cpu = false;  // put the measured thread CPU of the body into the record
-                             // (calibration); otherwise cpu_ns is the virtual cost
 };
 
 template <class Faults>

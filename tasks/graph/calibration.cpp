@@ -89,7 +89,7 @@ std::string wrong_with(const Calibration& c) {
   for (std::size_t i = 0; i < c.rows.size(); ++i) {
     const auto& r = c.rows[i];
     const std::string place = "task[" + std::to_string(i) + "].";
-    if (const std::string wrong = wrong_with(r, place); !wrong.empty()) return wrong;
+    if (std::string wrong = wrong_with(r, place); !wrong.empty()) return wrong;
     if (c.find(r.name, r.choice, r.level) != &r)
       return refuse(place + "level", std::to_string(r.level),
                     "once for " + r.name + (r.choice.empty() ? "" : " " + r.choice));

@@ -162,7 +162,7 @@ class FieldOptimum {
     for (double r = kStep; r > 2e-5; r *= 0.5) {
       const auto [part, way] = steepest(p, h, r);
       if (part < 0.01) continue;
-      const Vec3 x = sink(rise(p + std::min(r, distance) * way, h), h);
+      Vec3 x = sink(rise(p + std::min(r, distance) * way, h), h);
       const bool free = field_(p + 0.5 * std::min(r, distance) * way) > radius_ - 5e-6;
       if (free && (x - h).norm() < distance - 1e-7) return x;
     }

@@ -57,10 +57,11 @@ class Toucher {
               tasks::FusionTask::In& in) {
     if (i >= 5 && i - seen_ >= 15 && i - touched_ >= 15) {
       const auto& k = frame.intrinsics;
-      const std::uint16_t mm = frame.depth().at(k.width / 2, k.height / 2);
+      const int centre_u = k.width / 2, centre_v = k.height / 2;
+      const std::uint16_t mm = frame.depth().at(centre_u, centre_v);
       if (mm != 0 && mm != 65535) {
         // The pose of the frame before: a few millimetres off, as a hand's touch is.
-        point_W_ = task.camera() * k.unproject(k.width / 2, k.height / 2, 1e-3 * mm);
+        point_W_ = task.camera() * k.unproject(centre_u, centre_v, 1e-3 * mm);
         touched_ = i;
         ++touches;
       }

@@ -50,6 +50,18 @@ void print_metrics(const Metrics& metrics) {
   }
 }
 
+// A task whose thread ended was made safe, but such a run is no orderly one.
+void note_dead_tasks(const rt::RunLog& log, const std::vector<BoxTotals>& totals,
+                     std::vector<std::string>& problems) {
+  for (const auto& task : log.tasks) {
+    for (const auto& t : totals) {
+      if (t.task != task.id || t.totals.lost == 0) continue;
+      problems.push_back("the thread of task " + task.spec.name +
+                         " ended: " + std::to_string(t.totals.lost) + " of its releases were lost");
+    }
+  }
+}
+
 }  // namespace
 
 int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
@@ -61,6 +73,8 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
   }
   if (!scene.rgbd_dir.empty() && !info.stub_bodies && op.complete && op.force_check.samples == 0)
     info.problems.push_back("no press on a plane of the recording could be judged");
+  note_dead_tasks(op.log, op.totals, info.problems);
+  note_dead_tasks(robot.log, robot.totals, info.problems);
   Metrics metrics("demo");
   add_metrics(info, op, robot, metrics);
   info.config_toml = config::effective(scene.schema);

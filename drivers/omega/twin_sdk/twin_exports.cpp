@@ -69,6 +69,7 @@ int open_device() {
 
 }  // namespace
 
+// NOLINTBEGIN(readability-identifier-naming): the names are the vendor's.
 extern "C" {
 #define TWIN_EXPORT __attribute__((visibility("default")))
 
@@ -305,3 +306,4 @@ TWIN_EXPORT int dhdGetStatus(int* status, char id) {
 }
 TWIN_EXPORT double dhdGetComFreq(char) { return 4.0; }
 }  // extern "C"
+// NOLINTEND(readability-identifier-naming)
