@@ -172,7 +172,8 @@ class Segmenter {
     const bool flat = depth_ == nullptr;
     const auto place = [&](int i, double p[3]) {
       p[0] = flat ? i % rgb_.width() : static_cast<double>(points_.x_mm()[i]);
-      p[1] = flat ? i / rgb_.width() : static_cast<double>(points_.y_mm()[i]);
+      const int row = i / rgb_.width();
+      p[1] = flat ? row : static_cast<double>(points_.y_mm()[i]);
       p[2] = flat ? 0 : static_cast<double>(points_.z_mm()[i]);
       return flat || points_.z_mm()[i] > 0;
     };
