@@ -24,14 +24,15 @@ prefix=$temporary/prefix
 libraries=()
 for part in "${parts[@]}"; do [ "$part" = program ] || libraries+=("$part"); done
 configure() {
-  cmake -S "$here" -B "$temporary/$1" -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH="$prefix" \
+  cmake -G Ninja -S "$here" -B "$temporary/$1" -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH="$prefix" \
     -DCONSUMER_PARTS="$(IFS=';'; echo "${libraries[*]}")" "${@:2}" >"$temporary/$1.log" 2>&1
 }
 configure consumer || { cat "$temporary/consumer.log" >&2; exit 1; }
 cmake --build "$temporary/consumer" -j 2 >"$temporary/build.log" 2>&1 || { cat "$temporary/build.log" >&2; exit 1; }
 # Nothing of the source tree may have been used.
 source_tree=$(cd "$here/../.." && pwd)
-if grep -rqsF -e "$source_tree/rt" -e "I$source_tree " "$temporary"/consumer/CMakeFiles/*/flags.make "$prefix/lib/cmake"; then
+grep -q 'INCLUDES = ' "$temporary/consumer/build.ninja"  # the place to look at
+if grep -rqF -e "$source_tree/rt" -e "I$source_tree " "$temporary/consumer/build.ninja" "$prefix/lib/cmake"; then
   echo "install: the installed package points into the source tree" >&2
   exit 1
 fi
@@ -43,7 +44,7 @@ refused() {
   mkdir "$folder"
   cp "$here"/*.cpp "$folder/"
   sed "$2" "$here/CMakeLists.txt" >"$folder/CMakeLists.txt"
-  if cmake -S "$folder" -B "$folder/build" -DCMAKE_PREFIX_PATH="$prefix" -DCONSUMER_PARTS=rt >"$folder/log" 2>&1; then
+  if cmake -G Ninja -S "$folder" -B "$folder/build" -DCMAKE_PREFIX_PATH="$prefix" -DCONSUMER_PARTS=rt >"$folder/log" 2>&1; then
     echo "install: $1 was found" >&2
     exit 1
   fi

@@ -146,6 +146,16 @@ Effects OperatorBox::effects() const {
   Effects out;
   for (const auto& name : device_->effects()) out.emplace_back("device: " + name, "device");
   if (scene_.link.shape.any()) out.emplace_back("link shape", "link.shape");
+  const auto& h = scene_.graph.haptic;
+  const auto add = [&](bool on, const char* name, const char* key) {
+    if (on) out.emplace_back(name, key);
+  };
+  add(h.friction_static > 0, "touch: friction", "haptic.friction_static");
+  add(h.texture_amplitude_m > 0, "touch: texture", "haptic.texture_amplitude_m");
+  add(h.viscosity_N_s_per_m > 0, "touch: viscosity", "haptic.viscosity_N_s_per_m");
+  add(h.materials, "touch: materials", "haptic.materials");
+  add(h.passivity_controller, "touch: passivity controller", "haptic.passivity_controller");
+  add(scene_.graph.fusion.objects.enabled, "objects in the map", "fusion.objects.enabled");
   return out;
 }
 

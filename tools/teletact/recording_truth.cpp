@@ -65,6 +65,7 @@ RecordingFigures recording_figures(const std::string& dir,
       break;  // the held last frame counts once
     ++out.frames;
     out.tracked += s.tracked ? 1 : 0;
+    out.claimed += s.claimed ? 1 : 0;
     if (!s.claimed || truth.empty()) continue;
     const TruePose* best = &truth.front();
     for (const auto& p : truth) {

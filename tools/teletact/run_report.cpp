@@ -292,7 +292,7 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
     for (const auto& o : ordinary_shares(info, op, robot)) {
       std::snprintf(text, sizeof text, "ordinary thread %s: %.3f of a core, declared %.3f",
                     o.name.c_str(), o.share, o.declared);
-      d.verdicts.push_back({o.share <= o.declared ? State::kGood : State::kNote, text});
+      d.verdicts.push_back({o.share <= o.declared ? State::kGood : State::kBad, text});
     }
     for (const auto* log : {&op.log, &robot.log}) {
       for (const auto& what : log->not_realtime)

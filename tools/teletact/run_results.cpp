@@ -258,6 +258,9 @@ void add_robot_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& 
     const auto& end = path.points[static_cast<std::size_t>(path.size - 1)];
     m.add("robot.goal_error_m", std::hypot(truth.back().x_m - end[0], truth.back().y_m - end[1]),
           "m");
+    m.add("robot.mark_error_m",
+          std::hypot(truth.back().x_m - path.marked_W.x(), truth.back().y_m - path.marked_W.y()),
+          "m");
   }
   if (op.view.arrivals > 0 && !op.view.paths.empty()) {
     m.add("scene.touch_to_goal_ms",
@@ -310,6 +313,14 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
     tracked += s.tracked ? 1 : 0;
     claimed += s.claimed ? 1 : 0;
   }
+  if (info.recording) {  // the last frame is held: of its repetitions only the first is one of the recording
+    m.add("fusion.held_frames", static_cast<double>(consumed - info.recorded.frames), "1");
+    consumed = info.recorded.frames;
+    tracked = info.recorded.tracked;
+    claimed = info.recorded.claimed;
+    if (info.recorded.ate_first_pose_mm >= 0)
+      m.add("fusion.ate_first_pose_mm", info.recorded.ate_first_pose_mm, "mm");
+  }
   m.add("fusion.frames", static_cast<double>(consumed), "1");
   m.add("fusion.frames_tracked", static_cast<double>(tracked), "1");
   m.add("fusion.frames_claimed", static_cast<double>(claimed), "1");
@@ -321,13 +332,6 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
           "1");
     m.add("fusion.cpu_p50_ms", 1e-3 * quantile(cpu_us(*fusion), 0.5), "ms");
     m.add("fusion.cpu_p99_ms", 1e-3 * quantile(cpu_us(*fusion), 0.99), "ms");
-  }
-  if (info.recording) {
-    m.add("fusion.recorded_frames", static_cast<double>(info.recorded.frames), "1");
-    m.add("fusion.recorded_frames_tracked", static_cast<double>(info.recorded.tracked), "1");
-    if (info.recorded.ate_first_pose_mm >= 0) {
-      m.add("fusion.ate_first_pose_mm", info.recorded.ate_first_pose_mm, "mm");
-    }
   }
   if (op.force_check.samples > 0)
     m.add("haptic.force_error_p95", op.force_check.relative_error_p95, "1");

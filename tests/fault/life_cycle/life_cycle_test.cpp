@@ -137,14 +137,14 @@ std::int64_t last_force_ns(const teletact::OperatorHalf& half) {
   return last;
 }
 
-void interrupt(Try& result) {
+void interrupt(int signal, Try& result) {
   DemoProcess demo("int", 20);
   const bool drove = demo.until(driving, 20);
   result.skipped = demo.no_room();
   if (result.skipped) return;
   ASSERT_TRUE(drove) << demo.output() << demo.log();
   const std::int64_t asked = rt::monotonic_ns();
-  demo.signal(SIGINT);
+  demo.signal(signal);
   EXPECT_EQ(demo.wait(20), 0) << demo.output();
   EXPECT_TRUE(demo.report_written());
   const auto op = demo.op();
@@ -176,12 +176,15 @@ void interrupt(Try& result) {
   expect_zero_before_input(op, robot);
 }
 
-TEST(LifeCycle, InterruptRampsDownWithinTwoHundredMilliseconds) {
-  expect_within(200, [] {
-    Try t;
-    interrupt(t);
-    return t;
-  });
+TEST(LifeCycle, InterruptAndTerminateRampDownWithinTwoHundredMilliseconds) {
+  for (const int signal : {SIGINT, SIGTERM}) {
+    SCOPED_TRACE(signal == SIGINT ? "SIGINT" : "SIGTERM");
+    expect_within(200, [signal] {
+      Try t;
+      interrupt(signal, t);
+      return t;
+    });
+  }
 }
 
 void kill_operator(Try& result) {

@@ -2,8 +2,7 @@
 # Instructions per job = difference of a long and a short run / difference of their jobs: start and
 # end of the program cancel out.
 if(NOT VALGRIND)
-  message("valgrind is not installed: instructions are not counted (apt install valgrind)")
-  return()
+  message(FATAL_ERROR "valgrind is not installed: instructions are not counted (apt install valgrind)")
 endif()
 file(REMOVE_RECURSE ${WORK})
 file(MAKE_DIRECTORY ${WORK})

@@ -332,6 +332,29 @@ TEST(Demo, AnEffectThatNoKeyCallsForIsNotConstructed) {
   EXPECT_GE(default_run().effects.size(), 5U);
 }
 
+TEST(Demo, EveryEffectThatAKeyCallsForIsListedWithItsKey) {
+  static rt::Startup startup;
+  const std::vector<std::pair<std::string, std::string>> keys{
+      {"haptic.friction_static", "0.5"},       {"haptic.texture_amplitude_m", "0.0002"},
+      {"haptic.viscosity_N_s_per_m", "1"},     {"haptic.materials", "true"},
+      {"haptic.passivity_controller", "true"}, {"fusion.objects.enabled", "true"}};
+  std::vector<std::string> overrides;
+  for (const auto& [key, set_to] : keys) overrides.push_back(key + "=" + set_to);
+  const auto scene = teletact::load_scene(teletact::find_config("scenes", "empty_room"), overrides);
+  DemoOptions options;
+  options.seconds = 0.2;
+  options.virtual_clock = options.quiet = true;
+  options.cores = 2;
+  const VirtualRun run =
+      teletact::run_virtual(startup.token(), *scene, options, teletact::reference_calibration());
+  EXPECT_EQ(run.effects.size(), keys.size());
+  for (const auto& [key, set_to] : keys) {
+    EXPECT_TRUE(std::any_of(run.effects.begin(), run.effects.end(), [&](const auto& e) {
+      return e.second == key;
+    })) << key;
+  }
+}
+
 TEST(Demo, AnUnknownKeyOrABadValueStopsWithOneLine) {
   const std::string path = teletact::find_config("scenes", "default_room");
   for (const auto& [override_text, named] : std::vector<std::pair<std::string, std::string>>{

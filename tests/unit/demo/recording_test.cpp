@@ -38,13 +38,13 @@ TEST(Recording, IsTrackedAndTouched) {
     return std::nan("");
   };
   for (const char* name :
-       {"fusion.recorded_frames_tracked", "fusion.ate_first_pose_mm", "haptic.contact_share",
+       {"fusion.frames_tracked", "fusion.ate_first_pose_mm", "haptic.contact_share",
         "haptic.contacts", "haptic.force_error_p95", "haptic.force_samples", "haptic.force_max_N",
         "haptic.force_step_raw_max_N", "haptic.force_step_max_N", "haptic.guard_share"}) {
     std::printf("%s %.4g\n", name, value(name));
   }
-  EXPECT_EQ(value("fusion.recorded_frames"), 150);
-  EXPECT_EQ(value("fusion.recorded_frames_tracked"), 150);
+  EXPECT_EQ(value("fusion.frames"), 150);
+  EXPECT_EQ(value("fusion.frames_tracked"), 150);
   EXPECT_LE(value("fusion.ate_first_pose_mm"), 40);
   EXPECT_GE(value("haptic.contact_share"), 0.4);
   EXPECT_GE(value("haptic.contacts"), 5);

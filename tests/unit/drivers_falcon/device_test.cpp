@@ -114,9 +114,14 @@ struct Rig {
       if (current != nullptr) current->pump();
     }
   }
+  rt::Time
+  time_now() {  // waiting for an answer at the start of the device, its own thread moves it on
+    const std::lock_guard lock(mutex);
+    return rt::time_from_ns(now_ns);
+  }
   void tick(const Vec3& f = Vec3::Zero(), bool command = true) {
     pass(kMs);
-    const rt::Time now = rt::time_from_ns(now_ns);
+    const rt::Time now = time_now();
     sensed = device->sense(now, sample);
     if (command) device->act(now, {f});
   }
@@ -476,6 +481,7 @@ TEST(FalconDevice, UnpluggedInContactGoesLimpAndComesBack) {
     rig.twin.faults().unplugged = false;  // the chip kept its power: firmware and marks are there
   }
   ASSERT_TRUE(rig.wait_until([&] { return rig.sensed; }));
+  ASSERT_TRUE(rig.wait_until([&] { return rig.device->counters().reopened > 0; }));
   EXPECT_EQ(rig.device->counters().reopened, 1U);
   rig.ticks(10, {-1, 0, 0});
   EXPECT_EQ(rig.sample.state, DeviceState::kBrake);

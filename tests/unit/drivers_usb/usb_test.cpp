@@ -182,6 +182,9 @@ TEST_F(FalconUsbTest, UnplugInForceAndBackManyTimes) {
     ASSERT_TRUE(wait_until([&] { return sensed; }, Vec3(1, 0, 0)));
     EXPECT_EQ(sample.state, DeviceState::kBrake);
     ASSERT_TRUE(wait_until([&] { return motor() == Vec3::Zero(); }, Vec3(1, 0, 0)));
+    // Counted by the device's own thread, after it has let the first sample through.
+    EXPECT_TRUE(wait_until([&] { return device->counters().reopened >= static_cast<unsigned>(i); },
+                           Vec3::Zero()));
     EXPECT_EQ(device->counters().reopened, static_cast<unsigned>(i));
   }
 }
