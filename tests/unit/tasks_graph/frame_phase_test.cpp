@@ -106,4 +106,23 @@ TEST(FramePhase, TheWayAddsUp) {
   EXPECT_EQ(slow.latest - jittery.latest, milliseconds{20});
 }
 
+// A job of fusion on capture's core, above it, is in capture's bound; at the phase chosen it lies elsewhere.
+TEST(FramePhase, CaptureBelowFusionOnOneCoreGivesThePhaseOfCaptureAlone) {
+  const auto offset = [](int fusion_core, milliseconds bound) {
+    rt::Admission admission;
+    admission.tasks.resize(tasks::kTaskCount);
+    auto& capture = admission.tasks[tasks::index_of(tasks::TaskId::kCapture)];
+    auto& fusion = admission.tasks[tasks::index_of(tasks::TaskId::kFusion)];
+    capture.core = 0, capture.priority = 75, capture.C = milliseconds{2}, capture.R = bound;
+    fusion.core = fusion_core, fusion.priority = 76, fusion.C = milliseconds{20};
+    auto specs = tasks::make_specs({}, {});
+    tasks::set_fusion_phase(specs, admission, {}, {});
+    return specs[tasks::index_of(tasks::TaskId::kFusion)].offset;
+  };
+  EXPECT_EQ(offset(0, milliseconds{25}), offset(1, milliseconds{5}));
+  EXPECT_NE(offset(1, milliseconds{25}), offset(1, milliseconds{5}))
+      << "another core: the bound as it is";
+  EXPECT_EQ(offset(0, milliseconds{3}), offset(1, milliseconds{2})) << "not below its own cost";
+}
+
 }  // namespace
