@@ -60,8 +60,10 @@ struct RealExecutor<Faults>::Worker {
   // Heartbeat for the watchdog: start of the job in progress, 0 between jobs.
   std::atomic<std::int64_t> busy_since{0};
   bool forced = false;  // watchdog only
+  // Host: the next hyperperiod boundary to look at; the last job, arrival to end.
+  std::int64_t boundary = 0, pending_from = 0, pending_to = 0;
   // Set last by the task's thread when it ends before the run does: from then on the release to lose
-  // next, its arrival, bucket and totals are the watchdog's.
+  // next, its arrival, bucket, levels and totals are the watchdog's.
   std::atomic<bool> ended{false};
   std::uint64_t next_k = 0;
   Time next_arrival{};
@@ -69,6 +71,14 @@ struct RealExecutor<Faults>::Worker {
 
   explicit Worker(const PlacedTask& t)
       : task(t), levels(t.level, t.lowest_level()), bucket(t.spec.consecutive_miss_limit) {}
+  [[nodiscard]] bool degrades() const noexcept { return task.spec.policy == MissPolicy::kDegrade; }
+  // Variants switch at the first boundary with no pending job. Those that passed since the last job's
+  // arrival are looked at afterwards, with what was pending then.
+  void pass_boundaries(std::int64_t host_ns, std::int64_t hyperperiod_ns) noexcept {
+    for (; degrades() && boundary <= host_ns; boundary += hyperperiod_ns) {
+      levels.at_boundary(pending_from < boundary && boundary < pending_to);
+    }
+  }
 };
 
 template <class Faults>
@@ -240,9 +250,7 @@ void RealExecutor<Faults>::task_loop(Worker& w) {
   std::uint64_t k = 0;
   std::uint32_t skipped = 0;
   Time arrival = raw(0);
-  const std::int64_t hyper = plan_.hyperperiod.count();
-  std::int64_t boundary = plan_.epoch_host_ns + hyper;
-  std::int64_t pending_from = 0, pending_to = 0;  // host: the last job, arrival to end
+  w.boundary = plan_.epoch_host_ns + plan_.hyperperiod.count();
   while (clock.to_host(arrival) < end) {
     JobFaults f{};
     if constexpr (Faults::kEnabled) f = faults_.job(w.task.id, k);
@@ -256,23 +264,18 @@ void RealExecutor<Faults>::task_loop(Worker& w) {
     if (!sleep_until(host - spec.spin_lead.count())) return;
     while (monotonic_ns() < host) {
     }
-    // Variants switch at the first boundary with no pending job. Those that passed since the last
-    // job's arrival are looked at here, with what was pending then.
-    while (spec.policy == MissPolicy::kDegrade && boundary <= host) {
-      w.levels.at_boundary(pending_from < boundary && boundary < pending_to);
-      boundary += hyper;
-    }
+    w.pass_boundaries(host, plan_.hyperperiod.count());
     serve(w, k, release_box(spec, k), skipped, f);
-    pending_from = host;
-    pending_to = monotonic_ns();
+    w.pending_from = host;
+    w.pending_to = monotonic_ns();
     // A release at or after the end is not ours to drop.
-    const std::int64_t ended = std::min(pending_to, end);
+    const std::int64_t ended = std::min(w.pending_to, end);
     const NextRelease next = next_release(spec, k, arrival, clock.from_host(ended), raw);
     k = next.k;
     arrival = next.arrival;
     skipped = next.skipped;
     w.totals.skipped += next.skipped;
-    if (spec.policy == MissPolicy::kDegrade && skipped > 0) w.levels.on_miss();
+    if (w.degrades() && skipped > 0) w.levels.on_miss();
     w.totals.level = w.levels.level();
   }
 }
@@ -284,13 +287,19 @@ void RealExecutor<Faults>::lose_until(Worker& w, std::int64_t host_ns) {
   const auto& clock = plan_.clock[static_cast<std::size_t>(w.task.spec.box)];
   const std::int64_t end = std::min({host_ns, plan_.epoch_host_ns + plan_.duration.count(),
                                      stopped_at_.load(std::memory_order_relaxed)});
+  const std::int64_t hyperperiod = plan_.hyperperiod.count();
   while (clock.to_host(w.next_arrival) < end) {
+    w.pass_boundaries(clock.to_host(w.next_arrival), hyperperiod);
     const bool first = w.totals.lost == 0;
     ++w.totals.skipped;
     ++w.totals.lost;
     if (w.bucket.on_job(true, 0) || first) w.task.body->make_safe();
+    if (w.degrades()) w.levels.on_miss();
     w.next_arrival = std::max(w.next_arrival, raw_arrival(w.task, ++w.next_k));
   }
+  // What is left arrives at `end` or later, after these.
+  w.pass_boundaries(end - 1, hyperperiod);
+  w.totals.level = w.levels.level();
 }
 
 template <class Faults>
@@ -363,7 +372,7 @@ void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::
   r.voluntary = static_cast<std::uint32_t>(after.voluntary - w.before.voluntary);
   w.before = after;
   r.end_ns = ns_of(clock.from_host(monotonic_ns()));
-  if (spec.policy == MissPolicy::kDegrade && r.missed()) w.levels.on_miss();
+  if (w.degrades() && r.missed()) w.levels.on_miss();
   (aborted ? w.totals.aborted : w.totals.completed) += 1;
   if (!aborted && r.missed()) ++w.totals.late;
   if (w.bucket.on_job(r.missed(), skipped)) w.task.body->make_safe();

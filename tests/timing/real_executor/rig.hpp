@@ -103,7 +103,8 @@ inline rt::RealOptions light() {
 template <class Faults = rt::Plain>
 Outcome run(const std::vector<rt::PlacedTask>& tasks, std::int64_t duration_ns,
             rt::RealOptions options = light(), const Faults& faults = {},
-            std::int64_t stop_after_ns = 0, std::int64_t* stopped_ns = nullptr) {
+            std::int64_t stop_after_ns = 0, std::int64_t* stopped_ns = nullptr,
+            const std::atomic<bool>* stop_when = nullptr) {
   rt::Startup startup;
   Outcome out;
   std::size_t ids = 0;
@@ -117,14 +118,18 @@ Outcome run(const std::vector<rt::PlacedTask>& tasks, std::int64_t duration_ns,
   out.plan.duration = rt::Nanos{duration_ns};
   out.plan.clock[1] = {1000 * kSecond, 50};
   std::thread stopper;
-  if (stop_after_ns > 0) {
+  std::atomic<bool> over{false};
+  if (stop_after_ns > 0 || stop_when != nullptr) {
     stopper = std::thread([&] {
       std::this_thread::sleep_for(rt::Nanos{stop_after_ns});
+      while (stop_when != nullptr && !*stop_when && !over)
+        std::this_thread::sleep_for(rt::Nanos{kMs});
       executor.request_stop();
       if (stopped_ns != nullptr) *stopped_ns = rt::monotonic_ns();
     });
   }
   executor.run(out.plan);
+  over = true;
   if (stopper.joinable()) stopper.join();
   out.totals = executor.totals();
   out.missing = executor.missing();

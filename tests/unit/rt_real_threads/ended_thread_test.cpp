@@ -3,30 +3,22 @@
 #include <fstream>
 #include <string>
 
-#include "tests/timing/real_executor/rig.hpp"
+#include "tests/unit/rt_real_threads/rig.hpp"
 
 namespace {
 
 using namespace rig;
 
-rt::FaultPlan ends(const char* target, std::uint64_t first) {
-  rt::FaultPlan plan;
-  rt::FaultEntry e;
-  e.kind = rt::FaultKind::kDeadThread;
-  e.target = target;
-  e.first = first;
-  plan.entries.push_back(e);
-  return plan;
-}
+constexpr auto kDead = rt::FaultKind::kDeadThread;
 
 TEST(RealExecutorEnds, TheWatchdogMakesTheOutputOfADeadThreadSafe) {
   Body a, b;
-  std::vector<rt::PlacedTask> tasks{placed("alive", 100, a, 0), placed("dead", 100, b, 1)};
-  const rt::Planned planned(ends("dead", 20), {"alive", "dead"});
-  const Outcome o = run(tasks, 500 * kMs, light(), planned);
+  std::vector<rt::PlacedTask> tasks{spread("alive", 100, a, 0), spread("dead", 100, b, 1)};
+  const rt::Planned planned(one_fault(kDead, "dead", 20), {"alive", "dead"});
+  const Outcome o = run(tasks, kSecond, ordinary(), planned);
   expect_balanced(o, tasks);
   // Release 20 itself may have been run over before.
-  EXPECT_LE(o.totals[1].lost, 30U);
+  EXPECT_LE(o.totals[1].lost, 80U);
   EXPECT_GE(o.totals[1].lost, 1U);
   EXPECT_EQ(o.totals[0].lost, 0U);
   EXPECT_EQ(b.safe, 1) << "the thread itself is gone";
@@ -34,14 +26,37 @@ TEST(RealExecutorEnds, TheWatchdogMakesTheOutputOfADeadThreadSafe) {
   EXPECT_EQ(o.hangs, 0U);
 }
 
+// Each lost release is a miss to degrade too, as on the virtual clock.
+TEST(RealExecutorEnds, LostReleasesDegrade) {
+  Body a, b;
+  std::vector<rt::PlacedTask> tasks{spread("alive", 100, a, 0), spread("dead", 100, b, 1)};
+  tasks[1].spec.policy = rt::MissPolicy::kDegrade;
+  tasks[1].spec.variants = {
+      {"full", rt::Nanos{kMs}}, {"half", rt::Nanos{kMs}}, {"least", rt::Nanos{kMs}}};
+  const rt::Planned planned(one_fault(kDead, "dead", 5), {"alive", "dead"});
+  const Outcome o = run(tasks, kSecond, ordinary(), planned);
+  expect_balanced(o, tasks);
+  EXPECT_GE(o.totals[1].lost, 1U);
+  EXPECT_EQ(o.totals[1].level, 2) << "a level a boundary, two boundaries are enough";
+}
+
 // What a run that was stopped did not reach is not lost.
 TEST(RealExecutorEnds, ADeadThreadLosesNothingAfterTheStop) {
-  Body a, b;
-  std::vector<rt::PlacedTask> tasks{placed("alive", 100, a, 0), placed("dead", 100, b, 1)};
+  class Stops final : public Body {
+   public:
+    void make_safe() noexcept override {
+      Body::make_safe();
+      if (safe >= 5) now = true;
+    }
+    std::atomic<bool> now{false};
+  };
+  Body a;
+  Stops b;
+  std::vector<rt::PlacedTask> tasks{spread("alive", 100, a, 0), spread("dead", 100, b, 1)};
   tasks[1].spec.consecutive_miss_limit = 3;
-  const rt::Planned planned(ends("dead", 5), {"alive", "dead"});
+  const rt::Planned planned(one_fault(kDead, "dead", 5), {"alive", "dead"});
   std::int64_t stopped_ns = 0;
-  const Outcome o = run(tasks, 60 * kSecond, light(), planned, 400 * kMs, &stopped_ns);
+  const Outcome o = run(tasks, 60 * kSecond, ordinary(), planned, 0, &stopped_ns, &b.now);
   // Releases before the stop, counted from the plan; the stop itself lies within one of them.
   const std::int64_t before = (stopped_ns - o.plan.epoch_host_ns) / (10 * kMs);
   EXPECT_GT(o.totals[1].lost, 3U);
@@ -73,7 +88,7 @@ TEST(RealExecutorEnds, TheWatchdogIsPinnedToTheLastCoreOfItsTasks) {
   std::vector<rt::PlacedTask> tasks{placed("last", 100, body, 0), placed("first", 100, other, 1)};
   tasks[0].spec.task_class = rt::TaskClass::kFirm;  // it reads files
   tasks[1].core = cpus.front();
-  const Outcome o = run(tasks, 100 * kMs);
+  const Outcome o = run(tasks, 300 * kMs, ordinary());
   ASSERT_TRUE(body.ok);
   EXPECT_EQ(body.watchdogs, 1);
   EXPECT_EQ(CPU_COUNT(&body.set), 1);
