@@ -242,10 +242,15 @@ void save_calibration(const std::string& path, const Calibration& calibration) {
       }
       out << "]\n";
     }
-    if (!out.flush()) throw std::runtime_error(temporary + ": can not be written");
+    if (!out.flush()) {
+      std::remove(temporary.c_str());
+      throw std::runtime_error(path + ": can not be written");
+    }
   }
-  if (std::rename(temporary.c_str(), path.c_str()) != 0)
+  if (std::rename(temporary.c_str(), path.c_str()) != 0) {
+    std::remove(temporary.c_str());
     throw std::runtime_error(path + ": can not be written");
+  }
 }
 
 namespace {

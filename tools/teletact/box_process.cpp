@@ -179,7 +179,7 @@ struct BoxRunner {
     writer->flush();
     hangs = executor.hangs();
     if (black_box) {
-      black_box->end(ramp_from != 0 ? "asked to end (SIGINT or SIGTERM)"
+      black_box->end(ramp_from != 0 ? kAskedToEnd
                      : hangs > 0    ? "a task hung and was made safe"
                                     : "");
     }

@@ -27,6 +27,11 @@ double at(const std::vector<double>& sorted, double q) {
   return sorted[i] + (sorted[j] - sorted[i]) * (x - static_cast<double>(i));
 }
 
+void end_if_asked() {
+  if (g_stop_requested.load())
+    throw Stopped("asked to end while the tasks were measured: nothing was stored");
+}
+
 using Jobs = std::array<std::vector<rt::JobRecord>, tasks::kTaskCount>;
 
 void add_row(tasks::Calibration& c, const std::vector<rt::JobRecord>& jobs, int task,
@@ -44,7 +49,7 @@ void add_row(tasks::Calibration& c, const std::vector<rt::JobRecord>& jobs, int 
     work_max = std::max(work_max, jobs[i].work);
   }
   if (cpu_us.size() < 10)
-    throw std::runtime_error("calibrate: " + row.name + " ended " + std::to_string(cpu_us.size()) +
+    throw std::runtime_error(row.name + " ended " + std::to_string(cpu_us.size()) +
                              " jobs, at least 10 are needed: a longer --seconds");
   std::sort(cpu_us.begin(), cpu_us.end());
   row.p50_us = at(cpu_us, 0.5);
@@ -102,7 +107,10 @@ class Passes {
     Jobs jobs;
     Trial trial;
     trial.level = [&](tasks::TaskId id, int) { return static_cast<int>(id) == task ? level : 0; };
-    trial.took = [&](const rt::JobRecord& r) { jobs[r.task].push_back(r); };
+    trial.took = [&](const rt::JobRecord& r) {
+      end_if_asked();
+      jobs[r.task].push_back(r);
+    };
     const auto result = run_trial(nrt_, scene_, of(box), trial);
     scene_.rgbd_dir = rgbd_;
     if (!result) throw std::runtime_error(result.error());
@@ -110,8 +118,7 @@ class Passes {
     auto& hash = box == rt::Box::kOperator ? input_.operator_hash : input_.robot_hash;
     if (hash != 0 && hash != result.value().inputs_hash) wrong = "the bytes are others";
     hash = result.value().inputs_hash;
-    if (!wrong.empty())
-      throw std::runtime_error("calibrate: " + what + ": not fed what was stored: " + wrong);
+    if (!wrong.empty()) throw std::runtime_error(what + ": not fed what was stored: " + wrong);
     ++input_.passes;
     return jobs;
   }
@@ -180,7 +187,7 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
     else if (!quiet)
       std::printf("calibrate: not %s: %s\n", option.name.c_str(), option.ruled_out.c_str());
   }
-  if (options.empty()) throw std::runtime_error("calibrate: the scene leaves no voxel size");
+  if (options.empty()) throw std::runtime_error("the scene leaves no voxel size");
   const double voxel_m = scene.graph.fusion.tsdf.voxel_size_m;
   const ScratchFolder folder;
   DemoOptions o;
@@ -196,6 +203,7 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
   }
   // Admission and costs of the stored run are the declared ones: it is the same on every machine.
   (void)run_virtual(nrt, scene, o, tasks::Calibration{});
+  end_if_asked();
   Passes passes(nrt, scene, folder.path() + "/raw", quiet);
   const auto& fusion = tasks::kTaskTable[static_cast<std::size_t>(kFusion)];
   for (const auto& option : options) {
@@ -260,8 +268,10 @@ tasks::Calibration host_calibration(rt::NonRealtime& nrt, Scene& scene, const De
   std::printf("measuring what each task costs here, once; %s: %s\n", file.c_str(), why.c_str());
   std::fflush(stdout);
   // Long enough for the first touches and the first plan of the shipped scenes.
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw std::runtime_error(folder.string() + ": can not be made: " + error.message());
   tasks::Calibration c = calibrate(nrt, scene, 6.0, options.quiet);
-  fs::create_directories(folder);
   tasks::save_calibration(file, c);
   text = file + ", measured just now (" + c.host + ")";
   return c;

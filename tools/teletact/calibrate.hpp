@@ -27,7 +27,8 @@ struct CalibrationInput {
   std::uint64_t operator_hash = 0, robot_hash = 0;  // of the bytes, the same in each pass
 };
 
-// `seconds` of simulated time. Throws std::runtime_error if a pass was not fed what the others were.
+// `seconds` of simulated time. Throws std::runtime_error if a pass was not fed what the others were, Stopped when
+// asked to end.
 [[nodiscard]] tasks::Calibration calibrate(rt::NonRealtime&, Scene&, double seconds, bool quiet,
                                            CalibrationInput* input = nullptr);
 

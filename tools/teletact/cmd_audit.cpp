@@ -11,6 +11,7 @@
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/host_info.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/options.hpp"
 #include "tools/teletact/run_results.hpp"
 #include "tools/teletact/task_times.hpp"
 
@@ -152,11 +153,8 @@ int cmd_audit(int argc, char** argv) {
   app.add_option("--trace", trace, "Chrome/Perfetto trace file");
   app.add_option("--csv", csv, "one line a job");
   app.add_option("--json", json, "write the figures to this file");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  if (!parse_options(app, argc, argv)) return 0;
+  check_outputs({{"--trace", trace}, {"--csv", csv}, {"--json", json}}, files);
   std::vector<rt::RunLog> logs;
   std::vector<std::pair<std::string, rt::BlackBox>> boxes;
   for (const auto& f : files) {
@@ -171,6 +169,7 @@ int cmd_audit(int argc, char** argv) {
     if (!log) throw std::runtime_error(log.error());
     logs.push_back(std::move(log).value());
   }
+  if (!html.empty()) make_output_folder("--html", html);
   Metrics metrics("audit");
   for (const auto& [file, box] : boxes) {
     print_black_box(file, box);
@@ -206,15 +205,15 @@ int cmd_audit(int argc, char** argv) {
     std::printf("AUDIT INCOMPLETE: %llu records lost, a ring was full\n",
                 static_cast<unsigned long long>(dropped));
   }
-  if (!trace.empty()) write_trace(trace, pointers);
-  if (!csv.empty()) write_csv(csv, pointers);
-  if (!json.empty()) metrics.write(json);
-  if (!html.empty()) {
-    std::string command;
-    for (int i = 0; i < argc; ++i) command += (i == 0 ? "teletact " : " ") + std::string(argv[i]);
-    write_report(html, audit_report(command, tasks, logs, against, metrics));
-    std::printf("histograms: %s/report.html\n", html.c_str());
-  }
+  std::string command;
+  for (int i = 0; i < argc; ++i) command += (i == 0 ? "teletact " : " ") + std::string(argv[i]);
+  write_outputs({{trace, [&](const auto& path) { write_trace(path, pointers); }},
+                 {csv, [&](const auto& path) { write_csv(path, pointers); }},
+                 {json, [&](const auto& path) { metrics.write(path); }},
+                 {html, [&](const auto& folder) {
+                    write_report(folder, audit_report(command, tasks, logs, against, metrics));
+                    std::printf("histograms: %s/report.html\n", folder.c_str());
+                  }}});
   return against.empty() ? 0 : 1;
 }
 

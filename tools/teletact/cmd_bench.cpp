@@ -55,11 +55,8 @@ int cmd_bench(int argc, char** argv) {
                  "table2, segmentation: folder of images with people's or true masks");
   app.add_option("--seed", seed, "segmentation: of the touches")->capture_default_str();
   app.add_option("--json", json, "write the figures to this file");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  if (!parse_options(app, argc, argv)) return 0;
+  check_outputs({{"--json", json}}, {});
   Metrics metrics("bench " + what);
   const auto take = [&](const auto& result) {
     result.print(std::cout);

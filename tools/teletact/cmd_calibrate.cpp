@@ -25,18 +25,15 @@ int cmd_calibrate(int argc, char** argv) {
   app.add_option("--out", out, "file to write")->required();
   app.add_option("--json", json, "write the figures to this file");
   app.add_flag("--quiet", quiet, "no progress");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  if (!parse_options(app, argc, argv)) return 0;
+  check_outputs({{"--out", out}, {"--json", json}}, {});
+  catch_signals();
   rt::Startup startup;
   if (!rgbd.empty() && app.count("--scene") == 0) scene_name = "recording";
   auto scene = load_scene(find_config("scenes", scene_name), overrides);
   scene->rgbd_dir = rgbd;
   CalibrationInput input;
   const auto c = calibrate(startup.token(), *scene, seconds, quiet, &input);
-  tasks::save_calibration(out, c);
   std::printf(
       "host: %s\ninput: %.0f s, the same in %llu passes: %016llx (operator), %016llx (robot)\n",
       c.host.c_str(), seconds, static_cast<unsigned long long>(input.passes),
@@ -60,7 +57,8 @@ int cmd_calibrate(int argc, char** argv) {
                 static_cast<double>(r.budget().count()) * 1e-3);
   }
   std::printf("planning: the budget is the declared one, which its abort enforces\n");
-  if (!json.empty()) metrics.write(json);
+  write_outputs({{out, [&](const auto& path) { tasks::save_calibration(path, c); }},
+                 {json, [&](const auto& path) { metrics.write(path); }}});
   return 0;
 }
 

@@ -62,6 +62,17 @@ void note_dead_tasks(const rt::RunLog& log, const std::vector<BoxTotals>& totals
   }
 }
 
+// ran_s below 0: not known.
+std::string stopped_early(const DemoOptions& o, double ran_s) {
+  char text[96];
+  if (ran_s < 0)
+    std::snprintf(text, sizeof text, "stopped early: asked to end before its %.3g s were over",
+                  o.seconds);
+  else
+    std::snprintf(text, sizeof text, "stopped early: %.3f s of %.6g s ran", ran_s, o.seconds);
+  return text;
+}
+
 }  // namespace
 
 int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
@@ -71,14 +82,14 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
     if (!op.complete) info.problems.push_back("the operator's half of the run is not complete");
     if (!robot.complete) info.problems.push_back("the robot's half of the run is not complete");
   }
-  if (!scene.rgbd_dir.empty() && !info.stub_bodies && op.complete && op.force_check.samples == 0)
+  if (!scene.rgbd_dir.empty() && !info.stub_bodies && op.complete && info.stopped_early.empty() &&
+      op.force_check.samples == 0)
     info.problems.push_back("no press on a plane of the recording could be judged");
   note_dead_tasks(op.log, op.totals, info.problems);
   note_dead_tasks(robot.log, robot.totals, info.problems);
   Metrics metrics("demo");
   add_metrics(info, op, robot, metrics);
   info.config_toml = config::effective(scene.schema);
-  std::filesystem::create_directories(options.report);
   if (!info.stub_bodies) {
     write_trace(options.report + "/trace.json", {&op.log, &robot.log});
     info.files.push_back("trace.json");
@@ -92,6 +103,7 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
     std::printf("AUDIT INCOMPLETE: %llu records lost, a ring was full\n",
                 static_cast<unsigned long long>(lost));
   }
+  if (!info.stopped_early.empty()) std::printf("%s\n", info.stopped_early.c_str());
   for (const auto& p : info.problems) std::fprintf(stderr, "teletact demo: %s\n", p.c_str());
   if (!info.stub_bodies) std::printf("report: %s/report.html\n", options.report.c_str());
   return info.problems.empty() ? 0 : 1;
@@ -138,11 +150,7 @@ int cmd_demo(int argc, char** argv) {
   app.add_flag("--record", o.record,
                "record the inputs of both boxes, for teletact replay REPORT/raw");
   app.add_flag("--quiet", o.quiet, "no status lines");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  if (!parse_options(app, argc, argv)) return 0;
   check_outputs({{"--json", json}}, {});
   if (simd == "scalar") start_again_scalar(argv);
   o.virtual_clock = clock == "virtual";
@@ -168,6 +176,10 @@ int cmd_demo(int argc, char** argv) {
   const double whole =
       o.rgbd_dir.empty() ? 20.0 : recording_seconds(o.rgbd_dir) + scene->hold_s + 0.5;
   o.seconds = seconds > 0 ? seconds : whole;
+
+  catch_signals();
+  make_output_folder("--report", o.report);
+  if (!o.stub_bodies) make_output_folder("--report", o.report + "/raw");
 
   rt::Startup startup;
   rt::NonRealtime& nrt = startup.token();
@@ -198,6 +210,7 @@ int cmd_demo(int argc, char** argv) {
     info.effects = run.effects;
     info.sched_hash = run.sched_hash;
     info.log_hash = run.log_hash;
+    if (run.stopped_early) info.stopped_early = stopped_early(o, run.seconds);
     return finish_run(o, *scene, info, run.op, run.robot, json);
   }
   RealRun run = run_real(nrt, *scene, o, calibration);
@@ -206,6 +219,7 @@ int cmd_demo(int argc, char** argv) {
   info.best_effort = run.best_effort;
   info.problems = run.problems;
   info.effects = run.effects;
+  if (g_stop_requested.load()) info.stopped_early = stopped_early(o, -1);
   return finish_run(o, *scene, info, run.op, run.robot, json);
 }
 

@@ -82,12 +82,8 @@ int cmd_device(int argc, char** argv) {
       ->check(in_range(1, 4000))
       ->capture_default_str();
   app.add_option("--json", json, "write the figures to this file");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) return app.exit(e);
-    throw std::runtime_error(std::string("device: ") + e.what());
-  }
+  if (!parse_options(app, argc, argv)) return 0;
+  check_outputs({{"--json", json}}, {});
   if (!kind.empty()) overrides.push_back("device.kind=\"" + kind + "\"");
   const auto scene = load_scene(find_config("scenes", scene_name), overrides);
 

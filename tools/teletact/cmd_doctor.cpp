@@ -10,6 +10,7 @@
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/doctor.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/options.hpp"
 #include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
@@ -71,12 +72,8 @@ int cmd_doctor(int argc, char** argv) {
       "teletact doctor");
   app.add_option("--json", json, "write the findings to this file");
   app.add_option("--root", root, "read proc/, sys/ and dev/ below this folder instead");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) return app.exit(e);  // --help
-    throw std::runtime_error(std::string("doctor: ") + e.what());
-  }
+  if (!parse_options(app, argc, argv)) return 0;
+  check_outputs({{"--json", json}}, {});
   if (!root.empty() && !std::filesystem::is_directory(root)) {
     throw std::runtime_error(root + ": is not a folder");
   }

@@ -253,14 +253,7 @@ int cmd_fuse(int argc, char** argv) {
   app.add_option("--isa", o.isa, "auto, scalar, sse4, avx2, avx512: the same bytes, another speed")
       ->capture_default_str();
   app.add_flag("--full-size", o.full_size, "do not bring 640 x 480 images to 512 x 424");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp&) {
-    std::fputs(app.help().c_str(), stdout);
-    return 0;
-  } catch (const CLI::ParseError& e) {
-    throw std::runtime_error(e.what());
-  }
+  if (!parse_options(app, argc, argv)) return 0;
   run(o);
   return 0;
 }

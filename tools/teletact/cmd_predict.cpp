@@ -28,7 +28,7 @@ struct PredictOptions {
 
 template <class T>
 T take(rt::Result<T> result) {
-  if (!result) throw std::runtime_error("predict: " + result.error());
+  if (!result) throw std::runtime_error(result.error());
   return std::move(result).value();
 }
 
@@ -47,7 +47,7 @@ Log read_log(const std::string& path) {
   for (const std::string& name : extra) found += table.column(name) >= 0 ? 1 : 0;
   if (table.header.empty() && table.rows.front().size() == needed.size() + extra.size()) found = 3;
   if (found != 0 && found != extra.size()) {
-    throw std::runtime_error("predict: " + path + ": cmd_vx, cmd_vy and cmd_wz come together");
+    throw std::runtime_error(path + ": cmd_vx, cmd_vy and cmd_wz come together");
   }
   log.commands = found != 0;
   std::vector<std::string> columns = needed;
@@ -55,10 +55,10 @@ Log read_log(const std::string& path) {
   for (const std::string& name : table.header) {
     bool known = false;
     for (const std::string& c : columns) known = known || c == name;
-    if (!known) throw std::runtime_error("predict: " + path + ": unknown column '" + name + "'");
+    if (!known) throw std::runtime_error(path + ": unknown column '" + name + "'");
   }
   if (table.header.empty() && table.rows.front().size() != columns.size()) {
-    throw std::runtime_error("predict: " + path + ": " + std::to_string(table.rows.front().size()) +
+    throw std::runtime_error(path + ": " + std::to_string(table.rows.front().size()) +
                              " columns without a header; allowed are 7 or 10");
   }
   log.rows = take(numeric_rows(table, columns));
@@ -108,30 +108,22 @@ int cmd_predict(int argc, char** argv) {
   app.add_option("--method", o.method, "none, hold or lsq")->capture_default_str();
   app.add_option("--out", o.out, "CSV to write: t_s,x_m,y_m,yaw_rad")->required();
   app.add_option("--json", o.json, "write the figures to this file");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp&) {
-    std::fputs(app.help().c_str(), stdout);
-    return 0;
-  } catch (const CLI::ParseError& e) {
-    throw std::runtime_error(std::string("predict: ") + e.what());
-  }
+  if (!parse_options(app, argc, argv)) return 0;
   if (!(o.delay_s >= 0 && o.delay_s <= 10)) {
-    throw std::runtime_error("predict: --delay " + std::to_string(o.delay_s) +
-                             ": allowed are 0 to 10 s");
+    throw std::runtime_error("--delay " + std::to_string(o.delay_s) + ": allowed are 0 to 10 s");
   }
   if (o.method != "none" && o.method != "hold" && o.method != "lsq") {
-    throw std::runtime_error("predict: --method " + o.method + ": allowed are none, hold, lsq");
+    throw std::runtime_error("--method " + o.method + ": allowed are none, hold, lsq");
   }
   check_outputs({{"--out", o.out}, {"--json", o.json}}, {o.log});
   Metrics metrics("predict");
   const std::string text = predict(read_log(o.log), o, metrics);
   if (text.find('\n') + 1 == text.size()) {
-    throw std::runtime_error("predict: " + o.log + ": no row has data " +
-                             std::to_string(o.delay_s) + " s older than itself");
+    throw std::runtime_error(o.log + ": no row has data " + std::to_string(o.delay_s) +
+                             " s older than itself");
   }
-  write_whole_file(o.out, text);
-  if (!o.json.empty()) metrics.write(o.json);
+  write_outputs({{o.out, [&](const auto& path) { write_whole_file(path, text); }},
+                 {o.json, [&](const auto& path) { metrics.write(path); }}});
   return 0;
 }
 

@@ -9,6 +9,7 @@
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/input_recorder.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/options.hpp"
 #include "tools/teletact/replay.hpp"
 
 namespace teletact {
@@ -28,11 +29,10 @@ int cmd_replay(int argc, char** argv) {
       "--order", order,
       "0: jobs in the order they ran; else the seed of another order that the inputs allow");
   app.add_option("--json", json, "write the figures to this file");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
+  if (!parse_options(app, argc, argv)) return 0;
+  check_outputs({{"--json", json}},
+                {folder + "/scene.toml", recording_file(folder, rt::Box::kOperator),
+                 recording_file(folder, rt::Box::kRobot)});
   rt::FaultPlan faults;
   if (const std::string file = folder + "/faults.toml"; std::filesystem::exists(file)) {
     auto loaded = config::load_fault_plan(file);

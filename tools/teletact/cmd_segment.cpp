@@ -10,15 +10,12 @@
 //
 // Without depth `default` is the region of the whole-image segmentation under the touch. The touched
 // pixel always carries its touch's value unless a later touch names the same pixel.
-#include <unistd.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <ctime>
-#include <filesystem>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -240,14 +237,6 @@ void check(const SegmentOptions& o) {
     throw std::runtime_error("--depth and --intrinsics go together");
   }
   if (o.touches.size() > 255) throw std::runtime_error("--touch: at most 255");
-  for (const std::string& path : {o.out, o.json}) {
-    if (path.empty()) continue;
-    auto folder = std::filesystem::path(path).parent_path();
-    if (folder.empty()) folder = ".";
-    if (access(folder.c_str(), W_OK) != 0 || std::filesystem::is_directory(path)) {
-      throw std::runtime_error(path + ": can not be written");
-    }
-  }
 }
 
 Image<std::uint16_t> segment_touches(const SegmentOptions& o, const Image<Rgb>& rgb,
@@ -304,14 +293,8 @@ void run(const SegmentOptions& o) {
     labels = segment_touches(o, rgb, metrics);
   }
   const std::string png = encode_labels(labels.view());
-  write_whole_file(o.out, png);
-  try {
-    if (!o.json.empty()) metrics.write(o.json);
-  } catch (...) {
-    std::error_code ignored;
-    std::filesystem::remove(o.out, ignored);
-    throw;
-  }
+  write_outputs({{o.out, [&](const auto& path) { write_whole_file(path, png); }},
+                 {o.json, [&](const auto& path) { metrics.write(path); }}});
   for (const auto& row : metrics.rows()) {
     if (row.name == "segment.cpu_ms" || row.name == "segment.regions") {
       std::printf("%s %.1f %s\n", row.name.c_str(), row.value, row.unit.c_str());
@@ -343,14 +326,7 @@ int cmd_segment(int argc, char** argv) {
       ->check(in_range(0, 1000));
   app.add_option("--out", o.out, "PNG to write")->required();
   app.add_option("--json", o.json, "figures to write: each object's pose, extent, colour");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp&) {
-    std::fputs(app.help().c_str(), stdout);
-    return 0;
-  } catch (const CLI::ParseError& e) {
-    throw std::runtime_error(e.what());
-  }
+  if (!parse_options(app, argc, argv)) return 0;
   if (app.count("--threshold") > 0) o.grow.threshold_flat = o.grow.threshold;
   run(o);
   return 0;

@@ -3,7 +3,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
-#include <filesystem>
 #include <map>
 #include <set>
 #include <sstream>
@@ -13,6 +12,7 @@
 #include "tools/stability/cases.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/options.hpp"
 #include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
@@ -45,7 +45,7 @@ std::set<int> parse_cases(const std::string& list) {
     int id = 0, used = 0;
     if (std::sscanf(item.c_str(), "%d%n", &id, &used) != 1 ||
         static_cast<std::size_t>(used) != item.size() || id < 1 || id > 20) {
-      throw std::runtime_error("stability: --cases '" + list + "': numbers 1 to 20, comma between");
+      throw std::runtime_error("--cases '" + list + "': numbers 1 to 20, comma between");
     }
     out.insert(id);
   }
@@ -94,7 +94,7 @@ void take(Summary& sum, Run run, bool verbose) {
   if (sum.shown.rows.empty() || (failed && sum.failed == 1)) sum.shown = std::move(run);
 }
 
-void draw(const std::string& folder, const stability::Case& c, const Run& run) {
+std::string drawing(const stability::Case& c, const Run& run) {
   plot::Figure f;
   f.title = "Case " + std::to_string(c.id) + ": " + c.name + ", " + run.name;
   f.x_label = "time, s";
@@ -117,7 +117,7 @@ void draw(const std::string& folder, const stability::Case& c, const Run& run) {
   }
   f.series = {raw, size, height};
   if (!run.optimum.empty()) f.series.push_back(best);
-  write_whole_file(folder + "/case" + std::to_string(c.id) + ".svg", plot::line_plot(f));
+  return plot::line_plot(f);
 }
 
 void print(const stability::Case& c, const Summary& s) {
@@ -153,21 +153,16 @@ int cmd_stability(int argc, char** argv) {
   app.add_flag("!--no-optimum", o.judged, "leave the field optimum out (fast)");
   app.add_option("--json", o.json, "metrics to write");
   app.add_option("--svg", o.svg, "folder for one figure a case");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp&) {
-    std::fputs(app.help().c_str(), stdout);
-    return 0;
-  } catch (const CLI::ParseError& e) {
-    throw std::runtime_error(std::string("stability: ") + e.what());
-  }
+  if (!parse_options(app, argc, argv)) return 0;
+  check_outputs({{"--json", o.json}}, {});
   tasks::ProxyMethod method{};
   if (!tasks::parse_proxy_method(o.method, method) || method == tasks::ProxyMethod::kForceShading) {
-    throw std::runtime_error("stability: --method '" + o.method +
+    throw std::runtime_error("--method '" + o.method +
                              "': allowed are constrained, nearest, nearest10");
   }
   const std::set<int> wanted = parse_cases(o.cases);
-  if (!o.svg.empty()) std::filesystem::create_directories(o.svg);
+  if (!o.svg.empty()) make_output_folder("--svg", o.svg);
+  std::vector<Output> outputs;
   Metrics metrics("stability");
   int failed = 0, run_count = 0;
   for (const stability::Case& c : stability::cases()) {
@@ -181,12 +176,18 @@ int cmd_stability(int argc, char** argv) {
     const std::string name = "stability.case" + std::to_string(c.id);
     metrics.add(name + ".pass", sum.failed == 0 ? 1 : 0, "1");
     metrics.add(name + ".margin", sum.margin, "1");
-    if (!o.svg.empty()) draw(o.svg, c, sum.shown);
+    if (!o.svg.empty()) {
+      outputs.push_back({o.svg + "/case" + std::to_string(c.id) + ".svg",
+                         [text = drawing(c, sum.shown)](const std::string& path) {
+                           write_whole_file(path, text);
+                         }});
+    }
     failed += sum.failed > 0 ? 1 : 0;
     ++run_count;
   }
   std::printf("%d of %d cases within all limits\n", run_count - failed, run_count);
-  if (!o.json.empty()) metrics.write(o.json);
+  outputs.push_back({o.json, [&](const std::string& path) { metrics.write(path); }});
+  write_outputs(outputs);
   return 0;
 }
 

@@ -26,6 +26,7 @@
 #include "tools/teletact/npy.hpp"
 #include "tools/teletact/options.hpp"
 #include "tools/teletact/view_cast.hpp"
+#include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
 
@@ -50,7 +51,7 @@ struct HandRow {
 
 template <class T>
 T must(rt::Result<T> result) {
-  if (!result) throw std::runtime_error("touch: " + result.error());
+  if (!result) throw std::runtime_error(result.error());
   return std::move(result).value();
 }
 
@@ -59,14 +60,13 @@ Vec3 parse_origin(const std::string& text) {
   int used = 0;
   if (std::sscanf(text.c_str(), "%lf,%lf,%lf%n", &out.x(), &out.y(), &out.z(), &used) != 3 ||
       static_cast<std::size_t>(used) != text.size() || !out.allFinite() || out.norm() > 1e6) {
-    throw std::runtime_error("touch: --origin '" + text +
-                             "': three finite numbers x,y,z in metres");
+    throw std::runtime_error("--origin '" + text + "': three finite numbers x,y,z in metres");
   }
   return out;
 }
 
 void check(bool ok, const std::string& what) {
-  if (!ok) throw std::runtime_error("touch: " + what);
+  if (!ok) throw std::runtime_error(what);
 }
 
 bool on_off(const std::string& value, const std::string& option) {
@@ -240,37 +240,6 @@ class SurfaceSource {
   std::size_t cast_ = 0, current_ = 0;
 };
 
-// A text file that appears whole or not at all.
-class TableFile {
- public:
-  explicit TableFile(std::string path) : path_(std::move(path)), part_(path_ + ".part") {
-    file_ = std::fopen(part_.c_str(), "wb");
-    check(file_ != nullptr, path_ + ": cannot be written");
-  }
-  ~TableFile() {
-    if (file_ != nullptr) {
-      std::fclose(file_);
-      std::remove(part_.c_str());
-    }
-  }
-  TableFile(const TableFile&) = delete;
-  TableFile& operator=(const TableFile&) = delete;
-  std::FILE* get() { return file_; }
-  void finish() {
-    const bool bad = std::ferror(file_) != 0;
-    const bool closed = std::fclose(file_) == 0;
-    file_ = nullptr;
-    if (bad || !closed || std::rename(part_.c_str(), path_.c_str()) != 0) {
-      std::remove(part_.c_str());
-      throw std::runtime_error("touch: " + path_ + ": cannot be written");
-    }
-  }
-
- private:
-  std::string path_, part_;
-  std::FILE* file_ = nullptr;
-};
-
 void write_debug(std::FILE* f, double t, const tasks::HapticTask::Out& out, int constraints) {
   const auto& m = out.telemetry;
   std::fprintf(f, "%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%d,%d,%d,%d,%d,%d,%d,%d,%u,%.9g,%.9g,%.9g,%.9g\n",
@@ -350,9 +319,9 @@ void run(const TouchOptions& o) {
   tasks::HapticTask task(startup.token(), config, device, period_s);
   WindowSource windows(fields, o, origin);
   SurfaceSource surface(fields, o, origin, hand);
-  TableFile trace(o.out);
-  std::unique_ptr<TableFile> debug;
-  if (!o.debug.empty()) debug = std::make_unique<TableFile>(o.debug);
+  WholeFile trace(o.out);
+  std::unique_ptr<WholeFile> debug;
+  if (!o.debug.empty()) debug = std::make_unique<WholeFile>(o.debug);
   std::fprintf(trace.get(), "t_s,hx,hy,hz,px,py,pz,fx,fy,fz,contacts,cpu_ns\n");
   if (debug) {
     std::fprintf(
@@ -394,9 +363,9 @@ void run(const TouchOptions& o) {
                  out.state.contacts, static_cast<long long>(cpu_ns));
     if (debug) write_debug(debug->get(), row.t, out, out.state.contacts);
   }
-  if (debug) debug->finish();
-  trace.finish();
-  if (!o.json.empty()) tally.metrics().write(o.json);
+  write_outputs({{o.debug, [&](const auto&) { debug->finish(); }},
+                 {o.out, [&](const auto&) { trace.finish(); }},
+                 {o.json, [&](const auto& path) { tally.metrics().write(path); }}});
 }
 
 }  // namespace
@@ -435,14 +404,7 @@ int cmd_touch(int argc, char** argv) {
   app.add_option("--texture", o.texture_m, "height of the bumps, m; 0: smooth");
   app.add_option("--texture-period", o.texture_period_m, "m")->capture_default_str();
   app.add_option("--viscosity", o.viscosity, "drag of the hand, N s/m");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp&) {
-    std::fputs(app.help().c_str(), stdout);
-    return 0;
-  } catch (const CLI::ParseError& e) {
-    throw std::runtime_error(std::string("touch: ") + e.what());
-  }
+  if (!parse_options(app, argc, argv)) return 0;
   check(o.field.empty() != o.fields.empty(), "one of --field and --fields is needed");
   const auto within = [](double v, double lo, double hi, const char* option) {
     std::ostringstream text;

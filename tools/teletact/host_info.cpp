@@ -2,27 +2,14 @@
 
 #include <cstdio>
 #include <fstream>
-#include <memory>
-#include <stdexcept>
 
 #include "rt/audit/blame.hpp"
 #include "rt/sched/admission.hpp"
 #include "tasks/graph/calibration.hpp"
 #include "tools/teletact/build_info.hpp"
+#include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
-
-namespace {
-
-using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
-
-File create(const std::string& path) {
-  File f(std::fopen(path.c_str(), "w"), &std::fclose);
-  if (!f) throw std::runtime_error(path + ": can not be written");
-  return f;
-}
-
-}  // namespace
 
 std::vector<std::pair<std::string, std::string>> host_rows() {
   std::string cpus;
@@ -37,7 +24,7 @@ std::vector<std::pair<std::string, std::string>> host_rows() {
 }
 
 void write_trace(const std::string& path, const std::vector<const rt::RunLog*>& logs) {
-  const File f = create(path);
+  WholeFile f(path);
   std::fprintf(f.get(), "{\"displayTimeUnit\":\"ns\",\"traceEvents\":[\n");
   int pid = 0;
   bool first = true;
@@ -64,10 +51,11 @@ void write_trace(const std::string& path, const std::vector<const rt::RunLog*>& 
     }
   }
   std::fprintf(f.get(), "\n]}\n");
+  f.finish();
 }
 
 void write_csv(const std::string& path, const std::vector<const rt::RunLog*>& logs) {
-  const File f = create(path);
+  WholeFile f(path);
   std::fprintf(f.get(),
                "task,k,release_ns,start_ns,end_ns,cpu_ns,twin_cpu_ns,run_delay_ns,minor_faults,"
                "major_faults,involuntary,"
@@ -93,6 +81,7 @@ void write_csv(const std::string& path, const std::vector<const rt::RunLog*>& lo
       }
     }
   }
+  f.finish();
 }
 
 }  // namespace teletact

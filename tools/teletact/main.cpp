@@ -65,6 +65,9 @@ int main(int argc, char** argv) {
     } catch (const teletact::CouldNotStart& e) {
       std::fprintf(stderr, "teletact %s: %s\n", c.name, e.what());
       return 3;
+    } catch (const teletact::Stopped& e) {
+      std::fprintf(stderr, "teletact %s: %s\n", c.name, e.what());
+      return 1;
     } catch (const std::exception& e) {
       std::fprintf(stderr, "teletact %s: %s\n", c.name, e.what());
       return 2;

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cmath>
+#include <functional>
 #include <sstream>
 #include <string>
 #include <utility>
@@ -24,12 +25,25 @@ inline CLI::Validator in_range(double lo, double hi) {
       allowed);
 }
 
+// False: help was asked for and printed. Throws std::runtime_error with the one line of what is wrong.
+[[nodiscard]] bool parse_options(CLI::App& app, int argc, char** argv);
+
 struct OutputFile {
   std::string option, path;  // an empty path: not asked for
 };
 
-// Throws std::runtime_error naming the option and the file if one can not be written, is also another
-// output, or is one of the files that are read.
+// Throws std::runtime_error naming the option and the file if one can not be written (tried beside its
+// place; nothing is left there), is also another output, or is one of the files that are read.
 void check_outputs(const std::vector<OutputFile>& outputs, const std::vector<std::string>& inputs);
+
+// Makes the folder and tries to write in it. Throws std::runtime_error naming the option and the folder.
+void make_output_folder(const std::string& option, const std::string& folder);
+
+struct Output {
+  std::string path;  // an empty path: not asked for
+  std::function<void(const std::string& path)> write;
+};
+// In this order; if one can not be written, those before it are removed again.
+void write_outputs(const std::vector<Output>& outputs);
 
 }  // namespace teletact

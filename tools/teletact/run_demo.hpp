@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <functional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -43,6 +44,14 @@ struct DemoOptions {
 extern std::atomic<bool> g_stop_requested;
 extern std::atomic<std::int64_t> g_stop_asked_ns;
 extern std::atomic<std::atomic<bool>*> g_ramp_down;
+// What a black box then says.
+inline constexpr const char* kAskedToEnd = "asked to end (SIGINT or SIGTERM)";
+// From here on SIGINT and SIGTERM set them instead of ending the process.
+void catch_signals();
+// Asked to end before there was anything to report. Exit code 1.
+struct Stopped : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
 
 // The robot's clock of the demo: 1000 s ahead and 50 ppm fast.
 inline constexpr rt::BoxTime kOperatorClock{0, 0};
@@ -55,8 +64,10 @@ struct VirtualRun {
   Effects effects;
   rt::Admission admission;
   rt::ModeTable modes;
+  double seconds = 0;  // of simulated time that ran
+  bool stopped_early = false;
 };
-// One process, simulated time. `log` in the halves holds each box's tasks. Sets the scene's voxel size to
+// One process, simulated time; ends between two jobs when g_stop_requested is set. `log` in the halves holds each box's tasks. Sets the scene's voxel size to
 // what was admitted.
 [[nodiscard]] VirtualRun run_virtual(rt::NonRealtime&, Scene&, const DemoOptions&,
                                      const tasks::Calibration&);

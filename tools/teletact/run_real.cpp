@@ -35,13 +35,6 @@ void on_signal(int) {
   g_stop_requested.store(true);
 }
 
-void catch_signals() {
-  struct sigaction action {};
-  action.sa_handler = on_signal;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
-
 struct Child {
   const char* name;
   pid_t pid = 0;
@@ -63,6 +56,13 @@ std::string verdict(const Child& c, int status) {
 }
 
 }  // namespace
+
+void catch_signals() {
+  struct sigaction action {};
+  action.sa_handler = on_signal;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
 
 RealRun run_real(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
                  const tasks::Calibration& calibration) {

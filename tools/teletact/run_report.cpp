@@ -254,6 +254,7 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
                   const Metrics& m, ReportData& d) {
   using State = ReportVerdict::State;
   for (const auto& p : info.problems) d.verdicts.push_back({State::kBad, p});
+  if (!info.stopped_early.empty()) d.verdicts.push_back({State::kNote, info.stopped_early});
   const auto value = [&](const std::string& name) {
     for (const auto& r : m.rows()) {
       if (r.name == name) return r.value;

@@ -349,6 +349,7 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
   }
   m.add("run.realtime", real_time(op, robot) && !info.virtual_clock ? 1 : 0, "1");
   m.add("run.measured", not_measured(info, op, robot, m).empty() ? 1 : 0, "1");
+  m.add("run.stopped_early", info.stopped_early.empty() ? 0 : 1, "1");
   m.add("run.problems", static_cast<double>(info.problems.size()), "1");
   char hash[20];
   std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(info.sched_hash));

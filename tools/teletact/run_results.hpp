@@ -69,6 +69,7 @@ struct RunInfo {
   std::string command, calibration_text, config_toml, started, folder;
   bool virtual_clock = false, stub_bodies = false, recording = false;
   double seconds = 0;
+  std::string stopped_early;  // empty: not stopped; else one line that says when
   Effects effects;
   rt::Admission admission;
   rt::ModeTable modes;

@@ -39,18 +39,30 @@ class Periodic final : public rt::Actor {
   std::function<void(std::int64_t)> body_;
 };
 
+// Returns the instant at which it ended: that of the plan, or of the first completed job after a request to stop.
 template <class Faults>
-void execute(std::vector<rt::PlacedTask> placed, rt::CostModel& costs, const Faults& faults,
-             const typename rt::VirtualExecutor<Faults>::Sink& sink,
-             const rt::VirtualOptions& options, const std::vector<rt::Actor*>& actors,
-             const rt::RunPlan& plan, std::vector<BoxTotals>& op, std::vector<BoxTotals>& robot) {
-  rt::VirtualExecutor<Faults> executor(placed, costs, faults, sink, options);
+std::int64_t execute(std::vector<rt::PlacedTask> placed, rt::CostModel& costs, const Faults& faults,
+                     const typename rt::VirtualExecutor<Faults>::Sink& sink,
+                     const rt::VirtualOptions& options, const std::vector<rt::Actor*>& actors,
+                     const rt::RunPlan& plan, std::vector<BoxTotals>& op,
+                     std::vector<BoxTotals>& robot) {
+  rt::Executor* running = nullptr;
+  bool stopped = false;
+  const auto watched = [&](const rt::JobRecord& r) {
+    sink(r);
+    if (!g_stop_requested.load()) return;
+    stopped = true;
+    running->request_stop();
+  };
+  rt::VirtualExecutor<Faults> executor(placed, costs, faults, watched, options);
+  running = &executor;
   for (auto* a : actors) executor.add_actor(*a);
   executor.run(plan);
   const auto totals = executor.totals();
   for (std::size_t i = 0; i < placed.size(); ++i) {
     (placed[i].spec.box == rt::Box::kOperator ? op : robot).push_back({placed[i].id, totals[i]});
   }
+  return stopped ? executor.now_host_ns() : plan.epoch_host_ns + plan.duration.count();
 }
 
 }  // namespace
@@ -198,10 +210,12 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
   const rt::VirtualOptions how{options.stub_bodies};
   std::vector<std::string> names;
   for (const auto& s : specs) names.push_back(s.name);
-  rt::with_faults(
-      options.fault_plan.empty() ? nullptr : &plan_of_faults, names, [&](const auto& faults) {
-        execute(placed, costs, faults, sink, how, actors, plan, run.op.totals, run.robot.totals);
-      });
+  std::int64_t end = epoch;
+  rt::with_faults(options.fault_plan.empty() ? nullptr : &plan_of_faults, names,
+                  [&](const auto& faults) {
+                    end = execute(placed, costs, faults, sink, how, actors, plan, run.op.totals,
+                                  run.robot.totals);
+                  });
   if (link) {
     const std::uint64_t bytes = link->byte_hash();
     hasher.add_bytes(&bytes, sizeof bytes);
@@ -211,6 +225,8 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
   };
   keep_totals(run.op);
   keep_totals(run.robot);
+  run.stopped_early = end < epoch + plan.duration.count();
+  run.seconds = 1e-9 * static_cast<double>(end - epoch);
   run.sched_hash = hasher.sched();
   run.log_hash = hasher.log();
   run.op.epoch_ns = rt::ns_of(op_options.epoch);
@@ -219,11 +235,10 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
     if (inputs != nullptr) inputs->finish();
   }
   if (op) {
-    const std::int64_t end = epoch + plan.duration.count();
     op_console->tick(kOperatorClock.from_host(end));
     robot_console->tick(kRobotClock.from_host(end));
     for (auto* last : {op_last.get(), robot_last.get()}) {
-      if (last != nullptr) last->end("");
+      if (last != nullptr) last->end(run.stopped_early ? kAskedToEnd : "");
     }
     if (op_last) say_black_boxes(options.log_folder);
     run.op.link_round_trip_ns = op->endpoint().round_trip().count();

@@ -34,4 +34,29 @@ void write_whole_file(const std::string& path, const std::string& content) {
   if (std::rename(temporary.c_str(), path.c_str()) != 0) fail("can not be put in place");
 }
 
+WholeFile::WholeFile(std::string path)
+    : path_(std::move(path)), part_(path_ + ".part" + std::to_string(getpid())) {
+  file_ = std::fopen(part_.c_str(), "wbe");
+  if (file_ == nullptr) fail(std::strerror(errno));
+}
+
+WholeFile::~WholeFile() {
+  if (file_ == nullptr) return;
+  std::fclose(file_);
+  std::remove(part_.c_str());
+}
+
+void WholeFile::fail(const std::string& reason) {
+  std::remove(part_.c_str());
+  throw std::runtime_error(path_ + ": can not be written: " + reason);
+}
+
+void WholeFile::finish() {
+  const bool bad = std::fflush(file_) != 0 || std::ferror(file_) != 0;
+  const bool closed = std::fclose(file_) == 0;
+  file_ = nullptr;
+  if (bad || !closed) fail("the disk took a part of it only");
+  if (std::rename(part_.c_str(), path_.c_str()) != 0) fail(std::strerror(errno));
+}
+
 }  // namespace teletact

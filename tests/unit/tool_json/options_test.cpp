@@ -7,8 +7,13 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <set>
+#include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
+
+#include "rt/audit/run_file.hpp"
 
 namespace {
 
@@ -18,12 +23,67 @@ struct Refusal {
   std::string words, names;
 };
 
+// Exit code, and what it printed on both streams.
+std::pair<int, std::string> run(const std::string& words) {
+  const std::string command = "timeout 20 " TELETACT_BINARY_DIR "/teletact " + words + " 2>&1";
+  std::FILE* pipe = ::popen(command.c_str(), "r");
+  std::string text;
+  char part[4096];
+  for (std::size_t n = 0; (n = std::fread(part, 1, sizeof part, pipe)) > 0;) text.append(part, n);
+  const int status = ::pclose(pipe);
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : 128, text};
+}
+
+// "teletact COMMAND: what is wrong", once.
+void expect_one_line(const std::string& words, const std::string& text) {
+  const std::string name = words.substr(0, words.find(' '));
+  const std::string head = "teletact " + name + ": ";
+  EXPECT_EQ(text.substr(0, head.size()), head) << text;
+  EXPECT_EQ(text.find('\n'), text.size() - 1) << text;
+  EXPECT_EQ(text.find(name + ": ", head.size()), std::string::npos) << "named twice: " << text;
+}
+
+// Each command of the program's usage, with nothing but an option that none has.
+TEST(Options, AWrongOptionIsOneLineThatNamesTheCommand) {
+  std::istringstream usage(run("--help").second);
+  int commands = 0;
+  bool listed = false;
+  for (std::string line; std::getline(usage, line);) {
+    listed = listed || line.rfind("usage:", 0) == 0;
+    if (!listed || line.rfind("  ", 0) != 0) continue;
+    std::string name;
+    std::istringstream(line) >> name;
+    SCOPED_TRACE(name);
+    ++commands;
+    for (const char* wrong : {" --no-such-option", " --json"}) {
+      const auto [code, text] = run(name + wrong);
+      EXPECT_EQ(code, 2);
+      expect_one_line(name, text);
+    }
+    const auto [code, text] = run(name + " --help");
+    EXPECT_EQ(code, 0);
+    EXPECT_NE(text.find("--json"), std::string::npos) << text;
+  }
+  EXPECT_GE(commands, 12);
+}
+
+void write_log(const std::string& file) {
+  rt::RunLog log;
+  rt::TaskLog task;
+  task.spec.name = "haptic";
+  task.spec.rate = {1000, 1};
+  log.tasks = {task};
+  rt::RunFileWriter writer(file, log);
+  writer.add(rt::JobRecord{});
+}
+
 TEST(Options, WhatCanNotBeIsRefusedBeforeAnythingStarts) {
   const fs::path folder =
       fs::temp_directory_path() / ("teletact_options_" + std::to_string(::getpid()));
   fs::create_directories(folder / "dir");
   std::ofstream(folder / "odo.csv") << "t_s,x_m,y_m,yaw_rad,vx,vy,wz\n0,0,0,0,0,0,0\n";
   const std::string in = folder.string();
+  write_log(in + "/a.run");
   const std::string demo = "demo --clock virtual --bodies stub --report " + in + "/report ";
   const std::string predict = "predict --delay 0.1 --log " + in + "/odo.csv ";
   const std::string touch = "touch --field " + in + "/f.npy --voxel 0.01 --path " + in + "/h.csv ";
@@ -37,6 +97,37 @@ TEST(Options, WhatCanNotBeIsRefusedBeforeAnythingStarts) {
       {demo + "--black-box nan", "--black-box"},
       {demo + "--json /nonexistent/j.json", "--json"},
       {demo + "--seconds 5 --rgbd " + in + "/none", "none"},
+      {demo + "--seconds abc", "--seconds"},
+      {demo + "--bodies wooden", "--bodies"},
+      {"demo --clock virtual --seconds 1 --report " + in + "/odo.csv", "--report"},
+      {"demo --clock virtual --seconds 1 --report " + in + "/odo.csv/r", "--report"},
+      {"demo --clock virtual --seconds 1 --report /proc/r", "--report /proc/r"},
+      {"bench audit --json /nonexistent/j.json", "--json"},
+      {"bench rings --rounds many", "--rounds"},
+      {"calibrate --out /nonexistent/c.toml", "--out"},
+      {"calibrate --out " + in + "/c.toml --json " + in + "/dir", "--json"},
+      {"calibrate --out " + in + "/c --json " + in + "/dir/../c", "also the file of --out"},
+      {"audit " + in + "/none.run", "none.run"},
+      {"audit " + in + "/a.run --csv /nonexistent/a.csv --trace " + in + "/t", "--csv"},
+      {"audit " + in + "/a.run --csv " + in + "/c --trace /nonexistent/t", "--trace"},
+      {"audit " + in + "/a.run --csv " + in + "/c --json " + in + "/dir", "--json"},
+      {"audit " + in + "/a.run --csv " + in + "/a.run", "also read"},
+      {"audit " + in + "/a.run --csv " + in + "/c --html " + in + "/odo.csv", "--html"},
+      {"audit " + in + "/a.run --csv " + in + "/c --html " + in + "/odo.csv/h", "--html"},
+      {"replay " + in + " --json /nonexistent/j.json", "--json"},
+      {"replay " + in, "operator"},
+      {"device --kind twin --json /nonexistent/j.json", "--json"},
+      {"device --kind wooden", "wooden"},
+      {"stability --json /nonexistent/j.json", "--json"},
+      {"stability --svg " + in + "/odo.csv", "--svg"},
+      {"stability --cases 99", "--cases"},
+      {"stability --method wooden", "--method"},
+      {"doctor --json /dev/null", "--json"},
+      {"doctor --root " + in + "/none", "none"},
+      {predict + "--out " + in + "/p.csv --method wooden", "--method"},
+      {"predict --delay 0.1 --log " + in + "/none.csv --out " + in + "/p.csv", "none.csv"},
+      {touch + "--out " + in + "/t.csv", "h.csv"},
+      {touch + "--out " + in + "/t.csv --origin 1,2", "--origin"},
       {"calibrate --seconds nan --out " + in + "/c.toml", "--seconds"},
       {"bench wakeup --slice nan", "--slice"},
       {"device --seconds nan", "--seconds"},
@@ -53,17 +144,13 @@ TEST(Options, WhatCanNotBeIsRefusedBeforeAnythingStarts) {
   };
   for (const auto& r : refusals) {
     SCOPED_TRACE(r.words);
-    const std::string command = "timeout 20 " TELETACT_BINARY_DIR "/teletact " + r.words + " 2>&1";
-    std::FILE* pipe = ::popen(command.c_str(), "r");
-    std::string text;
-    char part[4096];
-    for (std::size_t n = 0; (n = std::fread(part, 1, sizeof part, pipe)) > 0;) text.append(part, n);
-    const int status = ::pclose(pipe);
-    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 2) << status << ": " << text;
+    const auto [code, text] = run(r.words);
+    EXPECT_EQ(code, 2) << text;
+    expect_one_line(r.words, text);
     EXPECT_NE(text.find(r.names), std::string::npos) << text;
     std::size_t files = 0;
     for (const auto& e : fs::recursive_directory_iterator(folder)) files += e.is_regular_file();
-    EXPECT_EQ(files, 1U) << "a file was left";
+    EXPECT_EQ(files, 2U) << "a file was left";
   }
   fs::remove_all(folder);
 }

@@ -237,7 +237,7 @@ TEST(CmdPredict, BadInputIsOneMessageAndNoFile) {
   expect_refused(f, {"--log", f.file("none.csv"), "--delay", "0.1", "--out", out}, "none.csv");
   expect_refused(f, {"--log", log, "--delay", "-1", "--out", out}, "0 to 10");
   expect_refused(f, {"--log", log, "--delay", "nan", "--out", out}, "0 to 10");
-  expect_refused(f, {"--log", log, "--delay", "soon", "--out", out}, "predict");
+  expect_refused(f, {"--log", log, "--delay", "soon", "--out", out}, "--delay");
   expect_refused(f, {"--log", log, "--delay", "0.1", "--method", "magic", "--out", out}, "magic");
   expect_refused(f, {"--log", log, "--delay", "0.1"}, "--out");
   expect_refused(f, {"--log", log, "--delay", "0.1", "--out", f.file("no/such/p.csv")}, "p.csv");
