@@ -8,9 +8,18 @@
 //              seen: seed = the pixels whose reading lies on the object's fused labels.
 //   fuse()     its vote, and what became of the objects.
 //
-// One object is segmented a frame, in turn, so a frame's time does not grow with their number; where
-// another one may be the image says nothing. A mask that is out of proportion to what the map knows of
-// an established object, and a frame in which nothing of it was recognised, say nothing either.
+// One object is segmented a frame, in turn, and with it those others whose place is near enough that one
+// window of limited size holds them all and that stand on the same support: pieces and regions of the
+// window are made once for all of them. Where the rest may be the image says nothing. Nor does it say anything of an object whose mask is not
+// believed: one that agrees with what the map shows of it much less than its masks usually do, until
+// several in a row say the same; one that is out of all proportion; none where the object still is.
+// The outermost pixels of a mask, and those beside them, do not vote: they are on either side by
+// chance, and voxels that they alone see would change from frame to frame.
+// Agreement: of the pixels with a reading, those that mask and map both give to the object, over these
+// plus those where they contradict each other. Surface that the map knew nothing of contradicts nothing,
+// so a new side of an object, or one that is being pushed, is followed.
+//
+// An object is forgotten when nothing stands in its place, in full view, for a while.
 //
 // Labels: an object's id is its label in the map and its slot in the palette, 1 .. kMost. Frames: W
 // world (= map), C camera (optical). SI. Everything is allocated in the constructor.
@@ -31,12 +40,17 @@
 namespace perception {
 
 struct ObjectsConfig {
-  bool enabled = false;         // a mark on a surface names an object
-  double touch_window_m = 0.5;  // half edge of the part of the image in which a touch is answered
-  double agree_m = 0.03;        // the reading at a touch lies so near to the touched point
-  int young_frames = 10;        // masks of a new object that start from the touched point
-  double most_growth = 2.5;     // of the mask against the fused object, once it is not young
-  int summary_period = 6;       // masks of an object between two summaries
+  bool enabled = false;          // a mark on a surface names an object
+  double touch_window_m = 0.5;   // half edge of the part of the image in which a touch is answered
+  double agree_m = 0.03;         // the reading at a touch lies so near to the touched point
+  int young_frames = 10;         // masks of a new object that start from the touched point
+  int settled_masks = 4;         // masks of a new object that are believed whatever they say
+  double agreement_drop = 0.15;  // a mask that agrees so much less than usual is not believed ...
+  int held_masks = 4;            // ... unless it is the n-th in a row
+  double most_growth =
+      2.5;                 // of the mask against the fused object: beyond it never, once not young
+  int gone_frames = 12;    // an empty place for so long: the object is forgotten
+  int summary_period = 6;  // masks of an object between two summaries
   void describe(config::Section& s);
 };
 
@@ -49,18 +63,23 @@ enum class TouchAnswer : std::uint8_t {
   kHidden,     // something is in front of it
   kNoReading,  // no depth there
   kMoved,      // the surface is no longer there
+  kSupport,    // it is what things stand on, not a thing
   kNoRoom,     // as many objects as there can be
   kNotTracked  // the camera did not know where it was, for too long
 };
 [[nodiscard]] std::string_view text_of(TouchAnswer answer) noexcept;
 
 struct MapObject {
-  std::uint8_t id = 0;       // 0: this entry is free
-  std::uint32_t serial = 0;  // never used twice
-  bool seen = false;         // its last turn found it
-  std::int32_t masks = 0;    // that voted
-  std::int32_t unseen = 0;   // turns in a row without
-  float usual_seed = 0;      // pixels, running mean: what is normally seen of it
+  std::uint8_t id = 0;            // 0: this entry is free
+  std::uint32_t serial = 0;       // never used twice
+  bool seen = false;              // its last turn found it
+  std::int32_t masks = 0;         // that voted
+  std::int32_t unseen = 0;        // turns in a row without
+  float usual_seed = 0;           // pixels, running mean: what is normally seen of it
+  float usual_agreement = 0;      // of a mask with the fused object, running mean
+  std::int32_t held = 0;          // masks in a row that disagreed
+  std::uint32_t empty_since = 0;  // frame number; 0: its place is not empty
+  bool gone = false;              // ... for long enough
   Vec3 touched_W = Vec3::Zero();
   ObjectSummary summary;  // in W, of the labelled surface; points = 0 before the first
 };
@@ -69,9 +88,12 @@ struct ObjectStats {
   TouchAnswer answer = TouchAnswer::kNone;
   std::uint8_t touched = 0;   // id that the answer names
   std::uint8_t followed = 0;  // id of the object whose turn it was
-  std::int32_t mask_pixels = 0;
-  bool withheld = false;   // its mask was not believed
-  std::uint64_t work = 0;  // deterministic count
+  std::uint32_t with_mask =
+      0;  // bit n: so was that of object n, or it was near; its mask was found
+  std::int32_t mask_pixels = 0;  // of all of them
+  float agreement = 0;           // of the mask of `followed` with the fused object, 0 to 1
+  bool withheld = false;         // that mask was not believed
+  std::uint64_t work = 0;        // deterministic count
   LabelStats votes;
 };
 
@@ -86,7 +108,8 @@ class ObjectMap {
                const std::optional<Vec3>& touched_W) noexcept;
   void fuse(TsdfMap& map) noexcept;
 
-  // 0 background, an id, or kNoVote; of the last segment(). To be changed by tests only.
+  // 0 background, an id, or kNoVote; of the last segment(), before fuse() judges it. To be changed by
+  // tests only.
   [[nodiscard]] ImageView<std::uint8_t> label_image() noexcept { return image_.view(); }
   [[nodiscard]] const ObjectStats& stats() const noexcept { return stats_; }
   [[nodiscard]] const std::array<MapObject, kMost>& objects() const noexcept { return objects_; }
@@ -98,26 +121,53 @@ class ObjectMap {
 
  private:
   using SeedBox = TouchSegmenter::SeedBox;
+  static constexpr int kOthersMargin_px = 12;
+  static constexpr float kStillThere = 0.4F;  // of what is usually seen of an object
+  static constexpr std::uint8_t kSureOther = 255;
   struct Look;  // one frame, its camera and the map
+  // An object of which this frame may say something.
+  struct Turn {
+    std::uint8_t id;
+    int planted;       // pixels where the map shows it
+    SeedBox seed_box;  // that hold all of them
+  };
   void answer_touch(const Look& look, const Vec3& p_W) noexcept;
   bool touch_at(const Look& look, const Vec3& p_W, std::uint8_t id, const SeedBox& known) noexcept;
   [[nodiscard]] TouchAnswer check(const Look& look, const Vec3& p_W, int& u, int& v) const noexcept;
   void follow_next(const Look& look) noexcept;
-  void follow(const Look& look, MapObject& object) noexcept;
+  void follow(const Look& look, MapObject& object, const SeedBox& known,
+              const SeedBox* shared) noexcept;
+  void follow_also(const Look& look, MapObject& object, const SeedBox& known) noexcept;
+  [[nodiscard]] bool stands_here(const Look& look, const MapObject& object) const noexcept;
   [[nodiscard]] SeedBox project(const Look& look, std::uint8_t id) const noexcept;
-  int plant_seed(const Look& look, std::uint8_t id, const SeedBox& within, SeedBox& seed) noexcept;
-  void wipe_seed(const SeedBox& box) noexcept;
+  [[nodiscard]] Turn& find_known(const Look& look, std::uint8_t id, SeedBox within) noexcept;
+  void wipe_known() noexcept;
+  [[nodiscard]] bool place_is_empty(const Look& look, const MapObject& object) const noexcept;
+  void watch_place(const Look& look, MapObject& object, int planted) noexcept;
+  void settle(TsdfMap& map) noexcept;
+  void judge(MapObject& object, const Turn& turn) noexcept;
+  void replace(std::uint8_t id, std::uint8_t by) noexcept;
+  [[nodiscard]] SeedBox shown(std::uint8_t id) const noexcept;
+  void leave_out_rim(std::uint8_t id) noexcept;
+  [[nodiscard]] SeedBox grown(const SeedBox& box) const noexcept;
   int paint(const Look& look, std::uint8_t id) noexcept;
-  void fill(const SeedBox& box, int margin, std::uint8_t value) noexcept;
+  // Pixels of the value `from` in the box and round it.
+  void turn_into(const SeedBox& box, std::uint8_t from, std::uint8_t to) noexcept;
   void summarise_object(const TsdfMap& map, MapObject& object) noexcept;
 
   ObjectsConfig config_;
   int max_width_ = 0, max_height_ = 0;
   TouchSegmenter segmenter_;
-  Image<std::uint8_t> image_, seed_;
+  Image<std::uint8_t> image_;   // what the segmenter says
+  Image<std::uint8_t> voting_;  // what of it votes
+  // What the map shows, at even pixels, round the objects of turns_: an id, kSureOther, or 0.
+  Image<std::uint8_t> known_;
+  SeedBox within_{1 << 20, 1 << 20, -1, -1};  // where it may be set
+  std::array<Turn, kMost> turns_{};
+  int turn_count_ = 0;
   std::array<MapObject, kMost> objects_{};
   ObjectStats stats_;
-  std::uint32_t serial_ = 0;
+  std::uint32_t serial_ = 0, frame_ = 0;
   int turn_ = 0;
   bool painted_ = false;
 

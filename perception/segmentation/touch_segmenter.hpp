@@ -5,7 +5,8 @@
 //   - on the support, but of another colour: a flat thing, grown by colour
 //   - on the support: the support
 //   - parts of one object at both sides of an occluder belong together
-// set_frame() once a frame, then touch() or follow() for each object. Neither allocates or throws.
+// set_frame() once a frame, then touch() for each object; or follow() for one and also() for others in
+// its window: pieces and regions are made once for all of them. None of them allocates or throws.
 #pragma once
 
 #include <cstdint>
@@ -49,14 +50,23 @@ class TouchSegmenter {
   };
   bool follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, const Intrinsics& k,
               float mm_per_unit, ImageView<const std::uint8_t> seed, const SeedBox& box) noexcept;
+  // The same where the seed is what has the value `id`; the box may be larger, and hold others.
+  bool follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, const Intrinsics& k,
+              float mm_per_unit, ImageView<const std::uint8_t> seed, const SeedBox& box,
+              std::uint8_t id) noexcept;
+  // After a follow() that found its object: another one that stands on the same support, in the same
+  // window.
+  bool also(ImageView<const std::uint8_t> seed, std::uint8_t id) noexcept;
 
   // Of the last touch() or follow().
   [[nodiscard]] const OutlineRefiner::Box& box() const noexcept { return outline_.box(); }
   [[nodiscard]] bool in(int u, int v) const noexcept { return outline_.in(u, v); }
   [[nodiscard]] const SupportPlane& support() const noexcept { return plane_; }
+  // The last touch() named the support itself: nothing stands there.
+  [[nodiscard]] bool named_support() const noexcept { return named_support_; }
 
  private:
-  bool choose_covered(ImageView<const std::uint8_t> seed) noexcept;
+  bool choose_covered(ImageView<const std::uint8_t> seed, std::uint8_t id) noexcept;
   void select_region(int region) noexcept;
   void select_flat(int pixel) noexcept;
   void add_occluded_parts(int region) noexcept;
@@ -71,6 +81,7 @@ class TouchSegmenter {
   ImageView<const Rgb> rgb_;
   ImageView<const std::uint16_t> depth_;
   float mm_per_unit_ = 1;
+  bool named_support_ = false;
   std::vector<std::uint8_t> inside_;
   std::vector<std::uint8_t> chosen_;  // a byte a piece
   std::vector<std::int32_t> queue_;
