@@ -84,8 +84,7 @@ TEST_F(FuzzReadersTest, TheHarnessSeesFaults) {
             }).find("no line"),
             std::string::npos);
   EXPECT_NE(fault_of([](const std::string&) -> rt::Result<bool> {
-              for (volatile int i = 0;; i = i + 1) {
-              }
+              for (;;) asm volatile("");
             }).find("does not end"),
             std::string::npos);
   EXPECT_FALSE(fs::is_empty(options_.keep)) << "the inputs are kept";

@@ -42,7 +42,7 @@ AnalyticScene hall() {
   return s;
 }
 
-void tour(Rig& rig, const AnalyticScene& scene, int frames = 120) {
+void tour(Rig& rig, const AnalyticScene& scene, int frames = 72) {
   for (int i = 0; i < frames; ++i) {
     rig.see(scene, turned(2 * std::numbers::pi * i / frames), 0.0015);
     ASSERT_TRUE(rig.out.camera.claimed) << "frame " << i;
