@@ -13,7 +13,7 @@ namespace teletact {
 namespace {
 
 // As it can stand in a message: one line, not endless.
-std::string quoted(const std::string& text) {
+std::string shown(const std::string& text) {
   std::string out = "'";
   for (const char c : text.substr(0, 40)) out += c >= ' ' && c <= '~' ? c : '?';
   return out + (text.size() > 40 ? "...'" : "'");
@@ -143,7 +143,7 @@ rt::Result<NpyArray> parse_npy(const std::string& bytes, const std::string& name
   const auto header = HeaderParser(text).parse();
   if (!header) return fail("malformed NPY header");
   if (header->descr != "<f4") {
-    return fail("element type " + quoted(header->descr) + "; allowed is '<f4' (little-endian float32)");
+    return fail("element type " + shown(header->descr) + "; allowed is '<f4' (little-endian float32)");
   }
   if (header->fortran) return fail("Fortran order; allowed is C order (x, y, z)");
   std::size_t count = 1;
