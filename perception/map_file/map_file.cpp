@@ -97,6 +97,48 @@ bool read_keyframe(SpanSource& source, Pose& X_WC, Thumbnail& view) {
          R.determinant() > 0;
 }
 
+// What does not fit, or is not of this map; empty: nothing.
+std::string wrong_for(const MapFileInfo& info, const TsdfMap& map) {
+  if (std::abs(info.voxel_size_m - map.voxel_size()) > 1e-9)
+    return "has voxels of " + std::to_string(info.voxel_size_m) + " m; this map needs " +
+           std::to_string(map.voxel_size());
+  if (std::abs(info.truncation_m - map.truncation()) > 1e-9)
+    return "has a truncation of " + std::to_string(info.truncation_m) + " m; this map needs " +
+           std::to_string(map.truncation());
+  return {};
+}
+
+// The next chunk of `rest`; what is wrong with it, or nothing.
+std::string take_chunk(rt::NonRealtime& nrt, const MapFileInfo& info,
+                       std::span<const std::uint8_t>& rest, std::uint64_t& blocks, TsdfMap& map) {
+  std::uint32_t bytes = 0;
+  if (rest.size() < sizeof bytes) return "is missing";
+  std::memcpy(&bytes, rest.data(), sizeof bytes);
+  rest = rest.subspan(sizeof bytes);
+  if (bytes < kLeastRecordBytes || bytes > kMostRecordBytes || bytes > rest.size())
+    return "has " + std::to_string(bytes) + " bytes; must be " + std::to_string(kLeastRecordBytes) +
+           " to what is left, " + std::to_string(std::min(kMostRecordBytes, rest.size()));
+  const std::span<const std::uint8_t> record = rest.first(bytes);
+  rest = rest.subspan(bytes);
+  ChunkHead head;
+  std::memcpy(&head, record.data(), sizeof head);
+  blocks += head.blocks;
+  switch (map.take_record(nrt, record)) {
+    case TsdfMap::Taken::kOk:
+      return {};
+    case TsdfMap::Taken::kMalformed:
+      return "is malformed";
+    case TsdfMap::Taken::kTwice:
+      return "is there twice";
+    case TsdfMap::Taken::kNoRoom:
+      break;
+  }
+  return "finds no room for the " + std::to_string(info.blocks) +
+         " blocks of the map: tsdf.max_blocks = " + std::to_string(map.config().max_blocks) +
+         ", tsdf.max_chunks = " + std::to_string(map.config().max_chunks) +
+         ", tsdf.far_store_kib = " + std::to_string(map.config().far_store_kib);
+}
+
 }  // namespace
 
 std::string encode_map(rt::NonRealtime& nrt, const TsdfMap& map, const Keyframes& keyframes) {
@@ -184,45 +226,15 @@ rt::Result<bool> restore_map(rt::NonRealtime& nrt, const MapFile& file, TsdfMap&
     keyframes.clear();
     return error(file.name, what);
   };
-  if (std::abs(file.info.voxel_size_m - map.voxel_size()) > 1e-9)
-    return fail("has voxels of " + std::to_string(file.info.voxel_size_m) + " m; this map needs " +
-                std::to_string(map.voxel_size()));
-  if (std::abs(file.info.truncation_m - map.truncation()) > 1e-9)
-    return fail("has a truncation of " + std::to_string(file.info.truncation_m) +
-                " m; this map needs " + std::to_string(map.truncation()));
+  const std::string other = wrong_for(file.info, map);
+  if (!other.empty()) return fail(other);
   std::span<const std::uint8_t> rest(
       reinterpret_cast<const std::uint8_t*>(file.bytes.data()) + kMapHeaderBytes,
       file.bytes.size() - kMapHeaderBytes);
   std::uint64_t blocks = 0;
   for (std::uint32_t n = 0; n < file.info.chunks; ++n) {
-    const std::string which = "chunk " + std::to_string(n);
-    std::uint32_t bytes = 0;
-    if (rest.size() < sizeof bytes) return fail(which + " is missing");
-    std::memcpy(&bytes, rest.data(), sizeof bytes);
-    rest = rest.subspan(sizeof bytes);
-    if (bytes < kLeastRecordBytes || bytes > kMostRecordBytes || bytes > rest.size())
-      return fail(which + " has " + std::to_string(bytes) + " bytes; must be " +
-                  std::to_string(kLeastRecordBytes) + " to what is left, " +
-                  std::to_string(std::min(kMostRecordBytes, rest.size())));
-    const std::span<const std::uint8_t> record = rest.first(bytes);
-    rest = rest.subspan(bytes);
-    ChunkHead head;
-    std::memcpy(&head, record.data(), sizeof head);
-    switch (map.take_record(nrt, record)) {
-      case TsdfMap::Taken::kOk:
-        blocks += head.blocks;
-        break;
-      case TsdfMap::Taken::kMalformed:
-        return fail(which + " is malformed");
-      case TsdfMap::Taken::kTwice:
-        return fail(which + " is there twice");
-      case TsdfMap::Taken::kNoRoom:
-        return fail(
-            "its " + std::to_string(file.info.blocks) +
-            " blocks do not fit: tsdf.max_blocks = " + std::to_string(map.config().max_blocks) +
-            ", tsdf.max_chunks = " + std::to_string(map.config().max_chunks) +
-            ", tsdf.far_store_kib = " + std::to_string(map.config().far_store_kib));
-    }
+    const std::string wrong = take_chunk(nrt, file.info, rest, blocks, map);
+    if (!wrong.empty()) return fail("chunk " + std::to_string(n) + " " + wrong);
   }
   if (blocks != file.info.blocks)
     return fail("holds " + std::to_string(blocks) + " blocks; its header says " +
