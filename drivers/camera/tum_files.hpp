@@ -1,7 +1,9 @@
 // Text and image files of a TUM folder, read strictly. Every error names file, line and value.
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -23,7 +25,11 @@ namespace drivers {
 
 [[nodiscard]] rt::Error file_error(const std::string& path, int line, const std::string& what);
 
-// Decodes a PNG or JPEG as it is stored; `type` is what it must be (CV_16UC1, CV_8UC3).
+// Decodes a PNG or JPEG as it is stored; `type` is what it must be (CV_16UC1, CV_8UC3). Nothing is decoded
+// before the container was found whole and of this size.
+[[nodiscard]] rt::Result<cv::Mat> decode_image(std::span<const std::uint8_t> bytes,
+                                               const std::string& path, int type, int width,
+                                               int height);
 [[nodiscard]] rt::Result<cv::Mat> read_image(const std::string& path, int type, int width,
                                              int height);
 

@@ -8,7 +8,9 @@ namespace perception {
 
 namespace {
 
-constexpr int kCastStep = 4;  // pixels of the camera a ray
+constexpr int kCastStep = 4;          // pixels of the camera a ray
+constexpr int kFetchedBlocks = 1024;  // a frame; nothing is fused meanwhile, which costs more
+constexpr std::uint64_t kWorkOfBlock = 512;
 
 }  // namespace
 
@@ -56,7 +58,7 @@ Pose Relocaliser::guess(const Keyframes::Candidate& c) const noexcept {
   return X;
 }
 
-bool Relocaliser::search(const TsdfMap& map, const Tracker& tracker, ImageView<const Rgb> colour,
+bool Relocaliser::search(TsdfMap& map, const Tracker& tracker, ImageView<const Rgb> colour,
                          TrackingResult& found) noexcept {
   if (config_.tries == 0 || keyframes_.size() == 0) return false;
   ++searches_;
@@ -67,6 +69,7 @@ bool Relocaliser::search(const TsdfMap& map, const Tracker& tracker, ImageView<c
   const int count = keyframes_.rank(seen, resting_,
                                     std::span(list).first(static_cast<std::size_t>(config_.tries)));
   work_ += static_cast<std::uint64_t>(keyframes_.size()) * Thumbnail::kCells / 16;
+  int fetched = 0;
   for (int k = 0; k < count; ++k) {
     const Keyframes::Candidate& c = list[static_cast<std::size_t>(k)];
     RaycastOptions o;
@@ -75,6 +78,10 @@ bool Relocaliser::search(const TsdfMap& map, const Tracker& tracker, ImageView<c
     o.max_depth_m = config_.max_depth_m;
     o.smooth_normals = false;
     const Pose X_WG = guess(c);
+    const PageStats paged = map.fetch_view(camera_, X_WG, kFetchedBlocks - fetched);
+    fetched += paged.blocks_moved;
+    work_ += kWorkOfBlock * static_cast<std::uint64_t>(paged.blocks_moved);
+    if (paged.waiting > 0) break;  // the next frame goes on with it
     const RaycastStats stats = raycast(map, camera_, X_WG, o, maps_);
     work_ += static_cast<std::uint64_t>(stats.steps);
     if (stats.hits == 0) continue;

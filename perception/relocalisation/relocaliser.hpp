@@ -6,7 +6,8 @@
 // only when the next frame, tracked from there, passes too. What was tried in vain rests for some frames, so
 // that look-alike views do not hide the right one.
 //
-// Bounded: at most `tries` casts of 1/16 of the pixels and alignments a frame.
+// Bounded: at most `tries` casts of 1/16 of the pixels and alignments a frame. What a candidate would see and
+// is put away far from the camera is brought back first, a part a frame.
 #pragma once
 
 #include <array>
@@ -37,7 +38,7 @@ class Relocaliser {
   // A search begins: nothing was tried yet.
   void restart() noexcept;
   // Looks for the frame that `tracker` has prepared. True: `found` passed the gates at found.X_WC.
-  [[nodiscard]] bool search(const TsdfMap& map, const Tracker& tracker, ImageView<const Rgb> colour,
+  [[nodiscard]] bool search(TsdfMap& map, const Tracker& tracker, ImageView<const Rgb> colour,
                             TrackingResult& found) noexcept;
 
   [[nodiscard]] const Keyframes& keyframes() const noexcept { return keyframes_; }

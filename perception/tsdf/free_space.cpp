@@ -73,7 +73,7 @@ void TsdfMap::carve_cube(const View& view, Chunk*& c, const std::array<int, 3>& 
   if (static_cast<float>(range.greatest_mm) * 1e-3F <= box.z_near + margin) return;  // none is free
   if (box.inside && box.z_far <= far &&
       static_cast<float>(range.least_mm) * 1e-3F > box.z_far + margin) {
-    if (c == nullptr) c = chunk_for(node0[0] >> 6, node0[1] >> 6, node0[2] >> 6);
+    if (c == nullptr) c = chunk_for(node0[0] >> 6, node0[1] >> 6, node0[2] >> 6, stats);
     if (c == nullptr)
       ++stats.chunks_refused;
     else

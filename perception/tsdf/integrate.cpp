@@ -61,6 +61,11 @@ IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
   stats.pixels = pyramid_.build(frame.depth_mm, rule);
   const Pose X_CW = X_WC.inverse(Eigen::Isometry);
   const View view{frame, X_WC, X_CW, CameraBoxes(frame.intrinsics, X_CW)};
+  if (far_.size() > 0) {  // page() has seen to it before, but for a camera that leapt
+    PageStats paged;
+    fetch_boxes(view.boxes, X_WC.translation(), config_.max_blocks, false, paged);
+    stats.blocks_fetched = paged.blocks_moved;
+  }
   const std::int64_t ready = profiling_ ? cpu_ns() : 0;
   allocate_band(view, pixel_step, stats);
   const std::int64_t allocated = profiling_ ? cpu_ns() : 0;

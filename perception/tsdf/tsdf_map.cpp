@@ -6,20 +6,13 @@
 #include <stdexcept>
 
 #include "perception/tsdf/allocate_scratch.hpp"
+#include "perception/tsdf/block_codec.hpp"
 #include "rt/hash.hpp"
-#include "rt/random.hpp"
 
 namespace perception {
 namespace {
 
 constexpr int kChunkEdgeBlocks = 8;
-
-std::uint64_t chunk_key(int cx, int cy, int cz) noexcept {
-  constexpr std::uint64_t kMask = (1U << 21U) - 1U;
-  return (1ULL << 63U) | ((static_cast<std::uint64_t>(cx) & kMask) << 42U) |
-         ((static_cast<std::uint64_t>(cy) & kMask) << 21U) |
-         (static_cast<std::uint64_t>(cz) & kMask);
-}
 
 void require(bool ok, const char* key, double value, const char* range) {
   if (ok) return;
@@ -44,6 +37,11 @@ const TsdfConfig& checked(const TsdfConfig& c) {
   require(c.max_label_blocks >= 1 && c.max_label_blocks <= 1 << 18, "max_label_blocks",
           c.max_label_blocks, "1 to 262144");
   require(c.max_chunks >= 1 && c.max_chunks <= 1 << 16, "max_chunks", c.max_chunks, "1 to 65536");
+  require(c.far_m >= 1 && c.far_m <= 1000, "far_m", c.far_m, "1 to 1000");
+  require(c.far_store_kib >= 0 && c.far_store_kib <= 1 << 21, "far_store_kib", c.far_store_kib,
+          "0 to 2097152");
+  require(c.decay_half_life_s >= 0 && c.decay_half_life_s <= 1e6, "decay_half_life_s",
+          c.decay_half_life_s, "0 to 1000000");
   if (c.weighting != "uniform" && c.weighting != "range")
     throw std::invalid_argument("tsdf.weighting = \"" + c.weighting +
                                 "\": must be \"uniform\" or \"range\"");
@@ -90,7 +88,16 @@ void TsdfConfig::describe(config::Section& s) {
   s.integer("max_label_blocks", max_label_blocks, 64, 65536,
             "pool of the labels of blocks that hold a part of an object, 1 KiB each");
   s.integer("max_chunks", max_chunks, 8, 65536, "pool of 64^3 chunks, 6.2 KiB each");
+  s.number("far_m", far_m, 1, 1000,
+           "chunks farther from camera and hand are compressed out of the pool; at least "
+           "max_depth_m + 1");
+  s.integer("far_store_kib", far_store_kib, 0, 1 << 21,
+            "where they are put, about 0.8 KiB a block; 0: nothing is put away");
+  s.number("decay_half_life_s", decay_half_life_s, 0, 1e6,
+           "weight of what is not seen again halves in this time; 0: never");
 }
+
+double TsdfConfig::effective_far() const noexcept { return std::max(far_m, max_depth_m + 1.0); }
 
 double TsdfConfig::effective_truncation() const noexcept {
   return std::max(truncation_m, 2.1 * voxel_size_m);
@@ -101,16 +108,17 @@ TsdfMap::TsdfMap(rt::NonRealtime& nrt, const TsdfConfig& config)
       voxel_(config.voxel_size_m),
       truncation_(config.effective_truncation()),
       metres_per_unit_(static_cast<float>(truncation_ / kDistanceOne)),
+      index_(nrt, static_cast<std::size_t>(config.max_chunks)),
+      far_(nrt, static_cast<std::size_t>(config.far_store_kib) * 1024, kMostFarChunks),
+      unpacked_(std::make_unique<BlockImage>()),
       range_weight_(config.weighting == "range"),
       pyramid_(nrt),
       directory_(nrt),
       allocate_(std::make_unique<AllocateScratch>()) {
   const auto blocks = static_cast<std::size_t>(config_.max_blocks);
   const auto chunks = static_cast<std::size_t>(config_.max_chunks);
-  const std::size_t slots = std::bit_ceil(2 * chunks);
-  keys_.assign(slots, 0);
-  values_.assign(slots, 0);
   chunks_.resize(chunks + 1);
+  recycled_chunks_.assign(chunks, 0);
   chunks_.back().block.fill(kNoBlock);
   words_.assign((blocks + 1) * kBlockVoxels, 0);
   colours_.assign(blocks * kBlockVoxels, 0);
@@ -132,49 +140,93 @@ TsdfMap::~TsdfMap() = default;
 
 std::size_t TsdfMap::memory_bytes() const noexcept {
   const auto bytes = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
-  return sizeof *this + bytes(keys_) + bytes(values_) + bytes(chunks_) + bytes(words_) +
-         bytes(colours_) + bytes(label_pool_) + bytes(label_bits_) + bytes(label_of_block_) +
-         bytes(block_of_label_) + bytes(label_recycled_) + bytes(free_) + bytes(coords_) +
-         bytes(ahead_) + bytes(in_use_) + bytes(recycled_) + bytes(in_view_) +
-         pyramid_.memory_bytes() + directory_.memory_bytes();
+  return sizeof *this + index_.memory_bytes() + bytes(chunks_) + bytes(recycled_chunks_) +
+         far_.memory_bytes() + sizeof(BlockImage) + bytes(words_) + bytes(colours_) +
+         bytes(label_pool_) + bytes(label_bits_) + bytes(label_of_block_) + bytes(block_of_label_) +
+         bytes(label_recycled_) + bytes(free_) + bytes(coords_) + bytes(ahead_) + bytes(in_use_) +
+         bytes(recycled_) + bytes(in_view_) + pyramid_.memory_bytes() + directory_.memory_bytes();
 }
 
 void TsdfMap::clear() noexcept {
-  std::fill(keys_.begin(), keys_.end(), std::uint64_t{0});
+  index_.clear();
+  far_.clear();
+  decay_at_ = 0;
   std::fill_n(in_use_.begin(), used_blocks_, std::uint8_t{0});
   std::fill_n(label_of_block_.begin(), used_blocks_, kNoBlock);
   std::fill_n(block_of_label_.begin(), label_used_, kNoBlock);
-  chunk_count_ = used_blocks_ = recycled_count_ = live_blocks_ = 0;
+  chunk_count_ = recycled_chunk_count_ = used_blocks_ = recycled_count_ = live_blocks_ = 0;
   label_used_ = label_recycled_count_ = label_blocks_ = label_images_ = in_view_count_ = 0;
   ++map_id_;
 }
 
 const TsdfMap::Chunk* TsdfMap::find_chunk(int cx, int cy, int cz) const noexcept {
-  const std::uint64_t key = chunk_key(cx, cy, cz);
-  const std::size_t mask = keys_.size() - 1;
-  for (std::size_t s = rt::mix64(key) & mask; keys_[s] != 0; s = (s + 1) & mask)
-    if (keys_[s] == key) return &chunks_[static_cast<std::size_t>(values_[s])];
-  return nullptr;  // at most half of the slots are taken, so the probe ends
+  const std::int32_t n = index_.find(cx, cy, cz);
+  return n == ChunkIndex::kNone ? nullptr : &chunks_[static_cast<std::size_t>(n)];
 }
 
-TsdfMap::Chunk* TsdfMap::chunk_for(int cx, int cy, int cz) noexcept {
-  const std::uint64_t key = chunk_key(cx, cy, cz);
-  const std::size_t mask = keys_.size() - 1;
-  std::size_t s = rt::mix64(key) & mask;
-  for (; keys_[s] != 0; s = (s + 1) & mask)
-    if (keys_[s] == key) return &chunks_[static_cast<std::size_t>(values_[s])];
-  if (chunk_count_ == config_.max_chunks) return nullptr;
-  keys_[s] = key;
-  values_[s] = chunk_count_;
-  directory_.add(*this, cx, cy, cz, chunk_count_);
-  Chunk& c = chunks_[static_cast<std::size_t>(chunk_count_++)];
+TsdfMap::Chunk* TsdfMap::new_chunk(BlockCoord at) noexcept {
+  std::int32_t n;
+  if (recycled_chunk_count_ > 0) {
+    n = recycled_chunks_[static_cast<std::size_t>(--recycled_chunk_count_)];
+  } else if (chunk_count_ < config_.max_chunks) {
+    n = chunk_count_++;
+  } else {
+    return nullptr;
+  }
+  index_.insert(at.x, at.y, at.z, n);
+  directory_.add(*this, at.x, at.y, at.z, n);
+  Chunk& c = chunks_[static_cast<std::size_t>(n)];
   c.block.fill(kNoBlock);
   c.free.fill(0);
   c.settled.fill(0);
-  c.coord = {cx, cy, cz};
+  c.coord = at;
   c.blocks = 0;
   c.carved = 0;
   return &c;
+}
+
+// Of a chunk without blocks.
+void TsdfMap::drop_chunk(std::int32_t number) noexcept {
+  Chunk& c = chunks_[static_cast<std::size_t>(number)];
+  index_.erase(c.coord.x, c.coord.y, c.coord.z);
+  c.free.fill(0);
+  c.settled.fill(0);
+  c.coord = kNowhere;
+  recycled_chunks_[static_cast<std::size_t>(recycled_chunk_count_++)] = number;
+}
+
+TsdfMap::Chunk* TsdfMap::chunk_for(int cx, int cy, int cz, IntegrateStats& stats) noexcept {
+  const std::int32_t n = index_.find(cx, cy, cz);
+  if (n != ChunkIndex::kNone) return &chunks_[static_cast<std::size_t>(n)];
+  const std::int32_t record = far_.find(cx, cy, cz);
+  if (record == FarStore::kNone) return new_chunk({cx, cy, cz});
+  if (!fits(far_.at(record))) return nullptr;
+  PageStats paged;
+  bring_back(record, paged);
+  stats.blocks_fetched += paged.blocks_moved;
+  return &chunks_[static_cast<std::size_t>(index_.find(cx, cy, cz))];
+}
+
+std::int32_t TsdfMap::new_block(Chunk& c, BlockCoord at) noexcept {
+  std::int32_t b;
+  if (recycled_count_ > 0) {
+    b = recycled_[static_cast<std::size_t>(--recycled_count_)];
+  } else if (used_blocks_ < config_.max_blocks) {
+    b = used_blocks_++;
+  } else {
+    return kNoBlock;
+  }
+  const auto first = static_cast<std::ptrdiff_t>(b) * kBlockVoxels;
+  std::fill_n(words_.begin() + first, kBlockVoxels, 0U);
+  std::fill_n(colours_.begin() + first, kBlockVoxels, 0U);
+  coords_[static_cast<std::size_t>(b)] = at;
+  in_use_[static_cast<std::size_t>(b)] = 1;
+  c.block[static_cast<std::size_t>(in_chunk(at.x, at.y, at.z))] = b;
+  c.settled[static_cast<std::size_t>(at.x & 7)] |= 1ULL << ((at.y & 7) * 8 + (at.z & 7));
+  ++c.blocks;
+  ++live_blocks_;
+  link(at, b);
+  return b;
 }
 
 TsdfMap::Chunk* TsdfMap::touch_block(int bx, int by, int bz, Chunk* near,
@@ -182,7 +234,7 @@ TsdfMap::Chunk* TsdfMap::touch_block(int bx, int by, int bz, Chunk* near,
   Chunk* c = near;
   if (c == nullptr || c->coord.x != bx >> 3 || c->coord.y != by >> 3 || c->coord.z != bz >> 3) {
     const auto far = [](int b) { return b >= kMaxBlockCoord || b < -kMaxBlockCoord; };
-    c = far(bx) || far(by) || far(bz) ? nullptr : chunk_for(bx >> 3, by >> 3, bz >> 3);
+    c = far(bx) || far(by) || far(bz) ? nullptr : chunk_for(bx >> 3, by >> 3, bz >> 3, stats);
     if (c == nullptr) {
       ++stats.blocks_refused;
       return near;
@@ -190,27 +242,13 @@ TsdfMap::Chunk* TsdfMap::touch_block(int bx, int by, int bz, Chunk* near,
   }
   const auto slot = static_cast<std::size_t>(in_chunk(bx, by, bz));
   if (c->block[slot] != kNoBlock) return c;
-  std::int32_t b;
-  if (recycled_count_ > 0) {
-    b = recycled_[static_cast<std::size_t>(--recycled_count_)];
-  } else if (used_blocks_ < config_.max_blocks) {
-    b = used_blocks_++;
-  } else {
+  const std::int32_t b = new_block(*c, {bx, by, bz});
+  if (b == kNoBlock) {
     ++stats.blocks_refused;
     return c;
   }
-  const auto at = static_cast<std::ptrdiff_t>(b) * kBlockVoxels;
-  std::fill_n(words_.begin() + at, kBlockVoxels, 0U);
-  std::fill_n(colours_.begin() + at, kBlockVoxels, 0U);
   expand_free(c->free[slot], free_.data() + static_cast<std::ptrdiff_t>(b) * 8);
-  coords_[static_cast<std::size_t>(b)] = {bx, by, bz};
-  in_use_[static_cast<std::size_t>(b)] = 1;
-  c->block[slot] = b;
-  c->settled[static_cast<std::size_t>(bx & 7)] |= 1ULL << ((by & 7) * 8 + (bz & 7));
-  ++c->blocks;
-  ++live_blocks_;
   ++stats.blocks_new;
-  link({bx, by, bz}, b);
   return c;
 }
 
@@ -231,9 +269,14 @@ void TsdfMap::link(BlockCoord at, std::int32_t block) noexcept {
 
 void TsdfMap::free_block(Chunk& c, int slot) noexcept {
   const auto s = static_cast<std::size_t>(slot);
-  const std::int32_t b = c.block[s];
-  c.free[s] = shrink_free(block_free(b));
+  c.free[s] = shrink_free(block_free(c.block[s]));
   if (c.free[s] != ~0ULL) c.settled[s >> 6U] &= ~(1ULL << (s & 63U));
+  drop_block(c, slot);
+}
+
+void TsdfMap::drop_block(Chunk& c, int slot) noexcept {
+  const auto s = static_cast<std::size_t>(slot);
+  const std::int32_t b = c.block[s];
   c.block[s] = kNoBlock;
   link(coords_[static_cast<std::size_t>(b)], kNoBlock);
   release_labels(b);
@@ -284,8 +327,10 @@ void TsdfMap::clear_region(const Eigen::AlignedBox3d& box_W) noexcept {
     hi[a] = static_cast<int>(std::floor(std::clamp(box_W.max()(i) / voxel_, -kLimit, kLimit)));
     if (lo[a] > hi[a]) return;
   }
+  clear_far_region(box_W);
   for (int n = 0; n < chunk_count_; ++n) {
     Chunk& c = chunks_[static_cast<std::size_t>(n)];
+    if (c.coord == kNowhere) continue;
     const std::array<int, 3> base{c.coord.x * 64, c.coord.y * 64, c.coord.z * 64};
     bool apart = false;
     for (std::size_t a = 0; a < 3; ++a) apart |= base[a] > hi[a] || base[a] + 63 < lo[a];
@@ -368,6 +413,17 @@ std::uint64_t TsdfMap::checksum() const noexcept {
     if (block_labels(b) != nullptr) h.bytes(block_labels(b), kBlockVoxels * sizeof(LabelVoxel));
     h.bytes(block_free(b), 8 * sizeof(std::uint64_t));
   });
+  for (std::int32_t r = 0; r < far_.slots(); ++r) {
+    if (far_.at(r).first_page == FarStore::kNone) continue;
+    FarStore::Reader reader(far_, r);
+    std::array<std::uint8_t, FarStore::kPage> part;
+    for (std::size_t n = 1; n > 0;) {
+      n = std::min(part.size(), reader.left());
+      static_cast<void>(reader.read({part.data(), n}));
+      h.bytes(part.data(), n);
+    }
+    h.value(far_.at(r).labels);
+  }
   return h.digest();
 }
 

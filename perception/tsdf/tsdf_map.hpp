@@ -18,12 +18,17 @@
 //           Free is not unknown.
 // Memory    everything is allocated and touched in the constructor. A full pool loses nothing that
 //           is stored: new blocks are refused and counted.
+// Far       chunks farther than far_m from the camera can be put away, compressed without loss
+//           (block_codec.hpp), and come back on approach: page(). Readers see only what is in the pool;
+//           integrate() first brings back what its camera sees.
+// Decay     with decay_half_life_s, what is not seen again loses weight and is unknown in the end.
 // Order     every result is a function of the sequence of calls: same input, same bytes.
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -36,7 +41,9 @@
 #include "perception/geometry/rgbd_frame.hpp"
 #include "perception/segmentation/label_vote.hpp"
 #include "perception/tsdf/chunk_directory.hpp"
+#include "perception/tsdf/chunk_index.hpp"
 #include "perception/tsdf/depth_pyramid.hpp"
+#include "perception/tsdf/far_store.hpp"
 #include "rt/memory/non_realtime.hpp"
 
 namespace perception {
@@ -44,6 +51,7 @@ namespace perception {
 struct UpdateCamera;  // voxel_update.hpp
 class CameraBoxes;    // frame_view.hpp
 struct AllocateScratch;
+struct BlockImage;  // block_codec.hpp
 
 struct TsdfConfig {
   double voxel_size_m = 0.01;
@@ -55,14 +63,19 @@ struct TsdfConfig {
       "uniform";              // or "range": weight falls with the noise, (1.5 m / z)^2, >= 1/4
   double edge_base_m = 0.04;  // a reading is on a depth edge when a neighbour differs by more than
   double edge_per_m = 0.02;   // edge_base_m + edge_per_m * z; edges carve but are not fused
-  double colour_band_m = 0.02;  // colour is fused this near to the surface
-  int max_blocks = 32768;       // about 4.2 KiB each
-  int max_chunks = 4096;        // about 6.2 KiB each
-  int max_label_blocks = 2048;  // 1 KiB each; an object of 30 cm takes about 150
+  double colour_band_m = 0.02;   // colour is fused this near to the surface
+  int max_blocks = 32768;        // about 4.2 KiB each
+  int max_chunks = 4096;         // about 6.2 KiB each
+  int max_label_blocks = 2048;   // 1 KiB each; an object of 30 cm takes about 150
+  double far_m = 6.0;            // put away beyond; raised to max_depth_m + 1 m
+  int far_store_kib = 16384;     // of what is put away, about 0.8 KiB a block; 0: nothing is
+  double decay_half_life_s = 0;  // of the weight of what is not seen again; 0: never
 
   void describe(config::Section& s);
   // truncation_m, raised to 2.1 voxels where the voxels are coarse.
   [[nodiscard]] double effective_truncation() const noexcept;
+  // far_m, raised so that what a camera fuses is never put away.
+  [[nodiscard]] double effective_far() const noexcept;
 };
 
 // What is fused. Colour is registered to depth; empty (data == nullptr) where there is none.
@@ -85,9 +98,20 @@ struct IntegrateStats {
   std::int32_t blocks_refused = 0;  // fault when > 0: block pool or chunk pool full (band lost)
   std::int32_t chunks_refused = 0;  // free space that found no chunk
   std::int32_t blocks_updated = 0;
-  std::int64_t voxels_fused = 0;   // inside the band
-  std::int64_t voxels_carved = 0;  // known voxels seen through
-  std::int64_t free_tests = 0;     // cubes tested for free space
+  std::int64_t voxels_fused = 0;    // inside the band
+  std::int64_t voxels_carved = 0;   // known voxels seen through
+  std::int64_t free_tests = 0;      // cubes tested for free space
+  std::int32_t blocks_fetched = 0;  // that were put away and are in view
+};
+
+// Of one page() or fetch_view(). Counts are of chunks unless they say otherwise.
+struct PageStats {
+  std::int32_t put_away = 0, brought_back = 0;
+  std::int32_t blocks_moved = 0;
+  std::int32_t waiting = 0;         // near, and left for the next call: the budget was spent
+  std::int32_t refused = 0;         // fault when > 0: near, and the pool has no room for it
+  std::int32_t not_stored = 0;      // far, and the far store is full: stays in the pool
+  std::int32_t labels_refused = 0;  // came back without labels: their pool is full
 };
 
 // Of one vote_labels().
@@ -143,8 +167,35 @@ class TsdfMap {
   // Forgets everything; map_id() changes.
   void clear() noexcept;
   // Voxels, colour, labels and free space of the nodes in the closed box become unknown; blocks left
-  // without any weight go back to the pool.
+  // without any weight go back to the pool. What is put away and reaches into the box comes back
+  // for it; without room in the pool it is forgotten whole.
   void clear_region(const Eigen::AlignedBox3d& box_W) noexcept;
+  // Once a frame, dt_s after the one before: every weight falls with decay_half_life_s, a kDecayRound-th
+  // of the blocks a call. A voxel below a quarter observation becomes unknown.
+  static constexpr int kDecayRound = 32;
+  void decay(double dt_s) noexcept;
+
+  // --- far from the camera (far_blocks.cpp)
+  // Once a frame: puts away what lies beyond far_m of every anchor (camera, hand) and out of the last
+  // image, brings back what an anchor has come near to. Each of the two ends when about block_budget
+  // blocks were moved; one chunk more than that may be.
+  PageStats page(std::span<const Vec3> anchors_W, int block_budget) noexcept;
+  // Brings back what this camera can see; where the pool is full, puts away what is farthest from it and
+  // not in view. `waiting` or `refused` tell that it is not all there yet.
+  PageStats fetch_view(const Intrinsics& k, const Pose& X_WC, int block_budget) noexcept;
+  [[nodiscard]] int far_block_count() const noexcept { return far_.blocks(); }
+  [[nodiscard]] int far_chunk_count() const noexcept { return far_.size(); }
+  [[nodiscard]] const FarStore& far_store() const noexcept { return far_; }
+
+  // --- whole chunks as records (chunk_record.hpp), for map files. Not for the frame step.
+  // fn(record) for every chunk that holds anything, put away or not, in order of coordinates. The same
+  // content gives the same bytes.
+  using RecordFn = std::function<void(std::span<const std::uint8_t>)>;
+  void write_records(rt::NonRealtime&, const RecordFn& fn) const;
+  enum class Taken : std::uint8_t { kOk, kMalformed, kTwice, kNoRoom };
+  // Adds what write_records() wrote; beyond the pool it goes to the far store. On any other result
+  // than kOk the map is unchanged.
+  [[nodiscard]] Taken take_record(rt::NonRealtime&, std::span<const std::uint8_t> record);
 
   [[nodiscard]] const TsdfConfig& config() const noexcept { return config_; }
   [[nodiscard]] double voxel_size() const noexcept { return voxel_; }
@@ -152,9 +203,10 @@ class TsdfMap {
   [[nodiscard]] float metres_per_unit() const noexcept { return metres_per_unit_; }
   [[nodiscard]] std::uint32_t map_id() const noexcept { return map_id_; }
   [[nodiscard]] int block_count() const noexcept { return live_blocks_; }
+  // Chunk numbers are below it; those not in use hold nothing and stand at no place a camera can be.
   [[nodiscard]] int chunk_count() const noexcept { return chunk_count_; }
   [[nodiscard]] std::size_t memory_bytes() const noexcept;  // held, whether in use or not
-  // Of all stored words, colours, labels and free bits, in allocation order.
+  // Of all stored words, colours, labels and free bits, in allocation order, and of what is put away.
   [[nodiscard]] std::uint64_t checksum() const noexcept;
 
   // --- word layout
@@ -266,7 +318,35 @@ class TsdfMap {
  private:
   struct View;  // one frame's camera, in floats (integrate.cpp)
 
-  Chunk* chunk_for(int cx, int cy, int cz) noexcept;  // nullptr: pool full
+  // Makes it, or brings it back; nullptr: pool full.
+  Chunk* chunk_for(int cx, int cy, int cz, IntegrateStats&) noexcept;
+  Chunk* new_chunk(BlockCoord at) noexcept;  // nullptr: pool full
+  void drop_chunk(std::int32_t number) noexcept;
+  // A block of unknown voxels, its free bits void; kNoBlock: pool full.
+  std::int32_t new_block(Chunk& c, BlockCoord at) noexcept;
+  void drop_block(Chunk& c, int slot) noexcept;
+  [[nodiscard]] int free_blocks() const noexcept {
+    return config_.max_blocks - used_blocks_ + recycled_count_;
+  }
+  [[nodiscard]] bool fits(const FarStore::Record& r) const noexcept;
+  [[nodiscard]] bool put_away(std::int32_t number) noexcept;
+  // Of a record that fits.
+  void bring_back(std::int32_t record, PageStats& stats) noexcept;
+  template <class Source>
+  void restore_chunk(Source& source, std::uint32_t labels, PageStats& stats) noexcept;
+  template <class Sink>
+  bool write_chunk(const Chunk& c, std::uint32_t carved, Sink& sink) const noexcept;
+  template <class Sink>
+  void rewrite_record(std::int32_t record, Sink& sink) const;
+  // Puts away what is farthest from `centre` and not in view, until the record fits.
+  bool make_room(const FarStore::Record& r, const CameraBoxes& boxes, const Vec3& centre,
+                 PageStats& stats) noexcept;
+  void fetch_boxes(const CameraBoxes& boxes, const Vec3& centre, int budget, bool evict,
+                   PageStats& stats) noexcept;
+  [[nodiscard]] bool seen_from(const CameraBoxes& boxes, BlockCoord chunk) const noexcept;
+  void clear_far_region(const Eigen::AlignedBox3d& box_W) noexcept;
+  [[nodiscard]] double distance_to_chunk(const Vec3& p_W, int x, int y, int z) const noexcept;
+  bool decay_block(std::int32_t block, std::uint32_t keep) noexcept;
   // Makes the block exist. `near` is a chunk to try first (or null); returns the one to try next.
   Chunk* touch_block(int bx, int by, int bz, Chunk* near, IntegrateStats&) noexcept;
   void free_block(Chunk& c, int slot) noexcept;
@@ -302,10 +382,13 @@ class TsdfMap {
   float metres_per_unit_ = 0;
   std::uint32_t map_id_ = 1;
 
-  std::vector<std::uint64_t> keys_;  // hash of chunks; 0 = empty
-  std::vector<std::int32_t> values_;
+  ChunkIndex index_;
   std::vector<Chunk> chunks_;
-  int chunk_count_ = 0;
+  std::vector<std::int32_t> recycled_chunks_;
+  int chunk_count_ = 0, recycled_chunk_count_ = 0;
+  FarStore far_;
+  std::unique_ptr<BlockImage> unpacked_;  // room for one
+  int decay_at_ = 0;                      // next of kDecayRound parts
 
   std::vector<std::uint32_t> words_, colours_;
   std::vector<std::uint64_t> free_;
@@ -325,6 +408,8 @@ class TsdfMap {
   std::vector<std::int32_t> label_of_block_, block_of_label_, label_recycled_;
   int label_used_ = 0, label_recycled_count_ = 0, label_blocks_ = 0;
   int label_images_ = 0;  // that voted, up to the cap
+  static constexpr BlockCoord kNowhere{-(1 << 24), -(1 << 24), -(1 << 24)};
+  static constexpr std::size_t kMostFarChunks = 1U << 15U;
   static constexpr int kTile = 16;
   std::array<std::uint64_t, (DepthPyramid::kMaxHeight + kTile - 1) / kTile> label_tiles_{};
   static_assert(DepthPyramid::kMaxWidth <= 64 * kTile);

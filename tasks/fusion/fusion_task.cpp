@@ -20,6 +20,8 @@ using perception::TrackingState;
 using Twist = Eigen::Matrix<double, 6, 1>;
 
 constexpr double kDegree = std::numbers::pi / 180;
+constexpr int kPagedBlocks = 128;  // put away, and brought back, a frame
+constexpr std::uint64_t kWorkOfBlock = 512;
 
 // Adds the thread CPU of its scope to a counter while profiling is on.
 class Stage {
@@ -80,11 +82,22 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
 
 FusionTask::~FusionTask() = default;
 
+rt::Result<bool> FusionTask::load_map(rt::NonRealtime& nrt, const perception::MapFile& file) {
+  auto ok = perception::restore_map(nrt, file, map_, relocaliser_.keyframes());
+  if (!ok) return ok;
+  for (std::uint8_t label = 1; label <= perception::kMostLabel; ++label) map_.forget_label(label);
+  started_ = recovering_ = true;
+  exposure_ = rt::time_from_ns(-(std::int64_t{1} << 60));  // any image is newer
+  relocaliser_.restart();
+  return true;
+}
+
 rt::Health FusionTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   out.patch_written = out.view_written = out.cost_map_written = out.camera_written = false;
   out.integrated = out.objects_written = false;
   out.tracking = TrackingResult{};
   out.integration = perception::IntegrateStats{};
+  out.paging = perception::PageStats{};
   out.segmentation = perception::ObjectStats{};
   out.work = out.work_view = 0;
   profile_ = Profile{};
@@ -151,12 +164,14 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
   if (r.claimed) {
     ++frames_claimed_;
     Stage stage(profiling_, profile_.integrate);
+    map_.decay(std::clamp(seconds_between(fused_exposure_, frame.exposure), 0.0, 1.0));
     out.integration = map_.integrate(FrameView::of(frame), X_WC_, knobs.allocate_step);
     out.integrated = !out.integration.refused;
     if (profiling_) profile_.integrate_parts = map_.last_times();
     const auto& s = out.integration;
     out.work += static_cast<std::uint64_t>(s.pixels) + static_cast<std::uint64_t>(s.rays) +
-                static_cast<std::uint64_t>(s.voxels_fused + s.voxels_carved + s.free_tests);
+                static_cast<std::uint64_t>(s.voxels_fused + s.voxels_carved + s.free_tests) +
+                kWorkOfBlock * static_cast<std::uint64_t>(s.blocks_fetched);
     if (out.integrated) fused_exposure_ = frame.exposure;
   }
   if (objects_ != nullptr) {
@@ -177,6 +192,8 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
          X_WC_});
   }
 
+  page(out);
+
   out.camera.seq = frames_;
   out.camera.exposure = frame.exposure;
   out.camera.X_WC = X_WC_;
@@ -187,7 +204,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
   if (r.state == TrackingState::kLost) {
     return rt::Health::of(rt::Severity::kDegraded, kFaultFusionLost);
   }
-  if (out.integration.blocks_refused > 0) {
+  if (out.integration.blocks_refused > 0 || out.paging.refused > 0) {
     return rt::Health::of(rt::Severity::kDegraded, kFaultFusionMapFull);
   }
   if (!r.claimed) return rt::Health::of(rt::Severity::kCounted, kFaultFusionUnclaimed);
@@ -301,6 +318,16 @@ void FusionTask::cast_model(int pixel_step, bool hint, Out& out) noexcept {
   out.work += static_cast<std::uint64_t>(stats.steps);
 }
 
+// What is far from camera and hand leaves the pool, what they come near to returns. A lost camera is where
+// nobody knows: then the search brings back what it wants to look at.
+void FusionTask::page(Out& out) noexcept {
+  if (recovering_) return;
+  Stage stage(profiling_, profile_.integrate);
+  const std::array<Vec3, 2> anchors{X_WC_.translation(), window_centre_W_};
+  out.paging = map_.page(std::span(anchors).first(hand_known_ ? 2 : 1), kPagedBlocks);
+  out.work += kWorkOfBlock * static_cast<std::uint64_t>(out.paging.blocks_moved);
+}
+
 // ---------------------------------------------------------------- odometry
 
 void FusionTask::remember_odometry(const std::optional<OdometryPrior>& odometry) noexcept {
@@ -342,7 +369,10 @@ void FusionTask::write_patch(const rt::Tick& tick, const HapticState& hand, Out&
   const Vec3 centre =
       hand.p_WH + config_.window_lead_periods * rt::seconds(setup_.period) * hand.v_WH;
   // Before the haptic task ran, and for a hand that is not finite, the window stays where it was.
-  if (hand.seq > 0 && centre.allFinite()) window_centre_W_ = centre;
+  if (hand.seq > 0 && centre.allFinite()) {
+    window_centre_W_ = centre;
+    hand_known_ = true;
+  }
   SurfacePatch& p = *out.patch;
   const std::span<const std::uint8_t> slots =
       objects_ == nullptr ? std::span<const std::uint8_t>{} : slot_of_label_;

@@ -14,6 +14,9 @@
 // then always: patch copy; sometimes: view. Only claimed frames are integrated (perception/icp).
 // The first usable frame defines the map: it is integrated at the initial pose.
 //
+// A map of another day (load_map) is where the camera is looked for: lost until it is found there.
+// Far from camera and hand the map is compressed out of its pool (TsdfMap::page).
+//
 // Levels (rt::Tick::level) pick a row of FusionConfig::levels: pixel step and ICP iterations. They are
 // dynamic knobs; voxel size is fixed at construction.
 //
@@ -31,6 +34,7 @@
 #include "perception/ground/cost_map.hpp"
 #include "perception/ground/ground_map.hpp"
 #include "perception/icp/tracker.hpp"
+#include "perception/map_file/map_file.hpp"
 #include "perception/objects/object_map.hpp"
 #include "perception/patch/surface_patch.hpp"
 #include "perception/raycast/raycast.hpp"
@@ -134,6 +138,7 @@ class FusionTask {
     bool integrated = false;
     perception::TrackingResult tracking;  // of the consumed frame
     perception::IntegrateStats integration;
+    perception::PageStats paging;
     perception::ObjectStats segmentation;
     std::uint64_t work = 0;       // deterministic count of the whole step
     std::uint64_t work_view = 0;  // of it, for the view
@@ -148,6 +153,10 @@ class FusionTask {
   // Throws std::invalid_argument naming key, value, range. Allocates everything.
   FusionTask(rt::NonRealtime&, const FusionConfig& config, const FusionSetup& setup);
   ~FusionTask();
+
+  // Starts in a stored map instead of an empty one: world = that map's. Before the first step. Labels of
+  // objects are of the session that wrote them and are left out. An error leaves the task as it was made.
+  [[nodiscard]] rt::Result<bool> load_map(rt::NonRealtime&, const perception::MapFile& file);
 
   // One cycle. No throw, lock, allocation or I/O.
   [[nodiscard]] rt::Health step(const rt::Tick& tick, const In& in, Out& out) noexcept;
@@ -186,6 +195,7 @@ class FusionTask {
   }
   void settle_motion(const perception::TrackingResult& r, rt::Time exposure, bool first) noexcept;
   void cast_model(int pixel_step, bool hint, Out& out) noexcept;
+  void page(Out& out) noexcept;
   // fusion_objects.cpp
   void set_up_objects(rt::NonRealtime& nrt);
   void remember_mark(const HapticState& hand) noexcept;
@@ -221,6 +231,7 @@ class FusionTask {
   Profile profile_;
   Pose X_WC_ = Pose::Identity();  // last pose believed
   Vec3 window_centre_W_ = Vec3::Zero();
+  bool hand_known_ = false;
   Eigen::Matrix<double, 6, 1> velocity_ = Eigen::Matrix<double, 6, 1>::Zero();  // of C, in C, per s
   rt::Time exposure_{};        // of the last frame consumed
   rt::Time fused_exposure_{};  // of the last frame integrated

@@ -44,6 +44,7 @@ tasks::FusionConfig config_of(int edge, bool recording) {
   // A cube of 5.12 m at 10 mm is 8^3 chunks; the room of the synthetic sequence holds more surface.
   config.tsdf.max_blocks = recording ? 10240 : 12288;
   config.tsdf.max_chunks = 768;
+  config.tsdf.far_store_kib = 0;  // nothing of the cube is far
   config.tsdf.voxel_size_m = 5.12 / edge;
   config.tsdf.truncation_m = 0.05;  // the map raises it to 2.1 voxels
   config.view_period_frames = 0;

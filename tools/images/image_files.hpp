@@ -1,19 +1,19 @@
 // PNG and JPEG files of outside, read strictly: the container is checked before a decoder sees it
-// (signature, size, PNG chunks with their CRC, JPEG markers up to the end of image), so a torn or
-// huge file ends in one message and not in half an image. The pixel type must be the one asked for.
+// (drivers/camera/image_header.hpp), so a torn or huge file ends in one message and not in half an image. The pixel type must be the one asked for.
 #pragma once
 
 #include <cstdint>
 #include <span>
 #include <string>
 
+#include "drivers/camera/image_header.hpp"
 #include "perception/geometry/image.hpp"
 #include "perception/geometry/rgbd_frame.hpp"
 #include "rt/result.hpp"
 
 namespace teletact {
 
-constexpr int kMaxImageSide = 8192;
+inline constexpr int kMaxImageSide = drivers::kMaxImageSide;
 
 // 8 bit colour, PNG or JPEG; grey is taken as colour, an alpha channel is refused. Orientation tags
 // are ignored: pixel (0, 0) is the first one stored. `name` begins each error message.

@@ -5,6 +5,8 @@
 #include <stdexcept>
 
 #include "tools/bench/audit_bench.hpp"
+#include "tools/bench/fusion_peer.hpp"
+#include "tools/bench/fuzz.hpp"
 #include "tools/bench/log_bench.hpp"
 #include "tools/bench/rings.hpp"
 #include "tools/bench/table1.hpp"
@@ -12,21 +14,60 @@
 #include "tools/bench/table2/touches.hpp"
 #include "tools/bench/wakeup.hpp"
 #include "tools/teletact/commands.hpp"
+#include "tools/teletact/fuzz_readers.hpp"
 #include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/options.hpp"
 
 namespace teletact {
 
+namespace {
+
+struct FuzzBench {
+  FuzzOptions options;
+  void add_to(CLI::App& app) {
+    app.add_option("--seconds", options.seconds, "fuzz: CPU seconds for each reader")
+        ->check(in_range(0.1, 1e6))
+        ->capture_default_str();
+    app.add_option("--reader", options.only, "fuzz: one reader only");
+    app.add_option("--keep", options.keep, "fuzz: folder for the input of a fault")
+        ->capture_default_str();
+  }
+  [[nodiscard]] FuzzResult run(std::uint64_t seed) {
+    options.seed = seed;
+    const FuzzReaders readers;
+    return bench_fuzz(std::cerr, readers.all(), options);
+  }
+};
+
+struct PeerBench {
+  FusionPeerOptions options;
+  void add_to(CLI::App& app) {
+    app.add_flag("--peer", options.peers, "fusion: OpenCV's rgbd parts and Open3D beside ours");
+    app.add_option("--count", options.frames, "fusion: frames of each sequence")
+        ->check(CLI::Range(2, 1000))
+        ->capture_default_str();
+    app.add_flag("!--no-synthetic", options.synthetic, "fusion: only the recording");
+  }
+  [[nodiscard]] FusionPeerResult run(const std::string& rgbd) {
+    options.rgbd = rgbd;
+    return bench_fusion_peer(std::cerr, options);
+  }
+};
+
+}  // namespace
+
 int cmd_bench(int argc, char** argv) {
   CLI::App app{
       "Measures one part beside its peers. WHAT: rings, wakeup, audit, table1, table2, "
-      "segmentation."};
+      "segmentation, fusion, fuzz."};
   std::string what, json;
   int rounds = 9;
   double slice_s = 1.0;
-  app.add_option("WHAT", what, "rings | wakeup | audit | table1 | table2 | segmentation")
+  app.add_option("WHAT", what,
+                 "rings | wakeup | audit | table1 | table2 | segmentation | fusion | fuzz")
       ->required()
-      ->check(CLI::IsMember({"rings", "wakeup", "audit", "table1", "table2", "segmentation"}));
+      ->check(CLI::IsMember(
+          {"rings", "wakeup", "audit", "table1", "table2", "segmentation", "fusion", "fuzz"}));
   app.add_option("--rounds", rounds, "interleaved rounds")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -36,7 +77,7 @@ int cmd_bench(int argc, char** argv) {
   Table1Options table1;
   table1.rgbd = "../shared/data/rgbd/7scenes_redkitchen";
   auto* rgbd = app.add_option("--rgbd", table1.rgbd,
-                              "table1: recording in TUM layout; the default may be absent")
+                              "table1, fusion: recording in TUM layout; the default may be absent")
                    ->capture_default_str();
   app.add_option("--edges", table1.edges, "table1: voxels along the cube's edge")
       ->check(CLI::Range(64, 1024))
@@ -53,11 +94,17 @@ int cmd_bench(int argc, char** argv) {
   std::uint64_t seed = 1;
   app.add_option("--data", data,
                  "table2, segmentation: folder of images with people's or true masks");
-  app.add_option("--seed", seed, "segmentation: of the touches")->capture_default_str();
+  app.add_option("--seed", seed, "segmentation: of the touches; fuzz: of the damage")
+      ->capture_default_str();
+  FuzzBench fuzz;
+  fuzz.add_to(app);
+  PeerBench peer;
+  peer.add_to(app);
   app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
   check_outputs({{"--json", json}}, {});
   Metrics metrics("bench " + what);
+  int faults = 0;
   const auto take = [&](const auto& result) {
     result.print(std::cout);
     for (const auto& m : result.metrics()) metrics.add(m.name, m.value, m.unit);
@@ -73,18 +120,26 @@ int cmd_bench(int argc, char** argv) {
     } else {
       take(bench_touches(std::cerr, data, seed));
     }
-  } else if (what == "table1") {
+  } else if (what == "fuzz") {
+    const FuzzResult result = fuzz.run(seed);
+    take(result);
+    faults = result.faults();
+  } else if (what == "table1" || what == "fusion") {
     if (rgbd->count() == 0 && !std::filesystem::exists(table1.rgbd)) {
       std::cerr << table1.rgbd << " is not there: only the synthetic room\n";
       table1.rgbd.clear();
     }
-    take(bench_table1(std::cerr, table1));
+    if (what == "table1") {
+      take(bench_table1(std::cerr, table1));
+    } else {
+      take(peer.run(table1.rgbd));
+    }
   } else {
     take(bench_audit(200));
     take(bench_log(50));
   }
   if (!json.empty()) metrics.write(json);
-  return 0;
+  return faults == 0 ? 0 : 1;
 }
 
 }  // namespace teletact

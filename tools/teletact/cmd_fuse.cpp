@@ -7,6 +7,8 @@
 //   --poses OUT.txt  TUM lines, camera to world (world = first camera). A data line is a claim; a
 //                    frame that is lost, or that the scene and the odometry leave open, is a comment
 //   --ply OUT.ply    the fused surface
+//   --save-map OUT   the map and its keyframes (perception/map_file)
+//   --map FILE       such a map to begin with: world = that map's; lost until the camera is found in it
 //
 // Images of 640 x 480 are brought to 512 x 424, the size the stack works at, unless --full-size.
 // Outputs appear whole or not at all. Same input, same bytes.
@@ -20,13 +22,14 @@
 #include <string>
 #include <vector>
 
-#include "drivers/camera/tum_files.hpp"
 #include "drivers/camera/tum_reader.hpp"
+#include "perception/map_file/map_file.hpp"
 #include "perception/simd/isa.hpp"
 #include "perception/tsdf/mesh.hpp"
 #include "tasks/fusion/fusion_task.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/odometry_file.hpp"
 #include "tools/teletact/options.hpp"
 #include "tools/teletact/whole_file.hpp"
 
@@ -34,7 +37,7 @@ namespace teletact {
 namespace {
 
 struct FuseOptions {
-  std::string rgbd, odometry, json, poses, ply, isa = "auto";
+  std::string rgbd, odometry, json, poses, ply, map, save_map, isa = "auto";
   double voxel_m = tasks::FusionConfig{}.tsdf.voxel_size_m;
   bool full_size = false;
 };
@@ -43,46 +46,6 @@ template <class T>
 T take(rt::Result<T> result) {
   if (!result) throw std::runtime_error(result.error());
   return std::move(result).value();
-}
-
-struct OdometryLine {
-  double t_s = 0;
-  perception::Pose X = perception::Pose::Identity();
-};
-
-std::vector<OdometryLine> read_odometry(const std::string& path) {
-  std::vector<OdometryLine> lines;
-  take(drivers::for_each_line(
-      path, [&](int number, const std::vector<std::string>& tokens) -> rt::Result<bool> {
-        static constexpr const char* kNames[] = {"t", "tx", "ty", "tz", "qx", "qy", "qz", "qw"};
-        if (tokens.size() != 8) {
-          return drivers::file_error(
-              path, number,
-              std::to_string(tokens.size()) + " values; a TUM pose has 8: t tx ty tz qx qy qz qw");
-        }
-        double v[8];
-        for (std::size_t i = 0; i < 8; ++i) {
-          auto value = drivers::parse_number(path, number, kNames[i], tokens[i]);
-          if (!value) return rt::Error{value.error()};
-          v[i] = value.value();
-        }
-        if (!lines.empty() && v[0] <= lines.back().t_s) {
-          return drivers::file_error(path, number, "t = " + tokens[0] + " does not rise");
-        }
-        const Eigen::Quaterniond q(v[7], v[4], v[5], v[6]);
-        if (std::abs(q.norm() - 1) > 0.02) {
-          return drivers::file_error(
-              path, number, "quaternion of length " + std::to_string(q.norm()) + "; must be 1");
-        }
-        OdometryLine line;
-        line.t_s = v[0];
-        line.X.linear() = q.normalized().toRotationMatrix();
-        line.X.translation() = perception::Vec3(v[1], v[2], v[3]);
-        lines.push_back(line);
-        return true;
-      }));
-  if (lines.empty()) throw std::runtime_error(path + ": no pose in it");
-  return lines;
 }
 
 // Odometry at t, between two lines at most 0.2 s apart, with the velocity there; empty where the file
@@ -131,11 +94,14 @@ double quantile(std::vector<double> v, double q) {
 
 struct Tally {
   int frames = 0, tracked = 0, claimed = 0, empty = 0;
+  int first_claim = -1;
   std::int64_t blocks_refused = 0;
   std::vector<double> cpu_ms;
 };
 
 void note_frame(const tasks::FusionTask& task, const tasks::FusionTask::Out& out, Tally& tally) {
+  if (out.camera_written && out.camera.claimed && tally.first_claim < 0)
+    tally.first_claim = tally.frames;
   ++tally.frames;
   tally.tracked +=
       out.camera_written && out.camera.tracking != tasks::CameraPose::Tracking::kLost ? 1 : 0;
@@ -149,13 +115,12 @@ void note_frame(const tasks::FusionTask& task, const tasks::FusionTask::Out& out
 
 // Runs the task over the sequence; returns the text of the pose file.
 std::string fuse(const drivers::TumSequence& sequence, const std::vector<OdometryLine>& odometry,
-                 tasks::FusionTask& task, Tally& tally) {
+                 const char* world, tasks::FusionTask& task, Tally& tally) {
   auto frame = std::make_unique<perception::RgbdFrame>();
   auto patch = std::make_unique<perception::SurfacePatch>();
   auto cost_map = std::make_unique<perception::CostMap>();
-  std::string poses =
-      "# camera to world; world = first camera. A data line is a claim.\n"
-      "# timestamp tx ty tz qx qy qz qw\n";
+  std::string poses = "# camera to world; world = " + std::string(world) +
+                      ". A data line is a claim.\n# timestamp tx ty tz qx qy qz qw\n";
   for (int i = 0; i < sequence.size(); ++i) {
     take(sequence.read(i, *frame));
     rt::Tick tick;
@@ -177,6 +142,65 @@ std::string fuse(const drivers::TumSequence& sequence, const std::vector<Odometr
   return poses;
 }
 
+drivers::TumSequence open_sequence(const FuseOptions& o) {
+  drivers::TumOptions tum;
+  tum.register_colour = true;
+  auto sequence = take(drivers::TumSequence::open(o.rgbd, tum));
+  if (sequence.intrinsics().width == 640 && sequence.intrinsics().height == 480 && !o.full_size) {
+    tum.to_512x424 = true;
+    sequence = take(drivers::TumSequence::open(o.rgbd, tum));
+  }
+  return sequence;
+}
+
+// Of the map with what it has put away: a mesh reads only what is in the pool.
+perception::Mesh mesh_of(rt::NonRealtime& nrt, const perception::TsdfMap& map,
+                         const std::string& bytes) {
+  if (map.far_chunk_count() == 0) return perception::extract_mesh(nrt, map);
+  perception::TsdfConfig config = map.config();
+  config.max_blocks = map.block_count() + map.far_block_count();
+  config.max_chunks = map.chunk_count() + map.far_chunk_count();
+  config.far_store_kib = 0;
+  perception::TsdfMap whole(nrt, config);
+  perception::Keyframes keyframes(nrt, {});
+  take(perception::restore_map(nrt, take(perception::parse_map(nrt, bytes, "map")), whole,
+                               keyframes));
+  return perception::extract_mesh(nrt, whole);
+}
+
+// All of the outputs or none of them.
+void write_outputs(rt::NonRealtime& nrt, const FuseOptions& o, const tasks::FusionTask& task,
+                   const std::string& poses, const Tally& tally, std::size_t& vertices) {
+  const perception::TsdfMap& map = task.map();
+  const bool encoded = !o.save_map.empty() || map.far_chunk_count() > 0;
+  const std::string bytes =
+      encoded ? perception::encode_map(nrt, map, task.keyframes()) : std::string();
+  const perception::Mesh mesh = mesh_of(nrt, map, bytes);
+  vertices = mesh.vertices_W.size();
+  try {
+    take(perception::write_ply(nrt, o.ply, mesh));
+    write_whole_file(o.poses, poses);
+    if (!o.save_map.empty()) write_whole_file(o.save_map, bytes);
+    Metrics metrics("fuse");
+    metrics.add("fusion.frames", tally.frames, "1");
+    metrics.add("fusion.frames_tracked", tally.tracked, "1");
+    metrics.add("fusion.frames_claimed", tally.claimed, "1");
+    metrics.add("fusion.first_claim", tally.first_claim, "1");
+    metrics.add("fusion.cpu_p50_ms", quantile(tally.cpu_ms, 0.5), "ms");
+    metrics.add("fusion.cpu_p95_ms", quantile(tally.cpu_ms, 0.95), "ms");
+    metrics.add("fusion.blocks", map.block_count(), "1");
+    metrics.add("fusion.blocks_far", map.far_block_count(), "1");
+    metrics.add("fusion.blocks_refused", static_cast<double>(tally.blocks_refused), "1");
+    metrics.add("fusion.vertices", static_cast<double>(vertices), "1");
+    if (!o.json.empty()) metrics.write(o.json);
+  } catch (...) {
+    std::error_code ignored;
+    for (const std::string& path : {o.ply, o.poses, o.save_map})
+      if (!path.empty()) std::filesystem::remove(path, ignored);
+    throw;
+  }
+}
+
 void run(const FuseOptions& o) {
   if (!(o.voxel_m >= 0.004 && o.voxel_m <= 0.1)) {
     throw std::runtime_error("--voxel " + std::to_string(o.voxel_m) + ": must be 0.004 to 0.1 m");
@@ -185,16 +209,12 @@ void run(const FuseOptions& o) {
     throw std::runtime_error("--isa " + o.isa +
                              ": must be auto, scalar, sse4, avx2 or avx512, and this machine's");
   }
-  check_outputs({{"--poses", o.poses}, {"--ply", o.ply}, {"--json", o.json}}, {o.odometry});
-  drivers::TumOptions tum;
-  tum.register_colour = true;
-  auto sequence = take(drivers::TumSequence::open(o.rgbd, tum));
-  if (sequence.intrinsics().width == 640 && sequence.intrinsics().height == 480 && !o.full_size) {
-    tum.to_512x424 = true;
-    sequence = take(drivers::TumSequence::open(o.rgbd, tum));
-  }
+  check_outputs(
+      {{"--poses", o.poses}, {"--ply", o.ply}, {"--save-map", o.save_map}, {"--json", o.json}},
+      {o.odometry, o.map});
+  const drivers::TumSequence sequence = open_sequence(o);
   std::vector<OdometryLine> odometry;
-  if (!o.odometry.empty()) odometry = read_odometry(o.odometry);
+  if (!o.odometry.empty()) odometry = take(read_odometry(o.odometry));
 
   rt::Startup startup;
   tasks::FusionConfig config;
@@ -205,32 +225,20 @@ void run(const FuseOptions& o) {
   tasks::FusionSetup setup;
   setup.camera = sequence.intrinsics();
   tasks::FusionTask task(startup.token(), config, setup);
+  if (!o.map.empty())
+    take(task.load_map(startup.token(), take(perception::read_map_file(startup.token(), o.map))));
   task.profile(true);
   Tally tally;
-  const std::string poses = fuse(sequence, odometry, task, tally);
-
-  const perception::Mesh mesh = perception::extract_mesh(startup.token(), task.map());
-  take(perception::write_ply(startup.token(), o.ply, mesh));
-  try {
-    write_whole_file(o.poses, poses);
-    Metrics metrics("fuse");
-    metrics.add("fusion.frames", tally.frames, "1");
-    metrics.add("fusion.frames_tracked", tally.tracked, "1");
-    metrics.add("fusion.frames_claimed", tally.claimed, "1");
-    metrics.add("fusion.cpu_p50_ms", quantile(tally.cpu_ms, 0.5), "ms");
-    metrics.add("fusion.cpu_p95_ms", quantile(tally.cpu_ms, 0.95), "ms");
-    metrics.add("fusion.blocks", task.map().block_count(), "1");
-    metrics.add("fusion.blocks_refused", static_cast<double>(tally.blocks_refused), "1");
-    metrics.add("fusion.vertices", static_cast<double>(mesh.vertices_W.size()), "1");
-    if (!o.json.empty()) metrics.write(o.json);
-  } catch (...) {
-    std::error_code ignored;
-    for (const std::string& path : {o.ply, o.poses}) std::filesystem::remove(path, ignored);
-    throw;
-  }
+  const std::string poses =
+      fuse(sequence, odometry, o.map.empty() ? "first camera" : "that of the map", task, tally);
+  std::size_t vertices = 0;
+  write_outputs(startup.token(), o, task, poses, tally, vertices);
   std::printf("%d frames, %d tracked, %d claimed; %.1f ms CPU a frame (p50); %zu vertices\n",
-              tally.frames, tally.tracked, tally.claimed, quantile(tally.cpu_ms, 0.5),
-              mesh.vertices_W.size());
+              tally.frames, tally.tracked, tally.claimed, quantile(tally.cpu_ms, 0.5), vertices);
+  if (!o.map.empty() && tally.first_claim >= 0)
+    std::printf("found in the map at frame %d\n", tally.first_claim);
+  if (!o.map.empty() && tally.first_claim < 0)
+    std::fprintf(stderr, "teletact fuse: the camera was not found in %s\n", o.map.c_str());
   if (tally.blocks_refused > 0) {
     std::fprintf(stderr,
                  "teletact fuse: the map is full, %lld blocks were refused: use larger voxels\n",
@@ -249,6 +257,8 @@ int cmd_fuse(int argc, char** argv) {
   app.add_option("--voxel", o.voxel_m, "edge of a voxel, m, 0.004 to 0.1")->capture_default_str();
   app.add_option("--poses", o.poses, "TUM poses to write, camera to world")->required();
   app.add_option("--ply", o.ply, "mesh to write")->required();
+  app.add_option("--map", o.map, "map of an earlier run to begin with, of the same voxel");
+  app.add_option("--save-map", o.save_map, "map to write");
   app.add_option("--json", o.json, "figures to write");
   app.add_option("--isa", o.isa, "auto, scalar, sse4, avx2, avx512: the same bytes, another speed")
       ->capture_default_str();

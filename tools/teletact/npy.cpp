@@ -12,6 +12,13 @@ namespace teletact {
 
 namespace {
 
+// As it can stand in a message: one line, not endless.
+std::string shown(const std::string& text) {
+  std::string out = "'";
+  for (const char c : text.substr(0, 40)) out += c >= ' ' && c <= '~' ? c : '?';
+  return out + (text.size() > 40 ? "...'" : "'");
+}
+
 static_assert(std::endian::native == std::endian::little, "NPY data is read as it lies in memory");
 
 // The header is a Python dictionary literal with exactly the keys descr, fortran_order and shape.
@@ -136,7 +143,7 @@ rt::Result<NpyArray> parse_npy(const std::string& bytes, const std::string& name
   const auto header = HeaderParser(text).parse();
   if (!header) return fail("malformed NPY header");
   if (header->descr != "<f4") {
-    return fail("element type '" + header->descr + "'; allowed is '<f4' (little-endian float32)");
+    return fail("element type " + shown(header->descr) + "; allowed is '<f4' (little-endian float32)");
   }
   if (header->fortran) return fail("Fortran order; allowed is C order (x, y, z)");
   std::size_t count = 1;

@@ -114,7 +114,7 @@ TEST(Tum, FaultsOfAnImageAreNamed) {
     const TumFolder f;
     f.write("depth/1.png", "this is no image");
     EXPECT_THAT(read_error(f, 1),
-                AllOf(HasSubstr(f.file("depth/1.png")), HasSubstr("not a whole")));
+                AllOf(HasSubstr(f.file("depth/1.png")), HasSubstr("neither a PNG nor")));
   }
   {
     const TumFolder f;

@@ -1,0 +1,105 @@
+// Every reader of outside files for a few seconds; `teletact bench fuzz` does it for longer. And the harness
+// itself: it must see a reader that is wrong.
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+#include <stdexcept>
+
+#include "tools/teletact/fuzz_readers.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using teletact::bench_fuzz;
+using teletact::FuzzOptions;
+using teletact::FuzzReader;
+
+#if defined(__SANITIZE_ADDRESS__)
+constexpr std::uint64_t kLimit_MiB = 0;
+#else
+constexpr std::uint64_t kLimit_MiB = 4096;
+#endif
+
+class FuzzReadersTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "teletact_fuzz_test_XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    options_.keep = name;
+    options_.limit_MiB = kLimit_MiB;
+  }
+  void TearDown() override {
+    if (!HasFailure()) fs::remove_all(options_.keep);
+  }
+  FuzzOptions options_;
+};
+
+// 30 s of CPU in all; TELETACT_FUZZ_SECONDS asks for another time, TELETACT_FUZZ_SEED for other damage.
+TEST_F(FuzzReadersTest, EndWithAResultOrOneLine) {
+  const teletact::FuzzReaders readers;
+  const char* asked = std::getenv("TELETACT_FUZZ_SECONDS");
+  const double all_s = asked != nullptr ? std::atof(asked) : 30;
+  options_.seconds = all_s / static_cast<double>(readers.all().size());
+  const char* seed = std::getenv("TELETACT_FUZZ_SEED");
+  if (seed != nullptr) options_.seed = std::strtoull(seed, nullptr, 10);
+  const auto result = bench_fuzz(std::cout, readers.all(), options_);
+  result.print(std::cout);
+  EXPECT_EQ(result.faults(), 0) << "inputs in " << options_.keep;
+  for (const auto& row : result.rows) {
+    EXPECT_GT(row.inputs, 100U) << row.reader;
+    EXPECT_LT(row.accepted, row.inputs) << row.reader << " refuses nothing";
+  }
+}
+
+TEST_F(FuzzReadersTest, TheHarnessSeesFaults) {
+  const auto fault_of = [&](std::function<rt::Result<bool>(const std::string&)> bad) {
+    // Right for the good file, wrong for one that is longer.
+    FuzzReader reader{"wrong",
+                      {"0123456789"},
+                      [&](const std::string& b) -> rt::Result<bool> {
+                        return b.size() <= 10 ? rt::Result<bool>(true) : bad(b);
+                      },
+                      {},
+                      false};
+    options_.seconds = 2;
+    options_.limit_cpu_s = 1;
+    const auto result = bench_fuzz(std::cout, {reader}, options_);
+    EXPECT_EQ(result.faults(), 1);
+    return result.rows.at(0).fault;
+  };
+  EXPECT_NE(fault_of([](const std::string&) -> rt::Result<bool> {
+              std::raise(SIGKILL);
+              return true;
+            }).find("signal"),
+            std::string::npos);
+  EXPECT_NE(fault_of([](const std::string&) -> rt::Result<bool> {
+              throw std::runtime_error("oh");
+            }).find("exception: oh"),
+            std::string::npos);
+  EXPECT_NE(fault_of([](const std::string&) -> rt::Result<bool> {
+              return rt::Error{"two\nlines"};
+            }).find("no line"),
+            std::string::npos);
+  EXPECT_NE(fault_of([](const std::string&) -> rt::Result<bool> {
+              for (;;) asm volatile("");
+            }).find("does not end"),
+            std::string::npos);
+  EXPECT_FALSE(fs::is_empty(options_.keep)) << "the inputs are kept";
+}
+
+TEST_F(FuzzReadersTest, AnInputIsAFunctionOfItsNumber) {
+  const teletact::FuzzReaders readers;
+  for (const FuzzReader& r : readers.all()) {
+    int same = 0;
+    for (std::uint64_t n = 0; n < 50; ++n) {
+      EXPECT_EQ(teletact::fuzz_input(r, 3, n), teletact::fuzz_input(r, 3, n));
+      same += teletact::fuzz_input(r, 3, n) == teletact::fuzz_input(r, 4, n) ? 1 : 0;
+    }
+    EXPECT_LT(same, 10) << r.name;
+  }
+}
+
+}  // namespace

@@ -1,0 +1,247 @@
+#include "tools/bench/fusion_peer.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <limits>
+#include <memory>
+
+#include "rt/memory/non_realtime.hpp"
+#include "tasks/fusion/fusion_task.hpp"
+#include "tools/bench/fusion_sequence.hpp"
+#include "tools/bench/other_load.hpp"
+#include "tools/bench/peer_process.hpp"
+
+namespace teletact {
+namespace {
+
+using perception::Pose;
+
+constexpr double kVoxel_m = 0.01;
+constexpr int kEdge = 512;
+
+double quantile(std::vector<double> v, double q) {
+  if (v.empty()) return std::numeric_limits<double>::quiet_NaN();
+  std::sort(v.begin(), v.end());
+  return v[std::min(v.size() - 1, static_cast<std::size_t>(q * static_cast<double>(v.size())))];
+}
+
+// One mapper over one sequence.
+class Run {
+ public:
+  Run(std::string name, bool filter) : name_(std::move(name)), filter_(filter) {}
+  virtual ~Run() = default;
+  Run(const Run&) = delete;
+  Run& operator=(const Run&) = delete;
+
+  void frame(const FusionSequence& sequence, int i, int first) {
+    if (!absent_.empty()) return;
+    PeerProcess::Reply r;
+    if (!step(sequence, i, r)) {
+      absent_ = i == 0 ? missing() : "ended at frame " + std::to_string(i);
+      return;
+    }
+    if (i >= first) ms_.push_back(r.cpu_ms);
+    if (!r.tracked) return;
+    if (!sequence.truth_WC.empty()) {
+      const Pose& truth = sequence.truth_WC[static_cast<std::size_t>(i)];
+      if (tracked_ == 0) X_TW_ = truth * r.X_WC.inverse();
+      squares_ += ((X_TW_ * r.X_WC).translation() - truth.translation()).squaredNorm();
+    }
+    ++tracked_;
+  }
+  [[nodiscard]] FusionPeerRow row(const FusionSequence& sequence) const {
+    FusionPeerRow row;
+    row.sequence = sequence.name;
+    row.name = name_;
+    row.filter = filter_;
+    row.absent = absent_;
+    row.p50_ms = quantile(ms_, 0.5), row.p95_ms = quantile(ms_, 0.95),
+    row.max_ms = quantile(ms_, 1.0);
+    row.tracked = tracked_, row.frames = sequence.size();
+    row.ate_mm = sequence.truth_WC.empty() || tracked_ == 0
+                     ? std::numeric_limits<double>::quiet_NaN()
+                     : 1e3 * std::sqrt(squares_ / tracked_);
+    return row;
+  }
+
+ protected:
+  virtual bool step(const FusionSequence& sequence, int i, PeerProcess::Reply& r) = 0;
+  [[nodiscard]] virtual std::string missing() const { return "did not start"; }
+
+ private:
+  std::string name_;
+  bool filter_;
+  std::string absent_;
+  std::vector<double> ms_;
+  int tracked_ = 0;
+  double squares_ = 0;
+  Pose X_TW_ = Pose::Identity();
+};
+
+class OurRun : public Run {
+ public:
+  OurRun(const FusionSequence& sequence, bool filter)
+      : Run(filter ? "teletact" : "teletact, no filter", filter) {
+    rt::Startup startup;
+    tasks::FusionConfig config;
+    config.tsdf.voxel_size_m = kVoxel_m;
+    config.view_period_frames = 0;
+    if (!filter) config.tracker.preprocess.bilateral_radius_px = 0;
+    tasks::FusionSetup setup;
+    setup.camera = sequence.intrinsics;
+    task_ = std::make_unique<tasks::FusionTask>(startup.token(), config, setup);
+  }
+
+ protected:
+  bool step(const FusionSequence& sequence, int i, PeerProcess::Reply& r) override {
+    sequence.frame(i, *frame_);
+    frame_->has_colour = false;  // the peers fuse none
+    rt::Tick tick;
+    tick.k = static_cast<std::uint64_t>(i);
+    tick.release = tick.start = frame_->exposure;
+    tasks::FusionTask::In in;
+    in.frame = frame_.get();
+    in.frame_fresh = true;
+    in.hand.seq = 1;
+    in.hand.p_WH = perception::Vec3(0, 0, 1.5);
+    tasks::FusionTask::Out out;
+    out.patch = patch_.get();
+    out.cost_map = cost_map_.get();
+    timespec before{}, after{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &before);
+    static_cast<void>(task_->step(tick, in, out));
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &after);
+    r.cpu_ms = 1e3 * static_cast<double>(after.tv_sec - before.tv_sec) +
+               1e-6 * static_cast<double>(after.tv_nsec - before.tv_nsec);
+    r.tracked = out.camera_written && out.camera.claimed;
+    r.X_WC = out.camera.X_WC;
+    return true;
+  }
+
+ private:
+  std::unique_ptr<tasks::FusionTask> task_;
+  std::unique_ptr<perception::RgbdFrame> frame_ = std::make_unique<perception::RgbdFrame>();
+  std::unique_ptr<perception::SurfacePatch> patch_ = std::make_unique<perception::SurfacePatch>();
+  std::unique_ptr<perception::CostMap> cost_map_ = std::make_unique<perception::CostMap>();
+};
+
+class TheirRun : public Run {
+ public:
+  TheirRun(std::string name, bool filter, std::string package,
+           const std::vector<std::string>& command)
+      : Run(std::move(name), filter), package_(std::move(package)), process_(command) {}
+
+ protected:
+  bool step(const FusionSequence&, int i, PeerProcess::Reply& r) override {
+    return process_.ask(i, r);
+  }
+  [[nodiscard]] std::string missing() const override {
+    return "is not installed (Debian: " + package_ + ")";
+  }
+
+ private:
+  std::string package_;
+  PeerProcess process_;
+};
+
+std::string beside_us(const char* program) {
+  std::error_code error;
+  const auto self = std::filesystem::read_symlink("/proc/self/exe", error);
+  return error ? std::string(program) : (self.parent_path() / program).string();
+}
+
+std::vector<FusionPeerRow> rows_of(std::ostream& progress, const FusionSequence& sequence,
+                                   const FusionPeerOptions& options) {
+  const PeerFrames frames(sequence);
+  const std::string voxel = std::to_string(kVoxel_m), edge = std::to_string(kEdge);
+  const std::string opencv = beside_us("teletact_peer_opencv");
+  std::vector<std::unique_ptr<Run>> runs;
+  runs.push_back(std::make_unique<OurRun>(sequence, true));
+  runs.push_back(std::make_unique<OurRun>(sequence, false));
+  for (const char* kind : {"tsdf", "hashtsdf"}) {
+    if (!options.peers) break;
+    runs.push_back(std::make_unique<TheirRun>(
+        std::string("opencv ") + kind, true, "libopencv-contrib-dev, then build again",
+        std::vector<std::string>{opencv, frames.path(), kind, voxel, edge}));
+  }
+  if (options.peers)
+    runs.push_back(std::make_unique<TheirRun>(
+        "open3d", false, "python3-open3d",
+        std::vector<std::string>{TELETACT_OPEN3D_PEER, frames.path(), voxel}));
+  for (int begin = 0; begin < sequence.size(); begin += options.slice) {
+    progress << sequence.name << ": frames from " << begin << "\n";
+    for (const auto& run : runs)
+      for (int i = begin; i < std::min(begin + options.slice, sequence.size()); ++i)
+        run->frame(sequence, i, options.first_frame);
+  }
+  std::vector<FusionPeerRow> rows;
+  for (const auto& run : runs) rows.push_back(run->row(sequence));
+  for (FusionPeerRow& row : rows)
+    if (row.absent.empty()) row.ratio = row.p50_ms / rows[row.filter ? 0 : 1].p50_ms;
+  return rows;
+}
+
+}  // namespace
+
+FusionPeerResult bench_fusion_peer(std::ostream& progress, const FusionPeerOptions& options) {
+  std::vector<FusionSequence> sequences;
+  if (!options.rgbd.empty()) sequences.push_back(recorded_sequence(options.rgbd, options.frames));
+  if (options.synthetic) {
+    rt::Startup startup;
+    sequences.push_back(synthetic_sequence(startup.token(), furnished_room(), options.frames));
+  }
+  FusionPeerResult result;
+  OtherLoad others;
+  for (const FusionSequence& sequence : sequences)
+    for (FusionPeerRow& row : rows_of(progress, sequence, options))
+      result.rows.push_back(std::move(row));
+  result.other_load = others.cores();
+  return result;
+}
+
+void FusionPeerResult::print(std::ostream& out) const {
+  char line[256];
+  out << "the same frames at 10 mm over 5.12 m, one thread, CPU ms a frame\n"
+         "sequence   who                  filter |    p50     p95     max | tracked  ATE mm | CPU "
+         "to ours\n";
+  for (const FusionPeerRow& r : rows) {
+    if (!r.absent.empty()) {
+      out << r.sequence << " " << r.name << ": " << r.absent << "\n";
+      continue;
+    }
+    std::snprintf(line, sizeof line,
+                  "%-10s %-20s %-6s | %6.1f  %6.1f  %6.1f | %3d/%3d  %6.1f | %6.1f\n",
+                  r.sequence.c_str(), r.name.c_str(), r.filter ? "on" : "off", r.p50_ms, r.p95_ms,
+                  r.max_ms, r.tracked, r.frames, r.ate_mm, r.ratio);
+    out << line;
+  }
+  // The peers' processes are not ours to the kernel; they are part of what is counted as others.
+  std::snprintf(line, sizeof line, "others, the peers among them, used %.2f of a core\n",
+                other_load);
+  out << line;
+}
+
+std::vector<BenchMetric> FusionPeerResult::metrics() const {
+  std::vector<BenchMetric> m;
+  for (const std::string sequence : {"recording", "synthetic"}) {
+    const std::string base = sequence == "recording" ? "fusion.peer." : "fusion.peer.synthetic.";
+    for (const std::string who : {"teletact", "opencv", "open3d"}) {
+      const FusionPeerRow* best = nullptr;  // the faster one of a peer's two volumes
+      for (const FusionPeerRow& r : rows)
+        if (r.sequence == sequence && r.absent.empty() && r.name.rfind(who, 0) == 0 &&
+            (best == nullptr || (who != "teletact" && r.p50_ms < best->p50_ms)))
+          best = &r;
+      if (best == nullptr) continue;
+      m.push_back({base + who + ".cpu_ms", best->p50_ms, "ms"});
+      if (who != "teletact") m.push_back({base + who + ".cpu_ratio", best->ratio, "1"});
+      m.push_back({base + who + ".tracked", static_cast<double>(best->tracked), "1"});
+      if (std::isfinite(best->ate_mm)) m.push_back({base + who + ".ate_mm", best->ate_mm, "mm"});
+    }
+  }
+  return m;
+}
+
+}  // namespace teletact
