@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "tools/bench/audit_bench.hpp"
+#include "tools/bench/drift.hpp"
 #include "tools/bench/log_bench.hpp"
 #include "tools/bench/rings.hpp"
 #include "tools/bench/table1.hpp"
@@ -20,13 +21,14 @@ namespace teletact {
 int cmd_bench(int argc, char** argv) {
   CLI::App app{
       "Measures one part beside its peers. WHAT: rings, wakeup, audit, table1, table2, "
-      "segmentation."};
+      "segmentation, drift."};
   std::string what, json;
   int rounds = 9;
   double slice_s = 1.0;
-  app.add_option("WHAT", what, "rings | wakeup | audit | table1 | table2 | segmentation")
+  app.add_option("WHAT", what, "rings | wakeup | audit | table1 | table2 | segmentation | drift")
       ->required()
-      ->check(CLI::IsMember({"rings", "wakeup", "audit", "table1", "table2", "segmentation"}));
+      ->check(CLI::IsMember({"rings", "wakeup", "audit", "table1", "table2", "segmentation",
+                              "drift"}));
   app.add_option("--rounds", rounds, "interleaved rounds")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -54,6 +56,16 @@ int cmd_bench(int argc, char** argv) {
   app.add_option("--data", data,
                  "table2, segmentation: folder of images with people's or true masks");
   app.add_option("--seed", seed, "segmentation: of the touches")->capture_default_str();
+  int frames = 10000;
+  double voxel_m = 0.01;
+  bool half_size = false;
+  app.add_option("--frames", frames, "drift: how many")
+      ->check(CLI::Range(20, 10000000))
+      ->capture_default_str();
+  app.add_option("--voxel", voxel_m, "drift: edge of a voxel, m")
+      ->check(in_range(0.005, 0.08))
+      ->capture_default_str();
+  app.add_flag("--half-size", half_size, "drift: images of 256 x 212");
   app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
   check_outputs({{"--json", json}}, {});
@@ -66,6 +78,8 @@ int cmd_bench(int argc, char** argv) {
     take(bench_rings(std::cerr, rounds));
   } else if (what == "wakeup") {
     take(bench_wakeup(std::cerr, rounds, slice_s));
+  } else if (what == "drift") {
+    take(bench_drift(std::cerr, frames, voxel_m, half_size ? 2 : 1));
   } else if (what == "table2" || what == "segmentation") {
     if (data.empty()) throw std::runtime_error("bench " + what + " needs --data DIR");
     if (what == "table2") {

@@ -3,7 +3,9 @@
 //
 //   --rgbd DIR       TUM layout (drivers/camera/tum_reader.hpp); its ground truth is never opened
 //   --odometry FILE  TUM lines "t tx ty tz qx qy qz qw", camera to its own start, as motion prior
-//   --voxel M        edge of a voxel
+//   --voxel M        edge of a voxel; other knobs that have an option of their own: --help
+//   --config FILE    TOML with a table [fusion], as in a scene; --set fusion.KEY=VALUE for one key of it;
+//                    --list-knobs prints them all
 //   --poses OUT.txt  TUM lines, camera to world (world = first camera). A data line is a claim; a
 //                    frame that is lost, or that the scene and the odometry leave open, is a comment
 //   --ply OUT.ply    the fused surface
@@ -12,6 +14,7 @@
 // Outputs appear whole or not at all. Same input, same bytes.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -35,8 +38,12 @@ namespace {
 
 struct FuseOptions {
   std::string rgbd, odometry, json, poses, ply, isa = "auto";
-  double voxel_m = tasks::FusionConfig{}.tsdf.voxel_size_m;
+  double voxel_m = 0;  // 0: not given
   bool full_size = false;
+  std::string config_file;
+  std::vector<std::string> overrides;
+  std::array<std::string, 8> knobs;  // values of kKnobs; empty: not given
+  double mesh_weight = perception::MeshOptions{}.min_weight;
 };
 
 template <class T>
@@ -177,15 +184,68 @@ std::string fuse(const drivers::TumSequence& sequence, const std::vector<Odometr
   return poses;
 }
 
+// Thrown out of the parsing, for required options are then not needed.
+struct ListKnobs {};
+
+// Options that stand for one key of [fusion].
+struct Knob {
+  const char *option, *key, *help;
+};
+constexpr Knob kKnobs[] = {
+    {"--truncation", "tsdf.truncation_m", "half width of the stored band, m"},
+    {"--min-depth", "tsdf.min_depth_m", "nearer readings are not fused, m"},
+    {"--max-depth", "tsdf.max_depth_m", "farther readings are not fused, m"},
+    {"--max-weight", "tsdf.max_weight", "cap of a voxel's weight, observations"},
+    {"--iterations-fine", "level_0.iterations_fine", "of ICP, at full resolution"},
+    {"--iterations-middle", "level_0.iterations_middle", "of ICP, at half"},
+    {"--iterations-coarse", "level_0.iterations_coarse", "of ICP, at a quarter"},
+    {"--pixel-step", "level_0.pixel_step", "every n-th pixel is tracked: 1, 2, 4"},
+};
+
+// The file first, then --set, then the options.
+tasks::FusionConfig config_of(const FuseOptions& o) {
+  tasks::FusionConfig config;
+  config::Section root;
+  config.describe(root.section("fusion", "the fusion task"));
+  if (!o.config_file.empty()) take(config::load_file(o.config_file, root));
+  for (const std::string& assignment : o.overrides) take(config::load_override(assignment, root));
+  for (std::size_t i = 0; i < std::size(kKnobs); ++i) {
+    if (o.knobs[i].empty()) continue;
+    const auto ok =
+        config::load_override(std::string("fusion.") + kKnobs[i].key + "=" + o.knobs[i], root);
+    if (!ok) throw std::runtime_error(std::string(kKnobs[i].option) + ": " + ok.error());
+  }
+  if (o.voxel_m > 0) config.tsdf.voxel_size_m = o.voxel_m;
+  if (config.tsdf.max_blocks == perception::TsdfConfig{}.max_blocks) {
+    // The surface of the same place takes more blocks as voxels get finer.
+    const double finer = std::max(1.0, 0.01 / config.tsdf.voxel_size_m);
+    config.tsdf.max_blocks = static_cast<int>(config.tsdf.max_blocks * finer * finer);
+  }
+  // The tracker's own counts bound what a level may ask for.
+  for (std::size_t i = 0; i < config.tracker.iterations.size(); ++i) {
+    config.tracker.iterations[i] =
+        std::max(config.tracker.iterations[i], config.levels[0].iterations[i]);
+  }
+  return config;
+}
+
+void list_knobs() {
+  tasks::FusionConfig config;
+  config::Section root;
+  config.describe(root.section("fusion"));
+  std::fputs(config::reference_table(root).c_str(), stdout);
+}
+
 void run(const FuseOptions& o) {
-  if (!(o.voxel_m >= 0.004 && o.voxel_m <= 0.1)) {
+  if (o.voxel_m != 0 && !(o.voxel_m >= 0.004 && o.voxel_m <= 0.1)) {
     throw std::runtime_error("--voxel " + std::to_string(o.voxel_m) + ": must be 0.004 to 0.1 m");
   }
   if (!perception::simd::choose(o.isa)) {
     throw std::runtime_error("--isa " + o.isa +
                              ": must be auto, scalar, sse4, avx2 or avx512, and this machine's");
   }
-  check_outputs({{"--poses", o.poses}, {"--ply", o.ply}, {"--json", o.json}}, {o.odometry});
+  const tasks::FusionConfig config = config_of(o);
+  check_outputs({{"--poses", o.poses}, {"--ply", o.ply}, {"--json", o.json}}, {o.odometry, o.config_file});
   drivers::TumOptions tum;
   tum.register_colour = true;
   auto sequence = take(drivers::TumSequence::open(o.rgbd, tum));
@@ -197,11 +257,6 @@ void run(const FuseOptions& o) {
   if (!o.odometry.empty()) odometry = read_odometry(o.odometry);
 
   rt::Startup startup;
-  tasks::FusionConfig config;
-  config.tsdf.voxel_size_m = o.voxel_m;
-  // The surface of the same place takes more blocks as voxels get finer.
-  const double finer = std::max(1.0, 0.01 / o.voxel_m);
-  config.tsdf.max_blocks = static_cast<int>(config.tsdf.max_blocks * finer * finer);
   tasks::FusionSetup setup;
   setup.camera = sequence.intrinsics();
   tasks::FusionTask task(startup.token(), config, setup);
@@ -209,7 +264,7 @@ void run(const FuseOptions& o) {
   Tally tally;
   const std::string poses = fuse(sequence, odometry, task, tally);
 
-  const perception::Mesh mesh = perception::extract_mesh(startup.token(), task.map());
+  const perception::Mesh mesh = perception::extract_mesh(startup.token(), task.map(), {.min_weight = o.mesh_weight});
   take(perception::write_ply(startup.token(), o.ply, mesh));
   try {
     write_whole_file(o.poses, poses);
@@ -246,14 +301,28 @@ int cmd_fuse(int argc, char** argv) {
                "teletact fuse");
   app.add_option("--rgbd", o.rgbd, "folder in TUM layout")->required();
   app.add_option("--odometry", o.odometry, "TUM poses used as motion prior");
-  app.add_option("--voxel", o.voxel_m, "edge of a voxel, m, 0.004 to 0.1")->capture_default_str();
+  app.add_option("--voxel", o.voxel_m, "edge of a voxel, m, 0.004 to 0.1; 0.01 where nothing is said");
+  for (std::size_t i = 0; i < std::size(kKnobs); ++i) {
+    app.add_option(kKnobs[i].option, o.knobs[i], kKnobs[i].help);
+  }
+  app.add_option("--mesh-weight", o.mesh_weight, "observations from which a voxel is meshed")
+      ->check(in_range(1, 255))
+      ->capture_default_str();
+  app.add_option("--config", o.config_file, "TOML with a table [fusion]");
+  app.add_option("--set", o.overrides, "any key of it: fusion.KEY=VALUE");
+  app.add_flag_callback("--list-knobs", [] { throw ListKnobs(); }, "print every key of [fusion] and end");
   app.add_option("--poses", o.poses, "TUM poses to write, camera to world")->required();
   app.add_option("--ply", o.ply, "mesh to write")->required();
   app.add_option("--json", o.json, "figures to write");
   app.add_option("--isa", o.isa, "auto, scalar, sse4, avx2, avx512: the same bytes, another speed")
       ->capture_default_str();
   app.add_flag("--full-size", o.full_size, "do not bring 640 x 480 images to 512 x 424");
-  if (!parse_options(app, argc, argv)) return 0;
+  try {
+    if (!parse_options(app, argc, argv)) return 0;
+  } catch (const ListKnobs&) {
+    list_knobs();
+    return 0;
+  }
   run(o);
   return 0;
 }

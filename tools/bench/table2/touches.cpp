@@ -12,7 +12,6 @@
 
 #include "perception/segmentation/measures.hpp"
 #include "perception/segmentation/region_grow.hpp"
-#include "perception/segmentation/touch_segmenter.hpp"
 #include "rt/random.hpp"
 #include "tools/images/image_files.hpp"
 
@@ -115,8 +114,13 @@ double iou(const Image<std::uint16_t>& label, std::uint16_t object, const In& in
 
 class Judge {
  public:
-  Judge(const Kind& kind, int w, int h)
-      : kind_(kind), touch_(w, h), lab_(w, h), points_(w, h), grower_(w, h) {}
+  Judge(const Kind& kind, int w, int h, const perception::TouchConfig& config, bool touches_only)
+      : kind_(kind),
+        touches_only_(touches_only),
+        touch_(w, h, config),
+        lab_(w, h),
+        points_(w, h),
+        grower_(w, h) {}
 
   void frame(const Frame& f, rt::Random& random, TouchRow& row) {
     std::map<std::uint16_t, std::vector<int>> objects;
@@ -125,8 +129,10 @@ class Judge {
       if (l != 0 && l != kUnlabelled) objects[l];
     }
     touch_.set_frame(f.rgb.view(), f.depth.view(), kind_.k, kind_.mm_per_unit);
-    lab_.set(f.rgb.view());
-    points_.set(f.depth.view(), kind_.k, kind_.mm_per_unit);
+    if (!touches_only_) {
+      lab_.set(f.rgb.view());
+      points_.set(f.depth.view(), kind_.k, kind_.mm_per_unit);
+    }
     for (auto& [object, pixels] : objects) {
       pixels = touchable(f.label, object);
       double good = 0, paper = 0;
@@ -134,13 +140,13 @@ class Judge {
         const int i = pixels[static_cast<std::size_t>(
             random.integer(0, static_cast<std::int64_t>(pixels.size()) - 1))];
         good += one_touch(f, object, i, k) / kTouches;
-        paper += one_paper(f, object, i) / kTouches;
+        if (!touches_only_) paper += one_paper(f, object, i) / kTouches;
       }
       good_.push_back(good);
       paper_.push_back(paper);
       row.touches += kTouches;
     }
-    follow(f, objects);
+    if (!touches_only_) follow(f, objects);
     ++row.frames;
   }
   void finish(TouchRow& row) const {
@@ -194,6 +200,7 @@ class Judge {
   }
 
   Kind kind_;
+  bool touches_only_;
   perception::TouchSegmenter touch_;
   perception::LabImage lab_;
   perception::PointImage points_;
@@ -203,6 +210,7 @@ class Judge {
 };
 
 TouchRow run_folder(const fs::path& folder, const Kind& kind, std::uint64_t seed,
+                    const perception::TouchConfig& config, bool touches_only,
                     std::ostream& progress) {
   TouchRow row;
   row.folder = folder.filename().string();
@@ -214,7 +222,9 @@ TouchRow run_folder(const fs::path& folder, const Kind& kind, std::uint64_t seed
   for (const std::string& name : names) {
     progress << "\r" << row.folder << "/" << name << "   " << std::flush;
     const Frame f = load(folder, name, kind);
-    if (!judge) judge = std::make_unique<Judge>(kind, f.rgb.width(), f.rgb.height());
+    if (!judge) {
+      judge = std::make_unique<Judge>(kind, f.rgb.width(), f.rgb.height(), config, touches_only);
+    }
     if (f.rgb.width() != kind.k.width || f.rgb.height() != kind.k.height) {
       throw std::runtime_error((folder / "rgb" / name).string() + ": must be 640 x 480");
     }
@@ -227,7 +237,8 @@ TouchRow run_folder(const fs::path& folder, const Kind& kind, std::uint64_t seed
 
 }  // namespace
 
-TouchResult bench_touches(std::ostream& progress, const std::string& folder, std::uint64_t seed) {
+TouchResult bench_touches(std::ostream& progress, const std::string& folder, std::uint64_t seed,
+                          const perception::TouchConfig& config, bool touches_only) {
   TouchResult result;
   result.seed = seed;
   std::error_code ec;
@@ -237,7 +248,7 @@ TouchResult bench_touches(std::ostream& progress, const std::string& folder, std
   for (const fs::path& f : folders) {
     const auto kind = kind_of(f.filename().string());
     if (kind && fs::is_directory(f / "rgb"))
-      result.rows.push_back(run_folder(f, *kind, seed, progress));
+      result.rows.push_back(run_folder(f, *kind, seed, config, touches_only, progress));
   }
   progress << "\r                                        \r";
   if (result.rows.empty()) {
