@@ -22,8 +22,8 @@ class Mesher {
       : map_(map),
         reader_(map, o.min_weight),
         max_jump_(static_cast<float>(o.max_edge_jump * TsdfMap::kDistanceOne)),
-        least_readings_(static_cast<std::uint32_t>(
-            std::clamp(std::lround(2 * o.min_weight) - 1, 1L, 15L))),
+        least_readings_(
+            static_cast<std::uint32_t>(std::clamp(std::lround(2 * o.min_weight) - 1, 1L, 15L))),
         needs_readings_(o.needs_readings && coloured(map)) {}
 
   Mesh run() {
@@ -67,7 +67,8 @@ class Mesher {
     bool any = false;
     map.for_each_block([&](std::int32_t block, BlockCoord) {
       const std::uint32_t* c = map.block_colours(block);
-      any = any || std::any_of(c, c + TsdfMap::kBlockVoxels, [](std::uint32_t v) { return v != 0; });
+      any =
+          any || std::any_of(c, c + TsdfMap::kBlockVoxels, [](std::uint32_t v) { return v != 0; });
     });
     return any;
   }

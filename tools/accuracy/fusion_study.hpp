@@ -36,12 +36,15 @@ struct FusionRun {
 [[nodiscard]] tasks::FusionConfig fusion_with_voxel(double voxel_m);
 
 struct FusionStudyOptions {
-  std::vector<std::string> scenes{"room", "stairs", "turn", "sixth", "near"};  // knobs vary in the first
+  std::vector<std::string> scenes{"room", "stairs", "turn", "sixth",
+                                  "near"};  // knobs vary in the first
   int frames = 200;
   std::vector<double> voxels_mm{80, 40, 20, 13.3, 10, 7, 5};
   std::vector<int> pixel_steps{1, 2, 4};
-  std::vector<std::array<int, 3>> iterations{{1, 1, 2}, {2, 2, 5}, {2, 3, 8}, {4, 5, 15}, {8, 10, 30}};
-  std::string rgbd;  // recording in TUM layout with groundtruth.txt, used for judging alone; empty: none
+  std::vector<std::array<int, 3>> iterations{
+      {1, 1, 2}, {2, 2, 5}, {2, 3, 8}, {4, 5, 15}, {8, 10, 30}};
+  std::string
+      rgbd;  // recording in TUM layout with groundtruth.txt, used for judging alone; empty: none
   int rgbd_frames = 150;
 };
 

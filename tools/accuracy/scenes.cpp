@@ -23,16 +23,16 @@ Pose turning_pose(double t) {
 
 // Up beside the stairs, looking at them: 0.3 m/s.
 Pose climbing_pose(double t) {
-  return looking(
-      Vec3(-0.6 + 0.26 * t, 0.10 * std::sin(kTurn * t / 5.0), 1.30 + 0.16 * t),
-      0.12 * std::sin(kTurn * t / 6.0), 0.42 + 0.06 * std::sin(kTurn * t / 4.0));
+  return looking(Vec3(-0.6 + 0.26 * t, 0.10 * std::sin(kTurn * t / 5.0), 1.30 + 0.16 * t),
+                 0.12 * std::sin(kTurn * t / 6.0), 0.42 + 0.06 * std::sin(kTurn * t / 4.0));
 }
 
 // Round a point of the table's top at 0.35 to 0.9 m from it.
 Pose table_pose(double t) {
   const Vec3 point(3.15, 0.85, 0.75);
   const double distance = 0.65 - 0.25 * std::cos(kTurn * t / 8.0);
-  const double yaw = 0.35 * std::sin(kTurn * t / 9.0), pitch = 0.75 + 0.1 * std::sin(kTurn * t / 5.0);
+  const double yaw = 0.35 * std::sin(kTurn * t / 9.0),
+               pitch = 0.75 + 0.1 * std::sin(kTurn * t / 5.0);
   const Vec3 forward(std::cos(yaw) * std::cos(pitch), std::sin(yaw) * std::cos(pitch),
                      -std::sin(pitch));
   return looking(point - distance * forward, yaw, pitch, 0.05 * std::sin(kTurn * t / 7.0));
@@ -100,8 +100,7 @@ SyntheticRoom scene_named(const std::string& name) {
     room.path = table_pose;
     room.range_min_m = 0.35;
   } else {
-    throw std::runtime_error("scene " + name +
-                             ": must be one of room, stairs, turn, sixth, near");
+    throw std::runtime_error("scene " + name + ": must be one of room, stairs, turn, sixth, near");
   }
   return room;
 }

@@ -105,7 +105,8 @@ void Study::print(std::ostream& out) const {
     if (const StudyPlot* plot = plot_of(*this, data)) {
       const Points p = points_of(*this, *plot);
       for (const std::size_t i : pareto_front(p.cost, p.error)) front.push_back(p.rows[i]);
-      out << "\n" << data << " (* default, + no setting has less " << plot->error << " for less "
+      out << "\n"
+          << data << " (* default, + no setting has less " << plot->error << " for less "
           << plot->cost << ")\n";
     } else {
       out << "\n" << data << "\n";

@@ -17,8 +17,9 @@
 namespace teletact {
 
 struct StudyRow {
-  std::string data, knob, setting;  // of a-z, 0-9, _: part of metric names; knob: the one that differs
-  std::string label;                // what a reader calls the setting
+  std::string data, knob,
+      setting;        // of a-z, 0-9, _: part of metric names; knob: the one that differs
+  std::string label;  // what a reader calls the setting
   bool is_default = false;
   std::vector<BenchMetric> figures;  // short names: "ate_mm"; NaN: not measured
 

@@ -100,12 +100,12 @@ std::vector<BenchMetric> DriftResult::metrics() const {
 
 void DriftResult::print(std::ostream& out) const {
   char line[256];
-  std::snprintf(line, sizeof line,
-                "a still camera in a still room, %d frames, voxels of %.0f mm\n"
-                "claimed %d; off by %.3f mm in the first tenth, %.3f mm in the last, at most %.3f mm "
-                "and %.4f deg\nrotation off orthonormal by at most %.1e; %.1f ms CPU a frame\n",
-                frames, voxel_mm, claimed, first_mm, last_mm, worst_mm, worst_deg, orthonormal,
-                cpu_ms);
+  std::snprintf(
+      line, sizeof line,
+      "a still camera in a still room, %d frames, voxels of %.0f mm\n"
+      "claimed %d; off by %.3f mm in the first tenth, %.3f mm in the last, at most %.3f mm "
+      "and %.4f deg\nrotation off orthonormal by at most %.1e; %.1f ms CPU a frame\n",
+      frames, voxel_mm, claimed, first_mm, last_mm, worst_mm, worst_deg, orthonormal, cpu_ms);
   out << line;
 }
 

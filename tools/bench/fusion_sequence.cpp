@@ -129,11 +129,11 @@ Pose looking(const Vec3& eye_W, double yaw_rad, double pitch_rad, double roll_ra
   axes.col(0) = -Vec3::UnitY();
   axes.col(1) = -Vec3::UnitZ();
   axes.col(2) = Vec3::UnitX();
-  X.linear() = (Eigen::AngleAxisd(yaw_rad, Vec3::UnitZ()) *
-                Eigen::AngleAxisd(pitch_rad, Vec3::UnitY()) *
-                Eigen::AngleAxisd(roll_rad, Vec3::UnitX()))
-                   .toRotationMatrix() *
-               axes;
+  X.linear() =
+      (Eigen::AngleAxisd(yaw_rad, Vec3::UnitZ()) * Eigen::AngleAxisd(pitch_rad, Vec3::UnitY()) *
+       Eigen::AngleAxisd(roll_rad, Vec3::UnitX()))
+          .toRotationMatrix() *
+      axes;
   X.translation() = eye_W;
   return X;
 }

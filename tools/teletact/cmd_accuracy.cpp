@@ -38,16 +38,18 @@ Study study_of(const std::string& what, const FusionStudyOptions& fusion,
 }  // namespace
 
 int cmd_accuracy(int argc, char** argv) {
-  CLI::App app{"Error of a method against its CPU time, over its knobs. WHAT: fusion, segmentation.",
-               "teletact accuracy"};
+  CLI::App app{
+      "Error of a method against its CPU time, over its knobs. WHAT: fusion, segmentation.",
+      "teletact accuracy"};
   std::string what, json, plots;
   FusionStudyOptions fusion;
   SegmentationStudyOptions segmentation;
   app.add_option("WHAT", what, "fusion | segmentation")
       ->required()
       ->check(CLI::IsMember({"fusion", "segmentation"}));
-  app.add_option("--rgbd", fusion.rgbd,
-                 "fusion: recording in TUM layout with groundtruth.txt, which judges and nothing else");
+  app.add_option(
+      "--rgbd", fusion.rgbd,
+      "fusion: recording in TUM layout with groundtruth.txt, which judges and nothing else");
   app.add_option("--scenes", fusion.scenes, "fusion: synthetic ones; the knobs vary in the first")
       ->check(CLI::IsMember(scene_names()))
       ->delimiter(',')

@@ -27,8 +27,8 @@ int cmd_bench(int argc, char** argv) {
   double slice_s = 1.0;
   app.add_option("WHAT", what, "rings | wakeup | audit | table1 | table2 | segmentation | drift")
       ->required()
-      ->check(CLI::IsMember({"rings", "wakeup", "audit", "table1", "table2", "segmentation",
-                              "drift"}));
+      ->check(
+          CLI::IsMember({"rings", "wakeup", "audit", "table1", "table2", "segmentation", "drift"}));
   app.add_option("--rounds", rounds, "interleaved rounds")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();

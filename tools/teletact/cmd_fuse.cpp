@@ -245,7 +245,8 @@ void run(const FuseOptions& o) {
                              ": must be auto, scalar, sse4, avx2 or avx512, and this machine's");
   }
   const tasks::FusionConfig config = config_of(o);
-  check_outputs({{"--poses", o.poses}, {"--ply", o.ply}, {"--json", o.json}}, {o.odometry, o.config_file});
+  check_outputs({{"--poses", o.poses}, {"--ply", o.ply}, {"--json", o.json}},
+                {o.odometry, o.config_file});
   drivers::TumOptions tum;
   tum.register_colour = true;
   auto sequence = take(drivers::TumSequence::open(o.rgbd, tum));
@@ -264,7 +265,8 @@ void run(const FuseOptions& o) {
   Tally tally;
   const std::string poses = fuse(sequence, odometry, task, tally);
 
-  const perception::Mesh mesh = perception::extract_mesh(startup.token(), task.map(), {.min_weight = o.mesh_weight});
+  const perception::Mesh mesh =
+      perception::extract_mesh(startup.token(), task.map(), {.min_weight = o.mesh_weight});
   take(perception::write_ply(startup.token(), o.ply, mesh));
   try {
     write_whole_file(o.poses, poses);
@@ -301,7 +303,8 @@ int cmd_fuse(int argc, char** argv) {
                "teletact fuse");
   app.add_option("--rgbd", o.rgbd, "folder in TUM layout")->required();
   app.add_option("--odometry", o.odometry, "TUM poses used as motion prior");
-  app.add_option("--voxel", o.voxel_m, "edge of a voxel, m, 0.004 to 0.1; 0.01 where nothing is said");
+  app.add_option("--voxel", o.voxel_m,
+                 "edge of a voxel, m, 0.004 to 0.1; 0.01 where nothing is said");
   for (std::size_t i = 0; i < std::size(kKnobs); ++i) {
     app.add_option(kKnobs[i].option, o.knobs[i], kKnobs[i].help);
   }
@@ -310,7 +313,8 @@ int cmd_fuse(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--config", o.config_file, "TOML with a table [fusion]");
   app.add_option("--set", o.overrides, "any key of it: fusion.KEY=VALUE");
-  app.add_flag_callback("--list-knobs", [] { throw ListKnobs(); }, "print every key of [fusion] and end");
+  app.add_flag_callback(
+      "--list-knobs", [] { throw ListKnobs(); }, "print every key of [fusion] and end");
   app.add_option("--poses", o.poses, "TUM poses to write, camera to world")->required();
   app.add_option("--ply", o.ply, "mesh to write")->required();
   app.add_option("--json", o.json, "figures to write");

@@ -30,7 +30,8 @@ TEST(FusionAccuracy, RoomTrajectoryAndSurface) {
   const FusionSequence sequence = synthetic_sequence(startup.token(), room, 60);
   const auto seen = seen_surface(world, sequence.intrinsics, sequence.truth_WC);
   const FusionRun run = run_fusion(startup.token(), sequence, fusion_with_voxel(0.01));
-  std::printf("  claimed %.2f, ATE %.2f mm, worst %.2f mm\n", run.claimed, run.ate_mm, run.worst_mm);
+  std::printf("  claimed %.2f, ATE %.2f mm, worst %.2f mm\n", run.claimed, run.ate_mm,
+              run.worst_mm);
   EXPECT_EQ(run.claimed, 1);
   EXPECT_EQ(run.blocks_refused, 0);
   EXPECT_LE(run.ate_mm, 2);
@@ -52,8 +53,7 @@ TEST(FusionAccuracy, EveryOtherSceneIsFollowed) {
   rt::Startup startup;
   for (const auto& [name, frames, most_mm] :
        {std::tuple{"stairs", 30, 2.0}, {"turn", 45, 3.0}, {"sixth", 20, 3.0}, {"near", 30, 5.0}}) {
-    const FusionSequence sequence =
-        synthetic_sequence(startup.token(), scene_named(name), frames);
+    const FusionSequence sequence = synthetic_sequence(startup.token(), scene_named(name), frames);
     const FusionRun run = run_fusion(startup.token(), sequence, fusion_with_voxel(0.02));
     std::printf("  %s: claimed %.2f, ATE %.2f mm\n", name, run.claimed, run.ate_mm);
     EXPECT_GE(run.claimed, 0.98) << name;
@@ -82,8 +82,7 @@ TEST(FusionAccuracy, WhatIsTakenAwayIsForgotten) {
   b.name = "parcel", b.size_m = {0.30, 0.40, 0.30}, b.position_m = {1.9, -0.3, 0.15};
   b.yaw_deg = 25;
   const drivers::World before(startup.token(), with.world), after(startup.token(), room.world);
-  const drivers::Shape& parcel =
-      before.shapes()[static_cast<std::size_t>(before.find("parcel"))];
+  const drivers::Shape& parcel = before.shapes()[static_cast<std::size_t>(before.find("parcel"))];
   FusionSequence sequence;
   film(startup.token(), with, 0, 60, sequence);
   const FusionRun half = run_fusion(startup.token(), sequence, fusion_with_voxel(0.01));

@@ -100,7 +100,8 @@ TEST(Study, PlotNamesEverySettingAndRingsTheDefault) {
   }
   const auto rings = [](const std::string& text) {
     std::size_t n = 0;
-    for (std::size_t at = 0; (at = text.find("r=\"5\" fill=\"none\"", at)) != std::string::npos; ++at)
+    for (std::size_t at = 0; (at = text.find("r=\"5\" fill=\"none\"", at)) != std::string::npos;
+         ++at)
       ++n;
     return n;
   };

@@ -54,7 +54,8 @@ TEST(Surface, CompletenessIsOfWhatTheFramesSee) {
   ASSERT_GT(seen.size(), 100U);
   for (const Vec3& p : seen) {
     EXPECT_LT(std::abs(world.signed_distance(p)), 1e-9);
-    EXPECT_FALSE(p.x() > 1.81 && p.x() < 2.19 && std::abs(p.y()) < 0.19 && p.z() < 0.39) << "inside";
+    EXPECT_FALSE(p.x() > 1.81 && p.x() < 2.19 && std::abs(p.y()) < 0.19 && p.z() < 0.39)
+        << "inside";
     const Vec3 q = poses[0].inverse() * p;
     EXPECT_GE(q.z(), 0.4);
     EXPECT_LE(q.z(), 3.5);

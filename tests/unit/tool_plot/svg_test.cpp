@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <set>
 #include <opencv2/imgcodecs.hpp>
+#include <set>
 
 #include "rt/random.hpp"
 #include "tests/support/xml_check.hpp"
@@ -92,8 +92,11 @@ TEST(Number, IsShort) {
 TEST(LinePlot, MarksOfOnePlaceStandApart) {
   plot::Figure f;
   f.log_x = f.log_y = true;
-  f.marks = {{1, 1, "first", true}, {1, 1, "second", false}, {10, 10, "third", false},
-             {-1, 1, "nowhere", false}, {1, kNan, "nothing", false}};
+  f.marks = {{1, 1, "first", true},
+             {1, 1, "second", false},
+             {10, 10, "third", false},
+             {-1, 1, "nowhere", false},
+             {1, kNan, "nothing", false}};
   const std::string svg = plot::line_plot(f);
   EXPECT_EQ(xml_problem(svg), "");
   std::set<std::string> heights;
