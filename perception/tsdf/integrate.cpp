@@ -145,7 +145,9 @@ void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
   UpdateCamera cam = update_camera(k, view.X_CW);
   static_assert(sizeof(Rgb) == 3);
   const bool coloured = view.frame.colour.data != nullptr;
-  cam.colour_band_m = coloured ? static_cast<float>(config_.colour_band_m) : -1.0F;
+  // At least a voxel: a node beside the surface takes colour, which the mesh reads as "seen here".
+  cam.colour_band_m =
+      coloured ? static_cast<float>(std::max(config_.colour_band_m, voxel_)) : -1.0F;
   cam.colour = reinterpret_cast<const std::uint8_t*>(view.frame.colour.data);
   cam.colour_stride_px = view.frame.colour.stride;
   const auto reach =

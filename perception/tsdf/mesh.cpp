@@ -1,5 +1,6 @@
 #include "perception/tsdf/mesh.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cerrno>
 #include <cmath>
@@ -20,10 +21,15 @@ class Mesher {
   Mesher(const TsdfMap& map, const MeshOptions& o)
       : map_(map),
         reader_(map, o.min_weight),
-        max_jump_(static_cast<float>(o.max_edge_jump * TsdfMap::kDistanceOne)) {}
+        max_jump_(static_cast<float>(o.max_edge_jump * TsdfMap::kDistanceOne)),
+        least_readings_(
+            static_cast<std::uint32_t>(std::clamp(std::lround(2 * o.min_weight) - 1, 1L, 15L))),
+        needs_readings_(o.needs_readings && coloured(map)) {}
 
   Mesh run() {
-    map_.for_each_block([&](std::int32_t, BlockCoord b) {
+    map_.for_each_block([&](std::int32_t block, BlockCoord b) {
+      block_ = block;
+      at_ = b;
       for (int n = 0; n < TsdfMap::kBlockVoxels; ++n)
         cell(b.x * 8 + (n >> 6), b.y * 8 + ((n >> 3) & 7), b.z * 8 + (n & 7));
     });
@@ -41,7 +47,13 @@ class Mesher {
     if (m.triangles == 0) return;
     for (const marching_cubes::Edge& e : marching_cubes::kEdges) {
       const float a = c.corner(e.corner), b = c.corner(e.corner | marching_cubes::axis_bit(e.axis));
-      if ((a <= 0) != (b <= 0) && std::fabs(a - b) > max_jump_) return;
+      if ((a <= 0) == (b <= 0)) continue;
+      if (std::fabs(a - b) > max_jump_) return;
+      if (needs_readings_ &&
+          readings(i, j, k, e.corner) +
+                  readings(i, j, k, e.corner | marching_cubes::axis_bit(e.axis)) <
+              least_readings_)
+        return;
     }
     for (std::size_t t = 0; t < m.triangles; ++t) {
       std::array<std::uint32_t, 3> tri{};
@@ -49,6 +61,26 @@ class Mesher {
       // Nodes exactly on the surface collapse a triangle to a line.
       if (tri[0] != tri[1] && tri[1] != tri[2] && tri[0] != tri[2]) mesh_.triangles.push_back(tri);
     }
+  }
+
+  static bool coloured(const TsdfMap& map) {
+    bool any = false;
+    map.for_each_block([&](std::int32_t block, BlockCoord) {
+      const std::uint32_t* c = map.block_colours(block);
+      any =
+          any || std::any_of(c, c + TsdfMap::kBlockVoxels, [](std::uint32_t v) { return v != 0; });
+    });
+    return any;
+  }
+
+  // Readings that ended near this corner of the cell, as far as they are counted.
+  [[nodiscard]] std::uint32_t readings(int i, int j, int k, int corner) const {
+    const int x = i + (corner >> 2), y = j + ((corner >> 1) & 1), z = k + (corner & 1);
+    const BlockCoord b{x >> 3, y >> 3, z >> 3};
+    const std::int32_t block = b == at_ ? block_ : map_.find_block(b);
+    return block == TsdfMap::kNoBlock
+               ? 0U
+               : map_.block_colours(block)[TsdfMap::in_block(x, y, z)] >> 24U;
   }
 
   std::uint32_t vertex(int i, int j, int k, const MapReader::Cell& c, std::uint8_t edge) {
@@ -89,6 +121,10 @@ class Mesher {
   const TsdfMap& map_;
   MapReader reader_;
   float max_jump_;
+  std::uint32_t least_readings_;
+  bool needs_readings_;
+  std::int32_t block_ = TsdfMap::kNoBlock;  // whose cells are looked at
+  BlockCoord at_;
   Mesh mesh_;
   std::unordered_map<std::uint64_t, std::uint32_t> index_;  // grid edge -> vertex; never iterated
 };

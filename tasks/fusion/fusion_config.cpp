@@ -32,6 +32,8 @@ void require_valid(const FusionConfig& config, const FusionSetup& setup) {
         config.level_count, "1 .. 4");
   check(config.cost_map_period >= 1, "cost_map_period", config.cost_map_period, "at least 1");
   for (const FusionLevel& level : config.levels) {
+    check(level.pixel_step == 1 || level.pixel_step == 2 || level.pixel_step == 4,
+          "level.pixel_step", level.pixel_step, "1, 2 or 4");
     const int step = level.allocate_step;
     check(step == 1 || step == 2 || step == 4 || step == 8, "level.allocate_step", step,
           "1, 2, 4 or 8");

@@ -123,6 +123,21 @@ SyntheticRoom furnished_room() {
   return room;
 }
 
+Pose looking(const Vec3& eye_W, double yaw_rad, double pitch_rad, double roll_rad) {
+  Pose X = Pose::Identity();
+  Eigen::Matrix3d axes;  // camera x right, y down, z forward, in a body that looks along +x
+  axes.col(0) = -Vec3::UnitY();
+  axes.col(1) = -Vec3::UnitZ();
+  axes.col(2) = Vec3::UnitX();
+  X.linear() =
+      (Eigen::AngleAxisd(yaw_rad, Vec3::UnitZ()) * Eigen::AngleAxisd(pitch_rad, Vec3::UnitY()) *
+       Eigen::AngleAxisd(roll_rad, Vec3::UnitX()))
+          .toRotationMatrix() *
+      axes;
+  X.translation() = eye_W;
+  return X;
+}
+
 Pose carried_pose(double t) {
   constexpr double kTurn = 2 * std::numbers::pi;
   // Swings of unequal periods: no instant at rest, no pose twice.
@@ -130,36 +145,31 @@ Pose carried_pose(double t) {
                  1.25 + 0.08 * std::sin(kTurn * t / 4.0));
   const double yaw = 0.35 * std::sin(kTurn * t / 11.0);
   const double pitch = 0.35 + 0.08 * std::sin(kTurn * t / 6.0);  // down
-  const double roll = 0.05 * std::sin(kTurn * t / 5.0);
-  Pose X = Pose::Identity();
-  Eigen::Matrix3d axes;  // camera x right, y down, z forward, in a body that looks along +x
-  axes.col(0) = -Vec3::UnitY();
-  axes.col(1) = -Vec3::UnitZ();
-  axes.col(2) = Vec3::UnitX();
-  X.linear() = (Eigen::AngleAxisd(yaw, Vec3::UnitZ()) * Eigen::AngleAxisd(pitch, Vec3::UnitY()) *
-                Eigen::AngleAxisd(roll, Vec3::UnitX()))
-                   .toRotationMatrix() *
-               axes;
-  X.translation() = eye;
-  return X;
+  return looking(eye, yaw, pitch, 0.05 * std::sin(kTurn * t / 5.0));
 }
 
-FusionSequence synthetic_sequence(rt::NonRealtime& nrt, const SyntheticRoom& room, int frames) {
+void film(rt::NonRealtime& nrt, const SyntheticRoom& room, int first, int count,
+          FusionSequence& out) {
   const drivers::World world(nrt, room.world);
   const drivers::DepthNoise noise(nrt, room.noise);
   drivers::RenderScratch scratch(nrt, world.shapes().size());
   const perception::Intrinsics k{365, 365, 255.5, 211.5, 512, 424};
-  FusionSequence out;
-  out.name = "synthetic";
+  out.name = room.name;
   auto frame = std::make_unique<RgbdFrame>();
-  for (int i = 0; i < frames; ++i) {
-    const Pose X_WC = carried_pose(i / 30.0);
+  for (int i = first; i < first + count; ++i) {
+    const int at = i * room.stride;
+    const Pose X_WC = room.path(at / 30.0);
     drivers::render(world, k, X_WC, {room.range_min_m, room.range_max_m}, noise, 1,
                     static_cast<std::uint64_t>(i), scratch, *frame);
-    frame->exposure = rt::Time{} + rt::Nanos{1'000'000'000LL + i * 33'333'333LL};
+    frame->exposure = rt::Time{} + rt::Nanos{1'000'000'000LL + at * 33'333'333LL};
     out.append(*frame);
     out.truth_WC.push_back(X_WC);
   }
+}
+
+FusionSequence synthetic_sequence(rt::NonRealtime& nrt, const SyntheticRoom& room, int frames) {
+  FusionSequence out;
+  film(nrt, room, 0, frames, out);
   return out;
 }
 

@@ -32,14 +32,26 @@ class FusionSequence {
 // if it has one, are the truth. Throws std::runtime_error.
 [[nodiscard]] FusionSequence recorded_sequence(const std::string& folder, int frames);
 
-// A furnished room of 5 x 4 m as a Kinect v2 sees it, carried by hand: 0.25 m/s and 15 deg/s at most.
+// A camera's pose X_WC in its usual axes, when its body (x forward, z up) is turned by yaw (to the left),
+// pitch (down) and roll, in this order.
+[[nodiscard]] perception::Pose looking(const perception::Vec3& eye_W, double yaw_rad,
+                                       double pitch_rad, double roll_rad = 0);
+[[nodiscard]] perception::Pose carried_pose(double t_s);
+
+// A place, a camera in it and the way it is carried.
 struct SyntheticRoom {
+  std::string name = "synthetic";
   drivers::WorldConfig world;
   drivers::DepthNoiseConfig noise;
   double range_min_m = 0.4, range_max_m = 5.0;
+  perception::Pose (*path)(double t_s) = carried_pose;
+  int stride = 1;  // frames of 1/30 s from one image to the next
 };
+// 5 x 4 m as a Kinect v2 sees it, carried by hand: 0.25 m/s and 15 deg/s at most.
 [[nodiscard]] SyntheticRoom furnished_room();
-[[nodiscard]] perception::Pose carried_pose(double t_s);
+// Appends frames first .. first + count - 1 of the room; a sequence may go on in a room that has changed.
+void film(rt::NonRealtime& nrt, const SyntheticRoom& room, int first, int count,
+          FusionSequence& out);
 [[nodiscard]] FusionSequence synthetic_sequence(rt::NonRealtime& nrt, const SyntheticRoom& room,
                                                 int frames);
 

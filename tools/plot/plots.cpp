@@ -146,6 +146,39 @@ void draw_rules(Canvas& c, const std::vector<Rule>& rules, const Scale& x, const
   }
 }
 
+// Names stand above their points; where one would lie on an earlier one it goes below, then farther off.
+void draw_marks(Canvas& c, const Figure& f, const Scale& x, const Scale& y) {
+  struct Box {
+    double x0, y0, x1, y1;
+  };
+  std::vector<Box> taken;
+  for (const Mark& m : f.marks) {
+    if (!drawable(f, m.x, m.y)) continue;
+    const double px = x.px(m.x), py = y.px(m.y);
+    const double width = 6.0 * static_cast<double>(m.label.size());
+    const bool left = px + width > x.p1;
+    const double x0 = left ? px - width - 4 : px + 4;
+    double base = py - 6;
+    for (const double shift : {-6.0, 15.0, -19.0, 28.0, -32.0, 41.0}) {
+      base = py + shift;
+      const Box b{x0, base - 10, x0 + width, base + 2};
+      const bool free = std::none_of(taken.begin(), taken.end(), [&](const Box& t) {
+        return b.x0 < t.x1 && t.x0 < b.x1 && b.y0 < t.y1 && t.y0 < b.y1;
+      });
+      if (free && b.y0 > y.p1 && b.y1 < y.p0) break;
+    }
+    taken.push_back({x0, base - 10, x0 + width, base + 2});
+    c.text(left ? px - 4 : px + 4, base, m.label, left ? "end" : "start", 10,
+           m.ring ? "#b03a2e" : "#555");
+    char buffer[160];
+    std::snprintf(buffer, sizeof buffer,
+                  "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%s\" fill=\"%s\" stroke=\"#b03a2e\" "
+                  "stroke-width=\"%s\"/>\n",
+                  px, py, m.ring ? "5" : "1", m.ring ? "none" : "#555", m.ring ? "2" : "0");
+    c.raw(buffer);
+  }
+}
+
 // Lays out title, legend and axes; the caller draws between push_clip and pop_clip.
 struct Frame {
   Frame(const Figure& f, const std::vector<LegendItem>& items, Scale sx, Scale sy)
@@ -181,6 +214,9 @@ std::string line_plot(const Figure& f) {
     items.push_back({s.name, s.colour.empty() ? palette(k) : s.colour,
                      s.points ? LegendItem::Sign::kDot : LegendItem::Sign::kLine, false});
   }
+  for (const Mark& m : f.marks) {
+    if (drawable(f, m.x, m.y)) rx.take(m.x), ry.take(m.y);
+  }
   const bool empty = !(rx.hi >= rx.lo);
   for (const Rule& r : f.rules) (r.vertical ? rx : ry).take(r.at);
   Scale sx = Scale::over(rx.lo, rx.hi, f.log_x);
@@ -194,6 +230,7 @@ std::string line_plot(const Figure& f) {
                       "middle", 14, "#999");
   }
   draw_rules(frame.canvas, f.rules, frame.x, frame.y);
+  draw_marks(frame.canvas, f, frame.x, frame.y);
   frame.canvas.pop_clip();
   return frame.canvas.finish();
 }

@@ -24,12 +24,20 @@ struct Rule {
   std::string label, colour = "#b03a2e";
 };
 
+// A point with its name beside it; with a ring round it where it stands out.
+struct Mark {
+  double x = 0, y = 0;
+  std::string label;
+  bool ring = false;
+};
+
 struct Figure {
   std::string title, x_label, y_label;
   bool log_x = false, log_y = false;
   int width_px = 720, height_px = 320;
   std::vector<Series> series;
   std::vector<Rule> rules;
+  std::vector<Mark> marks;
 };
 // A line plot with axes, ticks, grid and legend. More points than pixels are thinned to the
 // smallest and largest of each pixel column, so that no peak is lost.

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "tools/bench/audit_bench.hpp"
+#include "tools/bench/drift.hpp"
 #include "tools/bench/fusion_peer.hpp"
 #include "tools/bench/fuzz.hpp"
 #include "tools/bench/log_bench.hpp"
@@ -59,15 +60,15 @@ struct PeerBench {
 int cmd_bench(int argc, char** argv) {
   CLI::App app{
       "Measures one part beside its peers. WHAT: rings, wakeup, audit, table1, table2, "
-      "segmentation, fusion, fuzz."};
+      "segmentation, fusion, drift, fuzz."};
   std::string what, json;
   int rounds = 9;
   double slice_s = 1.0;
   app.add_option("WHAT", what,
-                 "rings | wakeup | audit | table1 | table2 | segmentation | fusion | fuzz")
+                 "rings | wakeup | audit | table1 | table2 | segmentation | fusion | drift | fuzz")
       ->required()
-      ->check(CLI::IsMember(
-          {"rings", "wakeup", "audit", "table1", "table2", "segmentation", "fusion", "fuzz"}));
+      ->check(CLI::IsMember({"rings", "wakeup", "audit", "table1", "table2", "segmentation",
+                             "fusion", "drift", "fuzz"}));
   app.add_option("--rounds", rounds, "interleaved rounds")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -100,6 +101,16 @@ int cmd_bench(int argc, char** argv) {
   fuzz.add_to(app);
   PeerBench peer;
   peer.add_to(app);
+  int frames = 10000;
+  double voxel_m = 0.01;
+  bool half_size = false;
+  app.add_option("--frames", frames, "drift: how many")
+      ->check(CLI::Range(20, 10000000))
+      ->capture_default_str();
+  app.add_option("--voxel", voxel_m, "drift: edge of a voxel, m")
+      ->check(in_range(0.005, 0.08))
+      ->capture_default_str();
+  app.add_flag("--half-size", half_size, "drift: images of 256 x 212");
   app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
   check_outputs({{"--json", json}}, {});
@@ -113,6 +124,8 @@ int cmd_bench(int argc, char** argv) {
     take(bench_rings(std::cerr, rounds));
   } else if (what == "wakeup") {
     take(bench_wakeup(std::cerr, rounds, slice_s));
+  } else if (what == "drift") {
+    take(bench_drift(std::cerr, frames, voxel_m, half_size ? 2 : 1));
   } else if (what == "table2" || what == "segmentation") {
     if (data.empty()) throw std::runtime_error("bench " + what + " needs --data DIR");
     if (what == "table2") {

@@ -3,7 +3,9 @@
 //
 //   --rgbd DIR       TUM layout (drivers/camera/tum_reader.hpp); its ground truth is never opened
 //   --odometry FILE  TUM lines "t tx ty tz qx qy qz qw", camera to its own start, as motion prior
-//   --voxel M        edge of a voxel
+//   --voxel M        edge of a voxel; other knobs that have an option of their own: --help
+//   --config FILE    TOML with a table [fusion], as in a scene; --set fusion.KEY=VALUE for one key of it;
+//                    --list-knobs prints them all
 //   --poses OUT.txt  TUM lines, camera to world (world = first camera). A data line is a claim; a
 //                    frame that is lost, or that the scene and the odometry leave open, is a comment
 //   --ply OUT.ply    the fused surface
@@ -14,6 +16,7 @@
 // Outputs appear whole or not at all. Same input, same bytes.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -38,8 +41,12 @@ namespace {
 
 struct FuseOptions {
   std::string rgbd, odometry, json, poses, ply, map, save_map, isa = "auto";
-  double voxel_m = tasks::FusionConfig{}.tsdf.voxel_size_m;
+  double voxel_m = 0;  // 0: not given
   bool full_size = false;
+  std::string config_file;
+  std::vector<std::string> overrides;
+  std::array<std::string, 8> knobs;  // values of kKnobs; empty: not given
+  double mesh_weight = perception::MeshOptions{}.min_weight;
 };
 
 template <class T>
@@ -155,8 +162,8 @@ drivers::TumSequence open_sequence(const FuseOptions& o) {
 
 // Of the map with what it has put away: a mesh reads only what is in the pool.
 perception::Mesh mesh_of(rt::NonRealtime& nrt, const perception::TsdfMap& map,
-                         const std::string& bytes) {
-  if (map.far_chunk_count() == 0) return perception::extract_mesh(nrt, map);
+                         const std::string& bytes, const perception::MeshOptions& options) {
+  if (map.far_chunk_count() == 0) return perception::extract_mesh(nrt, map, options);
   perception::TsdfConfig config = map.config();
   config.max_blocks = map.block_count() + map.far_block_count();
   config.max_chunks = map.chunk_count() + map.far_chunk_count();
@@ -165,7 +172,7 @@ perception::Mesh mesh_of(rt::NonRealtime& nrt, const perception::TsdfMap& map,
   perception::Keyframes keyframes(nrt, {});
   take(perception::restore_map(nrt, take(perception::parse_map(nrt, bytes, "map")), whole,
                                keyframes));
-  return perception::extract_mesh(nrt, whole);
+  return perception::extract_mesh(nrt, whole, options);
 }
 
 // All of the outputs or none of them.
@@ -175,7 +182,7 @@ void write_outputs(rt::NonRealtime& nrt, const FuseOptions& o, const tasks::Fusi
   const bool encoded = !o.save_map.empty() || map.far_chunk_count() > 0;
   const std::string bytes =
       encoded ? perception::encode_map(nrt, map, task.keyframes()) : std::string();
-  const perception::Mesh mesh = mesh_of(nrt, map, bytes);
+  const perception::Mesh mesh = mesh_of(nrt, map, bytes, {.min_weight = o.mesh_weight});
   vertices = mesh.vertices_W.size();
   try {
     take(perception::write_ply(nrt, o.ply, mesh));
@@ -201,27 +208,75 @@ void write_outputs(rt::NonRealtime& nrt, const FuseOptions& o, const tasks::Fusi
   }
 }
 
+// Thrown out of the parsing, for required options are then not needed.
+struct ListKnobs {};
+
+// Options that stand for one key of [fusion].
+struct Knob {
+  const char *option, *key, *help;
+};
+constexpr Knob kKnobs[] = {
+    {"--truncation", "tsdf.truncation_m", "half width of the stored band, m"},
+    {"--min-depth", "tsdf.min_depth_m", "nearer readings are not fused, m"},
+    {"--max-depth", "tsdf.max_depth_m", "farther readings are not fused, m"},
+    {"--max-weight", "tsdf.max_weight", "cap of a voxel's weight, observations"},
+    {"--iterations-fine", "level_0.iterations_fine", "of ICP, at full resolution"},
+    {"--iterations-middle", "level_0.iterations_middle", "of ICP, at half"},
+    {"--iterations-coarse", "level_0.iterations_coarse", "of ICP, at a quarter"},
+    {"--pixel-step", "level_0.pixel_step", "every n-th pixel is tracked: 1, 2, 4"},
+};
+
+// The file first, then --set, then the options.
+tasks::FusionConfig config_of(const FuseOptions& o) {
+  tasks::FusionConfig config;
+  config::Section root;
+  config.describe(root.section("fusion", "the fusion task"));
+  if (!o.config_file.empty()) take(config::load_file(o.config_file, root));
+  for (const std::string& assignment : o.overrides) take(config::load_override(assignment, root));
+  for (std::size_t i = 0; i < std::size(kKnobs); ++i) {
+    if (o.knobs[i].empty()) continue;
+    const auto ok =
+        config::load_override(std::string("fusion.") + kKnobs[i].key + "=" + o.knobs[i], root);
+    if (!ok) throw std::runtime_error(std::string(kKnobs[i].option) + ": " + ok.error());
+  }
+  if (o.voxel_m > 0) config.tsdf.voxel_size_m = o.voxel_m;
+  if (config.tsdf.max_blocks == perception::TsdfConfig{}.max_blocks) {
+    // The surface of the same place takes more blocks as voxels get finer.
+    const double finer = std::max(1.0, 0.01 / config.tsdf.voxel_size_m);
+    config.tsdf.max_blocks = static_cast<int>(config.tsdf.max_blocks * finer * finer);
+  }
+  // The tracker's own counts bound what a level may ask for.
+  for (std::size_t i = 0; i < config.tracker.iterations.size(); ++i) {
+    config.tracker.iterations[i] =
+        std::max(config.tracker.iterations[i], config.levels[0].iterations[i]);
+  }
+  return config;
+}
+
+void list_knobs() {
+  tasks::FusionConfig config;
+  config::Section root;
+  config.describe(root.section("fusion"));
+  std::fputs(config::reference_table(root).c_str(), stdout);
+}
+
 void run(const FuseOptions& o) {
-  if (!(o.voxel_m >= 0.004 && o.voxel_m <= 0.1)) {
+  if (o.voxel_m != 0 && !(o.voxel_m >= 0.004 && o.voxel_m <= 0.1)) {
     throw std::runtime_error("--voxel " + std::to_string(o.voxel_m) + ": must be 0.004 to 0.1 m");
   }
   if (!perception::simd::choose(o.isa)) {
     throw std::runtime_error("--isa " + o.isa +
                              ": must be auto, scalar, sse4, avx2 or avx512, and this machine's");
   }
+  const tasks::FusionConfig config = config_of(o);
   check_outputs(
       {{"--poses", o.poses}, {"--ply", o.ply}, {"--save-map", o.save_map}, {"--json", o.json}},
-      {o.odometry, o.map});
+      {o.odometry, o.map, o.config_file});
   const drivers::TumSequence sequence = open_sequence(o);
   std::vector<OdometryLine> odometry;
   if (!o.odometry.empty()) odometry = take(read_odometry(o.odometry));
 
   rt::Startup startup;
-  tasks::FusionConfig config;
-  config.tsdf.voxel_size_m = o.voxel_m;
-  // The surface of the same place takes more blocks as voxels get finer.
-  const double finer = std::max(1.0, 0.01 / o.voxel_m);
-  config.tsdf.max_blocks = static_cast<int>(config.tsdf.max_blocks * finer * finer);
   tasks::FusionSetup setup;
   setup.camera = sequence.intrinsics();
   tasks::FusionTask task(startup.token(), config, setup);
@@ -254,7 +309,18 @@ int cmd_fuse(int argc, char** argv) {
                "teletact fuse");
   app.add_option("--rgbd", o.rgbd, "folder in TUM layout")->required();
   app.add_option("--odometry", o.odometry, "TUM poses used as motion prior");
-  app.add_option("--voxel", o.voxel_m, "edge of a voxel, m, 0.004 to 0.1")->capture_default_str();
+  app.add_option("--voxel", o.voxel_m,
+                 "edge of a voxel, m, 0.004 to 0.1; 0.01 where nothing is said");
+  for (std::size_t i = 0; i < std::size(kKnobs); ++i) {
+    app.add_option(kKnobs[i].option, o.knobs[i], kKnobs[i].help);
+  }
+  app.add_option("--mesh-weight", o.mesh_weight, "observations from which a voxel is meshed")
+      ->check(in_range(1, 255))
+      ->capture_default_str();
+  app.add_option("--config", o.config_file, "TOML with a table [fusion]");
+  app.add_option("--set", o.overrides, "any key of it: fusion.KEY=VALUE");
+  app.add_flag_callback(
+      "--list-knobs", [] { throw ListKnobs(); }, "print every key of [fusion] and end");
   app.add_option("--poses", o.poses, "TUM poses to write, camera to world")->required();
   app.add_option("--ply", o.ply, "mesh to write")->required();
   app.add_option("--map", o.map, "map of an earlier run to begin with, of the same voxel");
@@ -263,7 +329,12 @@ int cmd_fuse(int argc, char** argv) {
   app.add_option("--isa", o.isa, "auto, scalar, sse4, avx2, avx512: the same bytes, another speed")
       ->capture_default_str();
   app.add_flag("--full-size", o.full_size, "do not bring 640 x 480 images to 512 x 424");
-  if (!parse_options(app, argc, argv)) return 0;
+  try {
+    if (!parse_options(app, argc, argv)) return 0;
+  } catch (const ListKnobs&) {
+    list_knobs();
+    return 0;
+  }
   run(o);
   return 0;
 }

@@ -15,6 +15,7 @@ int cmd_calibrate(int argc, char** argv);
 int cmd_audit(int argc, char** argv);
 int cmd_replay(int argc, char** argv);
 int cmd_bench(int argc, char** argv);
+int cmd_accuracy(int argc, char** argv);
 int cmd_stability(int argc, char** argv);
 
 }  // namespace teletact

@@ -30,6 +30,8 @@ constexpr std::array kCommands{
     Command{"audit", teletact::cmd_audit, "read a run's log: who was late, and why"},
     Command{"replay", teletact::cmd_replay, "a recorded run's tasks again, to the last bit"},
     Command{"bench", teletact::cmd_bench, "rings, wake-up, audit: measured beside their peers"},
+    Command{"accuracy", teletact::cmd_accuracy,
+            "error against CPU time over a method's knobs, with plots"},
     Command{"device", teletact::cmd_device, "open the haptic device, read it, say how it is"},
     Command{"doctor", teletact::cmd_doctor,
             "is this machine fit for real-time use, and what to do"},

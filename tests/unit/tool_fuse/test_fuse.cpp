@@ -151,6 +151,22 @@ TEST_F(Fuse, FlatWallIsClaimedOnlyWithOdometry) {
   EXPECT_LT((lines.back().X.translation() - expected.translation()).norm(), 0.002);
 }
 
+TEST_F(Fuse, KnobsComeFromFileThenSetThenOptions) {
+  write_sequence(tests::test_room(), drive(4));
+  std::ofstream(root_ / "k.toml") << "[fusion.tsdf]\nmax_depth_m = 2.0\nvoxel_size_m = 0.08\n";
+  const auto vertices = [&](const std::vector<std::string>& extra) {
+    EXPECT_EQ(fuse(extra), 0);
+    const std::string ply = slurp(root_ / "out.ply");
+    return std::stoi(ply.substr(ply.find("element vertex ") + 15));
+  };
+  const std::string file = (root_ / "k.toml").string();
+  const int all = vertices({}), near = vertices({"--config", file});
+  EXPECT_LT(near, all / 2) << "nothing beyond 2 m; the voxel that has an option stays";
+  EXPECT_EQ(vertices({"--config", file, "--set", "fusion.tsdf.max_depth_m=5.0"}), all);
+  EXPECT_EQ(vertices({"--set", "fusion.tsdf.max_depth_m=5.0", "--max-depth", "2"}), near);
+  EXPECT_LT(vertices({"--mesh-weight", "4"}), all) << "seen in four frames or more";
+}
+
 TEST_F(Fuse, BadInputLeavesNoOutputAndNamesTheCause) {
   write_sequence(tests::test_room(), drive(3));
   const auto refuses = [&](const std::vector<std::string>& extra, const std::string& word) {
@@ -165,6 +181,12 @@ TEST_F(Fuse, BadInputLeavesNoOutputAndNamesTheCause) {
   };
   refuses({"--voxel", "0.5"}, "0.004 to 0.1");
   refuses({"--unknown"}, "--unknown");
+  refuses({"--max-weight", "1"}, "--max-weight");
+  refuses({"--max-weight", "1"}, "2..255");
+  refuses({"--pixel-step", "3"}, "1, 2 or 4");
+  refuses({"--mesh-weight", "nan"}, "--mesh-weight");
+  refuses({"--set", "fusion.tsdf.truncation=1"}, "nearest known key");
+  refuses({"--config", (root_ / "none.toml").string()}, "none.toml");
   refuses({"--odometry", (root_ / "none.txt").string()}, "none.txt");
   std::ofstream(root_ / "bad_odometry.txt") << "0 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1\n";
   refuses({"--odometry", (root_ / "bad_odometry.txt").string()}, "rise");

@@ -140,6 +140,15 @@ TEST(Options, WhatCanNotBeIsRefusedBeforeAnythingStarts) {
       {touch + "--out " + in + "/t.csv --truncation nan", "--truncation"},
       {"fuse --rgbd " + in + " --poses " + in + "/o --ply " + in + "/o",
        "also the file of --poses"},
+      {"fuse --rgbd " + in + " --poses " + in + "/o --ply " + in + "/q --set fusion.tsdf.voxel=1",
+       "nearest known key"},
+      {"fuse --rgbd " + in + " --poses " + in + "/o --ply " + in + "/q --pixel-step 9",
+       "--pixel-step"},
+      {"accuracy fusion --voxels 1", "--voxels"},
+      {"accuracy fusion --scenes nowhere", "nowhere"},
+      {"accuracy segmentation", "--data"},
+      {"accuracy weather", "weather"},
+      {"bench drift --voxel nan", "--voxel"},
       {"segment --color " + in + "/c.png --touch 1,1 --out " + in + "/c.png", "also read"},
   };
   for (const auto& r : refusals) {

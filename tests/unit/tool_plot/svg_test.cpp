@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
+#include <set>
 
 #include "rt/random.hpp"
 #include "tests/support/xml_check.hpp"
@@ -86,6 +87,28 @@ TEST(Number, IsShort) {
   EXPECT_EQ(plot::number(1e6), "1e6");
   EXPECT_EQ(plot::number(1e-7), "1e-7");
   EXPECT_EQ(plot::number(kNan), "-");
+}
+
+TEST(LinePlot, MarksOfOnePlaceStandApart) {
+  plot::Figure f;
+  f.log_x = f.log_y = true;
+  f.marks = {{1, 1, "first", true},
+             {1, 1, "second", false},
+             {10, 10, "third", false},
+             {-1, 1, "nowhere", false},
+             {1, kNan, "nothing", false}};
+  const std::string svg = plot::line_plot(f);
+  EXPECT_EQ(xml_problem(svg), "");
+  std::set<std::string> heights;
+  for (const char* label : {">first<", ">second<"}) {
+    const auto at = svg.find(label);
+    ASSERT_NE(at, std::string::npos) << label;
+    const auto y = svg.rfind(" y=\"", at);
+    heights.insert(svg.substr(y, svg.find('"', y + 4) - y));
+  }
+  EXPECT_EQ(heights.size(), 2U) << "one above the other";
+  EXPECT_EQ(svg.find("nowhere"), std::string::npos) << "not on a logarithmic axis";
+  EXPECT_EQ(svg.find("nothing"), std::string::npos);
 }
 
 TEST(LinePlot, ThinningKeepsThePeak) {

@@ -12,7 +12,6 @@
 
 #include "perception/segmentation/measures.hpp"
 #include "perception/segmentation/region_grow.hpp"
-#include "perception/segmentation/touch_segmenter.hpp"
 #include "rt/random.hpp"
 #include "tools/bench/table2/followed.hpp"
 #include "tools/images/image_files.hpp"
@@ -116,9 +115,10 @@ double iou(const Image<std::uint16_t>& label, std::uint16_t object, const In& in
 
 class Judge {
  public:
-  Judge(const Kind& kind, int w, int h)
+  Judge(const Kind& kind, int w, int h, const perception::TouchConfig& config, bool touches_only)
       : kind_(kind),
-        touch_(w, h),
+        touches_only_(touches_only),
+        touch_(w, h, config),
         lab_(w, h),
         points_(w, h),
         grower_(w, h),
@@ -131,8 +131,10 @@ class Judge {
       if (l != 0 && l != kUnlabelled) objects[l];
     }
     touch_.set_frame(f.rgb.view(), f.depth.view(), kind_.k, kind_.mm_per_unit);
-    lab_.set(f.rgb.view());
-    points_.set(f.depth.view(), kind_.k, kind_.mm_per_unit);
+    if (!touches_only_) {
+      lab_.set(f.rgb.view());
+      points_.set(f.depth.view(), kind_.k, kind_.mm_per_unit);
+    }
     for (auto& [object, pixels] : objects) {
       pixels = touchable(f.label, object);
       double good = 0, paper = 0;
@@ -140,14 +142,16 @@ class Judge {
         const int i = pixels[static_cast<std::size_t>(
             random.integer(0, static_cast<std::int64_t>(pixels.size()) - 1))];
         good += one_touch(f, object, i, k) / kTouches;
-        paper += one_paper(f, object, i) / kTouches;
+        if (!touches_only_) paper += one_paper(f, object, i) / kTouches;
       }
       good_.push_back(good);
       paper_.push_back(paper);
       row.touches += kTouches;
     }
-    follow(f, objects);
-    follow_in_map(f, objects, random);
+    if (!touches_only_) {
+      follow(f, objects);
+      follow_in_map(f, objects, random);
+    }
     ++row.frames;
   }
   void finish(TouchRow& row) const {
@@ -219,6 +223,7 @@ class Judge {
   }
 
   Kind kind_;
+  bool touches_only_;
   perception::TouchSegmenter touch_;
   perception::LabImage lab_;
   perception::PointImage points_;
@@ -230,6 +235,7 @@ class Judge {
 };
 
 TouchRow run_folder(const fs::path& folder, const Kind& kind, std::uint64_t seed,
+                    const perception::TouchConfig& config, bool touches_only,
                     std::ostream& progress) {
   TouchRow row;
   row.folder = folder.filename().string();
@@ -241,7 +247,9 @@ TouchRow run_folder(const fs::path& folder, const Kind& kind, std::uint64_t seed
   for (const std::string& name : names) {
     progress << "\r" << row.folder << "/" << name << "   " << std::flush;
     const Frame f = load(folder, name, kind);
-    if (!judge) judge = std::make_unique<Judge>(kind, f.rgb.width(), f.rgb.height());
+    if (!judge) {
+      judge = std::make_unique<Judge>(kind, f.rgb.width(), f.rgb.height(), config, touches_only);
+    }
     if (f.rgb.width() != kind.k.width || f.rgb.height() != kind.k.height) {
       throw std::runtime_error((folder / "rgb" / name).string() + ": must be 640 x 480");
     }
@@ -254,7 +262,8 @@ TouchRow run_folder(const fs::path& folder, const Kind& kind, std::uint64_t seed
 
 }  // namespace
 
-TouchResult bench_touches(std::ostream& progress, const std::string& folder, std::uint64_t seed) {
+TouchResult bench_touches(std::ostream& progress, const std::string& folder, std::uint64_t seed,
+                          const perception::TouchConfig& config, bool touches_only) {
   TouchResult result;
   result.seed = seed;
   std::error_code ec;
@@ -264,7 +273,7 @@ TouchResult bench_touches(std::ostream& progress, const std::string& folder, std
   for (const fs::path& f : folders) {
     const auto kind = kind_of(f.filename().string());
     if (kind && fs::is_directory(f / "rgb"))
-      result.rows.push_back(run_folder(f, *kind, seed, progress));
+      result.rows.push_back(run_folder(f, *kind, seed, config, touches_only, progress));
   }
   progress << "\r                                        \r";
   if (result.rows.empty()) {

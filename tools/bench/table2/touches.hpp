@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "perception/segmentation/touch_segmenter.hpp"
 #include "tools/bench/bench_metric.hpp"
 
 namespace teletact {
@@ -35,8 +36,11 @@ struct TouchResult {
   void print(std::ostream& out) const;
 };
 
-// Folders of other names are left out; none known: std::runtime_error.
+// Folders of other names are left out; none known: std::runtime_error. With touches_only neither method
+// paper runs nor is an object followed: their figures stay 0.
 [[nodiscard]] TouchResult bench_touches(std::ostream& progress, const std::string& folder,
-                                        std::uint64_t seed);
+                                        std::uint64_t seed,
+                                        const perception::TouchConfig& config = {},
+                                        bool touches_only = false);
 
 }  // namespace teletact

@@ -1,0 +1,88 @@
+// teletact accuracy WHAT: what accuracy costs. Error and CPU time of a method over its knobs, as a table, as
+// metrics and as plots with the Pareto front and the default marked.
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <iostream>
+#include <stdexcept>
+
+#include "tools/accuracy/fusion_study.hpp"
+#include "tools/accuracy/scenes.hpp"
+#include "tools/accuracy/segmentation_study.hpp"
+#include "tools/teletact/commands.hpp"
+#include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/options.hpp"
+
+namespace teletact {
+
+namespace {
+
+// The room at the default setting, under the names that others rely on.
+void add_room(const Study& study, Metrics& metrics) {
+  for (const StudyRow& row : study.rows) {
+    if (row.data != "room" || !row.is_default) continue;
+    for (const BenchMetric& m : row.figures) {
+      if (m.value == m.value) metrics.add("fusion.synthetic." + m.name, m.value, m.unit);
+    }
+  }
+}
+
+Study study_of(const std::string& what, const FusionStudyOptions& fusion,
+               const SegmentationStudyOptions& segmentation) {
+  if (what == "fusion") return study_fusion(std::cerr, fusion);
+  if (segmentation.data.empty()) {
+    throw std::runtime_error("accuracy segmentation needs --data DIR");
+  }
+  return study_segmentation(std::cerr, segmentation);
+}
+
+}  // namespace
+
+int cmd_accuracy(int argc, char** argv) {
+  CLI::App app{
+      "Error of a method against its CPU time, over its knobs. WHAT: fusion, segmentation.",
+      "teletact accuracy"};
+  std::string what, json, plots;
+  FusionStudyOptions fusion;
+  SegmentationStudyOptions segmentation;
+  app.add_option("WHAT", what, "fusion | segmentation")
+      ->required()
+      ->check(CLI::IsMember({"fusion", "segmentation"}));
+  app.add_option(
+      "--rgbd", fusion.rgbd,
+      "fusion: recording in TUM layout with groundtruth.txt, which judges and nothing else");
+  app.add_option("--scenes", fusion.scenes, "fusion: synthetic ones; the knobs vary in the first")
+      ->check(CLI::IsMember(scene_names()))
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--frames", fusion.frames, "fusion: of each synthetic scene")
+      ->check(CLI::Range(5, 2000))
+      ->capture_default_str();
+  app.add_option("--voxels", fusion.voxels_mm, "fusion: edges of a voxel, mm")
+      ->check(in_range(4, 100))
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--data", segmentation.data,
+                 "segmentation: folder that holds mosd_learn, tabletop or ycb_video");
+  app.add_option("--seed", segmentation.seed, "segmentation: of the touches")
+      ->capture_default_str();
+  app.add_option("--plots", plots, "folder for the SVG plots");
+  app.add_option("--json", json, "write the figures to this file");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  check_outputs({{"--json", json}}, {});
+  const Study study = study_of(what, fusion, segmentation);
+  study.print(std::cout);
+  Metrics metrics("accuracy " + what);
+  for (const BenchMetric& m : study.metrics()) metrics.add(m.name, m.value, m.unit);
+  if (what == "fusion") add_room(study, metrics);
+  if (!plots.empty()) {
+    for (const std::string& file : study.write_plots(plots)) std::cout << file << "\n";
+  }
+  if (!json.empty()) metrics.write(json);
+  return 0;
+}
+
+}  // namespace teletact
