@@ -8,7 +8,11 @@ namespace perception {
 
 namespace {
 
-constexpr int kCastStep = 4;  // pixels of the camera a ray
+constexpr int kMostColumns = 85;  // rays of a row of a cast
+
+int step_of(const Intrinsics& camera) noexcept {
+  return std::max(4, (camera.width + kMostColumns - 1) / kMostColumns);
+}
 
 }  // namespace
 
@@ -25,7 +29,9 @@ Relocaliser::Relocaliser(rt::NonRealtime& nrt, const RelocaliserConfig& config,
     : config_(config),
       camera_(camera),
       keyframes_(nrt, config.keyframes),
-      maps_(nrt, camera.width / kCastStep + 1, camera.height / kCastStep + 1) {
+      step_(step_of(camera)),
+      maps_{RaycastMaps(nrt, camera.width / step_ + 1, camera.height / step_ + 1),
+            RaycastMaps(nrt, camera.width / step_ + 1, camera.height / step_ + 1)} {
   config_.tries = std::clamp(config_.tries, 0, kMaxTries);
 }
 
@@ -39,6 +45,22 @@ void Relocaliser::remember(const TrackingPyramid& pyramid, ImageView<const Rgb> 
 void Relocaliser::restart() noexcept {
   rests_until_.fill(0);
   searches_ = 0;
+  has_view_ = false;
+}
+
+RaycastStats Relocaliser::cast(const TsdfMap& map, const Pose& X_WC, RaycastMaps& maps) noexcept {
+  RaycastOptions o;
+  o.pixel_step = step_;
+  o.min_weight = 0.2;
+  o.max_depth_m = config_.max_depth_m;
+  o.smooth_normals = false;
+  const RaycastStats stats = raycast(map, camera_, X_WC, o, maps);
+  work_ += static_cast<std::uint64_t>(stats.steps);
+  return stats;
+}
+
+void Relocaliser::look(const TsdfMap& map, const Pose& X_WC) noexcept {
+  has_view_ = cast(map, X_WC, maps_[viewed_]).hits > 0;
 }
 
 std::uint64_t Relocaliser::take_work() noexcept {
@@ -69,18 +91,17 @@ bool Relocaliser::search(const TsdfMap& map, const Tracker& tracker, ImageView<c
   work_ += static_cast<std::uint64_t>(keyframes_.size()) * Thumbnail::kCells / 16;
   for (int k = 0; k < count; ++k) {
     const Keyframes::Candidate& c = list[static_cast<std::size_t>(k)];
-    RaycastOptions o;
-    o.pixel_step = kCastStep;
-    o.min_weight = 0.2;
-    o.max_depth_m = config_.max_depth_m;
-    o.smooth_normals = false;
     const Pose X_WG = guess(c);
-    const RaycastStats stats = raycast(map, camera_, X_WG, o, maps_);
-    work_ += static_cast<std::uint64_t>(stats.steps);
-    if (stats.hits == 0) continue;
-    tracker.reacquire({maps_.data(), maps_.intrinsics, maps_.X_WC}, X_WG, false, found);
-    work_ += found.work;
-    if (tracker.reliable(found)) return true;
+    RaycastMaps& maps = maps_[1 - viewed_];
+    if (cast(map, X_WG, maps).hits > 0) {
+      tracker.reacquire({maps.data(), maps.intrinsics, maps.X_WC}, X_WG, found);
+      work_ += found.work;
+      if (tracker.reliable(found)) {
+        viewed_ = 1 - viewed_;
+        has_view_ = true;
+        return true;
+      }
+    }
     rests_until_[static_cast<std::size_t>(c.index)] = searches_ + 1 + config_.rest_frames;
   }
   return false;
