@@ -98,8 +98,9 @@ HWY_INLINE Group update_group(const UpdateCamera& c, const Projected& seen_at, s
   const MF band = hn::And(hn::And(seen, non_zero(w_pixel)),
                           hn::And(hn::Le(sdf, limit), hn::Ge(sdf, hn::Neg(limit))));
   const MF carve = hn::And(front, non_zero(w));
-  const VU w_new = hn::IfThenElse(hn::RebindMask(du, band), w_pixel,
-                                  hn::IfThenElseZero(hn::RebindMask(du, carve), hn::Set(du, 128U)));
+  const VU w_new =
+      hn::IfThenElse(hn::RebindMask(du, band), w_pixel,
+                     hn::IfThenElseZero(hn::RebindMask(du, carve), hn::Set(du, kSeenThrough)));
   const VF most = set(32767.0F);
   const VF scaled = mul(sdf, set(c.units_per_m));
   const VF clipped =
@@ -198,7 +199,8 @@ void update_voxel(const UpdateCamera& c, const float (&p)[3], Voxel voxel,
   counts.fused += band ? 1 : 0;
   counts.carved += carve ? 1 : 0;
   if (!band && !carve) return;
-  const std::int32_t w_new = band ? static_cast<std::int32_t>(w_pixel) : 128;
+  const std::int32_t w_new =
+      band ? static_cast<std::int32_t>(w_pixel) : static_cast<std::int32_t>(kSeenThrough);
   const float value = band ? std::clamp(sdf * c.units_per_m, -32767.0F, 32767.0F) : 32767.0F;
   const std::int32_t w_sum = w + w_new;
   const float mean =

@@ -5,7 +5,8 @@
 //   u, v  = (p.x / p.z) fx + cx, ...             nearest pixel; none outside the image or p.z < 0.05
 //   sdf   = (depth - p.z) * sqrt(1 + (p.x/p.z)^2 + (p.y/p.z)^2)
 //   limit = truncation * the pixel's reach (1 for pixels that only carve)
-//   sdf > limit                 seen through: free; a known voxel learns +1 with weight 1
+//   sdf > limit                 seen through: free; a known voxel learns +1 with weight 2: what is gone is forgotten in half
+//                               the time that it stood
 //   |sdf| <= limit              fused with the pixel's weight, s = sdf / truncation clipped to +-1;
 //                               free when sdf > 0, else not free
 //   sdf < -limit                hidden: unchanged
@@ -30,6 +31,8 @@ struct UpdateCamera {
   const std::uint8_t* colour;       // r, g, b a pixel
   std::ptrdiff_t colour_stride_px;  // pixels from row to row
 };
+
+inline constexpr std::uint32_t kSeenThrough = 256;  // raw weight of that
 
 struct BlockCounts {
   std::int32_t fused = 0, carved = 0;

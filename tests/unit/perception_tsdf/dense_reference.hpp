@@ -72,7 +72,7 @@ struct DenseReference {
           Node& n = at(i, j, k);
           if (sdf > limit) {
             n.free = true;
-            if (n.w > 0) learn(n, 32767.0F, 128);
+            if (n.w > 0) learn(n, 32767.0F, 256);
           } else if (weight > 0 && sdf >= -limit) {
             float s = sdf * static_cast<float>(32767 / truncation);
             s = std::min(std::max(s, -32767.0F), 32767.0F);
