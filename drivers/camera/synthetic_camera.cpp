@@ -32,6 +32,7 @@ void SyntheticCameraConfig::describe(config::Section& s) {
 }
 
 Intrinsics SyntheticCameraConfig::intrinsics() const noexcept {
+  if (stands_in_for) return *stands_in_for;
   if (resolution == "half") return {182.5, 182.5, 127.5, 105.5, 256, 212};
   return {365.0, 365.0, 255.5, 211.5, 512, 424};
 }

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "config/schema.hpp"
@@ -31,6 +32,8 @@ struct SyntheticCameraConfig {
   double mount_yaw_deg = 0;                                  // positive: to the left
   double mount_pitch_deg = 30;                               // positive: looks down
   DepthNoiseConfig noise;
+  // Where it stands in for a real camera: that one's lens.
+  std::optional<perception::Intrinsics> stands_in_for;
   void describe(config::Section& s);
 
   [[nodiscard]] perception::Intrinsics intrinsics() const noexcept;

@@ -42,6 +42,41 @@ icp::RowsJob make_job(const DepthLevel& live, const ModelView& model, const Pose
   return job;
 }
 
+constexpr int kMostParts = 8;
+
+// Below some ten thousand pixels a fork costs more than it saves.
+int parts_of(const icp::RowsJob& job) noexcept {
+  return job.width * job.rows >= 32768 && job.rows >= kMostParts ? kMostParts : 1;
+}
+
+icp::RowsJob part_of(const icp::RowsJob& job, int part, int parts) noexcept {
+  const int first = job.rows * part / parts;
+  const std::ptrdiff_t at = first * job.stride;
+  icp::RowsJob out = job;
+  out.z += at, out.nx += at, out.ny += at, out.nz += at;
+  out.y_factor += first;
+  out.rows = job.rows * (part + 1) / parts - first;
+  return out;
+}
+
+// Parts in rising order.
+void add(const icp::LaneSums& part, bool cross, icp::LaneSums& sum) noexcept {
+  for (int i = 0; i < icp::kSums; ++i)
+    for (int k = 0; k < icp::kLanes; ++k) sum.sums[i][k] += part.sums[i][k];
+  for (int i = 0; cross && i < icp::kCross; ++i)
+    for (int k = 0; k < icp::kLanes; ++k) sum.cross[i][k] += part.cross[i][k];
+  sum.inliers += part.inliers, sum.met += part.met, sum.live += part.live;
+}
+
+void sum_parts(const icp::RowsJob& job, int parts, bool cross, rt::ForkJoin& crew,
+               icp::LaneSums& lanes) noexcept {
+  std::array<icp::LaneSums, kMostParts> part;  // 50 KiB of stack
+  crew.for_parts(parts, [&](int p) {
+    icp::kernels().accumulate(part_of(job, p, parts), cross, part[static_cast<std::size_t>(p)]);
+  });
+  for (int p = 0; p < parts; ++p) add(part[static_cast<std::size_t>(p)], cross, lanes);
+}
+
 // Lanes in rising order.
 double lane_sum(const double* lanes) noexcept {
   double s = 0;
@@ -58,10 +93,14 @@ void unpack_upper(const double* upper, Mat6& H) noexcept {
 
 void accumulate_rows(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
                      const Vec3& centre_F, const Gates& gates, NormalEquations& out,
-                     CrossMoment* cross) noexcept {
+                     CrossMoment* cross, rt::ForkJoin& crew) noexcept {
   const icp::RowsJob job = make_job(live, model, X_FC, centre_F, gates);
   icp::LaneSums lanes;
-  icp::kernels().accumulate(job, cross != nullptr, lanes);
+  if (const int parts = parts_of(job); parts == 1) {
+    icp::kernels().accumulate(job, cross != nullptr, lanes);
+  } else {
+    sum_parts(job, parts, cross != nullptr, crew, lanes);
+  }
   double sums[icp::kSums], cross_sums[icp::kCross];
   for (int i = 0; i < icp::kSums; ++i) sums[i] = lane_sum(lanes.sums[i]);
   for (int i = 0; i < icp::kCross; ++i) cross_sums[i] = lane_sum(lanes.cross[i]);
@@ -79,14 +118,15 @@ void accumulate_rows(const DepthLevel& live, const ModelView& model, const Pose&
 }  // namespace
 
 void accumulate(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
-                const Vec3& centre_F, const Gates& gates, NormalEquations& out) noexcept {
-  accumulate_rows(live, model, X_FC, centre_F, gates, out, nullptr);
+                const Vec3& centre_F, const Gates& gates, NormalEquations& out,
+                rt::ForkJoin& crew) noexcept {
+  accumulate_rows(live, model, X_FC, centre_F, gates, out, nullptr, crew);
 }
 
 void accumulate_cross(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
                       const Vec3& centre_F, const Gates& gates, NormalEquations& out,
-                      CrossMoment& cross) noexcept {
-  accumulate_rows(live, model, X_FC, centre_F, gates, out, &cross);
+                      CrossMoment& cross, rt::ForkJoin& crew) noexcept {
+  accumulate_rows(live, model, X_FC, centre_F, gates, out, &cross, crew);
 }
 
 }  // namespace perception

@@ -6,6 +6,7 @@
 
 #include "perception/icp/model_view.hpp"
 #include "perception/icp/preprocess.hpp"
+#include "rt/sched/fork_join.hpp"
 
 namespace perception {
 
@@ -35,12 +36,14 @@ struct CrossMoment {
   Mat6 H = Mat6::Zero();
 };
 
-// X_FC: pose of the live camera in the model's frame. Noexcept, no allocation; deterministic.
+// X_FC: pose of the live camera in the model's frame. Noexcept, no allocation. The rows are cut into parts by the
+// level's size alone, and the parts' sums are added in their order: the same bytes for any number of threads.
 void accumulate(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
-                const Vec3& centre_F, const Gates& gates, NormalEquations& out) noexcept;
+                const Vec3& centre_F, const Gates& gates, NormalEquations& out,
+                rt::ForkJoin& crew = rt::serial()) noexcept;
 // The same with the cross moment (about a third dearer; once a level).
 void accumulate_cross(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
                       const Vec3& centre_F, const Gates& gates, NormalEquations& out,
-                      CrossMoment& cross) noexcept;
+                      CrossMoment& cross, rt::ForkJoin& crew = rt::serial()) noexcept;
 
 }  // namespace perception

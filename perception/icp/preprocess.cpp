@@ -60,32 +60,65 @@ void depth_to_metres(ImageView<const std::uint16_t> depth_mm, float min_m, float
   }
 }
 
-void bilateral(const PaddedImage& in, const std::vector<float>& weights, int radius,
-               const icp::EdgeRule& rule, PaddedImage& out) noexcept {
-  out.reshape(in.width(), in.height());
-  for (int v = 0; v < in.height(); ++v) {
+namespace {
+
+// Rows v0 .. v1 - 1 of an output that has its shape.
+struct Rows {
+  int v0, v1;
+};
+constexpr int kBands = 8;
+Rows band(int height, int b) noexcept { return {height * b / kBands, height * (b + 1) / kBands}; }
+
+void bilateral_rows(const PaddedImage& in, const std::vector<float>& weights, int radius,
+                    const icp::EdgeRule& rule, Rows rows, PaddedImage& out) noexcept {
+  for (int v = rows.v0; v < rows.v1; ++v) {
     icp::kernels().bilateral_row(in.row(v), in.stride(), in.width(), weights.data(), radius, rule,
                                  out.row(v));
     clear_right(out, v);
   }
 }
 
-void half_sample(const PaddedImage& in, const icp::EdgeRule& rule, PaddedImage& out) noexcept {
+void half_shape(const PaddedImage& in, PaddedImage& out) noexcept {
   out.reshape((in.width() + 1) / 2, (in.height() + 1) / 2);
-  for (int v = 0; v < out.height(); ++v) {
-    icp::kernels().half_row(in.row(2 * v), in.stride(), out.width(), rule, out.row(v));
-  }
 }
 
-void normals(DepthLevel& level, const icp::EdgeRule& rule) noexcept {
+void half_rows(const PaddedImage& in, const icp::EdgeRule& rule, Rows rows,
+               PaddedImage& out) noexcept {
+  for (int v = rows.v0; v < rows.v1; ++v)
+    icp::kernels().half_row(in.row(2 * v), in.stride(), out.width(), rule, out.row(v));
+}
+
+void normal_shape(DepthLevel& level) noexcept {
+  for (PaddedImage* n : {&level.nx, &level.ny, &level.nz})
+    n->reshape(level.depth.width(), level.depth.height());
+}
+
+void normal_rows(DepthLevel& level, const icp::EdgeRule& rule, Rows rows) noexcept {
   const PaddedImage& z = level.depth;
-  for (PaddedImage* n : {&level.nx, &level.ny, &level.nz}) n->reshape(z.width(), z.height());
-  for (int v = 0; v < z.height(); ++v) {
+  for (int v = rows.v0; v < rows.v1; ++v) {
     icp::kernels().normal_row(z.row(v), z.stride(), z.width(),
                               level.x_factor.data() + PaddedImage::kMargin,
                               level.y_factor.data() + PaddedImage::kMargin + v, rule,
                               level.nx.row(v), level.ny.row(v), level.nz.row(v));
   }
+}
+
+}  // namespace
+
+void bilateral(const PaddedImage& in, const std::vector<float>& weights, int radius,
+               const icp::EdgeRule& rule, PaddedImage& out) noexcept {
+  out.reshape(in.width(), in.height());
+  bilateral_rows(in, weights, radius, rule, {0, in.height()}, out);
+}
+
+void half_sample(const PaddedImage& in, const icp::EdgeRule& rule, PaddedImage& out) noexcept {
+  half_shape(in, out);
+  half_rows(in, rule, {0, out.height()}, out);
+}
+
+void normals(DepthLevel& level, const icp::EdgeRule& rule) noexcept {
+  normal_shape(level);
+  normal_rows(level, rule, {0, level.depth.height()});
 }
 
 std::vector<float> bilateral_weights(int radius, double sigma_px) {
@@ -151,7 +184,7 @@ void count_readings(DepthLevel& level) noexcept {
 }  // namespace
 
 void TrackingPyramid::build(ImageView<const std::uint16_t> depth_mm, const Intrinsics& intrinsics,
-                            int pixel_step) noexcept {
+                            int pixel_step, rt::ForkJoin& crew) noexcept {
   pixel_step_ = pixel_step >= 4 ? 4 : (pixel_step >= 2 ? 2 : 1);
   depth_to_metres(depth_mm, static_cast<float>(config_.depth_min_m),
                   static_cast<float>(config_.depth_max_m), raw_);
@@ -162,11 +195,29 @@ void TrackingPyramid::build(ImageView<const std::uint16_t> depth_mm, const Intri
   Intrinsics k = intrinsics.subsampled(pixel_step_);
   k.width = base.width();
   k.height = base.height();
-  bilateral(base, spatial_weight_, config_.bilateral_radius_px, edge_rule(k.fx), levels_[0].depth);
+  PaddedImage& filtered = levels_[0].depth;
+  filtered.reshape(base.width(), base.height());
+  crew.for_parts(kBands, [&](int b) {
+    bilateral_rows(base, spatial_weight_, config_.bilateral_radius_px, edge_rule(k.fx),
+                   band(base.height(), b), filtered);
+  });
+  // Normals and the next coarser image both follow from an image's depth.
+  half_shape(filtered, levels_[1].depth);
+  half_shape(levels_[1].depth, levels_[2].depth);
   for (std::size_t l = 0; l < levels_.size(); ++l) {
-    if (l > 0) half_sample(levels_[l - 1].depth, edge_rule(2 * k.fx), levels_[l].depth);
-    set_camera(levels_[l], k);
-    normals(levels_[l], edge_rule(k.fx));
+    DepthLevel& level = levels_[l];
+    DepthLevel* const next = l + 1 < levels_.size() ? &levels_[l + 1] : nullptr;
+    set_camera(level, k);
+    normal_shape(level);
+    const auto part = [&](int p) {
+      if (p < kBands) {
+        normal_rows(level, edge_rule(k.fx), band(level.depth.height(), p));
+      } else if (next != nullptr) {
+        half_rows(level.depth, edge_rule(k.fx), band(next->depth.height(), p - kBands),
+                  next->depth);
+      }
+    };
+    (l == 0 ? crew : rt::serial()).for_parts(2 * kBands, part);
     work_ += static_cast<std::uint64_t>(k.width) * static_cast<std::uint64_t>(k.height);
     k = k.subsampled(2);
   }

@@ -20,6 +20,7 @@
 #include "perception/geometry/image.hpp"
 #include "perception/icp/kernels.hpp"
 #include "rt/memory/non_realtime.hpp"
+#include "rt/sched/fork_join.hpp"
 
 namespace perception {
 
@@ -77,8 +78,8 @@ class TrackingPyramid {
 
   // Fills all levels from a raw image. `pixel_step` 1, 2 or 4: level 0 is the camera that sees every
   // pixel_step-th pixel (edge-aware half-sampling), level l every pixel_step * 2^l-th.
-  void build(ImageView<const std::uint16_t> depth_mm, const Intrinsics& intrinsics,
-             int pixel_step) noexcept;
+  void build(ImageView<const std::uint16_t> depth_mm, const Intrinsics& intrinsics, int pixel_step,
+             rt::ForkJoin& crew = rt::serial()) noexcept;
 
   [[nodiscard]] const DepthLevel& level(int l) const noexcept {
     return levels_[static_cast<std::size_t>(l)];

@@ -55,7 +55,7 @@ Tracker::Tracker(rt::NonRealtime& nrt, const TrackerConfig& config, int max_widt
 
 void Tracker::prepare(ImageView<const std::uint16_t> depth_mm, const Intrinsics& intrinsics,
                       int pixel_step) noexcept {
-  pyramid_.build(depth_mm, intrinsics, pixel_step);
+  pyramid_.build(depth_mm, intrinsics, pixel_step, *crew_);
 }
 
 namespace {
@@ -65,6 +65,7 @@ struct Alignment {
   const TrackingPyramid& pyramid;
   const ModelView& model;
   const TrackerConfig& config;
+  rt::ForkJoin& crew;
   Pose X_FC;
   Vec3 centre_F;
   double length_m;
@@ -82,7 +83,7 @@ struct Alignment {
     NormalEquations eq;
     CrossMoment cross;
     accumulate_cross(pyramid.level(static_cast<int>(level)), model, X_FC, centre_F, gates(level),
-                     eq, cross);
+                     eq, cross, crew);
     directions = analyse(eq.H, cross.H, eq.weight, length_m, config.degeneracy);
     count_work(level);
     return eq;
@@ -109,7 +110,7 @@ struct Alignment {
       eq = examine(level);
     } else {
       // Level 0 would say what level 1 said, at four times the price.
-      accumulate(pyramid.level(0), model, X_FC, centre_F, gates(level), eq);
+      accumulate(pyramid.level(0), model, X_FC, centre_F, gates(level), eq, crew);
       count_work(level);
     }
     Vec6 xi;
@@ -194,7 +195,7 @@ void Tracker::track(const ModelView& model, const MotionPrior& prior,
   if (!model.valid() || !(length > 0) || !prior.X_WC.matrix().allFinite()) return;
 
   const Pose X_FW = model.X_WF.inverse();
-  Alignment a{pyramid_, model, config_, X_FW * prior.X_WC, Vec3::Zero(), length, {}};
+  Alignment a{pyramid_, model, config_, *crew_, X_FW * prior.X_WC, Vec3::Zero(), length, {}};
   a.centre_F = a.X_FC * Vec3(0, 0, length);
   std::array<int, 3> limits{};
   for (std::size_t l = 0; l < limits.size(); ++l) {
@@ -217,7 +218,7 @@ void Tracker::track(const ModelView& model, const MotionPrior& prior,
   judge(config_, prior, orthonormalised(model.X_WF * a.X_FC), out);
 }
 
-void Tracker::reacquire(const ModelView& model, const Pose& X_WC_guess, bool fine,
+void Tracker::reacquire(const ModelView& model, const Pose& X_WC_guess,
                         TrackingResult& out) const noexcept {
   out = TrackingResult{};
   out.X_WC = X_WC_guess;
@@ -226,10 +227,10 @@ void Tracker::reacquire(const ModelView& model, const Pose& X_WC_guess, bool fin
   const double length = pyramid_.mean_depth();
   if (!model.valid() || !(length > 0) || !X_WC_guess.matrix().allFinite()) return;
 
-  Alignment a{pyramid_,     model,  config_, model.X_WF.inverse() * X_WC_guess,
+  Alignment a{pyramid_,     model,  config_, *crew_, model.X_WF.inverse() * X_WC_guess,
               Vec3::Zero(), length, {}};
   a.centre_F = a.X_FC * Vec3(0, 0, length);
-  a.descend(config_.iterations, fine ? 0 : 1, out);
+  a.descend(config_.iterations, 1, out);
   a.gate_limit_m = config_.reacquire_distance_m;
   measure(a.examine(1), out);
   out.contradiction = contradiction_share(pyramid_.level(TrackingPyramid::kLevels - 1), model,

@@ -99,13 +99,15 @@ class Tracker {
   // Filter, pyramid, normals. `pixel_step` 1, 2, 4.
   void prepare(ImageView<const std::uint16_t> depth_mm, const Intrinsics& intrinsics,
                int pixel_step) noexcept;
+  // Threads that take part in prepare(), track() and reacquire(); the bytes are the same.
+  void use(rt::ForkJoin& crew) noexcept { crew_ = &crew; }
   // Aligns the prepared frame. `iterations` fine to coarse, each clipped to the configured value.
   void track(const ModelView& model, const MotionPrior& prior, const std::array<int, 3>& iterations,
              TrackingResult& out) noexcept;
   // Is the prepared frame what `model` shows, seen from near X_WC_guess? For a camera that was lost: `model`
   // is a cast without hint, so that what should be seen and is not counts against it. Middle and coarse
-  // levels, the fine one too with `fine`. Claims nothing; ask reliable().
-  void reacquire(const ModelView& model, const Pose& X_WC_guess, bool fine,
+  // levels. Claims nothing; ask reliable().
+  void reacquire(const ModelView& model, const Pose& X_WC_guess,
                  TrackingResult& out) const noexcept;
   // Did reacquire() pass its gates? A close fit, and every direction constrained by the scene or, when the
   // guess was such, by a trusted prior.
@@ -119,6 +121,7 @@ class Tracker {
  private:
   TrackerConfig config_;
   TrackingPyramid pyramid_;
+  rt::ForkJoin* crew_ = &rt::serial();
 };
 
 }  // namespace perception

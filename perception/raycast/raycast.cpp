@@ -1,6 +1,7 @@
 #include "perception/raycast/raycast.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 
@@ -16,6 +17,7 @@ namespace {
 constexpr int kTileShift = 2, kTileEdge = 1 << kTileShift;
 constexpr int kMaxSteps = 4096;  // a ray of 6 m at 2 mm voxels, twice over
 constexpr float kNoTile = 1e9F;
+constexpr int kMostParts = 8;
 constexpr float kClose = 0.1F;  // voxels: a Newton step below it is the last
 
 }  // namespace
@@ -56,7 +58,6 @@ class Caster {
     else
       cast_tiles(stats);
     stats.rays = k.width * k.height;
-    stats.steps += steps_;
     return stats;
   }
 
@@ -96,13 +97,29 @@ class Caster {
     }
   }
 
+  // Parts of the image, each by a caster of its own: a reader remembers what it read last.
+  template <class Fn>
+  void in_parts(int parts, RaycastStats& stats, Fn&& fn) noexcept {
+    std::array<RaycastStats, kMostParts> part{};
+    options_.crew->for_parts(parts, [&](int p) {
+      Caster caster(map_, out_.X_WC, options_, out_);
+      RaycastStats& s = part[static_cast<std::size_t>(p)];
+      fn(caster, p, s);
+      s.steps += caster.steps_;
+    });
+    for (const RaycastStats& s : part) stats.hits += s.hits, stats.steps += s.steps;
+  }
+
   // Tile by tile: neighbouring rays read the same cache lines.
   void cast_tiles(RaycastStats& stats) noexcept {
     const Intrinsics& k = out_.intrinsics;
     const int tiles_u = (k.width + kTileEdge - 1) >> kTileShift,
               tiles_v = (k.height + kTileEdge - 1) >> kTileShift;
-    for (int n = 0; n < tiles_u * tiles_v; ++n)
-      stats.hits += cast_tile(n % tiles_u, n / tiles_u, n);
+    in_parts(kMostParts, stats, [&](Caster& caster, int p, RaycastStats& s) {
+      for (int n = tiles_v * p / kMostParts * tiles_u; n < tiles_v * (p + 1) / kMostParts * tiles_u;
+           ++n)
+        s.hits += caster.cast_tile(n % tiles_u, n / tiles_u, n);
+    });
   }
 
   TELETACT_CLONES __attribute__((flatten)) int cast_tile(int tile_u, int tile_v,
@@ -126,23 +143,30 @@ class Caster {
     const Intrinsics& k = out_.intrinsics;
     const bool vectors = simd::chosen() != simd::Isa::kScalar && !options_.smooth_normals;
     const HintJob job = hint_job();
+    const int strips = (k.width + HintJob::kSpan - 1) / HintJob::kSpan;
+    in_parts(std::min(strips, kMostParts), stats, [&](Caster& caster, int p, RaycastStats& s) {
+      for (int n = p; n < strips; n += kMostParts)
+        caster.cast_strip(job, vectors, n * HintJob::kSpan, s);
+    });
+  }
+
+  void cast_strip(const HintJob& job, bool vectors, int u0, RaycastStats& stats) noexcept {
+    const Intrinsics& k = out_.intrinsics;
     const int hint_step = options_.hint_depth_m.width == k.width ? 1 : options_.pixel_step;
     alignas(64) float hint[HintJob::kSpan];
     alignas(64) std::uint8_t found[HintJob::kSpan];
-    for (int u0 = 0; u0 < k.width; u0 += HintJob::kSpan) {
-      const int count = std::min(HintJob::kSpan, k.width - u0);
-      std::fill(std::begin(hint), std::end(hint), 0.0F);
-      for (int v = 0; v < k.height; ++v) {
-        for (int i = 0; i < count; ++i)
-          hint[i] = options_.hint_depth_m.at((u0 + i) * hint_step, v * hint_step);
-        float* records =
-            out_.records_ + (static_cast<std::ptrdiff_t>(v) * k.width + u0) * RaycastMaps::kStride;
-        const HintSpan span{hint, out_.x_.data() + u0, row_y(v), count, records, found};
-        const HintCount n = vectors ? cast_hints(job, span) : cast_hints_scalar(span);
-        stats.hits += n.hits;
-        stats.steps += n.steps;
-        if (!hinted_only() || options_.colour) stats.hits += finish_span(u0, v, span);
-      }
+    const int count = std::min(HintJob::kSpan, k.width - u0);
+    std::fill(std::begin(hint), std::end(hint), 0.0F);
+    for (int v = 0; v < k.height; ++v) {
+      for (int i = 0; i < count; ++i)
+        hint[i] = options_.hint_depth_m.at((u0 + i) * hint_step, v * hint_step);
+      float* records =
+          out_.records_ + (static_cast<std::ptrdiff_t>(v) * k.width + u0) * RaycastMaps::kStride;
+      const HintSpan span{hint, out_.x_.data() + u0, row_y(v), count, records, found};
+      const HintCount n = vectors ? cast_hints(job, span) : cast_hints_scalar(span);
+      stats.hits += n.hits;
+      stats.steps += n.steps;
+      if (!hinted_only() || options_.colour) stats.hits += finish_span(u0, v, span);
     }
   }
 

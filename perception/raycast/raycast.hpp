@@ -17,6 +17,7 @@
 #include "perception/geometry/image.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/memory/non_realtime.hpp"
+#include "rt/sched/fork_join.hpp"
 
 namespace perception {
 
@@ -36,6 +37,8 @@ struct RaycastOptions {
   ImageView<const float> hint_depth_m{};
   // With a hint image: what the hint does not settle, and rays without one, see nothing.
   bool hinted_only = false;
+  // Threads that take part; the bytes are the same for any number.
+  rt::ForkJoin* crew = &rt::serial();
 };
 
 struct RaycastStats {

@@ -8,9 +8,14 @@ namespace perception {
 
 namespace {
 
-constexpr int kCastStep = 4;          // pixels of the camera a ray
+constexpr int kMostColumns = 85;      // rays of a row of a cast
 constexpr int kFetchedBlocks = 1024;  // a frame; nothing is fused meanwhile, which costs more
+constexpr int kCastBeside = 128;  // blocks: a frame that fetches more leaves the cast to the next
 constexpr std::uint64_t kWorkOfBlock = 512;
+
+int step_of(const Intrinsics& camera) noexcept {
+  return std::max(4, (camera.width + kMostColumns - 1) / kMostColumns);
+}
 
 }  // namespace
 
@@ -27,7 +32,9 @@ Relocaliser::Relocaliser(rt::NonRealtime& nrt, const RelocaliserConfig& config,
     : config_(config),
       camera_(camera),
       keyframes_(nrt, config.keyframes),
-      maps_(nrt, camera.width / kCastStep + 1, camera.height / kCastStep + 1) {
+      step_(step_of(camera)),
+      maps_{RaycastMaps(nrt, camera.width / step_ + 1, camera.height / step_ + 1),
+            RaycastMaps(nrt, camera.width / step_ + 1, camera.height / step_ + 1)} {
   config_.tries = std::clamp(config_.tries, 0, kMaxTries);
 }
 
@@ -41,6 +48,32 @@ void Relocaliser::remember(const TrackingPyramid& pyramid, ImageView<const Rgb> 
 void Relocaliser::restart() noexcept {
   rests_until_.fill(0);
   searches_ = 0;
+  has_view_ = false;
+}
+
+RaycastStats Relocaliser::cast(const TsdfMap& map, const Pose& X_WC, RaycastMaps& maps) noexcept {
+  RaycastOptions o;
+  o.pixel_step = step_;
+  o.min_weight = 0.2;
+  o.max_depth_m = config_.max_depth_m;
+  o.smooth_normals = false;
+  const RaycastStats stats = raycast(map, camera_, X_WC, o, maps);
+  work_ += static_cast<std::uint64_t>(stats.steps);
+  return stats;
+}
+
+bool Relocaliser::fetched(TsdfMap& map, const Pose& X_WC) noexcept {
+  const PageStats paged = map.fetch_view(camera_, X_WC, kFetchedBlocks - fetched_);
+  fetched_ += paged.blocks_moved;
+  work_ += kWorkOfBlock * static_cast<std::uint64_t>(paged.blocks_moved);
+  return paged.waiting == 0 && fetched_ <= kCastBeside;
+}
+
+bool Relocaliser::look(TsdfMap& map, const Pose& X_WC) noexcept {
+  fetched_ = 0;
+  if (!fetched(map, X_WC)) return false;
+  has_view_ = cast(map, X_WC, maps_[viewed_]).hits > 0;
+  return true;
 }
 
 std::uint64_t Relocaliser::take_work() noexcept {
@@ -62,6 +95,7 @@ bool Relocaliser::search(TsdfMap& map, const Tracker& tracker, ImageView<const R
                          TrackingResult& found) noexcept {
   if (config_.tries == 0 || keyframes_.size() == 0) return false;
   ++searches_;
+  fetched_ = 0;
   for (std::size_t i = 0; i < resting_.size(); ++i) resting_[i] = rests_until_[i] > searches_;
   const Thumbnail seen =
       make_thumbnail(tracker.pyramid().level(TrackingPyramid::kLevels - 1), colour);
@@ -69,25 +103,20 @@ bool Relocaliser::search(TsdfMap& map, const Tracker& tracker, ImageView<const R
   const int count = keyframes_.rank(seen, resting_,
                                     std::span(list).first(static_cast<std::size_t>(config_.tries)));
   work_ += static_cast<std::uint64_t>(keyframes_.size()) * Thumbnail::kCells / 16;
-  int fetched = 0;
   for (int k = 0; k < count; ++k) {
     const Keyframes::Candidate& c = list[static_cast<std::size_t>(k)];
-    RaycastOptions o;
-    o.pixel_step = kCastStep;
-    o.min_weight = 0.2;
-    o.max_depth_m = config_.max_depth_m;
-    o.smooth_normals = false;
     const Pose X_WG = guess(c);
-    const PageStats paged = map.fetch_view(camera_, X_WG, kFetchedBlocks - fetched);
-    fetched += paged.blocks_moved;
-    work_ += kWorkOfBlock * static_cast<std::uint64_t>(paged.blocks_moved);
-    if (paged.waiting > 0) break;  // the next frame goes on with it
-    const RaycastStats stats = raycast(map, camera_, X_WG, o, maps_);
-    work_ += static_cast<std::uint64_t>(stats.steps);
-    if (stats.hits == 0) continue;
-    tracker.reacquire({maps_.data(), maps_.intrinsics, maps_.X_WC}, X_WG, false, found);
-    work_ += found.work;
-    if (tracker.reliable(found)) return true;
+    if (!fetched(map, X_WG)) break;  // the next frame goes on with it
+    RaycastMaps& maps = maps_[1 - viewed_];
+    if (cast(map, X_WG, maps).hits > 0) {
+      tracker.reacquire({maps.data(), maps.intrinsics, maps.X_WC}, X_WG, found);
+      work_ += found.work;
+      if (tracker.reliable(found)) {
+        viewed_ = 1 - viewed_;
+        has_view_ = true;
+        return true;
+      }
+    }
     rests_until_[static_cast<std::size_t>(c.index)] = searches_ + 1 + config_.rest_frames;
   }
   return false;

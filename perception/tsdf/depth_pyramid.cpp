@@ -1,7 +1,9 @@
 #include "perception/tsdf/depth_pyramid.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numeric>
 
 #include "perception/tsdf/clones.hpp"
 
@@ -143,22 +145,43 @@ DepthPyramid::DepthPyramid(rt::NonRealtime&)
   }
 }
 
-int DepthPyramid::build(ImageView<const std::uint16_t> depth_mm, const DepthRule& rule) noexcept {
+const std::uint16_t* DepthPyramid::padded_row(int v) const noexcept {
+  return padded_.data() + static_cast<std::ptrdiff_t>(width_ + 2 * kPad) * (v + kPad);
+}
+
+int DepthPyramid::build(ImageView<const std::uint16_t> depth_mm, const DepthRule& rule,
+                        rt::ForkJoin& crew) noexcept {
   width_ = depth_mm.width, height_ = depth_mm.height;
   const int pitch = width_ + 2 * kPad;
   const auto min_mm = static_cast<std::uint16_t>(
       std::clamp(static_cast<int>(rule.min_depth_m * 1000.0F + 0.5F), 1, 65534));
-  const auto padded_row = [&](int v) {
-    return padded_.data() + static_cast<std::ptrdiff_t>(pitch) * (v + kPad);
-  };
   for (int v = -kPad; v < height_ + kPad; ++v) {
-    std::fill_n(padded_row(v), pitch, std::uint16_t{0});
-    if (v >= 0 && v < height_) sanitise_row(depth_mm.row(v), width_, min_mm, padded_row(v) + kPad);
+    std::uint16_t* row = padded_.data() + static_cast<std::ptrdiff_t>(pitch) * (v + kPad);
+    std::fill_n(row, pitch, std::uint16_t{0});
+    if (v >= 0 && v < height_) sanitise_row(depth_mm.row(v), width_, min_mm, row + kPad);
   }
+  pixels_[static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_)] = 0;
+  int w = width_, h = height_;
+  for (int l = 1; l < kLevels; ++l) {
+    Level& level = levels_[static_cast<std::size_t>(l)];
+    level.width = w = (w + 1) / 2;
+    level.height = h = (h + 1) / 2;
+  }
+  constexpr int kStrip = 1 << (kLevels - 1);
+  constexpr int kMostStrips = (kMaxHeight + kStrip - 1) / kStrip;
+  std::array<int, kMostStrips> fused{};
+  crew.for_parts((height_ + kStrip - 1) / kStrip, [&](int p) {
+    fused[static_cast<std::size_t>(p)] =
+        build_strip(rule, p * kStrip, std::min((p + 1) * kStrip, height_));
+  });
+  return std::accumulate(fused.begin(), fused.end(), 0);
+}
+
+int DepthPyramid::build_strip(const DepthRule& rule, int v0, int v1) noexcept {
   const RowRule r{static_cast<std::int32_t>(rule.edge_base_m * 1000.0F + 0.5F),
                   static_cast<std::int32_t>(rule.edge_per_m * 65536.0F + 0.5F),
                   static_cast<std::int32_t>(rule.max_depth_m * 1000.0F + 0.5F)};
-  for (int v = 0; v < height_; ++v) {
+  for (int v = v0; v < v1; ++v) {
     const std::uint16_t* const rows[5] = {padded_row(v - 2), padded_row(v - 1), padded_row(v),
                                           padded_row(v + 1), padded_row(v + 2)};
     std::uint32_t* out = pixels_.data() + static_cast<std::ptrdiff_t>(width_) * v;
@@ -166,32 +189,31 @@ int DepthPyramid::build(ImageView<const std::uint16_t> depth_mm, const DepthRule
     if (rule.range_weight) weigh_row(out, width_);
     reach_row(rows, width_, (static_cast<float>(v) - rule.cy) / rule.fy, rule, r, out);
   }
-  pixels_[static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_)] = 0;
+  for (int l = 1; l < kLevels; ++l) build_tiles(l, v0 >> l, (v1 + (1 << l) - 1) >> l);
+  return count_fused(pixels_.data() + static_cast<std::ptrdiff_t>(width_) * v0, width_ * (v1 - v0));
+}
 
-  for (int l = 1; l < kLevels; ++l) {
-    Level& to = levels_[static_cast<std::size_t>(l)];
-    const Level& from = levels_[static_cast<std::size_t>(l - 1)];
-    const int fw = l == 1 ? width_ : from.width, fh = l == 1 ? height_ : from.height;
-    to.width = (fw + 1) / 2, to.height = (fh + 1) / 2;
-    for (int v = 0; v < to.height; ++v) {
-      const int va = 2 * v, vb = std::min(2 * v + 1, fh - 1);
-      Range* out = to.tiles.data() + static_cast<std::ptrdiff_t>(v) * to.width;
-      if (l == 1) {
-        const std::uint32_t* a = pixels_.data() + static_cast<std::ptrdiff_t>(va) * fw;
-        const std::uint32_t* b = pixels_.data() + static_cast<std::ptrdiff_t>(vb) * fw;
-        halve_pixels(a, b, fw / 2, out);
-        if (fw % 2 != 0) out[to.width - 1] = merged(single(a[fw - 1]), single(b[fw - 1]));
-      } else {
-        const Range* a = from.tiles.data() + static_cast<std::ptrdiff_t>(va) * fw;
-        const Range* b = from.tiles.data() + static_cast<std::ptrdiff_t>(vb) * fw;
-        for (int u = 0; u < to.width; ++u) {
-          const int ua = 2 * u, ub = std::min(2 * u + 1, fw - 1);
-          out[u] = merged(merged(a[ua], a[ub]), merged(b[ua], b[ub]));
-        }
+void DepthPyramid::build_tiles(int l, int v0, int v1) noexcept {
+  Level& to = levels_[static_cast<std::size_t>(l)];
+  const Level& from = levels_[static_cast<std::size_t>(l - 1)];
+  const int fw = l == 1 ? width_ : from.width, fh = l == 1 ? height_ : from.height;
+  for (int v = v0; v < v1; ++v) {
+    const int va = 2 * v, vb = std::min(2 * v + 1, fh - 1);
+    Range* out = to.tiles.data() + static_cast<std::ptrdiff_t>(v) * to.width;
+    if (l == 1) {
+      const std::uint32_t* a = pixels_.data() + static_cast<std::ptrdiff_t>(va) * fw;
+      const std::uint32_t* b = pixels_.data() + static_cast<std::ptrdiff_t>(vb) * fw;
+      halve_pixels(a, b, fw / 2, out);
+      if (fw % 2 != 0) out[to.width - 1] = merged(single(a[fw - 1]), single(b[fw - 1]));
+    } else {
+      const Range* a = from.tiles.data() + static_cast<std::ptrdiff_t>(va) * fw;
+      const Range* b = from.tiles.data() + static_cast<std::ptrdiff_t>(vb) * fw;
+      for (int u = 0; u < to.width; ++u) {
+        const int ua = 2 * u, ub = std::min(2 * u + 1, fw - 1);
+        out[u] = merged(merged(a[ua], a[ub]), merged(b[ua], b[ub]));
       }
     }
   }
-  return count_fused(pixels_.data(), width_ * height_);
 }
 
 std::size_t DepthPyramid::memory_bytes() const noexcept {

@@ -20,6 +20,7 @@
 #include "perception/geometry/camera_model.hpp"
 #include "perception/geometry/image.hpp"
 #include "rt/memory/non_realtime.hpp"
+#include "rt/sched/fork_join.hpp"
 
 namespace perception {
 
@@ -41,7 +42,8 @@ class DepthPyramid {
 
   explicit DepthPyramid(rt::NonRealtime&);
   // Returns the number of pixels with weight > 0. The image is at most kMaxWidth x kMaxHeight.
-  int build(ImageView<const std::uint16_t> depth_mm, const DepthRule& rule) noexcept;
+  int build(ImageView<const std::uint16_t> depth_mm, const DepthRule& rule,
+            rt::ForkJoin& crew = rt::serial()) noexcept;
 
   [[nodiscard]] int width() const noexcept { return width_; }
   [[nodiscard]] int height() const noexcept { return height_; }
@@ -62,6 +64,10 @@ class DepthPyramid {
     int width = 0, height = 0;
     std::vector<Range> tiles;
   };
+  [[nodiscard]] const std::uint16_t* padded_row(int v) const noexcept;
+  // Pixels and tiles of rows v0 .. v1 - 1, v0 a multiple of the largest tile; number of pixels with weight.
+  int build_strip(const DepthRule& rule, int v0, int v1) noexcept;
+  void build_tiles(int level, int v0, int v1) noexcept;
   int width_ = 0, height_ = 0;
   std::vector<std::uint16_t> padded_;  // sanitised readings with a border of 0
   std::vector<std::uint32_t> pixels_;  // a spare at width * height, always 0; padded

@@ -2,6 +2,7 @@
 // onto. Top down: a chunk, then halves, down to 2^3 nodes; a cube that is decided either way ends the
 // descent, so the cost follows the border of what is newly seen, not the volume.
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "perception/tsdf/frame_view.hpp"
@@ -111,6 +112,8 @@ void TsdfMap::carve(const View& view, IntegrateStats& stats) noexcept {
     first[a] = ifloor(lo(static_cast<Eigen::Index>(a)) / (64 * voxel_));
     last[a] = ifloor(hi(static_cast<Eigen::Index>(a)) / (64 * voxel_));
   }
+  constexpr std::size_t kParts = 16;
+  std::size_t count = 0;
   for (int x = first[0]; x <= last[0]; ++x)
     for (int y = first[1]; y <= last[1]; ++y)
       for (int z = first[2]; z <= last[2]; ++z) {
@@ -124,9 +127,21 @@ void TsdfMap::carve(const View& view, IntegrateStats& stats) noexcept {
           if (c->carved + 1 == frame_ && ((x + y + z + static_cast<int>(frame_ & 1U)) & 1) != 0)
             continue;
           c->carved = frame_;
+          to_carve_[count++] = c;
+          continue;
         }
         carve_cube(view, c, {x * 64, y * 64, z * 64}, 64, stats);
       }
+  // Chunks that there are know nothing of each other.
+  std::array<IntegrateStats, kParts> part{};
+  crew_->for_parts(kParts, [&](int p) {
+    for (std::size_t n = static_cast<std::size_t>(p); n < count; n += kParts) {
+      Chunk* c = to_carve_[n];
+      carve_cube(view, c, {c->coord.x * 64, c->coord.y * 64, c->coord.z * 64}, 64,
+                 part[static_cast<std::size_t>(p)]);
+    }
+  });
+  for (const IntegrateStats& s : part) stats.free_tests += s.free_tests;
 }
 
 }  // namespace perception

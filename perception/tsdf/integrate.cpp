@@ -1,5 +1,6 @@
 // The stages of one integrate(): ready the image, allocate the band, update what is in view, carve.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <ctime>
@@ -27,15 +28,18 @@ bool usable(const FrameView& f, const Pose& X_WC, double voxel) noexcept {
   return X_WC.translation().cwiseAbs().maxCoeff() < voxel * 8 * TsdfMap::kMaxBlockCoord / 2;
 }
 
-std::int64_t cpu_ns() noexcept {
+// The way through: the caller's CPU, and where others took longer theirs.
+std::int64_t cpu_ns(const rt::ForkJoin& crew) noexcept {
   timespec t{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return t.tv_sec * 1000000000LL + t.tv_nsec;
+  return t.tv_sec * 1000000000LL + t.tv_nsec + crew.beyond_ns();
 }
 
 // The band is at least this thick to either side across the surface, also at grazing angles: a cell
 // cut by the surface then has eight known corners.
 constexpr double kThinnestVox = 2.5;
+
+constexpr int kUpdateParts = 16;
 
 }  // namespace
 
@@ -57,8 +61,8 @@ IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
                        static_cast<float>(frame.intrinsics.cy),
                        static_cast<float>(std::min(1.0, kThinnestVox * voxel_ / truncation_)),
                        range_weight_};
-  const std::int64_t begin = profiling_ ? cpu_ns() : 0;
-  stats.pixels = pyramid_.build(frame.depth_mm, rule);
+  const std::int64_t begin = profiling_ ? cpu_ns(*crew_) : 0;
+  stats.pixels = pyramid_.build(frame.depth_mm, rule, *crew_);
   const Pose X_CW = X_WC.inverse(Eigen::Isometry);
   const View view{frame, X_WC, X_CW, CameraBoxes(frame.intrinsics, X_CW)};
   if (far_.size() > 0) {  // page() has seen to it before, but for a camera that leapt
@@ -66,19 +70,50 @@ IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
     fetch_boxes(view.boxes, X_WC.translation(), config_.max_blocks, false, paged);
     stats.blocks_fetched = paged.blocks_moved;
   }
-  const std::int64_t ready = profiling_ ? cpu_ns() : 0;
+  const std::int64_t ready = profiling_ ? cpu_ns(*crew_) : 0;
   allocate_band(view, pixel_step, stats);
-  const std::int64_t allocated = profiling_ ? cpu_ns() : 0;
+  const std::int64_t allocated = profiling_ ? cpu_ns(*crew_) : 0;
   update_blocks(view, stats);
-  const std::int64_t updated = profiling_ ? cpu_ns() : 0;
+  const std::int64_t updated = profiling_ ? cpu_ns(*crew_) : 0;
   carve(view, stats);
   if (profiling_)
-    times_ = {ready - begin, allocated - ready, updated - allocated, cpu_ns() - updated};
+    times_ = {ready - begin, allocated - ready, updated - allocated, cpu_ns(*crew_) - updated};
   return stats;
 }
 
-// Row by row: find what the row's bands lack, then make it, in the order of block coordinates. So the
-// result does not depend on how many rays are looked at together.
+// What the rows of a band lack, up to where its room ends.
+void TsdfMap::find_in_band(const View& view, const BandJob& job, int pixel_step, int skip,
+                           int band) noexcept {
+  const Intrinsics& k = view.frame.intrinsics;
+  AllocateScratch& scratch = *allocate_;
+  AllocateScratch::Band& out = scratch.bands[static_cast<std::size_t>(band)];
+  const int rows = (k.height + pixel_step - 1) / pixel_step;
+  std::uint32_t end = 0;
+  out.rows_seen = out.rays = 0;
+  const int last = AllocateScratch::last_row(rows, band);
+  for (int r = AllocateScratch::first_row(rows, band) + skip;
+       r < last && end + AllocateScratch::kMostARow <= out.keys.size(); ++r) {
+    const int v = r * pixel_step;
+    const BandRow row{pyramid_.pixels() + static_cast<std::ptrdiff_t>(v) * k.width,
+                      scratch.x.data(),
+                      static_cast<float>((v - k.cy) / k.fy),
+                      k.width,
+                      pixel_step,
+                      out.keys.data() + end};
+    const BandCount n = find_missing(job, row);
+    std::uint64_t* const begin = out.keys.data() + end;
+    std::sort(begin, begin + n.found);
+    end += static_cast<std::uint32_t>(std::unique(begin, begin + n.found) - begin);
+    ++out.rows_seen;
+    out.rays += n.rays;
+  }
+  out.end = end;
+}
+
+// Bands of rows at once: what do they lack? Then row by row it is made, in the order of block coordinates; what
+// an earlier row has made by then is there already. So the result does not depend on how many rays or
+// rows are looked at together. Where much is new (a first image) a band has no room for all its rows: it
+// goes over the rest again.
 void TsdfMap::allocate_band(const View& view, int pixel_step, IntegrateStats& stats) noexcept {
   const Intrinsics& k = view.frame.intrinsics;
   const double per_block = 1.0 / (8.0 * voxel_);
@@ -102,21 +137,23 @@ void TsdfMap::allocate_band(const View& view, int pixel_step, IntegrateStats& st
   for (int u = 0; u < k.width; ++u)
     scratch.x[static_cast<std::size_t>(u)] = static_cast<float>((u - k.cx) / k.fx);
   Chunk* near = nullptr;
-  for (int v = 0; v < k.height; v += pixel_step) {
-    const BandRow row{pyramid_.pixels() + static_cast<std::ptrdiff_t>(v) * k.width,
-                      scratch.x.data(),
-                      static_cast<float>((v - k.cy) / k.fy),
-                      k.width,
-                      pixel_step,
-                      scratch.keys.data()};
-    const BandCount n = find_missing(job, row);
-    stats.rays += n.rays;
-    std::uint64_t* end = scratch.keys.data() + n.found;
-    std::sort(scratch.keys.data(), end);
-    end = std::unique(scratch.keys.data(), end);
-    for (const std::uint64_t* key = scratch.keys.data(); key != end; ++key)
-      near = touch_block(block_key_axis(*key, 0), block_key_axis(*key, 1), block_key_axis(*key, 2),
-                         near, stats);
+  crew_->for_parts(AllocateScratch::kBands,
+                   [&](int band) { find_in_band(view, job, pixel_step, 0, band); });
+  const int rows = (k.height + pixel_step - 1) / pixel_step;
+  for (int band = 0; band < AllocateScratch::kBands; ++band) {
+    const int count =
+        AllocateScratch::last_row(rows, band) - AllocateScratch::first_row(rows, band);
+    const AllocateScratch::Band& found = scratch.bands[static_cast<std::size_t>(band)];
+    for (int done = 0; done < count;) {
+      if (done > 0) find_in_band(view, job, pixel_step, done, band);
+      for (std::uint32_t n = 0; n < found.end; ++n) {
+        const std::uint64_t key = found.keys[n];
+        near = touch_block(block_key_axis(key, 0), block_key_axis(key, 1), block_key_axis(key, 2),
+                           near, stats);
+      }
+      done += found.rows_seen;
+      stats.rays += found.rays;
+    }
   }
 }
 
@@ -178,11 +215,26 @@ void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
   in_view_count_ = count;
   last_camera_ = k;
   X_CW_last_ = view.X_CW;
-  // A block's memory is asked for while those before it are worked on.
+  std::array<IntegrateStats, kUpdateParts> part{};
+  crew_->for_parts(kUpdateParts, [&](int p) {
+    update_range(view, cam, count * p / kUpdateParts, count * (p + 1) / kUpdateParts,
+                 part[static_cast<std::size_t>(p)]);
+  });
+  for (const IntegrateStats& s : part) {
+    stats.blocks_updated += s.blocks_updated;
+    stats.voxels_fused += s.voxels_fused;
+    stats.voxels_carved += s.voxels_carved;
+  }
+}
+
+// Of in_view_, `first` .. `last` - 1. A block's memory is asked for while those before it are worked on.
+void TsdfMap::update_range(const View& view, const UpdateCamera& cam, int first, int last,
+                           IntegrateStats& stats) noexcept {
   constexpr int kLead = 3;
-  for (int n = 0; n < count + kLead; ++n) {
-    if (n < count) prefetch_block(in_view_[static_cast<std::size_t>(n)]);
-    if (n >= kLead) update_one(view, cam, in_view_[static_cast<std::size_t>(n - kLead)], stats);
+  for (int n = first; n < last + kLead; ++n) {
+    if (n < last) prefetch_block(in_view_[static_cast<std::size_t>(n)]);
+    if (n >= first + kLead)
+      update_one(view, cam, in_view_[static_cast<std::size_t>(n - kLead)], stats);
   }
 }
 

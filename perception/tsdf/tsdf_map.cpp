@@ -134,6 +134,7 @@ TsdfMap::TsdfMap(rt::NonRealtime& nrt, const TsdfConfig& config)
   in_use_.assign(blocks, 0);
   recycled_.assign(blocks, 0);
   in_view_.assign(blocks, 0);
+  to_carve_.assign(chunks, nullptr);
 }
 
 TsdfMap::~TsdfMap() = default;
@@ -144,7 +145,8 @@ std::size_t TsdfMap::memory_bytes() const noexcept {
          far_.memory_bytes() + sizeof(BlockImage) + bytes(words_) + bytes(colours_) +
          bytes(label_pool_) + bytes(label_bits_) + bytes(label_of_block_) + bytes(block_of_label_) +
          bytes(label_recycled_) + bytes(free_) + bytes(coords_) + bytes(ahead_) + bytes(in_use_) +
-         bytes(recycled_) + bytes(in_view_) + pyramid_.memory_bytes() + directory_.memory_bytes();
+         bytes(recycled_) + bytes(in_view_) + bytes(to_carve_) + sizeof *allocate_ +
+         pyramid_.memory_bytes() + directory_.memory_bytes();
 }
 
 void TsdfMap::clear() noexcept {

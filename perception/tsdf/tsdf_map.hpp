@@ -45,12 +45,14 @@
 #include "perception/tsdf/depth_pyramid.hpp"
 #include "perception/tsdf/far_store.hpp"
 #include "rt/memory/non_realtime.hpp"
+#include "rt/sched/fork_join.hpp"
 
 namespace perception {
 
 struct UpdateCamera;  // voxel_update.hpp
 class CameraBoxes;    // frame_view.hpp
 struct AllocateScratch;
+struct BandJob;     // band_kernel.hpp
 struct BlockImage;  // block_codec.hpp
 
 struct TsdfConfig {
@@ -161,6 +163,8 @@ class TsdfMap {
   // images so far is then taken from the voxel's own observations. `fresh`: see vote_at().
   LabelStats vote_labels(ImageView<const std::uint8_t> labels, std::uint8_t fresh = 0) noexcept;
 
+  // Threads that take part in integrate(); the bytes are the same for any number.
+  void use(rt::ForkJoin& crew) noexcept { crew_ = &crew; }
   void profile(bool on) noexcept { profiling_ = on; }
   [[nodiscard]] const IntegrateTimes& last_times() const noexcept { return times_; }
 
@@ -355,8 +359,11 @@ class TsdfMap {
   void clear_nodes(Chunk& c, int slot, const std::array<int, 3>& lo,
                    const std::array<int, 3>& hi) noexcept;
   void allocate_band(const View&, int pixel_step, IntegrateStats&) noexcept;
+  void find_in_band(const View&, const BandJob&, int pixel_step, int skip, int band) noexcept;
   void update_blocks(const View&, IntegrateStats&) noexcept;
   void prefetch_block(std::int32_t block) const noexcept;
+  void update_range(const View&, const UpdateCamera&, int first, int last,
+                    IntegrateStats&) noexcept;
   void update_one(const View&, const UpdateCamera&, std::int32_t block, IntegrateStats&) noexcept;
   void carve(const View&, IntegrateStats&) noexcept;
   void carve_cube(const View&, Chunk*& c, const std::array<int, 3>& node0, int edge,
@@ -397,6 +404,7 @@ class TsdfMap {
   std::vector<std::uint8_t> in_use_;
   std::vector<std::int32_t> recycled_;  // stack of returned pool indices
   std::vector<std::int32_t> in_view_;   // of the frame being fused
+  std::vector<Chunk*> to_carve_;        // of the frame being fused
   int used_blocks_ = 0, recycled_count_ = 0, live_blocks_ = 0;
   // The frame last integrated, for the votes on it; in_view_count_ 0: there is none.
   int in_view_count_ = 0;
@@ -420,6 +428,7 @@ class TsdfMap {
   DepthPyramid pyramid_;
   ChunkDirectory directory_;  // round the camera of the frame being fused
   std::unique_ptr<AllocateScratch> allocate_;
+  rt::ForkJoin* crew_ = &rt::serial();
 };
 
 }  // namespace perception

@@ -35,6 +35,12 @@ constexpr std::int64_t kSentinelLead = 20000;  // before the wake-up of a task t
   }
 }
 
+// The first job must not fault: touch the stack it will use.
+[[gnu::noinline]] void touch_stack() noexcept {
+  volatile unsigned char stack[128 * 1024];
+  for (std::size_t i = 0; i < sizeof stack; i += 512) stack[i] = 0;
+}
+
 // A page that the kernel took back: touching it faults inside the job.
 [[maybe_unused]] void touch_released_page() noexcept {
   void* page = ::mmap(nullptr, 4096, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
@@ -68,6 +74,9 @@ struct RealExecutor<Faults>::Worker {
   std::uint64_t next_k = 0;
   Time next_arrival{};
   TaskTotals totals;
+  WorkerPool* pool = nullptr;    // of a task with workers, and of these
+  int place = -1;                // in the pool; a task: -1
+  std::vector<Worker*> helpers;  // of a task; by place
 
   explicit Worker(const PlacedTask& t)
       : task(t), levels(t.level, t.lowest_level()), bucket(t.spec.consecutive_miss_limit) {}
@@ -108,6 +117,7 @@ RealExecutor<Faults>::RealExecutor(NonRealtime& nrt, const std::vector<PlacedTas
       if (s->cpu == t.core) s->specs.push_back(t.spec);
     }
   }
+  make_pools(nrt);
   if (options_.lock_memory) {
     const std::string what = prepare_process_memory(nrt, 16U << 20U, 256U << 10U);
     if (!what.empty()) missing_.push_back(what);
@@ -131,6 +141,87 @@ template <class Faults>
 Time RealExecutor<Faults>::release_box(const TaskSpec& spec, std::uint64_t k) const noexcept {
   const auto& clock = plan_.clock[static_cast<std::size_t>(spec.box)];
   return clock.from_host(plan_.epoch_host_ns) + spec.offset + spec.rate.release(k);
+}
+
+// ---- pool workers
+
+template <class Faults>
+void RealExecutor<Faults>::make_pools(NonRealtime& nrt) {
+  for (auto& w : workers_) {
+    for (auto& h : workers_) {
+      if (!h->task.spec.is_worker() || h->task.spec.parent != w->task.spec.name ||
+          h->task.spec.box != w->task.spec.box)
+        continue;
+      h->place = static_cast<int>(w->helpers.size());
+      w->helpers.push_back(h.get());
+    }
+    if (w->helpers.empty()) continue;
+    pools_.push_back(std::make_unique<WorkerPool>(nrt, static_cast<int>(w->helpers.size())));
+    w->pool = pools_.back().get();
+    for (Worker* h : w->helpers) h->pool = w->pool;
+    w->task.body->use(*w->pool);
+  }
+}
+
+template <class Faults>
+void RealExecutor<Faults>::start_workers() {
+  for (auto& pool : pools_) pool->restart();
+  for (auto& w : workers_) {
+    if (w->place < 0) continue;
+    launch(w->thread, w->task.core, w->task.priority, w->task.spec.name, [p = w.get()] {
+      prctl(PR_SET_TIMERSLACK, 1UL);
+      touch_stack();
+      p->pool->serve(p->place);
+    });
+  }
+}
+
+// The tasks have ended: nobody forks any more.
+template <class Faults>
+void RealExecutor<Faults>::stop_workers() {
+  for (auto& pool : pools_) pool->stop();
+  for (auto& w : workers_) {
+    if (w->place >= 0) w->thread.join();
+  }
+  for (auto& w : workers_) {
+    for (Worker* h : w->helpers) {
+      h->totals.skipped = w->totals.skipped;
+      h->totals.lost = w->totals.lost;
+      h->totals.level = w->totals.level;
+    }
+  }
+}
+
+// By the parent's thread: what each worker did in this job.
+template <class Faults>
+void RealExecutor<Faults>::record_shares(Worker& w, const JobRecord& job) {
+  const auto& clock = plan_.clock[static_cast<std::size_t>(w.task.spec.box)];
+  for (Worker* h : w.helpers) {
+    const WorkerPool::Share& share = w.pool->share(h->place);
+    JobRecord r = job;
+    r.task = h->task.id;
+    r.core = static_cast<std::uint8_t>(h->task.core);
+    r.cpu_ns = share.cpu_ns;
+    r.work = share.parts;
+    r.twin_cpu_ns = r.run_delay_ns = 0;
+    r.output_hash = 0;
+    r.input_seq = {};
+    r.minor_faults = r.involuntary = r.voluntary = 0;
+    r.major_faults = 0;
+    r.severity = Severity::kOk;
+    r.fault = kNoFault;
+    r.injected = 0;
+    if (share.parts > 0) {
+      r.release_ns = ns_of(clock.from_host(share.fork_ns));
+      r.start_ns = ns_of(clock.from_host(share.start_ns));
+      r.end_ns = ns_of(clock.from_host(share.end_ns));
+    } else {  // a job without an image forks nothing
+      r.release_ns = r.end_ns = r.start_ns;
+    }
+    (r.outcome == Outcome::kAborted ? h->totals.aborted : h->totals.completed) += 1;
+    if (r.outcome == Outcome::kCompleted && r.missed()) ++h->totals.late;
+    h->records.try_push(r);
+  }
 }
 
 // With the delay that a fault plan adds.
@@ -186,7 +277,9 @@ void RealExecutor<Faults>::run(const RunPlan& plan) {
   stop_.store(false);
   stopped_at_.store(kNever);
   drain_done_.store(false);
+  start_workers();
   for (auto& w : workers_) {
+    if (w->place >= 0) continue;
     launch(w->thread, w->task.core, w->task.priority, w->task.spec.name,
            [this, p = w.get()] { task_loop(*p); });
   }
@@ -206,7 +299,9 @@ void RealExecutor<Faults>::run(const RunPlan& plan) {
   std::thread watchdog;
   launch(watchdog, watchdog_cpu(), kWatchdogPriority, "watchdog", [this] { watchdog_loop(); });
   std::thread drain([this] { drain_loop(); });
-  for (auto& w : workers_) w->thread.join();
+  for (auto& w : workers_) {
+    if (w->place < 0) w->thread.join();
+  }
   stop_.store(true);
   for (auto& s : sentinels_) s->thread.join();
   for (auto& t : injectors) t.join();
@@ -214,6 +309,7 @@ void RealExecutor<Faults>::run(const RunPlan& plan) {
   for (auto& w : workers_) {
     if (w->ended.load(std::memory_order_acquire)) lose_until(*w, kNever);
   }
+  stop_workers();
   drain_done_.store(true);
   drain.join();
 }
@@ -240,11 +336,7 @@ void RealExecutor<Faults>::task_loop(Worker& w) {
   const std::int64_t end = plan_.epoch_host_ns + plan_.duration.count();
   prctl(PR_SET_TIMERSLACK, 1UL);
   w.stat.open_here();
-  {
-    // The first job must not fault: touch the stack it will use.
-    volatile unsigned char stack[128 * 1024];
-    for (std::size_t i = 0; i < sizeof stack; i += 512) stack[i] = 0;
-  }
+  touch_stack();
   w.before = counters(w.stat);
   const auto raw = [&](std::uint64_t i) { return raw_arrival(w.task, i); };
   std::uint64_t k = 0;
@@ -334,6 +426,7 @@ void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::
     w.cancel.arm(clock.to_host(release + spec.relative_deadline()));
   }
   w.busy_since.store(start, std::memory_order_release);
+  if (w.pool != nullptr) w.pool->begin_job();
   w.task.body->latch(tick, r);
   if constexpr (Faults::kEnabled) {
     r.injected = f.any() ? 1 : 0;
@@ -377,6 +470,7 @@ void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::
   if (!aborted && r.missed()) ++w.totals.late;
   if (w.bucket.on_job(r.missed(), skipped)) w.task.body->make_safe();
   w.records.try_push(r);
+  if (w.pool != nullptr) record_shares(w, r);
 }
 
 // Injected theft or hog: a thread above the tasks (or above everything) that holds the core from the
@@ -390,7 +484,7 @@ void RealExecutor<Faults>::injector_loop(int cpu, bool theft) {
     };
     std::vector<Cursor> cursors;
     for (const auto& w : workers_) {
-      if (w->task.core == cpu) cursors.push_back({&w->task, 0});
+      if (w->task.core == cpu && w->place < 0) cursors.push_back({&w->task, 0});
     }
     const std::int64_t end = plan_.epoch_host_ns + plan_.duration.count();
     for (;;) {

@@ -1,6 +1,7 @@
 // The real clock: one pinned SCHED_FIFO thread per task, absolute clock_nanosleep on an exact grid,
 // a sentinel per core just above the tasks, a watchdog on the last of these cores, and an ordinary thread that drains the audit
-// rings. A right that is missing (FIFO, mlock, cpu_dma_latency) is reported and the run is marked
+// rings. A row that names a parent is a worker of its pool (worker_pool.hpp): a thread that does parts of the
+// parent's jobs. Its record of each of them runs from the first fork to the end of its last part, with its own CPU. A right that is missing (FIFO, mlock, cpu_dma_latency) is reported and the run is marked
 // "not real-time"; it is never pretended.
 //
 // Thread priorities: theft of a fault plan 98 > sentinel 95 > watchdog 94 > hog of a fault plan 93 >
@@ -19,6 +20,7 @@
 #include "rt/fault/injector.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/sched/executor.hpp"
+#include "rt/sched/worker_pool.hpp"
 
 namespace rt {
 
@@ -55,6 +57,10 @@ class RealExecutor final : public Executor {
  private:
   struct Worker;
   struct Sentinel;
+  void make_pools(NonRealtime& nrt);
+  void start_workers();
+  void stop_workers();
+  void record_shares(Worker& w, const JobRecord& job);
   void task_loop(Worker& w);
   void serve(Worker& w, std::uint64_t k, Time release, std::uint32_t skipped,
              const JobFaults& faults);
@@ -76,6 +82,7 @@ class RealExecutor final : public Executor {
   JobSink job_sink_;
   SentinelSink sentinel_sink_;
   std::vector<std::unique_ptr<Worker>> workers_;
+  std::vector<std::unique_ptr<WorkerPool>> pools_;
   std::vector<std::unique_ptr<Sentinel>> sentinels_;
   std::vector<std::string> missing_;
   std::atomic<bool> stop_{false};

@@ -3,6 +3,7 @@
 
 #include "rt/audit/job_record.hpp"
 #include "rt/health.hpp"
+#include "rt/sched/fork_join.hpp"
 #include "rt/sched/task_spec.hpp"
 #include "rt/tick.hpp"
 
@@ -22,6 +23,8 @@ class TaskBody {
   // Called instead of commit() for an aborted job that had started: take back what latch() and
   // step() changed, so that the next job sees the same state and the same unread events.
   virtual void abandon(const Tick& /*tick*/) noexcept {}
+  // Threads that take part in step(), where the task's row has workers. Before the first job.
+  virtual void use(ForkJoin& /*crew*/) noexcept {}
   // The safe output, from any thread, even while step() hangs.
   virtual void make_safe() noexcept {}
   // Simulated devices inside latch() or commit(): their thread CPU so far, to be taken out.
@@ -31,12 +34,12 @@ class TaskBody {
 // A row of the table that an executor runs: spec, body and where admission placed it.
 struct PlacedTask {
   TaskSpec spec;
-  TaskBody* body = nullptr;
-  std::uint16_t id = 0;  // row in the task table of the whole stack
-  int core = 0;          // CPU number (real) or core index (virtual)
-  int priority = 0;      // larger runs first; derived by rate_monotonic_order()
-  int level = 0;         // variant in force at the start
-  int last_level = -1;   // run-time degradation goes no further; -1: the smallest there is
+  TaskBody* body = nullptr;  // of a pool worker's row: none, it does parts of its parent's
+  std::uint16_t id = 0;      // row in the task table of the whole stack
+  int core = 0;              // CPU number (real) or core index (virtual)
+  int priority = 0;          // larger runs first; derived by rate_monotonic_order()
+  int level = 0;             // variant in force at the start
+  int last_level = -1;       // run-time degradation goes no further; -1: the smallest there is
 
   [[nodiscard]] int lowest_level() const noexcept {
     return last_level < 0 ? spec.levels() - 1 : last_level;

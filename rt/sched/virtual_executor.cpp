@@ -20,6 +20,75 @@ VirtualExecutor<Faults>::VirtualExecutor(const std::vector<PlacedTask>& tasks, C
     owned_.push_back(std::make_unique<State>(t));
     cores_ = std::max(cores_, t.core + 1);
   }
+  make_pools();
+}
+
+// ---- pool workers
+
+template <class Faults>
+void VirtualExecutor<Faults>::make_pools() {
+  for (auto& s : owned_) {
+    for (auto& h : owned_) {
+      if (!h->task.spec.is_worker() || h->task.spec.parent != s->task.spec.name ||
+          h->task.spec.box != s->task.spec.box)
+        continue;
+      h->parent = s.get();
+      s->helpers.push_back(h.get());
+    }
+    if (s->helpers.empty()) continue;
+    s->crew = std::make_unique<InlineForkJoin>(static_cast<int>(s->helpers.size()), false);
+    if (s->task.body != nullptr) s->task.body->use(*s->crew);
+  }
+}
+
+// Its own part is done, that of a worker is not.
+template <class Faults>
+bool VirtualExecutor<Faults>::joining(const State& s) noexcept {
+  return s.started && s.remaining <= 0 &&
+         std::any_of(s.helpers.begin(), s.helpers.end(), [](const State* h) { return h->pending; });
+}
+
+// The job of `parent` has just been dispatched: those of its workers arrive. A job that forked nothing
+// leaves them a record without CPU.
+template <class Faults>
+void VirtualExecutor<Faults>::fork(State& parent) {
+  const bool live = !options_.stub_bodies && parent.task.body != nullptr;
+  for (std::size_t w = 0; w < parent.helpers.size(); ++w) {
+    State& h = *parent.helpers[w];
+    h.tick = parent.tick;
+    h.pending = true;
+    h.started = false;
+    h.served = 0;
+    h.record = JobRecord{};
+    h.record.k = parent.record.k;
+    h.record.task = h.task.id;
+    h.record.core = static_cast<std::uint8_t>(h.task.core);
+    h.record.level = parent.record.level;
+    h.record.skipped = parent.record.skipped;
+    h.record.release_ns = parent.record.start_ns;
+    h.record.deadline_ns = parent.record.deadline_ns;
+    if (live && parent.crew->forks() == 0) {
+      h.started = true;
+      h.record.start_ns = h.record.release_ns;
+      finish_share(h, Outcome::kCompleted);
+      continue;
+    }
+    h.remaining = costs_.cost(h.task.id, h.tick.k, h.tick.level).count();
+    forked_ = true;
+  }
+}
+
+template <class Faults>
+void VirtualExecutor<Faults>::finish_share(State& s, Outcome outcome) {
+  const auto& clock = plan_.clock[static_cast<std::size_t>(s.task.spec.box)];
+  s.pending = false;
+  s.record.outcome = outcome;
+  s.record.end_ns = ns_of(clock.from_host(now_));
+  if (!s.started) s.record.start_ns = s.record.end_ns;
+  s.record.cpu_ns = s.served;
+  (outcome == Outcome::kAborted ? s.totals.aborted : s.totals.completed) += 1;
+  if (outcome == Outcome::kCompleted && s.record.missed()) ++s.totals.late;
+  sink_(s.record);
 }
 
 template <class Faults>
@@ -52,6 +121,8 @@ void VirtualExecutor<Faults>::run(const RunPlan& plan) {
   stop_ = false;
   core_.assign(static_cast<std::size_t>(cores_), CoreState{});
   for (auto& s : owned_) {
+    s->next_release = s->next_span = kNever;
+    if (s->parent != nullptr) continue;  // its parent forks it
     arm_next(*s, raw_arrival(*s, 0));
     arm_span(*s);
   }
@@ -78,8 +149,11 @@ template <class Faults>
 std::vector<TaskTotals> VirtualExecutor<Faults>::totals() const {
   std::vector<TaskTotals> out;
   for (const auto& s : owned_) {
+    const State& judge = s->parent != nullptr ? *s->parent : *s;
     out.push_back(s->totals);
-    out.back().level = s->levels.level();
+    out.back().level = judge.levels.level();
+    out.back().skipped = judge.totals.skipped;
+    out.back().lost = judge.totals.lost;
   }
   return out;
 }
@@ -117,7 +191,7 @@ typename VirtualExecutor<Faults>::State* VirtualExecutor<Faults>::running_on(int
   if (c.stolen_until > now_ || c.hog_left > 0) return nullptr;
   State* best = nullptr;
   for (auto& s : owned_) {
-    if (s->task.core != core || !s->pending || s->blocked_until > now_) continue;
+    if (s->task.core != core || !s->pending || s->blocked_until > now_ || joining(*s)) continue;
     if (best == nullptr || s->task.priority > best->task.priority) best = s.get();
   }
   return best;
@@ -127,6 +201,7 @@ template <class Faults>
 std::int64_t VirtualExecutor<Faults>::next_event() noexcept {
   std::int64_t t = kNever;
   for (auto& s : owned_) {
+    if (s->parent != nullptr) continue;
     if (!s->pending) t = std::min(t, s->next_release);
     t = std::min(t, s->next_span);
     if (s->pending && s->started && s->blocked_until > now_) t = std::min(t, s->blocked_until);
@@ -168,7 +243,12 @@ void VirtualExecutor<Faults>::advance(std::int64_t to) noexcept {
 template <class Faults>
 void VirtualExecutor<Faults>::complete_due() {
   for (auto& s : owned_) {
-    if (s->pending && s->started && s->remaining <= 0 && s->blocked_until <= now_) {
+    if (s->parent != nullptr && s->pending && s->started && s->remaining <= 0)
+      finish_share(*s, Outcome::kCompleted);
+  }
+  for (auto& s : owned_) {
+    if (s->parent == nullptr && s->pending && s->started && s->remaining <= 0 &&
+        s->blocked_until <= now_ && !joining(*s)) {
       finish(*s, Outcome::kCompleted);
     }
   }
@@ -178,7 +258,8 @@ template <class Faults>
 bool VirtualExecutor<Faults>::abort_due() {
   bool any = false;
   for (auto& s : owned_) {
-    if (s->pending && s->task.spec.policy == MissPolicy::kAbort && s->deadline_host <= now_) {
+    if (s->parent == nullptr && s->pending && s->task.spec.policy == MissPolicy::kAbort &&
+        s->deadline_host <= now_) {
       finish(*s, Outcome::kAborted);
       any = true;
     }
@@ -241,13 +322,16 @@ void VirtualExecutor<Faults>::begin_job(State& s) {
 
 template <class Faults>
 void VirtualExecutor<Faults>::dispatch() {
-  for (int core = 0; core < cores_; ++core) {
-    State* s = running_on(core);
-    while (s != nullptr && !s->started) {
-      first_dispatch(*s);
-      s = running_on(core);  // it may have blocked: the next one gets the core
+  do {
+    forked_ = false;  // what a core forks may begin on one that was looked at before
+    for (int core = 0; core < cores_; ++core) {
+      State* s = running_on(core);
+      while (s != nullptr && !s->started) {
+        first_dispatch(*s);
+        s = running_on(core);  // it may have blocked: the next one gets the core
+      }
     }
-  }
+  } while (forked_);
 }
 
 template <class Faults>
@@ -256,6 +340,7 @@ void VirtualExecutor<Faults>::first_dispatch(State& s) {
   s.started = true;
   s.tick.start = clock.from_host(now_);
   s.record.start_ns = ns_of(s.tick.start);
+  if (s.parent != nullptr) return;  // its cost was drawn at the fork
   s.remaining = costs_.cost(s.task.id, s.tick.k, s.tick.level).count();
   if constexpr (Faults::kEnabled) {
     const JobFaults f = faults_.job(s.task.id, s.tick.k);
@@ -269,7 +354,11 @@ void VirtualExecutor<Faults>::first_dispatch(State& s) {
   if (s.task.spec.policy == MissPolicy::kAbort && now_ + s.remaining > s.deadline_host) {
     s.cancel.request();
   }
-  if (options_.stub_bodies || s.task.body == nullptr) return;
+  if (options_.stub_bodies || s.task.body == nullptr) {
+    fork(s);
+    return;
+  }
+  if (s.crew != nullptr) s.crew->begin_job();
   s.task.body->latch(s.tick, s.record);
   Health health;
   {
@@ -278,11 +367,15 @@ void VirtualExecutor<Faults>::first_dispatch(State& s) {
   }
   s.record.severity = health.severity;
   s.record.fault = health.fault;
+  fork(s);
 }
 
 template <class Faults>
 void VirtualExecutor<Faults>::finish(State& s, Outcome outcome) {
   const auto& clock = plan_.clock[static_cast<std::size_t>(s.task.spec.box)];
+  for (State* h : s.helpers) {
+    if (h->pending) finish_share(*h, Outcome::kAborted);
+  }
   s.pending = false;
   s.record.outcome = outcome;
   s.record.end_ns = ns_of(clock.from_host(now_));

@@ -3,6 +3,10 @@
 // and then, outputs are committed at the instant of completion; between the two lies the cost that
 // the CostModel (and the fault plan) gives the job, stretched by preemption. Bit-exact on any machine.
 //
+// A row that names a parent is a worker of its pool: the parts it would do are done inline with step(); in time,
+// all forks of a job count as one at its first dispatch. There the worker's job of that release arrives on its
+// own core with a cost of its own, and the parent ends when both have been served.
+//
 // Order at one instant: completions, then aborts, then actors (devices, link), then variant switches,
 // then releases, then dispatch by priority, lowest core first.
 #pragma once
@@ -17,6 +21,7 @@
 #include "rt/sched/cost_model.hpp"
 #include "rt/sched/executor.hpp"
 #include "rt/sched/policy.hpp"
+#include "rt/sched/worker_pool.hpp"
 
 namespace rt {
 
@@ -67,6 +72,9 @@ class VirtualExecutor final : public Executor {
     std::int64_t next_span = 0;  // its host instant; int64 max = none
     Tick tick{};
     JobRecord record{};
+    std::vector<State*> helpers;           // of a task: its pool's workers
+    State* parent = nullptr;               // of a worker
+    std::unique_ptr<InlineForkJoin> crew;  // of a task with workers
 
     State(const PlacedTask& t)
         : task(t), levels(t.level, t.lowest_level()), bucket(t.spec.consecutive_miss_limit) {}
@@ -76,6 +84,10 @@ class VirtualExecutor final : public Executor {
     std::int64_t hog_left = 0;      // CPU that a hog above all tasks still wants; hogs queue
   };
 
+  void make_pools();
+  void fork(State& parent);
+  void finish_share(State& s, Outcome outcome);
+  [[nodiscard]] static bool joining(const State& s) noexcept;
   void arm_next(State& s, Time arrival);
   [[nodiscard]] Time release_box(const State& s, std::uint64_t k) const noexcept;
   [[nodiscard]] Time raw_arrival(const State& s, std::uint64_t k) const noexcept;
@@ -103,7 +115,7 @@ class VirtualExecutor final : public Executor {
   RunPlan plan_{};
   std::int64_t now_ = 0, end_ = 0, next_boundary_ = 0;
   int cores_ = 1;
-  bool stop_ = false;
+  bool stop_ = false, forked_ = false;
 };
 
 }  // namespace rt

@@ -23,10 +23,11 @@ constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kPagedBlocks = 128;  // put away, and brought back, a frame
 constexpr std::uint64_t kWorkOfBlock = 512;
 
-// Adds the thread CPU of its scope to a counter while profiling is on.
+// Adds the CPU of its scope, of the way through, to a counter while profiling is on.
 class Stage {
  public:
-  Stage(bool on, std::int64_t& sum) noexcept : sum_(on ? &sum : nullptr), begin_(on ? now() : 0) {}
+  Stage(bool on, const rt::ForkJoin& crew, std::int64_t& sum) noexcept
+      : crew_(crew), sum_(on ? &sum : nullptr), begin_(on ? now() : 0) {}
   ~Stage() {
     if (sum_ != nullptr) *sum_ += now() - begin_;
   }
@@ -34,11 +35,12 @@ class Stage {
   Stage& operator=(const Stage&) = delete;
 
  private:
-  static std::int64_t now() noexcept {
+  [[nodiscard]] std::int64_t now() const noexcept {
     timespec t{};
     clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-    return t.tv_sec * 1000000000LL + t.tv_nsec;
+    return t.tv_sec * 1000000000LL + t.tv_nsec + crew_.beyond_ns();
   }
+  const rt::ForkJoin& crew_;
   std::int64_t* sum_;
   std::int64_t begin_;
 };
@@ -131,7 +133,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
       static_cast<std::size_t>(std::clamp(tick.level + coarser, 0, config_.level_count - 1));
   const FusionLevel& knobs = config_.levels[level];
   {
-    Stage stage(profiling_, profile_.prepare);
+    Stage stage(profiling_, *crew_, profile_.prepare);
     tracker_.prepare(frame.depth(), k, knobs.pixel_step);
     out.work += tracker_.pyramid().work();
   }
@@ -148,10 +150,10 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
     r.claimed = r.fully_constrained = true;
     r.degenerate_count = 0;
   } else {
-    Stage stage(profiling_, profile_.track);
+    Stage stage(profiling_, *crew_, profile_.track);
     const MotionPrior prior = predict(frame.exposure);
     if (recovering_) {
-      recover(frame, prior, r);
+      recover(frame, prior, knobs, r);
     } else {
       tracker_.track(model(), prior, knobs.iterations, r);
     }
@@ -163,7 +165,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
 
   if (r.claimed) {
     ++frames_claimed_;
-    Stage stage(profiling_, profile_.integrate);
+    Stage stage(profiling_, *crew_, profile_.integrate);
     map_.decay(std::clamp(seconds_between(fused_exposure_, frame.exposure), 0.0, 1.0));
     out.integration = map_.integrate(FrameView::of(frame), X_WC_, knobs.allocate_step);
     out.integrated = !out.integration.refused;
@@ -175,15 +177,16 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
     if (out.integrated) fused_exposure_ = frame.exposure;
   }
   if (objects_ != nullptr) {
-    Stage stage(profiling_, profile_.objects);
+    Stage stage(profiling_, *crew_, profile_.objects);
     follow_objects(frame, out.integrated, out);
   }
   if (r.claimed && r.fully_constrained) {
     relocaliser_.remember(tracker_.pyramid(), colour_of(frame), X_WC_);
   }
-  cast_model(knobs.pixel_step, r.state != TrackingState::kLost, out);
+  // While it is lost, what was seen last stays where it is looked for; what was found is tracked next.
+  if (r.state != TrackingState::kLost || confirming_) cast_model(knobs.pixel_step, out);
   if (r.claimed) {
-    Stage stage(profiling_, profile_.ground);
+    Stage stage(profiling_, *crew_, profile_.ground);
     const auto& pyramid = tracker_.pyramid();
     const auto& depth = pyramid.level(pyramid.pixel_step() >= 2 ? 0 : 1);
     ground_.update(
@@ -220,13 +223,14 @@ void FusionTask::watch_for_loss(const TrackingResult& r) noexcept {
   // A dark image says nothing of where the camera is: the prior may still hold when it is over.
   if (blank && blank_run_ <= config_.blank_frames) return;
   recovering_ = true;
-  confirming_ = false;
+  confirming_ = look_again_ = false;
   relocaliser_.restart();
 }
 
 // A lost camera is believed to be back when two frames in a row pass the strict gates: the first against
-// what was seen last or against a keyframe, the second from the pose that the first one gave.
-void FusionTask::recover(const RgbdFrame& frame, const MotionPrior& prior,
+// what was seen last or against a keyframe, the second from the pose that the first one gave; that one is then
+// tracked like any other. A frame does one thing about it: one cast, or one keyframe.
+void FusionTask::recover(const RgbdFrame& frame, const MotionPrior& prior, const FusionLevel& knobs,
                          TrackingResult& r) noexcept {
   const bool was_confirming = confirming_;
   // Where to look when what was found is not confirmed; odometry carries it on.
@@ -235,25 +239,45 @@ void FusionTask::recover(const RgbdFrame& frame, const MotionPrior& prior,
   } else {
     X_lost_WC_ = prior.X_WC;
   }
-  tracker_.reacquire(model(), prior.X_WC, was_confirming, r);
+  const auto view = relocaliser_.view();
+  tracker_.reacquire(view.valid() ? view : model(), prior.X_WC, r);
+  std::uint64_t work = r.work;
   bool found = tracker_.reliable(r, tracker_.trusted(prior));
   if (found && was_confirming) {
-    recovering_ = confirming_ = false;
-    r.state = TrackingState::kTracking;
-    r.claimed = true;
-    return;
+    MotionPrior near = prior;
+    near.X_WC = r.X_WC;
+    tracker_.track(model(), near, knobs.iterations, r);
+    r.work += work;
+    if (r.state != TrackingState::kLost && r.claimed) {
+      recovering_ = confirming_ = false;
+      return;
+    }
+    found = false;
+    work = r.work;
   }
   const bool blank = tracker_.pyramid().level(1).valid < config_.tracker.lost_inliers;
-  if (!found && !blank) {
-    const std::uint64_t work = r.work;
+  if (found) {
+    // Not before all of it is in the pool: the next frame is tracked against what is cast there. Until
+    // then it is found again in the view that there is.
+    found = relocaliser_.look(map_, r.X_WC);
+    look_again_ = false;
+  } else if (was_confirming || look_again_ || moved_on(view)) {
+    look_again_ = !relocaliser_.look(map_, X_lost_WC_);
+  } else if (!blank) {
     found = relocaliser_.search(map_, tracker_, colour_of(frame), r);
-    r.work = work;
   }
+  r.work = work;
   confirming_ = found;
-  recast_ = found || was_confirming;  // another view is needed than the one there is
   if (!found) r.X_WC = X_lost_WC_;
   r.state = TrackingState::kLost;
   r.claimed = r.fully_constrained = false;
+}
+
+// Has odometry carried the lost camera away from where it is being looked for?
+bool FusionTask::moved_on(const perception::ModelView& view) const noexcept {
+  if (!X_OB_last_) return false;
+  const Pose step = (view.valid() ? view.X_WF : model_.X_WC).inverse() * X_lost_WC_;
+  return step.translation().norm() > 0.1 || perception::rotation_angle(step.linear()) > 6 * kDegree;
 }
 
 // Where the camera should be at `exposure`. Also advances what odometry knows to that instant.
@@ -297,23 +321,19 @@ void FusionTask::settle_motion(const TrackingResult& r, rt::Time exposure, bool 
   exposure_ = exposure;
 }
 
-void FusionTask::cast_model(int pixel_step, bool hint, Out& out) noexcept {
-  // Lost without odometry: the camera is looked for where it was last known, so that view is kept.
-  if (!hint && !X_OB_last_ && !recast_) return;
-  recast_ = false;
-  Stage stage(profiling_, profile_.raycast);
+// What the next frame is tracked against.
+void FusionTask::cast_model(int pixel_step, Out& out) noexcept {
+  Stage stage(profiling_, *crew_, profile_.raycast);
   perception::RaycastOptions o;
-  // Without a hint rays march from the near end: fewer of them, or a lost frame would cost more.
-  o.pixel_step = hint ? pixel_step : std::max(pixel_step, 2);
+  o.pixel_step = pixel_step;
   o.min_weight = 0.2;  // one far observation under range weighting is 1/4
   o.max_depth_m = config_.tracker.preprocess.depth_max_m + config_.tsdf.truncation_m;
+  o.crew = crew_;
   o.smooth_normals = false;  // the sums average; smoothing over voxels would round the corners
-  if (hint) {
-    // Live points of the next frame meet what this one sees; elsewhere nothing looks at the model.
-    const auto& depth = tracker_.pyramid().level(0).depth;
-    o.hint_depth_m = {depth.row(0), depth.width(), depth.height(), depth.stride()};
-    o.hinted_only = true;
-  }
+  // Live points of the next frame meet what this one sees; elsewhere nothing looks at the model.
+  const auto& depth = tracker_.pyramid().level(0).depth;
+  o.hint_depth_m = {depth.row(0), depth.width(), depth.height(), depth.stride()};
+  o.hinted_only = true;
   const auto stats = perception::raycast(map_, setup_.camera, X_WC_, o, model_);
   out.work += static_cast<std::uint64_t>(stats.steps);
 }
@@ -322,7 +342,7 @@ void FusionTask::cast_model(int pixel_step, bool hint, Out& out) noexcept {
 // nobody knows: then the search brings back what it wants to look at.
 void FusionTask::page(Out& out) noexcept {
   if (recovering_) return;
-  Stage stage(profiling_, profile_.integrate);
+  Stage stage(profiling_, *crew_, profile_.integrate);
   const std::array<Vec3, 2> anchors{X_WC_.translation(), window_centre_W_};
   out.paging = map_.page(std::span(anchors).first(hand_known_ ? 2 : 1), kPagedBlocks);
   out.work += kWorkOfBlock * static_cast<std::uint64_t>(out.paging.blocks_moved);
@@ -365,7 +385,7 @@ std::optional<Pose> FusionTask::odometry_at(rt::Time t) const noexcept {
 
 void FusionTask::write_patch(const rt::Tick& tick, const HapticState& hand, Out& out) noexcept {
   if (out.patch == nullptr) return;
-  Stage stage(profiling_, profile_.patch);
+  Stage stage(profiling_, *crew_, profile_.patch);
   const Vec3 centre =
       hand.p_WH + config_.window_lead_periods * rt::seconds(setup_.period) * hand.v_WH;
   // Before the haptic task ran, and for a hand that is not finite, the window stays where it was.
@@ -391,7 +411,7 @@ void FusionTask::write_cost_map(const rt::Tick& tick, Out& out) noexcept {
   ++periods_since_map_;
   const bool due = periods_since_map_ >= static_cast<std::uint64_t>(config_.cost_map_period);
   if (!due && map_seq_ > 0) return;
-  Stage stage(profiling_, profile_.cost_map);
+  Stage stage(profiling_, *crew_, profile_.cost_map);
   ground_.write(*out.cost_map);
   out.cost_map->seq = ++map_seq_;
   out.cost_map->fused = tick.start;
@@ -404,10 +424,11 @@ void FusionTask::write_view(const rt::Tick& tick, const std::optional<Pose>& X_W
                             Out& out) noexcept {
   if (out.view == nullptr || config_.view_period_frames <= 0 || !started_) return;
   if ((periods_ - 1) % static_cast<std::uint64_t>(config_.view_period_frames) != 0) return;
-  Stage stage(profiling_, profile_.view);
+  Stage stage(profiling_, *crew_, profile_.view);
   perception::RaycastOptions o;
   o.pixel_step = config_.view_step;
   o.colour = true;
+  o.crew = crew_;
   const Pose X = X_WV ? *X_WV : X_WC_;
   const auto stats = perception::raycast(map_, setup_.camera, X, o, view_maps_);
   if (stats.rays == 0) return;

@@ -161,6 +161,14 @@ class FusionTask {
   // One cycle. No throw, lock, allocation or I/O.
   [[nodiscard]] rt::Health step(const rt::Tick& tick, const In& in, Out& out) noexcept;
 
+  // Threads that take part in step(); what comes out is the same for any number. Before the first step.
+  void use(rt::ForkJoin& crew) noexcept {
+    crew_ = &crew;
+    tracker_.use(crew);
+    map_.use(crew);
+  }
+  // The stages' times are then those of the way through: the caller's CPU, and where another member took longer,
+  // its CPU.
   void profile(bool on) noexcept {
     profiling_ = on;
     map_.profile(on);
@@ -188,13 +196,14 @@ class FusionTask {
   [[nodiscard]] rt::Health consume(const rt::Tick& tick, const perception::RgbdFrame& frame,
                                    Out& out) noexcept;
   void recover(const perception::RgbdFrame& frame, const perception::MotionPrior& prior,
-               perception::TrackingResult& r) noexcept;
+               const FusionLevel& knobs, perception::TrackingResult& r) noexcept;
+  [[nodiscard]] bool moved_on(const perception::ModelView& view) const noexcept;
   void watch_for_loss(const perception::TrackingResult& r) noexcept;
   [[nodiscard]] perception::ModelView model() const noexcept {
     return {model_.data(), model_.intrinsics, model_.X_WC};
   }
   void settle_motion(const perception::TrackingResult& r, rt::Time exposure, bool first) noexcept;
-  void cast_model(int pixel_step, bool hint, Out& out) noexcept;
+  void cast_model(int pixel_step, Out& out) noexcept;
   void page(Out& out) noexcept;
   // fusion_objects.cpp
   void set_up_objects(rt::NonRealtime& nrt);
@@ -222,10 +231,11 @@ class FusionTask {
   perception::TouchAnswer answer_ = perception::TouchAnswer::kNone;
   std::uint8_t answered_id_ = 0;
 
+  rt::ForkJoin* crew_ = &rt::serial();
   bool started_ = false, profiling_ = false;
   // Lost: `confirming_` when the last frame was found and this one is to agree; then X_lost_WC_ is where to
-  // look if it does not. `recast_`: the view to track against is of another place.
-  bool recovering_ = false, confirming_ = false, recast_ = false;
+  // look if it does not. `look_again_`: what is to be seen there was not all in the pool yet.
+  bool recovering_ = false, confirming_ = false, look_again_ = false;
   int blank_run_ = 0;
   Pose X_lost_WC_ = Pose::Identity();
   Profile profile_;

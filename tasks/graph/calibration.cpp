@@ -27,7 +27,7 @@ namespace {
 
 const TaskRow* table_row(std::string_view name) noexcept {
   for (const TaskRow& row : kTaskTable) {
-    if (row.name == name) return &row;
+    if (row.name == name || (row.id == TaskId::kFusion && name == kWorkerRow)) return &row;
   }
   return nullptr;
 }

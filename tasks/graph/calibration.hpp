@@ -7,6 +7,8 @@
 //                config = "..."        hash of the configuration that it measured
 //                recording = "..."     folder of recorded images; none: the scene's own camera
 //                [[task]] name, choice, level, p50_us, p99_us, p999_us, work_min, work_max, quantiles_us[33]
+// Rows "fusion_worker": the sum over a job's forks of the largest share that a worker had; "fusion" is then its
+// own CPU.
 // `choice` is the static choice that the row was measured with ("20 mm"); a task without choices has none.
 // A variant that is not in the table keeps its declared budget.
 #pragma once
@@ -25,6 +27,8 @@
 #include "tasks/graph/table.hpp"
 
 namespace tasks {
+
+inline constexpr std::string_view kWorkerRow = "fusion_worker";
 
 struct CalibrationRow {
   static constexpr std::size_t kQuantiles = 33;
@@ -50,7 +54,7 @@ struct Calibration : CalibrationOrigin {
                                            int level) const noexcept;
   // Of the variant that a settled spec has at this level.
   [[nodiscard]] const CalibrationRow* find(const rt::TaskSpec& spec, int level) const noexcept {
-    return find(spec.name, spec.choice, level);
+    return find(spec.is_worker() ? kWorkerRow : std::string_view(spec.name), spec.choice, level);
   }
   // Empty if it was measured here and now, and every variant that may run has a row; else in words what is
   // different or missing.

@@ -43,20 +43,24 @@ void add_pool(const PoolConfig& pool, const Calibration& calibration,
   worker.parent = fusion.name;
   worker.consecutive_miss_limit = 0;
   for (rt::StaticChoice& c : fusion.choices) {
-    for (rt::Variant& v : c.variants) {
+    for (std::size_t level = 0; level < c.variants.size(); ++level) {
+      rt::Variant& v = c.variants[level];
+      // Without a measurement: what is declared is the work of one thread.
+      if (calibration.find(kWorkerRow, c.name, static_cast<int>(level)) == nullptr)
+        v.budget = share_of(v.budget, kOwnShare);
       v.until_last_fork = share_of(v.budget, kBeforeShare);
       v.overlap = share_of(v.budget, kOverlapShare);
     }
   }
   for (rt::StaticChoice& c : worker.choices) {
     for (std::size_t level = 0; level < c.variants.size(); ++level) {
-      const auto* row = calibration.find("fusion_worker", c.name, static_cast<int>(level));
+      const auto* row = calibration.find(kWorkerRow, c.name, static_cast<int>(level));
       rt::Variant& v = c.variants[level];
       v.budget = row != nullptr ? row->budget() : share_of(v.budget, kWorkerShare);
     }
   }
   for (int w = 1; w <= pool.fusion_workers; ++w) {
-    worker.name = "fusion_worker" + std::to_string(w);
+    worker.name = std::string(kWorkerRow) + std::to_string(w);
     tasks.push_back(worker);
   }
 }

@@ -18,13 +18,15 @@ struct PoolConfig {
   void describe(config::Section& s);
 };
 
-// Declared figures of the pool, as shares of a fusion job's budget; a calibration's rows "fusion_worker"
-// replace the first.
-inline constexpr double kWorkerShare = 0.5;   // what one worker may cost
-inline constexpr double kBeforeShare = 0.9;   // fusion's own, before the last fork
+// Declared figures of the pool. The first two are shares of what a fusion job costs one thread; a calibration with
+// workers has rows of its own for both. The others are shares of fusion's own budget.
+inline constexpr double kOwnShare = 0.7;     // what is left to fusion itself
+inline constexpr double kWorkerShare = 0.5;  // what one worker may cost
+inline constexpr double kBeforeShare =
+    1.0;  // fusion's own, before the last fork: the view is near the end
 inline constexpr double kOverlapShare = 0.4;  // fusion's own, while workers run
 inline constexpr int kForksPerImage =
-    30;  // at most: iterations of the tracking, integration, ray cast
+    30;  // at most: the tracking's iterations, filter, fusion, casts
 
 struct BestEffortShares {
   double camera_twin = 0, link = 0.05, console = 0.02;

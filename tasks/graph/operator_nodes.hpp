@@ -39,6 +39,7 @@ class FusionNode final : public rt::TaskBody {
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  void use(rt::ForkJoin& crew) noexcept override { task_->use(crew); }
   [[nodiscard]] const FusionTask& task() const noexcept { return *task_; }
 
  private:

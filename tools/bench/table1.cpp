@@ -10,6 +10,7 @@
 #include "perception/simd/isa.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "tasks/fusion/fusion_task.hpp"
+#include "tools/bench/bench_pool.hpp"
 #include "tools/bench/fusion_sequence.hpp"
 #include "tools/bench/other_load.hpp"
 
@@ -83,8 +84,35 @@ class Toucher {
   perception::Vec3 point_W_ = perception::Vec3::Zero();
 };
 
-// One pass over the sequence.
-Table1Row pass(const FusionSequence& sequence, int edge, int first_frame, bool with_object) {
+// Times of one frame, ms.
+struct FrameTimes {
+  double own_cpu = 0, way_through = 0, worker_cpu = 0, real_wall = 0, forks = 0;
+};
+
+// Runs one step; with a crew the way through is longer than this thread's CPU where the worker took longer, and
+// by each fork.
+template <class Step>
+FrameTimes timed(BenchPool* crew, Step&& step) {
+  const std::int64_t beyond = crew != nullptr ? crew->pool().beyond_ns() : 0;
+  const std::uint64_t forks = crew != nullptr ? crew->pool().forks() : 0;
+  if (crew != nullptr) crew->pool().begin_job();
+  const std::int64_t wall = rt::monotonic_ns(), cpu = rt::thread_cpu_ns();
+  step();
+  FrameTimes t;
+  t.own_cpu = 1e-6 * static_cast<double>(rt::thread_cpu_ns() - cpu);
+  t.real_wall = 1e-6 * static_cast<double>(rt::monotonic_ns() - wall);
+  t.way_through = t.own_cpu;
+  if (crew == nullptr) return t;
+  t.forks = static_cast<double>(crew->pool().forks() - forks);
+  t.worker_cpu = 1e-6 * static_cast<double>(crew->workers_cpu_ns());
+  t.way_through += 1e-6 * (static_cast<double>(crew->pool().beyond_ns() - beyond) +
+                           t.forks * static_cast<double>(crew->round_trip_ns()));
+  return t;
+}
+
+// One pass over the sequence; with a crew in `two` instead of in the figures of one thread.
+Table1Row pass(const FusionSequence& sequence, int edge, int first_frame, bool with_object,
+               BenchPool* crew = nullptr) {
   rt::Startup startup;
   tasks::FusionSetup setup;
   setup.camera = sequence.intrinsics;
@@ -94,6 +122,7 @@ Table1Row pass(const FusionSequence& sequence, int edge, int first_frame, bool w
   Toucher toucher;
   std::vector<double> followed, object;
   task.profile(true);
+  if (crew != nullptr) task.use(crew->pool());
   auto frame = std::make_unique<perception::RgbdFrame>();
   auto patch = std::make_unique<perception::SurfacePatch>();
   auto cost_map = std::make_unique<perception::CostMap>();
@@ -102,7 +131,7 @@ Table1Row pass(const FusionSequence& sequence, int edge, int first_frame, bool w
   row.isa = perception::simd::name_of(perception::simd::chosen());
   row.edge = edge;
   row.frames = sequence.size();
-  std::vector<double> whole;
+  std::vector<double> whole, real_wall, own_cpu, worker_cpu, forks;
   std::array<std::vector<double>, Table1Row::kStages> stages;
   perception::Pose X_WT = perception::Pose::Identity();
   double squares = 0;
@@ -121,10 +150,7 @@ Table1Row pass(const FusionSequence& sequence, int edge, int first_frame, bool w
     tasks::FusionTask::Out out;
     out.patch = patch.get();
     out.cost_map = cost_map.get();
-    timespec before{}, after{};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &before);
-    static_cast<void>(task.step(tick, in, out));
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &after);
+    const FrameTimes times = timed(crew, [&] { static_cast<void>(task.step(tick, in, out)); });
     row.refused += out.integration.blocks_refused;
     if (out.camera_written && out.camera.claimed) {
       const auto at = static_cast<std::size_t>(i);
@@ -139,8 +165,7 @@ Table1Row pass(const FusionSequence& sequence, int edge, int first_frame, bool w
     if (i < first_frame) continue;
     const auto& p = task.last_profile();
     const auto& f = p.integrate_parts;
-    const double total = 1e3 * static_cast<double>(after.tv_sec - before.tv_sec) +
-                         1e-6 * static_cast<double>(after.tv_nsec - before.tv_nsec);
+    const double total = times.way_through;
     std::array<double, Table1Row::kStages> ms{};
     const std::int64_t ns[] = {p.prepare, p.track,   f.ready,  f.allocate, f.update,
                                f.carve,   p.raycast, p.ground, p.cost_map, p.patch};
@@ -149,6 +174,10 @@ Table1Row pass(const FusionSequence& sequence, int edge, int first_frame, bool w
       sum += ms[s] = 1e-6 * static_cast<double>(ns[s]);
     ms.back() = total - sum;
     whole.push_back(total);
+    real_wall.push_back(times.real_wall);
+    own_cpu.push_back(times.own_cpu);
+    worker_cpu.push_back(times.worker_cpu);
+    forks.push_back(times.forks);
     if (segmented) {
       followed.push_back(total);
       object.push_back(1e-6 * static_cast<double>(p.objects));
@@ -169,6 +198,10 @@ Table1Row pass(const FusionSequence& sequence, int edge, int first_frame, bool w
   row.memory_MiB =
       kMiB * static_cast<double>(task.map().memory_bytes() + 4 * sizeof(perception::SurfacePatch));
   row.blocks = task.map().block_count();
+  row.two.real_wall = figures(real_wall);
+  row.two.own_cpu = figures(own_cpu);
+  row.two.worker_cpu = figures(worker_cpu);
+  row.two.forks = quantile(forks, 0.5);
   return row;
 }
 
@@ -183,6 +216,35 @@ Table1Row::Figures median_of(const std::vector<Table1Row::Figures>& runs) {
   return out;
 }
 
+template <class Get>
+Table1Row::Figures over(const std::vector<Table1Row>& passes, Get&& get) {
+  std::vector<Table1Row::Figures> f;
+  for (const auto& r : passes) f.push_back(get(r));
+  return median_of(f);
+}
+
+// The passes with a worker beside.
+void add_two_threads(const FusionSequence& sequence, const Table1Options& options, Table1Row& row) {
+  BenchPool crew(1);
+  std::vector<Table1Row> plain, touched;
+  for (int n = 0; n < options.runs; ++n) {
+    plain.push_back(pass(sequence, row.edge, options.first_frame, false, &crew));
+    if (sequence.has_colour)
+      touched.push_back(pass(sequence, row.edge, options.first_frame, true, &crew));
+  }
+  row.two = plain.back().two;
+  row.two.fork_us = 1e-3 * static_cast<double>(crew.round_trip_ns());
+  row.two.wall = over(plain, [](const Table1Row& r) { return r.frame; });
+  row.two.real_wall = over(plain, [](const Table1Row& r) { return r.two.real_wall; });
+  row.two.own_cpu = over(plain, [](const Table1Row& r) { return r.two.own_cpu; });
+  row.two.worker_cpu = over(plain, [](const Table1Row& r) { return r.two.worker_cpu; });
+  if (!touched.empty())
+    row.two.wall_with_object = over(touched, [](const Table1Row& r) { return r.with_object; });
+  for (std::size_t s = 0; s < row.stages.size(); ++s)
+    row.two.stages[s] = over(plain, [s](const Table1Row& r) { return r.stages[s]; });
+  for (const auto& r : plain) row.other_load = std::max(row.other_load, r.other_load);
+}
+
 Table1Row row_of(const FusionSequence& sequence, int edge, const Table1Options& options) {
   std::vector<Table1Row> runs;
   for (int n = 0; n < options.runs; ++n)
@@ -191,11 +253,6 @@ Table1Row row_of(const FusionSequence& sequence, int edge, const Table1Options& 
   std::vector<Table1Row> touched;
   for (int n = 0; n < options.runs && sequence.has_colour; ++n)
     touched.push_back(pass(sequence, edge, options.first_frame, true));
-  const auto over = [](const std::vector<Table1Row>& passes, auto get) {
-    std::vector<Table1Row::Figures> f;
-    for (const auto& r : passes) f.push_back(get(r));
-    return median_of(f);
-  };
   const auto over_runs = [&](auto get) { return over(runs, get); };
   row.frame = over_runs([](const Table1Row& r) { return r.frame; });
   if (!touched.empty()) {
@@ -209,6 +266,7 @@ Table1Row row_of(const FusionSequence& sequence, int edge, const Table1Options& 
     row.stages[s] = over_runs([s](const Table1Row& r) { return r.stages[s]; });
   }
   for (const auto& r : runs) row.other_load = std::max(row.other_load, r.other_load);
+  if (options.two_threads) add_two_threads(sequence, options, row);
   return row;
 }
 
@@ -237,6 +295,7 @@ Table1Result bench_table1(std::ostream& progress, const Table1Options& options) 
     }
     Table1Options once = options;
     once.runs = 1;
+    once.two_threads = false;
     for (std::size_t n = 1; n < options.isas.size(); ++n) {
       if (!perception::simd::choose(options.isas[n])) continue;  // not on this machine
       progress << sequence.name << " " << options.edges.back() << "^3 " << options.isas[n] << "\n";
@@ -284,6 +343,7 @@ void Table1Result::print(std::ostream& out) const {
                   r.touches);
     out << line;
   }
+  print_two_threads(out);
   out << "\nstages, p50 (p95) ms\n";
   for (const auto& r : rows) {
     std::snprintf(line, sizeof line, "%s %d^3 %s:", r.sequence.c_str(), r.edge, r.isa.c_str());
@@ -291,6 +351,41 @@ void Table1Result::print(std::ostream& out) const {
     for (std::size_t s = 0; s < r.stages.size(); ++s) {
       std::snprintf(line, sizeof line, "%s %s %.2f (%.2f)", s == 0 ? "" : ",",
                     Table1Row::kStageNames[s], r.stages[s].p50, r.stages[s].p95);
+      out << line;
+    }
+    out << "\n";
+  }
+}
+
+void Table1Result::print_two_threads(std::ostream& out) const {
+  char line[256];
+  out << "\ntwo threads, ms a frame: wall = CPU of the longer thread of every stage + fork and "
+         "join; real "
+         "wall holds the machine's other work: an upper bound\n"
+         "sequence     N^3 | paper fusion | wall p50    p95    max | with object | real p50    p95 "
+         "| own "
+         "CPU  worker | forks x us\n";
+  for (const auto& r : rows) {
+    if (r.two.forks <= 0) continue;
+    const auto* paper = std::find_if(std::begin(kPaper), std::end(kPaper),
+                                     [&](const Paper& p) { return p.edge == r.edge; });
+    std::snprintf(line, sizeof line,
+                  "%-10s %5d | %12.1f | %8.2f %6.2f %6.2f | %11.2f | %8.2f %6.2f | %7.2f %7.2f | "
+                  "%.0f x %.1f\n",
+                  r.sequence.c_str(), r.edge, paper != std::end(kPaper) ? paper->fusion_ms : 0,
+                  r.two.wall.p50, r.two.wall.p95, r.two.wall.max, r.two.wall_with_object.p50,
+                  r.two.real_wall.p50, r.two.real_wall.p95, r.two.own_cpu.p50, r.two.worker_cpu.p50,
+                  r.two.forks, r.two.fork_us);
+    out << line;
+  }
+  out << "stages with two threads, the way through without fork and join, p50 (p95) ms\n";
+  for (const auto& r : rows) {
+    if (r.two.forks <= 0) continue;
+    std::snprintf(line, sizeof line, "%s %d^3:", r.sequence.c_str(), r.edge);
+    out << line;
+    for (std::size_t s = 0; s + 1 < r.stages.size(); ++s) {
+      std::snprintf(line, sizeof line, "%s %s %.2f (%.2f)", s == 0 ? "" : ",",
+                    Table1Row::kStageNames[s], r.two.stages[s].p50, r.two.stages[s].p95);
       out << line;
     }
     out << "\n";
@@ -311,6 +406,15 @@ std::vector<BenchMetric> Table1Result::metrics() const {
       m.push_back({row + ".seg_fusion_cpu_max_ms", r.with_object.max, "ms"});
       m.push_back({row + ".object_cpu_ms", r.object.p50, "ms"});
       m.push_back({row + ".object_frames", static_cast<double>(r.followed), "1"});
+    }
+    if (r.two.forks > 0) {
+      m.push_back({row + ".wall2_ms", r.two.wall.p50, "ms"});
+      m.push_back({row + ".wall2_p95_ms", r.two.wall.p95, "ms"});
+      m.push_back({row + ".wall2_real_ms", r.two.real_wall.p50, "ms"});
+      m.push_back({row + ".cpu2_own_ms", r.two.own_cpu.p50, "ms"});
+      m.push_back({row + ".cpu2_worker_ms", r.two.worker_cpu.p50, "ms"});
+      m.push_back({row + ".fork_us", r.two.fork_us, "us"});
+      if (r.followed > 0) m.push_back({row + ".seg_wall2_ms", r.two.wall_with_object.p50, "ms"});
     }
     m.push_back({row + ".claimed", static_cast<double>(r.claimed), "1"});
     m.push_back({row + ".blocks_refused", static_cast<double>(r.refused), "1"});

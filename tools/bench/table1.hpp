@@ -8,6 +8,9 @@
 //                `frames` - 1; of each the median over the runs
 //   with object  the same with one object touched and followed: whenever none was seen for half a second,
 //                the surface in the middle of the image is touched. Only frames in which a mask was made count
+//   two threads  the same frames with one pool worker beside. Wall ("wall2") = the way through: over all stages the
+//                CPU of the thread that took longest, plus the measured fork and join of each fork; real wall
+//                time beside it, which holds whatever else the machine did
 //   memory       bytes that the map (pool, hash, colours, labels, free space) and four patches hold
 //   sequences    the recording (a folder in TUM layout, brought to 512 x 424), and a synthetic room as a
 //                Kinect v2 sees it (512 x 424, f 365, axial and lateral noise, edge drop-out, flying pixels)
@@ -31,6 +34,7 @@ struct Table1Options {
   bool synthetic = true;  // the synthetic room too
   std::vector<int> edges{64, 128, 256, 384, 512};
   int frames = 150, first_frame = 10, runs = 3;
+  bool two_threads = true;
   // Instruction sets; the first one for all rows, the others for the largest cube, one run each.
   std::vector<std::string> isas{"auto", "avx2", "scalar"};
 };
@@ -48,6 +52,14 @@ struct Table1Row {
   Figures object;                 // of it, segmentation and votes
   int followed = 0, touches = 0;  // frames that count; touches among all frames
   std::array<Figures, kStages> stages;
+  struct TwoThreads {
+    Figures wall, real_wall;              // of a frame
+    Figures own_cpu, worker_cpu;          // of it
+    Figures wall_with_object;             // frames in which an object was segmented
+    std::array<Figures, kStages> stages;  // the way through, without fork and join
+    double forks = 0;                     // a frame, p50
+    double fork_us = 0;                   // an empty one, there and back
+  } two;
   int claimed = 0, frames = 0;
   double ate_mm = 0;  // NaN: no truth
   double memory_MiB = 0;
@@ -62,6 +74,9 @@ struct Table1Result {
   std::vector<Table1Row> rows;
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;
+
+ private:
+  void print_two_threads(std::ostream& out) const;
 };
 
 // Throws std::runtime_error naming what is wrong with the recording.

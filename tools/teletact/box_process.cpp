@@ -36,6 +36,10 @@ std::vector<rt::PlacedTask> placed_tasks(const BoxPlan& plan, rt::Box box,
     placed.push_back(placed_task(plan.host, i));
     placed.back().body = &body(static_cast<tasks::TaskId>(i));
   }
+  for (std::size_t i = 0; i < plan.host.workers.size(); ++i) {
+    if (plan.host.workers[i].box == box)
+      placed.push_back(placed_task(plan.host, plan.host.specs.size() + i));
+  }
   return placed;
 }
 
@@ -287,7 +291,9 @@ class RobotSide {
       : box(nrt, scene, box_options), console(box) {
     half_.epoch_ns = rt::ns_of(box_options.epoch);
   }
-  static void complete(BoxOptions& box_options) { box_options.threaded_camera = true; }
+  static void complete(BoxOptions& box_options) {
+    box_options.threaded_camera = box_options.real_devices = true;
+  }
   static rt::Result<std::unique_ptr<drivers::TcpLink>> open_link(const Scene& scene,
                                                                  const BoxPlan& plan) {
     auto link = drivers::TcpLink::listen(scene.link.address, scene.link.port);

@@ -80,6 +80,8 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
     camera_ = std::make_unique<drivers::ReplayCamera>(nrt, open_sequence(scene.rgbd_dir),
                                                       options.epoch + kRecordingLead, scene.hold_s,
                                                       options.progress);
+  } else if (options.real_devices && !scene.camera_choice.in_process()) {
+    camera_ = drivers::open_camera(nrt, scene.camera_choice, options.now, camera_said_);
   } else {
     pose_ = std::make_unique<BasePose>(*bus_, scene.camera.X_BC(), scene.start_X_WB());
     auto synthetic = std::make_unique<drivers::SyntheticCamera>(nrt, scene.camera, *world_, *pose_,
@@ -96,6 +98,7 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
       camera_ = std::move(synthetic);
     }
   }
+  camera_ = drivers::without_bias(nrt, std::move(camera_), scene.camera_choice.bias);
   setup.camera = options.wrap_camera ? options.wrap_camera(*camera_) : camera_.get();
   graph_ = std::make_unique<tasks::RobotGraph>(nrt, scene.graph, setup);
   graph_->bind_link(nrt, endpoint_);
@@ -109,6 +112,7 @@ std::int64_t RobotBox::camera_twin_cpu_ns() const noexcept {
 
 Effects RobotBox::effects() const {
   Effects out;
+  if (!camera_said_.empty()) out.emplace_back("camera: " + camera_said_, "camera.kind");
   for (const auto& name : camera_effects_)
     out.emplace_back("camera noise: " + name, "camera.noise");
   for (const auto& name : bus_->plant().effects())

@@ -25,7 +25,7 @@ namespace teletact {
 struct BoxOptions {
   rt::Time epoch{};  // in this box's clock
   bool hash_outputs = false;
-  bool real_devices = false;      // opens the device that the scene names; else a twin stands in
+  bool real_devices = false;      // opens the devices that the scene names; else twins stand in
   bool threaded_camera = false;   // real clock: render on an ordinary thread
   std::function<rt::Time()> now;  // box clock, for the threaded camera
   rt::FaultPlan faults;
@@ -59,6 +59,7 @@ class RobotBox {
   drivers::SyntheticCamera* synthetic_ = nullptr;
   drivers::ThreadedCamera* threaded_ = nullptr;
   std::vector<std::string> camera_effects_;
+  std::string camera_said_;  // of a real one
   std::unique_ptr<tasks::RobotGraph> graph_;
   drivers::LinkEndpoint endpoint_;
 };

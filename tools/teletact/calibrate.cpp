@@ -32,12 +32,15 @@ void end_if_asked() {
     throw Stopped("asked to end while the tasks were measured: nothing was stored");
 }
 
-using Jobs = std::array<std::vector<rt::JobRecord>, tasks::kTaskCount>;
+// By task; behind them the shares of fusion's workers.
+using Jobs = std::array<std::vector<rt::JobRecord>, tasks::kTaskCount + 1>;
+constexpr int kShares = tasks::kTaskCount;
 
 void add_row(tasks::Calibration& c, const std::vector<rt::JobRecord>& jobs, int task,
              const std::string& choice, int level) {
   tasks::CalibrationRow row;
-  row.name = tasks::kTaskTable[static_cast<std::size_t>(task)].name;
+  row.name =
+      task == kShares ? tasks::kWorkerRow : tasks::kTaskTable[static_cast<std::size_t>(task)].name;
   row.choice = choice;
   row.level = level;
   std::vector<double> cpu_us;
@@ -107,6 +110,7 @@ class Passes {
     Jobs jobs;
     Trial trial;
     trial.level = [&](tasks::TaskId id, int) { return static_cast<int>(id) == task ? level : 0; };
+    trial.fusion_workers = workers();
     trial.took = [&](const rt::JobRecord& r) {
       end_if_asked();
       jobs[r.task].push_back(r);
@@ -123,6 +127,7 @@ class Passes {
     return jobs;
   }
   [[nodiscard]] const CalibrationInput& input() const { return input_; }
+  [[nodiscard]] int workers() const { return scene_.graph.pool.fusion_workers; }
 
  private:
   Recording& of(rt::Box box) { return box == rt::Box::kOperator ? operator_ : robot_; }
@@ -162,6 +167,7 @@ void measure_plain(tasks::Calibration& c, Passes& passes, const std::string& cho
       const auto i = static_cast<std::size_t>(task);
       if (row.box != box) continue;
       add_row(c, base[i], task, task == kFusion ? choice : "", 0);
+      if (task == kFusion && passes.workers() > 0) add_row(c, base[kShares], kShares, choice, 0);
       for (int level = 1; task != kFusion && level < level_count(row); ++level)
         add_row(c, passes.run(box, task, level, pass_name(row, {}, level))[i], task, {}, level);
     }
@@ -214,6 +220,7 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
       const Jobs jobs =
           passes.run(fusion.box, kFusion, level, pass_name(fusion, option.name, level));
       add_row(c, jobs[static_cast<std::size_t>(kFusion)], kFusion, option.name, level);
+      if (passes.workers() > 0) add_row(c, jobs[kShares], kShares, option.name, level);
     }
   }
   scene.graph.fusion.tsdf.voxel_size_m = voxel_m;

@@ -48,6 +48,11 @@ HostPlan admit_host(const Scene& scene, const tasks::Calibration& calibration,
   if (!plan.admission.admitted) return plan;
   plan.specs = rt::settled_as(plan.admission, specs);
   tasks::set_fusion_phase(plan.specs, plan.admission, calibration, scene.link.shape);
+  plan.workers = rt::settled_as(plan.admission, plan.request.tasks);
+  plan.workers.erase(plan.workers.begin(),
+                     plan.workers.begin() + static_cast<std::ptrdiff_t>(plan.specs.size()));
+  for (rt::TaskSpec& w : plan.workers)
+    w.offset = plan.specs[tasks::index_of(tasks::TaskId::kFusion)].offset;
   plan.voxel_m = tasks::chosen_voxel_m(plan.specs[tasks::index_of(tasks::TaskId::kFusion)], limits);
   plan.modes = rt::analyse_modes(plan.request, plan.admission,
                                  tasks::mode_sets(plan.request, plan.admission));
@@ -66,7 +71,7 @@ std::string admission_text(const HostPlan& plan) {
 rt::PlacedTask placed_task(const HostPlan& plan, std::size_t task) {
   const rt::AdmittedTask& row = plan.admission.tasks[task];
   rt::PlacedTask p;
-  p.spec = plan.specs[task];
+  p.spec = task < plan.specs.size() ? plan.specs[task] : plan.workers[task - plan.specs.size()];
   p.id = static_cast<std::uint16_t>(task);
   p.core = row.cpu;
   p.priority = row.priority;

@@ -15,8 +15,9 @@
 namespace teletact {
 
 struct HostPlan {
-  std::vector<rt::TaskSpec> specs;  // by task id, static choices settled
-  rt::AdmissionRequest request;     // with the pool's rows behind the tasks'
+  std::vector<rt::TaskSpec> specs;    // by task id, static choices settled
+  std::vector<rt::TaskSpec> workers;  // of fusion's pool: the rows behind the tasks'
+  rt::AdmissionRequest request;       // of both
   rt::Admission admission;
   rt::ModeTable modes;
   rt::AdmissionRequest
@@ -38,7 +39,7 @@ struct HostPlan {
 // Steps, rows, cores and modes, for people.
 [[nodiscard]] std::string admission_text(const HostPlan& plan);
 
-// Where a row runs, for an executor; its body is not set.
+// Where a row runs, for an executor, by its place among tasks and then workers; its body is not set.
 [[nodiscard]] rt::PlacedTask placed_task(const HostPlan& plan, std::size_t task);
 
 }  // namespace teletact

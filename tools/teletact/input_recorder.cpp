@@ -171,6 +171,7 @@ class InputRecorder::Body final : public rt::TaskBody {
     inner_.abandon(tick);
     end(tick, JobOp::Kind::kAbandon, 0, 0);
   }
+  void use(rt::ForkJoin& crew) noexcept override { inner_.use(crew); }
   void make_safe() noexcept override { inner_.make_safe(); }
   [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept override { return inner_.twin_cpu_ns(); }
 

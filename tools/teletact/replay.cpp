@@ -3,12 +3,14 @@
 #include <cinttypes>
 #include <cstdio>
 #include <fstream>
+#include <memory>
 #include <sstream>
 
 #include "drivers/camera/frame_copy.hpp"
 #include "rt/clock/box_time.hpp"
 #include "rt/hash.hpp"
 #include "rt/memory/section.hpp"
+#include "rt/sched/worker_pool.hpp"
 #include "tools/teletact/boxes.hpp"
 #include "tools/teletact/console.hpp"
 #include "tools/teletact/input_recorder.hpp"
@@ -138,7 +140,10 @@ class Replayer {
  public:
   // With a trial: its levels, CPU measured, outputs not compared.
   Replayer(const Recording& recording, FedBox box, const Trial* trial)
-      : r_(recording), box_(std::move(box)), trial_(trial) {}
+      : r_(recording), box_(std::move(box)), trial_(trial) {
+    if (trial != nullptr && trial->fusion_workers > 0)
+      crew_ = std::make_unique<rt::InlineForkJoin>(trial->fusion_workers, true);
+  }
 
   ReplayResult run(const std::vector<ReplayStep>& steps) {
     std::ifstream bytes(r_.path, std::ios::binary);
@@ -214,6 +219,10 @@ class Replayer {
     job_now.same = true;
     box_.feed(id, op, inputs_);
     auto& body = box_.body(id);
+    if (crew_ && id == TaskId::kFusion) {
+      body.use(*crew_);
+      crew_->begin_job();
+    }
     const std::int64_t cpu0 = trial_ != nullptr ? rt::thread_cpu_ns() : 0;
     body.latch(job_now.tick, job_now.record);
     {
@@ -254,11 +263,21 @@ class Replayer {
       body.commit(job_now.tick, job_now.record);
       if (trial_ != nullptr) {
         job_now.record.cpu_ns += rt::thread_cpu_ns() - cpu0;
+        if (crew_ && op.task == static_cast<int>(TaskId::kFusion)) take_shares(job_now.record);
         trial_->took(job_now.record);
       }
     }
     if (trial_ == nullptr) compare_ended(op, job_now);
     if (op.kind == JobOp::Kind::kCommit && job_now.same) ++result_.equal;
+  }
+
+  void take_shares(rt::JobRecord& fusion) {
+    rt::JobRecord worker = fusion;
+    worker.task = tasks::kTaskCount;
+    worker.cpu_ns = crew_->largest_shares_ns();
+    worker.work = 0;
+    trial_->took(worker);
+    for (int w = 0; w < trial_->fusion_workers; ++w) fusion.cpu_ns -= crew_->cpu_ns(w);
   }
 
   void compare_ended(const JobOp& op, Running& job_now) {
@@ -279,6 +298,7 @@ class Replayer {
   const Recording& r_;
   FedBox box_;
   const Trial* trial_;
+  std::unique_ptr<rt::InlineForkJoin> crew_;
   rt::Hash64 inputs_;
   std::int64_t next_console_ns_ = 0;
   std::array<Running, tasks::kTaskCount> running_;

@@ -56,6 +56,9 @@ struct Trial {
   std::function<int(tasks::TaskId, int recorded)> level;
   // A job that committed. cpu_ns: thread CPU of latch, step and commit; feeding it is not in it.
   std::function<void(const rt::JobRecord&)> took;
+  // Threads of fusion's pool beside its own: their parts are taken out of its CPU, and what a worker's budget has to
+  // hold is given as the record of a task kTaskCount.
+  int fusion_workers = 0;
 };
 [[nodiscard]] rt::Result<ReplayResult> run_trial(rt::NonRealtime&, Scene& scene,
                                                  const Recording& recording, const Trial& trial);

@@ -79,7 +79,8 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
   if (!host.refusal.empty()) throw std::runtime_error("admission: " + host.refusal);
   if (!options.quiet) std::printf("%s\n", admission_text(host).c_str());
   scene.graph.fusion.tsdf.voxel_size_m = host.voxel_m;
-  const auto& specs = host.specs;
+  std::vector<rt::TaskSpec> specs = host.specs;
+  specs.insert(specs.end(), host.workers.begin(), host.workers.end());
 
   BoxOptions op_options, robot_options;
   op_options.mode_gate = robot_options.mode_gate = host.modes.gate;
@@ -173,7 +174,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
   for (std::size_t i = 0; i < specs.size(); ++i) {
     const auto id = static_cast<tasks::TaskId>(i);
     rt::PlacedTask p = placed_task(host, i);
-    if (!options.stub_bodies) {
+    if (!options.stub_bodies && !specs[i].is_worker()) {
       p.body =
           specs[i].box == rt::Box::kOperator ? &op->graph().body(id) : &robot->graph().body(id);
       if (options.record) {

@@ -16,7 +16,9 @@ namespace teletact {
 void Scene::describe(config::Section& s) {
   s.text("title", title, {}, "name of the scene in reports");
   world.describe(s.section("world", "the simulated place"));
-  camera.describe(s.section("camera", "twin of the RGB-D camera"));
+  auto& eye = s.section("camera", "RGB-D camera, its twin and its mount");
+  camera.describe(eye);
+  camera_choice.describe(eye);
   auto& robot = s.section("robot", "twin of the youBot");
   plant.describe(robot.section("plant", "wheels, motors, floor"));
   bus.describe(robot.section("bus", "motor bus"));
@@ -51,6 +53,8 @@ std::unique_ptr<Scene> load_scene(const std::string& path,
     if (auto ok = config::load_override(o, scene->schema); !ok)
       throw std::runtime_error(ok.error());
   }
+  if (!scene->camera_choice.in_process())
+    scene->camera.stands_in_for = scene->camera_choice.intrinsics();
   if (const std::string bad = tasks::check_safe_times(scene->graph); !bad.empty())
     throw std::runtime_error(path + ": " + bad);
   return scene;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "config/schema.hpp"
+#include "drivers/camera/camera_choice.hpp"
 #include "drivers/camera/synthetic_camera.hpp"
 #include "drivers/link/shaper.hpp"
 #include "drivers/omega/hand_script.hpp"
@@ -48,6 +49,7 @@ struct Scene {
   std::string title = "scene";
   drivers::WorldConfig world;
   drivers::SyntheticCameraConfig camera;
+  drivers::CameraChoice camera_choice;
   drivers::RobotPlantConfig plant;
   drivers::VirtualYoubotConfig bus;
   drivers::OmegaTwinConfig device;

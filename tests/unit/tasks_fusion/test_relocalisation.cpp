@@ -102,9 +102,10 @@ TEST(Relocalisation, AfterASecondOfDarknessElsewhere) {
 TEST(Relocalisation, NeverToTheWrongPlace) {
   const char* asked = std::getenv("TELETACT_KIDNAPS");
   const int kidnaps = asked != nullptr ? std::atoi(asked) : 20;
-  const std::uint64_t seed = 11;
-  std::printf("  seed %llu, %d kidnaps (TELETACT_KIDNAPS)\n", static_cast<unsigned long long>(seed),
-              kidnaps);
+  const char* chosen = std::getenv("TELETACT_KIDNAP_SEED");
+  const std::uint64_t seed = chosen != nullptr ? std::strtoull(chosen, nullptr, 10) : 11;
+  std::printf("  seed %llu (TELETACT_KIDNAP_SEED), %d kidnaps (TELETACT_KIDNAPS)\n",
+              static_cast<unsigned long long>(seed), kidnaps);
   const AnalyticScene scene = hall();
   Rig rig(coarse(), tour_start());
   tour(rig, scene);
@@ -190,13 +191,15 @@ TEST(Relocalisation, ALostFrameDoesNoMoreWorkThanATrackedOne) {
               5e-8 * static_cast<double>(lost_ns[0]), 5e-8 * static_cast<double>(lost_ns[1]),
               5e-8 * static_cast<double>(lost_ns[2]));
   EXPECT_LE(lost, tracked);
+  EXPECT_LE(median(lost_ms), median(tracked_ms));
 }
 
 // ---------------------------------------------------------------- the recording
 
-// The recorded poses come from fusion themselves: with every frame claimed at the full rate they depart from
-// ours by up to 56 mm, which is no tracking error that a frame could know of.
-constexpr double kWrongRecorded_m = 0.07;
+// The recorded poses come from fusion themselves (of a longer sequence). Ours depart from them by up to 55.5 mm at
+// 20 mm voxels, 51.8 at 10 mm; with every second or fourth frame alone it is the same at the same place to 0.5 mm.
+// So it does not grow with the number of alignments, and no frame could know of it.
+constexpr double kWrongRecorded_m = 0.06;
 
 struct Show {
   int first, last, stride;

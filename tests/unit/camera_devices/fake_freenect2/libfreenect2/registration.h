@@ -1,0 +1,2 @@
+#pragma once
+#include "libfreenect2/libfreenect2.hpp"
