@@ -68,14 +68,15 @@ add_custom_target(sanitize_tests)
 add_custom_target(threads_tests)
 
 # teletact_test(<name> [DEPS ours...] [PACKAGES ...] [LABELS ...] [TIMEOUT s] [NO_GUARD] [NO_SANITIZE]
-#               [NEEDS_FAULTS])
+#               [NEEDS_FAULTS] [SLOW])
 # Every .cpp of the calling folder becomes one GoogleTest program test_<name>. The allocation and
 # lock guard is linked in unless NO_GUARD or a sanitizer is on. Labels: unit; sanitize (run by
 # tools/test --all with AddressSanitizer and UBSan) unless NO_SANITIZE, which is for what takes
 # minutes or runs the whole program, or LABELS timing; LABELS threads: run with ThreadSanitizer too. NEEDS_FAULTS: not declared when
-# TELETACT_FAULTS is OFF, for it runs a planned executor. Sanitizers get five times the TIMEOUT.
+# TELETACT_FAULTS is OFF, for it runs a planned executor. Sanitizers get five times the TIMEOUT. LABELS timing: nothing runs beside it.
+# SLOW: begun before the others, so that it does not run alone at the end.
 function(teletact_test name)
-  cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS" "TIMEOUT" "DEPS;PACKAGES;LABELS" ${ARGN})
+  cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS;SLOW" "TIMEOUT" "DEPS;PACKAGES;LABELS" ${ARGN})
   if(A_NEEDS_FAULTS AND NOT TELETACT_FAULTS)
     return()
   endif()
@@ -108,4 +109,10 @@ function(teletact_test name)
   endforeach()
   add_test(NAME ${name} COMMAND test_${name})
   set_tests_properties(${name} PROPERTIES TIMEOUT ${A_TIMEOUT} LABELS "${labels}")
+  if("timing" IN_LIST labels)
+    set_tests_properties(${name} PROPERTIES RUN_SERIAL TRUE)
+  endif()
+  if(A_SLOW)
+    set_tests_properties(${name} PROPERTIES COST 100)
+  endif()
 endfunction()
