@@ -12,6 +12,7 @@ constexpr int kLeastSeed = 12;          // half-resolution pixels
 constexpr int kMostHalfPixels = 36000;  // of a touch's window
 constexpr int kOthersMargin_px = 12;
 constexpr float kStillThere = 0.4F;  // of what is usually seen of an object
+constexpr int kSureWeight = 3;       // of a label that contradicts a mask
 
 bool reads(std::uint16_t mm) noexcept { return mm != 0 && mm != 65535; }
 
@@ -48,7 +49,14 @@ void ObjectsConfig::describe(config::Section& s) {
       .number("agree_m", agree_m, 0.005, 0.2, "distance of a touched point to the reading there")
       .integer("young_frames", young_frames, 1, 100,
                "masks of a new object that start from the touched point")
+      .integer("settled_masks", settled_masks, 1, 100,
+               "masks of a new object that are believed whatever they say")
+      .number("agreement_drop", agreement_drop, 0.02, 1,
+              "below the usual IoU of mask and fused object: the mask is held back")
+      .integer("held_masks", held_masks, 1, 100, "the n-th such mask in a row is believed")
       .number("most_growth", most_growth, 1.2, 10, "of a mask against the fused object")
+      .integer("gone_frames", gone_frames, 2, 1000,
+               "frames of an empty place after which an object is forgotten")
       .integer("summary_period", summary_period, 1, 100, "masks between two summaries");
 }
 
@@ -60,11 +68,12 @@ struct ObjectMap::Look {
   CameraBoxes boxes;
   mutable MapReader reader;
 
-  [[nodiscard]] std::uint8_t label(int u, int v) const noexcept {
+  [[nodiscard]] LabelVoxel voted(int u, int v) const noexcept {
     const std::uint16_t mm = frame.depth_mm.at(u, v);
-    if (!reads(mm)) return 0;
-    return reader.label(X_WC * frame.intrinsics.unproject(u, v, 1e-3 * mm));
+    if (!reads(mm)) return {};
+    return reader.voted(X_WC * frame.intrinsics.unproject(u, v, 1e-3 * mm));
   }
+  [[nodiscard]] std::uint8_t label(int u, int v) const noexcept { return voted(u, v).label; }
 };
 
 ObjectMap::ObjectMap(rt::NonRealtime&, int max_width, int max_height, const ObjectsConfig& config)
@@ -73,7 +82,9 @@ ObjectMap::ObjectMap(rt::NonRealtime&, int max_width, int max_height, const Obje
       max_height_(max_height),
       segmenter_(max_width, max_height),
       image_(max_width, max_height),
+      voting_(max_width, max_height),
       seed_(max_width, max_height),
+      other_(max_width, max_height),
       points_(kMostPoints),
       colours_(kMostPoints),
       scratch_(kMostPoints) {}
@@ -98,11 +109,15 @@ void ObjectMap::segment(const FrameView& frame, const TsdfMap& map, const Pose& 
                         const std::optional<Vec3>& touched_W) noexcept {
   stats_ = {};
   painted_ = false;
+  wipe_known();
   const Intrinsics& k = frame.intrinsics;
   if (frame.colour.data == nullptr || k.width > max_width_ || k.height > max_height_) return;
   if (!touched_W && count() == 0) return;
   image_.reshape(k.width, k.height);
+  voting_.reshape(k.width, k.height);
   seed_.reshape(k.width, k.height);
+  other_.reshape(k.width, k.height);
+  if (++frame_ == 0) frame_ = 1;
   std::fill_n(image_.data(), k.width * k.height, std::uint8_t{0});
   painted_ = true;
   const Pose X_CW = X_WC.inverse(Eigen::Isometry);
@@ -218,39 +233,54 @@ void ObjectMap::follow_next(const Look& look) noexcept {
 
 void ObjectMap::follow(const Look& look, MapObject& object) noexcept {
   const bool young = object.masks < config_.young_frames;
-  SeedBox seed{};
-  const SeedBox within = project(look, object.id);
-  const int planted = plant_seed(look, object.id, within, seed);
+  const SeedBox known = project(look, object.id);
+  find_known(look, object.id, known);
   object.seen = false;
   // A few bad masks of a young object would name others for good: the touched point still names it.
-  if (young && touch_at(look, object.touched_W, object.id, within)) {
+  if (young && touch_at(look, object.touched_W, object.id, known)) {
     object.seen = true;
-    object.usual_seed = static_cast<float>(planted);
-  } else if (planted >= kLeastSeed) {
+  } else if (planted_ >= kLeastSeed) {
     const Intrinsics& k = look.frame.intrinsics;
-    stats_.work += static_cast<std::uint64_t>(2 * (seed.u1 - seed.u0) * (seed.v1 - seed.v0));
-    const bool found =
-        segmenter_.follow(look.frame.colour, look.frame.depth_mm, k, 1.0F, seed_.view(), seed);
-    int pixels = 0;
-    if (found) {
-      const auto& box = segmenter_.box();
-      for (int v = box.v0; v < box.v0 + box.height; ++v)
-        for (int u = box.u0; u < box.u0 + box.width; ++u) pixels += segmenter_.in(u, v) ? 1 : 0;
-    }
-    const double known = 4.0 * planted;
-    const bool odd = pixels > config_.most_growth * known || pixels * config_.most_growth < known;
-    if (found && (young || !odd)) {
-      stats_.mask_pixels = paint(look, object.id);
-      object.seen = true;
-      const auto now = static_cast<float>(planted);
-      object.usual_seed += (object.masks == 0 ? 1.0F : 0.2F) * (now - object.usual_seed);
-    } else if (static_cast<float>(planted) > kStillThere * object.usual_seed) {
-      stats_.withheld = true;  // else it has gone, and what shows in its place votes
-      fill(seed, kOthersMargin_px, kNoVote);
-    }
+    const SeedBox& box = seed_box_;
+    stats_.work += static_cast<std::uint64_t>(2 * (box.u1 - box.u0) * (box.v1 - box.v0));
+    object.seen =
+        segmenter_.follow(look.frame.colour, look.frame.depth_mm, k, 1.0F, seed_.view(), box);
+    if (object.seen) stats_.mask_pixels = paint(look, object.id);
   }
-  wipe_seed(within);
-  object.unseen = object.seen ? 0 : object.unseen + 1;
+  watch_place(look, object);
+}
+
+// Is there nothing where the object was when it was last summarised? Looks at 27 points of its box: each
+// must be in view, with a reading behind it. A flat thing never counts as gone: there the votes decide.
+bool ObjectMap::place_is_empty(const Look& look, const MapObject& object) const noexcept {
+  const ObjectSummary& s = object.summary;
+  if (s.points == 0) return false;
+  constexpr double kReach = 0.35, kBehind_m = 0.005;  // of the extent, either side
+  constexpr int kLeast = 22;                          // of 27
+  const Intrinsics& k = look.frame.intrinsics;
+  int empty = 0;
+  for (int n = 0; n < 27; ++n) {
+    const Vec3 at(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+    const Vec3 p_C = look.X_CW * (s.X_FO * (s.centre_m + kReach * s.extent_m.cwiseProduct(at)));
+    if (p_C.z() < 0.05) continue;
+    const double u = k.fx * p_C.x() / p_C.z() + k.cx, v = k.fy * p_C.y() / p_C.z() + k.cy;
+    if (!(u >= 0 && v >= 0 && u < k.width - 0.5 && v < k.height - 0.5)) continue;
+    const std::uint16_t mm =
+        look.frame.depth_mm.at(static_cast<int>(u + 0.5), static_cast<int>(v + 0.5));
+    empty += reads(mm) && 1e-3 * mm > p_C.z() + kBehind_m ? 1 : 0;
+  }
+  return empty >= kLeast;
+}
+
+void ObjectMap::watch_place(const Look& look, MapObject& object) noexcept {
+  const bool missing = static_cast<float>(planted_) <= kStillThere * object.usual_seed;
+  if (!missing || !place_is_empty(look, object)) {
+    object.empty_since = 0;
+  } else if (object.empty_since == 0) {
+    object.empty_since = frame_;
+  } else {
+    object.gone = frame_ - object.empty_since >= static_cast<std::uint32_t>(config_.gone_frames);
+  }
 }
 
 // Pixels that the blocks with this label can fall on; u1 < u0: none.
@@ -269,27 +299,41 @@ ObjectMap::SeedBox ObjectMap::project(const Look& look, std::uint8_t id) const n
   return out;
 }
 
-// Marks, at even pixels, where a reading lies on the object's labels. Returns how many.
-int ObjectMap::plant_seed(const Look& look, std::uint8_t id, const SeedBox& within,
-                          SeedBox& seed) noexcept {
-  seed = {1 << 20, 1 << 20, -1, -1};
-  int planted = 0;
+// Marks, at even pixels, where a reading lies on the object's labels, and where on those of something
+// else, as far round it as a mask may well be wrong.
+void ObjectMap::find_known(const Look& look, std::uint8_t id, SeedBox within) noexcept {
+  SeedBox seed{1 << 20, 1 << 20, -1, -1};
+  if (within.u1 >= within.u0) {
+    within = {std::max(0, within.u0 - kOthersMargin_px), std::max(0, within.v0 - kOthersMargin_px),
+              std::min(image_.width() - 1, within.u1 + kOthersMargin_px),
+              std::min(image_.height() - 1, within.v1 + kOthersMargin_px)};
+  }
   for (int v = (within.v0 + 1) & ~1; v <= within.v1; v += 2)
     for (int u = (within.u0 + 1) & ~1; u <= within.u1; u += 2) {
-      if (look.label(u, v) != id) continue;
-      seed_.at(u, v) = 1;
+      const LabelVoxel known = look.voted(u, v);
+      if (known.label != id) {
+        other_.at(u, v) = known.weight >= kSureWeight ? 1 : 0;
+        continue;
+      }
+      seed_.at(u, v) = known.weight > 0 ? 1 : 0;
       seed.u0 = std::min(seed.u0, u), seed.u1 = std::max(seed.u1, u);
       seed.v0 = std::min(seed.v0, v), seed.v1 = std::max(seed.v1, v);
-      ++planted;
+      ++planted_;
     }
+  within_ = within;
+  seed_box_ = seed;
   stats_.work += static_cast<std::uint64_t>(std::max(0, within.u1 - within.u0) *
                                             std::max(0, within.v1 - within.v0) / 4);
-  return planted;
 }
 
-void ObjectMap::wipe_seed(const SeedBox& box) noexcept {
-  for (int v = box.v0; v <= box.v1; ++v)
+void ObjectMap::wipe_known() noexcept {
+  const SeedBox& box = within_;
+  for (int v = box.v0; v <= box.v1; ++v) {
     std::fill_n(&seed_.at(box.u0, v), box.u1 - box.u0 + 1, std::uint8_t{0});
+    std::fill_n(&other_.at(box.u0, v), box.u1 - box.u0 + 1, std::uint8_t{0});
+  }
+  within_ = seed_box_ = {0, 0, -1, -1};
+  planted_ = 0;
 }
 
 // The segmenter's mask, but not over what the map gives to another object.
@@ -323,8 +367,20 @@ void ObjectMap::fill(const SeedBox& box, int margin, std::uint8_t value) noexcep
 void ObjectMap::fuse(TsdfMap& map) noexcept {
   if (!painted_) return;
   const bool fresh = stats_.answer == TouchAnswer::kObject;
-  stats_.votes = map.vote_labels(image_.view(), fresh ? stats_.touched : std::uint8_t{0});
+  if (stats_.followed != 0) {
+    MapObject& o = objects_[stats_.followed - 1U];
+    if (!fresh) judge(o);
+    leave_out_rim(o.id);
+  } else {
+    std::copy_n(image_.data(), image_.width() * image_.height(), voting_.data());
+  }
+  stats_.votes = map.vote_labels(voting_.view(), fresh ? stats_.touched : std::uint8_t{0});
   stats_.work += static_cast<std::uint64_t>(stats_.votes.blocks_voted) * TsdfMap::kBlockVoxels;
+  settle(map);
+}
+
+// What became of the objects.
+void ObjectMap::settle(TsdfMap& map) noexcept {
   std::uint32_t present = 0;
   map.for_each_label_block([&](std::int32_t, std::uint32_t bits) { present |= bits; });
   for (MapObject& o : objects_) {
@@ -333,12 +389,77 @@ void ObjectMap::fuse(TsdfMap& map) noexcept {
     if (mine && o.seen) ++o.masks;
     const bool left = ((present >> o.id) & 1U) != 0;
     const bool young = o.masks < config_.young_frames;
-    if (!left && (!young || o.unseen > config_.young_frames)) {
+    if (o.gone || (!left && (!young || o.unseen > config_.young_frames))) {
+      if (left) map.forget_label(o.id);
       o = {};
       continue;
     }
     if (mine && o.seen && (o.masks - 1) % config_.summary_period == 0) summarise_object(map, o);
   }
+}
+
+// Sets what is usual of the object, or takes a mask that is not believed out of the image.
+void ObjectMap::judge(MapObject& object) noexcept {
+  int mask = 0, both = 0, against = 0;
+  for (int v = 0; v < image_.height(); v += 2) {
+    const std::uint8_t *said = &image_.at(0, v), *seed = &seed_.at(0, v), *other = &other_.at(0, v);
+    for (int u = 0; u < image_.width(); u += 2) {
+      const int in = said[u] == object.id ? 1 : 0;
+      mask += in;
+      both += in & seed[u];
+      against += in & other[u];
+    }
+  }
+  stats_.agreement = static_cast<float>(both) / static_cast<float>(std::max(1, planted_ + against));
+  const bool settled = object.masks >= config_.settled_masks;
+  const bool there = static_cast<float>(planted_) > kStillThere * object.usual_seed;
+  const bool odd = mask > config_.most_growth * planted_ || mask * config_.most_growth < planted_;
+  object.seen = object.seen && mask > 0;
+  if (settled && mask > 0) {
+    const bool agrees = static_cast<double>(stats_.agreement) >=
+                        static_cast<double>(object.usual_agreement) - config_.agreement_drop;
+    object.held = agrees && !odd ? 0 : object.held + 1;
+    stats_.withheld = odd || (object.held > 0 && object.held < config_.held_masks);
+  } else {
+    stats_.withheld = settled && there;  // nothing is seen of it where it still is
+  }
+  if (stats_.withheld) {
+    // Where hardly anything is left of it, what shows in its place votes.
+    replace(object.id, there ? kNoVote : std::uint8_t{0});
+    if (there) fill(seed_box_, kOthersMargin_px, kNoVote);
+    object.seen = false;
+  } else if (object.seen) {
+    const float share = object.masks <= 1 ? 1.0F : 0.2F;
+    object.usual_agreement += share * (stats_.agreement - object.usual_agreement);
+    object.usual_seed += share * (static_cast<float>(planted_) - object.usual_seed);
+  }
+  object.unseen = object.seen ? 0 : object.unseen + 1;
+}
+
+void ObjectMap::replace(std::uint8_t id, std::uint8_t by) noexcept {
+  std::uint8_t* p = image_.data();
+  for (int i = 0; i < image_.width() * image_.height(); ++i) p[i] = p[i] == id ? by : p[i];
+}
+
+// Copies the image into what votes, without the pixels at both sides of the mask's outline. A mask that is
+// little else but outline keeps them.
+void ObjectMap::leave_out_rim(std::uint8_t id) noexcept {
+  const int w = image_.width(), h = image_.height();
+  int inner = 0, all = 0;
+  for (int v = 0; v < h; ++v) {
+    const std::uint8_t* row = &image_.at(0, v);
+    const std::uint8_t *up = v > 0 ? row - w : row, *down = v + 1 < h ? row + w : row;
+    std::uint8_t* out = &voting_.at(0, v);
+    for (int u = 0; u < w; ++u) {
+      const bool in = row[u] == id;
+      const bool left = row[u > 0 ? u - 1 : 0] == id, right = row[u + 1 < w ? u + 1 : u] == id;
+      const bool rim = left != in || right != in || (up[u] == id) != in || (down[u] == id) != in;
+      out[u] = rim ? kNoVote : row[u];
+      all += in ? 1 : 0;
+      inner += in && !rim ? 1 : 0;
+    }
+  }
+  if (4 * inner < all) std::copy_n(image_.data(), w * h, voting_.data());
 }
 
 // Of the labelled nodes next to the surface, thinned evenly where there are too many.

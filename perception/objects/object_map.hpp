@@ -9,8 +9,16 @@
 //   fuse()     its vote, and what became of the objects.
 //
 // One object is segmented a frame, in turn, so a frame's time does not grow with their number; where
-// another one may be the image says nothing. A mask that is out of proportion to what the map knows of
-// an established object, and a frame in which nothing of it was recognised, say nothing either.
+// another one may be the image says nothing. Nor does it say anything of an object whose mask is not
+// believed: one that agrees with what the map shows of it much less than its masks usually do, until
+// several in a row say the same; one that is out of all proportion; none where the object still is.
+// The outermost pixels of a mask, and those beside them, do not vote: they are on either side by
+// chance, and voxels that they alone see would change from frame to frame.
+// Agreement: of the pixels with a reading, those that mask and map both give to the object, over these
+// plus those where they contradict each other. Surface that the map knew nothing of contradicts nothing,
+// so a new side of an object, or one that is being pushed, is followed.
+//
+// An object is forgotten when nothing stands in its place, in full view, for a while.
 //
 // Labels: an object's id is its label in the map and its slot in the palette, 1 .. kMost. Frames: W
 // world (= map), C camera (optical). SI. Everything is allocated in the constructor.
@@ -31,12 +39,16 @@
 namespace perception {
 
 struct ObjectsConfig {
-  bool enabled = false;         // a mark on a surface names an object
-  double touch_window_m = 0.5;  // half edge of the part of the image in which a touch is answered
-  double agree_m = 0.03;        // the reading at a touch lies so near to the touched point
-  int young_frames = 10;        // masks of a new object that start from the touched point
-  double most_growth = 2.5;     // of the mask against the fused object, once it is not young
-  int summary_period = 6;       // masks of an object between two summaries
+  bool enabled = false;          // a mark on a surface names an object
+  double touch_window_m = 0.5;   // half edge of the part of the image in which a touch is answered
+  double agree_m = 0.03;         // the reading at a touch lies so near to the touched point
+  int young_frames = 10;         // masks of a new object that start from the touched point
+  int settled_masks = 4;         // masks of a new object that are believed whatever they say
+  double agreement_drop = 0.15;  // a mask that agrees so much less than usual is not believed ...
+  int held_masks = 4;            // ... unless it is the n-th in a row
+  double most_growth = 2.5;      // of the mask against the fused object, once it is settled
+  int gone_frames = 12;          // an empty place for so long: the object is forgotten
+  int summary_period = 6;        // masks of an object between two summaries
   void describe(config::Section& s);
 };
 
@@ -55,12 +67,16 @@ enum class TouchAnswer : std::uint8_t {
 [[nodiscard]] std::string_view text_of(TouchAnswer answer) noexcept;
 
 struct MapObject {
-  std::uint8_t id = 0;       // 0: this entry is free
-  std::uint32_t serial = 0;  // never used twice
-  bool seen = false;         // its last turn found it
-  std::int32_t masks = 0;    // that voted
-  std::int32_t unseen = 0;   // turns in a row without
-  float usual_seed = 0;      // pixels, running mean: what is normally seen of it
+  std::uint8_t id = 0;            // 0: this entry is free
+  std::uint32_t serial = 0;       // never used twice
+  bool seen = false;              // its last turn found it
+  std::int32_t masks = 0;         // that voted
+  std::int32_t unseen = 0;        // turns in a row without
+  float usual_seed = 0;           // pixels, running mean: what is normally seen of it
+  float usual_agreement = 0;      // of a mask with the fused object, running mean
+  std::int32_t held = 0;          // masks in a row that disagreed
+  std::uint32_t empty_since = 0;  // frame number; 0: its place is not empty
+  bool gone = false;              // ... for long enough
   Vec3 touched_W = Vec3::Zero();
   ObjectSummary summary;  // in W, of the labelled surface; points = 0 before the first
 };
@@ -70,6 +86,7 @@ struct ObjectStats {
   std::uint8_t touched = 0;   // id that the answer names
   std::uint8_t followed = 0;  // id of the object whose turn it was
   std::int32_t mask_pixels = 0;
+  float agreement = 0;     // of its mask with the fused object, 0 to 1
   bool withheld = false;   // its mask was not believed
   std::uint64_t work = 0;  // deterministic count
   LabelStats votes;
@@ -86,7 +103,8 @@ class ObjectMap {
                const std::optional<Vec3>& touched_W) noexcept;
   void fuse(TsdfMap& map) noexcept;
 
-  // 0 background, an id, or kNoVote; of the last segment(). To be changed by tests only.
+  // 0 background, an id, or kNoVote; of the last segment(), before fuse() judges it. To be changed by
+  // tests only.
   [[nodiscard]] ImageView<std::uint8_t> label_image() noexcept { return image_.view(); }
   [[nodiscard]] const ObjectStats& stats() const noexcept { return stats_; }
   [[nodiscard]] const std::array<MapObject, kMost>& objects() const noexcept { return objects_; }
@@ -105,8 +123,14 @@ class ObjectMap {
   void follow_next(const Look& look) noexcept;
   void follow(const Look& look, MapObject& object) noexcept;
   [[nodiscard]] SeedBox project(const Look& look, std::uint8_t id) const noexcept;
-  int plant_seed(const Look& look, std::uint8_t id, const SeedBox& within, SeedBox& seed) noexcept;
-  void wipe_seed(const SeedBox& box) noexcept;
+  void find_known(const Look& look, std::uint8_t id, SeedBox within) noexcept;
+  void wipe_known() noexcept;
+  [[nodiscard]] bool place_is_empty(const Look& look, const MapObject& object) const noexcept;
+  void watch_place(const Look& look, MapObject& object) noexcept;
+  void settle(TsdfMap& map) noexcept;
+  void judge(MapObject& object) noexcept;
+  void replace(std::uint8_t id, std::uint8_t by) noexcept;
+  void leave_out_rim(std::uint8_t id) noexcept;
   int paint(const Look& look, std::uint8_t id) noexcept;
   void fill(const SeedBox& box, int margin, std::uint8_t value) noexcept;
   void summarise_object(const TsdfMap& map, MapObject& object) noexcept;
@@ -114,10 +138,16 @@ class ObjectMap {
   ObjectsConfig config_;
   int max_width_ = 0, max_height_ = 0;
   TouchSegmenter segmenter_;
-  Image<std::uint8_t> image_, seed_;
+  Image<std::uint8_t> image_;   // what the segmenter says
+  Image<std::uint8_t> voting_;  // what of it votes
+  // What the map shows, at even pixels: 1 where it is the object whose turn it is; 1 where it is
+  // surely something else. Both are set within the first box only, all of the seed in the second.
+  Image<std::uint8_t> seed_, other_;
+  SeedBox within_{0, 0, -1, -1}, seed_box_{0, 0, -1, -1};
+  int planted_ = 0;  // pixels of the seed
   std::array<MapObject, kMost> objects_{};
   ObjectStats stats_;
-  std::uint32_t serial_ = 0;
+  std::uint32_t serial_ = 0, frame_ = 0;
   int turn_ = 0;
   bool painted_ = false;
 

@@ -53,22 +53,28 @@ bool MapReader::colour(const Vec3& p_W, Rgb& out) noexcept {
   return best < 1e9;
 }
 
-std::uint8_t MapReader::label(const Vec3& p_W) noexcept {
+LabelVoxel MapReader::voted(const Vec3& p_W) noexcept {
   const Vec3 g = p_W * inv_voxel_;
-  if (!in_range(g)) return 0;
+  if (!in_range(g)) return {};
   const int i = ifloor(g.x()), j = ifloor(g.y()), k = ifloor(g.z());
   const auto fx = static_cast<float>(g.x() - i), fy = static_cast<float>(g.y() - j),
              fz = static_cast<float>(g.z() - k);
+  const auto block_at = [this](int x, int y, int z) {
+    const TsdfMap::Chunk* c = chunk_of(x >> 6, y >> 6, z >> 6);
+    return c == nullptr
+               ? TsdfMap::kNoBlock
+               : c->block[static_cast<std::size_t>(TsdfMap::in_chunk(x >> 3, y >> 3, z >> 3))];
+  };
+  const bool inside = (i & 7) != 7 && (j & 7) != 7 && (k & 7) != 7;  // one block has all eight
+  std::int32_t b = block_at(i, j, k);
+  if (inside && b == TsdfMap::kNoBlock) return {};
   // At most eight labels; say[n]: votes for label of corner n, kept at the first corner that has it.
   std::array<std::uint8_t, 8> names{};
   std::array<float, 8> say{};
   int count = 0;
   for (int n = 0; n < 8; ++n) {
     const int x = i + (n >> 2), y = j + ((n >> 1) & 1), z = k + (n & 1);
-    const TsdfMap::Chunk* c = chunk_of(x >> 6, y >> 6, z >> 6);
-    if (c == nullptr) continue;
-    const std::int32_t b =
-        c->block[static_cast<std::size_t>(TsdfMap::in_chunk(x >> 3, y >> 3, z >> 3))];
+    if (!inside) b = block_at(x, y, z);
     if (b == TsdfMap::kNoBlock) continue;
     const LabelVoxel v = map_->label_in(b, TsdfMap::in_block(x, y, z));
     const float share =
@@ -80,7 +86,9 @@ std::uint8_t MapReader::label(const Vec3& p_W) noexcept {
     say[static_cast<std::size_t>(at)] += share * static_cast<float>(v.weight);
   }
   const auto most = std::max_element(say.begin(), say.end());
-  return *most > 0 ? names[static_cast<std::size_t>(most - say.begin())] : std::uint8_t{0};
+  if (!(*most > 0)) return {};
+  return {names[static_cast<std::size_t>(most - say.begin())],
+          static_cast<std::uint8_t>(std::ceil(*most))};
 }
 
 }  // namespace perception

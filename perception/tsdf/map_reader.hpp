@@ -106,7 +106,9 @@ class MapReader {
   // What the eight nodes round the point say, each with its label's weight times its share; nodes that
   // nothing voted in abstain, so that an edge does not lose what lies between its nodes and the free
   // ones. 0: background, or nothing known.
-  [[nodiscard]] std::uint8_t label(const Vec3& p_W) noexcept;
+  [[nodiscard]] std::uint8_t label(const Vec3& p_W) noexcept { return voted(p_W).label; }
+  // The same with the weight of what won, rounded up; weight 0: nothing known.
+  [[nodiscard]] LabelVoxel voted(const Vec3& p_W) noexcept;
 
  private:
   // Direct-mapped by the low bits, so the eight blocks round a node never collide.

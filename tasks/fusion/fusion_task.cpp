@@ -112,7 +112,10 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
   if (started_ && frame.exposure <= exposure_) {
     return rt::Health::of(rt::Severity::kCounted, kFaultFusionBadFrame);
   }
-  const auto level = static_cast<std::size_t>(std::clamp(tick.level, 0, config_.level_count - 1));
+  // The answer to a mark takes as long as fine tracking: the frame that gives it does the one coarser.
+  const int coarser = mark_W_ ? 1 : 0;
+  const auto level =
+      static_cast<std::size_t>(std::clamp(tick.level + coarser, 0, config_.level_count - 1));
   const FusionLevel& knobs = config_.levels[level];
   {
     Stage stage(profiling_, profile_.prepare);

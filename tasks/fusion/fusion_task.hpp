@@ -7,7 +7,7 @@
 //            Latest<CostMap>       to tasks/planning  every cost_map_period-th period
 //            Latest<CameraPose>    to prediction, console   every frame
 //            Latest<SceneView>     to console         every view_period_frames-th period
-//            Latest<ObjectList>    to console         every frame, where objects are switched on
+//            Latest<ObjectList>    to planning, console   every frame, where objects are switched on
 //   budget   25 ms of the 33.3 ms period at level 0
 //
 // One frame: filter -> pyramid -> track -> integrate -> ray cast for the next track -> cost map;
@@ -39,9 +39,9 @@
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/tick.hpp"
-#include "tasks/fusion/object_list.hpp"
 #include "tasks/fusion/scene_view.hpp"
 #include "tasks/graph/messages.hpp"
+#include "tasks/graph/object_list.hpp"
 
 namespace tasks {
 

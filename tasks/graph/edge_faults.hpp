@@ -25,6 +25,7 @@
 #include "rt/result.hpp"
 #include "tasks/fusion/scene_view.hpp"
 #include "tasks/graph/messages.hpp"
+#include "tasks/graph/object_list.hpp"
 #include "tasks/graph/table.hpp"
 
 namespace tasks {
@@ -62,6 +63,7 @@ inline void age(perception::SurfacePatch& m, rt::Nanos by) noexcept {
 inline void age(SceneView& m, rt::Nanos by) noexcept { m.fused -= by, m.exposure -= by; }
 inline void age(perception::CostMap& m, rt::Nanos by) noexcept { m.fused -= by, m.exposure -= by; }
 inline void age(CameraPose& m, rt::Nanos by) noexcept { m.exposure -= by; }
+inline void age(ObjectList& m, rt::Nanos by) noexcept { m.exposure -= by; }
 inline void age(HapticState& m, rt::Nanos by) noexcept { m.stamp -= by; }
 inline void age(TouchEvent& m, rt::Nanos by) noexcept { m.stamp -= by; }
 inline void age(Path& m, rt::Nanos by) noexcept { m.made -= by, m.mark_stamp -= by; }
@@ -88,6 +90,12 @@ inline void spoil(perception::CostMap& m) noexcept {
   m.X_WM.matrix().setConstant(kNan);
 }
 inline void spoil(CameraPose& m) noexcept { m.X_WC.matrix().setConstant(kNan); }
+inline void spoil(ObjectList& m) noexcept {
+  for (auto& e : m.entries) {
+    e.X_WO.matrix().setConstant(kNan);
+    e.extent_m = e.centre_m = Vec3::Constant(kNan);
+  }
+}
 inline void spoil(HapticState& m) noexcept {
   m.p_WH = m.v_WH = m.p_WP = m.f_H_W = m.normal_W = Vec3::Constant(kNan);
 }

@@ -41,6 +41,8 @@ struct OperatorCells {
   rt::Latest<perception::CostMap> cost_map;
   enum { kCameraPrediction, kCameraConsole };
   rt::Latest<CameraPose> camera_pose;
+  enum { kObjectsPlanning, kObjectsConsole };
+  rt::Latest<ObjectList> objects;  // never published where objects are switched off
   // planning
   enum { kPathPrediction, kPathConsole };
   rt::Latest<Path> path;

@@ -117,7 +117,8 @@ FusionNode::FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const Op
       patch_gate_(setup.faults, "patch"),
       view_gate_(setup.faults, "view"),
       map_gate_(setup.faults, "cost_map"),
-      camera_gate_(setup.faults, "camera_pose") {}
+      camera_gate_(setup.faults, "camera_pose"),
+      objects_gate_(setup.faults, "objects") {}
 
 void FusionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   const auto frame = cells_.frame.acquire_if_new(OperatorCells::kFrameFusion);
@@ -143,6 +144,7 @@ void FusionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   out_.patch = &cells_.patch.begin_write();
   out_.view = &cells_.view.begin_write();
   out_.cost_map = &cells_.cost_map.begin_write();
+  out_.objects = &cells_.objects.begin_write();
 }
 
 rt::Health FusionNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
@@ -165,6 +167,7 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
     camera = out_.camera;
     send(camera_gate_, cells_.camera_pose, camera);
   }
+  if (out_.objects_written) send(objects_gate_, cells_.objects, *out_.objects);
   if (hash_) record.output_hash = h.digest();
   publish_health(health_of(cells_, TaskId::kFusion), tick.start, health_);
   log_level(*cells_.logs, TaskId::kFusion, tick, logged_level_);
@@ -207,14 +210,17 @@ void PlanningNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
       cells_.touch.pop_n(in_.events.data() + in_.event_count, static_cast<std::size_t>(room)));
   const auto map = cells_.cost_map.acquire_if_new(OperatorCells::kMapPlanning);
   const auto robot = cells_.robot_state.acquire_if_new(OperatorCells::kStatePlanning);
+  const auto objects = cells_.objects.acquire_if_new(OperatorCells::kObjectsPlanning);
   in_.map = map.value;
   in_.robot = robot.value;
+  in_.objects = objects.value;
   if (const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModePlanning)) in_.mode = *mode;
   record.input_seq[0] = map.seq;
   record.input_seq[1] = robot.seq;
   record.input_seq[2] = in_.mode.seq;
   record.input_seq[3] =
       in_.event_count > 0 ? in_.events[static_cast<std::size_t>(in_.event_count - 1)].seq : 0;
+  record.input_seq[4] = objects.seq;
 }
 
 rt::Health PlanningNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {

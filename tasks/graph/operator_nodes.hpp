@@ -46,7 +46,7 @@ class FusionNode final : public rt::TaskBody {
   OperatorCells& cells_;
   bool hash_, odometry_prior_, lost_ = false;
   int logged_level_ = -1;
-  EdgeGate patch_gate_, view_gate_, map_gate_, camera_gate_;
+  EdgeGate patch_gate_, view_gate_, map_gate_, camera_gate_, objects_gate_;
   std::uint64_t frame_seq_ = 0;
   FusionTask::In in_;
   FusionTask::Out out_;

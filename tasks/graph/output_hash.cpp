@@ -106,6 +106,17 @@ void hash_output(rt::Hash64& h, const SceneView& m) noexcept {
   h.bytes(points.data(), pixels * sizeof points[0]);
 }
 
+void hash_output(rt::Hash64& h, const ObjectList& m) noexcept {
+  const auto& [seq, exposure, size, entries, mark_seq, answer, touched] = m;
+  all(h, seq, exposure, size, mark_seq, answer, touched);
+  for (std::int32_t i = 0; i < size; ++i) {
+    const auto& [id, serial, seen, summarised, X_WO, extent_m, centre_m, colour] =
+        entries[static_cast<std::size_t>(i)];
+    const auto& [r, g, b] = colour;
+    all(h, id, serial, seen, summarised, X_WO, extent_m, centre_m, r, g, b);
+  }
+}
+
 void hash_output(rt::Hash64& h, const perception::CostMap& m) noexcept {
   const auto& [seq, fused, exposure, ground_found, resolution, width, height, X_WM, cost,
                height_m] = m;

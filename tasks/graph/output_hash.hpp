@@ -14,6 +14,7 @@
 #include "rt/hash.hpp"
 #include "tasks/fusion/scene_view.hpp"
 #include "tasks/graph/messages.hpp"
+#include "tasks/graph/object_list.hpp"
 
 namespace tasks {
 
@@ -28,6 +29,7 @@ void hash_output(rt::Hash64& h, const ModeMsg& m) noexcept;
 // By its checksum; the field itself where the writer made none.
 void hash_output(rt::Hash64& h, const perception::SurfacePatch& m) noexcept;
 void hash_output(rt::Hash64& h, const SceneView& m) noexcept;
+void hash_output(rt::Hash64& h, const ObjectList& m) noexcept;
 void hash_output(rt::Hash64& h, const perception::CostMap& m) noexcept;
 void hash_output(rt::Hash64& h, const drivers::RobotGoal& m) noexcept;
 void hash_output(rt::Hash64& h, const drivers::RobotState& m) noexcept;

@@ -67,10 +67,10 @@ inline constexpr std::array<TaskRow, kTaskCount> kTaskTable{{
 
 enum class EdgeId : std::uint8_t {
   kFrame, kRobotState, kGoal,                                             // across the link
-  kPatch, kView, kCostMap, kCameraPose, kHand, kTouch, kPath, kTask, kMode,  // operator box
+  kPatch, kView, kCostMap, kCameraPose, kObjects, kHand, kTouch, kPath, kTask, kMode,  // operator box
   kRobotMode,                                                             // robot box
 };
-inline constexpr int kEdgeCount = 13;
+inline constexpr int kEdgeCount = 14;
 
 enum class EdgeKind : std::uint8_t { kLatest, kRing, kRemote };
 
@@ -89,6 +89,7 @@ inline constexpr std::array<EdgeRow, kEdgeCount> kEdgeTable{{
     {EdgeId::kView, "view", "fusion", "console", EdgeKind::kLatest, "shown"},
     {EdgeId::kCostMap, "cost_map", "fusion", "planning", EdgeKind::kLatest, "no new path"},
     {EdgeId::kCameraPose, "camera_pose", "fusion", "prediction console", EdgeKind::kLatest, "odometry alone"},
+    {EdgeId::kObjects, "objects", "fusion", "planning console", EdgeKind::kLatest, "the goal stays where the mark was"},
     {EdgeId::kHand, "hand", "haptic", "fusion console", EdgeKind::kLatest, "window stays"},
     {EdgeId::kTouch, "touch", "haptic", "planning", EdgeKind::kRing, "full: newest dropped, gap flag; open mark dropped"},
     {EdgeId::kPath, "path", "planning", "prediction console", EdgeKind::kLatest, "last path holds"},

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <span>
 
 namespace tasks {
 
@@ -19,6 +20,8 @@ void PlanningConfig::describe(config::Section& s) {
   s.number("arrive_m", arrive_m, 0.005, 0.5, "distance to the last point that counts as arrived");
   s.number("arrive_speed_m_per_s", arrive_speed_m_per_s, 0.001, 1.0, "and the speed");
   s.number("leave_m", leave_m, 0.05, 5.0, "farther from the path: plan again");
+  s.number("object_moved_m", object_moved_m, 0.02, 5.0,
+           "way of the marked object after which the goal follows it");
   s.integer("attempts", attempts, 1, 100, "jobs a goal may spend its iterations in vain");
   s.integer("wait_jobs", wait_jobs, 1, 100000, "jobs a mark waits for a map and a robot");
   s.integer("aborts", aborts, 1, 100000, "jobs in a row out of time before a goal is given up");
@@ -170,6 +173,34 @@ rt::Health PlanningTask::take_events(const In& in, Out& out) noexcept {
   return health;
 }
 
+// A mark on an object means the object. Its centre wanders by centimetres while more and more of it is seen,
+// so only a longer way counts. After the arrival nothing is followed: the robot moves on a mark alone.
+rt::Health PlanningTask::follow_object(const ObjectList& list, Out& out) noexcept {
+  Goal& g = state_.goal;
+  if (!g.have || list.seq == 0 || state_.task.phase == TaskState::Phase::kArrived)
+    return rt::Health::ok();
+  const auto n = static_cast<std::size_t>(
+      std::clamp(list.size, std::int32_t{0}, static_cast<std::int32_t>(list.entries.size())));
+  for (const ObjectList::Entry& e : std::span(list.entries).first(n)) {
+    if (g.object == 0 && list.mark_seq == g.mark_seq && e.id == list.touched) g.object = e.serial;
+    if (g.object == 0 || e.serial != g.object || !e.summarised) continue;
+    const Vec3 centre_W = e.X_WO * e.centre_m;
+    if (!centre_W.allFinite()) return counted(kFaultPlanningBadInput);
+    if (!g.object_placed) {
+      g.object_placed = true;
+      g.object_W = centre_W;
+    } else if ((centre_W - g.object_W).norm() > config_.object_moved_m) {
+      g.p_W += centre_W - g.object_W;
+      g.object_W = centre_W;
+      g.pending = true;
+      g.attempts = 0;
+      out.flags |= kObjectMoved;
+    }
+    break;
+  }
+  return rt::Health::ok();
+}
+
 // ---- one job ------------------------------------------------------------------------------------
 
 void PlanningTask::drop_path(Out& out) noexcept {
@@ -249,6 +280,7 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
   if (in.robot != nullptr && !robot_ok) {
     health = rt::worst(health, counted(kFaultPlanningBadInput));
   }
+  if (in.objects != nullptr) health = rt::worst(health, follow_object(*in.objects, out));
   if (state_.goal.have) {
     if (!robot_ok || in.map == nullptr || in.map->seq == 0 || !in.map->ground_found) {
       if (state_.goal.pending && ++state_.goal.waited > config_.wait_jobs) {

@@ -2,6 +2,7 @@
 //
 //   reads   Ring<TouchEvent>     from tasks/haptic         up to 64 a job; a gap drops an open mark
 //           Latest<CostMap>      from tasks/fusion         held for one job
+//           Latest<ObjectList>   from tasks/fusion         the object that the mark named, if it did
 //           Latest<RobotState>   over the link             newest; without one nothing is planned
 //           Latest<ModeMsg>      from tasks/supervision    a stop drops mark and path
 //   writes  Latest<Path>         to tasks/prediction       every job, the same path again while it
@@ -14,7 +15,8 @@
 // A mark runs from MarkBegin to MarkEnd; the marked point is the drawn point nearest to the
 // stroke's mean. The goal is the nearest driveable, reachable cell to its foot on the ground, on
 // the side that the marked surface faces, heading towards the mark. A path is planned again when
-// the map no longer lets it pass, or when the robot has left it.
+// the map no longer lets it pass, or when the robot has left it. Where the mark named an object, the
+// goal goes where the object goes, until the robot has arrived.
 //
 // Frames: W world (= map), M grid of the cost map, B base. The robot's odometry frame is taken as
 // W.
@@ -30,6 +32,7 @@
 #include "rt/memory/non_realtime.hpp"
 #include "rt/tick.hpp"
 #include "tasks/graph/messages.hpp"
+#include "tasks/graph/object_list.hpp"
 #include "tasks/planning/planner.hpp"
 
 namespace tasks {
@@ -43,10 +46,11 @@ struct PlanningConfig {
   double turn_rad_per_m = 3.0;  // heading change along the path
   double arrive_m = 0.05;       // distance to the last point that counts as arrived
   double arrive_speed_m_per_s = 0.03;
-  double leave_m = 0.4;  // farther from the path than this: plan again
-  int attempts = 3;      // jobs a goal may spend its iterations in vain
-  int wait_jobs = 50;    // jobs a mark waits for a map and a robot
-  int aborts = 20;       // jobs in a row that may run out of time planning for one mark
+  double leave_m = 0.4;          // farther from the path than this: plan again
+  double object_moved_m = 0.15;  // way of the marked object after which the goal follows it
+  int attempts = 3;              // jobs a goal may spend its iterations in vain
+  int wait_jobs = 50;            // jobs a mark waits for a map and a robot
+  int aborts = 20;               // jobs in a row that may run out of time planning for one mark
 
   void describe(config::Section& s);
 };
@@ -72,6 +76,7 @@ class PlanningTask {
     kPathDropped = 1U << 6U,  // a path was withdrawn
     kFromGrid = 1U << 7U,     // the search spent its iterations; the path is the grid's chain
     kGivenUp = 1U << 8U,      // a goal was dropped without a path
+    kObjectMoved = 1U << 9U,  // the goal went after the object that the mark named
   };
 
   struct In {  // latched at dispatch
@@ -79,6 +84,7 @@ class PlanningTask {
     int event_count = 0;
     const perception::CostMap* map = nullptr;    // null: never published
     const drivers::RobotState* robot = nullptr;  // null: none
+    const ObjectList* objects = nullptr;         // null: none, or objects are switched off
     ModeMsg mode;                                // seq 0: none yet
   };
   struct Out {  // committed at completion
@@ -120,6 +126,9 @@ class PlanningTask {
     rt::Time mark_stamp{};
     Vec3 p_W = Vec3::Zero(), normal_W = Vec3::Zero();
     int attempts = 0, waited = 0;
+    std::uint32_t object = 0;      // serial of the object that the mark named; 0: none known
+    bool object_placed = false;    // the next one is set
+    Vec3 object_W = Vec3::Zero();  // its centre when p_W was last set
   };
   struct State {  // everything step() changes: abandon() restores it
     Mark mark;
@@ -138,6 +147,7 @@ class PlanningTask {
   struct Ground;
 
   rt::Health take_events(const In& in, Out& out) noexcept;
+  rt::Health follow_object(const ObjectList& list, Out& out) noexcept;
   void begin_mark(const TouchEvent& e) noexcept;
   void add_point(const TouchEvent& e) noexcept;
   void end_mark(Out& out) noexcept;

@@ -80,6 +80,13 @@ void OperatorConsole::drain() {
   }
   if (const auto c = cells.camera_pose.acquire_if_new(OperatorCells::kCameraConsole))
     seen_.camera = *c;
+  if (const auto o = cells.objects.acquire_if_new(OperatorCells::kObjectsConsole)) {
+    seen_.objects = *o;
+    for (std::int32_t i = 0; i < o->size; ++i) {
+      seen_.objects_named =
+          std::max(seen_.objects_named, o->entries[static_cast<std::size_t>(i)].serial);
+    }
+  }
   if (const auto m = cells.mode.acquire_if_new(OperatorCells::kModeConsole)) seen_.mode = *m;
   if (const auto r = cells.robot_state.acquire_if_new(OperatorCells::kStateConsole))
     seen_.robot = *r;
@@ -235,6 +242,8 @@ OperatorView OperatorConsole::copy() const {
   v.paths = seen_.paths;
   v.task = seen_.task;
   v.camera = seen_.camera;
+  v.objects = seen_.objects;
+  v.objects_named = seen_.objects_named;
   v.mode = seen_.mode;
   v.robot = seen_.robot;
   *v.view = *seen_.view;

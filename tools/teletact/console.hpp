@@ -21,6 +21,8 @@ struct OperatorView {
   std::vector<tasks::Path> paths;  // each path once, as it was first published
   tasks::TaskState task;
   tasks::CameraPose camera;
+  tasks::ObjectList objects;        // newest; seq 0: objects are switched off
+  std::uint32_t objects_named = 0;  // largest serial seen
   tasks::ModeMsg mode;
   drivers::RobotState robot;
   std::unique_ptr<tasks::SceneView> view = std::make_unique<tasks::SceneView>();

@@ -18,6 +18,7 @@ constexpr std::array<CellRow, kCells> kCellTable{{
     {Cell::kPatch, "patch", of(TaskId::kFusion), 0},
     {Cell::kCostMap, "cost_map", of(TaskId::kFusion), 1},
     {Cell::kCameraPose, "camera_pose", of(TaskId::kFusion), 2},
+    {Cell::kObjects, "objects", of(TaskId::kFusion), 4},
     {Cell::kPath, "path", of(TaskId::kPlanning), 0},
     {Cell::kMode, "mode", of(TaskId::kSupervision), 0},
     {Cell::kHealthHaptic, "health of haptic", of(TaskId::kHaptic), 2},
@@ -31,7 +32,7 @@ constexpr std::array<CellRow, kCells> kCellTable{{
 }};
 
 // The order of record.input_seq in tasks/graph/operator_nodes.cpp and robot_nodes.cpp.
-constexpr std::array<ReadRow, 22> kReadTable{{
+constexpr std::array<ReadRow, 23> kReadTable{{
     {TaskId::kHaptic, 0, Cell::kPatch, true},
     {TaskId::kHaptic, 1, Cell::kMode, false},
     {TaskId::kFusion, 0, Cell::kFrame, false},
@@ -40,6 +41,7 @@ constexpr std::array<ReadRow, 22> kReadTable{{
     {TaskId::kPlanning, 0, Cell::kCostMap, false},
     {TaskId::kPlanning, 1, Cell::kRobotState, false},
     {TaskId::kPlanning, 2, Cell::kMode, false},
+    {TaskId::kPlanning, 4, Cell::kObjects, false},
     {TaskId::kPrediction, 0, Cell::kRobotState, false},
     {TaskId::kPrediction, 1, Cell::kPath, false},
     {TaskId::kPrediction, 2, Cell::kCameraPose, false},
@@ -94,7 +96,7 @@ rt::Result<Recording> read_recording(const std::string& path) {
   r.path = path;
   std::string line;
   std::getline(in, line);
-  if (line != "teletact-inputs 2 " + std::to_string(sizeof(JobOp)))
+  if (line != "teletact-inputs 3 " + std::to_string(sizeof(JobOp)))
     return rt::Error{path + ":1: not a recording of inputs by this version"};
   while (std::getline(in, line) && !line.empty()) {
     const auto space = line.find(' ');

@@ -219,7 +219,7 @@ ReportPicture report_picture(const OperatorHalf& op) {
   }
   proxy.kind = plot::Overlay::Kind::kDot;
   proxy.radius_px = 2;
-  plot::Overlay marks, path, base;
+  plot::Overlay marks, path, base, objects;
   marks.kind = plot::Overlay::Kind::kCross;
   marks.label = "mark";
   marks.colour = "#ff9800";
@@ -229,6 +229,14 @@ ReportPicture report_picture(const OperatorHalf& op) {
   base.kind = plot::Overlay::Kind::kCircle;
   base.label = "robot";
   base.colour = "#43a047";
+  objects.kind = plot::Overlay::Kind::kCircle;
+  objects.label = "object";
+  objects.colour = "#8e24aa";
+  const auto& list = op.view.objects;
+  for (std::int32_t i = 0; i < list.size; ++i) {
+    const auto& e = list.entries[static_cast<std::size_t>(i)];
+    if (e.summarised) add(objects, e.X_WO * e.centre_m);
+  }
   for (const auto& p : op.view.paths) add(marks, p.marked_W);
   if (!op.view.paths.empty()) {
     const auto& p = op.view.paths.back();
@@ -238,7 +246,7 @@ ReportPicture report_picture(const OperatorHalf& op) {
     }
   }
   add(base, perception::Vec3(op.view.robot.x_m, op.view.robot.y_m, 0));
-  for (auto* o : {&proxy, &path, &marks, &base}) {
+  for (auto* o : {&proxy, &path, &objects, &marks, &base}) {
     if (!o->x.empty()) picture.overlays.push_back(*o);
   }
   char text[160];
@@ -278,6 +286,24 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
   d.verdicts.push_back(
       {value("fusion.frames_tracked") == value("fusion.frames") ? State::kGood : State::kNote,
        text});
+  if (op.view.objects.seq != 0) {
+    const auto& list = op.view.objects;
+    std::snprintf(text, sizeof text, "objects: %u named, %d held; answer to the newest mark: %s",
+                  op.view.objects_named, list.size,
+                  std::string(perception::text_of(list.answer)).c_str());
+    d.verdicts.push_back({State::kNote, text});
+    for (std::int32_t i = 0; i < list.size; ++i) {
+      const auto& e = list.entries[static_cast<std::size_t>(i)];
+      const perception::Vec3 c = e.X_WO * e.centre_m;
+      std::snprintf(text, sizeof text,
+                    "object %u: centre (%.3f, %.3f, %.3f) m, extent %.0f x %.0f x %.0f mm, colour "
+                    "%u %u %u%s",
+                    e.serial, c.x(), c.y(), c.z(), 1e3 * e.extent_m.x(), 1e3 * e.extent_m.y(),
+                    1e3 * e.extent_m.z(), e.colour.r, e.colour.g, e.colour.b,
+                    e.seen ? "" : ", not in view");
+      d.verdicts.push_back({State::kNote, text});
+    }
+  }
   std::snprintf(text, sizeof text,
                 "robot: %.0f marks, %.0f paths, %.2f m driven, goal error %.3f m, %.0f collisions",
                 value("mark.count"), value("plan.paths"), value("robot.path_m"),

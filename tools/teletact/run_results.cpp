@@ -104,6 +104,8 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.many(h.view.paths);
     s.one(h.view.task);
     s.one(h.view.camera);
+    s.one(h.view.objects);
+    s.one(h.view.objects_named);
     s.one(h.view.robot);
     s.one(h.view.arrivals);
     s.one(h.view.first_arrival);
@@ -130,10 +132,11 @@ void load_half(const std::string& folder, OperatorHalf& h) {
   h.complete = false;
   (void)(l.one(h.epoch_ns) && l.many(h.view.haptic) && l.many(h.view.fusion) &&
          l.many(h.view.paths) && l.one(h.view.task) && l.one(h.view.camera) &&
-         l.one(h.view.robot) && l.one(h.view.arrivals) && l.one(h.view.first_arrival) &&
-         l.one(h.view.points_resolved) && l.one(h.view.device_brakes) && l.one(h.view.engages) &&
-         l.one(h.view.clears) && l.one(h.view.log_dropped) && l.one(*h.view.view) &&
-         l.one(*h.view.map) && l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
+         l.one(h.view.objects) && l.one(h.view.objects_named) && l.one(h.view.robot) &&
+         l.one(h.view.arrivals) && l.one(h.view.first_arrival) && l.one(h.view.points_resolved) &&
+         l.one(h.view.device_brakes) && l.one(h.view.engages) && l.one(h.view.clears) &&
+         l.one(h.view.log_dropped) && l.one(*h.view.view) && l.one(*h.view.map) &&
+         l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
          l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.force_check) &&
          l.one(h.ordinary) && l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();
@@ -324,6 +327,10 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
   m.add("fusion.frames", static_cast<double>(consumed), "1");
   m.add("fusion.frames_tracked", static_cast<double>(tracked), "1");
   m.add("fusion.frames_claimed", static_cast<double>(claimed), "1");
+  if (op.view.objects.seq != 0) {
+    m.add("fusion.objects_named", op.view.objects_named, "1");
+    m.add("fusion.objects", op.view.objects.size, "1");
+  }
   if (const auto* fusion = task_of(op, robot, tasks::TaskId::kFusion)) {
     const auto [seen, lost] = frames_seen(*fusion);
     m.add("fusion.frames_overwritten", static_cast<double>(lost), "1");

@@ -87,6 +87,21 @@ TEST(OutputHash, CameraPathTaskAndMode) {
       {}, {FIELD(seq), FIELD(stamp), FIELD(mode), FIELD(cause), FIELD(clear)});
 }
 
+TEST(OutputHash, Objects) {
+  auto list = std::make_unique<tasks::ObjectList>();
+  list->size = 2;
+  expect_each_seen<tasks::ObjectList>(
+      *list,
+      {FIELD(seq), FIELD(exposure), FIELD(size), FIELD(mark_seq), FIELD(answer), FIELD(touched),
+       FIELD(entries[0].id), FIELD(entries[1].serial), FIELD(entries[0].seen),
+       FIELD(entries[1].summarised), FIELD(entries[0].X_WO.matrix()(0, 3)),
+       FIELD(entries[1].X_WO.matrix()(2, 1)), VEC3(entries[0].extent_m), VEC3(entries[1].centre_m),
+       FIELD(entries[0].colour.r), FIELD(entries[1].colour.g), FIELD(entries[1].colour.b)});
+  const std::uint64_t before = digest(*list);
+  nudge(list->entries[2].serial);
+  EXPECT_EQ(digest(*list), before) << "past the end of the list";
+}
+
 TEST(OutputHash, RobotGoalStateAndSetpoints) {
   expect_each_seen<drivers::RobotGoal>(
       {}, {FIELD(seq), FIELD(made), FIELD(valid_until), FIELD(x_m), FIELD(y_m), FIELD(yaw_rad),

@@ -251,6 +251,87 @@ TEST(PlanningTask, PlansAgainWhenTheMapClosesTheWay) {
   EXPECT_EQ(s.out.path.seq == 0, s.out.state.phase == Phase::kFailed);
 }
 
+// The list that fusion publishes: one object of serial 7, and which mark it answered.
+tasks::ObjectList objects_at(const Vec3& centre_W, std::uint64_t mark_seq, std::uint8_t touched) {
+  tasks::ObjectList list;
+  list.seq = 1;
+  list.size = 2;
+  list.entries[0].id = 1;
+  list.entries[0].serial = 3;
+  list.entries[0].summarised = true;
+  list.entries[1].id = 2;
+  list.entries[1].serial = 7;
+  list.entries[1].summarised = true;
+  list.entries[1].X_WO.translation() = centre_W - Vec3(0.1, 0, 0);
+  list.entries[1].centre_m = Vec3(0.1, 0, 0);
+  list.mark_seq = mark_seq;
+  list.touched = touched;
+  return list;
+}
+
+TEST(PlanningTask, AGoalGoesAfterTheObjectThatItsMarkNamed) {
+  Story s;
+  tasks::ObjectList list;  // never published
+  s.in.objects = &list;
+  s.mark({1, 1, 0}).job();
+  ASSERT_EQ(s.out.path.seq, 1U);
+  const std::uint64_t mark = s.out.path.mark_seq;
+  list = objects_at({1, 1.1, 0.2}, mark, 2);
+  s.job();
+  EXPECT_EQ(s.out.path.seq, 1U) << "it is where the mark was";
+  list = objects_at({1.1, 1.15, 0.2}, mark + 9, 0);  // a later mark on nothing; it wanders a little
+  s.job();
+  EXPECT_EQ(s.out.path.seq, 1U);
+  list = objects_at({1.5, 1.1, 0.2}, mark + 9, 0);
+  s.job();
+  EXPECT_TRUE(s.out.flags & PlanningTask::kObjectMoved);
+  EXPECT_EQ(s.out.path.seq, 2U);
+  EXPECT_EQ(s.out.path.mark_seq, mark);
+  s.expect_path_sound();
+  EXPECT_NEAR(s.last()[0], 1.5, 1e-12);
+  EXPECT_NEAR(s.last()[1], 1, 1e-12);
+  // Gone from the list, or no numbers: the goal stays.
+  list.size = 1;
+  s.job();
+  EXPECT_EQ(s.out.path.seq, 2U);
+  list = objects_at(Vec3::Constant(std::nan("")), mark, 2);
+  s.job();
+  EXPECT_EQ(s.health.fault, tasks::kFaultPlanningBadInput);
+  EXPECT_EQ(s.out.path.seq, 2U);
+  // After the arrival nothing is followed.
+  s.robot.x_m = s.last()[0];
+  s.robot.y_m = s.last()[1];
+  list = objects_at({1.5, 1.1, 0.2}, mark, 2);
+  s.job();
+  ASSERT_EQ(s.out.state.phase, Phase::kArrived);
+  list = objects_at({-1, -1, 0.2}, mark, 2);
+  s.job();
+  EXPECT_EQ(s.out.path.seq, 2U);
+  EXPECT_EQ(s.out.state.phase, Phase::kArrived);
+}
+
+TEST(PlanningTask, AMarkOnNoObjectStaysWhereItIs) {
+  Story s;
+  s.mark({1, 1, 0}).job();
+  const std::uint64_t mark = s.out.path.mark_seq;
+  auto list = objects_at({1, 1.1, 0.2}, mark, 0);  // refused
+  s.in.objects = &list;
+  s.job();
+  list = objects_at({2, 2, 0.2}, mark, 0);
+  s.job();
+  EXPECT_EQ(s.out.path.seq, 1U);
+  // An aborted job has not followed either.
+  list = objects_at({2, 2, 0.2}, mark, 2);
+  s.job();
+  list = objects_at({-2, 2, 0.2}, mark, 2);
+  s.job();
+  EXPECT_EQ(s.out.path.seq, 2U);
+  s.task.abandon();
+  s.job();
+  EXPECT_EQ(s.out.path.seq, 2U) << "the same plan, made again";
+  EXPECT_TRUE(s.out.flags & PlanningTask::kObjectMoved);
+}
+
 TEST(PlanningTask, GivesUpWhatIsUnreachable) {
   Story s;
   s.box(0, -3, 0.05, 2.99, CostMap::kUnknown);

@@ -1,5 +1,5 @@
 // The objects that a touch has named and fusion follows, for the console and as targets of a grasp or an
-// approach. fusion -> console, planning; every period in which an image was consumed or a touch answered.
+// approach. fusion -> planning, console; every period in which an image was consumed or a touch answered.
 #pragma once
 
 #include <array>

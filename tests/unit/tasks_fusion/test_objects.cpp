@@ -1,0 +1,223 @@
+// A mark becomes an object: labels in the map, a slot in the patch, an entry in the list.
+#include <gtest/gtest.h>
+
+#include <iostream>
+
+#include "perception/tsdf/map_reader.hpp"
+#include "tests/unit/tasks_fusion/rig.hpp"
+
+namespace tasks {
+namespace {
+
+using perception::ObjectMap;
+using perception::Rgb;
+using perception::TouchAnswer;
+using tests::AnalyticScene;
+using tests::kDt;
+using tests::Rig;
+
+constexpr std::size_t kBox = 1;  // of test_room(): 0.5 x 0.4 x 0.7 m
+constexpr Rgb kBoxColour{190, 60, 40};
+
+FusionConfig with_objects() {
+  FusionConfig c = tests::coarse();
+  c.objects.enabled = true;
+  c.object_material.stiffness_scale = 0.5;
+  c.object_material.friction_static = 0.4;
+  return c;
+}
+
+struct ObjectRig : Rig {
+  AnalyticScene room = tests::test_room();
+  std::unique_ptr<ObjectList> list = std::make_unique<ObjectList>();
+  int frames = 0;
+
+  explicit ObjectRig(const FusionConfig& config = with_objects()) : Rig(config) {
+    out.objects = list.get();
+    in.hand.seq = 1;
+    in.hand.p_WH = surface();
+  }
+  static bool on_box(const AnalyticScene& scene, const Vec3& p_W, double margin_m) {
+    const AnalyticScene::Box& b = scene.boxes[kBox];
+    const Vec3 p = (b.X_WS.inverse() * p_W).cwiseAbs() - b.half;
+    return p.maxCoeff() <= margin_m;
+  }
+  // The room with colours: what stands in it differs from the floor and the walls.
+  void look(double sigma = 0.001) {
+    const Pose X_WC = eye(frames++);
+    fill_frame(room, setup.camera, X_WC, sigma, random, *frame);
+    const auto& k = setup.camera;
+    for (int v = 0; v < k.height; ++v)
+      for (int u = 0; u < k.width; ++u) {
+        const Vec3 d = X_WC.linear() * k.unproject(u, v, 1.0);
+        const tests::Hit h = room.cast(X_WC.translation(), d);
+        if (!std::isfinite(h.t)) continue;
+        const Vec3 p = X_WC.translation() + h.t * d;
+        const auto shade = static_cast<std::uint8_t>(random.integer(0, 10));
+        Rgb c{static_cast<std::uint8_t>(150 + shade), 150, 140};
+        if (on_box(room, p, 1e-6))
+          c = {kBoxColour.r, kBoxColour.g, static_cast<std::uint8_t>(40 + shade)};
+        frame->colour[static_cast<std::size_t>(v * k.width + u)] = c;
+      }
+    frame->exposure = rt::Time{rt::nanos_from_seconds(static_cast<double>(period) * kDt - 0.02)};
+    ++frame->seq;
+    step(true);
+  }
+  // A point of the box that the camera sees.
+  [[nodiscard]] Vec3 surface() const {
+    const Vec3 o = eye(0).translation(), to = room.boxes[kBox].X_WS.translation() - o;
+    return o + room.cast(o, to).t * to;
+  }
+  void mark(std::uint64_t seq, const Vec3& p_W) {
+    in.hand.mark_seq = seq;
+    in.hand.p_mark_W = p_W;
+  }
+};
+
+TEST(FusionObjects, AMarkBecomesAnObjectEverywhere) {
+  ObjectRig rig;
+  for (int i = 0; i < 4; ++i) {
+    rig.look();
+    ASSERT_TRUE(rig.out.objects_written && rig.out.integrated);
+    EXPECT_EQ(rig.list->seq, static_cast<std::uint64_t>(i + 1));
+    EXPECT_EQ(rig.list->size, 0);
+    EXPECT_EQ(rig.list->mark_seq, 0U);
+    EXPECT_EQ(rig.out.segmentation.work, 0U) << "nothing to follow, nothing spent";
+  }
+  rig.step(false);
+  EXPECT_FALSE(rig.out.objects_written) << "nothing new to say";
+  rig.mark(17, rig.surface());
+  rig.step(false);
+  EXPECT_FALSE(rig.out.objects_written) << "a mark waits for an image";
+  rig.look();
+  ASSERT_TRUE(rig.out.objects_written);
+  EXPECT_EQ(rig.list->mark_seq, 17U);
+  EXPECT_EQ(rig.list->answer, TouchAnswer::kObject);
+  ASSERT_EQ(rig.list->size, 1);
+  const std::uint8_t id = rig.list->touched;
+  EXPECT_EQ(rig.list->entries[0].id, id);
+  EXPECT_TRUE(rig.list->entries[0].summarised);
+  EXPECT_EQ(rig.list->exposure, rig.frame->exposure);
+  for (int i = 0; i < 16; ++i) {
+    rig.look();
+    EXPECT_EQ(rig.list->mark_seq, 17U) << "answered once";
+    EXPECT_EQ(rig.out.segmentation.followed, id);
+  }
+
+  // In the map: what is seen of the box is labelled, nothing away from it is.
+  const auto& map = rig.task->map();
+  perception::MapReader reader(map);
+  const Pose X_WC = Rig::eye(rig.frames - 1);
+  int seen = 0, right = 0, labelled = 0, stray = 0;
+  for (int v = 0; v < rig.setup.camera.height; ++v)
+    for (int u = 0; u < rig.setup.camera.width; ++u) {
+      const Vec3 d = X_WC.linear() * rig.setup.camera.unproject(u, v, 1.0);
+      const Vec3 p = X_WC.translation() + rig.room.cast(X_WC.translation(), d).t * d;
+      const bool box = ObjectRig::on_box(rig.room, p, 1e-6);
+      const bool said = reader.label(p) == id;
+      seen += box;
+      right += box && said;
+      labelled += said;
+      stray += said && !ObjectRig::on_box(rig.room, p, 0.03);
+    }
+  std::cout << "box seen at " << seen << " pixels, labelled " << right << ", elsewhere "
+            << labelled - right << " (" << stray << " beyond 30 mm)\n";
+  EXPECT_GT(seen, 1000);
+  EXPECT_GE(right, 0.95 * seen);
+  EXPECT_LE(labelled - right, 0.05 * seen);
+  EXPECT_LE(stray, 0.01 * seen);
+
+  // In the patch: the object's slot with its material, the rest in slot 0.
+  const auto& patch = *rig.patch;
+  EXPECT_FLOAT_EQ(patch.palette[id].stiffness_scale, 0.5F);
+  EXPECT_FLOAT_EQ(patch.palette[id].friction_static, 0.4F);
+  EXPECT_FLOAT_EQ(patch.palette[0].stiffness_scale, 1.0F);
+  int object_nodes = 0, other_nodes = 0, misplaced = 0;
+  for (int z = 0; z < patch.nodes; ++z)
+    for (int y = 0; y < patch.nodes; ++y)
+      for (int x = 0; x < patch.nodes; ++x) {
+        const Vec3 p = patch.node_W(x, y, z);
+        const perception::LabelVoxel voxel =
+            map.label_at(static_cast<int>(std::lround(p.x() / 0.02)),
+                         static_cast<int>(std::lround(p.y() / 0.02)),
+                         static_cast<int>(std::lround(p.z() / 0.02)));
+        const int slot = patch.material[patch.index(x, y, z)];
+        if (slot == 0) continue;
+        (slot == 1 + id ? object_nodes : other_nodes) += 1;
+        misplaced += slot != 1 + voxel.label;
+      }
+  std::cout << object_nodes << " nodes of the object in the patch, " << other_nodes << " others\n";
+  EXPECT_GT(object_nodes, 300);
+  EXPECT_GT(other_nodes, 100);
+  EXPECT_EQ(misplaced, 0);
+
+  // In the list.
+  const ObjectList::Entry& e = rig.list->entries[0];
+  EXPECT_TRUE(e.seen);
+  const Vec3 centre = e.X_WO * e.centre_m;
+  std::cout << "centre off " << (centre - rig.room.boxes[kBox].X_WS.translation()).transpose()
+            << " m, extent " << e.extent_m.transpose() << " m\n";
+  // Its two far sides were never seen.
+  EXPECT_LT((centre - rig.room.boxes[kBox].X_WS.translation()).norm(), 0.15);
+  EXPECT_NEAR(e.extent_m.maxCoeff(), 0.75, 0.12);
+  EXPECT_NEAR(e.X_WO.linear().determinant(), 1, 1e-9);
+  EXPECT_LT(std::abs(int{e.colour.r} - int{kBoxColour.r}), 12);
+  EXPECT_LT(std::abs(int{e.colour.g} - int{kBoxColour.g}), 12);
+
+  // A second mark on it names the same object; the serial stays.
+  const std::uint32_t serial = e.serial;
+  rig.mark(23, rig.surface());
+  rig.look();
+  EXPECT_EQ(rig.list->mark_seq, 23U);
+  EXPECT_EQ(rig.list->answer, TouchAnswer::kKnown);
+  EXPECT_EQ(rig.list->touched, id);
+  ASSERT_EQ(rig.list->size, 1);
+  EXPECT_EQ(rig.list->entries[0].serial, serial);
+}
+
+TEST(FusionObjects, MarksThatNameNothingSayWhy) {
+  ObjectRig rig;
+  rig.look();
+  rig.look();
+  const Vec3 eye = Rig::eye(0).translation(), p = rig.surface(), ray = (p - eye).normalized();
+  const auto answer = [&](std::uint64_t seq, const Vec3& at) {
+    rig.mark(seq, at);
+    rig.look();
+    EXPECT_EQ(rig.list->mark_seq, seq);
+    EXPECT_EQ(rig.list->size, 0);
+    return rig.list->answer;
+  };
+  EXPECT_EQ(answer(2, eye - ray), TouchAnswer::kOutOfView);
+  EXPECT_EQ(answer(3, p + 0.2 * ray), TouchAnswer::kHidden);
+  EXPECT_EQ(answer(4, p - 0.2 * ray), TouchAnswer::kMoved);
+  // While the camera is lost a mark waits, but not for ever.
+  AnalyticScene other;
+  other.planes = {{Vec3(1.0, 0, 0.5), Vec3(-1, 0.9, 0.7).normalized()}};
+  std::swap(rig.room, other);
+  rig.mark(5, p);
+  int waited = 0;
+  for (; waited < 40 && rig.list->mark_seq != 5; ++waited) {
+    fill_frame(rig.room, rig.setup.camera, Rig::eye(rig.frames), 0.001, rig.random, *rig.frame);
+    rig.frame->exposure =
+        rt::Time{rt::nanos_from_seconds(static_cast<double>(rig.period) * kDt - 0.02)};
+    rig.step(true);
+    EXPECT_FALSE(rig.out.integrated);
+  }
+  EXPECT_EQ(rig.list->answer, TouchAnswer::kNotTracked);
+  EXPECT_NEAR(waited, 16, 1);
+  EXPECT_EQ(rig.list->size, 0);
+}
+
+TEST(FusionObjects, OffThereIsNothing) {
+  ObjectRig rig(tests::coarse());
+  rig.look();
+  rig.mark(2, rig.surface());
+  rig.look();
+  EXPECT_FALSE(rig.out.objects_written);
+  EXPECT_EQ(rig.list->seq, 0U);
+  EXPECT_EQ(rig.task->objects(), nullptr);
+  EXPECT_EQ(rig.task->map().label_block_count(), 0);
+}
+
+}  // namespace
+}  // namespace tasks
