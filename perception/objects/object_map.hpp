@@ -46,9 +46,10 @@ struct ObjectsConfig {
   int settled_masks = 4;         // masks of a new object that are believed whatever they say
   double agreement_drop = 0.15;  // a mask that agrees so much less than usual is not believed ...
   int held_masks = 4;            // ... unless it is the n-th in a row
-  double most_growth = 2.5;      // of the mask against the fused object, once it is settled
-  int gone_frames = 12;          // an empty place for so long: the object is forgotten
-  int summary_period = 6;        // masks of an object between two summaries
+  double most_growth =
+      2.5;                 // of the mask against the fused object: beyond it never, once not young
+  int gone_frames = 12;    // an empty place for so long: the object is forgotten
+  int summary_period = 6;  // masks of an object between two summaries
   void describe(config::Section& s);
 };
 
@@ -116,7 +117,9 @@ class ObjectMap {
 
  private:
   using SeedBox = TouchSegmenter::SeedBox;
-  struct Look;  // one frame, its camera and the map
+  static constexpr int kOthersMargin_px = 12;
+  static constexpr float kStillThere = 0.4F;  // of what is usually seen of an object
+  struct Look;                                // one frame, its camera and the map
   void answer_touch(const Look& look, const Vec3& p_W) noexcept;
   bool touch_at(const Look& look, const Vec3& p_W, std::uint8_t id, const SeedBox& known) noexcept;
   [[nodiscard]] TouchAnswer check(const Look& look, const Vec3& p_W, int& u, int& v) const noexcept;
@@ -130,6 +133,7 @@ class ObjectMap {
   void settle(TsdfMap& map) noexcept;
   void judge(MapObject& object) noexcept;
   void replace(std::uint8_t id, std::uint8_t by) noexcept;
+  [[nodiscard]] SeedBox shown(std::uint8_t id) const noexcept;
   void leave_out_rim(std::uint8_t id) noexcept;
   int paint(const Look& look, std::uint8_t id) noexcept;
   void fill(const SeedBox& box, int margin, std::uint8_t value) noexcept;

@@ -73,9 +73,7 @@ TEST(Objects, FusedIsBetterThanAFrameAfterThirty) {
   EXPECT_GT(fused_sum, single_sum);
 }
 
-// The aim is 2 %; it is missed in the frames after a wrong one (docs/segmentation.md). The bound here only
-// keeps what is reached.
-TEST(Objects, OneWrongFrameInFiveChangesFivePercentAtMost) {
+TEST(Objects, OneWrongFrameInFiveChangesTwoPercentAtMost) {
   for (const std::uint64_t seed : {11U, 12U}) {
     Rig clean, spoiled;
     frame(clean, 0, seed);
@@ -104,7 +102,7 @@ TEST(Objects, OneWrongFrameInFiveChangesFivePercentAtMost) {
               << " in frames 10 to 29, " << worst << " from 30 on; of all labelled voxels "
               << change(clean.voxels(id), spoiled.voxels(id)) << " at the end\n";
     EXPECT_GT(wrong, 6);
-    EXPECT_LE(worst, 0.05) << "seed " << seed;
+    EXPECT_LE(worst, 0.02) << "seed " << seed;
   }
 }
 
@@ -157,18 +155,13 @@ TEST(Objects, PushedAwayItLosesItsOldVoxels) {
   std::cout << before << " voxels, " << left << " after 30 frames, below 2 % after " << gone_after
             << "\n";
   EXPECT_GT(before, 1000U);
-  EXPECT_LE(left, before / 50);
-  // What remains lies in the table's own surface and goes by votes alone.
-  for (int n = 76; n < 80; ++n) {
-    frame(rig, n, seed, {}, rest);
-    rig.objects.fuse(rig.map);
-  }
-  EXPECT_EQ(rig.voxels(id).size(), 0U);
+  EXPECT_EQ(left, 0U);
   EXPECT_EQ(rig.objects.count(), 0);
   EXPECT_EQ(rig.map.label_block_count(), 0);
 }
 
-TEST(Objects, PushedSlowlyItIsFollowed) {
+// Solid 2, to the side by `step_m` a frame, 120 mm in all.
+void pushed(double step_m) {
   const std::uint64_t seed = 41;
   Rig rig;
   std::vector<Solid> solids = kTable;
@@ -176,9 +169,9 @@ TEST(Objects, PushedSlowlyItIsFollowed) {
   const std::uint8_t id = touch(rig, 2);
   rig.objects.fuse(rig.map);
   for (int n = 1; n <= 90; ++n) {
-    if (n > 30 && n <= 60) {  // 4 mm a frame to the side
-      solids[1].low.x() -= 0.004, solids[1].high.x() -= 0.004;
-      solids[1].low.y() -= 0.002, solids[1].high.y() -= 0.002;
+    if (n > 30 && n <= 30 + static_cast<int>(0.12 / step_m + 0.5)) {
+      for (Vec3* corner : {&solids[1].low, &solids[1].high})
+        *corner -= Vec3(step_m, 0.5 * step_m, 0);
     }
     frame(rig, n, seed, {}, solids);
     rig.objects.fuse(rig.map);
@@ -193,6 +186,83 @@ TEST(Objects, PushedSlowlyItIsFollowed) {
   EXPECT_GE(rig.frame_iou(2, id), 0.8);
   EXPECT_LE(old, rig.voxels(id).size() / 50);
 }
+
+// What hides an object is not its absence, and what stands in its place later is not it.
+TEST(Objects, HiddenItIsKept) {
+  const std::uint64_t seed = 33;
+  Rig rig;
+  frame(rig, 0, seed);
+  const std::uint8_t id = touch(rig, 1);
+  rig.objects.fuse(rig.map);
+  for (int n = 1; n <= 20; ++n) {
+    frame(rig, n, seed);
+    rig.objects.fuse(rig.map);
+  }
+  const std::size_t before = rig.voxels(id, kSurface_m).size();
+  std::vector<Solid> screened = kTable;
+  screened.push_back({{-0.5, -0.3, 0}, {0.3, -0.28, 0.5}, {120, 90, 60}});
+  for (int n = 21; n < 61; ++n) {
+    frame(rig, n, seed, {}, screened);
+    rig.objects.fuse(rig.map);
+  }
+  const std::size_t after = rig.voxels(id, kSurface_m).size();
+  std::cout << before << " voxels, " << after << " after 40 frames behind a screen\n";
+  ASSERT_EQ(rig.objects.count(), 1);
+  EXPECT_GE(after * 10, before * 9);
+  for (int n = 61; n < 71; ++n) {
+    frame(rig, n, seed);
+    rig.objects.fuse(rig.map);
+  }
+  EXPECT_GE(rig.read_iou(1, id), 0.95);
+}
+
+// Contradictions are held back, but not for ever: several in a row are what there is to see.
+TEST(Objects, AMaskThatContradictsTheMapWaitsForOthers) {
+  const std::uint64_t seed = 35;
+  Rig rig;
+  const ObjectsConfig config = Rig::on();
+  frame(rig, 0, seed);
+  const std::uint8_t id = touch(rig, 1);
+  rig.objects.fuse(rig.map);
+  for (int n = 1; n <= 15; ++n) {
+    frame(rig, n, seed);
+    rig.objects.fuse(rig.map);
+    EXPECT_FALSE(rig.objects.stats().withheld) << n;
+  }
+  EXPECT_GE(rig.objects.stats().agreement, 0.9F);
+  // From now on half of it is said to be the whole.
+  const auto halve = [&] {
+    double su = 0, m = 0;
+    for (int v = 0; v < kH; ++v)
+      for (int u = 0; u < kW; ++u)
+        if (rig.objects.label_image().at(u, v) == id) su += u, m += 1;
+    for (int v = 0; v < kH; ++v)
+      for (int u = static_cast<int>(su / m); u < kW; ++u)
+        if (rig.objects.label_image().at(u, v) == id) rig.objects.label_image().at(u, v) = 0;
+  };
+  const Voxels before = rig.voxels(id, kSurface_m);
+  for (int n = 1; n <= 6; ++n) {
+    frame(rig, 15 + n, seed);
+    halve();
+    rig.objects.fuse(rig.map);
+    EXPECT_EQ(rig.objects.stats().withheld, n < config.held_masks) << n;
+    if (n == config.held_masks - 1) {
+      EXPECT_LE(change(before, rig.voxels(id, kSurface_m)), 0.03) << "nothing of them was fused";
+    }
+  }
+  // One that agrees again ends the row.
+  frame(rig, 22, seed);
+  rig.objects.fuse(rig.map);
+  EXPECT_FALSE(rig.objects.stats().withheld);
+  frame(rig, 23, seed);
+  halve();
+  rig.objects.fuse(rig.map);
+  EXPECT_TRUE(rig.objects.stats().withheld);
+}
+
+TEST(Objects, PushedSlowlyItIsFollowed) { pushed(0.004); }
+// 12 mm a frame, 0.36 m/s: the agreement falls with each frame, but new ground contradicts nothing.
+TEST(Objects, PushedFastItIsFollowed) { pushed(0.012); }
 
 TEST(Objects, SeveralAtOnceInTurn) {
   const std::uint64_t seed = 51;
