@@ -10,13 +10,13 @@ namespace perception {
 void ObjectMap::fuse(TsdfMap& map) noexcept {
   if (!painted_) return;
   const bool fresh = stats_.answer == TouchAnswer::kObject;
-  if (stats_.followed != 0) {
-    MapObject& o = objects_[stats_.followed - 1U];
-    if (!fresh) judge(o);
-    leave_out_rim(o.id);
-  } else {
-    std::copy_n(image_.data(), image_.width() * image_.height(), voting_.data());
+  for (int n = 0; n < turn_count_; ++n) {
+    const Turn& turn = turns_[static_cast<std::size_t>(n)];
+    judge(objects_[turn.id - 1U], turn);
   }
+  std::copy_n(image_.data(), image_.width() * image_.height(), voting_.data());
+  if (fresh) leave_out_rim(stats_.touched);
+  for (int n = 0; n < turn_count_; ++n) leave_out_rim(turns_[static_cast<std::size_t>(n)].id);
   stats_.votes = map.vote_labels(voting_.view(), fresh ? stats_.touched : std::uint8_t{0});
   stats_.work += static_cast<std::uint64_t>(stats_.votes.blocks_voted) * TsdfMap::kBlockVoxels;
   settle(map);
@@ -28,7 +28,8 @@ void ObjectMap::settle(TsdfMap& map) noexcept {
   map.for_each_label_block([&](std::int32_t, std::uint32_t bits) { present |= bits; });
   for (MapObject& o : objects_) {
     if (o.id == 0) continue;
-    const bool mine = o.id == stats_.followed;
+    bool mine = stats_.answer == TouchAnswer::kObject && o.id == stats_.touched;
+    for (int n = 0; n < turn_count_; ++n) mine |= turns_[static_cast<std::size_t>(n)].id == o.id;
     if (mine && o.seen) ++o.masks;
     const bool left = ((present >> o.id) & 1U) != 0;
     const bool young = o.masks < config_.young_frames;
@@ -37,48 +38,56 @@ void ObjectMap::settle(TsdfMap& map) noexcept {
       o = {};
       continue;
     }
-    if (mine && o.seen && (o.masks - 1) % config_.summary_period == 0) summarise_object(map, o);
+    // By turns: not all of those that have a mask in every frame in the same one.
+    const bool due = o.masks == 1 || (o.masks + o.id) % config_.summary_period == 0;
+    if (mine && o.seen && due) summarise_object(map, o);
   }
 }
 
 // Sets what is usual of the object, or takes a mask that is not believed out of the image.
-void ObjectMap::judge(MapObject& object) noexcept {
+void ObjectMap::judge(MapObject& object, const Turn& turn) noexcept {
   int mask = 0, both = 0, against = 0;
   const SeedBox box = shown(object.id);
   for (int v = (box.v0 + 1) & ~1; v <= box.v1; v += 2) {
-    const std::uint8_t *said = &image_.at(0, v), *seed = &seed_.at(0, v), *other = &other_.at(0, v);
+    const std::uint8_t *said = &image_.at(0, v), *known = &known_.at(0, v);
     for (int u = (box.u0 + 1) & ~1; u <= box.u1; u += 2) {
-      const int in = said[u] == object.id ? 1 : 0;
-      mask += in;
-      both += in & seed[u];
-      against += in & other[u];
+      if (said[u] != object.id) continue;
+      ++mask;
+      both += known[u] == object.id ? 1 : 0;
+      against += known[u] != object.id && known[u] != 0 ? 1 : 0;
     }
   }
-  stats_.agreement = static_cast<float>(both) / static_cast<float>(std::max(1, planted_ + against));
+  const float agreement =
+      static_cast<float>(both) / static_cast<float>(std::max(1, turn.planted + against));
   const bool settled = object.masks >= config_.settled_masks;
-  const bool there = static_cast<float>(planted_) > kStillThere * object.usual_seed;
-  const bool odd = mask > config_.most_growth * planted_ || mask * config_.most_growth < planted_;
+  const bool there = static_cast<float>(turn.planted) > kStillThere * object.usual_seed;
+  const bool odd =
+      mask > config_.most_growth * turn.planted || mask * config_.most_growth < turn.planted;
+  bool withheld = false;
   object.seen = object.seen && mask > 0;
   if (settled && mask > 0) {
-    const bool agrees = static_cast<double>(stats_.agreement) >=
+    const bool agrees = static_cast<double>(agreement) >=
                         static_cast<double>(object.usual_agreement) - config_.agreement_drop;
     object.held = agrees && !odd ? 0 : object.held + 1;
     const bool young = object.masks < config_.young_frames;
-    stats_.withheld = (odd && !young) || (object.held > 0 && object.held < config_.held_masks);
+    withheld = (odd && !young) || (object.held > 0 && object.held < config_.held_masks);
   } else {
-    stats_.withheld = settled && there;  // nothing is seen of it where it still is
+    withheld = settled && there;  // nothing is seen of it where it still is
   }
-  if (stats_.withheld) {
+  if (withheld) {
     // Where hardly anything is left of it, what shows in its place votes.
     replace(object.id, there ? kNoVote : std::uint8_t{0});
-    if (there) fill(seed_box_, kOthersMargin_px, kNoVote);
+    if (there) turn_into(turn.seed_box, 0, kNoVote);
     object.seen = false;
   } else if (object.seen) {
     const float share = object.masks <= 1 ? 1.0F : 0.2F;
-    object.usual_agreement += share * (stats_.agreement - object.usual_agreement);
-    object.usual_seed += share * (static_cast<float>(planted_) - object.usual_seed);
+    object.usual_agreement += share * (agreement - object.usual_agreement);
+    object.usual_seed += share * (static_cast<float>(turn.planted) - object.usual_seed);
   }
   object.unseen = object.seen ? 0 : object.unseen + 1;
+  if (object.id != stats_.followed) return;
+  stats_.agreement = agreement;
+  stats_.withheld = withheld;
 }
 
 void ObjectMap::replace(std::uint8_t id, std::uint8_t by) noexcept {
@@ -103,11 +112,9 @@ ObjectMap::SeedBox ObjectMap::shown(std::uint8_t id) const noexcept {
   return out;
 }
 
-// Copies the image into what votes, without the pixels at both sides of the mask's outline. A mask that is
-// little else but outline keeps them.
+// The pixels at both sides of the mask's outline do not vote; those of a mask that is little else do.
 void ObjectMap::leave_out_rim(std::uint8_t id) noexcept {
   const int w = image_.width(), h = image_.height();
-  std::copy_n(image_.data(), w * h, voting_.data());
   const SeedBox box = shown(id);
   int inner = 0, all = 0;
   for (int v = std::max(0, box.v0 - 1); v <= std::min(h - 1, box.v1 + 1); ++v) {
@@ -123,7 +130,10 @@ void ObjectMap::leave_out_rim(std::uint8_t id) noexcept {
       inner += in && !rim ? 1 : 0;
     }
   }
-  if (4 * inner < all) std::copy_n(image_.data(), w * h, voting_.data());
+  if (4 * inner >= all) return;
+  for (int v = std::max(0, box.v0 - 1); v <= std::min(h - 1, box.v1 + 1); ++v)
+    for (int u = std::max(0, box.u0 - 1); u <= std::min(w - 1, box.u1 + 1); ++u)
+      if (image_.at(u, v) == id || image_.at(u, v) == 0) voting_.at(u, v) = image_.at(u, v);
 }
 
 // Of the labelled nodes next to the surface, thinned evenly where there are too many.

@@ -8,9 +8,11 @@
 namespace perception {
 namespace {
 
-constexpr int kLeastSeed = 12;          // half-resolution pixels
-constexpr int kMostHalfPixels = 36000;  // of a touch's window
-constexpr int kSureWeight = 3;          // of a label that contradicts a mask
+constexpr int kLeastSeed = 12;            // half-resolution pixels
+constexpr int kMostHalfPixels = 36000;    // of a touch's window
+constexpr int kWindowHalfPixels = 12000;  // of a window that others may join ...
+constexpr int kWindowMore = 1500;         // ... and for each of them
+constexpr int kSureWeight = 3;            // of a background that contradicts a mask
 
 bool reads(std::uint16_t mm) noexcept { return mm != 0 && mm != 65535; }
 
@@ -81,8 +83,7 @@ ObjectMap::ObjectMap(rt::NonRealtime&, int max_width, int max_height, const Obje
       segmenter_(max_width, max_height),
       image_(max_width, max_height),
       voting_(max_width, max_height),
-      seed_(max_width, max_height),
-      other_(max_width, max_height),
+      known_(max_width, max_height),
       points_(kMostPoints),
       colours_(kMostPoints),
       scratch_(kMostPoints) {}
@@ -113,8 +114,7 @@ void ObjectMap::segment(const FrameView& frame, const TsdfMap& map, const Pose& 
   if (!touched_W && count() == 0) return;
   image_.reshape(k.width, k.height);
   voting_.reshape(k.width, k.height);
-  seed_.reshape(k.width, k.height);
-  other_.reshape(k.width, k.height);
+  known_.reshape(k.width, k.height);
   if (++frame_ == 0) frame_ = 1;
   std::fill_n(image_.data(), k.width * k.height, std::uint8_t{0});
   painted_ = true;
@@ -152,7 +152,7 @@ TouchAnswer ObjectMap::check(const Look& look, const Vec3& p_W, int& u, int& v) 
 
 void ObjectMap::answer_touch(const Look& look, const Vec3& p_W) noexcept {
   for (const MapObject& o : objects_)
-    if (o.id != 0) fill(project(look, o.id), kOthersMargin_px, kNoVote);
+    if (o.id != 0) turn_into(project(look, o.id), 0, kNoVote);
   int u = 0, v = 0;
   stats_.answer = check(look, p_W, u, v);
   if (stats_.answer != TouchAnswer::kObject) return;
@@ -212,40 +212,93 @@ bool ObjectMap::touch_at(const Look& look, const Vec3& p_W, std::uint8_t id,
 // ---------------------------------------------------------------- following
 
 void ObjectMap::follow_next(const Look& look) noexcept {
+  std::array<SeedBox, kMost> box;
+  for (const MapObject& o : objects_)
+    if (o.id != 0) box[o.id - 1U] = project(look, o.id);
+  const auto young = [&](const MapObject& o) { return o.masks < config_.young_frames; };
+  const auto visible = [&](const MapObject& o) { return box[o.id - 1U].u1 >= box[o.id - 1U].u0; };
   // The next one in turn that the image can show; one that it can not has nothing to be followed.
   MapObject* next = nullptr;
   for (int n = 1; n <= kMost && next == nullptr; ++n) {
     MapObject& o = objects_[static_cast<std::size_t>((turn_ + n) % kMost)];
-    if (o.id == 0) continue;
-    const SeedBox box = project(look, o.id);
-    const bool young = o.masks < config_.young_frames;
-    if (box.u1 >= box.u0 || young) next = &o;
+    if (o.id != 0 && (visible(o) || young(o))) next = &o;
   }
   if (next == nullptr) return;
   turn_ = next->id - 1;
-  for (const MapObject& o : objects_)
-    if (o.id != 0 && &o != next) fill(project(look, o.id), kOthersMargin_px, kNoVote);
   stats_.followed = next->id;
-  follow(look, *next);
+  for (const MapObject& o : objects_)
+    if (o.id != 0 && &o != next) turn_into(box[o.id - 1U], 0, kNoVote);
+  // Those whose place the same window can hold.
+  SeedBox window = box[next->id - 1U];
+  const int limit = kWindowHalfPixels + kWindowMore * (count() - 1);
+  std::uint32_t near = 0;
+  for (const MapObject& o : objects_) {
+    if (o.id == 0 || &o == next || young(*next) || young(o) || !visible(o)) continue;
+    const SeedBox& b = box[o.id - 1U];
+    const SeedBox both{std::min(window.u0, b.u0), std::min(window.v0, b.v0),
+                       std::max(window.u1, b.u1), std::max(window.v1, b.v1)};
+    if (((both.u1 - both.u0) / 2 + 24) * ((both.v1 - both.v0) / 2 + 24) > limit) continue;
+    window = both;
+    near |= 1U << o.id;
+  }
+  follow(look, *next, box[next->id - 1U], near != 0 ? &window : nullptr);
+  if ((stats_.with_mask >> next->id & 1U) == 0) return;
+  for (MapObject& o : objects_)
+    if (o.id != 0 && (near >> o.id & 1U) != 0) follow_also(look, o, box[o.id - 1U]);
+  // Round those that were found the image speaks of everything but of those that were not.
+  for (const MapObject& o : objects_)
+    if (o.id != 0 && (stats_.with_mask >> o.id & 1U) != 0) turn_into(box[o.id - 1U], kNoVote, 0);
+  for (const MapObject& o : objects_)
+    if (o.id != 0 && (stats_.with_mask >> o.id & 1U) == 0) turn_into(box[o.id - 1U], 0, kNoVote);
 }
 
-void ObjectMap::follow(const Look& look, MapObject& object) noexcept {
+void ObjectMap::follow(const Look& look, MapObject& object, const SeedBox& known,
+                       const SeedBox* shared) noexcept {
   const bool young = object.masks < config_.young_frames;
-  const SeedBox known = project(look, object.id);
-  find_known(look, object.id, known);
+  const Turn& turn = find_known(look, object.id, known);
   object.seen = false;
   // A few bad masks of a young object would name others for good: the touched point still names it.
   if (young && touch_at(look, object.touched_W, object.id, known)) {
     object.seen = true;
-  } else if (planted_ >= kLeastSeed) {
+  } else if (turn.planted >= kLeastSeed) {
     const Intrinsics& k = look.frame.intrinsics;
-    const SeedBox& box = seed_box_;
-    stats_.work += static_cast<std::uint64_t>(2 * (box.u1 - box.u0) * (box.v1 - box.v0));
-    object.seen =
-        segmenter_.follow(look.frame.colour, look.frame.depth_mm, k, 1.0F, seed_.view(), box);
+    const SeedBox& window = shared != nullptr ? *shared : turn.seed_box;
+    stats_.work +=
+        static_cast<std::uint64_t>(2 * (window.u1 - window.u0) * (window.v1 - window.v0));
+    object.seen = segmenter_.follow(look.frame.colour, look.frame.depth_mm, k, 1.0F, known_.view(),
+                                    window, object.id);
     if (object.seen) stats_.mask_pixels = paint(look, object.id);
   }
-  watch_place(look, object);
+  if (object.seen && !young) stats_.with_mask |= 1U << object.id;
+  watch_place(look, object, turn.planted);
+}
+
+// In the window that another object's turn has made ready.
+void ObjectMap::follow_also(const Look& look, MapObject& object, const SeedBox& known) noexcept {
+  if (!stands_here(look, object)) return;
+  const Turn& turn = find_known(look, object.id, known);
+  if (turn.planted < kLeastSeed || !segmenter_.also(known_.view(), object.id)) {
+    --turn_count_;  // what became of it is seen in its own turn
+    return;
+  }
+  object.seen = true;
+  stats_.mask_pixels += paint(look, object.id);
+  stats_.with_mask |= 1U << object.id;
+  watch_place(look, object, turn.planted);
+}
+
+// Its lowest corner is near the support that was taken out.
+bool ObjectMap::stands_here(const Look& look, const MapObject& object) const noexcept {
+  constexpr float kNear_m = 0.05F;
+  const ObjectSummary& s = object.summary;
+  if (s.points == 0 || !segmenter_.support().valid()) return false;
+  float lowest = 1e9F;
+  for (int n = 0; n < 8; ++n) {
+    const Vec3 corner((n & 4) - 2, 2 * (n & 2) - 2, 4 * (n & 1) - 2);
+    const Vec3 p_C = look.X_CW * (s.X_FO * (s.centre_m + 0.25 * s.extent_m.cwiseProduct(corner)));
+    lowest = std::min(lowest, segmenter_.support().height(p_C.cast<float>()));
+  }
+  return std::abs(lowest) < kNear_m;
 }
 
 // Is there nothing where the object was when it was last summarised? Looks at 27 points of its box: each
@@ -270,8 +323,8 @@ bool ObjectMap::place_is_empty(const Look& look, const MapObject& object) const 
   return empty >= kLeast;
 }
 
-void ObjectMap::watch_place(const Look& look, MapObject& object) noexcept {
-  const bool missing = static_cast<float>(planted_) <= kStillThere * object.usual_seed;
+void ObjectMap::watch_place(const Look& look, MapObject& object, int planted) noexcept {
+  const bool missing = static_cast<float>(planted) <= kStillThere * object.usual_seed;
   if (!missing || !place_is_empty(look, object)) {
     object.empty_since = 0;
   } else if (object.empty_since == 0) {
@@ -297,41 +350,35 @@ ObjectMap::SeedBox ObjectMap::project(const Look& look, std::uint8_t id) const n
   return out;
 }
 
-// Marks, at even pixels, where a reading lies on the object's labels, and where on those of something
-// else, as far round it as a mask may well be wrong.
-void ObjectMap::find_known(const Look& look, std::uint8_t id, SeedBox within) noexcept {
-  SeedBox seed{1 << 20, 1 << 20, -1, -1};
-  if (within.u1 >= within.u0) {
-    within = {std::max(0, within.u0 - kOthersMargin_px), std::max(0, within.v0 - kOthersMargin_px),
-              std::min(image_.width() - 1, within.u1 + kOthersMargin_px),
-              std::min(image_.height() - 1, within.v1 + kOthersMargin_px)};
-  }
+// Notes, at even pixels, what the readings lie on, as far round the object as a mask may well be wrong.
+ObjectMap::Turn& ObjectMap::find_known(const Look& look, std::uint8_t id, SeedBox within) noexcept {
+  Turn& turn = turns_[static_cast<std::size_t>(turn_count_++)];
+  turn = {id, 0, {1 << 20, 1 << 20, -1, -1}};
+  if (within.u1 < within.u0) return turn;
+  within = grown(within);
+  SeedBox& seed = turn.seed_box;
   for (int v = (within.v0 + 1) & ~1; v <= within.v1; v += 2)
     for (int u = (within.u0 + 1) & ~1; u <= within.u1; u += 2) {
       const LabelVoxel known = look.voted(u, v);
-      if (known.label != id) {
-        other_.at(u, v) = known.weight >= kSureWeight ? 1 : 0;
-        continue;
-      }
-      seed_.at(u, v) = known.weight > 0 ? 1 : 0;
+      known_.at(u, v) = known.label != 0              ? known.label
+                        : known.weight >= kSureWeight ? kSureOther
+                                                      : std::uint8_t{0};
+      if (known.label != id) continue;
       seed.u0 = std::min(seed.u0, u), seed.u1 = std::max(seed.u1, u);
       seed.v0 = std::min(seed.v0, v), seed.v1 = std::max(seed.v1, v);
-      ++planted_;
+      ++turn.planted;
     }
-  within_ = within;
-  seed_box_ = seed;
-  stats_.work += static_cast<std::uint64_t>(std::max(0, within.u1 - within.u0) *
-                                            std::max(0, within.v1 - within.v0) / 4);
+  within_ = {std::min(within_.u0, within.u0), std::min(within_.v0, within.v0),
+             std::max(within_.u1, within.u1), std::max(within_.v1, within.v1)};
+  stats_.work += static_cast<std::uint64_t>((within.u1 - within.u0) * (within.v1 - within.v0) / 4);
+  return turn;
 }
 
 void ObjectMap::wipe_known() noexcept {
-  const SeedBox& box = within_;
-  for (int v = box.v0; v <= box.v1; ++v) {
-    std::fill_n(&seed_.at(box.u0, v), box.u1 - box.u0 + 1, std::uint8_t{0});
-    std::fill_n(&other_.at(box.u0, v), box.u1 - box.u0 + 1, std::uint8_t{0});
-  }
-  within_ = seed_box_ = {0, 0, -1, -1};
-  planted_ = 0;
+  for (int v = within_.v0; v <= within_.v1; ++v)
+    std::fill_n(&known_.at(within_.u0, v), within_.u1 - within_.u0 + 1, std::uint8_t{0});
+  within_ = {1 << 20, 1 << 20, -1, -1};
+  turn_count_ = 0;
 }
 
 // The segmenter's mask, but not over what the map gives to another object.
@@ -352,12 +399,19 @@ int ObjectMap::paint(const Look& look, std::uint8_t id) noexcept {
   return pixels;
 }
 
-void ObjectMap::fill(const SeedBox& box, int margin, std::uint8_t value) noexcept {
+ObjectMap::SeedBox ObjectMap::grown(const SeedBox& box) const noexcept {
+  return {std::max(0, box.u0 - kOthersMargin_px), std::max(0, box.v0 - kOthersMargin_px),
+          std::min(image_.width() - 1, box.u1 + kOthersMargin_px),
+          std::min(image_.height() - 1, box.v1 + kOthersMargin_px)};
+}
+
+void ObjectMap::turn_into(const SeedBox& box, std::uint8_t from, std::uint8_t to) noexcept {
   if (box.u1 < box.u0) return;
-  const int u0 = std::max(0, box.u0 - margin), u1 = std::min(image_.width() - 1, box.u1 + margin);
-  for (int v = std::max(0, box.v0 - margin); v <= std::min(image_.height() - 1, box.v1 + margin);
-       ++v)
-    std::fill_n(&image_.at(u0, v), u1 - u0 + 1, value);
+  const SeedBox b = grown(box);
+  for (int v = b.v0; v <= b.v1; ++v) {
+    std::uint8_t* row = &image_.at(0, v);
+    for (int u = b.u0; u <= b.u1; ++u) row[u] = row[u] == from ? to : row[u];
+  }
 }
 
 }  // namespace perception

@@ -8,8 +8,9 @@
 //              seen: seed = the pixels whose reading lies on the object's fused labels.
 //   fuse()     its vote, and what became of the objects.
 //
-// One object is segmented a frame, in turn, so a frame's time does not grow with their number; where
-// another one may be the image says nothing. Nor does it say anything of an object whose mask is not
+// One object is segmented a frame, in turn, and with it those others whose place is near enough that one
+// window of limited size holds them all and that stand on the same support: pieces and regions of the
+// window are made once for all of them. Where the rest may be the image says nothing. Nor does it say anything of an object whose mask is not
 // believed: one that agrees with what the map shows of it much less than its masks usually do, until
 // several in a row say the same; one that is out of all proportion; none where the object still is.
 // The outermost pixels of a mask, and those beside them, do not vote: they are on either side by
@@ -86,10 +87,12 @@ struct ObjectStats {
   TouchAnswer answer = TouchAnswer::kNone;
   std::uint8_t touched = 0;   // id that the answer names
   std::uint8_t followed = 0;  // id of the object whose turn it was
-  std::int32_t mask_pixels = 0;
-  float agreement = 0;     // of its mask with the fused object, 0 to 1
-  bool withheld = false;   // its mask was not believed
-  std::uint64_t work = 0;  // deterministic count
+  std::uint32_t with_mask =
+      0;  // bit n: so was that of object n, or it was near; its mask was found
+  std::int32_t mask_pixels = 0;  // of all of them
+  float agreement = 0;           // of the mask of `followed` with the fused object, 0 to 1
+  bool withheld = false;         // that mask was not believed
+  std::uint64_t work = 0;        // deterministic count
   LabelStats votes;
 };
 
@@ -119,24 +122,36 @@ class ObjectMap {
   using SeedBox = TouchSegmenter::SeedBox;
   static constexpr int kOthersMargin_px = 12;
   static constexpr float kStillThere = 0.4F;  // of what is usually seen of an object
-  struct Look;                                // one frame, its camera and the map
+  static constexpr std::uint8_t kSureOther = 255;
+  struct Look;  // one frame, its camera and the map
+  // An object of which this frame may say something.
+  struct Turn {
+    std::uint8_t id;
+    int planted;       // pixels where the map shows it
+    SeedBox seed_box;  // that hold all of them
+  };
   void answer_touch(const Look& look, const Vec3& p_W) noexcept;
   bool touch_at(const Look& look, const Vec3& p_W, std::uint8_t id, const SeedBox& known) noexcept;
   [[nodiscard]] TouchAnswer check(const Look& look, const Vec3& p_W, int& u, int& v) const noexcept;
   void follow_next(const Look& look) noexcept;
-  void follow(const Look& look, MapObject& object) noexcept;
+  void follow(const Look& look, MapObject& object, const SeedBox& known,
+              const SeedBox* shared) noexcept;
+  void follow_also(const Look& look, MapObject& object, const SeedBox& known) noexcept;
+  [[nodiscard]] bool stands_here(const Look& look, const MapObject& object) const noexcept;
   [[nodiscard]] SeedBox project(const Look& look, std::uint8_t id) const noexcept;
-  void find_known(const Look& look, std::uint8_t id, SeedBox within) noexcept;
+  [[nodiscard]] Turn& find_known(const Look& look, std::uint8_t id, SeedBox within) noexcept;
   void wipe_known() noexcept;
   [[nodiscard]] bool place_is_empty(const Look& look, const MapObject& object) const noexcept;
-  void watch_place(const Look& look, MapObject& object) noexcept;
+  void watch_place(const Look& look, MapObject& object, int planted) noexcept;
   void settle(TsdfMap& map) noexcept;
-  void judge(MapObject& object) noexcept;
+  void judge(MapObject& object, const Turn& turn) noexcept;
   void replace(std::uint8_t id, std::uint8_t by) noexcept;
   [[nodiscard]] SeedBox shown(std::uint8_t id) const noexcept;
   void leave_out_rim(std::uint8_t id) noexcept;
+  [[nodiscard]] SeedBox grown(const SeedBox& box) const noexcept;
   int paint(const Look& look, std::uint8_t id) noexcept;
-  void fill(const SeedBox& box, int margin, std::uint8_t value) noexcept;
+  // Pixels of the value `from` in the box and round it.
+  void turn_into(const SeedBox& box, std::uint8_t from, std::uint8_t to) noexcept;
   void summarise_object(const TsdfMap& map, MapObject& object) noexcept;
 
   ObjectsConfig config_;
@@ -144,11 +159,11 @@ class ObjectMap {
   TouchSegmenter segmenter_;
   Image<std::uint8_t> image_;   // what the segmenter says
   Image<std::uint8_t> voting_;  // what of it votes
-  // What the map shows, at even pixels: 1 where it is the object whose turn it is; 1 where it is
-  // surely something else. Both are set within the first box only, all of the seed in the second.
-  Image<std::uint8_t> seed_, other_;
-  SeedBox within_{0, 0, -1, -1}, seed_box_{0, 0, -1, -1};
-  int planted_ = 0;  // pixels of the seed
+  // What the map shows, at even pixels, round the objects of turns_: an id, kSureOther, or 0.
+  Image<std::uint8_t> known_;
+  SeedBox within_{1 << 20, 1 << 20, -1, -1};  // where it may be set
+  std::array<Turn, kMost> turns_{};
+  int turn_count_ = 0;
   std::array<MapObject, kMost> objects_{};
   ObjectStats stats_;
   std::uint32_t serial_ = 0, frame_ = 0;

@@ -8,6 +8,11 @@
 namespace perception {
 namespace {
 
+constexpr std::uint8_t kAny = 0;  // a seed is whatever is not zero
+bool is_seed(std::uint8_t value, std::uint8_t id) noexcept {
+  return id == kAny ? value != 0 : value == id;
+}
+
 float colour_difference(const Lab& p, const Lab& q) noexcept {
   const float dL = 0.5F * (p.L - q.L), da = p.a - q.a, db = p.b - q.b;
   return std::sqrt(dL * dL + da * da + db * db);
@@ -147,7 +152,7 @@ bool TouchSegmenter::touch(int u, int v) noexcept {
 }
 
 // Chooses the regions that the seed covers for the most part.
-bool TouchSegmenter::choose_covered(ImageView<const std::uint8_t> seed) noexcept {
+bool TouchSegmenter::choose_covered(ImageView<const std::uint8_t> seed, std::uint8_t id) noexcept {
   const HalfWindow& win = patches_.window();
   std::fill_n(chosen_.begin(), patches_.count(), std::uint8_t{0});
   std::fill_n(covered_.begin(), patches_.count(), 0.0F);
@@ -158,7 +163,8 @@ bool TouchSegmenter::choose_covered(ImageView<const std::uint8_t> seed) noexcept
       const int r = graph_.region(piece);
       if (r < 0) continue;
       ++queue_[static_cast<std::size_t>(r)];
-      if (seed.at(2 * (win.u0 + u), 2 * (win.v0 + v))) covered_[static_cast<std::size_t>(r)] += 1;
+      if (is_seed(seed.at(2 * (win.u0 + u), 2 * (win.v0 + v)), id))
+        covered_[static_cast<std::size_t>(r)] += 1;
     }
   }
   bool found = false;
@@ -190,6 +196,13 @@ bool TouchSegmenter::follow(ImageView<const Rgb> rgb, ImageView<const std::uint1
 bool TouchSegmenter::follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth,
                             const Intrinsics& k, float mm_per_unit,
                             ImageView<const std::uint8_t> seed, const SeedBox& box) noexcept {
+  return follow(rgb, depth, k, mm_per_unit, seed, box, kAny);
+}
+
+bool TouchSegmenter::follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth,
+                            const Intrinsics& k, float mm_per_unit,
+                            ImageView<const std::uint8_t> seed, const SeedBox& box,
+                            std::uint8_t id) noexcept {
   const auto [u0, v0, u1, v1] = box;
   if (u1 < u0 || v1 < v0) return false;
   const int margin = config_.follow_margin_px;
@@ -201,12 +214,11 @@ bool TouchSegmenter::follow(ImageView<const Rgb> rgb, ImageView<const std::uint1
   if (win.width < 2 || win.height < 2) return false;
   set_frame(rgb, depth, k, mm_per_unit, win);
 
-  const int n = win.width * win.height;
   Vec3f centre(0, 0, 0);
   float points = 0;
   for (int v = 0; v < win.height; ++v) {
     for (int u = 0; u < win.width; ++u) {
-      if (!seed.at(2 * (win.u0 + u), 2 * (win.v0 + v))) continue;
+      if (!is_seed(seed.at(2 * (win.u0 + u), 2 * (win.v0 + v)), id)) continue;
       const Vec3f p = patches_.point(u, v);
       if (p.z() > 0) centre += p, points += 1;
     }
@@ -214,7 +226,12 @@ bool TouchSegmenter::follow(ImageView<const Rgb> rgb, ImageView<const std::uint1
   if (points < 4) return false;
   plane_ = graph_.find_support(patches_, centre / points, config_.graph);
   graph_.build(patches_, plane_, config_.graph);
-  if (!choose_covered(seed)) return false;
+  return also(seed, id);
+}
+
+bool TouchSegmenter::also(ImageView<const std::uint8_t> seed, std::uint8_t id) noexcept {
+  if (!choose_covered(seed, id)) return false;
+  const int n = patches_.window().width * patches_.window().height;
   for (int i = 0; i < n; ++i) {
     const auto j = static_cast<std::size_t>(i);
     inside_[j] = chosen_[static_cast<std::size_t>(patches_.labels()[j])];

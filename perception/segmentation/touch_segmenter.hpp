@@ -5,7 +5,8 @@
 //   - on the support, but of another colour: a flat thing, grown by colour
 //   - on the support: the support
 //   - parts of one object at both sides of an occluder belong together
-// set_frame() once a frame, then touch() or follow() for each object. Neither allocates or throws.
+// set_frame() once a frame, then touch() for each object; or follow() for one and also() for others in
+// its window: pieces and regions are made once for all of them. None of them allocates or throws.
 #pragma once
 
 #include <cstdint>
@@ -49,6 +50,13 @@ class TouchSegmenter {
   };
   bool follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, const Intrinsics& k,
               float mm_per_unit, ImageView<const std::uint8_t> seed, const SeedBox& box) noexcept;
+  // The same where the seed is what has the value `id`; the box may be larger, and hold others.
+  bool follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, const Intrinsics& k,
+              float mm_per_unit, ImageView<const std::uint8_t> seed, const SeedBox& box,
+              std::uint8_t id) noexcept;
+  // After a follow() that found its object: another one that stands on the same support, in the same
+  // window.
+  bool also(ImageView<const std::uint8_t> seed, std::uint8_t id) noexcept;
 
   // Of the last touch() or follow().
   [[nodiscard]] const OutlineRefiner::Box& box() const noexcept { return outline_.box(); }
@@ -56,7 +64,7 @@ class TouchSegmenter {
   [[nodiscard]] const SupportPlane& support() const noexcept { return plane_; }
 
  private:
-  bool choose_covered(ImageView<const std::uint8_t> seed) noexcept;
+  bool choose_covered(ImageView<const std::uint8_t> seed, std::uint8_t id) noexcept;
   void select_region(int region) noexcept;
   void select_flat(int pixel) noexcept;
   void add_occluded_parts(int region) noexcept;
