@@ -34,6 +34,8 @@ std::string_view text_of(TouchAnswer answer) noexcept {
       return "refused: no depth at the touched point";
     case TouchAnswer::kMoved:
       return "refused: the touched surface is no longer there";
+    case TouchAnswer::kSupport:
+      return "refused: the touched surface is what things stand on";
     case TouchAnswer::kNoRoom:
       return "refused: as many objects as there can be";
     case TouchAnswer::kNotTracked:
@@ -169,7 +171,7 @@ void ObjectMap::answer_touch(const Look& look, const Vec3& p_W) noexcept {
   }
   const auto id = static_cast<std::uint8_t>(free - objects_.begin() + 1);
   if (!touch_at(look, p_W, id, {0, 0, -1, -1})) {
-    stats_.answer = TouchAnswer::kNoReading;
+    stats_.answer = segmenter_.named_support() ? TouchAnswer::kSupport : TouchAnswer::kNoReading;
     return;
   }
   *free = {};
@@ -204,7 +206,7 @@ bool ObjectMap::touch_at(const Look& look, const Vec3& p_W, std::uint8_t id,
   if (win.width < 2 || win.height < 2) return false;
   segmenter_.set_frame(look.frame.colour, look.frame.depth_mm, k, 1.0F, win);
   stats_.work += static_cast<std::uint64_t>(8 * win.width * win.height);
-  if (!segmenter_.touch(u, v)) return false;
+  if (!segmenter_.touch(u, v) || segmenter_.named_support()) return false;
   stats_.mask_pixels = paint(look, id);
   return true;
 }

@@ -63,6 +63,7 @@ enum class TouchAnswer : std::uint8_t {
   kHidden,     // something is in front of it
   kNoReading,  // no depth there
   kMoved,      // the surface is no longer there
+  kSupport,    // it is what things stand on, not a thing
   kNoRoom,     // as many objects as there can be
   kNotTracked  // the camera did not know where it was, for too long
 };

@@ -126,6 +126,7 @@ bool TouchSegmenter::touch(int u, int v) noexcept {
   const int piece = patches_.labels()[static_cast<std::size_t>(pixel)];
   bool found = seen >= 0;
   plane_ = {};
+  named_support_ = false;
   if (found) {
     plane_ = graph_.find_support(patches_, patches_.point(seen % win.width, seen / win.width),
                                  config_.graph);
@@ -137,6 +138,7 @@ bool TouchSegmenter::touch(int u, int v) noexcept {
       select_flat(pixel);
     } else if (region != ObjectGraph::kNone) {
       select_region(region);
+      named_support_ = region == ObjectGraph::kSupport;
       if (region >= 0) add_occluded_parts(region);
     }
   }

@@ -62,6 +62,8 @@ class TouchSegmenter {
   [[nodiscard]] const OutlineRefiner::Box& box() const noexcept { return outline_.box(); }
   [[nodiscard]] bool in(int u, int v) const noexcept { return outline_.in(u, v); }
   [[nodiscard]] const SupportPlane& support() const noexcept { return plane_; }
+  // The last touch() named the support itself: nothing stands there.
+  [[nodiscard]] bool named_support() const noexcept { return named_support_; }
 
  private:
   bool choose_covered(ImageView<const std::uint8_t> seed, std::uint8_t id) noexcept;
@@ -79,6 +81,7 @@ class TouchSegmenter {
   ImageView<const Rgb> rgb_;
   ImageView<const std::uint16_t> depth_;
   float mm_per_unit_ = 1;
+  bool named_support_ = false;
   std::vector<std::uint8_t> inside_;
   std::vector<std::uint8_t> chosen_;  // a byte a piece
   std::vector<std::int32_t> queue_;

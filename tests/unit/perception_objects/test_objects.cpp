@@ -1,6 +1,7 @@
 // Touched objects in the map: what is fused, what bad masks do to it, what is refused.
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <iostream>
 
 #include "rt/memory/section.hpp"
@@ -278,16 +279,25 @@ TEST(Objects, SeveralAtOnceInTurn) {
     id[static_cast<std::size_t>(what)] = touch(rig, what);
     rig.objects.fuse(rig.map);
   }
+  int shared = 0, masks = 0;
   for (int i = 0; i < 60; ++i) {
-    frame(rig, n++, seed);
-    EXPECT_NE(rig.objects.stats().followed, 0);
+    rig.look(kTable, n++, seed);
     rt_guard::reset();
     {
       rt::Section section;
+      rig.objects.segment(rig.image.view(), rig.map, rig.X_WC, {});
       rig.objects.fuse(rig.map);
     }
     EXPECT_EQ(rt_guard::counts().total(), 0U);
+    EXPECT_NE(rig.objects.stats().followed, 0);
+    if (i < 30) continue;
+    const int found = std::popcount(rig.objects.stats().with_mask);
+    masks += found;
+    shared += found > 1 ? 1 : 0;
   }
+  std::cout << "last 30 frames: " << masks << " masks, " << shared << " frames with several\n";
+  EXPECT_GE(masks, 40);
+  EXPECT_GE(shared, 10);
   EXPECT_EQ(rig.objects.count(), 3);
   for (int what = 1; what <= 3; ++what) {
     const std::uint8_t k = id[static_cast<std::size_t>(what)];
@@ -326,6 +336,7 @@ TEST(Objects, TouchesAreRefusedWithTheirReason) {
   const Vec3 p = rig.surface_point(1);
   EXPECT_EQ(answer(p + 0.08 * (p - eye).normalized()), TouchAnswer::kHidden);
   EXPECT_EQ(answer(p - 0.08 * (p - eye).normalized()), TouchAnswer::kMoved);
+  EXPECT_EQ(answer(Vec3(-0.02, -0.15, 0)), TouchAnswer::kSupport);
   EXPECT_EQ(rig.objects.count(), 0);
   EXPECT_EQ(rig.map.label_block_count(), 0);  // nothing touched, nothing held
   EXPECT_EQ(answer(p), TouchAnswer::kObject);

@@ -51,8 +51,10 @@ Folders& folders() {
   return f;
 }
 
-RecordedRun record(const std::string& name, double seconds, const std::string& plan = {}) {
-  const auto scene = teletact::load_scene(teletact::find_config("scenes", "default_room"), {});
+RecordedRun record(const std::string& name, double seconds, const std::string& plan = {},
+                   const std::string& scene_file = {}) {
+  const auto scene = teletact::load_scene(
+      scene_file.empty() ? teletact::find_config("scenes", "default_room") : scene_file, {});
   teletact::DemoOptions options;
   options.seconds = seconds;
   options.virtual_clock = options.quiet = options.record = true;
@@ -154,6 +156,34 @@ TEST(Replay, RecordingChangesNothing) {
       teletact::run_virtual(nrt(), *scene, options, teletact::reference_calibration());
   EXPECT_EQ(bare.sched_hash, plain().run.sched_hash);
   EXPECT_EQ(bare.log_hash, plain().run.log_hash);
+}
+
+// The hand marks the pedestal instead of the floor: it becomes an object, fusion publishes it and planning
+// reads it.
+TEST(Replay, ObjectsReplayToo) {
+  std::ifstream in(teletact::find_config("scenes", "default_room"));
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  const auto first = text.find("[[hand.segment]]"), rest = text.find("[fusion]");
+  ASSERT_TRUE(first != std::string::npos && rest != std::string::npos && first < rest);
+  const char* at = "point_m = [1.403, -0.676, 0.30]\nnormal = [-0.2588, 0.9659, 0.0]\n";
+  std::string hand;
+  for (const std::string& segment :
+       {std::string("kind = \"move\"\nstandoff_m = 0.06\ntime_s = 0.8\n") + at,
+        std::string("kind = \"press\"\ndepth_m = 0.09\ntime_s = 0.5\n") + at,
+        std::string("kind = \"button_down\"\nsource = \"last\"\ntime_s = 0.3\n"),
+        std::string("kind = \"button_up\"\nsource = \"last\"\ntime_s = 0.3\n")})
+    hand += "[[hand.segment]]\n" + segment + "\n";
+  text = text.substr(0, first) + hand + text.substr(rest) +
+         "\n[fusion.tsdf]\nvoxel_size_m = 0.02\n[fusion.objects]\nenabled = true\n";
+  const std::string file = folders().add("scenes") + "/objects.toml";
+  std::ofstream(file) << text;
+  const auto r = record("objects", 5, {}, file);
+  EXPECT_EQ(r.run.op.view.objects_named, 1U);
+  const auto& list = r.run.op.view.objects;
+  EXPECT_GT(list.seq, 30U);
+  EXPECT_GT(list.mark_seq, 0U);
+  EXPECT_EQ(list.answer, perception::TouchAnswer::kObject) << perception::text_of(list.answer);
+  expect_equal(r, rt::Box::kOperator);
 }
 
 // Late, overrunning, blocked and aborted jobs, stolen cores, lost and repeated messages.
