@@ -61,22 +61,22 @@ void ObjectMap::judge(MapObject& object, const Turn& turn) noexcept {
       static_cast<float>(both) / static_cast<float>(std::max(1, turn.planted + against));
   const bool settled = object.masks >= config_.settled_masks;
   const bool there = static_cast<float>(turn.planted) > kStillThere * object.usual_seed;
-  const bool odd =
-      mask > config_.most_growth * turn.planted || mask * config_.most_growth < turn.planted;
+  const bool young = object.masks < config_.young_frames;
+  const bool odd = !young && (mask > config_.most_growth * turn.planted ||
+                              mask * config_.most_growth < turn.planted);
   bool withheld = false;
   object.seen = object.seen && mask > 0;
   if (settled && mask > 0) {
     const bool agrees = static_cast<double>(agreement) >=
                         static_cast<double>(object.usual_agreement) - config_.agreement_drop;
     object.held = agrees && !odd ? 0 : object.held + 1;
-    const bool young = object.masks < config_.young_frames;
-    withheld = (odd && !young) || (object.held > 0 && object.held < config_.held_masks);
+    withheld = odd || (object.held > 0 && object.held < config_.held_masks);
   } else {
     withheld = settled && there;  // nothing is seen of it where it still is
   }
   if (withheld) {
-    // Where hardly anything is left of it, what shows in its place votes.
-    replace(object.id, there ? kNoVote : std::uint8_t{0});
+    // Where hardly anything is left of an established object, what shows in its place votes.
+    replace(object.id, there || !odd ? kNoVote : std::uint8_t{0});
     if (there) turn_into(turn.seed_box, 0, kNoVote);
     object.seen = false;
   } else if (object.seen) {
