@@ -67,6 +67,7 @@ TEST(Objects, FusedIsBetterThanAFrameAfterThirty) {
       std::cout << "solid " << what << ": single frame " << single / 30 << ", fused " << fused
                 << ", in the ray cast " << rig.fused_iou(what, id) << "\n";
       EXPECT_GE(fused, 0.95) << what << " seed " << seed;
+      EXPECT_GT(fused, single / 30) << what << " seed " << seed;
       fused_sum += fused / 6, single_sum += single / 30 / 6;
     }
   }
