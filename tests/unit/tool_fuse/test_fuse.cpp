@@ -1,6 +1,7 @@
 // teletact fuse on a rendered sequence written as files: poses, claims, determinism, bad input.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
@@ -165,6 +166,43 @@ TEST_F(Fuse, KnobsComeFromFileThenSetThenOptions) {
   EXPECT_EQ(vertices({"--config", file, "--set", "fusion.tsdf.max_depth_m=5.0"}), all);
   EXPECT_EQ(vertices({"--set", "fusion.tsdf.max_depth_m=5.0", "--max-depth", "2"}), near);
   EXPECT_LT(vertices({"--mesh-weight", "4"}), all) << "seen in four frames or more";
+}
+
+TEST_F(Fuse, AStoredMapIsBegunWithAndTheCameraFoundInIt) {
+  const auto truth = drive(24);
+  write_sequence(tests::test_room(), truth);
+  ASSERT_EQ(fuse({"--save-map", (root_ / "room.map").string()}), 0);
+  ASSERT_EQ(fuse({"--save-map", (root_ / "again.map").string()}, "again"), 0);
+  EXPECT_EQ(slurp(root_ / "room.map"), slurp(root_ / "again.map"));
+  ASSERT_EQ(fuse({"--map", (root_ / "room.map").string()}, "back"), 0);
+  const auto lines = claims("back");
+  ASSERT_GE(lines.size(), truth.size() - 15) << "found within 15 frames";
+  for (const Line& line : lines) {
+    const auto i = static_cast<std::size_t>(std::lround(30 * line.t));
+    const Pose expected =
+        truth[0].inverse() * truth[i];  // world: the first camera of the first run
+    EXPECT_LT((line.X.translation() - expected.translation()).norm(), 0.01) << "frame " << i;
+  }
+  EXPECT_NE(slurp(root_ / "back.txt").find("world = that of the map"), std::string::npos);
+  // Bad maps: one line, and nothing is written.
+  const auto refuses = [&](const std::string& word) {
+    try {
+      fuse({"--map", (root_ / "room.map").string(), "--save-map", (root_ / "bad.map").string()},
+           "bad");
+      ADD_FAILURE() << "accepted; expected " << word;
+    } catch (const std::exception& e) {
+      EXPECT_NE(std::string(e.what()).find("room.map"), std::string::npos) << e.what();
+      EXPECT_NE(std::string(e.what()).find(word), std::string::npos) << e.what();
+    }
+    for (const char* name : {"bad.txt", "bad.ply", "bad.map"})
+      EXPECT_FALSE(fs::exists(root_ / name)) << name;
+  };
+  fs::resize_file(root_ / "room.map", fs::file_size(root_ / "room.map") - 10);
+  refuses("announced");
+  std::ofstream(root_ / "room.map") << "not a map";
+  refuses("shorter");
+  fs::remove(root_ / "room.map");
+  refuses("opened");
 }
 
 TEST_F(Fuse, BadInputLeavesNoOutputAndNamesTheCause) {
