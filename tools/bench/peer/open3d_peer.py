@@ -44,7 +44,7 @@ class Mapper:
         self.grid = o3d.t.geometry.VoxelBlockGrid(
             ("tsdf", "weight"), (o3c.float32, o3c.float32), ((1), (1)), voxel, 8, 20000, self.cpu)
         self.pose = np.eye(4)
-        self.model = None  # depth of the ray cast, mm
+        self.model = None  # vertices and normals of the ray cast, in its camera's frame; NaN: none
         self.multiplier = TRUNCATION / voxel
 
     @staticmethod
@@ -58,14 +58,13 @@ class Mapper:
         x = o3c.Tensor(np.eye(4))
         for (step, k), count in zip(self.levels, ITERATIONS):
             def thin(image):
-                return o3d.t.geometry.Image(o3c.Tensor(np.ascontiguousarray(image[::step, ::step])))
-            live = thin(depth).clip_transform(1000.0, 0.0, DEPTH_MAX, float("nan")).create_vertex_map(k, float("nan"))
-            seen = thin(self.model).clip_transform(1000.0, 0.0, DEPTH_MAX, float("nan")).create_vertex_map(
-                k, float("nan"))
-            normals = seen.create_normal_map(float("nan"))
+                return o3c.Tensor(np.ascontiguousarray(image[::step, ::step]))
+            live = o3d.t.geometry.Image(thin(depth)).clip_transform(
+                1000.0, 0.0, DEPTH_MAX, float("nan")).create_vertex_map(k, float("nan"))
+            seen, normals = (thin(m) for m in self.model)
             for _ in range(count):
                 r = o3d.t.pipelines.odometry.compute_odometry_result_point_to_plane(
-                    live.as_tensor(), seen.as_tensor(), normals.as_tensor(), k, x, 0.07, 0.05)
+                    live.as_tensor(), seen, normals, k, x, 0.07, 0.05)
                 x = r.transformation @ x
         return x.numpy()
 
@@ -88,9 +87,11 @@ class Mapper:
             image, self.k, extrinsic, 1000.0, DEPTH_MAX, self.multiplier)
         self.grid.integrate(blocks, image, self.k, extrinsic, 1000.0, DEPTH_MAX, self.multiplier)
         cast = self.grid.ray_cast(
-            blocks, self.k, extrinsic, depth.shape[1], depth.shape[0], ["depth"], 1000.0, 0.1, DEPTH_MAX, 1.0,
-            self.multiplier, 8)
-        self.model = cast["depth"].numpy()[:, :, 0].astype(np.float32)
+            blocks, self.k, extrinsic, depth.shape[1], depth.shape[0], ["vertex", "normal"], 1000.0, 0.1, DEPTH_MAX,
+            1.0, self.multiplier, 8)
+        self.model = [cast[name].numpy().copy() for name in ("vertex", "normal")]
+        for m in self.model:
+            m[cast["vertex"].numpy()[:, :, 2] <= 0] = np.nan
         return True
 
 
