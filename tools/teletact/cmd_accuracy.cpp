@@ -28,11 +28,8 @@ void add_room(const Study& study, Metrics& metrics) {
 
 Study study_of(const std::string& what, const FusionStudyOptions& fusion,
                const SegmentationStudyOptions& segmentation) {
-  if (what == "fusion") return study_fusion(std::cerr, fusion);
-  if (segmentation.data.empty()) {
-    throw std::runtime_error("accuracy segmentation needs --data DIR");
-  }
-  return study_segmentation(std::cerr, segmentation);
+  return what == "fusion" ? study_fusion(std::cerr, fusion)
+                          : study_segmentation(std::cerr, segmentation);
 }
 
 }  // namespace
@@ -67,12 +64,12 @@ int cmd_accuracy(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--plots", plots, "folder for the SVG plots");
   app.add_option("--json", json, "write the figures to this file");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
+  if (!parse_options(app, argc, argv)) return 0;
+  if (what == "segmentation" && segmentation.data.empty()) {
+    throw std::runtime_error("accuracy segmentation needs --data DIR");
   }
   check_outputs({{"--json", json}}, {});
+  if (!plots.empty()) make_output_folder("--plots", plots);
   const Study study = study_of(what, fusion, segmentation);
   study.print(std::cout);
   Metrics metrics("accuracy " + what);
