@@ -229,16 +229,16 @@ TEST(Mesh, NothingIsMadeWhereNoReadingEnded) {
     for (const auto& v : m.vertices_W) {
       const double d = std::fabs(scene.distance(v.cast<double>()));
       c.near += d < 0.005 ? 1 : 0;
-      c.stray += d > 0.015 ? 1 : 0;
+      c.stray += d > 0.010 ? 1 : 0;
     }
     return c;
   };
   const Count with = count(coloured, true), without = count(coloured, false);
   std::printf("things before a wall: %zu of %zu stray vertices stay, %zu of %zu good ones\n",
               with.stray, without.stray, with.near, without.near);
-  EXPECT_GT(without.stray, 20U);
+  EXPECT_GT(without.stray, 10U);
   EXPECT_LE(3 * with.stray, without.stray);
-  EXPECT_GE(with.near, without.near * 99 / 100);
+  EXPECT_GE(with.near, without.near * 98 / 100) << "what is seen at a grazing angle goes too";
   // Without colour nobody knows where readings ended.
   const Count a = count(plain, true), b = count(plain, false);
   EXPECT_EQ(a.stray, b.stray);
