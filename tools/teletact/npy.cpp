@@ -143,7 +143,8 @@ rt::Result<NpyArray> parse_npy(const std::string& bytes, const std::string& name
   const auto header = HeaderParser(text).parse();
   if (!header) return fail("malformed NPY header");
   if (header->descr != "<f4") {
-    return fail("element type " + shown(header->descr) + "; allowed is '<f4' (little-endian float32)");
+    return fail("element type " + shown(header->descr) +
+                "; allowed is '<f4' (little-endian float32)");
   }
   if (header->fortran) return fail("Fortran order; allowed is C order (x, y, z)");
   std::size_t count = 1;
