@@ -196,9 +196,10 @@ TEST(Relocalisation, ALostFrameDoesNoMoreWorkThanATrackedOne) {
 
 // ---------------------------------------------------------------- the recording
 
-// The recorded poses come from fusion themselves: with every frame claimed at the full rate they depart from
-// ours by up to 56 mm, which is no tracking error that a frame could know of.
-constexpr double kWrongRecorded_m = 0.07;
+// The recorded poses come from fusion themselves (of a longer sequence). Ours depart from them by up to 55.5 mm at
+// 20 mm voxels, 51.8 at 10 mm; with every second or fourth frame alone it is the same at the same place to 0.5 mm.
+// So it does not grow with the number of alignments, and no frame could know of it.
+constexpr double kWrongRecorded_m = 0.06;
 
 struct Show {
   int first, last, stride;

@@ -120,6 +120,37 @@ TEST(Request, PoolRowsFollowTheTable) {
   EXPECT_EQ(a.tasks.back().choice, a.tasks[kFusion].choice);
 }
 
+// Measured with one thread: what is left to fusion itself is declared, as a share. Measured with workers: as it is.
+TEST(Request, BudgetsOfAPool) {
+  tasks::PoolConfig pool;
+  pool.fusion_workers = 1;
+  Calibration c = measured(20, 10);
+  const auto specs = tasks::make_specs(c);
+  const rt::Nanos alone = specs[kFusion].choices[0].variants[0].budget;
+  const auto declared = tasks::make_request(specs, {0, 1}, {}, pool, c);
+  const auto ms = [](rt::Nanos d) { return 1e-6 * static_cast<double>(d.count()); };
+  EXPECT_NEAR(ms(declared.tasks[kFusion].choices[0].variants[0].budget),
+              tasks::kOwnShare * ms(alone), 1e-6);
+  EXPECT_NEAR(ms(declared.tasks.back().choices[0].variants[0].budget),
+              tasks::kWorkerShare * ms(alone), 1e-6);
+  for (int level = 0; level < 3; ++level) {
+    for (const char* choice : {"10 mm", "20 mm"}) {
+      auto& r = c.rows.emplace_back();
+      r.name = tasks::kWorkerRow;
+      r.choice = choice;
+      r.level = level;
+      r.p999_us = 5000;
+    }
+  }
+  const auto known = tasks::make_request(specs, {0, 1}, {}, pool, c);
+  EXPECT_EQ(known.tasks[kFusion].choices[0].variants[0].budget, alone);
+  EXPECT_NEAR(ms(known.tasks.back().choices[0].variants[0].budget), 6.0, 1e-6);
+  rt::TaskSpec worker = known.tasks.back();
+  worker.choice = "20 mm";
+  ASSERT_NE(c.find(worker, 1), nullptr);
+  EXPECT_EQ(c.find(worker, 1)->name, tasks::kWorkerRow);
+}
+
 TEST(Request, EveryModeOfSupervisionIsAnalysed) {
   const auto r = tasks::make_request(tasks::make_specs(measured(90, 12)), {0, 1}, {});
   const auto a = rt::admit(r);
