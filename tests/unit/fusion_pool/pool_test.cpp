@@ -146,6 +146,7 @@ TEST(FusionPool, ScalarReferenceGivesTheSameBytes) {
 struct Passage {
   std::vector<std::uint64_t> frames;  // hash after each
   int put_away = 0, found_after = 0;  // chunks; frames
+  int far_blocks = 0, fetched = 0;    // before the search; of them brought back by it
   double off_m = 0;
   std::uint64_t forks = 0;
 };
@@ -182,8 +183,10 @@ Passage passage(int workers) {
   };
   for (int i = 0; i < 90; ++i) see(s, way(0.06 * i));
   for (int i = 0; i <= config.blank_frames; ++i) see(AnalyticScene{}, way(0));
+  p.far_blocks = rig.task->map().far_block_count();
   do {
     ++p.found_after;
+    p.fetched = p.far_blocks - rig.task->map().far_block_count();
     see(s, way(0.07));
   } while (!rig.out.camera.claimed && p.found_after < 30);
   for (int i = 0; i < 3; ++i) see(s, way(0.07));
@@ -194,9 +197,11 @@ Passage passage(int workers) {
 
 TEST(FusionPool, FarBlocksThatComeBackForALostCameraGiveTheSameBytes) {
   const Passage alone = passage(0);
-  std::printf("  %d chunks put away; found after %d frames, %.1f mm off\n", alone.put_away,
-              alone.found_after, 1e3 * alone.off_m);
+  std::printf(
+      "  %d chunks put away; %d of %d blocks brought back; found after %d frames, %.1f mm off\n",
+      alone.put_away, alone.fetched, alone.far_blocks, alone.found_after, 1e3 * alone.off_m);
   EXPECT_GT(alone.put_away, 0);
+  EXPECT_GT(alone.fetched, 0) << "before the frame that claims";
   EXPECT_LT(alone.found_after, 30);
   EXPECT_LT(alone.off_m, tests::kWrong_m);
   for (const int workers : {1, 3}) {
