@@ -35,8 +35,13 @@ inline __attribute__((always_inline)) void assign_planes(const float* const* pla
   }
 }
 
-// Both widths compute each pixel by the same operations, without contraction: the same bytes.
+// Both widths compute each pixel by the same operations, without contraction: the same bytes. The resolver of a
+// clone runs before a sanitizer's runtime is up.
+#if defined(__x86_64__) && !defined(__SANITIZE_THREAD__) && !defined(__SANITIZE_ADDRESS__)
 #define TELETACT_WIDE __attribute__((target_clones("avx2", "default")))
+#else
+#define TELETACT_WIDE
+#endif
 TELETACT_WIDE void assign3(const float* const* plane, const RowSeed& s, int u0, int u1, float* best,
                            std::int32_t* nearest) noexcept {
   assign_planes<3>(plane, s, u0, u1, best, nearest);
