@@ -313,7 +313,8 @@ bool ObjectMap::place_is_empty(const Look& look, const MapObject& object) const 
   const Intrinsics& k = look.frame.intrinsics;
   int empty = 0;
   for (int n = 0; n < 27; ++n) {
-    const Vec3 at(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+    const int i = n / 9, j = n / 3 % 3;
+    const Vec3 at(i - 1, j - 1, n % 3 - 1);
     const Vec3 p_C = look.X_CW * (s.X_FO * (s.centre_m + kReach * s.extent_m.cwiseProduct(at)));
     if (p_C.z() < 0.05) continue;
     const double u = k.fx * p_C.x() / p_C.z() + k.cx, v = k.fy * p_C.y() / p_C.z() + k.cy;

@@ -140,7 +140,9 @@ TsdfMap::TsdfMap(rt::NonRealtime& nrt, const TsdfConfig& config)
 TsdfMap::~TsdfMap() = default;
 
 std::size_t TsdfMap::memory_bytes() const noexcept {
-  const auto bytes = [](const auto& v) { return v.capacity() * sizeof(v[0]); };
+  const auto bytes = [](const auto& v) {
+    return v.capacity() * sizeof(typename std::decay_t<decltype(v)>::value_type);
+  };
   return sizeof *this + index_.memory_bytes() + bytes(chunks_) + bytes(recycled_chunks_) +
          far_.memory_bytes() + sizeof(BlockImage) + bytes(words_) + bytes(colours_) +
          bytes(label_pool_) + bytes(label_bits_) + bytes(label_of_block_) + bytes(block_of_label_) +
