@@ -122,7 +122,7 @@ Effects RobotBox::effects() const {
 
 OperatorBox::OperatorBox(rt::NonRealtime& nrt, const Scene& scene,
                          const perception::Intrinsics& camera, const BoxOptions& options)
-    : scene_(scene), endpoint_(nrt, rt::Box::kOperator) {
+    : scene_(scene), camera_(camera), endpoint_(nrt, rt::Box::kOperator) {
   hand_ = std::make_unique<drivers::HandScript>(nrt, scene.hand, scene.workspace());
   device_ = open_haptic_device(nrt, scene, *hand_, options.epoch, options.real_devices);
 

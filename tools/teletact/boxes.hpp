@@ -68,6 +68,8 @@ class OperatorBox {
  public:
   OperatorBox(rt::NonRealtime&, const Scene&, const perception::Intrinsics& camera,
               const BoxOptions&);
+  // Of the frames that arrive.
+  [[nodiscard]] const perception::Intrinsics& camera() const noexcept { return camera_; }
   [[nodiscard]] tasks::OperatorGraph& graph() noexcept { return *graph_; }
   [[nodiscard]] drivers::LinkEndpoint& endpoint() noexcept { return endpoint_; }
   [[nodiscard]] drivers::HandScript& hand() noexcept { return *hand_; }
@@ -76,6 +78,7 @@ class OperatorBox {
 
  private:
   const Scene& scene_;
+  perception::Intrinsics camera_;
   std::unique_ptr<drivers::HandScript> hand_;
   std::unique_ptr<OpenedDevice> device_;
   std::unique_ptr<tasks::OperatorGraph> graph_;

@@ -49,7 +49,7 @@ void RobotConsole::log_to(rt::NonRealtime& nrt, const std::string& path, TakeLin
 }
 
 OperatorConsole::OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time epoch)
-    : box_(box), scene_(scene), epoch_(epoch), camera_width_px_(camera_of(scene).width) {}
+    : box_(box), scene_(scene), epoch_(epoch), camera_width_px_(box.camera().width) {}
 
 void OperatorConsole::drain() {
   auto& cells = box_.graph().cells();
