@@ -141,6 +141,7 @@ TsdfMap::~TsdfMap() = default;
 
 std::size_t TsdfMap::memory_bytes() const noexcept {
   const auto bytes = [](const auto& v) {
+    // Of the elements, which may be pointers. NOLINTNEXTLINE(bugprone-sizeof-expression)
     return v.capacity() * sizeof(typename std::decay_t<decltype(v)>::value_type);
   };
   return sizeof *this + index_.memory_bytes() + bytes(chunks_) + bytes(recycled_chunks_) +

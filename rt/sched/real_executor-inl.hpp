@@ -40,7 +40,7 @@ constexpr std::int64_t kSentinelLead = 20000;  // before the wake-up of a task t
 }
 
 // The first job must not fault: touch the stack it will use.
-[[gnu::noinline]] void touch_stack() noexcept {
+[[maybe_unused, gnu::noinline]] void touch_stack() noexcept {
   volatile unsigned char stack[128 * 1024];
   for (std::size_t i = 0; i < sizeof stack; i += 512) stack[i] = 0;
 }
