@@ -33,7 +33,7 @@ target_compile_features(teletact_options INTERFACE cxx_std_20)
 if(TELETACT_SANITIZE)
   # Without no-recover UBSan prints its findings and the test passes.
   target_compile_options(teletact_options INTERFACE -fsanitize=${TELETACT_SANITIZE}
-    -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
+    -fno-sanitize-recover=all -fno-omit-frame-pointer)
   target_link_options(teletact_options INTERFACE -fsanitize=${TELETACT_SANITIZE})
 endif()
 # Eigen must not start threads, and its assertions would throw out of a step().
@@ -59,6 +59,10 @@ function(teletact_library name)
   foreach(dep ${A_DEPS})
     target_link_libraries(teletact_${name} ${kind} teletact_${dep})
   endforeach()
+  if(TELETACT_SANITIZE AND sources)
+    # What the tests spend their time in; the tests themselves are compiled faster at -O1.
+    target_compile_options(teletact_${name} PRIVATE -O2)
+  endif()
   add_library(teletact::${name} ALIAS teletact_${name})
   teletact_install(${name})
 endfunction()
@@ -68,15 +72,17 @@ add_custom_target(sanitize_tests)
 add_custom_target(threads_tests)
 
 # teletact_test(<name> [DEPS ours...] [PACKAGES ...] [LABELS ...] [TIMEOUT s] [NO_GUARD] [NO_SANITIZE]
-#               [NEEDS_FAULTS] [SLOW])
+#               [NEEDS_FAULTS] [SLOW] [LONG_TESTS pattern...])
 # Every .cpp of the calling folder becomes one GoogleTest program test_<name>. The allocation and
 # lock guard is linked in unless NO_GUARD or a sanitizer is on. Labels: unit; sanitize (run by
 # tools/test --all with AddressSanitizer and UBSan) unless NO_SANITIZE, which is for what takes
 # minutes or runs the whole program, or LABELS timing; LABELS threads: run with ThreadSanitizer too. NEEDS_FAULTS: not declared when
 # TELETACT_FAULTS is OFF, for it runs a planned executor. Sanitizers get five times the TIMEOUT. LABELS timing: nothing runs beside it.
-# SLOW: begun before the others, so that it does not run alone at the end.
+# SLOW: begun before the others, so that it does not run alone at the end. LONG_TESTS: tests that repeat for minutes what others do
+# once; a sanitizer, which takes ten times as long, runs the program without them.
 function(teletact_test name)
-  cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS;SLOW" "TIMEOUT" "DEPS;PACKAGES;LABELS" ${ARGN})
+  cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS;SLOW" "TIMEOUT" "DEPS;PACKAGES;LABELS;LONG_TESTS"
+    ${ARGN})
   if(A_NEEDS_FAULTS AND NOT TELETACT_FAULTS)
     return()
   endif()
@@ -107,7 +113,12 @@ function(teletact_test name)
       add_dependencies(${label}_tests test_${name})
     endif()
   endforeach()
-  add_test(NAME ${name} COMMAND test_${name})
+  set(filter)
+  if(TELETACT_SANITIZE AND A_LONG_TESTS)
+    string(JOIN ":" filter ${A_LONG_TESTS})
+    set(filter --gtest_filter=-${filter})
+  endif()
+  add_test(NAME ${name} COMMAND test_${name} ${filter})
   set_tests_properties(${name} PROPERTIES TIMEOUT ${A_TIMEOUT} LABELS "${labels}")
   if("timing" IN_LIST labels)
     set_tests_properties(${name} PROPERTIES RUN_SERIAL TRUE)

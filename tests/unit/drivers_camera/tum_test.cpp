@@ -11,7 +11,7 @@
 #include "drivers/camera/replay_camera.hpp"
 #include "rt/memory/section.hpp"
 #include "tests/support/rt_guard.hpp"
-#include "tests/support/tsan_opencv.hpp"
+#include "tests/support/tsan_libraries.hpp"
 #include "tests/unit/drivers_camera/scene.hpp"
 #include "tests/unit/drivers_camera/tum_folder.hpp"
 

@@ -19,7 +19,7 @@
 #include "rt/random.hpp"
 #include "tasks/graph/table.hpp"
 #include "tests/support/rt_guard.hpp"
-#include "tests/support/tsan_opencv.hpp"
+#include "tests/support/tsan_libraries.hpp"
 #include "tests/unit/drivers_camera/scene.hpp"
 
 namespace {

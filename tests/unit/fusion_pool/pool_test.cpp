@@ -12,6 +12,7 @@
 #include "perception/simd/isa.hpp"
 #include "rt/hash.hpp"
 #include "rt/sched/worker_pool.hpp"
+#include "tests/support/tsan_libraries.hpp"
 #include "tests/unit/tasks_fusion/recording.hpp"
 #include "tests/unit/tasks_fusion/rig.hpp"
 

@@ -9,7 +9,7 @@
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
 #include "tests/support/rt_guard.hpp"
-#include "tests/support/tsan_opencv.hpp"
+#include "tests/support/tsan_libraries.hpp"
 
 namespace {
 
