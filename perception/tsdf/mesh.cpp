@@ -138,7 +138,7 @@ class Mesher {
   std::int32_t block_ = TsdfMap::kNoBlock;  // whose cells are looked at
   BlockCoord at_;
   Mesh mesh_;
-  std::vector<float> observed_;  // of each vertex
+  std::vector<float> observed_;                             // of each vertex
   std::unordered_map<std::uint64_t, std::uint32_t> index_;  // grid edge -> vertex; never iterated
 };
 

@@ -120,7 +120,8 @@ class Refiner {
     const double c = n.dot(mesh_.normals_W[k].cast<double>());
     const double z_m = d.dot(n), step = z_m / voxel_;
     if (r2 >= 1 || c <= least_cos_ || step * step >= 1) return;
-    const double near = 1 - r2, alike = (c - least_cos_) / (1 - least_cos_), level = 1 - step * step;
+    const double near = 1 - r2, alike = (c - least_cos_) / (1 - least_cos_),
+                 level = 1 - step * step;
     const double kernel = near * near * alike * alike * level * level;
     const double w = kernel * std::max(1.0, static_cast<double>(readings_[k]));
     const double x = d.dot(s) / radius_, y = d.dot(t) / radius_, z = z_m / radius_;
@@ -152,9 +153,8 @@ class Refiner {
     const double sigma2 = left / std::max(1.0, sums.kernel - 3);
     const Vec6 first = bent_of.solve(Vec6(Vec6::Unit(0)));
     const double variance = sigma2 * first(0);
-    constexpr double kTrust = 4;  // two standard errors
     const double more = bent(0) - plane(0);
-    const double share = more * more > kTrust * variance ? 1 - kTrust * variance / (more * more) : 0;
+    const double share = more * more > variance ? 1 - variance / (more * more) : 0;
     out.along = (plane(0) + share * more) * radius_;
     out.slope = plane.tail<2>() + share * (bent.segment<2>(1) - plane.tail<2>());
     return true;
@@ -174,10 +174,10 @@ void refine_vertices(rt::NonRealtime&, std::span<const float> readings, double v
   const Cells cells(mesh.vertices_W, options.radius * voxel_m);
   const Refiner refiner(mesh, readings, voxel_m, options);
   std::vector<Eigen::Vector3f> vertices = mesh.vertices_W, normals = mesh.normals_W;
-  cells.for_each(mesh.vertices_W,
-                 [&](const std::vector<std::uint32_t>& own, const std::vector<std::uint32_t>& near) {
-                   for (const std::uint32_t i : own) refiner.move(i, near, vertices[i], normals[i]);
-                 });
+  cells.for_each(mesh.vertices_W, [&](const std::vector<std::uint32_t>& own,
+                                      const std::vector<std::uint32_t>& near) {
+    for (const std::uint32_t i : own) refiner.move(i, near, vertices[i], normals[i]);
+  });
   mesh.vertices_W = std::move(vertices);
   mesh.normals_W = std::move(normals);
 }

@@ -32,7 +32,8 @@ double mean(const std::vector<double>& v, std::size_t from, std::size_t to) {
 
 // Every step-th pixel of a Kinect v2 that sees as much.
 perception::Intrinsics camera_of(int step) {
-  return {365.0 / step, 365.0 / step, 256.0 / step - 0.5, 212.0 / step - 0.5, 512 / step, 424 / step};
+  return {365.0 / step,       365.0 / step, 256.0 / step - 0.5,
+          212.0 / step - 0.5, 512 / step,   424 / step};
 }
 
 }  // namespace

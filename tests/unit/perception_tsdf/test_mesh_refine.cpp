@@ -1,9 +1,9 @@
 // Vertices onto the surface of their neighbourhood: against a slow reference, and on shapes that are known.
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <Eigen/QR>
 #include <Eigen/LU>
+#include <Eigen/QR>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <functional>
@@ -79,18 +79,18 @@ Slow slow(const Cloud& c, std::size_t i, const RefineOptions& o) {
   const auto [rows_6, bent] = solve(6);
   double left = 0;
   for (const auto& [x, y, z, w] : rows) {
-    const double fit = bent(0) + x * bent(1) + y * bent(2) + x * x * bent(3) + x * y * bent(4) +
-                       y * y * bent(5);
+    const double fit =
+        bent(0) + x * bent(1) + y * bent(2) + x * x * bent(3) + x * y * bent(4) + y * y * bent(5);
     left += w * (z - fit) * (z - fit);
   }
   for (int a = 1; a < 6; ++a) left += 1e-3 * weights * bent(a) * bent(a);
-  const double variance = left / std::max(1.0, kernels - 3) *
-                          (rows_6.transpose() * rows_6).inverse()(0, 0);
+  const double variance =
+      left / std::max(1.0, kernels - 3) * (rows_6.transpose() * rows_6).inverse()(0, 0);
   const double more = bent(0) - flat(0);
-  const double share = more * more > 4 * variance ? 1 - 4 * variance / (more * more) : 0;
-  const double most = std::min(
-      kVoxel, o.most_sigmas * o.reading_sigma_m /
-                  std::sqrt(std::max(1.0, static_cast<double>(c.readings[i]))));
+  const double share = more * more > variance ? 1 - variance / (more * more) : 0;
+  const double most =
+      std::min(kVoxel, o.most_sigmas * o.reading_sigma_m /
+                           std::sqrt(std::max(1.0, static_cast<double>(c.readings[i]))));
   const double along = std::clamp((flat(0) + share * more) * R, -most, most);
   const double u = flat(1) + share * (bent(1) - flat(1)), v = flat(2) + share * (bent(2) - flat(2));
   return {p + along * n, (n - u * s - v * t).normalized()};
@@ -120,8 +120,8 @@ TEST(MeshRefine, IsWhatTheSlowReferenceSays) {
       EXPECT_NEAR((done.mesh.vertices_W[i].cast<double>() - want.vertex).norm(), 0, 2e-7)
           << "seed " << kSeed << ", round " << round << ", vertex " << i;
       EXPECT_NEAR((done.mesh.normals_W[i].cast<double>() - want.normal).norm(), 0, 1e-5);
-      most = std::max(
-          most, static_cast<double>((done.mesh.vertices_W[i] - c.mesh.vertices_W[i]).norm()));
+      most = std::max(most,
+                      static_cast<double>((done.mesh.vertices_W[i] - c.mesh.vertices_W[i]).norm()));
     }
   }
   EXPECT_GT(most, 1e-3) << "something moves";
@@ -190,7 +190,8 @@ TEST(MeshRefine, TooLittleIsLeftAlone) {
   refine(none);
   EXPECT_TRUE(none.mesh.vertices_W.empty());
   Cloud few;
-  for (int k = 0; k < 7; ++k) few.add(Vec3(2e-3 * k, 1e-3 * (k % 3), 1e-3 * (k % 2)), Vec3::UnitZ(), 2);
+  for (int k = 0; k < 7; ++k)
+    few.add(Vec3(2e-3 * k, 1e-3 * (k % 3), 1e-3 * (k % 2)), Vec3::UnitZ(), 2);
   const Mesh before = few.mesh;
   refine(few);
   for (std::size_t i = 0; i < 7; ++i) EXPECT_EQ(few.mesh.vertices_W[i], before.vertices_W[i]);
