@@ -26,13 +26,14 @@ class Mesher {
             static_cast<std::uint32_t>(std::clamp(std::lround(2 * o.min_weight) - 1, 1L, 15L))),
         needs_readings_(o.needs_readings && coloured(map)) {}
 
-  Mesh run() {
+  Mesh run(rt::NonRealtime& nrt, const MeshOptions& o) {
     map_.for_each_block([&](std::int32_t block, BlockCoord b) {
       block_ = block;
       at_ = b;
       for (int n = 0; n < TsdfMap::kBlockVoxels; ++n)
         cell(b.x * 8 + (n >> 6), b.y * 8 + ((n >> 3) & 7), b.z * 8 + (n & 7));
     });
+    if (o.refined) refine_vertices(nrt, observed_, map_.voxel_size(), o.refine, mesh_);
     return std::move(mesh_);
   }
 
@@ -98,6 +99,7 @@ class Mesher {
     p(e.axis) += static_cast<double>(a / (a - b));
     p *= map_.voxel_size();
     mesh_.vertices_W.push_back(p.cast<float>());
+    observed_.push_back(observations(x, y, z, e.axis));
     Vec3 n;
     if (!reader_.gradient(p, n)) n = cell_gradient(c, e, a / (a - b));
     const double length = n.norm();
@@ -106,6 +108,16 @@ class Mesher {
     if (!reader_.colour(p, colour)) colour = {128, 128, 128};
     mesh_.colours.push_back(colour);
     return it->second;
+  }
+
+  // Of the lesser of the edge's two nodes.
+  float observations(int x, int y, int z, int axis) {
+    const auto weight = [&](int dx, int dy, int dz) {
+      return TsdfMap::word_weight(reader_.word(x + dx, y + dy, z + dz));
+    };
+    const auto least =
+        std::min(weight(0, 0, 0), weight(axis == 0 ? 1 : 0, axis == 1 ? 1 : 0, axis == 2 ? 1 : 0));
+    return static_cast<float>(least) / static_cast<float>(TsdfMap::kWeightOne);
   }
 
   static Vec3 cell_gradient(MapReader::Cell c, marching_cubes::Edge e, float at) {
@@ -126,6 +138,7 @@ class Mesher {
   std::int32_t block_ = TsdfMap::kNoBlock;  // whose cells are looked at
   BlockCoord at_;
   Mesh mesh_;
+  std::vector<float> observed_;                             // of each vertex
   std::unordered_map<std::uint64_t, std::uint32_t> index_;  // grid edge -> vertex; never iterated
 };
 
@@ -160,8 +173,8 @@ std::string ply_bytes(const Mesh& m) {
 
 }  // namespace
 
-Mesh extract_mesh(rt::NonRealtime&, const TsdfMap& map, const MeshOptions& options) {
-  return Mesher(map, options).run();
+Mesh extract_mesh(rt::NonRealtime& nrt, const TsdfMap& map, const MeshOptions& options) {
+  return Mesher(map, options).run(nrt, options);
 }
 
 rt::Result<bool> write_ply(rt::NonRealtime&, const std::string& path, const Mesh& mesh) {

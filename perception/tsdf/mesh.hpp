@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "perception/tsdf/mesh_refine.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/result.hpp"
@@ -32,6 +33,8 @@ struct MeshOptions {
   // Cells with a crossing that fewer than 2 min_weight - 1 readings (at most 15) ended near, both nodes
   // together, are left open. Only in a map that was fused in colour.
   bool needs_readings = true;
+  bool refined = true;  // vertices onto the surface of their neighbourhood (mesh_refine.hpp)
+  RefineOptions refine{};
 };
 
 [[nodiscard]] Mesh extract_mesh(rt::NonRealtime&, const TsdfMap& map,

@@ -90,8 +90,8 @@ StudyRow row_of(const std::string& data, const Knobs& k) {
   return row;
 }
 
-// The default, then one knob after the other; the pixel step at twice the voxel too, where it buys most.
-std::vector<Knobs> settings(const FusionStudyOptions& o) {
+// The voxel's size; of `every` knob one after the other, the pixel step at twice the voxel too, where it buys most.
+std::vector<Knobs> settings(const FusionStudyOptions& o, bool every) {
   std::vector<Knobs> all;
   const auto add = [&](const Knobs& k) {
     if (std::find(all.begin(), all.end(), k) == all.end()) all.push_back(k);
@@ -101,6 +101,7 @@ std::vector<Knobs> settings(const FusionStudyOptions& o) {
     return std::find(o.voxels_mm.begin(), o.voxels_mm.end(), mm) != o.voxels_mm.end();
   };
   for (const double mm : o.voxels_mm) add({mm, d.pixel_step, d.iterations});
+  if (!every) return all;
   for (const double mm : {d.voxel_mm, 2 * d.voxel_mm}) {
     if (!has(mm)) continue;
     for (const int step : o.pixel_steps) add({mm, step, d.iterations});
@@ -131,20 +132,14 @@ perception::Mesh moved(perception::Mesh mesh, const Pose& X_WM) {
   return mesh;
 }
 
-void study_scene(rt::NonRealtime& nrt, const std::string& name, bool vary,
+void study_scene(rt::NonRealtime& nrt, const std::string& name, bool every_knob,
                  const FusionStudyOptions& o, std::ostream& progress, Study& study) {
   const SyntheticRoom room = scene_named(name);
   const drivers::World world(nrt, room.world);
   progress << "rendering " << name << "\n";
   const FusionSequence sequence = synthetic_sequence(nrt, room, o.frames);
   const auto seen = seen_surface(world, sequence.intrinsics, sequence.truth_WC);
-  std::vector<Knobs> knobs = settings(o);
-  if (!vary) {
-    // Its own default, or what there is.
-    const bool has = std::find(knobs.begin(), knobs.end(), defaults()) != knobs.end();
-    knobs = {has ? defaults() : knobs.front()};
-  }
-  for (const Knobs& k : knobs) {
+  for (const Knobs& k : settings(o, every_knob)) {
     StudyRow row = row_of(name, k);
     progress << name << " " << row.label << "\n";
     const FusionRun run = run_fusion(nrt, sequence, config_of(k));
@@ -156,7 +151,6 @@ void study_scene(rt::NonRealtime& nrt, const std::string& name, bool vary,
     }
     study.rows.push_back(std::move(row));
   }
-  if (!vary) return;
   study.plots.push_back({"accuracy_fusion_" + name, "fusion, synthetic " + name + ": trajectory",
                          name, "ate_mm", "trajectory error, mm (RMS)", "cpu_ms",
                          "CPU a frame, ms"});
@@ -173,7 +167,7 @@ void study_recording(rt::NonRealtime& nrt, const FusionStudyOptions& o, std::ost
     throw std::runtime_error(o.rgbd + "/groundtruth.txt: needs a pose for each of " +
                              std::to_string(o.rgbd_frames) + " frames");
   }
-  for (const Knobs& k : settings(o)) {
+  for (const Knobs& k : settings(o, true)) {
     StudyRow row = row_of("recording", k);
     progress << "recording " << row.label << "\n";
     add_run(run_fusion(nrt, sequence, config_of(k)), row);

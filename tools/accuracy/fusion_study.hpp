@@ -36,8 +36,8 @@ struct FusionRun {
 [[nodiscard]] tasks::FusionConfig fusion_with_voxel(double voxel_m);
 
 struct FusionStudyOptions {
-  std::vector<std::string> scenes{"room", "stairs", "turn", "sixth",
-                                  "near"};  // knobs vary in the first
+  // The voxel's size varies in each of them, the other knobs in the first.
+  std::vector<std::string> scenes{"room", "stairs", "turn", "sixth", "near"};
   int frames = 200;
   std::vector<double> voxels_mm{80, 40, 20, 13.3, 10, 7, 5};
   std::vector<int> pixel_steps{1, 2, 4};

@@ -24,7 +24,7 @@ struct DriftResult {
   void print(std::ostream& out) const;
 };
 
-// `step`: 1 full size (512 x 424), 2 half size.
+// `step`: 1 full size (512 x 424), 2 half size, 4 a quarter.
 [[nodiscard]] DriftResult bench_drift(std::ostream& progress, int frames, double voxel_m, int step);
 
 }  // namespace teletact

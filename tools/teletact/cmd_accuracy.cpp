@@ -47,7 +47,8 @@ int cmd_accuracy(int argc, char** argv) {
   app.add_option(
       "--rgbd", fusion.rgbd,
       "fusion: recording in TUM layout with groundtruth.txt, which judges and nothing else");
-  app.add_option("--scenes", fusion.scenes, "fusion: synthetic ones; the knobs vary in the first")
+  app.add_option("--scenes", fusion.scenes,
+                 "fusion: synthetic ones; knobs beside the voxel's size vary in the first")
       ->check(CLI::IsMember(scene_names()))
       ->delimiter(',')
       ->capture_default_str();

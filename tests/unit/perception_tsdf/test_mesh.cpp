@@ -225,7 +225,8 @@ TEST(Mesh, NothingIsMadeWhereNoReadingEnded) {
   };
   const auto count = [&](const TsdfMap& map, bool needs_readings) {
     Count c;
-    const Mesh m = extract_mesh(startup.token(), map, {.needs_readings = needs_readings});
+    const Mesh m =
+        extract_mesh(startup.token(), map, {.needs_readings = needs_readings, .refined = false});
     for (const auto& v : m.vertices_W) {
       const double d = std::fabs(scene.distance(v.cast<double>()));
       c.near += d < 0.005 ? 1 : 0;

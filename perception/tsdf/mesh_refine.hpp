@@ -1,0 +1,35 @@
+// Vertices onto the surface that their neighbourhood agrees on.
+//
+// Marching cubes puts a vertex where the two nodes of one grid edge say the surface is: the noise of two voxels.
+// The nodes beside them saw other pixels. So each vertex is moved along its normal onto a surface of second order
+// through the vertices about it (moving least squares, Alexa et al. 2003), each weighed by
+//
+//   distance   (1 - r^2 / R^2)^2, R = radius
+//   normal     ((c - c_g) / (1 - c_g))^2, c = cosine between the two, c_g = cosine of most_angle: not round an edge
+//   offset     (1 - z^2 / voxel^2)^2, z = across: not from one step to the next
+//   readings   how many the vertex rests on
+//
+// The curvature counts as far as it exceeds its own standard error; else the surface is the plane, which is
+// steadier. No vertex moves farther than the noise of its own readings explains: what many readings say stays.
+#pragma once
+
+#include <span>
+
+#include "rt/memory/non_realtime.hpp"
+
+namespace perception {
+
+struct Mesh;
+
+struct RefineOptions {
+  double radius = 2.5;            // voxels
+  double most_angle_deg = 40;     // between normals
+  double reading_sigma_m = 4e-3;  // of one reading across the surface, at most
+  double most_sigmas = 3;         // of a vertex's own readings that it may move
+};
+
+// `readings` of each vertex; vertices and normals are changed. Same input, same bytes.
+void refine_vertices(rt::NonRealtime&, std::span<const float> readings, double voxel_m,
+                     const RefineOptions& options, Mesh& mesh);
+
+}  // namespace perception
