@@ -10,36 +10,16 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "perception/simd/vectors-inl.hpp"
+
 HWY_BEFORE_NAMESPACE();
 namespace perception {
 namespace HWY_NAMESPACE {
-
-namespace hn = hwy::HWY_NAMESPACE;
-using DF = hn::CappedTag<float, 16>;
-using DI = hn::RebindToSigned<DF>;
-using DU = hn::RebindToUnsigned<DF>;
-using VF = hn::Vec<DF>;
-using VI = hn::Vec<DI>;
-using MF = hn::Mask<DF>;
-
-HWY_INLINE VI floor_of(VF x) {
-  const DI di;
-  const DF df;
-  const VI i = hn::ConvertTo(di, x);
-  return hn::IfThenElse(hn::RebindMask(di, hn::Gt(hn::ConvertTo(df, i), x)),
-                        hn::Sub(i, hn::Set(di, 1)), i);
-}
 
 struct Corners {
   VF v[8];  // raw units; corner bit 2 = x+1, bit 1 = y+1, bit 0 = z+1
   MF known;
 };
-
-HWY_INLINE unsigned bits_of(MF m) {
-  std::uint8_t bytes[8] = {};
-  hn::StoreMaskBits(DF(), m, bytes);
-  return static_cast<unsigned>(bytes[0]) | static_cast<unsigned>(bytes[1]) << 8U;
-}
 
 // Two neighbouring words at p[lane] + at of every lane, as the low and the high word of 64 bits; sorted
 // into vectors of low and of high words.

@@ -8,7 +8,7 @@
 //   interpolant; g.d < 0; t += -f / g.d, to stay within (hint - near - voxel_t / 2, hint + near +
 //   voxel_t / 2); done when the move is below kClose voxels
 //   normal R g, facing the camera, or else no surface
-// The same operations in the same order as Caster::quick_root, so the same bytes.
+// The same operations in the same order as RayMarcher::quick_root, so the same bytes.
 #pragma once
 
 #include <cstdint>

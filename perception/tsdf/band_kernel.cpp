@@ -12,6 +12,8 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "perception/simd/vectors-inl.hpp"
+
 #ifndef TELETACT_BAND_ONCE
 #define TELETACT_BAND_ONCE
 namespace perception {
@@ -33,29 +35,6 @@ inline bool missing(const BandJob& job, const std::int32_t (&b)[3]) noexcept {
 HWY_BEFORE_NAMESPACE();
 namespace perception {
 namespace HWY_NAMESPACE {
-
-namespace hn = hwy::HWY_NAMESPACE;
-using DF = hn::CappedTag<float, 16>;
-using DI = hn::RebindToSigned<DF>;
-using DU = hn::RebindToUnsigned<DF>;
-using VF = hn::Vec<DF>;
-using VI = hn::Vec<DI>;
-using VU = hn::Vec<DU>;
-using MF = hn::Mask<DF>;
-
-HWY_INLINE unsigned bits_of(MF m) {
-  std::uint8_t bytes[8] = {};
-  hn::StoreMaskBits(DF(), m, bytes);
-  return static_cast<unsigned>(bytes[0]) | static_cast<unsigned>(bytes[1]) << 8U;
-}
-
-HWY_INLINE VI floor_of(VF x) {
-  const DI di;
-  const DF df;
-  const VI i = hn::ConvertTo(di, x);
-  return hn::IfThenElse(hn::RebindMask(di, hn::Gt(hn::ConvertTo(df, i), x)),
-                        hn::Sub(i, hn::Set(di, 1)), i);
-}
 
 // The blocks of one step of up to 16 rays.
 class Emit {

@@ -7,6 +7,7 @@
 namespace perception {
 namespace {
 
+static_assert(std::endian::native == std::endian::little, "bytes are read eight at a time");
 constexpr int kVoxels = 512, kGroup = 16, kWidthBits = 5;
 constexpr std::uint8_t kHasColours = 1, kHasLabels = 2;
 using Residuals = std::array<std::uint32_t, kVoxels>;
@@ -44,15 +45,7 @@ class BitReader {
  public:
   explicit BitReader(std::span<const std::uint8_t> bytes) noexcept : bytes_(bytes) {}
   std::uint32_t get(int bits) noexcept {
-    while (count_ < bits) {
-      if (at_ < bytes_.size()) {
-        held_ |= std::uint64_t{bytes_[at_]} << count_;
-      } else {
-        overrun_ = true;
-      }
-      ++at_;
-      count_ += 8;
-    }
+    if (count_ < bits) fill(bits);
     const auto value = static_cast<std::uint32_t>(held_ & ((1ULL << bits) - 1U));
     held_ >>= bits;
     count_ -= bits;
@@ -64,11 +57,33 @@ class BitReader {
   }
   // Everything read, nothing missing, padding zero.
   [[nodiscard]] bool complete() const noexcept {
-    return !overrun_ && at_ == bytes_.size() && held_ == 0;
+    return !overrun_ && at_ == bytes_.size() && count_ < 8 && held_ == 0;
   }
   [[nodiscard]] bool overrun() const noexcept { return overrun_; }
 
  private:
+  void fill(int bits) noexcept {
+    if (bytes_.size() - at_ >= 8 && at_ < bytes_.size()) {
+      // As many whole bytes as fit. What is loaded of the next one beyond them is loaded again, the same, next time.
+      std::uint64_t next = 0;
+      std::memcpy(&next, bytes_.data() + at_, sizeof next);
+      held_ |= next << count_;
+      const int taken = (63 - count_) >> 3;
+      at_ += static_cast<std::size_t>(taken);
+      count_ += 8 * taken;
+      return;
+    }
+    while (count_ < bits) {
+      if (at_ < bytes_.size()) {
+        held_ |= std::uint64_t{bytes_[at_]} << count_;
+      } else {
+        overrun_ = true;
+      }
+      ++at_;
+      count_ += 8;
+    }
+  }
+
   std::span<const std::uint8_t> bytes_;
   std::size_t at_ = 0;
   std::uint64_t held_ = 0;

@@ -41,29 +41,17 @@ constexpr Slice kSlice = make_slice();
 
 #include <hwy/highway.h>
 
+#include "perception/simd/vectors-inl.hpp"
+
 HWY_BEFORE_NAMESPACE();
 namespace perception {
 namespace HWY_NAMESPACE {
-
-namespace hn = hwy::HWY_NAMESPACE;
-using DF = hn::CappedTag<float, 16>;
-using DI = hn::RebindToSigned<DF>;
-using DU = hn::RebindToUnsigned<DF>;
-using VF = hn::Vec<DF>;
-using VI = hn::Vec<DI>;
-using VU = hn::Vec<DU>;
-using MF = hn::Mask<DF>;
 
 HWY_INLINE VF set(float x) { return hn::Set(DF(), x); }
 HWY_INLINE VF add(VF a, VF b) { return hn::Add(a, b); }
 HWY_INLINE VF mul(VF a, VF b) { return hn::Mul(a, b); }
 HWY_INLINE VF to_float(VU v) { return hn::ConvertTo(DF(), hn::BitCast(DI(), v)); }
 HWY_INLINE MF non_zero(VU v) { return hn::RebindMask(DF(), hn::Ne(v, hn::Zero(DU()))); }
-HWY_INLINE std::uint64_t bits_of(MF m) {
-  std::uint8_t bytes[8] = {};
-  hn::StoreMaskBits(DF(), m, bytes);
-  return static_cast<std::uint64_t>(bytes[0]) | static_cast<std::uint64_t>(bytes[1]) << 8U;
-}
 
 // What the block's nodes fall on. Worked out for the whole block before anything depends on a reading, so
 // that the loads of many nodes are under way at once.

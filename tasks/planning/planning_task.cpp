@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <span>
+
+#include "tasks/planning/planning_ground.hpp"
 
 namespace tasks {
 
@@ -29,42 +30,13 @@ void PlanningConfig::describe(config::Section& s) {
 
 namespace {
 
-double wrapped(double a) { return std::remainder(a, 2.0 * std::numbers::pi); }
-double distance(Point2 a, Point2 b) { return std::hypot(b.x - a.x, b.y - a.y); }
-
 double distance_to_segment(Point2 p, Point2 a, Point2 b) {
   const double dx = b.x - a.x, dy = b.y - a.y, d2 = dx * dx + dy * dy;
   const double t = d2 > 0 ? std::clamp(((p.x - a.x) * dx + (p.y - a.y) * dy) / d2, 0.0, 1.0) : 0.0;
   return distance(p, {a.x + t * dx, a.y + t * dy});
 }
 
-rt::Health counted(rt::FaultId id) { return rt::Health::of(rt::Severity::kCounted, id); }
-
 }  // namespace
-
-// W's vertical must be near the ground's normal, or x and y of W would not name a place on it.
-struct PlanningTask::Ground {
-  explicit Ground(const CostMap& map) : X_WM(map.X_WM), X_MW(map.X_WM.inverse()) {
-    const auto& R = X_WM.linear();
-    usable = map.ground_found && X_WM.matrix().allFinite() && R(2, 2) > 0.8;
-  }
-  Pose X_WM, X_MW;
-  bool usable = false;
-
-  // The point of the ground above or below (x, y) of W.
-  [[nodiscard]] Point2 under(double x_W, double y_W) const {
-    const Vec3 n = X_WM.linear().col(2), o = X_WM.translation();
-    const double z = o.z() - (n.x() * (x_W - o.x()) + n.y() * (y_W - o.y())) / n.z();
-    const Vec3 p = X_MW * Vec3(x_W, y_W, z);
-    return {p.x(), p.y()};
-  }
-  [[nodiscard]] Vec3 to_W(Point2 p_M) const { return X_WM * Vec3(p_M.x, p_M.y, 0.0); }
-  // Foot of the perpendicular: what "under the mark" means to the robot.
-  [[nodiscard]] Point2 foot(const Vec3& p_W) const {
-    const Vec3 p = X_MW * p_W;
-    return {p.x(), p.y()};
-  }
-};
 
 PlanningTask::PlanningTask(rt::NonRealtime& nrt, const PlanningConfig& config, std::uint64_t seed)
     : config_(config), seed_(seed), planner_(nrt, config.planner) {}
@@ -328,216 +300,6 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
   out.path = state_.path;
   out.state = state_.task;
   return health;
-}
-
-// ---- planning -----------------------------------------------------------------------------------
-
-// Floods from the robot's place, or, where that is not driveable (the camera does not see the floor
-// at the robot's feet), from the driveable cells around it that no obstacle hides.
-PlanStatus PlanningTask::find_start(const CostMap& map, Point2 robot, const rt::Tick& tick,
-                                    bool& escape) noexcept {
-  escape = !point_clear(map, robot);
-  if (!escape) {
-    if (planner_.flood(map, robot, tick)) return PlanStatus::kFound;
-    return tick.cancelled() ? PlanStatus::kCancelled : PlanStatus::kStartBlocked;
-  }
-  const double res = map.resolution;
-  const int reach = static_cast<int>(config_.start_radius_m / res) + 1;
-  const int cx = static_cast<int>(std::floor(robot.x / res));
-  const int cy = static_cast<int>(std::floor(robot.y / res));
-  std::size_t n = 0;
-  for (int iy = std::max(0, cy - reach); iy <= std::min(map.height - 1, cy + reach); ++iy) {
-    if (tick.cancelled()) return PlanStatus::kCancelled;
-    for (int ix = std::max(0, cx - reach); ix <= std::min(map.width - 1, cx + reach); ++ix) {
-      if (map.cost[map.index(ix, iy)] > kDriveableCost || n == sources_.size()) continue;
-      const Point2 c{(ix + 0.5) * res, (iy + 0.5) * res};
-      const double d = distance(robot, c);
-      if (d > config_.start_radius_m) continue;
-      if (!edge_clear_or_unknown(map, robot, c, CostMap::kInscribed)) continue;
-      sources_[n++] = {ix, iy, d};
-    }
-  }
-  if (n > 0 && planner_.flood(map, std::span<const Planner::Source>(sources_.data(), n), tick)) {
-    return PlanStatus::kFound;
-  }
-  return tick.cancelled() ? PlanStatus::kCancelled : PlanStatus::kStartBlocked;
-}
-
-bool PlanningTask::find_goal(const CostMap& map, Point2 mark, Point2 facing,
-                             Point2& goal) const noexcept {
-  const double res = map.resolution;
-  const int reach = static_cast<int>(config_.goal_radius_m / res) + 1;
-  const double span = CostMap::kMaxCells * res;
-  if (!(std::abs(mark.x) < 2 * span && std::abs(mark.y) < 2 * span)) return false;
-  const int cx = static_cast<int>(std::floor(mark.x / res));
-  const int cy = static_cast<int>(std::floor(mark.y / res));
-  if (planner_.reachable(cx, cy) && point_clear(map, mark)) {
-    goal = mark;
-    return true;
-  }
-  // Only when nothing in front is reachable is the far side of the marked surface looked at.
-  constexpr double kBehind = 100.0, kCramped = 0.15;
-  double best = std::numeric_limits<double>::infinity();
-  for (int iy = std::max(0, cy - reach); iy <= std::min(map.height - 1, cy + reach); ++iy) {
-    for (int ix = std::max(0, cx - reach); ix <= std::min(map.width - 1, cx + reach); ++ix) {
-      if (!planner_.reachable(ix, iy)) continue;
-      const Point2 c{(ix + 0.5) * res, (iy + 0.5) * res};
-      double score = distance(mark, c);
-      if (score > config_.goal_radius_m) continue;
-      const double front = (c.x - mark.x) * facing.x + (c.y - mark.y) * facing.y;
-      if (front < -res) score += kBehind;
-      if (map.cost[map.index(ix, iy)] > config_.planner.comfort_cost) score += kCramped;
-      if (score < best) best = score, goal = c;
-    }
-  }
-  return std::isfinite(best);
-}
-
-bool PlanningTask::may_try(std::uint64_t mark_seq) noexcept {
-  if (mark_seq != tried_mark_) aborted_ = 0;
-  tried_mark_ = mark_seq;
-  tried_ = aborted_ < config_.aborts;
-  return tried_;
-}
-
-rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Ground& ground,
-                                   Out& out) noexcept {
-  const CostMap& map = *in.map;
-  Goal& g = state_.goal;
-  const Point2 robot = ground.under(in.robot->x_m, in.robot->y_m);
-  const Point2 mark = ground.foot(g.p_W);
-  const Vec3 n_M = ground.X_MW.linear() * g.normal_W;
-  const double flat = std::hypot(n_M.x(), n_M.y());
-  // A surface that faces up or down has no side on the ground.
-  const Point2 facing = flat > 0.5 ? Point2{n_M.x() / flat, n_M.y() / flat} : Point2{};
-  Point2 goal;
-  bool escape = false;
-  PlanStatus status = find_start(map, robot, tick, escape);
-  if (status == PlanStatus::kFound) {
-    status = find_goal(map, mark, facing, goal) ? planner_.plan(goal, seed_, tick.k, tick)
-                                                : PlanStatus::kUnreachable;
-    out.work += planner_.iterations();
-  }
-  out.status = status;
-  switch (status) {
-    case PlanStatus::kFound:
-      break;
-    case PlanStatus::kCancelled:
-      return counted(kFaultPlanningCancelled);
-    case PlanStatus::kBudgetSpent:
-    case PlanStatus::kLibraryFault: {
-      const rt::Health health = status == PlanStatus::kLibraryFault
-                                    ? rt::Health::of(rt::Severity::kDegraded, kFaultPlanningLibrary)
-                                    : rt::Health::ok();
-      if (++g.attempts < config_.attempts) return health;  // the next job draws other samples
-      give_up(out);
-      return rt::worst(health, counted(kFaultPlanningNoPath));
-    }
-    case PlanStatus::kNoMap:
-    case PlanStatus::kStartBlocked:
-    case PlanStatus::kGoalBlocked:
-    case PlanStatus::kUnreachable:
-      give_up(out);
-      return counted(kFaultPlanningNoPath);
-  }
-  lay_points(ground, robot, escape, out);
-  lay_headings(in.robot->yaw_rad, ground, mark, facing);
-  if (planner_.from_grid()) out.flags |= kFromGrid;
-  Path& p = state_.path;
-  p.seq = ++state_.path_seq;
-  p.made = tick.start;
-  p.mark_seq = g.mark_seq;
-  p.mark_stamp = g.mark_stamp;
-  p.marked_W = g.p_W;
-  g.pending = false;
-  g.attempts = g.waited = 0;
-  ++state_.task.paths;
-  state_.task.phase = TaskState::Phase::kDriving;
-  out.flags |= kNewPath;
-  return rt::Health::ok();
-}
-
-// The planner's vertices as points of W at most spacing_m apart; every vertex is kept, so the
-// points lie on edges that were checked.
-void PlanningTask::lay_points(const Ground& ground, Point2 robot, bool escape, Out& out) noexcept {
-  Path& p = state_.path;
-  const auto vertices = planner_.vertices();
-  p.size = 0;
-  state_.escape_points = 0;
-  state_.path_truncated = false;
-  const auto put = [&](Point2 q) {
-    const Vec3 w = ground.to_W(q);
-    p.points[static_cast<std::size_t>(p.size++)] = {w.x(), w.y(), 0.0};
-  };
-  const auto leg = [&](Point2 a, Point2 b) {
-    // On tilted ground the distance in W's plane is the shorter one, so this spacing holds there
-    // too.
-    const int n = std::max(1, static_cast<int>(std::ceil(distance(a, b) / config_.spacing_m)));
-    for (int i = 1; i <= n; ++i) {
-      if (p.size == Path::kMaxPoints) {
-        state_.path_truncated = true;
-        return;
-      }
-      const double t = static_cast<double>(i) / n;
-      put(i == n ? b : Point2{a.x + t * (b.x - a.x), a.y + t * (b.y - a.y)});
-    }
-  };
-  Point2 last = vertices.front();
-  if (escape) {
-    put(robot);
-    leg(robot, last);
-    state_.escape_points = p.size - 1;
-    out.flags |= kEscape;
-  } else {
-    put(last);
-  }
-  for (std::size_t i = 1; i < vertices.size() && !state_.path_truncated; ++i) {
-    if (distance(last, vertices[i]) < 1e-9) continue;
-    leg(last, vertices[i]);
-    last = vertices[i];
-  }
-  if (state_.path_truncated) out.flags |= kTruncated;
-}
-
-// The heading follows the direction of travel, no faster than turn_rad_per_m along the path, and
-// ends looking at the mark. It begins at the robot's own.
-void PlanningTask::lay_headings(double robot_yaw, const Ground& ground, Point2 mark,
-                                Point2 facing) noexcept {
-  Path& p = state_.path;
-  const auto at = [&](int i) -> std::array<double, 3>& {
-    return p.points[static_cast<std::size_t>(i)];
-  };
-  const auto length = [&](int i) {  // of the edge that ends in point i
-    return std::hypot(at(i)[0] - at(i - 1)[0], at(i)[1] - at(i - 1)[1]);
-  };
-  const auto direction = [&](int i) {
-    return std::atan2(at(i)[1] - at(i - 1)[1], at(i)[0] - at(i - 1)[0]);
-  };
-  const int n = p.size;
-  const Vec3 mark_W = ground.to_W(mark);
-  double dx = mark_W.x() - at(n - 1)[0], dy = mark_W.y() - at(n - 1)[1];
-  if (std::hypot(dx, dy) < 0.1) {
-    // Too near to point at: look against the surface. Zero on the floor, where any heading will do.
-    const Vec3 into = ground.X_WM.linear() * Vec3(-facing.x, -facing.y, 0.0);
-    dx = into.x(), dy = into.y();
-  }
-  double end = n > 1 ? direction(n - 1) : robot_yaw;
-  if (!state_.path_truncated && std::hypot(dx, dy) > 0.05) end = std::atan2(dy, dx);
-  at(0)[2] = wrapped(n > 1 ? robot_yaw : end);
-  for (int i = 1; i < n; ++i) {
-    const double most = config_.turn_rad_per_m * length(i);
-    const double turn = wrapped(direction(i) - at(i - 1)[2]);
-    at(i)[2] = wrapped(at(i - 1)[2] + std::clamp(turn, -most, most));
-  }
-  // Backwards from the end: as much of the way as the turn to the mark needs.
-  double yaw = wrapped(end), rest = 0;
-  for (int i = n - 1; i >= 1; --i) {
-    const double most = config_.turn_rad_per_m * rest;
-    const double off = wrapped(at(i)[2] - yaw);
-    if (i < n - 1 && std::abs(off) <= most) break;
-    at(i)[2] = wrapped(yaw + std::clamp(off, -most, most));
-    rest += length(i);
-  }
 }
 
 }  // namespace tasks

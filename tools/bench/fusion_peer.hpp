@@ -40,6 +40,7 @@ struct FusionPeerRow {
 struct FusionPeerResult {
   std::vector<FusionPeerRow> rows;
   double other_load = 0;  // cores
+  [[nodiscard]] bool measured() const { return other_load <= 0.05; }
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;
 };

@@ -15,6 +15,7 @@
 #include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <stdexcept>
 
 namespace teletact {
@@ -33,6 +34,14 @@ std::int64_t cpu_ns() {
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
   return t.tv_sec * 1000000000LL + t.tv_nsec;
 }
+
+double wall_s() {
+  timespec t{};
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+constexpr double kSpeak_s = 60;  // between two words about those that run
 
 std::size_t below(rt::Random& random, std::size_t n) {
   return n == 0 ? 0 : static_cast<std::size_t>(random() % n);
@@ -161,42 +170,100 @@ std::string what_ended(int status, const Progress& progress) {
   return "ended with " + std::to_string(code);
 }
 
-FuzzRow fuzz_one(const FuzzReader& reader, const FuzzOptions& options) {
-  for (const std::string& good : reader.seeds) {
-    const auto result = reader.read(good);
-    if (!result) throw std::runtime_error(reader.name + " refuses a good file: " + result.error());
+// A reader in a process of its own, from its start to its end.
+class Fuzzed {
+ public:
+  Fuzzed(const FuzzReader& reader, const FuzzOptions& options)
+      : reader_(reader),
+        options_(options),
+        said_((std::filesystem::path(options.keep) / (reader.name + ".stderr")).string()) {
+    for (const std::string& good : reader.seeds) {
+      const auto result = reader.read(good);
+      if (!result)
+        throw std::runtime_error(reader.name + " refuses a good file: " + result.error());
+    }
+    void* shared =
+        mmap(nullptr, sizeof(Progress), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    if (shared == MAP_FAILED) throw std::runtime_error("no shared memory");
+    progress_ = static_cast<Progress*>(shared);
+    moved_s_ = wall_s();
+    pid_ = fork();
+    if (pid_ == 0) work(reader, options, said_, *progress_);
+    if (pid_ < 0) {
+      munmap(progress_, sizeof(Progress));
+      throw std::runtime_error("no process could be started");
+    }
   }
-  void* shared =
-      mmap(nullptr, sizeof(Progress), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-  if (shared == MAP_FAILED) throw std::runtime_error("no shared memory");
-  auto& progress = *static_cast<Progress*>(shared);
-  const std::string said =
-      (std::filesystem::path(options.keep) / (reader.name + ".stderr")).string();
-  const pid_t pid = fork();
-  if (pid < 0) throw std::runtime_error("no process could be started");
-  if (pid == 0) work(reader, options, said, progress);
-  int status = 0;
-  while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {
+  ~Fuzzed() {
+    if (pid_ > 0) {  // left by an exception
+      kill(pid_, SIGKILL);
+      wait(0);
+    }
+    munmap(progress_, sizeof(Progress));
   }
-  FuzzRow row;
-  row.reader = reader.name;
-  row.inputs = progress.input + 1;
-  row.accepted = progress.accepted;
-  row.cpu_s = 1e-9 * static_cast<double>(progress.cpu_ns);
-  row.fault = what_ended(status, progress);
-  if (!row.fault.empty()) {
-    const std::string file = reader.name + "_" + std::to_string(options.seed) + "_" +
-                             std::to_string(progress.input) + ".fault";
-    const auto path = std::filesystem::path(options.keep) / file;
-    std::ofstream(path, std::ios::binary) << fuzz_input(reader, options.seed, progress.input);
-    row.fault += "; input: " + path.string() + ", what it said: " + said;
-  } else {
+  Fuzzed(const Fuzzed&) = delete;
+  Fuzzed& operator=(const Fuzzed&) = delete;
+
+  // Does not wait. True: it has ended, and row() tells how.
+  [[nodiscard]] bool ended() {
+    if (wait(WNOHANG)) return true;
+    const std::uint64_t input = progress_->input;
+    if (input != last_input_) last_input_ = input, moved_s_ = wall_s();
+    // A reader that waits for something uses no CPU: no limit of CPU time ends it.
+    if (wall_s() - moved_s_ < kStandstill_s + 10 * options_.limit_cpu_s) return false;
+    kill(pid_, SIGKILL);
+    wait(0);
+    stands_ = true;
+    return true;
+  }
+  [[nodiscard]] FuzzRow row() const {
+    FuzzRow row;
+    row.reader = reader_.name;
+    row.inputs = progress_->input + 1;
+    row.accepted = progress_->accepted;
+    row.cpu_s = 1e-9 * static_cast<double>(progress_->cpu_ns);
+    row.fault = stands_ ? "stands still" : what_ended(status_, *progress_);
     std::error_code ignored;
-    std::filesystem::remove(said, ignored);
+    if (row.fault.empty()) {
+      std::filesystem::remove(said_, ignored);
+      return row;
+    }
+    const std::string file = reader_.name + "_" + std::to_string(options_.seed) + "_" +
+                             std::to_string(progress_->input) + ".fault";
+    const auto path = std::filesystem::path(options_.keep) / file;
+    std::ofstream(path, std::ios::binary) << fuzz_input(reader_, options_.seed, progress_->input);
+    row.fault += "; input: " + path.string() + ", what it said: " + said_;
+    return row;
   }
-  munmap(shared, sizeof(Progress));
-  return row;
-}
+  [[nodiscard]] std::string so_far() const {
+    char text[96];
+    std::snprintf(text, sizeof text, "%s %.0f of %.0f s, %llu inputs", reader_.name.c_str(),
+                  1e-9 * static_cast<double>(progress_->cpu_ns), options_.seconds,
+                  static_cast<unsigned long long>(progress_->input));
+    return text;
+  }
+
+ private:
+  static constexpr double kStandstill_s = 60;
+  bool wait(int flags) {
+    pid_t got = 0;
+    while ((got = waitpid(pid_, &status_, flags)) < 0 && errno == EINTR) {
+    }
+    if (got != pid_) return false;
+    pid_ = -1;
+    return true;
+  }
+
+  const FuzzReader& reader_;
+  const FuzzOptions& options_;
+  std::string said_;
+  Progress* progress_ = nullptr;
+  pid_t pid_ = -1;
+  int status_ = 0;
+  bool stands_ = false;
+  std::uint64_t last_input_ = 0;
+  double moved_s_ = 0;
+};
 
 }  // namespace
 
@@ -218,16 +285,42 @@ std::string fuzz_input(const FuzzReader& reader, std::uint64_t seed, std::uint64
 
 FuzzResult bench_fuzz(std::ostream& progress, const std::vector<FuzzReader>& readers,
                       const FuzzOptions& options) {
-  FuzzResult result;
-  for (const FuzzReader& reader : readers) {
-    if (!options.only.empty() && options.only != reader.name) continue;
-    progress << "fuzzing " << reader.name << ", seed " << options.seed << std::endl;
-    result.rows.push_back(fuzz_one(reader, options));
-  }
-  if (result.rows.empty()) {
+  std::vector<const FuzzReader*> wanted;
+  for (const FuzzReader& reader : readers)
+    if (options.only.empty() || options.only == reader.name) wanted.push_back(&reader);
+  if (wanted.empty()) {
     std::string names;
     for (const FuzzReader& r : readers) names += (names.empty() ? "" : ", ") + r.name;
     throw std::runtime_error("--reader " + options.only + ": there are " + names);
+  }
+  FuzzResult result;
+  result.rows.resize(wanted.size());
+  std::vector<std::unique_ptr<Fuzzed>> running(wanted.size());
+  std::size_t started = 0, ended = 0;
+  double spoken_s = wall_s();
+  while (ended < wanted.size()) {
+    for (; started < wanted.size() && started - ended < static_cast<std::size_t>(options.jobs);
+         ++started) {
+      progress << "fuzzing " << wanted[started]->name << ", seed " << options.seed << ", "
+               << started + 1 << " of " << wanted.size() << std::endl;
+      running[started] = std::make_unique<Fuzzed>(*wanted[started], options);
+    }
+    usleep(50'000);
+    const bool speak = wall_s() - spoken_s > kSpeak_s;
+    if (speak) spoken_s = wall_s();
+    for (std::size_t n = 0; n < started; ++n) {
+      if (running[n] == nullptr) continue;
+      if (running[n]->ended()) {
+        result.rows[n] = running[n]->row();
+        running[n].reset();
+        ++ended;
+        if (!result.rows[n].fault.empty())
+          progress << "FAULT: " << result.rows[n].reader << ": " << result.rows[n].fault
+                   << std::endl;
+      } else if (speak) {
+        progress << "  " << running[n]->so_far() << std::endl;
+      }
+    }
   }
   return result;
 }

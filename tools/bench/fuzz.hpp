@@ -5,8 +5,9 @@
 // again, so that the damage gets past them. Input n of a seed is always the same bytes.
 //
 // A reader must end: with a result, or with one line that says what is wrong. A fault is a crash, an
-// exception, a line that is none, more than `limit_cpu_s` for one input, or memory beyond `limit_MiB`. Each
-// reader runs in a process of its own, so a fault ends the reader and not the bench; the input is kept.
+// exception, a line that is none, more than `limit_cpu_s` for one input, minutes without using any, or memory
+// beyond `limit_MiB`. Each reader runs in a process of its own, `jobs` at once, so a fault ends the reader and not
+// the bench; the input is kept. A line a minute tells how far they are.
 #pragma once
 
 #include <cstdint>
@@ -32,6 +33,7 @@ struct FuzzReader {
 struct FuzzOptions {
   double seconds = 600;  // CPU of each reader
   std::uint64_t seed = 1;
+  int jobs = 1;                    // readers at once
   std::string only;                // one reader; empty: all
   std::string keep = ".";          // folder for the input of a fault
   double limit_cpu_s = 10;         // for one input

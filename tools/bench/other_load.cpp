@@ -5,6 +5,7 @@
 #include <fstream>
 #include <string>
 
+#include <sys/resource.h>
 #include <unistd.h>
 
 namespace teletact {
@@ -15,6 +16,16 @@ double clock_s(clockid_t clock) {
   timespec t{};
   clock_gettime(clock, &t);
   return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+double seconds(const timeval& t) {
+  return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+}
+
+double ended_children_s() {
+  rusage use{};
+  if (getrusage(RUSAGE_CHILDREN, &use) != 0) return 0;
+  return seconds(use.ru_utime) + seconds(use.ru_stime);
 }
 
 }  // namespace
@@ -33,7 +44,7 @@ OtherLoad::Sample OtherLoad::now() {
     const double busy = ticks[0] + ticks[1] + ticks[2] + ticks[5] + ticks[6] + ticks[7];
     s.busy_s = busy / static_cast<double>(sysconf(_SC_CLK_TCK));
   }
-  s.own_s = clock_s(CLOCK_PROCESS_CPUTIME_ID);
+  s.own_s = clock_s(CLOCK_PROCESS_CPUTIME_ID) + ended_children_s();
   s.wall_s = clock_s(CLOCK_MONOTONIC);
   return s;
 }

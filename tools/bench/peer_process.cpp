@@ -6,10 +6,12 @@
 
 #include <csignal>
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <memory>
 #include <stdexcept>
+#include <utility>
 
 namespace teletact {
 
@@ -65,6 +67,17 @@ PeerProcess::~PeerProcess() {
   if (to_ != nullptr) std::fclose(to_);
   if (from_ != nullptr) std::fclose(from_);
   if (pid_ > 0) waitpid(pid_, nullptr, 0);
+}
+
+std::string PeerProcess::ending() {
+  if (pid_ <= 0) return "did not start";
+  if (to_ != nullptr) std::fclose(to_);
+  to_ = nullptr;
+  int status = 0;
+  if (waitpid(std::exchange(pid_, -1), &status, 0) < 0) return "ended";
+  if (WIFSIGNALED(status))
+    return std::string("was ended by a signal: ") + strsignal(WTERMSIG(status));
+  return "ended with " + std::to_string(WEXITSTATUS(status));
 }
 
 bool PeerProcess::ask(int frame, Reply& reply) {

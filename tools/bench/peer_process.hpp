@@ -39,6 +39,8 @@ class PeerProcess {
   PeerProcess& operator=(const PeerProcess&) = delete;
   // False: it does not run (any more).
   [[nodiscard]] bool ask(int frame, Reply& reply);
+  // Once it does not: how it ended.
+  [[nodiscard]] std::string ending();
 
  private:
   pid_t pid_ = -1;

@@ -6,11 +6,13 @@
 //                ICP, allocation, depth and colour integration, tracking ray cast, patch copy, cost map;
 //                neither file decoding nor the view. Median, p95, max over frames `first_frame` ..
 //                `frames` - 1; of each the median over the runs
-//   with object  the same with one object touched and followed: whenever none was seen for half a second,
-//                the surface in the middle of the image is touched. Only frames in which a mask was made count
+//   with object  the same with one object touched and followed: whenever none was seen for half a second, the
+//                surface in the middle of the image is touched, and where that is refused (it is what things stand
+//                on) other places of the image, one a frame. Only frames in which a mask was made count
 //   two threads  the same frames with one pool worker beside. Wall ("wall2") = the way through: over all stages the
-//                CPU of the thread that took longest, plus the measured fork and join of each fork; real wall
-//                time beside it, which holds whatever else the machine did
+//                CPU of the thread that took longest, plus the measured fork and join of each fork (of empty
+//                parts, at a real-time priority where that is permitted, as the product has it); real wall time
+//                beside it, which holds whatever else the machine did
 //   memory       bytes that the map (pool, hash, colours, labels, free space) and four patches hold
 //   sequences    the recording (a folder in TUM layout, brought to 512 x 424), and a synthetic room as a
 //                Kinect v2 sees it (512 x 424, f 365, axial and lateral noise, edge drop-out, flying pixels)
@@ -59,6 +61,7 @@ struct Table1Row {
     std::array<Figures, kStages> stages;  // the way through, without fork and join
     double forks = 0;                     // a frame, p50
     double fork_us = 0;                   // an empty one, there and back
+    bool real_time = false;               // ... measured at a real-time priority
   } two;
   int claimed = 0, frames = 0;
   double ate_mm = 0;  // NaN: no truth

@@ -30,6 +30,9 @@ struct FuzzBench {
         ->check(in_range(0.1, 1e6))
         ->capture_default_str();
     app.add_option("--reader", options.only, "fuzz: one reader only");
+    app.add_option("--jobs", options.jobs, "fuzz: readers at once")
+        ->check(CLI::Range(1, 64))
+        ->capture_default_str();
     app.add_option("--keep", options.keep, "fuzz: folder for the input of a fault")
         ->capture_default_str();
   }

@@ -119,15 +119,9 @@ void FuzzReaders::add_images() {
   });
 }
 
-// One file of a good folder is damaged; then the folder is opened and its first frame read.
+// One file of a good folder is damaged; then the folder is opened and its first frame read. A folder each, for
+// readers may run at once.
 void FuzzReaders::add_recording() {
-  const std::filesystem::path folder = folder_ / "recording";
-  std::filesystem::create_directories(folder / "depth");
-  std::filesystem::create_directories(folder / "rgb");
-  for (const char* n : {"0", "1"}) {
-    write(folder / "depth" / (std::string(n) + ".png"), encoded(".png", depth_image(CV_16UC1)));
-    write(folder / "rgb" / (std::string(n) + ".png"), encoded(".png", colour_image()));
-  }
   struct File {
     const char *name, *text;
   };
@@ -138,11 +132,20 @@ void FuzzReaders::add_recording() {
       {"colour_registration.txt",
        "fx 30\nfy 30\ncx 15.5\ncy 11.5\nR 1 0 0 0 1 0 0 0 1\nt 0.02 0 0\n"},
   };
-  for (const File& f : kFiles) write(folder / f.name, f.text);
+  const std::string depth = encoded(".png", depth_image(CV_16UC1)),
+                    colour = encoded(".png", colour_image());
   const auto frame = std::make_shared<perception::RgbdFrame>();
   for (const File& f : kFiles) {
     const std::string reader =
         "recording_" + std::string(f.name).substr(0, std::strlen(f.name) - 4);
+    const std::filesystem::path folder = folder_ / reader;
+    std::filesystem::create_directories(folder / "depth");
+    std::filesystem::create_directories(folder / "rgb");
+    for (const char* n : {"0.png", "1.png"}) {
+      write(folder / "depth" / n, depth);
+      write(folder / "rgb" / n, colour);
+    }
+    for (const File& each : kFiles) write(folder / each.name, each.text);
     readers_.push_back({reader,
                         {f.text},
                         [folder, f, frame](const std::string& b) -> rt::Result<bool> {

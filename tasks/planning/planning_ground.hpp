@@ -1,0 +1,42 @@
+// What the parts of the planning task share: the ground plane of a map, seen from W, and distances on it.
+#pragma once
+
+#include <cmath>
+
+#include "tasks/planning/planning_task.hpp"
+
+namespace tasks {
+
+[[nodiscard]] inline double distance(Point2 a, Point2 b) {
+  return std::hypot(b.x - a.x, b.y - a.y);
+}
+
+[[nodiscard]] inline rt::Health counted(rt::FaultId id) {
+  return rt::Health::of(rt::Severity::kCounted, id);
+}
+
+// W's vertical must be near the ground's normal, or x and y of W would not name a place on it.
+struct PlanningTask::Ground {
+  explicit Ground(const perception::CostMap& map) : X_WM(map.X_WM), X_MW(map.X_WM.inverse()) {
+    const auto& R = X_WM.linear();
+    usable = map.ground_found && X_WM.matrix().allFinite() && R(2, 2) > 0.8;
+  }
+  Pose X_WM, X_MW;
+  bool usable = false;
+
+  // The point of the ground above or below (x, y) of W.
+  [[nodiscard]] Point2 under(double x_W, double y_W) const {
+    const Vec3 n = X_WM.linear().col(2), o = X_WM.translation();
+    const double z = o.z() - (n.x() * (x_W - o.x()) + n.y() * (y_W - o.y())) / n.z();
+    const Vec3 p = X_MW * Vec3(x_W, y_W, z);
+    return {p.x(), p.y()};
+  }
+  [[nodiscard]] Vec3 to_W(Point2 p_M) const { return X_WM * Vec3(p_M.x, p_M.y, 0.0); }
+  // Foot of the perpendicular: what "under the mark" means to the robot.
+  [[nodiscard]] Point2 foot(const Vec3& p_W) const {
+    const Vec3 p = X_MW * p_W;
+    return {p.x(), p.y()};
+  }
+};
+
+}  // namespace tasks
