@@ -54,6 +54,7 @@ CellFlow<kTextured>::CellFlow(const Field& field, const ProxyConfig& cfg, double
 
 template <bool kTextured>
 auto CellFlow<kTextured>::local(const Index& at, const Vec3& q) const noexcept -> Local {
+  --left_;
   Local l;
   CellSample s;
   if (!field_.sample_in(at, q - Vec3(at[0], at[1], at[2]), s)) {
@@ -233,7 +234,7 @@ bool CellFlow<kTextured>::search(const Side& side, const Local& l, const Pull& p
     share = room;
   }
   const double before = (q_ - h_).squaredNorm();
-  for (int i = 0; i < 8; ++i) {
+  for (int i = 0; i < 8 && left_ > 0; ++i) {
     Vec3 x = q_ + share * s;
     for (int a = 0; a < 3; ++a) {
       const double low = side.at[static_cast<std::size_t>(a)];
@@ -275,6 +276,7 @@ bool CellFlow<kTextured>::advance(const Side& side, const Local& l, const Pull& 
 
 template <bool kTextured>
 bool CellFlow<kTextured>::move() noexcept {
+  if (left_ <= 0) return false;
   const Vec3 r = h_ - q_;
   std::array<Side, 8> sides;
   const std::size_t count = around(q_, sides);
@@ -289,7 +291,7 @@ bool CellFlow<kTextured>::move() noexcept {
     locals[k] = local(sides[k].at, q_);
     pulls[k] = pull(locals[k], sides[k], r);
   }
-  for (std::size_t tried = 0; tried < count; ++tried) {
+  for (std::size_t tried = 0; tried < count && left_ > 0; ++tried) {
     std::size_t best = 0;
     double most = -1;
     for (std::size_t k = 0; k < count; ++k) {
@@ -335,7 +337,7 @@ Vec3 CellFlow<kTextured>::run(const Vec3& p_W) noexcept {
 // To rest within one closed cell.
 template <bool kTextured>
 void CellFlow<kTextured>::rest_in(const Index& at) noexcept {
-  for (int i = 0; i < 12; ++i) {
+  for (int i = 0; i < 12 && left_ > 0; ++i) {
     Side side{at, {}};
     for (std::size_t a = 0; a < 3; ++a) {
       const double u = q_[static_cast<Eigen::Index>(a)] - at[a];
@@ -392,9 +394,9 @@ bool CellFlow<kTextured>::beyond(const Index& at, int axis, bool up, Beyond& out
 
 template <bool kTextured>
 Vec3 CellFlow<kTextured>::shade() noexcept {
-  for (int round = 0; round < 3; ++round) {
+  for (int round = 0; round < 3 && left_ > kSamples / 2; ++round) {
     std::array<Side, 8> sides;
-    if (around(q_, sides) > 1) return Vec3::Zero();  // in a crease
+    (void)around(q_, sides);
     const Index at = sides[0].at;
     Vec3 shift = Vec3::Zero();
     double shares = 0;
@@ -404,7 +406,7 @@ Vec3 CellFlow<kTextured>::shade() noexcept {
       for (const bool up : {false, true}) {
         const double room = up ? 1 - u : u;
         Beyond b;
-        if (room > kReach || !beyond(at, a, up, b)) continue;
+        if (u == 0 || room > kReach || !beyond(at, a, up, b)) continue;
         if (b.nearer && round < 2) {
           q_ = b.q;
           for (int i = 0; i < cfg_.iterations_max && move(); ++i) {

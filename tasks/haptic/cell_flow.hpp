@@ -50,6 +50,7 @@ class CellFlow {
   [[nodiscard]] std::size_t tangents(std::array<Tangent, 3>& out) const noexcept;
 
  private:
+  static constexpr int kSamples = 350;
   using Index = std::array<std::int32_t, 3>;
   // One of the cells that meet at a point.
   struct Side {
@@ -97,6 +98,7 @@ class CellFlow {
   double radius_, step_min_, stride_max_, wave_ = 0, bump_ = 0;
   std::array<HalfSpace, 3> held_;  // voxels
   std::size_t held_size_;
+  mutable int left_ = kSamples;  // of this tick; what is not reached is left to the next one
 };
 
 extern template class CellFlow<false>;

@@ -141,7 +141,7 @@ class FieldOptimum {
   // How much of the pull K (h - p) could still move p: the largest part of it along a way of
   // 0.25 mm that stays outside the solid, as a share of |h - p|. 0 where p rests.
   [[nodiscard]] double unused(const Vec3& p, const Vec3& h) const {
-    return (h - p).norm() < 2e-4 ? 0 : steepest(p, h, kUnusedWay).first;
+    return (h - p).norm() < 2e-4 ? 0 : steepest(p, h, kUnusedWay, true).first;
   }
 
  private:
@@ -149,7 +149,8 @@ class FieldOptimum {
 
   // The straight way of length r that leads most towards h without entering the solid: the part of
   // it towards h, and its direction.
-  [[nodiscard]] std::pair<double, Vec3> steepest(const Vec3& p, const Vec3& h, double r) const {
+  [[nodiscard]] std::pair<double, Vec3> steepest(const Vec3& p, const Vec3& h, double r,
+                                                 bool whole) const {
     const double distance = (h - p).norm();
     const Vec3 axis = (h - p) / distance;
     const Vec3 a = axis.unitOrthogonal(), b = axis.cross(a);
@@ -164,7 +165,9 @@ class FieldOptimum {
       for (int i = 0; i < 9; ++i) {
         const double e = 0.5 * (lo + hi);
         const Vec3 d = std::cos(e) * side + std::sin(e) * axis;
-        (field_(p + r * d) < radius_ - 2e-6 ? hi : lo) = e;
+        bool barred = field_(p + r * d) <= (whole ? radius_ : radius_ - 2e-6);
+        for (int m = 1; whole && !barred && m < 5; ++m) barred = solid(p + (0.2 * m * r) * d);
+        (barred ? hi : lo) = e;
       }
       if (std::sin(lo) > best) {
         best = std::sin(lo);
@@ -178,7 +181,7 @@ class FieldOptimum {
   [[nodiscard]] Vec3 squeeze(const Vec3& p, const Vec3& h) const {
     const double distance = (h - p).norm();
     for (double r = kStep; r > 2e-5; r *= 0.5) {
-      const auto [part, way] = steepest(p, h, r);
+      const auto [part, way] = steepest(p, h, r, false);
       if (part < 0.01) continue;
       Vec3 x = sink(rise(p + std::min(r, distance) * way, h), h);
       const bool free = field_(p + 0.5 * std::min(r, distance) * way) > radius_ - 5e-6;
