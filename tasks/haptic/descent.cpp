@@ -4,63 +4,10 @@ namespace tasks {
 
 namespace {
 
-constexpr double kSlopeMin = 0.005;          // below it a gradient gives no direction
-constexpr double kHop_vox = 0.025;           // the widest rest before a ridge that is passed over
-constexpr double kResampleNear_vox = 0.002;  // a plane from nearer than this is the surface at p
-constexpr int kSweepSamples = 512;           // 128 voxels: more than any window
+constexpr double kSlopeMin = 0.005;  // below it a gradient gives no direction
+constexpr int kSweepSamples = 512;   // 128 voxels: more than any window
 
 }  // namespace
-
-template <bool kTextured>
-Plane Descent<kTextured>::plane(const Vec3& x, const Gap& g, bool fresh) const noexcept {
-  const double slope = g.gradient.norm();
-  Plane out;
-  out.at = x;
-  out.fresh = fresh;
-  out.known = g.known;
-  if (slope < kSlopeMin) {
-    out.half.n = state_.normal_W();  // no direction here: the side it is on
-    out.half.d = out.half.n.dot(x);
-  } else {
-    out.half.n = g.gradient / slope;
-    out.half.d = out.half.n.dot(x) - g.value / slope;
-  }
-  return out;
-}
-
-// A crease that runs along grid nodes has no gradient on its line: there the tangents of the faces
-// are taken from an eighth of a voxel to either side, those that hold for p and bar h the most.
-template <bool kTextured>
-void Descent<kTextured>::probe(const Vec3& p) noexcept {
-  const double reach = 0.125 * field_.voxel();
-  std::array<Plane, 3> found{};
-  std::size_t n = 0;
-  for (int i = 0; i < 6; ++i) {
-    Vec3 q = p;
-    q[i >> 1] += (i & 1) != 0 ? -reach : reach;
-    const Gap g = gap(q);
-    if (g.gradient.norm() < kSlopeMin) continue;
-    const Plane face = plane(q, g, true);
-    if (face.half.distance(p) < -cfg_.tolerance_m || face.half.distance(h_) >= 0) continue;
-    std::size_t twin = 0;
-    while (twin < n && face.half.n.dot(found[twin].half.n) < 0.9) ++twin;
-    if (twin < n) {  // the same face again: keep the tighter one at p
-      if (face.half.distance(p) < found[twin].half.distance(p)) found[twin] = face;
-    } else if (n < 3) {
-      found[n++] = face;
-    }
-  }
-  if (n == 0) return;
-  planes_ = found;
-  size_ = n;
-}
-
-template <bool kTextured>
-PlanesResult Descent<kTextured>::solve() const noexcept {
-  std::array<HalfSpace, 3> halves{};
-  for (std::size_t i = 0; i < size_; ++i) halves[i] = planes_[i].half;
-  return nearest_on_planes(halves, size_, h_);
-}
 
 // Newton onto the surface, outwards. False: not reached.
 template <bool kTextured>
@@ -116,155 +63,6 @@ bool Descent<kTextured>::carry(Vec3& p, Gap& g) noexcept {
   return false;
 }
 
-// The proxy moved: its tangent comes first; older planes stay while the proxy is on their free side
-// (the surface is concave between) and near the place they were sampled at.
-template <bool kTextured>
-void Descent<kTextured>::accept(const Vec3& p, const Gap& g) noexcept {
-  std::array<Plane, 3> kept{};
-  kept[0] = plane(p, g, true);
-  std::size_t n = 1;
-  const double reach = 0.5 * field_.voxel();
-  for (std::size_t i = 0; i < size_ && n < 3; ++i) {
-    Plane old = planes_[i];
-    if (old.half.distance(p) < -cfg_.tolerance_m) continue;
-    if ((old.at - p).squaredNorm() > reach * reach) continue;
-    if (old.half.n.dot(kept[0].half.n) > 0.9999) continue;
-    old.fresh = false;
-    kept[n++] = old;
-  }
-  planes_ = kept;
-  size_ = n;
-  if (g.gradient.norm() < kSlopeMin) probe(p);
-}
-
-template <bool kTextured>
-void Descent<kTextured>::add(const Plane& p) noexcept {
-  if (size_ < 3) {
-    planes_[size_++] = p;
-    return;
-  }
-  // Full: the proxy's own tangent stays; an inactive plane goes first, else the older one.
-  const std::size_t victim = (active_ & 2U) == 0 ? 1 : (active_ & 4U) == 0 ? 2 : 1;
-  if (victim == 1) planes_[1] = planes_[2];
-  planes_[2] = p;
-}
-
-template <bool kTextured>
-bool Descent<kTextured>::drop_stale(unsigned active) noexcept {
-  bool dropped = false;
-  std::size_t n = 1;
-  for (std::size_t i = 1; i < size_; ++i) {
-    if (!planes_[i].fresh && (active & (1U << i)) != 0) {
-      dropped = true;
-      continue;
-    }
-    planes_[n++] = planes_[i];
-  }
-  size_ = n;
-  return dropped;
-}
-
-// The working set bars every way, but a plane sampled at some distance from p says little of the
-// surface at p where that is bent: such planes go, and the next step is short enough to find them
-// again from near. False: all of them were near.
-template <bool kTextured>
-bool Descent<kTextured>::resample(const Vec3& p, unsigned active, double& trust) noexcept {
-  const double near2 = kResampleNear_vox * kResampleNear_vox * field_.voxel() * field_.voxel();
-  double farthest2 = near2;
-  std::size_t n = 1;
-  for (std::size_t i = 1; i < size_; ++i) {
-    const double d2 = (planes_[i].at - p).squaredNorm();
-    if ((active & (1U << i)) != 0 && d2 > near2) {
-      farthest2 = std::max(farthest2, d2);
-      continue;
-    }
-    planes_[n++] = planes_[i];
-  }
-  if (n == size_) return false;
-  size_ = n;
-  trust = 0.25 * std::sqrt(farthest2);
-  return true;
-}
-
-// One descent step from p. False: the proxy is where it should be.
-template <bool kTextured>
-bool Descent<kTextured>::step(Vec3& p, Gap& g, double& trust) noexcept {
-  const PlanesResult best = solve();
-  active_ = best.active;
-  if (!best.solved) return drop_stale(~0U) || resample(p, ~0U, trust);
-  const Vec3 d = best.x - p;
-  const double length = d.norm();
-  if (length < cfg_.step_min_m) {
-    return drop_stale(best.active) || resample(p, best.active, trust);
-  }
-  const double stride = std::min(length, trust);
-  Vec3 x = p + (stride / length) * d;
-  Gap gx = gap(x);
-  if (gx.value < -cfg_.tolerance_m) {
-    Plane cut = plane(x, gx, true);
-    const double depth = -cut.half.distance(x), at_p = cut.half.distance(p);
-    // The tangent there holds for the proxy too: the surface bends towards us. Take it as a
-    // constraint, through the proxy where it would shut it in by the rounding of the surface.
-    if (depth > 0.02 * stride &&
-        at_p >= -std::clamp(0.25 * depth, cfg_.tolerance_m, 10 * cfg_.tolerance_m)) {
-      cut.half.d += std::min(at_p, 0.0);
-      add(cut);
-      return true;
-    }
-    if (!lift(x, gx)) {
-      trust = 0.25 * stride;
-      return trust >= cfg_.step_min_m;
-    }
-  }
-  const double before = (p - h_).squaredNorm(), after = (x - h_).squaredNorm();
-  const double gain_min = 2e-8 * std::sqrt(before) + 1e-16;
-  bool good = after < before - gain_min;
-  if (good && stride > 0.125 * field_.voxel()) {
-    good = gap(0.5 * (p + x)).value > -0.05 * field_.voxel();
-  }
-  if (!good) {
-    trust = 0.25 * stride;
-    return trust >= cfg_.step_min_m;
-  }
-  accept(x, gx);
-  p = x;
-  g = gx;
-  trust = std::min(2 * std::max(trust, stride), stride_max_);
-  return true;
-}
-
-// The field is bent only where cells meet. Just before such a ridge the proxy may rest although the
-// surface falls away behind it; a rest that ends within a fortieth of a voxel is none. True: the
-// other side is nearer to the hand, and the proxy stands there.
-template <bool kTextured>
-bool Descent<kTextured>::hop(Vec3& p, Gap& g, double& trust) noexcept {
-  const double reach = kHop_vox * field_.voxel();
-  const double before = (p - h_).squaredNorm();
-  const Vec3 n = planes_[0].half.n;
-  for (int axis = 0; axis < 3; ++axis) {
-    const double cell = p[axis] / field_.voxel(), into = cell - std::floor(cell);
-    if (into > kHop_vox && into < 1 - kHop_vox) continue;
-    Vec3 way = -n[axis] * n;
-    way[axis] += 1;
-    const double length = way.norm();
-    if (length < 0.2) continue;
-    Vec3 x = p + ((into < 0.5 ? -reach : reach) / length) * way;
-    Gap gx = gap(x);
-    const double slope = gx.gradient.norm();
-    if (!gx.known || gx.value < 0 || slope < kSlopeMin) continue;
-    x -= (std::min(gx.value / slope, reach) / slope) * gx.gradient;
-    gx = gap(x);
-    if (gx.value < -cfg_.tolerance_m && !lift(x, gx)) continue;
-    if ((x - h_).squaredNorm() >= before - 2e-8 * std::sqrt(before)) continue;
-    accept(x, gx);
-    p = x;
-    g = gx;
-    trust = stride_max_;
-    return true;
-  }
-  return false;
-}
-
 template <bool kTextured>
 void Descent<kTextured>::contact(Vec3 p) noexcept {
   Gap g = gap(p);
@@ -272,48 +70,50 @@ void Descent<kTextured>::contact(Vec3 p) noexcept {
     hold();
     return;
   }
-  size_ = 0;
-  accept(p, g);
-  double trust = stride_max_;
-  for (int i = 0; i < cfg_.iterations_max; ++i) {
-    if (!step(p, g, trust) && !hop(p, g, trust)) break;
+  if (frame_size_ == 0 && g.known && g.gradient.norm() > kSlopeMin) {
+    const Vec3 n = g.gradient.normalized();  // what the unknown beside the first touch is taken for
+    frame_[frame_size_++] = {n, n.dot(p)};
   }
-  finish(p, g);
+  CellFlow<kTextured> flow(field_, cfg_, radius_, h_, frame_, frame_size_);
+  (void)flow.run(p);
+  const Vec3 shift = flow.shade();
+  p = flow.place();
+  std::array<Tangent, 3> tangents;
+  const std::size_t count = flow.tangents(tangents);
+  finish(p, tangents, count);
+  if (state_.phase == ProxyState::Phase::kContact) state_.set_shift(shift);
 }
 
 template <bool kTextured>
-void Descent<kTextured>::finish(const Vec3& p, const Gap& g) noexcept {
-  if ((p - h_).squaredNorm() <= cfg_.step_min_m * cfg_.step_min_m && g.value >= 0) {
+void Descent<kTextured>::finish(const Vec3& p, const std::array<Tangent, 3>& tangents,
+                                std::size_t count) noexcept {
+  const Gap g = gap(p);
+  if ((p - h_).squaredNorm() <= cfg_.step_min_m * cfg_.step_min_m && gap(h_).value > 0) {
     leave(h_, g.known);
     return;
   }
   state_.phase = ProxyState::Phase::kContact;
   state_.held = !g.known;
   state_.set_p(p);
-  std::size_t n = 0;
-  unsigned used = active_;
-  if (used == 0) used = 1;
-  bool all_known = true;
-  for (std::size_t i = 0; i < size_; ++i) {
-    if ((used & (1U << i)) == 0) continue;
-    all_known = all_known && planes_[i].known;
-    ++n;
-  }
-  state_.contacts = active_ == 0 && g.value > 1e-4 ? 0 : static_cast<std::int32_t>(n);
+  state_.contacts = static_cast<std::int32_t>(count);
   const Vec3 out = p - h_;
   const double length = out.norm();
-  state_.set_normal(length > 1e-5 ? Vec3(out / length) : planes_[0].half.n);
-  if (!all_known) {
-    state_.held = true;
+  if (length > 1e-5) {
+    state_.set_normal(out / length);
+  } else if (count > 0) {
+    state_.set_normal(tangents[0].half.n);
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    if (tangents[i].known) continue;
+    state_.held = true;  // the held frame goes on
     return;
   }
-  n = 0;
-  for (std::size_t i = 0; i < size_; ++i) {
-    if ((used & (1U << i)) == 0) continue;
-    const HalfSpace& f = planes_[i].half;
-    state_.frame[n++] = {f.n.x(), f.n.y(), f.n.z(), f.d};
+  if (count == 0) return;
+  for (std::size_t i = 0; i < count; ++i) {
+    const HalfSpace& f = tangents[i].half;
+    state_.frame[i] = {f.n.x(), f.n.y(), f.n.z(), f.d};
   }
-  state_.frame_size = static_cast<std::int32_t>(n);
+  state_.frame_size = static_cast<std::int32_t>(count);
 }
 
 template <bool kTextured>

@@ -1,5 +1,5 @@
-// One tick of the constrained proxy: the descent from the last proxy to the point of the free side nearest to
-// the hand, over at most three tangent planes at a time. Written for tasks/haptic/proxy.cpp alone; method and
+// One tick of the constrained proxy: how contact begins, is carried over a changed field, is held and
+// ends; the descent itself is cell_flow.hpp. Written for tasks/haptic/proxy.cpp alone; method and
 // equations: docs/haptic_rendering.md. Nothing here allocates, locks or throws.
 #pragma once
 
@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "tasks/haptic/cell_flow.hpp"
 #include "tasks/haptic/field.hpp"
 #include "tasks/haptic/nearest_on_planes.hpp"
 #include "tasks/haptic/proxy.hpp"
@@ -25,13 +26,6 @@ struct Gap {
   bool known = false;
 };
 
-struct Plane {
-  HalfSpace half;
-  Vec3 at = Vec3::Zero();  // where it was sampled
-  bool fresh = false;      // found from the current proxy, not carried from an earlier one
-  bool known = false;
-};
-
 // One tick of the constrained method: the working set, on the stack.
 template <bool kTextured>
 class Descent {
@@ -43,9 +37,7 @@ class Descent {
       // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it.
       radius_ *= std::max(1.0, field.smooth_gradient(state.p_WP()).norm());
     }
-    stride_max_ = kSweepStep_vox * field.voxel();
     if constexpr (kTextured) {
-      stride_max_ = std::min(stride_max_, 0.125 * cfg.texture_period_m);
       wave_ = 2 * std::numbers::pi / cfg.texture_period_m;
     }
     for (std::int32_t i = 0; i < state.frame_size; ++i) {
@@ -82,18 +74,9 @@ class Descent {
     }
     return g;
   }
-  [[nodiscard]] Plane plane(const Vec3& x, const Gap& g, bool fresh) const noexcept;
-  void probe(const Vec3& p) noexcept;
   bool lift(Vec3& p, Gap& g) noexcept;
   bool carry(Vec3& p, Gap& g) noexcept;
-  void accept(const Vec3& p, const Gap& g) noexcept;
-  void add(const Plane& plane) noexcept;
-  bool drop_stale(unsigned active) noexcept;
-  bool resample(const Vec3& p, unsigned active, double& trust) noexcept;
-  bool hop(Vec3& p, Gap& g, double& trust) noexcept;
-  [[nodiscard]] PlanesResult solve() const noexcept;
-  [[nodiscard]] bool step(Vec3& p, Gap& g, double& trust) noexcept;
-  void finish(const Vec3& p, const Gap& g) noexcept;
+  void finish(const Vec3& p, const std::array<Tangent, 3>& tangents, std::size_t count) noexcept;
   void leave(const Vec3& p, bool free) noexcept;
 
   const Field& field_;
@@ -101,13 +84,9 @@ class Descent {
   ProxyState& state_;
   const ProxyConfig& cfg_;
   double radius_;
-  double stride_max_ = 0;  // of one descent step
-  double wave_ = 0;        // 2 pi / period of the texture
+  double wave_ = 0;  // 2 pi / period of the texture
   std::array<HalfSpace, 3> frame_{};
   std::size_t frame_size_ = 0;
-  std::array<Plane, 3> planes_{};  // [0] is the tangent at the proxy
-  std::size_t size_ = 0;
-  unsigned active_ = 0;
 };
 
 extern template class Descent<false>;

@@ -37,7 +37,7 @@ Vec3 swept(const Field& field, const Vec3& p_c, const Vec3& t, const Vec3& n,
 
 Vec3 with_friction(const Field& field, const Vec3& h, ProxyState& state, double mu_static,
                    double mu_dynamic, double radius) noexcept {
-  Vec3 p_c = state.p_WP();
+  Vec3 p_c = state.rendered_WP();
   const Vec3 out = p_c - h;
   const double d = out.norm();
   if (state.phase != ProxyState::Phase::kContact || d < 1e-6 || mu_static <= 0) {

@@ -136,6 +136,22 @@ FieldSample Field::sample(const Vec3& p_W) const noexcept {
   return out;
 }
 
+bool Field::sample_in(const std::array<std::int32_t, 3>& at, const Vec3& u,
+                      CellSample& out) const noexcept {
+  ++work_;
+  const Cell& k = cell(at[0], at[1], at[2]);
+  if (!k.known) return false;
+  const auto& c = k.c;
+  const double x = u.x(), y = u.y(), z = u.z();
+  const double xy = c[6] + c[7] * z, a = c[0] + c[1] * z + y * (c[2] + c[3] * z);
+  const double b = c[4] + c[5] * z + y * xy;
+  out.value = inverse_voxel_ * (a + x * b);
+  out.gradient =
+      inverse_voxel_ * Vec3(b, c[2] + c[3] * z + x * xy, c[1] + c[3] * y + x * (c[5] + c[7] * y));
+  out.bend = inverse_voxel_ * Vec3(c[3] + c[7] * x, c[5] + c[7] * y, xy);
+  return true;
+}
+
 Vec3 Field::smooth_gradient(const Vec3& p_W, double half_step_vox) const noexcept {
   const FieldSample here = sample(p_W);
   if (!here.known) return Vec3::Zero();

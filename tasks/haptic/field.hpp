@@ -27,6 +27,14 @@ struct FieldSample {
       perception::Vec3::Zero();  // of the trilinear cell, at constraint scale
 };
 
+// Within one cell, lengths in voxels from its lowest node, values in voxels.
+struct CellSample {
+  double value = 0;
+  perception::Vec3 gradient = perception::Vec3::Zero();
+  // Second derivatives by yz, xz, xy; those along an axis are zero.
+  perception::Vec3 bend = perception::Vec3::Zero();
+};
+
 class Field {
  public:
   // Both patches must have the same voxel size (see compatible()). `older` may be null; then
@@ -46,6 +54,10 @@ class Field {
 
   // Value and gradient at p_W; NaN and points outside both windows are unknown.
   [[nodiscard]] FieldSample sample(const perception::Vec3& p_W) const noexcept;
+  // The polynomial of the cell whose lowest node is world grid node `at`, at `u` from that node, of
+  // which the faces of the cell are part. False: the cell is unknown. Not while empty().
+  [[nodiscard]] bool sample_in(const std::array<std::int32_t, 3>& at, const perception::Vec3& u,
+                               CellSample& out) const noexcept;
   // Seen free: known and outside.
   [[nodiscard]] bool seen_free(const perception::Vec3& p_W) const noexcept {
     const FieldSample s = sample(p_W);

@@ -392,7 +392,7 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   if (effects_) {
     apply_effects(p_WH);
   } else {
-    rendered_W_ = proxy_.p_WP();
+    rendered_W_ = proxy_.rendered_WP();
   }
   const Vec3 stretch_W = rendered_W_ - p_WH;
   if (!finite(stretch_W)) {
@@ -422,7 +422,7 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
     const Vec3 f_raw_before = f_raw_D_;
     Vec3 f_sum_D = t.in_contact ? f_D : Vec3::Zero();
     if (effects_) {
-      t.friction_N = stiffness_ * (rendered_W_ - proxy_.p_WP()).norm() / config_.scale;
+      t.friction_N = stiffness_ * (rendered_W_ - proxy_.rendered_WP()).norm() / config_.scale;
       f_sum_D -= (t.gain * config_.viscosity_N_s_per_m) * v_D_;
     }
     guard_force(f_sum_D, dx_D.norm(), dt, out);

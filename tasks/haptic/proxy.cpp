@@ -42,6 +42,7 @@ void constrained(const Field& field, const Vec3& p_WH, ProxyState& state,
   using Phase = ProxyState::Phase;
   state.held = state.started_inside = false;
   state.contacts = 0;
+  state.set_shift(Vec3::Zero());
   if (field.empty()) {
     state.set_p(p_WH);
     state.set_normal(Vec3::Zero());

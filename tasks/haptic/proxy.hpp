@@ -61,6 +61,7 @@ struct ProxyState {
     kContact,
   };
   double px = 0, py = 0, pz = 0;      // proxy centre, W
+  double sx = 0, sy = 0, sz = 0;      // from the proxy to what is rendered (cell_flow.hpp, shade)
   double nx = 0, ny = 0, nz = 0;      // side: outward normal of the contact; zero when free
   std::array<ProxyPlane, 3> frame{};  // last contact planes, tightest first
   std::int32_t frame_size = 0;
@@ -74,6 +75,10 @@ struct ProxyState {
   double ax = 0, ay = 0, az = 0;  // friction: anchor, W
 
   [[nodiscard]] perception::Vec3 p_WP() const noexcept { return {px, py, pz}; }
+  [[nodiscard]] perception::Vec3 rendered_WP() const noexcept {
+    return {px + sx, py + sy, pz + sz};
+  }
+  void set_shift(const perception::Vec3& s) noexcept { sx = s.x(), sy = s.y(), sz = s.z(); }
   [[nodiscard]] perception::Vec3 anchor_W() const noexcept { return {ax, ay, az}; }
   void set_anchor(const perception::Vec3& p) noexcept { ax = p.x(), ay = p.y(), az = p.z(); }
   [[nodiscard]] perception::Vec3 normal_W() const noexcept { return {nx, ny, nz}; }

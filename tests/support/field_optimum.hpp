@@ -1,12 +1,16 @@
-// Slow reference for the haptic proxy: the point nearest to the hand that can be reached from a
-// given point without entering the solid, found by direct search on the samples. No gradient, no
-// tangent plane, no quadratic programme, and its own trilinear interpolation: nothing is shared
-// with the renderer. Resolution 0.05 mm.
+// Slow reference for the haptic proxy: where a point rests that is drawn towards the hand, cannot
+// enter the solid and never moves away from the hand (the path-constrained minimum of |p - h|),
+// found by direct search on the samples. No gradient, no tangent plane, no quadratic programme, and
+// its own trilinear interpolation: nothing is shared with the renderer. Resolution 0.05 mm: no step
+// is longer, so no ridge wider than that is hopped over, and the hand comes on in pieces of at most
+// 0.1 mm, so that the way it took counts and not how often it was looked at.
 //
 // Search: the neighbourhood of p is seen along the line to the hand h. An offset across that line
-// is walked to in steps of at most 0.25 mm; a walk that enters the solid rises away from h to the
-// surface, and in the free it sinks towards h until it meets the surface or h. The best of 16
-// directions and their refinement is taken, at ever smaller radii, until none is better.
+// is walked to; a walk that enters the solid rises away from h to the surface, and in the free it
+// sinks towards h until it meets the surface or h. The best of 16 directions and their refinement is
+// taken, at ever smaller radii, until none is better. What is exactly zero is solid.
+//
+// Checked against closed forms and by random search in tests/unit/tasks_haptic.
 #pragma once
 
 #include <algorithm>
@@ -66,11 +70,25 @@ class ReferenceField {
 
 class FieldOptimum {
  public:
-  FieldOptimum(const ReferenceField& field, double radius) : field_(field), radius_(radius) {}
+  // `radius`: of the tip, m. Where the field rises faster than distance (a projective one seen at a
+  // grazing angle), as many times more of it is asked for, by differences over a voxel.
+  FieldOptimum(const ReferenceField& field, double radius, double voxel = 0.01)
+      : field_(field), tip_(radius), voxel_(voxel), radius_(radius) {}
+
+  // p rests for the hand at `from`; where it rests once the hand has gone straight on to `to`.
+  [[nodiscard]] Vec3 follow(Vec3 p, const Vec3& from, const Vec3& to) const {
+    const int pieces =
+        std::max(1, static_cast<int>(std::ceil((to - from).norm() / kHandStep - 1e-6)));
+    for (int i = 1; i <= pieces; ++i) {
+      p = descend(p, from + (static_cast<double>(i) / pieces) * (to - from));
+    }
+    return p;
+  }
 
   // From p (outside the solid, or less than 20 mm below its surface along the line from h). Every
-  // step is at most 0.25 mm long and ends nearer to h, so no hump is hopped over.
-  [[nodiscard]] Vec3 advance(Vec3 p, const Vec3& h) const {
+  // step ends nearer to h.
+  [[nodiscard]] Vec3 descend(Vec3 p, const Vec3& h) const {
+    if (tip_ > 0) radius_ = tip_ * std::max(1.0, slope(p));
     p = sink(rise(p, h), h);
     for (int round = 0; round < 2000; ++round) {
       const double distance = (p - h).norm();
@@ -78,7 +96,7 @@ class FieldOptimum {
       const Vec3 axis = (p - h) / distance;
       const Vec3 a = axis.unitOrthogonal(), b = axis.cross(a);
       Vec3 best = p;
-      double best_distance = distance - 1e-7;
+      double best_distance = distance - 5e-8;
       for (double r = kStep; r > 8e-6 && best == p; r *= 0.5) {
         // Distance reached in one direction; only what really moves counts.
         const auto attempt = [&](double angle) {
@@ -123,15 +141,16 @@ class FieldOptimum {
   // How much of the pull K (h - p) could still move p: the largest part of it along a way of
   // 0.25 mm that stays outside the solid, as a share of |h - p|. 0 where p rests.
   [[nodiscard]] double unused(const Vec3& p, const Vec3& h) const {
-    return (h - p).norm() < 2e-4 ? 0 : steepest(p, h, kStep).first;
+    return (h - p).norm() < 2e-4 ? 0 : steepest(p, h, kUnusedWay, true).first;
   }
 
  private:
-  static constexpr double kStep = 2.5e-4;
+  static constexpr double kStep = 5e-5, kHandStep = 1e-4, kUnusedWay = 2.5e-4;
 
   // The straight way of length r that leads most towards h without entering the solid: the part of
   // it towards h, and its direction.
-  [[nodiscard]] std::pair<double, Vec3> steepest(const Vec3& p, const Vec3& h, double r) const {
+  [[nodiscard]] std::pair<double, Vec3> steepest(const Vec3& p, const Vec3& h, double r,
+                                                 bool whole) const {
     const double distance = (h - p).norm();
     const Vec3 axis = (h - p) / distance;
     const Vec3 a = axis.unitOrthogonal(), b = axis.cross(a);
@@ -146,7 +165,9 @@ class FieldOptimum {
       for (int i = 0; i < 9; ++i) {
         const double e = 0.5 * (lo + hi);
         const Vec3 d = std::cos(e) * side + std::sin(e) * axis;
-        (field_(p + r * d) < radius_ - 2e-6 ? hi : lo) = e;
+        bool barred = field_(p + r * d) <= (whole ? radius_ : radius_ - 2e-6);
+        for (int m = 1; whole && !barred && m < 5; ++m) barred = solid(p + (0.2 * m * r) * d);
+        (barred ? hi : lo) = e;
       }
       if (std::sin(lo) > best) {
         best = std::sin(lo);
@@ -160,16 +181,25 @@ class FieldOptimum {
   [[nodiscard]] Vec3 squeeze(const Vec3& p, const Vec3& h) const {
     const double distance = (h - p).norm();
     for (double r = kStep; r > 2e-5; r *= 0.5) {
-      const auto [part, way] = steepest(p, h, r);
+      const auto [part, way] = steepest(p, h, r, false);
       if (part < 0.01) continue;
       Vec3 x = sink(rise(p + std::min(r, distance) * way, h), h);
       const bool free = field_(p + 0.5 * std::min(r, distance) * way) > radius_ - 5e-6;
-      if (free && (x - h).norm() < distance - 1e-7) return x;
+      if (free && (x - h).norm() < distance - 5e-8) return x;
     }
     return p;
   }
 
-  [[nodiscard]] bool solid(const Vec3& x) const { return field_(x) < radius_; }
+  [[nodiscard]] double slope(const Vec3& p) const {
+    double sum = 0;
+    for (int a = 0; a < 3; ++a) {
+      const Vec3 step = voxel_ * Vec3::Unit(a);
+      const double rise = (field_(p + step) - field_(p - step)) / (2 * voxel_);
+      sum += rise * rise;
+    }
+    return std::sqrt(sum);
+  }
+  [[nodiscard]] bool solid(const Vec3& x) const { return field_(x) <= radius_; }
 
   // Out of the solid, away from h.
   [[nodiscard]] Vec3 rise(const Vec3& p, const Vec3& h) const {
@@ -214,7 +244,7 @@ class FieldOptimum {
       const Vec3 away = (next - h).normalized();
       double lo = 0, hi = 8 * r;
       if (solid(next + hi * away)) return p;
-      for (int k = 0; k < 12; ++k) {
+      for (int k = 0; k < 14; ++k) {
         const double m = 0.5 * (lo + hi);
         (solid(next + m * away) ? lo : hi) = m;
       }
@@ -224,7 +254,8 @@ class FieldOptimum {
   }
 
   const ReferenceField& field_;
-  double radius_;
+  double tip_, voxel_;
+  mutable double radius_;  // of the field, for this place
 };
 
 }  // namespace support

@@ -38,6 +38,9 @@ struct Scene {
   std::function<double(int x, int y, int z, int frame)> extra = [](int, int, int, int) {
     return 0.0;
   };
+  // A field that is made elsewhere instead: its windows, and its nodes as the oracle reads them.
+  std::function<void(const Vec3& centre_W, int nodes, double t, SurfacePatch& out)> window;
+  std::function<double(int x, int y, int z)> sampled;
   Pose X_WS = Pose::Identity();
   double voxel = 0.01, truncation = 0.05;
   int nodes = 28;
@@ -90,6 +93,7 @@ class Rig {
     return static_cast<double>(c);
   }
   [[nodiscard]] double node_now(int x, int y, int z, double t) const {
+    if (setup_.sampled) return setup_.sampled(x, y, z);
     const Vec3 p_S = setup_.X_WS.inverse() * (setup_.voxel * Vec3(x, y, z));
     if (!setup_.seen(p_S)) return std::numeric_limits<double>::quiet_NaN();
     return std::clamp(setup_.solid(p_S, t), -setup_.truncation, setup_.truncation);
@@ -97,10 +101,14 @@ class Rig {
 
   void fill(SurfacePatch& patch, const Vec3& centre_W, double t, int frame) const {
     patch.seq = static_cast<std::uint64_t>(frame) + 1;
+    patch.fused = rt::time_from_ns(0) + rt::nanos_from_seconds(t);
+    if (setup_.window) {
+      setup_.window(centre_W, setup_.nodes, t, patch);
+      return;
+    }
     patch.voxel_size = setup_.voxel;
     patch.metres_per_unit = static_cast<float>(setup_.truncation / 32767.0);
     patch.nodes = setup_.nodes;
-    patch.fused = rt::time_from_ns(0) + rt::nanos_from_seconds(t);
     for (int a = 0; a < 3; ++a) {
       patch.origin_node[static_cast<std::size_t>(a)] =
           static_cast<int>(std::lround(centre_W[a] / setup_.voxel)) - setup_.nodes / 2;
@@ -285,7 +293,15 @@ inline support::ReferenceField reference_field(const Rig& rig, const std::vector
   }
   const Eigen::Array3i first = (lo / setup.voxel).array().floor().cast<int>() - 6;
   const Eigen::Array3i count = (hi / setup.voxel).array().ceil().cast<int>() + 7 - first;
-  return {[&](int x, int y, int z) { return rig.node(x, y, z, 0); }, setup.voxel, first, count};
+  // As a patch stores it.
+  const auto unit = static_cast<double>(static_cast<float>(setup.truncation / 32767.0));
+  const auto stored = [&](int x, int y, int z) {
+    const double v = rig.node(x, y, z, 0) + setup.extra(x, y, z, 0);
+    return unit *
+           static_cast<double>(std::lround(std::clamp(v, -setup.truncation, setup.truncation) /
+                                           setup.truncation * 32767));
+  };
+  return {stored, setup.voxel, first, count};
 }
 
 // Force and position against the field optimum, every `stride` ticks. Only for solids that stand
@@ -298,7 +314,7 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
                                   std::size_t stride = 5) {
   const Scene& setup = rig.setup();
   const support::ReferenceField field = reference_field(rig, rows);
-  const support::FieldOptimum optimum(field, setup.config.tip_radius_m);
+  const support::FieldOptimum optimum(field, setup.config.tip_radius_m, setup.voxel);
   std::vector<Optimum> path;
   std::vector<double> f_error, p_error, f_guarded_error;
   Vec3 p = setup.X_WS * rows.front().h, h_last = p, f_guarded = Vec3::Zero();
@@ -310,17 +326,18 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
     }
     if (i % stride != 0) continue;
     const Vec3 h = setup.X_WS * r.h;
-    p = optimum.advance(p, h);
+    p = optimum.follow(p, h_last, h);
+    const double moved = (h - h_last).norm();
+    h_last = h;
     if (!r.telemetry.in_contact && (p - h).norm() < 1e-4) continue;
     Vec3 f = setup.config.stiffness_N_per_m * (p - h);
     const double whole = f.norm();
     if (whole > 12) f *= 12 / whole;
     // The optimum behind the slew guard: where it jumps, no force may follow at once.
-    const double most = std::max(0.3 * static_cast<double>(stride),
-                                 1.1 * setup.config.stiffness_N_per_m * (h - h_last).norm());
+    const double most =
+        std::max(0.3 * static_cast<double>(stride), 1.1 * setup.config.stiffness_N_per_m * moved);
     const Vec3 change = f - f_guarded;
     f_guarded += change * std::min(1.0, most / std::max(change.norm(), 1e-12));
-    h_last = h;
     f_guarded_error.push_back((f - f_guarded).norm());
     const double mine = (p_mine - h).norm(), best = (p - h).norm();
     out.longer_max = std::max(out.longer_max, mine - best);

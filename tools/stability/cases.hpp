@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "tests/support/haptic_rig.hpp"
+#include "tools/stability/fused_field.hpp"
 
 namespace stability {
 
@@ -22,7 +23,9 @@ struct Setting {
   rig::Placement place;
   double speed = 0.1;  // of the hand, m/s
   std::string method = "constrained";
-  bool judged = true;  // run the field optimum beside
+  bool judged = true;                // run the field optimum beside
+  const FusedView* fused = nullptr;  // the solid as the product fuses it, not its own samples
+  double tip_radius_m = 0;           // with `fused`
 };
 
 struct Check {
@@ -61,8 +64,13 @@ struct Limits {
   bool crease = false;  // 0.33 N, guard in use in at most 6 % of the contact ticks
   bool optimum = true;  // force and position against the field optimum
 };
+// Fused: the camera leans to `lean` of S.
 [[nodiscard]] rig::Scene still_scene(const Setting& s,
-                                     std::function<double(const rig::Vec3&)> solid);
+                                     std::function<double(const rig::Vec3&)> solid,
+                                     const rig::Vec3& lean = rig::Vec3::UnitX());
+// Cases that are repeated on fused fields.
+[[nodiscard]] bool on_fused_fields(int id);
+[[nodiscard]] std::vector<FusedView> fused_views();
 [[nodiscard]] Run slide(int id, const std::string& name, const Setting& s, rig::Scene scene,
                         const rig::Path& path, const Limits& limits);
 [[nodiscard]] std::string title(const std::string& name, const Setting& s);
@@ -91,5 +99,7 @@ std::vector<Run> case_deep_press(const Setting&);
 std::vector<Run> case_border(const Setting&);
 std::vector<Run> case_start_inside(const Setting&);
 std::vector<Run> case_friction_hold(const Setting&);
+std::vector<Run> case_texture(const Setting&);
+std::vector<Run> case_closed_loop(const Setting&);
 
 }  // namespace stability

@@ -1,5 +1,8 @@
 // Cases on solids that stand still.
+#include <algorithm>
 #include <cstdio>
+#include <iterator>
+#include <memory>
 
 #include "tests/support/haptic_solids.hpp"
 #include "tools/stability/cases.hpp"
@@ -38,7 +41,30 @@ int release_lag(const rig::Rig& r, const std::vector<Row>& rows) {
 }  // namespace
 
 std::string title(const std::string& name, const Setting& s) {
-  return name + " " + s.place.name + " " + text("%.0f", 1e3 * s.speed) + "mm/s";
+  std::string out = name + " " + s.place.name + " " + text("%.0f", 1e3 * s.speed) + "mm/s";
+  if (s.fused != nullptr) {
+    out += text(", fused at %.0f deg%s, R %.0f mm", s.fused->incidence_deg,
+                s.fused->noise ? " with noise" : "", 1e3 * s.tip_radius_m);
+  }
+  return out;
+}
+
+bool on_fused_fields(int id) {
+  constexpr int kIds[] = {1, 2, 5, 6, 7, 10, 13};
+  return std::ranges::find(kIds, id) != std::end(kIds);
+}
+
+std::vector<FusedView> fused_views() {
+  std::vector<FusedView> out;
+  for (const double angle : {20.0, 45.0, 70.0}) {
+    for (const bool noise : {false, true}) {
+      FusedView v;
+      v.incidence_deg = angle;
+      v.noise = noise;
+      out.push_back(v);
+    }
+  }
+  return out;
 }
 
 void add(Run& run, std::string name, double value, double limit, double optimum) {
@@ -64,8 +90,19 @@ double angle_deg(const Vec3& f, const Vec3& n) {
   return std::acos(std::clamp(f.dot(n) / f.norm(), -1.0, 1.0)) * 180 / std::numbers::pi;
 }
 
-Scene still_scene(const Setting& s, std::function<double(const Vec3&)> solid) {
+Scene still_scene(const Setting& s, std::function<double(const Vec3&)> solid, const Vec3& lean) {
   Scene scene;
+  if (s.fused != nullptr) {
+    FusedView view = *s.fused;
+    view.lean_S = lean;
+    const auto field = std::make_shared<FusedField>(s.place.X_WS, view);
+    for (int i = 0; i < view.frames; ++i) field->see(solid);
+    scene.window = [field](const Vec3& centre, int nodes, double, perception::SurfacePatch& out) {
+      field->window(centre, nodes, out);
+    };
+    scene.sampled = [field](int x, int y, int z) { return field->node(x, y, z); };
+    scene.config.tip_radius_m = s.tip_radius_m;
+  }
   scene.solid = [solid = std::move(solid)](const Vec3& p, double) { return solid(p); };
   scene.X_WS = s.place.X_WS;
   scene.still = true;
@@ -84,9 +121,9 @@ Run slide(int id, const std::string& name, const Setting& s, Scene scene, const 
   run.figures = rig::figures(run.rows);
   const rig::Figures& f = run.figures;
   if (s.judged) {
-    // The oracle every 0.5 mm of the hand's way.
+    // The oracle every 0.1 mm of the hand's way.
     const auto stride =
-        static_cast<std::size_t>(std::max(1.0, std::round(0.5e-3 / (1e-3 * s.speed))));
+        static_cast<std::size_t>(std::max(1.0, std::round(0.1e-3 / (1e-3 * s.speed))));
     run.optimum = rig::score(r, run.rows, run.figures, stride);
   }
   add_gates(run);
@@ -95,7 +132,7 @@ Run slide(int id, const std::string& name, const Setting& s, Scene scene, const 
   add(run, "guard use", f.guard_share, 0.06);
   if (s.judged) {
     add(run, "below mm", 1e3 * f.below_max, 0.5);
-    add(run, "release lag ticks", release_lag(r, run.rows), 2);
+    if (s.fused == nullptr) add(run, "release lag ticks", release_lag(r, run.rows), 2);
     if (limits.optimum) {
       add(run, "F error p95 N", f.f_error_p95, 0.3, f.f_error_optimum);
       add(run, "p error p95 mm", 1e3 * f.p_error_p95, 0.5);
@@ -109,6 +146,7 @@ std::vector<Run> case_floor(const Setting& s) {
   const Path path({{-0.05, 0, 0.002}, {-0.05, 0, -0.008}, {0.05, 0, -0.008}, {0.05, 0, 0.002}},
                   s.speed);
   Run run = slide(1, "", s, still_scene(s, solids::floor), path, {.j = 0.12});
+  if (s.fused != nullptr) return {run};
   double tangential = 0, depth = 0, chatter = 0;
   int n = 0;
   const auto deep = [](const Row& row) { return row.h.z() < -0.00799; };
@@ -135,7 +173,9 @@ std::vector<Run> case_concave_corner(const Setting& s) {
                    {0.008, 0.03, 0.05},
                    {-0.01, 0.03, 0.05}},
                   s.speed);
-  Run run = slide(2, "", s, still_scene(s, solids::concave_edge), path, {.crease = true});
+  Run run =
+      slide(2, "", s, still_scene(s, solids::concave_edge, -Vec3::UnitX()), path, {.crease = true});
+  if (s.fused != nullptr) return {run};
   double truth = 0, truth_optimum = 0;
   Vec3 corner = Vec3::Zero();
   for (const Row& row : run.rows) {
@@ -178,12 +218,14 @@ std::vector<Run> case_room_corner(const Setting& s) {
                    {0.006, 0.006, -0.006},
                    {-0.02, -0.02, 0.01}},
                   s.speed);
-  return {slide(5, "", s, still_scene(s, solids::room_corner), path, {.crease = true})};
+  return {slide(5, "", s, still_scene(s, solids::room_corner, Vec3(-1, -1, 0).normalized()), path,
+                {.crease = true})};
 }
 
 std::vector<Run> case_convex_edge(const Setting& s) {
   const Path path({{-0.06, 0, 0.005}, {-0.06, 0, -0.008}, {0.03, 0, -0.008}}, s.speed);
   Run run = slide(6, "", s, still_scene(s, solids::convex_edge), path, {.crease = true});
+  if (s.fused != nullptr) return {run};
   double first = 0, first_optimum = 0;
   int entries = 0;
   for (std::size_t i = 1; i < run.rows.size(); ++i) {
@@ -206,6 +248,7 @@ std::vector<Run> case_convex_edge(const Setting& s) {
 std::vector<Run> case_rim_press(const Setting& s) {
   const Path path({{-0.012, 0, 0.01}, {-0.012, 0, -0.03}, {-0.012, 0, 0.01}}, s.speed);
   Run run = slide(7, "", s, still_scene(s, solids::convex_edge), path, {.crease = true});
+  if (s.fused != nullptr) return {run};
   double turned = 0, turned_optimum = 0, size = 0, size_optimum = 0;
   for (const Row& row : run.rows) {
     if (row.h.z() > -0.001) continue;
@@ -320,6 +363,7 @@ std::vector<Run> case_saddle(const Setting& s) {
           s.speed);
   Run run = slide(10, "", s, still_scene(s, [](const Vec3& p) { return solids::saddle(p, 6); }),
                   path, {.j = 0.1, .crease = true});
+  if (s.fused != nullptr) return {run};
   double truth = 0, truth_optimum = 0, curl = 0, curl_raw = 0, curl_optimum = 0;
   for (std::size_t i = 1; i < run.rows.size(); ++i) {
     const Row &row = run.rows[i], &last = run.rows[i - 1];

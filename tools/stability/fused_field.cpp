@@ -1,0 +1,115 @@
+#include "tools/stability/fused_field.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+#include <vector>
+
+#include "drivers/camera/depth_noise.hpp"
+#include "perception/tsdf/patch_copy.hpp"
+#include "rt/random.hpp"
+
+namespace stability {
+
+using perception::Intrinsics;
+using perception::Pose;
+using perception::TsdfMap;
+using perception::Vec3;
+
+namespace {
+
+constexpr double kDistance_m = 1.0, kSeen_m = 0.15;
+
+perception::TsdfConfig map_config() {
+  perception::TsdfConfig c;
+  c.voxel_size_m = 0.01;
+  c.truncation_m = 0.05;
+  c.max_blocks = 2048;
+  c.max_chunks = 256;
+  c.far_store_kib = 0;
+  return c;
+}
+
+// Optical frame, looking from `eye` at `target`.
+Pose looking(const Vec3& eye, const Vec3& target) {
+  Pose X = Pose::Identity();
+  const Vec3 z = (target - eye).normalized(), x = z.unitOrthogonal();
+  X.linear().col(0) = x;
+  X.linear().col(1) = z.cross(x);
+  X.linear().col(2) = z;
+  X.translation() = eye;
+  return X;
+}
+
+}  // namespace
+
+FusedField::FusedField(const Pose& X_WS, const FusedView& view)
+    : X_WS_(X_WS), view_(view), map_(startup_.token(), map_config()) {}
+
+void FusedField::see(const Solid& solid) {
+  const Intrinsics k{365, 365, 255.5, 211.5, 512, 424};
+  rt::Random random(11, static_cast<std::uint64_t>(frame_++));
+  const double angle = view_.incidence_deg * std::numbers::pi / 180;
+  const Vec3 towards = std::cos(angle) * Vec3::UnitZ() + std::sin(angle) * view_.lean_S;
+  const auto jitter = [&](double size) {
+    return Vec3(random.uniform(-size, size), random.uniform(-size, size),
+                random.uniform(-size, size));
+  };
+  const Pose X_SC = looking(kDistance_m * towards + jitter(0.005), jitter(0.005));
+  std::vector<std::uint16_t> mm(static_cast<std::size_t>(k.width) *
+                                static_cast<std::size_t>(k.height));
+  for (int v = 0; v < k.height; ++v) {
+    for (int u = 0; u < k.width; ++u) {
+      const double deviate = view_.noise ? random.normal() : 0;
+      const Vec3 ray_C = k.unproject(u, v, 1).normalized();
+      const Vec3 way = X_SC.linear() * ray_C;
+      const double nearest = -X_SC.translation().dot(way);  // along the ray, to the origin of S
+      if ((X_SC.translation() + nearest * way).norm() > kSeen_m) continue;
+      double t = nearest - 2 * kSeen_m;
+      for (int i = 0; i < 200 && t < nearest + 3 * kSeen_m; ++i) {
+        const double d = solid(X_SC.translation() + t * way);
+        if (d < 1e-6) {
+          const double z = t * ray_C.z();
+          mm[static_cast<std::size_t>(v * k.width + u)] = static_cast<std::uint16_t>(
+              std::lround(1000 * (z + deviate * drivers::kinect_v2_sigma_m(z))));
+          break;
+        }
+        t += d;
+      }
+    }
+  }
+  const perception::FrameView frame{k, {mm.data(), k.width, k.height, k.width}, {}};
+  const auto stats = map_.integrate(frame, X_WS_ * X_SC, 1);
+  if (stats.refused || stats.blocks_refused > 0) {
+    throw std::runtime_error("stability: a synthetic depth image was not fused");
+  }
+}
+
+void FusedField::window(const Vec3& centre_W, int nodes, perception::SurfacePatch& out) const {
+  if (!perception::copy_patch(map_, centre_W, nodes, out)) {
+    throw std::runtime_error("stability: no window of the fused map");
+  }
+}
+
+double FusedField::node(int x, int y, int z) const {
+  const auto unit = static_cast<double>(map_.metres_per_unit());
+  const auto observed = [&](int i, int j, int k) {
+    return TsdfMap::word_weight(map_.word_at(i, j, k)) >= TsdfMap::kObservedWeight;
+  };
+  const auto distance = [&](int i, int j, int k) {
+    return unit * TsdfMap::word_distance(map_.word_at(i, j, k));
+  };
+  if (observed(x, y, z)) return distance(x, y, z);
+  if (!map_.free_at(x, y, z)) return -map_.truncation();
+  double least = map_.truncation();
+  for (int side = 0; side < 6; ++side) {
+    const int step = (side & 1) != 0 ? 1 : -1;
+    const int i = x + (side / 2 == 0 ? step : 0), j = y + (side / 2 == 1 ? step : 0),
+              k = z + (side / 2 == 2 ? step : 0);
+    if (observed(i, j, k)) least = std::min(least, distance(i, j, k) + map_.voxel_size());
+  }
+  return std::max(least, 0.5 * map_.voxel_size());
+}
+
+}  // namespace stability
