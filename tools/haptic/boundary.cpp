@@ -77,8 +77,8 @@ class Loop {
   void settle(const Vec3& push) {
     const auto late = static_cast<int>(std::ceil(setting_.delay_s * setting_.rate_hz - 1e-9));
     for (int i = 0; i < late + 4; ++i) {
-      if (i == late) twin_.set_external_force(push);
       (void)twin_.sense(now_, in_.stylus);
+      if (i == late) twin_.set_external_force(push);  // with the first force that balances it
       twin_.act(now_, {-push});
       now_ += period_;
     }

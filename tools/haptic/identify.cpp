@@ -66,37 +66,49 @@ Eigen::VectorXd residuals(const std::vector<Ring>& rings, const Parameters& p, d
   return out;
 }
 
-// Mass, damping and friction from the swing's turning points about its rest.
+// Mass, damping and friction from the first swings about the spring's middle.
 Parameters from_peaks(const Ring& ring) {
   const auto& s = ring.samples;
-  const double rest = s.back().x_m, k = ring.stiffness_N_per_m;
-  std::vector<double> size, when;
-  for (std::size_t i = 2; i + 2 < s.size(); ++i) {
+  const double k = ring.stiffness_N_per_m;
+  // Where the spring pulls no more; dry friction lets it come to rest elsewhere.
+  const double rest = s.front().x_m + s.front().u_N / k;
+  // Largest excursion between crossings of it; the start, at rest, is the first of them.
+  std::vector<double> size{std::abs(s.front().x_m - rest)}, crossing;
+  double side = s.front().x_m - rest;
+  for (std::size_t i = 1; i < s.size() && crossing.size() < 6; ++i) {
     const double a = s[i].x_m - rest;
-    const bool turn = std::abs(a) > 1e-4 && (s[i].x_m - s[i - 2].x_m) * (s[i + 2].x_m - s[i].x_m) <= 0;
-    if (!turn || (!when.empty() && static_cast<double>(i) - when.back() < 5)) continue;
-    size.push_back(std::abs(a));
-    when.push_back(static_cast<double>(i));
+    if (a * side < 0) {
+      crossing.push_back(static_cast<double>(i));
+      size.push_back(0);
+      side = a;
+    }
+    size.back() = std::max(size.back(), std::abs(a));
   }
-  double mass = 0.2, damping = 1, coulomb = 0.05;
-  if (size.size() >= 2) {
-    const double half = (when.back() - when.front()) / static_cast<double>(when.size() - 1) *
-                        ring.period_s;
-    const double w = std::numbers::pi / half;
-    const double q = std::clamp(size[1] / size[0], 0.02, 0.98);
-    const double delta = -std::log(q) / half;  // b / 2m
-    mass = k / (w * w + delta * delta);
-    damping = std::max(2 * mass * delta * 0.7, 0.02);
-    coulomb = 0.1 * k * size[1] * (1 - q) / (1 + q);
+  double mass = 0.2, damping = 1, coulomb = 0.02;
+  if (crossing.empty()) return {std::log(mass), std::log(damping), coulomb, 0};
+  const double half = crossing.size() > 1 ? (crossing[1] - crossing[0]) * ring.period_s
+                                          : 2 * crossing[0] * ring.period_s;
+  const double w = std::numbers::pi / half;
+  double q = size[1] / size[0];
+  coulomb = 0;
+  if (size.size() > 2 && size[0] > size[1] && size[2] > 1e-4) {
+    const double exact = (size[1] - size[2]) / (size[0] - size[1]);
+    if (exact > q && exact < 0.99) {
+      q = exact;
+      coulomb = k * (q * size[0] - size[1]) / (1 + q);
+    }
   }
-  return {std::log(mass), std::log(damping), coulomb, 0};
+  const double delta = -std::log(std::clamp(q, 0.02, 0.98)) / half;  // b / 2m
+  mass = k / (w * w + delta * delta);
+  damping = std::max(2 * mass * delta, 0.02);
+  return {std::log(mass), std::log(damping), std::max(coulomb, 0.0), 0};
 }
 
 DeviceFit fit_from(const std::vector<Ring>& rings, double delay_s, Parameters p) {
   Eigen::VectorXd r = residuals(rings, p, delay_s);
   double cost = r.squaredNorm(), lambda = 1e-3;
   const Parameters step(1e-3, 1e-3, 1e-3, 1e-4);
-  for (int round = 0; round < 60; ++round) {
+  for (int round = 0; round < 80; ++round) {
     Eigen::MatrixXd J(r.size(), 4);
     for (int i = 0; i < 4; ++i) {
       Parameters ahead = p, behind = p;
@@ -108,7 +120,7 @@ DeviceFit fit_from(const std::vector<Ring>& rings, double delay_s, Parameters p)
     const Eigen::Matrix4d H = J.transpose() * J;
     const Eigen::Vector4d g = J.transpose() * r;
     bool better = false;
-    for (int attempt = 0; attempt < 8 && !better; ++attempt) {
+    for (int attempt = 0; attempt < 12 && !better; ++attempt) {
       Eigen::Matrix4d damped = H;
       damped.diagonal() += lambda * H.diagonal() + Eigen::Vector4d::Constant(1e-18);
       Parameters next = p - Parameters(damped.ldlt().solve(g));
@@ -125,7 +137,7 @@ DeviceFit fit_from(const std::vector<Ring>& rings, double delay_s, Parameters p)
         r = trial;
         cost = trial.squaredNorm();
         lambda = std::max(lambda * 0.3, 1e-9);
-        if (gain < 1e-9 * cost) round = 1000;
+        if (gain < 1e-8 * cost) round = 1000;
       } else {
         lambda *= 10;
       }
@@ -135,6 +147,40 @@ DeviceFit fit_from(const std::vector<Ring>& rings, double delay_s, Parameters p)
   const Model m(p);
   return {m.mass, m.damping, m.coulomb, m.bias,
           std::sqrt(cost / static_cast<double>(r.size())), static_cast<int>(rings.size())};
+}
+
+// Dry friction makes the sum of squares rough: where the derivatives lead no further, steps along the axes do.
+Parameters polished(const std::vector<Ring>& rings, double delay_s, Parameters p) {
+  double least = residuals(rings, p, delay_s).squaredNorm();
+  Parameters step(0.02, 0.1, 0.02, 0.005);
+  for (int level = 0; level < 12; ++level) {
+    bool better = false;
+    for (int i = 0; i < 4; ++i) {
+      for (const double side : {1.0, -1.0}) {
+        Parameters q = p;
+        q[i] += side * step[i];
+        q[2] = std::max(q[2], 0.0);
+        const double cost = residuals(rings, q, delay_s).squaredNorm();
+        if (!(cost < least)) continue;
+        least = cost;
+        p = q;
+        better = true;
+        break;
+      }
+    }
+    if (better) {
+      --level;
+    } else {
+      step *= 0.5;
+    }
+    if (least < 1e-11 * static_cast<double>(rings.size() * rings.front().samples.size())) break;
+    if (step[0] < 1e-5) break;
+  }
+  return p;
+}
+
+Parameters parameters_of(const DeviceFit& f) {
+  return {std::log(f.mass_kg), std::log(f.damping_N_s_per_m), f.coulomb_N, f.bias_N};
 }
 
 }  // namespace
@@ -147,11 +193,31 @@ DeviceFit fit_rings(const std::vector<Ring>& rings, double delay_s) {
     for (const RingSample& s : r.samples) moved = std::max(moved, std::abs(s.x_m));
   }
   if (n < 100 || moved < 1e-4) return {};
-  // Dry friction makes valleys: begin with little of it and with the peaks' own.
-  Parameters a = from_peaks(rings.front()), b = a;
-  b[2] = 0;
-  const DeviceFit fa = fit_from(rings, delay_s, a), fb = fit_from(rings, delay_s, b);
-  return fa.residual_m < fb.residual_m ? fa : fb;
+  // Dry friction makes valleys: begin where one of the rings' own peaks explains all rings best.
+  Parameters best = from_peaks(rings.front());
+  double least = residuals(rings, best, delay_s).squaredNorm();
+  for (const Ring& r : rings) {
+    for (const double share : {0.0, 0.5, 1.0}) {
+      Parameters p = from_peaks(r);
+      p[2] *= share;
+      const double cost = residuals(rings, p, delay_s).squaredNorm();
+      if (!(cost < least)) continue;
+      least = cost;
+      best = p;
+    }
+  }
+  // From there with its friction, and from less and more of it.
+  DeviceFit fit = fit_from(rings, delay_s, best);
+  for (const double coulomb : {0.0, 0.5 * best[2], best[2] + 0.1}) {
+    if (fit.residual_m < 1.5e-5) break;  // as good as the encoder
+    Parameters p = best;
+    p[2] = coulomb;
+    const DeviceFit other = fit_from(rings, delay_s, p);
+    if (other.residual_m < fit.residual_m) fit = other;
+  }
+  if (fit.residual_m < 1.5e-5) return fit;
+  const DeviceFit last = fit_from(rings, delay_s, polished(rings, delay_s, parameters_of(fit)));
+  return last.residual_m < fit.residual_m ? last : fit;
 }
 
 DeviceFit fit_rings_and_delay(const std::vector<Ring>& rings, double& delay_s) {
@@ -160,7 +226,8 @@ DeviceFit fit_rings_and_delay(const std::vector<Ring>& rings, double& delay_s) {
   double best_delay = 0;
   DeviceFit best = fit_rings(rings, 0);
   const auto attempt = [&](double d) {
-    const DeviceFit f = fit_rings(rings, d);
+    if (!(best.mass_kg > 0)) return;
+    const DeviceFit f = fit_from(rings, d, parameters_of(best));
     if (f.mass_kg > 0 && f.residual_m < best.residual_m) {
       best = f;
       best_delay = d;
@@ -194,9 +261,9 @@ IdentifyResult identify_device(drivers::HapticDevice& device, const IdentifyOpti
     Vec3 v = Vec3::Zero(), last = Vec3::Zero();
     for (std::size_t k = 0; k < n; ++k) {
       read();
-      if (k > 0) v += ((sample.p_DH - last) * o.rate_hz - v) * std::min(1.0, 100 / o.rate_hz);
+      if (k > 0) v += ((sample.p_DH - last) * o.rate_hz - v) * std::min(1.0, 250 / o.rate_hz);
       last = sample.p_DH;
-      device.act(now, {k < n / 2 ? Vec3(-4 * v) : Vec3(Vec3::Zero())});
+      device.act(now, {k < n / 2 ? Vec3(-8 * v) : Vec3(Vec3::Zero())});
       now += period;
     }
   };
@@ -205,7 +272,7 @@ IdentifyResult identify_device(drivers::HapticDevice& device, const IdentifyOpti
   for (int axis = 0; axis < 3; ++axis) {
     for (const double k : o.stiffness_N_per_m) {
       for (const double side : {1.0, -1.0}) {
-        rest(0.5);
+        rest(1.2);
         read();
         const Vec3 from = sample.p_DH;
         Vec3 centre = from;
@@ -224,6 +291,12 @@ IdentifyResult identify_device(drivers::HapticDevice& device, const IdentifyOpti
           ring.samples.push_back({sample.p_DH[axis] - from[axis], f[axis]});
           now += period;
         }
+        double moved = 0;
+        for (const RingSample& s : ring.samples) moved = std::max(moved, std::abs(s.x_m));
+        if (moved < 0.5 * o.throw_m) {
+          throw std::runtime_error(
+              "identify: it hardly moved: let go of the stylus, or use a larger --throw");
+        }
         rings[static_cast<std::size_t>(axis)].push_back(std::move(ring));
       }
     }
@@ -237,7 +310,7 @@ IdentifyResult identify_device(drivers::HapticDevice& device, const IdentifyOpti
   for (std::size_t a = 0; a < 3; ++a) {
     r.axes[a] = fit_rings(rings[a], r.delay_s);
     if (!(r.axes[a].mass_kg > 0)) {
-      throw std::runtime_error("identify: hardly any motion: let go of the stylus");
+      throw std::runtime_error("identify: the swings can not be fitted");
     }
     r.mean.mass_kg += r.axes[a].mass_kg / 3;
     r.mean.damping_N_s_per_m += r.axes[a].damping_N_s_per_m / 3;

@@ -32,11 +32,12 @@ bool level(MapProbe& probe, const Vec3& p, const Vec3& n, double within) {
   return std::abs(h) < within;  // false for NaN
 }
 
-bool flat(MapProbe& probe, const Vec3& p, const Vec3& n, std::initializer_list<double> radii) {
+bool flat(MapProbe& probe, const Vec3& p, const Vec3& n, double within,
+          std::initializer_list<double> radii) {
   const Axes axes(n);
   for (const double r : radii) {
     for (int k = 0; k < 12; ++k) {
-      if (!level(probe, p + r * axes.at(k * std::numbers::pi / 6), n, 0.003)) return false;
+      if (!level(probe, p + r * axes.at(k * std::numbers::pi / 6), n, within)) return false;
     }
   }
   return true;
@@ -79,8 +80,8 @@ std::optional<Place> place_at(MapProbe& probe, const Vec3& p, const Vec3& n, con
   place.p_W = p;
   place.n_W = n;
   const double rise = n.dot(up);
-  if (flat(probe, p, n, {0.025, 0.05})) {
-    if (std::abs(rise) < 0.25 && flat(probe, p, n, {0.075, 0.1})) {
+  if (flat(probe, p, n, 0.004, {0.025, 0.05})) {
+    if (std::abs(rise) < 0.25 && flat(probe, p, n, 0.008, {0.075, 0.1})) {
       place.kind = Place::Kind::kWall;
       return place;
     }
@@ -160,8 +161,32 @@ bool apart(const std::vector<Place>& places, const Place& from) {
   });
 }
 
-std::vector<Place> find_places(MapProbe& probe, const Surface& surface, const Vec3& up,
+// The direction in which most of what looks roughly up does look: a camera that is held upright may still look
+// down.
+Vec3 refined_up(const Surface& surface, const Vec3& rough, rt::Random& random) {
+  std::vector<Vec3> normals;
+  for (int i = 0; i < 8000 && normals.size() < 800; ++i) {
+    Vec3 p, n;
+    if (surface.draw(random, p, n) && n.dot(rough) > 0.7) normals.push_back(n);
+  }
+  Vec3 best = rough;
+  double most = 0;
+  for (std::size_t i = 0; i < normals.size(); i += 4) {
+    Vec3 sum = Vec3::Zero();
+    for (const Vec3& n : normals) {
+      if (n.dot(normals[i]) > 0.99) sum += n;
+    }
+    if (sum.norm() > most) {
+      most = sum.norm();
+      best = sum.normalized();
+    }
+  }
+  return best;
+}
+
+std::vector<Place> find_places(MapProbe& probe, const Surface& surface, const Vec3& rough_up,
                                rt::Random& random) {
+  const Vec3 up = refined_up(surface, rough_up, random);
   // Kind, how many are wanted.
   constexpr std::pair<Place::Kind, int> kWanted[] = {{Place::Kind::kCorner, 1},
                                                      {Place::Kind::kEdge, 1},
@@ -169,7 +194,7 @@ std::vector<Place> find_places(MapProbe& probe, const Surface& surface, const Ve
                                                      {Place::Kind::kTop, 2}};
   std::vector<Place> pool;
   int of[4] = {};
-  for (int i = 0; i < 60000 && pool.size() < 400; ++i) {
+  for (int i = 0; i < 100000 && pool.size() < 400; ++i) {
     Vec3 p, n;
     if (!surface.draw(random, p, n)) continue;
     const auto place = place_at(probe, p, n, up);
@@ -200,7 +225,10 @@ std::vector<Place> find_places(MapProbe& probe, const Surface& surface, const Ve
         }
       }
       if (best == nullptr && k == 0 && kind != Place::Kind::kTop) {
-        throw std::runtime_error(std::string("haptic path: the map holds no ") + name_of(kind));
+        throw std::runtime_error(std::string("haptic path: the map holds no ") + name_of(kind) +
+                                 " (walls, tops, edges, corners: " + std::to_string(of[0]) + ", " +
+                                 std::to_string(of[1]) + ", " + std::to_string(of[2]) + ", " +
+                                 std::to_string(of[3]) + ")");
       }
       if (best != nullptr) chosen.push_back(*best);
     }
