@@ -55,6 +55,7 @@ struct FalconConfig {
   double lost_after_s = 0.1;
   double retry_s = 0.5;
   int event_priority = 0;
+  std::string measured;  // when mass, damping and friction were measured; empty: assumed
 
   void describe(config::Section& s) {
     s.text("firmware", firmware, {}, "the vendor's firmware file; needed once after power-on");
@@ -71,6 +72,7 @@ struct FalconConfig {
     s.number("lost_after_s", lost_after_s, 0.01, 5, "no frame for so long: the device is gone");
     s.number("retry_s", retry_s, 0.01, 60, "between two tries to open after an unplug");
     s.integer("event_priority", event_priority, 0, 97, "SCHED_FIFO of the USB thread; 0: ordinary");
+    s.text("measured", measured, {}, "when teletact identify measured them; empty: assumed");
   }
 };
 

@@ -45,6 +45,7 @@ struct OmegaConfig {
   double speed_limit_m_per_s = 1.0;
   double exchange_bound_s = 0.0005;
   double retry_s = 0.5;
+  std::string measured;  // when mass, damping and friction were measured; empty: assumed
 
   void describe(config::Section& s) {
     s.text("sdk", sdk, {}, "library file or SDK folder; empty: FORCEDIM_SDK, then usual places");
@@ -59,6 +60,7 @@ struct OmegaConfig {
     s.number("speed_limit_m_per_s", speed_limit_m_per_s, 0.05, 20, "of the hand (assumed)");
     s.number("exchange_bound_s", exchange_bound_s, 1e-5, 0.1, "longer exchanges are counted");
     s.number("retry_s", retry_s, 0.01, 60, "between two tries to open after an unplug");
+    s.text("measured", measured, {}, "when teletact identify measured them; empty: assumed");
   }
 };
 

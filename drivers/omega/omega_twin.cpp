@@ -72,6 +72,7 @@ DeviceProperties OmegaTwin::properties() const noexcept {
   p.force_limit_N = config_.force_limit_N;
   p.workspace_radius_m = config_.workspace_radius_m;
   p.speed_limit_m_per_s = config_.speed_limit_m_per_s;
+  p.measured = !config_.measured.empty();
   return p;
 }
 

@@ -18,6 +18,8 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <string>
+#include <vector>
 
 #include "config/schema.hpp"
 #include "drivers/omega/hand_script.hpp"
@@ -46,6 +48,7 @@ struct OmegaTwinConfig {
   double end_stop_N_per_m = 5000.0;  // rim of the workspace
   int substep_us = 50;
   bool calibrated = true;  // false: starts in RESET
+  std::string measured;    // when mass, damping and friction were measured; empty: assumed
 
   void describe(config::Section& s) {
     s.number("mass_kg", mass_kg, 0.01, 5, "effective mass at the tip (assumed)");
@@ -66,6 +69,7 @@ struct OmegaTwinConfig {
     s.number("end_stop_N_per_m", end_stop_N_per_m, 0, 20000, "rim of the workspace");
     s.integer("substep_us", substep_us, 5, 50, "integration step");
     s.flag("calibrated", calibrated, "false: starts in RESET");
+    s.text("measured", measured, {}, "when teletact identify measured them; empty: assumed");
   }
 };
 

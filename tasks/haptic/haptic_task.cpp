@@ -47,7 +47,11 @@ void HapticConfig::describe(config::Section& s) {
   s.number("scale", scale, 0.01, 100, "scene metres per hand metre");
   s.numbers("workspace_W_m", workspace_W_m, -1000, 1000, "centre of the device workspace in W");
   s.number("workspace_yaw_deg", workspace_yaw_deg, -360, 360, "device base about z of W");
+  s.number("border_m", border_m, 0, 1, "rate control beyond this radius of the device; 0: none");
+  s.number("border_rate_per_s", border_rate_per_s, 0, 20, "hand m/s per m beyond the border");
   s.number("tip_radius_m", tip_radius_m, 0, 0.04, "radius of the proxy, in the scene");
+  s.integer("iterations_max", iterations_max, 0, 10000,
+            "steps of the proxy in a tick; 0: the method's own");
   s.number("force_limit_N", force_limit_N, 0.1, 12, "largest force on the hand");
   s.number("slew_N_per_s", slew_N_per_s, 10, 10000, "fastest change of force at a still hand");
   s.number("slew_calm_N_per_s", slew_calm_N_per_s, 10, 10000,
@@ -105,13 +109,15 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
     refuse(text);
   }
   proxy_config_.tip_radius_m = config.tip_radius_m;
+  if (config.iterations_max > 0) proxy_config_.iterations_max = config.iterations_max;
   proxy_config_.paper_friction = config.paper_friction;
   proxy_config_.texture_amplitude_m = config.texture_amplitude_m;
   proxy_config_.texture_period_m = config.texture_period_m;
   force_limit_N_ = std::min(config.force_limit_N, device.force_limit_N);
-  origin_W_ = Vec3(config.workspace_W_m[0], config.workspace_W_m[1], config.workspace_W_m[2]);
-  R_WD_ = Eigen::AngleAxisd(config.workspace_yaw_deg * std::numbers::pi / 180.0, Vec3::UnitZ())
-              .toRotationMatrix();
+  const auto& origin = config.workspace_W_m;
+  workspace_ = Workspace({config.scale, Vec3(origin[0], origin[1], origin[2]),
+                          config.workspace_yaw_deg * std::numbers::pi / 180.0, config.border_m,
+                          config.border_rate_per_s});
 }
 
 // Every pointer handed in is one acquire of the channel: what was taken before the last one is
@@ -203,18 +209,29 @@ void HapticTask::apply_effects(const Vec3& p_WH) noexcept {
                     static_cast<double>(surface_.friction_dynamic), proxy_config_.tip_radius_m);
 }
 
+// Damping that pays back what the observer found missing. It works on the motion of the last tick, not
+// on the filtered velocity: that is 10 ms late, which at a stiff wall is half a swing. The hold of a spring
+// K leaks K T / 2 v^2, so damping of K T / 2 pays for it in the mean; twice that pays old debts too. One quantum
+// of the encoder then weighs as much as it does in the spring.
+Vec3 HapticTask::passivity_force(const Vec3& dx_D, double dt) const noexcept {
+  const double moved2 = dx_D.squaredNorm();
+  if (energy_.reserve_J() >= 0 || moved2 < 1e-14) return Vec3::Zero();
+  // alpha v . v T = debt, v = dx / dt.
+  const double alpha = std::min(-energy_.reserve_J() * dt / moved2, stiffness_ * dt);
+  return (-alpha / dt) * dx_D;
+}
+
 // Force limit, passivity, slew guard; fills force and telemetry, and remembers both forces.
-void HapticTask::guard_force(const Vec3& f_spring_D, double dh, double dt, Out& out) noexcept {
+void HapticTask::guard_force(const Vec3& f_spring_D, const Vec3& dx_D, double dt,
+                             Out& out) noexcept {
   HapticTelemetry& t = out.telemetry;
+  const double dh = dx_D.norm();
   Vec3 f = limited(f_spring_D, force_limit_N_);
   t.limit_active = f_spring_D.norm() > force_limit_N_;
-  if (config_.passivity_controller && energy_.reserve_J() < 0 && t.in_contact) {
-    const double v2 = v_D_.squaredNorm();
-    if (v2 > 1e-6) {  // alpha bounded: never more than half the device's own stable damping range
-      const double alpha =
-          std::min(-energy_.reserve_J() / (period_s_ * v2), 0.5 * config_.stiffness_N_per_m * dt);
-      f = limited(f - alpha * v_D_, force_limit_N_);
-    }
+  if (config_.passivity_controller && t.in_contact) {
+    const Vec3 paid = passivity_force(dx_D, dt);
+    t.controller_N = paid.norm();
+    f = limited(f + paid, force_limit_N_);
   }
   const Vec3 change_raw = f - f_raw_D_;
   t.f_raw_D = f;
@@ -286,9 +303,9 @@ void HapticTask::report(const rt::Tick& tick, bool button, Out& out) noexcept {
   s.seq = ++state_seq_;
   s.stamp = tick.release;
   s.p_WH = have_hand_ ? to_world(h_D_) : Vec3::Zero();
-  s.v_WH = R_WD_ * (config_.scale * v_D_);
+  s.v_WH = workspace_.R_WD() * (config_.scale * v_D_);
   s.p_WP = have_hand_ && newer_ != nullptr ? rendered_W_ : s.p_WH;
-  s.f_H_W = R_WD_ * out.force.f_H_D;
+  s.f_H_W = workspace_.R_WD() * out.force.f_H_D;
   s.normal_W = out.telemetry.in_contact ? proxy_.normal_W() : Vec3::Zero();
   s.contacts = out.telemetry.in_contact ? proxy_.contacts : 0;
   s.button = button;
@@ -314,6 +331,7 @@ rt::Health HapticTask::without_sample(const rt::Tick& tick, Out& out) noexcept {
   } else {
     if (seen_hand_) health = rt::Health::of(rt::Severity::kRampDown, kFaultHapticDeviceLost);
     have_hand_ = false;
+    workspace_.forget_hand();
     proxy_ = ProxyState{};
     safe(out);
   }
@@ -360,6 +378,7 @@ bool HapticTask::thin(const Vec3& p_WH) const noexcept {
 rt::Health HapticTask::not_finite(const rt::Tick& tick, Out& out) noexcept {
   proxy_ = ProxyState{};
   have_hand_ = false;
+  workspace_.forget_hand();
   safe(out);
   events(tick, false, out);
   report(tick, false, out);
@@ -385,11 +404,12 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   if (!take_hand(in.stylus, tick, dt, dx_D)) {
     return not_finite(tick, out);
   }
-  const Vec3 p_WH = to_world(h_D_);
+  const Vec3 p_WH = workspace_.advance(h_D_, in.clutch, in.view_yaw_rad, dt);
   const double stiffness_before = stiffness_;
   if (in.surface != nullptr) proxy_config_.surface = in.surface;
   proxy_step_(field_, p_WH, proxy_, proxy_config_);
-  if (effects_) {
+  const bool effects = kEffectsBuilt && effects_;
+  if (effects) {
     apply_effects(p_WH);
   } else {
     rendered_W_ = proxy_.rendered_WP();
@@ -403,6 +423,8 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   t.held = proxy_.held;
   t.near_edge = newer_ != nullptr && (field_.near_edge(p_WH) || field_.near_edge(proxy_.p_WP()));
   t.unresolved = thin(p_WH);
+  t.clutched = in.clutch;
+  t.beyond = workspace_.beyond();
   t.patch_age_s = newer_ != nullptr ? rt::seconds(tick.release - newer_->fused) : 0;
   t.stale = newer_ != nullptr && t.patch_age_s > config_.patch_liveness_s;
   if (t.stale) {
@@ -417,20 +439,21 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
     t.in_contact = proxy_.phase == ProxyState::Phase::kContact;
     t.penetration_m = t.in_contact ? stretch_W.norm() : 0;
     const double gain_before = t.gain = fade_ * ramp_;
-    t.gain = advance_gain(t.stale || in.mode.mode == Mode::kRampDown, dt);
-    const Vec3 f_D = (t.gain * stiffness_ / config_.scale) * (R_WD_.transpose() * stretch_W);
+    t.gain = advance_gain(t.stale || in.clutch || in.mode.mode == Mode::kRampDown, dt);
+    const Vec3 f_D = (t.gain * stiffness_ / config_.scale) * (workspace_.R_WD().transpose() * stretch_W);
     const Vec3 f_raw_before = f_raw_D_;
     Vec3 f_sum_D = t.in_contact ? f_D : Vec3::Zero();
-    if (effects_) {
+    if (effects) {
       t.friction_N = stiffness_ * (rendered_W_ - proxy_.rendered_WP()).norm() / config_.scale;
       f_sum_D -= (t.gain * config_.viscosity_N_s_per_m) * v_D_;
     }
-    guard_force(f_sum_D, dx_D.norm(), dt, out);
+    guard_force(f_sum_D, dx_D, dt, out);
     const double spring_J =
         t.gain > 0 ? t.gain * spring_energy(stiffness_, t.penetration_m / config_.scale,
                                             force_limit_N_ / t.gain)
                    : 0;
-    const bool moved = blending || t.gain != gain_before || stiffness_ != stiffness_before;
+    const bool moved = blending || t.gain != gain_before || stiffness_ != stiffness_before ||
+                       workspace_.moved();
     const double injected =
         moved ? spring_J - spring_J_ + 0.5 * (f_raw_before + f_raw_D_).dot(dx_D) : 0;
     energy_.book(injected, spring_J - spring_J_, dt);

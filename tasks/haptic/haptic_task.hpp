@@ -17,6 +17,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "config/schema.hpp"
@@ -32,8 +33,16 @@
 #include "tasks/haptic/field.hpp"
 #include "tasks/haptic/force_shading.hpp"
 #include "tasks/haptic/proxy.hpp"
+#include "tasks/haptic/workspace.hpp"
 
 namespace tasks {
+
+// 0: a build without the effects, to count what they cost when nobody asks for them.
+#if defined(TELETACT_HAPTIC_EFFECTS) && !TELETACT_HAPTIC_EFFECTS
+inline constexpr bool kEffectsBuilt = false;
+#else
+inline constexpr bool kEffectsBuilt = true;
+#endif
 
 // Section [haptic].
 struct HapticConfig {
@@ -42,7 +51,10 @@ struct HapticConfig {
   double scale = 1.0;                                  // scene metres per hand metre
   std::array<double, 3> workspace_W_m{0.0, 0.0, 0.0};  // origin of D in W
   double workspace_yaw_deg = 0.0;                      // of D about z of W
+  double border_m = 0.0;           // rate control beyond this radius at the device; 0: none
+  double border_rate_per_s = 2.0;  // hand metres a second per metre beyond it
   double tip_radius_m = 0.0;                           // scene metres
+  int iterations_max = 0;                              // of the proxy in a tick; 0: the method's own
   double force_limit_N = 12.0;
   double slew_N_per_s = 300.0;
   double slew_calm_N_per_s = 98.0;  // hand still and less than 1 N behind
@@ -85,6 +97,7 @@ struct HapticTelemetry {
   double penetration_m = 0;      // |p_WP - p_WH| in contact, scene metres
   double gain = 0;               // fade and ramps, 0..1
   double friction_N = 0;         // K |proxy with friction - frictionless proxy|
+  double controller_N = 0;       // of the passivity controller
   double blend = 1;              // s of the running blend; 1 = settled
   double energy_J = 0;           // observer E
   double booked_J = 0;           // injections booked apart
@@ -98,6 +111,8 @@ struct HapticTelemetry {
   bool unresolved = false;    // less than a voxel of solid is under the proxy or beside the hand
   bool near_edge = false;     // hand or proxy within two voxels of the window's edge
   bool stale = false;
+  bool clutched = false;  // the hand in the scene stands while the device moves
+  bool beyond = false;    // the hand is beyond the border: the workspace moves
 };
 
 class HapticTask {
@@ -112,7 +127,9 @@ class HapticTask {
     // Method force_shading: the newest ray cast, null = as before. It stays valid until another is
     // handed in.
     const SurfacePoints* surface = nullptr;
-    ModeMsg mode;  // seq 0 = none yet
+    ModeMsg mode;         // seq 0 = none yet
+    bool clutch = false;  // held: forces fade out, the device moves, the hand in the scene does not
+    std::optional<double> view_yaw_rad;  // taken over while the clutch is held (yaw_of_view())
   };
   struct Out {
     drivers::ForceCommand force;
@@ -137,12 +154,13 @@ class HapticTask {
   [[nodiscard]] const ProxyState& proxy() const noexcept { return proxy_; }
   [[nodiscard]] const Field& field() const noexcept { return field_; }
   [[nodiscard]] const HapticConfig& config() const noexcept { return config_; }
-  // p_WH = X_WD * (scale * p_DH).
+  [[nodiscard]] const Workspace& workspace() const noexcept { return workspace_; }
+  // p_WH = X_WD * (scale * p_DH), X_WD as of the last step.
   [[nodiscard]] perception::Vec3 to_world(const perception::Vec3& p_DH) const noexcept {
-    return origin_W_ + R_WD_ * (config_.scale * p_DH);
+    return workspace_.to_world(p_DH);
   }
   [[nodiscard]] perception::Vec3 to_device(const perception::Vec3& p_W) const noexcept {
-    return R_WD_.transpose() * (p_W - origin_W_) / config_.scale;
+    return workspace_.to_device(p_W);
   }
 
  private:
@@ -157,7 +175,10 @@ class HapticTask {
   rt::Health without_sample(const rt::Tick& tick, Out& out) noexcept;
   rt::Health not_finite(const rt::Tick& tick, Out& out) noexcept;
   void safe(Out& out) noexcept;
-  void guard_force(const perception::Vec3& f_spring_D, double dh, double dt, Out& out) noexcept;
+  void guard_force(const perception::Vec3& f_spring_D, const perception::Vec3& dx_D, double dt,
+                   Out& out) noexcept;
+  [[nodiscard]] perception::Vec3 passivity_force(const perception::Vec3& dx_D,
+                                                 double dt) const noexcept;
   [[nodiscard]] double slew_limit(const perception::Vec3& change, double dh) const noexcept;
   [[nodiscard]] bool thin(const perception::Vec3& p_WH) const noexcept;
   void emit(Out& out, TouchEvent::Kind kind, const rt::Tick& tick) noexcept;
@@ -169,8 +190,7 @@ class HapticTask {
   ProxyStep proxy_step_;
   double period_s_;
   double force_limit_N_;
-  perception::Vec3 origin_W_;
-  perception::Mat3 R_WD_;
+  Workspace workspace_;
 
   // The surface as the effects have it, this tick.
   bool effects_ = false;

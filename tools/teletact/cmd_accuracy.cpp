@@ -9,8 +9,10 @@
 #include "tools/accuracy/scenes.hpp"
 #include "tools/accuracy/segmentation_study.hpp"
 #include "tools/teletact/commands.hpp"
+#include "tools/teletact/haptic_study.hpp"
 #include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/options.hpp"
+#include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
 
@@ -28,6 +30,7 @@ void add_room(const Study& study, Metrics& metrics) {
 
 Study study_of(const std::string& what, const FusionStudyOptions& fusion,
                const SegmentationStudyOptions& segmentation) {
+  if (what == "haptic") return study_haptic(std::cerr);
   return what == "fusion" ? study_fusion(std::cerr, fusion)
                           : study_segmentation(std::cerr, segmentation);
 }
@@ -36,14 +39,14 @@ Study study_of(const std::string& what, const FusionStudyOptions& fusion,
 
 int cmd_accuracy(int argc, char** argv) {
   CLI::App app{
-      "Error of a method against its CPU time, over its knobs. WHAT: fusion, segmentation.",
+      "Error of a method against its CPU time, over its knobs. WHAT: fusion, segmentation, haptic.",
       "teletact accuracy"};
   std::string what, json, plots;
   FusionStudyOptions fusion;
   SegmentationStudyOptions segmentation;
-  app.add_option("WHAT", what, "fusion | segmentation")
+  app.add_option("WHAT", what, "fusion | segmentation | haptic")
       ->required()
-      ->check(CLI::IsMember({"fusion", "segmentation"}));
+      ->check(CLI::IsMember({"fusion", "segmentation", "haptic"}));
   app.add_option(
       "--rgbd", fusion.rgbd,
       "fusion: recording in TUM layout with groundtruth.txt, which judges and nothing else");
@@ -78,6 +81,12 @@ int cmd_accuracy(int argc, char** argv) {
   if (what == "fusion") add_room(study, metrics);
   if (!plots.empty()) {
     for (const std::string& file : study.write_plots(plots)) std::cout << file << "\n";
+    for (const char* method : {"constrained", "nearest", "force_shading"}) {
+      if (what != "haptic") break;
+      const std::string file = plots + "/haptic_corner_" + method + ".svg";
+      write_whole_file(file, corner_picture(method));
+      std::cout << file << "\n";
+    }
   }
   if (!json.empty()) metrics.write(json);
   return 0;

@@ -2,6 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <iostream>
+#include <memory>
 #include <stdexcept>
 
 #include "tools/bench/audit_bench.hpp"
@@ -14,10 +15,14 @@
 #include "tools/bench/table2/table2.hpp"
 #include "tools/bench/table2/touches.hpp"
 #include "tools/bench/wakeup.hpp"
+#include "tools/haptic/bench_haptic.hpp"
+#include "tools/haptic/boundary.hpp"
+#include "tools/haptic/recording_touch.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/fuzz_readers.hpp"
 #include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/options.hpp"
+#include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
 
@@ -58,20 +63,72 @@ struct PeerBench {
   }
 };
 
+struct HapticBench {
+  HapticBenchOptions options;
+  RecordingTouchOptions recording;
+  BoundaryOptions boundary;
+  std::string svg, record;
+  void add_to(CLI::App& app) {
+    app.add_option("--passes", options.passes, "haptic: over the recorded run")
+        ->check(CLI::Range(1, 1000))
+        ->capture_default_str();
+    app.add_flag("!--no-instructions", options.instructions, "haptic: do not run callgrind");
+    app.add_option("--runs-in", options.folder, "haptic: folder to keep the recorded runs in");
+    app.add_option("--virtual-seconds", recording.seconds, "haptic --rgbd: how long it is touched")
+        ->check(in_range(2, 600))
+        ->capture_default_str();
+    app.add_flag("!--no-beside", recording.beside, "haptic --rgbd: only the product's method");
+    app.add_option("--record", record, "haptic --rgbd: haptic run to write (teletact touch --replay)");
+    app.add_option("--rates", boundary.rates_hz, "boundary: ticks a second")
+        ->check(in_range(500, 4000))
+        ->delimiter(',')
+        ->capture_default_str();
+    app.add_option("--dampings", boundary.dampings, "boundary: of the device, N s/m")
+        ->check(in_range(0.1, 20))
+        ->delimiter(',')
+        ->capture_default_str();
+    app.add_option("--svg", svg, "haptic --rgbd, boundary: folder for drawings");
+  }
+  // A hand on a recording.
+  [[nodiscard]] RecordingTouchResult touch(const std::string& rgbd, std::uint64_t seed) {
+    recording.rgbd = rgbd;
+    recording.seed = seed;
+    std::unique_ptr<WholeFile> file;
+    if (!record.empty()) file = std::make_unique<WholeFile>(record);
+    if (file) recording.record = file->get();
+    RecordingTouchResult result = touch_recording(std::cerr, recording);
+    if (file) file->finish();
+    draw("haptic_recording_force.svg", result.force_drawing());
+    draw("haptic_recording_step.svg", result.step_drawing());
+    return result;
+  }
+  [[nodiscard]] BoundaryResult sweep() {
+    BoundaryResult result = bench_boundary(std::cerr, boundary);
+    draw("haptic_boundary.svg", result.drawing());
+    return result;
+  }
+
+ private:
+  void draw(const std::string& name, const std::string& text) const {
+    if (!svg.empty()) write_whole_file(svg + "/" + name, text);
+  }
+};
+
 }  // namespace
 
 int cmd_bench(int argc, char** argv) {
   CLI::App app{
       "Measures one part beside its peers. WHAT: rings, wakeup, audit, table1, table2, "
-      "segmentation, fusion, drift, fuzz."};
+      "segmentation, fusion, drift, fuzz, haptic, boundary."};
   std::string what, json;
   int rounds = 9;
   double slice_s = 1.0;
   app.add_option("WHAT", what,
-                 "rings | wakeup | audit | table1 | table2 | segmentation | fusion | drift | fuzz")
+                 "rings | wakeup | audit | table1 | table2 | segmentation | fusion | drift | fuzz | "
+                 "haptic | boundary")
       ->required()
       ->check(CLI::IsMember({"rings", "wakeup", "audit", "table1", "table2", "segmentation",
-                             "fusion", "drift", "fuzz"}));
+                             "fusion", "drift", "fuzz", "haptic", "boundary"}));
   app.add_option("--rounds", rounds, "interleaved rounds")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -81,7 +138,8 @@ int cmd_bench(int argc, char** argv) {
   Table1Options table1;
   table1.rgbd = "../shared/data/rgbd/7scenes_redkitchen";
   auto* rgbd = app.add_option("--rgbd", table1.rgbd,
-                              "table1, fusion: recording in TUM layout; the default may be absent")
+                              "table1, fusion: recording in TUM layout; the default may be absent; haptic: touch "
+                              "this recording instead")
                    ->capture_default_str();
   app.add_option("--edges", table1.edges, "table1: voxels along the cube's edge")
       ->check(CLI::Range(64, 1024))
@@ -98,12 +156,14 @@ int cmd_bench(int argc, char** argv) {
   std::uint64_t seed = 1;
   app.add_option("--data", data,
                  "table2, segmentation: folder of images with people's or true masks");
-  app.add_option("--seed", seed, "segmentation: of the touches; fuzz: of the damage")
+  app.add_option("--seed", seed, "segmentation: of the touches; fuzz: of the damage; haptic: of the hand's path")
       ->capture_default_str();
   FuzzBench fuzz;
   fuzz.add_to(app);
   PeerBench peer;
   peer.add_to(app);
+  HapticBench haptic;
+  haptic.add_to(app);
   int frames = 10000;
   double voxel_m = 0.01;
   bool half_size = false;
@@ -116,7 +176,8 @@ int cmd_bench(int argc, char** argv) {
   app.add_flag("--half-size", half_size, "drift: images of 256 x 212");
   app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
-  check_outputs({{"--json", json}}, {});
+  check_outputs({{"--json", json}, {"--record", haptic.record}}, {});
+  if (!haptic.svg.empty()) make_output_folder("--svg", haptic.svg);
   Metrics metrics("bench " + what);
   int faults = 0;
   const auto take = [&](const auto& result) {
@@ -129,6 +190,14 @@ int cmd_bench(int argc, char** argv) {
     take(bench_wakeup(std::cerr, rounds, slice_s));
   } else if (what == "drift") {
     take(bench_drift(std::cerr, frames, voxel_m, half_size ? 2 : 1));
+  } else if (what == "haptic") {
+    if (rgbd->count() > 0) {
+      take(haptic.touch(table1.rgbd, seed));
+    } else {
+      take(bench_haptic(std::cerr, haptic.options));
+    }
+  } else if (what == "boundary") {
+    take(haptic.sweep());
   } else if (what == "table2" || what == "segmentation") {
     if (data.empty()) throw std::runtime_error("bench " + what + " needs --data DIR");
     if (what == "table2") {

@@ -107,9 +107,9 @@ int cmd_device(int argc, char** argv) {
               static_cast<unsigned long long>(r.repeats),
               static_cast<unsigned long long>(r.misses));
   if (properties.renders_force) {
-    std::printf("stiffness  at most %.0f N/m at %.0f Hz (b = %g N s/m assumed, t_d = %g ms)\n",
+    std::printf("stiffness  at most %.0f N/m at %.0f Hz (b = %g N s/m %s, t_d = %g ms)\n",
                 properties.stiffness_limit(1.0 / rate_hz), rate_hz, properties.damping_N_s_per_m,
-                properties.delay_s * 1e3);
+                properties.measured ? "measured" : "assumed", properties.delay_s * 1e3);
   } else {
     std::printf("stiffness  any: no force is rendered\n");
   }

@@ -19,12 +19,14 @@
 
 #include "rt/memory/non_realtime.hpp"
 #include "tasks/haptic/haptic_task.hpp"
+#include "tools/haptic/run_file.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/csv.hpp"
 #include "tools/teletact/field_window.hpp"
 #include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/npy.hpp"
 #include "tools/teletact/options.hpp"
+#include "tools/teletact/touch_replay.hpp"
 #include "tools/teletact/view_cast.hpp"
 #include "tools/teletact/whole_file.hpp"
 
@@ -36,17 +38,19 @@ using perception::Vec3;
 
 struct TouchOptions {
   std::string field, fields, path, out, debug, json, origin = "0,0,0", method = "constrained";
-  std::string view, passivity = "off", guard = "on", blend = "on";
+  std::string view, passivity = "off", guard = "on", blend = "on", record, replay;
   double voxel_m = 0, stiffness = 1000, tip_radius_m = 0, force_limit_N = 12, rate_hz = 0;
   double truncation_m = 0.05;
   double friction_static = 0, friction_dynamic = 0, viscosity = 0, paper_friction = 0;
   double texture_m = 0, texture_period_m = 0.002;
+  double scale = 1, border_m = 0, border_rate_per_s = 2;
   int window_nodes = perception::SurfacePatch::kMaxNodes;
 };
 
 struct HandRow {
   double t = 0;
   Vec3 p = Vec3::Zero();
+  bool clutch = false;
 };
 
 template <class T>
@@ -105,11 +109,18 @@ FieldList load_fields(const TouchOptions& o) {
 
 // The hand at every tick: the rows themselves, or the rows interpolated to another rate.
 std::vector<HandRow> load_hand(const TouchOptions& o, double& period_s) {
-  const auto rows = must(numeric_rows(must(read_csv(o.path)), {"t_s", "x", "y", "z"}));
+  const CsvTable table = must(read_csv(o.path));
+  const auto rows = must(numeric_rows(table, {"t_s", "x", "y", "z"}));
+  const int clutch = table.column("clutch");
   std::vector<HandRow> hand;
   hand.reserve(rows.size());
   for (const auto& r : rows) {
     hand.push_back({r[0], Vec3(r[1], r[2], r[3])});
+    if (clutch >= 0) {
+      const double held = must(table.number(hand.size() - 1, static_cast<std::size_t>(clutch)));
+      check(held == 0 || held == 1, o.path + ": clutch is 0 or 1");
+      hand.back().clutch = held == 1;
+    }
     check(hand.back().p.norm() < 1000, o.path + ": a position more than 1000 m away");
   }
   const double spacing =
@@ -138,7 +149,7 @@ std::vector<HandRow> load_hand(const TouchOptions& o, double& period_s) {
     while (i + 2 < hand.size() && hand[i + 1].t <= t) ++i;
     const HandRow &a = hand[i], &b = hand[std::min(i + 1, hand.size() - 1)];
     const double s = b.t > a.t ? std::clamp((t - a.t) / (b.t - a.t), 0.0, 1.0) : 0.0;
-    out.push_back({t, (1 - s) * a.p + s * b.p});
+    out.push_back({t, (1 - s) * a.p + s * b.p, a.clutch});
   }
   return out;
 }
@@ -167,7 +178,7 @@ class WindowSource {
       visible_ = field;
       constexpr double kPeriod_s = 1.0 / 30.0;
       next_ = (other || seq_ == 0 ? t : next_) + kPeriod_s;
-      current_ = (current_ + 1) % slots_.size();  // four slots: the task holds two at most
+      current_ = (current_ + 1) % slots_.size();
       perception::SurfacePatch& patch = *slots_[current_];
       patch.seq = ++seq_;
       patch.fused = patch.exposure = now;
@@ -183,7 +194,8 @@ class WindowSource {
   const FieldList& fields_;
   const TouchOptions& options_;
   const Vec3 origin_;
-  std::array<std::unique_ptr<perception::SurfacePatch>, 4> slots_;
+  // The task holds two at most, but a blend that is slowed down lasts four periods.
+  std::array<std::unique_ptr<perception::SurfacePatch>, 8> slots_;
   std::size_t visible_ = 0, current_ = 0;
   std::uint64_t seq_ = 0;
   double next_ = 0;
@@ -308,6 +320,9 @@ void run(const TouchOptions& o) {
   config.texture_amplitude_m = o.texture_m;
   config.texture_period_m = o.texture_period_m;
   config.viscosity_N_s_per_m = o.viscosity;
+  config.scale = o.scale;
+  config.border_m = o.border_m;
+  config.border_rate_per_s = o.border_rate_per_s;
   if (!on_off(o.blend, "--blend")) config.blend_s = 0;
   config.patch_liveness_s = std::max(config.patch_liveness_s, 4 * period_s);
   // No device here: nothing bounds the stiffness.
@@ -330,6 +345,18 @@ void run(const TouchOptions& o) {
         "guard_use,limit_active,held,near_edge,unresolved,field_samples,gain,blend,energy_J,"
         "booked_J\n");
   }
+  std::unique_ptr<WholeFile> run_file;
+  std::unique_ptr<HapticRunWriter> writer;
+  if (!o.record.empty()) {
+    run_file = std::make_unique<WholeFile>(o.record);
+    writer = std::make_unique<HapticRunWriter>(run_file->get(),
+                                               HapticRunHeader{config, device, period_s, origin});
+  }
+  // The path is the device's; where the scene's hand is, the workspace says.
+  const bool mapped = o.scale != 1 || o.border_m > 0 ||
+                      std::any_of(hand.begin(), hand.end(), [](const auto& r) { return r.clutch; });
+  Vec3 scene_before = Vec3::Zero();
+  std::uint64_t recorded_window = 0;
   Tally tally;
   tasks::HapticTask::In in;
   tasks::HapticTask::Out out;
@@ -340,11 +367,19 @@ void run(const TouchOptions& o) {
   for (std::size_t k = 0; k < hand.size(); ++k) {
     const HandRow& row = hand[k];
     const rt::Time now{rt::nanos_from_seconds(row.t - hand.front().t)};
+    const Vec3 scene = mapped ? Vec3(task.to_world(row.p) + origin) : row.p;
     const Vec3 velocity =
-        k > 0 ? Vec3((row.p - hand[k - 1].p) / (row.t - hand[k - 1].t)) : Vec3::Zero();
-    const auto* newest = windows.at(row.t, now, row.p, velocity);
+        k > 0 ? Vec3((scene - scene_before) / (row.t - hand[k - 1].t)) : Vec3::Zero();
+    scene_before = scene;
+    const auto* newest = windows.at(row.t, now, scene, velocity);
     in.patch_newest = task.wants_patch() ? newest : nullptr;
     in.surface = surface.at(windows.visible());
+    in.clutch = row.clutch;
+    if (writer && newest != nullptr && newest->seq != recorded_window) {
+      recorded_window = newest->seq;
+      writer->window(*newest);
+    }
+    if (writer && in.surface != nullptr) writer->surface(*in.surface);
     in.stylus.seq = k + 1;
     in.stylus.taken = now;
     in.stylus.p_DH = row.p;
@@ -356,14 +391,18 @@ void run(const TouchOptions& o) {
     (void)task.step(tick, in, out);
     const std::int64_t cpu_ns = thread_cpu_ns() - before;
     tally.add(out, cpu_ns);
+    if (writer) writer->tick(run_tick(tick, in, out));
     const Vec3 p = out.state.p_WP + origin;
+    const Vec3 h = mapped ? Vec3(out.state.p_WH + origin) : row.p;
     const Vec3& f = out.force.f_H_D;
     std::fprintf(trace.get(), "%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%d,%lld\n", row.t,
-                 row.p.x(), row.p.y(), row.p.z(), p.x(), p.y(), p.z(), f.x(), f.y(), f.z(),
+                 h.x(), h.y(), h.z(), p.x(), p.y(), p.z(), f.x(), f.y(), f.z(),
                  out.state.contacts, static_cast<long long>(cpu_ns));
     if (debug) write_debug(debug->get(), row.t, out, out.state.contacts);
   }
+  if (writer) writer->finish();
   write_outputs({{o.debug, [&](const auto&) { debug->finish(); }},
+                 {o.record, [&](const auto&) { run_file->finish(); }},
                  {o.out, [&](const auto&) { trace.finish(); }},
                  {o.json, [&](const auto& path) { tally.metrics().write(path); }}});
 }
@@ -377,9 +416,9 @@ int cmd_touch(int argc, char** argv) {
                  "NPY, float32, signed distance in m, positive outside, NaN = "
                  "unobserved, C order x,y,z");
   app.add_option("--fields", o.fields, "CSV t_s,file: fields that replace each other");
-  app.add_option("--voxel", o.voxel_m, "node distance, m")->required();
+  app.add_option("--voxel", o.voxel_m, "node distance, m");
   app.add_option("--origin", o.origin, "x,y,z of node (0,0,0), m")->capture_default_str();
-  app.add_option("--path", o.path, "CSV t_s,x,y,z of the hand, m")->required();
+  app.add_option("--path", o.path, "CSV t_s,x,y,z of the hand, m; a column clutch of 0 and 1 may follow");
   app.add_option("--method", o.method, std::string(tasks::kProxyMethods))->capture_default_str();
   app.add_option("--view", o.view,
                  "eye,look: six numbers x,y,z,x,y,z in m; the camera that force_shading casts from "
@@ -404,7 +443,24 @@ int cmd_touch(int argc, char** argv) {
   app.add_option("--texture", o.texture_m, "height of the bumps, m; 0: smooth");
   app.add_option("--texture-period", o.texture_period_m, "m")->capture_default_str();
   app.add_option("--viscosity", o.viscosity, "drag of the hand, N s/m");
+  app.add_option("--scale", o.scale, "scene metres per metre of the path")->capture_default_str();
+  app.add_option("--border", o.border_m, "rate control beyond this distance from the path's origin, m");
+  app.add_option("--border-rate", o.border_rate_per_s, "m/s per m beyond the border")
+      ->capture_default_str();
+  app.add_option("--record", o.record, "haptic run to write: windows, hand, forces");
+  app.add_option("--replay", o.replay,
+                 "haptic run to touch again instead of --field and --path: as it was, to the last bit, "
+                 "or with another --method");
   if (!parse_options(app, argc, argv)) return 0;
+  if (!o.replay.empty()) {
+    for (const char* other : {"--field", "--fields", "--voxel", "--path", "--record", "--rate"}) {
+      check(app.count(other) == 0, std::string(other) + " has no meaning with --replay");
+    }
+    check_outputs({{"--out", o.out}, {"--json", o.json}}, {o.replay});
+    return replay_touch({o.replay, app.count("--method") > 0 ? o.method : "", o.out, o.json});
+  }
+  check(!o.path.empty(), "--path is required");
+  check(app.count("--voxel") > 0, "--voxel is required");
   check(o.field.empty() != o.fields.empty(), "one of --field and --fields is needed");
   const auto within = [](double v, double lo, double hi, const char* option) {
     std::ostringstream text;
@@ -424,9 +480,12 @@ int cmd_touch(int argc, char** argv) {
   within(o.texture_period_m, 0.0004, 0.1, "--texture-period");
   within(o.viscosity, 0, 5, "--viscosity");
   within(o.window_nodes, 8, perception::SurfacePatch::kMaxNodes, "--window");
+  within(o.scale, 0.01, 100, "--scale");
+  within(o.border_m, 0, 1, "--border");
+  within(o.border_rate_per_s, 0, 20, "--border-rate");
   if (app.count("--rate") > 0) within(o.rate_hz, 10, 1e5, "--rate");
   check(o.window_nodes % 4 == 0, "--window must be a multiple of 4");
-  check_outputs({{"--out", o.out}, {"--debug", o.debug}, {"--json", o.json}},
+  check_outputs({{"--out", o.out}, {"--debug", o.debug}, {"--json", o.json}, {"--record", o.record}},
                 {o.field, o.fields, o.path});
   run(o);
   return 0;

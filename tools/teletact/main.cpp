@@ -33,6 +33,8 @@ constexpr std::array kCommands{
     Command{"accuracy", teletact::cmd_accuracy,
             "error against CPU time over a method's knobs, with plots"},
     Command{"device", teletact::cmd_device, "open the haptic device, read it, say how it is"},
+    Command{"identify", teletact::cmd_identify,
+            "mass, damping and friction of the haptic device by ring-down"},
     Command{"doctor", teletact::cmd_doctor,
             "is this machine fit for real-time use, and what to do"},
 };

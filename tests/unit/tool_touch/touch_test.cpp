@@ -189,6 +189,52 @@ TEST_F(Touch, ListedFieldsReplaceEachOtherSmoothly) {
   for (std::size_t i = 1; i < r.size(); ++i) EXPECT_LE(std::abs(r[i][9] - r[i - 1][9]), 0.3 + 1e-6);
 }
 
+TEST_F(Touch, RecordedRunReplaysToTheLastBit) {
+  const auto file = [&](const char* name) { return (dir_ / name).string(); };
+  auto args = standard();
+  args.insert(args.end(), {"--record", file("a.run"), "--friction", "0.3"});
+  ASSERT_EQ(run(args), 0);
+  ASSERT_EQ(run({"--replay", file("a.run"), "--out", file("again.csv")}), 0);
+  const auto first = rows(dir_ / "trace.csv"), again = rows(dir_ / "again.csv");
+  ASSERT_EQ(first.size(), again.size());
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    for (std::size_t c = 1; c < 11; ++c) EXPECT_NEAR(first[i][c], again[i][c], 1e-9) << i;
+  }
+  // The same hand and windows through the memoryless baseline: no friction there.
+  ASSERT_EQ(run({"--replay", file("a.run"), "--method", "nearest10", "--out", file("n.csv")}), 0);
+  EXPECT_EQ(rows(dir_ / "n.csv").size(), first.size());
+  EXPECT_NE(refusal({"--replay", file("hand.csv"), "--out", file("x.csv")}).find("not a haptic run"),
+            std::string::npos);
+  EXPECT_NE(refusal({"--replay", file("a.run"), "--voxel", "0.01", "--out", file("x.csv")})
+                .find("--voxel has no meaning"),
+            std::string::npos);
+  EXPECT_FALSE(fs::exists(dir_ / "x.csv"));
+}
+
+// The clutch is held while the device goes back over the floor: the scene's hand waits, and goes on from there.
+TEST_F(Touch, ClutchColumnMovesTheWorkspace) {
+  std::ostringstream out;
+  out << "t_s,x,y,z,clutch\n";
+  char line[96];
+  for (int i = 0; i < 900; ++i) {
+    const double down = 1e-4 * std::min(i, 180);
+    const double aside = i < 300 ? 0 : 1e-4 * (std::min(i, 600) - 300);
+    std::snprintf(line, sizeof line, "%.6f,%.9f,%.9f,%.9f,%d\n", 1e-3 * i, -0.01 + aside, 0.31,
+                  0.425 - down, i >= 300 && i < 600 ? 1 : 0);
+    out << line;
+  }
+  write(dir_ / "hand.csv", out.str());
+  ASSERT_EQ(run(standard()), 0);
+  const auto r = rows(dir_ / "trace.csv");
+  EXPECT_NEAR(r[290][9], 8, 0.02);
+  EXPECT_NEAR(r[550][9], 0, 1e-6) << "forces fade out";
+  EXPECT_NEAR(r[550][1], -0.01, 1e-6) << "the scene's hand stands";
+  EXPECT_NEAR(r[890][9], 8, 0.02);
+  EXPECT_NEAR(r[890][1], -0.01, 1.1e-4) << "and goes on from there";
+  write(dir_ / "hand.csv", "t_s,x,y,z,clutch\n0,0,0,0,0\n0.001,0,0,0,2\n");
+  EXPECT_NE(refusal(standard()).find("clutch"), std::string::npos);
+}
+
 TEST_F(Touch, UnobservedSpaceGivesNoForce) {
   std::vector<float> v(24 * 24 * 24, std::numeric_limits<float>::quiet_NaN());
   write(dir_ / "floor.npy", npy_bytes(v, "(24, 24, 24)"));

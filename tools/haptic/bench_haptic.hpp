@@ -1,0 +1,51 @@
+// teletact bench haptic: what a tick costs. Thread CPU of a whole step in contact with the blend running, of every
+// method on the same recorded hand and windows; instructions by callgrind as the difference of two run
+// lengths, on a small and on a large map, with each effect, and against a build without effects; the
+// reduction of the published method over one full ray cast.
+#pragma once
+
+#include <map>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "tools/bench/bench_metric.hpp"
+
+namespace teletact {
+
+struct HapticBenchOptions {
+  int passes = 5;
+  bool instructions = true;  // needs valgrind and the counting programs beside this one
+  std::string folder;        // of the recorded runs; empty: a temporary one
+  long count_ticks = 1000;   // of the short counted run; the long one has twice as many
+  std::string programs;      // folder of the counting programs; empty: where this program is
+};
+
+struct HapticMethodRow {
+  std::string method;
+  double p50_us = 0, p99_us = 0, max_us = 0;  // ticks in contact
+  double free_p50_us = 0, free_p99_us = 0;
+  std::size_t contact = 0;
+};
+
+struct HapticBenchResult {
+  std::vector<HapticMethodRow> methods;  // the first is the product's
+  double clock_us = 0;                   // of the two clock readings, which are in every figure
+  double reduction_p50_us = 0, reduction_p99_us = 0;
+  int blocks_512 = 0, blocks_64 = 0;
+  std::string not_counted;  // why there are no instructions
+  double instructions_512 = 0, instructions_64 = 0;
+  std::map<std::string, double> effects;  // beyond a tick without effects
+  double none_over_plain = 0;             // no effect asked for, against a build without effects
+  bool guarded = false;
+  double allocations = 0, locks = 0;  // inside of step()
+
+  [[nodiscard]] std::vector<BenchMetric> metrics() const;
+  void print(std::ostream& out) const;
+};
+
+// Throws std::runtime_error when the folder can not be written.
+[[nodiscard]] HapticBenchResult bench_haptic(std::ostream& progress,
+                                             const HapticBenchOptions& options);
+
+}  // namespace teletact

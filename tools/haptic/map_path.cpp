@@ -1,0 +1,442 @@
+#include "tools/haptic/map_path.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <numbers>
+#include <optional>
+#include <stdexcept>
+
+#include "perception/raycast/raycast.hpp"
+#include "rt/memory/non_realtime.hpp"
+#include "rt/random.hpp"
+
+namespace teletact {
+
+using perception::Pose;
+using perception::Vec3;
+
+namespace {
+
+constexpr double kLift_m = 0.05;  // over a place, before and after it is touched
+
+struct Axes {
+  Vec3 a, b;
+  explicit Axes(const Vec3& n) : a(n.unitOrthogonal()), b(n.cross(a)) {}
+  [[nodiscard]] Vec3 at(double angle) const { return std::cos(angle) * a + std::sin(angle) * b; }
+};
+
+bool level(MapProbe& probe, const Vec3& p, const Vec3& n, double within) {
+  const double h = probe.height(p, n, 0.02, 0.02);
+  return std::abs(h) < within;  // false for NaN
+}
+
+bool flat(MapProbe& probe, const Vec3& p, const Vec3& n, double within,
+          std::initializer_list<double> radii) {
+  const Axes axes(n);
+  for (const double r : radii) {
+    for (int k = 0; k < 12; ++k) {
+      if (!level(probe, p + r * axes.at(k * std::numbers::pi / 6), n, within)) return false;
+    }
+  }
+  return true;
+}
+
+// Where the surface ends in direction d: distance from p, or NaN.
+double edge_along(MapProbe& probe, const Vec3& p, const Vec3& n, const Vec3& d) {
+  double s = 0.01;
+  while (s <= 0.07 && level(probe, p + s * d, n, 0.006)) s += 0.005;
+  if (s > 0.07 || s < 0.02) return std::nan("");
+  for (const double beyond : {0.02, 0.035}) {
+    for (double z = 0.02; z >= -0.05; z -= 0.01) {
+      if (!probe.free(p + (s + beyond) * d + z * n, 0.004)) return std::nan("");
+    }
+  }
+  return s;
+}
+
+struct EdgeFound {
+  Vec3 out;
+  double at;
+};
+
+// Directions in which the surface ends, every 15 degrees.
+std::vector<EdgeFound> edges_of(MapProbe& probe, const Vec3& p, const Vec3& n) {
+  const Axes axes(n);
+  std::vector<EdgeFound> found;
+  for (int k = 0; k < 24; ++k) {
+    const Vec3 d = axes.at(k * std::numbers::pi / 12);
+    const double s = edge_along(probe, p, n, d);
+    if (!std::isnan(s)) found.push_back({d, s});
+  }
+  return found;
+}
+
+// A place at p, if it is one; most particular kind first.
+std::optional<Place> place_at(MapProbe& probe, const Vec3& p, const Vec3& n, const Vec3& up) {
+  if (!level(probe, p, n, 0.003)) return std::nullopt;
+  Place place;
+  place.p_W = p;
+  place.n_W = n;
+  const double rise = n.dot(up);
+  if (flat(probe, p, n, 0.004, {0.025, 0.05})) {
+    if (std::abs(rise) < 0.25 && flat(probe, p, n, 0.008, {0.075, 0.1})) {
+      place.kind = Place::Kind::kWall;
+      return place;
+    }
+    if (rise > 0.9) return place;
+    return std::nullopt;
+  }
+  const auto edges = edges_of(probe, p, n);
+  const auto inner = [&](const Vec3& d) {
+    return level(probe, p - 0.025 * d, n, 0.004) && level(probe, p - 0.05 * d, n, 0.006);
+  };
+  for (const EdgeFound& one : edges) {
+    for (const EdgeFound& two : edges) {
+      const double c = one.out.dot(two.out);
+      if (std::abs(c) > 0.5 || one.out.cross(two.out).dot(n) < 0) continue;
+      const Vec3 between = (one.out + two.out).normalized();
+      if (!inner(between) || std::isnan(edge_along(probe, p, n, between))) continue;
+      // Straight on, each of the two edges is the nearest way out.
+      place.kind = Place::Kind::kCorner;
+      place.out_W[0] = one.out, place.out_W[1] = two.out;
+      place.edge_m[0] = one.at, place.edge_m[1] = two.at;
+      return place;
+    }
+  }
+  if (rise < 0.9 || edges.empty()) return std::nullopt;
+  const EdgeFound& nearest = *std::min_element(
+      edges.begin(), edges.end(), [](const auto& a, const auto& b) { return a.at < b.at; });
+  const Vec3 along = n.cross(nearest.out);
+  if (!inner(nearest.out) || !level(probe, p + 0.04 * along, n, 0.005) ||
+      !level(probe, p - 0.04 * along, n, 0.005)) {
+    return std::nullopt;
+  }
+  place.kind = Place::Kind::kEdge;
+  place.out_W[0] = nearest.out;
+  place.edge_m[0] = nearest.at;
+  return place;
+}
+
+// Casts of the map, from which points are drawn.
+class Surface {
+ public:
+  Surface(const perception::TsdfMap& map, const perception::Intrinsics& camera,
+          const std::vector<Pose>& views) {
+    perception::RaycastOptions options;
+    options.pixel_step = 2;
+    options.min_weight = 2;
+    for (const Pose& X_WC : views) {
+      auto maps = std::make_unique<perception::RaycastMaps>(startup_.token(), camera.width / 2,
+                                                            camera.height / 2);
+      if (perception::raycast(map, camera, X_WC, options, *maps).hits > 0) {
+        casts_.push_back(std::move(maps));
+      }
+    }
+    if (casts_.empty()) throw std::runtime_error("haptic path: the views see nothing of the map");
+  }
+  // False: that ray met nothing, or meets it at a grazing angle.
+  bool draw(rt::Random& random, Vec3& p_W, Vec3& n_W) const {
+    const auto& cast =
+        *casts_[static_cast<std::size_t>(random.integer(0, static_cast<int>(casts_.size()) - 1))];
+    const int u = static_cast<int>(random.integer(10, cast.width() - 11)),
+              v = static_cast<int>(random.integer(10, cast.height() - 11));
+    if (!cast.hit(u, v)) return false;
+    const Vec3 p_C = cast.vertex_C(u, v).cast<double>(), n_C = cast.normal_C(u, v).cast<double>();
+    if (!(n_C.norm() > 0.5) || -n_C.dot(p_C.normalized()) < 0.35 || p_C.z() > 3.0) return false;
+    p_W = cast.X_WC * p_C;
+    n_W = (cast.X_WC.linear() * n_C).normalized();
+    return true;
+  }
+
+ private:
+  rt::Startup startup_;
+  std::vector<std::unique_ptr<perception::RaycastMaps>> casts_;
+};
+
+bool apart(const std::vector<Place>& places, const Place& from) {
+  return std::none_of(places.begin(), places.end(), [&](const Place& p) {
+    return (p.p_W - from.p_W).norm() < 0.25;
+  });
+}
+
+// The direction in which most of what looks roughly up does look: a camera that is held upright may still look
+// down.
+Vec3 refined_up(const Surface& surface, const Vec3& rough, rt::Random& random) {
+  std::vector<Vec3> normals;
+  for (int i = 0; i < 8000 && normals.size() < 800; ++i) {
+    Vec3 p, n;
+    if (surface.draw(random, p, n) && n.dot(rough) > 0.7) normals.push_back(n);
+  }
+  Vec3 best = rough;
+  double most = 0;
+  for (std::size_t i = 0; i < normals.size(); i += 4) {
+    Vec3 sum = Vec3::Zero();
+    for (const Vec3& n : normals) {
+      if (n.dot(normals[i]) > 0.99) sum += n;
+    }
+    if (sum.norm() > most) {
+      most = sum.norm();
+      best = sum.normalized();
+    }
+  }
+  return best;
+}
+
+std::vector<Place> find_places(MapProbe& probe, const Surface& surface, const Vec3& rough_up,
+                               rt::Random& random) {
+  const Vec3 up = refined_up(surface, rough_up, random);
+  // Kind, how many are wanted.
+  constexpr std::pair<Place::Kind, int> kWanted[] = {{Place::Kind::kCorner, 1},
+                                                     {Place::Kind::kEdge, 1},
+                                                     {Place::Kind::kWall, 2},
+                                                     {Place::Kind::kTop, 2}};
+  std::vector<Place> pool;
+  int of[4] = {};
+  for (int i = 0; i < 100000 && pool.size() < 400; ++i) {
+    Vec3 p, n;
+    if (!surface.draw(random, p, n)) continue;
+    const auto place = place_at(probe, p, n, up);
+    if (!place) continue;
+    int& count = of[static_cast<int>(place->kind)];
+    if (++count > 60) continue;  // enough of these
+    pool.push_back(*place);
+    if (of[static_cast<int>(Place::Kind::kCorner)] >= 10 &&
+        of[static_cast<int>(Place::Kind::kEdge)] >= 10 &&
+        of[static_cast<int>(Place::Kind::kWall)] >= 10 &&
+        of[static_cast<int>(Place::Kind::kTop)] >= 10) {
+      break;
+    }
+  }
+  // The rarest first, then whatever is nearest to one already chosen: short ways.
+  std::vector<Place> chosen;
+  for (const auto& [kind, wanted] : kWanted) {
+    for (int k = 0; k < wanted; ++k) {
+      const Place* best = nullptr;
+      double best_way = std::numeric_limits<double>::infinity();
+      for (const Place& p : pool) {
+        if (p.kind != kind || !apart(chosen, p)) continue;
+        double way = chosen.empty() ? 0 : std::numeric_limits<double>::infinity();
+        for (const Place& c : chosen) way = std::min(way, (c.p_W - p.p_W).norm());
+        if (way < best_way) {
+          best_way = way;
+          best = &p;
+        }
+      }
+      if (best == nullptr && k == 0 && kind != Place::Kind::kTop) {
+        throw std::runtime_error(std::string("haptic path: the map holds no ") + name_of(kind) +
+                                 " (walls, tops, edges, corners: " + std::to_string(of[0]) + ", " +
+                                 std::to_string(of[1]) + ", " + std::to_string(of[2]) + ", " +
+                                 std::to_string(of[3]) + ")");
+      }
+      if (best != nullptr) chosen.push_back(*best);
+    }
+  }
+  // In an order in which each is nearest to the one before.
+  for (std::size_t i = 1; i + 1 < chosen.size(); ++i) {
+    const auto next = std::min_element(
+        chosen.begin() + static_cast<std::ptrdiff_t>(i), chosen.end(),
+        [&](const Place& a, const Place& b) {
+          return (a.p_W - chosen[i - 1].p_W).norm() < (b.p_W - chosen[i - 1].p_W).norm();
+        });
+    std::iter_swap(chosen.begin() + static_cast<std::ptrdiff_t>(i), next);
+  }
+  return chosen;
+}
+
+// Writes the hand tick by tick, never faster than 200 mm/s.
+class Pen {
+ public:
+  Pen(MapProbe& probe, rt::Random& random, const MapPathOptions& o, MapPath& out)
+      : probe_(probe), random_(random), options_(o), out_(out) {}
+
+  void start(const Vec3& p) { at_ = p; }
+  [[nodiscard]] double now() const {
+    return options_.period_s * static_cast<double>(out_.hand_W.size());
+  }
+  [[nodiscard]] bool full() const { return now() >= options_.seconds; }
+  void of_place(int place) { place_ = place; }
+
+  void go(const Vec3& to, double speed) {
+    const double length = (to - at_).norm();
+    const Vec3 from = at_;
+    const int n = std::max(1, static_cast<int>(std::ceil(length / (speed * options_.period_s))));
+    for (int i = 1; i <= n && !full(); ++i) put(from + (static_cast<double>(i) / n) * (to - from));
+  }
+  // From where the hand is to the point (x, y) of the place's plane, `depth` under the surface there. The height
+  // comes from the map; beyond an edge the last one holds.
+  void slide(const Place& place, const Vec3& to, double depth, double speed) {
+    const Vec3 from = on_plane(place, at_);
+    const double length = (to - from).norm(), depth_from = depth_;
+    const int n = std::max(1, static_cast<int>(std::ceil(length / (speed * options_.period_s))));
+    for (int i = 1; i <= n && !full(); ++i) {
+      const double s = static_cast<double>(i) / n;
+      const Vec3 foot = from + s * (to - from);
+      const double h = probe_.height(foot, place.n_W, 0.02, 0.02);
+      if (!std::isnan(h)) height_ = h;
+      put(foot + (height_ - (depth_from + s * (depth - depth_from))) * place.n_W);
+    }
+    depth_ = depth;
+  }
+  void press(const Place& place, const Vec3& at, double depth) {
+    const double h = probe_.height(at, place.n_W, 0.02, 0.02);
+    height_ = std::isnan(h) ? 0 : h;
+    depth_ = depth;
+    go(at + (height_ - depth) * place.n_W, 0.1);
+  }
+  [[nodiscard]] double depth() { return random_.uniform(0.003, 0.008); }
+  [[nodiscard]] double speed() { return random_.uniform(0.02, 0.2); }
+  [[nodiscard]] const Vec3& at() const { return at_; }
+
+ private:
+  static Vec3 on_plane(const Place& place, const Vec3& p) {
+    return p - (p - place.p_W).dot(place.n_W) * place.n_W;
+  }
+  void put(const Vec3& p) {
+    const double most = 0.2 * options_.period_s, way = (p - at_).norm();
+    at_ = way > most ? Vec3(at_ + (most / way) * (p - at_)) : p;
+    out_.hand_W.push_back(at_);
+    out_.place.push_back(place_);
+  }
+  MapProbe& probe_;
+  rt::Random& random_;
+  const MapPathOptions& options_;
+  MapPath& out_;
+  Vec3 at_ = Vec3::Zero();
+  double height_ = 0, depth_ = 0;
+  int place_ = -1;
+};
+
+void wander(Pen& pen, const Place& place, rt::Random& random, double until) {
+  const Axes axes(place.n_W);
+  pen.press(place, place.p_W, pen.depth());
+  while (pen.now() < until && !pen.full()) {
+    const double r = 0.045 * std::sqrt(random.uniform()), a = random.uniform(0, 2 * std::numbers::pi);
+    pen.slide(place, place.p_W + r * axes.at(a), pen.depth(), pen.speed());
+  }
+  pen.go(pen.at() + kLift_m * place.n_W, 0.15);
+}
+
+// Along the edge and over it, again and again; comes back through the air.
+void cross_edges(Pen& pen, const Place& place, rt::Random& random, double until) {
+  const bool corner = place.kind == Place::Kind::kCorner;
+  const Vec3 between = (place.out_W[0] + place.out_W[1]).normalized();
+  const Vec3 back = corner ? Vec3(-between) : Vec3(-place.out_W[0]);
+  const Vec3 along = place.n_W.cross(place.out_W[0]);
+  for (int round = 0; pen.now() < until && !pen.full(); ++round) {
+    const double side = random.uniform(-0.02, 0.02);
+    const Vec3 inner = place.p_W + 0.035 * back + (corner ? Vec3(Vec3::Zero()) : Vec3(side * along));
+    pen.go(inner + 0.02 * place.n_W, 0.2);
+    pen.press(place, inner, pen.depth());
+    pen.slide(place, place.p_W + (corner ? 0.01 : -0.005) * back + (corner ? 0.0 : -side) * along,
+              pen.depth(), pen.speed());
+    Vec3 out = place.out_W[0];
+    double reach = place.edge_m[0];
+    if (corner && round % 3 == 1) out = place.out_W[1], reach = place.edge_m[1];
+    if (corner && round % 3 == 2) {
+      out = between;
+      reach = 1.3 * std::max(place.edge_m[0], place.edge_m[1]);
+    }
+    pen.slide(place, place.p_W + (reach + 0.03) * out, pen.depth(), pen.speed());
+    pen.go(pen.at() + 0.035 * place.n_W, 0.2);
+  }
+  pen.go(pen.at() + kLift_m * place.n_W, 0.15);
+}
+
+bool clear(MapProbe& probe, const Vec3& from, const Vec3& to) {
+  const double length = (to - from).norm();
+  for (double s = 0; s < length; s += 0.01) {
+    if (!probe.free(from + (s / length) * (to - from), 0.01)) return false;
+  }
+  return true;
+}
+
+// Through the free: straight, or over a way that comes nearer to an eye that saw both ends.
+void travel(Pen& pen, MapProbe& probe, const Vec3& to, const std::vector<Pose>& views) {
+  const Vec3 from = pen.at();
+  if (clear(probe, from, to)) {
+    pen.go(to, 0.2);
+    return;
+  }
+  for (const double share : {0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 0.95}) {
+    for (const Pose& view : views) {
+      const Vec3 eye = view.translation();
+      const Vec3 a = from + share * (eye - from), b = to + share * (eye - to);
+      if (!clear(probe, from, a) || !clear(probe, a, b) || !clear(probe, b, to)) continue;
+      pen.go(a, 0.2);
+      pen.go(b, 0.2);
+      pen.go(to, 0.2);
+      return;
+    }
+  }
+  pen.go(to, 0.2);  // what is in the way is touched
+}
+
+}  // namespace
+
+const char* name_of(Place::Kind kind) {
+  switch (kind) {
+    case Place::Kind::kWall:
+      return "wall";
+    case Place::Kind::kTop:
+      return "top";
+    case Place::Kind::kEdge:
+      return "edge";
+    case Place::Kind::kCorner:
+      return "corner";
+  }
+  return "?";
+}
+
+double MapProbe::value(const Vec3& p_W) {
+  const Vec3 q = p_W / map_.voxel_size();
+  const auto cell = reader_.cell(q.x(), q.y(), q.z());
+  if (!cell.valid) return std::nan("");
+  return static_cast<double>(cell.value()) * static_cast<double>(map_.metres_per_unit());
+}
+
+bool MapProbe::free(const Vec3& p_W, double margin) {
+  const double v = value(p_W);
+  if (!std::isnan(v)) return v > margin;
+  const Vec3 q = p_W / map_.voxel_size();
+  return map_.free_at(static_cast<int>(std::lround(q.x())), static_cast<int>(std::lround(q.y())),
+                      static_cast<int>(std::lround(q.z())));
+}
+
+double MapProbe::height(const Vec3& p_W, const Vec3& n_W, double above, double below) {
+  constexpr double kStep_m = 0.002;
+  double before = std::nan("");
+  for (double z = above; z >= -below; z -= kStep_m) {
+    const double v = value(p_W + z * n_W);
+    if (before > 0 && v <= 0) return z + kStep_m * v / (v - before);
+    before = v;
+  }
+  return std::nan("");
+}
+
+MapPath make_map_path(const perception::TsdfMap& map, const perception::Intrinsics& camera,
+                      const std::vector<Pose>& views, const Vec3& up_W, const MapPathOptions& o) {
+  MapProbe probe(map);
+  rt::Random random(o.seed);
+  const Surface surface(map, camera, views);
+  MapPath path;
+  path.places = find_places(probe, surface, up_W, random);
+  Pen pen(probe, random, o, path);
+  pen.start(path.places.front().p_W + kLift_m * path.places.front().n_W);
+  for (std::size_t i = 0; !pen.full(); i = (i + 1) % path.places.size()) {
+    const Place& place = path.places[i];
+    pen.of_place(-1);
+    travel(pen, probe, place.p_W + kLift_m * place.n_W, views);
+    pen.of_place(static_cast<int>(i));
+    const double until = pen.now() + o.stroke_s;
+    if (place.kind == Place::Kind::kEdge || place.kind == Place::Kind::kCorner) {
+      cross_edges(pen, place, random, until);
+    } else {
+      wander(pen, place, random, until);
+    }
+  }
+  return path;
+}
+
+}  // namespace teletact
