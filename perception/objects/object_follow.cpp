@@ -7,17 +7,10 @@
 namespace perception {
 namespace {
 
-constexpr int kLeastSeed = 12;  // half-resolution pixels
-// Half-resolution pixels that the image shows of an object, from which on it is followed in a reduced one.
-constexpr float kFullSeed = 5000;
+constexpr int kLeastSeed = 12;            // half-resolution pixels
 constexpr int kWindowHalfPixels = 12000;  // of a window that others may join ...
 constexpr int kWindowMore = 1500;         // ... and for each of them
 constexpr int kSureWeight = 3;            // of a background that contradicts a mask
-
-int scale_for(const MapObject& object) noexcept {
-  if (object.usual_seed > 4 * kFullSeed) return 4;
-  return object.usual_seed > kFullSeed ? 2 : 1;
-}
 
 }  // namespace
 
@@ -36,7 +29,6 @@ void ObjectMap::follow_next(const Look& look) noexcept {
   if (next == nullptr) return;
   turn_ = next->id - 1;
   stats_.followed = next->id;
-  scale_ = scale_for(*next);
   for (const MapObject& o : objects_)
     if (o.id != 0 && &o != next) turn_into(box[o.id - 1U], 0, kNoVote);
   // Those whose place the same window can hold.
@@ -46,7 +38,6 @@ void ObjectMap::follow_next(const Look& look) noexcept {
   std::uint32_t near = 0;
   for (const MapObject& o : objects_) {
     if (o.id == 0 || &o == next || young(*next) || young(o) || !visible(o)) continue;
-    if (scale_for(o) < scale_) continue;  // it would be seen too coarsely
     const SeedBox& b = box[o.id - 1U];
     const SeedBox both{std::min(window.u0, b.u0), std::min(window.v0, b.v0),
                        std::max(window.u1, b.u1), std::max(window.v1, b.v1)};

@@ -10,8 +10,7 @@
 //
 // One object is segmented a frame, in turn, and with it those others whose place is near enough that one
 // window of limited size holds them all and that stand on the same support: pieces and regions of the
-// window are made once for all of them. An object that fills the image is segmented at a half or a quarter of
-// its resolution: the cost of a frame is bounded, and a voxel covers many of its pixels anyway. Where the rest
+// window are made once for all of them. Where the rest
 // may be the image says nothing. Nor does it say anything of an object whose mask is not
 // believed: one that agrees with what the map shows of it much less than its masks usually do, until
 // several in a row say the same; one that is out of all proportion; none where the object still is.
