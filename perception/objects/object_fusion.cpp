@@ -48,13 +48,14 @@ void ObjectMap::settle(TsdfMap& map) noexcept {
 void ObjectMap::judge(MapObject& object, const Turn& turn) noexcept {
   int mask = 0, both = 0, against = 0;
   const SeedBox box = shown(object.id);
-  for (int v = (box.v0 + 1) & ~1; v <= box.v1; v += 2) {
+  const int step = known_step(), each = scale_ * scale_;
+  for (int v = known_from(box.v0); v <= box.v1; v += step) {
     const std::uint8_t *said = &image_.at(0, v), *known = &known_.at(0, v);
-    for (int u = (box.u0 + 1) & ~1; u <= box.u1; u += 2) {
+    for (int u = known_from(box.u0); u <= box.u1; u += step) {
       if (said[u] != object.id) continue;
-      ++mask;
-      both += known[u] == object.id ? 1 : 0;
-      against += known[u] != object.id && known[u] != 0 ? 1 : 0;
+      mask += each;
+      both += known[u] == object.id ? each : 0;
+      against += known[u] != object.id && known[u] != 0 ? each : 0;
     }
   }
   const float agreement =
@@ -114,16 +115,17 @@ ObjectMap::SeedBox ObjectMap::shown(std::uint8_t id) const noexcept {
 
 // The pixels at both sides of the mask's outline do not vote; those of a mask that is little else do.
 void ObjectMap::leave_out_rim(std::uint8_t id) noexcept {
-  const int w = image_.width(), h = image_.height();
+  const int w = image_.width(), h = image_.height(), s = scale_;
   const SeedBox box = shown(id);
   int inner = 0, all = 0;
-  for (int v = std::max(0, box.v0 - 1); v <= std::min(h - 1, box.v1 + 1); ++v) {
+  for (int v = std::max(0, box.v0 - s); v <= std::min(h - 1, box.v1 + s); ++v) {
     const std::uint8_t* row = &image_.at(0, v);
-    const std::uint8_t *up = v > 0 ? row - w : row, *down = v + 1 < h ? row + w : row;
+    const std::uint8_t *up = &image_.at(0, std::max(v - s, 0)),
+                       *down = &image_.at(0, std::min(v + s, h - 1));
     std::uint8_t* out = &voting_.at(0, v);
-    for (int u = std::max(0, box.u0 - 1); u <= std::min(w - 1, box.u1 + 1); ++u) {
+    for (int u = std::max(0, box.u0 - s); u <= std::min(w - 1, box.u1 + s); ++u) {
       const bool in = row[u] == id;
-      const bool left = row[std::max(u - 1, 0)] == id, right = row[std::min(u + 1, w - 1)] == id;
+      const bool left = row[std::max(u - s, 0)] == id, right = row[std::min(u + s, w - 1)] == id;
       const bool rim = left != in || right != in || (up[u] == id) != in || (down[u] == id) != in;
       if (rim) out[u] = kNoVote;
       all += in ? 1 : 0;
@@ -131,8 +133,8 @@ void ObjectMap::leave_out_rim(std::uint8_t id) noexcept {
     }
   }
   if (4 * inner >= all) return;
-  for (int v = std::max(0, box.v0 - 1); v <= std::min(h - 1, box.v1 + 1); ++v)
-    for (int u = std::max(0, box.u0 - 1); u <= std::min(w - 1, box.u1 + 1); ++u)
+  for (int v = std::max(0, box.v0 - s); v <= std::min(h - 1, box.v1 + s); ++v)
+    for (int u = std::max(0, box.u0 - s); u <= std::min(w - 1, box.u1 + s); ++u)
       if (image_.at(u, v) == id || image_.at(u, v) == 0) voting_.at(u, v) = image_.at(u, v);
 }
 

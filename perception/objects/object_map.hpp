@@ -10,7 +10,8 @@
 //
 // One object is segmented a frame, in turn, and with it those others whose place is near enough that one
 // window of limited size holds them all and that stand on the same support: pieces and regions of the
-// window are made once for all of them. Where the rest may be the image says nothing. Nor does it say anything of an object whose mask is not
+// window are made once for all of them. Where the rest
+// may be the image says nothing. Nor does it say anything of an object whose mask is not
 // believed: one that agrees with what the map shows of it much less than its masks usually do, until
 // several in a row say the same; one that is out of all proportion; none where the object still is.
 // The outermost pixels of a mask, and those beside them, do not vote: they are on either side by
@@ -33,6 +34,7 @@
 
 #include "config/schema.hpp"
 #include "perception/segmentation/object_summary.hpp"
+#include "perception/segmentation/reduced_frame.hpp"
 #include "perception/segmentation/touch_segmenter.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/memory/non_realtime.hpp"
@@ -124,11 +126,17 @@ class ObjectMap {
   static constexpr int kOthersMargin_px = 12;
   static constexpr float kStillThere = 0.4F;  // of what is usually seen of an object
   static constexpr std::uint8_t kSureOther = 255;
-  struct Look;  // one frame, its camera and the map
+  struct Look;  // one frame, its camera and the map (object_look.hpp)
+  // What the segmenter works on.
+  struct Work {
+    ImageView<const Rgb> colour;
+    ImageView<const std::uint16_t> depth_mm;
+    Intrinsics k;
+  };
   // An object of which this frame may say something.
   struct Turn {
     std::uint8_t id;
-    int planted;       // pixels where the map shows it
+    int planted;       // half-resolution pixels where the map shows it
     SeedBox seed_box;  // that hold all of them
   };
   void answer_touch(const Look& look, const Vec3& p_W) noexcept;
@@ -138,10 +146,16 @@ class ObjectMap {
   void follow(const Look& look, MapObject& object, const SeedBox& known,
               const SeedBox* shared) noexcept;
   void follow_also(const Look& look, MapObject& object, const SeedBox& known) noexcept;
+  [[nodiscard]] Work at_scale(const Look& look, const SeedBox& part) noexcept;
   [[nodiscard]] bool stands_here(const Look& look, const MapObject& object) const noexcept;
   [[nodiscard]] SeedBox project(const Look& look, std::uint8_t id) const noexcept;
   [[nodiscard]] Turn& find_known(const Look& look, std::uint8_t id, SeedBox within) noexcept;
   void wipe_known() noexcept;
+  // Pixels from one that known_ notes to the next; the first such from `at` on.
+  [[nodiscard]] int known_step() const noexcept { return 2 * scale_; }
+  [[nodiscard]] int known_from(int at) const noexcept {
+    return (at + known_step() - 1) / known_step() * known_step();
+  }
   [[nodiscard]] bool place_is_empty(const Look& look, const MapObject& object) const noexcept;
   void watch_place(const Look& look, MapObject& object, int planted) noexcept;
   void settle(TsdfMap& map) noexcept;
@@ -158,9 +172,11 @@ class ObjectMap {
   ObjectsConfig config_;
   int max_width_ = 0, max_height_ = 0;
   TouchSegmenter segmenter_;
+  ReducedFrame reduced_;
+  int scale_ = 1;  // of this frame's segmentation: pixels of the image to one that is looked at
   Image<std::uint8_t> image_;   // what the segmenter says
   Image<std::uint8_t> voting_;  // what of it votes
-  // What the map shows, at even pixels, round the objects of turns_: an id, kSureOther, or 0.
+  // What the map shows, at every 2nd pixel of the scale, round the objects of turns_: an id, kSureOther, or 0.
   Image<std::uint8_t> known_;
   SeedBox within_{1 << 20, 1 << 20, -1, -1};  // where it may be set
   std::array<Turn, kMost> turns_{};

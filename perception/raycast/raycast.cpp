@@ -266,16 +266,6 @@ RaycastMaps::RaycastMaps(rt::NonRealtime& nrt, int width, int height)
   x_.resize(capacity_ + HintJob::kSpan);
 }
 
-void RaycastMaps::find_labels(const TsdfMap& map) noexcept {
-  MapReader reader(map);
-  std::size_t i = 0;
-  for (int v = 0; v < intrinsics.height; ++v)
-    for (int u = 0; u < intrinsics.width; ++u, ++i)
-      labels_[i] = map.label_block_count() == 0 || !hit(u, v)
-                       ? std::uint8_t{0}
-                       : reader.label(X_WC * vertex_C(u, v).cast<double>());
-}
-
 RaycastStats raycast(const TsdfMap& map, const Intrinsics& camera, const Pose& X_WC,
                      const RaycastOptions& options, RaycastMaps& out) noexcept {
   out.intrinsics = {};

@@ -27,7 +27,9 @@ struct RaycastOptions {
   double max_depth_m = 6.0;
   double min_weight = 1.0;  // observations of every corner used
   bool colour = false;
-  bool labels = false;  // MapReader::label() of the hit
+  // MapReader::label() of the hit; labelled surfaces are continued to their outlines, in the records too
+  // (raycast_labels.cpp).
+  bool labels = false;
   // Normals from three voxels round the hit (averages the field's noise) instead of from the cell
   // that holds it.
   bool smooth_normals = true;
@@ -88,6 +90,7 @@ class RaycastMaps {
   friend RaycastStats raycast(const TsdfMap&, const Intrinsics&, const Pose&, const RaycastOptions&,
                               RaycastMaps&) noexcept;
   void find_labels(const TsdfMap& map) noexcept;
+  void continue_outlines(const TsdfMap& map) noexcept;
   ChunkDirectory directory_;
   std::size_t capacity_ = 0;
   std::vector<float> storage_;

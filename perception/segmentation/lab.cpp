@@ -1,15 +1,13 @@
 #include "perception/segmentation/lab.hpp"
 
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+
+#include "perception/segmentation/lab_kernel.hpp"
 
 namespace perception {
 namespace {
-
-// sRGB primaries to XYZ over the white point (IEC 61966-2-1), rows divided by D65.
-constexpr double kXyz[3][3] = {{0.4124564 / 0.95047, 0.3575761 / 0.95047, 0.1804375 / 0.95047},
-                               {0.2126729, 0.7151522, 0.0721750},
-                               {0.0193339 / 1.08883, 0.1191920 / 1.08883, 0.9503041 / 1.08883}};
 
 double linear(double s) noexcept {
   return s <= 0.04045 ? s / 12.92 : std::pow((s + 0.055) / 1.055, 2.4);
@@ -20,40 +18,33 @@ double curve(double t) noexcept {
 }
 
 // The curve by linear interpolation; the error stays below 0.05 L (the test measures it).
-constexpr int kCurveSteps = 4096;
 struct Tables {
   std::array<float, 256> light{};
-  std::array<float, kCurveSteps + 2> curve{};
+  std::array<float, kLabCurveSteps + 2> curve{};
   Tables() {
     for (int i = 0; i < 256; ++i) light[i] = static_cast<float>(linear(i / 255.0));
-    for (int i = 0; i < kCurveSteps + 2; ++i) {
-      curve[i] = static_cast<float>(perception::curve(double(i) / kCurveSteps));
+    for (int i = 0; i < kLabCurveSteps + 2; ++i) {
+      curve[i] = static_cast<float>(perception::curve(double(i) / kLabCurveSteps));
     }
   }
 };
 const Tables kTables;
 
-float curve_of(float t) noexcept {
-  const float x = t * kCurveSteps;
-  const int i = static_cast<int>(x);
-  const float f = x - static_cast<float>(i);
-  const float c = kTables.curve[static_cast<std::size_t>(i)];
-  return c + f * (kTables.curve[static_cast<std::size_t>(i + 1)] - c);
-}
-
-struct Out {
-  float *L, *a, *b;
+constexpr int kAtOnce = 64;
+struct Light {
+  alignas(64) float red[kAtOnce], green[kAtOnce], blue[kAtOnce];
 };
-inline void convert(float r, float g, float b, const Out& out, std::size_t i) noexcept {
-  float f[3];
-  for (int k = 0; k < 3; ++k) {
-    const float t = static_cast<float>(kXyz[k][0]) * r + static_cast<float>(kXyz[k][1]) * g +
-                    static_cast<float>(kXyz[k][2]) * b;
-    f[k] = curve_of(t < 1 ? t : 1.0F);
+
+// n pixels, in parts: read(i, n, light) fills the linear light of n pixels from pixel i on.
+template <class Read>
+void convert_row(int n, float* L, float* a, float* b, Read&& read) noexcept {
+  Light light;
+  for (int i = 0; i < n; i += kAtOnce) {
+    const int count = n - i < kAtOnce ? n - i : kAtOnce;
+    read(i, count, light);
+    convert_light(kTables.curve.data(),
+                  {light.red, light.green, light.blue, L + i, a + i, b + i, count});
   }
-  out.L[i] = 116 * f[1] - 16;
-  out.a[i] = 500 * (f[0] - f[1]);
-  out.b[i] = 200 * (f[1] - f[2]);
 }
 
 }  // namespace
@@ -61,7 +52,8 @@ inline void convert(float r, float g, float b, const Out& out, std::size_t i) no
 Lab lab_of(Rgb c) noexcept {
   const double r = linear(c.r / 255.0), g = linear(c.g / 255.0), b = linear(c.b / 255.0);
   double f[3];
-  for (int k = 0; k < 3; ++k) f[k] = curve(kXyz[k][0] * r + kXyz[k][1] * g + kXyz[k][2] * b);
+  for (int k = 0; k < 3; ++k)
+    f[k] = curve(kLabXyz[k][0] * r + kLabXyz[k][1] * g + kLabXyz[k][2] * b);
   return {static_cast<float>(116 * f[1] - 16), static_cast<float>(500 * (f[0] - f[1])),
           static_cast<float>(200 * (f[1] - f[2]))};
 }
@@ -70,35 +62,42 @@ LabImage::LabImage(int max_width, int max_height) {
   for (auto& p : planes_) p.resize(static_cast<std::size_t>(max_width * max_height));
 }
 
+void lab_row(const Rgb* pixels, int count, float* L, float* a, float* b) noexcept {
+  const auto& light = kTables.light;
+  convert_row(count, L, a, b, [&](int first, int n, Light& out) {
+    for (int i = 0; i < n; ++i) {
+      const Rgb& c = pixels[first + i];
+      out.red[i] = light[c.r], out.green[i] = light[c.g], out.blue[i] = light[c.b];
+    }
+  });
+}
+
 void LabImage::set(ImageView<const Rgb> rgb) noexcept {
   width_ = rgb.width;
   height_ = rgb.height;
-  const Out out{planes_[0].data(), planes_[1].data(), planes_[2].data()};
-  const auto& light = kTables.light;
   for (int v = 0; v < height_; ++v) {
-    const Rgb* row = rgb.row(v);
-    const auto first = static_cast<std::size_t>(v * width_);
-    for (int u = 0; u < width_; ++u) {
-      convert(light[row[u].r], light[row[u].g], light[row[u].b], out,
-              first + static_cast<std::size_t>(u));
-    }
+    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(v) * width_;
+    lab_row(rgb.row(v), width_, planes_[0].data() + row, planes_[1].data() + row,
+            planes_[2].data() + row);
   }
 }
 
 void LabImage::set_half(ImageView<const Rgb> rgb) noexcept {
   width_ = rgb.width / 2;
   height_ = rgb.height / 2;
-  const Out out{planes_[0].data(), planes_[1].data(), planes_[2].data()};
   const auto& l = kTables.light;
   for (int v = 0; v < height_; ++v) {
-    const Rgb *p = rgb.row(2 * v), *q = rgb.row(2 * v + 1);
-    const auto first = static_cast<std::size_t>(v * width_);
-    for (int u = 0; u < width_; ++u, p += 2, q += 2) {
-      convert(0.25F * (l[p[0].r] + l[p[1].r] + l[q[0].r] + l[q[1].r]),
-              0.25F * (l[p[0].g] + l[p[1].g] + l[q[0].g] + l[q[1].g]),
-              0.25F * (l[p[0].b] + l[p[1].b] + l[q[0].b] + l[q[1].b]), out,
-              first + static_cast<std::size_t>(u));
-    }
+    const Rgb *above = rgb.row(2 * v), *below = rgb.row(2 * v + 1);
+    const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(v) * width_;
+    convert_row(width_, planes_[0].data() + row, planes_[1].data() + row, planes_[2].data() + row,
+                [&](int first, int n, Light& out) {
+                  const Rgb *p = above + 2 * first, *q = below + 2 * first;
+                  for (int i = 0; i < n; ++i, p += 2, q += 2) {
+                    out.red[i] = 0.25F * (l[p[0].r] + l[p[1].r] + l[q[0].r] + l[q[1].r]);
+                    out.green[i] = 0.25F * (l[p[0].g] + l[p[1].g] + l[q[0].g] + l[q[1].g]);
+                    out.blue[i] = 0.25F * (l[p[0].b] + l[p[1].b] + l[q[0].b] + l[q[1].b]);
+                  }
+                });
   }
 }
 

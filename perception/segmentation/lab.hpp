@@ -16,6 +16,9 @@ struct Lab {
 // One colour, in fp64 by the formulas: the reference of the tables.
 [[nodiscard]] Lab lab_of(Rgb colour) noexcept;
 
+// The same by tables for `count` pixels in a row.
+void lab_row(const Rgb* pixels, int count, float* L, float* a, float* b) noexcept;
+
 class LabImage {
  public:
   LabImage(int max_width, int max_height);

@@ -272,18 +272,18 @@ bool ObjectGraph::merge_round(const ObjectGraphConfig& c) noexcept {
   return merged;
 }
 
-ObjectGraph::Face ObjectGraph::largest_face(const SurfacePatches& patches,
-                                            int region) const noexcept {
+ObjectGraph::Face ObjectGraph::largest_face(const SurfacePatches& patches, int region) noexcept {
   constexpr float kAligned = 0.906F, kThick = 0.012F;  // 25 degrees
+  constexpr std::size_t kTried = 64;
+  std::size_t count = 0;
+  for (int i = 0; i < pieces_; ++i)
+    if (region_[static_cast<std::size_t>(i)] == region) best_[count++] = i;
+  const std::span<const int> members(best_.data(), count);
   Face best;
-  int tried = 0;
-  for (int i = 0; i < pieces_ && tried < 64; ++i) {
-    if (region_[static_cast<std::size_t>(i)] != region) continue;
-    ++tried;
+  for (const int i : members.first(std::min(count, kTried))) {
     const SurfacePiece& p = patches.piece(i);
     float area = 0;
-    for (int j = 0; j < pieces_; ++j) {
-      if (region_[static_cast<std::size_t>(j)] != region) continue;
+    for (const int j : members) {
       const SurfacePiece& q = patches.piece(j);
       if (q.normal.dot(p.normal) > kAligned &&
           std::abs(p.normal.dot(q.centre - p.centre)) < kThick) {
@@ -298,8 +298,7 @@ ObjectGraph::Face ObjectGraph::largest_face(const SurfacePatches& patches,
     Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
     double weight = 0;
     for (int pass = 0; pass < 2; ++pass) {
-      for (int j = 0; j < pieces_; ++j) {
-        if (region_[static_cast<std::size_t>(j)] != region) continue;
+      for (const int j : members) {
         const SurfacePiece& q = patches.piece(j);
         if (q.normal.dot(best.n) < kAligned ||
             std::abs(best.n.dot(q.centre - best.centre)) > kThick) {

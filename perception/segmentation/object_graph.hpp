@@ -100,7 +100,7 @@ class ObjectGraph {
     Vec3f n{0, 0, 0}, centre{0, 0, 0};
     float area = 0;
   };
-  [[nodiscard]] Face largest_face(const SurfacePatches& patches, int region) const noexcept;
+  [[nodiscard]] Face largest_face(const SurfacePatches& patches, int region) noexcept;
   Lab support_colour_;
   Face asked_face_;  // of asked_region_, since the last build()
   int asked_region_ = kNone;
@@ -108,7 +108,8 @@ class ObjectGraph {
   int edge_count_ = 0, pieces_ = 0;
   std::vector<Edge> edges_;
   std::vector<Region> sums_;
-  std::vector<int> parent_, region_, best_;
+  std::vector<int> parent_, region_;
+  std::vector<int> best_;  // an edge a region; after build() the pieces of the region asked for
   std::vector<std::uint8_t> support_;
   struct Sample {
     Vec3f p{0, 0, 0}, n{0, 0, 0};

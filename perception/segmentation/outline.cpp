@@ -5,25 +5,45 @@
 
 namespace perception {
 
-OutlineRefiner::OutlineRefiner(int max_width, int max_height) : lab_(max_width, max_height) {
+struct OutlineRefiner::Half {
+  int u0, v0;         // of the box in the window
+  int width, height;  // of the box
+  int stride;         // of the window
+  [[nodiscard]] std::size_t in_window(int x, int y) const noexcept {
+    return static_cast<std::size_t>((v0 + y) * stride + u0 + x);
+  }
+  [[nodiscard]] std::size_t in_box(int x, int y) const noexcept {
+    return static_cast<std::size_t>(y * width + x);
+  }
+};
+
+OutlineRefiner::OutlineRefiner(int max_width, int max_height) {
   const auto n = static_cast<std::size_t>(max_width * max_height);
   z_.resize(n);
-  line_.resize(static_cast<std::size_t>(std::max(max_width, max_height)));
+  for (auto& p : lab_) p.resize(n);
+  for (auto* rows : {&raw_, &above_})
+    for (auto& p : *rows) p.resize(static_cast<std::size_t>(max_width));
   const auto half = static_cast<std::size_t>((max_width + 1) / 2 * ((max_height + 1) / 2));
   to_out_.resize(half);
   to_in_.resize(half);
+  wanted_.resize(half);
   label_.resize(n);
   state_.resize(n);
   level_.resize(n);
   next_.resize(n);
 }
 
-void OutlineRefiner::distances(std::span<const std::uint8_t> inside, int w, int h) noexcept {
+// Beyond the box, which has a margin, nothing is inside.
+void OutlineRefiner::distances(std::span<const std::uint8_t> inside, const Half& half) noexcept {
   constexpr std::int16_t kFar = 10000;
-  for (int i = 0; i < w * h; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    to_out_[k] = inside[k] ? kFar : std::int16_t{0};
-    to_in_[k] = inside[k] ? std::int16_t{0} : kFar;
+  const int w = half.width, h = half.height;
+  for (int y = 0; y < h; ++y) {
+    for (int x = 0; x < w; ++x) {
+      const bool in = inside[half.in_window(x, y)] != 0;
+      const std::size_t k = half.in_box(x, y);
+      to_out_[k] = in ? kFar : std::int16_t{0};
+      to_in_[k] = in ? std::int16_t{0} : kFar;
+    }
   }
   const auto relax = [](std::int16_t& d, std::int16_t from) {
     d = std::min(d, static_cast<std::int16_t>(from + 1));
@@ -47,69 +67,100 @@ void OutlineRefiner::distances(std::span<const std::uint8_t> inside, int w, int 
   }
 }
 
-// 1-2-1 in both directions, so that sensor noise makes no ridges.
-void OutlineRefiner::smooth() noexcept {
+// The flood compares colours of open pixels and of those beside them; smoothing looks one pixel farther.
+void OutlineRefiner::find_wanted(const Half& half) noexcept {
+  const int w = half.width, h = half.height;
+  std::fill_n(wanted_.begin(), w * h, std::uint8_t{0});
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x) {
+      if (label_[static_cast<std::size_t>(2 * y * box_.width + 2 * x)] != kOpen) continue;
+      const int x0 = std::max(0, x - 1), x1 = std::min(w - 1, x + 1);
+      for (int b = std::max(0, y - 1); b <= std::min(h - 1, y + 1); ++b)
+        std::fill_n(&wanted_[half.in_box(x0, b)], x1 - x0 + 1, std::uint8_t{1});
+    }
+}
+
+// Colours, smoothed by 1-2-1 in both directions so that sensor noise makes no ridges. At the ends of a run
+// of wanted pixels the mean is one-sided: nothing looks there.
+void OutlineRefiner::convert(ImageView<const Rgb> rgb, const Half& half) noexcept {
   const int w = box_.width, h = box_.height;
-  for (int k = 0; k < 3; ++k) {
-    float* p = lab_.plane(k);
-    for (int v = 0; v < h; ++v) {
-      float* row = p + v * w;
-      float before = row[0];
-      for (int u = 0; u < w; ++u) {
-        const float here = row[u], after = row[std::min(u + 1, w - 1)];
-        row[u] = 0.25F * (before + after) + 0.5F * here;
-        before = here;
-      }
+  const auto each_run = [&](int v, auto&& fn) {
+    const std::uint8_t* wanted = &wanted_[half.in_box(0, v / 2)];
+    for (int x = 0; x < half.width;) {
+      while (x < half.width && wanted[x] == 0) ++x;
+      const int first = x;
+      while (x < half.width && wanted[x] != 0) ++x;
+      if (x > first) fn(2 * first, 2 * (x - first));
     }
-    std::copy_n(p, w, line_.data());
-    for (int v = 0; v < h; ++v) {
-      float* row = p + v * w;
-      const float* after = p + std::min(v + 1, h - 1) * w;
-      for (int u = 0; u < w; ++u) {
-        const float here = row[u];
-        row[u] = 0.25F * (line_[static_cast<std::size_t>(u)] + after[u]) + 0.5F * here;
-        line_[static_cast<std::size_t>(u)] = here;
+  };
+  for (int v = 0; v < h; ++v) {
+    each_run(v, [&](int u, int n) {
+      lab_row(rgb.row(v) + u, n, raw_[0].data(), raw_[1].data(), raw_[2].data());
+      for (std::size_t k = 0; k < 3; ++k) {
+        const float* in = raw_[k].data();
+        float* out = lab_[k].data() + static_cast<std::ptrdiff_t>(v) * w + u;
+        out[0] = 0.25F * (in[0] + in[1]) + 0.5F * in[0];
+#pragma GCC ivdep
+        for (int i = 1; i < n - 1; ++i) out[i] = 0.25F * (in[i - 1] + in[i + 1]) + 0.5F * in[i];
+        out[n - 1] = 0.25F * (in[n - 2] + in[n - 1]) + 0.5F * in[n - 1];
       }
-    }
+    });
+  }
+  for (int v = 0; v < h; ++v) {
+    each_run(v, [&](int u, int n) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        float* row = lab_[k].data() + static_cast<std::ptrdiff_t>(v) * w + u;
+        const float* below = v + 1 < h ? row + w : row;
+        float* above = above_[k].data() + u;
+        if (v == 0) std::copy_n(row, n, above);
+#pragma GCC ivdep
+        for (int i = 0; i < n; ++i) {
+          const float here = row[i];
+          row[i] = 0.25F * (above[i] + below[i]) + 0.5F * here;
+          above[i] = here;
+        }
+      }
+    });
   }
 }
 
 void OutlineRefiner::mark(const SurfacePatches& patches, const SupportPlane& plane,
                           const ObjectGraphConfig& graph, std::span<const std::uint8_t> inside,
-                          const OutlineConfig& config) noexcept {
-  const HalfWindow& win = patches.window();
+                          const Half& half, const OutlineConfig& config) noexcept {
   int deepest = 0;
-  for (int i = 0; i < win.width * win.height; ++i) {
-    if (inside[static_cast<std::size_t>(i)]) {
-      deepest = std::max<int>(deepest, to_out_[static_cast<std::size_t>(i)]);
-    }
-  }
+  for (int y = 0; y < half.height; ++y)
+    for (int x = 0; x < half.width; ++x)
+      if (inside[half.in_window(x, y)] != 0)
+        deepest = std::max<int>(deepest, to_out_[half.in_box(x, y)]);
   // A thin object keeps its core.
   const int core = std::max(1, std::min(config.inside_px + 1, (deepest + 1) / 2 + 1));
-  for (int y = 0; y < box_.height; ++y) {
-    for (int x = 0; x < box_.width; ++x) {
-      const int u = (box_.u0 + x) / 2 - win.u0, v = (box_.v0 + y) / 2 - win.v0;
-      const auto i = static_cast<std::size_t>(v * win.width + u);
+  for (int y = 0; y < half.height; ++y) {
+    std::uint8_t* row = &label_[static_cast<std::size_t>(2 * y * box_.width)];
+    for (int x = 0; x < half.width; ++x) {
+      const std::size_t i = half.in_window(x, y), b = half.in_box(x, y);
       std::uint8_t label = kOpen;
       if (inside[i]) {
-        bool sure = to_out_[i] >= core;
+        bool sure = to_out_[b] >= core;
         if (sure && plane.valid() && patches.z_m()[i] > 0) {
           const float z = patches.z_m()[i];
-          sure = plane.height(patches.point(u, v)) >
+          sure = plane.height(patches.point(half.u0 + x, half.v0 + y)) >
                  config.sure_heights * (graph.support_m + graph.support_per_m2 * z * z);
         }
         label = sure ? kIn : kOpen;
-      } else if (to_in_[i] > config.outside_px) {
+      } else if (to_in_[b] > config.outside_px) {
         label = kOut;
       }
-      label_[static_cast<std::size_t>(y * box_.width + x)] = label;
+      row[2 * x] = row[2 * x + 1] = label;
+      row[box_.width + 2 * x] = row[box_.width + 2 * x + 1] = label;
     }
   }
 }
 
 int OutlineRefiner::cost(int i, int j, const OutlineConfig& c) const noexcept {
-  const Lab p = lab_.at(i), q = lab_.at(j);
-  const float dL = c.light_weight * (p.L - q.L), da = p.a - q.a, db = p.b - q.b;
+  const float dL = c.light_weight *
+                   (lab_[0][static_cast<std::size_t>(i)] - lab_[0][static_cast<std::size_t>(j)]),
+              da = lab_[1][static_cast<std::size_t>(i)] - lab_[1][static_cast<std::size_t>(j)],
+              db = lab_[2][static_cast<std::size_t>(i)] - lab_[2][static_cast<std::size_t>(j)];
   float d = std::sqrt(dL * dL + da * da + db * db);
   const float zi = z_[static_cast<std::size_t>(i)], zj = z_[static_cast<std::size_t>(j)];
   if (zi > 0 && zj > 0) {
@@ -194,18 +245,18 @@ void OutlineRefiner::refine(ImageView<const Rgb> rgb, ImageView<const std::uint1
     image.height = box_.height;
     return image;
   };
-  lab_.set(part(rgb));
-  smooth();
   const auto d = part(depth);
   for (int y = 0; y < box_.height; ++y) {
-    for (int x = 0; x < box_.width; ++x) {
-      const std::uint16_t r = d.at(x, y);
-      z_[static_cast<std::size_t>(y * box_.width + x)] =
-          r == 65535 ? 0.0F : 1e-3F * mm_per_unit * static_cast<float>(r);
-    }
+    const std::uint16_t* readings = d.row(y);
+    float* z = z_.data() + static_cast<std::ptrdiff_t>(y) * box_.width;
+    for (int x = 0; x < box_.width; ++x)
+      z[x] = readings[x] == 65535 ? 0.0F : 1e-3F * mm_per_unit * static_cast<float>(readings[x]);
   }
-  distances(inside, win.width, win.height);
-  mark(patches, plane, graph, inside, config);
+  const Half half{u0, v0, u1 - u0 + 1, v1 - v0 + 1, win.width};
+  distances(inside, half);
+  mark(patches, plane, graph, inside, half, config);
+  find_wanted(half);
+  convert(part(rgb), half);
   const int t = (touch_v - box_.v0) * box_.width + touch_u - box_.u0;
   if (touch_u >= box_.u0 && touch_v >= box_.v0 && touch_u < box_.u0 + box_.width &&
       touch_v < box_.v0 + box_.height) {

@@ -5,6 +5,7 @@
 // there depth says little and colour has to.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -48,10 +49,12 @@ class OutlineRefiner {
  private:
   static constexpr std::uint8_t kOpen = 0, kIn = 1, kOut = 2;
   static constexpr int kLevels = 256;
-  void distances(std::span<const std::uint8_t> inside, int w, int h) noexcept;
-  void smooth() noexcept;
+  struct Half;  // the box at half resolution
+  void distances(std::span<const std::uint8_t> inside, const Half& half) noexcept;
+  void find_wanted(const Half& half) noexcept;
+  void convert(ImageView<const Rgb> box, const Half& half) noexcept;
   void mark(const SurfacePatches& patches, const SupportPlane& plane,
-            const ObjectGraphConfig& graph, std::span<const std::uint8_t> inside,
+            const ObjectGraphConfig& graph, std::span<const std::uint8_t> inside, const Half& half,
             const OutlineConfig& config) noexcept;
   void flood(const OutlineConfig& config) noexcept;
   void grow(const SurfacePatches& patches, const SupportPlane& plane,
@@ -60,9 +63,12 @@ class OutlineRefiner {
   [[nodiscard]] int cost(int i, int j, const OutlineConfig& config) const noexcept;
 
   Box box_;
-  LabImage lab_;
-  std::vector<float> z_, line_;
-  std::vector<std::int16_t> to_out_, to_in_;  // city-block, half resolution
+  std::array<std::vector<float>, 3> lab_;          // smoothed, where wanted
+  std::array<std::vector<float>, 3> raw_, above_;  // a row
+  std::vector<float> z_;
+  // Of the box, half resolution: city-block distances; where the flood looks at colours.
+  std::vector<std::int16_t> to_out_, to_in_;
+  std::vector<std::uint8_t> wanted_;
   std::vector<std::uint8_t> label_, state_;
   std::vector<std::int32_t> next_;  // buckets as linked lists
   std::vector<std::uint8_t> level_;

@@ -4,53 +4,37 @@
 #include <cmath>
 #include <limits>
 
+#include "perception/segmentation/superpixel_kernel.hpp"
+
 namespace perception {
 namespace {
 
 constexpr int kSums = Superpixels::kMaxPlanes + 3;  // planes, u, v, count
 constexpr int kMinSpacing = 3;
 
-struct RowSeed {
-  const float* plane;
-  float u, dv2, beta;
-  std::int32_t id;
-};
-
-template <int N>
-inline __attribute__((always_inline)) void assign_planes(const float* const* plane,
-                                                         const RowSeed& s, int u0, int u1,
-                                                         float* best,
-                                                         std::int32_t* nearest) noexcept {
-  for (int u = u0; u < u1; ++u) {
-    float c2 = 0;
-    for (int k = 0; k < N; ++k) {
-      const float e = plane[k][u] - s.plane[k];
-      c2 += e * e;
-    }
-    const float du = static_cast<float>(u) - s.u;
-    const float d = std::sqrt(c2) + s.beta * std::sqrt(du * du + s.dv2);
-    const bool nearer = d < best[u];
-    best[u] = nearer ? d : best[u];
-    nearest[u] = nearer ? s.id : nearest[u];
+// One row into the sums of its seeds, run by run of pixels with the same one: a sum is fetched and put back
+// once a run.
+template <std::size_t N>
+void add_row(std::span<const float* const> planes, const std::int32_t* nearest, int v, int width,
+             double* sums) noexcept {
+  constexpr std::size_t kPlanes = Superpixels::kMaxPlanes;
+  const float* row[N];
+  for (std::size_t k = 0; k < N; ++k) row[k] = planes[k] + static_cast<std::ptrdiff_t>(v) * width;
+  for (int u = 0; u < width;) {
+    const std::int32_t s = nearest[u];
+    const int first = u;
+    double run[N] = {};
+    for (; u < width && nearest[u] == s; ++u)
+      for (std::size_t k = 0; k < N; ++k) run[k] += static_cast<double>(row[k][u]);
+    if (s < 0) continue;
+    double* sum = sums + static_cast<std::ptrdiff_t>(s) * kSums;
+    const int n = u - first;
+    for (std::size_t k = 0; k < N; ++k) sum[k] += run[k];
+    sum[kPlanes] += 0.5 * n * (first + u - 1);
+    sum[kPlanes + 1] += static_cast<double>(n) * v;
+    sum[kPlanes + 2] += n;
   }
 }
-
-// Both widths compute each pixel by the same operations, without contraction: the same bytes. The resolver of a
-// clone runs before a sanitizer's runtime is up.
-#if defined(__x86_64__) && !defined(__SANITIZE_THREAD__) && !defined(__SANITIZE_ADDRESS__)
-#define TELETACT_WIDE __attribute__((target_clones("avx2", "default")))
-#else
-#define TELETACT_WIDE
-#endif
-TELETACT_WIDE void assign3(const float* const* plane, const RowSeed& s, int u0, int u1, float* best,
-                           std::int32_t* nearest) noexcept {
-  assign_planes<3>(plane, s, u0, u1, best, nearest);
-}
-TELETACT_WIDE void assign4(const float* const* plane, const RowSeed& s, int u0, int u1, float* best,
-                           std::int32_t* nearest) noexcept {
-  assign_planes<4>(plane, s, u0, u1, best, nearest);
-}
-#undef TELETACT_WIDE
 
 }  // namespace
 
@@ -110,30 +94,27 @@ void Superpixels::assign(std::span<const float* const> planes,
     const int cu = static_cast<int>(seed.u), cv = static_cast<int>(seed.v);
     const int u0 = std::max(0, cu - reach), u1 = std::min(width_, cu + reach + 1);
     const int v0 = std::max(0, cv - reach), v1 = std::min(height_, cv + reach + 1);
-    for (int v = v0; v < v1; ++v) {
-      const float* rows[kMaxPlanes];
-      for (std::size_t k = 0; k < planes.size(); ++k) rows[k] = planes[k] + v * width_;
-      const float dv = static_cast<float>(v) - seed.v;
-      float* best = best_.data() + v * width_;
-      std::int32_t* nearest = nearest_.data() + v * width_;
-      const RowSeed row{seed.plane, seed.u, dv * dv, beta, s};
-      (planes.size() == 3 ? assign3 : assign4)(rows, row, u0, u1, best, nearest);
-    }
+    SeedWindow window{};
+    std::copy(planes.begin(), planes.end(), window.planes);
+    std::copy_n(seed.plane, kMaxPlanes, window.plane);
+    window.plane_count = static_cast<int>(planes.size());
+    window.stride = width_;
+    window.u0 = u0, window.v0 = v0, window.u1 = u1, window.v1 = v1;
+    window.u = seed.u, window.v = seed.v, window.beta = beta;
+    window.id = s;
+    window.best = best_.data(), window.nearest = nearest_.data();
+    try_seed(window);
   }
 }
 
 void Superpixels::move_seeds(std::span<const float* const> planes) noexcept {
   std::fill_n(sums_.begin(), seeds_used_ * kSums, 0.0);
   for (int v = 0; v < height_; ++v) {
-    for (int u = 0; u < width_; ++u) {
-      const int i = v * width_ + u;
-      if (nearest_[static_cast<std::size_t>(i)] < 0) continue;
-      double* sum = &sums_[static_cast<std::size_t>(nearest_[static_cast<std::size_t>(i)] * kSums)];
-      for (std::size_t k = 0; k < planes.size(); ++k) sum[k] += static_cast<double>(planes[k][i]);
-      sum[kMaxPlanes] += u;
-      sum[kMaxPlanes + 1] += v;
-      sum[kMaxPlanes + 2] += 1;
-    }
+    const std::int32_t* nearest = nearest_.data() + static_cast<std::ptrdiff_t>(v) * width_;
+    if (planes.size() == 3)
+      add_row<3>(planes, nearest, v, width_, sums_.data());
+    else
+      add_row<4>(planes, nearest, v, width_, sums_.data());
   }
   for (int s = 0; s < seeds_used_; ++s) {
     const double* sum = &sums_[static_cast<std::size_t>(s * kSums)];

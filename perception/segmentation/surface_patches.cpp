@@ -2,26 +2,14 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
-#include <array>
 #include <cmath>
+
+#include "perception/segmentation/lower_median.hpp"
 
 namespace perception {
 namespace {
 
 constexpr int kSums = 16;  // pixels, readings, L, a, b, x y z, moments of (x, y, 1) and of 1/z
-
-// Of the readings in 2 x 2 pixels the lower median: a mean would put points between two surfaces.
-std::uint16_t lower_median(const std::array<std::uint16_t, 4>& readings) noexcept {
-  std::uint16_t sorted[4];
-  int n = 0;
-  for (const std::uint16_t r : readings) {
-    if (r == 0 || r == 65535) continue;
-    int k = n++;
-    for (; k > 0 && sorted[k - 1] > r; --k) sorted[k] = sorted[k - 1];
-    sorted[k] = r;
-  }
-  return n == 0 ? std::uint16_t{0} : sorted[(n - 1) / 2];
-}
 
 }  // namespace
 
@@ -74,6 +62,7 @@ void SurfacePatches::set(ImageView<const Rgb> rgb, ImageView<const std::uint16_t
 void SurfacePatches::halve_depth(ImageView<const std::uint16_t> depth, float mm_per_unit) noexcept {
   const float scale = 1e-3F * mm_per_unit;
   for (int v = 0; v < window_.height; ++v) {
+    // A mean would put points between two surfaces.
     const std::uint16_t *p = depth.row(2 * v), *q = depth.row(2 * v + 1);
     for (int u = 0; u < window_.width; ++u, p += 2, q += 2) {
       z_[static_cast<std::size_t>(v * window_.width + u)] =
@@ -110,30 +99,45 @@ void SurfacePatches::fit(float min_readings) noexcept {
   const int w = window_.width;
   for (int v = 0; v < window_.height; ++v) {
     const auto y = static_cast<double>(y_of(v));
-    for (int u = 0; u < w; ++u) {
-      const int i = v * w + u;
-      double* s = &sums_[static_cast<std::size_t>(labels()[static_cast<std::size_t>(i)] * kSums)];
-      const Lab c = lab_.at(i);
-      s[0] += 1;
-      s[2] += static_cast<double>(c.L);
-      s[3] += static_cast<double>(c.a);
-      s[4] += static_cast<double>(c.b);
-      const auto z = static_cast<double>(z_[static_cast<std::size_t>(i)]);
-      if (!(z > 0)) continue;
-      const auto x = static_cast<double>(x_of(u));
-      const double q = 1 / z;
-      s[1] += 1;
-      s[5] += x * z;
-      s[6] += y * z;
-      s[7] += z;
-      s[8] += x * x;
-      s[9] += x * y;
-      s[10] += x;
-      s[11] += y * y;
-      s[12] += y;
-      s[13] += x * q;
-      s[14] += y * q;
-      s[15] += q;
+    const std::int32_t* label = labels().data() + static_cast<std::ptrdiff_t>(v) * w;
+    // Run by run of one piece's pixels: its sums are fetched and put back once a run.
+    for (int u = 0; u < w;) {
+      const std::int32_t piece = label[u];
+      double c[4] = {0, 0, 0, 0}, r[7] = {0, 0, 0, 0, 0, 0, 0};
+      for (; u < w && label[u] == piece; ++u) {
+        const int i = v * w + u;
+        const Lab lab = lab_.at(i);
+        c[0] += 1;
+        c[1] += static_cast<double>(lab.L);
+        c[2] += static_cast<double>(lab.a);
+        c[3] += static_cast<double>(lab.b);
+        const auto z = static_cast<double>(z_[static_cast<std::size_t>(i)]);
+        if (!(z > 0)) continue;
+        const auto x = static_cast<double>(x_of(u));
+        const double q = 1 / z;
+        r[0] += 1;
+        r[1] += x * z;
+        r[2] += z;
+        r[3] += x * x;
+        r[4] += x;
+        r[5] += x * q;
+        r[6] += q;
+      }
+      double* s = &sums_[static_cast<std::size_t>(piece * kSums)];
+      s[0] += c[0];
+      s[1] += r[0];
+      for (int k = 0; k < 3; ++k) s[2 + k] += c[1 + k];
+      s[5] += r[1];
+      s[6] += y * r[2];
+      s[7] += r[2];
+      s[8] += r[3];
+      s[9] += y * r[4];
+      s[10] += r[4];
+      s[11] += y * y * r[0];
+      s[12] += y * r[0];
+      s[13] += r[5];
+      s[14] += y * r[6];
+      s[15] += r[6];
     }
   }
   for (int k = 0; k < count(); ++k) {

@@ -8,9 +8,10 @@
 namespace perception {
 namespace {
 
-constexpr std::uint8_t kAny = 0;  // a seed is whatever is not zero
-bool is_seed(std::uint8_t value, std::uint8_t id) noexcept {
-  return id == kAny ? value != 0 : value == id;
+// At pixel (u, v) of the half-resolution image.
+bool is_seed(const TouchSegmenter::Seed& seed, int u, int v) noexcept {
+  const std::uint8_t value = seed.image.at(2 * seed.step * u, 2 * seed.step * v);
+  return seed.id == 0 ? value != 0 : value == seed.id;
 }
 
 float colour_difference(const Lab& p, const Lab& q) noexcept {
@@ -154,7 +155,7 @@ bool TouchSegmenter::touch(int u, int v) noexcept {
 }
 
 // Chooses the regions that the seed covers for the most part.
-bool TouchSegmenter::choose_covered(ImageView<const std::uint8_t> seed, std::uint8_t id) noexcept {
+bool TouchSegmenter::choose_covered(const Seed& seed) noexcept {
   const HalfWindow& win = patches_.window();
   std::fill_n(chosen_.begin(), patches_.count(), std::uint8_t{0});
   std::fill_n(covered_.begin(), patches_.count(), 0.0F);
@@ -165,8 +166,7 @@ bool TouchSegmenter::choose_covered(ImageView<const std::uint8_t> seed, std::uin
       const int r = graph_.region(piece);
       if (r < 0) continue;
       ++queue_[static_cast<std::size_t>(r)];
-      if (is_seed(seed.at(2 * (win.u0 + u), 2 * (win.v0 + v)), id))
-        covered_[static_cast<std::size_t>(r)] += 1;
+      if (is_seed(seed, win.u0 + u, win.v0 + v)) covered_[static_cast<std::size_t>(r)] += 1;
     }
   }
   bool found = false;
@@ -192,27 +192,20 @@ bool TouchSegmenter::follow(ImageView<const Rgb> rgb, ImageView<const std::uint1
       box.v0 = std::min(box.v0, v), box.v1 = std::max(box.v1, v);
     }
   }
-  return follow(rgb, depth, k, mm_per_unit, seed, box);
+  return follow(rgb, depth, k, mm_per_unit, Seed{seed, 0, 1}, box);
 }
 
 bool TouchSegmenter::follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth,
-                            const Intrinsics& k, float mm_per_unit,
-                            ImageView<const std::uint8_t> seed, const SeedBox& box) noexcept {
-  return follow(rgb, depth, k, mm_per_unit, seed, box, kAny);
-}
-
-bool TouchSegmenter::follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth,
-                            const Intrinsics& k, float mm_per_unit,
-                            ImageView<const std::uint8_t> seed, const SeedBox& box,
-                            std::uint8_t id) noexcept {
+                            const Intrinsics& k, float mm_per_unit, const Seed& seed,
+                            const SeedBox& box) noexcept {
   const auto [u0, v0, u1, v1] = box;
   if (u1 < u0 || v1 < v0) return false;
   const int margin = config_.follow_margin_px;
   HalfWindow win;
   win.u0 = std::max(0, u0 - margin) / 2;
   win.v0 = std::max(0, v0 - margin) / 2;
-  win.width = std::min(seed.width / 2, (u1 + margin) / 2 + 1) - win.u0;
-  win.height = std::min(seed.height / 2, (v1 + margin) / 2 + 1) - win.v0;
+  win.width = std::min(rgb.width / 2, (u1 + margin) / 2 + 1) - win.u0;
+  win.height = std::min(rgb.height / 2, (v1 + margin) / 2 + 1) - win.v0;
   if (win.width < 2 || win.height < 2) return false;
   set_frame(rgb, depth, k, mm_per_unit, win);
 
@@ -220,7 +213,7 @@ bool TouchSegmenter::follow(ImageView<const Rgb> rgb, ImageView<const std::uint1
   float points = 0;
   for (int v = 0; v < win.height; ++v) {
     for (int u = 0; u < win.width; ++u) {
-      if (!is_seed(seed.at(2 * (win.u0 + u), 2 * (win.v0 + v)), id)) continue;
+      if (!is_seed(seed, win.u0 + u, win.v0 + v)) continue;
       const Vec3f p = patches_.point(u, v);
       if (p.z() > 0) centre += p, points += 1;
     }
@@ -228,11 +221,11 @@ bool TouchSegmenter::follow(ImageView<const Rgb> rgb, ImageView<const std::uint1
   if (points < 4) return false;
   plane_ = graph_.find_support(patches_, centre / points, config_.graph);
   graph_.build(patches_, plane_, config_.graph);
-  return also(seed, id);
+  return also(seed);
 }
 
-bool TouchSegmenter::also(ImageView<const std::uint8_t> seed, std::uint8_t id) noexcept {
-  if (!choose_covered(seed, id)) return false;
+bool TouchSegmenter::also(const Seed& seed) noexcept {
+  if (!choose_covered(seed)) return false;
   const int n = patches_.window().width * patches_.window().height;
   for (int i = 0; i < n; ++i) {
     const auto j = static_cast<std::size_t>(i);

@@ -40,23 +40,26 @@ class TouchSegmenter {
   // The object at pixel (u, v) of the full image. False, with a mask of that pixel alone, when there
   // is no depth near it.
   bool touch(int u, int v) noexcept;
-  // The object that covers `seed` (full size, non-zero where the object's fused labels project to), in
-  // a window round it; it takes the place of set_frame(). False when no region is covered.
-  bool follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, const Intrinsics& k,
-              float mm_per_unit, ImageView<const std::uint8_t> seed) noexcept;
-  // The same for whoever knows the pixels (inclusive) that hold all of the seed.
+  // Pixels (inclusive) of the image.
   struct SeedBox {
     int u0, v0, u1, v1;
   };
+  // Where an object's fused labels project to.
+  struct Seed {
+    ImageView<const std::uint8_t> image{};  // only pixels at even coordinates (in steps) are read
+    std::uint8_t id = 0;                    // what has this value; 0: what is not 0
+    int step = 1;  // pixels of `image` to one of the colour image, which may be a reduced one
+  };
+  // The object that covers the seed, in a window round it; it takes the place of set_frame(). False when no
+  // region is covered.
   bool follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, const Intrinsics& k,
-              float mm_per_unit, ImageView<const std::uint8_t> seed, const SeedBox& box) noexcept;
-  // The same where the seed is what has the value `id`; the box may be larger, and hold others.
+              float mm_per_unit, ImageView<const std::uint8_t> seed) noexcept;
+  // The same for whoever knows the pixels that hold all of the seed; the box may be larger.
   bool follow(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, const Intrinsics& k,
-              float mm_per_unit, ImageView<const std::uint8_t> seed, const SeedBox& box,
-              std::uint8_t id) noexcept;
+              float mm_per_unit, const Seed& seed, const SeedBox& box) noexcept;
   // After a follow() that found its object: another one that stands on the same support, in the same
   // window.
-  bool also(ImageView<const std::uint8_t> seed, std::uint8_t id) noexcept;
+  bool also(const Seed& seed) noexcept;
 
   // Of the last touch() or follow().
   [[nodiscard]] const OutlineRefiner::Box& box() const noexcept { return outline_.box(); }
@@ -66,7 +69,7 @@ class TouchSegmenter {
   [[nodiscard]] bool named_support() const noexcept { return named_support_; }
 
  private:
-  bool choose_covered(ImageView<const std::uint8_t> seed, std::uint8_t id) noexcept;
+  bool choose_covered(const Seed& seed) noexcept;
   void select_region(int region) noexcept;
   void select_flat(int pixel) noexcept;
   void add_occluded_parts(int region) noexcept;

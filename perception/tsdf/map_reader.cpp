@@ -10,6 +10,11 @@ bool in_range(const Vec3& grid) noexcept {
   return grid.cwiseAbs().maxCoeff() < 8.0 * TsdfMap::kMaxBlockCoord && grid.allFinite();
 }
 
+// Of corner n of a cell in the value at its point (fx, fy, fz).
+float share_of(int n, float fx, float fy, float fz) noexcept {
+  return ((n & 4) != 0 ? fx : 1 - fx) * ((n & 2) != 0 ? fy : 1 - fy) * ((n & 1) != 0 ? fz : 1 - fz);
+}
+
 }  // namespace
 
 MapReader::Sample MapReader::sample(const Vec3& p_W) noexcept {
@@ -53,42 +58,81 @@ bool MapReader::colour(const Vec3& p_W, Rgb& out) noexcept {
   return best < 1e9;
 }
 
+std::int32_t MapReader::block_number(int x, int y, int z) noexcept {
+  const TsdfMap::Chunk* c = chunk_of(x >> 6, y >> 6, z >> 6);
+  return c == nullptr
+             ? TsdfMap::kNoBlock
+             : c->block[static_cast<std::size_t>(TsdfMap::in_chunk(x >> 3, y >> 3, z >> 3))];
+}
+
 LabelVoxel MapReader::voted(const Vec3& p_W) noexcept {
   const Vec3 g = p_W * inv_voxel_;
   if (!in_range(g)) return {};
   const int i = ifloor(g.x()), j = ifloor(g.y()), k = ifloor(g.z());
   const auto fx = static_cast<float>(g.x() - i), fy = static_cast<float>(g.y() - j),
              fz = static_cast<float>(g.z() - k);
-  const auto block_at = [this](int x, int y, int z) {
-    const TsdfMap::Chunk* c = chunk_of(x >> 6, y >> 6, z >> 6);
-    return c == nullptr
-               ? TsdfMap::kNoBlock
-               : c->block[static_cast<std::size_t>(TsdfMap::in_chunk(x >> 3, y >> 3, z >> 3))];
-  };
   const bool inside = (i & 7) != 7 && (j & 7) != 7 && (k & 7) != 7;  // one block has all eight
-  std::int32_t b = block_at(i, j, k);
+  std::int32_t b = block_number(i, j, k);
   if (inside && b == TsdfMap::kNoBlock) return {};
+  // The usual case: what votes says the same, all of it in one block.
+  if (inside) {
+    const LabelVoxel* held = map_->block_labels(b);
+    const int first = TsdfMap::in_block(i, j, k);
+    int label = -1;
+    bool same = true;
+    float sum = 0;
+    for (int n = 0; n < 8; ++n) {
+      const int at = first + ((n & 4) << 4) + ((n & 2) << 2) + (n & 1);
+      const LabelVoxel v = held != nullptr ? held[at] : map_->label_in(b, at);
+      if (v.weight == 0) continue;
+      if (label < 0) label = v.label;
+      same = same && v.label == label;
+      sum += share_of(n, fx, fy, fz) * static_cast<float>(v.weight);
+    }
+    if (same && !(sum > 0)) return nearest_vote(i, j, k, {fx, fy, fz});
+    if (same) return {static_cast<std::uint8_t>(label), static_cast<std::uint8_t>(std::ceil(sum))};
+  }
   // At most eight labels; say[n]: votes for label of corner n, kept at the first corner that has it.
   std::array<std::uint8_t, 8> names{};
   std::array<float, 8> say{};
   int count = 0;
   for (int n = 0; n < 8; ++n) {
     const int x = i + (n >> 2), y = j + ((n >> 1) & 1), z = k + (n & 1);
-    if (!inside) b = block_at(x, y, z);
+    if (!inside) b = block_number(x, y, z);
     if (b == TsdfMap::kNoBlock) continue;
     const LabelVoxel v = map_->label_in(b, TsdfMap::in_block(x, y, z));
-    const float share =
-        ((n & 4) != 0 ? fx : 1 - fx) * ((n & 2) != 0 ? fy : 1 - fy) * ((n & 1) != 0 ? fz : 1 - fz);
     if (v.weight == 0) continue;
     int at = 0;
     while (at < count && names[static_cast<std::size_t>(at)] != v.label) ++at;
     if (at == count) names[static_cast<std::size_t>(count++)] = v.label;
-    say[static_cast<std::size_t>(at)] += share * static_cast<float>(v.weight);
+    say[static_cast<std::size_t>(at)] += share_of(n, fx, fy, fz) * static_cast<float>(v.weight);
   }
   const auto most = std::max_element(say.begin(), say.end());
-  if (!(*most > 0)) return {};
+  if (!(*most > 0)) return nearest_vote(i, j, k, {fx, fy, fz});
   return {names[static_cast<std::size_t>(most - say.begin())],
           static_cast<std::uint8_t>(std::ceil(*most))};
+}
+
+// Of the nodes round those of a point's own cell the nearest that a vote was cast in, up to 1.5 voxels away.
+LabelVoxel MapReader::nearest_vote(int i, int j, int k, const Vec3f& in_cell) noexcept {
+  constexpr float kFar2 = 1.5F * 1.5F;
+  LabelVoxel nearest;
+  float least = kFar2;
+  for (int x = -1; x <= 2; ++x)
+    for (int y = -1; y <= 2; ++y)
+      for (int z = -1; z <= 2; ++z) {
+        const float d2 =
+            (Vec3f(static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)) - in_cell)
+                .squaredNorm();
+        if (!(d2 < least)) continue;
+        const std::int32_t b = block_number(i + x, j + y, k + z);
+        if (b == TsdfMap::kNoBlock) continue;
+        const LabelVoxel v = map_->label_in(b, TsdfMap::in_block(i + x, j + y, k + z));
+        if (v.weight == 0) continue;
+        least = d2;
+        nearest = {v.label, 1};
+      }
+  return nearest;
 }
 
 }  // namespace perception

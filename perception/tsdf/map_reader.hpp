@@ -105,12 +105,15 @@ class MapReader {
   [[nodiscard]] bool colour(const Vec3& p_W, Rgb& out) noexcept;
   // What the eight nodes round the point say, each with its label's weight times its share; nodes that
   // nothing voted in abstain, so that an edge does not lose what lies between its nodes and the free
-  // ones. 0: background, or nothing known.
+  // ones; where all of them do, as beside an outline, the nearest vote round them counts. 0: background, or
+  // nothing known.
   [[nodiscard]] std::uint8_t label(const Vec3& p_W) noexcept { return voted(p_W).label; }
-  // The same with the weight of what won, rounded up; weight 0: nothing known.
+  // The same with the weight of what won, rounded up (1: of a vote beside); weight 0: nothing known.
   [[nodiscard]] LabelVoxel voted(const Vec3& p_W) noexcept;
 
  private:
+  [[nodiscard]] std::int32_t block_number(int x, int y, int z) noexcept;  // of the node's block
+  [[nodiscard]] LabelVoxel nearest_vote(int i, int j, int k, const Vec3f& in_cell) noexcept;
   // Direct-mapped by the low bits, so the eight blocks round a node never collide.
   struct BlockEntry {
     int x = INT32_MIN, y = 0, z = 0;
