@@ -38,8 +38,9 @@ struct Rig {
   tasks::FusionTask::Out out;
   rt::Health health;
 
-  explicit Rig(const tasks::FusionConfig& config = coarse(), const Pose& X_WC0 = eye(0)) {
-    setup.camera = small_camera();
+  explicit Rig(const tasks::FusionConfig& config = coarse(), const Pose& X_WC0 = eye(0),
+               const Intrinsics& camera = small_camera()) {
+    setup.camera = camera;
     setup.X_WC0 = X_WC0;
     setup.ground.up_known = true;
     task = std::make_unique<tasks::FusionTask>(startup.token(), config, setup);
