@@ -10,63 +10,40 @@
 #include <vector>
 
 #include "drivers/camera/tum_reader.hpp"
+#include "tests/unit/tasks_fusion/hall.hpp"
 #include "tests/unit/tasks_fusion/recording.hpp"
-#include "tests/unit/tasks_fusion/rig.hpp"
 
 namespace tasks {
 namespace {
 
+using tests::add_box;
 using tests::AnalyticScene;
 using tests::coarse;
+using tests::in_hall;
 using tests::kDt;
 using tests::kWrong_m;
+using tests::off_m;
 using tests::Rig;
 
 // A hall of 6 x 4 m with the same group of furniture in two corners, alike but for one box of each.
 AnalyticScene hall() {
-  AnalyticScene s;
-  s.planes = {{Vec3(0, 0, 0), Vec3::UnitZ()},
-              {Vec3(3, 0, 0), -Vec3::UnitX()},
-              {Vec3(-3, 0, 0), Vec3::UnitX()},
-              {Vec3(0, 2, 0), -Vec3::UnitY()},
-              {Vec3(0, -2, 0), Vec3::UnitY()}};
-  const auto box = [&](double x, double y, double z, Vec3 size, double yaw) {
-    Pose X = Pose::Identity();
-    X.linear() = Eigen::AngleAxisd(yaw, Vec3::UnitZ()).toRotationMatrix();
-    X.translation() = Vec3(x, y, z);
-    s.boxes.push_back({X, size / 2});
-  };
+  AnalyticScene s = tests::empty_hall(3, 2);
   for (const double side : {1.0, -1.0}) {  // the second group is the first, turned by half a turn
     const double turn = side > 0 ? 0 : std::numbers::pi;
-    box(2.2 * side, 1.2 * side, 0.35, Vec3(0.5, 0.4, 0.7), 0.4 + turn);
-    box(1.5 * side, 1.5 * side, 0.2, Vec3(0.3, 0.3, 0.4), 0.9 + turn);
-    box(2.5 * side, 0.2 * side, 0.5, Vec3(0.4, 0.5, 1.0), -0.3 + turn);
+    add_box(s, Vec3(2.2 * side, 1.2 * side, 0.35), Vec3(0.5, 0.4, 0.7), 0.4 + turn);
+    add_box(s, Vec3(1.5 * side, 1.5 * side, 0.2), Vec3(0.3, 0.3, 0.4), 0.9 + turn);
+    add_box(s, Vec3(2.5 * side, 0.2 * side, 0.5), Vec3(0.4, 0.5, 1.0), -0.3 + turn);
   }
-  box(1.6, 0.6, 0.15, Vec3(0.25, 0.25, 0.3), 0.2);    // in one corner
-  box(-1.75, -0.75, 0.2, Vec3(0.2, 0.3, 0.4), -0.5);  // in the other: elsewhere, of another size
-  box(0.6, -1.5, 0.3, Vec3(0.5, 0.3, 0.6), 0.7);
-  box(-0.3, 1.5, 0.25, Vec3(0.5, 0.3, 0.5), -0.6);
+  add_box(s, Vec3(1.6, 0.6, 0.15), Vec3(0.25, 0.25, 0.3), 0.2);  // in one corner
+  // In the other: elsewhere, of another size.
+  add_box(s, Vec3(-1.75, -0.75, 0.2), Vec3(0.2, 0.3, 0.4), -0.5);
+  add_box(s, Vec3(0.6, -1.5, 0.3), Vec3(0.5, 0.3, 0.6), 0.7);
+  add_box(s, Vec3(-0.3, 1.5, 0.25), Vec3(0.5, 0.3, 0.5), -0.6);
   return s;
 }
 
-Pose in_hall(double yaw, double x = 0, double y = 0, double pitch = -0.35) {
-  const Vec3 eye(x, y, 1.0);
-  return tests::look_at(eye, eye + Vec3(std::cos(yaw), std::sin(yaw), pitch));
-}
-
-// One full turn about the middle, with a little way; every frame is claimed.
-void tour(Rig& rig, const AnalyticScene& scene, int frames = 120) {
-  for (int i = 0; i < frames; ++i) {
-    const double a = 2 * std::numbers::pi * i / frames;
-    rig.see(scene, in_hall(a, 0.1 * std::sin(a), 0.1 - 0.1 * std::cos(a)), 0.0015);
-    ASSERT_TRUE(rig.out.camera.claimed) << "frame " << i;
-  }
-}
+void tour(Rig& rig, const AnalyticScene& scene) { tests::tour(rig, scene, 120, 0.1); }
 Pose tour_start() { return in_hall(0); }
-
-double off_m(const Rig& rig, const Pose& X_WC) {
-  return (rig.out.camera.X_WC.translation() - X_WC.translation()).norm();
-}
 
 TEST(Relocalisation, AfterASecondOfDarknessElsewhere) {
   const AnalyticScene scene = hall();
@@ -149,14 +126,20 @@ TEST(Relocalisation, NeverToTheWrongPlace) {
   EXPECT_GE(near_found, near * 9 / 10);
 }
 
+double cpu_ms(const Rig& rig) {
+  const auto& p = rig.task->last_profile();
+  return 1e-6 * static_cast<double>(p.prepare + p.track + p.integrate + p.raycast + p.ground);
+}
+
+double median(std::vector<double> v) {
+  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
+  return v[v.size() / 2];
+}
+
 TEST(Relocalisation, ALostFrameDoesNoMoreWorkThanATrackedOne) {
   const AnalyticScene scene = hall();
   Rig rig(coarse(), tour_start());
   rig.task->profile(true);
-  const auto cpu_ms = [&] {
-    const auto& p = rig.task->last_profile();
-    return 1e-6 * static_cast<double>(p.prepare + p.track + p.integrate + p.raycast + p.ground);
-  };
   std::array<std::int64_t, 3> lost_ns{};
   std::uint64_t tracked = 0, lost = 0;
   std::vector<double> tracked_ms, lost_ms;
@@ -164,7 +147,7 @@ TEST(Relocalisation, ALostFrameDoesNoMoreWorkThanATrackedOne) {
     rig.see(scene, in_hall(0.05 * i), 0.0015);
     if (i == 0) continue;
     tracked = std::max(tracked, rig.out.work - rig.out.work_view);
-    tracked_ms.push_back(cpu_ms());
+    tracked_ms.push_back(cpu_ms(rig));
   }
   // A place that is on no keyframe; with odometry, which makes the task cast the map again each time.
   for (int i = 0; i < 20; ++i) {
@@ -176,20 +159,62 @@ TEST(Relocalisation, ALostFrameDoesNoMoreWorkThanATrackedOne) {
     rig.see(other, tests::look_at(Vec3(0, 0, 0.5), Vec3(1, 0, 0.5)), 0.0015);
     EXPECT_EQ(rig.out.camera.tracking, CameraPose::Tracking::kLost);
     lost = std::max(lost, rig.out.work - rig.out.work_view);
-    lost_ms.push_back(cpu_ms());
+    lost_ms.push_back(cpu_ms(rig));
     const auto& p = rig.task->last_profile();
     lost_ns[0] += p.prepare, lost_ns[1] += p.track, lost_ns[2] += p.raycast;
   }
-  const auto median = [](std::vector<double> v) {
-    std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-    return v[v.size() / 2];
-  };
   std::printf("  work: tracked <= %llu, lost <= %llu; CPU p50 %.2f and %.2f ms\n",
               static_cast<unsigned long long>(tracked), static_cast<unsigned long long>(lost),
               median(tracked_ms), median(lost_ms));
   std::printf("  lost, mean ms: prepare %.2f, track and search %.2f, ray cast %.2f\n",
               5e-8 * static_cast<double>(lost_ns[0]), 5e-8 * static_cast<double>(lost_ns[1]),
               5e-8 * static_cast<double>(lost_ns[2]));
+  EXPECT_LE(lost, tracked);
+  EXPECT_LE(median(lost_ms), median(tracked_ms));
+}
+
+// What is to be seen where the camera has got to is put away: the lost frames bring it back. At the size and the
+// voxels of the product, for a block costs the same whatever the image.
+TEST(Relocalisation, ALostFrameThatBringsBackWhatIsFarDoesNoMoreWorkThanATrackedOne) {
+  const AnalyticScene scene = tests::passage(16);
+  FusionConfig config;
+  config.tsdf.max_depth_m = config.tracker.preprocess.depth_max_m = 2.0;
+  config.tsdf.far_m = 3.0;
+  Rig rig(config, tests::in_passage(0, 0), tests::kinect2_camera());
+  rig.task->profile(true);
+  std::uint64_t tracked = 0, lost = 0;
+  std::vector<double> tracked_ms, lost_ms;
+  for (int i = 0; i < 70; ++i) {
+    rig.see(scene, tests::in_passage(6 * (1 - std::cos(std::numbers::pi * i / 69)), i), 0.0015);
+    ASSERT_TRUE(rig.out.camera.claimed) << "frame " << i;
+    if (i == 0) continue;
+    tracked = std::max(tracked, rig.out.work - rig.out.work_view);
+    tracked_ms.push_back(cpu_ms(rig));
+  }
+  for (int i = 0; i < 5; ++i) rig.see(AnalyticScene{}, tests::in_passage(12, i));
+  EXPECT_EQ(rig.out.camera.tracking, CameraPose::Tracking::kLost);
+  int most = 0, took = 0;
+  const auto& map = rig.task->map();
+  const int far = map.far_block_count();
+  for (; took < 15 && (took == 0 || !rig.out.camera.claimed); ++took) {
+    const int before = map.far_block_count();
+    rig.see(scene, tests::in_passage(0.1, took), 0.0015);
+    if (rig.out.camera.claimed) continue;
+    lost = std::max(lost, rig.out.work - rig.out.work_view);
+    const int fetched = before - map.far_block_count();
+    most = std::max(most, fetched);
+    if (fetched >= 512) lost_ms.push_back(cpu_ms(rig));
+    std::printf("  lost, %d blocks brought back: %.2f ms\n", fetched, cpu_ms(rig));
+  }
+  std::printf("  %d blocks far away; claimed after %d frames, %.1f mm off\n", far, took,
+              1000 * off_m(rig, tests::in_passage(0.1, took - 1)));
+  EXPECT_TRUE(rig.out.camera.claimed);
+  EXPECT_LT(off_m(rig, tests::in_passage(0.1, took - 1)), 0.02);
+  EXPECT_GE(most, 512) << "enough to be seen in a frame's time";
+  ASSERT_FALSE(lost_ms.empty());
+  std::printf("  work: tracked <= %llu, lost <= %llu; CPU p50 %.2f and %.2f ms\n",
+              static_cast<unsigned long long>(tracked), static_cast<unsigned long long>(lost),
+              median(tracked_ms), median(lost_ms));
   EXPECT_LE(lost, tracked);
   EXPECT_LE(median(lost_ms), median(tracked_ms));
 }
