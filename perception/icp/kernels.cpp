@@ -153,8 +153,9 @@ HWY_INLINE void add_pixels(const RowsJob& job, const Rows& row, int u, RowSums<k
   if (hn::AllFalse(df, ok)) return;
 
   const V r = keep(ok, dot(n, d));
-  const V far = mul(mul(set(job.range_weight2), inv_z), inv_z);
-  const V share = hn::IfThenElse(hn::Lt(set(1.0F), far), set(1.0F), far);
+  const V beyond = hn::Max(sub(z, set(job.noise.from_m)), zero());
+  const V sigma = add(set(job.noise.least_m), mul(mul(set(job.noise.per_m2), beyond), beyond));
+  const V share = hn::Div(set(job.noise.least_m), sigma);
   const V w = keep(ok, mul(share, share));
   const V3 a{sub(q.x, set(job.centre[0])), sub(q.y, set(job.centre[1])),
              sub(q.z, set(job.centre[2]))};

@@ -12,6 +12,12 @@ inline constexpr int kLanes = 16;
 inline constexpr int kSums = 29;   // 21 of H (upper triangle by rows), 6 of g, r2, weight
 inline constexpr int kCross = 21;  // upper triangle by rows
 
+// What is believed of a reading at depth z: sigma(z) = least_m + per_m2 max(z - from_m, 0)^2, noise and what is left
+// of systematic error. A residual weighs (least_m / sigma)^2.
+struct NoiseRule {
+  float least_m, per_m2, from_m;
+};
+
 // Some rows of a level against the model. Rows are readable up to the next multiple of 16 pixels, where
 // depth is 0.
 struct RowsJob {
@@ -25,7 +31,8 @@ struct RowsJob {
   const float* model;  // nx, ny, nz, depth a pixel
   float model_width, model_height;
   float centre[3];  // in F
-  float gate_d2, gate_cos, range_weight2;
+  float gate_d2, gate_cos;
+  NoiseRule noise;
 };
 
 // fp32 within a row, fp64 over rows.

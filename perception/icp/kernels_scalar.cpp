@@ -52,7 +52,9 @@ void add_pixel(const RowsJob& job, int u, int v, bool with_cross, RowSums& row, 
   if (!(dot(d, d) < job.gate_d2) || !(dot(l, n) > job.gate_cos)) return;
   ++out.inliers;
   const float r = dot(n, d);
-  const float far = job.range_weight2 * inv_z * inv_z, share = 1.0F < far ? 1.0F : far;
+  const float beyond = z - job.noise.from_m > 0 ? z - job.noise.from_m : 0.0F;
+  const float sigma = job.noise.least_m + job.noise.per_m2 * beyond * beyond;
+  const float share = job.noise.least_m / sigma;
   const float w = share * share;
   const V3 a = minus(q, {job.centre[0], job.centre[1], job.centre[2]});
   const int lane = u % kLanes;

@@ -38,7 +38,7 @@ icp::RowsJob make_job(const DepthLevel& live, const ModelView& model, const Pose
   for (int i = 0; i < 3; ++i) job.centre[i] = static_cast<float>(centre_F(i));
   job.gate_d2 = gates.distance_m * gates.distance_m;
   job.gate_cos = gates.normal_cos;
-  job.range_weight2 = gates.range_weight_m * gates.range_weight_m;
+  job.noise = gates.noise;
   return job;
 }
 

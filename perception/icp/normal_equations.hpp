@@ -14,9 +14,9 @@ using Vec6 = Eigen::Matrix<double, 6, 1>;
 using Mat6 = Eigen::Matrix<double, 6, 6>;
 
 struct Gates {
-  float distance_m = 0.1F;      // largest |q - v_m|
-  float normal_cos = 0.866F;    // smallest n_live . n_m
-  float range_weight_m = 1.0F;  // weight (range_weight_m / z)^4 beyond it, 1 nearer
+  float distance_m = 0.1F;    // largest |q - v_m|
+  float normal_cos = 0.866F;  // smallest n_live . n_m
+  icp::NoiseRule noise{0.0015F, 0.004F, 0.8F};
 };
 
 // Weighted normal equations H xi = -g of xi = (v, w) about `centre_F`, residual sums and counts.

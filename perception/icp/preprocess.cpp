@@ -169,16 +169,13 @@ void set_camera(DepthLevel& level, const Intrinsics& k) noexcept {
   }
 }
 
-void count_readings(DepthLevel& level) noexcept {
-  level.valid = 0;
-  level.depth_sum = 0;
-  for (int v = 0; v < level.depth.height(); ++v) {
-    const float* row = level.depth.row(v);
-    for (int u = 0; u < level.depth.width(); ++u) {
-      level.valid += row[u] > 0 ? 1 : 0;
-      level.depth_sum += static_cast<double>(row[u]);
-    }
+int count_readings(const PaddedImage& depth) noexcept {
+  int n = 0;
+  for (int v = 0; v < depth.height(); ++v) {
+    const float* row = depth.row(v);
+    for (int u = 0; u < depth.width(); ++u) n += row[u] > 0 ? 1 : 0;
   }
+  return n;
 }
 
 }  // namespace
@@ -221,12 +218,24 @@ void TrackingPyramid::build(ImageView<const std::uint16_t> depth_mm, const Intri
     work_ += static_cast<std::uint64_t>(k.width) * static_cast<std::uint64_t>(k.height);
     k = k.subsampled(2);
   }
-  count_readings(levels_[1]);
+  levels_[1].valid = count_readings(levels_[1].depth);
 }
 
-double TrackingPyramid::mean_depth() const noexcept {
-  const DepthLevel& l = levels_[1];
-  return l.valid > 0 ? l.depth_sum / l.valid : 0.0;
+double TrackingPyramid::mean_depth(const icp::NoiseRule& noise) const noexcept {
+  const PaddedImage& depth = levels_[kLevels - 1].depth;
+  double weight = 0, sum_m = 0;
+  for (int v = 0; v < depth.height(); ++v) {
+    const float* row = depth.row(v);
+    for (int u = 0; u < depth.width(); ++u) {
+      if (!(row[u] > 0)) continue;
+      const float beyond = std::max(row[u] - noise.from_m, 0.0F);
+      const float ratio = noise.least_m / (noise.least_m + noise.per_m2 * beyond * beyond);
+      const double w = static_cast<double>(ratio * ratio);
+      weight += w;
+      sum_m += w * static_cast<double>(row[u]);
+    }
+  }
+  return weight > 0 ? sum_m / weight : 0.0;
 }
 
 }  // namespace perception

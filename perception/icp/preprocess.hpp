@@ -67,8 +67,7 @@ struct DepthLevel {
   PaddedImage depth, nx, ny, nz;
   std::vector<float> x_factor;  // (u - cx) / fx, padded by 8 entries
   std::vector<float> y_factor;
-  int valid = 0;         // pixels with depth; counted at level 1 only
-  double depth_sum = 0;  // m, over valid pixels
+  int valid = 0;  // pixels with depth; counted at level 1 only
 };
 
 class TrackingPyramid {
@@ -89,8 +88,9 @@ class TrackingPyramid {
   [[nodiscard]] ImageView<const float> full_depth() const noexcept {
     return {raw_.row(0), raw_.width(), raw_.height(), raw_.stride()};
   }
-  // Mean depth of level 1, m; 0 when the image holds no reading.
-  [[nodiscard]] double mean_depth() const noexcept;
+  // Mean depth of the coarsest level, m, as readings weigh; 0 when the image
+  // holds no reading.
+  [[nodiscard]] double mean_depth(const icp::NoiseRule& noise) const noexcept;
   // Pixels visited by the last build(); a function of the input alone.
   [[nodiscard]] std::uint64_t work() const noexcept { return work_; }
 

@@ -13,6 +13,11 @@ namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 
+icp::NoiseRule noise_of(const TrackerConfig& c) noexcept {
+  return {static_cast<float>(c.noise_m), static_cast<float>(c.noise_per_m2),
+          static_cast<float>(c.noise_from_m)};
+}
+
 }  // namespace
 
 void TrackerConfig::describe(config::Section& s) {
@@ -23,7 +28,9 @@ void TrackerConfig::describe(config::Section& s) {
       .numbers("gate_distance_m", gate_distance_m, 0.005, 1,
                "largest pair distance, fine to coarse")
       .number("gate_normal_deg", gate_normal_deg, 1, 89, "largest angle between normals")
-      .number("range_weight_m", range_weight_m, 0.1, 100, "beyond it a residual weighs 1/z^4")
+      .number("noise_m", noise_m, 1e-4, 0.1, "of a reading: this much ...")
+      .number("noise_per_m2", noise_per_m2, 0, 1, "... plus this times the square of the depth ...")
+      .number("noise_from_m", noise_from_m, 0, 10, "... beyond this one")
       .number("stop_translation_m", stop_translation_m, 0, 0.01, "a level ends below this step")
       .number("stop_rotation_deg", stop_rotation_deg, 0, 1, "and this one")
       .number("weak_inlier_share", weak_inlier_share, 0, 1, "below: weak")
@@ -58,6 +65,8 @@ void Tracker::prepare(ImageView<const std::uint16_t> depth_mm, const Intrinsics&
   pyramid_.build(depth_mm, intrinsics, pixel_step, *crew_);
 }
 
+double Tracker::mean_depth() const noexcept { return pyramid_.mean_depth(noise_of(config_)); }
+
 namespace {
 
 // The state of one alignment: the pose being refined and what is needed to refine it.
@@ -75,8 +84,7 @@ struct Alignment {
 
   [[nodiscard]] Gates gates(std::size_t level) const noexcept {
     return {static_cast<float>(std::min(config.gate_distance_m[level], gate_limit_m)),
-            static_cast<float>(std::cos(config.gate_normal_deg * kDegree)),
-            static_cast<float>(config.range_weight_m)};
+            static_cast<float>(std::cos(config.gate_normal_deg * kDegree)), noise_of(config)};
   }
   // Sums at `level`, and from them which directions are constrained.
   [[nodiscard]] NormalEquations examine(std::size_t level) noexcept {
@@ -191,7 +199,7 @@ void Tracker::track(const ModelView& model, const MotionPrior& prior,
   out.X_WC = prior.X_WC;
   out.condition = std::numeric_limits<double>::infinity();
   out.degenerate_count = 6;
-  const double length = pyramid_.mean_depth();
+  const double length = mean_depth();
   if (!model.valid() || !(length > 0) || !prior.X_WC.matrix().allFinite()) return;
 
   const Pose X_FW = model.X_WF.inverse();
@@ -224,7 +232,7 @@ void Tracker::reacquire(const ModelView& model, const Pose& X_WC_guess,
   out.X_WC = X_WC_guess;
   out.condition = std::numeric_limits<double>::infinity();
   out.degenerate_count = 6;
-  const double length = pyramid_.mean_depth();
+  const double length = mean_depth();
   if (!model.valid() || !(length > 0) || !X_WC_guess.matrix().allFinite()) return;
 
   Alignment a{pyramid_,     model,  config_, *crew_, model.X_WF.inverse() * X_WC_guess,

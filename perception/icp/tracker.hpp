@@ -8,7 +8,7 @@
 //
 // A direction the scene does not constrain is not moved along; the motion prior's value stays
 // (solution remapping, Zhang, Kaess, Singh, ICRA 2016). Which directions those are is decided from the
-// eigenvalues of the 6x6 with rotation scaled by the mean depth, on the cross moment of live and
+// eigenvalues of the 6x6 with rotation scaled by the mean depth (as points weigh), on the cross moment of live and
 // model normals: their noise is independent, so a noisy flat wall does not look like structure
 // (degeneracy.hpp).
 //
@@ -33,8 +33,11 @@ struct TrackerConfig {
   std::array<int, 3> iterations{4, 5, 15};  // fine to coarse; the upper bound of a dynamic knob
   std::array<double, 3> gate_distance_m{0.05, 0.08, 0.20};  // fine to coarse
   double gate_normal_deg = 30;
-  // Beyond it a residual weighs (range_weight_m / z)^4: the noise of depth cameras grows with z^2.
-  double range_weight_m = 1.0;
+  // icp::NoiseRule: the noise of a structured-light camera (Nguyen, Izadi, Lovell, 3DIMPVT 2012) up to 2 m; beyond,
+  // half as much again, for the pattern that an uncalibrated one keeps in its images whatever they show.
+  double noise_m = 0.0015;
+  double noise_per_m2 = 0.004;
+  double noise_from_m = 0.8;
   double stop_translation_m = 1e-4;  // a level ends when a step is below both
   double stop_rotation_deg = 5e-3;
   DegeneracyConfig degeneracy;
@@ -85,7 +88,8 @@ struct TrackingResult {
   double contradiction = 0;        // reacquire() only: share of points off every surface about them
   double condition = 0;  // largest / smallest eigenvalue of the scaled 6x6; inf = singular
   int degenerate_count = 0;
-  // First degenerate_count columns: unit twists (v, w L) in W about the centroid, w scaled by `length_m` (mean depth).
+  // First degenerate_count columns: unit twists (v, w L) in W about the centroid, w scaled by `length_m` (mean depth,
+  // as points weigh).
   Eigen::Matrix<double, 6, 6> degenerate_W = Eigen::Matrix<double, 6, 6>::Zero();
   double length_m = 0;
   std::array<int, 3> iterations{};  // done, fine to coarse
@@ -119,6 +123,7 @@ class Tracker {
   [[nodiscard]] const TrackerConfig& config() const noexcept { return config_; }
 
  private:
+  [[nodiscard]] double mean_depth() const noexcept;
   TrackerConfig config_;
   TrackingPyramid pyramid_;
   rt::ForkJoin* crew_ = &rt::serial();

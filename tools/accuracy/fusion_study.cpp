@@ -1,15 +1,13 @@
 #include "tools/accuracy/fusion_study.hpp"
 
-#include <ctime>
-
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <limits>
 #include <memory>
 #include <stdexcept>
 
 #include "tools/accuracy/scenes.hpp"
+#include "tools/bench/fusion_feed.hpp"
 
 namespace teletact {
 
@@ -20,12 +18,6 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr int kAllocateStep = 2;  // of level 0
-
-double cpu_ms() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
-}
 
 double median(std::vector<double> v) {
   if (v.empty()) return kNaN;
@@ -197,40 +189,22 @@ FusionRun run_fusion(rt::NonRealtime& nrt, const FusionSequence& sequence,
   const bool judged = !sequence.truth_WC.empty();
   const Pose X_WM = judged ? sequence.truth_WC.front() : Pose::Identity();
   tasks::FusionTask task(nrt, config, setup);
-  auto frame = std::make_unique<RgbdFrame>();
-  auto patch = std::make_unique<perception::SurfacePatch>();
-  auto cost_map = std::make_unique<perception::CostMap>();
+  FusionFeed feed(task);
   FusionRun run;
+  ClaimedError error;
   std::vector<double> cpu;
-  double squares = 0;
   int claimed = 0;
   for (int i = 0; i < sequence.size(); ++i) {
-    sequence.frame(i, *frame);
-    rt::Tick tick;
-    tick.k = static_cast<std::uint64_t>(i);
-    tick.release = tick.start = frame->exposure;
-    tasks::FusionTask::In in;
-    in.frame = frame.get();
-    in.frame_fresh = true;
-    tasks::FusionTask::Out out;
-    out.patch = patch.get();
-    out.cost_map = cost_map.get();
-    const double begin = cpu_ms();
-    static_cast<void>(task.step(tick, in, out));
-    if (i >= std::min(10, sequence.size() / 2)) cpu.push_back(cpu_ms() - begin);
+    sequence.frame(i, feed.frame());
+    const auto& out = feed.step();
+    if (i >= std::min(10, sequence.size() / 2)) cpu.push_back(feed.cpu_ms());
     run.blocks_refused += out.integration.blocks_refused;
     if (!out.camera_written || !out.camera.claimed) continue;
     ++claimed;
-    if (!judged) continue;
-    // The first frame is claimed, and the map's frame is the first camera's.
-    const double off = (X_WM * out.camera.X_WC.translation() -
-                        sequence.truth_WC[static_cast<std::size_t>(i)].translation())
-                           .norm();
-    squares += off * off;
-    run.worst_mm = std::max(run.worst_mm, 1e3 * off);
+    if (judged) error.add(out.camera.X_WC, sequence.truth_WC[static_cast<std::size_t>(i)]);
   }
-  run.ate_mm = judged && claimed > 0 ? 1e3 * std::sqrt(squares / claimed) : kNaN;
-  if (!judged) run.worst_mm = kNaN;
+  run.ate_mm = error.ate_mm();
+  run.worst_mm = error.worst_mm();
   run.claimed = static_cast<double>(claimed) / std::max(1, sequence.size());
   run.cpu_ms = median(cpu);
   run.mesh = moved(perception::extract_mesh(nrt, task.map()), X_WM);

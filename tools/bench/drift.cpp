@@ -1,15 +1,12 @@
 #include "tools/bench/drift.hpp"
 
-#include <ctime>
-
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
-#include <memory>
 
 #include "drivers/camera/render.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "tasks/fusion/fusion_task.hpp"
+#include "tools/bench/fusion_feed.hpp"
 #include "tools/bench/fusion_sequence.hpp"
 
 namespace teletact {
@@ -17,12 +14,6 @@ namespace teletact {
 using perception::Pose;
 
 namespace {
-
-double cpu_ms() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
-}
 
 double mean(const std::vector<double>& v, std::size_t from, std::size_t to) {
   double sum = 0;
@@ -52,25 +43,17 @@ DriftResult bench_drift(std::ostream& progress, int frames, double voxel_m, int 
   setup.camera = camera_of(step);
   setup.X_WC0 = X_WC;
   tasks::FusionTask task(startup.token(), config, setup);
-  auto frame = std::make_unique<perception::RgbdFrame>();
+  FusionFeed feed(task);
   DriftResult r;
   r.frames = frames;
   r.voxel_mm = 1e3 * voxel_m;
   std::vector<double> off;
   for (int i = 0; i < frames; ++i) {
     drivers::render(world, setup.camera, X_WC, {room.range_min_m, room.range_max_m}, noise, 1,
-                    static_cast<std::uint64_t>(i), scratch, *frame);
-    frame->exposure = rt::Time{} + rt::Nanos{1'000'000'000LL + i * 33'333'333LL};
-    rt::Tick tick;
-    tick.k = static_cast<std::uint64_t>(i);
-    tick.release = tick.start = frame->exposure;
-    tasks::FusionTask::In in;
-    in.frame = frame.get();
-    in.frame_fresh = true;
-    tasks::FusionTask::Out out;
-    const double begin = cpu_ms();
-    static_cast<void>(task.step(tick, in, out));
-    r.cpu_ms += (cpu_ms() - begin) / frames;
+                    static_cast<std::uint64_t>(i), scratch, feed.frame());
+    feed.frame().exposure = rt::Time{} + rt::Nanos{1'000'000'000LL + i * 33'333'333LL};
+    const auto& out = feed.step();
+    r.cpu_ms += feed.cpu_ms() / frames;
     const perception::Mat3 R = out.camera.X_WC.linear();
     r.orthonormal = std::max(
         r.orthonormal, (R.transpose() * R - perception::Mat3::Identity()).cwiseAbs().maxCoeff());

@@ -3,21 +3,19 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <filesystem>
 #include <limits>
 #include <memory>
 
 #include "rt/memory/non_realtime.hpp"
 #include "tasks/fusion/fusion_task.hpp"
+#include "tools/bench/fusion_feed.hpp"
 #include "tools/bench/fusion_sequence.hpp"
 #include "tools/bench/other_load.hpp"
 #include "tools/bench/peer_process.hpp"
 
 namespace teletact {
 namespace {
-
-using perception::Pose;
 
 constexpr double kVoxel_m = 0.01;
 constexpr int kEdge = 512;
@@ -46,11 +44,8 @@ class Run {
     }
     if (i >= first) ms_.push_back(r.cpu_ms);
     if (!r.tracked) return;
-    if (!sequence.truth_WC.empty()) {
-      const Pose& truth = sequence.truth_WC[static_cast<std::size_t>(i)];
-      if (tracked_ == 0) X_TW_ = truth * r.X_WC.inverse();
-      squares_ += ((X_TW_ * r.X_WC).translation() - truth.translation()).squaredNorm();
-    }
+    if (!sequence.truth_WC.empty())
+      error_.add(r.X_WC, sequence.truth_WC[static_cast<std::size_t>(i)]);
     ++tracked_;
   }
   [[nodiscard]] FusionPeerRow row(const FusionSequence& sequence) const {
@@ -62,9 +57,7 @@ class Run {
     row.p50_ms = quantile(ms_, 0.5), row.p95_ms = quantile(ms_, 0.95),
     row.max_ms = quantile(ms_, 1.0);
     row.tracked = tracked_, row.frames = sequence.size();
-    row.ate_mm = sequence.truth_WC.empty() || tracked_ == 0
-                     ? std::numeric_limits<double>::quiet_NaN()
-                     : 1e3 * std::sqrt(squares_ / tracked_);
+    row.ate_mm = error_.ate_mm();
     return row;
   }
 
@@ -80,8 +73,7 @@ class Run {
   std::string absent_;
   std::vector<double> ms_;
   int tracked_ = 0;
-  double squares_ = 0;
-  Pose X_TW_ = Pose::Identity();
+  ClaimedError error_;
 };
 
 class OurRun : public Run {
@@ -96,29 +88,17 @@ class OurRun : public Run {
     tasks::FusionSetup setup;
     setup.camera = sequence.intrinsics;
     task_ = std::make_unique<tasks::FusionTask>(startup.token(), config, setup);
+    feed_ = std::make_unique<FusionFeed>(*task_);
+    feed_->in.hand.seq = 1;
+    feed_->in.hand.p_WH = perception::Vec3(0, 0, 1.5);
   }
 
  protected:
   bool step(const FusionSequence& sequence, int i, PeerProcess::Reply& r) override {
-    sequence.frame(i, *frame_);
-    frame_->has_colour = false;  // the peers fuse none
-    rt::Tick tick;
-    tick.k = static_cast<std::uint64_t>(i);
-    tick.release = tick.start = frame_->exposure;
-    tasks::FusionTask::In in;
-    in.frame = frame_.get();
-    in.frame_fresh = true;
-    in.hand.seq = 1;
-    in.hand.p_WH = perception::Vec3(0, 0, 1.5);
-    tasks::FusionTask::Out out;
-    out.patch = patch_.get();
-    out.cost_map = cost_map_.get();
-    timespec before{}, after{};
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &before);
-    static_cast<void>(task_->step(tick, in, out));
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &after);
-    r.cpu_ms = 1e3 * static_cast<double>(after.tv_sec - before.tv_sec) +
-               1e-6 * static_cast<double>(after.tv_nsec - before.tv_nsec);
+    sequence.frame(i, feed_->frame());
+    feed_->frame().has_colour = false;  // the peers fuse none
+    const auto& out = feed_->step();
+    r.cpu_ms = feed_->cpu_ms();
     r.tracked = out.camera_written && out.camera.claimed;
     r.X_WC = out.camera.X_WC;
     return true;
@@ -126,9 +106,7 @@ class OurRun : public Run {
 
  private:
   std::unique_ptr<tasks::FusionTask> task_;
-  std::unique_ptr<perception::RgbdFrame> frame_ = std::make_unique<perception::RgbdFrame>();
-  std::unique_ptr<perception::SurfacePatch> patch_ = std::make_unique<perception::SurfacePatch>();
-  std::unique_ptr<perception::CostMap> cost_map_ = std::make_unique<perception::CostMap>();
+  std::unique_ptr<FusionFeed> feed_;
 };
 
 class TheirRun : public Run {

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <memory>
 #include <optional>
 #include <stdexcept>
 
@@ -12,6 +11,7 @@
 #include "rt/memory/non_realtime.hpp"
 #include "tasks/fusion/fusion_task.hpp"
 #include "tools/bench/bench_pool.hpp"
+#include "tools/bench/fusion_feed.hpp"
 #include "tools/bench/fusion_sequence.hpp"
 #include "tools/bench/other_load.hpp"
 
@@ -157,9 +157,10 @@ Table1Row pass(const FusionSequence& sequence, int edge, int first_frame, bool w
   std::vector<double> followed, object;
   task.profile(true);
   if (crew != nullptr) task.use(crew->pool());
-  auto frame = std::make_unique<perception::RgbdFrame>();
-  auto patch = std::make_unique<perception::SurfacePatch>();
-  auto cost_map = std::make_unique<perception::CostMap>();
+  FusionFeed feed(task);
+  feed.in.hand.seq = 1;
+  feed.in.hand.p_WH = perception::Vec3(0, 0, 1.5);  // in front of the first camera
+  ClaimedError error;
   Table1Row row;
   row.sequence = sequence.name;
   row.isa = perception::simd::name_of(perception::simd::chosen());
@@ -167,33 +168,17 @@ Table1Row pass(const FusionSequence& sequence, int edge, int first_frame, bool w
   row.frames = sequence.size();
   std::vector<double> whole, real_wall, own_cpu, worker_cpu, forks;
   std::array<std::vector<double>, Table1Row::kStages> stages;
-  perception::Pose X_WT = perception::Pose::Identity();
-  double squares = 0;
   OtherLoad others;
   for (int i = 0; i < sequence.size(); ++i) {
-    sequence.frame(i, *frame);
-    rt::Tick tick;
-    tick.k = static_cast<std::uint64_t>(i);
-    tick.release = tick.start = frame->exposure;
-    tasks::FusionTask::In in;
-    in.frame = frame.get();
-    in.frame_fresh = true;
-    in.hand.seq = 1;
-    in.hand.p_WH = perception::Vec3(0, 0, 1.5);  // in front of the first camera
-    if (with_object) toucher.before(task, *frame, i, in);
-    tasks::FusionTask::Out out;
-    out.patch = patch.get();
-    out.cost_map = cost_map.get();
-    const FrameTimes times = timed(crew, [&] { static_cast<void>(task.step(tick, in, out)); });
+    sequence.frame(i, feed.frame());
+    if (with_object) toucher.before(task, feed.frame(), i, feed.in);
+    const FrameTimes times = timed(crew, [&] { feed.step(); });
+    const tasks::FusionTask::Out& out = feed.out();
     row.refused += out.integration.blocks_refused;
     if (out.camera_written && out.camera.claimed) {
-      const auto at = static_cast<std::size_t>(i);
-      if (!sequence.truth_WC.empty()) {
-        if (row.claimed == 0) X_WT = sequence.truth_WC[at] * out.camera.X_WC.inverse();
-        squares += ((X_WT * out.camera.X_WC).translation() - sequence.truth_WC[at].translation())
-                       .squaredNorm();
-      }
       ++row.claimed;
+      if (!sequence.truth_WC.empty())
+        error.add(out.camera.X_WC, sequence.truth_WC[static_cast<std::size_t>(i)]);
     }
     const bool segmented = with_object && toucher.after(out, i);
     if (i < first_frame) continue;
@@ -225,9 +210,7 @@ Table1Row pass(const FusionSequence& sequence, int edge, int first_frame, bool w
   row.followed = static_cast<int>(followed.size());
   row.touches = toucher.touches;
   for (std::size_t s = 0; s < stages.size(); ++s) row.stages[s] = figures(stages[s]);
-  row.ate_mm = sequence.truth_WC.empty() || row.claimed == 0
-                   ? std::numeric_limits<double>::quiet_NaN()
-                   : 1e3 * std::sqrt(squares / row.claimed);
+  row.ate_mm = error.ate_mm();
   constexpr double kMiB = 1.0 / 1048576.0;
   row.memory_MiB =
       kMiB * static_cast<double>(task.map().memory_bytes() + 4 * sizeof(perception::SurfacePatch));

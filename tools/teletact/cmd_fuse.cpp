@@ -20,7 +20,6 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <memory>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -30,6 +29,7 @@
 #include "perception/simd/isa.hpp"
 #include "perception/tsdf/mesh.hpp"
 #include "tasks/fusion/fusion_task.hpp"
+#include "tools/bench/fusion_feed.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/odometry_file.hpp"
@@ -123,25 +123,14 @@ void note_frame(const tasks::FusionTask& task, const tasks::FusionTask::Out& out
 // Runs the task over the sequence; returns the text of the pose file.
 std::string fuse(const drivers::TumSequence& sequence, const std::vector<OdometryLine>& odometry,
                  const char* world, tasks::FusionTask& task, Tally& tally) {
-  auto frame = std::make_unique<perception::RgbdFrame>();
-  auto patch = std::make_unique<perception::SurfacePatch>();
-  auto cost_map = std::make_unique<perception::CostMap>();
+  FusionFeed feed(task);
   std::string poses = "# camera to world; world = " + std::string(world) +
                       ". A data line is a claim.\n# timestamp tx ty tz qx qy qz qw\n";
   for (int i = 0; i < sequence.size(); ++i) {
-    take(sequence.read(i, *frame));
-    rt::Tick tick;
-    tick.k = static_cast<std::uint64_t>(i);
-    tick.release = tick.start = frame->exposure;
-    tasks::FusionTask::In in;
-    in.frame = frame.get();
-    in.frame_fresh = true;
+    take(sequence.read(i, feed.frame()));
     if (!odometry.empty())
-      in.odometry = odometry_at(odometry, sequence.stamp_s(i), frame->exposure);
-    tasks::FusionTask::Out out;
-    out.patch = patch.get();
-    out.cost_map = cost_map.get();
-    static_cast<void>(task.step(tick, in, out));
+      feed.in.odometry = odometry_at(odometry, sequence.stamp_s(i), feed.frame().exposure);
+    const auto& out = feed.step();
     note_frame(task, out, tally);
     poses += out.camera_written ? pose_line(sequence.stamp_text(i), out.camera)
                                 : "# no image " + sequence.stamp_text(i) + "\n";

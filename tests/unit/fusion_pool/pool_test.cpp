@@ -13,8 +13,8 @@
 #include "rt/hash.hpp"
 #include "rt/sched/worker_pool.hpp"
 #include "tests/support/tsan_libraries.hpp"
+#include "tests/unit/tasks_fusion/hall.hpp"
 #include "tests/unit/tasks_fusion/recording.hpp"
-#include "tests/unit/tasks_fusion/rig.hpp"
 
 namespace tasks {
 namespace {
@@ -153,16 +153,7 @@ struct Passage {
 };
 
 Passage passage(int workers) {
-  AnalyticScene s;
-  s.planes = {{Vec3(0, 0, 0), Vec3::UnitZ()},
-              {Vec3(0, 1, 0), -Vec3::UnitY()},
-              {Vec3(0, -1, 0), Vec3::UnitY()}};
-  for (int n = 0; n < 10; ++n) {
-    Pose X = Pose::Identity();
-    X.linear() = Eigen::AngleAxisd(0.5 * n, Vec3::UnitZ()).toRotationMatrix();
-    X.translation() = Vec3(0.9 + 0.8 * n, n % 2 == 0 ? 0.6 : -0.6, 0.25);
-    s.boxes.push_back({X, Vec3(0.2, 0.15, 0.25 + 0.03 * (n % 4))});
-  }
+  const AnalyticScene s = tests::passage(8);
   const auto way = [](double x) {
     return tests::look_at(Vec3(x, 0.1 * std::sin(x), 0.9), Vec3(x + 1.5, 0, 0.2));
   };

@@ -222,9 +222,21 @@ TEST(Pyramid, EmptyAndOversizedImagesAreHarmless) {
   std::vector<std::uint16_t> zero(64 * 48, 0), far(64 * 48, 65535);
   for (auto* image : {&zero, &far}) {
     pyramid.build({image->data(), 64, 48, 64}, {60, 60, 31.5, 23.5, 64, 48}, 1);
-    EXPECT_EQ(pyramid.mean_depth(), 0);
+    EXPECT_EQ(pyramid.mean_depth({0.0015F, 0.004F, 0.8F}), 0);
     EXPECT_EQ(pyramid.level(1).valid, 0);
   }
+}
+
+// Two surfaces: their mean is nearer to the one that is believed more.
+TEST(Pyramid, MeanDepthIsOfWhatWeighs) {
+  rt::Startup startup;
+  TrackingPyramid pyramid(startup.token(), PreprocessConfig{}, 64, 48);
+  std::vector<std::uint16_t> mm(64 * 48);
+  for (std::size_t i = 0; i < mm.size(); ++i) mm[i] = i % 64 < 32 ? 1000 : 3000;
+  pyramid.build({mm.data(), 64, 48, 64}, {60, 60, 31.5, 23.5, 64, 48}, 1);
+  EXPECT_NEAR(pyramid.mean_depth({0.0015F, 0, 1}), 2.0, 1e-6);
+  // Sigma 1 mm at 1 m, 5 mm at 3 m: 25 to 1.
+  EXPECT_NEAR(pyramid.mean_depth({0.001F, 0.001F, 1}), (25 * 1.0 + 3.0) / 26, 1e-5);
 }
 
 }  // namespace

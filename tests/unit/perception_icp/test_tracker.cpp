@@ -301,8 +301,10 @@ NormalEquations reference_sums(const DepthLevel& live, const ModelView& model, c
       if ((q - m).norm() >= static_cast<double>(gates.distance_m)) continue;
       if (l.dot(n) <= static_cast<double>(gates.normal_cos)) continue;
       ++eq.inliers;
-      const double range = static_cast<double>(gates.range_weight_m) / q.z();
-      const double w = std::min(1.0, std::pow(range, 4));
+      const double beyond = std::max(0.0, z - static_cast<double>(gates.noise.from_m));
+      const double least = static_cast<double>(gates.noise.least_m);
+      const double sigma = least + static_cast<double>(gates.noise.per_m2) * beyond * beyond;
+      const double w = std::pow(least / sigma, 2);
       const auto residual = [&](const Vec6& xi, const Vec3& normal) {
         return normal.dot(centre + exp_se3(xi) * (q - centre) - m);
       };
@@ -334,7 +336,7 @@ TEST(NormalEquations, EqualNumericJacobiansSummedInDouble) {
     rig.see(room, X_WF * tests::random_motion(random, 0.03, 0.03), 0.002, random);
     const Pose X_FC = tests::random_motion(random, 0.02, 0.02);
     const Vec3 centre(0.05, -0.02, 1.7);
-    const Gates gates{0.1F, 0.85F, 1.5F};
+    const Gates gates{0.1F, 0.85F, {0.002F, 0.005F, 1.5F}};
     for (int level = 0; level < 3; ++level) {
       NormalEquations eq;
       CrossMoment cross;
@@ -370,7 +372,7 @@ TEST(NormalEquations, EveryInstructionSetGivesTheSameBytes) {
   Pose X_FC = Pose::Identity();
   X_FC.linear() = Eigen::AngleAxisd(0.02, Vec3(0.3, 0.8, -0.1).normalized()).toRotationMatrix();
   X_FC.translation() = Vec3(0.01, -0.004, 0.006);
-  const Gates gates{0.1F, 0.85F, 1.5F};
+  const Gates gates{0.1F, 0.85F, {0.002F, 0.005F, 1.5F}};
   for (int l = 0; l < TrackingPyramid::kLevels; ++l) {
     std::vector<NormalEquations> sums;
     std::vector<CrossMoment> crosses;

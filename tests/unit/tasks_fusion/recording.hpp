@@ -1,6 +1,7 @@
 // The recorded kitchen, where it is present, and error measures against its poses.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -33,15 +34,22 @@ inline std::vector<perception::Pose> recorded_poses() {
   return poses;
 }
 
-// RMS translation error, first poses aligned, mm.
-inline double ate_first_pose_mm(const std::vector<perception::Pose>& estimate,
-                                const std::vector<perception::Pose>& truth) {
+// Translation error, first poses aligned, mm.
+struct PoseError {
+  double rms_mm = 0, worst_mm = 0;
+};
+inline PoseError first_pose_error(const std::vector<perception::Pose>& estimate,
+                                  const std::vector<perception::Pose>& truth) {
   const perception::Pose align = truth.front() * estimate.front().inverse();
+  PoseError e;
   double sum = 0;
   for (std::size_t i = 0; i < estimate.size(); ++i) {
-    sum += ((align * estimate[i]).translation() - truth[i].translation()).squaredNorm();
+    const double off = ((align * estimate[i]).translation() - truth[i].translation()).norm();
+    sum += off * off;
+    e.worst_mm = std::max(e.worst_mm, 1000 * off);
   }
-  return 1000 * std::sqrt(sum / static_cast<double>(estimate.size()));
+  e.rms_mm = 1000 * std::sqrt(sum / static_cast<double>(estimate.size()));
+  return e;
 }
 
 }  // namespace tests

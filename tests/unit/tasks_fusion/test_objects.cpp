@@ -123,7 +123,7 @@ TEST(FusionObjects, AMarkBecomesAnObjectEverywhere) {
   std::cout << "box seen at " << seen << " pixels, labelled " << right << ", elsewhere "
             << labelled - right << " (" << stray << " beyond 30 mm)\n";
   EXPECT_GT(seen, 1000);
-  EXPECT_GE(right, 0.9 * seen);
+  EXPECT_GE(right, 0.93 * seen) << "95 % is wanted: docs/fusion.md, Labels";
   EXPECT_LE(labelled - right, 0.05 * seen);
   EXPECT_LE(stray, 0.01 * seen);
 
