@@ -20,9 +20,9 @@ namespace {
 
 constexpr std::uint8_t kContinued = 0x80;  // beside a label, while outlines are looked for
 // Voxels.
-constexpr float kBesidePlane = 1.0F;  // a node so near to the plane says something of it
-constexpr float kAgrees = 0.75F;      // of the stored distance with that to the plane
-constexpr float kBehind = 0.5F;       // what a continued surface covers lies so far behind
+constexpr float kBesidePlane = 1.0F;   // a node so near to the plane says something of it
+constexpr float kAgrees = 0.75F;       // of the stored distance with that to the plane
+constexpr float kBehind = 0.5F;        // what a continued surface covers lies so far behind
 constexpr float kLeastFacing = 0.15F;  // cosine between ray and normal
 constexpr float kLeastShare = 0.1F;    // of nodes on the plane
 constexpr int kMostReach_px = 16;

@@ -22,7 +22,7 @@ namespace {
 using namespace perception;  // NOLINT: test only
 
 constexpr int kFrames = 30, kJudged = 10;  // the last of them: masks against ray casts
-constexpr double kSameSurface_m = 0.02;     // as far from it as a label votes
+constexpr double kSameSurface_m = 0.02;    // as far from it as a label votes
 constexpr double kTop_m = 0.72;
 
 drivers::WorldConfig table() {
