@@ -21,9 +21,11 @@ namespace {
 constexpr std::uint8_t kContinued = 0x80;  // beside a label, while outlines are looked for
 // Voxels.
 constexpr float kBesidePlane = 1.0F;   // a node so near to the plane says something of it
-constexpr float kAgrees = 0.75F;       // of the stored distance with that to the plane
+constexpr float kAgrees = 0.5F;        // of the stored distance with that to the plane
 constexpr float kBehind = 0.5F;        // what a continued surface covers lies so far behind
+constexpr float kFarAlong = 2.5F;      // from where it is continued, along the optical axis
 constexpr float kLeastFacing = 0.15F;  // cosine between ray and normal
+constexpr float kInFront = 0.5F;       // truncations: a node so far in front has been seen through
 constexpr float kLeastShare = 0.1F;    // of nodes on the plane
 constexpr int kMostReach_px = 16;
 
@@ -68,12 +70,12 @@ class Edge {
             if (map_.free_at(i + x, j + y, k + z)) not_there += share;
             continue;
           }
-          const float distance =
-              static_cast<float>(TsdfMap::word_distance(word)) * voxels_per_unit_ * cosine;
-          if (std::fabs(distance - height) <= kAgrees)
-            there += share;
-          else if (distance > height)
+          const auto stored = static_cast<float>(TsdfMap::word_distance(word));
+          const float distance = stored * voxels_per_unit_ * cosine;
+          if (stored > kInFront * TsdfMap::kDistanceOne || distance > height + kAgrees)
             not_there += share;
+          else if (distance >= height - kAgrees)
+            there += share;
         }
     if (there < kLeastShare || there < not_there) return false;
     const LabelVoxel said = reader_.voted(p_W);
@@ -129,7 +131,7 @@ void RaycastMaps::continue_outlines(const TsdfMap& map) noexcept {
           const float facing = -normal.dot(ray), cosine = facing / ray.norm();
           if (cosine < kLeastFacing) continue;
           const float z = -plane / facing;
-          if (!(std::fabs(z - vertex.z()) < 2 * voxel)) continue;
+          if (!(std::fabs(z - vertex.z()) < kFarAlong * voxel)) continue;
           if (hit(a, b) && at(a, b)[3] < z + kBehind * voxel) continue;
           if (!edge.holds(X_WC * (ray * z).cast<double>(), normal_W, cosine, id)) continue;
           label(a, b) = static_cast<std::uint8_t>(id | kContinued);
