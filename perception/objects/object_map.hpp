@@ -149,6 +149,8 @@ class ObjectMap {
   [[nodiscard]] Work at_scale(const Look& look, const SeedBox& part) noexcept;
   [[nodiscard]] bool stands_here(const Look& look, const MapObject& object) const noexcept;
   [[nodiscard]] SeedBox project(const Look& look, std::uint8_t id) const noexcept;
+  [[nodiscard]] SeedBox place_of(const Look& look, const MapObject& object,
+                                 const SeedBox& blocks) const noexcept;
   [[nodiscard]] Turn& find_known(const Look& look, std::uint8_t id, SeedBox within) noexcept;
   void wipe_known() noexcept;
   // Pixels from one that known_ notes to the next; the first such from `at` on.
