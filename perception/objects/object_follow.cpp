@@ -11,6 +11,18 @@ constexpr int kLeastSeed = 12;           // half-resolution pixels
 constexpr int kWindowHalfPixels = 6000;  // of a window that others may join ...
 constexpr int kWindowMore = 1000;        // ... and for each of them
 constexpr int kSureWeight = 3;           // of a background that contradicts a mask
+constexpr int kMargin_px = 48;           // of a window beyond what is known, both sides together
+constexpr int kFullWindow = 5000;        // half-resolution pixels that are looked at in full
+
+int half_pixels(int width_px, int height_px) noexcept {
+  return (width_px + kMargin_px) / 2 * ((height_px + kMargin_px) / 2);
+}
+
+// A frame's cost is bounded, and a voxel covers several pixels of what is that near.
+int scale_for(const MapObject& object) noexcept {
+  if (object.window > 3 * kFullWindow) return 4;
+  return object.window > kFullWindow ? 2 : 1;
+}
 
 }  // namespace
 
@@ -29,6 +41,7 @@ void ObjectMap::follow_next(const Look& look) noexcept {
   if (next == nullptr) return;
   turn_ = next->id - 1;
   stats_.followed = next->id;
+  scale_ = scale_for(*next);
   for (const MapObject& o : objects_)
     if (o.id != 0 && &o != next) turn_into(box[o.id - 1U], 0, kNoVote);
   // Those whose place the same window can hold.
@@ -38,6 +51,7 @@ void ObjectMap::follow_next(const Look& look) noexcept {
   std::uint32_t near = 0;
   for (const MapObject& o : objects_) {
     if (o.id == 0 || &o == next || young(*next) || young(o) || !visible(o)) continue;
+    if (scale_for(o) < scale_) continue;  // it would be seen too coarsely
     const SeedBox b = place_of(look, o, box[o.id - 1U]);
     const SeedBox both{std::min(window.u0, b.u0), std::min(window.v0, b.v0),
                        std::max(window.u1, b.u1), std::max(window.v1, b.v1)};
@@ -61,6 +75,9 @@ void ObjectMap::follow(const Look& look, MapObject& object, const SeedBox& known
   const bool young = object.masks < config_.young_frames;
   const Turn& turn = find_known(look, object.id, known);
   object.seen = false;
+  if (turn.planted > 0)
+    object.window =
+        half_pixels(turn.seed_box.u1 - turn.seed_box.u0, turn.seed_box.v1 - turn.seed_box.v0);
   // A few bad masks of a young object would name others for good: the touched point still names it.
   if (young && touch_at(look, object.touched_W, object.id, known)) {
     object.seen = true;
