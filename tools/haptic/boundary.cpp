@@ -64,7 +64,7 @@ class Loop {
         hand_(startup_.token(), {}, {}),
         twin_(startup_.token(), twin_of(s), s.hand ? &hand_ : nullptr,
               Vec3(0, 0, -std::min(depth_m, 0.07))),
-        task_(startup_.token(), config, unbounded(), 1 / s.rate_hz) {
+        task_(startup_.token(), config, unbounded(s), 1 / s.rate_hz) {
     floor_->seq = 1;
     fill_floor(*floor_, 16, [](int) { return 0; });
     in_.mode.seq = 1;
@@ -99,8 +99,9 @@ class Loop {
   [[nodiscard]] bool braked() const { return twin_.state() != drivers::DeviceState::kForce; }
 
  private:
-  static drivers::DeviceProperties unbounded() {
+  static drivers::DeviceProperties unbounded(const LoopSetting& s) {
     drivers::DeviceProperties d;
+    d.mass_kg = s.mass_kg;
     d.damping_N_s_per_m = 1e12;  // what is looked for is the limit
     return d;
   }

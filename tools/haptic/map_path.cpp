@@ -8,6 +8,8 @@
 #include <optional>
 #include <stdexcept>
 
+#include <Eigen/Dense>
+
 #include "perception/raycast/raycast.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/random.hpp"
@@ -32,14 +34,56 @@ bool level(MapProbe& probe, const Vec3& p, const Vec3& n, double within) {
   return std::abs(h) < within;  // false for NaN
 }
 
+// Most of the surface around p lies within `within` of the plane. A tenth may not: a hole, or a step of the sensor.
 bool flat(MapProbe& probe, const Vec3& p, const Vec3& n, double within,
           std::initializer_list<double> radii) {
   const Axes axes(n);
+  int asked = 0, found = 0;
   for (const double r : radii) {
     for (int k = 0; k < 12; ++k) {
-      if (!level(probe, p + r * axes.at(k * std::numbers::pi / 6), n, within)) return false;
+      ++asked;
+      found += level(probe, p + r * axes.at(k * std::numbers::pi / 6), n, within) ? 1 : 0;
     }
   }
+  return 10 * found >= 9 * asked;
+}
+
+// The plane through the surface within `radius` of p, by least squares: a single normal of a cast is the noise of
+// its pixels. False: hardly anything there.
+bool fit_plane(MapProbe& probe, double radius, Vec3& p, Vec3& n) {
+  for (int round = 0; round < 2; ++round) {
+    const Axes axes(n);
+    Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+    Vec3 g = Vec3::Zero();
+    int found = 0;
+    for (const double r : {0.0, 0.5 * radius, radius}) {
+      for (int k = 0; k < (r > 0 ? 12 : 1); ++k) {
+        const Vec3 at = r * axes.at(k * std::numbers::pi / 6);
+        const double h = probe.height(p + at, n, 0.03, 0.03);
+        if (std::isnan(h)) continue;
+        const Vec3 row(1, at.dot(axes.a), at.dot(axes.b));
+        H += row * row.transpose();
+        g += h * row;
+        ++found;
+      }
+    }
+    if (found < 18) return false;
+    const Vec3 fit = H.ldlt().solve(g);
+    if (!(std::hypot(fit.y(), fit.z()) < 0.6)) return false;
+    p += fit.x() * n;
+    n = (n - fit.y() * axes.a - fit.z() * axes.b).normalized();
+  }
+  return true;
+}
+
+// Upright and flat for 100 mm around, on a plane fitted to all of that.
+bool is_wall(MapProbe& probe, const Vec3& up, Vec3& p, Vec3& n) {
+  Vec3 at = p, normal = n;
+  if (std::abs(n.dot(up)) > 0.4 || !fit_plane(probe, 0.1, at, normal)) return false;
+  if (std::abs(normal.dot(up)) > 0.25) return false;
+  if (!flat(probe, at, normal, 0.01, {0.025, 0.05, 0.075, 0.1})) return false;
+  p = at;
+  n = normal;
   return true;
 }
 
@@ -73,18 +117,20 @@ std::vector<EdgeFound> edges_of(MapProbe& probe, const Vec3& p, const Vec3& n) {
   return found;
 }
 
-// A place at p, if it is one; most particular kind first.
-std::optional<Place> place_at(MapProbe& probe, const Vec3& p, const Vec3& n, const Vec3& up) {
-  if (!level(probe, p, n, 0.003)) return std::nullopt;
+// A place about p, if there is one; most particular kind first.
+std::optional<Place> place_at(MapProbe& probe, Vec3 p, Vec3 n, const Vec3& up) {
   Place place;
+  place.p_W = p;
+  place.n_W = n;
+  if (is_wall(probe, up, place.p_W, place.n_W)) {
+    place.kind = Place::Kind::kWall;
+    return place;
+  }
+  if (!fit_plane(probe, 0.025, p, n) || !level(probe, p, n, 0.003)) return std::nullopt;
   place.p_W = p;
   place.n_W = n;
   const double rise = n.dot(up);
   if (flat(probe, p, n, 0.004, {0.025, 0.05})) {
-    if (std::abs(rise) < 0.25 && flat(probe, p, n, 0.008, {0.075, 0.1})) {
-      place.kind = Place::Kind::kWall;
-      return place;
-    }
     if (rise > 0.9) return place;
     return std::nullopt;
   }
@@ -161,25 +207,40 @@ bool apart(const std::vector<Place>& places, const Place& from) {
   });
 }
 
-// The direction in which most of what looks roughly up does look: a camera that is held upright may still look
-// down.
+// What is built stands along gravity or across it: the direction near `rough` to which most normals are parallel or
+// perpendicular, then refined on those (Gupta, Arbelaez, Malik 2013).
 Vec3 refined_up(const Surface& surface, const Vec3& rough, rt::Random& random) {
   std::vector<Vec3> normals;
-  for (int i = 0; i < 8000 && normals.size() < 800; ++i) {
+  for (int i = 0; i < 20000 && normals.size() < 2000; ++i) {
     Vec3 p, n;
-    if (surface.draw(random, p, n) && n.dot(rough) > 0.7) normals.push_back(n);
+    if (surface.draw(random, p, n)) normals.push_back(n);
   }
+  const auto across = [](double c) { return std::abs(c) < 0.12; };
+  const auto along = [](double c) { return std::abs(c) > 0.99; };
   Vec3 best = rough;
-  double most = 0;
+  int most = -1;
   for (std::size_t i = 0; i < normals.size(); i += 4) {
-    Vec3 sum = Vec3::Zero();
+    const Vec3& up = normals[i];
+    if (up.dot(rough) < 0.6) continue;
+    int votes = 0;
     for (const Vec3& n : normals) {
-      if (n.dot(normals[i]) > 0.99) sum += n;
+      const double c = n.dot(up);
+      votes += across(c) || along(c) ? 1 : 0;
     }
-    if (sum.norm() > most) {
-      most = sum.norm();
-      best = sum.normalized();
+    if (votes > most) {
+      most = votes;
+      best = up;
     }
+  }
+  for (int round = 0; round < 5; ++round) {
+    Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+    for (const Vec3& n : normals) {
+      const double c = n.dot(best);
+      if (across(c)) H += n * n.transpose();
+      if (along(c)) H -= n * n.transpose();
+    }
+    const Vec3 up = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(H).eigenvectors().col(0);
+    best = up.dot(best) < 0 ? Vec3(-up) : up;
   }
   return best;
 }
@@ -194,7 +255,7 @@ std::vector<Place> find_places(MapProbe& probe, const Surface& surface, const Ve
                                                      {Place::Kind::kTop, 2}};
   std::vector<Place> pool;
   int of[4] = {};
-  for (int i = 0; i < 100000 && pool.size() < 400; ++i) {
+  for (int i = 0; i < 60000 && pool.size() < 400; ++i) {
     Vec3 p, n;
     if (!surface.draw(random, p, n)) continue;
     const auto place = place_at(probe, p, n, up);

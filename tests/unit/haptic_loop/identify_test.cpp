@@ -35,7 +35,7 @@ TEST(Identify, FindsWhatTheTwinIsMadeOf) {
       EXPECT_NEAR(axis.mass_kg, c.mass_kg, 0.02 * c.mass_kg);
       EXPECT_NEAR(axis.damping_N_s_per_m, c.damping_N_s_per_m, 0.05 * c.damping_N_s_per_m + 0.02);
       EXPECT_NEAR(axis.coulomb_N, c.coulomb_N, 0.01);
-      EXPECT_LT(axis.residual_m, 5e-5);
+      EXPECT_LT(axis.residual_m, 2e-5);
     }
   }
 }
