@@ -1,16 +1,18 @@
 // Passivity controller of the haptic loop (time-domain passivity: Hannaford and Ryu 2002). It works on what the
-// observer counts (energy.hpp), and keeps E + booked above -1 mJ whatever the hand does, in two parts:
+// observer counts (energy.hpp): S held by the spring, A = E + booked available, debt = S - A.
 //
 //   damping  F -= alpha v,  alpha = min(debt / (v^2 T), K T): pays back what is missing. K T/2 pays for the leak of the
 //            hold in the mean, twice that pays old debts. v is the slope of the longest window of positions that a
 //            straight line explains to one encoder step (adaptive windowing: Janabi-Sharifi, Hayward, Chen 2000),
 //            late by half that window, at most 4 ms. So an encoder that rattles between two steps has no
 //            velocity: damping by the last step alone would feed it, since the next one goes back.
-//   bound    the force stands until the next sample, so what it can give away by then is known beforehand:
-//            |F| reach, reach = how far the hand can get along F. It may not be more than what is available,
-//            E + booked, and a margin. This is what ends a rattle: damping pays for motion, not for single steps, each
-//            of which costs K quantum^2 / 2.
+//   share    a spring that holds more than there is gives back a share of its force, (A + 0.4 mJ) / S: all the way out
+//            that share stays the same and the energy ends with the contact. So an unstable stiffness sinks until
+//            it is a stable one, and a rattle, each step of which costs K quantum^2 / 2, ends in a slow yielding.
+//   bound    the force stands until the next sample, so what it can give away by then is known beforehand: |F| times
+//            how far the hand can get along F. Never more than A + 0.6 mJ.
 //
+// The slew guard comes after it and may let the force fall more slowly: the rest up to the limit of 1 mJ is for that.
 // Frames: D haptic base.  SI.  Nothing here allocates, locks or throws.
 #pragma once
 
@@ -30,7 +32,7 @@ class VelocityWindow {
   VelocityWindow(double quantum_m, double period_s)
       : tolerance_m_(1.001 * quantum_m),
         period_s_(period_s),
-        longest_(std::clamp<std::size_t>(static_cast<std::size_t>(0.008 / period_s), 1, kMost)) {}
+        longest_(static_cast<std::size_t>(std::clamp(std::lround(0.008 / period_s), 1L, kMost))) {}
 
   void forget() noexcept { size_ = 0; }
   void see(const perception::Vec3& p) noexcept {
@@ -50,7 +52,7 @@ class VelocityWindow {
   }
 
  private:
-  static constexpr std::size_t kMost = 16;
+  static constexpr long kMost = 16;
   [[nodiscard]] const perception::Vec3& at(std::size_t ago) const noexcept {
     return p_[(newest_ + p_.size() - ago) % p_.size()];
   }
@@ -71,7 +73,7 @@ class PassivityController {
   PassivityController() = default;
   // Of the device: mass and encoder step.
   PassivityController(double mass_kg, double quantum_m, double period_s)
-      : window_(quantum_m, period_s), mass_kg_(mass_kg), quantum_m_(quantum_m) {}
+      : window_(quantum_m, period_s), mass_kg_(std::max(mass_kg, 0.01)), quantum_m_(quantum_m) {}
 
   void forget() noexcept { window_.forget(); }
   void see(const perception::Vec3& p_DH) noexcept { window_.see(p_DH); }
@@ -82,6 +84,10 @@ class PassivityController {
                                          double reserve_J, double spring_J, double stiffness,
                                          double dt) const noexcept {
     perception::Vec3 f = f_D;
+    const double available = reserve_J + spring_J;
+    if (reserve_J < -kDebt_J) {
+      f *= spring_J > 0 ? std::max((available + kDebt_J) / spring_J, 0.0) : 0.0;
+    }
     if (reserve_J < 0) {
       const perception::Vec3 v = window_.velocity();
       const double v2 = v.squaredNorm();
@@ -91,17 +97,13 @@ class PassivityController {
     if (!(size > 0)) return f;
     const double reach =
         dx_D.dot(f) / size + kSteps * quantum_m_ + (size + kHand_N) / mass_kg_ * dt * dt;
-    const double most = std::max(reserve_J + spring_J + kMargin_J, 0.0);
+    const double most = std::max(available + kBound_J, 0.0);
     return size * reach > most ? perception::Vec3(f * (most / (size * reach))) : f;
   }
 
  private:
-  // E + booked may go this far below zero. The rest up to 1 mJ is for the slew guard, which comes after and may let
-  // the force fall more slowly.
-  static constexpr double kMargin_J = 0.4e-3;
-  // Steps of the encoder counted as reach at rest. Two would do for the tick to come; with more the force goes down
-  // over several ticks as the energy runs out, instead of in one.
-  static constexpr double kSteps = 8;
+  static constexpr double kDebt_J = 0.4e-3, kBound_J = 0.6e-3;
+  static constexpr double kSteps = 3;   // of the encoder: two positions are off by half a one each, and one to spare
   static constexpr double kHand_N = 5;  // what the hand itself may add along F
 
   VelocityWindow window_;
