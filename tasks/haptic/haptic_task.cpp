@@ -240,8 +240,8 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Vec3& stretch_W, b
   const double gain_before = fade_ * ramp_;
   t.gain = advance_gain(t.stale || in.clutch || in.mode.mode == Mode::kRampDown, dt);
   const Vec3 stretch_D = workspace_.R_WD().transpose() * stretch_W;
-  Vec3 f = t.in_contact ? Vec3((t.gain * stiffness_ / config_.scale) * stretch_D)
-                        : Vec3(Vec3::Zero());
+  Vec3 f =
+      t.in_contact ? Vec3((t.gain * stiffness_ / config_.scale) * stretch_D) : Vec3(Vec3::Zero());
   const Vec3 f_spring_before = f_spring_D_;
   f_spring_D_ = limited(f, force_limit_N_);
   if (kEffectsBuilt && effects_) {
@@ -251,10 +251,10 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Vec3& stretch_W, b
   t.limit_active = f.norm() > force_limit_N_;
   f = limited(f, force_limit_N_);
 
-  const double spring_J =
-      t.gain > 0 ? t.gain * spring_energy(stiffness_, t.penetration_m / config_.scale,
-                                          force_limit_N_ / t.gain)
-                 : 0;
+  const double spring_J = t.gain > 0
+                              ? t.gain * spring_energy(stiffness_, t.penetration_m / config_.scale,
+                                                       force_limit_N_ / t.gain)
+                              : 0;
   // Where not only the hand moved, the spring gained what the hand's motion does not explain.
   const bool moved = surface_moves || t.gain != gain_before || stiffness_ != stiffness_before ||
                      workspace_.moved();
@@ -263,8 +263,7 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Vec3& stretch_W, b
   energy_.book(injected, spring_J - spring_J_, dt);
   spring_J_ = spring_J;
   if (config_.passivity_controller && t.in_contact) {
-    const Vec3 allowed =
-        passivity_.limited(f, dx_D, energy_.reserve_J(), spring_J, stiffness_, dt);
+    const Vec3 allowed = passivity_.limited(f, dx_D, energy_.reserve_J(), spring_J, stiffness_, dt);
     t.controller_N = (allowed - f).norm();
     f = limited(allowed, force_limit_N_);
   }

@@ -103,7 +103,8 @@ class PassivityController {
 
  private:
   static constexpr double kDebt_J = 0.4e-3, kBound_J = 0.6e-3;
-  static constexpr double kSteps = 3;   // of the encoder: two positions are off by half a one each, and one to spare
+  static constexpr double kSteps =
+      3;  // of the encoder: two positions are off by half a one each, and one to spare
   static constexpr double kHand_N = 5;  // what the hand itself may add along F
 
   VelocityWindow window_;

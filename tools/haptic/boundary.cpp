@@ -66,7 +66,7 @@ class Loop {
               Vec3(0, 0, -std::min(depth_m, 0.07))),
         task_(startup_.token(), config, unbounded(s), 1 / s.rate_hz) {
     floor_->seq = 1;
-    fill_floor(*floor_, 16, [](int) { return 0; });
+    fill_floor(*floor_, 24, [](int) { return 0; });
     in_.mode.seq = 1;
     in_.mode.mode = tasks::Mode::kHold;
     period_ = rt::Nanos{std::llround(1e9 / s.rate_hz)};
@@ -154,7 +154,7 @@ double residual_speed(const LoopSetting& s, double stiffness, double seconds) {
 
 BoundaryRow find_boundary(const LoopSetting& s) {
   const double seconds = s.rate_hz > 1500 ? 30 : 7;
-  double lo = 0.25 * s.bound(), hi = 2 * s.bound();
+  double lo = 0.5 * s.bound(), hi = 2 * s.bound();
   const auto stable = [&](double k) { return residual_speed(s, k, seconds) < kQuiet_m_per_s; };
   while (stable(hi) && hi < 100 * s.bound()) {
     lo = hi;

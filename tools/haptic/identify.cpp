@@ -263,8 +263,12 @@ DeviceFit result_of(const std::vector<Swing>& swings, const Minimum& best) {
   std::size_t n = 0;
   for (const Swing& s : swings) n += s.ticks;
   const Model m = model_of(best.p);
-  return {m.mass, m.damping, m.coulomb, m.bias,
-          std::sqrt(best.cost / static_cast<double>(n)), static_cast<int>(swings.size())};
+  return {m.mass,
+          m.damping,
+          m.coulomb,
+          m.bias,
+          std::sqrt(best.cost / static_cast<double>(n)),
+          static_cast<int>(swings.size())};
 }
 
 bool swung(const std::vector<Ring>& rings, const std::vector<Swing>& swings) {

@@ -202,9 +202,8 @@ class Surface {
 };
 
 bool apart(const std::vector<Place>& places, const Place& from) {
-  return std::none_of(places.begin(), places.end(), [&](const Place& p) {
-    return (p.p_W - from.p_W).norm() < 0.25;
-  });
+  return std::none_of(places.begin(), places.end(),
+                      [&](const Place& p) { return (p.p_W - from.p_W).norm() < 0.25; });
 }
 
 // What is built stands along gravity or across it: the direction near `rough` to which most normals are parallel or
@@ -294,16 +293,38 @@ std::vector<Place> find_places(MapProbe& probe, const Surface& surface, const Ve
       if (best != nullptr) chosen.push_back(*best);
     }
   }
-  // In an order in which each is nearest to the one before.
-  for (std::size_t i = 1; i + 1 < chosen.size(); ++i) {
-    const auto next = std::min_element(
-        chosen.begin() + static_cast<std::ptrdiff_t>(i), chosen.end(),
-        [&](const Place& a, const Place& b) {
-          return (a.p_W - chosen[i - 1].p_W).norm() < (b.p_W - chosen[i - 1].p_W).norm();
-        });
-    std::iter_swap(chosen.begin() + static_cast<std::ptrdiff_t>(i), next);
-  }
   return chosen;
+}
+
+// The first of the views with the place in it, from its front.
+std::size_t first_seen(const Place& place, const perception::Intrinsics& camera,
+                       const std::vector<Pose>& views) {
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const Vec3 p_C = views[i].inverse() * place.p_W;
+    if (p_C.z() < 0.3 || (views[i].linear().transpose() * place.n_W).dot(p_C) > 0) continue;
+    const double u = camera.fx * p_C.x() / p_C.z() + camera.cx,
+                 v = camera.fy * p_C.y() / p_C.z() + camera.cy;
+    if (u > 0 && u < camera.width && v > 0 && v < camera.height) return i;
+  }
+  return views.size();
+}
+
+// A map that is still growing holds what its first views saw: begins there, and goes on to the nearest each time.
+void put_in_order(std::vector<Place>& places, const perception::Intrinsics& camera,
+                  const std::vector<Pose>& views) {
+  const auto first =
+      std::min_element(places.begin(), places.end(), [&](const auto& a, const auto& b) {
+        return first_seen(a, camera, views) < first_seen(b, camera, views);
+      });
+  std::iter_swap(places.begin(), first);
+  for (std::size_t i = 1; i + 1 < places.size(); ++i) {
+    const auto next = std::min_element(places.begin() + static_cast<std::ptrdiff_t>(i),
+                                       places.end(), [&](const Place& a, const Place& b) {
+                                         return (a.p_W - places[i - 1].p_W).norm() <
+                                                (b.p_W - places[i - 1].p_W).norm();
+                                       });
+    std::iter_swap(places.begin() + static_cast<std::ptrdiff_t>(i), next);
+  }
 }
 
 // Writes the hand tick by tick, never faster than 200 mm/s.
@@ -373,7 +394,8 @@ void wander(Pen& pen, const Place& place, rt::Random& random, double until) {
   const Axes axes(place.n_W);
   pen.press(place, place.p_W, pen.depth());
   while (pen.now() < until && !pen.full()) {
-    const double r = 0.045 * std::sqrt(random.uniform()), a = random.uniform(0, 2 * std::numbers::pi);
+    const double r = 0.045 * std::sqrt(random.uniform()),
+                 a = random.uniform(0, 2 * std::numbers::pi);
     pen.slide(place, place.p_W + r * axes.at(a), pen.depth(), pen.speed());
   }
   pen.go(pen.at() + kLift_m * place.n_W, 0.15);
@@ -387,7 +409,8 @@ void cross_edges(Pen& pen, const Place& place, rt::Random& random, double until)
   const Vec3 along = place.n_W.cross(place.out_W[0]);
   for (int round = 0; pen.now() < until && !pen.full(); ++round) {
     const double side = random.uniform(-0.02, 0.02);
-    const Vec3 inner = place.p_W + 0.035 * back + (corner ? Vec3(Vec3::Zero()) : Vec3(side * along));
+    const Vec3 inner =
+        place.p_W + 0.035 * back + (corner ? Vec3(Vec3::Zero()) : Vec3(side * along));
     pen.go(inner + 0.02 * place.n_W, 0.2);
     pen.press(place, inner, pen.depth());
     pen.slide(place, place.p_W + (corner ? 0.01 : -0.005) * back + (corner ? 0.0 : -side) * along,
@@ -483,6 +506,7 @@ MapPath make_map_path(const perception::TsdfMap& map, const perception::Intrinsi
   const Surface surface(map, camera, views);
   MapPath path;
   path.places = find_places(probe, surface, up_W, random);
+  put_in_order(path.places, camera, views);
   Pen pen(probe, random, o, path);
   pen.start(path.places.front().p_W + kLift_m * path.places.front().n_W);
   for (std::size_t i = 0; !pen.full(); i = (i + 1) % path.places.size()) {
