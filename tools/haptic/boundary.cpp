@@ -164,9 +164,21 @@ BoundaryRow find_boundary(const LoopSetting& s) {
     hi = lo;
     lo *= 0.5;
   }
-  while (hi / lo > 1.01) {
-    const double mid = std::sqrt(lo * hi);
-    (stable(mid) ? lo : hi) = mid;
+  const auto bisect = [&] {
+    while (hi / lo > 1.01) {
+      const double mid = std::sqrt(lo * hi);
+      (stable(mid) ? lo : hi) = mid;
+    }
+  };
+  bisect();
+  // Where the encoder step is a large part of the stretch, its limit cycles make single stiffnesses below the limit
+  // restless, and a bisection may end there: the largest is asked for.
+  for (double above = 1.04; above < 1.25; above += 0.04) {
+    if (!stable(above * lo)) continue;
+    lo *= above;
+    hi = 1.04 * lo;
+    bisect();
+    above = 1;
   }
   return {s, lo};
 }

@@ -55,7 +55,7 @@ struct MapPath {
 struct MapPathOptions {
   std::uint64_t seed = 1;
   double seconds = 60, period_s = 1e-3;
-  double stroke_s = 8;  // at each place
+  double stroke_s = 10;  // at each place
 };
 
 // `views`: cameras X_WC from which the map's surface is looked at. `up_W` unit, roughly: gravity is
