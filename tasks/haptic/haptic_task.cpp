@@ -86,6 +86,7 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
   effects_ = config.effects();
   proxy_step_ = proxy_step(method, config.texture_amplitude_m > 0 || config.materials);
   stiffness_ = config.stiffness_N_per_m;
+  passivity_ = PassivityController(device.mass_kg, device.quantum_m, period_s);
   surface_.friction_static = static_cast<float>(config.friction_static);
   surface_.friction_dynamic = static_cast<float>(config.friction_dynamic);
   surface_.texture_amplitude_m = static_cast<float>(config.texture_amplitude_m);
@@ -209,33 +210,13 @@ void HapticTask::apply_effects(const Vec3& p_WH) noexcept {
                     static_cast<double>(surface_.friction_dynamic), proxy_config_.tip_radius_m);
 }
 
-// Damping that pays back what the observer found missing. It works on the motion of the last tick, not
-// on the filtered velocity: that is 10 ms late, which at a stiff wall is half a swing. The hold of a spring
-// K leaks K T / 2 v^2, so damping of K T / 2 pays for it in the mean; twice that pays old debts too. One quantum
-// of the encoder then weighs as much as it does in the spring.
-Vec3 HapticTask::passivity_force(const Vec3& dx_D, double dt) const noexcept {
-  const double moved2 = dx_D.squaredNorm();
-  if (energy_.reserve_J() >= 0 || moved2 < 1e-14) return Vec3::Zero();
-  // alpha v . v T = debt, v = dx / dt.
-  const double alpha = std::min(-energy_.reserve_J() * dt / moved2, stiffness_ * dt);
-  return (-alpha / dt) * dx_D;
-}
-
-// Force limit, passivity, slew guard; fills force and telemetry, and remembers both forces.
-void HapticTask::guard_force(const Vec3& f_spring_D, const Vec3& dx_D, double dt,
-                             Out& out) noexcept {
+// Slew guard; fills force and telemetry, and remembers both forces.
+void HapticTask::guard_force(const Vec3& f_D, const Vec3& dx_D, Out& out) noexcept {
   HapticTelemetry& t = out.telemetry;
   const double dh = dx_D.norm();
-  Vec3 f = limited(f_spring_D, force_limit_N_);
-  t.limit_active = f_spring_D.norm() > force_limit_N_;
-  if (config_.passivity_controller && t.in_contact) {
-    const Vec3 paid = passivity_force(dx_D, dt);
-    t.controller_N = paid.norm();
-    f = limited(f + paid, force_limit_N_);
-  }
-  const Vec3 change_raw = f - f_raw_D_;
+  Vec3 f = f_D;
   t.f_raw_D = f;
-  t.step_raw_N = change_raw.norm();
+  t.step_raw_N = (f - f_raw_D_).norm();
   t.guard_use = t.in_contact && t.step_raw_N > config_.stiffness_N_per_m * dh + 0.1;
   f_raw_D_ = f;
   const Vec3 change = f - f_D_;
@@ -250,10 +231,49 @@ void HapticTask::guard_force(const Vec3& f_spring_D, const Vec3& dx_D, double dt
   out.force.f_H_D = f;
 }
 
+// Spring and effects -> force limit -> passivity -> guard, and the books.
+void HapticTask::render(const In& in, const Vec3& dx_D, const Vec3& stretch_W, bool surface_moves,
+                        double stiffness_before, double dt, Out& out) noexcept {
+  HapticTelemetry& t = out.telemetry;
+  t.in_contact = proxy_.phase == ProxyState::Phase::kContact;
+  t.penetration_m = t.in_contact ? stretch_W.norm() : 0;
+  const double gain_before = fade_ * ramp_;
+  t.gain = advance_gain(t.stale || in.clutch || in.mode.mode == Mode::kRampDown, dt);
+  const Vec3 stretch_D = workspace_.R_WD().transpose() * stretch_W;
+  Vec3 f =
+      t.in_contact ? Vec3((t.gain * stiffness_ / config_.scale) * stretch_D) : Vec3(Vec3::Zero());
+  const Vec3 f_spring_before = f_spring_D_;
+  f_spring_D_ = limited(f, force_limit_N_);
+  if (kEffectsBuilt && effects_) {
+    t.friction_N = stiffness_ * (rendered_W_ - proxy_.rendered_WP()).norm() / config_.scale;
+    f -= (t.gain * config_.viscosity_N_s_per_m) * v_D_;
+  }
+  t.limit_active = f.norm() > force_limit_N_;
+  f = limited(f, force_limit_N_);
+
+  const double spring_J = t.gain > 0
+                              ? t.gain * spring_energy(stiffness_, t.penetration_m / config_.scale,
+                                                       force_limit_N_ / t.gain)
+                              : 0;
+  // Where not only the hand moved, the spring gained what the hand's motion does not explain.
+  const bool moved = surface_moves || t.gain != gain_before || stiffness_ != stiffness_before ||
+                     workspace_.moved();
+  const double by_hand = -0.5 * (f_spring_before + f_spring_D_).dot(dx_D);
+  const double injected = moved ? spring_J - spring_J_ - by_hand : 0;
+  energy_.book(injected, spring_J - spring_J_, dt);
+  spring_J_ = spring_J;
+  if (config_.passivity_controller && t.in_contact) {
+    const Vec3 allowed = passivity_.limited(f, dx_D, energy_.reserve_J(), spring_J, stiffness_, dt);
+    t.controller_N = (allowed - f).norm();
+    f = limited(allowed, force_limit_N_);
+  }
+  guard_force(f, dx_D, out);
+}
+
 // Forces off at once; what is remembered of the surface stays, and the next enable fades in.
 void HapticTask::safe(Out& out) noexcept {
   out.telemetry.step_N = f_D_.norm();
-  f_D_ = f_raw_D_ = Vec3::Zero();
+  f_D_ = f_raw_D_ = f_spring_D_ = Vec3::Zero();
   enabled_ = false;
   fade_ = ramp_ = 0;
   spring_J_ = 0;
@@ -352,9 +372,11 @@ bool HapticTask::take_hand(const drivers::StylusSample& stylus, const rt::Tick& 
     energy_.move(f_D_, dx_D);
   } else {
     v_D_ = Vec3::Zero();
+    passivity_.forget();
     proxy_ = ProxyState{};
     enabled_ = false;
   }
+  if (config_.passivity_controller) passivity_.see(stylus.p_DH);
   have_hand_ = seen_hand_ = true;
   h_D_ = stylus.p_DH;
   hand_time_ = tick.release;
@@ -436,28 +458,7 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   if (!allowed) {
     safe(out);
   } else {
-    t.in_contact = proxy_.phase == ProxyState::Phase::kContact;
-    t.penetration_m = t.in_contact ? stretch_W.norm() : 0;
-    const double gain_before = t.gain = fade_ * ramp_;
-    t.gain = advance_gain(t.stale || in.clutch || in.mode.mode == Mode::kRampDown, dt);
-    const Vec3 f_D = (t.gain * stiffness_ / config_.scale) * (workspace_.R_WD().transpose() * stretch_W);
-    const Vec3 f_raw_before = f_raw_D_;
-    Vec3 f_sum_D = t.in_contact ? f_D : Vec3::Zero();
-    if (effects) {
-      t.friction_N = stiffness_ * (rendered_W_ - proxy_.rendered_WP()).norm() / config_.scale;
-      f_sum_D -= (t.gain * config_.viscosity_N_s_per_m) * v_D_;
-    }
-    guard_force(f_sum_D, dx_D, dt, out);
-    const double spring_J =
-        t.gain > 0 ? t.gain * spring_energy(stiffness_, t.penetration_m / config_.scale,
-                                            force_limit_N_ / t.gain)
-                   : 0;
-    const bool moved = blending || t.gain != gain_before || stiffness_ != stiffness_before ||
-                       workspace_.moved();
-    const double injected =
-        moved ? spring_J - spring_J_ + 0.5 * (f_raw_before + f_raw_D_).dot(dx_D) : 0;
-    energy_.book(injected, spring_J - spring_J_, dt);
-    spring_J_ = spring_J;
+    render(in, dx_D, stretch_W, blending, stiffness_before, dt, out);
   }
   events(tick, in.stylus.button, out);
   report(tick, in.stylus.button, out);

@@ -32,6 +32,7 @@
 #include "tasks/haptic/energy.hpp"
 #include "tasks/haptic/field.hpp"
 #include "tasks/haptic/force_shading.hpp"
+#include "tasks/haptic/passivity.hpp"
 #include "tasks/haptic/proxy.hpp"
 #include "tasks/haptic/workspace.hpp"
 
@@ -53,8 +54,8 @@ struct HapticConfig {
   double workspace_yaw_deg = 0.0;                      // of D about z of W
   double border_m = 0.0;           // rate control beyond this radius at the device; 0: none
   double border_rate_per_s = 2.0;  // hand metres a second per metre beyond it
-  double tip_radius_m = 0.0;                           // scene metres
-  int iterations_max = 0;                              // of the proxy in a tick; 0: the method's own
+  double tip_radius_m = 0.0;       // scene metres
+  int iterations_max = 0;          // of the proxy in a tick; 0: the method's own
   double force_limit_N = 12.0;
   double slew_N_per_s = 300.0;
   double slew_calm_N_per_s = 98.0;  // hand still and less than 1 N behind
@@ -175,10 +176,9 @@ class HapticTask {
   rt::Health without_sample(const rt::Tick& tick, Out& out) noexcept;
   rt::Health not_finite(const rt::Tick& tick, Out& out) noexcept;
   void safe(Out& out) noexcept;
-  void guard_force(const perception::Vec3& f_spring_D, const perception::Vec3& dx_D, double dt,
-                   Out& out) noexcept;
-  [[nodiscard]] perception::Vec3 passivity_force(const perception::Vec3& dx_D,
-                                                 double dt) const noexcept;
+  void render(const In& in, const perception::Vec3& dx_D, const perception::Vec3& stretch_W,
+              bool surface_moves, double stiffness_before, double dt, Out& out) noexcept;
+  void guard_force(const perception::Vec3& f_D, const perception::Vec3& dx_D, Out& out) noexcept;
   [[nodiscard]] double slew_limit(const perception::Vec3& change, double dh) const noexcept;
   [[nodiscard]] bool thin(const perception::Vec3& p_WH) const noexcept;
   void emit(Out& out, TouchEvent::Kind kind, const rt::Tick& tick) noexcept;
@@ -201,6 +201,7 @@ class HapticTask {
   Field field_;
   ProxyState proxy_;
   EnergyObserver energy_;
+  PassivityController passivity_;
   const perception::SurfacePatch* older_ = nullptr;  // non-null while blending
   const perception::SurfacePatch* newer_ = nullptr;
   double blend_ = 1;
@@ -211,7 +212,8 @@ class HapticTask {
   perception::Vec3 h_D_ = perception::Vec3::Zero();  // last sample
   rt::Time hand_time_{};
   perception::Vec3 v_D_ = perception::Vec3::Zero();
-  perception::Vec3 f_raw_D_ = perception::Vec3::Zero();  // of the last tick
+  perception::Vec3 f_raw_D_ = perception::Vec3::Zero();     // of the last tick
+  perception::Vec3 f_spring_D_ = perception::Vec3::Zero();  // the spring's part of it
   perception::Vec3 f_D_ = perception::Vec3::Zero();
   double fade_ = 0, ramp_ = 0;
   double spring_J_ = 0;  // energy in the spring last tick

@@ -64,9 +64,9 @@ class Loop {
         hand_(startup_.token(), {}, {}),
         twin_(startup_.token(), twin_of(s), s.hand ? &hand_ : nullptr,
               Vec3(0, 0, -std::min(depth_m, 0.07))),
-        task_(startup_.token(), config, unbounded(), 1 / s.rate_hz) {
+        task_(startup_.token(), config, unbounded(s), 1 / s.rate_hz) {
     floor_->seq = 1;
-    fill_floor(*floor_, 16, [](int) { return 0; });
+    fill_floor(*floor_, 24, [](int) { return 0; });
     in_.mode.seq = 1;
     in_.mode.mode = tasks::Mode::kHold;
     period_ = rt::Nanos{std::llround(1e9 / s.rate_hz)};
@@ -99,8 +99,9 @@ class Loop {
   [[nodiscard]] bool braked() const { return twin_.state() != drivers::DeviceState::kForce; }
 
  private:
-  static drivers::DeviceProperties unbounded() {
+  static drivers::DeviceProperties unbounded(const LoopSetting& s) {
     drivers::DeviceProperties d;
+    d.mass_kg = s.mass_kg;
     d.damping_N_s_per_m = 1e12;  // what is looked for is the limit
     return d;
   }
@@ -153,7 +154,7 @@ double residual_speed(const LoopSetting& s, double stiffness, double seconds) {
 
 BoundaryRow find_boundary(const LoopSetting& s) {
   const double seconds = s.rate_hz > 1500 ? 30 : 7;
-  double lo = 0.25 * s.bound(), hi = 2 * s.bound();
+  double lo = 0.5 * s.bound(), hi = 2 * s.bound();
   const auto stable = [&](double k) { return residual_speed(s, k, seconds) < kQuiet_m_per_s; };
   while (stable(hi) && hi < 100 * s.bound()) {
     lo = hi;
@@ -163,9 +164,21 @@ BoundaryRow find_boundary(const LoopSetting& s) {
     hi = lo;
     lo *= 0.5;
   }
-  while (hi / lo > 1.01) {
-    const double mid = std::sqrt(lo * hi);
-    (stable(mid) ? lo : hi) = mid;
+  const auto bisect = [&] {
+    while (hi / lo > 1.01) {
+      const double mid = std::sqrt(lo * hi);
+      (stable(mid) ? lo : hi) = mid;
+    }
+  };
+  bisect();
+  // Where the encoder step is a large part of the stretch, its limit cycles make single stiffnesses below the limit
+  // restless, and a bisection may end there: the largest is asked for.
+  for (double above = 1.04; above < 1.25; above += 0.04) {
+    if (!stable(above * lo)) continue;
+    lo *= above;
+    hi = 1.04 * lo;
+    bisect();
+    above = 1;
   }
   return {s, lo};
 }

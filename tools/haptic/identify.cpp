@@ -2,8 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
-#include <sstream>
+#include <limits>
 #include <stdexcept>
 
 #include <Eigen/Dense>
@@ -15,24 +14,43 @@ using perception::Vec3;
 namespace {
 
 constexpr int kSteps = 20;  // of the integration in a tick
-using Parameters = Eigen::Vector4d;  // log m, log b, c, bias
 
 struct Model {
   double mass, damping, coulomb, bias;
-  explicit Model(const Parameters& p)
-      : mass(std::exp(p[0])), damping(std::exp(p[1])), coulomb(std::max(p[2], 0.0)), bias(p[3]) {}
 };
 
-// Positions at the ticks of a ring under the commands as they were. Within a step the damped motion is exact;
-// dry friction acts against the velocity, holds below its limit and never turns the motion round.
-void simulate(const Ring& ring, const Model& m, double delay_s, std::vector<double>& out) {
+// A ring up to a little after it came to rest: what follows says nothing more, and in a model with too little
+// friction would run away.
+struct Swing {
+  const Ring* ring;
+  std::size_t ticks;
+};
+
+std::vector<Swing> swings_of(const std::vector<Ring>& rings) {
+  std::vector<Swing> out;
+  for (const Ring& r : rings) {
+    const auto back = static_cast<std::size_t>(std::max(1L, std::lround(0.01 / r.period_s)));
+    std::size_t last = 0;
+    for (std::size_t k = back; k < r.samples.size(); ++k) {
+      if (std::abs(r.samples[k].x_m - r.samples[k - back].x_m) > 2e-5) last = k;
+    }
+    out.push_back({&r, std::min(r.samples.size(), last + 2 * back)});
+  }
+  return out;
+}
+
+// Positions at the ticks of a ring under the commands as they were, from velocity v. Within a step the damped motion
+// is exact; dry friction acts against the velocity, holds below its limit and never turns the motion round.
+void simulate(const Swing& swing, const Model& m, double v, double delay_s,
+              std::vector<double>& out) {
+  const Ring& ring = *swing.ring;
   const double h = ring.period_s / kSteps;
   const double decay = std::exp(-m.damping / m.mass * h);
   const double reach = (1 - decay) * m.mass / m.damping;  // of one step from velocity 1
   const auto late = static_cast<std::int64_t>(std::llround(delay_s / h));
-  double x = ring.samples.front().x_m, v = 0;
+  double x = ring.samples.front().x_m;
   out.clear();
-  for (std::size_t k = 0; k < ring.samples.size(); ++k) {
+  for (std::size_t k = 0; k < swing.ticks; ++k) {
     out.push_back(x);
     for (int i = 0; i < kSteps; ++i) {
       const std::int64_t at = static_cast<std::int64_t>(k) * kSteps + i - late;
@@ -52,192 +70,266 @@ void simulate(const Ring& ring, const Model& m, double delay_s, std::vector<doub
   }
 }
 
-// Residuals of all rings, one after the other.
-Eigen::VectorXd residuals(const std::vector<Ring>& rings, const Parameters& p, double delay_s) {
-  std::size_t n = 0;
-  for (const Ring& r : rings) n += r.samples.size();
-  Eigen::VectorXd out(static_cast<Eigen::Index>(n));
-  Eigen::Index at = 0;
-  std::vector<double> x;
-  for (const Ring& r : rings) {
-    simulate(r, Model(p), delay_s, x);
-    for (std::size_t k = 0; k < x.size(); ++k) out[at++] = x[k] - r.samples[k].x_m;
+// ---- In closed form
+
+// Slope of a cubic through the 13 samples about k (Savitzky and Golay 1964), m/s.
+double speed_at(const Ring& ring, std::size_t k) {
+  constexpr int kHalf = 6;
+  double sum = 0;
+  for (int i = 1; i <= kHalf; ++i) {
+    const auto j = static_cast<std::size_t>(i);
+    const double weight = (129175.0 * i - 4375.0 * i * i * i) / 3603600.0;
+    sum += weight * (ring.samples[k + j].x_m - ring.samples[k - j].x_m);
   }
-  return out;
+  return sum / ring.period_s;
 }
 
-// Mass, damping and friction from the first swings about the spring's middle.
-Parameters from_peaks(const Ring& ring) {
-  const auto& s = ring.samples;
-  const double k = ring.stiffness_N_per_m;
-  // Where the spring pulls no more; dry friction lets it come to rest elsewhere.
-  const double rest = s.front().x_m + s.front().u_N / k;
-  // Largest excursion between crossings of it; the start, at rest, is the first of them.
-  std::vector<double> size{std::abs(s.front().x_m - rest)}, crossing;
-  double side = s.front().x_m - rest;
-  for (std::size_t i = 1; i < s.size() && crossing.size() < 6; ++i) {
-    const double a = s[i].x_m - rest;
-    if (a * side < 0) {
-      crossing.push_back(static_cast<double>(i));
-      size.push_back(0);
-      side = a;
-    }
-    size.back() = std::max(size.back(), std::abs(a));
+// The equation of motion integrated once is linear in what is looked for:
+//   m v + b (x - x_0) + c int sign(v) - g t + t_d u = int u       (t_d only if `delay_s` is asked for)
+Model solve_linear(const std::vector<Swing>& swings, double known_delay_s, double* delay_s) {
+  constexpr std::size_t kEdge = 6;
+  Eigen::Index rows = 0;
+  for (const Swing& s : swings) {
+    if (s.ticks > 2 * kEdge) rows += static_cast<Eigen::Index>(s.ticks - 2 * kEdge);
   }
-  double mass = 0.2, damping = 1, coulomb = 0.02;
-  if (crossing.empty()) return {std::log(mass), std::log(damping), coulomb, 0};
-  const double half = crossing.size() > 1 ? (crossing[1] - crossing[0]) * ring.period_s
-                                          : 2 * crossing[0] * ring.period_s;
-  const double w = std::numbers::pi / half;
-  double q = size[1] / size[0];
-  coulomb = 0;
-  if (size.size() > 2 && size[0] > size[1] && size[2] > 1e-4) {
-    const double exact = (size[1] - size[2]) / (size[0] - size[1]);
-    if (exact > q && exact < 0.99) {
-      q = exact;
-      coulomb = k * (q * size[0] - size[1]) / (1 + q);
+  Eigen::MatrixXd A(rows, delay_s != nullptr ? 5 : 4);
+  Eigen::VectorXd y(rows);
+  Eigen::Index row = 0;
+  for (const Swing& s : swings) {
+    if (s.ticks <= 2 * kEdge) continue;
+    const Ring& r = *s.ring;
+    const double T = r.period_s;
+    std::vector<double> pushed{0};  // int u up to each tick
+    for (const RingSample& sample : r.samples) pushed.push_back(pushed.back() + T * sample.u_N);
+    const auto pushed_until = [&](double t) {
+      const double k = std::clamp(t / T, 0.0, static_cast<double>(pushed.size() - 1));
+      const auto i = std::min(static_cast<std::size_t>(k), pushed.size() - 2);
+      return pushed[i] + (k - static_cast<double>(i)) * (pushed[i + 1] - pushed[i]);
+    };
+    double before = speed_at(r, kEdge);
+    double signs = std::copysign(static_cast<double>(kEdge) * T, before);
+    for (std::size_t k = kEdge; k + kEdge < s.ticks; ++k) {
+      const double v = speed_at(r, k), t = static_cast<double>(k) * T;
+      if (k > kEdge) signs += 0.5 * T * (std::copysign(1.0, before) + std::copysign(1.0, v));
+      before = v;
+      A(row, 0) = v;
+      A(row, 1) = r.samples[k].x_m - r.samples.front().x_m;
+      A(row, 2) = signs;
+      A(row, 3) = -t;
+      if (delay_s != nullptr) A(row, 4) = r.samples[k].u_N;
+      y[row] = pushed_until(t - known_delay_s);
+      ++row;
     }
   }
-  const double delta = -std::log(std::clamp(q, 0.02, 0.98)) / half;  // b / 2m
-  mass = k / (w * w + delta * delta);
-  damping = std::max(2 * mass * delta, 0.02);
-  return {std::log(mass), std::log(damping), std::max(coulomb, 0.0), 0};
+  Eigen::VectorXd p = A.colPivHouseholderQr().solve(y);
+  if (p[2] < 0) {  // none: its column away
+    A.col(2).setZero();
+    p = A.colPivHouseholderQr().solve(y);
+    p[2] = 0;
+  }
+  if (delay_s != nullptr) *delay_s = std::clamp(p[4], 0.0, 0.005);
+  return {std::max(p[0], 0.005), std::max(p[1], 0.005), p[2], p[3]};
 }
 
-DeviceFit fit_from(const std::vector<Ring>& rings, double delay_s, Parameters p) {
-  Eigen::VectorXd r = residuals(rings, p, delay_s);
+// ---- By least squares of the position
+
+// log m, log b, c, bias, and of each ring the velocity it began with: a device without dry friction never
+// quite comes to rest between two steps of its encoder.
+using Parameters = Eigen::VectorXd;
+
+Model model_of(const Parameters& p) {
+  return {std::exp(p[0]), std::exp(p[1]), std::max(p[2], 0.0), p[3]};
+}
+
+Parameters parameters_of(const Model& m, std::size_t rings) {
+  Parameters p = Parameters::Zero(static_cast<Eigen::Index>(4 + rings));
+  p[0] = std::log(m.mass), p[1] = std::log(m.damping), p[2] = m.coulomb, p[3] = m.bias;
+  return p;
+}
+
+class Residuals {
+ public:
+  Residuals(const std::vector<Swing>& swings, double delay_s) : swings_(swings), delay_s_(delay_s) {
+    for (const Swing& s : swings) {
+      begin_.push_back(rows_);
+      rows_ += static_cast<Eigen::Index>(s.ticks);
+    }
+  }
+  [[nodiscard]] Eigen::VectorXd operator()(const Parameters& p) {
+    Eigen::VectorXd out(rows_);
+    for (std::size_t i = 0; i < swings_.size(); ++i) of_ring(i, p, out);
+    return out;
+  }
+  [[nodiscard]] Eigen::MatrixXd jacobian(const Parameters& p) {
+    const double step[4] = {1e-3, 1e-3, 1e-3, 1e-4};
+    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(rows_, p.size());
+    Eigen::VectorXd ahead(rows_), behind(rows_);
+    for (Eigen::Index i = 0; i < p.size(); ++i) {
+      Parameters q = p, r = p;
+      const double d = i < 4 ? step[i] : 1e-4;
+      q[i] += d;
+      r[i] -= i == 2 ? std::min(d, p[2]) : d;
+      for (std::size_t s = 0; s < swings_.size(); ++s) {
+        if (i >= 4 && static_cast<Eigen::Index>(s) != i - 4) continue;  // that ring's own
+        of_ring(s, q, ahead);
+        of_ring(s, r, behind);
+        const auto n = static_cast<Eigen::Index>(swings_[s].ticks);
+        J.col(i).segment(begin_[s], n) =
+            (ahead.segment(begin_[s], n) - behind.segment(begin_[s], n)) / (q[i] - r[i]);
+      }
+    }
+    return J;
+  }
+
+ private:
+  // Less its mean: where in an encoder step the ring began is not known, and shifts all of it.
+  void of_ring(std::size_t i, const Parameters& p, Eigen::VectorXd& out) {
+    const Swing& s = swings_[i];
+    simulate(s, model_of(p), p[static_cast<Eigen::Index>(4 + i)], delay_s_, x_);
+    double mean = 0;
+    for (std::size_t k = 0; k < s.ticks; ++k) mean += x_[k] - s.ring->samples[k].x_m;
+    mean /= static_cast<double>(s.ticks);
+    for (std::size_t k = 0; k < s.ticks; ++k) {
+      out[begin_[i] + static_cast<Eigen::Index>(k)] = x_[k] - s.ring->samples[k].x_m - mean;
+    }
+  }
+  const std::vector<Swing>& swings_;
+  double delay_s_;
+  std::vector<Eigen::Index> begin_;
+  Eigen::Index rows_ = 0;
+  std::vector<double> x_;
+};
+
+struct Minimum {
+  Parameters p;
+  double cost = std::numeric_limits<double>::infinity();
+};
+
+// Levenberg-Marquardt.
+Minimum fit_from(Residuals& residuals, Parameters p) {
+  Eigen::VectorXd r = residuals(p);
   double cost = r.squaredNorm(), lambda = 1e-3;
-  const Parameters step(1e-3, 1e-3, 1e-3, 1e-4);
-  for (int round = 0; round < 80; ++round) {
-    Eigen::MatrixXd J(r.size(), 4);
-    for (int i = 0; i < 4; ++i) {
-      Parameters ahead = p, behind = p;
-      ahead[i] += step[i];
-      behind[i] -= i == 2 ? std::min(step[i], p[2]) : step[i];
-      J.col(i) = (residuals(rings, ahead, delay_s) - residuals(rings, behind, delay_s)) /
-                 (ahead[i] - behind[i]);
-    }
-    const Eigen::Matrix4d H = J.transpose() * J;
-    const Eigen::Vector4d g = J.transpose() * r;
+  for (int round = 0; round < 60; ++round) {
+    const Eigen::MatrixXd J = residuals.jacobian(p);
+    const Eigen::MatrixXd H = J.transpose() * J;
+    const Eigen::VectorXd g = J.transpose() * r;
     bool better = false;
+    double gain = 0;
     for (int attempt = 0; attempt < 12 && !better; ++attempt) {
-      Eigen::Matrix4d damped = H;
-      damped.diagonal() += lambda * H.diagonal() + Eigen::Vector4d::Constant(1e-18);
+      Eigen::MatrixXd damped = H;
+      damped.diagonal() += lambda * H.diagonal() + Eigen::VectorXd::Constant(p.size(), 1e-18);
       Parameters next = p - Parameters(damped.ldlt().solve(g));
       next[2] = std::max(next[2], 0.0);
-      if (!next.allFinite() || std::abs(next[0]) > 6 || std::abs(next[1]) > 8) {
-        lambda *= 10;
-        continue;
-      }
-      const Eigen::VectorXd trial = residuals(rings, next, delay_s);
-      if (trial.squaredNorm() < cost) {
-        better = true;
-        const double gain = cost - trial.squaredNorm();
-        p = next;
-        r = trial;
-        cost = trial.squaredNorm();
-        lambda = std::max(lambda * 0.3, 1e-9);
-        if (gain < 1e-8 * cost) round = 1000;
-      } else {
-        lambda *= 10;
-      }
+      lambda *= 10;
+      if (!next.allFinite() || std::abs(next[0]) > 6 || std::abs(next[1]) > 8) continue;
+      const Eigen::VectorXd trial = residuals(next);
+      if (!(trial.squaredNorm() < cost)) continue;
+      better = true;
+      gain = cost - trial.squaredNorm();
+      p = next;
+      r = trial;
+      cost = trial.squaredNorm();
+      lambda = std::max(lambda * 0.03, 1e-9);
     }
-    if (!better) break;
+    if (!better || gain < 1e-6 * cost) break;
   }
-  const Model m(p);
-  return {m.mass, m.damping, m.coulomb, m.bias,
-          std::sqrt(cost / static_cast<double>(r.size())), static_cast<int>(rings.size())};
+  return {p, cost};
 }
 
 // Dry friction makes the sum of squares rough: where the derivatives lead no further, steps along the axes do.
-Parameters polished(const std::vector<Ring>& rings, double delay_s, Parameters p) {
-  double least = residuals(rings, p, delay_s).squaredNorm();
-  Parameters step(0.02, 0.1, 0.02, 0.005);
-  for (int level = 0; level < 12; ++level) {
+Minimum polished(Residuals& residuals, Minimum m) {
+  Parameters step = Parameters::Constant(m.p.size(), 1e-3);
+  step[0] = 0.01, step[1] = 0.05, step[2] = 0.01, step[3] = 0.005;
+  for (int level = 0; level < 8; ++level) {
     bool better = false;
-    for (int i = 0; i < 4; ++i) {
+    for (Eigen::Index i = 0; i < m.p.size(); ++i) {
       for (const double side : {1.0, -1.0}) {
-        Parameters q = p;
+        Parameters q = m.p;
         q[i] += side * step[i];
         q[2] = std::max(q[2], 0.0);
-        const double cost = residuals(rings, q, delay_s).squaredNorm();
-        if (!(cost < least)) continue;
-        least = cost;
-        p = q;
+        const double cost = residuals(q).squaredNorm();
+        if (!(cost < m.cost)) continue;
+        m = {q, cost};
         better = true;
         break;
       }
     }
-    if (better) {
-      --level;
-    } else {
-      step *= 0.5;
-    }
-    if (least < 1e-11 * static_cast<double>(rings.size() * rings.front().samples.size())) break;
-    if (step[0] < 1e-5) break;
+    if (!better) step *= 0.5;
   }
-  return p;
+  return m;
 }
 
-Parameters parameters_of(const DeviceFit& f) {
-  return {std::log(f.mass_kg), std::log(f.damping_N_s_per_m), f.coulomb_N, f.bias_N};
+DeviceFit result_of(const std::vector<Swing>& swings, const Minimum& best) {
+  std::size_t n = 0;
+  for (const Swing& s : swings) n += s.ticks;
+  const Model m = model_of(best.p);
+  return {m.mass,
+          m.damping,
+          m.coulomb,
+          m.bias,
+          std::sqrt(best.cost / static_cast<double>(n)),
+          static_cast<int>(swings.size())};
+}
+
+bool swung(const std::vector<Ring>& rings, const std::vector<Swing>& swings) {
+  std::size_t n = 0;
+  double moved = 0;
+  for (const Swing& s : swings) n += s.ticks;
+  for (const Ring& r : rings) {
+    for (const RingSample& s : r.samples) moved = std::max(moved, std::abs(s.x_m));
+  }
+  return n >= 100 && moved >= 1e-4;
+}
+
+// From the closed form, and with other shares of its dry friction as long as the positions are not explained.
+Minimum fit_swings(const std::vector<Swing>& swings, const Model& start, double delay_s) {
+  std::size_t n = 0;
+  for (const Swing& s : swings) n += s.ticks;
+  const double good = 1e-5 * 1e-5 * static_cast<double>(n);
+  Residuals residuals(swings, delay_s);
+  Minimum best = fit_from(residuals, parameters_of(start, swings.size()));
+  for (const double change : {-0.01, 0.01, -0.05, 0.05}) {
+    if (best.cost < good) return best;
+    Model m = start;
+    m.coulomb = std::max(0.0, start.coulomb + change);
+    const Minimum other = fit_from(residuals, parameters_of(m, swings.size()));
+    if (other.cost < best.cost) best = other;
+  }
+  if (best.cost < good) return best;
+  const Minimum last = fit_from(residuals, polished(residuals, best).p);
+  return last.cost < best.cost ? last : best;
 }
 
 }  // namespace
 
 DeviceFit fit_rings(const std::vector<Ring>& rings, double delay_s) {
-  std::size_t n = 0;
-  double moved = 0;
-  for (const Ring& r : rings) {
-    n += r.samples.size();
-    for (const RingSample& s : r.samples) moved = std::max(moved, std::abs(s.x_m));
-  }
-  if (n < 100 || moved < 1e-4) return {};
-  // Dry friction makes valleys: begin where one of the rings' own peaks explains all rings best.
-  Parameters best = from_peaks(rings.front());
-  double least = residuals(rings, best, delay_s).squaredNorm();
-  for (const Ring& r : rings) {
-    for (const double share : {0.0, 0.5, 1.0}) {
-      Parameters p = from_peaks(r);
-      p[2] *= share;
-      const double cost = residuals(rings, p, delay_s).squaredNorm();
-      if (!(cost < least)) continue;
-      least = cost;
-      best = p;
-    }
-  }
-  // From there with its friction, and from less and more of it.
-  DeviceFit fit = fit_from(rings, delay_s, best);
-  for (const double coulomb : {0.0, 0.5 * best[2], best[2] + 0.1}) {
-    if (fit.residual_m < 1.5e-5) break;  // as good as the encoder
-    Parameters p = best;
-    p[2] = coulomb;
-    const DeviceFit other = fit_from(rings, delay_s, p);
-    if (other.residual_m < fit.residual_m) fit = other;
-  }
-  if (fit.residual_m < 1.5e-5) return fit;
-  const DeviceFit last = fit_from(rings, delay_s, polished(rings, delay_s, parameters_of(fit)));
-  return last.residual_m < fit.residual_m ? last : fit;
+  const std::vector<Swing> swings = swings_of(rings);
+  if (!swung(rings, swings)) return {};
+  return result_of(swings, fit_swings(swings, solve_linear(swings, delay_s, nullptr), delay_s));
 }
 
 DeviceFit fit_rings_and_delay(const std::vector<Ring>& rings, double& delay_s) {
+  delay_s = 0;
+  const std::vector<Swing> swings = swings_of(rings);
+  if (!swung(rings, swings)) return {};
+  double about = 0;
+  const Model start = solve_linear(swings, 0, &about);
   // Steps of a twentieth of a tick are what the model resolves.
   const double h = rings.front().period_s / kSteps;
-  double best_delay = 0;
-  DeviceFit best = fit_rings(rings, 0);
-  const auto attempt = [&](double d) {
-    if (!(best.mass_kg > 0)) return;
-    const DeviceFit f = fit_from(rings, d, parameters_of(best));
-    if (f.mass_kg > 0 && f.residual_m < best.residual_m) {
-      best = f;
-      best_delay = d;
-    }
-  };
-  for (int i = 1; i <= 20; ++i) attempt(0.00025 * i);
-  const double middle = best_delay;
-  for (double d = std::max(0.0, middle - 0.0002); d <= middle + 0.0002 + 1e-9; d += h) attempt(d);
-  delay_s = best_delay;
-  return best;
+  const double middle = std::round(about / h) * h;
+  Minimum best;
+  Parameters from = parameters_of(start, swings.size());
+  for (int i = -4; i <= 4; ++i) {
+    const double d = middle + i * h;
+    if (d < -1e-12) continue;
+    Residuals residuals(swings, d);
+    const Minimum m = fit_from(residuals, from);
+    if (!(m.cost < best.cost)) continue;
+    best = m;
+    from = m.p;
+    delay_s = std::max(d, 0.0);
+  }
+  return result_of(swings, best);
 }
 
 IdentifyResult identify_device(drivers::HapticDevice& device, const IdentifyOptions& o,

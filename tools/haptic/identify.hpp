@@ -2,9 +2,9 @@
 // aside and lets it swing about the new place, along each axis of D, with two stiffnesses.
 //
 //   model    m x'' = u + g - b x' - c sign(x'),   u = the force that was commanded, held over each tick and t_d late
-//   start    peaks of the swing: A(n+1) = q A(n) - (1 + q) c / K,  q = exp(-pi b / (2 m w)),  w^2 = K/m - (b/2m)^2
-//   fit      least squares of the position (Levenberg-Marquardt), the model integrated at 20 steps a tick under
-//            the commands as they were; t_d by a search outside, since spring and delay together only show b - K t_d
+//   start    in closed form: m x'' integrated once is linear in m, b, c, bias and (if asked for) t_d
+//   fit      least squares of the position (Levenberg-Marquardt) up to where each swing comes to rest, the model
+//            integrated at 20 steps a tick under the commands as they were; t_d by a search about its start
 //
 // What the hold and the delay of the spring add or take is so in the model, not in the result.
 // Frames: D haptic base.  SI.
@@ -39,7 +39,7 @@ struct DeviceFit {
 
 // Fit of all rings together (of one axis) with a known delay. Fewer than 100 samples, or no motion: mass 0.
 [[nodiscard]] DeviceFit fit_rings(const std::vector<Ring>& rings, double delay_s);
-// The same, the delay searched between 0 and 5 ms; `delay_s` gets it.
+// The same, the delay looked for between 0 and 5 ms; `delay_s` gets it.
 [[nodiscard]] DeviceFit fit_rings_and_delay(const std::vector<Ring>& rings, double& delay_s);
 
 struct IdentifyOptions {

@@ -8,6 +8,8 @@
 #include <optional>
 #include <stdexcept>
 
+#include <Eigen/Dense>
+
 #include "perception/raycast/raycast.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/random.hpp"
@@ -19,6 +21,8 @@ using perception::Vec3;
 
 namespace {
 
+// Farther off the sensor's noise makes edges and corners of its own.
+constexpr double kFine_m = 1.8;
 constexpr double kLift_m = 0.05;  // over a place, before and after it is touched
 
 struct Axes {
@@ -32,14 +36,56 @@ bool level(MapProbe& probe, const Vec3& p, const Vec3& n, double within) {
   return std::abs(h) < within;  // false for NaN
 }
 
+// Most of the surface around p lies within `within` of the plane. A tenth may not: a hole, or a step of the sensor.
 bool flat(MapProbe& probe, const Vec3& p, const Vec3& n, double within,
           std::initializer_list<double> radii) {
   const Axes axes(n);
+  int asked = 0, found = 0;
   for (const double r : radii) {
     for (int k = 0; k < 12; ++k) {
-      if (!level(probe, p + r * axes.at(k * std::numbers::pi / 6), n, within)) return false;
+      ++asked;
+      found += level(probe, p + r * axes.at(k * std::numbers::pi / 6), n, within) ? 1 : 0;
     }
   }
+  return 10 * found >= 9 * asked;
+}
+
+// The plane through the surface within `radius` of p, by least squares: a single normal of a cast is the noise of
+// its pixels. False: hardly anything there.
+bool fit_plane(MapProbe& probe, double radius, Vec3& p, Vec3& n) {
+  for (int round = 0; round < 2; ++round) {
+    const Axes axes(n);
+    Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+    Vec3 g = Vec3::Zero();
+    int found = 0;
+    for (const double r : {0.0, 0.5 * radius, radius}) {
+      for (int k = 0; k < (r > 0 ? 12 : 1); ++k) {
+        const Vec3 at = r * axes.at(k * std::numbers::pi / 6);
+        const double h = probe.height(p + at, n, 0.03, 0.03);
+        if (std::isnan(h)) continue;
+        const Vec3 row(1, at.dot(axes.a), at.dot(axes.b));
+        H += row * row.transpose();
+        g += h * row;
+        ++found;
+      }
+    }
+    if (found < 18) return false;
+    const Vec3 fit = H.ldlt().solve(g);
+    if (!(std::hypot(fit.y(), fit.z()) < 0.6)) return false;
+    p += fit.x() * n;
+    n = (n - fit.y() * axes.a - fit.z() * axes.b).normalized();
+  }
+  return true;
+}
+
+// Upright and flat for 100 mm around, on a plane fitted to all of that.
+bool is_wall(MapProbe& probe, const Vec3& up, Vec3& p, Vec3& n) {
+  Vec3 at = p, normal = n;
+  if (std::abs(n.dot(up)) > 0.4 || !fit_plane(probe, 0.1, at, normal)) return false;
+  if (std::abs(normal.dot(up)) > 0.25) return false;
+  if (!flat(probe, at, normal, 0.01, {0.025, 0.05, 0.075, 0.1})) return false;
+  p = at;
+  n = normal;
   return true;
 }
 
@@ -73,18 +119,20 @@ std::vector<EdgeFound> edges_of(MapProbe& probe, const Vec3& p, const Vec3& n) {
   return found;
 }
 
-// A place at p, if it is one; most particular kind first.
-std::optional<Place> place_at(MapProbe& probe, const Vec3& p, const Vec3& n, const Vec3& up) {
-  if (!level(probe, p, n, 0.003)) return std::nullopt;
+// A place about p, if there is one; most particular kind first.
+std::optional<Place> place_at(MapProbe& probe, Vec3 p, Vec3 n, const Vec3& up) {
   Place place;
+  place.p_W = p;
+  place.n_W = n;
+  if (is_wall(probe, up, place.p_W, place.n_W)) {
+    place.kind = Place::Kind::kWall;
+    return place;
+  }
+  if (!fit_plane(probe, 0.025, p, n) || !level(probe, p, n, 0.003)) return std::nullopt;
   place.p_W = p;
   place.n_W = n;
   const double rise = n.dot(up);
   if (flat(probe, p, n, 0.004, {0.025, 0.05})) {
-    if (std::abs(rise) < 0.25 && flat(probe, p, n, 0.008, {0.075, 0.1})) {
-      place.kind = Place::Kind::kWall;
-      return place;
-    }
     if (rise > 0.9) return place;
     return std::nullopt;
   }
@@ -137,7 +185,7 @@ class Surface {
     if (casts_.empty()) throw std::runtime_error("haptic path: the views see nothing of the map");
   }
   // False: that ray met nothing, or meets it at a grazing angle.
-  bool draw(rt::Random& random, Vec3& p_W, Vec3& n_W) const {
+  bool draw(rt::Random& random, Vec3& p_W, Vec3& n_W, double& range_m) const {
     const auto& cast =
         *casts_[static_cast<std::size_t>(random.integer(0, static_cast<int>(casts_.size()) - 1))];
     const int u = static_cast<int>(random.integer(10, cast.width() - 11)),
@@ -146,6 +194,7 @@ class Surface {
     const Vec3 p_C = cast.vertex_C(u, v).cast<double>(), n_C = cast.normal_C(u, v).cast<double>();
     if (!(n_C.norm() > 0.5) || -n_C.dot(p_C.normalized()) < 0.35 || p_C.z() > 3.0) return false;
     p_W = cast.X_WC * p_C;
+    range_m = p_C.z();
     n_W = (cast.X_WC.linear() * n_C).normalized();
     return true;
   }
@@ -155,94 +204,155 @@ class Surface {
   std::vector<std::unique_ptr<perception::RaycastMaps>> casts_;
 };
 
+// Another surface than those: not on the plane of one of them near by.
 bool apart(const std::vector<Place>& places, const Place& from) {
   return std::none_of(places.begin(), places.end(), [&](const Place& p) {
-    return (p.p_W - from.p_W).norm() < 0.25;
+    const Vec3 way = from.p_W - p.p_W;
+    const bool same_plane = std::abs(way.dot(p.n_W)) < 0.03 && p.n_W.dot(from.n_W) > 0.95;
+    return way.norm() < (same_plane ? 0.6 : 0.2);
   });
 }
 
-// The direction in which most of what looks roughly up does look: a camera that is held upright may still look
-// down.
+// What is built stands along gravity or across it: the direction near `rough` to which most normals are parallel or
+// perpendicular, then refined on those (Gupta, Arbelaez, Malik 2013).
 Vec3 refined_up(const Surface& surface, const Vec3& rough, rt::Random& random) {
   std::vector<Vec3> normals;
-  for (int i = 0; i < 8000 && normals.size() < 800; ++i) {
+  for (int i = 0; i < 20000 && normals.size() < 2000; ++i) {
     Vec3 p, n;
-    if (surface.draw(random, p, n) && n.dot(rough) > 0.7) normals.push_back(n);
+    double range = 0;
+    if (surface.draw(random, p, n, range)) normals.push_back(n);
   }
+  const auto across = [](double c) { return std::abs(c) < 0.12; };
+  const auto along = [](double c) { return std::abs(c) > 0.99; };
   Vec3 best = rough;
-  double most = 0;
+  int most = -1;
   for (std::size_t i = 0; i < normals.size(); i += 4) {
-    Vec3 sum = Vec3::Zero();
+    const Vec3& up = normals[i];
+    if (up.dot(rough) < 0.6) continue;
+    int votes = 0;
     for (const Vec3& n : normals) {
-      if (n.dot(normals[i]) > 0.99) sum += n;
+      const double c = n.dot(up);
+      votes += across(c) || along(c) ? 1 : 0;
     }
-    if (sum.norm() > most) {
-      most = sum.norm();
-      best = sum.normalized();
+    if (votes > most) {
+      most = votes;
+      best = up;
     }
+  }
+  for (int round = 0; round < 5; ++round) {
+    Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+    for (const Vec3& n : normals) {
+      const double c = n.dot(best);
+      if (across(c)) H += n * n.transpose();
+      if (along(c)) H -= n * n.transpose();
+    }
+    const Vec3 up = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(H).eigenvectors().col(0);
+    best = up.dot(best) < 0 ? Vec3(-up) : up;
   }
   return best;
+}
+
+// Around a corner, whatever is nearest to one already chosen: five places. Empty: a kind is missing.
+std::vector<Place> chosen_around(const Place& corner, const std::vector<Place>& pool) {
+  using Kind = Place::Kind;
+  std::vector<Place> chosen{corner};
+  for (const Kind kind : {Kind::kEdge, Kind::kWall, Kind::kTop, Kind::kTop, Kind::kWall}) {
+    if (chosen.size() == 5) break;
+    const Place* best = nullptr;
+    double best_way = std::numeric_limits<double>::infinity();
+    for (const Place& p : pool) {
+      if (p.kind != kind || !apart(chosen, p)) continue;
+      for (const Place& c : chosen) {
+        const double way = (c.p_W - p.p_W).norm();
+        if (way >= best_way) continue;
+        best_way = way;
+        best = &p;
+      }
+    }
+    if (best != nullptr) {
+      chosen.push_back(*best);
+    } else if (chosen.size() < 3) {
+      return {};  // no edge, no wall
+    }
+  }
+  return chosen;
+}
+
+// From the first on, each time to the nearest. Returns the way.
+double put_in_order(std::vector<Place>& places) {
+  double way = 0;
+  for (std::size_t i = 1; i < places.size(); ++i) {
+    const auto from = [&](const Place& p) { return (p.p_W - places[i - 1].p_W).norm(); };
+    const auto next =
+        std::min_element(places.begin() + static_cast<std::ptrdiff_t>(i), places.end(),
+                         [&](const Place& a, const Place& b) { return from(a) < from(b); });
+    std::iter_swap(places.begin() + static_cast<std::ptrdiff_t>(i), next);
+    way += from(places[i]);
+  }
+  return way;
 }
 
 std::vector<Place> find_places(MapProbe& probe, const Surface& surface, const Vec3& rough_up,
                                rt::Random& random) {
   const Vec3 up = refined_up(surface, rough_up, random);
-  // Kind, how many are wanted.
-  constexpr std::pair<Place::Kind, int> kWanted[] = {{Place::Kind::kCorner, 1},
-                                                     {Place::Kind::kEdge, 1},
-                                                     {Place::Kind::kWall, 2},
-                                                     {Place::Kind::kTop, 2}};
   std::vector<Place> pool;
   int of[4] = {};
-  for (int i = 0; i < 100000 && pool.size() < 400; ++i) {
+  for (int i = 0; i < 60000; ++i) {
     Vec3 p, n;
-    if (!surface.draw(random, p, n)) continue;
+    double range = 0;
+    if (!surface.draw(random, p, n, range)) continue;
     const auto place = place_at(probe, p, n, up);
     if (!place) continue;
-    int& count = of[static_cast<int>(place->kind)];
-    if (++count > 60) continue;  // enough of these
+    const bool fine = place->kind == Place::Kind::kCorner || place->kind == Place::Kind::kEdge;
+    if (fine && range > kFine_m) continue;
+    if (++of[static_cast<int>(place->kind)] > 60) continue;  // enough of these
     pool.push_back(*place);
-    if (of[static_cast<int>(Place::Kind::kCorner)] >= 10 &&
-        of[static_cast<int>(Place::Kind::kEdge)] >= 10 &&
-        of[static_cast<int>(Place::Kind::kWall)] >= 10 &&
-        of[static_cast<int>(Place::Kind::kTop)] >= 10) {
-      break;
-    }
+    if (std::all_of(std::begin(of), std::end(of), [](int k) { return k >= 10; })) break;
   }
-  // The rarest first, then whatever is nearest to one already chosen: short ways.
-  std::vector<Place> chosen;
-  for (const auto& [kind, wanted] : kWanted) {
-    for (int k = 0; k < wanted; ++k) {
-      const Place* best = nullptr;
-      double best_way = std::numeric_limits<double>::infinity();
-      for (const Place& p : pool) {
-        if (p.kind != kind || !apart(chosen, p)) continue;
-        double way = chosen.empty() ? 0 : std::numeric_limits<double>::infinity();
-        for (const Place& c : chosen) way = std::min(way, (c.p_W - p.p_W).norm());
-        if (way < best_way) {
-          best_way = way;
-          best = &p;
-        }
-      }
-      if (best == nullptr && k == 0 && kind != Place::Kind::kTop) {
-        throw std::runtime_error(std::string("haptic path: the map holds no ") + name_of(kind) +
-                                 " (walls, tops, edges, corners: " + std::to_string(of[0]) + ", " +
-                                 std::to_string(of[1]) + ", " + std::to_string(of[2]) + ", " +
-                                 std::to_string(of[3]) + ")");
-      }
-      if (best != nullptr) chosen.push_back(*best);
-    }
+  // The corner from which it is the shortest way: time in the air is no touch.
+  std::vector<Place> best;
+  double shortest = std::numeric_limits<double>::infinity();
+  std::size_t most = 0;
+  for (const Place& corner : pool) {
+    if (corner.kind != Place::Kind::kCorner) continue;
+    std::vector<Place> chosen = chosen_around(corner, pool);
+    const double way = put_in_order(chosen);
+    if (chosen.size() < most || (chosen.size() == most && way >= shortest)) continue;
+    most = chosen.size();
+    shortest = way;
+    best = std::move(chosen);
   }
-  // In an order in which each is nearest to the one before.
-  for (std::size_t i = 1; i + 1 < chosen.size(); ++i) {
-    const auto next = std::min_element(
-        chosen.begin() + static_cast<std::ptrdiff_t>(i), chosen.end(),
-        [&](const Place& a, const Place& b) {
-          return (a.p_W - chosen[i - 1].p_W).norm() < (b.p_W - chosen[i - 1].p_W).norm();
-        });
-    std::iter_swap(chosen.begin() + static_cast<std::ptrdiff_t>(i), next);
+  if (best.empty()) {
+    throw std::runtime_error(
+        "haptic path: the map holds no wall, edge or corner (walls, tops, edges, corners: " +
+        std::to_string(of[0]) + ", " + std::to_string(of[1]) + ", " + std::to_string(of[2]) + ", " +
+        std::to_string(of[3]) + ")");
   }
-  return chosen;
+  return best;
+}
+
+// The first of the views with the place in it, from its front.
+std::size_t first_seen(const Place& place, const perception::Intrinsics& camera,
+                       const std::vector<Pose>& views) {
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const Vec3 p_C = views[i].inverse() * place.p_W;
+    if (p_C.z() < 0.3 || (views[i].linear().transpose() * place.n_W).dot(p_C) > 0) continue;
+    const double u = camera.fx * p_C.x() / p_C.z() + camera.cx,
+                 v = camera.fy * p_C.y() / p_C.z() + camera.cy;
+    if (u > 0 && u < camera.width && v > 0 && v < camera.height) return i;
+  }
+  return views.size();
+}
+
+// A map that is still growing holds what its first views saw: begins there, and goes on to the nearest each time.
+void begin_where_seen(std::vector<Place>& places, const perception::Intrinsics& camera,
+                      const std::vector<Pose>& views) {
+  const auto first =
+      std::min_element(places.begin(), places.end(), [&](const auto& a, const auto& b) {
+        return first_seen(a, camera, views) < first_seen(b, camera, views);
+      });
+  std::iter_swap(places.begin(), first);
+  (void)put_in_order(places);
 }
 
 // Writes the hand tick by tick, never faster than 200 mm/s.
@@ -308,12 +418,22 @@ class Pen {
   int place_ = -1;
 };
 
+// Strokes of four seconds each: what comes in before the map holds the surface there feels nothing until it was out.
 void wander(Pen& pen, const Place& place, rt::Random& random, double until) {
   const Axes axes(place.n_W);
-  pen.press(place, place.p_W, pen.depth());
+  const auto draw = [&] {
+    const double r = 0.045 * std::sqrt(random.uniform());
+    return Vec3(place.p_W + r * axes.at(random.uniform(0, 2 * std::numbers::pi)));
+  };
   while (pen.now() < until && !pen.full()) {
-    const double r = 0.045 * std::sqrt(random.uniform()), a = random.uniform(0, 2 * std::numbers::pi);
-    pen.slide(place, place.p_W + r * axes.at(a), pen.depth(), pen.speed());
+    const Vec3 at = draw();
+    pen.go(at + 0.02 * place.n_W, 0.15);
+    pen.press(place, at, pen.depth());
+    const double lift = std::min(until, pen.now() + 4);
+    while (pen.now() < lift && !pen.full()) {
+      pen.slide(place, draw(), pen.depth(), pen.speed());
+    }
+    pen.go(pen.at() + 0.02 * place.n_W, 0.15);
   }
   pen.go(pen.at() + kLift_m * place.n_W, 0.15);
 }
@@ -326,11 +446,13 @@ void cross_edges(Pen& pen, const Place& place, rt::Random& random, double until)
   const Vec3 along = place.n_W.cross(place.out_W[0]);
   for (int round = 0; pen.now() < until && !pen.full(); ++round) {
     const double side = random.uniform(-0.02, 0.02);
-    const Vec3 inner = place.p_W + 0.035 * back + (corner ? Vec3(Vec3::Zero()) : Vec3(side * along));
+    const Vec3 inner =
+        place.p_W + 0.035 * back + (corner ? Vec3(Vec3::Zero()) : Vec3(side * along));
     pen.go(inner + 0.02 * place.n_W, 0.2);
     pen.press(place, inner, pen.depth());
     pen.slide(place, place.p_W + (corner ? 0.01 : -0.005) * back + (corner ? 0.0 : -side) * along,
               pen.depth(), pen.speed());
+    pen.slide(place, inner, pen.depth(), pen.speed());
     Vec3 out = place.out_W[0];
     double reach = place.edge_m[0];
     if (corner && round % 3 == 1) out = place.out_W[1], reach = place.edge_m[1];
@@ -359,7 +481,7 @@ void travel(Pen& pen, MapProbe& probe, const Vec3& to, const std::vector<Pose>& 
     pen.go(to, 0.2);
     return;
   }
-  for (const double share : {0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 0.95}) {
+  for (const double share : {0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45, 0.6, 0.8, 0.95}) {
     for (const Pose& view : views) {
       const Vec3 eye = view.translation();
       const Vec3 a = from + share * (eye - from), b = to + share * (eye - to);
@@ -422,6 +544,7 @@ MapPath make_map_path(const perception::TsdfMap& map, const perception::Intrinsi
   const Surface surface(map, camera, views);
   MapPath path;
   path.places = find_places(probe, surface, up_W, random);
+  begin_where_seen(path.places, camera, views);
   Pen pen(probe, random, o, path);
   pen.start(path.places.front().p_W + kLift_m * path.places.front().n_W);
   for (std::size_t i = 0; !pen.full(); i = (i + 1) % path.places.size()) {

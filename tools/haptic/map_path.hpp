@@ -2,9 +2,9 @@
 // a box. The target is 3 to 8 mm under the map's own surface and moves at 20 to 200 mm/s; between two places it goes
 // through space that was seen free.
 //
-// A place is found by probing the field alone: from a point of a ray cast of the map, along its normal.
-//   flat    the surface lies within 3 mm of the tangent plane for 50 mm around
-//   wall    the same for 100 mm around, upright
+// A place is found by probing the field alone: about a point of a ray cast of the map, on a plane fitted there.
+//   wall    upright, nine tenths of the surface within 10 mm of the plane for 100 mm around
+//   top     level, nine tenths within 4 mm for 50 mm around
 //   edge    in one direction the surface ends within 70 mm, and behind that it is free 50 mm down
 //   corner  so in two directions at 60 to 120 degrees and between them
 // Frames: W world (= map).  SI.
@@ -40,8 +40,9 @@ struct Place {
   enum class Kind : std::uint8_t { kWall, kTop, kEdge, kCorner };
   Kind kind = Kind::kTop;
   perception::Vec3 p_W = perception::Vec3::Zero(), n_W = perception::Vec3::UnitZ();
-  perception::Vec3 out_W[2] = {perception::Vec3::UnitX(), perception::Vec3::UnitY()};  // over the edges
-  double edge_m[2] = {0, 0};  // how far off p they are
+  perception::Vec3 out_W[2] = {perception::Vec3::UnitX(),
+                               perception::Vec3::UnitY()};  // over the edges
+  double edge_m[2] = {0, 0};                                // how far off p they are
 };
 [[nodiscard]] const char* name_of(Place::Kind kind);
 
@@ -54,10 +55,11 @@ struct MapPath {
 struct MapPathOptions {
   std::uint64_t seed = 1;
   double seconds = 60, period_s = 1e-3;
-  double stroke_s = 8;  // at each place
+  double stroke_s = 10;  // at each place
 };
 
-// `views`: cameras X_WC from which the map's surface is looked at. `up_W` unit. Throws std::runtime_error when the map
+// `views`: cameras X_WC from which the map's surface is looked at. `up_W` unit, roughly: gravity is
+// found from the surfaces near it. Throws std::runtime_error when the map
 // holds no wall, no edge or no corner.
 [[nodiscard]] MapPath make_map_path(const perception::TsdfMap& map,
                                     const perception::Intrinsics& camera,

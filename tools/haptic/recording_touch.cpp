@@ -47,8 +47,7 @@ class Player {
   // The next frame; fills `patch`, if there is one, with the window at the hand.
   void next(const Vec3& p_WH, const Vec3& v_WH, SurfacePatch* patch) {
     sequence_.frame(played(count_, sequence_.size()), *frame_);
-    const rt::Time now =
-        rt::time_from_ns(0) + rt::Nanos{std::llround(1e9 * kFrame_s * count_)};
+    const rt::Time now = rt::time_from_ns(0) + rt::Nanos{std::llround(1e9 * kFrame_s * count_)};
     frame_->exposure = now;
     frame_->seq = static_cast<std::uint64_t>(count_);
     rt::Tick tick;
@@ -135,6 +134,7 @@ class Toucher {
     row_.step_raw_N.push_back(static_cast<float>(t.step_raw_N));
     row_.force_max_N = std::max(row_.force_max_N, f.norm());
     row_.step_max_N = std::max(row_.step_max_N, t.step_N);
+    const std::uint64_t sunk = pops_.sunk(), flipped = pops_.flipped();
     pops_.judge(t.in_contact, out_.state.p_WP, out_.state.p_WH, t.blend);
     if (!t.in_contact) {
       run_ = 0;
@@ -147,6 +147,11 @@ class Toucher {
     run_ = jump ? run_ + 1 : 0;
     row_.jumps += jump ? 1 : 0;
     row_.longest_jump = std::max(row_.longest_jump, run_);
+    const bool fell = pops_.sunk() > sunk, turned = pops_.flipped() > flipped;
+    if ((jump || fell || turned) && row_.events.size() < 20) {
+      row_.events.push_back({1e-3 * static_cast<double>(tick_.k), t.step_raw_N, turned, fell,
+                             out_.state.p_WH, out_.state.p_WP});
+    }
   }
   tasks::HapticTask task_;
   tasks::HapticTask::In in_;
@@ -290,21 +295,29 @@ void RecordingTouchResult::print(std::ostream& out) const {
                   rows.front().place_contact_s[i]);
     out << line;
   }
-  out << "                contact  raw steps over K|dh| + 0.5 N     largest step N   largest  not   "
+  out << "                contact  raw steps over K|dh| + 0.5 N     largest step N   largest  not  "
+         " "
          " through the surface\n"
          "                s        share %   longest ticks          raw     sent     force N  "
          "finite  sunk  turned  deepest mm  not judged\n";
   for (const TouchedRow& row : rows) {
-    std::snprintf(line, sizeof line,
-                  "  %-13s %-8.1f %-9.3f %-22llu %-7.2f %-8.2f %-8.2f %-7llu %-5llu %-7llu %-11.2f "
-                  "%llu\n",
-                  row.method.c_str(), 1e-3 * static_cast<double>(row.contact),
-                  100 * row.jump_share(), static_cast<unsigned long long>(row.longest_jump),
-                  row.step_raw_max_N, row.step_max_N, row.force_max_N,
-                  static_cast<unsigned long long>(row.not_finite),
-                  static_cast<unsigned long long>(row.sunk),
-                  static_cast<unsigned long long>(row.flipped), row.deepest_mm,
-                  static_cast<unsigned long long>(row.unknown));
+    std::snprintf(
+        line, sizeof line,
+        "  %-13s %-8.1f %-9.3f %-22llu %-7.2f %-8.2f %-8.2f %-7llu %-5llu %-7llu %-11.2f "
+        "%llu\n",
+        row.method.c_str(), 1e-3 * static_cast<double>(row.contact), 100 * row.jump_share(),
+        static_cast<unsigned long long>(row.longest_jump), row.step_raw_max_N, row.step_max_N,
+        row.force_max_N, static_cast<unsigned long long>(row.not_finite),
+        static_cast<unsigned long long>(row.sunk), static_cast<unsigned long long>(row.flipped),
+        row.deepest_mm, static_cast<unsigned long long>(row.unknown));
+    out << line;
+  }
+  for (const TouchedRow::Event& e : rows.front().events) {
+    std::snprintf(
+        line, sizeof line,
+        "  %7.3f s: raw step %.2f N%s%s, hand (%.3f, %.3f, %.3f), proxy (%.3f, %.3f, %.3f)\n",
+        e.t_s, e.step_raw_N, e.flipped ? ", turned" : "", e.sunk ? ", sunk" : "", e.p_WH.x(),
+        e.p_WH.y(), e.p_WH.z(), e.p_WP.x(), e.p_WP.y(), e.p_WP.z());
     out << line;
   }
 }
@@ -312,7 +325,7 @@ void RecordingTouchResult::print(std::ostream& out) const {
 namespace {
 
 std::string over_time(const std::vector<TouchedRow>& rows, const char* title, const char* label,
-                      std::vector<float> TouchedRow::* values) {
+                      std::vector<float> TouchedRow::*values) {
   plot::Figure f;
   f.title = title;
   f.x_label = "virtual time, s";

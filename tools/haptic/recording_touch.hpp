@@ -18,10 +18,10 @@ namespace teletact {
 
 struct RecordingTouchOptions {
   std::string rgbd;
-  int frames = 150;      // of the recording, played forward and back
-  double seconds = 60;   // of virtual time
+  int frames = 150;     // of the recording, played forward and back
+  double seconds = 60;  // of virtual time
   std::uint64_t seed = 1;
-  bool beside = true;    // nearest and force_shading too
+  bool beside = true;           // nearest and force_shading too
   std::FILE* record = nullptr;  // haptic run of the product's method
 };
 
@@ -33,6 +33,12 @@ struct TouchedRow {
   double step_raw_max_N = 0, step_max_N = 0, force_max_N = 0;
   std::uint64_t not_finite = 0, sunk = 0, flipped = 0, unknown = 0;
   double deepest_mm = 0;
+  struct Event {
+    double t_s = 0, step_raw_N = 0;
+    bool flipped = false, sunk = false;
+    perception::Vec3 p_WH = perception::Vec3::Zero(), p_WP = perception::Vec3::Zero();
+  };
+  std::vector<Event> events;               // the first 20 jumps and pops
   std::vector<float> force_N, step_raw_N;  // a tick
   std::vector<double> place_contact_s;     // in contact at each place
   [[nodiscard]] double jump_share() const {
@@ -44,7 +50,7 @@ struct RecordingTouchResult {
   int frames_played = 0, integrated = 0;
   double seconds = 0, hand_speed_max_m_per_s = 0;
   std::vector<Place> places;
-  std::vector<TouchedRow> rows;  // the first is the product's method
+  std::vector<TouchedRow> rows;                // the first is the product's method
   [[nodiscard]] int surfaces_touched() const;  // places with half a second of contact
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;

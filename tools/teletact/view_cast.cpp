@@ -94,8 +94,8 @@ std::size_t cast_view(const DenseField& field, double voxel_size, const View& vi
       for (double t = near; t <= far; t += 0.5 * voxel_size) {
         const double value = field_value(field, voxel_size, view.eye + t * way);
         if (before > 0 && value <= 0) {
-          const double back = 0.5 * voxel_size * value / (value - before);
-          const Vec3 p = view.eye + (t + back) * way;
+          const double beyond = 0.5 * voxel_size * value / (value - before);
+          const Vec3 p = view.eye + (t - beyond) * way;
           out.set(static_cast<std::size_t>(v) * static_cast<std::size_t>(view.width) +
                       static_cast<std::size_t>(u),
                   p, normal_at(field, voxel_size, p));

@@ -42,15 +42,12 @@ TEST(Boundary, TheControllerKeepsTheLoopPassive) {
       s.delay_s = ticks / rate;
       for (const double share : {0.5, 1.25, 2.0}) {
         const auto row = teletact::measure_passivity(s, share * s.bound(), 2);
-        std::printf("%.0f Hz, t_d %.0f ticks, K %.2f of the bound: E + booked %.3f mJ, without %.3f "
-                    "mJ, controller %.2f N\n",
-                    rate, ticks, share, 1e3 * row.energy_min_J, 1e3 * row.energy_min_off_J,
-                    row.controller_max_N);
-        // -1 mJ is the limit. Not reached where one encoder step of a stiff spring rattles (4 kHz) and at twice the
-        // bound; there it may not become worse than measured.
-        const bool reached = row.energy_min_J >= -1e-3;
-        if (!reached) std::printf("  NOT MET: E + booked below -1 mJ\n");
-        EXPECT_TRUE(reached || ((rate > 1000 || share > 1.9) && row.energy_min_J >= -2.6e-3));
+        std::printf(
+            "%.0f Hz, t_d %.0f ticks, K %.2f of the bound: E + booked %.3f mJ, without %.3f "
+            "mJ, controller %.2f N\n",
+            rate, ticks, share, 1e3 * row.energy_min_J, 1e3 * row.energy_min_off_J,
+            row.controller_max_N);
+        EXPECT_GE(row.energy_min_J, -1e-3);
         EXPECT_GE(row.energy_min_J, row.energy_min_off_J - 1e-6);
       }
     }
@@ -60,8 +57,9 @@ TEST(Boundary, TheControllerKeepsTheLoopPassive) {
 TEST(Boundary, MaterialsAreFollowedSoftly) {
   for (const double rate : {1000.0, 4000.0}) {
     const auto row = teletact::measure_materials(rate);
-    std::printf("%.0f Hz: border %.3f N, flicker %.3f N beyond the hand's motion; E + booked %.3f mJ\n",
-                rate, row.border_N, row.flicker_N, 1e3 * row.energy_min_J);
+    std::printf(
+        "%.0f Hz: border %.3f N, flicker %.3f N beyond the hand's motion; E + booked %.3f mJ\n",
+        rate, row.border_N, row.flicker_N, 1e3 * row.energy_min_J);
     EXPECT_LE(row.border_N, 0.15);
     EXPECT_LE(row.flicker_N, 0.15);
     EXPECT_GT(row.flicker_N, 0.001) << "the label never changed";

@@ -25,17 +25,16 @@ TEST(Identify, FindsWhatTheTwinIsMadeOf) {
     rt::Startup startup;
     drivers::OmegaTwin twin(startup.token(), c, nullptr);
     twin.enable_force(rt::time_from_ns(0));
-    const auto r = teletact::identify_device(twin, IdentifyOptions{}, rt::time_from_ns(0),
-                                             [](rt::Time) {});
-    std::printf(
-        "m %.4f of %.4f kg, b %.3f of %.3f N s/m, c %.4f of %.4f N, residual %.1f um\n",
-        r.mean.mass_kg, c.mass_kg, r.mean.damping_N_s_per_m, c.damping_N_s_per_m,
-        r.mean.coulomb_N, c.coulomb_N, 1e6 * r.mean.residual_m);
+    const auto r =
+        teletact::identify_device(twin, IdentifyOptions{}, rt::time_from_ns(0), [](rt::Time) {});
+    std::printf("m %.4f of %.4f kg, b %.3f of %.3f N s/m, c %.4f of %.4f N, residual %.1f um\n",
+                r.mean.mass_kg, c.mass_kg, r.mean.damping_N_s_per_m, c.damping_N_s_per_m,
+                r.mean.coulomb_N, c.coulomb_N, 1e6 * r.mean.residual_m);
     for (const auto& axis : r.axes) {
       EXPECT_NEAR(axis.mass_kg, c.mass_kg, 0.02 * c.mass_kg);
       EXPECT_NEAR(axis.damping_N_s_per_m, c.damping_N_s_per_m, 0.05 * c.damping_N_s_per_m + 0.02);
       EXPECT_NEAR(axis.coulomb_N, c.coulomb_N, 0.01);
-      EXPECT_LT(axis.residual_m, 5e-5);
+      EXPECT_LT(axis.residual_m, 2e-5);
     }
   }
 }
@@ -52,8 +51,7 @@ TEST(Identify, FindsTheDelayToo) {
   IdentifyOptions options;
   options.fit_delay = true;
   options.seconds = 0.8;
-  const auto r =
-      teletact::identify_device(twin, options, rt::time_from_ns(0), [](rt::Time) {});
+  const auto r = teletact::identify_device(twin, options, rt::time_from_ns(0), [](rt::Time) {});
   std::printf("t_d %.3f of 1.000 ms, b %.3f of 2.000 N s/m\n", 1e3 * r.delay_s,
               r.mean.damping_N_s_per_m);
   EXPECT_NEAR(r.delay_s, 0.001, 0.0002);
@@ -71,8 +69,7 @@ TEST(Identify, RefusesAHeldStylus) {
   twin.enable_force(rt::time_from_ns(0));
   IdentifyOptions options;
   options.seconds = 0.3;
-  EXPECT_THROW((void)teletact::identify_device(twin, options, rt::time_from_ns(0),
-                                               [](rt::Time) {}),
+  EXPECT_THROW((void)teletact::identify_device(twin, options, rt::time_from_ns(0), [](rt::Time) {}),
                std::runtime_error);
 }
 
