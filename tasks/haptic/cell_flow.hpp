@@ -29,7 +29,6 @@ struct Tangent {
   bool known = false;
 };
 
-template <bool kTextured>
 class CellFlow {
  public:
   using Vec3 = perception::Vec3;
@@ -61,7 +60,6 @@ class CellFlow {
     double f = 0;               // (phi - R) / voxel
     Vec3 g = Vec3::Zero();      // gradient of f
     Vec3 bend = Vec3::Zero();   // f_yz, f_xz, f_xy
-    Vec3 along = Vec3::Zero();  // f_xx, f_yy, f_zz: texture only
     bool known = false;
   };
   // What is left of the pull in a cell.
@@ -95,13 +93,10 @@ class CellFlow {
   const Field& field_;
   const ProxyConfig& cfg_;
   Vec3 h_, q_ = Vec3::Zero();
-  double radius_, step_min_, stride_max_, wave_ = 0, bump_ = 0;
+  double radius_, step_min_;
   std::array<HalfSpace, 3> held_;  // voxels
   std::size_t held_size_;
   mutable int left_ = kSamples;  // of this tick; what is not reached is left to the next one
 };
-
-extern template class CellFlow<false>;
-extern template class CellFlow<true>;
 
 }  // namespace tasks

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace tasks {
 
@@ -67,6 +68,51 @@ Vec3 with_friction(const Field& field, const Vec3& h, ProxyState& state, double 
     }
   }
   return t.squaredNorm() > 0 ? swept(field, p_c, t, n, radius) : p_c;
+}
+
+Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state, double amplitude_m,
+                    double period_m, double tip_radius_m) noexcept {
+  using Phase = ProxyState::Phase;
+  Bumped out;
+  Vec3 foot = state.rendered_WP(), n = state.normal_W();
+  double d = (foot - h).norm();
+  if (state.phase == Phase::kContact) {
+    if (d > 1e-5) n = (foot - h) / d;
+  } else {
+    if (state.phase != Phase::kFree || field.empty()) return out;
+    const FieldSample s = field.sample(h);
+    const double rise = s.gradient.norm();
+    if (!s.known || rise < 0.3) return out;
+    n = s.gradient / rise;
+    d = tip_radius_m * std::max(1.0, 1 / rise) - s.value / rise;
+    if (d < -3 * amplitude_m) return out;  // above the highest bump
+    foot = h + d * n;
+  }
+  const double wave = 2 * std::numbers::pi / period_m;
+  double height = 0;
+  Vec3 slope;
+  for (int a = 0; a < 3; ++a) {
+    height += amplitude_m * std::sin(wave * foot[a]);
+    slope[a] = amplitude_m * wave * std::cos(wave * foot[a]);
+  }
+  out.stretch_m = d + height;
+  if (out.stretch_m <= 0) {  // over a trough
+    out.stretch_m = 0;
+    return out;
+  }
+  out.contact = true;
+  out.lift_W = foot + height * n - state.rendered_WP();
+  // The ways on which the foot follows the hand.
+  Vec3 along = slope - slope.dot(n) * n;
+  if (state.phase == Phase::kContact && state.contacts > 1) {
+    const ProxyPlane &a = state.frame[0], &b = state.frame[1];
+    const Vec3 edge = Vec3(a.nx, a.ny, a.nz).cross(Vec3(b.nx, b.ny, b.nz));
+    const double size2 = edge.squaredNorm();
+    const bool one_way = state.contacts == 2 && state.frame_size >= 2 && size2 > 1e-12;
+    along = one_way ? Vec3((slope.dot(edge) / size2) * edge) : Vec3::Zero();
+  }
+  out.elastic_W = out.stretch_m * (n - along);
+  return out;
 }
 
 bool material_at(const SurfacePatch& patch, const Vec3& p_W, Material& out) noexcept {
