@@ -139,9 +139,10 @@ class FieldOptimum {
   }
 
   // How much of the pull K (h - p) could still move p: the largest part of it along a way of
-  // 0.25 mm that stays outside the solid, as a share of |h - p|. 0 where p rests.
+  // 0.25 mm that stays outside the solid from its first micrometres on, as a share of |h - p|. 0 where p
+  // rests. A p in the solid is asked at the surface over it.
   [[nodiscard]] double unused(const Vec3& p, const Vec3& h) const {
-    return (h - p).norm() < 2e-4 ? 0 : steepest(p, h, kUnusedWay, true).first;
+    return (h - p).norm() < 2e-4 ? 0 : steepest(rise(p, h), h, kUnusedWay, true).first;
   }
 
  private:
@@ -166,7 +167,11 @@ class FieldOptimum {
         const double e = 0.5 * (lo + hi);
         const Vec3 d = std::cos(e) * side + std::sin(e) * axis;
         bool barred = field_(p + r * d) <= (whole ? radius_ : radius_ - 2e-6);
-        for (int m = 1; whole && !barred && m < 5; ++m) barred = solid(p + (0.2 * m * r) * d);
+        if (whole) {
+          for (const double part : {0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8}) {
+            barred = barred || solid(p + (part * r) * d);
+          }
+        }
         (barred ? hi : lo) = e;
       }
       if (std::sin(lo) > best) {

@@ -66,25 +66,22 @@ TEST(Effects, TextureIsConservative) {
   scene.solid = [](const Vec3& p, double) { return solids::concave_edge(p); };
   scene.still = true;
   Rig r(scene);
-  SurfacePatch patch;
-  r.fill(patch, Vec3::Zero(), 0, 0);
+  const auto patch = std::make_unique<SurfacePatch>();
+  r.fill(*patch, Vec3::Zero(), 0, 0);
   tasks::Field field;
-  field.set(nullptr, &patch, 1);
+  field.set(nullptr, patch.get(), 1);
   const tasks::ProxyConfig config;
-  int edges = 0;
   for (int k = 0; k < 300; ++k) {
     const bool edge = k % 3 == 0;
     const Vec3 above(random.uniform(-0.03, -0.01), random.uniform(-0.02, 0.02), 0.01);
     const Vec3 h(edge ? random.uniform(0.002, 0.006) : above.x(), above.y(),
                  -random.uniform(0.001, 0.006));
     tasks::ProxyState state;
+    const Path way({above, {above.x(), h.y(), h.z()}, h}, 0.1);
     for (int i = 0; i <= 40; ++i) {  // down, then aside
-      tasks::step_constrained(field, above + std::min(i, 20) / 20.0 * (Vec3(above.x(), h.y(), h.z()) - above) +
-                                         Vec3(std::max(i - 20, 0) / 20.0 * (h.x() - above.x()), 0, 0),
-                              state, config);
+      tasks::step_constrained(field, way(way.duration() * i / 40), state, config);
     }
-    ASSERT_EQ(state.contacts, edge ? 2 : 1);
-    edges += edge ? 1 : 0;
+    ASSERT_EQ(state.phase, tasks::ProxyState::Phase::kContact);
     const auto at = [&](const Vec3& x) {
       tasks::ProxyState s = state;
       tasks::step_constrained(field, x, s, config);
@@ -100,7 +97,6 @@ TEST(Effects, TextureIsConservative) {
           << edge << " " << a;
     }
   }
-  EXPECT_EQ(edges, 100);
 }
 
 // Crests stand out of the smooth floor: they are met there, and without a step.
