@@ -11,7 +11,7 @@ namespace {
 
 // What is exactly zero is solid: a plate of one voxel may be nothing else. No more than that: where a
 // crease lies on nodes the gradient fades to zero, and a clearance of f stands off by its root.
-constexpr double kClear_m = 1e-9;
+constexpr double kClear_m = 1e-10;
 constexpr double kOn = 1e-9;      // nearer than this the point is on the surface
 constexpr double kExact = 1e-11;  // a Newton step onto the surface ends here
 constexpr double kFlat2 = 1e-16;  // such a gradient gives no direction

@@ -150,7 +150,9 @@ Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state, 
     const bool one_way = state.contacts == 2 && state.frame_size >= 2 && size2 > 1e-12;
     along = one_way ? Vec3((slope.dot(edge) / size2) * edge) : Vec3::Zero();
   }
-  out.elastic_W = out.stretch_m * (n - along);
+  // 1 / (A wave^2) is the bumps' own radius of curvature.
+  out.elastic_W =
+      out.stretch_m * n - std::min(out.stretch_m, 1 / (amplitude_m * wave * wave)) * along;
   return out;
 }
 

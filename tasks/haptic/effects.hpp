@@ -9,8 +9,10 @@
 //   texture    height a(p_c) over the foot p_c, a(x) = A sum over the axes of sin(2 pi x_i / P), solid in
 //              the map. With D = d + a, d and n as above, the energy is V = K D^2 / 2 and the force its
 //              slope: F = -dV/dh = K D (n - J' grad a), J = dp_c/dh: the tangent plane of one contact (less
-//              where it is hollow), the common edge of two, nothing of three. So a static texture is conservative at any depth,
-//              and the height is a(p_c) however deep the hand is. Before the smooth surface is reached,
+//              where it is hollow), the common edge of two, nothing of three. The part along the surface stops growing with D at the
+//              bumps' radius of curvature r = P^2 / (4 pi^2 A): there a bump is as stiff sideways as the wall
+//              (K D / r in general: no device would stay quiet on it). So the height is a(p_c) however deep
+//              the hand is; a loop along the surface costs nothing, and up to D = r no loop does. Before the smooth surface is reached,
 //              d < 0 from the field at the hand: the bumps are met one by one, without a step.
 //   materials  parameters of the patch's palette, weighted trilinearly at the proxy and followed
 //              with at most 100 N/s of force.

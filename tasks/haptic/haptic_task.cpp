@@ -176,9 +176,11 @@ double HapticTask::advance_gain(bool ramp_down, double dt) noexcept {
 // only where the size of the force is more than 1 N behind, as after a step of the surface, it goes
 // at the full rate.
 double HapticTask::slew_limit(const Vec3& change, double dh) const noexcept {
+  constexpr double kCalmRise_N_per_m = 1000;  // a soft spring's hand is not stiller for it
   const double moved = config_.stiffness_N_per_m * dh;
   const double most = std::max(config_.slew_N_per_s * period_s_, 1.1 * moved);
-  const double calm = std::min(config_.slew_calm_N_per_s * period_s_ + 2 * moved, most);
+  const double calm = std::min(
+      config_.slew_calm_N_per_s * period_s_ + 2 * std::max(moved, kCalmRise_N_per_m * dh), most);
   const double size = f_D_.norm();
   const double along = size > 0.1 ? std::abs(change.dot(f_D_)) / size : change.norm();
   return calm + (most - calm) * std::clamp(along - 1.0, 0.0, 1.0);

@@ -185,6 +185,13 @@ class FieldOptimum {
   // way.
   [[nodiscard]] Vec3 squeeze(const Vec3& p, const Vec3& h) const {
     const double distance = (h - p).norm();
+    // A whole free way, as unused() looks for one: along a crease narrower than the steps of the fan.
+    for (const double r : {kUnusedWay, 1e-4, kStep, 2e-5}) {
+      const auto [part, way] = steepest(p, h, r, true);
+      if (part < 0.002) continue;
+      const Vec3 x = sink(p + std::min(r, distance) * way, h);
+      if ((x - h).norm() < distance - 5e-8) return x;
+    }
     for (double r = kStep; r > 2e-5; r *= 0.5) {
       const auto [part, way] = steepest(p, h, r, false);
       if (part < 0.01) continue;

@@ -85,7 +85,7 @@ TEST(Effects, TextureIsConservative) {
     const auto at = [&](const Vec3& x) {
       tasks::ProxyState s = state;
       tasks::step_constrained(field, x, s, config);
-      return tasks::with_texture(field, x, s, 3e-4, 2e-3, 0);
+      return tasks::with_texture(field, x, s, 3e-4, 2e-2, 0);  // r = 34 mm
     };
     const tasks::Bumped here = at(h);
     ASSERT_TRUE(here.contact);
