@@ -113,7 +113,9 @@ TEST(Workspace, ForceFadesWithTheClutchAndComesBack) {
     row = r.tick(hand(1e-3 * k));
     largest = std::max(largest, std::abs(row.f.norm() - before));
     before = row.f.norm();
-    if (k > 120) EXPECT_EQ(row.f.norm(), 0);
+    if (k > 120) {
+      EXPECT_EQ(row.f.norm(), 0);
+    }
     EXPECT_TRUE(row.telemetry.clutched);
     EXPECT_NEAR((r.out().state.p_WH - Vec3(0, 0, -0.008)).norm(), 0, 1e-12);
   }
