@@ -302,9 +302,48 @@ Vec3 CellFlow::run(const Vec3& p_W) noexcept {
     held_[i].d = std::min(held_[i].d, held_[i].n.dot(q_));
   }
   raise();
-  for (int i = 0; i < cfg_.iterations_max && move(); ++i) {
+  descend();
+  const Vec3 rest = q_;
+  if (onto_wall()) {
+    descend();
+    if ((q_ - h_).squaredNorm() >= (rest - h_).squaredNorm()) q_ = rest;
   }
   return field_.voxel() * q_;
+}
+
+void CellFlow::descend() noexcept {
+  for (int i = 0; i < cfg_.iterations_max && move(); ++i) {
+  }
+}
+
+// At rest a hair from a wall: onto it, so that the cells beyond are asked too. Where the hand is over the very
+// edge of a solid, the step to it is shorter than any that counts.
+bool CellFlow::onto_wall() noexcept {
+  constexpr double kHair = 3e-4;
+  for (int a = 0; a < 3; ++a) {
+    const double node = std::round(q_[a]), off = std::abs(q_[a] - node);
+    if (off == 0 || off > kHair) continue;
+    std::array<Side, 8> sides;
+    (void)around(q_, sides);
+    Vec3 x = q_;
+    x[a] = node;
+    if (!settle(sides[0].at, x, 1U << a)) continue;
+    q_ = x;
+    return true;
+  }
+  return false;
+}
+
+// No cell that meets at q has a pull left.
+bool CellFlow::resting(const Vec3& q) const noexcept {
+  constexpr double kLeft2 = 1.6e-3;
+  std::array<Side, 8> sides;
+  const std::size_t count = around(q, sides);
+  for (std::size_t k = 0; k < count; ++k) {
+    const Local l = local(sides[k].at, q);
+    if (pull(l, sides[k], h_ - q).d.squaredNorm() > kLeft2) return false;
+  }
+  return true;
 }
 
 // To rest within one closed cell.
@@ -350,6 +389,7 @@ bool CellFlow::beyond(const Index& at, int axis, bool up, Beyond& out) noexcept 
   rest_in(next);
   out.q = q_;
   q_ = own;
+  if (!resting(out.q)) return false;  // the cell after next leads on: no bend of two planes
   const double here = (own - h_).squaredNorm(), there = (out.q - h_).squaredNorm();
   const double low = 1e-12, from_here = pass - here, from_there = pass - there;
   if (from_here < low || from_there < low || out.q[axis] == x[axis]) return false;
@@ -378,8 +418,7 @@ Vec3 CellFlow::shade() noexcept {
         if (u == 0 || room > kReach || !beyond(at, a, up, b)) continue;
         if (b.nearer && round < 2) {
           q_ = b.q;
-          for (int i = 0; i < cfg_.iterations_max && move(); ++i) {
-          }
+          descend();
           moved = true;
           break;
         }

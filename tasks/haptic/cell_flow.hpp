@@ -75,6 +75,9 @@ class CellFlow {
   [[nodiscard]] static Pull pull(const Local& l, const Side& side, const Vec3& r) noexcept;
   [[nodiscard]] static Vec3 newton(const Local& l, const Pull& p, const Vec3& r) noexcept;
   [[nodiscard]] bool move() noexcept;
+  void descend() noexcept;
+  [[nodiscard]] bool onto_wall() noexcept;
+  [[nodiscard]] bool resting(const Vec3& q) const noexcept;
   [[nodiscard]] bool advance(const Side& side, const Local& l, const Pull& p,
                              const Vec3& r) noexcept;
   [[nodiscard]] bool search(const Side& side, const Local& l, const Pull& p, Vec3 s) noexcept;

@@ -52,7 +52,7 @@ Vec3 followed(const Field& field, const Vec3& p, const Vec3& h, const Vec3& n,
   CellSample s;
   if (!field.sample_in(at, u, s)) return flat;
   const double slope2 = s.gradient.squaredNorm();
-  if (slope2 < 1e-6) return flat;
+  if (slope2 < 1e-16) return flat;
   const double lambda = std::max(0.0, s.gradient.dot(q - h / field.voxel()) / slope2);
   const auto bent = [&](const Vec3& a, const Vec3& b) {
     const Vec3& e = s.bend;
