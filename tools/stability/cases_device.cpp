@@ -147,9 +147,20 @@ struct Pushed {
 // A steady push against the surface, no hand: how fast the device still moves after 7 s. `steady`: it begins where
 // push and spring balance, kicked by 10 mm/s (as the boundary is measured, docs/stability.md); else it falls onto the
 // surface, and a loop that only just damps has more than 7 s to go, whatever renders it.
+constexpr double kKick = 0.01;
+
+template <class Force>
+double residual_of(Twin& twin, const Vec3& push, const Force& force) {
+  double worst = 0;
+  for (int k = 0; k < 7000; ++k) {
+    twin.advance(force(twin.reading()), push, Vec3::Zero(), Vec3::Zero());
+    if (k >= 6900) worst = std::max(worst, twin.velocity().norm());
+  }
+  return worst;
+}
+
 Pushed pushed(const Setting& s, const Place& place, const Body& body, double stiffness,
               bool steady) {
-  constexpr double kKick = 0.01;
   Rig r(held(s, place.solid, body, stiffness));
   const Vec3 balance = place.nearest(place.start + place.push) + place.push / stiffness;
   const Vec3 from = steady ? balance : place.start;
@@ -164,16 +175,33 @@ Pushed pushed(const Setting& s, const Place& place, const Body& body, double sti
     twin.settled(f, kick);
     ideal.settled(-place.push, kick);
   }
-  Pushed out;
-  for (int k = 0; k < 7000; ++k) {
-    twin.advance(r.tick(twin.reading()).f, push, Vec3::Zero(), Vec3::Zero());
-    const Vec3 h = ideal.reading();
-    ideal.advance(stiffness * (place.nearest(h) - h), place.push, Vec3::Zero(), Vec3::Zero());
-    if (k < 6900) continue;
-    out.residual = std::max(out.residual, twin.velocity().norm());
-    out.ideal = std::max(out.ideal, ideal.velocity().norm());
+  return {residual_of(twin, push, [&](const Vec3& h) { return r.tick(h).f; }),
+          residual_of(ideal, place.push,
+                      [&](const Vec3& h) { return Vec3(stiffness * (place.nearest(h) - h)); })};
+}
+
+// The same on the field optimum: seconds of CPU, so only where the limit was missed.
+double pushed_optimum(const Setting& s, const Place& place, const Body& body, double stiffness) {
+  const Rig r(held(s, place.solid, body, stiffness));
+  const Vec3 balance = place.nearest(place.start + place.push) + place.push / stiffness;
+  std::vector<Row> box(2);
+  for (const double side : {-0.03, 0.03}) {
+    Row& row = box[side > 0 ? 1 : 0];
+    row.h = row.p = s.place.X_WS.inverse() * Vec3(s.place.X_WS * balance + Vec3::Constant(side));
   }
-  return out;
+  const support::ReferenceField field = rig::reference_field(r, box);
+  const support::FieldOptimum optimum(field, 0, r.setup().voxel);
+  Vec3 last = s.place.X_WS * place.start, p = last;
+  const auto force = [&](const Vec3& h_S) {
+    const Vec3 h = s.place.X_WS * h_S;
+    if (h != last) p = optimum.follow(p, last, h);
+    last = h;
+    return Vec3(stiffness * (s.place.X_WS.linear().transpose() * (p - h)));
+  };
+  Twin twin(body, {}, balance);
+  const Vec3 f = force(twin.reading());
+  twin.settled(f, kKick * place.push.normalized());
+  return residual_of(twin, -f, force);
 }
 
 struct Held {
@@ -207,19 +235,26 @@ std::vector<Run> case_closed_loop(const Setting& s) {
     Run run;
     run.id = 20;
     run.name = title(place.name, s);
+    const auto optimum_of = [&](const Pushed& p, const Body& body, double stiffness) {
+      return 1e3 * (p.residual > 0.003 ? pushed_optimum(s, place, body, stiffness) : p.ideal);
+    };
     Pushed most;
+    Body worst;
     for (const double b : {0.5, 2.0}) {
       for (const int delay : {0, 1}) {
         const Body body{0.2, b, 0, delay};
         const Pushed p = pushed(s, place, body, stiffness_of(body), true);
-        most.residual = std::max(most.residual, p.residual);
-        most.ideal = std::max(most.ideal, p.ideal);
+        if (p.residual < most.residual) continue;
+        most = p;
+        worst = body;
       }
     }
-    add(run, "residual speed at 0.8 b/(T/2+t_d) mm/s", 1e3 * most.residual, 3, 1e3 * most.ideal);
+    add(run, "residual speed at 0.8 b/(T/2+t_d) mm/s", 1e3 * most.residual, 3,
+        optimum_of(most, worst, stiffness_of(worst)));
     const Body light{0.2, 0.63, 0, 0};
     const Pushed wall = pushed(s, place, light, 1000, true);
-    add(run, "residual speed at b 0.63, 1 N/mm, mm/s", 1e3 * wall.residual, 3, 1e3 * wall.ideal);
+    add(run, "residual speed at b 0.63, 1 N/mm, mm/s", 1e3 * wall.residual, 3,
+        optimum_of(wall, light, 1000));
     const Pushed fall = pushed(s, place, light, 1000, false);
     run.note = text("fallen onto the surface at b 0.63: %.1f mm/s left, an ideal spring %.1f",
                     1e3 * fall.residual, 1e3 * fall.ideal);
@@ -268,7 +303,7 @@ std::vector<Run> case_closed_loop(const Setting& s) {
     add_gates(run);
     // A surface that rises slowly lifts spring and hand, k K / (k + K) together, by the step: less can not be put in.
     const double both = grip.stiffness * 1000 / (grip.stiffness + 1000);
-    add(run, "injected mJ", 1e3 * (after - before), 10,
+    add(run, text("injected mJ, hand %.0f N/m", grip.stiffness), 1e3 * (after - before), 10,
         1e3 * 0.5 * both * (0.013 * 0.013 - 0.008 * 0.008));
     add(run, "E + booked below zero mJ", -1e3 * h.energy, 1);
     add(run, "residual speed in a hand mm/s", 1e3 * h.residual, 3);
