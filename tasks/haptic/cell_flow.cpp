@@ -20,6 +20,7 @@ constexpr double kStride = 0.25;
 constexpr double kReach = 0.2;  // from a wall: what is beyond it is looked at
 constexpr double kBendSmooth = 0.15,
                  kBendSharp = 0.22;  // rad: bends that are gone over, that are kept
+constexpr double kApartFull = 0.1, kApartMost = 0.12;  // rests so far apart are gone over, are not
 constexpr double kBendMin = 0.1;     // least curvature that a Newton step believes
 
 Vec3 without(Vec3 v, unsigned axes) noexcept {
@@ -396,7 +397,10 @@ bool CellFlow::beyond(const Index& at, int axis, bool up, Beyond& out) noexcept 
   // For two planes that meet at angle b, the roots of the barriers add up to |p - h| b, whatever the
   // place of the hand.
   const double bend = (std::sqrt(from_here) + std::sqrt(from_there)) / std::sqrt(here);
-  const double sharp = std::clamp((kBendSharp - bend) / (kBendSharp - kBendSmooth), 0.0, 1.0);
+  const double apart = (out.q - own).norm();
+  const double sharp =
+      std::min(std::clamp((kBendSharp - bend) / (kBendSharp - kBendSmooth), 0.0, 1.0),
+               std::clamp((kApartMost - apart) / (kApartMost - kApartFull), 0.0, 1.0));
   out.share = sharp * from_there / (from_here + from_there);
   out.nearer = sharp > 0.5 && from_there > from_here;
   return out.share > 0;

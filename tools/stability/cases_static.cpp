@@ -351,8 +351,12 @@ std::vector<Run> case_slots(const Setting& s) {
 }
 
 std::vector<Run> case_saddle(const Setting& s) {
-  std::vector<Vec3> points{{-0.04, -0.02, 0.02}};
-  const auto at = [](double x, double y) { return Vec3(x, y, 6 * (x * x - y * y) - 0.008); };
+  // Fused: the middle of the sheet alone, which a camera at 70 degrees still sees all of.
+  const double size = s.fused != nullptr ? 0.35 : 1.0;
+  std::vector<Vec3> points{{size * -0.04, size * -0.02, 0.02}};
+  const auto at = [size](double x, double y) {
+    return Vec3(size * x, size * y, 6 * size * size * (x * x - y * y) - 0.008);
+  };
   for (int i = 0; i <= 80; ++i) points.push_back(at(-0.04 + 1e-3 * i, 0.5 * (-0.04 + 1e-3 * i)));
   const std::size_t loop = points.size();
   for (int i = 0; i <= 72; ++i) {  // a closed loop on the sheet 8 mm below
