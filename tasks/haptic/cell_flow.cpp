@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace tasks {
 
@@ -12,7 +11,7 @@ namespace {
 
 // What is exactly zero is solid: a plate of one voxel may be nothing else. No more than that: where a
 // crease lies on nodes the gradient fades to zero, and a clearance of f stands off by its root.
-constexpr double kClear_m = 1e-9;
+constexpr double kClear_m = 1e-10;
 constexpr double kOn = 1e-9;      // nearer than this the point is on the surface
 constexpr double kExact = 1e-11;  // a Newton step onto the surface ends here
 constexpr double kFlat2 = 1e-16;  // such a gradient gives no direction
@@ -21,6 +20,7 @@ constexpr double kStride = 0.25;
 constexpr double kReach = 0.2;  // from a wall: what is beyond it is looked at
 constexpr double kBendSmooth = 0.15,
                  kBendSharp = 0.22;  // rad: bends that are gone over, that are kept
+constexpr double kApartFull = 0.1, kApartMost = 0.12;  // rests so far apart are gone over, are not
 constexpr double kBendMin = 0.1;     // least curvature that a Newton step believes
 
 Vec3 without(Vec3 v, unsigned axes) noexcept {
@@ -32,8 +32,7 @@ Vec3 without(Vec3 v, unsigned axes) noexcept {
 
 }  // namespace
 
-template <bool kTextured>
-CellFlow<kTextured>::CellFlow(const Field& field, const ProxyConfig& cfg, double radius_m,
+CellFlow::CellFlow(const Field& field, const ProxyConfig& cfg, double radius_m,
                               const Vec3& p_WH, const std::array<HalfSpace, 3>& held,
                               std::size_t held_size) noexcept
     : field_(field),
@@ -41,19 +40,12 @@ CellFlow<kTextured>::CellFlow(const Field& field, const ProxyConfig& cfg, double
       h_(p_WH / field.voxel()),
       radius_((radius_m + kClear_m) / field.voxel()),
       step_min_(cfg.step_min_m / field.voxel()),
-      stride_max_(kStride),
       held_(held),
       held_size_(held_size) {
   for (std::size_t i = 0; i < held_size_; ++i) held_[i].d /= field.voxel();
-  if constexpr (kTextured) {
-    stride_max_ = std::min(stride_max_, 0.125 * cfg.texture_period_m / field.voxel());
-    wave_ = 2 * std::numbers::pi * field.voxel() / cfg.texture_period_m;
-    bump_ = cfg.texture_amplitude_m / field.voxel();
-  }
 }
 
-template <bool kTextured>
-auto CellFlow<kTextured>::local(const Index& at, const Vec3& q) const noexcept -> Local {
+auto CellFlow::local(const Index& at, const Vec3& q) const noexcept -> Local {
   --left_;
   Local l;
   CellSample s;
@@ -72,20 +64,11 @@ auto CellFlow<kTextured>::local(const Index& at, const Vec3& q) const noexcept -
   l.g = s.gradient;
   l.bend = s.bend;
   l.known = true;
-  if constexpr (kTextured) {
-    for (int a = 0; a < 3; ++a) {
-      const double sine = std::sin(wave_ * q[a]);
-      l.f -= bump_ * sine;
-      l.g[a] -= bump_ * wave_ * std::cos(wave_ * q[a]);
-      l.along[a] = bump_ * wave_ * wave_ * sine;
-    }
-  }
   return l;
 }
 
 // The cells that meet at q: one inside a cell, two on a face, four on an edge, eight on a node.
-template <bool kTextured>
-std::size_t CellFlow<kTextured>::around(const Vec3& q, std::array<Side, 8>& out) const noexcept {
+std::size_t CellFlow::around(const Vec3& q, std::array<Side, 8>& out) const noexcept {
   Side first;
   std::array<int, 3> walls{};
   std::size_t wall_count = 0;
@@ -112,8 +95,7 @@ std::size_t CellFlow<kTextured>::around(const Vec3& q, std::array<Side, 8>& out)
 
 // Projection of r onto the cone of the ways that are open in this cell: exact, by trying which
 // walls bar it.
-template <bool kTextured>
-auto CellFlow<kTextured>::pull(const Local& l, const Side& side, const Vec3& r) noexcept -> Pull {
+auto CellFlow::pull(const Local& l, const Side& side, const Vec3& r) noexcept -> Pull {
   unsigned walls = 0;
   for (std::size_t a = 0; a < 3; ++a) walls |= side.sign[a] != 0 ? 1U << a : 0U;
   for (unsigned fixed = 0; fixed < 8; ++fixed) {
@@ -144,14 +126,13 @@ auto CellFlow<kTextured>::pull(const Local& l, const Side& side, const Vec3& r) 
 }
 
 // From the pull to a step: on the sheet the distance to h has the curvature I - lambda H.
-template <bool kTextured>
-Vec3 CellFlow<kTextured>::newton(const Local& l, const Pull& p, const Vec3& r) noexcept {
+Vec3 CellFlow::newton(const Local& l, const Pull& p, const Vec3& r) noexcept {
   if (!p.barred) return p.d;
   const auto bent = [&](const Vec3& a, const Vec3& b) {
     const Vec3& e = l.bend;
-    double h = e.x() * (a.y() * b.z() + a.z() * b.y()) + e.y() * (a.x() * b.z() + a.z() * b.x()) +
-               e.z() * (a.x() * b.y() + a.y() * b.x());
-    if constexpr (kTextured) h += l.along.cwiseProduct(a).dot(b);
+    const double h = e.x() * (a.y() * b.z() + a.z() * b.y()) +
+                     e.y() * (a.x() * b.z() + a.z() * b.x()) +
+                     e.z() * (a.x() * b.y() + a.y() * b.x());
     return a.dot(b) - p.lambda * h;
   };
   if (p.fixed != 0) {  // along a curve on the wall
@@ -173,8 +154,7 @@ Vec3 CellFlow<kTextured>::newton(const Local& l, const Pull& p, const Vec3& r) n
 
 // Newton onto the surface within the cell and off the fixed axes. False: not reached, and in the
 // solid.
-template <bool kTextured>
-bool CellFlow<kTextured>::settle(const Index& at, Vec3& x, unsigned fixed) const noexcept {
+bool CellFlow::settle(const Index& at, Vec3& x, unsigned fixed) const noexcept {
   Local l = local(at, x);
   for (int i = 0; i < 12 && std::abs(l.f) > kExact; ++i) {
     const Vec3 g = without(l.g, fixed);
@@ -195,8 +175,7 @@ bool CellFlow<kTextured>::settle(const Index& at, Vec3& x, unsigned fixed) const
 }
 
 // Where the way from q to x, both within the cell, meets the surface first.
-template <bool kTextured>
-bool CellFlow<kTextured>::meet(const Index& at, Vec3& x) const noexcept {
+bool CellFlow::meet(const Index& at, Vec3& x) const noexcept {
   Vec3 out = q_, in = x;
   double f_out = local(at, out).f, f_in = local(at, in).f;
   for (int i = 0; i < 40 && f_out > kOn; ++i) {
@@ -216,14 +195,13 @@ bool CellFlow<kTextured>::meet(const Index& at, Vec3& x) const noexcept {
 }
 
 // Along s, as far as the cell reaches; shorter until it ends nearer to h.
-template <bool kTextured>
-bool CellFlow<kTextured>::search(const Side& side, const Local& l, const Pull& p, Vec3 s) noexcept {
+bool CellFlow::search(const Side& side, const Local& l, const Pull& p, Vec3 s) noexcept {
   for (int a = 0; a < 3; ++a) {  // never back over the wall, not even by rounding
     if (side.sign[static_cast<std::size_t>(a)] * s[a] < 0) s[a] = 0;
   }
   const double length = s.norm();
   if (!(length > 0)) return false;
-  double share = std::min(1.0, stride_max_ / length);
+  double share = std::min(1.0, kStride / length);
   unsigned hit = 0;
   for (int a = 0; a < 3; ++a) {
     if (s[a] == 0) continue;
@@ -262,8 +240,7 @@ bool CellFlow<kTextured>::search(const Side& side, const Local& l, const Pull& p
   return false;
 }
 
-template <bool kTextured>
-bool CellFlow<kTextured>::advance(const Side& side, const Local& l, const Pull& p,
+bool CellFlow::advance(const Side& side, const Local& l, const Pull& p,
                                   const Vec3& r) noexcept {
   const Vec3 s = newton(l, p, r);
   bool within = true;  // a Newton step may turn back over the wall
@@ -274,8 +251,7 @@ bool CellFlow<kTextured>::advance(const Side& side, const Local& l, const Pull& 
   return p.barred && search(side, l, p, p.d);
 }
 
-template <bool kTextured>
-bool CellFlow<kTextured>::move() noexcept {
+bool CellFlow::move() noexcept {
   if (left_ <= 0) return false;
   const Vec3 r = h_ - q_;
   std::array<Side, 8> sides;
@@ -309,8 +285,7 @@ bool CellFlow<kTextured>::move() noexcept {
 }
 
 // Out of the solid by the rounding of the last tick, so that the next step is not spent on it.
-template <bool kTextured>
-void CellFlow<kTextured>::raise() noexcept {
+void CellFlow::raise() noexcept {
   std::array<Side, 8> sides;
   (void)around(q_, sides);
   if (local(sides[0].at, q_).f >= 0) return;
@@ -318,8 +293,7 @@ void CellFlow<kTextured>::raise() noexcept {
   if (settle(sides[0].at, x, 0)) q_ = x;
 }
 
-template <bool kTextured>
-Vec3 CellFlow<kTextured>::run(const Vec3& p_W) noexcept {
+Vec3 CellFlow::run(const Vec3& p_W) noexcept {
   q_ = p_W / field_.voxel();
   for (int a = 0; a < 3; ++a) {
     const double node = std::round(q_[a]);
@@ -329,14 +303,52 @@ Vec3 CellFlow<kTextured>::run(const Vec3& p_W) noexcept {
     held_[i].d = std::min(held_[i].d, held_[i].n.dot(q_));
   }
   raise();
-  for (int i = 0; i < cfg_.iterations_max && move(); ++i) {
+  descend();
+  const Vec3 rest = q_;
+  if (onto_wall()) {
+    descend();
+    if ((q_ - h_).squaredNorm() >= (rest - h_).squaredNorm()) q_ = rest;
   }
   return field_.voxel() * q_;
 }
 
+void CellFlow::descend() noexcept {
+  for (int i = 0; i < cfg_.iterations_max && move(); ++i) {
+  }
+}
+
+// At rest a hair from a wall: onto it, so that the cells beyond are asked too. Where the hand is over the very
+// edge of a solid, the step to it is shorter than any that counts.
+bool CellFlow::onto_wall() noexcept {
+  constexpr double kHair = 3e-4;
+  for (int a = 0; a < 3; ++a) {
+    const double node = std::round(q_[a]), off = std::abs(q_[a] - node);
+    if (off == 0 || off > kHair) continue;
+    std::array<Side, 8> sides;
+    (void)around(q_, sides);
+    Vec3 x = q_;
+    x[a] = node;
+    if (!settle(sides[0].at, x, 1U << a)) continue;
+    q_ = x;
+    return true;
+  }
+  return false;
+}
+
+// No cell that meets at q has a pull left.
+bool CellFlow::resting(const Vec3& q) const noexcept {
+  constexpr double kLeft2 = 1.6e-3;
+  std::array<Side, 8> sides;
+  const std::size_t count = around(q, sides);
+  for (std::size_t k = 0; k < count; ++k) {
+    const Local l = local(sides[k].at, q);
+    if (pull(l, sides[k], h_ - q).d.squaredNorm() > kLeft2) return false;
+  }
+  return true;
+}
+
 // To rest within one closed cell.
-template <bool kTextured>
-void CellFlow<kTextured>::rest_in(const Index& at) noexcept {
+void CellFlow::rest_in(const Index& at) noexcept {
   for (int i = 0; i < 12 && left_ > 0; ++i) {
     Side side{at, {}};
     for (std::size_t a = 0; a < 3; ++a) {
@@ -351,8 +363,7 @@ void CellFlow<kTextured>::rest_in(const Index& at) noexcept {
 }
 
 // To rest on the curve in which the surface meets a wall of the cell.
-template <bool kTextured>
-void CellFlow<kTextured>::pass_on(const Index& at, unsigned wall) noexcept {
+void CellFlow::pass_on(const Index& at, unsigned wall) noexcept {
   for (int i = 0; i < 4; ++i) {
     Local l = local(at, q_);
     const Vec3 r = without(h_ - q_, wall);
@@ -365,8 +376,7 @@ void CellFlow<kTextured>::pass_on(const Index& at, unsigned wall) noexcept {
 }
 
 // The rest beyond the wall of cell `at` across `axis`, by the pass between it and q.
-template <bool kTextured>
-bool CellFlow<kTextured>::beyond(const Index& at, int axis, bool up, Beyond& out) noexcept {
+bool CellFlow::beyond(const Index& at, int axis, bool up, Beyond& out) noexcept {
   const Vec3 own = q_;
   const unsigned wall = 1U << axis;
   Index next = at;
@@ -380,20 +390,23 @@ bool CellFlow<kTextured>::beyond(const Index& at, int axis, bool up, Beyond& out
   rest_in(next);
   out.q = q_;
   q_ = own;
+  if (!resting(out.q)) return false;  // the cell after next leads on: no bend of two planes
   const double here = (own - h_).squaredNorm(), there = (out.q - h_).squaredNorm();
   const double low = 1e-12, from_here = pass - here, from_there = pass - there;
   if (from_here < low || from_there < low || out.q[axis] == x[axis]) return false;
   // For two planes that meet at angle b, the roots of the barriers add up to |p - h| b, whatever the
   // place of the hand.
   const double bend = (std::sqrt(from_here) + std::sqrt(from_there)) / std::sqrt(here);
-  const double sharp = std::clamp((kBendSharp - bend) / (kBendSharp - kBendSmooth), 0.0, 1.0);
+  const double apart = (out.q - own).norm();
+  const double sharp =
+      std::min(std::clamp((kBendSharp - bend) / (kBendSharp - kBendSmooth), 0.0, 1.0),
+               std::clamp((kApartMost - apart) / (kApartMost - kApartFull), 0.0, 1.0));
   out.share = sharp * from_there / (from_here + from_there);
   out.nearer = sharp > 0.5 && from_there > from_here;
   return out.share > 0;
 }
 
-template <bool kTextured>
-Vec3 CellFlow<kTextured>::shade() noexcept {
+Vec3 CellFlow::shade() noexcept {
   for (int round = 0; round < 3 && left_ > kSamples / 2; ++round) {
     std::array<Side, 8> sides;
     (void)around(q_, sides);
@@ -409,8 +422,7 @@ Vec3 CellFlow<kTextured>::shade() noexcept {
         if (u == 0 || room > kReach || !beyond(at, a, up, b)) continue;
         if (b.nearer && round < 2) {
           q_ = b.q;
-          for (int i = 0; i < cfg_.iterations_max && move(); ++i) {
-          }
+          descend();
           moved = true;
           break;
         }
@@ -423,8 +435,7 @@ Vec3 CellFlow<kTextured>::shade() noexcept {
   return Vec3::Zero();
 }
 
-template <bool kTextured>
-std::size_t CellFlow<kTextured>::tangents(std::array<Tangent, 3>& out) const noexcept {
+std::size_t CellFlow::tangents(std::array<Tangent, 3>& out) const noexcept {
   const Vec3 r = h_ - q_;
   const double size = r.norm();
   std::array<Side, 8> sides;
@@ -472,8 +483,5 @@ std::size_t CellFlow<kTextured>::tangents(std::array<Tangent, 3>& out) const noe
   }
   return used;
 }
-
-template class CellFlow<false>;
-template class CellFlow<true>;
 
 }  // namespace tasks

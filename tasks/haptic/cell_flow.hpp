@@ -29,7 +29,6 @@ struct Tangent {
   bool known = false;
 };
 
-template <bool kTextured>
 class CellFlow {
  public:
   using Vec3 = perception::Vec3;
@@ -61,7 +60,6 @@ class CellFlow {
     double f = 0;               // (phi - R) / voxel
     Vec3 g = Vec3::Zero();      // gradient of f
     Vec3 bend = Vec3::Zero();   // f_yz, f_xz, f_xy
-    Vec3 along = Vec3::Zero();  // f_xx, f_yy, f_zz: texture only
     bool known = false;
   };
   // What is left of the pull in a cell.
@@ -77,6 +75,9 @@ class CellFlow {
   [[nodiscard]] static Pull pull(const Local& l, const Side& side, const Vec3& r) noexcept;
   [[nodiscard]] static Vec3 newton(const Local& l, const Pull& p, const Vec3& r) noexcept;
   [[nodiscard]] bool move() noexcept;
+  void descend() noexcept;
+  [[nodiscard]] bool onto_wall() noexcept;
+  [[nodiscard]] bool resting(const Vec3& q) const noexcept;
   [[nodiscard]] bool advance(const Side& side, const Local& l, const Pull& p,
                              const Vec3& r) noexcept;
   [[nodiscard]] bool search(const Side& side, const Local& l, const Pull& p, Vec3 s) noexcept;
@@ -95,13 +96,10 @@ class CellFlow {
   const Field& field_;
   const ProxyConfig& cfg_;
   Vec3 h_, q_ = Vec3::Zero();
-  double radius_, step_min_, stride_max_, wave_ = 0, bump_ = 0;
+  double radius_, step_min_;
   std::array<HalfSpace, 3> held_;  // voxels
   std::size_t held_size_;
   mutable int left_ = kSamples;  // of this tick; what is not reached is left to the next one
 };
-
-extern template class CellFlow<false>;
-extern template class CellFlow<true>;
 
 }  // namespace tasks

@@ -10,8 +10,7 @@ constexpr int kSweepSamples = 512;   // 128 voxels: more than any window
 }  // namespace
 
 // Newton onto the surface, outwards. False: not reached.
-template <bool kTextured>
-bool Descent<kTextured>::lift(Vec3& p, Gap& g) noexcept {
+bool Descent::lift(Vec3& p, Gap& g) noexcept {
   for (int i = 0; i < 8 && g.value < -cfg_.tolerance_m; ++i) {
     const double slope = g.gradient.norm();
     if (slope < kSlopeMin) return false;
@@ -24,8 +23,7 @@ bool Descent<kTextured>::lift(Vec3& p, Gap& g) noexcept {
 
 // The field changed under a proxy in contact: out of the solid along its own side, never through
 // it.
-template <bool kTextured>
-bool Descent<kTextured>::carry(Vec3& p, Gap& g) noexcept {
+bool Descent::carry(Vec3& p, Gap& g) noexcept {
   if (g.value >= -cfg_.tolerance_m) return true;
   const Vec3 side = state_.normal_W();
   if (g.gradient.dot(side) > 0.5 * g.gradient.norm()) {
@@ -63,8 +61,7 @@ bool Descent<kTextured>::carry(Vec3& p, Gap& g) noexcept {
   return false;
 }
 
-template <bool kTextured>
-void Descent<kTextured>::contact(Vec3 p) noexcept {
+void Descent::contact(Vec3 p) noexcept {
   Gap g = gap(p);
   if (!carry(p, g)) {
     hold();
@@ -74,7 +71,7 @@ void Descent<kTextured>::contact(Vec3 p) noexcept {
     const Vec3 n = g.gradient.normalized();  // what the unknown beside the first touch is taken for
     frame_[frame_size_++] = {n, n.dot(p)};
   }
-  CellFlow<kTextured> flow(field_, cfg_, radius_, h_, frame_, frame_size_);
+  CellFlow flow(field_, cfg_, radius_, h_, frame_, frame_size_);
   (void)flow.run(p);
   const Vec3 shift = flow.shade();
   p = flow.place();
@@ -84,8 +81,7 @@ void Descent<kTextured>::contact(Vec3 p) noexcept {
   if (state_.phase == ProxyState::Phase::kContact) state_.set_shift(shift);
 }
 
-template <bool kTextured>
-void Descent<kTextured>::finish(const Vec3& p, const std::array<Tangent, 3>& tangents,
+void Descent::finish(const Vec3& p, const std::array<Tangent, 3>& tangents,
                                 std::size_t count) noexcept {
   const Gap g = gap(p);
   if ((p - h_).squaredNorm() <= cfg_.step_min_m * cfg_.step_min_m && gap(h_).value > 0) {
@@ -116,8 +112,7 @@ void Descent<kTextured>::finish(const Vec3& p, const std::array<Tangent, 3>& tan
   state_.frame_size = static_cast<std::int32_t>(count);
 }
 
-template <bool kTextured>
-void Descent<kTextured>::leave(const Vec3& p, bool free) noexcept {
+void Descent::leave(const Vec3& p, bool free) noexcept {
   state_.phase = free ? ProxyState::Phase::kFree : ProxyState::Phase::kUnknown;
   state_.set_p(p);
   state_.set_normal(Vec3::Zero());
@@ -126,8 +121,7 @@ void Descent<kTextured>::leave(const Vec3& p, bool free) noexcept {
 }
 
 // No field to go by: the last contact planes alone.
-template <bool kTextured>
-void Descent<kTextured>::hold() noexcept {
+void Descent::hold() noexcept {
   const PlanesResult best = nearest_on_planes(frame_, frame_size_, h_);
   if (!best.solved) {  // opposed planes: stay
     state_.held = true;
@@ -148,8 +142,7 @@ void Descent<kTextured>::hold() noexcept {
 
 // First tick: in free space the proxy is the hand; inside, the nearest surface point, if what lies
 // before it was seen free (the right side).
-template <bool kTextured>
-void Descent<kTextured>::place() noexcept {
+void Descent::place() noexcept {
   state_.set_p(h_);
   const FieldSample s = field_.sample(h_);
   if (!s.known) {
@@ -183,8 +176,7 @@ void Descent<kTextured>::place() noexcept {
 
 // Free or unknown: from the last place to the hand, looking for the crossing from seen-free to
 // solid.
-template <bool kTextured>
-void Descent<kTextured>::sweep() noexcept {
+void Descent::sweep() noexcept {
   using Phase = ProxyState::Phase;
   if (field_.near_edge(h_)) {
     leave(h_, false);
@@ -247,8 +239,5 @@ void Descent<kTextured>::sweep() noexcept {
   }
   leave(h_, free);
 }
-
-template class Descent<false>;
-template class Descent<true>;
 
 }  // namespace tasks

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 
 #include "tasks/haptic/cell_flow.hpp"
 #include "tasks/haptic/field.hpp"
@@ -27,7 +26,6 @@ struct Gap {
 };
 
 // One tick of the constrained method: the working set, on the stack.
-template <bool kTextured>
 class Descent {
  public:
   Descent(const Field& field, const Vec3& h, ProxyState& state, const ProxyConfig& cfg) noexcept
@@ -36,9 +34,6 @@ class Descent {
       // A projective field overstates distance (|gradient| > 1) at grazing views; the tip's radius
       // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it.
       radius_ *= std::max(1.0, field.smooth_gradient(state.p_WP()).norm());
-    }
-    if constexpr (kTextured) {
-      wave_ = 2 * std::numbers::pi / cfg.texture_period_m;
     }
     for (std::int32_t i = 0; i < state.frame_size; ++i) {
       const ProxyPlane& f = state.frame[static_cast<std::size_t>(i)];
@@ -49,14 +44,7 @@ class Descent {
   [[nodiscard]] Gap gap(const Vec3& x) noexcept {
     const FieldSample s = field_.sample(x);
     if (!s.known) return held_gap(x);
-    Gap g{s.value - radius_, s.gradient, true};
-    if constexpr (kTextured) {
-      for (int a = 0; a < 3; ++a) {
-        g.value -= cfg_.texture_amplitude_m * std::sin(wave_ * x[a]);
-        g.gradient[a] -= cfg_.texture_amplitude_m * wave_ * std::cos(wave_ * x[a]);
-      }
-    }
-    return g;
+    return {s.value - radius_, s.gradient, true};
   }
 
   void place() noexcept;
@@ -84,12 +72,8 @@ class Descent {
   ProxyState& state_;
   const ProxyConfig& cfg_;
   double radius_;
-  double wave_ = 0;  // 2 pi / period of the texture
   std::array<HalfSpace, 3> frame_{};
   std::size_t frame_size_ = 0;
 };
-
-extern template class Descent<false>;
-extern template class Descent<true>;
 
 }  // namespace tasks

@@ -1,7 +1,9 @@
 #include "tasks/haptic/effects.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <numbers>
 
 namespace tasks {
 
@@ -31,6 +33,42 @@ Vec3 swept(const Field& field, const Vec3& p_c, const Vec3& t, const Vec3& n,
   }
   // Lifted out of the spring's side: a wall stands in the way.
   return (q - p_c).dot(n) < -length ? p_c : q;
+}
+
+// J v, J = dp_c / dh on one smooth sheet: Z (Z' (I - lambda H) Z)^-1 Z', Z the tangent plane at p and
+// lambda grad phi = p - h. A bulge that would carry the foot off faster than twice the hand is not believed.
+Vec3 followed(const Field& field, const Vec3& p, const Vec3& h, const Vec3& n,
+              const Vec3& v) noexcept {
+  const Vec3 flat = v - v.dot(n) * n;
+  const Vec3 q = p / field.voxel();
+  if (!(q.cwiseAbs().maxCoeff() < 1e9)) return flat;
+  std::array<std::int32_t, 3> at{};
+  Vec3 u;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const auto i = static_cast<Eigen::Index>(a);
+    at[a] = static_cast<std::int32_t>(std::floor(q[i]));
+    u[i] = q[i] - at[a];
+  }
+  CellSample s;
+  if (!field.sample_in(at, u, s)) return flat;
+  const double slope2 = s.gradient.squaredNorm();
+  if (slope2 < 1e-16) return flat;
+  const double lambda = std::max(0.0, s.gradient.dot(q - h / field.voxel()) / slope2);
+  const auto bent = [&](const Vec3& a, const Vec3& b) {
+    const Vec3& e = s.bend;
+    return a.dot(b) - lambda * (e.x() * (a.y() * b.z() + a.z() * b.y()) +
+                                e.y() * (a.x() * b.z() + a.z() * b.x()) +
+                                e.z() * (a.x() * b.y() + a.y() * b.x()));
+  };
+  const Vec3 t1 = n.unitOrthogonal(), t2 = n.cross(t1);
+  double a = bent(t1, t1), c = bent(t2, t2);
+  const double b = bent(t1, t2), least = 0.5 * (a + c) - std::hypot(0.5 * (a - c), b);
+  if (least < 0.5) {
+    a += 0.5 - least;
+    c += 0.5 - least;
+  }
+  const double det = a * c - b * b, v1 = t1.dot(v), v2 = t2.dot(v);
+  return ((c * v1 - b * v2) / det) * t1 + ((a * v2 - b * v1) / det) * t2;
 }
 
 }  // namespace
@@ -67,6 +105,55 @@ Vec3 with_friction(const Field& field, const Vec3& h, ProxyState& state, double 
     }
   }
   return t.squaredNorm() > 0 ? swept(field, p_c, t, n, radius) : p_c;
+}
+
+Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state, double amplitude_m,
+                    double period_m, double tip_radius_m) noexcept {
+  using Phase = ProxyState::Phase;
+  Bumped out;
+  Vec3 foot = state.rendered_WP(), n = state.normal_W();
+  double d = (foot - h).norm();
+  if (state.phase == Phase::kContact) {
+    if (d > 1e-5) n = (foot - h) / d;
+  } else {
+    if (state.phase != Phase::kFree || field.empty()) return out;
+    const FieldSample s = field.sample(h);
+    const double rise = s.gradient.norm();
+    if (!s.known || rise < 0.3) return out;
+    n = s.gradient / rise;
+    d = tip_radius_m * std::max(1.0, 1 / rise) - s.value / rise;
+    if (d < -3 * amplitude_m) return out;  // above the highest bump
+    foot = h + d * n;
+  }
+  const double wave = 2 * std::numbers::pi / period_m;
+  double height = 0;
+  Vec3 slope;
+  for (int a = 0; a < 3; ++a) {
+    height += amplitude_m * std::sin(wave * foot[a]);
+    slope[a] = amplitude_m * wave * std::cos(wave * foot[a]);
+  }
+  out.stretch_m = d + height;
+  if (out.stretch_m <= 0) {  // over a trough
+    out.stretch_m = 0;
+    return out;
+  }
+  out.contact = true;
+  out.lift_W = foot + height * n - state.rendered_WP();
+  // The ways on which the foot follows the hand.
+  Vec3 along = slope - slope.dot(n) * n;
+  if (state.phase == Phase::kContact && state.contacts == 1) {
+    along = followed(field, foot, h, n, slope);
+  } else if (state.phase == Phase::kContact && state.contacts > 1) {
+    const ProxyPlane &a = state.frame[0], &b = state.frame[1];
+    const Vec3 edge = Vec3(a.nx, a.ny, a.nz).cross(Vec3(b.nx, b.ny, b.nz));
+    const double size2 = edge.squaredNorm();
+    const bool one_way = state.contacts == 2 && state.frame_size >= 2 && size2 > 1e-12;
+    along = one_way ? Vec3((slope.dot(edge) / size2) * edge) : Vec3::Zero();
+  }
+  // 1 / (A wave^2) is the bumps' own radius of curvature.
+  out.elastic_W =
+      out.stretch_m * n - std::min(out.stretch_m, 1 / (amplitude_m * wave * wave)) * along;
+  return out;
 }
 
 bool material_at(const SurfacePatch& patch, const Vec3& p_W, Material& out) noexcept {

@@ -84,7 +84,7 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
                              std::string(kProxyMethods));
   }
   effects_ = config.effects();
-  proxy_step_ = proxy_step(method, config.texture_amplitude_m > 0 || config.materials);
+  proxy_step_ = proxy_step(method);
   stiffness_ = config.stiffness_N_per_m;
   passivity_ = PassivityController(device.mass_kg, device.quantum_m, period_s);
   surface_.friction_static = static_cast<float>(config.friction_static);
@@ -112,8 +112,6 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
   proxy_config_.tip_radius_m = config.tip_radius_m;
   if (config.iterations_max > 0) proxy_config_.iterations_max = config.iterations_max;
   proxy_config_.paper_friction = config.paper_friction;
-  proxy_config_.texture_amplitude_m = config.texture_amplitude_m;
-  proxy_config_.texture_period_m = config.texture_period_m;
   force_limit_N_ = std::min(config.force_limit_N, device.force_limit_N);
   const auto& origin = config.workspace_W_m;
   workspace_ = Workspace({config.scale, Vec3(origin[0], origin[1], origin[2]),
@@ -179,35 +177,81 @@ double HapticTask::advance_gain(bool ramp_down, double dt) noexcept {
 // only where the size of the force is more than 1 N behind, as after a step of the surface, it goes
 // at the full rate.
 double HapticTask::slew_limit(const Vec3& change, double dh) const noexcept {
+  constexpr double kCalmRise_N_per_m = 1000;  // a soft spring's hand is not stiller for it
   const double moved = config_.stiffness_N_per_m * dh;
   const double most = std::max(config_.slew_N_per_s * period_s_, 1.1 * moved);
-  const double calm = std::min(config_.slew_calm_N_per_s * period_s_ + 2 * moved, most);
+  const double calm = std::min(
+      config_.slew_calm_N_per_s * period_s_ + 2 * std::max(moved, kCalmRise_N_per_m * dh), most);
   const double size = f_D_.norm();
   const double along = size > 0.1 ? std::abs(change.dot(f_D_)) / size : change.norm();
   return calm + (most - calm) * std::clamp(along - 1.0, 0.0, 1.0);
 }
 
-// What the scene asks for beyond the plain spring.
-void HapticTask::apply_effects(const Vec3& p_WH) noexcept {
-  const double step_N = 100 * period_s_;
-  if (config_.materials && proxy_.phase == ProxyState::Phase::kContact && newer_ != nullptr) {
-    perception::Material goal;
-    if (material_at(*newer_, proxy_.p_WP(), goal)) {
-      if (was_contact_) {
-        follow(surface_, goal, config_.stiffness_N_per_m,
-               (proxy_.p_WP() - p_WH).norm() / config_.scale, step_N);
-      } else {
-        surface_ = goal;  // first touch: nothing to go on from
-      }
-      stiffness_ = config_.stiffness_N_per_m * static_cast<double>(surface_.stiffness_scale);
-      proxy_config_.texture_amplitude_m = static_cast<double>(surface_.texture_amplitude_m);
-      proxy_config_.texture_period_m =
-          std::max(static_cast<double>(surface_.texture_period_m), 0.0004);
-    }
+// Parameters of the palette under the proxy.
+void HapticTask::follow_material(const Vec3& p_WH) noexcept {
+  if (proxy_.phase != ProxyState::Phase::kContact || newer_ == nullptr) return;
+  perception::Material goal;
+  if (!material_at(*newer_, proxy_.p_WP(), goal)) return;
+  if (was_contact_) {
+    follow(surface_, goal, config_.stiffness_N_per_m, (proxy_.p_WP() - p_WH).norm() / config_.scale,
+           100 * period_s_);
+  } else {
+    surface_ = goal;  // first touch: nothing to go on from
   }
+  stiffness_ = config_.stiffness_N_per_m * static_cast<double>(surface_.stiffness_scale);
+}
+
+// The spring with what the scene asks for beyond the plain one; fills rendered_W_.
+HapticTask::Spring HapticTask::spring_of(const Vec3& p_WH) noexcept {
+  Spring s;
+  s.contact = proxy_.phase == ProxyState::Phase::kContact;
+  if (config_.materials) follow_material(p_WH);
+  const Vec3 smooth = proxy_.rendered_WP();
   rendered_W_ =
       with_friction(field_, p_WH, proxy_, static_cast<double>(surface_.friction_static),
                     static_cast<double>(surface_.friction_dynamic), proxy_config_.tip_radius_m);
+  Vec3 friction = rendered_W_ - smooth;
+  s.elastic_W = smooth - p_WH;
+  s.length_m = s.elastic_W.norm();
+  const auto amplitude = static_cast<double>(surface_.texture_amplitude_m);
+  if (amplitude > 0) {
+    const Bumped b = with_texture(field_, p_WH, proxy_, amplitude,
+                                  std::max(static_cast<double>(surface_.texture_period_m), 0.0004),
+                                  proxy_config_.tip_radius_m);
+    s.contact = b.contact;
+    s.elastic_W = b.elastic_W;
+    s.length_m = b.stretch_m;
+    if (b.contact) {
+      rendered_W_ += b.lift_W;
+    } else {
+      rendered_W_ = p_WH;
+      friction = Vec3::Zero();
+    }
+  }
+  s.pull_W = s.elastic_W + friction;
+  s.friction_m = friction.norm();
+  return s;
+}
+
+// Energy that the surface, a fade or a moving workspace put into the spring: what it holds more than the hand's
+// motion against its own force explains. Friction, viscosity and the controller only take energy out, so they have
+// no part in it.
+void HapticTask::book(const Spring& spring, double to_N_per_m, bool moved, const Vec3& dx_D,
+                      double dt) noexcept {
+  const Vec3 before = f_elastic_D_;
+  f_elastic_D_ =
+      spring.contact
+          ? limited(to_N_per_m * (workspace_.R_WD().transpose() * spring.elastic_W), force_limit_N_)
+          : Vec3::Zero();
+  const double gain = fade_ * ramp_;
+  const double spring_J =
+      gain > 0 && spring.contact
+          ? gain * spring_energy(stiffness_, spring.length_m / config_.scale, force_limit_N_ / gain)
+          : 0;
+  const double injected =
+      moved ? spring_J - spring_J_ + 0.5 * (before + f_elastic_D_).dot(dx_D) : 0;
+  energy_.book(injected, spring_J - spring_J_, dt);
+  spring_J_ = spring_J;
 }
 
 // Slew guard; fills force and telemetry, and remembers both forces.
@@ -231,39 +275,29 @@ void HapticTask::guard_force(const Vec3& f_D, const Vec3& dx_D, Out& out) noexce
   out.force.f_H_D = f;
 }
 
-// Spring and effects -> force limit -> passivity -> guard, and the books.
-void HapticTask::render(const In& in, const Vec3& dx_D, const Vec3& stretch_W, bool surface_moves,
+// Spring and effects -> force limit -> the books -> passivity -> guard.
+void HapticTask::render(const In& in, const Vec3& dx_D, const Spring& spring, bool surface_moves,
                         double stiffness_before, double dt, Out& out) noexcept {
   HapticTelemetry& t = out.telemetry;
-  t.in_contact = proxy_.phase == ProxyState::Phase::kContact;
-  t.penetration_m = t.in_contact ? stretch_W.norm() : 0;
+  t.in_contact = spring.contact;
   const double gain_before = fade_ * ramp_;
   t.gain = advance_gain(t.stale || in.clutch || in.mode.mode == Mode::kRampDown, dt);
-  const Vec3 stretch_D = workspace_.R_WD().transpose() * stretch_W;
-  Vec3 f =
-      t.in_contact ? Vec3((t.gain * stiffness_ / config_.scale) * stretch_D) : Vec3(Vec3::Zero());
-  const Vec3 f_spring_before = f_spring_D_;
-  f_spring_D_ = limited(f, force_limit_N_);
+  const double to_N_per_m = t.gain * stiffness_ / config_.scale;
+  Vec3 f = t.in_contact ? Vec3(to_N_per_m * (workspace_.R_WD().transpose() * spring.pull_W))
+                        : Vec3(Vec3::Zero());
   if (kEffectsBuilt && effects_) {
-    t.friction_N = stiffness_ * (rendered_W_ - proxy_.rendered_WP()).norm() / config_.scale;
+    t.friction_N = stiffness_ * spring.friction_m / config_.scale;
     f -= (t.gain * config_.viscosity_N_s_per_m) * v_D_;
   }
   t.limit_active = f.norm() > force_limit_N_;
   f = limited(f, force_limit_N_);
-
-  const double spring_J = t.gain > 0
-                              ? t.gain * spring_energy(stiffness_, t.penetration_m / config_.scale,
-                                                       force_limit_N_ / t.gain)
-                              : 0;
   // Where not only the hand moved, the spring gained what the hand's motion does not explain.
   const bool moved = surface_moves || t.gain != gain_before || stiffness_ != stiffness_before ||
                      workspace_.moved();
-  const double by_hand = -0.5 * (f_spring_before + f_spring_D_).dot(dx_D);
-  const double injected = moved ? spring_J - spring_J_ - by_hand : 0;
-  energy_.book(injected, spring_J - spring_J_, dt);
-  spring_J_ = spring_J;
+  book(spring, to_N_per_m, moved, dx_D, dt);
   if (config_.passivity_controller && t.in_contact) {
-    const Vec3 allowed = passivity_.limited(f, dx_D, energy_.reserve_J(), spring_J, stiffness_, dt);
+    const Vec3 allowed =
+        passivity_.limited(f, dx_D, energy_.reserve_J(), spring_J_, stiffness_, dt);
     t.controller_N = (allowed - f).norm();
     f = limited(allowed, force_limit_N_);
   }
@@ -273,7 +307,7 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Vec3& stretch_W, b
 // Forces off at once; what is remembered of the surface stays, and the next enable fades in.
 void HapticTask::safe(Out& out) noexcept {
   out.telemetry.step_N = f_D_.norm();
-  f_D_ = f_raw_D_ = f_spring_D_ = Vec3::Zero();
+  f_D_ = f_raw_D_ = f_elastic_D_ = Vec3::Zero();
   enabled_ = false;
   fade_ = ramp_ = 0;
   spring_J_ = 0;
@@ -431,13 +465,16 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   if (in.surface != nullptr) proxy_config_.surface = in.surface;
   proxy_step_(field_, p_WH, proxy_, proxy_config_);
   const bool effects = kEffectsBuilt && effects_;
+  Spring spring;
   if (effects) {
-    apply_effects(p_WH);
+    spring = spring_of(p_WH);
   } else {
     rendered_W_ = proxy_.rendered_WP();
+    spring.pull_W = spring.elastic_W = rendered_W_ - p_WH;
+    spring.length_m = spring.pull_W.norm();
+    spring.contact = proxy_.phase == ProxyState::Phase::kContact;
   }
-  const Vec3 stretch_W = rendered_W_ - p_WH;
-  if (!finite(stretch_W)) {
+  if (!finite(spring.pull_W)) {
     return not_finite(tick, out);
   }
 
@@ -458,7 +495,8 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   if (!allowed) {
     safe(out);
   } else {
-    render(in, dx_D, stretch_W, blending, stiffness_before, dt, out);
+    t.penetration_m = spring.contact ? (rendered_W_ - p_WH).norm() : 0;
+    render(in, dx_D, spring, blending, stiffness_before, dt, out);
   }
   events(tick, in.stylus.button, out);
   report(tick, in.stylus.button, out);

@@ -167,7 +167,19 @@ class HapticTask {
  private:
   static constexpr double kFarthestHand_m = 10.0;  // beyond it a position is no position
 
-  void apply_effects(const perception::Vec3& p_WH) noexcept;
+  // What pulls at the hand, F = K pull, scene metres.
+  struct Spring {
+    perception::Vec3 pull_W = perception::Vec3::Zero();
+    perception::Vec3 elastic_W =
+        perception::Vec3::Zero();  // without friction: the slope of the energy
+    double length_m = 0;           // K length^2 / 2 is that energy
+    double friction_m = 0;         // of pull_W
+    bool contact = false;
+  };
+  [[nodiscard]] Spring spring_of(const perception::Vec3& p_WH) noexcept;
+  void follow_material(const perception::Vec3& p_WH) noexcept;
+  void book(const Spring& spring, double to_N_per_m, bool moved, const perception::Vec3& dx_D,
+            double dt) noexcept;
   bool take_patch(const perception::SurfacePatch* patch) noexcept;
   void advance_blend(double dt) noexcept;
   double advance_gain(bool ramp_down, double dt) noexcept;
@@ -176,8 +188,8 @@ class HapticTask {
   rt::Health without_sample(const rt::Tick& tick, Out& out) noexcept;
   rt::Health not_finite(const rt::Tick& tick, Out& out) noexcept;
   void safe(Out& out) noexcept;
-  void render(const In& in, const perception::Vec3& dx_D, const perception::Vec3& stretch_W,
-              bool surface_moves, double stiffness_before, double dt, Out& out) noexcept;
+  void render(const In& in, const perception::Vec3& dx_D, const Spring& spring, bool surface_moves,
+              double stiffness_before, double dt, Out& out) noexcept;
   void guard_force(const perception::Vec3& f_D, const perception::Vec3& dx_D, Out& out) noexcept;
   [[nodiscard]] double slew_limit(const perception::Vec3& change, double dh) const noexcept;
   [[nodiscard]] bool thin(const perception::Vec3& p_WH) const noexcept;
@@ -212,8 +224,8 @@ class HapticTask {
   perception::Vec3 h_D_ = perception::Vec3::Zero();  // last sample
   rt::Time hand_time_{};
   perception::Vec3 v_D_ = perception::Vec3::Zero();
-  perception::Vec3 f_raw_D_ = perception::Vec3::Zero();     // of the last tick
-  perception::Vec3 f_spring_D_ = perception::Vec3::Zero();  // the spring's part of it
+  perception::Vec3 f_raw_D_ = perception::Vec3::Zero();      // of the last tick
+  perception::Vec3 f_elastic_D_ = perception::Vec3::Zero();  // the spring's part of it
   perception::Vec3 f_D_ = perception::Vec3::Zero();
   double fade_ = 0, ramp_ = 0;
   double spring_J_ = 0;  // energy in the spring last tick

@@ -36,9 +36,10 @@ void nearest(const Field& field, const Vec3& h, ProxyState& state, const ProxyCo
   if (length > 0) state.set_normal(out / length);
 }
 
-template <bool kTextured>
-void constrained(const Field& field, const Vec3& p_WH, ProxyState& state,
-                 const ProxyConfig& cfg) noexcept {
+}  // namespace
+
+void step_constrained(const Field& field, const Vec3& p_WH, ProxyState& state,
+                      const ProxyConfig& cfg) noexcept {
   using Phase = ProxyState::Phase;
   state.held = state.started_inside = false;
   state.contacts = 0;
@@ -50,7 +51,7 @@ void constrained(const Field& field, const Vec3& p_WH, ProxyState& state,
     if (state.phase != Phase::kStart) state.phase = Phase::kUnknown;
     return;
   }
-  Descent<kTextured> descent(field, p_WH, state, cfg);
+  Descent descent(field, p_WH, state, cfg);
   switch (state.phase) {
     case Phase::kStart:
       descent.place();
@@ -69,8 +70,6 @@ void constrained(const Field& field, const Vec3& p_WH, ProxyState& state,
   }
 }
 
-}  // namespace
-
 void step_nearest(const Field& field, const Vec3& p_WH, ProxyState& state,
                   const ProxyConfig& cfg) noexcept {
   nearest(field, p_WH, state, cfg, 1);
@@ -81,17 +80,7 @@ void step_nearest10(const Field& field, const Vec3& p_WH, ProxyState& state,
   nearest(field, p_WH, state, cfg, 10);
 }
 
-void step_constrained(const Field& field, const Vec3& p_WH, ProxyState& state,
-                      const ProxyConfig& cfg) noexcept {
-  constrained<false>(field, p_WH, state, cfg);
-}
-
-void step_constrained_textured(const Field& field, const Vec3& p_WH, ProxyState& state,
-                               const ProxyConfig& cfg) noexcept {
-  constrained<true>(field, p_WH, state, cfg);
-}
-
-ProxyStep proxy_step(ProxyMethod method, bool textured) noexcept {
+ProxyStep proxy_step(ProxyMethod method) noexcept {
   switch (method) {
     case ProxyMethod::kNearest:
       return &step_nearest;
@@ -102,7 +91,7 @@ ProxyStep proxy_step(ProxyMethod method, bool textured) noexcept {
     case ProxyMethod::kConstrained:
       break;
   }
-  return textured ? &step_constrained_textured : &step_constrained;
+  return &step_constrained;
 }
 
 bool parse_proxy_method(std::string_view name, ProxyMethod& out) noexcept {

@@ -42,8 +42,6 @@ struct ProxyConfig {
   double step_min_m = 2e-6;   // a descent step below this ends the tick
   const SurfacePoints* surface = nullptr;  // force_shading only: the newest ray cast
   double paper_friction = 0;               // force_shading only: mu of its circle
-  double texture_amplitude_m = 0;          // constrained with texture only
-  double texture_period_m = 0.002;
 };
 
 // n . x >= d, |n| = 1.
@@ -97,13 +95,8 @@ void step_nearest10(const Field&, const perception::Vec3& p_WH, ProxyState&,
                     const ProxyConfig&) noexcept;
 void step_constrained(const Field&, const perception::Vec3& p_WH, ProxyState&,
                       const ProxyConfig&) noexcept;
-// The same on the field less a texture (effects.hpp); a second instance of the code, so that the
-// plain one knows nothing of it.
-void step_constrained_textured(const Field&, const perception::Vec3& p_WH, ProxyState&,
-                               const ProxyConfig&) noexcept;
 
-// `textured` counts for the constrained method.
-[[nodiscard]] ProxyStep proxy_step(ProxyMethod method, bool textured = false) noexcept;
+[[nodiscard]] ProxyStep proxy_step(ProxyMethod method) noexcept;
 // The names in kProxyMethods; false for any other.
 inline constexpr std::string_view kProxyMethods = "constrained, nearest, nearest10, force_shading";
 [[nodiscard]] bool parse_proxy_method(std::string_view name, ProxyMethod& out) noexcept;

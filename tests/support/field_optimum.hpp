@@ -139,9 +139,15 @@ class FieldOptimum {
   }
 
   // How much of the pull K (h - p) could still move p: the largest part of it along a way of
-  // 0.25 mm that stays outside the solid, as a share of |h - p|. 0 where p rests.
+  // 0.25 mm that stays outside the solid from its first micrometres on, as a share of |h - p|. 0 where p
+  // rests. A p in the solid is asked at the surface over it.
   [[nodiscard]] double unused(const Vec3& p, const Vec3& h) const {
-    return (h - p).norm() < 2e-4 ? 0 : steepest(p, h, kUnusedWay, true).first;
+    if ((h - p).norm() < 2e-4) return 0;
+    if (tip_ > 0) {  // the sheet that p is on, if it is near the right one: how near, its place says
+      const double right = tip_ * std::max(1.0, slope(p));
+      radius_ = std::clamp(field_(p) - 1e-7, 0.75 * right, 1.25 * right);
+    }
+    return steepest(rise(p, h), h, kUnusedWay, true).first;
   }
 
  private:
@@ -166,7 +172,11 @@ class FieldOptimum {
         const double e = 0.5 * (lo + hi);
         const Vec3 d = std::cos(e) * side + std::sin(e) * axis;
         bool barred = field_(p + r * d) <= (whole ? radius_ : radius_ - 2e-6);
-        for (int m = 1; whole && !barred && m < 5; ++m) barred = solid(p + (0.2 * m * r) * d);
+        if (whole) {
+          for (const double part : {0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8}) {
+            barred = barred || solid(p + (part * r) * d);
+          }
+        }
         (barred ? hi : lo) = e;
       }
       if (std::sin(lo) > best) {
@@ -180,6 +190,13 @@ class FieldOptimum {
   // way.
   [[nodiscard]] Vec3 squeeze(const Vec3& p, const Vec3& h) const {
     const double distance = (h - p).norm();
+    // A whole free way, as unused() looks for one: along a crease narrower than the steps of the fan.
+    for (const double r : {kUnusedWay, 1e-4, kStep, 2e-5}) {
+      const auto [part, way] = steepest(p, h, r, true);
+      if (part < 0.002) continue;
+      const Vec3 x = sink(p + std::min(r, distance) * way, h);
+      if ((x - h).norm() < distance - 5e-8) return x;
+    }
     for (double r = kStep; r > 2e-5; r *= 0.5) {
       const auto [part, way] = steepest(p, h, r, false);
       if (part < 0.01) continue;

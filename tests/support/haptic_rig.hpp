@@ -241,6 +241,7 @@ struct Figures {
   double j = 0, j_raw = 0, force_max = 0, guard_share = 0, contact_share = 0;
   double f_error_p95 = 0, p_error_p95 = 0, f_error_max = 0, p_error_max = 0;  // to the optimum
   double f_error_optimum = 0;  // p95 of the optimum behind the slew guard against itself
+  double j_optimum = 0;        // |dF| a tick of the optimum behind the slew guard
   double longer_max = 0, shorter_max = 0;  // |p - h| against the optimum's, m
   double below_max = 0;  // deepest the proxy sits below the blended field's zero set, m
   double unused_max = 0, unused_optimum = 0;  // unused tangential force, N: ours, the optimum's
@@ -337,7 +338,9 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
     const double most =
         std::max(0.3 * static_cast<double>(stride), 1.1 * setup.config.stiffness_N_per_m * moved);
     const Vec3 change = f - f_guarded;
-    f_guarded += change * std::min(1.0, most / std::max(change.norm(), 1e-12));
+    const Vec3 step = change * std::min(1.0, most / std::max(change.norm(), 1e-12));
+    f_guarded += step;
+    out.j_optimum = std::max(out.j_optimum, step.norm() / static_cast<double>(stride));
     f_guarded_error.push_back((f - f_guarded).norm());
     const double mine = (p_mine - h).norm(), best = (p - h).norm();
     out.longer_max = std::max(out.longer_max, mine - best);

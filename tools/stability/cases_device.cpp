@@ -42,7 +42,11 @@ class Twin {
             1e-5 * std::round(x_.z() / 1e-5)};
   }
   [[nodiscard]] const Vec3& velocity() const { return v_; }
-  [[nodiscard]] const Vec3& place() const { return x_; }
+  // At rest under `f`, which the last tick has sent already; then a kick.
+  void settled(const Vec3& f, const Vec3& v) {
+    f_last_ = f;
+    v_ = v;
+  }
   // One period under the force of this tick's reading, a push, and the grip's goal, which moves.
   void advance(const Vec3& f_now, const Vec3& push, const Vec3& goal, const Vec3& goal_v) {
     const Vec3 f = body_.delay > 0 ? f_last_ : f_now;
@@ -107,50 +111,108 @@ struct Place {
   double (*solid)(const Vec3&);
   Vec3 start, push;          // of the push without a hand
   std::vector<Vec3> points;  // of the hand's way
+  Vec3 (*nearest)(const Vec3&);  // free point of the true solid, near `start`
 };
+Vec3 on_floor(const Vec3& h) { return {h.x(), h.y(), std::max(h.z(), 0.0)}; }
+Vec3 in_corner(const Vec3& h) { return {std::min(h.x(), 0.0), h.y(), std::max(h.z(), 0.0)}; }
+
+// Without a hand nothing holds the device against a slope, and the samples of a convex edge slope from a voxel and
+// more before it: there it is pushed where they are flat. A hand takes it over the edge itself.
 std::vector<Place> places() {
   return {{"floor",
            solids::floor,
            {0, 0, 0.001},
            {0, 0, -3},
-           {{-0.03, 0, 0.005}, {-0.03, 0, -0.008}, {0.03, 0, -0.008}, {0.03, 0, 0.01}}},
+           {{-0.03, 0, 0.005}, {-0.03, 0, -0.008}, {0.03, 0, -0.008}, {0.03, 0, 0.01}},
+           on_floor},
           {"corner",
            solids::concave_edge,
            {-0.001, 0, 0.001},
            Vec3(1, 0, -1).normalized() * 3,
-           {{-0.03, 0, 0.005}, {-0.03, 0, -0.008}, {0.008, 0, -0.008}, {0.008, 0, 0.02}}},
+           {{-0.03, 0, 0.005}, {-0.03, 0, -0.008}, {0.008, 0, -0.008}, {0.008, 0, 0.02}},
+           in_corner},
           {"edge",
            solids::convex_edge,
-           {-0.015, 0, 0.001},
+           {-0.03, 0, 0.001},
            {0, 0, -3},
-           {{-0.04, 0, 0.005}, {-0.04, 0, -0.008}, {0.02, 0, -0.008}}}};
+           {{-0.04, 0, 0.005}, {-0.04, 0, -0.008}, {0.02, 0, -0.008}},
+           on_floor}};
 }
 
-// 3 N against the surface, no hand: how fast the device still moves after 7 s.
-double pushed(const Setting& s, const Place& place, const Body& body, double stiffness,
-              bool guard) {
-  Scene scene = held(s, place.solid, body, stiffness);
-  scene.config.guard = guard;
-  Rig r(std::move(scene));
-  Twin twin(body, {}, place.start);
-  double residual = 0;
+struct Pushed {
+  double residual = 0;  // speed after 7 s
+  double ideal = 0;     // that of the true solid's spring, without field, proxy or guard
+};
+
+// A steady push against the surface, no hand: how fast the device still moves after 7 s. `steady`: it begins where
+// push and spring balance, kicked by 10 mm/s (as the boundary is measured, docs/stability.md); else it falls onto the
+// surface, and a loop that only just damps has more than 7 s to go, whatever renders it.
+constexpr double kKick = 0.01;
+
+template <class Force>
+double residual_of(Twin& twin, const Vec3& push, const Force& force) {
+  double worst = 0;
   for (int k = 0; k < 7000; ++k) {
-    const Row row = r.tick(twin.reading());
-    twin.advance(row.f, place.push, Vec3::Zero(), Vec3::Zero());
-    if (k >= 6900) residual = std::max(residual, twin.velocity().norm());
+    twin.advance(force(twin.reading()), push, Vec3::Zero(), Vec3::Zero());
+    if (k >= 6900) worst = std::max(worst, twin.velocity().norm());
   }
-  return residual;
+  return worst;
+}
+
+Pushed pushed(const Setting& s, const Place& place, const Body& body, double stiffness,
+              bool steady) {
+  Rig r(held(s, place.solid, body, stiffness));
+  const Vec3 balance = place.nearest(place.start + place.push) + place.push / stiffness;
+  const Vec3 from = steady ? balance : place.start;
+  const Vec3 kick = steady ? Vec3(kKick * place.push.normalized()) : Vec3::Zero();
+  Twin twin(body, {}, from), ideal(body, {}, from);
+  Vec3 push = place.push;
+  if (steady) {  // held there until the fade-in is over
+    const Path down({place.start, from}, 0.1);
+    Vec3 f = Vec3::Zero();
+    for (int k = 0; k < 400; ++k) f = r.tick(k < 300 ? down(1e-3 * k) : twin.reading()).f;
+    push = -f;
+    twin.settled(f, kick);
+    ideal.settled(-place.push, kick);
+  }
+  return {residual_of(twin, push, [&](const Vec3& h) { return r.tick(h).f; }),
+          residual_of(ideal, place.push,
+                      [&](const Vec3& h) { return Vec3(stiffness * (place.nearest(h) - h)); })};
+}
+
+// The same on the field optimum: seconds of CPU, so only where the limit was missed.
+double pushed_optimum(const Setting& s, const Place& place, const Body& body, double stiffness) {
+  const Rig r(held(s, place.solid, body, stiffness));
+  const Vec3 balance = place.nearest(place.start + place.push) + place.push / stiffness;
+  std::vector<Row> box(2);
+  for (const double side : {-0.03, 0.03}) {
+    Row& row = box[side > 0 ? 1 : 0];
+    row.h = row.p = s.place.X_WS.inverse() * Vec3(s.place.X_WS * balance + Vec3::Constant(side));
+  }
+  const support::ReferenceField field = rig::reference_field(r, box);
+  const support::FieldOptimum optimum(field, 0, r.setup().voxel);
+  Vec3 last = s.place.X_WS * place.start, p = last;
+  const auto force = [&](const Vec3& h_S) {
+    const Vec3 h = s.place.X_WS * h_S;
+    if (h != last) p = optimum.follow(p, last, h);
+    last = h;
+    return Vec3(stiffness * (s.place.X_WS.linear().transpose() * (p - h)));
+  };
+  Twin twin(body, {}, balance);
+  const Vec3 f = force(twin.reading());
+  twin.settled(f, kKick * place.push.normalized());
+  return residual_of(twin, -f, force);
 }
 
 struct Held {
   std::vector<Row> rows;
   double residual = 0, controller = 0, energy = 0;
 };
-// The hand's goal goes along the way, then rests for a second.
-Held along(Rig& r, const Body& body, const Grip& grip, const Path& path) {
+// The hand's goal goes along the way, then rests: 2 s after the last event the device has to be at rest.
+Held along(Rig& r, const Body& body, const Grip& grip, const Path& path, double event_s) {
   Held out;
   Twin twin(body, grip, path(0));
-  const auto n = static_cast<int>(std::ceil(path.duration() / kPeriod)) + 1000;
+  const auto n = static_cast<int>(std::ceil(event_s / kPeriod)) + 2000;
   for (int k = 0; k < n; ++k) {
     const double t = k * kPeriod;
     const Row row = r.tick(twin.reading());
@@ -173,20 +235,29 @@ std::vector<Run> case_closed_loop(const Setting& s) {
     Run run;
     run.id = 20;
     run.name = title(place.name, s);
-    double residual = 0, unguarded = 0;
+    const auto optimum_of = [&](const Pushed& p, const Body& body, double stiffness) {
+      return 1e3 * (p.residual > 0.003 ? pushed_optimum(s, place, body, stiffness) : p.ideal);
+    };
+    Pushed most;
+    Body worst;
     for (const double b : {0.5, 2.0}) {
       for (const int delay : {0, 1}) {
         const Body body{0.2, b, 0, delay};
-        residual = std::max(residual, pushed(s, place, body, stiffness_of(body), true));
-        unguarded = std::max(unguarded, pushed(s, place, body, stiffness_of(body), false));
+        const Pushed p = pushed(s, place, body, stiffness_of(body), true);
+        if (p.residual < most.residual) continue;
+        most = p;
+        worst = body;
       }
     }
-    add(run, "residual speed at 0.8 b/(T/2+t_d) mm/s", 1e3 * residual, 3);
+    add(run, "residual speed at 0.8 b/(T/2+t_d) mm/s", 1e3 * most.residual, 3,
+        optimum_of(most, worst, stiffness_of(worst)));
     const Body light{0.2, 0.63, 0, 0};
-    add(run, "residual speed at b 0.63, 1 N/mm, mm/s", 1e3 * pushed(s, place, light, 1000, true),
-        3);
-    run.note = text("without the slew guard %.2f and %.2f mm/s", 1e3 * unguarded,
-                    1e3 * pushed(s, place, light, 1000, false));
+    const Pushed wall = pushed(s, place, light, 1000, true);
+    add(run, "residual speed at b 0.63, 1 N/mm, mm/s", 1e3 * wall.residual, 3,
+        optimum_of(wall, light, 1000));
+    const Pushed fall = pushed(s, place, light, 1000, false);
+    run.note = text("fallen onto the surface at b 0.63: %.1f mm/s left, an ideal spring %.1f",
+                    1e3 * fall.residual, 1e3 * fall.ideal);
     double held_residual = 0, controller = 0, energy = 0;
     for (const Grip& grip : grips) {
       for (const double c : {0.0, 0.3}) {
@@ -194,7 +265,8 @@ std::vector<Run> case_closed_loop(const Setting& s) {
         Scene scene = held(s, place.solid, body, 1000);
         scene.config.passivity_controller = true;
         Rig r(std::move(scene));
-        Held h = along(r, body, grip, Path(place.points, s.speed));
+        const Path path(place.points, s.speed);
+        Held h = along(r, body, grip, path, path.duration());
         held_residual = std::max(held_residual, h.residual);
         controller = std::max(controller, h.controller);
         energy = std::min(energy, h.energy);
@@ -218,7 +290,7 @@ std::vector<Run> case_closed_loop(const Setting& s) {
     const double at = path.duration() + 0.6;
     scene.solid = [=](const Vec3& p, double t) { return solids::floor(p) - (t > at ? 0.005 : 0); };
     Rig r(std::move(scene));
-    Held h = along(r, body, grip, path);
+    Held h = along(r, body, grip, path, at);
     double before = 0, after = 0;
     for (const Row& row : h.rows) {
       (row.t <= at ? before : after) = row.telemetry.booked_J;
@@ -229,7 +301,10 @@ std::vector<Run> case_closed_loop(const Setting& s) {
     run.rows = std::move(h.rows);
     run.figures = rig::figures(run.rows);
     add_gates(run);
-    add(run, "injected mJ", 1e3 * (after - before), 10);
+    // A surface that rises slowly lifts spring and hand, k K / (k + K) together, by the step: less can not be put in.
+    const double both = grip.stiffness * 1000 / (grip.stiffness + 1000);
+    add(run, text("injected mJ, hand %.0f N/m", grip.stiffness), 1e3 * (after - before), 10,
+        1e3 * 0.5 * both * (0.013 * 0.013 - 0.008 * 0.008));
     add(run, "E + booked below zero mJ", -1e3 * h.energy, 1);
     add(run, "residual speed in a hand mm/s", 1e3 * h.residual, 3);
     out.push_back(std::move(run));
@@ -248,15 +323,16 @@ Scene textured(const Setting& s, double stiffness, const Body& body) {
 
 constexpr double kTextureDepth = 0.001;
 
-// The device rests on the texture under 3 N: how fast it still moves.
-double texture_residual(const Setting& s, double stiffness) {
+// The device rests on the texture under a push: how fast it still moves. Aside, a bump holds it with a stiffness of
+// at most K (effects.hpp).
+double texture_residual(const Setting& s, double stiffness, double push_N) {
   const Body body{0.2, 2, 0, 0};
   Rig r(textured(s, stiffness, body));
   Twin twin(body, {}, {0.0004, 0.0003, 0.001});
   double residual = 0;
   for (int k = 0; k < 3000; ++k) {
     const Row row = r.tick(twin.reading());
-    twin.advance(row.f, {0, 0, -1}, Vec3::Zero(), Vec3::Zero());
+    twin.advance(row.f, {0, 0, -push_N}, Vec3::Zero(), Vec3::Zero());
     if (k >= 2900) residual = std::max(residual, twin.velocity().norm());
   }
   return residual;
@@ -289,6 +365,20 @@ std::vector<Run> case_texture(const Setting& s) {
       most = std::max(most, row.f.z());
       energy += 0.5 * (row.f + last.f).dot(row.h - last.h);
     }
+    // Ten times down on one flank, along, up on the other and back, deeper than the bumps' radius of curvature: not
+    // conservative there, so it is printed.
+    const Vec3 aside = 0.001 * along, deeper(0, 0, -0.001);
+    std::vector<Vec3> round{depth};
+    for (int i = 0; i < 10; ++i) {
+      round.insert(round.end(), {depth + deeper, depth + deeper + aside, depth + aside, depth});
+    }
+    const Path loop(round, 0.01);
+    Row last = run.rows.back();
+    double loop_energy = 0;
+    for (const Row& row : r.run(loop, 0, loop.duration())) {
+      loop_energy += 0.5 * (row.f + last.f).dot(row.h - last.h);
+      last = row;
+    }
     // Along x the heights of the other two axes are constant.
     const double amplitude = 0.5 * (most - least) / stiffness;
     const double wave_hz = s.speed / 0.002;
@@ -297,12 +387,14 @@ std::vector<Run> case_texture(const Setting& s) {
     }
     add(run, "loop energy mJ", 1e3 * std::abs(energy), 0.2);
     if (stiffness < 500) {
-      add(run, "residual speed at 0.3 N/mm, mm/s", 1e3 * texture_residual(s, stiffness), 3);
+      add(run, "residual speed at 0.3 N/mm, mm/s", 1e3 * texture_residual(s, stiffness, 1), 3);
+      run.note = text("under 3 N %.1f mm/s; 10 loops over 1 mm of depth %.2f mJ",
+                      1e3 * texture_residual(s, stiffness, 3), 1e3 * loop_energy);
     } else {
       double quiet = 0;
-      for (double k = 300; k < 3000 && texture_residual(s, k) < 0.003; k *= 1.25) quiet = k;
-      run.note = text("amplitude %.3f mm, loop %.3f mJ, quiet up to %.2f N/mm", 1e3 * amplitude,
-                      1e3 * energy, 1e-3 * quiet);
+      for (double k = 300; k < 3000 && texture_residual(s, k, 1) < 0.003; k *= 1.25) quiet = k;
+      run.note = text("amplitude %.3f mm, loop %.3f mJ, 10 over 1 mm of depth %.2f, quiet up to %.2f N/mm",
+                      1e3 * amplitude, 1e3 * energy, 1e3 * loop_energy, 1e-3 * quiet);
     }
     out.push_back(std::move(run));
   }

@@ -128,7 +128,8 @@ Run slide(int id, const std::string& name, const Setting& s, Scene scene, const 
   }
   add_gates(run);
   const double moving = 1.2 * k * s.speed * 1e-3 + 0.02;
-  add(run, "J N", f.j, std::max({limits.j, moving, limits.crease ? 0.33 : 0.0}));
+  add(run, "J N", f.j, std::max({limits.j, moving, limits.crease ? 0.33 : 0.0}),
+      s.judged ? f.j_optimum : std::numeric_limits<double>::quiet_NaN());
   add(run, "guard use", f.guard_share, 0.06);
   if (s.judged) {
     add(run, "below mm", 1e3 * f.below_max, 0.5);
@@ -143,7 +144,8 @@ Run slide(int id, const std::string& name, const Setting& s, Scene scene, const 
 }
 
 std::vector<Run> case_floor(const Setting& s) {
-  const Path path({{-0.05, 0, 0.002}, {-0.05, 0, -0.008}, {0.05, 0, -0.008}, {0.05, 0, 0.002}},
+  const double above = 0.002 + 3 * s.tip_radius_m;  // a start inside would fade in
+  const Path path({{-0.05, 0, above}, {-0.05, 0, -0.008}, {0.05, 0, -0.008}, {0.05, 0, above}},
                   s.speed);
   Run run = slide(1, "", s, still_scene(s, solids::floor), path, {.j = 0.12});
   if (s.fused != nullptr) return {run};
@@ -349,8 +351,12 @@ std::vector<Run> case_slots(const Setting& s) {
 }
 
 std::vector<Run> case_saddle(const Setting& s) {
-  std::vector<Vec3> points{{-0.04, -0.02, 0.02}};
-  const auto at = [](double x, double y) { return Vec3(x, y, 6 * (x * x - y * y) - 0.008); };
+  // Fused: the middle of the sheet alone, which a camera at 70 degrees still sees all of.
+  const double size = s.fused != nullptr ? 0.35 : 1.0;
+  std::vector<Vec3> points{{size * -0.04, size * -0.02, 0.02}};
+  const auto at = [size](double x, double y) {
+    return Vec3(size * x, size * y, 6 * size * size * (x * x - y * y) - 0.008);
+  };
   for (int i = 0; i <= 80; ++i) points.push_back(at(-0.04 + 1e-3 * i, 0.5 * (-0.04 + 1e-3 * i)));
   const std::size_t loop = points.size();
   for (int i = 0; i <= 72; ++i) {  // a closed loop on the sheet 8 mm below
@@ -361,8 +367,11 @@ std::vector<Run> case_saddle(const Setting& s) {
       before(
           std::vector<Vec3>(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(loop) + 1),
           s.speed);
-  Run run = slide(10, "", s, still_scene(s, [](const Vec3& p) { return solids::saddle(p, 6); }),
-                  path, {.j = 0.1, .crease = true});
+  // From +y: towards +x and -x the sheet rises above any camera.
+  Run run = slide(
+      10, "", s,
+      still_scene(s, [](const Vec3& p) { return solids::saddle(p, 6); }, Vec3::UnitY()), path,
+      {.j = 0.1, .crease = true});
   if (s.fused != nullptr) return {run};
   double truth = 0, truth_optimum = 0, curl = 0, curl_raw = 0, curl_optimum = 0;
   for (std::size_t i = 1; i < run.rows.size(); ++i) {

@@ -1,6 +1,9 @@
 // Cases where the surface, what is known of it, or the hand's side changes under the hand.
+#include <cmath>
 #include <cstdio>
 #include <memory>
+#include <utility>
+#include <vector>
 
 #include "rt/random.hpp"
 #include "tests/support/haptic_solids.hpp"
@@ -172,7 +175,8 @@ std::vector<Run> case_rise(const Setting& s) {
     return solids::floor(p) - 0.1 * std::clamp(t - at, 0.0, 0.2);
   };
   scene.config.stiffness_N_per_m = 400;  // 20 mm of rise stay below the force limit
-  if (s.fused != nullptr) {              // every image of the rising floor is fused
+  const auto fused = std::make_shared<std::vector<std::pair<double, double>>>();  // t, height
+  if (s.fused != nullptr) {  // every image of the rising floor is fused
     const auto field = std::make_shared<FusedField>(s.place.X_WS, *s.fused);
     const auto now = [solid = scene.solid, field](double t) {
       field->see([&](const Vec3& p) { return solid(p, t); });
@@ -181,6 +185,7 @@ std::vector<Run> case_rise(const Setting& s) {
     scene.window = [=](const Vec3& centre, int nodes, double t, perception::SurfacePatch& out) {
       now(t);
       field->window(centre, nodes, out);
+      fused->emplace_back(t, field->height());
     };
     scene.config.tip_radius_m = s.tip_radius_m;
   }
@@ -195,11 +200,18 @@ std::vector<Run> case_rise(const Setting& s) {
     const double height = row.p.z() - scene_radius;
     if (row.t > at + 0.08 && row.t < at + 0.19) lag = std::max(lag, row.t - at - height / 0.1);
   }
+  // What the windows themselves hold, at the moment they are published.
+  double fused_lag = std::nan(""), fused_end = fused_lag;
+  for (const auto& [t, height] : *fused) {
+    const double behind = t - at - height / 0.1;
+    if (t > at + 0.08 && t < at + 0.19 && !(behind <= fused_lag)) fused_lag = behind;
+    fused_end = 400 * std::abs(0.02 - height);
+  }
   add(run, "J N", run.figures.j, 0.15);
-  add(run, "lag ms", 1e3 * lag, 40);
+  add(run, "lag ms", 1e3 * lag, 40, 1e3 * fused_lag);
   add(run, "ticks without contact", lost, 0);
   add(run, "end force error N", std::abs(run.rows.back().f.norm() - 400 * (0.024 + scene_radius)),
-      0.05);
+      0.05, fused_end);
   return {run};
 }
 

@@ -67,16 +67,21 @@ void FusedField::see(const Solid& solid) {
       const double nearest = -X_SC.translation().dot(way);  // along the ray, to the origin of S
       if ((X_SC.translation() + nearest * way).norm() > kSeen_m) continue;
       double t = nearest - 2 * kSeen_m;
+      double z = (nearest + 1) * ray_C.z();  // nothing near: a wall behind it, so that the way is seen free
       for (int i = 0; i < 200 && t < nearest + 3 * kSeen_m; ++i) {
         const double d = solid(X_SC.translation() + t * way);
+        if (i == 0 && d <= 0) {  // the way begins in the solid: nothing is seen on it
+          z = 0;
+          break;
+        }
         if (d < 1e-6) {
-          const double z = t * ray_C.z();
-          mm[static_cast<std::size_t>(v * k.width + u)] = static_cast<std::uint16_t>(
-              std::lround(1000 * (z + deviate * drivers::kinect_v2_sigma_m(z))));
+          z = t * ray_C.z();
           break;
         }
         t += d;
       }
+      mm[static_cast<std::size_t>(v * k.width + u)] = static_cast<std::uint16_t>(
+          std::lround(1000 * (z + deviate * drivers::kinect_v2_sigma_m(z))));
     }
   }
   const perception::FrameView frame{k, {mm.data(), k.width, k.height, k.width}, {}};
@@ -90,6 +95,27 @@ void FusedField::window(const Vec3& centre_W, int nodes, perception::SurfacePatc
   if (!perception::copy_patch(map_, centre_W, nodes, out)) {
     throw std::runtime_error("stability: no window of the fused map");
   }
+}
+
+double FusedField::height() const {
+  const double voxel = map_.voxel_size();
+  const auto value = [&](const Vec3& p) {
+    const Vec3 q = p / voxel;
+    const Eigen::Array3i i = q.array().floor().cast<int>();
+    double sum = 0;
+    for (int c = 0; c < 8; ++c) {
+      const Eigen::Array3i n = i + Eigen::Array3i(c >> 2, (c >> 1) & 1, c & 1);
+      sum += node(n.x(), n.y(), n.z()) *
+             (Vec3::Ones() - (q - n.cast<double>().matrix()).cwiseAbs()).prod();
+    }
+    return sum;
+  };
+  double lo = -0.05, hi = 0.05;
+  for (int k = 0; k < 40; ++k) {
+    const double m = 0.5 * (lo + hi);
+    (value(X_WS_ * Vec3(0, 0, m)) > 0 ? hi : lo) = m;
+  }
+  return 0.5 * (lo + hi);
 }
 
 double FusedField::node(int x, int y, int z) const {

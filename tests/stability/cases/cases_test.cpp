@@ -3,9 +3,11 @@
 //
 // A figure over its limit is printed as FAILED, with the field optimum's own figure. The test fails
 // unless the field optimum is over the limit as well (then the samples do not allow better) or the
-// figure is one that this version is known to miss (docs/haptic_rendering.md, "Open"): no softer
-// limit stands in for it.
+// figure is listed below as missed: then it may not become worse than its bound, just behind what
+// was measured, and an entry whose limit is met in every run has to be taken off the list.
 #include <gtest/gtest.h>
+
+#include <set>
 
 #include "tools/stability/cases.hpp"
 
@@ -14,34 +16,27 @@ namespace {
 using stability::Check;
 using stability::Setting;
 
-struct Failing {
+struct Missed {
   int id;
   const char* check;
+  double bound;    // just behind the worst figure of these runs
+  double optimum;  // the field optimum's own figure in that run; kNone: it has none
 };
-constexpr Failing kFailing[] = {
-    {2, "unused N"},
-    {4, "F error p95 N"},
-    {4, "p error p95 mm"},
-    {5, "unused N"},
-    {6, "unused N"},
-    {7, "unused N"},
-    {9, "F error p95 N"},
-    {9, "p error p95 mm"},
-    {9, "unused N"},
-    {19, "amplitude error %"},
-    {19, "loop energy mJ"},
-    {20, "residual speed at 0.8 b/(T/2+t_d) mm/s"},
-    {20, "residual speed at b 0.63, 1 N/mm, mm/s"},
-    {20, "residual speed in a hand mm/s"},
-    {20, "E + booked below zero mJ"},
-    {20, "injected mJ"},
+constexpr double kNone = -1;
+constexpr Missed kMissed[] = {
+    {4, "F error p95 N", 0.59, 0},
+    {4, "p error p95 mm", 0.59, kNone},
+    {9, "F error p95 N", 0.49, 0},
+    {20, "injected mJ, hand 100 N/m", 14.1, 4.77},
+    {20, "injected mJ, hand 400 N/m", 23.0, 15.0},
+    {20, "injected mJ, hand 1000 N/m", 32.7, 26.3},
 };
 
-bool known(int id, const Check& c) {
-  for (const Failing& f : kFailing) {
-    if (f.id == id && c.name == f.check) return true;
+const Missed* listed(int id, const Check& c) {
+  for (const Missed& m : kMissed) {
+    if (m.id == id && c.name == m.check) return &m;
   }
-  return false;
+  return nullptr;
 }
 
 class HardCase : public testing::TestWithParam<stability::Case> {};
@@ -51,6 +46,7 @@ TEST_P(HardCase, WithinItsLimits) {
   const auto places = rig::placements();
   int runs = 0, met = 0;
   double margin = 1;
+  std::set<const Missed*> seen;
   for (std::size_t i = 0; i < places.size(); ++i) {
     for (const stability::Run& run : GetParam().run(Setting{places[i], kSpeeds[(i / 3 + i) % 3]})) {
       bool all = true;
@@ -60,13 +56,22 @@ TEST_P(HardCase, WithinItsLimits) {
         all = false;
         std::printf("  %d %s: %s %.4g, limit %.4g, field optimum %.4g  FAILED\n", run.id,
                     run.name.c_str(), c.name.c_str(), c.value, c.limit, c.optimum);
-        EXPECT_TRUE(c.field_bound() || known(run.id, c)) << run.name << " " << c.name;
+        if (c.field_bound()) continue;
+        const Missed* m = listed(run.id, c);
+        EXPECT_NE(m, nullptr) << run.name << " " << c.name;
+        if (m == nullptr) continue;
+        EXPECT_LE(c.value, m->bound) << run.name << " " << c.name;
+        seen.insert(m);
       }
       if (!all && !run.note.empty())
         std::printf("  %d %s: %s\n", run.id, run.name.c_str(), run.note.c_str());
       ++runs;
       met += all ? 1 : 0;
     }
+  }
+  for (const Missed& m : kMissed) {
+    EXPECT_TRUE(m.id != GetParam().id || seen.contains(&m))
+        << m.check << " is met now: take it off the list";
   }
   std::printf("case %d, %s: %d of %d runs within all limits, margin %.2f\n", GetParam().id,
               GetParam().name, met, runs, margin);

@@ -38,7 +38,7 @@ TEST(Effects, SlidingFrictionIsMuTimesTheNormalForce) {
   EXPECT_NEAR(last.f.z(), 5, 0.02);
 }
 
-// Height of the proxy = height of the texture there, for a light touch that follows every bump.
+// Height of the proxy = height of the texture over the foot of the hand on the smooth floor.
 TEST(Effects, TextureIsAHeightOfTheSurface) {
   Scene s = floor_scene();
   s.config.texture_amplitude_m = 1e-4;
@@ -49,12 +49,74 @@ TEST(Effects, TextureIsAHeightOfTheSurface) {
   for (const Row& row : r.run(path, 0, path.duration())) {
     if (!row.telemetry.in_contact || row.h.x() < 0.004) continue;
     double a = 0;
-    for (int i = 0; i < 3; ++i) a += 1e-4 * std::sin(2 * std::numbers::pi * row.p[i] / 4e-3);
+    for (int i = 0; i < 2; ++i) a += 1e-4 * std::sin(2 * std::numbers::pi * row.h[i] / 4e-3);
     EXPECT_NEAR(row.p.z(), a, 5e-6) << row.t;
     low = std::min(low, row.p.z());
     high = std::max(high, row.p.z());
   }
   EXPECT_NEAR(high - low, 2e-4, 0.5e-4);
+}
+
+// F = K (elastic) is the slope of the energy K D^2 / 2, on one face and in the edge of two.
+TEST(Effects, TextureIsConservative) {
+  constexpr std::uint64_t kSeed = 19;
+  std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
+  rt::Random random(kSeed);
+  Scene scene;
+  scene.solid = [](const Vec3& p, double) { return solids::concave_edge(p); };
+  scene.still = true;
+  Rig r(scene);
+  const auto patch = std::make_unique<SurfacePatch>();
+  r.fill(*patch, Vec3::Zero(), 0, 0);
+  tasks::Field field;
+  field.set(nullptr, patch.get(), 1);
+  const tasks::ProxyConfig config;
+  for (int k = 0; k < 300; ++k) {
+    const bool edge = k % 3 == 0;
+    const Vec3 above(random.uniform(-0.03, -0.01), random.uniform(-0.02, 0.02), 0.01);
+    const Vec3 h(edge ? random.uniform(0.002, 0.006) : above.x(), above.y(),
+                 -random.uniform(0.001, 0.006));
+    tasks::ProxyState state;
+    const Path way({above, {above.x(), h.y(), h.z()}, h}, 0.1);
+    for (int i = 0; i <= 40; ++i) {  // down, then aside
+      tasks::step_constrained(field, way(way.duration() * i / 40), state, config);
+    }
+    ASSERT_EQ(state.phase, tasks::ProxyState::Phase::kContact);
+    const auto at = [&](const Vec3& x) {
+      tasks::ProxyState s = state;
+      tasks::step_constrained(field, x, s, config);
+      return tasks::with_texture(field, x, s, 3e-4, 2e-2, 0);  // r = 34 mm
+    };
+    const tasks::Bumped here = at(h);
+    ASSERT_TRUE(here.contact);
+    for (int a = 0; a < 3; ++a) {
+      constexpr double kStep = 1e-5;
+      const double ahead = at(h + kStep * Vec3::Unit(a)).stretch_m,
+                   behind = at(h - kStep * Vec3::Unit(a)).stretch_m;
+      EXPECT_NEAR(-(ahead * ahead - behind * behind) / (4 * kStep), here.elastic_W[a], 1e-5)
+          << edge << " " << a;
+    }
+  }
+}
+
+// Crests stand out of the smooth floor: they are met there, and without a step.
+TEST(Effects, BumpsAreMetOneByOne) {
+  Scene s = floor_scene();
+  s.config.texture_amplitude_m = 3e-4;
+  s.config.texture_period_m = 2e-3;
+  s.config.guard = false;
+  for (const double x : {0.5e-3, 1.0e-3, 1.5e-3}) {  // a crest, the mean, a trough; along y a crest
+    Rig r(s);
+    const Path path({{x, 5e-4, 0.003}, {x, 5e-4, -0.002}, {x, 5e-4, 0.003}}, 0.01);
+    double first = -1;
+    Vec3 f = Vec3::Zero();
+    for (const Row& row : r.run(path, 0, path.duration())) {
+      EXPECT_LE((row.f - f).norm(), 1000 * 1e-5 * 1.5) << row.h.z();
+      f = row.f;
+      if (first < 0 && f.norm() > 0) first = row.h.z();
+    }
+    EXPECT_NEAR(first, 3e-4 * (1 + std::sin(std::numbers::pi * x / 1e-3)), 1.5e-5) << x;
+  }
 }
 
 TEST(Effects, ViscosityOpposesMotion) {
