@@ -3,6 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+// Rows of different images never overlap; clang does not know the pragma and does not need it.
+#if defined(__clang__)
+#define TELETACT_IVDEP
+#else
+#define TELETACT_IVDEP _Pragma("GCC ivdep")
+#endif
+
 namespace perception {
 
 struct OutlineRefiner::Half {
@@ -100,7 +107,7 @@ void OutlineRefiner::convert(ImageView<const Rgb> rgb, const Half& half) noexcep
         const float* in = raw_[k].data();
         float* out = lab_[k].data() + static_cast<std::ptrdiff_t>(v) * w + u;
         out[0] = 0.25F * (in[0] + in[1]) + 0.5F * in[0];
-#pragma GCC ivdep
+        TELETACT_IVDEP
         for (int i = 1; i < n - 1; ++i) out[i] = 0.25F * (in[i - 1] + in[i + 1]) + 0.5F * in[i];
         out[n - 1] = 0.25F * (in[n - 2] + in[n - 1]) + 0.5F * in[n - 1];
       }
@@ -113,7 +120,7 @@ void OutlineRefiner::convert(ImageView<const Rgb> rgb, const Half& half) noexcep
         const float* below = v + 1 < h ? row + w : row;
         float* above = above_[k].data() + u;
         if (v == 0) std::copy_n(row, n, above);
-#pragma GCC ivdep
+        TELETACT_IVDEP
         for (int i = 0; i < n; ++i) {
           const float here = row[i];
           row[i] = 0.25F * (above[i] + below[i]) + 0.5F * here;

@@ -10,6 +10,7 @@
 // Frames: W world (= map).  SI.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -40,9 +41,9 @@ struct Place {
   enum class Kind : std::uint8_t { kWall, kTop, kEdge, kCorner };
   Kind kind = Kind::kTop;
   perception::Vec3 p_W = perception::Vec3::Zero(), n_W = perception::Vec3::UnitZ();
-  perception::Vec3 out_W[2] = {perception::Vec3::UnitX(),
-                               perception::Vec3::UnitY()};  // over the edges
-  double edge_m[2] = {0, 0};                                // how far off p they are
+  std::array<perception::Vec3, 2> out_W{perception::Vec3::UnitX(),
+                                        perception::Vec3::UnitY()};  // over the edges
+  std::array<double, 2> edge_m{0, 0};                                // how far off p they are
 };
 [[nodiscard]] const char* name_of(Place::Kind kind);
 

@@ -1,6 +1,7 @@
 #include "tools/haptic/replay.hpp"
 
-#include <cstring>
+#include <bit>
+#include <cstdint>
 #include <stdexcept>
 
 #include "rt/clock/box_time.hpp"
@@ -19,7 +20,10 @@ drivers::DeviceProperties unbounded(drivers::DeviceProperties device) {
 }
 
 bool same(const Vec3& a, const Vec3& b) {
-  return std::memcmp(a.data(), b.data(), 3 * sizeof(double)) == 0;
+  for (int i = 0; i < 3; ++i) {
+    if (std::bit_cast<std::uint64_t>(a[i]) != std::bit_cast<std::uint64_t>(b[i])) return false;
+  }
+  return true;
 }
 
 }  // namespace
