@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-// Rows of different images never overlap; clang does not know the pragma and does not need it.
+// No turn of the loop reads what another writes; clang does not know the pragma and does not need it.
 #if defined(__clang__)
 #define TELETACT_IVDEP
 #else
