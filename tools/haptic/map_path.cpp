@@ -1,11 +1,14 @@
 #include "tools/haptic/map_path.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <memory>
 #include <numbers>
 #include <optional>
+#include <queue>
 #include <stdexcept>
 
 #include <Eigen/Dense>
@@ -252,6 +255,102 @@ Vec3 refined_up(const Surface& surface, const Vec3& rough, rt::Random& random) {
   return best;
 }
 
+bool clear(MapProbe& probe, const Vec3& from, const Vec3& to) {
+  const double length = (to - from).norm();
+  for (double s = 0; s < length; s += 0.01) {
+    if (!probe.free(from + (s / length) * (to - from), 0.01)) return false;
+  }
+  return true;
+}
+
+// Ways through what was seen free: A* over cells of 40 mm, then corners cut while the straight is clear.
+class Ways {
+ public:
+  explicit Ways(MapProbe& probe) : probe_(probe) {}
+  // From, corners, to; empty: there is none.
+  [[nodiscard]] std::vector<Vec3> find(const Vec3& from, const Vec3& to) {
+    if (clear(probe_, from, to)) return {from, to};
+    struct Open {
+      double total, way;
+      Cell at, before;
+      bool operator<(const Open& o) const { return total > o.total; }
+    };
+    std::priority_queue<Open> open;
+    std::map<Cell, Cell> came;
+    for (int c = 0; c < 8; ++c) {
+      const Cell at = cell_of(from + 0.5 * kCell_m * Vec3(c & 1, (c >> 1) & 1, c >> 2) -
+                              0.25 * kCell_m * Vec3::Ones());
+      if (!clear(probe_, from, centre(at))) continue;
+      const double way = (centre(at) - from).norm();
+      open.push({way + (to - centre(at)).norm(), way, at, at});
+    }
+    while (!open.empty() && came.size() < 100000) {
+      const Open now = open.top();
+      open.pop();
+      if (!came.emplace(now.at, now.before).second) continue;
+      const Vec3 here = centre(now.at);
+      if ((to - here).norm() < 2 * kCell_m && clear(probe_, here, to)) {
+        return cut(traced(came, now.at, from, to));
+      }
+      for (int side = 0; side < 6; ++side) {
+        Cell next = now.at;
+        next[static_cast<std::size_t>(side / 2)] += side % 2 == 0 ? 1 : -1;
+        if (came.contains(next) || !clear(probe_, here, centre(next))) continue;
+        const double way = now.way + kCell_m;
+        open.push({way + (to - centre(next)).norm(), way, next, now.at});
+      }
+    }
+    return {};
+  }
+
+ private:
+  using Cell = std::array<int, 3>;
+  static constexpr double kCell_m = 0.04;
+  static Cell cell_of(const Vec3& p) {
+    Cell c{};
+    for (int a = 0; a < 3; ++a) {
+      c[static_cast<std::size_t>(a)] = static_cast<int>(std::floor(p[a] / kCell_m));
+    }
+    return c;
+  }
+  static Vec3 centre(const Cell& c) { return kCell_m * Vec3(c[0] + 0.5, c[1] + 0.5, c[2] + 0.5); }
+  static std::vector<Vec3> traced(const std::map<Cell, Cell>& came, Cell at, const Vec3& from,
+                                  const Vec3& to) {
+    std::vector<Vec3> way{to, centre(at)};
+    for (Cell before = came.at(at); before != at; before = came.at(at)) {
+      at = before;
+      way.push_back(centre(at));
+    }
+    way.push_back(from);
+    std::reverse(way.begin(), way.end());
+    return way;
+  }
+  [[nodiscard]] std::vector<Vec3> cut(const std::vector<Vec3>& way) {
+    std::vector<Vec3> out{way.front()};
+    for (std::size_t i = 0; i + 1 < way.size();) {
+      std::size_t j = way.size() - 1;
+      while (j > i + 1 && !clear(probe_, way[i], way[j])) --j;
+      out.push_back(way[j]);
+      i = j;
+    }
+    return out;
+  }
+  MapProbe& probe_;
+};
+
+Vec3 over(const Place& place) { return place.p_W + kLift_m * place.n_W; }
+
+// The way around all of them and back, through the free; negative: one can not be reached.
+double tour(Ways& ways, const std::vector<Place>& places) {
+  double sum = 0;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const auto way = ways.find(over(places[i]), over(places[(i + 1) % places.size()]));
+    if (way.empty()) return -1;
+    for (std::size_t k = 1; k < way.size(); ++k) sum += (way[k] - way[k - 1]).norm();
+  }
+  return sum;
+}
+
 // Around a corner, whatever is nearest to one already chosen: five places. Empty: a kind is missing.
 std::vector<Place> chosen_around(const Place& corner, const std::vector<Place>& pool) {
   using Kind = Place::Kind;
@@ -309,22 +408,35 @@ std::vector<Place> find_places(MapProbe& probe, const Surface& surface, const Ve
     pool.push_back(*place);
     if (std::all_of(std::begin(of), std::end(of), [](int k) { return k >= 10; })) break;
   }
-  // The corner from which it is the shortest way: time in the air is no touch.
-  std::vector<Place> best;
-  double shortest = std::numeric_limits<double>::infinity();
-  std::size_t most = 0;
+  // The corner from which it is the shortest way, time in the air is no touch, and everything can be reached.
+  std::vector<std::pair<double, std::vector<Place>>> rounds;
   for (const Place& corner : pool) {
     if (corner.kind != Place::Kind::kCorner) continue;
     std::vector<Place> chosen = chosen_around(corner, pool);
-    const double way = put_in_order(chosen);
-    if (chosen.size() < most || (chosen.size() == most && way >= shortest)) continue;
+    if (chosen.empty()) continue;
+    const double way = put_in_order(chosen) - 100.0 * static_cast<double>(chosen.size());
+    rounds.emplace_back(way, std::move(chosen));
+  }
+  std::sort(rounds.begin(), rounds.end(),
+            [](const auto& a, const auto& b) { return a.first < b.first; });
+  Ways ways(probe);
+  std::vector<Place> best;
+  double shortest = std::numeric_limits<double>::infinity();
+  std::size_t most = 0;
+  for (auto& [way, chosen] : rounds) {
+    if (chosen.size() < most || (most > 0 && way + 100.0 * static_cast<double>(most) > shortest)) {
+      break;  // no shorter even in a straight line
+    }
+    const double around = tour(ways, chosen);
+    if (around < 0 || around >= shortest) continue;
+    shortest = around;
     most = chosen.size();
-    shortest = way;
     best = std::move(chosen);
   }
   if (best.empty()) {
     throw std::runtime_error(
-        "haptic path: the map holds no wall, edge or corner (walls, tops, edges, corners: " +
+        "haptic path: the map holds no wall, edge and corner with a free way between (walls, tops, "
+        "edges, corners: " +
         std::to_string(of[0]) + ", " + std::to_string(of[1]) + ", " + std::to_string(of[2]) + ", " +
         std::to_string(of[3]) + ")");
   }
@@ -344,13 +456,16 @@ std::size_t first_seen(const Place& place, const perception::Intrinsics& camera,
   return views.size();
 }
 
-// A map that is still growing holds what its first views saw: begins there, and goes on to the nearest each time.
+// A map that is still growing holds what its first views saw: begins there, on something flat if there is, and goes on
+// to the nearest each time.
 void begin_where_seen(std::vector<Place>& places, const perception::Intrinsics& camera,
                       const std::vector<Pose>& views) {
+  const auto rank = [&](const Place& p) {
+    return std::pair(first_seen(p, camera, views), static_cast<int>(p.kind));
+  };
   const auto first =
-      std::min_element(places.begin(), places.end(), [&](const auto& a, const auto& b) {
-        return first_seen(a, camera, views) < first_seen(b, camera, views);
-      });
+      std::min_element(places.begin(), places.end(),
+                       [&](const Place& a, const Place& b) { return rank(a) < rank(b); });
   std::iter_swap(places.begin(), first);
   (void)put_in_order(places);
 }
@@ -466,35 +581,6 @@ void cross_edges(Pen& pen, const Place& place, rt::Random& random, double until)
   pen.go(pen.at() + kLift_m * place.n_W, 0.15);
 }
 
-bool clear(MapProbe& probe, const Vec3& from, const Vec3& to) {
-  const double length = (to - from).norm();
-  for (double s = 0; s < length; s += 0.01) {
-    if (!probe.free(from + (s / length) * (to - from), 0.01)) return false;
-  }
-  return true;
-}
-
-// Through the free: straight, or over a way that comes nearer to an eye that saw both ends.
-void travel(Pen& pen, MapProbe& probe, const Vec3& to, const std::vector<Pose>& views) {
-  const Vec3 from = pen.at();
-  if (clear(probe, from, to)) {
-    pen.go(to, 0.2);
-    return;
-  }
-  for (const double share : {0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45, 0.6, 0.8, 0.95}) {
-    for (const Pose& view : views) {
-      const Vec3 eye = view.translation();
-      const Vec3 a = from + share * (eye - from), b = to + share * (eye - to);
-      if (!clear(probe, from, a) || !clear(probe, a, b) || !clear(probe, b, to)) continue;
-      pen.go(a, 0.2);
-      pen.go(b, 0.2);
-      pen.go(to, 0.2);
-      return;
-    }
-  }
-  pen.go(to, 0.2);  // what is in the way is touched
-}
-
 }  // namespace
 
 const char* name_of(Place::Kind kind) {
@@ -546,11 +632,12 @@ MapPath make_map_path(const perception::TsdfMap& map, const perception::Intrinsi
   path.places = find_places(probe, surface, up_W, random);
   begin_where_seen(path.places, camera, views);
   Pen pen(probe, random, o, path);
-  pen.start(path.places.front().p_W + kLift_m * path.places.front().n_W);
+  Ways ways(probe);
+  pen.start(over(path.places.front()));
   for (std::size_t i = 0; !pen.full(); i = (i + 1) % path.places.size()) {
     const Place& place = path.places[i];
     pen.of_place(-1);
-    travel(pen, probe, place.p_W + kLift_m * place.n_W, views);
+    for (const Vec3& p : ways.find(pen.at(), over(place))) pen.go(p, 0.2);
     pen.of_place(static_cast<int>(i));
     const double until = pen.now() + o.stroke_s;
     if (place.kind == Place::Kind::kEdge || place.kind == Place::Kind::kCorner) {

@@ -141,6 +141,7 @@ class Toucher {
       return;
     }
     ++row_.contact;
+    row_.stretch_max_mm = std::max(row_.stretch_max_mm, 1e3 * t.penetration_m);
     if (place >= 0) row_.place_contact_s[static_cast<std::size_t>(place)] += 1e-3;
     row_.step_raw_max_N = std::max(row_.step_raw_max_N, t.step_raw_N);
     const bool jump = t.step_raw_N > task_.config().stiffness_N_per_m * moved + 0.5;
@@ -312,6 +313,9 @@ void RecordingTouchResult::print(std::ostream& out) const {
         row.deepest_mm, static_cast<unsigned long long>(row.unknown));
     out << line;
   }
+  std::snprintf(line, sizeof line, "  %s: the hand at most %.1f mm from the proxy\n",
+                rows.front().method.c_str(), rows.front().stretch_max_mm);
+  out << line;
   for (const TouchedRow::Event& e : rows.front().events) {
     std::snprintf(
         line, sizeof line,
