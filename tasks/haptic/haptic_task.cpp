@@ -192,8 +192,8 @@ void HapticTask::follow_material(const Vec3& p_WH) noexcept {
   perception::Material goal;
   if (!material_at(*newer_, proxy_.p_WP(), goal)) return;
   if (was_contact_) {
-    follow(surface_, goal, config_.stiffness_N_per_m,
-           (proxy_.p_WP() - p_WH).norm() / config_.scale, 100 * period_s_);
+    follow(surface_, goal, config_.stiffness_N_per_m, (proxy_.p_WP() - p_WH).norm() / config_.scale,
+           100 * period_s_);
   } else {
     surface_ = goal;  // first touch: nothing to go on from
   }
@@ -214,10 +214,9 @@ HapticTask::Spring HapticTask::spring_of(const Vec3& p_WH) noexcept {
   s.length_m = s.elastic_W.norm();
   const auto amplitude = static_cast<double>(surface_.texture_amplitude_m);
   if (amplitude > 0) {
-    const Bumped b =
-        with_texture(field_, p_WH, proxy_, amplitude,
-                     std::max(static_cast<double>(surface_.texture_period_m), 0.0004),
-                     proxy_config_.tip_radius_m);
+    const Bumped b = with_texture(field_, p_WH, proxy_, amplitude,
+                                  std::max(static_cast<double>(surface_.texture_period_m), 0.0004),
+                                  proxy_config_.tip_radius_m);
     s.contact = b.contact;
     s.elastic_W = b.elastic_W;
     s.length_m = b.stretch_m;
@@ -239,10 +238,10 @@ HapticTask::Spring HapticTask::spring_of(const Vec3& p_WH) noexcept {
 void HapticTask::book(const Spring& spring, double to_N_per_m, bool moved, const Vec3& dx_D,
                       double dt) noexcept {
   const Vec3 before = f_elastic_D_;
-  f_elastic_D_ = spring.contact
-                     ? limited(to_N_per_m * (workspace_.R_WD().transpose() * spring.elastic_W),
-                               force_limit_N_)
-                     : Vec3::Zero();
+  f_elastic_D_ =
+      spring.contact
+          ? limited(to_N_per_m * (workspace_.R_WD().transpose() * spring.elastic_W), force_limit_N_)
+          : Vec3::Zero();
   const double gain = fade_ * ramp_;
   const double spring_J =
       gain > 0 && spring.contact
@@ -496,8 +495,8 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
       f_sum_D -= (t.gain * config_.viscosity_N_s_per_m) * v_D_;
     }
     guard_force(f_sum_D, dx_D, dt, out);
-    const bool moved = blending || t.gain != gain_before || stiffness_ != stiffness_before ||
-                       workspace_.moved();
+    const bool moved =
+        blending || t.gain != gain_before || stiffness_ != stiffness_before || workspace_.moved();
     book(spring, to_N_per_m, moved, dx_D, dt);
   }
   events(tick, in.stylus.button, out);

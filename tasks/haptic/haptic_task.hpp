@@ -53,8 +53,8 @@ struct HapticConfig {
   double workspace_yaw_deg = 0.0;                      // of D about z of W
   double border_m = 0.0;           // rate control beyond this radius at the device; 0: none
   double border_rate_per_s = 2.0;  // hand metres a second per metre beyond it
-  double tip_radius_m = 0.0;                           // scene metres
-  int iterations_max = 0;                              // of the proxy in a tick; 0: the method's own
+  double tip_radius_m = 0.0;       // scene metres
+  int iterations_max = 0;          // of the proxy in a tick; 0: the method's own
   double force_limit_N = 12.0;
   double slew_N_per_s = 300.0;
   double slew_calm_N_per_s = 98.0;  // hand still and less than 1 N behind
@@ -169,9 +169,10 @@ class HapticTask {
   // What pulls at the hand, F = K pull, scene metres.
   struct Spring {
     perception::Vec3 pull_W = perception::Vec3::Zero();
-    perception::Vec3 elastic_W = perception::Vec3::Zero();  // without friction: the slope of the energy
-    double length_m = 0;                                    // K length^2 / 2 is that energy
-    double friction_m = 0;                                  // of pull_W
+    perception::Vec3 elastic_W =
+        perception::Vec3::Zero();  // without friction: the slope of the energy
+    double length_m = 0;           // K length^2 / 2 is that energy
+    double friction_m = 0;         // of pull_W
     bool contact = false;
   };
   [[nodiscard]] Spring spring_of(const perception::Vec3& p_WH) noexcept;
