@@ -21,7 +21,7 @@ constexpr double kReach = 0.2;  // from a wall: what is beyond it is looked at
 constexpr double kBendSmooth = 0.15,
                  kBendSharp = 0.22;  // rad: bends that are gone over, that are kept
 constexpr double kApartFull = 0.1, kApartMost = 0.12;  // rests so far apart are gone over, are not
-constexpr double kBendMin = 0.1;     // least curvature that a Newton step believes
+constexpr double kBendMin = 0.1;  // least curvature that a Newton step believes
 
 Vec3 without(Vec3 v, unsigned axes) noexcept {
   for (int a = 0; a < 3; ++a) {
@@ -32,9 +32,8 @@ Vec3 without(Vec3 v, unsigned axes) noexcept {
 
 }  // namespace
 
-CellFlow::CellFlow(const Field& field, const ProxyConfig& cfg, double radius_m,
-                              const Vec3& p_WH, const std::array<HalfSpace, 3>& held,
-                              std::size_t held_size) noexcept
+CellFlow::CellFlow(const Field& field, const ProxyConfig& cfg, double radius_m, const Vec3& p_WH,
+                   const std::array<HalfSpace, 3>& held, std::size_t held_size) noexcept
     : field_(field),
       cfg_(cfg),
       h_(p_WH / field.voxel()),
@@ -240,8 +239,7 @@ bool CellFlow::search(const Side& side, const Local& l, const Pull& p, Vec3 s) n
   return false;
 }
 
-bool CellFlow::advance(const Side& side, const Local& l, const Pull& p,
-                                  const Vec3& r) noexcept {
+bool CellFlow::advance(const Side& side, const Local& l, const Pull& p, const Vec3& r) noexcept {
   const Vec3 s = newton(l, p, r);
   bool within = true;  // a Newton step may turn back over the wall
   for (std::size_t a = 0; a < 3; ++a) {

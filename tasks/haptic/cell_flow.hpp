@@ -57,9 +57,9 @@ class CellFlow {
     std::array<int, 3> sign{};  // +1, -1: it lies above, below the wall the point is on; 0: no wall
   };
   struct Local {
-    double f = 0;               // (phi - R) / voxel
-    Vec3 g = Vec3::Zero();      // gradient of f
-    Vec3 bend = Vec3::Zero();   // f_yz, f_xz, f_xy
+    double f = 0;              // (phi - R) / voxel
+    Vec3 g = Vec3::Zero();     // gradient of f
+    Vec3 bend = Vec3::Zero();  // f_yz, f_xz, f_xy
     bool known = false;
   };
   // What is left of the pull in a cell.

@@ -82,7 +82,7 @@ void Descent::contact(Vec3 p) noexcept {
 }
 
 void Descent::finish(const Vec3& p, const std::array<Tangent, 3>& tangents,
-                                std::size_t count) noexcept {
+                     std::size_t count) noexcept {
   const Gap g = gap(p);
   if ((p - h_).squaredNorm() <= cfg_.step_min_m * cfg_.step_min_m && gap(h_).value > 0) {
     leave(h_, g.known);

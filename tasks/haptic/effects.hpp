@@ -34,7 +34,7 @@ namespace tasks {
 // Texture of one tick. What the hand feels of a contact on it.
 struct Bumped {
   bool contact = false;
-  perception::Vec3 lift_W = perception::Vec3::Zero();     // from the proxy to the bump over its foot
+  perception::Vec3 lift_W = perception::Vec3::Zero();  // from the proxy to the bump over its foot
   perception::Vec3 elastic_W = perception::Vec3::Zero();  // F / K
   double stretch_m = 0;                                   // D
 };

@@ -143,7 +143,8 @@ class FieldOptimum {
   // rests. A p in the solid is asked at the surface over it.
   [[nodiscard]] double unused(const Vec3& p, const Vec3& h) const {
     if ((h - p).norm() < 2e-4) return 0;
-    if (tip_ > 0) {  // the sheet that p is on, if it is near the right one: how near, its place says
+    if (tip_ >
+        0) {  // the sheet that p is on, if it is near the right one: how near, its place says
       const double right = tip_ * std::max(1.0, slope(p));
       radius_ = std::clamp(field_(p) - 1e-7, 0.75 * right, 1.25 * right);
     }

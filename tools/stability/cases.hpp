@@ -34,7 +34,9 @@ struct Check {
   double optimum = std::numeric_limits<double>::quiet_NaN();  // the field optimum's own figure
   [[nodiscard]] bool met() const { return value <= limit + 1e-9; }
   // Over the limit, but so is the field optimum, and nearly as much: not the renderer's doing.
-  [[nodiscard]] bool field_bound() const { return !met() && optimum > limit && optimum >= 0.85 * value; }
+  [[nodiscard]] bool field_bound() const {
+    return !met() && optimum > limit && optimum >= 0.85 * value;
+  }
   [[nodiscard]] double margin() const { return (limit - value) / std::max(limit, 1e-12); }
 };
 

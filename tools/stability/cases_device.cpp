@@ -109,8 +109,8 @@ double least_energy(const std::vector<Row>& rows) {
 struct Place {
   const char* name;
   double (*solid)(const Vec3&);
-  Vec3 start, push;          // of the push without a hand
-  std::vector<Vec3> points;  // of the hand's way
+  Vec3 start, push;              // of the push without a hand
+  std::vector<Vec3> points;      // of the hand's way
   Vec3 (*nearest)(const Vec3&);  // free point of the true solid, near `start`
 };
 Vec3 on_floor(const Vec3& h) { return {h.x(), h.y(), std::max(h.z(), 0.0)}; }
@@ -393,8 +393,9 @@ std::vector<Run> case_texture(const Setting& s) {
     } else {
       double quiet = 0;
       for (double k = 300; k < 3000 && texture_residual(s, k, 1) < 0.003; k *= 1.25) quiet = k;
-      run.note = text("amplitude %.3f mm, loop %.3f mJ, 10 over 1 mm of depth %.2f, quiet up to %.2f N/mm",
-                      1e3 * amplitude, 1e3 * energy, 1e3 * loop_energy, 1e-3 * quiet);
+      run.note =
+          text("amplitude %.3f mm, loop %.3f mJ, 10 over 1 mm of depth %.2f, quiet up to %.2f N/mm",
+               1e3 * amplitude, 1e3 * energy, 1e3 * loop_energy, 1e-3 * quiet);
     }
     out.push_back(std::move(run));
   }

@@ -368,10 +368,10 @@ std::vector<Run> case_saddle(const Setting& s) {
           std::vector<Vec3>(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(loop) + 1),
           s.speed);
   // From +y: towards +x and -x the sheet rises above any camera.
-  Run run = slide(
-      10, "", s,
-      still_scene(s, [](const Vec3& p) { return solids::saddle(p, 6); }, Vec3::UnitY()), path,
-      {.j = 0.1, .crease = true});
+  Run run = slide(10, "", s,
+                  still_scene(
+                      s, [](const Vec3& p) { return solids::saddle(p, 6); }, Vec3::UnitY()),
+                  path, {.j = 0.1, .crease = true});
   if (s.fused != nullptr) return {run};
   double truth = 0, truth_optimum = 0, curl = 0, curl_raw = 0, curl_optimum = 0;
   for (std::size_t i = 1; i < run.rows.size(); ++i) {

@@ -67,7 +67,8 @@ void FusedField::see(const Solid& solid) {
       const double nearest = -X_SC.translation().dot(way);  // along the ray, to the origin of S
       if ((X_SC.translation() + nearest * way).norm() > kSeen_m) continue;
       double t = nearest - 2 * kSeen_m;
-      double z = (nearest + 1) * ray_C.z();  // nothing near: a wall behind it, so that the way is seen free
+      double z = (nearest + 1) *
+                 ray_C.z();  // nothing near: a wall behind it, so that the way is seen free
       for (int i = 0; i < 200 && t < nearest + 3 * kSeen_m; ++i) {
         const double d = solid(X_SC.translation() + t * way);
         if (i == 0 && d <= 0) {  // the way begins in the solid: nothing is seen on it

@@ -8,6 +8,8 @@
 #include <gtest/gtest.h>
 
 #include <set>
+#include <string>
+#include <vector>
 
 #include "tools/stability/cases.hpp"
 
@@ -18,49 +20,62 @@ using stability::Setting;
 
 struct Missed {
   int id;
+  bool fused;
   const char* check;
   double bound;    // just behind the worst figure of these runs
   double optimum;  // the field optimum's own figure in that run; kNone: it has none
 };
 constexpr double kNone = -1;
 constexpr Missed kMissed[] = {
-    {4, "F error p95 N", 0.59, 0},
-    {4, "p error p95 mm", 0.59, kNone},
-    {9, "F error p95 N", 0.49, 0},
-    {20, "injected mJ, hand 100 N/m", 14.1, 4.77},
-    {20, "injected mJ, hand 400 N/m", 23.0, 15.0},
-    {20, "injected mJ, hand 1000 N/m", 32.7, 26.3},
+    {4, false, "F error p95 N", 0.59, 0},
+    {4, false, "p error p95 mm", 0.59, kNone},
+    {9, false, "F error p95 N", 0.49, 0},
+    // Nothing holds the device along a crease of the samples; the optimum's steps of 0.05 mm do.
+    {20, false, "residual speed at 0.8 b/(T/2+t_d) mm/s", 3.4, 2.06},
+    {20, false, "residual speed at b 0.63, 1 N/mm, mm/s", 12.6, 1.82},
+    {20, false, "injected mJ, hand 100 N/m", 14.1, 4.77},
+    {20, false, "injected mJ, hand 400 N/m", 23.0, 15.0},
+    {20, false, "injected mJ, hand 1000 N/m", 32.7, 26.3},
+    // A drop of several newtons takes the slew guard about 5 % of these short runs: the p95 is on its flank.
+    {2, true, "F error p95 N", 0.32, 0.105},
+    {6, true, "F error p95 N", 1.49, 0.36},
+    // At 70 degrees the far side of the saddle has nodes that were never seen. The optimum takes them for solid.
+    {10, true, "F error p95 N", 12.01, 7.2},
+    {10, true, "p error p95 mm", 25, kNone},
+    {10, true, "below mm", 30.5, kNone},
+    {10, true, "unused N", 12.1, 0.036},
 };
 
-const Missed* listed(int id, const Check& c) {
+const Missed* listed(int id, bool fused, const Check& c) {
   for (const Missed& m : kMissed) {
-    if (m.id == id && c.name == m.check) return &m;
+    if (m.id == id && m.fused == fused && c.name == m.check) return &m;
   }
   return nullptr;
 }
 
 class HardCase : public testing::TestWithParam<stability::Case> {};
+class FusedCase : public HardCase {};
 
-TEST_P(HardCase, WithinItsLimits) {
-  constexpr double kSpeeds[3] = {0.02, 0.1, 0.2};
-  const auto places = rig::placements();
+// Runs one case in several settings and judges every check.
+void judge(const stability::Case& c, const std::vector<Setting>& settings) {
   int runs = 0, met = 0;
   double margin = 1;
   std::set<const Missed*> seen;
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    for (const stability::Run& run : GetParam().run(Setting{places[i], kSpeeds[(i / 3 + i) % 3]})) {
+  const bool fused = settings.front().fused != nullptr;
+  for (const Setting& setting : settings) {
+    for (const stability::Run& run : c.run(setting)) {
       bool all = true;
-      for (const Check& c : run.checks) {
-        margin = std::min(margin, c.margin());
-        if (c.met()) continue;
+      for (const Check& check : run.checks) {
+        margin = std::min(margin, check.margin());
+        if (check.met()) continue;
         all = false;
         std::printf("  %d %s: %s %.4g, limit %.4g, field optimum %.4g  FAILED\n", run.id,
-                    run.name.c_str(), c.name.c_str(), c.value, c.limit, c.optimum);
-        if (c.field_bound()) continue;
-        const Missed* m = listed(run.id, c);
-        EXPECT_NE(m, nullptr) << run.name << " " << c.name;
+                    run.name.c_str(), check.name.c_str(), check.value, check.limit, check.optimum);
+        if (check.field_bound()) continue;
+        const Missed* m = listed(run.id, fused, check);
+        EXPECT_NE(m, nullptr) << run.name << " " << check.name;
         if (m == nullptr) continue;
-        EXPECT_LE(c.value, m->bound) << run.name << " " << c.name;
+        EXPECT_LE(check.value, m->bound) << run.name << " " << check.name;
         seen.insert(m);
       }
       if (!all && !run.note.empty())
@@ -70,15 +85,53 @@ TEST_P(HardCase, WithinItsLimits) {
     }
   }
   for (const Missed& m : kMissed) {
-    EXPECT_TRUE(m.id != GetParam().id || seen.contains(&m))
+    EXPECT_TRUE(m.id != c.id || m.fused != fused || seen.contains(&m))
         << m.check << " is met now: take it off the list";
   }
-  std::printf("case %d, %s: %d of %d runs within all limits, margin %.2f\n", GetParam().id,
-              GetParam().name, met, runs, margin);
+  std::printf("case %d, %s%s: %d of %d runs within all limits, margin %.2f\n", c.id, c.name,
+              fused ? ", fused" : "", met, runs, margin);
+}
+
+constexpr double kSpeeds[3] = {0.02, 0.1, 0.2};
+
+TEST_P(HardCase, WithinItsLimits) {
+  const auto places = rig::placements();
+  std::vector<Setting> settings;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    settings.push_back(Setting{places[i], kSpeeds[(i / 3 + i) % 3]});
+  }
+  judge(GetParam(), settings);
+}
+
+// Each angle of view, with and without noise and a tip of 3 mm in turn.
+TEST_P(FusedCase, WithinItsLimits) {
+  const auto places = rig::placements();
+  const auto views = stability::fused_views();
+  std::vector<Setting> settings;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    Setting s{places[(4 * i) % places.size()], kSpeeds[(i + i / 3) % 3]};
+    s.fused = &views[i];
+    s.tip_radius_m = i % 4 == 0 || i % 4 == 3 ? 0.003 : 0;
+    settings.push_back(s);
+  }
+  judge(GetParam(), settings);
+}
+
+std::vector<stability::Case> fused_cases() {
+  std::vector<stability::Case> out;
+  for (const stability::Case& c : stability::cases()) {
+    if (stability::on_fused_fields(c.id)) out.push_back(c);
+  }
+  return out;
+}
+
+std::string name_of(const testing::TestParamInfo<stability::Case>& each) {
+  return "C" + std::to_string(each.param.id);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, HardCase,
                          testing::ValuesIn(stability::cases().begin(), stability::cases().end()),
-                         [](const auto& each) { return "C" + std::to_string(each.param.id); });
+                         name_of);
+INSTANTIATE_TEST_SUITE_P(All, FusedCase, testing::ValuesIn(fused_cases()), name_of);
 
 }  // namespace
