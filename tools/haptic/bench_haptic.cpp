@@ -172,7 +172,8 @@ double counted(const Folder& folder, const std::string& program, const std::stri
   std::ifstream in(out);
   for (std::string line; std::getline(in, line);) {
     for (const char* head : {"totals: ", "summary: "}) {
-      if (line.rfind(head, 0) == 0) return std::strtod(line.c_str() + std::string(head).size(), nullptr);
+      if (line.rfind(head, 0) == 0)
+        return std::strtod(line.c_str() + std::string(head).size(), nullptr);
     }
   }
   throw std::runtime_error("callgrind of " + program + " gave no count");
@@ -252,9 +253,8 @@ HapticBenchResult bench_haptic(std::ostream& progress, const HapticBenchOptions&
     r.not_counted = "not asked for";
     return r;
   }
-  r.blocks_64 = record(startup.token(), 64, static_cast<std::size_t>(2 * options.count_ticks),
-                       small)
-                    .blocks;
+  r.blocks_64 =
+      record(startup.token(), 64, static_cast<std::size_t>(2 * options.count_ticks), small).blocks;
   count_instructions(progress, folder, large, small, options, r);
   return r;
 }
@@ -323,8 +323,8 @@ void HapticBenchResult::print(std::ostream& out) const {
                 instructions_512, blocks_512, instructions_64, blocks_64,
                 instructions_512 / instructions_64);
   out << line;
-  std::snprintf(line, sizeof line,
-                "  no effect asked for: %+.1f of a build without effects\n", none_over_plain);
+  std::snprintf(line, sizeof line, "  no effect asked for: %+.1f of a build without effects\n",
+                none_over_plain);
   out << line;
   for (const auto& [name, value] : effects) {
     std::snprintf(line, sizeof line, "  %-12s %+.0f\n", name.c_str(), value);

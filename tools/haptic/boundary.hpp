@@ -38,10 +38,10 @@ struct BoundaryRow {
 struct PassivityRow {
   LoopSetting setting;
   double stiffness = 0;
-  double energy_min_J = 0;       // E + booked, controller on
-  double energy_min_off_J = 0;   // the same, controller off
-  double controller_max_N = 0;   // largest force of the controller
-  double speed_m_per_s = 0;      // at the end, controller on
+  double energy_min_J = 0;      // E + booked, controller on
+  double energy_min_off_J = 0;  // the same, controller off
+  double controller_max_N = 0;  // largest force of the controller
+  double speed_m_per_s = 0;     // at the end, controller on
 };
 
 // Residual speed of one run, m/s: the largest of the last 0.1 s.

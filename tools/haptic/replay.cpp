@@ -39,8 +39,7 @@ HapticReplay::HapticReplay(rt::NonRealtime& nrt, HapticRunReader& reader,
 
 bool HapticReplay::next() {
   for (;;) {
-    const std::size_t window = (window_at_ + 1) % kWindows,
-                      surface = (surface_at_ + 1) % kSurfaces;
+    const std::size_t window = (window_at_ + 1) % kWindows, surface = (surface_at_ + 1) % kSurfaces;
     auto kind = reader_.next(*windows_[window], surfaces_[surface], tick_);
     if (!kind) throw std::runtime_error(kind.error());
     switch (kind.value()) {

@@ -190,9 +190,8 @@ void put_device(std::string& out, const drivers::DeviceProperties& d) {
 }
 
 bool get_device(Cursor& in, drivers::DeviceProperties& d) {
-  for (double* v :
-       {&d.mass_kg, &d.damping_N_s_per_m, &d.coulomb_N, &d.delay_s, &d.quantum_m, &d.force_limit_N,
-        &d.workspace_radius_m, &d.speed_limit_m_per_s}) {
+  for (double* v : {&d.mass_kg, &d.damping_N_s_per_m, &d.coulomb_N, &d.delay_s, &d.quantum_m,
+                    &d.force_limit_N, &d.workspace_radius_m, &d.speed_limit_m_per_s}) {
     if (!in.get(*v) || !std::isfinite(*v) || *v < 0) return false;
   }
   return in.get_flag(d.renders_force);
@@ -421,7 +420,8 @@ rt::Result<std::unique_ptr<HapticRunReader>> HapticRunReader::open(std::FILE* fi
     return r->error("its header is damaged");
   }
   if (!(h.period_s >= 1e-5 && h.period_s <= 0.1) || !h.origin.allFinite()) {
-    return r->error("a period of " + std::to_string(h.period_s) + " s; allowed are 10 us to 100 ms");
+    return r->error("a period of " + std::to_string(h.period_s) +
+                    " s; allowed are 10 us to 100 ms");
   }
   const std::string wrong = get_config(in, h.config);
   if (!wrong.empty()) return r->error(wrong);

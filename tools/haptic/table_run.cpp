@@ -73,11 +73,11 @@ std::vector<Vec3> table_hand(double period_s, std::size_t ticks) {
     double speed;
   };
   const double deep = 0.714, top = 0.753;  // 6 mm into the table, 7 mm into the book
-  std::vector<Leg> legs{{{2.93, 0.60, deep}, 0.1}, {{2.93, 0.90, deep}, 0.2},
-                        {{2.93, 0.70, deep}, 0.1}, {{2.99, 0.70, deep}, 0.1},
+  std::vector<Leg> legs{{{2.93, 0.60, deep}, 0.1},  {{2.93, 0.90, deep}, 0.2},
+                        {{2.93, 0.70, deep}, 0.1},  {{2.99, 0.70, deep}, 0.1},
                         {{2.99, 0.73, deep}, 0.05}, {{2.95, 0.73, deep}, 0.1},
-                        {{2.84, 0.73, deep}, 0.1}, {{2.84, 0.73, 0.78}, 0.1},
-                        {{3.08, 0.72, 0.80}, 0.2}, {{3.08, 0.72, top}, 0.1}};
+                        {{2.84, 0.73, deep}, 0.1},  {{2.84, 0.73, 0.78}, 0.1},
+                        {{3.08, 0.72, 0.80}, 0.2},  {{3.08, 0.72, top}, 0.1}};
   for (int i = 1; i <= 48; ++i) {  // circles on the book
     const double a = 2 * std::numbers::pi * i / 24;
     legs.push_back({Vec3(3.05 + 0.03 * std::cos(a), 0.72 + 0.03 * std::sin(a), top), 0.1});

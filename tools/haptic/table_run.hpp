@@ -14,7 +14,7 @@
 namespace teletact {
 
 struct TableRun {
-  int blocks = 0;        // of 8^3 voxels that the map holds
+  int blocks = 0;  // of 8^3 voxels that the map holds
   double ticks = 0, contact = 0;
 };
 

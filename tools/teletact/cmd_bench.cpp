@@ -78,7 +78,8 @@ struct HapticBench {
         ->check(in_range(2, 600))
         ->capture_default_str();
     app.add_flag("!--no-beside", recording.beside, "haptic --rgbd: only the product's method");
-    app.add_option("--record", record, "haptic --rgbd: haptic run to write (teletact touch --replay)");
+    app.add_option("--record", record,
+                   "haptic --rgbd: haptic run to write (teletact touch --replay)");
     app.add_option("--rates", boundary.rates_hz, "boundary: ticks a second")
         ->check(in_range(500, 4000))
         ->delimiter(',')
@@ -123,9 +124,10 @@ int cmd_bench(int argc, char** argv) {
   std::string what, json;
   int rounds = 9;
   double slice_s = 1.0;
-  app.add_option("WHAT", what,
-                 "rings | wakeup | audit | table1 | table2 | segmentation | fusion | drift | fuzz | "
-                 "haptic | boundary")
+  app.add_option(
+         "WHAT", what,
+         "rings | wakeup | audit | table1 | table2 | segmentation | fusion | drift | fuzz | "
+         "haptic | boundary")
       ->required()
       ->check(CLI::IsMember({"rings", "wakeup", "audit", "table1", "table2", "segmentation",
                              "fusion", "drift", "fuzz", "haptic", "boundary"}));
@@ -137,10 +139,12 @@ int cmd_bench(int argc, char** argv) {
       ->capture_default_str();
   Table1Options table1;
   table1.rgbd = "../shared/data/rgbd/7scenes_redkitchen";
-  auto* rgbd = app.add_option("--rgbd", table1.rgbd,
-                              "table1, fusion: recording in TUM layout; the default may be absent; haptic: touch "
-                              "this recording instead")
-                   ->capture_default_str();
+  auto* rgbd =
+      app.add_option(
+             "--rgbd", table1.rgbd,
+             "table1, fusion: recording in TUM layout; the default may be absent; haptic: touch "
+             "this recording instead")
+          ->capture_default_str();
   app.add_option("--edges", table1.edges, "table1: voxels along the cube's edge")
       ->check(CLI::Range(64, 1024))
       ->delimiter(',')
@@ -156,7 +160,8 @@ int cmd_bench(int argc, char** argv) {
   std::uint64_t seed = 1;
   app.add_option("--data", data,
                  "table2, segmentation: folder of images with people's or true masks");
-  app.add_option("--seed", seed, "segmentation: of the touches; fuzz: of the damage; haptic: of the hand's path")
+  app.add_option("--seed", seed,
+                 "segmentation: of the touches; fuzz: of the damage; haptic: of the hand's path")
       ->capture_default_str();
   FuzzBench fuzz;
   fuzz.add_to(app);

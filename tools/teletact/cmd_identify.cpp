@@ -48,7 +48,8 @@ int cmd_identify(int argc, char** argv) {
   std::vector<std::string> overrides;
   IdentifyOptions options;
   CLI::App app(
-      "Measures mass, damping and dry friction of the haptic device by ring-down. It moves by itself, by "
+      "Measures mass, damping and dry friction of the haptic device by ring-down. It moves by "
+      "itself, by "
       "a few centimetres: nobody may hold it.",
       "teletact identify");
   app.add_option("--scene", scene_name, "scene whose section [device] is used")
@@ -107,11 +108,10 @@ int cmd_identify(int argc, char** argv) {
               stated.coulomb_N, 1e3 * result.delay_s,
               options.fit_delay ? ", fitted" : ", as stated");
   metrics.add("identify.delay_ms", 1e3 * result.delay_s, "ms");
-  write_outputs({{out,
-                  [&](const auto& path) {
-                    write_whole_file(path, keys_of(scene->choice.kind, result));
-                  }},
-                 {json, [&](const auto& path) { metrics.write(path); }}});
+  write_outputs(
+      {{out,
+        [&](const auto& path) { write_whole_file(path, keys_of(scene->choice.kind, result)); }},
+       {json, [&](const auto& path) { metrics.write(path); }}});
   return 0;
 }
 

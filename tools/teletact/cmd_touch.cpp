@@ -396,8 +396,8 @@ void run(const TouchOptions& o) {
     const Vec3 h = mapped ? Vec3(out.state.p_WH + origin) : row.p;
     const Vec3& f = out.force.f_H_D;
     std::fprintf(trace.get(), "%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%d,%lld\n", row.t,
-                 h.x(), h.y(), h.z(), p.x(), p.y(), p.z(), f.x(), f.y(), f.z(),
-                 out.state.contacts, static_cast<long long>(cpu_ns));
+                 h.x(), h.y(), h.z(), p.x(), p.y(), p.z(), f.x(), f.y(), f.z(), out.state.contacts,
+                 static_cast<long long>(cpu_ns));
     if (debug) write_debug(debug->get(), row.t, out, out.state.contacts);
   }
   if (writer) writer->finish();
@@ -418,7 +418,8 @@ int cmd_touch(int argc, char** argv) {
   app.add_option("--fields", o.fields, "CSV t_s,file: fields that replace each other");
   app.add_option("--voxel", o.voxel_m, "node distance, m");
   app.add_option("--origin", o.origin, "x,y,z of node (0,0,0), m")->capture_default_str();
-  app.add_option("--path", o.path, "CSV t_s,x,y,z of the hand, m; a column clutch of 0 and 1 may follow");
+  app.add_option("--path", o.path,
+                 "CSV t_s,x,y,z of the hand, m; a column clutch of 0 and 1 may follow");
   app.add_option("--method", o.method, std::string(tasks::kProxyMethods))->capture_default_str();
   app.add_option("--view", o.view,
                  "eye,look: six numbers x,y,z,x,y,z in m; the camera that force_shading casts from "
@@ -444,13 +445,15 @@ int cmd_touch(int argc, char** argv) {
   app.add_option("--texture-period", o.texture_period_m, "m")->capture_default_str();
   app.add_option("--viscosity", o.viscosity, "drag of the hand, N s/m");
   app.add_option("--scale", o.scale, "scene metres per metre of the path")->capture_default_str();
-  app.add_option("--border", o.border_m, "rate control beyond this distance from the path's origin, m");
+  app.add_option("--border", o.border_m,
+                 "rate control beyond this distance from the path's origin, m");
   app.add_option("--border-rate", o.border_rate_per_s, "m/s per m beyond the border")
       ->capture_default_str();
   app.add_option("--record", o.record, "haptic run to write: windows, hand, forces");
-  app.add_option("--replay", o.replay,
-                 "haptic run to touch again instead of --field and --path: as it was, to the last bit, "
-                 "or with another --method");
+  app.add_option(
+      "--replay", o.replay,
+      "haptic run to touch again instead of --field and --path: as it was, to the last bit, "
+      "or with another --method");
   if (!parse_options(app, argc, argv)) return 0;
   if (!o.replay.empty()) {
     for (const char* other : {"--field", "--fields", "--voxel", "--path", "--record", "--rate"}) {
@@ -485,8 +488,9 @@ int cmd_touch(int argc, char** argv) {
   within(o.border_rate_per_s, 0, 20, "--border-rate");
   if (app.count("--rate") > 0) within(o.rate_hz, 10, 1e5, "--rate");
   check(o.window_nodes % 4 == 0, "--window must be a multiple of 4");
-  check_outputs({{"--out", o.out}, {"--debug", o.debug}, {"--json", o.json}, {"--record", o.record}},
-                {o.field, o.fields, o.path});
+  check_outputs(
+      {{"--out", o.out}, {"--debug", o.debug}, {"--json", o.json}, {"--record", o.record}},
+      {o.field, o.fields, o.path});
   run(o);
   return 0;
 }

@@ -26,10 +26,11 @@ constexpr double kStiffness = 1000, kLimit_N = 12, kSpeed = 0.1;
 
 struct StudyScene {
   const char* name;
-  double (*solid)(const Vec3& p);        // frame S
-  Vec3 (*right)(const Vec3& h);          // where the proxy belongs for a hand on the path; h itself: no contact
+  double (*solid)(const Vec3& p);  // frame S
+  Vec3 (*right)(
+      const Vec3& h);  // where the proxy belongs for a hand on the path; h itself: no contact
   std::vector<Vec3> path;
-  Vec3 eye;                              // for the published method
+  Vec3 eye;  // for the published method
 };
 
 struct StudyKnobs {
@@ -54,9 +55,7 @@ double edge_solid(const Vec3& p) {
   return p.x() <= 0 || p.z() <= 0 ? std::max(p.x(), p.z()) : std::hypot(p.x(), p.z());
 }
 // The hand came from above: the top bears it until it is beyond the edge.
-Vec3 edge_right(const Vec3& h) {
-  return h.x() < 0 && h.z() < 0 ? Vec3(h.x(), h.y(), 0) : h;
-}
+Vec3 edge_right(const Vec3& h) { return h.x() < 0 && h.z() < 0 ? Vec3(h.x(), h.y(), 0) : h; }
 
 constexpr double kBall_m = 0.06;
 double ball_solid(const Vec3& p) { return p.norm() - kBall_m; }
@@ -67,13 +66,19 @@ std::vector<StudyScene> scenes() {
   for (int i = 0; i <= 60; ++i) {
     const double a = (-50 + 100.0 * i / 60) * std::numbers::pi / 180;
     const double r = kBall_m - (i == 0 || i == 60 ? -0.01 : 0.008);
-    over_ball.push_back({r * std::sin(a), 0.2 * r * std::cos(a), std::sqrt(0.96) * r * std::cos(a)});
+    over_ball.push_back(
+        {r * std::sin(a), 0.2 * r * std::cos(a), std::sqrt(0.96) * r * std::cos(a)});
   }
-  return {{"corner", corner_solid, corner_right,
+  return {{"corner",
+           corner_solid,
+           corner_right,
            {{-0.04, 0, 0.01}, {-0.04, 0, -0.008}, {0.008, 0, -0.008}, {0.008, 0, 0.04}},
            Vec3(-0.7, 0.1, 0.7)},
-          {"edge", edge_solid, edge_right,
-           {{-0.04, 0, 0.01}, {-0.04, 0, -0.008}, {0.02, 0, -0.008}}, Vec3(0.3, 0.1, 0.9)},
+          {"edge",
+           edge_solid,
+           edge_right,
+           {{-0.04, 0, 0.01}, {-0.04, 0, -0.008}, {0.02, 0, -0.008}},
+           Vec3(0.3, 0.1, 0.9)},
           {"ball", ball_solid, ball_right, over_ball, Vec3(0, 0.2, 0.96)}};
 }
 
@@ -95,8 +100,7 @@ struct Sampled {
     for (int x = 0; x < n; ++x) {
       for (int y = 0; y < n; ++y) {
         for (int z = 0; z < n; ++z) {
-          field.distance.push_back(
-              static_cast<float>(scene.solid(X_SG * (voxel * Vec3(x, y, z)))));
+          field.distance.push_back(static_cast<float>(scene.solid(X_SG * (voxel * Vec3(x, y, z)))));
         }
       }
     }
@@ -160,8 +164,7 @@ StudyRun run_scene(const StudyScene& scene, const StudyKnobs& knobs) {
       window = (window + 1) % windows.size();
       windows[window]->seq = ++published;
       windows[window]->fused = windows[window]->exposure = now;
-      fill_window(sampled.field, h_G, sampled.voxel_m, sampled.truncation_m, 24,
-                  *windows[window]);
+      fill_window(sampled.field, h_G, sampled.voxel_m, sampled.truncation_m, 24, *windows[window]);
     }
     in.patch_newest = task.wants_patch() ? windows[window].get() : nullptr;
     in.surface = k == 0 && surface.count > 0 ? &surface : nullptr;

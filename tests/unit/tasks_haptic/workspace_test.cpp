@@ -72,7 +72,8 @@ TEST(Workspace, ViewTurnsAwayFromTheOperatorToWhereItLooks) {
   ASSERT_TRUE(yaw);
   Workspace w({1.0, Vec3::Zero(), 0.0});
   (void)w.advance(Vec3::Zero(), false, yaw, 1e-3);
-  EXPECT_NEAR((w.R_WD() - perception::Mat3::Identity()).norm(), 0, 1e-12) << "not without the clutch";
+  EXPECT_NEAR((w.R_WD() - perception::Mat3::Identity()).norm(), 0, 1e-12)
+      << "not without the clutch";
   (void)w.advance(Vec3::Zero(), true, yaw, 1e-3);
   EXPECT_NEAR((w.R_WD() * Vec3::UnitX() - ahead).norm(), 0, 1e-12);
   R_WV.col(2) = Vec3(0, 0, -1);  // straight down: no way is "away"

@@ -29,8 +29,7 @@ Replayed replayed(const std::string& bytes, const std::string& method) {
     ++r.ticks;
     r.equal += replay.equal() ? 1 : 0;
     r.contact += replay.out().telemetry.in_contact ? 1 : 0;
-    r.apart_N =
-        std::max(r.apart_N, (replay.out().force.f_H_D - replay.recorded().f_D).norm());
+    r.apart_N = std::max(r.apart_N, (replay.out().force.f_H_D - replay.recorded().f_D).norm());
   }
   return r;
 }

@@ -40,8 +40,8 @@ inline std::string short_run(int ticks, const std::string& method = "constrained
   header.config = scene.config;
   header.device = scene.device;
   teletact::HapticRunWriter writer(file.get(), header);
-  const rig::Path path({{-0.03, 0, 0.004}, {-0.03, 0, -0.006}, {0.006, 0, -0.006}, {0.006, 0, 0.03}},
-                       0.1);
+  const rig::Path path(
+      {{-0.03, 0, 0.004}, {-0.03, 0, -0.006}, {0.006, 0, -0.006}, {0.006, 0, 0.03}}, 0.1);
   rt::Startup startup;
   tasks::HapticTask task(startup.token(), scene.config, scene.device, 1e-3);
   std::vector<std::unique_ptr<rig::SurfacePatch>> windows;

@@ -53,10 +53,10 @@ int main(int argc, char** argv) {
     contact += replay.out().telemetry.in_contact ? 1 : 0;
   }
   std::fclose(file);
-  std::printf("%ld ticks %ld contact %llu allocations %llu locks %d guard\n", served, contact,
-              static_cast<unsigned long long>(rt_guard::counts().allocations +
-                                              rt_guard::counts().frees),
-              static_cast<unsigned long long>(rt_guard::counts().locks + rt_guard::counts().waits),
-              rt_guard::linked() ? 1 : 0);
+  std::printf(
+      "%ld ticks %ld contact %llu allocations %llu locks %d guard\n", served, contact,
+      static_cast<unsigned long long>(rt_guard::counts().allocations + rt_guard::counts().frees),
+      static_cast<unsigned long long>(rt_guard::counts().locks + rt_guard::counts().waits),
+      rt_guard::linked() ? 1 : 0);
   return served == ticks ? 0 : 1;
 }
