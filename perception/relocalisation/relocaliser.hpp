@@ -6,6 +6,10 @@
 // from there, passes too. What was tried in vain rests for some frames, so that the next best has its turn and
 // look-alike views do not hide the right one.
 //
+// Doubt: a fit that more than `sure_contradiction` of the points speak against may be a look-alike. It is held, the
+// keyframes of its place rest, and up to `rivals` others have their turn; a fit without doubt goes before it, of two
+// in doubt the one that less speaks against is proposed in the end.
+//
 // Bounded: at most `tries` coarse casts and alignments a frame, or one look(). A ray of a cast without a hint
 // costs thirty times one with: this is what a lost frame's time goes into, so it is spread over frames. What a
 // view would show and is put away far from the camera is brought back first, a part a frame, and cast in the
@@ -25,6 +29,8 @@ struct RelocaliserConfig {
   KeyframeConfig keyframes;
   int tries = 1;        // candidates a frame
   int rest_frames = 8;  // before one that failed is tried again
+  int rivals = 4;       // tried before a fit in doubt is proposed
+  double sure_contradiction = 0.006;
   double max_depth_m = 5.0;
   void describe(config::Section& s);
 };
@@ -42,6 +48,10 @@ class Relocaliser {
   // Casts the view from X_WC: where the camera is looked for. False: of that view too much is put away; a part
   // of it came back, the view is as it was, and the next frame is to ask again.
   [[nodiscard]] bool look(TsdfMap& map, const Pose& X_WC) noexcept;
+  // Is `found`, of Tracker::reacquire(), beyond doubt?
+  [[nodiscard]] bool sure(const TrackingResult& found) const noexcept {
+    return found.contradiction <= config_.sure_contradiction;
+  }
   // Of the last look(), or of what search() has found; invalid where there was neither.
   [[nodiscard]] ModelView view() const noexcept {
     const RaycastMaps& m = maps_[viewed_];
@@ -57,6 +67,18 @@ class Relocaliser {
   [[nodiscard]] std::size_t memory_bytes() const noexcept { return keyframes_.memory_bytes(); }
 
  private:
+  // A fit in doubt that waits for its rivals.
+  struct Doubt {
+    bool held = false;
+    Pose X_WC = Pose::Identity();
+    double contradiction = 0;
+    int rivals_left = 0;
+  };
+  enum class Tried : std::uint8_t { kWaiting, kNothing, kFits };  // waiting: for what is put away
+  [[nodiscard]] Tried try_at(TsdfMap& map, const Tracker& tracker, const Pose& X_WC,
+                             TrackingResult& found) noexcept;
+  void hold(const TrackingResult& found) noexcept;
+  void propose() noexcept;
   // Brings back what can be seen from X_WC. True: enough is there, and time left, to cast it.
   [[nodiscard]] bool fetched(TsdfMap& map, const Pose& X_WC) noexcept;
   RaycastStats cast(const TsdfMap& map, const Pose& X_WC, RaycastMaps& maps) noexcept;
@@ -72,6 +94,7 @@ class Relocaliser {
   std::array<bool, Keyframes::kMax> resting_{};
   std::array<std::int64_t, Keyframes::kMax> rests_until_{};
   std::int64_t searches_ = 0;
+  Doubt doubt_;
   std::uint64_t work_ = 0;
 };
 

@@ -242,11 +242,15 @@ void FusionTask::recover(const RgbdFrame& frame, const MotionPrior& prior, const
   const auto view = relocaliser_.view();
   tracker_.reacquire(view.valid() ? view : model(), prior.X_WC, r);
   std::uint64_t work = r.work;
-  bool found = tracker_.reliable(r, tracker_.trusted(prior));
+  const bool trusted = tracker_.trusted(prior);
+  // Where it was lost may look like where it is: in doubt the search compares.
+  bool found = tracker_.reliable(r, trusted) && (was_confirming || trusted || relocaliser_.sure(r));
   if (found && was_confirming) {
     MotionPrior near = prior;
     near.X_WC = r.X_WC;
+    const double contradiction = r.contradiction;
     tracker_.track(model(), near, knobs.iterations, r);
+    r.contradiction = contradiction;
     r.work += work;
     if (r.state != TrackingState::kLost && r.claimed) {
       recovering_ = confirming_ = false;
