@@ -7,10 +7,22 @@
 namespace perception {
 namespace {
 
-constexpr int kLeastSeed = 12;            // half-resolution pixels
-constexpr int kWindowHalfPixels = 12000;  // of a window that others may join ...
-constexpr int kWindowMore = 1500;         // ... and for each of them
-constexpr int kSureWeight = 3;            // of a background that contradicts a mask
+constexpr int kLeastSeed = 12;           // half-resolution pixels
+constexpr int kWindowHalfPixels = 6000;  // of a window that others may join ...
+constexpr int kWindowMore = 1000;        // ... and for each of them
+constexpr int kSureWeight = 3;           // of a background that contradicts a mask
+constexpr int kMargin_px = 48;           // of a window beyond what is known, both sides together
+constexpr int kFullWindow = 5000;        // half-resolution pixels that are looked at in full
+
+int half_pixels(int width_px, int height_px) noexcept {
+  return (width_px + kMargin_px) / 2 * ((height_px + kMargin_px) / 2);
+}
+
+// A frame's cost is bounded, and a voxel covers several pixels of what is that near.
+int scale_for(const MapObject& object) noexcept {
+  if (object.window > 3 * kFullWindow) return 4;
+  return object.window > kFullWindow ? 2 : 1;
+}
 
 }  // namespace
 
@@ -29,16 +41,18 @@ void ObjectMap::follow_next(const Look& look) noexcept {
   if (next == nullptr) return;
   turn_ = next->id - 1;
   stats_.followed = next->id;
+  scale_ = scale_for(*next);
   for (const MapObject& o : objects_)
     if (o.id != 0 && &o != next) turn_into(box[o.id - 1U], 0, kNoVote);
   // Those whose place the same window can hold.
-  SeedBox window = box[next->id - 1U];
+  SeedBox window = place_of(look, *next, box[next->id - 1U]);
   const int limit = scale_ * scale_ * (kWindowHalfPixels + kWindowMore * (count() - 1));
   const int margin = 24 * scale_;
   std::uint32_t near = 0;
   for (const MapObject& o : objects_) {
     if (o.id == 0 || &o == next || young(*next) || young(o) || !visible(o)) continue;
-    const SeedBox& b = box[o.id - 1U];
+    if (scale_for(o) < scale_) continue;  // it would be seen too coarsely
+    const SeedBox b = place_of(look, o, box[o.id - 1U]);
     const SeedBox both{std::min(window.u0, b.u0), std::min(window.v0, b.v0),
                        std::max(window.u1, b.u1), std::max(window.v1, b.v1)};
     if (((both.u1 - both.u0) / 2 + margin) * ((both.v1 - both.v0) / 2 + margin) > limit) continue;
@@ -61,6 +75,9 @@ void ObjectMap::follow(const Look& look, MapObject& object, const SeedBox& known
   const bool young = object.masks < config_.young_frames;
   const Turn& turn = find_known(look, object.id, known);
   object.seen = false;
+  if (turn.planted > 0)
+    object.window =
+        half_pixels(turn.seed_box.u1 - turn.seed_box.u0, turn.seed_box.v1 - turn.seed_box.v0);
   // A few bad masks of a young object would name others for good: the touched point still names it.
   if (young && touch_at(look, object.touched_W, object.id, known)) {
     object.seen = true;
@@ -156,6 +173,28 @@ ObjectMap::SeedBox ObjectMap::project(const Look& look, std::uint8_t id) const n
     out.u1 = std::max(out.u1, box.u1), out.v1 = std::max(out.v1, box.v1);
   });
   return out;
+}
+
+// Of that the part where it was when it was last summarised, a little larger: blocks reach far beyond it.
+ObjectMap::SeedBox ObjectMap::place_of(const Look& look, const MapObject& object,
+                                       const SeedBox& blocks) const noexcept {
+  constexpr double kMoved_m = 0.03;
+  const ObjectSummary& s = object.summary;
+  if (s.points == 0) return blocks;
+  const Intrinsics& k = look.frame.intrinsics;
+  const Vec3 half = 0.5 * s.extent_m + Vec3::Constant(kMoved_m);
+  Vec3 low(1e9, 1e9, 1), high(-1e9, -1e9, 1);
+  for (int n = 0; n < 8; ++n) {
+    const Vec3 corner((n & 1) != 0 ? 1 : -1, (n & 2) != 0 ? 1 : -1, (n & 4) != 0 ? 1 : -1);
+    const Vec3 p_C = look.X_CW * (s.X_FO * (s.centre_m + half.cwiseProduct(corner)));
+    if (p_C.z() < 0.05) return blocks;
+    const Vec3 at(k.fx * p_C.x() / p_C.z() + k.cx, k.fy * p_C.y() / p_C.z() + k.cy, 1);
+    low = low.cwiseMin(at), high = high.cwiseMax(at);
+  }
+  const auto pixel = [](double x) { return static_cast<int>(std::clamp(x, -1.0, 1e5)); };
+  const SeedBox both{std::max(blocks.u0, pixel(low.x())), std::max(blocks.v0, pixel(low.y())),
+                     std::min(blocks.u1, pixel(high.x())), std::min(blocks.v1, pixel(high.y()))};
+  return both.u1 < both.u0 || both.v1 < both.v0 ? blocks : both;
 }
 
 // What the segmenter works on: the frame, or the part of it (pixels of the reduced one) that it looks at.

@@ -10,7 +10,8 @@
 //
 // One object is segmented a frame, in turn, and with it those others whose place is near enough that one
 // window of limited size holds them all and that stand on the same support: pieces and regions of the
-// window are made once for all of them. Where the rest
+// window are made once for all of them. What fills much of the image is segmented at a half or a quarter of
+// its resolution: the cost of a frame is bounded, and a voxel covers several of its pixels. Where the rest
 // may be the image says nothing. Nor does it say anything of an object whose mask is not
 // believed: one that agrees with what the map shows of it much less than its masks usually do, until
 // several in a row say the same; one that is out of all proportion; none where the object still is.
@@ -78,6 +79,7 @@ struct MapObject {
   std::int32_t masks = 0;         // that voted
   std::int32_t unseen = 0;        // turns in a row without
   float usual_seed = 0;           // pixels, running mean: what is normally seen of it
+  std::int32_t window = 0;        // half-resolution pixels that it was last looked for in
   float usual_agreement = 0;      // of a mask with the fused object, running mean
   std::int32_t held = 0;          // masks in a row that disagreed
   std::uint32_t empty_since = 0;  // frame number; 0: its place is not empty
@@ -149,6 +151,8 @@ class ObjectMap {
   [[nodiscard]] Work at_scale(const Look& look, const SeedBox& part) noexcept;
   [[nodiscard]] bool stands_here(const Look& look, const MapObject& object) const noexcept;
   [[nodiscard]] SeedBox project(const Look& look, std::uint8_t id) const noexcept;
+  [[nodiscard]] SeedBox place_of(const Look& look, const MapObject& object,
+                                 const SeedBox& blocks) const noexcept;
   [[nodiscard]] Turn& find_known(const Look& look, std::uint8_t id, SeedBox within) noexcept;
   void wipe_known() noexcept;
   // Pixels from one that known_ notes to the next; the first such from `at` on.

@@ -2,9 +2,13 @@
 //
 // A surface ends in the cast with the last cell whose eight nodes were observed, up to a voxel before the
 // edge of a thing that was seen from one side only. Where that surface is labelled it is continued in its
-// own plane, over pixels that show nothing or what lies behind, to where its edge is to be expected. The last
-// observed node lies up to a voxel within the edge, and one pixel more, since readings beside a depth edge
-// are not fused: on average half a voxel and a pixel.
+// own plane, over pixels that show nothing or what lies behind, to where its edge is to be expected.
+//
+// Nodes beside that plane say where: observed on it, the surface is there; seen through, or observed well in
+// front of another surface, it is not. Readings on a depth edge are not fused and carve nothing behind the
+// nearer side, so nodes on either side of an edge say nothing, as far out as in: the edge runs where both
+// kinds have the same weight. A cubic B-spline sums the nodes (de Boor 1978): over four of them in each
+// direction the steps of the grid average out.
 #include <algorithm>
 #include <cmath>
 
@@ -15,50 +19,74 @@ namespace perception {
 namespace {
 
 constexpr std::uint8_t kContinued = 0x80;  // beside a label, while outlines are looked for
-constexpr float kAtSurface = 1.8F;         // voxels: a node of a cell that the surface passes
-constexpr float kOnPlane = 0.5F;       // voxels: of the point to the surface that is stored there
-constexpr float kBehind = 0.5F;        // voxels: what a continued surface covers lies so far behind
+// Voxels.
+constexpr float kBesidePlane = 1.0F;   // a node so near to the plane says something of it
+constexpr float kAgrees = 0.5F;        // of the stored distance with that to the plane
+constexpr float kBehind = 0.5F;        // what a continued surface covers lies so far behind
+constexpr float kFarAlong = 2.5F;      // from where it is continued, along the optical axis
 constexpr float kLeastFacing = 0.15F;  // cosine between ray and normal
-constexpr float kLeastShare = 0.1F;
+constexpr float kInFront = 0.5F;       // truncations: a node so far in front has been seen through
+constexpr float kLeastShare = 0.1F;    // of nodes on the plane
 constexpr int kMostReach_px = 16;
+
+// Of nodes -1, 0, 1, 2 at a point f beyond node 0.
+void spline_shares(float f, float (&out)[4]) noexcept {
+  const float r = 1 - f;
+  out[0] = r * r * r / 6;
+  out[1] = 2.0F / 3 - 0.5F * f * f * (2 - f);
+  out[2] = 2.0F / 3 - 0.5F * r * r * (2 - r);
+  out[3] = f * f * f / 6;
+}
 
 class Edge {
  public:
   explicit Edge(const TsdfMap& map) noexcept
-      : reader_(map),
+      : map_(map),
+        reader_(map),
         inverse_voxel_(1.0 / map.voxel_size()),
-        units_per_voxel_(static_cast<float>(map.voxel_size()) / map.metres_per_unit()) {}
+        voxels_per_unit_(map.metres_per_unit() / static_cast<float>(map.voxel_size())) {}
 
-  // Does the surface of the object reach to this point of its continuation, pixel_m from the next one?
-  [[nodiscard]] bool holds(const Vec3& p_W, std::uint8_t id, float pixel_m) noexcept {
-    // Share of the cell's nodes, by their nearness, that lie at the surface where its edge is expected.
-    const float edge = std::max(kLeastShare, 0.5F - pixel_m * static_cast<float>(inverse_voxel_));
+  // Does the surface of the object reach to this point of its plane, seen along a ray with this cosine to
+  // its normal? (Distances are stored along the ray.)
+  [[nodiscard]] bool holds(const Vec3& p_W, const Vec3& normal_W, float cosine,
+                           std::uint8_t id) noexcept {
     const Vec3 g = p_W * inverse_voxel_;
     const int i = ifloor(g.x()), j = ifloor(g.y()), k = ifloor(g.z());
-    const auto fx = static_cast<float>(g.x() - i), fy = static_cast<float>(g.y() - j),
-               fz = static_cast<float>(g.z() - k);
-    float at_surface = 0, distance = 0;
-    int count = 0;
-    for (int n = 0; n < 8; ++n) {
-      const std::uint32_t word = reader_.word(i + (n >> 2), j + ((n >> 1) & 1), k + (n & 1));
-      const auto d = static_cast<float>(TsdfMap::word_distance(word));
-      if (!reader_.known(word) || std::fabs(d) > kAtSurface * units_per_voxel_) continue;
-      const float share = ((n & 4) != 0 ? fx : 1 - fx) * ((n & 2) != 0 ? fy : 1 - fy) *
-                          ((n & 1) != 0 ? fz : 1 - fz);
-      at_surface += share;
-      distance += share * d;
-      ++count;
-    }
-    // All of them: the cast itself has seen what there is.
-    if (count == 8 || at_surface < edge) return false;
-    if (std::fabs(distance) > kOnPlane * units_per_voxel_ * at_surface) return false;
-    return reader_.label(p_W) == id;
+    const Vec3f at = (g - Vec3(i, j, k)).cast<float>(), normal = normal_W.cast<float>();
+    float share_x[4], share_y[4], share_z[4];
+    spline_shares(at.x(), share_x);
+    spline_shares(at.y(), share_y);
+    spline_shares(at.z(), share_z);
+    float there = 0, not_there = 0;
+    for (int x = -1; x <= 2; ++x)
+      for (int y = -1; y <= 2; ++y)
+        for (int z = -1; z <= 2; ++z) {
+          const Vec3f off(static_cast<float>(x), static_cast<float>(y), static_cast<float>(z));
+          const float height = normal.dot(off - at);
+          if (std::fabs(height) > kBesidePlane) continue;
+          const float share = share_x[x + 1] * share_y[y + 1] * share_z[z + 1];
+          const std::uint32_t word = reader_.word(i + x, j + y, k + z);
+          if (!reader_.known(word)) {
+            if (map_.free_at(i + x, j + y, k + z)) not_there += share;
+            continue;
+          }
+          const auto stored = static_cast<float>(TsdfMap::word_distance(word));
+          const float distance = stored * voxels_per_unit_ * cosine;
+          if (stored > kInFront * TsdfMap::kDistanceOne || distance > height + kAgrees)
+            not_there += share;
+          else if (distance >= height - kAgrees)
+            there += share;
+        }
+    if (there < kLeastShare || there < not_there) return false;
+    const LabelVoxel said = reader_.voted(p_W);
+    return said.weight == 0 || said.label == id;
   }
 
  private:
+  const TsdfMap& map_;
   MapReader reader_;
   double inverse_voxel_;
-  float units_per_voxel_;
+  float voxels_per_unit_;
 };
 
 }  // namespace
@@ -94,17 +122,18 @@ void RaycastMaps::continue_outlines(const TsdfMap& map) noexcept {
       const Vec3f vertex = vertex_C(u, v), normal = normal_C(u, v);
       const int reach = std::min(kMostReach_px, static_cast<int>(voxel * fx / vertex.z()) + 1);
       const float plane = normal.dot(vertex);
+      const Vec3 normal_W = X_WC.linear() * normal.cast<double>();
       for (int b = std::max(0, v - reach); b <= std::min(h - 1, v + reach); ++b)
         for (int a = std::max(0, u - reach); a <= std::min(w - 1, u + reach); ++a) {
           if (label(a, b) != 0) continue;
           const Vec3f ray(static_cast<float>((a - intrinsics.cx) / intrinsics.fx),
                           static_cast<float>((b - intrinsics.cy) / intrinsics.fy), 1);
-          const float facing = -normal.dot(ray);
-          if (facing < kLeastFacing * ray.norm()) continue;
+          const float facing = -normal.dot(ray), cosine = facing / ray.norm();
+          if (cosine < kLeastFacing) continue;
           const float z = -plane / facing;
-          if (!(std::fabs(z - vertex.z()) < 2 * voxel)) continue;
+          if (!(std::fabs(z - vertex.z()) < kFarAlong * voxel)) continue;
           if (hit(a, b) && at(a, b)[3] < z + kBehind * voxel) continue;
-          if (!edge.holds(X_WC * (ray * z).cast<double>(), id, z / fx)) continue;
+          if (!edge.holds(X_WC * (ray * z).cast<double>(), normal_W, cosine, id)) continue;
           label(a, b) = static_cast<std::uint8_t>(id | kContinued);
           float* record = records_ + kStride * (static_cast<std::ptrdiff_t>(b) * w + a);
           for (int c = 0; c < 3; ++c) record[c] = normal[c];
