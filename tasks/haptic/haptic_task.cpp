@@ -233,6 +233,12 @@ HapticTask::Spring HapticTask::spring_of(const Vec3& p_WH) noexcept {
   return s;
 }
 
+// Drag of the scene's viscosity; tells how much of the spring is friction.
+Vec3 HapticTask::viscous(const Spring& spring, HapticTelemetry& t) const noexcept {
+  t.friction_N = stiffness_ * spring.friction_m / config_.scale;
+  return (-t.gain * config_.viscosity_N_s_per_m) * v_D_;
+}
+
 // Energy that the surface, a fade or a moving workspace put into the spring: what it holds more than the hand's
 // motion against its own force explains. Friction, viscosity and the controller only take energy out, so they have
 // no part in it.
@@ -285,10 +291,7 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Spring& spring, bo
   const double to_N_per_m = t.gain * stiffness_ / config_.scale;
   Vec3 f = t.in_contact ? Vec3(to_N_per_m * (workspace_.R_WD().transpose() * spring.pull_W))
                         : Vec3(Vec3::Zero());
-  if (kEffectsBuilt && effects_) {
-    t.friction_N = stiffness_ * spring.friction_m / config_.scale;
-    f -= (t.gain * config_.viscosity_N_s_per_m) * v_D_;
-  }
+  if (kEffectsBuilt && effects_) f += viscous(spring, t);
   t.limit_active = f.norm() > force_limit_N_;
   f = limited(f, force_limit_N_);
   // Where not only the hand moved, the spring gained what the hand's motion does not explain.

@@ -176,7 +176,10 @@ class HapticTask {
     double friction_m = 0;         // of pull_W
     bool contact = false;
   };
-  [[nodiscard]] Spring spring_of(const perception::Vec3& p_WH) noexcept;
+  // Out of line: a tick without effects pays one branch for each and keeps its registers.
+  [[nodiscard, gnu::noinline]] Spring spring_of(const perception::Vec3& p_WH) noexcept;
+  [[nodiscard, gnu::noinline]] perception::Vec3 viscous(const Spring& spring,
+                                                        HapticTelemetry& t) const noexcept;
   void follow_material(const perception::Vec3& p_WH) noexcept;
   void book(const Spring& spring, double to_N_per_m, bool moved, const perception::Vec3& dx_D,
             double dt) noexcept;
