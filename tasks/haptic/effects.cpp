@@ -39,7 +39,7 @@ Vec3 swept(const Field& field, const Vec3& p_c, const Vec3& t, const Vec3& n,
 // lambda grad phi = p - h. A bulge that would carry the foot off faster than twice the hand is not believed.
 Vec3 followed(const Field& field, const Vec3& p, const Vec3& h, const Vec3& n,
               const Vec3& v) noexcept {
-  const Vec3 flat = v - v.dot(n) * n;
+  Vec3 flat = v - v.dot(n) * n;
   const Vec3 q = p / field.voxel();
   if (!(q.cwiseAbs().maxCoeff() < 1e9)) return flat;
   std::array<std::int32_t, 3> at{};

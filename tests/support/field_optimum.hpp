@@ -195,7 +195,7 @@ class FieldOptimum {
     for (const double r : {kUnusedWay, 1e-4, kStep, 2e-5}) {
       const auto [part, way] = steepest(p, h, r, true);
       if (part < 0.002) continue;
-      const Vec3 x = sink(p + std::min(r, distance) * way, h);
+      Vec3 x = sink(p + std::min(r, distance) * way, h);
       if ((x - h).norm() < distance - 5e-8) return x;
     }
     for (double r = kStep; r > 2e-5; r *= 0.5) {

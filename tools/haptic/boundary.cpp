@@ -28,13 +28,14 @@ void fill_floor(SurfacePatch& p, int nodes, const Slot& slot_of) {
   p.metres_per_unit = static_cast<float>(0.05 / 32767.0);
   p.nodes = nodes;
   p.origin_node = {-nodes / 2, -nodes / 2, -nodes / 2};
+  const int middle = nodes / 2;
   for (int x = 0; x < nodes; ++x) {
     for (int y = 0; y < nodes; ++y) {
       for (int z = 0; z < nodes; ++z) {
         const std::size_t i = p.index(x, y, z);
-        const double d = std::clamp(0.01 * (z - nodes / 2), -0.05, 0.05);
+        const double d = std::clamp(0.01 * (z - middle), -0.05, 0.05);
         p.distance[i] = static_cast<std::int16_t>(std::lround(d / 0.05 * 32767));
-        p.material[i] = static_cast<std::uint8_t>(slot_of(x - nodes / 2) + 1);
+        p.material[i] = static_cast<std::uint8_t>(slot_of(x - middle) + 1);
         p.set_free(i, d > 0);
       }
     }
