@@ -101,6 +101,8 @@ std::vector<double> Scale::ticks(int wanted) const {
       if (v >= lo * 0.999999 && v <= hi * 1.000001) out.push_back(v);
     }
   }
+  // Within less than a decade 1, 2 and 5 may leave an axis bare.
+  if (out.size() < 3 && hi < 10 * lo) out = nice_ticks(lo, hi, wanted);
   return out;
 }
 

@@ -79,6 +79,21 @@ TEST(Ticks, RoundNumbersInsideTheRange) {
   EXPECT_TRUE(plot::nice_ticks(0, kInf, 5).empty());
 }
 
+// 1, 2 and 5 alone would leave less than a decade bare.
+TEST(Ticks, ALogarithmicAxisIsNeverBare) {
+  rt::Random r(5);
+  for (int i = 0; i < 500; ++i) {
+    const double lo = std::pow(10, r.uniform(-6, 6));
+    const double hi = lo * std::pow(10, r.uniform(0.02, 2));
+    const auto t = plot::Scale::over(lo, hi, true).ticks(5);
+    EXPECT_GE(t.size(), 2U) << lo << " to " << hi;
+    for (const double v : t) {
+      EXPECT_GE(v, lo * 0.99999);
+      EXPECT_LE(v, hi * 1.00001);
+    }
+  }
+}
+
 TEST(Number, IsShort) {
   EXPECT_EQ(plot::number(0), "0");
   EXPECT_EQ(plot::number(-0.0), "0");
