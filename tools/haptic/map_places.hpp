@@ -1,0 +1,53 @@
+// Places of a fused map that a hand may touch.
+//
+// A place is found by probing the field alone: about a point of a ray cast of the map, on a plane fitted there.
+//   wall    upright, nine tenths of the surface within 10 mm of the plane for 100 mm around
+//   top     level, nine tenths within 4 mm for 50 mm around
+//   edge    in one direction the surface ends within 70 mm, and behind that it is free 50 mm down
+//   corner  so in two directions at 60 to 120 degrees and between them
+// Frames: W world (= map).  SI.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "rt/random.hpp"
+#include "tools/haptic/map_probe.hpp"
+
+namespace teletact {
+
+struct Place {
+  enum class Kind : std::uint8_t { kWall, kTop, kEdge, kCorner };
+  Kind kind = Kind::kTop;
+  perception::Vec3 p_W = perception::Vec3::Zero(), n_W = perception::Vec3::UnitZ();
+  std::array<perception::Vec3, 2> out_W{perception::Vec3::UnitX(),
+                                        perception::Vec3::UnitY()};  // over the edges
+  std::array<double, 2> edge_m{0, 0};                                // how far off p they are
+};
+[[nodiscard]] const char* name_of(Place::Kind kind);
+
+constexpr double kLift_m = 0.05;  // over a place, before and after it is touched
+[[nodiscard]] inline perception::Vec3 over(const Place& place) {
+  return place.p_W + kLift_m * place.n_W;
+}
+
+// Two directions of a plane with normal n.
+struct Axes {
+  perception::Vec3 a, b;
+  explicit Axes(const perception::Vec3& n) : a(n.unitOrthogonal()), b(n.cross(a)) {}
+  [[nodiscard]] perception::Vec3 at(double angle) const {
+    return std::cos(angle) * a + std::sin(angle) * b;
+  }
+};
+
+// A corner, an edge, a wall and two tops, each another surface, in the order in which they are touched. `views`: cameras
+// X_WC from which the map's surface is looked at. `up_W` unit, roughly: gravity is found from the surfaces near
+// it. Throws std::runtime_error when the map holds no wall, no edge or no corner.
+[[nodiscard]] std::vector<Place> find_places(const perception::TsdfMap& map, MapProbe& probe,
+                                             const perception::Intrinsics& camera,
+                                             const std::vector<perception::Pose>& views,
+                                             const perception::Vec3& up_W, rt::Random& random);
+
+}  // namespace teletact
