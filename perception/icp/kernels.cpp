@@ -8,6 +8,8 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "perception/simd/vectors-inl.hpp"
+
 HWY_BEFORE_NAMESPACE();
 namespace perception::icp {
 namespace HWY_NAMESPACE {
@@ -34,6 +36,7 @@ void half_row(const float* in, std::ptrdiff_t stride, int width, const EdgeRule&
 #else
 
 namespace hn = hwy::HWY_NAMESPACE;
+using perception::HWY_NAMESPACE::truncated;
 using DF = hn::CappedTag<float, 16>;
 using DI = hn::RebindToSigned<DF>;
 using DH = hn::Half<DF>;
@@ -110,7 +113,6 @@ struct Rows {
 template <bool kWithCross>
 HWY_INLINE void add_pixels(const RowsJob& job, const Rows& row, int u, RowSums<kWithCross>& out) {
   const DF df;
-  const DI di;
   const V z = load(row.z + u);
   const M has_depth = hn::Gt(z, zero());
   out.live += count(has_depth);
@@ -126,12 +128,11 @@ HWY_INLINE void add_pixels(const RowsJob& job, const Rows& row, int u, RowSums<k
   ok = hn::And(
       ok, hn::And(hn::And(hn::Ge(pu, zero()), hn::Ge(pv, zero())),
                   hn::And(hn::Lt(pu, set(job.model_width)), hn::Lt(pv, set(job.model_height)))));
-  const V iu = hn::ConvertTo(df, hn::ConvertTo(di, keep(ok, pu)));
-  const V iv = hn::ConvertTo(df, hn::ConvertTo(di, keep(ok, pv)));
+  const V iu = hn::Floor(keep(ok, pu)), iv = hn::Floor(keep(ok, pv));
   // Exact: below 2^24.
   const hn::RebindToUnsigned<DF> du;
   HWY_ALIGN std::uint32_t offset[kLanes];
-  const auto pixel = hn::ConvertTo(di, add(mul(iv, set(job.model_width)), iu));
+  const auto pixel = truncated(add(mul(iv, set(job.model_width)), iu));
   hn::Store(hn::BitCast(du, hn::ShiftLeft<2>(pixel)), du, offset);
   // The compiler would rather take the lanes out of the vector one by one than load them.
   __asm__ volatile("" ::: "memory");

@@ -101,10 +101,18 @@ HWY_INLINE Corners read_cells(const HintJob& job, const VI (&node)[3], MF active
     const std::uint32_t c = cell_[n];
     const std::uint32_t x[2] = {c & 0x1c0U, (c + 64U) & 0x1c0U},
                         y[2] = {c & 0x38U, (c + 8U) & 0x38U}, z[2] = {c & 7U, (c + 1U) & 7U};
-    for (std::uint32_t k = 0; k < 8; ++k) {
+    const auto corner = [&](std::uint32_t k) {
       const auto block = static_cast<std::size_t>(job.ahead[8 * b + (k & m)]);
-      patched[n][(k >> 2U) * 64 + ((k >> 1U) & 1U) * 8 + (k & 1U)] =
-          job.words[(block << 9U) + (x[k >> 2U] | y[(k >> 1U) & 1U] | z[k & 1U])];
+      return job.words + ((block << 9U) + (x[k >> 2U] | y[(k >> 1U) & 1U] | z[k & 1U]));
+    };
+    for (std::uint32_t k = 0; k < 8; k += 2) {
+      std::int32_t* const pair = &patched[n][(k >> 2U) * 64 + ((k >> 1U) & 1U) * 8];
+      if ((m & 1U) == 0) {  // corners that differ in z lie side by side
+        std::memcpy(pair, corner(k), 2 * sizeof *pair);
+      } else {
+        pair[0] = *corner(k);
+        pair[1] = *corner(k + 1);
+      }
     }
     p[n] = patched[n];
   }
@@ -139,9 +147,9 @@ HWY_INLINE Value value_at(const HintJob& job, const VF (&d)[3], VF t, MF active)
   VF f[3];
   for (int a = 0; a < 3; ++a) {
     const VF p = hn::Add(hn::Set(df, job.origin[a]), hn::Mul(t, d[a]));
-    const VI n = floor_of(p);
-    f[a] = hn::Sub(p, hn::ConvertTo(df, n));
-    node[a] = hn::Add(n, hn::Set(di, job.base[a]));
+    const VF whole = hn::Floor(p);
+    f[a] = hn::Sub(p, whole);
+    node[a] = hn::Add(truncated(whole), hn::Set(di, job.base[a]));
   }
   const Corners c = read_cells(job, node, active);
   // As MapReader::Cell: dx at the four (y, z), then along y and z.

@@ -31,13 +31,20 @@ HWY_INLINE unsigned bits_of(MF m) {
   return static_cast<unsigned>(bytes[0]) | static_cast<unsigned>(bytes[1]) << 8U;
 }
 
-HWY_INLINE VI floor_of(VF x) {
-  const DI di;
-  const DF df;
-  const VI i = hn::ConvertTo(di, x);
-  return hn::IfThenElse(hn::RebindMask(di, hn::Gt(hn::ConvertTo(df, i), x)),
-                        hn::Sub(i, hn::Set(di, 1)), i);
+// Towards zero, of values within int range: what Highway adds for others is left out.
+HWY_INLINE VI truncated(VF x) {
+#if HWY_TARGET == HWY_AVX3
+  return VI{_mm512_cvttps_epi32(x.raw)};
+#elif HWY_TARGET == HWY_AVX2
+  return VI{_mm256_cvttps_epi32(x.raw)};
+#elif HWY_TARGET == HWY_SSE4
+  return VI{_mm_cvttps_epi32(x.raw)};
+#else
+  return hn::ConvertTo(DI(), x);
+#endif
 }
+
+HWY_INLINE VI floor_of(VF x) { return truncated(hn::Floor(x)); }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace perception

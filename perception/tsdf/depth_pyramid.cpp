@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstring>
 #include <numeric>
 
 #include "perception/tsdf/clones.hpp"
@@ -25,36 +27,38 @@ struct RowRule {
   std::int32_t edge_base_mm, edge_per_q16, max_mm;
 };
 
-// Five padded rows, [2] the pixel's own, in; one row of pixels without reach out.
+// Five padded rows, [2] the pixel's own, in; one row of pixels without reach out. All in int32 and without a
+// branch, so that the compiler makes vectors of it.
 TELETACT_CLONES
 void classify_row(const std::uint16_t* const (&rows)[5], int width, RowRule rule,
                   std::uint32_t* out) noexcept {
   const std::uint16_t *above = rows[1] + kPad - 1, *here = rows[2] + kPad - 1,
                       *below = rows[3] + kPad - 1;
+  const RowRule r = rule;
   for (int u = 0; u < width; ++u) {
-    const std::int32_t c = here[u + 1];
-    const std::int32_t gate = rule.edge_base_mm + ((rule.edge_per_q16 * (c >> 1)) >> 15);
-    const std::int32_t n[4] = {above[u + 1], below[u + 1], here[u], here[u + 2]};
-    std::int32_t edge = 0;
-    for (const std::int32_t d : n)
-      edge |= static_cast<std::int32_t>(d != 0) &
-              static_cast<std::int32_t>((d > c ? d - c : c - d) > gate);
+    const std::int32_t n[9] = {above[u],    above[u + 1], above[u + 2], here[u],     here[u + 1],
+                               here[u + 2], below[u],     below[u + 1], below[u + 2]};
+    const std::int32_t c = n[4];
+    const std::int32_t gate = r.edge_base_mm + ((r.edge_per_q16 * (c >> 1)) >> 15);
+    const auto differs = [c, gate](std::int32_t d) {
+      const std::int32_t far = d > c ? d - c : c - d;
+      return static_cast<std::int32_t>(d != 0) & static_cast<std::int32_t>(far > gate);
+    };
+    const std::int32_t edge = differs(n[1]) | differs(n[7]) | differs(n[3]) | differs(n[5]);
     // Least of the valid readings: 0 wraps to the top.
-    std::uint16_t least = 65535;
-    std::int32_t readings = 0;
-    for (int k = 0; k < 3; ++k)
-      for (const std::uint16_t d : {above[u + k], here[u + k], below[u + k]}) {
-        least = std::min(least, static_cast<std::uint16_t>(d - 1));
-        readings += static_cast<std::int32_t>(d != 0);
-      }
+    std::int32_t least = 0xffff, readings = 0;
+    for (const std::int32_t d : n) {
+      const std::int32_t from_one = (d - 1) & 0xffff;
+      least = from_one < least ? from_one : least;
+      readings += static_cast<std::int32_t>(d != 0);
+    }
     const std::int32_t missing = static_cast<std::int32_t>(c == 0);
     const std::int32_t hole =
         missing & static_cast<std::int32_t>(readings < DepthPyramid::kFillFrom);
-    const std::uint32_t depth = (edge | missing) != 0 ? static_cast<std::uint32_t>(least) + 1U
-                                                      : static_cast<std::uint32_t>(c);
+    const std::int32_t depth = (edge | missing) != 0 ? least + 1 : c;
     const std::int32_t fused =
-        (missing ^ 1) & (edge ^ 1) & static_cast<std::int32_t>(c <= rule.max_mm);
-    out[u] = hole != 0 ? 0U : (depth | (static_cast<std::uint32_t>(fused) << 23U));
+        (missing ^ 1) & (edge ^ 1) & static_cast<std::int32_t>(c <= r.max_mm);
+    out[u] = static_cast<std::uint32_t>(hole != 0 ? 0 : (depth | (fused << 23)));
   }
 }
 static_assert(DepthPyramid::kWeightOne << 16 == 1 << 23);
@@ -114,24 +118,57 @@ int count_fused(const std::uint32_t* p, int n) noexcept {
 
 using Range = DepthPyramid::Range;
 
-Range merged(Range a, Range b) noexcept {
-  return {std::min(a.least_mm, b.least_mm), std::max(a.greatest_mm, b.greatest_mm)};
+// A tile holds the least reading and how far the greatest is below 65535: both are joined by a minimum.
+using Tile = DepthPyramid::Tile;
+
+Tile merged(Tile a, Tile b) noexcept {
+  return {std::min(a.least_mm, b.least_mm), std::min(a.below_top_mm, b.below_top_mm)};
 }
-Range single(std::uint32_t pixel) noexcept {
+Tile single(std::uint32_t pixel) noexcept {
   const auto d = static_cast<std::uint16_t>(pixel & 0xffffU);
-  return {d, d};
+  return {d, static_cast<std::uint16_t>(65535U - d)};
 }
 
 TELETACT_CLONES
-void halve_pixels(const std::uint32_t* a, const std::uint32_t* b, int pairs, Range* out) noexcept {
+void halve_pixels(const std::uint32_t* a, const std::uint32_t* b, int pairs, Tile* out) noexcept {
   for (int u = 0; u < pairs; ++u) {
     const auto p = static_cast<std::uint16_t>(a[2 * u]),
                q = static_cast<std::uint16_t>(a[2 * u + 1]);
     const auto r = static_cast<std::uint16_t>(b[2 * u]),
                s = static_cast<std::uint16_t>(b[2 * u + 1]);
-    out[u] = {std::min(std::min(p, q), std::min(r, s)), std::max(std::max(p, q), std::max(r, s))};
+    const auto most = std::max(std::max(p, q), std::max(r, s));
+    out[u] = {std::min(std::min(p, q), std::min(r, s)), static_cast<std::uint16_t>(65535 - most)};
   }
 }
+
+// Finest level at which no side of the rectangle meets more than three tiles: a side of fewer than 3 * 2^l
+// pixels meets at most four at l, and three at l + 1.
+int level_of(int u0, int v0, int u1, int v1) noexcept {
+  const auto span = static_cast<std::uint32_t>(std::max(u1 - u0, v1 - v0));
+  if (span <= 2) return 0;
+  const int bits = std::bit_width(span);
+  int l = span < 3U << (bits - 2) ? bits - 2 : bits - 1;
+  if ((u1 >> l) - (u0 >> l) > 2 || (v1 >> l) - (v0 >> l) > 2) ++l;
+  return std::min(l, DepthPyramid::kLevels - 1);
+}
+
+using Short8 = std::uint16_t __attribute__((vector_size(16)));
+
+// Of up to four tiles in a row; four may be read.
+Short8 row_of(const Tile* tiles, int count) noexcept {
+  static constexpr std::uint16_t kNot = 0xffff;
+  alignas(16) static constexpr std::uint16_t kBeyond[4][8] = {
+      {0, 0, kNot, kNot, kNot, kNot, kNot, kNot},
+      {0, 0, 0, 0, kNot, kNot, kNot, kNot},
+      {0, 0, 0, 0, 0, 0, kNot, kNot},
+      {0, 0, 0, 0, 0, 0, 0, 0}};
+  Short8 v, beyond;
+  std::memcpy(&v, tiles, sizeof v);
+  std::memcpy(&beyond, kBeyond[count - 1], sizeof beyond);
+  return v | beyond;
+}
+
+Short8 least_of(Short8 a, Short8 b) noexcept { return a < b ? a : b; }
 
 }  // namespace
 
@@ -141,7 +178,7 @@ DepthPyramid::DepthPyramid(rt::NonRealtime&)
   for (int l = 1; l < kLevels; ++l) {
     const auto w = static_cast<std::size_t>(((kMaxWidth - 1) >> l) + 1);
     const auto h = static_cast<std::size_t>(((kMaxHeight - 1) >> l) + 1);
-    levels_[static_cast<std::size_t>(l)].tiles.resize(w * h);
+    levels_[static_cast<std::size_t>(l)].tiles.resize(w * h + 3);  // four are read at once
   }
 }
 
@@ -199,15 +236,15 @@ void DepthPyramid::build_tiles(int l, int v0, int v1) noexcept {
   const int fw = l == 1 ? width_ : from.width, fh = l == 1 ? height_ : from.height;
   for (int v = v0; v < v1; ++v) {
     const int va = 2 * v, vb = std::min(2 * v + 1, fh - 1);
-    Range* out = to.tiles.data() + static_cast<std::ptrdiff_t>(v) * to.width;
+    Tile* out = to.tiles.data() + static_cast<std::ptrdiff_t>(v) * to.width;
     if (l == 1) {
       const std::uint32_t* a = pixels_.data() + static_cast<std::ptrdiff_t>(va) * fw;
       const std::uint32_t* b = pixels_.data() + static_cast<std::ptrdiff_t>(vb) * fw;
       halve_pixels(a, b, fw / 2, out);
       if (fw % 2 != 0) out[to.width - 1] = merged(single(a[fw - 1]), single(b[fw - 1]));
     } else {
-      const Range* a = from.tiles.data() + static_cast<std::ptrdiff_t>(va) * fw;
-      const Range* b = from.tiles.data() + static_cast<std::ptrdiff_t>(vb) * fw;
+      const Tile* a = from.tiles.data() + static_cast<std::ptrdiff_t>(va) * fw;
+      const Tile* b = from.tiles.data() + static_cast<std::ptrdiff_t>(vb) * fw;
       for (int u = 0; u < to.width; ++u) {
         const int ua = 2 * u, ub = std::min(2 * u + 1, fw - 1);
         out[u] = merged(merged(a[ua], a[ub]), merged(b[ua], b[ub]));
@@ -218,25 +255,32 @@ void DepthPyramid::build_tiles(int l, int v0, int v1) noexcept {
 
 std::size_t DepthPyramid::memory_bytes() const noexcept {
   std::size_t n = padded_.capacity() * sizeof padded_[0] + pixels_.capacity() * sizeof pixels_[0];
-  for (const Level& l : levels_) n += l.tiles.capacity() * sizeof(Range);
+  for (const Level& l : levels_) n += l.tiles.capacity() * sizeof(Tile);
   return n;
 }
 
 DepthPyramid::Range DepthPyramid::range(int u0, int v0, int u1, int v1) const noexcept {
-  int l = 0;
-  while (l < kLevels - 1 && ((u1 >> l) - (u0 >> l) > 2 || (v1 >> l) - (v0 >> l) > 2)) ++l;
-  Range all{65535, 0};
+  const int l = level_of(u0, v0, u1, v1);
+  Tile all{65535, 65535};
   if (l == 0) {
     for (int v = v0; v <= v1; ++v)
       for (int u = u0; u <= u1; ++u)
         all = merged(all, single(pixels_[static_cast<std::size_t>(v * width_ + u)]));
-    return all;
+    return {all.least_mm, static_cast<std::uint16_t>(65535 - all.below_top_mm)};
   }
   const Level& level = levels_[static_cast<std::size_t>(l)];
-  for (int v = v0 >> l; v <= v1 >> l; ++v)
-    for (int u = u0 >> l; u <= u1 >> l; ++u)
-      all = merged(all, level.tiles[static_cast<std::size_t>(v * level.width + u)]);
-  return all;
+  const int first = u0 >> l, last = u1 >> l;
+  Short8 least = ~Short8{};
+  for (int v = v0 >> l; v <= v1 >> l; ++v) {
+    const Tile* row = level.tiles.data() + static_cast<std::ptrdiff_t>(v) * level.width;
+    for (int u = first; u <= last; u += 4)
+      least = least_of(least, row_of(row + u, std::min(last - u + 1, 4)));
+  }
+  Tile four[4];
+  static_assert(sizeof four == sizeof least);
+  std::memcpy(four, &least, sizeof four);
+  all = merged(merged(four[0], four[1]), merged(four[2], four[3]));
+  return {all.least_mm, static_cast<std::uint16_t>(65535 - all.below_top_mm)};
 }
 
 }  // namespace perception

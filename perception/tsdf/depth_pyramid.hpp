@@ -56,13 +56,16 @@ class DepthPyramid {
   struct Range {
     std::uint16_t least_mm, greatest_mm;
   };  // least 0: some pixel has no reading
+  struct Tile {
+    std::uint16_t least_mm, below_top_mm;  // greatest: 65535 - below_top_mm
+  };
   // Of the pixels u0..u1, v0..v1 (inclusive, inside the image), and perhaps of a few beside them.
   [[nodiscard]] Range range(int u0, int v0, int u1, int v1) const noexcept;
 
  private:
   struct Level {
     int width = 0, height = 0;
-    std::vector<Range> tiles;
+    std::vector<Tile> tiles;
   };
   [[nodiscard]] const std::uint16_t* padded_row(int v) const noexcept;
   // Pixels and tiles of rows v0 .. v1 - 1, v0 a multiple of the largest tile; number of pixels with weight.

@@ -240,6 +240,7 @@ void TsdfMap::update_range(const View& view, const UpdateCamera& cam, int first,
 
 void TsdfMap::prefetch_block(std::int32_t b) const noexcept {
   const std::size_t at = static_cast<std::size_t>(b) * kBlockVoxels;
+  __builtin_prefetch(free_.data() + static_cast<std::size_t>(b) * 8, 1);
   for (std::size_t n = 0; n < kBlockVoxels; n += 16) {
     __builtin_prefetch(words_.data() + at + n, 1);
     __builtin_prefetch(colours_.data() + at + n, 1);

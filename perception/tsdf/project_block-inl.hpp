@@ -72,11 +72,24 @@ HWY_INLINE bool project(const UpdateCamera& c, const float (&p0)[3], Projected& 
   const VF umax = set(static_cast<float>(c.width) - 0.5F),
            vmax = set(static_cast<float>(c.height) - 0.5F);
   const VI spare = hn::Set(di, c.width * c.height);
+  // y dy and z dz are the same in every slice.
+  HWY_ALIGN float along_y[3][64];
+  HWY_ALIGN float along_z[3][64];
+  const float* const dy = c.dy;
+  const float* const dz = c.dz;
+  for (std::size_t n = 0; n < 64; n += lanes) {
+    const VF ny = hn::Load(df, kSlice.y + n), nz = hn::Load(df, kSlice.z + n);
+    for (int a = 0; a < 3; ++a) {
+      hn::Store(mul(ny, set(dy[a])), df, along_y[a] + n);
+      hn::Store(mul(nz, set(dz[a])), df, along_z[a] + n);
+    }
+  }
   for (std::size_t n = 0; n < 512; n += lanes) {
     const auto slice = static_cast<float>(n >> 6U);
-    const VF ny = hn::LoadU(df, kSlice.y + (n & 63U)), nz = hn::LoadU(df, kSlice.z + (n & 63U));
+    const std::size_t in_slice = n & 63U;
     const auto point = [&](int a) {
-      return add(add(set(p0[a] + slice * c.dx[a]), mul(ny, set(c.dy[a]))), mul(nz, set(c.dz[a])));
+      return add(add(set(p0[a] + slice * c.dx[a]), hn::Load(df, along_y[a] + in_slice)),
+                 hn::Load(df, along_z[a] + in_slice));
     };
     const VF px = point(0), py = point(1), pz = point(2);
     const MF ahead = hn::Ge(pz, set(kLeastZ));
@@ -86,9 +99,7 @@ HWY_INLINE bool project(const UpdateCamera& c, const float (&p0)[3], Projected& 
     const MF in =
         hn::And(hn::And(ahead, hn::And(hn::Ge(u, hn::Neg(half)), hn::Ge(v, hn::Neg(half)))),
                 hn::And(hn::Lt(u, umax), hn::Lt(v, vmax)));
-    const auto nearest = [&](VF w) {
-      return hn::ConvertTo(di, add(hn::IfThenElseZero(in, w), half));
-    };
+    const auto nearest = [&](VF w) { return truncated(add(hn::IfThenElseZero(in, w), half)); };
     const VI iu = nearest(u), iv = nearest(v);
     const VI index = hn::Add(hn::Mul(iv, hn::Set(di, c.width)), iu);
     hn::Store(hn::BitCast(du, hn::IfThenElse(hn::RebindMask(di, in), index, spare)), du,

@@ -32,23 +32,32 @@ namespace HWY_NAMESPACE {
 // Blends what the pixels show into the voxels of `near`.
 HWY_INLINE void blend(const UpdateCamera& c, MF near, const std::uint32_t* pixel,
                       std::uint32_t* colours) {
-  const DI di;
   const DU du;
+  // Where each colour stands; all lanes are read, the first pixel for those that are not near. Four bytes in
+  // one load, of which the fourth is not looked at: the image's last pixel is read a byte early.
+  const VU row = hn::ShiftRight<16>(hn::Load(du, pixel)),
+           column = hn::And(hn::Load(du, pixel), hn::Set(du, 0xffffU));
+  const VU number =
+      hn::Add(hn::Mul(row, hn::Set(du, static_cast<std::uint32_t>(c.colour_stride_px))), column);
+  const VU triple = hn::Add(number, hn::Add(number, number));
+  const VU last = hn::Set(
+      du, 3U * static_cast<std::uint32_t>((c.height - 1) * c.colour_stride_px + c.width - 1));
+  const auto early = hn::Eq(triple, last);
   HWY_ALIGN std::uint32_t seen[16] = {};
-  const std::uint8_t* last = c.colour + 3 * ((c.height - 1) * c.colour_stride_px + c.width - 1);
-  for (std::uint64_t m = bits_of(near); m != 0; m &= m - 1) {
-    const auto n = static_cast<std::size_t>(__builtin_ctzll(m));
-    const auto row = static_cast<std::ptrdiff_t>(pixel[n] >> 16U);
-    const auto column = static_cast<std::ptrdiff_t>(pixel[n] & 0xffffU);
-    const std::uint8_t* p = c.colour + 3 * (row * c.colour_stride_px + column);
-    // Four bytes in one load, but for the image's last pixel; the fourth is not looked at.
-    if (p < last)
-      std::memcpy(&seen[n], p, 4);
-    else
-      seen[n] = static_cast<std::uint32_t>(p[0]) | static_cast<std::uint32_t>(p[1]) << 8U |
-                static_cast<std::uint32_t>(p[2]) << 16U;
+  hn::Store(hn::IfThenElseZero(hn::RebindMask(du, near),
+                               hn::Sub(triple, hn::IfThenElseZero(early, hn::Set(du, 1U)))),
+            du, seen);
+  __asm__ volatile("" ::: "memory");
+  for (std::size_t n = 0; n < hn::Lanes(du); n += 2) {
+    std::uint32_t one = 0, two = 0;
+    std::memcpy(&one, c.colour + seen[n], 4);
+    std::memcpy(&two, c.colour + seen[n + 1], 4);
+    std::uint64_t both = one | static_cast<std::uint64_t>(two) << 32U;
+    __asm__ volatile("" : "+r"(both));
+    std::memcpy(seen + n, &both, sizeof both);
   }
-  const VU now = hn::Load(du, seen), old = hn::LoadU(du, colours);
+  const VU four = hn::Load(du, seen), old = hn::LoadU(du, colours);
+  const VU now = hn::IfThenElse(early, hn::ShiftRight<8>(four), four);
   const VU n = hn::ShiftRight<24>(old), sum = hn::Add(n, hn::Set(du, 1U));
   const VF fn = to_float(n), half = to_float(hn::ShiftRight<1>(sum));
   const VF inv = hn::Div(set(1.0F), to_float(sum));
@@ -56,7 +65,7 @@ HWY_INLINE void blend(const UpdateCamera& c, MF near, const std::uint32_t* pixel
   // Below 2^12 over at most 16: the thousandth makes up for the rounding of the reciprocal.
   const auto mean = [&](VU was, VU is) {
     const VF x = add(add(mul(to_float(hn::And(was, byte)), fn), to_float(hn::And(is, byte))), half);
-    return hn::BitCast(du, hn::ConvertTo(di, add(mul(x, inv), set(1e-3F))));
+    return hn::BitCast(du, truncated(add(mul(x, inv), set(1e-3F))));
   };
   const VU r = mean(old, now), g = mean(hn::ShiftRight<8>(old), hn::ShiftRight<8>(now)),
            b = mean(hn::ShiftRight<16>(old), hn::ShiftRight<16>(now));
@@ -112,8 +121,7 @@ HWY_INLINE Group update_group(const UpdateCamera& c, const Projected& seen_at, s
   const VF mean = hn::Div(add(mul(d, to_float(w)), mul(value, to_float(w_new))),
                           to_float(hn::Max(w_sum, hn::Set(du, 1U))));
   const VF away = hn::IfThenElse(hn::Ge(mean, zero), half, hn::Neg(half));
-  const VU rounded =
-      hn::And(hn::BitCast(du, hn::ConvertTo(di, add(mean, away))), hn::Set(du, 0xffffU));
+  const VU rounded = hn::And(hn::BitCast(du, truncated(add(mean, away))), hn::Set(du, 0xffffU));
   const VU w_kept = hn::Min(w_sum, hn::Set(du, static_cast<std::uint32_t>(c.weight_cap)));
   const VU updated = hn::Or(rounded, hn::ShiftLeft<16>(w_kept));
   const MF learns = hn::Or(band, carve);
@@ -231,7 +239,9 @@ BlockCounts update_block_scalar(const UpdateCamera& c, const float (&p0)[3], std
 
 BlockCounts update_block(const UpdateCamera& c, const float (&p0)[3], std::uint32_t* words,
                          std::uint64_t* free, std::uint32_t* colours) noexcept {
-  if (simd::chosen() == simd::Isa::kScalar) return update_block_scalar(c, p0, words, free, colours);
+  // The vectors read a colour in four bytes: an image of one pixel has three.
+  if (simd::chosen() == simd::Isa::kScalar || c.width * c.height == 1)
+    return update_block_scalar(c, p0, words, free, colours);
   return HWY_DYNAMIC_DISPATCH(update_block_words)(c, p0, words, free, colours);
 }
 
