@@ -61,6 +61,7 @@ void TsdfMap::set_free(Chunk& c, const std::array<int, 3>& local, int edge) noex
 void TsdfMap::carve_cube(const View& view, Chunk*& c, const std::array<int, 3>& node0, int edge,
                          IntegrateStats& stats) noexcept {
   const std::array<int, 3> local{node0[0] & 63, node0[1] & 63, node0[2] & 63};
+  if (bounded_ && edge >= 8 && !meets_volume(node0, edge)) return;
   if (c != nullptr && is_settled(*c, local, edge)) return;
   ++stats.free_tests;
   const double mid = 0.5 * (edge - 1);
@@ -73,7 +74,8 @@ void TsdfMap::carve_cube(const View& view, Chunk*& c, const std::array<int, 3>& 
   const auto range = pyramid_.range(box.u0, box.v0, box.u1, box.v1);
   if (static_cast<float>(range.greatest_mm) * 1e-3F <= box.z_near + margin) return;  // none is free
   if (box.inside && box.z_far <= far &&
-      static_cast<float>(range.least_mm) * 1e-3F > box.z_far + margin) {
+      static_cast<float>(range.least_mm) * 1e-3F > box.z_far + margin &&
+      (!bounded_ || edge <= 8 || in_volume(node0, edge))) {
     if (c == nullptr) c = chunk_for(node0[0] >> 6, node0[1] >> 6, node0[2] >> 6, stats);
     if (c == nullptr)
       ++stats.chunks_refused;

@@ -50,6 +50,7 @@ IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
     stats.refused = true;
     return stats;
   }
+  if (config_.volume_m > 0 && !bounded_) place_volume(X_WC);
   frame_ += frame_ == 0 ? 2 : 1;  // a chunk's 0 is never the last frame
   const DepthRule rule{static_cast<float>(config_.min_depth_m),
                        static_cast<float>(config_.max_depth_m),
@@ -79,6 +80,29 @@ IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
   if (profiling_)
     times_ = {ready - begin, allocated - ready, updated - allocated, cpu_ns(*crew_) - updated};
   return stats;
+}
+
+void TsdfMap::place_volume(const Pose& X_WC) noexcept {
+  const int blocks = std::max(1, static_cast<int>(std::lround(config_.volume_m / (8 * voxel_))));
+  const Vec3 centre_W = X_WC * Vec3(0, 0, 0.5 * config_.volume_m);
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double middle = centre_W(static_cast<Eigen::Index>(a)) / (8 * voxel_);
+    volume_first_[a] = 8 * ifloor(middle - 0.5 * blocks + 0.5);
+    volume_end_[a] = volume_first_[a] + 8 * blocks;
+  }
+  bounded_ = true;
+}
+
+bool TsdfMap::meets_volume(const std::array<int, 3>& node0, int edge) const noexcept {
+  for (std::size_t a = 0; a < 3; ++a)
+    if (node0[a] + edge <= volume_first_[a] || node0[a] >= volume_end_[a]) return false;
+  return true;
+}
+
+bool TsdfMap::in_volume(const std::array<int, 3>& node0, int edge) const noexcept {
+  for (std::size_t a = 0; a < 3; ++a)
+    if (node0[a] < volume_first_[a] || node0[a] + edge > volume_end_[a]) return false;
+  return true;
 }
 
 // What the rows of a band lack, up to where its room ends.

@@ -40,6 +40,8 @@ const TsdfConfig& checked(const TsdfConfig& c) {
   require(c.far_m >= 1 && c.far_m <= 1000, "far_m", c.far_m, "1 to 1000");
   require(c.far_store_kib >= 0 && c.far_store_kib <= 1 << 21, "far_store_kib", c.far_store_kib,
           "0 to 2097152");
+  require(c.volume_m == 0 || (c.volume_m >= 0.1 && c.volume_m <= 1000), "volume_m", c.volume_m,
+          "0 (unbounded), or 0.1 to 1000");
   require(c.decay_half_life_s >= 0 && c.decay_half_life_s <= 1e6, "decay_half_life_s",
           c.decay_half_life_s, "0 to 1000000");
   if (c.weighting != "uniform" && c.weighting != "range")
@@ -93,6 +95,9 @@ void TsdfConfig::describe(config::Section& s) {
            "max_depth_m + 1");
   s.integer("far_store_kib", far_store_kib, 0, 1 << 21,
             "where they are put, about 0.8 KiB a block; 0: nothing is put away");
+  s.number("volume_m", volume_m, 0, 1000,
+           "edge of a cube in front of the first camera, outside of which nothing is kept; 0: "
+           "unbounded");
   s.number("decay_half_life_s", decay_half_life_s, 0, 1e6,
            "weight of what is not seen again halves in this time; 0: never");
 }
@@ -160,6 +165,7 @@ void TsdfMap::clear() noexcept {
   std::fill_n(label_of_block_.begin(), used_blocks_, kNoBlock);
   std::fill_n(block_of_label_.begin(), label_used_, kNoBlock);
   chunk_count_ = recycled_chunk_count_ = used_blocks_ = recycled_count_ = live_blocks_ = 0;
+  bounded_ = false;
   label_used_ = label_recycled_count_ = label_blocks_ = label_images_ = in_view_count_ = 0;
   ++map_id_;
 }
@@ -236,6 +242,7 @@ std::int32_t TsdfMap::new_block(Chunk& c, BlockCoord at) noexcept {
 
 TsdfMap::Chunk* TsdfMap::touch_block(int bx, int by, int bz, Chunk* near,
                                      IntegrateStats& stats) noexcept {
+  if (bounded_ && !in_volume({bx * 8, by * 8, bz * 8}, 8)) return near;
   Chunk* c = near;
   if (c == nullptr || c->coord.x != bx >> 3 || c->coord.y != by >> 3 || c->coord.z != bz >> 3) {
     const auto far = [](int b) { return b >= kMaxBlockCoord || b < -kMaxBlockCoord; };

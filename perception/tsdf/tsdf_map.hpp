@@ -21,6 +21,8 @@
 // Far       chunks farther than far_m from the camera can be put away, compressed without loss
 //           (block_codec.hpp), and come back on approach: page(). Readers see only what is in the pool;
 //           integrate() first brings back what its camera sees.
+// Volume    with volume_m, nothing is kept outside of a cube of whole blocks, parallel to the grid, whose
+//           centre lies half an edge in front of the first camera that was fused.
 // Decay     with decay_half_life_s, what is not seen again loses weight and is unknown in the end.
 // Order     every result is a function of the sequence of calls: same input, same bytes.
 #pragma once
@@ -71,6 +73,7 @@ struct TsdfConfig {
   int max_label_blocks = 2048;   // 1 KiB each; an object of 30 cm takes about 150
   double far_m = 6.0;            // put away beyond; raised to max_depth_m + 1 m
   int far_store_kib = 16384;     // of what is put away, about 0.8 KiB a block; 0: nothing is
+  double volume_m = 0;           // edge of a cube in front of the first camera, or 0: unbounded
   double decay_half_life_s = 0;  // of the weight of what is not seen again; 0: never
 
   void describe(config::Section& s);
@@ -366,6 +369,10 @@ class TsdfMap {
                     IntegrateStats&) noexcept;
   void update_one(const View&, const UpdateCamera&, std::int32_t block, IntegrateStats&) noexcept;
   void carve(const View&, IntegrateStats&) noexcept;
+  void place_volume(const Pose& X_WC) noexcept;
+  // Of an aligned cube of nodes, its first node and edge: whether any, or all, of it may be kept.
+  [[nodiscard]] bool meets_volume(const std::array<int, 3>& node0, int edge) const noexcept;
+  [[nodiscard]] bool in_volume(const std::array<int, 3>& node0, int edge) const noexcept;
   void carve_cube(const View&, Chunk*& c, const std::array<int, 3>& node0, int edge,
                   IntegrateStats&) noexcept;
   [[nodiscard]] UpdateCamera update_camera(const Intrinsics& k, const Pose& X_CW) const noexcept;
@@ -397,6 +404,8 @@ class TsdfMap {
   std::unique_ptr<BlockImage> unpacked_;  // room for one
   int decay_at_ = 0;                      // next of kDecayRound parts
 
+  bool bounded_ = false;
+  std::array<int, 3> volume_first_{}, volume_end_{};  // nodes, multiples of 8
   std::vector<std::uint32_t> words_, colours_;
   std::vector<std::uint64_t> free_;
   std::vector<BlockCoord> coords_;
