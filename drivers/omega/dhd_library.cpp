@@ -157,7 +157,7 @@ void* DhdLibrary::symbol(const char* name) const noexcept { return ::dlsym(handl
 
 rt::Result<std::unique_ptr<DhdLibrary>> DhdLibrary::load(rt::NonRealtime&,
                                                          const DhdSearch& search) {
-  std::string tried, unfit;
+  std::string tried, unfit, wrong;
   for (const Candidates& c : search_order(search)) {
     if (!c.tried.empty()) tried += (tried.empty() ? "" : ", ") + c.tried;
     for (const std::string& name : c.names) {
@@ -177,11 +177,16 @@ rt::Result<std::unique_ptr<DhdLibrary>> DhdLibrary::load(rt::NonRealtime&,
       library->api_.get_sdk_version(&v.major, &v.minor, &v.release, &v.revision);
       library->path_ = loaded_from(name, reinterpret_cast<void*>(library->api_.get_sdk_version));
       if (v.major != 3 || v.minor < 14) {
-        return rt::Error{"wrong SDK version: " + library->path_ + " is " + v.text() +
-                         ", needed is 3.14 or a later 3.x"};
+        // An old one in the way of the right one is passed over, and told of when there is no right one.
+        const std::string is = library->path_ + " is " + v.text();
+        if (wrong.find(is) == std::string::npos) wrong += (wrong.empty() ? "" : ", ") + is;
+        continue;
       }
       return library;
     }
+  }
+  if (!wrong.empty()) {
+    return rt::Error{"wrong SDK version: " + wrong + ", needed is 3.14 or a later 3.x"};
   }
   return rt::Error{"SDK not found: tried " + tried + unfit};
 }

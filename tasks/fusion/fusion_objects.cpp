@@ -1,6 +1,9 @@
 // Objects in the fusion task: a mark on a surface names one, each claimed frame follows one, the list is
 // published. Nothing of this exists unless [fusion.objects] enabled says so.
 #include <algorithm>
+#include <array>
+#include <stdexcept>
+#include <string>
 
 #include "tasks/fusion/fusion_task.hpp"
 
@@ -15,28 +18,52 @@ constexpr int kMarkWaits = 15;
 
 }  // namespace
 
+void ObjectMaterial::describe(config::Section& s, const char* of) {
+  const std::string whose(of);
+  s.number("stiffness_scale", stiffness_scale, 0.01, 1, whose + ", times the device's stiffness")
+      .number("friction_static", friction_static, 0, 2, whose)
+      .number("friction_dynamic", friction_dynamic, 0, 2, whose)
+      .number("texture_amplitude_m", texture_amplitude_m, 0, 0.005, whose)
+      .number("texture_period_m", texture_period_m, 0, 0.1, whose);
+}
+
 void FusionConfig::describe_objects(config::Section& s) {
   objects.describe(s);
-  s.number("stiffness_scale", object_material.stiffness_scale, 0.01, 1,
-           "of objects, times the device's stiffness")
-      .number("friction_static", object_material.friction_static, 0, 2, "of objects")
-      .number("friction_dynamic", object_material.friction_dynamic, 0, 2, "of objects")
-      .number("texture_amplitude_m", object_material.texture_amplitude_m, 0, 0.005, "of objects")
-      .number("texture_period_m", object_material.texture_period_m, 0, 0.1, "of objects");
+  object_material.describe(s, "of objects");
+  s.list(
+      "material",
+      [this](config::Section& item) {
+        MaterialOfObject& m = object_materials.emplace_back();
+        item.integer("id", m.id, 1, perception::ObjectMap::kMost,
+                     "which object: they are numbered as they are marked");
+        m.material.describe(item, "of this object");
+      },
+      "surface of one object instead of that of all");
 }
 
 void FusionTask::set_up_objects(rt::NonRealtime& nrt) {
   if (!config_.objects.enabled) return;
   objects_ = std::make_unique<perception::ObjectMap>(nrt, setup_.camera.width, setup_.camera.height,
                                                      config_.objects);
-  const ObjectMaterial& m = config_.object_material;
-  const perception::Material material{
-      static_cast<float>(m.stiffness_scale), static_cast<float>(m.friction_static),
-      static_cast<float>(m.friction_dynamic), static_cast<float>(m.texture_amplitude_m),
-      static_cast<float>(m.texture_period_m)};
+  const auto of = [](const ObjectMaterial& m) {
+    return perception::Material{
+        static_cast<float>(m.stiffness_scale), static_cast<float>(m.friction_static),
+        static_cast<float>(m.friction_dynamic), static_cast<float>(m.texture_amplitude_m),
+        static_cast<float>(m.texture_period_m)};
+  };
   for (std::size_t id = 1; id <= perception::ObjectMap::kMost; ++id) {
-    setup_.palette[id] = material;
+    setup_.palette[id] = of(config_.object_material);
     slot_of_label_[id] = static_cast<std::uint8_t>(id);
+  }
+  std::array<bool, perception::ObjectMap::kMost + 1> named{};
+  for (const MaterialOfObject& m : config_.object_materials) {
+    const auto id = static_cast<std::size_t>(m.id);
+    if (named[id]) {
+      throw std::invalid_argument("fusion.objects.material: id = " + std::to_string(m.id) +
+                                  " twice; each of 1 to 15 at most once");
+    }
+    named[id] = true;
+    setup_.palette[id] = of(m.material);
   }
 }
 

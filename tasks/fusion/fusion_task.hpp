@@ -25,6 +25,7 @@
 
 #include <array>
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <span>
@@ -65,6 +66,12 @@ struct FusionLevel {
 struct ObjectMaterial {
   double stiffness_scale = 1, friction_static = 0, friction_dynamic = 0;
   double texture_amplitude_m = 0, texture_period_m = 0;
+  void describe(config::Section& s, const char* of);
+};
+// Of one object: [[fusion.objects.material]].
+struct MaterialOfObject {
+  int id = 1;  // the objects are numbered as they are marked
+  ObjectMaterial material;
 };
 
 struct FusionConfig {
@@ -74,7 +81,8 @@ struct FusionConfig {
   perception::RelocaliserConfig relocaliser;
   perception::GroundConfig ground;
   perception::ObjectsConfig objects;
-  ObjectMaterial object_material;
+  ObjectMaterial object_material;                 // of every object
+  std::deque<MaterialOfObject> object_materials;  // of single ones, instead
   int patch_nodes = 64;
   double window_lead_periods = 2;  // patch centre = hand + velocity x this many periods
   bool patch_checksums = true;     // fill SurfacePatch::checksum

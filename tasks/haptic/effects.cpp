@@ -7,7 +7,6 @@
 
 namespace tasks {
 
-using perception::Material;
 using perception::SurfacePatch;
 using perception::Vec3;
 
@@ -71,14 +70,36 @@ Vec3 followed(const Field& field, const Vec3& p, const Vec3& h, const Vec3& n,
   return ((c * v1 - b * v2) / det) * t1 + ((a * v2 - b * v1) / det) * t2;
 }
 
+constexpr double kShortestPeriod_m = 0.0004;  // two samples a tick at 200 mm/s
+constexpr double kHighestBump_m = 0.005;
+
+double wave_of(const Bumps& b) noexcept { return 2 * std::numbers::pi / b.period_m; }
+
+struct Relief {
+  double height = 0;
+  Vec3 slope = Vec3::Zero();
+};
+Relief relief_at(const Surface& surface, const Vec3& foot) noexcept {
+  Relief out;
+  for (std::size_t i = 0; i < surface.patterns; ++i) {
+    const Bumps& b = surface.bumps[i];
+    const double wave = wave_of(b);
+    for (int a = 0; a < 3; ++a) {
+      out.height += b.amplitude_m * std::sin(wave * foot[a]);
+      out.slope[a] += b.amplitude_m * wave * std::cos(wave * foot[a]);
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
-Vec3 with_friction(const Field& field, const Vec3& h, ProxyState& state, double mu_static,
-                   double mu_dynamic, double radius) noexcept {
+Vec3 with_friction(const Field& field, const Vec3& h, ProxyState& state, const FrictionCone& cone,
+                   double radius) noexcept {
   Vec3 p_c = state.rendered_WP();
   const Vec3 out = p_c - h;
   const double d = out.norm();
-  if (state.phase != ProxyState::Phase::kContact || d < 1e-6 || mu_static <= 0) {
+  if (state.phase != ProxyState::Phase::kContact || d < 1e-6 || cone.mu_static <= 0) {
     state.anchored = state.slipping = false;
     return p_c;
   }
@@ -89,26 +110,67 @@ Vec3 with_friction(const Field& field, const Vec3& h, ProxyState& state, double 
   }
   const Vec3 n = out / d, away = state.anchor_W() - p_c;
   Vec3 t = away - away.dot(n) * n;
-  const double length = t.norm(), slip = std::min(mu_dynamic, mu_static) * d;
-  if (length > (state.slipping ? slip : mu_static * d)) {
-    state.still = state.slipping && length < slip + 1e-6 ? state.still + 1 : 0;
-    state.slipping = state.still < kStillTicks;
-    t *= slip / length;
+  const double length = t.norm(), rest = cone.mu_static * d,
+               slip = std::min(cone.mu_dynamic, cone.mu_static) * d;
+  if (length > (state.slipping ? slip : rest)) {
+    // A cone that has closed over a proxy at rest takes it along at its rim: that is no slip.
+    const bool closed = !state.slipping && length <= cone.mu_static_before * d;
+    if (!closed) {
+      state.still = state.slipping && length < slip + 1e-6 ? state.still + 1 : 0;
+      state.slipping = state.still < kStillTicks;
+    }
+    t *= (closed ? rest : slip) / length;
     state.set_anchor(p_c + t);
   } else if (state.slipping) {
-    // At the rim the hand rests, inside it the motion has turned.
-    const bool turned = length < slip - 1e-6;
-    state.still = turned ? kStillTicks : state.still + 1;
+    // At the rim the hand rests, inside it the motion has turned. From the rim of a cone that opens the proxy comes to
+    // be inside too, and goes on.
+    const double rim = cone.moves ? std::min(slip, state.rubbed) : slip;
+    const bool turned = length < rim - 1e-6;
+    const bool onwards = cone.moves && length > state.rubbed + 1e-9;
+    state.still = turned ? kStillTicks : onwards ? 0 : state.still + 1;
     if (state.still >= kStillTicks) {
       state.slipping = false;
       state.still = 0;
     }
   }
+  state.rubbed = t.norm();
   return t.squaredNorm() > 0 ? swept(field, p_c, t, n, radius) : p_c;
 }
 
-Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state, double amplitude_m,
-                    double period_m, double tip_radius_m) noexcept {
+void Surface::add(double amplitude_m, double period_m) noexcept {
+  if (!(amplitude_m > 0)) return;
+  const double period = std::max(period_m, kShortestPeriod_m);
+  for (std::size_t i = 0; i < patterns; ++i) {
+    if (bumps[i].period_m == period) {
+      bumps[i].amplitude_m += amplitude_m;
+      return;
+    }
+  }
+  if (patterns < kMostPatterns) bumps[patterns++] = {amplitude_m, period};
+}
+
+double Surface::height_m() const noexcept {
+  double sum = 0;
+  for (std::size_t i = 0; i < patterns; ++i) sum += bumps[i].amplitude_m;
+  return sum;
+}
+
+double Surface::curvature_per_m() const noexcept {
+  double sum = 0;
+  for (std::size_t i = 0; i < patterns; ++i) {
+    sum += bumps[i].amplitude_m * wave_of(bumps[i]) * wave_of(bumps[i]);
+  }
+  return sum;
+}
+
+double Surface::steepness() const noexcept {
+  double sum = 0;
+  for (std::size_t i = 0; i < patterns; ++i) sum += bumps[i].amplitude_m * wave_of(bumps[i]);
+  return std::sqrt(3.0) * sum;
+}
+
+Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state,
+                    const Surface& surface, double reach_m, double tip_radius_m) noexcept {
   using Phase = ProxyState::Phase;
   Bumped out;
   Vec3 foot = state.rendered_WP(), n = state.normal_W();
@@ -122,24 +184,19 @@ Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state, 
     if (!s.known || rise < 0.3) return out;
     n = s.gradient / rise;
     d = tip_radius_m * std::max(1.0, 1 / rise) - s.value / rise;
-    if (d < -3 * amplitude_m) return out;  // above the highest bump
+    if (d < -3 * surface.height_m()) return out;  // above the highest bump
     foot = h + d * n;
   }
-  const double wave = 2 * std::numbers::pi / period_m;
-  double height = 0;
-  Vec3 slope;
-  for (int a = 0; a < 3; ++a) {
-    height += amplitude_m * std::sin(wave * foot[a]);
-    slope[a] = amplitude_m * wave * std::cos(wave * foot[a]);
-  }
-  out.stretch_m = d + height;
+  const Relief relief = relief_at(surface, foot);
+  out.stretch_m = d + relief.height;
   if (out.stretch_m <= 0) {  // over a trough
     out.stretch_m = 0;
     return out;
   }
   out.contact = true;
-  out.lift_W = foot + height * n - state.rendered_WP();
+  out.lift_W = foot + relief.height * n - state.rendered_WP();
   // The ways on which the foot follows the hand.
+  const Vec3& slope = relief.slope;
   Vec3 along = slope - slope.dot(n) * n;
   if (state.phase == Phase::kContact && state.contacts == 1) {
     along = followed(field, foot, h, n, slope);
@@ -150,18 +207,25 @@ Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state, 
     const bool one_way = state.contacts == 2 && state.frame_size >= 2 && size2 > 1e-12;
     along = one_way ? Vec3((slope.dot(edge) / size2) * edge) : Vec3::Zero();
   }
-  // 1 / (A wave^2) is the bumps' own radius of curvature.
-  out.elastic_W =
-      out.stretch_m * n - std::min(out.stretch_m, 1 / (amplitude_m * wave * wave)) * along;
+  out.elastic_W = out.stretch_m * n - std::min(out.stretch_m, reach_m) * along;
   return out;
 }
 
-bool material_at(const SurfacePatch& patch, const Vec3& p_W, Material& out) noexcept {
+Vec3 with_bump_normal(const Vec3& h, const ProxyState& state, const Surface& surface) noexcept {
+  const Vec3 foot = state.rendered_WP(), out = foot - h;
+  const double d = out.norm();
+  if (d < 1e-9) return out;
+  const Vec3 slope = relief_at(surface, foot).slope, n = out / d;
+  return d * (n - (slope - slope.dot(n) * n)).normalized();
+}
+
+bool material_at(const SurfacePatch& patch, const Vec3& p_W, Surface& out) noexcept {
   const Vec3 q = p_W / patch.voxel_size;
   if (!(q.cwiseAbs().maxCoeff() < 1e9)) return false;
   const Eigen::Array3i cell = q.array().floor().cast<int>();
   const Vec3 u = q - cell.cast<double>().matrix();
-  double sum = 0, stiffness = 0, mu_s = 0, mu_d = 0, amplitude = 0, period = 0;
+  std::array<double, SurfacePatch::kMaxMaterials> share{};
+  double sum = 0;
   for (int c = 0; c < 8; ++c) {
     const Eigen::Array3i bit(c >> 2, (c >> 1) & 1, c & 1);
     const Eigen::Array3i i =
@@ -172,35 +236,77 @@ bool material_at(const SurfacePatch& patch, const Vec3& p_W, Material& out) noex
     if (slot == 0 || slot > SurfacePatch::kMaxMaterials) continue;
     double w = 1;
     for (int a = 0; a < 3; ++a) w *= bit[a] != 0 ? u[a] : 1 - u[a];
-    const Material& m = patch.palette[slot - 1U];
+    share[slot - 1U] += w;
     sum += w;
-    stiffness += w * static_cast<double>(m.stiffness_scale);
-    mu_s += w * static_cast<double>(m.friction_static);
-    mu_d += w * static_cast<double>(m.friction_dynamic);
-    amplitude += w * static_cast<double>(m.texture_amplitude_m);
-    period += w * static_cast<double>(m.texture_period_m);
   }
   if (sum < 1e-9) return false;
-  out.stiffness_scale = static_cast<float>(std::clamp(stiffness / sum, 0.0, 1.0));
-  out.friction_static = static_cast<float>(std::clamp(mu_s / sum, 0.0, 2.0));
-  out.friction_dynamic = static_cast<float>(std::clamp(mu_d / sum, 0.0, 2.0));
-  out.texture_amplitude_m = static_cast<float>(amplitude / sum);
-  out.texture_period_m = static_cast<float>(period / sum);
+  out = Surface{};
+  out.stiffness_scale = 0;
+  for (std::size_t slot = 0; slot < share.size(); ++slot) {
+    if (share[slot] <= 0) continue;
+    const perception::Material& m = patch.palette[slot];
+    const double w = share[slot] / sum;
+    out.stiffness_scale += w * static_cast<double>(m.stiffness_scale);
+    out.friction_static += w * static_cast<double>(m.friction_static);
+    out.friction_dynamic += w * static_cast<double>(m.friction_dynamic);
+    out.add(w * std::min(static_cast<double>(m.texture_amplitude_m), kHighestBump_m),
+            static_cast<double>(m.texture_period_m));
+  }
+  out.stiffness_scale = std::clamp(out.stiffness_scale, 0.0, 1.0);
+  out.friction_static = std::clamp(out.friction_static, 0.0, 2.0);
+  out.friction_dynamic = std::clamp(out.friction_dynamic, 0.0, 2.0);
   return true;
 }
 
-void follow(Material& now, const Material& goal, double stiffness, double stretch,
+void follow(Surface& now, const Surface& goal, double stiffness, double stretch, double reach,
             double force_step) noexcept {
-  const double force = std::max(stiffness * stretch, 1e-3);  // of the whole spring
-  const auto towards = [](float& value, float to, double most) {
-    const auto step = static_cast<float>(most);
-    value += std::clamp(to - value, -step, step);
-  };
-  towards(now.stiffness_scale, goal.stiffness_scale, force_step / force);
-  towards(now.friction_static, goal.friction_static, force_step / force);
-  towards(now.friction_dynamic, goal.friction_dynamic, force_step / force);
-  towards(now.texture_amplitude_m, goal.texture_amplitude_m, force_step / stiffness);
-  now.texture_period_m = goal.texture_period_m;
+  // What each pattern goes to, those of the goal that are new from nothing.
+  for (std::size_t i = 0; i < goal.patterns; ++i) {
+    const Bumps& b = goal.bumps[i];
+    bool known = false;
+    for (std::size_t k = 0; k < now.patterns; ++k)
+      known = known || now.bumps[k].period_m == b.period_m;
+    if (!known && now.patterns < Surface::kMostPatterns)
+      now.bumps[now.patterns++] = {0, b.period_m};
+  }
+  std::array<double, Surface::kMostPatterns> change{};
+  // The largest force that all changes together can make: of the whole spring for stiffness, of its part along the
+  // surface for friction, of height and slope for bumps. Beyond the reach the slope counts as its share of C.
+  const double depth = std::min(stretch, reach), axes = std::sqrt(3.0);
+  const double slope = now.steepness(), curvature = now.curvature_per_m();
+  double moved = 0, steeper = 0, more = 0;
+  for (std::size_t k = 0; k < now.patterns; ++k) {
+    const Bumps& b = now.bumps[k];
+    double to = 0;
+    for (std::size_t i = 0; i < goal.patterns; ++i) {
+      if (goal.bumps[i].period_m == b.period_m) to = goal.bumps[i].amplitude_m;
+    }
+    change[k] = to - b.amplitude_m;
+    const double wave = wave_of(b), by = std::abs(change[k]);
+    moved += 3 * by;
+    steeper += axes * wave * by;
+    more += wave * wave * by;
+  }
+  double turned = depth * steeper;
+  if (stretch > reach && curvature > 0) turned += depth * slope * more / curvature;
+  const double scale = std::abs(goal.stiffness_scale - now.stiffness_scale);
+  const double rubbed = std::max(std::abs(goal.friction_static - now.friction_static),
+                                 std::abs(goal.friction_dynamic - now.friction_dynamic));
+  const double whole = stretch * (1 + std::max(now.friction_static, now.friction_dynamic)) +
+                       3 * now.height_m() + depth * slope;
+  const double most = stiffness * (scale * whole + stretch * rubbed + moved + turned);
+  const double share = most > force_step ? force_step / most : 1;
+  now.stiffness_scale += share * (goal.stiffness_scale - now.stiffness_scale);
+  now.friction_static += share * (goal.friction_static - now.friction_static);
+  now.friction_dynamic += share * (goal.friction_dynamic - now.friction_dynamic);
+  std::size_t kept = 0;
+  for (std::size_t k = 0; k < now.patterns; ++k) {
+    Bumps b = now.bumps[k];
+    b.amplitude_m = std::max(0.0, b.amplitude_m + share * change[k]);
+    const bool gone = change[k] <= 0 && b.amplitude_m < 1e-12;
+    if (!gone) now.bumps[kept++] = b;
+  }
+  now.patterns = kept;
 }
 
 }  // namespace tasks

@@ -76,10 +76,29 @@ Reduce choose() noexcept {
 }
 const Reduce kReduce = choose();
 
-void stand_on(const SurfacePoints& s, const Vec3& goal, ProxyState& state) noexcept {
+// False: no ray met anything.
+bool stand_on(const SurfacePoints& s, const Vec3& goal, ProxyState& state) noexcept {
   const std::size_t i = nearest_index(s, goal);
+  if (s.x[i] >= SurfacePoints::kFar) return false;
   state.set_p(s.point(i));
   state.set_normal(s.normal(i));
+  return true;
+}
+
+// The tick after a first contact; false: the contact ends.
+bool go_on(const SurfacePoints& s, const Vec3& h, ProxyState& state, double mu) noexcept {
+  const Vec3 p = state.p_WP(), n = state.normal_W();
+  const double depth = (h - p).dot(n);
+  const Vec3 foot = h - depth * n;
+  Vec3 goal = foot;
+  if (mu > 0) {
+    const double radius = mu * std::abs(depth);
+    const Vec3 out = p - foot;  // p' lies on the tangent plane, as foot does
+    const double away = out.norm();
+    if (away <= radius) return depth < 0;  // p' stays
+    goal = foot + (radius / away) * out;
+  }
+  return stand_on(s, goal, state) && (h - state.p_WP()).dot(state.normal_W()) < 0;
 }
 
 }  // namespace
@@ -121,46 +140,27 @@ std::size_t nearest_index_scalar(const SurfacePoints& s, const Vec3& g) noexcept
 void step_force_shading(const Field& field, const Vec3& h, ProxyState& state,
                         const ProxyConfig& cfg) noexcept {
   using Phase = ProxyState::Phase;
+  const FieldSample at_hand = field.sample(h);
+  const bool was_outside = state.outside, was_contact = state.phase == Phase::kContact;
+  state.outside = at_hand.known && at_hand.value > 0;
   state.held = state.started_inside = false;
   state.contacts = 0;
   const bool surface = cfg.surface != nullptr && cfg.surface->count > 0;
-  if (state.phase == Phase::kContact && surface) {
-    const Vec3 p = state.p_WP(), n = state.normal_W();
-    const double depth = (h - p).dot(n);
-    const Vec3 foot = h - depth * n;
-    Vec3 goal = foot;
-    bool stays = false;
-    if (cfg.paper_friction > 0) {
-      const double radius = cfg.paper_friction * std::abs(depth);
-      const Vec3 out = p - foot;  // p' lies on the tangent plane, as foot does
-      const double away = out.norm();
-      stays = away <= radius;
-      if (!stays) goal = foot + (radius / away) * out;
-    }
-    if (!stays) stand_on(*cfg.surface, goal, state);
-    if ((h - state.p_WP()).dot(state.normal_W()) < 0) {
+  if (surface && was_contact) {
+    if (go_on(*cfg.surface, h, state, cfg.paper_friction)) {
       state.contacts = 1;
       return;
     }
-    state.phase = Phase::kFree;
-  }
-  const FieldSample s = field.sample(h);
-  const bool was_free = state.phase == Phase::kFree;
-  state.set_p(h);
-  state.set_normal(Vec3::Zero());
-  if (!s.known) {
-    state.phase = Phase::kUnknown;
-  } else if (s.value > 0) {
-    state.phase = Phase::kFree;
-  } else if (was_free && surface) {
-    stand_on(*cfg.surface, h, state);
-    if ((h - state.p_WP()).norm() > 0.5) {  // no ray met anything near
-      state.set_p(h);
-      return;
-    }
+    // It has ended; another one begins only when the hand comes from outside.
+  } else if (surface && was_outside && at_hand.known && at_hand.value <= 0 &&
+             stand_on(*cfg.surface, h, state)) {
     state.phase = Phase::kContact;
     state.contacts = 1;
+    return;
   }
+  state.phase = state.outside ? Phase::kFree : Phase::kUnknown;
+  state.set_p(h);
+  state.set_normal(Vec3::Zero());
 }
 
 }  // namespace tasks

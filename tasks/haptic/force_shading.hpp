@@ -2,9 +2,10 @@
 // point of one ray cast of the map that is nearest to a goal, found by a reduction over all points.
 //
 //   S              points and normals of a full ray cast from the last fused camera pose
-//   first contact  phi(h) goes from > 0 to <= 0: p = argmin over S of |s - h|
+//   first contact  phi(h) goes from > 0 in the tick before to <= 0: p = argmin over S of |s - h|
 //   later          g = h - ((h - p').n') n', with p', n' of the tick before; p = argmin |s - g|,
-//                  the lowest index on ties; n = normal at p; ends when (h - p).n >= 0
+//                  the lowest index on ties; n = normal at p; ends when (h - p).n >= 0, and F = 0
+//                  until the hand has been outside again
 //   friction       circle on the tangent plane about the foot of h, radius mu dist(h, plane): p'
 //                  inside stays; outside the goal is the point of the circle nearest to p'
 //   force          K (p - h)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <sstream>
 #include <stdexcept>
@@ -68,6 +69,9 @@ void HapticConfig::describe(config::Section& s) {
   s.number("friction_dynamic", friction_dynamic, 0, 2, "mu of slip, at most friction_static");
   s.number("texture_amplitude_m", texture_amplitude_m, 0, 0.002, "height of the bumps; 0: smooth");
   s.number("texture_period_m", texture_period_m, 0.0004, 0.1, "from bump to bump");
+  s.flag("bump_normal", bump_normal, "bumps as a perturbed normal instead of a height: to compare");
+  s.number("texture_stiffness_N_per_m", texture_stiffness_N_per_m, 0, 1e9,
+           "largest stiffness of a bump along the surface; 0: what the device renders stably");
   s.number("viscosity_N_s_per_m", viscosity_N_s_per_m, 0, 5, "drag of the hand");
   s.flag("materials", materials, "surface parameters from the palette of the map's labels");
   s.flag("guard", guard, "slew guard");
@@ -87,10 +91,11 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
   proxy_step_ = proxy_step(method);
   stiffness_ = config.stiffness_N_per_m;
   passivity_ = PassivityController(device.mass_kg, device.quantum_m, period_s);
-  surface_.friction_static = static_cast<float>(config.friction_static);
-  surface_.friction_dynamic = static_cast<float>(config.friction_dynamic);
-  surface_.texture_amplitude_m = static_cast<float>(config.texture_amplitude_m);
-  surface_.texture_period_m = static_cast<float>(config.texture_period_m);
+  surface_.friction_static = config.friction_static;
+  surface_.friction_dynamic = config.friction_dynamic;
+  surface_.add(config.texture_amplitude_m, config.texture_period_m);
+  side_most_N_per_m_ = config.texture_stiffness_N_per_m > 0 ? config.texture_stiffness_N_per_m
+                                                            : device.stiffness_limit(period_s);
   const double k_max = device.stiffness_limit(period_s);
   if (!(config.stiffness_N_per_m > 0) || config.stiffness_N_per_m > k_max) {
     std::ostringstream text;
@@ -113,6 +118,7 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
   if (config.iterations_max > 0) proxy_config_.iterations_max = config.iterations_max;
   proxy_config_.paper_friction = config.paper_friction;
   force_limit_N_ = std::min(config.force_limit_N, device.force_limit_N);
+  device_radius_m_ = device.workspace_radius_m;
   const auto& origin = config.workspace_W_m;
   workspace_ = Workspace({config.scale, Vec3(origin[0], origin[1], origin[2]),
                           config.workspace_yaw_deg * std::numbers::pi / 180.0, config.border_m,
@@ -190,34 +196,57 @@ double HapticTask::slew_limit(const Vec3& change, double dh) const noexcept {
 // Parameters of the palette under the proxy.
 void HapticTask::follow_material(const Vec3& p_WH) noexcept {
   if (proxy_.phase != ProxyState::Phase::kContact || newer_ == nullptr) return;
-  perception::Material goal;
+  Surface goal;
   if (!material_at(*newer_, proxy_.p_WP(), goal)) return;
   if (was_contact_) {
-    follow(surface_, goal, config_.stiffness_N_per_m, (proxy_.p_WP() - p_WH).norm() / config_.scale,
-           100 * period_s_);
+    follow(surface_, goal, config_.stiffness_N_per_m / config_.scale, (proxy_.p_WP() - p_WH).norm(),
+           texture_reach_m(), 100 * period_s_);
   } else {
     surface_ = goal;  // first touch: nothing to go on from
   }
-  stiffness_ = config_.stiffness_N_per_m * static_cast<double>(surface_.stiffness_scale);
+  stiffness_ = config_.stiffness_N_per_m * surface_.stiffness_scale;
+}
+
+// How stiff a bump may be along the surface: what the device renders stably, and no more than the slew guard lets
+// through at the hand's speed, since a height that is felt late is another height. Followed with at most 30 N/s.
+void HapticTask::follow_side() noexcept {
+  constexpr double kSlowest_m_per_s = 1e-3, kOfGuard = 0.8, kFollow_N_per_s = 30;
+  const double v = std::max(v_D_.norm(), kSlowest_m_per_s), k = config_.stiffness_N_per_m;
+  const double rate = std::min(config_.slew_calm_N_per_s + 2 * std::max(k, 1000.0) * v,
+                               std::max(config_.slew_N_per_s, 1.1 * k * v));
+  const double goal = std::min(side_most_N_per_m_, kOfGuard * rate / v);
+  // The force along the surface is side x steepness / C where the reach ends.
+  const double most = was_contact_ ? kFollow_N_per_s * period_s_ * surface_.curvature_per_m() /
+                                         std::max(surface_.steepness(), 1e-12)
+                                   : std::numeric_limits<double>::infinity();
+  side_N_per_m_ += std::clamp(goal - side_N_per_m_, -most, most);
+}
+
+double HapticTask::texture_reach_m() const noexcept {
+  const double stiffest = stiffness_ * surface_.curvature_per_m();
+  return stiffest > 0 ? side_N_per_m_ / stiffest : std::numeric_limits<double>::infinity();
 }
 
 // The spring with what the scene asks for beyond the plain one; fills rendered_W_.
 HapticTask::Spring HapticTask::spring_of(const Vec3& p_WH) noexcept {
   Spring s;
   s.contact = proxy_.phase == ProxyState::Phase::kContact;
+  const double mu_before = surface_.friction_static;
   if (config_.materials) follow_material(p_WH);
   const Vec3 smooth = proxy_.rendered_WP();
-  rendered_W_ =
-      with_friction(field_, p_WH, proxy_, static_cast<double>(surface_.friction_static),
-                    static_cast<double>(surface_.friction_dynamic), proxy_config_.tip_radius_m);
+  rendered_W_ = with_friction(
+      field_, p_WH, proxy_,
+      {surface_.friction_static, surface_.friction_dynamic, mu_before, config_.materials},
+      proxy_config_.tip_radius_m);
   Vec3 friction = rendered_W_ - smooth;
   s.elastic_W = smooth - p_WH;
   s.length_m = s.elastic_W.norm();
-  const auto amplitude = static_cast<double>(surface_.texture_amplitude_m);
-  if (amplitude > 0) {
-    const Bumped b = with_texture(field_, p_WH, proxy_, amplitude,
-                                  std::max(static_cast<double>(surface_.texture_period_m), 0.0004),
-                                  proxy_config_.tip_radius_m);
+  if (surface_.patterns > 0 && config_.bump_normal) {
+    if (s.contact) s.elastic_W = with_bump_normal(p_WH, proxy_, surface_);
+  } else if (surface_.patterns > 0) {
+    follow_side();
+    const Bumped b =
+        with_texture(field_, p_WH, proxy_, surface_, texture_reach_m(), proxy_config_.tip_radius_m);
     s.contact = b.contact;
     s.elastic_W = b.elastic_W;
     s.length_m = b.stretch_m;
@@ -373,6 +402,7 @@ void HapticTask::report(const rt::Tick& tick, bool button, Out& out) noexcept {
   t.energy_J = energy_.energy_J();
   t.booked_J = energy_.booked_J();
   t.blend = blend_;
+  t.reach = have_hand_ ? h_D_.norm() / device_radius_m_ : 0;
   t.work = field_.take_work();
 }
 

@@ -70,6 +70,9 @@ struct HapticConfig {
   // Effects (effects.hpp), off by default.
   double friction_static = 0, friction_dynamic = 0;
   double texture_amplitude_m = 0, texture_period_m = 0.002;
+  bool bump_normal = false;  // the published perturbed normal instead of a height: to compare
+  // Largest stiffness of a bump along the surface; 0: what the device renders stably.
+  double texture_stiffness_N_per_m = 0;
   double viscosity_N_s_per_m = 0;
   bool materials = false;  // parameters from the patch's palette instead of the keys above
 
@@ -103,6 +106,7 @@ struct HapticTelemetry {
   double energy_J = 0;           // observer E
   double booked_J = 0;           // injections booked apart
   double patch_age_s = 0;
+  double reach = 0;        // |p_DH| over the radius of the device's workspace; 1: at its edge
   std::uint32_t work = 0;  // field samples of this tick
   bool in_contact = false;
   bool guard_active = false;  // the slew guard changed the force
@@ -181,6 +185,8 @@ class HapticTask {
   [[nodiscard, gnu::noinline]] perception::Vec3 viscous(const Spring& spring,
                                                         HapticTelemetry& t) const noexcept;
   void follow_material(const perception::Vec3& p_WH) noexcept;
+  void follow_side() noexcept;
+  [[nodiscard]] double texture_reach_m() const noexcept;
   void book(const Spring& spring, double to_N_per_m, bool moved, const perception::Vec3& dx_D,
             double dt) noexcept;
   bool take_patch(const perception::SurfacePatch* patch) noexcept;
@@ -205,11 +211,13 @@ class HapticTask {
   ProxyStep proxy_step_;
   double period_s_;
   double force_limit_N_;
+  double device_radius_m_;
   Workspace workspace_;
 
   // The surface as the effects have it, this tick.
   bool effects_ = false;
-  perception::Material surface_;
+  Surface surface_;
+  double side_N_per_m_ = 0, side_most_N_per_m_ = 0;         // stiffness of a bump along the surface
   perception::Vec3 rendered_W_ = perception::Vec3::Zero();  // proxy with friction
   double stiffness_ = 0;                                    // K of this tick
 

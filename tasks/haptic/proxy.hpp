@@ -69,8 +69,10 @@ struct ProxyState {
   bool started_inside = false;  // contact was placed, not entered: force has to fade in
   bool anchored = false;        // friction: the anchor below holds
   bool slipping = false;
+  bool outside = false;           // force_shading: the field at the hand was > 0 in this tick
   std::int32_t still = 0;         // friction: ticks of slip without motion
   double ax = 0, ay = 0, az = 0;  // friction: anchor, W
+  double rubbed = 0;              // friction: how far the proxy was from the frictionless one, m
 
   [[nodiscard]] perception::Vec3 p_WP() const noexcept { return {px, py, pz}; }
   [[nodiscard]] perception::Vec3 rendered_WP() const noexcept {

@@ -153,9 +153,15 @@ class Rig {
     const auto frame = static_cast<int>(std::floor(t * 30 + 1e-9));
     if (frame > frame_ && publish_) {
       frame_ = frame;
+      due_ = true;
+      due_W_ = h_W;
+      due_s_ = t;
+    }
+    // The newest waits until the task takes it: what it still blends is not written over.
+    if (due_ && task_.wants_patch()) {
+      due_ = false;
       current_ = (current_ + 1) % slots_.size();
-      // Four slots: the task holds at most two, and takes a new one only when asked.
-      fill(*slots_[current_], h_W, t, frame);
+      fill(*slots_[current_], due_W_, due_s_, frame_);
     }
     rt::Tick tick;
     tick.k = k_;
@@ -207,6 +213,9 @@ class Rig {
   std::array<std::unique_ptr<SurfacePatch>, 4> slots_;
   std::size_t current_ = 0;
   int frame_ = -1;
+  bool due_ = false;  // the newest window is not filled yet: where and when it was published
+  Vec3 due_W_ = Vec3::Zero();
+  double due_s_ = 0;
   bool publish_ = true;
   std::uint64_t k_ = 0;
 };

@@ -208,64 +208,116 @@ PassivityRow measure_passivity(const LoopSetting& s, double stiffness, double se
   return row;
 }
 
+namespace {
+
+// What changes under the hand. Border and friction: the hand slides. Flicker and texture: the label flips with every
+// window; under the texture the hand stands, since sliding over bumps turns the force by itself.
+enum class Change { kBorder, kFlicker, kFriction, kAmplitude, kPeriod };
+
+perception::Material material_of(Change change, int slot) {
+  perception::Material m;
+  switch (change) {
+    case Change::kBorder:
+    case Change::kFlicker:
+      if (slot == 1) m.stiffness_scale = 0.4F;
+      break;
+    case Change::kFriction:
+      m.friction_static = slot == 0 ? 0.3F : 0.1F;
+      m.friction_dynamic = 0.8F * m.friction_static;
+      break;
+    case Change::kAmplitude:
+      m.texture_amplitude_m = slot == 0 ? 3e-4F : 0;
+      m.texture_period_m = 2e-3F;
+      break;
+    case Change::kPeriod:
+      m.texture_amplitude_m = 3e-4F;
+      m.texture_period_m = slot == 0 ? 2e-3F : 3.1e-3F;
+      break;
+  }
+  return m;
+}
+
+// Down to 8 mm at 50 mm/s; then 100 mm/s along x over the border and back; with friction at 20 mm/s one way, so that it
+// slips all the time; on the texture from place to place, 0.5 s at each.
+Vec3 material_hand(Change change, double t) {
+  if (t < 0.26) return Vec3(-0.04, 0.001, 0.005 - 0.05 * t);
+  const double since = t - 0.26;
+  double x = 0;
+  if (change == Change::kFriction) {
+    x = std::min(0.08, 0.02 * since);
+  } else if (change == Change::kAmplitude || change == Change::kPeriod) {
+    const double place = std::floor(since / 0.6);
+    x = 0.0037 * (place + std::min(1.0, (since - 0.6 * place) / 0.1));
+  } else {
+    const double s = std::fmod(since, 1.6);
+    x = 0.1 * (s < 0.8 ? s : 1.6 - s);
+  }
+  return Vec3(-0.04 + x, 0.001, -0.008);
+}
+
+void measure_change(Change change, double rate_hz, double& worst_N, double& energy_min_J) {
+  rt::Startup startup;
+  tasks::HapticConfig config;
+  config.materials = true;
+  config.passivity_controller = true;
+  drivers::DeviceProperties device;
+  device.damping_N_s_per_m = 1e12;
+  tasks::HapticTask task(startup.token(), config, device, 1 / rate_hz);
+  std::array<std::unique_ptr<SurfacePatch>, 8> windows;
+  for (auto& w : windows) {
+    w = std::make_unique<SurfacePatch>();
+    for (int slot = 0; slot < 2; ++slot) {
+      w->palette[static_cast<std::size_t>(slot)] = material_of(change, slot);
+    }
+  }
+  const bool still = change == Change::kAmplitude || change == Change::kPeriod;
+  tasks::HapticTask::In in;
+  tasks::HapticTask::Out out;
+  in.mode.seq = 1;
+  in.mode.mode = tasks::Mode::kHold;
+  in.stylus_ok = true;
+  in.stylus.state = drivers::DeviceState::kForce;
+  std::uint64_t published = 0;
+  Vec3 before = material_hand(change, 0);
+  const auto ticks = static_cast<std::int64_t>((change == Change::kFriction ? 4 : 6) * rate_hz);
+  for (std::int64_t k = 0; k < ticks; ++k) {
+    const double t = static_cast<double>(k) / rate_hz;
+    const rt::Time now = rt::time_from_ns(0) + rt::nanos_from_seconds(t);
+    SurfacePatch* window = windows[published % windows.size()].get();
+    if (std::floor(t * 30 + 1e-9) >= static_cast<double>(published)) {
+      window = windows[++published % windows.size()].get();
+      const int flip = static_cast<int>(published % 2);
+      fill_floor(*window, 16,
+                 [&](int x) { return change == Change::kBorder ? (x >= 0 ? 1 : 0) : flip; });
+      window->seq = published;
+      window->fused = now;
+    }
+    in.patch_newest = task.wants_patch() ? window : nullptr;
+    in.stylus.p_DH = material_hand(change, t);
+    rt::Tick tick;
+    tick.k = static_cast<std::uint64_t>(k);
+    tick.release = tick.start = now;
+    tick.period = rt::Nanos{std::llround(1e9 / rate_hz)};
+    (void)task.step(tick, in, out);
+    const double moved = config.stiffness_N_per_m * (in.stylus.p_DH - before).norm();
+    before = in.stylus.p_DH;
+    energy_min_J = std::min(energy_min_J, out.telemetry.energy_J + out.telemetry.booked_J);
+    if (!out.telemetry.in_contact || k == 0 || (still && (moved > 0 || t < 0.3))) continue;
+    if (change == Change::kFriction && t < 1) continue;  // the first slip is a step by design
+    worst_N = std::max(worst_N, out.telemetry.step_raw_N - moved);
+  }
+}
+
+}  // namespace
+
 MaterialRow measure_materials(double rate_hz) {
   MaterialRow row;
   row.energy_min_J = std::numeric_limits<double>::infinity();
-  for (const bool flicker : {false, true}) {
-    rt::Startup startup;
-    tasks::HapticConfig config;
-    config.materials = true;
-    config.passivity_controller = true;
-    drivers::DeviceProperties device;
-    device.damping_N_s_per_m = 1e12;
-    tasks::HapticTask task(startup.token(), config, device, 1 / rate_hz);
-    std::array<std::unique_ptr<SurfacePatch>, 8> windows;
-    for (auto& w : windows) {
-      w = std::make_unique<SurfacePatch>();
-      w->palette[1].stiffness_scale = 0.4F;
-    }
-    tasks::HapticTask::In in;
-    tasks::HapticTask::Out out;
-    in.mode.seq = 1;
-    in.mode.mode = tasks::Mode::kHold;
-    in.stylus_ok = true;
-    in.stylus.state = drivers::DeviceState::kForce;
-    std::uint64_t published = 0;
-    // Down to 8 mm at 50 mm/s, then along x at 100 mm/s over the border and back.
-    const auto hand = [](double t) {
-      if (t < 0.26) return Vec3(-0.04, 0.001, 0.005 - 0.05 * t);
-      const double s = std::fmod(t - 0.26, 1.6);
-      return Vec3(-0.04 + 0.1 * (s < 0.8 ? s : 1.6 - s), 0.001, -0.008);
-    };
-    Vec3 before = hand(0);
-    const auto ticks = static_cast<std::int64_t>(6 * rate_hz);
-    for (std::int64_t k = 0; k < ticks; ++k) {
-      const double t = static_cast<double>(k) / rate_hz;
-      const rt::Time now = rt::time_from_ns(0) + rt::nanos_from_seconds(t);
-      SurfacePatch* window = windows[published % windows.size()].get();
-      if (std::floor(t * 30 + 1e-9) >= static_cast<double>(published)) {
-        window = windows[++published % windows.size()].get();
-        const int flip = static_cast<int>(published % 2);
-        fill_floor(*window, 16, [&](int x) { return flicker ? flip : (x >= 0 ? 1 : 0); });
-        window->seq = published;
-        window->fused = now;
-      }
-      in.patch_newest = task.wants_patch() ? window : nullptr;
-      in.stylus.p_DH = hand(t);
-      rt::Tick tick;
-      tick.k = static_cast<std::uint64_t>(k);
-      tick.release = tick.start = now;
-      tick.period = rt::Nanos{std::llround(1e9 / rate_hz)};
-      (void)task.step(tick, in, out);
-      const double moved = config.stiffness_N_per_m * (in.stylus.p_DH - before).norm();
-      before = in.stylus.p_DH;
-      row.energy_min_J =
-          std::min(row.energy_min_J, out.telemetry.energy_J + out.telemetry.booked_J);
-      if (!out.telemetry.in_contact || k == 0) continue;
-      double& worst = flicker ? row.flicker_N : row.border_N;
-      worst = std::max(worst, out.telemetry.step_raw_N - moved);
-    }
-  }
+  measure_change(Change::kBorder, rate_hz, row.border_N, row.energy_min_J);
+  measure_change(Change::kFlicker, rate_hz, row.flicker_N, row.energy_min_J);
+  measure_change(Change::kFriction, rate_hz, row.friction_N, row.energy_min_J);
+  measure_change(Change::kAmplitude, rate_hz, row.amplitude_N, row.energy_min_J);
+  measure_change(Change::kPeriod, rate_hz, row.period_N, row.energy_min_J);
   return row;
 }
 
@@ -313,10 +365,13 @@ std::vector<BenchMetric> BoundaryResult::metrics() const {
     off = std::min(off, row.energy_min_off_J);
     pc = std::max(pc, row.controller_max_N);
   }
-  double border = 0, flicker = 0;
+  double border = 0, flicker = 0, friction = 0, amplitude = 0, period = 0;
   for (const auto& [rate, m] : materials) {
     border = std::max(border, m.border_N);
     flicker = std::max(flicker, m.flicker_N);
+    friction = std::max(friction, m.friction_N);
+    amplitude = std::max(amplitude, m.amplitude_N);
+    period = std::max(period, m.period_N);
     energy = std::min(energy, m.energy_min_J);
   }
   return {{"haptic.boundary.ratio_min", low, "1"},
@@ -325,11 +380,14 @@ std::vector<BenchMetric> BoundaryResult::metrics() const {
           {"haptic.passivity.energy_min_off_mJ", 1e3 * off, "mJ"},
           {"haptic.passivity.controller_max_N", pc, "N"},
           {"haptic.materials.border_N", border, "N"},
-          {"haptic.materials.flicker_N", flicker, "N"}};
+          {"haptic.materials.flicker_N", flicker, "N"},
+          {"haptic.materials.friction_N", friction, "N"},
+          {"haptic.materials.amplitude_N", amplitude, "N"},
+          {"haptic.materials.period_N", period, "N"}};
 }
 
 void BoundaryResult::print(std::ostream& out) const {
-  char line[200];
+  char line[320];
   out << "  rate   b      t_d    c     hand   K max      b/(T/2+t_d)  ratio\n"
          "  Hz     N s/m  ticks  N            N/m        N/m\n";
   for (const BoundaryRow& row : rows) {
@@ -350,10 +408,13 @@ void BoundaryResult::print(std::ostream& out) const {
     out << line;
   }
   for (const auto& [rate, m] : materials) {
-    std::snprintf(line, sizeof line,
-                  "\n%.0f Hz: raw step beyond the hand's motion: border 1.0/0.4 %.3f N, label that "
-                  "flips %.3f N; lowest E + booked %.3f mJ\n",
-                  rate, m.border_N, m.flicker_N, 1e3 * m.energy_min_J);
+    std::snprintf(
+        line, sizeof line,
+        "\n%.0f Hz: raw step beyond the hand's motion: border 1.0/0.4 %.3f N, label that "
+        "flips %.3f N, with it friction %.3f N, bumps' height %.3f N, period %.3f N; lowest "
+        "E + booked %.3f mJ\n",
+        rate, m.border_N, m.flicker_N, m.friction_N, m.amplitude_N, m.period_N,
+        1e3 * m.energy_min_J);
     out << line;
   }
 }

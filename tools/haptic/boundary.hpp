@@ -51,8 +51,10 @@ struct PassivityRow {
                                              double seconds);
 
 struct MaterialRow {
-  double border_N = 0, flicker_N = 0;  // raw change beyond the hand's motion, largest
-  double energy_min_J = 0;             // E + booked, of both
+  // Raw change beyond the hand's motion, largest: a border of stiffness, and a label that flips the stiffness, the
+  // friction, the height or the period of the bumps.
+  double border_N = 0, flicker_N = 0, friction_N = 0, amplitude_N = 0, period_N = 0;
+  double energy_min_J = 0;  // E + booked, of all
 };
 [[nodiscard]] MaterialRow measure_materials(double rate_hz);
 

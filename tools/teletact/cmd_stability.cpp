@@ -174,6 +174,8 @@ int cmd_stability(int argc, char** argv) {
   app.add_flag("!--no-optimum", o.judged, "leave the field optimum out (fast)");
   app.add_option("--json", o.json, "metrics to write");
   app.add_option("--svg", o.svg, "folder for one figure a case");
+  bool strict = false;
+  app.add_flag("--strict", strict, "exit status 1 when a case is over one of its limits");
   if (!parse_options(app, argc, argv)) return 0;
   check_outputs({{"--json", o.json}}, {});
   tasks::ProxyMethod method{};
@@ -226,7 +228,7 @@ int cmd_stability(int argc, char** argv) {
   std::printf("%d of %d cases within all limits\n", run_count - failed, run_count);
   outputs.push_back({o.json, [&](const std::string& path) { metrics.write(path); }});
   write_outputs(outputs);
-  return 0;
+  return strict && failed > 0 ? 1 : 0;
 }
 
 }  // namespace teletact

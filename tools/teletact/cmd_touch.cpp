@@ -39,6 +39,8 @@ using perception::Vec3;
 struct TouchOptions {
   std::string field, fields, path, out, debug, json, origin = "0,0,0", method = "constrained";
   std::string view, passivity = "off", guard = "on", blend = "on", record, replay;
+  std::string labels, palette;
+  bool bump_normal = false;
   double voxel_m = 0, stiffness = 1000, tip_radius_m = 0, force_limit_N = 12, rate_hz = 0;
   double truncation_m = 0.05;
   double friction_static = 0, friction_dynamic = 0, viscosity = 0, paper_friction = 0;
@@ -78,13 +80,95 @@ bool on_off(const std::string& value, const std::string& option) {
   return value == "on";
 }
 
-// The fields and from when each of them is visible.
+using Palette = std::array<perception::Material, perception::SurfacePatch::kMaxMaterials>;
+
+// The fields and from when each of them is visible; their labels and what these mean.
 struct FieldList {
   std::vector<double> from;
   std::vector<DenseField> fields;
+  Palette palette{};
+
+  // Those that are visible at t, of which the last one counts.
+  [[nodiscard]] std::size_t visible(double t, std::size_t at_least) const {
+    while (at_least < from.size() && t >= from[at_least] - 1e-9) ++at_least;
+    return at_least;
+  }
 };
 
-FieldList load_fields(const TouchOptions& o) {
+// A row a label: label, stiffness, friction, friction_dynamic, texture_m, texture_period_m. What is not named has the
+// label 0's ordinary surface. True for the labels that have a row.
+std::array<bool, 256> load_palette(const std::string& path, Palette& palette) {
+  const CsvTable table = must(read_csv(path));
+  struct Column {
+    const char* name;
+    double lo, hi;
+    float perception::Material::*to;
+  };
+  using M = perception::Material;
+  constexpr std::array kColumns{Column{"stiffness", 0.01, 1, &M::stiffness_scale},
+                                Column{"friction", 0, 2, &M::friction_static},
+                                Column{"friction_dynamic", 0, 2, &M::friction_dynamic},
+                                Column{"texture_m", 0, 0.002, &M::texture_amplitude_m},
+                                Column{"texture_period_m", 0.0004, 0.1, &M::texture_period_m}};
+  std::array<bool, 256> named{};
+  const int label = table.column("label");
+  check(label >= 0, path + ": a column 'label' is needed");
+  for (const std::string& name : table.header) {
+    const bool known =
+        name == "label" || std::any_of(kColumns.begin(), kColumns.end(),
+                                       [&](const auto& c) { return name == c.name; });
+    check(known, path + ": column '" + name +
+                     "'; allowed are label, stiffness, friction, friction_dynamic, texture_m, "
+                     "texture_period_m");
+  }
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    const std::string where = path + ":" + std::to_string(table.lines[i]) + ": ";
+    const double id = must(table.number(i, static_cast<std::size_t>(label)));
+    check(id >= 0 && id < static_cast<double>(palette.size()) && id == std::floor(id),
+          where + "label " + table.rows[i][static_cast<std::size_t>(label)] +
+              ": allowed are 0 to " + std::to_string(palette.size() - 1));
+    const auto slot = static_cast<std::size_t>(id);
+    check(!named[slot], where + "label " + std::to_string(slot) + " has a row already");
+    named[slot] = true;
+    M& m = palette[slot];
+    m.texture_period_m = 0.002F;
+    for (const Column& c : kColumns) {
+      const int at = table.column(c.name);
+      if (at < 0) continue;
+      const double value = must(table.number(i, static_cast<std::size_t>(at)));
+      std::ostringstream text;
+      text << where << c.name << " " << value << ": allowed are " << c.lo << " to " << c.hi;
+      check(value >= c.lo && value <= c.hi, text.str());
+      m.*c.to = static_cast<float>(value);
+    }
+    if (table.column("friction_dynamic") < 0) m.friction_dynamic = 0.8F * m.friction_static;
+    check(m.friction_dynamic <= m.friction_static, where + "friction_dynamic is above friction");
+  }
+  return named;
+}
+
+void load_materials(const TouchOptions& o, FieldList& out) {
+  if (o.palette.empty()) return;
+  const std::array<bool, 256> named = load_palette(o.palette, out.palette);
+  if (o.labels.empty()) return;
+  NpyLabels labels = must(read_npy_labels(o.labels));
+  const auto stray = std::find_if(labels.values.begin(), labels.values.end(),
+                                  [&](const std::uint8_t label) { return !named[label]; });
+  check(stray == labels.values.end(),
+        o.labels + ": label " +
+            (stray == labels.values.end() ? std::string() : std::to_string(*stray)) +
+            " has no row in " + o.palette + " (allowed are 0 to 15)");
+  for (DenseField& field : out.fields) {
+    bool same = labels.shape.size() == 3;
+    for (std::size_t a = 0; a < 3 && same; ++a) {
+      same = labels.shape[a] == static_cast<std::size_t>(field.size[a]);
+    }
+    check(same, o.labels + ": its shape is not the field's");
+    field.label = labels.values;
+  }
+}
+
+FieldList load_distances(const TouchOptions& o) {
   FieldList out;
   if (!o.field.empty()) {
     out.from.push_back(-HUGE_VAL);
@@ -104,6 +188,12 @@ FieldList load_fields(const TouchOptions& o) {
     out.from.push_back(t);
     out.fields.push_back(must(to_field(must(read_npy(path)), path)));
   }
+  return out;
+}
+
+FieldList load_fields(const TouchOptions& o) {
+  FieldList out = load_distances(o);
+  load_materials(o, out);
   return out;
 }
 
@@ -160,30 +250,37 @@ std::int64_t thread_cpu_ns() noexcept {
   return static_cast<std::int64_t>(t.tv_sec) * 1000000000 + t.tv_nsec;
 }
 
-// Publishes windows as fusion does: every 1/30 s, and at once when another field becomes visible.
+// Publishes windows as fusion does: every 1/30 s, and at once when another field becomes visible. The newest one waits
+// until the task takes it, so what the task still blends is never written over, however fast the fields change.
 class WindowSource {
  public:
   WindowSource(const FieldList& fields, const TouchOptions& o, const Vec3& origin)
       : fields_(fields), options_(o), origin_(origin) {
     for (auto& slot : slots_) slot = std::make_unique<perception::SurfacePatch>();
   }
-  // The newest window at time t, or null.
-  const perception::SurfacePatch* at(double t, rt::Time now, const Vec3& hand,
-                                     const Vec3& velocity) {
-    std::size_t field = visible_;
-    while (field < fields_.from.size() && t >= fields_.from[field] - 1e-9) ++field;
+  // The newest window at time t for a task that takes one (`wanted`); null: none.
+  const perception::SurfacePatch* at(double t, rt::Time now, const Vec3& hand, const Vec3& velocity,
+                                     bool wanted) {
+    const std::size_t field = fields_.visible(t, visible_);
     if (field == 0) return nullptr;
     const bool other = field != visible_;
     if (other || t >= next_ - 1e-9) {
       visible_ = field;
       constexpr double kPeriod_s = 1.0 / 30.0;
       next_ = (other || seq_ == 0 ? t : next_) + kPeriod_s;
+      ++seq_;
+      fused_ = now;
+      centre_ = hand + velocity * (2 * kPeriod_s) - origin_;
+    }
+    if (!wanted) return nullptr;
+    if (slots_[current_]->seq != seq_) {
       current_ = (current_ + 1) % slots_.size();
       perception::SurfacePatch& patch = *slots_[current_];
-      patch.seq = ++seq_;
-      patch.fused = patch.exposure = now;
-      fill_window(fields_.fields[field - 1], hand + velocity * (2 * kPeriod_s) - origin_,
-                  options_.voxel_m, options_.truncation_m, options_.window_nodes, patch);
+      patch.seq = seq_;
+      patch.fused = patch.exposure = fused_;
+      patch.palette = fields_.palette;
+      fill_window(fields_.fields[visible_ - 1], centre_, options_.voxel_m, options_.truncation_m,
+                  options_.window_nodes, patch);
     }
     return slots_[current_].get();
   }
@@ -194,11 +291,13 @@ class WindowSource {
   const FieldList& fields_;
   const TouchOptions& options_;
   const Vec3 origin_;
-  // The task holds two at most, but a blend that is slowed down lasts four periods.
-  std::array<std::unique_ptr<perception::SurfacePatch>, 8> slots_;
+  // The task holds two at most, and one is filled only when it holds a single one.
+  std::array<std::unique_ptr<perception::SurfacePatch>, 3> slots_;
   std::size_t visible_ = 0, current_ = 0;
   std::uint64_t seq_ = 0;
   double next_ = 0;
+  rt::Time fused_{};  // of the newest
+  Vec3 centre_ = Vec3::Zero();
 };
 
 // The points that force_shading reduces over: one full ray cast of each field, when it becomes
@@ -217,10 +316,16 @@ class SurfaceSource {
       view_.look -= origin;
       return;
     }
-    std::vector<Vec3> path;
-    path.reserve(hand.size());
-    for (const HandRow& row : hand) path.push_back(row.p - origin);
-    if (const auto view = default_view(fields.fields.front(), o.voxel_m, path)) view_ = *view;
+    FirstContact first;
+    std::size_t visible = 0;
+    for (const HandRow& row : hand) {
+      visible = fields.visible(row.t, visible);
+      if (visible == 0) continue;
+      const auto view = first.at(fields.fields[visible - 1], o.voxel_m, row.p - origin);
+      if (!view) continue;
+      view_ = *view;
+      break;
+    }
   }
   // Null: as before.
   const tasks::SurfacePoints* at(std::size_t visible) {
@@ -319,14 +424,17 @@ void run(const TouchOptions& o) {
   config.paper_friction = o.paper_friction;
   config.texture_amplitude_m = o.texture_m;
   config.texture_period_m = o.texture_period_m;
+  config.bump_normal = o.bump_normal;
+  config.materials = !o.palette.empty();
   config.viscosity_N_s_per_m = o.viscosity;
   config.scale = o.scale;
   config.border_m = o.border_m;
   config.border_rate_per_s = o.border_rate_per_s;
   if (!on_off(o.blend, "--blend")) config.blend_s = 0;
   config.patch_liveness_s = std::max(config.patch_liveness_s, 4 * period_s);
-  // No device here: nothing bounds the stiffness.
+  // No device here: nothing bounds the stiffness. What bumps may have along the surface is an Omega.3's.
   drivers::DeviceProperties device;
+  config.texture_stiffness_N_per_m = device.stiffness_limit(period_s);
   device.damping_N_s_per_m = 1e12;
   device.force_limit_N = o.force_limit_N;
 
@@ -371,8 +479,8 @@ void run(const TouchOptions& o) {
     const Vec3 velocity =
         k > 0 ? Vec3((scene - scene_before) / (row.t - hand[k - 1].t)) : Vec3::Zero();
     scene_before = scene;
-    const auto* newest = windows.at(row.t, now, scene, velocity);
-    in.patch_newest = task.wants_patch() ? newest : nullptr;
+    const auto* newest = windows.at(row.t, now, scene, velocity, task.wants_patch());
+    in.patch_newest = newest;
     in.surface = surface.at(windows.visible());
     in.clutch = row.clutch;
     if (writer && newest != nullptr && newest->seq != recorded_window) {
@@ -443,6 +551,12 @@ int cmd_touch(int argc, char** argv) {
   app.add_option("--paper-friction", o.paper_friction, "mu of the circle of force_shading");
   app.add_option("--texture", o.texture_m, "height of the bumps, m; 0: smooth");
   app.add_option("--texture-period", o.texture_period_m, "m")->capture_default_str();
+  app.add_flag("--bump-normal", o.bump_normal,
+               "bumps as a perturbed normal, as published, instead of a height");
+  app.add_option("--palette", o.palette,
+                 "CSV label,stiffness,friction,friction_dynamic,texture_m,texture_period_m: the "
+                 "surface of each label, 0 to 15; stiffness is a share of --stiffness");
+  app.add_option("--labels", o.labels, "NPY, uint8, the field's shape: the label of each node");
   app.add_option("--viscosity", o.viscosity, "drag of the hand, N s/m");
   app.add_option("--scale", o.scale, "scene metres per metre of the path")->capture_default_str();
   app.add_option("--border", o.border_m,
@@ -487,10 +601,20 @@ int cmd_touch(int argc, char** argv) {
   within(o.border_m, 0, 1, "--border");
   within(o.border_rate_per_s, 0, 20, "--border-rate");
   if (app.count("--rate") > 0) within(o.rate_hz, 10, 1e5, "--rate");
+  check(o.labels.empty() || !o.palette.empty(), "--labels needs --palette");
+  if (!o.palette.empty()) {
+    for (const char* other :
+         {"--friction", "--friction-dynamic", "--texture", "--texture-period"}) {
+      check(app.count(other) == 0,
+            std::string(other) + " has no meaning with --palette: the surface is the label's");
+    }
+  }
+  check(!o.bump_normal || o.texture_m > 0 || !o.palette.empty(),
+        "--bump-normal needs --texture or --palette");
   check(o.window_nodes % 4 == 0, "--window must be a multiple of 4");
   check_outputs(
       {{"--out", o.out}, {"--debug", o.debug}, {"--json", o.json}, {"--record", o.record}},
-      {o.field, o.fields, o.path});
+      {o.field, o.fields, o.path, o.labels, o.palette});
   run(o);
   return 0;
 }

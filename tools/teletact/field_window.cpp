@@ -54,12 +54,14 @@ void fill_window(const DenseField& field, const perception::Vec3& centre, double
         }
         const auto row = static_cast<std::size_t>(gx) * static_cast<std::size_t>(field.size[1]) +
                          static_cast<std::size_t>(gy);
-        const float d = field.distance[row * static_cast<std::size_t>(field.size[2]) +
-                                       static_cast<std::size_t>(gz)];
+        const std::size_t node =
+            row * static_cast<std::size_t>(field.size[2]) + static_cast<std::size_t>(gz);
+        const float d = field.distance[node];
         if (std::isnan(d)) continue;
         patch.set_free(i, d > 0);
         if (d > t) continue;  // free: the field is + truncation here
-        patch.material[i] = 1;
+        patch.material[i] =
+            static_cast<std::uint8_t>(field.label.empty() ? 1 : field.label[node] + 1);
         patch.distance[i] = static_cast<std::int16_t>(std::lround(std::clamp(d, -t, t) * units));
       }
     }

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -17,7 +18,8 @@ namespace teletact {
 
 struct DenseField {
   std::array<int, 3> size{};
-  std::vector<float> distance;  // m, positive outside, NaN = unobserved, C order x, y, z
+  std::vector<float> distance;      // m, positive outside, NaN = unobserved, C order x, y, z
+  std::vector<std::uint8_t> label;  // slot of the palette, the same order; empty: all 0
 };
 
 // Three dimensions, 2 to 4096 nodes each, finite or NaN.

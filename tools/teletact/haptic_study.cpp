@@ -41,7 +41,7 @@ struct StudyKnobs {
 
 struct StudyTick {
   double t;
-  Vec3 h, p, f;  // S; f raw
+  Vec3 h, p, f, sent;  // S; f before the slew guard, sent behind it
   bool contact;
 };
 
@@ -132,8 +132,8 @@ StudyRun run_scene(const StudyScene& scene, const StudyKnobs& knobs) {
   rt::Startup startup;
   tasks::HapticConfig config;
   config.method = knobs.method;
-  config.iterations_max = knobs.iterations;
-  config.guard = false;
+  config.iterations_max =
+      knobs.iterations;  // the guard is on: the force before it is recorded beside
   drivers::DeviceProperties device;
   device.damping_N_s_per_m = 1e12;
   tasks::HapticTask task(startup.token(), config, device, 1 / knobs.rate_hz);
@@ -179,7 +179,8 @@ StudyRun run_scene(const StudyScene& scene, const StudyKnobs& knobs) {
     const bool contact = out.telemetry.in_contact;
     if (contact) run.cpu_us.push_back(us);
     run.ticks.push_back({t, h, sampled.X_GS.inverse() * out.state.p_WP,
-                         sampled.X_GS.linear().transpose() * out.telemetry.f_raw_D, contact});
+                         sampled.X_GS.linear().transpose() * out.telemetry.f_raw_D,
+                         sampled.X_GS.linear().transpose() * out.force.f_H_D, contact});
   }
   return run;
 }
@@ -191,8 +192,8 @@ double quantile(std::vector<double> v, double q) {
 }
 
 std::vector<BenchMetric> judge(const StudyScene& scene, const StudyRun& run) {
-  std::vector<double> force, place;
-  double jump = 0;
+  std::vector<double> force, sent, place;
+  double jump = 0, sent_jump = 0;
   for (std::size_t i = 0; i < run.ticks.size(); ++i) {
     const StudyTick& tick = run.ticks[i];
     const Vec3 p = scene.right(tick.h);
@@ -200,16 +201,20 @@ std::vector<BenchMetric> judge(const StudyScene& scene, const StudyRun& run) {
     if (f.norm() > kLimit_N) f *= kLimit_N / f.norm();
     if (tick.contact || f.norm() > 0) {
       force.push_back((tick.f - f).norm());
+      sent.push_back((tick.sent - f).norm());
       place.push_back(1e3 * (tick.p - p).norm());
     }
     if (i > 0) {
       const double own = kStiffness * (tick.h - run.ticks[i - 1].h).norm();
       jump = std::max(jump, (tick.f - run.ticks[i - 1].f).norm() - own);
+      sent_jump = std::max(sent_jump, (tick.sent - run.ticks[i - 1].sent).norm() - own);
     }
   }
   return {{"force_error_p95_N", quantile(force, 0.95), "N"},
           {"proxy_error_p95_mm", quantile(place, 0.95), "mm"},
           {"jump_N", std::max(jump, 1e-4), "N"},
+          {"guarded_error_p95_N", quantile(sent, 0.95), "N"},
+          {"guarded_jump_N", std::max(sent_jump, 1e-4), "N"},
           {"cpu_us", quantile(run.cpu_us, 0.5), "us"},
           {"cpu_p99_us", quantile(run.cpu_us, 0.99), "us"}};
 }
@@ -251,6 +256,32 @@ std::vector<StudySetting> settings() {
     k.rate_hz = rate;
     const std::string hz = std::to_string(rate);
     add("rate", "rate_" + hz, hz + " Hz", k);
+  }
+  // Every method with every number of steps it can take, every voxel size, every rate.
+  struct Method {
+    const char* name;
+    std::vector<int> iterations;  // 0: its own
+  };
+  for (const Method& method : {Method{"constrained", {3, 10, 0}},
+                               {"nearest", {0}},
+                               {"nearest10", {0}},
+                               {"force_shading", {0}}}) {
+    for (const int n : method.iterations) {
+      for (const int mm : {5, 10, 20}) {
+        for (const int rate : {1000, 4000}) {
+          StudyKnobs k;
+          k.method = method.name;
+          k.iterations = n;
+          k.voxel_m = 1e-3 * mm;
+          k.rate_hz = rate;
+          const std::string steps = n > 0 ? std::to_string(n) : "all";
+          const std::string size = std::to_string(mm), hz = std::to_string(rate);
+          add("product", k.method + "_" + steps + "_" + size + "mm_" + hz + "hz",
+              k.method + (n > 0 ? ", " + steps + " steps, " : ", ") + size + " mm, " + hz + " Hz",
+              k);
+        }
+      }
+    }
   }
   return all;
 }

@@ -5,7 +5,8 @@
 //   corner   two planes, the hand slides in, along and up, 8 mm deep
 //   edge     a convex edge, the hand slides off it
 //   ball     a ball of 60 mm radius, the hand slides over it
-// The stability layer (blend aside) is off: what is judged is the method.
+// What is judged is the method: the force before the slew guard; the force behind it stands beside. And the product of
+// methods, steps, voxel sizes and rates.
 #pragma once
 
 #include <ostream>

@@ -119,9 +119,22 @@ class HeaderParser {
   std::size_t at_ = 0;
 };
 
-}  // namespace
+struct Elements {
+  const char* descr;
+  const char* words;
+};
+constexpr Elements kFloats{"<f4", "little-endian float32"}, kBytes{"|u1", "uint8"};
 
-rt::Result<NpyArray> parse_npy(const std::string& bytes, const std::string& name) {
+template <class T>
+struct Parsed {
+  std::vector<std::size_t> shape;
+  std::vector<T> values;
+};
+
+template <class T>
+rt::Result<Parsed<T>> parse(const std::string& bytes, const std::string& name,
+                            const Elements& wanted) {
+  constexpr std::size_t kSize = sizeof(T);
   const auto fail = [&](const std::string& what) { return rt::Error{name + ": " + what}; };
   if (bytes.size() < 10 || bytes.compare(0, 6, "\x93NUMPY") != 0) {
     return fail("not an NPY file (the magic bytes are missing)");
@@ -142,38 +155,64 @@ rt::Result<NpyArray> parse_npy(const std::string& bytes, const std::string& name
   const std::string text = bytes.substr(start, length);
   const auto header = HeaderParser(text).parse();
   if (!header) return fail("malformed NPY header");
-  if (header->descr != "<f4") {
-    return fail("element type " + shown(header->descr) +
-                "; allowed is '<f4' (little-endian float32)");
+  if (header->descr != wanted.descr) {
+    return fail("element type " + shown(header->descr) + "; allowed is '" + wanted.descr + "' (" +
+                wanted.words + ")");
   }
   if (header->fortran) return fail("Fortran order; allowed is C order (x, y, z)");
   std::size_t count = 1;
   const std::size_t have = bytes.size() - start - length;
   for (const std::size_t n : header->shape) {
-    if (n != 0 && count > std::numeric_limits<std::size_t>::max() / n / 4) {
+    if (n != 0 && count > std::numeric_limits<std::size_t>::max() / n / kSize) {
       return fail("shape too large");
     }
     count *= n;
   }
-  if (have != 4 * count) {
+  if (have != kSize * count) {
     std::ostringstream what;
-    what << have << " bytes of data where the shape needs " << 4 * count;
+    what << have << " bytes of data where the shape needs " << kSize * count;
     return fail(what.str());
   }
-  NpyArray out;
+  Parsed<T> out;
   out.shape = header->shape;
   out.values.resize(count);
-  if (count > 0) std::memcpy(out.values.data(), bytes.data() + start + length, 4 * count);
+  if (count > 0) std::memcpy(out.values.data(), bytes.data() + start + length, kSize * count);
   return out;
 }
 
-rt::Result<NpyArray> read_npy(const std::string& path) {
+rt::Result<std::string> whole(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
   if (!file) return rt::Error{path + ": cannot be opened"};
   std::ostringstream bytes;
   bytes << file.rdbuf();
   if (file.bad()) return rt::Error{path + ": cannot be read"};
-  return parse_npy(bytes.str(), path);
+  return bytes.str();
+}
+
+}  // namespace
+
+rt::Result<NpyArray> parse_npy(const std::string& bytes, const std::string& name) {
+  auto parsed = parse<float>(bytes, name, kFloats);
+  if (!parsed) return rt::Error{parsed.error()};
+  return NpyArray{std::move(parsed.value().shape), std::move(parsed.value().values)};
+}
+
+rt::Result<NpyArray> read_npy(const std::string& path) {
+  const auto bytes = whole(path);
+  if (!bytes) return rt::Error{bytes.error()};
+  return parse_npy(bytes.value(), path);
+}
+
+rt::Result<NpyLabels> parse_npy_labels(const std::string& bytes, const std::string& name) {
+  auto parsed = parse<std::uint8_t>(bytes, name, kBytes);
+  if (!parsed) return rt::Error{parsed.error()};
+  return NpyLabels{std::move(parsed.value().shape), std::move(parsed.value().values)};
+}
+
+rt::Result<NpyLabels> read_npy_labels(const std::string& path) {
+  const auto bytes = whole(path);
+  if (!bytes) return rt::Error{bytes.error()};
+  return parse_npy_labels(bytes.value(), path);
 }
 
 }  // namespace teletact

@@ -1,8 +1,9 @@
-// Reads NPY arrays (format 1.0, 2.0, 3.0) of little-endian float32 in C order; nothing else is
-// accepted. Format: https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html
+// Reads NPY arrays (format 1.0, 2.0, 3.0) in C order: fields of little-endian float32, labels of uint8; nothing
+// else is accepted. Format: https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -20,5 +21,13 @@ struct NpyArray {
 [[nodiscard]] rt::Result<NpyArray> read_npy(const std::string& path);
 // The same from memory; `name` stands for the file in messages.
 [[nodiscard]] rt::Result<NpyArray> parse_npy(const std::string& bytes, const std::string& name);
+
+struct NpyLabels {
+  std::vector<std::size_t> shape;
+  std::vector<std::uint8_t> values;
+};
+[[nodiscard]] rt::Result<NpyLabels> read_npy_labels(const std::string& path);
+[[nodiscard]] rt::Result<NpyLabels> parse_npy_labels(const std::string& bytes,
+                                                     const std::string& name);
 
 }  // namespace teletact

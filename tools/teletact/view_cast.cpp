@@ -109,18 +109,16 @@ std::size_t cast_view(const DenseField& field, double voxel_size, const View& vi
   return met;
 }
 
-std::optional<View> default_view(const DenseField& field, double voxel_size,
-                                 std::span<const Vec3> path) {
-  double before = std::numeric_limits<double>::quiet_NaN();
-  for (const Vec3& p : path) {
-    const double value = field_value(field, voxel_size, p);
-    if (value <= 0 && (before > 0 || std::isnan(before))) {
-      const Vec3 n = normal_at(field, voxel_size, p);
-      if (n.norm() > 0) return View{.eye = p + n, .look = p};
-    }
-    before = value;
-  }
-  return {};
+std::optional<View> FirstContact::at(const DenseField& field, double voxel_size, const Vec3& p) {
+  if (met_) return {};
+  const double value = field_value(field, voxel_size, p);
+  const bool contact = value <= 0 && !(before_ <= 0);
+  before_ = value;
+  if (!contact) return {};
+  const Vec3 n = normal_at(field, voxel_size, p);
+  if (!(n.norm() > 0)) return {};
+  met_ = true;
+  return View{.eye = p + n, .look = p};
 }
 
 }  // namespace teletact

@@ -2,6 +2,7 @@
 // force_shading where there is no fusion to make them.
 #pragma once
 
+#include <limits>
 #include <optional>
 
 #include "perception/geometry/pose.hpp"
@@ -25,9 +26,17 @@ struct View {
 std::size_t cast_view(const DenseField& field, double voxel_size, const View& view,
                       tasks::SurfacePoints& out);
 
-// 1 m off the first place where the path enters the surface, along the outward normal, looking at
-// it; empty when it never enters.
-[[nodiscard]] std::optional<View> default_view(const DenseField& field, double voxel_size,
-                                               std::span<const perception::Vec3> path);
+// Where hand and field first come into contact: from outside, or from where the field is not known, to inside; by the
+// hand's motion or by the field that is visible then. Call it tick by tick.
+class FirstContact {
+ public:
+  // 1 m off that place, along the outward normal, looking at it; empty before and after it.
+  [[nodiscard]] std::optional<View> at(const DenseField& field, double voxel_size,
+                                       const perception::Vec3& p);
+
+ private:
+  double before_ = std::numeric_limits<double>::quiet_NaN();
+  bool met_ = false;
+};
 
 }  // namespace teletact

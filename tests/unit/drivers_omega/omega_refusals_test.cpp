@@ -103,6 +103,26 @@ TEST(OmegaRefusals, WrongSdkVersion) {
   }
 }
 
+// An older SDK that comes first in the search does not hide the right one.
+TEST(OmegaRefusals, WrongSdkVersionIsPassedOver) {
+  rt::Startup startup;
+  const Folder folder;
+  const fs::path old = folder.copy_twin("lib/libdhd.so.3.99"),
+                 right = folder.copy_twin("libdhd.so.3.14");
+  DhdSearch first = nowhere();
+  first.named = old.string();
+  auto library = DhdLibrary::load(startup.token(), first);
+  ASSERT_TRUE(library) << library.error();
+  const auto control = drivers::find_twin_control(*library.value());  // kept loaded, it stays old
+  ASSERT_EQ(control.set("version_minor", 13), 0);
+  DhdSearch search = nowhere();
+  search.named = folder.path.string();
+  EXPECT_EQ(loaded(search), right.string());
+  fs::remove(right);
+  EXPECT_EQ(loaded(search),
+            "wrong SDK version: " + old.string() + " is 3.13.0.0, needed is 3.14 or a later 3.x");
+}
+
 TEST(OmegaRefusals, NotPluggedIn) {
   TwinLibrary twin;
   twin.set("unplugged", 1);

@@ -63,6 +63,14 @@ TEST(Boundary, MaterialsAreFollowedSoftly) {
     EXPECT_LE(row.border_N, 0.15);
     EXPECT_LE(row.flicker_N, 0.15);
     EXPECT_GT(row.flicker_N, 0.001) << "the label never changed";
+    std::printf("         flips of friction %.3f N, of the bumps' height %.3f N, period %.3f N\n",
+                row.friction_N, row.amplitude_N, row.period_N);
+    EXPECT_LE(row.friction_N, 0.15);
+    EXPECT_LE(row.amplitude_N, 0.15);
+    EXPECT_LE(row.period_N, 0.15);
+    for (const double change : {row.friction_N, row.amplitude_N, row.period_N}) {
+      EXPECT_GT(change, 0.001) << "the label never changed";
+    }
     EXPECT_GE(row.energy_min_J, -1e-3);
   }
 }

@@ -208,6 +208,32 @@ TEST(FusionObjects, MarksThatNameNothingSayWhy) {
   EXPECT_EQ(rig.list->size, 0);
 }
 
+// Each object its own surface, by its number; the others have that of all.
+TEST(FusionObjects, ASceneNamesTheSurfaceOfAnObject) {
+  const std::string text =
+      "enabled = true\nstiffness_scale = 0.5\n[[material]]\nid = 2\nstiffness_scale = 0.25\n"
+      "texture_amplitude_m = 3e-4\ntexture_period_m = 2e-3\n[[material]]\nid = 15\n";
+  FusionConfig c = tests::coarse();
+  config::Section section;
+  c.describe_objects(section);
+  const auto ok = config::load_text(text, "test", section);
+  ASSERT_TRUE(ok) << ok.error();
+  ObjectRig rig(c);
+  rig.look();
+  EXPECT_FLOAT_EQ(rig.patch->palette[1].stiffness_scale, 0.5F);
+  EXPECT_FLOAT_EQ(rig.patch->palette[2].stiffness_scale, 0.25F);
+  EXPECT_FLOAT_EQ(rig.patch->palette[2].texture_period_m, 2e-3F);
+  EXPECT_FLOAT_EQ(rig.patch->palette[15].stiffness_scale, 1.0F);
+  for (const char* bad : {"[[material]]\nid = 16\n", "[[material]]\nid = 1\ncolour = 2\n"}) {
+    FusionConfig other;
+    config::Section again;
+    other.describe_objects(again);
+    EXPECT_FALSE(config::load_text(bad, "test", again)) << bad;
+  }
+  c.object_materials.push_back(c.object_materials.front());
+  EXPECT_THROW(ObjectRig{c}, std::invalid_argument);
+}
+
 TEST(FusionObjects, OffThereIsNothing) {
   ObjectRig rig(tests::coarse());
   rig.look();

@@ -6,6 +6,7 @@
 
 #include "rt/random.hpp"
 #include "tests/support/haptic_rig.hpp"
+#include "tests/support/haptic_solids.hpp"
 
 namespace {
 
@@ -86,6 +87,138 @@ TEST(ForceShading, PlaneAndItsFriction) {
     }
     EXPECT_FALSE(r.tick({0.03, 0, 0.011}).telemetry.in_contact);
   }
+}
+
+// The published method once more, one point at a time and straight from its text.
+struct Literal {
+  std::vector<Vec3> s, n;
+  Vec3 p = Vec3::Zero(), at = Vec3::Zero();  // p', n'
+  bool contact = false, outside = false;
+
+  std::size_t nearest(const Vec3& g) const {
+    std::size_t best = 0;
+    for (std::size_t i = 1; i < s.size(); ++i) {
+      const auto away = [&](std::size_t k) {  // in float, as the reduction
+        return (s[k].cast<float>() - g.cast<float>()).eval();
+      };
+      const perception::Vec3f a = away(i), b = away(best);
+      if (a.x() * a.x() + a.y() * a.y() + a.z() * a.z() <
+          b.x() * b.x() + b.y() * b.y() + b.z() * b.z()) {
+        best = i;
+      }
+    }
+    return best;
+  }
+  // p - h, zero without contact.
+  Vec3 tick(const Vec3& h, double phi, double mu) {
+    const bool first = !contact && outside && phi <= 0;
+    outside = phi > 0;
+    if (!contact && !first) return Vec3::Zero();
+    bool stays = false;
+    Vec3 g = h;
+    if (contact) {
+      g = h - (h - p).dot(at) * at;
+      const double radius = mu * (h - g).norm(), away = (p - g).norm();
+      stays = mu > 0 && away <= radius;
+      if (mu > 0) g += (radius / std::max(away, 1e-300)) * (p - g);
+    }
+    if (!stays) {
+      const std::size_t i = nearest(g);
+      p = s[i];
+      at = n[i];
+    }
+    contact = first || (h - p).dot(at) < 0;
+    return contact ? Vec3(p - h) : Vec3(Vec3::Zero());
+  }
+};
+
+// Corner, edge and ball, hands that wander in and out: the same force in every tick, and no force after an end until
+// the hand has been outside.
+TEST(ForceShading, EqualsTheTextOnRandomPaths) {
+  constexpr std::uint64_t kSeed = 44;
+  std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
+  rt::Random random(kSeed);
+  struct Solid {
+    double (*phi)(const Vec3&);
+    std::vector<Vec3> points;
+  };
+  std::vector<Solid> solids(3);
+  solids[0].phi = &solids::concave_edge;
+  solids[1].phi = &solids::convex_edge;
+  solids[2].phi = [](const Vec3& p) { return p.norm() - 0.03; };
+  for (int i = 0; i <= 24; ++i) {
+    for (int k = 0; k <= 24; ++k) {
+      const double a = 0.003 * i, y = 0.003 * (k - 12);
+      for (const std::size_t c : {0U, 1U}) {
+        const double down = c == 0 ? 1 : -1;
+        solids[c].points.emplace_back(-a, y, 0);
+        solids[c].points.emplace_back(0, y, down * a);
+      }
+      const double u = 2 * std::numbers::pi * i / 24, v = std::numbers::pi * k / 24;
+      solids[2].points.emplace_back(0.03 * std::sin(v) * std::cos(u),
+                                    0.03 * std::sin(v) * std::sin(u), 0.03 * std::cos(v));
+    }
+  }
+  int ends_inside = 0, contacts = 0;
+  for (int round = 0; round < 36; ++round) {
+    const Solid& solid = solids[static_cast<std::size_t>(round % 3)];
+    rig::Scene scene;
+    scene.solid = [&](const Vec3& p, double) { return solid.phi(p); };
+    scene.still = true;
+    scene.config.method = "force_shading";
+    const rig::Rig r(scene);
+    const auto patch = std::make_unique<perception::SurfacePatch>();
+    r.fill(*patch, Vec3::Zero(), 0, 0);
+    tasks::Field field;
+    field.set(nullptr, patch.get(), 1);
+    Literal text;
+    SurfacePoints points;
+    points.resize(solid.points.size());
+    for (std::size_t i = 0; i < solid.points.size(); ++i) {
+      Vec3 normal;
+      for (int a = 0; a < 3; ++a) {
+        normal[a] = solid.phi(solid.points[i] + 1e-5 * Vec3::Unit(a)) -
+                    solid.phi(solid.points[i] - 1e-5 * Vec3::Unit(a));
+      }
+      points.set(i, solid.points[i], normal.normalized());
+      text.s.push_back(points.point(i));
+      text.n.push_back(points.normal(i));
+    }
+    tasks::ProxyConfig config;
+    config.surface = &points;
+    config.paper_friction = round % 2 == 0 ? 0 : 0.4;
+    tasks::ProxyState state;
+    Vec3 h(-0.01, 0, 0.035), v = Vec3::Zero();
+    for (int k = 0; k < 3000; ++k) {
+      const Vec3 jerk(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1));
+      v = 0.995 * v + 2e-5 * jerk - 2e-5 * (h - Vec3(-0.005, 0, 0.005)) / 0.02;
+      h += v;
+      const bool was = text.contact;
+      const double phi = field.sample(h).value;
+      const Vec3 expected = text.tick(h, phi, config.paper_friction);
+      tasks::step_force_shading(field, h, state, config);
+      ASSERT_NEAR((state.p_WP() - h - expected).norm(), 0, 1e-9) << "round " << round << " " << k;
+      ASSERT_EQ(state.phase == tasks::ProxyState::Phase::kContact, text.contact);
+      contacts += text.contact ? 1 : 0;
+      ends_inside += was && !text.contact && phi <= 0 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(contacts, 1000);
+  EXPECT_GT(ends_inside, 0) << "no path ended a contact inside the solid";
+  std::printf("%d ticks in contact, %d contacts ended inside\n", contacts, ends_inside);
+}
+
+// A cast that met nothing is no surface.
+TEST(ForceShading, ACastOfNothingIsNoContact) {
+  SurfacePoints none;
+  none.resize(100);
+  rig::Scene scene;
+  scene.solid = [](const Vec3& p, double) { return p.z(); };
+  scene.config.method = "force_shading";
+  rig::Rig r(scene);
+  r.in().surface = &none;
+  const rig::Path path({{0, 0, 0.01}, {0, 0, -0.006}}, 0.1);
+  for (const rig::Row& row : r.run(path, 0, path.duration())) EXPECT_EQ(row.f.norm(), 0);
 }
 
 }  // namespace

@@ -221,6 +221,46 @@ TEST(HapticTask, TakesAPatchOnlyBetweenBlends) {
   EXPECT_LE(wanted, 120);  // most ticks are inside a blend
 }
 
+// The floor is there in one window and gone in the next, thirty times a second, under a hand that holds and then slides.
+TEST(HapticTask, AFlickeringSurfaceStaysWithinItsLimits) {
+  for (const bool pc : {false, true}) {
+    Scene s = floor_scene();
+    s.solid = [](const Vec3& p, double t) {
+      const auto frame = static_cast<int>(std::floor(t * 30 + 1e-6));
+      return solids::floor(p) +
+             (frame > 12 && frame % 2 == 1 ? 0.1 : 0);  // 0.1: nothing but free space
+    };
+    s.config.passivity_controller = pc;
+    Rig r(s);
+    press(r);
+    const Path slide({{0, 0, -0.008}, {0.05, 0, -0.008}}, 0.1);
+    double j = 0, j_raw = 0, sliding_j = 0, least = 1, most = 0;
+    Vec3 f = Vec3::Zero();
+    for (int k = 0; k < 2000; ++k) {
+      const double t = 1e-3 * k;
+      const Row row = r.tick(k < 1500 ? Vec3(0, 0, -0.008) : slide(t - 1.5));
+      if (k > 0)
+        (k < 1500 ? j : sliding_j) = std::max(k < 1500 ? j : sliding_j, (row.f - f).norm());
+      f = row.f;
+      j_raw = std::max(j_raw, row.telemetry.step_raw_N);
+      ASSERT_TRUE(row.f.allFinite());
+      EXPECT_GE(row.f.z(), -1e-6) << "pulled into the floor at " << t;
+      EXPECT_LE(row.f.norm(), 8.02);
+      EXPECT_GE(row.p.z(), row.h.z() - 1e-9);
+      EXPECT_GE(row.telemetry.energy_J + row.telemetry.booked_J, -1e-3) << t;
+      if (k > 500 && k < 1500) {
+        least = std::min(least, row.f.z());
+        most = std::max(most, row.f.z());
+      }
+    }
+    std::printf("flicker: J %.3f N (raw %.2f), sliding %.3f; force %.2f to %.2f N\n", j, j_raw,
+                sliding_j, least, most);
+    EXPECT_LE(j, 0.3 + 1e-6);
+    EXPECT_LE(sliding_j, 0.3 + 1e-6);
+    EXPECT_GT(most - least, 0.5) << "nothing flickered";
+  }
+}
+
 TEST(HapticTask, ANewMapIsNotBlendedWithTheOld) {
   Rig r(floor_scene());
   press(r);

@@ -190,6 +190,123 @@ TEST_F(Touch, ListedFieldsReplaceEachOtherSmoothly) {
   for (std::size_t i = 1; i < r.size(); ++i) EXPECT_LE(std::abs(r[i][9] - r[i - 1][9]), 0.3 + 1e-6);
 }
 
+// A field a millisecond: the windows that the task blends stay as they are, and the newest pending one wins.
+TEST_F(Touch, FieldsFasterThanTheBlendAreNotWrittenOver) {
+  std::string list = "t_s,file\n";
+  char line[64];
+  for (int i = 0; i < 400; ++i) {
+    if (i < 20)
+      write(dir_ / ("f" + std::to_string(i) + ".npy"), floor(0.0002F * static_cast<float>(i)));
+    // Rises by 0.2 mm a millisecond to 3.8 mm and falls back, again and again.
+    const int phase = i % 38;
+    std::snprintf(line, sizeof line, "%.3f,f%d.npy\n", 0.3 + 1e-3 * i,
+                  phase < 20 ? phase : 38 - phase);
+    list += line;
+  }
+  write(dir_ / "list.csv", "t_s,file\n0,floor.npy\n" + list.substr(list.find('\n') + 1));
+  auto args = standard();
+  args[0] = "--fields";
+  args[1] = (dir_ / "list.csv").string();
+  args.insert(args.end(),
+              {"--debug", (dir_ / "debug.csv").string(), "--window", "16", "--guard", "off"});
+  ASSERT_EQ(run(args), 0);
+  auto table = teletact::read_csv((dir_ / "debug.csv").string());
+  ASSERT_TRUE(table) << table.error();
+  const auto column = [&](const char* name, std::size_t row) {
+    const int at = table.value().column(name);
+    EXPECT_GE(at, 0) << name;
+    return table.value().number(row, static_cast<std::size_t>(at)).value();
+  };
+  // Between two fixed windows the force of a resting hand goes linearly with the blend; a window written over in the
+  // middle of it bends that.
+  int blends = 0, inside = 0;
+  for (std::size_t i = 302; i < 700; ++i) {
+    const double s0 = column("blend", i - 2), s1 = column("blend", i - 1), s2 = column("blend", i);
+    if (s1 < s0) ++blends;
+    if (!(s0 < s1 && s1 < s2 && s2 < 1)) continue;
+    ++inside;
+    const double f0 = column("raw_fz", i - 2), f1 = column("raw_fz", i - 1),
+                 f2 = column("raw_fz", i);
+    EXPECT_NEAR((f1 - f0) / (s1 - s0), (f2 - f1) / (s2 - s1), 0.05) << i;
+  }
+  EXPECT_GT(blends, 8);
+  EXPECT_GT(inside, 250);
+}
+
+// The first contact is with the field that is visible then, not with the first one listed.
+TEST_F(Touch, DefaultViewIsOfTheFieldThatIsTouched) {
+  write(dir_ / "deep.npy", floor(-0.05F));
+  write(dir_ / "list.csv", "t_s,file\n0,deep.npy\n0.4,floor.npy\n");
+  auto args = standard();
+  args[0] = "--fields";
+  args[1] = (dir_ / "list.csv").string();
+  for (auto& a : args) {
+    if (a == "constrained") a = "force_shading";
+  }
+  ASSERT_EQ(run(args), 0);
+  const auto r = rows(dir_ / "trace.csv");
+  EXPECT_NEAR(r[390][9], 0, 1e-9);
+  // Seen from above: the rows of pixels are 1 m / 365 apart.
+  EXPECT_NEAR(r[600][9], 8, 0.05);
+}
+
+// Two materials by label: the force is the label's share; and what is wrong with either file.
+TEST_F(Touch, LabelsAndPaletteReachTheTask) {
+  std::string labels;
+  for (int x = 0; x < 24; ++x) labels += std::string(24 * 24, x < 12 ? '\0' : '\x03');
+  const auto npy = [](const std::string& bytes, const std::string& shape) {
+    return npy_bytes({}, shape, "|u1") + bytes;
+  };
+  const std::string good = npy(labels, "(24, 24, 24)");
+  const std::string palette = "label,stiffness,friction\n0,1,0\n3,0.5,0.3\n";
+  write(dir_ / "labels.npy", good);
+  write(dir_ / "palette.csv", palette);
+  const auto with = [&] {
+    auto args = standard();
+    args.insert(args.end(), {"--labels", (dir_ / "labels.npy").string(), "--palette",
+                             (dir_ / "palette.csv").string()});
+    return args;
+  };
+  ASSERT_EQ(run(with()), 0);
+  const auto r = rows(dir_ / "trace.csv");
+  EXPECT_NEAR(r[250][9], 8, 0.02);  // x = -0.003: label 0
+  EXPECT_NEAR(r[770][9], 4, 0.02);  // x = 0.049: label 3
+  EXPECT_NEAR(r[770][7], -0.24 * 4, 0.05);
+  EXPECT_NEAR(r[250][7], 0, 0.02);
+  struct Bad {
+    std::string labels, palette;
+    const char* says;
+  };
+  for (const Bad& bad : std::initializer_list<Bad>{
+           {npy_bytes(std::vector<float>(24 * 24 * 24, 0), "(24, 24, 24)"), palette, "|u1"},
+           {npy(labels, "(24, 576)"), palette, "shape"},
+           {npy(labels.substr(1), "(24, 24, 24)"), palette, "bytes of data"},
+           {good, "label,stiffness\n0,1\n", "label 3 has no row"},
+           {good, "label,stiffness\n0,1\n16,1\n", "0 to 15"},
+           {good, "label,stiffness\n0,1\n3,2\n", "stiffness 2"},
+           {good, "label,stiffness\n0,1\n3,1\n3,1\n", "a row already"},
+           {good, "label,colour\n0,1\n", "'colour'"},
+           {good, "0,1\n3,1\n", "'label'"},
+           {good, "label,friction,friction_dynamic\n0,0,0\n3,0.1,0.2\n", "above friction"},
+       }) {
+    write(dir_ / "labels.npy", bad.labels);
+    write(dir_ / "palette.csv", bad.palette);
+    fs::remove(dir_ / "trace.csv");
+    const std::string message = refusal(with());
+    EXPECT_NE(message.find(bad.says), std::string::npos) << bad.says << ": " << message;
+    EXPECT_FALSE(fs::exists(dir_ / "trace.csv"));
+  }
+  auto alone = standard();
+  alone.insert(alone.end(), {"--labels", (dir_ / "labels.npy").string()});
+  EXPECT_NE(refusal(alone).find("--labels needs --palette"), std::string::npos);
+  auto both = with();
+  both.insert(both.end(), {"--friction", "0.3"});
+  EXPECT_NE(refusal(both).find("--friction has no meaning"), std::string::npos);
+  auto bumps = standard();
+  bumps.push_back("--bump-normal");
+  EXPECT_NE(refusal(bumps).find("--bump-normal needs"), std::string::npos);
+}
+
 TEST_F(Touch, RecordedRunReplaysToTheLastBit) {
   const auto file = [&](const char* name) { return (dir_ / name).string(); };
   auto args = standard();
@@ -351,6 +468,10 @@ TEST(Npy, ReadsFormats) {
     EXPECT_EQ(a.value().shape, (std::vector<std::size_t>{1, 2, 3}));
     EXPECT_EQ(a.value().values[5], 6.0F);
   }
+  const auto labels = teletact::parse_npy_labels(npy_bytes({}, "(2, 1)", "|u1") + "\x05\x0f", "x");
+  ASSERT_TRUE(labels) << labels.error();
+  EXPECT_EQ(labels.value().values, (std::vector<std::uint8_t>{5, 15}));
+  EXPECT_FALSE(teletact::parse_npy_labels(npy_bytes({1}, "(4,)"), "x"));
   EXPECT_TRUE(teletact::parse_npy(npy_bytes({1}, "()"), "x"));
   EXPECT_TRUE(teletact::parse_npy(npy_bytes({}, "(0, 7)"), "x"));
   EXPECT_FALSE(teletact::parse_npy(npy_bytes({1, 2}, "(2,)", "<f4", "True"), "x"));
@@ -391,6 +512,7 @@ TEST(Npy, SurvivesDamage) {
           break;
       }
     }
+    (void)teletact::parse_npy_labels(bytes, "x");
     const auto a = teletact::parse_npy(bytes, "x");
     if (a) {
       ++accepted;
