@@ -66,7 +66,7 @@ rt::Result<cv::Mat> decode_image(std::span<const std::uint8_t> bytes, const std:
   if (header.value().width != width || header.value().height != height) {
     return file_error(path, 0,
                       "is " + std::to_string(header.value().width) + " x " +
-                          std::to_string(header.value().height) + ", intrinsics.txt says " +
+                          std::to_string(header.value().height) + ", the sequence is " +
                           std::to_string(width) + " x " + std::to_string(height));
   }
   cv::Mat image;

@@ -1,11 +1,13 @@
 #include "drivers/camera/tum_reader.hpp"
 
-#include <sys/stat.h>
-
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
+#include <cstdio>
+#include <fstream>
+#include <iterator>
 
+#include "drivers/camera/image_header.hpp"
+#include "drivers/camera/intrinsics_file.hpp"
 #include "drivers/camera/tum_files.hpp"
 
 namespace drivers {
@@ -23,51 +25,6 @@ constexpr int kKinectWidth = 512, kKinectHeight = 424;
 constexpr int kSourceWidth = 640, kSourceHeight = 480;
 constexpr double kScale = static_cast<double>(kKinectHeight) / kSourceHeight;
 constexpr int kCropLeft = 26;  // (640 kScale - 512) / 2, whole pixels
-
-rt::Result<bool> read_intrinsics(const std::string& path, Intrinsics& k, double& units) {
-  bool seen = false;
-  auto ok = for_each_line(path, [&](int n, const Tokens& t) -> rt::Result<bool> {
-    if (seen) return file_error(path, n, "a second line of numbers");
-    if (t.size() != 7) {
-      return file_error(path, n,
-                        "wanted 7 numbers (fx fy cx cy width height units_per_metre), found " +
-                            std::to_string(t.size()));
-    }
-    const char* names[7] = {"fx", "fy", "cx", "cy", "width", "height", "units_per_metre"};
-    double v[7];
-    for (std::size_t i = 0; i < 7; ++i) {
-      auto number = parse_number(path, n, names[i], t[i]);
-      if (!number) return rt::Error{number.error()};
-      v[i] = number.value();
-    }
-    const auto range = [&](std::size_t i, double lo, double hi) {
-      return v[i] >= lo && v[i] <= hi ? std::string()
-                                      : std::string(names[i]) + " = " + t[i] + " is outside " +
-                                            std::to_string(lo) + " ... " + std::to_string(hi);
-    };
-    for (const std::string& bad : {range(0, 1, 1e5), range(1, 1, 1e5), range(2, -1e5, 1e5),
-                                   range(3, -1e5, 1e5), range(4, 1, RgbdFrame::kMaxWidth),
-                                   range(5, 1, RgbdFrame::kMaxHeight), range(6, 1, 1e6)}) {
-      if (!bad.empty()) return file_error(path, n, bad);
-    }
-    for (const std::size_t i : {std::size_t{4}, std::size_t{5}}) {
-      if (v[i] != std::floor(v[i])) {
-        return file_error(path, n, std::string(names[i]) + " = " + t[i] + " is not whole");
-      }
-    }
-    k = {v[0], v[1], v[2], v[3], static_cast<int>(v[4]), static_cast<int>(v[5])};
-    units = v[6];
-    seen = true;
-    return true;
-  });
-  if (ok && !seen) return file_error(path, 0, "has no line of numbers");
-  return ok;
-}
-
-bool regular_file(const std::string& path) {
-  struct stat s {};
-  return ::stat(path.c_str(), &s) == 0 && S_ISREG(s.st_mode);
-}
 
 // Pixel of the 640 x 480 source that pixel (u, v) of the 512 x 424 image shows.
 int source_u(int u) { return static_cast<int>(std::floor((u + kCropLeft + 0.5) / kScale)); }
@@ -88,12 +45,36 @@ rt::Result<TumSequence> TumSequence::open(const std::string& folder, const TumOp
   TumSequence s;
   s.folder_ = folder;
   s.options_ = options;
-  auto ok = read_intrinsics(folder + "/intrinsics.txt", s.source_, s.units_per_metre_);
-  if (!ok) return rt::Error{ok.error()};
+  const std::string intrinsics = folder + "/intrinsics.txt";
+  const bool has_intrinsics = regular_file(intrinsics);
+  if (has_intrinsics) {
+    const auto read = read_intrinsics(intrinsics);
+    if (!read) return rt::Error{read.error()};
+    s.source_ = read.value().k;
+    s.units_per_metre_ = read.value().units_per_metre;
+    if (options.pinhole) {
+      return file_error(intrinsics, 0, "is there: other intrinsics are only for a folder without");
+    }
+  }
+  auto layout = find_images(folder, !options.skip_colour);
+  if (!layout && !has_intrinsics && !regular_file(folder + "/associations.txt") &&
+      !regular_file(folder + "/depth.txt")) {
+    return file_error(intrinsics, 0, "can not be opened, and " + layout.error());
+  }
+  if (!layout) return rt::Error{layout.error()};
+  s.layout_ = std::move(layout).value();
+  if (s.layout_.left_out > 0) {
+    s.assumed_.push_back(folder + ": " + std::to_string(s.layout_.left_out) +
+                         " depth images have no colour image within 20 ms and are left out");
+  }
+  if (!has_intrinsics) {
+    const auto ok = s.assume_pinhole();
+    if (!ok) return rt::Error{ok.error()};
+  }
   s.intrinsics_ = s.source_;
   if (options.to_512x424) {
     if (s.source_.width != kSourceWidth || s.source_.height != kSourceHeight) {
-      return file_error(folder + "/intrinsics.txt", 0,
+      return file_error(intrinsics, 0,
                         "images are " + std::to_string(s.source_.width) + " x " +
                             std::to_string(s.source_.height) +
                             "; only 640 x 480 can be resampled to 512 x 424");
@@ -106,44 +87,66 @@ rt::Result<TumSequence> TumSequence::open(const std::string& folder, const TumOp
                      kKinectWidth,
                      kKinectHeight};
   }
-
-  const std::string list = folder + "/associations.txt";
-  ok = for_each_line(list, [&](int n, const Tokens& t) -> rt::Result<bool> {
-    if (t.size() != 4) {
-      return file_error(list, n,
-                        "wanted 't_colour colour_file t_depth depth_file', found " +
-                            std::to_string(t.size()) + " words");
-    }
-    auto colour_s = parse_number(list, n, "colour stamp", t[0]);
-    if (!colour_s) return rt::Error{colour_s.error()};
-    auto depth_s = parse_number(list, n, "depth stamp", t[2]);
-    if (!depth_s) return rt::Error{depth_s.error()};
-    if (std::abs(depth_s.value()) > 4e9) {
-      return file_error(list, n, "depth stamp " + t[2] + " is outside -4e9 ... 4e9 s");
-    }
-    if (!s.entries_.empty() && depth_s.value() <= s.entries_.back().depth_s) {
-      return file_error(
-          list, n, "depth stamp " + t[2] + " does not rise above " + s.entries_.back().depth_stamp);
-    }
-    Entry e{depth_s.value(), t[2], folder + "/" + t[3], folder + "/" + t[1], n};
-    if (!regular_file(e.depth_file)) {
-      return file_error(list, n, "no such file: '" + e.depth_file + "'");
-    }
-    if (!options.skip_colour && !regular_file(e.colour_file)) {
-      return file_error(list, n, "no such file: '" + e.colour_file + "'");
-    }
-    s.entries_.push_back(std::move(e));
-    return true;
-  });
+  const auto ok = s.find_registration();
   if (!ok) return rt::Error{ok.error()};
-  if (s.entries_.empty()) return file_error(list, 0, "lists no frame");
-
-  const std::string registration = folder + "/colour_registration.txt";
-  if (!options.skip_colour && regular_file(registration)) {
-    ok = s.read_registration(registration);
-    if (!ok) return rt::Error{ok.error()};
-  }
   return s;
+}
+
+// The size of the first depth image, and the pinhole asked for or the data set's own.
+rt::Result<bool> TumSequence::assume_pinhole() {
+  const std::string& first = layout_.images.front().depth_file;
+  std::ifstream file(first, std::ios::binary);
+  const std::vector<char> bytes{std::istreambuf_iterator<char>(file), {}};
+  const auto header =
+      image_header({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, first);
+  if (!header) return rt::Error{header.error()};
+  const int w = header.value().width, h = header.value().height;
+  const std::string size = std::to_string(w) + " x " + std::to_string(h);
+  if (w > RgbdFrame::kMaxWidth || h > RgbdFrame::kMaxHeight) {
+    return file_error(first, 0,
+                      "is " + size + ", the largest image is " +
+                          std::to_string(RgbdFrame::kMaxWidth) + " x " +
+                          std::to_string(RgbdFrame::kMaxHeight));
+  }
+  const bool scenes = layout_.kind == SequenceLayout::Kind::kSevenScenes;
+  units_per_metre_ = scenes ? 1000 : 5000;
+  if (options_.pinhole) {
+    const auto& p = *options_.pinhole;
+    source_ = {p.fx, p.fy, p.cx, p.cy, w, h};
+    if (p.units_per_metre > 0) units_per_metre_ = p.units_per_metre;
+    return true;
+  }
+  if (w != kSourceWidth || h != kSourceHeight) {
+    return file_error(folder_ + "/intrinsics.txt", 0,
+                      "can not be opened, and no other intrinsics are given for images of " + size);
+  }
+  source_ =
+      scenes ? Intrinsics{585, 585, 320, 240, w, h} : Intrinsics{525, 525, 319.5, 239.5, w, h};
+  char said[256];
+  std::snprintf(said, sizeof said,
+                ": no intrinsics.txt; those of %s are assumed: %g,%g,%g,%g px, %g a metre",
+                scenes ? "7-Scenes" : "the TUM RGB-D benchmark", source_.fx, source_.fy, source_.cx,
+                source_.cy, units_per_metre_);
+  assumed_.push_back(folder_ + said);
+  return true;
+}
+
+rt::Result<bool> TumSequence::find_registration() {
+  if (options_.skip_colour) return true;
+  const std::string path = folder_ + "/colour_registration.txt";
+  if (regular_file(path)) return read_registration(path);
+  if (layout_.kind != SequenceLayout::Kind::kSevenScenes) return true;
+  // Fitted to the depth steps of its RedKitchen; the data set says nothing of its colour camera.
+  ColourCamera c;
+  c.fx = c.fy = 526;
+  c.cx = 320.7, c.cy = 237.1;
+  c.R << 0.999974, -0.007227, 0, 0.007227, 0.999974, 0, 0, 0, 1;
+  c.t = Vec3(-0.025, 0.0024, 0);
+  registration_ = c;
+  assumed_.push_back(folder_ +
+                     ": no colour_registration.txt; the colour camera is assumed where it was "
+                     "found for RedKitchen of 7-Scenes");
+  return true;
 }
 
 rt::Result<bool> TumSequence::read_registration(const std::string& path) {
@@ -191,7 +194,7 @@ rt::Result<bool> TumSequence::read(int i, RgbdFrame& out) const {
     return rt::Error{folder_ + ": frame " + std::to_string(i) + " is outside 0 ... " +
                      std::to_string(size() - 1)};
   }
-  const Entry& e = entries_[static_cast<std::size_t>(i)];
+  const RecordedImage& e = layout_.images[static_cast<std::size_t>(i)];
   auto depth = read_image(e.depth_file, CV_16UC1, source_.width, source_.height);
   if (!depth) return rt::Error{depth.error()};
   out.exposure = rt::time_from_ns(rt::nanos_from_seconds(e.depth_s).count());

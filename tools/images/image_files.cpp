@@ -53,7 +53,7 @@ rt::Result<std::vector<std::uint8_t>> slurp(const std::string& path) {
 rt::Result<perception::Image<perception::Rgb>> decode_colour(Bytes b, const std::string& name) {
   const auto h = drivers::image_header(b, name);
   if (!h) return rt::Error{h.error()};
-  if (h.value().bits != 8 || h.value().channels == 4) {
+  if (h.value().bits != 8) {
     return error(name, "has " + std::to_string(h.value().bits) + " bit x " +
                            std::to_string(h.value().channels) + " channels; must be 8 bit colour");
   }

@@ -15,7 +15,7 @@ namespace teletact {
 
 inline constexpr int kMaxImageSide = drivers::kMaxImageSide;
 
-// 8 bit colour, PNG or JPEG; grey is taken as colour, an alpha channel is refused. Orientation tags
+// 8 bit colour, PNG or JPEG; grey is taken as colour, an alpha channel is dropped. Orientation tags
 // are ignored: pixel (0, 0) is the first one stored. `name` begins each error message.
 [[nodiscard]] rt::Result<perception::Image<perception::Rgb>> decode_colour(
     std::span<const std::uint8_t> bytes, const std::string& name);

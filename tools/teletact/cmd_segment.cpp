@@ -5,7 +5,9 @@
 //                             no reading; needs --intrinsics
 //   --touch x,y               pixel; the k-th touch paints value k. A pixel that several objects claim
 //                             goes to the one it is nearer to (d of the paper), then to the first
-//   --method default|paper    paper: region growing from the touched pixel, nothing else
+//   --whole                   every region of the image, with depth or by colour alone
+//   --method default|paper    paper: region growing from the touched pixel, nothing else; d = |dI| + m/g |dP|,
+//                             --m, --g (mm with depth, else px), --threshold
 //   --out MASK.png            8 bit, 0 = no object; with --whole labels 1..N, 16 bit when N > 255
 //
 // Without depth `default` is the region of the whole-image segmentation under the touch. The touched
@@ -14,7 +16,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <ctime>
 #include <optional>
 #include <stdexcept>
@@ -25,9 +26,11 @@
 #include "perception/segmentation/region_grow.hpp"
 #include "perception/segmentation/region_merge.hpp"
 #include "perception/segmentation/touch_segmenter.hpp"
+#include "perception/segmentation/whole_depth.hpp"
 #include "tools/images/image_files.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/number_list.hpp"
 #include "tools/teletact/options.hpp"
 #include "tools/teletact/whole_file.hpp"
 
@@ -67,27 +70,8 @@ double cpu_ms() {
   return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
 }
 
-std::vector<double> numbers(const std::string& key, const std::string& text, std::size_t count) {
-  std::vector<double> values;
-  const char* at = text.c_str();
-  for (;;) {
-    char* end = nullptr;
-    const double v = std::strtod(at, &end);
-    if (end == at || !std::isfinite(v)) break;
-    values.push_back(v);
-    at = end;
-    if (*at != ',') break;
-    ++at;
-  }
-  if (values.size() != count || *at != '\0') {
-    throw std::runtime_error(key + " '" + text + "': must be " + std::to_string(count) +
-                             " numbers with commas between");
-  }
-  return values;
-}
-
 Touch parse_touch(const std::string& text, int width, int height) {
-  const auto v = numbers("--touch", text, 2);
+  const auto v = number_list("--touch", text, 2, 2);
   if (v[0] != std::floor(v[0]) || v[1] != std::floor(v[1]) || v[0] < 0 || v[1] < 0 ||
       v[0] >= width || v[1] >= height) {
     throw std::runtime_error("--touch " + text + ": must be a pixel of the image, 0..." +
@@ -97,13 +81,9 @@ Touch parse_touch(const std::string& text, int width, int height) {
 }
 
 perception::Intrinsics parse_intrinsics(const std::string& text, int width, int height) {
-  const auto v = numbers("--intrinsics", text, 4);
-  if (!(v[0] >= 1 && v[0] <= 1e5 && v[1] >= 1 && v[1] <= 1e5 && std::abs(v[2]) <= 1e5 &&
-        std::abs(v[3]) <= 1e5)) {
-    throw std::runtime_error("--intrinsics " + text +
-                             ": fx and fy must be 1 to 100000 px, cx and cy within 100000 px");
-  }
-  return {v[0], v[1], v[2], v[3], width, height};
+  static_cast<void>(number_list("--intrinsics", text, 4, 4));  // --depth-unit says the unit
+  const auto p = parse_pinhole(text);
+  return {p.fx, p.fy, p.cx, p.cy, width, height};
 }
 
 class Segmenter {
@@ -230,8 +210,8 @@ void check(const SegmentOptions& o) {
   if (o.whole == !o.touches.empty()) {
     throw std::runtime_error("give --whole, or --touch at least once, not both");
   }
-  if (o.whole && (!o.depth.empty() || o.method != "default")) {
-    throw std::runtime_error("--whole works on colour alone, by its own method");
+  if (o.whole && o.method != "default") {
+    throw std::runtime_error("--whole has a method of its own: --method is for touches");
   }
   if (o.depth.empty() != o.intrinsics.empty()) {
     throw std::runtime_error("--depth and --intrinsics go together");
@@ -239,24 +219,45 @@ void check(const SegmentOptions& o) {
   if (o.touches.size() > 255) throw std::runtime_error("--touch: at most 255");
 }
 
+// Depth of the colour image's size, and its pinhole.
+struct Depth {
+  Image<std::uint16_t> image;
+  perception::Intrinsics k;
+};
+std::optional<Depth> read_depth(const SegmentOptions& o, int w, int h) {
+  if (o.depth.empty()) return std::nullopt;
+  Depth depth{{}, parse_intrinsics(o.intrinsics, w, h)};
+  depth.image = take(read_grey(o.depth));
+  if (depth.image.width() != w || depth.image.height() != h) {
+    throw std::runtime_error(o.depth + ": is " + std::to_string(depth.image.width()) + " x " +
+                             std::to_string(depth.image.height()) + ", the colour image " +
+                             std::to_string(w) + " x " + std::to_string(h));
+  }
+  return depth;
+}
+
+Image<std::uint16_t> segment_all(const SegmentOptions& o, const Image<Rgb>& rgb, Metrics& metrics) {
+  const auto depth = read_depth(o, rgb.width(), rgb.height());
+  const double t0 = cpu_ms();
+  const auto whole = depth ? perception::segment_whole(rgb.view(), depth->image.view(), depth->k,
+                                                       static_cast<float>(o.depth_unit_mm), {})
+                           : perception::segment_whole(rgb.view(), {});
+  metrics.add("segment.cpu_ms", cpu_ms() - t0, "ms");
+  metrics.add("segment.regions", whole.regions, "1");
+  Image<std::uint16_t> labels(rgb.width(), rgb.height());
+  std::copy(whole.labels.begin(), whole.labels.end(), labels.data());
+  return labels;
+}
+
 Image<std::uint16_t> segment_touches(const SegmentOptions& o, const Image<Rgb>& rgb,
                                      Metrics& metrics) {
   const int w = rgb.width(), h = rgb.height();
   std::vector<Touch> touches;
   for (const std::string& t : o.touches) touches.push_back(parse_touch(t, w, h));
-  std::optional<Image<std::uint16_t>> depth;
-  perception::Intrinsics k;
-  if (!o.depth.empty()) {
-    k = parse_intrinsics(o.intrinsics, w, h);
-    depth = take(read_grey(o.depth));
-    if (depth->width() != w || depth->height() != h) {
-      throw std::runtime_error(o.depth + ": is " + std::to_string(depth->width()) + " x " +
-                               std::to_string(depth->height()) + ", the colour image " +
-                               std::to_string(w) + " x " + std::to_string(h));
-    }
-  }
+  const auto depth = read_depth(o, w, h);
   const double t0 = cpu_ms();
-  Segmenter segmenter(o, rgb, depth ? &*depth : nullptr, k);
+  Segmenter segmenter(o, rgb, depth ? &depth->image : nullptr,
+                      depth ? depth->k : perception::Intrinsics{});
   Image<std::uint16_t> out(w, h, 0);
   std::vector<float> least(static_cast<std::size_t>(w * h), 1e30F);
   for (std::size_t n = 0; n < touches.size(); ++n) {
@@ -281,17 +282,8 @@ void run(const SegmentOptions& o) {
   if (rgb.width() < 2 || rgb.height() < 2)
     throw std::runtime_error(o.color + ": is below 2 x 2 pixels");
   Metrics metrics("segment");
-  Image<std::uint16_t> labels;
-  if (o.whole) {
-    const double t0 = cpu_ms();
-    const auto whole = perception::segment_whole(rgb.view(), {});
-    metrics.add("segment.cpu_ms", cpu_ms() - t0, "ms");
-    metrics.add("segment.regions", whole.regions, "1");
-    labels = Image<std::uint16_t>(rgb.width(), rgb.height());
-    std::copy(whole.labels.begin(), whole.labels.end(), labels.data());
-  } else {
-    labels = segment_touches(o, rgb, metrics);
-  }
+  const Image<std::uint16_t> labels =
+      o.whole ? segment_all(o, rgb, metrics) : segment_touches(o, rgb, metrics);
   const std::string png = encode_labels(labels.view());
   write_outputs({{o.out, [&](const auto& path) { write_whole_file(path, png); }},
                  {o.json, [&](const auto& path) { metrics.write(path); }}});
@@ -306,6 +298,7 @@ void run(const SegmentOptions& o) {
 
 int cmd_segment(int argc, char** argv) {
   SegmentOptions o;
+  float g = 0;
   CLI::App app("teletact segment: the object under a touch, or every region of an image",
                "teletact segment");
   app.add_option("--color", o.color, "colour image, PNG or JPEG")->required();
@@ -322,12 +315,15 @@ int cmd_segment(int argc, char** argv) {
   app.add_option("--m", o.grow.m, "paper: weight of place against colour")
       ->check(in_range(1, 20))
       ->capture_default_str();
+  app.add_option("--g", g, "paper: distance that counts as m Lab units, mm with depth, else px")
+      ->check(in_range(0.1, 10000));
   app.add_option("--threshold", o.grow.threshold, "paper: largest d that joins")
       ->check(in_range(0, 1000));
   app.add_option("--out", o.out, "PNG to write")->required();
   app.add_option("--json", o.json, "figures to write: each object's pose, extent, colour");
   if (!parse_options(app, argc, argv)) return 0;
   if (app.count("--threshold") > 0) o.grow.threshold_flat = o.grow.threshold;
+  if (g > 0) o.grow.g_mm = o.grow.g_px = g;
   run(o);
   return 0;
 }

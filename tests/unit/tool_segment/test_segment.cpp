@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <sstream>
 
 #include "rt/random.hpp"
@@ -115,6 +116,130 @@ TEST_F(Segment, WholeAndJson) {
   }
 }
 
+// Parts of equal label, 4-neighbours.
+int connected_parts(const cv::Mat& labels) {
+  cv::Mat left = labels.clone();
+  int parts = 0;
+  for (int v = 0; v < left.rows; ++v) {
+    for (int u = 0; u < left.cols; ++u) {
+      const int label = left.at<std::uint8_t>(v, u);
+      if (label == 0) continue;
+      ++parts;
+      cv::floodFill(left, {u, v}, 0, nullptr, 0, 0, 4);
+    }
+  }
+  return parts;
+}
+
+TEST_F(Segment, WholeWithDepthPartsWhatColourDoesNot) {
+  // One colour; a box in front of a wall, and a strip without a reading.
+  cv::Mat depth(kH, kW, CV_16UC1);
+  for (int v = 0; v < kH; ++v) {
+    for (int u = 0; u < kW; ++u) {
+      const bool box = u >= 30 && u < 60 && v >= 20 && v < 50;
+      depth.at<std::uint16_t>(v, u) = u >= 88 ? 0 : box ? 800 : 1000;
+    }
+  }
+  cv::imwrite(path("d.png"), depth);
+  cv::imwrite(path("c.png"), cv::Mat(kH, kW, CV_8UC3, cv::Scalar(120, 130, 140)));
+  const auto args = with_depth({"--whole", "--json", path("l.json")});
+  ASSERT_EQ(run(args), 0);
+  const std::string first = slurp(path("m.png"));
+  const cv::Mat m = cv::imread(path("m.png"), cv::IMREAD_UNCHANGED);
+  ASSERT_EQ(m.type(), CV_8UC1);
+  const int on_box = m.at<std::uint8_t>(35, 45), on_wall = m.at<std::uint8_t>(5, 5);
+  EXPECT_NE(on_box, on_wall);
+  int right = 0;
+  for (int v = 20; v < 50; ++v)
+    for (int u = 30; u < 60; ++u) right += m.at<std::uint8_t>(v, u) == on_box ? 1 : 0;
+  const int all = cv::countNonZero(m == on_box);
+  EXPECT_GE(right, 0.97 * 900) << "of the box";
+  EXPECT_LE(all, 1.03 * 900);
+  double least = 0, most = 0;
+  cv::minMaxLoc(m, &least, &most);
+  EXPECT_EQ(least, 1);
+  EXPECT_EQ(connected_parts(m), static_cast<int>(most)) << "each label is one 4-connected part";
+  ASSERT_EQ(run(args), 0);
+  EXPECT_EQ(slurp(path("m.png")), first);
+}
+
+TEST_F(Segment, WholeWithDepthOfAnything) {
+  const std::uint64_t seed = 5;
+  rt::Random random(seed);
+  for (int round = 0; round < 12; ++round) {
+    const int w = static_cast<int>(random.integer(2, 90)),
+              h = static_cast<int>(random.integer(2, 70));
+    cv::Mat colour(h, w, CV_8UC3), depth(h, w, CV_16UC1);
+    const int kind = static_cast<int>(random.integer(0, 3));  // noise, none, tiles, saturated
+    for (int v = 0; v < h; ++v) {
+      for (int u = 0; u < w; ++u) {
+        const int tile = (u / 13 * 31 + v / 9 * 17) % 7;
+        const auto n = static_cast<std::uint8_t>(kind == 0 ? random.integer(0, 255) : 30 * tile);
+        colour.at<cv::Vec3b>(v, u) = cv::Vec3b(n, static_cast<std::uint8_t>(255 - n), 90);
+        depth.at<std::uint16_t>(v, u) =
+            static_cast<std::uint16_t>(kind == 0   ? random.integer(0, 65535)
+                                       : kind == 1 ? 0
+                                       : kind == 2 ? 500 + 150 * tile
+                                                   : 65535);
+      }
+    }
+    cv::imwrite(path("c.png"), colour);
+    cv::imwrite(path("d.png"), depth);
+    const auto args = with_depth({"--whole"});
+    ASSERT_EQ(run(args), 0) << "seed " << seed << ", round " << round;
+    const std::string first = slurp(path("m.png"));
+    cv::Mat m = cv::imread(path("m.png"), cv::IMREAD_UNCHANGED);
+    double least = 0, most = 0;
+    cv::minMaxLoc(m, &least, &most);
+    EXPECT_GE(least, 1);
+    if (m.type() == CV_8UC1) {
+      EXPECT_EQ(connected_parts(m), static_cast<int>(most))
+          << "seed " << seed << ", round " << round;
+    }
+    ASSERT_EQ(run(args), 0);
+    EXPECT_EQ(slurp(path("m.png")), first) << "seed " << seed << ", round " << round;
+  }
+}
+
+TEST_F(Segment, AnAlphaChannelIsDropped) {
+  const cv::Mat colour = cv::imread(path("c.png"));
+  cv::Mat with_alpha(kH, kW, CV_8UC4);
+  for (int v = 0; v < kH; ++v) {
+    for (int u = 0; u < kW; ++u) {
+      const auto c = colour.at<cv::Vec3b>(v, u);
+      with_alpha.at<cv::Vec4b>(v, u) = {c[0], c[1], c[2], static_cast<std::uint8_t>(u % 2 * 200)};
+    }
+  }
+  cv::imwrite(path("rgba.png"), with_alpha);
+  const auto mask_of = [&](const std::string& file) {
+    EXPECT_EQ(run({"--color", path(file), "--touch", "45,35", "--out", path("m.png")}), 0);
+    return slurp(path("m.png"));
+  };
+  EXPECT_EQ(mask_of("rgba.png"), mask_of("c.png"));
+}
+
+TEST_F(Segment, OfPlaceAgainstColourOnlyMOverGCounts) {
+  const auto pixels = [&](const std::vector<std::string>& more, bool depth) {
+    std::vector<std::string> args =
+        depth ? with_depth({})
+              : std::vector<std::string>{"--color", path("c.png"), "--out", path("m.png")};
+    args.insert(args.end(), {"--method", "paper", "--touch", "5,5", "--threshold", "25"});
+    args.insert(args.end(), more.begin(), more.end());
+    EXPECT_EQ(run(args), 0);
+    return std::pair(slurp(path("m.png")),
+                     cv::countNonZero(cv::imread(path("m.png"), cv::IMREAD_UNCHANGED)));
+  };
+  for (const bool depth : {false, true}) {
+    const std::string unit = depth ? "60" : "20", twice = depth ? "120" : "40";
+    const auto usual = pixels({}, depth), same = pixels({"--m", "20", "--g", twice}, depth);
+    EXPECT_EQ(usual.first, pixels({"--g", unit}, depth).first) << "the default";
+    EXPECT_EQ(usual.first, same.first) << "m / g";
+    EXPECT_LT(pixels({"--g", depth ? "6" : "2"}, depth).second, usual.second / 2);
+  }
+  EXPECT_THROW(run(with_depth({"--method", "paper", "--touch", "5,5", "--g", "0"})),
+               std::exception);
+}
+
 TEST_F(Segment, BadInputIsOneMessageAndNoFile) {
   std::ofstream(path("text.png")) << "not an image";
   const std::string whole = slurp(path("c.png"));
@@ -132,6 +257,9 @@ TEST_F(Segment, BadInputIsOneMessageAndNoFile) {
       {"--color", d, "--touch", "1,1"},
       {"--color", c},
       {"--color", c, "--whole", "--touch", "1,1"},
+      {"--color", c, "--whole", "--method", "paper"},
+      {"--color", c, "--whole", "--depth", d},
+      {"--color", c, "--whole", "--depth", path("small.png"), "--intrinsics", k},
       {"--color", c, "--touch", "96,10"},
       {"--color", c, "--touch", "10,72"},
       {"--color", c, "--touch", "-1,10"},
