@@ -181,7 +181,12 @@ class HapticTask {
   [[nodiscard, gnu::noinline]] perception::Vec3 viscous(const Spring& spring,
                                                         HapticTelemetry& t) const noexcept;
   void follow_material(const perception::Vec3& p_WH) noexcept;
-  void book(const Spring& spring, double to_N_per_m, bool moved, const perception::Vec3& dx_D,
+  enum class Mover : std::uint8_t {
+    kHand,
+    kSurface,
+    kMore
+  };  // what may have moved beside the hand
+  void book(const Spring& spring, double to_N_per_m, Mover mover, const perception::Vec3& dx_D,
             double dt) noexcept;
   bool take_patch(const perception::SurfacePatch* patch) noexcept;
   void advance_blend(double dt) noexcept;
@@ -211,6 +216,7 @@ class HapticTask {
   bool effects_ = false;
   perception::Material surface_;
   perception::Vec3 rendered_W_ = perception::Vec3::Zero();  // proxy with friction
+  perception::Vec3 rested_W_ = perception::Vec3::Zero();    // where the proxy was last tick
   double stiffness_ = 0;                                    // K of this tick
 
   Field field_;
