@@ -370,7 +370,11 @@ std::vector<Run> case_saddle(const Setting& s) {
   // From +y: towards +x and -x the sheet rises above any camera.
   Run run = slide(10, "", s,
                   still_scene(
-                      s, [](const Vec3& p) { return solids::saddle(p, 6); }, Vec3::UnitY()),
+                      s,
+                      [rays = s.fused != nullptr](const Vec3& p) {
+                        return rays ? solids::saddle_bound(p, 6) : solids::saddle(p, 6);
+                      },
+                      Vec3::UnitY()),
                   path, {.j = 0.1, .crease = true});
   if (s.fused != nullptr) return {run};
   double truth = 0, truth_optimum = 0, curl = 0, curl_raw = 0, curl_optimum = 0;
