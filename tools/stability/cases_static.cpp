@@ -101,6 +101,7 @@ Scene still_scene(const Setting& s, std::function<double(const Vec3&)> solid, co
       field->window(centre, nodes, out);
     };
     scene.sampled = [field](int x, int y, int z) { return field->node(x, y, z); };
+    scene.known = [field](int x, int y, int z) { return field->known(x, y, z); };
     scene.config.tip_radius_m = s.tip_radius_m;
   }
   scene.solid = [solid = std::move(solid)](const Vec3& p, double) { return solid(p); };
@@ -133,7 +134,14 @@ Run slide(int id, const std::string& name, const Setting& s, Scene scene, const 
   add(run, "guard use", f.guard_share, 0.06);
   if (s.judged) {
     add(run, "below mm", 1e3 * f.below_max, 0.5);
-    if (s.fused == nullptr) add(run, "release lag ticks", release_lag(r, run.rows), 2);
+    if (s.fused == nullptr) {
+      add(run, "release lag ticks", release_lag(r, run.rows), 1);
+    } else {
+      run.note = text(
+          "%.0f %% of the ticks in the surface judged by the optimum, the rest in or after unknown "
+          "space",
+          100 * f.judged_share);
+    }
     if (limits.optimum) {
       add(run, "F error p95 N", f.f_error_p95, 0.3, f.f_error_optimum);
       add(run, "p error p95 mm", 1e3 * f.p_error_p95, 0.5);

@@ -23,9 +23,8 @@ struct Missed {
   bool fused;
   const char* check;
   double bound;    // just behind the worst figure of these runs
-  double optimum;  // the field optimum's own figure in that run; kNone: it has none
+  double optimum;  // the field optimum's own figure in that run
 };
-constexpr double kNone = -1;
 constexpr Missed kMissed[] = {
     // Two rests 0.9 mm apart, a ridge of 5 um between them: what is rendered goes over it, the optimum waits for its end.
     {9, false, "F error p95 N", 0.49, 0},
@@ -38,11 +37,6 @@ constexpr Missed kMissed[] = {
     // A drop of several newtons takes the slew guard about 5 % of these short runs: the p95 is on its flank.
     {2, true, "F error p95 N", 0.32, 0.105},
     {6, true, "F error p95 N", 1.49, 0.36},
-    // At 70 degrees the far side of the saddle has nodes that were never seen. The optimum takes them for solid.
-    {10, true, "F error p95 N", 12.01, 7.2},
-    {10, true, "p error p95 mm", 25, kNone},
-    {10, true, "below mm", 30.5, kNone},
-    {10, true, "unused N", 12.1, 0.036},
 };
 
 const Missed* listed(int id, bool fused, const Check& c) {
@@ -75,6 +69,10 @@ void judge(const stability::Case& c, const std::vector<Setting>& settings) {
         EXPECT_NE(m, nullptr) << run.name << " " << check.name;
         if (m == nullptr) continue;
         EXPECT_LE(check.value, m->bound) << run.name << " " << check.name;
+      if (run.figures.judged_share < 0.99) {
+        std::printf("  %d %s: %.0f %% judged\n", run.id, run.name.c_str(),
+                    100 * run.figures.judged_share);
+      }
         seen.insert(m);
       }
       if (!all && !run.note.empty())
