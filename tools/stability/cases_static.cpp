@@ -195,6 +195,7 @@ std::vector<Run> case_concave_corner(const Setting& s) {
   for (const auto& o : run.optimum) {
     truth_optimum = std::max(truth_optimum, std::abs(solids::concave_edge(o.p)));
   }
+  add(run, "off the true shape mm", 1e3 * truth, 3, 1e3 * truth_optimum);
   if (s.place.name == "0deg/0") {  // the samples hold this shape exactly
     add(run, "corner F N", (corner - Vec3(-8, 0, 8)).norm(), 0.4);
   }
