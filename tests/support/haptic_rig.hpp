@@ -405,17 +405,20 @@ struct Placement {
   std::string name;
   Pose X_WS = Pose::Identity();
 };
+[[nodiscard]] inline Placement placement(std::string name, double degrees, const Vec3& offset_m) {
+  Placement out{std::move(name), Pose::Identity()};
+  const Vec3 skew = Vec3(1, 2, 3).normalized();
+  out.X_WS.linear() = Eigen::AngleAxisd(degrees * std::numbers::pi / 180, skew).toRotationMatrix();
+  out.X_WS.translation() = offset_m;
+  return out;
+}
 inline std::vector<Placement> placements() {
   std::vector<Placement> out;
-  const double degrees[3] = {0, 17, 45};
   const Vec3 offsets[3] = {{0, 0, 0}, {0.0037, 0.0021, 0.005}, {0.0081, 0.0049, 0.0023}};
-  const Vec3 skew = Vec3(1, 2, 3).normalized();
-  for (const double d : degrees) {
+  for (const int degrees : {0, 17, 45}) {
     for (int k = 0; k < 3; ++k) {
-      Pose X = Pose::Identity();
-      X.linear() = Eigen::AngleAxisd(d * std::numbers::pi / 180, skew).toRotationMatrix();
-      X.translation() = offsets[k];
-      out.push_back({std::to_string(static_cast<int>(d)) + "deg/" + std::to_string(k), X});
+      out.push_back(
+          placement(std::to_string(degrees) + "deg/" + std::to_string(k), degrees, offsets[k]));
     }
   }
   return out;
