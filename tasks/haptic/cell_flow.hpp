@@ -11,8 +11,8 @@
 // cell. The one with the most left is gone into; when none has any left, q is at rest: exactly the
 // first-order condition of the minimum over the union of the cells. No step ends farther from h.
 //
-// Lengths in voxels, frame W over voxel. Written for descent.cpp alone. Nothing here allocates,
-// locks or throws.
+// Lengths in voxels, frame W over voxel. Written for descent.cpp alone: the way down is
+// cell_flow.cpp, what is asked where it ended cell_rest.cpp. Nothing here allocates, locks or throws.
 #pragma once
 
 #include <array>
@@ -50,6 +50,7 @@ class CellFlow {
 
  private:
   static constexpr int kSamples = 350;
+  static constexpr double kFlat2 = 1e-16;  // such a gradient gives no direction
   using Index = std::array<std::int32_t, 3>;
   // One of the cells that meet at a point.
   struct Side {
@@ -70,6 +71,12 @@ class CellFlow {
     bool barred = false;  // by the surface
   };
 
+  static Vec3 without(Vec3 v, unsigned axes) noexcept {
+    for (int a = 0; a < 3; ++a) {
+      if ((axes & (1U << a)) != 0) v[a] = 0;
+    }
+    return v;
+  }
   [[nodiscard]] Local local(const Index& at, const Vec3& q) const noexcept;
   [[nodiscard]] std::size_t around(const Vec3& q, std::array<Side, 8>& out) const noexcept;
   [[nodiscard]] static Pull pull(const Local& l, const Side& side, const Vec3& r) noexcept;

@@ -271,7 +271,8 @@ Vec3 HapticTask::viscous(const Spring& spring, HapticTelemetry& t) const noexcep
 // Energy that the surface, a fade or a moving workspace put into the spring: what it holds more than the hand's
 // motion against its own force explains. Friction, viscosity and the controller only take energy out, so they have
 // no part in it.
-void HapticTask::book(const Spring& spring, double to_N_per_m, bool moved, const Vec3& dx_D,
+// A proxy that slips over an edge or lets go loses what its spring held: that is dissipated, and no surface took more of it than it went back.
+void HapticTask::book(const Spring& spring, double to_N_per_m, Mover mover, const Vec3& dx_D,
                       double dt) noexcept {
   const Vec3 before = f_elastic_D_;
   f_elastic_D_ =
@@ -283,8 +284,14 @@ void HapticTask::book(const Spring& spring, double to_N_per_m, bool moved, const
       gain > 0 && spring.contact
           ? gain * spring_energy(stiffness_, spring.length_m / config_.scale, force_limit_N_ / gain)
           : 0;
-  const double injected =
-      moved ? spring_J - spring_J_ + 0.5 * (before + f_elastic_D_).dot(dx_D) : 0;
+  double injected =
+      mover != Mover::kHand ? spring_J - spring_J_ + 0.5 * (before + f_elastic_D_).dot(dx_D) : 0;
+  constexpr double kSlip_J = 1e-4;
+  constexpr double kSharpest = 4;  // the apex of a crease goes so much farther than its faces
+  if (injected < -kSlip_J && mover == Mover::kSurface) {
+    const double back = gone_back(field_, rested_W_, proxy_config_.tip_radius_m);
+    injected = std::max(injected, -kSharpest * before.norm() * back / config_.scale);
+  }
   energy_.book(injected, spring_J - spring_J_, dt);
   spring_J_ = spring_J;
 }
@@ -324,9 +331,9 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Spring& spring, bo
   t.limit_active = f.norm() > force_limit_N_;
   f = limited(f, force_limit_N_);
   // Where not only the hand moved, the spring gained what the hand's motion does not explain.
-  const bool moved = surface_moves || t.gain != gain_before || stiffness_ != stiffness_before ||
-                     workspace_.moved();
-  book(spring, to_N_per_m, moved, dx_D, dt);
+  const bool more = t.gain != gain_before || stiffness_ != stiffness_before || workspace_.moved();
+  const Mover mover = more ? Mover::kMore : surface_moves ? Mover::kSurface : Mover::kHand;
+  book(spring, to_N_per_m, mover, dx_D, dt);
   if (config_.passivity_controller && t.in_contact) {
     const Vec3 allowed =
         passivity_.limited(f, dx_D, energy_.reserve_J(), spring_J_, stiffness_, dt);
@@ -496,6 +503,7 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   const Vec3 p_WH = workspace_.advance(h_D_, in.clutch, in.view_yaw_rad, dt);
   const double stiffness_before = stiffness_;
   if (in.surface != nullptr) proxy_config_.surface = in.surface;
+  rested_W_ = proxy_.p_WP();
   proxy_step_(field_, p_WH, proxy_, proxy_config_);
   const bool effects = kEffectsBuilt && effects_;
   Spring spring;

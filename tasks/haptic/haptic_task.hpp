@@ -187,7 +187,12 @@ class HapticTask {
   void follow_material(const perception::Vec3& p_WH) noexcept;
   void follow_side() noexcept;
   [[nodiscard]] double texture_reach_m() const noexcept;
-  void book(const Spring& spring, double to_N_per_m, bool moved, const perception::Vec3& dx_D,
+  enum class Mover : std::uint8_t {
+    kHand,
+    kSurface,
+    kMore
+  };  // what may have moved beside the hand
+  void book(const Spring& spring, double to_N_per_m, Mover mover, const perception::Vec3& dx_D,
             double dt) noexcept;
   bool take_patch(const perception::SurfacePatch* patch) noexcept;
   void advance_blend(double dt) noexcept;
@@ -219,6 +224,7 @@ class HapticTask {
   Surface surface_;
   double side_N_per_m_ = 0, side_most_N_per_m_ = 0;         // stiffness of a bump along the surface
   perception::Vec3 rendered_W_ = perception::Vec3::Zero();  // proxy with friction
+  perception::Vec3 rested_W_ = perception::Vec3::Zero();    // where the proxy was last tick
   double stiffness_ = 0;                                    // K of this tick
 
   Field field_;

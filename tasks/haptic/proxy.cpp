@@ -1,5 +1,7 @@
 #include "tasks/haptic/proxy.hpp"
 
+#include <algorithm>
+
 #include "tasks/haptic/descent.hpp"
 #include "tasks/haptic/force_shading.hpp"
 
@@ -78,6 +80,14 @@ void step_nearest(const Field& field, const Vec3& p_WH, ProxyState& state,
 void step_nearest10(const Field& field, const Vec3& p_WH, ProxyState& state,
                     const ProxyConfig& cfg) noexcept {
   nearest(field, p_WH, state, cfg, 10);
+}
+
+double gone_back(const Field& field, const Vec3& p_W, double tip_radius_m) noexcept {
+  constexpr double kSlopeLeast = 0.3;  // flatter is a rounded crease or the edge of the band
+  const FieldSample s = field.sample(p_W);
+  if (!s.known) return field.truncation();
+  const double slope = std::max(s.gradient.norm(), kSlopeLeast);
+  return std::max(s.value - tip_radius_m * std::max(1.0, slope), 0.0) / slope;
 }
 
 ProxyStep proxy_step(ProxyMethod method) noexcept {

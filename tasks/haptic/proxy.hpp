@@ -98,6 +98,11 @@ void step_nearest10(const Field&, const perception::Vec3& p_WH, ProxyState&,
 void step_constrained(const Field&, const perception::Vec3& p_WH, ProxyState&,
                       const ProxyConfig&) noexcept;
 
+// How far the surface has gone back from under a proxy that rested at p_W, m: 0 where it has not, the truncation where
+// nothing is known there any more.
+[[nodiscard]] double gone_back(const Field&, const perception::Vec3& p_W,
+                               double tip_radius_m) noexcept;
+
 [[nodiscard]] ProxyStep proxy_step(ProxyMethod method) noexcept;
 // The names in kProxyMethods; false for any other.
 inline constexpr std::string_view kProxyMethods = "constrained, nearest, nearest10, force_shading";

@@ -152,7 +152,7 @@ class FieldOptimum {
   }
 
  private:
-  static constexpr double kStep = 5e-5, kHandStep = 1e-4, kUnusedWay = 2.5e-4;
+  static constexpr double kStep = 5e-5, kHandStep = 1e-4, kUnusedWay = 2.5e-4, kAway = 0.8;
 
   // The straight way of length r that leads most towards h without entering the solid: the part of
   // it towards h, and its direction.
@@ -162,29 +162,57 @@ class FieldOptimum {
     const Vec3 axis = (h - p) / distance;
     const Vec3 a = axis.unitOrthogonal(), b = axis.cross(a);
     r = std::min(r, distance);
-    double best = 0;
-    Vec3 way = Vec3::Zero();
-    constexpr int kFan = 48;
-    for (int k = 0; k < kFan; ++k) {
-      const double angle = 2 * std::numbers::pi * k / kFan + 0.05;
+    // The steepest free way in the half-plane through the axis at `angle`: its slope, which may lead away from h.
+    const auto reach = [&](double angle, Vec3& way) {
       const Vec3 side = std::cos(angle) * a + std::sin(angle) * b;
-      double lo = 0, hi = 0.5 * std::numbers::pi;
-      for (int i = 0; i < 9; ++i) {
+      double lo = -kAway, hi = 0.5 * std::numbers::pi;
+      for (int i = 0; i < 10; ++i) {
         const double e = 0.5 * (lo + hi);
         const Vec3 d = std::cos(e) * side + std::sin(e) * axis;
         bool barred = field_(p + r * d) <= (whole ? radius_ : radius_ - 2e-6);
-        if (whole) {
+        if (whole && !barred) {
           for (const double part : {0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8}) {
             barred = barred || solid(p + (part * r) * d);
           }
         }
         (barred ? hi : lo) = e;
       }
-      if (std::sin(lo) > best) {
-        best = std::sin(lo);
-        way = std::cos(lo) * side + std::sin(lo) * axis;
+      way = std::cos(lo) * side + std::sin(lo) * axis;
+      return lo;
+    };
+    constexpr int kFan = 48;
+    std::array<double, kFan> slope_of{};
+    const auto angle_of = [](int k) { return 2 * std::numbers::pi * k / kFan + 0.05; };
+    const auto at = [&](int k) { return slope_of[static_cast<std::size_t>((k + kFan) % kFan)]; };
+    double best = 0;
+    Vec3 way = Vec3::Zero(), attempt;
+    for (int k = 0; k < kFan; ++k) {
+      slope_of[static_cast<std::size_t>(k)] = reach(angle_of(k), attempt);
+      if (at(k) > best) {
+        best = at(k);
+        way = attempt;
       }
     }
+    if (best > 0) return {std::sin(best), way};
+    // A crease may lead down between two rays of the fan: close in on its peaks.
+    for (int k = 0; k < kFan; ++k) {
+      if (at(k) <= -0.99 * kAway || at(k) < at(k - 1) || at(k) <= at(k + 1)) continue;
+      double middle = angle_of(k), top = at(k);
+      for (double turn = std::numbers::pi / kFan; turn > 2e-3; turn *= 0.5) {
+        const double m = middle;
+        for (const double angle : {m - turn, m + turn}) {
+          const double slope = reach(angle, attempt);
+          if (slope <= top) continue;
+          top = slope;
+          middle = angle;
+          if (slope > best) {
+            best = slope;
+            way = attempt;
+          }
+        }
+      }
+    }
+    best = std::sin(best);
     return {best, way};
   }
   // Out of a place that the fan across the line to h does not lead out of; p itself if there is no

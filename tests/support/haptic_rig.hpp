@@ -41,6 +41,7 @@ struct Scene {
   // A field that is made elsewhere instead: its windows, and its nodes as the oracle reads them.
   std::function<void(const Vec3& centre_W, int nodes, double t, SurfacePatch& out)> window;
   std::function<double(int x, int y, int z)> sampled;
+  std::function<bool(int x, int y, int z)> known;  // of those nodes, was it seen; empty: all were
   Pose X_WS = Pose::Identity();
   double voxel = 0.01, truncation = 0.05;
   int nodes = 28;
@@ -252,7 +253,8 @@ struct Figures {
   double f_error_optimum = 0;  // p95 of the optimum behind the slew guard against itself
   double j_optimum = 0;        // |dF| a tick of the optimum behind the slew guard
   double longer_max = 0, shorter_max = 0;  // |p - h| against the optimum's, m
-  double below_max = 0;  // deepest the proxy sits below the blended field's zero set, m
+  double judged_share = 1;  // of the ticks in the surface: no unknown space since seen-free space
+  double below_max = 0;     // deepest the proxy sits below the blended field's zero set, m
   double unused_max = 0, unused_optimum = 0;  // unused tangential force, N: ours, the optimum's
   double cpu_p50 = 0, cpu_p99 = 0, work_p50 = 0, work_max = 0;
 };
@@ -314,8 +316,19 @@ inline support::ReferenceField reference_field(const Rig& rig, const std::vector
   return {stored, setup.voxel, first, count};
 }
 
+// Every node of the cell of p_W was seen.
+inline bool in_known(const Scene& setup, const Vec3& p_W) {
+  if (!setup.known) return true;
+  const Eigen::Array3i i = (p_W / setup.voxel).array().floor().cast<int>();
+  for (int c = 0; c < 8; ++c) {
+    if (!setup.known(i.x() + (c >> 2), i.y() + ((c >> 1) & 1), i.z() + (c & 1))) return false;
+  }
+  return true;
+}
+
 // Force and position against the field optimum, every `stride` ticks. Only for solids that stand
-// still.
+// still. Unknown space holds no surface to be judged by (the oracle would meet a wall there): once either proxy
+// has been in it, they are compared again when the hand has been in seen-free space.
 struct Optimum {
   std::size_t row;
   Vec3 p, f;  // S
@@ -328,14 +341,27 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
   std::vector<Optimum> path;
   std::vector<double> f_error, p_error, f_guarded_error;
   Vec3 p = setup.X_WS * rows.front().h, h_last = p, f_guarded = Vec3::Zero();
+  bool comparable = true;
+  std::size_t asked = 0, judged = 0;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Row& r = rows[i];
     const Vec3 p_mine = setup.X_WS * r.p;
-    if (r.telemetry.in_contact) {
+    if (r.telemetry.in_contact && in_known(setup, p_mine)) {
       out.below_max = std::max(out.below_max, setup.config.tip_radius_m - field(p_mine));
     }
     if (i % stride != 0) continue;
     const Vec3 h = setup.X_WS * r.h;
+    const bool inside = r.telemetry.in_contact || field(h) <= setup.config.tip_radius_m;
+    asked += inside ? 1U : 0U;
+    comparable = comparable && in_known(setup, p_mine) && in_known(setup, p);
+    if (!comparable) {
+      comparable =
+          !r.telemetry.in_contact && in_known(setup, h) && field(h) > setup.config.tip_radius_m;
+      p = h_last = h;
+      f_guarded = Vec3::Zero();
+      continue;
+    }
+    judged += inside ? 1U : 0U;
     p = optimum.follow(p, h_last, h);
     const double moved = (h - h_last).norm();
     h_last = h;
@@ -361,6 +387,7 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
     f_error.push_back((setup.X_WS.linear() * r.f - f).norm());
     p_error.push_back((p_mine - p).norm());
   }
+  out.judged_share = asked > 0 ? static_cast<double>(judged) / static_cast<double>(asked) : 1;
   out.f_error_p95 = percentile(f_error, 0.95);
   out.f_error_max = percentile(f_error, 1);
   out.f_error_optimum = percentile(f_guarded_error, 0.95);
@@ -387,17 +414,20 @@ struct Placement {
   std::string name;
   Pose X_WS = Pose::Identity();
 };
+[[nodiscard]] inline Placement placement(std::string name, double degrees, const Vec3& offset_m) {
+  Placement out{std::move(name), Pose::Identity()};
+  const Vec3 skew = Vec3(1, 2, 3).normalized();
+  out.X_WS.linear() = Eigen::AngleAxisd(degrees * std::numbers::pi / 180, skew).toRotationMatrix();
+  out.X_WS.translation() = offset_m;
+  return out;
+}
 inline std::vector<Placement> placements() {
   std::vector<Placement> out;
-  const double degrees[3] = {0, 17, 45};
   const Vec3 offsets[3] = {{0, 0, 0}, {0.0037, 0.0021, 0.005}, {0.0081, 0.0049, 0.0023}};
-  const Vec3 skew = Vec3(1, 2, 3).normalized();
-  for (const double d : degrees) {
+  for (const int degrees : {0, 17, 45}) {
     for (int k = 0; k < 3; ++k) {
-      Pose X = Pose::Identity();
-      X.linear() = Eigen::AngleAxisd(d * std::numbers::pi / 180, skew).toRotationMatrix();
-      X.translation() = offsets[k];
-      out.push_back({std::to_string(static_cast<int>(d)) + "deg/" + std::to_string(k), X});
+      out.push_back(
+          placement(std::to_string(degrees) + "deg/" + std::to_string(k), degrees, offsets[k]));
     }
   }
   return out;

@@ -94,7 +94,7 @@ std::vector<Run> case_friction_hold(const Setting& s) {
   run.figures = rig::figures(run.rows);
   add_gates(run);
   add(run, "creep mm", 1e3 * creep, 0.05);
-  add(run, "slip step N", slip, std::max(0.58, 0.48 + 1.2 * 1000 * s.speed * 1e-3 + 0.02));
+  add(run, "slip step N", slip, std::max(0.58, 1.2 * 1000 * s.speed * 1e-3 + 0.02));
   add(run, "reversal step N", reversal, std::max(0.3, 1.2 * 1000 * s.speed * 1e-3 + 0.02));
   add(run, "slide friction error N", std::abs(sliding - 0.24 * 8), 0.1);
   return {run};

@@ -101,6 +101,7 @@ Scene still_scene(const Setting& s, std::function<double(const Vec3&)> solid, co
       field->window(centre, nodes, out);
     };
     scene.sampled = [field](int x, int y, int z) { return field->node(x, y, z); };
+    scene.known = [field](int x, int y, int z) { return field->known(x, y, z); };
     scene.config.tip_radius_m = s.tip_radius_m;
   }
   scene.solid = [solid = std::move(solid)](const Vec3& p, double) { return solid(p); };
@@ -133,7 +134,14 @@ Run slide(int id, const std::string& name, const Setting& s, Scene scene, const 
   add(run, "guard use", f.guard_share, 0.06);
   if (s.judged) {
     add(run, "below mm", 1e3 * f.below_max, 0.5);
-    if (s.fused == nullptr) add(run, "release lag ticks", release_lag(r, run.rows), 2);
+    if (s.fused == nullptr) {
+      add(run, "release lag ticks", release_lag(r, run.rows), 1);
+    } else {
+      run.note = text(
+          "%.0f %% of the ticks in the surface judged by the optimum, the rest in or after unknown "
+          "space",
+          100 * f.judged_share);
+    }
     if (limits.optimum) {
       add(run, "F error p95 N", f.f_error_p95, 0.3, f.f_error_optimum);
       add(run, "p error p95 mm", 1e3 * f.p_error_p95, 0.5);
@@ -187,6 +195,7 @@ std::vector<Run> case_concave_corner(const Setting& s) {
   for (const auto& o : run.optimum) {
     truth_optimum = std::max(truth_optimum, std::abs(solids::concave_edge(o.p)));
   }
+  add(run, "off the true shape mm", 1e3 * truth, 3, 1e3 * truth_optimum);
   if (s.place.name == "0deg/0") {  // the samples hold this shape exactly
     add(run, "corner F N", (corner - Vec3(-8, 0, 8)).norm(), 0.4);
   }
@@ -370,7 +379,11 @@ std::vector<Run> case_saddle(const Setting& s) {
   // From +y: towards +x and -x the sheet rises above any camera.
   Run run = slide(10, "", s,
                   still_scene(
-                      s, [](const Vec3& p) { return solids::saddle(p, 6); }, Vec3::UnitY()),
+                      s,
+                      [rays = s.fused != nullptr](const Vec3& p) {
+                        return rays ? solids::saddle_bound(p, 6) : solids::saddle(p, 6);
+                      },
+                      Vec3::UnitY()),
                   path, {.j = 0.1, .crease = true});
   if (s.fused != nullptr) return {run};
   double truth = 0, truth_optimum = 0, curl = 0, curl_raw = 0, curl_optimum = 0;

@@ -169,12 +169,15 @@ std::vector<Run> case_rise(const Setting& s) {
   sampled.fused = nullptr;
   Scene scene = still_scene(sampled, solids::floor);
   scene.still = false;
-  const Path down({{0, 0, 0.02}, {0, 0, -0.004}}, s.speed);
+  // 2 mm deep, then 9 mm more: below the force limit, and no longer than that.
+  constexpr double kDepth_m = 0.002, kRise_s = 0.09, kRise_m = 0.1 * kRise_s;
+  const double radius = s.fused != nullptr ? s.tip_radius_m : 0, hand = radius - kDepth_m;
+  const Path down({{0, 0, 0.02}, {0, 0, hand}}, s.speed);
   const double at = std::max(0.3, down.duration()) + 0.2;
   scene.solid = [=](const Vec3& p, double t) {
-    return solids::floor(p) - 0.1 * std::clamp(t - at, 0.0, 0.2);
+    return solids::floor(p) - 0.1 * std::clamp(t - at, 0.0, kRise_s);
   };
-  scene.config.stiffness_N_per_m = 400;  // 20 mm of rise stay below the force limit
+  const double k = scene.config.stiffness_N_per_m;
   const auto fused = std::make_shared<std::vector<std::pair<double, double>>>();  // t, height
   if (s.fused != nullptr) {  // every image of the rising floor is fused
     const auto field = std::make_shared<FusedField>(s.place.X_WS, *s.fused);
@@ -187,31 +190,30 @@ std::vector<Run> case_rise(const Setting& s) {
       field->window(centre, nodes, out);
       fused->emplace_back(t, field->height());
     };
-    scene.config.tip_radius_m = s.tip_radius_m;
+    scene.config.tip_radius_m = radius;
   }
-  const double scene_radius = scene.config.tip_radius_m;
   Rig r(std::move(scene));
-  press(r, 0.004, s.speed, 0.3);
-  Run run = finish(13, "", s, r.run([](double) { return Vec3(0, 0, -0.004); }, 0, 0.7));
+  r.run(down, 0, std::max(0.3, down.duration()));
+  Run run = finish(13, "", s, r.run([=](double) { return Vec3(0, 0, hand); }, 0, 0.7));
   double lag = 0;
   int lost = 0;
   for (const Row& row : run.rows) {
     lost += row.telemetry.in_contact ? 0 : 1;
-    const double height = row.p.z() - scene_radius;
-    if (row.t > at + 0.08 && row.t < at + 0.19) lag = std::max(lag, row.t - at - height / 0.1);
+    const double height = row.p.z() - radius;
+    if (row.t > at + 0.05 && row.t < at + kRise_s) lag = std::max(lag, row.t - at - height / 0.1);
   }
   // What the windows themselves hold, at the moment they are published.
   double fused_lag = std::nan(""), fused_end = fused_lag;
   for (const auto& [t, height] : *fused) {
     const double behind = t - at - height / 0.1;
-    if (t > at + 0.08 && t < at + 0.19 && !(behind <= fused_lag)) fused_lag = behind;
-    fused_end = 400 * std::abs(0.02 - height);
+    if (t > at + 0.03 && t < at + kRise_s && !(behind <= fused_lag)) fused_lag = behind;
+    fused_end = k * std::abs(kRise_m - height);
   }
   add(run, "J N", run.figures.j, 0.15);
   add(run, "lag ms", 1e3 * lag, 40, 1e3 * fused_lag);
   add(run, "ticks without contact", lost, 0);
-  add(run, "end force error N", std::abs(run.rows.back().f.norm() - 400 * (0.024 + scene_radius)),
-      0.05, fused_end);
+  add(run, "end force error N", std::abs(run.rows.back().f.norm() - k * (kDepth_m + kRise_m)), 0.05,
+      fused_end);
   return {run};
 }
 

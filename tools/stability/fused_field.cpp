@@ -119,6 +119,11 @@ double FusedField::height() const {
   return 0.5 * (lo + hi);
 }
 
+bool FusedField::known(int x, int y, int z) const {
+  return TsdfMap::word_weight(map_.word_at(x, y, z)) >= TsdfMap::kObservedWeight ||
+         map_.free_at(x, y, z);
+}
+
 double FusedField::node(int x, int y, int z) const {
   const auto unit = static_cast<double>(map_.metres_per_unit());
   const auto observed = [&](int i, int j, int k) {

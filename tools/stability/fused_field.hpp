@@ -31,6 +31,8 @@ class FusedField {
   // As the oracle reads it: observed distance; seen free without one: at most a voxel more than its
   // least neighbour that has one, and outside; unknown: solid.
   [[nodiscard]] double node(int x, int y, int z) const;
+  // Observed or seen free.
+  [[nodiscard]] bool known(int x, int y, int z) const;
   // Where the field crosses zero over (0, 0) of S, between z = -50 and 50 mm.
   [[nodiscard]] double height() const;
 

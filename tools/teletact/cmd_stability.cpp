@@ -2,11 +2,15 @@
 // figures beside, JSON metrics and one SVG a case.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <map>
 #include <set>
 #include <sstream>
 #include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "tools/plot/svg.hpp"
 #include "tools/stability/cases.hpp"
@@ -26,6 +30,7 @@ using stability::Setting;
 struct StabilityOptions {
   std::string cases, json, svg, method = "constrained";
   bool quick = false, verbose = false, judged = true, fused = false;
+  std::vector<double> angles_deg, offsets_vox, speeds_mm_per_s;  // other placements than the usual
 };
 
 // What is left of a case over all its runs.
@@ -52,15 +57,38 @@ std::set<int> parse_cases(const std::string& list) {
   return out;
 }
 
+// Those asked for, else the usual ones. An offset of u voxels puts the grid off by u, 2u, 3u along its axes.
+std::vector<rig::Placement> placements(const StabilityOptions& o) {
+  if (o.angles_deg.empty() && o.offsets_vox.empty()) return rig::placements();
+  constexpr double kVoxel_m = 0.01;
+  const auto or_else = [](const std::vector<double>& asked, std::vector<double> usual) {
+    return asked.empty() ? std::move(usual) : asked;
+  };
+  std::vector<rig::Placement> out;
+  for (const double angle : or_else(o.angles_deg, {0, 17, 45})) {
+    for (const double offset : or_else(o.offsets_vox, {0})) {
+      char name[64];
+      std::snprintf(name, sizeof name, "%gdeg/%g", angle, offset);
+      const auto part = [&](int times) { return kVoxel_m * std::fmod(times * offset, 1.0); };
+      out.push_back(rig::placement(name, angle, {part(1), part(2), part(3)}));
+    }
+  }
+  return out;
+}
+
 // Every placement at every speed; quick: each placement at one speed, each speed at each rotation.
 std::vector<Setting> settings(const StabilityOptions& o) {
-  constexpr double kSpeeds[3] = {0.02, 0.1, 0.2};
+  std::vector<double> speeds{0.02, 0.1, 0.2};
+  if (!o.speeds_mm_per_s.empty()) {
+    speeds.clear();
+    for (const double mm : o.speeds_mm_per_s) speeds.push_back(1e-3 * mm);
+  }
   std::vector<Setting> out;
-  const auto places = rig::placements();
+  const auto places = placements(o);
   for (std::size_t i = 0; i < places.size(); ++i) {
-    for (std::size_t k = 0; k < 3; ++k) {
-      if (o.quick && k != (i / 3 + i) % 3) continue;
-      out.push_back({places[i], kSpeeds[k], o.method, o.judged});
+    for (std::size_t k = 0; k < speeds.size(); ++k) {
+      if (o.quick && k != (i / 3 + i) % speeds.size()) continue;
+      out.push_back({places[i], speeds[k], o.method, o.judged});
     }
   }
   return out;
@@ -168,7 +196,16 @@ int cmd_stability(int argc, char** argv) {
                "teletact stability");
   app.add_option("--cases", o.cases, "numbers, comma between; default: all");
   app.add_option("--method", o.method, "constrained, nearest or nearest10")->capture_default_str();
-  app.add_flag("--quick", o.quick, "a third of the speeds at each placement");
+  app.add_flag("--quick", o.quick, "one of the speeds at each placement");
+  app.add_option("--angles", o.angles_deg, "degrees about the skew axis; default: 0,17,45")
+      ->check(in_range(-360, 360))
+      ->delimiter(',');
+  app.add_option("--offsets", o.offsets_vox, "of the grid, voxels; default: three usual ones")
+      ->check(in_range(0, 1))
+      ->delimiter(',');
+  app.add_option("--speeds", o.speeds_mm_per_s, "of the hand, mm/s; default: 20,100,200")
+      ->check(in_range(1, 1000))
+      ->delimiter(',');
   app.add_flag("--verbose", o.verbose, "every figure over its limit, and the closed forms");
   app.add_flag("--fused", o.fused, "only the cases on fields fused from synthetic depth");
   app.add_flag("!--no-optimum", o.judged, "leave the field optimum out (fast)");
@@ -210,7 +247,8 @@ int cmd_stability(int argc, char** argv) {
       sum.margin = margin;
     };
     if (!o.fused) run_all(settings(o), false);
-    if (stability::on_fused_fields(c.id) && (o.fused || !o.quick)) {
+    const bool usual = o.angles_deg.empty() && o.offsets_vox.empty() && o.speeds_mm_per_s.empty();
+    if (stability::on_fused_fields(c.id) && (o.fused || (usual && !o.quick))) {
       run_all(fused_settings(o, views), true);
     }
     const std::string name = "stability.case" + std::to_string(c.id);

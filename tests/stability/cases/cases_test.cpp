@@ -23,27 +23,16 @@ struct Missed {
   bool fused;
   const char* check;
   double bound;    // just behind the worst figure of these runs
-  double optimum;  // the field optimum's own figure in that run; kNone: it has none
+  double optimum;  // the field optimum's own figure in that run
 };
-constexpr double kNone = -1;
 constexpr Missed kMissed[] = {
-    {4, false, "F error p95 N", 0.59, 0},
-    {4, false, "p error p95 mm", 0.59, kNone},
+    // Two rests 0.9 mm apart, a ridge of 5 um between them: what is rendered goes over it, the optimum waits for its end.
     {9, false, "F error p95 N", 0.49, 0},
-    // Nothing holds the device along a crease of the samples; the optimum's steps of 0.05 mm do.
-    {20, false, "residual speed at 0.8 b/(T/2+t_d) mm/s", 3.4, 2.06},
-    {20, false, "residual speed at b 0.63, 1 N/mm, mm/s", 12.6, 1.82},
-    {20, false, "injected mJ, hand 100 N/m", 14.1, 4.77},
-    {20, false, "injected mJ, hand 400 N/m", 23.0, 15.0},
-    {20, false, "injected mJ, hand 1000 N/m", 32.7, 26.3},
-    // A drop of several newtons takes the slew guard about 5 % of these short runs: the p95 is on its flank.
+    // A surface that arrives within one period lifts a soft hand's mass as well.
+    {20, false, "injected mJ, hand 100 N/m", 11.1, 9.94},
+    // The same ridges, on a run so short that the slew guard's flank behind a drop of several newtons is 5 % of it.
     {2, true, "F error p95 N", 0.32, 0.105},
     {6, true, "F error p95 N", 1.49, 0.36},
-    // At 70 degrees the far side of the saddle has nodes that were never seen. The optimum takes them for solid.
-    {10, true, "F error p95 N", 12.01, 7.2},
-    {10, true, "p error p95 mm", 25, kNone},
-    {10, true, "below mm", 30.5, kNone},
-    {10, true, "unused N", 12.1, 0.036},
 };
 
 const Missed* listed(int id, bool fused, const Check& c) {
@@ -80,6 +69,10 @@ void judge(const stability::Case& c, const std::vector<Setting>& settings) {
       }
       if (!all && !run.note.empty())
         std::printf("  %d %s: %s\n", run.id, run.name.c_str(), run.note.c_str());
+      if (run.figures.judged_share < 0.99) {
+        std::printf("  %d %s: %.0f %% judged\n", run.id, run.name.c_str(),
+                    100 * run.figures.judged_share);
+      }
       ++runs;
       met += all ? 1 : 0;
     }

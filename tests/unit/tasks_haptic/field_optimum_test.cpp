@@ -8,6 +8,7 @@
 #include <functional>
 
 #include "rt/random.hpp"
+#include "tests/support/haptic_solids.hpp"
 
 namespace {
 
@@ -145,6 +146,30 @@ TEST(FieldOptimum, NothingNearbyIsNearer) {
             }
           });
   }
+}
+
+// What rays of synthetic depth step by: never farther than the sheet is, and of its sign.
+TEST(Solids, TheSaddlesBoundIsNoFartherThanTheSheet) {
+  constexpr std::uint64_t kSeed = 6;
+  std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
+  rt::Random random(kSeed);
+  constexpr double kBend = 6;
+  double closest = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Vec3 p = 0.3 * Vec3(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1));
+    const double bound = solids::saddle_bound(p, kBend);
+    const double above = p.z() - kBend * (p.x() * p.x() - p.y() * p.y());
+    EXPECT_GE(bound * above, 0);
+    double nearest = 1;
+    for (double u = -0.6; u <= 0.6; u += 0.01) {
+      for (double v = -0.6; v <= 0.6; v += 0.01) {
+        nearest = std::min(nearest, (Vec3(u, v, kBend * (u * u - v * v)) - p).norm());
+      }
+    }
+    EXPECT_LE(std::abs(bound), nearest) << p.transpose();
+    closest = std::max(closest, std::abs(bound) / nearest);
+  }
+  EXPECT_GT(closest, 0.5);
 }
 
 }  // namespace

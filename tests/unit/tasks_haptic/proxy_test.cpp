@@ -82,4 +82,29 @@ TEST(Proxy, SaysWhereAWallIsThinnerThanAVoxel) {
   }
 }
 
+// A hand slides off an edge while windows come that change nothing: what its spring held is lost, and no
+// surface took it. One that sinks takes its part.
+TEST(Booking, WhatASlipLosesIsNotTheSurfaces) {
+  Scene scene;
+  scene.solid = [](const Vec3& p, double) { return solids::convex_edge(p); };
+  scene.still = true;
+  Rig r(std::move(scene));
+  const rig::Path path({{-0.03, 0, 0.004}, {-0.03, 0, -0.006}, {0.02, 0, -0.006}}, 0.1);
+  double most = 0;
+  for (const rig::Row& row : r.run(path, 0, path.duration())) {
+    most = std::max(most, std::abs(row.telemetry.booked_J));
+  }
+  EXPECT_LT(most, 0.1e-3);
+  EXPECT_GT(r.out().telemetry.energy_J, 0.015);
+  EXPECT_FALSE(r.out().telemetry.in_contact);
+
+  Scene sinking;
+  sinking.solid = [](const Vec3& p, double t) { return p.z() + (t > 0.5 ? 0.003 : 0); };
+  Rig below(std::move(sinking));
+  const rig::Path down({{0, 0, 0.004}, {0, 0, -0.006}}, 0.1);
+  below.run(down, 0, 0.3);
+  below.run([](double) { return Vec3(0, 0, -0.006); }, 0, 0.5);
+  EXPECT_NEAR(below.out().telemetry.booked_J, 0.5 * 1000 * (0.003 * 0.003 - 0.006 * 0.006), 0.2e-3);
+}
+
 }  // namespace
