@@ -14,6 +14,7 @@ constexpr std::uint32_t kForgotten = TsdfMap::kWeightOne / 4;  // the least that
 
 void TsdfMap::decay(double dt_s) noexcept {
   if (!(config_.decay_half_life_s > 0) || !(dt_s > 0)) return;
+  ++revision_;
   const double round_s = dt_s * kDecayRound;
   // In 1/65536, rounded down: a weight that is not renewed never stands still.
   const auto keep = static_cast<std::uint32_t>(
@@ -38,15 +39,18 @@ bool TsdfMap::decay_block(std::int32_t block, std::uint32_t keep) noexcept {
   std::uint32_t* words = words_.data() + base;
   std::uint32_t* colours = colours_.data() + base;
   std::uint32_t left = 0, gone = 0;
+  bool hidden = false;  // something observed is no longer
   for (int i = 0; i < kBlockVoxels; ++i) {
     const std::uint32_t before = words[i] >> 16U;
     const std::uint32_t weight = (before * keep) >> 16U;
     const bool known = weight >= kForgotten;
     words[i] = known ? (words[i] & 0xffffU) | weight << 16U : 0U;
     colours[i] = known ? colours[i] : 0U;
+    hidden |= before >= kObservedWeight && weight < kObservedWeight;
     left |= words[i];
     gone |= known ? 0U : before;
   }
+  if (hidden) changed_[static_cast<std::size_t>(block)] = revision_;
   if (left == 0) return false;
   if (gone != 0 && block_labels(block) != nullptr) {
     auto* labels = const_cast<LabelVoxel*>(block_labels(block));

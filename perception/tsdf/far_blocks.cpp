@@ -122,6 +122,7 @@ void TsdfMap::bring_back(std::int32_t record, PageStats& stats) noexcept {
 PageStats TsdfMap::page(std::span<const Vec3> anchors_W, int block_budget) noexcept {
   PageStats stats;
   if (far_.capacity_bytes() == 0 || anchors_W.empty()) return stats;
+  ++revision_;
   const auto nearest = [&](int x, int y, int z) {
     double d = std::numeric_limits<double>::infinity();
     for (const Vec3& p : anchors_W) d = std::min(d, distance_to_chunk(p, x, y, z));
@@ -208,6 +209,7 @@ bool TsdfMap::seen_from(const CameraBoxes& boxes, BlockCoord chunk) const noexce
 PageStats TsdfMap::fetch_view(const Intrinsics& k, const Pose& X_WC, int block_budget) noexcept {
   PageStats stats;
   if (far_.size() == 0 || !k.valid() || !X_WC.matrix().allFinite()) return stats;
+  ++revision_;
   fetch_boxes(CameraBoxes(k, X_WC.inverse(Eigen::Isometry)), X_WC.translation(), block_budget, true,
               stats);
   return stats;
@@ -334,6 +336,7 @@ TsdfMap::Taken TsdfMap::take_record(rt::NonRealtime&, std::span<const std::uint8
   about.x = head.x, about.y = head.y, about.z = head.z;
   about.blocks = head.blocks, about.label_blocks = head.label_blocks, about.labels = head.labels;
   in_view_count_ = 0;
+  ++revision_;
   if (fits(about)) {
     PageStats stats;
     SpanSource source(bytes);

@@ -52,6 +52,7 @@ IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
   }
   if (config_.volume_m > 0 && !bounded_) place_volume(X_WC);
   frame_ += frame_ == 0 ? 2 : 1;  // a chunk's 0 is never the last frame
+  ++revision_;
   const DepthRule rule{static_cast<float>(config_.min_depth_m),
                        static_cast<float>(config_.max_depth_m),
                        static_cast<float>(config_.edge_base_m),
@@ -281,6 +282,7 @@ void TsdfMap::update_one(const View& view, const UpdateCamera& cam, std::int32_t
   const BlockCounts n =
       update_block(cam, p0, words_.data() + base, free_.data() + static_cast<std::size_t>(b) * 8,
                    colours_.data() + base);
+  if ((n.fused | n.carved) != 0) changed_[static_cast<std::size_t>(b)] = revision_;
   ++stats.blocks_updated;
   stats.voxels_fused += n.fused;
   stats.voxels_carved += n.carved;

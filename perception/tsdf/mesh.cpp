@@ -10,8 +10,7 @@
 
 #include <unistd.h>
 
-#include "perception/tsdf/map_reader.hpp"
-#include "perception/tsdf/marching_cubes.hpp"
+#include "perception/tsdf/mesh_cells.hpp"
 
 namespace perception {
 namespace {
@@ -20,42 +19,22 @@ class Mesher {
  public:
   Mesher(const TsdfMap& map, const MeshOptions& o)
       : map_(map),
-        reader_(map, o.min_weight),
-        max_jump_(static_cast<float>(o.max_edge_jump * TsdfMap::kDistanceOne)),
-        least_readings_(
-            static_cast<std::uint32_t>(std::clamp(std::lround(2 * o.min_weight) - 1, 1L, 15L))),
-        needs_readings_(o.needs_readings && coloured(map)) {}
+        cells_(map, o.min_weight, o.max_edge_jump, o.needs_readings && coloured(map)),
+        reader_(cells_.reader()) {}
 
   Mesh run(rt::NonRealtime& nrt, const MeshOptions& o) {
     map_.for_each_block([&](std::int32_t block, BlockCoord b) {
-      block_ = block;
-      at_ = b;
-      for (int n = 0; n < TsdfMap::kBlockVoxels; ++n)
-        cell(b.x * 8 + (n >> 6), b.y * 8 + ((n >> 3) & 7), b.z * 8 + (n & 7));
+      cells_.cut(block, b,
+                 [&](int i, int j, int k, const MapReader::Cell& c, const marching_cubes::Case& m) {
+                   add(i, j, k, c, m);
+                 });
     });
     if (o.refined) refine_vertices(nrt, observed_, map_.voxel_size(), o.refine, mesh_);
     return std::move(mesh_);
   }
 
  private:
-  void cell(int i, int j, int k) {
-    const MapReader::Cell c = reader_.cell(i, j, k, 0.0F, 0.0F, 0.0F);
-    if (!c.valid) return;
-    unsigned inside = 0;
-    for (unsigned n = 0; n < 8; ++n)
-      inside |= static_cast<unsigned>(c.corner(static_cast<int>(n)) <= 0) << n;
-    const marching_cubes::Case& m = marching_cubes::kCases[inside];
-    if (m.triangles == 0) return;
-    for (const marching_cubes::Edge& e : marching_cubes::kEdges) {
-      const float a = c.corner(e.corner), b = c.corner(e.corner | marching_cubes::axis_bit(e.axis));
-      if ((a <= 0) == (b <= 0)) continue;
-      if (std::fabs(a - b) > max_jump_) return;
-      if (needs_readings_ &&
-          readings(i, j, k, e.corner) +
-                  readings(i, j, k, e.corner | marching_cubes::axis_bit(e.axis)) <
-              least_readings_)
-        return;
-    }
+  void add(int i, int j, int k, const MapReader::Cell& c, const marching_cubes::Case& m) {
     for (std::size_t t = 0; t < m.triangles; ++t) {
       std::array<std::uint32_t, 3> tri{};
       for (std::size_t v = 0; v < 3; ++v) tri[v] = vertex(i, j, k, c, m.edge[t][v]);
@@ -66,42 +45,26 @@ class Mesher {
 
   static bool coloured(const TsdfMap& map) {
     bool any = false;
-    map.for_each_block([&](std::int32_t block, BlockCoord) {
-      const std::uint32_t* c = map.block_colours(block);
-      any =
-          any || std::any_of(c, c + TsdfMap::kBlockVoxels, [](std::uint32_t v) { return v != 0; });
-    });
+    map.for_each_block(
+        [&](std::int32_t block, BlockCoord) { any = any || MeshCells::coloured(map, block); });
     return any;
   }
 
-  // Readings that ended near this corner of the cell, as far as they are counted.
-  [[nodiscard]] std::uint32_t readings(int i, int j, int k, int corner) const {
-    const int x = i + (corner >> 2), y = j + ((corner >> 1) & 1), z = k + (corner & 1);
-    const BlockCoord b{x >> 3, y >> 3, z >> 3};
-    const std::int32_t block = b == at_ ? block_ : map_.find_block(b);
-    return block == TsdfMap::kNoBlock
-               ? 0U
-               : map_.block_colours(block)[TsdfMap::in_block(x, y, z)] >> 24U;
-  }
-
   std::uint32_t vertex(int i, int j, int k, const MapReader::Cell& c, std::uint8_t edge) {
-    const marching_cubes::Edge e = marching_cubes::kEdges[edge];
-    const int x = i + (e.corner >> 2), y = j + ((e.corner >> 1) & 1), z = k + (e.corner & 1);
+    const MeshCells::Crossing at = MeshCells::crossing(i, j, k, c, edge);
     constexpr std::uint64_t kMask = (1U << 20U) - 1U;  // wraps beyond 10 km of 1 cm voxels
-    const std::uint64_t key = (static_cast<std::uint64_t>(x) & kMask) << 42U |
-                              (static_cast<std::uint64_t>(y) & kMask) << 22U |
-                              (static_cast<std::uint64_t>(z) & kMask) << 2U | e.axis;
+    const std::uint64_t key = (static_cast<std::uint64_t>(at.x) & kMask) << 42U |
+                              (static_cast<std::uint64_t>(at.y) & kMask) << 22U |
+                              (static_cast<std::uint64_t>(at.z) & kMask) << 2U |
+                              static_cast<std::uint64_t>(at.axis);
     const auto [it, added] =
         index_.try_emplace(key, static_cast<std::uint32_t>(mesh_.vertices_W.size()));
     if (!added) return it->second;
-    const float a = c.corner(e.corner), b = c.corner(e.corner | marching_cubes::axis_bit(e.axis));
-    Vec3 p(x, y, z);
-    p(e.axis) += static_cast<double>(a / (a - b));
-    p *= map_.voxel_size();
+    const Vec3 p = at.position(map_.voxel_size());
     mesh_.vertices_W.push_back(p.cast<float>());
-    observed_.push_back(observations(x, y, z, e.axis));
+    observed_.push_back(observations(at.x, at.y, at.z, at.axis));
     Vec3 n;
-    if (!reader_.gradient(p, n)) n = cell_gradient(c, e, a / (a - b));
+    if (!reader_.gradient(p, n)) n = cell_gradient(c, marching_cubes::kEdges[edge], at.share);
     const double length = n.norm();
     mesh_.normals_W.push_back((length > 0 ? Vec3(n / length) : Vec3::UnitZ()).cast<float>());
     Rgb colour;
@@ -131,12 +94,8 @@ class Mesher {
   }
 
   const TsdfMap& map_;
-  MapReader reader_;
-  float max_jump_;
-  std::uint32_t least_readings_;
-  bool needs_readings_;
-  std::int32_t block_ = TsdfMap::kNoBlock;  // whose cells are looked at
-  BlockCoord at_;
+  MeshCells cells_;
+  MapReader& reader_;
   Mesh mesh_;
   std::vector<float> observed_;                             // of each vertex
   std::unordered_map<std::uint64_t, std::uint32_t> index_;  // grid edge -> vertex; never iterated

@@ -136,6 +136,7 @@ TsdfMap::TsdfMap(rt::NonRealtime& nrt, const TsdfConfig& config)
   free_.assign(blocks * 8, 0);
   coords_.assign(blocks, {});
   ahead_.assign((blocks + 1) * 8, config_.max_blocks);
+  changed_.assign(blocks + 1, 0);
   in_use_.assign(blocks, 0);
   recycled_.assign(blocks, 0);
   in_view_.assign(blocks, 0);
@@ -152,12 +153,13 @@ std::size_t TsdfMap::memory_bytes() const noexcept {
   return sizeof *this + index_.memory_bytes() + bytes(chunks_) + bytes(recycled_chunks_) +
          far_.memory_bytes() + sizeof(BlockImage) + bytes(words_) + bytes(colours_) +
          bytes(label_pool_) + bytes(label_bits_) + bytes(label_of_block_) + bytes(block_of_label_) +
-         bytes(label_recycled_) + bytes(free_) + bytes(coords_) + bytes(ahead_) + bytes(in_use_) +
-         bytes(recycled_) + bytes(in_view_) + bytes(to_carve_) + sizeof *allocate_ +
-         pyramid_.memory_bytes() + directory_.memory_bytes();
+         bytes(label_recycled_) + bytes(free_) + bytes(coords_) + bytes(ahead_) + bytes(changed_) +
+         bytes(in_use_) + bytes(recycled_) + bytes(in_view_) + bytes(to_carve_) +
+         sizeof *allocate_ + pyramid_.memory_bytes() + directory_.memory_bytes();
 }
 
 void TsdfMap::clear() noexcept {
+  ++revision_;
   index_.clear();
   far_.clear();
   decay_at_ = 0;
@@ -232,6 +234,7 @@ std::int32_t TsdfMap::new_block(Chunk& c, BlockCoord at) noexcept {
   std::fill_n(colours_.begin() + first, kBlockVoxels, 0U);
   coords_[static_cast<std::size_t>(b)] = at;
   in_use_[static_cast<std::size_t>(b)] = 1;
+  changed_[static_cast<std::size_t>(b)] = revision_;
   c.block[static_cast<std::size_t>(in_chunk(at.x, at.y, at.z))] = b;
   c.settled[static_cast<std::size_t>(at.x & 7)] |= 1ULL << ((at.y & 7) * 8 + (at.z & 7));
   ++c.blocks;
@@ -274,8 +277,9 @@ void TsdfMap::link(BlockCoord at, std::int32_t block) noexcept {
     }
     if (n == 0) continue;
     const std::int32_t behind = find_block({at.x - x, at.y - y, at.z - z});
-    if (behind != kNoBlock)
-      ahead_[static_cast<std::size_t>(8 * behind + n)] = block == kNoBlock ? none : block;
+    if (behind == kNoBlock) continue;
+    ahead_[static_cast<std::size_t>(8 * behind + n)] = block == kNoBlock ? none : block;
+    changed_[static_cast<std::size_t>(behind)] = revision_;
   }
 }
 
@@ -306,6 +310,7 @@ void TsdfMap::clear_nodes(Chunk& c, int slot, const std::array<int, 3>& lo,
   std::uint64_t* free =
       b == kNoBlock ? bits.data() : free_.data() + static_cast<std::ptrdiff_t>(b) * 8;
   if (b == kNoBlock) expand_free(c.free[s], free);
+  if (b != kNoBlock) changed_[static_cast<std::size_t>(b)] = revision_;
   LabelVoxel* labels = b == kNoBlock ? nullptr : const_cast<LabelVoxel*>(block_labels(b));
   for (int x = lo[0]; x <= hi[0]; ++x)
     for (int y = lo[1]; y <= hi[1]; ++y)
@@ -329,6 +334,7 @@ void TsdfMap::clear_nodes(Chunk& c, int slot, const std::array<int, 3>& lo,
 }
 
 void TsdfMap::clear_region(const Eigen::AlignedBox3d& box_W) noexcept {
+  ++revision_;
   in_view_count_ = 0;  // blocks may go
   if (box_W.isEmpty() || !box_W.min().allFinite() || !box_W.max().allFinite()) return;
   std::array<int, 3> lo{}, hi{};  // first and last node inside

@@ -27,6 +27,7 @@
 // Order     every result is a function of the sequence of calls: same input, same bytes.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -286,6 +287,18 @@ class TsdfMap {
       if (in_use(b)) fn(b, coords_[static_cast<std::size_t>(b)]);
   }
 
+  // --- what has changed since when. revision() rises with every call that may change blocks.
+  [[nodiscard]] std::uint32_t revision() const noexcept { return revision_; }
+  // Of the last call that changed anything the block's cells reach: its own voxels (a decay counts where it
+  // makes observed voxels others), or those of the blocks one to the x, y, z, or that these are there.
+  [[nodiscard]] std::uint32_t cells_revision(std::int32_t block) const noexcept {
+    std::uint32_t newest = 0;
+    const std::int32_t* ahead = ahead_.data() + static_cast<std::size_t>(block) * 8;
+    for (int n = 0; n < 8; ++n)
+      newest = std::max(newest, changed_[static_cast<std::size_t>(ahead[n])]);
+    return newest;
+  }
+
   // --- for vector kernels: the arrays themselves. Chunk n's table of block numbers begins at
   // n * table_stride; table `empty_table` holds no block, block `empty_block` holds zeros. ahead[8 b + n]:
   // the block one to the x (n bit 2), y (bit 1), z (bit 0) of block b; empty_block where none is.
@@ -410,6 +423,8 @@ class TsdfMap {
   std::vector<std::uint64_t> free_;
   std::vector<BlockCoord> coords_;
   std::vector<std::int32_t> ahead_;
+  std::vector<std::uint32_t> changed_;  // revision of the last call that did
+  std::uint32_t revision_ = 1;
   std::vector<std::uint8_t> in_use_;
   std::vector<std::int32_t> recycled_;  // stack of returned pool indices
   std::vector<std::int32_t> in_view_;   // of the frame being fused
