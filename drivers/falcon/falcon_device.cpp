@@ -279,8 +279,12 @@ bool FalconDevice::plausible(const std::array<std::int16_t, 3>& counts, rt::Time
 // False: this frame is no sample.
 bool FalconDevice::take(const FalconReport& report, rt::Time now) noexcept {
   // The flags too may be damaged: a button counts when two frames agree, lost marks when three do.
-  if ((report.buttons != 0) == button_before_) last_.button = button_before_;
-  button_before_ = report.buttons != 0;
+  const bool button = (report.buttons & ~kClutchButton) != 0,
+             clutch = (report.buttons & kClutchButton) != 0;
+  if (button == button_before_) last_.button = button;
+  if (clutch == clutch_before_) last_.clutch = clutch;
+  button_before_ = button;
+  clutch_before_ = clutch;
   unhomed_ = report.homed != kAllHomed ? unhomed_ + 1 : 0;
   if (unhomed_ > 0) {  // the counts mean nothing
     if (have_counts_ && unhomed_ < kBelieveAfter) return false;

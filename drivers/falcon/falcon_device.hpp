@@ -84,6 +84,7 @@ struct FalconCounters {
 
 class FalconDevice final : public HapticDevice, private FalconTransport::Listener {
  public:
+  static constexpr std::uint8_t kClutchButton = 2;  // of the grip's four; the others mark
   // Opens the transport; the error is one line.
   using Opener = std::function<rt::Result<std::unique_ptr<FalconTransport>>()>;
 
@@ -164,7 +165,7 @@ class FalconDevice final : public HapticDevice, private FalconTransport::Listene
   // The owner's.
   bool forces_ = false, have_counts_ = false, have_sample_ = false;
   int far_ = 0, fast_ = 0, unhomed_ = 0;
-  bool button_before_ = false;
+  bool button_before_ = false, clutch_before_ = false;
   std::uint64_t taken_seq_ = 0;
   std::array<std::int16_t, 3> counts_{}, far_counts_{};
   perception::Vec3 p_F_{0, 0, FalconKinematics::kCentreZ_m};

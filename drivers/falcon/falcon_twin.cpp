@@ -172,7 +172,9 @@ void FalconTwin::exchange(const FalconFrame& frame, std::int64_t t_ns) {
   FalconReport report;
   report.encoder_cnt = encoders();
   report.homed = homed_;
-  report.buttons = plant_.hand_target().button ? 1 : 0;
+  const auto& hand = plant_.hand_target();
+  report.buttons = static_cast<std::uint8_t>((hand.button ? 1 : 0) |
+                                             (hand.clutch ? FalconDevice::kClutchButton : 0));
   // Motors: the Jacobian's transpose at where the grip is now.
   const Vec3 p_F = FalconDevice::to_F(plant_.true_position());
   Vec3 theta;

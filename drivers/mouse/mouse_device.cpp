@@ -32,6 +32,7 @@ bool MouseParser::push(std::uint8_t byte) noexcept {
   const std::uint8_t head = packet_[0];
   move_ = MouseMove{};
   move_.button = (head & 1) != 0;
+  move_.clutch = (head & 2) != 0;
   if ((head & 0x40) == 0) move_.right = packet_[1] - ((head & 0x10) != 0 ? 256 : 0);
   if ((head & 0x80) == 0) move_.up = packet_[2] - ((head & 0x20) != 0 ? 256 : 0);
   const int wheel = packet_[3] & 0x0F;
@@ -87,6 +88,7 @@ void MouseDevice::apply(const MouseMove& m) noexcept {
   const double reach = p_.norm();
   if (reach > config_.workspace_radius_m) p_ *= config_.workspace_radius_m / reach;
   button_ = m.button;
+  clutch_ = m.clutch;
   moved_ = true;
 }
 
@@ -96,7 +98,7 @@ void MouseDevice::read_source() noexcept {
   const ssize_t n = ::read(fd_, bytes.data(), bytes.size());
   if (n == 0 || (n < 0 && errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR)) {
     lost_.store(true);
-    button_ = false;
+    button_ = clutch_ = false;
     return;
   }
   for (ssize_t i = 0; i < n; ++i) {
@@ -115,6 +117,7 @@ bool MouseDevice::sense(rt::Time now, StylusSample& out) noexcept {
     last_.p_DH = p_;
   }
   last_.button = button_;
+  last_.clutch = clutch_;
   last_.repeated = !moved_;
   last_.state = DeviceState::kForce;
   out = last_;

@@ -1,6 +1,6 @@
 // A mouse in place of a haptic device: a position at the mouse's own low rate, and no force. The person
 // moves the point to the left and right (D's y), away and back (D's x), with the wheel up and down (z);
-// the left button is the stylus button.
+// the left button is the stylus button, the right one the clutch.
 //
 // Source    /dev/input/mice with the wheel's protocol (ImPS/2: four bytes a packet, asked for by six
 //           sample-rate bytes), or any source that writes such packets. push() moves it too: the console
@@ -38,7 +38,7 @@ struct MouseConfig {
 
 struct MouseMove {
   std::int32_t right = 0, up = 0, wheel = 0;  // counts; wheel: away from the hand is positive
-  bool button = false;
+  bool button = false, clutch = false;        // left, right
 };
 
 // ImPS/2 packets out of a byte stream that may begin anywhere.
@@ -85,7 +85,7 @@ class MouseDevice final : public HapticDevice {
   MouseParser parser_;
   rt::Ring<MouseMove, 256> pushed_;
   std::atomic<bool> lost_{false};
-  bool moved_ = true, button_ = false;
+  bool moved_ = true, button_ = false, clutch_ = false;
   perception::Vec3 p_ = perception::Vec3::Zero();
   StylusSample last_;
 };

@@ -52,6 +52,10 @@ HandScript::HandScript(rt::NonRealtime&, const HandScriptConfig& config, const W
       kind = Kind::kButtonDown;
     else if (c.kind == "button_up")
       kind = Kind::kButtonUp;
+    else if (c.kind == "clutch_down")
+      kind = Kind::kClutchDown;
+    else if (c.kind == "clutch_up")
+      kind = Kind::kClutchUp;
     else if (c.kind != "hold")
       refuse(i, "kind = \"" + c.kind + "\" is not known");
     const bool moves = kind == Kind::kMove || kind == Kind::kPress || kind == Kind::kSlide;
@@ -91,6 +95,7 @@ HandTarget HandScript::target(rt::Nanos since_start) noexcept {
   HandTarget out;
   out.segment = current_;
   out.button = button_;
+  out.clutch = clutch_;
   out.p_WT = to_;
   if (current_ < 0 || current_ >= static_cast<int>(count_)) return out;
   const auto i = static_cast<std::size_t>(current_);
@@ -111,6 +116,8 @@ void HandScript::enter(std::size_t i) noexcept {
   const Kind kind = kinds_[i];
   if (kind == Kind::kButtonDown) button_ = true;
   if (kind == Kind::kButtonUp) button_ = false;
+  if (kind == Kind::kClutchDown) clutch_ = true;
+  if (kind == Kind::kClutchUp) clutch_ = false;
   if (kind != Kind::kMove && kind != Kind::kPress && kind != Kind::kSlide) return;
   const bool own = c.source != "last";
   if (own && !slots_[i].ready.load(std::memory_order_acquire)) {

@@ -14,7 +14,8 @@
 //         slide        from this point to `point_m` at the depth that is reached, constant speed
 //                      with soft ends
 //         hold         stays
-//         button_down, button_up   at the segment's start; then stays for time_s (may be 0)
+//         button_down, button_up, clutch_down, clutch_up   at the segment's start; then stays for
+//                      time_s (may be 0)
 // With source = "last" a segment keeps the point of the one before (press again, draw back).
 // A point may come later than the script: source = "pixel" with pixel = [u, v] says which image
 // point it is; set_point() delivers it in W. A segment whose point has not arrived when it starts
@@ -52,8 +53,10 @@ struct HandSegmentConfig {
   double depth_m = 0.005;
 
   void describe(config::Section& s) {
-    s.text("kind", kind, {"move", "press", "slide", "hold", "button_down", "button_up"},
-           "what the hand does");
+    s.text(
+        "kind", kind,
+        {"move", "press", "slide", "hold", "button_down", "button_up", "clutch_down", "clutch_up"},
+        "what the hand does");
     s.number("time_s", time_s, 0, 3600, "duration");
     s.text("source", source, {"point", "pixel", "last"}, "where the point comes from");
     s.numbers("point_m", point_m, -1000, 1000, "point in W");
@@ -81,7 +84,7 @@ struct HandScriptConfig {
 struct HandTarget {
   perception::Vec3 p_WT = perception::Vec3::Zero();  // where the hand wants the tip
   perception::Vec3 v_WT = perception::Vec3::Zero();  // and how fast
-  bool button = false;
+  bool button = false, clutch = false;
   int segment = -1;  // in force; -1 before, size() after
 };
 
@@ -107,7 +110,16 @@ class HandScript {
   [[nodiscard]] const WorkspaceMap& map() const noexcept { return map_; }
 
  private:
-  enum class Kind : std::uint8_t { kMove, kPress, kSlide, kHold, kButtonDown, kButtonUp };
+  enum class Kind : std::uint8_t {
+    kMove,
+    kPress,
+    kSlide,
+    kHold,
+    kButtonDown,
+    kButtonUp,
+    kClutchDown,
+    kClutchUp
+  };
   struct Slot {
     std::atomic<bool> ready{false};
     perception::Vec3 p_W = perception::Vec3::Zero();
@@ -126,7 +138,7 @@ class HandScript {
   perception::Vec3 from_ = perception::Vec3::Zero(), to_ = perception::Vec3::Zero();
   perception::Vec3 anchor_ = perception::Vec3::Zero(), normal_ = perception::Vec3::UnitZ();
   double offset_ = 0;  // along the normal, from the anchor: negative is depth
-  bool button_ = false;
+  bool button_ = false, clutch_ = false;
   std::uint32_t unresolved_ = 0;
 };
 

@@ -24,6 +24,7 @@ struct StylusSample {
   bool button = false;                               // stylus button: "mark"
   DeviceState state = DeviceState::kReset;
   bool repeated = false;  // the device had no new data: same position again
+  bool clutch = false;    // second button, held: the workspace is moved, not the hand in the scene
 };
 
 struct ForceCommand {

@@ -183,7 +183,9 @@ bool OmegaDevice::exchange(rt::Time now, StylusSample& out) noexcept {
     ++last_.seq;
     last_.taken = now;
     last_.p_DH = turned(p);
-    last_.button = (api_->get_button_mask(id_) & 1U) != 0;
+    const unsigned int buttons = api_->get_button_mask(id_);
+    last_.button = (buttons & 1U) != 0;
+    last_.clutch = (buttons & 2U) != 0;
     count(counts_.samples);
   }
   last_.repeated = repeated;

@@ -105,6 +105,7 @@ bool OmegaTwin::sense(rt::Time now, StylusSample& out) noexcept {
   last_sample_.taken = now;
   last_sample_.p_DH = p;
   last_sample_.button = target_.button || faults_.stuck_button;
+  last_sample_.clutch = target_.clutch;
   last_sample_.state = state_;
   last_sample_.repeated = false;
   sampled_ = true;

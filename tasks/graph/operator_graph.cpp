@@ -14,7 +14,7 @@ OperatorCells::OperatorCells(rt::NonRealtime& nrt)
       patch(nrt, {2}),
       view(nrt, {1}),
       cost_map(nrt, {1, 1}),
-      camera_pose(nrt, {1, 1}),
+      camera_pose(nrt, {1, 1, 1}),
       objects(nrt, {1, 1}),
       path(nrt, {1, 1}),
       task(nrt, {1}),

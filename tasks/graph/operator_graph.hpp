@@ -39,7 +39,7 @@ struct OperatorCells {
   rt::Latest<SceneView> view;
   enum { kMapPlanning, kMapConsole };
   rt::Latest<perception::CostMap> cost_map;
-  enum { kCameraPrediction, kCameraConsole };
+  enum { kCameraPrediction, kCameraConsole, kCameraHaptic };
   rt::Latest<CameraPose> camera_pose;
   enum { kObjectsPlanning, kObjectsConsole };
   rt::Latest<ObjectList> objects;  // never published where objects are switched off

@@ -41,12 +41,17 @@ void HapticNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
     record.input_seq[0] = patch.seq;
   }
   if (const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModeHaptic)) in_.mode = *mode;
+  // While the clutch is held the workspace turns to where the camera looks, of which the operator sees the image.
+  const auto camera = cells_.camera_pose.acquire_if_new(OperatorCells::kCameraHaptic);
+  in_.clutch = in_.stylus_ok && in_.stylus.clutch;
+  if (camera && camera->claimed) in_.view_yaw_rad = yaw_of_view(camera->X_WC.linear());
   // A box that holds because of a fault stays limp until the next engage: force does not come back
   // by a timeout.
   if (in_.mode.mode == Mode::kHold && in_.mode.cause != rt::kNoFault)
     in_.mode.mode = Mode::kRampDown;
   record.input_seq[1] = in_.mode.seq;
   record.input_seq[2] = in_.stylus.seq;
+  record.input_seq[3] = camera.seq;
 }
 
 rt::Health HapticNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
@@ -76,6 +81,7 @@ void HapticNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   s.energy_J = static_cast<float>(t.energy_J);
   s.booked_J = static_cast<float>(t.booked_J);
   s.patch_age_s = static_cast<float>(t.patch_age_s);
+  s.reach = static_cast<float>(t.reach);
   s.work = t.work;
   s.contacts = out_.state.contacts;
   s.in_contact = t.in_contact;
@@ -84,6 +90,7 @@ void HapticNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   s.stale = t.stale;
   s.held = t.held;
   s.button = out_.state.button;
+  s.clutched = t.clutched;
   s.device_state = static_cast<std::uint8_t>(in_.stylus.state);
   s.finite = out_.force.f_H_D.allFinite();
   cells_.haptic_samples.try_push(s);

@@ -14,10 +14,11 @@ struct HapticSample {
   std::array<float, 3> p_WH{}, p_WP{}, f_W{};
   float penetration_m = 0, force_N = 0, step_raw_N = 0, step_N = 0, gain = 0;
   float energy_J = 0, booked_J = 0, patch_age_s = 0;
+  float reach = 0;  // of the hand at the device, over its workspace's radius
   std::uint32_t work = 0;
   std::int32_t contacts = 0;
   bool in_contact = false, guard_active = false, guard_use = false, stale = false, held = false;
-  bool button = false, finite = true;
+  bool button = false, clutched = false, finite = true;
   std::uint8_t device_state = 0;  // drivers::DeviceState
 };
 

@@ -88,7 +88,7 @@ inline constexpr std::array<EdgeRow, kEdgeCount> kEdgeTable{{
     {EdgeId::kPatch, "patch", "fusion", "haptic", EdgeKind::kLatest, "force ramps to zero"},
     {EdgeId::kView, "view", "fusion", "console", EdgeKind::kLatest, "shown"},
     {EdgeId::kCostMap, "cost_map", "fusion", "planning", EdgeKind::kLatest, "no new path"},
-    {EdgeId::kCameraPose, "camera_pose", "fusion", "prediction console", EdgeKind::kLatest, "odometry alone"},
+    {EdgeId::kCameraPose, "camera_pose", "fusion", "prediction haptic console", EdgeKind::kLatest, "odometry alone"},
     {EdgeId::kObjects, "objects", "fusion", "planning console", EdgeKind::kLatest, "the goal stays where the mark was"},
     {EdgeId::kHand, "hand", "haptic", "fusion console", EdgeKind::kLatest, "window stays"},
     {EdgeId::kTouch, "touch", "haptic", "planning", EdgeKind::kRing, "full: newest dropped, gap flag; open mark dropped"},

@@ -70,8 +70,9 @@ void HapticConfig::describe(config::Section& s) {
   s.number("texture_amplitude_m", texture_amplitude_m, 0, 0.002, "height of the bumps; 0: smooth");
   s.number("texture_period_m", texture_period_m, 0.0004, 0.1, "from bump to bump");
   s.flag("bump_normal", bump_normal, "bumps as a perturbed normal instead of a height: to compare");
-  s.number("texture_stiffness_N_per_m", texture_stiffness_N_per_m, 0, 1e9,
-           "largest stiffness of a bump along the surface; 0: what the device renders stably");
+  s.number(
+      "texture_stiffness_N_per_m", texture_stiffness_N_per_m, 0, 1e9,
+      "largest stiffness of a bump along the surface; 0: 3/4 of what the device renders stably");
   s.number("viscosity_N_s_per_m", viscosity_N_s_per_m, 0, 5, "drag of the hand");
   s.flag("materials", materials, "surface parameters from the palette of the map's labels");
   s.flag("guard", guard, "slew guard");
@@ -94,8 +95,11 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
   surface_.friction_static = config.friction_static;
   surface_.friction_dynamic = config.friction_dynamic;
   surface_.add(config.texture_amplitude_m, config.texture_period_m);
-  side_most_N_per_m_ = config.texture_stiffness_N_per_m > 0 ? config.texture_stiffness_N_per_m
-                                                            : device.stiffness_limit(period_s);
+  // At all of what the device renders stably, bumps that hold it take more than 3 s to come to rest.
+  constexpr double kOfDevice = 0.75;
+  side_most_N_per_m_ = config.texture_stiffness_N_per_m > 0
+                           ? config.texture_stiffness_N_per_m
+                           : kOfDevice * device.stiffness_limit(period_s);
   const double k_max = device.stiffness_limit(period_s);
   if (!(config.stiffness_N_per_m > 0) || config.stiffness_N_per_m > k_max) {
     std::ostringstream text;
@@ -207,10 +211,10 @@ void HapticTask::follow_material(const Vec3& p_WH) noexcept {
   stiffness_ = config_.stiffness_N_per_m * surface_.stiffness_scale;
 }
 
-// How stiff a bump may be along the surface: what the device renders stably, and no more than the slew guard lets
+// How stiff a bump may be along the surface: what the device holds quietly, and no more than the slew guard lets
 // through at the hand's speed, since a height that is felt late is another height. Followed with at most 30 N/s.
 void HapticTask::follow_side() noexcept {
-  constexpr double kSlowest_m_per_s = 1e-3, kOfGuard = 0.8, kFollow_N_per_s = 30;
+  constexpr double kSlowest_m_per_s = 0.01, kOfGuard = 0.8, kFollow_N_per_s = 30;
   const double v = std::max(v_D_.norm(), kSlowest_m_per_s), k = config_.stiffness_N_per_m;
   const double rate = std::min(config_.slew_calm_N_per_s + 2 * std::max(k, 1000.0) * v,
                                std::max(config_.slew_N_per_s, 1.1 * k * v));

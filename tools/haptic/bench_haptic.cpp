@@ -229,7 +229,7 @@ void count_instructions(std::ostream& progress, const Folder& folder, const std:
   r.instructions_512 = per_tick(folder, program, large, n, "none");
   r.instructions_64 = per_tick(folder, program, small, n, "none");
   r.none_over_plain = r.instructions_512 - per_tick(folder, plain, large, n, "none");
-  for (const char* effect : {"friction", "texture", "viscosity", "materials"}) {
+  for (const char* effect : {"friction", "texture", "bump_normal", "viscosity", "materials"}) {
     r.effects[effect] = per_tick(folder, program, large, n, effect) - r.instructions_512;
   }
 }

@@ -321,6 +321,56 @@ MaterialRow measure_materials(double rate_hz) {
   return row;
 }
 
+TextureRow measure_texture(double stiffness) {
+  TextureRow row{stiffness};
+  constexpr double kSpeed = 0.01, kPeriod_s = 1e-3;
+  std::vector<Vec3> way{{0.0003, 0.0007, 0.002}, {0.0003, 0.0007, -0.001}};
+  for (int i = 0; i < 10; ++i) {
+    for (const Vec3& step :
+         {Vec3(0, 0, -0.001), Vec3(0.001, 0, 0), Vec3(0, 0, 0.001), Vec3(-0.001, 0, 0)}) {
+      way.push_back(way.back() + step);
+    }
+  }
+  for (const bool normal : {false, true}) {
+    rt::Startup startup;
+    tasks::HapticConfig config = loop_config(stiffness, true);
+    config.texture_amplitude_m = 3e-4;
+    config.texture_period_m = 2e-3;
+    config.bump_normal = normal;
+    drivers::DeviceProperties device;
+    device.damping_N_s_per_m = 1e12;
+    tasks::HapticTask task(startup.token(), config, device, kPeriod_s);
+    const auto floor = std::make_unique<SurfacePatch>();
+    floor->seq = 1;
+    fill_floor(*floor, 16, [](int) { return 0; });
+    tasks::HapticTask::In in;
+    tasks::HapticTask::Out out;
+    in.mode.seq = 1;
+    in.mode.mode = tasks::Mode::kHold;
+    in.stylus_ok = true;
+    in.stylus.state = drivers::DeviceState::kForce;
+    rt::Tick tick;
+    tick.period = rt::Nanos{1000000};
+    double energy = 0;
+    Vec3 last = Vec3::Zero(), before = way.front();
+    for (std::size_t leg = 1; leg < way.size(); ++leg) {
+      const Vec3 from = way[leg - 1], to = way[leg];
+      const auto ticks = static_cast<int>(std::lround((to - from).norm() / (kSpeed * kPeriod_s)));
+      for (int i = 1; i <= ticks; ++i) {
+        in.patch_newest = task.wants_patch() ? floor.get() : nullptr;
+        in.stylus.p_DH = from + (static_cast<double>(i) / ticks) * (to - from);
+        tick.release = tick.start = rt::time_from_ns(static_cast<std::int64_t>(++tick.k) * 1000000);
+        (void)task.step(tick, in, out);
+        if (leg > 1) energy += 0.5 * (out.force.f_H_D + last).dot(in.stylus.p_DH - before);
+        last = out.force.f_H_D;
+        before = in.stylus.p_DH;
+      }
+    }
+    (normal ? row.normal_J : row.height_J) = std::abs(energy);
+  }
+  return row;
+}
+
 BoundaryResult bench_boundary(std::ostream& progress, const BoundaryOptions& o) {
   BoundaryResult r;
   for (const double rate : o.rates_hz) {
@@ -337,6 +387,7 @@ BoundaryResult bench_boundary(std::ostream& progress, const BoundaryOptions& o) 
     }
     r.materials.emplace_back(rate, measure_materials(rate));
   }
+  for (const double stiffness : {300.0, 1000.0}) r.textures.push_back(measure_texture(stiffness));
   if (!o.extra || o.rates_hz.empty()) return r;
   progress << "with dry friction and with a hand\n";
   for (const double b : o.dampings) {
@@ -374,6 +425,11 @@ std::vector<BenchMetric> BoundaryResult::metrics() const {
     period = std::max(period, m.period_N);
     energy = std::min(energy, m.energy_min_J);
   }
+  double loop = 0, normal = 0;
+  for (const TextureRow& row : textures) {
+    loop = std::max(loop, row.height_J);
+    normal = std::max(normal, row.normal_J);
+  }
   return {{"haptic.boundary.ratio_min", low, "1"},
           {"haptic.boundary.ratio_max", high, "1"},
           {"haptic.passivity.energy_min_mJ", 1e3 * energy, "mJ"},
@@ -383,7 +439,9 @@ std::vector<BenchMetric> BoundaryResult::metrics() const {
           {"haptic.materials.flicker_N", flicker, "N"},
           {"haptic.materials.friction_N", friction, "N"},
           {"haptic.materials.amplitude_N", amplitude, "N"},
-          {"haptic.materials.period_N", period, "N"}};
+          {"haptic.materials.period_N", period, "N"},
+          {"haptic.texture.loops_mJ", 1e3 * loop, "mJ"},
+          {"haptic.bump_normal.loops_mJ", 1e3 * normal, "mJ"}};
 }
 
 void BoundaryResult::print(std::ostream& out) const {
@@ -415,6 +473,14 @@ void BoundaryResult::print(std::ostream& out) const {
         "E + booked %.3f mJ\n",
         rate, m.border_N, m.flicker_N, m.friction_N, m.amplitude_N, m.period_N,
         1e3 * m.energy_min_J);
+    out << line;
+  }
+  for (const TextureRow& row : textures) {
+    std::snprintf(line, sizeof line,
+                  "bumps of 0.3 mm in 2 mm at %.1f N/mm, ten loops over 1 to 2 mm of depth: %.3f "
+                  "mJ, as a perturbed "
+                  "normal %.3f mJ\n",
+                  1e-3 * row.stiffness, 1e3 * row.height_J, 1e3 * row.normal_J);
     out << line;
   }
 }

@@ -58,6 +58,13 @@ struct MaterialRow {
 };
 [[nodiscard]] MaterialRow measure_materials(double rate_hz);
 
+// What ten loops over 1 to 2 mm of depth and 1 mm along bumps of 0.3 mm in 2 mm cost at 10 mm/s, J: as a height, and
+// as the published perturbed normal.
+struct TextureRow {
+  double stiffness = 0, height_J = 0, normal_J = 0;
+};
+[[nodiscard]] TextureRow measure_texture(double stiffness);
+
 struct BoundaryOptions {
   std::vector<double> rates_hz{1000, 2000, 4000};
   std::vector<double> dampings{0.5, 1, 2, 4};
@@ -69,6 +76,7 @@ struct BoundaryResult {
   std::vector<BoundaryRow> rows;
   std::vector<PassivityRow> passivity;
   std::vector<std::pair<double, MaterialRow>> materials;  // by rate
+  std::vector<TextureRow> textures;
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;
   [[nodiscard]] std::string drawing() const;  // SVG: largest K over b / (T/2 + t_d)

@@ -432,9 +432,8 @@ void run(const TouchOptions& o) {
   config.border_rate_per_s = o.border_rate_per_s;
   if (!on_off(o.blend, "--blend")) config.blend_s = 0;
   config.patch_liveness_s = std::max(config.patch_liveness_s, 4 * period_s);
-  // No device here: nothing bounds the stiffness. What bumps may have along the surface is an Omega.3's.
+  // No device here: nothing bounds the stiffness.
   drivers::DeviceProperties device;
-  config.texture_stiffness_N_per_m = device.stiffness_limit(period_s);
   device.damping_N_s_per_m = 1e12;
   device.force_limit_N = o.force_limit_N;
 

@@ -223,15 +223,17 @@ std::string OperatorConsole::status_line(rt::Time now) const {
   const char* modes[] = {"init", "hold", "engaged", "ramp down", "safe stop"};
   const char* phases[] = {"idle", "planning", "driving", "arrived", "failed"};
   const float force = seen_.haptic.empty() ? 0.0F : seen_.haptic.back().force_N;
+  const float reach = seen_.haptic.empty() ? 0.0F : seen_.haptic.back().reach;
   const auto tracked = std::count_if(seen_.fusion.begin(), seen_.fusion.end(),
                                      [](const auto& f) { return f.tracked; });
   char line[200];
-  std::snprintf(
-      line, sizeof line,
-      "%5.1f s  %-9s  force %5.2f N  frames %4ld  marks %u  paths %u  %-8s  robot (%.2f, %.2f) m",
-      rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
-      static_cast<double>(force), static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
-      phases[static_cast<int>(seen_.task.phase)], seen_.robot.x_m, seen_.robot.y_m);
+  std::snprintf(line, sizeof line,
+                "%5.1f s  %-9s  force %5.2f N  reach %3.0f %%  frames %4ld  marks %u  paths %u  "
+                "%-8s  robot (%.2f, %.2f) m",
+                rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
+                static_cast<double>(force), 100 * static_cast<double>(reach),
+                static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
+                phases[static_cast<int>(seen_.task.phase)], seen_.robot.x_m, seen_.robot.y_m);
   return line;
 }
 

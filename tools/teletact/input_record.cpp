@@ -32,9 +32,10 @@ constexpr std::array<CellRow, kCells> kCellTable{{
 }};
 
 // The order of record.input_seq in tasks/graph/operator_nodes.cpp and robot_nodes.cpp.
-constexpr std::array<ReadRow, 23> kReadTable{{
+constexpr std::array<ReadRow, 24> kReadTable{{
     {TaskId::kHaptic, 0, Cell::kPatch, true},
     {TaskId::kHaptic, 1, Cell::kMode, false},
+    {TaskId::kHaptic, 3, Cell::kCameraPose, false},
     {TaskId::kFusion, 0, Cell::kFrame, false},
     {TaskId::kFusion, 1, Cell::kHand, false},
     {TaskId::kFusion, 2, Cell::kRobotState, false},

@@ -78,7 +78,7 @@ struct StylusInput {  // haptic
   std::uint64_t seq = 0;
   std::int64_t taken_ns = 0;
   std::array<double, 3> p_DH{};
-  std::uint8_t ok = 0, button = 0, state = 0, repeated = 0;
+  std::uint8_t ok = 0, buttons = 0, state = 0, repeated = 0;  // buttons: 1 mark, 2 clutch
 };
 struct MotorInput {  // robot_io
   std::uint64_t seq = 0;

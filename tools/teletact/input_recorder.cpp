@@ -68,8 +68,13 @@ class InputRecorder::HapticTap final : public drivers::HapticDevice {
   }
   [[nodiscard]] bool sense(rt::Time now, drivers::StylusSample& out) noexcept override {
     const bool ok = inner_.sense(now, out);
-    newest = {out.seq,     rt::ns_of(out.taken), {out.p_DH.x(), out.p_DH.y(), out.p_DH.z()},
-              ok,          out.button,           static_cast<std::uint8_t>(out.state),
+    const auto buttons = static_cast<std::uint8_t>((out.button ? 1 : 0) | (out.clutch ? 2 : 0));
+    newest = {out.seq,
+              rt::ns_of(out.taken),
+              {out.p_DH.x(), out.p_DH.y(), out.p_DH.z()},
+              ok,
+              buttons,
+              static_cast<std::uint8_t>(out.state),
               out.repeated};
     return ok;
   }

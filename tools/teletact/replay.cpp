@@ -32,7 +32,8 @@ class FedDevice final : public drivers::HapticDevice {
     out.seq = fed.seq;
     out.taken = rt::time_from_ns(fed.taken_ns);
     out.p_DH = {fed.p_DH[0], fed.p_DH[1], fed.p_DH[2]};
-    out.button = fed.button != 0;
+    out.button = (fed.buttons & 1U) != 0;
+    out.clutch = (fed.buttons & 2U) != 0;
     out.state = static_cast<drivers::DeviceState>(fed.state);
     out.repeated = fed.repeated != 0;
     return true;
@@ -330,7 +331,7 @@ ReplayResult replay_operator(rt::NonRealtime& nrt, const Scene& scene, const Box
     if (id == TaskId::kHaptic) {
       device->fed = op.get<StylusInput>();
       for (const double x : device->fed.p_DH) inputs.value(x);
-      inputs.word(device->fed.seq << 1U | device->fed.button);
+      inputs.word(device->fed.seq << 2U | device->fed.buttons);
     } else if (id == TaskId::kPrediction || id == TaskId::kSupervision) {
       set_words(graph.link(), graph.requests(), op.get<StatusInput>());
     }

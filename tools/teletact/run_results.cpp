@@ -225,7 +225,8 @@ void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics&
           task->jobs.empty() ? 0 : late_platform / static_cast<double>(task->jobs.size()), "1");
   }
   double force = 0, step = 0, raw = 0;
-  std::size_t contact = 0, guard = 0, begins = 0, not_finite = 0;
+  double reach = 0;
+  std::size_t contact = 0, guard = 0, begins = 0, not_finite = 0, clutched = 0;
   bool before = false;
   for (const auto& s : op.view.haptic) {
     force = std::max(force, static_cast<double>(s.force_N));
@@ -235,6 +236,8 @@ void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics&
     guard += s.in_contact && s.guard_use ? 1 : 0;
     begins += s.in_contact && !before ? 1 : 0;
     not_finite += s.finite ? 0 : 1;
+    reach = std::max(reach, static_cast<double>(s.reach));
+    clutched += s.clutched ? 1 : 0;
     before = s.in_contact;
   }
   const auto n = static_cast<double>(std::max<std::size_t>(1, op.view.haptic.size()));
@@ -245,6 +248,8 @@ void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics&
   m.add("haptic.contacts", static_cast<double>(begins), "1");
   m.add("haptic.guard_share",
         static_cast<double>(guard) / static_cast<double>(std::max<std::size_t>(1, contact)), "1");
+  m.add("haptic.reach_max", reach, "1");
+  m.add("haptic.clutched_share", static_cast<double>(clutched) / n, "1");
   m.add("haptic.device_brakes", op.view.device_brakes, "1");
   m.add("operator.engages", op.view.engages, "1");
   m.add("operator.clears", op.view.clears, "1");

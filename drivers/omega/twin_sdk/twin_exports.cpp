@@ -284,10 +284,11 @@ TWIN_EXPORT int dhdGetLinearVelocity(double* x, double* y, double* z, char id) {
 TWIN_EXPORT unsigned int dhdGetButtonMask(char) {
   const Lock lock(twin_mutex());
   const Twin& t = twin();
-  return t.device->hand_target().button || t.device->faults().stuck_button ? 1U : 0U;
+  const auto& hand = t.device->hand_target();
+  return (hand.button || t.device->faults().stuck_button ? 1U : 0U) | (hand.clutch ? 2U : 0U);
 }
 TWIN_EXPORT int dhdGetButton(int index, char id) {
-  return index == 0 ? static_cast<int>(dhdGetButtonMask(id)) : 0;
+  return index == 0 || index == 1 ? static_cast<int>((dhdGetButtonMask(id) >> index) & 1U) : 0;
 }
 TWIN_EXPORT int dhdGetStatus(int* status, char id) {
   return on_device(id, [&](Twin& t) {

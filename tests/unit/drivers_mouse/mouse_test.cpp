@@ -26,8 +26,9 @@ using perception::Vec3;
 
 std::vector<std::uint8_t> packet(const MouseMove& m, bool overflow = false) {
   const int wire_wheel = -m.wheel;
-  return {static_cast<std::uint8_t>(0x08 | (m.button ? 1 : 0) | (m.right < 0 ? 0x10 : 0) |
-                                    (m.up < 0 ? 0x20 : 0) | (overflow ? 0xC0 : 0)),
+  return {static_cast<std::uint8_t>(0x08 | (m.button ? 1 : 0) | (m.clutch ? 2 : 0) |
+                                    (m.right < 0 ? 0x10 : 0) | (m.up < 0 ? 0x20 : 0) |
+                                    (overflow ? 0xC0 : 0)),
           static_cast<std::uint8_t>(m.right & 0xFF), static_cast<std::uint8_t>(m.up & 0xFF),
           static_cast<std::uint8_t>(wire_wheel & 0x0F)};
 }
@@ -69,7 +70,7 @@ TEST(MouseParser, EveryMotionSurvives) {
   for (int right = -256; right < 256; right += 3) {
     for (int up = -256; up < 256; up += 17) {
       for (int wheel = -7; wheel <= 7; wheel += 7) {
-        const MouseMove m{right, up, wheel, (right & 1) != 0};
+        const MouseMove m{right, up, wheel, (right & 1) != 0, (up & 1) != 0};
         const auto bytes = packet(m);
         for (std::size_t i = 0; i < 3; ++i) ASSERT_FALSE(parser.push(bytes[i]));
         ASSERT_TRUE(parser.push(bytes[3]));
@@ -77,6 +78,7 @@ TEST(MouseParser, EveryMotionSurvives) {
         ASSERT_EQ(parser.move().up, up);
         ASSERT_EQ(parser.move().wheel, wheel);
         ASSERT_EQ(parser.move().button, m.button);
+        ASSERT_EQ(parser.move().clutch, m.clutch);
       }
     }
   }

@@ -83,6 +83,17 @@ TEST(HandScript, GoesWhereTheFileSays) {
   EXPECT_LT((at(100).p_WT - Vec3(0.1, 0.2, 0.04)).norm(), 1e-12);
 }
 
+TEST(HandScript, HoldsTheClutchWhereTheFileSays) {
+  rt::Startup startup;
+  HandScript s(startup.token(),
+               load("[[hand.segment]]\nkind = \"clutch_down\"\ntime_s = 0.5\n[[hand.segment]]\n"
+                    "kind = \"clutch_up\"\ntime_s = 0.5\n"),
+               WorkspaceMap({1, 2, 3}, 1, 0));
+  EXPECT_TRUE(s.target(rt::nanos_from_seconds(0.1)).clutch);
+  EXPECT_FALSE(s.target(rt::nanos_from_seconds(0.1)).button);
+  EXPECT_FALSE(s.target(rt::nanos_from_seconds(0.6)).clutch);
+}
+
 // Position continuous everywhere, velocity is its derivative, and a reach is at most 1.875 times
 // its mean speed (the minimum-jerk peak).
 TEST(HandScript, IsSmooth) {

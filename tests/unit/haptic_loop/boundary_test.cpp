@@ -54,6 +54,16 @@ TEST(Boundary, TheControllerKeepsTheLoopPassive) {
   }
 }
 
+TEST(Boundary, LoopsOverBumpsCostNothing) {
+  for (const double stiffness : {300.0, 1000.0}) {
+    const auto row = teletact::measure_texture(stiffness);
+    std::printf("%.1f N/mm: ten loops %.3f mJ, with a perturbed normal %.3f mJ\n", 1e-3 * stiffness,
+                1e3 * row.height_J, 1e3 * row.normal_J);
+    EXPECT_LE(row.height_J, 0.2e-3);
+    EXPECT_GT(row.normal_J, 1e-3);
+  }
+}
+
 TEST(Boundary, MaterialsAreFollowedSoftly) {
   for (const double rate : {1000.0, 4000.0}) {
     const auto row = teletact::measure_materials(rate);

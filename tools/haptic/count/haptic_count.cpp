@@ -2,7 +2,7 @@
 //
 //   haptic_count RUN TICKS [EFFECT]
 //
-// EFFECT: none, friction, texture, viscosity, materials. Prints the ticks served, of them in contact, and what the guard counted inside of step().
+// EFFECT: none, friction, texture, bump_normal, viscosity, materials. Prints the ticks served, of them in contact, and what the guard counted inside of step().
 // Built twice: with the effects, and without them.
 #include <cstdio>
 #include <cstdlib>
@@ -33,9 +33,10 @@ int main(int argc, char** argv) {
   if (effect == "friction") {
     config.friction_static = 0.3;
     config.friction_dynamic = 0.24;
-  } else if (effect == "texture") {
+  } else if (effect == "texture" || effect == "bump_normal") {
     config.texture_amplitude_m = 0.0003;
     config.texture_period_m = 0.002;
+    config.bump_normal = effect == "bump_normal";
   } else if (effect == "viscosity") {
     config.viscosity_N_s_per_m = 1;
   } else if (effect == "materials") {
