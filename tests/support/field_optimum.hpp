@@ -247,21 +247,31 @@ class FieldOptimum {
   }
   [[nodiscard]] bool solid(const Vec3& x) const { return field_(x) <= radius_; }
 
-  // Out of the solid, away from h.
+  // Out of the solid, away from h; where that is far (in a slot that the tip hardly fits in), the shortest way out of 96.
   [[nodiscard]] Vec3 rise(const Vec3& p, const Vec3& h) const {
+    constexpr double kShort = 2e-4, kFarthest = 0.02;
     if (!solid(p)) return p;
     const Vec3 away = (p - h).normalized();
-    for (double s = kStep; s < 0.02; s += kStep) {
-      if (!solid(p + s * away)) {
-        double lo = s - kStep, hi = s;
-        for (int i = 0; i < 12; ++i) {
-          const double m = 0.5 * (lo + hi);
-          (solid(p + m * away) ? lo : hi) = m;
+    double far = kStep;
+    while (far < kFarthest && solid(p + far * away)) far += kStep;
+    if (far > kShort) {
+      for (double s = 1e-5; s < std::min(far, kFarthest); s *= 1.3) {
+        for (int k = 0; k < 96; ++k) {  // evenly over the sphere
+          const double z = (k + 0.5) / 48 - 1, angle = 2.399963 * k, r = std::sqrt(1 - z * z);
+          const Vec3 way(r * std::cos(angle), r * std::sin(angle), z);
+          if (!solid(p + s * way)) return edge(p, p + s * way);
         }
-        return p + hi * away;
       }
     }
-    return p;
+    return far < kFarthest ? edge(p + (far - kStep) * away, p + far * away) : p;
+  }
+  // Between a place in the solid and a free one: the free side of the surface.
+  [[nodiscard]] Vec3 edge(Vec3 in, Vec3 out) const {
+    for (int i = 0; i < 12; ++i) {
+      const Vec3 middle = 0.5 * (in + out);
+      (solid(middle) ? in : out) = middle;
+    }
+    return out;
   }
   // Towards h until the surface.
   [[nodiscard]] Vec3 sink(const Vec3& p, const Vec3& h) const {

@@ -202,11 +202,16 @@ std::vector<Run> case_rise(const Setting& s) {
     const double height = row.p.z() - radius;
     if (row.t > at + 0.05 && row.t < at + kRise_s) lag = std::max(lag, row.t - at - height / 0.1);
   }
-  // What the windows themselves hold, at the moment they are published.
+  // What an exact proxy on the windows does, the last fading into the newest over one period.
   double fused_lag = std::nan(""), fused_end = fused_lag;
-  for (const auto& [t, height] : *fused) {
-    const double behind = t - at - height / 0.1;
-    if (t > at + 0.03 && t < at + kRise_s && !(behind <= fused_lag)) fused_lag = behind;
+  for (std::size_t i = 1; i < fused->size(); ++i) {
+    const auto& [since, height] = (*fused)[i];
+    for (double t = since; t < since + 1.0 / 30; t += 1e-3) {
+      if (t <= at + 0.05 || t >= at + kRise_s) continue;
+      const double s_blend = std::min((t - since) * 30, 1.0);
+      const double shown = (1 - s_blend) * (*fused)[i - 1].second + s_blend * height;
+      if (!(t - at - shown / 0.1 <= fused_lag)) fused_lag = t - at - shown / 0.1;
+    }
     fused_end = k * std::abs(kRise_m - height);
   }
   add(run, "J N", run.figures.j, 0.15);
