@@ -69,7 +69,7 @@ Study study_segmentation(std::ostream& progress, const SegmentationStudyOptions&
     for (const TouchRow& r :
          bench_touches(progress, options.data, options.seed, s.config, true).rows) {
       StudyRow row;
-      row.data = r.folder == "mosd_learn" ? "mosd" : r.folder;
+      row.data = r.name();
       row.knob = s.knob, row.setting = s.setting, row.label = s.label;
       row.is_default = s.is_default;
       row.figures = {{"iou_error", 1 - r.iou_default, "1"},

@@ -77,9 +77,11 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   setup.faults = options.faults;
   setup.mode_gate = options.mode_gate;
   if (!scene.rgbd_dir.empty()) {
-    camera_ = std::make_unique<drivers::ReplayCamera>(nrt, open_sequence(scene.rgbd_dir),
-                                                      options.epoch + kRecordingLead, scene.hold_s,
-                                                      options.progress);
+    const auto sequence = open_sequence(scene.rgbd_dir);
+    for (const auto& line : sequence.assumed())
+      camera_said_ += (camera_said_.empty() ? "" : "; ") + line;
+    camera_ = std::make_unique<drivers::ReplayCamera>(nrt, sequence, options.epoch + kRecordingLead,
+                                                      scene.hold_s, options.progress);
   } else if (options.real_devices && !scene.camera_choice.in_process()) {
     camera_ = drivers::open_camera(nrt, scene.camera_choice, options.now, camera_said_);
   } else {

@@ -1,10 +1,13 @@
 // teletact fuse: a recorded RGB-D sequence to camera poses and a coloured mesh, through the very task
 // that runs in the demo (tasks/fusion).
 //
-//   --rgbd DIR       TUM layout (drivers/camera/tum_reader.hpp); its ground truth is never opened
+//   --rgbd DIR       TUM or 7-Scenes layout (drivers/camera/tum_reader.hpp); its ground truth is never opened
+//   --intrinsics fx,fy,cx,cy[,units]  of a folder without intrinsics.txt; px, depth units a metre
+//   --bias FILE      TOML with the camera's depth bias, [[camera.bias]] at_mm, bias_mm (drivers/camera/
+//                    depth_bias.hpp): taken out of every depth image
 //   --odometry FILE  TUM lines "t tx ty tz qx qy qz qw", camera to its own start, as motion prior
 //   --voxel M        edge of a voxel; other knobs that have an option of their own: --help
-//   --config FILE    TOML with a table [fusion], as in a scene; --set fusion.KEY=VALUE for one key of it;
+//   --config FILE    TOML with a table [fusion], as in a scene, and [[camera.bias]]; --set fusion.KEY=VALUE for one key of it;
 //                    --list-knobs prints them all
 //   --poses OUT.txt  TUM lines, camera to world (world = first camera). A data line is a claim; a
 //                    frame that is lost, or that the scene and the odometry leave open, is a comment
@@ -24,15 +27,17 @@
 #include <string>
 #include <vector>
 
+#include "drivers/camera/depth_bias.hpp"
 #include "drivers/camera/tum_reader.hpp"
 #include "perception/map_file/map_file.hpp"
 #include "perception/simd/isa.hpp"
 #include "perception/tsdf/mesh.hpp"
 #include "tasks/fusion/fusion_task.hpp"
 #include "tools/bench/fusion_feed.hpp"
+#include "tools/bench/pose_file.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/metrics_json.hpp"
-#include "tools/teletact/odometry_file.hpp"
+#include "tools/teletact/number_list.hpp"
 #include "tools/teletact/options.hpp"
 #include "tools/teletact/whole_file.hpp"
 
@@ -40,7 +45,7 @@ namespace teletact {
 namespace {
 
 struct FuseOptions {
-  std::string rgbd, odometry, json, poses, ply, map, save_map, isa = "auto";
+  std::string rgbd, intrinsics, bias, odometry, json, poses, ply, map, save_map, isa = "auto";
   double voxel_m = 0;  // 0: not given
   bool full_size = false;
   std::string config_file;
@@ -57,10 +62,10 @@ T take(rt::Result<T> result) {
 
 // Odometry at t, between two lines at most 0.2 s apart, with the velocity there; empty where the file
 // says nothing.
-std::optional<tasks::OdometryPrior> odometry_at(const std::vector<OdometryLine>& lines, double t_s,
+std::optional<tasks::OdometryPrior> odometry_at(const std::vector<StampedPose>& lines, double t_s,
                                                 rt::Time taken) {
   auto after = std::lower_bound(lines.begin(), lines.end(), t_s,
-                                [](const OdometryLine& l, double t) { return l.t_s < t; });
+                                [](const StampedPose& l, double t) { return l.t_s < t; });
   if (after == lines.end()) return std::nullopt;
   if (after == lines.begin()) {
     if (after->t_s != t_s || lines.size() < 2) return std::nullopt;
@@ -121,13 +126,15 @@ void note_frame(const tasks::FusionTask& task, const tasks::FusionTask::Out& out
 }
 
 // Runs the task over the sequence; returns the text of the pose file.
-std::string fuse(const drivers::TumSequence& sequence, const std::vector<OdometryLine>& odometry,
-                 const char* world, tasks::FusionTask& task, Tally& tally) {
+std::string fuse(const drivers::TumSequence& sequence, const std::vector<StampedPose>& odometry,
+                 const drivers::DepthBias& bias, const char* world, tasks::FusionTask& task,
+                 Tally& tally) {
   FusionFeed feed(task);
   std::string poses = "# camera to world; world = " + std::string(world) +
                       ". A data line is a claim.\n# timestamp tx ty tz qx qy qz qw\n";
   for (int i = 0; i < sequence.size(); ++i) {
     take(sequence.read(i, feed.frame()));
+    bias.apply(feed.frame());
     if (!odometry.empty())
       feed.in.odometry = odometry_at(odometry, sequence.stamp_s(i), feed.frame().exposure);
     const auto& out = feed.step();
@@ -141,11 +148,14 @@ std::string fuse(const drivers::TumSequence& sequence, const std::vector<Odometr
 drivers::TumSequence open_sequence(const FuseOptions& o) {
   drivers::TumOptions tum;
   tum.register_colour = true;
+  if (!o.intrinsics.empty()) tum.pinhole = parse_pinhole(o.intrinsics);
   auto sequence = take(drivers::TumSequence::open(o.rgbd, tum));
   if (sequence.intrinsics().width == 640 && sequence.intrinsics().height == 480 && !o.full_size) {
     tum.to_512x424 = true;
     sequence = take(drivers::TumSequence::open(o.rgbd, tum));
   }
+  for (const std::string& line : sequence.assumed())
+    std::fprintf(stderr, "teletact fuse: %s\n", line.c_str());
   return sequence;
 }
 
@@ -215,12 +225,27 @@ constexpr Knob kKnobs[] = {
     {"--pixel-step", "level_0.pixel_step", "every n-th pixel is tracked: 1, 2, 4"},
 };
 
-// The file first, then --set, then the options.
-tasks::FusionConfig config_of(const FuseOptions& o) {
+void describe_bias(config::Section& root, drivers::DepthBiasTable& bias) {
+  root.section("camera", "that took the images")
+      .list(
+          "bias", [&bias](config::Section& item) { bias.emplace_back().describe(item); },
+          "a point of the depth bias table; readings rise");
+}
+
+// The file first, then --set, then the options. --bias goes before a table of the file.
+tasks::FusionConfig config_of(const FuseOptions& o, drivers::DepthBiasTable& bias) {
   tasks::FusionConfig config;
   config::Section root;
   config.describe(root.section("fusion", "the fusion task"));
+  describe_bias(root, bias);
   if (!o.config_file.empty()) take(config::load_file(o.config_file, root));
+  if (!o.bias.empty()) {
+    bias.clear();
+    config::Section camera;
+    describe_bias(camera, bias);
+    take(config::load_file(o.bias, camera));
+    if (bias.empty()) throw std::runtime_error(o.bias + ": has no [[camera.bias]]");
+  }
   for (const std::string& assignment : o.overrides) take(config::load_override(assignment, root));
   for (std::size_t i = 0; i < std::size(kKnobs); ++i) {
     if (o.knobs[i].empty()) continue;
@@ -246,6 +271,8 @@ void list_knobs() {
   tasks::FusionConfig config;
   config::Section root;
   config.describe(root.section("fusion"));
+  drivers::DepthBiasTable bias;
+  describe_bias(root, bias);
   std::fputs(config::reference_table(root).c_str(), stdout);
 }
 
@@ -257,15 +284,17 @@ void run(const FuseOptions& o) {
     throw std::runtime_error("--isa " + o.isa +
                              ": must be auto, scalar, sse4, avx2 or avx512, and this machine's");
   }
-  const tasks::FusionConfig config = config_of(o);
+  rt::Startup startup;
+  drivers::DepthBiasTable table;
+  const tasks::FusionConfig config = config_of(o, table);
+  const drivers::DepthBias bias(startup.token(), table);
   check_outputs(
       {{"--poses", o.poses}, {"--ply", o.ply}, {"--save-map", o.save_map}, {"--json", o.json}},
-      {o.odometry, o.map, o.config_file});
+      {o.odometry, o.map, o.config_file, o.bias});
   const drivers::TumSequence sequence = open_sequence(o);
-  std::vector<OdometryLine> odometry;
-  if (!o.odometry.empty()) odometry = take(read_odometry(o.odometry));
+  std::vector<StampedPose> odometry;
+  if (!o.odometry.empty()) odometry = take(read_poses(o.odometry));
 
-  rt::Startup startup;
   tasks::FusionSetup setup;
   setup.camera = sequence.intrinsics();
   tasks::FusionTask task(startup.token(), config, setup);
@@ -273,8 +302,8 @@ void run(const FuseOptions& o) {
     take(task.load_map(startup.token(), take(perception::read_map_file(startup.token(), o.map))));
   task.profile(true);
   Tally tally;
-  const std::string poses =
-      fuse(sequence, odometry, o.map.empty() ? "first camera" : "that of the map", task, tally);
+  const std::string poses = fuse(sequence, odometry, bias,
+                                 o.map.empty() ? "first camera" : "that of the map", task, tally);
   std::size_t vertices = 0;
   write_outputs(startup.token(), o, task, poses, tally, vertices);
   std::printf("%d frames, %d tracked, %d claimed; %.1f ms CPU a frame (p50); %zu vertices\n",
@@ -296,7 +325,12 @@ int cmd_fuse(int argc, char** argv) {
   FuseOptions o;
   CLI::App app("teletact fuse: camera poses and a mesh from a recorded RGB-D sequence",
                "teletact fuse");
-  app.add_option("--rgbd", o.rgbd, "folder in TUM layout")->required();
+  app.add_option("--rgbd", o.rgbd, "folder in TUM or 7-Scenes layout")->required();
+  app.add_option(
+      "--intrinsics", o.intrinsics,
+      "where the folder has no intrinsics.txt: fx,fy,cx,cy in px, and depth units a metre "
+      "if the data set's are not right");
+  app.add_option("--bias", o.bias, "TOML with [[camera.bias]], what depth reads too much");
   app.add_option("--odometry", o.odometry, "TUM poses used as motion prior");
   app.add_option("--voxel", o.voxel_m,
                  "edge of a voxel, m, 0.004 to 0.1; 0.01 where nothing is said");
@@ -306,7 +340,7 @@ int cmd_fuse(int argc, char** argv) {
   app.add_option("--mesh-weight", o.mesh_weight, "observations from which a voxel is meshed")
       ->check(in_range(1, 255))
       ->capture_default_str();
-  app.add_option("--config", o.config_file, "TOML with a table [fusion]");
+  app.add_option("--config", o.config_file, "TOML with a table [fusion] and [[camera.bias]]");
   app.add_option("--set", o.overrides, "any key of it: fusion.KEY=VALUE");
   app.add_flag_callback(
       "--list-knobs", [] { throw ListKnobs(); }, "print every key of [fusion] and end");

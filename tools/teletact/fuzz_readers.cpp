@@ -13,10 +13,10 @@
 #include "drivers/camera/tum_files.hpp"
 #include "drivers/camera/tum_reader.hpp"
 #include "perception/map_file/map_file.hpp"
+#include "tools/bench/pose_file.hpp"
 #include "tools/images/image_files.hpp"
 #include "tools/teletact/csv.hpp"
 #include "tools/teletact/npy.hpp"
-#include "tools/teletact/odometry_file.hpp"
 
 namespace teletact {
 namespace {
@@ -94,6 +94,7 @@ FuzzReaders::FuzzReaders() {
   drivers::opencv_threads_off();
   add_images();
   add_recording();
+  add_layouts();
   add_tables();
   add_map();
 }
@@ -167,6 +168,49 @@ void FuzzReaders::add_recording() {
   }
 }
 
+// The layouts as they are downloaded: a list of images, and a pose of 7-Scenes.
+void FuzzReaders::add_layouts() {
+  const std::string depth = encoded(".png", depth_image(CV_16UC1)),
+                    colour = encoded(".png", colour_image());
+  const auto frame = std::make_shared<perception::RgbdFrame>();
+  const std::string lists[] = {"depth.txt", "rgb.txt"};
+  const std::string texts[] = {"# t file\n100.0 depth/0.png\n100.033 depth/1.png\n",
+                               "# t file\n100.01 rgb/0.png\n100.05 rgb/1.png\n"};
+  for (std::size_t which = 0; which < 2; ++which) {
+    const std::string reader = which == 0 ? "recording_depth" : "recording_rgb";
+    const std::filesystem::path folder = folder_ / reader, file = folder / lists[which];
+    std::filesystem::create_directories(folder / "depth");
+    std::filesystem::create_directories(folder / "rgb");
+    for (const char* n : {"0.png", "1.png"}) {
+      write(folder / "depth" / n, depth);
+      write(folder / "rgb" / n, colour);
+    }
+    for (std::size_t i = 0; i < 2; ++i) write(folder / lists[i], texts[i]);
+    readers_.push_back({reader,
+                        {texts[which]},
+                        [folder, file, frame](const std::string& b) -> rt::Result<bool> {
+                          write(file, b);
+                          drivers::TumOptions options;
+                          options.pinhole = {30, 31, 15.5, 11.5, 1000};
+                          const auto s = drivers::TumSequence::open(folder.string(), options);
+                          if (!s) return rt::Error{s.error()};
+                          return s.value().read(0, *frame);
+                        },
+                        {},
+                        true});
+  }
+  const std::filesystem::path scene = folder_ / "recording_pose";
+  std::filesystem::create_directories(scene);
+  readers_.push_back({"recording_pose",
+                      {"1 0 0 0.5\n0 0 -1 0.25\n0 1 0 -2e-1\n0 0 0 1\n"},
+                      [scene](const std::string& b) {
+                        write(scene / "frame-000007.pose.txt", b);
+                        return outcome(read_truth(scene.string()));
+                      },
+                      {},
+                      true});
+}
+
 void FuzzReaders::add_tables() {
   const std::filesystem::path odometry = folder_ / "odometry.txt";
   readers_.push_back(
@@ -174,7 +218,7 @@ void FuzzReaders::add_tables() {
        {"# t tx ty tz qx qy qz qw\n0.0 0 0 0 0 0 0 1\n0.1 0.01 0 0 0 0 0.0998 0.995\n"},
        [odometry](const std::string& b) {
          write(odometry, b);
-         return outcome(read_odometry(odometry.string()));
+         return outcome(read_poses(odometry.string()));
        },
        {},
        true});

@@ -20,6 +20,7 @@ class FuzzReaders {
  private:
   void add_images();
   void add_recording();
+  void add_layouts();
   void add_tables();
   void add_map();
   std::filesystem::path folder_;

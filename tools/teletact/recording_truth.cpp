@@ -1,11 +1,10 @@
 #include "tools/teletact/recording_truth.hpp"
 
 #include <cmath>
-#include <fstream>
-#include <sstream>
 #include <stdexcept>
 
 #include "drivers/camera/tum_reader.hpp"
+#include "tools/bench/pose_file.hpp"
 
 namespace teletact {
 
@@ -17,40 +16,24 @@ drivers::TumSequence open_sequence(const std::string& dir) {
   return std::move(sequence).value();
 }
 
-struct TruePose {
-  double t_s = 0;
-  perception::Pose X_WC;
-};
-
-std::vector<TruePose> read_truth(const std::string& path) {
-  std::vector<TruePose> out;
-  std::ifstream in(path);
-  for (std::string line; std::getline(in, line);) {
-    if (line.empty() || line[0] == '#') continue;
-    std::istringstream fields(line);
-    double t = 0, x = 0, y = 0, z = 0, qx = 0, qy = 0, qz = 0, qw = 1;
-    if (!(fields >> t >> x >> y >> z >> qx >> qy >> qz >> qw)) continue;
-    TruePose p;
-    p.t_s = t;
-    p.X_WC = perception::Pose::Identity();
-    p.X_WC.linear() = Eigen::Quaterniond(qw, qx, qy, qz).normalized().toRotationMatrix();
-    p.X_WC.translation() = perception::Vec3(x, y, z);
-    out.push_back(p);
-  }
-  return out;
+std::vector<StampedPose> truth_of(const std::string& dir) {
+  auto poses = read_truth(dir);
+  if (!poses) throw std::runtime_error(poses.error());
+  return std::move(poses).value();
 }
 
 }  // namespace
 
 double recording_seconds(const std::string& dir) {
   const auto sequence = open_sequence(dir);
+  static_cast<void>(truth_of(dir));  // a spoilt one is said before the run, not after it
   return sequence.size() < 2 ? 0.0 : sequence.stamp_s(sequence.size() - 1) - sequence.stamp_s(0);
 }
 
 RecordingFigures recording_figures(const std::string& dir,
                                    const std::vector<tasks::FusionSample>& samples) {
   RecordingFigures out;
-  const auto truth = read_truth(dir + "/groundtruth.txt");
+  const auto truth = truth_of(dir);
   const auto sequence = open_sequence(dir);
   perception::Pose X_align = perception::Pose::Identity();
   bool have_first = false;
@@ -66,11 +49,9 @@ RecordingFigures recording_figures(const std::string& dir,
     ++out.frames;
     out.tracked += s.tracked ? 1 : 0;
     out.claimed += s.claimed ? 1 : 0;
-    if (!s.claimed || truth.empty()) continue;
-    const TruePose* best = &truth.front();
-    for (const auto& p : truth) {
-      if (std::abs(p.t_s - t) < std::abs(best->t_s - t)) best = &p;
-    }
+    if (!s.claimed) continue;
+    const auto true_WC = pose_at(truth, t);
+    if (!true_WC) continue;
     perception::Pose X = perception::Pose::Identity();
     X.linear() = Eigen::Quaternionf(s.q_WC[3], s.q_WC[0], s.q_WC[1], s.q_WC[2])
                      .cast<double>()
@@ -80,10 +61,10 @@ RecordingFigures recording_figures(const std::string& dir,
         perception::Vec3(static_cast<double>(s.p_WC[0]), static_cast<double>(s.p_WC[1]),
                          static_cast<double>(s.p_WC[2]));
     if (!have_first) {
-      X_align = best->X_WC * X.inverse();
+      X_align = *true_WC * X.inverse();
       have_first = true;
     }
-    sum += ((X_align * X).translation() - best->X_WC.translation()).squaredNorm();
+    sum += ((X_align * X).translation() - true_WC->translation()).squaredNorm();
     ++n;
   }
   if (n > 0) out.ate_first_pose_mm = 1e3 * std::sqrt(sum / static_cast<double>(n));

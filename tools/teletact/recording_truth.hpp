@@ -13,7 +13,7 @@ namespace teletact {
 [[nodiscard]] double recording_seconds(const std::string& dir);
 struct RecordingFigures {
   double ate_first_pose_mm = -1;  // RMS translation error over claimed frames, aligned by the first
-                                  // claimed pose; -1 without groundtruth.txt or frames
+                                  // claimed pose; -1 without true poses or frames
   std::size_t frames = 0;  // of the recording that reached fusion; the held last one counts once
   std::size_t tracked = 0, claimed = 0;  // of these
 };

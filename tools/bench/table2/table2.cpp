@@ -295,28 +295,29 @@ void print_row(std::ostream& out, const char* name, double pri, double bde, doub
 
 }  // namespace
 
-Table2Result bench_table2(std::ostream& progress, const std::string& folder) {
+Table2Result bench_table2(std::ostream& progress, const std::string& folder, bool ours_only) {
   cv::setNumThreads(1);
   Table2Result result;
   RowSum people, ours, odd, even, paper, shift;
   for (const fs::path& image : list_images(folder)) {
     const Picture p = load(image, fs::path(folder) / "segmentations");
     progress << "\r" << p.id << "   " << std::flush;
-    score_people(p, people);
+    if (!ours_only) score_people(p, people);
     double t0 = cpu_ms();
     const auto whole = perception::segment_whole(p.rgb.view(), {});
     double ms = cpu_ms() - t0;
     auto s = against_people(ScoredMap(view_of(whole.labels, p)), p);
     ours.add_image(s, whole.regions, p.regions, ms);
     (result.images % 2 != 0 ? even : odd).add_image(s, whole.regions, p.regions, ms);
+    ++result.images;
+    result.maps += static_cast<int>(p.people.size());
+    if (ours_only) continue;
     score_paper(p, paper);
     t0 = cpu_ms();
     const Labels peer = mean_shift(p.rgb);
     ms = cpu_ms() - t0;
     const ScoredMap peer_map(view_of(peer, p));
     shift.add_image(against_people(peer_map, p), peer_map.regions(), p.regions, ms);
-    ++result.images;
-    result.maps += static_cast<int>(p.people.size());
   }
   progress << "\r                \r";
   result.people = people.row("people");

@@ -3,6 +3,7 @@
 #include <ctime>
 
 #include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -10,6 +11,8 @@
 #include <optional>
 #include <stdexcept>
 
+#include "drivers/camera/intrinsics_file.hpp"
+#include "drivers/camera/sequence_layout.hpp"
 #include "perception/segmentation/measures.hpp"
 #include "perception/segmentation/region_grow.hpp"
 #include "rt/random.hpp"
@@ -51,13 +54,33 @@ struct Kind {
   bool parts = false;  // label / 10 is the object
 };
 
-std::optional<Kind> kind_of(const std::string& folder) {
-  if (folder == "mosd_learn") return Kind{{525, 525, 319.5, 239.5, 640, 480}, 1, true};
+// What a folder's name says of it.
+std::optional<Kind> known_kind(const std::string& folder) {
+  if (folder.rfind("mosd", 0) == 0) return Kind{{525, 525, 319.5, 239.5, 640, 480}, 1, true};
   if (folder == "tabletop") return Kind{{612.937, 613.173, 322.549, 248.158, 640, 480}, 1, false};
   if (folder == "ycb_video") {
     return Kind{{1066.778, 1067.487, 312.9869, 241.3109, 640, 480}, 0.1F, false};
   }
   return std::nullopt;
+}
+
+// Its intrinsics.txt goes before what its name says.
+std::optional<Kind> kind_of(const fs::path& folder, const std::string& name) {
+  auto kind = known_kind(name);
+  const std::string file = (folder / "intrinsics.txt").string();
+  if (!drivers::regular_file(file)) return kind;
+  const auto read = take(drivers::read_intrinsics(file));
+  if (!kind) kind.emplace();
+  kind->k = read.k;
+  kind->mm_per_unit = static_cast<float>(1000 / read.units_per_metre);
+  return kind;
+}
+
+// The last word of the path, whether it ends in a slash or is ".".
+std::string name_of(const fs::path& folder) {
+  fs::path whole = fs::absolute(folder).lexically_normal();
+  if (!whole.has_filename()) whole = whole.parent_path();
+  return whole.filename().string();
 }
 
 struct Frame {
@@ -68,8 +91,9 @@ struct Frame {
 Frame load(const fs::path& folder, const std::string& name, const Kind& kind) {
   Frame f;
   f.rgb = take(read_colour((folder / "rgb" / name).string()));
-  f.depth = take(read_grey((folder / "depth" / name).string()));
-  f.label = take(read_grey((folder / "label" / name).string()));
+  const fs::path png = fs::path(name).replace_extension(".png");  // colour may be JPEG
+  f.depth = take(read_grey((folder / "depth" / png).string()));
+  f.label = take(read_grey((folder / "label" / png).string()));
   const int w = f.rgb.width(), h = f.rgb.height();
   if (f.depth.width() != w || f.depth.height() != h || f.label.width() != w ||
       f.label.height() != h) {
@@ -238,7 +262,7 @@ TouchRow run_folder(const fs::path& folder, const Kind& kind, std::uint64_t seed
                     const perception::TouchConfig& config, bool touches_only,
                     std::ostream& progress) {
   TouchRow row;
-  row.folder = folder.filename().string();
+  row.folder = name_of(folder);
   std::vector<std::string> names;
   for (const auto& e : fs::directory_iterator(folder / "rgb")) names.push_back(e.path().filename());
   std::sort(names.begin(), names.end());
@@ -247,12 +271,13 @@ TouchRow run_folder(const fs::path& folder, const Kind& kind, std::uint64_t seed
   for (const std::string& name : names) {
     progress << "\r" << row.folder << "/" << name << "   " << std::flush;
     const Frame f = load(folder, name, kind);
-    if (!judge) {
-      judge = std::make_unique<Judge>(kind, f.rgb.width(), f.rgb.height(), config, touches_only);
-    }
     if (f.rgb.width() != kind.k.width || f.rgb.height() != kind.k.height) {
-      throw std::runtime_error((folder / "rgb" / name).string() + ": must be 640 x 480");
+      throw std::runtime_error((folder / "rgb" / name).string() + ": must be " +
+                               std::to_string(kind.k.width) + " x " +
+                               std::to_string(kind.k.height) + ", as the folder's intrinsics");
     }
+    if (!judge)
+      judge = std::make_unique<Judge>(kind, kind.k.width, kind.k.height, config, touches_only);
     judge->frame(f, random, row);
   }
   if (!judge) throw std::runtime_error((folder / "rgb").string() + ": holds no image");
@@ -268,26 +293,50 @@ TouchResult bench_touches(std::ostream& progress, const std::string& folder, std
   result.seed = seed;
   std::error_code ec;
   std::vector<fs::path> folders;
-  for (const auto& e : fs::directory_iterator(folder, ec)) folders.push_back(e.path());
+  const bool one = fs::is_directory(fs::path(folder) / "rgb");
+  if (one) folders.emplace_back(folder);
+  for (auto it = fs::directory_iterator(folder, ec); !one && !ec && it != fs::directory_iterator();
+       it.increment(ec))
+    if (it->is_directory(ec)) folders.push_back(it->path());
   std::sort(folders.begin(), folders.end());
   for (const fs::path& f : folders) {
-    const auto kind = kind_of(f.filename().string());
-    if (kind && fs::is_directory(f / "rgb"))
-      result.rows.push_back(run_folder(f, *kind, seed, config, touches_only, progress));
+    const std::string name = name_of(f);
+    if (!fs::is_directory(f / "rgb")) {
+      progress << "left out: " << f.string() << ": holds no folder rgb\n";
+      continue;
+    }
+    const auto kind = kind_of(f, name);
+    if (!kind) {
+      progress << "left out: " << f.string()
+               << ": no intrinsics.txt (fx fy cx cy width height depth_units_per_metre)\n";
+      continue;
+    }
+    result.rows.push_back(run_folder(f, *kind, seed, config, touches_only, progress));
   }
   progress << "\r                                        \r";
   if (result.rows.empty()) {
-    throw std::runtime_error(folder + ": holds none of mosd_learn, tabletop, ycb_video");
+    throw std::runtime_error(folder +
+                             ": neither has rgb, depth, label and intrinsics.txt nor holds folders "
+                             "that have, or are named mosd..., tabletop or ycb_video");
   }
   return result;
+}
+
+std::string TouchRow::name() const {
+  if (folder == "mosd_learn") return "mosd";
+  std::string name = folder;
+  for (char& c : name) {
+    const auto byte = static_cast<unsigned char>(c);
+    c = std::isalnum(byte) != 0 ? static_cast<char>(std::tolower(byte)) : '_';
+  }
+  return name;
 }
 
 std::vector<BenchMetric> TouchResult::metrics() const {
   std::vector<BenchMetric> m{{"segmentation.seed", static_cast<double>(seed), "1"}};
   double cpu = 0;
   for (const TouchRow& r : rows) {
-    const std::string name = r.folder == "mosd_learn" ? "mosd" : r.folder;
-    const std::string head = "segmentation." + name + ".";
+    const std::string head = "segmentation." + r.name() + ".";
     m.push_back({head + "iou_mean", r.iou_default, "1"});
     m.push_back({head + "iou_paper_mean", r.iou_paper, "1"});
     m.push_back({head + "first_ms", r.first_ms, "ms"});

@@ -1,8 +1,9 @@
 // teletact bench segmentation: IoU of one touch, and what an answer costs.
 //
-// DIR holds folders of RGB-D frames with true masks: NAME/rgb/*.png, NAME/depth/*.png, NAME/label/*.png
-// (16 bit), intrinsics as the folder's kind has them. Known kinds: mosd_learn (label / 10 is the object,
-// below 2 the table, 0 no label), tabletop and ycb_video (label is the object, 0 everything else).
+// DIR is, or holds, folders of RGB-D frames with true masks: NAME/rgb/*.png, NAME/depth/*.png, NAME/label/*.png
+// (16 bit), NAME/intrinsics.txt (drivers/camera/intrinsics_file.hpp; the depth's unit too). A label is an object, 0
+// everything else, 65535 is not judged. By name: mosd... (label / 10 is the object, below 2 the table, 0 no label),
+// tabletop, ycb_video; these need no intrinsics.txt.
 // Ten touches an object, uniform over its mask at least 3 pixels from its edge where it is that thick.
 // IoU is the mean over an object's touches, then over objects.
 #pragma once
@@ -19,6 +20,7 @@ namespace teletact {
 
 struct TouchRow {
   std::string folder;
+  [[nodiscard]] std::string name() const;  // of its metrics: a-z, 0-9, _; of mosd_learn: mosd
   int frames = 0, objects = 0, touches = 0;
   double iou_default = 0, iou_paper = 0;
   double iou_low = 0;                     // default: the object at the 10 % quantile
@@ -36,7 +38,7 @@ struct TouchResult {
   void print(std::ostream& out) const;
 };
 
-// Folders of other names are left out; none known: std::runtime_error. With touches_only neither method
+// A folder without intrinsics is left out, which is said on `progress`; none left: std::runtime_error. With touches_only neither method
 // paper runs nor is an object followed: their figures stay 0.
 [[nodiscard]] TouchResult bench_touches(std::ostream& progress, const std::string& folder,
                                         std::uint64_t seed,
