@@ -213,13 +213,32 @@ ObjectMap::Turn& ObjectMap::find_known(const Look& look, std::uint8_t id, SeedBo
   within = grown(within);
   SeedBox& seed = turn.seed_box;
   const int step = known_step(), each = scale_ * scale_;
+  const auto ask = [&](int u, int v) {
+    const LabelVoxel known = look.voted(u, v);
+    known_.at(u, v) = known.label != 0              ? known.label
+                      : known.weight >= kSureWeight ? kSureOther
+                                                    : std::uint8_t{0};
+  };
+  // What is that near is asked at every second one of these first: between such that agree it is the same.
+  const int apart = scale_ > 1 ? 2 * step : step;
+  const auto on_grid = [apart](int u, int v) { return u % apart == 0 && v % apart == 0; };
+  const auto agree = [&](int u, int v) {
+    const int u0 = u - u % apart, u1 = u % apart == 0 ? u0 : u0 + apart;
+    const int v0 = v - v % apart, v1 = v % apart == 0 ? v0 : v0 + apart;
+    if (u0 < within.u0 || v0 < within.v0 || u1 > within.u1 || v1 > within.v1) return false;
+    const std::uint8_t first = known_.at(u0, v0);
+    if (known_.at(u1, v0) != first || known_.at(u0, v1) != first || known_.at(u1, v1) != first)
+      return false;
+    known_.at(u, v) = first;
+    return true;
+  };
+  for (int v = known_from(within.v0); v <= within.v1; v += step)
+    for (int u = known_from(within.u0); u <= within.u1; u += step)
+      if (on_grid(u, v)) ask(u, v);
   for (int v = known_from(within.v0); v <= within.v1; v += step)
     for (int u = known_from(within.u0); u <= within.u1; u += step) {
-      const LabelVoxel known = look.voted(u, v);
-      known_.at(u, v) = known.label != 0              ? known.label
-                        : known.weight >= kSureWeight ? kSureOther
-                                                      : std::uint8_t{0};
-      if (known.label != id) continue;
+      if (!on_grid(u, v) && !agree(u, v)) ask(u, v);
+      if (known_.at(u, v) != id) continue;
       seed.u0 = std::min(seed.u0, u), seed.u1 = std::max(seed.u1, u);
       seed.v0 = std::min(seed.v0, v), seed.v1 = std::max(seed.v1, v);
       turn.planted += each;

@@ -1,6 +1,8 @@
 // One frame, its camera and the map, for the parts of ObjectMap.
 #pragma once
 
+#include <cmath>
+
 #include "perception/objects/object_map.hpp"
 #include "perception/tsdf/frame_view.hpp"
 #include "perception/tsdf/map_reader.hpp"
@@ -8,6 +10,17 @@
 namespace perception {
 
 [[nodiscard]] constexpr bool reads(std::uint16_t mm) noexcept { return mm != 0 && mm != 65535; }
+
+// As integration has it: such a reading is not fused.
+[[nodiscard]] inline bool on_edge(const FrameView& frame, const TsdfConfig& c, int u,
+                                  int v) noexcept {
+  const auto& depth = frame.depth_mm;
+  const double here = depth.at(u, v), gate = 1e3 * c.edge_base_m + c.edge_per_m * here;
+  const auto apart = [&](int a, int b) {
+    return depth.contains(a, b) && reads(depth.at(a, b)) && std::abs(depth.at(a, b) - here) > gate;
+  };
+  return apart(u - 1, v) || apart(u + 1, v) || apart(u, v - 1) || apart(u, v + 1);
+}
 
 struct ObjectMap::Look {
   const FrameView& frame;

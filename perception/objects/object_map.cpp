@@ -64,6 +64,8 @@ ObjectMap::ObjectMap(rt::NonRealtime&, int max_width, int max_height, const Obje
       reduced_(max_width, max_height),
       image_(max_width, max_height),
       voting_(max_width, max_height),
+      settled_(max_width, max_height),
+      outlines_(max_width, max_height),
       known_(max_width, max_height),
       points_(kMostPoints),
       colours_(kMostPoints),

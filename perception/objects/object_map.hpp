@@ -34,6 +34,7 @@
 #include <vector>
 
 #include "config/schema.hpp"
+#include "perception/objects/outline_memory.hpp"
 #include "perception/segmentation/object_summary.hpp"
 #include "perception/segmentation/reduced_frame.hpp"
 #include "perception/segmentation/touch_segmenter.hpp"
@@ -115,6 +116,10 @@ class ObjectMap {
   // 0 background, an id, or kNoVote; of the last segment(), before fuse() judges it. To be changed by
   // tests only.
   [[nodiscard]] ImageView<std::uint8_t> label_image() noexcept { return image_.view(); }
+  // After fuse(): the id of the object that every step-th pixel of the same frame shows, 0: none. From the
+  // map's labels and the frame's own mask (object_image.cpp). out: (width - 1) / step + 1 pixels wide, ...
+  void draw(const FrameView& frame, const TsdfMap& map, const Pose& X_WC, int step,
+            ImageView<std::uint8_t> out) noexcept;
   [[nodiscard]] const ObjectStats& stats() const noexcept { return stats_; }
   [[nodiscard]] const std::array<MapObject, kMost>& objects() const noexcept { return objects_; }
   [[nodiscard]] int count() const noexcept;
@@ -166,6 +171,8 @@ class ObjectMap {
   void judge(MapObject& object, const Turn& turn) noexcept;
   void replace(std::uint8_t id, std::uint8_t by) noexcept;
   [[nodiscard]] SeedBox shown(std::uint8_t id) const noexcept;
+  [[nodiscard]] std::uint8_t known_round(int u, int v) const noexcept;
+  [[nodiscard]] std::uint8_t shows(const Look& look, int u, int v) const noexcept;
   void leave_out_rim(std::uint8_t id) noexcept;
   [[nodiscard]] SeedBox grown(const SeedBox& box) const noexcept;
   int paint(const Look& look, std::uint8_t id) noexcept;
@@ -178,8 +185,10 @@ class ObjectMap {
   TouchSegmenter segmenter_;
   ReducedFrame reduced_;
   int scale_ = 1;  // of this frame's segmentation: pixels of the image to one that is looked at
-  Image<std::uint8_t> image_;   // what the segmenter says
-  Image<std::uint8_t> voting_;  // what of it votes
+  Image<std::uint8_t> image_;    // what the segmenter says
+  Image<std::uint8_t> voting_;   // what of it votes
+  Image<std::uint8_t> settled_;  // it with outlines as frames agree on them, while drawn
+  OutlineMemory outlines_;
   // What the map shows, at every 2nd pixel of the scale, round the objects of turns_: an id, kSureOther, or 0.
   Image<std::uint8_t> known_;
   SeedBox within_{1 << 20, 1 << 20, -1, -1};  // where it may be set

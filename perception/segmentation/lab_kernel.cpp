@@ -10,6 +10,8 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
+#include "perception/simd/vectors-inl.hpp"
+
 #ifndef TELETACT_LAB_KERNEL_ONCE
 #define TELETACT_LAB_KERNEL_ONCE
 namespace perception {
@@ -41,11 +43,6 @@ void convert_pixel(const float* curve, const LabRow& row, int i) noexcept {
 HWY_BEFORE_NAMESPACE();
 namespace perception {
 namespace HWY_NAMESPACE {
-
-namespace hn = hwy::HWY_NAMESPACE;
-using DF = hn::CappedTag<float, 16>;
-using DI = hn::RebindToSigned<DF>;
-using VF = hn::Vec<DF>;
 
 HWY_INLINE VF set(float x) { return hn::Set(DF(), x); }
 

@@ -18,6 +18,7 @@ float height_noise(float at_1m, float per_m2, float z) noexcept { return at_1m +
 ObjectGraph::ObjectGraph(int max_width, int max_height) {
   const auto n = static_cast<std::size_t>((max_width + 1) / 2 * ((max_height + 1) / 2));
   edges_.resize(2 * n);
+  next_.resize(2 * n);
   sums_.resize(n);
   parent_.resize(n);
   region_.resize(n);
@@ -157,10 +158,35 @@ void ObjectGraph::free_coloured_support(const SurfacePatches& patches,
   }
 }
 
+// One edge between two pieces, over all pairs of pixels along it.
+ObjectGraph::Edge& ObjectGraph::edge_between(int a, int b) noexcept {
+  int* at = &best_[static_cast<std::size_t>(a)];
+  while (*at >= 0) {
+    Edge& e = edges_[static_cast<std::size_t>(*at)];
+    if (e.b == b) return e;
+    at = &next_[static_cast<std::size_t>(*at)];
+  }
+  *at = edge_count_;
+  next_[static_cast<std::size_t>(edge_count_)] = -1;
+  Edge& e = edges_[static_cast<std::size_t>(edge_count_++)];
+  e = {a, b, 0, 0, 0, kNotKnown};
+  return e;
+}
+
+// How much of a valley lies between two pieces, 0 to 1.
+float ObjectGraph::valley_of(const SurfacePiece& p, const SurfacePiece& q,
+                             const ObjectGraphConfig& c) noexcept {
+  const float side = (p.normal - q.normal).dot(p.centre - q.centre);
+  if (!(side < 0)) return 0;
+  const float angle = std::acos(std::clamp(p.normal.dot(q.normal), -1.0F, 1.0F)) / kDegree;
+  return std::clamp((angle - c.smooth_deg) / (c.crease_deg - c.smooth_deg), 0.0F, 1.0F);
+}
+
 void ObjectGraph::collect(const SurfacePatches& patches, const ObjectGraphConfig& c) noexcept {
   const int w = patches.window().width, h = patches.window().height;
   const auto& labels = patches.labels();
   edge_count_ = 0;
+  std::fill_n(best_.begin(), pieces_, -1);
   const auto usable = [&](int i) {
     return patches.piece(i).has_plane() && !support_[static_cast<std::size_t>(i)];
   };
@@ -176,23 +202,17 @@ void ObjectGraph::collect(const SurfacePatches& patches, const ObjectGraphConfig
     const float zj = patches.z_m()[static_cast<std::size_t>(j)];
     if (!(zi > 0) || !(zj > 0)) return;
     const SurfacePiece &pa = patches.piece(a), &pb = patches.piece(b);
-    Edge& e = edges_[static_cast<std::size_t>(edge_count_++)];
-    e.a = std::min(a, b);
-    e.b = std::max(a, b);
-    e.length = 1;
+    Edge& e = edge_between(std::min(a, b), std::max(a, b));
+    e.length += 1;
     const float limit = height_noise(c.step_m, c.step_per_m2, std::min(zi, zj));
     const bool step =
         std::abs(zi - zj) > limit && std::min(gap(pb, u, v, zi), gap(pa, u2, v2, zj)) > limit;
-    e.step = !step ? 0.0F : std::abs(zi - zj) > c.far_m ? 20.0F : 1.0F;
-    e.concave = 0;
-    if (!step) {
-      const Vec3f apart = pa.centre - pb.centre;
-      const float side = (pa.normal - pb.normal).dot(apart);
-      if (side < 0) {
-        const float angle = std::acos(std::clamp(pa.normal.dot(pb.normal), -1.0F, 1.0F)) / kDegree;
-        e.concave = std::clamp((angle - c.smooth_deg) / (c.crease_deg - c.smooth_deg), 0.0F, 1.0F);
-      }
+    if (step) {
+      e.step += std::abs(zi - zj) > c.far_m ? 20.0F : 1.0F;
+      return;
     }
+    if (e.cost < 0) e.cost = valley_of(pa, pb, c);  // the same for all pairs of the edge
+    e.concave += e.cost;
   };
   for (int v = 0; v < h; ++v) {
     for (int u = 0; u < w; ++u) {

@@ -82,8 +82,9 @@ class ObjectGraph {
   struct Edge {
     int a = 0, b = 0;  // pieces at first, then regions, a < b
     float length = 0, step = 0, concave = 0;
-    float cost = 0;
+    float cost = 0;  // while edges are collected: of a pair of pixels' share in `concave`
   };
+  static constexpr float kNotKnown = -1;
   struct Region {
     float L = 0, a = 0, b = 0, n = 0, area_cm2 = 0;
   };
@@ -92,6 +93,9 @@ class ObjectGraph {
                     const ObjectGraphConfig& config) noexcept;
   void free_coloured_support(const SurfacePatches& patches,
                              const ObjectGraphConfig& config) noexcept;
+  Edge& edge_between(int a, int b) noexcept;
+  [[nodiscard]] static float valley_of(const SurfacePiece& p, const SurfacePiece& q,
+                                       const ObjectGraphConfig& config) noexcept;
   void collect(const SurfacePatches& patches, const ObjectGraphConfig& config) noexcept;
   void combine() noexcept;
   [[nodiscard]] bool merge_round(const ObjectGraphConfig& config) noexcept;
@@ -109,7 +113,10 @@ class ObjectGraph {
   std::vector<Edge> edges_;
   std::vector<Region> sums_;
   std::vector<int> parent_, region_;
-  std::vector<int> best_;  // an edge a region; after build() the pieces of the region asked for
+  // An edge a region: the first one, while they are collected; the best one. After build() the pieces of the
+  // region asked for.
+  std::vector<int> best_;
+  std::vector<int> next_;  // edge of the same first piece
   std::vector<std::uint8_t> support_;
   struct Sample {
     Vec3f p{0, 0, 0}, n{0, 0, 0};

@@ -199,8 +199,7 @@ void OutlineRefiner::flood(const OutlineConfig& c) noexcept {
     last[level] = i;
     lowest = std::min(lowest, level);
   };
-  const auto spread = [&](int i, int level) {
-    const int u = i % w;
+  const auto spread = [&](int i, int u, int level) {
     const int around[4] = {i - w, u > 0 ? i - 1 : -1, u < w - 1 ? i + 1 : -1,
                            i + w < n ? i + w : -1};
     for (const int j : around) {
@@ -209,9 +208,9 @@ void OutlineRefiner::flood(const OutlineConfig& c) noexcept {
     }
   };
   std::fill_n(state_.begin(), n, std::uint8_t{0});
-  for (int i = 0; i < n; ++i) {
-    if (label_[static_cast<std::size_t>(i)] != kOpen) spread(i, 0);
-  }
+  for (int i = 0; i < n; i += w)
+    for (int u = 0; u < w; ++u)
+      if (label_[static_cast<std::size_t>(i + u)] != kOpen) spread(i + u, u, 0);
   while (lowest < kLevels) {
     const int i = first[lowest];
     if (i < 0) {
@@ -222,7 +221,7 @@ void OutlineRefiner::flood(const OutlineConfig& c) noexcept {
     first[lowest] = next_[k];
     if (label_[k] != kOpen) continue;
     label_[k] = state_[k];
-    spread(i, level_[k]);
+    spread(i, i % w, level_[k]);
   }
 }
 

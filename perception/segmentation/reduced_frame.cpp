@@ -8,15 +8,34 @@
 namespace perception {
 namespace {
 
-Rgb mean_of(ImageView<const Rgb> rgb, int u, int v, int scale) noexcept {
-  int r = 0, g = 0, b = 0;
-  for (int y = v; y < v + scale; ++y) {
-    const Rgb* row = rgb.row(y);
-    for (int x = u; x < u + scale; ++x) r += row[x].r, g += row[x].g, b += row[x].b;
+constexpr int kAtOnce = 64;  // pixels
+
+// Pixels u to u + n - 1 of row v of the reduced image. Sums down the columns first: they go by whole vectors.
+template <int kScale>
+void mean_row(ImageView<const Rgb> rgb, int u, int v, int n, Rgb* out) noexcept {
+  static_assert(sizeof(Rgb) == 3);
+  std::array<std::uint16_t, 3 * kScale * kAtOnce> sum;
+  for (int first = 0; first < n; first += kAtOnce) {
+    const int count = std::min(kAtOnce, n - first), bytes = 3 * kScale * count;
+    const auto row = [&](int y) {
+      return reinterpret_cast<const std::uint8_t*>(rgb.row(kScale * v + y) + kScale * (u + first));
+    };
+    const std::uint8_t* p = row(0);
+    for (int i = 0; i < bytes; ++i) sum[static_cast<std::size_t>(i)] = p[i];
+    for (int y = 1; y < kScale; ++y) {
+      p = row(y);
+      for (int i = 0; i < bytes; ++i)
+        sum[static_cast<std::size_t>(i)] =
+            static_cast<std::uint16_t>(sum[static_cast<std::size_t>(i)] + p[i]);
+    }
+    const std::uint16_t* at = sum.data();
+    for (int i = 0; i < count; ++i, at += 3 * kScale) {
+      unsigned r = kScale * kScale / 2, g = r, b = r;
+      for (int x = 0; x < kScale; ++x) r += at[3 * x], g += at[3 * x + 1], b += at[3 * x + 2];
+      const auto mean = [](unsigned s) { return static_cast<std::uint8_t>(s / (kScale * kScale)); };
+      out[first + i] = {mean(r), mean(g), mean(b)};
+    }
   }
-  const int n = scale * scale;
-  return {static_cast<std::uint8_t>((r + n / 2) / n), static_cast<std::uint8_t>((g + n / 2) / n),
-          static_cast<std::uint8_t>((b + n / 2) / n)};
 }
 
 }  // namespace
@@ -36,10 +55,15 @@ void ReducedFrame::set(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> 
   u1 = std::min(u1, w - 1), v1 = std::min(v1, h - 1);
   const int middle = scale / 2 - 1;
   for (int v = v0; v <= v1; ++v) {
+    if (u1 >= u0) {
+      if (scale == 2)
+        mean_row<2>(rgb, u0, v, u1 - u0 + 1, &rgb_.at(u0, v));
+      else
+        mean_row<4>(rgb, u0, v, u1 - u0 + 1, &rgb_.at(u0, v));
+    }
     const std::uint16_t *p = depth.row(scale * v + middle), *q = depth.row(scale * v + middle + 1);
     for (int u = u0; u <= u1; ++u) {
       const int x = scale * u + middle;
-      rgb_.at(u, v) = mean_of(rgb, scale * u, scale * v, scale);
       depth_.at(u, v) = lower_median({p[x], p[x + 1], q[x], q[x + 1]});
     }
   }

@@ -1,4 +1,4 @@
-// Names for vectors of up to 16 lanes, shared by the kernels of map and ray cast.
+// Names for vectors of up to 16 lanes, shared by the kernels of map, ray cast and colour.
 // Included once per instruction set (Highway's way: no guard but the toggle).
 #include <cstdint>
 

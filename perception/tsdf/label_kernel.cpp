@@ -1,5 +1,6 @@
 #include "perception/tsdf/label_kernel.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -48,11 +49,11 @@ HWY_INLINE void vote_group(const LabelImage& image, const Projected& seen_at, st
   const VF dz = hn::Sub(mul(to_float(depth), set(0.001F)), hn::Load(df, seen_at.z + n));
   const VF sdf = mul(dz, hn::Sqrt(hn::Load(df, seen_at.stretch2 + n)));
   const VF reach = mul(to_float(hn::ShiftRight<24>(reading)), set(0.03125F));
-  const VF band = set(kLabelBand_m);
+  const VF band = mul(set(kLabelBand_m), hn::Min(reach, set(image.most_reach)));
   const MF fused = non_zero(hn::And(hn::ShiftRight<16>(reading), u(0xffU)));
   const MF near =
       hn::And(hn::And(seen, fused), hn::And(hn::Le(sdf, band), hn::Ge(sdf, hn::Neg(band))));
-  const MF free_f = hn::And(seen, hn::And(hn::Gt(sdf, band), hn::Gt(sdf, mul(band, reach))));
+  const MF free_f = hn::And(seen, hn::Gt(sdf, mul(set(kLabelBand_m), reach)));
   if (hn::AllFalse(df, hn::Or(near, free_f))) return;
 
   auto* words = reinterpret_cast<std::uint16_t*>(labels + n);
@@ -139,9 +140,11 @@ std::uint32_t vote_block_scalar(const UpdateCamera& c, const LabelImage& image,
     const float sdf =
         (static_cast<float>(depth_mm) * 0.001F - p[2]) * std::sqrt((1.0F + px * px) + py * py);
     const bool fused = ((reading >> 16U) & 0xffU) != 0;
+    const float reach = static_cast<float>(reading >> 24U) * 0.03125F;
     if (!fused && sdf <= kLabelBand_m) continue;
-    vote_at(labels[n], view, iu, iv, sdf, static_cast<float>(reading >> 24U) * 0.03125F,
-            image.fresh);
+    const bool near = std::fabs(sdf) <= kLabelBand_m * std::min(reach, image.most_reach);
+    const float within = near ? std::clamp(sdf, -kLabelBand_m, kLabelBand_m) : sdf;
+    vote_at(labels[n], view, iu, iv, within, reach, image.fresh);
   }
   return labels_in(labels);
 }

@@ -19,7 +19,7 @@ LabelStats TsdfMap::vote_labels(ImageView<const std::uint8_t> labels, std::uint8
   mark_tiles(labels);
   const CameraBoxes boxes(k, X_CW_last_);
   const UpdateCamera cam = update_camera(k, X_CW_last_);
-  const LabelImage image{labels.data, labels.stride, fresh};
+  const LabelImage image{labels.data, labels.stride, fresh, most_label_reach(voxel_)};
   std::array<LabelVoxel, kBlockVoxels> work;
   for (int n = 0; n < in_view_count_; ++n) {
     const std::int32_t b = in_view_[static_cast<std::size_t>(n)];

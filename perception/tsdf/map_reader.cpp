@@ -15,6 +15,26 @@ float share_of(int n, float fx, float fy, float fz) noexcept {
   return ((n & 4) != 0 ? fx : 1 - fx) * ((n & 2) != 0 ? fy : 1 - fy) * ((n & 1) != 0 ? fz : 1 - fz);
 }
 
+constexpr std::uint8_t kDiffer = 255;  // no label
+
+// What eight nodes of one block say, node(n) of the n-th voxel from the first: their label with the sum of
+// their weights, each times its share; kDiffer where they do not say the same. Nodes without a vote abstain.
+template <class Node>
+LabelVoxel agreed(Node&& node, float fx, float fy, float fz) noexcept {
+  const LabelVoxel v[8] = {node(0),  node(1),  node(8),  node(9),
+                           node(64), node(65), node(72), node(73)};
+  std::uint8_t all = 0xff, any = 0;
+  float sum = 0;
+  for (int n = 0; n < 8; ++n) {
+    const bool votes = v[n].weight != 0;
+    all &= votes ? v[n].label : std::uint8_t{0xff};
+    any |= votes ? v[n].label : std::uint8_t{0};
+    sum += share_of(n, fx, fy, fz) * static_cast<float>(v[n].weight);
+  }
+  if (sum > 0 && all != any) return {kDiffer, 0};
+  return {any, static_cast<std::uint8_t>(std::ceil(sum))};
+}
+
 }  // namespace
 
 MapReader::Sample MapReader::sample(const Vec3& p_W) noexcept {
@@ -78,19 +98,11 @@ LabelVoxel MapReader::voted(const Vec3& p_W) noexcept {
   if (inside) {
     const LabelVoxel* held = map_->block_labels(b);
     const int first = TsdfMap::in_block(i, j, k);
-    int label = -1;
-    bool same = true;
-    float sum = 0;
-    for (int n = 0; n < 8; ++n) {
-      const int at = first + ((n & 4) << 4) + ((n & 2) << 2) + (n & 1);
-      const LabelVoxel v = held != nullptr ? held[at] : map_->label_in(b, at);
-      if (v.weight == 0) continue;
-      if (label < 0) label = v.label;
-      same = same && v.label == label;
-      sum += share_of(n, fx, fy, fz) * static_cast<float>(v.weight);
-    }
-    if (same && !(sum > 0)) return nearest_vote(i, j, k, {fx, fy, fz});
-    if (same) return {static_cast<std::uint8_t>(label), static_cast<std::uint8_t>(std::ceil(sum))};
+    const LabelVoxel all =
+        held != nullptr
+            ? agreed([held, first](int n) { return held[first + n]; }, fx, fy, fz)
+            : agreed([this, b, first](int n) { return map_->label_in(b, first + n); }, fx, fy, fz);
+    if (all.label != kDiffer) return all.weight > 0 ? all : nearest_vote(i, j, k, {fx, fy, fz});
   }
   // At most eight labels; say[n]: votes for label of corner n, kept at the first corner that has it.
   std::array<std::uint8_t, 8> names{};

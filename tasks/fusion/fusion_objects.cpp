@@ -45,6 +45,8 @@ void FusionTask::set_up_objects(rt::NonRealtime& nrt) {
   if (!config_.objects.enabled) return;
   objects_ = std::make_unique<perception::ObjectMap>(nrt, setup_.camera.width, setup_.camera.height,
                                                      config_.objects);
+  objects_shown_ = {(setup_.camera.width - 1) / config_.view_step + 1,
+                    (setup_.camera.height - 1) / config_.view_step + 1};
   const auto of = [](const ObjectMaterial& m) {
     return perception::Material{
         static_cast<float>(m.stiffness_scale), static_cast<float>(m.friction_static),
@@ -83,6 +85,10 @@ void FusionTask::follow_objects(const perception::RgbdFrame& frame, bool integra
   }
   objects_->segment(perception::FrameView::of(frame), map_, X_WC_, mark_W_);
   objects_->fuse(map_);
+  objects_drawn_ = view_due(out) && objects_->count() > 0;
+  if (objects_drawn_)
+    objects_->draw(perception::FrameView::of(frame), map_, X_WC_, config_.view_step,
+                   objects_shown_.view());
   out.segmentation = objects_->stats();
   out.work += out.segmentation.work;
   if (mark_W_ && out.segmentation.answer != TouchAnswer::kNone)

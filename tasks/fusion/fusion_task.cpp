@@ -96,7 +96,7 @@ rt::Result<bool> FusionTask::load_map(rt::NonRealtime& nrt, const perception::Ma
 
 rt::Health FusionTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   out.patch_written = out.view_written = out.cost_map_written = out.camera_written = false;
-  out.integrated = out.objects_written = false;
+  out.integrated = out.objects_written = objects_drawn_ = false;
   out.tracking = TrackingResult{};
   out.integration = perception::IntegrateStats{};
   out.paging = perception::PageStats{};
@@ -424,27 +424,37 @@ void FusionTask::write_cost_map(const rt::Tick& tick, Out& out) noexcept {
   periods_since_map_ = 0;
 }
 
+bool FusionTask::view_due(const Out& out) const noexcept {
+  return out.view != nullptr && config_.view_period_frames > 0 && started_ &&
+         (periods_ - 1) % static_cast<std::uint64_t>(config_.view_period_frames) == 0;
+}
+
 void FusionTask::write_view(const rt::Tick& tick, const std::optional<Pose>& X_WV,
                             Out& out) noexcept {
-  if (out.view == nullptr || config_.view_period_frames <= 0 || !started_) return;
-  if ((periods_ - 1) % static_cast<std::uint64_t>(config_.view_period_frames) != 0) return;
+  if (!view_due(out)) return;
   Stage stage(profiling_, *crew_, profile_.view);
   perception::RaycastOptions o;
   o.pixel_step = config_.view_step;
   o.colour = true;
   o.crew = crew_;
   const Pose X = X_WV ? *X_WV : X_WC_;
+  // The camera's own frame shows objects better than the map alone can.
+  const bool own = objects_drawn_ && !X_WV;
+  o.labels = !own && objects_ != nullptr && objects_->count() > 0;
   const auto stats = perception::raycast(map_, setup_.camera, X, o, view_maps_);
   if (stats.rays == 0) return;
   SceneView& v = *out.view;
   v.X_WV = X;
   v.intrinsics = view_maps_.intrinsics;
   const auto colour = view_maps_.colour();
+  const perception::ImageView<const std::uint8_t> shown =
+      own ? objects_shown_.view() : view_maps_.labels();
   for (int y = 0; y < view_maps_.height(); ++y) {
     for (int x = 0; x < view_maps_.width(); ++x) {
       const auto i = static_cast<std::size_t>(y) * static_cast<std::size_t>(v.intrinsics.width) +
                      static_cast<std::size_t>(x);
       const float* r = view_maps_.at(x, y);
+      v.object[i] = own || o.labels ? shown.at(x, y) : std::uint8_t{0};
       if (!view_maps_.hit(x, y)) {
         v.colour[i] = {24, 26, 30};
         v.points[i] = {};

@@ -221,6 +221,7 @@ class FusionTask {
   void write_objects(Out& out) noexcept;
 
   void write_patch(const rt::Tick& tick, const HapticState& hand, Out& out) noexcept;
+  [[nodiscard]] bool view_due(const Out& out) const noexcept;
   void write_view(const rt::Tick& tick, const std::optional<Pose>& X_WV, Out& out) noexcept;
   void write_cost_map(const rt::Tick& tick, Out& out) noexcept;
 
@@ -231,6 +232,8 @@ class FusionTask {
   perception::Relocaliser relocaliser_;
   perception::GroundMap ground_;
   perception::RaycastMaps model_, view_maps_;
+  perception::Image<std::uint8_t> objects_shown_;  // pixels of the view; of this period's frame:
+  bool objects_drawn_ = false;
   std::unique_ptr<perception::ObjectMap> objects_;  // null: switched off
   std::array<std::uint8_t, 256> slot_of_label_{};
   std::optional<Vec3> mark_W_;  // not answered yet

@@ -24,6 +24,9 @@ struct SceneView {
   perception::Intrinsics intrinsics{};
   std::array<perception::Rgb, kMaxPixels> colour{};  // shaded; row-major, width x height
   std::array<Point, kMaxPixels> points{};
+  // Id of the object (ObjectList) that shows there, 0: none. Its outlines are those of the camera's pixels, points
+  // and depths the map's: beside an outline they may be of what lies behind.
+  std::array<std::uint8_t, kMaxPixels> object{};
 };
 
 }  // namespace tasks

@@ -98,12 +98,13 @@ void hash_output(rt::Hash64& h, const perception::SurfacePatch& m) noexcept {
 }
 
 void hash_output(rt::Hash64& h, const SceneView& m) noexcept {
-  const auto& [seq, fused, exposure, X_WV, intrinsics, colour, points] = m;
+  const auto& [seq, fused, exposure, X_WV, intrinsics, colour, points, object] = m;
   all(h, seq, fused, exposure, X_WV, intrinsics);
   const auto pixels =
       static_cast<std::size_t>(intrinsics.width) * static_cast<std::size_t>(intrinsics.height);
   h.bytes(colour.data(), pixels * sizeof colour[0]);
   h.bytes(points.data(), pixels * sizeof points[0]);
+  h.bytes(object.data(), pixels);
 }
 
 void hash_output(rt::Hash64& h, const ObjectList& m) noexcept {

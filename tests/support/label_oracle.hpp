@@ -107,12 +107,14 @@ class LabelOracle {
     }
     if (pixel.depth_mm == 0) return;
     const double sdf = (1e-3 * pixel.depth_mm - p.z()) * (p.norm() / p.z());
-    for (const double limit : {-0.02, 0.01, 0.02, 0.02 * pixel.reach, 0.05 * pixel.reach})
+    // Along the ray: of large voxels longer where it meets the surface at a grazing angle.
+    const double band = rules_.voxel_m > 0.011 ? 0.02 * pixel.reach : 0.02;
+    for (const double limit : {-band, 0.01, band, 0.02 * pixel.reach, 0.05 * pixel.reach})
       if (std::abs(sdf - limit) < kM) voxel.sure = false;
-    if (sdf < -0.02) return;
+    if (sdf < -band) return;
     const int said = labels.at(static_cast<int>(iu), static_cast<int>(iv));
     const bool says = said <= 31;
-    if (sdf > 0.02) {  // free space
+    if (sdf > band) {  // free space
       const bool other = says && said != voxel.label;
       if (sdf > 0.05 * pixel.reach || (other && sdf > 0.02 * pixel.reach)) {
         voxel.weight -= 4;

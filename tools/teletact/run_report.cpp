@@ -186,6 +186,20 @@ ReportMap report_map(const OperatorHalf& op, const RobotHalf& robot) {
   return map;
 }
 
+constexpr perception::Rgb kObjectColour{0x8e, 0x24, 0xaa};
+
+// Of a pixel of the view: its own colour, but that of an object's mark along its outline.
+perception::Rgb pixel_colour(const tasks::SceneView& v, std::size_t i) {
+  const auto width = static_cast<std::size_t>(v.intrinsics.width);
+  const auto pixels = width * static_cast<std::size_t>(v.intrinsics.height);
+  const std::uint8_t id = v.object[i];
+  const bool rim = id != 0 && ((i % width > 0 && v.object[i - 1] != id) ||
+                               (i % width + 1 < width && v.object[i + 1] != id) ||
+                               (i >= width && v.object[i - width] != id) ||
+                               (i + width < pixels && v.object[i + width] != id));
+  return rim ? kObjectColour : v.colour[i];
+}
+
 ReportPicture report_picture(const OperatorHalf& op) {
   ReportPicture picture;
   const auto& v = *op.view.view;
@@ -195,8 +209,8 @@ ReportPicture report_picture(const OperatorHalf& op) {
   const auto pixels =
       static_cast<std::size_t>(v.intrinsics.width) * static_cast<std::size_t>(v.intrinsics.height);
   for (std::size_t i = 0; i < pixels; ++i) {
-    picture.image.pixels.insert(picture.image.pixels.end(),
-                                {v.colour[i].r, v.colour[i].g, v.colour[i].b});
+    const perception::Rgb c = pixel_colour(v, i);
+    picture.image.pixels.insert(picture.image.pixels.end(), {c.r, c.g, c.b});
   }
   const perception::Pose X_VW = v.X_WV.inverse();
   const auto add = [&](plot::Overlay& o, const perception::Vec3& p_W) {

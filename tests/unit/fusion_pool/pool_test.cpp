@@ -58,6 +58,7 @@ void add_frame(rt::Hash64& h, const FusionTask& task, const FusionTask::Out& out
   if (out.view_written) {
     h.bytes(out.view->colour.data(), out.view->colour.size() * sizeof out.view->colour[0]);
     h.bytes(out.view->points.data(), out.view->points.size() * sizeof out.view->points[0]);
+    h.bytes(out.view->object.data(), out.view->object.size());
   }
   const auto& s = out.integration;
   for (const std::int64_t n :

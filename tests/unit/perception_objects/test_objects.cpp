@@ -133,6 +133,35 @@ TEST(Objects, FiveWrongFramesFirstAreOvercomeWithinFifteen) {
   }
 }
 
+// What a frame shows of an object does not hang on its own mask: every second one is wrong.
+TEST(Objects, TheImageOfAFrameStandsWrongMasks) {
+  for (const std::uint64_t seed : {61U, 62U}) {
+    Rig rig;
+    rt::Random random(seed);
+    frame(rig, 0, seed);
+    const std::uint8_t id = touch(rig, 1);
+    rig.objects.fuse(rig.map);
+    Image<std::uint8_t> drawn(kW, kH);
+    double worst = 1, mask_sum = 0, drawn_sum = 0;
+    for (int n = 1; n <= 40; ++n) {
+      frame(rig, n, seed);
+      if (n > 20 && n % 2 == 0)
+        spoil(rig.objects.label_image(), rig.image.truth.view(), id, 2, random);
+      const double mask = rig.frame_iou(1, id);
+      rig.objects.fuse(rig.map);
+      if (n <= 20) continue;
+      rig.objects.draw(rig.image.view(), rig.map, rig.X_WC, 1, drawn.view());
+      const double shown = rig.iou(1, id, drawn.view());
+      worst = std::min(worst, shown);
+      mask_sum += mask / 20, drawn_sum += shown / 20;
+    }
+    std::cout << "seed " << seed << ": masks " << mask_sum << ", drawn " << drawn_sum
+              << ", at least " << worst << "\n";
+    EXPECT_LT(mask_sum, 0.8) << "seed " << seed;
+    EXPECT_GE(worst, 0.95) << "seed " << seed;
+  }
+}
+
 TEST(Objects, PushedAwayItLosesItsOldVoxels) {
   const std::uint64_t seed = 31;
   Rig rig;

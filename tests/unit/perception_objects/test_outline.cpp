@@ -23,6 +23,7 @@ namespace {
 using namespace perception;  // NOLINT: test only
 
 constexpr int kFrames = 30, kJudged = 10;  // the last of them: masks against ray casts
+constexpr int kViewPeriod = 3;             // frames; of fusion's view
 constexpr double kSameSurface_m = 0.02;    // as far from it as a label votes
 constexpr double kTop_m = 0.72;
 
@@ -190,6 +191,7 @@ struct Figures {
 struct Followed {
   Figures image;    // every pixel; fused: the ray cast with its labels and outlines
   Figures surface;  // where a cast finds the surface that is there; fused: its labels
+  Figures drawn;    // every kViewPeriod-th frame, every pixel; fused: as map and masks show it
   double last = 0;  // the ray cast after the last frame, every pixel
   double touch_ms = 0, frame_ms = 0;  // thread CPU of objects: the answer; median of the others
 };
@@ -214,7 +216,9 @@ Followed follow(const Sequence& s, int shape) {
   RaycastMaps plain(f.startup.token(), s.k.width, s.k.height),
       maps(f.startup.token(), s.k.width, s.k.height);
   Followed out;
+  Image<std::uint8_t> drawn(s.k.width, s.k.height, 0);
   std::vector<double> ms;
+  int views = 0;
   std::uint8_t id = 0;
   for (int n = 0; n < kFrames; ++n) {
     Image<std::uint8_t> mask(s.k.width, s.k.height, 0);
@@ -224,6 +228,8 @@ Followed follow(const Sequence& s, int shape) {
       for (int v = 0; v < s.k.height; ++v) std::copy_n(said.row(v), s.k.width, &mask.at(0, v));
     });
     if (n == 0) id = touched;
+    const bool viewed = n % kViewPeriod == kViewPeriod - 1;
+    if (viewed) f.objects.draw(s.frame(n), f.map, carried(n), 1, drawn.view());
     (n == 0 ? out.touch_ms : ms.emplace_back()) = spent;
     if (n < kFrames - kJudged) continue;
     const Sequence::Truth truth = s.truth(n, shape);
@@ -234,18 +240,26 @@ Followed follow(const Sequence& s, int shape) {
     Image<std::uint8_t> labels(s.k.width, s.k.height, 0), same = labels;
     read_surface(f.map, plain, truth.z_m, labels, same);
     out.last = iou(maps.labels(), id, truth.mask);
-    out.image.single += iou(mask.view(), id, truth.mask) / kJudged;
+    const double single = iou(mask.view(), id, truth.mask);
+    if (viewed) {
+      ++views;
+      out.drawn.single += single;
+      out.drawn.fused += iou(drawn.view(), id, truth.mask);
+    }
+    out.image.single += single / kJudged;
     out.image.fused += out.last / kJudged;
     out.surface.single += iou(mask.view(), id, truth.mask, &same) / kJudged;
     out.surface.fused += iou(labels.view(), id, truth.mask, &same) / kJudged;
   }
+  out.drawn.single /= views, out.drawn.fused /= views;
   std::nth_element(ms.begin(), ms.begin() + kFrames / 2, ms.end());
   out.frame_ms = ms[kFrames / 2];
   return out;
 }
 
-// Where a surface ends is known to the grid, a frame's mask to its pixels. So over every pixel both are printed; they
-// are compared where both show the same surface: there the map's labels are better than the mask of any one frame.
+// Where a surface ends is known to the grid, a frame's mask to its pixels. So the ray cast is printed over every
+// pixel and compared where both show the same surface: there the map's labels are better than the mask of any one
+// frame. Over every pixel that is the image which map and masks give together.
 TEST(Objects, InTheRayCastAsAKinectSeesThem) {
   for (const std::uint64_t seed : {1U, 2U}) {
     const Sequence s(seed);
@@ -254,10 +268,13 @@ TEST(Objects, InTheRayCastAsAKinectSeesThem) {
       std::cout << "seed " << seed << ", " << name << ": after 30 frames " << f.last
                 << "; every pixel: single frame " << f.image.single << ", fused " << f.image.fused
                 << "; where the surface is the same: " << f.surface.single << ", "
-                << f.surface.fused << "; " << f.touch_ms << " ms for the touch, " << f.frame_ms
-                << " ms a frame\n";
+                << f.surface.fused << "; drawn, every third frame: single frame " << f.drawn.single
+                << ", fused " << f.drawn.fused << "; " << f.touch_ms << " ms for the touch, "
+                << f.frame_ms << " ms a frame\n";
       EXPECT_GE(f.last, 0.95) << name << " seed " << seed;
       EXPECT_GT(f.surface.fused, f.surface.single) << name << " seed " << seed;
+      EXPECT_GE(f.drawn.fused, 0.95) << name << " seed " << seed;
+      EXPECT_GT(f.drawn.fused, f.drawn.single) << name << " seed " << seed;
     }
   }
 }
@@ -269,10 +286,11 @@ TEST(Objects, OneThatFillsTheImageCostsNoMore) {
   const Followed can = follow(small, small.world.find("can"));
   const Followed f = follow(large, large.world.find("chest"));
   std::cout << "chest: after 30 frames " << f.last << ", single frame " << f.image.single
-            << "; touch " << f.touch_ms << ", a frame " << f.frame_ms << " ms, the can's "
-            << can.frame_ms << " ms\n";
+            << "; drawn " << f.drawn.single << ", " << f.drawn.fused << "; touch " << f.touch_ms
+            << ", a frame " << f.frame_ms << " ms, the can's " << can.frame_ms << " ms\n";
   EXPECT_GE(f.last, 0.95);
   EXPECT_GT(f.surface.fused, f.surface.single);
+  EXPECT_GT(f.drawn.fused, f.drawn.single);
   EXPECT_LE(f.frame_ms, 1.65 * can.frame_ms);
   EXPECT_LE(f.touch_ms, 6 * can.frame_ms);
 }

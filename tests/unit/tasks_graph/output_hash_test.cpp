@@ -158,9 +158,9 @@ TEST(OutputHash, ViewAndCostMap) {
   auto view = std::make_unique<tasks::SceneView>();
   view->intrinsics = {200, 200, 4, 3, 8, 6};
   expect_each_seen<tasks::SceneView>(
-      *view,
-      {FIELD(seq), FIELD(fused), FIELD(exposure), FIELD(X_WV.matrix()(1, 3)), FIELD(intrinsics.cx),
-       FIELD(colour[0].g), FIELD(colour[47].b), FIELD(points[3].depth), FIELD(points[47].x)});
+      *view, {FIELD(seq), FIELD(fused), FIELD(exposure), FIELD(X_WV.matrix()(1, 3)),
+              FIELD(intrinsics.cx), FIELD(colour[0].g), FIELD(colour[47].b), FIELD(points[3].depth),
+              FIELD(points[47].x), FIELD(object[0]), FIELD(object[47])});
   const std::uint64_t before = digest(*view);
   nudge(view->points[48].x);
   EXPECT_EQ(digest(*view), before) << "outside of the picture";
