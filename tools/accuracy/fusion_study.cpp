@@ -130,7 +130,7 @@ void study_scene(rt::NonRealtime& nrt, const std::string& name, bool every_knob,
   const drivers::World world(nrt, room.world);
   progress << "rendering " << name << "\n";
   const FusionSequence sequence = synthetic_sequence(nrt, room, o.frames);
-  const auto seen = seen_surface(world, sequence.intrinsics, sequence.truth_WC);
+  const auto seen = seen_surface(world, sequence.intrinsics, sequence.known_truth());
   for (const Knobs& k : settings(o, every_knob)) {
     StudyRow row = row_of(name, k);
     progress << name << " " << row.label << "\n";
@@ -154,10 +154,10 @@ void study_scene(rt::NonRealtime& nrt, const std::string& name, bool every_knob,
 void study_recording(rt::NonRealtime& nrt, const FusionStudyOptions& o, std::ostream& progress,
                      Study& study) {
   progress << "reading " << o.rgbd << "\n";
-  const FusionSequence sequence = recorded_sequence(o.rgbd, o.rgbd_frames);
-  if (sequence.truth_WC.empty()) {
-    throw std::runtime_error(o.rgbd + "/groundtruth.txt: needs a pose for each of " +
-                             std::to_string(o.rgbd_frames) + " frames");
+  const FusionSequence sequence =
+      recorded_sequence(progress, o.rgbd, {o.rgbd_frames, 2, o.pinhole});
+  if (sequence.known_truth().empty()) {
+    throw std::runtime_error(o.rgbd + ": has no true pose at the stamp of a frame");
   }
   for (const Knobs& k : settings(o, true)) {
     StudyRow row = row_of("recording", k);
@@ -186,8 +186,8 @@ FusionRun run_fusion(rt::NonRealtime& nrt, const FusionSequence& sequence,
                      const tasks::FusionConfig& config) {
   tasks::FusionSetup setup;
   setup.camera = sequence.intrinsics;
-  const bool judged = !sequence.truth_WC.empty();
-  const Pose X_WM = judged ? sequence.truth_WC.front() : Pose::Identity();
+  const Pose* first = sequence.truth(0);
+  const Pose X_WM = first != nullptr ? *first : Pose::Identity();
   tasks::FusionTask task(nrt, config, setup);
   FusionFeed feed(task);
   FusionRun run;
@@ -201,7 +201,7 @@ FusionRun run_fusion(rt::NonRealtime& nrt, const FusionSequence& sequence,
     run.blocks_refused += out.integration.blocks_refused;
     if (!out.camera_written || !out.camera.claimed) continue;
     ++claimed;
-    if (judged) error.add(out.camera.X_WC, sequence.truth_WC[static_cast<std::size_t>(i)]);
+    if (const Pose* truth = sequence.truth(i)) error.add(out.camera.X_WC, *truth);
   }
   run.ate_mm = error.ate_mm();
   run.worst_mm = error.worst_mm();
@@ -215,14 +215,21 @@ perception::Mesh fuse_at_truth(rt::NonRealtime& nrt, const FusionSequence& seque
                                const perception::TsdfConfig& config) {
   perception::TsdfMap map(nrt, config);
   auto frame = std::make_unique<RgbdFrame>();
-  const Pose& X_WM = sequence.truth_WC.front();
+  const Pose& X_WM = *sequence.truth(0);
   for (int i = 0; i < sequence.size(); ++i) {
     sequence.frame(i, *frame);
     map.integrate(perception::FrameView::of(*frame),
-                  X_WM.inverse(Eigen::Isometry) * sequence.truth_WC[static_cast<std::size_t>(i)],
-                  kAllocateStep);
+                  X_WM.inverse(Eigen::Isometry) * *sequence.truth(i), kAllocateStep);
   }
   return moved(perception::extract_mesh(nrt, map), X_WM);
+}
+
+std::vector<BenchMetric> counted_figures(const StudyRow& row) {
+  std::vector<BenchMetric> counted;
+  const bool enough = row.figure("claimed") >= 0.98;
+  for (const BenchMetric& m : row.figures)
+    if (m.value == m.value && (enough || m.name != "ate_mm")) counted.push_back(m);
+  return counted;
 }
 
 Study study_fusion(std::ostream& progress, const FusionStudyOptions& options) {

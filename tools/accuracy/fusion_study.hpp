@@ -43,12 +43,17 @@ struct FusionStudyOptions {
   std::vector<int> pixel_steps{1, 2, 4};
   std::vector<std::array<int, 3>> iterations{
       {1, 1, 2}, {2, 2, 5}, {2, 3, 8}, {4, 5, 15}, {8, 10, 30}};
-  std::string
-      rgbd;  // recording in TUM layout with groundtruth.txt, used for judging alone; empty: none
-  int rgbd_frames = 150;
+  std::string rgbd;       // recording with true poses, used for judging alone; empty: none
+  int rgbd_frames = 150;  // at most
+  std::optional<drivers::TumOptions::Pinhole> pinhole =
+      std::nullopt;  // of the recording, if it does not say
 };
 
 // Throws std::runtime_error on an unknown scene or a recording without poses.
 [[nodiscard]] Study study_fusion(std::ostream& progress, const FusionStudyOptions& options);
+
+// Figures of a row that were measured; the trajectory's error only with a claimed share of at least 0.98: what a
+// tracker loses costs it nothing.
+[[nodiscard]] std::vector<BenchMetric> counted_figures(const StudyRow& row);
 
 }  // namespace teletact

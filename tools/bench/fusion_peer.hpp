@@ -9,20 +9,26 @@
 //               without filter beside it
 //   error       RMS of the translation over the frames tracked (ours: claimed), first pose aligned
 //
+//   target      its CPU at least 30 (OpenCV), 9 (Open3D) times ours with the same filter; our error not above its
+//
 // A peer that is not installed is named with its package, and its figures are not there.
 #pragma once
 
 #include <array>
+#include <optional>
 #include <ostream>
 #include <string>
 #include <vector>
 
+#include "drivers/camera/tum_reader.hpp"
 #include "tools/bench/bench_metric.hpp"
 
 namespace teletact {
 
 struct FusionPeerOptions {
   std::string rgbd;  // folder of the recording; empty: only the synthetic room
+  std::optional<drivers::TumOptions::Pinhole> pinhole =
+      std::nullopt;  // of the recording, if it does not say
   bool synthetic = true, peers = false;
   int frames = 60, first_frame = 10, slice = 10;
 };
@@ -35,6 +41,10 @@ struct FusionPeerRow {
   int tracked = 0, frames = 0;
   double ate_mm = 0;  // NaN: no truth
   double ratio = 0;   // of its CPU to ours with the same filter, medians; ours: 1
+  double ours_ate_mm =
+      0;  // with the same filter; NaN: no truth, or fewer than 98 % of the frames claimed
+  [[nodiscard]] double least_ratio() const;  // 0: no target, the row is ours
+  [[nodiscard]] bool met() const;
 };
 
 struct FusionPeerResult {

@@ -2,15 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 #include <memory>
 #include <numbers>
-#include <sstream>
 #include <stdexcept>
 
 #include "drivers/camera/render.hpp"
 #include "drivers/camera/tum_reader.hpp"
+#include "tools/bench/pose_file.hpp"
 
 namespace teletact {
 
@@ -32,6 +30,11 @@ void FusionSequence::append(const RgbdFrame& f) {
   }
 }
 
+std::size_t FusionSequence::bytes() const noexcept {
+  return depth_mm_.capacity() * sizeof(std::uint16_t) +
+         colour_.capacity() * sizeof(perception::Rgb);
+}
+
 void FusionSequence::frame(int i, RgbdFrame& out) const {
   const auto pixels =
       static_cast<std::size_t>(intrinsics.width) * static_cast<std::size_t>(intrinsics.height);
@@ -44,31 +47,18 @@ void FusionSequence::frame(int i, RgbdFrame& out) const {
   if (has_colour) std::copy_n(colour_.data() + at * pixels, pixels, out.colour.data());
 }
 
-namespace {
-
-std::vector<Pose> read_truth(const std::string& path) {
-  std::ifstream in(path);
-  std::vector<Pose> poses;
-  for (std::string line; std::getline(in, line);) {
-    if (line.empty() || line[0] == '#') continue;
-    std::istringstream s(line);
-    double t, x, y, z, qx, qy, qz, qw;
-    if (!(s >> t >> x >> y >> z >> qx >> qy >> qz >> qw)) {
-      throw std::runtime_error(path + ": not a pose: " + line);
-    }
-    Pose X = Pose::Identity();
-    X.linear() = Eigen::Quaterniond(qw, qx, qy, qz).normalized().toRotationMatrix();
-    X.translation() = Vec3(x, y, z);
-    poses.push_back(X);
-  }
-  return poses;
+std::vector<Pose> FusionSequence::known_truth() const {
+  std::vector<Pose> known;
+  for (const auto& X_WC : truth_WC)
+    if (X_WC) known.push_back(*X_WC);
+  return known;
 }
 
-}  // namespace
-
-FusionSequence recorded_sequence(const std::string& folder, int frames) {
+FusionSequence recorded_sequence(std::ostream& progress, const std::string& folder,
+                                 const RecordingOptions& o) {
   drivers::TumOptions options;
   options.register_colour = true;
+  options.pinhole = o.pinhole;
   auto opened = drivers::TumSequence::open(folder, options);
   if (!opened) throw std::runtime_error(opened.error());
   if (opened.value().intrinsics().width == 640 && opened.value().intrinsics().height == 480) {
@@ -77,22 +67,25 @@ FusionSequence recorded_sequence(const std::string& folder, int frames) {
     if (!opened) throw std::runtime_error(opened.error());
   }
   const auto& sequence = opened.value();
-  if (sequence.size() < frames) {
-    throw std::runtime_error(folder + ": " + std::to_string(sequence.size()) + " frames; " +
-                             std::to_string(frames) + " are needed");
+  const auto truth = read_truth(folder);
+  if (!truth) throw std::runtime_error(truth.error());
+  if (sequence.size() < o.at_least) {
+    throw std::runtime_error(folder + ": " + std::to_string(sequence.size()) +
+                             " frames; at least " + std::to_string(o.at_least) + " are needed");
   }
   FusionSequence out;
   out.name = "recording";
   auto frame = std::make_unique<RgbdFrame>();
+  const int frames = std::min(sequence.size(), o.frames);
   for (int i = 0; i < frames; ++i) {
     const auto read = sequence.read(i, *frame);
     if (!read) throw std::runtime_error(read.error());
     out.append(*frame);
+    out.truth_WC.push_back(pose_at(truth.value(), sequence.stamp_s(i)));
   }
-  if (std::filesystem::exists(folder + "/groundtruth.txt")) {
-    out.truth_WC = read_truth(folder + "/groundtruth.txt");
-    if (static_cast<int>(out.truth_WC.size()) < frames) out.truth_WC.clear();
-  }
+  for (const std::string& line : sequence.assumed()) progress << line << "\n";
+  progress << folder << ": " << frames << " of " << sequence.size() << " frames, true poses of "
+           << out.known_truth().size() << "\n";
   return out;
 }
 
@@ -163,7 +156,7 @@ void film(rt::NonRealtime& nrt, const SyntheticRoom& room, int first, int count,
                     static_cast<std::uint64_t>(i), scratch, *frame);
     frame->exposure = rt::Time{} + rt::Nanos{1'000'000'000LL + at * 33'333'333LL};
     out.append(*frame);
-    out.truth_WC.push_back(X_WC);
+    out.truth_WC.emplace_back(X_WC);
   }
 }
 

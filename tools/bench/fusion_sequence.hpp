@@ -1,10 +1,13 @@
 // RGB-D sequences held in memory, for benches of fusion: a recording, or a synthetic room with its truth.
 #pragma once
 
+#include <optional>
+#include <ostream>
 #include <string>
 #include <vector>
 
 #include "drivers/camera/depth_noise.hpp"
+#include "drivers/camera/tum_reader.hpp"
 #include "drivers/world/world.hpp"
 #include "perception/geometry/rgbd_frame.hpp"
 #include "rt/memory/non_realtime.hpp"
@@ -16,11 +19,19 @@ class FusionSequence {
   std::string name;
   perception::Intrinsics intrinsics{};
   bool has_colour = false;
-  std::vector<perception::Pose> truth_WC;  // empty: none
+  // Of each frame; none where nothing tells. Empty: of no frame.
+  std::vector<std::optional<perception::Pose>> truth_WC;
 
   [[nodiscard]] int size() const { return static_cast<int>(exposure_.size()); }
+  [[nodiscard]] std::size_t bytes() const noexcept;  // of the images
   void append(const perception::RgbdFrame& frame);
   void frame(int i, perception::RgbdFrame& out) const;
+  // Null: not known.
+  [[nodiscard]] const perception::Pose* truth(int i) const noexcept {
+    const auto at = static_cast<std::size_t>(i);
+    return at < truth_WC.size() && truth_WC[at] ? &*truth_WC[at] : nullptr;
+  }
+  [[nodiscard]] std::vector<perception::Pose> known_truth() const;
 
  private:
   std::vector<rt::Time> exposure_;
@@ -28,9 +39,16 @@ class FusionSequence {
   std::vector<perception::Rgb> colour_;
 };
 
-// The first `frames` frames of a TUM folder, 640 x 480 brought to 512 x 424. Poses of its groundtruth.txt,
-// if it has one, are the truth. Throws std::runtime_error.
-[[nodiscard]] FusionSequence recorded_sequence(const std::string& folder, int frames);
+struct RecordingOptions {
+  int frames = 150;  // at most
+  int at_least = 2;
+  std::optional<drivers::TumOptions::Pinhole> pinhole = std::nullopt;
+};
+// The first frames of a recording (drivers/camera/tum_reader.hpp), 640 x 480 brought to 512 x 424. Its poses, if it
+// has some, tell the truth at the stamps of the frames (pose_file.hpp). Says on `progress` how many frames there
+// are and what was assumed. Throws std::runtime_error.
+[[nodiscard]] FusionSequence recorded_sequence(std::ostream& progress, const std::string& folder,
+                                               const RecordingOptions& options);
 
 // A camera's pose X_WC in its usual axes, when its body (x forward, z up) is turned by yaw (to the left),
 // pitch (down) and roll, in this order.

@@ -209,7 +209,7 @@ MapPath path_on_final_map(std::ostream& progress, rt::NonRealtime& nrt,
 RecordingTouchResult touch_recording(std::ostream& progress, const RecordingTouchOptions& o) {
   rt::Startup startup;
   auto& nrt = startup.token();
-  const FusionSequence sequence = recorded_sequence(o.rgbd, o.frames);
+  const FusionSequence sequence = recorded_sequence(progress, o.rgbd, {o.frames, 2, o.pinhole});
   const int frames = static_cast<int>(std::lround(o.seconds * 30));
   const MapPath path = path_on_final_map(progress, nrt, sequence, o, frames);
 

@@ -6,10 +6,12 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <ostream>
 #include <string>
 #include <vector>
 
+#include "drivers/camera/tum_reader.hpp"
 #include "tools/bench/bench_metric.hpp"
 #include "tools/haptic/map_path.hpp"
 #include "tools/haptic/run_file.hpp"
@@ -18,7 +20,9 @@ namespace teletact {
 
 struct RecordingTouchOptions {
   std::string rgbd;
-  int frames = 150;     // of the recording, played forward and back
+  std::optional<drivers::TumOptions::Pinhole> pinhole =
+      std::nullopt;     // of the recording, if it does not say
+  int frames = 150;     // of the recording at most, played forward and back
   double seconds = 60;  // of virtual time
   std::uint64_t seed = 1;
   bool beside = true;           // nearest and force_shading too

@@ -58,7 +58,7 @@ void fuse_table(rt::NonRealtime& nrt, int edge, perception::TsdfMap& map) {
     const FusionSequence sequence = synthetic_sequence(nrt, *room, 14);
     for (int i = 0; i < sequence.size(); ++i) {
       sequence.frame(i, *frame);
-      const Pose& X_WC = sequence.truth_WC[static_cast<std::size_t>(i)];
+      const Pose& X_WC = *sequence.truth(i);
       crop(X_WC, cube_centre(edge), 0.5 * kVoxel_m * edge, *frame);
       map.integrate(perception::FrameView::of(*frame), X_WC, 1);
     }

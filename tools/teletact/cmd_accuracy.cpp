@@ -11,6 +11,7 @@
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/haptic_study.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/number_list.hpp"
 #include "tools/teletact/options.hpp"
 #include "tools/teletact/whole_file.hpp"
 
@@ -22,8 +23,8 @@ namespace {
 void add_room(const Study& study, Metrics& metrics) {
   for (const StudyRow& row : study.rows) {
     if (row.data != "room" || !row.is_default) continue;
-    for (const BenchMetric& m : row.figures) {
-      if (m.value == m.value) metrics.add("fusion.synthetic." + m.name, m.value, m.unit);
+    for (const BenchMetric& m : counted_figures(row)) {
+      metrics.add("fusion.synthetic." + m.name, m.value, m.unit);
     }
   }
 }
@@ -41,7 +42,7 @@ int cmd_accuracy(int argc, char** argv) {
   CLI::App app{
       "Error of a method against its CPU time, over its knobs. WHAT: fusion, segmentation, haptic.",
       "teletact accuracy"};
-  std::string what, json, plots;
+  std::string what, json, plots, intrinsics;
   FusionStudyOptions fusion;
   SegmentationStudyOptions segmentation;
   app.add_option("WHAT", what, "fusion | segmentation | haptic")
@@ -49,7 +50,13 @@ int cmd_accuracy(int argc, char** argv) {
       ->check(CLI::IsMember({"fusion", "segmentation", "haptic"}));
   app.add_option(
       "--rgbd", fusion.rgbd,
-      "fusion: recording in TUM layout with groundtruth.txt, which judges and nothing else");
+      "fusion: recording in TUM or 7-Scenes layout with true poses, which judge and nothing else");
+  app.add_option("--rgbd-frames", fusion.rgbd_frames, "fusion: of the recording, at most")
+      ->check(CLI::Range(5, 100000))
+      ->capture_default_str();
+  app.add_option("--intrinsics", intrinsics,
+                 "of the recording, where it has no intrinsics.txt: fx,fy,cx,cy in px, and depth "
+                 "units a metre if the data set's are not right");
   app.add_option("--scenes", fusion.scenes,
                  "fusion: synthetic ones; knobs beside the voxel's size vary in the first")
       ->check(CLI::IsMember(scene_names()))
@@ -72,6 +79,7 @@ int cmd_accuracy(int argc, char** argv) {
   if (what == "segmentation" && segmentation.data.empty()) {
     throw std::runtime_error("accuracy segmentation needs --data DIR");
   }
+  if (!intrinsics.empty()) fusion.pinhole = parse_pinhole(intrinsics);
   check_outputs({{"--json", json}}, {});
   if (!plots.empty()) make_output_folder("--plots", plots);
   const Study study = study_of(what, fusion, segmentation);

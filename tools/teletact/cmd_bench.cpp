@@ -21,6 +21,7 @@
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/fuzz_readers.hpp"
 #include "tools/teletact/metrics_json.hpp"
+#include "tools/teletact/number_list.hpp"
 #include "tools/teletact/options.hpp"
 #include "tools/teletact/whole_file.hpp"
 
@@ -52,9 +53,6 @@ struct PeerBench {
   FusionPeerOptions options;
   void add_to(CLI::App& app) {
     app.add_flag("--peer", options.peers, "fusion: OpenCV's rgbd parts and Open3D beside ours");
-    app.add_option("--count", options.frames, "fusion: frames of each sequence")
-        ->check(CLI::Range(2, 1000))
-        ->capture_default_str();
     app.add_flag("!--no-synthetic", options.synthetic, "fusion: only the recording");
   }
   [[nodiscard]] FusionPeerResult run(const std::string& rgbd) {
@@ -139,12 +137,16 @@ int cmd_bench(int argc, char** argv) {
       ->capture_default_str();
   Table1Options table1;
   table1.rgbd = "../shared/data/rgbd/7scenes_redkitchen";
+  std::string intrinsics;
   auto* rgbd =
       app.add_option(
              "--rgbd", table1.rgbd,
-             "table1, fusion: recording in TUM layout; the default may be absent; haptic: touch "
-             "this recording instead")
+             "table1, fusion: recording in TUM or 7-Scenes layout; the default may be absent; "
+             "haptic: touch this recording instead")
           ->capture_default_str();
+  app.add_option("--intrinsics", intrinsics,
+                 "of the recording, where it has no intrinsics.txt: fx,fy,cx,cy in px, and depth "
+                 "units a metre if the data set's are not right");
   app.add_option("--edges", table1.edges, "table1: voxels along the cube's edge")
       ->check(CLI::Range(64, 1024))
       ->delimiter(',')
@@ -169,12 +171,14 @@ int cmd_bench(int argc, char** argv) {
   peer.add_to(app);
   HapticBench haptic;
   haptic.add_to(app);
-  int frames = 10000;
+  int frames = 0;
   double voxel_m = 0.01;
   bool half_size = false;
-  app.add_option("--frames", frames, "drift: how many")
-      ->check(CLI::Range(20, 10000000))
-      ->capture_default_str();
+  app.add_option(
+         "--frames,--count", frames,
+         "how many of each sequence (a shorter recording: as many as it has); default: table1 150, "
+         "fusion 60, drift 10000")
+      ->check(CLI::Range(20, 10000000));
   app.add_option("--voxel", voxel_m, "drift: edge of a voxel, m")
       ->check(in_range(0.005, 0.08))
       ->capture_default_str();
@@ -183,6 +187,9 @@ int cmd_bench(int argc, char** argv) {
   if (!parse_options(app, argc, argv)) return 0;
   check_outputs({{"--json", json}, {"--record", haptic.record}}, {});
   if (!haptic.svg.empty()) make_output_folder("--svg", haptic.svg);
+  if (!intrinsics.empty())
+    table1.pinhole = peer.options.pinhole = haptic.recording.pinhole = parse_pinhole(intrinsics);
+  if (frames > 0) table1.frames = peer.options.frames = frames;
   Metrics metrics("bench " + what);
   int faults = 0;
   const auto take = [&](const auto& result) {
@@ -194,7 +201,10 @@ int cmd_bench(int argc, char** argv) {
   } else if (what == "wakeup") {
     take(bench_wakeup(std::cerr, rounds, slice_s));
   } else if (what == "drift") {
-    take(bench_drift(std::cerr, frames, voxel_m, half_size ? 2 : 1));
+    const DriftResult result =
+        bench_drift(std::cerr, frames > 0 ? frames : 10000, voxel_m, half_size ? 2 : 1);
+    take(result);
+    faults = result.missed();
   } else if (what == "haptic") {
     if (rgbd->count() > 0) {
       take(haptic.touch(table1.rgbd, seed));

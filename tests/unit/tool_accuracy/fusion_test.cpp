@@ -28,7 +28,7 @@ TEST(FusionAccuracy, RoomTrajectoryAndSurface) {
   const SyntheticRoom room = scene_named("room");
   const drivers::World world(startup.token(), room.world);
   const FusionSequence sequence = synthetic_sequence(startup.token(), room, 60);
-  const auto seen = seen_surface(world, sequence.intrinsics, sequence.truth_WC);
+  const auto seen = seen_surface(world, sequence.intrinsics, sequence.known_truth());
   const FusionRun run = run_fusion(startup.token(), sequence, fusion_with_voxel(0.01));
   std::printf("  claimed %.2f, ATE %.2f mm, worst %.2f mm\n", run.claimed, run.ate_mm,
               run.worst_mm);
@@ -44,9 +44,35 @@ TEST(FusionAccuracy, RoomTrajectoryAndSurface) {
       fuse_at_truth(startup.token(), sequence, fusion_with_voxel(0.01).tsdf), world, seen);
   print("true poses", given);
   EXPECT_LE(given.median_mm, 0.3);
-  EXPECT_LE(given.p95_mm, 1.6) << "60 frames of noise; over 200 it is below 1 mm";
+  EXPECT_LE(given.p95_mm, 1);
   EXPECT_LE(given.rmse_mm, 1.2);
   EXPECT_GE(given.completeness, 0.98);
+}
+
+// The limits as they are asked for, at their own number of frames.
+TEST(FusionAccuracy, RoomOver200Frames) {
+  rt::Startup startup;
+  const SyntheticRoom room = scene_named("room");
+  const drivers::World world(startup.token(), room.world);
+  const FusionSequence sequence = synthetic_sequence(startup.token(), room, 200);
+  const auto seen = seen_surface(world, sequence.intrinsics, sequence.known_truth());
+  const FusionRun run = run_fusion(startup.token(), sequence, fusion_with_voxel(0.01));
+  std::printf("  claimed %.3f, ATE %.2f mm, worst %.2f mm\n", run.claimed, run.ate_mm,
+              run.worst_mm);
+  EXPECT_GE(run.claimed, 0.98);
+  EXPECT_EQ(run.blocks_refused, 0);
+  EXPECT_LE(run.ate_mm, 8);
+  const SurfaceError estimated = surface_error(run.mesh, world, seen);
+  print("estimated poses", estimated);
+  EXPECT_LE(estimated.median_mm, 3);
+  EXPECT_LE(estimated.rmse_mm, 5);
+  EXPECT_GE(estimated.completeness, 0.9);
+  const SurfaceError given = surface_error(
+      fuse_at_truth(startup.token(), sequence, fusion_with_voxel(0.01).tsdf), world, seen);
+  print("true poses", given);
+  EXPECT_LE(given.median_mm, 0.3);
+  EXPECT_LE(given.p95_mm, 1);
+  EXPECT_LE(given.rmse_mm, 2);
 }
 
 TEST(FusionAccuracy, EveryOtherSceneIsFollowed) {

@@ -1,0 +1,138 @@
+// What the benches of fusion say of their own figures.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <sstream>
+
+#include "tools/accuracy/fusion_study.hpp"
+#include "tools/bench/drift.hpp"
+#include "tools/bench/fusion_peer.hpp"
+#include "tools/bench/table1.hpp"
+
+namespace teletact {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+template <class Result>
+std::string printed(const Result& r) {
+  std::ostringstream text;
+  r.print(text);
+  return text.str();
+}
+
+TEST(Verdict, DriftNamesEachLimit) {
+  DriftResult good;
+  good.frames = good.claimed = 500;
+  good.worst_mm = 1.5, good.first_mm = 0.4, good.last_mm = 0.69, good.orthonormal = 1e-12;
+  EXPECT_EQ(good.missed(), 0);
+  EXPECT_THAT(printed(good), Not(HasSubstr("missed")));
+  for (const auto spoil : std::initializer_list<void (*)(DriftResult&)>{
+           [](DriftResult& r) { r.claimed = 499; }, [](DriftResult& r) { r.worst_mm = 2.1; },
+           [](DriftResult& r) { r.last_mm = 0.71; }, [](DriftResult& r) { r.orthonormal = 2e-9; },
+           [](DriftResult& r) { r.worst_mm = kNaN; }}) {
+    DriftResult bad = good;
+    spoil(bad);
+    EXPECT_EQ(bad.missed(), 1);
+    EXPECT_THAT(printed(bad), HasSubstr("missed"));
+  }
+}
+
+TEST(Verdict, TenthsOfAShortRunAreNotCompared) {
+  DriftResult brief;
+  brief.frames = brief.claimed = 40;
+  brief.worst_mm = 1, brief.first_mm = 0, brief.last_mm = 0.8;
+  EXPECT_EQ(brief.missed(), 0);
+  EXPECT_THAT(printed(brief), Not(HasSubstr("last tenth beyond")));
+}
+
+TEST(Verdict, PeersHaveTargets) {
+  FusionPeerRow row;
+  row.name = "opencv hashtsdf";
+  row.ratio = 30.1, row.ate_mm = 31, row.ours_ate_mm = 30;
+  EXPECT_EQ(row.least_ratio(), 30);
+  EXPECT_TRUE(row.met());
+  row.ratio = 29.9;
+  EXPECT_FALSE(row.met());
+  row.ratio = 31, row.ate_mm = 29;
+  EXPECT_FALSE(row.met()) << "less precise than the peer";
+  row.ours_ate_mm = kNaN;
+  EXPECT_FALSE(row.met()) << "ours was lost";
+  row.ate_mm = kNaN;
+  EXPECT_TRUE(row.met()) << "no truth";
+  row.name = "open3d", row.ratio = 9.5;
+  EXPECT_TRUE(row.met());
+  row.ratio = 8.5;
+  EXPECT_FALSE(row.met());
+  row.name = "teletact", row.ratio = 1;
+  EXPECT_EQ(row.least_ratio(), 0);
+  FusionPeerResult result;
+  result.rows.push_back(row);
+  EXPECT_THAT(printed(result), Not(HasSubstr("met")));
+  row.name = "open3d";
+  result.rows.push_back(row);
+  EXPECT_THAT(printed(result), HasSubstr(">= 9, our ATE"));
+  EXPECT_THAT(printed(result), HasSubstr("missed"));
+}
+
+TEST(Verdict, Table1HasThePapersColumnBesideTheSameWork) {
+  Table1Result result;
+  Table1Row& row = result.rows.emplace_back();
+  row.sequence = "recording", row.isa = "avx2", row.edge = 512;
+  row.frame = {10.11, 12, 14};
+  row.with_object = {12.22, 15, 17};
+  row.followed = 90, row.touches = 2, row.frames = row.claimed = 100;
+  row.memory_MiB = 55.5, row.keyframes_MiB = 4.5, row.rss_MiB = 321;
+  const std::string text = printed(result);
+  EXPECT_THAT(text, HasSubstr("38.8    27.3 |  12.22  15.00  17.00 |  10.11  12.00  14.00"));
+  EXPECT_THAT(text, HasSubstr("55.5       4.5   321"));
+  const auto all = result.metrics();
+  const auto value = [&](const std::string& name) {
+    for (const auto& m : all)
+      if (m.name == name) return m.value;
+    return kNaN;
+  };
+  EXPECT_EQ(value("table1.512.memory_MiB"), 55.5);
+  EXPECT_EQ(value("table1.512.keyframes_MiB"), 4.5);
+  EXPECT_EQ(value("table1.512.rss_MiB"), 321);
+  EXPECT_EQ(value("table1.512.seg_fusion_cpu_ms"), 12.22);
+}
+
+TEST(Verdict, AShortRecordingIsMeasured) {
+  std::ostringstream said;
+  Table1Options options;
+  options.edges = {64};
+  options.frames = 14, options.runs = 1;
+  options.two_threads = false;
+  options.isas = {"auto"};
+  const Table1Result r = bench_table1(said, options);
+  ASSERT_EQ(r.rows.size(), 1u);
+  const Table1Row& row = r.rows.front();
+  EXPECT_EQ(row.frames, 14);
+  EXPECT_GT(row.frame.p50, 0);
+  EXPECT_GT(row.keyframes_MiB, 0);
+  EXPECT_GT(row.memory_MiB, row.keyframes_MiB);
+  EXPECT_GT(row.rss_MiB, row.memory_MiB);
+}
+
+TEST(Verdict, AnErrorCountsOnlyWhereEnoughWasClaimed) {
+  const auto names = [](double claimed) {
+    StudyRow row;
+    row.figures = {{"cpu_ms", 9, "ms"},
+                   {"ate_mm", 2, "mm"},
+                   {"surface_rmse_mm", kNaN, "mm"},
+                   {"claimed", claimed, "1"}};
+    std::string all;
+    for (const auto& m : counted_figures(row)) all += m.name + " ";
+    return all;
+  };
+  EXPECT_EQ(names(0.98), "cpu_ms ate_mm claimed ");
+  EXPECT_EQ(names(0.975), "cpu_ms claimed ");
+}
+
+}  // namespace
+}  // namespace teletact
