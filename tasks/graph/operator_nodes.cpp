@@ -288,6 +288,13 @@ void PlanningNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept 
     log.write(logs.mark_dropped, tick.start, tick.k);
   if ((out_.flags & PlanningTask::kNewPath) != 0)
     log.write(logs.path, tick.start, out_.path.seq, out_.path.size, out_.path.mark_seq);
+  if ((out_.flags & PlanningTask::kGrasp) != 0) {
+    const Grasp& g = out_.grasp;
+    if (g.refused == Grasp::Refused::kNo)
+      log.write(logs.grasp, tick.start, static_cast<unsigned>(g.kind), g.opening_m, g.base_m);
+    else
+      log.write(logs.no_grasp, tick.start, static_cast<unsigned>(g.refused));
+  }
   if ((out_.flags & PlanningTask::kGivenUp) != 0)
     log.write(logs.given_up, tick.start, tick.k, health_.fault);
   if (!hash_) return;

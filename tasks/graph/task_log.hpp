@@ -39,6 +39,12 @@ class TaskLogs {
         level(sites_.add<unsigned, unsigned>(nrt, rt::LogLevel::kInfo, "level {} -> {}")),
         edit(sites_.add<std::uint64_t, unsigned, unsigned>(
             nrt, rt::LogLevel::kInfo, "edit {}: kind {} (0 clear, 1 disc, 2 box, 3 erase), id {}")),
+        grasp(sites_.add<unsigned, double, double>(
+            nrt, rt::LogLevel::kInfo,
+            "grasp from {} (1 above, 2 the side), gripper {:.3f} m open, base at {:.2f} m")),
+        no_grasp(sites_.add<unsigned>(
+            nrt, rt::LogLevel::kWarning,
+            "no grasp: {} (1 not an object, 2 too wide, 3 too thin, 4 out of reach)")),
         edit_refused(sites_.add<std::uint64_t, unsigned>(
             nrt, rt::LogLevel::kWarning, "edit {} refused, kind {}: out of range, or no room")) {}
 
@@ -66,6 +72,8 @@ class TaskLogs {
   const rt::LogSite<std::uint64_t> tracking_lost, tracking_back, goal_refused, goal_expired;
   const rt::LogSite<unsigned, unsigned> level;
   const rt::LogSite<std::uint64_t, unsigned, unsigned> edit;
+  const rt::LogSite<unsigned, double, double> grasp;
+  const rt::LogSite<unsigned> no_grasp;
   const rt::LogSite<std::uint64_t, unsigned> edit_refused;
 };
 
