@@ -356,6 +356,41 @@ bool GroundMap::set_virtual(std::span<const VirtualObstacle> obstacles) noexcept
   return true;
 }
 
+void GroundMap::forget(const Eigen::AlignedBox3d& box_W) noexcept {
+  if (!found_ || box_W.isEmpty() || !box_W.min().allFinite() || !box_W.max().allFinite()) return;
+  // What of the grid the box can reach: its corners seen from M.
+  Eigen::AlignedBox3d box_M;
+  for (int corner = 0; corner < 8; ++corner)
+    box_M.extend(X_MW_ * box_W.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner)));
+  const double step = config_.resolution_m, half = step / 2;
+  if (box_M.min().z() > config_.robot_height_m || box_M.max().z() < -half) return;
+  const auto cell = [&](double at) {
+    return static_cast<int>(std::clamp(std::floor(at / step), -1.0, config_.cells + 0.0));
+  };
+  const int x0 = std::max(cell(box_M.min().x()), 0), y0 = std::max(cell(box_M.min().y()), 0);
+  const int x1 = std::min(cell(box_M.max().x()), config_.cells - 1),
+            y1 = std::min(cell(box_M.max().y()), config_.cells - 1);
+  const Eigen::AlignedBox3d grown_W(box_W.min() - Vec3::Constant(half),
+                                    box_W.max() + Vec3::Constant(half));
+  for (int iy = y0; iy <= y1; ++iy) {
+    for (int ix = x0; ix <= x1; ++ix) {
+      const auto i = static_cast<std::size_t>(iy * config_.cells + ix);
+      Cell& c = cells_[i];
+      if (c.evidence == 0) continue;
+      bool inside = false;
+      for (double z = 0; z <= config_.robot_height_m && !inside; z += step)
+        inside = grown_W.contains(X_WM_ * Vec3((ix + 0.5) * step, (iy + 0.5) * step, z));
+      if (!inside) continue;
+      c.evidence = c.seen = 0;
+      c.height = std::numeric_limits<float>::quiet_NaN();
+      dirty_ = dirty_ || occupied_[i] != 0;
+      occupied_[i] = 0;
+    }
+  }
+  work_ += static_cast<std::uint64_t>(std::max(0, x1 - x0 + 1)) *
+           static_cast<std::uint64_t>(std::max(0, y1 - y0 + 1));
+}
+
 void GroundMap::draw_virtual() noexcept {
   std::fill(drawn_.begin(), drawn_.end(), std::uint8_t{0});
   dirty_ = true;

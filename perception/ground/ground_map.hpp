@@ -108,6 +108,9 @@ class GroundMap {
   void update(const GroundFrame& frame) noexcept;
   // Replaces the drawn-in obstacles; false (and unchanged) beyond kMaxVirtual.
   bool set_virtual(std::span<const VirtualObstacle> obstacles) noexcept;
+  // The obstacles whose column of the robot's height meets the box are forgotten, not free: unknown until
+  // they are seen again, or the floor is.
+  void forget(const Eigen::AlignedBox3d& box_W) noexcept;
   // Fills everything but seq, fused, exposure.
   void write(CostMap& out) noexcept;
 

@@ -30,6 +30,10 @@ void require_valid(const FusionConfig& config, const FusionSetup& setup) {
         "view_step", config.view_step, "large enough for a view of 320 x 240");
   check(config.level_count >= 1 && config.level_count <= FusionConfig::kMaxLevels, "level_count",
         config.level_count, "1 .. 4");
+  check(config.mesh_blocks >= 0 && config.mesh_blocks < perception::MeshDelta::kMostBlocks,
+        "mesh_blocks", config.mesh_blocks, "0 .. 511");
+  check(config.mesh_period_frames >= 1, "mesh_period_frames", config.mesh_period_frames,
+        "at least 1");
   check(config.cost_map_period >= 1, "cost_map_period", config.cost_map_period, "at least 1");
   for (const FusionLevel& level : config.levels) {
     check(level.pixel_step == 1 || level.pixel_step == 2 || level.pixel_step == 4,
@@ -54,6 +58,10 @@ void FusionConfig::describe(config::Section& s) {
       .integer("view_period_frames", view_period_frames, 0, 300, "0 switches the view off")
       .integer("view_step", view_step, 1, 8, "camera pixels a view pixel")
       .integer("cost_map_period", cost_map_period, 1, 300, "periods between two cost maps")
+      .integer("mesh_blocks", mesh_blocks, 0, perception::MeshDelta::kMostBlocks - 1,
+               "changed blocks whose triangles are sent to the console at once; 0: no mesh")
+      .integer("mesh_period_frames", mesh_period_frames, 1, 300, "periods between two of these")
+      .text("map", map, {}, "stored map to begin with, its voxel this map's; empty: none")
       .number("odometry_translation_share", odometry_translation_share, 0, 1,
               "error of odometry, share of the way")
       .number("odometry_rotation_share", odometry_rotation_share, 0, 1,

@@ -22,6 +22,8 @@ using Twist = Eigen::Matrix<double, 6, 1>;
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kPagedBlocks = 128;  // put away, and brought back, a frame
 constexpr std::uint64_t kWorkOfBlock = 512;
+constexpr double kClearedNodes = 200000;  // of a region, a job
+constexpr int kMeshPatience = 10;         // messages' time that an answer may take
 
 // Adds the CPU of its scope, of the way through, to a counter while profiling is on.
 class Stage {
@@ -80,6 +82,7 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
       window_centre_W_(setup.X_WC0 * Vec3(0, 0, 1)) {
   require_valid(config, setup);
   set_up_objects(nrt);
+  if (config.mesh_blocks > 0) mesh_ = std::make_unique<perception::MeshSender>(nrt, map_);
 }
 
 FusionTask::~FusionTask() = default;
@@ -96,7 +99,7 @@ rt::Result<bool> FusionTask::load_map(rt::NonRealtime& nrt, const perception::Ma
 
 rt::Health FusionTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   out.patch_written = out.view_written = out.cost_map_written = out.camera_written = false;
-  out.integrated = out.objects_written = objects_drawn_ = false;
+  out.integrated = out.objects_written = out.mesh_written = objects_drawn_ = false;
   out.tracking = TrackingResult{};
   out.integration = perception::IntegrateStats{};
   out.paging = perception::PageStats{};
@@ -108,12 +111,15 @@ rt::Health FusionTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   remember_odometry(in.odometry);
   remember_mark(in.hand);
   if (in.virtual_obstacles_changed) static_cast<void>(ground_.set_virtual(in.virtual_obstacles));
+  if (in.clear_W && clearable(*in.clear_W)) to_clear_W_ = *in.clear_W;
+  clear_some(out);
   rt::Health health = rt::Health::ok();
   if (in.frame != nullptr && in.frame_fresh) health = consume(tick, *in.frame, out);
   write_objects(out);
   write_cost_map(tick, out);
   write_patch(tick, in.hand, out);
   write_view(tick, in.X_WV, out);
+  write_mesh(tick, in.mesh_taken, out);
   out.work += ground_.take_work();
   return health;
 }
@@ -385,6 +391,28 @@ std::optional<Pose> FusionTask::odometry_at(rt::Time t) const noexcept {
   return std::nullopt;
 }
 
+// ---------------------------------------------------------------- the operator's edits
+
+bool FusionTask::clearable(const Eigen::AlignedBox3d& box_W) noexcept {
+  return box_W.min().allFinite() && box_W.max().allFinite() && !box_W.isEmpty() &&
+         box_W.sizes().maxCoeff() <= kLongestClear_m;
+}
+
+void FusionTask::clear_some(Out& out) noexcept {
+  if (to_clear_W_.isEmpty()) return;
+  Stage stage(profiling_, *crew_, profile_.clear);
+  const double voxel = map_.voxel_size();
+  const Vec3 nodes = to_clear_W_.sizes() / voxel + Vec3::Ones();
+  const double layers = std::max(1.0, std::floor(kClearedNodes / (nodes.y() * nodes.z())));
+  Eigen::AlignedBox3d slab = to_clear_W_;
+  slab.max().x() = std::min(slab.max().x(), slab.min().x() + layers * voxel);
+  map_.clear_region(slab);
+  ground_.forget(slab);
+  out.work += static_cast<std::uint64_t>(std::min(layers, nodes.x()) * nodes.y() * nodes.z());
+  to_clear_W_.min().x() = slab.max().x();
+  if (!(slab.max().x() < to_clear_W_.max().x())) to_clear_W_.setEmpty();
+}
+
 // ---------------------------------------------------------------- what others read
 
 void FusionTask::write_patch(const rt::Tick& tick, const HapticState& hand, Out& out) noexcept {
@@ -478,6 +506,29 @@ void FusionTask::write_view(const rt::Tick& tick, const std::optional<Pose>& X_W
   out.work_view = static_cast<std::uint64_t>(stats.steps) + static_cast<std::uint64_t>(stats.rays);
   out.work += out.work_view;
   out.view_written = true;
+}
+
+// The next deltas go when the last ones were taken, so none is lost; a receiver that says nothing for long, or
+// has begun anew, gets all of the mesh again.
+void FusionTask::write_mesh(const rt::Tick& tick, std::uint64_t taken, Out& out) noexcept {
+  if (mesh_ == nullptr || out.mesh == nullptr || !started_) return;
+  if ((periods_ - 1) % static_cast<std::uint64_t>(config_.mesh_period_frames) != 0) return;
+  if (taken != mesh_seq_) {
+    if (++mesh_waited_ < kMeshPatience) return;
+    mesh_->restart();
+  }
+  mesh_waited_ = 0;
+  Stage stage(profiling_, *crew_, profile_.mesh);
+  const bool any = mesh_->next(config_.mesh_blocks, *out.mesh);
+  out.work += kWorkOfBlock * static_cast<std::uint64_t>(mesh_->cut_last());
+  if (!any) {
+    mesh_seq_ = taken;
+    return;
+  }
+  out.mesh->seq = ++mesh_seq_;
+  out.mesh->fused = tick.start;
+  out.mesh->exposure = fused_exposure_;
+  out.mesh_written = true;
 }
 
 }  // namespace tasks

@@ -3,11 +3,13 @@
 //   reads    Latest<RgbdFrame>     from the link      a frame it has not seen, or none
 //            Latest<HapticState>   from tasks/haptic  where the window follows the hand
 //            Latest<RobotState>    from the link      odometry: motion prior of the tracking
+//            Ring<SceneEdit>       from the console   regions to forget, obstacles drawn by the operator
 //   writes   Latest<SurfacePatch>  to tasks/haptic    every period, even without a new image
 //            Latest<CostMap>       to tasks/planning  every cost_map_period-th period
 //            Latest<CameraPose>    to prediction, console   every frame
 //            Latest<SceneView>     to console         every view_period_frames-th period
 //            Latest<ObjectList>    to planning, console   every frame, where objects are switched on
+//            Latest<MeshDelta>     to console         every mesh_period_frames-th period at most, where asked for
 //   budget   25 ms of the 33.3 ms period at level 0
 //
 // One frame: filter -> pyramid -> track -> integrate -> ray cast for the next track -> cost map;
@@ -15,6 +17,7 @@
 // The first usable frame defines the map: it is integrated at the initial pose.
 //
 // A map of another day (load_map) is where the camera is looked for: lost until it is found there.
+// A region that is cleared goes in slabs, a few a job, so that a job's cost has a bound.
 // Far from camera and hand the map is compressed out of its pool (TsdfMap::page).
 //
 // Levels (rt::Tick::level) pick a row of FusionConfig::levels: pixel step and ICP iterations. They are
@@ -40,6 +43,7 @@
 #include "perception/patch/surface_patch.hpp"
 #include "perception/raycast/raycast.hpp"
 #include "perception/relocalisation/relocaliser.hpp"
+#include "perception/tsdf/mesh_deltas.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
@@ -89,6 +93,9 @@ struct FusionConfig {
   int view_period_frames = 3;      // 0: no view
   int view_step = 2;               // pixels of the camera per pixel of the view, 1..8
   int cost_map_period = 3;         // periods; published whether it changed or not
+  int mesh_blocks = 0;             // blocks cut for a message of mesh deltas; 0: none are made
+  int mesh_period_frames = 3;      // periods between two of them
+  std::string map;                 // stored map to begin with (load_map); empty: none
   // Odometry: error growth since the last frame the scene constrained fully.
   double odometry_translation_share = 0.02;  // of the way
   double odometry_rotation_share = 0.02;     // of the turn
@@ -132,7 +139,9 @@ class FusionTask {
     std::optional<OdometryPrior> odometry;                           // newest one
     std::span<const perception::VirtualObstacle> virtual_obstacles;  // drawn by the operator
     bool virtual_obstacles_changed = false;
-    std::optional<Pose> X_WV;  // eye of the view; none: the camera
+    std::optional<Eigen::AlignedBox3d> clear_W;  // to forget, in addition to what is being cleared
+    std::uint64_t mesh_taken = 0;                // seq of the newest delta that its receiver took
+    std::optional<Pose> X_WV;                    // eye of the view; none: the camera
   };
   struct Out {
     perception::SurfacePatch* patch = nullptr;  // a nullptr output is not made
@@ -140,6 +149,8 @@ class FusionTask {
     perception::CostMap* cost_map = nullptr;
     ObjectList* objects = nullptr;
     bool objects_written = false;
+    perception::MeshDelta* mesh = nullptr;
+    bool mesh_written = false;
     CameraPose camera;
     bool patch_written = false, view_written = false, cost_map_written = false;
     bool camera_written = false;  // true when a frame was consumed
@@ -154,7 +165,7 @@ class FusionTask {
   // Thread CPU of the stages of the last step, ns; filled only while profile(true). Off in the tasks.
   struct Profile {
     std::int64_t prepare = 0, track = 0, integrate = 0, raycast = 0, ground = 0, cost_map = 0,
-                 patch = 0, view = 0, objects = 0;
+                 patch = 0, view = 0, objects = 0, mesh = 0, clear = 0;
     perception::IntegrateTimes integrate_parts;  // of integrate
   };
 
@@ -165,6 +176,12 @@ class FusionTask {
   // Starts in a stored map instead of an empty one: world = that map's. Before the first step. Labels of
   // objects are of the session that wrote them and are left out. An error leaves the task as it was made.
   [[nodiscard]] rt::Result<bool> load_map(rt::NonRealtime&, const perception::MapFile& file);
+
+  // Can `box_W` be cleared? Not where it is empty, not a number, or longer than kLongestClear_m.
+  static constexpr double kLongestClear_m = 10;
+  [[nodiscard]] static bool clearable(const Eigen::AlignedBox3d& box_W) noexcept;
+  // Some of the last region is still to be cleared: the next one is to wait.
+  [[nodiscard]] bool clearing() const noexcept { return !to_clear_W_.isEmpty(); }
 
   // One cycle. No throw, lock, allocation or I/O.
   [[nodiscard]] rt::Health step(const rt::Tick& tick, const In& in, Out& out) noexcept;
@@ -224,6 +241,8 @@ class FusionTask {
   [[nodiscard]] bool view_due(const Out& out) const noexcept;
   void write_view(const rt::Tick& tick, const std::optional<Pose>& X_WV, Out& out) noexcept;
   void write_cost_map(const rt::Tick& tick, Out& out) noexcept;
+  void clear_some(Out& out) noexcept;
+  void write_mesh(const rt::Tick& tick, std::uint64_t taken, Out& out) noexcept;
 
   FusionConfig config_;
   FusionSetup setup_;
@@ -236,7 +255,11 @@ class FusionTask {
   bool objects_drawn_ = false;
   std::unique_ptr<perception::ObjectMap> objects_;  // null: switched off
   std::array<std::uint8_t, 256> slot_of_label_{};
-  std::optional<Vec3> mark_W_;  // not answered yet
+  std::unique_ptr<perception::MeshSender> mesh_;  // null: switched off
+  std::uint64_t mesh_seq_ = 0;
+  int mesh_waited_ = 0;
+  Eigen::AlignedBox3d to_clear_W_;  // empty: nothing
+  std::optional<Vec3> mark_W_;      // not answered yet
   int mark_waited_ = 0;
   std::uint64_t mark_seq_ = 0, answered_seq_ = 0, published_answer_ = 0, objects_seq_ = 0;
   perception::TouchAnswer answer_ = perception::TouchAnswer::kNone;

@@ -29,7 +29,7 @@ rt::Result<bool> check_faults(const rt::FaultPlan& plan) {
           "fault plan '" + plan.name + "', fault " + std::to_string(i + 1) + ": " +
           std::string(rt::name_of(e.kind)) + " on '" + e.target + "': " +
           (e.kind == rt::FaultKind::kRingFull
-               ? "this edge is no ring (ring: touch)"
+               ? "this edge is no ring (rings: touch, edit)"
                : "this edge carries no numbers (none: frame, task, mode, robot_mode)")};
     }
   }

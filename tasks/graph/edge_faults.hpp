@@ -20,9 +20,11 @@
 #include "perception/geometry/rgbd_frame.hpp"
 #include "perception/ground/cost_map.hpp"
 #include "perception/patch/surface_patch.hpp"
+#include "perception/tsdf/mesh_deltas.hpp"
 #include "rt/channel/latest.hpp"
 #include "rt/fault/plan.hpp"
 #include "rt/result.hpp"
+#include "tasks/fusion/scene_edit.hpp"
 #include "tasks/fusion/scene_view.hpp"
 #include "tasks/graph/messages.hpp"
 #include "tasks/graph/object_list.hpp"
@@ -61,6 +63,10 @@ inline void age(perception::SurfacePatch& m, rt::Nanos by) noexcept {
   m.fused -= by, m.exposure -= by;
 }
 inline void age(SceneView& m, rt::Nanos by) noexcept { m.fused -= by, m.exposure -= by; }
+inline void age(perception::MeshDelta& m, rt::Nanos by) noexcept {
+  m.fused -= by, m.exposure -= by;
+}
+inline void age(SceneEdit& m, rt::Nanos by) noexcept { m.stamp -= by; }
 inline void age(perception::CostMap& m, rt::Nanos by) noexcept { m.fused -= by, m.exposure -= by; }
 inline void age(CameraPose& m, rt::Nanos by) noexcept { m.exposure -= by; }
 inline void age(ObjectList& m, rt::Nanos by) noexcept { m.exposure -= by; }
@@ -85,6 +91,13 @@ inline void spoil(perception::SurfacePatch& m) noexcept {
   m.metres_per_unit = kNanF;
 }
 inline void spoil(SceneView& m) noexcept { m.points.fill({kNanF, kNanF, kNanF, kNanF}); }
+inline void spoil(perception::MeshDelta& m) noexcept {
+  for (auto& v : m.vertices) v.x = v.y = v.z = kNanF;
+}
+inline void spoil(SceneEdit& m) noexcept {
+  m.centre_W.fill(kNan), m.half_m.fill(kNan);
+  m.yaw_rad = kNan;
+}
 inline void spoil(perception::CostMap& m) noexcept {
   m.resolution = kNan;
   m.X_WM.matrix().setConstant(kNan);
@@ -149,6 +162,20 @@ void push(EdgeGate& gate, Ring& ring, TouchEvent event, bool& gap) noexcept {
     event.gap = false;
     gap = !ring.try_push(event);
   }
+}
+
+// A ring whose writer asks again: false, as by a full ring.
+template <class Ring>
+[[nodiscard]] bool push(EdgeGate& gate, Ring& ring, SceneEdit edit) noexcept {
+  rt::EdgeFaults fate;
+  if (!gate.empty()) {
+    fate = gate.next();
+    if (fate.stale.count() != 0) edge::age(edit, fate.stale);
+    if (fate.nan) edge::spoil(edit);
+  }
+  if (fate.ring_full || fate.drop || !ring.try_push(edit)) return false;
+  if (fate.duplicate) static_cast<void>(ring.try_push(edit));
+  return true;
 }
 
 }  // namespace tasks

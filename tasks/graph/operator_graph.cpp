@@ -7,12 +7,15 @@
 
 namespace tasks {
 
-OperatorCells::OperatorCells(rt::NonRealtime& nrt)
+OperatorCells::OperatorCells(rt::NonRealtime& nrt, const GraphConfig& config)
     : frame(nrt, {1}),
       robot_state(nrt, {1, 1, 1, 1, 1}),
       hand(nrt, {1, 1}),
       patch(nrt, {2}),
       view(nrt, {1}),
+      mesh(config.fusion.mesh_blocks > 0
+               ? std::make_unique<rt::Latest<perception::MeshDelta>>(nrt, std::vector<int>{1})
+               : nullptr),
       cost_map(nrt, {1, 1}),
       camera_pose(nrt, {1, 1, 1}),
       objects(nrt, {1, 1}),
@@ -36,11 +39,12 @@ struct OperatorGraph::Nodes {
 OperatorGraph::OperatorGraph(rt::NonRealtime& nrt, const GraphConfig& config,
                              const OperatorSetup& setup, double haptic_period_s)
     : config_(config),
-      cells_(std::make_unique<OperatorCells>(nrt)),
+      cells_(std::make_unique<OperatorCells>(nrt, config_)),
       frame_gate_(setup.faults, "frame"),
-      state_gate_(setup.faults, "robot_state") {
+      state_gate_(setup.faults, "robot_state"),
+      edit_gate_(setup.faults, "edit") {
   nodes_.reset(new Nodes{HapticNode(nrt, config_, setup, *cells_, haptic_period_s),
-                         FusionNode(nrt, config_, setup, *cells_),
+                         FusionNode(nrt, config_, setup, *cells_, requests_),
                          PlanningNode(nrt, config_, setup, *cells_),
                          PredictionNode(nrt, config_, setup, *cells_, link_),
                          SupervisionNode(nrt, config_, *cells_, link_, requests_, setup)});
@@ -70,9 +74,17 @@ LatchedStatus OperatorGraph::latched(TaskId id) const noexcept {
     s.round_trip_ns = nodes_->prediction.in().round_trip.count();
     s.uncertainty_ns = nodes_->prediction.in().round_trip_uncertainty.count();
   }
+  if (id == TaskId::kFusion) {
+    s.mesh_taken = nodes_->fusion.in().mesh_taken;
+    s.edit = nodes_->fusion.edit();
+  }
   if (id == TaskId::kPlanning)
     s.events_full = nodes_->planning.in().event_count == PlanningTask::kMaxEvents;
   return s;
+}
+
+bool OperatorGraph::edit(const SceneEdit& edit) noexcept {
+  return push(edit_gate_, cells_->edit, edit);
 }
 
 const FusionTask& OperatorGraph::fusion() const noexcept { return nodes_->fusion.task(); }

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "drivers/link/endpoint.hpp"
@@ -21,7 +22,7 @@ namespace tasks {
 
 // One writer a cell; the numbers are readers. A cell belongs to the task it is listed under.
 struct OperatorCells {
-  explicit OperatorCells(rt::NonRealtime& nrt);
+  OperatorCells(rt::NonRealtime& nrt, const GraphConfig& config);
 
   // link
   enum { kFrameFusion };
@@ -37,12 +38,16 @@ struct OperatorCells {
   rt::Latest<perception::SurfacePatch> patch;  // haptic retains two while it blends
   enum { kViewConsole };
   rt::Latest<SceneView> view;
+  enum { kMeshConsole };
+  std::unique_ptr<rt::Latest<perception::MeshDelta>> mesh;  // null where no mesh is asked for
   enum { kMapPlanning, kMapConsole };
   rt::Latest<perception::CostMap> cost_map;
   enum { kCameraPrediction, kCameraConsole, kCameraHaptic };
   rt::Latest<CameraPose> camera_pose;
   enum { kObjectsPlanning, kObjectsConsole };
   rt::Latest<ObjectList> objects;  // never published where objects are switched off
+  // console, through OperatorGraph::edit()
+  rt::Ring<SceneEdit, 32> edit;
   // planning
   enum { kPathPrediction, kPathConsole };
   rt::Latest<Path> path;
@@ -78,6 +83,7 @@ struct OperatorRequests {
   std::atomic<int> engage{0};  // 0 absent, 1 no, 2 yes (SupervisionTask::Engage)
   std::atomic<bool> ramp_down{false}, stop{false}, clear{false};
   std::atomic<bool> watchdog_bit{false};
+  std::atomic<std::uint64_t> mesh_taken{0};  // seq of the newest mesh delta that the console took
 };
 
 // The values of LinkStatus and OperatorRequests that a latch took: no sequence number names them, so
@@ -88,6 +94,8 @@ struct LatchedStatus {
   bool refused = false, expected = false, closed = false;
   bool ramp_down = false, stop = false, clear = false, watchdog_bit = false;
   bool events_full = false;  // planning took all the touch events it had room for
+  std::uint64_t mesh_taken = 0;
+  std::optional<SceneEdit> edit;  // fusion took it off the ring
 };
 
 struct OperatorSetup {
@@ -114,6 +122,8 @@ class OperatorGraph {
   [[nodiscard]] OperatorCells& cells() noexcept { return *cells_; }
   [[nodiscard]] LinkStatus& link() noexcept { return link_; }
   [[nodiscard]] OperatorRequests& requests() noexcept { return requests_; }
+  // What the operator asks of the scene; by the console's thread. False: no room now, ask again.
+  [[nodiscard]] bool edit(const SceneEdit& edit) noexcept;
   // Of the newest latch of `id`; by that task's thread, before its next latch.
   [[nodiscard]] LatchedStatus latched(TaskId id) const noexcept;
   [[nodiscard]] const FusionTask& fusion() const noexcept;
@@ -123,7 +133,7 @@ class OperatorGraph {
   struct Nodes;
   GraphConfig config_;
   std::unique_ptr<OperatorCells> cells_;
-  EdgeGate frame_gate_, state_gate_;
+  EdgeGate frame_gate_, state_gate_, edit_gate_;
   LinkStatus link_;
   OperatorRequests requests_;
   std::unique_ptr<Nodes> nodes_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include "tasks/graph/output_hash.hpp"
 
@@ -116,16 +117,44 @@ void HapticNode::send(const rt::Tick& tick, const TouchEvent& event) noexcept {
 // ---------------------------------------------------------------- fusion
 
 FusionNode::FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
-                       OperatorCells& cells)
+                       OperatorCells& cells, const OperatorRequests& requests)
     : task_(std::make_unique<FusionTask>(nrt, config.fusion, setup.fusion)),
       cells_(cells),
+      requests_(requests),
+      drawn_(config.fusion.ground),
       hash_(setup.hash_outputs),
       odometry_prior_(setup.odometry_prior),
       patch_gate_(setup.faults, "patch"),
       view_gate_(setup.faults, "view"),
+      mesh_gate_(setup.faults, "mesh"),
       map_gate_(setup.faults, "cost_map"),
       camera_gate_(setup.faults, "camera_pose"),
-      objects_gate_(setup.faults, "objects") {}
+      objects_gate_(setup.faults, "objects") {
+  if (config.fusion.map.empty()) return;
+  const auto file = perception::read_map_file(nrt, config.fusion.map);
+  if (!file) throw std::runtime_error("fusion.map: " + file.error());
+  if (const auto ok = task_->load_map(nrt, file.value()); !ok)
+    throw std::runtime_error("fusion.map: " + ok.error());
+}
+
+// One a job, and none while the last region is still being cleared: the ring keeps the order.
+void FusionNode::take_edit() noexcept {
+  in_.clear_W.reset();
+  in_.virtual_obstacles_changed = edit_refused_ = false;
+  edit_.reset();
+  SceneEdit edit;
+  if (task_->clearing() || !cells_.edit.try_pop(edit)) return;
+  edit_ = edit;
+  if (edit.kind == SceneEdit::Kind::kClear) {
+    const Eigen::AlignedBox3d box_W = box_of(edit);
+    if (FusionTask::clearable(box_W)) in_.clear_W = box_W;
+    edit_refused_ = !in_.clear_W;
+    return;
+  }
+  edit_refused_ = !drawn_.apply(edit);
+  in_.virtual_obstacles = drawn_.all();
+  in_.virtual_obstacles_changed = !edit_refused_;
+}
 
 void FusionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   const auto frame = cells_.frame.acquire_if_new(OperatorCells::kFrameFusion);
@@ -148,6 +177,9 @@ void FusionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   record.input_seq[0] = frame.seq;
   record.input_seq[1] = hand.seq;
   record.input_seq[2] = robot.seq;
+  take_edit();
+  in_.mesh_taken = requests_.mesh_taken.load(std::memory_order_relaxed);
+  out_.mesh = cells_.mesh == nullptr ? nullptr : &cells_.mesh->begin_write();
   out_.patch = &cells_.patch.begin_write();
   out_.view = &cells_.view.begin_write();
   out_.cost_map = &cells_.cost_map.begin_write();
@@ -168,6 +200,7 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   };
   if (out_.patch_written) send(patch_gate_, cells_.patch, *out_.patch);
   if (out_.view_written) send(view_gate_, cells_.view, *out_.view);
+  if (out_.mesh_written) send(mesh_gate_, *cells_.mesh, *out_.mesh);
   if (out_.cost_map_written) send(map_gate_, cells_.cost_map, *out_.cost_map);
   if (out_.camera_written) {
     CameraPose& camera = cells_.camera_pose.begin_write();
@@ -178,6 +211,14 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (hash_) record.output_hash = h.digest();
   publish_health(health_of(cells_, TaskId::kFusion), tick.start, health_);
   log_level(*cells_.logs, TaskId::kFusion, tick, logged_level_);
+  if (edit_) {
+    auto& logs = *cells_.logs;
+    const auto kind = static_cast<unsigned>(edit_->kind);
+    if (edit_refused_)
+      logs.of(TaskId::kFusion).write(logs.edit_refused, tick.start, edit_->seq, kind);
+    else
+      logs.of(TaskId::kFusion).write(logs.edit, tick.start, edit_->seq, kind, unsigned{edit_->id});
+  }
   const bool lost =
       out_.camera_written ? out_.camera.tracking == CameraPose::Tracking::kLost : lost_;
   if (lost != lost_) {
@@ -254,6 +295,13 @@ void PlanningNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept 
     log.write(logs.mark_dropped, tick.start, tick.k);
   if ((out_.flags & PlanningTask::kNewPath) != 0)
     log.write(logs.path, tick.start, out_.path.seq, out_.path.size, out_.path.mark_seq);
+  if ((out_.flags & PlanningTask::kGrasp) != 0) {
+    const Grasp& g = out_.grasp;
+    if (g.refused == Grasp::Refused::kNo)
+      log.write(logs.grasp, tick.start, static_cast<unsigned>(g.kind), g.opening_m, g.base_m);
+    else
+      log.write(logs.no_grasp, tick.start, static_cast<unsigned>(g.refused));
+  }
   if ((out_.flags & PlanningTask::kGivenUp) != 0)
     log.write(logs.given_up, tick.start, tick.k, health_.fault);
   if (!hash_) return;

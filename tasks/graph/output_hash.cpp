@@ -107,6 +107,19 @@ void hash_output(rt::Hash64& h, const SceneView& m) noexcept {
   h.bytes(object.data(), pixels);
 }
 
+void hash_output(rt::Hash64& h, const perception::MeshDelta& m) noexcept {
+  const auto& [seq, fused, exposure, restart, block_count, vertex_count, triangle_count, blocks,
+               vertices, triangles] = m;
+  all(h, seq, fused, exposure, restart, block_count, vertex_count, triangle_count);
+  for (std::int32_t i = 0; i < block_count; ++i) {
+    const auto& [at, version, block_vertices, block_triangles] =
+        blocks[static_cast<std::size_t>(i)];
+    all(h, at.x, at.y, at.z, version, block_vertices, block_triangles);
+  }
+  h.bytes(vertices.data(), static_cast<std::size_t>(vertex_count) * sizeof vertices[0]);
+  h.bytes(triangles.data(), static_cast<std::size_t>(triangle_count) * sizeof triangles[0]);
+}
+
 void hash_output(rt::Hash64& h, const ObjectList& m) noexcept {
   const auto& [seq, exposure, size, entries, mark_seq, answer, touched] = m;
   all(h, seq, exposure, size, mark_seq, answer, touched);

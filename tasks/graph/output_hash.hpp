@@ -11,6 +11,7 @@
 #include "drivers/youbot/motor_bus.hpp"
 #include "perception/ground/cost_map.hpp"
 #include "perception/patch/surface_patch.hpp"
+#include "perception/tsdf/mesh_deltas.hpp"
 #include "rt/hash.hpp"
 #include "tasks/fusion/scene_view.hpp"
 #include "tasks/graph/messages.hpp"
@@ -29,6 +30,7 @@ void hash_output(rt::Hash64& h, const ModeMsg& m) noexcept;
 // By its checksum; the field itself where the writer made none.
 void hash_output(rt::Hash64& h, const perception::SurfacePatch& m) noexcept;
 void hash_output(rt::Hash64& h, const SceneView& m) noexcept;
+void hash_output(rt::Hash64& h, const perception::MeshDelta& m) noexcept;
 void hash_output(rt::Hash64& h, const ObjectList& m) noexcept;
 void hash_output(rt::Hash64& h, const perception::CostMap& m) noexcept;
 void hash_output(rt::Hash64& h, const drivers::RobotGoal& m) noexcept;

@@ -67,10 +67,10 @@ inline constexpr std::array<TaskRow, kTaskCount> kTaskTable{{
 
 enum class EdgeId : std::uint8_t {
   kFrame, kRobotState, kGoal,                                             // across the link
-  kPatch, kView, kCostMap, kCameraPose, kObjects, kHand, kTouch, kPath, kTask, kMode,  // operator box
+  kPatch, kView, kMesh, kCostMap, kCameraPose, kObjects, kHand, kTouch, kEdit, kPath, kTask, kMode,  // operator box
   kRobotMode,                                                             // robot box
 };
-inline constexpr int kEdgeCount = 14;
+inline constexpr int kEdgeCount = 16;
 
 enum class EdgeKind : std::uint8_t { kLatest, kRing, kRemote };
 
@@ -87,11 +87,13 @@ inline constexpr std::array<EdgeRow, kEdgeCount> kEdgeTable{{
     {EdgeId::kGoal, "goal", "prediction", "robot_io robot_supervision", EdgeKind::kRemote, "robot ramps down"},
     {EdgeId::kPatch, "patch", "fusion", "haptic", EdgeKind::kLatest, "force ramps to zero"},
     {EdgeId::kView, "view", "fusion", "console", EdgeKind::kLatest, "shown"},
+    {EdgeId::kMesh, "mesh", "fusion", "console", EdgeKind::kLatest, "not taken in time: all of it is sent again"},
     {EdgeId::kCostMap, "cost_map", "fusion", "planning", EdgeKind::kLatest, "no new path"},
     {EdgeId::kCameraPose, "camera_pose", "fusion", "prediction haptic console", EdgeKind::kLatest, "odometry alone"},
     {EdgeId::kObjects, "objects", "fusion", "planning console", EdgeKind::kLatest, "the goal stays where the mark was"},
     {EdgeId::kHand, "hand", "haptic", "fusion console", EdgeKind::kLatest, "window stays"},
     {EdgeId::kTouch, "touch", "haptic", "planning", EdgeKind::kRing, "full: newest dropped, gap flag; open mark dropped"},
+    {EdgeId::kEdit, "edit", "console", "fusion", EdgeKind::kRing, "full: asked again at the next look"},
     {EdgeId::kPath, "path", "planning", "prediction console", EdgeKind::kLatest, "last path holds"},
     {EdgeId::kTask, "task", "planning", "console", EdgeKind::kLatest, "shown"},
     {EdgeId::kMode, "mode", "supervision", "haptic prediction planning", EdgeKind::kLatest, "not engaged"},

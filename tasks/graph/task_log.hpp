@@ -36,7 +36,17 @@ class TaskLogs {
                                                "goal refused, not finite; {} so far")),
         goal_expired(
             sites_.add<std::uint64_t>(nrt, rt::LogLevel::kWarning, "goal expired; {} so far")),
-        level(sites_.add<unsigned, unsigned>(nrt, rt::LogLevel::kInfo, "level {} -> {}")) {}
+        level(sites_.add<unsigned, unsigned>(nrt, rt::LogLevel::kInfo, "level {} -> {}")),
+        edit(sites_.add<std::uint64_t, unsigned, unsigned>(
+            nrt, rt::LogLevel::kInfo, "edit {}: kind {} (0 clear, 1 disc, 2 box, 3 erase), id {}")),
+        grasp(sites_.add<unsigned, double, double>(
+            nrt, rt::LogLevel::kInfo,
+            "grasp from {} (1 above, 2 the side), gripper {:.3f} m open, base at {:.2f} m")),
+        no_grasp(sites_.add<unsigned>(
+            nrt, rt::LogLevel::kWarning,
+            "no grasp: {} (1 not an object, 2 too wide, 3 too thin, 4 out of reach)")),
+        edit_refused(sites_.add<std::uint64_t, unsigned>(
+            nrt, rt::LogLevel::kWarning, "edit {} refused, kind {}: out of range, or no room")) {}
 
   [[nodiscard]] rt::RtLog& of(TaskId id) noexcept { return logs_[index_of(id)]; }
   [[nodiscard]] const rt::LogSites& sites() const noexcept { return sites_; }
@@ -61,6 +71,10 @@ class TaskLogs {
   const rt::LogSite<std::uint64_t, unsigned> given_up;
   const rt::LogSite<std::uint64_t> tracking_lost, tracking_back, goal_refused, goal_expired;
   const rt::LogSite<unsigned, unsigned> level;
+  const rt::LogSite<std::uint64_t, unsigned, unsigned> edit;
+  const rt::LogSite<unsigned, double, double> grasp;
+  const rt::LogSite<unsigned> no_grasp;
+  const rt::LogSite<std::uint64_t, unsigned> edit_refused;
 };
 
 }  // namespace tasks

@@ -78,6 +78,37 @@ bool PlanningTask::find_goal(const CostMap& map, Point2 mark, Point2 facing,
   return std::isfinite(best);
 }
 
+// A cell from which the arm reaches: of a grasp from above any in a ring about it, of one from the side where the
+// hand comes straight. A cell off either way is near enough.
+bool PlanningTask::find_stand(const CostMap& map, Point2 mark, Point2 facing,
+                              Point2& goal) const noexcept {
+  const Grasp& g = state_.goal.grasp;
+  const double res = map.resolution;
+  const int reach = static_cast<int>(g.base_most_m / res) + 2;
+  const double span = CostMap::kMaxCells * res;
+  if (!(std::abs(mark.x) < 2 * span && std::abs(mark.y) < 2 * span)) return false;
+  const int cx = static_cast<int>(std::floor(mark.x / res));
+  const int cy = static_cast<int>(std::floor(mark.y / res));
+  double best = std::numeric_limits<double>::infinity();
+  for (int iy = std::max(0, cy - reach); iy <= std::min(map.height - 1, cy + reach); ++iy) {
+    for (int ix = std::max(0, cx - reach); ix <= std::min(map.width - 1, cx + reach); ++ix) {
+      if (!planner_.reachable(ix, iy)) continue;
+      const Point2 c{(ix + 0.5) * res, (iy + 0.5) * res};
+      double away = distance(mark, c), aside = 0;
+      if (g.kind == Grasp::Kind::kSide) {
+        away = (c.x - mark.x) * facing.x + (c.y - mark.y) * facing.y;
+        aside = std::abs((c.x - mark.x) * facing.y - (c.y - mark.y) * facing.x);
+      }
+      const double off =
+          std::hypot(std::max({0.0, g.base_least_m - away, away - g.base_most_m}), aside);
+      // Within reach the middle of it is best.
+      const double score = off + 0.1 * std::abs(away - g.base_m);
+      if (off <= res && score < best) best = score, goal = c;
+    }
+  }
+  return std::isfinite(best);
+}
+
 bool PlanningTask::may_try(std::uint64_t mark_seq) noexcept {
   if (mark_seq != tried_mark_) aborted_ = 0;
   tried_mark_ = mark_seq;
@@ -99,8 +130,9 @@ rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Gro
   bool escape = false;
   PlanStatus status = find_start(map, robot, tick, escape);
   if (status == PlanStatus::kFound) {
-    status = find_goal(map, mark, facing, goal) ? planner_.plan(goal, seed_, tick.k, tick)
-                                                : PlanStatus::kUnreachable;
+    const bool stands = g.grasp.kind == Grasp::Kind::kNone ? find_goal(map, mark, facing, goal)
+                                                           : find_stand(map, mark, facing, goal);
+    status = stands ? planner_.plan(goal, seed_, tick.k, tick) : PlanStatus::kUnreachable;
     out.work += planner_.iterations();
   }
   out.status = status;

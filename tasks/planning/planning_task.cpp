@@ -13,6 +13,8 @@ using perception::CostMap;
 
 void PlanningConfig::describe(config::Section& s) {
   planner.describe(s);
+  grasp.describe(s.section("grasp", "arm and gripper, for a mark that asks for a grasp"));
+  s.text("object_goal", object_goal, {"approach", "grasp"}, "what a mark on an object asks for");
   s.number("goal_radius_m", goal_radius_m, 0.0, 5.0, "largest distance from the mark to the goal");
   s.number("start_radius_m", start_radius_m, 0.0, 1.5,
            "unseen floor the base may cross at the start");
@@ -161,15 +163,38 @@ rt::Health PlanningTask::follow_object(const ObjectList& list, Out& out) noexcep
     if (!g.object_placed) {
       g.object_placed = true;
       g.object_W = centre_W;
+      g.grasp_due = config_.object_goal == "grasp";
     } else if ((centre_W - g.object_W).norm() > config_.object_moved_m) {
       g.p_W += centre_W - g.object_W;
       g.object_W = centre_W;
       g.pending = true;
       g.attempts = 0;
+      g.grasp_due = config_.object_goal == "grasp";
       out.flags |= kObjectMoved;
     }
+    g.box = {e.X_WO, e.centre_m, e.extent_m};
     break;
   }
+  return rt::Health::ok();
+}
+
+// The goal becomes a place from which the arm reaches the object.
+rt::Health PlanningTask::choose_grasp(const Ground& ground, const drivers::RobotState& robot,
+                                      Out& out) noexcept {
+  Goal& g = state_.goal;
+  g.grasp_due = false;
+  out.flags |= kGrasp;
+  g.grasp = find_grasp(g.box, ground.X_WM.linear().col(2), ground.X_WM.translation(),
+                       Vec3(robot.x_m, robot.y_m, 0), config_.grasp);
+  out.grasp = g.grasp;
+  if (g.grasp.refused != Grasp::Refused::kNo) {
+    give_up(out);
+    return counted(kFaultPlanningNoGrasp);
+  }
+  g.p_W = g.grasp.X_WG.translation();
+  g.normal_W = -g.grasp.X_WG.linear().col(2);
+  g.pending = true;
+  g.attempts = 0;
   return rt::Health::ok();
 }
 
@@ -233,6 +258,7 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
   tried_ = false;
   out.flags = 0;
   out.work = 0;
+  out.grasp = Grasp{};
   out.status = PlanStatus::kFound;
   using Phase = TaskState::Phase;
   rt::Health health = take_events(in, out);
@@ -264,6 +290,7 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
       health = rt::worst(health, counted(kFaultPlanningBadInput));
       if (state_.goal.pending && ++state_.goal.waited > config_.wait_jobs) give_up(out);
     } else {
+      if (state_.goal.grasp_due) health = rt::worst(health, choose_grasp(ground, *in.robot, out));
       if (state_.path.seq != 0 && state_.task.phase == Phase::kDriving) {
         if (arrived(*in.robot)) {
           state_.task.phase = Phase::kArrived;
@@ -299,6 +326,7 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
   state_.task.stamp = tick.start;
   out.path = state_.path;
   out.state = state_.task;
+  if (state_.goal.have) out.grasp = state_.goal.grasp;
   return health;
 }
 

@@ -16,7 +16,8 @@
 // stroke's mean. The goal is the nearest driveable, reachable cell to its foot on the ground, on
 // the side that the marked surface faces, heading towards the mark. A path is planned again when
 // the map no longer lets it pass, or when the robot has left it. Where the mark named an object, the
-// goal goes where the object goes, until the robot has arrived.
+// goal goes where the object goes, until the robot has arrived. With object_goal = "grasp" it is a place from
+// which the arm can take the object (grasp.hpp), or the goal is given up with the reason why there is none.
 //
 // Frames: W world (= map), M grid of the cost map, B base. The robot's odometry frame is taken as
 // W.
@@ -24,6 +25,7 @@
 
 #include <array>
 #include <cstdint>
+#include <string>
 
 #include "config/schema.hpp"
 #include "drivers/link/messages.hpp"
@@ -33,6 +35,7 @@
 #include "rt/tick.hpp"
 #include "tasks/graph/messages.hpp"
 #include "tasks/graph/object_list.hpp"
+#include "tasks/planning/grasp.hpp"
 #include "tasks/planning/planner.hpp"
 
 namespace tasks {
@@ -40,11 +43,13 @@ namespace tasks {
 // Section [planning].
 struct PlanningConfig {
   PlannerConfig planner;
-  double goal_radius_m = 1.2;   // largest distance from the mark's foot to the goal
-  double start_radius_m = 0.8;  // unseen floor the base may cross to reach the seen one
-  double spacing_m = 0.04;      // of the published points
-  double turn_rad_per_m = 3.0;  // heading change along the path
-  double arrive_m = 0.05;       // distance to the last point that counts as arrived
+  GraspConfig grasp;
+  std::string object_goal = "approach";  // or "grasp": what a mark on an object asks for
+  double goal_radius_m = 1.2;            // largest distance from the mark's foot to the goal
+  double start_radius_m = 0.8;           // unseen floor the base may cross to reach the seen one
+  double spacing_m = 0.04;               // of the published points
+  double turn_rad_per_m = 3.0;           // heading change along the path
+  double arrive_m = 0.05;                // distance to the last point that counts as arrived
   double arrive_speed_m_per_s = 0.03;
   double leave_m = 0.4;          // farther from the path than this: plan again
   double object_moved_m = 0.15;  // way of the marked object after which the goal follows it
@@ -62,6 +67,7 @@ inline constexpr rt::FaultId kFaultPlanningBadInput = 403;  // not finite, or gr
 inline constexpr rt::FaultId kFaultPlanningEventsLost = 404;  // gap: an open mark was dropped
 inline constexpr rt::FaultId kFaultPlanningCancelled = 405;   // no time left; nothing committed
 inline constexpr rt::FaultId kFaultPlanningNoTime = 406;      // ... too often: goal given up
+inline constexpr rt::FaultId kFaultPlanningNoGrasp = 407;     // the marked object can not be taken
 
 class PlanningTask {
  public:
@@ -77,6 +83,7 @@ class PlanningTask {
     kFromGrid = 1U << 7U,     // the search spent its iterations; the path is the grid's chain
     kGivenUp = 1U << 8U,      // a goal was dropped without a path
     kObjectMoved = 1U << 9U,  // the goal went after the object that the mark named
+    kGrasp = 1U << 10U,       // a grasp was looked for: Out::grasp says which, or why there is none
   };
 
   struct In {  // latched at dispatch
@@ -93,6 +100,7 @@ class PlanningTask {
     std::uint32_t flags = 0;
     PlanStatus status = PlanStatus::kFound;  // of the last plan of this job
     std::uint32_t work = 0;                  // planner iterations: deterministic
+    Grasp grasp;                             // of the goal, while it is one
   };
 
   // Throws std::logic_error on a bad schema default only. Allocates everything of ours.
@@ -129,6 +137,9 @@ class PlanningTask {
     std::uint32_t object = 0;      // serial of the object that the mark named; 0: none known
     bool object_placed = false;    // the next one is set
     Vec3 object_W = Vec3::Zero();  // its centre when p_W was last set
+    bool grasp_due = false;        // from `box`, which is new
+    ObjectBox box;
+    Grasp grasp;  // kind kNone: the goal is no grasp
   };
   struct State {  // everything step() changes: abandon() restores it
     Mark mark;
@@ -148,6 +159,8 @@ class PlanningTask {
 
   rt::Health take_events(const In& in, Out& out) noexcept;
   rt::Health follow_object(const ObjectList& list, Out& out) noexcept;
+  rt::Health choose_grasp(const Ground& ground, const drivers::RobotState& robot,
+                          Out& out) noexcept;
   void begin_mark(const TouchEvent& e) noexcept;
   void add_point(const TouchEvent& e) noexcept;
   void end_mark(Out& out) noexcept;
@@ -164,6 +177,8 @@ class PlanningTask {
                                       const rt::Tick& tick, bool& escape) noexcept;
   [[nodiscard]] bool find_goal(const perception::CostMap& map, Point2 mark, Point2 facing,
                                Point2& goal) const noexcept;
+  [[nodiscard]] bool find_stand(const perception::CostMap& map, Point2 mark, Point2 facing,
+                                Point2& goal) const noexcept;
   void lay_points(const Ground& ground, Point2 robot, bool escape, Out& out) noexcept;
   void lay_headings(double robot_yaw, const Ground& ground, Point2 mark, Point2 facing) noexcept;
 

@@ -51,6 +51,7 @@ inline constexpr std::array kFaultTable = {
   FaultRow{404, "F-PLN-04", rt::Severity::kCounted, ClearRule::kItself, "planning: touch events were lost", "an open mark is dropped"},
   FaultRow{405, "F-PLN-05", rt::Severity::kCounted, ClearRule::kItself, "planning: job out of time", "job aborted, nothing committed; the next one tries again"},
   FaultRow{406, "F-PLN-06", rt::Severity::kCounted, ClearRule::kItself, "planning: jobs for one mark out of time, again and again", "goal given up; the robot stays; a new mark is needed"},
+  FaultRow{407, "F-PLN-07", rt::Severity::kCounted, ClearRule::kItself, "planning: the marked object can not be grasped", "goal given up with the reason in the log; the robot stays"},
   FaultRow{490, "F-PLN-90", rt::Severity::kDegraded, ClearRule::kItself, "planning: task silent", "the last path stays; no new ones"},
   FaultRow{501, "F-RIO-01", rt::Severity::kCounted, ClearRule::kItself, "robot_io: a bus frame was lost", "last state kept"},
   FaultRow{502, "F-RIO-02", rt::Severity::kSafeStop, ClearRule::kOperator, "robot_io: bus down, or many frames lost in a row", "safe stop"},

@@ -261,7 +261,8 @@ class OperatorSide {
     half_.view = console.copy();
     return half_;
   }
-  void finish(const drivers::TcpLink& link) {
+  void finish(rt::NonRealtime& nrt, const drivers::TcpLink& link) {
+    save_scene(nrt, console, box.graph().fusion(), options_.report + "/raw", options_.save_map);
     half_.link_round_trip_ns = link.round_trip_ns();
     half_.link_uncertainty_ns = link.clock_uncertainty_ns();
     half_.force_check =
@@ -309,7 +310,9 @@ class RobotSide {
     half_.view = console.seen();
     return half_;
   }
-  void finish(const drivers::TcpLink&) { half_.camera_twin_cpu_ns = box.camera_twin_cpu_ns(); }
+  void finish(rt::NonRealtime&, const drivers::TcpLink&) {
+    half_.camera_twin_cpu_ns = box.camera_twin_cpu_ns();
+  }
 
   RobotBox box;
   RobotConsole console;
@@ -383,7 +386,7 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
   save_effects(plan.folder, Side::kName, side.box.effects());
   runner.await_link();
   runner.run(nrt, plan.folder + "/" + Side::kName + ".run");
-  side.finish(link);
+  side.finish(nrt, link);
   link.stop();
   if (inputs) inputs->finish();
   auto& half = side.half();

@@ -162,6 +162,7 @@ Effects OperatorBox::effects() const {
   add(h.materials, "touch: materials", "haptic.materials");
   add(h.passivity_controller, "touch: passivity controller", "haptic.passivity_controller");
   add(scene_.graph.fusion.objects.enabled, "objects in the map", "fusion.objects.enabled");
+  add(scene_.graph.fusion.mesh_blocks > 0, "mesh for the console", "fusion.mesh_blocks");
   return out;
 }
 

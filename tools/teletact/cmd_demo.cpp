@@ -149,9 +149,11 @@ int cmd_demo(int argc, char** argv) {
       ->capture_default_str();
   app.add_flag("--record", o.record,
                "record the inputs of both boxes, for teletact replay REPORT/raw");
+  app.add_option("--save-map", o.save_map,
+                 "write fusion's map at the end, for the key fusion.map or teletact fuse --map");
   app.add_flag("--quiet", o.quiet, "no status lines");
   if (!parse_options(app, argc, argv)) return 0;
-  check_outputs({{"--json", json}}, {});
+  check_outputs({{"--json", json}, {"--save-map", o.save_map}}, {});
   if (simd == "scalar") start_again_scalar(argv);
   o.virtual_clock = clock == "virtual";
   o.stub_bodies = bodies == "stub";
@@ -160,6 +162,8 @@ int cmd_demo(int argc, char** argv) {
   if (!o.fault_plan.empty() && !rt::kFaultsBuilt)
     throw std::runtime_error("--faults: this build runs no fault plans (TELETACT_FAULTS=OFF)");
   if (o.stub_bodies && o.record) throw std::runtime_error("--record needs --bodies real");
+  if (o.stub_bodies && !o.save_map.empty())
+    throw std::runtime_error("--save-map needs --bodies real");
   if (!o.fault_plan.empty()) o.fault_plan = find_config("faults", o.fault_plan);
   if (!o.rgbd_dir.empty() && app.count("--scene") == 0) scene_name = "recording";
   o.scene_path = find_config("scenes", scene_name);

@@ -287,10 +287,11 @@ void run(const FuseOptions& o) {
   rt::Startup startup;
   drivers::DepthBiasTable table;
   const tasks::FusionConfig config = config_of(o, table);
+  const std::string stored = o.map.empty() ? config.map : o.map;
   const drivers::DepthBias bias(startup.token(), table);
   check_outputs(
       {{"--poses", o.poses}, {"--ply", o.ply}, {"--save-map", o.save_map}, {"--json", o.json}},
-      {o.odometry, o.map, o.config_file, o.bias});
+      {o.odometry, stored, o.config_file, o.bias});
   const drivers::TumSequence sequence = open_sequence(o);
   std::vector<StampedPose> odometry;
   if (!o.odometry.empty()) odometry = take(read_poses(o.odometry));
@@ -298,20 +299,20 @@ void run(const FuseOptions& o) {
   tasks::FusionSetup setup;
   setup.camera = sequence.intrinsics();
   tasks::FusionTask task(startup.token(), config, setup);
-  if (!o.map.empty())
-    take(task.load_map(startup.token(), take(perception::read_map_file(startup.token(), o.map))));
+  if (!stored.empty())
+    take(task.load_map(startup.token(), take(perception::read_map_file(startup.token(), stored))));
   task.profile(true);
   Tally tally;
   const std::string poses = fuse(sequence, odometry, bias,
-                                 o.map.empty() ? "first camera" : "that of the map", task, tally);
+                                 stored.empty() ? "first camera" : "that of the map", task, tally);
   std::size_t vertices = 0;
   write_outputs(startup.token(), o, task, poses, tally, vertices);
   std::printf("%d frames, %d tracked, %d claimed; %.1f ms CPU a frame (p50); %zu vertices\n",
               tally.frames, tally.tracked, tally.claimed, quantile(tally.cpu_ms, 0.5), vertices);
-  if (!o.map.empty() && tally.first_claim >= 0)
+  if (!stored.empty() && tally.first_claim >= 0)
     std::printf("found in the map at frame %d\n", tally.first_claim);
-  if (!o.map.empty() && tally.first_claim < 0)
-    std::fprintf(stderr, "teletact fuse: the camera was not found in %s\n", o.map.c_str());
+  if (!stored.empty() && tally.first_claim < 0)
+    std::fprintf(stderr, "teletact fuse: the camera was not found in %s\n", stored.c_str());
   if (tally.blocks_refused > 0) {
     std::fprintf(stderr,
                  "teletact fuse: the map is full, %lld blocks were refused: use larger voxels\n",

@@ -7,6 +7,10 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <stdexcept>
+
+#include "perception/map_file/map_file.hpp"
+#include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
 
@@ -92,6 +96,23 @@ void OperatorConsole::drain() {
     seen_.robot = *r;
 }
 
+// What the newest picture shows at a pixel, or so many of the picture's pixels beside it. False: nothing.
+bool OperatorConsole::surface_at(const std::array<double, 2>& pixel, int du, int dv,
+                                 perception::Vec3& p_W) const {
+  const auto& view = *seen_.view;
+  if (view.seq == 0) return false;
+  // Pixels are those of the depth image; the view shows every n-th of them.
+  const double step = camera_width_px_ / static_cast<double>(view.intrinsics.width);
+  const int u = static_cast<int>(pixel[0] / step) + du, v = static_cast<int>(pixel[1] / step) + dv;
+  if (u < 0 || v < 0 || u >= view.intrinsics.width || v >= view.intrinsics.height) return false;
+  const auto& q =
+      view.points[static_cast<std::size_t>(v) * static_cast<std::size_t>(view.intrinsics.width) +
+                  static_cast<std::size_t>(u)];
+  p_W = perception::Vec3(static_cast<double>(q.x), static_cast<double>(q.y),
+                         static_cast<double>(q.z));
+  return q.depth > 0;
+}
+
 // The person looks at the picture and puts the hand where they see the surface: the points of pixel
 // segments come from the newest view, shortly before the segment starts.
 void OperatorConsole::resolve_points(rt::Time now) {
@@ -106,21 +127,9 @@ void OperatorConsole::resolve_points(rt::Time now) {
     if (now + std::chrono::milliseconds{100} < start) return;
     const auto& view = *seen_.view;
     if (view.seq == 0) return;
-    // Pixels are those of the depth image; the view shows every n-th of them.
-    const double step = camera_width_px_ / static_cast<double>(view.intrinsics.width);
-    const int u = static_cast<int>(segment.pixel[0] / step),
-              v = static_cast<int>(segment.pixel[1] / step);
     perception::Vec3 p = perception::Vec3::Zero();
     const auto point = [&](int du, int dv, perception::Vec3& out) {
-      const int uu = u + du, vv = v + dv;
-      if (uu < 0 || vv < 0 || uu >= view.intrinsics.width || vv >= view.intrinsics.height)
-        return false;
-      const auto& q = view.points[static_cast<std::size_t>(vv) *
-                                      static_cast<std::size_t>(view.intrinsics.width) +
-                                  static_cast<std::size_t>(uu)];
-      out = perception::Vec3(static_cast<double>(q.x), static_cast<double>(q.y),
-                             static_cast<double>(q.z));
-      return q.depth > 0;
+      return surface_at(segment.pixel, du, dv, out);
     };
     constexpr int kReach = 4;
     perception::Vec3 l, r, t, b;
@@ -207,8 +216,35 @@ void OperatorConsole::clear(rt::Time now) {
   }
 }
 
+void OperatorConsole::take_mesh() {
+  auto& cells = box_.graph().cells();
+  if (cells.mesh == nullptr) return;
+  const auto delta = cells.mesh->acquire_if_new(OperatorCells::kMeshConsole);
+  if (!delta || delta->seq == mesh_.seq() || !mesh_.take(*delta)) return;
+  if (edits_scene_) box_.graph().requests().mesh_taken.store(delta->seq);
+}
+
+// In the order of the script. One that does not fit, or whose pixel shows nothing yet, is asked again.
+void OperatorConsole::edit(rt::Time now) {
+  const auto& edits = scene_.operator_script.edits;
+  while (edits_scene_ && next_edit_ < edits.size()) {
+    const EditConfig& e = edits[next_edit_];
+    if (rt::seconds(now - epoch_) < e.at_s) return;
+    perception::Vec3 centre_W(e.position_m[0], e.position_m[1], e.position_m[2]);
+    if (e.source == "pixel" && !surface_at(e.pixel, 0, 0, centre_W)) return;
+    tasks::SceneEdit asked = e.edit(centre_W);
+    asked.seq = next_edit_ + 1;
+    asked.stamp = now;
+    if (!box_.graph().edit(asked)) return;
+    ++seen_.edits;
+    ++next_edit_;
+  }
+}
+
 void OperatorConsole::tick(rt::Time now) {
   drain();
+  take_mesh();
+  edit(now);
   if (log_) {
     log_->drain();
     seen_.log_dropped = log_->dropped();
@@ -256,8 +292,20 @@ OperatorView OperatorConsole::copy() const {
   v.device_brakes = seen_.device_brakes;
   v.engages = seen_.engages;
   v.clears = seen_.clears;
+  v.edits = seen_.edits;
   v.log_dropped = seen_.log_dropped;
   return v;
+}
+
+void save_scene(rt::NonRealtime& nrt, const OperatorConsole& console,
+                const tasks::FusionTask& fusion, const std::string& folder,
+                const std::string& map_file) {
+  if (fusion.config().mesh_blocks > 0 && !folder.empty()) {
+    const auto ok = perception::write_ply(nrt, folder + "/scene.ply", console.mesh().mesh());
+    if (!ok) throw std::runtime_error(ok.error());
+  }
+  if (!map_file.empty())
+    write_whole_file(map_file, perception::encode_map(nrt, fusion.map(), fusion.keyframes()));
 }
 
 void RobotConsole::tick(rt::Time) {

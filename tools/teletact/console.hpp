@@ -34,6 +34,7 @@ struct OperatorView {
   std::uint32_t device_brakes = 0;  // times the operator had to enable the forces again
   std::uint32_t engages = 0;        // acts of the operator; more than one: again after a fault
   std::uint32_t clears = 0;         // acts of the operator: a safe stop, of either box, cleared
+  std::uint32_t edits = 0;          // acts of the operator: asked of the scene
 };
 
 using TakeLine = std::function<void(std::string_view)>;  // one line of a task's log
@@ -50,6 +51,10 @@ class OperatorConsole {
   [[nodiscard]] OperatorView copy() const;
   void ramp_down() noexcept { box_.graph().requests().ramp_down.store(true); }
   [[nodiscard]] std::string status_line(rt::Time now) const;
+  // From now on it asks nothing of the scene, and does not say what it has taken of the mesh.
+  void leave_the_scene() noexcept { edits_scene_ = false; }
+  // The mesh as far as it was told to this console; empty where the scene asks for none.
+  [[nodiscard]] const perception::MeshStore& mesh() const noexcept { return mesh_; }
 
  private:
   void drain();
@@ -57,6 +62,10 @@ class OperatorConsole {
   void mind_device(rt::Time now);
   void engage(rt::Time now);
   void clear(rt::Time now);
+  void take_mesh();
+  void edit(rt::Time now);
+  [[nodiscard]] bool surface_at(const std::array<double, 2>& pixel, int du, int dv,
+                                perception::Vec3& p_W) const;
   OperatorBox& box_;
   const Scene& scene_;
   rt::Time epoch_;
@@ -65,9 +74,17 @@ class OperatorConsole {
   int camera_width_px_;
   rt::Time braked_since_{};
   rt::Time held_since_{}, stopped_since_{}, pressed_since_{};
-  bool engage_shown_ = false;
+  bool engage_shown_ = false, edits_scene_ = true;
+  std::size_t next_edit_ = 0;
+  perception::MeshStore mesh_;
   std::unique_ptr<rt::LogDrain> log_;
 };
+
+// At the end of a run: <folder>/scene.ply, where the scene asks for a mesh, and options.save_map. Throws
+// std::runtime_error naming the file.
+void save_scene(rt::NonRealtime& nrt, const OperatorConsole& console,
+                const tasks::FusionTask& fusion, const std::string& folder,
+                const std::string& map_file);
 
 struct TruthSample {
   rt::Time stamp{};

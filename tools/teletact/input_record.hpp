@@ -7,7 +7,7 @@
 // Everything else a job uses another task of the box published; its sequence number says which one.
 //
 // File, of this machine's layout, read by the build that wrote it:
-//   text   "teletact-inputs 3 <sizeof JobOp>", one "key value" a line, an empty line
+//   text   "teletact-inputs 4 <sizeof JobOp>", one "key value" a line, an empty line
 //   'O' JobOp          the latch or the end of a job; in order within a task
 //   'M' MessageHead, bytes     a message as it arrived on the link, in order
 //   'F' FrameHead, depth, colour    a camera frame as its driver gave it, in order
@@ -97,6 +97,14 @@ struct StatusInput {  // prediction and both supervisions
   std::int32_t engage = 0;
   std::uint8_t refused = 0, expected = 0, closed = 0, ramp_down = 0, stop = 0, clear = 0,
                watchdog_bit = 0;
+};
+struct SceneInput {  // fusion
+  std::uint64_t mesh_taken = 0, seq = 0;
+  std::int64_t stamp_ns = 0;
+  std::array<double, 3> centre_W{}, half_m{};
+  double yaw_rad = 0;
+  std::uint16_t id = 0;
+  std::uint8_t kind = 0, taken = 0;  // taken: it took an edit off the ring
 };
 struct CameraInput {  // capture
   std::uint8_t status = 0;

@@ -57,6 +57,21 @@ StatusInput status_input(const tasks::LatchedStatus& s) noexcept {
   return in;
 }
 
+SceneInput scene_input(const tasks::LatchedStatus& s) noexcept {
+  SceneInput in;
+  in.mesh_taken = s.mesh_taken;
+  if (!s.edit) return in;
+  in.seq = s.edit->seq;
+  in.stamp_ns = rt::ns_of(s.edit->stamp);
+  in.centre_W = s.edit->centre_W;
+  in.half_m = s.edit->half_m;
+  in.yaw_rad = s.edit->yaw_rad;
+  in.id = s.edit->id;
+  in.kind = static_cast<std::uint8_t>(s.edit->kind);
+  in.taken = 1;
+  return in;
+}
+
 }  // namespace
 
 // Keeps the newest sample for the job's own record: both happen in one latch.
@@ -213,7 +228,7 @@ InputRecorder::InputRecorder(rt::NonRealtime&, const std::string& path, const Ke
   if (path.empty()) return;
   file_.reset(std::fopen(path.c_str(), "wb"));
   if (!file_) throw std::runtime_error(path + ": can not be written");
-  std::fprintf(file_.get(), "teletact-inputs 3 %zu\n", sizeof(JobOp));
+  std::fprintf(file_.get(), "teletact-inputs 4 %zu\n", sizeof(JobOp));
   for (const auto& [key, value] : keys)
     std::fprintf(file_.get(), "%s %s\n", key.c_str(), value.c_str());
   std::fprintf(file_.get(), "\n");
@@ -259,6 +274,8 @@ void InputRecorder::attach(tasks::OperatorGraph& graph, drivers::LinkEndpoint& e
     } else if (id == TaskId::kPlanning) {
       // In planning's own thread, so both of its counts rest.
       op.put(TouchInput{cells.touch.taken(), graph.latched(id).events_full});
+    } else if (id == TaskId::kFusion) {
+      op.put(scene_input(graph.latched(id)));
     } else {
       op.put(status_input(graph.latched(id)));
     }

@@ -128,6 +128,25 @@ void set_words(tasks::LinkStatus& link, tasks::OperatorRequests& requests, const
   requests.watchdog_bit.store(s.watchdog_bit != 0);
 }
 
+// What the console asked of the scene, as fusion's next latch is to find it.
+void set_scene(tasks::OperatorGraph& graph, const SceneInput& s, rt::Hash64& inputs) {
+  graph.requests().mesh_taken.store(s.mesh_taken);
+  inputs.word(s.taken);
+  if (s.taken == 0) return;
+  tasks::SceneEdit edit;
+  edit.seq = s.seq;
+  edit.stamp = rt::time_from_ns(s.stamp_ns);
+  edit.kind = static_cast<tasks::SceneEdit::Kind>(s.kind);
+  edit.id = s.id;
+  edit.centre_W = s.centre_W;
+  edit.half_m = s.half_m;
+  edit.yaw_rad = s.yaw_rad;
+  inputs.word(s.kind);
+  for (const double x : s.centre_W) inputs.value(x);
+  for (const double x : s.half_m) inputs.value(x);
+  static_cast<void>(graph.cells().edit.try_push(edit));
+}
+
 // A box and its feeds: what differs between the two boxes.
 struct FedBox {
   std::function<void(TaskId, const JobOp&, rt::Hash64&)> feed;
@@ -326,12 +345,15 @@ ReplayResult replay_operator(rt::NonRealtime& nrt, const Scene& scene, const Box
   auto& graph = box.graph();
   FedBox fed;
   OperatorConsole console(box, scene, {});
+  console.leave_the_scene();  // its edits are recorded
   fed.console = [&](rt::Time now) { console.tick(now); };
   fed.feed = [&](TaskId id, const JobOp& op, rt::Hash64& inputs) {
     if (id == TaskId::kHaptic) {
       device->fed = op.get<StylusInput>();
       for (const double x : device->fed.p_DH) inputs.value(x);
       inputs.word(device->fed.seq << 2U | device->fed.buttons);
+    } else if (id == TaskId::kFusion) {
+      set_scene(graph, op.get<SceneInput>(), inputs);
     } else if (id == TaskId::kPrediction || id == TaskId::kSupervision) {
       set_words(graph.link(), graph.requests(), op.get<StatusInput>());
     }

@@ -34,6 +34,7 @@ struct DemoOptions {
   double cut_link_at_s = -1;  // the cable is cut then
   double black_box_s = 5;     // seconds that a black box holds; 0: none
   bool record = false;        // inputs of both boxes to <report>/raw, for a replay
+  std::string save_map;       // file for fusion's map at the end; empty: none
   // Virtual clock, for tests: called once, between two jobs, at this instant of the run.
   double meddle_at_s = -1;
   std::function<void(OperatorBox&)> meddle;

@@ -113,6 +113,7 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.one(h.view.device_brakes);
     s.one(h.view.engages);
     s.one(h.view.clears);
+    s.one(h.view.edits);
     s.one(h.view.log_dropped);
     s.one(*h.view.view);
     s.one(*h.view.map);
@@ -135,8 +136,8 @@ void load_half(const std::string& folder, OperatorHalf& h) {
          l.one(h.view.objects) && l.one(h.view.objects_named) && l.one(h.view.robot) &&
          l.one(h.view.arrivals) && l.one(h.view.first_arrival) && l.one(h.view.points_resolved) &&
          l.one(h.view.device_brakes) && l.one(h.view.engages) && l.one(h.view.clears) &&
-         l.one(h.view.log_dropped) && l.one(*h.view.view) && l.one(*h.view.map) &&
-         l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
+         l.one(h.view.edits) && l.one(h.view.log_dropped) && l.one(*h.view.view) &&
+         l.one(*h.view.map) && l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
          l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.force_check) &&
          l.one(h.ordinary) && l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();

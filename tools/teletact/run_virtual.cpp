@@ -242,6 +242,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
       if (last != nullptr) last->end(run.stopped_early ? kAskedToEnd : "");
     }
     if (op_last) say_black_boxes(options.log_folder);
+    save_scene(nrt, *op_console, op->graph().fusion(), options.log_folder, options.save_map);
     run.op.link_round_trip_ns = op->endpoint().round_trip().count();
     run.op.view = op_console->take();
     run.op.force_check =

@@ -2,16 +2,76 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <climits>
+#include <cmath>
 #include <filesystem>
 #include <numbers>
 #include <stdexcept>
 
+#include "perception/map_file/map_file.hpp"
 #include "tasks/graph/safe_times.hpp"
 #include "tools/teletact/build_info.hpp"
 
 namespace teletact {
+
+namespace {
+
+// A stored map fixes the voxel: a scene that names none takes the map's.
+void settle_stored_map(Scene& scene, const std::string& path) {
+  namespace fs = std::filesystem;
+  auto& fusion = scene.graph.fusion;
+  if (fusion.map.empty()) return;
+  // As given, or beside the scene's file; whole, so that a saved scene finds it too.
+  const fs::path beside = fs::path(path).parent_path() / fusion.map;
+  fusion.map = fs::absolute(fs::exists(fusion.map) ? fs::path(fusion.map) : beside).string();
+  rt::Startup startup;
+  const auto file = perception::read_map_file(startup.token(), fusion.map);
+  if (!file) throw std::runtime_error("fusion.map: " + file.error());
+  config::Section* tsdf = &scene.schema.section("fusion").section("tsdf");
+  const double voxel_m = file.value().info.voxel_size_m;
+  if (!tsdf->named("voxel_size_m")) {
+    fusion.tsdf.voxel_size_m = voxel_m;
+    tsdf->find("voxel_size_m")->named = true;
+  }
+  if (std::abs(fusion.tsdf.voxel_size_m - voxel_m) > 1e-9)
+    throw std::runtime_error("fusion.map: " + fusion.map + " has voxels of " +
+                             std::to_string(voxel_m) + " m, fusion.tsdf.voxel_size_m is " +
+                             std::to_string(fusion.tsdf.voxel_size_m));
+}
+
+}  // namespace
+
+void EditConfig::describe(config::Section& s) {
+  s.text("kind", kind, {"clear", "disc", "box", "erase"}, "what is asked")
+      .number("at_s", at_s, 0, 864000, "when, from the start of the run")
+      .text("source", source, {"point", "pixel"}, "where the centre comes from")
+      .numbers("position_m", position_m, -1000, 1000, "of the centre, in W")
+      .numbers("pixel", pixel, 0, 8192, "of the depth image: the surface seen there is the centre")
+      .numbers("size_m", size_m, 0.01, tasks::FusionTask::kLongestClear_m,
+               "edges of a box; of a no-go box the first two")
+      .number("radius_m", radius_m, 0.01, 10, "of a no-go disc")
+      .number("yaw_deg", yaw_deg, -360, 360, "of a no-go box, about up")
+      .integer("id", id, 0, 65535, "of a no-go area, from 1; erase: 0 is all");
+}
+
+tasks::SceneEdit EditConfig::edit(const perception::Vec3& centre_W) const {
+  using Kind = tasks::SceneEdit::Kind;
+  tasks::SceneEdit e;
+  e.kind = kind == "clear"  ? Kind::kClear
+           : kind == "disc" ? Kind::kDrawDisc
+           : kind == "box"  ? Kind::kDrawBox
+                            : Kind::kErase;
+  e.id = static_cast<std::uint16_t>(id);
+  for (std::size_t a = 0; a < 3; ++a) {
+    e.centre_W[a] = centre_W(static_cast<Eigen::Index>(a));
+    e.half_m[a] = size_m[a] / 2;
+  }
+  if (e.kind == Kind::kDrawDisc) e.half_m[0] = radius_m;
+  e.yaw_rad = yaw_deg * std::numbers::pi / 180.0;
+  return e;
+}
 
 void Scene::describe(config::Section& s) {
   s.text("title", title, {}, "name of the scene in reports");
@@ -55,6 +115,15 @@ std::unique_ptr<Scene> load_scene(const std::string& path,
   }
   if (!scene->camera_choice.in_process())
     scene->camera.stands_in_for = scene->camera_choice.intrinsics();
+  settle_stored_map(*scene, path);
+  auto& edits = scene->operator_script.edits;
+  std::stable_sort(edits.begin(), edits.end(),
+                   [](const EditConfig& a, const EditConfig& b) { return a.at_s < b.at_s; });
+  for (const EditConfig& e : edits) {
+    if (e.id == 0 && (e.kind == "disc" || e.kind == "box"))
+      throw std::runtime_error(path +
+                               ": operator.edit.id = 0: a no-go area has a number from 1 on");
+  }
   if (const std::string bad = tasks::check_safe_times(scene->graph); !bad.empty())
     throw std::runtime_error(path + ": " + bad);
   return scene;

@@ -2,6 +2,8 @@
 // section. What a scene does not name is not simulated.
 #pragma once
 
+#include <array>
+#include <deque>
 #include <memory>
 #include <string>
 #include <utility>
@@ -16,16 +18,43 @@
 #include "drivers/world/world_config.hpp"
 #include "drivers/youbot/robot_plant.hpp"
 #include "drivers/youbot/virtual_youbot.hpp"
+#include "tasks/fusion/scene_edit.hpp"
 #include "tasks/graph/graph_config.hpp"
 #include "tools/teletact/haptic_choice.hpp"
 
 namespace teletact {
 
+// [[operator.edit]]: what the operator asks of the scene at an instant (tasks/fusion/scene_edit.hpp).
+//
+//   [[operator.edit]]
+//   kind = "clear"            # forget a box; "disc", "box": a no-go area; "erase": one of these, or all
+//   at_s = 6
+//   position_m = [1, 0, 0.2]  # of the centre, in W; or source = "pixel", pixel = [u, v]: the surface that
+//   size_m = [0.4, 0.4, 0.4]  # the console's picture shows there
+struct EditConfig {
+  std::string kind = "clear";
+  double at_s = 0;
+  std::string source = "point";  // or "pixel"
+  std::array<double, 3> position_m{};
+  std::array<double, 2> pixel{};                // u right, v down, of the depth image
+  std::array<double, 3> size_m{0.3, 0.3, 0.3};  // edges; of a no-go box the first two
+  double radius_m = 0.15;                       // of a disc
+  double yaw_deg = 0;                           // of a no-go box
+  int id = 1;                                   // of a no-go area; erase: 0 = all of them
+  void describe(config::Section& s);
+  // `centre_W`: position_m, or what the pixel showed.
+  [[nodiscard]] tasks::SceneEdit edit(const perception::Vec3& centre_W) const;
+};
+
 // Section [operator]: what the person at the desk does beside moving the hand.
 struct OperatorScript {
   double engage_after_s = 1.0;
   double re_engage_after_s = 1.0;  // 0: never
+  std::deque<EditConfig> edits;    // in order of time
   void describe(config::Section& s) {
+    s.list(
+        "edit", [this](config::Section& item) { edits.emplace_back().describe(item); },
+        "what the operator asks of the scene");
     s.number("engage_after_s", engage_after_s, 0, 3600, "the operator engages the robot then");
     s.number("re_engage_after_s", re_engage_after_s, 0, 3600,
              "after a fault that has cleared, the operator engages again, after a safe stop "

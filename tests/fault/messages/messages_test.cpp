@@ -203,6 +203,37 @@ TEST(EdgeGate, WhatARingRefusedIsFlaggedInTheNextEventThatFits) {
   EXPECT_FALSE(out.gap) << "said once";
 }
 
+TEST(EdgeGate, AnEditThatDoesNotGoIsRefusedToItsWriter) {
+  rt::Ring<tasks::SceneEdit, 2> ring;
+  tasks::EdgeGate none;
+  tasks::SceneEdit e;
+  for (e.seq = 1; e.seq <= 3; ++e.seq) EXPECT_EQ(tasks::push(none, ring, e), e.seq <= 2);
+  tasks::SceneEdit out;
+  while (ring.try_pop(out)) {
+  }
+  FaultPlan plan;
+  for (const auto& [kind, first] : {std::pair{FaultKind::kDrop, 0},
+                                    {FaultKind::kRingFull, 1},
+                                    {FaultKind::kNan, 2},
+                                    {FaultKind::kDuplicate, 3}}) {
+    FaultEntry f;
+    f.kind = kind;
+    f.target = "edit";
+    f.first = static_cast<std::uint64_t>(first);
+    f.count = 1;
+    plan.entries.push_back(f);
+  }
+  tasks::EdgeGate gate(plan, "edit");
+  EXPECT_FALSE(tasks::push(gate, ring, e));
+  EXPECT_FALSE(tasks::push(gate, ring, e));
+  EXPECT_FALSE(ring.try_pop(out));
+  EXPECT_TRUE(tasks::push(gate, ring, e));
+  ASSERT_TRUE(ring.try_pop(out));
+  EXPECT_TRUE(std::isnan(out.centre_W[0]));
+  EXPECT_TRUE(tasks::push(gate, ring, e));
+  EXPECT_TRUE(ring.try_pop(out) && ring.try_pop(out)) << "twice";
+}
+
 // ---- the stack
 
 TEST(MessageFaults, PatchesThatStopComingMakeTheHandLimp) {

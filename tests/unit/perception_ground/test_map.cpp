@@ -1,6 +1,7 @@
 // Cost map of a rendered room, inflation against brute force, drawn-in obstacles, forgetting.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <memory>
@@ -214,6 +215,45 @@ TEST(GroundMap, NothingSeenIsAllUnknown) {
   EXPECT_FALSE(rig.map->found());
   std::vector<VirtualObstacle> many(GroundMap::kMaxVirtual + 1);
   EXPECT_FALSE(rig.map->set_virtual(many));
+}
+
+// A box that the robot can not see behind: cleared, its cells are unknown, and free only when their floor is seen.
+TEST(GroundMap, AForgottenBoxIsUnknownUntilItsFloorIsSeen) {
+  Rig rig;
+  rt::Random random(11);
+  const Pose X_WC = tests::look_at(Vec3(0, 0, 0.95), Vec3(1.6, 0, 0.1));
+  const auto scene = floor_with_box();
+  auto empty = scene;
+  empty.boxes.clear();
+  for (int i = 0; i < 20; ++i) rig.see(scene, X_WC, 0.001, random);
+  ASSERT_TRUE(rig.map->found());
+  ASSERT_EQ(rig.at(1.75, 0.3), CostMap::kOccupied);
+  ASSERT_EQ(rig.at(1.0, -0.4), CostMap::kFree);
+  const auto occupied = [&] {
+    return std::count(rig.cost->cost.begin(), rig.cost->cost.end(),
+                      static_cast<std::uint8_t>(CostMap::kOccupied));
+  };
+  const auto before = occupied();
+  // A box in the air, one under the floor, one elsewhere and one that is none: nothing is forgotten.
+  using Box = Eigen::AlignedBox3d;
+  rig.map->forget(Box(Vec3(1.5, 0, 1.5), Vec3(2.1, 0.6, 2)));
+  rig.map->forget(Box(Vec3(1.5, 0, -2), Vec3(2.1, 0.6, -1)));
+  rig.map->forget(Box(Vec3(-3, -3, 0), Vec3(-2, -2, 1)));
+  rig.map->forget(Box());
+  rig.map->forget(Box(Vec3(std::nan(""), 0, 0), Vec3(2, 1, 1)));
+  rig.map->write(*rig.cost);
+  EXPECT_EQ(occupied(), before);
+  rig.map->forget(Box(Vec3(1.6, 0.1, 0), Vec3(2.0, 0.5, 0.3)));
+  rig.map->write(*rig.cost);
+  EXPECT_LT(occupied(), before);
+  EXPECT_EQ(rig.at(1.75, 0.3), CostMap::kUnknown);
+  EXPECT_EQ(rig.at(1.0, -0.4), CostMap::kFree) << "what was seen free elsewhere stays";
+  rig.see(empty, X_WC, 0.001, random);
+  EXPECT_EQ(rig.at(1.75, 0.3), CostMap::kFree) << "its floor was seen once";
+  // The same box seen again is an obstacle again.
+  rig.map->forget(Box(Vec3(1.6, 0.1, 0), Vec3(2.0, 0.5, 0.3)));
+  for (int i = 0; i < 4; ++i) rig.see(scene, X_WC, 0.001, random);
+  EXPECT_EQ(rig.at(1.75, 0.3), CostMap::kOccupied);
 }
 
 }  // namespace

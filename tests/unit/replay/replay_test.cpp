@@ -186,6 +186,44 @@ TEST(Replay, ObjectsReplayToo) {
   expect_equal(r, rt::Box::kOperator);
 }
 
+// What the operator asked of the scene, and what the console said that it had taken of the mesh, are inputs.
+TEST(Replay, EditsAndTheMeshReplayToo) {
+  std::ifstream in(teletact::find_config("scenes", "default_room"));
+  std::string text{std::istreambuf_iterator<char>(in), {}};
+  const auto fusion = text.find("[fusion]\n");
+  ASSERT_NE(fusion, std::string::npos);
+  text.insert(fusion + 9, "mesh_blocks = 60\n");
+  text += R"(
+[[operator.edit]]
+kind = "clear"
+at_s = 1.2
+position_m = [1.0, 0.05, 0.1]
+size_m = [0.4, 0.6, 0.3]
+[[operator.edit]]
+kind = "box"
+at_s = 1.5
+position_m = [2.2, 0.5, 0]
+size_m = [0.3, 0.2, 0.1]
+yaw_deg = 20
+id = 3
+[[operator.edit]]
+kind = "clear"
+at_s = 1.5
+source = "pixel"
+pixel = [256, 300]
+[[operator.edit]]
+kind = "erase"
+at_s = 2.4
+id = 3
+)";
+  const std::string file = folders().add("scenes") + "/edits.toml";
+  std::ofstream(file) << text;
+  const auto r = record("edits", 3, {}, file);
+  EXPECT_EQ(r.run.op.view.edits, 4U);
+  expect_equal(r, rt::Box::kOperator);
+  expect_equal(r, rt::Box::kOperator, 4);
+}
+
 // Late, overrunning, blocked and aborted jobs, stolen cores, lost and repeated messages.
 TEST(Replay, TimingFaultsReplayToo) {
   const RecordedRun r = record("faults", 6, R"(

@@ -174,6 +174,24 @@ TEST(OutputHash, ViewAndCostMap) {
              FIELD(height_m[44])});
 }
 
+TEST(OutputHash, MeshDelta) {
+  using Delta = perception::MeshDelta;
+  auto delta = std::make_unique<Delta>();
+  delta->block_count = 2;
+  delta->vertex_count = 5;
+  delta->triangle_count = 3;
+  expect_each_seen<Delta>(
+      *delta, {FIELD(seq), FIELD(fused), FIELD(exposure), FIELD(restart), FIELD(block_count),
+               FIELD(vertex_count), FIELD(triangle_count), FIELD(blocks[1].at.z),
+               FIELD(blocks[0].version), FIELD(blocks[1].vertices), FIELD(blocks[1].triangles),
+               FIELD(vertices[4].y), FIELD(vertices[0].colour.b), FIELD(triangles[2][1])});
+  const std::uint64_t before = digest(*delta);
+  nudge(delta->vertices[5].x);
+  nudge(delta->triangles[3][0]);
+  nudge(delta->blocks[2].version);
+  EXPECT_EQ(digest(*delta), before) << "behind the message";
+}
+
 #undef VEC3
 #undef FIELD
 
