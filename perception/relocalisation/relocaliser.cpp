@@ -12,7 +12,16 @@ constexpr int kMostColumns = 85;      // rays of a row of a cast
 constexpr int kFetchedBlocks = 1024;  // a frame; nothing is fused meanwhile, which costs more
 constexpr int kCastBeside = 128;  // blocks: a frame that fetches more leaves the cast to the next
 constexpr std::uint64_t kWorkOfBlock = 512;
-constexpr double kSamePlace_m = 0.5, kSamePlace_rad = 0.7;
+constexpr double kSamePlace_m = 0.3, kSamePlace_rad = 0.3;  // what ICP finds from either
+constexpr std::int64_t kFitHolds = 12;                       // frames
+// Of the small images: what can be the place.
+constexpr double kLeastOverlap = 0.4, kLeastClose = 0.7, kMostAgainst = 0.08;
+
+bool same_place(const Pose& a, const Pose& b) noexcept {
+  const Pose away = a.inverse() * b;
+  return away.translation().norm() < kSamePlace_m &&
+         rotation_angle(away.linear()) < kSamePlace_rad;
+}
 
 int step_of(const Intrinsics& camera) noexcept {
   return std::max(4, (camera.width + kMostColumns - 1) / kMostColumns);
@@ -25,9 +34,10 @@ void RelocaliserConfig::describe(config::Section& s) {
   s.integer("tries", tries, 0, Relocaliser::kMaxTries,
             "keyframes aligned to in a lost frame; 0 switches relocalisation off")
       .integer("rest_frames", rest_frames, 0, 1000, "before one that failed is tried again")
-      .integer("rivals", rivals, 0, 64, "tried before a fit in doubt is proposed")
-      .number("sure_contradiction", sure_contradiction, 0, 1,
-              "share of points against; a fit with more is in doubt")
+      .integer("rivals", rivals, 0, 64, "other places tried, at most, before a fit is proposed")
+      .number("clear_clash", clear_clash, 0, 1,
+              "share of points by which more must speak against any other place that fits")
+      .number("most_clash", most_clash, 0, 1, "share of points; a fit with more is not proposed")
       .number("max_depth_m", max_depth_m, 0.5, 20, "farther surfaces are not looked at");
 }
 
@@ -36,6 +46,7 @@ Relocaliser::Relocaliser(rt::NonRealtime& nrt, const RelocaliserConfig& config,
     : config_(config),
       camera_(camera),
       keyframes_(nrt, config.keyframes),
+      aligner_(camera),
       step_(step_of(camera)),
       maps_{RaycastMaps(nrt, camera.width / step_ + 1, camera.height / step_ + 1),
             RaycastMaps(nrt, camera.width / step_ + 1, camera.height / step_ + 1)} {
@@ -53,7 +64,8 @@ void Relocaliser::restart() noexcept {
   rests_until_.fill(0);
   searches_ = 0;
   has_view_ = false;
-  doubt_ = {};
+  place_count_ = 0;
+  rivals_tried_ = 0;
 }
 
 RaycastStats Relocaliser::cast(const TsdfMap& map, const Pose& X_WC, RaycastMaps& maps) noexcept {
@@ -87,51 +99,167 @@ std::uint64_t Relocaliser::take_work() noexcept {
   return w;
 }
 
-// The keyframe's pose, turned so that its image is shifted as the two thumbnails are.
-Pose Relocaliser::guess(const Keyframes::Candidate& c) const noexcept {
+// The camera in the keyframe's, turned so that its image is shifted as the two thumbnails are.
+Pose Relocaliser::shift(const Keyframes::Candidate& c) const noexcept {
   const double right = std::atan(c.du * camera_.width / (Thumbnail::kWidth * camera_.fx));
   const double down = std::atan(c.dv * camera_.height / (Thumbnail::kHeight * camera_.fy));
-  Pose X = keyframes_.at(c.index).X_WC;
+  Pose X = Pose::Identity();
   X.rotate(Eigen::AngleAxisd(right, Vec3::UnitY())).rotate(Eigen::AngleAxisd(-down, Vec3::UnitX()));
   return X;
 }
 
+void Relocaliser::list_guesses(const Tracker& tracker, ImageView<const Rgb> colour,
+                               std::span<const bool> skip) noexcept {
+  const DepthLevel& coarse = tracker.pyramid().level(TrackingPyramid::kLevels - 1);
+  const Thumbnail seen = make_thumbnail(coarse, colour);
+  fill_cell_view(coarse, seen_);
+  std::array<Keyframes::Candidate, kAligned> list;
+  const int count = keyframes_.rank(seen, skip, list);
+  guess_count_ = static_cast<std::size_t>(count);
+  for (std::size_t k = 0; k < guess_count_; ++k) {
+    const Keyframes::Entry& kept = keyframes_.at(list[k].index);
+    const ThumbnailFit fit = aligner_.align(seen_, kept.view, shift(list[k]));
+    guesses_[k] = {list[k].index, orthonormalised(kept.X_WC * fit.X_KS), fit.score(),
+                   fit.overlap >= kLeastOverlap && fit.close >= kLeastClose &&
+                       fit.against <= kMostAgainst};
+  }
+  std::stable_sort(guesses_.begin(), guesses_.begin() + count,
+                   [](const Guess& a, const Guess& b) { return a.score > b.score; });
+  work_ += static_cast<std::uint64_t>(keyframes_.size()) * Thumbnail::kCells / 16 +
+           guess_count_ * (ThumbnailAligner::kIterations / 2 + 2) * Thumbnail::kCells;
+}
+
+// The best that was not looked at; once there is a fit, of those that are possible.
+const Relocaliser::Guess* Relocaliser::next_guess() const noexcept {
+  const bool held = best() != nullptr;
+  for (std::size_t k = 0; k < guess_count_; ++k) {
+    const Guess& g = guesses_[k];
+    if (resting_[static_cast<std::size_t>(g.keyframe)] || (held && !g.possible)) continue;
+    const auto end = places_.begin() + static_cast<std::ptrdiff_t>(place_count_);
+    if (std::none_of(places_.begin(), end,
+                     [&](const Place& p) { return same_place(p.X_WC, g.X_WC); }))
+      return &g;
+  }
+  return nullptr;
+}
+
+bool Relocaliser::alone(const Tracker& tracker, ImageView<const Rgb> colour,
+                        const Pose& X_WC) noexcept {
+  list_guesses(tracker, colour, {});
+  for (std::size_t k = 0; k < guess_count_; ++k) {
+    if (guesses_[k].possible && !same_place(guesses_[k].X_WC, X_WC)) return false;
+  }
+  return true;
+}
+
+// ---------------------------------------------------------------- places looked at
+
+void Relocaliser::note(const Pose& X_WC, bool fits, double clash) noexcept {
+  std::size_t at = place_count_;
+  for (std::size_t k = 0; k < place_count_; ++k) {
+    if (same_place(places_[k].X_WC, X_WC)) at = k;
+  }
+  if (at == kPlaces) {  // the oldest
+    const auto oldest = std::min_element(places_.begin(), places_.end(),
+                                         [](const Place& a, const Place& b) { return a.at < b.at; });
+    at = static_cast<std::size_t>(oldest - places_.begin());
+  }
+  places_[at] = {X_WC, fits, clash, searches_};
+  place_count_ = std::max(place_count_, at + 1);
+}
+
+void Relocaliser::forget_old() noexcept {
+  const auto end = places_.begin() + static_cast<std::ptrdiff_t>(place_count_);
+  const auto kept = std::remove_if(places_.begin(), end, [&](const Place& p) {
+    return searches_ - p.at > (p.fits ? kFitHolds : config_.rest_frames);
+  });
+  place_count_ = static_cast<std::size_t>(kept - places_.begin());
+  if (best() == nullptr) rivals_tried_ = 0;
+}
+
+const Relocaliser::Place* Relocaliser::best() const noexcept {
+  const Place* best = nullptr;
+  for (std::size_t k = 0; k < place_count_; ++k) {
+    if (places_[k].fits && (best == nullptr || places_[k].clash < best->clash)) best = &places_[k];
+  }
+  return best;
+}
+
+const Relocaliser::Place& Relocaliser::oldest_fit() const noexcept {
+  const Place* oldest = best();
+  for (std::size_t k = 0; k < place_count_; ++k) {
+    if (places_[k].fits && places_[k].at < oldest->at) oldest = &places_[k];
+  }
+  return *oldest;
+}
+
+bool Relocaliser::clear(const Place& best) const noexcept {
+  if (best.clash > config_.most_clash) return false;
+  for (std::size_t k = 0; k < place_count_; ++k) {
+    const Place& p = places_[k];
+    if (&p == &best || !p.fits || same_place(p.X_WC, best.X_WC)) continue;
+    if (p.clash < 2 * best.clash + config_.clear_clash) return false;
+  }
+  return true;
+}
+
+// ---------------------------------------------------------------- search
+
 bool Relocaliser::search(TsdfMap& map, const Tracker& tracker, ImageView<const Rgb> colour,
-                         TrackingResult& found) noexcept {
-  if (config_.tries == 0 || keyframes_.size() == 0) return false;
+                         const TrackingResult* here, TrackingResult& found) noexcept {
   ++searches_;
   fetched_ = 0;
-  if (doubt_.held && doubt_.rivals_left <= 0) {
-    // No rival was better: again from where it was, for this frame.
-    const Tried tried = try_at(map, tracker, doubt_.X_WC, found);
-    if (tried == Tried::kWaiting) return false;
-    if (tried == Tried::kFits)
-      propose();
-    else
-      doubt_ = {};
-    return tried == Tried::kFits;
-  }
+  forget_old();
+  if (here != nullptr) note(here->X_WC, true, here->clash);
   for (std::size_t i = 0; i < resting_.size(); ++i) resting_[i] = rests_until_[i] > searches_;
-  const Thumbnail seen =
-      make_thumbnail(tracker.pyramid().level(TrackingPyramid::kLevels - 1), colour);
-  std::array<Keyframes::Candidate, kMaxTries> list;
-  const int count = keyframes_.rank(seen, resting_,
-                                    std::span(list).first(static_cast<std::size_t>(config_.tries)));
-  work_ += static_cast<std::uint64_t>(keyframes_.size()) * Thumbnail::kCells / 16;
-  for (int k = 0; k < count; ++k) {
-    const Keyframes::Candidate& c = list[static_cast<std::size_t>(k)];
-    const Tried tried = try_at(map, tracker, guess(c), found);
-    if (tried == Tried::kWaiting) break;  // the next frame goes on with it
-    if (tried == Tried::kFits && sure(found)) {
-      propose();
-      return true;
-    }
-    rests_until_[static_cast<std::size_t>(c.index)] = searches_ + 1 + config_.rest_frames;
-    --doubt_.rivals_left;
-    if (tried == Tried::kFits) hold(found);
+  list_guesses(tracker, colour, {});
+  bool tried_any = false, last_fits = false;
+  for (int k = 0; k < config_.tries && rivals_left(); ++k) {
+    const Guess* guess = next_guess();
+    if (guess == nullptr) break;
+    const bool rival = best() != nullptr;
+    const Tried tried = try_at(map, tracker, guess->X_WC, found);
+    if (tried == Tried::kWaiting) return false;  // the next frame goes on with it
+    const auto index = static_cast<std::size_t>(guess->keyframe);
+    rests_until_[index] = searches_ + 1 + config_.rest_frames;
+    resting_[index] = true;
+    tried_any = true;
+    last_fits = tried == Tried::kFits;
+    rivals_tried_ += rival ? 1 : 0;
+    note(last_fits ? found.X_WC : guess->X_WC, last_fits, found.clash);
   }
-  if (count == 0) doubt_.rivals_left = 0;
-  return false;
+  const Place* leader = best();
+  if (leader == nullptr) return false;
+  const bool stands = clear(*leader) && !(rivals_left() && next_guess() != nullptr);
+  if (tried_any) {
+    if (!stands || !last_fits || !same_place(found.X_WC, leader->X_WC)) return false;
+    propose();
+    return true;
+  }
+  if (here != nullptr && same_place(here->X_WC, leader->X_WC) && stands) {
+    found = *here;
+    // Not before all of it is in the pool: until then it is found again in the view that there is.
+    if (!fetched(map, here->X_WC) || cast(map, here->X_WC, maps_[1 - viewed_]).hits == 0)
+      return false;
+    propose();
+    return true;
+  }
+  return look_again(map, tracker, stands ? *leader : oldest_fit(), found);
+}
+
+// At a place that fitted in an older frame.
+bool Relocaliser::look_again(TsdfMap& map, const Tracker& tracker, const Place& place,
+                             TrackingResult& found) noexcept {
+  const Pose X_WC = place.X_WC;
+  const Tried tried = try_at(map, tracker, X_WC, found);
+  if (tried == Tried::kWaiting) return false;
+  const bool fits = tried == Tried::kFits;
+  note(fits ? found.X_WC : X_WC, fits, found.clash);
+  if (!fits) return false;
+  const Place* leader = best();
+  if (!same_place(found.X_WC, leader->X_WC) || !clear(*leader)) return false;
+  propose();
+  return true;
 }
 
 Relocaliser::Tried Relocaliser::try_at(TsdfMap& map, const Tracker& tracker, const Pose& X_WC,
@@ -148,22 +276,8 @@ Relocaliser::Tried Relocaliser::try_at(TsdfMap& map, const Tracker& tracker, con
 void Relocaliser::propose() noexcept {
   viewed_ = 1 - viewed_;
   has_view_ = true;
-  doubt_ = {};
-}
-
-void Relocaliser::hold(const TrackingResult& found) noexcept {
-  if (!doubt_.held || found.contradiction < doubt_.contradiction) {
-    const int left = doubt_.held ? doubt_.rivals_left : config_.rivals;
-    doubt_ = {true, found.X_WC, found.contradiction, left};
-  }
-  // Its neighbours would say the same.
-  for (int i = 0; i < keyframes_.size(); ++i) {
-    const Pose away = found.X_WC.inverse() * keyframes_.at(i).X_WC;
-    if (away.translation().norm() > kSamePlace_m || rotation_angle(away.linear()) > kSamePlace_rad)
-      continue;
-    std::int64_t& until = rests_until_[static_cast<std::size_t>(i)];
-    until = std::max(until, searches_ + 1 + config_.rest_frames);
-  }
+  place_count_ = 0;
+  rivals_tried_ = 0;
 }
 
 }  // namespace perception
