@@ -88,9 +88,8 @@ template <class A, class B>
 void add_in_front(const A& a, const B& b, const Pose& X_BA, const ClashRule& rule,
                   Clash& out) noexcept {
   const Intrinsics& k = a.camera();
-  const int step =
-      std::max((k.width + ClashRule::kMostWidth - 1) / ClashRule::kMostWidth,
-               (k.height + ClashRule::kMostHeight - 1) / ClashRule::kMostHeight);
+  const int step = std::max((k.width + ClashRule::kMostWidth - 1) / ClashRule::kMostWidth,
+                            (k.height + ClashRule::kMostHeight - 1) / ClashRule::kMostHeight);
   const int width = (k.width + step - 1) / step, height = (k.height + step - 1) / step;
   Marks marks(width, height);
   for (int v = 0; v < height; ++v) {

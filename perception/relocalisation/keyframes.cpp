@@ -12,11 +12,12 @@ namespace {
 
 constexpr int kDepthCut = 24, kDepthMissing = 12;  // codes
 constexpr int kGreyCut = 48;
-constexpr int kShift = 6;        // largest shift tried, cells: about a sixth of the image
-constexpr int kShiftStep = 2;    // between shifts
-constexpr int kShortList = 12;   // entries that shifts are tried on
-constexpr int kCrowd = 3;        // of which this many may lie about a place
+constexpr int kShift = 6;       // largest shift tried, cells: about a sixth of the image
+constexpr int kShiftStep = 2;   // between shifts
+constexpr int kShortList = 12;  // entries that shifts are tried on
+constexpr int kCrowd = 3;       // of which this many may lie about a place
 constexpr double kCrowdedSpacings = 2;
+constexpr double kNearSpacings = 5;
 constexpr int kLeastCells = 64;  // fewer cells in common say nothing
 
 std::uint8_t depth_code(float z_m) noexcept {
@@ -125,6 +126,11 @@ double Keyframes::nearness(const Pose& a, const Pose& b) const noexcept {
 bool Keyframes::is_new(const Pose& X_WC) const noexcept {
   return std::none_of(entries_.begin(), entries_.end(),
                       [&](const Entry& e) { return nearness(e.X_WC, X_WC) < 1; });
+}
+
+bool Keyframes::near(const Pose& X_WC) const noexcept {
+  return std::any_of(entries_.begin(), entries_.end(),
+                     [&](const Entry& e) { return nearness(e.X_WC, X_WC) < kNearSpacings; });
 }
 
 std::size_t Keyframes::most_redundant() const noexcept {

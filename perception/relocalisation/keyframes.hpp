@@ -69,6 +69,8 @@ class Keyframes {
 
   // Is the view at X_WC unlike all that are kept?
   [[nodiscard]] bool is_new(const Pose& X_WC) const noexcept;
+  // Does one of them look, by and large, the same way from about there?
+  [[nodiscard]] bool near(const Pose& X_WC) const noexcept;
   void add(const Pose& X_WC, const Thumbnail& view) noexcept;
 
   // Best first, at most out.size(); entries with skip[i] are passed over. Returns how many.

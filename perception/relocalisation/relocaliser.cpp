@@ -13,14 +13,23 @@ constexpr int kFetchedBlocks = 1024;  // a frame; nothing is fused meanwhile, wh
 constexpr int kCastBeside = 128;  // blocks: a frame that fetches more leaves the cast to the next
 constexpr std::uint64_t kWorkOfBlock = 512;
 constexpr double kSamePlace_m = 0.3, kSamePlace_rad = 0.3;  // what ICP finds from either
-constexpr std::int64_t kFitHolds = 12;                       // frames
+constexpr std::int64_t kFitHolds = 12;                      // frames
+constexpr std::int64_t kSameView = 2;                       // frames that see about the same
+// Of an alignment to a cast: what may still be the place, though it is not close enough to be claimed, and how many
+// fewer inliers make it the worse one.
+constexpr double kRivalOverlap = 0.2, kRivalInliers = 0.4, kRivalClash = 0.03;
+constexpr double kWorseInliers = 0.2;
+constexpr double kNoTwinClash = 0.1, kNoTwinInliers = 0.5;  // there is something else there
+constexpr double kTried_m = 0.15, kTried_rad = 0.15;        // what a guess is off by, and more
 // Of the small images: what can be the place.
-constexpr double kLeastOverlap = 0.4, kLeastClose = 0.7, kMostAgainst = 0.08;
+constexpr double kLeastOverlap = 0.4, kLeastClose = 0.9, kMostAgainst = 0.02;
 
-bool same_place(const Pose& a, const Pose& b) noexcept {
+bool within(const Pose& a, const Pose& b, double way_m, double turn_rad) noexcept {
   const Pose away = a.inverse() * b;
-  return away.translation().norm() < kSamePlace_m &&
-         rotation_angle(away.linear()) < kSamePlace_rad;
+  return away.translation().norm() < way_m && rotation_angle(away.linear()) < turn_rad;
+}
+bool same_place(const Pose& a, const Pose& b) noexcept {
+  return within(a, b, kSamePlace_m, kSamePlace_rad);
 }
 
 int step_of(const Intrinsics& camera) noexcept {
@@ -119,32 +128,56 @@ void Relocaliser::list_guesses(const Tracker& tracker, ImageView<const Rgb> colo
   for (std::size_t k = 0; k < guess_count_; ++k) {
     const Keyframes::Entry& kept = keyframes_.at(list[k].index);
     const ThumbnailFit fit = aligner_.align(seen_, kept.view, shift(list[k]));
-    guesses_[k] = {list[k].index, orthonormalised(kept.X_WC * fit.X_KS), fit.score(),
-                   fit.overlap >= kLeastOverlap && fit.close >= kLeastClose &&
-                       fit.against <= kMostAgainst};
+    guesses_[k] = {
+        list[k].index, orthonormalised(kept.X_WC * fit.X_KS), fit.score(),
+        fit.overlap >= kLeastOverlap && fit.close >= kLeastClose && fit.against <= kMostAgainst};
   }
-  std::stable_sort(guesses_.begin(), guesses_.begin() + count,
-                   [](const Guess& a, const Guess& b) { return a.score > b.score; });
+  std::sort(guesses_.begin(), guesses_.begin() + count, [](const Guess& a, const Guess& b) {
+    return a.score != b.score ? a.score > b.score : a.keyframe < b.keyframe;
+  });
   work_ += static_cast<std::uint64_t>(keyframes_.size()) * Thumbnail::kCells / 16 +
            guess_count_ * (ThumbnailAligner::kIterations / 2 + 2) * Thumbnail::kCells;
 }
 
-// The best that was not looked at; once there is a fit, of those that are possible.
-const Relocaliser::Guess* Relocaliser::next_guess() const noexcept {
-  const bool held = best() != nullptr;
+// A place that was tried in vain says little of one a hand's breadth away.
+bool Relocaliser::was_tried(const Pose& X_WC) const noexcept {
+  const auto end = places_.begin() + static_cast<std::ptrdiff_t>(place_count_);
+  return std::any_of(places_.begin(), end, [&](const Place& p) {
+    return p.fit == Fit::kFits ? same_place(p.X_WC, X_WC)
+                               : within(p.X_WC, X_WC, kTried_m, kTried_rad);
+  });
+}
+
+// The best that was not tried; once there is a fit, of those that are possible, and then its twins.
+bool Relocaliser::next_guess(Guess& out) const noexcept {
+  const Place* leader = best();
   for (std::size_t k = 0; k < guess_count_; ++k) {
     const Guess& g = guesses_[k];
-    if (resting_[static_cast<std::size_t>(g.keyframe)] || (held && !g.possible)) continue;
-    const auto end = places_.begin() + static_cast<std::ptrdiff_t>(place_count_);
-    if (std::none_of(places_.begin(), end,
-                     [&](const Place& p) { return same_place(p.X_WC, g.X_WC); }))
-      return &g;
+    if (resting_[static_cast<std::size_t>(g.keyframe)] || (leader != nullptr && !g.possible))
+      continue;
+    if (was_tried(g.X_WC)) continue;
+    out = g;
+    return true;
   }
-  return nullptr;
+  for (std::size_t n = 0; leader != nullptr && n < 2 * twin_count_; ++n) {
+    const Pose& twin = twins_[n / 2];
+    const Pose X_WC = (n % 2 == 0 ? twin : twin.inverse()) * leader->X_WC;
+    if (was_tried(X_WC)) continue;
+    out = Guess{};
+    out.keyframe = -1 - static_cast<int>(n / 2);
+    out.X_WC = orthonormalised(X_WC);
+    return true;
+  }
+  return false;
 }
 
 bool Relocaliser::alone(const Tracker& tracker, ImageView<const Rgb> colour,
                         const Pose& X_WC) noexcept {
+  for (std::size_t n = 0; n < 2 * twin_count_; ++n) {
+    const Pose& twin = twins_[n / 2];
+    const Pose X_there = (n % 2 == 0 ? twin : twin.inverse()) * X_WC;
+    if (!same_place(X_there, X_WC) && keyframes_.near(X_there)) return false;
+  }
   list_guesses(tracker, colour, {});
   for (std::size_t k = 0; k < guess_count_; ++k) {
     if (guesses_[k].possible && !same_place(guesses_[k].X_WC, X_WC)) return false;
@@ -154,33 +187,48 @@ bool Relocaliser::alone(const Tracker& tracker, ImageView<const Rgb> colour,
 
 // ---------------------------------------------------------------- places looked at
 
-void Relocaliser::note(const Pose& X_WC, bool fits, double clash) noexcept {
+void Relocaliser::note(const Pose& X_WC, Fit fit, const TrackingResult& r) noexcept {
   std::size_t at = place_count_;
   for (std::size_t k = 0; k < place_count_; ++k) {
-    if (same_place(places_[k].X_WC, X_WC)) at = k;
+    const Place& p = places_[k];
+    // What went astray on its way there does not undo a fit; nor does one in vain stand for what is beside it.
+    if (p.fit == Fit::kFits && fit != Fit::kFits && same_place(p.X_WC, X_WC)) return;
+    if (p.fit == Fit::kFits ? same_place(p.X_WC, X_WC) : within(p.X_WC, X_WC, kTried_m, kTried_rad))
+      at = k;
   }
   if (at == kPlaces) {  // the oldest
-    const auto oldest = std::min_element(places_.begin(), places_.end(),
-                                         [](const Place& a, const Place& b) { return a.at < b.at; });
+    const auto oldest = std::min_element(
+        places_.begin(), places_.end(), [](const Place& a, const Place& b) { return a.at < b.at; });
     at = static_cast<std::size_t>(oldest - places_.begin());
   }
-  places_[at] = {X_WC, fits, clash, searches_};
+  places_[at] = {X_WC, fit, r.clash, r.inlier_share, searches_};
   place_count_ = std::max(place_count_, at + 1);
 }
 
-void Relocaliser::forget_old() noexcept {
+template <class Which>
+void Relocaliser::forget_if(Which&& which) noexcept {
   const auto end = places_.begin() + static_cast<std::ptrdiff_t>(place_count_);
-  const auto kept = std::remove_if(places_.begin(), end, [&](const Place& p) {
-    return searches_ - p.at > (p.fits ? kFitHolds : config_.rest_frames);
-  });
-  place_count_ = static_cast<std::size_t>(kept - places_.begin());
+  place_count_ =
+      static_cast<std::size_t>(std::remove_if(places_.begin(), end, which) - places_.begin());
   if (best() == nullptr) rivals_tried_ = 0;
 }
 
+void Relocaliser::forget(const Pose& X_WC) noexcept {
+  forget_if([&](const Place& p) { return same_place(p.X_WC, X_WC); });
+}
+
+void Relocaliser::forget_old() noexcept {
+  forget_if([&](const Place& p) {
+    return searches_ - p.at > (p.fit == Fit::kNothing ? config_.rest_frames : kFitHolds);
+  });
+}
+
+// Of those that fit, the one that least speaks against.
 const Relocaliser::Place* Relocaliser::best() const noexcept {
   const Place* best = nullptr;
   for (std::size_t k = 0; k < place_count_; ++k) {
-    if (places_[k].fits && (best == nullptr || places_[k].clash < best->clash)) best = &places_[k];
+    const Place& p = places_[k];
+    if (p.fit == Fit::kFits && (best == nullptr || p.clash < best->clash)) best = &p;
   }
   return best;
 }
@@ -188,7 +236,7 @@ const Relocaliser::Place* Relocaliser::best() const noexcept {
 const Relocaliser::Place& Relocaliser::oldest_fit() const noexcept {
   const Place* oldest = best();
   for (std::size_t k = 0; k < place_count_; ++k) {
-    if (places_[k].fits && places_[k].at < oldest->at) oldest = &places_[k];
+    if (places_[k].fit != Fit::kNothing && places_[k].at < oldest->at) oldest = &places_[k];
   }
   return *oldest;
 }
@@ -197,10 +245,34 @@ bool Relocaliser::clear(const Place& best) const noexcept {
   if (best.clash > config_.most_clash) return false;
   for (std::size_t k = 0; k < place_count_; ++k) {
     const Place& p = places_[k];
-    if (&p == &best || !p.fits || same_place(p.X_WC, best.X_WC)) continue;
+    if (p.fit == Fit::kNothing || same_place(p.X_WC, best.X_WC)) continue;
+    if (p.inlier_share < best.inlier_share - kWorseInliers) continue;
     if (p.clash < 2 * best.clash + config_.clear_clash) return false;
   }
   return true;
+}
+
+// Where a frame fits here and there, the map repeats itself: whoever seems to be here may always be there.
+void Relocaliser::learn_twin(const Pose& X_WC) noexcept {
+  for (std::size_t k = 0; k < place_count_; ++k) {
+    const Place& p = places_[k];
+    if (p.fit == Fit::kNothing || searches_ - p.at > kSameView || same_place(p.X_WC, X_WC))
+      continue;
+    const Pose X_there_here = X_WC * p.X_WC.inverse();
+    bool known = false;
+    for (std::size_t n = 0; n < twin_count_; ++n) {
+      known = known || same_place(twins_[n] * p.X_WC, X_WC) ||
+              same_place(twins_[n].inverse() * p.X_WC, X_WC);
+    }
+    if (known) continue;
+    if (twin_count_ == kTwins) forget_twin(0);  // the oldest
+    twins_[twin_count_++] = orthonormalised(X_there_here);
+  }
+}
+
+void Relocaliser::forget_twin(std::size_t n) noexcept {
+  for (std::size_t k = n + 1; k < twin_count_; ++k) twins_[k - 1] = twins_[k];
+  --twin_count_;
 }
 
 // ---------------------------------------------------------------- search
@@ -210,27 +282,37 @@ bool Relocaliser::search(TsdfMap& map, const Tracker& tracker, ImageView<const R
   ++searches_;
   fetched_ = 0;
   forget_old();
-  if (here != nullptr) note(here->X_WC, true, here->clash);
+  if (here != nullptr) note(here->X_WC, Fit::kFits, *here);
   for (std::size_t i = 0; i < resting_.size(); ++i) resting_[i] = rests_until_[i] > searches_;
   list_guesses(tracker, colour, {});
   bool tried_any = false, last_fits = false;
   for (int k = 0; k < config_.tries && rivals_left(); ++k) {
-    const Guess* guess = next_guess();
-    if (guess == nullptr) break;
+    Guess guess;
+    if (!next_guess(guess)) break;
     const bool rival = best() != nullptr;
-    const Tried tried = try_at(map, tracker, guess->X_WC, found);
-    if (tried == Tried::kWaiting) return false;  // the next frame goes on with it
-    const auto index = static_cast<std::size_t>(guess->keyframe);
-    rests_until_[index] = searches_ + 1 + config_.rest_frames;
-    resting_[index] = true;
+    const Fit tried = try_at(map, tracker, guess.X_WC, found);
+    if (tried == Fit::kWaiting) {  // the next frame goes on with it; a rival must not take for ever
+      rivals_tried_ += rival ? 1 : 0;
+      return false;
+    }
+    if (guess.keyframe >= 0) {
+      const auto index = static_cast<std::size_t>(guess.keyframe);
+      rests_until_[index] = searches_ + 1 + config_.rest_frames;
+      resting_[index] = true;
+    } else if (tried == Fit::kNothing && found.inlier_share < kNoTwinInliers &&
+               found.clash > kNoTwinClash) {
+      forget_twin(static_cast<std::size_t>(-1 - guess.keyframe));
+    }
     tried_any = true;
-    last_fits = tried == Tried::kFits;
+    last_fits = tried == Fit::kFits;
     rivals_tried_ += rival ? 1 : 0;
-    note(last_fits ? found.X_WC : guess->X_WC, last_fits, found.clash);
+    note(tried == Fit::kNothing ? guess.X_WC : found.X_WC, tried, found);
+    if (tried != Fit::kNothing) learn_twin(found.X_WC);
   }
   const Place* leader = best();
   if (leader == nullptr) return false;
-  const bool stands = clear(*leader) && !(rivals_left() && next_guess() != nullptr);
+  Guess next;
+  const bool stands = clear(*leader) && !(rivals_left() && next_guess(next));
   if (tried_any) {
     if (!stands || !last_fits || !same_place(found.X_WC, leader->X_WC)) return false;
     propose();
@@ -251,25 +333,33 @@ bool Relocaliser::search(TsdfMap& map, const Tracker& tracker, ImageView<const R
 bool Relocaliser::look_again(TsdfMap& map, const Tracker& tracker, const Place& place,
                              TrackingResult& found) noexcept {
   const Pose X_WC = place.X_WC;
-  const Tried tried = try_at(map, tracker, X_WC, found);
-  if (tried == Tried::kWaiting) return false;
-  const bool fits = tried == Tried::kFits;
-  note(fits ? found.X_WC : X_WC, fits, found.clash);
-  if (!fits) return false;
+  const Fit fit = try_at(map, tracker, X_WC, found);
+  if (fit == Fit::kWaiting) return false;
+  forget(X_WC);  // it may have gone over to another place
+  // The camera is no longer there: what fitted with that view means nothing either.
+  if (fit == Fit::kNothing)
+    forget_if(
+        [&](const Place& p) { return p.fit != Fit::kNothing && searches_ - p.at > kSameView; });
+  note(fit == Fit::kNothing ? X_WC : found.X_WC, fit, found);
+  if (fit != Fit::kFits) return false;
   const Place* leader = best();
   if (!same_place(found.X_WC, leader->X_WC) || !clear(*leader)) return false;
   propose();
   return true;
 }
 
-Relocaliser::Tried Relocaliser::try_at(TsdfMap& map, const Tracker& tracker, const Pose& X_WC,
-                                       TrackingResult& found) noexcept {
-  if (!fetched(map, X_WC)) return Tried::kWaiting;
+Relocaliser::Fit Relocaliser::try_at(TsdfMap& map, const Tracker& tracker, const Pose& X_WC,
+                                     TrackingResult& found) noexcept {
+  found = TrackingResult{};
+  if (!fetched(map, X_WC)) return Fit::kWaiting;
   RaycastMaps& maps = maps_[1 - viewed_];
-  if (cast(map, X_WC, maps).hits == 0) return Tried::kNothing;
+  if (cast(map, X_WC, maps).hits == 0) return Fit::kNothing;
   tracker.reacquire({maps.data(), maps.intrinsics, maps.X_WC}, X_WC, found);
   work_ += found.work;
-  return tracker.reliable(found) ? Tried::kFits : Tried::kNothing;
+  if (tracker.reliable(found)) return Fit::kFits;
+  const bool may_be = found.state != TrackingState::kLost && found.overlap >= kRivalOverlap &&
+                      found.inlier_share >= kRivalInliers && found.clash <= kRivalClash;
+  return may_be ? Fit::kMayBe : Fit::kNothing;
 }
 
 // What was tried last is the view.

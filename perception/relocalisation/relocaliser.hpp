@@ -35,8 +35,9 @@ struct RelocaliserConfig {
   int tries = 1;        // candidates a frame
   int rest_frames = 8;  // before one that failed is tried again
   int rivals = 6;       // other places tried, at most, before a fit is proposed
+  // Shares of points (contradiction.hpp): a rival has so much more than twice the best's; the best at most so much.
   double clear_clash = 0.002;
-  double most_clash = 0.01;
+  double most_clash = 0.004;
   double max_depth_m = 5.0;
   void describe(config::Section& s);
 };
@@ -75,31 +76,45 @@ class Relocaliser {
  private:
   static constexpr std::size_t kAligned = 8;  // keyframes that a frame is aligned to by thumbnails
   static constexpr std::size_t kPlaces = 8;
-  // Where a frame fits, or where one was tried in vain.
+  static constexpr std::size_t kTwins = 4;
+  enum class Fit : std::uint8_t {
+    kWaiting,  // for what is put away
+    kNothing,  // tried in vain
+    kMayBe,    // too poor to be claimed, too good to be left out
+    kFits
+  };
+  // Where a frame was tried.
   struct Place {
     Pose X_WC = Pose::Identity();
-    bool fits = false;
-    double clash = 0;
+    Fit fit = Fit::kNothing;
+    double clash = 0, inlier_share = 0;
     std::int64_t at = 0;  // searches_ then
   };
   struct Guess {
-    int keyframe = -1;
+    int keyframe = -1;  // below 0: -1 - the number of a twin
     Pose X_WC = Pose::Identity();
     double score = 0;
     bool possible = false;  // nothing in the small images forbids it
   };
-  enum class Tried : std::uint8_t { kWaiting, kNothing, kFits };  // waiting: for what is put away
-  [[nodiscard]] Tried try_at(TsdfMap& map, const Tracker& tracker, const Pose& X_WC,
-                             TrackingResult& found) noexcept;
+  [[nodiscard]] Fit try_at(TsdfMap& map, const Tracker& tracker, const Pose& X_WC,
+                           TrackingResult& found) noexcept;
   void list_guesses(const Tracker& tracker, ImageView<const Rgb> colour,
                     std::span<const bool> skip) noexcept;
-  [[nodiscard]] const Guess* next_guess() const noexcept;
-  void note(const Pose& X_WC, bool fits, double clash) noexcept;
+  [[nodiscard]] bool next_guess(Guess& out) const noexcept;
+  [[nodiscard]] bool was_tried(const Pose& X_WC) const noexcept;
+  void note(const Pose& X_WC, Fit fit, const TrackingResult& r) noexcept;
+  template <class Which>
+  void forget_if(Which&& which) noexcept;
+  void forget(const Pose& X_WC) noexcept;
   void forget_old() noexcept;
+  void learn_twin(const Pose& X_WC) noexcept;
+  void forget_twin(std::size_t n) noexcept;
   [[nodiscard]] const Place* best() const noexcept;
   [[nodiscard]] const Place& oldest_fit() const noexcept;  // where there is one
   [[nodiscard]] bool clear(const Place& best) const noexcept;
-  [[nodiscard]] bool rivals_left() const noexcept { return rivals_tried_ < config_.rivals; }
+  [[nodiscard]] bool rivals_left() const noexcept {
+    return config_.tries > 0 && rivals_tried_ < config_.rivals;
+  }
   [[nodiscard]] bool look_again(TsdfMap& map, const Tracker& tracker, const Place& place,
                                 TrackingResult& found) noexcept;
   void propose() noexcept;
@@ -124,7 +139,9 @@ class Relocaliser {
   std::size_t guess_count_ = 0;
   std::array<Place, kPlaces> places_{};
   std::size_t place_count_ = 0;
-  int rivals_tried_ = 0;  // since there is a fit
+  int rivals_tried_ = 0;              // since there is a fit
+  std::array<Pose, kTwins> twins_{};  // from one place to another that looked like it, in W
+  std::size_t twin_count_ = 0;
   std::uint64_t work_ = 0;
 };
 
