@@ -5,6 +5,7 @@
 #include <limits>
 #include <numbers>
 
+#include "perception/icp/contradiction.hpp"
 #include "perception/icp/normal_equations.hpp"
 
 namespace perception {
@@ -137,36 +138,6 @@ void measure(const NormalEquations& eq, TrackingResult& out) noexcept {
   out.residual_m = eq.weight > 0 ? std::sqrt(eq.r2 / eq.weight) : 0;
 }
 
-// Of the live points that meet the model, the share that lies off all of the 3 x 3 surface points about the
-// place it projects to: seen through a surface, or in front of one. A pixel at an edge finds its own side.
-double contradiction_share(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
-                           double limit_m) noexcept {
-  std::int64_t met = 0, against = 0;
-  for (int v = 0; v < live.depth.height(); ++v) {
-    for (int u = 0; u < live.depth.width(); ++u) {
-      const auto z = static_cast<double>(live.depth.row(v)[u]);
-      if (!(z > 0)) continue;
-      const Vec3 q = X_FC * live.intrinsics.unproject(u, v, z);
-      if (!(q.z() > 0.05)) continue;
-      const Eigen::Vector2d px = model.intrinsics.project(q) + Eigen::Vector2d(0.5, 0.5);
-      if (!(px.x() >= 1 && px.y() >= 1 && px.x() < model.intrinsics.width - 1 &&
-            px.y() < model.intrinsics.height - 1)) {
-        continue;
-      }
-      const int iu = static_cast<int>(px.x()), iv = static_cast<int>(px.y());
-      double nearest = std::numeric_limits<double>::infinity();
-      for (int k = 0; k < 9; ++k) {
-        const auto d = static_cast<double>(model.at(iu + k % 3 - 1, iv + k / 3 - 1)[3]);
-        if (d > 0) nearest = std::min(nearest, std::abs(q.z() - d));
-      }
-      if (!std::isfinite(nearest)) continue;
-      ++met;
-      against += nearest > limit_m * std::max(1.0, z) ? 1 : 0;
-    }
-  }
-  return met > 0 ? static_cast<double>(against) / static_cast<double>(met) : 1;
-}
-
 bool is_trusted(const TrackerConfig& c, const MotionPrior& prior) noexcept {
   return prior.source == MotionPrior::Source::kOdometry &&
          prior.sigma_translation_m <= c.claim_translation_m &&
@@ -243,7 +214,8 @@ void Tracker::reacquire(const ModelView& model, const Pose& X_WC_guess,
   measure(a.examine(1), out);
   out.contradiction = contradiction_share(pyramid_.level(TrackingPyramid::kLevels - 1), model,
                                           a.X_FC, config_.reacquire_contradiction_m);
-  a.count_work(TrackingPyramid::kLevels - 1);
+  out.clash = clash(pyramid_.level(TrackingPyramid::kLevels - 1), model, a.X_FC).share();
+  for (int i = 0; i < 3; ++i) a.count_work(TrackingPyramid::kLevels - 1);
   out.condition = a.directions.condition;
   out.degenerate_count = a.directions.degenerate_count;
   out.fully_constrained = out.degenerate_count == 0;

@@ -86,6 +86,7 @@ struct TrackingResult {
   double overlap = 0;              // live points that meet a model surface / live points
   int inliers = 0;                 // at level 1
   double contradiction = 0;        // reacquire() only: share of points off every surface about them
+  double clash = 0;                // reacquire() only: share of points in front (contradiction.hpp)
   double condition = 0;  // largest / smallest eigenvalue of the scaled 6x6; inf = singular
   int degenerate_count = 0;
   // First degenerate_count columns: unit twists (v, w L) in W about the centroid, w scaled by `length_m` (mean depth,

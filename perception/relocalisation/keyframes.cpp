@@ -12,19 +12,18 @@ namespace {
 
 constexpr int kDepthCut = 24, kDepthMissing = 12;  // codes
 constexpr int kGreyCut = 48;
-constexpr int kShift = 6;        // largest shift tried, cells: about a sixth of the image
-constexpr int kShiftStep = 2;    // between shifts
-constexpr int kShortList = 12;   // entries that shifts are tried on
+constexpr int kShift = 6;       // largest shift tried, cells: about a sixth of the image
+constexpr int kShiftStep = 2;   // between shifts
+constexpr int kShortList = 12;  // entries that shifts are tried on
+constexpr int kCrowd = 3;       // of which this many may lie about a place
+constexpr double kCrowdedSpacings = 2;
+constexpr double kNearSpacings = 5;
 constexpr int kLeastCells = 64;  // fewer cells in common say nothing
 
 std::uint8_t depth_code(float z_m) noexcept {
   if (!(z_m > 0)) return 0;
   const double code = 1 + std::log(static_cast<double>(z_m) / 0.3) / std::log(1.012);
   return static_cast<std::uint8_t>(std::clamp(std::lround(code), 1L, 255L));
-}
-
-int cell_to_pixel(int cell, int cells, int pixels) noexcept {
-  return std::min(pixels - 1, (2 * cell + 1) * pixels / (2 * cells));
 }
 
 // Mean brightness of 3 x 3 pixels spread over the cell.
@@ -63,6 +62,10 @@ void fill_grey(ImageView<const Rgb> colour, Thumbnail& out) noexcept {
 }
 
 }  // namespace
+
+double thumbnail_depth(std::uint8_t code) noexcept {
+  return code == 0 ? 0 : 0.3 * std::pow(1.012, code - 1);
+}
 
 Thumbnail make_thumbnail(const DepthLevel& depth, ImageView<const Rgb> colour) noexcept {
   Thumbnail t;
@@ -125,6 +128,11 @@ bool Keyframes::is_new(const Pose& X_WC) const noexcept {
                       [&](const Entry& e) { return nearness(e.X_WC, X_WC) < 1; });
 }
 
+bool Keyframes::near(const Pose& X_WC) const noexcept {
+  return std::any_of(entries_.begin(), entries_.end(),
+                     [&](const Entry& e) { return nearness(e.X_WC, X_WC) < kNearSpacings; });
+}
+
 std::size_t Keyframes::most_redundant() const noexcept {
   std::size_t worst = 0;
   double least = std::numeric_limits<double>::infinity();
@@ -163,15 +171,35 @@ void insert_sorted(std::span<Keyframes::Candidate> list, int& count,
 
 }  // namespace
 
+// The best by the unshifted images, but of one place only so many: many views of one must not hide the others.
+int Keyframes::short_list(const Thumbnail& seen, std::span<const bool> skip,
+                          std::span<Candidate> out) const noexcept {
+  std::array<Candidate, kMax> all;
+  std::size_t listed = 0;
+  for (int i = 0; i < size(); ++i) {
+    if (static_cast<std::size_t>(i) < skip.size() && skip[static_cast<std::size_t>(i)]) continue;
+    const int d = thumbnail_distance(seen, at(i).view, 0, 0);
+    if (d < std::numeric_limits<int>::max()) all[listed++] = {i, 0, 0, d};
+  }
+  std::sort(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(listed),
+            [](const Candidate& a, const Candidate& b) {
+              return a.distance != b.distance ? a.distance < b.distance : a.index < b.index;
+            });
+  std::size_t count = 0;
+  for (std::size_t n = 0; n < listed && count < out.size(); ++n) {
+    int about = 0;
+    for (std::size_t k = 0; k < count; ++k) {
+      about += nearness(at(out[k].index).X_WC, at(all[n].index).X_WC) < kCrowdedSpacings ? 1 : 0;
+    }
+    if (about < kCrowd) out[count++] = all[n];
+  }
+  return static_cast<int>(count);
+}
+
 int Keyframes::rank(const Thumbnail& seen, std::span<const bool> skip,
                     std::span<Candidate> out) const noexcept {
   std::array<Candidate, kShortList> near;
-  int short_count = 0;
-  for (int i = 0; i < size(); ++i) {
-    if (static_cast<std::size_t>(i) < skip.size() && skip[static_cast<std::size_t>(i)]) continue;
-    Candidate best{i, 0, 0, thumbnail_distance(seen, at(i).view, 0, 0)};
-    insert_sorted(near, short_count, best);
-  }
+  const int short_count = short_list(seen, skip, near);
   int count = 0;
   for (int k = 0; k < short_count; ++k) {
     Candidate best = near[static_cast<std::size_t>(k)];

@@ -10,6 +10,7 @@
 // It only proposes; what decides is ICP (relocaliser.hpp). Integers throughout: the same on every machine.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
@@ -28,6 +29,13 @@ struct Thumbnail {
   std::array<std::uint8_t, kCells> depth{};  // 0 = none, else 1 + log(z / 0.3 m) / log(1.012)
   std::array<std::uint8_t, kCells> grey{};   // mean 128, standard deviation 40; 0 = none
 };
+
+// The pixel, of `pixels` along an edge, that stands for a cell of `cells`.
+[[nodiscard]] constexpr int cell_to_pixel(int cell, int cells, int pixels) noexcept {
+  return std::min(pixels - 1, (2 * cell + 1) * pixels / (2 * cells));
+}
+// Depth (m) of a code; 0 of 0.
+[[nodiscard]] double thumbnail_depth(std::uint8_t code) noexcept;
 
 // `colour` may be empty (no data).
 [[nodiscard]] Thumbnail make_thumbnail(const DepthLevel& depth,
@@ -61,6 +69,8 @@ class Keyframes {
 
   // Is the view at X_WC unlike all that are kept?
   [[nodiscard]] bool is_new(const Pose& X_WC) const noexcept;
+  // Does one of them look, by and large, the same way from about there?
+  [[nodiscard]] bool near(const Pose& X_WC) const noexcept;
   void add(const Pose& X_WC, const Thumbnail& view) noexcept;
 
   // Best first, at most out.size(); entries with skip[i] are passed over. Returns how many.
@@ -79,6 +89,8 @@ class Keyframes {
  private:
   [[nodiscard]] double nearness(const Pose& a, const Pose& b) const noexcept;
   [[nodiscard]] std::size_t most_redundant() const noexcept;
+  [[nodiscard]] int short_list(const Thumbnail& seen, std::span<const bool> skip,
+                               std::span<Candidate> out) const noexcept;
   KeyframeConfig config_;
   std::vector<Entry> entries_;  // never grows beyond its reserve
 };

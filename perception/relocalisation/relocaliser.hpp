@@ -1,14 +1,17 @@
 // After tracking was lost: where in the map is this camera?
 //
-// A frame that is claimed from a new place leaves a keyframe. A lost frame ranks the keyframes by their small
-// images, casts the map from the best one (coarsely) and aligns the frame to it by ICP; if that passes the gates
-// of Tracker::reacquire it is proposed. It is no claim: the caller believes it only when the next frame, tracked
-// from there, passes too. What was tried in vain rests for some frames, so that the next best has its turn and
-// look-alike views do not hide the right one.
+// A frame that is claimed from a new place leaves a keyframe. A lost frame ranks the keyframes by their small images,
+// aligns its own to the best of them (thumbnail_fit.hpp), casts the map coarsely from where the likeliest of them puts
+// the camera and aligns the frame to that by ICP; if it passes the gates of Tracker::reacquire it fits. What was tried
+// in vain rests for some frames, so that the next best has its turn.
 //
-// Doubt: a fit that more than `sure_contradiction` of the points speak against may be a look-alike. It is held, the
-// keyframes of its place rest, and up to `rivals` others have their turn; a fit without doubt goes before it, of two
-// in doubt the one that less speaks against is proposed in the end.
+// Look-alikes: a fit is no proof, for another place may fit as well. So before one is proposed every other place that
+// the small images allow has its turn, and the best is proposed only when clearly more speaks against each of
+// the others than against it (clash, contradiction.hpp: what one side shows where the other has seen free space). While
+// two fit about as well the camera stays lost; it moves, and what tells them apart comes into view. A fit is forgotten
+// after a while, for it belongs to an older frame.
+//
+// What is proposed is no claim: the caller believes it only when the next frame, tracked from there, passes too.
 //
 // Bounded: at most `tries` coarse casts and alignments a frame, or one look(). A ray of a cast without a hint
 // costs thirty times one with: this is what a lost frame's time goes into, so it is spread over frames. What a
@@ -18,10 +21,12 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 
 #include "perception/icp/tracker.hpp"
 #include "perception/raycast/raycast.hpp"
 #include "perception/relocalisation/keyframes.hpp"
+#include "perception/relocalisation/thumbnail_fit.hpp"
 
 namespace perception {
 
@@ -29,8 +34,10 @@ struct RelocaliserConfig {
   KeyframeConfig keyframes;
   int tries = 1;        // candidates a frame
   int rest_frames = 8;  // before one that failed is tried again
-  int rivals = 4;       // tried before a fit in doubt is proposed
-  double sure_contradiction = 0.006;
+  int rivals = 6;       // other places tried, at most, before a fit is proposed
+  // Shares of points (contradiction.hpp): a rival has so much more than twice the best's; the best at most so much.
+  double clear_clash = 0.002;
+  double most_clash = 0.004;
   double max_depth_m = 5.0;
   void describe(config::Section& s);
 };
@@ -48,18 +55,18 @@ class Relocaliser {
   // Casts the view from X_WC: where the camera is looked for. False: of that view too much is put away; a part
   // of it came back, the view is as it was, and the next frame is to ask again.
   [[nodiscard]] bool look(TsdfMap& map, const Pose& X_WC) noexcept;
-  // Is `found`, of Tracker::reacquire(), beyond doubt?
-  [[nodiscard]] bool sure(const TrackingResult& found) const noexcept {
-    return found.contradiction <= config_.sure_contradiction;
-  }
   // Of the last look(), or of what search() has found; invalid where there was neither.
   [[nodiscard]] ModelView view() const noexcept {
     const RaycastMaps& m = maps_[viewed_];
     return has_view_ ? ModelView{m.data(), m.intrinsics, m.X_WC} : ModelView{};
   }
-  // Looks for the frame that `tracker` has prepared. True: `found` passed the gates at found.X_WC, in view().
+  // Looks for the frame that `tracker` has prepared. `here`: it fits in view(), not null only then. True: `found`
+  // passed the gates at found.X_WC, nothing else fits as well, and view() was cast from near there.
   [[nodiscard]] bool search(TsdfMap& map, const Tracker& tracker, ImageView<const Rgb> colour,
-                            TrackingResult& found) noexcept;
+                            const TrackingResult* here, TrackingResult& found) noexcept;
+  // Is X_WC the only place where the kept views allow the frame that `tracker` has prepared?
+  [[nodiscard]] bool alone(const Tracker& tracker, ImageView<const Rgb> colour,
+                           const Pose& X_WC) noexcept;
 
   [[nodiscard]] const Keyframes& keyframes() const noexcept { return keyframes_; }
   [[nodiscard]] Keyframes& keyframes() noexcept { return keyframes_; }
@@ -67,25 +74,59 @@ class Relocaliser {
   [[nodiscard]] std::size_t memory_bytes() const noexcept { return keyframes_.memory_bytes(); }
 
  private:
-  // A fit in doubt that waits for its rivals.
-  struct Doubt {
-    bool held = false;
-    Pose X_WC = Pose::Identity();
-    double contradiction = 0;
-    int rivals_left = 0;
+  static constexpr std::size_t kAligned = 8;  // keyframes that a frame is aligned to by thumbnails
+  static constexpr std::size_t kPlaces = 8;
+  static constexpr std::size_t kTwins = 4;
+  enum class Fit : std::uint8_t {
+    kWaiting,  // for what is put away
+    kNothing,  // tried in vain
+    kMayBe,    // too poor to be claimed, too good to be left out
+    kFits
   };
-  enum class Tried : std::uint8_t { kWaiting, kNothing, kFits };  // waiting: for what is put away
-  [[nodiscard]] Tried try_at(TsdfMap& map, const Tracker& tracker, const Pose& X_WC,
-                             TrackingResult& found) noexcept;
-  void hold(const TrackingResult& found) noexcept;
+  // Where a frame was tried.
+  struct Place {
+    Pose X_WC = Pose::Identity();
+    Fit fit = Fit::kNothing;
+    double clash = 0, inlier_share = 0;
+    std::int64_t at = 0;  // searches_ then
+  };
+  struct Guess {
+    int keyframe = -1;  // below 0: -1 - the number of a twin
+    Pose X_WC = Pose::Identity();
+    double score = 0;
+    bool possible = false;  // nothing in the small images forbids it
+  };
+  [[nodiscard]] Fit try_at(TsdfMap& map, const Tracker& tracker, const Pose& X_WC,
+                           TrackingResult& found) noexcept;
+  void list_guesses(const Tracker& tracker, ImageView<const Rgb> colour,
+                    std::span<const bool> skip) noexcept;
+  [[nodiscard]] bool next_guess(Guess& out) const noexcept;
+  [[nodiscard]] bool was_tried(const Pose& X_WC) const noexcept;
+  void note(const Pose& X_WC, Fit fit, const TrackingResult& r) noexcept;
+  template <class Which>
+  void forget_if(Which&& which) noexcept;
+  void forget(const Pose& X_WC) noexcept;
+  void forget_old() noexcept;
+  void learn_twin(const Pose& X_WC) noexcept;
+  void forget_twin(std::size_t n) noexcept;
+  [[nodiscard]] const Place* best() const noexcept;
+  [[nodiscard]] const Place& oldest_fit() const noexcept;  // where there is one
+  [[nodiscard]] bool clear(const Place& best) const noexcept;
+  [[nodiscard]] bool rivals_left() const noexcept {
+    return config_.tries > 0 && rivals_tried_ < config_.rivals;
+  }
+  [[nodiscard]] bool look_again(TsdfMap& map, const Tracker& tracker, const Place& place,
+                                TrackingResult& found) noexcept;
   void propose() noexcept;
   // Brings back what can be seen from X_WC. True: enough is there, and time left, to cast it.
   [[nodiscard]] bool fetched(TsdfMap& map, const Pose& X_WC) noexcept;
   RaycastStats cast(const TsdfMap& map, const Pose& X_WC, RaycastMaps& maps) noexcept;
-  [[nodiscard]] Pose guess(const Keyframes::Candidate& c) const noexcept;
+  [[nodiscard]] Pose shift(const Keyframes::Candidate& c) const noexcept;
   RelocaliserConfig config_;
   Intrinsics camera_;
   Keyframes keyframes_;
+  ThumbnailAligner aligner_;
+  CellView seen_{};
   int step_;                         // pixels of the camera a ray
   std::array<RaycastMaps, 2> maps_;  // the view, and what is being tried
   std::size_t viewed_ = 0;
@@ -94,7 +135,13 @@ class Relocaliser {
   std::array<bool, Keyframes::kMax> resting_{};
   std::array<std::int64_t, Keyframes::kMax> rests_until_{};
   std::int64_t searches_ = 0;
-  Doubt doubt_;
+  std::array<Guess, kAligned> guesses_{};  // best first
+  std::size_t guess_count_ = 0;
+  std::array<Place, kPlaces> places_{};
+  std::size_t place_count_ = 0;
+  int rivals_tried_ = 0;              // since there is a fit
+  std::array<Pose, kTwins> twins_{};  // from one place to another that looked like it, in W
+  std::size_t twin_count_ = 0;
   std::uint64_t work_ = 0;
 };
 

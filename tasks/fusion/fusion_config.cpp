@@ -71,6 +71,10 @@ void FusionConfig::describe(config::Section& s) {
               "of the velocity prior, in a frame that is not claimed")
       .integer("blank_frames", blank_frames, 0, 300,
                "images without a reading in a row after which the camera counts as moved unseen")
+      .number(
+          "leap_translation_m", leap_translation_m, 0, 10,
+          "from the prior in one frame; farther is claimed only where no other place looks alike")
+      .number("leap_rotation_deg", leap_rotation_deg, 0, 180, "the same of the turn")
       .integer("level_count", level_count, 1, kMaxLevels, "variants, largest first");
   for (std::size_t i = 0; i < levels.size(); ++i) {
     auto& l = levels[i];

@@ -162,6 +162,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
       recover(frame, prior, knobs, r);
     } else {
       tracker_.track(model(), prior, knobs.iterations, r);
+      doubt_leap(frame, prior, r);
     }
     watch_for_loss(r);
     out.work += r.work + relocaliser_.take_work();
@@ -233,6 +234,21 @@ void FusionTask::watch_for_loss(const TrackingResult& r) noexcept {
   relocaliser_.restart();
 }
 
+// A leap from where the camera should be is no motion when another place looks like what is seen: then nobody
+// knows where it is. Odometry that is trusted leaves no room for one.
+void FusionTask::doubt_leap(const RgbdFrame& frame, const MotionPrior& prior,
+                            TrackingResult& r) noexcept {
+  if (r.state == TrackingState::kLost || tracker_.trusted(prior)) return;
+  const Pose leap = prior.X_WC.inverse() * r.X_WC;
+  if (leap.translation().norm() <= config_.leap_translation_m &&
+      perception::rotation_angle(leap.linear()) <= config_.leap_rotation_deg * kDegree)
+    return;
+  if (relocaliser_.alone(tracker_, colour_of(frame), r.X_WC)) return;
+  r.state = TrackingState::kLost;
+  r.claimed = r.fully_constrained = false;
+  r.X_WC = prior.X_WC;
+}
+
 // A lost camera is believed to be back when two frames in a row pass the strict gates: the first against
 // what was seen last or against a keyframe, the second from the pose that the first one gave; that one is then
 // tracked like any other. A frame does one thing about it: one cast, or one keyframe.
@@ -249,32 +265,33 @@ void FusionTask::recover(const RgbdFrame& frame, const MotionPrior& prior, const
   tracker_.reacquire(view.valid() ? view : model(), prior.X_WC, r);
   std::uint64_t work = r.work;
   const bool trusted = tracker_.trusted(prior);
-  // Where it was lost may look like where it is: in doubt the search compares.
-  bool found = tracker_.reliable(r, trusted) && (was_confirming || trusted || relocaliser_.sure(r));
-  if (found && was_confirming) {
+  const bool fits = tracker_.reliable(r, trusted);
+  if (fits && was_confirming) {
     MotionPrior near = prior;
     near.X_WC = r.X_WC;
-    const double contradiction = r.contradiction;
+    const double contradiction = r.contradiction, clash = r.clash;
     tracker_.track(model(), near, knobs.iterations, r);
     r.contradiction = contradiction;
+    r.clash = clash;
     r.work += work;
     if (r.state != TrackingState::kLost && r.claimed) {
       recovering_ = confirming_ = false;
       return;
     }
-    found = false;
     work = r.work;
   }
   const bool blank = tracker_.pyramid().level(1).valid < config_.tracker.lost_inliers;
-  if (found) {
-    // Not before all of it is in the pool: the next frame is tracked against what is cast there. Until
-    // then it is found again in the view that there is.
-    found = relocaliser_.look(map_, r.X_WC);
+  bool found = false;
+  if (fits && !was_confirming && (trusted || !view.valid())) {
+    // Odometry says that it is no other place; else the next frame is compared in a view without hint. Not before
+    // all of it is in the pool: until then it is found again in the view that there is.
+    found = relocaliser_.look(map_, r.X_WC) && trusted;
     look_again_ = false;
-  } else if (was_confirming || look_again_ || moved_on(view)) {
+  } else if (was_confirming || look_again_ || (!fits && moved_on(view))) {
     look_again_ = !relocaliser_.look(map_, X_lost_WC_);
   } else if (!blank) {
-    found = relocaliser_.search(map_, tracker_, colour_of(frame), r);
+    const TrackingResult here = r;
+    found = relocaliser_.search(map_, tracker_, colour_of(frame), fits ? &here : nullptr, r);
   }
   r.work = work;
   confirming_ = found;

@@ -102,6 +102,8 @@ struct FusionConfig {
   double odometry_deg_per_m = 0.5;
   double velocity_decay = 0.8;  // of the constant-velocity prior a frame that is not claimed
   int blank_frames = 3;         // images without a reading that the prior may bridge
+  // Farther from the prior in one frame: claimed only where no other place looks alike.
+  double leap_translation_m = 0.05, leap_rotation_deg = 4;
   int level_count = 3;
   std::array<FusionLevel, kMaxLevels> levels{
       FusionLevel{1, 2, {4, 5, 15}}, FusionLevel{2, 2, {4, 5, 15}}, FusionLevel{4, 4, {4, 5, 15}},
@@ -223,6 +225,8 @@ class FusionTask {
   void recover(const perception::RgbdFrame& frame, const perception::MotionPrior& prior,
                const FusionLevel& knobs, perception::TrackingResult& r) noexcept;
   [[nodiscard]] bool moved_on(const perception::ModelView& view) const noexcept;
+  void doubt_leap(const perception::RgbdFrame& frame, const perception::MotionPrior& prior,
+                  perception::TrackingResult& r) noexcept;
   void watch_for_loss(const perception::TrackingResult& r) noexcept;
   [[nodiscard]] perception::ModelView model() const noexcept {
     return {model_.data(), model_.intrinsics, model_.X_WC};
