@@ -77,6 +77,10 @@ struct HapticBench {
     app.add_option("--virtual-seconds", recording.seconds, "haptic --rgbd: how long it is touched")
         ->check(in_range(2, 600))
         ->capture_default_str();
+    app.add_option("--paths", recording.paths,
+                   "haptic --rgbd: how many, seeds from --seed on, all over one fusion")
+        ->check(CLI::Range(1, 100))
+        ->capture_default_str();
     app.add_flag("!--no-beside", recording.beside, "haptic --rgbd: only the product's method");
     app.add_option("--record", record,
                    "haptic --rgbd: haptic run to write (teletact touch --replay)");

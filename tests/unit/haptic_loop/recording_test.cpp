@@ -16,10 +16,11 @@ TEST(RecordingTouch, HoldsForSomeSeconds) {
   o.beside = false;
   const auto r = teletact::touch_recording(std::cout, o);
   r.print(std::cout);
-  const auto& row = r.rows.front();
+  const auto& path = r.paths.front();
+  const auto& row = path.rows.front();
   EXPECT_EQ(r.frames_played, 180);
   EXPECT_GT(r.integrated, 150);
-  EXPECT_LE(r.hand_speed_max_m_per_s, 0.2 + 1e-9);
+  EXPECT_LE(path.hand_speed_max_m_per_s, 0.2 + 1e-9);
   EXPECT_GT(row.contact, 2000U);
   EXPECT_LE(row.jump_share(), 0.01);
   EXPECT_LE(row.longest_jump, 2U);
