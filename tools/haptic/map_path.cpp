@@ -39,7 +39,7 @@ class Pen {
     for (int i = 1; i <= n && !full(); ++i) put(from + (static_cast<double>(i) / n) * (to - from));
   }
   // From where the hand is to the point (x, y) of the place's plane, `depth` under the surface there. The height
-  // comes from the map; beyond an edge the last one holds.
+  // comes from the map; beyond an edge the last one holds, also where the map rounds the edge off.
   void slide(const Place& place, const Vec3& to, double depth, double speed) {
     const Vec3 from = on_plane(place, at_);
     const double length = (to - from).norm(), depth_from = depth_;
@@ -47,7 +47,8 @@ class Pen {
     for (int i = 1; i <= n && !due(); ++i) {
       const double s = static_cast<double>(i) / n;
       const Vec3 foot = from + s * (to - from);
-      const double h = probe_.height(foot, place.n_W, 0.02, 0.02);
+      const double h =
+          beyond_edge(place, foot) ? std::nan("") : probe_.height(foot, place.n_W, 0.02, 0.02);
       if (!std::isnan(h)) height_ = h;
       put(foot + (height_ - (depth_from + s * (depth - depth_from))) * place.n_W);
     }
@@ -57,7 +58,17 @@ class Pen {
     const double h = probe_.height(at, place.n_W, 0.02, 0.02);
     height_ = std::isnan(h) ? 0 : h;
     depth_ = depth;
-    go(at + (height_ - depth) * place.n_W, 0.1);
+    go(at + (height_ - depth) * place.n_W, 0.15);
+  }
+  // How much the map's surface is inclined to the place's plane there; large where it is not known.
+  [[nodiscard]] double incline(const Place& place, const Vec3& at) {
+    const Axes axes(place.n_W);
+    const auto rise = [&](const Vec3& d) {
+      const double ahead = probe_.height(at + 0.01 * d, place.n_W, 0.02, 0.02),
+                   behind = probe_.height(at - 0.01 * d, place.n_W, 0.02, 0.02);
+      return std::isnan(ahead + behind) ? 10.0 : (ahead - behind) / 0.02;
+    };
+    return std::hypot(rise(axes.a), rise(axes.b));
   }
   [[nodiscard]] double depth() { return random_.uniform(0.003, 0.008); }
   [[nodiscard]] double speed() { return random_.uniform(0.02, 0.2); }
@@ -66,6 +77,12 @@ class Pen {
  private:
   static Vec3 on_plane(const Place& place, const Vec3& p) {
     return p - (p - place.p_W).dot(place.n_W) * place.n_W;
+  }
+  static bool beyond_edge(const Place& place, const Vec3& foot) {
+    const Vec3 r = foot - place.p_W;
+    return !place.flat() && (r.dot(place.out_W[0]) > place.edge_m[0] - 0.005 ||
+                             (place.kind == Place::Kind::kCorner &&
+                              r.dot(place.out_W[1]) > place.edge_m[1] - 0.005));
   }
   void put(const Vec3& p) {
     const double most = 0.2 * options_.period_s, way = (p - at_).norm();
@@ -82,8 +99,9 @@ class Pen {
   int place_ = -1;
 };
 
-// What comes in before the map holds the surface there feels nothing until it was out: up again now and then.
-void wander(Pen& pen, const Place& place, rt::Random& random, double until) {
+// What comes in before the map holds the surface there feels nothing until it was out: up again now and then, and more
+// often while the map is new.
+void wander(Pen& pen, const Place& place, rt::Random& random, double seen, double until) {
   const Axes axes(place.n_W);
   const auto draw = [&] {
     const double r = 0.045 * std::sqrt(random.uniform());
@@ -93,7 +111,7 @@ void wander(Pen& pen, const Place& place, rt::Random& random, double until) {
     const Vec3 at = draw();
     pen.go(at + kHover_m * place.n_W, kFree_m_per_s);
     pen.press(place, at, pen.depth());
-    pen.until(std::min(until, pen.now() + 5));
+    pen.until(std::min(until, pen.now() + (pen.now() < seen ? 1.5 : 7.0)));
     while (!pen.due()) pen.slide(place, draw(), pen.depth(), pen.speed());
     pen.go(pen.at() + kHover_m * place.n_W, kFree_m_per_s);
   }
@@ -109,8 +127,22 @@ void cross_edges(Pen& pen, const Place& place, rt::Random& random, double until)
   const auto aside = [&] {
     return corner ? Vec3(Vec3::Zero()) : Vec3(random.uniform(-0.02, 0.02) * along);
   };
+  // Comes in where the surface is as the plane says: which way is out for the contact, its first tick tells.
+  const auto entry = [&] {
+    Vec3 best = place.p_W + 0.035 * back;
+    double least = pen.incline(place, best);
+    for (int i = 0; i < 8; ++i) {
+      const double angle = random.uniform(0, 2 * std::numbers::pi);
+      const Vec3 at = place.p_W + 0.035 * back + 0.015 * Axes(place.n_W).at(angle);
+      const double incline = pen.incline(place, at);
+      if (incline >= least) continue;
+      least = incline;
+      best = at;
+    }
+    return best;
+  };
   for (int round = 0; pen.now() < until && !pen.full(); ++round) {
-    const Vec3 inner = place.p_W + 0.035 * back + aside();
+    const Vec3 inner = entry();
     pen.go(inner + kHover_m * place.n_W, kFree_m_per_s);
     pen.press(place, inner, pen.depth());
     pen.until(until);
@@ -155,6 +187,7 @@ MapPath make_map_path(const perception::TsdfMap& map, const perception::Intrinsi
   Round round = find_places(map, probe, camera, views, up_W, o.first, random);
   path.places = std::move(round.places);
   path.way_m = round.way_m;
+  path.chosen_from = round.chosen_from;
   const std::vector<double> time_s = shares(path.places, round.way_m, o);
   Pen pen(probe, random, o, path);
   pen.start(over(path.places.front()));
@@ -164,7 +197,7 @@ MapPath make_map_path(const perception::TsdfMap& map, const perception::Intrinsi
     double until = pen.now() + time_s[i];
     if (i + 1 == path.places.size()) until = std::max(until, o.seconds);  // what is left over
     if (place.flat()) {
-      wander(pen, place, random, until);
+      wander(pen, place, random, o.seen_s, until);
     } else {
       cross_edges(pen, place, random, until);
     }

@@ -4,6 +4,7 @@
 // Frames: W world (= map).  SI.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -17,12 +18,14 @@ struct MapPath {
   std::vector<perception::Vec3> hand_W;  // one a tick
   std::vector<int> place;                // of each tick; -1: on the way
   double way_m = 0;                      // through the free, once around
+  std::array<int, 4> chosen_from{};      // walls, tops, edges, corners that were found
 };
 
 struct MapPathOptions {
   std::uint64_t seed = 1;
   double seconds = 60, period_s = 1e-3;
   double least_s = 3;                // at a place; more when the time is enough for all of them
+  double seen_s = 5;                 // by then the map holds all of its surfaces
   std::optional<Place::Kind> first;  // begins at such a place; none: at what is seen first
 };
 

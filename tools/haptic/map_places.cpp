@@ -82,6 +82,15 @@ double edge_along(MapProbe& probe, const Vec3& p, const Vec3& n, const Vec3& d) 
       if (!probe.free(p + (s + beyond) * d + z * n, 0.004)) return std::nan("");
     }
   }
+  // The side of something solid goes down; one that recedes is the shadow of what was not seen.
+  const Vec3 along = n.cross(d);
+  for (const double aside : {0.0, -0.01, 0.01}) {
+    const auto side = [&](double depth) {
+      return probe.height(p + s * d + aside * along - depth * n, d, 0.03, 0.02);
+    };
+    const double shallow = side(0.003), deep = side(0.01);
+    if (deep < shallow || (aside == 0 && !(deep >= shallow))) return std::nan("");  // or unseen
+  }
   return s;
 }
 

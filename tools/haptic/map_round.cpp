@@ -194,13 +194,14 @@ std::size_t first_seen(const Place& place, const perception::Intrinsics& camera,
   return views.size();
 }
 
-// A map that is still growing holds what its first views saw: begins there, on something flat if there is, or at the
-// kind that was asked for; goes on to the nearest each time.
+// A map that is still growing holds what its first views saw: begins there, on something flat if there is, the nearer the
+// less noisy, or at the kind that was asked for; goes on to the nearest each time.
 double begin_where_seen(std::vector<Place>& places, const perception::Intrinsics& camera,
                         const std::vector<Pose>& views, std::optional<Place::Kind> kind) {
   const auto rank = [&](const Place& p) {
-    return std::tuple(kind && p.kind != *kind, first_seen(p, camera, views),
-                      static_cast<int>(p.kind));
+    const std::size_t view = first_seen(p, camera, views);
+    const Vec3 eye = view < views.size() ? views[view].translation() : Vec3(Vec3::Zero());
+    return std::tuple(kind && p.kind != *kind, view, !p.flat(), (p.p_W - eye).norm());
   };
   const auto first =
       std::min_element(places.begin(), places.end(),
@@ -248,6 +249,7 @@ Round find_places(const perception::TsdfMap& map, MapProbe& probe,
         std::to_string(of[0]) + ", " + std::to_string(of[1]) + ", " + std::to_string(of[2]) + ", " +
         std::to_string(of[3]) + ")");
   }
+  best.chosen_from = of;
   return best;
 }
 

@@ -2,6 +2,7 @@
 // Frames: W world (= map).  SI.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <vector>
 
@@ -16,6 +17,7 @@ struct Round {
   std::vector<Place> places;
   std::vector<std::vector<perception::Vec3>> ways;
   double way_m = 0;
+  std::array<int, 4> chosen_from{};  // places of each kind that were found
 };
 
 // A corner, an edge, a wall and two tops, each another surface. `views`: cameras X_WC, in the order in time, from which

@@ -1,7 +1,9 @@
 // What came of a hand on a recording: limits, figures, table, drawings.
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <limits>
+#include <numbers>
 
 #include "tools/haptic/recording_touch.hpp"
 #include "tools/plot/svg.hpp"
@@ -88,6 +90,20 @@ void TouchedPath::print(std::ostream& out) const {
         e.jump ? ", over" : "", e.flipped ? ", turned" : "", e.sunk ? ", sunk" : "", e.blend,
         e.p_WH.x(), e.p_WH.y(), e.p_WH.z(), e.p_WP.x(), e.p_WP.y(), e.p_WP.z(), e.p_before_WP.x(),
         e.p_before_WP.y(), e.p_before_WP.z());
+    out << line;
+    if (!e.flipped || e.place < 0) continue;
+    const Place& place = places[at];
+    const auto degrees = [&](const perception::Vec3& n) {
+      return 180 / std::numbers::pi * std::acos(std::clamp(e.entry_W.dot(n), -1.0, 1.0));
+    };
+    std::snprintf(
+        line, sizeof line,
+        "          came in %.0f deg off the place's normal; force turned by %.0f deg, to %.0f "
+        "deg off the normal; edges %.0f and %.0f deg off it\n",
+        degrees(place.n_W), degrees((e.p_WP - e.p_WH).normalized()),
+        180 / std::numbers::pi *
+            std::acos(std::clamp((e.p_WP - e.p_WH).normalized().dot(place.n_W), -1.0, 1.0)),
+        degrees(place.out_W[0]), degrees(place.out_W[1]));
     out << line;
   }
   const auto names = missed();

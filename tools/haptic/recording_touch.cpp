@@ -24,22 +24,23 @@ namespace {
 
 constexpr double kFrame_s = 1.0 / 30;
 
-// Frame of the recording that plays as number i: forward, back, forward.
-int played(int i, int count) {
-  const int round = 2 * (count - 1), k = i % round;
+// Frame of the recording that plays as number i: forward, back, forward; or back first.
+int played(int i, int count, bool from_end) {
+  const int round = 2 * (count - 1), k = (i + (from_end ? count - 1 : 0)) % round;
   return k < count ? k : round - k;
 }
 
 // The recording through fusion, frame by frame, in virtual time.
 class Player {
  public:
-  Player(rt::NonRealtime& nrt, const FusionSequence& sequence)
+  Player(rt::NonRealtime& nrt, const FusionSequence& sequence, bool from_end)
       : sequence_(sequence),
+        from_end_(from_end),
         task_(std::make_unique<tasks::FusionTask>(nrt, config(), setup(sequence))),
         feed_(*task_) {}
   // The next frame; no window.
   void next() {
-    sequence_.frame(played(count_, sequence_.size()), feed_.frame());
+    sequence_.frame(played(count_, sequence_.size(), from_end_), feed_.frame());
     feed_.frame().exposure = rt::time_from_ns(0) + rt::Nanos{std::llround(1e9 * kFrame_s * count_)};
     feed_.frame().seq = static_cast<std::uint64_t>(count_++);
     integrated_ += feed_.step(nullptr).integrated ? 1 : 0;
@@ -69,6 +70,7 @@ class Player {
     return s;
   }
   const FusionSequence& sequence_;
+  bool from_end_;
   std::unique_ptr<tasks::FusionTask> task_;
   FusionFeed feed_;
   int count_ = 0, integrated_ = 0;
@@ -133,6 +135,7 @@ class Toucher {
     row_.force_max_N = std::max(row_.force_max_N, f.norm());
     row_.step_max_N = std::max(row_.step_max_N, t.step_N);
     const std::uint64_t sunk = pops_.sunk(), flipped = pops_.flipped();
+    const Vec3 entry = pops_.entry_W();
     pops_.judge(t.in_contact, out_.state.p_WP, out_.state.p_WH, t.blend);
     const Vec3 before = std::exchange(p_WP_, out_.state.p_WP);
     if (!t.in_contact) {
@@ -155,7 +158,7 @@ class Toucher {
     here.pops += fell || turned ? 1 : 0;
     if ((jump || fell || turned) && row_.events.size() < 60) {
       row_.events.push_back({1e-3 * static_cast<double>(tick_.k), t.step_raw_N, t.blend, place,
-                             jump, turned, fell, out_.state.p_WH, out_.state.p_WP, before});
+                             jump, turned, fell, out_.state.p_WH, out_.state.p_WP, before, entry});
     }
   }
   tasks::HapticTask task_;
@@ -190,7 +193,7 @@ void cast_surface(const tasks::FusionTask& fusion, const perception::Intrinsics&
 std::vector<MapPath> paths_on_final_map(std::ostream& progress, rt::NonRealtime& nrt,
                                         const FusionSequence& sequence,
                                         const RecordingTouchOptions& o, int frames) {
-  Player player(nrt, sequence);
+  Player player(nrt, sequence, o.from_end);
   std::vector<Pose> views;
   Vec3 up = Vec3::Zero();
   for (int i = 0; i < frames; ++i) {
@@ -211,9 +214,12 @@ std::vector<MapPath> paths_on_final_map(std::ostream& progress, rt::NonRealtime&
     options.seed = o.seed + static_cast<std::uint64_t>(i);
     options.seconds = o.seconds;
     options.first = o.first;
+    options.seen_s = kFrame_s * o.frames;
     paths.push_back(
         make_map_path(player.task().map(), sequence.intrinsics, views, up.normalized(), options));
-    progress << "path of seed " << options.seed << "\n";
+    const auto& of = paths.back().chosen_from;
+    progress << "path of seed " << options.seed << ": of " << of[0] << " walls, " << of[1]
+             << " tops, " << of[2] << " edges, " << of[3] << " corners\n";
   }
   return paths;
 }
@@ -272,7 +278,7 @@ RecordingTouchResult touch_recording(std::ostream& progress, const RecordingTouc
 
   RecordingTouchResult r;
   r.seconds = o.seconds;
-  Player player(nrt, sequence);
+  Player player(nrt, sequence, o.from_end);
   std::vector<std::unique_ptr<Hand>> hands;
   for (const MapPath& path : paths) hands.push_back(std::make_unique<Hand>(nrt, path, o.beside));
   std::unique_ptr<HapticRunWriter> writer;

@@ -19,8 +19,9 @@ namespace teletact {
 
 struct RecordingTouchOptions {
   std::string rgbd;
-  int frames = 150;     // of the recording, played forward and back
-  double seconds = 60;  // of virtual time
+  int frames = 150;       // of the recording, played forward and back
+  bool from_end = false;  // begins with the last of them
+  double seconds = 60;    // of virtual time
   std::uint64_t seed = 1;
   int paths = 1;                     // of this seed and those after it, all over one fusion
   std::optional<Place::Kind> first;  // where a path begins; none: at what is seen first
@@ -48,7 +49,8 @@ struct TouchedRow {
     int place = -1;
     bool jump = false, flipped = false, sunk = false;
     perception::Vec3 p_WH = perception::Vec3::Zero(), p_WP = perception::Vec3::Zero(),
-                     p_before_WP = perception::Vec3::Zero();  // proxy, a tick before
+                     p_before_WP = perception::Vec3::Zero(),  // proxy, a tick before
+        entry_W = perception::Vec3::Zero();                   // n_entry of the contact
   };
   std::vector<Event> events;               // the first 60 jumps and pops
   std::vector<float> force_N, step_raw_N;  // a tick
