@@ -163,7 +163,7 @@ double put_in_order(std::vector<Place>& places) {
   return way;
 }
 
-// Up to sixty of each kind.
+// Up to four hundred of each kind: the more there are, the nearer each to another.
 std::vector<Place> pool_of(MapProbe& probe, const Surface& surface, const Vec3& up,
                            rt::Random& random, std::array<int, 4>& of) {
   std::vector<Place> pool;
@@ -174,7 +174,7 @@ std::vector<Place> pool_of(MapProbe& probe, const Surface& surface, const Vec3& 
     if (!surface.draw(random, p, n, range)) continue;
     const auto place = place_at(probe, p, n, up);
     if (!place || (!place->flat() && range > kFine_m)) continue;
-    if (++of[static_cast<std::size_t>(place->kind)] > 60) continue;  // enough of these
+    if (++of[static_cast<std::size_t>(place->kind)] > 400) continue;  // enough of these
     pool.push_back(*place);
     if (std::all_of(of.begin(), of.end(), [](int k) { return k >= 10; })) break;
   }
