@@ -164,7 +164,7 @@ void cross_edges(Pen& pen, const Place& place, rt::Random& random, double until)
   }
 }
 
-// Time at each place: of what the ways leave, an edge half as much as something flat, since half of it is air.
+// Time at each place: of what the ways leave, an edge three fifths of something flat, since a third of it is air.
 std::vector<double> shares(const std::vector<Place>& places, double way_m,
                            const MapPathOptions& o) {
   std::vector<double> s;
@@ -184,7 +184,7 @@ MapPath make_map_path(const perception::TsdfMap& map, const perception::Intrinsi
   MapProbe probe(map);
   rt::Random random(o.seed);
   MapPath path;
-  Round round = find_places(map, probe, camera, views, up_W, o.first, random);
+  Round round = find_places(map, probe, camera, views, up_W, o.first, o.pool, random);
   path.places = std::move(round.places);
   path.way_m = round.way_m;
   path.chosen_from = round.chosen_from;

@@ -26,6 +26,7 @@ struct MapPathOptions {
   double seconds = 60, period_s = 1e-3;
   double least_s = 3;                // at a place; more when the time is enough for all of them
   double seen_s = 5;                 // by then the map holds all of its surfaces
+  int pool = 400;                    // places of a kind that are chosen from
   std::optional<Place::Kind> first;  // begins at such a place; none: at what is seen first
 };
 

@@ -163,8 +163,8 @@ double put_in_order(std::vector<Place>& places) {
   return way;
 }
 
-// Up to four hundred of each kind: the more there are, the nearer each to another.
-std::vector<Place> pool_of(MapProbe& probe, const Surface& surface, const Vec3& up,
+// Up to `most` of each kind: the more there are, the nearer each to another.
+std::vector<Place> pool_of(MapProbe& probe, const Surface& surface, const Vec3& up, int most,
                            rt::Random& random, std::array<int, 4>& of) {
   std::vector<Place> pool;
   of = {};
@@ -174,7 +174,7 @@ std::vector<Place> pool_of(MapProbe& probe, const Surface& surface, const Vec3& 
     if (!surface.draw(random, p, n, range)) continue;
     const auto place = place_at(probe, p, n, up);
     if (!place || (!place->flat() && range > kFine_m)) continue;
-    if (++of[static_cast<std::size_t>(place->kind)] > 400) continue;  // enough of these
+    if (++of[static_cast<std::size_t>(place->kind)] > most) continue;  // enough of these
     pool.push_back(*place);
     if (std::all_of(of.begin(), of.end(), [](int k) { return k >= 10; })) break;
   }
@@ -214,11 +214,12 @@ double begin_where_seen(std::vector<Place>& places, const perception::Intrinsics
 
 Round find_places(const perception::TsdfMap& map, MapProbe& probe,
                   const perception::Intrinsics& camera, const std::vector<Pose>& views,
-                  const Vec3& up_W, std::optional<Place::Kind> first, rt::Random& random) {
+                  const Vec3& up_W, std::optional<Place::Kind> first, int pool_most,
+                  rt::Random& random) {
   const Surface surface(map, camera, views);
   const Vec3 up = refined_up(surface, up_W, random);
   std::array<int, 4> of{};
-  const std::vector<Place> pool = pool_of(probe, surface, up, random, of);
+  const std::vector<Place> pool = pool_of(probe, surface, up, pool_most, random, of);
   // The corner from which it is the shortest way, time in the air is no touch, and everything can be reached.
   std::vector<std::pair<double, std::vector<Place>>> rounds;
   for (const Place& corner : pool) {

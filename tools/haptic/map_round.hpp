@@ -22,11 +22,11 @@ struct Round {
 
 // A corner, an edge, a wall and two tops, each another surface. `views`: cameras X_WC, in the order in time, from which
 // the map's surface is looked at. `up_W` unit, roughly: gravity is found from the surfaces near it. Begins at
-// the kind `first`, or at what is seen first. Throws std::runtime_error when the map holds no wall, no edge or no corner.
+// the kind `first`, or at what is seen first. `pool`: how many of a kind are chosen from at most. Throws std::runtime_error when the map holds no wall, no edge or no corner.
 [[nodiscard]] Round find_places(const perception::TsdfMap& map, MapProbe& probe,
                                 const perception::Intrinsics& camera,
                                 const std::vector<perception::Pose>& views,
                                 const perception::Vec3& up_W, std::optional<Place::Kind> first,
-                                rt::Random& random);
+                                int pool, rt::Random& random);
 
 }  // namespace teletact

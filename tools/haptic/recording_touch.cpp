@@ -214,6 +214,7 @@ std::vector<MapPath> paths_on_final_map(std::ostream& progress, rt::NonRealtime&
     options.seed = o.seed + static_cast<std::uint64_t>(i);
     options.seconds = o.seconds;
     options.first = o.first;
+    options.pool = o.pool;
     options.seen_s = kFrame_s * o.frames;
     paths.push_back(
         make_map_path(player.task().map(), sequence.intrinsics, views, up.normalized(), options));

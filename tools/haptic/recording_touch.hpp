@@ -25,6 +25,7 @@ struct RecordingTouchOptions {
   std::uint64_t seed = 1;
   int paths = 1;                     // of this seed and those after it, all over one fusion
   std::optional<Place::Kind> first;  // where a path begins; none: at what is seen first
+  int pool = 400;                    // places of a kind that are chosen from
   bool beside = true;                // nearest and force_shading too
   std::FILE* record = nullptr;       // haptic run of the product's method, first path
 };

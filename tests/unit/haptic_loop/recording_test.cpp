@@ -16,6 +16,7 @@ TEST(RecordingTouch, HoldsForSomeSeconds) {
   o.seconds = 6;
   o.from_end = true;  // where the boxes are
   o.paths = 2;
+  o.pool = 60;
   o.first = teletact::Place::Kind::kCorner;
   o.beside = false;
   const auto r = teletact::touch_recording(std::cout, o);
