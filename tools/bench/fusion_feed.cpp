@@ -14,15 +14,24 @@ FusionFeed::FusionFeed(tasks::FusionTask& task)
       patch_(std::make_unique<perception::SurfacePatch>()),
       cost_map_(std::make_unique<perception::CostMap>()) {}
 
-const tasks::FusionTask::Out& FusionFeed::step() noexcept {
+const tasks::FusionTask::Out& FusionFeed::step(perception::SurfacePatch* window) noexcept {
+  return run(true, window, cost_map_.get());
+}
+
+void FusionFeed::look(perception::SurfacePatch& window) noexcept {
+  (void)run(false, &window, nullptr);
+}
+
+const tasks::FusionTask::Out& FusionFeed::run(bool fresh, perception::SurfacePatch* window,
+                                              perception::CostMap* cost_map) noexcept {
   rt::Tick tick;
   tick.k = k_++;
   tick.release = tick.start = frame_->exposure;
   in.frame = frame_.get();
-  in.frame_fresh = true;
+  in.frame_fresh = fresh;
   out_ = tasks::FusionTask::Out{};
-  out_.patch = patch_.get();
-  out_.cost_map = cost_map_.get();
+  out_.patch = window;
+  out_.cost_map = cost_map;
   const std::int64_t begin = rt::thread_cpu_ns();
   static_cast<void>(task_.step(tick, in, out_));
   cpu_ms_ = 1e-6 * static_cast<double>(rt::thread_cpu_ns() - begin);

@@ -19,11 +19,17 @@ class FusionFeed {
   [[nodiscard]] perception::RgbdFrame& frame() noexcept { return *frame_; }
   // What goes in beside the image (hand, odometry); stays from step to step.
   tasks::FusionTask::In in;
-  const tasks::FusionTask::Out& step() noexcept;
+  const tasks::FusionTask::Out& step() noexcept { return step(patch_.get()); }
+  // The window goes there; nullptr: none is made.
+  const tasks::FusionTask::Out& step(perception::SurfacePatch* window) noexcept;
+  // A period without an image: the window at in.hand of the map as it is, at the instant of the last step.
+  void look(perception::SurfacePatch& window) noexcept;
   [[nodiscard]] const tasks::FusionTask::Out& out() const noexcept { return out_; }
   [[nodiscard]] double cpu_ms() const noexcept { return cpu_ms_; }  // thread CPU of the last step
 
  private:
+  const tasks::FusionTask::Out& run(bool fresh, perception::SurfacePatch* window,
+                                    perception::CostMap* cost_map) noexcept;
   tasks::FusionTask& task_;
   std::unique_ptr<perception::RgbdFrame> frame_;
   std::unique_ptr<perception::SurfacePatch> patch_;

@@ -1,13 +1,15 @@
 // A hand path over a fused map, made by a seeded script: flat places, walls, an edge of something level, a corner of
 // a box. The target is 3 to 8 mm under the map's own surface and moves at 20 to 200 mm/s; between two places it goes
-// through space that was seen free. Where: map_places.hpp.
+// through space that was seen free. Where: map_round.hpp.
 // Frames: W world (= map).  SI.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
-#include "tools/haptic/map_places.hpp"
+#include "tools/haptic/map_round.hpp"
 
 namespace teletact {
 
@@ -15,12 +17,17 @@ struct MapPath {
   std::vector<Place> places;             // in the order in which they are touched
   std::vector<perception::Vec3> hand_W;  // one a tick
   std::vector<int> place;                // of each tick; -1: on the way
+  double way_m = 0;                      // through the free, once around
+  std::array<int, 4> chosen_from{};      // walls, tops, edges, corners that were found
 };
 
 struct MapPathOptions {
   std::uint64_t seed = 1;
   double seconds = 60, period_s = 1e-3;
-  double stroke_s = 10;  // at each place
+  double least_s = 3;                // at a place; more when the time is enough for all of them
+  double seen_s = 5;                 // by then the map holds all of its surfaces
+  int pool = 400;                    // places of a kind that are chosen from
+  std::optional<Place::Kind> first;  // begins at such a place; none: at what is seen first
 };
 
 // `views`, `up_W` and what is thrown: find_places().

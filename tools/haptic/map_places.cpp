@@ -3,27 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
-#include <memory>
 #include <numbers>
-#include <optional>
-#include <stdexcept>
-#include <string>
+#include <vector>
 
 #include <Eigen/Dense>
 
-#include "perception/raycast/raycast.hpp"
-#include "rt/memory/non_realtime.hpp"
-
 namespace teletact {
 
-using perception::Pose;
 using perception::Vec3;
 
 namespace {
-
-// Farther off the sensor's noise makes edges and corners of its own.
-constexpr double kFine_m = 1.8;
 
 bool level(MapProbe& probe, const Vec3& p, const Vec3& n, double within) {
   const double h = probe.height(p, n, 0.02, 0.02);
@@ -93,6 +82,15 @@ double edge_along(MapProbe& probe, const Vec3& p, const Vec3& n, const Vec3& d) 
       if (!probe.free(p + (s + beyond) * d + z * n, 0.004)) return std::nan("");
     }
   }
+  // The side of something solid goes down; one that recedes is the shadow of what was not seen.
+  const Vec3 along = n.cross(d);
+  for (const double aside : {0.0, -0.01, 0.01}) {
+    const auto side = [&](double depth) {
+      return probe.height(p + s * d + aside * along - depth * n, d, 0.03, 0.02);
+    };
+    const double shallow = side(0.003), deep = side(0.01);
+    if (deep < shallow || (aside == 0 && !(deep >= shallow))) return std::nan("");  // or unseen
+  }
   return s;
 }
 
@@ -113,8 +111,37 @@ std::vector<EdgeFound> edges_of(MapProbe& probe, const Vec3& p, const Vec3& n) {
   return found;
 }
 
-// A place about p, if there is one; most particular kind first.
-std::optional<Place> place_at(MapProbe& probe, Vec3 p, Vec3 n, const Vec3& up) {
+// Nothing else in the way of a hand that comes and goes; a tenth may be unknown.
+bool room_over(MapProbe& probe, const Vec3& p, const Vec3& n) {
+  const Axes axes(n);
+  int asked = 0, unknown = 0;
+  for (const double up : {0.02, 0.035, kLift_m}) {
+    for (const double r : {0.0, 0.025, 0.05}) {
+      for (int k = 0; k < (r > 0 ? 12 : 1); ++k) {
+        const Vec3 at = p + up * n + r * axes.at(k * std::numbers::pi / 6);
+        const double v = probe.value(at);
+        ++asked;
+        if (v < 0.005) return false;
+        if (std::isnan(v) && !probe.free(at, 0)) ++unknown;
+      }
+    }
+  }
+  return 10 * unknown <= asked;
+}
+
+bool room_at(MapProbe& probe, const Place& place) {
+  if (!room_over(probe, place.p_W, place.n_W)) return false;
+  if (place.flat()) return true;
+  const std::size_t edges = place.kind == Place::Kind::kCorner ? 2 : 1;
+  for (std::size_t i = 0; i < edges; ++i) {
+    const Vec3 beyond = place.p_W + (place.edge_m[i] + 0.03) * place.out_W[i];
+    if (!room_over(probe, beyond, place.n_W)) return false;
+  }
+  return true;
+}
+
+// Whatever is in the way; most particular kind first.
+std::optional<Place> place_of(MapProbe& probe, Vec3 p, Vec3 n, const Vec3& up) {
   Place place;
   place.p_W = p;
   place.n_W = n;
@@ -161,222 +188,13 @@ std::optional<Place> place_at(MapProbe& probe, Vec3 p, Vec3 n, const Vec3& up) {
   return place;
 }
 
-// Casts of the map, from which points are drawn.
-class Surface {
- public:
-  Surface(const perception::TsdfMap& map, const perception::Intrinsics& camera,
-          const std::vector<Pose>& views) {
-    perception::RaycastOptions options;
-    options.pixel_step = 2;
-    options.min_weight = 2;
-    for (const Pose& X_WC : views) {
-      auto maps = std::make_unique<perception::RaycastMaps>(startup_.token(), camera.width / 2,
-                                                            camera.height / 2);
-      if (perception::raycast(map, camera, X_WC, options, *maps).hits > 0) {
-        casts_.push_back(std::move(maps));
-      }
-    }
-    if (casts_.empty()) throw std::runtime_error("haptic path: the views see nothing of the map");
-  }
-  // False: that ray met nothing, or meets it at a grazing angle.
-  bool draw(rt::Random& random, Vec3& p_W, Vec3& n_W, double& range_m) const {
-    const auto& cast =
-        *casts_[static_cast<std::size_t>(random.integer(0, static_cast<int>(casts_.size()) - 1))];
-    const int u = static_cast<int>(random.integer(10, cast.width() - 11)),
-              v = static_cast<int>(random.integer(10, cast.height() - 11));
-    if (!cast.hit(u, v)) return false;
-    const Vec3 p_C = cast.vertex_C(u, v).cast<double>(), n_C = cast.normal_C(u, v).cast<double>();
-    if (!(n_C.norm() > 0.5) || -n_C.dot(p_C.normalized()) < 0.35 || p_C.z() > 3.0) return false;
-    p_W = cast.X_WC * p_C;
-    range_m = p_C.z();
-    n_W = (cast.X_WC.linear() * n_C).normalized();
-    return true;
-  }
-
- private:
-  rt::Startup startup_;
-  std::vector<std::unique_ptr<perception::RaycastMaps>> casts_;
-};
-
-// Another surface than those: not on the plane of one of them near by.
-bool apart(const std::vector<Place>& places, const Place& from) {
-  return std::none_of(places.begin(), places.end(), [&](const Place& p) {
-    const Vec3 way = from.p_W - p.p_W;
-    const bool same_plane = std::abs(way.dot(p.n_W)) < 0.03 && p.n_W.dot(from.n_W) > 0.95;
-    return way.norm() < (same_plane ? 0.6 : 0.2);
-  });
-}
-
-// What is built stands along gravity or across it: the direction near `rough` to which most normals are parallel or
-// perpendicular, then refined on those (Gupta, Arbelaez, Malik 2013).
-Vec3 refined_up(const Surface& surface, const Vec3& rough, rt::Random& random) {
-  std::vector<Vec3> normals;
-  for (int i = 0; i < 20000 && normals.size() < 2000; ++i) {
-    Vec3 p, n;
-    double range = 0;
-    if (surface.draw(random, p, n, range)) normals.push_back(n);
-  }
-  const auto across = [](double c) { return std::abs(c) < 0.12; };
-  const auto along = [](double c) { return std::abs(c) > 0.99; };
-  Vec3 best = rough;
-  int most = -1;
-  for (std::size_t i = 0; i < normals.size(); i += 4) {
-    const Vec3& up = normals[i];
-    if (up.dot(rough) < 0.6) continue;
-    int votes = 0;
-    for (const Vec3& n : normals) {
-      const double c = n.dot(up);
-      votes += across(c) || along(c) ? 1 : 0;
-    }
-    if (votes > most) {
-      most = votes;
-      best = up;
-    }
-  }
-  for (int round = 0; round < 5; ++round) {
-    Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
-    for (const Vec3& n : normals) {
-      const double c = n.dot(best);
-      if (across(c)) H += n * n.transpose();
-      if (along(c)) H -= n * n.transpose();
-    }
-    const Vec3 up = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(H).eigenvectors().col(0);
-    best = up.dot(best) < 0 ? Vec3(-up) : up;
-  }
-  return best;
-}
-
-// The way around all of them and back, through the free; negative: one can not be reached.
-double tour(Ways& ways, const std::vector<Place>& places) {
-  double sum = 0;
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    const auto way = ways.find(over(places[i]), over(places[(i + 1) % places.size()]));
-    if (way.empty()) return -1;
-    for (std::size_t k = 1; k < way.size(); ++k) sum += (way[k] - way[k - 1]).norm();
-  }
-  return sum;
-}
-
-// Around a corner, whatever is nearest to one already chosen: five places. Empty: a kind is missing.
-std::vector<Place> chosen_around(const Place& corner, const std::vector<Place>& pool) {
-  using Kind = Place::Kind;
-  std::vector<Place> chosen{corner};
-  for (const Kind kind : {Kind::kEdge, Kind::kWall, Kind::kTop, Kind::kTop, Kind::kWall}) {
-    if (chosen.size() == 5) break;
-    const Place* best = nullptr;
-    double best_way = std::numeric_limits<double>::infinity();
-    for (const Place& p : pool) {
-      if (p.kind != kind || !apart(chosen, p)) continue;
-      for (const Place& c : chosen) {
-        const double way = (c.p_W - p.p_W).norm();
-        if (way >= best_way) continue;
-        best_way = way;
-        best = &p;
-      }
-    }
-    if (best != nullptr) {
-      chosen.push_back(*best);
-    } else if (chosen.size() < 3) {
-      return {};  // no edge, no wall
-    }
-  }
-  return chosen;
-}
-
-// From the first on, each time to the nearest. Returns the way.
-double put_in_order(std::vector<Place>& places) {
-  double way = 0;
-  for (std::size_t i = 1; i < places.size(); ++i) {
-    const auto from = [&](const Place& p) { return (p.p_W - places[i - 1].p_W).norm(); };
-    const auto next =
-        std::min_element(places.begin() + static_cast<std::ptrdiff_t>(i), places.end(),
-                         [&](const Place& a, const Place& b) { return from(a) < from(b); });
-    std::iter_swap(places.begin() + static_cast<std::ptrdiff_t>(i), next);
-    way += from(places[i]);
-  }
-  return way;
-}
-
-std::vector<Place> places_on(MapProbe& probe, const Surface& surface, const Vec3& rough_up,
-                             rt::Random& random) {
-  const Vec3 up = refined_up(surface, rough_up, random);
-  std::vector<Place> pool;
-  int of[4] = {};
-  for (int i = 0; i < 60000; ++i) {
-    Vec3 p, n;
-    double range = 0;
-    if (!surface.draw(random, p, n, range)) continue;
-    const auto place = place_at(probe, p, n, up);
-    if (!place) continue;
-    const bool fine = place->kind == Place::Kind::kCorner || place->kind == Place::Kind::kEdge;
-    if (fine && range > kFine_m) continue;
-    if (++of[static_cast<int>(place->kind)] > 60) continue;  // enough of these
-    pool.push_back(*place);
-    if (std::all_of(std::begin(of), std::end(of), [](int k) { return k >= 10; })) break;
-  }
-  // The corner from which it is the shortest way, time in the air is no touch, and everything can be reached.
-  std::vector<std::pair<double, std::vector<Place>>> rounds;
-  for (const Place& corner : pool) {
-    if (corner.kind != Place::Kind::kCorner) continue;
-    std::vector<Place> chosen = chosen_around(corner, pool);
-    if (chosen.empty()) continue;
-    const double way = put_in_order(chosen) - 100.0 * static_cast<double>(chosen.size());
-    rounds.emplace_back(way, std::move(chosen));
-  }
-  std::sort(rounds.begin(), rounds.end(),
-            [](const auto& a, const auto& b) { return a.first < b.first; });
-  Ways ways(probe);
-  std::vector<Place> best;
-  double shortest = std::numeric_limits<double>::infinity();
-  std::size_t most = 0;
-  for (auto& [way, chosen] : rounds) {
-    if (chosen.size() < most || (most > 0 && way + 100.0 * static_cast<double>(most) > shortest)) {
-      break;  // no shorter even in a straight line
-    }
-    const double around = tour(ways, chosen);
-    if (around < 0 || around >= shortest) continue;
-    shortest = around;
-    most = chosen.size();
-    best = std::move(chosen);
-  }
-  if (best.empty()) {
-    throw std::runtime_error(
-        "haptic path: the map holds no wall, edge and corner with a free way between (walls, tops, "
-        "edges, corners: " +
-        std::to_string(of[0]) + ", " + std::to_string(of[1]) + ", " + std::to_string(of[2]) + ", " +
-        std::to_string(of[3]) + ")");
-  }
-  return best;
-}
-
-// The first of the views with the place in it, from its front.
-std::size_t first_seen(const Place& place, const perception::Intrinsics& camera,
-                       const std::vector<Pose>& views) {
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    const Vec3 p_C = views[i].inverse() * place.p_W;
-    if (p_C.z() < 0.3 || (views[i].linear().transpose() * place.n_W).dot(p_C) > 0) continue;
-    const double u = camera.fx * p_C.x() / p_C.z() + camera.cx,
-                 v = camera.fy * p_C.y() / p_C.z() + camera.cy;
-    if (u > 0 && u < camera.width && v > 0 && v < camera.height) return i;
-  }
-  return views.size();
-}
-
-// A map that is still growing holds what its first views saw: begins there, on something flat if there is, and goes on
-// to the nearest each time.
-void begin_where_seen(std::vector<Place>& places, const perception::Intrinsics& camera,
-                      const std::vector<Pose>& views) {
-  const auto rank = [&](const Place& p) {
-    return std::pair(first_seen(p, camera, views), static_cast<int>(p.kind));
-  };
-  const auto first =
-      std::min_element(places.begin(), places.end(),
-                       [&](const Place& a, const Place& b) { return rank(a) < rank(b); });
-  std::iter_swap(places.begin(), first);
-  (void)put_in_order(places);
-}
-
 }  // namespace
+
+std::optional<Place> place_at(MapProbe& probe, const Vec3& p_W, const Vec3& n_W, const Vec3& up_W) {
+  std::optional<Place> place = place_of(probe, p_W, n_W, up_W);
+  if (place && !room_at(probe, *place)) place.reset();
+  return place;
+}
 
 const char* name_of(Place::Kind kind) {
   switch (kind) {
@@ -390,15 +208,6 @@ const char* name_of(Place::Kind kind) {
       return "corner";
   }
   return "?";
-}
-
-std::vector<Place> find_places(const perception::TsdfMap& map, MapProbe& probe,
-                               const perception::Intrinsics& camera, const std::vector<Pose>& views,
-                               const Vec3& up_W, rt::Random& random) {
-  const Surface surface(map, camera, views);
-  auto places = places_on(probe, surface, up_W, random);
-  begin_where_seen(places, camera, views);
-  return places;
 }
 
 }  // namespace teletact

@@ -3,17 +3,18 @@
 // A place is found by probing the field alone: about a point of a ray cast of the map, on a plane fitted there.
 //   wall    upright, nine tenths of the surface within 10 mm of the plane for 100 mm around
 //   top     level, nine tenths within 4 mm for 50 mm around
-//   edge    in one direction the surface ends within 70 mm, and behind that it is free 50 mm down
+//   edge    in one direction the surface ends within 70 mm, and behind that it is free 50 mm down; its side
+//           was seen, and does not recede
 //   corner  so in two directions at 60 to 120 degrees and between them
+// and over each of them nothing else for 50 mm.
 // Frames: W world (= map).  SI.
 #pragma once
 
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <vector>
+#include <optional>
 
-#include "rt/random.hpp"
 #include "tools/haptic/map_probe.hpp"
 
 namespace teletact {
@@ -25,6 +26,7 @@ struct Place {
   std::array<perception::Vec3, 2> out_W{perception::Vec3::UnitX(),
                                         perception::Vec3::UnitY()};  // over the edges
   std::array<double, 2> edge_m{0, 0};                                // how far off p they are
+  [[nodiscard]] bool flat() const { return kind == Kind::kWall || kind == Kind::kTop; }
 };
 [[nodiscard]] const char* name_of(Place::Kind kind);
 
@@ -42,12 +44,9 @@ struct Axes {
   }
 };
 
-// A corner, an edge, a wall and two tops, each another surface, in the order in which they are touched. `views`: cameras
-// X_WC from which the map's surface is looked at. `up_W` unit, roughly: gravity is found from the surfaces near
-// it. Throws std::runtime_error when the map holds no wall, no edge or no corner.
-[[nodiscard]] std::vector<Place> find_places(const perception::TsdfMap& map, MapProbe& probe,
-                                             const perception::Intrinsics& camera,
-                                             const std::vector<perception::Pose>& views,
-                                             const perception::Vec3& up_W, rt::Random& random);
+// A place about p, a point of the surface with outward normal n, if there is one.
+[[nodiscard]] std::optional<Place> place_at(MapProbe& probe, const perception::Vec3& p_W,
+                                            const perception::Vec3& n_W,
+                                            const perception::Vec3& up_W);
 
 }  // namespace teletact

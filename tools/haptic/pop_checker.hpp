@@ -50,6 +50,7 @@ class PopChecker {
   [[nodiscard]] std::uint64_t sunk() const { return sunk_; }
   [[nodiscard]] std::uint64_t flipped() const { return flipped_; }
   [[nodiscard]] double deepest_m() const { return deepest_m_; }
+  [[nodiscard]] const perception::Vec3& entry_W() const { return entry_W_; }  // n_entry
 
  private:
   // Of one node; NaN: not observed there.

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <cstdio>
 #include <functional>
 #include <optional>
 #include <ostream>
@@ -21,12 +22,22 @@ namespace teletact {
 struct RecordingTouchOptions {
   std::string rgbd;
   std::optional<drivers::TumOptions::Pinhole> pinhole =
-      std::nullopt;     // of the recording, if it does not say
-  int frames = 150;     // of the recording at most, played forward and back
-  double seconds = 60;  // of virtual time
+      std::nullopt;       // of the recording, if it does not say
+  int frames = 150;       // of the recording at most, played forward and back
+  bool from_end = false;  // begins with the last of them
+  double seconds = 60;    // of virtual time
   std::uint64_t seed = 1;
-  bool beside = true;           // nearest and force_shading too
-  std::FILE* record = nullptr;  // haptic run of the product's method
+  int paths = 1;                     // of this seed and those after it, all over one fusion
+  std::optional<Place::Kind> first;  // where a path begins; none: at what is seen first
+  int pool = 400;                    // places of a kind that are chosen from
+  bool beside = true;                // nearest and force_shading too
+  std::FILE* record = nullptr;       // haptic run of the product's method, first path
+};
+
+// At one place, or between them.
+struct PlaceFigures {
+  double contact_s = 0, step_raw_max_N = 0;
+  std::uint64_t jumps = 0, pops = 0;
 };
 
 struct TouchedRow {
@@ -39,27 +50,42 @@ struct TouchedRow {
   double deepest_mm = 0;
   double stretch_max_mm = 0;  // from the hand to the proxy
   struct Event {
-    double t_s = 0, step_raw_N = 0;
-    bool flipped = false, sunk = false;
-    perception::Vec3 p_WH = perception::Vec3::Zero(), p_WP = perception::Vec3::Zero();
+    double t_s = 0, step_raw_N = 0, blend = 1;
+    int place = -1;
+    bool jump = false, flipped = false, sunk = false;
+    perception::Vec3 p_WH = perception::Vec3::Zero(), p_WP = perception::Vec3::Zero(),
+                     p_before_WP = perception::Vec3::Zero(),  // proxy, a tick before
+        entry_W = perception::Vec3::Zero();                   // n_entry of the contact
   };
-  std::vector<Event> events;               // the first 20 jumps and pops
+  std::vector<Event> events;               // the first 60 jumps and pops
   std::vector<float> force_N, step_raw_N;  // a tick
-  std::vector<double> place_contact_s;     // in contact at each place
+  std::vector<PlaceFigures> places;        // the last: between them
   [[nodiscard]] double jump_share() const {
     return contact > 0 ? static_cast<double>(jumps) / static_cast<double>(contact) : 0;
   }
 };
 
-struct RecordingTouchResult {
-  int frames_played = 0, integrated = 0;
-  double seconds = 0, hand_speed_max_m_per_s = 0;
+// One path.
+struct TouchedPath {
+  std::uint64_t seed = 0;
+  double seconds = 0, hand_speed_max_m_per_s = 0, way_m = 0;
   std::vector<Place> places;
   std::vector<TouchedRow> rows;                // the first is the product's method
   [[nodiscard]] int surfaces_touched() const;  // places with half a second of contact
-  [[nodiscard]] std::vector<BenchMetric> metrics() const;
+  // What of this a path of the product's method is not: two thirds of the time in contact; five surfaces, with a wall, an
+  // edge and a corner; at most 1 % of the contact ticks over K |dh| + 0.5 N, not more than two in a row; all
+  // finite; nowhere through the surface.
+  [[nodiscard]] std::vector<std::string> missed() const;
   void print(std::ostream& out) const;
-  // SVG: force, and raw step a tick, of every method over time.
+};
+
+struct RecordingTouchResult {
+  int frames_played = 0, integrated = 0;
+  double seconds = 0;
+  std::vector<TouchedPath> paths;
+  [[nodiscard]] std::vector<BenchMetric> metrics() const;  // the worst of all paths
+  void print(std::ostream& out) const;
+  // SVG, first path: force, and raw step a tick, of every method over time.
   [[nodiscard]] std::string force_drawing() const;
   [[nodiscard]] std::string step_drawing() const;
 };

@@ -65,7 +65,7 @@ struct HapticBench {
   HapticBenchOptions options;
   RecordingTouchOptions recording;
   BoundaryOptions boundary;
-  std::string svg, record;
+  std::string svg, record, first;
   void add_to(CLI::App& app) {
     app.add_option("--passes", options.passes, "haptic: over the recorded run")
         ->check(CLI::Range(1, 1000))
@@ -75,6 +75,14 @@ struct HapticBench {
     app.add_option("--virtual-seconds", recording.seconds, "haptic --rgbd: how long it is touched")
         ->check(in_range(2, 600))
         ->capture_default_str();
+    app.add_option("--paths", recording.paths,
+                   "haptic --rgbd: how many, seeds from --seed on, all over one fusion")
+        ->check(CLI::Range(1, 100))
+        ->capture_default_str();
+    app.add_option("--first-place", first,
+                   "haptic --rgbd: wall | top | edge | corner; default: "
+                   "what is seen first")
+        ->check(CLI::IsMember({"wall", "top", "edge", "corner"}));
     app.add_flag("!--no-beside", recording.beside, "haptic --rgbd: only the product's method");
     app.add_option("--record", record,
                    "haptic --rgbd: haptic run to write (teletact touch --replay)");
@@ -92,6 +100,10 @@ struct HapticBench {
   [[nodiscard]] RecordingTouchResult touch(const std::string& rgbd, std::uint64_t seed) {
     recording.rgbd = rgbd;
     recording.seed = seed;
+    for (const auto kind :
+         {Place::Kind::kWall, Place::Kind::kTop, Place::Kind::kEdge, Place::Kind::kCorner}) {
+      if (first == name_of(kind)) recording.first = kind;
+    }
     std::unique_ptr<WholeFile> file;
     if (!record.empty()) file = std::make_unique<WholeFile>(record);
     if (file) recording.record = file->get();

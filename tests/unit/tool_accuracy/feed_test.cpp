@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <memory>
 
 #include "rt/memory/non_realtime.hpp"
 #include "rt/random.hpp"
@@ -55,6 +56,19 @@ TEST(FusionFeed, HandsInWhatItsFrameHolds) {
     EXPECT_GT(feed.cpu_ms(), 0);
     EXPECT_EQ(&feed.out(), &out);
   }
+  // Windows at other hands, of the same map and the same instant.
+  auto there = std::make_unique<perception::SurfacePatch>();
+  auto here = std::make_unique<perception::SurfacePatch>();
+  feed.in.hand.seq = 1;
+  feed.in.hand.p_WH = Vec3(0, 0, 1);
+  feed.look(*here);
+  feed.in.hand.p_WH = Vec3(0.8, 0, 1);
+  feed.look(*there);
+  EXPECT_FALSE(feed.out().camera_written);
+  EXPECT_EQ(task.frames(), static_cast<std::uint64_t>(sequence.size()));
+  EXPECT_EQ(there->fused, feed.frame().exposure);
+  EXPECT_EQ(there->seq, here->seq + 1);
+  EXPECT_EQ(there->origin_node[0] - here->origin_node[0], 20);
 }
 
 }  // namespace
