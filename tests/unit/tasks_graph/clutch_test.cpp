@@ -27,7 +27,7 @@ struct Box {
   Hand hand;
   tasks::GraphConfig config;
   tasks::OperatorSetup setup;
-  tasks::OperatorCells cells{startup.token()};
+  tasks::OperatorCells cells{startup.token(), config};
   std::unique_ptr<tasks::HapticNode> node;
   rt::JobRecord record;
   std::int64_t k = 0;
