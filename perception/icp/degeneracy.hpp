@@ -19,7 +19,7 @@ namespace perception {
 
 struct DegeneracyConfig {
   double min_information =
-      1e-3;  // of the largest eigenvalue: one over the condition number allowed
+      3e-4;  // of the largest eigenvalue: one over the condition number allowed
   void describe(config::Section& s);
 };
 

@@ -212,7 +212,8 @@ Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state,
 }
 
 Vec3 with_bump_normal(const Vec3& h, const ProxyState& state, const Surface& surface) noexcept {
-  const Vec3 foot = state.rendered_WP(), out = foot - h;
+  const Vec3 foot = state.rendered_WP();
+  Vec3 out = foot - h;
   const double d = out.norm();
   if (d < 1e-9) return out;
   const Vec3 slope = relief_at(surface, foot).slope, n = out / d;

@@ -78,7 +78,11 @@ TEST(FusionAccuracy, RoomOver200Frames) {
 TEST(FusionAccuracy, EveryOtherSceneIsFollowed) {
   rt::Startup startup;
   for (const auto& [name, frames, most_mm] :
-       {std::tuple{"stairs", 30, 2.0}, {"turn", 45, 3.0}, {"sixth", 20, 3.0}, {"near", 30, 5.0}}) {
+       {std::tuple{"stairs", 30, 2.0},
+        {"turn", 45, 3.0},
+        {"sixth", 20, 3.0},
+        {"near", 30, 5.0},
+        {"turn", 200, 8.0}}) {  // the whole of it: past a wall that has next to nothing on it
     const FusionSequence sequence = synthetic_sequence(startup.token(), scene_named(name), frames);
     const FusionRun run = run_fusion(startup.token(), sequence, fusion_with_voxel(0.02));
     std::printf("  %s: claimed %.2f, ATE %.2f mm\n", name, run.claimed, run.ate_mm);
