@@ -12,7 +12,7 @@
 // model normals: their noise is independent, so a noisy flat wall does not look like structure
 // (degeneracy.hpp).
 //
-// Claimed (docs/accuracy.md): every direction constrained by the scene, or by an odometry prior whose
+// Claimed (docs/fusion.md): every direction constrained by the scene, or by an odometry prior whose
 // stated error since the last full constraint is below claim_translation_m and claim_rotation_deg,
 // and the frame is not lost. Only claimed frames may be integrated.
 #pragma once
