@@ -303,7 +303,7 @@ TEST(RealExecutor, LateReleaseBlockAndTheftLeaveTheirMarks) {
     SCOPED_TRACE(std::string(rt::name_of(c.kind)));
     const rt::Planned planned(one_fault(c.kind, "task", 6 * kMs, 2, 3, 6), {"task"});
     const Outcome o = run(tasks, 400 * kMs, light(), planned);
-    expect_balanced(o, tasks);
+    expect_balanced(o, tasks, true, planned);
     int seen = 0;  // of six; a loaded machine loses some
     for (const auto& r : o.jobs[0]) {
       EXPECT_EQ(r.injected, r.k >= 2 && (r.k - 2) % 3 == 0 ? 1 : 0) << r.k;

@@ -69,7 +69,8 @@ TEST(RealExecutorEnds, TheWatchdogIsPinnedToTheLastCoreOfItsTasks) {
   class Looks final : public Body {
    public:
     void work(const rt::Tick& tick) noexcept override {
-      if (tick.k < 3 || watchdogs > 0) return;
+      if (tick.k < 3) return;
+      watchdogs = 0;  // the last look counts: a thread has its name before its CPU
       for (const auto& t : std::filesystem::directory_iterator("/proc/self/task")) {
         std::string name;
         std::ifstream(t.path() / "comm") >> name;

@@ -112,11 +112,32 @@ TEST(RealThreads, InjectedFaultsBesideTheTasks) {
     std::vector<rt::PlacedTask> tasks{spread("task", 100, body, 0), spread("other", 500, other, 1)};
     const rt::Planned planned(one_fault(kind, "task", 2, 2 * kMs, 3), {"task", "other"});
     const Outcome o = run(tasks, 300 * kMs, ordinary(), planned);
-    expect_balanced(o, tasks);
+    expect_balanced(o, tasks, true, planned);
     for (const auto& r : o.jobs[0])
       EXPECT_EQ(r.injected, r.k >= 2 && (r.k - 2) % 3 == 0 ? 1 : 0) << r.k;
     for (const auto& r : o.jobs[1]) EXPECT_EQ(r.injected, 0) << r.k;
   }
+}
+
+// Every tenth release comes 4 ms late, and the job before runs until 2 ms after its nominal instant: it drops the
+// one between and no more.
+class RunsOver final : public Body {
+ public:
+  void work(const rt::Tick& tick) noexcept override {
+    if (tick.k % 10 == 5 && tick.skipped > 0) seen = true;
+    if (tick.k % 10 == 3) burn_until(rt::ns_of(tick.release) + 22 * kMs);
+  }
+  std::atomic<bool> seen{false};
+};
+
+TEST(RealThreads, ALateReleaseIsNotDroppedByAJobThatEndsBeforeItArrives) {
+  RunsOver body;
+  std::vector<rt::PlacedTask> tasks{spread("late", 100, body, 0)};
+  const rt::Planned planned(one_fault(rt::FaultKind::kLateRelease, "late", 5, 4 * kMs, 10),
+                            {"late"});
+  const Outcome o = run(tasks, kCap, ordinary(), planned, 0, nullptr, &body.seen);
+  expect_balanced(o, tasks, false, planned);
+  EXPECT_TRUE(body.seen) << "in none of 600 rounds";
 }
 
 }  // namespace
