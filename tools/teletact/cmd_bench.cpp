@@ -170,6 +170,8 @@ int cmd_bench(int argc, char** argv) {
   app.add_option("--runs", table1.runs, "table1: passes, of which the median is taken")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
+  app.add_flag("!--no-fixed-voxel", table1.fixed_voxel,
+               "table1: without the second table (voxels of 10 mm, cubes of N x 10 mm)");
   std::string data;
   std::uint64_t seed = 1;
   app.add_option("--data", data,
@@ -242,7 +244,9 @@ int cmd_bench(int argc, char** argv) {
       table1.rgbd.clear();
     }
     if (what == "table1") {
-      take(bench_table1(std::cerr, table1));
+      const Table1Result result = bench_table1(std::cerr, table1);
+      take(result);
+      faults = result.missed();
     } else {
       take(peer.run(table1.rgbd));
     }

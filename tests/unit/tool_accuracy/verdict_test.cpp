@@ -9,7 +9,6 @@
 #include "tools/accuracy/fusion_study.hpp"
 #include "tools/bench/drift.hpp"
 #include "tools/bench/fusion_peer.hpp"
-#include "tools/bench/table1.hpp"
 
 namespace teletact {
 namespace {
@@ -77,46 +76,6 @@ TEST(Verdict, PeersHaveTargets) {
   result.rows.push_back(row);
   EXPECT_THAT(printed(result), HasSubstr(">= 9, our ATE"));
   EXPECT_THAT(printed(result), HasSubstr("missed"));
-}
-
-TEST(Verdict, Table1HasThePapersColumnBesideTheSameWork) {
-  Table1Result result;
-  Table1Row& row = result.rows.emplace_back();
-  row.sequence = "recording", row.isa = "avx2", row.edge = 512;
-  row.frame = {10.11, 12, 14};
-  row.with_object = {12.22, 15, 17};
-  row.followed = 90, row.touches = 2, row.frames = row.claimed = 100;
-  row.memory_MiB = 55.5, row.keyframes_MiB = 4.5, row.rss_MiB = 321;
-  const std::string text = printed(result);
-  EXPECT_THAT(text, HasSubstr("38.8    27.3 |  12.22  15.00  17.00 |  10.11  12.00  14.00"));
-  EXPECT_THAT(text, HasSubstr("55.5       4.5   321"));
-  const auto all = result.metrics();
-  const auto value = [&](const std::string& name) {
-    for (const auto& m : all)
-      if (m.name == name) return m.value;
-    return kNaN;
-  };
-  EXPECT_EQ(value("table1.512.memory_MiB"), 55.5);
-  EXPECT_EQ(value("table1.512.keyframes_MiB"), 4.5);
-  EXPECT_EQ(value("table1.512.rss_MiB"), 321);
-  EXPECT_EQ(value("table1.512.seg_fusion_cpu_ms"), 12.22);
-}
-
-TEST(Verdict, AShortRecordingIsMeasured) {
-  std::ostringstream said;
-  Table1Options options;
-  options.edges = {64};
-  options.frames = 14, options.runs = 1;
-  options.two_threads = false;
-  options.isas = {"auto"};
-  const Table1Result r = bench_table1(said, options);
-  ASSERT_EQ(r.rows.size(), 1u);
-  const Table1Row& row = r.rows.front();
-  EXPECT_EQ(row.frames, 14);
-  EXPECT_GT(row.frame.p50, 0);
-  EXPECT_GT(row.keyframes_MiB, 0);
-  EXPECT_GT(row.memory_MiB, row.keyframes_MiB);
-  EXPECT_GT(row.rss_MiB, row.memory_MiB);
 }
 
 TEST(Verdict, AnErrorCountsOnlyWhereEnoughWasClaimed) {

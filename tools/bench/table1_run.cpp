@@ -20,19 +20,7 @@
 
 namespace teletact {
 
-const std::array<const char*, Table1Row::kStages> Table1Row::kStageNames{
-    "filter+pyramid", "ICP",    "fuse: ready", "fuse: allocate", "fuse: update", "fuse: carve",
-    "ray cast",       "ground", "cost map",    "patch",          "rest"};
-
 namespace {
-
-// Paper, Table 1: total and, of it, segmentation with fusion, ms a frame on a GTX 670.
-struct Paper {
-  int edge;
-  double total_ms, fusion_ms;
-};
-constexpr Paper kPaper[] = {
-    {64, 16.4, 11.8}, {128, 20.3, 14.3}, {256, 22.2, 15.5}, {384, 31.9, 22.5}, {512, 38.8, 27.3}};
 
 double quantile(std::vector<double> v, double q) {
   if (v.empty()) return std::numeric_limits<double>::quiet_NaN();
@@ -48,21 +36,36 @@ double resident_bytes() {
   return resident * static_cast<double>(sysconf(_SC_PAGESIZE));
 }
 
-constexpr double kClaimedShare = 0.98;  // below it a trajectory error says nothing
-
 Table1Row::Figures figures(const std::vector<double>& v) {
   return {quantile(v, 0.5), quantile(v, 0.95), quantile(v, 1.0)};
 }
 
-tasks::FusionConfig config_of(int edge, bool recording) {
+// What one row is made of.
+struct Cube {
+  int edge;
+  bool fixed_voxel;
+};
+
+tasks::FusionConfig config_of(const Cube& cube, bool recording) {
   tasks::FusionConfig config;
   // A cube of 5.12 m at 10 mm is 8^3 chunks; the room of the synthetic sequence holds more surface.
   config.tsdf.max_blocks = recording ? 10240 : 12288;
   config.tsdf.max_chunks = 768;
   config.tsdf.far_store_kib = 0;  // nothing of the cube is far
-  config.tsdf.voxel_size_m = 5.12 / edge;
+  config.tsdf.voxel_size_m = 5.12 / cube.edge;
   config.tsdf.truncation_m = 0.05;  // the map raises it to 2.1 voxels
   config.view_period_frames = 0;
+  if (cube.fixed_voxel) {
+    config.tsdf.voxel_size_m = Table1Row::kFixedVoxel_m;
+    config.tsdf.volume_m = Table1Row::kFixedVoxel_m * cube.edge;
+    // What lies behind the cube is no reading, or all of it would count against the tracking.
+    const double depth_m = std::min(config.tsdf.max_depth_m, config.tsdf.volume_m);
+    config.tsdf.max_depth_m = config.tracker.preprocess.depth_max_m = depth_m;
+    // No more than the cube can hold; chunks need not lie along its faces.
+    const int blocks = cube.edge / 8 + 1, chunks = cube.edge / 64 + 1;
+    config.tsdf.max_blocks = std::min(config.tsdf.max_blocks, blocks * blocks * blocks);
+    config.tsdf.max_chunks = std::min(config.tsdf.max_chunks, chunks * chunks * chunks);
+  }
   return config;
 }
 
@@ -158,12 +161,12 @@ FrameTimes timed(BenchPool* crew, Step&& step) {
 }
 
 // One pass over the sequence; with a crew in `two` instead of in the figures of one thread.
-Table1Row pass(const FusionSequence& sequence, int edge, int first_frame, bool with_object,
+Table1Row pass(const FusionSequence& sequence, const Cube& cube, int first_frame, bool with_object,
                BenchPool* crew = nullptr) {
   rt::Startup startup;
   tasks::FusionSetup setup;
   setup.camera = sequence.intrinsics;
-  tasks::FusionConfig config = config_of(edge, sequence.name == "recording");
+  tasks::FusionConfig config = config_of(cube, sequence.name == "recording");
   config.objects.enabled = with_object;
   tasks::FusionTask task(startup.token(), config, setup);
   Toucher toucher;
@@ -177,7 +180,8 @@ Table1Row pass(const FusionSequence& sequence, int edge, int first_frame, bool w
   Table1Row row;
   row.sequence = sequence.name;
   row.isa = perception::simd::name_of(perception::simd::chosen());
-  row.edge = edge;
+  row.edge = cube.edge;
+  row.fixed_voxel = cube.fixed_voxel;
   row.frames = sequence.size();
   std::vector<double> whole, real_wall, own_cpu, worker_cpu, forks;
   std::array<std::vector<double>, Table1Row::kStages> stages;
@@ -222,8 +226,9 @@ Table1Row pass(const FusionSequence& sequence, int edge, int first_frame, bool w
   row.followed = static_cast<int>(followed.size());
   row.touches = toucher.touches;
   for (std::size_t s = 0; s < stages.size(); ++s) row.stages[s] = figures(stages[s]);
-  row.ate_mm = row.claimed >= kClaimedShare * row.frames ? error.ate_mm()
-                                                         : std::numeric_limits<double>::quiet_NaN();
+  row.ate_mm = row.claimed >= Table1Row::kClaimedShare * row.frames
+                   ? error.ate_mm()
+                   : std::numeric_limits<double>::quiet_NaN();
   constexpr double kMiB = 1.0 / 1048576.0;
   row.keyframes_MiB = kMiB * static_cast<double>(task.keyframes().memory_bytes());
   row.memory_MiB =
@@ -258,12 +263,13 @@ Table1Row::Figures over(const std::vector<Table1Row>& passes, Get&& get) {
 
 // The passes with a worker beside.
 void add_two_threads(const FusionSequence& sequence, const Table1Options& options, Table1Row& row) {
+  const Cube cube{row.edge, row.fixed_voxel};
   BenchPool crew(1);
   std::vector<Table1Row> plain, touched;
   for (int n = 0; n < options.runs; ++n) {
-    plain.push_back(pass(sequence, row.edge, options.first_frame, false, &crew));
+    plain.push_back(pass(sequence, cube, options.first_frame, false, &crew));
     if (sequence.has_colour)
-      touched.push_back(pass(sequence, row.edge, options.first_frame, true, &crew));
+      touched.push_back(pass(sequence, cube, options.first_frame, true, &crew));
   }
   row.two = plain.back().two;
   row.two.fork_us = 1e-3 * static_cast<double>(crew.round_trip_ns());
@@ -279,14 +285,14 @@ void add_two_threads(const FusionSequence& sequence, const Table1Options& option
   for (const auto& r : plain) row.other_load = std::max(row.other_load, r.other_load);
 }
 
-Table1Row row_of(const FusionSequence& sequence, int edge, const Table1Options& options) {
+Table1Row row_of(const FusionSequence& sequence, const Cube& cube, const Table1Options& options) {
   std::vector<Table1Row> runs;
   for (int n = 0; n < options.runs; ++n)
-    runs.push_back(pass(sequence, edge, options.first_frame, false));
+    runs.push_back(pass(sequence, cube, options.first_frame, false));
   Table1Row row = runs.back();
   std::vector<Table1Row> touched;
   for (int n = 0; n < options.runs && sequence.has_colour; ++n)
-    touched.push_back(pass(sequence, edge, options.first_frame, true));
+    touched.push_back(pass(sequence, cube, options.first_frame, true));
   const auto over_runs = [&](auto get) { return over(runs, get); };
   row.frame = over_runs([](const Table1Row& r) { return r.frame; });
   if (!touched.empty()) {
@@ -326,7 +332,7 @@ Table1Result bench_table1(std::ostream& progress, const Table1Options& options) 
   for (const auto& sequence : sequences) {
     for (const int edge : options.edges) {
       progress << sequence.name << " " << edge << "^3\n";
-      result.rows.push_back(row_of(sequence, edge, options));
+      result.rows.push_back(row_of(sequence, {edge, false}, options));
     }
     Table1Options once = options;
     once.runs = 1;
@@ -334,144 +340,17 @@ Table1Result bench_table1(std::ostream& progress, const Table1Options& options) 
     for (std::size_t n = 1; n < options.isas.size(); ++n) {
       if (!perception::simd::choose(options.isas[n])) continue;  // not on this machine
       progress << sequence.name << " " << options.edges.back() << "^3 " << options.isas[n] << "\n";
-      result.rows.push_back(row_of(sequence, options.edges.back(), once));
+      result.rows.push_back(row_of(sequence, {options.edges.back(), false}, once));
       result.rows.back().beside = true;
     }
     static_cast<void>(perception::simd::choose(options.isas.front()));
+    for (const int edge : options.edges) {
+      if (!options.fixed_voxel) break;
+      progress << sequence.name << " cube of " << edge << " x 10 mm\n";
+      result.rows.push_back(row_of(sequence, {edge, true}, options));
+    }
   }
   return result;
-}
-
-// The paper's fusion column is segmentation and fusion together: ours with an object stands beside it.
-void Table1Result::print_table(std::ostream& out) const {
-  char line[320];
-  out << "Table 1: ms a frame, cube of 5.12 m; CPU of our frame, one thread; the paper's GTX 670 "
-         "beside\n"
-         "                           |      paper      | ours: seg+fusion     | fusion             "
-         " "
-         " |\n"
-         "sequence     N^3  voxel    isa | total seg+fus |    p50    p95    max |    p50    p95    "
-         "max | claimed  ATE mm | blocks   MiB keyframes   RSS\n";
-  for (const auto& r : rows) {
-    const auto* paper = std::find_if(std::begin(kPaper), std::end(kPaper),
-                                     [&](const Paper& p) { return p.edge == r.edge; });
-    const bool known = paper != std::end(kPaper);
-    char both[64] = "     -      -      -";
-    if (r.followed > 0) {
-      std::snprintf(both, sizeof both, "%6.2f %6.2f %6.2f", r.with_object.p50, r.with_object.p95,
-                    r.with_object.max);
-    }
-    std::snprintf(line, sizeof line,
-                  "%-10s %5d %4.0f mm %6s | %5.1f %7.1f | %s | %6.2f %6.2f %6.2f | %3d/%3d %7.1f | "
-                  "%6d %5.1f %9.1f %5.0f%s\n",
-                  r.sequence.c_str(), r.edge, 5120.0 / r.edge, r.isa.c_str(),
-                  known ? paper->total_ms : 0, known ? paper->fusion_ms : 0, both, r.frame.p50,
-                  r.frame.p95, r.frame.max, r.claimed, r.frames, r.ate_mm, r.blocks, r.memory_MiB,
-                  r.keyframes_MiB, r.rss_MiB, r.measured() ? "" : "  (not measured: others' load)");
-    out << line;
-    if (!r.measured()) {
-      std::snprintf(line, sizeof line, "           others used %.2f of a core, 0.05 is allowed\n",
-                    r.other_load);
-      out << line;
-    }
-  }
-}
-
-void Table1Result::print(std::ostream& out) const {
-  char line[256];
-  print_table(out);
-  out << "\nof seg+fusion the object, ms a frame\n";
-  for (const auto& r : rows) {
-    if (r.followed == 0) continue;
-    std::snprintf(line, sizeof line,
-                  "%-10s %5d %6s | %5.2f p95 %5.2f max %5.2f | %d frames, %d touches\n",
-                  r.sequence.c_str(), r.edge, r.isa.c_str(), r.object.p50, r.object.p95,
-                  r.object.max, r.followed, r.touches);
-    out << line;
-  }
-  print_two_threads(out);
-  out << "\nstages, p50 (p95) ms\n";
-  for (const auto& r : rows) {
-    std::snprintf(line, sizeof line, "%s %d^3 %s:", r.sequence.c_str(), r.edge, r.isa.c_str());
-    out << line;
-    for (std::size_t s = 0; s < r.stages.size(); ++s) {
-      std::snprintf(line, sizeof line, "%s %s %.2f (%.2f)", s == 0 ? "" : ",",
-                    Table1Row::kStageNames[s], r.stages[s].p50, r.stages[s].p95);
-      out << line;
-    }
-    out << "\n";
-  }
-}
-
-void Table1Result::print_two_threads(std::ostream& out) const {
-  char line[256];
-  out << "\ntwo threads, ms a frame: wall = CPU of the longer thread of every stage + fork and "
-         "join; real "
-         "wall holds the machine's other work: an upper bound\n"
-         "sequence     N^3 | paper fusion | wall p50    p95    max | with object | real p50    p95 "
-         "| own "
-         "CPU  worker | forks x us\n";
-  for (const auto& r : rows) {
-    if (r.two.forks <= 0) continue;
-    const auto* paper = std::find_if(std::begin(kPaper), std::end(kPaper),
-                                     [&](const Paper& p) { return p.edge == r.edge; });
-    std::snprintf(line, sizeof line,
-                  "%-10s %5d | %12.1f | %8.2f %6.2f %6.2f | %11.2f | %8.2f %6.2f | %7.2f %7.2f | "
-                  "%.0f x %.1f%s\n",
-                  r.sequence.c_str(), r.edge, paper != std::end(kPaper) ? paper->fusion_ms : 0,
-                  r.two.wall.p50, r.two.wall.p95, r.two.wall.max, r.two.wall_with_object.p50,
-                  r.two.real_wall.p50, r.two.real_wall.p95, r.two.own_cpu.p50, r.two.worker_cpu.p50,
-                  r.two.forks, r.two.fork_us,
-                  r.two.real_time ? "" : " (no real-time priority permitted: may hold waits)");
-    out << line;
-  }
-  out << "stages with two threads, the way through without fork and join, p50 (p95) ms\n";
-  for (const auto& r : rows) {
-    if (r.two.forks <= 0) continue;
-    std::snprintf(line, sizeof line, "%s %d^3:", r.sequence.c_str(), r.edge);
-    out << line;
-    for (std::size_t s = 0; s + 1 < r.stages.size(); ++s) {
-      std::snprintf(line, sizeof line, "%s %s %.2f (%.2f)", s == 0 ? "" : ",",
-                    Table1Row::kStageNames[s], r.two.stages[s].p50, r.two.stages[s].p95);
-      out << line;
-    }
-    out << "\n";
-  }
-}
-
-std::vector<BenchMetric> Table1Result::metrics() const {
-  std::vector<BenchMetric> m;
-  for (const auto& r : rows) {
-    const std::string row = "table1." + (r.sequence == "recording" ? "" : r.sequence + ".") +
-                            (r.beside ? r.isa + "." : "") + std::to_string(r.edge);
-    m.push_back({row + ".fusion_cpu_ms", r.frame.p50, "ms"});
-    m.push_back({row + ".fusion_cpu_p95_ms", r.frame.p95, "ms"});
-    m.push_back({row + ".fusion_cpu_max_ms", r.frame.max, "ms"});
-    if (r.followed > 0) {
-      m.push_back({row + ".seg_fusion_cpu_ms", r.with_object.p50, "ms"});
-      m.push_back({row + ".seg_fusion_cpu_p95_ms", r.with_object.p95, "ms"});
-      m.push_back({row + ".seg_fusion_cpu_max_ms", r.with_object.max, "ms"});
-      m.push_back({row + ".object_cpu_ms", r.object.p50, "ms"});
-      m.push_back({row + ".object_frames", static_cast<double>(r.followed), "1"});
-    }
-    if (r.two.forks > 0) {
-      m.push_back({row + ".wall2_ms", r.two.wall.p50, "ms"});
-      m.push_back({row + ".wall2_p95_ms", r.two.wall.p95, "ms"});
-      m.push_back({row + ".wall2_real_ms", r.two.real_wall.p50, "ms"});
-      m.push_back({row + ".cpu2_own_ms", r.two.own_cpu.p50, "ms"});
-      m.push_back({row + ".cpu2_worker_ms", r.two.worker_cpu.p50, "ms"});
-      m.push_back({row + ".fork_us", r.two.fork_us, "us"});
-      if (r.followed > 0) m.push_back({row + ".seg_wall2_ms", r.two.wall_with_object.p50, "ms"});
-    }
-    m.push_back({row + ".claimed", static_cast<double>(r.claimed), "1"});
-    m.push_back({row + ".blocks_refused", static_cast<double>(r.refused), "1"});
-    m.push_back({row + ".memory_MiB", r.memory_MiB, "MiB"});
-    m.push_back({row + ".keyframes_MiB", r.keyframes_MiB, "MiB"});
-    m.push_back({row + ".rss_MiB", r.rss_MiB, "MiB"});
-    m.push_back({row + ".other_load_cores", r.other_load, "1"});
-    if (std::isfinite(r.ate_mm)) m.push_back({row + ".ate_mm", r.ate_mm, "mm"});
-  }
-  return m;
 }
 
 }  // namespace teletact
