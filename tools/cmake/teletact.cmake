@@ -72,16 +72,18 @@ add_custom_target(sanitize_tests)
 add_custom_target(threads_tests)
 
 # teletact_test(<name> [DEPS ours...] [PACKAGES ...] [LABELS ...] [TIMEOUT s] [NO_GUARD] [NO_SANITIZE]
-#               [NEEDS_FAULTS] [SLOW] [LONG_TESTS pattern...])
+#               [NEEDS_FAULTS] [SLOW] [LONG_TESTS pattern...] [ALONE_TESTS pattern...])
 # Every .cpp of the calling folder becomes one GoogleTest program test_<name>. The allocation and
 # lock guard is linked in unless NO_GUARD or a sanitizer is on. Labels: unit; sanitize (run by
 # tools/test --all with AddressSanitizer and UBSan) unless NO_SANITIZE, which is for what takes
 # minutes or runs the whole program, or LABELS timing; LABELS threads: run with ThreadSanitizer too. NEEDS_FAULTS: not declared when
 # TELETACT_FAULTS is OFF, for it runs a planned executor. Sanitizers get five times the TIMEOUT. LABELS timing: nothing runs beside it.
 # SLOW: begun before the others, so that it does not run alone at the end. LONG_TESTS: tests that repeat for minutes what others do
-# once; a sanitizer, which takes ten times as long, runs the program without them.
+# once; a sanitizer, which takes ten times as long, runs the program without them. ALONE_TESTS: tests that compare CPU times; what
+# another core does changes them (shared cache, shared execution units), so each is a test of its own with nothing beside it; a
+# sanitizer, under which a CPU time is not the product's, runs them with the others.
 function(teletact_test name)
-  cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS;SLOW" "TIMEOUT" "DEPS;PACKAGES;LABELS;LONG_TESTS"
+  cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS;SLOW" "TIMEOUT" "DEPS;PACKAGES;LABELS;LONG_TESTS;ALONE_TESTS"
     ${ARGN})
   if(A_NEEDS_FAULTS AND NOT TELETACT_FAULTS)
     return()
@@ -113,9 +115,19 @@ function(teletact_test name)
       add_dependencies(${label}_tests test_${name})
     endif()
   endforeach()
+  if(TELETACT_SANITIZE)
+    set(without ${A_LONG_TESTS})
+  else()
+    set(without ${A_ALONE_TESTS})
+    foreach(pattern ${A_ALONE_TESTS})
+      add_test(NAME ${name}.${pattern} COMMAND test_${name} --gtest_filter=${pattern})
+      set_tests_properties(${name}.${pattern} PROPERTIES TIMEOUT ${A_TIMEOUT} LABELS "${labels}"
+        RUN_SERIAL TRUE FAIL_REGULAR_EXPRESSION "Running 0 tests")
+    endforeach()
+  endif()
   set(filter)
-  if(TELETACT_SANITIZE AND A_LONG_TESTS)
-    string(JOIN ":" filter ${A_LONG_TESTS})
+  if(without)
+    string(JOIN ":" filter ${without})
     set(filter --gtest_filter=-${filter})
   endif()
   add_test(NAME ${name} COMMAND test_${name} ${filter})
