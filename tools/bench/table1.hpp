@@ -3,8 +3,8 @@
 //
 //   row          a cube of 5.12 m with N voxels an edge: voxel 5.12 m / N, truncation max(50 mm, 2.1 voxels)
 //   second table for information: the voxel stays at 10 mm, and the volume is a cube of N x 10 mm in front of the
-//                first camera, nothing kept outside; a pool no larger than what the cube can hold. Little of what
-//                the camera sees lies in the small ones: "claimed" says where it was lost
+//                first camera, nothing kept outside; a pool no larger than what the cube can hold, no reading farther
+//                than its edge. Little of what the camera sees lies in the small ones: "claimed" says where it was lost
 //   frame CPU    thread CPU from the decoded images to published pose, patch and cost map: filter, pyramid,
 //                ICP, allocation, depth and colour integration, tracking ray cast, patch copy, cost map;
 //                neither file decoding nor the view. Median, p95, max over frames `first_frame` ..
