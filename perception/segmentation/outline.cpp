@@ -92,13 +92,10 @@ void OutlineRefiner::find_wanted(const Half& half) noexcept {
 
 bool OutlineRefiner::find_lacking(ImageView<const Rgb> rgb) noexcept {
   bool any = false;
-  for (int v = 0; v < rgb.height; ++v) {
-    const Rgb* row = rgb.row(v);
+  for (int v = 0; v < rgb.height; ++v) any = any || may_lack_colour(rgb.row(v), rgb.width);
+  for (int v = 0; any && v < rgb.height; ++v) {
     std::uint8_t* known = known_.data() + static_cast<std::ptrdiff_t>(v) * rgb.width;
-    const bool look = may_lack_colour(row, rgb.width);
-    any = any || look;
-    if (!look) std::fill_n(known, rgb.width, std::uint8_t{1});
-    for (int u = 0; look && u < rgb.width; ++u) known[u] = has_colour(row[u]) ? 1 : 0;
+    for (int u = 0; u < rgb.width; ++u) known[u] = has_colour(rgb.at(u, v)) ? 1 : 0;
   }
   return any;
 }
