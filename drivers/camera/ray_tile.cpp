@@ -123,7 +123,8 @@ void mix(RayTile& tile, const std::uint32_t* level, perception::Rgb c, std::int6
   for (int i = 0; i < kN; ++i) {
     const std::uint32_t l = level[i];
     const std::uint32_t colour = (r * l >> 8U) | ((g * l >> 8U) << 8U) | ((b * l >> 8U) << 16U);
-    tile.colour[i] = tile.id[i] == id ? colour : tile.colour[i];
+    const std::uint32_t lifted = colour != 0 ? colour : 0x010101U;  // no_colour.hpp
+    tile.colour[i] = tile.id[i] == id ? lifted : tile.colour[i];
   }
 }
 

@@ -2,7 +2,8 @@
 //
 // Pixels are cast in tiles; a tile looks only at the shapes whose bounding sphere touches its
 // frustum, and each of them goes over the whole tile at once, in double precision. Without noise a
-// pixel's depth is World::ray_cast's, rounded to the nearest millimetre.
+// pixel's depth is World::ray_cast's, rounded to the nearest millimetre. Where nothing is there is no colour either
+// (perception/geometry/no_colour.hpp).
 #pragma once
 
 #include <cstdint>

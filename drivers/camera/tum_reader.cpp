@@ -9,6 +9,7 @@
 #include "drivers/camera/image_header.hpp"
 #include "drivers/camera/intrinsics_file.hpp"
 #include "drivers/camera/tum_files.hpp"
+#include "perception/geometry/no_colour.hpp"
 
 namespace drivers {
 
@@ -36,7 +37,7 @@ std::uint16_t to_mm(std::uint16_t raw, double units_per_metre) {
   return mm < 65535.0 ? static_cast<std::uint16_t>(mm) : std::uint16_t{0};
 }
 
-Rgb to_rgb(const cv::Vec3b& bgr) { return {bgr[2], bgr[1], bgr[0]}; }
+Rgb to_rgb(const cv::Vec3b& bgr) { return perception::lifted({bgr[2], bgr[1], bgr[0]}); }
 
 }  // namespace
 
@@ -258,7 +259,7 @@ void TumSequence::register_colour(const cv::Mat& colour, RgbdFrame& out) const {
     const Seen& s = seen[i];
     const bool visible =
         s.u >= 0 && s.z <= nearest[static_cast<std::size_t>(s.v * colour.cols + s.u)] * 1.04F;
-    out.colour[i] = visible ? to_rgb(colour.at<cv::Vec3b>(s.v, s.u)) : Rgb{};
+    out.colour[i] = visible ? to_rgb(colour.at<cv::Vec3b>(s.v, s.u)) : perception::kNoColour;
   }
 }
 

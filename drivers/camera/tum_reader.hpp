@@ -33,7 +33,7 @@ namespace drivers {
 struct TumOptions {
   // Files with colour_registration.txt: false leaves colour out (has_colour = false), true looks
   // each depth pixel up in the colour image, hidden ones (behind a nearer surface as the colour
-  // camera sees it) get black. Without that file colour counts as registered.
+  // camera sees it), ones outside it and ones without a reading get no colour (no_colour.hpp). Without that file colour counts as registered.
   bool register_colour = false;
   // 640 x 480 to 512 x 424 by nearest pixel: scale 424/480, then a centre crop; f 585 becomes
   // 516.75.

@@ -1,11 +1,15 @@
 #include "drivers/link/colour_codec.hpp"
 
 #include <algorithm>
+#include <array>
 #include <stdexcept>
 #include <vector>
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+
+#include "drivers/link/colour_mask.hpp"
+#include "perception/geometry/no_colour.hpp"
 
 namespace drivers {
 
@@ -24,6 +28,7 @@ struct ColourCodec::State {
   cv::Mat decoded;
   std::vector<std::uint8_t> jpeg;
   std::vector<int> params;
+  std::array<std::uint8_t, kMostColourMaskBytes> mask;
 };
 
 ColourCodec::ColourCodec(rt::NonRealtime&, const ColourCodecConfig& config)
@@ -64,6 +69,38 @@ void shrink(ImageView<const Rgb> in, cv::Mat& out) noexcept {
   }
 }
 
+// The same where pixels may lack colour: of those that have it; else what was there last.
+void shrink_lacking(ImageView<const Rgb> in, cv::Mat& out) noexcept {
+  cv::Vec3b last(128, 128, 128);
+  for (int v = 0; v < out.rows; ++v) {
+    const Rgb *a = in.row(2 * v), *b = in.row(std::min(2 * v + 1, in.height - 1));
+    auto* to = out.ptr<cv::Vec3b>(v);
+    for (int u = 0; u < out.cols; ++u) {
+      const int l = 2 * u, r = std::min(2 * u + 1, in.width - 1);
+      int sum[3] = {0, 0, 0}, n = 0;
+      for (const Rgb& c : {a[l], a[r], b[l], b[r]}) {
+        sum[0] += c.b, sum[1] += c.g, sum[2] += c.r;
+        n += perception::has_colour(c) ? 1 : 0;
+      }
+      for (int c = 0; n > 0 && c < 3; ++c)
+        last[c] = static_cast<std::uint8_t>((sum[c] + n / 2) / n);
+      to[u] = last;
+    }
+  }
+}
+
+void copy_lacking(ImageView<const Rgb> in, cv::Mat& out) noexcept {
+  cv::Vec3b last(128, 128, 128);
+  for (int v = 0; v < out.rows; ++v) {
+    const Rgb* from = in.row(v);
+    auto* to = out.ptr<cv::Vec3b>(v);
+    for (int u = 0; u < out.cols; ++u) {
+      if (perception::has_colour(from[u])) last = {from[u].b, from[u].g, from[u].r};
+      to[u] = last;
+    }
+  }
+}
+
 void copy_in(ImageView<const Rgb> in, cv::Mat& out) noexcept {
   for (int v = 0; v < out.rows; ++v) {
     const Rgb* from = in.row(v);
@@ -99,26 +136,34 @@ void copy_out(const cv::Mat& in, ImageView<Rgb> out) noexcept {
 
 }  // namespace
 
-std::size_t ColourCodec::encode(ImageView<const Rgb> image, std::span<std::uint8_t> out) noexcept {
+std::size_t ColourCodec::encode(ImageView<const Rgb> image, std::span<std::uint8_t> out,
+                                std::span<const std::uint16_t> depth_mm) noexcept {
   if (image.width < 1 || image.height < 1 || image.width > RgbdFrame::kMaxWidth ||
       image.height > RgbdFrame::kMaxHeight) {
     return 0;
   }
   State& s = *state_;
   const bool half = s.config.half;
+  const std::size_t mask = write_colour_mask(image, depth_mm, s.mask);
   try {
     cv::Mat bgr = s.bgr(cv::Rect(0, 0, half ? (image.width + 1) / 2 : image.width,
                                  half ? (image.height + 1) / 2 : image.height));
-    half ? shrink(image, bgr) : copy_in(image, bgr);
-    if (!cv::imencode(".jpg", bgr, s.jpeg, s.params) || s.jpeg.size() > out.size()) return 0;
+    if (mask > 0)
+      half ? shrink_lacking(image, bgr) : copy_lacking(image, bgr);
+    else
+      half ? shrink(image, bgr) : copy_in(image, bgr);
+    if (!cv::imencode(".jpg", bgr, s.jpeg, s.params) || s.jpeg.size() + mask > out.size()) return 0;
   } catch (...) {  // OpenCV's exceptions, bad_alloc: the frame goes without colour
     return 0;
   }
-  std::copy(s.jpeg.begin(), s.jpeg.end(), out.begin());
-  return s.jpeg.size();
+  // The mask comes first behind the marker that begins every JPEG.
+  const auto rest = std::copy_n(s.jpeg.begin(), 2, out.begin());
+  std::copy(s.jpeg.begin() + 2, s.jpeg.end(), std::copy_n(s.mask.begin(), mask, rest));
+  return s.jpeg.size() + mask;
 }
 
-bool ColourCodec::decode(std::span<const std::uint8_t> in, ImageView<Rgb> image) noexcept {
+bool ColourCodec::decode(std::span<const std::uint8_t> in, ImageView<Rgb> image,
+                         std::span<const std::uint16_t> depth_mm) noexcept {
   const JpegSize size = jpeg_size(in);
   const bool full = size.width == image.width && size.height == image.height;
   const bool half = size.width == (image.width + 1) / 2 && size.height == (image.height + 1) / 2;
@@ -132,7 +177,10 @@ bool ColourCodec::decode(std::span<const std::uint8_t> in, ImageView<Rgb> image)
   } catch (...) {
     return false;
   }
-  return true;
+  for (int v = 0; v < image.height; ++v)
+    if (perception::may_lack_colour(image.row(v), image.width))
+      perception::lift_black({image.row(v), image.width, 1, image.width});
+  return apply_colour_mask(in, depth_mm, image);
 }
 
 JpegSize jpeg_size(std::span<const std::uint8_t> in) noexcept {

@@ -1,6 +1,6 @@
 // An RGB-D frame as it crosses the link: a header and two blobs, depth (lossless) and colour
-// (JPEG). Fixed capacity, so it lives in a prefaulted channel slot; on the wire it has only its
-// real length.
+// (JPEG, with a mask of the pixels that have none: colour_mask.hpp). Fixed capacity, so it lives in a
+// prefaulted channel slot; on the wire it has only its real length.
 //
 // Wire form, little-endian (write_wire / read_wire), kWireHeader bytes and then the blobs:
 //   u32 magic "TTF1", u8 box, u8 flags (1 = colour), u16 width, u16 height, u16 0,

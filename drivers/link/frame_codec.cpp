@@ -90,7 +90,8 @@ FrameStatus encode(const RgbdFrame& frame, rt::Box box, bool with_colour,
                                               {out.bytes.data(), EncodedFrame::kMaxDepthBytes}));
   if (!with_colour || !frame.has_colour) return FrameStatus::kOk;
   const std::size_t size = scratch.colour.encode(
-      frame.rgb(), {out.bytes.data() + out.depth_size, EncodedFrame::kMaxColourBytes});
+      frame.rgb(), {out.bytes.data() + out.depth_size, EncodedFrame::kMaxColourBytes},
+      {frame.depth_mm.data(), pixels(frame.intrinsics)});
   if (size == 0) return FrameStatus::kNoColour;
   out.has_colour = true;
   out.colour_size = static_cast<std::uint32_t>(size);
@@ -111,7 +112,9 @@ FrameStatus decode(const EncodedFrame& frame, rt::Time exposure, FrameCodecScrat
     return FrameStatus::kBadDepth;
   }
   if (!frame.has_colour) return FrameStatus::kOk;
-  if (!scratch.colour.decode(frame.colour(), out.rgb())) return FrameStatus::kNoColour;
+  if (!scratch.colour.decode(frame.colour(), out.rgb(),
+                             {out.depth_mm.data(), pixels(frame.intrinsics)}))
+    return FrameStatus::kNoColour;
   out.has_colour = true;
   return FrameStatus::kOk;
 }

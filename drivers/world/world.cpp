@@ -6,6 +6,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "perception/geometry/no_colour.hpp"
 #include "rt/random.hpp"
 
 namespace drivers {
@@ -244,7 +245,7 @@ Rgb surface_colour(const Shape& s, const Vec3& p_S) noexcept {
                                           lattice_index(p_S.z(), s.lattice_offset_m.z(), inverse),
                                           s.paint.texture, pattern_depth(s.paint), s.paint_seed);
   const auto dim = [level](std::uint8_t c) { return static_cast<std::uint8_t>(c * level >> 8U); };
-  return {dim(s.paint.colour.r), dim(s.paint.colour.g), dim(s.paint.colour.b)};
+  return perception::lifted({dim(s.paint.colour.r), dim(s.paint.colour.g), dim(s.paint.colour.b)});
 }
 
 RayHit World::ray_cast(const Vec3& origin_W, const Vec3& dir_W) const noexcept {

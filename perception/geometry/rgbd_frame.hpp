@@ -27,7 +27,7 @@ struct RgbdFrame {
   Intrinsics intrinsics{};  // of the depth image; colour is registered to it when has_colour
   bool has_colour = false;
   std::array<std::uint16_t, kMaxPixels> depth_mm{};  // row-major, width x height; 0 = no reading
-  std::array<Rgb, kMaxPixels> colour{};
+  std::array<Rgb, kMaxPixels> colour{};              // exactly black: none there (no_colour.hpp)
 
   [[nodiscard]] ImageView<std::uint16_t> depth() noexcept {
     return {depth_mm.data(), intrinsics.width, intrinsics.height, intrinsics.width};

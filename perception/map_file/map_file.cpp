@@ -13,7 +13,7 @@ namespace perception {
 namespace {
 
 constexpr char kMagic[8] = {'t', 'e', 'l', 'e', 't', 'm', 'a', 'p'};
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 
 struct Header {
   char magic[8];

@@ -2,7 +2,7 @@
 // by. So a camera finds itself again in a map of yesterday.
 //
 //   header, 96 bytes, little-endian
-//     0  "teletmap"              8  uint32 version (1)         12  uint32 bytes of the header (96)
+//     0  "teletmap"              8  uint32 version (2)         12  uint32 bytes of the header (96)
 //    16  uint32 chunks          20  uint32 blocks              24  uint32 keyframes
 //    28  uint16 cells of a thumbnail: width, height            32  double voxel_size_m, truncation_m
 //    48  uint64 bytes that follow                              56  uint64 Hash64 of them
@@ -10,7 +10,8 @@
 //   chunks: uint32 bytes, then the record (tsdf/chunk_record.hpp), by rising coordinates
 //   keyframes: 12 doubles (R_WC row by row, then t_WC in m), depth cells, brightness cells
 //
-// The same map gives the same bytes. Reading takes bytes of anybody: the header is checked against the size
+// Version 1 counted no readings apart from colours and took black for a colour where there was none: it is refused
+// by its number. The same map gives the same bytes. Reading takes bytes of anybody: the header is checked against the size
 // of the file before anything is allocated, every number against what a map can hold, and nothing of a bad
 // file is kept. Errors are one line: file, what, allowed range.
 #pragma once

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "perception/geometry/no_colour.hpp"
 #include "perception/objects/object_map.hpp"
 
 namespace perception {
@@ -165,10 +166,7 @@ void ObjectMap::summarise_object(const TsdfMap& map, MapObject& object) noexcept
                          Vec3(8 * at.x + (n >> 6), 8 * at.y + ((n >> 3) & 7), 8 * at.z + (n & 7)))
                             .cast<float>();
     const std::uint32_t c = map.block_colours(b)[n];
-    if (c >> 24U == 0) return;
-    colours_[coloured++] = {static_cast<std::uint8_t>(c & 0xffU),
-                            static_cast<std::uint8_t>((c >> 8U) & 0xffU),
-                            static_cast<std::uint8_t>((c >> 16U) & 0xffU)};
+    if (coloured_readings_of(c) > 0) colours_[coloured++] = colour_of(c);
   });
   object.summary = summarise({points_.data(), points}, {colours_.data(), coloured}, scratch_);
   stats_.work += 4 * points;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "perception/geometry/no_colour.hpp"
 #include "perception/raycast/hint_kernel.hpp"
 #include "perception/raycast/ray_march.hpp"
 #include "perception/simd/isa.hpp"
@@ -241,7 +242,7 @@ class Caster {
     Rgb c;
     const double z = static_cast<double>(record[3]);
     const Vec3 p_C = out_.intrinsics.unproject(u, v, z);
-    if (!march_.reader().colour(out_.X_WC * p_C, c)) return {128, 128, 128};
+    if (!march_.reader().colour(out_.X_WC * p_C, c)) return kNeutral;
     return c;
   }
 

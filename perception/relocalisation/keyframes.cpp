@@ -6,6 +6,8 @@
 #include <limits>
 #include <numbers>
 
+#include "perception/geometry/no_colour.hpp"
+
 namespace perception {
 
 namespace {
@@ -26,36 +28,44 @@ std::uint8_t depth_code(float z_m) noexcept {
   return static_cast<std::uint8_t>(std::clamp(std::lround(code), 1L, 255L));
 }
 
-// Mean brightness of 3 x 3 pixels spread over the cell.
+constexpr int kNoGrey = -1;
+
+// Mean brightness of those of 3 x 3 pixels spread over the cell that have colour.
 int cell_grey(ImageView<const Rgb> colour, int i, int j) noexcept {
-  int sum = 0;
+  int sum = 0, coloured = 0;
   for (int b = 0; b < 3; ++b) {
     for (int a = 0; a < 3; ++a) {
       const int u = cell_to_pixel(3 * i + a, 3 * Thumbnail::kWidth, colour.width);
       const int v = cell_to_pixel(3 * j + b, 3 * Thumbnail::kHeight, colour.height);
       const Rgb c = colour.at(u, v);
       sum += 2 * c.r + 5 * c.g + c.b;
+      coloured += has_colour(c) ? 1 : 0;
     }
   }
-  return sum / 72;
+  return coloured == 0 ? kNoGrey : sum / (8 * coloured);
 }
 
 void fill_grey(ImageView<const Rgb> colour, Thumbnail& out) noexcept {
   std::array<int, Thumbnail::kCells> raw;
   std::int64_t sum = 0, squares = 0;
+  int cells = 0;
   for (int j = 0; j < Thumbnail::kHeight; ++j) {
     for (int i = 0; i < Thumbnail::kWidth; ++i) {
       const int g = cell_grey(colour, i, j);
       raw[static_cast<std::size_t>(j * Thumbnail::kWidth + i)] = g;
+      if (g == kNoGrey) continue;
+      ++cells;
       sum += g;
       squares += std::int64_t{g} * g;
     }
   }
-  const double mean = static_cast<double>(sum) / Thumbnail::kCells;
-  const double variance = static_cast<double>(squares) / Thumbnail::kCells - mean * mean;
+  if (cells == 0) return;
+  const double mean = static_cast<double>(sum) / cells;
+  const double variance = static_cast<double>(squares) / cells - mean * mean;
   if (variance < 4) return;  // a blank picture shows no place
   const double gain = 40 / std::sqrt(variance);
   for (std::size_t k = 0; k < raw.size(); ++k) {
+    if (raw[k] == kNoGrey) continue;
     out.grey[k] =
         static_cast<std::uint8_t>(std::clamp(std::lround(128 + gain * (raw[k] - mean)), 1L, 255L));
   }

@@ -1,9 +1,11 @@
 #include "perception/segmentation/lab.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 
+#include "perception/geometry/no_colour.hpp"
 #include "perception/segmentation/lab_kernel.hpp"
 
 namespace perception {
@@ -60,6 +62,14 @@ Lab lab_of(Rgb c) noexcept {
 
 LabImage::LabImage(int max_width, int max_height) {
   for (auto& p : planes_) p.resize(static_cast<std::size_t>(max_width * max_height));
+  known_.resize(static_cast<std::size_t>(max_width * max_height));
+}
+
+// The row of known_, for one that may lack colour.
+float* LabImage::lacking(int row) noexcept {
+  if (complete_) std::fill_n(known_.begin(), width_ * height_, 1.0F);
+  complete_ = false;
+  return known_.data() + static_cast<std::ptrdiff_t>(row) * width_;
 }
 
 void lab_row(const Rgb* pixels, int count, float* L, float* a, float* b) noexcept {
@@ -75,20 +85,49 @@ void lab_row(const Rgb* pixels, int count, float* L, float* a, float* b) noexcep
 void LabImage::set(ImageView<const Rgb> rgb) noexcept {
   width_ = rgb.width;
   height_ = rgb.height;
+  complete_ = true;
   for (int v = 0; v < height_; ++v) {
     const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(v) * width_;
     lab_row(rgb.row(v), width_, planes_[0].data() + row, planes_[1].data() + row,
             planes_[2].data() + row);
+    if (!may_lack_colour(rgb.row(v), width_)) continue;
+    float* known = lacking(v);
+    for (int u = 0; u < width_; ++u) known[u] = has_colour(rgb.at(u, v)) ? 1.0F : 0.0F;
   }
+}
+
+// No colour is no light: it adds nothing to the sums.
+void LabImage::half_row_lacking(const Rgb* above, const Rgb* below, int v) noexcept {
+  const auto& l = kTables.light;
+  const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(v) * width_;
+  float* known = lacking(v);
+  convert_row(width_, planes_[0].data() + row, planes_[1].data() + row, planes_[2].data() + row,
+              [&](int first, int n, Light& out) {
+                const Rgb *p = above + 2 * first, *q = below + 2 * first;
+                for (int i = 0; i < n; ++i, p += 2, q += 2) {
+                  const int count =
+                      has_colour(p[0]) + has_colour(p[1]) + has_colour(q[0]) + has_colour(q[1]);
+                  const float share = 1.0F / static_cast<float>(std::max(count, 1));
+                  out.red[i] = share * (l[p[0].r] + l[p[1].r] + l[q[0].r] + l[q[1].r]);
+                  out.green[i] = share * (l[p[0].g] + l[p[1].g] + l[q[0].g] + l[q[1].g]);
+                  out.blue[i] = share * (l[p[0].b] + l[p[1].b] + l[q[0].b] + l[q[1].b]);
+                  known[first + i] = count > 0 ? 1.0F : 0.0F;
+                }
+              });
 }
 
 void LabImage::set_half(ImageView<const Rgb> rgb) noexcept {
   width_ = rgb.width / 2;
   height_ = rgb.height / 2;
+  complete_ = true;
   const auto& l = kTables.light;
   for (int v = 0; v < height_; ++v) {
     const Rgb *above = rgb.row(2 * v), *below = rgb.row(2 * v + 1);
     const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(v) * width_;
+    if (may_lack_colour(above, 2 * width_) || may_lack_colour(below, 2 * width_)) {
+      half_row_lacking(above, below, v);
+      continue;
+    }
     convert_row(width_, planes_[0].data() + row, planes_[1].data() + row, planes_[2].data() + row,
                 [&](int first, int n, Light& out) {
                   const Rgb *p = above + 2 * first, *q = below + 2 * first;

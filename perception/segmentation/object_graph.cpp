@@ -144,17 +144,19 @@ void ObjectGraph::free_coloured_support(const SurfacePatches& patches,
   for (int i = 0; i < patches.count(); ++i) {
     if (!support_[static_cast<std::size_t>(i)]) continue;
     const SurfacePiece& p = patches.piece(i);
-    L += static_cast<double>(p.L) * p.pixels;
-    a += static_cast<double>(p.a) * p.pixels;
-    b += static_cast<double>(p.b) * p.pixels;
-    n += p.pixels;
+    L += static_cast<double>(p.L) * p.coloured;
+    a += static_cast<double>(p.a) * p.coloured;
+    b += static_cast<double>(p.b) * p.coloured;
+    n += p.coloured;
   }
+  support_has_colour_ = n > 0;
   if (!(n > 0)) return;
   const auto ma = static_cast<float>(a / n), mb = static_cast<float>(b / n);
   support_colour_ = {static_cast<float>(L / n), ma, mb};
   for (int i = 0; i < patches.count(); ++i) {
     const SurfacePiece& p = patches.piece(i);
-    if (std::hypot(p.a - ma, p.b - mb) > c.flat_colour) support_[static_cast<std::size_t>(i)] = 0;
+    if (p.coloured > 0 && std::hypot(p.a - ma, p.b - mb) > c.flat_colour)
+      support_[static_cast<std::size_t>(i)] = 0;
   }
 }
 
@@ -253,19 +255,26 @@ void ObjectGraph::combine() noexcept {
   }
 }
 
+float ObjectGraph::colour_difference(const Region& a, const Region& b) noexcept {
+  if (!(a.n > 0) || !(b.n > 0)) return kNotKnown;
+  const float dL = 0.5F * (a.L / a.n - b.L / b.n), da = a.a / a.n - b.a / b.n,
+              db = a.b / a.n - b.b / b.n;
+  return std::sqrt(dL * dL + da * da + db * db);
+}
+
 bool ObjectGraph::merge_round(const ObjectGraphConfig& c) noexcept {
   std::fill_n(best_.begin(), pieces_, -1);
   for (int k = 0; k < edge_count_; ++k) {
     Edge& e = edges_[static_cast<std::size_t>(k)];
     const Region &a = sums_[static_cast<std::size_t>(e.a)],
                  &b = sums_[static_cast<std::size_t>(e.b)];
-    const float dL = 0.5F * (a.L / a.n - b.L / b.n), da = a.a / a.n - b.a / b.n,
-                db = a.b / a.n - b.b / b.n;
-    const float colour = std::sqrt(dL * dL + da * da + db * db);
-    const float alike = std::exp(-colour / c.colour_scale);
+    // Colours that nobody knows speak neither for one object nor for two.
+    const float colour = colour_difference(a, b);
+    const float alike = colour < 0 ? 0.0F : std::exp(-colour / c.colour_scale);
+    const float unlike = colour < 0 ? 0.0F : 1 - alike;
     const float area = std::min(a.area_cm2, b.area_cm2);
     const float valley = c.concave_weight * e.concave / e.length * (1 - c.same_colour * alike) +
-                         c.colour_weight * (1 - alike);
+                         c.colour_weight * unlike;
     const float step = c.step_weight * e.step / e.length * (1 - c.same_colour_step * alike);
     e.cost = 2 * area * (valley / (area + c.area_cm2) + step / (area + c.step_area_cm2));
     for (const int r : {e.a, e.b}) {
@@ -349,12 +358,9 @@ ObjectGraph::Face ObjectGraph::largest_face(const SurfacePatches& patches, int r
 
 bool ObjectGraph::same_behind_occluder(const SurfacePatches& patches, int region_a, int region_b,
                                        const ObjectGraphConfig& c) noexcept {
-  const Region &ra = sums_[static_cast<std::size_t>(region_a)],
-               &rb = sums_[static_cast<std::size_t>(region_b)];
-  const float dL = 0.5F * (ra.L / ra.n - rb.L / rb.n);
-  const float colour = std::sqrt(dL * dL + std::pow(ra.a / ra.n - rb.a / rb.n, 2.0F) +
-                                 std::pow(ra.b / ra.n - rb.b / rb.n, 2.0F));
-  if (colour > c.occluded_colour) return false;
+  if (colour_difference(sums_[static_cast<std::size_t>(region_a)],
+                        sums_[static_cast<std::size_t>(region_b)]) > c.occluded_colour)
+    return false;
   if (region_a != asked_region_) {
     asked_face_ = largest_face(patches, region_a);
     asked_region_ = region_a;
@@ -395,7 +401,7 @@ void ObjectGraph::build(const SurfacePatches& patches, const SupportPlane& plane
   for (int i = 0; i < pieces_; ++i) {
     const auto k = static_cast<std::size_t>(i);
     const SurfacePiece& p = patches.piece(i);
-    const auto n = static_cast<float>(p.pixels);
+    const auto n = static_cast<float>(p.coloured);
     const float side_m = p.centre.z() * pixel;
     sums_[k] = {n * p.L, n * p.a, n * p.b, n,
                 1e4F * static_cast<float>(p.readings) * side_m * side_m};

@@ -6,7 +6,7 @@
 //             nearer of both planes
 //   concave   angle between the two planes where they form a valley (Stein et al., CVPR 2014: objects
 //             are convex, valleys lie between them)
-//   colour    difference of the regions' mean colours
+//   colour    difference of the regions' mean colours; nothing where one of them has none
 // Merged in rounds, every region with its best neighbour when the choice is mutual.
 #pragma once
 
@@ -72,6 +72,7 @@ class ObjectGraph {
   }
   // Mean colour of what was marked as support.
   [[nodiscard]] Lab support_colour() const noexcept { return support_colour_; }
+  [[nodiscard]] bool support_has_colour() const noexcept { return support_has_colour_; }
 
   // Region of a piece: >= 0, or kSupport, or kNone (no plane through it).
   [[nodiscard]] int region(int piece) const noexcept {
@@ -86,7 +87,7 @@ class ObjectGraph {
   };
   static constexpr float kNotKnown = -1;
   struct Region {
-    float L = 0, a = 0, b = 0, n = 0, area_cm2 = 0;
+    float L = 0, a = 0, b = 0, n = 0, area_cm2 = 0;  // sums over n pixels with colour
   };
   [[nodiscard]] bool fit_support(SupportPlane& plane, float aligned) const noexcept;
   void mark_support(const SurfacePatches& patches, const SupportPlane& plane,
@@ -105,7 +106,10 @@ class ObjectGraph {
     float area = 0;
   };
   [[nodiscard]] Face largest_face(const SurfacePatches& patches, int region) noexcept;
+  // Lab units, L counted half; kNotKnown where one has no colour.
+  [[nodiscard]] static float colour_difference(const Region& a, const Region& b) noexcept;
   Lab support_colour_;
+  bool support_has_colour_ = false;
   Face asked_face_;  // of asked_region_, since the last build()
   int asked_region_ = kNone;
 

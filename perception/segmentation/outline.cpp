@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "perception/geometry/no_colour.hpp"
+
 // No turn of the loop reads what another writes; clang does not know the pragma and does not need it.
 #if defined(__clang__)
 #define TELETACT_IVDEP
@@ -27,6 +29,7 @@ struct OutlineRefiner::Half {
 OutlineRefiner::OutlineRefiner(int max_width, int max_height) {
   const auto n = static_cast<std::size_t>(max_width * max_height);
   z_.resize(n);
+  known_.resize(n);
   for (auto& p : lab_) p.resize(n);
   for (auto* rows : {&raw_, &above_})
     for (auto& p : *rows) p.resize(static_cast<std::size_t>(max_width));
@@ -87,8 +90,19 @@ void OutlineRefiner::find_wanted(const Half& half) noexcept {
     }
 }
 
+bool OutlineRefiner::find_lacking(ImageView<const Rgb> rgb) noexcept {
+  bool any = false;
+  for (int v = 0; v < rgb.height; ++v) any = any || may_lack_colour(rgb.row(v), rgb.width);
+  for (int v = 0; any && v < rgb.height; ++v) {
+    std::uint8_t* known = known_.data() + static_cast<std::ptrdiff_t>(v) * rgb.width;
+    for (int u = 0; u < rgb.width; ++u) known[u] = has_colour(rgb.at(u, v)) ? 1 : 0;
+  }
+  return any;
+}
+
 // Colours, smoothed by 1-2-1 in both directions so that sensor noise makes no ridges. At the ends of a run
-// of wanted pixels the mean is one-sided: nothing looks there.
+// of wanted pixels the mean is one-sided: nothing looks there. It is beside pixels without colour, too.
+template <bool kLacking>
 void OutlineRefiner::convert(ImageView<const Rgb> rgb, const Half& half) noexcept {
   const int w = box_.width, h = box_.height;
   const auto each_run = [&](int v, auto&& fn) {
@@ -106,6 +120,15 @@ void OutlineRefiner::convert(ImageView<const Rgb> rgb, const Half& half) noexcep
       for (std::size_t k = 0; k < 3; ++k) {
         const float* in = raw_[k].data();
         float* out = lab_[k].data() + static_cast<std::ptrdiff_t>(v) * w + u;
+        if (kLacking) {
+          const std::uint8_t* known = known_.data() + static_cast<std::ptrdiff_t>(v) * w + u;
+          for (int i = 0; i < n; ++i) {
+            const float left = i > 0 && known[i - 1] != 0 ? in[i - 1] : in[i];
+            const float right = i + 1 < n && known[i + 1] != 0 ? in[i + 1] : in[i];
+            out[i] = 0.25F * (left + right) + 0.5F * in[i];
+          }
+          continue;
+        }
         out[0] = 0.25F * (in[0] + in[1]) + 0.5F * in[0];
         TELETACT_IVDEP
         for (int i = 1; i < n - 1; ++i) out[i] = 0.25F * (in[i - 1] + in[i + 1]) + 0.5F * in[i];
@@ -120,6 +143,19 @@ void OutlineRefiner::convert(ImageView<const Rgb> rgb, const Half& half) noexcep
         const float* below = v + 1 < h ? row + w : row;
         float* above = above_[k].data() + u;
         if (v == 0) std::copy_n(row, n, above);
+        if (kLacking) {
+          const std::uint8_t* known = known_.data() + static_cast<std::ptrdiff_t>(v) * w + u;
+          const std::uint8_t* known_above = v > 0 ? known - w : known;
+          const std::uint8_t* known_below = v + 1 < h ? known + w : known;
+          for (int i = 0; i < n; ++i) {
+            const float here = row[i];
+            const float up = known_above[i] != 0 ? above[i] : here;
+            const float down = known_below[i] != 0 ? below[i] : here;
+            row[i] = 0.25F * (up + down) + 0.5F * here;
+            above[i] = here;
+          }
+          continue;
+        }
         TELETACT_IVDEP
         for (int i = 0; i < n; ++i) {
           const float here = row[i];
@@ -169,6 +205,8 @@ int OutlineRefiner::cost(int i, int j, const OutlineConfig& c) const noexcept {
               da = lab_[1][static_cast<std::size_t>(i)] - lab_[1][static_cast<std::size_t>(j)],
               db = lab_[2][static_cast<std::size_t>(i)] - lab_[2][static_cast<std::size_t>(j)];
   float d = std::sqrt(dL * dL + da * da + db * db);
+  if (lacking_ && (known_[static_cast<std::size_t>(i)] & known_[static_cast<std::size_t>(j)]) == 0)
+    d = 0;
   const float zi = z_[static_cast<std::size_t>(i)], zj = z_[static_cast<std::size_t>(j)];
   if (zi > 0 && zj > 0) {
     const float z = std::min(zi, zj);
@@ -262,7 +300,8 @@ void OutlineRefiner::refine(ImageView<const Rgb> rgb, ImageView<const std::uint1
   distances(inside, half);
   mark(patches, plane, graph, inside, half, config);
   find_wanted(half);
-  convert(part(rgb), half);
+  lacking_ = find_lacking(part(rgb));
+  lacking_ ? convert<true>(part(rgb), half) : convert<false>(part(rgb), half);
   const int t = (touch_v - box_.v0) * box_.width + touch_u - box_.u0;
   if (touch_u >= box_.u0 && touch_v >= box_.v0 && touch_u < box_.u0 + box_.width &&
       touch_v < box_.v0 + box_.height) {

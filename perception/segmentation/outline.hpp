@@ -2,7 +2,8 @@
 // and flooded from both sides, sure object and sure rest, over the colour differences and depth steps
 // between neighbouring pixels (watershed by flooding: Meyer 1994): the two floods meet on the highest
 // ridge, be it of colour or of depth. Pixels of the object close to the support stay open too, since
-// there depth says little and colour has to.
+// there depth says little and colour has to. Between two pixels of which one has no colour (no_colour.hpp) there
+// is only the depth step.
 #pragma once
 
 #include <array>
@@ -52,7 +53,9 @@ class OutlineRefiner {
   struct Half;  // the box at half resolution
   void distances(std::span<const std::uint8_t> inside, const Half& half) noexcept;
   void find_wanted(const Half& half) noexcept;
+  template <bool kLacking>
   void convert(ImageView<const Rgb> box, const Half& half) noexcept;
+  [[nodiscard]] bool find_lacking(ImageView<const Rgb> box) noexcept;
   void mark(const SurfacePatches& patches, const SupportPlane& plane,
             const ObjectGraphConfig& graph, std::span<const std::uint8_t> inside, const Half& half,
             const OutlineConfig& config) noexcept;
@@ -66,6 +69,8 @@ class OutlineRefiner {
   std::array<std::vector<float>, 3> lab_;          // smoothed, where wanted
   std::array<std::vector<float>, 3> raw_, above_;  // a row
   std::vector<float> z_;
+  bool lacking_ = false;             // of the box: some pixel has no colour, and
+  std::vector<std::uint8_t> known_;  // these have one; else void
   // Of the box, half resolution: city-block distances; where the flood looks at colours.
   std::vector<std::int16_t> to_out_, to_in_;
   std::vector<std::uint8_t> wanted_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "perception/geometry/no_colour.hpp"
 #include "perception/segmentation/lower_median.hpp"
 
 namespace perception {
@@ -38,6 +39,24 @@ void mean_row(ImageView<const Rgb> rgb, int u, int v, int n, Rgb* out) noexcept 
   }
 }
 
+// The same where pixels may lack colour.
+void mean_row_lacking(ImageView<const Rgb> rgb, int scale, int u, int v, int n, Rgb* out) noexcept {
+  for (int i = 0; i < n; ++i) {
+    unsigned r = 0, g = 0, b = 0, count = 0;
+    for (int y = 0; y < scale; ++y) {
+      const Rgb* p = rgb.row(scale * v + y) + static_cast<std::ptrdiff_t>(scale) * (u + i);
+      for (int x = 0; x < scale; ++x) {
+        r += p[x].r, g += p[x].g, b += p[x].b;
+        count += has_colour(p[x]) ? 1U : 0U;
+      }
+    }
+    const auto mean = [&](unsigned s) {
+      return static_cast<std::uint8_t>((s + count / 2) / count);
+    };
+    out[i] = count == 0 ? kNoColour : lifted({mean(r), mean(g), mean(b)});
+  }
+}
+
 }  // namespace
 
 ReducedFrame::ReducedFrame(int max_width, int max_height)
@@ -56,7 +75,13 @@ void ReducedFrame::set(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> 
   const int middle = scale / 2 - 1;
   for (int v = v0; v <= v1; ++v) {
     if (u1 >= u0) {
-      if (scale == 2)
+      bool lacking = false;
+      for (int y = 0; y < scale; ++y)
+        lacking =
+            lacking || may_lack_colour(rgb.row(scale * v + y) + scale * u0, scale * (u1 - u0 + 1));
+      if (lacking)
+        mean_row_lacking(rgb, scale, u0, v, u1 - u0 + 1, &rgb_.at(u0, v));
+      else if (scale == 2)
         mean_row<2>(rgb, u0, v, u1 - u0 + 1, &rgb_.at(u0, v));
       else
         mean_row<4>(rgb, u0, v, u1 - u0 + 1, &rgb_.at(u0, v));

@@ -1,7 +1,7 @@
 // A part of a frame at a half or a quarter of its resolution, for objects that fill the image: what a voxel
 // map can hold of an outline does not need every pixel of them.
 //
-// Pixel (u, v) covers full pixels s u .. s u + s - 1. Its colour is their mean, its reading the lower median of
+// Pixel (u, v) covers full pixels s u .. s u + s - 1. Its colour is the mean of those that have one, its reading the lower median of
 // the four in their middle: a mean would put points between two surfaces.
 #pragma once
 

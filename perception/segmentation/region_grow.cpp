@@ -78,21 +78,26 @@ float RegionGrower::distance(int i) const noexcept {
   double p[3];
   place(i, p);
   const double s = 1 / mean_.n;
-  const double dL = static_cast<double>(c.L) - mean_.L * s,
-               da = static_cast<double>(c.a) - mean_.a * s,
-               db = static_cast<double>(c.b) - mean_.b * s;
   const double dx = p[0] - mean_.x * s, dy = p[1] - mean_.y * s, dz = p[2] - mean_.z * s;
-  return static_cast<float>(std::sqrt(dL * dL + da * da + db * db) +
-                            beta_ * std::sqrt(dx * dx + dy * dy + dz * dz));
+  const double place = beta_ * std::sqrt(dx * dx + dy * dy + dz * dz);
+  if (!(mean_.coloured > 0) || !coloured(i)) return static_cast<float>(place);
+  const double sc = 1 / mean_.coloured;
+  const double dL = static_cast<double>(c.L) - mean_.L * sc,
+               da = static_cast<double>(c.a) - mean_.a * sc,
+               db = static_cast<double>(c.b) - mean_.b * sc;
+  return static_cast<float>(std::sqrt(dL * dL + da * da + db * db) + place);
 }
 
 void RegionGrower::join(int i, float d) noexcept {
   const Lab c = lab_->at(i);
   double p[3];
   place(i, p);
-  mean_.L += static_cast<double>(c.L);
-  mean_.a += static_cast<double>(c.a);
-  mean_.b += static_cast<double>(c.b);
+  if (coloured(i)) {
+    mean_.L += static_cast<double>(c.L);
+    mean_.a += static_cast<double>(c.a);
+    mean_.b += static_cast<double>(c.b);
+    mean_.coloured += 1;
+  }
   mean_.x += p[0];
   mean_.y += p[1];
   mean_.z += p[2];

@@ -6,7 +6,9 @@
 // is no depth; I(S), P(S) means over the region so far. 4-neighbours, the nearest first, added while
 // d <= threshold. A waiting pixel's d is brought up to date when it comes first, and every one's
 // before growing ends, so no pixel joins that the means of the moment refuse, and none next to the region
-// is left out that they accept; equal d goes by pixel index. Same input, same bytes.
+// is left out that they accept; equal d goes by pixel index. With depth, pixels without colour (no_colour.hpp) join by
+// place alone, and I(S) is the mean of those that have one; without depth black is a colour like any other, for there
+// is nothing else to go by. Same input, same bytes.
 #pragma once
 
 #include <cstdint>
@@ -62,8 +64,11 @@ class RegionGrower {
     }
   };
   struct Mean {
-    double L = 0, a = 0, b = 0, x = 0, y = 0, z = 0, n = 0;
+    double L = 0, a = 0, b = 0, x = 0, y = 0, z = 0, n = 0, coloured = 0;
   };
+  [[nodiscard]] bool coloured(int i) const noexcept {
+    return points_ == nullptr || lab_->coloured(i);
+  }
   void place(int i, double p[3]) const noexcept;
   [[nodiscard]] float distance(int i) const noexcept;
   void join(int i, float d) noexcept;

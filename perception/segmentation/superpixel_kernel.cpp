@@ -15,6 +15,8 @@
 namespace perception {
 namespace {
 
+constexpr int kColours = 3;  // planes
+
 // Pixels u0 to u1 of row v.
 void try_pixels(const SeedWindow& w, int v, int u0, int u1) noexcept {
   const float dv = static_cast<float>(v) - w.v, dv2 = dv * dv;
@@ -24,6 +26,7 @@ void try_pixels(const SeedWindow& w, int v, int u0, int u1) noexcept {
     for (int k = 0; k < w.plane_count; ++k) {
       const float e = w.planes[k][row + u] - w.plane[k];
       c2 += e * e;
+      if (k == kColours - 1 && w.known != nullptr) c2 *= w.known[row + u] * w.seed_known;
     }
     const float du = static_cast<float>(u) - w.u;
     const float d = std::sqrt(c2) + w.beta * std::sqrt(du * du + dv2);
@@ -47,7 +50,7 @@ using DF = hn::CappedTag<float, 8>;
 using DI = hn::RebindToSigned<DF>;
 using VF = hn::Vec<DF>;
 
-template <int N>
+template <int N, bool kAllKnown>
 void try_rows(const SeedWindow& w) {
   const DF df;
   const DI di;
@@ -58,6 +61,7 @@ void try_rows(const SeedWindow& w) {
   }
   VF seed[N];
   for (int k = 0; k < N; ++k) seed[k] = hn::Set(df, w.plane[k]);
+  const VF seed_known = hn::Set(df, w.seed_known);
   const VF seed_u = hn::Set(df, w.u), beta = hn::Set(df, w.beta), count = hn::Iota(df, 0.0F);
   const auto id = hn::Set(di, w.id);
   for (int v = w.v0; v < w.v1; ++v) {
@@ -71,6 +75,8 @@ void try_rows(const SeedWindow& w) {
       for (int k = 0; k < N; ++k) {
         const VF e = hn::Sub(hn::LoadU(df, w.planes[k] + row + u), seed[k]);
         c2 = hn::Add(c2, hn::Mul(e, e));
+        if (!kAllKnown && k == kColours - 1)
+          c2 = hn::Mul(c2, hn::Mul(hn::LoadU(df, w.known + row + u), seed_known));
       }
       const VF du = hn::Sub(hn::Add(hn::Set(df, static_cast<float>(u)), count), seed_u);
       const VF away = hn::Sqrt(hn::Add(hn::Mul(du, du), dv2));
@@ -86,10 +92,11 @@ void try_rows(const SeedWindow& w) {
 }
 
 void try_seed_rows(const SeedWindow& w) {
+  const bool all = w.known == nullptr;
   if (w.plane_count == 3)
-    try_rows<3>(w);
+    all ? try_rows<3, true>(w) : try_rows<3, false>(w);
   else
-    try_rows<4>(w);
+    all ? try_rows<4, true>(w) : try_rows<4, false>(w);
 }
 
 }  // namespace HWY_NAMESPACE

@@ -1,5 +1,6 @@
 // The inner loop of the superpixels: one seed tried on the pixels of its window. A pixel keeps the seed with
-// the least d = |I(x) - I(S)| + beta |P(x) - P(S)|, of equals the one that came first.
+// the least d = |I(x) - I(S)| + beta |P(x) - P(S)|, of equals the one that came first. Where the pixel or the seed
+// has no colour the first three planes are left out of |I(x) - I(S)|.
 #pragma once
 
 #include <cstddef>
@@ -15,6 +16,8 @@ struct SeedWindow {
   std::ptrdiff_t stride;            // pixels a row, of planes, best and nearest
   int u0, v0, u1, v1;               // half open
   float plane[kMaxPlanes], u, v;    // of the seed
+  const float* known;               // 1 where the pixel has colour, else 0; nullptr: all have it
+  float seed_known;                 // the same of the seed
   float beta;
   std::int32_t id;
   float* best;  // least distance so far

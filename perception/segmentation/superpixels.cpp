@@ -9,23 +9,28 @@
 namespace perception {
 namespace {
 
-constexpr int kSums = Superpixels::kMaxPlanes + 3;  // planes, u, v, count
+constexpr int kSums = Superpixels::kMaxPlanes + 4;  // planes, u, v, count, count of colours
+constexpr std::size_t kColours = 3;                 // planes
 constexpr int kMinSpacing = 3;
 
 // One row into the sums of its seeds, run by run of pixels with the same one: a sum is fetched and put back
 // once a run.
-template <std::size_t N>
-void add_row(std::span<const float* const> planes, const std::int32_t* nearest, int v, int width,
-             double* sums) noexcept {
+template <std::size_t N, bool kAllKnown>
+void add_row(std::span<const float* const> planes, const float* known, const std::int32_t* nearest,
+             int v, int width, double* sums) noexcept {
   constexpr std::size_t kPlanes = Superpixels::kMaxPlanes;
   const float* row[N];
   for (std::size_t k = 0; k < N; ++k) row[k] = planes[k] + static_cast<std::ptrdiff_t>(v) * width;
   for (int u = 0; u < width;) {
     const std::int32_t s = nearest[u];
     const int first = u;
-    double run[N] = {};
-    for (; u < width && nearest[u] == s; ++u)
-      for (std::size_t k = 0; k < N; ++k) run[k] += static_cast<double>(row[k][u]);
+    double run[N] = {}, coloured = 0;
+    for (; u < width && nearest[u] == s; ++u) {
+      if (!kAllKnown) coloured += static_cast<double>(known[u]);
+      for (std::size_t k = 0; k < N; ++k) {
+        if (kAllKnown || k >= kColours || known[u] != 0) run[k] += static_cast<double>(row[k][u]);
+      }
+    }
     if (s < 0) continue;
     double* sum = sums + static_cast<std::ptrdiff_t>(s) * kSums;
     const int n = u - first;
@@ -33,6 +38,7 @@ void add_row(std::span<const float* const> planes, const std::int32_t* nearest, 
     sum[kPlanes] += 0.5 * n * (first + u - 1);
     sum[kPlanes + 1] += static_cast<double>(n) * v;
     sum[kPlanes + 2] += n;
+    sum[kPlanes + 3] += kAllKnown ? n : coloured;
   }
 }
 
@@ -51,8 +57,9 @@ Superpixels::Superpixels(int max_width, int max_height) {
 }
 
 void Superpixels::run(std::span<const float* const> planes, int width, int height,
-                      const SuperpixelConfig& config) noexcept {
+                      const SuperpixelConfig& config, const float* known) noexcept {
   width_ = width;
+  known_ = known;
   height_ = height;
   count_ = 0;
   if (width <= 0 || height <= 0) return;
@@ -76,6 +83,7 @@ void Superpixels::place_seeds(std::span<const float* const> planes,
       Seed& s = seeds_[static_cast<std::size_t>(j * nx + i)];
       s.u = static_cast<float>(u);
       s.v = static_cast<float>(v);
+      s.known = known_ == nullptr ? 1.0F : known_[v * width_ + u];
       for (std::size_t k = 0; k < planes.size(); ++k) s.plane[k] = planes[k][v * width_ + u];
     }
   }
@@ -101,6 +109,7 @@ void Superpixels::assign(std::span<const float* const> planes,
     window.stride = width_;
     window.u0 = u0, window.v0 = v0, window.u1 = u1, window.v1 = v1;
     window.u = seed.u, window.v = seed.v, window.beta = beta;
+    window.known = known_, window.seed_known = seed.known;
     window.id = s;
     window.best = best_.data(), window.nearest = nearest_.data();
     try_seed(window);
@@ -111,17 +120,23 @@ void Superpixels::move_seeds(std::span<const float* const> planes) noexcept {
   std::fill_n(sums_.begin(), seeds_used_ * kSums, 0.0);
   for (int v = 0; v < height_; ++v) {
     const std::int32_t* nearest = nearest_.data() + static_cast<std::ptrdiff_t>(v) * width_;
-    if (planes.size() == 3)
-      add_row<3>(planes, nearest, v, width_, sums_.data());
-    else
-      add_row<4>(planes, nearest, v, width_, sums_.data());
+    const float* known =
+        known_ == nullptr ? nullptr : known_ + static_cast<std::ptrdiff_t>(v) * width_;
+    const auto add = known != nullptr ? (planes.size() == 3 ? add_row<3, false> : add_row<4, false>)
+                                      : (planes.size() == 3 ? add_row<3, true> : add_row<4, true>);
+    add(planes, known, nearest, v, width_, sums_.data());
   }
   for (int s = 0; s < seeds_used_; ++s) {
     const double* sum = &sums_[static_cast<std::size_t>(s * kSums)];
     const double n = sum[kMaxPlanes + 2];
     if (n <= 0) continue;
     Seed& seed = seeds_[static_cast<std::size_t>(s)];
-    for (std::size_t k = 0; k < planes.size(); ++k) seed.plane[k] = static_cast<float>(sum[k] / n);
+    const double coloured = sum[kMaxPlanes + 3];
+    seed.known = coloured > 0 ? 1.0F : 0.0F;
+    for (std::size_t k = 0; k < planes.size(); ++k) {
+      const double of = k < kColours ? coloured : n;
+      if (of > 0) seed.plane[k] = static_cast<float>(sum[k] / of);
+    }
     seed.u = static_cast<float>(sum[kMaxPlanes] / n);
     seed.v = static_cast<float>(sum[kMaxPlanes + 1] / n);
   }
@@ -134,7 +149,9 @@ void Superpixels::connect(std::span<const float* const> planes, int min_pixels) 
   std::fill_n(labels_.begin(), n, -1);
   const auto difference = [&](int i, int j) {
     float d2 = 0;
-    for (const float* p : planes) d2 += (p[i] - p[j]) * (p[i] - p[j]);
+    const bool coloured = known_ == nullptr || known_[i] * known_[j] != 0;
+    for (std::size_t k = coloured ? 0 : kColours; k < planes.size(); ++k)
+      d2 += (planes[k][i] - planes[k][j]) * (planes[k][i] - planes[k][j]);
     return d2;
   };
   for (int first = 0; first < n; ++first) {

@@ -25,8 +25,9 @@ class Superpixels {
 
   // Planes of width x height (Lab, and any further one in its scale). Afterwards labels() are
   // 0..count()-1 in raster order of each one's first pixel, each one 4-connected. Does not allocate.
+  // known: 0 where the first three planes say nothing, else 1; nullptr: they say something everywhere.
   void run(std::span<const float* const> planes, int width, int height,
-           const SuperpixelConfig& config) noexcept;
+           const SuperpixelConfig& config, const float* known = nullptr) noexcept;
 
   [[nodiscard]] int count() const noexcept { return count_; }
   [[nodiscard]] const std::vector<std::int32_t>& labels() const noexcept { return labels_; }
@@ -35,7 +36,7 @@ class Superpixels {
  private:
   struct Seed {
     float plane[kMaxPlanes] = {0, 0, 0, 0};
-    float u = 0, v = 0;
+    float u = 0, v = 0, known = 1;
   };
   void place_seeds(std::span<const float* const> planes, const SuperpixelConfig& config) noexcept;
   void assign(std::span<const float* const> planes, const SuperpixelConfig& config) noexcept;
@@ -43,6 +44,7 @@ class Superpixels {
   void connect(std::span<const float* const> planes, int min_pixels) noexcept;
 
   int width_ = 0, height_ = 0, count_ = 0, seeds_used_ = 0;
+  const float* known_ = nullptr;  // during run()
   std::vector<Seed> seeds_;
   std::vector<double> sums_;
   std::vector<float> best_;

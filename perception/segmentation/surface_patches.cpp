@@ -9,7 +9,8 @@
 namespace perception {
 namespace {
 
-constexpr int kSums = 16;  // pixels, readings, L, a, b, x y z, moments of (x, y, 1) and of 1/z
+// Pixels, readings, L, a, b, x y z, moments of (x, y, 1) and of 1/z, pixels with colour.
+constexpr int kSums = 17;
 
 }  // namespace
 
@@ -55,7 +56,7 @@ void SurfacePatches::set(ImageView<const Rgb> rgb, ImageView<const std::uint16_t
     light_[static_cast<std::size_t>(i)] = config.light_weight * lab_.plane(0)[i];
   }
   const float* const planes[] = {light_.data(), lab_.plane(1), lab_.plane(2), inverse_.data()};
-  superpixels_.run(planes, w, h, config.superpixels);
+  superpixels_.run(planes, w, h, config.superpixels, lab_.known());
   fit(config.min_readings);
 }
 
@@ -103,14 +104,17 @@ void SurfacePatches::fit(float min_readings) noexcept {
     // Run by run of one piece's pixels: its sums are fetched and put back once a run.
     for (int u = 0; u < w;) {
       const std::int32_t piece = label[u];
-      double c[4] = {0, 0, 0, 0}, r[7] = {0, 0, 0, 0, 0, 0, 0};
+      double c[5] = {0, 0, 0, 0, 0}, r[7] = {0, 0, 0, 0, 0, 0, 0};
       for (; u < w && label[u] == piece; ++u) {
         const int i = v * w + u;
-        const Lab lab = lab_.at(i);
         c[0] += 1;
-        c[1] += static_cast<double>(lab.L);
-        c[2] += static_cast<double>(lab.a);
-        c[3] += static_cast<double>(lab.b);
+        if (lab_.coloured(i)) {
+          const Lab lab = lab_.at(i);
+          c[1] += static_cast<double>(lab.L);
+          c[2] += static_cast<double>(lab.a);
+          c[3] += static_cast<double>(lab.b);
+          c[4] += 1;
+        }
         const auto z = static_cast<double>(z_[static_cast<std::size_t>(i)]);
         if (!(z > 0)) continue;
         const auto x = static_cast<double>(x_of(u));
@@ -138,6 +142,7 @@ void SurfacePatches::fit(float min_readings) noexcept {
       s[13] += r[5];
       s[14] += y * r[6];
       s[15] += r[6];
+      s[16] += c[4];
     }
   }
   for (int k = 0; k < count(); ++k) {
@@ -146,9 +151,12 @@ void SurfacePatches::fit(float min_readings) noexcept {
     p = {};
     p.pixels = static_cast<int>(s[0]);
     p.readings = static_cast<int>(s[1]);
-    p.L = static_cast<float>(s[2] / s[0]);
-    p.a = static_cast<float>(s[3] / s[0]);
-    p.b = static_cast<float>(s[4] / s[0]);
+    p.coloured = static_cast<int>(s[16]);
+    if (p.coloured > 0) {
+      p.L = static_cast<float>(s[2] / s[16]);
+      p.a = static_cast<float>(s[3] / s[16]);
+      p.b = static_cast<float>(s[4] / s[16]);
+    }
     if (s[1] < 6 || s[1] < static_cast<double>(min_readings) * s[0]) continue;
     const double n = s[1];
     p.centre = Vec3(s[5] / n, s[6] / n, s[7] / n).cast<float>();

@@ -29,11 +29,11 @@ struct HalfWindow {
 };
 
 struct SurfacePiece {
-  int pixels = 0, readings = 0;
-  float L = 0, a = 0, b = 0;
-  Vec3f centre{0, 0, 0};  // mean of its points, camera frame C, m
-  Vec3f normal{0, 0, 0};  // unit, towards the camera; zero without a plane
-  Vec3f w{0, 0, 0};       // 1/z = w . (x, y, 1), 1/m
+  int pixels = 0, readings = 0, coloured = 0;
+  float L = 0, a = 0, b = 0;  // of the pixels that have colour
+  Vec3f centre{0, 0, 0};      // mean of its points, camera frame C, m
+  Vec3f normal{0, 0, 0};      // unit, towards the camera; zero without a plane
+  Vec3f w{0, 0, 0};           // 1/z = w . (x, y, 1), 1/m
   [[nodiscard]] bool has_plane() const noexcept { return w.squaredNorm() > 0; }
 };
 

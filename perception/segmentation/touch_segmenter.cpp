@@ -47,24 +47,27 @@ void TouchSegmenter::set_frame(ImageView<const Rgb> rgb, ImageView<const std::ui
   patches_.set(rgb, depth, k, mm_per_unit, window, config_.patches);
 }
 
-Lab TouchSegmenter::colour_near(int u, int v) const noexcept {
+TouchSegmenter::Colour TouchSegmenter::colour_near(int u, int v) const noexcept {
   const int w = patches_.window().width, h = patches_.window().height;
   Lab sum;
   float n = 0;
   for (int y = std::max(0, v - 1); y <= std::min(h - 1, v + 1); ++y) {
     for (int x = std::max(0, u - 1); x <= std::min(w - 1, u + 1); ++x) {
+      if (!patches_.lab().coloured(y * w + x)) continue;
       const Lab c = patches_.lab().at(y * w + x);
       sum.L += c.L, sum.a += c.a, sum.b += c.b, n += 1;
     }
   }
-  return {sum.L / n, sum.a / n, sum.b / n};
+  if (n == 0) return {};
+  return {{sum.L / n, sum.a / n, sum.b / n}, true};
 }
 
-// Among the pixels round (u, v) that belong to a region: least of distance plus difference of colour.
+// Among the pixels round (u, v) that belong to a region: least of distance plus difference of colour, of distance
+// alone where one has none.
 int TouchSegmenter::nearest_region(int u, int v) const noexcept {
   constexpr int kReach = 12;
   const int w = patches_.window().width, h = patches_.window().height;
-  const Lab here = colour_near(u, v);
+  const Colour here = colour_near(u, v);
   int best = ObjectGraph::kNone;
   float least = 1e9F;
   for (int y = std::max(0, v - kReach); y <= std::min(h - 1, v + kReach); ++y) {
@@ -72,8 +75,9 @@ int TouchSegmenter::nearest_region(int u, int v) const noexcept {
       const int i = y * w + x;
       const int r = graph_.region(patches_.labels()[static_cast<std::size_t>(i)]);
       if (r < 0) continue;
+      const bool known = here.known && patches_.lab().coloured(i);
       const float d = 2 * std::hypot(static_cast<float>(x - u), static_cast<float>(y - v)) +
-                      colour_difference(here, patches_.lab().at(i));
+                      (known ? colour_difference(here, patches_.lab().at(i)) : 0.0F);
       if (d < least) least = d, best = r;
     }
   }
@@ -109,7 +113,8 @@ void TouchSegmenter::select_flat(int pixel) noexcept {
     for (const int j : around) {
       if (j < 0 || inside_[static_cast<std::size_t>(j)]) continue;
       if (graph_.region(patches_.labels()[static_cast<std::size_t>(j)]) >= 0) continue;
-      if (colour_difference(patches_.lab().at(j), here) > reach) continue;
+      if (!patches_.lab().coloured(j) || colour_difference(patches_.lab().at(j), here) > reach)
+        continue;
       inside_[static_cast<std::size_t>(j)] = 1;
       queue_[static_cast<std::size_t>(tail++)] = j;
     }
@@ -134,8 +139,9 @@ bool TouchSegmenter::touch(int u, int v) noexcept {
     graph_.build(patches_, plane_, config_.graph);
     int region = graph_.region(piece);
     if (region == ObjectGraph::kNone) region = nearest_region(x, y);
-    if (region == ObjectGraph::kSupport &&
-        colour_difference(colour_near(x, y), graph_.support_colour()) > config_.flat_colour) {
+    const Colour here = colour_near(x, y);
+    if (region == ObjectGraph::kSupport && here.known && graph_.support_has_colour() &&
+        colour_difference(here, graph_.support_colour()) > config_.flat_colour) {
       select_flat(pixel);
     } else if (region != ObjectGraph::kNone) {
       select_region(region);

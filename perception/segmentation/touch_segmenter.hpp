@@ -4,6 +4,7 @@
 //   - on a hole of the depth, or a piece too small for a plane: the nearest region of like colour
 //   - on the support, but of another colour: a flat thing, grown by colour
 //   - on the support: the support
+//   - where there is no colour (no_colour.hpp): what distance alone names
 //   - parts of one object at both sides of an occluder belong together
 // set_frame() once a frame, then touch() for each object; or follow() for one and also() for others in
 // its window: pieces and regions are made once for all of them. None of them allocates or throws.
@@ -74,7 +75,10 @@ class TouchSegmenter {
   void select_flat(int pixel) noexcept;
   void add_occluded_parts(int region) noexcept;
   [[nodiscard]] int nearest_region(int u, int v) const noexcept;
-  [[nodiscard]] Lab colour_near(int u, int v) const noexcept;
+  struct Colour : Lab {
+    bool known = false;
+  };
+  [[nodiscard]] Colour colour_near(int u, int v) const noexcept;
 
   TouchConfig config_;
   SurfacePatches patches_;

@@ -63,7 +63,7 @@ Keys join(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth, const 
 // What speaks for a region round a pixel.
 struct Candidate {
   std::int32_t key = 0;
-  float L = 0, a = 0, b = 0, n = 0, steps = 0;
+  float L = 0, a = 0, b = 0, n = 0, coloured = 0, steps = 0;
 };
 
 class Border {
@@ -108,7 +108,8 @@ class Border {
       if (k == n) all[n++].key = key(keys, j);
       if (j == i) return;
       const Lab c = lab_.at(j);
-      all[k].L += c.L, all[k].a += c.a, all[k].b += c.b, all[k].n += 1;
+      if (lab_.coloured(j)) all[k].L += c.L, all[k].a += c.a, all[k].b += c.b, all[k].coloured += 1;
+      all[k].n += 1;
       const float other = z_m(j);
       all[k].steps += z > 0 && other > 0 && std::abs(other - z) > far ? 1.0F : 0.0F;
     });
@@ -118,8 +119,11 @@ class Border {
     for (std::size_t k = 0; k < n; ++k) {
       const Candidate& c = all[k];
       if (c.n < 1) continue;
-      const float d = std::hypot(c.L / c.n - here.L, c.a / c.n - here.a, c.b / c.n - here.b) +
-                      c_.step_cost * c.steps / c.n;
+      const bool known = c.coloured > 0 && lab_.coloured(i);
+      const float colour = known ? std::hypot(c.L / c.coloured - here.L, c.a / c.coloured - here.a,
+                                              c.b / c.coloured - here.b)
+                                 : 0.0F;
+      const float d = colour + c_.step_cost * c.steps / c.n;
       if (d < least || (d == least && c.key == key(keys, i))) least = d, chosen = c.key;
     }
     return chosen;

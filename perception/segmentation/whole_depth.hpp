@@ -3,7 +3,7 @@
 //
 // The pieces of the frame (surface_patches.hpp) are joined as for a touch (object_graph.hpp): the support that most of
 // the surface lies on is taken out as one region, depth steps and valleys part the rest. Pixels near a border then go
-// to the region whose readings and colours round them are the most alike, at full resolution. Each 4-connected part
+// to the region whose readings and colours, where there are any, round them are the most alike, at full resolution. Each 4-connected part
 // is a region of its own; one below min_share joins the neighbour it has the longest border with. Fixed order: same
 // input, same bytes. Sets up its own memory: not for a real-time step.
 #pragma once

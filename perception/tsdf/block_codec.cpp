@@ -4,6 +4,8 @@
 #include <bit>
 #include <cstring>
 
+#include "perception/geometry/no_colour.hpp"
+
 namespace perception {
 namespace {
 
@@ -181,7 +183,13 @@ bool get_words(BitReader& r, std::array<std::uint32_t, kVoxels>& words) noexcept
   return true;
 }
 
-constexpr int kChannels = 4;  // r, g, b, weight
+constexpr unsigned kReadings = 3, kUncoloured = 4, kChannels = 5;  // after r, g, b
+
+std::uint32_t channel_of(std::uint32_t colour, unsigned channel) noexcept {
+  if (channel == kReadings) return readings_of(colour);
+  if (channel == kUncoloured) return readings_of(colour) - coloured_readings_of(colour);
+  return (colour >> (8 * channel)) & 0xffU;
+}
 
 void put_colours(BitWriter& w, std::span<const std::uint32_t, kVoxels> colours) noexcept {
   for (const std::uint64_t m : mask_of(colours)) w.put64(m);
@@ -191,7 +199,7 @@ void put_colours(BitWriter& w, std::span<const std::uint32_t, kVoxels> colours) 
     std::uint32_t last = 0;
     for (const std::uint32_t colour : colours) {
       if (colour == 0) continue;
-      const std::uint32_t value = (colour >> (8 * c)) & 0xffU;
+      const std::uint32_t value = channel_of(colour, c);
       v[static_cast<std::size_t>(n++)] = fold(value, last);
       last = value;
     }
@@ -212,12 +220,16 @@ bool get_colours(BitReader& r, std::array<std::uint32_t, kVoxels>& colours) noex
     for (std::size_t i = 0; i < kVoxels; ++i) {
       if (!in(known, i)) continue;
       last = unfold(v[at++], last);
-      if (last > (c == 3 ? kMostColourWeight : 0xffU)) return false;
-      colours[i] |= last << (8 * c);
+      const std::uint32_t readings = readings_of(colours[i]);
+      if (last > (c < kReadings ? 0xffU : c == kReadings ? kMostCounted : readings)) return false;
+      colours[i] |= c == kUncoloured ? (readings - last) << 28U : last << (8 * c);
     }
   }
-  for (std::size_t i = 0; i < kVoxels; ++i)
-    if (in(known, i) && colours[i] == 0) return false;
+  for (std::size_t i = 0; i < kVoxels; ++i) {
+    const bool coloured = coloured_readings_of(colours[i]) > 0;
+    if (in(known, i) && (colours[i] == 0 || (!coloured && has_colour(colour_of(colours[i])))))
+      return false;
+  }
   return true;
 }
 

@@ -5,12 +5,14 @@
 //   free       of the 8 words: which are not 0, which are all ones (one bit each), then the others as they are
 //   words      512 bits: which are not 0; of those distance (against the plane through the neighbours that
 //              came before), then weight (against the one before)
-//   colours    512 bits, then red, green, blue, weight, each against the one before
+//   colours    512 bits: which are not 0; of those red, green, blue, readings, readings without colour
+//              (geometry/no_colour.hpp), each against the one before
 //   labels     label, weight of all 512, each against the one before
 //
 // Numbers are residuals, sign folded into bit 0, in groups of 16: 5 bits of width, then so many bits each.
 // Decoding reads bytes of anybody: it never reads beyond them, and refuses what the map can not hold
-// (weights above their cap, a distance of -32768, labels above kMostLabel) and what is left over.
+// (weights above their cap, a distance of -32768, more coloured readings than readings, a colour without one,
+// labels above kMostLabel) and what is left over.
 #pragma once
 
 #include <array>
@@ -33,7 +35,6 @@ struct BlockImage {
 inline constexpr std::size_t kMostBlockBytes = 7168;    // no block takes more
 inline constexpr std::size_t kLeastBlockBytes = 67;     // nor less
 inline constexpr std::uint32_t kMostRawWeight = 32640;  // 255 observations
-inline constexpr std::uint32_t kMostColourWeight = 15;
 
 // Returns the bytes written. `labels` is empty or 512.
 std::size_t encode_block(std::span<const std::uint32_t, 512> words,

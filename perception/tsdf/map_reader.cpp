@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "perception/geometry/no_colour.hpp"
+
 namespace perception {
 namespace {
 
@@ -70,10 +72,9 @@ bool MapReader::colour(const Vec3& p_W, Rgb& out) noexcept {
         c->block[static_cast<std::size_t>(TsdfMap::in_chunk(x >> 3, y >> 3, z >> 3))];
     if (b == TsdfMap::kNoBlock) continue;
     const std::uint32_t v = map_->block_colours(b)[TsdfMap::in_block(x, y, z)];
-    if (v >> 24U == 0) continue;
+    if (coloured_readings_of(v) == 0) continue;
     best = d;
-    out = {static_cast<std::uint8_t>(v & 0xffU), static_cast<std::uint8_t>((v >> 8U) & 0xffU),
-           static_cast<std::uint8_t>((v >> 16U) & 0xffU)};
+    out = colour_of(v);
   }
   return best < 1e9;
 }

@@ -68,7 +68,7 @@ class Mesher {
     const double length = n.norm();
     mesh_.normals_W.push_back((length > 0 ? Vec3(n / length) : Vec3::UnitZ()).cast<float>());
     Rgb colour;
-    if (!reader_.colour(p, colour)) colour = {128, 128, 128};
+    if (!reader_.colour(p, colour)) colour = kNeutral;
     mesh_.colours.push_back(colour);
     return it->second;
   }

@@ -4,7 +4,7 @@
 //
 // Not every change of sign is a surface. Behind an outline the field holds the shadow of the nearer thing beside
 // what was seen past it from elsewhere, and between the two its sign changes where nothing is. There no reading
-// ever ended: the nodes have no colour, for colour is fused within a voxel (or colour_band_m) of a reading.
+// ever ended: the nodes count no readings, for these are counted within a voxel (or colour_band_m) of a node.
 #pragma once
 
 #include <array>

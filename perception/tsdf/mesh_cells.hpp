@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "perception/geometry/no_colour.hpp"
 #include "perception/tsdf/map_reader.hpp"
 #include "perception/tsdf/marching_cubes.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
@@ -25,6 +26,7 @@ class MeshCells {
             static_cast<std::uint32_t>(std::clamp(std::lround(2 * min_weight) - 1, 1L, 15L))),
         needs_readings_(needs_readings) {}
 
+  // Something was fused in colour, so readings are counted.
   [[nodiscard]] static bool coloured(const TsdfMap& map, std::int32_t block) noexcept {
     const std::uint32_t* c = map.block_colours(block);
     return std::any_of(c, c + TsdfMap::kBlockVoxels, [](std::uint32_t v) { return v != 0; });
@@ -89,7 +91,7 @@ class MeshCells {
     const std::int32_t block = b == at_ ? block_ : map_.find_block(b);
     return block == TsdfMap::kNoBlock
                ? 0U
-               : map_.block_colours(block)[TsdfMap::in_block(x, y, z)] >> 24U;
+               : readings_of(map_.block_colours(block)[TsdfMap::in_block(x, y, z)]);
   }
 
   const TsdfMap& map_;

@@ -22,7 +22,6 @@ constexpr int kMostVertices = 3 * static_cast<int>(kNodes * kNodes * kNodes);
 constexpr int kMostTriangles = most_of_a_cell() * TsdfMap::kBlockVoxels;
 static_assert(kMostVertices <= MeshDelta::kMostVertices && kMostVertices < kNone);
 static_assert(kMostTriangles <= MeshDelta::kMostTriangles);
-constexpr Rgb kGrey{128, 128, 128};
 
 }  // namespace
 
@@ -148,11 +147,10 @@ Rgb MeshSender::colour(int x, int y, int z, int axis, float share) const noexcep
     const std::int32_t block = map_.find_block({i >> 3, j >> 3, k >> 3});
     if (block == TsdfMap::kNoBlock) continue;
     const std::uint32_t v = map_.block_colours(block)[TsdfMap::in_block(i, j, k)];
-    if (v >> 24U == 0) continue;
-    return {static_cast<std::uint8_t>(v & 0xffU), static_cast<std::uint8_t>((v >> 8U) & 0xffU),
-            static_cast<std::uint8_t>((v >> 16U) & 0xffU)};
+    if (coloured_readings_of(v) == 0) continue;
+    return colour_of(v);
   }
-  return kGrey;
+  return kNeutral;
 }
 
 // ---------------------------------------------------------------- the viewer's side

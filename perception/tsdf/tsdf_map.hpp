@@ -5,7 +5,7 @@
 //           chunk. Chunks are found through an open-addressing hash, blocks through the chunk's table.
 // Voxel     one aligned 32-bit word: int16 distance (unit: truncation / 32767, positive outside) and
 //           uint16 weight (unit: 1/128 of one full observation). Weight 0 = unknown, distance void.
-//           Beside it, same index: colour (r, g, b, weight).
+//           Beside it, same index: colour (r, g, b), how often read, how often coloured.
 // Labels    label and label weight of a voxel (perception/segmentation/label_vote.hpp), in a pool of
 //           their own: only blocks in which something is labelled have them.
 // Distance  projective: along the viewing ray, (depth - z) * |ray|, so |grad| need not be 1.
@@ -245,7 +245,7 @@ class TsdfMap {
   [[nodiscard]] const std::uint32_t* block_words(std::int32_t block) const noexcept {
     return words_.data() + static_cast<std::size_t>(block) * kBlockVoxels;
   }
-  // Colour: r | g << 8 | b << 16 | weight << 24; weight 0 = none.
+  // Colour, how often read and how often coloured (perception/geometry/no_colour.hpp).
   [[nodiscard]] const std::uint32_t* block_colours(std::int32_t block) const noexcept {
     return colours_.data() + static_cast<std::size_t>(block) * kBlockVoxels;
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "perception/geometry/no_colour.hpp"
 #include "perception/simd/isa.hpp"
 #include "perception/simd/targets.hpp"
 
@@ -14,39 +15,38 @@
 
 #include "perception/tsdf/project_block-inl.hpp"
 
-#ifndef TELETACT_VOXEL_UPDATE_ONCE
-#define TELETACT_VOXEL_UPDATE_ONCE
-namespace perception {
-namespace {
-
-constexpr std::uint32_t kColourCap = 15;
-
-}  // namespace
-}  // namespace perception
-#endif
-
 HWY_BEFORE_NAMESPACE();
 namespace perception {
 namespace HWY_NAMESPACE {
 
-// Blends what the pixels show into the voxels of `near`.
-HWY_INLINE void blend(const UpdateCamera& c, MF near, const std::uint32_t* pixel,
-                      std::uint32_t* colours) {
+// Where colours stand, the same for all of a block.
+struct ColourImage {
+  VU stride_px, last;  // last: first byte of the image's last pixel
+};
+HWY_INLINE ColourImage colour_image(const UpdateCamera& c) {
   const DU du;
+  return {hn::Set(du, static_cast<std::uint32_t>(c.colour_stride_px)),
+          hn::Set(du, 3U * static_cast<std::uint32_t>((c.height - 1) * c.colour_stride_px +
+                                                      c.width - 1))};
+}
+
+// Blends what the pixels show into the voxels of `near`.
+HWY_INLINE void blend(const UpdateCamera& c, const ColourImage& image, MF near,
+                      const std::uint32_t* pixel, std::uint32_t* colours) {
+  const DU du;
+  const DI di;
   // Where each colour stands; all lanes are read, the first pixel for those that are not near. Four bytes in
   // one load, of which the fourth is not looked at: the image's last pixel is read a byte early.
   const VU row = hn::ShiftRight<16>(hn::Load(du, pixel)),
            column = hn::And(hn::Load(du, pixel), hn::Set(du, 0xffffU));
-  const VU number =
-      hn::Add(hn::Mul(row, hn::Set(du, static_cast<std::uint32_t>(c.colour_stride_px))), column);
+  const VU number = hn::Add(hn::Mul(row, image.stride_px), column);
   const VU triple = hn::Add(number, hn::Add(number, number));
-  const VU last = hn::Set(
-      du, 3U * static_cast<std::uint32_t>((c.height - 1) * c.colour_stride_px + c.width - 1));
-  const auto early = hn::Eq(triple, last);
-  HWY_ALIGN std::uint32_t seen[16] = {};
-  hn::Store(hn::IfThenElseZero(hn::RebindMask(du, near),
-                               hn::Sub(triple, hn::IfThenElseZero(early, hn::Set(du, 1U)))),
-            du, seen);
+  const auto early = hn::Eq(triple, image.last);
+  HWY_ALIGN std::uint32_t seen[16];  // read as far as it is written, by twos
+  if (hn::Lanes(du) == 1) seen[1] = 0;
+  // A mask's lane is -1.
+  const VU close = hn::VecFromMask(du, hn::RebindMask(du, near));
+  hn::Store(hn::And(close, hn::Add(triple, hn::VecFromMask(du, early))), du, seen);
   __asm__ volatile("" ::: "memory");
   for (std::size_t n = 0; n < hn::Lanes(du); n += 2) {
     std::uint32_t one = 0, two = 0;
@@ -57,20 +57,31 @@ HWY_INLINE void blend(const UpdateCamera& c, MF near, const std::uint32_t* pixel
     std::memcpy(seen + n, &both, sizeof both);
   }
   const VU four = hn::Load(du, seen), old = hn::LoadU(du, colours);
-  const VU now = hn::IfThenElse(early, hn::ShiftRight<8>(four), four);
-  const VU n = hn::ShiftRight<24>(old), sum = hn::Add(n, hn::Set(du, 1U));
-  const VF fn = to_float(n), half = to_float(hn::ShiftRight<1>(sum));
-  const VF inv = hn::Div(set(1.0F), to_float(sum));
-  const VU byte = hn::Set(du, 0xffU);
-  // Below 2^12 over at most 16: the thousandth makes up for the rounding of the reciprocal.
+  const VU now =
+      hn::And(hn::IfThenElse(early, hn::ShiftRight<8>(four), four), hn::Set(du, 0xffffffU));
+  // What has no colour is 0 and adds nothing: the mean of the n before is what it was.
+  const VU n = hn::ShiftRight<28>(old);
+  const auto has = hn::VecFromMask(di, hn::Gt(hn::BitCast(di, now), hn::Zero(di)));
+  const VU sum = hn::Sub(n, hn::BitCast(du, has));
+  const VF fn = to_float(n), count = hn::Max(to_float(sum), set(1.0F));
+  const VF inv = hn::Div(set(1.0F), count);
+  // Below 2^12 over at most 16. Half a step up, rounded down where count is odd, and between a quarter and three of
+  // one, which makes up for the rounding of the reciprocal: count - 1 of them and this are not one more.
+  const VF half = mul(add(count, set(0.5F)), set(0.5F));
   const auto mean = [&](VU was, VU is) {
-    const VF x = add(add(mul(to_float(hn::And(was, byte)), fn), to_float(hn::And(is, byte))), half);
-    return hn::BitCast(du, truncated(add(mul(x, inv), set(1e-3F))));
+    const VF x = add(add(mul(to_float(was), fn), to_float(is)), half);
+    return hn::BitCast(du, truncated(mul(x, inv)));
   };
-  const VU r = mean(old, now), g = mean(hn::ShiftRight<8>(old), hn::ShiftRight<8>(now)),
-           b = mean(hn::ShiftRight<16>(old), hn::ShiftRight<16>(now));
-  const VU weight = hn::ShiftLeft<24>(hn::Min(sum, hn::Set(du, kColourCap)));
-  const VU mixed = hn::Or(hn::Or(r, hn::ShiftLeft<8>(g)), hn::Or(hn::ShiftLeft<16>(b), weight));
+  const VU byte = hn::Set(du, 0xffU);
+  const auto low = [&](VU v) { return hn::And(v, byte); };
+  const VU r = mean(low(old), low(now)),
+           g = mean(low(hn::ShiftRight<8>(old)), low(hn::ShiftRight<8>(now))),
+           b = mean(low(hn::ShiftRight<16>(old)), hn::ShiftRight<16>(now));
+  // Counted to 15: of 16 a sixteenth is taken off.
+  const VU read = hn::Sub(hn::ShiftRight<28>(hn::ShiftLeft<4>(old)), close);
+  const auto capped = [](VU v) { return hn::Sub(v, hn::ShiftRight<4>(v)); };
+  const VU counts = hn::Or(hn::ShiftLeft<24>(capped(read)), hn::ShiftLeft<28>(capped(sum)));
+  const VU mixed = hn::Or(hn::Or(hn::Or(r, hn::ShiftLeft<8>(g)), hn::ShiftLeft<16>(b)), counts);
   hn::StoreU(hn::IfThenElse(hn::RebindMask(du, near), mixed, old), du, colours);
 }
 
@@ -79,8 +90,9 @@ struct Group {
 };
 
 // One vector of voxels, the first of them number n.
-HWY_INLINE Group update_group(const UpdateCamera& c, const Projected& seen_at, std::size_t n,
-                              std::uint32_t* words, std::uint32_t* colours, BlockCounts& counts) {
+HWY_INLINE Group update_group(const UpdateCamera& c, const ColourImage& image,
+                              const Projected& seen_at, std::size_t n, std::uint32_t* words,
+                              std::uint32_t* colours, BlockCounts& counts) {
   const DF df;
   const DI di;
   const DU du;
@@ -129,7 +141,7 @@ HWY_INLINE Group update_group(const UpdateCamera& c, const Projected& seen_at, s
   const MF outside = hn::Gt(sdf, zero);
   const VF band_c = set(c.colour_band_m);
   const MF near = hn::And(band, hn::And(hn::Le(sdf, band_c), hn::Ge(sdf, hn::Neg(band_c))));
-  if (!hn::AllFalse(df, near)) blend(c, near, seen_at.pixel + n, colours + n);
+  if (!hn::AllFalse(df, near)) blend(c, image, near, seen_at.pixel + n, colours + n);
   counts.fused += static_cast<std::int32_t>(hn::CountTrue(df, band));
   counts.carved += static_cast<std::int32_t>(hn::CountTrue(df, carve));
   return {bits_of(hn::Or(front, hn::And(band, outside))), bits_of(hn::AndNot(outside, band))};
@@ -141,10 +153,11 @@ BlockCounts update_block_words(const UpdateCamera& c, const float (&p0)[3], std:
   Projected seen_at;
   if (!project(c, p0, seen_at)) return counts;
   const std::size_t lanes = hn::Lanes(DF());
+  const ColourImage image = colour_image(c);
   for (std::size_t x = 0; x < 8; ++x) {
     std::uint64_t set_bits = 0, clear_bits = 0;
     for (std::size_t at = 0; at < 64; at += lanes) {
-      const Group g = update_group(c, seen_at, x * 64 + at, words, colours, counts);
+      const Group g = update_group(c, image, seen_at, x * 64 + at, words, colours, counts);
       set_bits |= g.set << at;
       clear_bits |= g.clear << at;
     }
@@ -164,8 +177,10 @@ namespace {
 HWY_EXPORT(update_block_words);
 
 std::uint32_t blend_colour(std::uint32_t old, const std::uint8_t* seen) noexcept {
-  const std::uint32_t n = old >> 24U, sum = n + 1;
-  std::uint32_t out = std::min(sum, kColourCap) << 24U;
+  const std::uint32_t read = std::min(readings_of(old) + 1, kMostCounted) << 24U;
+  if (!has_colour({seen[0], seen[1], seen[2]})) return (old & ~(kMostCounted << 24U)) | read;
+  const std::uint32_t n = coloured_readings_of(old), sum = n + 1;
+  std::uint32_t out = read | std::min(sum, kMostCounted) << 28U;
   for (unsigned channel = 0; channel < 3; ++channel) {
     const std::uint32_t was = (old >> (8 * channel)) & 0xffU;
     out |= (was * n + seen[channel] + sum / 2) / sum << (8 * channel);

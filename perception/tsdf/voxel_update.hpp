@@ -11,7 +11,9 @@
 //                               free when sdf > 0, else not free
 //   sdf < -limit                hidden: unchanged
 //   d'    = round((d w + s w_o) / (w + w_o)), half away from 0;  w' = min(w + w_o, cap)
-//   colour within colour_band_m: c' = (c n + c_o + (n + 1) / 2) / (n + 1), n' = min(n + 1, 15), in integers
+//   within colour_band_m of the surface, in integers:
+//               readings' = min(readings + 1, 15); where the pixel has a colour (no_colour.hpp), n the coloured ones,
+//               c' = (c n + c_o + (n + 1) / 2) / (n + 1), n' = min(n + 1, 15)
 #pragma once
 
 #include <cstddef>
@@ -28,7 +30,7 @@ struct UpdateCamera {
   std::int32_t weight_cap;          // raw
   float dx[3], dy[3], dz[3];        // one node along each world axis, in the camera frame, m
   float colour_band_m;              // negative: no colour
-  const std::uint8_t* colour;       // r, g, b a pixel
+  const std::uint8_t* colour;       // r, g, b a pixel; all 0: none there
   std::ptrdiff_t colour_stride_px;  // pixels from row to row
 };
 

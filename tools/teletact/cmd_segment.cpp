@@ -22,6 +22,7 @@
 #include <string>
 #include <vector>
 
+#include "perception/geometry/no_colour.hpp"
 #include "perception/segmentation/object_summary.hpp"
 #include "perception/segmentation/region_grow.hpp"
 #include "perception/segmentation/region_merge.hpp"
@@ -278,7 +279,9 @@ Image<std::uint16_t> segment_touches(const SegmentOptions& o, const Image<Rgb>& 
 void run(const SegmentOptions& o) {
   check(o);
   check_outputs({{"--out", o.out}, {"--json", o.json}}, {o.color, o.depth});
-  const auto rgb = take(read_colour(o.color));
+  auto rgb = take(read_colour(o.color));
+  // An image file's black is black. Without depth nothing asks (region_grow.hpp).
+  if (!o.depth.empty()) perception::lift_black(rgb.view());
   if (rgb.width() < 2 || rgb.height() < 2)
     throw std::runtime_error(o.color + ": is below 2 x 2 pixels");
   Metrics metrics("segment");

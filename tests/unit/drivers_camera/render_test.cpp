@@ -7,6 +7,7 @@
 #include <ctime>
 #include <memory>
 
+#include "perception/geometry/no_colour.hpp"
 #include "rt/hash.hpp"
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
@@ -141,6 +142,23 @@ TEST(Render, EmptyWorldIsBlackAndWithoutReading) {
   Rig rig(World(startup.token(), {}));
   const RgbdFrame& f = rig.shoot({100, 100, 50, 50, 100, 100}, Pose::Identity());
   for (int i = 0; i < 10000; ++i) ASSERT_EQ(f.depth_mm[static_cast<std::size_t>(i)], 0);
+}
+
+TEST(Render, ABlackThingHasAColourAndNothingHasNone) {
+  WorldConfig c;
+  auto& ball = c.spheres.emplace_back();
+  ball.name = "ball";
+  ball.position_m = {0, 0, 2};
+  ball.radius_m = 0.5;
+  ball.paint = {{0, 0, 0}, "plain", 0.05, 0};
+  Rig rig(World(startup.token(), c));
+  const RgbdFrame& f = rig.shoot({100, 100, 50, 50, 101, 101}, Pose::Identity());
+  int seen = 0;
+  for (std::size_t i = 0; i < 101 * 101; ++i) {
+    seen += f.depth_mm[i] != 0 ? 1 : 0;
+    ASSERT_EQ(f.colour[i], f.depth_mm[i] != 0 ? perception::kBlack : perception::kNoColour);
+  }
+  EXPECT_GT(seen, 1000);
 }
 
 TEST(Render, SameArgumentsSameBytes) {

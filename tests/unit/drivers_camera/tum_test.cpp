@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "drivers/camera/replay_camera.hpp"
+#include "perception/geometry/no_colour.hpp"
 #include "rt/memory/section.hpp"
 #include "tests/support/rt_guard.hpp"
 #include "tests/support/tsan_libraries.hpp"
@@ -147,7 +148,7 @@ TEST(Tum, FaultsOfAnImageAreNamed) {
 
 // A registered colour image: the colour camera stands 10 cm to the right; a near square hides part
 // of the wall from it.
-TEST(Tum, RegistrationLooksColourUpAndBlackensWhatIsHidden) {
+TEST(Tum, RegistrationLooksColourUpAndLeavesItOutWhereItIsHidden) {
   const TumFolder f(1);
   cv::Mat depth(24, 32, CV_16UC1, cv::Scalar(2000));
   for (int v = 8; v < 16; ++v) {
@@ -176,9 +177,36 @@ TEST(Tum, RegistrationLooksColourUpAndBlackensWhatIsHidden) {
   EXPECT_EQ(frame->rgb().at(25, 12).g, 12);
   EXPECT_NEAR(frame->rgb().at(25, 12).r, 23.5, 0.51);
   // The wall just left of the square is behind it for the colour camera.
-  EXPECT_EQ(frame->rgb().at(8, 12), perception::Rgb{});
+  EXPECT_EQ(frame->rgb().at(8, 12), perception::kNoColour);
   EXPECT_NE(frame->rgb().at(3, 12), perception::Rgb{});
   EXPECT_NE(frame->rgb().at(22, 12), perception::Rgb{});
+}
+
+// Black in the file is a colour; what lies outside the colour image and what has no reading has none.
+TEST(Tum, BlackInTheFileIsAColour) {
+  const TumFolder f(1);
+  cv::imwrite(f.file("depth/0.png"), cv::Mat(24, 32, CV_16UC1, cv::Scalar(1000)));
+  cv::imwrite(f.file("rgb/0.png"), cv::Mat(24, 32, CV_8UC3, cv::Scalar(0, 0, 0)));
+  auto frame = std::make_unique<RgbdFrame>();
+  const auto lacking = [&] {
+    int n = 0;
+    for (int v = 0; v < 24; ++v)
+      for (int u = 0; u < 32; ++u) n += perception::has_colour(frame->rgb().at(u, v)) ? 0 : 1;
+    return n;
+  };
+  const auto plain = TumSequence::open(f.path());
+  ASSERT_TRUE(plain.value().read(0, *frame).has_value());
+  ASSERT_TRUE(frame->has_colour);
+  EXPECT_EQ(lacking(), 0);
+  EXPECT_EQ(frame->rgb().at(0, 0), perception::kBlack);
+  // 31 px of focal length, 20 cm to the right: 6 columns at 1 m are left of the colour image.
+  f.write("colour_registration.txt",
+          "fx 30\nfy 31\ncx 15.5\ncy 11.5\nR 1 0 0 0 1 0 0 0 1\nt -0.2 0 0\n");
+  const auto s = TumSequence::open(f.path(), {.register_colour = true});
+  ASSERT_TRUE(s.value().read(0, *frame).has_value());
+  EXPECT_EQ(lacking(), 6 * 24);
+  EXPECT_EQ(frame->rgb().at(5, 3), perception::kNoColour);
+  EXPECT_EQ(frame->rgb().at(6, 3), perception::kBlack);
 }
 
 // ---- replay ----------------------------------------------------------------------------------

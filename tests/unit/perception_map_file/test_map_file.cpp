@@ -8,6 +8,7 @@
 #include <fstream>
 #include <memory>
 
+#include "perception/geometry/no_colour.hpp"
 #include "perception/map_file/map_file.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
 
@@ -43,7 +44,10 @@ std::unique_ptr<Map> filled() {
   std::fill_n(labels.begin() + 3000, 4000, std::uint8_t{7});
   rt::Random random(3);
   for (int n = 0; n < 5; ++n) {
-    m->tsdf.integrate(render(table_top(), k, around(n), 0.001, 0.02).view(true), around(n), 1);
+    Frame f = render(table_top(), k, around(n), 0.001, 0.02);
+    for (int i = 0; i < k.width * k.height; ++i)
+      if (i % k.width > 60 || random.uniform() < 0.2) f.colour.data()[i] = kNoColour;
+    m->tsdf.integrate(f.view(true), around(n), 1);
     m->tsdf.vote_labels({labels.data(), k.width, k.height, k.width});
     Thumbnail t;
     for (auto& d : t.depth) d = static_cast<std::uint8_t>(random());
@@ -86,11 +90,19 @@ TEST(MapFile, GivesTheSameMapBackAndTheSameBytes) {
   EXPECT_GT(known, 20000);
   EXPECT_GT(labelled, 100);
   EXPECT_GT(free, 20000);
+  int never = 0, less = 0;
   m->tsdf.for_each_block([&](std::int32_t b, BlockCoord at) {
     const std::int32_t c = back.tsdf.find_block(at);
     ASSERT_NE(c, TsdfMap::kNoBlock);
     EXPECT_EQ(std::memcmp(m->tsdf.block_colours(b), back.tsdf.block_colours(c), 2048), 0);
+    for (int n = 0; n < TsdfMap::kBlockVoxels; ++n) {
+      const std::uint32_t word = back.tsdf.block_colours(c)[n];
+      never += readings_of(word) > 0 && coloured_readings_of(word) == 0 ? 1 : 0;
+      less += coloured_readings_of(word) > 0 && coloured_readings_of(word) < readings_of(word);
+    }
   });
+  EXPECT_GT(never, 100) << "never coloured";
+  EXPECT_GT(less, 100) << "coloured less often than read";
   ASSERT_EQ(back.keyframes.size(), m->keyframes.size());
   for (int n = 0; n < back.keyframes.size(); ++n) {
     EXPECT_TRUE(back.keyframes.at(n).X_WC.isApprox(m->keyframes.at(n).X_WC, 0));
@@ -143,7 +155,8 @@ TEST(MapFile, EveryFaultIsNamedAndLeavesNothing) {
   refused(good.substr(0, good.size() - 1), "announced", false);
   refused(good + "x", "announced", false);
   refused(with(0, 'X'), "not a map file");
-  refused(with(8, std::uint32_t{2}), "version 2");
+  refused(with(8, std::uint32_t{1}), "is a map of version 1; this program reads version 2");
+  refused(with(8, std::uint32_t{3}), "is a map of version 3; this program reads version 2");
   refused(with(16, std::uint32_t{1}), "checksum", false);
   refused(with(good.size() - 5, '\x55'), "damaged", false);
   refused(with(12, std::uint32_t{95}), "another layout");

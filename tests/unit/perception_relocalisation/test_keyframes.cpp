@@ -92,6 +92,44 @@ TEST(Thumbnail, CodesDepthAndLeavesExposureOut) {
   EXPECT_TRUE(std::all_of(none.grey.begin(), none.grey.end(), [](auto g) { return g == 0; }));
 }
 
+// What has no colour has no brightness, and makes nothing else darker.
+TEST(Thumbnail, WhereThereIsNoColourThereIsNoBrightness) {
+  const Intrinsics k{32, 32, 95.5, 77.5, 192, 156};
+  DepthLevel level;
+  level.intrinsics = k;
+  level.depth = PaddedImage(k.width, k.height);
+  level.depth.reshape(k.width, k.height);
+  std::vector<Rgb> all(static_cast<std::size_t>(k.width * k.height));
+  for (int v = 0; v < k.height; ++v)
+    for (int u = 0; u < k.width; ++u) {
+      const auto g = static_cast<std::uint8_t>(60 + (u / 6 * 37 + v / 6 * 91) % 130);
+      all[static_cast<std::size_t>(v * k.width + u)] = {g, g, g};
+      level.depth.row(v)[u] = 1;
+    }
+  std::vector<Rgb> some = all;
+  for (int v = 0; v < k.height; ++v)
+    for (int u = 60; u < 90; ++u)  // cells 10 to 14
+      some[static_cast<std::size_t>(v * k.width + u)] = {};
+  // In cell 20, of each row of pixels all but one.
+  for (int v = 0; v < k.height; ++v)
+    for (int u = 120; u < 125; ++u) some[static_cast<std::size_t>(v * k.width + u)] = {};
+  const Thumbnail a = make_thumbnail(level, {all.data(), k.width, k.height, k.width});
+  const Thumbnail b = make_thumbnail(level, {some.data(), k.width, k.height, k.width});
+  for (int v = 0; v < Thumbnail::kHeight; ++v)
+    for (int u = 0; u < Thumbnail::kWidth; ++u) {
+      const auto n = static_cast<std::size_t>(v * Thumbnail::kWidth + u);
+      EXPECT_NE(a.grey[n], 0);
+      if (u >= 10 && u < 15) {
+        EXPECT_EQ(b.grey[n], 0);
+      } else {
+        EXPECT_NEAR(b.grey[n], a.grey[n], 6) << u << " " << v;
+      }
+    }
+  const std::vector<Rgb> none(all.size());
+  const Thumbnail dark = make_thumbnail(level, {none.data(), k.width, k.height, k.width});
+  EXPECT_TRUE(std::all_of(dark.grey.begin(), dark.grey.end(), [](auto g) { return g == 0; }));
+}
+
 Pose at(double x, double yaw_deg = 0) {
   Pose X = Pose::Identity();
   X.translation().x() = x;

@@ -9,6 +9,7 @@
 #include <limits>
 #include <vector>
 
+#include "perception/geometry/no_colour.hpp"
 #include "perception/segmentation/lab.hpp"
 #include "perception/segmentation/lab_kernel.hpp"
 #include "perception/segmentation/reduced_frame.hpp"
@@ -40,6 +41,8 @@ TEST(SuperpixelKernel, SameBytesAsOnePixelAfterTheOther) {
     const auto n = static_cast<std::size_t>(w * h);
     std::array<std::vector<float>, 4> planes;
     for (auto& p : planes) p = random_plane(random, n, -60, 60);
+    std::vector<float> known(n);
+    for (float& x : known) x = random.uniform() < 0.5 ? 1.0F : 0.0F;
     // Seeds in a row: ties and what was there before count.
     struct State {
       std::vector<float> best;
@@ -62,6 +65,8 @@ TEST(SuperpixelKernel, SameBytesAsOnePixelAfterTheOther) {
         window.u = static_cast<float>(draw.uniform(0, w));
         window.v = static_cast<float>(draw.uniform(0, h));
         window.beta = 1.6F;
+        window.known = round % 4 < 2 ? nullptr : known.data();
+        window.seed_known = draw.uniform() < 0.8 ? 1.0F : 0.0F;
         window.id = id;
         window.best = s.best.data(), window.nearest = s.nearest.data();
         kernel(window);
@@ -109,6 +114,84 @@ TEST(LabKernel, SameBytesAsOnePixelAfterTheOther) {
   }
 }
 
+// Where the pixel or the seed has no colour the first planes could hold anything.
+TEST(SuperpixelKernel, NoColourIsNoDifference) {
+  const int w = 24, h = 3;
+  rt::Random random(6);
+  std::array<std::vector<float>, 4> planes;
+  for (auto& p : planes) p = random_plane(random, w * h, -60, 60);
+  std::vector<float> known(w * h);
+  for (float& x : known) x = random.uniform() < 0.5 ? 1.0F : 0.0F;
+  const auto run = [&](float seed_known) {
+    std::vector<float> best(w * h, std::numeric_limits<float>::max());
+    std::vector<std::int32_t> nearest(w * h, -1);
+    SeedWindow window{};
+    for (int k = 0; k < 4; ++k) window.planes[k] = planes[static_cast<std::size_t>(k)].data();
+    window.plane_count = 4, window.stride = w, window.u1 = w, window.v1 = h;
+    window.u = 11, window.v = 1, window.beta = 1;
+    window.plane[3] = 7;
+    window.known = known.data(), window.seed_known = seed_known;
+    window.best = best.data(), window.nearest = nearest.data();
+    try_seed(window);
+    return best;
+  };
+  const auto coloured = run(1), not_coloured = run(0);
+  for (int i = 0; i < w * h; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    double c2 = 0;
+    for (std::size_t p = 0; p < 3; ++p)
+      c2 += static_cast<double>(planes[p][k]) * static_cast<double>(planes[p][k]);
+    const double e = static_cast<double>(planes[3][k]) - 7;
+    const double away = std::hypot(i % w - 11, i / w - 1);
+    EXPECT_NEAR(static_cast<double>(not_coloured[k]), std::abs(e) + away, 1e-3);
+    EXPECT_NEAR(static_cast<double>(coloured[k]),
+                std::sqrt(known[k] != 0 ? c2 + e * e : e * e) + away, 1e-3);
+  }
+}
+
+TEST(LabImage, HalfIsTheMeanOfWhatHasColour) {
+  rt::Random random(8);
+  const int w = 33, h = 21;
+  Image<Rgb> rgb(w, h);
+  LabImage whole(w, h), half(w, h);
+  for (const double lacking : {0.0, 0.5, 1.0}) {
+    for (int i = 0; i < w * h; ++i) {
+      const auto byte = [&] { return static_cast<std::uint8_t>(random.integer(1, 255)); };
+      rgb.data()[i] = random.uniform() < lacking ? kNoColour : Rgb{byte(), byte(), byte()};
+    }
+    whole.set(rgb.view());
+    half.set_half(rgb.view());
+    EXPECT_EQ(whole.known() == nullptr, lacking == 0);
+    EXPECT_EQ(half.known() == nullptr, lacking == 0);
+    for (int i = 0; i < w * h; ++i) {
+      ASSERT_EQ(whole.coloured(i), has_colour(rgb.data()[i]));
+      if (!whole.coloured(i)) continue;
+      EXPECT_NEAR(whole.at(i).L, lab_of(rgb.data()[i]).L, 0.05);
+    }
+    for (int v = 0; v < h / 2; ++v)
+      for (int u = 0; u < w / 2; ++u) {
+        // The mean of the light, by way of a grey of it.
+        double light = 0, n = 0;
+        for (int y = 0; y < 2; ++y)
+          for (int x = 0; x < 2; ++x) {
+            const Rgb c = rgb.at(2 * u + x, 2 * v + y);
+            if (!has_colour(c)) continue;
+            const auto linear = [](int s) {
+              return s <= 10 ? s / 255.0 / 12.92 : std::pow((s / 255.0 + 0.055) / 1.055, 2.4);
+            };
+            light += 0.2126729 * linear(c.r) + 0.7151522 * linear(c.g) + 0.072175 * linear(c.b);
+            n += 1;
+          }
+        const int i = v * (w / 2) + u;
+        ASSERT_EQ(half.coloured(i), n > 0);
+        if (n == 0) continue;
+        const double y = light / n;
+        EXPECT_NEAR(static_cast<double>(half.at(i).L),
+                    y > 0.008856 ? 116 * std::cbrt(y) - 16 : 903.3 * y, 0.1);
+      }
+  }
+}
+
 TEST(ReducedFrame, MeanColourLowerMedianAndTheSameRays) {
   rt::Random random(7);
   const int w = 51, h = 38;
@@ -118,6 +201,7 @@ TEST(ReducedFrame, MeanColourLowerMedianAndTheSameRays) {
   for (int i = 0; i < w * h; ++i) {
     const auto byte = [&] { return static_cast<std::uint8_t>(random.integer(0, 255)); };
     rgb.data()[i] = {byte(), byte(), byte()};
+    if (random.uniform() < 0.4) rgb.data()[i] = kNoColour;
     const bool none = random.uniform() < 0.3;
     depth.data()[i] =
         static_cast<std::uint16_t>(none ? 65535 * random.integer(0, 1) : random.integer(1, 4000));
@@ -131,10 +215,14 @@ TEST(ReducedFrame, MeanColourLowerMedianAndTheSameRays) {
     ASSERT_EQ(reduced.colour().width, w / s);
     for (int v = 0; v < q.height; ++v)
       for (int u = 0; u < q.width; ++u) {
-        double sum = 0;
+        double sum = 0, coloured = 0;
         for (int y = 0; y < s; ++y)
-          for (int x = 0; x < s; ++x) sum += rgb.at(s * u + x, s * v + y).g;
-        EXPECT_NEAR(reduced.colour().at(u, v).g, sum / (s * s), 0.51);
+          for (int x = 0; x < s; ++x) {
+            sum += rgb.at(s * u + x, s * v + y).g;
+            coloured += has_colour(rgb.at(s * u + x, s * v + y)) ? 1 : 0;
+          }
+        EXPECT_EQ(has_colour(reduced.colour().at(u, v)), coloured > 0);
+        EXPECT_NEAR(reduced.colour().at(u, v).g, sum / std::max(1.0, coloured), 0.51);
         std::vector<std::uint16_t> readings;
         for (int y = s / 2 - 1; y <= s / 2; ++y)
           for (int x = s / 2 - 1; x <= s / 2; ++x) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <set>
 
+#include "perception/geometry/no_colour.hpp"
 #include "perception/segmentation/region_grow.hpp"
 #include "rt/random.hpp"
 
@@ -17,7 +18,8 @@ struct Scene {
   Intrinsics k;
 };
 
-Scene random_scene(rt::Random& random, int w, int h) {
+// `lacking`: share of the pixels without colour.
+Scene random_scene(rt::Random& random, int w, int h, double lacking) {
   Scene s{Image<Rgb>(w, h), Image<std::uint16_t>(w, h), {50, 50, w / 2.0, h / 2.0, w, h}};
   const auto level = [&](int at, int spread) {
     return static_cast<std::uint8_t>(at + random.integer(-spread, spread));
@@ -26,6 +28,7 @@ Scene random_scene(rt::Random& random, int w, int h) {
     for (int u = 0; u < w; ++u) {
       const bool right = u > w / 2;
       s.rgb.at(u, v) = {level(right ? 160 : 90, 12), level(100, 12), level(right ? 60 : 120, 12)};
+      if (lacking > 0 && random.uniform() < lacking) s.rgb.at(u, v) = kNoColour;
       const bool hole = random.uniform() < 0.1;
       s.depth.at(u, v) =
           static_cast<std::uint16_t>(hole ? 0 : 800 + (right ? 40 : 0) + random.integer(-3, 3));
@@ -36,6 +39,7 @@ Scene random_scene(rt::Random& random, int w, int h) {
 
 // d of a pixel to the means of `members`, from the formula.
 struct Slow {
+  const Image<Rgb>& rgb;
   const LabImage& lab;
   const PointImage* points;
   const GrowConfig& c;
@@ -52,8 +56,10 @@ struct Slow {
     p[2] = static_cast<double>(points->z_mm()[k]);
   }
   double distance(int i, const std::set<int>& members) const {
-    double m[6] = {0, 0, 0, 0, 0, 0}, p[3];
+    double m[6] = {0, 0, 0, 0, 0, 0}, p[3], coloured = 0;
+    for (const int j : members) coloured += has_colour(rgb.data()[j]) || points == nullptr ? 1 : 0;
     for (const int j : members) {
+      const bool known = has_colour(rgb.data()[j]) || points == nullptr;
       const Lab l = lab.at(j);
       place(j, p);
       const double x[6] = {static_cast<double>(l.L),
@@ -62,13 +68,16 @@ struct Slow {
                            p[0],
                            p[1],
                            p[2]};
-      for (int k = 0; k < 6; ++k) m[k] += x[k] / static_cast<double>(members.size());
+      for (int k = 0; k < 3 && known; ++k) m[k] += x[k] / coloured;
+      for (int k = 3; k < 6; ++k) m[k] += x[k] / static_cast<double>(members.size());
     }
     const Lab l = lab.at(i);
     place(i, p);
+    const bool known = coloured > 0 && (has_colour(rgb.data()[i]) || points == nullptr);
     const double colour =
-        std::hypot(static_cast<double>(l.L) - m[0], static_cast<double>(l.a) - m[1],
-                   static_cast<double>(l.b) - m[2]);
+        known ? std::hypot(static_cast<double>(l.L) - m[0], static_cast<double>(l.a) - m[1],
+                           static_cast<double>(l.b) - m[2])
+              : 0;
     const double g = static_cast<double>(points != nullptr ? c.g_mm : c.g_px);
     return colour +
            static_cast<double>(c.m) / g * std::hypot(p[0] - m[3], p[1] - m[4], p[2] - m[5]);
@@ -96,7 +105,7 @@ TEST_P(Grow, JoinsTheNearestWithinTheThresholdAndLeavesNoneOut) {
   double same_order = 0, all = 0;
   for (int round = 0; round < 12; ++round) {
     const int w = 14, h = 11;
-    const Scene s = random_scene(random, w, h);
+    const Scene s = random_scene(random, w, h, round % 3 == 0 ? 0 : 0.4);
     LabImage lab(w, h);
     PointImage points(w, h);
     lab.set(s.rgb.view());
@@ -108,8 +117,8 @@ TEST_P(Grow, JoinsTheNearestWithinTheThresholdAndLeavesNoneOut) {
     const int start = static_cast<int>(random.integer(0, w * h - 1));
     const PointImage* p = with_depth ? &points : nullptr;
     const int n = grower.grow(lab, p, start, c);
-    const Slow slow{lab, p, c, start,
-                    with_depth ? nearest_reading(points.z_mm(), w, h, start) : start};
+    const Slow slow{s.rgb, lab,   p,
+                    c,     start, with_depth ? nearest_reading(points.z_mm(), w, h, start) : start};
     ASSERT_GT(n, 0);
     ASSERT_EQ(grower.members()[0], start);
     std::set<int> region{start};

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include "perception/geometry/no_colour.hpp"
 #include "perception/segmentation/touch_segmenter.hpp"
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
@@ -103,6 +104,96 @@ TEST(Touch, EachObjectFromAnyPixelOfIt) {
     }
     EXPECT_GT(mean / n, 0.9) << "object " << what << " seed " << seed;
     EXPECT_NEAR(s.support().n.norm(), 1, 1e-5);
+  }
+}
+
+// Left of every object a strip of the table, and of what stands there, that a colour camera to the right does not
+// see, and every hundredth pixel. Only what has colour is compared by it.
+TEST(Touch, HiddenFromTheColourCamera) {
+  const std::uint64_t seed = 37;
+  RecordProperty("seed", std::to_string(seed));
+  rt::Random random(seed);
+  const Rendered r = render(kSolids, random);
+  Image<Rgb> hidden = r.rgb;
+  int lacking = 0;
+  for (int v = 0; v < kH; ++v)
+    for (int u = 0; u < kW; ++u) {
+      bool behind = random.uniform() < 0.01;
+      for (int x = u; x < std::min(kW, u + 14); ++x)
+        behind = behind || (r.truth.at(x, v) != 0 && r.depth.at(u, v) > r.depth.at(x, v) + 30);
+      if (r.truth.at(u, v) != 0 && u > 0 && r.truth.at(u - 1, v) == 0) behind = true;
+      if (behind) hidden.at(u, v) = kNoColour, ++lacking;
+    }
+  ASSERT_GT(lacking, 1000);
+  Image<Rgb> black = hidden;
+  lift_black(black.view());
+  const auto mean_iou = [&](const Image<Rgb>& rgb) {
+    TouchSegmenter s(kW, kH);
+    s.set_frame(rgb.view(), r.depth.view(), kCamera, 1);
+    rt::Random draw(seed);
+    double sum = 0;
+    int n = 0;
+    while (n < 30) {
+      const int u = static_cast<int>(draw.integer(0, kW - 1));
+      const int v = static_cast<int>(draw.integer(0, kH - 1));
+      const int what = r.truth.at(u, v);
+      if (what == 0) continue;
+      EXPECT_TRUE(s.touch(u, v));
+      EXPECT_TRUE(s.in(u, v));
+      sum += iou(s, r, what);
+      ++n;
+    }
+    return sum / n;
+  };
+  const double all = mean_iou(r.rgb), some = mean_iou(hidden);
+  // Of the touches on the hidden part of the table, how many name the table?
+  const auto named_table = [&](const Image<Rgb>& rgb) {
+    TouchSegmenter s(kW, kH);
+    s.set_frame(rgb.view(), r.depth.view(), kCamera, 1);
+    int named = 0, tried = 0;
+    for (int v = 4; v < kH - 4; v += 3)
+      for (int u = 4; u < kW - 4; u += 3) {
+        bool deep = true;  // all round it is hidden table
+        for (int y = -3; y <= 3; ++y)
+          for (int x = -3; x <= 3; ++x)
+            deep = deep && !has_colour(hidden.at(u + x, v + y)) && r.truth.at(u + x, v + y) == 0;
+        if (!deep) continue;
+        ++tried;
+        EXPECT_TRUE(s.touch(u, v));
+        named += s.named_support() ? 1 : 0;
+      }
+    EXPECT_GT(tried, 15);
+    return static_cast<double>(named) / tried;
+  };
+  const double table = named_table(hidden), dark_table = named_table(black);
+  std::printf("  IoU with all colours %.3f, without those %.3f\n", all, some);
+  std::printf("  a touch on the hidden table names it: %.2f; taken for black %.2f\n", table,
+              dark_table);
+  EXPECT_GT(some, 0.9);
+  EXPECT_GT(some, all - 0.03);
+  EXPECT_GT(table, 0.9);
+  EXPECT_LT(dark_table, 0.5) << "the case shows nothing";
+}
+
+// No colour at all: by distance alone, as if everything were of one colour.
+TEST(Touch, WithoutAnyColour) {
+  rt::Random random(41);
+  const Rendered r = render(kSolids, random);
+  const Image<Rgb> none(kW, kH, kNoColour);
+  TouchSegmenter s(kW, kH);
+  s.set_frame(none.view(), r.depth.view(), kCamera, 1);
+  for (const auto& [u, v] : {std::pair{0, 0}, {kW - 1, kH - 1}, {kW / 2, kH / 2}}) {
+    EXPECT_TRUE(s.touch(u, v));
+    EXPECT_TRUE(s.in(u, v));
+  }
+  for (int what = 1; what <= 3; ++what) {
+    double us = 0, vs = 0, n = 0;
+    for (int v = 0; v < kH; ++v)
+      for (int u = 0; u < kW; ++u)
+        if (r.truth.at(u, v) == what) us += u, vs += v, n += 1;
+    const int u = static_cast<int>(us / n), v = static_cast<int>(vs / n);
+    EXPECT_TRUE(s.touch(u, v));
+    EXPECT_GT(iou(s, r, what), 0.8) << what;
   }
 }
 

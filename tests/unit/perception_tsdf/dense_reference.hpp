@@ -2,6 +2,7 @@
 // must agree with, word for word, wherever it keeps a block.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <vector>
@@ -16,6 +17,8 @@ struct DenseReference {
   struct Node {
     int d = 0, w = 0;
     bool free = false;
+    int readings = 0, coloured = 0;  // ended near it; brought a colour
+    std::array<int, 3> colour{};
   };
   std::vector<Node> nodes;
 
@@ -34,10 +37,11 @@ struct DenseReference {
                  static_cast<std::size_t>(k - lo)];
   }
 
-  // pixels: DepthPyramid's, tested apart. stored(i,j,k): the map keeps a block there.
+  // pixels: DepthPyramid's, tested apart. stored(i,j,k): the map keeps a block there. colour: empty for none; it is
+  // fused within `band_m`.
   template <class Stored>
   void integrate(const Intrinsics& c, const std::uint32_t* pixels, const Pose& X_WC,
-                 Stored&& stored) {
+                 Stored&& stored, ImageView<const Rgb> colour = {}, double band_m = 0) {
     const Pose X_CW = X_WC.inverse(Eigen::Isometry);
     const Mat3 step = X_CW.linear() * voxel;
     const Eigen::Matrix3f axes = step.cast<float>();
@@ -61,8 +65,9 @@ struct DenseReference {
           if (u < -0.5F || v < -0.5F || u >= static_cast<float>(c.width) - 0.5F ||
               v >= static_cast<float>(c.height) - 0.5F)
             continue;
-          const std::uint32_t pixel = pixels[static_cast<int>(std::floor(v + 0.5F)) * c.width +
-                                             static_cast<int>(std::floor(u + 0.5F))];
+          const int row = static_cast<int>(std::floor(v + 0.5F)),
+                    column = static_cast<int>(std::floor(u + 0.5F));
+          const std::uint32_t pixel = pixels[row * c.width + column];
           if (pixel == 0) continue;
           const int weight = static_cast<int>((pixel >> 16U) & 0xffU);
           const float depth = static_cast<float>(pixel & 0xffffU) * 0.001F;
@@ -78,8 +83,22 @@ struct DenseReference {
             s = std::min(std::max(s, -32767.0F), 32767.0F);
             learn(n, s, weight);
             n.free = sdf > 0;
+            if (colour.data != nullptr && std::fabs(sdf) <= static_cast<float>(band_m))
+              see(n, colour.at(column, row));
           }
         }
+  }
+
+  // Means are rounded to the nearest, half up.
+  static void see(Node& n, Rgb c) {
+    n.readings = std::min(n.readings + 1, 15);
+    if (c == Rgb{0, 0, 0}) return;
+    const int now[3] = {c.r, c.g, c.b};
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double mean = (n.colour[a] * n.coloured + now[a]) / (n.coloured + 1.0);
+      n.colour[a] = static_cast<int>(std::floor(mean + 0.5));
+    }
+    n.coloured = std::min(n.coloured + 1, 15);
   }
 
   void learn(Node& n, float s, int w) const {

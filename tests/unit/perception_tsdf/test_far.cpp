@@ -5,6 +5,7 @@
 #include <set>
 #include <vector>
 
+#include "perception/geometry/no_colour.hpp"
 #include "perception/tsdf/chunk_record.hpp"
 #include "perception/tsdf/far_store.hpp"
 #include "rt/memory/section.hpp"
@@ -22,6 +23,14 @@ std::size_t encode(const BlockImage& b, Body& out) {
                       b.labelled ? labels : std::span<const LabelVoxel>{}, out);
 }
 
+// Read 1 to 15 times, coloured as often, less often or never.
+std::uint32_t random_colour(rt::Random& random) {
+  const std::int64_t read = random.integer(1, kMostCounted), some = random.integer(0, read);
+  const auto coloured = static_cast<std::uint32_t>(random.uniform() < 0.5 ? read : some);
+  const std::uint32_t rgb = static_cast<std::uint32_t>(random()) & 0xffffffU;
+  return (coloured > 0 ? rgb : 0U) | static_cast<std::uint32_t>(read) << 24U | coloured << 28U;
+}
+
 // Any content a map can hold: `known` of the voxels, distances near each other or not.
 BlockImage random_block(rt::Random& random, double known, bool smooth) {
   BlockImage b;
@@ -31,9 +40,7 @@ BlockImage random_block(rt::Random& random, double known, bool smooth) {
                : static_cast<int>(random.integer(-32767, 32767));
     if (random.uniform() < known)
       b.words[i] = TsdfMap::make_word(d, static_cast<int>(random.integer(1, kMostRawWeight)));
-    if (random.uniform() < 0.5 * known)
-      b.colours[i] = (static_cast<std::uint32_t>(random()) & 0xffffffU) |
-                     static_cast<std::uint32_t>(random.integer(1, kMostColourWeight)) << 24U;
+    if (random.uniform() < 0.5 * known) b.colours[i] = random_colour(random);
   }
   for (std::uint64_t& f : b.free) {
     const double kind = random.uniform();
@@ -81,8 +88,16 @@ TEST(BlockCodec, RefusesWhatAMapCanNotHold) {
   b.words[77] = TsdfMap::make_word(-32768, 1000);
   EXPECT_FALSE(decodes(b));
   b = {};
-  b.colours[3] = (kMostColourWeight + 1) << 24U;
-  EXPECT_FALSE(decodes(b));
+  b.colours[3] = 0x030201U | 15U << 24U | 15U << 28U;
+  EXPECT_TRUE(decodes(b));
+  b.colours[3] = 5U << 24U;
+  EXPECT_TRUE(decodes(b)) << "never coloured";
+  b.colours[3] = 0x030201U | 5U << 24U | 6U << 28U;
+  EXPECT_FALSE(decodes(b)) << "coloured more often than read";
+  b.colours[3] = 0x030201U | 5U << 24U;
+  EXPECT_FALSE(decodes(b)) << "a colour that never came";
+  b.colours[3] = 0x030201U;
+  EXPECT_FALSE(decodes(b)) << "never read";
   b = {};
   b.labelled = true;
   b.labels[0] = {kMostLabel + 1, 1};

@@ -13,6 +13,7 @@
 
 #include "drivers/camera/intrinsics_file.hpp"
 #include "drivers/camera/sequence_layout.hpp"
+#include "perception/geometry/no_colour.hpp"
 #include "perception/segmentation/measures.hpp"
 #include "perception/segmentation/region_grow.hpp"
 #include "rt/random.hpp"
@@ -91,6 +92,7 @@ struct Frame {
 Frame load(const fs::path& folder, const std::string& name, const Kind& kind) {
   Frame f;
   f.rgb = take(read_colour((folder / "rgb" / name).string()));
+  perception::lift_black(f.rgb.view());                           // an image file's black is black
   const fs::path png = fs::path(name).replace_extension(".png");  // colour may be JPEG
   f.depth = take(read_grey((folder / "depth" / png).string()));
   f.label = take(read_grey((folder / "label" / png).string()));
