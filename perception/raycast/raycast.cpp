@@ -157,7 +157,7 @@ class Caster {
     int hits = 0;
     for (int i = 0; i < s.count; ++i) {
       float* record = s.records + static_cast<std::ptrdiff_t>(i) * RaycastMaps::kStride;
-      if (s.found[i] != 0 || hinted_only()) {
+      if (s.found[i] != 0 || s.hint[i] < 0 || hinted_only()) {
         if (options_.colour) static_cast<void>(finish(u0 + i, v, record[3] > 0, record));
         continue;
       }

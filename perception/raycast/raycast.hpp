@@ -33,7 +33,7 @@ struct RaycastOptions {
   // Normals from three voxels round the hit (averages the field's noise) instead of from the cell
   // that holds it.
   bool smooth_normals = true;
-  // Tracking only: depth (m, 0 = none) of the image, at full resolution or at that of the rays. A ray with a hint takes the
+  // Tracking only: depth (m, 0 = none, below 0: nothing is to be seen there) of the image, at full resolution or at that of the rays. A ray with a hint takes the
   // crossing next to it, within one truncation, or else the first one from 1.1 truncation in front of
   // it: it passes a surface that lies farther before the hint.
   ImageView<const float> hint_depth_m{};

@@ -57,6 +57,7 @@ Relocaliser::Relocaliser(rt::NonRealtime& nrt, const RelocaliserConfig& config,
       keyframes_(nrt, config.keyframes),
       aligner_(camera),
       step_(step_of(camera)),
+      caster_(nrt, camera.width / step_ + 1, camera.height / step_ + 1),
       maps_{RaycastMaps(nrt, camera.width / step_ + 1, camera.height / step_ + 1),
             RaycastMaps(nrt, camera.width / step_ + 1, camera.height / step_ + 1)} {
   config_.tries = std::clamp(config_.tries, 0, kMaxTries);
@@ -83,7 +84,7 @@ RaycastStats Relocaliser::cast(const TsdfMap& map, const Pose& X_WC, RaycastMaps
   o.min_weight = 0.2;
   o.max_depth_m = config_.max_depth_m;
   o.smooth_normals = false;
-  const RaycastStats stats = raycast(map, camera_, X_WC, o, maps);
+  const RaycastStats stats = caster_.cast(map, camera_, X_WC, o, maps);
   work_ += static_cast<std::uint64_t>(stats.steps);
   return stats;
 }

@@ -14,9 +14,9 @@
 // What is proposed is no claim: the caller believes it only when the next frame, tracked from there, passes too.
 //
 // Bounded: at most `tries` coarse casts and alignments a frame, or one look(). A ray of a cast without a hint
-// costs thirty times one with: this is what a lost frame's time goes into, so it is spread over frames. What a
-// view would show and is put away far from the camera is brought back first, a part a frame, and cast in the
-// frame after.
+// costs thirty times one with: so three of four start from what the fourth has found (sparse_cast.hpp), and casts
+// are spread over frames. What a view would show and is put away far from the camera is brought back first, a part
+// a frame, and cast in the frame after.
 #pragma once
 
 #include <array>
@@ -25,6 +25,7 @@
 
 #include "perception/icp/tracker.hpp"
 #include "perception/raycast/raycast.hpp"
+#include "perception/raycast/sparse_cast.hpp"
 #include "perception/relocalisation/keyframes.hpp"
 #include "perception/relocalisation/thumbnail_fit.hpp"
 
@@ -127,7 +128,8 @@ class Relocaliser {
   Keyframes keyframes_;
   ThumbnailAligner aligner_;
   CellView seen_{};
-  int step_;                         // pixels of the camera a ray
+  int step_;  // pixels of the camera a ray
+  SparseCast caster_;
   std::array<RaycastMaps, 2> maps_;  // the view, and what is being tried
   std::size_t viewed_ = 0;
   bool has_view_ = false;

@@ -200,47 +200,52 @@ double median(std::vector<double> v) {
   return v[v.size() / 2];
 }
 
+// Tracked and lost in turn, so that what else the machine does is in both.
 TEST(Relocalisation, ALostFrameDoesNoMoreWorkThanATrackedOne) {
+  constexpr int kTour = 60, kRounds = 4, kEach = 8;
   const AnalyticScene scene = hall();
+  AnalyticScene other;  // a place that is on no keyframe
+  other.planes = {{Vec3(1.0, 0, 0.5), Vec3(-1, 0.9, 0.7).normalized()}};
   Rig rig(coarse(), tour_start());
+  for (int i = 0; i < kTour; ++i) rig.see(scene, in_hall(0.05 * i), 0.0015);
   rig.task->profile(true);
   std::array<std::int64_t, 3> lost_ns{};
   std::uint64_t tracked = 0, lost = 0;
   std::vector<double> tracked_ms, lost_ms;
-  for (int i = 0; i < 60; ++i) {
-    rig.see(scene, in_hall(0.05 * i), 0.0015);
-    if (i == 0) continue;
-    tracked = std::max(tracked, rig.out.work - rig.out.work_view);
-    tracked_ms.push_back(cpu_ms(rig));
+  for (int round = 0, at = kTour; round < kRounds; ++round) {
+    for (int i = 0; i < kEach; ++i) {
+      rig.see(scene, in_hall(0.05 * --at), 0.0015);
+      ASSERT_TRUE(rig.out.camera.claimed) << "round " << round << " frame " << i;
+      tracked = std::max(tracked, rig.out.work - rig.out.work_view);
+      tracked_ms.push_back(cpu_ms(rig));
+    }
+    // In every second round with odometry, which makes the task cast the map again each time.
+    for (int i = 0; i < kEach; ++i) {
+      OdometryPrior o;
+      o.taken = rt::Time{rt::nanos_from_seconds(static_cast<double>(rig.period) * kDt - 0.02)};
+      if (round % 2 == 1) rig.in.odometry = o;
+      rig.see(other, tests::look_at(Vec3(0, 0, 0.5), Vec3(1, 0, 0.5)), 0.0015);
+      EXPECT_EQ(rig.out.camera.tracking, CameraPose::Tracking::kLost);
+      lost = std::max(lost, rig.out.work - rig.out.work_view);
+      lost_ms.push_back(cpu_ms(rig));
+      const auto& p = rig.task->last_profile();
+      lost_ns[0] += p.prepare, lost_ns[1] += p.track, lost_ns[2] += p.raycast;
+    }
+    rig.in.odometry.reset();
+    for (int i = 0; i < 15 && !rig.out.camera.claimed; ++i)
+      rig.see(scene, in_hall(0.05 * at), 0.0015);
+    ASSERT_TRUE(rig.out.camera.claimed) << "round " << round;
   }
-  // A place that is on no keyframe; with odometry, which makes the task cast the map again each time.
-  for (int i = 0; i < 20; ++i) {
-    OdometryPrior o;
-    o.taken = rt::Time{rt::nanos_from_seconds(static_cast<double>(rig.period) * kDt - 0.02)};
-    if (i >= 10) rig.in.odometry = o;
-    AnalyticScene other;
-    other.planes = {{Vec3(1.0, 0, 0.5), Vec3(-1, 0.9, 0.7).normalized()}};
-    rig.see(other, tests::look_at(Vec3(0, 0, 0.5), Vec3(1, 0, 0.5)), 0.0015);
-    EXPECT_EQ(rig.out.camera.tracking, CameraPose::Tracking::kLost);
-    lost = std::max(lost, rig.out.work - rig.out.work_view);
-    lost_ms.push_back(cpu_ms(rig));
-    const auto& p = rig.task->last_profile();
-    lost_ns[0] += p.prepare, lost_ns[1] += p.track, lost_ns[2] += p.raycast;
-  }
+  const double per_frame_ms = 1e-6 / (kRounds * kEach);
   std::printf("  work: tracked <= %llu, lost <= %llu; CPU p50 %.2f and %.2f ms\n",
               static_cast<unsigned long long>(tracked), static_cast<unsigned long long>(lost),
               median(tracked_ms), median(lost_ms));
   std::printf("  lost, mean ms: prepare %.2f, track and search %.2f, ray cast %.2f\n",
-              5e-8 * static_cast<double>(lost_ns[0]), 5e-8 * static_cast<double>(lost_ns[1]),
-              5e-8 * static_cast<double>(lost_ns[2]));
+              per_frame_ms * static_cast<double>(lost_ns[0]),
+              per_frame_ms * static_cast<double>(lost_ns[1]),
+              per_frame_ms * static_cast<double>(lost_ns[2]));
   EXPECT_LE(lost, tracked);
-  // Missed: since a tracked frame became an eighth cheaper, a lost one takes 1.01 to 1.08 of it here; the
-  // limit is 1. Just behind that, so that it does not become more.
-  constexpr double kMissedBound = 1.15;
-  const double share = median(lost_ms) / median(tracked_ms);
-  if (share > 1)
-    std::printf("  MISSED: a lost frame takes %.2f of a tracked one, limit 1\n", share);
-  EXPECT_LE(share, kMissedBound);
+  EXPECT_LE(median(lost_ms), median(tracked_ms));
 }
 
 // What is to be seen where the camera has got to is put away: the lost frames bring it back. At the size and the
