@@ -244,9 +244,20 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
 
 // ---------------------------------------------------------------- planning
 
+namespace {
+
+// One radius of the base for the map and for what is planned on it.
+PlanningConfig of_one_robot(const GraphConfig& config) {
+  PlanningConfig c = config.planning;
+  c.robot_radius_m = config.fusion.ground.robot_radius_m;
+  return c;
+}
+
+}  // namespace
+
 PlanningNode::PlanningNode(rt::NonRealtime& nrt, const GraphConfig& config,
                            const OperatorSetup& setup, OperatorCells& cells)
-    : task_(nrt, config.planning, config.seed),
+    : task_(nrt, of_one_robot(config), config.seed),
       cells_(cells),
       hash_(setup.hash_outputs),
       path_gate_(setup.faults, "path"),

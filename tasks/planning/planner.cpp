@@ -29,6 +29,7 @@ void PlannerConfig::describe(config::Section& s) {
   s.integer("shortcuts", shortcuts, 0, 5000, "tries of the random shortcut pass");
   s.integer("comfort_cost", comfort_cost, 0, kDriveableCost,
             "map cost above which a cell is only used when there is no other way");
+  s.integer("drive_cost", drive_cost, 0, kDriveableCost, "map cost above which nothing is driven");
   s.flag("grid_fallback", grid_fallback, "the grid's shortest chain when the iterations are spent");
 }
 
@@ -99,6 +100,9 @@ struct Planner::Impl {
     return {(ix + random.uniform()) * map->resolution, (iy + random.uniform()) * map->resolution};
   }
 
+  [[nodiscard]] std::uint8_t drive_limit() const {
+    return static_cast<std::uint8_t>(config.drive_cost);
+  }
   bool flood(int seed_count, std::uint8_t start_cost, const rt::Tick& t);
   std::int32_t trace_chain(std::int32_t goal_cell);
   PlanStatus search(Point2 goal);
@@ -186,8 +190,9 @@ Planner::~Planner() {
 
 bool Planner::Impl::flood(int seed_count, std::uint8_t start_cost, const rt::Tick& t) {
   const std::span<const Flood::Seed> s(seeds.data(), static_cast<std::size_t>(seed_count));
-  const auto limit = static_cast<std::uint8_t>(std::max<int>(config.comfort_cost, start_cost));
-  driveable_ok = driveable.run(*map, s, kDriveableCost, t);
+  const auto limit = std::min(
+      drive_limit(), static_cast<std::uint8_t>(std::max<int>(config.comfort_cost, start_cost)));
+  driveable_ok = driveable.run(*map, s, drive_limit(), t);
   comfort_ok = driveable_ok && !t.cancelled() && comfort.run(*map, s, limit, t);
   return driveable_ok && !t.cancelled();
 }
@@ -196,7 +201,7 @@ bool Planner::flood(const CostMap& map, Point2 start, const rt::Tick& tick) noex
   Impl& m = *impl_;
   m.map = &map;
   m.driveable_ok = m.comfort_ok = false;
-  if (!map.ground_found || !point_clear(map, start)) return false;
+  if (!map.ground_found || !point_clear(map, start, m.drive_limit())) return false;
   const std::int32_t cell = m.cell_of(start);
   m.seeds[0] = {cell, 0};
   m.start = start;
@@ -218,6 +223,8 @@ bool Planner::flood(const CostMap& map, std::span<const Source> starts,
   m.exact_start = false;
   return m.flood(static_cast<int>(n), 0, tick);
 }
+
+std::uint8_t Planner::drive_limit() const noexcept { return impl_->drive_limit(); }
 
 bool Planner::reachable(int ix, int iy) const noexcept {
   const Impl& m = *impl_;
@@ -372,7 +379,7 @@ PlanStatus Planner::plan(Point2 goal, std::uint64_t seed, std::uint64_t job,
   if (m.map == nullptr || !m.map->ground_found) return PlanStatus::kNoMap;
   if (tick.cancelled()) return PlanStatus::kCancelled;
   if (!m.driveable_ok) return PlanStatus::kStartBlocked;
-  if (!point_clear(*m.map, goal)) return PlanStatus::kGoalBlocked;
+  if (!point_clear(*m.map, goal, m.drive_limit())) return PlanStatus::kGoalBlocked;
   const std::int32_t cell = m.cell_of(goal);
   if (!m.driveable.reached(cell)) return PlanStatus::kUnreachable;
   const bool comfortable = m.comfort_ok && m.comfort.reached(cell) &&

@@ -36,7 +36,8 @@ struct Point2 {
   friend bool operator==(const Point2&, const Point2&) = default;
 };
 
-// Largest cost a path may touch: everything below inscribed.
+// Largest cost at which the body still fits: everything below inscribed. New paths keep to
+// PlannerConfig::drive_cost, one that is driven holds up to here.
 inline constexpr std::uint8_t kDriveableCost = perception::CostMap::kInscribed - 1;
 
 // The cell at p is on the map and costs at most `limit`.
@@ -57,6 +58,9 @@ struct PlannerConfig {
       0.2;                // of the samples lie on the flood's chain, up to five times as much later
   int shortcuts = 150;    // tries of the random shortcut pass
   int comfort_cost = 96;  // cells above it are only used when there is no other way
+  // Cells above it are not driven, though the body would just fit: 75 mm and more beyond the radius are left for what
+  // the base leaves its path by (prediction.path.corridor_m, tracking) and for half a cell.
+  int drive_cost = 176;
   bool grid_fallback = true;  // the flood's chain when the iterations are spent
 
   void describe(config::Section& s);
@@ -93,6 +97,8 @@ class Planner {
   bool flood(const perception::CostMap& map, Point2 start, const rt::Tick& tick) noexcept;
   bool flood(const perception::CostMap& map, std::span<const Source> starts,
              const rt::Tick& tick) noexcept;
+  // Largest cost that a path of this planner touches.
+  [[nodiscard]] std::uint8_t drive_limit() const noexcept;
   // Valid after flood(): the cell is connected to the start.
   [[nodiscard]] bool reachable(int ix, int iy) const noexcept;
 

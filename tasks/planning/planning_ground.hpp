@@ -1,6 +1,7 @@
 // What the parts of the planning task share: the ground plane of a map, seen from W, and distances on it.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 
 #include "tasks/planning/planning_task.hpp"
@@ -9,6 +10,16 @@ namespace tasks {
 
 [[nodiscard]] inline double distance(Point2 a, Point2 b) {
   return std::hypot(b.x - a.x, b.y - a.y);
+}
+
+[[nodiscard]] inline Point2 nearest_on_segment(Point2 p, Point2 a, Point2 b) {
+  const double dx = b.x - a.x, dy = b.y - a.y, d2 = dx * dx + dy * dy;
+  const double t = d2 > 0 ? std::clamp(((p.x - a.x) * dx + (p.y - a.y) * dy) / d2, 0.0, 1.0) : 0.0;
+  return {a.x + t * dx, a.y + t * dy};
+}
+
+[[nodiscard]] inline double distance_to_segment(Point2 p, Point2 a, Point2 b) {
+  return distance(p, nearest_on_segment(p, a, b));
 }
 
 [[nodiscard]] inline rt::Health counted(rt::FaultId id) {

@@ -17,35 +17,130 @@ double wrapped(double a) { return std::remainder(a, 2.0 * std::numbers::pi); }
 
 }  // namespace
 
+// The way that the robot drives in any case: along the path it has, or straight on, as far as it is clear.
+void PlanningTask::look_ahead(const rt::Tick& tick, const Ground& ground, const CostMap& map,
+                              const drivers::RobotState& robot) noexcept {
+  const Point2 here = ground.under(robot.x_m, robot.y_m);
+  ahead_[0] = here;
+  ahead_size_ = 1;
+  const double v = std::hypot(robot.vx, robot.vy);
+  if (!(v > config_.arrive_speed_m_per_s)) return;  // NaN as well
+  const double age = std::clamp(rt::seconds(tick.start - robot.taken), 0.0, 1.0);
+  const double way = v * (2 * age + config_.switch_s) + v * v / (2 * config_.brake_m_per_s2);
+  const double c = std::cos(robot.yaw_rad), s = std::sin(robot.yaw_rad);
+  const Vec3 v_M = ground.X_MW.linear() *
+                   Vec3(c * robot.vx - s * robot.vy, s * robot.vx + c * robot.vy, 0.0) / v;
+  if (along_old_path(ground, map, here, {v_M.x(), v_M.y()}, way)) return;
+  for (double gone = 0; gone < way && ahead_size_ < kMostAhead;) {
+    gone = std::min(way, gone + config_.spacing_m);
+    const Point2 next{here.x + gone * v_M.x(), here.y + gone * v_M.y()};
+    if (!go_on(map, next)) return;
+  }
+}
+
+// One point more, where the floor may be driven or is not seen yet.
+bool PlanningTask::go_on(const CostMap& map, Point2 next) noexcept {
+  const Point2 last = ahead_[static_cast<std::size_t>(ahead_size_ - 1)];
+  if (ahead_size_ == kMostAhead || !edge_clear_or_unknown(map, last, next, kDriveableCost))
+    return false;
+  ahead_[static_cast<std::size_t>(ahead_size_++)] = next;
+  return true;
+}
+
+// False: there is none, or the robot is not driving it.
+bool PlanningTask::along_old_path(const Ground& ground, const CostMap& map, Point2 robot,
+                                  Point2 direction, double way_m) noexcept {
+  constexpr double kOnPath_m = 0.15;
+  const Path& p = state_.path.size > 0 ? state_.path : state_.driven;
+  const auto at = [&](int i) {
+    const auto& q = p.points[static_cast<std::size_t>(i)];
+    return ground.under(q[0], q[1]);
+  };
+  double best = kOnPath_m;
+  int segment = -1;
+  for (int i = 0; i + 1 < p.size; ++i) {
+    const Point2 a = at(i), b = at(i + 1);
+    const double d = distance_to_segment(robot, a, b);
+    if (d > best || (b.x - a.x) * direction.x + (b.y - a.y) * direction.y <= 0) continue;
+    best = d, segment = i;
+  }
+  if (segment < 0) return false;
+  ahead_[0] = nearest_on_segment(robot, at(segment), at(segment + 1));
+  double left = way_m;
+  for (int i = segment + 1; i < p.size && left > 0; ++i) {
+    const Point2 last = ahead_[static_cast<std::size_t>(ahead_size_ - 1)], q = at(i);
+    const double d = distance(last, q);
+    if (d < 1e-9) continue;
+    const double f = std::min(1.0, left / d);
+    if (!go_on(map, {last.x + f * (q.x - last.x), last.y + f * (q.y - last.y)})) break;
+    left -= d;
+  }
+  if (ahead_size_ == 1) ahead_[0] = robot;
+  return true;
+}
+
 // Floods from the robot's place, or, where that is not driveable (the camera does not see the floor
 // at the robot's feet), from the driveable cells around it that no obstacle hides.
 PlanStatus PlanningTask::find_start(const CostMap& map, Point2 robot, const rt::Tick& tick,
                                     bool& escape) noexcept {
-  escape = !point_clear(map, robot);
+  escape = !point_clear(map, robot, planner_.drive_limit());
   if (!escape) {
     if (planner_.flood(map, robot, tick)) return PlanStatus::kFound;
     return tick.cancelled() ? PlanStatus::kCancelled : PlanStatus::kStartBlocked;
   }
-  const double res = map.resolution;
-  const int reach = static_cast<int>(config_.start_radius_m / res) + 1;
-  const int cx = static_cast<int>(std::floor(robot.x / res));
-  const int cy = static_cast<int>(std::floor(robot.y / res));
-  std::size_t n = 0;
-  for (int iy = std::max(0, cy - reach); iy <= std::min(map.height - 1, cy + reach); ++iy) {
-    if (tick.cancelled()) return PlanStatus::kCancelled;
-    for (int ix = std::max(0, cx - reach); ix <= std::min(map.width - 1, cx + reach); ++ix) {
-      if (map.cost[map.index(ix, iy)] > kDriveableCost || n == sources_.size()) continue;
-      const Point2 c{(ix + 0.5) * res, (iy + 0.5) * res};
-      const double d = distance(robot, c);
-      if (d > config_.start_radius_m) continue;
-      if (!edge_clear_or_unknown(map, robot, c, CostMap::kInscribed)) continue;
-      sources_[n++] = {ix, iy, d};
-    }
-  }
+  const std::size_t n = find_escapes(map, robot, tick);
   if (n > 0 && planner_.flood(map, std::span<const Planner::Source>(sources_.data(), n), tick)) {
     return PlanStatus::kFound;
   }
   return tick.cancelled() ? PlanStatus::kCancelled : PlanStatus::kStartBlocked;
+}
+
+// The driveable cells to which the base may come straight. What is occupied (a no-go area drawn over the robot,
+// a box pushed to it) may be nearer than its radius now; no obstacle may come nearer than that, or than it is.
+std::size_t PlanningTask::find_escapes(const CostMap& map, Point2 robot,
+                                       const rt::Tick& tick) noexcept {
+  const double res = map.resolution;
+  const int cx = static_cast<int>(std::floor(robot.x / res));
+  const int cy = static_cast<int>(std::floor(robot.y / res));
+  const auto centre = [&](int ix, int iy) { return Point2{(ix + 0.5) * res, (iy + 0.5) * res}; };
+  const auto around = [&](double range_m, auto&& visit) {
+    const int reach = static_cast<int>(range_m / res) + 1;
+    for (int iy = std::max(0, cy - reach); iy <= std::min(map.height - 1, cy + reach); ++iy) {
+      for (int ix = std::max(0, cx - reach); ix <= std::min(map.width - 1, cx + reach); ++ix) {
+        const Point2 c = centre(ix, iy);
+        const double d = distance(robot, c);
+        if (d <= range_m && !visit(ix, iy, c, d)) return;
+      }
+    }
+  };
+  const auto occupied = [&](int ix, int iy) {
+    return map.contains(ix, iy) && map.cost[map.index(ix, iy)] == CostMap::kOccupied;
+  };
+  std::size_t obstacles = 0;
+  bool all = true;
+  around(config_.start_radius_m + config_.robot_radius_m, [&](int ix, int iy, Point2 c, double d) {
+    if (!occupied(ix, iy)) return true;
+    if (occupied(ix - 1, iy) && occupied(ix + 1, iy) && occupied(ix, iy - 1) &&
+        occupied(ix, iy + 1))
+      return true;  // inside: its rim is nearer
+    all = obstacles < near_.size();
+    if (all) near_[obstacles++] = {c, std::min(config_.robot_radius_m + 0.5 * res, d - 0.5 * res)};
+    return all;
+  });
+  std::size_t n = 0;
+  if (!all) return n;  // more than fit: none can be answered for
+  around(config_.start_radius_m, [&](int ix, int iy, Point2 c, double d) {
+    if (tick.cancelled() || n == sources_.size()) return false;
+    if (map.cost[map.index(ix, iy)] > planner_.drive_limit() ||
+        !edge_clear_or_unknown(map, robot, c, CostMap::kInscribed))
+      return true;
+    for (std::size_t k = 0; k < obstacles; ++k) {
+      if (distance_to_segment(near_[k].p, robot, c) < near_[k].least_m) return true;
+    }
+    sources_[n++] = {ix, iy, d};
+    return true;
+  });
+  return tick.cancelled() ? 0 : n;
 }
 
 bool PlanningTask::find_goal(const CostMap& map, Point2 mark, Point2 facing,
@@ -56,7 +151,7 @@ bool PlanningTask::find_goal(const CostMap& map, Point2 mark, Point2 facing,
   if (!(std::abs(mark.x) < 2 * span && std::abs(mark.y) < 2 * span)) return false;
   const int cx = static_cast<int>(std::floor(mark.x / res));
   const int cy = static_cast<int>(std::floor(mark.y / res));
-  if (planner_.reachable(cx, cy) && point_clear(map, mark)) {
+  if (planner_.reachable(cx, cy) && point_clear(map, mark, planner_.drive_limit())) {
     goal = mark;
     return true;
   }
@@ -120,7 +215,6 @@ rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Gro
                                    Out& out) noexcept {
   const CostMap& map = *in.map;
   Goal& g = state_.goal;
-  const Point2 robot = ground.under(in.robot->x_m, in.robot->y_m);
   const Point2 mark = ground.foot(g.p_W);
   const Vec3 n_M = ground.X_MW.linear() * g.normal_W;
   const double flat = std::hypot(n_M.x(), n_M.y());
@@ -128,7 +222,9 @@ rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Gro
   const Point2 facing = flat > 0.5 ? Point2{n_M.x() / flat, n_M.y() / flat} : Point2{};
   Point2 goal;
   bool escape = false;
-  PlanStatus status = find_start(map, robot, tick, escape);
+  look_ahead(tick, ground, map, *in.robot);
+  PlanStatus status =
+      find_start(map, ahead_[static_cast<std::size_t>(ahead_size_ - 1)], tick, escape);
   if (status == PlanStatus::kFound) {
     const bool stands = g.grasp.kind == Grasp::Kind::kNone ? find_goal(map, mark, facing, goal)
                                                            : find_stand(map, mark, facing, goal);
@@ -157,7 +253,7 @@ rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Gro
       give_up(out);
       return counted(kFaultPlanningNoPath);
   }
-  lay_points(ground, robot, escape, out);
+  lay_points(ground, escape, out);
   lay_headings(in.robot->yaw_rad, ground, mark, facing);
   if (planner_.from_grid()) out.flags |= kFromGrid;
   Path& p = state_.path;
@@ -176,7 +272,7 @@ rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Gro
 
 // The planner's vertices as points of W at most spacing_m apart; every vertex is kept, so the
 // points lie on edges that were checked.
-void PlanningTask::lay_points(const Ground& ground, Point2 robot, bool escape, Out& out) noexcept {
+void PlanningTask::lay_points(const Ground& ground, bool escape, Out& out) noexcept {
   Path& p = state_.path;
   const auto vertices = planner_.vertices();
   p.size = 0;
@@ -199,15 +295,16 @@ void PlanningTask::lay_points(const Ground& ground, Point2 robot, bool escape, O
       put(i == n ? b : Point2{a.x + t * (b.x - a.x), a.y + t * (b.y - a.y)});
     }
   };
+  // First what will be driven whatever is planned.
+  put(ahead_[0]);
+  for (int i = 1; i < ahead_size_; ++i)
+    leg(ahead_[static_cast<std::size_t>(i - 1)], ahead_[static_cast<std::size_t>(i)]);
   Point2 last = vertices.front();
   if (escape) {
-    put(robot);
-    leg(robot, last);
-    state_.escape_points = p.size - 1;
+    leg(ahead_[static_cast<std::size_t>(ahead_size_ - 1)], last);
     out.flags |= kEscape;
-  } else {
-    put(last);
   }
+  if (escape || ahead_size_ > 1) state_.escape_points = p.size - 1;
   for (std::size_t i = 1; i < vertices.size() && !state_.path_truncated; ++i) {
     if (distance(last, vertices[i]) < 1e-9) continue;
     leg(last, vertices[i]);

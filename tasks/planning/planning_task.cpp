@@ -22,6 +22,9 @@ void PlanningConfig::describe(config::Section& s) {
   s.number("turn_rad_per_m", turn_rad_per_m, 0.5, 50.0, "heading change along the path");
   s.number("arrive_m", arrive_m, 0.005, 0.5, "distance to the last point that counts as arrived");
   s.number("arrive_speed_m_per_s", arrive_speed_m_per_s, 0.001, 1.0, "and the speed");
+  s.number("switch_s", switch_s, 0.0, 2.0,
+           "from a new path to the goal it sends, but for the way to the robot");
+  s.number("brake_m_per_s2", brake_m_per_s2, 0.05, 5.0, "deceleration a new path may count on");
   s.number("leave_m", leave_m, 0.05, 5.0, "farther from the path: plan again");
   s.number("object_moved_m", object_moved_m, 0.02, 5.0,
            "way of the marked object after which the goal follows it");
@@ -29,16 +32,6 @@ void PlanningConfig::describe(config::Section& s) {
   s.integer("wait_jobs", wait_jobs, 1, 100000, "jobs a mark waits for a map and a robot");
   s.integer("aborts", aborts, 1, 100000, "jobs in a row out of time before a goal is given up");
 }
-
-namespace {
-
-double distance_to_segment(Point2 p, Point2 a, Point2 b) {
-  const double dx = b.x - a.x, dy = b.y - a.y, d2 = dx * dx + dy * dy;
-  const double t = d2 > 0 ? std::clamp(((p.x - a.x) * dx + (p.y - a.y) * dy) / d2, 0.0, 1.0) : 0.0;
-  return distance(p, {a.x + t * dx, a.y + t * dy});
-}
-
-}  // namespace
 
 PlanningTask::PlanningTask(rt::NonRealtime& nrt, const PlanningConfig& config, std::uint64_t seed)
     : config_(config), seed_(seed), planner_(nrt, config.planner) {}
@@ -201,7 +194,10 @@ rt::Health PlanningTask::choose_grasp(const Ground& ground, const drivers::Robot
 // ---- one job ------------------------------------------------------------------------------------
 
 void PlanningTask::drop_path(Out& out) noexcept {
-  if (state_.path.seq != 0) out.flags |= kPathDropped;
+  if (state_.path.seq != 0) {
+    out.flags |= kPathDropped;
+    state_.driven = state_.path;
+  }
   state_.path = Path{};
   state_.path_truncated = false;
   state_.escape_points = 0;

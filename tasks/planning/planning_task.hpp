@@ -51,11 +51,16 @@ struct PlanningConfig {
   double turn_rad_per_m = 3.0;           // heading change along the path
   double arrive_m = 0.05;                // distance to the last point that counts as arrived
   double arrive_speed_m_per_s = 0.03;
+  // A path that replaces another begins where the robot can still turn off: what it drives while the news is on its
+  // way (twice the age of its state, and this much more for the jobs between) and while it brakes.
+  double switch_s = 0.2;
+  double brake_m_per_s2 = 0.6;
   double leave_m = 0.4;          // farther from the path than this: plan again
   double object_moved_m = 0.15;  // way of the marked object after which the goal follows it
   int attempts = 3;              // jobs a goal may spend its iterations in vain
   int wait_jobs = 50;            // jobs a mark waits for a map and a robot
   int aborts = 20;               // jobs in a row that may run out of time planning for one mark
+  double robot_radius_m = 0.35;  // no key: that of the ground map, [fusion.ground]
 
   void describe(config::Section& s);
 };
@@ -145,6 +150,7 @@ class PlanningTask {
     Mark mark;
     Goal goal;
     Path path;
+    Path driven;  // the one before, where it was withdrawn: the robot may still be driving it
     TaskState task;
     std::uint64_t path_seq = 0;
     std::uint64_t last_event_seq = 0;
@@ -173,13 +179,20 @@ class PlanningTask {
   // False: planning for this mark has run out of time too often.
   [[nodiscard]] bool may_try(std::uint64_t mark_seq) noexcept;
   rt::Health make_path(const rt::Tick& tick, const In& in, const Ground& ground, Out& out) noexcept;
+  void look_ahead(const rt::Tick& tick, const Ground& ground, const perception::CostMap& map,
+                  const drivers::RobotState& robot) noexcept;
+  [[nodiscard]] bool along_old_path(const Ground& ground, const perception::CostMap& map,
+                                    Point2 robot, Point2 direction, double way_m) noexcept;
+  bool go_on(const perception::CostMap& map, Point2 next) noexcept;
   [[nodiscard]] PlanStatus find_start(const perception::CostMap& map, Point2 robot,
                                       const rt::Tick& tick, bool& escape) noexcept;
+  std::size_t find_escapes(const perception::CostMap& map, Point2 robot,
+                           const rt::Tick& tick) noexcept;
   [[nodiscard]] bool find_goal(const perception::CostMap& map, Point2 mark, Point2 facing,
                                Point2& goal) const noexcept;
   [[nodiscard]] bool find_stand(const perception::CostMap& map, Point2 mark, Point2 facing,
                                 Point2& goal) const noexcept;
-  void lay_points(const Ground& ground, Point2 robot, bool escape, Out& out) noexcept;
+  void lay_points(const Ground& ground, bool escape, Out& out) noexcept;
   void lay_headings(double robot_yaw, const Ground& ground, Point2 mark, Point2 facing) noexcept;
 
   PlanningConfig config_;
@@ -191,6 +204,15 @@ class PlanningTask {
   int aborted_ = 0;               // jobs in a row that were aborted at it
   bool tried_ = false;            // this job planned; its end is not known yet
   std::array<Planner::Source, 4096> sources_{};
+  // Scratch of a job: the way that the robot drives before a new path can turn it, from where it is now.
+  static constexpr int kMostAhead = 64;
+  std::array<Point2, kMostAhead> ahead_{};
+  int ahead_size_ = 0;
+  struct Near {  // an occupied cell that an escape must not come nearer to than `least_m`
+    Point2 p;
+    double least_m = 0;
+  };
+  std::array<Near, 2048> near_{};
 };
 
 }  // namespace tasks

@@ -17,9 +17,11 @@ namespace oracle {
 using perception::CostMap;
 using tasks::Point2;
 
+inline constexpr std::uint8_t kDrive = 176;  // what a path may touch: PlannerConfig's own limit
+
 inline bool open(const CostMap& m, int x, int y) {
   return x >= 0 && y >= 0 && x < m.width && y < m.height &&
-         m.cost[static_cast<std::size_t>(y * m.width + x)] < CostMap::kInscribed;
+         m.cost[static_cast<std::size_t>(y * m.width + x)] <= kDrive;
 }
 
 // Length in m over 8 neighbours without cutting corners; infinity if there is no way.
@@ -90,7 +92,9 @@ inline std::unique_ptr<CostMap> random_map(rt::Random& r) {
   const int w = static_cast<int>(r.integer(12, 120)), h = static_cast<int>(r.integer(12, 120));
   auto m = blank(w, h, r.uniform(0.02, 0.1));
   const auto kind = r.integer(0, 3);
-  const std::uint8_t values[] = {CostMap::kInscribed, CostMap::kOccupied, CostMap::kUnknown, 200};
+  const std::uint8_t cramped = kind == 0 ? kDrive : kDrive + 1;
+  const std::uint8_t values[] = {CostMap::kInscribed, CostMap::kOccupied, CostMap::kUnknown,
+                                 cramped};
   if (kind <= 1) {
     const auto boxes = r.integer(1, 40);
     for (int i = 0; i < boxes; ++i) {

@@ -54,8 +54,8 @@ TEST(EdgeClear, AgreesWithDenseSampling) {
       const Point2 a{r.uniform(-0.2, w + 0.2), r.uniform(-0.2, h + 0.2)};
       const double reach = r.uniform() < 0.5 ? 0.3 : w;
       const Point2 b{a.x + r.uniform(-reach, reach), a.y + r.uniform(-reach, reach)};
-      const bool got = tasks::edge_clear(*m, a, b);
-      EXPECT_EQ(got, tasks::edge_clear(*m, b, a)) << "seed " << seed;
+      const bool got = tasks::edge_clear(*m, a, b, oracle::kDrive);
+      EXPECT_EQ(got, tasks::edge_clear(*m, b, a, oracle::kDrive)) << "seed " << seed;
       if (got) {
         ++clear;
         ASSERT_TRUE(oracle::free_segment(*m, a, b, 0.0001)) << "seed " << seed << " map " << i;

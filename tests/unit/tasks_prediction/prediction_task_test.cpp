@@ -89,6 +89,25 @@ TEST(PathFollower, ProgressNeverGoesBackNorLeapsToALaterBranch) {
   EXPECT_NEAR(f.next({0.2, 0, 0}).progress_m, 1.0, 1e-9);
 }
 
+// The path was changed under way and the base is beside it: what lies between the way back and the path is cut by no
+// more than the corridor, and the nearer the base comes, the further ahead it looks.
+TEST(PathFollower, ABaseBesideThePathIsLedBackBeforeItGoesOn) {
+  const tasks::PathFollowerConfig c;
+  double before = 0;
+  for (const double aside : {0.4, 0.3, 0.2, 0.1, 0.06, 0.04}) {
+    PathFollower f{c};
+    ASSERT_TRUE(f.take(make_path(1, {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}}, 0.04)));
+    const auto g = f.next({0.6, aside, 0});
+    EXPECT_NEAR(g.progress_m, 0.6, 1e-9);
+    // Distance of the nearest point (0.6, 0) from the straight way to the goal.
+    const double cut = aside * g.ahead_m / std::hypot(aside, g.ahead_m);
+    EXPECT_LE(cut, c.corridor_m + 1e-9) << aside;
+    EXPECT_GE(g.ahead_m, before) << aside;
+    before = g.ahead_m;
+  }
+  EXPECT_NEAR(before, c.look_ahead_m, 1e-9) << "within the corridor nothing changes";
+}
+
 TEST(PathFollower, RefusesBadPathsAndHandlesTinyOnes) {
   PathFollower f{{}};
   Path p = make_path(1, {{0, 0, 0}, {1, 0, 0}});
