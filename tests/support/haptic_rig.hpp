@@ -17,6 +17,7 @@
 #include "rt/memory/section.hpp"
 #include "tasks/haptic/haptic_task.hpp"
 #include "tests/support/field_optimum.hpp"
+#include "tools/haptic/pop_checker.hpp"
 
 namespace rig {
 
@@ -61,6 +62,8 @@ struct Row {
   int contacts;
   double cpu_us;
   rt::Health health;
+  double depth_m =
+      0;  // of the proxy below the blended field's zero set, by the pop checker; NaN: free, unknown
 };
 
 inline double thread_us() {
@@ -175,6 +178,7 @@ class Rig {
     in_.stylus.seq = k_;
     in_.stylus.taken = tick.release;
     in_.stylus.p_DH = p_DH;
+    pops_.offer(in_.patch_newest);
     Row row;
     {
       const double before = thread_us();
@@ -190,12 +194,16 @@ class Rig {
     row.f_raw = R_SW * out_.telemetry.f_raw_D;
     row.telemetry = out_.telemetry;
     row.contacts = out_.state.contacts;
+    pops_.judge(row.telemetry.in_contact, out_.state.p_WP, task_.to_world(p_DH),
+                row.telemetry.blend);
+    row.depth_m = pops_.depth_m();
     return row;
   }
 
   HapticTask::In& in() { return in_; }
   HapticTask::Out& out() { return out_; }
   HapticTask& task() { return task_; }
+  [[nodiscard]] const teletact::PopChecker& pops() const { return pops_; }
   const Scene& setup() const { return setup_; }
   [[nodiscard]] rt::Time now() const {  // of the next tick
     return rt::time_from_ns(static_cast<std::int64_t>(k_) * 1000000);
@@ -206,6 +214,7 @@ class Rig {
   rt::Startup startup_;
   Scene setup_;
   HapticTask task_;
+  teletact::PopChecker pops_;
   HapticTask::In in_;
   HapticTask::Out out_;
   static constexpr int kCacheEdge = 80;

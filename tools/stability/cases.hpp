@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <span>
 #include <string>
@@ -25,7 +26,7 @@ struct Setting {
   std::string method = "constrained";
   bool judged = true;                // run the field optimum beside
   const FusedView* fused = nullptr;  // the solid as the product fuses it, not its own samples
-  double tip_radius_m = 0;           // with `fused`
+  double tip_radius_m = 0;           // on samples: 0 runs both, with 0 and with 3 mm
 };
 
 struct Check {
@@ -65,7 +66,10 @@ struct Limits {
   double j = 0.15;      // N a tick, at least 1.2 K |dh| + 0.02
   bool crease = false;  // 0.33 N, guard in use in at most 6 % of the contact ticks
   bool optimum = true;  // force and position against the field optimum
+  bool side = false;    // one surface alone: the pull stays on its side
 };
+// What is asked of the same rig behind the way.
+using After = std::function<void(rig::Rig&, Run&)>;
 // Fused: the camera leans to `lean` of S.
 [[nodiscard]] rig::Scene still_scene(const Setting& s,
                                      std::function<double(const rig::Vec3&)> solid,
@@ -74,7 +78,12 @@ struct Limits {
 [[nodiscard]] bool on_fused_fields(int id);
 [[nodiscard]] std::vector<FusedView> fused_views();
 [[nodiscard]] Run slide(int id, const std::string& name, const Setting& s, rig::Scene scene,
-                        const rig::Path& path, const Limits& limits);
+                        const rig::Path& path, const Limits& limits, const After& after = {});
+// On samples with a tip of 0 and of 3 mm, the hand as deep under where the tip's centre rests.
+[[nodiscard]] std::vector<Run> with_both_tips(const Setting& s,
+                                              std::vector<Run> (*runs)(const Setting&));
+// How much higher the hand's way is for the tip.
+[[nodiscard]] double raised_m(const Setting& s);
 [[nodiscard]] std::string title(const std::string& name, const Setting& s);
 void add(Run& run, std::string name, double value, double limit,
          double optimum = std::numeric_limits<double>::quiet_NaN());

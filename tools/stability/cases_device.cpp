@@ -7,6 +7,7 @@
 #include "tests/support/haptic_solids.hpp"
 #include "tools/stability/body.hpp"
 #include "tools/stability/cases.hpp"
+#include "tools/stability/judges.hpp"
 
 namespace stability {
 
@@ -333,6 +334,8 @@ Run stepped(const Setting& s, const Grip& grip, double depth) {
            1e3 * 0.5 * kStiffness * (deep * deep - depth * depth));
   add(run, "E + booked below zero mJ", -1e3 * h.energy, 1);
   add(run, "residual speed in a hand mm/s", 1e3 * h.residual, 3);
+  add_injected(run, kStiffness);
+  add_pops(run, r, true);
   return run;
 }
 
