@@ -160,7 +160,8 @@ std::vector<Run> friction_corner_runs(const Setting& s) {
     rig::Figures f;
     const std::vector<rig::Optimum> path_of = rig::score(r, smooth, f, stride);
     model = model_of(run, r, path_of, stride, at_wall);
-    add(run, "frictionless F error p95 N", f.f_error_p95, 0.3, f.f_error_optimum);
+    add(run, "frictionless F error p95 N", f.f_error_p95, 0.3, f.f_error_guarded_optimum,
+        Yardstick::kGuarded);
     add(run, "frictionless p error p95 mm", 1e3 * f.p_error_p95, 0.5);
     add(run, "frictionless unused N", f.unused_max, 0.9, f.unused_optimum);
     add(run, "F error p95 N", model.f_error_p95, 0.3, model.f_error_guarded);

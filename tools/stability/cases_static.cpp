@@ -43,6 +43,7 @@ int release_lag(const rig::Rig& r, const std::vector<Row>& rows) {
 
 std::string title(const std::string& name, const Setting& s) {
   std::string out = name + " " + s.place.name + " " + text("%.0f", 1e3 * s.speed) + "mm/s";
+  if (!s.layer) out += ", layer off";
   if (s.fused != nullptr) {
     out += text(", fused at %.0f deg%s, R %.0f mm", s.fused->incidence_deg,
                 s.fused->noise ? " with noise" : "", 1e3 * s.tip_radius_m);
@@ -57,6 +58,8 @@ bool on_fused_fields(int id) {
   return std::ranges::find(kIds, id) != std::end(kIds);
 }
 
+bool takes_tip(int id) { return id <= 18; }
+
 std::vector<FusedView> fused_views() {
   std::vector<FusedView> out;
   for (const double angle : {20.0, 45.0, 70.0}) {
@@ -70,8 +73,8 @@ std::vector<FusedView> fused_views() {
   return out;
 }
 
-void add(Run& run, std::string name, double value, double limit, double optimum) {
-  run.checks.push_back({std::move(name), value, limit, optimum});
+void add(Run& run, std::string name, double value, double limit, double optimum, Yardstick by) {
+  run.checks.push_back({std::move(name), value, limit, optimum, by});
 }
 
 void add_gates(Run& run) {
@@ -80,6 +83,7 @@ void add_gates(Run& run) {
     force = std::max(force, row.f.allFinite() && row.p.allFinite() ? row.f.norm() : 1e9);
   }
   add(run, "force N", force, 12);
+  run.checks.back().gate = true;
 }
 
 double deviation(const std::vector<double>& v) {
@@ -95,6 +99,8 @@ double angle_deg(const Vec3& f, const Vec3& n) {
 
 Scene still_scene(const Setting& s, std::function<double(const Vec3&)> solid, const Vec3& lean) {
   Scene scene;
+  scene.layer = s.layer;
+  if (s.method == "force_shading") scene.cast = ray_cast_of(s.place.X_WS, solid, lean);
   if (s.fused != nullptr) {
     FusedView view = *s.fused;
     view.lean_S = lean;
@@ -133,7 +139,8 @@ Run slide(int id, const std::string& name, const Setting& s, Scene scene, const 
   add_gates(run);
   const double moving = 1.2 * k * s.speed * 1e-3 + 0.02;
   add(run, "J N", f.j, std::max({limits.j, moving, limits.crease ? 0.33 : 0.0}),
-      s.judged ? f.j_optimum : std::numeric_limits<double>::quiet_NaN());
+      s.judged ? f.j_guarded_optimum : std::numeric_limits<double>::quiet_NaN(),
+      Yardstick::kGuarded);
   add(run, "guard use", f.guard_share, 0.06);
   if (s.judged) {
     add(run, "below mm", 1e3 * f.below_max, 0.5);
@@ -146,7 +153,7 @@ Run slide(int id, const std::string& name, const Setting& s, Scene scene, const 
           100 * f.judged_share);
     }
     if (limits.optimum) {
-      add(run, "F error p95 N", f.f_error_p95, 0.3, f.f_error_optimum);
+      add(run, "F error p95 N", f.f_error_p95, 0.3, f.f_error_guarded_optimum, Yardstick::kGuarded);
       add(run, "p error p95 mm", 1e3 * f.p_error_p95, 0.5);
       add(run, "unused N", f.unused_max, 0.9, f.unused_optimum);
     }

@@ -7,6 +7,7 @@
 #include "rt/hash.hpp"
 #include "rt/random.hpp"
 #include "tests/support/haptic_rig.hpp"
+#include "tests/support/haptic_score.hpp"
 #include "tests/support/haptic_solids.hpp"
 #include "tests/support/rt_guard.hpp"
 
