@@ -164,7 +164,7 @@ std::vector<Run> friction_corner_runs(const Setting& s) {
         Yardstick::kGuarded);
     add(run, "frictionless p error p95 mm", 1e3 * f.p_error_p95, 0.5);
     add(run, "frictionless unused N", f.unused_max, 0.9, f.unused_optimum);
-    add(run, "F error p95 N", model.f_error_p95, 0.3, model.f_error_guarded);
+    add(run, "F error p95 N", model.f_error_p95, 0.3, model.f_error_guarded, Yardstick::kGuarded);
     add(run, "p error p95 mm", model.p_error_p95, 0.5);
   }
   add(run, "friction dropped N", drop.most, 0.1, model.at_wall.most);
