@@ -134,17 +134,6 @@ std::vector<Run> noise_runs(const Setting& s) {
   return out;
 }
 
-// Most ticks in a row with the proxy in the blended surface.
-int longest_inside(const std::vector<Row>& rows, double radius) {
-  constexpr double kIn_m = 2e-5;
-  int longest = 0, now = 0;
-  for (const Row& row : rows) {
-    now = row.depth_m + radius > kIn_m ? now + 1 : 0;  // NaN: free
-    longest = std::max(longest, now);
-  }
-  return longest;
-}
-
 Run step_run(const Setting& s, double depth, double step) {
   Scene scene = still_scene(s, solids::floor);
   scene.still = false;

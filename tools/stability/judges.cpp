@@ -150,6 +150,16 @@ Worst reversals(const Run& run) {
   return out;
 }
 
+int longest_inside(std::span<const Row> rows, double radius) {
+  constexpr double kIn_m = 2e-5;
+  int longest = 0, now = 0;
+  for (const Row& row : rows) {
+    now = row.depth_m + radius > kIn_m ? now + 1 : 0;  // NaN: free
+    longest = std::max(longest, now);
+  }
+  return longest;
+}
+
 double off_zero_set_m(const support::ReferenceField& field, const Vec3& p_W, double radius_m) {
   constexpr double kStep_m = 5e-5, kFarthest_m = 3e-3;
   const double here = field(p_W) - radius_m;
@@ -247,7 +257,8 @@ Vec3 FrictionModel::follow(const Vec3& p_c, const Vec3& h) {
   const Vec3 n = out / d, away = anchor_ - p_c;
   Vec3 t = away - away.dot(n) * n;
   const double length = t.norm();
-  if (slipping_ && length < mu_d_ * d - 1e-6) slipping_ = false;
+  constexpr double kTurned_m = 5e-5;  // what the optimum's places are good for
+  if (slipping_ && length < mu_d_ * d - kTurned_m) slipping_ = false;
   if (length > (slipping_ ? mu_d_ : mu_s_) * d) {
     slipping_ = true;
     t *= mu_d_ * d / length;

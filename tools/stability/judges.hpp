@@ -30,6 +30,9 @@ void add(Run& run, std::string name, const Worst& worst, double limit);
 // the pull may not turn to its other side either; round a corner of 90 degrees and more it may.
 void add_pops(Run& run, const rig::Rig& r, bool side);
 
+// Most ticks in a row with the proxy, a tip of this radius, in the blended surface.
+[[nodiscard]] int longest_inside(std::span<const rig::Row> rows, double radius_m);
+
 // What is put into the spring by anything but the hand, from hand, proxy and gain of the trace:
 // S(k) - S(k-1) + (F(k) + F(k-1)) . dh / 2, S the spring's energy with the force cut at 12 N. An event is one window's
 // blend, and the fades while it lasts.

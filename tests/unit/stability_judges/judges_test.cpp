@@ -164,20 +164,47 @@ TEST(Judges, TooFewIterationsInTheGrooveAreCounted) {
   EXPECT_GT(stability::groove_ticks_over(1, setting("constrained", 4)), 0);
 }
 
+Setting unjudged(const char* method) {
+  Setting s = setting(method);
+  s.judged = false;
+  return s;
+}
+
 TEST(Judges, NearestPointOvershootsInTheRoomCorner) {
-  const auto runs = stability::case_room_corner(setting("nearest10"));
+  const auto runs = stability::case_room_corner(unjudged("nearest10"));
   EXPECT_FALSE(check_of(runs[0], "corner F N").met());
 }
 
-TEST(Judges, NearestPointIsOffTheZeroSetOfTheCorner) {
-  const auto runs = stability::case_concave_corner(setting("nearest"));
+TEST(Judges, NearestPointIsOffTheZeroSetOfTheCornerAndSunk) {
+  const auto runs = stability::case_concave_corner(unjudged("nearest"));
   EXPECT_FALSE(check_of(runs[0], "off the zero set mm").met());
+  EXPECT_FALSE(check_of(runs[0], "sunk ticks").met());
 }
 
-TEST(Judges, NearestPointFallsThroughAPlateAndIsSeenByThePopChecker) {
+TEST(Judges, NearestPointForgetsItsSideWhileForcesAreOff) {
   const auto runs = stability::case_start_inside(setting("nearest"));
-  const Trace& through = named(runs, "pushed through the middle");
-  EXPECT_FALSE(check_of(through, "wrong side N").met());
+  EXPECT_FALSE(check_of(named(runs, "pushed through the middle"), "wrong side N").met());
+}
+
+TEST(Judges, NearestPointGoesThroughAPlateAndTurns) {
+  Setting s = setting("nearest");
+  rig::Rig r(stability::still_scene(s, [](const Vec3& p) { return solids::plate(p, 0.02); }));
+  const rig::Path path({{0, 0, 0.02}, {0, 0, -0.006}}, 0.1);
+  r.run(path, 0, path.duration());
+  Trace run;
+  stability::add_pops(run, r, true);
+  EXPECT_FALSE(check_of(run, "turned to the other side").met());
+}
+
+TEST(Judges, TicksInsideInARowAreCounted) {
+  std::vector<Row> rows(6);
+  for (Row& row : rows) row.depth_m = 0;
+  rows[1].depth_m = rows[2].depth_m = rows[3].depth_m = 1e-4;
+  rows[5].depth_m = std::nan("");
+  EXPECT_EQ(stability::longest_inside(rows, 0), 3);
+  for (Row& row : rows) row.depth_m = -0.003;  // on a tip of 3 mm
+  EXPECT_EQ(stability::longest_inside(rows, 0.003), 0);
+  EXPECT_EQ(stability::longest_inside(rows, 0.0031), 6);
 }
 
 TEST(Judges, NearestPointTurnsAndSinksInASlot) {
@@ -189,7 +216,7 @@ TEST(Judges, NearestPointTurnsAndSinksInASlot) {
 }
 
 TEST(Judges, NearestPointIsNotTheFrictionProxy) {
-  const auto runs = stability::case_friction_corner(setting("nearest10"));
+  const auto runs = stability::case_friction_corner(setting("nearest10", 0, 0.2));
   EXPECT_FALSE(check_of(runs[0], "F error p95 N").met());
   EXPECT_FALSE(check_of(runs[0], "frictionless F error p95 N").met());
 }
