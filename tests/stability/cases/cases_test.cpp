@@ -28,6 +28,9 @@ struct Missed {
 constexpr Missed kMissed[] = {
     // Two rests 0.9 mm apart, a ridge of 5 um between them: what is rendered goes over it, the optimum waits for its end.
     {9, false, "F error p95 N", 0.49, 0},
+    // At one place the proxy breaks loose at another time than the optimum's with the definition's cone about it: its places
+    // are good to 0.05 mm, and the cone sticks again at 1 um.
+    {3, false, "F error p95 N", 0.43, 0},
     // Where it drops off a ridge across several cells.
     {4, false, "ticks of more than 10 iterations", 1, 0},
     // A surface that arrives within one period lifts a soft hand's mass as well.
