@@ -257,8 +257,7 @@ Vec3 FrictionModel::follow(const Vec3& p_c, const Vec3& h) {
   const Vec3 n = out / d, away = anchor_ - p_c;
   Vec3 t = away - away.dot(n) * n;
   const double length = t.norm();
-  constexpr double kTurned_m = 5e-5;  // what the optimum's places are good for
-  if (slipping_ && length < mu_d_ * d - kTurned_m) slipping_ = false;
+  if (slipping_ && length < mu_d_ * d - 1e-6) slipping_ = false;
   if (length > (slipping_ ? mu_d_ : mu_s_) * d) {
     slipping_ = true;
     t *= mu_d_ * d / length;

@@ -40,6 +40,12 @@ Setting setting(const char* method, std::size_t place = 0, double speed = 0.1) {
   return s;
 }
 
+Row blank() {
+  Row row{};
+  row.h = row.p = row.f = row.f_raw = Vec3::Zero();
+  return row;
+}
+
 std::vector<Vec3> wave(double hz, double size_N) {
   std::vector<Vec3> out;
   for (int i = 0; i < 600; ++i) {
@@ -65,7 +71,7 @@ std::vector<Row> lifted(double from, double to, int ticks, double booked_share) 
   double spring_J = 0, booked_J = 0;
   for (int i = 0; i < ticks + 40; ++i) {
     const double share = std::clamp(static_cast<double>(i) / ticks, 0.0, 1.0);
-    Row row{};
+    Row row = blank();
     row.h = Vec3::Zero();
     row.p = Vec3(0, 0, from + share * (to - from));
     const double d = row.p.z(), held = d < 0.012 ? 500 * d * d : 12 * (d - 0.006);
@@ -109,7 +115,7 @@ TEST(Judges, EnergyLeftOutOfTheBooksFails) {
 TEST(Judges, ReversalsAreTurnsOfMoreThan90Degrees) {
   Trace run;
   for (const double x : {3.0, 3.0, -3.0, -3.0, 0.05, 3.0}) {
-    Row row{};
+    Row row = blank();
     row.f_raw = Vec3(x, 0, 1);
     run.rows.push_back(row);
   }
@@ -121,7 +127,7 @@ TEST(Judges, FadeInHasToTake30To100Ms) {
   const auto faded = [](double ramp_s, double full) {
     Trace run;
     for (int i = 0; i < 300; ++i) {
-      Row row{};
+      Row row = blank();
       row.t = 1e-3 * i;
       row.f = Vec3(0, 0, full * std::min(1.0, (i + 1) * 1e-3 / ramp_s));
       run.rows.push_back(row);
@@ -197,7 +203,7 @@ TEST(Judges, NearestPointGoesThroughAPlateAndTurns) {
 }
 
 TEST(Judges, TicksInsideInARowAreCounted) {
-  std::vector<Row> rows(6);
+  std::vector<Row> rows(6, blank());
   for (Row& row : rows) row.depth_m = 0;
   rows[1].depth_m = rows[2].depth_m = rows[3].depth_m = 1e-4;
   rows[5].depth_m = std::nan("");
