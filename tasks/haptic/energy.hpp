@@ -25,10 +25,10 @@ class EnergyObserver {
   void book(double injected_J, double spring_change_J, double dt) noexcept {
     booked_J_ += injected_J;
     reserve_J_ = std::min(reserve_J_ + injected_J - spring_change_J, kReserveCap_J);
-    if (injected_J > 0) {
-      event_J_ += injected_J;
-      bins_[bin_] += injected_J;
-    }
+    const double in = std::max(injected_J, 0.0);
+    event_J_ += in;
+    most_J_ = std::max(most_J_, in);
+    bins_[bin_] += in;
     bin_time_ += dt;
     if (bin_time_ >= kBin_s) {
       bin_time_ = 0;
@@ -36,12 +36,13 @@ class EnergyObserver {
       bins_[bin_] = 0;
     }
   }
-  void begin_event() noexcept { event_J_ = 0; }
-  // Booked more than 1 W over 100 ms, or 50 mJ in this event: whoever injects has to slow down.
+  void begin_event() noexcept { event_J_ = most_J_ = 0; }
+  // One more tick like the worst of this event would book more than 1 W over 100 ms, or 50 mJ in the event: whoever
+  // injects has to slow down.
   [[nodiscard]] bool over_budget() const noexcept {
-    double sum = 0;
+    double sum = most_J_;
     for (const double b : bins_) sum += b;
-    return sum > 1.0 * kBin_s * 10 || event_J_ > 0.05;
+    return sum > 0.1 || event_J_ + most_J_ > 0.05;
   }
   [[nodiscard]] double energy_J() const noexcept { return energy_J_; }
   [[nodiscard]] double booked_J() const noexcept { return booked_J_; }
@@ -52,8 +53,8 @@ class EnergyObserver {
  private:
   static constexpr double kBin_s = 0.01;
   static constexpr double kReserveCap_J = 0.02;
-  double energy_J_ = 0, booked_J_ = 0, reserve_J_ = 0, event_J_ = 0, bin_time_ = 0;
-  std::array<double, 10> bins_{};
+  double energy_J_ = 0, booked_J_ = 0, reserve_J_ = 0, event_J_ = 0, most_J_ = 0, bin_time_ = 0;
+  std::array<double, 11> bins_{};  // the one that fills up and 100 ms behind it
   std::size_t bin_ = 0;
 };
 

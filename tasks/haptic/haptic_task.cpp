@@ -14,6 +14,8 @@ using perception::Vec3;
 
 namespace {
 
+constexpr double kSlowed = 0.25;  // blend and fade beyond what may be put into the spring
+
 bool finite(const Vec3& v) noexcept {
   return std::isfinite(v.x()) && std::isfinite(v.y()) && std::isfinite(v.z());
 }
@@ -150,14 +152,15 @@ bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
   newer_ = patch;
   blend_ = blends ? 0.0 : 1.0;
   blend_allowed_ = true;
-  energy_.begin_event();
+  const double gain = fade_ * ramp_;
+  if (gain <= 0 || gain >= 1) energy_.begin_event();  // a fade is one event, as long as it takes
   field_.set(older_, newer_, blend_);
   return false;
 }
 
 void HapticTask::advance_blend(double dt) noexcept {
   if (older_ == nullptr) return;
-  const double slow = energy_.over_budget() ? 0.25 : 1.0;
+  const double slow = energy_.over_budget() ? kSlowed : 1.0;
   // Half a tick short of the period: 30 Hz patches find the last blend finished.
   const double lasting = std::max(config_.blend_s - 0.5 * dt, 0.5 * dt);
   blend_ = std::min(1.0, blend_ + slow * dt / lasting);
@@ -170,7 +173,8 @@ void HapticTask::advance_blend(double dt) noexcept {
 
 // Fade-in and ramps as one gain. `ramp_down` pulls to zero, recovery climbs as a fade-in does.
 double HapticTask::advance_gain(bool ramp_down, double dt) noexcept {
-  const double up = config_.fade_in_s > 0 ? dt / config_.fade_in_s : 1.0;
+  const double slow = energy_.over_budget() ? kSlowed : 1.0;
+  const double up = config_.fade_in_s > 0 ? slow * dt / config_.fade_in_s : 1.0;
   if (!enabled_) {
     enabled_ = true;
     fade_ = proxy_.phase == ProxyState::Phase::kContact ? 0.0 : 1.0;
@@ -530,7 +534,9 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   t.clutched = in.clutch;
   t.beyond = workspace_.beyond();
   t.patch_age_s = newer_ != nullptr ? rt::seconds(tick.release - newer_->fused) : 0;
-  t.stale = newer_ != nullptr && t.patch_age_s > config_.patch_liveness_s;
+  // A blend that the energy budget slows down outlasts the liveness of its patch, and nothing newer is taken before it
+  // ends: that says nothing of the publications.
+  t.stale = newer_ != nullptr && !blending && t.patch_age_s > config_.patch_liveness_s;
   if (t.stale) {
     health = rt::worst(health, rt::Health::of(rt::Severity::kDegraded, kFaultHapticPatchStale));
   }

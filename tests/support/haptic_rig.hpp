@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <ctime>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <numbers>
 #include <string>
@@ -16,7 +18,9 @@
 #include "rt/memory/non_realtime.hpp"
 #include "rt/memory/section.hpp"
 #include "tasks/haptic/haptic_task.hpp"
-#include "tests/support/field_optimum.hpp"
+#include "tests/support/haptic_witness.hpp"
+#include "tests/support/rt_guard.hpp"
+#include "tools/haptic/pop_checker.hpp"
 
 namespace rig {
 
@@ -46,6 +50,10 @@ struct Scene {
   double voxel = 0.01, truncation = 0.05;
   int nodes = 28;
   bool still = false;  // the solid does not change with t: every node is computed once
+  // Method force_shading: makes the ray cast of the nodes (as published, NaN = unknown); false: as before.
+  using Node = std::function<double(int x, int y, int z)>;
+  std::function<bool(const Node& node, tasks::SurfacePoints& out)> cast;
+  bool layer = true;  // false: no slew guard, no fade-in, no passivity controller
   tasks::HapticConfig config;
   drivers::DeviceProperties device = [] {
     drivers::DeviceProperties d;
@@ -58,9 +66,14 @@ struct Row {
   double t;
   Vec3 h, p, f, f_raw;  // S
   tasks::HapticTelemetry telemetry;
+  double off_m = 0;  // in contact: proxy off the blended field's surface; NaN where that is unknown
+  // In this step, where the guard is linked (tests/support/rt_guard.hpp).
+  std::uint64_t allocations = 0, locks = 0;
   int contacts;
   double cpu_us;
   rt::Health health;
+  double depth_m =
+      0;  // of the proxy below the blended field's zero set, by the pop checker; NaN: free, unknown
 };
 
 inline double thread_us() {
@@ -72,8 +85,12 @@ inline double thread_us() {
 class Rig {
  public:
   explicit Rig(Scene setup)
-      : setup_(std::move(setup)), task_(startup_.token(), setup_.config, setup_.device, 1e-3) {
+      : setup_(layered(std::move(setup))),
+        task_(startup_.token(), setup_.config, setup_.device, 1e-3) {
     for (auto& s : slots_) s = std::make_unique<SurfacePatch>();
+    if (setup_.cast) {
+      for (auto& s : surfaces_) s = std::make_unique<tasks::SurfacePoints>();
+    }
     in_.mode.seq = 1;
     in_.mode.mode = tasks::Mode::kHold;
     in_.stylus_ok = true;
@@ -163,6 +180,7 @@ class Rig {
       due_ = false;
       current_ = (current_ + 1) % slots_.size();
       fill(*slots_[current_], due_W_, due_s_, frame_);
+      if (setup_.cast) cast();
     }
     rt::Tick tick;
     tick.k = k_;
@@ -175,12 +193,19 @@ class Rig {
     in_.stylus.seq = k_;
     in_.stylus.taken = tick.release;
     in_.stylus.p_DH = p_DH;
+    pops_.offer(in_.patch_newest);
     Row row;
     {
-      const double before = thread_us();
-      rt::Section section;
-      row.health = task_.step(tick, in_, out_);
-      row.cpu_us = thread_us() - before;
+      const rt_guard::Counts counted = rt_guard::counts();
+      {
+        const double before = thread_us();
+        rt::Section section;
+        row.health = task_.step(tick, in_, out_);
+        row.cpu_us = thread_us() - before;
+      }
+      const rt_guard::Counts now = rt_guard::counts();
+      row.allocations = now.allocations + now.frees - counted.allocations - counted.frees;
+      row.locks = now.locks + now.waits - counted.locks - counted.waits;
     }
     const Mat3 R_SW = setup_.X_WS.linear().transpose();
     row.t = t;
@@ -189,13 +214,19 @@ class Rig {
     row.f = R_SW * out_.force.f_H_D;
     row.f_raw = R_SW * out_.telemetry.f_raw_D;
     row.telemetry = out_.telemetry;
+    if (row.telemetry.in_contact) row.off_m = off_surface();
+    if (Witness::current() != nullptr) Witness::current()->take(row);
     row.contacts = out_.state.contacts;
+    pops_.judge(row.telemetry.in_contact, out_.state.p_WP, task_.to_world(p_DH),
+                row.telemetry.blend);
+    row.depth_m = pops_.depth_m();
     return row;
   }
 
   HapticTask::In& in() { return in_; }
   HapticTask::Out& out() { return out_; }
   HapticTask& task() { return task_; }
+  [[nodiscard]] const teletact::PopChecker& pops() const { return pops_; }
   const Scene& setup() const { return setup_; }
   [[nodiscard]] rt::Time now() const {  // of the next tick
     return rt::time_from_ns(static_cast<std::int64_t>(k_) * 1000000);
@@ -203,9 +234,36 @@ class Rig {
   void publish(bool on) { publish_ = on; }
 
  private:
+  static Scene layered(Scene s) {
+    if (s.layer) return s;
+    s.config.guard = false;
+    s.config.fade_in_s = 0;
+    s.config.passivity_controller = false;
+    return s;
+  }
+  // The ray cast of the field that was just published, at most one of those the task still reads kept.
+  void cast() {
+    const auto published = [this](int x, int y, int z) {
+      return std::clamp(node(x, y, z, due_s_) + setup_.extra(x, y, z, frame_), -setup_.truncation,
+                        setup_.truncation);
+    };
+    const std::size_t other = 1 - surface_;
+    if (!setup_.cast(published, *surfaces_[other])) return;
+    surface_ = other;
+    in_.surface = surfaces_[surface_].get();
+  }
+  // On a copy: the task's own keeps the cells it last used.
+  [[nodiscard]] double off_surface() const {
+    const tasks::Field field = task_.field();
+    const tasks::FieldSample s = field.sample(out_.state.p_WP);
+    if (!s.known) return std::numeric_limits<double>::quiet_NaN();
+    return std::abs(s.value - setup_.config.tip_radius_m * std::max(1.0, s.gradient.norm()));
+  }
+
   rt::Startup startup_;
   Scene setup_;
   HapticTask task_;
+  teletact::PopChecker pops_;
   HapticTask::In in_;
   HapticTask::Out out_;
   static constexpr int kCacheEdge = 80;
@@ -213,6 +271,8 @@ class Rig {
   mutable std::vector<float> cache_;
   std::array<std::unique_ptr<SurfacePatch>, 4> slots_;
   std::size_t current_ = 0;
+  std::array<std::unique_ptr<tasks::SurfacePoints>, 2> surfaces_;
+  std::size_t surface_ = 0;
   int frame_ = -1;
   bool due_ = false;  // the newest window is not filled yet: where and when it was published
   Vec3 due_W_ = Vec3::Zero();
@@ -245,168 +305,6 @@ class Path {
   std::vector<Vec3> points_;
   double speed_;
 };
-
-// What is said of a run.
-struct Figures {
-  double j = 0, j_raw = 0, force_max = 0, guard_share = 0, contact_share = 0;
-  double f_error_p95 = 0, p_error_p95 = 0, f_error_max = 0, p_error_max = 0;  // to the optimum
-  double f_error_optimum = 0;  // p95 of the optimum behind the slew guard against itself
-  double j_optimum = 0;        // |dF| a tick of the optimum behind the slew guard
-  double longer_max = 0, shorter_max = 0;  // |p - h| against the optimum's, m
-  double judged_share = 1;  // of the ticks in the surface: no unknown space since seen-free space
-  double below_max = 0;     // deepest the proxy sits below the blended field's zero set, m
-  double unused_max = 0, unused_optimum = 0;  // unused tangential force, N: ours, the optimum's
-  double cpu_p50 = 0, cpu_p99 = 0, work_p50 = 0, work_max = 0;
-};
-
-inline double percentile(std::vector<double> v, double p) {
-  if (v.empty()) return 0;
-  std::sort(v.begin(), v.end());
-  const double i = p * static_cast<double>(v.size() - 1);
-  return v[static_cast<std::size_t>(std::llround(i))];
-}
-
-inline Figures figures(const std::vector<Row>& rows) {
-  Figures out;
-  std::vector<double> cpu, work;
-  std::size_t contact = 0, guard = 0;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const Row& r = rows[i];
-    out.force_max = std::max(out.force_max, r.f.norm());
-    if (i > 0) {
-      out.j = std::max(out.j, (r.f - rows[i - 1].f).norm());
-      out.j_raw = std::max(out.j_raw, (r.f_raw - rows[i - 1].f_raw).norm());
-    }
-    if (r.telemetry.in_contact) {
-      ++contact;
-      guard += r.telemetry.guard_use ? 1U : 0U;
-      cpu.push_back(r.cpu_us);
-      work.push_back(r.telemetry.work);
-    }
-  }
-  out.contact_share = static_cast<double>(contact) / static_cast<double>(rows.size());
-  out.guard_share = contact > 0 ? static_cast<double>(guard) / static_cast<double>(contact) : 0;
-  out.cpu_p50 = percentile(cpu, 0.5);
-  out.cpu_p99 = percentile(cpu, 0.99);
-  out.work_p50 = percentile(work, 0.5);
-  out.work_max = percentile(work, 1.0);
-  return out;
-}
-
-// The field round a path, as the oracle reads it.
-inline support::ReferenceField reference_field(const Rig& rig, const std::vector<Row>& rows) {
-  const Scene& setup = rig.setup();
-  Vec3 lo = Vec3::Constant(1e9), hi = Vec3::Constant(-1e9);
-  for (const Row& r : rows) {
-    for (const Vec3& x : {Vec3(setup.X_WS * r.h), Vec3(setup.X_WS * r.p)}) {
-      lo = lo.cwiseMin(x);
-      hi = hi.cwiseMax(x);
-    }
-  }
-  const Eigen::Array3i first = (lo / setup.voxel).array().floor().cast<int>() - 6;
-  const Eigen::Array3i count = (hi / setup.voxel).array().ceil().cast<int>() + 7 - first;
-  // As a patch stores it.
-  const auto unit = static_cast<double>(static_cast<float>(setup.truncation / 32767.0));
-  const auto stored = [&](int x, int y, int z) {
-    const double v = rig.node(x, y, z, 0) + setup.extra(x, y, z, 0);
-    return unit *
-           static_cast<double>(std::lround(std::clamp(v, -setup.truncation, setup.truncation) /
-                                           setup.truncation * 32767));
-  };
-  return {stored, setup.voxel, first, count};
-}
-
-// Every node of the cell of p_W was seen.
-inline bool in_known(const Scene& setup, const Vec3& p_W) {
-  if (!setup.known) return true;
-  const Eigen::Array3i i = (p_W / setup.voxel).array().floor().cast<int>();
-  for (int c = 0; c < 8; ++c) {
-    if (!setup.known(i.x() + (c >> 2), i.y() + ((c >> 1) & 1), i.z() + (c & 1))) return false;
-  }
-  return true;
-}
-
-// Force and position against the field optimum, every `stride` ticks. Only for solids that stand
-// still. Unknown space holds no surface to be judged by (the oracle would meet a wall there): once either proxy
-// has been in it, they are compared again when the hand has been in seen-free space.
-struct Optimum {
-  std::size_t row;
-  Vec3 p, f;  // S
-};
-inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, Figures& out,
-                                  std::size_t stride = 5) {
-  const Scene& setup = rig.setup();
-  const support::ReferenceField field = reference_field(rig, rows);
-  const support::FieldOptimum optimum(field, setup.config.tip_radius_m, setup.voxel);
-  std::vector<Optimum> path;
-  std::vector<double> f_error, p_error, f_guarded_error;
-  Vec3 p = setup.X_WS * rows.front().h, h_last = p, f_guarded = Vec3::Zero();
-  bool comparable = true;
-  std::size_t asked = 0, judged = 0;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const Row& r = rows[i];
-    const Vec3 p_mine = setup.X_WS * r.p;
-    if (r.telemetry.in_contact && in_known(setup, p_mine)) {
-      out.below_max = std::max(out.below_max, setup.config.tip_radius_m - field(p_mine));
-    }
-    if (i % stride != 0) continue;
-    const Vec3 h = setup.X_WS * r.h;
-    const bool inside = r.telemetry.in_contact || field(h) <= setup.config.tip_radius_m;
-    asked += inside ? 1U : 0U;
-    comparable = comparable && in_known(setup, p_mine) && in_known(setup, p);
-    if (!comparable) {
-      comparable =
-          !r.telemetry.in_contact && in_known(setup, h) && field(h) > setup.config.tip_radius_m;
-      p = h_last = h;
-      f_guarded = Vec3::Zero();
-      continue;
-    }
-    judged += inside ? 1U : 0U;
-    p = optimum.follow(p, h_last, h);
-    const double moved = (h - h_last).norm();
-    h_last = h;
-    if (!r.telemetry.in_contact && (p - h).norm() < 1e-4) continue;
-    Vec3 f = setup.config.stiffness_N_per_m * (p - h);
-    const double whole = f.norm();
-    if (whole > 12) f *= 12 / whole;
-    // The optimum behind the slew guard: where it jumps, no force may follow at once.
-    const double most =
-        std::max(0.3 * static_cast<double>(stride), 1.1 * setup.config.stiffness_N_per_m * moved);
-    const Vec3 change = f - f_guarded;
-    const Vec3 step = change * std::min(1.0, most / std::max(change.norm(), 1e-12));
-    f_guarded += step;
-    out.j_optimum = std::max(out.j_optimum, step.norm() / static_cast<double>(stride));
-    f_guarded_error.push_back((f - f_guarded).norm());
-    const double mine = (p_mine - h).norm(), best = (p - h).norm();
-    out.longer_max = std::max(out.longer_max, mine - best);
-    out.shorter_max = std::max(out.shorter_max, best - mine);
-    out.unused_max =
-        std::max(out.unused_max, optimum.unused(p_mine, h) * setup.config.stiffness_N_per_m * mine);
-    out.unused_optimum = std::max(out.unused_optimum, optimum.unused(p, h) * whole);
-    path.push_back({i, setup.X_WS.inverse() * p, setup.X_WS.linear().transpose() * f});
-    f_error.push_back((setup.X_WS.linear() * r.f - f).norm());
-    p_error.push_back((p_mine - p).norm());
-  }
-  out.judged_share = asked > 0 ? static_cast<double>(judged) / static_cast<double>(asked) : 1;
-  out.f_error_p95 = percentile(f_error, 0.95);
-  out.f_error_max = percentile(f_error, 1);
-  out.f_error_optimum = percentile(f_guarded_error, 0.95);
-  out.p_error_p95 = percentile(p_error, 0.95);
-  out.p_error_max = percentile(p_error, 1);
-  return path;
-}
-
-inline void print(const std::string& name, const Figures& f) {
-  std::printf(
-      "%-34s J %.3f raw %.3f N  Fmax %5.2f  F-err p95 %.3f max %.3f N  p-err p95 %.3f max %.3f mm "
-      "(longer %.2f shorter %.2f)  "
-      "unused %.2f/%.2f N  below %.3f mm  guard %.1f %%  contact %.0f %%  cpu %.1f/%.1f us  work "
-      "%.0f/%.0f\n",
-      name.c_str(), f.j, f.j_raw, f.force_max, f.f_error_p95, f.f_error_max, 1e3 * f.p_error_p95,
-      1e3 * f.p_error_max, 1e3 * f.longer_max, 1e3 * f.shorter_max, f.unused_max, f.unused_optimum,
-      1e3 * f.below_max, 100 * f.guard_share, 100 * f.contact_share, f.cpu_p50, f.cpu_p99,
-      f.work_p50, f.work_max);
-}
 
 // The placements every case is run at: three rotations about a skew axis and three offsets of the
 // grid.

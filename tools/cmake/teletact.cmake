@@ -72,18 +72,20 @@ add_custom_target(sanitize_tests)
 add_custom_target(threads_tests)
 
 # teletact_test(<name> [DEPS ours...] [PACKAGES ...] [LABELS ...] [TIMEOUT s] [NO_GUARD] [NO_SANITIZE]
-#               [NEEDS_FAULTS] [SLOW] [LONG_TESTS pattern...] [ALONE_TESTS pattern...])
+#               [NEEDS_FAULTS] [SLOW] [LONG] [LONG_TESTS pattern...] [ALONE_TESTS pattern...])
 # Every .cpp of the calling folder becomes one GoogleTest program test_<name>. The allocation and
 # lock guard is linked in unless NO_GUARD or a sanitizer is on. Labels: unit; sanitize (run by
 # tools/test --all with AddressSanitizer and UBSan) unless NO_SANITIZE, which is for what takes
 # minutes or runs the whole program, or LABELS timing; LABELS threads: run with ThreadSanitizer too. NEEDS_FAULTS: not declared when
 # TELETACT_FAULTS is OFF, for it runs a planned executor. Sanitizers get five times the TIMEOUT. LABELS timing: nothing runs beside it.
-# SLOW: begun before the others, so that it does not run alone at the end. LONG_TESTS: tests that repeat for minutes what others do
+# SLOW: begun before the others, so that it does not run alone at the end. LONG: takes hours; run by tools/test --long, that is
+# ctest -C long -L long, and by no other ctest. LONG_TESTS: tests that repeat for minutes what others do
 # once; a sanitizer, which takes ten times as long, runs the program without them. ALONE_TESTS: tests that compare CPU times; what
 # another core does changes them (shared cache, shared execution units), so each is a test of its own with nothing beside it; a
 # sanitizer, under which a CPU time is not the product's, runs them with the others.
 function(teletact_test name)
-  cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS;SLOW" "TIMEOUT" "DEPS;PACKAGES;LABELS;LONG_TESTS;ALONE_TESTS"
+  cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS;SLOW;LONG" "TIMEOUT"
+    "DEPS;PACKAGES;LABELS;LONG_TESTS;ALONE_TESTS"
     ${ARGN})
   if(A_NEEDS_FAULTS AND NOT TELETACT_FAULTS)
     return()
@@ -130,7 +132,12 @@ function(teletact_test name)
     string(JOIN ":" filter ${without})
     set(filter --gtest_filter=-${filter})
   endif()
-  add_test(NAME ${name} COMMAND test_${name} ${filter})
+  if(A_LONG)
+    add_test(NAME ${name} COMMAND test_${name} ${filter} CONFIGURATIONS long)
+    set(labels long ${A_LABELS})
+  else()
+    add_test(NAME ${name} COMMAND test_${name} ${filter})
+  endif()
   set_tests_properties(${name} PROPERTIES TIMEOUT ${A_TIMEOUT} LABELS "${labels}")
   if("timing" IN_LIST labels)
     set_tests_properties(${name} PROPERTIES RUN_SERIAL TRUE)

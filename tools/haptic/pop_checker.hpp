@@ -24,12 +24,14 @@ class PopChecker {
   // After it. `blend` is the share of the newer window.
   void judge(bool in_contact, const perception::Vec3& p_W, const perception::Vec3& h_W,
              double blend) {
+    depth_m_ = std::nan("");
     if (!in_contact) {
       inside_ = false;
       return;
     }
     ++judged_;
     const double phi = value(p_W, blend);
+    depth_m_ = -phi;
     if (std::isnan(phi)) {
       ++unknown_;
     } else {
@@ -50,6 +52,8 @@ class PopChecker {
   [[nodiscard]] std::uint64_t sunk() const { return sunk_; }
   [[nodiscard]] std::uint64_t flipped() const { return flipped_; }
   [[nodiscard]] double deepest_m() const { return deepest_m_; }
+  // In the last tick; NaN: free, or a corner was not observed.
+  [[nodiscard]] double depth_m() const { return depth_m_; }
   [[nodiscard]] const perception::Vec3& entry_W() const { return entry_W_; }  // n_entry
 
  private:
@@ -101,7 +105,7 @@ class PopChecker {
   bool inside_ = false;
   perception::Vec3 entry_W_ = perception::Vec3::UnitZ();
   std::uint64_t judged_ = 0, unknown_ = 0, sunk_ = 0, flipped_ = 0;
-  double deepest_m_ = 0;
+  double deepest_m_ = 0, depth_m_ = std::nan("");
 };
 
 }  // namespace teletact

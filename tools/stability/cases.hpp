@@ -1,21 +1,26 @@
 // The twenty hard cases of touching a sampled surface, each as a scene, a hand path and limits.
 //
-// Every run is judged by the field optimum (tests/support/field_optimum.hpp): the path-constrained
-// nearest point on the same samples, found without any code of the renderer. A figure over its
-// limit is reported as failed, with the optimum's own figure where there is one: what the samples
-// themselves do not allow, no renderer on them can do.
+// Every run is judged by an optimum that shares no code with the renderer, one of three:
+//   field optimum    the path-constrained nearest point on the same samples (tests/support/field_optimum.hpp)
+//   guarded optimum  the field optimum's force behind the slew guard: the most that may be sent
+//   exact            an ideal spring in the same motion
+// A figure over its limit is reported as failed, with that optimum's own figure: what it can not do on the same
+// samples and motion, no renderer can.
 //
 // Frames: S of the solid, W of the grid (X_WS of the placement).  SI.
 #pragma once
 
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "tests/support/haptic_rig.hpp"
+#include "tests/support/haptic_score.hpp"
 #include "tools/stability/fused_field.hpp"
+#include "tools/stability/ray_cast.hpp"
 
 namespace stability {
 
@@ -24,20 +29,31 @@ struct Setting {
   double speed = 0.1;  // of the hand, m/s
   std::string method = "constrained";
   bool judged = true;                // run the field optimum beside
+  bool layer = true;                 // false: no slew guard, no fade-in, no passivity controller
   const FusedView* fused = nullptr;  // the solid as the product fuses it, not its own samples
-  double tip_radius_m = 0;           // with `fused`
+  double tip_radius_m = 0;           // on samples: 0 runs both, with 0 and with 3 mm
 };
+
+enum class Yardstick : std::uint8_t { kField, kGuarded, kExact };
+[[nodiscard]] const char* name_of(Yardstick by);  // "field optimum", "guarded optimum", "exact"
 
 struct Check {
   std::string name;
   double value = 0, limit = 0;
-  double optimum = std::numeric_limits<double>::quiet_NaN();  // the field optimum's own figure
-  [[nodiscard]] bool met() const { return value <= limit + 1e-9; }
-  // Over the limit, but so is the field optimum, and nearly as much: not the renderer's doing.
+  double optimum = std::numeric_limits<double>::quiet_NaN();  // its own figure
+  Yardstick by = Yardstick::kField;
+  bool gate =
+      false;  // kept by every run; a force that is cut at its limit has no margin to speak of
+  [[nodiscard]] bool met() const { return value <= limit + 1e-9; }  // NaN is not
+  // Over the limit, but so is the optimum, and nearly as much: not the renderer's doing.
   [[nodiscard]] bool field_bound() const {
     return !met() && optimum > limit && optimum >= 0.85 * value;
   }
-  [[nodiscard]] double margin() const { return (limit - value) / std::max(limit, 1e-12); }
+  // Share of the limit that is left. Where nothing is allowed, and for a gate, all of it or none.
+  [[nodiscard]] double margin() const {
+    if (limit > 0 && std::isfinite(value) && !(gate && met())) return (limit - value) / limit;
+    return met() ? 1 : -1;
+  }
 };
 
 struct Run {
@@ -65,20 +81,32 @@ struct Limits {
   double j = 0.15;      // N a tick, at least 1.2 K |dh| + 0.02
   bool crease = false;  // 0.33 N, guard in use in at most 6 % of the contact ticks
   bool optimum = true;  // force and position against the field optimum
+  bool side = false;    // one surface alone: the pull stays on its side
 };
+// What is asked of the same rig behind the way.
+using After = std::function<void(rig::Rig&, Run&)>;
 // Fused: the camera leans to `lean` of S.
 [[nodiscard]] rig::Scene still_scene(const Setting& s,
                                      std::function<double(const rig::Vec3&)> solid,
                                      const rig::Vec3& lean = rig::Vec3::UnitX());
 // Cases that are repeated on fused fields.
 [[nodiscard]] bool on_fused_fields(int id);
+// Cases that a round tip of any radius up to kTipMost_m can run on samples; 19 and 20 are about a point.
+inline constexpr double kTipMost_m = 0.004;  // every path begins 5 mm off
+[[nodiscard]] bool takes_tip(int id);
 [[nodiscard]] std::vector<FusedView> fused_views();
 [[nodiscard]] Run slide(int id, const std::string& name, const Setting& s, rig::Scene scene,
-                        const rig::Path& path, const Limits& limits);
+                        const rig::Path& path, const Limits& limits, const After& after = {});
+// On samples with a tip of 0 and of 3 mm, the hand as deep under where the tip's centre rests.
+[[nodiscard]] std::vector<Run> with_both_tips(const Setting& s,
+                                              std::vector<Run> (*runs)(const Setting&));
+// How much higher the hand's way is for the tip.
+[[nodiscard]] double raised_m(const Setting& s);
 [[nodiscard]] std::string title(const std::string& name, const Setting& s);
 void add(Run& run, std::string name, double value, double limit,
-         double optimum = std::numeric_limits<double>::quiet_NaN());
-// What every run has to keep: finite, at most 12 N.
+         double optimum = std::numeric_limits<double>::quiet_NaN(),
+         Yardstick by = Yardstick::kField);
+// What the rows of every run have to keep: finite, at most 12 N. The other gates: gates.hpp.
 void add_gates(Run& run);
 [[nodiscard]] double deviation(const std::vector<double>& v);
 [[nodiscard]] double angle_deg(const rig::Vec3& f, const rig::Vec3& n);

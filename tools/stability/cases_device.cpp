@@ -7,6 +7,7 @@
 #include "tests/support/haptic_solids.hpp"
 #include "tools/stability/body.hpp"
 #include "tools/stability/cases.hpp"
+#include "tools/stability/judges.hpp"
 
 namespace stability {
 
@@ -323,7 +324,8 @@ Run stepped(const Setting& s, const Grip& grip, double depth) {
   const double published = std::ceil(at * 30 + 1e-6) / 30;
   add(run, text("injected mJ, hand %.0f N/m", grip.stiffness), 1e3 * (after - before), 10,
       1e3 * injected_by_exact(body, grip, path, published, kStep, kStiffness,
-                              run.rows.back().t + kPeriod));
+                              run.rows.back().t + kPeriod),
+      Yardstick::kExact);
   // One that rises slowly lifts spring and hand, k K / (k + K) together, by the step.
   const double both = grip.stiffness * kStiffness / (grip.stiffness + kStiffness),
                deep = depth + kStep;
@@ -333,6 +335,8 @@ Run stepped(const Setting& s, const Grip& grip, double depth) {
            1e3 * 0.5 * kStiffness * (deep * deep - depth * depth));
   add(run, "E + booked below zero mJ", -1e3 * h.energy, 1);
   add(run, "residual speed in a hand mm/s", 1e3 * h.residual, 3);
+  add_injected(run, kStiffness);
+  add_pops(run, r, true);
   return run;
 }
 

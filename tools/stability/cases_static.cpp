@@ -6,6 +6,7 @@
 
 #include "tests/support/haptic_solids.hpp"
 #include "tools/stability/cases.hpp"
+#include "tools/stability/judges.hpp"
 
 namespace stability {
 
@@ -42,9 +43,12 @@ int release_lag(const rig::Rig& r, const std::vector<Row>& rows) {
 
 std::string title(const std::string& name, const Setting& s) {
   std::string out = name + " " + s.place.name + " " + text("%.0f", 1e3 * s.speed) + "mm/s";
+  if (!s.layer) out += ", layer off";
   if (s.fused != nullptr) {
     out += text(", fused at %.0f deg%s, R %.0f mm", s.fused->incidence_deg,
                 s.fused->noise ? " with noise" : "", 1e3 * s.tip_radius_m);
+  } else if (s.tip_radius_m > 0) {
+    out += text(", R %.0f mm", 1e3 * s.tip_radius_m);
   }
   return out;
 }
@@ -53,6 +57,8 @@ bool on_fused_fields(int id) {
   constexpr int kIds[] = {1, 2, 5, 6, 7, 10, 13};
   return std::ranges::find(kIds, id) != std::end(kIds);
 }
+
+bool takes_tip(int id) { return id <= 18; }
 
 std::vector<FusedView> fused_views() {
   std::vector<FusedView> out;
@@ -67,8 +73,8 @@ std::vector<FusedView> fused_views() {
   return out;
 }
 
-void add(Run& run, std::string name, double value, double limit, double optimum) {
-  run.checks.push_back({std::move(name), value, limit, optimum});
+void add(Run& run, std::string name, double value, double limit, double optimum, Yardstick by) {
+  run.checks.push_back({std::move(name), value, limit, optimum, by});
 }
 
 void add_gates(Run& run) {
@@ -77,6 +83,7 @@ void add_gates(Run& run) {
     force = std::max(force, row.f.allFinite() && row.p.allFinite() ? row.f.norm() : 1e9);
   }
   add(run, "force N", force, 12);
+  run.checks.back().gate = true;
 }
 
 double deviation(const std::vector<double>& v) {
@@ -92,6 +99,8 @@ double angle_deg(const Vec3& f, const Vec3& n) {
 
 Scene still_scene(const Setting& s, std::function<double(const Vec3&)> solid, const Vec3& lean) {
   Scene scene;
+  scene.layer = s.layer;
+  if (s.method == "force_shading") scene.cast = ray_cast_of(s.place.X_WS, solid, lean);
   if (s.fused != nullptr) {
     FusedView view = *s.fused;
     view.lean_S = lean;
@@ -102,8 +111,8 @@ Scene still_scene(const Setting& s, std::function<double(const Vec3&)> solid, co
     };
     scene.sampled = [field](int x, int y, int z) { return field->node(x, y, z); };
     scene.known = [field](int x, int y, int z) { return field->known(x, y, z); };
-    scene.config.tip_radius_m = s.tip_radius_m;
   }
+  scene.config.tip_radius_m = s.tip_radius_m;
   scene.solid = [solid = std::move(solid)](const Vec3& p, double) { return solid(p); };
   scene.X_WS = s.place.X_WS;
   scene.still = true;
@@ -112,7 +121,7 @@ Scene still_scene(const Setting& s, std::function<double(const Vec3&)> solid, co
 }
 
 Run slide(int id, const std::string& name, const Setting& s, Scene scene, const Path& path,
-          const Limits& limits) {
+          const Limits& limits, const After& after) {
   Run run;
   run.id = id;
   run.name = title(name, s);
@@ -130,7 +139,8 @@ Run slide(int id, const std::string& name, const Setting& s, Scene scene, const 
   add_gates(run);
   const double moving = 1.2 * k * s.speed * 1e-3 + 0.02;
   add(run, "J N", f.j, std::max({limits.j, moving, limits.crease ? 0.33 : 0.0}),
-      s.judged ? f.j_optimum : std::numeric_limits<double>::quiet_NaN());
+      s.judged ? f.j_guarded_optimum : std::numeric_limits<double>::quiet_NaN(),
+      Yardstick::kGuarded);
   add(run, "guard use", f.guard_share, 0.06);
   if (s.judged) {
     add(run, "below mm", 1e3 * f.below_max, 0.5);
@@ -143,228 +153,189 @@ Run slide(int id, const std::string& name, const Setting& s, Scene scene, const 
           100 * f.judged_share);
     }
     if (limits.optimum) {
-      add(run, "F error p95 N", f.f_error_p95, 0.3, f.f_error_optimum);
+      add(run, "F error p95 N", f.f_error_p95, 0.3, f.f_error_guarded_optimum, Yardstick::kGuarded);
       add(run, "p error p95 mm", 1e3 * f.p_error_p95, 0.5);
       add(run, "unused N", f.unused_max, 0.9, f.unused_optimum);
     }
   }
+  add_pops(run, r, limits.side);
+  if (after) after(r, run);
   return run;
 }
 
-std::vector<Run> case_floor(const Setting& s) {
-  const double above = 0.002 + 3 * s.tip_radius_m;  // a start inside would fade in
-  const Path path({{-0.05, 0, above}, {-0.05, 0, -0.008}, {0.05, 0, -0.008}, {0.05, 0, above}},
-                  s.speed);
-  Run run = slide(1, "", s, still_scene(s, solids::floor), path, {.j = 0.12});
-  if (s.fused != nullptr) return {run};
-  double tangential = 0, depth = 0, chatter = 0;
-  int n = 0;
-  const auto deep = [](const Row& row) { return row.h.z() < -0.00799; };
-  for (std::size_t i = 1; i + 1 < run.rows.size(); ++i) {
-    const Row& row = run.rows[i];
-    if (!row.telemetry.in_contact || !deep(row)) continue;
-    tangential = std::max(tangential, std::hypot(row.f.x(), row.f.y()));
-    depth = std::max(depth, std::abs(row.p.z()));
-    if (!deep(run.rows[i - 1]) || !deep(run.rows[i + 1])) continue;
-    chatter += (run.rows[i + 1].f - 2 * row.f + run.rows[i - 1].f).squaredNorm() / 4;
-    ++n;
+std::vector<Run> with_both_tips(const Setting& s, std::vector<Run> (*runs)(const Setting&)) {
+  std::vector<Run> out = runs(s);
+  if (s.fused != nullptr || s.tip_radius_m > 0) return out;
+  Setting round = s;
+  round.tip_radius_m = 0.003;
+  for (Run& run : runs(round)) out.push_back(std::move(run));
+  return out;
+}
+
+double raised_m(const Setting& s) { return s.fused != nullptr ? 0 : s.tip_radius_m; }
+
+namespace {
+
+// Every place of the way moved by the tip's radius: how a tip of 3 mm is as deep as a point.
+std::vector<Vec3> moved(std::vector<Vec3> points, const Vec3& by) {
+  for (Vec3& p : points) p += by;
+  return points;
+}
+
+// The rows of the run while the hand is this deep, and what the optimum does in the same ticks, linear between its places.
+struct Deep {
+  std::vector<Vec3> ours, optimum;
+};
+Deep forces_below(const Run& run, double z) {
+  Deep out;
+  std::size_t k = 0;
+  for (std::size_t i = 0; i < run.rows.size(); ++i) {
+    if (run.rows[i].h.z() > z) continue;
+    out.ours.push_back(run.rows[i].f);
+    while (k + 1 < run.optimum.size() && run.optimum[k + 1].row < i) ++k;
+    if (k + 1 >= run.optimum.size()) continue;
+    const auto &a = run.optimum[k], &b = run.optimum[k + 1];
+    const double t =
+        (static_cast<double>(i) - static_cast<double>(a.row)) / static_cast<double>(b.row - a.row);
+    out.optimum.emplace_back(a.f + std::clamp(t, 0.0, 1.0) * (b.f - a.f));
   }
-  add(run, "tangential N", tangential, 0.03);
-  add(run, "depth error mm", 1e3 * depth, 0.05);
-  add(run, "chatter N", n > 0 ? std::sqrt(chatter / n) : 0, 0.02);
+  return out;
+}
+
+std::vector<Run> floor_runs(const Setting& s) {
+  const double above = 0.002 + 3 * s.tip_radius_m,  // a start inside would fade in
+      z = raised_m(s) - 0.008, radius = s.tip_radius_m;
+  const Path path({{-0.05, 0, above}, {-0.05, 0, z}, {0.05, 0, z}, {0.05, 0, above}}, s.speed);
+  Run run = slide(1, "", s, still_scene(s, solids::floor), path, {.j = 0.12, .side = true});
+  const auto deep = [=](const Vec3& h) { return h.z() < z + 1e-5; };
+  add(run, "tangential N",
+      worst_of(run, s,
+               [&](const Vec3& h, const Vec3&, const Vec3& f) {
+                 return deep(h) ? std::hypot(f.x(), f.y()) : std::nan("");
+               }),
+      0.03);
+  add(run, "depth error mm",
+      worst_of(run, s,
+               [&](const Vec3& h, const Vec3& p, const Vec3&) {
+                 return deep(h) ? 1e3 * std::abs(p.z() - radius) : std::nan("");
+               }),
+      0.05);
+  const Deep f = forces_below(run, z + 1e-5);
+  add(run, "chatter N", chatter_N(f.ours), 0.02, s.judged ? chatter_N(f.optimum) : std::nan(""));
   return {run};
 }
 
-std::vector<Run> case_concave_corner(const Setting& s) {
-  const Path path({{-0.05, 0, 0.005},
-                   {-0.05, 0, -0.008},
-                   {0.008, 0, -0.008},
-                   {0.008, 0.03, -0.008},
-                   {0.008, 0.03, 0.05},
-                   {-0.01, 0.03, 0.05}},
+std::vector<Run> concave_runs(const Setting& s) {
+  const double r = raised_m(s), radius = s.tip_radius_m;
+  const Path path(moved({{-0.05, 0, 0.005},
+                         {-0.05, 0, -0.008},
+                         {0.008, 0, -0.008},
+                         {0.008, 0.03, -0.008},
+                         {0.008, 0.03, 0.05},
+                         {-0.01, 0.03, 0.05}},
+                        {-r, 0, r}),
                   s.speed);
-  Run run =
-      slide(2, "", s, still_scene(s, solids::concave_edge, -Vec3::UnitX()), path, {.crease = true});
+  double off_zero = 0;
+  Run run = slide(2, "", s, still_scene(s, solids::concave_edge, -Vec3::UnitX()), path,
+                  {.crease = true}, [&](const rig::Rig& rig, const Run& done) {
+                    if (s.fused == nullptr || radius == 0) {
+                      off_zero = off_zero_set_m(rig, done.rows, 5);
+                    }
+                  });
+  const Worst truth = worst_of(run, s, [&](const Vec3& h, const Vec3& p, const Vec3&) {
+    return (p - h).norm() > 1e-6 ? 1e3 * std::abs(solids::concave_edge(p) - radius) : 0.0;
+  });
+  add(run, "off the zero set mm", 1e3 * off_zero, 1);
+  add(run, "off the true shape mm", truth, 3);
   if (s.fused != nullptr) return {run};
-  double truth = 0, truth_optimum = 0;
   Vec3 corner = Vec3::Zero();
   for (const Row& row : run.rows) {
-    if (row.telemetry.in_contact) truth = std::max(truth, std::abs(solids::concave_edge(row.p)));
-    if (std::abs(row.h.y() - 0.015) <= 0.6e-3 * s.speed) corner = row.f_raw;
+    if (std::abs(row.h.y() - 0.015) <= 0.6e-3 * s.speed) corner = row.f;
   }
-  for (const auto& o : run.optimum) {
-    truth_optimum = std::max(truth_optimum, std::abs(solids::concave_edge(o.p)));
-  }
-  add(run, "off the true shape mm", 1e3 * truth, 3, 1e3 * truth_optimum);
-  if (s.place.name == "0deg/0") {  // the samples hold this shape exactly
+  if (s.place.name == "0deg/0" && radius == 0) {  // the samples hold this shape exactly
     add(run, "corner F N", (corner - Vec3(-8, 0, 8)).norm(), 0.4);
   }
   run.note = text("off the true shape %.2f mm (optimum %.2f); corner F (%.2f, %.2f), true (-8, 8)",
-                  1e3 * truth, 1e3 * truth_optimum, corner.x(), corner.z());
+                  truth.ours, truth.optimum, corner.x(), corner.z());
   return {run};
 }
 
-std::vector<Run> case_groove(const Setting& s) {
-  std::vector<Vec3> points{{0, 0, 0.03}, {0, 0, -0.004}};
-  for (int i = 0; i < 2; ++i) {
-    points.insert(points.end(), {{0.004, 0, -0.004}, {-0.004, 0.01, -0.004}});
-  }
-  Run run =
-      slide(4, "", s,
-            still_scene(s, [](const Vec3& p) { return solids::groove(p, std::numbers::pi / 4); }),
-            Path(points, s.speed), {.crease = true});
-  double peak = 0, peak_optimum = 0;
-  for (const Row& row : run.rows) peak = std::max(peak, row.f.norm());
-  for (const auto& o : run.optimum) peak_optimum = std::max(peak_optimum, o.f.norm());
-  run.note = text("peak %.2f N (optimum %.2f), true shape 5.7", peak, peak_optimum);
-  return {run};
-}
-
-std::vector<Run> case_room_corner(const Setting& s) {
-  const Path path({{-0.04, -0.04, 0.01},
-                   {-0.04, -0.04, -0.006},
-                   {0.006, 0.006, -0.006},
-                   {0.006, 0.006, 0.03},
-                   {-0.01, -0.01, 0.03},
-                   {0.006, 0.006, -0.006},
-                   {-0.02, -0.02, 0.01}},
+std::vector<Run> room_runs(const Setting& s) {
+  const double r = raised_m(s), radius = s.tip_radius_m;
+  constexpr double kDeep = 0.006;
+  const Vec3 corner(kDeep - r, kDeep - r, r - kDeep);
+  const Path path(moved({{-0.04, -0.04, 0.01},
+                         {-0.04, -0.04, -kDeep},
+                         {kDeep, kDeep, -kDeep},
+                         {kDeep, kDeep, 0.03},
+                         {-0.01, -0.01, 0.03},
+                         {kDeep, kDeep, -kDeep},
+                         {-0.02, -0.02, 0.01}},
+                        {-r, -r, r}),
                   s.speed);
-  return {slide(5, "", s, still_scene(s, solids::room_corner, Vec3(-1, -1, 0).normalized()), path,
-                {.crease = true})};
+  Vec3 rest = Vec3::Zero();
+  Run run = slide(5, "", s, still_scene(s, solids::room_corner, Vec3(-1, -1, 0).normalized()), path,
+                  {.crease = true}, [&](rig::Rig& rig, const Run& done) {
+                    const Path back({done.rows.back().h, corner}, s.speed);
+                    rest = rig.run(back, 0, back.duration() + 0.2).back().f;
+                  });
+  if (s.fused != nullptr) return {run};
+  const Vec3 right = 1e3 * kDeep * Vec3(-1, -1, 1);
+  if (s.place.name == "0deg/0" && radius == 0) {  // the samples hold this shape exactly
+    add(run, "corner F N", (rest - right).cwiseAbs().maxCoeff(), 0.05 * 1e3 * kDeep);
+  }
+  run.note = text("at rest in the corner F (%.2f, %.2f, %.2f), true (-6, -6, 6)", rest.x(),
+                  rest.y(), rest.z());
+  return {run};
 }
 
-std::vector<Run> case_convex_edge(const Setting& s) {
-  const Path path({{-0.06, 0, 0.005}, {-0.06, 0, -0.008}, {0.03, 0, -0.008}}, s.speed);
+std::vector<Run> edge_runs(const Setting& s) {
+  const double r = raised_m(s), z = r - 0.008;
+  const Path path({{-0.06, 0, 0.005 + r}, {-0.06, 0, z}, {0.03, 0, z}}, s.speed);
   Run run = slide(6, "", s, still_scene(s, solids::convex_edge), path, {.crease = true});
-  if (s.fused != nullptr) return {run};
-  double first = 0, first_optimum = 0;
+  add(run, "lateral before edge mm",
+      worst_of(run, s,
+               [=](const Vec3& h, const Vec3&, const Vec3& f) {
+                 return h.z() < z + 1e-5 && std::hypot(f.x(), f.y()) > 0.3 ? -1e3 * h.x() : 0.0;
+               }),
+      2);
+  if (run.figures.judged_share < 0.99) return {run};  // unknown space ends contacts as well
   int entries = 0;
   for (std::size_t i = 1; i < run.rows.size(); ++i) {
     const Row& row = run.rows[i];
     entries += row.telemetry.in_contact && !run.rows[i - 1].telemetry.in_contact ? 1 : 0;
-    if (row.h.z() > -0.00799) continue;
-    if (std::hypot(row.f_raw.x(), row.f_raw.y()) > 0.3) first = std::min(first, row.h.x());
   }
-  for (const auto& o : run.optimum) {
-    const Row& row = run.rows[o.row];
-    if (row.h.z() < -0.00799 && std::hypot(o.f.x(), o.f.y()) > 0.3) {
-      first_optimum = std::min(first_optimum, row.h.x());
-    }
-  }
-  add(run, "lateral before edge mm", -1e3 * first, 2, -1e3 * first_optimum);
   add(run, "entries", entries, 1);
   return {run};
 }
 
-std::vector<Run> case_rim_press(const Setting& s) {
-  const Path path({{-0.012, 0, 0.01}, {-0.012, 0, -0.03}, {-0.012, 0, 0.01}}, s.speed);
+std::vector<Run> rim_runs(const Setting& s) {
+  const double r = raised_m(s), rest = s.tip_radius_m;
+  const Path path({{-0.012, 0, 0.01 + r}, {-0.012, 0, r - 0.03}, {-0.012, 0, 0.01 + r}}, s.speed);
   Run run = slide(7, "", s, still_scene(s, solids::convex_edge), path, {.crease = true});
-  if (s.fused != nullptr) return {run};
-  double turned = 0, turned_optimum = 0, size = 0, size_optimum = 0;
-  for (const Row& row : run.rows) {
-    if (row.h.z() > -0.001) continue;
-    if (row.f.norm() > 0.05) turned = std::max(turned, angle_deg(row.f, Vec3::UnitZ()));
-    size = std::max(size, std::abs(row.f.norm() - std::min(12.0, -1000 * row.h.z())));
-  }
-  for (const auto& o : run.optimum) {
-    const double z = run.rows[o.row].h.z();
-    if (z > -0.001) continue;
-    if (o.f.norm() > 0.05) turned_optimum = std::max(turned_optimum, angle_deg(o.f, Vec3::UnitZ()));
-    size_optimum = std::max(size_optimum, std::abs(o.f.norm() - std::min(12.0, -1000 * z)));
-  }
-  add(run, "turned deg", turned, 5, turned_optimum);
-  add(run, "size error N", size, 0.4, size_optimum);
+  add(run, "turned deg",
+      worst_of(run, s,
+               [=](const Vec3& h, const Vec3&, const Vec3& f) {
+                 return h.z() < rest - 0.001 && f.norm() > 0.05 ? angle_deg(f, Vec3::UnitZ()) : 0.0;
+               }),
+      5);
+  add(run, "size error N",
+      worst_of(run, s,
+               [=](const Vec3& h, const Vec3&, const Vec3& f) {
+                 return h.z() < rest - 0.001
+                            ? std::abs(f.norm() - std::min(12.0, 1000 * (rest - h.z())))
+                            : 0.0;
+               }),
+      0.3);
   return {run};
 }
 
-std::vector<Run> case_plates(const Setting& s) {
-  std::vector<Run> out;
-  for (const double thickness : {0.020, 0.010, 0.006}) {
-    const double top = thickness / 2, deep = top - 0.8 * thickness;
-    const Path path({{0, 0, top + 0.01}, {0, 0, deep}, {0, 0, top + 0.01}}, s.speed);
-    Run run = slide(8, text("%.0f mm", 1e3 * thickness), s,
-                    still_scene(s, [=](const Vec3& p) { return solids::plate(p, thickness); }),
-                    path, {.j = 0.12, .crease = true});
-    double least = 0, most = 0, most_optimum = 0, least_optimum = 0;
-    int flips = 0, flagged = 0;
-    for (const Row& row : run.rows) {
-      least = std::min(least, row.f.z());
-      most = std::max(most, row.f.z());
-      flagged += row.telemetry.unresolved ? 1 : 0;
-    }
-    for (std::size_t i = 1; i < run.rows.size(); ++i) {
-      flips += run.rows[i].f.z() * run.rows[i - 1].f.z() < -1e-6 ? 1 : 0;
-    }
-    for (const auto& o : run.optimum) {
-      most_optimum = std::max(most_optimum, o.f.z());
-      least_optimum = std::min(least_optimum, o.f.z());
-    }
-    const double right = std::min(12.0, 800 * thickness);
-    const bool excused = thickness < 0.0099 && flagged > 0;  // below a voxel: flagged is enough
-    add(run, "side flips", excused ? 0 : flips, 0, least_optimum < -0.1 ? 1 : 0);
-    if (!excused) {
-      add(run, "missing force N", right - most, 0.3, right - most_optimum);
-    }
-    run.note = text("held %.1f N of %.1f (optimum %.1f), least %.2f N%s", most, right, most_optimum,
-                    least, flagged > 0 ? ", flagged unresolved" : "");
-    out.push_back(std::move(run));
-  }
-  return out;
-}
-
-std::vector<Run> case_slots(const Setting& s) {
-  std::vector<Run> out;
-  for (const double width : {0.010, 0.005}) {
-    for (const double radius : {0.003, 0.0}) {
-      // Solid z < 0 with a slot |x| < width / 2 down to z = -30 mm.
-      const auto solid = [=](const Vec3& p) {
-        const double side = width / 2 - std::abs(p.x());  // inside the slot: > 0
-        const double bottom = p.z() + 0.03;
-        const double slot = std::min(side, bottom);
-        if (p.z() >= 0) {
-          return side > 0 ? std::hypot(side, p.z()) : p.z();
-        }
-        if (slot > 0) return slot;
-        const double into = side < 0 && bottom < 0 ? std::hypot(side, bottom)
-                            : side < 0             ? -side
-                                                   : -bottom;
-        return -std::min(into, -p.z());
-      };
-      const double swing = width / 2 + 0.004;
-      const Path path({{0, 0, 0.012},
-                       {0, 0, -0.012},
-                       {swing, 0, -0.012},
-                       {-swing, 0, -0.012},
-                       {0, 0, -0.012},
-                       {0, 0, 0.012}},
-                      s.speed);
-      Scene scene = still_scene(s, solid);
-      scene.config.tip_radius_m = radius;
-      const bool bridges = 2 * radius > width;
-      Run run = slide(9, text("%.0f mm R %.0f mm", 1e3 * width, 1e3 * radius), s, std::move(scene),
-                      path, {.j = 0.3, .crease = true});
-      double off = 0, off_optimum = 0;
-      const auto wall = [&](const Vec3& h, const Vec3& p) {
-        const double right = width / 2 - radius;
-        return h.z() < -0.0119 && std::abs(h.x()) > right + 1e-3 ? std::abs(std::abs(p.x()) - right)
-                                                                 : 0.0;
-      };
-      for (const Row& row : run.rows) off = std::max(off, wall(row.h, row.p));
-      for (const auto& o : run.optimum)
-        off_optimum = std::max(off_optimum, wall(run.rows[o.row].h, o.p));
-      if (!bridges) add(run, "walls off mm", 1e3 * off, 1.5, 1e3 * off_optimum);
-      out.push_back(std::move(run));
-    }
-  }
-  return out;
-}
-
-std::vector<Run> case_saddle(const Setting& s) {
+std::vector<Run> saddle_runs(const Setting& s) {
   // Fused: the middle of the sheet alone, which a camera at 70 degrees still sees all of.
-  const double size = s.fused != nullptr ? 0.35 : 1.0;
-  std::vector<Vec3> points{{size * -0.04, size * -0.02, 0.02}};
-  const auto at = [size](double x, double y) {
-    return Vec3(size * x, size * y, 6 * size * size * (x * x - y * y) - 0.008);
+  const double size = s.fused != nullptr ? 0.35 : 1.0, r = raised_m(s), radius = s.tip_radius_m;
+  std::vector<Vec3> points{{size * -0.04, size * -0.02, 0.02 + r}};
+  const auto at = [=](double x, double y) {
+    return Vec3(size * x, size * y, 6 * size * size * (x * x - y * y) - 0.008 + r);
   };
   for (int i = 0; i <= 80; ++i) points.push_back(at(-0.04 + 1e-3 * i, 0.5 * (-0.04 + 1e-3 * i)));
   const std::size_t loop = points.size();
@@ -384,14 +355,17 @@ std::vector<Run> case_saddle(const Setting& s) {
                         return rays ? solids::saddle_bound(p, 6) : solids::saddle(p, 6);
                       },
                       Vec3::UnitY()),
-                  path, {.j = 0.1, .crease = true});
-  if (s.fused != nullptr) return {run};
-  double truth = 0, truth_optimum = 0, curl = 0, curl_raw = 0, curl_optimum = 0;
+                  path, {.j = 0.1, .crease = true, .side = true});
+  add(run, "off truth mm",
+      worst_of(run, s,
+               [=](const Vec3& h, const Vec3& p, const Vec3&) {
+                 return (p - h).norm() > 1e-6 ? 1e3 * std::abs(solids::saddle(p, 6) - radius) : 0.0;
+               }),
+      0.3);
+  if (run.figures.judged_share < 0.99) return {run};
+  double curl = 0, curl_raw = 0, curl_optimum = 0;
   for (std::size_t i = 1; i < run.rows.size(); ++i) {
     const Row &row = run.rows[i], &last = run.rows[i - 1];
-    if (row.telemetry.in_contact && row.h.z() < solids::saddle(row.h, 6) + 0.05) {
-      truth = std::max(truth, std::abs(solids::saddle(row.p, 6)));
-    }
     if (row.t > before.duration() + 1e-9) {
       curl += 0.5 * (row.f + last.f).dot(row.h - last.h);
       curl_raw += 0.5 * (row.f_raw + last.f_raw).dot(row.h - last.h);
@@ -399,23 +373,23 @@ std::vector<Run> case_saddle(const Setting& s) {
   }
   for (std::size_t i = 1; i < run.optimum.size(); ++i) {
     const auto &o = run.optimum[i], &last = run.optimum[i - 1];
-    truth_optimum = std::max(truth_optimum, std::abs(solids::saddle(o.p, 6)));
     if (run.rows[last.row].t > before.duration()) {
       curl_optimum += 0.5 * (o.f + last.f).dot(run.rows[o.row].h - run.rows[last.row].h);
     }
   }
-  add(run, "off truth mm", 1e3 * truth, 0.3, 1e3 * truth_optimum);
-  add(run, "loop energy mJ", 1e3 * std::abs(curl), 0.2, 1e3 * std::abs(curl_optimum));
+  add(run, "loop energy mJ", 1e3 * std::abs(curl), 0.2,
+      s.judged ? 1e3 * std::abs(curl_optimum) : std::nan(""));
   run.note = text("loop %.2f mJ, before the guard %.2f", 1e3 * curl, 1e3 * curl_raw);
   return {run};
 }
 
-std::vector<Run> case_deep_press(const Setting& s) {
-  const Path path({{0, 0, 0.01}, {0, 0, -0.06}, {0, 0, 0.01}}, s.speed);
-  Run run = slide(15, "", s, still_scene(s, solids::floor), path, {.j = 0.12});
+std::vector<Run> deep_runs(const Setting& s) {
+  const double r = raised_m(s);
+  const Path path({{0, 0, 0.01 + r}, {0, 0, r - 0.06}, {0, 0, 0.01 + r}}, s.speed);
+  Run run = slide(15, "", s, still_scene(s, solids::floor), path, {.j = 0.12, .side = true});
   double turned = 0, missing = 0;
   for (const Row& row : run.rows) {
-    if (row.h.z() > -0.0125) continue;
+    if (row.h.z() > r - 0.0125) continue;
     missing = std::max(missing, 12 - row.f.z());
     turned = std::max(turned, angle_deg(row.f, Vec3::UnitZ()));
   }
@@ -425,18 +399,21 @@ std::vector<Run> case_deep_press(const Setting& s) {
   return {run};
 }
 
-std::vector<Run> case_border(const Setting& s) {
+// Seen up to 20 mm beyond the middle.
+Scene half_seen(const Setting& s) {
   Scene scene = still_scene(s, solids::floor);
   scene.seen = [](const Vec3& p) { return p.x() < 0.02; };
-  const Path path({{-0.04, 0, 0.01},
-                   {-0.04, 0, -0.008},
-                   {0.06, 0, -0.008},
-                   {-0.04, 0, -0.008},
-                   {-0.04, 0, 0.01}},
-                  s.speed);
+  return scene;
+}
+
+std::vector<Run> border_runs(const Setting& s) {
+  const double r = raised_m(s), z = r - 0.008;
+  const Path path(
+      {{-0.04, 0, 0.01 + r}, {-0.04, 0, z}, {0.06, 0, z}, {-0.04, 0, z}, {-0.04, 0, 0.01 + r}},
+      s.speed);
   Setting unjudged = s;
   unjudged.judged = false;  // the optimum knows no unknown space
-  Run run = slide(16, "", unjudged, std::move(scene), path, {.j = 0.3});
+  Run run = slide(16, "", unjudged, half_seen(s), path, {.j = 0.3, .side = true});
   double lateral = 0;
   int held = 0;
   for (const Row& row : run.rows) {
@@ -445,7 +422,29 @@ std::vector<Run> case_border(const Setting& s) {
   }
   add(run, "lateral N", lateral, 0.2);
   add(run, "ticks without a held frame", held > 0 ? 0 : 1, 0);
+  // From behind, out of what was never seen: nothing until the hand has been in seen-free space, then a contact as any.
+  rig::Rig rig(half_seen(s));
+  const Path behind({{0.06, 0, z}, {-0.04, 0, z}, {-0.04, 0, 0.01 + r}}, s.speed);
+  double unseen = 0;
+  for (const Row& row : rig.run(behind, 0, behind.duration())) {
+    unseen = std::max(unseen, row.f.norm());
+  }
+  const Path again({{-0.04, 0, 0.01 + r}, {-0.04, 0, z}}, s.speed);
+  const double felt = rig.run(again, 0, again.duration() + 0.05).back().f.z();
+  add(run, "force out of the unknown N", unseen, 0);
+  add(run, "force after it N", std::abs(felt - 8), 0.05);
   return {run};
 }
+
+}  // namespace
+
+std::vector<Run> case_floor(const Setting& s) { return with_both_tips(s, floor_runs); }
+std::vector<Run> case_concave_corner(const Setting& s) { return with_both_tips(s, concave_runs); }
+std::vector<Run> case_room_corner(const Setting& s) { return with_both_tips(s, room_runs); }
+std::vector<Run> case_convex_edge(const Setting& s) { return with_both_tips(s, edge_runs); }
+std::vector<Run> case_rim_press(const Setting& s) { return with_both_tips(s, rim_runs); }
+std::vector<Run> case_saddle(const Setting& s) { return with_both_tips(s, saddle_runs); }
+std::vector<Run> case_deep_press(const Setting& s) { return with_both_tips(s, deep_runs); }
+std::vector<Run> case_border(const Setting& s) { return with_both_tips(s, border_runs); }
 
 }  // namespace stability

@@ -8,6 +8,7 @@
 #include "rt/random.hpp"
 #include "tests/support/haptic_solids.hpp"
 #include "tools/stability/cases.hpp"
+#include "tools/stability/judges.hpp"
 
 namespace stability {
 
@@ -25,7 +26,7 @@ std::string text(const char* format, auto... values) {
   return buffer;
 }
 
-// Height of the zero crossing over (0, 0) of the field that `frame` publishes.
+// Height over (0, 0) at which a tip rests on the field that `frame` publishes.
 double surface_height(const Rig& r, int frame) {
   const Scene& s = r.setup();
   const auto value = [&](const Vec3& p) {
@@ -40,7 +41,7 @@ double surface_height(const Rig& r, int frame) {
       sum += w * (r.node(i.x() + a, i.y() + b, i.z() + d, 0) +
                   s.extra(i.x() + a, i.y() + b, i.z() + d, frame));
     }
-    return sum;
+    return sum - s.config.tip_radius_m;
   };
   double lo = -0.02, hi = 0.02;
   for (int k = 0; k < 40; ++k) {
@@ -94,21 +95,22 @@ Run finish(int id, const std::string& name, const Setting& s, std::vector<Row> r
   return run;
 }
 
-void press(Rig& r, double depth, double speed, double until) {
-  const Path down({{0, 0, 0.02}, {0, 0, -depth}}, speed);
+// `depth` below where the tip rests.
+Path down_to(const Setting& s, double depth) {
+  return Path({{0, 0, 0.02}, {0, 0, s.tip_radius_m - depth}}, s.speed);
+}
+void press(Rig& r, const Path& down, double until) {
   r.run(down, 0, std::max(until, down.duration()));
 }
 
-}  // namespace
-
-std::vector<Run> case_noise(const Setting& s) {
+std::vector<Run> noise_runs(const Setting& s) {
   std::vector<Run> out;
   for (const double sigma : {0.001, 0.003}) {
     Rig r(noisy_floor(s, sigma));
-    press(r, 0.008, s.speed, 0.5);
+    press(r, down_to(s, 0.008), 0.5);
     const int from = static_cast<int>(std::floor(rt::seconds(r.now() - rt::Time{}) * 30 + 1e-9));
     Run run = finish(11, text("%.0f mm", 1e3 * sigma), s,
-                     r.run([](double) { return Vec3(0, 0, -0.008); }, 0, 2.0));
+                     r.run([&](double) { return Vec3(0, 0, s.tip_radius_m - 0.008); }, 0, 2.0));
     std::vector<double> f, height, of_tick;
     for (int frame = from; frame < from + 62; ++frame) height.push_back(surface_height(r, frame));
     int lost = 0;
@@ -124,6 +126,7 @@ std::vector<Run> case_noise(const Setting& s) {
     add(run, "J N", run.figures.j, sigma < 0.002 ? 0.1 : 0.3);
     add(run, "lag ms", lag, 50);
     add(run, "ticks without contact", lost, 0);
+    add_pops(run, r, true);
     run.note = text("std F %.3f N, sigma_z %.3f mm, J_raw %.2f N, lag %d ms", deviation(f),
                     1e3 * sigma_z, run.figures.j_raw, lag);
     out.push_back(std::move(run));
@@ -131,47 +134,53 @@ std::vector<Run> case_noise(const Setting& s) {
   return out;
 }
 
-std::vector<Run> case_step(const Setting& s) {
+Run step_run(const Setting& s, double depth, double step) {
+  Scene scene = still_scene(s, solids::floor);
+  scene.still = false;
+  const Path down = down_to(s, depth);
+  const double at = std::max(0.5, down.duration() + 0.1), k = scene.config.stiffness_N_per_m;
+  scene.solid = [=](const Vec3& p, double t) { return solids::floor(p) - (t > at ? step : 0); };
+  Rig r(std::move(scene));
+  press(r, down, 0.3);
+  Run run = finish(12, text("%+.0f at %.0f mm", 1e3 * step, 1e3 * depth), s,
+                   r.run([&](double) { return Vec3(0, 0, s.tip_radius_m - depth); }, 0,
+                         at + 0.3 - down.duration()));
+  const double goal = std::min(12.0, k * std::max(0.0, depth + step));
+  const double published = std::ceil(at * 30 + 1e-6) / 30;
+  double reached = 1;
+  for (const Row& row : run.rows) {
+    if (row.t >= at && reached == 1 && std::abs(row.f.norm() - goal) < 0.05) {
+      reached = row.t - published;
+    }
+  }
+  add(run, "J N", run.figures.j, 0.3);
+  add(run, "time to the new level ms", 1e3 * reached, 50);
+  add(run, "end force error N", std::abs(run.rows.back().f.norm() - goal), 0.05);
+  add(run, "ticks inside in a row", longest_inside(run.rows, s.tip_radius_m), 2);
+  add_pops(run, r, true);
+  add_injected(run, k);
+  const Injected in = injected(run.rows, k);
+  run.note = text("%.1f mJ put in, at most %.1f by one window, %.1f before it was slowed",
+                  1e3 * in.sum_J, 1e3 * in.whole_event_J, 1e3 * in.event_J);
+  return run;
+}
+
+std::vector<Run> step_runs(const Setting& s) {
   std::vector<Run> out;
   for (const double depth : {0.002, 0.008}) {
-    for (const double step : {0.005, -0.005}) {
-      Scene scene = still_scene(s, solids::floor);
-      scene.still = false;
-      const Path down({{0, 0, 0.02}, {0, 0, -depth}}, s.speed);
-      const double at = std::max(0.5, down.duration() + 0.1);
-      scene.solid = [=](const Vec3& p, double t) { return solids::floor(p) - (t > at ? step : 0); };
-      Rig r(std::move(scene));
-      press(r, depth, s.speed, 0.3);
-      Run run =
-          finish(12, text("%+.0f at %.0f mm", 1e3 * step, 1e3 * depth), s,
-                 r.run([=](double) { return Vec3(0, 0, -depth); }, 0, at + 0.2 - down.duration()));
-      const double goal = std::min(12.0, 1000 * std::max(0.0, depth + step));
-      const double published = std::ceil(at * 30 + 1e-6) / 30;
-      double reached = 1;
-      int outside = 0;
-      for (const Row& row : run.rows) {
-        if (row.t >= at && reached == 1 && std::abs(row.f.norm() - goal) < 0.05) {
-          reached = row.t - published;
-        }
-        outside += row.p.z() < std::min(-depth, step) - 1e-3 ? 1 : 0;
-      }
-      add(run, "J N", run.figures.j, 0.3);
-      add(run, "time to the new level ms", 1e3 * reached, 50);
-      add(run, "ticks on the wrong side", outside, 0);
-      out.push_back(std::move(run));
-    }
+    for (const double step : {0.005, -0.005}) out.push_back(step_run(s, depth, step));
   }
   return out;
 }
 
-std::vector<Run> case_rise(const Setting& s) {
+std::vector<Run> rise_runs(const Setting& s) {
   Setting sampled = s;
   sampled.fused = nullptr;
   Scene scene = still_scene(sampled, solids::floor);
   scene.still = false;
   // 2 mm deep, then 9 mm more: below the force limit, and no longer than that.
   constexpr double kDepth_m = 0.002, kRise_s = 0.09, kRise_m = 0.1 * kRise_s;
-  const double radius = s.fused != nullptr ? s.tip_radius_m : 0, hand = radius - kDepth_m;
+  const double radius = s.tip_radius_m, hand = radius - kDepth_m;
   const Path down({{0, 0, 0.02}, {0, 0, hand}}, s.speed);
   const double at = std::max(0.3, down.duration()) + 0.2;
   scene.solid = [=](const Vec3& p, double t) {
@@ -190,7 +199,6 @@ std::vector<Run> case_rise(const Setting& s) {
       field->window(centre, nodes, out);
       fused->emplace_back(t, field->height());
     };
-    scene.config.tip_radius_m = radius;
   }
   Rig r(std::move(scene));
   r.run(down, 0, std::max(0.3, down.duration()));
@@ -219,18 +227,21 @@ std::vector<Run> case_rise(const Setting& s) {
   add(run, "ticks without contact", lost, 0);
   add(run, "end force error N", std::abs(run.rows.back().f.norm() - k * (kDepth_m + kRise_m)), 0.05,
       fused_end);
+  add_pops(run, r, true);
+  add_injected(run, k);
   return {run};
 }
 
-std::vector<Run> case_vanish(const Setting& s) {
+std::vector<Run> vanish_runs(const Setting& s) {
   Scene scene = still_scene(s, solids::floor);
   scene.still = false;
-  const Path down({{0, 0, 0.02}, {0, 0, -0.008}}, s.speed);
-  const double at = down.duration() + 0.2;
+  const Path down = down_to(s, 0.008);
+  const double at = down.duration() + 0.2, k = scene.config.stiffness_N_per_m;
   scene.solid = [=](const Vec3& p, double t) { return t > at ? 1.0 : solids::floor(p); };
   Rig r(std::move(scene));
-  press(r, 0.008, s.speed, 0);
-  Run run = finish(14, "", s, r.run([](double) { return Vec3(0, 0, -0.008); }, 0, 0.5));
+  press(r, down, 0);
+  Run run =
+      finish(14, "", s, r.run([&](double) { return Vec3(0, 0, s.tip_radius_m - 0.008); }, 0, 0.5));
   double first = 0, last = 0, previous = 8, rise = 0;
   for (const Row& row : run.rows) {
     const double f = row.f.norm();
@@ -244,47 +255,97 @@ std::vector<Run> case_vanish(const Setting& s) {
   add(run, "slowest ms", 1e3 * (last - first), 60);
   add(run, "20 ms less it", 20 - 1e3 * (last - first), 0);
   add(run, "left over N", run.rows.back().f.norm(), 0);
+  add_pops(run, r, true);
+  add_injected(run, k);
   return {run};
 }
 
-std::vector<Run> case_start_inside(const Setting& s) {
-  std::vector<Run> out;
-  {
-    Rig r(still_scene(s, solids::floor));
-    Run run = finish(17, "start", s, r.run([](double) { return Vec3(0, 0, -0.008); }, 0, 0.3));
-    double full = 1, wrong = 0;
-    for (const Row& row : run.rows) {
-      wrong = std::max(wrong, -row.f.z());
-      if (full == 1 && row.f.z() > 7.95) full = row.t;
-    }
-    add(run, "J N", std::max(run.figures.j, run.rows.front().f.norm()), 0.3);
-    add(run, "full force ms", 1e3 * full, 100);
-    add(run, "30 ms less it", 30 - 1e3 * full, 0);
-    add(run, "wrong side N", wrong, 1e-9);
-    out.push_back(std::move(run));
-  }
-  Rig r(still_scene(s, [](const Vec3& p) { return solids::plate(p, 0.02); }));
-  const Path down({{0, 0, 0.02}, {0, 0, 0.002}}, s.speed);
-  r.run(down, 0, down.duration());
+// Forces that come back at a hand that is inside, `full_N` of them.
+Run comes_back(const std::string& name, const Setting& s, Rig& r, std::vector<Row> rows,
+               double full_N) {
+  Run run = finish(17, name, s, std::move(rows));
+  add_fade_in(run, full_N);
+  add_pops(run, r, true);
+  add_injected(run, r.setup().config.stiffness_N_per_m);
+  return run;
+}
+
+double largest_N(const std::vector<Row>& rows) {
+  double most = 0;
+  for (const Row& row : rows) most = std::max(most, row.f.norm());
+  return most;
+}
+
+constexpr double kPlate_m = 0.02;
+Rig on_plate(const Setting& s) {
+  return Rig(still_scene(s, [](const Vec3& p) { return solids::plate(p, kPlate_m); }));
+}
+
+Run started(const Setting& s) {
+  Rig r(still_scene(s, solids::floor));
+  auto rows = r.run([&](double) { return Vec3(0, 0, s.tip_radius_m - 0.008); }, 0, 0.3);
+  return comes_back("start", s, r, std::move(rows), 8);
+}
+
+// Forces off at a hand `before` deep, on again when it is `after` deep: across the middle of the plate, where the nearest
+// face is the wrong one.
+Run enabled_again(const Setting& s, const std::string& name, double before, double after) {
+  Rig r = on_plate(s);
+  const double top = 0.5 * kPlate_m + s.tip_radius_m;
+  const Vec3 outside(0, 0, top + 0.01), was(0, 0, top - before), is(0, 0, top - after);
+  const Path down({outside, was}, s.speed), on({was, is}, s.speed);
+  r.run(down, 0, down.duration() + 0.1);
   r.in().stylus.state = drivers::DeviceState::kBrake;
-  std::vector<Row> off;
-  for (int i = 0; i < 50; ++i) off.push_back(r.tick({0, 0, 0.002}));
+  const double off_N = largest_N(r.run(on, 0, on.duration() + 0.05));
   r.in().stylus.state = drivers::DeviceState::kForce;
-  Run run = finish(17, "re-enable", s, r.run([](double) { return Vec3(0, 0, 0.002); }, 0, 0.2));
-  double full = 1, wrong = 0, while_off = 0;
-  for (const Row& row : off) while_off = std::max(while_off, row.f.norm());
-  const double enabled = run.rows.front().t;
-  for (const Row& row : run.rows) {
-    wrong = std::max(wrong, -row.f.z());
-    if (full == 1 && row.f.z() > 7.95) full = row.t - enabled;
-  }
-  add(run, "J N", std::max(run.figures.j, run.rows.front().f.norm()), 0.3);
-  add(run, "full force ms", 1e3 * full, 100);
-  add(run, "30 ms less it", 30 - 1e3 * full, 0);
-  add(run, "wrong side N", wrong, 1e-9);
-  add(run, "force while off N", while_off, 0);
-  out.push_back(std::move(run));
+  auto rows = r.run([&](double) { return is; }, 0, 0.3);
+  Run run = comes_back(name, s, r, std::move(rows), std::min(12.0, 1000 * after));
+  add(run, "force while off N", off_N, 0);
+  return run;
+}
+
+// The clutch held while the hand is inside: forces fade out, the device goes elsewhere, the hand in the scene stays.
+Run clutched_again(const Setting& s) {
+  Rig r = on_plate(s);
+  const double top = 0.5 * kPlate_m + s.tip_radius_m;
+  const Vec3 is(0, 0, top - 0.008), elsewhere(0.03, 0.01, top + 0.02);
+  const Path down({{0, 0, top + 0.01}, is}, s.speed), away({is, elsewhere}, s.speed);
+  r.run(down, 0, down.duration() + 0.1);
+  const Vec3 scene_before = r.task().to_world(s.place.X_WS * is);
+  r.in().clutch = true;
+  const std::vector<Row> off = r.run([&](double) { return is; }, 0, 0.15);
+  const double left_N = off.back().f.norm(),
+               moving_N = largest_N(r.run(away, 0, away.duration() + 0.01));
+  r.in().clutch = false;
+  auto rows = r.run([&](double) { return elsewhere; }, 0, 0.3);
+  // The spring's stretch is in the scene, the device is elsewhere: told in the scene.
+  for (Row& row : rows) row.h = is;
+  Run run = comes_back("re-clutch", s, r, std::move(rows), 8);
+  add(run, "J while the clutch is pressed N", rig::figures(off).j, 0.3);
+  add(run, "force while clutched N", std::max(left_N, moving_N), 0);
+  add(run, "hand in the scene moved mm",
+      1e3 * (r.task().to_world(s.place.X_WS * elsewhere) - scene_before).norm(), 1e-6);
+  return run;
+}
+
+std::vector<Run> start_inside_runs(const Setting& s) {
+  std::vector<Run> out;
+  out.push_back(started(s));
+  out.push_back(enabled_again(s, "re-enable", 0.008, 0.008));
+  out.push_back(enabled_again(s, "entered while off", -0.005, 0.008));
+  out.push_back(enabled_again(s, "pushed through the middle while off", 0.008, 0.012));
+  out.push_back(clutched_again(s));
   return out;
+}
+
+}  // namespace
+
+std::vector<Run> case_noise(const Setting& s) { return with_both_tips(s, noise_runs); }
+std::vector<Run> case_step(const Setting& s) { return with_both_tips(s, step_runs); }
+std::vector<Run> case_rise(const Setting& s) { return with_both_tips(s, rise_runs); }
+std::vector<Run> case_vanish(const Setting& s) { return with_both_tips(s, vanish_runs); }
+std::vector<Run> case_start_inside(const Setting& s) {
+  return with_both_tips(s, start_inside_runs);
 }
 
 }  // namespace stability

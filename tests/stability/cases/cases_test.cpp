@@ -1,99 +1,46 @@
 // The hard cases of touch (tools/stability), each placement at one speed, each speed at each
-// rotation. `teletact stability` runs all of them and prints the table.
-//
-// A figure over its limit is printed as FAILED, with the field optimum's own figure. The test fails
-// unless the field optimum is over the limit as well (then the samples do not allow better) or the
-// figure is listed below as missed: then it may not become worse than its bound, just behind what
-// was measured, and an entry whose limit is met in every run has to be taken off the list.
+// rotation; every setting twice, for the gates (tools/stability/gates.hpp). All settings:
+// tests/stability/full. `teletact stability` prints the table.
 #include <gtest/gtest.h>
 
-#include <set>
+#include <cmath>
 #include <string>
 #include <vector>
 
-#include "tools/stability/cases.hpp"
+#include "tests/stability/judge.hpp"
 
 namespace {
 
-using stability::Check;
+using hard_cases::kSpeeds_m_per_s;
+using hard_cases::Missed;
 using stability::Setting;
 
-struct Missed {
-  int id;
-  bool fused;
-  const char* check;
-  double bound;    // just behind the worst figure of these runs
-  double optimum;  // the field optimum's own figure in that run
-};
+// Over its limit where the optimum is not: case, fused, check, the worst figure of these runs, the optimum's own in that run.
 constexpr Missed kMissed[] = {
     // Two rests 0.9 mm apart, a ridge of 5 um between them: what is rendered goes over it, the optimum waits for its end.
-    {9, false, "F error p95 N", 0.49, 0},
+    {9, false, "F error p95 N", 0.48, 0},
+    // At one place the proxy breaks loose at another time than the optimum's with the definition's cone about it: its places
+    // are good to 0.05 mm, and the cone sticks again at 1 um.
+    {3, false, "F error p95 N", 0.42, 0},
+    // Where it drops off a ridge across several cells.
+    {4, false, "ticks of more than 10 iterations", 1, 0},
     // A surface that arrives within one period lifts a soft hand's mass as well.
-    {20, false, "injected mJ, hand 100 N/m", 11.1, 9.94},
+    {20, false, "injected mJ, hand 100 N/m", 11, 9.94},
     // The same ridges, on a run so short that the slew guard's flank behind a drop of several newtons is 5 % of it.
-    {2, true, "F error p95 N", 0.32, 0.105},
-    {6, true, "F error p95 N", 1.49, 0.36},
+    {2, true, "F error p95 N", 0.3, 0.119},
+    {6, true, "F error p95 N", 1.45, 0.356},
 };
-
-const Missed* listed(int id, bool fused, const Check& c) {
-  for (const Missed& m : kMissed) {
-    if (m.id == id && m.fused == fused && c.name == m.check) return &m;
-  }
-  return nullptr;
-}
 
 class HardCase : public testing::TestWithParam<stability::Case> {};
 class FusedCase : public HardCase {};
-
-// Runs one case in several settings and judges every check.
-void judge(const stability::Case& c, const std::vector<Setting>& settings) {
-  int runs = 0, met = 0;
-  double margin = 1;
-  std::set<const Missed*> seen;
-  const bool fused = settings.front().fused != nullptr;
-  for (const Setting& setting : settings) {
-    for (const stability::Run& run : c.run(setting)) {
-      bool all = true;
-      for (const Check& check : run.checks) {
-        margin = std::min(margin, check.margin());
-        if (check.met()) continue;
-        all = false;
-        std::printf("  %d %s: %s %.4g, limit %.4g, field optimum %.4g  FAILED\n", run.id,
-                    run.name.c_str(), check.name.c_str(), check.value, check.limit, check.optimum);
-        if (check.field_bound()) continue;
-        const Missed* m = listed(run.id, fused, check);
-        EXPECT_NE(m, nullptr) << run.name << " " << check.name;
-        if (m == nullptr) continue;
-        EXPECT_LE(check.value, m->bound) << run.name << " " << check.name;
-        seen.insert(m);
-      }
-      if (!all && !run.note.empty())
-        std::printf("  %d %s: %s\n", run.id, run.name.c_str(), run.note.c_str());
-      if (run.figures.judged_share < 0.99) {
-        std::printf("  %d %s: %.0f %% judged\n", run.id, run.name.c_str(),
-                    100 * run.figures.judged_share);
-      }
-      ++runs;
-      met += all ? 1 : 0;
-    }
-  }
-  for (const Missed& m : kMissed) {
-    EXPECT_TRUE(m.id != c.id || m.fused != fused || seen.contains(&m))
-        << m.check << " is met now: take it off the list";
-  }
-  std::printf("case %d, %s%s: %d of %d runs within all limits, margin %.2f\n", c.id, c.name,
-              fused ? ", fused" : "", met, runs, margin);
-}
-
-constexpr double kSpeeds[3] = {0.02, 0.1, 0.2};
 
 TEST_P(HardCase, WithinItsLimits) {
   const auto places = rig::placements();
   std::vector<Setting> settings;
   for (std::size_t i = 0; i < places.size(); ++i) {
-    settings.push_back(Setting{places[i], kSpeeds[(i / 3 + i) % 3]});
+    settings.push_back(Setting{places[i], kSpeeds_m_per_s[(i / 3 + i) % 3]});
   }
-  judge(GetParam(), settings);
+  hard_cases::judge(GetParam(), settings, kMissed);
 }
 
 // Each angle of view, with and without noise and a tip of 3 mm in turn.
@@ -102,29 +49,124 @@ TEST_P(FusedCase, WithinItsLimits) {
   const auto views = stability::fused_views();
   std::vector<Setting> settings;
   for (std::size_t i = 0; i < views.size(); ++i) {
-    Setting s{places[(4 * i) % places.size()], kSpeeds[(i + i / 3) % 3]};
+    Setting s{places[(4 * i) % places.size()], kSpeeds_m_per_s[(i + i / 3) % 3]};
     s.fused = &views[i];
     s.tip_radius_m = i % 4 == 0 || i % 4 == 3 ? 0.003 : 0;
     settings.push_back(s);
   }
-  judge(GetParam(), settings);
+  hard_cases::judge(GetParam(), settings, kMissed);
 }
 
-std::vector<stability::Case> fused_cases() {
-  std::vector<stability::Case> out;
-  for (const stability::Case& c : stability::cases()) {
-    if (stability::on_fused_fields(c.id)) out.push_back(c);
+// The gates see what they are for.
+TEST(Gates, EachIsMissedByWhatBreaksIt) {
+  stability::Gates good;
+  good.counted = true;
+  good.digest = good.digest_again = 7;
+  good.force_max_N = 12;
+  const auto missed = [](const stability::Gates& gates) {
+    stability::Run run;
+    stability::add_gates(run, gates);
+    std::string out;
+    for (const stability::Check& c : run.checks) {
+      if (!c.met()) out += c.name + ";";
+    }
+    return out;
+  };
+  EXPECT_EQ(missed(good), "");
+  stability::Gates bad = good;
+  bad.cpu_by_work_us = 25.1;
+  EXPECT_EQ(missed(bad), "gate: step CPU p99 us;");
+  bad = good;
+  bad.allocations = 1;
+  EXPECT_EQ(missed(bad), "gate: allocations in steps;");
+  bad = good;
+  bad.locks = 1;
+  EXPECT_EQ(missed(bad), "gate: locks in steps;");
+  bad = good;
+  bad.digest_again = 8;
+  EXPECT_EQ(missed(bad), "gate: trace differs;");
+  bad = good;
+  bad.not_finite = 1;
+  EXPECT_EQ(missed(bad), "gate: ticks not finite;");
+  bad = good;
+  bad.force_max_N = 12.001;
+  EXPECT_EQ(missed(bad), "gate: force N;");
+}
+
+// A case whose second run differs in the last bit of one tick, and one that allocates and locks in its step.
+TEST(Gates, ASettingIsRunTwiceAndEveryTickIsSeen) {
+  static int pass = 0;
+  pass = 0;
+  const stability::Case unsteady{1, "unsteady", "", "", "", [](const Setting&) {
+                                   rig::Row row{};
+                                   row.f.setZero();
+                                   row.f_raw.setZero();
+                                   row.h.setZero();
+                                   row.p.setZero();
+                                   row.telemetry.in_contact = true;
+                                   row.cpu_us = pass == 0 ? 40 : 2;
+                                   rig::Witness::current()->take(row);
+                                   row.p.x() = pass++ == 0 ? 1 : std::nextafter(1.0, 2.0);
+                                   row.allocations = 2;
+                                   row.locks = 3;
+                                   rig::Witness::current()->take(row);
+                                   return std::vector<stability::Run>(1);
+                                 }};
+  stability::Gated gated = stability::run_gated(unsteady, {});
+  EXPECT_EQ(pass, 2);
+  EXPECT_EQ(gated.gates.ticks, 2U);
+  EXPECT_EQ(gated.gates.contact_ticks, 2U);
+  EXPECT_NE(gated.gates.digest, gated.gates.digest_again);
+  EXPECT_EQ(gated.gates.allocations, 4U);
+  EXPECT_EQ(gated.gates.locks, 6U);
+  EXPECT_EQ(gated.gates.cpu_p99_us, 40);  // the passes differ: none of them stands for the other
+  EXPECT_EQ(rig::Witness::current(), nullptr);
+}
+
+// A listed miss is compared: neither better nor worse goes unnoticed.
+TEST(Known, AMissIsAsListedOrNot) {
+  EXPECT_TRUE(hard_cases::as_listed(0.4912, 0.49));
+  EXPECT_FALSE(hard_cases::as_listed(0.48, 0.49));
+  EXPECT_FALSE(hard_cases::as_listed(0.5, 0.49));
+  EXPECT_TRUE(hard_cases::as_listed(0.001, 0));
+  EXPECT_FALSE(hard_cases::as_listed(0.3, 0));
+  EXPECT_FALSE(hard_cases::as_listed(std::nan(""), 0.49));
+}
+
+// The ray cast of the published method lies on the floor, wherever the grid is: a pixel is 2.7 mm wide, 3.9 mm at 45 degrees.
+TEST(Beside, ThePublishedMethodStandsOnTheSameFloor) {
+  for (const std::size_t place : {0U, 4U, 8U}) {
+    Setting s{rig::placements()[place], 0.2, "force_shading", false};
+    s.layer = false;
+    const auto runs = stability::case_floor(s);
+    std::size_t deep = 0;
+    for (const rig::Row& row : runs.front().rows) {
+      if (row.h.z() > -0.00799 || std::abs(row.h.x()) > 0.045) continue;
+      ++deep;
+      EXPECT_NEAR(row.f.z(), 8, 0.05) << s.place.name;
+      EXPECT_LE(std::hypot(row.f.x(), row.f.y()), 0.5 * 1000 * std::hypot(0.0027, 0.0039) + 0.1)
+          << s.place.name;
+    }
+    EXPECT_GT(deep, 300U);
   }
-  return out;
 }
 
-std::string name_of(const testing::TestParamInfo<stability::Case>& each) {
-  return "C" + std::to_string(each.param.id);
+// The guard counts in the rig's steps: an allocation in one is one.
+TEST(Gates, TheRigCountsWhatTheGuardSees) {
+  ASSERT_TRUE(rt_guard::linked());
+  const auto before = rt_guard::counts();
+  {
+    rt::Section section;
+    auto* volatile kept = new int(1);  // volatile: else nothing is allocated
+    delete kept;
+  }
+  EXPECT_EQ(rt_guard::counts().allocations, before.allocations + 1);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, HardCase,
                          testing::ValuesIn(stability::cases().begin(), stability::cases().end()),
-                         name_of);
-INSTANTIATE_TEST_SUITE_P(All, FusedCase, testing::ValuesIn(fused_cases()), name_of);
+                         hard_cases::name_of);
+INSTANTIATE_TEST_SUITE_P(All, FusedCase, testing::ValuesIn(hard_cases::fused_cases()),
+                         hard_cases::name_of);
 
 }  // namespace

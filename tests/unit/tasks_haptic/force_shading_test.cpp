@@ -6,6 +6,7 @@
 
 #include "rt/random.hpp"
 #include "tests/support/haptic_rig.hpp"
+#include "tests/support/haptic_score.hpp"
 #include "tests/support/haptic_solids.hpp"
 
 namespace {

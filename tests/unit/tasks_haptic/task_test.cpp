@@ -7,6 +7,7 @@
 #include "rt/hash.hpp"
 #include "rt/random.hpp"
 #include "tests/support/haptic_rig.hpp"
+#include "tests/support/haptic_score.hpp"
 #include "tests/support/haptic_solids.hpp"
 #include "tests/support/rt_guard.hpp"
 
@@ -47,6 +48,50 @@ TEST(HapticTask, RefusesStiffnessAboveTheDeviceNamingBoth) {
   device.delay_s = 1e-3;
   config.stiffness_N_per_m = 1100;  // b / (1.5 T) x 0.8 = 1067
   EXPECT_THROW(tasks::HapticTask(startup.token(), config, device, 1e-3), std::runtime_error);
+}
+
+// 136 mJ in one step of the surface: the blend is slowed from 50 mJ on and outlasts the liveness of its patch, which is no
+// reason to let go.
+TEST(HapticTask, ABlendSlowedByTheEnergyBudgetIsNotAStalePatch) {
+  Scene s = floor_scene();
+  s.solid = [](const Vec3& p, double t) { return solids::floor(p) - (t > 0.55 ? 0.012 : 0.0); };
+  Rig r(s);
+  press(r);
+  double event_J = 0, fastest = 0, last_blend = 0, before_J = 0;
+  int slowed = 0;
+  for (const Row& row : r.run([](double) { return Vec3(0, 0, -0.008); }, 0, 1.0)) {
+    const double rate = row.telemetry.blend - last_blend;
+    if (rate < 0) event_J = 0;
+    event_J += row.telemetry.booked_J - before_J;
+    fastest = std::max(fastest, rate);
+    if (event_J > 0.05 && rate > 0) {
+      EXPECT_LE(rate, 0.3 * fastest);
+      ++slowed;
+    }
+    last_blend = row.telemetry.blend;
+    before_J = row.telemetry.booked_J;
+    EXPECT_FALSE(row.telemetry.stale) << row.t;
+    EXPECT_GE(row.f.z(), 7.9) << row.t;
+  }
+  EXPECT_GT(slowed, 60);
+}
+
+// 72 mJ to fade in: slower from 50 mJ on, and one event however many windows come meanwhile.
+TEST(HapticTask, AFadeInOverTheEnergyBudgetIsSlowed) {
+  Scene s = floor_scene();
+  Rig r(s);
+  double last_gain = 0;
+  int slow = 0;
+  for (const Row& row : r.run([](double) { return Vec3(0, 0, -0.012); }, 0, 0.3)) {
+    const double rate = row.telemetry.gain - last_gain;
+    if (row.telemetry.booked_J > 0.05 && rate > 0) {
+      EXPECT_LE(rate, 0.3 / 50) << row.t;
+      ++slow;
+    }
+    last_gain = row.telemetry.gain;
+  }
+  EXPECT_EQ(last_gain, 1);
+  EXPECT_GT(slow, 30);
 }
 
 TEST(HapticTask, RefusesAWindowThatAHandLeavesTooSoon) {

@@ -1,0 +1,230 @@
+// Each judge of the hard cases has to fail on what it is there for: a trace made wrong on purpose, or another method.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "tests/support/haptic_solids.hpp"
+#include "tools/stability/cases.hpp"
+#include "tools/stability/judges.hpp"
+
+namespace {
+
+using rig::Row;
+using rig::Vec3;
+using stability::Check;
+using Trace = stability::Run;
+using stability::Setting;
+
+const Check& check_of(const Trace& run, const std::string& name) {
+  const auto it = std::ranges::find_if(run.checks, [&](const Check& c) { return c.name == name; });
+  if (it == run.checks.end()) throw std::runtime_error(run.name + ": no check " + name);
+  return *it;
+}
+
+const Trace& named(const std::vector<Trace>& runs, const std::string& part) {
+  const auto it = std::ranges::find_if(
+      runs, [&](const Trace& r) { return r.name.find(part) != std::string::npos; });
+  if (it == runs.end()) throw std::runtime_error("no run " + part);
+  return *it;
+}
+
+Setting setting(const char* method, std::size_t place = 0, double speed = 0.1) {
+  Setting s;
+  s.place = rig::placements()[place];
+  s.speed = speed;
+  s.method = method;
+  return s;
+}
+
+Row blank() {
+  Row row{};
+  row.h = row.p = row.f = row.f_raw = Vec3::Zero();
+  return row;
+}
+
+std::vector<Vec3> wave(double hz, double size_N) {
+  std::vector<Vec3> out;
+  for (int i = 0; i < 600; ++i) {
+    const double t = 1e-3 * i;
+    out.emplace_back(0, 0, 8 + 3 * t + size_N * std::sin(2 * std::numbers::pi * hz * t));
+  }
+  return out;
+}
+
+TEST(Judges, ChatterIsWhatIsAbove100Hz) {
+  EXPECT_LT(stability::chatter_N(wave(10, 0.1)), 0.002);
+  EXPECT_LT(stability::chatter_N(wave(0, 0)), 1e-4);  // a ramp is no chatter
+  EXPECT_NEAR(stability::chatter_N(wave(250, 0.1)), 0.1 / std::sqrt(2.0), 0.005);
+  EXPECT_GT(stability::chatter_N(wave(150, 0.05)), 0.02);
+  std::vector<Vec3> tooth;  // a saw-tooth at 500 Hz, as a dead band of 0.1 mm gives
+  for (int i = 0; i < 600; ++i) tooth.emplace_back(0, 0, 8 + (i % 2) * 0.1);
+  EXPECT_GT(stability::chatter_N(tooth), 0.02);
+}
+
+// A surface that goes from `from` to `to` under a hand at 0, in so many ticks, windows of 33 ticks.
+std::vector<Row> lifted(double from, double to, int ticks, double booked_share) {
+  std::vector<Row> rows;
+  double spring_J = 0, booked_J = 0;
+  for (int i = 0; i < ticks + 40; ++i) {
+    const double share = std::clamp(static_cast<double>(i) / ticks, 0.0, 1.0);
+    Row row = blank();
+    row.h = Vec3::Zero();
+    row.p = Vec3(0, 0, from + share * (to - from));
+    const double d = row.p.z(), held = d < 0.012 ? 500 * d * d : 12 * (d - 0.006);
+    if (i > 0) booked_J += booked_share * (held - spring_J);
+    spring_J = held;
+    row.telemetry.in_contact = true;
+    row.telemetry.gain = 1;
+    row.telemetry.blend = share;
+    row.telemetry.booked_J = booked_J;
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+TEST(Judges, InjectedEnergyIsCountedFromTheTraceAlone) {
+  Trace run;
+  run.rows = lifted(0.002, 0.007, 33, 1);
+  const stability::Injected in = stability::injected(run.rows, 1000);
+  EXPECT_NEAR(in.sum_J, 500 * (49e-6 - 4e-6), 1e-9);
+  EXPECT_NEAR(in.event_J, in.sum_J, 1e-9);
+  stability::add_injected(run, 1000);
+  for (const Check& c : run.checks) EXPECT_TRUE(c.met()) << c.name << " " << c.value;
+}
+
+TEST(Judges, AnEventOfMoreThan50mJAtFullRateFails) {
+  Trace run;
+  run.rows = lifted(0.008, 0.020, 33, 1);  // 40 + 96 mJ
+  stability::add_injected(run, 1000);
+  EXPECT_FALSE(check_of(run, "booked at full rate mJ an event").met());
+  EXPECT_FALSE(check_of(run, "booked at full rate mJ in 100 ms").met());
+  EXPECT_TRUE(check_of(run, "not booked mJ").met());
+}
+
+TEST(Judges, EnergyLeftOutOfTheBooksFails) {
+  Trace run;
+  run.rows = lifted(0.002, 0.007, 33, 0.9);
+  stability::add_injected(run, 1000);
+  EXPECT_FALSE(check_of(run, "not booked mJ").met());
+}
+
+TEST(Judges, ReversalsAreTurnsOfMoreThan90Degrees) {
+  Trace run;
+  for (const double x : {3.0, 3.0, -3.0, -3.0, 0.05, 3.0}) {
+    Row row = blank();
+    row.f_raw = Vec3(x, 0, 1);
+    run.rows.push_back(row);
+  }
+  EXPECT_EQ(stability::reversals(run).ours, 1);
+}
+
+// Full force at once, never, on the wrong side: each fails its own check.
+TEST(Judges, FadeInHasToTake30To100Ms) {
+  const auto faded = [](double ramp_s, double full) {
+    Trace run;
+    for (int i = 0; i < 300; ++i) {
+      Row row = blank();
+      row.t = 1e-3 * i;
+      row.f = Vec3(0, 0, full * std::min(1.0, (i + 1) * 1e-3 / ramp_s));
+      run.rows.push_back(row);
+    }
+    run.figures = rig::figures(run.rows);
+    stability::add_fade_in(run, 8);
+    return run;
+  };
+  for (const Check& c : faded(0.05, 8).checks) EXPECT_TRUE(c.met()) << c.name;
+  EXPECT_FALSE(check_of(faded(1e-3, 8), "J N").met());
+  EXPECT_FALSE(check_of(faded(0.02, 8), "30 ms less it").met());
+  EXPECT_FALSE(check_of(faded(0.15, 8), "full force ms").met());
+  EXPECT_FALSE(check_of(faded(0.05, -8), "wrong side N").met());
+  EXPECT_FALSE(check_of(faded(0.05, 7), "end force error N").met());
+}
+
+TEST(Judges, FrictionModelSticksSlipsAndSticksAgain) {
+  stability::FrictionModel model(0.3, 0.24);
+  const double d = 0.008;
+  const auto at = [&](double x) { return model.follow({x, 0, 0}, {x, 0, -d}); };
+  EXPECT_EQ(at(0).x(), 0);
+  EXPECT_NEAR(at(0.0023).x(), 0, 1e-12);                 // in the cone
+  EXPECT_NEAR(at(0.0025).x(), 0.0025 - 0.24 * d, 1e-9);  // broken loose
+  EXPECT_NEAR(at(0.004).x(), 0.004 - 0.24 * d, 1e-9);
+  EXPECT_NEAR(at(0.003).x(), 0.004 - 0.24 * d, 1e-9);  // back: stuck
+}
+
+// --- another method, on the case itself
+
+TEST(Judges, NearestPointIsOffInTheGroove) {
+  Setting s = setting("nearest10", 4);
+  s.judged = false;
+  for (const Trace& run : stability::case_groove(s)) {
+    EXPECT_FALSE(check_of(run, "off the groove line mm").met()) << run.name;
+  }
+}
+
+// One step a tick is not enough there, and the count says so.
+TEST(Judges, TooFewIterationsInTheGrooveAreCounted) {
+  EXPECT_GT(stability::groove_ticks_over(1, setting("constrained", 4)), 0);
+}
+
+Setting unjudged(const char* method) {
+  Setting s = setting(method);
+  s.judged = false;
+  return s;
+}
+
+TEST(Judges, NearestPointOvershootsInTheRoomCorner) {
+  const auto runs = stability::case_room_corner(unjudged("nearest10"));
+  EXPECT_FALSE(check_of(runs[0], "corner F N").met());
+}
+
+TEST(Judges, NearestPointIsOffTheZeroSetOfTheCornerAndSunk) {
+  const auto runs = stability::case_concave_corner(unjudged("nearest"));
+  EXPECT_FALSE(check_of(runs[0], "off the zero set mm").met());
+  EXPECT_FALSE(check_of(runs[0], "sunk ticks").met());
+}
+
+TEST(Judges, NearestPointForgetsItsSideWhileForcesAreOff) {
+  const auto runs = stability::case_start_inside(setting("nearest"));
+  EXPECT_FALSE(check_of(named(runs, "pushed through the middle"), "wrong side N").met());
+}
+
+TEST(Judges, NearestPointGoesThroughAPlateAndTurns) {
+  Setting s = setting("nearest");
+  rig::Rig r(stability::still_scene(s, [](const Vec3& p) { return solids::plate(p, 0.02); }));
+  const rig::Path path({{0, 0, 0.02}, {0, 0, -0.006}}, 0.1);
+  r.run(path, 0, path.duration());
+  Trace run;
+  stability::add_pops(run, r, true);
+  EXPECT_FALSE(check_of(run, "turned to the other side").met());
+}
+
+TEST(Judges, TicksInsideInARowAreCounted) {
+  std::vector<Row> rows(6, blank());
+  for (Row& row : rows) row.depth_m = 0;
+  rows[1].depth_m = rows[2].depth_m = rows[3].depth_m = 1e-4;
+  rows[5].depth_m = std::nan("");
+  EXPECT_EQ(stability::longest_inside(rows, 0), 3);
+  for (Row& row : rows) row.depth_m = -0.003;  // on a tip of 3 mm
+  EXPECT_EQ(stability::longest_inside(rows, 0.003), 0);
+  EXPECT_EQ(stability::longest_inside(rows, 0.0031), 6);
+}
+
+TEST(Judges, NearestPointTurnsAndSinksInASlot) {
+  Setting s = setting("nearest", 2);
+  s.judged = false;
+  const auto runs = stability::case_slots(s);
+  EXPECT_FALSE(check_of(named(runs, "10 mm 0deg/2 100mm/s, R"), "reversals").met());
+  EXPECT_FALSE(check_of(named(runs, "5 mm 0deg/2 100mm/s, R"), "sunk into the slot mm").met());
+}
+
+TEST(Judges, NearestPointIsNotTheFrictionProxy) {
+  const auto runs = stability::case_friction_corner(setting("nearest10", 0, 0.2));
+  EXPECT_FALSE(check_of(runs[0], "F error p95 N").met());
+  EXPECT_FALSE(check_of(runs[0], "frictionless F error p95 N").met());
+}
+
+}  // namespace

@@ -1,0 +1,43 @@
+// The gates that every run of a hard case keeps beside its own limits, judged over every tick of the setting,
+// those included that no row is kept of:
+//
+//   step CPU p99     at most 25 us of thread CPU, contact ticks; of each tick the smallest of all passes counts
+//   allocations, locks in a step: none. Counted where the guard is linked (tests/support/rt_guard.hpp), so in tests
+//   trace differs    the setting is run twice; every answer of every tick is the same, bit by bit
+//   not finite       no tick
+//   force            at most 12 N
+//
+// All passes do the same work tick by tick, so what one of them took more than another was the machine's. Where two do not
+// say enough, up to six more are made. A test may run beside anything: where the guard is linked, the figure is by
+// work instead, the 99th percentile of the field samples of a tick at the median CPU time of one.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "tools/stability/cases.hpp"
+
+namespace stability {
+
+struct Gates {
+  std::size_t ticks = 0, contact_ticks = 0, not_finite = 0;
+  double force_max_N = 0;
+  double cpu_p50_us = 0, cpu_p99_us = 0, cpu_max_us = 0, cpu_by_work_us = 0;
+  std::uint32_t work_p99 = 0, work_max = 0;  // field samples of a tick: the deterministic cost
+  bool counted = false;                      // the guard is linked
+  std::uint64_t allocations = 0, locks = 0;
+  std::uint64_t digest = 0, digest_again = 0;
+};
+
+struct Gated {
+  std::vector<Run> runs;  // each with the gates among its checks
+  Gates gates;
+};
+// The case in this setting, twice or more; from the second time on without the optimum.
+[[nodiscard]] Gated run_gated(const Case& c, const Setting& s);
+
+// As checks of a run.
+void add_gates(Run& run, const Gates& gates);
+
+}  // namespace stability

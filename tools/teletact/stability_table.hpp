@@ -1,0 +1,39 @@
+// What `teletact stability` prints: of each case one row a method, the limits and the published figures of the peers.
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <map>
+#include <string>
+
+#include "tools/stability/gates.hpp"
+
+namespace teletact {
+
+// The largest figures of one case and one method over its settings.
+struct StabilityTally {
+  int settings = 0, within = 0,
+      field_bound = 0;  // settings: within all limits; over some, all of them bound
+  double margin = 1;
+  double j_N = 0, j_raw_N = 0, guard_share = 0, lag_ms = 0;
+  // Proxy to field optimum (95 % of the ticks), and off the surface of the blended field where a run has no optimum.
+  double position_mm = std::numeric_limits<double>::quiet_NaN(), off_mm = position_mm;
+  double cpu_p50_us = 0, cpu_p99_us = 0, cpu_max_us = 0;
+  bool counted = false;                           // allocations and locks
+  std::map<std::string, stability::Check> worst;  // of each check the one with the least margin
+  std::map<std::string, std::pair<double, double>>
+      span;  // of each check the least and the largest limit
+
+  [[nodiscard]] int missed() const { return settings - within - field_bound; }
+  void take(const stability::Gated& gated, bool verbose);
+  void take(const StabilityTally& other);
+};
+
+void print_table_head();
+// `fused`: of the fused fields. A row of `method`; `judged`: with its limits and what it misses.
+void print_row(const stability::Case& c, const std::string& method, const StabilityTally& t,
+               bool fused, bool judged);
+// The limits in words and what is published of the peers.
+void print_published(const stability::Case& c);
+
+}  // namespace teletact
