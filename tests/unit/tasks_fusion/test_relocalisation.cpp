@@ -200,6 +200,12 @@ double median(std::vector<double> v) {
   return v[v.size() / 2];
 }
 
+// In units of the frame's own filter, the same work in every frame of a scene: lost frames come after all the tracked ones,
+// and a machine that others use is slower at one time than at another.
+double in_filters(const Rig& rig) {
+  return 1e6 * cpu_ms(rig) / static_cast<double>(rig.task->last_profile().prepare);
+}
+
 // Tracked and lost in turn, so that what else the machine does is in both.
 TEST(Relocalisation, ALostFrameDoesNoMoreWorkThanATrackedOne) {
   constexpr int kTour = 60, kRounds = 4, kEach = 8;
@@ -258,13 +264,13 @@ TEST(Relocalisation, ALostFrameThatBringsBackWhatIsFarDoesNoMoreWorkThanATracked
   Rig rig(config, tests::in_passage(0, 0), tests::kinect2_camera());
   rig.task->profile(true);
   std::uint64_t tracked = 0, lost = 0;
-  std::vector<double> tracked_ms, lost_ms;
+  std::vector<double> tracked_parts, lost_parts;
   for (int i = 0; i < 70; ++i) {
     rig.see(scene, tests::in_passage(6 * (1 - std::cos(std::numbers::pi * i / 69)), i), 0.0015);
     ASSERT_TRUE(rig.out.camera.claimed) << "frame " << i;
     if (i == 0) continue;
     tracked = std::max(tracked, rig.out.work - rig.out.work_view);
-    tracked_ms.push_back(cpu_ms(rig));
+    tracked_parts.push_back(in_filters(rig));
   }
   for (int i = 0; i < 5; ++i) rig.see(AnalyticScene{}, tests::in_passage(12, i));
   EXPECT_EQ(rig.out.camera.tracking, CameraPose::Tracking::kLost);
@@ -278,7 +284,7 @@ TEST(Relocalisation, ALostFrameThatBringsBackWhatIsFarDoesNoMoreWorkThanATracked
     lost = std::max(lost, rig.out.work - rig.out.work_view);
     const int fetched = before - map.far_block_count();
     most = std::max(most, fetched);
-    if (fetched >= 512) lost_ms.push_back(cpu_ms(rig));
+    if (fetched >= 512) lost_parts.push_back(in_filters(rig));
     std::printf("  lost, %d blocks brought back: %.2f ms\n", fetched, cpu_ms(rig));
   }
   std::printf("  %d blocks far away; claimed after %d frames, %.1f mm off\n", far, took,
@@ -286,12 +292,12 @@ TEST(Relocalisation, ALostFrameThatBringsBackWhatIsFarDoesNoMoreWorkThanATracked
   EXPECT_TRUE(rig.out.camera.claimed);
   EXPECT_LT(off_m(rig, tests::in_passage(0.1, took - 1)), 0.02);
   EXPECT_GE(most, 512) << "enough to be seen in a frame's time";
-  ASSERT_FALSE(lost_ms.empty());
-  std::printf("  work: tracked <= %llu, lost <= %llu; CPU p50 %.2f and %.2f ms\n",
+  ASSERT_FALSE(lost_parts.empty());
+  std::printf("  work: tracked <= %llu, lost <= %llu; CPU p50 %.2f and %.2f times the filter's\n",
               static_cast<unsigned long long>(tracked), static_cast<unsigned long long>(lost),
-              median(tracked_ms), median(lost_ms));
+              median(tracked_parts), median(lost_parts));
   EXPECT_LE(lost, tracked);
-  EXPECT_LE(median(lost_ms), median(tracked_ms));
+  EXPECT_LE(median(lost_parts), median(tracked_parts));
 }
 
 // ---------------------------------------------------------------- the recording
