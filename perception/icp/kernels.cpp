@@ -16,9 +16,6 @@ namespace HWY_NAMESPACE {
 
 // Without vectors of 16 bytes at least (a processor older than SSE4): the reference itself.
 #if HWY_TARGET == HWY_SCALAR
-void accumulate_job(const RowsJob& job, bool cross, LaneSums& out) {
-  kScalarKernels.accumulate(job, cross, out);
-}
 void bilateral_row(const float* in, std::ptrdiff_t stride, int width, const float* weight,
                    int radius, const EdgeRule& rule, float* out) {
   kScalarKernels.bilateral_row(in, stride, width, weight, radius, rule, out);
@@ -55,170 +52,6 @@ HWY_INLINE V sub(V a, V b) { return hn::Sub(a, b); }
 HWY_INLINE V mul(V a, V b) { return hn::Mul(a, b); }
 HWY_INLINE V keep(M m, V v) { return hn::IfThenElseZero(m, v); }
 HWY_INLINE int count(M m) { return static_cast<int>(hn::CountTrue(DF(), m)); }
-
-struct V3 {
-  V x, y, z;
-};
-HWY_INLINE V dot(V3 a, V3 b) { return add(add(mul(a.x, b.x), mul(a.y, b.y)), mul(a.z, b.z)); }
-HWY_INLINE V row3(const float* R, V3 p) {
-  return add(add(mul(set(R[0]), p.x), mul(set(R[1]), p.y)), mul(set(R[2]), p.z));
-}
-HWY_INLINE void fill_row(M ok, V3 n, V3 a, V (&J)[6]) {
-  J[0] = keep(ok, n.x), J[1] = keep(ok, n.y), J[2] = keep(ok, n.z);
-  J[3] = keep(ok, sub(mul(a.y, n.z), mul(a.z, n.y)));
-  J[4] = keep(ok, sub(mul(a.z, n.x), mul(a.x, n.z)));
-  J[5] = keep(ok, sub(mul(a.x, n.y), mul(a.y, n.x)));
-}
-
-// Lanes 0, 4, 8, ... of `offset`: four floats each at base + offset.
-HWY_INLINE V quads(const float* base, const std::uint32_t* offset) {
-  const D4 d4;
-#if HWY_TARGET == HWY_AVX3
-  const hn::FixedTag<float, 8> d8;
-  return hn::Combine(
-      DF(), hn::Combine(d8, hn::LoadU(d4, base + offset[12]), hn::LoadU(d4, base + offset[8])),
-      hn::Combine(d8, hn::LoadU(d4, base + offset[4]), hn::LoadU(d4, base + offset[0])));
-#elif HWY_TARGET == HWY_AVX2
-  return hn::Combine(DF(), hn::LoadU(d4, base + offset[4]), hn::LoadU(d4, base + offset[0]));
-#else
-  return hn::LoadU(d4, base + offset[0]);
-#endif
-}
-
-// The normals and depths of the records at base + offset[lane]: loads of 16 bytes and a 4x4 transpose.
-HWY_INLINE V gather(const float* base, const std::uint32_t* offset, V3& n) {
-  const DF d;
-  const V a0 = quads(base, offset), a1 = quads(base, offset + 1), a2 = quads(base, offset + 2),
-          a3 = quads(base, offset + 3);
-  const V t0 = hn::InterleaveLower(d, a0, a2), t1 = hn::InterleaveLower(d, a1, a3);
-  const V t2 = hn::InterleaveUpper(d, a0, a2), t3 = hn::InterleaveUpper(d, a1, a3);
-  n = {hn::InterleaveLower(d, t0, t1), hn::InterleaveUpper(d, t0, t1),
-       hn::InterleaveLower(d, t2, t3)};
-  return hn::InterleaveUpper(d, t2, t3);
-}
-
-// The sums of one row, of the lanes of one vector.
-template <bool kWithCross>
-struct RowSums {
-  V sum[kSums];
-  V cross[kWithCross ? kCross : 1];
-  int inliers = 0, met = 0, live = 0;
-};
-
-struct Rows {
-  const float *z, *nx, *ny, *nz;
-  float y;
-};
-
-template <bool kWithCross>
-HWY_INLINE void add_pixels(const RowsJob& job, const Rows& row, int u, RowSums<kWithCross>& out) {
-  const DF df;
-  const V z = load(row.z + u);
-  const M has_depth = hn::Gt(z, zero());
-  out.live += count(has_depth);
-  const V3 p{mul(load(job.x_factor + u), z), mul(set(row.y), z), z};
-
-  // Project into the camera that cast the model, nearest pixel.
-  const V3 q{add(row3(job.R_F, p), set(job.t_F[0])), add(row3(job.R_F + 3, p), set(job.t_F[1])),
-             add(row3(job.R_F + 6, p), set(job.t_F[2]))};
-  M ok = hn::And(has_depth, hn::Gt(q.z, set(0.05F)));
-  const V inv_z = hn::Div(set(1.0F), hn::IfThenElse(ok, q.z, set(1.0F)));
-  const V pu = add(mul(mul(set(job.fx), q.x), inv_z), set(job.cx + 0.5F));
-  const V pv = add(mul(mul(set(job.fy), q.y), inv_z), set(job.cy + 0.5F));
-  ok = hn::And(
-      ok, hn::And(hn::And(hn::Ge(pu, zero()), hn::Ge(pv, zero())),
-                  hn::And(hn::Lt(pu, set(job.model_width)), hn::Lt(pv, set(job.model_height)))));
-  const V iu = hn::Floor(keep(ok, pu)), iv = hn::Floor(keep(ok, pv));
-  // Exact: below 2^24.
-  const hn::RebindToUnsigned<DF> du;
-  HWY_ALIGN std::uint32_t offset[kLanes];
-  const auto pixel = truncated(add(mul(iv, set(job.model_width)), iu));
-  hn::Store(hn::BitCast(du, hn::ShiftLeft<2>(pixel)), du, offset);
-  // The compiler would rather take the lanes out of the vector one by one than load them.
-  __asm__ volatile("" ::: "memory");
-  V3 n;
-  const V depth = gather(job.model, offset, n);
-  const V3 m{mul(mul(sub(iu, set(job.cx)), set(job.inv_fx)), depth),
-             mul(mul(sub(iv, set(job.cy)), set(job.inv_fy)), depth), depth};
-  ok = hn::And(ok, hn::Gt(dot(n, n), set(0.5F)));  // a model surface, and not NaN
-  out.met += count(ok);
-
-  const V3 d{sub(q.x, m.x), sub(q.y, m.y), sub(q.z, m.z)};
-  const V3 live{load(row.nx + u), load(row.ny + u), load(row.nz + u)};
-  // Adding 0 makes -0 into +0, as the reference does.
-  const V3 l{add(row3(job.R_F, live), zero()), add(row3(job.R_F + 3, live), zero()),
-             add(row3(job.R_F + 6, live), zero())};
-  ok = hn::And(ok,
-               hn::And(hn::Lt(dot(d, d), set(job.gate_d2)), hn::Gt(dot(l, n), set(job.gate_cos))));
-  out.inliers += count(ok);
-  if (hn::AllFalse(df, ok)) return;
-
-  const V r = keep(ok, dot(n, d));
-  const V beyond = hn::Max(sub(z, set(job.noise.from_m)), zero());
-  const V sigma = add(set(job.noise.least_m), mul(mul(set(job.noise.per_m2), beyond), beyond));
-  const V share = hn::Div(set(job.noise.least_m), sigma);
-  const V w = keep(ok, mul(share, share));
-  const V3 a{sub(q.x, set(job.centre[0])), sub(q.y, set(job.centre[1])),
-             sub(q.z, set(job.centre[2]))};
-  V J[6];
-  fill_row(ok, n, a, J);
-  int s = 0;
-  for (int i = 0; i < 6; ++i) {
-    const V wJ = mul(w, J[i]);
-    for (int j = i; j < 6; ++j, ++s) out.sum[s] = add(out.sum[s], mul(wJ, J[j]));
-    out.sum[21 + i] = add(out.sum[21 + i], mul(wJ, r));
-  }
-  out.sum[27] = add(out.sum[27], mul(mul(w, r), r));
-  out.sum[28] = add(out.sum[28], w);
-  if constexpr (kWithCross) {
-    V L[6];
-    fill_row(ok, l, a, L);
-    const V half = mul(set(0.5F), w);
-    s = 0;
-    for (int i = 0; i < 6; ++i) {
-      for (int j = i; j < 6; ++j, ++s) {
-        out.cross[s] = add(out.cross[s], mul(half, add(mul(L[i], J[j]), mul(J[i], L[j]))));
-      }
-    }
-  }
-}
-
-// Adds a vector of floats to as many doubles.
-HWY_INLINE void add_to(double* lanes, V v) {
-  const DH dh;
-  const DD dd;
-  const auto half = hn::Lanes(dh);
-  hn::Store(hn::Add(hn::Load(dd, lanes), hn::PromoteTo(dd, hn::LowerHalf(dh, v))), dd, lanes);
-  hn::Store(hn::Add(hn::Load(dd, lanes + half), hn::PromoteTo(dd, hn::UpperHalf(dh, v))), dd,
-            lanes + half);
-}
-
-template <bool kWithCross>
-HWY_INLINE void accumulate_rows(const RowsJob& job, LaneSums& out) {
-  for (int v = 0; v < job.rows; ++v) {
-    const std::ptrdiff_t at = v * job.stride;
-    const Rows row{job.z + at, job.nx + at, job.ny + at, job.nz + at, job.y_factor[v]};
-    // Vectors narrower than the 16 lanes go over the row several times, each time for lanes of their own.
-    for (int first = 0; first < kLanes; first += kWidth) {
-      RowSums<kWithCross> sums;
-      for (V& s : sums.sum) s = zero();
-      for (V& s : sums.cross) s = zero();
-      for (int u = first; u < job.width; u += kLanes) add_pixels(job, row, u, sums);
-      for (int i = 0; i < kSums; ++i) add_to(out.sums[i] + first, sums.sum[i]);
-      if constexpr (kWithCross) {
-        for (int i = 0; i < kCross; ++i) add_to(out.cross[i] + first, sums.cross[i]);
-      }
-      out.inliers += sums.inliers, out.met += sums.met, out.live += sums.live;
-    }
-  }
-}
-
-void accumulate_job(const RowsJob& job, bool cross, LaneSums& out) {
-  if (cross)
-    accumulate_rows<true>(job, out);
-  else
-    accumulate_rows<false>(job, out);
-}
 
 void bilateral_row(const float* in, std::ptrdiff_t stride, int width, const float* weight,
                    int radius, const EdgeRule& rule, float* out) {
@@ -329,16 +162,13 @@ HWY_AFTER_NAMESPACE();
 namespace perception::icp {
 namespace {
 
-HWY_EXPORT(accumulate_job);
 HWY_EXPORT(bilateral_row);
 HWY_EXPORT(normal_row);
 HWY_EXPORT(to_metres_row);
 HWY_EXPORT(half_row);
 
 const Kernels kVectorKernels{
-    [](const RowsJob& job, bool cross, LaneSums& out) {
-      HWY_DYNAMIC_DISPATCH(accumulate_job)(job, cross, out);
-    },
+    accumulate_vectors,
     [](const float* in, std::ptrdiff_t stride, int width, const float* weight, int radius,
        const EdgeRule& rule, float* out) {
       HWY_DYNAMIC_DISPATCH(bilateral_row)(in, stride, width, weight, radius, rule, out);

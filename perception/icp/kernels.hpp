@@ -1,4 +1,4 @@
-// The hot leaf loops of tracking: for vectors of any width (kernels.cpp, by highway, chosen at run time), and
+// The hot leaf loops of tracking: for vectors of any width (kernels.cpp and accumulate.cpp, by highway, chosen at run time), and
 // as plain loops that the tests hold them against (kernels_scalar.cpp). A sum has 16 lanes, pixel u in lane
 // u mod 16, and nothing is contracted, so all give the same bytes.
 #pragma once
@@ -64,6 +64,8 @@ struct Kernels {
 };
 
 extern const Kernels kScalarKernels;
+// Kernels::accumulate for vectors (accumulate.cpp).
+void accumulate_vectors(const RowsJob& job, bool cross, LaneSums& out);
 // Those of simd::chosen().
 [[nodiscard]] const Kernels& kernels() noexcept;
 
