@@ -16,6 +16,176 @@ HWY_BEFORE_NAMESPACE();
 namespace perception {
 namespace HWY_NAMESPACE {
 
+constexpr int kWidth = static_cast<int>(hn::MaxLanes(DF()));
+HWY_INLINE MF mask_of(unsigned bits) {
+  const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(bits),
+                                 static_cast<std::uint8_t>(bits >> 8U)};
+  return hn::LoadMaskBits(DF(), bytes);
+}
+constexpr int kRoom = HintJob::kSpan + 16;  // whole vectors are written
+
+// Rays on their way, side by side in any order.
+struct Rays {
+  alignas(64) float d[3][kRoom];
+  alignas(64) float t[kRoom], low[kRoom], high[kRoom], small[kRoom];
+  alignas(64) std::int32_t ray[kRoom];  // which one of the span
+  int size = 0;
+};
+
+#if HWY_TARGET == HWY_AVX2
+// By mask: its lanes, rising, a byte each.
+struct LanesOf {
+  std::uint64_t lanes[256] = {};
+  constexpr LanesOf() {
+    for (unsigned m = 0; m < 256; ++m)
+      for (unsigned n = 0, to = 0; n < 8; ++n)
+        if ((m >> n & 1U) != 0) lanes[m] |= std::uint64_t{n} << (8 * to++);
+  }
+};
+constexpr LanesOf kLanesOf;
+#endif
+
+// Moves the lanes of a mask to the front. Highway's own, for 8 lanes, copies its table to the stack each time.
+class Packer {
+ public:
+  HWY_INLINE explicit Packer(MF keep) : keep_(keep) {
+#if HWY_TARGET == HWY_AVX2
+    const hn::Rebind<std::uint8_t, DI> d8;
+    const std::uint64_t lanes = kLanesOf.lanes[bits_of(keep)];
+    HWY_ALIGN std::uint8_t bytes[8];
+    std::memcpy(bytes, &lanes, 8);
+    order_ = hn::PromoteTo(DI(), hn::Load(d8, bytes));
+#endif
+  }
+  template <class D, class Vector, class T>
+  HWY_INLINE void store(D d, Vector v, T* to) const {
+#if HWY_TARGET == HWY_AVX2
+    hn::StoreU(hn::TableLookupLanes(v, hn::IndicesFromVec(d, order_)), d, to);
+#else
+    hn::StoreU(hn::Compress(v, hn::RebindMask(d, keep_)), d, to);
+#endif
+  }
+
+ private:
+  MF keep_;
+#if HWY_TARGET == HWY_AVX2
+  VI order_;
+#endif
+};
+
+// The rays of `keep` go to the end of `out`.
+HWY_INLINE void append(Rays& out, MF keep, const VF (&d)[3], VF t, VF low, VF high, VF small,
+                       VI ray) {
+  const DF df;
+  const Packer pack(keep);
+  const int at = out.size;
+  for (int a = 0; a < 3; ++a) pack.store(df, d[a], out.d[a] + at);
+  pack.store(df, t, out.t + at), pack.store(df, low, out.low + at);
+  pack.store(df, high, out.high + at), pack.store(df, small, out.small + at);
+  pack.store(DI(), ray, out.ray + at);
+  out.size = at + static_cast<int>(hn::CountTrue(df, keep));
+}
+
+// What they found, by ray.
+struct Found {
+  alignas(64) float t[kRoom], g[3][kRoom];  // t = 0: nothing
+};
+
+// The cells that rays are in, and from where their nodes can be read.
+struct Cells {
+  alignas(64) float f[3][kRoom];
+  alignas(64) std::uint32_t entry[kRoom], slot[kRoom], cell[kRoom];
+  alignas(64) std::uint32_t across[kRoom];  // bit n: reaches into the next block along axis 2 - n
+  alignas(64) std::int32_t block[kRoom];
+  std::uint64_t inside = 0, flat = 0, deep = 0;  // a bit a ray; across, but not in z; also in z
+  const std::int32_t* p[kRoom];                  // words 0, 1, 8, 9, 64, 65, 72, 73 from there
+  // Cells in more than one block, put together as in one, 16 of them in 128 words.
+  alignas(64) std::int32_t patched[8 * kRoom];
+};
+static_assert(HintJob::kSpan <= 64);
+
+HWY_INLINE void locate(const HintJob& job, const Rays& rays, int at, Cells& out) {
+  const DF df;
+  const DI di;
+  const DU du;
+  const VI seven = hn::Set(di, 7), zero = hn::Zero(di);
+  const VF t = hn::Load(df, rays.t + at);
+  VI chunk[3], slot[3], cell[3];
+  for (int a = 0; a < 3; ++a) {
+    const VF p = hn::Add(hn::Set(df, job.origin[a]), hn::Mul(t, hn::Load(df, rays.d[a] + at)));
+    const VF whole = hn::Floor(p);
+    hn::Store(hn::Sub(p, whole), df, out.f[a] + at);
+    const VI node = hn::Add(truncated(whole), hn::Set(di, job.base[a]));
+    chunk[a] = hn::Sub(hn::ShiftRight<6>(node), hn::Set(di, job.corner[a]));
+    slot[a] = hn::And(hn::ShiftRight<3>(node), seven);
+    cell[a] = hn::And(node, seven);
+  }
+  const VI outside = hn::AndNot(hn::Set(di, ChunkDirectory::kEdge - 1),
+                                hn::Or(hn::Or(chunk[0], chunk[1]), chunk[2]));
+  const auto inside = hn::Eq(outside, zero);
+  const auto join5 = [](const VI(&v)[3]) {
+    return hn::Or(hn::ShiftLeft<10>(v[0]), hn::Or(hn::ShiftLeft<5>(v[1]), v[2]));
+  };
+  const auto join3 = [](const VI(&v)[3]) {
+    return hn::Or(hn::ShiftLeft<6>(v[0]), hn::Or(hn::ShiftLeft<3>(v[1]), v[2]));
+  };
+  VI across = zero;
+  for (int a = 0; a < 3; ++a)
+    across = hn::Or(across, hn::IfThenElseZero(hn::Eq(cell[a], seven), hn::Set(di, 4 >> a)));
+  const auto put = [&](VI v, std::uint32_t* column) {
+    hn::Store(hn::BitCast(du, v), du, column + at);
+  };
+  put(hn::IfThenElseZero(inside, join5(chunk)), out.entry);
+  put(join3(slot), out.slot), put(join3(cell), out.cell), put(across, out.across);
+  const auto bits = [&](auto mask) {
+    return static_cast<std::uint64_t>(bits_of(hn::RebindMask(df, mask))) << at;
+  };
+  const auto deep = hn::Eq(cell[2], seven);
+  out.inside |= bits(inside);
+  out.deep |= bits(deep);
+  out.flat |= bits(hn::AndNot(deep, hn::Gt(across, zero)));
+}
+
+// Block and first word of each ray's cell: plain loads, and no branch from one to the next.
+HWY_INLINE void find_blocks(const HintJob& job, int size, Cells& c) {
+  for (int n = 0; n < size; ++n) {
+    const std::int32_t found =
+        job.tables[static_cast<std::uint32_t>(job.directory[c.entry[n]]) + c.slot[n]];
+    const std::int32_t block = found < 0 ? job.empty_block : found;
+    c.block[n] = block;
+    c.p[n] = job.words + ((static_cast<std::size_t>(block) << 9U) + c.cell[n]);
+  }
+}
+
+// Puts together the cells of `rays` that lie in more than one block.
+template <bool kDeep>
+HWY_INLINE int patch(const HintJob& job, std::uint64_t rays, int used, Cells& cells) {
+  for (; rays != 0; rays &= rays - 1, ++used) {
+    const auto n = static_cast<std::size_t>(__builtin_ctzll(rays));
+    const std::uint32_t m = cells.across[n], c = cells.cell[n];
+    const std::int32_t* const ahead = job.ahead + 8 * static_cast<std::size_t>(cells.block[n]);
+    const std::uint32_t x[2] = {c & 0x1c0U, (c + 64U) & 0x1c0U},
+                        y[2] = {c & 0x38U, (c + 8U) & 0x38U}, z[2] = {c & 7U, (c + 1U) & 7U};
+    const auto corner = [&](std::uint32_t k) {
+      const auto block = static_cast<std::size_t>(ahead[k & m]);
+      return job.words + ((block << 9U) + (x[k >> 2U] | y[(k >> 1U) & 1U] | z[k & 1U]));
+    };
+    std::int32_t* const own =
+        cells.patched + ((used & 3) * 2 + ((used >> 2) & 3) * 16 + (used >> 4) * 128);
+    for (std::uint32_t k = 0; k < 8; k += 2) {
+      std::int32_t* const pair = own + (k >> 2U) * 64 + ((k >> 1U) & 1U) * 8;
+      if constexpr (kDeep) {
+        pair[0] = *corner(k);
+        pair[1] = *corner(k + 1);
+      } else {  // corners that differ in z lie side by side
+        std::memcpy(pair, corner(k), 2 * sizeof *pair);
+      }
+    }
+    cells.p[n] = own;
+  }
+  return used;
+}
+
 struct Corners {
   VF v[8];  // raw units; corner bit 2 = x+1, bit 1 = y+1, bit 0 = z+1
   MF known;
@@ -48,76 +218,10 @@ HWY_INLINE void load_pairs(const std::int32_t* const* p, std::ptrdiff_t at, VI& 
 #endif
 }
 
-// Reads the nodes of up to 16 cells. Which words those are is worked out a lane at a time: two corners that
-// differ in z lie side by side and come in one load, which no gather instruction does faster.
-HWY_INLINE Corners read_cells(const HintJob& job, const VI (&node)[3], MF active) {
+HWY_INLINE Corners read_cells(const HintJob& job, const std::int32_t* const* p) {
   const DI di;
   const DU du;
   const DF df;
-  const VI seven = hn::Set(di, 7), zero = hn::Zero(di);
-  VI chunk[3], slot[3], cell[3];
-  for (int a = 0; a < 3; ++a) {
-    chunk[a] = hn::Sub(hn::ShiftRight<6>(node[a]), hn::Set(di, job.corner[a]));
-    slot[a] = hn::And(hn::ShiftRight<3>(node[a]), seven);
-    cell[a] = hn::And(node[a], seven);
-  }
-  const VI outside = hn::AndNot(hn::Set(di, ChunkDirectory::kEdge - 1),
-                                hn::Or(hn::Or(chunk[0], chunk[1]), chunk[2]));
-  const MF inside = hn::And(active, hn::RebindMask(df, hn::Eq(outside, zero)));
-  const auto join5 = [](const VI(&v)[3]) {
-    return hn::Or(hn::ShiftLeft<10>(v[0]), hn::Or(hn::ShiftLeft<5>(v[1]), v[2]));
-  };
-  const auto join3 = [](const VI(&v)[3]) {
-    return hn::Or(hn::ShiftLeft<6>(v[0]), hn::Or(hn::ShiftLeft<3>(v[1]), v[2]));
-  };
-  const auto safe = [&](VI v) { return hn::IfThenElseZero(hn::RebindMask(di, inside), v); };
-  // Bit n: the cell reaches into the next block along that axis.
-  VI across = zero;
-  for (int a = 0; a < 3; ++a)
-    across = hn::Or(across, hn::IfThenElseZero(hn::Eq(cell[a], seven), hn::Set(di, 4 >> a)));
-  HWY_ALIGN std::uint32_t entry_[16];
-  HWY_ALIGN std::uint32_t slot_[16];
-  HWY_ALIGN std::uint32_t cell_[16];
-  HWY_ALIGN std::uint32_t across_[16];
-  hn::Store(hn::BitCast(du, safe(join5(chunk))), du, entry_);
-  hn::Store(hn::BitCast(du, safe(join3(slot))), du, slot_);
-  hn::Store(hn::BitCast(du, safe(join3(cell))), du, cell_);
-  hn::Store(hn::BitCast(du, safe(across)), du, across_);
-  // The compiler would rather take the lanes out of the vectors one by one than load them.
-  __asm__ volatile("" ::: "memory");
-
-  const std::int32_t* p[16];
-  HWY_ALIGN std::int32_t patched[16][80];  // as in a block: words 0, 1, 8, 9, 64, 65, 72, 73
-  for (const std::int32_t*& lane : p)
-    lane = job.words + (static_cast<std::size_t>(job.empty_block) << 9U);
-  for (unsigned lanes = bits_of(inside); lanes != 0; lanes &= lanes - 1) {
-    const auto n = static_cast<std::size_t>(__builtin_ctz(lanes));
-    const std::int32_t found =
-        job.tables[static_cast<std::uint32_t>(job.directory[entry_[n]]) + slot_[n]];
-    const auto b = static_cast<std::size_t>(found < 0 ? job.empty_block : found);
-    p[n] = job.words + (b << 9U) + cell_[n];
-    const std::uint32_t m = across_[n];
-    if (m == 0) continue;
-    const std::uint32_t c = cell_[n];
-    const std::uint32_t x[2] = {c & 0x1c0U, (c + 64U) & 0x1c0U},
-                        y[2] = {c & 0x38U, (c + 8U) & 0x38U}, z[2] = {c & 7U, (c + 1U) & 7U};
-    const auto corner = [&](std::uint32_t k) {
-      const auto block = static_cast<std::size_t>(job.ahead[8 * b + (k & m)]);
-      return job.words + ((block << 9U) + (x[k >> 2U] | y[(k >> 1U) & 1U] | z[k & 1U]));
-    };
-    for (std::uint32_t k = 0; k < 8; k += 2) {
-      std::int32_t* const pair = &patched[n][(k >> 2U) * 64 + ((k >> 1U) & 1U) * 8];
-      if ((m & 1U) == 0) {  // corners that differ in z lie side by side
-        std::memcpy(pair, corner(k), 2 * sizeof *pair);
-      } else {
-        pair[0] = *corner(k);
-        pair[1] = *corner(k + 1);
-      }
-    }
-    p[n] = patched[n];
-  }
-  __asm__ volatile("" ::: "memory");
-
   Corners out;
   hn::Vec<DU> least = hn::Set(du, 0xffffffffU);
   constexpr std::ptrdiff_t kAt[4] = {0, 8, 64, 72};
@@ -131,7 +235,7 @@ HWY_INLINE Corners read_cells(const HintJob& job, const VI (&node)[3], MF active
   // A word's weight is its high half: the least weight is the least word's.
   const VI weight = hn::BitCast(di, hn::ShiftRight<16>(least));
   const auto need = static_cast<std::int32_t>(job.least_word >> 16U) - 1;
-  out.known = hn::And(inside, hn::RebindMask(df, hn::Gt(weight, hn::Set(di, need))));
+  out.known = hn::RebindMask(df, hn::Gt(weight, hn::Set(di, need)));
   return out;
 }
 
@@ -140,18 +244,11 @@ struct Value {
   MF known;
 };
 
-HWY_INLINE Value value_at(const HintJob& job, const VF (&d)[3], VF t, MF active) {
+HWY_INLINE Value value_at(const HintJob& job, const Cells& cells, int at) {
   const DF df;
-  const DI di;
-  VI node[3];
-  VF f[3];
-  for (int a = 0; a < 3; ++a) {
-    const VF p = hn::Add(hn::Set(df, job.origin[a]), hn::Mul(t, d[a]));
-    const VF whole = hn::Floor(p);
-    f[a] = hn::Sub(p, whole);
-    node[a] = hn::Add(truncated(whole), hn::Set(di, job.base[a]));
-  }
-  const Corners c = read_cells(job, node, active);
+  const Corners c = read_cells(job, cells.p + at);
+  const VF f[3] = {hn::Load(df, cells.f[0] + at), hn::Load(df, cells.f[1] + at),
+                   hn::Load(df, cells.f[2] + at)};
   // As MapReader::Cell: dx at the four (y, z), then along y and z.
   VF dx[4], x[4];
   for (int n = 0; n < 4; ++n) {
@@ -174,6 +271,85 @@ HWY_INLINE Value value_at(const HintJob& job, const VF (&d)[3], VF t, MF active)
   return out;
 }
 
+// A Newton step of the vector of rays from `at` on, of those in `active`. Who has arrived goes into `found`, who may
+// go on to `out`. kOwn: each ray is at its own place.
+template <bool kOwn>
+HWY_INLINE void newton(const HintJob& job, const Rays& rays, const Cells& cells, int at, MF active,
+                       Found& found, Rays& out) {
+  const DF df;
+  const DI di;
+  const VF d[3] = {hn::Load(df, rays.d[0] + at), hn::Load(df, rays.d[1] + at),
+                   hn::Load(df, rays.d[2] + at)};
+  const VF low = hn::Load(df, rays.low + at), high = hn::Load(df, rays.high + at),
+           small = hn::Load(df, rays.small + at);
+  const Value c = value_at(job, cells, at);
+  const VF slope =
+      hn::Add(hn::Add(hn::Mul(c.g[0], d[0]), hn::Mul(c.g[1], d[1])), hn::Mul(c.g[2], d[2]));
+  active = hn::And(active, mask_of(static_cast<unsigned>(cells.inside >> at)));
+  active = hn::And(active, hn::And(c.known, hn::Lt(slope, hn::Zero(df))));
+  const VF move = hn::Div(hn::Neg(c.f), hn::IfThenElse(active, slope, hn::Set(df, -1.0F)));
+  const VF next = hn::Add(hn::Load(df, rays.t + at), move);
+  active = hn::And(active, hn::And(hn::Ge(next, low), hn::Le(next, high)));
+  const MF close = hn::And(active, hn::And(hn::Lt(move, small), hn::Gt(move, hn::Neg(small))));
+  if constexpr (kOwn) {
+    hn::Store(hn::IfThenElseZero(close, next), df, found.t + at);
+    for (int a = 0; a < 3; ++a) hn::Store(hn::IfThenElseZero(close, c.g[a]), df, found.g[a] + at);
+  } else {
+    HWY_ALIGN float hit[4][16];
+    hn::Store(next, df, hit[0]);
+    for (int a = 0; a < 3; ++a) hn::Store(c.g[a], df, hit[a + 1]);
+    for (unsigned bits = bits_of(close); bits != 0; bits &= bits - 1) {
+      const auto n = static_cast<std::size_t>(__builtin_ctz(bits));
+      const auto to = static_cast<std::size_t>(rays.ray[static_cast<std::size_t>(at) + n]);
+      found.t[to] = hit[0][n];
+      for (std::size_t a = 0; a < 3; ++a) found.g[a][to] = hit[a + 1][n];
+    }
+  }
+  append(out, hn::AndNot(close, active), d, next, low, high, small, hn::Load(di, rays.ray + at));
+}
+
+HWY_INLINE void find_cells(const HintJob& job, const Rays& rays, Cells& cells) {
+  cells.inside = cells.flat = cells.deep = 0;
+  int size = 0;
+  for (; size < rays.size; size += kWidth) locate(job, rays, size, cells);
+  find_blocks(job, size, cells);
+  static_cast<void>(patch<true>(job, cells.deep & cells.inside,
+                                patch<false>(job, cells.flat & cells.inside, 0, cells), cells));
+}
+
+// Where each ray begins, and how far it may go; rays that are not tried at t = 0. A bit a ray: is it tried?
+HWY_INLINE std::uint64_t set_out(const HintJob& job, const HintSpan& span, Rays& rays) {
+  const DF df;
+  const DI di;
+  const VF half = hn::Set(df, 0.5F), y = hn::Set(df, span.y);
+  std::uint64_t tried = 0;
+  for (int u = 0; u < span.count; u += kWidth) {
+    const VF hint = hn::LoadU(df, span.hint + u), x = hn::LoadU(df, span.x + u);
+    VF d[3];
+    for (int a = 0; a < 3; ++a) {
+      d[a] = hn::Add(
+          hn::Add(hn::Mul(x, hn::Set(df, job.axes[0][a])), hn::Mul(y, hn::Set(df, job.axes[1][a]))),
+          hn::Set(df, job.axes[2][a]));
+      hn::Store(d[a], df, rays.d[a] + u);
+    }
+    const VF dd = hn::Add(hn::Add(hn::Mul(d[0], d[0]), hn::Mul(d[1], d[1])), hn::Mul(d[2], d[2]));
+    const VF voxel_t = hn::Div(hn::Set(df, 1.0F), hn::Sqrt(dd));
+    const VF near = hn::Mul(hn::Set(df, job.reach), voxel_t);
+    const VF from = hn::Sub(hint, near), to = hn::Add(hint, near);
+    const MF active =
+        hn::And(hn::Gt(hint, hn::Zero(df)),
+                hn::And(hn::Gt(from, hn::Set(df, job.first)), hn::Lt(to, hn::Set(df, job.last))));
+    tried |= static_cast<std::uint64_t>(bits_of(active)) << u;
+    hn::Store(hn::IfThenElseZero(active, hint), df, rays.t + u);
+    hn::Store(hn::Sub(from, hn::Mul(half, voxel_t)), df, rays.low + u);
+    hn::Store(hn::Add(to, hn::Mul(half, voxel_t)), df, rays.high + u);
+    hn::Store(hn::Mul(hn::Set(df, HintJob::kClose), voxel_t), df, rays.small + u);
+    hn::Store(hn::Iota(di, u), di, rays.ray + u);
+  }
+  rays.size = span.count;
+  return tried;
+}
+
 HWY_INLINE void store_records(const VF (&n)[3], VF t, int count, float* records) {
   const DF df;
   if (count == static_cast<int>(hn::Lanes(df))) {
@@ -185,51 +361,17 @@ HWY_INLINE void store_records(const VF (&n)[3], VF t, int count, float* records)
   std::memcpy(records, all, static_cast<std::size_t>(count) * 4 * sizeof(float));
 }
 
-HintCount cast_hints_job(const HintJob& job, const HintSpan& span) {
+// Normal and depth of what was found.
+HWY_INLINE std::int32_t finish(const HintJob& job, const HintSpan& span, const Found& found) {
   const DF df;
   const DI di;
-  const int lanes = static_cast<int>(hn::Lanes(df));
-  const VF half = hn::Set(df, 0.5F), one = hn::Set(df, 1.0F),
-           close_to = hn::Set(df, HintJob::kClose);
-  const VF y = hn::Set(df, span.y);
-  HintCount count;
-  for (int u = 0; u < span.count; u += lanes) {
-    const VF hint = hn::LoadU(df, span.hint + u), x = hn::LoadU(df, span.x + u);
-    VF d[3];
-    for (int a = 0; a < 3; ++a) {
-      d[a] = hn::Add(
-          hn::Add(hn::Mul(x, hn::Set(df, job.axes[0][a])), hn::Mul(y, hn::Set(df, job.axes[1][a]))),
-          hn::Set(df, job.axes[2][a]));
-    }
-    const VF dd = hn::Add(hn::Add(hn::Mul(d[0], d[0]), hn::Mul(d[1], d[1])), hn::Mul(d[2], d[2]));
-    const VF voxel_t = hn::Div(one, hn::Sqrt(dd));
-    const VF near = hn::Mul(hn::Set(df, job.reach), voxel_t);
-    const VF from = hn::Sub(hint, near), to = hn::Add(hint, near);
-    MF active = hn::And(hn::Gt(hint, hn::Zero(df)), hn::And(hn::Gt(from, hn::Set(df, job.first)),
-                                                            hn::Lt(to, hn::Set(df, job.last))));
-    const VF low = hn::Sub(from, hn::Mul(half, voxel_t)),
-             high = hn::Add(to, hn::Mul(half, voxel_t));
-    const VF small = hn::Mul(close_to, voxel_t);
-    VF t = hn::IfThenElseZero(active, hint);
-    VF hit_t = hn::Zero(df);
-    VF g[3] = {hn::Zero(df), hn::Zero(df), hn::Zero(df)};
-    MF done = hn::Gt(hn::Zero(df), hn::Zero(df));
-    for (int n = 0; n < HintJob::kNewton && !hn::AllFalse(df, active); ++n) {
-      count.steps += static_cast<std::int64_t>(hn::CountTrue(df, active));
-      const Value c = value_at(job, d, t, active);
-      const VF slope =
-          hn::Add(hn::Add(hn::Mul(c.g[0], d[0]), hn::Mul(c.g[1], d[1])), hn::Mul(c.g[2], d[2]));
-      active = hn::And(active, hn::And(c.known, hn::Lt(slope, hn::Zero(df))));
-      const VF move = hn::Div(hn::Neg(c.f), hn::IfThenElse(active, slope, hn::Neg(one)));
-      const VF next = hn::Add(t, move);
-      active = hn::And(active, hn::And(hn::Ge(next, low), hn::Le(next, high)));
-      t = hn::IfThenElse(active, next, t);
-      const MF close = hn::And(active, hn::And(hn::Lt(move, small), hn::Gt(move, hn::Neg(small))));
-      hit_t = hn::IfThenElse(close, t, hit_t);
-      for (int a = 0; a < 3; ++a) g[a] = hn::IfThenElse(close, c.g[a], g[a]);
-      done = hn::Or(done, close);
-      active = hn::AndNot(close, active);
-    }
+  const VF one = hn::Set(df, 1.0F), y = hn::Set(df, span.y);
+  std::int32_t hits = 0;
+  for (int u = 0; u < span.count; u += kWidth) {
+    const VF t = hn::Load(df, found.t + u), x = hn::LoadU(df, span.x + u);
+    const MF done = hn::Gt(t, hn::Zero(df));  // before the first depth there is no hit
+    const VF g[3] = {hn::Load(df, found.g[0] + u), hn::Load(df, found.g[1] + u),
+                     hn::Load(df, found.g[2] + u)};
     VF n[3];
     for (int c = 0; c < 3; ++c) {
       n[c] = hn::Add(
@@ -243,13 +385,40 @@ HintCount cast_hints_job(const HintJob& job, const HintSpan& span) {
         hn::And(done, hn::And(hn::Gt(length, hn::Zero(df)), hn::Lt(facing, hn::Zero(df))));
     const VF divide = hn::IfThenElse(hit, length, one);
     for (VF& a : n) a = hn::IfThenElseZero(hit, hn::Div(a, divide));
-    const int here = span.count - u < lanes ? span.count - u : lanes;
-    store_records(n, hn::IfThenElseZero(hit, hit_t), here, span.records + 4 * u);
-    count.hits += static_cast<std::int32_t>(hn::CountTrue(df, hit));
+    const int here = span.count - u < kWidth ? span.count - u : kWidth;
+    store_records(n, hn::IfThenElseZero(hit, t), here, span.records + 4 * u);
+    hits += static_cast<std::int32_t>(hn::CountTrue(df, hit));
     HWY_ALIGN std::int32_t settled[16];
     hn::Store(hn::IfThenElseZero(hn::RebindMask(di, done), hn::Set(di, 1)), di, settled);
     for (int i = 0; i < here; ++i) span.found[u + i] = static_cast<std::uint8_t>(settled[i]);
   }
+  return hits;
+}
+
+HintCount cast_hints_job(const HintJob& job, const HintSpan& span) {
+  const DF df;
+  Rays rays[2];
+  Cells cells;
+  Found found;
+  HintCount count;
+  const std::uint64_t tried = set_out(job, span, rays[0]);
+  count.steps = __builtin_popcountll(tried);
+  find_cells(job, rays[0], cells);
+  for (int at = 0; at < span.count; at += kWidth)
+    newton<true>(job, rays[0], cells, at, mask_of(static_cast<unsigned>(tried >> at)), found,
+                 rays[1]);
+  for (int n = 1; n < HintJob::kNewton && rays[n & 1].size > 0; ++n) {
+    const Rays& now = rays[n & 1];
+    Rays& next = rays[(n + 1) & 1];
+    next.size = 0;
+    count.steps += now.size;
+    find_cells(job, now, cells);
+    for (int at = 0; at < now.size; at += kWidth) {
+      const MF active = hn::FirstN(df, static_cast<std::size_t>(now.size - at));
+      newton<false>(job, now, cells, at, active, found, next);
+    }
+  }
+  count.hits = finish(job, span, found);
   return count;
 }
 
