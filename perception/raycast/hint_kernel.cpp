@@ -388,9 +388,9 @@ HWY_INLINE std::int32_t finish(const HintJob& job, const HintSpan& span, const F
     const int here = span.count - u < kWidth ? span.count - u : kWidth;
     store_records(n, hn::IfThenElseZero(hit, t), here, span.records + 4 * u);
     hits += static_cast<std::int32_t>(hn::CountTrue(df, hit));
-    HWY_ALIGN std::int32_t settled[16];
-    hn::Store(hn::IfThenElseZero(hn::RebindMask(di, done), hn::Set(di, 1)), di, settled);
-    for (int i = 0; i < here; ++i) span.found[u + i] = static_cast<std::uint8_t>(settled[i]);
+    const VI settled = hn::IfThenElseZero(hn::RebindMask(di, done), hn::Set(di, 1));
+    const hn::Rebind<std::uint8_t, DI> bytes;
+    hn::StoreU(hn::DemoteTo(bytes, settled), bytes, span.found + u);
   }
   return hits;
 }

@@ -37,7 +37,8 @@ struct HintJob {
   float first, last;
 };
 
-// `count` <= kSpan rays of one row. `hint` and `x` are readable, and hint 0, up to the next multiple of 16.
+// `count` <= kSpan rays of one row. Up to the next multiple of 16 `hint` and `x` are readable, hint 0, and `found`
+// may be written.
 struct HintSpan {
   const float* hint;  // m, 0 = none
   const float* x;     // (u - cx) / fx
