@@ -95,10 +95,9 @@ struct Found {
 struct Cells {
   alignas(64) float f[3][kRoom];
   alignas(64) std::uint32_t entry[kRoom], slot[kRoom], cell[kRoom];
-  alignas(64) std::uint32_t across[kRoom];  // bit n: reaches into the next block along axis 2 - n
   alignas(64) std::int32_t block[kRoom];
-  std::uint64_t inside = 0, flat = 0, deep = 0;  // a bit a ray; across, but not in z; also in z
-  const std::int32_t* p[kRoom];                  // words 0, 1, 8, 9, 64, 65, 72, 73 from there
+  std::uint64_t inside = 0, over[3] = {};  // a bit a ray; reaches into the next block along an axis
+  const std::int32_t* p[kRoom];            // words 0, 1, 8, 9, 64, 65, 72, 73 from there
   // Cells in more than one block, put together as in one, 16 of them in 128 words.
   alignas(64) std::int32_t patched[8 * kRoom];
 };
@@ -129,21 +128,16 @@ HWY_INLINE void locate(const HintJob& job, const Rays& rays, int at, Cells& out)
   const auto join3 = [](const VI(&v)[3]) {
     return hn::Or(hn::ShiftLeft<6>(v[0]), hn::Or(hn::ShiftLeft<3>(v[1]), v[2]));
   };
-  VI across = zero;
-  for (int a = 0; a < 3; ++a)
-    across = hn::Or(across, hn::IfThenElseZero(hn::Eq(cell[a], seven), hn::Set(di, 4 >> a)));
   const auto put = [&](VI v, std::uint32_t* column) {
     hn::Store(hn::BitCast(du, v), du, column + at);
   };
   put(hn::IfThenElseZero(inside, join5(chunk)), out.entry);
-  put(join3(slot), out.slot), put(join3(cell), out.cell), put(across, out.across);
+  put(join3(slot), out.slot), put(join3(cell), out.cell);
   const auto bits = [&](auto mask) {
     return static_cast<std::uint64_t>(bits_of(hn::RebindMask(df, mask))) << at;
   };
-  const auto deep = hn::Eq(cell[2], seven);
   out.inside |= bits(inside);
-  out.deep |= bits(deep);
-  out.flat |= bits(hn::AndNot(deep, hn::Gt(across, zero)));
+  for (int a = 0; a < 3; ++a) out.over[a] |= bits(hn::Eq(cell[a], seven));
 }
 
 // Block and first word of each ray's cell: plain loads, and no branch from one to the next.
@@ -157,33 +151,65 @@ HWY_INLINE void find_blocks(const HintJob& job, int size, Cells& c) {
   }
 }
 
-// Puts together the cells of `rays` that lie in more than one block.
-template <bool kDeep>
-HWY_INLINE int patch(const HintJob& job, std::uint64_t rays, int used, Cells& cells) {
+// A cell's own copy of its nodes, the `used`-th.
+HWY_INLINE std::int32_t* own_words(Cells& cells, int used) {
+  return cells.patched + ((used & 3) * 2 + ((used >> 2) & 3) * 16 + (used >> 4) * 128);
+}
+
+// Puts together the cells of `rays`, which reach into the next block along one axis.
+template <int kAxis>
+HWY_INLINE int patch_pair(const HintJob& job, std::uint64_t rays, int used, Cells& cells) {
+  constexpr std::uint32_t kBit = 4U >> kAxis, kRow = 7U << (3 * (2 - kAxis));
   for (; rays != 0; rays &= rays - 1, ++used) {
     const auto n = static_cast<std::size_t>(__builtin_ctzll(rays));
-    const std::uint32_t m = cells.across[n], c = cells.cell[n];
-    const std::int32_t* const ahead = job.ahead + 8 * static_cast<std::size_t>(cells.block[n]);
-    const std::uint32_t x[2] = {c & 0x1c0U, (c + 64U) & 0x1c0U},
-                        y[2] = {c & 0x38U, (c + 8U) & 0x38U}, z[2] = {c & 7U, (c + 1U) & 7U};
-    const auto corner = [&](std::uint32_t k) {
-      const auto block = static_cast<std::size_t>(ahead[k & m]);
-      return job.words + ((block << 9U) + (x[k >> 2U] | y[(k >> 1U) & 1U] | z[k & 1U]));
-    };
-    std::int32_t* const own =
-        cells.patched + ((used & 3) * 2 + ((used >> 2) & 3) * 16 + (used >> 4) * 128);
-    for (std::uint32_t k = 0; k < 8; k += 2) {
-      std::int32_t* const pair = own + (k >> 2U) * 64 + ((k >> 1U) & 1U) * 8;
-      if constexpr (kDeep) {
-        pair[0] = *corner(k);
-        pair[1] = *corner(k + 1);
+    const auto next =
+        static_cast<std::size_t>(job.ahead[8 * static_cast<std::size_t>(cells.block[n]) + kBit]);
+    const std::int32_t* const p = cells.p[n];
+    const std::int32_t* const q = job.words + ((next << 9U) + (cells.cell[n] & ~kRow));
+    std::int32_t* const own = own_words(cells, used);
+    constexpr std::ptrdiff_t kAt[4] = {0, 8, 64, 72};  // bit 1: x + 1, bit 0: y + 1
+    for (unsigned k = 0; k < 4; ++k) {
+      if constexpr (kAxis == 2) {
+        own[kAt[k]] = p[kAt[k]];
+        own[kAt[k] + 1] = q[kAt[k]];
       } else {  // corners that differ in z lie side by side
-        std::memcpy(pair, corner(k), 2 * sizeof *pair);
+        const bool over = (k & (kAxis == 0 ? 2U : 1U)) != 0;
+        const std::ptrdiff_t from = over ? kAt[k & (kAxis == 0 ? 1U : 2U)] : kAt[k];
+        std::memcpy(own + kAt[k], (over ? q : p) + from, 2 * sizeof *own);
       }
     }
     cells.p[n] = own;
   }
   return used;
+}
+
+// The same along more than one axis.
+HWY_INLINE void patch_any(const HintJob& job, std::uint64_t rays, int used, Cells& cells) {
+  for (; rays != 0; rays &= rays - 1, ++used) {
+    const auto n = static_cast<std::size_t>(__builtin_ctzll(rays));
+    const std::uint32_t c = cells.cell[n];
+    const std::uint32_t x[2] = {c & 0x1c0U, (c + 64U) & 0x1c0U},
+                        y[2] = {c & 0x38U, (c + 8U) & 0x38U}, z[2] = {c & 7U, (c + 1U) & 7U};
+    const std::uint32_t m =
+        (x[0] > x[1] ? 4U : 0U) | (y[0] > y[1] ? 2U : 0U) | (z[0] > z[1] ? 1U : 0U);
+    const std::int32_t* const ahead = job.ahead + 8 * static_cast<std::size_t>(cells.block[n]);
+    std::int32_t* const own = own_words(cells, used);
+    for (std::uint32_t k = 0; k < 8; ++k) {
+      const auto block = static_cast<std::size_t>(ahead[k & m]);
+      own[(k >> 2U) * 64 + ((k >> 1U) & 1U) * 8 + (k & 1U)] =
+          job.words[(block << 9U) + (x[k >> 2U] | y[(k >> 1U) & 1U] | z[k & 1U])];
+    }
+    cells.p[n] = own;
+  }
+}
+
+HWY_INLINE void patch(const HintJob& job, Cells& cells) {
+  const std::uint64_t x = cells.over[0] & cells.inside, y = cells.over[1] & cells.inside,
+                      z = cells.over[2] & cells.inside;
+  int used = patch_pair<0>(job, x & ~(y | z), 0, cells);
+  used = patch_pair<1>(job, y & ~(x | z), used, cells);
+  used = patch_pair<2>(job, z & ~(x | y), used, cells);
+  patch_any(job, (x & y) | (y & z) | (z & x), used, cells);
 }
 
 struct Corners {
@@ -309,12 +335,11 @@ HWY_INLINE void newton(const HintJob& job, const Rays& rays, const Cells& cells,
 }
 
 HWY_INLINE void find_cells(const HintJob& job, const Rays& rays, Cells& cells) {
-  cells.inside = cells.flat = cells.deep = 0;
+  cells.inside = cells.over[0] = cells.over[1] = cells.over[2] = 0;
   int size = 0;
   for (; size < rays.size; size += kWidth) locate(job, rays, size, cells);
   find_blocks(job, size, cells);
-  static_cast<void>(patch<true>(job, cells.deep & cells.inside,
-                                patch<false>(job, cells.flat & cells.inside, 0, cells), cells));
+  patch(job, cells);
 }
 
 // Where each ray begins, and how far it may go; rays that are not tried at t = 0. A bit a ray: is it tried?
