@@ -53,31 +53,48 @@ HWY_INLINE V mul(V a, V b) { return hn::Mul(a, b); }
 HWY_INLINE V keep(M m, V v) { return hn::IfThenElseZero(m, v); }
 HWY_INLINE int count(M m) { return static_cast<int>(hn::CountTrue(DF(), m)); }
 
+// The filter of one vector. kMissing: neighbours without a reading have to be looked for; else such a one is beyond
+// the edge of each of these.
+template <bool kMissing>
+HWY_INLINE V bilateral(const float* in, std::ptrdiff_t stride, const float* weight, int radius, V c,
+                       V inv) {
+  V sum = zero(), half = set(0.5F * *weight);  // half of the weights: twice that is exact
+  const float* w = weight + 1;
+  for (int dv = 0; dv <= radius; ++dv) {
+    const float* after = in + dv * stride;
+    const float* before = in - dv * stride;
+    for (int du = dv == 0 ? 1 : -radius; du <= radius; ++du, ++w) {
+      const V za = load(after + du), zb = load(before - du);
+      const V a = sub(za, c), b = sub(zb, c);
+      const V k = hn::Max(sub(set(1.0F), mul(hn::Max(mul(a, a), mul(b, b)), inv)), zero());
+      V share = mul(mul(k, k), set(*w));
+      if constexpr (kMissing) share = keep(hn::And(hn::Gt(za, zero()), hn::Gt(zb, zero())), share);
+      sum = add(sum, mul(share, add(a, b)));  // around the centre: no digits lost
+      half = add(half, share);
+    }
+  }
+  return add(c, hn::Div(sum, add(half, half)));
+}
+
 void bilateral_row(const float* in, std::ptrdiff_t stride, int width, const float* weight,
                    int radius, const EdgeRule& rule, float* out) {
   const DF df;
   for (int u = 0; u < width; u += kWidth) {
     const V c = load(in + u);
+    const M reading = hn::Gt(c, zero());
+    if (hn::AllFalse(df, reading)) {
+      hn::StoreU(zero(), df, out + u);
+      continue;
+    }
     const V edge =
         add(add(set(rule.base), mul(set(rule.per_m), c)), mul(mul(set(rule.per_m2), c), c));
     const V inv = hn::Div(set(1.0F), mul(edge, edge));
-    V sum = zero(), total = set(*weight);
-    const float* w = weight + 1;
-    for (int dv = 0; dv <= radius; ++dv) {
-      const float* after = in + dv * stride + u;
-      const float* before = in - dv * stride + u;
-      for (int du = dv == 0 ? 1 : -radius; du <= radius; ++du, ++w) {
-        const V za = load(after + du), zb = load(before - du);
-        const V a = sub(za, c), b = sub(zb, c);
-        const V a2 = mul(a, a), b2 = mul(b, b);
-        const V k = sub(set(1.0F), mul(hn::IfThenElse(hn::Lt(a2, b2), b2, a2), inv));
-        const M near = hn::And(hn::Gt(k, zero()), hn::And(hn::Gt(za, zero()), hn::Gt(zb, zero())));
-        const V share = keep(near, mul(mul(k, k), set(*w)));
-        sum = add(sum, mul(share, add(a, b)));  // around the centre: no digits lost
-        total = add(total, add(share, share));
-      }
-    }
-    hn::StoreU(keep(hn::Gt(c, zero()), add(c, hn::Div(sum, total))), df, out + u);
+    // No reading is 0: from c it differs by c.
+    const M far_from_0 = hn::Lt(edge, mul(set(0.9F), c));
+    const V z = hn::AllFalse(df, hn::AndNot(far_from_0, reading))
+                    ? bilateral<false>(in + u, stride, weight, radius, c, inv)
+                    : bilateral<true>(in + u, stride, weight, radius, c, inv);
+    hn::StoreU(keep(reading, z), df, out + u);
   }
 }
 
