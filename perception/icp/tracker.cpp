@@ -32,7 +32,8 @@ void TrackerConfig::describe(config::Section& s) {
       .number("noise_m", noise_m, 1e-4, 0.1, "of a reading: this much ...")
       .number("noise_per_m2", noise_per_m2, 0, 1, "... plus this times the square of the depth ...")
       .number("noise_from_m", noise_from_m, 0, 10, "... beyond this one")
-      .number("stop_translation_m", stop_translation_m, 0, 0.01, "a level ends below this step")
+      .number("stop_translation_m", stop_translation_m, 0, 0.01,
+              "a level ends when the next step is below this")
       .number("stop_rotation_deg", stop_rotation_deg, 0, 1, "and this one")
       .number("weak_inlier_share", weak_inlier_share, 0, 1, "below: weak")
       .number("lost_inlier_share", lost_inlier_share, 0, 1, "below: lost")
@@ -70,6 +71,28 @@ double Tracker::mean_depth() const noexcept { return pyramid_.mean_depth(noise_o
 
 namespace {
 
+// How fast the steps of an alignment shrink, from those of one level, else from the level before.
+class StepSizes {
+ public:
+  void next_level() noexcept { last_.setZero(); }
+  // How large the step after `xi` will be, at most, as a share of it: steps shrink by much the same each time,
+  // twenty- to sixfold on most frames, hardly on a few. Twice what was seen last, and never below a fifth, is believed.
+  [[nodiscard]] double next_share(const Vec6& xi) noexcept {
+    if (!last_.isZero(0)) {
+      const auto share = [](double now, double before) { return before > 0 ? now / before : 1.0; };
+      seen_ = std::max({share(xi.head<3>().norm(), last_.head<3>().norm()),
+                        share(xi.tail<3>().norm(), last_.tail<3>().norm()), kLeast});
+    }
+    last_ = xi;
+    return std::min(1.0, 2 * seen_);
+  }
+
+ private:
+  static constexpr double kLeast = 0.1;
+  Vec6 last_ = Vec6::Zero();
+  double seen_ = 1;
+};
+
 // The state of one alignment: the pose being refined and what is needed to refine it.
 struct Alignment {
   const TrackingPyramid& pyramid;
@@ -81,6 +104,7 @@ struct Alignment {
   double length_m;
   Degeneracy directions;
   std::uint64_t work = 0;
+  StepSizes steps{};
   double gate_limit_m = std::numeric_limits<double>::infinity();
 
   [[nodiscard]] Gates gates(std::size_t level) const noexcept {
@@ -105,6 +129,7 @@ struct Alignment {
   void descend(const std::array<int, 3>& limits, int finest, TrackingResult& out) noexcept {
     for (int level = TrackingPyramid::kLevels - 1; level >= finest; --level) {
       const auto l = static_cast<std::size_t>(level);
+      steps.next_level();
       for (int i = 0; i < limits[l]; ++i) {
         ++out.iterations[l];
         if (!refine(l)) break;
@@ -126,8 +151,9 @@ struct Alignment {
     if (!confined_step(eq.H, eq.g, length_m, directions, xi)) return false;
     const Eigen::Translation3d to_centre(-centre_F), back(centre_F);
     X_FC = orthonormalised(Pose(back * exp_se3(xi) * to_centre * X_FC));
-    return xi.head<3>().norm() >= config.stop_translation_m ||
-           xi.tail<3>().norm() >= config.stop_rotation_deg * kDegree;
+    const double share = steps.next_share(xi);
+    return share * xi.head<3>().norm() >= config.stop_translation_m ||
+           share * xi.tail<3>().norm() >= config.stop_rotation_deg * kDegree;
   }
 };
 

@@ -38,7 +38,7 @@ struct TrackerConfig {
   double noise_m = 0.0015;
   double noise_per_m2 = 0.004;
   double noise_from_m = 0.8;
-  double stop_translation_m = 1e-4;  // a level ends when a step is below both
+  double stop_translation_m = 1e-4;  // a level ends when the next step is below both
   double stop_rotation_deg = 5e-3;
   DegeneracyConfig degeneracy;
   double weak_inlier_share = 0.65;  // of the points that meet a model surface
