@@ -138,8 +138,11 @@ class Caster {
     const int count = std::min(HintJob::kSpan, k.width - u0);
     std::fill(std::begin(hint), std::end(hint), 0.0F);
     for (int v = 0; v < k.height; ++v) {
-      for (int i = 0; i < count; ++i)
-        hint[i] = options_.hint_depth_m.at((u0 + i) * hint_step, v * hint_step);
+      const float* const row = options_.hint_depth_m.row(v * hint_step) + u0 * hint_step;
+      if (hint_step == 1)
+        std::copy_n(row, count, hint);
+      else
+        for (int i = 0; i < count; ++i) hint[i] = row[i * hint_step];
       float* records =
           out_.records_ + (static_cast<std::ptrdiff_t>(v) * k.width + u0) * RaycastMaps::kStride;
       const HintSpan span{hint, out_.x_.data() + u0, row_y(v), count, records, found};
