@@ -426,6 +426,8 @@ HintCount cast_hints_job(const HintJob& job, const HintSpan& span) {
   Cells cells;
   Found found;
   HintCount count;
+  // Written last: until then they are on their way.
+  for (int n = 0; n < 4 * span.count; n += 16) __builtin_prefetch(span.records + n, 1);
   const std::uint64_t tried = set_out(job, span, rays[0]);
   count.steps = __builtin_popcountll(tried);
   find_cells(job, rays[0], cells);
