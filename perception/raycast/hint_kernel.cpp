@@ -156,6 +156,13 @@ HWY_INLINE std::int32_t* own_words(Cells& cells, int used) {
   return cells.patched + ((used & 3) * 2 + ((used >> 2) & 3) * 16 + (used >> 4) * 128);
 }
 
+// Two words by one store: the load of both that follows soon would wait for two.
+HWY_INLINE void put_pair(std::int32_t low, std::int32_t high, std::int32_t* to) {
+  const std::uint64_t both = static_cast<std::uint32_t>(low) |
+                             static_cast<std::uint64_t>(static_cast<std::uint32_t>(high)) << 32U;
+  std::memcpy(to, &both, sizeof both);
+}
+
 // Puts together the cells of `rays`, which reach into the next block along one axis.
 template <int kAxis>
 HWY_INLINE int patch_pair(const HintJob& job, std::uint64_t rays, int used, Cells& cells) {
@@ -170,8 +177,7 @@ HWY_INLINE int patch_pair(const HintJob& job, std::uint64_t rays, int used, Cell
     constexpr std::ptrdiff_t kAt[4] = {0, 8, 64, 72};  // bit 1: x + 1, bit 0: y + 1
     for (unsigned k = 0; k < 4; ++k) {
       if constexpr (kAxis == 2) {
-        own[kAt[k]] = p[kAt[k]];
-        own[kAt[k] + 1] = q[kAt[k]];
+        put_pair(p[kAt[k]], q[kAt[k]], own + kAt[k]);
       } else {  // corners that differ in z lie side by side
         const bool over = (k & (kAxis == 0 ? 2U : 1U)) != 0;
         const std::ptrdiff_t from = over ? kAt[k & (kAxis == 0 ? 1U : 2U)] : kAt[k];
@@ -194,11 +200,12 @@ HWY_INLINE void patch_any(const HintJob& job, std::uint64_t rays, int used, Cell
         (x[0] > x[1] ? 4U : 0U) | (y[0] > y[1] ? 2U : 0U) | (z[0] > z[1] ? 1U : 0U);
     const std::int32_t* const ahead = job.ahead + 8 * static_cast<std::size_t>(cells.block[n]);
     std::int32_t* const own = own_words(cells, used);
-    for (std::uint32_t k = 0; k < 8; ++k) {
+    const auto word = [&](std::uint32_t k) {
       const auto block = static_cast<std::size_t>(ahead[k & m]);
-      own[(k >> 2U) * 64 + ((k >> 1U) & 1U) * 8 + (k & 1U)] =
-          job.words[(block << 9U) + (x[k >> 2U] | y[(k >> 1U) & 1U] | z[k & 1U])];
-    }
+      return job.words[(block << 9U) + (x[k >> 2U] | y[(k >> 1U) & 1U] | z[k & 1U])];
+    };
+    for (std::uint32_t k = 0; k < 8; k += 2)
+      put_pair(word(k), word(k + 1), own + (k >> 2U) * 64 + ((k >> 1U) & 1U) * 8);
     cells.p[n] = own;
   }
 }
