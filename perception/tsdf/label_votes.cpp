@@ -22,7 +22,7 @@ LabelStats TsdfMap::vote_labels(ImageView<const std::uint8_t> labels, std::uint8
   const LabelImage image{labels.data, labels.stride, fresh, most_label_reach(voxel_)};
   std::array<LabelVoxel, kBlockVoxels> work;
   for (int n = 0; n < in_view_count_; ++n) {
-    const std::int32_t b = in_view_[static_cast<std::size_t>(n)];
+    const std::int32_t b = in_view_[static_cast<std::size_t>(n)].block;
     const LabelVoxel* held = block_labels(b);
     if (held == nullptr) {
       if (!shows_label(b, boxes)) continue;
