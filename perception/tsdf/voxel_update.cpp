@@ -312,8 +312,9 @@ BlockCounts update_block_scalar(const UpdateCamera& c, const float (&p0)[3], std
 BlockCounts update_block(const UpdateCamera& c, const float (&p0)[3], bool inside,
                          std::uint32_t* words, std::uint64_t* free,
                          std::uint32_t* colours) noexcept {
-  // The vectors read a colour in four bytes: an image of one pixel has three.
-  if (simd::chosen() == simd::Isa::kScalar || c.width * c.height == 1)
+  // The vectors read a colour in four bytes: an image of one pixel has three. They count rows of colours in 16 bits.
+  if (simd::chosen() == simd::Isa::kScalar || c.width * c.height == 1 ||
+      c.colour_stride_px > 0x7fff)
     return update_block_scalar(c, p0, words, free, colours);
   return HWY_DYNAMIC_DISPATCH(update_block_words)(c, p0, inside, words, free, colours);
 }
