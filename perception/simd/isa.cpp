@@ -1,5 +1,9 @@
 #include "perception/simd/isa.hpp"
 
+#if defined(__x86_64__)
+#include <cpuid.h>
+#endif
+
 #include <array>
 #include <atomic>
 
@@ -43,6 +47,17 @@ const Available& machine() noexcept {
 
 std::atomic<int> forced{-1};
 
+bool fast_gather() noexcept {
+#if defined(__x86_64__)
+  unsigned a = 0, b = 0, c = 0, d = 0;
+  if (__get_cpuid(0, &a, &b, &c, &d) == 0 || b != signature_INTEL_ebx) return false;
+  constexpr unsigned kAvxVnni = 1U << 4U;
+  return __get_cpuid_count(7, 1, &a, &b, &c, &d) != 0 && (a & kAvxVnni) != 0;
+#else
+  return false;
+#endif
+}
+
 }  // namespace
 
 const char* name_of(Isa isa) noexcept {
@@ -55,6 +70,11 @@ std::span<const Isa> available() noexcept { return {machine().list.data(), machi
 Isa chosen() noexcept {
   const int f = forced.load(std::memory_order_relaxed);
   return f >= 0 ? static_cast<Isa>(f) : available().back();
+}
+
+bool gathers() noexcept {
+  static const bool fast = fast_gather();
+  return fast;
 }
 
 bool choose(Isa isa) noexcept {

@@ -70,8 +70,7 @@ inline float slope(std::int32_t low, std::int32_t mid, std::int32_t high,
   const bool has_low = (low != 0) & (std::abs(low - mid) <= 2 * gate);
   const bool has_high = (high != 0) & (std::abs(high - mid) <= 2 * gate);
   const std::int32_t rise = (has_high ? high : mid) - (has_low ? low : mid);
-  const std::int32_t run = (has_high ? 2 : 0) + (has_low ? 2 : 0);
-  return static_cast<float>(rise) / static_cast<float>(run > 0 ? run : 1);
+  return static_cast<float>(rise) * (has_high & has_low ? 0.25F : 0.5F);
 }
 
 TELETACT_CLONES

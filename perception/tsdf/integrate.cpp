@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <ctime>
 
+#include "perception/simd/isa.hpp"
 #include "perception/tsdf/allocate_scratch.hpp"
 #include "perception/tsdf/frame_view.hpp"
 #include "perception/tsdf/voxel_update.hpp"
@@ -186,19 +187,20 @@ void TsdfMap::allocate_band(const View& view, int pixel_step, IntegrateStats& st
 UpdateCamera TsdfMap::update_camera(const Intrinsics& k, const Pose& X_CW) const noexcept {
   UpdateCamera cam{};
   cam.fx = static_cast<float>(k.fx), cam.fy = static_cast<float>(k.fy);
-  cam.cx = static_cast<float>(k.cx), cam.cy = static_cast<float>(k.cy);
+  cam.cx_half = static_cast<float>(k.cx + 0.5), cam.cy_half = static_cast<float>(k.cy + 0.5);
   cam.width = k.width, cam.height = k.height;
   cam.pixels = pyramid_.pixels();
+  cam.gather = simd::gathers();
   cam.truncation_m = static_cast<float>(truncation_);
   cam.units_per_m = static_cast<float>(kDistanceOne / truncation_);
   cam.weight_cap = static_cast<std::int32_t>(config_.max_weight * kWeightOne);
   cam.colour_band_m = -1.0F;
   const Mat3 step = X_CW.linear() * voxel_;
-  for (int r = 0; r < 3; ++r) {
-    cam.dx[r] = static_cast<float>(step(r, 0));
-    cam.dy[r] = static_cast<float>(step(r, 1));
-    cam.dz[r] = static_cast<float>(step(r, 2));
-  }
+  const auto along = [&step](int axis) {
+    return std::array{static_cast<float>(step(0, axis)), static_cast<float>(step(1, axis)),
+                      static_cast<float>(step(2, axis))};
+  };
+  cam.place_nodes(along(0), along(1), along(2));
   return cam;
 }
 
@@ -234,7 +236,8 @@ void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
       if (!box.visible || box.z_near > far) continue;
       const auto range = pyramid_.range(box.u0, box.v0, box.u1, box.v1);
       if (static_cast<float>(range.greatest_mm) * 1e-3F + reach < box.z_near) continue;  // hidden
-      in_view_[static_cast<std::size_t>(count++)] = b;
+      const bool inside = box.inside && box.z_near >= CameraBoxes::kLeastZ;
+      in_view_[static_cast<std::size_t>(count++)] = {b, inside};
     }
   }
   in_view_count_ = count;
@@ -257,7 +260,7 @@ void TsdfMap::update_range(const View& view, const UpdateCamera& cam, int first,
                            IntegrateStats& stats) noexcept {
   constexpr int kLead = 3;
   for (int n = first; n < last + kLead; ++n) {
-    if (n < last) prefetch_block(in_view_[static_cast<std::size_t>(n)]);
+    if (n < last) prefetch_block(in_view_[static_cast<std::size_t>(n)].block);
     if (n >= first + kLead)
       update_one(view, cam, in_view_[static_cast<std::size_t>(n - kLead)], stats);
   }
@@ -266,22 +269,20 @@ void TsdfMap::update_range(const View& view, const UpdateCamera& cam, int first,
 void TsdfMap::prefetch_block(std::int32_t b) const noexcept {
   const std::size_t at = static_cast<std::size_t>(b) * kBlockVoxels;
   __builtin_prefetch(free_.data() + static_cast<std::size_t>(b) * 8, 1);
-  for (std::size_t n = 0; n < kBlockVoxels; n += 16) {
-    __builtin_prefetch(words_.data() + at + n, 1);
-    __builtin_prefetch(colours_.data() + at + n, 1);
-  }
+  for (std::size_t n = 0; n < kBlockVoxels; n += 16) __builtin_prefetch(words_.data() + at + n, 1);
 }
 
-void TsdfMap::update_one(const View& view, const UpdateCamera& cam, std::int32_t b,
+void TsdfMap::update_one(const View& view, const UpdateCamera& cam, InView seen,
                          IntegrateStats& stats) noexcept {
+  const std::int32_t b = seen.block;
   const BlockCoord at = coords_[static_cast<std::size_t>(b)];
   const Vec3 first_C = view.X_CW * (voxel_ * Vec3(8.0 * at.x, 8.0 * at.y, 8.0 * at.z));
   const float p0[3] = {static_cast<float>(first_C.x()), static_cast<float>(first_C.y()),
                        static_cast<float>(first_C.z())};
   const std::size_t base = static_cast<std::size_t>(b) * kBlockVoxels;
   const BlockCounts n =
-      update_block(cam, p0, words_.data() + base, free_.data() + static_cast<std::size_t>(b) * 8,
-                   colours_.data() + base);
+      update_block(cam, p0, seen.inside, words_.data() + base,
+                   free_.data() + static_cast<std::size_t>(b) * 8, colours_.data() + base);
   if ((n.fused | n.carved) != 0) changed_[static_cast<std::size_t>(b)] = revision_;
   ++stats.blocks_updated;
   stats.voxels_fused += n.fused;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 
 #include "perception/simd/isa.hpp"
@@ -92,7 +93,7 @@ HWY_INLINE void vote_group(const LabelImage& image, const Projected& seen_at, st
 std::uint32_t vote_block_words(const UpdateCamera& c, const LabelImage& image, const float (&p0)[3],
                                LabelVoxel* labels) {
   Projected seen_at;
-  if (project(c, p0, seen_at)) {
+  if (project(c, p0, false, seen_at)) {
     const std::size_t lanes = hn::Lanes(DF());
     for (std::size_t n = 0; n < 512; n += lanes) vote_group(image, seen_at, n, labels);
   }
@@ -112,8 +113,19 @@ HWY_EXPORT(vote_block_words);
 }  // namespace
 
 std::uint32_t labels_in(const LabelVoxel* labels) noexcept {
+  // Four voxels at once: most are unlabelled, or labelled as those before them.
+  constexpr std::uint64_t kLabels = 0x00ff00ff00ff00ffULL;
+  static_assert(offsetof(LabelVoxel, label) == 0 && sizeof(LabelVoxel) == 2);
+  std::uint64_t before = 0;
   std::uint32_t bits = 0;
-  for (std::size_t n = 0; n < 512; ++n) bits |= 1U << (labels[n].label & 31U);
+  for (std::size_t n = 0; n < 512; n += 4) {
+    std::uint64_t four = 0;
+    std::memcpy(&four, labels + n, sizeof four);
+    four &= kLabels;
+    if (four == before) continue;
+    before = four;
+    for (std::size_t i = 0; i < 4; ++i) bits |= 1U << (labels[n + i].label & 31U);
+  }
   return bits & ~1U;
 }
 
@@ -122,18 +134,14 @@ std::uint32_t vote_block_scalar(const UpdateCamera& c, const LabelImage& image,
   const ImageView<const std::uint8_t> view{image.data, c.width, c.height,
                                            static_cast<int>(image.stride_px)};
   for (std::size_t n = 0; n < 512; ++n) {
-    const std::size_t x = n >> 6U, slice = n & 63U;
     float p[3];
-    for (int a = 0; a < 3; ++a)
-      p[a] = ((p0[a] + static_cast<float>(x) * c.dx[a]) + kSlice.y[slice] * c.dy[a]) +
-             kSlice.z[slice] * c.dz[a];
+    for (int a = 0; a < 3; ++a) p[a] = p0[a] + c.node[a][n];
     if (!(p[2] >= kLeastZ)) continue;
     const float inv = 1.0F / p[2], px = p[0] * inv, py = p[1] * inv;
-    const float u = px * c.fx + c.cx, v = py * c.fy + c.cy;
-    if (!(u >= -0.5F && v >= -0.5F && u < static_cast<float>(c.width) - 0.5F &&
-          v < static_cast<float>(c.height) - 0.5F))
+    const float u = px * c.fx + c.cx_half, v = py * c.fy + c.cy_half;
+    if (!(u >= 0 && v >= 0 && u < static_cast<float>(c.width) && v < static_cast<float>(c.height)))
       continue;
-    const auto iu = static_cast<int>(u + 0.5F), iv = static_cast<int>(v + 0.5F);
+    const auto iu = static_cast<int>(u), iv = static_cast<int>(v);
     const std::uint32_t reading = c.pixels[iv * c.width + iu];
     const std::uint32_t depth_mm = reading & 0xffffU;
     if (depth_mm == 0) continue;

@@ -22,7 +22,7 @@ LabelStats TsdfMap::vote_labels(ImageView<const std::uint8_t> labels, std::uint8
   const LabelImage image{labels.data, labels.stride, fresh, most_label_reach(voxel_)};
   std::array<LabelVoxel, kBlockVoxels> work;
   for (int n = 0; n < in_view_count_; ++n) {
-    const std::int32_t b = in_view_[static_cast<std::size_t>(n)];
+    const std::int32_t b = in_view_[static_cast<std::size_t>(n)].block;
     const LabelVoxel* held = block_labels(b);
     if (held == nullptr) {
       if (!shows_label(b, boxes)) continue;
@@ -75,9 +75,15 @@ bool TsdfMap::shows_label(std::int32_t block, const CameraBoxes& boxes) const no
   if (!box.visible) return false;
   const int first = box.u0 / kTile, last = box.u1 / kTile;
   const std::uint64_t row = (~0ULL >> (63 - (last - first))) << first;
+  std::uint64_t shown = 0;
   for (int v = box.v0 / kTile; v <= box.v1 / kTile; ++v)
-    if ((label_tiles_[static_cast<std::size_t>(v)] & row) != 0) return true;
-  return false;
+    shown |= label_tiles_[static_cast<std::size_t>(v)] & row;
+  if (shown == 0) return false;
+  // Nothing is voted on where all of the block lies in front of the band, or behind it.
+  const auto band = static_cast<float>(kLabelBand_m * most_label_reach(voxel_)) + 1e-4F;
+  const auto range = pyramid_.range(box.u0, box.v0, box.u1, box.v1);
+  return static_cast<float>(range.greatest_mm) * 1e-3F + band >= box.z_near &&
+         static_cast<float>(range.least_mm) * 1e-3F - band <= box.z_far;
 }
 
 bool TsdfMap::store_labels(std::int32_t block, std::span<const LabelVoxel> labels) noexcept {

@@ -1,6 +1,5 @@
 // The nodes of a block on the image: what the vector kernels of integration and of the label votes share.
 // Included once per instruction set (Highway's way: no guard but the toggle).
-#include <cmath>
 #include <cstdint>
 #include <cstring>
 
@@ -12,21 +11,6 @@ namespace perception {
 namespace {
 
 constexpr float kLeastZ = 0.05F;
-
-// y and z of the 64 nodes of one x slice.
-struct Slice {
-  alignas(64) float y[64];
-  alignas(64) float z[64];
-};
-constexpr Slice make_slice() {
-  Slice s{};
-  for (int n = 0; n < 64; ++n) {
-    s.y[n] = static_cast<float>(n >> 3);
-    s.z[n] = static_cast<float>(n & 7);
-  }
-  return s;
-}
-constexpr Slice kSlice = make_slice();
 
 }  // namespace
 }  // namespace perception
@@ -53,63 +37,91 @@ HWY_INLINE VF mul(VF a, VF b) { return hn::Mul(a, b); }
 HWY_INLINE VF to_float(VU v) { return hn::ConvertTo(DF(), hn::BitCast(DI(), v)); }
 HWY_INLINE MF non_zero(VU v) { return hn::RebindMask(DF(), hn::Ne(v, hn::Zero(DU()))); }
 
+// Bit n: lane n.
+HWY_INLINE unsigned mask_bits(MF m) {
+#if HWY_TARGET == HWY_AVX3
+  return static_cast<unsigned>(m.raw);
+#elif HWY_TARGET == HWY_AVX2
+  return static_cast<unsigned>(_mm256_movemask_ps(m.raw));
+#elif HWY_TARGET == HWY_SSE4
+  return static_cast<unsigned>(_mm_movemask_ps(m.raw));
+#else
+  return bits_of(m);
+#endif
+}
+
+// Row times stride and column, of row << 16 | column: both and the stride below 2^15.
+HWY_INLINE VU number_of(VU pixel, std::int32_t stride) {
+  const VU factors = hn::Set(DU(), static_cast<std::uint32_t>(stride) << 16U | 1U);
+#if HWY_TARGET == HWY_AVX3
+  return VU{_mm512_madd_epi16(pixel.raw, factors.raw)};
+#elif HWY_TARGET == HWY_AVX2
+  return VU{_mm256_madd_epi16(pixel.raw, factors.raw)};
+#elif HWY_TARGET == HWY_SSE4
+  return VU{_mm_madd_epi16(pixel.raw, factors.raw)};
+#else
+  return hn::Add(hn::Mul(hn::ShiftRight<16>(pixel), hn::ShiftRight<16>(factors)),
+                 hn::And(pixel, hn::Set(DU(), 0xffffU)));
+#endif
+}
+
 // What the block's nodes fall on. Worked out for the whole block before anything depends on a reading, so
 // that the loads of many nodes are under way at once.
 struct Projected {
   HWY_ALIGN std::uint32_t reading[512];  // first the number of the pixel
-  HWY_ALIGN std::uint32_t pixel[512];    // row << 16 | column
+  HWY_ALIGN std::uint32_t pixel[512];    // row << 16 | column; void where there is no reading
   HWY_ALIGN float z[512];
   HWY_ALIGN float stretch2[512];
 };
 
-// False: no node has a reading.
-HWY_INLINE bool project(const UpdateCamera& c, const float (&p0)[3], Projected& out) {
+// kInside: every node is known to fall into the image.
+template <bool kInside>
+HWY_INLINE void project_nodes(const UpdateCamera& c, const float (&p0)[3], Projected& out) {
   const DF df;
-  const DI di;
   const DU du;
-  const std::size_t lanes = hn::Lanes(df);
-  const VF one = set(1.0F), half = set(0.5F);
-  const VF umax = set(static_cast<float>(c.width) - 0.5F),
-           vmax = set(static_cast<float>(c.height) - 0.5F);
-  const VI spare = hn::Set(di, c.width * c.height);
-  // y dy and z dz are the same in every slice.
-  HWY_ALIGN float along_y[3][64];
-  HWY_ALIGN float along_z[3][64];
-  const float* const dy = c.dy;
-  const float* const dz = c.dz;
-  for (std::size_t n = 0; n < 64; n += lanes) {
-    const VF ny = hn::Load(df, kSlice.y + n), nz = hn::Load(df, kSlice.z + n);
-    for (int a = 0; a < 3; ++a) {
-      hn::Store(mul(ny, set(dy[a])), df, along_y[a] + n);
-      hn::Store(mul(nz, set(dz[a])), df, along_z[a] + n);
-    }
-  }
-  for (std::size_t n = 0; n < 512; n += lanes) {
-    const auto slice = static_cast<float>(n >> 6U);
-    const std::size_t in_slice = n & 63U;
-    const auto point = [&](int a) {
-      return add(add(set(p0[a] + slice * c.dx[a]), hn::Load(df, along_y[a] + in_slice)),
-                 hn::Load(df, along_z[a] + in_slice));
-    };
-    const VF px = point(0), py = point(1), pz = point(2);
-    const MF ahead = hn::Ge(pz, set(kLeastZ));
-    const VF inv = hn::Div(one, hn::IfThenElse(ahead, pz, one));
+  const VF one = set(1.0F), zero = hn::Zero(df);
+  const VF x0 = set(p0[0]), y0 = set(p0[1]), z0 = set(p0[2]);
+  const VF fx = set(c.fx), fy = set(c.fy), cx = set(c.cx_half), cy = set(c.cy_half);
+  const VF width = set(static_cast<float>(c.width)), height = set(static_cast<float>(c.height));
+  const std::int32_t stride = c.width;
+  const VU spare = hn::Set(du, static_cast<std::uint32_t>(c.width * c.height));
+  for (std::size_t n = 0; n < 512; n += hn::Lanes(df)) {
+    const VF px = add(x0, hn::Load(df, c.node[0] + n)), py = add(y0, hn::Load(df, c.node[1] + n)),
+             pz = add(z0, hn::Load(df, c.node[2] + n));
+    const VF inv = hn::Div(one, pz);
     const VF x = mul(px, inv), y = mul(py, inv);
-    const VF u = add(mul(x, set(c.fx)), set(c.cx)), v = add(mul(y, set(c.fy)), set(c.cy));
-    const MF in =
-        hn::And(hn::And(ahead, hn::And(hn::Ge(u, hn::Neg(half)), hn::Ge(v, hn::Neg(half)))),
-                hn::And(hn::Lt(u, umax), hn::Lt(v, vmax)));
-    const auto nearest = [&](VF w) { return truncated(add(hn::IfThenElseZero(in, w), half)); };
-    const VI iu = nearest(u), iv = nearest(v);
-    const VI index = hn::Add(hn::Mul(iv, hn::Set(di, c.width)), iu);
-    hn::Store(hn::BitCast(du, hn::IfThenElse(hn::RebindMask(di, in), index, spare)), du,
-              out.reading + n);
-    hn::Store(hn::BitCast(du, hn::Or(hn::ShiftLeft<16>(iv), iu)), du, out.pixel + n);
+    const VF u = add(mul(x, fx), cx), v = add(mul(y, fy), cy);
+    const VU pixel = hn::BitCast(du, hn::Or(hn::ShiftLeft<16>(truncated(v)), truncated(u)));
+    VU number = number_of(pixel, stride);
+    if (!kInside) {
+      const MF in =
+          hn::And(hn::And(hn::Ge(pz, set(kLeastZ)), hn::And(hn::Ge(u, zero), hn::Ge(v, zero))),
+                  hn::And(hn::Lt(u, width), hn::Lt(v, height)));
+      number = hn::IfThenElse(hn::RebindMask(du, in), number, spare);
+    }
+    hn::Store(number, du, out.reading + n);
+    hn::Store(pixel, du, out.pixel + n);
     hn::Store(pz, df, out.z + n);
     hn::Store(add(add(one, mul(x, x)), mul(y, y)), df, out.stretch2 + n);
   }
-  // Numbers to readings. Plain loads: a gather takes twice as long on some processors, and not less on the
-  // others. The barriers keep the compiler from making one.
+}
+
+// Numbers to readings. By plain loads or by the gather instruction, whichever this processor is better at. The
+// barriers keep the compiler from making one of the others.
+HWY_INLINE bool look_up(const UpdateCamera& c, Projected& out) {
+#if HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX2
+  if (c.gather) {
+    const DU du;
+    VU any = hn::Zero(du);
+    for (std::size_t n = 0; n < 512; n += hn::Lanes(du)) {
+      std::uint32_t* at = out.reading + n;
+      const VU reading = hn::GatherIndex(du, c.pixels, hn::BitCast(DI(), hn::Load(du, at)));
+      hn::Store(reading, du, at);
+      any = hn::Or(any, reading);
+    }
+    return !hn::AllTrue(du, hn::Eq(any, hn::Zero(du)));
+  }
+#endif
   __asm__ volatile("" ::: "memory");
   std::uint64_t any = 0;
   for (std::size_t n = 0; n < 512; n += 2) {
@@ -120,6 +132,15 @@ HWY_INLINE bool project(const UpdateCamera& c, const float (&p0)[3], Projected& 
     any |= two;
   }
   return any != 0;
+}
+
+// False: no node has a reading.
+HWY_INLINE bool project(const UpdateCamera& c, const float (&p0)[3], bool inside, Projected& out) {
+  if (inside)
+    project_nodes<true>(c, p0, out);
+  else
+    project_nodes<false>(c, p0, out);
+  return look_up(c, out);
 }
 
 }  // namespace HWY_NAMESPACE

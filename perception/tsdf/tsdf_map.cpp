@@ -139,7 +139,7 @@ TsdfMap::TsdfMap(rt::NonRealtime& nrt, const TsdfConfig& config)
   changed_.assign(blocks + 1, 0);
   in_use_.assign(blocks, 0);
   recycled_.assign(blocks, 0);
-  in_view_.assign(blocks, 0);
+  in_view_.assign(blocks, InView{});
   to_carve_.assign(chunks, nullptr);
 }
 

@@ -336,6 +336,10 @@ class TsdfMap {
   }
 
  private:
+  struct InView {
+    std::int32_t block;
+    bool inside;  // every node falls into the image
+  };
   struct View;  // one frame's camera, in floats (integrate.cpp)
 
   // Makes it, or brings it back; nullptr: pool full.
@@ -380,7 +384,7 @@ class TsdfMap {
   void prefetch_block(std::int32_t block) const noexcept;
   void update_range(const View&, const UpdateCamera&, int first, int last,
                     IntegrateStats&) noexcept;
-  void update_one(const View&, const UpdateCamera&, std::int32_t block, IntegrateStats&) noexcept;
+  void update_one(const View&, const UpdateCamera&, InView, IntegrateStats&) noexcept;
   void carve(const View&, IntegrateStats&) noexcept;
   void place_volume(const Pose& X_WC) noexcept;
   // Of an aligned cube of nodes, its first node and edge: whether any, or all, of it may be kept.
@@ -427,7 +431,7 @@ class TsdfMap {
   std::uint32_t revision_ = 1;
   std::vector<std::uint8_t> in_use_;
   std::vector<std::int32_t> recycled_;  // stack of returned pool indices
-  std::vector<std::int32_t> in_view_;   // of the frame being fused
+  std::vector<InView> in_view_;         // of the frame being fused
   std::vector<Chunk*> to_carve_;        // of the frame being fused
   int used_blocks_ = 0, recycled_count_ = 0, live_blocks_ = 0;
   // The frame last integrated, for the votes on it; in_view_count_ 0: there is none.

@@ -1,8 +1,8 @@
 // The inner loop of integration: one frame into one block. The arithmetic is fixed to the operation,
 // in float without contraction, so that every instruction set stores the same words:
 //
-//   p     = ((p0 + x dx) + y dy) + z dz          node (x,y,z) of the block in the camera frame
-//   u, v  = (p.x / p.z) fx + cx, ...             nearest pixel; none outside the image or p.z < 0.05
+//   p     = p0 + ((x dx + y dy) + z dz)          node (x,y,z) of the block in the camera frame
+//   u, v  = (p.x / p.z) fx + (cx + 0.5), ...     floor is the pixel; none outside the image or p.z < 0.05
 //   sdf   = (depth - p.z) * sqrt(1 + (p.x/p.z)^2 + (p.y/p.z)^2)
 //   limit = truncation * the pixel's reach (1 for pixels that only carve)
 //   sdf > limit                 seen through: free; a known voxel learns +1 with weight 2: what is gone is forgotten in half
@@ -16,22 +16,28 @@
 //               c' = (c n + c_o + (n + 1) / 2) / (n + 1), n' = min(n + 1, 15)
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
 namespace perception {
 
 struct UpdateCamera {
-  float fx, fy, cx, cy;
+  float fx, fy, cx_half, cy_half;  // half: and a half
   int width, height;
   const std::uint32_t* pixels;  // DepthPyramid::pixels(); [width * height] is 0
   float truncation_m;
   float units_per_m;                // 32767 / truncation
   std::int32_t weight_cap;          // raw
-  float dx[3], dy[3], dz[3];        // one node along each world axis, in the camera frame, m
+  alignas(64) float node[3][512];   // of a block, from its first one, in the camera frame, m
   float colour_band_m;              // negative: no colour
   const std::uint8_t* colour;       // r, g, b a pixel; all 0: none there
   std::ptrdiff_t colour_stride_px;  // pixels from row to row
+  bool gather;                      // simd::gathers(): readings by that instruction
+
+  // dx, dy, dz: from one node to the next along each world axis, in the camera frame, m.
+  void place_nodes(const std::array<float, 3>& dx, const std::array<float, 3>& dy,
+                   const std::array<float, 3>& dz) noexcept;
 };
 
 inline constexpr std::uint32_t kSeenThrough = 256;  // raw weight of that
@@ -40,9 +46,10 @@ struct BlockCounts {
   std::int32_t fused = 0, carved = 0;
 };
 
-// words, colours: 512 of the block; free: its 8 words of bits.
-BlockCounts update_block(const UpdateCamera& camera, const float (&p0)[3], std::uint32_t* words,
-                         std::uint64_t* free, std::uint32_t* colours) noexcept;
+// words, colours: 512 of the block; free: its 8 words of bits. inside: all its nodes fall into the image.
+BlockCounts update_block(const UpdateCamera& camera, const float (&p0)[3], bool inside,
+                         std::uint32_t* words, std::uint64_t* free,
+                         std::uint32_t* colours) noexcept;
 // The reference: one voxel after the other.
 BlockCounts update_block_scalar(const UpdateCamera& camera, const float (&p0)[3],
                                 std::uint32_t* words, std::uint64_t* free,

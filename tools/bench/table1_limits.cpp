@@ -67,8 +67,7 @@ std::vector<Limit> limits_of(const Table1Row& row) {
     }
     if (object) {
       l.time("the object's stages p50, ms", row.object.p50, "<=", kObject_ms);
-      l.time("with it less without, p50, ms", row.with_object.p50 - row.frame.p50,
-             "<=", kObject_ms);
+      l.time("with it less without, p50, ms", row.object_more.p50, "<=", kObject_ms);
     }
   }
   const Table1Paper* paper = table1_paper(row.edge);

@@ -50,13 +50,14 @@ void print_table(std::ostream& out, const Rows& rows) {
 
 void print_objects(std::ostream& out, const Rows& rows) {
   char line[256];
-  out << "\nof seg+fusion the object, ms a frame\n";
+  out << "\nof seg+fusion the object, ms a frame; more: than the same frames without\n";
   for (const auto* r : rows) {
     if (r->followed == 0) continue;
     std::snprintf(line, sizeof line,
-                  "%-10s %5d %6s | %5.2f p95 %5.2f max %5.2f | %d frames, %d touches\n",
+                  "%-10s %5d %6s | %5.2f p95 %5.2f max %5.2f | more %5.2f p95 %5.2f | %d frames, "
+                  "%d touches\n",
                   r->sequence.c_str(), r->edge, r->isa.c_str(), r->object.p50, r->object.p95,
-                  r->object.max, r->followed, r->touches);
+                  r->object.max, r->object_more.p50, r->object_more.p95, r->followed, r->touches);
     out << line;
   }
 }

@@ -160,9 +160,15 @@ FrameTimes timed(BenchPool* crew, Step&& step) {
   return t;
 }
 
+// Of one pass, from its first frame that counts.
+struct PerFrame {
+  std::vector<double> total_ms;
+  std::vector<bool> followed;
+};
+
 // One pass over the sequence; with a crew in `two` instead of in the figures of one thread.
 Table1Row pass(const FusionSequence& sequence, const Cube& cube, int first_frame, bool with_object,
-               BenchPool* crew = nullptr) {
+               BenchPool* crew = nullptr, PerFrame* frames = nullptr) {
   rt::Startup startup;
   tasks::FusionSetup setup;
   setup.camera = sequence.intrinsics;
@@ -209,6 +215,10 @@ Table1Row pass(const FusionSequence& sequence, const Cube& cube, int first_frame
       sum += ms[s] = 1e-6 * static_cast<double>(ns[s]);
     ms.back() = total - sum;
     whole.push_back(total);
+    if (frames != nullptr) {
+      frames->total_ms.push_back(total);
+      frames->followed.push_back(segmented);
+    }
     real_wall.push_back(times.real_wall);
     own_cpu.push_back(times.own_cpu);
     worker_cpu.push_back(times.worker_cpu);
@@ -285,19 +295,31 @@ void add_two_threads(const FusionSequence& sequence, const Table1Options& option
   for (const auto& r : plain) row.other_load = std::max(row.other_load, r.other_load);
 }
 
+// What each frame with an object took more than the same frame without.
+std::vector<double> differences(const PerFrame& with, const PerFrame& without) {
+  std::vector<double> more;
+  for (std::size_t i = 0; i < with.total_ms.size(); ++i)
+    if (with.followed[i]) more.push_back(with.total_ms[i] - without.total_ms[i]);
+  return more;
+}
+
 Table1Row row_of(const FusionSequence& sequence, const Cube& cube, const Table1Options& options) {
-  std::vector<Table1Row> runs;
-  for (int n = 0; n < options.runs; ++n)
-    runs.push_back(pass(sequence, cube, options.first_frame, false));
+  std::vector<Table1Row> runs, touched;
+  std::vector<Table1Row::Figures> more;
+  for (int n = 0; n < options.runs; ++n) {
+    PerFrame without, with;
+    runs.push_back(pass(sequence, cube, options.first_frame, false, nullptr, &without));
+    if (!sequence.has_colour) continue;
+    touched.push_back(pass(sequence, cube, options.first_frame, true, nullptr, &with));
+    more.push_back(figures(differences(with, without)));
+  }
   Table1Row row = runs.back();
-  std::vector<Table1Row> touched;
-  for (int n = 0; n < options.runs && sequence.has_colour; ++n)
-    touched.push_back(pass(sequence, cube, options.first_frame, true));
   const auto over_runs = [&](auto get) { return over(runs, get); };
   row.frame = over_runs([](const Table1Row& r) { return r.frame; });
   if (!touched.empty()) {
     row.with_object = over(touched, [](const Table1Row& r) { return r.with_object; });
     row.object = over(touched, [](const Table1Row& r) { return r.object; });
+    row.object_more = median_of(more);
     row.followed = touched.back().followed;
     row.touches = touched.back().touches;
     for (const auto& r : touched) row.other_load = std::max(row.other_load, r.other_load);

@@ -54,19 +54,18 @@ struct DenseReference {
               (X_CW * (voxel * Vec3(first(i), first(j), first(k)))).cast<float>();
           float p[3];
           for (int a = 0; a < 3; ++a) {
-            p[a] = base(a) + static_cast<float>(i & 7) * axes(a, 0);
-            p[a] = p[a] + static_cast<float>(j & 7) * axes(a, 1);
-            p[a] = p[a] + static_cast<float>(k & 7) * axes(a, 2);
+            const float along_x = static_cast<float>(i & 7) * axes(a, 0);
+            const float along_xy = along_x + static_cast<float>(j & 7) * axes(a, 1);
+            p[a] = base(a) + (along_xy + static_cast<float>(k & 7) * axes(a, 2));
           }
           if (p[2] < 0.05F) continue;
           const float inverse = 1.0F / p[2], x = p[0] * inverse, y = p[1] * inverse;
-          const float u = x * static_cast<float>(c.fx) + static_cast<float>(c.cx);
-          const float v = y * static_cast<float>(c.fy) + static_cast<float>(c.cy);
-          if (u < -0.5F || v < -0.5F || u >= static_cast<float>(c.width) - 0.5F ||
-              v >= static_cast<float>(c.height) - 0.5F)
+          const float u = x * static_cast<float>(c.fx) + static_cast<float>(c.cx + 0.5);
+          const float v = y * static_cast<float>(c.fy) + static_cast<float>(c.cy + 0.5);
+          if (u < 0 || v < 0 || u >= static_cast<float>(c.width) ||
+              v >= static_cast<float>(c.height))
             continue;
-          const int row = static_cast<int>(std::floor(v + 0.5F)),
-                    column = static_cast<int>(std::floor(u + 0.5F));
+          const int row = static_cast<int>(v), column = static_cast<int>(u);
           const std::uint32_t pixel = pixels[row * c.width + column];
           if (pixel == 0) continue;
           const int weight = static_cast<int>((pixel >> 16U) & 0xffU);

@@ -102,11 +102,12 @@ TEST(NoColour, EveryInstructionSetGivesTheSameWords) {
       if (random.uniform() < lacking) std::fill_n(colour.begin() + 3 * n, 3, std::uint8_t{0});
     }
     UpdateCamera c{};
-    c.fx = c.fy = 400, c.cx = kWidth / 2.0F, c.cy = kHeight / 2.0F;
+    c.fx = c.fy = 400, c.cx_half = kWidth / 2.0F + 0.5F, c.cy_half = kHeight / 2.0F + 0.5F;
     c.width = kWidth, c.height = kHeight;
     c.pixels = pixels.data();
     c.truncation_m = 0.05F, c.units_per_m = 32767 / 0.05F, c.weight_cap = 6400;
-    c.dx[0] = c.dy[1] = c.dz[2] = 0.01F;
+    c.place_nodes({0.01F, 0, 0}, {0, 0.01F, 0}, {0, 0, 0.01F});
+    c.gather = round % 2 != 0;
     c.colour_band_m = 0.05F;
     c.colour = colour.data();
     c.colour_stride_px = kWidth;
@@ -128,7 +129,7 @@ TEST(NoColour, EveryInstructionSetGivesTheSameWords) {
     for (const simd::Isa isa : simd::available()) {
       ASSERT_TRUE(simd::choose(isa));
       Block got = before;
-      update_block(c, p0, got.words.data(), got.free.data(), got.colours.data());
+      update_block(c, p0, false, got.words.data(), got.free.data(), got.colours.data());
       EXPECT_EQ(got.colours, want.colours) << simd::name_of(isa) << " round " << round;
       EXPECT_EQ(got.words, want.words) << simd::name_of(isa) << " round " << round;
     }
