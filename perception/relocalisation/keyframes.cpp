@@ -12,6 +12,7 @@ namespace perception {
 
 namespace {
 
+constexpr double kAhead_m = 2;                     // what a camera looks at
 constexpr int kDepthCut = 24, kDepthMissing = 12;  // codes
 constexpr int kGreyCut = 48;
 constexpr int kShift = 6;       // largest shift tried, cells: about a sixth of the image
@@ -141,6 +142,19 @@ bool Keyframes::is_new(const Pose& X_WC) const noexcept {
 bool Keyframes::near(const Pose& X_WC) const noexcept {
   return std::any_of(entries_.begin(), entries_.end(),
                      [&](const Entry& e) { return nearness(e.X_WC, X_WC) < kNearSpacings; });
+}
+
+int Keyframes::looking_at(const Pose& X_WC) const noexcept {
+  const Vec3 ahead(0, 0, kAhead_m), target = X_WC * ahead;
+  int best = -1;
+  double least = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < size(); ++i) {
+    const Pose& X = at(i).X_WC;
+    const double off =
+        (X * ahead - target).norm() + 0.5 * (X.translation() - X_WC.translation()).norm();
+    if (off < least) least = off, best = i;
+  }
+  return best;
 }
 
 std::size_t Keyframes::most_redundant() const noexcept {

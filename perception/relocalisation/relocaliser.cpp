@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <span>
 
 namespace perception {
@@ -21,8 +22,8 @@ constexpr double kRivalOverlap = 0.2, kRivalInliers = 0.4, kRivalClash = 0.03;
 constexpr double kWorseInliers = 0.2;
 constexpr double kNoTwinClash = 0.1, kNoTwinInliers = 0.5;  // there is something else there
 constexpr double kTried_m = 0.15, kTried_rad = 0.15;        // what a guess is off by, and more
-// Of the small images: what can be the place.
-constexpr double kLeastOverlap = 0.4, kLeastClose = 0.9, kMostAgainst = 0.02;
+// Of the small images: what can be the place. Below the overlap too few cells meet to say anything.
+constexpr double kLeastOverlap = 0.15, kLeastClose = 0.9, kMostAgainst = 0.02;
 
 bool within(const Pose& a, const Pose& b, double way_m, double turn_rad) noexcept {
   const Pose away = a.inverse() * b;
@@ -76,6 +77,7 @@ void Relocaliser::restart() noexcept {
   has_view_ = false;
   place_count_ = 0;
   rivals_tried_ = 0;
+  mirrored_of_ = -1;
 }
 
 RaycastStats Relocaliser::cast(const TsdfMap& map, const Pose& X_WC, RaycastMaps& maps) noexcept {
@@ -119,25 +121,63 @@ Pose Relocaliser::shift(const Keyframes::Candidate& c) const noexcept {
 }
 
 void Relocaliser::list_guesses(const Tracker& tracker, ImageView<const Rgb> colour,
-                               std::span<const bool> skip) noexcept {
+                               const Pose* leader) noexcept {
   const DepthLevel& coarse = tracker.pyramid().level(TrackingPyramid::kLevels - 1);
   const Thumbnail seen = make_thumbnail(coarse, colour);
   fill_cell_view(coarse, seen_);
   std::array<Keyframes::Candidate, kAligned> list;
-  const int count = keyframes_.rank(seen, skip, list);
-  guess_count_ = static_cast<std::size_t>(count);
-  for (std::size_t k = 0; k < guess_count_; ++k) {
-    const Keyframes::Entry& kept = keyframes_.at(list[k].index);
-    const ThumbnailFit fit = aligner_.align(seen_, kept.view, shift(list[k]));
-    guesses_[k] = {
-        list[k].index, orthonormalised(kept.X_WC * fit.X_KS), fit.score(),
-        fit.overlap >= kLeastOverlap && fit.close >= kLeastClose && fit.against <= kMostAgainst};
+  const int listed =
+      keyframes_.rank(seen, {}, std::span(list).first(leader == nullptr ? kAligned : kBeside));
+  guess_count_ = 0;
+  for (int k = 0; k < listed; ++k) {
+    const Keyframes::Candidate& c = list[static_cast<std::size_t>(k)];
+    add_guess(c.index, shift(c), false);
   }
-  std::sort(guesses_.begin(), guesses_.begin() + count, [](const Guess& a, const Guess& b) {
-    return a.score != b.score ? a.score > b.score : a.keyframe < b.keyframe;
+  if (leader != nullptr) list_mirrored(*leader);
+  const auto end = guesses_.begin() + static_cast<std::ptrdiff_t>(guess_count_);
+  std::sort(guesses_.begin(), end, [](const Guess& a, const Guess& b) {
+    if (a.score != b.score) return a.score > b.score;
+    return a.keyframe != b.keyframe ? a.keyframe < b.keyframe : a.mirrored < b.mirrored;
   });
   work_ += static_cast<std::uint64_t>(keyframes_.size()) * Thumbnail::kCells / 16 +
            guess_count_ * (ThumbnailAligner::kIterations / 2 + 2) * Thumbnail::kCells;
+}
+
+void Relocaliser::add_guess(int keyframe, const Pose& X_KS0, bool mirrored) noexcept {
+  const Keyframes::Entry& kept = keyframes_.at(keyframe);
+  const ThumbnailFit fit = aligner_.align(seen_, kept.view, X_KS0);
+  guesses_[guess_count_++] = {
+      keyframe, orthonormalised(kept.X_WC * fit.X_KS), fit.score(),
+      fit.overlap >= kLeastOverlap && fit.close >= kLeastClose && fit.against <= kMostAgainst,
+      mirrored};
+}
+
+// Where the map repeats itself, keyframes of the other place look like those of this one, and the camera is to them as
+// it is to these. Off the mapped way that is too far for an alignment from the images' shift on.
+void Relocaliser::list_mirrored(const Pose& leader) noexcept {
+  int nearest = -1;
+  double best = -std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < guess_count_; ++k) {
+    if (guesses_[k].score <= best || !same_place(guesses_[k].X_WC, leader)) continue;
+    best = guesses_[k].score;
+    nearest = guesses_[k].keyframe;
+  }
+  if (nearest < 0) nearest = keyframes_.looking_at(leader);
+  if (nearest < 0) return;
+  const Pose X_KS = keyframes_.at(nearest).X_WC.inverse() * leader;
+  if (nearest != mirrored_of_) {
+    std::array<bool, Keyframes::kMax> same{};
+    for (int i = 0; i < keyframes_.size(); ++i) {
+      same[static_cast<std::size_t>(i)] = same_place(keyframes_.at(i).X_WC * X_KS, leader);
+    }
+    mirrored_count_ =
+        static_cast<std::size_t>(keyframes_.rank(keyframes_.at(nearest).view, same, mirrored_));
+    mirrored_of_ = nearest;
+    work_ += static_cast<std::uint64_t>(keyframes_.size()) * Thumbnail::kCells / 16;
+  }
+  for (std::size_t k = 0; k < mirrored_count_; ++k) {
+    add_guess(mirrored_[k].index, shift(mirrored_[k]) * X_KS, true);
+  }
 }
 
 // A place that was tried in vain says little of one a hand's breadth away.
@@ -154,14 +194,13 @@ bool Relocaliser::next_guess(Guess& out) const noexcept {
   const Place* leader = best();
   for (std::size_t k = 0; k < guess_count_; ++k) {
     const Guess& g = guesses_[k];
-    if (resting_[static_cast<std::size_t>(g.keyframe)] || (leader != nullptr && !g.possible))
-      continue;
+    if (leader != nullptr ? !g.possible : resting_[static_cast<std::size_t>(g.keyframe)]) continue;
     if (was_tried(g.X_WC)) continue;
     out = g;
     return true;
   }
   for (std::size_t n = 0; leader != nullptr && n < 2 * twin_count_; ++n) {
-    const Pose& twin = twins_[n / 2];
+    const Pose& twin = twins_[n / 2].X_there_here;
     const Pose X_WC = (n % 2 == 0 ? twin : twin.inverse()) * leader->X_WC;
     if (was_tried(X_WC)) continue;
     out = Guess{};
@@ -175,11 +214,12 @@ bool Relocaliser::next_guess(Guess& out) const noexcept {
 bool Relocaliser::alone(const Tracker& tracker, ImageView<const Rgb> colour,
                         const Pose& X_WC) noexcept {
   for (std::size_t n = 0; n < 2 * twin_count_; ++n) {
-    const Pose& twin = twins_[n / 2];
+    const Pose& twin = twins_[n / 2].X_there_here;
     const Pose X_there = (n % 2 == 0 ? twin : twin.inverse()) * X_WC;
     if (!same_place(X_there, X_WC) && keyframes_.near(X_there)) return false;
   }
-  list_guesses(tracker, colour, {});
+  mirrored_of_ = -1;  // keyframes may have come since
+  list_guesses(tracker, colour, &X_WC);
   for (std::size_t k = 0; k < guess_count_; ++k) {
     if (guesses_[k].possible && !same_place(guesses_[k].X_WC, X_WC)) return false;
   }
@@ -253,21 +293,28 @@ bool Relocaliser::clear(const Place& best) const noexcept {
   return true;
 }
 
-// Where a frame fits here and there, the map repeats itself: whoever seems to be here may always be there.
-void Relocaliser::learn_twin(const Pose& X_WC) noexcept {
+// Where a frame fits here and there, the map repeats itself: whoever seems to be here may always be there. The motion is as
+// good as the poorer of the two fits: it is taken anew from better ones, and the poorest makes room.
+void Relocaliser::learn_twin(const Pose& X_WC, double inlier_share) noexcept {
   for (std::size_t k = 0; k < place_count_; ++k) {
     const Place& p = places_[k];
     if (p.fit == Fit::kNothing || searches_ - p.at > kSameView || same_place(p.X_WC, X_WC))
       continue;
-    const Pose X_there_here = X_WC * p.X_WC.inverse();
-    bool known = false;
+    const Pose X_there_here = orthonormalised(X_WC * p.X_WC.inverse());
+    const double quality = std::min(p.inlier_share, inlier_share);
+    std::size_t at = twin_count_;
     for (std::size_t n = 0; n < twin_count_; ++n) {
-      known = known || same_place(twins_[n] * p.X_WC, X_WC) ||
-              same_place(twins_[n].inverse() * p.X_WC, X_WC);
+      const Pose& twin = twins_[n].X_there_here;
+      if (same_place(twin * p.X_WC, X_WC) || same_place(twin.inverse() * p.X_WC, X_WC)) at = n;
     }
-    if (known) continue;
-    if (twin_count_ == kTwins) forget_twin(0);  // the oldest
-    twins_[twin_count_++] = orthonormalised(X_there_here);
+    if (at == kTwins) {
+      const auto worse = [](const Twin& a, const Twin& b) { return a.quality < b.quality; };
+      const auto poorest = std::min_element(twins_.begin(), twins_.end(), worse);
+      at = static_cast<std::size_t>(poorest - twins_.begin());
+    }
+    if (at < twin_count_ && quality <= twins_[at].quality) continue;
+    twins_[at] = {X_there_here, quality};
+    twin_count_ = std::max(twin_count_, at + 1);
   }
 }
 
@@ -285,7 +332,8 @@ bool Relocaliser::search(TsdfMap& map, const Tracker& tracker, ImageView<const R
   forget_old();
   if (here != nullptr) note(here->X_WC, Fit::kFits, *here);
   for (std::size_t i = 0; i < resting_.size(); ++i) resting_[i] = rests_until_[i] > searches_;
-  list_guesses(tracker, colour, {});
+  const Place* ahead = best();
+  list_guesses(tracker, colour, ahead != nullptr ? &ahead->X_WC : nullptr);
   bool tried_any = false, last_fits = false;
   for (int k = 0; k < config_.tries && rivals_left(); ++k) {
     Guess guess;
@@ -296,7 +344,9 @@ bool Relocaliser::search(TsdfMap& map, const Tracker& tracker, ImageView<const R
       rivals_tried_ += rival ? 1 : 0;
       return false;
     }
-    if (guess.keyframe >= 0) {
+    if (guess.mirrored) {
+      // The keyframe may be one of another place as well.
+    } else if (guess.keyframe >= 0) {
       const auto index = static_cast<std::size_t>(guess.keyframe);
       rests_until_[index] = searches_ + 1 + config_.rest_frames;
       resting_[index] = true;
@@ -308,7 +358,7 @@ bool Relocaliser::search(TsdfMap& map, const Tracker& tracker, ImageView<const R
     last_fits = tried == Fit::kFits;
     rivals_tried_ += rival ? 1 : 0;
     note(tried == Fit::kNothing ? guess.X_WC : found.X_WC, tried, found);
-    if (tried != Fit::kNothing) learn_twin(found.X_WC);
+    if (tried != Fit::kNothing) learn_twin(found.X_WC, found.inlier_share);
   }
   const Place* leader = best();
   if (leader == nullptr) return false;

@@ -76,6 +76,8 @@ class Relocaliser {
 
  private:
   static constexpr std::size_t kAligned = 8;  // keyframes that a frame is aligned to by thumbnails
+  static constexpr std::size_t kBeside = 6;   // of these, while there is a place that fits, and ...
+  static constexpr std::size_t kMirrored = 4;  // ... keyframes that look like those of that place
   static constexpr std::size_t kPlaces = 8;
   static constexpr std::size_t kTwins = 4;
   enum class Fit : std::uint8_t {
@@ -96,11 +98,20 @@ class Relocaliser {
     Pose X_WC = Pose::Identity();
     double score = 0;
     bool possible = false;  // nothing in the small images forbids it
+    bool mirrored = false;  // the camera is to the keyframe as it is to one of the place that fits
+  };
+  // From one place to another that looked like it, in W.
+  struct Twin {
+    Pose X_there_here = Pose::Identity();
+    double quality = 0;  // inlier share of the poorer fit
   };
   [[nodiscard]] Fit try_at(TsdfMap& map, const Tracker& tracker, const Pose& X_WC,
                            TrackingResult& found) noexcept;
+  // `leader`: where the camera would be by what fits best, if anything.
   void list_guesses(const Tracker& tracker, ImageView<const Rgb> colour,
-                    std::span<const bool> skip) noexcept;
+                    const Pose* leader) noexcept;
+  void list_mirrored(const Pose& leader) noexcept;
+  void add_guess(int keyframe, const Pose& X_KS0, bool mirrored) noexcept;
   [[nodiscard]] bool next_guess(Guess& out) const noexcept;
   [[nodiscard]] bool was_tried(const Pose& X_WC) const noexcept;
   void note(const Pose& X_WC, Fit fit, const TrackingResult& r) noexcept;
@@ -108,7 +119,7 @@ class Relocaliser {
   void forget_if(Which&& which) noexcept;
   void forget(const Pose& X_WC) noexcept;
   void forget_old() noexcept;
-  void learn_twin(const Pose& X_WC) noexcept;
+  void learn_twin(const Pose& X_WC, double inlier_share) noexcept;
   void forget_twin(std::size_t n) noexcept;
   [[nodiscard]] const Place* best() const noexcept;
   [[nodiscard]] const Place& oldest_fit() const noexcept;  // where there is one
@@ -137,12 +148,15 @@ class Relocaliser {
   std::array<bool, Keyframes::kMax> resting_{};
   std::array<std::int64_t, Keyframes::kMax> rests_until_{};
   std::int64_t searches_ = 0;
-  std::array<Guess, kAligned> guesses_{};  // best first
+  std::array<Guess, kBeside + kMirrored> guesses_{};  // best first
   std::size_t guess_count_ = 0;
+  std::array<Keyframes::Candidate, kMirrored> mirrored_{};  // that look like keyframe mirrored_of_
+  std::size_t mirrored_count_ = 0;
+  int mirrored_of_ = -1;
   std::array<Place, kPlaces> places_{};
   std::size_t place_count_ = 0;
-  int rivals_tried_ = 0;              // since there is a fit
-  std::array<Pose, kTwins> twins_{};  // from one place to another that looked like it, in W
+  int rivals_tried_ = 0;  // since there is a fit
+  std::array<Twin, kTwins> twins_{};
   std::size_t twin_count_ = 0;
   std::uint64_t work_ = 0;
 };
