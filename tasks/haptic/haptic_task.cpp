@@ -326,6 +326,7 @@ void HapticTask::guard_force(const Vec3& f_D, const Vec3& dx_D, Out& out) noexce
 }
 
 // Spring and effects -> force limit -> the books -> passivity -> guard.
+template <bool kEffects>
 void HapticTask::render(const In& in, const Vec3& dx_D, const Spring& spring, bool surface_moves,
                         double stiffness_before, double dt, Out& out) noexcept {
   HapticTelemetry& t = out.telemetry;
@@ -335,7 +336,7 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Spring& spring, bo
   const double to_N_per_m = t.gain * stiffness_ / config_.scale;
   Vec3 f = t.in_contact ? Vec3(to_N_per_m * (workspace_.R_WD().transpose() * spring.pull_W))
                         : Vec3(Vec3::Zero());
-  if (kEffectsBuilt && effects_) f += viscous(spring, t);
+  if constexpr (kEffects) f += viscous(spring, t);
   t.limit_active = f.norm() > force_limit_N_;
   f = limited(f, force_limit_N_);
   // Where not only the hand moved, the spring gained what the hand's motion does not explain.
@@ -489,7 +490,8 @@ rt::Health HapticTask::not_finite(const rt::Tick& tick, Out& out) noexcept {
   return rt::Health::of(rt::Severity::kSafeStop, kFaultHapticNotFinite);
 }
 
-rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
+template <bool kEffects>
+rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexcept {
   out = Out{};
   const double since = have_release_ ? rt::seconds(tick.release - last_release_) : period_s_;
   const double dt = std::clamp(since, 0.1 * period_s_, 0.1);
@@ -513,9 +515,8 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   if (in.surface != nullptr) proxy_config_.surface = in.surface;
   rested_W_ = proxy_.p_WP();
   proxy_step_(field_, p_WH, proxy_, proxy_config_);
-  const bool effects = kEffectsBuilt && effects_;
   Spring spring;
-  if (effects) {
+  if constexpr (kEffects) {
     spring = spring_of(p_WH);
   } else {
     rendered_W_ = proxy_.rendered_WP();
@@ -547,11 +548,18 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
     safe(out);
   } else {
     t.penetration_m = spring.contact ? (rendered_W_ - p_WH).norm() : 0;
-    render(in, dx_D, spring, blending, stiffness_before, dt, out);
+    render<kEffects>(in, dx_D, spring, blending, stiffness_before, dt, out);
   }
   events(tick, in.stylus.button, out);
   report(tick, in.stylus.button, out);
   return health;
+}
+
+rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
+  if constexpr (kEffectsBuilt) {
+    if (effects_) return cycle<true>(tick, in, out);
+  }
+  return cycle<false>(tick, in, out);
 }
 
 }  // namespace tasks
