@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <tuple>
@@ -150,24 +149,18 @@ std::vector<Place> chosen_around(const Place& corner, const std::vector<Place>& 
   return chosen;
 }
 
-// The shortest way from the first through all of them, in straight lines. Returns it.
+// From the first on, each time to the nearest. Returns the way.
 double put_in_order(std::vector<Place>& places) {
-  std::vector<std::size_t> order(places.size()), best;
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  double least = std::numeric_limits<double>::infinity();
-  do {
-    double way = 0;
-    for (std::size_t i = 1; i < order.size(); ++i) {
-      way += (places[order[i]].p_W - places[order[i - 1]].p_W).norm();
-    }
-    if (way >= least) continue;
-    least = way;
-    best = order;
-  } while (std::next_permutation(order.begin() + 1, order.end()));
-  std::vector<Place> sorted;
-  for (const std::size_t i : best) sorted.push_back(places[i]);
-  places = std::move(sorted);
-  return least;
+  double way = 0;
+  for (std::size_t i = 1; i < places.size(); ++i) {
+    const auto from = [&](const Place& p) { return (p.p_W - places[i - 1].p_W).norm(); };
+    const auto next =
+        std::min_element(places.begin() + static_cast<std::ptrdiff_t>(i), places.end(),
+                         [&](const Place& a, const Place& b) { return from(a) < from(b); });
+    std::iter_swap(places.begin() + static_cast<std::ptrdiff_t>(i), next);
+    way += from(places[i]);
+  }
+  return way;
 }
 
 // Up to `most` of each kind: the more there are, the nearer each to another.
@@ -202,7 +195,7 @@ std::size_t first_seen(const Place& place, const perception::Intrinsics& camera,
 }
 
 // A map that is still growing holds what its first views saw: begins there, on something flat if there is, the nearer the
-// less noisy, or at the kind that was asked for.
+// less noisy, or at the kind that was asked for; goes on to the nearest each time.
 double begin_where_seen(std::vector<Place>& places, const perception::Intrinsics& camera,
                         const std::vector<Pose>& views, std::optional<Place::Kind> kind) {
   const auto rank = [&](const Place& p) {
