@@ -2,10 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <numbers>
-#include <sstream>
-#include <stdexcept>
 
 namespace tasks {
 
@@ -39,97 +35,7 @@ double spring_energy(double stiffness, double stretch, double limit) noexcept {
                          : 0.5 * stiffness * knee * knee + limit * (stretch - knee);
 }
 
-[[noreturn]] void refuse(const std::ostringstream& text) { throw std::runtime_error(text.str()); }
-
 }  // namespace
-
-void HapticConfig::describe(config::Section& s) {
-  s.text("method", method, {"constrained", "nearest", "nearest10", "force_shading"},
-         "how the proxy is found");
-  s.number("stiffness_N_per_m", stiffness_N_per_m, 1, 14500, "spring at the device");
-  s.number("scale", scale, 0.01, 100, "scene metres per hand metre");
-  s.numbers("workspace_W_m", workspace_W_m, -1000, 1000, "centre of the device workspace in W");
-  s.number("workspace_yaw_deg", workspace_yaw_deg, -360, 360, "device base about z of W");
-  s.number("border_m", border_m, 0, 1, "rate control beyond this radius of the device; 0: none");
-  s.number("border_rate_per_s", border_rate_per_s, 0, 20, "hand m/s per m beyond the border");
-  s.number("tip_radius_m", tip_radius_m, 0, 0.04, "radius of the proxy, in the scene");
-  s.integer("iterations_max", iterations_max, 0, 10000,
-            "steps of the proxy in a tick; 0: the method's own");
-  s.number("force_limit_N", force_limit_N, 0.1, 12, "largest force on the hand");
-  s.number("slew_N_per_s", slew_N_per_s, 10, 10000, "fastest change of force at a still hand");
-  s.number("slew_calm_N_per_s", slew_calm_N_per_s, 10, 10000,
-           "the same while the force is less than 1 N behind");
-  s.number("fade_in_s", fade_in_s, 0, 1, "after start inside, re-enable, reconnect");
-  s.number("blend_s", blend_s, 0, 1, "old patch to new patch");
-  s.number("patch_liveness_s", patch_liveness_s, 0.01, 10, "oldest publication still touched");
-  s.number("ramp_s", ramp_s, 0.001, 1, "to zero when a patch is stale or on ramp-down");
-  s.number("device_liveness_s", device_liveness_s, 0, 0.1, "last force held without a sample");
-  s.number("mark_spacing_m", mark_spacing_m, 0.001, 1, "distance between points of a mark");
-  s.number("mark_rate_hz", mark_rate_hz, 0.1, 1000, "points of a mark a second, at least");
-  s.number("paper_friction", paper_friction, 0, 2, "mu of method force_shading's circle");
-  s.number("friction_static", friction_static, 0, 2, "mu of rest; 0: no friction");
-  s.number("friction_dynamic", friction_dynamic, 0, 2, "mu of slip, at most friction_static");
-  s.number("texture_amplitude_m", texture_amplitude_m, 0, 0.002, "height of the bumps; 0: smooth");
-  s.number("texture_period_m", texture_period_m, 0.0004, 0.1, "from bump to bump");
-  s.flag("bump_normal", bump_normal, "bumps as a perturbed normal instead of a height: to compare");
-  s.number(
-      "texture_stiffness_N_per_m", texture_stiffness_N_per_m, 0, 1e9,
-      "largest stiffness of a bump along the surface; 0: 3/4 of what the device renders stably");
-  s.number("viscosity_N_s_per_m", viscosity_N_s_per_m, 0, 5, "drag of the hand");
-  s.flag("materials", materials, "surface parameters from the palette of the map's labels");
-  s.flag("guard", guard, "slew guard");
-  s.flag("passivity_controller", passivity_controller, "damp what the observer finds active");
-}
-
-HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
-                       const drivers::DeviceProperties& device, double period_s,
-                       double window_half_extent_m)
-    : config_(config), period_s_(period_s) {
-  ProxyMethod method = ProxyMethod::kConstrained;
-  if (!parse_proxy_method(config.method, method)) {
-    throw std::runtime_error("haptic.method = '" + config.method + "': allowed are " +
-                             std::string(kProxyMethods));
-  }
-  effects_ = config.effects();
-  proxy_step_ = proxy_step(method);
-  stiffness_ = config.stiffness_N_per_m;
-  passivity_ = PassivityController(device.mass_kg, device.quantum_m, period_s);
-  surface_.friction_static = config.friction_static;
-  surface_.friction_dynamic = config.friction_dynamic;
-  surface_.add(config.texture_amplitude_m, config.texture_period_m);
-  // At all of what the device renders stably, bumps that hold it take more than 3 s to come to rest.
-  constexpr double kOfDevice = 0.75;
-  side_most_N_per_m_ = config.texture_stiffness_N_per_m > 0
-                           ? config.texture_stiffness_N_per_m
-                           : kOfDevice * device.stiffness_limit(period_s);
-  const double k_max = device.stiffness_limit(period_s);
-  if (!(config.stiffness_N_per_m > 0) || config.stiffness_N_per_m > k_max) {
-    std::ostringstream text;
-    text << "haptic.stiffness_N_per_m = " << config.stiffness_N_per_m
-         << " is above what the device renders stably: 0.8 b / (T/2 + t_d) = " << k_max
-         << " N/m (b = " << device.damping_N_s_per_m << " N s/m, T = " << period_s
-         << " s, t_d = " << device.delay_s << " s)";
-    refuse(text);
-  }
-  const double half_min = device.speed_limit_m_per_s * config.scale * 0.1 + 0.05;
-  if (window_half_extent_m > 0 && window_half_extent_m < half_min - 1e-9) {
-    std::ostringstream text;
-    text << "haptic: the patch window reaches " << window_half_extent_m
-         << " m to each side, below the needed " << half_min << " m (speed limit "
-         << device.speed_limit_m_per_s << " m/s x scale " << config.scale
-         << " x 100 ms + 50 mm): use more nodes, a larger voxel or a smaller scale";
-    refuse(text);
-  }
-  proxy_config_.tip_radius_m = config.tip_radius_m;
-  if (config.iterations_max > 0) proxy_config_.iterations_max = config.iterations_max;
-  proxy_config_.paper_friction = config.paper_friction;
-  force_limit_N_ = std::min(config.force_limit_N, device.force_limit_N);
-  device_radius_m_ = device.workspace_radius_m;
-  const auto& origin = config.workspace_W_m;
-  workspace_ = Workspace({config.scale, Vec3(origin[0], origin[1], origin[2]),
-                          config.workspace_yaw_deg * std::numbers::pi / 180.0, config.border_m,
-                          config.border_rate_per_s});
-}
 
 // Every pointer handed in is one acquire of the channel: what was taken before the last one is
 // about to be reused, whether or not this task liked what came since. True: `patch` was refused as
@@ -201,81 +107,6 @@ double HapticTask::slew_limit(const Vec3& change, double dh) const noexcept {
   return calm + (most - calm) * std::clamp(along - 1.0, 0.0, 1.0);
 }
 
-// Parameters of the palette under the proxy.
-void HapticTask::follow_material(const Vec3& p_WH) noexcept {
-  if (proxy_.phase != ProxyState::Phase::kContact || newer_ == nullptr) return;
-  Surface goal;
-  if (!material_at(*newer_, proxy_.p_WP(), goal)) return;
-  if (was_contact_) {
-    follow(surface_, goal, config_.stiffness_N_per_m / config_.scale, (proxy_.p_WP() - p_WH).norm(),
-           texture_reach_m(), 100 * period_s_);
-  } else {
-    surface_ = goal;  // first touch: nothing to go on from
-  }
-  stiffness_ = config_.stiffness_N_per_m * surface_.stiffness_scale;
-}
-
-// How stiff a bump may be along the surface: what the device holds quietly, and no more than the slew guard lets
-// through at the hand's speed, since a height that is felt late is another height. Followed with at most 30 N/s.
-void HapticTask::follow_side() noexcept {
-  constexpr double kSlowest_m_per_s = 0.01, kOfGuard = 0.8, kFollow_N_per_s = 30;
-  const double v = std::max(v_D_.norm(), kSlowest_m_per_s), k = config_.stiffness_N_per_m;
-  const double rate = std::min(config_.slew_calm_N_per_s + 2 * std::max(k, 1000.0) * v,
-                               std::max(config_.slew_N_per_s, 1.1 * k * v));
-  const double goal = std::min(side_most_N_per_m_, kOfGuard * rate / v);
-  // The force along the surface is side x steepness / C where the reach ends.
-  const double most = was_contact_ ? kFollow_N_per_s * period_s_ * surface_.curvature_per_m() /
-                                         std::max(surface_.steepness(), 1e-12)
-                                   : std::numeric_limits<double>::infinity();
-  side_N_per_m_ += std::clamp(goal - side_N_per_m_, -most, most);
-}
-
-double HapticTask::texture_reach_m() const noexcept {
-  const double stiffest = stiffness_ * surface_.curvature_per_m();
-  return stiffest > 0 ? side_N_per_m_ / stiffest : std::numeric_limits<double>::infinity();
-}
-
-// The spring with what the scene asks for beyond the plain one; fills rendered_W_.
-HapticTask::Spring HapticTask::spring_of(const Vec3& p_WH) noexcept {
-  Spring s;
-  s.contact = proxy_.phase == ProxyState::Phase::kContact;
-  const double mu_before = surface_.friction_static;
-  if (config_.materials) follow_material(p_WH);
-  const Vec3 smooth = proxy_.rendered_WP();
-  rendered_W_ = with_friction(
-      field_, p_WH, proxy_,
-      {surface_.friction_static, surface_.friction_dynamic, mu_before, config_.materials},
-      proxy_config_.tip_radius_m);
-  Vec3 friction = rendered_W_ - smooth;
-  s.elastic_W = smooth - p_WH;
-  s.length_m = s.elastic_W.norm();
-  if (surface_.patterns > 0 && config_.bump_normal) {
-    if (s.contact) s.elastic_W = with_bump_normal(p_WH, proxy_, surface_);
-  } else if (surface_.patterns > 0) {
-    follow_side();
-    const Bumped b =
-        with_texture(field_, p_WH, proxy_, surface_, texture_reach_m(), proxy_config_.tip_radius_m);
-    s.contact = b.contact;
-    s.elastic_W = b.elastic_W;
-    s.length_m = b.stretch_m;
-    if (b.contact) {
-      rendered_W_ += b.lift_W;
-    } else {
-      rendered_W_ = p_WH;
-      friction = Vec3::Zero();
-    }
-  }
-  s.pull_W = s.elastic_W + friction;
-  s.friction_m = friction.norm();
-  return s;
-}
-
-// Drag of the scene's viscosity; tells how much of the spring is friction.
-Vec3 HapticTask::viscous(const Spring& spring, HapticTelemetry& t) const noexcept {
-  t.friction_N = stiffness_ * spring.friction_m / config_.scale;
-  return (-t.gain * config_.viscosity_N_s_per_m) * v_D_;
-}
-
 // Energy that the surface, a fade or a moving workspace put into the spring: what it holds more than the hand's
 // motion against its own force explains. Friction, viscosity and the controller only take energy out, so they have
 // no part in it.
@@ -326,6 +157,7 @@ void HapticTask::guard_force(const Vec3& f_D, const Vec3& dx_D, Out& out) noexce
 }
 
 // Spring and effects -> force limit -> the books -> passivity -> guard.
+template <bool kEffects>
 void HapticTask::render(const In& in, const Vec3& dx_D, const Spring& spring, bool surface_moves,
                         double stiffness_before, double dt, Out& out) noexcept {
   HapticTelemetry& t = out.telemetry;
@@ -335,7 +167,7 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Spring& spring, bo
   const double to_N_per_m = t.gain * stiffness_ / config_.scale;
   Vec3 f = t.in_contact ? Vec3(to_N_per_m * (workspace_.R_WD().transpose() * spring.pull_W))
                         : Vec3(Vec3::Zero());
-  if (kEffectsBuilt && effects_) f += viscous(spring, t);
+  if constexpr (kEffects) f += viscous(spring, t);
   t.limit_active = f.norm() > force_limit_N_;
   f = limited(f, force_limit_N_);
   // Where not only the hand moved, the spring gained what the hand's motion does not explain.
@@ -489,7 +321,8 @@ rt::Health HapticTask::not_finite(const rt::Tick& tick, Out& out) noexcept {
   return rt::Health::of(rt::Severity::kSafeStop, kFaultHapticNotFinite);
 }
 
-rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
+template <bool kEffects>
+rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexcept {
   out = Out{};
   const double since = have_release_ ? rt::seconds(tick.release - last_release_) : period_s_;
   const double dt = std::clamp(since, 0.1 * period_s_, 0.1);
@@ -513,9 +346,8 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   if (in.surface != nullptr) proxy_config_.surface = in.surface;
   rested_W_ = proxy_.p_WP();
   proxy_step_(field_, p_WH, proxy_, proxy_config_);
-  const bool effects = kEffectsBuilt && effects_;
   Spring spring;
-  if (effects) {
+  if constexpr (kEffects) {
     spring = spring_of(p_WH);
   } else {
     rendered_W_ = proxy_.rendered_WP();
@@ -547,11 +379,18 @@ rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
     safe(out);
   } else {
     t.penetration_m = spring.contact ? (rendered_W_ - p_WH).norm() : 0;
-    render(in, dx_D, spring, blending, stiffness_before, dt, out);
+    render<kEffects>(in, dx_D, spring, blending, stiffness_before, dt, out);
   }
   events(tick, in.stylus.button, out);
   report(tick, in.stylus.button, out);
   return health;
+}
+
+rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
+  if constexpr (kEffectsBuilt) {
+    if (effects_) return cycle<true>(tick, in, out);
+  }
+  return cycle<false>(tick, in, out);
 }
 
 }  // namespace tasks

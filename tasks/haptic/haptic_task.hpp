@@ -180,10 +180,11 @@ class HapticTask {
     double friction_m = 0;         // of pull_W
     bool contact = false;
   };
-  // Out of line: a tick without effects pays one branch for each and keeps its registers.
-  [[nodiscard, gnu::noinline]] Spring spring_of(const perception::Vec3& p_WH) noexcept;
-  [[nodiscard, gnu::noinline]] perception::Vec3 viscous(const Spring& spring,
-                                                        HapticTelemetry& t) const noexcept;
+  // step() built twice: a tick without effects pays one branch for all of them.
+  template <bool kEffects>
+  rt::Health cycle(const rt::Tick& tick, const In& in, Out& out) noexcept;
+  [[nodiscard]] Spring spring_of(const perception::Vec3& p_WH) noexcept;
+  [[nodiscard]] perception::Vec3 viscous(const Spring& spring, HapticTelemetry& t) const noexcept;
   void follow_material(const perception::Vec3& p_WH) noexcept;
   void follow_side() noexcept;
   [[nodiscard]] double texture_reach_m() const noexcept;
@@ -202,6 +203,7 @@ class HapticTask {
   rt::Health without_sample(const rt::Tick& tick, Out& out) noexcept;
   rt::Health not_finite(const rt::Tick& tick, Out& out) noexcept;
   void safe(Out& out) noexcept;
+  template <bool kEffects>
   void render(const In& in, const perception::Vec3& dx_D, const Spring& spring, bool surface_moves,
               double stiffness_before, double dt, Out& out) noexcept;
   void guard_force(const perception::Vec3& f_D, const perception::Vec3& dx_D, Out& out) noexcept;

@@ -22,6 +22,9 @@ class Pen {
   Pen(MapProbe& probe, rt::Random& random, const MapPathOptions& o, MapPath& out)
       : probe_(probe), random_(random), options_(o), out_(out) {}
 
+  static Vec3 on_plane(const Place& place, const Vec3& p) {
+    return p - (p - place.p_W).dot(place.n_W) * place.n_W;
+  }
   void start(const Vec3& p) { at_ = p; }
   [[nodiscard]] double now() const {
     return options_.period_s * static_cast<double>(out_.hand_W.size());
@@ -60,6 +63,14 @@ class Pen {
     depth_ = depth;
     go(at + (height_ - depth) * place.n_W, 0.15);
   }
+  // All the way down to the surface there the map is known: what comes out of the unknown is not felt.
+  [[nodiscard]] bool known_over(const Place& place, const Vec3& at) {
+    for (double z = kHover_m; z >= -0.01; z -= 0.005) {
+      const Vec3 p = at + z * place.n_W;
+      if (std::isnan(probe_.value(p)) && !probe_.free(p, 0)) return false;
+    }
+    return true;
+  }
   // How much the map's surface is inclined to the place's plane there; large where it is not known.
   [[nodiscard]] double incline(const Place& place, const Vec3& at) {
     const Axes axes(place.n_W);
@@ -75,9 +86,6 @@ class Pen {
   [[nodiscard]] const Vec3& at() const { return at_; }
 
  private:
-  static Vec3 on_plane(const Place& place, const Vec3& p) {
-    return p - (p - place.p_W).dot(place.n_W) * place.n_W;
-  }
   static bool beyond_edge(const Place& place, const Vec3& foot) {
     const Vec3 r = foot - place.p_W;
     return !place.flat() && (r.dot(place.out_W[0]) > place.edge_m[0] - 0.005 ||
@@ -88,6 +96,7 @@ class Pen {
     const double most = 0.2 * options_.period_s, way = (p - at_).norm();
     at_ = way > most ? Vec3(at_ + (most / way) * (p - at_)) : p;
     out_.hand_W.push_back(at_);
+    if (place_ >= 0 && probe_.value(at_) < 0) out_.planned_s += options_.period_s;
     out_.place.push_back(place_);
   }
   MapProbe& probe_;
@@ -108,7 +117,8 @@ void wander(Pen& pen, const Place& place, rt::Random& random, double seen, doubl
     return Vec3(place.p_W + r * axes.at(random.uniform(0, 2 * std::numbers::pi)));
   };
   while (pen.now() < until && !pen.full()) {
-    const Vec3 at = draw();
+    Vec3 at = Pen::on_plane(place, pen.at());
+    for (int i = 0; i < 20 && !pen.known_over(place, at); ++i) at = draw();
     pen.go(at + kHover_m * place.n_W, kFree_m_per_s);
     pen.press(place, at, pen.depth());
     pen.until(std::min(until, pen.now() + (pen.now() < seen ? 1.5 : 7.0)));
@@ -164,12 +174,12 @@ void cross_edges(Pen& pen, const Place& place, rt::Random& random, double until)
   }
 }
 
-// Time at each place: of what the ways leave, an edge three fifths of something flat, since a third of it is air.
-std::vector<double> shares(const std::vector<Place>& places, double way_m,
+// Time at each place: of what the ways leave, an edge so much of something flat, since a third of it is air.
+std::vector<double> shares(const std::vector<Place>& places, double way_m, double edge,
                            const MapPathOptions& o) {
   std::vector<double> s;
   double sum = 0;
-  for (const Place& p : places) s.push_back(p.flat() ? 1.0 : 0.6);
+  for (const Place& p : places) s.push_back(p.flat() ? 1.0 : edge);
   for (const double part : s) sum += part;
   // Down from the way and back to it.
   const double left = o.seconds - way_m / kFree_m_per_s - 0.5 * static_cast<double>(places.size());
@@ -177,18 +187,14 @@ std::vector<double> shares(const std::vector<Place>& places, double way_m,
   return s;
 }
 
-}  // namespace
-
-MapPath make_map_path(const perception::TsdfMap& map, const perception::Intrinsics& camera,
-                      const std::vector<Pose>& views, const Vec3& up_W, const MapPathOptions& o) {
-  MapProbe probe(map);
-  rt::Random random(o.seed);
+// The hand on its round, with so much of its time at edges.
+MapPath drawn(MapProbe& probe, const Round& round, double edge, rt::Random random,
+              const MapPathOptions& o) {
   MapPath path;
-  Round round = find_places(map, probe, camera, views, up_W, o.first, o.pool, random);
-  path.places = std::move(round.places);
+  path.places = round.places;
   path.way_m = round.way_m;
   path.chosen_from = round.chosen_from;
-  const std::vector<double> time_s = shares(path.places, round.way_m, o);
+  const std::vector<double> time_s = shares(path.places, round.way_m, edge, o);
   Pen pen(probe, random, o, path);
   pen.start(over(path.places.front()));
   for (std::size_t i = 0; !pen.full(); i = (i + 1) % path.places.size()) {
@@ -204,6 +210,22 @@ MapPath make_map_path(const perception::TsdfMap& map, const perception::Intrinsi
     pen.of_place(-1);
     pen.go(over(place), kFree_m_per_s);
     for (const Vec3& p : round.ways[i]) pen.go(p, kFree_m_per_s);
+  }
+  return path;
+}
+
+}  // namespace
+
+MapPath make_map_path(const perception::TsdfMap& map, const perception::Intrinsics& camera,
+                      const std::vector<Pose>& views, const Vec3& up_W, const MapPathOptions& o) {
+  MapProbe probe(map);
+  rt::Random random(o.seed);
+  const Round round = find_places(map, probe, camera, views, up_W, o.first, o.pool, random);
+  // As much of its time at edges as leaves the contact that is asked for.
+  MapPath path;
+  for (const double edge : {0.6, 0.5, 0.4, 0.3}) {
+    path = drawn(probe, round, edge, random, o);
+    if (path.planned_s >= o.contact * o.seconds) break;
   }
   return path;
 }

@@ -18,6 +18,7 @@ struct MapPath {
   std::vector<perception::Vec3> hand_W;  // one a tick
   std::vector<int> place;                // of each tick; -1: on the way
   double way_m = 0;                      // through the free, once around
+  double planned_s = 0;                  // at places with the hand under the map's surface
   std::array<int, 4> chosen_from{};      // walls, tops, edges, corners that were found
 };
 
@@ -26,6 +27,7 @@ struct MapPathOptions {
   double seconds = 60, period_s = 1e-3;
   double least_s = 3;                // at a place; more when the time is enough for all of them
   double seen_s = 5;                 // by then the map holds all of its surfaces
+  double contact = 0.725;            // of the time, planned; a map that still grows loses some
   int pool = 400;                    // places of a kind that are chosen from
   std::optional<Place::Kind> first;  // begins at such a place; none: at what is seen first
 };

@@ -220,7 +220,8 @@ std::vector<MapPath> paths_on_final_map(std::ostream& progress, rt::NonRealtime&
         make_map_path(player.task().map(), sequence.intrinsics, views, up.normalized(), options));
     const auto& of = paths.back().chosen_from;
     progress << "path of seed " << options.seed << ": of " << of[0] << " walls, " << of[1]
-             << " tops, " << of[2] << " edges, " << of[3] << " corners\n";
+             << " tops, " << of[2] << " edges, " << of[3] << " corners; "
+             << std::round(10 * paths.back().planned_s) / 10 << " s in contact planned\n";
   }
   return paths;
 }

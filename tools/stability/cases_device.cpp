@@ -6,24 +6,13 @@
 
 #include "tests/support/haptic_solids.hpp"
 #include "tools/stability/body.hpp"
+#include "tools/stability/case_text.hpp"
 #include "tools/stability/cases.hpp"
 #include "tools/stability/judges.hpp"
 
 namespace stability {
 
-using rig::Path;
-using rig::Rig;
-using rig::Row;
-using rig::Scene;
-using rig::Vec3;
-
 namespace {
-
-std::string text(const char* format, auto... values) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof buffer, format, values...);
-  return buffer;
-}
 
 // The device's own limit, a hair below it, and at most what its force limit makes sense of.
 double stiffness_of(const Body& body) {

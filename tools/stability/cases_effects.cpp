@@ -1,27 +1,16 @@
 // Cases with friction.
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 
 #include "tests/support/haptic_solids.hpp"
+#include "tools/stability/case_text.hpp"
 #include "tools/stability/cases.hpp"
 #include "tools/stability/judges.hpp"
 
 namespace stability {
 
-using rig::Path;
-using rig::Row;
-using rig::Scene;
-using rig::Vec3;
-
 namespace {
-
-std::string text(const char* format, auto... values) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof buffer, format, values...);
-  return buffer;
-}
 
 constexpr double kStatic = 0.3, kDynamic = 0.24;
 

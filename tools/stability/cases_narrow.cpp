@@ -1,26 +1,15 @@
 // Cases on solids that are narrower than their samples: a groove, plates, slots.
 #include <algorithm>
-#include <cstdio>
 #include <numbers>
 
 #include "tests/support/haptic_solids.hpp"
+#include "tools/stability/case_text.hpp"
 #include "tools/stability/cases.hpp"
 #include "tools/stability/judges.hpp"
 
 namespace stability {
 
-using rig::Path;
-using rig::Row;
-using rig::Scene;
-using rig::Vec3;
-
 namespace {
-
-std::string text(const char* format, auto... values) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof buffer, format, values...);
-  return buffer;
-}
 
 constexpr int kMostIterations = 10;
 constexpr double kGrooveAngle = std::numbers::pi / 4, kGrooveDepth_m = 0.004;

@@ -1,27 +1,16 @@
 // Cases on solids that stand still.
 #include <algorithm>
-#include <cstdio>
 #include <iterator>
 #include <memory>
 
 #include "tests/support/haptic_solids.hpp"
+#include "tools/stability/case_text.hpp"
 #include "tools/stability/cases.hpp"
 #include "tools/stability/judges.hpp"
 
 namespace stability {
 
-using rig::Path;
-using rig::Row;
-using rig::Scene;
-using rig::Vec3;
-
 namespace {
-
-std::string text(const char* format, auto... values) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof buffer, format, values...);
-  return buffer;
-}
 
 // Longest time the contact goes on while the hand is outside and the way to it is free, in ticks.
 int release_lag(const rig::Rig& r, const std::vector<Row>& rows) {

@@ -1,30 +1,18 @@
 // Cases where the surface, what is known of it, or the hand's side changes under the hand.
 #include <cmath>
-#include <cstdio>
 #include <memory>
 #include <utility>
 #include <vector>
 
 #include "rt/random.hpp"
 #include "tests/support/haptic_solids.hpp"
+#include "tools/stability/case_text.hpp"
 #include "tools/stability/cases.hpp"
 #include "tools/stability/judges.hpp"
 
 namespace stability {
 
-using rig::Path;
-using rig::Rig;
-using rig::Row;
-using rig::Scene;
-using rig::Vec3;
-
 namespace {
-
-std::string text(const char* format, auto... values) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof buffer, format, values...);
-  return buffer;
-}
 
 // Height over (0, 0) at which a tip rests on the field that `frame` publishes.
 double surface_height(const Rig& r, int frame) {

@@ -1,28 +1,16 @@
 // The texture on a device that is a body: its height, what a loop costs, and that it stays quiet.
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 
 #include "tests/support/haptic_solids.hpp"
 #include "tools/stability/body.hpp"
+#include "tools/stability/case_text.hpp"
 #include "tools/stability/cases.hpp"
 
 namespace stability {
 
-using rig::Path;
-using rig::Rig;
-using rig::Row;
-using rig::Scene;
-using rig::Vec3;
-
 namespace {
-
-std::string text(const char* format, auto... values) {
-  char buffer[256];
-  std::snprintf(buffer, sizeof buffer, format, values...);
-  return buffer;
-}
 
 Scene textured(const Setting& s, double stiffness, const Body& body) {
   Scene scene = held(s, solids::floor, body, stiffness);

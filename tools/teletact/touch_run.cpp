@@ -1,14 +1,13 @@
 // Every column of the trace repeats byte by byte on the same input, except cpu_ns, which is measured.
 #include "tools/teletact/touch_run.hpp"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "rt/clock/box_time.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "tasks/haptic/haptic_task.hpp"
 #include "tools/haptic/run_file.hpp"
@@ -23,12 +22,6 @@ namespace teletact::touch {
 using perception::Vec3;
 
 namespace {
-
-std::int64_t thread_cpu_ns() noexcept {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<std::int64_t>(t.tv_sec) * 1000000000 + t.tv_nsec;
-}
 
 // Figures of a run; contact ticks only where docs/metrics.md says so.
 class Tally {
@@ -213,9 +206,9 @@ void run(const Options& o) {
     tick.k = k;
     tick.release = tick.start = now;
     tick.period = rt::nanos_from_seconds(period_s);
-    const std::int64_t before = thread_cpu_ns();
+    const std::int64_t before = rt::thread_cpu_ns();
     (void)task.step(tick, in, out);
-    const std::int64_t cpu_ns = thread_cpu_ns() - before;
+    const std::int64_t cpu_ns = rt::thread_cpu_ns() - before;
     tally.add(out, cpu_ns);
     record.after(tick, in, out);
     trace.row(row.t, mapped ? Vec3(out.state.p_WH + origin) : row.p, out.state.p_WP + origin, out,
