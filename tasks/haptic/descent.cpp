@@ -72,7 +72,17 @@ void Descent::contact(Vec3 p) noexcept {
     frame_[frame_size_++] = {n, n.dot(p)};
   }
   CellFlow flow(field_, cfg_, radius_, h_, frame_, frame_size_);
-  (void)flow.run(p);
+  p = flow.run(p);
+  if (cfg_.tip_radius_m > 0) {  // round there, not where it was in the last tick
+    radius_ = radius_at(p);
+    g = gap(p);
+    if (!carry(p, g)) {
+      hold();
+      return;
+    }
+    flow.set_radius(radius_);
+    (void)flow.run(p);
+  }
   const Vec3 shift = flow.shade();
   p = flow.place();
   std::array<Tangent, 3> tangents;
