@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 
+#include "tasks/haptic/broken.hpp"
 #include "tasks/haptic/cell_flow.hpp"
 #include "tasks/haptic/field.hpp"
 #include "tasks/haptic/nearest_on_planes.hpp"
@@ -61,6 +62,7 @@ class Descent {
   // A projective field overstates distance (|gradient| > 1) at grazing views; the tip's radius
   // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it.
   [[nodiscard]] double radius_at(const Vec3& p) const noexcept {
+    if (broken(Broken::kTipWithoutRadius)) return 0;
     return cfg_.tip_radius_m * std::max(1.0, field_.smooth_gradient(p).norm());
   }
   bool lift(Vec3& p, Gap& g) noexcept;
