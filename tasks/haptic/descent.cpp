@@ -83,7 +83,7 @@ void Descent::contact(Vec3 p) noexcept {
     flow.set_radius(radius_);
     (void)flow.run(p);
   }
-  const Vec3 shift = flow.shade();
+  const Vec3 shift = cfg_.shade ? flow.shade() : Vec3(Vec3::Zero());
   p = flow.place();
   std::array<Tangent, 3> tangents;
   const std::size_t count = flow.tangents(tangents);
