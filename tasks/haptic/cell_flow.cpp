@@ -25,11 +25,16 @@ CellFlow::CellFlow(const Field& field, const ProxyConfig& cfg, double radius_m, 
     : field_(field),
       cfg_(cfg),
       h_(p_WH / field.voxel()),
-      radius_((radius_m + kClear_m) / field.voxel()),
+      radius_(0),
       step_min_(cfg.step_min_m / field.voxel()),
       held_(held),
       held_size_(held_size) {
+  set_radius(radius_m);
   for (std::size_t i = 0; i < held_size_; ++i) held_[i].d /= field.voxel();
+}
+
+void CellFlow::set_radius(double radius_m) noexcept {
+  radius_ = (radius_m + kClear_m) / field_.voxel();
 }
 
 auto CellFlow::local(const Index& at, const Vec3& q) const noexcept -> Local {

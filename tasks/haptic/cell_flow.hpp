@@ -40,10 +40,12 @@ class CellFlow {
   // From p_W, which is outside the solid (or in it by rounding), to where no way leads nearer.
   [[nodiscard]] Vec3 run(const Vec3& p_W) noexcept;
   // Beside the place reached: on a convex bend between two cells the hand may have a place of rest on
-  // either side. A bend of up to some 10 degrees is the samples' work, not the surface's: the proxy
-  // rests at the nearer one, and what is rendered goes over from one to the other with the barrier
-  // that is left between them, so that it neither jumps nor sticks there.
+  // either side. A bend of up to some 10 degrees between flat sheets is the samples' work, not the
+  // surface's: the proxy stays at its own, and what is rendered goes over from one to the other with
+  // the barrier that is left between them, so that it neither jumps nor sticks there.
   [[nodiscard]] Vec3 shade() noexcept;
+  // For the next run; what the tick may take is not given again.
+  void set_radius(double radius_m) noexcept;
   [[nodiscard]] Vec3 place() const noexcept { return field_.voxel() * q_; }
   // The tangents at the place reached that bear the pull, the one that bears most first; the count.
   [[nodiscard]] std::size_t tangents(std::array<Tangent, 3>& out) const noexcept;
@@ -96,9 +98,11 @@ class CellFlow {
   struct Beyond {
     Vec3 q = Vec3::Zero();  // where the proxy would rest
     double share = 0;       // of it in what is rendered
-    bool nearer = false;
+    bool nearer = false;    // and hardly a ridge before it
   };
   [[nodiscard]] bool beyond(const Index& at, int axis, bool up, Beyond& out) noexcept;
+  [[nodiscard]] double smoothed(double from_here, double from_there, double here,
+                                const Vec3& other) const noexcept;
 
   const Field& field_;
   const ProxyConfig& cfg_;

@@ -15,6 +15,10 @@ constexpr double kReach = 0.2;  // from a wall: what is beyond it is looked at
 constexpr double kBendSmooth = 0.15,
                  kBendSharp = 0.22;  // rad: bends that are gone over, that are kept
 constexpr double kApartFull = 0.1, kApartMost = 0.12;  // rests so far apart are gone over, are not
+// Over what two planes would have between them: where a sheet bulges itself, its rest runs ahead of the hand, and the
+// bend is the surface's.
+constexpr double kBulgeFull = 1.015, kBulgeMost = 1.035;
+constexpr double kNarrow = 0.004;  // a ridge nearer than this does not hold the proxy
 
 }  // namespace
 
@@ -73,20 +77,29 @@ bool CellFlow::beyond(const Index& at, int axis, bool up, Beyond& out) noexcept 
   rest_in(next);
   out.q = q_;
   q_ = own;
-  if (!resting(out.q)) return false;  // the cell after next leads on: no bend of two planes
   const double here = (own - h_).squaredNorm(), there = (out.q - h_).squaredNorm();
   const double low = 1e-12, from_here = pass - here, from_there = pass - there;
-  if (from_here < low || from_there < low || out.q[axis] == x[axis]) return false;
+  out.nearer = from_here < kNarrow * kNarrow && there < here - 1e-9;
+  // Else the cell after next leads on: no bend of two planes.
+  if (!resting(out.q)) return out.nearer;
+  if (from_here < low || from_there < low || out.q[axis] == x[axis]) return out.nearer;
+  out.share = from_there / (from_here + from_there) * smoothed(from_here, from_there, here, out.q);
+  return out.share > 0 || out.nearer;
+}
+
+// How much of a bend is gone over: all of the samples' work, nothing of the surface's own.
+double CellFlow::smoothed(double from_here, double from_there, double here,
+                          const Vec3& other) const noexcept {
+  const auto within = [](double value, double full, double most) {
+    return std::clamp((most - value) / (most - full), 0.0, 1.0);
+  };
   // For two planes that meet at angle b, the roots of the barriers add up to |p - h| b, whatever the
-  // place of the hand.
-  const double bend = (std::sqrt(from_here) + std::sqrt(from_there)) / std::sqrt(here);
-  const double apart = (out.q - own).norm();
-  const double sharp =
-      std::min(std::clamp((kBendSharp - bend) / (kBendSharp - kBendSmooth), 0.0, 1.0),
-               std::clamp((kApartMost - apart) / (kApartMost - kApartFull), 0.0, 1.0));
-  out.share = sharp * from_there / (from_here + from_there);
-  out.nearer = sharp > 0.5 && from_there > from_here;
-  return out.share > 0;
+  // place of the hand; and to the distance of the rests.
+  const double roots = std::sqrt(from_here) + std::sqrt(from_there);
+  const double apart = (other - q_).norm();
+  return std::min(within(roots / std::sqrt(here), kBendSmooth, kBendSharp),
+                  within(apart, kApartFull, kApartMost)) *
+         within(apart / roots, kBulgeFull, kBulgeMost);
 }
 
 Vec3 CellFlow::shade() noexcept {

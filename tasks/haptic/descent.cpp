@@ -72,8 +72,18 @@ void Descent::contact(Vec3 p) noexcept {
     frame_[frame_size_++] = {n, n.dot(p)};
   }
   CellFlow flow(field_, cfg_, radius_, h_, frame_, frame_size_);
-  (void)flow.run(p);
-  const Vec3 shift = flow.shade();
+  p = flow.run(p);
+  if (cfg_.tip_radius_m > 0) {  // round there, not where it was in the last tick
+    radius_ = radius_at(p);
+    g = gap(p);
+    if (!carry(p, g)) {
+      hold();
+      return;
+    }
+    flow.set_radius(radius_);
+    (void)flow.run(p);
+  }
+  const Vec3 shift = cfg_.shade ? flow.shade() : Vec3(Vec3::Zero());
   p = flow.place();
   std::array<Tangent, 3> tangents;
   const std::size_t count = flow.tangents(tangents);
@@ -191,14 +201,14 @@ void Descent::sweep() noexcept {
     state_.phase = Phase::kUnknown;
     n = i = 1;
   }
-  bool free = state_.phase == Phase::kFree;
+  bool free = state_.phase == Phase::kFree || broken(Broken::kTouchesOutOfTheUnknown);
   Vec3 last = from;
   double last_value = 0;
   for (; i <= n; ++i) {
     const Vec3 x = i == n ? h_ : Vec3(from + (static_cast<double>(i) / n) * way);
     const FieldSample s = field_.sample(x);
     if (!s.known) {
-      free = false;
+      free = broken(Broken::kTouchesOutOfTheUnknown);
     } else if (s.value > radius_) {
       free = true;
     } else if (free) {

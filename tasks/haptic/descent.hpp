@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 
+#include "tasks/haptic/broken.hpp"
 #include "tasks/haptic/cell_flow.hpp"
 #include "tasks/haptic/field.hpp"
 #include "tasks/haptic/nearest_on_planes.hpp"
@@ -30,11 +31,7 @@ class Descent {
  public:
   Descent(const Field& field, const Vec3& h, ProxyState& state, const ProxyConfig& cfg) noexcept
       : field_(field), h_(h), state_(state), cfg_(cfg), radius_(cfg.tip_radius_m) {
-    if (radius_ > 0) {
-      // A projective field overstates distance (|gradient| > 1) at grazing views; the tip's radius
-      // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it.
-      radius_ *= std::max(1.0, field.smooth_gradient(state.p_WP()).norm());
-    }
+    if (radius_ > 0) radius_ = radius_at(state.p_WP());
     for (std::int32_t i = 0; i < state.frame_size; ++i) {
       const ProxyPlane& f = state.frame[static_cast<std::size_t>(i)];
       frame_[frame_size_++] = {Vec3(f.nx, f.ny, f.nz), f.d};
@@ -61,6 +58,12 @@ class Descent {
       if (d < g.value) g = {d, frame_[i].n, false};
     }
     return g;
+  }
+  // A projective field overstates distance (|gradient| > 1) at grazing views; the tip's radius
+  // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it.
+  [[nodiscard]] double radius_at(const Vec3& p) const noexcept {
+    if (broken(Broken::kTipWithoutRadius)) return 0;
+    return cfg_.tip_radius_m * std::max(1.0, field_.smooth_gradient(p).norm());
   }
   bool lift(Vec3& p, Gap& g) noexcept;
   bool carry(Vec3& p, Gap& g) noexcept;

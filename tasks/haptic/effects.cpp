@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "tasks/haptic/broken.hpp"
+
 namespace tasks {
 
 using perception::SurfacePatch;
@@ -89,6 +91,7 @@ Relief relief_at(const Surface& surface, const Vec3& foot) noexcept {
       out.slope[a] += b.amplitude_m * wave * std::cos(wave * foot[a]);
     }
   }
+  if (broken(Broken::kBumpsTooLow)) out.height *= 0.8;
   return out;
 }
 
@@ -108,10 +111,12 @@ Vec3 with_friction(const Field& field, const Vec3& h, ProxyState& state, const F
     state.slipping = false;
     state.set_anchor(p_c);
   }
+  if (broken(Broken::kAnchorLeaks))
+    state.set_anchor(state.anchor_W() + 1e-3 * (p_c - state.anchor_W()));
   const Vec3 n = out / d, away = state.anchor_W() - p_c;
   Vec3 t = away - away.dot(n) * n;
-  const double length = t.norm(), rest = cone.mu_static * d,
-               slip = std::min(cone.mu_dynamic, cone.mu_static) * d;
+  const double rest = (broken(Broken::kBreaksLooseEarly) ? cone.mu_dynamic : cone.mu_static) * d;
+  const double length = t.norm(), slip = std::min(cone.mu_dynamic, cone.mu_static) * d;
   if (length > (state.slipping ? slip : rest)) {
     // A cone that has closed over a proxy at rest takes it along at its rim: that is no slip.
     const bool closed = !state.slipping && length <= cone.mu_static_before * d;

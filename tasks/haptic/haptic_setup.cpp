@@ -29,6 +29,7 @@ void HapticConfig::describe(config::Section& s) {
   s.number("tip_radius_m", tip_radius_m, 0, 0.04, "radius of the proxy, in the scene");
   s.integer("iterations_max", iterations_max, 0, 10000,
             "steps of the proxy in a tick; 0: the method's own");
+  s.flag("shade", shade, "go over the small bends of the samples without a step");
   s.number("force_limit_N", force_limit_N, 0.1, 12, "largest force on the hand");
   s.number("slew_N_per_s", slew_N_per_s, 10, 10000, "fastest change of force at a still hand");
   s.number("slew_calm_N_per_s", slew_calm_N_per_s, 10, 10000,
@@ -95,6 +96,7 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
     refuse(text);
   }
   proxy_config_.tip_radius_m = config.tip_radius_m;
+  proxy_config_.shade = config.shade;
   if (config.iterations_max > 0) proxy_config_.iterations_max = config.iterations_max;
   proxy_config_.paper_friction = config.paper_friction;
   force_limit_N_ = std::min(config.force_limit_N, device.force_limit_N);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tasks/haptic/broken.hpp"
+
 namespace tasks {
 
 using perception::SurfacePatch;
@@ -163,7 +165,9 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Spring& spring, bo
   HapticTelemetry& t = out.telemetry;
   t.in_contact = spring.contact;
   const double gain_before = fade_ * ramp_;
-  t.gain = advance_gain(t.stale || in.clutch || in.mode.mode == Mode::kRampDown, dt);
+  t.gain = advance_gain(t.stale || (in.clutch && !broken(Broken::kClutchKeepsForce)) ||
+                            in.mode.mode == Mode::kRampDown,
+                        dt);
   const double to_N_per_m = t.gain * stiffness_ / config_.scale;
   Vec3 f = t.in_contact ? Vec3(to_N_per_m * (workspace_.R_WD().transpose() * spring.pull_W))
                         : Vec3(Vec3::Zero());
@@ -181,6 +185,7 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Spring& spring, bo
     f = limited(allowed, force_limit_N_);
   }
   guard_force(f, dx_D, out);
+  if (broken(Broken::kClutchCutsForce) && in.clutch) f_D_ = out.force.f_H_D = Vec3::Zero();
 }
 
 // Forces off at once; what is remembered of the surface stays, and the next enable fades in.
@@ -341,7 +346,8 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
   if (!take_hand(in.stylus, tick, dt, dx_D)) {
     return not_finite(tick, out);
   }
-  const Vec3 p_WH = workspace_.advance(h_D_, in.clutch, in.view_yaw_rad, dt);
+  const Vec3 p_WH =
+      workspace_.advance(h_D_, in.clutch && !broken(Broken::kClutchMovesHand), in.view_yaw_rad, dt);
   const double stiffness_before = stiffness_;
   if (in.surface != nullptr) proxy_config_.surface = in.surface;
   rested_W_ = proxy_.p_WP();

@@ -56,6 +56,7 @@ struct HapticConfig {
   double border_rate_per_s = 2.0;  // hand metres a second per metre beyond it
   double tip_radius_m = 0.0;       // scene metres
   int iterations_max = 0;          // of the proxy in a tick; 0: the method's own
+  bool shade = true;               // go over the small bends of the samples without a step
   double force_limit_N = 12.0;
   double slew_N_per_s = 300.0;
   double slew_calm_N_per_s = 98.0;  // hand still and less than 1 N behind

@@ -40,6 +40,7 @@ struct ProxyConfig {
   int iterations_max = 120;   // descent steps a tick; the proxy catches up in the next tick
   double tolerance_m = 2e-8;  // of the constraint; t sticks sideways by sqrt(2 depth t)
   double step_min_m = 2e-6;   // a descent step below this ends the tick
+  bool shade = true;          // cell_flow.hpp
   const SurfacePoints* surface = nullptr;  // force_shading only: the newest ray cast
   double paper_friction = 0;               // force_shading only: mu of its circle
 };

@@ -91,7 +91,7 @@ using After = std::function<void(rig::Rig&, Run&)>;
                                      const rig::Vec3& lean = rig::Vec3::UnitX());
 // Cases that are repeated on fused fields.
 [[nodiscard]] bool on_fused_fields(int id);
-// Cases that a round tip of any radius up to kTipMost_m can run on samples; 19 and 20 are about a point.
+// Cases that a round tip of any radius up to kTipMost_m can run on samples; 20 is about a point.
 inline constexpr double kTipMost_m = 0.004;  // every path begins 5 mm off
 [[nodiscard]] bool takes_tip(int id);
 [[nodiscard]] std::vector<FusedView> fused_views();

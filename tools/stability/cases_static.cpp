@@ -47,7 +47,7 @@ bool on_fused_fields(int id) {
   return std::ranges::find(kIds, id) != std::end(kIds);
 }
 
-bool takes_tip(int id) { return id <= 18; }
+bool takes_tip(int id) { return id <= 19; }
 
 std::vector<FusedView> fused_views() {
   std::vector<FusedView> out;

@@ -298,10 +298,11 @@ Run clutched_again(const Setting& s) {
   const double top = 0.5 * kPlate_m + s.tip_radius_m;
   const Vec3 is(0, 0, top - 0.008), elsewhere(0.03, 0.01, top + 0.02);
   const Path down({{0, 0, top + 0.01}, is}, s.speed), away({is, elsewhere}, s.speed);
-  r.run(down, 0, down.duration() + 0.1);
+  const Row last = r.run(down, 0, down.duration() + 0.1).back();
   const Vec3 scene_before = r.task().to_world(s.place.X_WS * is);
   r.in().clutch = true;
-  const std::vector<Row> off = r.run([&](double) { return is; }, 0, 0.15);
+  std::vector<Row> off = r.run([&](double) { return is; }, 0, 0.15);
+  off.insert(off.begin(), last);  // the first step is the one from before the clutch
   const double left_N = off.back().f.norm(),
                moving_N = largest_N(r.run(away, 0, away.duration() + 0.01));
   r.in().clutch = false;

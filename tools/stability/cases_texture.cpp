@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "tests/support/haptic_solids.hpp"
 #include "tools/stability/body.hpp"
@@ -12,8 +13,9 @@ namespace stability {
 
 namespace {
 
-Scene textured(const Setting& s, double stiffness, const Body& body) {
+Scene textured(const Setting& s, bool shade, double stiffness, const Body& body) {
   Scene scene = held(s, solids::floor, body, stiffness);
+  scene.config.shade = shade;
   scene.config.texture_amplitude_m = 0.0003;
   scene.config.texture_period_m = 0.002;
   return scene;
@@ -23,10 +25,10 @@ constexpr double kTextureDepth = 0.001;
 
 // The device rests on the texture under a push: how fast it still moves. Aside, a bump holds it with a stiffness of
 // at most K (effects.hpp).
-double texture_residual(const Setting& s, double stiffness, double push_N) {
+double texture_residual(const Setting& s, bool shade, double stiffness, double push_N) {
   const Body body{0.2, 2, 0, 0};
-  Rig r(textured(s, stiffness, body));
-  Twin twin(body, {}, {0.0004, 0.0003, 0.001});
+  Rig r(textured(s, shade, stiffness, body));
+  Twin twin(body, {}, {0.0004, 0.0003, 0.001 + s.tip_radius_m});
   double residual = 0;
   for (int k = 0; k < 3000; ++k) {
     const Row row = r.tick(twin.reading());
@@ -36,23 +38,22 @@ double texture_residual(const Setting& s, double stiffness, double push_N) {
   return residual;
 }
 
-}  // namespace
-
-std::vector<Run> case_texture(const Setting& s) {
+std::vector<Run> texture_runs(const Setting& s, bool shade) {
   std::vector<Run> out;
   for (const double stiffness : {300.0, 1000.0}) {
     const Body body{0.2, 20, 0, 0};
-    Rig r(textured(s, stiffness, body));
+    Rig r(textured(s, shade, stiffness, body));
     // Ten periods there and back, along x of the grid: the texture lies in the map.
     const Vec3 x_S = r.setup().X_WS.linear().transpose() * Vec3::UnitX();
     const Vec3 along = (x_S - x_S.z() * Vec3::UnitZ()).normalized();
-    const Vec3 depth(0, 0, -kTextureDepth);
-    const Path down({Vec3(0, 0, 0.003), depth}, s.speed);
+    const double rest = s.tip_radius_m;
+    const Vec3 depth(0, 0, rest - kTextureDepth);
+    const Path down({Vec3(0, 0, rest + 0.003), depth}, s.speed);
     r.run(down, 0, down.duration());
     const Path there({depth, depth + 0.02 * along, depth}, s.speed);
     Run run;
     run.id = 19;
-    run.name = title(text("K %.1f N/mm", 1e-3 * stiffness), s);
+    run.name = title(text("K %.1f N/mm%s", 1e-3 * stiffness, shade ? "" : ", no shading"), s);
     run.rows = r.run(there, 0, there.duration());
     run.figures = rig::figures(run.rows);
     add_gates(run);
@@ -80,7 +81,7 @@ std::vector<Run> case_texture(const Setting& s) {
     // What the same way has to feel of the height over the foot of the hand, whatever the grid.
     double low = 1e9, high = -1e9;
     for (const Row& row : run.rows) {
-      const Vec3 foot_W = s.place.X_WS * Vec3(row.h.x(), row.h.y(), 0);
+      const Vec3 foot_W = s.place.X_WS * Vec3(row.h.x(), row.h.y(), rest);
       double height = 0;
       for (int a = 0; a < 3; ++a)
         height += 0.0003 * std::sin(2 * std::numbers::pi * foot_W[a] / 0.002);
@@ -92,12 +93,14 @@ std::vector<Run> case_texture(const Setting& s) {
     if (wave_hz < 99) add(run, "amplitude error %", 100 * std::abs(amplitude / right - 1), 10);
     add(run, "loop energy mJ", 1e3 * std::abs(energy), 0.2);
     if (stiffness < 500) {
-      add(run, "residual speed at 0.3 N/mm, mm/s", 1e3 * texture_residual(s, stiffness, 1), 3);
+      add(run, "residual speed at 0.3 N/mm, mm/s", 1e3 * texture_residual(s, shade, stiffness, 1),
+          3);
       run.note = text("under 3 N %.1f mm/s; 10 loops over 1 mm of depth %.2f mJ",
-                      1e3 * texture_residual(s, stiffness, 3), 1e3 * loop_energy);
+                      1e3 * texture_residual(s, shade, stiffness, 3), 1e3 * loop_energy);
     } else {
       double quiet = 0;
-      for (double k = 300; k < 3000 && texture_residual(s, k, 1) < 0.003; k *= 1.25) quiet = k;
+      for (double k = 300; k < 3000 && texture_residual(s, shade, k, 1) < 0.003; k *= 1.25)
+        quiet = k;
       run.note =
           text("amplitude %.3f mm, loop %.3f mJ, 10 over 1 mm of depth %.2f, quiet up to %.2f N/mm",
                1e3 * amplitude, 1e3 * energy, 1e3 * loop_energy, 1e-3 * quiet);
@@ -106,5 +109,16 @@ std::vector<Run> case_texture(const Setting& s) {
   }
   return out;
 }
+
+// With and without shading.
+std::vector<Run> both_ways(const Setting& s) {
+  std::vector<Run> out = texture_runs(s, true);
+  for (Run& run : texture_runs(s, false)) out.push_back(std::move(run));
+  return out;
+}
+
+}  // namespace
+
+std::vector<Run> case_texture(const Setting& s) { return with_both_tips(s, both_ways); }
 
 }  // namespace stability

@@ -45,7 +45,7 @@ void choose_cases(StabilityOptions& o, const std::string& list) {
     if (o.tip_radius_m > 0 && !stability::takes_tip(c.id)) {
       if (asked && o.cases.contains(c.id)) {
         throw std::runtime_error("--tip-radius: case " + std::to_string(c.id) +
-                                 " is about a point; allowed are cases 1 to 18");
+                                 " is about a point; allowed are cases 1 to 19");
       }
       o.cases.erase(c.id);
     }

@@ -17,18 +17,16 @@ using stability::Setting;
 
 // Over its limit where the optimum is not: case, fused, check, the worst figure of these runs, the optimum's own in that run.
 constexpr Missed kMissed[] = {
-    // Two rests 0.9 mm apart, a ridge of 5 um between them: what is rendered goes over it, the optimum waits for its end.
-    {9, false, "F error p95 N", 0.48, 0},
-    // At one place the proxy breaks loose at another time than the optimum's with the definition's cone about it: its places
-    // are good to 0.05 mm, and the cone sticks again at 1 um.
-    {3, false, "F error p95 N", 0.42, 0},
+    // At one place friction holds the proxy back into the wall: lifted along the gradient step by step, where the model looks
+    // for the nearest free place in 400 directions, good to 0.2 mm.
+    {3, false, "F error p95 N", 0.388, 0},
     // Where it drops off a ridge across several cells.
     {4, false, "ticks of more than 10 iterations", 1, 0},
     // A surface that arrives within one period lifts a soft hand's mass as well.
     {20, false, "injected mJ, hand 100 N/m", 11, 9.94},
-    // The same ridges, on a run so short that the slew guard's flank behind a drop of several newtons is 5 % of it.
-    {2, true, "F error p95 N", 0.3, 0.119},
-    {6, true, "F error p95 N", 1.45, 0.356},
+    // The slew guard's flank behind a drop of 9.9 N is 5 % of so short a run; three ticks in which what is rendered goes over
+    // a ridge 0.6 mm before the optimum does come to it.
+    {6, true, "F error p95 N", 0.517, 0.356},
 };
 
 class HardCase : public testing::TestWithParam<stability::Case> {};

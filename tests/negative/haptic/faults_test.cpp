@@ -1,0 +1,81 @@
+// Each fault of tasks/haptic/broken.hpp must fail the check of the hard cases that is there for it; without one the same
+// check is met.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "tasks/haptic/broken.hpp"
+#include "tools/stability/cases.hpp"
+
+namespace {
+
+using stability::Check;
+using stability::Run;
+using stability::Setting;
+using tasks::Broken;
+
+struct Fault {
+  Broken broken;
+  const char* name;
+  std::vector<Run> (*run)(const Setting&);
+  const char* part;  // of the run's name
+  const char* check;
+};
+const Fault kFaults[] = {
+    {Broken::kTouchesOutOfTheUnknown, "TouchesOutOfTheUnknown", &stability::case_border, "",
+     "force out of the unknown N"},
+    {Broken::kClutchCutsForce, "ClutchCutsForce", &stability::case_start_inside, "re-clutch",
+     "J while the clutch is pressed N"},
+    {Broken::kClutchKeepsForce, "ClutchKeepsForce", &stability::case_start_inside, "re-clutch",
+     "force while clutched N"},
+    {Broken::kClutchMovesHand, "ClutchMovesHand", &stability::case_start_inside, "re-clutch",
+     "hand in the scene moved mm"},
+    {Broken::kAnchorLeaks, "AnchorLeaks", &stability::case_friction_hold, "",
+     "hold friction error N"},
+    {Broken::kBreaksLooseEarly, "BreaksLooseEarly", &stability::case_friction_hold, "",
+     "breakaway friction error N"},
+    {Broken::kBumpsTooLow, "BumpsTooLow", &stability::case_texture, "", "amplitude error %"},
+    {Broken::kTipWithoutRadius, "TipWithoutRadius", &stability::case_slots, "5 mm",
+     "not pushed out of the slot N"},
+};
+
+// The named check of every run that has it.
+std::vector<Check> checks(const Fault& fault, Broken broken, std::size_t place) {
+  Setting s;
+  s.place = rig::placements()[place];
+  s.judged = false;
+  tasks::broken_now = broken;
+  std::vector<Check> out;
+  for (const Run& run : fault.run(s)) {
+    if (run.name.find(fault.part) == std::string::npos) continue;
+    for (const Check& c : run.checks) {
+      if (c.name == fault.check) out.push_back(c);
+    }
+  }
+  tasks::broken_now = Broken::kNone;
+  if (out.empty()) throw std::runtime_error(std::string("no check ") + fault.check);
+  return out;
+}
+
+class Faults : public testing::TestWithParam<Fault> {};
+
+TEST_P(Faults, AreSeenAndTheProductIsNot) {
+  for (const std::size_t place : {0U, 4U}) {
+    for (const Check& c : checks(GetParam(), Broken::kNone, place)) {
+      EXPECT_TRUE(c.met()) << c.name << " " << c.value << " at place " << place;
+    }
+    for (const Check& c : checks(GetParam(), GetParam().broken, place)) {
+      EXPECT_FALSE(c.met()) << c.name << " " << c.value << " at place " << place;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Faults, testing::ValuesIn(kFaults),
+                         [](const testing::TestParamInfo<Fault>& each) {
+                           return std::string(each.param.name);
+                         });
+
+}  // namespace
