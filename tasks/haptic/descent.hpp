@@ -15,6 +15,7 @@
 namespace tasks {
 
 inline constexpr double kSweepStep_vox = 0.25;
+inline constexpr double kTipTurn = 0.03;  // of the tip's radius, a tick
 
 using perception::Vec3;
 
@@ -33,7 +34,14 @@ class Descent {
     if (radius_ > 0) {
       // A projective field overstates distance (|gradient| > 1) at grazing views; the tip's radius
       // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it.
-      radius_ *= std::max(1.0, field.smooth_gradient(state.p_WP()).norm());
+      // Beside unknown space it jumps, and the place depends on it as it does on the place: so it
+      // goes so far a tick in contact.
+      const double steep = std::max(1.0, field.smooth_gradient(state.p_WP()).norm());
+      const bool contact = state.phase == ProxyState::Phase::kContact && state.tip_scale > 0;
+      state.tip_scale =
+          contact ? std::clamp(steep, state.tip_scale - kTipTurn, state.tip_scale + kTipTurn)
+                  : steep;
+      radius_ *= state.tip_scale;
     }
     for (std::int32_t i = 0; i < state.frame_size; ++i) {
       const ProxyPlane& f = state.frame[static_cast<std::size_t>(i)];
