@@ -16,7 +16,13 @@ constexpr double kOn = 1e-9;      // nearer than this the point is on the surfac
 constexpr double kExact = 1e-11;  // a Newton step onto the surface ends here
 constexpr double kGain = 1e-10;   // of |q - h|^2: less is rounding
 constexpr double kStride = 0.25;
-constexpr double kBendMin = 0.1;  // least curvature that a Newton step believes
+constexpr double kBendMin = 0.05;  // least curvature that a Newton step believes
+
+// Where a rest vanishes the distance to h is flat or falls ever faster: as far as a step may go.
+Vec3 long_step(const Vec3& s) noexcept {
+  const double size = s.norm();
+  return size > 0 && size < kStride ? Vec3(s * (kStride / size)) : s;
+}
 
 }  // namespace
 
@@ -130,7 +136,8 @@ Vec3 CellFlow::newton(const Local& l, const Pull& p, const Vec3& r) noexcept {
   if (p.fixed != 0) {  // along a curve on the wall
     const double size = p.d.norm();
     const Vec3 t = p.d / size;
-    return (size / std::max(bent(t, t), kBendMin)) * t;
+    const double curve = bent(t, t);
+    return curve < kBendMin ? long_step(p.d) : Vec3((size / curve) * t);
   }
   const Vec3 n = l.g.normalized(), t1 = n.unitOrthogonal(), t2 = n.cross(t1);
   double a = bent(t1, t1), c = bent(t2, t2);
@@ -141,7 +148,8 @@ Vec3 CellFlow::newton(const Local& l, const Pull& p, const Vec3& r) noexcept {
     c += kBendMin - least;
   }
   const double det = a * c - b * b, r1 = t1.dot(r), r2 = t2.dot(r);
-  return ((c * r1 - b * r2) / det) * t1 + ((a * r2 - b * r1) / det) * t2;
+  const Vec3 s = ((c * r1 - b * r2) / det) * t1 + ((a * r2 - b * r1) / det) * t2;
+  return least < kBendMin ? long_step(s) : s;
 }
 
 // Newton onto the surface within the cell and off the fixed axes. False: not reached, and in the
@@ -311,7 +319,7 @@ void CellFlow::descend() noexcept {
 // At rest a hair from a wall: onto it, so that the cells beyond are asked too. Where the hand is over the very
 // edge of a solid, the step to it is shorter than any that counts.
 bool CellFlow::onto_wall() noexcept {
-  constexpr double kHair = 3e-4;
+  constexpr double kHair = 5e-3;
   for (int a = 0; a < 3; ++a) {
     const double node = std::round(q_[a]), off = std::abs(q_[a] - node);
     if (off == 0 || off > kHair) continue;

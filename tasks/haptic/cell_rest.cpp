@@ -58,7 +58,9 @@ void CellFlow::pass_on(const Index& at, unsigned wall) noexcept {
     Side side{at, {}};
     Pull p = pull(l, side, r);
     p.fixed = wall;
+    const Vec3 last = q_;
     if (!p.barred || p.d.squaredNorm() < 1e-8 || !advance(side, l, p, r)) return;
+    if ((q_ - last).squaredNorm() < 1e-20) return;  // at another wall
   }
 }
 

@@ -70,10 +70,12 @@ class ReferenceField {
 
 class FieldOptimum {
  public:
+  using Known = std::function<bool(const Vec3& p)>;
   // `radius`: of the tip, m. Where the field rises faster than distance (a projective one seen at a
-  // grazing angle), as many times more of it is asked for, by differences over a voxel.
-  FieldOptimum(const ReferenceField& field, double radius, double voxel = 0.01)
-      : field_(field), tip_(radius), voxel_(voxel), radius_(radius) {}
+  // grazing angle), as many times more of it is asked for, by differences over a voxel; along an axis on which one
+  // side was not seen, within the cell. `known`: of the cell of a place; empty: all were seen.
+  FieldOptimum(const ReferenceField& field, double radius, double voxel = 0.01, Known known = {})
+      : field_(field), tip_(radius), voxel_(voxel), known_(std::move(known)), radius_(radius) {}
 
   // p rests for the hand at `from`; where it rests once the hand has gone straight on to `to`.
   [[nodiscard]] Vec3 follow(Vec3 p, const Vec3& from, const Vec3& to) const {
@@ -240,7 +242,12 @@ class FieldOptimum {
     double sum = 0;
     for (int a = 0; a < 3; ++a) {
       const Vec3 step = voxel_ * Vec3::Unit(a);
-      const double rise = (field_(p + step) - field_(p - step)) / (2 * voxel_);
+      double rise = (field_(p + step) - field_(p - step)) / (2 * voxel_);
+      if (known_ && !(known_(p + step) && known_(p - step))) {
+        Vec3 wall = p;
+        wall[a] = voxel_ * std::floor(p[a] / voxel_);
+        rise = (field_(wall + step) - field_(wall)) / voxel_;
+      }
       sum += rise * rise;
     }
     return std::sqrt(sum);
@@ -311,6 +318,7 @@ class FieldOptimum {
 
   const ReferenceField& field_;
   double tip_, voxel_;
+  Known known_;
   mutable double radius_;  // of the field, for this place
 };
 

@@ -108,13 +108,16 @@ inline bool in_known(const Scene& setup, const Vec3& p_W) {
 // has been in it, they are compared again when the hand has been in seen-free space.
 struct Optimum {
   std::size_t row;
-  Vec3 p, f;  // S
+  Vec3 p, f;       // S
+  Vec3 f_guarded;  // its force behind the slew guard
 };
 inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, Figures& out,
                                   std::size_t stride = 5) {
   const Scene& setup = rig.setup();
   const support::ReferenceField field = reference_field(rig, rows);
-  const support::FieldOptimum optimum(field, setup.config.tip_radius_m, setup.voxel);
+  support::FieldOptimum::Known known;
+  if (setup.known) known = [&](const Vec3& p_W) { return in_known(setup, p_W); };
+  const support::FieldOptimum optimum(field, setup.config.tip_radius_m, setup.voxel, known);
   std::vector<Optimum> path;
   std::vector<double> f_error, p_error, f_guarded_error;
   Vec3 p = setup.X_WS * rows.front().h, h_last = p, f_guarded = Vec3::Zero();
@@ -138,10 +141,12 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
       f_guarded = Vec3::Zero();
       continue;
     }
-    judged += inside ? 1U : 0U;
     p = optimum.follow(p, h_last, h);
     const double moved = (h - h_last).norm();
     h_last = h;
+    comparable = in_known(setup, p);  // it may have come there in this step
+    if (!comparable) continue;
+    judged += inside ? 1U : 0U;
     if (!r.telemetry.in_contact && (p - h).norm() < 1e-4) continue;
     Vec3 f = setup.config.stiffness_N_per_m * (p - h);
     const double whole = f.norm();
@@ -161,7 +166,8 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
     out.unused_max =
         std::max(out.unused_max, optimum.unused(p_mine, h) * setup.config.stiffness_N_per_m * mine);
     out.unused_optimum = std::max(out.unused_optimum, optimum.unused(p, h) * whole);
-    path.push_back({i, setup.X_WS.inverse() * p, setup.X_WS.linear().transpose() * f});
+    const Mat3 R_SW = setup.X_WS.linear().transpose();
+    path.push_back({i, setup.X_WS.inverse() * p, R_SW * f, R_SW * f_guarded});
     f_error.push_back((setup.X_WS.linear() * r.f - f).norm());
     p_error.push_back((p_mine - p).norm());
   }

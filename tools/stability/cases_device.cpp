@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <optional>
 
 #include "tests/support/haptic_solids.hpp"
 #include "tools/stability/body.hpp"
@@ -159,6 +160,7 @@ double pushed_optimum(const Setting& s, const Place& place, const Body& body, do
 struct Held {
   std::vector<Row> rows;
   double residual = 0, controller = 0, energy = 0;
+  std::optional<Twin> then;  // the device and the hand as they were at `then_s` of along()
 };
 // The hand's goal goes along the way, then rests: so long after the last event the device has to be at rest.
 constexpr double kRest_s = 2, kRestAtLimit_s = 7;  // damped well; where the loop only just damps
@@ -166,7 +168,7 @@ constexpr double kRest_s = 2, kRestAtLimit_s = 7;  // damped well; where the loo
 constexpr int kCalmTicks = 500;
 constexpr double kCalm_m_per_s = 1e-3;
 Held along(Rig& r, const Body& body, const Grip& grip, const Path& path, double event_s,
-           double rest_s) {
+           double rest_s, double then_s = 0) {
   Held out;
   Twin twin(body, grip, path(0));
   const auto event = static_cast<int>(std::ceil(event_s / kPeriod)),
@@ -174,6 +176,7 @@ Held along(Rig& r, const Body& body, const Grip& grip, const Path& path, double 
   std::vector<double> speed;
   for (int k = 0, calm = 0; k < last && calm < kCalmTicks; ++k) {
     const double t = k * kPeriod;
+    if (!out.then && t > then_s - 0.5 * kPeriod) out.then = twin;
     out.rows.push_back(r.tick(twin.reading()));
     const Vec3 goal = path(t);
     twin.advance(out.rows.back().f, Vec3::Zero(), goal, (path(t + kPeriod) - goal) / kPeriod);
@@ -269,13 +272,12 @@ void add_hands(Run& run, const Setting& s, const Place& place) {
   add(run, "controller N", std::max(limber.controller, firm.controller), 1);
 }
 
-// What a surface that goes up evenly over one period of windows, from its publication on, puts into an exact spring on it.
-double injected_by_exact(const Body& body, const Grip& grip, const Path& path, double published_s,
-                         double step, double stiffness, double until_s) {
-  Twin twin(body, grip, path(0));
-  double height = 0, stretch = 0, injected = 0;
-  for (int k = 0; k * kPeriod < until_s; ++k) {
-    const double t = k * kPeriod;
+// What a surface that goes up evenly over one period of windows, from its publication on, puts into an exact spring
+// under the same device and hand in the same motion: as they were at the publication.
+double injected_by_exact(Twin twin, const Path& path, double published_s, double step,
+                         double stiffness, double until_s) {
+  double height = 0, stretch = std::max(-twin.reading().z(), 0.0), injected = 0;
+  for (double t = published_s; t < until_s; t += kPeriod) {
     const double z = twin.reading().z(), before = height;
     height = step * std::clamp((t - published_s + kPeriod) * 30, 0.0, 1.0);
     const double last = stretch;
@@ -299,7 +301,9 @@ Run stepped(const Setting& s, const Grip& grip, double depth) {
   const double at = path.duration() + 0.6;
   scene.solid = [=](const Vec3& p, double t) { return solids::floor(p) - (t > at ? kStep : 0); };
   Rig r(std::move(scene));
-  Held h = along(r, body, grip, path, at, kRest_s);
+  // A window of this tick is the first that has it.
+  const double published = kPeriod * std::ceil(std::ceil(at * 30 + 1e-6) / 30 / kPeriod - 1e-6);
+  Held h = along(r, body, grip, path, at, kRest_s, published);
   double before = 0, after = 0;
   for (const Row& row : h.rows) {
     (row.t <= at ? before : after) = row.telemetry.booked_J;
@@ -310,9 +314,8 @@ Run stepped(const Setting& s, const Grip& grip, double depth) {
   run.rows = std::move(h.rows);
   run.figures = rig::figures(run.rows);
   add_gates(run);
-  const double published = std::ceil(at * 30 + 1e-6) / 30;
   add(run, text("injected mJ, hand %.0f N/m", grip.stiffness), 1e3 * (after - before), 10,
-      1e3 * injected_by_exact(body, grip, path, published, kStep, kStiffness,
+      1e3 * injected_by_exact(*h.then, path, published, kStep, kStiffness,
                               run.rows.back().t + kPeriod),
       Yardstick::kExact);
   // One that rises slowly lifts spring and hand, k K / (k + K) together, by the step.

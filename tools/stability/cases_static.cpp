@@ -352,7 +352,7 @@ std::vector<Run> saddle_runs(const Setting& s) {
                }),
       0.3);
   if (run.figures.judged_share < 0.99) return {run};
-  double curl = 0, curl_raw = 0, curl_optimum = 0;
+  double curl = 0, curl_raw = 0, curl_optimum = 0, curl_guarded = 0;
   for (std::size_t i = 1; i < run.rows.size(); ++i) {
     const Row &row = run.rows[i], &last = run.rows[i - 1];
     if (row.t > before.duration() + 1e-9) {
@@ -363,12 +363,16 @@ std::vector<Run> saddle_runs(const Setting& s) {
   for (std::size_t i = 1; i < run.optimum.size(); ++i) {
     const auto &o = run.optimum[i], &last = run.optimum[i - 1];
     if (run.rows[last.row].t > before.duration()) {
-      curl_optimum += 0.5 * (o.f + last.f).dot(run.rows[o.row].h - run.rows[last.row].h);
+      const Vec3 way = run.rows[o.row].h - run.rows[last.row].h;
+      curl_optimum += 0.5 * (o.f + last.f).dot(way);
+      curl_guarded += 0.5 * (o.f_guarded + last.f_guarded).dot(way);
     }
   }
+  // What is sent is behind the guard: a force that comes late round a loop costs energy too.
   add(run, "loop energy mJ", 1e3 * std::abs(curl), 0.2,
-      s.judged ? 1e3 * std::abs(curl_optimum) : std::nan(""));
-  run.note = text("loop %.2f mJ, before the guard %.2f", 1e3 * curl, 1e3 * curl_raw);
+      s.judged ? 1e3 * std::abs(curl_guarded) : std::nan(""), Yardstick::kGuarded);
+  run.note = text("loop %.2f mJ, before the guard %.2f; optimum %.2f, before the guard %.2f",
+                  1e3 * curl, 1e3 * curl_raw, 1e3 * curl_guarded, 1e3 * curl_optimum);
   return {run};
 }
 

@@ -14,8 +14,12 @@ using stability::Setting;
 
 // Over its limit where the optimum is not: case, fused, check, the worst figure of these runs, the optimum's own in that run.
 constexpr Missed kMissed[] = {
-    // See tests/stability/cases/cases_test.cpp.
-    {20, false, "injected mJ, hand 100 N/m", 11.1, 9.94},
+    // Ridges, see tests/stability/cases/cases_test.cpp.
+    {6, false, "F error p95 N", 0.507, 0.405},
+    {9, false, "F error p95 N", 1.8, 1.34},
+    {9, false, "p error p95 mm", 0.753, 0},
+    // Noise: a small force to the side begins 14 mm before the optimum's.
+    {6, true, "lateral before edge mm", 55.2, 41.6},
 };
 
 class FullCase : public testing::TestWithParam<stability::Case> {};

@@ -48,6 +48,20 @@ TEST(FieldOptimum, SkewPlane) {
   });
 }
 
+// A steep field that was seen on one side only: the tip's radius is multiplied by the slope of what was seen.
+TEST(FieldOptimum, SteepFieldBesideWhatWasNotSeen) {
+  constexpr double kSteep = 3, kRadius = 0.002;
+  const ReferenceField field =
+      sampled([](const Vec3& x) { return x.x() > -1e-6 ? kSteep * x.z() : -0.05; });
+  const auto rest = [&](const FieldOptimum& optimum) {
+    return optimum.follow({0.002, 0, 0.012}, {0.002, 0, 0.012}, {0.002, 0, -0.002}).z();
+  };
+  EXPECT_NEAR(rest(FieldOptimum(field, kRadius, 0.01, [](const Vec3& x) { return x.x() > -1e-6; })),
+              kRadius, 1e-4);
+  EXPECT_GT(rest(FieldOptimum(field, kRadius)),
+            1.2 * kRadius);  // what was not seen taken for solid
+}
+
 // A roof that lies on grid nodes, so that the samples hold it exactly: the foot on the side it came
 // from until that foot reaches the ridge, and no sooner.
 TEST(FieldOptimum, RoofIsLeftAtItsRidge) {
