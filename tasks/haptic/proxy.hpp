@@ -73,9 +73,7 @@ struct ProxyState {
   bool outside = false;           // force_shading: the field at the hand was > 0 in this tick
   std::int32_t still = 0;         // friction: ticks of slip without motion
   double ax = 0, ay = 0, az = 0;  // friction: anchor, W
-  double tip_scale =
-      0;  // what the tip's radius is multiplied by where the field is steep; 0: none yet
-  double rubbed = 0;  // friction: how far the proxy was from the frictionless one, m
+  double rubbed = 0;              // friction: how far the proxy was from the frictionless one, m
 
   [[nodiscard]] perception::Vec3 p_WP() const noexcept { return {px, py, pz}; }
   [[nodiscard]] perception::Vec3 rendered_WP() const noexcept {
