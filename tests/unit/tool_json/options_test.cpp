@@ -130,7 +130,7 @@ TEST(Options, WhatCanNotBeIsRefusedBeforeAnythingStarts) {
       {"stability --tip-radius 4.1", "--tip-radius: Value 4.1 not in FLOAT in [0 - 4]"},
       {"stability --tip-radius -1", "--tip-radius"},
       {"stability --tip-radius nan", "--tip-radius"},
-      {"stability --tip-radius 3 --cases 19", "--tip-radius: case 19"},
+      {"stability --tip-radius 3 --cases 20", "--tip-radius: case 20"},
       {"stability --tip-radius 3 --fused", "--tip-radius"},
       {"stability --angles 361", "--angles: Value 361 not in FLOAT in [-360 - 360]"},
       {"stability --angles nan", "--angles"},
