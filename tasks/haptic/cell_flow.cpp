@@ -319,7 +319,7 @@ void CellFlow::descend() noexcept {
 // At rest a hair from a wall: onto it, so that the cells beyond are asked too. Where the hand is over the very
 // edge of a solid, the step to it is shorter than any that counts.
 bool CellFlow::onto_wall() noexcept {
-  constexpr double kHair = 5e-3;
+  constexpr double kHair = 3e-3;
   for (int a = 0; a < 3; ++a) {
     const double node = std::round(q_[a]), off = std::abs(q_[a] - node);
     if (off == 0 || off > kHair) continue;

@@ -18,7 +18,7 @@ constexpr double kApartFull = 0.1, kApartMost = 0.12;  // rests so far apart are
 // Over what two planes would have between them: where a sheet bulges itself, its rest runs ahead of the hand, and the
 // bend is the surface's.
 constexpr double kBulgeFull = 1.015, kBulgeMost = 1.035;
-constexpr double kNarrow = 0.004;  // a ridge nearer than this does not hold the proxy
+constexpr double kNarrow = 0.01;  // a ridge nearer than this does not hold the proxy
 
 }  // namespace
 
