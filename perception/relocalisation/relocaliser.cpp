@@ -200,7 +200,7 @@ bool Relocaliser::next_guess(Guess& out) const noexcept {
     return true;
   }
   for (std::size_t n = 0; leader != nullptr && n < 2 * twin_count_; ++n) {
-    const Pose& twin = twins_[n / 2].X_there_here;
+    const Pose& twin = twins_[n / 2].X_TH;
     const Pose X_WC = (n % 2 == 0 ? twin : twin.inverse()) * leader->X_WC;
     if (was_tried(X_WC)) continue;
     out = Guess{};
@@ -214,7 +214,7 @@ bool Relocaliser::next_guess(Guess& out) const noexcept {
 bool Relocaliser::alone(const Tracker& tracker, ImageView<const Rgb> colour,
                         const Pose& X_WC) noexcept {
   for (std::size_t n = 0; n < 2 * twin_count_; ++n) {
-    const Pose& twin = twins_[n / 2].X_there_here;
+    const Pose& twin = twins_[n / 2].X_TH;
     const Pose X_there = (n % 2 == 0 ? twin : twin.inverse()) * X_WC;
     if (!same_place(X_there, X_WC) && keyframes_.near(X_there)) return false;
   }
@@ -300,11 +300,11 @@ void Relocaliser::learn_twin(const Pose& X_WC, double inlier_share) noexcept {
     const Place& p = places_[k];
     if (p.fit == Fit::kNothing || searches_ - p.at > kSameView || same_place(p.X_WC, X_WC))
       continue;
-    const Pose X_there_here = orthonormalised(X_WC * p.X_WC.inverse());
+    const Pose X_TH = orthonormalised(X_WC * p.X_WC.inverse());
     const double quality = std::min(p.inlier_share, inlier_share);
     std::size_t at = twin_count_;
     for (std::size_t n = 0; n < twin_count_; ++n) {
-      const Pose& twin = twins_[n].X_there_here;
+      const Pose& twin = twins_[n].X_TH;
       if (same_place(twin * p.X_WC, X_WC) || same_place(twin.inverse() * p.X_WC, X_WC)) at = n;
     }
     if (at == kTwins) {
@@ -313,7 +313,7 @@ void Relocaliser::learn_twin(const Pose& X_WC, double inlier_share) noexcept {
       at = static_cast<std::size_t>(poorest - twins_.begin());
     }
     if (at < twin_count_ && quality <= twins_[at].quality) continue;
-    twins_[at] = {X_there_here, quality};
+    twins_[at] = {X_TH, quality};
     twin_count_ = std::max(twin_count_, at + 1);
   }
 }

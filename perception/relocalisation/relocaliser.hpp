@@ -100,9 +100,9 @@ class Relocaliser {
     bool possible = false;  // nothing in the small images forbids it
     bool mirrored = false;  // the camera is to the keyframe as it is to one of the place that fits
   };
-  // From one place to another that looked like it, in W.
+  // From one place, here (H), to another that looked like it, there (T), in W.
   struct Twin {
-    Pose X_there_here = Pose::Identity();
+    Pose X_TH = Pose::Identity();
     double quality = 0;  // inlier share of the poorer fit
   };
   [[nodiscard]] Fit try_at(TsdfMap& map, const Tracker& tracker, const Pose& X_WC,
