@@ -335,16 +335,23 @@ DeviceFit fit_rings_and_delay(const std::vector<Ring>& rings, double& delay_s) {
 IdentifyResult identify_device(drivers::HapticDevice& device, const IdentifyOptions& o,
                                rt::Time start, const Pace& pace) {
   const drivers::DeviceProperties properties = device.properties();
-  if (!properties.renders_force) throw std::runtime_error("identify: the device renders no force");
+  if (!properties.renders_force) throw std::runtime_error("the device renders no force");
   const rt::Nanos period{std::llround(1e9 / o.rate_hz)};
   const auto ticks = static_cast<std::size_t>(o.seconds * o.rate_hz);
   rt::Time now = start;
   drivers::StylusSample sample;
+  // A device that answers frame by frame has no sample yet when it was just opened.
+  constexpr double kFirst_s = 1;
+  const auto first = start + rt::nanos_from_seconds(kFirst_s);
+  for (pace(now); !device.sense(now, sample) && now < first; pace(now)) {
+    device.act(now, {});
+    now += period;
+  }
   const auto read = [&] {
     pace(now);
-    if (!device.sense(now, sample)) throw std::runtime_error("identify: the device gave no sample");
+    if (!device.sense(now, sample)) throw std::runtime_error("the device gave no sample");
     if (sample.state == drivers::DeviceState::kReset) {
-      throw std::runtime_error("identify: the device is not calibrated");
+      throw std::runtime_error("the device is not calibrated");
     }
   };
   // To rest: damped for a while, then without any force. That is where the swings begin.
@@ -375,8 +382,7 @@ IdentifyResult identify_device(drivers::HapticDevice& device, const IdentifyOpti
         for (std::size_t i = 0; i < ticks; ++i) {
           read();
           if (sample.state != drivers::DeviceState::kForce && i > 2) {
-            throw std::runtime_error(
-                "identify: the device braked during a swing; try a smaller --throw");
+            throw std::runtime_error("the device braked during a swing; try a smaller --throw");
           }
           const Vec3 f = k * (centre - sample.p_DH);
           device.act(now, {f});
@@ -387,7 +393,7 @@ IdentifyResult identify_device(drivers::HapticDevice& device, const IdentifyOpti
         for (const RingSample& s : ring.samples) moved = std::max(moved, std::abs(s.x_m));
         if (moved < 0.5 * o.throw_m) {
           throw std::runtime_error(
-              "identify: it hardly moved: let go of the stylus, or use a larger --throw");
+              "it hardly moved: let go of the stylus, or use a larger --throw");
         }
         rings[static_cast<std::size_t>(axis)].push_back(std::move(ring));
       }
@@ -402,7 +408,7 @@ IdentifyResult identify_device(drivers::HapticDevice& device, const IdentifyOpti
   for (std::size_t a = 0; a < 3; ++a) {
     r.axes[a] = fit_rings(rings[a], r.delay_s);
     if (!(r.axes[a].mass_kg > 0)) {
-      throw std::runtime_error("identify: the swings can not be fitted");
+      throw std::runtime_error("the swings can not be fitted");
     }
     r.mean.mass_kg += r.axes[a].mass_kg / 3;
     r.mean.damping_N_s_per_m += r.axes[a].damping_N_s_per_m / 3;

@@ -72,16 +72,17 @@ int cmd_identify(int argc, char** argv) {
   check_outputs({{"--json", json}, {"--out", out}}, {});
   if (!kind.empty()) overrides.push_back("device.kind=\"" + kind + "\"");
   const auto scene = load_scene(find_config("scenes", scene_name), overrides);
-  scene->hand.segments.clear();  // a twin without a hand
 
   rt::Startup startup;
-  drivers::HandScript hand(startup.token(), scene->hand, scene->workspace());
+  drivers::HandScript nobody(startup.token(), {}, scene->workspace());
   const bool real = !scene->choice.in_process();
-  const rt::Time begin = rt::time_from_ns(rt::monotonic_ns());
-  const auto opened = open_haptic_device(startup.token(), *scene, hand, begin, true);
+  const auto opened = open_haptic_device(startup.token(), *scene, nobody,
+                                         rt::time_from_ns(rt::monotonic_ns()), true);
   const auto stated = opened->device().properties();
   std::printf("device     %s\n", opened->description().c_str());
   opened->device().request_enable();
+  // Opening may have taken long: ticks that are late would follow each other without a wait.
+  const rt::Time begin = rt::time_from_ns(rt::monotonic_ns());
   const auto result = identify_device(opened->device(), options, begin, [&](rt::Time due) {
     if (!real) return;  // the twin's time is the caller's
     const rt::Nanos wait = due - rt::time_from_ns(rt::monotonic_ns());

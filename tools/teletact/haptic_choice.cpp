@@ -75,15 +75,16 @@ class StandIn final : public TwinHere, private drivers::HapticDevice {
 
 // ---- Omega.3 through the SDK
 
-// What of a scene the twin library takes: [device] is its [twin], [hand] its hand.
-std::string twin_library_text(const Scene& scene) {
+// What of a scene the twin library takes: [device] is its [twin], and, `with_hand`, [hand] its hand.
+std::string twin_library_text(const Scene& scene, bool with_hand) {
   std::istringstream lines(config::effective(scene.schema));
   std::ostringstream out;
   bool wanted = false;
   for (std::string line; std::getline(lines, line);) {
     if (line.rfind("# ", 0) == 0) line.erase(0, 2);
     if (!line.empty() && line.front() == '[') {
-      wanted = line == "[device]" || line == "[hand]" || line == "[[hand.segment]]";
+      wanted =
+          line == "[device]" || (with_hand && (line == "[hand]" || line == "[[hand.segment]]"));
       if (line == "[device]") line = "[twin]";
     }
     if (wanted && line.rfind("kind = \"" + scene.choice.kind + "\"", 0) != 0) out << line << '\n';
@@ -98,7 +99,7 @@ std::string twin_library_text(const Scene& scene) {
 // The vendor's library has no such handles; the twin's gets its scene and its hand, before the driver
 // opens it. Kept loaded beside the driver, since a library that is closed forgets.
 std::unique_ptr<drivers::DhdLibrary> set_up_twin_library(rt::NonRealtime& nrt, const Scene& scene,
-                                                         rt::Time epoch) {
+                                                         bool with_hand, rt::Time epoch) {
   drivers::DhdSearch search;
   search.named = scene.choice.omega.sdk;
   auto loaded = drivers::DhdLibrary::load(nrt, search);
@@ -106,7 +107,7 @@ std::unique_ptr<drivers::DhdLibrary> set_up_twin_library(rt::NonRealtime& nrt, c
   auto library = std::move(loaded).value();
   const auto control = drivers::find_twin_control(*library);
   if (!control.complete()) return nullptr;
-  if (control.reset(twin_library_text(scene).c_str()) != 0) {
+  if (control.reset(twin_library_text(scene, with_hand).c_str()) != 0) {
     throw std::runtime_error(std::string("omega: twin library: ") + control.error());
   }
   control.start_hand(rt::seconds(epoch - rt::time_from_ns(rt::monotonic_ns())));
@@ -115,8 +116,8 @@ std::unique_ptr<drivers::DhdLibrary> set_up_twin_library(rt::NonRealtime& nrt, c
 
 class RealOmega final : public OpenedDevice {
  public:
-  RealOmega(rt::NonRealtime& nrt, const Scene& scene, rt::Time epoch)
-      : twin_(set_up_twin_library(nrt, scene, epoch)), device_(nrt, scene.choice.omega) {
+  RealOmega(rt::NonRealtime& nrt, const Scene& scene, bool with_hand, rt::Time epoch)
+      : twin_(set_up_twin_library(nrt, scene, with_hand, epoch)), device_(nrt, scene.choice.omega) {
     device_.request_enable();
   }
   drivers::HapticDevice& device() noexcept override { return device_; }
@@ -230,7 +231,9 @@ std::unique_ptr<OpenedDevice> open_haptic_device(rt::NonRealtime& nrt, const Sce
   if (!real) {
     return std::make_unique<StandIn>(make_twin(nrt, scene, hand, epoch), chosen_properties(choice));
   }
-  if (choice.kind == "omega") return std::make_unique<RealOmega>(nrt, scene, epoch);
+  if (choice.kind == "omega") {
+    return std::make_unique<RealOmega>(nrt, scene, hand.size() > 0, epoch);
+  }
   if (choice.kind == "falcon") return std::make_unique<RealFalcon>(nrt, scene, hand, epoch);
   return std::make_unique<RealMouse>(nrt, scene);
 }

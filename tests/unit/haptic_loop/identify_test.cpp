@@ -58,6 +58,40 @@ TEST(Identify, FindsTheDelayToo) {
   EXPECT_NEAR(r.mean.damping_N_s_per_m, 2, 0.1);
 }
 
+// Like a device over USB: nothing comes in the first `silent` reads.
+class LateDevice final : public drivers::HapticDevice {
+ public:
+  LateDevice(drivers::OmegaTwin& twin, int silent) : twin_(twin), silent_(silent) {}
+  drivers::DeviceProperties properties() const noexcept override { return twin_.properties(); }
+  bool sense(rt::Time now, drivers::StylusSample& out) noexcept override {
+    return twin_.sense(now, out) && silent_-- <= 0;
+  }
+  void act(rt::Time now, const drivers::ForceCommand& c) noexcept override { twin_.act(now, c); }
+  void request_enable() noexcept override { twin_.request_enable(); }
+  void make_safe() noexcept override { twin_.make_safe(); }
+
+ private:
+  drivers::OmegaTwin& twin_;
+  int silent_;
+};
+
+TEST(Identify, WaitsForTheFirstSampleOfADeviceThatWasJustOpened) {
+  drivers::OmegaTwinConfig c;
+  c.mass_kg = 0.3;
+  rt::Startup startup;
+  drivers::OmegaTwin twin(startup.token(), c, nullptr);
+  twin.enable_force(rt::time_from_ns(0));
+  LateDevice late(twin, 5);
+  IdentifyOptions options;
+  options.seconds = 0.8;
+  const auto r = teletact::identify_device(late, options, rt::time_from_ns(0), [](rt::Time) {});
+  EXPECT_NEAR(r.mean.mass_kg, 0.3, 0.006);
+  LateDevice never(twin, 1'000'000);
+  EXPECT_THROW((void)teletact::identify_device(never, options, rt::time_from_ns(100'000'000'000),
+                                               [](rt::Time) {}),
+               std::runtime_error);
+}
+
 TEST(Identify, RefusesAHeldStylus) {
   drivers::OmegaTwinConfig c;
   c.hand_stiffness_N_per_m = 5000;
