@@ -83,10 +83,14 @@ int cmd_identify(int argc, char** argv) {
   opened->device().request_enable();
   // Opening may have taken long: ticks that are late would follow each other without a wait.
   const rt::Time begin = rt::time_from_ns(rt::monotonic_ns());
+  std::uint64_t ticks = 0, late = 0;
   const auto result = identify_device(opened->device(), options, begin, [&](rt::Time due) {
     if (!real) return;  // the twin's time is the caller's
     const rt::Nanos wait = due - rt::time_from_ns(rt::monotonic_ns());
     if (wait.count() > 0) std::this_thread::sleep_for(wait);
+    ++ticks;
+    const double behind_s = rt::seconds(rt::time_from_ns(rt::monotonic_ns()) - due);
+    late += behind_s * options.rate_hz > 0.5 ? 1 : 0;
   });
   opened->device().make_safe();
   Metrics metrics("identify");
@@ -108,6 +112,13 @@ int cmd_identify(int argc, char** argv) {
               stated.measured ? "measured" : "assumed", stated.mass_kg, stated.damping_N_s_per_m,
               stated.coulomb_N, 1e3 * result.delay_s,
               options.fit_delay ? ", fitted" : ", as stated");
+  if (late > 0) {
+    std::printf(
+        "late       %llu of %llu ticks by more than half a period: the fit takes them as on time; "
+        "measure again where less else runs\n",
+        static_cast<unsigned long long>(late), static_cast<unsigned long long>(ticks));
+  }
+  metrics.add("identify.late_ticks", static_cast<double>(late), "1");
   metrics.add("identify.delay_ms", 1e3 * result.delay_s, "ms");
   write_outputs(
       {{out,

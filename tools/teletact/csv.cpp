@@ -55,6 +55,8 @@ rt::Result<CsvTable> parse_csv(const std::string& text, const std::string& name)
   std::size_t number = 0, width = 0;
   while (std::getline(in, line)) {
     ++number;
+    // The byte order mark that some spreadsheets write first.
+    if (number == 1 && line.rfind("\xEF\xBB\xBF", 0) == 0) line.erase(0, 3);
     const std::string body = trimmed(line);
     if (body.empty() || body.front() == '#') continue;
     std::vector<std::string> cells;

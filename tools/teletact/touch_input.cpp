@@ -151,16 +151,16 @@ std::vector<HandRow> load_hand(const Options& o, double& period_s) {
       period_s >= 1e-5 && period_s <= 0.1,
       o.path + ": row spacing of " + std::to_string(period_s) + " s; allowed are 10 us to 100 ms");
   check((hand.back().t - hand.front().t) / period_s < 1e8, o.path + ": too long a time");
-  if (o.rate_hz <= 0 || std::abs(spacing - period_s) <= 1e-3 * period_s) {
-    for (std::size_t i = 1; i < hand.size(); ++i) {
-      const double gap = hand[i].t - hand[i - 1].t;
-      check(std::abs(gap - period_s) <= 0.5 * period_s,
-            o.path + ": row " + std::to_string(i + 1) + " is " + std::to_string(gap) +
-                " s after the one before; rows are ticks, " + std::to_string(period_s) +
-                " s apart: give --rate to have them interpolated");
-    }
-    return hand;
-  }
+  std::size_t uneven = 1;
+  const auto gap = [&](std::size_t i) { return hand[i].t - hand[i - 1].t; };
+  while (uneven < hand.size() && std::abs(gap(uneven) - period_s) <= 0.5 * period_s) ++uneven;
+  const bool even = uneven >= hand.size();
+  check(even || o.rate_hz > 0, o.path + ": row " + std::to_string(uneven + 1) + " is " +
+                                   (even ? std::string() : std::to_string(gap(uneven))) +
+                                   " s after the one before; rows are ticks, " +
+                                   std::to_string(period_s) +
+                                   " s apart: give --rate to have them interpolated");
+  if (even && std::abs(spacing - period_s) <= 1e-3 * period_s) return hand;
   std::vector<HandRow> out;
   std::size_t i = 0;
   for (std::size_t k = 0;; ++k) {

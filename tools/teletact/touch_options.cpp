@@ -67,8 +67,12 @@ void add_options(CLI::App& app, Options& o) {
 }
 
 void check_replay(const CLI::App& app, Options& o) {
-  for (const char* other : {"--field", "--fields", "--voxel", "--path", "--record", "--rate"}) {
-    check(app.count(other) == 0, std::string(other) + " has no meaning with --replay");
+  // What the run was recorded with stays; an option that would be passed over in silence is refused.
+  for (const CLI::Option* option : app.get_options()) {
+    const std::string name = option->get_name();
+    const bool counts = name == "--replay" || name == "--method" || name == "--out" ||
+                        name == "--json" || name == "--help";
+    check(counts || option->count() == 0, name + " has no meaning with --replay");
   }
   if (app.count("--method") == 0) o.method.clear();
   check_outputs({{"--out", o.out}, {"--json", o.json}}, {o.replay});

@@ -214,6 +214,7 @@ void run(const Options& o) {
     trace.row(row.t, mapped ? Vec3(out.state.p_WH + origin) : row.p, out.state.p_WP + origin, out,
               cpu_ns);
   }
+  surface.check_seen();
   record.end();
   write_outputs({{o.debug, [&](const auto&) { trace.finish_debug(); }},
                  {o.record, [&](const auto&) { record.finish(); }},

@@ -84,8 +84,14 @@ const tasks::SurfacePoints* SurfaceSource::at(std::size_t visible) {
   if (!wanted_ || visible == 0 || visible == cast_) return nullptr;
   cast_ = visible;
   current_ = 1 - current_;
-  cast_view(fields_.fields[visible - 1], options_.voxel_m, view_, points_[current_]);
+  seen_ = cast_view(fields_.fields[visible - 1], options_.voxel_m, view_, points_[current_]) > 0 ||
+          seen_;
   return &points_[current_];
+}
+
+void SurfaceSource::check_seen() const {
+  check(!wanted_ || options_.view.empty() || cast_ == 0 || seen_,
+        "--view '" + options_.view + "': no surface is seen from there");
 }
 
 }  // namespace teletact::touch

@@ -47,11 +47,13 @@ class SurfaceSource {
                 const std::vector<HandRow>& hand);
   // Null: as before.
   const tasks::SurfacePoints* at(std::size_t visible);
+  // Throws std::runtime_error: --view was given, and nothing was ever seen from there.
+  void check_seen() const;
 
  private:
   const FieldList& fields_;
   const Options& options_;
-  bool wanted_ = false;
+  bool wanted_ = false, seen_ = false;
   View view_;
   std::array<tasks::SurfacePoints, 2> points_;
   std::size_t cast_ = 0, current_ = 0;

@@ -318,7 +318,7 @@ TEST_F(Touch, RecordedRunReplaysToTheLastBit) {
   for (std::size_t i = 0; i < first.size(); ++i) {
     for (std::size_t c = 1; c < 11; ++c) EXPECT_NEAR(first[i][c], again[i][c], 1e-9) << i;
   }
-  // The same hand and windows through the memoryless baseline: no friction there.
+  // The same hand and windows through the memoryless baseline.
   ASSERT_EQ(run({"--replay", file("a.run"), "--method", "nearest10", "--out", file("n.csv")}), 0);
   EXPECT_EQ(rows(dir_ / "n.csv").size(), first.size());
   EXPECT_NE(
@@ -327,7 +327,45 @@ TEST_F(Touch, RecordedRunReplaysToTheLastBit) {
   EXPECT_NE(refusal({"--replay", file("a.run"), "--voxel", "0.01", "--out", file("x.csv")})
                 .find("--voxel has no meaning"),
             std::string::npos);
+  // Whatever the run was recorded with stays as it was, and is not passed over in silence.
+  for (const char* option : {"--stiffness", "--friction", "--debug", "--guard"}) {
+    EXPECT_NE(refusal({"--replay", file("a.run"), option, "1", "--out", file("x.csv")})
+                  .find(std::string(option) + " has no meaning"),
+              std::string::npos);
+  }
   EXPECT_FALSE(fs::exists(dir_ / "x.csv"));
+}
+
+TEST_F(Touch, UnevenRowsAreRefusedOrInterpolated) {
+  std::ostringstream out;
+  out << "t_s,x,y,z\n";
+  for (int i = 0; i < 300; ++i) {
+    const double t = 1e-3 * i + (i % 2 == 1 && i < 299 ? 7e-4 : 0);
+    out << t << ",-0.01,0.31," << 0.425 - 0.05 * t << '\n';
+  }
+  write(dir_ / "hand.csv", out.str());
+  EXPECT_NE(refusal(standard()).find("give --rate"), std::string::npos);
+  // The rate that the rows have in the mean: still interpolated.
+  auto args = standard();
+  args.insert(args.end(), {"--rate", "1000"});
+  ASSERT_EQ(run(args), 0);
+  const auto trace = rows(dir_ / "trace.csv");
+  ASSERT_EQ(trace.size(), 300U);
+  for (std::size_t i = 0; i < trace.size(); ++i) {
+    EXPECT_NEAR(trace[i][0], 1e-3 * static_cast<double>(i), 1e-9);
+    EXPECT_NEAR(trace[i][3], 0.425 - 0.05 * trace[i][0], 1e-7) << i;
+  }
+}
+
+TEST_F(Touch, AViewThatSeesNothingIsSaid) {
+  auto args = standard();
+  *std::find(args.begin(), args.end(), "constrained") = "force_shading";
+  auto away = args;
+  away.insert(away.end(), {"--view", "0,0.3,0.8,0,0.3,2"});
+  EXPECT_NE(refusal(away).find("no surface is seen"), std::string::npos);
+  EXPECT_FALSE(fs::exists(dir_ / "trace.csv"));
+  args.insert(args.end(), {"--view", "0,0.3,0.8,0,0.3,0.4"});
+  EXPECT_EQ(run(args), 0);
 }
 
 // The clutch is held while the device goes back over the floor: the scene's hand waits, and goes on from there.
@@ -534,6 +572,9 @@ TEST(Csv, HeaderCommentsAndWidth) {
   EXPECT_FALSE(teletact::parse_csv("1,2\n3\n", "x"));
   EXPECT_FALSE(teletact::numeric_rows(t.value(), {"c"}));
   EXPECT_FALSE(teletact::parse_csv("", "x"));
+  auto marked = teletact::parse_csv("\xEF\xBB\xBFt_s,x\n0,5\n", "x");
+  ASSERT_TRUE(marked);
+  EXPECT_EQ(marked.value().column("t_s"), 0);
   auto bare = teletact::parse_csv("0,5\r\n1,6\r\n", "x");
   ASSERT_TRUE(bare);
   EXPECT_TRUE(bare.value().header.empty());
