@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 
 #include "perception/tsdf/chunk_record.hpp"
@@ -199,9 +200,11 @@ rt::Result<MapFile> parse_map(rt::NonRealtime&, std::string bytes, const std::st
 rt::Result<MapFile> read_map_file(rt::NonRealtime& nrt, const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   if (!in) return error(path, std::string("can not be opened: ") + std::strerror(errno));
+  std::error_code ignored;
   in.seekg(0, std::ios::end);
   const auto end = static_cast<std::streamoff>(in.tellg());
-  if (end < 0) return error(path, "is no plain file");
+  if (end < 0 || std::filesystem::is_directory(path, ignored))
+    return error(path, "is no plain file");
   const auto size = static_cast<std::uint64_t>(end);
   if (size > kMostMapBytes) return error(path, "is larger than 4 GiB");
   in.seekg(0);

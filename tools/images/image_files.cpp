@@ -1,10 +1,15 @@
 #include "tools/images/image_files.hpp"
 
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
@@ -21,29 +26,77 @@ rt::Error error(const std::string& name, const std::string& what) {
   return rt::Error{name + ": " + what};
 }
 
+// What is written to stderr while it lives. Through OpenCV libpng and libjpeg have no other way to say that a
+// file is damaged; libjpeg goes on with grey in place of what it could not read.
+class DecoderWords {
+ public:
+  DecoderWords() : file_(memfd_create("decoder", MFD_CLOEXEC)), stderr_(-1) {
+    std::fflush(stderr);
+    if (file_ >= 0) stderr_ = fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 3);
+    if (stderr_ >= 0) dup2(file_, STDERR_FILENO);
+  }
+  ~DecoderWords() {
+    restore();
+    if (file_ >= 0) close(file_);
+  }
+  DecoderWords(const DecoderWords&) = delete;
+  DecoderWords& operator=(const DecoderWords&) = delete;
+
+  // Its first line.
+  [[nodiscard]] std::string end() {
+    restore();
+    char text[200];
+    const ssize_t n = file_ >= 0 ? pread(file_, text, sizeof text, 0) : 0;
+    const std::string all(text, static_cast<std::size_t>(std::max<ssize_t>(n, 0)));
+    return all.substr(0, all.find('\n'));
+  }
+
+ private:
+  void restore() {
+    if (stderr_ < 0) return;
+    std::fflush(stderr);
+    dup2(stderr_, STDERR_FILENO);
+    close(stderr_);
+    stderr_ = -1;
+  }
+  int file_, stderr_;
+};
+
 rt::Result<cv::Mat> decode(Bytes b, const drivers::ImageHeader& h, int flags,
                            const std::string& name) {
   cv::Mat image;
+  DecoderWords words;
   try {
     const cv::Mat raw(1, static_cast<int>(b.size()), CV_8U, const_cast<std::uint8_t*>(b.data()));
     image = cv::imdecode(raw, flags);
   } catch (const cv::Exception& e) {
     return error(name, "can not be decoded: " + e.err);
   }
+  const std::string said = words.end();
   if (image.empty() || image.cols != h.width || image.rows != h.height) {
-    return error(name, "can not be decoded");
+    return error(name, "can not be decoded" + (said.empty() ? said : ": " + said));
   }
+  // Other words, such as those about a colour profile, are no damage.
+  for (const char* damage : {"Corrupt JPEG data", "Premature end of JPEG"})
+    if (said.starts_with(damage)) return error(name, said);
   return image;
 }
 
 rt::Result<std::vector<std::uint8_t>> slurp(const std::string& path) {
+  constexpr std::size_t kMost = std::size_t{1} << 28U, kPart = std::size_t{1} << 20U;
   std::ifstream file(path, std::ios::binary);
   if (!file) return error(path, std::string("can not be opened: ") + std::strerror(errno));
-  file.seekg(0, std::ios::end);
-  const std::streamoff size = file.tellg();
-  if (size > (std::streamoff{1} << 28U)) return error(path, "is larger than 256 MiB");
-  file.seekg(0);
-  std::vector<std::uint8_t> bytes{std::istreambuf_iterator<char>(file), {}};
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) return error(path, "is a folder");
+  // In parts: what is no plain file does not tell its size.
+  std::vector<std::uint8_t> bytes;
+  while (file) {
+    const std::size_t had = bytes.size();
+    if (had > kMost) return error(path, "is larger than 256 MiB");
+    bytes.resize(had + kPart);
+    file.read(reinterpret_cast<char*>(bytes.data() + had), static_cast<std::streamsize>(kPart));
+    bytes.resize(had + static_cast<std::size_t>(file.gcount()));
+  }
   if (file.bad() || bytes.empty()) return error(path, "is empty or can not be read");
   return bytes;
 }

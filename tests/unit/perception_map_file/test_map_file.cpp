@@ -238,7 +238,9 @@ TEST(MapFile, IsReadFromDisk) {
   EXPECT_NE(file.error().find("announced"), std::string::npos) << file.error();
   fs::remove(path);
   EXPECT_FALSE(read_map_file(startup.token(), path.string()));
-  EXPECT_FALSE(read_map_file(startup.token(), fs::temp_directory_path().string()));
+  const auto folder = read_map_file(startup.token(), fs::temp_directory_path().string());
+  ASSERT_FALSE(folder);
+  EXPECT_NE(folder.error().find("no plain file"), std::string::npos) << folder.error();
 }
 
 }  // namespace

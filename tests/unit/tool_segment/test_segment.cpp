@@ -6,6 +6,7 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <span>
 #include <sstream>
 
 #include "rt/random.hpp"
@@ -240,6 +241,16 @@ TEST_F(Segment, OfPlaceAgainstColourOnlyMOverGCounts) {
                std::exception);
 }
 
+// The same PNG announced twice as high: each chunk is whole, the data end too early.
+std::string png_of_half_its_rows(std::string png) {
+  const std::size_t height = 8 + 8 + 4, crc = 8 + 8 + 13;
+  png[height + 3] = static_cast<char>(2 * kH);
+  const std::span<const std::uint8_t> body(reinterpret_cast<const std::uint8_t*>(&png[12]), 17);
+  for (std::size_t i = 0; i < 4; ++i)
+    png[crc + i] = static_cast<char>(drivers::png_crc(body) >> (24 - 8 * i));
+  return png;
+}
+
 TEST_F(Segment, BadInputIsOneMessageAndNoFile) {
   std::ofstream(path("text.png")) << "not an image";
   const std::string whole = slurp(path("c.png"));
@@ -247,6 +258,12 @@ TEST_F(Segment, BadInputIsOneMessageAndNoFile) {
   const std::string jpg = slurp(path("c.jpg"));
   std::ofstream(path("torn.jpg"), std::ios::binary) << jpg.substr(0, jpg.size() / 2);
   std::ofstream(path("none.png"));
+  std::ofstream(path("half.png"), std::ios::binary) << png_of_half_its_rows(whole);
+  // Zeros in the middle of its data: libjpeg makes an image of it, and says so.
+  std::string damaged = jpg;
+  std::fill_n(damaged.begin() + static_cast<std::ptrdiff_t>(jpg.size() / 2), jpg.size() / 8, '\0');
+  std::ofstream(path("damaged.jpg"), std::ios::binary) << damaged;
+  fs::create_directories(path("folder.png"));
   const std::string c = path("c.png"), d = path("d.png"), out = path("m.png"), k = "90,90,48,36";
   const std::vector<std::vector<std::string>> bad{
       {"--color", path("absent.png"), "--touch", "1,1"},
@@ -254,6 +271,9 @@ TEST_F(Segment, BadInputIsOneMessageAndNoFile) {
       {"--color", path("torn.png"), "--touch", "1,1"},
       {"--color", path("torn.jpg"), "--touch", "1,1"},
       {"--color", path("none.png"), "--touch", "1,1"},
+      {"--color", path("half.png"), "--touch", "1,1"},
+      {"--color", path("damaged.jpg"), "--touch", "1,1"},
+      {"--color", path("folder.png"), "--touch", "1,1"},
       {"--color", d, "--touch", "1,1"},
       {"--color", c},
       {"--color", c, "--whole", "--touch", "1,1"},
@@ -282,6 +302,7 @@ TEST_F(Segment, BadInputIsOneMessageAndNoFile) {
     args.insert(args.end(), {"--out", out});
     std::string shown;
     for (const auto& a : args) shown += " " + a;
+    ::testing::internal::CaptureStderr();
     try {
       run(args);
       ADD_FAILURE() << "accepted:" << shown;
@@ -289,6 +310,7 @@ TEST_F(Segment, BadInputIsOneMessageAndNoFile) {
       EXPECT_GT(std::string(e.what()).size(), 10U) << shown;
       EXPECT_EQ(std::string(e.what()).find('\n'), std::string::npos) << shown;
     }
+    EXPECT_EQ(::testing::internal::GetCapturedStderr(), "") << "beside the message:" << shown;
     EXPECT_FALSE(fs::exists(out)) << shown;
   }
   EXPECT_THROW(run({"--color", c, "--touch", "1,1", "--out", path("no/such/folder.png")}),
