@@ -143,6 +143,37 @@ inline void judge(const stability::Case& c, const std::vector<Setting>& settings
 
 inline constexpr double kSpeeds_m_per_s[3] = {0.02, 0.1, 0.2};
 
+// Every placement: at one speed, each speed at each rotation, or at all.
+inline std::vector<Setting> on_samples(bool every_speed) {
+  const auto places = rig::placements();
+  std::vector<Setting> out;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (every_speed || k == (i / 3 + i) % 3) out.push_back({places[i], kSpeeds_m_per_s[k]});
+    }
+  }
+  return out;
+}
+
+// Every view: with a tip of 0 and of 3 mm, or one of them in turn. The settings point into `views`.
+inline std::vector<Setting> on_fused(const std::vector<stability::FusedView>& views,
+                                     bool both_tips) {
+  const auto places = rig::placements();
+  std::vector<Setting> out;
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    const bool round = v % 4 == 0 || v % 4 == 3;
+    for (const bool tip : {false, true}) {
+      if (!both_tips && tip != round) continue;
+      const std::size_t i = out.size();
+      Setting s{places[(4 * i) % places.size()], kSpeeds_m_per_s[(i + i / 3) % 3]};
+      s.fused = &views[v];
+      s.tip_radius_m = tip ? 0.003 : 0;
+      out.push_back(s);
+    }
+  }
+  return out;
+}
+
 inline std::vector<stability::Case> fused_cases() {
   std::vector<stability::Case> out;
   for (const stability::Case& c : stability::cases()) {

@@ -10,6 +10,7 @@
 // Frames: S of the solid, W of the grid (X_WS of the placement).  SI.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -47,17 +48,19 @@ struct Check {
   double value = 0, limit = 0;
   double optimum = std::numeric_limits<double>::quiet_NaN();  // its own figure
   Yardstick by = Yardstick::kField;
+  bool binds = true;  // false: the optimum's figure stands beside, but less than it can be had
   // Where in the run we are over the limit and the optimum, thereabouts, is not or less far; NaN: nowhere, or not known.
   Pair alone{};
   bool gate =
       false;  // kept by every run; a force that is cut at its limit has no margin to speak of
   [[nodiscard]] bool met() const { return value <= limit + 1e-9; }  // NaN is not
-  // Failed, and so is the optimum in the same run, as far to within a twentieth, wherever we are: the samples' doing.
+  // Failed, and so is the optimum in the same run, as far, wherever we are: the samples' doing.
   [[nodiscard]] bool field_bound() const {
-    return !met() && as_far(value, optimum, limit) && std::isnan(alone.ours);
+    return !met() && binds && as_far(value, optimum, limit) && std::isnan(alone.ours);
   }
+  // To within a twentieth, or the optimum's resolution: 0.05 mm, 0.05 N at 1 N/mm.
   static bool as_far(double ours, double optimum, double limit) {
-    return optimum > limit && optimum >= 0.95 * ours;
+    return optimum > limit && ours - optimum <= std::max(0.05, 0.05 * ours);
   }
   // Share of the limit that is left. Where nothing is allowed, and for a gate, all of it or none.
   [[nodiscard]] double margin() const {

@@ -105,6 +105,10 @@ TEST(Judges, AnOptimumThatFailsElsewhereIsNoExcuse) {
   EXPECT_FALSE(judged(trace_of({{100, 5}}, {{100, 4.7}})).field_bound());  // as far to a twentieth
   EXPECT_FALSE(judged(trace_of({{100, 5}}, {{100, 1}})).field_bound());
   EXPECT_TRUE(judged(trace_of({{100, 1}}, {{100, 5}})).met());
+  c = judged(trace_of({{100, 5}}, {{100, 5}}));
+  EXPECT_TRUE(c.field_bound());
+  c.binds = false;
+  EXPECT_FALSE(c.field_bound());
 }
 
 TEST(Judges, TheGuardedOptimumGoesOnInTheFree) {
