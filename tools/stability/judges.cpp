@@ -61,24 +61,50 @@ double chatter_N(std::span<const Vec3> force) {
 }
 
 Worst worst_of(const Run& run, const Setting& s, const Figure& figure) {
+  constexpr double kNear_m = 1e-3, kGuardTicks = kForceLimit_N / 0.3;
+  const double near = kNear_m / (1e-3 * s.speed);  // ticks
   Worst out;
-  if (run.optimum.empty()) out.optimum = std::nan("");
+  std::vector<Pair> places;  // row and the optimum's figure there
   for (const rig::Optimum& o : run.optimum) {
-    const Row& row = run.rows[o.row];
-    const double best = figure(row.h, o.p, o.f), mine = figure(row.h, row.p, row.f);
-    if (!std::isnan(best)) out.optimum = std::max(out.optimum, best);
-    if (s.fused != nullptr && !std::isnan(mine)) out.ours = std::max(out.ours, mine);
+    const double best = figure(run.rows[o.row].h, o.p, o.f);
+    if (std::isnan(best)) continue;
+    out.optimum = std::max(out.optimum, best);
+    places.push_back({static_cast<double>(o.row), best});
   }
-  if (s.fused != nullptr) return out;
-  for (const Row& row : run.rows) {
-    const double mine = figure(row.h, row.p, row.f);
-    if (!std::isnan(mine)) out.ours = std::max(out.ours, mine);
+  if (run.optimum.empty()) out.optimum = std::nan("");
+  const auto take = [&](std::size_t i, std::size_t& from) {
+    const Row& row = run.rows[i];
+    const double mine = figure(row.h, row.p, row.f), at = static_cast<double>(i);
+    if (std::isnan(mine)) return;
+    out.ours = std::max(out.ours, mine);
+    while (from < places.size() && places[from].ours < at - near - kGuardTicks) ++from;
+    Pair here{mine, std::nan("")};
+    for (std::size_t k = from; k < places.size() && places[k].ours <= at + near; ++k) {
+      if (!(places[k].optimum <= here.optimum)) here.optimum = places[k].optimum;
+    }
+    if (!std::isnan(here.optimum)) out.each.push_back(here);
+  };
+  std::size_t from = 0;
+  if (s.fused != nullptr) {
+    for (const rig::Optimum& o : run.optimum) take(o.row, from);
+  } else {
+    for (std::size_t i = 0; i < run.rows.size(); ++i) take(i, from);
+  }
+  return out;
+}
+
+Pair farthest_alone(std::span<const Pair> each, double limit) {
+  Pair out;
+  for (const Pair& p : each) {
+    if (p.ours <= limit + 1e-9 || Check::as_far(p.ours, p.optimum, limit)) continue;
+    if (!(p.ours <= out.ours)) out = p;
   }
   return out;
 }
 
 void add(Run& run, std::string name, const Worst& worst, double limit) {
   add(run, std::move(name), worst.ours, limit, worst.optimum);
+  run.checks.back().alone = farthest_alone(worst.each, limit);
 }
 
 void add_pops(Run& run, const rig::Rig& r, bool side) {

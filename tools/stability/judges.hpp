@@ -17,14 +17,18 @@ namespace stability {
 [[nodiscard]] double chatter_N(std::span<const rig::Vec3> force);
 [[nodiscard]] std::vector<rig::Vec3> forces_of(std::span<const rig::Row> rows);
 
-// The greatest of a figure over the run, and over the field optimum's places of the same run. On fused fields only where
-// the optimum judges: what is unknown holds no surface. NaN: nothing there.
+// The greatest of a figure over the run, and over the field optimum's places of the same run; and row by row, beside the
+// optimum's greatest from shortly before to shortly after: 1 mm of the hand's way, and before it also the ticks that the slew guard
+// may be behind. On fused fields only where the optimum judges: what is unknown holds no surface. NaN: nothing there.
 struct Worst {
   double ours = 0, optimum = 0;
+  std::vector<Pair> each;  // empty: there is no optimum
 };
 using Figure = std::function<double(const rig::Vec3& h, const rig::Vec3& p, const rig::Vec3& f)>;
 [[nodiscard]] Worst worst_of(const Run& run, const Setting& s, const Figure& figure);
 void add(Run& run, std::string name, const Worst& worst, double limit);
+// The one that is farthest over the limit of those where the optimum is not as far.
+[[nodiscard]] Pair farthest_alone(std::span<const Pair> each, double limit);
 
 // Pop-through by the checker that shares nothing with the renderer. `side`: a single surface is touched, so
 // the pull may not turn to its other side either; round a corner of 90 degrees and more it may.

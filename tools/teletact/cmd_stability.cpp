@@ -147,11 +147,11 @@ int cmd_stability(int argc, char** argv) {
     const StabilityTally& t = table.total();
     ++cases;
     passed += t.within == t.settings ? 1 : 0;
-    bound += t.within < t.settings && t.missed() == 0 ? 1 : 0;
+    bound += t.failed() > 0 && t.failed_alone() == 0 ? 1 : 0;
     counted = t.counted;
   }
-  std::printf("%d of %d cases within all limits, %d more over one only where the optimum is too\n",
-              passed, cases, bound);
+  std::printf("%d of %d cases pass, %d fail: %d of them only where the optimum fails too\n", passed,
+              cases, cases - passed, bound);
   std::printf(
       "gates of every run: step p99 25 us, same trace twice, all finite, 12 N, no allocation, no "
       "lock%s\n",
@@ -159,7 +159,7 @@ int cmd_stability(int argc, char** argv) {
   outputs.push_back(
       {o.json, [&](const std::string& path) { write_whole_file(path, record.json(metrics)); }});
   write_outputs(outputs);
-  return passed + (o.strict ? 0 : bound) < cases ? 1 : 0;
+  return passed + (o.allow_bound ? bound : 0) < cases ? 1 : 0;
 }
 
 }  // namespace teletact

@@ -46,6 +46,8 @@ void StabilityRecord::take(const stability::Case& c, const stability::Setting& s
       row["optimum_is"] =
           std::isnan(check.optimum) ? ordered_json(nullptr) : stability::name_of(check.by);
       row["met"] = check.met();
+      row["alone"] = number_or_null(check.alone.ours);
+      row["alone_optimum"] = number_or_null(check.alone.optimum);
       row["field_bound"] = check.field_bound();
       rows_->checks.push_back(std::move(row));
     }

@@ -15,8 +15,9 @@ class StabilityRecord {
   StabilityRecord();
   ~StabilityRecord();
   void take(const stability::Case& c, const stability::Setting& s, const stability::Gated& gated);
-  // {"command", ..., "metrics": [...], "checks": [{case, run, ..., check, value, limit, optimum, met, field_bound}]};
-  // an optimum that does not exist is null.
+  // {"command", ..., "metrics": [...], "checks": [{case, run, ..., check, value, limit, optimum, met, alone,
+  // alone_optimum, field_bound}]}; an optimum that does not exist is null, and so is `alone` where we are nowhere farther
+  // over the limit than the optimum thereabouts.
   [[nodiscard]] std::string json(const Metrics& metrics) const;
 
  private:

@@ -12,7 +12,8 @@ namespace teletact {
 struct StabilityOptions {
   std::string json, svg, method = "constrained", layer = "on";
   std::set<int> cases;  // those to run
-  bool quick = false, verbose = false, judged = true, fused = false, beside = false, strict = false;
+  bool quick = false, verbose = false, judged = true, fused = false, beside = false,
+       allow_bound = false;
   double tip_radius_m = 0;
   std::vector<double> angles_deg, offsets_vox, speeds_mm_per_s;  // other placements than the usual
 

@@ -21,8 +21,20 @@ std::string text(const char* format, auto... values) {
   return buffer;
 }
 
-std::string with_optimum(const Check& c) {
-  return std::isnan(c.optimum) ? "" : text(", %s %.3g", stability::name_of(c.by), c.optimum);
+// "F error p95 N 0.447, limit 0.3, guarded optimum 0.347".
+std::string failure(const Check& c) {
+  std::string out = text("%s %.4g, limit %.4g", c.name.c_str(), c.value, c.limit);
+  if (!std::isnan(c.optimum)) out += text(", %s %.4g", stability::name_of(c.by), c.optimum);
+  if (c.field_bound()) return out + ": the optimum fails too";
+  if (!std::isnan(c.alone.ours)) {
+    out += text("; %.4g where the optimum has %.4g", c.alone.ours, c.alone.optimum);
+  }
+  return out;
+}
+
+void keep_worse(std::map<std::string, Check>& worst, const Check& c) {
+  const auto [it, fresh] = worst.try_emplace(c.name, c);
+  if (!fresh && c.margin() < it->second.margin()) it->second = c;
 }
 
 // "0.12" or "0.12 to 0.26"; "-" where the case has no such check.
@@ -56,8 +68,8 @@ void StabilityTally::take(const stability::Gated& gated, bool verbose) {
   for (const Run& run : gated.runs) {
     for (const Check& c : run.checks) {
       margin = std::min(margin, c.margin());
-      const auto [it, fresh] = worst.try_emplace(c.name, c);
-      if (!fresh && c.margin() < it->second.margin()) it->second = c;
+      keep_worse(worst, c);
+      if (!c.met() && !c.field_bound()) keep_worse(worst_alone, c);
       const auto [limits, first] = span.try_emplace(c.name, c.limit, c.limit);
       if (!first) {
         limits->second.first = std::min(limits->second.first, c.limit);
@@ -68,9 +80,7 @@ void StabilityTally::take(const stability::Gated& gated, bool verbose) {
       failed = true;
       bound = bound && c.field_bound();
       if (verbose) {
-        std::printf("      %s: %s %.4g, limit %.4g%s%s\n", run.name.c_str(), c.name.c_str(),
-                    c.value, c.limit, with_optimum(c).c_str(),
-                    c.field_bound() ? ": field bound" : "");
+        std::printf("      %s: FAILED %s\n", run.name.c_str(), failure(c).c_str());
       }
     }
     if (verbose && !run.note.empty()) {
@@ -123,7 +133,7 @@ void print_row(const stability::Case& c, const std::string& method, const Stabil
                bool fused, bool judged) {
   const std::string name =
       judged ? text("%2d %s%s", c.id, c.name, fused ? ", fused" : "") : std::string();
-  const char* verdict = t.within == t.settings ? "pass" : t.missed() == 0 ? "field bound" : "FAIL";
+  const char* verdict = t.within == t.settings ? "pass" : "FAIL";
   print_columns(name, method, text("%d/%d", t.within, t.settings), text("%.3f", t.j_raw_N),
                 text("%.3f", t.j_N), text("%.1f", 100 * t.guard_share), text("%.0f", t.lag_ms),
                 position(t), text("%+.2f", t.margin), text("%.1f", t.cpu_p99_us),
@@ -134,14 +144,18 @@ void print_row(const stability::Case& c, const std::string& method, const Stabil
                 limit_of(t, "gate: step CPU p99 us"), "");
   for (const auto& [check, worst] : t.worst) {
     if (worst.met()) continue;
-    std::printf("     %s   %s %.3g, limit %.3g%s\n",
-                worst.field_bound() ? "field bound" : "not met    ", check.c_str(), worst.value,
-                worst.limit, with_optimum(worst).c_str());
+    std::printf("     FAILED  %s\n", failure(worst).c_str());
+    const auto alone = t.worst_alone.find(check);
+    if (worst.field_bound() && alone != t.worst_alone.end()) {
+      std::printf("     FAILED  %s\n", failure(alone->second).c_str());
+    }
   }
-  if (t.within < t.settings) {
+  if (t.failed() > 0) {
     std::printf(
-        "     of %d settings %d within all limits, %d over where the optimum is too, %d missed\n",
-        t.settings, t.within, t.field_bound, t.missed());
+        "     of %d settings %d pass, %d fail: %d of them only where the optimum fails too, %d "
+        "where "
+        "it does not\n",
+        t.settings, t.within, t.failed(), t.field_bound, t.failed_alone());
   }
 }
 

@@ -12,19 +12,21 @@ namespace teletact {
 
 // The largest figures of one case and one method over its settings.
 struct StabilityTally {
-  int settings = 0, within = 0,
-      field_bound = 0;  // settings: within all limits; over some, all of them bound
+  // Settings; of them within all limits; failed where the optimum fails too, everywhere.
+  int settings = 0, within = 0, field_bound = 0;
   double margin = 1;
   double j_N = 0, j_raw_N = 0, guard_share = 0, lag_ms = 0;
   // Proxy to field optimum (95 % of the ticks), and off the surface of the blended field where a run has no optimum.
   double position_mm = std::numeric_limits<double>::quiet_NaN(), off_mm = position_mm;
   double cpu_p50_us = 0, cpu_p99_us = 0, cpu_max_us = 0;
-  bool counted = false;                           // allocations and locks
-  std::map<std::string, stability::Check> worst;  // of each check the one with the least margin
+  bool counted = false;  // allocations and locks
+  // Of each check the one with the least margin: of all, and of those failed where the optimum is not.
+  std::map<std::string, stability::Check> worst, worst_alone;
   std::map<std::string, std::pair<double, double>>
       span;  // of each check the least and the largest limit
 
-  [[nodiscard]] int missed() const { return settings - within - field_bound; }
+  [[nodiscard]] int failed() const { return settings - within; }
+  [[nodiscard]] int failed_alone() const { return failed() - field_bound; }
   void take(const stability::Gated& gated, bool verbose);
   void take(const StabilityTally& other);
 };

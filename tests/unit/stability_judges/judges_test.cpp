@@ -65,6 +65,66 @@ TEST(Judges, ChatterIsWhatIsAbove100Hz) {
   EXPECT_GT(stability::chatter_N(tooth), 0.02);
 }
 
+// 400 ticks at 0.1 m/s; the figure is p.x, the optimum's place is known in every tick.
+Trace trace_of(const std::vector<std::pair<std::size_t, double>>& ours,
+               const std::vector<std::pair<std::size_t, double>>& optimum) {
+  Trace out;
+  for (std::size_t i = 0; i < 400; ++i) {
+    out.rows.push_back(blank());
+    out.rows.back().h.x() = 1e-4 * static_cast<double>(i);
+    out.optimum.push_back({i, Vec3::Zero(), Vec3::Zero(), Vec3::Zero()});
+  }
+  for (const auto& [i, x] : ours) out.rows[i].p.x() = x;
+  for (const auto& [i, x] : optimum) out.optimum[i].p.x() = x;
+  return out;
+}
+
+TEST(Judges, AnOptimumThatFailsElsewhereIsNoExcuse) {
+  const auto judged = [](Trace run) {
+    const auto x = [](const Vec3&, const Vec3& p, const Vec3&) { return p.x(); };
+    stability::add(run, "x", stability::worst_of(run, setting("constrained"), x), 1);
+    return run.checks.back();
+  };
+  Check c = judged(trace_of({{100, 5}}, {{100, 4.9}}));
+  EXPECT_FALSE(c.met());
+  EXPECT_TRUE(c.field_bound());
+  c = judged(trace_of({{100, 5}}, {{75, 4.9}}));  // the force sent may be behind by the guard
+  EXPECT_TRUE(c.field_bound());
+  for (const std::size_t far : {30U, 120U, 300U}) {
+    c = judged(trace_of({{100, 5}}, {{far, 4.9}}));
+    EXPECT_FALSE(c.field_bound()) << far;
+    EXPECT_EQ(c.alone.ours, 5) << far;
+    EXPECT_EQ(c.alone.optimum, 0) << far;
+  }
+  c = judged(trace_of({{100, 5}, {300, 2}}, {{100, 5}, {300, 0.5}}));
+  EXPECT_FALSE(c.field_bound());
+  EXPECT_EQ(c.value, 5);
+  EXPECT_EQ(c.optimum, 5);
+  EXPECT_EQ(c.alone.ours, 2);
+  EXPECT_EQ(c.alone.optimum, 0.5);
+  EXPECT_FALSE(judged(trace_of({{100, 5}}, {{100, 4.7}})).field_bound());  // as far to a twentieth
+  EXPECT_FALSE(judged(trace_of({{100, 5}}, {{100, 1}})).field_bound());
+  EXPECT_TRUE(judged(trace_of({{100, 1}}, {{100, 5}})).met());
+  c = judged(trace_of({{100, 5}}, {{100, 5}}));
+  EXPECT_TRUE(c.field_bound());
+  c.binds = false;
+  EXPECT_FALSE(c.field_bound());
+}
+
+TEST(Judges, TheGuardedOptimumGoesOnInTheFree) {
+  rig::SlewFollower guarded(0.3, 1000, 1), coarse(0.3, 1000, 5);
+  for (int i = 0; i < 3; ++i) guarded.follow({0, 0, 1}, 0);
+  EXPECT_NEAR(guarded.force().z(), 0.9, 1e-12);
+  for (int i = 0; i < 3; ++i) guarded.follow(Vec3::Zero(), 0);
+  EXPECT_NEAR(guarded.force().z(), 0, 1e-12);
+  EXPECT_NEAR(guarded.j(), 0.3, 1e-12);
+  guarded.follow({0, 0, 9}, 1e-3);  // with the hand: 1.1 K
+  EXPECT_NEAR(guarded.force().z(), 1.1, 1e-12);
+  coarse.follow({0, 0, 9}, 0);  // of five ticks
+  EXPECT_NEAR(coarse.force().z(), 1.5, 1e-12);
+  EXPECT_NEAR(coarse.j(), 0.3, 1e-12);
+}
+
 // A surface that goes from `from` to `to` under a hand at 0, in so many ticks, windows of 33 ticks.
 std::vector<Row> lifted(double from, double to, int ticks, double booked_share) {
   std::vector<Row> rows;
