@@ -11,8 +11,6 @@ namespace {
 
 constexpr float kDegree = 0.017453292F;
 
-float height_noise(float at_1m, float per_m2, float z) noexcept { return at_1m + per_m2 * z * z; }
-
 }  // namespace
 
 ObjectGraph::ObjectGraph(int max_width, int max_height) {
@@ -24,6 +22,8 @@ ObjectGraph::ObjectGraph(int max_width, int max_height) {
   region_.resize(n);
   best_.resize(n);
   support_.resize(n);
+  outlines_.resize(n);
+  between_.resize(2 * n);
   sample_.reserve(n);
 }
 
@@ -410,10 +410,15 @@ void ObjectGraph::build(const SurfacePatches& patches, const SupportPlane& plane
   collect(patches, c);
   combine();
   while (merge_round(c)) combine();
-  for (int i = 0; i < pieces_; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    region_[k] = support_[k] != 0 ? kSupport : patches.piece(i).has_plane() ? root(i) : kNone;
-  }
+  const auto name = [&] {
+    for (int i = 0; i < pieces_; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      region_[k] = support_[k] != 0 ? kSupport : patches.piece(i).has_plane() ? root(i) : kNone;
+    }
+  };
+  name();
+  join_hollow(patches, plane, c);
+  name();
 }
 
 }  // namespace perception

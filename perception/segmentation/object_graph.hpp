@@ -7,9 +7,12 @@
 //   concave   angle between the two planes where they form a valley (Stein et al., CVPR 2014: objects
 //             are convex, valleys lie between them)
 //   colour    difference of the regions' mean colours; nothing where one of them has none
-// Merged in rounds, every region with its best neighbour when the choice is mutual.
+// Merged in rounds, every region with its best neighbour when the choice is mutual. Then the inside of a hollow
+// thing joins its outside, whatever their colours: beyond the near rim it lies lower, all that it hides it hides by
+// its own rim, and both rims are of one height. What stands behind something else shows its sides down to the support.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -37,8 +40,18 @@ struct ObjectGraphConfig {
   float support_m = 0.006F, support_per_m2 = 0.003F;  // height that is still support
   float support_tilt_deg = 30;
   int support_draws = 120, support_samples = 500;
+  // A hollow thing: how far its rim departs from one height, and its inside lies below it, noise included.
+  float rim_m = 0.012F, rim_per_m2 = 0.003F;
+  float bottom_share = 0.8F;   // of the outline of its bottom that its inside touches at least
+  float rim_share = 0.10F;     // of the inside's outline that the near rim hides at least
+  float hollow_gap_m = 0.35F;  // from the near rim to what is seen behind it at most
   std::uint64_t seed = 1;
 };
+
+// What a noise of at_1m, growing by per_m2 with z^2, is at z.
+[[nodiscard]] inline float height_noise(float at_1m, float per_m2, float z) noexcept {
+  return at_1m + per_m2 * z * z;
+}
 
 // n . p = d in the camera frame C, m; the normal points to the camera's side.
 struct SupportPlane {
@@ -101,6 +114,35 @@ class ObjectGraph {
   void combine() noexcept;
   [[nodiscard]] bool merge_round(const ObjectGraphConfig& config) noexcept;
   int root(int i) noexcept;
+  // Of points of a region's outline.
+  struct Heights {
+    float n = 0, sum = 0, square = 0;
+    void add(float h, float weight = 1) noexcept {
+      n += weight, sum += weight * h, square += weight * h * h;
+    }
+    [[nodiscard]] float mean() const noexcept { return sum / n; }
+    [[nodiscard]] float deviation() const noexcept;
+  };
+  // Of a region: where it hides what is behind it, all of it, and pixel pairs along its outline.
+  struct Outline {
+    Heights open, all;
+    float pairs = 0;
+  };
+  // Of an edge: where a hides b [0], b hides a [1], and pairs where both touch.
+  struct Between {
+    std::array<Heights, 2> rim;
+    float touching = 0;
+  };
+  void measure_outlines(const SurfacePatches& patches, const SupportPlane& plane,
+                        const ObjectGraphConfig& config) noexcept;
+  [[nodiscard]] Between* between(int a, int b) noexcept;
+  [[nodiscard]] bool is_inside_of(int inside, const Heights& rim, float z,
+                                  const ObjectGraphConfig& config) const noexcept;
+  [[nodiscard]] bool is_bottom_of(int bottom, int inside, const Between& edge,
+                                  const ObjectGraphConfig& config) const noexcept;
+  void join(int a, int b) noexcept;
+  void join_hollow(const SurfacePatches& patches, const SupportPlane& plane,
+                   const ObjectGraphConfig& config) noexcept;
   struct Face {
     Vec3f n{0, 0, 0}, centre{0, 0, 0};
     float area = 0;
@@ -122,6 +164,8 @@ class ObjectGraph {
   std::vector<int> best_;
   std::vector<int> next_;  // edge of the same first piece
   std::vector<std::uint8_t> support_;
+  std::vector<Outline> outlines_;  // a region
+  std::vector<Between> between_;   // an edge between regions
   struct Sample {
     Vec3f p{0, 0, 0}, n{0, 0, 0};
     float area = 0, tolerance = 0;

@@ -22,10 +22,16 @@ struct Solid {
   Rgb colour;
 };
 
+// An upright thin wall round (x, y), open above; what is seen of it through the opening is `inside`.
+struct Cup {
+  double x, y, radius, height;
+  Rgb outside, inside;
+};
+
 struct Rendered {
   Image<Rgb> rgb{kW, kH};
   Image<std::uint16_t> depth{kW, kH};
-  Image<std::uint8_t> truth{kW, kH};  // 0 table, else solid + 1
+  Image<std::uint8_t> truth{kW, kH};  // 0 table, else solid + 1; cups follow the solids
 };
 
 std::optional<double> hit(const Solid& s, const Vec3& o, const Vec3& d) {
@@ -38,8 +44,25 @@ std::optional<double> hit(const Solid& s, const Vec3& o, const Vec3& d) {
   return t0 < t1 ? std::optional(t0) : std::nullopt;
 }
 
+struct CupHit {
+  double t;
+  bool inside;
+};
+std::optional<CupHit> hit(const Cup& c, const Vec3& o, const Vec3& d) {
+  const double px = o.x() - c.x, py = o.y() - c.y, a = d.x() * d.x() + d.y() * d.y(),
+               b = px * d.x() + py * d.y(),
+               root2 = b * b - a * (px * px + py * py - c.radius * c.radius);
+  if (root2 <= 0) return std::nullopt;
+  const double near = (-b - std::sqrt(root2)) / a, far = (-b + std::sqrt(root2)) / a;
+  const double z_near = o.z() + near * d.z(), z_far = o.z() + far * d.z();
+  if (near > 0 && z_near >= 0 && z_near <= c.height) return CupHit{near, false};
+  if (z_near < c.height || z_far > c.height) return std::nullopt;
+  return CupHit{z_far >= 0 ? far : -o.z() / d.z(), true};
+}
+
 // Camera 0.55 m above the table, looking 35 degrees down; noise of 1.5 mm at 1 m, growing with z^2.
-Rendered render(const std::vector<Solid>& solids, rt::Random& random) {
+Rendered render(const std::vector<Solid>& solids, rt::Random& random,
+                const std::vector<Cup>& cups = {}) {
   Rendered out;
   const double tilt = 35 * 3.14159265358979 / 180;
   const Vec3 eye(0, -0.75, 0.55);
@@ -53,9 +76,17 @@ Rendered render(const std::vector<Solid>& solids, rt::Random& random) {
         const auto h = hit(solids[k], eye, d);
         if (h && *h < t) t = *h, what = static_cast<int>(k) + 1;
       }
+      Rgb cup_colour;
+      for (std::size_t k = 0; k < cups.size(); ++k) {
+        const auto h = hit(cups[k], eye, d);
+        if (!h || h->t >= t) continue;
+        t = h->t, what = static_cast<int>(solids.size() + k) + 1;
+        cup_colour = h->inside ? cups[k].inside : cups[k].outside;
+      }
       out.truth.at(u, v) = static_cast<std::uint8_t>(what);
-      const Rgb c =
-          what > 0 ? solids[static_cast<std::size_t>(what - 1)].colour : Rgb{170, 150, 120};
+      const Rgb c = what > static_cast<int>(solids.size()) ? cup_colour
+                    : what > 0 ? solids[static_cast<std::size_t>(what - 1)].colour
+                               : Rgb{170, 150, 120};
       const auto n = [&](int value) {
         return static_cast<std::uint8_t>(value + random.integer(-5, 5));
       };
@@ -104,6 +135,82 @@ TEST(Touch, EachObjectFromAnyPixelOfIt) {
     }
     EXPECT_GT(mean / n, 0.9) << "object " << what << " seed " << seed;
     EXPECT_NEAR(s.support().n.norm(), 1, 1e-5);
+  }
+}
+
+// Mean over touches, and the worst of them.
+struct Touched {
+  double mean = 0, worst = 1;
+};
+Touched touched(TouchSegmenter& s, const Rendered& r, int what, rt::Random& random) {
+  Touched out;
+  constexpr int kTouches = 12;
+  for (int n = 0; n < kTouches;) {
+    const int u = static_cast<int>(random.integer(0, kW - 1));
+    const int v = static_cast<int>(random.integer(0, kH - 1));
+    if (r.truth.at(u, v) != what) continue;
+    s.touch(u, v);
+    const double x = iou(s, r, what);
+    out.mean += x / kTouches;
+    out.worst = std::min(out.worst, x);
+    ++n;
+  }
+  return out;
+}
+
+// Neither colour nor a smooth way leads from the outside to what is seen beyond the near rim.
+TEST(Touch, TheInsideOfACupBelongsToIt) {
+  const std::uint64_t seed = 41;
+  RecordProperty("seed", std::to_string(seed));
+  rt::Random random(seed);
+  for (const double radius : {0.04, 0.055, 0.075}) {
+    for (const double height : {0.07, 0.10}) {
+      const Rendered r =
+          render({}, random, {{0.01, -0.05, radius, height, {70, 130, 60}, {215, 150, 170}}});
+      TouchSegmenter s(kW, kH);
+      s.set_frame(r.rgb.view(), r.depth.view(), kCamera, 1);
+      const Touched t = touched(s, r, 1, random);
+      TouchConfig without;
+      without.graph.hollow_gap_m = 0;
+      TouchSegmenter apart(kW, kH, without);
+      apart.set_frame(r.rgb.view(), r.depth.view(), kCamera, 1);
+      EXPECT_LT(touched(apart, r, 1, random).worst, 0.6) << "the test shows nothing";
+      EXPECT_GT(t.mean, 0.85) << "radius " << radius << " height " << height << " seed " << seed;
+      EXPECT_GT(t.worst, 0.8) << "radius " << radius << " height " << height << " seed " << seed;
+    }
+  }
+}
+
+// As high or higher, narrower or wider, near or far: what stands behind something else is no inside of it.
+TEST(Touch, WhatStandsBehindIsNoInside) {
+  const std::uint64_t seed = 43;
+  RecordProperty("seed", std::to_string(seed));
+  rt::Random random(seed);
+  for (const double height : {0.10, 0.12, 0.20}) {
+    for (const double half_width : {0.05, 0.11}) {
+      for (const double gap : {0.03, 0.08}) {
+        const double y = -0.03 + gap;
+        const Rendered r =
+            render({{{-0.07, -0.10, 0}, {0.07, -0.03, 0.10}, {40, 80, 170}},
+                    {{-half_width, y, 0}, {half_width, y + 0.07, height}, {190, 60, 50}}},
+                   random);
+        TouchSegmenter s(kW, kH);
+        s.set_frame(r.rgb.view(), r.depth.view(), kCamera, 1);
+        TouchConfig without;
+        without.graph.hollow_gap_m = 0;
+        TouchSegmenter apart(kW, kH, without);
+        apart.set_frame(r.rgb.view(), r.depth.view(), kCamera, 1);
+        for (const int what : {1, 2}) {
+          rt::Random same(seed, 1);
+          rt::Random again = same;
+          const double one = touched(s, r, what, same).mean;
+          EXPECT_NEAR(one, touched(apart, r, what, again).mean, 0.02)
+              << "box " << what << ", height " << height << ", half width " << half_width
+              << ", gap " << gap << ", seed " << seed;
+          EXPECT_GT(one, 0.7);
+        }
+      }
+    }
   }
 }
 
