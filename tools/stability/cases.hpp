@@ -60,7 +60,7 @@ struct Check {
   }
   // To within a twentieth, or the optimum's resolution: 0.05 mm, 0.05 N at 1 N/mm.
   static bool as_far(double ours, double optimum, double limit) {
-    return optimum > limit && ours - optimum <= std::max(0.05, 0.05 * ours);
+    return optimum > limit + 1e-9 && ours - optimum <= std::max(0.05, 0.05 * ours);
   }
   // Share of the limit that is left. Where nothing is allowed, and for a gate, all of it or none.
   [[nodiscard]] double margin() const {

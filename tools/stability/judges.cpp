@@ -64,12 +64,14 @@ Worst worst_of(const Run& run, const Setting& s, const Figure& figure) {
   constexpr double kNear_m = 1e-3, kGuardTicks = kForceLimit_N / 0.3;
   const double near = kNear_m / (1e-3 * s.speed);  // ticks
   Worst out;
-  std::vector<Pair> places;  // row and the optimum's figure there
+  std::vector<Pair>
+      places;  // row and the optimum's figure there, or its guarded force's: a force that turns slowly is short
   for (const rig::Optimum& o : run.optimum) {
-    const double best = figure(run.rows[o.row].h, o.p, o.f);
+    const Vec3& h = run.rows[o.row].h;
+    const double best = figure(h, o.p, o.f), guarded = figure(h, o.p, o.f_guarded);
     if (std::isnan(best)) continue;
     out.optimum = std::max(out.optimum, best);
-    places.push_back({static_cast<double>(o.row), best});
+    places.push_back({static_cast<double>(o.row), guarded > best ? guarded : best});
   }
   if (run.optimum.empty()) out.optimum = std::nan("");
   const auto take = [&](std::size_t i, std::size_t& from) {

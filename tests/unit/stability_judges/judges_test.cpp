@@ -109,6 +109,9 @@ TEST(Judges, AnOptimumThatFailsElsewhereIsNoExcuse) {
   EXPECT_TRUE(c.field_bound());
   c.binds = false;
   EXPECT_FALSE(c.field_bound());
+  EXPECT_FALSE(Check::as_far(0.27, 0.26 + 1e-12, 0.26));  // it keeps the limit
+  EXPECT_TRUE(Check::as_far(0.31, 0.27, 0.26));
+  EXPECT_FALSE(Check::as_far(0.33, 0.27, 0.26));
 }
 
 TEST(Judges, TheGuardedOptimumGoesOnInTheFree) {
