@@ -113,18 +113,21 @@ void TsdfMap::find_in_band(const View& view, const BandJob& job, int pixel_step,
   const Intrinsics& k = view.frame.intrinsics;
   AllocateScratch& scratch = *allocate_;
   AllocateScratch::Band& out = scratch.bands[static_cast<std::size_t>(band)];
-  const int rows = (k.height + pixel_step - 1) / pixel_step;
+  const int rows = (k.height + pixel_step - 1) / pixel_step,
+            rays = (k.width + pixel_step - 1) / pixel_step;
   std::uint32_t end = 0;
   out.rows_seen = out.rays = 0;
   const int last = AllocateScratch::last_row(rows, band);
   for (int r = AllocateScratch::first_row(rows, band) + skip;
        r < last && end + AllocateScratch::kMostARow <= out.keys.size(); ++r) {
     const int v = r * pixel_step;
-    const BandRow row{pyramid_.pixels() + static_cast<std::ptrdiff_t>(v) * k.width,
-                      scratch.x.data(),
-                      static_cast<float>((v - k.cy) / k.fy),
-                      k.width,
-                      pixel_step,
+    const std::uint32_t* pixels = pyramid_.pixels() + static_cast<std::ptrdiff_t>(v) * k.width;
+    if (pixel_step > 1) {  // no lane of a vector without a ray
+      for (int n = 0; n < rays; ++n)
+        out.pixels[static_cast<std::size_t>(n)] = pixels[n * pixel_step];
+      pixels = out.pixels.data();
+    }
+    const BandRow row{pixels, scratch.x.data(), static_cast<float>((v - k.cy) / k.fy), rays,
                       out.keys.data() + end};
     const BandCount n = find_missing(job, row);
     std::uint64_t* const begin = out.keys.data() + end;
@@ -160,8 +163,8 @@ void TsdfMap::allocate_band(const View& view, int pixel_step, IntegrateStats& st
   job.tables = arrays().tables;
   job.truncation_m = static_cast<float>(truncation_);
   AllocateScratch& scratch = *allocate_;
-  for (int u = 0; u < k.width; ++u)
-    scratch.x[static_cast<std::size_t>(u)] = static_cast<float>((u - k.cx) / k.fx);
+  for (int n = 0; n * pixel_step < k.width; ++n)
+    scratch.x[static_cast<std::size_t>(n)] = static_cast<float>((n * pixel_step - k.cx) / k.fx);
   Chunk* near = nullptr;
   crew_->for_parts(AllocateScratch::kBands,
                    [&](int band) { find_in_band(view, job, pixel_step, 0, band); });
