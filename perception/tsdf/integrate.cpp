@@ -261,35 +261,27 @@ void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
 // Of in_view_, `first` .. `last` - 1. A block's memory is asked for while those before it are worked on.
 void TsdfMap::update_range(const View& view, const UpdateCamera& cam, int first, int last,
                            IntegrateStats& stats) noexcept {
-  constexpr int kLead = 3;
-  for (int n = first; n < last + kLead; ++n) {
-    if (n < last) prefetch_block(in_view_[static_cast<std::size_t>(n)].block);
-    if (n >= first + kLead)
-      update_one(view, cam, in_view_[static_cast<std::size_t>(n - kLead)], stats);
+  constexpr int kLead = 2;
+  const auto words_of = [this](std::size_t b) { return words_.data() + b * kBlockVoxels; };
+  const auto free_of = [this](std::size_t b) { return free_.data() + b * 8; };
+  for (int n = first; n < last; ++n) {
+    const InView seen = in_view_[static_cast<std::size_t>(n)];
+    const auto b = static_cast<std::size_t>(seen.block);
+    const auto ahead = static_cast<std::size_t>(
+        in_view_[static_cast<std::size_t>(std::min(n + kLead, last - 1))].block);
+    __builtin_prefetch(free_of(ahead), 1);
+    const BlockCoord at = coords_[b];
+    const Vec3 first_C = view.X_CW * (voxel_ * Vec3(8.0 * at.x, 8.0 * at.y, 8.0 * at.z));
+    const float p0[3] = {static_cast<float>(first_C.x()), static_cast<float>(first_C.y()),
+                         static_cast<float>(first_C.z())};
+    const BlockCounts counts = update_block(
+        cam, p0, seen.inside,
+        {words_of(b), free_of(b), colours_.data() + b * kBlockVoxels, words_of(ahead)});
+    if ((counts.fused | counts.carved) != 0) changed_[b] = revision_;
+    ++stats.blocks_updated;
+    stats.voxels_fused += counts.fused;
+    stats.voxels_carved += counts.carved;
   }
-}
-
-void TsdfMap::prefetch_block(std::int32_t b) const noexcept {
-  const std::size_t at = static_cast<std::size_t>(b) * kBlockVoxels;
-  __builtin_prefetch(free_.data() + static_cast<std::size_t>(b) * 8, 1);
-  for (std::size_t n = 0; n < kBlockVoxels; n += 16) __builtin_prefetch(words_.data() + at + n, 1);
-}
-
-void TsdfMap::update_one(const View& view, const UpdateCamera& cam, InView seen,
-                         IntegrateStats& stats) noexcept {
-  const std::int32_t b = seen.block;
-  const BlockCoord at = coords_[static_cast<std::size_t>(b)];
-  const Vec3 first_C = view.X_CW * (voxel_ * Vec3(8.0 * at.x, 8.0 * at.y, 8.0 * at.z));
-  const float p0[3] = {static_cast<float>(first_C.x()), static_cast<float>(first_C.y()),
-                       static_cast<float>(first_C.z())};
-  const std::size_t base = static_cast<std::size_t>(b) * kBlockVoxels;
-  const BlockCounts n =
-      update_block(cam, p0, seen.inside, words_.data() + base,
-                   free_.data() + static_cast<std::size_t>(b) * 8, colours_.data() + base);
-  if ((n.fused | n.carved) != 0) changed_[static_cast<std::size_t>(b)] = revision_;
-  ++stats.blocks_updated;
-  stats.voxels_fused += n.fused;
-  stats.voxels_carved += n.carved;
 }
 
 }  // namespace perception
