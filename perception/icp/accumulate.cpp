@@ -9,7 +9,7 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-#include "perception/simd/vectors-inl.hpp"
+#include "perception/icp/vectors-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace perception::icp {
@@ -21,28 +21,6 @@ void accumulate_job(const RowsJob& job, bool cross, LaneSums& out) {
   kScalarKernels.accumulate(job, cross, out);
 }
 #else
-
-namespace hn = hwy::HWY_NAMESPACE;
-using perception::HWY_NAMESPACE::truncated;
-using DF = hn::CappedTag<float, 16>;
-using DI = hn::RebindToSigned<DF>;
-using DU = hn::RebindToUnsigned<DF>;
-using DH = hn::Half<DF>;
-using DD = hn::Rebind<double, DH>;
-using D4 = hn::FixedTag<float, 4>;
-using V = hn::Vec<DF>;
-using M = hn::Mask<DF>;
-constexpr int kWidth = static_cast<int>(hn::MaxLanes(DF()));  // lanes of a vector
-static_assert(kLanes % kWidth == 0);
-
-HWY_INLINE V set(float x) { return hn::Set(DF(), x); }
-HWY_INLINE V zero() { return hn::Zero(DF()); }
-HWY_INLINE V load(const float* p) { return hn::LoadU(DF(), p); }
-HWY_INLINE V add(V a, V b) { return hn::Add(a, b); }
-HWY_INLINE V sub(V a, V b) { return hn::Sub(a, b); }
-HWY_INLINE V mul(V a, V b) { return hn::Mul(a, b); }
-HWY_INLINE V keep(M m, V v) { return hn::IfThenElseZero(m, v); }
-HWY_INLINE int count(M m) { return static_cast<int>(hn::CountTrue(DF(), m)); }
 
 struct V3 {
   V x, y, z;

@@ -8,7 +8,7 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-#include "perception/simd/vectors-inl.hpp"
+#include "perception/icp/vectors-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace perception::icp {
@@ -31,27 +31,6 @@ void half_row(const float* in, std::ptrdiff_t stride, int width, const EdgeRule&
   kScalarKernels.half_row(in, stride, width, rule, out);
 }
 #else
-
-namespace hn = hwy::HWY_NAMESPACE;
-using perception::HWY_NAMESPACE::truncated;
-using DF = hn::CappedTag<float, 16>;
-using DI = hn::RebindToSigned<DF>;
-using DH = hn::Half<DF>;
-using DD = hn::Rebind<double, DH>;
-using D4 = hn::FixedTag<float, 4>;
-using V = hn::Vec<DF>;
-using M = hn::Mask<DF>;
-constexpr int kWidth = static_cast<int>(hn::MaxLanes(DF()));  // lanes of a vector
-static_assert(kLanes % kWidth == 0);
-
-HWY_INLINE V set(float x) { return hn::Set(DF(), x); }
-HWY_INLINE V zero() { return hn::Zero(DF()); }
-HWY_INLINE V load(const float* p) { return hn::LoadU(DF(), p); }
-HWY_INLINE V add(V a, V b) { return hn::Add(a, b); }
-HWY_INLINE V sub(V a, V b) { return hn::Sub(a, b); }
-HWY_INLINE V mul(V a, V b) { return hn::Mul(a, b); }
-HWY_INLINE V keep(M m, V v) { return hn::IfThenElseZero(m, v); }
-HWY_INLINE int count(M m) { return static_cast<int>(hn::CountTrue(DF(), m)); }
 
 // The filter of one vector. kMissing: neighbours without a reading have to be looked for; else such a one is beyond
 // the edge of each of these.

@@ -14,6 +14,7 @@ struct AllocateScratch {
       static_cast<std::size_t>(DepthPyramid::kMaxWidth) * kBandMost;
   struct Band {
     std::array<std::uint64_t, kMostARow + 1024> keys;
+    std::array<std::uint32_t, DepthPyramid::kMaxWidth + 16> pixels;  // of the row that is looked at
     std::uint32_t end;    // of the keys; a row's in order, each once
     int rows_seen, rays;  // looked at
   };

@@ -86,14 +86,11 @@ BandCount find_missing_row(const BandJob& job, const BandRow& row) {
   const VF y = hn::Set(df, row.y);
   Emit emit(job, row.found);
   BandCount count;
-  for (int u = 0; u < row.width; u += lanes) {
+  for (int u = 0; u < row.rays; u += lanes) {
     const auto px = hn::LoadU(du, row.pixels + u);
     const VI weight = hn::BitCast(di, hn::And(hn::ShiftRight<16>(px), hn::Set(du, 0xffU)));
-    const VI column = hn::Iota(di, u);
-    const VI off = hn::And(column, hn::Set(di, row.step - 1));
-    MF active = hn::RebindMask(
-        df, hn::And(hn::Gt(weight, hn::Zero(di)),
-                    hn::And(hn::Lt(column, hn::Set(di, row.width)), hn::Eq(off, hn::Zero(di)))));
+    const MF active = hn::RebindMask(
+        df, hn::And(hn::Gt(weight, hn::Zero(di)), hn::Lt(hn::Iota(di, u), hn::Set(di, row.rays))));
     unsigned todo = bits_of(active);
     if (todo == 0) continue;
     count.rays += __builtin_popcount(todo);
@@ -194,7 +191,7 @@ int walk(const BandJob& job, float x, float y, float from, float to,
 
 BandCount find_missing_scalar(const BandJob& job, const BandRow& row) noexcept {
   BandCount count;
-  for (int u = 0; u < row.width; u += row.step) {
+  for (int u = 0; u < row.rays; ++u) {
     const std::uint32_t px = row.pixels[u];
     if (((px >> 16U) & 0xffU) == 0) continue;
     ++count.rays;

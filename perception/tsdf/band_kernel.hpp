@@ -22,11 +22,11 @@ struct BandJob {
 };
 
 struct BandRow {
-  const std::uint32_t* pixels;  // DepthPyramid::pixels(), readable 16 beyond `width`
-  const float* x;               // (u - cx) / fx, readable 16 beyond
+  const std::uint32_t*
+      pixels;      // DepthPyramid::pixels() of the rays, side by side; readable 16 beyond `rays`
+  const float* x;  // (u - cx) / fx of each, readable 16 beyond
   float y;
-  int width;
-  int step;  // rays of columns 0, step, ...; a power of 2
+  int rays;
   std::uint64_t*
       found;  // block_key() of blocks that are missing, some more than once; kBandMost a ray
 };

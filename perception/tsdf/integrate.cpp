@@ -113,18 +113,21 @@ void TsdfMap::find_in_band(const View& view, const BandJob& job, int pixel_step,
   const Intrinsics& k = view.frame.intrinsics;
   AllocateScratch& scratch = *allocate_;
   AllocateScratch::Band& out = scratch.bands[static_cast<std::size_t>(band)];
-  const int rows = (k.height + pixel_step - 1) / pixel_step;
+  const int rows = (k.height + pixel_step - 1) / pixel_step,
+            rays = (k.width + pixel_step - 1) / pixel_step;
   std::uint32_t end = 0;
   out.rows_seen = out.rays = 0;
   const int last = AllocateScratch::last_row(rows, band);
   for (int r = AllocateScratch::first_row(rows, band) + skip;
        r < last && end + AllocateScratch::kMostARow <= out.keys.size(); ++r) {
     const int v = r * pixel_step;
-    const BandRow row{pyramid_.pixels() + static_cast<std::ptrdiff_t>(v) * k.width,
-                      scratch.x.data(),
-                      static_cast<float>((v - k.cy) / k.fy),
-                      k.width,
-                      pixel_step,
+    const std::uint32_t* pixels = pyramid_.pixels() + static_cast<std::ptrdiff_t>(v) * k.width;
+    if (pixel_step > 1) {  // no lane of a vector without a ray
+      for (int n = 0; n < rays; ++n)
+        out.pixels[static_cast<std::size_t>(n)] = pixels[n * pixel_step];
+      pixels = out.pixels.data();
+    }
+    const BandRow row{pixels, scratch.x.data(), static_cast<float>((v - k.cy) / k.fy), rays,
                       out.keys.data() + end};
     const BandCount n = find_missing(job, row);
     std::uint64_t* const begin = out.keys.data() + end;
@@ -160,8 +163,8 @@ void TsdfMap::allocate_band(const View& view, int pixel_step, IntegrateStats& st
   job.tables = arrays().tables;
   job.truncation_m = static_cast<float>(truncation_);
   AllocateScratch& scratch = *allocate_;
-  for (int u = 0; u < k.width; ++u)
-    scratch.x[static_cast<std::size_t>(u)] = static_cast<float>((u - k.cx) / k.fx);
+  for (int n = 0; n * pixel_step < k.width; ++n)
+    scratch.x[static_cast<std::size_t>(n)] = static_cast<float>((n * pixel_step - k.cx) / k.fx);
   Chunk* near = nullptr;
   crew_->for_parts(AllocateScratch::kBands,
                    [&](int band) { find_in_band(view, job, pixel_step, 0, band); });
@@ -258,35 +261,27 @@ void TsdfMap::update_blocks(const View& view, IntegrateStats& stats) noexcept {
 // Of in_view_, `first` .. `last` - 1. A block's memory is asked for while those before it are worked on.
 void TsdfMap::update_range(const View& view, const UpdateCamera& cam, int first, int last,
                            IntegrateStats& stats) noexcept {
-  constexpr int kLead = 3;
-  for (int n = first; n < last + kLead; ++n) {
-    if (n < last) prefetch_block(in_view_[static_cast<std::size_t>(n)].block);
-    if (n >= first + kLead)
-      update_one(view, cam, in_view_[static_cast<std::size_t>(n - kLead)], stats);
+  constexpr int kLead = 2;
+  const auto words_of = [this](std::size_t b) { return words_.data() + b * kBlockVoxels; };
+  const auto free_of = [this](std::size_t b) { return free_.data() + b * 8; };
+  for (int n = first; n < last; ++n) {
+    const InView seen = in_view_[static_cast<std::size_t>(n)];
+    const auto b = static_cast<std::size_t>(seen.block);
+    const auto ahead = static_cast<std::size_t>(
+        in_view_[static_cast<std::size_t>(std::min(n + kLead, last - 1))].block);
+    __builtin_prefetch(free_of(ahead), 1);
+    const BlockCoord at = coords_[b];
+    const Vec3 first_C = view.X_CW * (voxel_ * Vec3(8.0 * at.x, 8.0 * at.y, 8.0 * at.z));
+    const float p0[3] = {static_cast<float>(first_C.x()), static_cast<float>(first_C.y()),
+                         static_cast<float>(first_C.z())};
+    const BlockCounts counts = update_block(
+        cam, p0, seen.inside,
+        {words_of(b), free_of(b), colours_.data() + b * kBlockVoxels, words_of(ahead)});
+    if ((counts.fused | counts.carved) != 0) changed_[b] = revision_;
+    ++stats.blocks_updated;
+    stats.voxels_fused += counts.fused;
+    stats.voxels_carved += counts.carved;
   }
-}
-
-void TsdfMap::prefetch_block(std::int32_t b) const noexcept {
-  const std::size_t at = static_cast<std::size_t>(b) * kBlockVoxels;
-  __builtin_prefetch(free_.data() + static_cast<std::size_t>(b) * 8, 1);
-  for (std::size_t n = 0; n < kBlockVoxels; n += 16) __builtin_prefetch(words_.data() + at + n, 1);
-}
-
-void TsdfMap::update_one(const View& view, const UpdateCamera& cam, InView seen,
-                         IntegrateStats& stats) noexcept {
-  const std::int32_t b = seen.block;
-  const BlockCoord at = coords_[static_cast<std::size_t>(b)];
-  const Vec3 first_C = view.X_CW * (voxel_ * Vec3(8.0 * at.x, 8.0 * at.y, 8.0 * at.z));
-  const float p0[3] = {static_cast<float>(first_C.x()), static_cast<float>(first_C.y()),
-                       static_cast<float>(first_C.z())};
-  const std::size_t base = static_cast<std::size_t>(b) * kBlockVoxels;
-  const BlockCounts n =
-      update_block(cam, p0, seen.inside, words_.data() + base,
-                   free_.data() + static_cast<std::size_t>(b) * 8, colours_.data() + base);
-  if ((n.fused | n.carved) != 0) changed_[static_cast<std::size_t>(b)] = revision_;
-  ++stats.blocks_updated;
-  stats.voxels_fused += n.fused;
-  stats.voxels_carved += n.carved;
 }
 
 }  // namespace perception

@@ -93,7 +93,9 @@ HWY_INLINE void vote_group(const LabelImage& image, const Projected& seen_at, st
 std::uint32_t vote_block_words(const UpdateCamera& c, const LabelImage& image, const float (&p0)[3],
                                LabelVoxel* labels) {
   Projected seen_at;
-  if (project(c, p0, false, seen_at)) {
+  VU any = hn::Zero(DU());
+  project<false>(c, p0, seen_at, [&any](VU reading, std::size_t) { any = hn::Or(any, reading); });
+  if (!hn::AllTrue(DU(), hn::Eq(any, hn::Zero(DU())))) {
     const std::size_t lanes = hn::Lanes(DF());
     for (std::size_t n = 0; n < 512; n += lanes) vote_group(image, seen_at, n, labels);
   }

@@ -65,82 +65,69 @@ HWY_INLINE VU number_of(VU pixel, std::int32_t stride) {
 #endif
 }
 
-// What the block's nodes fall on. Worked out for the whole block before anything depends on a reading, so
-// that the loads of many nodes are under way at once.
+// What the block's nodes fall on.
 struct Projected {
-  HWY_ALIGN std::uint32_t reading[512];  // first the number of the pixel
-  HWY_ALIGN std::uint32_t pixel[512];    // row << 16 | column; void where there is no reading
+  HWY_ALIGN std::uint32_t reading[512];
+  HWY_ALIGN std::uint32_t pixel[512];  // row << 16 | column; void where there is no reading
   HWY_ALIGN float z[512];
   HWY_ALIGN float stretch2[512];
 };
 
-// kInside: every node is known to fall into the image.
+// The image's pixel that each node of the vector from node n on falls on, as a number. kInside: every node is known to
+// fall into the image.
 template <bool kInside>
-HWY_INLINE void project_nodes(const UpdateCamera& c, const float (&p0)[3], Projected& out) {
+HWY_INLINE VU project_nodes(const UpdateCamera& c, const float (&p0)[3], std::size_t n,
+                            Projected& out) {
   const DF df;
   const DU du;
   const VF one = set(1.0F), zero = hn::Zero(df);
-  const VF x0 = set(p0[0]), y0 = set(p0[1]), z0 = set(p0[2]);
-  const VF fx = set(c.fx), fy = set(c.fy), cx = set(c.cx_half), cy = set(c.cy_half);
+  const VF px = add(set(p0[0]), hn::Load(df, c.node[0] + n)),
+           py = add(set(p0[1]), hn::Load(df, c.node[1] + n)),
+           pz = add(set(p0[2]), hn::Load(df, c.node[2] + n));
+  const VF inv = hn::Div(one, pz);
+  const VF x = mul(px, inv), y = mul(py, inv);
+  const VF u = add(mul(x, set(c.fx)), set(c.cx_half)), v = add(mul(y, set(c.fy)), set(c.cy_half));
+  const VU pixel = hn::BitCast(du, hn::Or(hn::ShiftLeft<16>(truncated(v)), truncated(u)));
+  hn::Store(pixel, du, out.pixel + n);
+  hn::Store(pz, df, out.z + n);
+  hn::Store(add(add(one, mul(x, x)), mul(y, y)), df, out.stretch2 + n);
+  const VU number = number_of(pixel, c.width);
+  if (kInside) return number;
   const VF width = set(static_cast<float>(c.width)), height = set(static_cast<float>(c.height));
-  const std::int32_t stride = c.width;
+  const MF in =
+      hn::And(hn::And(hn::Ge(pz, set(kLeastZ)), hn::And(hn::Ge(u, zero), hn::Ge(v, zero))),
+              hn::And(hn::Lt(u, width), hn::Lt(v, height)));
   const VU spare = hn::Set(du, static_cast<std::uint32_t>(c.width * c.height));
-  for (std::size_t n = 0; n < 512; n += hn::Lanes(df)) {
-    const VF px = add(x0, hn::Load(df, c.node[0] + n)), py = add(y0, hn::Load(df, c.node[1] + n)),
-             pz = add(z0, hn::Load(df, c.node[2] + n));
-    const VF inv = hn::Div(one, pz);
-    const VF x = mul(px, inv), y = mul(py, inv);
-    const VF u = add(mul(x, fx), cx), v = add(mul(y, fy), cy);
-    const VU pixel = hn::BitCast(du, hn::Or(hn::ShiftLeft<16>(truncated(v)), truncated(u)));
-    VU number = number_of(pixel, stride);
-    if (!kInside) {
-      const MF in =
-          hn::And(hn::And(hn::Ge(pz, set(kLeastZ)), hn::And(hn::Ge(u, zero), hn::Ge(v, zero))),
-                  hn::And(hn::Lt(u, width), hn::Lt(v, height)));
-      number = hn::IfThenElse(hn::RebindMask(du, in), number, spare);
-    }
-    hn::Store(number, du, out.reading + n);
-    hn::Store(pixel, du, out.pixel + n);
-    hn::Store(pz, df, out.z + n);
-    hn::Store(add(add(one, mul(x, x)), mul(y, y)), df, out.stretch2 + n);
-  }
+  return hn::IfThenElse(hn::RebindMask(du, in), number, spare);
 }
 
-// Numbers to readings. By plain loads or by the gather instruction, whichever this processor is better at. The
-// barriers keep the compiler from making one of the others.
-HWY_INLINE bool look_up(const UpdateCamera& c, Projected& out) {
+// Readings and where they are of all nodes; then `each(reading, n)` for every vector. By plain loads or by the gather
+// instruction, whichever this processor is better at. The barriers keep the compiler from making one of the others.
+template <bool kInside, class Each>
+HWY_INLINE void project(const UpdateCamera& c, const float (&p0)[3], Projected& out, Each&& each) {
+  const DU du;
+  const std::size_t lanes = hn::Lanes(du);
 #if HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX2
   if (c.gather) {
-    const DU du;
-    VU any = hn::Zero(du);
-    for (std::size_t n = 0; n < 512; n += hn::Lanes(du)) {
-      std::uint32_t* at = out.reading + n;
-      const VU reading = hn::GatherIndex(du, c.pixels, hn::BitCast(DI(), hn::Load(du, at)));
-      hn::Store(reading, du, at);
-      any = hn::Or(any, reading);
+    for (std::size_t n = 0; n < 512; n += lanes) {
+      const VU number = project_nodes<kInside>(c, p0, n, out);
+      const VU reading = hn::GatherIndex(du, c.pixels, hn::BitCast(DI(), number));
+      hn::Store(reading, du, out.reading + n);
+      each(reading, n);
     }
-    return !hn::AllTrue(du, hn::Eq(any, hn::Zero(du)));
+    return;
   }
 #endif
+  for (std::size_t n = 0; n < 512; n += lanes)
+    hn::Store(project_nodes<kInside>(c, p0, n, out), du, out.reading + n);
   __asm__ volatile("" ::: "memory");
-  std::uint64_t any = 0;
   for (std::size_t n = 0; n < 512; n += 2) {
     std::uint64_t two =
         c.pixels[out.reading[n]] | static_cast<std::uint64_t>(c.pixels[out.reading[n + 1]]) << 32U;
     __asm__ volatile("" : "+r"(two));
     std::memcpy(out.reading + n, &two, sizeof two);
-    any |= two;
   }
-  return any != 0;
-}
-
-// False: no node has a reading.
-HWY_INLINE bool project(const UpdateCamera& c, const float (&p0)[3], bool inside, Projected& out) {
-  if (inside)
-    project_nodes<true>(c, p0, out);
-  else
-    project_nodes<false>(c, p0, out);
-  return look_up(c, out);
+  for (std::size_t n = 0; n < 512; n += lanes) each(hn::Load(du, out.reading + n), n);
 }
 
 }  // namespace HWY_NAMESPACE

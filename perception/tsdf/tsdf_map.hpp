@@ -381,10 +381,8 @@ class TsdfMap {
   void allocate_band(const View&, int pixel_step, IntegrateStats&) noexcept;
   void find_in_band(const View&, const BandJob&, int pixel_step, int skip, int band) noexcept;
   void update_blocks(const View&, IntegrateStats&) noexcept;
-  void prefetch_block(std::int32_t block) const noexcept;
   void update_range(const View&, const UpdateCamera&, int first, int last,
                     IntegrateStats&) noexcept;
-  void update_one(const View&, const UpdateCamera&, InView, IntegrateStats&) noexcept;
   void carve(const View&, IntegrateStats&) noexcept;
   void place_volume(const Pose& X_WC) noexcept;
   // Of an aligned cube of nodes, its first node and edge: whether any, or all, of it may be kept.

@@ -46,13 +46,20 @@ struct BlockCounts {
   std::int32_t fused = 0, carved = 0;
 };
 
-// words, colours: 512 of the block; free: its 8 words of bits. inside: all its nodes fall into the image.
+// Where a block is kept: 512 words and colours, 8 words of bits. next_words: of the block that comes after it,
+// asked for meanwhile; may be its own.
+struct BlockMemory {
+  std::uint32_t* words;
+  std::uint64_t* free;
+  std::uint32_t* colours;
+  const std::uint32_t* next_words;
+};
+
+// inside: all its nodes fall into the image.
 BlockCounts update_block(const UpdateCamera& camera, const float (&p0)[3], bool inside,
-                         std::uint32_t* words, std::uint64_t* free,
-                         std::uint32_t* colours) noexcept;
+                         const BlockMemory& block) noexcept;
 // The reference: one voxel after the other.
 BlockCounts update_block_scalar(const UpdateCamera& camera, const float (&p0)[3],
-                                std::uint32_t* words, std::uint64_t* free,
-                                std::uint32_t* colours) noexcept;
+                                const BlockMemory& block) noexcept;
 
 }  // namespace perception

@@ -115,6 +115,7 @@ TEST(NoColour, EveryInstructionSetGivesTheSameWords) {
     struct Block {
       std::array<std::uint32_t, 512> words{}, colours{};
       std::array<std::uint64_t, 8> free{};
+      BlockMemory memory() { return {words.data(), free.data(), colours.data(), words.data()}; }
     } before;
     for (std::size_t n = 0; n < 512; ++n) {
       const auto read = static_cast<std::uint32_t>(random.integer(0, 15));
@@ -123,13 +124,12 @@ TEST(NoColour, EveryInstructionSetGivesTheSameWords) {
       if (coloured > 0) before.colours[n] |= static_cast<std::uint32_t>(random()) & 0xffffffU;
     }
     Block want = before;
-    const BlockCounts counts =
-        update_block_scalar(c, p0, want.words.data(), want.free.data(), want.colours.data());
+    const BlockCounts counts = update_block_scalar(c, p0, want.memory());
     ASSERT_GT(counts.fused, 300);
     for (const simd::Isa isa : simd::available()) {
       ASSERT_TRUE(simd::choose(isa));
       Block got = before;
-      update_block(c, p0, false, got.words.data(), got.free.data(), got.colours.data());
+      update_block(c, p0, false, got.memory());
       EXPECT_EQ(got.colours, want.colours) << simd::name_of(isa) << " round " << round;
       EXPECT_EQ(got.words, want.words) << simd::name_of(isa) << " round " << round;
     }
