@@ -10,9 +10,8 @@
 // since. Poses are moved back by kGain times that: a lasting error b of the poses then moves the map by b / kGain, and
 // not by b for every max_weight frames. A node that has changed by more than noise does not count: the scene has.
 //
-// This is for a camera that rests (within 2 cm and 1 degree for a second). One that moves sees the same nodes from elsewhere;
-// what they learn by that is better than what they were: held in place too, the room's trajectory error was 1.2 mm
-// in place of 0.7.
+// This is for a camera that rests (within 2 cm and 1 degree for a second). One that moves sees the same nodes from
+// elsewhere; what they learn by that is better than what they were.
 #pragma once
 
 #include <cstdint>
