@@ -74,6 +74,7 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
       map_(nrt, config.tsdf),
       tracker_(nrt, config.tracker, setup.camera.width, setup.camera.height),
       relocaliser_(nrt, config.relocaliser, setup.camera),
+      anchor_(nrt),
       ground_(nrt, config.ground, setup.ground),
       model_(nrt, setup.camera.width, setup.camera.height),
       view_maps_(nrt, setup.camera.width / std::max(1, config.view_step) + 1,
@@ -163,6 +164,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
     } else {
       tracker_.track(model(), prior, knobs.iterations, r);
       doubt_leap(frame, prior, r);
+      if (r.fully_constrained && r.claimed) r.X_WC = anchor_.held(r.X_WC);
     }
     watch_for_loss(r);
     out.work += r.work + relocaliser_.take_work();
@@ -192,6 +194,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
   }
   // While it is lost, what was seen last stays where it is looked for; what was found is tracked next.
   if (r.state != TrackingState::kLost || confirming_) cast_model(knobs.pixel_step, out);
+  keep_map_in_place(out);
   if (r.claimed) {
     Stage stage(profiling_, *crew_, profile_.ground);
     const auto& pyramid = tracker_.pyramid();
@@ -363,6 +366,19 @@ void FusionTask::cast_model(int pixel_step, Out& out) noexcept {
   o.hinted_only = true;
   const auto stats = perception::raycast(map_, setup_.camera, X_WC_, o, model_);
   out.work += static_cast<std::uint64_t>(stats.steps);
+}
+
+// Where the map is, what was just fused included.
+void FusionTask::keep_map_in_place(Out& out) noexcept {
+  if (recovering_ || clearing()) return anchor_.forget();  // its nodes may be gone
+  if (!out.integrated) return;
+  Stage stage(profiling_, *crew_, profile_.track);
+  const auto& t = config_.tracker;
+  const perception::icp::NoiseRule noise{static_cast<float>(t.noise_m),
+                                         static_cast<float>(t.noise_per_m2),
+                                         static_cast<float>(t.noise_from_m)};
+  anchor_.update(map_, model_, noise, X_WC_, tracker_.pyramid().mean_depth(noise));
+  out.work += static_cast<std::uint64_t>(anchor_.nodes());
 }
 
 // What is far from camera and hand leaves the pool, what they come near to returns. A lost camera is where

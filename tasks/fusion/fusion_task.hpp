@@ -48,6 +48,7 @@
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/tick.hpp"
+#include "tasks/fusion/map_anchor.hpp"
 #include "tasks/fusion/scene_view.hpp"
 #include "tasks/graph/messages.hpp"
 #include "tasks/graph/object_list.hpp"
@@ -233,6 +234,7 @@ class FusionTask {
   }
   void settle_motion(const perception::TrackingResult& r, rt::Time exposure, bool first) noexcept;
   void cast_model(int pixel_step, Out& out) noexcept;
+  void keep_map_in_place(Out& out) noexcept;
   void page(Out& out) noexcept;
   // fusion_objects.cpp
   void set_up_objects(rt::NonRealtime& nrt);
@@ -253,6 +255,7 @@ class FusionTask {
   perception::TsdfMap map_;
   perception::Tracker tracker_;
   perception::Relocaliser relocaliser_;
+  MapAnchor anchor_;
   perception::GroundMap ground_;
   perception::RaycastMaps model_, view_maps_;
   perception::Image<std::uint8_t> objects_shown_;  // pixels of the view; of this period's frame:

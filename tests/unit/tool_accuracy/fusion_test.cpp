@@ -82,13 +82,14 @@ TEST(FusionAccuracy, EveryOtherSceneIsFollowed) {
 
 TEST(FusionAccuracy, AStillSceneDoesNotDrift) {
   std::ostringstream silent;
-  const DriftResult r = bench_drift(silent, 300, 0.02, 2);
+  // Without what holds the map in its place: 0.47 mm more in the last tenth than in the first.
+  const DriftResult r = bench_drift(silent, 600, 0.02, 2);
   std::ostringstream text;
   r.print(text);
   std::printf("%s", text.str().c_str());
   EXPECT_EQ(r.claimed, r.frames);
   EXPECT_LE(r.worst_mm, 2);
-  EXPECT_LE(r.last_mm, r.first_mm + 0.3);
+  EXPECT_LE(r.last_mm, r.first_mm + 0.15);
   EXPECT_LE(r.orthonormal, 1e-9);
 }
 
