@@ -4,8 +4,9 @@ namespace tasks {
 
 namespace {
 
-constexpr double kSlopeMin = 0.005;  // below it a gradient gives no direction
-constexpr int kSweepSamples = 512;   // 128 voxels: more than any window
+constexpr double kSlopeMin = 0.005;   // below it a gradient gives no direction
+constexpr double kOnWall_vox = 1e-9;  // as CellFlow::run takes it
+constexpr int kSweepSamples = 512;    // 128 voxels: more than any window
 
 }  // namespace
 
@@ -61,8 +62,40 @@ bool Descent::carry(Vec3& p, Gap& g) noexcept {
   return false;
 }
 
+// One of the cells that meet at p is unknown.
+bool Descent::meets_unknown(const Vec3& p) const noexcept {
+  const Vec3 q = p / field_.voxel();
+  if (!(q.cwiseAbs().maxCoeff() < 1e9)) return true;
+  std::array<std::int32_t, 3> at{};
+  unsigned walls = 0;
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double x = q[static_cast<Eigen::Index>(a)], node = std::round(x);
+    const bool on = std::abs(x - node) < kOnWall_vox;
+    at[a] = static_cast<std::int32_t>(on ? node : std::floor(x));
+    if (on) walls |= 1U << a;
+  }
+  for (unsigned below = 0; below < 8; ++below) {
+    if ((below & ~walls) != 0) continue;
+    std::array<std::int32_t, 3> cell = at;
+    for (std::size_t a = 0; a < 3; ++a) cell[a] -= static_cast<std::int32_t>((below >> a) & 1U);
+    CellSample s;
+    if (!field_.sample_in(cell, Vec3::Zero(), s)) return true;
+  }
+  return false;
+}
+
+// In unknown space the held surface goes on from where the proxy is: nothing moves it there.
+Gap Descent::gap_at_proxy(const Vec3& p) noexcept {
+  const Gap g = gap(p);
+  if (g.known) return g;
+  for (std::size_t i = 0; i < frame_size_; ++i) {
+    frame_[i].d = std::min(frame_[i].d, frame_[i].n.dot(p));
+  }
+  return held_gap(p);
+}
+
 void Descent::contact(Vec3 p) noexcept {
-  Gap g = gap(p);
+  Gap g = gap_at_proxy(p);
   if (!carry(p, g)) {
     hold();
     return;
@@ -75,7 +108,7 @@ void Descent::contact(Vec3 p) noexcept {
   p = flow.run(p);
   if (cfg_.tip_radius_m > 0) {  // round there, not where it was in the last tick
     radius_ = radius_at(p);
-    g = gap(p);
+    g = gap_at_proxy(p);
     if (!carry(p, g)) {
       hold();
       return;
@@ -109,12 +142,13 @@ void Descent::finish(const Vec3& p, const std::array<Tangent, 3>& tangents,
   } else if (count > 0) {
     state_.set_normal(tangents[0].half.n);
   }
+  // The held frame goes on where nothing else bears; beside it, what is known here is the newest there is of it.
+  bool known = false;
   for (std::size_t i = 0; i < count; ++i) {
-    if (tangents[i].known) continue;
-    state_.held = true;  // the held frame goes on
-    return;
+    state_.held = state_.held || !tangents[i].known;
+    known = known || tangents[i].known;
   }
-  if (count == 0) return;
+  if (!known) return;
   for (std::size_t i = 0; i < count; ++i) {
     const HalfSpace& f = tangents[i].half;
     state_.frame[i] = {f.n.x(), f.n.y(), f.n.z(), f.d};

@@ -60,11 +60,17 @@ class Descent {
     return g;
   }
   // A projective field overstates distance (|gradient| > 1) at grazing views; the tip's radius
-  // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it.
-  [[nodiscard]] double radius_at(const Vec3& p) const noexcept {
+  // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it. Beside unknown space
+  // the last slope goes on, as the contact planes do: by what half the cells say it would come and go with every tick.
+  [[nodiscard]] double radius_at(const Vec3& p) noexcept {
     if (broken(Broken::kTipWithoutRadius)) return 0;
-    return cfg_.tip_radius_m * std::max(1.0, field_.smooth_gradient(p).norm());
+    if (state_.phase != ProxyState::Phase::kContact || !meets_unknown(p)) {
+      state_.slope = std::max(1.0, field_.smooth_gradient(p).norm());
+    }
+    return cfg_.tip_radius_m * state_.slope;
   }
+  [[nodiscard]] bool meets_unknown(const Vec3& p) const noexcept;
+  [[nodiscard]] Gap gap_at_proxy(const Vec3& p) noexcept;
   bool lift(Vec3& p, Gap& g) noexcept;
   bool carry(Vec3& p, Gap& g) noexcept;
   void finish(const Vec3& p, const std::array<Tangent, 3>& tangents, std::size_t count) noexcept;

@@ -74,6 +74,7 @@ struct ProxyState {
   std::int32_t still = 0;         // friction: ticks of slip without motion
   double ax = 0, ay = 0, az = 0;  // friction: anchor, W
   double rubbed = 0;              // friction: how far the proxy was from the frictionless one, m
+  double slope = 1;               // of the field where the proxy last was in what is known
 
   [[nodiscard]] perception::Vec3 p_WP() const noexcept { return {px, py, pz}; }
   [[nodiscard]] perception::Vec3 rendered_WP() const noexcept {

@@ -178,6 +178,17 @@ Worst reversals(const Run& run) {
   return out;
 }
 
+int buzz_ticks(std::span<const Row> rows, double least_N) {
+  int out = 0;
+  for (std::size_t i = 2; i < rows.size(); ++i) {
+    const Vec3 step = rows[i].f_raw - rows[i - 1].f_raw,
+               last = rows[i - 1].f_raw - rows[i - 2].f_raw;
+    const double size = step.norm(), before = last.norm();
+    if (size > least_N && before > least_N && step.dot(last) < -0.5 * size * before) ++out;
+  }
+  return out;
+}
+
 int longest_inside(std::span<const Row> rows, double radius) {
   constexpr double kIn_m = 2e-5;
   int longest = 0, now = 0;

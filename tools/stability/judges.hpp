@@ -56,6 +56,10 @@ void add_injected(Run& run, double stiffness_N_per_m);
 // optimum: from one of its places to the next.
 [[nodiscard]] Worst reversals(const Run& run);
 
+// Buzz under a slow hand: ticks in which the force before the guard goes back by more than `least_N` along the way that it went
+// by as much in the tick before, within 60 degrees.
+[[nodiscard]] int buzz_ticks(std::span<const rig::Row> rows, double least_N);
+
 // How far a place is from where the samples are `radius_m` from the solid, m, at most 3 mm: the nearest change of side in
 // 96 directions, steps of 0.05 mm. W.
 [[nodiscard]] double off_zero_set_m(const support::ReferenceField& field, const rig::Vec3& p_W,

@@ -55,6 +55,24 @@ std::vector<Vec3> wave(double hz, double size_N) {
   return out;
 }
 
+TEST(Judges, BuzzIsAForceThatGoesToAndFro) {
+  std::vector<Row> rows(400);
+  const auto buzz = [&](auto&& force) {
+    for (std::size_t i = 0; i < rows.size(); ++i) rows[i].f_raw = force(i);
+    return stability::buzz_ticks(rows, 0.06);
+  };
+  const auto to_and_fro = [](double size, std::size_t period) {
+    return [=](std::size_t i) {
+      return Vec3(0.02 * static_cast<double>(i), i % period == 0 ? size : 0, 8);
+    };
+  };
+  EXPECT_EQ(buzz(to_and_fro(0.2, 2)), 398);
+  EXPECT_EQ(buzz(to_and_fro(0.2, 3)), 132);  // there and back, then still
+  EXPECT_EQ(buzz(to_and_fro(0.04, 2)), 0);   // too small to count
+  EXPECT_EQ(buzz([](std::size_t i) { return Vec3(0, i > 100 ? 5 : 0, 8); }), 0);  // a step
+  EXPECT_EQ(buzz([](std::size_t i) { return Vec3(0.2 * static_cast<double>(i), 0, 8); }), 0);
+}
+
 TEST(Judges, ChatterIsWhatIsAbove100Hz) {
   EXPECT_LT(stability::chatter_N(wave(10, 0.1)), 0.002);
   EXPECT_LT(stability::chatter_N(wave(0, 0)), 1e-4);  // a ramp is no chatter
