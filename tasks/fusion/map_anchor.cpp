@@ -26,6 +26,9 @@ constexpr double kGrazing = 0.3;  // cosine; flatter seen, a node's distance is 
 constexpr double kWay_m = 0.02, kTurn_deg = 1;  // farther, the camera has moved
 constexpr int kRest = 30, kAgain = 8;  // frames: before nodes are remembered; if too few were
 constexpr float kChanged_m = 0.01F;    // by more than this, and a pixel, the scene has
+// Of the surface seen, at least this share has to be near enough for its nodes to show it: the near part alone may well
+// say nothing of a direction in which the whole is tracked.
+constexpr double kShown = 0.75;
 
 // Is there no edge within a voxel or so? There some readings are of the other side, and what one of them teaches is taken
 // back by many.
@@ -83,6 +86,7 @@ void MapAnchor::remember(const TsdfMap& map, const RaycastMaps& model,
   const int pixels = model.width() * model.height();
   const int step =
       std::max(1, static_cast<int>(std::lround(std::sqrt(static_cast<double>(pixels) / kNodes))));
+  int seen = 0, shown = 0;
   for (int v = step / 2; v < model.height(); v += step)
     for (int u = step / 2; u < model.width(); u += step) {
       if (!model.hit(u, v) || nodes_.size() == nodes_.capacity()) continue;
@@ -90,7 +94,9 @@ void MapAnchor::remember(const TsdfMap& map, const RaycastMaps& model,
                  n_C = model.normal_C(u, v).cast<double>();
       const double across = -n_C.dot(p_C) / p_C.norm();
       // Where a pixel covers more than a node's cell, nodes show the pixels' steps and not the surface.
+      ++seen;
       if (p_C.z() > map.voxel_size() * model.intrinsics.fx) continue;
+      ++shown;
       if (across < kGrazing || !smooth(model, u, v, map.voxel_size())) continue;
       const float beyond = std::max(static_cast<float>(p_C.z()) - noise.from_m, 0.0F);
       const float share = noise.least_m / (noise.least_m + noise.per_m2 * beyond * beyond);
@@ -100,7 +106,8 @@ void MapAnchor::remember(const TsdfMap& map, const RaycastMaps& model,
       node.weight = share * share;
       take(map, model.X_WC * p_C, model.X_WC.linear() * n_C, node);
     }
-  if (nodes_.size() < static_cast<std::size_t>(kLeastNodes)) nodes_.clear();
+  if (nodes_.size() < static_cast<std::size_t>(kLeastNodes) || shown < kShown * seen)
+    nodes_.clear();
 }
 
 // The node nearest to a point of the surface, if it is settled.

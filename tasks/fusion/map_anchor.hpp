@@ -11,7 +11,7 @@
 // not by b for every max_weight frames. A node that has changed by more than noise does not count: the scene has.
 //
 // This is for a camera that rests (within 2 cm and 1 degree for a second). One that moves sees the same nodes from
-// elsewhere; what they learn by that is better than what they were.
+// elsewhere and changes them by what it learns there; holding it made its poses a little worse (docs/fusion.md).
 #pragma once
 
 #include <cstdint>
