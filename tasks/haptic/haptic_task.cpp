@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "tasks/haptic/broken.hpp"
 
@@ -13,6 +14,22 @@ using perception::Vec3;
 namespace {
 
 constexpr double kSlowed = 0.25;  // blend and fade beyond what may be put into the spring
+
+// A surface that rises by more than this over one period under a hand, and hardly did over the last one, steps. One that
+// moves at 100 mm/s adds 100 N/s at 1 N/mm.
+constexpr double kStep_N_per_s = 130, kGoesOn = 0.25;
+// What puts more into the spring of a hand that stands is slowed for that (energy.hpp), and would come too late.
+constexpr double kStepMost_J = 0.05;
+// At 30 Hz such a step is felt whole within 50 ms of its publication.
+constexpr double kStepPeriods = 1.4;
+// How much faster its blend begins and ends than it goes on average.
+constexpr double kStepQuick = 0.9;
+
+// Share of a step's blend: quick at its ends, slow between, since a hand that yields meanwhile takes less energy.
+double step_share(double time) noexcept {
+  constexpr double kTurn = 2 * std::numbers::pi;
+  return time + kStepQuick / kTurn * std::sin(kTurn * time);
+}
 
 bool finite(const Vec3& v) noexcept {
   return std::isfinite(v.x()) && std::isfinite(v.y()) && std::isfinite(v.z());
@@ -58,21 +75,43 @@ bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
   }
   older_ = blends ? newer_ : nullptr;
   newer_ = patch;
-  blend_ = blends ? 0.0 : 1.0;
+  blend_ = blend_time_ = blends ? 0.0 : 1.0;
   blend_allowed_ = true;
+  const double last_N = rise_N_;
+  rise_N_ = blends ? rise_ahead_N() : 0.0;
+  const double before_N = f_elastic_D_.norm();
+  const double held_J = (before_N + 0.5 * rise_N_) * rise_N_ / stiffness_;
+  steps_ = rise_N_ > kStep_N_per_s * config_.blend_s && std::abs(last_N) < kGoesOn * rise_N_ &&
+           held_J < kStepMost_J;
   const double gain = fade_ * ramp_;
   if (gain <= 0 || gain >= 1) energy_.begin_event();  // a fade is one event, as long as it takes
   field_.set(older_, newer_, blend_);
   return false;
 }
 
+// What the blend that begins adds to the force on a hand that stands: how much higher the newer window has the surface
+// under the proxy.
+double HapticTask::rise_ahead_N() noexcept {
+  constexpr double kSlopeLeast = 0.3;  // flatter is a rounded crease or the edge of the band
+  if (proxy_.phase != ProxyState::Phase::kContact) return 0;
+  field_.set(older_, newer_, 1);
+  const FieldSample then = field_.sample(proxy_.p_WP());
+  field_.set(older_, newer_, 0);
+  const FieldSample now = field_.sample(proxy_.p_WP());
+  if (!now.known || !then.known) return 0;
+  const double rise_m = (now.value - then.value) / std::max(now.gradient.norm(), kSlopeLeast);
+  return stiffness_ * rise_m / config_.scale;
+}
+
 void HapticTask::advance_blend(double dt) noexcept {
   if (older_ == nullptr) return;
   const double slow = energy_.over_budget() ? kSlowed : 1.0;
   // Half a tick short of the period: 30 Hz patches find the last blend finished.
-  const double lasting = std::max(config_.blend_s - 0.5 * dt, 0.5 * dt);
-  blend_ = std::min(1.0, blend_ + slow * dt / lasting);
-  if (blend_ > 1.0 - 1e-9) {
+  const double lasting =
+      std::max((steps_ ? kStepPeriods : 1.0) * config_.blend_s - 0.5 * dt, 0.5 * dt);
+  blend_time_ = std::min(1.0, blend_time_ + slow * dt / lasting);
+  blend_ = steps_ ? step_share(blend_time_) : blend_time_;
+  if (blend_time_ > 1.0 - 1e-9) {
     blend_ = 1.0;
     older_ = nullptr;
   }
@@ -96,12 +135,12 @@ double HapticTask::advance_gain(bool ramp_down, double dt) noexcept {
 
 // How far the force may go this tick: max(slew T, 1.1 K |dh|), and less under a hand that is nearly
 // still. There the surface alone turns the force, and what turns it thirty times a second is noise;
-// only where the size of the force is more than 1 N behind, as after a step of the surface, it goes
-// at the full rate.
+// only where the surface steps, or the size of the force is more than 1 N behind, it goes at the full rate.
 double HapticTask::slew_limit(const Vec3& change, double dh) const noexcept {
   constexpr double kCalmRise_N_per_m = 1000;  // a soft spring's hand is not stiller for it
   const double moved = config_.stiffness_N_per_m * dh;
   const double most = std::max(config_.slew_N_per_s * period_s_, 1.1 * moved);
+  if (steps_) return most;
   const double calm = std::min(
       config_.slew_calm_N_per_s * period_s_ + 2 * std::max(moved, kCalmRise_N_per_m * dh), most);
   const double size = f_D_.norm();

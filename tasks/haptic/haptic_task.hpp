@@ -9,8 +9,8 @@
 //   act     ForceCommand          to drivers/omega         outside step()
 //   budget  100 us of the 1 ms period
 //
-// Pipeline: position -> field (two patches, blended over one fusion period) -> proxy -> spring at
-// the device -> fade and ramps -> force limit -> slew guard -> energy observer.
+// Pipeline: position -> field (two patches, blended over one fusion period, a step of the surface
+// over 1.4) -> proxy -> spring at the device -> fade and ramps -> force limit -> slew guard -> energy observer.
 // Stiffness, force and energy are those at the device: F_D = K (p_WP - p_WH) / scale, turned into
 // D. Frames: W world (= map), D haptic base, H stylus tip, P proxy.  SI.
 #pragma once
@@ -198,6 +198,7 @@ class HapticTask {
             double dt) noexcept;
   bool take_patch(const perception::SurfacePatch* patch) noexcept;
   void advance_blend(double dt) noexcept;
+  [[nodiscard]] double rise_ahead_N() noexcept;
   double advance_gain(bool ramp_down, double dt) noexcept;
   bool take_hand(const drivers::StylusSample& stylus, const rt::Tick& tick, double dt,
                  perception::Vec3& dx_D) noexcept;
@@ -237,6 +238,9 @@ class HapticTask {
   const perception::SurfacePatch* older_ = nullptr;  // non-null while blending
   const perception::SurfacePatch* newer_ = nullptr;
   double blend_ = 1;
+  double blend_time_ = 1;  // 0 to 1, what the blend's share is made of
+  bool steps_ = false;     // this blend is a step of the surface
+  double rise_N_ = 0;      // what this blend adds to the force on a hand that stands
 
   bool blend_allowed_ = true;  // false: what older_ would be is no longer retained
 

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <functional>
 #include <limits>
 
 #include "rt/hash.hpp"
@@ -264,6 +265,45 @@ TEST(HapticTask, TakesAPatchOnlyBetweenBlends) {
   }
   EXPECT_GE(wanted, 20);
   EXPECT_LE(wanted, 120);  // most ticks are inside a blend
+}
+
+// Ticks of the longest blend until it is whole, over a floor that is `height` above its place.
+int longest_blend(const std::function<double(double t)>& height, double depth) {
+  Scene s = floor_scene();
+  s.solid = [&](const Vec3& p, double t) { return solids::floor(p) - height(t); };
+  Rig r(s);
+  press(r, depth);
+  int longest = 0, now = 0;
+  double last = 1;
+  for (const Row& row : r.run([&](double) { return Vec3(0, 0, -depth); }, 0, 0.6)) {
+    const double blend = row.telemetry.blend;
+    now = blend < last ? 1 : blend < 1 ? now + 1 : now;
+    longest = std::max(longest, now);
+    last = blend;
+  }
+  return longest;
+}
+
+// One period for what moves, sinks, or rises a little; 1.4 for a step that presses the hand, so that one that yields is given less energy.
+TEST(HapticTask, AStepUnderAHandIsBlendedLonger) {
+  const auto step = [](double by) { return [by](double t) { return t > 0.5 ? by : 0.0; }; };
+  EXPECT_EQ(longest_blend(step(0.005), 0.002), 46);
+  EXPECT_EQ(longest_blend(step(0.005), 0.004), 46);
+  EXPECT_EQ(longest_blend(step(0.004), 0.002), 32);
+  EXPECT_LT(longest_blend(step(0.005), 0.008), 46) << "52 mJ: the budget's";
+  EXPECT_EQ(longest_blend(step(-0.005), 0.006), 32);
+  EXPECT_EQ(longest_blend(step(0.005), -0.002), 32) << "nobody is pressed";
+  for (const double v : {0.05, 0.1, 0.12}) {
+    EXPECT_EQ(longest_blend([v](double t) { return v * std::clamp(t - 0.5, 0.0, 0.07); }, 0.002),
+              32)
+        << v;
+  }
+  // Steps that go on are a motion.
+  EXPECT_EQ(
+      longest_blend(
+          [](double t) { return 0.001 * std::min(6.0, std::ceil(std::max(0.0, t - 0.5) * 30)); },
+          0.002),
+      32);
 }
 
 // The floor is there in one window and gone in the next, thirty times a second, under a hand that holds and then slides.
