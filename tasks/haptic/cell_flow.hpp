@@ -11,7 +11,7 @@
 // cell. The one with the most left is gone into; when none has any left, q is at rest: exactly the
 // first-order condition of the minimum over the union of the cells. No step ends farther from h.
 //
-// Lengths in voxels, frame W over voxel. Written for descent.cpp alone: the way down is
+// Lengths in voxels, frame W over voxel. For descent.cpp and effects.cpp: the way down is
 // cell_flow.cpp, what is asked where it ended cell_rest.cpp. Nothing here allocates, locks or throws.
 #pragma once
 

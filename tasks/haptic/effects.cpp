@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "tasks/haptic/broken.hpp"
+#include "tasks/haptic/cell_flow.hpp"
 
 namespace tasks {
 
@@ -16,24 +17,56 @@ namespace {
 
 constexpr int kStillTicks = 20;  // slip without motion for so long is at rest
 
-// From p_c along t in steps of a quarter voxel, lifted out of the solid at each; p_c itself when
-// the way is barred.
-Vec3 swept(const Field& field, const Vec3& p_c, const Vec3& t, const Vec3& n,
-           double radius) noexcept {
-  const double length = t.norm(), step = 0.25 * field.voxel();
-  const int steps = std::clamp(static_cast<int>(std::ceil(length / step)), 1, 8);
-  Vec3 q = p_c;
+// From p_c along t in steps of a quarter voxel, lifted out of the solid along the gradient at each. False: nothing stood
+// in the way. `up`: the last gradient's direction.
+bool lifted(const Field& field, const Vec3& t, double radius, Vec3& q, Vec3& up) noexcept {
+  const double step = 0.25 * field.voxel();
+  const int steps = std::clamp(static_cast<int>(std::ceil(t.norm() / step)), 1, 8);
+  bool in = false;
   for (int i = 1; i <= steps; ++i) {
     q += t / steps;
     for (int k = 0; k < 4; ++k) {
       const FieldSample s = field.sample(q);
       const double slope = s.gradient.norm();
       if (!s.known || s.value >= radius || slope < 0.05) break;
-      q += (std::min((radius - s.value) / slope, step) / slope) * s.gradient;
+      up = s.gradient / slope;
+      q += std::min((radius - s.value) / slope, step) * up;
+      in = true;
+    }
+  }
+  return in;
+}
+
+// From q, or from p_c where q is in the solid, down to the free place that is nearest to `end`.
+Vec3 nearest_free(const Field& field, const ProxyState& state, const Vec3& p_c, const Vec3& q,
+                  const Vec3& end, double radius) noexcept {
+  ProxyConfig cfg;
+  cfg.iterations_max = 24;
+  std::array<HalfSpace, 3> held{};
+  std::size_t size = 0;
+  for (std::int32_t i = 0; i < state.frame_size; ++i) {
+    const ProxyPlane& f = state.frame[static_cast<std::size_t>(i)];
+    held[size++] = {Vec3(f.nx, f.ny, f.nz), f.d};
+  }
+  const FieldSample s = field.sample(q);
+  const bool free = !s.known || s.value >= radius - 10 * cfg.tolerance_m;
+  return CellFlow(field, cfg, radius, end, held, size).run(free ? q : p_c);
+}
+
+// Where t from p_c ends, or the free place nearest to that; p_c itself when the way is barred. A lift along the gradient
+// is that place on a face; where faces meet, the descent of the proxy finds it.
+Vec3 swept(const Field& field, const ProxyState& state, const Vec3& p_c, const Vec3& t,
+           const Vec3& n, double radius) noexcept {
+  constexpr double kAside_m = 2e-5;
+  Vec3 q = p_c, up = n;
+  if (lifted(field, t, radius, q, up)) {
+    const Vec3 off = p_c + t - q;
+    if ((off - off.dot(up) * up).squaredNorm() > kAside_m * kAside_m) {
+      q = nearest_free(field, state, p_c, q, p_c + t, radius);
     }
   }
   // Lifted out of the spring's side: a wall stands in the way.
-  return (q - p_c).dot(n) < -length ? p_c : q;
+  return (q - p_c).dot(n) < -t.norm() ? p_c : q;
 }
 
 // J v, J = dp_c / dh on one smooth sheet: Z (Z' (I - lambda H) Z)^-1 Z', Z the tangent plane at p and
@@ -139,7 +172,7 @@ Vec3 with_friction(const Field& field, const Vec3& h, ProxyState& state, const F
     }
   }
   state.rubbed = t.norm();
-  return t.squaredNorm() > 0 ? swept(field, p_c, t, n, radius) : p_c;
+  return t.squaredNorm() > 0 ? swept(field, state, p_c, t, n, radius) : p_c;
 }
 
 void Surface::add(double amplitude_m, double period_m) noexcept {

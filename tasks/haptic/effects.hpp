@@ -5,7 +5,7 @@
 //   friction   p_c = frictionless proxy, d = |p_c - h|, n = (p_c - h) / d: the resultant, whatever
 //              the number of contacts. t = (I - n n^T)(a - p_c), a = anchor. Stick while
 //              |t| <= mu_s d; slip puts the proxy at p_c + mu_d d t/|t|, swept and lifted onto the
-//              surface, and the anchor with it. Stick again when the motion reverses or stops.
+//              free place nearest to there, and the anchor with it. Stick again when the motion reverses or stops.
 //   texture    height a(p_c) over the foot p_c, a(x) = sum of A_i sum over the axes of sin(2 pi x / P_i), solid in
 //              the map; one pattern, or several where materials meet. With D = d + a, d and n as above, the energy
 //              is V = K D^2 / 2 and the force its slope: F = -dV/dh = K D (n - J' grad a), J = dp_c/dh: the tangent

@@ -21,23 +21,6 @@ Scene rough(const Setting& s, std::function<double(const Vec3&)> solid) {
   return scene;
 }
 
-// The nearest free place, for a proxy that friction holds back into a wall.
-Vec3 lifted(const support::ReferenceField& field, const Vec3& p, double radius) {
-  const double out = off_zero_set_m(field, p, radius);
-  if (field(p) >= radius || out <= 0) return p;
-  Vec3 best = p;
-  double most = field(p);
-  for (int k = 0; k < 400; ++k) {  // evenly over the sphere
-    const double z = (2 * k + 1.0) / 400 - 1, turn = 2.399963 * k, r = std::sqrt(1 - z * z);
-    const Vec3 q = p + out * Vec3(r * std::cos(turn), r * std::sin(turn), z);
-    if (field(q) > most) {
-      most = field(q);
-      best = q;
-    }
-  }
-  return best;
-}
-
 // How much friction a tick takes off beyond what breaking loose does.
 struct Drop {
   double most = 0;  // in a tick
@@ -70,8 +53,9 @@ Model model_of(const Run& run, const rig::Rig& r, const std::vector<rig::Optimum
     const Row& row = run.rows[path[i].row];
     const bool apart = i > 0 && path[i].row > path[i - 1].row + stride;
     if (apart) friction.leave();
+    // Held back into a wall by friction: the free place nearest to there.
     const Vec3 p = scene.X_WS.inverse() *
-                   lifted(field, scene.X_WS * friction.follow(path[i].p, row.h), radius);
+                   nearest_free(field, scene.X_WS * friction.follow(path[i].p, row.h), radius);
     Vec3 f = k * (p - row.h);
     f *= std::min(1.0, 12 / std::max(f.norm(), 1e-9));
     f_error.push_back((row.f - f).norm());

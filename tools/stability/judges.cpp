@@ -21,10 +21,26 @@ Vec3 cut(const Vec3& f) {
 }
 
 // Evenly over the sphere.
-Vec3 direction(int k) {
-  constexpr int kCount = 96;
-  const double z = (2 * k + 1.0) / kCount - 1, angle = 2.399963 * k, r = std::sqrt(1 - z * z);
+Vec3 direction(int k, int count = 96) {
+  const double z = (2 * k + 1.0) / count - 1, angle = 2.399963 * k, r = std::sqrt(1 - z * z);
   return {r * std::cos(angle), r * std::sin(angle), z};
+}
+
+// How far p is from the free along `way`; `most` where it is farther.
+double to_free_m(const support::ReferenceField& field, const Vec3& p, const Vec3& way,
+                 double radius_m, double most) {
+  constexpr double kStep_m = 5e-5;
+  const auto free = [&](double s) { return field(p + s * way) >= radius_m; };
+  for (double in = 0; in < most; in += kStep_m) {
+    double out = std::min(in + kStep_m, most), solid = in;
+    if (!free(out)) continue;
+    for (int i = 0; i < 16; ++i) {
+      const double middle = 0.5 * (solid + out);
+      (free(middle) ? out : solid) = middle;
+    }
+    return out;
+  }
+  return most;
 }
 
 // Energy of a spring whose force is cut.
@@ -209,6 +225,36 @@ double off_zero_set_m(const support::ReferenceField& field, const Vec3& p_W, dou
     }
   }
   return kFarthest_m;
+}
+
+Vec3 nearest_free(const support::ReferenceField& field, const Vec3& p_W, double radius_m) {
+  constexpr double kFarthest_m = 3e-3, kGain_m = 1e-9;
+  constexpr int kDirections = 400;
+  if (field(p_W) >= radius_m) return p_W;
+  double least = kFarthest_m;
+  Vec3 way = Vec3::Zero();
+  const auto attempt = [&](const Vec3& d) {
+    const double s = to_free_m(field, p_W, d, radius_m, least);
+    if (s >= least - kGain_m) return false;
+    least = s;
+    way = d;
+    return true;
+  };
+  for (int k = 0; k < kDirections; ++k) attempt(direction(k, kDirections));
+  if (way.isZero()) return p_W;
+  for (double turn = 0.1; turn > 2e-3; turn *= 0.5) {
+    bool nearer = true;
+    while (nearer) {
+      nearer = false;
+      const Vec3 middle = way, a = middle.unitOrthogonal(), b = middle.cross(a);
+      for (int k = 0; k < 8; ++k) {
+        const double angle = 0.25 * std::numbers::pi * k;
+        const Vec3 aside = std::cos(angle) * a + std::sin(angle) * b;
+        nearer = attempt((middle + turn * aside).normalized()) || nearer;
+      }
+    }
+  }
+  return p_W + least * way;
 }
 
 double off_zero_set_m(const rig::Rig& r, const std::vector<Row>& rows, std::size_t stride) {

@@ -3,10 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <functional>
 #include <numbers>
 #include <string>
 #include <vector>
 
+#include "rt/random.hpp"
+#include "tests/support/field_optimum.hpp"
 #include "tests/support/haptic_solids.hpp"
 #include "tools/stability/cases.hpp"
 #include "tools/stability/judges.hpp"
@@ -234,6 +238,51 @@ TEST(Judges, FrictionModelSticksSlipsAndSticksAgain) {
   EXPECT_NEAR(at(0.0025).x(), 0.0025 - 0.24 * d, 1e-9);  // broken loose
   EXPECT_NEAR(at(0.004).x(), 0.004 - 0.24 * d, 1e-9);
   EXPECT_NEAR(at(0.003).x(), 0.004 - 0.24 * d, 1e-9);  // back: stuck
+}
+
+// Under a plane, and round a corner off the grid: free, and nothing nearer is.
+TEST(Judges, NearestFreePlaceIsFreeAndTheNearest) {
+  constexpr std::uint64_t kSeed = 3;
+  constexpr double kVoxel_m = 0.01, kRadius_m = 0.001;
+  std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
+  rt::Random random(kSeed);
+  const auto any = [&](double size) {
+    return Vec3(random.uniform(-size, size), random.uniform(-size, size),
+                random.uniform(-size, size));
+  };
+  const auto sampled = [&](const std::function<double(const Vec3&)>& solid) {
+    return support::ReferenceField(
+        [&](int x, int y, int z) { return solid(kVoxel_m * Vec3(x, y, z)); }, kVoxel_m,
+        Eigen::Array3i::Constant(-4), Eigen::Array3i::Constant(9));
+  };
+  for (int k = 0; k < 20; ++k) {
+    const Vec3 n = any(1).normalized();
+    const support::ReferenceField plane = sampled([&](const Vec3& p) { return n.dot(p); });
+    const Vec3 p = any(0.01), on = p - n.dot(p) * n + kRadius_m * n;
+    const Vec3 in = on - random.uniform(0, 0.0028) * n;
+    EXPECT_LT((stability::nearest_free(plane, in, kRadius_m) - on).norm(), 1e-5) << k;
+    const Vec3 out = on + 1e-4 * n;
+    EXPECT_EQ(stability::nearest_free(plane, out, kRadius_m), out);
+  }
+  const perception::Mat3 turned =
+      Eigen::AngleAxisd(0.3, Vec3(1, 2, 3).normalized()).toRotationMatrix();
+  const support::ReferenceField corner =
+      sampled([&](const Vec3& p) { return solids::concave_edge(turned * p); });
+  for (int k = 0; k < 20; ++k) {
+    const Vec3 p =
+        turned.transpose() *
+        Vec3(random.uniform(-0.002, 0.001), random.uniform(-0.01, 0.01), random.uniform(-0.001, 0));
+    const Vec3 q = stability::nearest_free(corner, p, 0);
+    const double off = (q - p).norm();
+    if (off == 0) continue;  // free, or too deep
+    EXPECT_GE(corner(q), -1e-12);
+    int nearer = 0;
+    for (int i = 0; i < 20000; ++i) {
+      const Vec3 d = any(1);
+      if (d.norm() < 1 && corner(p + (off - 1e-5) * d) >= 0) ++nearer;
+    }
+    EXPECT_EQ(nearer, 0) << k << ", lift " << 1e3 * off << " mm";
+  }
 }
 
 // --- another method, on the case itself

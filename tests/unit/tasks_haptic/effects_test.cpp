@@ -38,6 +38,54 @@ TEST(Effects, SlidingFrictionIsMuTimesTheNormalForce) {
   EXPECT_NEAR(last.f.z(), 5, 0.02);
 }
 
+// Along a corner off the grid: where friction holds the proxy back into a wall it is at the free place nearest to there.
+TEST(Effects, FrictionLiftsToTheNearestFreePlace) {
+  constexpr std::uint64_t kSeed = 3;
+  std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
+  rt::Random random(kSeed);
+  int held_back = 0, nearer = 0;
+  for (const rig::Placement& place : rig::placements()) {
+    Scene s;
+    s.solid = [](const Vec3& p, double) { return solids::concave_edge(p); };
+    s.still = true;
+    s.X_WS = place.X_WS;
+    s.config.friction_static = 0.3;
+    s.config.friction_dynamic = 0.24;
+    Rig r(s);
+    const auto patch = std::make_unique<SurfacePatch>();
+    r.fill(*patch, s.X_WS * Vec3(0, 0.015, 0), 0, 0);
+    tasks::Field field;
+    field.set(nullptr, patch.get(), 1);
+    const Path path(
+        {{-0.01, 0, 0.005}, {-0.01, 0, -0.008}, {0.008, 0, -0.008}, {0.008, 0.03, -0.008}}, 0.2);
+    for (int tick = 0; tick < 1000 * path.duration(); ++tick) {
+      const Row row = r.tick(path(1e-3 * tick));
+      const tasks::ProxyState& state = r.task().proxy();
+      if (tick % 3 != 0 || !state.anchored) continue;
+      const Vec3 p_c = state.rendered_WP(), h = s.X_WS * row.h, p = s.X_WS * row.p;
+      const Vec3 n = (p_c - h).normalized(), away = state.anchor_W() - p_c;
+      const Vec3 end = p_c + away - away.dot(n) * n;
+      const double off = (p - end).norm() - 2e-5;
+      if (off < 1e-4) continue;
+      ++held_back;
+      bool found = false;
+      for (int i = 0; i < 4000 && !found; ++i) {
+        const Vec3 d(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1));
+        found = d.norm() < 1 && field.seen_free(end + off * d);
+      }
+      if (found) {
+        ++nearer;
+        std::printf("%s, hand %.1f %.1f %.1f mm: lifted by %.3f mm\n", place.name.c_str(),
+                    1e3 * row.h.x(), 1e3 * row.h.y(), 1e3 * row.h.z(), 1e3 * (p - end).norm());
+      }
+    }
+  }
+  std::printf("%d ticks held back into a wall, %d not at the nearest free place\n", held_back,
+              nearer);
+  EXPECT_GT(held_back, 50);
+  EXPECT_EQ(nearer, 0);
+}
+
 // Height of the proxy = height of the texture over the foot of the hand on the smooth floor.
 TEST(Effects, TextureIsAHeightOfTheSurface) {
   Scene s = floor_scene();
