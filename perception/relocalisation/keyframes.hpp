@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -41,9 +42,10 @@ struct Thumbnail {
 [[nodiscard]] Thumbnail make_thumbnail(const DepthLevel& depth,
                                        ImageView<const Rgb> colour) noexcept;
 
-// Where `seen` shows at (u, v) what `kept` shows at (u + du, v + dv): mean difference in 1/256 of a code.
-[[nodiscard]] int thumbnail_distance(const Thumbnail& seen, const Thumbnail& kept, int du,
-                                     int dv) noexcept;
+// Where `seen` shows at (u, v) what `kept` shows at (u + du, v + dv): mean difference in 1/256 of a code. The largest
+// integer where too few cells say anything, or where it turns out not to be less than `below`.
+[[nodiscard]] int thumbnail_distance(const Thumbnail& seen, const Thumbnail& kept, int du, int dv,
+                                     int below = std::numeric_limits<int>::max()) noexcept;
 
 struct KeyframeConfig {
   int max_keyframes = 256;  // beyond, the one that is nearest to another is given up

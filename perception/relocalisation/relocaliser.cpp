@@ -10,7 +10,7 @@ namespace perception {
 namespace {
 
 constexpr int kMostColumns = 85;     // rays of a row of a cast
-constexpr int kFetchedBlocks = 896;  // a frame; nothing is fused meanwhile, which costs more
+constexpr int kFetchedBlocks = 768;  // a frame; nothing is fused meanwhile, which costs more
 constexpr int kCastBeside = 128;  // blocks: a frame that fetches more leaves the cast to the next
 constexpr std::uint64_t kWorkOfBlock = 512;
 constexpr double kSamePlace_m = 0.3, kSamePlace_rad = 0.3;  // what ICP finds from either

@@ -75,7 +75,7 @@ class Relocaliser {
   [[nodiscard]] std::size_t memory_bytes() const noexcept { return keyframes_.memory_bytes(); }
 
  private:
-  static constexpr std::size_t kAligned = 8;  // keyframes that a frame is aligned to by thumbnails
+  static constexpr std::size_t kAligned = 6;  // keyframes that a frame is aligned to by thumbnails
   static constexpr std::size_t kBeside = 6;   // of these, while there is a place that fits, and ...
   static constexpr std::size_t kMirrored = 4;  // ... keyframes that look like those of that place
   static constexpr std::size_t kPlaces = 8;

@@ -85,7 +85,7 @@ ThumbnailAligner::ThumbnailAligner(const Intrinsics& camera) noexcept {
   }
 }
 
-bool ThumbnailAligner::cell_of(const Vec3f& p, int& i, int& j) const noexcept {
+inline bool ThumbnailAligner::cell_of(const Vec3f& p, int& i, int& j) const noexcept {
   if (!(p.z() > 0.1F)) return false;
   const float u = static_cast<float>(cells_.fx) * p.x() / p.z() + static_cast<float>(cells_.cx);
   const float v = static_cast<float>(cells_.fy) * p.y() / p.z() + static_cast<float>(cells_.cy);
@@ -102,12 +102,14 @@ void ThumbnailAligner::refine(const CellView& seen, const Kept& kept, float gate
   const Vec3f t = X_KS.translation().cast<float>();
   Eigen::Matrix<float, 6, 6> H = Eigen::Matrix<float, 6, 6>::Zero();
   Eigen::Matrix<float, 6, 1> g = Eigen::Matrix<float, 6, 1>::Zero();
+  std::array<float, 27> sums{};
+  float weighed[6];
   int pairs = 0;
   for (int j = 0; j < kH; ++j) {
     for (int i = j & 1; i < kW; i += 2) {
       const Vec3f& p = seen.point[at(i, j)];
       const Vec3f& n_S = seen.normal[at(i, j)];
-      if (!(p.z() > 0) || n_S.isZero()) continue;
+      if (!(p.z() > 0) || n_S.squaredNorm() < 0.5F) continue;  // a unit vector or zero
       const Vec3f q = R * p + t;
       int a = 0, b = 0;
       if (!cell_of(q, a, b)) continue;
@@ -119,12 +121,23 @@ void ThumbnailAligner::refine(const CellView& seen, const Kept& kept, float gate
       Eigen::Matrix<float, 6, 1> J;
       J.head<3>() = n;
       J.tail<3>() = q.cross(n);
-      H.noalias() += (soft * J) * J.transpose();
-      g += (soft * r) * J;
+      // Of H the half that ldlt() reads, column by column.
+      for (int c = 0; c < 6; ++c) weighed[c] = soft * J(c);
+      float* h = sums.data();
+#pragma GCC unroll 6
+      for (int c = 0; c < 6; ++c)
+#pragma GCC unroll 6
+        for (int k = c; k < 6; ++k) *h++ += weighed[k] * J(c);
+#pragma GCC unroll 6
+      for (int k = 0; k < 6; ++k) *h++ += (soft * r) * J(k);
       ++pairs;
     }
   }
   if (pairs < kLeastPairs) return;
+  const float* h = sums.data();
+  for (int c = 0; c < 6; ++c)
+    for (int k = c; k < 6; ++k) H(k, c) = *h++;
+  for (int k = 0; k < 6; ++k) g(k) = *h++;
   // A direction that the cells do not hold stays about where it is.
   Mat6d A = H.cast<double>();
   A.diagonal().array() += 1e-3 * A.trace();
