@@ -126,8 +126,7 @@ void Relocaliser::list_guesses(const Tracker& tracker, ImageView<const Rgb> colo
   const Thumbnail seen = make_thumbnail(coarse, colour);
   fill_cell_view(coarse, seen_);
   std::array<Keyframes::Candidate, kAligned> list;
-  const int listed =
-      keyframes_.rank(seen, {}, std::span(list).first(leader == nullptr ? kAligned : kBeside));
+  const int listed = keyframes_.rank(seen, {}, list);
   guess_count_ = 0;
   for (int k = 0; k < listed; ++k) {
     const Keyframes::Candidate& c = list[static_cast<std::size_t>(k)];

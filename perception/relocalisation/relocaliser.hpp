@@ -76,8 +76,8 @@ class Relocaliser {
 
  private:
   static constexpr std::size_t kAligned = 6;  // keyframes that a frame is aligned to by thumbnails
-  static constexpr std::size_t kBeside = 6;   // of these, while there is a place that fits, and ...
-  static constexpr std::size_t kMirrored = 4;  // ... keyframes that look like those of that place
+  static constexpr std::size_t kMirrored =
+      4;  // and, while a place fits, that look like those of it
   static constexpr std::size_t kPlaces = 8;
   static constexpr std::size_t kTwins = 4;
   enum class Fit : std::uint8_t {
@@ -148,7 +148,7 @@ class Relocaliser {
   std::array<bool, Keyframes::kMax> resting_{};
   std::array<std::int64_t, Keyframes::kMax> rests_until_{};
   std::int64_t searches_ = 0;
-  std::array<Guess, kBeside + kMirrored> guesses_{};  // best first
+  std::array<Guess, kAligned + kMirrored> guesses_{};  // best first
   std::size_t guess_count_ = 0;
   std::array<Keyframes::Candidate, kMirrored> mirrored_{};  // that look like keyframe mirrored_of_
   std::size_t mirrored_count_ = 0;

@@ -10,15 +10,29 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 
 #include "perception/geometry/camera_model.hpp"
 #include "perception/relocalisation/keyframes.hpp"
 
 namespace perception {
 
-// A frame by its cells: points and unit normals in the camera, (0, 0, 0) where there is none.
+// Of the 3 x 3 cells about each inner one: the depths known, the least (infinity: none) and the largest of them (0).
+struct CellSpans {
+  std::array<float, Thumbnail::kCells> nearest, farthest;
+  std::array<std::int32_t, Thumbnail::kCells> known;
+};
+// A frame by its cells, in the camera.
 struct CellView {
-  std::array<Vec3f, Thumbnail::kCells> point, normal;
+  std::array<Vec3f, Thumbnail::kCells> point;  // (0, 0, 0) where there is none
+  CellSpans about;
+  // Every second cell in a chequered pattern, of these the ones that have a point and a normal.
+  static constexpr int kMost = Thumbnail::kCells / 2;
+  struct Lanes {
+    std::array<float, kMost> x, y, z;
+  };
+  Lanes at, normal;
+  int count = 0;
 };
 // Of the coarsest level, at the pixels that make_thumbnail() reads.
 void fill_cell_view(const DepthLevel& depth, CellView& out) noexcept;
@@ -43,7 +57,10 @@ class ThumbnailAligner {
 
  private:
   struct Kept;  // points of the kept view
+  struct Pairs;
+  struct Moved;  // of the cells seen, as the kept view would see them
   [[nodiscard]] bool cell_of(const Vec3f& p, int& i, int& j) const noexcept;
+  void move(const CellView& seen, const Pose& X_KS, Moved& out) const noexcept;
   void refine(const CellView& seen, const Kept& kept, float gate_m, Pose& X_KS) const noexcept;
   [[nodiscard]] ThumbnailFit judge(const CellView& seen, const Kept& kept,
                                    const Pose& X_KS) const noexcept;

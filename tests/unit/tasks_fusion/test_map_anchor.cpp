@@ -24,12 +24,15 @@ struct Fused {
   Pose X_WC = tests::Rig::eye(0);
   rt::Random random{7};
   std::unique_ptr<perception::RgbdFrame> frame = std::make_unique<perception::RgbdFrame>();
-  TsdfMap map{startup.token(), config()};
+  TsdfMap map;
   perception::RaycastMaps model{startup.token(), 256, 212};
   MapAnchor anchor{startup.token()};
 
-  static perception::TsdfConfig config() {
+  explicit Fused(double voxel_m = 0.02) : map(startup.token(), config(voxel_m)) {}
+  static perception::TsdfConfig config(double voxel_m) {
     perception::TsdfConfig c = tests::coarse().tsdf;
+    c.voxel_size_m = voxel_m;
+    c.max_blocks = 16384;
     c.max_weight = 64;
     return c;
   }
@@ -85,6 +88,20 @@ TEST(MapAnchor, WhatChangesInTheSceneIsNoMotionOfTheMap) {
   f.fuse(100, f.X_WC);
   std::printf("  and goes: moved by %.3f mm\n", f.moved_mm().norm());
   EXPECT_LT(f.moved_mm().norm(), 0.15);
+}
+
+// A pixel of this camera is a voxel of 10 mm wide at 1.8 m: most of the room is farther, and what is near would be held
+// in directions that it alone does not show.
+TEST(MapAnchor, HoldsNothingWherePixelsAreWiderThanVoxels) {
+  Fused f(0.01);
+  f.fuse(80, f.X_WC);
+  ASSERT_GT(f.map.block_count(), 1000);
+  EXPECT_EQ(f.anchor.nodes(), 0);
+  Pose X_off = f.X_WC;
+  X_off.translation() += f.X_WC.linear() * Vec3(0, 0, -0.002);
+  f.fuse(80, X_off);
+  EXPECT_EQ(f.anchor.moved().norm(), 0);
+  EXPECT_EQ(f.anchor.held(f.X_WC).matrix(), f.X_WC.matrix());
 }
 
 TEST(MapAnchor, ForgetsWhereTheCameraLeft) {
