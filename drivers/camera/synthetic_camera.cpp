@@ -1,6 +1,6 @@
 #include "drivers/camera/synthetic_camera.hpp"
+#include "rt/clock/box_time.hpp"
 
-#include <ctime>
 #include <numbers>
 
 namespace drivers {
@@ -8,16 +8,6 @@ namespace drivers {
 using perception::Intrinsics;
 using perception::Pose;
 using perception::Vec3;
-
-namespace {
-
-std::int64_t thread_cpu_ns() noexcept {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<std::int64_t>(t.tv_sec) * 1000000000 + t.tv_nsec;
-}
-
-}  // namespace
 
 void SyntheticCameraConfig::describe(config::Section& s) {
   s.text("resolution", resolution, {"full", "half"}, "full 512 x 424, half 256 x 212");
@@ -71,11 +61,11 @@ rt::Time SyntheticCamera::mid_exposure(std::uint64_t f) const noexcept {
 }
 
 void SyntheticCamera::expose(std::uint64_t f, perception::RgbdFrame& out) noexcept {
-  const std::int64_t begin = thread_cpu_ns();
+  const std::int64_t begin = rt::thread_cpu_ns();
   const rt::Time middle = mid_exposure(f);
   render(world_, intrinsics_, pose_.X_WC_at(middle), range_, noise_, seed_, f, scratch_, out);
   out.exposure = middle;
-  twin_cpu_ns_ += thread_cpu_ns() - begin;
+  twin_cpu_ns_ += rt::thread_cpu_ns() - begin;
   ++rendered_;
 }
 

@@ -3,12 +3,12 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
-#include <ctime>
 
 #include "perception/simd/isa.hpp"
 #include "perception/tsdf/allocate_scratch.hpp"
 #include "perception/tsdf/frame_view.hpp"
 #include "perception/tsdf/voxel_update.hpp"
+#include "rt/clock/box_time.hpp"
 
 namespace perception {
 namespace {
@@ -31,9 +31,7 @@ bool usable(const FrameView& f, const Pose& X_WC, double voxel) noexcept {
 
 // The way through: the caller's CPU, and where others took longer theirs.
 std::int64_t cpu_ns(const rt::ForkJoin& crew) noexcept {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return t.tv_sec * 1000000000LL + t.tv_nsec + crew.beyond_ns();
+  return rt::thread_cpu_ns() + crew.beyond_ns();
 }
 
 // The band is at least this thick to either side across the surface, also at grazing angles: a cell

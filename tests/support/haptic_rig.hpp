@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <ctime>
 #include <functional>
 #include <limits>
 #include <memory>
@@ -15,6 +14,7 @@
 #include <vector>
 
 #include "perception/patch/surface_patch.hpp"
+#include "rt/clock/box_time.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/memory/section.hpp"
 #include "tasks/haptic/haptic_task.hpp"
@@ -76,11 +76,7 @@ struct Row {
       0;  // of the proxy below the blended field's zero set, by the pop checker; NaN: free, unknown
 };
 
-inline double thread_us() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) * 1e6 + static_cast<double>(t.tv_nsec) * 1e-3;
-}
+inline double thread_us() { return 1e-3 * static_cast<double>(rt::thread_cpu_ns()); }
 
 class Rig {
  public:

@@ -16,7 +16,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -28,6 +27,7 @@
 #include "perception/segmentation/region_merge.hpp"
 #include "perception/segmentation/touch_segmenter.hpp"
 #include "perception/segmentation/whole_depth.hpp"
+#include "rt/clock/box_time.hpp"
 #include "tools/images/image_files.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/metrics_json.hpp"
@@ -65,11 +65,7 @@ T take(rt::Result<T> result) {
   return std::move(result).value();
 }
 
-double cpu_ms() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
-}
+double cpu_ms() { return 1e-6 * static_cast<double>(rt::thread_cpu_ns()); }
 
 Touch parse_touch(const std::string& text, int width, int height) {
   const auto v = number_list("--touch", text, 2, 2);

@@ -1,8 +1,6 @@
 // Closed-form scenes for the tests of mapping: exact rays, exact distances. Slow and plain.
 #pragma once
 
-#include <ctime>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -10,6 +8,7 @@
 #include <vector>
 
 #include "perception/tsdf/tsdf_map.hpp"
+#include "rt/clock/box_time.hpp"
 #include "rt/random.hpp"
 
 namespace tests {
@@ -134,11 +133,7 @@ inline Scene room() {
   return s;
 }
 
-inline double thread_cpu_ms() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_nsec) * 1e-6;
-}
+inline double thread_cpu_ms() { return 1e-6 * static_cast<double>(rt::thread_cpu_ns()); }
 
 inline double quantile(std::vector<double> v, double q) {
   if (v.empty()) return std::numeric_limits<double>::quiet_NaN();

@@ -1,6 +1,5 @@
 #include "tools/bench/table2/followed.hpp"
-
-#include <ctime>
+#include "rt/clock/box_time.hpp"
 
 #include <algorithm>
 #include <optional>
@@ -17,11 +16,7 @@ using perception::Vec3;
 constexpr int kFramesOfOne = 12;  // with the first object alone
 constexpr int kTurns = 5;         // of each object, with all of them
 
-double cpu_ms() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
-}
+double cpu_ms() { return 1e-6 * static_cast<double>(rt::thread_cpu_ns()); }
 
 perception::TsdfConfig map_config() {
   perception::TsdfConfig c;

@@ -1,6 +1,5 @@
 #include "tools/bench/table2/table2.hpp"
-
-#include <ctime>
+#include "rt/clock/box_time.hpp"
 
 #include <algorithm>
 #include <cstdio>
@@ -31,11 +30,7 @@ T take(rt::Result<T> result) {
   return std::move(result).value();
 }
 
-double cpu_ms() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
-}
+double cpu_ms() { return 1e-6 * static_cast<double>(rt::thread_cpu_ns()); }
 
 struct Picture {
   std::string id;

@@ -1,6 +1,5 @@
 #include "tools/bench/table2/touches.hpp"
-
-#include <ctime>
+#include "rt/clock/box_time.hpp"
 
 #include <algorithm>
 #include <cctype>
@@ -37,11 +36,7 @@ T take(rt::Result<T> result) {
   return std::move(result).value();
 }
 
-double cpu_ms() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return 1e3 * static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_nsec);
-}
+double cpu_ms() { return 1e-6 * static_cast<double>(rt::thread_cpu_ns()); }
 
 double quantile(std::vector<double> v, double q) {
   if (v.empty()) return 0;

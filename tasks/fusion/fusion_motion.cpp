@@ -1,0 +1,197 @@
+// Where the camera should be, and where it is when nobody knows.
+#include <algorithm>
+#include <numbers>
+
+#include "tasks/fusion/fusion_parts.hpp"
+#include "tasks/fusion/fusion_task.hpp"
+
+namespace tasks {
+
+namespace {
+
+using perception::MotionPrior;
+using perception::RgbdFrame;
+using perception::TrackingResult;
+using perception::TrackingState;
+using Twist = Eigen::Matrix<double, 6, 1>;
+
+constexpr double kDegree = std::numbers::pi / 180;
+
+// (v, w) with exp_se3(v, w) = X.
+Twist twist_of(const Pose& X) noexcept {
+  const Eigen::AngleAxisd r(X.linear());
+  Twist xi;
+  xi << X.translation(), r.angle() * r.axis();
+  return xi;
+}
+
+Pose between(const Pose& a, const Pose& b, double f) noexcept {
+  const Pose step = a.inverse() * b;
+  return perception::orthonormalised(a * perception::exp_se3(f * twist_of(step)));
+}
+
+double seconds_between(rt::Time a, rt::Time b) noexcept { return rt::seconds(b - a); }
+
+}  // namespace
+
+// ---------------------------------------------------------------- lost and found
+
+void FusionTask::watch_for_loss(const TrackingResult& r) noexcept {
+  const bool blank = tracker_.pyramid().level(1).valid < config_.tracker.lost_inliers;
+  blank_run_ = blank ? blank_run_ + 1 : 0;
+  if (recovering_ || r.state != TrackingState::kLost) return;
+  // A dark image says nothing of where the camera is: the prior may still hold when it is over.
+  if (blank && blank_run_ <= config_.blank_frames) return;
+  recovering_ = true;
+  confirming_ = look_again_ = false;
+  relocaliser_.restart();
+}
+
+// A leap from where the camera should be is no motion when another place looks like what is seen: then nobody
+// knows where it is. Odometry that is trusted leaves no room for one.
+void FusionTask::doubt_leap(const RgbdFrame& frame, const MotionPrior& prior,
+                            TrackingResult& r) noexcept {
+  if (r.state == TrackingState::kLost || tracker_.trusted(prior)) return;
+  const Pose leap = prior.X_WC.inverse() * r.X_WC;
+  if (leap.translation().norm() <= config_.leap_translation_m &&
+      perception::rotation_angle(leap.linear()) <= config_.leap_rotation_deg * kDegree)
+    return;
+  if (relocaliser_.alone(tracker_, colour_of(frame), r.X_WC)) return;
+  r.state = TrackingState::kLost;
+  r.claimed = r.fully_constrained = false;
+  r.X_WC = prior.X_WC;
+}
+
+// A lost camera is believed to be back when two frames in a row pass the strict gates: the first against
+// what was seen last or against a keyframe, the second from the pose that the first one gave; that one is then
+// tracked like any other. A frame does one thing about it: one cast, or one keyframe.
+void FusionTask::recover(const RgbdFrame& frame, const MotionPrior& prior, const FusionLevel& knobs,
+                         TrackingResult& r) noexcept {
+  const bool was_confirming = confirming_;
+  // Where to look when what was found is not confirmed; odometry carries it on.
+  if (was_confirming) {
+    X_lost_WC_ = perception::orthonormalised(X_lost_WC_ * (X_WC_.inverse() * prior.X_WC));
+  } else {
+    X_lost_WC_ = prior.X_WC;
+  }
+  const auto view = relocaliser_.view();
+  tracker_.reacquire(view.valid() ? view : model(), prior.X_WC, r);
+  std::uint64_t work = r.work;
+  const bool trusted = tracker_.trusted(prior);
+  const bool fits = tracker_.reliable(r, trusted);
+  if (fits && was_confirming) {
+    MotionPrior near = prior;
+    near.X_WC = r.X_WC;
+    const double contradiction = r.contradiction, clash = r.clash;
+    tracker_.track(model(), near, knobs.iterations, r);
+    r.contradiction = contradiction;
+    r.clash = clash;
+    r.work += work;
+    if (r.state != TrackingState::kLost && r.claimed) {
+      recovering_ = confirming_ = false;
+      return;
+    }
+    work = r.work;
+  }
+  const bool blank = tracker_.pyramid().level(1).valid < config_.tracker.lost_inliers;
+  bool found = false;
+  if (fits && !was_confirming && (trusted || !view.valid())) {
+    // Odometry says that it is no other place; else the next frame is compared in a view without hint. Not before
+    // all of it is in the pool: until then it is found again in the view that there is.
+    found = relocaliser_.look(map_, r.X_WC) && trusted;
+    look_again_ = false;
+  } else if (was_confirming || look_again_ || (!fits && moved_on(view))) {
+    look_again_ = !relocaliser_.look(map_, X_lost_WC_);
+  } else if (!blank) {
+    const TrackingResult here = r;
+    found = relocaliser_.search(map_, tracker_, colour_of(frame), fits ? &here : nullptr, r);
+  }
+  r.work = work;
+  confirming_ = found;
+  if (!found) r.X_WC = X_lost_WC_;
+  r.state = TrackingState::kLost;
+  r.claimed = r.fully_constrained = false;
+}
+
+// Has odometry carried the lost camera away from where it is being looked for?
+bool FusionTask::moved_on(const perception::ModelView& view) const noexcept {
+  if (!X_OB_last_) return false;
+  const Pose step = (view.valid() ? view.X_WF : model_.X_WC).inverse() * X_lost_WC_;
+  return step.translation().norm() > 0.1 || perception::rotation_angle(step.linear()) > 6 * kDegree;
+}
+
+// Where the camera should be at `exposure`. Also advances what odometry knows to that instant.
+perception::MotionPrior FusionTask::predict(rt::Time exposure) noexcept {
+  MotionPrior prior;
+  const std::optional<Pose> X_OB = odometry_at(exposure);
+  if (X_OB && X_OB_last_) {
+    const Pose step_B = X_OB_last_->inverse() * *X_OB;
+    const double way = step_B.translation().norm();
+    const double turn_deg = perception::rotation_angle(step_B.linear()) / kDegree;
+    sigma_translation_m_ += config_.odometry_translation_share * way;
+    sigma_rotation_deg_ +=
+        config_.odometry_rotation_share * turn_deg + config_.odometry_deg_per_m * way;
+    prior.X_WC = X_WC_ * setup_.X_BC.inverse() * step_B * setup_.X_BC;
+    prior.source = MotionPrior::Source::kOdometry;
+    prior.sigma_translation_m = sigma_translation_m_;
+    prior.sigma_rotation_deg = sigma_rotation_deg_;
+  } else {
+    // Without odometry over the whole interval, a later odometry step starts from nothing known.
+    sigma_translation_m_ = sigma_rotation_deg_ = 1e3;
+    const double dt = seconds_between(exposure_, exposure);
+    prior.X_WC = X_WC_ * perception::exp_se3(dt * velocity_);
+  }
+  X_OB_last_ = X_OB;
+  prior.X_WC = perception::orthonormalised(prior.X_WC);
+  return prior;
+}
+
+void FusionTask::settle_motion(const TrackingResult& r, rt::Time exposure, bool first) noexcept {
+  if (first) {
+    X_OB_last_ = odometry_at(exposure);
+  } else {
+    const double dt = seconds_between(exposure_, exposure);
+    velocity_ = twist_of(X_WC_.inverse() * r.X_WC) / std::max(dt, 1e-3);
+    if (!r.claimed) velocity_ *= config_.velocity_decay;
+    // Between two frames of which one was only found, a way is a leap and no motion.
+    if (recovering_) velocity_.setZero();
+  }
+  if (r.fully_constrained) sigma_translation_m_ = sigma_rotation_deg_ = 0;
+  X_WC_ = r.X_WC;
+  exposure_ = exposure;
+}
+
+// ---------------------------------------------------------------- odometry
+
+void FusionTask::remember_odometry(const std::optional<OdometryPrior>& odometry) noexcept {
+  if (!odometry || !odometry->X_OB.matrix().allFinite()) return;
+  if (odometry_count_ > 0) {
+    const OdometryPrior& newest = odometry_[(odometry_count_ - 1) % kOdometry];
+    if (odometry->taken <= newest.taken) return;
+  }
+  odometry_[odometry_count_++ % kOdometry] = *odometry;
+}
+
+// Interpolated; beyond the newest sample by its velocity, at most 100 ms. Empty: not known then.
+std::optional<Pose> FusionTask::odometry_at(rt::Time t) const noexcept {
+  if (odometry_count_ == 0) return std::nullopt;
+  const OdometryPrior& newest = odometry_[(odometry_count_ - 1) % kOdometry];
+  if (t >= newest.taken) {
+    const double dt = seconds_between(newest.taken, t);
+    if (dt > 0.1) return std::nullopt;
+    Twist xi;
+    xi << newest.v_OB_B * dt, newest.w_OB_B * dt;
+    return perception::orthonormalised(newest.X_OB * perception::exp_se3(xi));
+  }
+  const std::uint64_t held = std::min<std::uint64_t>(odometry_count_, kOdometry);
+  for (std::uint64_t i = 1; i < held; ++i) {
+    const OdometryPrior& after = odometry_[(odometry_count_ - i) % kOdometry];
+    const OdometryPrior& before = odometry_[(odometry_count_ - i - 1) % kOdometry];
+    if (before.taken > t) continue;
+    const double f = seconds_between(before.taken, t) / seconds_between(before.taken, after.taken);
+    return between(before.X_OB, after.X_OB, f);
+  }
+  return std::nullopt;
+}
+
+}  // namespace tasks

@@ -1,0 +1,134 @@
+// What others read of the fusion task: patch, cost map, view, mesh.
+#include <algorithm>
+
+#include "perception/tsdf/patch_copy.hpp"
+#include "tasks/fusion/fusion_parts.hpp"
+#include "tasks/fusion/fusion_task.hpp"
+
+namespace tasks {
+
+namespace {
+
+using perception::SurfacePatch;
+
+constexpr int kMeshPatience = 10;  // messages' time that an answer may take
+
+}  // namespace
+
+void FusionTask::write_patch(const rt::Tick& tick, const HapticState& hand, Out& out) noexcept {
+  if (out.patch == nullptr) return;
+  Stage stage(profiling_, *crew_, profile_.patch);
+  const Vec3 centre =
+      hand.p_WH + config_.window_lead_periods * rt::seconds(setup_.period) * hand.v_WH;
+  // Before the haptic task ran, and for a hand that is not finite, the window stays where it was.
+  if (hand.seq > 0 && centre.allFinite()) {
+    window_centre_W_ = centre;
+    hand_known_ = true;
+  }
+  SurfacePatch& p = *out.patch;
+  const std::span<const std::uint8_t> slots =
+      objects_ == nullptr ? std::span<const std::uint8_t>{} : slot_of_label_;
+  if (!perception::copy_patch(map_, window_centre_W_, config_.patch_nodes, p, slots)) return;
+  p.seq = ++patch_seq_;
+  p.fused = tick.start;
+  p.exposure = fused_exposure_;
+  p.palette = setup_.palette;
+  p.checksum = config_.patch_checksums ? perception::patch_checksum(p) : 0;
+  out.work += p.cells();
+  out.patch_written = true;
+}
+
+void FusionTask::write_cost_map(const rt::Tick& tick, Out& out) noexcept {
+  if (out.cost_map == nullptr) return;
+  ++periods_since_map_;
+  const bool due = periods_since_map_ >= static_cast<std::uint64_t>(config_.cost_map_period);
+  if (!due && map_seq_ > 0) return;
+  Stage stage(profiling_, *crew_, profile_.cost_map);
+  ground_.write(*out.cost_map);
+  out.cost_map->seq = ++map_seq_;
+  out.cost_map->fused = tick.start;
+  out.cost_map->exposure = fused_exposure_;
+  out.cost_map_written = true;
+  periods_since_map_ = 0;
+}
+
+bool FusionTask::view_due(const Out& out) const noexcept {
+  return out.view != nullptr && config_.view_period_frames > 0 && started_ &&
+         (periods_ - 1) % static_cast<std::uint64_t>(config_.view_period_frames) == 0;
+}
+
+void FusionTask::write_view(const rt::Tick& tick, const std::optional<Pose>& X_WV,
+                            Out& out) noexcept {
+  if (!view_due(out)) return;
+  Stage stage(profiling_, *crew_, profile_.view);
+  perception::RaycastOptions o;
+  o.pixel_step = config_.view_step;
+  o.colour = true;
+  o.crew = crew_;
+  const Pose X = X_WV ? *X_WV : X_WC_;
+  // The camera's own frame shows objects better than the map alone can.
+  const bool own = objects_drawn_ && !X_WV;
+  o.labels = !own && objects_ != nullptr && objects_->count() > 0;
+  const auto stats = perception::raycast(map_, setup_.camera, X, o, view_maps_);
+  if (stats.rays == 0) return;
+  SceneView& v = *out.view;
+  v.X_WV = X;
+  v.intrinsics = view_maps_.intrinsics;
+  const auto colour = view_maps_.colour();
+  const perception::ImageView<const std::uint8_t> shown =
+      own ? objects_shown_.view() : view_maps_.labels();
+  for (int y = 0; y < view_maps_.height(); ++y) {
+    for (int x = 0; x < view_maps_.width(); ++x) {
+      const auto i = static_cast<std::size_t>(y) * static_cast<std::size_t>(v.intrinsics.width) +
+                     static_cast<std::size_t>(x);
+      const float* r = view_maps_.at(x, y);
+      v.object[i] = own || o.labels ? shown.at(x, y) : std::uint8_t{0};
+      if (!view_maps_.hit(x, y)) {
+        v.colour[i] = {24, 26, 30};
+        v.points[i] = {};
+        continue;
+      }
+      // Headlight: brightness by the angle between ray and surface.
+      const Eigen::Vector3f p = view_maps_.vertex_C(x, y), n = view_maps_.normal_C(x, y);
+      const float shade = 0.35F + 0.65F * std::clamp(-n.dot(p) / p.norm(), 0.0F, 1.0F);
+      const perception::Rgb c = colour.at(x, y);
+      const auto lit = [shade](std::uint8_t channel) {
+        return static_cast<std::uint8_t>(static_cast<float>(channel) * shade);
+      };
+      v.colour[i] = {lit(c.r), lit(c.g), lit(c.b)};
+      const Eigen::Vector3f q = (X * p.cast<double>()).cast<float>();
+      v.points[i] = {q.x(), q.y(), q.z(), r[3]};
+    }
+  }
+  v.seq = ++view_seq_;
+  v.fused = tick.start;
+  v.exposure = fused_exposure_;
+  out.work_view = static_cast<std::uint64_t>(stats.steps) + static_cast<std::uint64_t>(stats.rays);
+  out.work += out.work_view;
+  out.view_written = true;
+}
+
+// The next deltas go when the last ones were taken, so none is lost; a receiver that says nothing for long, or
+// has begun anew, gets all of the mesh again.
+void FusionTask::write_mesh(const rt::Tick& tick, std::uint64_t taken, Out& out) noexcept {
+  if (mesh_ == nullptr || out.mesh == nullptr || !started_) return;
+  if ((periods_ - 1) % static_cast<std::uint64_t>(config_.mesh_period_frames) != 0) return;
+  if (taken != mesh_seq_) {
+    if (++mesh_waited_ < kMeshPatience) return;
+    mesh_->restart();
+  }
+  mesh_waited_ = 0;
+  Stage stage(profiling_, *crew_, profile_.mesh);
+  const bool any = mesh_->next(config_.mesh_blocks, *out.mesh);
+  out.work += kWorkOfBlock * static_cast<std::uint64_t>(mesh_->cut_last());
+  if (!any) {
+    mesh_seq_ = taken;
+    return;
+  }
+  out.mesh->seq = ++mesh_seq_;
+  out.mesh->fused = tick.start;
+  out.mesh->exposure = fused_exposure_;
+  out.mesh_written = true;
+}
+
+}  // namespace tasks
