@@ -3,6 +3,7 @@
 #include <bit>
 #include <cstdint>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <limits>
 #include <optional>
@@ -181,6 +182,8 @@ rt::Result<Parsed<T>> parse(const std::string& bytes, const std::string& name,
 }
 
 rt::Result<std::string> whole(const std::string& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) return rt::Error{path + ": is a folder"};
   std::ifstream file(path, std::ios::binary);
   if (!file) return rt::Error{path + ": cannot be opened"};
   std::ostringstream bytes;

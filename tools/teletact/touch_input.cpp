@@ -112,12 +112,61 @@ FieldList load_distances(const Options& o) {
     const double t = must(table.number(i, 0));
     check(out.from.empty() || t > out.from.back(),
           o.fields + ":" + std::to_string(table.lines[i]) + ": t_s must rise from row to row");
+    const std::string where = o.fields + ":" + std::to_string(table.lines[i]) + ": ";
     const std::filesystem::path file(table.rows[i][1]);
+    check(!file.empty(), where + "no file is named");
     const std::string path = file.is_absolute() ? file.string() : (folder / file).string();
+    check(!std::filesystem::is_directory(path), where + path + " is a folder");
     out.from.push_back(t);
     out.fields.push_back(must(to_field(must(read_npy(path)), path)));
   }
   return out;
+}
+
+std::string number_text(double v) {
+  std::ostringstream text;
+  text << v;
+  return text.str();
+}
+
+// The path's rows as they stand in the file, each with what names it in a message.
+std::vector<HandRow> load_rows(const Options& o, const CsvTable& table, HandPath& out) {
+  const auto rows = must(numeric_rows(table, {"t_s", "x", "y", "z"}));
+  const int clutch = table.column("clutch");
+  std::vector<HandRow> hand;
+  hand.reserve(rows.size());
+  bool leaves = false;  // the reach of a base at the world's origin
+  const auto where = [&](std::size_t i) {
+    return o.path + ":" + std::to_string(table.lines[i]) + ": ";
+  };
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto& r = rows[i];
+    hand.push_back({r[0], Vec3(r[1], r[2], r[3])});
+    if (clutch >= 0) {
+      const auto column = static_cast<std::size_t>(clutch);
+      const double held = must(table.number(i, column));
+      check(held == 0 || held == 1,
+            where(i) + "clutch " + table.rows[i][column] + ": allowed are 0 and 1");
+      hand.back().clutch = held == 1;
+    }
+    const double far = hand.back().p.norm();
+    check(far < 1000,
+          where(i) + number_text(far) + " m from the world's origin: allowed are 1000 m");
+    if (far <= kDeviceReach_m) continue;
+    leaves = true;
+    check(o.border_m == 0, where(i) + number_text(far) +
+                               " m from the world's origin, round which --border lies: " +
+                               "allowed are " + number_text(kDeviceReach_m) + " m with it");
+  }
+  if (!leaves) return hand;
+  out.base = hand.front().p;
+  for (std::size_t i = 0; i < hand.size(); ++i) {
+    const double far = (hand[i].p - out.base).norm();
+    check(far <= kDeviceReach_m,
+          where(i) + number_text(far) + " m from the path's first row: allowed are " +
+              number_text(kDeviceReach_m) + " m, or from the world's origin");
+  }
+  return hand;
 }
 
 }  // namespace
@@ -128,25 +177,14 @@ FieldList load_fields(const Options& o) {
   return out;
 }
 
-std::vector<HandRow> load_hand(const Options& o, double& period_s) {
+HandPath load_hand(const Options& o) {
   const CsvTable table = must(read_csv(o.path));
-  const auto rows = must(numeric_rows(table, {"t_s", "x", "y", "z"}));
-  const int clutch = table.column("clutch");
-  std::vector<HandRow> hand;
-  hand.reserve(rows.size());
-  for (const auto& r : rows) {
-    hand.push_back({r[0], Vec3(r[1], r[2], r[3])});
-    if (clutch >= 0) {
-      const double held = must(table.number(hand.size() - 1, static_cast<std::size_t>(clutch)));
-      check(held == 0 || held == 1, o.path + ": clutch is 0 or 1");
-      hand.back().clutch = held == 1;
-    }
-    check(hand.back().p.norm() < 1000, o.path + ": a position more than 1000 m away");
-  }
+  HandPath out;
+  std::vector<HandRow> hand = load_rows(o, table, out);
   const double spacing =
       hand.size() > 1 ? (hand.back().t - hand.front().t) / static_cast<double>(hand.size() - 1)
                       : 1e-3;
-  period_s = o.rate_hz > 0 ? 1.0 / o.rate_hz : spacing;
+  const double period_s = out.period_s = o.rate_hz > 0 ? 1.0 / o.rate_hz : spacing;
   check(
       period_s >= 1e-5 && period_s <= 0.1,
       o.path + ": row spacing of " + std::to_string(period_s) + " s; allowed are 10 us to 100 ms");
@@ -160,8 +198,10 @@ std::vector<HandRow> load_hand(const Options& o, double& period_s) {
                                    " s after the one before; rows are ticks, " +
                                    std::to_string(period_s) +
                                    " s apart: give --rate to have them interpolated");
-  if (even && std::abs(spacing - period_s) <= 1e-3 * period_s) return hand;
-  std::vector<HandRow> out;
+  if (even && std::abs(spacing - period_s) <= 1e-3 * period_s) {
+    out.rows = std::move(hand);
+    return out;
+  }
   std::size_t i = 0;
   for (std::size_t k = 0;; ++k) {
     const double t = hand.front().t + static_cast<double>(k) * period_s;
@@ -169,7 +209,7 @@ std::vector<HandRow> load_hand(const Options& o, double& period_s) {
     while (i + 2 < hand.size() && hand[i + 1].t <= t) ++i;
     const HandRow &a = hand[i], &b = hand[std::min(i + 1, hand.size() - 1)];
     const double s = b.t > a.t ? std::clamp((t - a.t) / (b.t - a.t), 0.0, 1.0) : 0.0;
-    out.push_back({t, (1 - s) * a.p + s * b.p, a.clutch});
+    out.rows.push_back({t, (1 - s) * a.p + s * b.p, a.clutch});
   }
   return out;
 }

@@ -11,6 +11,9 @@
 
 namespace teletact::touch {
 
+// The task takes a device's position beyond it for none at all.
+inline constexpr double kDeviceReach_m = 10.0;
+
 struct HandRow {
   double t = 0;
   perception::Vec3 p = perception::Vec3::Zero();
@@ -34,7 +37,13 @@ struct FieldList {
 
 // Throw std::runtime_error naming file, row and what is wrong.
 [[nodiscard]] FieldList load_fields(const Options& o);
-// The hand at every tick: the rows themselves, or the rows interpolated to another rate.
-[[nodiscard]] std::vector<HandRow> load_hand(const Options& o, double& period_s);
+// The hand at every tick: the rows themselves, or the rows interpolated to another rate. `base`: the origin of the
+// device's base, that of the world, or where a path that leaves the reach from there begins.
+struct HandPath {
+  std::vector<HandRow> rows;
+  double period_s = 1e-3;
+  perception::Vec3 base = perception::Vec3::Zero();
+};
+[[nodiscard]] HandPath load_hand(const Options& o);
 
 }  // namespace teletact::touch

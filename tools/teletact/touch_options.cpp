@@ -74,6 +74,7 @@ void check_replay(const CLI::App& app, Options& o) {
                         name == "--json" || name == "--help";
     check(counts || option->count() == 0, name + " has no meaning with --replay");
   }
+  check(!o.out.empty(), "--out is empty: the trace needs a file");
   if (app.count("--method") == 0) o.method.clear();
   check_outputs({{"--out", o.out}, {"--json", o.json}}, {o.replay});
 }
@@ -86,6 +87,7 @@ void within(double v, double lo, double hi, const char* option) {
 
 // Sets what follows from others.
 void check_options(const CLI::App& app, Options& o) {
+  check(!o.out.empty(), "--out is empty: the trace needs a file");
   check(!o.path.empty(), "--path is required");
   check(app.count("--voxel") > 0, "--voxel is required");
   check(o.field.empty() != o.fields.empty(), "one of --field and --fields is needed");
@@ -98,6 +100,8 @@ void check_options(const CLI::App& app, Options& o) {
   within(o.friction_static, 0, 2, "--friction");
   within(o.friction_dynamic, 0, std::max(o.friction_static, 1e-9), "--friction-dynamic");
   within(o.paper_friction, 0, 2, "--paper-friction");
+  check(app.count("--paper-friction") == 0 || o.method == "force_shading",
+        "--paper-friction has no meaning with --method " + o.method + ": it is force_shading's");
   within(o.texture_m, 0, 0.002, "--texture");
   within(o.texture_period_m, 0.0004, 0.1, "--texture-period");
   within(o.viscosity, 0, 5, "--viscosity");
@@ -114,6 +118,8 @@ void check_options(const CLI::App& app, Options& o) {
             std::string(other) + " has no meaning with --palette: the surface is the label's");
     }
   }
+  check(app.count("--border-rate") == 0 || o.border_m > 0, "--border-rate needs --border");
+  check(app.count("--texture-period") == 0 || o.texture_m > 0, "--texture-period needs --texture");
   check(!o.bump_normal || o.texture_m > 0 || !o.palette.empty(),
         "--bump-normal needs --texture or --palette");
   check(o.window_nodes % 4 == 0, "--window must be a multiple of 4");

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -62,13 +63,16 @@ class Tally {
   std::vector<double> contact_cpu_us_;
 };
 
-tasks::HapticConfig config_of(const Options& o, const Vec3& origin, double period_s) {
+tasks::HapticConfig config_of(const Options& o, const Vec3& origin, const HandPath& path) {
   tasks::HapticConfig config;
   config.method = o.method;
   config.stiffness_N_per_m = o.stiffness;
   config.tip_radius_m = o.tip_radius_m;
   config.force_limit_N = o.force_limit_N;
-  config.workspace_W_m = {-origin.x(), -origin.y(), -origin.z()};
+  // A base at the world's origin, as long as the hand is in reach of it, whatever the scale.
+  Vec3 centre = -origin;
+  if (path.base != Vec3::Zero()) centre += o.scale * path.base;
+  config.workspace_W_m = {centre.x(), centre.y(), centre.z()};
   config.passivity_controller = on_off(o.passivity, "--passivity");
   config.guard = on_off(o.guard, "--guard");
   config.friction_static = o.friction_static;
@@ -83,7 +87,7 @@ tasks::HapticConfig config_of(const Options& o, const Vec3& origin, double perio
   config.border_m = o.border_m;
   config.border_rate_per_s = o.border_rate_per_s;
   if (!on_off(o.blend, "--blend")) config.blend_s = 0;
-  config.patch_liveness_s = std::max(config.patch_liveness_s, 4 * period_s);
+  config.patch_liveness_s = std::max(config.patch_liveness_s, 4 * path.period_s);
   return config;
 }
 
@@ -158,14 +162,24 @@ class RunFile {
   std::uint64_t window_ = 0;
 };
 
+// The last of a hand that the task gives up on are zeros: no trace.
+void check_health(const Options& o, double t, const rt::Health& health) {
+  if (health.severity < rt::Severity::kRampDown) return;
+  char at[48];
+  std::snprintf(at, sizeof at, ": t_s %.6g: ", t);
+  throw std::runtime_error(o.path + at + "the haptic task gave up, fault " +
+                           std::to_string(health.fault) + " of docs/faults.md");
+}
+
 }  // namespace
 
 void run(const Options& o) {
   const Vec3 origin = parse_origin(o.origin);
-  double period_s = 1e-3;
-  const std::vector<HandRow> hand = load_hand(o, period_s);
+  const HandPath walk = load_hand(o);
+  const std::vector<HandRow>& hand = walk.rows;
+  const double period_s = walk.period_s;
   const FieldList fields = load_fields(o);
-  const tasks::HapticConfig config = config_of(o, origin, period_s);
+  const tasks::HapticConfig config = config_of(o, origin, walk);
   // No device here: nothing bounds the stiffness.
   drivers::DeviceProperties device;
   device.damping_N_s_per_m = 1e12;
@@ -182,6 +196,7 @@ void run(const Options& o) {
                       std::any_of(hand.begin(), hand.end(), [](const auto& r) { return r.clutch; });
   Vec3 scene_before = Vec3::Zero();
   Tally tally;
+  bool touched = false;
   tasks::HapticTask::In in;
   tasks::HapticTask::Out out;
   in.mode.seq = 1;
@@ -191,7 +206,7 @@ void run(const Options& o) {
   for (std::size_t k = 0; k < hand.size(); ++k) {
     const HandRow& row = hand[k];
     const rt::Time now{rt::nanos_from_seconds(row.t - hand.front().t)};
-    const Vec3 scene = mapped ? Vec3(task.to_world(row.p) + origin) : row.p;
+    const Vec3 scene = mapped ? Vec3(task.to_world(row.p - walk.base) + origin) : row.p;
     const Vec3 velocity =
         k > 0 ? Vec3((scene - scene_before) / (row.t - hand[k - 1].t)) : Vec3::Zero();
     scene_before = scene;
@@ -201,19 +216,22 @@ void run(const Options& o) {
     record.before(in);
     in.stylus.seq = k + 1;
     in.stylus.taken = now;
-    in.stylus.p_DH = row.p;
+    in.stylus.p_DH = row.p - walk.base;
     rt::Tick tick;
     tick.k = k;
     tick.release = tick.start = now;
     tick.period = rt::nanos_from_seconds(period_s);
     const std::int64_t before = rt::thread_cpu_ns();
-    (void)task.step(tick, in, out);
+    const rt::Health health = task.step(tick, in, out);
     const std::int64_t cpu_ns = rt::thread_cpu_ns() - before;
+    check_health(o, row.t, health);
     tally.add(out, cpu_ns);
+    touched = touched || out.telemetry.in_contact;
     record.after(tick, in, out);
     trace.row(row.t, mapped ? Vec3(out.state.p_WH + origin) : row.p, out.state.p_WP + origin, out,
               cpu_ns);
   }
+  windows.check_met(hand, touched);
   surface.check_seen();
   record.end();
   write_outputs({{o.debug, [&](const auto&) { trace.finish_debug(); }},

@@ -1,6 +1,8 @@
 #include "tools/teletact/touch_sources.hpp"
 
+#include <cmath>
 #include <cstdio>
+#include <stdexcept>
 #include <string>
 
 #include "tools/teletact/field_window.hpp"
@@ -23,6 +25,13 @@ View parse_view(const std::string& text) {
   return out;
 }
 
+std::string box_text(const Vec3& low, const Vec3& high) {
+  char text[160];
+  std::snprintf(text, sizeof text, "%.4g,%.4g,%.4g to %.4g,%.4g,%.4g m", low.x(), low.y(), low.z(),
+                high.x(), high.y(), high.z());
+  return text;
+}
+
 }  // namespace
 
 WindowSource::WindowSource(const FieldList& fields, const Options& o, const Vec3& origin)
@@ -32,6 +41,8 @@ WindowSource::WindowSource(const FieldList& fields, const Options& o, const Vec3
 
 const perception::SurfacePatch* WindowSource::at(double t, rt::Time now, const Vec3& hand,
                                                  const Vec3& velocity, bool wanted) {
+  low_ = low_.cwiseMin(hand);
+  high_ = high_.cwiseMax(hand);
   const std::size_t field = fields_.visible(t, visible_);
   if (field == 0) return nullptr;
   const bool other = field != visible_;
@@ -43,6 +54,7 @@ const perception::SurfacePatch* WindowSource::at(double t, rt::Time now, const V
     fused_ = now;
     centre_ = hand + velocity * (2 * kPeriod_s) - origin_;
   }
+  met_ = met_ || known_round(hand - origin_);
   if (!wanted) return nullptr;
   if (slots_[current_]->seq != seq_) {
     current_ = (current_ + 1) % slots_.size();
@@ -54,6 +66,44 @@ const perception::SurfacePatch* WindowSource::at(double t, rt::Time now, const V
                 options_.window_nodes, patch);
   }
   return slots_[current_].get();
+}
+
+// Any node of the cell that p lies in.
+bool WindowSource::known_round(const Vec3& p) const {
+  const DenseField& field = fields_.fields[visible_ - 1];
+  std::array<std::size_t, 3> at{};
+  for (std::size_t a = 0; a < 3; ++a) {
+    const double i = std::floor(p[static_cast<Eigen::Index>(a)] / options_.voxel_m);
+    if (!(i >= 0 && i < field.size[a])) return false;
+    at[a] = static_cast<std::size_t>(i);
+  }
+  for (std::size_t corner = 0; corner < 8; ++corner) {
+    std::size_t node = 0;
+    bool inside = true;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const std::size_t i = at[a] + (corner >> a & 1U);
+      inside = inside && i < static_cast<std::size_t>(field.size[a]);
+      node = node * static_cast<std::size_t>(field.size[a]) + i;
+    }
+    if (inside && !std::isnan(field.distance[node])) return true;
+  }
+  return false;
+}
+
+void WindowSource::check_met(const std::vector<HandRow>& hand, bool touched) const {
+  if (met_ || touched) return;
+  const std::string name = options_.field.empty() ? options_.fields : options_.field;
+  if (visible_ == 0) {
+    char text[96];
+    std::snprintf(text, sizeof text, ": no field before t_s %g, and the path ends at %g",
+                  fields_.from.front(), hand.back().t);
+    throw std::runtime_error(name + text);
+  }
+  const auto& size = fields_.fields[visible_ - 1].size;
+  const Vec3 last = options_.voxel_m * Vec3(size[0] - 1, size[1] - 1, size[2] - 1);
+  throw std::runtime_error(name + ": not known anywhere on the path: the field reaches from " +
+                           box_text(origin_, origin_ + last) + ", the hand from " +
+                           box_text(low_, high_));
 }
 
 SurfaceSource::SurfaceSource(const FieldList& fields, const Options& o, const Vec3& origin,

@@ -24,8 +24,11 @@ class WindowSource {
                                      const perception::Vec3& velocity, bool wanted);
   // Fields that were visible so far.
   [[nodiscard]] std::size_t visible() const { return visible_; }
+  // Throws std::runtime_error: nothing was known of any field wherever the hand was, so its zeros say nothing.
+  void check_met(const std::vector<HandRow>& hand, bool touched) const;
 
  private:
+  [[nodiscard]] bool known_round(const perception::Vec3& p) const;
   const FieldList& fields_;
   const Options& options_;
   const perception::Vec3 origin_;
@@ -34,7 +37,9 @@ class WindowSource {
   std::size_t visible_ = 0, current_ = 0;
   std::uint64_t seq_ = 0;
   double next_ = 0;
-  rt::Time fused_{};  // of the newest
+  bool met_ = false;
+  perception::Vec3 low_ = perception::Vec3::Constant(1e9), high_ = -low_;  // of the hand
+  rt::Time fused_{};                                                       // of the newest
   perception::Vec3 centre_ = perception::Vec3::Zero();
 };
 

@@ -1,122 +1,16 @@
-// teletact touch on files: the trace it writes, and what it refuses.
+// teletact touch on files: the trace it writes.
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 #include <sstream>
 
-#include "rt/random.hpp"
-#include "tools/teletact/commands.hpp"
-#include "tools/teletact/csv.hpp"
-#include "tools/teletact/npy.hpp"
-#include "tools/teletact/view_cast.hpp"
+#include "tests/unit/tool_touch/touch_files.hpp"
 
 namespace {
 
-namespace fs = std::filesystem;
-
-std::string npy_bytes(const std::vector<float>& v, const std::string& shape,
-                      const std::string& descr = "<f4", const std::string& order = "False",
-                      int major = 1) {
-  std::string header =
-      "{'descr': '" + descr + "', 'fortran_order': " + order + ", 'shape': " + shape + ", }";
-  while ((header.size() + (major == 1 ? 11U : 13U)) % 64 != 0) header += ' ';
-  header += '\n';
-  std::string out = "\x93NUMPY";
-  out += static_cast<char>(major);
-  out += '\0';
-  out += static_cast<char>(header.size() & 0xffU);
-  out += static_cast<char>(header.size() >> 8U);
-  if (major > 1) out += std::string(2, '\0');
-  out += header;
-  out.append(reinterpret_cast<const char*>(v.data()), v.size() * sizeof(float));
-  return out;
-}
-
-void write(const fs::path& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary) << bytes;
-}
-std::string read(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  std::ostringstream out;
-  out << in.rdbuf();
-  return out.str();
-}
-
-class Touch : public testing::Test {
- protected:
-  void SetUp() override {
-    dir_ = fs::path(testing::TempDir()) /
-           (std::string("touch_") + testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::remove_all(dir_);
-    fs::create_directories(dir_);
-    write(dir_ / "floor.npy", floor(0.0F));
-    write(dir_ / "hand.csv", press());
-  }
-  void TearDown() override { fs::remove_all(dir_); }
-
-  // 24 x 24 x 24 nodes of 10 mm; the floor lies at z = 0.115 + height.
-  static std::string floor(float height) {
-    std::vector<float> v;
-    for (int i = 0; i < 24 * 24; ++i) {
-      for (int k = 0; k < 24; ++k) v.push_back(0.01F * static_cast<float>(k) - 0.115F - height);
-    }
-    return npy_bytes(v, "(24, 24, 24)");
-  }
-  // Down to 8 mm, 60 mm along x, and up, at 0.1 m/s; field origin (-0.1, 0.2, 0.3).
-  static std::string press() {
-    std::ostringstream out;
-    out << "t_s,x,y,z\n";
-    char line[96];
-    for (int i = 0; i < 1000; ++i) {
-      const double z = i < 180 ? 0.01 - 1e-4 * i : i < 780 ? -0.008 : -0.008 + 1e-4 * (i - 780);
-      const double x = i < 180 ? 0 : 1e-4 * std::min(600, i - 180);
-      std::snprintf(line, sizeof line, "%.6f,%.9f,%.9f,%.9f\n", 1e-3 * i, -0.01 + x, 0.31,
-                    0.415 + z);
-      out << line;
-    }
-    return out.str();
-  }
-  int run(std::vector<std::string> args) {
-    args.insert(args.begin(), "touch");
-    std::vector<char*> argv;
-    for (auto& a : args) argv.push_back(a.data());
-    return teletact::cmd_touch(static_cast<int>(argv.size()), argv.data());
-  }
-  std::vector<std::string> standard(const std::string& out = "trace.csv") {
-    return {"--field",
-            (dir_ / "floor.npy").string(),
-            "--voxel",
-            "0.01",
-            "--origin=-0.1,0.2,0.3",
-            "--path",
-            (dir_ / "hand.csv").string(),
-            "--method",
-            "constrained",
-            "--out",
-            (dir_ / out).string()};
-  }
-  std::string refusal(const std::vector<std::string>& args) {
-    try {
-      run(args);
-    } catch (const std::exception& e) {
-      return e.what();
-    }
-    return "";
-  }
-  static std::vector<std::vector<double>> rows(const fs::path& path) {
-    auto table = teletact::read_csv(path.string());
-    if (!table) throw std::runtime_error(table.error());
-    auto out = teletact::numeric_rows(table.value(), {"t_s", "hx", "hy", "hz", "px", "py", "pz",
-                                                      "fx", "fy", "fz", "contacts", "cpu_ns"});
-    if (!out) throw std::runtime_error(out.error());
-    return out.value();
-  }
-  fs::path dir_;
-};
+using namespace touch_files;
 
 TEST_F(Touch, FloorGivesStiffnessTimesDepth) {
   ASSERT_EQ(run(standard()), 0);
@@ -305,6 +199,12 @@ TEST_F(Touch, LabelsAndPaletteReachTheTask) {
   auto bumps = standard();
   bumps.push_back("--bump-normal");
   EXPECT_NE(refusal(bumps).find("--bump-normal needs"), std::string::npos);
+  auto circle = standard();
+  circle.insert(circle.end(), {"--paper-friction", "0.4"});
+  EXPECT_NE(refusal(circle).find("--paper-friction has no meaning with --method"),
+            std::string::npos);
+  *std::find(circle.begin(), circle.end(), "constrained") = "force_shading";
+  EXPECT_EQ(run(circle), 0);
 }
 
 TEST_F(Touch, RecordedRunReplaysToTheLastBit) {
@@ -392,8 +292,12 @@ TEST_F(Touch, ClutchColumnMovesTheWorkspace) {
   EXPECT_NE(refusal(standard()).find("clutch"), std::string::npos);
 }
 
+// Known above 0.42 m only: the hand goes down out of what was seen, into what was not.
 TEST_F(Touch, UnobservedSpaceGivesNoForce) {
-  std::vector<float> v(24 * 24 * 24, std::numeric_limits<float>::quiet_NaN());
+  std::vector<float> v;
+  for (int i = 0; i < 24 * 24; ++i) {
+    for (int k = 0; k < 24; ++k) v.push_back(k < 12 ? std::nanf("") : 0.2F);
+  }
   write(dir_ / "floor.npy", npy_bytes(v, "(24, 24, 24)"));
   ASSERT_EQ(run(standard()), 0);
   for (const auto& row : rows(dir_ / "trace.csv")) {
@@ -403,182 +307,27 @@ TEST_F(Touch, UnobservedSpaceGivesNoForce) {
   }
 }
 
-// The points that force_shading stands on lie on the surface that the field samples, with its normal.
-TEST(ViewCast, PointsLieOnAPlaneHoweverItIsSeen) {
-  using teletact::cast_view;
-  const perception::Vec3 n = perception::Vec3(0.3, -0.2, 0.93).normalized(), c(0.12, 0.12, 0.12);
-  teletact::DenseField field;
-  field.size = {25, 25, 25};
-  for (int x = 0; x < 25; ++x) {
-    for (int y = 0; y < 25; ++y) {
-      for (int z = 0; z < 25; ++z) {
-        field.distance.push_back(static_cast<float>(n.dot(0.01 * perception::Vec3(x, y, z) - c)));
-      }
+// The device's base goes along: a hand far from the world's origin is one near it, moved.
+TEST_F(Touch, FieldAndPathMovedTogetherFeelTheSame) {
+  ASSERT_EQ(run(standard()), 0);
+  const auto here = rows(dir_ / "trace.csv");
+  for (const double aside : {5.0, 20.0, -400.0}) {
+    write(dir_ / "hand.csv", press(aside));
+    auto args = standard("there.csv");
+    args[4] = "--origin=" + std::to_string(aside - 0.1) + ",0.2,0.3";
+    args.insert(args.end(), {"--record", (dir_ / "there.run").string()});
+    ASSERT_EQ(run(args), 0);
+    const auto there = rows(dir_ / "there.csv");
+    ASSERT_EQ(there.size(), here.size());
+    for (std::size_t i = 0; i < here.size(); ++i) {
+      EXPECT_NEAR(there[i][1], here[i][1] + aside, 1e-6) << i;
+      EXPECT_NEAR(there[i][4], here[i][4] + aside, 2e-5) << i;
+      for (std::size_t c = 7; c < 10; ++c) EXPECT_NEAR(there[i][c], here[i][c], 1e-3) << i;
     }
+    EXPECT_EQ(
+        run({"--replay", (dir_ / "there.run").string(), "--out", (dir_ / "again.csv").string()}),
+        0);
   }
-  for (const perception::Vec3& eye :
-       {perception::Vec3(c + n), perception::Vec3(c + 0.5 * n + perception::Vec3(0.6, 0.1, 0)),
-        perception::Vec3(c + 0.7 * n - perception::Vec3(0.2, 0.9, 0))}) {
-    teletact::View view{.eye = eye, .look = c, .width = 64, .height = 53, .f = 45};
-    tasks::SurfacePoints s;
-    const std::size_t met = cast_view(field, 0.01, view, s);
-    ASSERT_GT(met, 50U);
-    std::size_t seen = 0;
-    for (std::size_t i = 0; i < s.count; ++i) {
-      if (s.nx[i] == 0 && s.ny[i] == 0 && s.nz[i] == 0) continue;
-      ++seen;
-      const perception::Vec3f p(s.x[i], s.y[i], s.z[i]), m(s.nx[i], s.ny[i], s.nz[i]);
-      EXPECT_NEAR(n.dot(p.cast<double>() - c), 0, 2e-6);
-      EXPECT_NEAR(m.cast<double>().dot(n), 1, 1e-5);
-    }
-    EXPECT_EQ(seen, met);
-  }
-}
-
-TEST_F(Touch, BadInputIsOneMessageAndNoFile) {
-  struct Case {
-    const char* name;
-    std::function<void(std::vector<std::string>&)> spoil;
-    const char* says;
-  };
-  const auto replace = [](std::vector<std::string>& a, const char* key, const std::string& value) {
-    for (std::size_t i = 0; i + 1 < a.size(); ++i) {
-      if (a[i] == key) a[i + 1] = value;
-    }
-  };
-  const std::vector<Case> cases{
-      {"no field", [&](auto& a) { replace(a, "--field", (dir_ / "no.npy").string()); }, "no.npy"},
-      {"no path", [&](auto& a) { replace(a, "--path", (dir_ / "no.csv").string()); }, "no.csv"},
-      {"method", [&](auto& a) { replace(a, "--method", "magic"); },
-       "constrained, nearest, nearest10"},
-      {"voxel", [&](auto& a) { replace(a, "--voxel", "-1"); }, "--voxel"},
-      {"voxel text", [&](auto& a) { replace(a, "--voxel", "ten"); }, "ten"},
-      {"unknown option", [&](auto& a) { a.push_back("--colour"); }, "--colour"},
-      {"origin", [&](auto& a) { a[4] = "--origin=1,2"; }, "--origin"},
-      {"truncated field", [&](auto&) { write(dir_ / "floor.npy", floor(0).substr(0, 9000)); },
-       "bytes of data"},
-      {"float64",
-       [&](auto&) {
-         write(dir_ / "floor.npy", npy_bytes({1, 2}, "(1,)", "<f8"));
-       },
-       "<f4"},
-      {"two dimensions",
-       [&](auto&) {
-         write(dir_ / "floor.npy", npy_bytes({1, 2, 3, 4}, "(2, 2)"));
-       },
-       "dimensions"},
-      {"infinite",
-       [&](auto&) {
-         std::vector<float> v(8, 1.0F);
-         v[3] = std::numeric_limits<float>::infinity();
-         write(dir_ / "floor.npy", npy_bytes(v, "(2, 2, 2)"));
-       },
-       "infinite"},
-      {"hand word",
-       [&](auto&) { write(dir_ / "hand.csv", "t_s,x,y,z\n0,0,0,0\n0.001,0,zero,0\n"); }, "zero"},
-      {"hand nan", [&](auto&) { write(dir_ / "hand.csv", "t_s,x,y,z\n0,0,0,0\n0.001,0,nan,0\n"); },
-       "finite"},
-      {"hand time", [&](auto&) { write(dir_ / "hand.csv", "t_s,x,y,z\n0.1,0,0,0\n0.1,0,0,0\n"); },
-       "rise"},
-      {"hand column", [&](auto&) { write(dir_ / "hand.csv", "t_s,x,y\n0,0,0\n"); }, "'z'"},
-      {"hand empty", [&](auto&) { write(dir_ / "hand.csv", "t_s,x,y,z\n"); }, "no data"},
-      {"out folder", [&](auto& a) { replace(a, "--out", (dir_ / "no" / "trace.csv").string()); },
-       "written"},
-  };
-  for (const Case& c : cases) {
-    SetUp();
-    auto args = standard();
-    c.spoil(args);
-    const std::string message = refusal(args);
-    EXPECT_NE(message.find(c.says), std::string::npos) << c.name << ": " << message;
-    EXPECT_EQ(message.find('\n'), std::string::npos) << c.name << ": " << message;
-    EXPECT_FALSE(fs::exists(dir_ / "trace.csv")) << c.name;
-    for (const auto& e : fs::directory_iterator(dir_))
-      EXPECT_EQ(e.path().filename().string().find("trace.csv"), std::string::npos) << c.name;
-  }
-}
-
-TEST(Npy, ReadsFormats) {
-  for (const int major : {1, 2, 3}) {
-    auto a =
-        teletact::parse_npy(npy_bytes({1, 2, 3, 4, 5, 6}, "(1, 2, 3)", "<f4", "False", major), "x");
-    ASSERT_TRUE(a) << a.error();
-    EXPECT_EQ(a.value().shape, (std::vector<std::size_t>{1, 2, 3}));
-    EXPECT_EQ(a.value().values[5], 6.0F);
-  }
-  const auto labels = teletact::parse_npy_labels(npy_bytes({}, "(2, 1)", "|u1") + "\x05\x0f", "x");
-  ASSERT_TRUE(labels) << labels.error();
-  EXPECT_EQ(labels.value().values, (std::vector<std::uint8_t>{5, 15}));
-  EXPECT_FALSE(teletact::parse_npy_labels(npy_bytes({1}, "(4,)"), "x"));
-  EXPECT_TRUE(teletact::parse_npy(npy_bytes({1}, "()"), "x"));
-  EXPECT_TRUE(teletact::parse_npy(npy_bytes({}, "(0, 7)"), "x"));
-  EXPECT_FALSE(teletact::parse_npy(npy_bytes({1, 2}, "(2,)", "<f4", "True"), "x"));
-  EXPECT_FALSE(teletact::parse_npy(npy_bytes({1, 2}, "(2,)", ">f4"), "x"));
-  EXPECT_FALSE(teletact::parse_npy(npy_bytes({1, 2}, "(3,)"), "x"));
-  EXPECT_FALSE(teletact::parse_npy(npy_bytes({1, 2}, "(999999999999, 999999999999)"), "x"));
-  EXPECT_FALSE(teletact::parse_npy(npy_bytes({1, 2}, "(-2,)"), "x"));
-  EXPECT_FALSE(teletact::parse_npy(npy_bytes({1, 2}, "(2,)", "<f4", "False", 4), "x"));
-  EXPECT_FALSE(teletact::parse_npy("", "x"));
-}
-
-// Any damage is refused or gives an array that fits the bytes; nothing crashes.
-TEST(Npy, SurvivesDamage) {
-  constexpr std::uint64_t kSeed = 20240611;
-  std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
-  rt::Random random(kSeed);
-  const std::string good = npy_bytes(std::vector<float>(24, 0.5F), "(2, 3, 4)");
-  int accepted = 0;
-  for (int i = 0; i < 20000; ++i) {
-    std::string bytes = good;
-    const auto edits = random.integer(1, 4);
-    for (int e = 0; e < edits; ++e) {
-      switch (random.integer(0, 3)) {
-        case 0:
-          bytes[static_cast<std::size_t>(random.integer(0, 127))] =
-              static_cast<char>(random.integer(0, 255));
-          break;
-        case 1:
-          bytes.resize(static_cast<std::size_t>(random.integer(128, 224)));
-          break;
-        case 2:
-          bytes.insert(static_cast<std::size_t>(random.integer(0, 127)), 1,
-                       static_cast<char>(random.integer(32, 126)));
-          break;
-        default:
-          bytes.erase(static_cast<std::size_t>(random.integer(0, 127)), 1);
-          bytes.resize(std::max<std::size_t>(bytes.size(), 128));
-          break;
-      }
-    }
-    (void)teletact::parse_npy_labels(bytes, "x");
-    const auto a = teletact::parse_npy(bytes, "x");
-    if (a) {
-      ++accepted;
-      std::size_t n = 1;
-      for (const auto d : a.value().shape) n *= d;
-      EXPECT_EQ(n, a.value().values.size());
-      EXPECT_LE(4 * n, bytes.size());
-    }
-  }
-  EXPECT_LT(accepted, 10000);
-}
-
-TEST(Csv, HeaderCommentsAndWidth) {
-  auto t = teletact::parse_csv("# made by hand\nb,a\n\n1, 2\n+3,4e1\n", "x");
-  ASSERT_TRUE(t) << t.error();
-  const auto r = teletact::numeric_rows(t.value(), {"a", "b"});
-  ASSERT_TRUE(r) << r.error();
-  EXPECT_EQ(r.value()[1], (std::vector<double>{40, 3}));
-  EXPECT_FALSE(teletact::parse_csv("1,2\n3\n", "x"));
-  EXPECT_FALSE(teletact::numeric_rows(t.value(), {"c"}));
-  EXPECT_FALSE(teletact::parse_csv("", "x"));
-  auto marked = teletact::parse_csv("\xEF\xBB\xBFt_s,x\n0,5\n", "x");
-  ASSERT_TRUE(marked);
-  EXPECT_EQ(marked.value().column("t_s"), 0);
-  auto bare = teletact::parse_csv("0,5\r\n1,6\r\n", "x");
-  ASSERT_TRUE(bare);
-  EXPECT_TRUE(bare.value().header.empty());
-  EXPECT_EQ(teletact::numeric_rows(bare.value(), {"t_s", "x"}).value()[1][1], 6);
 }
 
 }  // namespace
