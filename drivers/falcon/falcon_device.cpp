@@ -59,7 +59,7 @@ FalconDevice::FalconDevice(rt::NonRealtime& nrt, const FalconConfig& config, Ope
 
 FalconDevice::~FalconDevice() {
   minder_.stop();
-  safe_.store(true, std::memory_order_release);
+  gate_.make_safe();
   if (transport_) transport_->stop();
   // The last word is zero torque.
   if (transport_ && link_.load() == Link::kLive) {
@@ -113,7 +113,7 @@ bool FalconDevice::mind() {
     transport_->stop();
     transport_.reset();
   }
-  enable_asked_.store(false, std::memory_order_release);
+  gate_.forget();
   if (!open().empty()) return true;
   count(n_.reopened);
   return false;
@@ -172,7 +172,7 @@ void FalconDevice::send_next(std::int64_t t_ns) noexcept {
   }
   const bool fresh =
       newest && t_ns - command_ns_ <= static_cast<std::int64_t>(config_.watchdog_s * 1e9);
-  const bool forces = newest && newest->forces && !safe_.load(std::memory_order_acquire);
+  const bool forces = newest && newest->forces && !gate_.safe();
   if (forces && fresh) {
     c.torque_cnt = newest->counts;
   } else if (forces) {
@@ -213,9 +213,7 @@ void FalconDevice::on_lost() noexcept {
 
 DeviceState FalconDevice::state() const noexcept {
   if (!have_counts_) return DeviceState::kReset;
-  if (safe_.load(std::memory_order_acquire) || braked_.load(std::memory_order_acquire)) {
-    return DeviceState::kBrake;
-  }
+  if (gate_.safe() || braked_.load(std::memory_order_acquire)) return DeviceState::kBrake;
   return forces_ ? DeviceState::kForce : DeviceState::kIdle;
 }
 
@@ -238,8 +236,7 @@ bool FalconDevice::sense(rt::Time now, StylusSample& out) noexcept {
   const bool fresh = raw.seq != taken_seq_;
   taken_seq_ = raw.seq;
   const bool sample = fresh && take(raw->report, now);
-  if (enable_asked_.exchange(false, std::memory_order_acq_rel) && have_counts_) {
-    safe_.store(false, std::memory_order_release);
+  if (have_counts_ && gate_.take()) {
     braked_.store(false, std::memory_order_release);
     cause_.store(ForceOffCause::kNone);
     forces_ = true;

@@ -11,7 +11,7 @@
 //           BRAKE is torque zero, and the event thread sends zero when the owner's newest command is
 //           20 ms old. Over-speed brakes here too.
 // Unplug    As the Omega: sense() false, an ordinary thread opens again; forces come with
-//           request_enable() only.
+//           request_enable() only. One made before the marks are met waits for them.
 //
 // The device's own axes F (drivers/falcon/falcon_kinematics.hpp): x right, y up, z toward the operator;
 // so D = (-z, -x, y) about (0, 0, 125 mm). Directions and torque scale are libnifalcon's, seen on no
@@ -32,6 +32,7 @@
 #include "drivers/falcon/falcon_transport.hpp"
 #include "drivers/omega/device_minder.hpp"
 #include "drivers/omega/exchange_histogram.hpp"
+#include "drivers/omega/force_gate.hpp"
 #include "drivers/omega/haptic_device.hpp"
 #include "drivers/omega/omega_twin.hpp"
 #include "rt/channel/latest.hpp"
@@ -99,8 +100,8 @@ class FalconDevice final : public HapticDevice, private FalconTransport::Listene
   }
   [[nodiscard]] bool sense(rt::Time now, StylusSample& out) noexcept override;
   void act(rt::Time now, const ForceCommand& command) noexcept override;
-  void request_enable() noexcept override { enable_asked_.store(true, std::memory_order_release); }
-  void make_safe() noexcept override { safe_.store(true, std::memory_order_release); }
+  void request_enable() noexcept override { gate_.ask(); }
+  void make_safe() noexcept override { gate_.make_safe(); }
 
   [[nodiscard]] FalconCounters counters() const noexcept;
   // Frame out to frame in.
@@ -152,7 +153,8 @@ class FalconDevice final : public HapticDevice, private FalconTransport::Listene
   rt::Latest<Raw> raw_;        // event thread -> owner
   rt::Latest<Torque> torque_;  // owner -> event thread
   std::atomic<Link> link_{Link::kLost};
-  std::atomic<bool> safe_{false}, enable_asked_{false}, braked_{false}, all_homed_{false};
+  ForceGate gate_;
+  std::atomic<bool> braked_{false}, all_homed_{false};
   std::atomic<ForceOffCause> cause_{ForceOffCause::kNone};
   std::atomic<std::uint32_t> session_{0};  // one a successful open
 

@@ -129,7 +129,7 @@ bool OmegaDevice::mind() {
   if (!set_up().empty()) return true;
   // Forces stay off, brakes on, until the operator asks again: whatever the device kept of before.
   (void)api_->stop(id_);
-  enable_asked_.store(false, std::memory_order_release);
+  gate_.forget();
   count(counts_.reopened);
   link_.store(Link::kLive, std::memory_order_release);
   return false;
@@ -162,18 +162,19 @@ bool OmegaDevice::sense(rt::Time now, StylusSample& out) noexcept {
 }
 
 bool OmegaDevice::exchange(rt::Time now, StylusSample& out) noexcept {
-  if (enable_asked_.exchange(false, std::memory_order_acq_rel)) {
-    safe_.store(false, std::memory_order_release);
+  if (gate_.take()) {
     if (api_->enable_force(1, id_) < 0) count(counts_.failures);
+    // Made safe meanwhile: the minder's stop may have come before.
+    if (gate_.safe()) (void)api_->stop(id_);
     status_due_ = now;
   }
   Vec3 p;
   const int got = api_->get_position(&p.x(), &p.y(), &p.z(), id_);
   if (got < 0) {
-    failed();
+    failed(Call::kPosition);
     return false;
   }
-  failed_in_a_row_ = 0;
+  succeeded(Call::kPosition);
   if (now >= status_due_) read_status(now);
   if (link_.load(std::memory_order_relaxed) != Link::kLive) return false;
   const bool repeated = got == kDhdTimeGuard && last_.seq > 0;
@@ -189,9 +190,7 @@ bool OmegaDevice::exchange(rt::Time now, StylusSample& out) noexcept {
     count(counts_.samples);
   }
   last_.repeated = repeated;
-  last_.state = safe_.load(std::memory_order_acquire) && state_ == DeviceState::kForce
-                    ? DeviceState::kBrake
-                    : state_;
+  last_.state = gate_.safe() && state_ == DeviceState::kForce ? DeviceState::kBrake : state_;
   out = last_;
   return true;
 }
@@ -200,9 +199,10 @@ void OmegaDevice::read_status(rt::Time now) noexcept {
   status_due_ = now + kStatusPeriod;
   std::array<int, kDhdStatusRoom> status{};
   if (api_->get_status(status.data(), id_) < 0) {
-    failed();
+    failed(Call::kStatus);
     return;
   }
+  succeeded(Call::kStatus);
   if (status[kDhdConnected] == 0) {
     lose();
     return;
@@ -221,7 +221,7 @@ void OmegaDevice::read_status(rt::Time now) noexcept {
 
 void OmegaDevice::act(rt::Time, const ForceCommand& command) noexcept {
   if (link_.load(std::memory_order_acquire) != Link::kLive) return;
-  if (safe_.load(std::memory_order_acquire)) return;
+  if (gate_.safe()) return;
   const std::int64_t begin = rt::monotonic_ns();
   Vec3 f = command.f_H_D;
   if (!f.allFinite()) {
@@ -235,28 +235,30 @@ void OmegaDevice::act(rt::Time, const ForceCommand& command) noexcept {
   const int sent = api_->set_force(f.x(), f.y(), f.z(), id_);
   times_.add(rt::monotonic_ns() - begin);
   if (sent < 0) {
-    failed();
-  } else if (sent == kDhdMotorSaturated) {
-    count(counts_.saturated);
+    failed(Call::kForce);
+    return;
   }
+  succeeded(Call::kForce);
+  if (sent == kDhdMotorSaturated) count(counts_.saturated);
 }
 
 // The owner's flag stops further commands; the call into the SDK is the minder's, so a caller never
 // waits behind an owner that hangs in there. If the minder hangs too, the controller's watchdog acts.
 void OmegaDevice::make_safe() noexcept {
-  safe_.store(true, std::memory_order_release);
+  gate_.make_safe();
   stop_asked_.store(true, std::memory_order_release);
   minder_.poke();
 }
 
-void OmegaDevice::failed() noexcept {
+void OmegaDevice::failed(Call call) noexcept {
   count(counts_.failures);
   const int error = api_->get_last_error();
-  if (++failed_in_a_row_ >= kFailuresUntilLost || error == kDhdErrorNoDevice) lose();
+  int& in_a_row = failed_in_a_row_[static_cast<std::size_t>(call)];
+  if (++in_a_row >= kFailuresUntilLost || error == kDhdErrorNoDevice) lose();
 }
 
 void OmegaDevice::lose() noexcept {
-  failed_in_a_row_ = 0;
+  failed_in_a_row_.fill(0);
   state_ = DeviceState::kReset;
   status_due_ = rt::Time{};
   cause_.store(ForceOffCause::kDisconnect);

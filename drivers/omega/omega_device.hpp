@@ -2,7 +2,8 @@
 //
 // Safety    Watchdog of the controller at most 20 ms, read back; its velocity threshold is left on and
 //           must be on; forces start only by request_enable(); the sum of weight and command stays
-//           within the force limit; make_safe() needs nothing from the owner's thread.
+//           within the force limit; make_safe() needs nothing from the owner's thread and
+//           overtakes a request that the owner has not yet seen (force_gate.hpp).
 // Unplug    After a failed exchange sense() returns false and act() sends nothing; an ordinary thread
 //           closes, and opens again when the device is back. It then reads; forces come back with the
 //           next request_enable(), never by themselves.
@@ -24,6 +25,7 @@
 #include "drivers/omega/device_minder.hpp"
 #include "drivers/omega/dhd_library.hpp"
 #include "drivers/omega/exchange_histogram.hpp"
+#include "drivers/omega/force_gate.hpp"
 #include "drivers/omega/haptic_device.hpp"
 #include "drivers/omega/omega_twin.hpp"
 #include "drivers/usb/usb_scan.hpp"
@@ -83,7 +85,7 @@ class OmegaDevice final : public HapticDevice {
   }
   [[nodiscard]] bool sense(rt::Time now, StylusSample& out) noexcept override;
   void act(rt::Time now, const ForceCommand& command) noexcept override;
-  void request_enable() noexcept override { enable_asked_.store(true, std::memory_order_release); }
+  void request_enable() noexcept override { gate_.ask(); }
   void make_safe() noexcept override;
 
   [[nodiscard]] OmegaCounters counters() const noexcept;
@@ -111,7 +113,10 @@ class OmegaDevice final : public HapticDevice {
   [[nodiscard]] bool mind();
   [[nodiscard]] bool exchange(rt::Time now, StylusSample& out) noexcept;
   void read_status(rt::Time now) noexcept;
-  void failed() noexcept;
+  // Of each call its own: one that always fails is a loss, however well the others go.
+  enum class Call : std::uint8_t { kPosition, kStatus, kForce };
+  void failed(Call call) noexcept;
+  void succeeded(Call call) noexcept { failed_in_a_row_[static_cast<std::size_t>(call)] = 0; }
   void lose() noexcept;
 
   OmegaConfig config_;
@@ -123,7 +128,8 @@ class OmegaDevice final : public HapticDevice {
   std::int64_t watchdog_units_ = 0;
 
   std::atomic<Link> link_{Link::kLost};
-  std::atomic<bool> safe_{false}, stop_asked_{false}, enable_asked_{false};
+  ForceGate gate_;
+  std::atomic<bool> stop_asked_{false};
   std::atomic<ForceOffCause> cause_{ForceOffCause::kNone};
   Counters counts_;
   ExchangeHistogram times_;
@@ -132,7 +138,7 @@ class OmegaDevice final : public HapticDevice {
   StylusSample last_;
   DeviceState state_ = DeviceState::kReset;
   rt::Time status_due_{};
-  int failed_in_a_row_ = 0;
+  std::array<int, 3> failed_in_a_row_{};
 
   DeviceMinder minder_;  // last: ends before what it works on
 };

@@ -77,7 +77,14 @@ DeviceProperties OmegaTwin::properties() const noexcept {
 }
 
 bool OmegaTwin::sense(rt::Time now, StylusSample& out) noexcept {
-  if (enable_asked_.exchange(false, std::memory_order_acq_rel)) (void)enable_force(now);
+  if (gate_.asked()) {
+    advance(now);
+    if (state_ == DeviceState::kReset || faults_.unplugged) {
+      gate_.forget();
+    } else if (gate_.take()) {
+      switch_on();
+    }
+  }
   advance(now);
   if (faults_.unplugged) return false;
   const bool guarded = config_.time_guard_s > 0 && sampled_ &&
@@ -151,13 +158,18 @@ void OmegaTwin::start_hand(rt::Time now) noexcept {
 bool OmegaTwin::enable_force(rt::Time now) noexcept {
   advance(now);
   if (state_ == DeviceState::kReset || faults_.unplugged) return false;
-  safe_.store(false, std::memory_order_release);
+  gate_.ask();
+  if (!gate_.take()) return false;  // made safe just now
+  switch_on();
+  return true;
+}
+
+void OmegaTwin::switch_on() noexcept {
   state_ = DeviceState::kForce;
   cause_ = ForceOffCause::kNone;
   force_.setZero();
   pending_size_ = 0;
   last_command_step_ = steps_;
-  return true;
 }
 
 void OmegaTwin::disable_force(rt::Time now) noexcept {
@@ -199,7 +211,7 @@ void OmegaTwin::advance(rt::Time now) noexcept {
     state_ = DeviceState::kReset;
   }
   if (faults_.unplugged) brake(ForceOffCause::kDisconnect);
-  if (safe_.load(std::memory_order_acquire)) brake(ForceOffCause::kSoftware);
+  if (gate_.safe()) brake(ForceOffCause::kSoftware);
   const std::int64_t target = (now - epoch_).count() / step_ns_.count();
   while (steps_ < target) substep();
   if (cpu_clock_ != nullptr) twin_cpu_ns_ += cpu_clock_() - cpu;

@@ -16,12 +16,12 @@
 #pragma once
 
 #include <array>
-#include <atomic>
 #include <cstdint>
 #include <string>
 #include <vector>
 
 #include "config/schema.hpp"
+#include "drivers/omega/force_gate.hpp"
 #include "drivers/omega/hand_script.hpp"
 #include "drivers/omega/haptic_device.hpp"
 #include "rt/memory/non_realtime.hpp"
@@ -106,8 +106,8 @@ class OmegaTwin final : public HapticDevice {
   [[nodiscard]] DeviceProperties properties() const noexcept override;
   [[nodiscard]] bool sense(rt::Time now, StylusSample& out) noexcept override;
   void act(rt::Time now, const ForceCommand& command) noexcept override;
-  void make_safe() noexcept override { safe_.store(true, std::memory_order_release); }
-  void request_enable() noexcept override { enable_asked_.store(true, std::memory_order_release); }
+  void make_safe() noexcept override { gate_.make_safe(); }
+  void request_enable() noexcept override { gate_.ask(); }
 
   // Owner's thread. The hand's script starts at the first access, or here.
   void start_hand(rt::Time now) noexcept;
@@ -157,6 +157,7 @@ class OmegaTwin final : public HapticDevice {
   void supervise() noexcept;
   void brake(ForceOffCause) noexcept;
   void apply_pending() noexcept;
+  void switch_on() noexcept;
 
   OmegaTwinConfig config_;
   HandScript* hand_;
@@ -176,7 +177,7 @@ class OmegaTwin final : public HapticDevice {
   perception::Vec3 target_D_ = perception::Vec3::Zero(), target_v_D_ = perception::Vec3::Zero();
   DeviceState state_ = DeviceState::kIdle;
   ForceOffCause cause_ = ForceOffCause::kNone;
-  std::atomic<bool> safe_{false}, enable_asked_{false};
+  ForceGate gate_;
   DeviceFaults faults_;
   StylusSample last_sample_;
   bool sampled_ = false;

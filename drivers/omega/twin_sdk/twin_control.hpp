@@ -15,6 +15,7 @@
 //   push_x, push_y, push_z                           kick, m/s, in D
 //   external_x_N, external_y_N, external_z_N         a steady force of the outside, in D
 //   fail_calls        that many next exchanges return -1 (error 2, communication)
+//   fail_status, fail_forces                         1: each dhdGetStatus, each dhdSetForce does
 //   hang_s            each exchange takes so long (a stalled USB); real clock only
 //   version_major, version_minor                     what dhdGetSDKVersion says
 //   system_type       what dhdGetSystemType says

@@ -58,6 +58,8 @@ const std::map<std::string, Setter>& setters() {
     m["lose_calibration"] = [](Twin& t, double v) { t.device->faults().lose_calibration = v != 0; };
     m["calibrate"] = [](Twin& t, double) { t.device->calibrate(); };
     m["fail_calls"] = [](Twin& t, double v) { t.fail_calls = static_cast<int>(v); };
+    m["fail_status"] = [](Twin& t, double v) { t.fail_status = v != 0; };
+    m["fail_forces"] = [](Twin& t, double v) { t.fail_forces = v != 0; };
     m["hang_s"] = [](Twin& t, double v) { t.hang_s = v; };
     m["version_major"] = [](Twin& t, double v) { t.version_major = static_cast<int>(v); };
     m["version_minor"] = [](Twin& t, double v) { t.version_minor = static_cast<int>(v); };

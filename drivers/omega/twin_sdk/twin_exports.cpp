@@ -230,6 +230,7 @@ TWIN_EXPORT double dhdGetMaxForce(char) {
 }
 TWIN_EXPORT int dhdSetForce(double x, double y, double z, char id) {
   return exchange(id, [&](Twin& t) {
+    if (t.fail_forces) return fail(drivers::kDhdErrorCom);
     if (!std::isfinite(x) || !std::isfinite(y) || !std::isfinite(z)) {
       return fail(drivers::kDhdErrorAny);
     }
@@ -292,6 +293,7 @@ TWIN_EXPORT int dhdGetButton(int index, char id) {
 }
 TWIN_EXPORT int dhdGetStatus(int* status, char id) {
   return on_device(id, [&](Twin& t) {
+    if (t.fail_status) return fail(drivers::kDhdErrorCom);
     std::memset(status, 0, sizeof(int) * drivers::kDhdStatusSize);
     const DeviceState s = t.device->state();
     status[drivers::kDhdPower] = status[drivers::kDhdConnected] = status[drivers::kDhdStarted] = 1;

@@ -29,6 +29,7 @@ struct Twin {
   bool manual_clock = false;
   std::int64_t manual_ns = 1'000'000'000;
   bool open = false, expert = false, gravity_on = true, no_watchdog = false, busy = false;
+  bool fail_status = false, fail_forces = false;
   int version_major = 3, version_minor = 17, system_type = 33;
   int fail_calls = 0;
   double hang_s = 0;

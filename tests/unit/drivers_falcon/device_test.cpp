@@ -112,31 +112,60 @@ TEST(FalconDevice, DelayCountsInTheStiffnessLimit) {
 
 // ---- states
 
-TEST(FalconDevice, ResetUntilTheHandHasShownTheMarks) {
-  FalconTwinConfig c = ready_twin();
-  c.homed = false;
-  Rig rig(c);
-  rig.device->request_enable();
-  rig.ticks(20, {1, 0, 0});
-  EXPECT_TRUE(rig.sensed);
-  EXPECT_EQ(rig.sample.state, DeviceState::kReset);
-  EXPECT_TRUE(rig.twin.last_command().red);
-  EXPECT_TRUE(rig.twin.last_command().home);
-  EXPECT_EQ(rig.twin.motor_force_D(), Vec3::Zero());
-  // Once out and in.
+void once_out_and_in(Rig& rig) {
   rig.push({-0.6, 0, 0});
   rig.ticks(150);
   rig.push({0.9, 0, 0});
   rig.ticks(150);
   rig.push({-0.5, 0, 0});
   rig.ticks(200);
-  EXPECT_EQ(rig.sample.state, DeviceState::kIdle);  // forces still want an act
+}
+
+TEST(FalconDevice, ResetUntilTheHandHasShownTheMarks) {
+  FalconTwinConfig c = ready_twin();
+  c.homed = false;
+  Rig rig(c);
+  rig.ticks(20, {1, 0, 0});
+  EXPECT_TRUE(rig.sensed);
+  EXPECT_EQ(rig.sample.state, DeviceState::kReset);
+  EXPECT_TRUE(rig.twin.last_command().red);
+  EXPECT_TRUE(rig.twin.last_command().home);
+  EXPECT_EQ(rig.twin.motor_force_D(), Vec3::Zero());
+  once_out_and_in(rig);
+  EXPECT_EQ(rig.sample.state, DeviceState::kIdle);  // forces want an act
   EXPECT_FALSE(rig.twin.last_command().home);
   EXPECT_TRUE(rig.twin.last_command().green);
   EXPECT_LT((rig.sample.p_DH - rig.twin.plant().true_position()).norm(), 2e-4);
   rig.enable();
   rig.ticks(4);
   EXPECT_TRUE(rig.twin.last_command().blue);
+}
+
+// The start of a run asks before the hand has moved the grip.
+TEST(FalconDevice, ARequestBeforeTheMarksWaitsForThemUnlessMadeSafe) {
+  FalconTwinConfig c = ready_twin();
+  c.homed = false;
+  for (const bool made_safe : {false, true}) {
+    Rig rig(c);
+    rig.device->request_enable();
+    rig.ticks(20, {1, 0, 0});
+    EXPECT_EQ(rig.sample.state, DeviceState::kReset);
+    EXPECT_EQ(rig.twin.motor_force_D(), Vec3::Zero());
+    if (made_safe) rig.device->make_safe();
+    once_out_and_in(rig);
+    EXPECT_EQ(rig.sample.state, made_safe ? DeviceState::kBrake : DeviceState::kForce);
+  }
+}
+
+// The owner stalls, is made safe by another thread, and goes on.
+TEST(FalconDevice, MakeSafeOvertakesARequestNotYetSeen) {
+  Rig rig;
+  rig.device->request_enable();
+  rig.device->make_safe();
+  rig.ticks(10, {1, 0, 0});
+  EXPECT_EQ(rig.sample.state, DeviceState::kBrake);
+  EXPECT_EQ(rig.twin.motor_force_D(), Vec3::Zero());
+  rig.enable();
 }
 
 TEST(FalconDevice, MakeSafeAndBack) {
