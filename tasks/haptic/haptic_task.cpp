@@ -31,6 +31,11 @@ double step_share(double time) noexcept {
   return time + kStepQuick / kTurn * std::sin(kTurn * time);
 }
 
+// Before the first mode, in INIT and in a safe stop there is no force, whatever the device gives.
+bool mode_allows(const ModeMsg& mode) noexcept {
+  return mode.seq > 0 && mode.mode != Mode::kInit && mode.mode != Mode::kSafeStop;
+}
+
 bool finite(const Vec3& v) noexcept {
   return std::isfinite(v.x()) && std::isfinite(v.y()) && std::isfinite(v.z());
 }
@@ -297,15 +302,15 @@ void HapticTask::report(const rt::Tick& tick, bool button, Out& out) noexcept {
   t.work = field_.take_work();
 }
 
-// No sample: the last force is held for its liveness, then forces are off and the hand is new
-// again.
+// No sample: the last force is held for its liveness, unless the mode has put it off; then forces are off and the
+// hand is new again.
 rt::Health HapticTask::without_sample(const rt::Tick& tick, Out& out) noexcept {
   rt::Health health = rt::Health::ok();
   const bool live =
       have_hand_ && rt::seconds(tick.release - hand_time_) <= config_.device_liveness_s;
   if (live) {
     out.force.f_H_D = f_D_;
-    out.telemetry.in_contact = was_contact_;
+    out.telemetry.in_contact = was_contact_ && enabled_;
   } else {
     if (seen_hand_) health = rt::Health::of(rt::Severity::kRampDown, kFaultHapticDeviceLost);
     have_hand_ = false;
@@ -379,7 +384,10 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
   }
   const bool blending = older_ != nullptr;
   advance_blend(dt);
-  if (!in.stylus_ok) return rt::worst(health, without_sample(tick, out));
+  if (!in.stylus_ok) {
+    if (!mode_allows(in.mode)) safe(out);
+    return rt::worst(health, without_sample(tick, out));
+  }
 
   Vec3 dx_D;
   if (!take_hand(in.stylus, tick, dt, dx_D)) {
@@ -417,9 +425,8 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
   if (t.stale) {
     health = rt::worst(health, rt::Health::of(rt::Severity::kDegraded, kFaultHapticPatchStale));
   }
-  const bool allowed = in.mode.seq > 0 && newer_ != nullptr &&
-                       in.stylus.state == drivers::DeviceState::kForce &&
-                       in.mode.mode != Mode::kInit && in.mode.mode != Mode::kSafeStop;
+  const bool allowed =
+      mode_allows(in.mode) && newer_ != nullptr && in.stylus.state == drivers::DeviceState::kForce;
   if (!allowed) {
     safe(out);
   } else {

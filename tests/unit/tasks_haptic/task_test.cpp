@@ -203,6 +203,26 @@ TEST(HapticTask, DeviceLossHoldsThenLetsGo) {
   EXPECT_NEAR(r.tick({0, 0, -0.008}).f.z(), 8, 0.01);
 }
 
+TEST(HapticTask, ASafeStopWithoutASampleIsZeroInTheSameTick) {
+  for (const Mode mode : {Mode::kSafeStop, Mode::kInit}) {
+    Rig r(floor_scene());
+    press(r);
+    r.in().stylus_ok = false;
+    EXPECT_NEAR(r.tick({0, 0, -0.008}).f.z(), 8, 0.01);
+    const Mode before = r.in().mode.mode;
+    r.in().mode.mode = mode;
+    for (int i = 0; i < 5; ++i) {
+      const Row row = r.tick({0, 0, -0.008});
+      EXPECT_EQ(row.f.norm(), 0) << i;
+      EXPECT_EQ(row.health.fault, rt::kNoFault) << "the device's liveness is not over";
+    }
+    r.in().mode.mode = before;
+    EXPECT_EQ(r.tick({0, 0, -0.008}).f.norm(), 0) << "what was held does not come back";
+    r.in().stylus_ok = true;
+    EXPECT_LE(r.tick({0, 0, -0.008}).f.norm(), 0.3);
+  }
+}
+
 TEST(HapticTask, EventsFollowTheHandInOrder) {
   Rig r(floor_scene());
   std::vector<tasks::TouchEvent> events;
