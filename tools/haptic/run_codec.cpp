@@ -1,7 +1,9 @@
 #include "tools/haptic/run_codec.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
+#include <sstream>
 #include <stdexcept>
 #include <variant>
 
@@ -16,17 +18,44 @@ constexpr std::size_t kMostPoints = std::size_t{1} << 21U;
 
 enum class Type : std::uint8_t { kNumber = 1, kFlag = 2, kText = 3, kNumbers = 4, kInteger = 5 };
 
-bool get_value(Cursor& in, config::Section::Field& field) {
+// Where teletact touch, which has no device, goes beyond what a scene may say.
+struct Range {
+  const char* key;
+  double lo, hi;
+};
+constexpr Range kOfTouch[] = {{"stiffness_N_per_m", 1, 1e5},
+                              {"force_limit_N", 0.01, 1000},
+                              {"tip_radius_m", 0, 0.8},
+                              {"workspace_W_m", -2e6, 2e6}};
+
+// Empty, or why v can not be the value of `key`.
+std::string out_of_range(const std::string& key, double v, double lo, double hi) {
+  for (const Range& r : kOfTouch) {
+    if (key == r.key) lo = r.lo, hi = r.hi;
+  }
+  if (v >= lo && v <= hi) return {};
+  std::ostringstream text;
+  text << "haptic." << key << " = " << v << ": allowed are " << lo << " to " << hi;
+  return text.str();
+}
+
+// False: damaged. What is whole and out of range is told by `wrong`.
+bool get_value(Cursor& in, config::Section::Field& field, std::string& wrong) {
   Type type{};
   if (!in.get(type)) return false;
   if (auto* number = std::get_if<config::Section::Number>(&field.value)) {
-    return type == Type::kNumber && in.get(*number->value) && std::isfinite(*number->value);
+    if (type != Type::kNumber || !in.get(*number->value)) return false;
+    wrong = out_of_range(field.key, *number->value, number->lo, number->hi);
+    return true;
   }
   if (auto* flag = std::get_if<config::Section::Flag>(&field.value)) {
     return type == Type::kFlag && in.get_flag(*flag->value);
   }
   if (auto* text = std::get_if<config::Section::Text>(&field.value)) {
-    return type == Type::kText && in.get_text(*text->value);
+    if (type != Type::kText || !in.get_text(*text->value)) return false;
+    const auto& allowed = text->allowed;
+    return allowed.empty() ||
+           std::find(allowed.begin(), allowed.end(), *text->value) != allowed.end();
   }
   if (auto* integer = std::get_if<config::Section::Integer>(&field.value)) {
     std::int32_t v = 0;
@@ -40,7 +69,8 @@ bool get_value(Cursor& in, config::Section::Field& field) {
     return false;
   }
   for (double& v : numbers->values) {
-    if (!in.get(v) || !std::isfinite(v)) return false;
+    if (!in.get(v)) return false;
+    if (wrong.empty()) wrong = out_of_range(field.key, v, numbers->lo, numbers->hi);
   }
   return true;
 }
@@ -86,7 +116,9 @@ std::string get_config(Cursor& in, tasks::HapticConfig& config) {
     if (!in.get_text(key)) return "its list of keys is damaged";
     config::Section::Field* field = s.find(key);
     if (field == nullptr) return "a key of [haptic] that this version does not know";
-    if (!get_value(in, *field)) return "the value of haptic." + key + " is damaged";
+    std::string wrong;
+    if (!get_value(in, *field, wrong)) return "the value of haptic." + key + " is damaged";
+    if (!wrong.empty()) return wrong;
   }
   return {};
 }
@@ -100,10 +132,12 @@ void put_device(std::string& out, const drivers::DeviceProperties& d) {
 }
 
 bool get_device(Cursor& in, drivers::DeviceProperties& d) {
+  constexpr double kMost = 1e12;  // teletact touch says so of the damping
   for (double* v : {&d.mass_kg, &d.damping_N_s_per_m, &d.coulomb_N, &d.delay_s, &d.quantum_m,
                     &d.force_limit_N, &d.workspace_radius_m, &d.speed_limit_m_per_s}) {
-    if (!in.get(*v) || !std::isfinite(*v) || *v < 0) return false;
+    if (!in.get(*v) || !(*v >= 0 && *v <= kMost)) return false;
   }
+  if (d.delay_s > 1) return false;  // more than a loop that anybody closes
   return in.get_flag(d.renders_force);
 }
 

@@ -119,10 +119,11 @@ rt::Result<std::unique_ptr<HapticRunReader>> HapticRunReader::open(std::FILE* fi
   if (!in.get(h.period_s) || !in.get(h.origin) || !get_device(in, h.device)) {
     return r->error("its header is damaged");
   }
-  if (!(h.period_s >= 1e-5 && h.period_s <= 0.1) || !h.origin.allFinite()) {
+  if (!(h.period_s >= 1e-5 && h.period_s <= 0.1)) {
     return r->error("a period of " + std::to_string(h.period_s) +
                     " s; allowed are 10 us to 100 ms");
   }
+  if (!(h.origin.norm() <= 1e6)) return r->error("an origin beyond 1e6 m");
   const std::string wrong = get_config(in, h.config);
   if (!wrong.empty()) return r->error(wrong);
   if (!in.at_end()) return r->error("its header is damaged");
@@ -159,6 +160,7 @@ rt::Result<HapticRunReader::Kind> HapticRunReader::next(SurfacePatch& window,
     case 'E': {
       std::uint64_t ticks = 0;
       if (!in.get(ticks) || !in.at_end() || ticks != ticks_) return damaged("end");
+      if (std::fgetc(file_) != EOF) return error("more bytes after its end");
       return Kind::kEnd;
     }
     default:

@@ -8,7 +8,7 @@
 //                        observed nodes only (the others are never read)
 //            'S' ray cast of method force_shading
 //            'T' tick: times, stylus, mode, clutch, then force, raw force, proxy
-//            'E' end: uint64 ticks; without it the file was cut off
+//            'E' end: uint64 ticks; without it the file was cut off; nothing may follow
 //
 // Little-endian, doubles as their bytes. Reading takes bytes of anybody: every length and count is checked
 // before anything is allocated, every number before it is used. Errors are one line: file, what.

@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <cstring>
+
 #include "rt/random.hpp"
 #include "tests/unit/tool_haptic/short_run.hpp"
 
@@ -93,6 +96,48 @@ TEST(HapticRun, CutOffAnywhereIsOneLine) {
     ASSERT_EQ(said.rfind("run: ", 0), 0U) << said;
     ASSERT_EQ(said.find('\n'), std::string::npos);
   }
+}
+
+// The run with another value of a number of [haptic]: length and text of the key, the type, the value.
+std::string with_number(std::string run, const std::string& key, double value) {
+  const std::size_t at = run.find(std::string(1, static_cast<char>(key.size())) + '\0' + key);
+  EXPECT_NE(at, std::string::npos) << key;
+  std::memcpy(&run[at + 2 + key.size() + 1], &value, sizeof value);
+  return run;
+}
+
+TEST(HapticRun, NumbersOutOfRangeAreNamed) {
+  const std::string run = tests::short_run(10);
+  struct Case {
+    const char* key;
+    double value;
+    const char* says;
+  };
+  for (const Case& c : std::initializer_list<Case>{
+           {"scale", 0, "haptic.scale = 0: allowed are 0.01 to 100"},
+           {"texture_amplitude_m", 1, "haptic.texture_amplitude_m = 1: allowed are 0 to 0.002"},
+           {"slew_N_per_s", -5, "haptic.slew_N_per_s = -5"},
+           {"ramp_s", 0, "haptic.ramp_s = 0"},
+           {"mark_rate_hz", 0, "haptic.mark_rate_hz = 0"},
+           {"force_limit_N", 1e9, "allowed are 0.01 to 1000"},
+           {"blend_s", -1, "haptic.blend_s = -1"},
+           {"stiffness_N_per_m", 0, "allowed are 1 to 100000"},
+           {"stiffness_N_per_m", -1000, "allowed are 1 to 100000"},
+           {"stiffness_N_per_m", std::nan(""), "haptic.stiffness_N_per_m = nan"},
+           {"tip_radius_m", 2, "haptic.tip_radius_m = 2"}}) {
+    const std::string said = read_all(with_number(run, c.key, c.value));
+    EXPECT_EQ(said.rfind("run: ", 0), 0U) << c.key << ": " << said;
+    EXPECT_NE(said.find(c.says), std::string::npos) << c.key << ": " << said;
+  }
+  // What teletact touch allows beyond a scene of the demo.
+  EXPECT_EQ(read_all(with_number(run, "stiffness_N_per_m", 1e5)), "");
+  EXPECT_EQ(read_all(with_number(run, "force_limit_N", 1000)), "");
+  EXPECT_EQ(read_all(with_number(run, "tip_radius_m", 0.8)), "");
+}
+
+TEST(HapticRun, NothingFollowsTheEnd) {
+  const std::string said = read_all(tests::short_run(10) + std::string(16, '\0'));
+  EXPECT_EQ(said, "run: more bytes after its end");
 }
 
 TEST(HapticRun, SurvivesDamage) {
