@@ -216,6 +216,22 @@ void check(const SegmentOptions& o) {
   if (o.touches.size() > 255) throw std::runtime_error("--touch: at most 255");
 }
 
+// What would be passed over in silence. --m and --g part what several touches claim, whatever the method.
+void check_meant(const CLI::App& app, const SegmentOptions& o) {
+  for (const char* option : {"--m", "--g", "--threshold"}) {
+    if (o.whole && app.count(option) > 0) {
+      throw std::runtime_error(std::string(option) + " has no meaning with --whole");
+    }
+  }
+  if (app.count("--threshold") > 0 && o.method != "paper") {
+    throw std::runtime_error("--threshold has no meaning with --method " + o.method +
+                             ": it is paper's");
+  }
+  if (app.count("--depth-unit") > 0 && o.depth.empty()) {
+    throw std::runtime_error("--depth-unit has no meaning without --depth");
+  }
+}
+
 // Depth of the colour image's size, and its pinhole.
 struct Depth {
   Image<std::uint16_t> image;
@@ -229,6 +245,11 @@ std::optional<Depth> read_depth(const SegmentOptions& o, int w, int h) {
     throw std::runtime_error(o.depth + ": is " + std::to_string(depth.image.width()) + " x " +
                              std::to_string(depth.image.height()) + ", the colour image " +
                              std::to_string(w) + " x " + std::to_string(h));
+  }
+  const std::uint16_t* begin = depth.image.data();
+  if (std::all_of(begin, begin + static_cast<std::ptrdiff_t>(w) * h,
+                  [](std::uint16_t d) { return d == 0 || d == 65535; })) {
+    throw std::runtime_error(o.depth + ": holds no reading");
   }
   return depth;
 }
@@ -321,6 +342,7 @@ int cmd_segment(int argc, char** argv) {
   app.add_option("--out", o.out, "PNG to write")->required();
   app.add_option("--json", o.json, "figures to write: each object's pose, extent, colour");
   if (!parse_options(app, argc, argv)) return 0;
+  check_meant(app, o);
   if (app.count("--threshold") > 0) o.grow.threshold_flat = o.grow.threshold;
   if (g > 0) o.grow.g_mm = o.grow.g_px = g;
   run(o);

@@ -61,6 +61,14 @@ class Segment : public ::testing::Test {
     for (auto& a : all) argv.push_back(a.data());
     return teletact::cmd_segment(static_cast<int>(argv.size()), argv.data());
   }
+  std::string refusal(const std::vector<std::string>& args) const {
+    try {
+      run(args);
+    } catch (const std::exception& e) {
+      return e.what();
+    }
+    return "";
+  }
   std::vector<std::string> with_depth(std::vector<std::string> more) const {
     std::vector<std::string> a{"--color",      path("c.png"), "--depth", path("d.png"),
                                "--intrinsics", "90,90,48,36", "--out",   path("m.png")};
@@ -187,6 +195,10 @@ TEST_F(Segment, WholeWithDepthOfAnything) {
     cv::imwrite(path("c.png"), colour);
     cv::imwrite(path("d.png"), depth);
     const auto args = with_depth({"--whole"});
+    if (kind == 1 || kind == 3) {
+      EXPECT_THROW(run(args), std::runtime_error) << "no reading";
+      continue;
+    }
     ASSERT_EQ(run(args), 0) << "seed " << seed << ", round " << round;
     const std::string first = slurp(path("m.png"));
     cv::Mat m = cv::imread(path("m.png"), cv::IMREAD_UNCHANGED);
@@ -315,6 +327,36 @@ TEST_F(Segment, BadInputIsOneMessageAndNoFile) {
   }
   EXPECT_THROW(run({"--color", c, "--touch", "1,1", "--out", path("no/such/folder.png")}),
                std::runtime_error);
+}
+
+TEST_F(Segment, DepthWithoutAReadingIsRefused) {
+  cv::imwrite(path("full.png"), cv::Mat(kH, kW, CV_16UC1, cv::Scalar(65535)));
+  for (const char* depth : {"empty.png", "full.png"}) {
+    for (const std::vector<std::string>& how : std::vector<std::vector<std::string>>{
+             {"--touch", "45,35"}, {"--touch", "45,35", "--method", "paper"}, {"--whole"}}) {
+      auto args = with_depth(how);
+      args[3] = path(depth);
+      const std::string said = refusal(args);
+      EXPECT_NE(said.find(depth), std::string::npos) << said;
+      EXPECT_NE(said.find("holds no reading"), std::string::npos) << said;
+      EXPECT_FALSE(fs::exists(path("m.png")));
+    }
+  }
+}
+
+TEST_F(Segment, OptionsWithoutEffectAreRefused) {
+  for (const std::vector<std::string>& option :
+       std::vector<std::vector<std::string>>{{"--m", "10"}, {"--g", "40"}, {"--threshold", "25"}}) {
+    auto args = with_depth({"--whole"});
+    args.insert(args.end(), option.begin(), option.end());
+    EXPECT_EQ(refusal(args), option[0] + " has no meaning with --whole");
+  }
+  EXPECT_EQ(refusal(with_depth({"--touch", "45,35", "--threshold", "25"})),
+            "--threshold has no meaning with --method default: it is paper's");
+  EXPECT_EQ(refusal({"--color", path("c.png"), "--touch", "45,35", "--depth-unit", "2", "--out",
+                     path("m.png")}),
+            "--depth-unit has no meaning without --depth");
+  EXPECT_FALSE(fs::exists(path("m.png")));
 }
 
 // Every reader on damaged files: an error or an image of sane size, never a fault.
