@@ -10,6 +10,12 @@
 
 namespace teletact {
 
+namespace {
+
+constexpr double kFarthestPose_m = 1e6;  // as a stored map
+
+}  // namespace
+
 rt::Result<std::vector<StampedPose>> read_poses(const std::string& path) {
   std::vector<StampedPose> lines;
   const auto ok = drivers::for_each_line(
@@ -34,10 +40,16 @@ rt::Result<std::vector<StampedPose>> read_poses(const std::string& path) {
           return drivers::file_error(
               path, number, "quaternion of length " + std::to_string(q.norm()) + "; must be 1");
         }
+        const perception::Vec3 p(v[1], v[2], v[3]);
+        if (!(p.norm() <= kFarthestPose_m)) {
+          return drivers::file_error(path, number,
+                                     "a position of " + tokens[1] + " " + tokens[2] + " " +
+                                         tokens[3] + " m; allowed are 1e6 m from the origin");
+        }
         StampedPose line;
         line.t_s = v[0];
         line.X.linear() = q.normalized().toRotationMatrix();
-        line.X.translation() = perception::Vec3(v[1], v[2], v[3]);
+        line.X.translation() = p;
         lines.push_back(line);
         return true;
       });

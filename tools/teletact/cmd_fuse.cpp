@@ -23,6 +23,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -46,7 +47,7 @@ namespace {
 
 struct FuseOptions {
   std::string rgbd, intrinsics, bias, odometry, json, poses, ply, map, save_map, isa = "auto";
-  double voxel_m = 0;  // 0: not given
+  std::optional<double> voxel_m;
   bool full_size = false;
   std::string config_file;
   std::vector<std::string> overrides;
@@ -90,9 +91,10 @@ std::string pose_line(const std::string& stamp, const tasks::CameraPose& camera)
   const perception::Vec3 p = camera.X_WC.translation();
   const Eigen::Quaterniond q(camera.X_WC.linear());
   const double sign = q.w() < 0 ? -1 : 1;
-  char line[256];
-  std::snprintf(line, sizeof line, "%s %.6f %.6f %.6f %.9f %.9f %.9f %.9f\n", stamp.c_str(), p.x(),
-                p.y(), p.z(), sign * q.x(), sign * q.y(), sign * q.z(), sign * q.w());
+  char numbers[256];
+  std::snprintf(numbers, sizeof numbers, " %.6f %.6f %.6f %.9f %.9f %.9f %.9f\n", p.x(), p.y(),
+                p.z(), sign * q.x(), sign * q.y(), sign * q.z(), sign * q.w());
+  const std::string line = stamp + numbers;
   if (camera.claimed) return line;
   const bool lost = camera.tracking == tasks::CameraPose::Tracking::kLost;
   return std::string(lost ? "# lost " : "# degenerate ") + line;
@@ -123,6 +125,18 @@ void note_frame(const tasks::FusionTask& task, const tasks::FusionTask::Out& out
   const auto& p = task.last_profile();
   tally.cpu_ms.push_back(1e-6 * static_cast<double>(p.prepare + p.track + p.integrate + p.raycast +
                                                     p.ground + p.cost_map + p.patch));
+}
+
+// Odometry of another day would be as good as none.
+void check_meets(const std::vector<StampedPose>& odometry, const drivers::TumSequence& sequence,
+                 const FuseOptions& o) {
+  for (int i = 0; i < sequence.size(); ++i) {
+    if (odometry_at(odometry, sequence.stamp_s(i), rt::Time{})) return;
+  }
+  throw std::runtime_error(o.odometry + ": its stamps, " + std::to_string(odometry.front().t_s) +
+                           " to " + std::to_string(odometry.back().t_s) + " s, meet no frame of " +
+                           o.rgbd + ": " + std::to_string(sequence.stamp_s(0)) + " to " +
+                           std::to_string(sequence.stamp_s(sequence.size() - 1)) + " s");
 }
 
 // Runs the task over the sequence; returns the text of the pose file.
@@ -253,7 +267,15 @@ tasks::FusionConfig config_of(const FuseOptions& o, drivers::DepthBiasTable& bia
         config::load_override(std::string("fusion.") + kKnobs[i].key + "=" + o.knobs[i], root);
     if (!ok) throw std::runtime_error(std::string(kKnobs[i].option) + ": " + ok.error());
   }
-  if (o.voxel_m > 0) config.tsdf.voxel_size_m = o.voxel_m;
+  if (o.voxel_m) config.tsdf.voxel_size_m = *o.voxel_m;
+  for (std::size_t i = 0; i < config.levels.size(); ++i) {
+    const auto& n = config.levels[i].iterations;
+    if (std::all_of(n.begin(), n.end(), [](int k) { return k == 0; })) {
+      throw std::runtime_error("fusion.level_" + std::to_string(i) +
+                               ".iterations_fine, _middle and _coarse are 0: at least one must be "
+                               "1 or more");
+    }
+  }
   if (config.tsdf.max_blocks == perception::TsdfConfig{}.max_blocks) {
     // The surface of the same place takes more blocks as voxels get finer.
     const double finer = std::max(1.0, 0.01 / config.tsdf.voxel_size_m);
@@ -276,9 +298,9 @@ void list_knobs() {
   std::fputs(config::reference_table(root).c_str(), stdout);
 }
 
-void run(const FuseOptions& o) {
-  if (o.voxel_m != 0 && !(o.voxel_m >= 0.004 && o.voxel_m <= 0.1)) {
-    throw std::runtime_error("--voxel " + std::to_string(o.voxel_m) + ": must be 0.004 to 0.1 m");
+int run(const FuseOptions& o) {
+  if (o.voxel_m && !(*o.voxel_m >= 0.004 && *o.voxel_m <= 0.1)) {
+    throw std::runtime_error("--voxel " + std::to_string(*o.voxel_m) + ": must be 0.004 to 0.1 m");
   }
   if (!perception::simd::choose(o.isa)) {
     throw std::runtime_error("--isa " + o.isa +
@@ -294,7 +316,10 @@ void run(const FuseOptions& o) {
       {o.odometry, stored, o.config_file, o.bias});
   const drivers::TumSequence sequence = open_sequence(o);
   std::vector<StampedPose> odometry;
-  if (!o.odometry.empty()) odometry = take(read_poses(o.odometry));
+  if (!o.odometry.empty()) {
+    odometry = take(read_poses(o.odometry));
+    check_meets(odometry, sequence, o);
+  }
 
   tasks::FusionSetup setup;
   setup.camera = sequence.intrinsics();
@@ -305,6 +330,12 @@ void run(const FuseOptions& o) {
   Tally tally;
   const std::string poses = fuse(sequence, odometry, bias,
                                  stored.empty() ? "first camera" : "that of the map", task, tally);
+  if (tally.tracked == 0) {
+    std::fprintf(stderr,
+                 "teletact fuse: %s: none of its %d frames was tracked; nothing is written\n",
+                 o.rgbd.c_str(), tally.frames);
+    return 1;
+  }
   std::size_t vertices = 0;
   write_outputs(startup.token(), o, task, poses, tally, vertices);
   std::printf("%d frames, %d tracked, %d claimed; %.1f ms CPU a frame (p50); %zu vertices\n",
@@ -318,6 +349,7 @@ void run(const FuseOptions& o) {
                  "teletact fuse: the map is full, %lld blocks were refused: use larger voxels\n",
                  static_cast<long long>(tally.blocks_refused));
   }
+  return 0;
 }
 
 }  // namespace
@@ -359,8 +391,7 @@ int cmd_fuse(int argc, char** argv) {
     list_knobs();
     return 0;
   }
-  run(o);
-  return 0;
+  return run(o);
 }
 
 }  // namespace teletact

@@ -277,6 +277,21 @@ TEST_F(Fuse, AStoredMapIsBegunWithAndTheCameraFoundInIt) {
   refuses("opened");
 }
 
+// Images without a reading: nothing to be tracked, and no mesh that would look like a result.
+TEST_F(Fuse, NoFrameTrackedIsSaidAndNothingWritten) {
+  write_sequence(tests::test_room(), drive(3));
+  for (const auto& entry : fs::directory_iterator(root_ / "seq" / "depth")) {
+    const cv::Mat depth = cv::imread(entry.path().string(), cv::IMREAD_UNCHANGED);
+    cv::imwrite(entry.path().string(), cv::Mat(depth.size(), CV_16UC1, cv::Scalar(0)));
+  }
+  ::testing::internal::CaptureStderr();
+  EXPECT_EQ(fuse({}), 1);
+  const std::string said = ::testing::internal::GetCapturedStderr();
+  EXPECT_NE(said.find("none of its 3 frames was tracked"), std::string::npos) << said;
+  EXPECT_FALSE(fs::exists(root_ / "out.txt"));
+  EXPECT_FALSE(fs::exists(root_ / "out.ply"));
+}
+
 TEST_F(Fuse, BadInputLeavesNoOutputAndNamesTheCause) {
   write_sequence(tests::test_room(), drive(3));
   const auto refuses = [&](const std::vector<std::string>& extra, const std::string& word) {
@@ -290,6 +305,9 @@ TEST_F(Fuse, BadInputLeavesNoOutputAndNamesTheCause) {
     EXPECT_FALSE(fs::exists(root_ / "bad.ply"));
   };
   refuses({"--voxel", "0.5"}, "0.004 to 0.1");
+  refuses({"--voxel", "0"}, "0.004 to 0.1");
+  refuses({"--iterations-fine", "0", "--iterations-middle", "0", "--iterations-coarse", "0"},
+          "at least one");
   refuses({"--unknown"}, "--unknown");
   refuses({"--max-weight", "1"}, "--max-weight");
   refuses({"--max-weight", "1"}, "2..255");
@@ -304,6 +322,12 @@ TEST_F(Fuse, BadInputLeavesNoOutputAndNamesTheCause) {
   refuses({"--odometry", (root_ / "bad_odometry.txt").string()}, "quaternion");
   std::ofstream(root_ / "bad_odometry.txt") << "0 0 0 0 0 0 1\n";
   refuses({"--odometry", (root_ / "bad_odometry.txt").string()}, "8");
+  std::ofstream(root_ / "bad_odometry.txt") << "0 0 0 0 0 0 0 1\n0.1 0 1e300 0 0 0 0 1\n";
+  refuses({"--odometry", (root_ / "bad_odometry.txt").string()}, "bad_odometry.txt:2: ");
+  refuses({"--odometry", (root_ / "bad_odometry.txt").string()}, "1e6 m");
+  std::ofstream(root_ / "bad_odometry.txt") << "50 0 0 0 0 0 0 1\n50.1 0 0 0 0 0 0 1\n";
+  refuses({"--odometry", (root_ / "bad_odometry.txt").string()},
+          "bad_odometry.txt: its stamps, 50.000000 to 50.100000 s, meet no frame");
   refuses({"--intrinsics", "500,500,320,240"}, "intrinsics.txt: is there");
   refuses({"--intrinsics", "500,500,320"}, "4 to 5 numbers");
   refuses({"--intrinsics", "0,500,320,240"}, "fx and fy must be");
