@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 
 #include "tools/accuracy/scenes.hpp"
@@ -151,14 +152,17 @@ void study_scene(rt::NonRealtime& nrt, const std::string& name, bool every_knob,
                          "cpu_ms", "CPU a frame, ms"});
 }
 
-void study_recording(rt::NonRealtime& nrt, const FusionStudyOptions& o, std::ostream& progress,
-                     Study& study) {
+FusionSequence read_recording(const FusionStudyOptions& o, std::ostream& progress) {
   progress << "reading " << o.rgbd << "\n";
-  const FusionSequence sequence =
-      recorded_sequence(progress, o.rgbd, {o.rgbd_frames, 2, o.pinhole});
+  FusionSequence sequence = recorded_sequence(progress, o.rgbd, {o.rgbd_frames, 2, o.pinhole});
   if (sequence.known_truth().empty()) {
     throw std::runtime_error(o.rgbd + ": has no true pose at the stamp of a frame");
   }
+  return sequence;
+}
+
+void study_recording(rt::NonRealtime& nrt, const FusionSequence& sequence,
+                     const FusionStudyOptions& o, std::ostream& progress, Study& study) {
   for (const Knobs& k : settings(o, true)) {
     StudyRow row = row_of("recording", k);
     progress << "recording " << row.label << "\n";
@@ -236,12 +240,15 @@ Study study_fusion(std::ostream& progress, const FusionStudyOptions& options) {
   rt::Startup startup;
   Study study;
   study.name = "accuracy.fusion";
+  // What is wrong with it is said before the scenes, which take minutes.
+  std::optional<FusionSequence> recording;
+  if (!options.rgbd.empty()) recording = read_recording(options, progress);
   bool first = true;
   for (const std::string& scene : options.scenes) {
     study_scene(startup.token(), scene, first, options, progress, study);
     first = false;
   }
-  if (!options.rgbd.empty()) study_recording(startup.token(), options, progress, study);
+  if (recording) study_recording(startup.token(), *recording, options, progress, study);
   return study;
 }
 

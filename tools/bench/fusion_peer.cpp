@@ -201,6 +201,13 @@ bool FusionPeerRow::met() const {
   return ratio >= least_ratio() && (!std::isfinite(ate_mm) || ours_ate_mm <= ate_mm);
 }
 
+int FusionPeerResult::missed() const {
+  if (!measured()) return 0;
+  return static_cast<int>(std::count_if(rows.begin(), rows.end(), [](const FusionPeerRow& r) {
+    return r.absent.empty() && r.least_ratio() > 0 && !r.met();
+  }));
+}
+
 void FusionPeerResult::print(std::ostream& out) const {
   char line[256];
   out << "the same frames at 10 mm over 5.12 m, one thread, CPU ms a frame\n"

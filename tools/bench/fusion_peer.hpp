@@ -51,6 +51,7 @@ struct FusionPeerResult {
   std::vector<FusionPeerRow> rows;
   double other_load = 0;  // cores
   [[nodiscard]] bool measured() const { return other_load <= 0.05; }
+  [[nodiscard]] int missed() const;  // targets; what was not measured misses none
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;
 };

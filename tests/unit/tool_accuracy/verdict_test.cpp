@@ -78,6 +78,32 @@ TEST(Verdict, PeersHaveTargets) {
   EXPECT_THAT(printed(result), HasSubstr("missed"));
 }
 
+TEST(Verdict, MissedPeersAreCountedWhereTheyWereMeasured) {
+  FusionPeerRow met, missed, absent, ours;
+  met.name = missed.name = absent.name = "open3d";
+  met.ratio = 10, missed.ratio = 8;
+  absent.absent = "not installed";
+  ours.name = "teletact";
+  FusionPeerResult result;
+  result.rows = {ours, met, absent};
+  EXPECT_EQ(result.missed(), 0);
+  result.rows.push_back(missed);
+  EXPECT_EQ(result.missed(), 1);
+  result.other_load = 0.2;
+  EXPECT_EQ(result.missed(), 0) << "not measured";
+}
+
+TEST(Verdict, ARecordingThatIsNotThereIsSaidBeforeTheScenes) {
+  std::ostringstream progress;
+  FusionStudyOptions options;
+  options.scenes = {"room"};
+  options.frames = 2;
+  options.voxels_mm = {80};
+  options.rgbd = "/nonexistent";
+  EXPECT_THROW((void)study_fusion(progress, options), std::runtime_error);
+  EXPECT_THAT(progress.str(), Not(HasSubstr("rendering")));
+}
+
 TEST(Verdict, AnErrorCountsOnlyWhereEnoughWasClaimed) {
   const auto names = [](double claimed) {
     StudyRow row;
