@@ -12,6 +12,7 @@
 #include "tools/teletact/haptic_study.hpp"
 #include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/number_list.hpp"
+#include "tools/teletact/option_use.hpp"
 #include "tools/teletact/options.hpp"
 #include "tools/teletact/whole_file.hpp"
 
@@ -76,6 +77,7 @@ int cmd_accuracy(int argc, char** argv) {
   app.add_option("--plots", plots, "folder for the SVG plots");
   app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
+  check_accuracy_use(app, what, app.count("--rgbd") > 0);
   if (what == "segmentation" && segmentation.data.empty()) {
     throw std::runtime_error("accuracy segmentation needs --data DIR");
   }

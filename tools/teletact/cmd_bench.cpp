@@ -22,6 +22,7 @@
 #include "tools/teletact/fuzz_readers.hpp"
 #include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/number_list.hpp"
+#include "tools/teletact/option_use.hpp"
 #include "tools/teletact/options.hpp"
 #include "tools/teletact/whole_file.hpp"
 
@@ -199,6 +200,7 @@ int cmd_bench(int argc, char** argv) {
   app.add_flag("--half-size", half_size, "drift: images of 256 x 212");
   app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
+  check_bench_use(app, what, rgbd->count() > 0);
   check_outputs({{"--json", json}, {"--record", haptic.record}}, {});
   if (!haptic.svg.empty()) make_output_folder("--svg", haptic.svg);
   if (!intrinsics.empty())
@@ -248,7 +250,9 @@ int cmd_bench(int argc, char** argv) {
       take(result);
       faults = result.missed();
     } else {
-      take(peer.run(table1.rgbd));
+      const FusionPeerResult result = peer.run(table1.rgbd);
+      take(result);
+      faults = result.missed();
     }
   } else {
     take(bench_audit(200));
