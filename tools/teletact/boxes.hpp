@@ -74,6 +74,7 @@ class OperatorBox {
   [[nodiscard]] drivers::LinkEndpoint& endpoint() noexcept { return endpoint_; }
   [[nodiscard]] drivers::HandScript& hand() noexcept { return *hand_; }
   [[nodiscard]] drivers::HapticDevice& device() noexcept { return device_->device(); }
+  [[nodiscard]] bool person_simulated() const noexcept { return device_->person_simulated(); }
   [[nodiscard]] Effects effects() const;
 
  private:

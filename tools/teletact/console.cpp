@@ -53,12 +53,19 @@ void RobotConsole::log_to(rt::NonRealtime& nrt, const std::string& path, TakeLin
 }
 
 OperatorConsole::OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time epoch)
-    : box_(box), scene_(scene), epoch_(epoch), camera_width_px_(box.camera().width) {}
+    : box_(box),
+      scene_(scene),
+      epoch_(epoch),
+      camera_width_px_(box.camera().width),
+      force_act_(box.person_simulated()) {}
 
 void OperatorConsole::drain() {
   auto& cells = box_.graph().cells();
   tasks::HapticSample h;
-  while (cells.haptic_samples.try_pop(h)) seen_.haptic.push_back(h);
+  while (cells.haptic_samples.try_pop(h)) {
+    force_act_.see(static_cast<drivers::DeviceState>(h.device_state), h.clutched);
+    seen_.haptic.push_back(h);
+  }
   tasks::FusionSample f;
   while (cells.fusion_samples.try_pop(f)) seen_.fusion.push_back(f);
   if (const auto v = cells.view.acquire_if_new(OperatorCells::kViewConsole);
@@ -146,23 +153,11 @@ void OperatorConsole::resolve_points(rt::Time now) {
   }
 }
 
-// A stall beyond the device's own watchdog brakes it. The person notices that it is limp and presses the
-// button on its base: that is an act, so it is counted.
+// Whatever has braked the device (its own watchdog, its button, make_safe()): forces want an act, which is counted.
 void OperatorConsole::mind_device(rt::Time now) {
-  const auto state = seen_.haptic.empty()
-                         ? drivers::DeviceState::kForce
-                         : static_cast<drivers::DeviceState>(seen_.haptic.back().device_state);
-  // IDLE: a device that has just been calibrated.
-  const bool braked = state == drivers::DeviceState::kBrake || state == drivers::DeviceState::kIdle;
-  if (!braked) {
-    braked_since_ = rt::Time{};
-  } else if (braked_since_ == rt::Time{}) {
-    braked_since_ = now;
-  } else if (now - braked_since_ > std::chrono::milliseconds{300}) {
-    box_.device().request_enable();
-    ++seen_.device_brakes;
-    braked_since_ = rt::Time{};
-  }
+  if (!force_act_.due(now)) return;
+  box_.device().request_enable();
+  ++seen_.device_brakes;
 }
 
 // Engage is an act: it must be seen as "no" before it counts, and after a fault that has cleared the
@@ -262,14 +257,15 @@ std::string OperatorConsole::status_line(rt::Time now) const {
   const float reach = seen_.haptic.empty() ? 0.0F : seen_.haptic.back().reach;
   const auto tracked = std::count_if(seen_.fusion.begin(), seen_.fusion.end(),
                                      [](const auto& f) { return f.tracked; });
-  char line[200];
+  char line[260];
   std::snprintf(line, sizeof line,
                 "%5.1f s  %-9s  force %5.2f N  reach %3.0f %%  frames %4ld  marks %u  paths %u  "
-                "%-8s  robot (%.2f, %.2f) m",
+                "%-8s  robot (%.2f, %.2f) m%s",
                 rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
                 static_cast<double>(force), 100 * static_cast<double>(reach),
                 static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
-                phases[static_cast<int>(seen_.task.phase)], seen_.robot.x_m, seen_.robot.y_m);
+                phases[static_cast<int>(seen_.task.phase)], seen_.robot.x_m, seen_.robot.y_m,
+                force_act_.waits() ? "  forces off: press the clutch and let go" : "");
   return line;
 }
 

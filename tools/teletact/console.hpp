@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tools/teletact/boxes.hpp"
+#include "tools/teletact/force_act.hpp"
 
 namespace teletact {
 
@@ -72,7 +73,7 @@ class OperatorConsole {
   OperatorView seen_;
   std::size_t next_point_ = 0;
   int camera_width_px_;
-  rt::Time braked_since_{};
+  ForceAct force_act_;
   rt::Time held_since_{}, stopped_since_{}, pressed_since_{};
   bool engage_shown_ = false, edits_scene_ = true;
   std::size_t next_edit_ = 0;

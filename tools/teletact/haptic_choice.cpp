@@ -46,6 +46,7 @@ class TwinHere : public OpenedDevice {
   explicit TwinHere(std::unique_ptr<drivers::OmegaTwin> twin) : twin_(std::move(twin)) {}
   drivers::HapticDevice& device() noexcept override { return *twin_; }
   std::string description() const override { return "twin of an Omega.3"; }
+  bool person_simulated() const noexcept override { return true; }
   std::function<std::int64_t()> twin_cpu() override {
     return [this] { return twin_->twin_cpu_ns(); };
   }
@@ -122,6 +123,7 @@ class RealOmega final : public OpenedDevice {
   }
   drivers::HapticDevice& device() noexcept override { return device_; }
   std::string description() const override { return device_.description(); }
+  bool person_simulated() const noexcept override { return twin_ != nullptr; }
   Figures figures() const override {
     const auto c = device_.counters();
     Figures out{{"samples", as_number(c.samples)},      {"repeats", as_number(c.repeats)},
@@ -150,6 +152,7 @@ class RealFalcon final : public OpenedDevice {
   std::string description() const override {
     return device_.description() + (twin_ ? " (twin at the wire)" : "");
   }
+  bool person_simulated() const noexcept override { return twin_ != nullptr; }
   Figures figures() const override {
     const auto c = device_.counters();
     Figures out{{"frames", as_number(c.frames)},    {"samples", as_number(c.samples)},

@@ -37,6 +37,8 @@ class OpenedDevice {
   virtual ~OpenedDevice() = default;
   [[nodiscard]] virtual drivers::HapticDevice& device() noexcept = 0;
   [[nodiscard]] virtual std::string description() const = 0;
+  // The hand is a twin's: who holds the device acts in the program too. False: only a person brings forces back.
+  [[nodiscard]] virtual bool person_simulated() const noexcept { return false; }
   // CPU time that a twin spent inside the tick; null: nothing is simulated there.
   [[nodiscard]] virtual std::function<std::int64_t()> twin_cpu() { return nullptr; }
   [[nodiscard]] virtual std::vector<std::string> effects() const { return {}; }
