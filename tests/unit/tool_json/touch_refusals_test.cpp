@@ -1,0 +1,48 @@
+// What of touch and its device the program does not pretend to have: one line, exit code 2, no file.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <utility>
+
+namespace {
+
+namespace fs = std::filesystem;
+
+// Exit code, and what it said on stderr.
+std::pair<int, std::string> errors_of(const std::string& words) {
+  const std::string command =
+      "timeout 60 " TELETACT_BINARY_DIR "/teletact " + words + " 2>&1 >/dev/null";
+  std::FILE* pipe = ::popen(command.c_str(), "r");
+  std::string text;
+  char part[4096];
+  for (std::size_t n = 0; (n = std::fread(part, 1, sizeof part, pipe)) > 0;) text.append(part, n);
+  const int status = ::pclose(pipe);
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : 128, text};
+}
+
+struct Folder {
+  fs::path path = fs::temp_directory_path() / ("teletact_refusals_" + std::to_string(::getpid()));
+  Folder() { fs::create_directories(path); }
+  ~Folder() { fs::remove_all(path); }
+  [[nodiscard]] std::string file(const char* name) const { return (path / name).string(); }
+};
+
+TEST(TouchRefusals, AMethodWithoutItsRayCast) {
+  const Folder in;
+  const auto [code, text] = errors_of("demo --clock virtual --bodies stub --seconds 1 --report " +
+                                      in.file("r") + " --set 'haptic.method=\"force_shading\"'");
+  EXPECT_EQ(code, 2);
+  EXPECT_EQ(text.find('\n'), text.size() - 1) << text;
+  EXPECT_NE(
+      text.find("default_room.toml: haptic.method = \"force_shading\": of a scene allowed are "
+                "constrained, nearest, nearest10"),
+      std::string::npos)
+      << text;
+  EXPECT_TRUE(fs::is_empty(in.path));
+}
+
+}  // namespace
