@@ -16,6 +16,10 @@ using perception::TrackingState;
 using Twist = Eigen::Matrix<double, 6, 1>;
 
 constexpr double kDegree = std::numbers::pi / 180;
+// Unclaimed with so little of the image on the map for so many frames: by itself it does not get better. A wall that
+// says nothing of the way along it is met by nearly all of its image.
+constexpr double kAdriftOverlap = 0.65;
+constexpr int kAdriftFrames = 5;
 
 // (v, w) with exp_se3(v, w) = X.
 Twist twist_of(const Pose& X) noexcept {
@@ -39,11 +43,14 @@ double seconds_between(rt::Time a, rt::Time b) noexcept { return rt::seconds(b -
 void FusionTask::watch_for_loss(const TrackingResult& r) noexcept {
   const bool blank = tracker_.pyramid().level(1).valid < config_.tracker.lost_inliers;
   blank_run_ = blank ? blank_run_ + 1 : 0;
-  if (recovering_ || r.state != TrackingState::kLost) return;
+  const bool adrift = r.state != TrackingState::kLost && !r.claimed && r.overlap < kAdriftOverlap;
+  adrift_run_ = adrift ? adrift_run_ + 1 : 0;
+  if (recovering_ || (r.state != TrackingState::kLost && adrift_run_ < kAdriftFrames)) return;
   // A dark image says nothing of where the camera is: the prior may still hold when it is over.
   if (blank && blank_run_ <= config_.blank_frames) return;
   recovering_ = true;
   confirming_ = look_again_ = false;
+  X_looked_WC_.reset();
   relocaliser_.restart();
 }
 
@@ -98,10 +105,10 @@ void FusionTask::recover(const RgbdFrame& frame, const MotionPrior& prior, const
   if (fits && !was_confirming && (trusted || !view.valid())) {
     // Odometry says that it is no other place; else the next frame is compared in a view without hint. Not before
     // all of it is in the pool: until then it is found again in the view that there is.
-    found = relocaliser_.look(map_, r.X_WC) && trusted;
+    found = look(r.X_WC) && trusted;
     look_again_ = false;
-  } else if (was_confirming || look_again_ || (!fits && moved_on(view))) {
-    look_again_ = !relocaliser_.look(map_, X_lost_WC_);
+  } else if (was_confirming || look_again_ || (!fits && moved_on())) {
+    look_again_ = !look(X_lost_WC_);
   } else if (!blank) {
     const TrackingResult here = r;
     found = relocaliser_.search(map_, tracker_, colour_of(frame), fits ? &here : nullptr, r);
@@ -113,10 +120,17 @@ void FusionTask::recover(const RgbdFrame& frame, const MotionPrior& prior, const
   r.claimed = r.fully_constrained = false;
 }
 
-// Has odometry carried the lost camera away from where it is being looked for?
-bool FusionTask::moved_on(const perception::ModelView& view) const noexcept {
+bool FusionTask::look(const Pose& X_WC) noexcept {
+  if (!relocaliser_.look(map_, X_WC)) return false;
+  X_looked_WC_ = X_WC;
+  return true;
+}
+
+// Has odometry carried the lost camera away from where it was looked for? Where nothing of the map was to be seen
+// counts as well: odometry that is wrong by metres must not keep the search from the kept views.
+bool FusionTask::moved_on() const noexcept {
   if (!X_OB_last_) return false;
-  const Pose step = (view.valid() ? view.X_WF : model_.X_WC).inverse() * X_lost_WC_;
+  const Pose step = (X_looked_WC_ ? *X_looked_WC_ : model_.X_WC).inverse() * X_lost_WC_;
   return step.translation().norm() > 0.1 || perception::rotation_angle(step.linear()) > 6 * kDegree;
 }
 

@@ -225,7 +225,8 @@ class FusionTask {
                                    Out& out) noexcept;
   void recover(const perception::RgbdFrame& frame, const perception::MotionPrior& prior,
                const FusionLevel& knobs, perception::TrackingResult& r) noexcept;
-  [[nodiscard]] bool moved_on(const perception::ModelView& view) const noexcept;
+  [[nodiscard]] bool moved_on() const noexcept;
+  [[nodiscard]] bool look(const Pose& X_WC) noexcept;
   void doubt_leap(const perception::RgbdFrame& frame, const perception::MotionPrior& prior,
                   perception::TrackingResult& r) noexcept;
   void watch_for_loss(const perception::TrackingResult& r) noexcept;
@@ -277,8 +278,10 @@ class FusionTask {
   // Lost: `confirming_` when the last frame was found and this one is to agree; then X_lost_WC_ is where to
   // look if it does not. `look_again_`: what is to be seen there was not all in the pool yet.
   bool recovering_ = false, confirming_ = false, look_again_ = false;
-  int blank_run_ = 0;
+  int blank_run_ = 0, adrift_run_ = 0;
   Pose X_lost_WC_ = Pose::Identity();
+  std::optional<Pose>
+      X_looked_WC_;  // from where the map was looked at last, whether it is to be seen there or not
   Profile profile_;
   Pose X_WC_ = Pose::Identity();  // last pose believed
   Vec3 window_centre_W_ = Vec3::Zero();

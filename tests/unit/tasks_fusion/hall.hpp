@@ -28,6 +28,23 @@ inline void add_box(AnalyticScene& s, const Vec3& centre, const Vec3& size, doub
   s.boxes.push_back({X, size / 2});
 }
 
+// A hall of 6 x 4 m with the same group of furniture in two corners, alike but for one box of each.
+inline AnalyticScene hall() {
+  AnalyticScene s = empty_hall(3, 2);
+  for (const double side : {1.0, -1.0}) {  // the second group is the first, turned by half a turn
+    const double turn = side > 0 ? 0 : std::numbers::pi;
+    add_box(s, Vec3(2.2 * side, 1.2 * side, 0.35), Vec3(0.5, 0.4, 0.7), 0.4 + turn);
+    add_box(s, Vec3(1.5 * side, 1.5 * side, 0.2), Vec3(0.3, 0.3, 0.4), 0.9 + turn);
+    add_box(s, Vec3(2.5 * side, 0.2 * side, 0.5), Vec3(0.4, 0.5, 1.0), -0.3 + turn);
+  }
+  add_box(s, Vec3(1.6, 0.6, 0.15), Vec3(0.25, 0.25, 0.3), 0.2);  // in one corner
+  // In the other: elsewhere, of another size.
+  add_box(s, Vec3(-1.75, -0.75, 0.2), Vec3(0.2, 0.3, 0.4), -0.5);
+  add_box(s, Vec3(0.6, -1.5, 0.3), Vec3(0.5, 0.3, 0.6), 0.7);
+  add_box(s, Vec3(-0.3, 1.5, 0.25), Vec3(0.5, 0.3, 0.5), -0.6);
+  return s;
+}
+
 // A camera 1 m above the floor.
 inline Pose in_hall(double yaw, double x = 0, double y = 0, double pitch = -0.35) {
   const Vec3 eye(x, y, 1.0);
