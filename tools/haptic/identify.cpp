@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <stdexcept>
 
@@ -401,6 +402,8 @@ IdentifyResult identify_device(drivers::HapticDevice& device, const IdentifyOpti
   }
   rest(0.1);
   IdentifyResult r;
+  // RMS of a rounding: 2.9 um at the Omega's 10 um, which kResidualMost_m allows for.
+  r.residual_most_m = std::max(o.residual_most_m, 2 * properties.quantum_m / std::sqrt(12.0));
   r.delay_s = properties.delay_s;
   if (o.fit_delay) {
     (void)fit_rings_and_delay(rings[0], r.delay_s);
@@ -417,6 +420,21 @@ IdentifyResult identify_device(drivers::HapticDevice& device, const IdentifyOpti
     r.mean.rings += r.axes[a].rings;
   }
   return r;
+}
+
+std::string poor_fit(const IdentifyResult& r) {
+  for (std::size_t a = 0; a < 3; ++a) {
+    if (r.axes[a].residual_m <= r.residual_most_m) continue;
+    char text[300];
+    std::snprintf(
+        text, sizeof text,
+        "residual %.0f um along %c, allowed up to %.0f: mass, damping, dry friction and a "
+        "steady bias do not explain these swings, so nothing is written; hold nothing, run "
+        "less beside, or try --fit-delay or --residual",
+        1e6 * r.axes[a].residual_m, "xyz"[a], 1e6 * r.residual_most_m);
+    return text;
+  }
+  return {};
 }
 
 }  // namespace teletact

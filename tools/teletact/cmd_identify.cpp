@@ -47,6 +47,7 @@ int cmd_identify(int argc, char** argv) {
   std::string scene_name = "default_room", json, out, kind;
   std::vector<std::string> overrides;
   IdentifyOptions options;
+  double residual_um = 1e6 * kResidualMost_m;
   CLI::App app(
       "Measures mass, damping and dry friction of the haptic device by ring-down. It moves by "
       "itself, by "
@@ -65,11 +66,15 @@ int cmd_identify(int argc, char** argv) {
   app.add_option("--throw", options.throw_m, "how far the swing's middle lies aside, m")
       ->check(in_range(0.002, 0.03))
       ->capture_default_str();
+  app.add_option("--residual", residual_um, "largest that is believed, um")
+      ->check(in_range(1, 10000))
+      ->capture_default_str();
   app.add_flag("--fit-delay", options.fit_delay, "find the delay too, instead of the stated one");
   app.add_option("--out", out, "TOML with the keys to take over");
   app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
   check_outputs({{"--json", json}, {"--out", out}}, {});
+  options.residual_most_m = 1e-6 * residual_um;
   if (!kind.empty()) overrides.push_back("device.kind=\"" + kind + "\"");
   const auto scene = load_scene(find_config("scenes", scene_name), overrides);
 
@@ -118,6 +123,7 @@ int cmd_identify(int argc, char** argv) {
         "measure again where less else runs\n",
         static_cast<unsigned long long>(late), static_cast<unsigned long long>(ticks));
   }
+  if (const std::string why = poor_fit(result); !why.empty()) throw std::runtime_error(why);
   metrics.add("identify.late_ticks", static_cast<double>(late), "1");
   metrics.add("identify.delay_ms", 1e3 * result.delay_s, "ms");
   write_outputs(

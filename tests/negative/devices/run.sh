@@ -48,11 +48,12 @@ FORCEDIM_SDK=$twin opens device --kind omega --seconds 0.2
 opens device --kind falcon --seconds 0.2 --set device.falcon.twin=true
 opens device --kind mouse --seconds 0.2 --set 'device.mouse.path=""'
 
-# So is ring-down, all the way through them; each takes its time in real time, so beside each other.
+# So is ring-down, all the way through them; each takes its time in real time, so beside each other, and what it finds
+# depends on what else runs: any residual will do.
 mkdir omega falcon
-(cd omega && opens identify --kind omega --seconds 0.5 --out keys.toml --set "device.omega.sdk=\"$twin\""; exit $bad) &
+(cd omega && opens identify --kind omega --seconds 0.5 --residual 10000 --out keys.toml --set "device.omega.sdk=\"$twin\""; exit $bad) &
 omega=$!
-(cd falcon && opens identify --kind falcon --seconds 0.5 --out keys.toml --set device.falcon.twin=true; exit $bad) &
+(cd falcon && opens identify --kind falcon --seconds 0.5 --residual 10000 --out keys.toml --set device.falcon.twin=true; exit $bad) &
 falcon=$!
 wait $omega || bad=1
 wait $falcon || bad=1

@@ -36,6 +36,7 @@ TEST(Identify, FindsWhatTheTwinIsMadeOf) {
       EXPECT_NEAR(axis.coulomb_N, c.coulomb_N, 0.01);
       EXPECT_LT(axis.residual_m, 2e-5);
     }
+    EXPECT_EQ(teletact::poor_fit(r), "");
   }
 }
 
@@ -56,6 +57,23 @@ TEST(Identify, FindsTheDelayToo) {
               r.mean.damping_N_s_per_m);
   EXPECT_NEAR(r.delay_s, 0.001, 0.0002);
   EXPECT_NEAR(r.mean.damping_N_s_per_m, 2, 0.1);
+}
+
+// So light and free that a tick of 1 ms is too coarse: damping 12 % off.
+TEST(Identify, SaysWhereTheModelDoesNotHold) {
+  teletact::IdentifyResult r;
+  for (auto& axis : r.axes) axis.residual_m = 19e-6;
+  EXPECT_EQ(teletact::poor_fit(r), "");
+  r.axes[1].residual_m = 147e-6;
+  EXPECT_EQ(teletact::poor_fit(r).find("residual 147 um along y, allowed up to 20: "), 0U);
+  drivers::OmegaTwinConfig c;
+  c.mass_kg = 0.1;
+  c.damping_N_s_per_m = 0.3;
+  rt::Startup startup;
+  drivers::OmegaTwin twin(startup.token(), c, nullptr);
+  twin.enable_force(rt::time_from_ns(0));
+  r = teletact::identify_device(twin, {}, rt::time_from_ns(0), [](rt::Time) {});
+  EXPECT_NE(teletact::poor_fit(r).find(" um along x"), std::string::npos) << teletact::poor_fit(r);
 }
 
 // Like a device over USB: nothing comes in the first `silent` reads.

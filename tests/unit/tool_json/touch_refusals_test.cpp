@@ -45,4 +45,20 @@ TEST(TouchRefusals, AMethodWithoutItsRayCast) {
   EXPECT_TRUE(fs::is_empty(in.path));
 }
 
+// What does not fit the model is told of after its table, and not handed on as measured.
+TEST(TouchRefusals, IdentifyWhereTheModelDoesNotHold) {
+  const Folder in;
+  const std::string out = " --out " + in.file("d.toml") + " --json " + in.file("d.json");
+  const std::string poor = "identify --set device.mass_kg=0.1 --set device.damping_N_s_per_m=0.3";
+  const auto [code, text] = errors_of(poor + out);
+  EXPECT_EQ(code, 2);
+  EXPECT_EQ(text.find("teletact identify: residual "), 0U) << text;
+  EXPECT_EQ(text.find('\n'), text.size() - 1) << text;
+  EXPECT_NE(text.find(" um along x, allowed up to 20: "), std::string::npos) << text;
+  EXPECT_TRUE(fs::is_empty(in.path));
+  EXPECT_EQ(errors_of("identify" + out).first, 0);
+  EXPECT_TRUE(fs::exists(in.file("d.toml")) && fs::exists(in.file("d.json")));
+  EXPECT_EQ(errors_of(poor + " --residual 100" + out).first, 0);
+}
+
 }  // namespace
