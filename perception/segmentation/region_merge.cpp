@@ -191,24 +191,28 @@ class Merger {
     fill(f, labels);
     for (int a = 0; a < count; ++a) push_all(a, a);
   }
-  void run(double stop, int min_regions) {
-    while (!queue_.empty() && alive_ > min_regions) {
+  void run() {
+    while (!queue_.empty()) {
       const Pair p = queue_.top();
-      if (p.weight > stop) return;
+      if (p.weight > c_.stop) return;
       queue_.pop();
       const auto& a = regions_[static_cast<std::size_t>(p.a)];
       const auto& b = regions_[static_cast<std::size_t>(p.b)];
       if (!a.alive || !b.alive || a.version != p.version_a || b.version != p.version_b) continue;
+      if (alive_ <= c_.min_regions && p.weight > c_.same &&
+          std::min(a.pixels, b.pixels) > c_.crumb * pixels_)
+        continue;
       merge(p.a, p.b);
     }
   }
-  // Each region below `min_pixels`, smallest first, joins the neighbour it differs least from.
+  // Each region below `min_pixels`, smallest first, joins the neighbour it differs least from; so does a strip that is
+  // no more than the blurred border of two others.
   void absorb(double min_pixels) {
     for (;;) {
       int smallest = -1;
       for (int i = 0; i < static_cast<int>(regions_.size()); ++i) {
         const Region& r = regions_[static_cast<std::size_t>(i)];
-        if (!r.alive || r.pixels >= min_pixels || r.edges.empty()) continue;
+        if (!r.alive || r.edges.empty() || (r.pixels >= min_pixels && !is_strip(r))) continue;
         if (smallest < 0 || r.pixels < regions_[static_cast<std::size_t>(smallest)].pixels)
           smallest = i;
       }
@@ -228,6 +232,11 @@ class Merger {
   }
 
  private:
+  [[nodiscard]] bool is_strip(const Region& r) const noexcept {
+    double border = 0;
+    for (const Edge& e : r.edges) border += e.length;
+    return 2 * r.pixels < c_.strip_px * border;
+  }
   void fill(const Features& f, const std::vector<std::int32_t>& labels) {
     for (int v = 0; v < f.h; ++v) {
       for (int u = 0; u < f.w; ++u) {
@@ -343,7 +352,7 @@ WholeImage segment_whole(ImageView<const Rgb> rgb, const WholeImageConfig& c) {
   pieces.run(planes, f.w, f.h, c.superpixels);
 
   Merger merger(f, pieces.labels(), pieces.count(), c);
-  merger.run(c.stop, c.min_regions);
+  merger.run();
   merger.absorb(c.min_share * f.w * f.h);
 
   WholeImage out;

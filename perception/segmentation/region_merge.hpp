@@ -28,8 +28,12 @@ struct WholeImageConfig {
   double spread = 6;              // Lab units of noise that every box is granted
   double size_power = 0.2;        // 0: sizes do not matter; 1: Ward
   double stop = 1.3;              // no pair beyond it is merged
-  int min_regions = 4;            // an image is never merged to fewer
-  double min_share = 0.002;       // of the image: a smaller region joins its most alike neighbour
+  // Down to so many regions; to fewer only what is plainly the same, and crumbs.
+  int min_regions = 4;
+  double same = 0.15;        // no pair beyond it is plainly the same
+  double crumb = 0.02;       // of the image
+  double strip_px = 3;       // narrower on average: the border of two others, and no region
+  double min_share = 0.002;  // of the image: a smaller region joins its most alike neighbour
 };
 
 struct WholeImage {

@@ -154,8 +154,49 @@ TEST(WholeImage, SmallAndEvenImages) {
     const Image<Rgb> image(w, h, {100, 120, 140});
     const WholeImage out = segment_whole(image.view(), {});
     EXPECT_EQ(out.labels.size(), static_cast<std::size_t>(w * h));
-    EXPECT_GE(out.regions, 1);
+    EXPECT_EQ(out.regions, 1);
     EXPECT_EQ(components(out.labels, w, h), out.regions);
+  }
+}
+
+// Few things in sight are few regions: plain ground, two halves, a disc on plain ground; even and with noise.
+TEST(WholeImage, FewThingsAreFewRegions) {
+  constexpr int kWidth = 320, kHeight = 240;
+  const auto inside = [](int what, int x, int y) {
+    if (what == 0) return false;
+    if (what == 1) return x < kWidth / 2;
+    return (x - 150) * (x - 150) + (y - 120) * (y - 120) < 70 * 70;
+  };
+  rt::Random random(3);
+  for (int what = 0; what < 3; ++what) {
+    for (const double noise : {0.0, 4.0}) {
+      Image<Rgb> image(kWidth, kHeight);
+      int apart = 0;
+      for (int y = 0; y < kHeight; ++y) {
+        for (int x = 0; x < kWidth; ++x) {
+          const double by = noise * (2 * random.uniform() - 1);
+          const auto c = [by](double v) { return static_cast<std::uint8_t>(v + by); };
+          image.at(x, y) =
+              inside(what, x, y) ? Rgb{c(190), c(60), c(50)} : Rgb{c(70), c(90), c(170)};
+        }
+      }
+      const WholeImage out = segment_whole(image.view(), {});
+      for (int i = 0; i < kWidth * kHeight; ++i) {
+        const int corner = inside(what, i % kWidth, i / kWidth) ? 120 * kWidth + 150 : kWidth - 1;
+        apart +=
+            out.labels[static_cast<std::size_t>(i)] != out.labels[static_cast<std::size_t>(corner)]
+                ? 1
+                : 0;
+      }
+      std::printf("  %s, noise %.0f: %d regions, %.2f %% of the pixels astray\n",
+                  what == 0   ? "plain"
+                  : what == 1 ? "halves"
+                              : "disc",
+                  noise, out.regions, 100.0 * apart / (kWidth * kHeight));
+      // Noise makes a narrow ring along the disc a region or two of its own.
+      EXPECT_LE(out.regions, what == 0 ? 1 : noise > 0 && what == 2 ? 6 : 2);
+      EXPECT_LT(apart, kWidth * kHeight / 50);
+    }
   }
 }
 
