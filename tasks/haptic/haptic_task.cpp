@@ -31,11 +31,6 @@ double step_share(double time) noexcept {
   return time + kStepQuick / kTurn * std::sin(kTurn * time);
 }
 
-// Before the first mode, in INIT and in a safe stop there is no force, whatever the device gives.
-bool mode_allows(const ModeMsg& mode) noexcept {
-  return mode.seq > 0 && mode.mode != Mode::kInit && mode.mode != Mode::kSafeStop;
-}
-
 bool finite(const Vec3& v) noexcept {
   return std::isfinite(v.x()) && std::isfinite(v.y()) && std::isfinite(v.z());
 }
@@ -304,7 +299,9 @@ void HapticTask::report(const rt::Tick& tick, bool button, Out& out) noexcept {
 
 // No sample: the last force is held for its liveness, unless the mode has put it off; then forces are off and the
 // hand is new again.
-rt::Health HapticTask::without_sample(const rt::Tick& tick, Out& out) noexcept {
+rt::Health HapticTask::without_sample(const rt::Tick& tick, const ModeMsg& mode,
+                                      Out& out) noexcept {
+  if (mode.seq == 0 || mode.mode == Mode::kInit || mode.mode == Mode::kSafeStop) safe(out);
   rt::Health health = rt::Health::ok();
   const bool live =
       have_hand_ && rt::seconds(tick.release - hand_time_) <= config_.device_liveness_s;
@@ -384,10 +381,7 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
   }
   const bool blending = older_ != nullptr;
   advance_blend(dt);
-  if (!in.stylus_ok) {
-    if (!mode_allows(in.mode)) safe(out);
-    return rt::worst(health, without_sample(tick, out));
-  }
+  if (!in.stylus_ok) return rt::worst(health, without_sample(tick, in.mode, out));
 
   Vec3 dx_D;
   if (!take_hand(in.stylus, tick, dt, dx_D)) {
@@ -425,8 +419,9 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
   if (t.stale) {
     health = rt::worst(health, rt::Health::of(rt::Severity::kDegraded, kFaultHapticPatchStale));
   }
-  const bool allowed =
-      mode_allows(in.mode) && newer_ != nullptr && in.stylus.state == drivers::DeviceState::kForce;
+  const bool allowed = in.mode.seq > 0 && newer_ != nullptr &&
+                       in.stylus.state == drivers::DeviceState::kForce &&
+                       in.mode.mode != Mode::kInit && in.mode.mode != Mode::kSafeStop;
   if (!allowed) {
     safe(out);
   } else {

@@ -202,7 +202,7 @@ class HapticTask {
   double advance_gain(bool ramp_down, double dt) noexcept;
   bool take_hand(const drivers::StylusSample& stylus, const rt::Tick& tick, double dt,
                  perception::Vec3& dx_D) noexcept;
-  rt::Health without_sample(const rt::Tick& tick, Out& out) noexcept;
+  rt::Health without_sample(const rt::Tick& tick, const ModeMsg& mode, Out& out) noexcept;
   rt::Health not_finite(const rt::Tick& tick, Out& out) noexcept;
   void safe(Out& out) noexcept;
   template <bool kEffects>
