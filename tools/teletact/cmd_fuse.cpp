@@ -94,7 +94,7 @@ std::string pose_line(const std::string& stamp, const tasks::CameraPose& camera)
   char numbers[256];
   std::snprintf(numbers, sizeof numbers, " %.6f %.6f %.6f %.9f %.9f %.9f %.9f\n", p.x(), p.y(),
                 p.z(), sign * q.x(), sign * q.y(), sign * q.z(), sign * q.w());
-  const std::string line = stamp + numbers;
+  std::string line = stamp + numbers;
   if (camera.claimed) return line;
   const bool lost = camera.tracking == tasks::CameraPose::Tracking::kLost;
   return std::string(lost ? "# lost " : "# degenerate ") + line;
