@@ -140,10 +140,10 @@ void ThumbnailAligner::move(const CellView& seen, const Pose& X_KS, Moved& out) 
   }
 }
 
-// Pairs of points on two surfaces: six derivatives and the distance of each, and its weight; zero behind the last.
+// Pairs of points on two surfaces: six derivatives and the distance of each, and its weight; four at a time.
 struct ThumbnailAligner::Pairs {
-  alignas(16) std::array<std::array<float, CellView::kMost>, 7> row{};
-  alignas(16) std::array<float, CellView::kMost> weight{};
+  alignas(16) std::array<std::array<float, CellView::kMost>, 7> row;
+  alignas(16) std::array<float, CellView::kMost> weight;
   int count = 0;
   void add(const Vec3f& n, const Vec3f& a, float r) noexcept {
     const auto at = static_cast<std::size_t>(count++);
@@ -153,6 +153,13 @@ struct ThumbnailAligner::Pairs {
     }
     row[6][at] = r;
     weight[at] = kSoft_m / (kSoft_m + std::fabs(r));
+  }
+  // Fills the last four up.
+  void end() noexcept {
+    for (auto at = static_cast<std::size_t>(count); at % 4 != 0; ++at) {
+      for (auto& r : row) r[at] = 0;
+      weight[at] = 0;
+    }
   }
 };
 
@@ -193,6 +200,7 @@ void ThumbnailAligner::refine(const CellView& seen, const Kept& kept, float gate
     pairs.add(n, q.cross(n), n.dot(q - m));
   }
   if (pairs.count < kLeastPairs) return;
+  pairs.end();
   Mat6d A = Mat6d::Zero();
   Vec6d g;
   sum_column<0>(pairs, A, g);

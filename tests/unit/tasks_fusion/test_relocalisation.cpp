@@ -240,16 +240,18 @@ void compare_lost_with_tracked(Costs& out) {
   out = {median(tracked_ms), median(lost_ms)};
 }
 
-// The work is the same each time; the CPU that it takes depends on what a neighbour leaves of the caches: of three
-// runs one has to be undisturbed.
+// The work is the same each time; the CPU that it takes depends on what a neighbour leaves of the caches: the middle
+// one of three runs counts.
 TEST(Relocalisation, ALostFrameDoesNoMoreWorkThanATrackedOne) {
-  Costs c;
+  std::vector<double> shares;
   for (int run = 0; run < 3; ++run) {
+    Costs c;
     compare_lost_with_tracked(c);
-    if (HasFatalFailure() || c.lost_ms <= c.tracked_ms) break;
+    ASSERT_FALSE(HasFatalFailure());
+    ASSERT_GT(c.lost_ms, 0);
+    shares.push_back(c.lost_ms / c.tracked_ms);
   }
-  EXPECT_GT(c.lost_ms, 0);
-  EXPECT_LE(c.lost_ms, c.tracked_ms);
+  EXPECT_LE(median(shares), 1);
 }
 
 // What is to be seen where the camera has got to is put away: the lost frames bring it back. At the size and the

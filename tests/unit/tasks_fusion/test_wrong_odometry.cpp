@@ -27,6 +27,16 @@ struct Wheels {
   }
 };
 
+// The hall is seen all round, and then from one place with odometry that is right.
+void get_to_know(Rig& rig, const AnalyticScene& scene, const Wheels& wheels) {
+  tests::tour(rig, scene, 120, 0.1);
+  for (int i = 0; i < 10; ++i) {
+    wheels.told(rig);
+    rig.see(scene, in_hall(0), 0.0015);
+    ASSERT_TRUE(rig.out.camera.claimed);
+  }
+}
+
 // Frames until it is claimed, at most 16.
 int back_after(Rig& rig, const AnalyticScene& scene, const Wheels& wheels, double yaw) {
   int took = 0;
@@ -48,13 +58,8 @@ TEST(WrongOdometry, ASlipInTheDarkIsFoundOut) {
   for (const Slip& slip : {Slip{"4 m", 4, 0}, Slip{"-30 m", -30, 0},
                            Slip{"half a turn", 0, std::numbers::pi}, Slip{"0.6 m", 0.6, 0}}) {
     Rig rig(tests::coarse(), in_hall(0));
-    tests::tour(rig, scene, 120, 0.1);
     Wheels wheels;
-    for (int i = 0; i < 10; ++i) {
-      wheels.told(rig);
-      rig.see(scene, in_hall(0), 0.0015);
-      ASSERT_TRUE(rig.out.camera.claimed);
-    }
+    get_to_know(rig, scene, wheels);
     for (int i = 1; i <= 30; ++i) {
       wheels.X_OB.translation().x() = slip.x_m * i / 30;
       wheels.X_OB.linear() =
@@ -75,13 +80,8 @@ TEST(WrongOdometry, OneThatBeginsAnewIsFoundOut) {
   const AnalyticScene scene = tests::hall();
   for (const double jump_m : {-3.0, -1.5, 1.2, 5.0, 100.0}) {
     Rig rig(tests::coarse(), in_hall(0));
-    tests::tour(rig, scene, 120, 0.1);
     Wheels wheels;
-    for (int i = 0; i < 10; ++i) {
-      wheels.told(rig);
-      rig.see(scene, in_hall(0), 0.0015);
-    }
-    ASSERT_TRUE(rig.out.camera.claimed);
+    get_to_know(rig, scene, wheels);
     wheels.X_OB.translation().x() = jump_m;
     const int took = back_after(rig, scene, wheels, 0);
     std::printf("  jumped by %.1f m: claimed after %d frames, %.1f mm off\n", jump_m, took,
