@@ -31,6 +31,9 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
       model_(nrt, setup.camera.width, setup.camera.height),
       view_maps_(nrt, setup.camera.width / std::max(1, config.view_step) + 1,
                  setup.camera.height / std::max(1, config.view_step) + 1),
+      mask_(static_cast<std::size_t>(setup.camera.width) *
+                static_cast<std::size_t>(setup.camera.height),
+            static_cast<std::uint8_t>(perception::PixelOf::kPlace)),
       X_WC_(perception::orthonormalised(setup.X_WC0)),
       window_centre_W_(setup.X_WC0 * Vec3(0, 0, 1)) {
   require_valid(config, setup);

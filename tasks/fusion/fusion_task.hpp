@@ -32,6 +32,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "config/schema.hpp"
 #include "perception/geometry/rgbd_frame.hpp"
@@ -39,6 +40,7 @@
 #include "perception/ground/ground_map.hpp"
 #include "perception/icp/tracker.hpp"
 #include "perception/map_file/map_file.hpp"
+#include "perception/motion/motion_mask.hpp"
 #include "perception/objects/object_map.hpp"
 #include "perception/patch/surface_patch.hpp"
 #include "perception/raycast/raycast.hpp"
@@ -207,6 +209,10 @@ class FusionTask {
     return relocaliser_.keyframes();
   }
   [[nodiscard]] const Pose& camera() const noexcept { return X_WC_; }  // X_WC, last believed
+  // Of the last image consumed, a value of perception::PixelOf a pixel of the camera.
+  [[nodiscard]] perception::ImageView<const std::uint8_t> pixel_mask() const noexcept {
+    return {mask_.data(), setup_.camera.width, setup_.camera.height, setup_.camera.width};
+  }
   [[nodiscard]] const perception::ObjectMap* objects() const noexcept { return objects_.get(); }
   [[nodiscard]] const perception::GroundMap& ground() const noexcept { return ground_; }
   [[nodiscard]] const FusionConfig& config() const noexcept { return config_; }
@@ -259,6 +265,7 @@ class FusionTask {
   MapAnchor anchor_;
   perception::GroundMap ground_;
   perception::RaycastMaps model_, view_maps_;
+  std::vector<std::uint8_t> mask_;
   perception::Image<std::uint8_t> objects_shown_;  // pixels of the view; of this period's frame:
   bool objects_drawn_ = false;
   std::unique_ptr<perception::ObjectMap> objects_;  // null: switched off
