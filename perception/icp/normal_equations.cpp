@@ -1,6 +1,7 @@
 #include "perception/icp/normal_equations.hpp"
 
 #include "perception/icp/kernels.hpp"
+#include "perception/icp/rows_job.hpp"
 
 namespace perception {
 
@@ -11,35 +12,6 @@ void to_float(const Pose& X, float* R, float* t) noexcept {
     for (int j = 0; j < 3; ++j) R[3 * i + j] = static_cast<float>(X.linear()(i, j));
     t[i] = static_cast<float>(X.translation()(i));
   }
-}
-
-icp::RowsJob make_job(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
-                      const Vec3& centre_F, const Gates& gates) noexcept {
-  icp::RowsJob job{};
-  job.x_factor = live.x_factor.data() + PaddedImage::kMargin;
-  job.width = live.depth.width();
-  job.rows = live.depth.height();
-  job.stride = live.depth.stride();
-  job.z = live.depth.row(0);
-  job.nx = live.nx.row(0);
-  job.ny = live.ny.row(0);
-  job.nz = live.nz.row(0);
-  job.y_factor = live.y_factor.data() + PaddedImage::kMargin;
-  to_float(X_FC, job.R_F, job.t_F);
-  job.fx = static_cast<float>(model.intrinsics.fx);
-  job.fy = static_cast<float>(model.intrinsics.fy);
-  job.cx = static_cast<float>(model.intrinsics.cx);
-  job.cy = static_cast<float>(model.intrinsics.cy);
-  job.inv_fx = static_cast<float>(1 / model.intrinsics.fx);
-  job.inv_fy = static_cast<float>(1 / model.intrinsics.fy);
-  job.model = model.data;
-  job.model_width = static_cast<float>(model.intrinsics.width);
-  job.model_height = static_cast<float>(model.intrinsics.height);
-  for (int i = 0; i < 3; ++i) job.centre[i] = static_cast<float>(centre_F(i));
-  job.gate_d2 = gates.distance_m * gates.distance_m;
-  job.gate_cos = gates.normal_cos;
-  job.noise = gates.noise;
-  return job;
 }
 
 constexpr int kMostParts = 8;
@@ -94,7 +66,7 @@ void unpack_upper(const double* upper, Mat6& H) noexcept {
 void accumulate_rows(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
                      const Vec3& centre_F, const Gates& gates, NormalEquations& out,
                      CrossMoment* cross, rt::ForkJoin& crew) noexcept {
-  const icp::RowsJob job = make_job(live, model, X_FC, centre_F, gates);
+  const icp::RowsJob job = make_rows_job(live, model, X_FC, centre_F, gates);
   icp::LaneSums lanes;
   if (const int parts = parts_of(job); parts == 1) {
     icp::kernels().accumulate(job, cross != nullptr, lanes);
@@ -116,6 +88,35 @@ void accumulate_rows(const DepthLevel& live, const ModelView& model, const Pose&
 }
 
 }  // namespace
+
+icp::RowsJob make_rows_job(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
+                           const Vec3& centre_F, const Gates& gates) noexcept {
+  icp::RowsJob job{};
+  job.x_factor = live.x_factor.data() + PaddedImage::kMargin;
+  job.width = live.depth.width();
+  job.rows = live.depth.height();
+  job.stride = live.depth.stride();
+  job.z = live.depth.row(0);
+  job.nx = live.nx.row(0);
+  job.ny = live.ny.row(0);
+  job.nz = live.nz.row(0);
+  job.y_factor = live.y_factor.data() + PaddedImage::kMargin;
+  to_float(X_FC, job.R_F, job.t_F);
+  job.fx = static_cast<float>(model.intrinsics.fx);
+  job.fy = static_cast<float>(model.intrinsics.fy);
+  job.cx = static_cast<float>(model.intrinsics.cx);
+  job.cy = static_cast<float>(model.intrinsics.cy);
+  job.inv_fx = static_cast<float>(1 / model.intrinsics.fx);
+  job.inv_fy = static_cast<float>(1 / model.intrinsics.fy);
+  job.model = model.data;
+  job.model_width = static_cast<float>(model.intrinsics.width);
+  job.model_height = static_cast<float>(model.intrinsics.height);
+  for (int i = 0; i < 3; ++i) job.centre[i] = static_cast<float>(centre_F(i));
+  job.gate_d2 = gates.distance_m * gates.distance_m;
+  job.gate_cos = gates.normal_cos;
+  job.noise = gates.noise;
+  return job;
+}
 
 void accumulate(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
                 const Vec3& centre_F, const Gates& gates, NormalEquations& out,

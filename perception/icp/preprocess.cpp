@@ -221,6 +221,42 @@ void TrackingPyramid::build(ImageView<const std::uint16_t> depth_mm, const Intri
   levels_[1].valid = count_readings(levels_[1].depth);
 }
 
+namespace {
+
+void drop_pixel(DepthLevel& level, int u, int v) noexcept {
+  for (PaddedImage* image : {&level.depth, &level.nx, &level.ny, &level.nz}) image->row(v)[u] = 0;
+}
+
+// Pixel n of a level that is 2^shift finer lies between pixels n >> shift and the next one.
+void drop_finer(ImageView<const std::uint8_t> mask, int shift, DepthLevel& level) noexcept {
+  const int half = (1 << shift) / 2, edge = 1 << shift;
+  for (int v = 0; v < mask.height; ++v) {
+    for (int u = 0; u < mask.width; ++u) {
+      if (mask.at(u, v) == 0) continue;
+      const int u0 = std::max(0, u * edge - half), v0 = std::max(0, v * edge - half);
+      const int u1 = std::min(level.depth.width() - 1, u * edge + half),
+                v1 = std::min(level.depth.height() - 1, v * edge + half);
+      for (int y = v0; y <= v1; ++y)
+        for (int x = u0; x <= u1; ++x) drop_pixel(level, x, y);
+    }
+  }
+}
+
+}  // namespace
+
+void TrackingPyramid::drop(ImageView<const std::uint8_t> mask, int l) noexcept {
+  for (int n = 0; n <= l; ++n) drop_finer(mask, l - n, levels_[static_cast<std::size_t>(n)]);
+  for (int n = l + 1; n < kLevels; ++n) {
+    const int shift = n - l;
+    DepthLevel& level = levels_[static_cast<std::size_t>(n)];
+    for (int v = 0; v < level.depth.height(); ++v)
+      for (int u = 0; u < level.depth.width(); ++u)
+        if (mask.at(std::min(u << shift, mask.width - 1), std::min(v << shift, mask.height - 1)) != 0)
+          drop_pixel(level, u, v);
+  }
+  levels_[1].valid = count_readings(levels_[1].depth);
+}
+
 double TrackingPyramid::mean_depth(const icp::NoiseRule& noise) const noexcept {
   const PaddedImage& depth = levels_[kLevels - 1].depth;
   double weight = 0, sum_m = 0;

@@ -80,6 +80,9 @@ class TrackingPyramid {
   void build(ImageView<const std::uint16_t> depth_mm, const Intrinsics& intrinsics, int pixel_step,
              rt::ForkJoin& crew = rt::serial()) noexcept;
 
+  // Takes the pixels that are not 0 in `mask`, of the size of level `l`, out of all levels.
+  void drop(ImageView<const std::uint8_t> mask, int l) noexcept;
+
   [[nodiscard]] const DepthLevel& level(int l) const noexcept {
     return levels_[static_cast<std::size_t>(l)];
   }

@@ -190,17 +190,19 @@ void judge(const TrackerConfig& c, const MotionPrior& prior, const Pose& X_WC,
 
 }  // namespace
 
-void Tracker::track(const ModelView& model, const MotionPrior& prior,
+void Tracker::track(const ModelView& model, const MotionPrior& prior, const Pose& X_WC_start,
                     const std::array<int, 3>& iterations, TrackingResult& out) noexcept {
   out = TrackingResult{};
   out.X_WC = prior.X_WC;
   out.condition = std::numeric_limits<double>::infinity();
   out.degenerate_count = 6;
   const double length = mean_depth();
-  if (!model.valid() || !(length > 0) || !prior.X_WC.matrix().allFinite()) return;
+  if (!model.valid() || !(length > 0) || !prior.X_WC.matrix().allFinite() ||
+      !X_WC_start.matrix().allFinite())
+    return;
 
   const Pose X_FW = model.X_WF.inverse();
-  Alignment a{pyramid_, model, config_, *crew_, X_FW * prior.X_WC, Vec3::Zero(), length, {}};
+  Alignment a{pyramid_, model, config_, *crew_, X_FW * X_WC_start, Vec3::Zero(), length, {}};
   a.centre_F = a.X_FC * Vec3(0, 0, length);
   std::array<int, 3> limits{};
   for (std::size_t l = 0; l < limits.size(); ++l) {

@@ -106,9 +106,15 @@ class Tracker {
                int pixel_step) noexcept;
   // Threads that take part in prepare(), track() and reacquire(); the bytes are the same.
   void use(rt::ForkJoin& crew) noexcept { crew_ = &crew; }
-  // Aligns the prepared frame. `iterations` fine to coarse, each clipped to the configured value.
+  // Takes what moves out of the prepared frame: TrackingPyramid::drop().
+  void drop(ImageView<const std::uint8_t> mask, int level) noexcept { pyramid_.drop(mask, level); }
+  // Aligns the prepared frame, from X_WC_start. `iterations` fine to coarse, each clipped to the configured value.
+  void track(const ModelView& model, const MotionPrior& prior, const Pose& X_WC_start,
+             const std::array<int, 3>& iterations, TrackingResult& out) noexcept;
   void track(const ModelView& model, const MotionPrior& prior, const std::array<int, 3>& iterations,
-             TrackingResult& out) noexcept;
+             TrackingResult& out) noexcept {
+    track(model, prior, prior.X_WC, iterations, out);
+  }
   // Is the prepared frame what `model` shows, seen from near X_WC_guess? For a camera that was lost: `model`
   // is a cast without hint, so that what should be seen and is not counts against it. Middle and coarse
   // levels. Claims nothing; ask reliable().

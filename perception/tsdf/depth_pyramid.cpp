@@ -108,6 +108,16 @@ void weigh_row(std::uint32_t* row, int width) noexcept {
   }
 }
 
+// A pixel that is masked keeps its depth and loses its weight.
+TELETACT_CLONES
+void carve_only_row(const std::uint8_t* mask, int width, std::uint32_t* row) noexcept {
+  constexpr std::uint32_t kReach = static_cast<std::uint32_t>(DepthPyramid::kReachOne) << 24U;
+  for (int u = 0; u < width; ++u) {
+    const std::uint32_t p = row[u], depth = p & 0xffffU;
+    row[u] = mask[u] != 0 && depth != 0 ? depth | kReach : p;
+  }
+}
+
 TELETACT_CLONES
 int count_fused(const std::uint32_t* p, int n) noexcept {
   int count = 0;
@@ -186,7 +196,7 @@ const std::uint16_t* DepthPyramid::padded_row(int v) const noexcept {
 }
 
 int DepthPyramid::build(ImageView<const std::uint16_t> depth_mm, const DepthRule& rule,
-                        rt::ForkJoin& crew) noexcept {
+                        rt::ForkJoin& crew, ImageView<const std::uint8_t> mask) noexcept {
   width_ = depth_mm.width, height_ = depth_mm.height;
   const int pitch = width_ + 2 * kPad;
   const auto min_mm = static_cast<std::uint16_t>(
@@ -208,12 +218,13 @@ int DepthPyramid::build(ImageView<const std::uint16_t> depth_mm, const DepthRule
   std::array<int, kMostStrips> fused{};
   crew.for_parts((height_ + kStrip - 1) / kStrip, [&](int p) {
     fused[static_cast<std::size_t>(p)] =
-        build_strip(rule, p * kStrip, std::min((p + 1) * kStrip, height_));
+        build_strip(rule, mask, p * kStrip, std::min((p + 1) * kStrip, height_));
   });
   return std::accumulate(fused.begin(), fused.end(), 0);
 }
 
-int DepthPyramid::build_strip(const DepthRule& rule, int v0, int v1) noexcept {
+int DepthPyramid::build_strip(const DepthRule& rule, ImageView<const std::uint8_t> mask, int v0,
+                              int v1) noexcept {
   const RowRule r{static_cast<std::int32_t>(rule.edge_base_m * 1000.0F + 0.5F),
                   static_cast<std::int32_t>(rule.edge_per_m * 65536.0F + 0.5F),
                   static_cast<std::int32_t>(rule.max_depth_m * 1000.0F + 0.5F)};
@@ -224,6 +235,7 @@ int DepthPyramid::build_strip(const DepthRule& rule, int v0, int v1) noexcept {
     classify_row(rows, width_, r, out);
     if (rule.range_weight) weigh_row(out, width_);
     reach_row(rows, width_, (static_cast<float>(v) - rule.cy) / rule.fy, rule, r, out);
+    if (mask.data != nullptr) carve_only_row(mask.row(v), width_, out);
   }
   for (int l = 1; l < kLevels; ++l) build_tiles(l, v0 >> l, (v1 + (1 << l) - 1) >> l);
   return count_fused(pixels_.data() + static_cast<std::ptrdiff_t>(width_) * v0, width_ * (v1 - v0));

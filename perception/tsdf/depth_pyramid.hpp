@@ -9,6 +9,7 @@
 //   readings beyond max_depth;
 //   readings on a depth edge, with the least depth of the 3x3 neighbourhood (a flying pixel lies
 //   between two surfaces: nothing behind the near one is known free);
+//   readings of what moves (FrameView::moving);
 //   single holes (at least 6 of the 8 neighbours have a reading), with the least of those.
 #pragma once
 
@@ -42,8 +43,9 @@ class DepthPyramid {
 
   explicit DepthPyramid(rt::NonRealtime&);
   // Returns the number of pixels with weight > 0. The image is at most kMaxWidth x kMaxHeight.
+  // `mask`, if there is one, of the image's size: readings where it is not 0 carve and are not fused.
   int build(ImageView<const std::uint16_t> depth_mm, const DepthRule& rule,
-            rt::ForkJoin& crew = rt::serial()) noexcept;
+            rt::ForkJoin& crew = rt::serial(), ImageView<const std::uint8_t> mask = {}) noexcept;
 
   [[nodiscard]] int width() const noexcept { return width_; }
   [[nodiscard]] int height() const noexcept { return height_; }
@@ -69,7 +71,8 @@ class DepthPyramid {
   };
   [[nodiscard]] const std::uint16_t* padded_row(int v) const noexcept;
   // Pixels and tiles of rows v0 .. v1 - 1, v0 a multiple of the largest tile; number of pixels with weight.
-  int build_strip(const DepthRule& rule, int v0, int v1) noexcept;
+  int build_strip(const DepthRule& rule, ImageView<const std::uint8_t> mask, int v0,
+                  int v1) noexcept;
   void build_tiles(int level, int v0, int v1) noexcept;
   int width_ = 0, height_ = 0;
   std::vector<std::uint16_t> padded_;  // sanitised readings with a border of 0

@@ -21,6 +21,8 @@ bool usable(const FrameView& f, const Pose& X_WC, double voxel) noexcept {
     return false;
   if (f.colour.data != nullptr && (f.colour.width != k.width || f.colour.height != k.height))
     return false;
+  if (f.moving.data != nullptr && (f.moving.width != k.width || f.moving.height != k.height))
+    return false;
   if (!X_WC.matrix().allFinite()) return false;
   const Mat3 R = X_WC.linear();
   if ((R.transpose() * R - Mat3::Identity()).cwiseAbs().maxCoeff() > 1e-3 || R.determinant() < 0)
@@ -63,7 +65,7 @@ IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
                        static_cast<float>(std::min(1.0, kThinnestVox * voxel_ / truncation_)),
                        range_weight_};
   const std::int64_t begin = profiling_ ? cpu_ns(*crew_) : 0;
-  stats.pixels = pyramid_.build(frame.depth_mm, rule, *crew_);
+  stats.pixels = pyramid_.build(frame.depth_mm, rule, *crew_, frame.moving);
   const Pose X_CW = X_WC.inverse(Eigen::Isometry);
   const View view{frame, X_WC, X_CW, CameraBoxes(frame.intrinsics, X_CW)};
   if (far_.size() > 0) {  // page() has seen to it before, but for a camera that leapt

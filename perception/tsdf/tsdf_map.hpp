@@ -89,6 +89,7 @@ struct FrameView {
   Intrinsics intrinsics{};
   ImageView<const std::uint16_t> depth_mm{};  // 0 and 65535 = no reading
   ImageView<const Rgb> colour{};
+  ImageView<const std::uint8_t> moving{};  // not 0: carves, is not fused; empty: nothing moves
 
   [[nodiscard]] static FrameView of(const RgbdFrame& f) noexcept {
     return {f.intrinsics, f.depth(), f.has_colour ? f.rgb() : ImageView<const Rgb>{}};

@@ -47,6 +47,7 @@ void require_valid(const FusionConfig& config, const FusionSetup& setup) {
 void FusionConfig::describe(config::Section& s) {
   tsdf.describe(s.section("tsdf", "the map"));
   tracker.describe(s.section("tracker", "camera tracking"));
+  motion.describe(s.section("motion", "what moves in the image"));
   relocaliser.describe(s.section("relocaliser", "what brings a lost camera back"));
   ground.describe(s.section("ground", "ground plane and cost map"));
   describe_objects(s.section("objects", "objects named by a touch"));

@@ -38,6 +38,24 @@ double seconds_between(rt::Time a, rt::Time b) noexcept { return rt::seconds(b -
 
 }  // namespace
 
+// ---------------------------------------------------------------- what stands still
+
+// By what stands still alone, when something moves.
+void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& out) noexcept {
+  TrackingResult& r = out.tracking;
+  perception::MotionResult& m = out.motion;
+  watch_.look(map_, tracker_.pyramid(), model(), prior, m);
+  if (m.moving) {
+    watch_.spread(tracker_.pyramid(), mask_.data());
+    masked_ = true;
+    tracker_.drop(watch_.mask(), watch_.level());
+  }
+  const bool doubtful = m.moving || m.consensus.misfits > 0;
+  tracker_.track(model(), prior, doubtful ? m.X_WC : prior.X_WC, knobs.iterations, r);
+  if (!m.certain) r.claimed = r.fully_constrained = false;
+  watch_.settle(r.X_WC);
+}
+
 // ---------------------------------------------------------------- lost and found
 
 void FusionTask::watch_for_loss(const TrackingResult& r) noexcept {

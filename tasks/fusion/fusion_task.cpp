@@ -25,6 +25,7 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
       setup_(setup),
       map_(nrt, config.tsdf),
       tracker_(nrt, config.tracker, setup.camera.width, setup.camera.height),
+      watch_(nrt, config.motion, config.tracker),
       relocaliser_(nrt, config.relocaliser, setup.camera),
       anchor_(nrt),
       ground_(nrt, config.ground, setup.ground),
@@ -58,6 +59,7 @@ rt::Health FusionTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   out.patch_written = out.view_written = out.cost_map_written = out.camera_written = false;
   out.integrated = out.objects_written = out.mesh_written = objects_drawn_ = false;
   out.tracking = TrackingResult{};
+  out.motion = perception::MotionResult{};
   out.integration = perception::IntegrateStats{};
   out.paging = perception::PageStats{};
   out.segmentation = perception::ObjectStats{};
@@ -114,13 +116,15 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
     r.degenerate_count = 0;
   } else {
     Stage stage(profiling_, *crew_, profile_.track);
+    if (masked_) std::fill(mask_.begin(), mask_.end(), std::uint8_t{0});
+    masked_ = false;
     const MotionPrior prior = predict(frame.exposure);
     if (recovering_) {
       recover(frame, prior, knobs, r);
     } else {
-      tracker_.track(model(), prior, knobs.iterations, r);
+      track(prior, knobs, out);
       doubt_leap(frame, prior, r);
-      if (r.fully_constrained && r.claimed) r.X_WC = anchor_.held(r.X_WC);
+      if (r.fully_constrained && r.claimed && !masked_) r.X_WC = anchor_.held(r.X_WC);
     }
     watch_for_loss(r);
     out.work += r.work + relocaliser_.take_work();
@@ -131,8 +135,10 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
   if (r.claimed) {
     ++frames_claimed_;
     Stage stage(profiling_, *crew_, profile_.integrate);
+    FrameView seen = FrameView::of(frame);
+    if (masked_) seen.moving = pixel_mask();
     map_.decay(std::clamp(rt::seconds(frame.exposure - fused_exposure_), 0.0, 1.0));
-    out.integration = map_.integrate(FrameView::of(frame), X_WC_, knobs.allocate_step);
+    out.integration = map_.integrate(seen, X_WC_, knobs.allocate_step);
     out.integrated = !out.integration.refused;
     if (profiling_) profile_.integrate_parts = map_.last_times();
     const auto& s = out.integration;

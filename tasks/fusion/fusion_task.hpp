@@ -41,6 +41,7 @@
 #include "perception/icp/tracker.hpp"
 #include "perception/map_file/map_file.hpp"
 #include "perception/motion/motion_mask.hpp"
+#include "perception/motion/motion_watch.hpp"
 #include "perception/objects/object_map.hpp"
 #include "perception/patch/surface_patch.hpp"
 #include "perception/raycast/raycast.hpp"
@@ -85,6 +86,7 @@ struct FusionConfig {
   static constexpr int kMaxLevels = 4;
   perception::TsdfConfig tsdf;
   perception::TrackerConfig tracker;
+  perception::MotionConfig motion;
   perception::RelocaliserConfig relocaliser;
   perception::GroundConfig ground;
   perception::ObjectsConfig objects;
@@ -161,6 +163,7 @@ class FusionTask {
     bool camera_written = false;  // true when a frame was consumed
     bool integrated = false;
     perception::TrackingResult tracking;  // of the consumed frame
+    perception::MotionResult motion;      // of the consumed frame
     perception::IntegrateStats integration;
     perception::PageStats paging;
     perception::ObjectStats segmentation;
@@ -231,6 +234,7 @@ class FusionTask {
                                    Out& out) noexcept;
   void recover(const perception::RgbdFrame& frame, const perception::MotionPrior& prior,
                const FusionLevel& knobs, perception::TrackingResult& r) noexcept;
+  void track(const perception::MotionPrior& prior, const FusionLevel& knobs, Out& out) noexcept;
   [[nodiscard]] bool moved_on() const noexcept;
   [[nodiscard]] bool look(const Pose& X_WC) noexcept;
   void doubt_leap(const perception::RgbdFrame& frame, const perception::MotionPrior& prior,
@@ -261,11 +265,13 @@ class FusionTask {
   FusionSetup setup_;
   perception::TsdfMap map_;
   perception::Tracker tracker_;
+  perception::MotionWatch watch_;
   perception::Relocaliser relocaliser_;
   MapAnchor anchor_;
   perception::GroundMap ground_;
   perception::RaycastMaps model_, view_maps_;
-  std::vector<std::uint8_t> mask_;
+  std::vector<std::uint8_t> mask_;  // of perception::PixelOf
+  bool masked_ = false;             // not all of it is kPlace
   perception::Image<std::uint8_t> objects_shown_;  // pixels of the view; of this period's frame:
   bool objects_drawn_ = false;
   std::unique_ptr<perception::ObjectMap> objects_;  // null: switched off

@@ -1,0 +1,225 @@
+#include "perception/motion/consensus.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+#include "rt/random.hpp"
+
+namespace perception {
+
+namespace {
+
+constexpr double kDamping = 1e-5;   // of the prior, a pixel, unit motion: far below what a scene constrains
+constexpr int kHandfuls = 32;       // random hypotheses
+constexpr int kHandful = 6;         // cells of one
+constexpr int kRounds = 6;
+constexpr double kOtherMotion_m = 0.004;
+constexpr double kRivalLimit = 0.7;
+
+Mat6 unpack(const double (&upper)[21]) noexcept {
+  Mat6 H;
+  int s = 0;
+  for (int i = 0; i < 6; ++i)
+    for (int j = i; j < 6; ++j) H(i, j) = H(j, i) = upper[s++];
+  return H;
+}
+
+}  // namespace
+
+void Consensus::look(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
+                     const Vec3& centre_F, double length_m, const ConsensusConfig& config) noexcept {
+  Gates gates;
+  gates.distance_m = 0.2F;
+  gates.noise = {config.noise.least_m, 0.0F, config.noise.from_m};  // all pixels alike
+  accumulate_cells(live, model, X_FC, centre_F, gates, sums_);
+  length_m_ = length_m;
+  const auto map = static_cast<float>(config.map_error_m + config.map_error_voxel * config.voxel_m);
+  const auto share = static_cast<float>(config.noise_share);
+  double upper[21] = {};
+  total_pairs_ = 0;
+  for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
+    const float beyond = std::max(sums_.depth_m[c] - config.noise.from_m, 0.0F);
+    const float sigma = share * (config.noise.least_m + config.noise.per_m2 * beyond * beyond);
+    limit2_[c] = 4 * (sigma * sigma + map * map);
+    if (sums_.pairs[c] < kLeastPairs) continue;
+    total_pairs_ += static_cast<double>(sums_.pairs[c]);
+    for (std::size_t i = 0; i < 21; ++i) upper[i] += static_cast<double>(sums_.H[i][c]);
+  }
+  total_ = unpack(upper);
+}
+
+// Mean square residual over the limit, of every cell.
+void Consensus::fit(const Vec6& xi, Cells& misfit) const noexcept {
+  float x[6], coefficient[21];
+  int s = 0;
+  for (int i = 0; i < 6; ++i) x[i] = static_cast<float>(xi(i));
+  for (int i = 0; i < 6; ++i)
+    for (int j = i; j < 6; ++j) coefficient[s++] = (i == j ? 1.0F : 2.0F) * x[i] * x[j];
+  const auto n = static_cast<std::size_t>(sums_.size());
+  for (std::size_t c = 0; c < n; ++c) misfit[c] = sums_.r2[c];
+  for (std::size_t i = 0; i < 6; ++i)
+    for (std::size_t c = 0; c < n; ++c) misfit[c] += 2 * x[i] * sums_.g[i][c];
+  for (std::size_t i = 0; i < 21; ++i)
+    for (std::size_t c = 0; c < n; ++c) misfit[c] += coefficient[i] * sums_.H[i][c];
+  for (std::size_t c = 0; c < n; ++c) {
+    const float pairs = std::max(sums_.pairs[c], 1.0F);
+    misfit[c] = std::max(misfit[c], 0.0F) / (pairs * limit2_[c]);
+  }
+}
+
+double Consensus::support(const Cells& misfit, const Cells& weight) const noexcept {
+  double sum = 0;
+  for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
+    if (sums_.pairs[c] < kLeastPairs) continue;
+    sum += static_cast<double>(weight[c] * sums_.pairs[c] / (1 + misfit[c]));
+  }
+  return sum;
+}
+
+// Weighted least squares, held to `from` where the cells say nothing.
+bool Consensus::solve(const Cells& weight, const Vec6& from, Vec6& xi) const noexcept {
+  double upper[21] = {}, g[6] = {};
+  double pairs = 0;
+  for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
+    if (sums_.pairs[c] < kLeastPairs || !(weight[c] > 0)) continue;
+    const auto w = static_cast<double>(weight[c]);
+    pairs += w * static_cast<double>(sums_.pairs[c]);
+    for (std::size_t i = 0; i < 21; ++i) upper[i] += w * static_cast<double>(sums_.H[i][c]);
+    for (std::size_t i = 0; i < 6; ++i) g[i] += w * static_cast<double>(sums_.g[i][c]);
+  }
+  if (!(pairs > 0)) return false;
+  Mat6 H = unpack(upper);
+  Vec6 b;
+  for (int i = 0; i < 6; ++i) b(i) = -g[i];
+  for (int i = 0; i < 6; ++i) {
+    const double unit = i < 3 ? 1.0 : length_m_ * length_m_;
+    H(i, i) += kDamping * pairs * unit;
+    b(i) += kDamping * pairs * unit * from(i);
+  }
+  const Eigen::LDLT<Mat6> ldlt(H);
+  if (ldlt.info() != Eigen::Success || !ldlt.isPositive()) return false;
+  const Vec6 x = ldlt.solve(b);
+  if (!x.allFinite()) return false;
+  xi = x;
+  return true;
+}
+
+void Consensus::refine(const Cells& memory, float scale, int rounds, Vec6& xi) const noexcept {
+  Cells misfit, weight;
+  for (int r = 0; r < rounds; ++r) {
+    fit(xi, misfit);
+    for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
+      const float u = 1 + misfit[c] / scale;
+      weight[c] = memory[c] / (u * u);
+    }
+    if (!solve(weight, Vec6::Zero(), xi)) return;
+    scale = std::max(1.0F, scale * 0.4F);
+  }
+}
+
+double Consensus::mean_way(const Vec6& a, const Vec6& b) const noexcept {
+  // Rotation at the mean depth: what a point of the scene moves by.
+  const Vec6 d = a - b;
+  return std::hypot(d.head<3>().norm(), length_m_ * d.tail<3>().norm());
+}
+
+namespace {
+int count_misfits(const CellSums& sums, const Consensus::Cells& misfit) noexcept {
+  int n = 0;
+  for (std::size_t c = 0; c < static_cast<std::size_t>(sums.size()); ++c)
+    n += sums.pairs[c] >= Consensus::kLeastPairs && misfit[c] > 1 ? 1 : 0;
+  return n;
+}
+}  // namespace
+
+void Consensus::settle(ConsensusResult& out) noexcept {
+  out = ConsensusResult{};
+  Cells all;
+  all.fill(1);
+  refine(all, 6.0F, 4, out.xi);
+  fit(out.xi, misfit_);
+  out.support = support(misfit_, all);
+  out.pairs = total_pairs_;
+  out.misfits = count_misfits(sums_, misfit_);
+  out.certain = true;
+}
+
+void Consensus::compete(const Cells& remembered, const Vec6& zero, double prior_sigma_m,
+                        std::uint64_t seed, ConsensusResult& out) noexcept {
+  constexpr int kMost = 16 + kHandfuls;
+  std::array<Vec6, kMost> pose;
+  std::array<Cells, kMost>* fits = nullptr;
+  static_cast<void>(fits);
+  int count = 0;
+  Cells all;
+  all.fill(1);
+  const auto add = [&](const Cells& start_weight, bool solve_it, const Vec6& from, float scale) {
+    Vec6 xi = from;
+    if (solve_it && !solve(start_weight, Vec6::Zero(), xi)) return;
+    refine(remembered, scale, kRounds, xi);
+    pose[static_cast<std::size_t>(count++)] = xi;
+  };
+  add(all, false, Vec6::Zero(), 1.0F);
+  add(all, false, zero, 1.0F);
+  add(all, true, Vec6::Zero(), 36.0F);
+  add(remembered, true, Vec6::Zero(), 6.0F);
+  const int columns = sums_.columns, rows = sums_.rows;
+  for (int quarter = 0; quarter < 8; ++quarter) {  // four quarters, then what is left without each
+    Cells part;
+    part.fill(0);
+    for (int c = 0; c < sums_.size(); ++c) {
+      const bool in = (c % columns >= columns / 2) == ((quarter & 1) != 0) &&
+                      (c / columns >= rows / 2) == ((quarter & 2) != 0);
+      part[static_cast<std::size_t>(c)] = in == (quarter < 4) ? 1.0F : 0.0F;
+    }
+    add(part, true, Vec6::Zero(), 6.0F);
+  }
+  rt::Random rng(seed, 77);
+  for (int n = 0; n < kHandfuls; ++n) {
+    Cells part;
+    part.fill(0);
+    for (int k = 0, tries = 0; k < kHandful && tries < 64; ++tries) {
+      const auto c = static_cast<std::size_t>(rng() % static_cast<std::uint64_t>(sums_.size()));
+      if (sums_.pairs[c] < 2 * kLeastPairs || part[c] > 0) continue;
+      part[c] = 1;
+      ++k;
+    }
+    add(part, true, Vec6::Zero(), 6.0F);
+  }
+  // Most support, of what may be static.
+  Cells misfit;
+  int best = -1;
+  double most = -1;
+  for (int i = 0; i < count; ++i) {
+    fit(pose[static_cast<std::size_t>(i)], misfit);
+    const double way = mean_way(pose[static_cast<std::size_t>(i)], Vec6::Zero());
+    const double prior = 1 / (1 + (way / prior_sigma_m) * (way / prior_sigma_m));
+    const double s = support(misfit, remembered) * (0.9 + 0.1 * prior);
+    if (s > most) most = s, best = i;
+  }
+  out = ConsensusResult{};
+  if (best < 0) return;
+  out.xi = pose[static_cast<std::size_t>(best)];
+  fit(out.xi, misfit_);
+  out.support = support(misfit_, all);
+  out.pairs = total_pairs_;
+  out.misfits = count_misfits(sums_, misfit_);
+  for (int i = 0; i < count; ++i) {
+    const double way = mean_way(pose[static_cast<std::size_t>(i)], out.xi);
+    if (way < kOtherMotion_m) continue;
+    fit(pose[static_cast<std::size_t>(i)], misfit);
+    double ours = 0, theirs = 0;
+    for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
+      if (sums_.pairs[c] < kLeastPairs) continue;
+      const float d = remembered[c] * sums_.pairs[c] * (1 / (1 + misfit_[c]) - 1 / (1 + misfit[c]));
+      (d > 0 ? ours : theirs) += static_cast<double>(std::abs(d));
+    }
+    const double ratio = theirs / std::max(ours, 1.0);
+    if (ratio > out.rival) out.rival = ratio, out.rival_way_m = way;
+  }
+  out.certain = out.rival < kRivalLimit;
+}
+
+}  // namespace perception

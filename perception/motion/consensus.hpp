@@ -1,0 +1,80 @@
+// Which part of the image stands still, and how has the camera moved against it?
+//
+// An image in which something moves holds several rigid motions. Each of them explains its cells (icp/cell_sums.hpp);
+// the camera's is the one that explains most of the IMAGE, counted in pixels, not in information: a thing at arm's
+// length outweighs a far wall some hundredfold when readings weigh by their noise.
+//
+//   start     the prior, no motion at all, what all cells together say, quarters and halves of the image, the cells that
+//             were static in the last frame, random handfuls of cells
+//   refine    least squares over cells, reweighed by how well each fits (Geman and McClure; scale from the noise
+//             model and the map's own error, not from the residuals: with much that moves these read too large)
+//   support   sum over cells of pixels / (1 + e / tau^2), e the mean square residual
+//   winner    most support. A wall agrees with every motion along itself, so two poses are compared by the cells that
+//             fit one and not the other; a rival of another motion with nearly as many makes the frame ambiguous.
+//
+// A direction in which the cells say nothing stays at the prior.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "perception/icp/cell_sums.hpp"
+
+namespace perception {
+
+struct ConsensusConfig {
+  icp::NoiseRule noise{0.0015F, 0.004F, 0.8F};  // of a reading at full resolution
+  double noise_share = 0.7;  // of it that is left in a pixel of the coarse image, pattern included
+  double map_error_m = 0.002;      // of the ray cast, RMS, at fine voxels ...
+  double map_error_voxel = 0.10;   // ... plus this share of a voxel
+  double voxel_m = 0.01;
+};
+
+struct ConsensusResult {
+  Vec6 xi = Vec6::Zero();  // left twist about the centre, from the pose that the sums were taken at
+  double support = 0;      // pixels
+  double pairs = 0;        // pixels that met a surface within the gates
+  double rival = 0;        // of the strongest other motion: its own cells' pixels over ours
+  double rival_way_m = 0;  // how far that is off, mean over the points
+  bool certain = false;    // no rival comes near
+  int misfits = 0;         // cells that do not fit the winner
+};
+
+class Consensus {
+ public:
+  using Cells = std::array<float, CellSums::kMost>;
+
+  // Of the level, against the model, from X_FC. `length_m` mean depth: scales rotation.
+  void look(const DepthLevel& live, const ModelView& model, const Pose& X_FC, const Vec3& centre_F,
+            double length_m, const ConsensusConfig& config) noexcept;
+  // Least squares, reweighed, from xi = 0 alone: for images in which nothing moves. Cheap.
+  void settle(ConsensusResult& out) noexcept;
+  // All hypotheses. `remembered`: share of each cell that may be static, by what is known of it before; `zero`: twist of
+  // a camera that has not moved; `trusted`: how far the prior may be off, m (mean over the points).
+  void compete(const Cells& remembered, const Vec6& zero, double prior_sigma_m,
+               std::uint64_t seed, ConsensusResult& out) noexcept;
+
+  [[nodiscard]] const CellSums& sums() const noexcept { return sums_; }
+  // Mean square residual over its limit, of a cell at the winner; above 1 it does not fit.
+  [[nodiscard]] float misfit(int cell) const noexcept {
+    return misfit_[static_cast<std::size_t>(cell)];
+  }
+  [[nodiscard]] double mean_way(const Vec6& a, const Vec6& b) const noexcept;
+
+  static constexpr float kLeastPairs = 12;  // pixels of a cell that counts
+
+ private:
+  void fit(const Vec6& xi, Cells& misfit) const noexcept;
+  [[nodiscard]] double support(const Cells& misfit, const Cells& weight) const noexcept;
+  [[nodiscard]] bool solve(const Cells& weight, const Vec6& from, Vec6& xi) const noexcept;
+  void refine(const Cells& memory, float scale, int rounds, Vec6& xi) const noexcept;
+
+  CellSums sums_;
+  Cells limit2_{};  // m^2
+  Cells misfit_{};
+  Mat6 total_ = Mat6::Zero();
+  double total_pairs_ = 0;
+  double length_m_ = 1;
+};
+
+}  // namespace perception

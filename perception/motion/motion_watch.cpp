@@ -1,0 +1,358 @@
+#include "perception/motion/motion_watch.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace perception {
+
+namespace {
+
+constexpr int kRestTable = 1 << 15;
+constexpr std::uint32_t kRestGap = 5;  // frames that a cell may go unseen
+constexpr int kLeastAbout = 5;         // of the 8 neighbours, in a patch
+constexpr float kConcave = 0.22F;      // sine of the angle that ends a thing
+enum Evidence : std::uint8_t { kNone = 0, kFree = 1, kOff = 2, kOld = 3 };
+
+std::size_t hash_of(std::int32_t x, std::int32_t y, std::int32_t z) noexcept {
+  const std::uint32_t h = static_cast<std::uint32_t>(x) * 73856093U ^
+                          static_cast<std::uint32_t>(y) * 19349663U ^
+                          static_cast<std::uint32_t>(z) * 83492791U;
+  return (h ^ (h >> 15U)) & (kRestTable - 1);
+}
+
+// The distance at a point: trilinear where all corners are known, else of the nearest node.
+struct Seen3 {
+  bool free = false, known = false;
+  float distance_m = 0;
+};
+Seen3 seen_at(const TsdfMap& map, MapReader& reader, const Vec3f& p_W, float inv_voxel) noexcept {
+  Seen3 s;
+  const int i = static_cast<int>(std::lround(p_W.x() * inv_voxel)),
+            j = static_cast<int>(std::lround(p_W.y() * inv_voxel)),
+            k = static_cast<int>(std::lround(p_W.z() * inv_voxel));
+  const std::uint32_t word = reader.word(i, j, k);
+  if (reader.known(word)) {
+    s.known = true;
+    const auto sample = reader.sample(p_W.cast<double>());
+    s.distance_m = sample.valid ? sample.distance_m
+                                : static_cast<float>(TsdfMap::word_distance(word)) *
+                                      map.metres_per_unit();
+    return s;
+  }
+  const TsdfMap::Chunk* chunk = reader.chunk_of(i >> 6, j >> 6, k >> 6);
+  if (chunk == nullptr) return s;
+  const auto at = static_cast<std::size_t>(TsdfMap::in_chunk(i >> 3, j >> 3, k >> 3));
+  const std::int32_t b = chunk->block[at];
+  if (b == TsdfMap::kNoBlock) {
+    const int bit = (((i & 7) >> 1) * 4 + ((j & 7) >> 1)) * 4 + ((k & 7) >> 1);
+    s.free = ((chunk->free[at] >> bit) & 1U) != 0;
+  } else {
+    s.free = ((map.block_free(b)[i & 7] >> ((j & 7) * 8 + (k & 7))) & 1U) != 0;
+  }
+  return s;
+}
+
+}  // namespace
+
+void MotionConfig::describe(config::Section& s) {
+  s.flag("on", on, "look for what moves; off: everything is the place")
+      .number("front_m", front_m, 0.001, 0.2, "in front of the map's surface by this much ...")
+      .number("front_voxel", front_voxel, 0, 4, "... and this share of a voxel ...")
+      .number("front_sigma", front_sigma, 0, 20, "... and so many sigma: it moves")
+      .number("least_share", least_share, 0.01, 1, "of a thing that has to be seen to move")
+      .integer("least_pixels", least_pixels, 4, 1000, "of the coarse image, of a thing")
+      .integer("rest_frames", rest_frames, 2, 300, "in its place, and it is part of the map")
+      .number("rest_cell_m", rest_cell_m, 0.005, 0.2, "edge of such a place");
+}
+
+MotionWatch::MotionWatch(rt::NonRealtime&, const MotionConfig& config, const TrackerConfig& tracker)
+    : config_(config), tracker_(tracker), mask_(kMost), evidence_(kMost), seed_(kMost),
+      recalled_(kMost), visited_(kMost), queue_(kMost), points_W_(kMost), now_W_(kMost),
+      rest_(kRestTable) {}
+
+void MotionWatch::forget() noexcept {
+  remembered_ = 0;
+  had_ = false;
+  std::fill(mask_.begin(), mask_.end(), std::uint8_t{0});
+  std::fill(rest_.begin(), rest_.end(), Rest{});
+}
+
+float MotionWatch::front_limit(float z) const noexcept {
+  const float beyond = std::max(z - static_cast<float>(tracker_.noise_from_m), 0.0F);
+  const float sigma = 0.5F * static_cast<float>(tracker_.noise_m + tracker_.noise_per_m2 *
+                                                    static_cast<double>(beyond * beyond));
+  return static_cast<float>(config_.front_m) + static_cast<float>(config_.front_voxel) * voxel_m_ +
+         static_cast<float>(config_.front_sigma) * sigma;
+}
+
+Vec3f MotionWatch::point_C(const DepthLevel& live, int i) const noexcept {
+  const int u = i % width_, v = i / width_;
+  const float z = live.depth.row(v)[u];
+  constexpr int kMargin = PaddedImage::kMargin;
+  return {live.x_factor[static_cast<std::size_t>(u + kMargin)] * z,
+          live.y_factor[static_cast<std::size_t>(v + kMargin)] * z, z};
+}
+
+void MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC,
+                                  bool all) noexcept {
+  MapReader reader(map, 1.0);
+  const CellSums& sums = consensus_.sums();
+  const Eigen::Matrix3f R = X_WC.linear().cast<float>();
+  const Vec3f t = X_WC.translation().cast<float>();
+  const auto inv_voxel = static_cast<float>(1 / map.voxel_size());
+  std::fill_n(evidence_.begin(), width_ * height_, std::uint8_t{kNone});
+  for (int c = 0; c < sums.size(); ++c) {
+    const auto cell = static_cast<std::size_t>(c);
+    if (!(sums.live[cell] > 0)) continue;
+    const bool fits = consensus_.misfit(c) <= 1;
+    if (!all && fits && sums.pairs[cell] >= 0.85F * sums.live[cell]) continue;
+    const int u0 = c % sums.columns * CellSums::kEdge, v0 = c / sums.columns * CellSums::kEdge;
+    for (int v = v0; v < std::min(v0 + CellSums::kEdge, height_); ++v) {
+      for (int u = u0; u < std::min(u0 + CellSums::kEdge, width_); ++u) {
+        const int i = v * width_ + u;
+        if (!(live.depth.row(v)[u] > 0)) continue;
+        const Vec3f p_C = point_C(live, i);
+        const Vec3f p_W = R * p_C + t;
+        now_W_[static_cast<std::size_t>(i)] = p_W;
+        const Seen3 s = seen_at(map, reader, p_W, inv_voxel);
+        const float limit = front_limit(p_C.z());
+        std::uint8_t& e = evidence_[static_cast<std::size_t>(i)];
+        if (s.free || (s.known && s.distance_m > limit)) {
+          e = kFree;
+        } else if (s.known && !fits && std::abs(s.distance_m) > 0.5F * limit) {
+          e = kOff;
+        }
+      }
+    }
+  }
+}
+
+// Evidence in patches, into seed_.
+int MotionWatch::patches() noexcept {
+  int count = 0;
+  std::fill_n(seed_.begin(), width_ * height_, std::uint8_t{0});
+  for (int v = 1; v + 1 < height_; ++v) {
+    for (int u = 1; u + 1 < width_; ++u) {
+      const int i = v * width_ + u;
+      if (evidence_[static_cast<std::size_t>(i)] == kNone) continue;
+      int about = -1;
+      for (int k = 0; k < 9; ++k)
+        about += evidence_[static_cast<std::size_t>(i + (k / 3 - 1) * width_ + k % 3 - 1)] != kNone ? 1 : 0;
+      if (about < kLeastAbout) continue;
+      seed_[static_cast<std::size_t>(i)] = 1;
+      ++count;
+    }
+  }
+  return count;
+}
+
+// Where last image's masked points are in this one.
+void MotionWatch::recall(const DepthLevel& live, const Pose& X_WC) noexcept {
+  std::fill_n(recalled_.begin(), width_ * height_, std::uint8_t{0});
+  if (remembered_ == 0) return;
+  const Pose X_CW = X_WC.inverse(Eigen::Isometry);
+  const Intrinsics& k = live.intrinsics;
+  for (int n = 0; n < remembered_; ++n) {
+    const Vec3 q = X_CW * points_W_[static_cast<std::size_t>(n)].cast<double>();
+    if (!(q.z() > 0.1)) continue;
+    const int u = static_cast<int>(std::lround(k.fx * q.x() / q.z() + k.cx)),
+              v = static_cast<int>(std::lround(k.fy * q.y() / q.z() + k.cy));
+    for (int dv = -1; dv <= 1; ++dv) {
+      for (int du = -1; du <= 1; ++du) {
+        const int x = u + du, y = v + dv;
+        if (x < 0 || y < 0 || x >= width_ || y >= height_) continue;
+        const auto z = static_cast<double>(live.depth.row(y)[x]);
+        if (z > 0 && std::abs(z - q.z()) < 0.15) recalled_[static_cast<std::size_t>(y * width_ + x)] = 1;
+      }
+    }
+  }
+}
+
+bool MotionWatch::joined(const DepthLevel& live, int a, int b) const noexcept {
+  const int ua = a % width_, va = a / width_, ub = b % width_, vb = b / width_;
+  const float za = live.depth.row(va)[ua], zb = live.depth.row(vb)[ub];
+  if (!(zb > 0)) return false;
+  const auto& p = tracker_.preprocess;
+  const float step = static_cast<float>(p.edge_base_m) + static_cast<float>(p.edge_per_m2) * za * za +
+                     static_cast<float>(p.edge_slope / live.intrinsics.fx) * za;
+  if (std::abs(zb - za) > step) return false;
+  const Vec3f na(live.nx.row(va)[ua], live.ny.row(va)[ua], live.nz.row(va)[ua]),
+      nb(live.nx.row(vb)[ub], live.ny.row(vb)[ub], live.nz.row(vb)[ub]);
+  const Vec3f d = point_C(live, b) - point_C(live, a);
+  const float limit = kConcave * d.norm();
+  if (na.squaredNorm() > 0.5F && d.dot(na) > limit) return false;
+  if (nb.squaredNorm() > 0.5F && -d.dot(nb) > limit) return false;
+  return true;
+}
+
+void MotionWatch::grow(const DepthLevel& live) noexcept {
+  const int n = width_ * height_;
+  std::fill_n(mask_.begin(), n, std::uint8_t{0});
+  std::fill_n(visited_.begin(), n, std::uint8_t{0});
+  int first = 0;
+  for (int s = 0; s < n; ++s) {
+    if ((seed_[static_cast<std::size_t>(s)] == 0 && recalled_[static_cast<std::size_t>(s)] == 0) ||
+        visited_[static_cast<std::size_t>(s)] != 0 || !(live.depth.row(s / width_)[s % width_] > 0))
+      continue;
+    int end = first, evidence = 0, remembered = 0;
+    queue_[static_cast<std::size_t>(end++)] = s;
+    visited_[static_cast<std::size_t>(s)] = 1;
+    for (int at = first; at < end; ++at) {
+      const int i = queue_[static_cast<std::size_t>(at)];
+      evidence += seed_[static_cast<std::size_t>(i)];
+      remembered += recalled_[static_cast<std::size_t>(i)];
+      const int u = i % width_, v = i / width_;
+      const int next[4] = {u > 0 ? i - 1 : -1, u + 1 < width_ ? i + 1 : -1,
+                           v > 0 ? i - width_ : -1, v + 1 < height_ ? i + width_ : -1};
+      for (const int b : next) {
+        if (b < 0 || visited_[static_cast<std::size_t>(b)] != 0 || !joined(live, i, b)) continue;
+        visited_[static_cast<std::size_t>(b)] = 1;
+        queue_[static_cast<std::size_t>(end++)] = b;
+      }
+    }
+    judge_thing(live, first, end, evidence, remembered);
+    first = end;
+  }
+}
+
+// Has this point been where it is for long?
+bool MotionWatch::rested(const Vec3f& p_W) noexcept {
+  const auto inv = static_cast<float>(1 / config_.rest_cell_m);
+  const auto x = static_cast<std::int32_t>(std::floor(p_W.x() * inv)),
+             y = static_cast<std::int32_t>(std::floor(p_W.y() * inv)),
+             z = static_cast<std::int32_t>(std::floor(p_W.z() * inv));
+  Rest& r = rest_[hash_of(x, y, z)];
+  const auto now = static_cast<std::uint32_t>(frame_);
+  if (r.x != x || r.y != y || r.z != z || r.last + kRestGap < now || r.last == 0) {
+    if (r.last == now) return false;  // another's, just now
+    r = {x, y, z, now, now};
+    return false;
+  }
+  r.last = now;
+  return now - r.first >= static_cast<std::uint32_t>(config_.rest_frames);
+}
+
+void MotionWatch::judge_thing(const DepthLevel& live, int first, int end, int evidence,
+                              int remembered) noexcept {
+  static_cast<void>(live);
+  const int size = end - first;
+  if (size < config_.least_pixels) return;
+  int old = 0;
+  const bool small = size < width_ * height_ / 2;
+  const bool moves = evidence >= config_.least_pixels && evidence >= config_.least_share * size;
+  const bool still = remembered >= size / 3 && evidence >= size / 50;
+  if (!moves && !(still && small)) {
+    // What is evidence in a thing that does not move is left out alone.
+    return;
+  }
+  for (int at = first; at < end; ++at)
+    old += rested(now_W_[static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)])]) ? 1 : 0;
+  if (old >= 0.9 * size) return;
+  for (int at = first; at < end; ++at) {
+    const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
+    mask_[i] = small || seed_[i] != 0 ? 1 : 0;
+  }
+}
+
+void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const ModelView& model,
+                       const MotionPrior& prior, MotionResult& out) noexcept {
+  out = MotionResult{};
+  out.X_WC = prior.X_WC;
+  ++frame_;
+  level_ = TrackingPyramid::kLevels - 1;
+  while (level_ > 0 && pyramid.level(level_).depth.width() < 96) --level_;
+  const DepthLevel& live = pyramid.level(level_);
+  width_ = live.depth.width(), height_ = live.depth.height();
+  voxel_m_ = static_cast<float>(map.voxel_size());
+  const double length = pyramid.mean_depth(
+      {static_cast<float>(tracker_.noise_m), 0.0F, static_cast<float>(tracker_.noise_from_m)});
+  if (!config_.on || !fits_cells(width_, height_) || !(length > 0) || !model.valid()) {
+    std::fill_n(mask_.begin(), std::min(width_ * height_, kMost), std::uint8_t{0});
+    return;
+  }
+  const Pose X_FC = model.X_WF.inverse(Eigen::Isometry) * prior.X_WC;
+  const Vec3 centre_F = X_FC * Vec3(0, 0, length);
+  ConsensusConfig rule;
+  rule.noise = {static_cast<float>(tracker_.noise_m), static_cast<float>(tracker_.noise_per_m2),
+                static_cast<float>(tracker_.noise_from_m)};
+  rule.voxel_m = map.voxel_size();
+  consensus_.look(live, model, X_FC, centre_F, length, rule);
+  consensus_.settle(out.consensus);
+  const bool suspicious = had_ || out.consensus.misfits > 0;
+  const Eigen::Translation3d to_centre(-centre_F), back(centre_F);
+  if (suspicious) {
+    Consensus::Cells memory;
+    memory.fill(1);
+    if (had_) {
+      recall(live, prior.X_WC);
+      for (int c = 0; c < consensus_.sums().size(); ++c) {
+        const int u0 = c % consensus_.sums().columns * 8, v0 = c / consensus_.sums().columns * 8;
+        int n = 0, m = 0;
+        for (int v = v0; v < std::min(v0 + 8, height_); ++v)
+          for (int u = u0; u < std::min(u0 + 8, width_); ++u, ++n)
+            m += recalled_[static_cast<std::size_t>(v * width_ + u)];
+        memory[static_cast<std::size_t>(c)] = m > n / 4 ? 0.0F : 1.0F;
+      }
+    }
+    // The twist of a camera that stays where it was.
+    const Pose still = to_centre * Pose(X_FC.inverse(Eigen::Isometry)) * back;
+    Vec6 zero;
+    const Eigen::AngleAxisd r(still.linear());
+    zero << still.translation(), r.angle() * r.axis();
+    consensus_.compete(memory, zero, 0.02, frame_, out.consensus);
+    out.certain = out.consensus.certain;
+  }
+  const Pose X_FC2 = orthonormalised(Pose(back * exp_se3(out.consensus.xi) * to_centre * X_FC));
+  out.X_WC = orthonormalised(model.X_WF * X_FC2);
+  out.cells_misfit = out.consensus.misfits;
+  gather_evidence(map, live, out.X_WC, had_);
+  out.evidence = patches();
+  std::fill_n(mask_.begin(), width_ * height_, std::uint8_t{0});
+  if (out.evidence < config_.least_pixels && !had_) return;
+  if (had_) recall(live, out.X_WC); else std::fill_n(recalled_.begin(), width_ * height_, std::uint8_t{0});
+  if (!had_) gather_evidence(map, live, out.X_WC, true), out.evidence = patches();
+  grow(live);
+  int masked = 0, valid = 0;
+  for (int i = 0; i < width_ * height_; ++i) {
+    masked += mask_[static_cast<std::size_t>(i)];
+    valid += live.depth.row(i / width_)[i % width_] > 0 ? 1 : 0;
+  }
+  out.moving = masked > 0;
+  out.masked_share = valid > 0 ? static_cast<double>(masked) / valid : 0;
+}
+
+void MotionWatch::settle(const Pose&) noexcept {
+  remembered_ = 0;
+  for (int i = 0; i < width_ * height_; ++i)
+    if (mask_[static_cast<std::size_t>(i)] != 0)
+      points_W_[static_cast<std::size_t>(remembered_++)] = now_W_[static_cast<std::size_t>(i)];
+  had_ = remembered_ > 0;
+}
+
+void MotionWatch::spread(const TrackingPyramid& pyramid, std::uint8_t* out) const noexcept {
+  const auto raw = pyramid.full_depth();
+  const DepthLevel& live = pyramid.level(level_);
+  const int step = std::max(1, (raw.width + width_ - 1) / width_);
+  for (int v = 0; v < raw.height; ++v) {
+    const float* z = raw.row(v);
+    const int cv = std::min(v / step, height_ - 1), cv1 = std::min(cv + 1, height_ - 1);
+    for (int u = 0; u < raw.width; ++u) {
+      const int cu = std::min(u / step, width_ - 1), cu1 = std::min(cu + 1, width_ - 1);
+      const int at[4] = {cv * width_ + cu, cv * width_ + cu1, cv1 * width_ + cu, cv1 * width_ + cu1};
+      float best = 1e9F;
+      bool moving = false, any = false;
+      for (const int i : at) {
+        const bool m = mask_[static_cast<std::size_t>(i)] != 0;
+        any = any || m;
+        const float d = std::abs(live.depth.row(i / width_)[i % width_] - z[u]);
+        if (d < best) best = d, moving = m;
+      }
+      // A reading like none of them, beside a thing: between two surfaces.
+      const bool lone = best > 0.03F + 0.02F * z[u];
+      out[static_cast<std::ptrdiff_t>(v) * raw.width + u] = static_cast<std::uint8_t>(
+          any && z[u] > 0 && (lone || moving) ? PixelOf::kMoving : PixelOf::kPlace);
+    }
+  }
+}
+
+}  // namespace perception

@@ -1,0 +1,106 @@
+// What moves in an image, before the camera is tracked by it.
+//
+//   consensus   how the camera has moved against what stands still (consensus.hpp), on the coarse image
+//   evidence    a coarse pixel speaks for motion when its point lies in space that the map has seen free, or, in a cell
+//               that does not fit the consensus, off the map's surface; patches count, lone pixels do not
+//   thing       evidence is grown over connected surface: to depth edges and concave creases (a thing stands ON the
+//               floor), over convex ones; a thing moves when a tenth of it is evidence, or when it moved in the last image
+//   rest        a thing whose points have been where they are for rest_frames is part of the place again
+//
+// Everything at about 128 x 106 pixels whatever the camera; the mask of the camera's own pixels is made from that by
+// depth. A frame in which every cell fits and nothing lies in free space ends after the consensus.
+//
+// Noexcept, no allocation after construction; the same bytes on every instruction set.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "config/schema.hpp"
+#include "perception/geometry/image.hpp"
+#include "perception/icp/tracker.hpp"
+#include "perception/motion/consensus.hpp"
+#include "perception/motion/motion_mask.hpp"
+#include "perception/tsdf/map_reader.hpp"
+#include "rt/memory/non_realtime.hpp"
+
+namespace perception {
+
+struct MotionConfig {
+  bool on = true;
+  double front_m = 0.012;      // in front of the map's surface by this ...
+  double front_voxel = 0.4;    // ... and this share of a voxel ...
+  double front_sigma = 3;      // ... and so many sigma of a coarse pixel: evidence
+  double least_share = 0.10;   // of a thing that is evidence
+  int least_pixels = 10;       // of the coarse image
+  int rest_frames = 20;
+  double rest_cell_m = 0.025;
+  void describe(config::Section& s);
+};
+
+struct MotionResult {
+  bool moving = false;    // some pixels are masked
+  bool certain = true;    // no other motion explains the image nearly as well
+  Pose X_WC = Pose::Identity();  // by what stands still; where tracking starts
+  ConsensusResult consensus;
+  double masked_share = 0;  // of the coarse pixels with depth
+  int evidence = 0, cells_misfit = 0;
+  std::uint64_t work = 0;
+};
+
+class MotionWatch {
+ public:
+  static constexpr int kMostWidth = CellSums::kMostColumns * CellSums::kEdge;
+  static constexpr int kMostHeight = CellSums::kMostRows * CellSums::kEdge;
+  static constexpr int kMost = kMostWidth * kMostHeight;
+
+  MotionWatch(rt::NonRealtime&, const MotionConfig& config, const TrackerConfig& tracker);
+  // Another map, or a camera that was elsewhere.
+  void forget() noexcept;
+  // The image in `pyramid`, a camera that should be at `prior` and was at `model`.X_WF.
+  void look(const TsdfMap& map, const TrackingPyramid& pyramid, const ModelView& model,
+            const MotionPrior& prior, MotionResult& out) noexcept;
+  // After tracking: where the masked points are, for the next image. `X_WC` as claimed.
+  void settle(const Pose& X_WC) noexcept;
+
+  // Of the coarse image, 1: moves. Level of the pyramid that it has the size of.
+  [[nodiscard]] ImageView<const std::uint8_t> mask() const noexcept {
+    return {mask_.data(), width_, height_, width_};
+  }
+  [[nodiscard]] int level() const noexcept { return level_; }
+  // The same for the camera's pixels. kPlace and kMoving.
+  void spread(const TrackingPyramid& pyramid, std::uint8_t* out) const noexcept;
+
+ private:
+  struct Pixel;
+  void gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC, bool all) noexcept;
+  [[nodiscard]] int patches() noexcept;
+  void recall(const DepthLevel& live, const Pose& X_WC) noexcept;
+  void grow(const DepthLevel& live) noexcept;
+  [[nodiscard]] bool joined(const DepthLevel& live, int a, int b) const noexcept;
+  void judge_thing(const DepthLevel& live, int first, int count, int evidence, int remembered) noexcept;
+  [[nodiscard]] bool rested(const Vec3f& p_W) noexcept;
+  [[nodiscard]] Vec3f point_C(const DepthLevel& live, int i) const noexcept;
+  [[nodiscard]] float front_limit(float z) const noexcept;
+
+  MotionConfig config_;
+  TrackerConfig tracker_;
+  Consensus consensus_;
+  int width_ = 0, height_ = 0, level_ = 0;
+  float voxel_m_ = 0.01F;
+  std::vector<std::uint8_t> mask_, evidence_, seed_, recalled_, visited_;
+  std::vector<std::int32_t> queue_;
+  std::vector<Vec3f> points_W_;  // of last image's masked pixels
+  std::vector<Vec3f> now_W_;     // of all pixels of this one, by consensus
+  int remembered_ = 0;
+  bool had_ = false;
+  std::uint64_t frame_ = 0;
+  struct Rest {
+    std::int32_t x = 0, y = 0, z = 0;
+    std::uint32_t first = 0, last = 0;
+  };
+  std::vector<Rest> rest_;
+};
+
+}  // namespace perception
