@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 
 namespace perception {
 
@@ -10,7 +12,7 @@ namespace {
 constexpr int kRestTable = 1 << 15;
 constexpr std::uint32_t kRestGap = 5;  // frames that a cell may go unseen
 constexpr int kLeastAbout = 5;         // of the 8 neighbours, in a patch
-constexpr float kConcave = 0.22F;      // sine of the angle that ends a thing
+constexpr float kConcave = 0.4F;       // bend over two pixels either side that ends a thing
 enum Evidence : std::uint8_t { kNone = 0, kFree = 1, kOff = 2, kOld = 3 };
 
 std::size_t hash_of(std::int32_t x, std::int32_t y, std::int32_t z) noexcept {
@@ -67,7 +69,7 @@ void MotionConfig::describe(config::Section& s) {
 
 MotionWatch::MotionWatch(rt::NonRealtime&, const MotionConfig& config, const TrackerConfig& tracker)
     : config_(config), tracker_(tracker), mask_(kMost), evidence_(kMost), seed_(kMost),
-      recalled_(kMost), visited_(kMost), queue_(kMost), points_W_(kMost), now_W_(kMost),
+      recalled_(kMost), visited_(kMost), core_(kMost), queue_(kMost), points_W_(kMost), now_W_(kMost),
       rest_(kRestTable) {}
 
 void MotionWatch::forget() noexcept {
@@ -168,21 +170,35 @@ void MotionWatch::recall(const DepthLevel& live, const Pose& X_WC) noexcept {
   }
 }
 
-bool MotionWatch::joined(const DepthLevel& live, int a, int b) const noexcept {
-  const int ua = a % width_, va = a / width_, ub = b % width_, vb = b / width_;
-  const float za = live.depth.row(va)[ua], zb = live.depth.row(vb)[ub];
-  if (!(zb > 0)) return false;
+// What a thing may be grown over: pixels whose neighbours go on without a step, and that do not lie in a concave
+// crease. On a plane 1/z is linear in the image, so its second difference is the bend, whatever the angle of view.
+void MotionWatch::find_core(const DepthLevel& live) noexcept {
   const auto& p = tracker_.preprocess;
-  const float step = static_cast<float>(p.edge_base_m) + static_cast<float>(p.edge_per_m2) * za * za +
-                     static_cast<float>(p.edge_slope / live.intrinsics.fx) * za;
-  if (std::abs(zb - za) > step) return false;
-  const Vec3f na(live.nx.row(va)[ua], live.ny.row(va)[ua], live.nz.row(va)[ua]),
-      nb(live.nx.row(vb)[ub], live.ny.row(vb)[ub], live.nz.row(vb)[ub]);
-  const Vec3f d = point_C(live, b) - point_C(live, a);
-  const float limit = kConcave * d.norm();
-  if (na.squaredNorm() > 0.5F && d.dot(na) > limit) return false;
-  if (nb.squaredNorm() > 0.5F && -d.dot(nb) > limit) return false;
-  return true;
+  const float base = static_cast<float>(p.edge_base_m), square = static_cast<float>(p.edge_per_m2),
+              slope = static_cast<float>(p.edge_slope / live.intrinsics.fx),
+              pitch = static_cast<float>(1 / live.intrinsics.fx);
+  const std::ptrdiff_t stride = live.depth.stride();
+  for (int v = 0; v < height_; ++v) {
+    const float* z = live.depth.row(v);
+    for (int u = 0; u < width_; ++u) {
+      const float c = z[u];
+      std::uint8_t& core = core_[static_cast<std::size_t>(v * width_ + u)];
+      core = 0;
+      if (!(c > 0)) continue;
+      const float step = base + square * c * c + slope * c;
+      const float beyond = std::max(c - static_cast<float>(tracker_.noise_from_m), 0.0F);
+      const float sigma = 0.5F * static_cast<float>(tracker_.noise_m) +
+                          0.25F * static_cast<float>(tracker_.noise_per_m2) * beyond * beyond;
+      const float limit = kConcave * 2 * pitch * c + 4 * sigma;
+      bool ok = true;
+      for (const std::ptrdiff_t d : {std::ptrdiff_t{1}, stride}) {
+        for (const float n : {z[u - d], z[u + d]}) ok = ok && n > 0 && std::abs(n - c) < step;
+        const float l = z[u - 2 * d], r = z[u + 2 * d];
+        ok = ok && l > 0 && r > 0 && c * c * (1 / l + 1 / r - 2 / c) < limit;
+      }
+      core = ok ? 1 : 0;
+    }
+  }
 }
 
 void MotionWatch::grow(const DepthLevel& live) noexcept {
@@ -190,9 +206,10 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
   std::fill_n(mask_.begin(), n, std::uint8_t{0});
   std::fill_n(visited_.begin(), n, std::uint8_t{0});
   int first = 0;
+  find_core(live);
   for (int s = 0; s < n; ++s) {
     if ((seed_[static_cast<std::size_t>(s)] == 0 && recalled_[static_cast<std::size_t>(s)] == 0) ||
-        visited_[static_cast<std::size_t>(s)] != 0 || !(live.depth.row(s / width_)[s % width_] > 0))
+        visited_[static_cast<std::size_t>(s)] != 0 || core_[static_cast<std::size_t>(s)] == 0)
       continue;
     int end = first, evidence = 0, remembered = 0;
     queue_[static_cast<std::size_t>(end++)] = s;
@@ -205,7 +222,7 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
       const int next[4] = {u > 0 ? i - 1 : -1, u + 1 < width_ ? i + 1 : -1,
                            v > 0 ? i - width_ : -1, v + 1 < height_ ? i + width_ : -1};
       for (const int b : next) {
-        if (b < 0 || visited_[static_cast<std::size_t>(b)] != 0 || !joined(live, i, b)) continue;
+        if (b < 0 || visited_[static_cast<std::size_t>(b)] != 0 || core_[static_cast<std::size_t>(b)] == 0) continue;
         visited_[static_cast<std::size_t>(b)] = 1;
         queue_[static_cast<std::size_t>(end++)] = b;
       }
@@ -236,6 +253,7 @@ void MotionWatch::judge_thing(const DepthLevel& live, int first, int end, int ev
                               int remembered) noexcept {
   static_cast<void>(live);
   const int size = end - first;
+  if (getenv("DBG") && size>=10) { int umin=999,umax=0,vmin=999,vmax=0; for(int a=first;a<end;++a){int i=queue_[a];umin=std::min(umin,i%width_);umax=std::max(umax,i%width_);vmin=std::min(vmin,i/width_);vmax=std::max(vmax,i/width_);} printf("   thing size %d ev %d rem %d box %d-%d %d-%d\n",size,evidence,remembered,umin,umax,vmin,vmax);}
   if (size < config_.least_pixels) return;
   int old = 0;
   const bool small = size < width_ * height_ / 2;
@@ -252,6 +270,31 @@ void MotionWatch::judge_thing(const DepthLevel& live, int first, int end, int ev
     const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
     mask_[i] = small || seed_[i] != 0 ? 1 : 0;
   }
+}
+
+// What was left out about a thing, for lying on an edge: it goes with its neighbour at the same depth.
+void MotionWatch::fringe(const DepthLevel& live) noexcept {
+  const auto& p = tracker_.preprocess;
+  const float slope = static_cast<float>(p.edge_slope / live.intrinsics.fx);
+  for (int round = 0; round < 2; ++round) {
+    const auto mark = static_cast<std::uint8_t>(round + 2);
+    for (int v = 1; v + 1 < height_; ++v) {
+      for (int u = 1; u + 1 < width_; ++u) {
+        const int i = v * width_ + u;
+        const float z = live.depth.row(v)[u];
+        if (mask_[static_cast<std::size_t>(i)] != 0 || core_[static_cast<std::size_t>(i)] != 0 || !(z > 0)) continue;
+        for (const int d : {-1, 1, -width_, width_}) {
+          const int j = i + d;
+          const std::uint8_t m = mask_[static_cast<std::size_t>(j)];
+          if (m == 0 || m >= mark) continue;
+          if (std::abs(live.depth.row(j / width_)[j % width_] - z) < 0.02F + slope * z)
+            mask_[static_cast<std::size_t>(i)] = mark;
+        }
+      }
+    }
+  }
+  for (int i = 0; i < width_ * height_; ++i)
+    mask_[static_cast<std::size_t>(i)] = mask_[static_cast<std::size_t>(i)] != 0 ? 1 : 0;
 }
 
 void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const ModelView& model,
@@ -313,6 +356,7 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   if (!had_) gather_evidence(map, live, out.X_WC, true), out.evidence = patches();
   grow(live);
   int masked = 0, valid = 0;
+  fringe(live);
   for (int i = 0; i < width_ * height_; ++i) {
     masked += mask_[static_cast<std::size_t>(i)];
     valid += live.depth.row(i / width_)[i % width_] > 0 ? 1 : 0;

@@ -78,7 +78,8 @@ class MotionWatch {
   [[nodiscard]] int patches() noexcept;
   void recall(const DepthLevel& live, const Pose& X_WC) noexcept;
   void grow(const DepthLevel& live) noexcept;
-  [[nodiscard]] bool joined(const DepthLevel& live, int a, int b) const noexcept;
+  void find_core(const DepthLevel& live) noexcept;
+  void fringe(const DepthLevel& live) noexcept;
   void judge_thing(const DepthLevel& live, int first, int count, int evidence, int remembered) noexcept;
   [[nodiscard]] bool rested(const Vec3f& p_W) noexcept;
   [[nodiscard]] Vec3f point_C(const DepthLevel& live, int i) const noexcept;
@@ -89,7 +90,7 @@ class MotionWatch {
   Consensus consensus_;
   int width_ = 0, height_ = 0, level_ = 0;
   float voxel_m_ = 0.01F;
-  std::vector<std::uint8_t> mask_, evidence_, seed_, recalled_, visited_;
+  std::vector<std::uint8_t> mask_, evidence_, seed_, recalled_, visited_, core_;
   std::vector<std::int32_t> queue_;
   std::vector<Vec3f> points_W_;  // of last image's masked pixels
   std::vector<Vec3f> now_W_;     // of all pixels of this one, by consensus
