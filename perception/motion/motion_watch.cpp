@@ -70,13 +70,14 @@ void MotionConfig::describe(config::Section& s) {
 MotionWatch::MotionWatch(rt::NonRealtime&, const MotionConfig& config, const TrackerConfig& tracker)
     : config_(config), tracker_(tracker), mask_(kMost), evidence_(kMost), seed_(kMost),
       recalled_(kMost), visited_(kMost), core_(kMost), queue_(kMost), points_W_(kMost), now_W_(kMost),
-      rest_(kRestTable) {}
+      places_(kRestTable) {}
 
 void MotionWatch::forget() noexcept {
   remembered_ = 0;
   had_ = false;
+  recent_ = 0;
   std::fill(mask_.begin(), mask_.end(), std::uint8_t{0});
-  std::fill(rest_.begin(), rest_.end(), Rest{});
+  std::fill(places_.begin(), places_.end(), Place{});
 }
 
 float MotionWatch::front_limit(float z) const noexcept {
@@ -119,7 +120,12 @@ void MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, co
         const Seen3 s = seen_at(map, reader, p_W, inv_voxel);
         const float limit = front_limit(p_C.z());
         std::uint8_t& e = evidence_[static_cast<std::size_t>(i)];
-        if (s.free || (s.known && s.distance_m > limit)) {
+        // A place that was free and is not any more is evidence until it has been so for long.
+        const bool front = s.free || (s.known && s.distance_m > limit);
+        const Place* place = recent_ > 0 ? place_of(p_W, false) : nullptr;
+        if (place != nullptr) {
+          e = place->last - place->first < static_cast<std::uint32_t>(config_.rest_frames) ? kOld : kNone;
+        } else if (front) {
           e = kFree;
         } else if (s.known && !fits && std::abs(s.distance_m) > 0.5F * limit) {
           e = kOff;
@@ -142,6 +148,8 @@ int MotionWatch::patches() noexcept {
         about += evidence_[static_cast<std::size_t>(i + (k / 3 - 1) * width_ + k % 3 - 1)] != kNone ? 1 : 0;
       if (about < kLeastAbout) continue;
       seed_[static_cast<std::size_t>(i)] = 1;
+      if (evidence_[static_cast<std::size_t>(i)] == kFree)
+        static_cast<void>(place_of(now_W_[static_cast<std::size_t>(i)], true));
       ++count;
     }
   }
@@ -232,21 +240,22 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
   }
 }
 
-// Has this point been where it is for long?
-bool MotionWatch::rested(const Vec3f& p_W) noexcept {
+// The place that a point lies in. A table of places, hashed: one that is taken by another is not kept.
+MotionWatch::Place* MotionWatch::place_of(const Vec3f& p_W, bool make) noexcept {
   const auto inv = static_cast<float>(1 / config_.rest_cell_m);
   const auto x = static_cast<std::int32_t>(std::floor(p_W.x() * inv)),
              y = static_cast<std::int32_t>(std::floor(p_W.y() * inv)),
              z = static_cast<std::int32_t>(std::floor(p_W.z() * inv));
-  Rest& r = rest_[hash_of(x, y, z)];
+  Place& r = places_[hash_of(x, y, z)];
   const auto now = static_cast<std::uint32_t>(frame_);
-  if (r.x != x || r.y != y || r.z != z || r.last + kRestGap < now || r.last == 0) {
-    if (r.last == now) return false;  // another's, just now
-    r = {x, y, z, now, now};
-    return false;
+  const bool kept = r.last != 0 && r.last + kRestGap >= now;
+  if (kept && r.x == x && r.y == y && r.z == z) {
+    r.last = now;
+    return &r;
   }
-  r.last = now;
-  return now - r.first >= static_cast<std::uint32_t>(config_.rest_frames);
+  if (kept || !make) return nullptr;
+  r = {x, y, z, now, now};
+  return &r;
 }
 
 void MotionWatch::judge_thing(const DepthLevel& live, int first, int end, int evidence,
@@ -255,17 +264,13 @@ void MotionWatch::judge_thing(const DepthLevel& live, int first, int end, int ev
   const int size = end - first;
   if (getenv("DBG") && size>=10) { int umin=999,umax=0,vmin=999,vmax=0; for(int a=first;a<end;++a){int i=queue_[a];umin=std::min(umin,i%width_);umax=std::max(umax,i%width_);vmin=std::min(vmin,i/width_);vmax=std::max(vmax,i/width_);} printf("   thing size %d ev %d rem %d box %d-%d %d-%d\n",size,evidence,remembered,umin,umax,vmin,vmax);}
   if (size < config_.least_pixels) return;
-  int old = 0;
   const bool small = size < width_ * height_ / 2;
   const bool moves = evidence >= config_.least_pixels && evidence >= config_.least_share * size;
-  const bool still = remembered >= size / 3 && evidence >= size / 50;
+  const bool still = remembered >= size / 3 && evidence >= std::max(config_.least_pixels, size / 33);
   if (!moves && !(still && small)) {
     // What is evidence in a thing that does not move is left out alone.
     return;
   }
-  for (int at = first; at < end; ++at)
-    old += rested(now_W_[static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)])]) ? 1 : 0;
-  if (old >= 0.9 * size) return;
   for (int at = first; at < end; ++at) {
     const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
     mask_[i] = small || seed_[i] != 0 ? 1 : 0;
@@ -348,12 +353,15 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   const Pose X_FC2 = orthonormalised(Pose(back * exp_se3(out.consensus.xi) * to_centre * X_FC));
   out.X_WC = orthonormalised(model.X_WF * X_FC2);
   out.cells_misfit = out.consensus.misfits;
-  gather_evidence(map, live, out.X_WC, had_);
+  gather_evidence(map, live, out.X_WC, recent_ > 0);
   out.evidence = patches();
   std::fill_n(mask_.begin(), width_ * height_, std::uint8_t{0});
-  if (out.evidence < config_.least_pixels && !had_) return;
-  if (had_) recall(live, out.X_WC); else std::fill_n(recalled_.begin(), width_ * height_, std::uint8_t{0});
-  if (!had_) gather_evidence(map, live, out.X_WC, true), out.evidence = patches();
+  recent_ = out.evidence >= config_.least_pixels ? config_.rest_frames : std::max(0, recent_ - 1);
+  if (recent_ == 0) return;
+  if (had_)
+    recall(live, out.X_WC);
+  else
+    std::fill_n(recalled_.begin(), width_ * height_, std::uint8_t{0});
   grow(live);
   int masked = 0, valid = 0;
   fringe(live);

@@ -81,7 +81,6 @@ class MotionWatch {
   void find_core(const DepthLevel& live) noexcept;
   void fringe(const DepthLevel& live) noexcept;
   void judge_thing(const DepthLevel& live, int first, int count, int evidence, int remembered) noexcept;
-  [[nodiscard]] bool rested(const Vec3f& p_W) noexcept;
   [[nodiscard]] Vec3f point_C(const DepthLevel& live, int i) const noexcept;
   [[nodiscard]] float front_limit(float z) const noexcept;
 
@@ -97,11 +96,13 @@ class MotionWatch {
   int remembered_ = 0;
   bool had_ = false;
   std::uint64_t frame_ = 0;
-  struct Rest {
+  int recent_ = 0;  // frames that evidence is remembered for
+  struct Place {
     std::int32_t x = 0, y = 0, z = 0;
     std::uint32_t first = 0, last = 0;
   };
-  std::vector<Rest> rest_;
+  [[nodiscard]] Place* place_of(const Vec3f& p_W, bool make) noexcept;
+  std::vector<Place> places_;
 };
 
 }  // namespace perception
