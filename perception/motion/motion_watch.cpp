@@ -13,7 +13,8 @@ constexpr int kRestTable = 1 << 15;
 constexpr std::uint32_t kRestGap = 5;  // frames that a cell may go unseen
 constexpr int kLeastAbout = 5;         // of the 8 neighbours, in a patch
 constexpr float kConcave = 0.4F;       // bend over two pixels either side that ends a thing
-enum Evidence : std::uint8_t { kNone = 0, kFree = 1, kOff = 2, kOld = 3 };
+// Of a coarse pixel. From kFree on it speaks for motion.
+enum Evidence : std::uint8_t { kNone = 0, kAgrees = 1, kRested = 2, kFree = 3, kOff = 4, kOld = 5 };
 
 std::size_t hash_of(std::int32_t x, std::int32_t y, std::int32_t z) noexcept {
   const std::uint32_t h = static_cast<std::uint32_t>(x) * 73856093U ^
@@ -64,6 +65,8 @@ void MotionConfig::describe(config::Section& s) {
       .number("least_share", least_share, 0.01, 1, "of a thing that has to be seen to move")
       .integer("least_pixels", least_pixels, 4, 1000, "of the coarse image, of a thing")
       .integer("rest_frames", rest_frames, 2, 300, "in its place, and it is part of the map")
+      .number("most_way_m", most_way_m, 0, 1,
+              "tracking that departs farther from what stands still is not believed")
       .number("rest_cell_m", rest_cell_m, 0.005, 0.2, "edge of such a place");
 }
 
@@ -124,11 +127,13 @@ void MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, co
         const bool front = s.free || (s.known && s.distance_m > limit);
         const Place* place = recent_ > 0 ? place_of(p_W, false) : nullptr;
         if (place != nullptr) {
-          e = place->last - place->first < static_cast<std::uint32_t>(config_.rest_frames) ? kOld : kNone;
+          e = place->last - place->first < static_cast<std::uint32_t>(config_.rest_frames) ? kOld : kRested;
         } else if (front) {
           e = kFree;
         } else if (s.known && !fits && std::abs(s.distance_m) > 0.5F * limit) {
           e = kOff;
+        } else if (s.known && std::abs(s.distance_m) < limit) {
+          e = kAgrees;
         }
       }
     }
@@ -142,10 +147,10 @@ int MotionWatch::patches() noexcept {
   for (int v = 1; v + 1 < height_; ++v) {
     for (int u = 1; u + 1 < width_; ++u) {
       const int i = v * width_ + u;
-      if (evidence_[static_cast<std::size_t>(i)] == kNone) continue;
+      if (evidence_[static_cast<std::size_t>(i)] < kFree) continue;
       int about = -1;
       for (int k = 0; k < 9; ++k)
-        about += evidence_[static_cast<std::size_t>(i + (k / 3 - 1) * width_ + k % 3 - 1)] != kNone ? 1 : 0;
+        about += evidence_[static_cast<std::size_t>(i + (k / 3 - 1) * width_ + k % 3 - 1)] >= kFree ? 1 : 0;
       if (about < kLeastAbout) continue;
       seed_[static_cast<std::size_t>(i)] = 1;
       if (evidence_[static_cast<std::size_t>(i)] == kFree)
@@ -219,13 +224,16 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
     if ((seed_[static_cast<std::size_t>(s)] == 0 && recalled_[static_cast<std::size_t>(s)] == 0) ||
         visited_[static_cast<std::size_t>(s)] != 0 || core_[static_cast<std::size_t>(s)] == 0)
       continue;
-    int end = first, evidence = 0, remembered = 0;
+    int end = first;
+    Thing thing;
     queue_[static_cast<std::size_t>(end++)] = s;
     visited_[static_cast<std::size_t>(s)] = 1;
     for (int at = first; at < end; ++at) {
       const int i = queue_[static_cast<std::size_t>(at)];
-      evidence += seed_[static_cast<std::size_t>(i)];
-      remembered += recalled_[static_cast<std::size_t>(i)];
+      thing.evidence += seed_[static_cast<std::size_t>(i)];
+      thing.remembered += recalled_[static_cast<std::size_t>(i)];
+      thing.old += evidence_[static_cast<std::size_t>(i)] == kRested ? 1 : 0;
+      thing.agrees += evidence_[static_cast<std::size_t>(i)] == kAgrees ? 1 : 0;
       const int u = i % width_, v = i / width_;
       const int next[4] = {u > 0 ? i - 1 : -1, u + 1 < width_ ? i + 1 : -1,
                            v > 0 ? i - width_ : -1, v + 1 < height_ ? i + width_ : -1};
@@ -235,7 +243,7 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
         queue_[static_cast<std::size_t>(end++)] = b;
       }
     }
-    judge_thing(live, first, end, evidence, remembered);
+    judge_thing(first, end, thing);
     first = end;
   }
 }
@@ -258,22 +266,22 @@ MotionWatch::Place* MotionWatch::place_of(const Vec3f& p_W, bool make) noexcept 
   return &r;
 }
 
-void MotionWatch::judge_thing(const DepthLevel& live, int first, int end, int evidence,
-                              int remembered) noexcept {
-  static_cast<void>(live);
+void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
   const int size = end - first;
-  if (getenv("DBG") && size>=10) { int umin=999,umax=0,vmin=999,vmax=0; for(int a=first;a<end;++a){int i=queue_[a];umin=std::min(umin,i%width_);umax=std::max(umax,i%width_);vmin=std::min(vmin,i/width_);vmax=std::max(vmax,i/width_);} printf("   thing size %d ev %d rem %d box %d-%d %d-%d\n",size,evidence,remembered,umin,umax,vmin,vmax);}
   if (size < config_.least_pixels) return;
+  if (getenv("DBG")) { int umin=999,umax=0,vmin=999,vmax=0; for(int a=first;a<end;++a){int i=queue_[a];umin=std::min(umin,i%width_);umax=std::max(umax,i%width_);vmin=std::min(vmin,i/width_);vmax=std::max(vmax,i/width_);} printf("   thing size %d ev %d rem %d agr %d box %d-%d %d-%d\n",size,thing.evidence,thing.remembered,thing.agrees,umin,umax,vmin,vmax);}
   const bool small = size < width_ * height_ / 2;
-  const bool moves = evidence >= config_.least_pixels && evidence >= config_.least_share * size;
-  const bool still = remembered >= size / 3 && evidence >= std::max(config_.least_pixels, size / 33);
-  if (!moves && !(still && small)) {
-    // What is evidence in a thing that does not move is left out alone.
-    return;
-  }
+  const bool moves =
+      thing.evidence >= config_.least_pixels && thing.evidence >= config_.least_share * size;
+  // It moved in the last image, and goes on, or is nowhere that the map knows.
+  const bool goes_on = thing.remembered >= size / 3 &&
+                       thing.evidence >= std::max(config_.least_pixels, size / 33);
+  const bool elsewhere = thing.remembered >= size / 2 && thing.agrees < size / 2 && thing.old < size / 2;
+  if (!moves && !(small && (goes_on || elsewhere))) return;
   for (int at = first; at < end; ++at) {
     const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
     mask_[i] = small || seed_[i] != 0 ? 1 : 0;
+    if (mask_[i] != 0 && evidence_[i] != kAgrees) static_cast<void>(place_of(now_W_[i], true));
   }
 }
 
@@ -318,6 +326,7 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
     std::fill_n(mask_.begin(), std::min(width_ * height_, kMost), std::uint8_t{0});
     return;
   }
+  length_m_ = length;
   const Pose X_FC = model.X_WF.inverse(Eigen::Isometry) * prior.X_WC;
   const Vec3 centre_F = X_FC * Vec3(0, 0, length);
   ConsensusConfig rule;

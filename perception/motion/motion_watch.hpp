@@ -35,6 +35,7 @@ struct MotionConfig {
   double least_share = 0.10;   // of a thing that is evidence
   int least_pixels = 10;       // of the coarse image
   int rest_frames = 20;
+  double most_way_m = 0.003;  // between what the image says pixel by pixel and by its noise
   double rest_cell_m = 0.025;
   void describe(config::Section& s);
 };
@@ -64,6 +65,12 @@ class MotionWatch {
   // After tracking: where the masked points are, for the next image. `X_WC` as claimed.
   void settle(const Pose& X_WC) noexcept;
 
+  // Mean way of what is seen between two camera poses, m.
+  [[nodiscard]] double way(const Pose& X_WA, const Pose& X_WB) const noexcept {
+    const Pose d = X_WA.inverse(Eigen::Isometry) * X_WB;
+    const Vec3 centre(0, 0, length_m_);
+    return std::hypot((d * centre - centre).norm(), length_m_ * rotation_angle(d.linear()));
+  }
   // Of the coarse image, 1: moves. Level of the pyramid that it has the size of.
   [[nodiscard]] ImageView<const std::uint8_t> mask() const noexcept {
     return {mask_.data(), width_, height_, width_};
@@ -80,7 +87,10 @@ class MotionWatch {
   void grow(const DepthLevel& live) noexcept;
   void find_core(const DepthLevel& live) noexcept;
   void fringe(const DepthLevel& live) noexcept;
-  void judge_thing(const DepthLevel& live, int first, int count, int evidence, int remembered) noexcept;
+  struct Thing {  // counts of its pixels
+    int evidence = 0, remembered = 0, agrees = 0, old = 0;
+  };
+  void judge_thing(int first, int end, const Thing& thing) noexcept;
   [[nodiscard]] Vec3f point_C(const DepthLevel& live, int i) const noexcept;
   [[nodiscard]] float front_limit(float z) const noexcept;
 
@@ -89,6 +99,7 @@ class MotionWatch {
   Consensus consensus_;
   int width_ = 0, height_ = 0, level_ = 0;
   float voxel_m_ = 0.01F;
+  double length_m_ = 1;
   std::vector<std::uint8_t> mask_, evidence_, seed_, recalled_, visited_, core_;
   std::vector<std::int32_t> queue_;
   std::vector<Vec3f> points_W_;  // of last image's masked pixels
