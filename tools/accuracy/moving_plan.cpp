@@ -160,7 +160,8 @@ void Builder::sliding(double size) {
   double length = std::min(p.excursion, p.move * p.step), begin = p.middle * length;
   if (p.end == MoverEnd::kGoesOut) {
     // Sideways until its near face has left the view, with the camera's own motion to spare.
-    const double out = 0.75 * (p.distance_m + 2 * r) + r + 0.25;
+    const double out =
+        0.72 * (p.distance_m + r) + r + (p.carry == Carry::kAtRest ? 0.05 : 0.25);
     const double leave = out + 0.7 * p.distance_m * std::abs(p.lateral);
     length = p.enters ? 2 * leave : leave;
     begin = p.enters ? leave : 0;
@@ -269,22 +270,32 @@ Pose CameraWay::X_WC(double t_s) const {
   return looking(eye, yaw_rad + by[3], pitch_rad + by[4], by[5]);
 }
 
-MovingPlan draw_plan(rt::Random& rng, MoverKind kind, bool low) {
-  MovingPlan p;
-  p.kind = kind;
-  p.share = low ? log_uniform(rng, 0.02, 0.30) : rng.uniform(0.30, 0.60);
-  const double carry = rng.uniform();
-  p.carry = carry < 0.35   ? Carry::kAtRest
-            : carry < 0.75 ? Carry::kByHand
-                           : Carry::kDriving;
-  p.from_rest = rng.uniform() < 0.6;
+MovingKind draw_kind(rt::Random& rng, MoverKind kind, bool low) {
+  MovingKind k;
+  k.kind = kind, k.low = low;
+  const double carry = rng.uniform(), end = rng.uniform();
+  k.carry = carry < 0.35 ? Carry::kAtRest : carry < 0.75 ? Carry::kByHand : Carry::kDriving;
+  k.from_rest = rng.uniform() < 0.6;
   const bool angular = kind == MoverKind::kDoor || kind == MoverKind::kArm;
-  p.step = angular ? log_uniform(rng, 0.5, 5.0) : log_uniform(rng, 0.002, 0.1);
-  const bool may_leave = !angular && kind != MoverKind::kDrawer && p.step > 0.022;
-  const double end = rng.uniform();
-  p.end = may_leave && end < 0.4 ? MoverEnd::kGoesOut
-          : end < 0.72           ? MoverEnd::kComesToRest
-                                 : MoverEnd::kBackAndForth;
+  const bool stays = angular || kind == MoverKind::kDrawer;
+  k.end = !stays && end < 0.3 ? MoverEnd::kGoesOut
+          : end < 0.7         ? MoverEnd::kComesToRest
+                              : MoverEnd::kBackAndForth;
+  // What leaves the view within the run is not slow.
+  const double slowest = k.end == MoverEnd::kGoesOut ? 0.025 : 0.002;
+  k.step = angular ? log_uniform(rng, 0.5, 5.0) : log_uniform(rng, slowest, 0.1);
+  return k;
+}
+
+MovingPlan draw_plan(rt::Random& rng, const MovingKind& of) {
+  MovingPlan p;
+  const MoverKind kind = p.kind = of.kind;
+  const bool low = of.low;
+  p.carry = of.carry, p.end = of.end, p.from_rest = of.from_rest, p.step = of.step;
+  const bool angular = kind == MoverKind::kDoor || kind == MoverKind::kArm;
+  const double least = kind == MoverKind::kPerson ? 0.05 : 0.02;
+  p.share = low ? log_uniform(rng, least, 0.30) : rng.uniform(0.30, 0.60);
+  p.person_m = rng.uniform(1.5, 1.95);
   p.enters = p.end == MoverEnd::kGoesOut && p.step > 0.045 && rng.uniform() < 0.6;
   p.still = 60;
   p.move = static_cast<int>(rng.integer(50, 70)) + (p.from_rest ? 0 : 20);

@@ -5,6 +5,16 @@
 
 namespace teletact {
 
+// What is drawn once for a sample and held while the rest is drawn again, so that what is hard to place is not left out.
+struct MovingKind {
+  MoverKind kind = MoverKind::kBox;
+  bool low = true, from_rest = true;
+  Carry carry = Carry::kAtRest;
+  MoverEnd end = MoverEnd::kBackAndForth;
+  double step = 0.02;  // m or degrees a frame
+};
+[[nodiscard]] MovingKind draw_kind(rt::Random& rng, MoverKind kind, bool low);
+
 struct MovingPlan {
   MoverKind kind = MoverKind::kBox;
   Carry carry = Carry::kAtRest;
@@ -14,6 +24,7 @@ struct MovingPlan {
   double step = 0.02;                    // m or degrees a frame
   double distance_m = 1.5;
   double share = 0.1;              // wanted
+  double person_m = 1.7;           // height: of a person the distance follows, not the size
   double lateral = 0;              // place across the image, of half its width
   double phi_rad = 0, climb = 0;   // direction of the motion against the camera's right; upwards
   double turn_rad = 0;             // of a box, a door, an arm's first link
@@ -25,7 +36,7 @@ struct MovingPlan {
   CameraWay way;
 };
 
-[[nodiscard]] MovingPlan draw_plan(rt::Random& rng, MoverKind kind, bool low);
+[[nodiscard]] MovingPlan draw_plan(rt::Random& rng, const MovingKind& of);
 
 // The room with the mover of this size in it; `room` has none.
 [[nodiscard]] MovingSample build_sample(const MovingPlan& plan, const drivers::WorldConfig& room,

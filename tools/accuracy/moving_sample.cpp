@@ -17,7 +17,7 @@ using perception::Vec3;
 
 namespace {
 
-constexpr int kTries = 400;
+constexpr int kTries = 2000, kTriesOfOne = 500;
 constexpr double kRobotFree_m = 0.35;  // round the camera: no furniture
 constexpr double kMoverFree_m = 0.28;  // and no mover
 constexpr double kSmallest_m = 0.06, kLargest_m = 2.0;
@@ -192,18 +192,21 @@ double largest_share(rt::NonRealtime& nrt, const MovingSample& s, int frame_step
   return most;
 }
 
-// The size at which the share is the plan's; < 0: none.
-double size_for(rt::NonRealtime& nrt, const MovingPlan& plan, const drivers::WorldConfig& room) {
-  const auto share = [&](double size) {
-    return largest_share(nrt, build_sample(plan, room, size), 8, kCoarse);
+// The size at which the share is the plan's, of a person the distance; < 0: none.
+double size_for(rt::NonRealtime& nrt, MovingPlan& plan, const drivers::WorldConfig& room) {
+  const bool person = plan.kind == MoverKind::kPerson;
+  const auto share = [&](double x) {
+    if (person) plan.distance_m = x;
+    return largest_share(nrt, build_sample(plan, room, person ? plan.person_m : x), 8, kCoarse);
   };
-  double lo = kSmallest_m, hi = kLargest_m;
-  if (share(hi) < plan.share) return -1;
+  double few = person ? 3.0 : kSmallest_m, many = person ? 0.5 : kLargest_m;
+  if (share(many) < plan.share || (person && share(few) > plan.share)) return -1;
   for (int i = 0; i < 7; ++i) {
-    const double middle = std::sqrt(lo * hi);
-    (share(middle) < plan.share ? lo : hi) = middle;
+    const double middle = std::sqrt(few * many);
+    (share(middle) < plan.share ? few : many) = middle;
   }
-  return hi;
+  if (person) plan.distance_m = many;
+  return person ? plan.person_m : many;
 }
 
 bool acceptable(rt::NonRealtime& nrt, const MovingPlan& plan, bool low, MovingSample& s) {
@@ -230,8 +233,10 @@ MovingSample draw_moving_sample(rt::NonRealtime& nrt, std::uint64_t seed, int in
   rt::Random rng(seed, rt::mix64(0x6d6f76696e67ULL, static_cast<std::uint64_t>(index)));
   const auto kind = static_cast<MoverKind>(index % kMoverKinds);
   const bool low = (index / kMoverKinds + index) % 2 == 0;
-  for (int k = 0; k < kTries; ++k) {
-    const MovingPlan plan = draw_plan(rng, kind, low);
+  MovingKind of = draw_kind(rng, kind, low);
+  for (int k = 1; k <= kTries; ++k) {
+    if (k % kTriesOfOne == 0) of = draw_kind(rng, kind, low);
+    MovingPlan plan = draw_plan(rng, of);
     std::string name;
     drivers::WorldConfig room = draw_room(rng, name);
     double size = size_for(nrt, plan, room);
