@@ -53,7 +53,7 @@ class Camera {
   const RgbdFrame& expose(int frame, FusionSequence& out) {
     const Pose X_WC = sample_.way.X_WC(frame * MovingSample::kFrame_s);
     const rt::Time t = MovingSample::time_of(frame);
-    drivers::render(world_, moving_camera(), X_WC, {kMovingNear_m, kMovingFar_m}, noise_,
+    drivers::render(world_, sample_.camera(), X_WC, {kMovingNear_m, kMovingFar_m}, noise_,
                     rt::mix64(sample_.seed, static_cast<std::uint64_t>(sample_.index)),
                     static_cast<std::uint64_t>(frame), scratch_, *image_, t);
     image_->exposure = t;
@@ -136,7 +136,7 @@ MovingFilm film_moving(rt::NonRealtime& nrt, const MovingSample& sample, bool co
   MovingFilm film;
   film.with.name = "moving", film.plain.name = "plain";
   Camera camera(nrt, sample, world, colour), other(nrt, sample, plain, colour);
-  const auto k = moving_camera();
+  const auto k = sample.camera();
   const auto pixels = static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height);
   for (int f = 0; f < sample.frames; ++f) {
     other.expose(f, film.plain);

@@ -35,6 +35,7 @@ MovingGhosts::MovingGhosts(rt::NonRealtime& nrt, const MovingSample& sample, con
     if (world_.shapes()[i].mover >= 0) movers_.push_back(static_cast<int>(i));
   }
   for (int f = 0; f < sample.frames; ++f) {
+    claimed_.push_back(1);
     X_CW_.push_back(film.with.truth(f)->inverse(Eigen::Isometry));
     for (const int m : movers_) {
       const Vec3 c = world_.X_WS_at(m, MovingSample::time_of(f)).translation();
@@ -58,6 +59,7 @@ bool MovingGhosts::mover_at(const Vec3& p_W, int frame, double grown_m) const {
 }
 
 bool MovingGhosts::seen_free(const Vec3& p_W, int frame) const {
+  if (claimed_[static_cast<std::size_t>(frame)] == 0) return false;
   const auto& k = film_.with.intrinsics;
   const Vec3 p = X_CW_[static_cast<std::size_t>(frame)] * p_W;
   if (p.z() < 0.1) return false;

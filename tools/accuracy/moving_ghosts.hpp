@@ -13,6 +13,9 @@ class MovingGhosts {
  public:
   MovingGhosts(rt::NonRealtime& nrt, const MovingSample& sample, const MovingFilm& film);
 
+  // A frame that the run did not claim sees nothing free: nobody knew where it looked. Before: all are claimed.
+  void claimed(int frame, bool claimed) { claimed_[static_cast<std::size_t>(frame)] = claimed; }
+
   // cm^3: cells of 10 mm that hold a vertex more than 30 mm off every true surface at this frame, in the volume
   // swept so far grown by 50 mm, at a place that was seen free in 10 frames since the mover left it (a reading of the
   // nearest pixel at least 50 mm behind it). `mesh` in T, the frame of the map; X_WT its truth.
@@ -42,6 +45,7 @@ class MovingGhosts {
   std::vector<int> movers_;
   std::vector<perception::Vec3> centres_;  // frame by frame, mover by mover
   std::vector<perception::Pose> X_CW_;
+  std::vector<char> claimed_;
   Eigen::AlignedBox3d swept_;
 };
 

@@ -151,7 +151,8 @@ std::vector<BenchMetric> MovingStudy::metrics() const {
     const bool there = std::any_of(all.begin(), all.end(), [&](const BenchMetric& m) {
       return m.name == "moving." + c.name;
     });
-    if (!there) add(c.name, counted ? j.sum : j.worst, "1");
+    const bool mm = c.name.find("ate_mm") != std::string::npos;
+    if (!there) add(c.name, counted ? j.sum : j.worst, mm ? "mm" : "1");
   }
   return all;
 }

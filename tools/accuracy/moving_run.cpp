@@ -6,7 +6,6 @@
 #include <memory>
 #include <numbers>
 
-#include "perception/motion/motion_mask.hpp"
 #include "tools/accuracy/fusion_study.hpp"
 #include "tools/accuracy/moving_ghosts.hpp"
 #include "tools/bench/fusion_feed.hpp"
@@ -20,7 +19,6 @@ namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kCheckEvery = 20;  // frames
-constexpr double kAgainBelow = 0.30;
 
 double quantile(std::vector<double> v, double q) {
   if (v.empty()) return MovingRun::kNone;
@@ -71,7 +69,8 @@ class Run {
         images_(variant == MovingVariant::kPlain ? film.plain : film.with),
         variant_(variant),
         setting_(setting),
-        ghosts_(nrt, sample, film) {
+        ghosts_(nrt, sample, film),
+        poses_(film.share_most) {
     tasks::FusionConfig config = fusion_with_voxel(1e-3 * setting.voxel_mm);
     config.levels[0] = config.levels[static_cast<std::size_t>(setting.level)];
     config.tracker.iterations = config.levels[0].iterations;
@@ -97,7 +96,7 @@ class Run {
  private:
   void feed_odometry(int frame);
   void judge_pose(int frame, const tasks::FusionTask::Out& out);
-  MaskFigures judge_frame_mask(int frame);
+  MaskFigures judge_frame_mask(int frame, bool claimed);
   void judge_map(int frame);
   void say(int frame, const tasks::FusionTask::Out& out, const MaskFigures& mask,
            std::ostream& debug) const;
@@ -116,11 +115,7 @@ class Run {
   std::unique_ptr<FusionFeed> feed_;
 
   MovingRun r_;
-  ClaimedError error_;
-  Pose X_WT_ = Pose::Identity();  // by the first claim
-  bool aligned_ = false, was_above_ = false;
-  int waiting_ = -1;  // frames since the share fell, without a claim; -1: not waiting
-  double off_mm_ = 0;
+  PoseJudge poses_;
   std::vector<double> ious_, still_masked_;
   std::int64_t still_ = 0, still_hit_ = 0;
 };
@@ -135,34 +130,15 @@ void Run::feed_odometry(int frame) {
 }
 
 void Run::judge_pose(int frame, const tasks::FusionTask::Out& out) {
-  const Pose& truth = *images_.truth(frame);
   const bool claimed = out.camera_written && out.camera.claimed;
-  if (claimed && !aligned_) {
-    X_WT_ = truth * out.camera.X_WC.inverse(Eigen::Isometry);
-    aligned_ = true;
-  }
-  off_mm_ = 1e3 * ((X_WT_ * out.camera.X_WC).translation() - truth.translation()).norm();
-  const double share = film_.share[static_cast<std::size_t>(frame)];
-  if (claimed) {
-    error_.add(out.camera.X_WC, truth);
-    r_.claimed += 1;
-    if (off_mm_ > wrong_above_mm(film_.share_most)) {
-      if (r_.wrong++ == 0) r_.first_wrong = frame;
-    }
-  }
-  if (variant_ == MovingVariant::kPlain) return;
-  if (share >= kAgainBelow) {
-    was_above_ = true, waiting_ = -1;
-  } else if (was_above_) {
-    was_above_ = false, waiting_ = 0;
-  }
-  if (waiting_ < 0) return;
-  const double before = std::isnan(r_.claimed_again) ? 0 : r_.claimed_again;
-  r_.claimed_again = std::max(before, static_cast<double>(waiting_));
-  waiting_ = claimed ? -1 : waiting_ + 1;
+  ghosts_.claimed(frame, claimed);
+  const double share =
+      variant_ == MovingVariant::kPlain ? 0 : film_.share[static_cast<std::size_t>(frame)];
+  poses_.add(frame, claimed, out.camera.X_WC,
+             *images_.truth(frame), share);
 }
 
-MaskFigures Run::judge_frame_mask(int frame) {
+MaskFigures Run::judge_frame_mask(int frame, bool claimed) {
   const auto mask = task_->pixel_mask();
   const auto& truth = film_.truth[static_cast<std::size_t>(frame)];
   MaskFigures figures;
@@ -179,7 +155,7 @@ MaskFigures Run::judge_frame_mask(int frame) {
   } else {
     figures = judge_mask({mask.data, truth.size()}, truth);
   }
-  if (!std::isnan(figures.iou)) ious_.push_back(figures.iou);
+  if (claimed && !std::isnan(figures.iou)) ious_.push_back(figures.iou);
   still_masked_.push_back(figures.still_masked);
   still_ += figures.still, still_hit_ += figures.still_hit;
   return figures;
@@ -198,15 +174,15 @@ void Run::judge_map(int frame) {
   const auto& cost = feed_->cost_map();
   if (ghost_check) {
     const auto most = [](double a, double b) { return std::isnan(a) ? b : std::max(a, b); };
-    r_.ghost_cm3 = most(r_.ghost_cm3, ghosts_.volume_cm3(mesh, X_WT_, frame));
-    r_.ghost_cells = most(r_.ghost_cells, ghosts_.cost_cells(cost, X_WT_, frame));
+    r_.ghost_cm3 = most(r_.ghost_cm3, ghosts_.volume_cm3(mesh, poses_.X_WT(), frame));
+    r_.ghost_cells = most(r_.ghost_cells, ghosts_.cost_cells(cost, poses_.X_WT(), frame));
     r_.vertices = mesh.vertices_W.size();
   }
   if (rest_check) {
     const double reach = 0.01 + std::max(0.01, 1e-3 * setting_.voxel_mm);
-    const double in = ghosts_.mover_in_mesh(mesh, X_WT_, frame, reach);
+    const double in = ghosts_.mover_in_mesh(mesh, poses_.X_WT(), frame, reach);
     if (!std::isnan(in)) r_.rest_frames = in >= 0.5 ? rested : MovingRun::kNever;
-    if (rested == 20) r_.rest_cost = ghosts_.mover_in_cost(cost, X_WT_, frame);
+    if (rested == 20) r_.rest_cost = ghosts_.mover_in_cost(cost, poses_.X_WT(), frame);
   }
 }
 
@@ -216,7 +192,7 @@ void Run::say(int frame, const tasks::FusionTask::Out& out, const MaskFigures& m
   std::snprintf(line, sizeof line,
                 "%4d  off %8.1f mm  %-9s state %d  share %.3f  iou %5.3f  still masked %.4f  "
                 "overlap %.2f\n",
-                frame, off_mm_, out.camera.claimed ? "claimed" : "unclaimed",
+                frame, poses_.off_mm(), out.camera.claimed ? "claimed" : "unclaimed",
                 static_cast<int>(out.camera.tracking), film_.share[static_cast<std::size_t>(frame)],
                 mask.iou, mask.still_masked, out.tracking.overlap);
   debug << line;
@@ -230,13 +206,11 @@ MovingRun Run::judge(std::ostream* debug) {
     const auto& out = feed_->step();
     cpu += feed_->cpu_ms();
     judge_pose(f, out);
-    const MaskFigures mask = judge_frame_mask(f);
+    const MaskFigures mask = judge_frame_mask(f, out.camera_written && out.camera.claimed);
     judge_map(f);
     if (debug != nullptr) say(f, out, mask, *debug);
   }
-  r_.claimed /= std::max(1, images_.size());
-  r_.ate_mm = error_.ate_mm();
-  r_.worst_mm = error_.worst_mm();
+  poses_.write(r_);
   r_.mask_iou = quantile(ious_, 0.5);
   r_.masked_still = still_ > 0 ? static_cast<double>(still_hit_) / static_cast<double>(still_) : 0;
   r_.masked_still_p95 = quantile(still_masked_, 0.95);
@@ -253,27 +227,6 @@ const char* name_of(MovingVariant v) {
 
 bool has_variant(const MovingSample& sample, MovingVariant v) {
   return v != MovingVariant::kLying || sample.carry != Carry::kAtRest;
-}
-
-MaskFigures judge_mask(std::span<const std::uint8_t> mask, std::span<const std::uint8_t> truth) {
-  MaskFigures figures;
-  int both = 0, any = 0, moving = 0;
-  for (std::size_t i = 0; i < truth.size(); ++i) {
-    const auto t = static_cast<PixelTruth>(truth[i] & kTruthMask);
-    const bool masked = mask[i] != static_cast<std::uint8_t>(perception::PixelOf::kPlace);
-    if (t == PixelTruth::kEither) continue;
-    const bool moves = t == PixelTruth::kMoving;
-    both += moves && masked ? 1 : 0;
-    any += moves || masked ? 1 : 0;
-    moving += moves ? 1 : 0;
-    figures.still += moves ? 0 : 1;
-    figures.still_hit += !moves && masked ? 1 : 0;
-  }
-  if (moving >= kJudgedPixels) figures.iou = static_cast<double>(both) / any;
-  if (figures.still > 0) {
-    figures.still_masked = static_cast<double>(figures.still_hit) / figures.still;
-  }
-  return figures;
 }
 
 MovingRun run_moving(rt::NonRealtime& nrt, const MovingSample& sample, const MovingFilm& film,

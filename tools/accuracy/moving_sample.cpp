@@ -77,7 +77,10 @@ const char* name_of(MoverEnd end) {
   return names[static_cast<std::size_t>(end)];
 }
 
-perception::Intrinsics moving_camera() { return {365, 365, 255.5, 211.5, 512, 424}; }
+perception::Intrinsics MovingSample::camera() const {
+  if (half_images) return {182.5, 182.5, 127.5, 105.5, 256, 212};
+  return {365, 365, 255.5, 211.5, 512, 424};
+}
 drivers::DepthNoiseConfig moving_noise() { return {1.0, 0.3, 0.5, 0.02}; }
 
 std::string MovingSample::text() const {
@@ -99,7 +102,7 @@ double mover_share(const drivers::World& world, const MovingSample& sample, int 
   thread_local drivers::RenderScratch scratch(startup.token(), 256);
   scratch.shape.resize(perception::RgbdFrame::kMaxPixels);
   scratch.colour = false;
-  const auto k = moving_camera().subsampled(pixel_step);
+  const auto k = sample.camera().subsampled(pixel_step);
   drivers::render(world, k, sample.way.X_WC(frame * MovingSample::kFrame_s),
                   {kMovingNear_m, kMovingFar_m}, {}, 0, 0, scratch, *image,
                   MovingSample::time_of(frame));
@@ -114,7 +117,7 @@ double mover_share(const drivers::World& world, const MovingSample& sample, int 
 
 bool rest_constrains(const drivers::World& world, const MovingSample& sample, int frame) {
   constexpr int kStep = 12;
-  const auto k = moving_camera();
+  const auto k = sample.camera();
   const Pose X_WC = sample.way.X_WC(frame * MovingSample::kFrame_s);
   const rt::Time t = MovingSample::time_of(frame);
   Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();

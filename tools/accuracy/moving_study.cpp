@@ -29,23 +29,6 @@ double wrong(const MovingRow& r) { return r.run.wrong; }
 double above_plain(const MovingRow& r) { return r.above_plain_mm(); }
 double iou(const MovingRow& r) { return r.run.mask_iou; }
 
-std::string line_of(const MovingRow& row) {
-  const MovingRun& r = row.run;
-  char line[400];
-  std::snprintf(line, sizeof line,
-                "    %g mm level %d %-8s claimed %.3f  ate %.1f (plain %.1f)  worst %.1f mm  wrong %d "
-                "from %d  again %.0f  iou %.2f  still masked %.4f p95 %.4f  ghost %.0f cm3 %.0f cells "
-                " rest %.0f  cpu %.1f ms:",
-                row.setting.voxel_mm, row.setting.level, name_of(row.variant), r.claimed, r.ate_mm,
-                row.plain.ate_mm, r.worst_mm, r.wrong, r.first_wrong, r.claimed_again, r.mask_iou,
-                r.masked_still, r.masked_still_p95, r.ghost_cm3, r.ghost_cells, r.rest_frames,
-                r.cpu_ms);
-  std::string text = line;
-  const auto failed = failed_checks(row);
-  for (const std::string& name : failed) text += " " + name;
-  return text + (failed.empty() ? " ok\n" : "\n");
-}
-
 }  // namespace
 
 const std::vector<MovingCheck>& moving_checks() {
@@ -99,6 +82,23 @@ std::vector<std::string> failed_checks(const MovingRow& row) {
     if (c.at_least ? v < c.limit : v > c.limit) failed.push_back(c.name);
   }
   return failed;
+}
+
+std::string line_of(const MovingRow& row) {
+  const MovingRun& r = row.run;
+  char line[400];
+  std::snprintf(line, sizeof line,
+                "    %g mm level %d %-8s claimed %.3f  ate %.1f (plain %.1f)  worst %.1f mm  wrong %d "
+                "from %d  again %.0f  iou %.2f  still masked %.4f p95 %.4f  ghost %.0f cm3 %.0f cells "
+                " rest %.0f  cpu %.1f ms:",
+                row.setting.voxel_mm, row.setting.level, name_of(row.variant), r.claimed, r.ate_mm,
+                row.plain.ate_mm, r.worst_mm, r.wrong, r.first_wrong, r.claimed_again, r.mask_iou,
+                r.masked_still, r.masked_still_p95, r.ghost_cm3, r.ghost_cells, r.rest_frames,
+                r.cpu_ms);
+  std::string text = line;
+  const auto failed = failed_checks(row);
+  for (const std::string& name : failed) text += " " + name;
+  return text + (failed.empty() ? " ok\n" : "\n");
 }
 
 std::vector<MovingRow> run_sample(rt::NonRealtime& nrt, const MovingSample& sample,

@@ -47,8 +47,9 @@ struct MovingCheck {
   bool at_least;  // else at most
 };
 [[nodiscard]] const std::vector<MovingCheck>& moving_checks();
-// Names of the checks that the row fails.
+// Names of the checks that the row fails; its figures and these in a line.
 [[nodiscard]] std::vector<std::string> failed_checks(const MovingRow& row);
+[[nodiscard]] std::string line_of(const MovingRow& row);
 
 struct MovingStudy {
   std::vector<MovingRow> rows;

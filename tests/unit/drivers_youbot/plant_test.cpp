@@ -204,6 +204,22 @@ TEST(Plant, EncoderReportsWholeTicksAndRpm) {
 }
 
 // A wall at x = 0.5: the base stops at it, is counted once, stays, and can leave again.
+// A thing that comes to a standing robot counts, once, if it is known that things move.
+TEST(Plant, ARobotAtRestIsRunInto) {
+  Rig rig;
+  for (const bool known : {false, true}) {
+    RobotPlant plant(rig.nrt(), {}, {}, {},
+                     [](const Pose2&, rt::Time t) { return t >= kStart + rt::Nanos{1'000'000'000}; });
+    if (known) plant.things_move();
+    plant.advance(kStart);
+    plant.advance(kStart + rt::Nanos{900'000'000});
+    EXPECT_EQ(plant.state().collisions, 0U);
+    plant.advance(kStart + rt::Nanos{2'000'000'000});
+    EXPECT_EQ(plant.state().collisions, known ? 1U : 0U);
+    EXPECT_EQ(plant.state().in_contact, known);
+  }
+}
+
 TEST(Plant, WallStopsTheBaseAndCountsOnce) {
   Rig rig;
   RobotPlant plant(rig.nrt(), {}, {}, {}, [](const Pose2& p, rt::Time) { return p.x > 0.5; });
