@@ -49,17 +49,19 @@ bool may_see(const SeenShape& s, const TileBounds& b) noexcept {
          !outside(-c.y(), -b.y0);
 }
 
-void look(const World& world, const Pose& X_WC, std::vector<SeenShape>& seen) noexcept {
+void look(const World& world, const Pose& X_WC, rt::Time t,
+          std::vector<SeenShape>& seen) noexcept {
   assert(seen.capacity() >= world.shapes().size());
   seen.clear();
   for (const Shape& shape : world.shapes()) {
     SeenShape s;
     s.shape = &shape;
     s.id = static_cast<std::int64_t>(seen.size());
-    const Mat3 R_SW = shape.X_WS.linear().transpose();
-    s.origin_S = R_SW * (X_WC.translation() - shape.X_WS.translation());
+    const Pose X_WS = shape.mover < 0 ? shape.X_WS : world.X_WS_at(static_cast<int>(s.id), t);
+    const Mat3 R_SW = X_WS.linear().transpose();
+    s.origin_S = R_SW * (X_WC.translation() - X_WS.translation());
     s.R_SC = R_SW * X_WC.linear();
-    s.centre_C = X_WC.linear().transpose() * (shape.X_WS.translation() - X_WC.translation());
+    s.centre_C = X_WC.linear().transpose() * (X_WS.translation() - X_WC.translation());
     s.normal_C = s.R_SC.row(2).transpose();
     seen.push_back(s);
   }
@@ -107,23 +109,25 @@ TileBounds aim(const Intrinsics& k, const TileAt& at, const RenderScratch& scrat
 }
 
 void cast_tile(const std::vector<SeenShape>& seen, const TileBounds& bounds, double max_t,
-               std::vector<const SeenShape*>& in_tile, RayTile& tile) noexcept {
+               bool colour, std::vector<const SeenShape*>& in_tile, RayTile& tile) noexcept {
   in_tile.clear();
   for (const SeenShape& s : seen) {
     if (may_see(s, bounds)) in_tile.push_back(&s);
   }
   tile_begin(tile, max_t);
   for (const SeenShape* s : in_tile) tile_cast(tile, *s);
+  if (!colour) return;
   for (const SeenShape* s : in_tile) tile_paint(tile, *s);
 }
 
-void store(const RayTile& tile, const TileAt& at, int width, float* depth_m,
-           perception::Rgb* colour) noexcept {
+void store(const RayTile& tile, const TileAt& at, int width, float* depth_m, perception::Rgb* colour,
+           std::int16_t* shape) noexcept {
   for (int j = 0; j < at.height; ++j) {
     const std::size_t from = static_cast<std::size_t>(j * RayTile::kWidth);
     const std::size_t to = static_cast<std::size_t>((at.v0 + j) * width + at.u0);
     for (std::size_t i = 0; i < static_cast<std::size_t>(at.width); ++i) {
       depth_m[to + i] = tile.id[from + i] >= 0 ? static_cast<float>(tile.t[from + i]) : 0.0F;
+      if (shape != nullptr) shape[to + i] = static_cast<std::int16_t>(tile.id[from + i]);
       const std::uint32_t c = tile.colour[from + i];
       colour[to + i] = {static_cast<std::uint8_t>(c), static_cast<std::uint8_t>(c >> 8U),
                         static_cast<std::uint8_t>(c >> 16U)};
@@ -238,9 +242,9 @@ RenderScratch::RenderScratch(rt::NonRealtime&, std::size_t max_shapes)
 
 void render(const World& world, const Intrinsics& k, const Pose& X_WC, const DepthRange& range,
             const DepthNoise& noise, std::uint64_t seed, std::uint64_t seq, RenderScratch& scratch,
-            RgbdFrame& out) noexcept {
+            RgbdFrame& out, rt::Time t) noexcept {
   assert(k.width <= RgbdFrame::kMaxWidth && k.height <= RgbdFrame::kMaxHeight);
-  look(world, X_WC, scratch.seen);
+  look(world, X_WC, t, scratch.seen);
   const double margin_px = noise.lateral() != nullptr ? 4.2 * noise.lateral()->sigma_px : 0.0;
   RayTile tile;
   for (int v0 = 0; v0 < k.height; v0 += RayTile::kHeight) {
@@ -251,8 +255,9 @@ void render(const World& world, const Intrinsics& k, const Pose& X_WC, const Dep
     for (int u0 = 0; u0 < k.width; u0 += RayTile::kWidth) {
       const TileAt at{u0, v0, std::min(RayTile::kWidth, k.width - u0), rows};
       const TileBounds bounds = aim(k, at, scratch, noise.lateral() != nullptr, margin_px, tile);
-      cast_tile(scratch.seen, bounds, 1000.0, scratch.in_tile, tile);
-      store(tile, at, k.width, scratch.depth_m.data(), out.colour.data());
+      cast_tile(scratch.seen, bounds, 1000.0, scratch.colour, scratch.in_tile, tile);
+      store(tile, at, k.width, scratch.depth_m.data(), out.colour.data(),
+            scratch.shape.empty() ? nullptr : scratch.shape.data());
     }
   }
   const int pixels = k.width * k.height;
@@ -267,7 +272,7 @@ void render(const World& world, const Intrinsics& k, const Pose& X_WC, const Dep
              static_cast<float>(range.min_m), static_cast<float>(range.max_m));
   }
   out.intrinsics = k;
-  out.has_colour = true;
+  out.has_colour = scratch.colour;
   out.seq = seq;
 }
 

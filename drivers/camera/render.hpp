@@ -30,14 +30,17 @@ struct RenderScratch {
   std::vector<float> shift_u, shift_v;    // of the rays of one row of tiles, px; only with jitter
   std::vector<SeenShape> seen;            // the world from this pose
   std::vector<const SeenShape*> in_tile;  // what a tile may see
+  bool colour = true;                     // false: depth alone, in less time
+  // Index of the shape that the pixel's ray meets, -1: none. Filled where the caller gave it RgbdFrame::kMaxPixels.
+  std::vector<std::int16_t> shape;
 };
 
 // Fills depth, colour, intrinsics, has_colour and seq of `out`; leaves `exposure`. Allocates
-// nothing. The result is a function of the arguments only. Asserts that the scratch is large
+// nothing. The world is that of instant t. The result is a function of the arguments only. Asserts that the scratch is large
 // enough.
 void render(const World& world, const perception::Intrinsics& intrinsics,
             const perception::Pose& X_WC, const DepthRange& range, const DepthNoise& noise,
             std::uint64_t seed, std::uint64_t seq, RenderScratch& scratch,
-            perception::RgbdFrame& out) noexcept;
+            perception::RgbdFrame& out, rt::Time t = World::kBeginning) noexcept;
 
 }  // namespace drivers

@@ -63,7 +63,8 @@ rt::Time SyntheticCamera::mid_exposure(std::uint64_t f) const noexcept {
 void SyntheticCamera::expose(std::uint64_t f, perception::RgbdFrame& out) noexcept {
   const std::int64_t begin = rt::thread_cpu_ns();
   const rt::Time middle = mid_exposure(f);
-  render(world_, intrinsics_, pose_.X_WC_at(middle), range_, noise_, seed_, f, scratch_, out);
+  render(world_, intrinsics_, pose_.X_WC_at(middle), range_, noise_, seed_, f, scratch_, out,
+         middle);
   out.exposure = middle;
   twin_cpu_ns_ += rt::thread_cpu_ns() - begin;
   ++rendered_;

@@ -1,6 +1,6 @@
 // An RGB-D camera that looks into a World: Kinect v2 geometry (512 x 424, f 365 px, 30 Hz).
 //
-// Frame f exposes from t0 + f/30 s for the exposure time; it shows the world from the pose in the
+// Frame f exposes from t0 + f/30 s for the exposure time; it shows the world, from the pose, in the
 // middle of it (no motion blur, no rolling) and is complete at its end. Frames nobody polled are
 // lost, as with a real camera: their numbers are missing.
 //

@@ -16,10 +16,10 @@ struct Obb {
   Vec3 half;
 };
 
-bool touches_plane(const Obb& b, const Shape& plane) {
-  const Vec3 n = plane.X_WS.linear().col(2);
+bool touches_plane(const Obb& b, const perception::Pose& X_WS) {
+  const Vec3 n = X_WS.linear().col(2);
   const double reach = (b.R.transpose() * n).cwiseAbs().dot(b.half);
-  return n.dot(b.centre - plane.X_WS.translation()) <= reach;
+  return n.dot(b.centre - X_WS.translation()) <= reach;
 }
 
 // Separating axes: Gottschalk, Lin, Manocha, "OBBTree" (SIGGRAPH 1996).
@@ -45,30 +45,30 @@ bool touches_box(const Obb& a, const Obb& b) {
 }
 
 // Both are upright, so height and plan view separate.
-bool touches_cylinder(const Obb& b, const Shape& c) {
-  const Vec3 d = c.X_WS.translation() - b.centre;
-  if (std::abs(d.z()) > b.half.z() + c.half.z()) return false;
+bool touches_cylinder(const Obb& b, const perception::Pose& X_WS, const Vec3& half) {
+  const Vec3 d = X_WS.translation() - b.centre;
+  if (std::abs(d.z()) > b.half.z() + half.z()) return false;
   const Vec3 p = b.R.transpose() * d;
   const double ex = std::max(std::abs(p.x()) - b.half.x(), 0.0);
   const double ey = std::max(std::abs(p.y()) - b.half.y(), 0.0);
-  return ex * ex + ey * ey <= c.half.x() * c.half.x();
+  return ex * ex + ey * ey <= half.x() * half.x();
 }
 
-bool touches_sphere(const Obb& b, const Shape& s) {
-  const Vec3 p = b.R.transpose() * (s.X_WS.translation() - b.centre);
-  return (p.cwiseAbs() - b.half).cwiseMax(0.0).squaredNorm() <= s.half.x() * s.half.x();
+bool touches_sphere(const Obb& b, const Vec3& centre, double radius) {
+  const Vec3 p = b.R.transpose() * (centre - b.centre);
+  return (p.cwiseAbs() - b.half).cwiseMax(0.0).squaredNorm() <= radius * radius;
 }
 
-bool touches(const Obb& b, const Shape& s) {
+bool touches(const Obb& b, const Shape& s, const perception::Pose& X_WS) {
   switch (s.kind) {
     case Shape::Kind::kPlane:
-      return touches_plane(b, s);
+      return touches_plane(b, X_WS);
     case Shape::Kind::kBox:
-      return touches_box(b, {s.X_WS.translation(), s.X_WS.linear(), s.half});
+      return touches_box(b, {X_WS.translation(), X_WS.linear(), s.half});
     case Shape::Kind::kCylinder:
-      return touches_cylinder(b, s);
+      return touches_cylinder(b, X_WS, s.half);
     case Shape::Kind::kSphere:
-      return touches_sphere(b, s);
+      return touches_sphere(b, X_WS.translation(), s.half.x());
   }
   return false;
 }
@@ -84,20 +84,22 @@ std::span<const BodyBox> youbot_body() noexcept {
   return body;
 }
 
-int World::robot_collision(double x_m, double y_m, double yaw_rad) const noexcept {
-  return robot_collision(x_m, y_m, yaw_rad, youbot_body());
+int World::robot_collision(double x_m, double y_m, double yaw_rad, rt::Time t) const noexcept {
+  return robot_collision(x_m, y_m, yaw_rad, youbot_body(), t);
 }
 
 int World::robot_collision(double x_m, double y_m, double yaw_rad,
-                           std::span<const BodyBox> body) const noexcept {
+                           std::span<const BodyBox> body, rt::Time t) const noexcept {
   const double c = std::cos(yaw_rad), s = std::sin(yaw_rad);
   Mat3 R;
   R << c, -s, 0, s, c, 0, 0, 0, 1;
+  perception::Pose moved;
   for (std::size_t i = 0; i < shapes_.size(); ++i) {
     if (shapes_[i].ground) continue;
+    const perception::Pose& X_WS = pose(shapes_[i], t, moved);
     for (const BodyBox& part : body) {
       const Obb b{Vec3(x_m, y_m, 0) + R * part.centre_B, R, part.half};
-      if (touches(b, shapes_[i])) return static_cast<int>(i);
+      if (touches(b, shapes_[i], X_WS)) return static_cast<int>(i);
     }
   }
   return -1;

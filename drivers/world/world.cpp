@@ -199,7 +199,7 @@ Shape make_sphere(const SphereConfig& c) {
 
 }  // namespace
 
-World::World(rt::NonRealtime&, const WorldConfig& config) {
+World::World(rt::NonRealtime&, const WorldConfig& config, rt::Time t0) : t0_(t0) {
   std::vector<Shape> shapes;
   if (config.room.present()) add_room(config.room, shapes);
   for (const auto& c : config.planes) {
@@ -209,6 +209,7 @@ World::World(rt::NonRealtime&, const WorldConfig& config) {
   for (const auto& c : config.cylinders) shapes.push_back(make_cylinder(c));
   for (const auto& c : config.spheres) shapes.push_back(make_sphere(c));
   for (auto& s : shapes) add(std::move(s));
+  for (const auto& c : config.movers) add(c);
 }
 
 void World::add(Shape s) {
@@ -248,25 +249,29 @@ Rgb surface_colour(const Shape& s, const Vec3& p_S) noexcept {
   return perception::lifted({dim(s.paint.colour.r), dim(s.paint.colour.g), dim(s.paint.colour.b)});
 }
 
-RayHit World::ray_cast(const Vec3& origin_W, const Vec3& dir_W) const noexcept {
+RayHit World::ray_cast(const Vec3& origin_W, const Vec3& dir_W, rt::Time t) const noexcept {
   RayHit hit;
+  Pose moved;
   for (std::size_t i = 0; i < shapes_.size(); ++i) {
     const Shape& s = shapes_[i];
-    const Vec3 o = s.X_WS.linear().transpose() * (origin_W - s.X_WS.translation());
-    const Vec3 d = s.X_WS.linear().transpose() * dir_W;
+    const Pose& X_WS = pose(s, t, moved);
+    const Vec3 o = X_WS.linear().transpose() * (origin_W - X_WS.translation());
+    const Vec3 d = X_WS.linear().transpose() * dir_W;
     const Entry e = enter(s, o, d);
     if (!(e.t > 0) || (hit && e.t >= hit.t)) continue;
     hit.shape = static_cast<int>(i);
     hit.t = e.t;
-    hit.normal_W = s.X_WS.linear() * e.normal_S;
+    hit.normal_W = X_WS.linear() * e.normal_S;
     hit.colour = surface_colour(s, o + e.t * d);
   }
   return hit;
 }
 
-double World::signed_distance(const Vec3& p_W, int shape) const noexcept {
+double World::signed_distance(const Vec3& p_W, int shape, rt::Time t) const noexcept {
   const Shape& s = shapes_[static_cast<std::size_t>(shape)];
-  const Vec3 p = s.X_WS.linear().transpose() * (p_W - s.X_WS.translation());
+  Pose moved;
+  const Pose& X_WS = pose(s, t, moved);
+  const Vec3 p = X_WS.linear().transpose() * (p_W - X_WS.translation());
   switch (s.kind) {
     case Shape::Kind::kPlane:
       return p.z();
@@ -280,19 +285,19 @@ double World::signed_distance(const Vec3& p_W, int shape) const noexcept {
   return kInfinity;
 }
 
-double World::signed_distance(const Vec3& p_W) const noexcept {
+double World::signed_distance(const Vec3& p_W, rt::Time t) const noexcept {
   double best = kInfinity;
   for (int i = 0; i < static_cast<int>(shapes_.size()); ++i) {
-    best = std::min(best, signed_distance(p_W, i));
+    best = std::min(best, signed_distance(p_W, i, t));
   }
   return best;
 }
 
-int World::nearest_shape(const Vec3& p_W) const noexcept {
+int World::nearest_shape(const Vec3& p_W, rt::Time t) const noexcept {
   int best = -1;
   double distance = kInfinity;
   for (int i = 0; i < static_cast<int>(shapes_.size()); ++i) {
-    const double d = signed_distance(p_W, i);
+    const double d = signed_distance(p_W, i, t);
     if (d < distance) distance = d, best = i;
   }
   return best;

@@ -1,5 +1,6 @@
 // The simulated place: analytic solids that the synthetic camera sees, the virtual robot collides
-// with, and tests take as the truth. Immutable after construction, so any thread may ask.
+// with, and tests take as the truth. Immutable after construction, so any thread may ask; things that move do so as a
+// function of time (mover.hpp), and every question may name its instant. Without one it is about the beginning.
 //
 // World frame W: z up, floor at z = 0. SI units. Never linked into tasks.
 #pragma once
@@ -12,6 +13,7 @@
 #include "drivers/world/shape.hpp"
 #include "drivers/world/world_config.hpp"
 #include "rt/memory/non_realtime.hpp"
+#include "rt/time.hpp"
 
 namespace drivers {
 
@@ -33,8 +35,10 @@ struct BodyBox {
 
 class World {
  public:
-  // Throws std::runtime_error naming the shape and the value: a name used twice, a zero normal.
-  World(rt::NonRealtime&, const WorldConfig& config);
+  static constexpr rt::Time kBeginning = rt::Time::min();
+  // Throws std::runtime_error naming the shape or mover and the value: a name used twice, a zero normal, a cylinder
+  // that would be tilted. Motions count their seconds from t0.
+  World(rt::NonRealtime&, const WorldConfig& config, rt::Time t0 = rt::Time{});
 
   [[nodiscard]] std::span<const Shape> shapes() const noexcept { return shapes_; }
   // Index of the shape of that name, -1 if there is none. The room's are floor, ceiling,
@@ -44,25 +48,45 @@ class World {
   // First entry of the ray into a solid at t > 0. A solid that the origin lies inside is not seen.
   // `dir` need not have length 1.
   [[nodiscard]] RayHit ray_cast(const perception::Vec3& origin_W,
-                                const perception::Vec3& dir_W) const noexcept;
+                                const perception::Vec3& dir_W,
+                                rt::Time t = kBeginning) const noexcept;
 
   // Distance to the union of all solids, negative inside. Exact outside; inside it is the depth in
   // the solid that holds the point deepest (a bound where solids overlap). +infinity: empty world.
-  [[nodiscard]] double signed_distance(const perception::Vec3& p_W) const noexcept;
-  [[nodiscard]] double signed_distance(const perception::Vec3& p_W, int shape) const noexcept;
+  [[nodiscard]] double signed_distance(const perception::Vec3& p_W,
+                                       rt::Time t = kBeginning) const noexcept;
+  [[nodiscard]] double signed_distance(const perception::Vec3& p_W, int shape,
+                                       rt::Time t = kBeginning) const noexcept;
   // Shape with the smallest signed distance; -1 in an empty world.
-  [[nodiscard]] int nearest_shape(const perception::Vec3& p_W) const noexcept;
+  [[nodiscard]] int nearest_shape(const perception::Vec3& p_W,
+                                  rt::Time t = kBeginning) const noexcept;
+
+  // Does anything move, ever? Where a shape is at an instant.
+  [[nodiscard]] bool moves() const noexcept { return !movers_.empty(); }
+  [[nodiscard]] perception::Pose X_WS_at(int shape, rt::Time t) const noexcept;
 
   // First shape that the body at (x, y, yaw) touches or overlaps; -1: none. Ground shapes do not
   // count. Exact: box-plane by corners, box-box by separating axes, box-cylinder as rectangle-disc
   // in the plane times height overlap, box-sphere by distance.
-  [[nodiscard]] int robot_collision(double x_m, double y_m, double yaw_rad) const noexcept;
   [[nodiscard]] int robot_collision(double x_m, double y_m, double yaw_rad,
-                                    std::span<const BodyBox> body) const noexcept;
+                                    rt::Time t = kBeginning) const noexcept;
+  [[nodiscard]] int robot_collision(double x_m, double y_m, double yaw_rad,
+                                    std::span<const BodyBox> body,
+                                    rt::Time t = kBeginning) const noexcept;
 
  private:
+  struct Motion {
+    Mover mover;
+    int carrier;  // -1: none; else an earlier one
+  };
   void add(Shape shape);
+  void add(const MoverConfig& mover);
+  // Where the shape is: its own X_WS, or `moved`, filled.
+  [[nodiscard]] const perception::Pose& pose(const Shape& s, rt::Time t,
+                                             perception::Pose& moved) const noexcept;
   std::vector<Shape> shapes_;
+  std::vector<Motion> movers_;
+  rt::Time t0_;
 };
 
 // Colour of a shape at a point of its surface.

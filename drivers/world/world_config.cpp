@@ -68,6 +68,7 @@ void WorldConfig::describe(config::Section& s) {
   lister("box", boxes, "boxes, turned any way");
   lister("cylinder", cylinders, "vertical cylinders");
   lister("sphere", spheres, "spheres");
+  lister("mover", movers, "motions of shapes");
 }
 
 }  // namespace drivers

@@ -7,6 +7,10 @@
 //   size_m = [0.4, 0.4, 0.3]
 //   position_m = [1.2, 0.4, 0.15]     # centre of the box
 //   yaw_deg = 20
+//   [[world.mover]]         mover.hpp
+//   name = "crate_slides"
+//   shapes = "crate"
+//   velocity_m_per_s = [0.5, 0, 0]
 #pragma once
 
 #include <array>
@@ -14,6 +18,7 @@
 #include <string>
 
 #include "config/schema.hpp"
+#include "drivers/world/mover.hpp"
 
 namespace drivers {
 
@@ -72,6 +77,7 @@ struct WorldConfig {
   std::deque<BoxConfig> boxes;
   std::deque<CylinderConfig> cylinders;
   std::deque<SphereConfig> spheres;
+  std::deque<MoverConfig> movers;
   void describe(config::Section& s);
 };
 

@@ -43,7 +43,7 @@ RobotPlant::RobotPlant(rt::NonRealtime&, const RobotPlantConfig& config, const M
   if (!perception::is_finite(start_X_WB)) {
     throw std::invalid_argument("robot plant: the start pose is not finite");
   }
-  if (collides_ && collides_(start_X_WB)) {
+  if (collides_ && collides_(start_X_WB, rt::Time{})) {
     throw std::invalid_argument("robot plant: the robot collides at its start pose (" +
                                 std::to_string(start_X_WB.x) + ", " + std::to_string(start_X_WB.y) +
                                 ", " + std::to_string(start_X_WB.yaw) + ")");
@@ -81,7 +81,7 @@ void RobotPlant::advance(rt::Time now) noexcept {
   while (steps_ < target) {
     const Eigen::Vector4d w = to_vector(state_.wheel_rad_per_s);
     const Eigen::Vector4d s = to_vector(setpoint_);
-    if (queue_.size == 0 && w.cwiseAbs().maxCoeff() < kStandstill &&
+    if (!things_move_ && queue_.size == 0 && w.cwiseAbs().maxCoeff() < kStandstill &&
         s.cwiseAbs().maxCoeff() < kStandstill && integral_.cwiseAbs().maxCoeff() < 1e-12) {
       steps_ = target;  // nothing moves and nothing will: the state is the same at any later time
       break;
@@ -173,6 +173,7 @@ void RobotPlant::wheel_step() noexcept {
 }
 
 void RobotPlant::move_step(const Twist2& v) noexcept {
+  const rt::Time t = epoch_ + step_ns_ * steps_;
   const bool check = collides_ && steps_ % check_every_ == 0;
   if (state_.in_contact) {
     state_.v_B = {};
@@ -181,7 +182,7 @@ void RobotPlant::move_step(const Twist2& v) noexcept {
     // over that gap would count as a new entry.
     const double speed = std::max(std::hypot(v.vx, v.vy), std::abs(v.wz) * kinematics_.lever());
     const double ahead = std::max(dt_ * static_cast<double>(check_every_), 1e-3 / speed);
-    if (!(ahead < 1.0) || collides_(perception::integrate(checked_X_WB_, v, ahead))) return;
+    if (!(ahead < 1.0) || collides_(perception::integrate(checked_X_WB_, v, ahead), t)) return;
     state_.in_contact = false;  // the motion leads away: the base comes free where it stands
     state_.v_B = v;
     return;
@@ -190,7 +191,7 @@ void RobotPlant::move_step(const Twist2& v) noexcept {
   state_.v_B = v;
   state_.path_m += std::hypot(v.vx, v.vy) * dt_;
   if (!check) return;
-  if (collides_(state_.X_WB)) {
+  if (collides_(state_.X_WB, t)) {
     state_.X_WB = checked_X_WB_;
     state_.v_B = {};
     state_.in_contact = true;

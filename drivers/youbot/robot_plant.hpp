@@ -66,8 +66,8 @@ struct RobotPlantConfig {
   }
 };
 
-// True if the base at this pose X_WB touches something. Pure; called once a millisecond at most.
-using CollisionTest = std::function<bool(const perception::Pose2& X_WB)>;
+// True if the base at this pose X_WB touches something at this instant. Pure; called once a millisecond at most.
+using CollisionTest = std::function<bool(const perception::Pose2& X_WB, rt::Time t)>;
 
 struct PlantState {
   rt::Time time{};          // of the last sub-step
@@ -93,6 +93,8 @@ class RobotPlant {
   // From the first sub-step not before `at` (>= the last access), plus the dead time, these speeds
   // hold. `powered` false: motors stop (speed loop to zero, setpoints ignored).
   void command(rt::Time at, const WheelVector& wheel_rad_per_s, bool powered) noexcept;
+  // What the test knows moves by itself: a robot at rest is asked about as well, for it may be run into.
+  void things_move() noexcept { things_move_ = true; }
   // Fault: a wheel that does not turn, or -1.
   void set_stuck_wheel(int wheel) noexcept { stuck_wheel_ = wheel; }
 
@@ -144,7 +146,7 @@ class RobotPlant {
   std::optional<GearFriction> friction_;
   std::int64_t dead_steps_ = 0;
 
-  bool started_ = false;
+  bool started_ = false, things_move_ = false;
   rt::Time epoch_{};
   std::int64_t steps_ = 0;
   CommandQueue queue_;

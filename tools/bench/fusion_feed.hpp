@@ -25,6 +25,7 @@ class FusionFeed {
   // A period without an image: the window at in.hand of the map as it is, at the instant of the last step.
   void look(perception::SurfacePatch& window) noexcept;
   [[nodiscard]] const tasks::FusionTask::Out& out() const noexcept { return out_; }
+  [[nodiscard]] const perception::CostMap& cost_map() const noexcept { return *cost_map_; }
   [[nodiscard]] double cpu_ms() const noexcept { return cpu_ms_; }  // thread CPU of the last step
 
  private:

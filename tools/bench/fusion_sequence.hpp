@@ -26,6 +26,9 @@ class FusionSequence {
   [[nodiscard]] std::size_t bytes() const noexcept;  // of the images
   void append(const perception::RgbdFrame& frame);
   void frame(int i, perception::RgbdFrame& out) const;
+  [[nodiscard]] std::uint16_t depth_mm(int i, int u, int v) const noexcept {
+    return depth_mm_[static_cast<std::size_t>((i * intrinsics.height + v) * intrinsics.width + u)];
+  }
   // Null: not known.
   [[nodiscard]] const perception::Pose* truth(int i) const noexcept {
     const auto at = static_cast<std::size_t>(i);

@@ -57,16 +57,17 @@ class RobotBox::BasePose final : public drivers::PoseSource {
 
 RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& options)
     : world_(std::make_unique<drivers::World>(
-          nrt, scene.rgbd_dir.empty() ? scene.world : drivers::WorldConfig{})),
+          nrt, scene.rgbd_dir.empty() ? scene.world : drivers::WorldConfig{}, options.epoch)),
       endpoint_(nrt, rt::Box::kRobot) {
   const auto& io = scene.graph.robot_io;
   const drivers::World* world = world_.get();
-  drivers::CollisionTest collides = [world](const perception::Pose2& X) {
-    return world->robot_collision(X.x, X.y, X.yaw) >= 0;
+  drivers::CollisionTest collides = [world](const perception::Pose2& X, rt::Time t) {
+    return world->robot_collision(X.x, X.y, X.yaw, t) >= 0;
   };
   drivers::RobotPlant plant(nrt, scene.plant, io.base,
                             perception::Pose2{io.start_x_m, io.start_y_m, io.start_yaw_rad},
                             std::move(collides));
+  if (world->moves()) plant.things_move();
   bus_ = std::make_unique<drivers::VirtualYoubot>(nrt, scene.bus, std::move(plant));
   bus_->set_cpu_clock(&rt::thread_cpu_ns);
 

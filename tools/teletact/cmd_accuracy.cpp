@@ -40,8 +40,11 @@ Study study_of(const std::string& what, const FusionStudyOptions& fusion,
 }  // namespace
 
 int cmd_accuracy(int argc, char** argv) {
+  // It has options of its own.
+  if (argc > 1 && std::string(argv[1]) == "moving") return cmd_moving(argc - 1, argv + 1);
   CLI::App app{
-      "Error of a method against its CPU time, over its knobs. WHAT: fusion, segmentation, haptic.",
+      "Error of a method against its CPU time, over its knobs. WHAT: fusion, segmentation, haptic; moving\n"
+      "(accuracy moving --help): what a thing that moves does to fusion.",
       "teletact accuracy"};
   std::string what, json, plots, intrinsics;
   FusionStudyOptions fusion;

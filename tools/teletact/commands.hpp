@@ -17,6 +17,7 @@ int cmd_audit(int argc, char** argv);
 int cmd_replay(int argc, char** argv);
 int cmd_bench(int argc, char** argv);
 int cmd_accuracy(int argc, char** argv);
+int cmd_moving(int argc, char** argv);  // accuracy moving
 int cmd_stability(int argc, char** argv);
 
 }  // namespace teletact

@@ -62,7 +62,7 @@ TEST(Plant, DoesNotDependOnWhoAsks) {
   for (int order = 0; order <= 2; ++order) {
     RobotPlantConfig c = everything();
     c.speed_loop_order = order;
-    const auto wall = [](const Pose2& p) { return p.x > 0.8; };
+    const auto wall = [](const Pose2& p, rt::Time) { return p.x > 0.8; };
     RobotPlant quiet(rig.nrt(), c, {}, {}, wall), asked(rig.nrt(), c, {}, {}, wall);
     rt::Random commands(seed), readers(seed + 1 + static_cast<std::uint64_t>(order));
     quiet.advance(kStart);
@@ -204,9 +204,25 @@ TEST(Plant, EncoderReportsWholeTicksAndRpm) {
 }
 
 // A wall at x = 0.5: the base stops at it, is counted once, stays, and can leave again.
+// A thing that comes to a standing robot counts, once, if it is known that things move.
+TEST(Plant, ARobotAtRestIsRunInto) {
+  Rig rig;
+  for (const bool known : {false, true}) {
+    RobotPlant plant(rig.nrt(), {}, {}, {},
+                     [](const Pose2&, rt::Time t) { return t >= kStart + rt::Nanos{1'000'000'000}; });
+    if (known) plant.things_move();
+    plant.advance(kStart);
+    plant.advance(kStart + rt::Nanos{900'000'000});
+    EXPECT_EQ(plant.state().collisions, 0U);
+    plant.advance(kStart + rt::Nanos{2'000'000'000});
+    EXPECT_EQ(plant.state().collisions, known ? 1U : 0U);
+    EXPECT_EQ(plant.state().in_contact, known);
+  }
+}
+
 TEST(Plant, WallStopsTheBaseAndCountsOnce) {
   Rig rig;
-  RobotPlant plant(rig.nrt(), {}, {}, {}, [](const Pose2& p) { return p.x > 0.5; });
+  RobotPlant plant(rig.nrt(), {}, {}, {}, [](const Pose2& p, rt::Time) { return p.x > 0.5; });
   plant.advance(kStart);
   plant.command(kStart, plant.kinematics().inverse({0.4, 0, 0}), true);
   plant.advance(kStart + 3s);
@@ -227,7 +243,7 @@ TEST(Plant, WallStopsTheBaseAndCountsOnce) {
 
 TEST(Plant, RefusesToStartInsideAnObstacle) {
   Rig rig;
-  EXPECT_THROW(RobotPlant(rig.nrt(), {}, {}, {}, [](const Pose2&) { return true; }),
+  EXPECT_THROW(RobotPlant(rig.nrt(), {}, {}, {}, [](const Pose2&, rt::Time) { return true; }),
                std::invalid_argument);
   EXPECT_THROW(RobotPlant(rig.nrt(), {}, {}, {std::nan(""), 0, 0}), std::invalid_argument);
 }

@@ -112,7 +112,7 @@ inline Ride ride(const drivers::World& world, const RoomMap& room, const Disc& d
   drivers::RobotPlantConfig plant;
   plant.speed_loop_order = 2;
   drivers::VirtualYoubot bus(
-      nrt, {}, drivers::RobotPlant(nrt, plant, {}, {}, [&](const perception::Pose2& X) {
+      nrt, {}, drivers::RobotPlant(nrt, plant, {}, {}, [&](const perception::Pose2& X, rt::Time) {
         return world.robot_collision(X.x, X.y, X.yaw) >= 0;
       }));
   tasks::RobotIoTask robot(nrt, {});
