@@ -212,6 +212,18 @@ void MotionWatch::find_core(const DepthLevel& live) noexcept {
       core = ok ? 1 : 0;
     }
   }
+  // No way through a gap of a pixel or two.
+  for (int v = 0; v < height_; ++v) {
+    for (int u = 0; u < width_; ++u) {
+      const int i = v * width_ + u;
+      std::uint8_t& core = core_[static_cast<std::size_t>(i)];
+      if (core == 0 || u == 0 || v == 0 || u + 1 == width_ || v + 1 == height_) continue;
+      int about = -1;
+      for (int k = 0; k < 9; ++k)
+        about += core_[static_cast<std::size_t>(i + (k / 3 - 1) * width_ + k % 3 - 1)] != 0 ? 1 : 0;
+      if (about >= 7) core = 2;
+    }
+  }
 }
 
 void MotionWatch::grow(const DepthLevel& live) noexcept {
@@ -222,7 +234,7 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
   find_core(live);
   for (int s = 0; s < n; ++s) {
     if ((seed_[static_cast<std::size_t>(s)] == 0 && recalled_[static_cast<std::size_t>(s)] == 0) ||
-        visited_[static_cast<std::size_t>(s)] != 0 || core_[static_cast<std::size_t>(s)] == 0)
+        visited_[static_cast<std::size_t>(s)] != 0 || core_[static_cast<std::size_t>(s)] < 2)
       continue;
     int end = first;
     Thing thing;
@@ -238,7 +250,7 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
       const int next[4] = {u > 0 ? i - 1 : -1, u + 1 < width_ ? i + 1 : -1,
                            v > 0 ? i - width_ : -1, v + 1 < height_ ? i + width_ : -1};
       for (const int b : next) {
-        if (b < 0 || visited_[static_cast<std::size_t>(b)] != 0 || core_[static_cast<std::size_t>(b)] == 0) continue;
+        if (b < 0 || visited_[static_cast<std::size_t>(b)] != 0 || core_[static_cast<std::size_t>(b)] < 2) continue;
         visited_[static_cast<std::size_t>(b)] = 1;
         queue_[static_cast<std::size_t>(end++)] = b;
       }
@@ -289,13 +301,13 @@ void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
 void MotionWatch::fringe(const DepthLevel& live) noexcept {
   const auto& p = tracker_.preprocess;
   const float slope = static_cast<float>(p.edge_slope / live.intrinsics.fx);
-  for (int round = 0; round < 2; ++round) {
+  for (int round = 0; round < 3; ++round) {
     const auto mark = static_cast<std::uint8_t>(round + 2);
     for (int v = 1; v + 1 < height_; ++v) {
       for (int u = 1; u + 1 < width_; ++u) {
         const int i = v * width_ + u;
         const float z = live.depth.row(v)[u];
-        if (mask_[static_cast<std::size_t>(i)] != 0 || core_[static_cast<std::size_t>(i)] != 0 || !(z > 0)) continue;
+        if (mask_[static_cast<std::size_t>(i)] != 0 || core_[static_cast<std::size_t>(i)] == 2 || !(z > 0)) continue;
         for (const int d : {-1, 1, -width_, width_}) {
           const int j = i + d;
           const std::uint8_t m = mask_[static_cast<std::size_t>(j)];
