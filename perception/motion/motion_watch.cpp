@@ -9,6 +9,7 @@ namespace perception {
 
 namespace {
 
+constexpr double kBiasShare = 0.05, kMostBias_m = 0.008;
 constexpr int kRestTable = 1 << 15;
 constexpr std::uint32_t kRestGap = 5;  // frames that a cell may go unseen
 constexpr int kLeastAbout = 5;         // of the 8 neighbours, in a patch
@@ -78,6 +79,7 @@ MotionWatch::MotionWatch(rt::NonRealtime&, const MotionConfig& config, const Tra
 void MotionWatch::forget() noexcept {
   remembered_ = 0;
   had_ = false;
+  bias_.setZero();
   recent_ = 0;
   std::fill(mask_.begin(), mask_.end(), std::uint8_t{0});
   std::fill(places_.begin(), places_.end(), Place{});
@@ -124,7 +126,12 @@ void MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, co
         const float limit = front_limit(p_C.z());
         std::uint8_t& e = evidence_[static_cast<std::size_t>(i)];
         // A place that was free and is not any more is evidence until it has been so for long.
-        const bool front = s.free || (s.known && s.distance_m > limit);
+        bool front = s.known && s.distance_m > limit;
+        if (s.free) {  // and not just before what the noise may have moved
+          const Vec3f behind_W = R * (p_C * (1 + limit / p_C.z())) + t;
+          const Seen3 b = seen_at(map, reader, behind_W, inv_voxel);
+          front = b.free || (b.known && b.distance_m > 0);
+        }
         const Place* place = recent_ > 0 ? place_of(p_W, false) : nullptr;
         if (place != nullptr) {
           e = place->last - place->first < static_cast<std::uint32_t>(config_.rest_frames) ? kOld : kRested;
@@ -392,6 +399,22 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   }
   out.moving = masked > 0;
   out.masked_share = valid > 0 ? static_cast<double>(masked) / valid : 0;
+}
+
+// What readings that weigh by their noise say beside what all say alike, in the camera's frame: a pattern that a camera
+// keeps in its images moves the two apart, always the same way.
+Pose MotionWatch::steep(const Pose& X_WC) const noexcept {
+  return orthonormalised(X_WC * exp_se3(bias_));
+}
+
+void MotionWatch::learn_bias(const Pose& X_WC_flat, const Pose& X_WC_steep) noexcept {
+  const Pose d = X_WC_flat.inverse(Eigen::Isometry) * X_WC_steep;
+  const Eigen::AngleAxisd r(d.linear());
+  Vec6 xi;
+  xi << d.translation(), r.angle() * r.axis();
+  bias_ += kBiasShare * (xi - bias_);
+  const double size = std::hypot(bias_.head<3>().norm(), length_m_ * bias_.tail<3>().norm());
+  if (size > kMostBias_m) bias_ *= kMostBias_m / size;
 }
 
 void MotionWatch::settle(const Pose&) noexcept {

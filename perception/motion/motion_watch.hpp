@@ -71,6 +71,9 @@ class MotionWatch {
     const Vec3 centre(0, 0, length_m_);
     return std::hypot((d * centre - centre).norm(), length_m_ * rotation_angle(d.linear()));
   }
+  // From what the image says pixel by pixel to what it says by its noise; learned where nothing moves.
+  [[nodiscard]] Pose steep(const Pose& X_WC) const noexcept;
+  void learn_bias(const Pose& X_WC_flat, const Pose& X_WC_steep) noexcept;
   // Of the coarse image, 1: moves. Level of the pyramid that it has the size of.
   [[nodiscard]] ImageView<const std::uint8_t> mask() const noexcept {
     return {mask_.data(), width_, height_, width_};
@@ -100,6 +103,7 @@ class MotionWatch {
   int width_ = 0, height_ = 0, level_ = 0;
   float voxel_m_ = 0.01F;
   double length_m_ = 1;
+  Vec6 bias_ = Vec6::Zero();
   std::vector<std::uint8_t> mask_, evidence_, seed_, recalled_, visited_, core_;
   std::vector<std::int32_t> queue_;
   std::vector<Vec3f> points_W_;  // of last image's masked pixels
