@@ -20,7 +20,8 @@ double log_uniform(rt::Random& rng, double lo, double hi) {
   return lo * std::exp(rng.uniform() * std::log(hi / lo));
 }
 
-// Peak speeds of the sines stay below 0.25 m/s and 15 deg/s together.
+// Peak speeds of the sines stay below 0.25 m/s and 15 deg/s together; the axes of the turns are not quite at right
+// angles.
 CameraWay draw_way(rt::Random& rng, Carry carry) {
   CameraWay way;
   way.eye_W = {rng.uniform(-0.3, 0.1), rng.uniform(-0.3, 0.3), rng.uniform(0.85, 1.45)};
@@ -34,9 +35,9 @@ CameraWay draw_way(rt::Random& rng, Carry carry) {
     way.amplitude[i] = peak * way.period_s[i] / kTurn;
   };
   if (carry == Carry::kByHand) {
-    const Vec3 v = 0.25 * rng.uniform(0.4, 1.0) *
+    const Vec3 v = 0.249 * rng.uniform(0.4, 1.0) *
                    Vec3(rng.uniform(0.2, 1), rng.uniform(0.2, 1), rng.uniform(0.1, 0.5)).normalized();
-    const Vec3 w = 15 * kDegree * rng.uniform(0.3, 1.0) *
+    const Vec3 w = 14.2 * kDegree * rng.uniform(0.3, 1.0) *
                    Vec3(rng.uniform(0.3, 1), rng.uniform(0.2, 0.8), rng.uniform(0.1, 0.5)).normalized();
     for (std::size_t i = 0; i < 3; ++i) {
       amplitude(i, v[static_cast<int>(i)]);

@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "tools/accuracy/fusion_study.hpp"
+#include "tools/accuracy/moving_peer.hpp"
 #include "tools/accuracy/scenes.hpp"
 #include "tools/bench/fusion_feed.hpp"
 
@@ -102,8 +103,12 @@ std::string line_of(const MovingRow& row) {
 }
 
 std::vector<MovingRow> run_sample(rt::NonRealtime& nrt, const MovingSample& sample,
-                                  const MovingOptions& options, std::ostream* debug) {
+                                  const MovingOptions& options, std::ostream* said) {
   const MovingFilm film = film_moving(nrt, sample, options.colour);
+  std::ostream* debug = options.debug ? said : nullptr;
+  if (options.peers && said != nullptr) {
+    for (const MovingPeer& peer : run_moving_peers(film)) *said << peer.text();
+  }
   std::vector<MovingRow> rows;
   for (const double voxel_mm : options.voxels_mm) {
     for (const int level : options.levels) {
@@ -138,11 +143,11 @@ MovingStudy study_moving(std::ostream& progress, const MovingOptions& options) {
     for (int i = next++; i < end; i = next++) {
       try {
         const MovingSample sample = draw_moving_sample(startup.token(), options.seed, i);
-        std::ostringstream debug;
+        std::ostringstream said;
         auto& rows = of[static_cast<std::size_t>(i - first)];
-        rows = run_sample(startup.token(), sample, options, options.debug ? &debug : nullptr);
+        rows = run_sample(startup.token(), sample, options, &said);
         const std::lock_guard lock(saying);
-        progress << sample.text() << "\n" << debug.str();
+        progress << sample.text() << "\n" << said.str();
         for (const MovingRow& row : rows) progress << line_of(row);
         progress.flush();
       } catch (const std::exception& e) {

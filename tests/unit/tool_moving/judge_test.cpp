@@ -230,7 +230,7 @@ TEST_F(Ghosts, APlantedOneIsCountedWhereItWasSeenFree) {
   EXPECT_EQ(count(1.05, 0.2, 9), 0);     // not then: it is there
   // Of y 0.2 .. 0.3 grown by 50 mm: free of it from frame 26 (0.3 m) to 36 (0.2 m) on, and ten frames more.
   EXPECT_EQ(count(1.05, 0.2, 30), 0);
-  EXPECT_EQ(count(1.05, 0.2, 50), 200);
+  EXPECT_GE(count(1.05, 0.2, 50), 190);  // but for a reading that dropped out
 }
 
 TEST_F(Ghosts, AMapThatIsAskewIsJudgedInTheWorld) {
@@ -344,8 +344,8 @@ TEST(MovingSamples, AreAsTheyAreSaidToBe) {
     EXPECT_GE(s.step, angular ? 0.5 : 2.0);
     EXPECT_LE(s.step, angular ? 5.0 : 100.0);
     double most = 0;
-    for (int f = 0; f < s.frames; f += 4) most = std::max(most, mover_share(world, s, f, 3));
-    EXPECT_NEAR(most, s.share, 0.03 * s.share + 0.004);
+    for (int f = 0; f < s.frames; ++f) most = std::max(most, mover_share(world, s, f, 4));
+    EXPECT_NEAR(most, s.share, 0.02 * s.share + 0.003);
     EXPECT_GE(s.share, 0.02);
     EXPECT_LE(s.share, 0.60);
     // The first mover's way a frame, in the middle of the first leg; the camera's speed.
@@ -361,9 +361,9 @@ TEST(MovingSamples, AreAsTheyAreSaidToBe) {
     for (int g = 1; g < s.frames; ++g) {
       const Pose step = s.way.X_WC((g - 1) * MovingSample::kFrame_s).inverse() *
                         s.way.X_WC(g * MovingSample::kFrame_s);
-      EXPECT_LE(step.translation().norm() / MovingSample::kFrame_s, 0.251);
+      EXPECT_LE(step.translation().norm() / MovingSample::kFrame_s, 0.25);
       EXPECT_LE(perception::rotation_angle(step.linear()) / MovingSample::kFrame_s,
-                15.1 * std::numbers::pi / 180);
+                15.0 * std::numbers::pi / 180);
     }
     for (int g = 0; g < s.frames; g += 15) EXPECT_TRUE(rest_constrains(world, s, g));
     kinds.insert(s.kind);
