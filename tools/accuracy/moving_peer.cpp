@@ -45,16 +45,16 @@ MovingPeer run(const char* name, const char* package, const FusionSequence& imag
 
 std::string MovingPeer::text() const {
   char line[200];
-  std::snprintf(line, sizeof line, "    %-8s tracked %d of %d  ate %.1f  worst %.1f mm", name.c_str(),
-                tracked, frames, ate_mm, worst_mm);
+  std::snprintf(line, sizeof line, "    %-8s tracked %d of %d  ate %.1f  worst %.1f mm",
+                name.c_str(), tracked, frames, ate_mm, worst_mm);
   return absent.empty() ? std::string(line) + "\n" : "    " + name + ": " + absent + "\n";
 }
 
 std::vector<MovingPeer> run_moving_peers(const MovingFilm& film) {
   const PeerFrames frames(film.with);
   std::vector<MovingPeer> peers;
-  peers.push_back(run("open3d", "python3-open3d", film.with,
-                      {TELETACT_OPEN3D_PEER, frames.path(), kVoxel_m}));
+  peers.push_back(
+      run("open3d", "python3-open3d", film.with, {TELETACT_OPEN3D_PEER, frames.path(), kVoxel_m}));
   peers.push_back(run("opencv", "libopencv-contrib-dev, then build again", film.with,
                       {beside_us("teletact_peer_opencv"), frames.path(), "tsdf", kVoxel_m, kEdge}));
   return peers;

@@ -25,7 +25,8 @@ PixelTruth truth_at(const MovingFilm& film, int frame, std::size_t pixel) {
 }
 
 // What a ray through the pixel's middle says, by closed form: the box goes 10 mm a frame from frame 10 to 39.
-PixelTruth brute(const drivers::World& world, const MovingSample& s, int frame, double u, double v) {
+PixelTruth brute(const drivers::World& world, const MovingSample& s, int frame, double u,
+                 double v) {
   const auto k = s.camera();
   const Pose X_WC = s.way.X_WC(0);
   const auto hit = world.ray_cast(X_WC.translation(), X_WC.linear() * k.unproject(u, v, 1),
@@ -126,7 +127,8 @@ TEST(MovingJudge, APlantedMaskIsMeasured) {
   const MovingSample s = sliding_box(45);
   const MovingFilm film = film_moving(startup.token(), s, false);
   const auto& truth = film.truth[39];
-  std::vector<std::uint8_t> exact(truth.size()), all(truth.size(), kMoves), none(truth.size(), kPlace);
+  std::vector<std::uint8_t> exact(truth.size()), all(truth.size(), kMoves),
+      none(truth.size(), kPlace);
   int moving = 0, still = 0;
   for (std::size_t i = 0; i < truth.size(); ++i) {
     const PixelTruth t = truth_at(film, 39, i);
@@ -151,7 +153,7 @@ TEST(MovingJudge, APlantedMaskIsMeasured) {
 }
 
 TEST(MovingJudge, APlantedWrongPoseIsCounted) {
-  const Pose X_WT = []{
+  const Pose X_WT = [] {
     Pose X = Pose::Identity();
     X.linear() = Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized()).toRotationMatrix();
     X.translation() = Vec3(1, -2, 0.5);
@@ -187,7 +189,8 @@ TEST(MovingJudge, TheWaitForAClaimIsCountedFromTheShareOn) {
   //                 falls at 3: claims again at 6, so 3 frames; above again at 8, falls at 9, claims at once.
   const double share[] = {0.5, 0.5, 0.4, 0.2, 0.2, 0.2, 0.2, 0.2, 0.35, 0.1, 0.1};
   const bool claims[] = {true, false, false, false, false, false, true, true, true, true, true};
-  for (int f = 0; f < 11; ++f) judge.add(f, claims[f], Pose::Identity(), Pose::Identity(), share[f]);
+  for (int f = 0; f < 11; ++f)
+    judge.add(f, claims[f], Pose::Identity(), Pose::Identity(), share[f]);
   MovingRun run;
   judge.write(run);
   EXPECT_EQ(run.claimed_again, 3);
