@@ -49,8 +49,7 @@ bool may_see(const SeenShape& s, const TileBounds& b) noexcept {
          !outside(-c.y(), -b.y0);
 }
 
-void look(const World& world, const Pose& X_WC, rt::Time t,
-          std::vector<SeenShape>& seen) noexcept {
+void look(const World& world, const Pose& X_WC, rt::Time t, std::vector<SeenShape>& seen) noexcept {
   assert(seen.capacity() >= world.shapes().size());
   seen.clear();
   for (const Shape& shape : world.shapes()) {
@@ -120,8 +119,8 @@ void cast_tile(const std::vector<SeenShape>& seen, const TileBounds& bounds, dou
   for (const SeenShape* s : in_tile) tile_paint(tile, *s);
 }
 
-void store(const RayTile& tile, const TileAt& at, int width, float* depth_m, perception::Rgb* colour,
-           std::int16_t* shape) noexcept {
+void store(const RayTile& tile, const TileAt& at, int width, float* depth_m,
+           perception::Rgb* colour, std::int16_t* shape) noexcept {
   for (int j = 0; j < at.height; ++j) {
     const std::size_t from = static_cast<std::size_t>(j * RayTile::kWidth);
     const std::size_t to = static_cast<std::size_t>((at.v0 + j) * width + at.u0);

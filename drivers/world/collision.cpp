@@ -88,8 +88,8 @@ int World::robot_collision(double x_m, double y_m, double yaw_rad, rt::Time t) c
   return robot_collision(x_m, y_m, yaw_rad, youbot_body(), t);
 }
 
-int World::robot_collision(double x_m, double y_m, double yaw_rad,
-                           std::span<const BodyBox> body, rt::Time t) const noexcept {
+int World::robot_collision(double x_m, double y_m, double yaw_rad, std::span<const BodyBox> body,
+                           rt::Time t) const noexcept {
   const double c = std::cos(yaw_rad), s = std::sin(yaw_rad);
   Mat3 R;
   R << c, -s, 0, s, c, 0, 0, 0, 1;

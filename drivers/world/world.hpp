@@ -47,8 +47,7 @@ class World {
 
   // First entry of the ray into a solid at t > 0. A solid that the origin lies inside is not seen.
   // `dir` need not have length 1.
-  [[nodiscard]] RayHit ray_cast(const perception::Vec3& origin_W,
-                                const perception::Vec3& dir_W,
+  [[nodiscard]] RayHit ray_cast(const perception::Vec3& origin_W, const perception::Vec3& dir_W,
                                 rt::Time t = kBeginning) const noexcept;
 
   // Distance to the union of all solids, negative inside. Exact outside; inside it is the depth in

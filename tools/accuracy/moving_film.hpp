@@ -43,8 +43,9 @@ class MoverTruth {
 
 struct MovingFilm {
   FusionSequence with, plain;  // both with their true poses X_WC
-  std::vector<std::vector<std::uint8_t>> truth;  // of `with`: PixelTruth, and kMoverBit on the mover
-  std::vector<double> share;                     // of a frame
+  std::vector<std::vector<std::uint8_t>>
+      truth;                  // of `with`: PixelTruth, and kMoverBit on the mover
+  std::vector<double> share;  // of a frame
   double share_most = 0;
 };
 

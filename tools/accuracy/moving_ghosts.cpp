@@ -129,8 +129,8 @@ std::vector<Vec3> MovingGhosts::seen_mover(int frame) const {
     for (int u = 0; u < k.width; u += kStep) {
       if ((truth[static_cast<std::size_t>(v * k.width + u)] & kMoverBit) == 0) continue;
       const Vec3 ray = k.unproject(u, v, 1.0);
-      const auto hit = world_.ray_cast(X_WC.translation(), X_WC.linear() * ray,
-                                       MovingSample::time_of(frame));
+      const auto hit =
+          world_.ray_cast(X_WC.translation(), X_WC.linear() * ray, MovingSample::time_of(frame));
       if (!hit || world_.shapes()[static_cast<std::size_t>(hit.shape)].mover < 0) continue;
       points.emplace_back(X_WC * (hit.t * ray));
     }

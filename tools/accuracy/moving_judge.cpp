@@ -57,7 +57,8 @@ MaskFigures judge_mask(std::span<const std::uint8_t> mask, std::span<const std::
     figures.still += moves ? 0 : 1;
     figures.still_hit += !moves && masked ? 1 : 0;
   }
-  if (moving > kJudgedShare * static_cast<double>(truth.size())) figures.iou = static_cast<double>(both) / any;
+  if (moving > kJudgedShare * static_cast<double>(truth.size()))
+    figures.iou = static_cast<double>(both) / any;
   if (figures.still > 0) {
     figures.still_masked = static_cast<double>(figures.still_hit) / figures.still;
   }

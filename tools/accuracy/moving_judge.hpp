@@ -14,8 +14,9 @@ struct MovingRun {
   static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   static constexpr int kNever = 999;  // frames
   double ate_mm = kNone, worst_mm = kNone;
-  double claimed = 0;               // share of the frames
-  int wrong = 0, first_wrong = -1;  // claims off by more than 20 mm up to a share of .30, 50 mm above
+  double claimed = 0;  // share of the frames
+  int wrong = 0,
+      first_wrong = -1;  // claims off by more than 20 mm up to a share of .30, 50 mm above
   // Frames from the share's fall below .30 to a claim, the largest; kNone: it never was above.
   double claimed_again = kNone;
   double mask_iou = kNone;  // median over the claimed frames in which enough moves (kJudgedShare)

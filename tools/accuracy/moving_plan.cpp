@@ -20,7 +20,8 @@ double log_uniform(rt::Random& rng, double lo, double hi) {
   return lo * std::exp(rng.uniform() * std::log(hi / lo));
 }
 
-// Peak speeds of the sines stay below 0.25 m/s and 15 deg/s together.
+// Peak speeds of the sines stay below 0.25 m/s and 15 deg/s together; the axes of the turns are not quite at right
+// angles.
 CameraWay draw_way(rt::Random& rng, Carry carry) {
   CameraWay way;
   way.eye_W = {rng.uniform(-0.3, 0.1), rng.uniform(-0.3, 0.3), rng.uniform(0.85, 1.45)};
@@ -34,10 +35,12 @@ CameraWay draw_way(rt::Random& rng, Carry carry) {
     way.amplitude[i] = peak * way.period_s[i] / kTurn;
   };
   if (carry == Carry::kByHand) {
-    const Vec3 v = 0.25 * rng.uniform(0.4, 1.0) *
-                   Vec3(rng.uniform(0.2, 1), rng.uniform(0.2, 1), rng.uniform(0.1, 0.5)).normalized();
-    const Vec3 w = 15 * kDegree * rng.uniform(0.3, 1.0) *
-                   Vec3(rng.uniform(0.3, 1), rng.uniform(0.2, 0.8), rng.uniform(0.1, 0.5)).normalized();
+    const Vec3 v =
+        0.249 * rng.uniform(0.4, 1.0) *
+        Vec3(rng.uniform(0.2, 1), rng.uniform(0.2, 1), rng.uniform(0.1, 0.5)).normalized();
+    const Vec3 w =
+        14.2 * kDegree * rng.uniform(0.3, 1.0) *
+        Vec3(rng.uniform(0.3, 1), rng.uniform(0.2, 0.8), rng.uniform(0.1, 0.5)).normalized();
     for (std::size_t i = 0; i < 3; ++i) {
       amplitude(i, v[static_cast<int>(i)]);
       amplitude(3 + i, w[static_cast<int>(i)]);
@@ -160,8 +163,7 @@ void Builder::sliding(double size) {
   double length = std::min(p.excursion, p.move * p.step), begin = p.middle * length;
   if (p.end == MoverEnd::kGoesOut) {
     // Sideways until its near face has left the view, with the camera's own motion to spare.
-    const double out =
-        0.72 * (p.distance_m + r) + r + (p.carry == Carry::kAtRest ? 0.05 : 0.25);
+    const double out = 0.72 * (p.distance_m + r) + r + (p.carry == Carry::kAtRest ? 0.05 : 0.25);
     const double leave = out + 0.7 * p.distance_m * std::abs(p.lateral);
     length = p.enters ? 2 * leave : leave;
     begin = p.enters ? leave : 0;
@@ -265,8 +267,8 @@ Pose CameraWay::X_WC(double t_s) const {
   }
   // Driving: the way along a heading that sways, by its first order.
   const double way = speed_m_per_s * t_s;
-  const Vec3 eye = eye_W + Vec3(by[0], by[1], by[2]) +
-                   way * Vec3(std::cos(yaw_rad), std::sin(yaw_rad), 0);
+  const Vec3 eye =
+      eye_W + Vec3(by[0], by[1], by[2]) + way * Vec3(std::cos(yaw_rad), std::sin(yaw_rad), 0);
   return looking(eye, yaw_rad + by[3], pitch_rad + by[4], by[5]);
 }
 

@@ -23,13 +23,13 @@ struct MovingPlan {
   int still = 60, move = 70, rest = 50;  // frames
   double step = 0.02;                    // m or degrees a frame
   double distance_m = 1.5;
-  double share = 0.1;              // wanted
-  double person_m = 1.7;           // height: of a person the distance follows, not the size
-  double lateral = 0;              // place across the image, of half its width
-  double phi_rad = 0, climb = 0;   // direction of the motion against the camera's right; upwards
-  double turn_rad = 0;             // of a box, a door, an arm's first link
-  double middle = 0.5;             // of the excursion, where the mover is placed
-  double excursion = 1;            // m or degrees at most
+  double share = 0.1;             // wanted
+  double person_m = 1.7;          // height: of a person the distance follows, not the size
+  double lateral = 0;             // place across the image, of half its width
+  double phi_rad = 0, climb = 0;  // direction of the motion against the camera's right; upwards
+  double turn_rad = 0;            // of a box, a door, an arm's first link
+  double middle = 0.5;            // of the excursion, where the mover is placed
+  double excursion = 1;           // m or degrees at most
   std::array<double, 3> ratio{1, 1, 1};  // edges
   int links = 2;
   std::array<double, 3> bend{1, 1, 1};  // of the links' turns

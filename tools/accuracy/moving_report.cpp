@@ -148,9 +148,8 @@ std::vector<BenchMetric> MovingStudy::metrics() const {
     const Judged j = judge(c, rows);
     add("failing." + c.name, j.failing, "1");
     const bool counted = c.name.find("wrong_claims") != std::string::npos;
-    const bool there = std::any_of(all.begin(), all.end(), [&](const BenchMetric& m) {
-      return m.name == "moving." + c.name;
-    });
+    const bool there = std::any_of(
+        all.begin(), all.end(), [&](const BenchMetric& m) { return m.name == "moving." + c.name; });
     const bool mm = c.name.find("ate_mm") != std::string::npos;
     if (!there) add(c.name, counted ? j.sum : j.worst, mm ? "mm" : "1");
   }
@@ -166,8 +165,7 @@ std::vector<std::string> MovingStudy::write_plots(const std::string& folder) con
     if (row.variant != MovingVariant::kAlone || !std::isfinite(row.run.worst_mm)) continue;
     const std::size_t s = row.run.wrong > 0 ? 2U : row.run.claimed < 0.98 ? 1U : 0U;
     const double error = std::max(0.1, row.run.worst_mm);
-    const bool angular =
-        row.sample.kind == MoverKind::kDoor || row.sample.kind == MoverKind::kArm;
+    const bool angular = row.sample.kind == MoverKind::kDoor || row.sample.kind == MoverKind::kArm;
     plot::Figure& speed = angular ? turn : slide;
     share.series[s].x.push_back(row.share), share.series[s].y.push_back(error);
     speed.series[s].x.push_back(row.sample.step), speed.series[s].y.push_back(error);

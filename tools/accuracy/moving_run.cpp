@@ -134,8 +134,7 @@ void Run::judge_pose(int frame, const tasks::FusionTask::Out& out) {
   ghosts_.claimed(frame, claimed);
   const double share =
       variant_ == MovingVariant::kPlain ? 0 : film_.share[static_cast<std::size_t>(frame)];
-  poses_.add(frame, claimed, out.camera.X_WC,
-             *images_.truth(frame), share);
+  poses_.add(frame, claimed, out.camera.X_WC, *images_.truth(frame), share);
 }
 
 MaskFigures Run::judge_frame_mask(int frame, bool claimed) {
@@ -164,8 +163,8 @@ MaskFigures Run::judge_frame_mask(int frame, bool claimed) {
 void Run::judge_map(int frame) {
   if (!setting_.surfaces) return;
   const bool plain = variant_ == MovingVariant::kPlain;
-  const bool ghost_check = frame + 1 == sample_.frames ||
-                           (frame > sample_.first_moving && frame % kCheckEvery == 0);
+  const bool ghost_check =
+      frame + 1 == sample_.frames || (frame > sample_.first_moving && frame % kCheckEvery == 0);
   const int rested = frame - sample_.last_moving - 20;
   const bool rest_check = !plain && sample_.end == MoverEnd::kComesToRest && rested >= 0 &&
                           rested <= 25 && rested % 5 == 0 && !(r_.rest_frames < MovingRun::kNever);

@@ -214,7 +214,7 @@ double size_for(rt::NonRealtime& nrt, MovingPlan& plan, const drivers::WorldConf
 
 bool acceptable(rt::NonRealtime& nrt, const MovingPlan& plan, bool low, MovingSample& s) {
   if (s.frames > 185 || s.last_moving < s.first_moving) return false;
-  s.share = largest_share(nrt, s, 3, 4);
+  s.share = largest_share(nrt, s, 1, 6);
   if (!(s.share >= 0.02 && s.share <= 0.60) || low != s.low()) return false;
   if (std::abs(s.share - plan.share) > 0.12 * plan.share + 0.01) return false;
   const drivers::World world(nrt, s.world, MovingSample::kBegin);

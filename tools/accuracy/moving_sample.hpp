@@ -38,7 +38,8 @@ inline constexpr int kMoverKinds = 6;
 struct CameraWay {
   perception::Vec3 eye_W = perception::Vec3::Zero();
   double yaw_rad = 0, pitch_rad = 0;
-  std::array<double, 6> amplitude{}, period_s{1, 1, 1, 1, 1, 1}, phase_rad{};  // x y z yaw pitch roll
+  std::array<double, 6> amplitude{}, period_s{1, 1, 1, 1, 1, 1},
+      phase_rad{};           // x y z yaw pitch roll
   double speed_m_per_s = 0;  // along the heading; the yaw's sine steers
   [[nodiscard]] perception::Pose X_WC(double t_s) const;
 };
@@ -63,8 +64,9 @@ struct MovingSample {
   double size_m = 0;
   double step = 0;  // mm or degrees a frame
   int frames = 0;
-  int first_moving = 0;  // frame that shows it displaced first; it rests before, if there is a before
-  int last_moving = 0;   // last frame in which it is elsewhere than in the one before
+  int first_moving =
+      0;  // frame that shows it displaced first; it rests before, if there is a before
+  int last_moving = 0;                // last frame in which it is elsewhere than in the one before
   drivers::WorldConfig world, plain;  // plain: the same without the mover
   std::vector<std::string> movers;    // names of the shapes that move
   CameraWay way;

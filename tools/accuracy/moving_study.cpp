@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "tools/accuracy/fusion_study.hpp"
+#include "tools/accuracy/moving_peer.hpp"
 #include "tools/accuracy/scenes.hpp"
 #include "tools/bench/fusion_feed.hpp"
 
@@ -60,8 +61,8 @@ const std::vector<MovingCheck>& moving_checks() {
        [](const MovingRow& r) { return r.run.masked_still; }, 0.01, false},
       {"masked_still_p95", "still pixels masked, p95 of a frame", alone,
        [](const MovingRow& r) { return r.run.masked_still_p95; }, 0.03, false},
-      {"ghost_cm3", "ghost volume, cm3", alone,
-       [](const MovingRow& r) { return r.run.ghost_cm3; }, 45, false},
+      {"ghost_cm3", "ghost volume, cm3", alone, [](const MovingRow& r) { return r.run.ghost_cm3; },
+       45, false},
       {"ghost_cells", "ghost cells of the cost map", alone,
        [](const MovingRow& r) { return r.run.ghost_cells; }, 0, false},
       {"rest_frames", "frames from at rest to in the mesh",
@@ -87,14 +88,14 @@ std::vector<std::string> failed_checks(const MovingRow& row) {
 std::string line_of(const MovingRow& row) {
   const MovingRun& r = row.run;
   char line[400];
-  std::snprintf(line, sizeof line,
-                "    %g mm level %d %-8s claimed %.3f  ate %.1f (plain %.1f)  worst %.1f mm  wrong %d "
-                "from %d  again %.0f  iou %.2f  still masked %.4f p95 %.4f  ghost %.0f cm3 %.0f cells "
-                " rest %.0f  cpu %.1f ms:",
-                row.setting.voxel_mm, row.setting.level, name_of(row.variant), r.claimed, r.ate_mm,
-                row.plain.ate_mm, r.worst_mm, r.wrong, r.first_wrong, r.claimed_again, r.mask_iou,
-                r.masked_still, r.masked_still_p95, r.ghost_cm3, r.ghost_cells, r.rest_frames,
-                r.cpu_ms);
+  std::snprintf(
+      line, sizeof line,
+      "    %g mm level %d %-8s claimed %.3f  ate %.1f (plain %.1f)  worst %.1f mm  wrong %d "
+      "from %d  again %.0f  iou %.2f  still masked %.4f p95 %.4f  ghost %.0f cm3 %.0f cells "
+      " rest %.0f  cpu %.1f ms:",
+      row.setting.voxel_mm, row.setting.level, name_of(row.variant), r.claimed, r.ate_mm,
+      row.plain.ate_mm, r.worst_mm, r.wrong, r.first_wrong, r.claimed_again, r.mask_iou,
+      r.masked_still, r.masked_still_p95, r.ghost_cm3, r.ghost_cells, r.rest_frames, r.cpu_ms);
   std::string text = line;
   const auto failed = failed_checks(row);
   for (const std::string& name : failed) text += " " + name;
@@ -102,8 +103,12 @@ std::string line_of(const MovingRow& row) {
 }
 
 std::vector<MovingRow> run_sample(rt::NonRealtime& nrt, const MovingSample& sample,
-                                  const MovingOptions& options, std::ostream* debug) {
+                                  const MovingOptions& options, std::ostream* said) {
   const MovingFilm film = film_moving(nrt, sample, options.colour);
+  std::ostream* debug = options.debug ? said : nullptr;
+  if (options.peers && said != nullptr) {
+    for (const MovingPeer& peer : run_moving_peers(film)) *said << peer.text();
+  }
   std::vector<MovingRow> rows;
   for (const double voxel_mm : options.voxels_mm) {
     for (const int level : options.levels) {
@@ -138,11 +143,11 @@ MovingStudy study_moving(std::ostream& progress, const MovingOptions& options) {
     for (int i = next++; i < end; i = next++) {
       try {
         const MovingSample sample = draw_moving_sample(startup.token(), options.seed, i);
-        std::ostringstream debug;
+        std::ostringstream said;
         auto& rows = of[static_cast<std::size_t>(i - first)];
-        rows = run_sample(startup.token(), sample, options, options.debug ? &debug : nullptr);
+        rows = run_sample(startup.token(), sample, options, &said);
         const std::lock_guard lock(saying);
-        progress << sample.text() << "\n" << debug.str();
+        progress << sample.text() << "\n" << said.str();
         for (const MovingRow& row : rows) progress << line_of(row);
         progress.flush();
       } catch (const std::exception& e) {
@@ -169,8 +174,7 @@ std::vector<StaticMask> study_static_masks(std::ostream& progress, double voxel_
   std::vector<StaticMask> masks;
   for (const std::string& name : scene_names()) {
     progress << "static " << name << "\n";
-    const FusionSequence images =
-        synthetic_sequence(startup.token(), scene_named(name), frames);
+    const FusionSequence images = synthetic_sequence(startup.token(), scene_named(name), frames);
     tasks::FusionSetup setup;
     setup.camera = images.intrinsics;
     tasks::FusionTask task(startup.token(), fusion_with_voxel(1e-3 * voxel_mm), setup);

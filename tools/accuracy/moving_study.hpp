@@ -21,6 +21,7 @@ struct MovingOptions {
   int jobs = 1;   // samples at a time
   bool colour = false, debug = false, surfaces = true;
   bool odometry = true;  // and the runs with it, true and lying
+  bool peers = false;    // others on the same frames (moving_peer.hpp), said on the progress
 };
 
 struct MovingRow {
@@ -62,7 +63,7 @@ struct MovingStudy {
 
 // The rows of one sample at all settings.
 [[nodiscard]] std::vector<MovingRow> run_sample(rt::NonRealtime& nrt, const MovingSample& sample,
-                                                const MovingOptions& options, std::ostream* debug);
+                                                const MovingOptions& options, std::ostream* said);
 [[nodiscard]] MovingStudy study_moving(std::ostream& progress, const MovingOptions& options);
 
 // Still pixels masked in the five scenes of teletact accuracy fusion, where nothing moves. At most .002.

@@ -43,7 +43,8 @@ int cmd_accuracy(int argc, char** argv) {
   // It has options of its own.
   if (argc > 1 && std::string(argv[1]) == "moving") return cmd_moving(argc - 1, argv + 1);
   CLI::App app{
-      "Error of a method against its CPU time, over its knobs. WHAT: fusion, segmentation, haptic; moving\n"
+      "Error of a method against its CPU time, over its knobs. WHAT: fusion, segmentation, haptic; "
+      "moving\n"
       "(accuracy moving --help): what a thing that moves does to fusion.",
       "teletact accuracy"};
   std::string what, json, plots, intrinsics;

@@ -53,6 +53,7 @@ int cmd_moving(int argc, char** argv) {
       ->capture_default_str();
   app.add_flag("--colour", o.colour, "images in colour, for the map's sake");
   app.add_flag("--debug", o.debug, "a line for each frame");
+  app.add_flag("--peer", o.peers, "Open3D and OpenCV on the same frames, where installed");
   app.add_flag("--list", list, "say what is drawn, and run nothing");
   app.add_flag("--no-odometry", no_odometry, "only the runs without it");
   app.add_flag("--no-surfaces", no_surfaces, "do not look at the map");

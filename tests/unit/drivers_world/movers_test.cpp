@@ -70,8 +70,13 @@ TEST(Movers, ShuttleGoesThereAndBack) {
   m.way_m = {0.6, 0.8, 0}, m.speed_m_per_s = 0.5;  // 2 s there, 2 s back
   const World w(startup.token(), c, kBegin);
   const Vec3 from(-1, 0.5, 0.75), way(0.6, 0.8, 0);
-  for (const auto& [t, f] : {std::pair{0.0, 0.0}, {1.0, 0.5}, {2.0, 1.0}, {3.0, 0.5}, {4.0, 0.0},
-                            {4.5, 0.25}, {10.0, 1.0}}) {
+  for (const auto& [t, f] : {std::pair{0.0, 0.0},
+                             {1.0, 0.5},
+                             {2.0, 1.0},
+                             {3.0, 0.5},
+                             {4.0, 0.0},
+                             {4.5, 0.25},
+                             {10.0, 1.0}}) {
     expect_near(centre(w, "body", t), from + f * way);
     expect_near(centre(w, "head", t) - centre(w, "body", t), Vec3(0, 0, 0.9));  // rigid
   }
@@ -132,8 +137,8 @@ TEST(Movers, ALinkIsCarriedByTheOneBefore) {
   const World w(startup.token(), c, kBegin);
   for (const double t : {0.0, 1.0, 3.0, 6.5}) {
     const double a = 10 * t * kDegree, b = 30 * t * kDegree;  // of the links, against the world
-    expect_near(centre(w, "head", t), Vec3(std::cos(a) + 0.5 * std::cos(b),
-                                           std::sin(a) + 0.5 * std::sin(b), 0.3));
+    expect_near(centre(w, "head", t),
+                Vec3(std::cos(a) + 0.5 * std::cos(b), std::sin(a) + 0.5 * std::sin(b), 0.3));
   }
 }
 

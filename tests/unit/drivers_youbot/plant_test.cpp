@@ -208,8 +208,9 @@ TEST(Plant, EncoderReportsWholeTicksAndRpm) {
 TEST(Plant, ARobotAtRestIsRunInto) {
   Rig rig;
   for (const bool known : {false, true}) {
-    RobotPlant plant(rig.nrt(), {}, {}, {},
-                     [](const Pose2&, rt::Time t) { return t >= kStart + rt::Nanos{1'000'000'000}; });
+    RobotPlant plant(rig.nrt(), {}, {}, {}, [](const Pose2&, rt::Time t) {
+      return t >= kStart + rt::Nanos{1'000'000'000};
+    });
     if (known) plant.things_move();
     plant.advance(kStart);
     plant.advance(kStart + rt::Nanos{900'000'000});

