@@ -49,10 +49,9 @@ bool may_see(const SeenShape& s, const TileBounds& b) noexcept {
          !outside(-c.y(), -b.y0);
 }
 
-void look(const World& world, const Pose& X_WC, std::vector<SeenShape>& seen) noexcept {
-  assert(seen.capacity() >= world.shapes().size());
-  seen.clear();
-  for (const Shape& shape : world.shapes()) {
+void look(std::span<const Shape> shapes, const Pose& X_WC, std::vector<SeenShape>& seen) noexcept {
+  assert(seen.capacity() >= seen.size() + shapes.size());
+  for (const Shape& shape : shapes) {
     SeenShape s;
     s.shape = &shape;
     s.id = static_cast<std::int64_t>(seen.size());
@@ -238,9 +237,11 @@ RenderScratch::RenderScratch(rt::NonRealtime&, std::size_t max_shapes)
 
 void render(const World& world, const Intrinsics& k, const Pose& X_WC, const DepthRange& range,
             const DepthNoise& noise, std::uint64_t seed, std::uint64_t seq, RenderScratch& scratch,
-            RgbdFrame& out) noexcept {
+            RgbdFrame& out, std::span<const Shape> carried) noexcept {
   assert(k.width <= RgbdFrame::kMaxWidth && k.height <= RgbdFrame::kMaxHeight);
-  look(world, X_WC, scratch.seen);
+  scratch.seen.clear();
+  look(world.shapes(), X_WC, scratch.seen);
+  look(carried, X_WC, scratch.seen);
   const double margin_px = noise.lateral() != nullptr ? 4.2 * noise.lateral()->sigma_px : 0.0;
   RayTile tile;
   for (int v0 = 0; v0 < k.height; v0 += RayTile::kHeight) {

@@ -59,6 +59,22 @@ bool touches_sphere(const Obb& b, const Shape& s) {
   return (p.cwiseAbs() - b.half).cwiseMax(0.0).squaredNorm() <= s.half.x() * s.half.x();
 }
 
+// The distance of a convex thing along a line is convex: its slope is halved down to the least one.
+bool touches_capsule(const Obb& b, const Shape& s) {
+  const Vec3 o = b.R.transpose() * (s.X_WS.translation() - b.centre);
+  const Vec3 way = b.R.transpose() * s.X_WS.linear().col(2);
+  const auto outside = [&](double z) {  // from the box to the axis' point, per axis
+    const Vec3 p = o + z * way;
+    return Vec3(p - p.cwiseMax(-b.half).cwiseMin(b.half));
+  };
+  double lo = -s.half.z(), hi = s.half.z();
+  for (int i = 0; i < 60; ++i) {
+    const double z = (lo + hi) / 2;
+    (outside(z).dot(way) > 0 ? hi : lo) = z;
+  }
+  return outside((lo + hi) / 2).squaredNorm() <= s.half.x() * s.half.x();
+}
+
 bool touches(const Obb& b, const Shape& s) {
   switch (s.kind) {
     case Shape::Kind::kPlane:
@@ -69,6 +85,8 @@ bool touches(const Obb& b, const Shape& s) {
       return touches_cylinder(b, s);
     case Shape::Kind::kSphere:
       return touches_sphere(b, s);
+    case Shape::Kind::kCapsule:
+      return touches_capsule(b, s);
   }
   return false;
 }
