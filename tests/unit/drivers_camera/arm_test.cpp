@@ -106,6 +106,24 @@ TEST(ScriptedArm, RefusesWhatTheArmCanNotDo) {
   EXPECT_THAT(refusal(c), HasSubstr("'robot.arm.key[1].angles_deg[1]' = 140"));
 }
 
+// Said twice, here and where the twins have it: until they read the description.
+TEST(RobotFile, YoubotsMountAndBoxesAreTheTwins) {
+  const auto d = youbot();
+  const SyntheticCameraConfig camera;
+  EXPECT_EQ(d.camera_position_m, camera.mount_position_m);
+  EXPECT_EQ(d.camera_yaw_deg, camera.mount_yaw_deg);
+  EXPECT_EQ(d.camera_pitch_deg, camera.mount_pitch_deg);
+  const auto boxes = drivers::youbot_body();
+  ASSERT_EQ(d.base_boxes.size(), boxes.size());
+  for (std::size_t i = 0; i < boxes.size(); ++i) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      const auto axis = static_cast<Eigen::Index>(a);
+      EXPECT_NEAR(d.base_boxes[i].centre_m[a], boxes[i].centre_B(axis), 1e-12);
+      EXPECT_NEAR(d.base_boxes[i].size_m[a], 2 * boxes[i].half(axis), 1e-12);
+    }
+  }
+}
+
 // Every pixel shows what a ray cast into a world with the arm's capsules in it meets.
 TEST(ScriptedArm, TheCameraSeesItWhereItIs) {
   const drivers::World room = load_world("default_room.toml");

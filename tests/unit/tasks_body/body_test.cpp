@@ -54,7 +54,8 @@ struct Case {
   bool arm_there = true, masked = true;
   drivers::ScriptedArmConfig script = full_reach();
   int frames = kFrames;
-  std::shared_ptr<const perception::RobotDescription> robot;  // that fusion knows; none: the youBot
+  std::shared_ptr<const perception::RobotDescription> robot =
+      nullptr;  // that fusion knows; none: the youBot
 };
 
 tasks::FusionConfig config() {
