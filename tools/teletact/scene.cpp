@@ -110,14 +110,25 @@ namespace {
 
 // Read once, and the arm's script held against it, before anything is built.
 void settle_arm(Scene& scene, const std::string& path) {
-  const config::Section& arm = scene.schema.section("robot").section("arm");
-  if (!scene.arm.present()) {
-    const bool any = std::any_of(arm.fields().begin(), arm.fields().end(),
-                                 [](const auto& f) { return f->named; });
-    if (any) throw std::runtime_error(path + ": robot.arm.key: allowed one or more; there is none");
+  const drivers::ScriptedArmConfig& arm = scene.arm;
+  if (!arm.present()) {
+    // A saved scene names every key, each at its default.
+    const drivers::ScriptedArmConfig none;
+    if (arm.description != none.description || arm.joint_delay_ms != none.joint_delay_ms ||
+        arm.joint_error_deg != none.joint_error_deg || arm.stated_age_ms != none.stated_age_ms ||
+        arm.stated_error_deg != none.stated_error_deg)
+      throw std::runtime_error(path +
+                               ": key 'robot.arm.key' = []: allowed one or more where "
+                               "[robot.arm] asks for anything");
     return;
   }
-  auto robot = perception::load_robot(find_config("robots", scene.arm.description));
+  std::string file;
+  try {
+    file = find_config("robots", arm.description);
+  } catch (const std::runtime_error& e) {
+    throw std::runtime_error(path + ": key 'robot.arm.description': " + e.what());
+  }
+  auto robot = perception::load_robot(file);
   if (!robot) throw std::runtime_error(robot.error());
   scene.robot = std::make_shared<perception::RobotDescription>(std::move(robot).value());
   rt::Startup startup;
