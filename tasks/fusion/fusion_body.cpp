@@ -31,7 +31,8 @@ FusionBody::FusionBody(rt::NonRealtime& nrt, const BodyConfig& config,
       X_CB_(X_BC.inverse()),
       camera_(camera),
       mask_(nrt, camera.width, camera.height),
-      copy_(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height)) {}
+      copy_(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height)),
+      shown_(copy_.size(), static_cast<std::uint8_t>(perception::PixelOf::kPlace)) {}
 
 void FusionBody::add(const Capsule& c_B, int link, const JointAngles& joints) noexcept {
   if (count_ == capsules_C_.size()) return;
@@ -43,8 +44,8 @@ void FusionBody::add(const Capsule& c_B, int link, const JointAngles& joints) no
   capsules_C_[count_++] = c;
 }
 
-bool FusionBody::see(const RgbdFrame& frame, const std::optional<perception::HeldObject>& held,
-                     perception::ImageView<std::uint8_t> mask) noexcept {
+bool FusionBody::see(const RgbdFrame& frame,
+                     const std::optional<perception::HeldObject>& held) noexcept {
   const JointAngles& joints = frame.joints;
   depth_ = frame.depth();
   pixels_ = 0;
@@ -77,9 +78,23 @@ bool FusionBody::see(const RgbdFrame& frame, const std::optional<perception::Hel
 
   std::memcpy(copy_.data(), frame.depth_mm.data(), copy_.size() * sizeof copy_[0]);
   pixels_ = mask_.mark({capsules_C_.data(), count_}, camera_,
-                       {copy_.data(), camera_.width, camera_.height, camera_.width}, mask);
+                       {copy_.data(), camera_.width, camera_.height, camera_.width},
+                       {shown_.data(), camera_.width, camera_.height, camera_.width});
   if (pixels_ > 0) depth_ = {copy_.data(), camera_.width, camera_.height, camera_.width};
   return true;
+}
+
+void FusionBody::show(perception::ImageView<std::uint8_t> mask) const noexcept {
+  constexpr auto kBody = static_cast<std::uint8_t>(perception::PixelOf::kBody);
+  constexpr auto kPlace = static_cast<std::uint8_t>(perception::PixelOf::kPlace);
+  for (int v = 0; v < camera_.height; ++v) {
+    const std::uint8_t* own = shown_.data() + static_cast<std::ptrdiff_t>(v) * camera_.width;
+    std::uint8_t* row = mask.row(v);
+    for (int u = 0; u < camera_.width; ++u) {
+      const std::uint8_t rest = row[u] == kBody ? kPlace : row[u];
+      row[u] = own[u] == kBody ? kBody : rest;
+    }
+  }
 }
 
 std::optional<Eigen::AlignedBox3d> FusionBody::take_grasp_W(const Pose& X_WC) noexcept {
@@ -102,9 +117,7 @@ std::optional<Eigen::AlignedBox3d> FusionBody::take_grasp_W(const Pose& X_WC) no
 bool FusionTask::see_body(const RgbdFrame& frame, Out& out) noexcept {
   if (body_ == nullptr) return true;
   Stage stage(profiling_, *crew_, profile_.prepare);
-  if (!body_->see(frame, held_,
-                  {mask_.data(), setup_.camera.width, setup_.camera.height, setup_.camera.width}))
-    return false;
+  if (!body_->see(frame, held_)) return false;
   out.body_pixels = body_->pixels();
   out.work += body_->work();
   // What was taken up is in the map where it lay; one region at a time.
@@ -115,6 +128,11 @@ bool FusionTask::see_body(const RgbdFrame& frame, Out& out) noexcept {
     grasp_W_.reset();
   }
   return true;
+}
+
+void FusionTask::show_body() noexcept {
+  if (body_ == nullptr) return;
+  body_->show({mask_.data(), setup_.camera.width, setup_.camera.height, setup_.camera.width});
 }
 
 perception::FrameView FusionTask::view_of(const RgbdFrame& frame) const noexcept {

@@ -32,10 +32,12 @@ class FusionBody {
              const perception::TrackerConfig& noise, const perception::Pose& X_BC,
              const perception::Intrinsics& camera);
 
-  // Marks the frame's pixels in `mask`. False: the joints can not say where the body is (none, damaged, too old).
+  // Finds the frame's pixels of the body. False: the joints can not say where it is (none, damaged, too old).
   [[nodiscard]] bool see(const perception::RgbdFrame& frame,
-                         const std::optional<perception::HeldObject>& held,
-                         perception::ImageView<std::uint8_t> mask) noexcept;
+                         const std::optional<perception::HeldObject>& held) noexcept;
+  // Sets the pixels of the last see() to kBody; what was kBody before and is not now becomes kPlace. Apart, for what
+  // moves is found in between, and the body is shown on top.
+  void show(perception::ImageView<std::uint8_t> mask) const noexcept;
   // Of the last see(): the frame's, or a copy of it without the body.
   [[nodiscard]] const perception::ImageView<const std::uint16_t>& depth() const noexcept {
     return depth_;
@@ -57,6 +59,7 @@ class FusionBody {
   perception::Intrinsics camera_;
   perception::BodyMask mask_;
   std::vector<std::uint16_t> copy_;
+  std::vector<std::uint8_t> shown_;  // kBody and kPlace
   perception::ImageView<const std::uint16_t> depth_{};
   int pixels_ = 0;
   std::array<double, perception::JointAngles::kMost> q_{}, speed_{};

@@ -130,6 +130,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
     watch_for_loss(r);
     out.work += r.work + relocaliser_.take_work();
   }
+  show_body();
   settle_motion(r, frame.exposure, first);
   ++frames_;
 

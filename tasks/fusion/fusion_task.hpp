@@ -250,6 +250,7 @@ class FusionTask {
   }
   // fusion_body.cpp
   [[nodiscard]] bool see_body(const perception::RgbdFrame& frame, Out& out) noexcept;
+  void show_body() noexcept;
   [[nodiscard]] perception::FrameView view_of(const perception::RgbdFrame& frame) const noexcept;
   void settle_motion(const perception::TrackingResult& r, rt::Time exposure, bool first) noexcept;
   void cast_model(int pixel_step, Out& out) noexcept;
