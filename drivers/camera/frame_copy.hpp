@@ -14,6 +14,7 @@ inline void copy_frame(const perception::RgbdFrame& from, perception::RgbdFrame&
   to.seq = from.seq;
   to.intrinsics = from.intrinsics;
   to.has_colour = from.has_colour;
+  to.joints = from.joints;
   std::copy_n(from.depth_mm.data(), n, to.depth_mm.data());
   if (from.has_colour) std::copy_n(from.colour.data(), n, to.colour.data());
 }

@@ -88,6 +88,33 @@ void cast_sphere(RayTile& tile, const Linear lx, const Linear ly, const Linear l
   }
 }
 
+// Against the infinite cylinder; where the ray enters that beyond an end of the axis, against the ball there
+// (whoever misses the cylinder misses the balls).
+TELETACT_CAMERA_CLONES
+void cast_capsule(RayTile& tile, const Linear lx, const Linear ly, const Linear lz, double radius,
+                  double hz, std::int64_t id) noexcept {
+  const double c = lx.o * lx.o + ly.o * ly.o - radius * radius;
+  for (int i = 0; i < kN; ++i) {
+    const double dx = lx(tile.x[i], tile.y[i]), dy = ly(tile.x[i], tile.y[i]);
+    const double dz = lz(tile.x[i], tile.y[i]);
+    const double across = dx * dx + dy * dy;
+    const double a = most(across, 1e-30), b = lx.o * dx + ly.o * dy;
+    const double disc = b * b - a * c;
+    const double side = (-b - __builtin_sqrt(most(disc, 0.0))) / a;
+    const double z = lz.o + side * dz;
+    // The ball that the ray meets where it is beyond the side.
+    const double oz = lz.o - (z > 0 ? hz : -hz);
+    const double ball_a = across + dz * dz, ball_b = b + oz * dz;
+    const double ball = ball_b * ball_b - ball_a * (c + oz * oz);
+    const double cap = (-ball_b - __builtin_sqrt(most(ball, 0.0))) / ball_a;
+    const bool on_side = (z <= hz) & (z >= -hz);
+    const double t = on_side ? side : cap;
+    const bool hit = (disc >= 0) & (on_side | (ball >= 0)) & (t > 0) & (t < tile.t[i]);
+    tile.t[i] = hit ? t : tile.t[i];
+    tile.id[i] = hit ? id : tile.id[i];
+  }
+}
+
 // Brightness of every ray of the tile as if it met this shape.
 template <Paint::Texture texture>
 [[gnu::always_inline]] inline void levels(const RayTile& tile, const Linear lx, const Linear ly,
@@ -148,6 +175,8 @@ void tile_cast(RayTile& tile, const SeenShape& s) noexcept {
       return cast_cylinder(tile, x, y, z, h.x(), h.z(), s.id);
     case Shape::Kind::kSphere:
       return cast_sphere(tile, x, y, z, h.x(), s.id);
+    case Shape::Kind::kCapsule:
+      return cast_capsule(tile, x, y, z, h.x(), h.z(), s.id);
   }
 }
 

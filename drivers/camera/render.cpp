@@ -49,14 +49,24 @@ bool may_see(const SeenShape& s, const TileBounds& b) noexcept {
          !outside(-c.y(), -b.y0);
 }
 
+<<<<<<< ours
+// `moves`: the world that the shapes are of, where some of them may move; null: they stand where they say.
+void look(std::span<const Shape> shapes, const World* moves, const Pose& X_WC, rt::Time t,
+          std::vector<SeenShape>& seen) noexcept {
+  assert(seen.capacity() >= seen.size() + shapes.size());
+  for (const Shape& shape : shapes) {
+=======
 void look(const World& world, const Pose& X_WC, rt::Time t, std::vector<SeenShape>& seen) noexcept {
   assert(seen.capacity() >= world.shapes().size());
   seen.clear();
   for (const Shape& shape : world.shapes()) {
+>>>>>>> theirs
     SeenShape s;
     s.shape = &shape;
     s.id = static_cast<std::int64_t>(seen.size());
-    const Pose X_WS = shape.mover < 0 ? shape.X_WS : world.X_WS_at(static_cast<int>(s.id), t);
+    const Pose X_WS = moves == nullptr || shape.mover < 0
+                          ? shape.X_WS
+                          : moves->X_WS_at(static_cast<int>(s.id), t);
     const Mat3 R_SW = X_WS.linear().transpose();
     s.origin_S = R_SW * (X_WC.translation() - X_WS.translation());
     s.R_SC = R_SW * X_WC.linear();
@@ -241,9 +251,11 @@ RenderScratch::RenderScratch(rt::NonRealtime&, std::size_t max_shapes)
 
 void render(const World& world, const Intrinsics& k, const Pose& X_WC, const DepthRange& range,
             const DepthNoise& noise, std::uint64_t seed, std::uint64_t seq, RenderScratch& scratch,
-            RgbdFrame& out, rt::Time t) noexcept {
+            RgbdFrame& out, rt::Time t, std::span<const Shape> carried) noexcept {
   assert(k.width <= RgbdFrame::kMaxWidth && k.height <= RgbdFrame::kMaxHeight);
-  look(world, X_WC, t, scratch.seen);
+  scratch.seen.clear();
+  look(world.shapes(), &world, X_WC, t, scratch.seen);
+  look(carried, nullptr, X_WC, t, scratch.seen);
   const double margin_px = noise.lateral() != nullptr ? 4.2 * noise.lateral()->sigma_px : 0.0;
   RayTile tile;
   for (int v0 = 0; v0 < k.height; v0 += RayTile::kHeight) {

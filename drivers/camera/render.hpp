@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "drivers/camera/depth_noise.hpp"
@@ -36,11 +37,12 @@ struct RenderScratch {
 };
 
 // Fills depth, colour, intrinsics, has_colour and seq of `out`; leaves `exposure`. Allocates
-// nothing. The world is that of instant t. The result is a function of the arguments only. Asserts that the scratch is large
-// enough.
+// nothing. The world is that of instant t. `carried`: shapes that are there for this image only, placed in W. The
+// result is a function of the arguments only. Asserts that the scratch is large enough.
 void render(const World& world, const perception::Intrinsics& intrinsics,
             const perception::Pose& X_WC, const DepthRange& range, const DepthNoise& noise,
             std::uint64_t seed, std::uint64_t seq, RenderScratch& scratch,
-            perception::RgbdFrame& out, rt::Time t = World::kBeginning) noexcept;
+            perception::RgbdFrame& out, rt::Time t = World::kBeginning,
+            std::span<const Shape> carried = {}) noexcept;
 
 }  // namespace drivers

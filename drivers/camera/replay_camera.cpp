@@ -52,6 +52,7 @@ void ReplayCamera::deliver(std::size_t i, std::uint64_t seq, rt::Time exposure,
   out.seq = seq;
   out.intrinsics = intrinsics_;
   out.has_colour = has_colour_;
+  out.joints = {};
   std::copy_n(depth_mm_.data() + i * pixels, pixels, out.depth_mm.data());
   if (has_colour_) std::copy_n(colour_.data() + i * pixels, pixels, out.colour.data());
 }

@@ -48,9 +48,17 @@ SyntheticCamera::SyntheticCamera(rt::NonRealtime& nrt, const SyntheticCameraConf
       range_{config.range_min_m, config.range_max_m},
       noise_(nrt, config.noise),
       scratch_(nrt, world.shapes().size()),
+      X_CB_(config.X_BC().inverse()),
       seed_(config.seed),
       t0_(t0),
       exposure_(rt::nanos_from_seconds(config.exposure_ms * 1e-3)) {}
+
+void SyntheticCamera::carry(rt::NonRealtime&, std::unique_ptr<ScriptedArm> arm) {
+  arm_ = std::move(arm);
+  const std::size_t shapes = world_.shapes().size() + arm_->shapes();
+  scratch_.seen.reserve(shapes);
+  scratch_.in_tile.reserve(shapes);
+}
 
 rt::Time SyntheticCamera::complete(std::uint64_t f) const noexcept {
   return t0_ + kCameraRate.release(f) + exposure_;
@@ -63,8 +71,15 @@ rt::Time SyntheticCamera::mid_exposure(std::uint64_t f) const noexcept {
 void SyntheticCamera::expose(std::uint64_t f, perception::RgbdFrame& out) noexcept {
   const std::int64_t begin = rt::thread_cpu_ns();
   const rt::Time middle = mid_exposure(f);
-  render(world_, intrinsics_, pose_.X_WC_at(middle), range_, noise_, seed_, f, scratch_, out,
-         middle);
+  const Pose X_WC = pose_.X_WC_at(middle);
+  std::span<const Shape> carried;
+  out.joints = {};
+  if (arm_ != nullptr) {
+    carried = arm_->place(middle, X_WC * X_CB_);
+    out.joints = arm_->reported(middle);
+  }
+  render(world_, intrinsics_, X_WC, range_, noise_, seed_, f, scratch_, out, middle,
+         carried);
   out.exposure = middle;
   twin_cpu_ns_ += rt::thread_cpu_ns() - begin;
   ++rendered_;

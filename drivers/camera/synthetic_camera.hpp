@@ -18,6 +18,7 @@
 #include "drivers/camera/camera.hpp"
 #include "drivers/camera/pose_source.hpp"
 #include "drivers/camera/render.hpp"
+#include "drivers/camera/scripted_arm.hpp"
 #include "rt/memory/non_realtime.hpp"
 
 namespace drivers {
@@ -48,6 +49,10 @@ class SyntheticCamera : public Camera {
   SyntheticCamera(rt::NonRealtime&, const SyntheticCameraConfig& config, const World& world,
                   PoseSource& pose, rt::Time t0);
 
+  // Effect: the robot that carries the camera has an arm. Before the first frame.
+  void carry(rt::NonRealtime&, std::unique_ptr<ScriptedArm> arm);
+  [[nodiscard]] const ScriptedArm* arm() const noexcept { return arm_.get(); }
+
   [[nodiscard]] perception::Intrinsics intrinsics() const noexcept override { return intrinsics_; }
   [[nodiscard]] double rate_hz() const noexcept override { return kCameraRate.hz(); }
   // Renders on demand, in the caller's thread: for the virtual clock and for tests.
@@ -70,6 +75,8 @@ class SyntheticCamera : public Camera {
   DepthRange range_;
   DepthNoise noise_;
   RenderScratch scratch_;
+  std::unique_ptr<ScriptedArm> arm_;  // null: none
+  perception::Pose X_CB_;
   std::uint64_t seed_;
   rt::Time t0_;
   rt::Nanos exposure_;

@@ -1,11 +1,12 @@
-// An RGB-D frame as it crosses the link: a header and two blobs, depth (lossless) and colour
-// (JPEG, with a mask of the pixels that have none: colour_mask.hpp). Fixed capacity, so it lives in a
-// prefaulted channel slot; on the wire it has only its real length.
+// An RGB-D frame as it crosses the link: a header, the joint angles at the exposure, and two blobs, depth
+// (lossless) and colour (JPEG, with a mask of the pixels that have none: colour_mask.hpp). Fixed capacity, so it
+// lives in a prefaulted channel slot; on the wire it has only its real length.
 //
-// Wire form, little-endian (write_wire / read_wire), kWireHeader bytes and then the blobs:
-//   u32 magic "TTF1", u8 box, u8 flags (1 = colour), u16 width, u16 height, u16 0,
+// Wire form, little-endian (write_wire / read_wire), kWireHeader bytes, then the joints, then the blobs:
+//   u32 magic "TTF2", u8 box, u8 flags (1 = colour), u16 width, u16 height, u8 joints, u8 0,
 //   u32 depth size, u32 colour size, u64 seq, i64 exposure ns, 4 x f64 fx fy cx cy,
-//   u64 check (rt::Hash64 over the header before it and the blobs)
+//   u64 check (rt::Hash64 over the header before it, the joints and the blobs)
+// and where there are joints: f32 error, f32 age s, and of each f32 position, f32 speed.
 #pragma once
 
 #include <array>
@@ -26,6 +27,7 @@ struct EncodedFrame {
   std::uint64_t seq = 0;  // the camera's frame number
   perception::Intrinsics intrinsics{};
   bool has_colour = false;
+  perception::JointAngles joints{};
   std::uint32_t depth_size = 0, colour_size = 0;
   std::array<std::uint8_t, kCapacity> bytes{};  // depth, then colour
 
@@ -41,7 +43,7 @@ enum class FrameStatus : std::uint8_t {
   kOk,
   kNoColour,   // depth is good; colour could not be coded or decoded and was left out
   kTruncated,  // fewer bytes than the header asks for
-  kBadHeader,  // magic, size, intrinsics outside what a camera can have
+  kBadHeader,  // magic, size, intrinsics or joints outside what a robot can have
   kBadCheck,   // bytes changed on the way
   kBadDepth,   // the depth blob is not one of ours
   kNoRoom,     // destination too small
@@ -49,6 +51,8 @@ enum class FrameStatus : std::uint8_t {
 [[nodiscard]] const char* to_text(FrameStatus s) noexcept;
 
 inline constexpr std::size_t kWireHeader = 76;
+inline constexpr std::size_t kMaxJointBytes = 8 + 8 * std::size_t{perception::JointAngles::kMost};
+inline constexpr std::size_t kMaxWire = kWireHeader + kMaxJointBytes + EncodedFrame::kCapacity;
 [[nodiscard]] std::size_t wire_size(const EncodedFrame& frame) noexcept;
 // Bytes written; 0 when `out` is shorter than wire_size().
 std::size_t write_wire(const EncodedFrame& frame, std::span<std::uint8_t> out) noexcept;

@@ -18,7 +18,7 @@ constexpr std::uint32_t kMagic = 0x31544C54;  // "TLT1"
 // One line a message: a change of any field changes the hash, and old and new refuse each other.
 constexpr std::string_view kSchema =
     "header:magic4,version2,id2,length4,crc4,seq8,stamp8,schema8;"
-    "hello:;clock_request:t0i8;clock_reply:t0i8,t1i8,t2i8;frame:encoded_frame_v1;"
+    "hello:;clock_request:t0i8;clock_reply:t0i8,t1i8,t2i8;frame:encoded_frame_v2;"
     "robot_state:seq8,taken8,x,y,yaw,vx,vy,wz,cmd_vx,cmd_vy,cmd_wz,goal_seq8,mode1,moving1,fault2;"
     "robot_goal:seq8,made8,valid_until8,x,y,yaw,vx,vy,wz,speed_limit,engaged1,operator_engaged1,"
     "operator_clear1,path_seq8;"

@@ -33,7 +33,7 @@ enum class MessageId : std::uint16_t {
 inline constexpr int kMessageIds = 8;
 inline constexpr std::uint16_t kSchemaVersion = 1;
 inline constexpr std::size_t kHeaderSize = 40;
-inline constexpr std::size_t kMaxBody = kWireHeader + EncodedFrame::kCapacity;
+inline constexpr std::size_t kMaxBody = kMaxWire;
 inline constexpr std::size_t kMaxControlBody = 512;
 
 // Instants of a box's clock lie within 31 years of its zero: differences and sums of a few of them

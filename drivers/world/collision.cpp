@@ -59,6 +59,22 @@ bool touches_sphere(const Obb& b, const Vec3& centre, double radius) {
   return (p.cwiseAbs() - b.half).cwiseMax(0.0).squaredNorm() <= radius * radius;
 }
 
+// The distance of a convex thing along a line is convex: its slope is halved down to the least one.
+bool touches_capsule(const Obb& b, const perception::Pose& X_WS, const Vec3& half) {
+  const Vec3 o = b.R.transpose() * (X_WS.translation() - b.centre);
+  const Vec3 way = b.R.transpose() * X_WS.linear().col(2);
+  const auto outside = [&](double z) {  // from the box to the axis' point, per axis
+    const Vec3 p = o + z * way;
+    return Vec3(p - p.cwiseMax(-b.half).cwiseMin(b.half));
+  };
+  double lo = -half.z(), hi = half.z();
+  for (int i = 0; i < 60; ++i) {
+    const double z = (lo + hi) / 2;
+    (outside(z).dot(way) > 0 ? hi : lo) = z;
+  }
+  return outside((lo + hi) / 2).squaredNorm() <= half.x() * half.x();
+}
+
 bool touches(const Obb& b, const Shape& s, const perception::Pose& X_WS) {
   switch (s.kind) {
     case Shape::Kind::kPlane:
@@ -69,6 +85,8 @@ bool touches(const Obb& b, const Shape& s, const perception::Pose& X_WS) {
       return touches_cylinder(b, X_WS, s.half);
     case Shape::Kind::kSphere:
       return touches_sphere(b, X_WS.translation(), s.half.x());
+    case Shape::Kind::kCapsule:
+      return touches_capsule(b, X_WS, s.half);
   }
   return false;
 }

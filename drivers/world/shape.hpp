@@ -5,6 +5,7 @@
 //   kBox       |x| <= half.x, |y| <= half.y, |z| <= half.z
 //   kCylinder  axis = z_S (always vertical in W), radius half.x = half.y, |z| <= half.z
 //   kSphere    radius half.x
+//   kCapsule   all within half.x of the segment |z_S| <= half.z; turned any way
 #pragma once
 
 #include <cstdint>
@@ -26,7 +27,7 @@ struct Paint {
 };
 
 struct Shape {
-  enum class Kind : std::uint8_t { kPlane, kBox, kCylinder, kSphere };
+  enum class Kind : std::uint8_t { kPlane, kBox, kCylinder, kSphere, kCapsule };
   Kind kind = Kind::kBox;
   std::string name;
   perception::Pose X_WS = perception::Pose::Identity();

@@ -126,6 +126,26 @@ Entry enter_sphere(const Vec3& o, const Vec3& d, double radius) {
   return {t, (o + t * d) / radius};
 }
 
+// Side and two balls; of a convex thing the first entry from outside is the least of theirs.
+Entry enter_capsule(const Vec3& o, const Vec3& d, double radius, double half_z) {
+  const double along = std::clamp(o.z(), -half_z, half_z);
+  if (Vec3(o.x(), o.y(), o.z() - along).norm() < radius) return {};  // from inside
+  Entry best;
+  const auto offer = [&best](const Entry& e) {
+    if (e.t > 0 && (best.t <= 0 || e.t < best.t)) best = e;
+  };
+  for (const double z : {-half_z, half_z}) offer(enter_sphere(o - Vec3(0, 0, z), d, radius));
+  const double a = d.x() * d.x() + d.y() * d.y();
+  const double b = o.x() * d.x() + o.y() * d.y();
+  const double disc = b * b - a * (o.x() * o.x() + o.y() * o.y() - radius * radius);
+  if (a > 0 && disc >= 0) {
+    const double t = (-b - std::sqrt(disc)) / a;
+    const Vec3 p = o + t * d;
+    if (std::abs(p.z()) <= half_z) offer({t, Vec3(p.x(), p.y(), 0) / radius});
+  }
+  return best;
+}
+
 Entry enter(const Shape& s, const Vec3& o, const Vec3& d) {
   switch (s.kind) {
     case Shape::Kind::kPlane:
@@ -137,6 +157,8 @@ Entry enter(const Shape& s, const Vec3& o, const Vec3& d) {
       return enter_cylinder(o, d, s.half.x(), s.half.z());
     case Shape::Kind::kSphere:
       return enter_sphere(o, d, s.half.x());
+    case Shape::Kind::kCapsule:
+      return enter_capsule(o, d, s.half.x(), s.half.z());
   }
   return {};
 }
@@ -187,6 +209,10 @@ Shape make_cylinder(const CylinderConfig& c) {
   return s;
 }
 
+Shape make_capsule(const CapsuleShapeConfig& c) {
+  return make_capsule(c.name, vec(c.from_m), vec(c.to_m), c.radius_m, make_paint(c.paint));
+}
+
 Shape make_sphere(const SphereConfig& c) {
   Shape s;
   s.kind = Shape::Kind::kSphere;
@@ -199,6 +225,40 @@ Shape make_sphere(const SphereConfig& c) {
 
 }  // namespace
 
+void place_capsule(const Vec3& a_W, const Vec3& b_W, Pose& X_WS) noexcept {
+  const Vec3 way = b_W - a_W;
+  X_WS.linear() = Eigen::Quaterniond::FromTwoVectors(Vec3::UnitZ(),
+                                                     way.norm() > 1e-9 ? way : Vec3(Vec3::UnitZ()))
+                      .toRotationMatrix();
+  X_WS.translation() = (a_W + b_W) / 2;
+}
+
+Shape make_capsule(std::string name, const Vec3& a_W, const Vec3& b_W, double radius,
+                   const Paint& paint) {
+  Shape s;
+  s.kind = Shape::Kind::kCapsule;
+  s.name = std::move(name);
+  place_capsule(a_W, b_W, s.X_WS);
+  s.half = {radius, radius, (b_W - a_W).norm() / 2};
+  s.paint = paint;
+  return s;
+}
+
+void derive(Shape& s) {
+  for (int a = 0; a < 3; ++a) {
+    s.lattice_offset_m[a] = lattice_offset(s.half[a], s.paint.cell_m);
+  }
+  s.bound_radius_m = s.kind == Shape::Kind::kPlane      ? kInfinity
+                     : s.kind == Shape::Kind::kSphere   ? s.half.x()
+                     : s.kind == Shape::Kind::kCylinder ? std::hypot(s.half.x(), s.half.z())
+                     : s.kind == Shape::Kind::kCapsule  ? s.half.x() + s.half.z()
+                                                        : s.half.norm();
+  // By name, not by place in the file: adding a shape leaves the others' colours as they were.
+  std::uint64_t h = 0;
+  for (const char c : s.name) h = rt::mix64(h, static_cast<unsigned char>(c));
+  s.paint_seed = static_cast<std::uint32_t>(h);
+}
+
 World::World(rt::NonRealtime&, const WorldConfig& config, rt::Time t0) : t0_(t0) {
   std::vector<Shape> shapes;
   if (config.room.present()) add_room(config.room, shapes);
@@ -208,6 +268,7 @@ World::World(rt::NonRealtime&, const WorldConfig& config, rt::Time t0) : t0_(t0)
   for (const auto& c : config.boxes) shapes.push_back(make_box(c));
   for (const auto& c : config.cylinders) shapes.push_back(make_cylinder(c));
   for (const auto& c : config.spheres) shapes.push_back(make_sphere(c));
+  for (const auto& c : config.capsules) shapes.push_back(make_capsule(c));
   for (auto& s : shapes) add(std::move(s));
   for (const auto& c : config.movers) add(c);
 }
@@ -218,17 +279,7 @@ void World::add(Shape s) {
                              " has no name");
   }
   if (find(s.name) >= 0) throw std::runtime_error("world: two shapes are named '" + s.name + "'");
-  for (int a = 0; a < 3; ++a) {
-    s.lattice_offset_m[a] = lattice_offset(s.half[a], s.paint.cell_m);
-  }
-  s.bound_radius_m = s.kind == Shape::Kind::kPlane      ? kInfinity
-                     : s.kind == Shape::Kind::kSphere   ? s.half.x()
-                     : s.kind == Shape::Kind::kCylinder ? std::hypot(s.half.x(), s.half.z())
-                                                        : s.half.norm();
-  // By name, not by place in the file: adding a shape leaves the others' colours as they were.
-  std::uint64_t h = 0;
-  for (const char c : s.name) h = rt::mix64(h, static_cast<unsigned char>(c));
-  s.paint_seed = static_cast<std::uint32_t>(h);
+  derive(s);
   shapes_.push_back(std::move(s));
 }
 
@@ -281,6 +332,9 @@ double World::signed_distance(const Vec3& p_W, int shape, rt::Time t) const noex
       return from_excess<2>({std::hypot(p.x(), p.y()) - s.half.x(), std::abs(p.z()) - s.half.z()});
     case Shape::Kind::kSphere:
       return p.norm() - s.half.x();
+    case Shape::Kind::kCapsule:
+      return Vec3(p.x(), p.y(), p.z() - std::clamp(p.z(), -s.half.z(), s.half.z())).norm() -
+             s.half.x();
   }
   return kInfinity;
 }

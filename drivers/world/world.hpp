@@ -66,7 +66,7 @@ class World {
 
   // First shape that the body at (x, y, yaw) touches or overlaps; -1: none. Ground shapes do not
   // count. Exact: box-plane by corners, box-box by separating axes, box-cylinder as rectangle-disc
-  // in the plane times height overlap, box-sphere by distance.
+  // in the plane times height overlap, box-sphere by distance, box-capsule by the nearest point of the axis.
   [[nodiscard]] int robot_collision(double x_m, double y_m, double yaw_rad,
                                     rt::Time t = kBeginning) const noexcept;
   [[nodiscard]] int robot_collision(double x_m, double y_m, double yaw_rad,
@@ -87,6 +87,15 @@ class World {
   std::vector<Motion> movers_;
   rt::Time t0_;
 };
+
+// A capsule with its axis from a to b, in W or wherever its X_WS is put later. Throws nothing.
+[[nodiscard]] Shape make_capsule(std::string name, const perception::Vec3& a_W,
+                                 const perception::Vec3& b_W, double radius, const Paint& paint);
+// Places an existing one: its length and radius stay.
+void place_capsule(const perception::Vec3& a_W, const perception::Vec3& b_W,
+                   perception::Pose& X_WS) noexcept;
+// Fills what World derives of a shape: for shapes that are not in a world (bodies that move).
+void derive(Shape& shape);
 
 // Colour of a shape at a point of its surface.
 [[nodiscard]] perception::Rgb surface_colour(const Shape& shape,

@@ -58,6 +58,14 @@ void SphereConfig::describe(config::Section& s) {
   paint.describe(s);
 }
 
+void CapsuleShapeConfig::describe(config::Section& s) {
+  describe_name(s, name);
+  s.numbers("from_m", from_m, -kFar, kFar, "one end of the axis");
+  s.numbers("to_m", to_m, -kFar, kFar, "the other end; the same: a ball");
+  s.number("radius_m", radius_m, 0.001, kFar, "about the axis");
+  paint.describe(s);
+}
+
 void WorldConfig::describe(config::Section& s) {
   room.describe(s.section("room", "floor z = 0, four walls, a ceiling; absent: none"));
   const auto lister = [&s](const char* key, auto& items, const char* doc) {
@@ -68,6 +76,7 @@ void WorldConfig::describe(config::Section& s) {
   lister("box", boxes, "boxes, turned any way");
   lister("cylinder", cylinders, "vertical cylinders");
   lister("sphere", spheres, "spheres");
+  lister("capsule", capsules, "rods with round ends, turned any way");
   lister("mover", movers, "motions of shapes");
 }
 

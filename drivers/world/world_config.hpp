@@ -71,12 +71,21 @@ struct SphereConfig {
   void describe(config::Section& s);
 };
 
+struct CapsuleShapeConfig {
+  std::string name;
+  std::array<double, 3> from_m{0, 0, 0}, to_m{0, 0, 0.1};  // ends of the axis
+  double radius_m = 0.1;
+  PaintConfig paint;
+  void describe(config::Section& s);
+};
+
 struct WorldConfig {
   RoomConfig room;
   std::deque<PlaneConfig> planes;
   std::deque<BoxConfig> boxes;
   std::deque<CylinderConfig> cylinders;
   std::deque<SphereConfig> spheres;
+  std::deque<CapsuleShapeConfig> capsules;
   std::deque<MoverConfig> movers;
   void describe(config::Section& s);
 };

@@ -7,6 +7,7 @@
 
 #include "perception/geometry/camera_model.hpp"
 #include "perception/geometry/image.hpp"
+#include "perception/geometry/joint_angles.hpp"
 #include "rt/time.hpp"
 
 namespace perception {
@@ -26,6 +27,7 @@ struct RgbdFrame {
   std::uint64_t seq = 0;    // camera's frame number; gaps are lost frames
   Intrinsics intrinsics{};  // of the depth image; colour is registered to it when has_colour
   bool has_colour = false;
+  JointAngles joints{};  // of the robot that carries the camera, at the exposure
   std::array<std::uint16_t, kMaxPixels> depth_mm{};  // row-major, width x height; 0 = no reading
   std::array<Rgb, kMaxPixels> colour{};              // exactly black: none there (no_colour.hpp)
 

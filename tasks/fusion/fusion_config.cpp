@@ -50,6 +50,7 @@ void FusionConfig::describe(config::Section& s) {
   motion.describe(s.section("motion", "what moves in the image"));
   relocaliser.describe(s.section("relocaliser", "what brings a lost camera back"));
   ground.describe(s.section("ground", "ground plane and cost map"));
+  body.describe(s.section("body", "the robot's own body in the image"));
   describe_objects(s.section("objects", "objects named by a touch"));
   s.integer("patch_nodes", patch_nodes, 8, SurfacePatch::kMaxNodes,
             "edge of the haptic window, a multiple of 4")

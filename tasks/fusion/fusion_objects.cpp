@@ -83,12 +83,11 @@ void FusionTask::follow_objects(const perception::RgbdFrame& frame, bool integra
     if (mark_W_ && ++mark_waited_ > kMarkWaits) answer_mark(TouchAnswer::kNotTracked, 0);
     return;
   }
-  objects_->segment(perception::FrameView::of(frame), map_, X_WC_, mark_W_);
+  objects_->segment(view_of(frame), map_, X_WC_, mark_W_);
   objects_->fuse(map_);
   objects_drawn_ = view_due(out) && objects_->count() > 0;
   if (objects_drawn_)
-    objects_->draw(perception::FrameView::of(frame), map_, X_WC_, config_.view_step,
-                   objects_shown_.view());
+    objects_->draw(view_of(frame), map_, X_WC_, config_.view_step, objects_shown_.view());
   out.segmentation = objects_->stats();
   out.work += out.segmentation.work;
   if (mark_W_ && out.segmentation.answer != TouchAnswer::kNone)

@@ -9,7 +9,6 @@ namespace tasks {
 
 namespace {
 
-using perception::FrameView;
 using perception::MotionPrior;
 using perception::RgbdFrame;
 using perception::TrackingResult;
@@ -39,6 +38,9 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
       window_centre_W_(setup.X_WC0 * Vec3(0, 0, 1)) {
   require_valid(config, setup);
   set_up_objects(nrt);
+  if (setup.robot != nullptr)
+    body_ = std::make_unique<FusionBody>(nrt, config.body, *setup.robot, config.tracker, setup.X_BC,
+                                         setup.camera);
   if (config.mesh_blocks > 0) mesh_ = std::make_unique<perception::MeshSender>(nrt, map_);
 }
 
@@ -64,11 +66,13 @@ rt::Health FusionTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   out.paging = perception::PageStats{};
   out.segmentation = perception::ObjectStats{};
   out.work = out.work_view = 0;
+  out.body_pixels = 0;
   profile_ = Profile{};
   ++periods_;
 
   remember_odometry(in.odometry);
   remember_mark(in.hand);
+  held_ = in.held;
   if (in.virtual_obstacles_changed) static_cast<void>(ground_.set_virtual(in.virtual_obstacles));
   if (in.clear_W && clearable(*in.clear_W)) to_clear_W_ = *in.clear_W;
   clear_some(out);
@@ -92,6 +96,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
   if (started_ && frame.exposure <= exposure_) {
     return rt::Health::of(rt::Severity::kCounted, kFaultFusionBadFrame);
   }
+  if (!see_body(frame, out)) return rt::Health::of(rt::Severity::kCounted, kFaultFusionNoJoints);
   // The answer to a mark takes as long as fine tracking: the frame that gives it does the one coarser.
   const int coarser = mark_W_ ? 1 : 0;
   const auto level =
@@ -99,7 +104,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
   const FusionLevel& knobs = config_.levels[level];
   {
     Stage stage(profiling_, *crew_, profile_.prepare);
-    tracker_.prepare(frame.depth(), k, knobs.pixel_step);
+    tracker_.prepare(view_of(frame).depth_mm, k, knobs.pixel_step);
     out.work += tracker_.pyramid().work();
   }
   if (!started_ && tracker_.pyramid().level(1).valid < config_.tracker.lost_inliers) {
@@ -129,13 +134,14 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
     watch_for_loss(r);
     out.work += r.work + relocaliser_.take_work();
   }
+  show_body();
   settle_motion(r, frame.exposure, first);
   ++frames_;
 
   if (r.claimed) {
     ++frames_claimed_;
     Stage stage(profiling_, *crew_, profile_.integrate);
-    FrameView seen = FrameView::of(frame);
+    perception::FrameView seen = view_of(frame);
     if (masked_) seen.moving = pixel_mask();
     map_.decay(std::clamp(rt::seconds(frame.exposure - fused_exposure_), 0.0, 1.0));
     out.integration = map_.integrate(seen, X_WC_, knobs.allocate_step);

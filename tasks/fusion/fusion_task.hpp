@@ -51,6 +51,7 @@
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/tick.hpp"
+#include "tasks/fusion/fusion_body.hpp"
 #include "tasks/fusion/map_anchor.hpp"
 #include "tasks/fusion/scene_view.hpp"
 #include "tasks/graph/messages.hpp"
@@ -63,6 +64,8 @@ inline constexpr rt::FaultId kFaultFusionUnclaimed = 202;  // F-FUS-02 a directi
 inline constexpr rt::FaultId kFaultFusionMapFull = 203;    // F-FUS-03 block pool full: band lost
 inline constexpr rt::FaultId kFaultFusionBadFrame =
     204;  // F-FUS-04 image of another size, or empty
+inline constexpr rt::FaultId kFaultFusionNoJoints =
+    205;  // F-FUS-05 joints missing or too old: where the body is in the image is not known
 
 struct FusionLevel {
   int pixel_step = 1;                       // of tracking and of its ray cast: 1, 2, 4
@@ -90,6 +93,7 @@ struct FusionConfig {
   perception::RelocaliserConfig relocaliser;
   perception::GroundConfig ground;
   perception::ObjectsConfig objects;
+  BodyConfig body;
   ObjectMaterial object_material;                 // of every object
   std::deque<MaterialOfObject> object_materials;  // of single ones, instead
   int patch_nodes = 64;
@@ -122,7 +126,10 @@ struct FusionSetup {
   perception::Intrinsics camera{};  // of the depth images
   Pose X_WC0 = Pose::Identity();    // camera at the first frame; robots: X_WB0 * X_BC
   Pose X_BC = Pose::Identity();     // camera mount; recordings: identity
-  perception::GroundPrior ground;   // robots: up = z, camera height, start of the base
+  // The robot that carries the camera, where it has an arm that may be in view; null: none, and no frame's joints
+  // are looked at.
+  std::shared_ptr<const perception::RobotDescription> robot;
+  perception::GroundPrior ground;  // robots: up = z, camera height, start of the base
   std::array<perception::Material, perception::SurfacePatch::kMaxMaterials> palette{};
   rt::Nanos period{33333333};
 };
@@ -149,6 +156,7 @@ class FusionTask {
     std::optional<Eigen::AlignedBox3d> clear_W;  // to forget, in addition to what is being cleared
     std::uint64_t mesh_taken = 0;                // seq of the newest delta that its receiver took
     std::optional<Pose> X_WV;                    // eye of the view; none: the camera
+    std::optional<perception::HeldObject> held;  // from grasp to release
   };
   struct Out {
     perception::SurfacePatch* patch = nullptr;  // a nullptr output is not made
@@ -162,6 +170,7 @@ class FusionTask {
     bool patch_written = false, view_written = false, cost_map_written = false;
     bool camera_written = false;  // true when a frame was consumed
     bool integrated = false;
+    int body_pixels = 0;                  // of the consumed frame
     perception::TrackingResult tracking;  // of the consumed frame
     perception::MotionResult motion;      // of the consumed frame
     perception::IntegrateStats integration;
@@ -243,6 +252,10 @@ class FusionTask {
   [[nodiscard]] perception::ModelView model() const noexcept {
     return {model_.data(), model_.intrinsics, model_.X_WC};
   }
+  // fusion_body.cpp
+  [[nodiscard]] bool see_body(const perception::RgbdFrame& frame, Out& out) noexcept;
+  void show_body() noexcept;
+  [[nodiscard]] perception::FrameView view_of(const perception::RgbdFrame& frame) const noexcept;
   void settle_motion(const perception::TrackingResult& r, rt::Time exposure, bool first) noexcept;
   void cast_model(int pixel_step, Out& out) noexcept;
   void keep_map_in_place(Out& out) noexcept;
@@ -272,6 +285,9 @@ class FusionTask {
   perception::RaycastMaps model_, view_maps_;
   std::vector<std::uint8_t> mask_;  // of perception::PixelOf
   bool masked_ = false;             // not all of it is kPlace
+  std::unique_ptr<FusionBody> body_;  // null: a robot without an arm
+  std::optional<perception::HeldObject> held_;
+  std::optional<Eigen::AlignedBox3d> grasp_W_;     // where a thing lay, to be cleared
   perception::Image<std::uint8_t> objects_shown_;  // pixels of the view; of this period's frame:
   bool objects_drawn_ = false;
   std::unique_ptr<perception::ObjectMap> objects_;  // null: switched off

@@ -159,9 +159,20 @@ void hash_output(rt::Hash64& h, const drivers::MotorSetpoints& m) noexcept {
   for (const double w : wheels) h.value(w);
 }
 
+namespace {
+
+void hash_joints(rt::Hash64& h, const perception::JointAngles& m) noexcept {
+  const auto& [count, position, speed, error, age_s] = m;
+  all(h, count, error, age_s);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) all(h, position[i], speed[i]);
+}
+
+}  // namespace
+
 void hash_output(rt::Hash64& h, const drivers::EncodedFrame& m) noexcept {
-  const auto& [exposure, seq, intrinsics, has_colour, depth_size, colour_size, bytes] = m;
+  const auto& [exposure, seq, intrinsics, has_colour, joints, depth_size, colour_size, bytes] = m;
   all(h, exposure, seq, intrinsics, has_colour, depth_size, colour_size);
+  if (joints.count > 0) hash_joints(h, joints);
   h.bytes(bytes.data(), std::size_t{depth_size} + colour_size);
 }
 

@@ -38,6 +38,7 @@ inline constexpr std::array kFaultTable = {
   FaultRow{202, "F-FUS-02", rt::Severity::kCounted, ClearRule::kItself, "fusion: a direction is only guessed", "the frame is not claimed and not integrated"},
   FaultRow{203, "F-FUS-03", rt::Severity::kDegraded, ClearRule::kRestart, "fusion: block pool full", "what does not fit is lost and counted"},
   FaultRow{204, "F-FUS-04", rt::Severity::kCounted, ClearRule::kItself, "fusion: image of another size, or empty", "image refused"},
+  FaultRow{205, "F-FUS-05", rt::Severity::kCounted, ClearRule::kItself, "fusion: joints missing or too old for the image", "image refused: nobody knows where the robot's body is in it"},
   FaultRow{290, "F-FUS-90", rt::Severity::kRampDown, ClearRule::kItself, "fusion: task silent", "ramp down; the hand goes limp with the patch"},
   FaultRow{301, "F-PRE-01", rt::Severity::kDegraded, ClearRule::kItself, "prediction: no robot state for too long", "goals are not engaged: the robot holds still"},
   FaultRow{302, "F-PRE-02", rt::Severity::kCounted, ClearRule::kItself, "prediction: robot state not finite", "state refused; the last one ages"},

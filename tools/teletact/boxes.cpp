@@ -90,6 +90,11 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
     auto synthetic = std::make_unique<drivers::SyntheticCamera>(nrt, scene.camera, *world_, *pose_,
                                                                 options.epoch);
     camera_effects_ = synthetic->noise().constructed();
+    if (scene.robot != nullptr) {
+      synthetic->carry(
+          nrt, std::make_unique<drivers::ScriptedArm>(nrt, scene.arm, *scene.robot, options.epoch));
+      arm_effects_ = synthetic->arm()->effects();
+    }
     if (options.threaded_camera) {
       auto threaded =
           std::make_unique<drivers::ThreadedCamera>(nrt, std::move(synthetic), options.now);
@@ -118,6 +123,7 @@ Effects RobotBox::effects() const {
   if (!camera_said_.empty()) out.emplace_back("camera: " + camera_said_, "camera.kind");
   for (const auto& name : camera_effects_)
     out.emplace_back("camera noise: " + name, "camera.noise");
+  for (const auto& name : arm_effects_) out.emplace_back("robot: " + name, "robot.arm");
   for (const auto& name : bus_->plant().effects())
     out.emplace_back("robot: " + name, "robot.plant");
   return out;
@@ -138,6 +144,8 @@ OperatorBox::OperatorBox(rt::NonRealtime& nrt, const Scene& scene,
   setup.fusion.camera = camera;
   if (scene.rgbd_dir.empty()) {
     setup.fusion.X_BC = scene.camera.X_BC();
+    // A real camera's frames come without joints: nobody reports them yet.
+    if (!options.real_devices || scene.camera_choice.in_process()) setup.fusion.robot = scene.robot;
     setup.fusion.X_WC0 = scene.start_X_WB() * setup.fusion.X_BC;
     setup.fusion.ground.up_known = true;
     setup.fusion.ground.start_W = scene.start_X_WB().translation();

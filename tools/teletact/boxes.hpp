@@ -58,7 +58,7 @@ class RobotBox {
   std::unique_ptr<drivers::Camera> camera_;
   drivers::SyntheticCamera* synthetic_ = nullptr;
   drivers::ThreadedCamera* threaded_ = nullptr;
-  std::vector<std::string> camera_effects_;
+  std::vector<std::string> camera_effects_, arm_effects_;
   std::string camera_said_;  // of a real one
   std::unique_ptr<tasks::RobotGraph> graph_;
   drivers::LinkEndpoint endpoint_;

@@ -97,7 +97,7 @@ rt::Result<Recording> read_recording(const std::string& path) {
   r.path = path;
   std::string line;
   std::getline(in, line);
-  if (line != "teletact-inputs 4 " + std::to_string(sizeof(JobOp)))
+  if (line != "teletact-inputs 5 " + std::to_string(sizeof(JobOp)))
     return rt::Error{path + ":1: not a recording of inputs by this version"};
   while (std::getline(in, line) && !line.empty()) {
     const auto space = line.find(' ');
@@ -126,7 +126,8 @@ rt::Result<Recording> read_recording(const std::string& path) {
       const auto head_at = static_cast<std::uint64_t>(in.tellg());
       if (!get(in, f)) return torn;
       if (f.intrinsics.width < 0 || f.intrinsics.width > perception::RgbdFrame::kMaxWidth ||
-          f.intrinsics.height < 0 || f.intrinsics.height > perception::RgbdFrame::kMaxHeight) {
+          f.intrinsics.height < 0 || f.intrinsics.height > perception::RgbdFrame::kMaxHeight ||
+          !f.joints.plausible()) {
         return damaged(path, at);
       }
       const auto n = static_cast<std::uint64_t>(f.intrinsics.width) *

@@ -7,7 +7,7 @@
 // Everything else a job uses another task of the box published; its sequence number says which one.
 //
 // File, of this machine's layout, read by the build that wrote it:
-//   text   "teletact-inputs 4 <sizeof JobOp>", one "key value" a line, an empty line
+//   text   "teletact-inputs 5 <sizeof JobOp>", one "key value" a line, an empty line
 //   'O' JobOp          the latch or the end of a job; in order within a task
 //   'M' MessageHead, bytes     a message as it arrived on the link, in order
 //   'F' FrameHead, depth, colour    a camera frame as its driver gave it, in order
@@ -158,6 +158,7 @@ struct FrameHead {
   std::uint64_t seq = 0;
   perception::Intrinsics intrinsics;
   std::uint64_t has_colour = 0;
+  perception::JointAngles joints;
 };
 struct Tally {
   std::uint64_t ops = 0, messages = 0, frames = 0, lost = 0;

@@ -228,7 +228,7 @@ InputRecorder::InputRecorder(rt::NonRealtime&, const std::string& path, const Ke
   if (path.empty()) return;
   file_.reset(std::fopen(path.c_str(), "wb"));
   if (!file_) throw std::runtime_error(path + ": can not be written");
-  std::fprintf(file_.get(), "teletact-inputs 4 %zu\n", sizeof(JobOp));
+  std::fprintf(file_.get(), "teletact-inputs 5 %zu\n", sizeof(JobOp));
   for (const auto& [key, value] : keys)
     std::fprintf(file_.get(), "%s %s\n", key.c_str(), value.c_str());
   std::fprintf(file_.get(), "\n");
@@ -330,7 +330,8 @@ void InputRecorder::drain() {
   }
   if (camera_) {
     camera_->drain([this](const perception::RgbdFrame& f) {
-      const FrameHead head{rt::ns_of(f.exposure), f.seq, f.intrinsics, f.has_colour ? 1U : 0U};
+      const FrameHead head{rt::ns_of(f.exposure), f.seq, f.intrinsics, f.has_colour ? 1U : 0U,
+                           f.joints};
       const auto n = static_cast<std::size_t>(f.intrinsics.width) *
                      static_cast<std::size_t>(f.intrinsics.height);
       write('F', &head, sizeof head);

@@ -91,11 +91,16 @@ class FedCamera final : public drivers::Camera {
     f.seq = head.seq;
     f.intrinsics = head.intrinsics;
     f.has_colour = head.has_colour != 0;
+    f.joints = head.joints;
     const auto n = static_cast<std::streamsize>(head.intrinsics.width) * head.intrinsics.height;
     in_.read(reinterpret_cast<char*>(f.depth_mm.data()), n * 2);
     if (f.has_colour) in_.read(reinterpret_cast<char*>(f.colour.data()), n * 3);
     if (!in_) status_ = drivers::CameraStatus::kFault;
     inputs.word(f.seq);
+    if (f.joints.count > 0) {
+      inputs.bytes(f.joints.position.data(), sizeof f.joints.position);
+      inputs.bytes(f.joints.speed.data(), sizeof f.joints.speed);
+    }
     inputs.bytes(f.depth_mm.data(), static_cast<std::size_t>(n) * 2);
     if (f.has_colour) inputs.bytes(f.colour.data(), static_cast<std::size_t>(n) * 3);
   }

@@ -79,9 +79,10 @@ void Scene::describe(config::Section& s) {
   auto& eye = s.section("camera", "RGB-D camera, its twin and its mount");
   camera.describe(eye);
   camera_choice.describe(eye);
-  auto& robot = s.section("robot", "twin of the youBot");
-  plant.describe(robot.section("plant", "wheels, motors, floor"));
-  bus.describe(robot.section("bus", "motor bus"));
+  auto& robot_section = s.section("robot", "twin of the youBot");
+  plant.describe(robot_section.section("plant", "wheels, motors, floor"));
+  bus.describe(robot_section.section("bus", "motor bus"));
+  arm.describe(robot_section.section("arm", "effect: its arm, in view of the camera"));
   auto& haptic_device = s.section("device", "haptic device, its twin and the hand on it");
   device.describe(haptic_device);
   choice.describe(haptic_device);
@@ -105,6 +106,41 @@ perception::Pose Scene::start_X_WB() const {
   return X;
 }
 
+namespace {
+
+// Read once, and the arm's script held against it, before anything is built.
+void settle_arm(Scene& scene, const std::string& path) {
+  const drivers::ScriptedArmConfig& arm = scene.arm;
+  if (!arm.present()) {
+    // A saved scene names every key, each at its default.
+    const drivers::ScriptedArmConfig none;
+    if (arm.description != none.description || arm.joint_delay_ms != none.joint_delay_ms ||
+        arm.joint_error_deg != none.joint_error_deg || arm.stated_age_ms != none.stated_age_ms ||
+        arm.stated_error_deg != none.stated_error_deg)
+      throw std::runtime_error(path +
+                               ": key 'robot.arm.key' = []: allowed one or more where "
+                               "[robot.arm] asks for anything");
+    return;
+  }
+  std::string file;
+  try {
+    file = find_config("robots", arm.description);
+  } catch (const std::runtime_error& e) {
+    throw std::runtime_error(path + ": key 'robot.arm.description': " + e.what());
+  }
+  auto robot = perception::load_robot(file);
+  if (!robot) throw std::runtime_error(robot.error());
+  scene.robot = std::make_shared<perception::RobotDescription>(std::move(robot).value());
+  rt::Startup startup;
+  try {
+    const drivers::ScriptedArm check(startup.token(), scene.arm, *scene.robot, rt::Time{});
+  } catch (const std::invalid_argument& e) {
+    throw std::runtime_error(path + ": " + e.what());
+  }
+}
+
+}  // namespace
+
 std::unique_ptr<Scene> load_scene(const std::string& path,
                                   const std::vector<std::string>& overrides) {
   auto scene = std::make_unique<Scene>();
@@ -121,6 +157,7 @@ std::unique_ptr<Scene> load_scene(const std::string& path,
                              ": haptic.method = \"force_shading\": of a scene allowed are "
                              "constrained, nearest, nearest10; teletact touch has it");
   settle_stored_map(*scene, path);
+  settle_arm(*scene, path);
   auto& edits = scene->operator_script.edits;
   std::stable_sort(edits.begin(), edits.end(),
                    [](const EditConfig& a, const EditConfig& b) { return a.at_s < b.at_s; });

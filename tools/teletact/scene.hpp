@@ -79,6 +79,7 @@ struct Scene {
   drivers::WorldConfig world;
   drivers::SyntheticCameraConfig camera;
   drivers::CameraChoice camera_choice;
+  drivers::ScriptedArmConfig arm;
   drivers::RobotPlantConfig plant;
   drivers::VirtualYoubotConfig bus;
   drivers::OmegaTwinConfig device;
@@ -87,6 +88,8 @@ struct Scene {
   OperatorScript operator_script;
   LinkConfig link;
   tasks::GraphConfig graph;
+
+  std::shared_ptr<const perception::RobotDescription> robot;  // null: no arm in view
 
   // Of a recording: the camera is the recording's, world and robot are not in it.
   std::string rgbd_dir;

@@ -361,6 +361,40 @@ TEST(Demo, EveryEffectThatAKeyCallsForIsListedWithItsKey) {
   }
 }
 
+TEST(Demo, AnArmIsAnEffectOfTheSceneThatNamesOne) {
+  static rt::Startup startup;
+  const auto scene =
+      teletact::load_scene(teletact::find_config("scenes", "arm"),
+                           {"robot.arm.joint_delay_ms=20", "robot.arm.joint_error_deg=0.5"});
+  DemoOptions options;
+  options.seconds = 0.2;
+  options.virtual_clock = options.quiet = true;
+  options.cores = 2;
+  const VirtualRun arm =
+      teletact::run_virtual(startup.token(), *scene, options, teletact::reference_calibration());
+  EXPECT_EQ(arm.effects.size(), default_run().effects.size() + 3);
+  EXPECT_EQ(std::count_if(arm.effects.begin(), arm.effects.end(),
+                          [](const auto& e) { return e.second == "robot.arm"; }),
+            3);
+  // What it can not do stops before the start, with one line.
+  const std::string path = teletact::find_config("scenes", "arm");
+  const auto refusal = [](const std::string& file, const std::string& key) -> std::string {
+    try {
+      (void)teletact::load_scene(file, {key});
+    } catch (const std::runtime_error& e) {
+      return e.what();
+    }
+    return {};
+  };
+  EXPECT_NE(refusal(path, "robot.arm.key=[{time_s=1}]").find("robot.arm.key[5].time_s"),
+            std::string::npos)
+      << refusal(path, "robot.arm.key=[{time_s=1}]");
+  EXPECT_NE(refusal(path, "robot.arm.description=\"nobody\"").find("nobody"), std::string::npos);
+  EXPECT_NE(refusal(teletact::find_config("scenes", "empty_room"), "robot.arm.joint_delay_ms=5")
+                .find("robot.arm.key"),
+            std::string::npos);
+}
+
 TEST(Demo, AnUnknownKeyOrABadValueStopsWithOneLine) {
   const std::string path = teletact::find_config("scenes", "default_room");
   for (const auto& [override_text, named] : std::vector<std::pair<std::string, std::string>>{

@@ -118,6 +118,12 @@ TEST(Render, EqualsRayCastInRandomWorlds) {
       s.name = name('s', i);
       place(s.position_m);
       s.radius_m = rng.uniform(0.02, 0.4);
+      auto& r = c.capsules.emplace_back();
+      r.name = name('r', i);
+      place(r.from_m), place(r.to_m);
+      if (i == 3) r.to_m = r.from_m;
+      r.radius_m = rng.uniform(0.02, 0.2);
+      r.paint.texture = textures[i % 3];
     }
     Rig rig(World(startup.token(), c));
     Pose X = Pose::Identity();
@@ -130,6 +136,26 @@ TEST(Render, EqualsRayCastInRandomWorlds) {
     // An odd size: tiles at the right and lower border are cut.
     expect_truth(rig, {150, 160, 70.3, 58.1, 147, 117}, X, {0.1, 8.0});
   }
+}
+
+// Shapes that are there for one image are seen as if they stood in the world, and leave nothing behind.
+TEST(Render, CarriedShapesAreSeenAsIfTheyStoodThere) {
+  WorldConfig c;
+  auto& b = c.boxes.emplace_back();
+  b.name = "box", b.position_m = {0, 0, 2}, b.size_m = {1, 1, 0.1};
+  WorldConfig with = c;
+  auto& r = with.capsules.emplace_back();
+  r.name = "rod", r.from_m = {-0.3, 0.1, 1.2}, r.to_m = {0.2, -0.2, 0.9}, r.radius_m = 0.07;
+  Rig bare(World(startup.token(), c)), whole(World(startup.token(), with));
+  const Intrinsics k{150, 150, 80, 60, 160, 120};
+  const auto want = hash_of(whole.shoot(k, Pose::Identity()));
+  const auto empty = hash_of(bare.shoot(k, Pose::Identity()));
+  EXPECT_NE(want, empty);
+  bare.scratch = RenderScratch(startup.token(), 2);
+  const auto rod = whole.world.shapes().subspan(1);
+  render(bare.world, k, Pose::Identity(), {}, {}, 42, 0, bare.scratch, *bare.frame, rod);
+  EXPECT_EQ(hash_of(*bare.frame), want);
+  EXPECT_EQ(hash_of(bare.shoot(k, Pose::Identity())), empty);
 }
 
 TEST(Render, CoversTheLargestImage) {

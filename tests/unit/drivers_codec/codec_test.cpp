@@ -393,6 +393,76 @@ TEST(Wire, RoundTripAndEveryByteCounts) {
   }
 }
 
+perception::JointAngles some_joints() {
+  perception::JointAngles q;
+  q.count = 5;
+  for (std::size_t i = 0; i < 5; ++i) {
+    q.position[i] = 0.25F * static_cast<float>(i) - 0.3F;
+    q.speed[i] = 0.5F - 0.1F * static_cast<float>(i);
+  }
+  q.error = 0.01F, q.age_s = 0.02F;
+  return q;
+}
+
+TEST(Wire, JointsTravelAndEveryByteOfThemCounts) {
+  Frames f;
+  f.source->intrinsics = {36.5, 36.25, 15.5, 11.5, 32, 24};
+  FrameCodecScratch scratch(startup.token(), {});
+  ASSERT_EQ(encode(*f.source, rt::Box::kRobot, false, scratch, *f.encoded), FrameStatus::kOk);
+  const std::size_t without = wire_size(*f.encoded);
+  f.source->joints = some_joints();
+  ASSERT_EQ(encode(*f.source, rt::Box::kRobot, false, scratch, *f.encoded), FrameStatus::kOk);
+  Bytes wire(wire_size(*f.encoded));
+  EXPECT_EQ(wire.size(), without + 8 + 5 * 8);
+  ASSERT_EQ(write_wire(*f.encoded, wire), wire.size());
+  auto back = std::make_unique<EncodedFrame>();
+  ASSERT_EQ(read_wire(wire, *back), FrameStatus::kOk);
+  EXPECT_EQ(back->joints, f.source->joints);
+  ASSERT_EQ(decode(*back, rt::Time{}, scratch, *f.back), FrameStatus::kOk);
+  EXPECT_EQ(f.back->joints, f.source->joints);
+  EXPECT_TRUE(std::equal(f.source->depth_mm.begin(), f.source->depth_mm.begin() + 32 * 24,
+                         f.back->depth_mm.begin()));
+  for (std::size_t n = 0; n < wire.size(); ++n)
+    ASSERT_NE(read_wire({wire.data(), n}, *back), FrameStatus::kOk) << n;
+  for (std::size_t bit = 0; bit < wire.size() * 8; ++bit) {
+    Bytes b = wire;
+    b[bit / 8] = static_cast<std::uint8_t>(b[bit / 8] ^ (1U << (bit % 8)));
+    ASSERT_NE(read_wire(b, *back), FrameStatus::kOk) << bit;
+  }
+  // A frame of before, and one after it without joints, carry none of the last.
+  f.source->joints = {};
+  ASSERT_EQ(encode(*f.source, rt::Box::kRobot, false, scratch, *f.encoded), FrameStatus::kOk);
+  wire.resize(wire_size(*f.encoded));
+  ASSERT_EQ(write_wire(*f.encoded, wire), without);
+  ASSERT_EQ(read_wire(wire, *back), FrameStatus::kOk);
+  EXPECT_EQ(back->joints.count, 0);
+  ASSERT_EQ(decode(*back, rt::Time{}, scratch, *f.back), FrameStatus::kOk);
+  EXPECT_EQ(f.back->joints.count, 0);
+}
+
+TEST(FrameCodec, JointsThatSayNothingAreLeftOut) {
+  Frames f;
+  FrameCodecScratch scratch(startup.token(), {});
+  const auto sent = [&](auto&& spoil) {
+    f.source->joints = some_joints();
+    spoil(f.source->joints);
+    EXPECT_EQ(encode(*f.source, rt::Box::kRobot, false, scratch, *f.encoded), FrameStatus::kOk);
+    return f.encoded->joints.count;
+  };
+  using Q = perception::JointAngles;
+  EXPECT_EQ(sent([](Q&) {}), 5);
+  EXPECT_EQ(sent([](Q& q) { q.position[2] = std::nanf(""); }), 0);
+  EXPECT_EQ(sent([](Q& q) { q.speed[4] = INFINITY; }), 0);
+  EXPECT_EQ(sent([](Q& q) { q.error = -1; }), 0);
+  EXPECT_EQ(sent([](Q& q) { q.age_s = std::nanf(""); }), 0);
+  EXPECT_EQ(sent([](Q& q) { q.count = 17; }), 0);
+  EXPECT_EQ(sent([](Q& q) { q.position[7] = std::nanf(""); }), 5);  // beyond the count: nobody's
+  // What arrives so all the same is refused.
+  (void)sent([](Q&) {});
+  f.encoded->joints.position[0] = std::nanf("");
+  EXPECT_EQ(decode(*f.encoded, rt::Time{}, scratch, *f.back), FrameStatus::kBadHeader);
+}
+
 TEST(Wire, DamagedFramesAreRefused) {
   Frames f;
   f.source->intrinsics = {36.5, 36.25, 15.5, 11.5, 32, 24};

@@ -51,6 +51,12 @@ WorldConfig random_world(rt::Random& rng, int n) {
     s.name = "sph" + std::to_string(i);
     place(s.position_m);
     s.radius_m = rng.uniform(0.03, 0.4);
+    auto& r = c.capsules.emplace_back();
+    r.name = "rod" + std::to_string(i);
+    place(r.from_m);
+    for (std::size_t a = 0; a < 3; ++a) r.to_m[a] = r.from_m[a] + rng.uniform(-0.6, 0.6);
+    if (i % 4 == 3) r.to_m = r.from_m;  // a ball
+    r.radius_m = rng.uniform(0.02, 0.2);
   }
   return c;
 }
@@ -172,6 +178,27 @@ TEST(World, ClosedForms) {
   EXPECT_NEAR(w.signed_distance({1, 0, 0.3}), -0.1, 1e-15);
   EXPECT_DOUBLE_EQ(w.signed_distance({0, -2, 0.5}), -0.25);
   EXPECT_DOUBLE_EQ(w.signed_distance(Vec3(0, -2 + 0.25 + 0.3, 1.4)), 0.5);  // off the cap's rim
+}
+
+TEST(World, ACapsulesClosedForms) {
+  WorldConfig c;
+  auto& r = c.capsules.emplace_back();
+  r.name = "rod", r.from_m = {1, -0.5, 2}, r.to_m = {1, 0.5, 2}, r.radius_m = 0.25;
+  const World w = make(c);
+  EXPECT_NEAR(w.signed_distance({2, 0.3, 2}), 0.75, 1e-12);    // beside
+  EXPECT_NEAR(w.signed_distance({1, 1.5, 2}), 0.75, 1e-12);    // beyond an end
+  EXPECT_NEAR(w.signed_distance({1, 0.1, 2}), -0.25, 1e-12);   // on the axis
+  EXPECT_NEAR(w.signed_distance({1.3, 0.9, 2}), 0.25, 1e-12);  // 3-4-5 from an end
+  auto hit = w.ray_cast({-1, 0.4, 2}, {2, 0, 0});              // side on
+  EXPECT_NEAR(hit.t, (2 - 0.25) / 2, 1e-12);
+  EXPECT_LT((hit.normal_W - Vec3(-1, 0, 0)).norm(), 1e-12);
+  hit = w.ray_cast({1, -3, 2}, {0, 1, 0});  // along the axis
+  EXPECT_NEAR(hit.t, 2.25, 1e-12);
+  EXPECT_LT((hit.normal_W - Vec3(0, -1, 0)).norm(), 1e-12);
+  EXPECT_FALSE(w.ray_cast({1, 0, 2}, {1, 0, 0}));      // from inside it is not seen
+  EXPECT_FALSE(w.ray_cast({1, 0.8, 2}, {0, 1, 0}));    // it lies behind
+  EXPECT_FALSE(w.ray_cast({-1, 0.76, 2}, {1, 0, 0}));  // past the round end
+  EXPECT_TRUE(w.ray_cast({-1, 0.74, 2}, {1, 0, 0}));
 }
 
 TEST(World, EmptyWorld) {
@@ -318,6 +345,12 @@ Vec3 nearest_point(const Shape& s, const Vec3& p_W) {
     case Shape::Kind::kSphere:
       if (p.norm() > s.half.x()) p *= s.half.x() / p.norm();
       break;
+    case Shape::Kind::kCapsule: {
+      const Vec3 axis(0, 0, std::clamp(p.z(), -s.half.z(), s.half.z()));
+      const double off = (p - axis).norm();
+      if (off > s.half.x()) p = axis + (p - axis) * (s.half.x() / off);
+      break;
+    }
   }
   return s.X_WS * p;
 }
@@ -341,7 +374,7 @@ double alternating_distance(const Shape& solid, const Shape& body, int steps) {
 TEST(Collision, AgreesWithAlternatingProjections) {
   const std::array<BodyBox, 1> body{{{{0.05, -0.02, 0.3}, {0.2, 0.1, 0.15}}}};
   int hits = 0, misses = 0, close_misses = 0, undecided = 0;
-  for (std::uint64_t seed = 1; seed <= 3000; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 3600; ++seed) {
     rt::Random rng(seed, 7);
     WorldConfig c;
     const Vec3 from = random_direction(rng);
@@ -363,6 +396,14 @@ TEST(Collision, AgreesWithAlternatingProjections) {
         auto& p = c.planes.emplace_back();
         p.name = "s", p.point_m = {at.x(), at.y(), at.z()};
         p.normal = {-from.x(), -from.y(), -from.z()};
+        break;
+      }
+      case 3: {
+        auto& r = c.capsules.emplace_back();
+        const Vec3 half = rng.uniform(0, 0.3) * random_direction(rng);
+        r.name = "s", r.radius_m = rng.uniform(0.02, 0.2);
+        r.from_m = {at.x() - half.x(), at.y() - half.y(), at.z() - half.z()};
+        r.to_m = {at.x() + half.x(), at.y() + half.y(), at.z() + half.z()};
         break;
       }
       default: {

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstddef>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -121,6 +122,26 @@ void flip_bit(const std::string& file, std::uint64_t byte, int bit) {
 TEST(Replay, EveryJobOfBothBoxesCommitsTheSame) {
   expect_equal(plain(), rt::Box::kOperator);
   expect_equal(plain(), rt::Box::kRobot);
+}
+
+// Joint angles travel with the images: through the link, into both recordings, and back.
+TEST(Replay, AnArmBeforeTheCameraIsReplayedToo) {
+  const auto r = record("arm", 5, {}, teletact::find_config("scenes", "arm"));
+  expect_equal(r, rt::Box::kOperator);
+  expect_equal(r, rt::Box::kRobot);
+  // Joints that are not those of the image: another mask, another map.
+  auto recording = teletact::read_recording(teletact::recording_file(r.folder, rt::Box::kRobot));
+  ASSERT_TRUE(recording) << recording.error();
+  ASSERT_GT(recording.value().frames.size(), 100U);
+  const std::string changed = folders().add("changed") + "/arm.inputs";
+  fs::copy_file(recording.value().path, changed, fs::copy_options::overwrite_existing);
+  flip_bit(changed,
+           recording.value().frames[90] + offsetof(teletact::FrameHead, joints) +
+               offsetof(perception::JointAngles, position) + 2,
+           5);
+  const auto other = replay_file(r.folder, changed);
+  ASSERT_TRUE(other) << other.error();
+  EXPECT_LT(other.value().equal, other.value().jobs);
 }
 
 // The order rules are complete: no allowed order gives anything else.
