@@ -49,18 +49,11 @@ bool may_see(const SeenShape& s, const TileBounds& b) noexcept {
          !outside(-c.y(), -b.y0);
 }
 
-<<<<<<< ours
 // `moves`: the world that the shapes are of, where some of them may move; null: they stand where they say.
 void look(std::span<const Shape> shapes, const World* moves, const Pose& X_WC, rt::Time t,
           std::vector<SeenShape>& seen) noexcept {
   assert(seen.capacity() >= seen.size() + shapes.size());
   for (const Shape& shape : shapes) {
-=======
-void look(const World& world, const Pose& X_WC, rt::Time t, std::vector<SeenShape>& seen) noexcept {
-  assert(seen.capacity() >= world.shapes().size());
-  seen.clear();
-  for (const Shape& shape : world.shapes()) {
->>>>>>> theirs
     SeenShape s;
     s.shape = &shape;
     s.id = static_cast<std::int64_t>(seen.size());
