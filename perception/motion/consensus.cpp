@@ -125,6 +125,13 @@ double Consensus::mean_way(const Vec6& a, const Vec6& b) const noexcept {
   return std::hypot(d.head<3>().norm(), length_m_ * d.tail<3>().norm());
 }
 
+double Consensus::share_of_winner(const Vec6& xi) const noexcept {
+  Cells misfit;
+  fit(xi, misfit);
+  const double ours = support(misfit_, remembered_);
+  return ours > 0 ? support(misfit, remembered_) / ours : 1.0;
+}
+
 namespace {
 int count_misfits(const CellSums& sums, const Consensus::Cells& misfit) noexcept {
   int n = 0;
@@ -140,6 +147,7 @@ void Consensus::settle(ConsensusResult& out) noexcept {
   all.fill(1);
   refine(all, 6.0F, 4, out.xi);
   fit(out.xi, misfit_);
+  remembered_ = all;
   out.support = support(misfit_, all);
   out.pairs = total_pairs_;
   out.misfits = count_misfits(sums_, misfit_);
@@ -150,11 +158,10 @@ void Consensus::compete(const Cells& remembered, const Vec6& zero, double prior_
                         std::uint64_t seed, ConsensusResult& out) noexcept {
   constexpr int kMost = 16 + kHandfuls;
   std::array<Vec6, kMost> pose;
-  std::array<Cells, kMost>* fits = nullptr;
-  static_cast<void>(fits);
   int count = 0;
   Cells all;
   all.fill(1);
+  remembered_ = remembered;
   const auto add = [&](const Cells& start_weight, bool solve_it, const Vec6& from, float scale) {
     Vec6 xi = from;
     if (solve_it && !solve(start_weight, Vec6::Zero(), xi)) return;

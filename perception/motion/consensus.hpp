@@ -59,6 +59,8 @@ class Consensus {
   [[nodiscard]] float misfit(int cell) const noexcept {
     return misfit_[static_cast<std::size_t>(cell)];
   }
+  // Support of a pose over the winner's, of the cells that may be static.
+  [[nodiscard]] double share_of_winner(const Vec6& xi) const noexcept;
   [[nodiscard]] double mean_way(const Vec6& a, const Vec6& b) const noexcept;
 
   static constexpr float kLeastPairs = 12;  // pixels of a cell that counts
@@ -72,6 +74,7 @@ class Consensus {
   CellSums sums_;
   Cells limit2_{};  // m^2
   Cells misfit_{};
+  Cells remembered_{};
   Mat6 total_ = Mat6::Zero();
   double total_pairs_ = 0;
   double length_m_ = 1;

@@ -2,20 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 
 namespace perception {
 
 namespace {
 
-constexpr double kBiasShare = 0.05, kMostBias_m = 0.008;
+constexpr int kYoungFrames = 8, kYoungPercent = 3;
 constexpr int kRestTable = 1 << 15;
 constexpr std::uint32_t kRestGap = 5;  // frames that a cell may go unseen
 constexpr int kLeastAbout = 5;         // of the 8 neighbours, in a patch
 constexpr float kConcave = 0.4F;       // bend over two pixels either side that ends a thing
 // Of a coarse pixel. From kFree on it speaks for motion.
-enum Evidence : std::uint8_t { kNone = 0, kAgrees = 1, kRested = 2, kFree = 3, kOff = 4, kOld = 5 };
+enum Evidence : std::uint8_t { kNone, kAgrees, kRested, kFree, kOff, kYoung, kOld };
 
 std::size_t hash_of(std::int32_t x, std::int32_t y, std::int32_t z) noexcept {
   const std::uint32_t h = static_cast<std::uint32_t>(x) * 73856093U ^
@@ -66,8 +64,8 @@ void MotionConfig::describe(config::Section& s) {
       .number("least_share", least_share, 0.01, 1, "of a thing that has to be seen to move")
       .integer("least_pixels", least_pixels, 4, 1000, "of the coarse image, of a thing")
       .integer("rest_frames", rest_frames, 2, 300, "in its place, and it is part of the map")
-      .number("most_way_m", most_way_m, 0, 1,
-              "tracking that departs farther from what stands still is not believed")
+      .number("least_explained", least_explained, 0, 1,
+              "of what stands still, by a tracked pose; below, it is carried")
       .number("rest_cell_m", rest_cell_m, 0.005, 0.2, "edge of such a place");
 }
 
@@ -79,7 +77,6 @@ MotionWatch::MotionWatch(rt::NonRealtime&, const MotionConfig& config, const Tra
 void MotionWatch::forget() noexcept {
   remembered_ = 0;
   had_ = false;
-  bias_.setZero();
   recent_ = 0;
   std::fill(mask_.begin(), mask_.end(), std::uint8_t{0});
   std::fill(places_.begin(), places_.end(), Place{});
@@ -109,6 +106,8 @@ void MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, co
   const Vec3f t = X_WC.translation().cast<float>();
   const auto inv_voxel = static_cast<float>(1 / map.voxel_size());
   std::fill_n(evidence_.begin(), width_ * height_, std::uint8_t{kNone});
+  // What is seen free lies so far before a surface at least.
+  const auto clear = static_cast<float>(0.8 * map.truncation());
   for (int c = 0; c < sums.size(); ++c) {
     const auto cell = static_cast<std::size_t>(c);
     if (!(sums.live[cell] > 0)) continue;
@@ -127,14 +126,17 @@ void MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, co
         std::uint8_t& e = evidence_[static_cast<std::size_t>(i)];
         // A place that was free and is not any more is evidence until it has been so for long.
         bool front = s.known && s.distance_m > limit;
-        if (s.free) {  // and not just before what the noise may have moved
+        if (s.free && limit < clear) {
+          front = true;
+        } else if (s.free) {  // and not just before what the noise may have moved
           const Vec3f behind_W = R * (p_C * (1 + limit / p_C.z())) + t;
           const Seen3 b = seen_at(map, reader, behind_W, inv_voxel);
           front = b.free || (b.known && b.distance_m > 0);
         }
         const Place* place = recent_ > 0 ? place_of(p_W, false) : nullptr;
         if (place != nullptr) {
-          e = place->last - place->first < static_cast<std::uint32_t>(config_.rest_frames) ? kOld : kRested;
+          const auto age = static_cast<int>(place->last - place->first);
+          e = age < kYoungFrames ? kYoung : age < config_.rest_frames ? kOld : kRested;
         } else if (front) {
           e = kFree;
         } else if (s.known && !fits && std::abs(s.distance_m) > 0.5F * limit) {
@@ -251,6 +253,8 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
       const int i = queue_[static_cast<std::size_t>(at)];
       thing.evidence += seed_[static_cast<std::size_t>(i)];
       thing.remembered += recalled_[static_cast<std::size_t>(i)];
+      const std::uint8_t e = evidence_[static_cast<std::size_t>(i)];
+      thing.young += e == kFree || e == kYoung || e == kOff ? 1 : 0;
       thing.old += evidence_[static_cast<std::size_t>(i)] == kRested ? 1 : 0;
       thing.agrees += evidence_[static_cast<std::size_t>(i)] == kAgrees ? 1 : 0;
       const int u = i % width_, v = i / width_;
@@ -288,7 +292,6 @@ MotionWatch::Place* MotionWatch::place_of(const Vec3f& p_W, bool make) noexcept 
 void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
   const int size = end - first;
   if (size < config_.least_pixels) return;
-  if (getenv("DBG")) { int umin=999,umax=0,vmin=999,vmax=0; for(int a=first;a<end;++a){int i=queue_[a];umin=std::min(umin,i%width_);umax=std::max(umax,i%width_);vmin=std::min(vmin,i/width_);vmax=std::max(vmax,i/width_);} printf("   thing size %d ev %d rem %d agr %d box %d-%d %d-%d\n",size,thing.evidence,thing.remembered,thing.agrees,umin,umax,vmin,vmax);}
   const bool small = size < width_ * height_ / 2;
   const bool moves =
       thing.evidence >= config_.least_pixels && thing.evidence >= config_.least_share * size;
@@ -297,6 +300,17 @@ void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
                        thing.evidence >= std::max(config_.least_pixels, size / 33);
   const bool elsewhere = thing.remembered >= size / 2 && thing.agrees < size / 2 && thing.old < size / 2;
   if (!moves && !(small && (goes_on || elsewhere))) return;
+  // Nothing of it is where nothing was a moment ago: it stands.
+  const bool stands = thing.young < std::max(config_.least_pixels, size * kYoungPercent / 100);
+  if (stands) {
+    for (int at = first; at < end; ++at) {
+      const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
+      Place* place = evidence_[i] > kRested ? place_of(now_W_[i], true) : nullptr;
+      if (place != nullptr)
+        place->first = place->last - std::min(place->last, static_cast<std::uint32_t>(config_.rest_frames));
+    }
+    return;
+  }
   for (int at = first; at < end; ++at) {
     const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
     mask_[i] = small || seed_[i] != 0 ? 1 : 0;
@@ -345,16 +359,20 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
     std::fill_n(mask_.begin(), std::min(width_ * height_, kMost), std::uint8_t{0});
     return;
   }
-  length_m_ = length;
   const Pose X_FC = model.X_WF.inverse(Eigen::Isometry) * prior.X_WC;
   const Vec3 centre_F = X_FC * Vec3(0, 0, length);
   ConsensusConfig rule;
   rule.noise = {static_cast<float>(tracker_.noise_m), static_cast<float>(tracker_.noise_per_m2),
                 static_cast<float>(tracker_.noise_from_m)};
   rule.voxel_m = map.voxel_size();
+  X_WF_ = model.X_WF;
+  X_FC_ = X_FC;
+  centre_F_ = centre_F;
   consensus_.look(live, model, X_FC, centre_F, length, rule);
   consensus_.settle(out.consensus);
-  const bool suspicious = had_ || out.consensus.misfits > 0;
+  const bool suspicious =
+      had_ || out.consensus.misfits > 0;
+  out.suspicious = suspicious;
   const Eigen::Translation3d to_centre(-centre_F), back(centre_F);
   if (suspicious) {
     Consensus::Cells memory;
@@ -401,20 +419,14 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   out.masked_share = valid > 0 ? static_cast<double>(masked) / valid : 0;
 }
 
-// What readings that weigh by their noise say beside what all say alike, in the camera's frame: a pattern that a camera
-// keeps in its images moves the two apart, always the same way.
-Pose MotionWatch::steep(const Pose& X_WC) const noexcept {
-  return orthonormalised(X_WC * exp_se3(bias_));
-}
-
-void MotionWatch::learn_bias(const Pose& X_WC_flat, const Pose& X_WC_steep) noexcept {
-  const Pose d = X_WC_flat.inverse(Eigen::Isometry) * X_WC_steep;
-  const Eigen::AngleAxisd r(d.linear());
+double MotionWatch::explains(const Pose& X_WC) const noexcept {
+  const Eigen::Translation3d to_centre(-centre_F_), back(centre_F_);
+  const Pose moved(to_centre * (X_WF_.inverse(Eigen::Isometry) * X_WC) *
+                   X_FC_.inverse(Eigen::Isometry) * back);
+  const Eigen::AngleAxisd r(moved.linear());
   Vec6 xi;
-  xi << d.translation(), r.angle() * r.axis();
-  bias_ += kBiasShare * (xi - bias_);
-  const double size = std::hypot(bias_.head<3>().norm(), length_m_ * bias_.tail<3>().norm());
-  if (size > kMostBias_m) bias_ *= kMostBias_m / size;
+  xi << moved.translation(), r.angle() * r.axis();
+  return consensus_.share_of_winner(xi);
 }
 
 void MotionWatch::settle(const Pose&) noexcept {

@@ -35,13 +35,14 @@ struct MotionConfig {
   double least_share = 0.10;   // of a thing that is evidence
   int least_pixels = 10;       // of the coarse image
   int rest_frames = 20;
-  double most_way_m = 0.003;  // between what the image says pixel by pixel and by its noise
+  double least_explained = 0.99;  // of what stands still, by a pose that is tracked by its noise
   double rest_cell_m = 0.025;
   void describe(config::Section& s);
 };
 
 struct MotionResult {
-  bool moving = false;    // some pixels are masked
+  bool moving = false;      // some pixels are masked
+  bool suspicious = false;  // cells that do not fit, or something moved in the last image
   bool certain = true;    // no other motion explains the image nearly as well
   Pose X_WC = Pose::Identity();  // by what stands still; where tracking starts
   ConsensusResult consensus;
@@ -65,15 +66,8 @@ class MotionWatch {
   // After tracking: where the masked points are, for the next image. `X_WC` as claimed.
   void settle(const Pose& X_WC) noexcept;
 
-  // Mean way of what is seen between two camera poses, m.
-  [[nodiscard]] double way(const Pose& X_WA, const Pose& X_WB) const noexcept {
-    const Pose d = X_WA.inverse(Eigen::Isometry) * X_WB;
-    const Vec3 centre(0, 0, length_m_);
-    return std::hypot((d * centre - centre).norm(), length_m_ * rotation_angle(d.linear()));
-  }
-  // From what the image says pixel by pixel to what it says by its noise; learned where nothing moves.
-  [[nodiscard]] Pose steep(const Pose& X_WC) const noexcept;
-  void learn_bias(const Pose& X_WC_flat, const Pose& X_WC_steep) noexcept;
+  // Of what the pose by what stands still explains of the image: the share that another pose does.
+  [[nodiscard]] double explains(const Pose& X_WC) const noexcept;
   // Of the coarse image, 1: moves. Level of the pyramid that it has the size of.
   [[nodiscard]] ImageView<const std::uint8_t> mask() const noexcept {
     return {mask_.data(), width_, height_, width_};
@@ -90,8 +84,8 @@ class MotionWatch {
   void grow(const DepthLevel& live) noexcept;
   void find_core(const DepthLevel& live) noexcept;
   void fringe(const DepthLevel& live) noexcept;
-  struct Thing {  // counts of its pixels
-    int evidence = 0, remembered = 0, agrees = 0, old = 0;
+  struct Thing {  // counts of its pixels; young: where nothing was a moment ago
+    int evidence = 0, remembered = 0, agrees = 0, old = 0, young = 0;
   };
   void judge_thing(int first, int end, const Thing& thing) noexcept;
   [[nodiscard]] Vec3f point_C(const DepthLevel& live, int i) const noexcept;
@@ -102,8 +96,8 @@ class MotionWatch {
   Consensus consensus_;
   int width_ = 0, height_ = 0, level_ = 0;
   float voxel_m_ = 0.01F;
-  double length_m_ = 1;
-  Vec6 bias_ = Vec6::Zero();
+  Pose X_WF_ = Pose::Identity(), X_FC_ = Pose::Identity();  // where the sums were taken
+  Vec3 centre_F_ = Vec3::Zero();
   std::vector<std::uint8_t> mask_, evidence_, seed_, recalled_, visited_, core_;
   std::vector<std::int32_t> queue_;
   std::vector<Vec3f> points_W_;  // of last image's masked pixels

@@ -50,16 +50,12 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
     masked_ = true;
     tracker_.drop(watch_.mask(), watch_.level());
   }
-  const bool doubtful = m.moving || m.consensus.misfits > 0;
+  const bool doubtful = m.moving || m.suspicious;
   tracker_.track(model(), prior, doubtful ? m.X_WC : prior.X_WC, knobs.iterations, r);
   // Weighed by their noise, readings of a thing that the mask has missed have the leverage to carry the camera.
-  const Pose X_WC_expected = watch_.steep(m.X_WC);
-  if (!doubtful) {
-    watch_.learn_bias(m.X_WC, r.X_WC);
-  } else if (r.state != TrackingState::kLost &&
-             watch_.way(r.X_WC, X_WC_expected) > config_.motion.most_way_m) {
-    tracker_.track(model(), prior, X_WC_expected, {0, 0, 0}, r);
-  }
+  if (doubtful && r.state != TrackingState::kLost &&
+      watch_.explains(r.X_WC) < config_.motion.least_explained)
+    tracker_.track(model(), prior, m.X_WC, {0, 0, 0}, r);
   if (!m.certain) r.claimed = r.fully_constrained = false;
   watch_.settle(r.X_WC);
 }
