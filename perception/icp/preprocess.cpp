@@ -251,7 +251,8 @@ void TrackingPyramid::drop(ImageView<const std::uint8_t> mask, int l) noexcept {
     DepthLevel& level = levels_[static_cast<std::size_t>(n)];
     for (int v = 0; v < level.depth.height(); ++v)
       for (int u = 0; u < level.depth.width(); ++u)
-        if (mask.at(std::min(u << shift, mask.width - 1), std::min(v << shift, mask.height - 1)) != 0)
+        if (mask.at(std::min(u << shift, mask.width - 1), std::min(v << shift, mask.height - 1)) !=
+            0)
           drop_pixel(level, u, v);
   }
   levels_[1].valid = count_readings(levels_[1].depth);

@@ -11,9 +11,10 @@ namespace perception {
 
 namespace {
 
-constexpr double kDamping = 1e-5;   // of the prior, a pixel, unit motion: far below what a scene constrains
-constexpr int kHandfuls = 32;       // random hypotheses
-constexpr int kHandful = 6;         // cells of one
+constexpr double kDamping =
+    1e-5;  // of the prior, a pixel, unit motion: far below what a scene constrains
+constexpr int kHandfuls = 32;  // random hypotheses
+constexpr int kHandful = 6;    // cells of one
 constexpr int kRounds = 6;
 constexpr double kOtherMotion_m = 0.004;
 constexpr double kRivalLimit = 0.7;
@@ -29,7 +30,8 @@ Mat6 unpack(const double (&upper)[21]) noexcept {
 }  // namespace
 
 void Consensus::look(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
-                     const Vec3& centre_F, double length_m, const ConsensusConfig& config) noexcept {
+                     const Vec3& centre_F, double length_m,
+                     const ConsensusConfig& config) noexcept {
   Gates gates;
   gates.distance_m = 0.2F;
   gates.noise = {config.noise.least_m, 0.0F, config.noise.from_m};  // all pixels alike

@@ -27,7 +27,9 @@ struct Seen3 {
   bool free = false, known = false;
   float distance_m = 0;
 };
-Seen3 seen_at(const TsdfMap& map, MapReader& reader, const Vec3f& p_W, float inv_voxel) noexcept {
+// `enough_m`: a node this near to the surface says so of all points about it.
+Seen3 seen_at(const TsdfMap& map, MapReader& reader, const Vec3f& p_W, float inv_voxel,
+              float enough_m) noexcept {
   Seen3 s;
   const int i = static_cast<int>(std::lround(p_W.x() * inv_voxel)),
             j = static_cast<int>(std::lround(p_W.y() * inv_voxel)),
@@ -35,10 +37,10 @@ Seen3 seen_at(const TsdfMap& map, MapReader& reader, const Vec3f& p_W, float inv
   const std::uint32_t word = reader.word(i, j, k);
   if (reader.known(word)) {
     s.known = true;
+    s.distance_m = static_cast<float>(TsdfMap::word_distance(word)) * map.metres_per_unit();
+    if (std::abs(s.distance_m) < enough_m) return s;
     const auto sample = reader.sample(p_W.cast<double>());
-    s.distance_m = sample.valid ? sample.distance_m
-                                : static_cast<float>(TsdfMap::word_distance(word)) *
-                                      map.metres_per_unit();
+    if (sample.valid) s.distance_m = sample.distance_m;
     return s;
   }
   const TsdfMap::Chunk* chunk = reader.chunk_of(i >> 6, j >> 6, k >> 6);
@@ -70,8 +72,17 @@ void MotionConfig::describe(config::Section& s) {
 }
 
 MotionWatch::MotionWatch(rt::NonRealtime&, const MotionConfig& config, const TrackerConfig& tracker)
-    : config_(config), tracker_(tracker), mask_(kMost), evidence_(kMost), seed_(kMost),
-      recalled_(kMost), visited_(kMost), core_(kMost), queue_(kMost), points_W_(kMost), now_W_(kMost),
+    : config_(config),
+      tracker_(tracker),
+      mask_(kMost),
+      evidence_(kMost),
+      seed_(kMost),
+      recalled_(kMost),
+      visited_(kMost),
+      core_(kMost),
+      queue_(kMost),
+      points_W_(kMost),
+      now_W_(kMost),
       places_(kRestTable) {}
 
 void MotionWatch::forget() noexcept {
@@ -84,8 +95,9 @@ void MotionWatch::forget() noexcept {
 
 float MotionWatch::front_limit(float z) const noexcept {
   const float beyond = std::max(z - static_cast<float>(tracker_.noise_from_m), 0.0F);
-  const float sigma = 0.5F * static_cast<float>(tracker_.noise_m + tracker_.noise_per_m2 *
-                                                    static_cast<double>(beyond * beyond));
+  const float sigma =
+      0.5F * static_cast<float>(tracker_.noise_m +
+                                tracker_.noise_per_m2 * static_cast<double>(beyond * beyond));
   return static_cast<float>(config_.front_m) + static_cast<float>(config_.front_voxel) * voxel_m_ +
          static_cast<float>(config_.front_sigma) * sigma;
 }
@@ -121,8 +133,8 @@ void MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, co
         const Vec3f p_C = point_C(live, i);
         const Vec3f p_W = R * p_C + t;
         now_W_[static_cast<std::size_t>(i)] = p_W;
-        const Seen3 s = seen_at(map, reader, p_W, inv_voxel);
         const float limit = front_limit(p_C.z());
+        const Seen3 s = seen_at(map, reader, p_W, inv_voxel, fits ? limit - voxel_m_ : 0);
         std::uint8_t& e = evidence_[static_cast<std::size_t>(i)];
         // A place that was free and is not any more is evidence until it has been so for long.
         bool front = s.known && s.distance_m > limit;
@@ -130,7 +142,7 @@ void MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, co
           front = true;
         } else if (s.free) {  // and not just before what the noise may have moved
           const Vec3f behind_W = R * (p_C * (1 + limit / p_C.z())) + t;
-          const Seen3 b = seen_at(map, reader, behind_W, inv_voxel);
+          const Seen3 b = seen_at(map, reader, behind_W, inv_voxel, 0);
           front = b.free || (b.known && b.distance_m > 0);
         }
         const Place* place = recent_ > 0 ? place_of(p_W, false) : nullptr;
@@ -159,7 +171,9 @@ int MotionWatch::patches() noexcept {
       if (evidence_[static_cast<std::size_t>(i)] < kFree) continue;
       int about = -1;
       for (int k = 0; k < 9; ++k)
-        about += evidence_[static_cast<std::size_t>(i + (k / 3 - 1) * width_ + k % 3 - 1)] >= kFree ? 1 : 0;
+        about += evidence_[static_cast<std::size_t>(i + (k / 3 - 1) * width_ + k % 3 - 1)] >= kFree
+                     ? 1
+                     : 0;
       if (about < kLeastAbout) continue;
       seed_[static_cast<std::size_t>(i)] = 1;
       if (evidence_[static_cast<std::size_t>(i)] == kFree)
@@ -186,7 +200,8 @@ void MotionWatch::recall(const DepthLevel& live, const Pose& X_WC) noexcept {
         const int x = u + du, y = v + dv;
         if (x < 0 || y < 0 || x >= width_ || y >= height_) continue;
         const auto z = static_cast<double>(live.depth.row(y)[x]);
-        if (z > 0 && std::abs(z - q.z()) < 0.15) recalled_[static_cast<std::size_t>(y * width_ + x)] = 1;
+        if (z > 0 && std::abs(z - q.z()) < 0.15)
+          recalled_[static_cast<std::size_t>(y * width_ + x)] = 1;
       }
     }
   }
@@ -258,10 +273,12 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
       thing.old += evidence_[static_cast<std::size_t>(i)] == kRested ? 1 : 0;
       thing.agrees += evidence_[static_cast<std::size_t>(i)] == kAgrees ? 1 : 0;
       const int u = i % width_, v = i / width_;
-      const int next[4] = {u > 0 ? i - 1 : -1, u + 1 < width_ ? i + 1 : -1,
-                           v > 0 ? i - width_ : -1, v + 1 < height_ ? i + width_ : -1};
+      const int next[4] = {u > 0 ? i - 1 : -1, u + 1 < width_ ? i + 1 : -1, v > 0 ? i - width_ : -1,
+                           v + 1 < height_ ? i + width_ : -1};
       for (const int b : next) {
-        if (b < 0 || visited_[static_cast<std::size_t>(b)] != 0 || core_[static_cast<std::size_t>(b)] < 2) continue;
+        if (b < 0 || visited_[static_cast<std::size_t>(b)] != 0 ||
+            core_[static_cast<std::size_t>(b)] < 2)
+          continue;
         visited_[static_cast<std::size_t>(b)] = 1;
         queue_[static_cast<std::size_t>(end++)] = b;
       }
@@ -296,9 +313,10 @@ void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
   const bool moves =
       thing.evidence >= config_.least_pixels && thing.evidence >= config_.least_share * size;
   // It moved in the last image, and goes on, or is nowhere that the map knows.
-  const bool goes_on = thing.remembered >= size / 3 &&
-                       thing.evidence >= std::max(config_.least_pixels, size / 33);
-  const bool elsewhere = thing.remembered >= size / 2 && thing.agrees < size / 2 && thing.old < size / 2;
+  const bool goes_on =
+      thing.remembered >= size / 3 && thing.evidence >= std::max(config_.least_pixels, size / 33);
+  const bool elsewhere =
+      thing.remembered >= size / 2 && thing.agrees < size / 2 && thing.old < size / 2;
   if (!moves && !(small && (goes_on || elsewhere))) return;
   // Nothing of it is where nothing was a moment ago: it stands.
   const bool stands = thing.young < std::max(config_.least_pixels, size * kYoungPercent / 100);
@@ -307,7 +325,8 @@ void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
       const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
       Place* place = evidence_[i] > kRested ? place_of(now_W_[i], true) : nullptr;
       if (place != nullptr)
-        place->first = place->last - std::min(place->last, static_cast<std::uint32_t>(config_.rest_frames));
+        place->first =
+            place->last - std::min(place->last, static_cast<std::uint32_t>(config_.rest_frames));
     }
     return;
   }
@@ -328,7 +347,9 @@ void MotionWatch::fringe(const DepthLevel& live) noexcept {
       for (int u = 1; u + 1 < width_; ++u) {
         const int i = v * width_ + u;
         const float z = live.depth.row(v)[u];
-        if (mask_[static_cast<std::size_t>(i)] != 0 || core_[static_cast<std::size_t>(i)] == 2 || !(z > 0)) continue;
+        if (mask_[static_cast<std::size_t>(i)] != 0 || core_[static_cast<std::size_t>(i)] == 2 ||
+            !(z > 0))
+          continue;
         for (const int d : {-1, 1, -width_, width_}) {
           const int j = i + d;
           const std::uint8_t m = mask_[static_cast<std::size_t>(j)];
@@ -347,6 +368,7 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
                        const MotionPrior& prior, MotionResult& out) noexcept {
   out = MotionResult{};
   out.X_WC = prior.X_WC;
+  looked_ = false;
   ++frame_;
   level_ = TrackingPyramid::kLevels - 1;
   while (level_ > 0 && pyramid.level(level_).depth.width() < 96) --level_;
@@ -370,8 +392,8 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   centre_F_ = centre_F;
   consensus_.look(live, model, X_FC, centre_F, length, rule);
   consensus_.settle(out.consensus);
-  const bool suspicious =
-      had_ || out.consensus.misfits > 0;
+  looked_ = true;
+  const bool suspicious = had_ || out.consensus.misfits > 0;
   out.suspicious = suspicious;
   const Eigen::Translation3d to_centre(-centre_F), back(centre_F);
   if (suspicious) {
@@ -399,11 +421,16 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   const Pose X_FC2 = orthonormalised(Pose(back * exp_se3(out.consensus.xi) * to_centre * X_FC));
   out.X_WC = orthonormalised(model.X_WF * X_FC2);
   out.cells_misfit = out.consensus.misfits;
-  gather_evidence(map, live, out.X_WC, recent_ > 0);
+  const bool all = recent_ > 0;
+  gather_evidence(map, live, out.X_WC, all);
   out.evidence = patches();
   std::fill_n(mask_.begin(), width_ * height_, std::uint8_t{0});
   recent_ = out.evidence >= config_.least_pixels ? config_.rest_frames : std::max(0, recent_ - 1);
   if (recent_ == 0) return;
+  if (!all) {  // a thing is more than the cells that do not fit
+    gather_evidence(map, live, out.X_WC, true);
+    out.evidence = patches();
+  }
   if (had_)
     recall(live, out.X_WC);
   else
@@ -420,6 +447,7 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
 }
 
 double MotionWatch::explains(const Pose& X_WC) const noexcept {
+  if (!looked_) return 1;
   const Eigen::Translation3d to_centre(-centre_F_), back(centre_F_);
   const Pose moved(to_centre * (X_WF_.inverse(Eigen::Isometry) * X_WC) *
                    X_FC_.inverse(Eigen::Isometry) * back);
@@ -446,7 +474,8 @@ void MotionWatch::spread(const TrackingPyramid& pyramid, std::uint8_t* out) cons
     const int cv = std::min(v / step, height_ - 1), cv1 = std::min(cv + 1, height_ - 1);
     for (int u = 0; u < raw.width; ++u) {
       const int cu = std::min(u / step, width_ - 1), cu1 = std::min(cu + 1, width_ - 1);
-      const int at[4] = {cv * width_ + cu, cv * width_ + cu1, cv1 * width_ + cu, cv1 * width_ + cu1};
+      const int at[4] = {cv * width_ + cu, cv * width_ + cu1, cv1 * width_ + cu,
+                         cv1 * width_ + cu1};
       float best = 1e9F;
       bool moving = false, any = false;
       for (const int i : at) {

@@ -104,6 +104,7 @@ class MotionWatch {
   std::vector<Vec3f> now_W_;     // of all pixels of this one, by consensus
   int remembered_ = 0;
   bool had_ = false;
+  bool looked_ = false;  // the consensus is of this image
   std::uint64_t frame_ = 0;
   int recent_ = 0;  // frames that evidence is remembered for
   struct Place {

@@ -53,8 +53,7 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
   const bool doubtful = m.moving || m.suspicious;
   tracker_.track(model(), prior, doubtful ? m.X_WC : prior.X_WC, knobs.iterations, r);
   // Weighed by their noise, readings of a thing that the mask has missed have the leverage to carry the camera.
-  if (doubtful && r.state != TrackingState::kLost &&
-      watch_.explains(r.X_WC) < config_.motion.least_explained)
+  if (r.state != TrackingState::kLost && watch_.explains(r.X_WC) < config_.motion.least_explained)
     tracker_.track(model(), prior, m.X_WC, {0, 0, 0}, r);
   if (!m.certain) r.claimed = r.fully_constrained = false;
   watch_.settle(r.X_WC);
@@ -71,6 +70,7 @@ void FusionTask::watch_for_loss(const TrackingResult& r) noexcept {
   // A dark image says nothing of where the camera is: the prior may still hold when it is over.
   if (blank && blank_run_ <= config_.blank_frames) return;
   recovering_ = true;
+  watch_.forget();
   confirming_ = look_again_ = false;
   X_looked_WC_.reset();
   relocaliser_.restart();
