@@ -393,6 +393,8 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   consensus_.look(live, model, X_FC, centre_F, length, rule);
   consensus_.settle(out.consensus);
   looked_ = true;
+  const auto pixels = static_cast<std::uint64_t>(width_) * static_cast<std::uint64_t>(height_);
+  out.work = pixels;
   const bool suspicious = had_ || out.consensus.misfits > 0;
   out.suspicious = suspicious;
   const Eigen::Translation3d to_centre(-centre_F), back(centre_F);
@@ -417,6 +419,7 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
     zero << still.translation(), r.angle() * r.axis();
     consensus_.compete(memory, zero, 0.02, frame_, out.consensus);
     out.certain = out.consensus.certain;
+    out.work += 4 * pixels;  // of hypotheses
   }
   const Pose X_FC2 = orthonormalised(Pose(back * exp_se3(out.consensus.xi) * to_centre * X_FC));
   out.X_WC = orthonormalised(model.X_WF * X_FC2);
@@ -427,6 +430,7 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   std::fill_n(mask_.begin(), width_ * height_, std::uint8_t{0});
   recent_ = out.evidence >= config_.least_pixels ? config_.rest_frames : std::max(0, recent_ - 1);
   if (recent_ == 0) return;
+  out.work += 8 * pixels;
   if (!all) {  // a thing is more than the cells that do not fit
     gather_evidence(map, live, out.X_WC, true);
     out.evidence = patches();

@@ -56,6 +56,7 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
   if (r.state != TrackingState::kLost && watch_.explains(r.X_WC) < config_.motion.least_explained)
     tracker_.track(model(), prior, m.X_WC, {0, 0, 0}, r);
   if (!m.certain) r.claimed = r.fully_constrained = false;
+  r.work += m.work;
   watch_.settle(r.X_WC);
 }
 

@@ -153,7 +153,8 @@ TEST(Render, CarriedShapesAreSeenAsIfTheyStoodThere) {
   EXPECT_NE(want, empty);
   bare.scratch = RenderScratch(startup.token(), 2);
   const auto rod = whole.world.shapes().subspan(1);
-  render(bare.world, k, Pose::Identity(), {}, {}, 42, 0, bare.scratch, *bare.frame, rod);
+  render(bare.world, k, Pose::Identity(), {}, {}, 42, 0, bare.scratch, *bare.frame,
+         World::kBeginning, rod);
   EXPECT_EQ(hash_of(*bare.frame), want);
   EXPECT_EQ(hash_of(bare.shoot(k, Pose::Identity())), empty);
 }

@@ -104,7 +104,7 @@ class Bench {
     if (run_.arm_there) shapes.assign(placed.begin(), placed.end());
     shapes.insert(shapes.end(), further.begin(), further.end());
     drivers::render(world, camera.intrinsics(), X_WB_at(t) * camera.X_BC(), {}, noise_, 1, n_,
-                    scratch_, *frame, shapes);
+                    scratch_, *frame, drivers::World::kBeginning, shapes);
     frame->exposure = seconds(t);
     frame->joints = run_.arm_there ? arm.reported(seconds(t)) : perception::JointAngles{};
   }
@@ -200,7 +200,7 @@ class Bench {
   void measure_area(double t) {
     const auto placed = arm.place(seconds(t), X_WB_at(t));
     drivers::render(nowhere_, camera.intrinsics(), X_WB_at(t) * camera.X_BC(), {0.01, 20}, {}, 1, 0,
-                    scratch_, *silhouette_, placed);
+                    scratch_, *silhouette_, drivers::World::kBeginning, placed);
     int area = 0, masked = 0;
     const auto mask = task->pixel_mask();
     for (int v = 0; v < mask.height; ++v) {
