@@ -28,7 +28,7 @@
 namespace perception {
 
 struct MotionConfig {
-  bool on = true;
+  bool on = false;  // until what is lost is found again as well with it (docs/fusion.md, Open)
   double front_m = 0.012;      // in front of the map's surface by this ...
   double front_voxel = 0.4;    // ... and this share of a voxel ...
   double front_sigma = 3;      // ... and so many sigma of a coarse pixel: evidence

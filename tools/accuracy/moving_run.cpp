@@ -76,6 +76,7 @@ class Run {
     config.tracker.iterations = config.levels[0].iterations;
     config.level_count = 1;
     config.cost_map_period = 1;
+    config.motion.on = true;  // what is judged
     tasks::FusionSetup setup;
     setup.camera = images_.intrinsics;
     // No wall lies along the voxels' grid; up is up, as on a robot.
