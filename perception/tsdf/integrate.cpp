@@ -1,4 +1,4 @@
-// The stages of one integrate(): ready the image, allocate the band, update what is in view, carve.
+// The stages of one integrate(): ready the image, allocate the band, update what is in view, learn what moved, carve.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -40,6 +40,10 @@ constexpr double kThinnestVox = 2.5;
 
 constexpr int kUpdateParts = 16;
 
+// forget_unread(): of a block's voxels; a block is looked at in every fourth frame.
+constexpr std::int32_t kMuchSeenThrough = 64;
+constexpr std::uint32_t kForgetTurn = 4;
+
 }  // namespace
 
 IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
@@ -75,6 +79,7 @@ IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
   allocate_band(view, pixel_step, stats);
   const std::int64_t allocated = profiling_ ? cpu_ns(*crew_) : 0;
   update_blocks(view, stats);
+  learn_changes(view, stats);
   const std::int64_t updated = profiling_ ? cpu_ns(*crew_) : 0;
   carve(view, stats);
   if (profiling_)
@@ -194,6 +199,7 @@ UpdateCamera TsdfMap::update_camera(const Intrinsics& k, const Pose& X_CW) const
   cam.gather = simd::gathers();
   cam.truncation_m = static_cast<float>(truncation_);
   cam.units_per_m = static_cast<float>(kDistanceOne / truncation_);
+  cam.near_m = static_cast<float>(std::max(0.02, 1.5 * voxel_));
   cam.weight_cap = static_cast<std::int32_t>(config_.max_weight * kWeightOne);
   cam.colour_band_m = -1.0F;
   const Mat3 step = X_CW.linear() * voxel_;
@@ -276,6 +282,10 @@ void TsdfMap::update_range(const View& view, const UpdateCamera& cam, int first,
         cam, p0, seen.inside,
         {words_of(b), free_of(b), colours_.data() + b * kBlockVoxels, words_of(ahead)});
     if ((counts.fused | counts.carved) != 0) changed_[b] = revision_;
+    innovations_[static_cast<std::size_t>(n)] = {counts.compared, counts.off, counts.off2};
+    if (counts.fused == 0 && counts.carved >= kMuchSeenThrough &&
+        (static_cast<std::uint32_t>(at.x + at.y + at.z) + frame_) % kForgetTurn == 0)
+      forget_unread(cam, {p0[0], p0[1], p0[2]}, seen.block);
     ++stats.blocks_updated;
     stats.voxels_fused += counts.fused;
     stats.voxels_carved += counts.carved;

@@ -100,6 +100,8 @@ void TsdfConfig::describe(config::Section& s) {
            "unbounded");
   s.number("decay_half_life_s", decay_half_life_s, 0, 1e6,
            "weight of what is not seen again halves in this time; 0: never");
+  s.flag("follow_changes", follow_changes,
+         "blocks whose surface moves while it is looked at are moved with it");
 }
 
 double TsdfConfig::effective_far() const noexcept { return std::max(far_m, max_depth_m + 1.0); }
@@ -140,6 +142,8 @@ TsdfMap::TsdfMap(rt::NonRealtime& nrt, const TsdfConfig& config)
   in_use_.assign(blocks, 0);
   recycled_.assign(blocks, 0);
   in_view_.assign(blocks, InView{});
+  innovations_.assign(blocks, Innovation{});
+  stood_out_.assign(blocks + 1, 0);
   to_carve_.assign(chunks, nullptr);
 }
 
@@ -154,7 +158,7 @@ std::size_t TsdfMap::memory_bytes() const noexcept {
          far_.memory_bytes() + sizeof(BlockImage) + bytes(words_) + bytes(colours_) +
          bytes(label_pool_) + bytes(label_bits_) + bytes(label_of_block_) + bytes(block_of_label_) +
          bytes(label_recycled_) + bytes(free_) + bytes(coords_) + bytes(ahead_) + bytes(changed_) +
-         bytes(in_use_) + bytes(recycled_) + bytes(in_view_) + bytes(to_carve_) +
+         bytes(in_use_) + bytes(recycled_) + bytes(in_view_) + bytes(innovations_) + bytes(stood_out_) + bytes(to_carve_) +
          sizeof *allocate_ + pyramid_.memory_bytes() + directory_.memory_bytes();
 }
 
@@ -235,6 +239,7 @@ std::int32_t TsdfMap::new_block(Chunk& c, BlockCoord at) noexcept {
   coords_[static_cast<std::size_t>(b)] = at;
   in_use_[static_cast<std::size_t>(b)] = 1;
   changed_[static_cast<std::size_t>(b)] = revision_;
+  stood_out_[static_cast<std::size_t>(b)] = 0;
   c.block[static_cast<std::size_t>(in_chunk(at.x, at.y, at.z))] = b;
   c.settled[static_cast<std::size_t>(at.x & 7)] |= 1ULL << ((at.y & 7) * 8 + (at.z & 7));
   ++c.blocks;

@@ -23,6 +23,8 @@
 //           integrate() first brings back what its camera sees.
 // Volume    with volume_m, nothing is kept outside of a cube of whole blocks, parallel to the grid, whose
 //           centre lies half an edge in front of the first camera that was fused.
+// Changes   a block whose surface moves while it is looked at is moved with it (changes.cpp); what is seen through is
+//           forgotten in 8 frames, and with it what stood there and has no reading now.
 // Decay     with decay_half_life_s, what is not seen again loses weight and is unknown in the end.
 // Order     every result is a function of the sequence of calls: same input, same bytes.
 #pragma once
@@ -76,6 +78,7 @@ struct TsdfConfig {
   int far_store_kib = 16384;     // of what is put away, about 0.8 KiB a block; 0: nothing is
   double volume_m = 0;           // edge of a cube in front of the first camera, or 0: unbounded
   double decay_half_life_s = 0;  // of the weight of what is not seen again; 0: never
+  bool follow_changes = true;    // blocks are moved with their surface
 
   void describe(config::Section& s);
   // truncation_m, raised to 2.1 voxels where the voxels are coarse.
@@ -108,6 +111,7 @@ struct IntegrateStats {
   std::int64_t voxels_carved = 0;   // known voxels seen through
   std::int64_t free_tests = 0;      // cubes tested for free space
   std::int32_t blocks_fetched = 0;  // that were put away and are in view
+  std::int32_t blocks_moved = 0;    // whose surface has moved
 };
 
 // Of one page() or fetch_view(). Counts are of chunks unless they say otherwise.
@@ -341,6 +345,9 @@ class TsdfMap {
     bool inside;  // every node falls into the image
   };
   struct View;  // one frame's camera, in floats (integrate.cpp)
+  struct Innovation {  // of a block in view: BlockCounts
+    std::int32_t compared, off, off2;
+  };
 
   // Makes it, or brings it back; nullptr: pool full.
   Chunk* chunk_for(int cx, int cy, int cz, IntegrateStats&) noexcept;
@@ -383,6 +390,11 @@ class TsdfMap {
   void update_blocks(const View&, IntegrateStats&) noexcept;
   void update_range(const View&, const UpdateCamera&, int first, int last,
                     IntegrateStats&) noexcept;
+  void learn_changes(const View&, IntegrateStats&) noexcept;
+  [[nodiscard]] bool slope_of(std::int32_t block, Vec3& out) const noexcept;
+  void move_block(std::int32_t block, double by_m, std::uint32_t weight_most) noexcept;
+  void forget_unread(const UpdateCamera&, const std::array<float, 3>& p0,
+                     std::int32_t block) noexcept;
   void carve(const View&, IntegrateStats&) noexcept;
   void place_volume(const Pose& X_WC) noexcept;
   // Of an aligned cube of nodes, its first node and edge: whether any, or all, of it may be kept.
@@ -430,7 +442,9 @@ class TsdfMap {
   std::vector<std::uint8_t> in_use_;
   std::vector<std::int32_t> recycled_;  // stack of returned pool indices
   std::vector<InView> in_view_;         // of the frame being fused
-  std::vector<Chunk*> to_carve_;        // of the frame being fused
+  std::vector<Innovation> innovations_;   // of each of them
+  std::vector<std::uint32_t> stood_out_;  // last frame whose readings moved it, and where to
+  std::vector<Chunk*> to_carve_;          // of the frame being fused
   int used_blocks_ = 0, recycled_count_ = 0, live_blocks_ = 0;
   // The frame last integrated, for the votes on it; in_view_count_ 0: there is none.
   int in_view_count_ = 0;

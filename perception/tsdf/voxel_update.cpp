@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 
 #include "perception/geometry/no_colour.hpp"
 #include "perception/simd/isa.hpp"
@@ -68,19 +69,40 @@ HWY_INLINE void list_learners(const BlockMemory& block, Work& work) {
   }
 }
 
-// The word after a reading of value and weight, void where both weights are 0.
-HWY_INLINE VU mean_word(VU cap, VU word, VF value, VU w_new) {
+// The word of distance d and weight w after a reading of value and weight, void where both weights are 0.
+HWY_INLINE VU mean_word(VU cap, VF d, VU w, VF value, VU w_new) {
   const DU du;
-  const VU w = hn::ShiftRight<16>(word), w_sum = hn::Add(w, w_new);
-  const VF mean = hn::Div(add(mul(distance_of(word), to_float(w)), mul(value, to_float(w_new))),
-                          to_float(w_sum));
+  const VU w_sum = hn::Add(w, w_new);
+  const VF mean =
+      hn::Div(add(mul(d, to_float(w)), mul(value, to_float(w_new))), to_float(w_sum));
   const VI rounded = truncated(add(mean, hn::CopySignToAbs(set(0.5F), mean)));
   return hn::Or(hn::And(hn::BitCast(du, rounded), hn::Set(du, 0xffffU)),
                 hn::ShiftLeft<16>(hn::Min(w_sum, cap)));
 }
 
+// How far readings are off what is known, summed.
+struct Innovations {
+  VI count, sum, squares;
+  HWY_INLINE void add(MF counts, VF off) {
+    const DI di;
+    const auto lanes = hn::RebindMask(di, counts);
+    const VI n = hn::IfThenElseZero(lanes, truncated(off));
+    const VI part = hn::ShiftRight<kOffShift>(n);
+    count = hn::Sub(count, hn::VecFromMask(di, lanes));
+    sum = hn::Add(sum, n);
+    squares = hn::Add(squares, hn::Mul(part, part));
+  }
+  HWY_INLINE void store(BlockCounts& out) const {
+    const DI di;
+    out.compared = hn::GetLane(hn::SumOfLanes(di, count));
+    out.off = hn::GetLane(hn::SumOfLanes(di, sum));
+    out.off2 = hn::GetLane(hn::SumOfLanes(di, squares));
+  }
+};
+
 // Vectors that a surface may lie in: distances and weights; lists those near to one.
-HWY_INLINE void fuse(const UpdateCamera& c, std::uint32_t* words, Work& work) {
+HWY_INLINE void fuse(const UpdateCamera& c, std::uint32_t* words, Work& work,
+                     BlockCounts& counts) {
   const DF df;
   const DU du;
   const VF zero = hn::Zero(df), most = set(32767.0F);
@@ -88,6 +110,12 @@ HWY_INLINE void fuse(const UpdateCamera& c, std::uint32_t* words, Work& work) {
   const VF truncation = set(c.truncation_m * 0.03125F);
   const VU through = hn::Set(du, kSeenThrough),
            cap = hn::Set(du, static_cast<std::uint32_t>(c.weight_cap));
+  const VF newly = set(kFreeUnits), half = set(kHalfUnits), sure = set(kSureUnits);
+  const VF near_m = set(c.near_m);
+  const VU all = hn::Set(du, 0xffffU), going = hn::Set(du, kGoing),
+           newly_most = hn::Set(du, kNewlySolid);
+  const VI none = hn::Zero(DI());
+  Innovations off{none, none, none};
   std::size_t near_count = 0;  // here, not in memory
   for (std::size_t i = 0, count = work.mixed.size; i < count; ++i) {
     const std::size_t n = work.mixed.first[i];
@@ -99,10 +127,19 @@ HWY_INLINE void fuse(const UpdateCamera& c, std::uint32_t* words, Work& work) {
     const VU w_pixel = hn::And(hn::ShiftRight<16>(reading), hn::Set(du, 0xffU));
     const MF front = hn::And(seen, hn::Gt(sdf, limit));
     const MF band = hn::And(hn::And(seen, non_zero(w_pixel)), hn::Le(away, limit));
-    const MF carve = hn::And(front, non_zero(hn::ShiftRight<16>(word)));
-    const VU w_new = hn::IfThenElse(hn::RebindMask(du, band), w_pixel, through);
+    const VU w = hn::ShiftRight<16>(word);
+    const VF d = distance_of(word);
+    const MF known = non_zero(w), carve = hn::And(front, known);
+    const auto in_band = hn::RebindMask(du, band);
+    const VU w_new = hn::IfThenElse(in_band, w_pixel, through);
     const VF clipped = hn::Max(hn::Min(mul(sdf, units_per_m), most), hn::Neg(most));
-    const VU updated = mean_word(cap, word, hn::IfThenElse(band, clipped, most), w_new);
+    const MF appears = hn::And(hn::Ge(d, newly), hn::Lt(clipped, half));
+    const VU w_most = hn::IfThenElse(
+        in_band, hn::IfThenElse(hn::RebindMask(du, appears), newly_most, all), going);
+    const VU updated = mean_word(cap, d, hn::Min(w, w_most),
+                                 hn::IfThenElse(band, clipped, most), w_new);
+    off.add(hn::And(hn::And(band, known), hn::And(hn::Le(away, near_m), hn::Le(hn::Abs(d), sure))),
+            hn::Sub(clipped, d));
     const MF learns = hn::Or(band, carve);
     hn::StoreU(hn::IfThenElse(hn::RebindMask(du, learns), updated, word), du, words + n);
     put_bits(hn::Or(front, hn::And(band, hn::Gt(sdf, zero))), n, work.free);
@@ -114,6 +151,7 @@ HWY_INLINE void fuse(const UpdateCamera& c, std::uint32_t* words, Work& work) {
     near_count += mask_bits(near) != 0 ? 1 : 0;
   }
   work.near.size = near_count;
+  off.store(counts);
 }
 
 // Vectors with all that is seen of them in front, and something known in them.
@@ -125,7 +163,9 @@ HWY_INLINE void see_through(const UpdateCamera& c, std::uint32_t* words, Work& w
     const VU word = hn::LoadU(du, words + n);
     const MF carve = hn::And(hn::RebindMask(DF(), lanes_of(get_bits(work.free, n))),
                              non_zero(hn::ShiftRight<16>(word)));
-    const VU updated = mean_word(cap, word, set(32767.0F), hn::Set(du, kSeenThrough));
+    const VU w = hn::Min(hn::ShiftRight<16>(word), hn::Set(du, kGoing));
+    const VU updated =
+        mean_word(cap, distance_of(word), w, set(32767.0F), hn::Set(du, kSeenThrough));
     hn::StoreU(hn::IfThenElse(hn::RebindMask(du, carve), updated, word), du, words + n);
     put_bits(carve, n, work.carved);
   }
@@ -141,9 +181,9 @@ HWY_INLINE BlockCounts update(const UpdateCamera& c, const float (&p0)[3],
     sort_out(c, reading, n, work);
   });
   list_learners(block, work);
-  fuse(c, block.words, work);
-  see_through(c, block.words, work);
   BlockCounts counts;
+  fuse(c, block.words, work, counts);
+  see_through(c, block.words, work);
   for (std::size_t x = 0; x < 8; ++x) {
     block.free[x] = (block.free[x] & ~work.fused[x]) | work.free[x];
     counts.fused += __builtin_popcountll(work.fused[x]);
@@ -218,9 +258,19 @@ void update_voxel(const UpdateCamera& c, const float (&p)[3], Voxel voxel,
   const std::int32_t w_new =
       band ? static_cast<std::int32_t>(w_pixel) : static_cast<std::int32_t>(kSeenThrough);
   const float value = band ? std::clamp(sdf * c.units_per_m, -32767.0F, 32767.0F) : 32767.0F;
-  const std::int32_t w_sum = w + w_new;
+  if (band && w != 0 && std::abs(sdf) <= c.near_m && std::abs(d) <= kSureUnits) {
+    const auto off = static_cast<std::int32_t>(value - static_cast<float>(d));
+    ++counts.compared;
+    counts.off += off;
+    counts.off2 += (off >> kOffShift) * (off >> kOffShift);
+  }
+  std::int32_t w_old = w;
+  if (carve) w_old = std::min(w, static_cast<std::int32_t>(kGoing));
+  if (band && d >= kFreeUnits && value < kHalfUnits)
+    w_old = std::min(w, static_cast<std::int32_t>(kNewlySolid));
+  const std::int32_t w_sum = w_old + w_new;
   const float mean =
-      (static_cast<float>(d) * static_cast<float>(w) + value * static_cast<float>(w_new)) /
+      (static_cast<float>(d) * static_cast<float>(w_old) + value * static_cast<float>(w_new)) /
       static_cast<float>(w_sum);
   const auto rounded = static_cast<std::int32_t>(mean + (mean >= 0.0F ? 0.5F : -0.5F));
   voxel.word = (static_cast<std::uint32_t>(rounded) & 0xffffU) |

@@ -5,12 +5,14 @@
 //   u, v  = (p.x / p.z) fx + (cx + 0.5), ...     floor is the pixel; none outside the image or p.z < 0.05
 //   sdf   = (depth - p.z) * sqrt(1 + (p.x/p.z)^2 + (p.y/p.z)^2)
 //   limit = truncation * the pixel's reach (1 for pixels that only carve)
-//   sdf > limit                 seen through: free; a known voxel learns +1 with weight 2: what is gone is forgotten in half
-//                               the time that it stood
+//   sdf > limit                 seen through: free; a known voxel learns +1 with weight 2, its own counting at most kGoing:
+//                               what is gone is forgotten in 8 frames, however long it stood
 //   |sdf| <= limit              fused with the pixel's weight, s = sdf / truncation clipped to +-1;
-//                               free when sdf > 0, else not free
+//                               free when sdf > 0, else not free; a voxel that was free alone (d >= kFreeUnits) and has
+//                               s < 1/2 now counts at most 1: what comes to rest need not outweigh the free space
 //   sdf < -limit                hidden: unchanged
 //   d'    = round((d w + s w_o) / (w + w_o)), half away from 0;  w' = min(w + w_o, cap)
+//   of what was known within near_m of the reading, |d| <= kSureUnits: how far s is off d, before (BlockCounts)
 //   within colour_band_m of the surface, in integers:
 //               readings' = min(readings + 1, 15); where the pixel has a colour (no_colour.hpp), n the coloured ones,
 //               c' = (c n + c_o + (n + 1) / 2) / (n + 1), n' = min(n + 1, 15)
@@ -30,6 +32,7 @@ struct UpdateCamera {
   float units_per_m;                // 32767 / truncation
   std::int32_t weight_cap;          // raw
   alignas(64) float node[3][512];   // of a block, from its first one, in the camera frame, m
+  float near_m;                     // innovations are summed within it
   float colour_band_m;              // negative: no colour
   const std::uint8_t* colour;       // r, g, b a pixel; all 0: none there
   std::ptrdiff_t colour_stride_px;  // pixels from row to row
@@ -41,9 +44,17 @@ struct UpdateCamera {
 };
 
 inline constexpr std::uint32_t kSeenThrough = 256;  // raw weight of that
+// Seen through, nothing counts for more: (20 / 22)^8 < 1/2, so the deepest voxel has changed its sign after 8 frames.
+// A silhouette that a flying pixel is now and then seen through keeps its mean, with the noise of 20 readings.
+inline constexpr std::uint32_t kGoing = 20 * 128;
+inline constexpr std::uint32_t kNewlySolid = 128;
+inline constexpr std::int32_t kFreeUnits = 31129, kHalfUnits = 16384, kSureUnits = 26214;
+inline constexpr int kOffShift = 5;  // of what is squared: 512 squares fit into 31 bits
 
 struct BlockCounts {
   std::int32_t fused = 0, carved = 0;
+  // Innovations s - d before the update, raw units: how many, their sum, the sum of the squares of them >> kOffShift.
+  std::int32_t compared = 0, off = 0, off2 = 0;
 };
 
 // Where a block is kept: 512 words and colours, 8 words of bits. next_words: of the block that comes after it,

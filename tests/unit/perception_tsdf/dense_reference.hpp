@@ -76,11 +76,12 @@ struct DenseReference {
           Node& n = at(i, j, k);
           if (sdf > limit) {
             n.free = true;
-            if (n.w > 0) learn(n, 32767.0F, 256);
+            if (n.w > 0) learn(n, 32767.0F, 256, 20 * 128);
           } else if (weight > 0 && sdf >= -limit) {
             float s = sdf * static_cast<float>(32767 / truncation);
             s = std::min(std::max(s, -32767.0F), 32767.0F);
-            learn(n, s, weight);
+            // A voxel that was free alone: one reading's worth is left of it.
+            learn(n, s, weight, n.d >= 31129 && s < 16384.0F ? 128 : 65535);
             n.free = sdf > 0;
             if (colour.data != nullptr && std::fabs(sdf) <= static_cast<float>(band_m))
               see(n, colour.at(column, row));
@@ -100,7 +101,8 @@ struct DenseReference {
     n.coloured = std::min(n.coloured + 1, 15);
   }
 
-  void learn(Node& n, float s, int w) const {
+  void learn(Node& n, float s, int w, int known_most) const {
+    n.w = std::min(n.w, known_most);
     const float mean =
         (static_cast<float>(n.d) * static_cast<float>(n.w) + s * static_cast<float>(w)) /
         static_cast<float>(n.w + w);
