@@ -61,9 +61,10 @@ double median(std::span<double> v) noexcept {
   return *middle;
 }
 
-// Tukey's weights from the plain start: what moves does not pull as long as it is the minority.
+// Tukey's weights from the plain start: what moves does not pull as long as it is the minority. Where the blocks are as near
+// to no motion at all as their noise allows, there is none: directions that they do not constrain would take it up.
 Common common_motion(std::span<const Fitted> blocks) noexcept {
-  constexpr double kTukey = 4.7, kLeastScatter = 0.2, kDamping = 1e-3;
+  constexpr double kTukey = 4.7, kLeastScatter = 0.2, kNoMotion = 0.4, kDamping = 1e-2;
   constexpr int kRounds = 4;
   Common out;
   const std::size_t count = blocks.size();
@@ -82,6 +83,10 @@ Common common_motion(std::span<const Fitted> blocks) noexcept {
     }
     std::array<double, kMostFitted> sorted = size;
     out.scatter = std::max(kLeastScatter, 1.4826 * median({sorted.data(), count}));
+    if (round == 0 && out.scatter <= kNoMotion) {
+      out.told = true;
+      return out;
+    }
     if (round == kRounds) break;
     Normal A = Normal::Zero();
     Row right = Row::Zero();
@@ -106,15 +111,16 @@ Common common_motion(std::span<const Fitted> blocks) noexcept {
 }  // namespace
 
 // Of the block's field where it is known well, towards where it is seen from; false: nowhere.
-bool TsdfMap::slope_of(std::int32_t block, Vec3& out) const noexcept {
+bool TsdfMap::slope_of(std::int32_t block, bool anywhere, Vec3& out) const noexcept {
   const std::uint32_t* words = block_words(block);
   const auto sure = [words](int n) {
     return word_weight(words[n]) >= kObservedWeight && std::abs(word_distance(words[n])) <= kSureUnits;
   };
-  constexpr int kFrom[3] = {3, 1, 5};
-  for (const int x : kFrom)
-    for (const int y : kFrom)
-      for (const int z : kFrom) {
+  static constexpr int kFrom[7] = {3, 1, 5, 0, 6, 2, 4};
+  const std::span<const int> from(kFrom, anywhere ? 7 : 3);
+  for (const int x : from)
+    for (const int y : from)
+      for (const int z : from) {
         const int n = in_block(x, y, z);
         if (!sure(n) || !sure(n + 64) || !sure(n + 8) || !sure(n + 1)) continue;
         const int d = word_distance(words[n]);
@@ -178,7 +184,8 @@ void TsdfMap::learn_changes(const View& view, IntegrateStats& stats) noexcept {
     const BlockCoord c = coords_[static_cast<std::size_t>(block)];
     Fitted& f = fitted[static_cast<std::size_t>(count)];
     f.key = block_key(c.x, c.y, c.z);
-    if ((f.key * 0x9e3779b97f4a7c15ULL >> 32U) % one_in != 0 || !slope_of(block, f.slope)) continue;
+    if ((f.key * 0x9e3779b97f4a7c15ULL >> 32U) % one_in != 0 || !slope_of(block, false, f.slope))
+      continue;
     f.at = middle(n);
     const Off off = off_of(n, f.at);
     f.off = off.mean, f.unit = off.threshold;
@@ -189,7 +196,7 @@ void TsdfMap::learn_changes(const View& view, IntegrateStats& stats) noexcept {
   const Common common = common_motion({fitted.data(), static_cast<std::size_t>(count)});
   if (!common.told) return;
   const double least = std::max(1.0, kScatter * common.scatter);
-  const bool still = common.twist.norm() < 0.2 * kLeast_m;
+  const bool still = common.twist.isZero();
   for (int n = 0; n < in_view_count_; ++n) {
     if (!compared(n)) continue;
     const Innovation& i = innovations_[static_cast<std::size_t>(n)];
@@ -198,7 +205,7 @@ void TsdfMap::learn_changes(const View& view, IntegrateStats& stats) noexcept {
     const Vec3 at = middle(n);
     const Off off = off_of(n, at);
     Vec3 slope;
-    const bool sloped = slope_of(block, slope);
+    const bool sloped = slope_of(block, true, slope);
     if (!sloped && !still) continue;
     const double rest = still ? off.mean : off.mean - common.row(slope, at).dot(common.twist);
     const double times = std::abs(rest) / (least * off.threshold);

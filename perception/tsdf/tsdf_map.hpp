@@ -391,7 +391,7 @@ class TsdfMap {
   void update_range(const View&, const UpdateCamera&, int first, int last,
                     IntegrateStats&) noexcept;
   void learn_changes(const View&, IntegrateStats&) noexcept;
-  [[nodiscard]] bool slope_of(std::int32_t block, Vec3& out) const noexcept;
+  [[nodiscard]] bool slope_of(std::int32_t block, bool anywhere, Vec3& out) const noexcept;
   void move_block(std::int32_t block, double by_m, std::uint32_t weight_most) noexcept;
   void forget_unread(const UpdateCamera&, const std::array<float, 3>& p0,
                      std::int32_t block) noexcept;
