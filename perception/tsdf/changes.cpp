@@ -8,7 +8,7 @@
 // where they do not, some of it moved and its weights fall to kMixed.
 //
 // A pose error is an innovation too, of many blocks by one small motion: that twist is fitted robustly to the innovations (a
-// point-to-plane fit, rows from the field's own slope), and only what stands out of the rest counts, by five times the
+// point-to-plane fit, rows from the field's own slope), and only what stands out of the rest counts, by four times the
 // scatter that the frame's blocks have themselves. Less than kFewest blocks, or no majority that agrees: nothing is learned.
 //
 // Chosen on the floor of case 13 (tools/stability) and a plane in tests/unit/perception_tsdf at 1 m; reported on the rooms of
@@ -24,7 +24,7 @@
 namespace perception {
 namespace {
 
-constexpr double kLeast_m = 1.0e-3, kErrors = 4, kScatter = 5;
+constexpr double kLeast_m = 0.8e-3, kErrors = 4, kScatter = 4;
 constexpr int kFewCompared = 24;  // voxels: a block that the surface hardly touches says nothing
 constexpr int kFewest = 20, kMostFitted = 512, kFitted = 160;
 constexpr std::uint32_t kMoved = 8 * TsdfMap::kWeightOne, kMixed = 3 * TsdfMap::kWeightOne;

@@ -16,6 +16,7 @@ enum class Broken : std::uint8_t {
   kBreaksLooseEarly,  // friction: at the dynamic rim
   kBumpsTooLow,       // 80 % of their height
   kTipWithoutRadius,  // in contact
+  kFollowsAnything,   // a surface that comes faster than a hand can be carried
 };
 
 #if defined(TELETACT_HAPTIC_BROKEN) && TELETACT_HAPTIC_BROKEN
