@@ -103,7 +103,7 @@ HapticTask::Ahead HapticTask::look_ahead() noexcept {
   constexpr double kSlopeLeast = 0.3;  // flatter is a rounded crease or the edge of the band
   Ahead out;
   if (proxy_.phase != ProxyState::Phase::kContact || leaving_) return out;
-  field_.set(older_, newer_, 1);
+  field_.set(nullptr, newer_, 1);  // alone: what only the older one knows is not there any more
   const FieldSample then = field_.sample(proxy_.p_WP());
   field_.set(older_, newer_, 0);
   const FieldSample now = field_.sample(proxy_.p_WP());

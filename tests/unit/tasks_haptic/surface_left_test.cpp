@@ -41,7 +41,7 @@ Told run(Scene s, double depth = kDepth_m) {
   Rig r(std::move(s));
   press(r, depth);
   Told out;
-  double last_N = depth * 1000, booked_before = -1;
+  double last_N = std::min(12.0, depth * 1000), booked_before = -1;
   for (int i = 0; i < 700; ++i) {
     const Row row = r.tick(Vec3(0, 0, -depth));
     if (booked_before < 0) booked_before = row.telemetry.booked_J;
@@ -114,7 +114,7 @@ TEST(SurfaceLeft, ASlowFaceAndASmallStepCarryTheHand) {
     s.solid = [=](const Vec3& p, double t) { return solids::floor(p) - (t > kAt_s ? step : 0.0); };
     const Told t = run(std::move(s));
     EXPECT_EQ(t.events, 0) << step;
-    EXPECT_NEAR(t.at_the_end_N, 8 + 1e3 * step, 0.05);
+    EXPECT_NEAR(t.at_the_end_N, std::min(12.0, 8 + 1e3 * step), 0.05);
   }
 }
 
