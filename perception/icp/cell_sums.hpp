@@ -22,11 +22,11 @@ struct CellSums {
   using Table = std::array<std::array<float, kMost>, kCount>;
 
   int columns = 0, rows = 0;
-  Table<21> H{};                    // upper triangle by rows
+  Table<21> H{};  // upper triangle by rows
   Table<6> g{};
-  std::array<float, kMost> r2{};    // m^2
-  std::array<float, kMost> pairs{}; // pixels within the gates
-  std::array<float, kMost> live{};  // pixels with depth
+  std::array<float, kMost> r2{};       // m^2
+  std::array<float, kMost> pairs{};    // pixels within the gates
+  std::array<float, kMost> live{};     // pixels with depth
   std::array<float, kMost> depth_m{};  // mean of those; 0: none
 
   [[nodiscard]] int size() const noexcept { return columns * rows; }

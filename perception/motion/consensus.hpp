@@ -25,8 +25,8 @@ namespace perception {
 struct ConsensusConfig {
   icp::NoiseRule noise{0.0015F, 0.004F, 0.8F};  // of a reading at full resolution
   double noise_share = 0.7;  // of it that is left in a pixel of the coarse image, pattern included
-  double map_error_m = 0.002;      // of the ray cast, RMS, at fine voxels ...
-  double map_error_voxel = 0.10;   // ... plus this share of a voxel
+  double map_error_m = 0.002;     // of the ray cast, RMS, at fine voxels ...
+  double map_error_voxel = 0.10;  // ... plus this share of a voxel
   double voxel_m = 0.01;
 };
 
@@ -50,9 +50,9 @@ class Consensus {
   // Least squares, reweighed, from xi = 0 alone: for images in which nothing moves. Cheap.
   void settle(ConsensusResult& out) noexcept;
   // All hypotheses. `remembered`: share of each cell that may be static, by what is known of it before; `zero`: twist of
-  // a camera that has not moved; `trusted`: how far the prior may be off, m (mean over the points).
-  void compete(const Cells& remembered, const Vec6& zero, double prior_sigma_m,
-               std::uint64_t seed, ConsensusResult& out) noexcept;
+  // a camera that has not moved; `prior_sigma_m`: how far the prior may be off (mean over the points).
+  void compete(const Cells& remembered, const Vec6& zero, double prior_sigma_m, std::uint64_t seed,
+               ConsensusResult& out) noexcept;
 
   [[nodiscard]] const CellSums& sums() const noexcept { return sums_; }
   // Mean square residual over its limit, of a cell at the winner; above 1 it does not fit.

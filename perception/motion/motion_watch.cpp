@@ -369,6 +369,7 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   out = MotionResult{};
   out.X_WC = prior.X_WC;
   looked_ = false;
+  if (!config_.on) return;
   ++frame_;
   level_ = TrackingPyramid::kLevels - 1;
   while (level_ > 0 && pyramid.level(level_).depth.width() < 96) --level_;
@@ -377,7 +378,7 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   voxel_m_ = static_cast<float>(map.voxel_size());
   const double length = pyramid.mean_depth(
       {static_cast<float>(tracker_.noise_m), 0.0F, static_cast<float>(tracker_.noise_from_m)});
-  if (!config_.on || !fits_cells(width_, height_) || !(length > 0) || !model.valid()) {
+  if (!fits_cells(width_, height_) || !(length > 0) || !model.valid()) {
     std::fill_n(mask_.begin(), std::min(width_ * height_, kMost), std::uint8_t{0});
     return;
   }
@@ -461,7 +462,7 @@ double MotionWatch::explains(const Pose& X_WC) const noexcept {
   return consensus_.share_of_winner(xi);
 }
 
-void MotionWatch::settle(const Pose&) noexcept {
+void MotionWatch::settle() noexcept {
   remembered_ = 0;
   for (int i = 0; i < width_ * height_; ++i)
     if (mask_[static_cast<std::size_t>(i)] != 0)

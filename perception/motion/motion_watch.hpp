@@ -29,11 +29,11 @@ namespace perception {
 
 struct MotionConfig {
   bool on = false;  // until what is lost is found again as well with it (docs/fusion.md, Open)
-  double front_m = 0.012;      // in front of the map's surface by this ...
-  double front_voxel = 0.4;    // ... and this share of a voxel ...
-  double front_sigma = 3;      // ... and so many sigma of a coarse pixel: evidence
-  double least_share = 0.10;   // of a thing that is evidence
-  int least_pixels = 10;       // of the coarse image
+  double front_m = 0.012;     // in front of the map's surface by this ...
+  double front_voxel = 0.4;   // ... and this share of a voxel ...
+  double front_sigma = 3;     // ... and so many sigma of a coarse pixel: evidence
+  double least_share = 0.10;  // of a thing that is evidence
+  int least_pixels = 10;      // of the coarse image
   int rest_frames = 20;
   double least_explained = 0.99;  // of what stands still, by a pose that is tracked by its noise
   double rest_cell_m = 0.025;
@@ -41,9 +41,9 @@ struct MotionConfig {
 };
 
 struct MotionResult {
-  bool moving = false;      // some pixels are masked
-  bool suspicious = false;  // cells that do not fit, or something moved in the last image
-  bool certain = true;    // no other motion explains the image nearly as well
+  bool moving = false;           // some pixels are masked
+  bool suspicious = false;       // cells that do not fit, or something moved in the last image
+  bool certain = true;           // no other motion explains the image nearly as well
   Pose X_WC = Pose::Identity();  // by what stands still; where tracking starts
   ConsensusResult consensus;
   double masked_share = 0;  // of the coarse pixels with depth
@@ -63,8 +63,8 @@ class MotionWatch {
   // The image in `pyramid`, a camera that should be at `prior` and was at `model`.X_WF.
   void look(const TsdfMap& map, const TrackingPyramid& pyramid, const ModelView& model,
             const MotionPrior& prior, MotionResult& out) noexcept;
-  // After tracking: where the masked points are, for the next image. `X_WC` as claimed.
-  void settle(const Pose& X_WC) noexcept;
+  // After tracking: where the masked points are, for the next image.
+  void settle() noexcept;
 
   // Of what the pose by what stands still explains of the image: the share that another pose does.
   [[nodiscard]] double explains(const Pose& X_WC) const noexcept;
@@ -77,8 +77,8 @@ class MotionWatch {
   void spread(const TrackingPyramid& pyramid, std::uint8_t* out) const noexcept;
 
  private:
-  struct Pixel;
-  void gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC, bool all) noexcept;
+  void gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC,
+                       bool all) noexcept;
   [[nodiscard]] int patches() noexcept;
   void recall(const DepthLevel& live, const Pose& X_WC) noexcept;
   void grow(const DepthLevel& live) noexcept;

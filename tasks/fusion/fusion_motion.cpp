@@ -57,7 +57,7 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
     tracker_.track(model(), prior, m.X_WC, {0, 0, 0}, r);
   if (!m.certain) r.claimed = r.fully_constrained = false;
   r.work += m.work;
-  watch_.settle(r.X_WC);
+  watch_.settle();
 }
 
 // ---------------------------------------------------------------- lost and found
