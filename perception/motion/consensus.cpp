@@ -127,38 +127,47 @@ double Consensus::mean_way(const Vec6& a, const Vec6& b) const noexcept {
   return std::hypot(d.head<3>().norm(), length_m_ * d.tail<3>().norm());
 }
 
-double Consensus::share_of_winner(const Vec6& xi) const noexcept {
+double Consensus::support_of(const Vec6& xi) const noexcept {
   Cells misfit;
   fit(xi, misfit);
+  return support(misfit, remembered_);
+}
+
+double Consensus::share_of_winner(const Vec6& xi) const noexcept {
   const double ours = support(misfit_, remembered_);
-  return ours > 0 ? support(misfit, remembered_) / ours : 1.0;
+  return ours > 0 ? support_of(xi) / ours : 1.0;
 }
 
-namespace {
-int count_misfits(const CellSums& sums, const Consensus::Cells& misfit) noexcept {
-  int n = 0;
-  for (std::size_t c = 0; c < static_cast<std::size_t>(sums.size()); ++c)
-    n += sums.pairs[c] >= Consensus::kLeastPairs && misfit[c] > 1 ? 1 : 0;
-  return n;
-}
-}  // namespace
-
-void Consensus::settle(ConsensusResult& out) noexcept {
+// What the winner leaves unexplained.
+void Consensus::conclude(const Vec6& xi, ConsensusResult& out) noexcept {
   out = ConsensusResult{};
-  Cells all;
-  all.fill(1);
-  refine(all, 6.0F, 4, out.xi);
-  fit(out.xi, misfit_);
-  remembered_ = all;
-  out.support = support(misfit_, all);
+  out.xi = xi;
+  fit(xi, misfit_);
+  out.support = support(misfit_, remembered_);
   out.pairs = total_pairs_;
-  out.misfits = count_misfits(sums_, misfit_);
+  double may_be_static = 0, unexplained = 0;
+  for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
+    if (sums_.pairs[c] < kLeastPairs) continue;
+    const auto pixels = static_cast<double>(remembered_[c] * sums_.pairs[c]);
+    may_be_static += pixels;
+    if (!(misfit_[c] > 1)) continue;
+    ++out.misfits;
+    unexplained += pixels;
+  }
+  out.unexplained = may_be_static > 0 ? unexplained / may_be_static : 1;
+}
+
+void Consensus::settle(const Cells& remembered, ConsensusResult& out) noexcept {
+  remembered_ = remembered;
+  Vec6 xi = Vec6::Zero();
+  refine(remembered, 6.0F, 4, xi);
+  conclude(xi, out);
   out.certain = true;
 }
 
-void Consensus::compete(const Cells& remembered, const Vec6& zero, double prior_sigma_m,
-                        std::uint64_t seed, ConsensusResult& out) noexcept {
-  constexpr int kMost = 16 + kHandfuls;
+void Consensus::compete(const Cells& remembered, const Vec6& still, const Vec6& prior,
+                        double prior_sigma_m, std::uint64_t seed, ConsensusResult& out) noexcept {
+  constexpr int kMost = 17 + kHandfuls;
   std::array<Vec6, kMost> pose;
   int count = 0;
   Cells all;
@@ -171,7 +180,8 @@ void Consensus::compete(const Cells& remembered, const Vec6& zero, double prior_
     pose[static_cast<std::size_t>(count++)] = xi;
   };
   add(all, false, Vec6::Zero(), 1.0F);
-  add(all, false, zero, 1.0F);
+  add(all, false, still, 1.0F);
+  add(all, false, prior, 1.0F);
   add(all, true, Vec6::Zero(), 36.0F);
   add(remembered, true, Vec6::Zero(), 6.0F);
   const int columns = sums_.columns, rows = sums_.rows;
@@ -203,18 +213,14 @@ void Consensus::compete(const Cells& remembered, const Vec6& zero, double prior_
   double most = -1;
   for (int i = 0; i < count; ++i) {
     fit(pose[static_cast<std::size_t>(i)], misfit);
-    const double way = mean_way(pose[static_cast<std::size_t>(i)], Vec6::Zero());
-    const double prior = 1 / (1 + (way / prior_sigma_m) * (way / prior_sigma_m));
-    const double s = support(misfit, remembered) * (0.9 + 0.1 * prior);
+    const double way = mean_way(pose[static_cast<std::size_t>(i)], prior);
+    const double likely = 1 / (1 + (way / prior_sigma_m) * (way / prior_sigma_m));
+    const double s = support(misfit, remembered) * (0.9 + 0.1 * likely);
     if (s > most) most = s, best = i;
   }
   out = ConsensusResult{};
   if (best < 0) return;
-  out.xi = pose[static_cast<std::size_t>(best)];
-  fit(out.xi, misfit_);
-  out.support = support(misfit_, all);
-  out.pairs = total_pairs_;
-  out.misfits = count_misfits(sums_, misfit_);
+  conclude(pose[static_cast<std::size_t>(best)], out);
   for (int i = 0; i < count; ++i) {
     const double way = mean_way(pose[static_cast<std::size_t>(i)], out.xi);
     if (way < kOtherMotion_m) continue;

@@ -38,6 +38,7 @@ struct ConsensusResult {
   double rival_way_m = 0;  // how far that is off, mean over the points
   bool certain = false;    // no rival comes near
   int misfits = 0;         // cells that do not fit the winner
+  double unexplained = 0;  // share of the pixels in such cells, of those that may be static
 };
 
 class Consensus {
@@ -47,19 +48,21 @@ class Consensus {
   // Of the level, against the model, from X_FC. `length_m` mean depth: scales rotation.
   void look(const DepthLevel& live, const ModelView& model, const Pose& X_FC, const Vec3& centre_F,
             double length_m, const ConsensusConfig& config) noexcept;
-  // Least squares, reweighed, from xi = 0 alone: for images in which nothing moves. Cheap.
-  void settle(ConsensusResult& out) noexcept;
-  // All hypotheses. `remembered`: share of each cell that may be static, by what is known of it before; `zero`: twist of
-  // a camera that has not moved; `prior_sigma_m`: how far the prior may be off (mean over the points).
-  void compete(const Cells& remembered, const Vec6& zero, double prior_sigma_m, std::uint64_t seed,
-               ConsensusResult& out) noexcept;
+  // Least squares, reweighed, from xi = 0 alone: for images in which nothing new moves. Cheap. `remembered`: share of
+  // each cell that may be static, by what is known of it before.
+  void settle(const Cells& remembered, ConsensusResult& out) noexcept;
+  // All hypotheses. `still`: twist of a camera that has not moved; `prior`, which may be off by `prior_sigma_m` (mean
+  // over the points).
+  void compete(const Cells& remembered, const Vec6& still, const Vec6& prior, double prior_sigma_m,
+               std::uint64_t seed, ConsensusResult& out) noexcept;
 
   [[nodiscard]] const CellSums& sums() const noexcept { return sums_; }
   // Mean square residual over its limit, of a cell at the winner; above 1 it does not fit.
   [[nodiscard]] float misfit(int cell) const noexcept {
     return misfit_[static_cast<std::size_t>(cell)];
   }
-  // Support of a pose over the winner's, of the cells that may be static.
+  // Support of a pose, of the cells that may be static; and over the winner's.
+  [[nodiscard]] double support_of(const Vec6& xi) const noexcept;
   [[nodiscard]] double share_of_winner(const Vec6& xi) const noexcept;
   [[nodiscard]] double mean_way(const Vec6& a, const Vec6& b) const noexcept;
 
@@ -69,6 +72,7 @@ class Consensus {
   void fit(const Vec6& xi, Cells& misfit) const noexcept;
   [[nodiscard]] double support(const Cells& misfit, const Cells& weight) const noexcept;
   [[nodiscard]] bool solve(const Cells& weight, const Vec6& from, Vec6& xi) const noexcept;
+  void conclude(const Vec6& xi, ConsensusResult& out) noexcept;
   void refine(const Cells& memory, float scale, int rounds, Vec6& xi) const noexcept;
 
   CellSums sums_;

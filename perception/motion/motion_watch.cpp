@@ -7,6 +7,10 @@ namespace perception {
 
 namespace {
 
+constexpr int kRounds = 3;        // of sums taken anew
+constexpr double kNear_m = 0.004;  // mean way over the points: the sums hold
+constexpr double kDoubt = 0.03;    // of the pixels that may be static, unexplained: hypotheses compete
+constexpr double kPriorSigma_m = 0.02;
 constexpr int kYoungFrames = 8, kYoungPercent = 3;
 constexpr int kRestTable = 1 << 15;
 constexpr std::uint32_t kRestGap = 5;  // frames that a cell may go unseen
@@ -364,11 +368,67 @@ void MotionWatch::fringe(const DepthLevel& live) noexcept {
     mask_[static_cast<std::size_t>(i)] = mask_[static_cast<std::size_t>(i)] != 0 ? 1 : 0;
 }
 
+// The sums of the cells about a pose.
+void MotionWatch::linearise(const TrackingPyramid& pyramid, const ModelView& model,
+                            const Pose& X_WC) noexcept {
+  X_WF_ = model.X_WF;
+  X_FC_ = model.X_WF.inverse(Eigen::Isometry) * X_WC;
+  centre_F_ = X_FC_ * Vec3(0, 0, length_m_);
+  consensus_.look(pyramid.level(level_), model, X_FC_, centre_F_, length_m_, rule_);
+}
+
+Pose MotionWatch::moved_by(const Vec6& xi) const noexcept {
+  const Eigen::Translation3d to_centre(-centre_F_), back(centre_F_);
+  return orthonormalised(X_WF_ * Pose(back * exp_se3(xi) * to_centre * X_FC_));
+}
+
+// moved_by(twist_to(X)) = X.
+Vec6 MotionWatch::twist_to(const Pose& X_WC) const noexcept {
+  const Eigen::Translation3d to_centre(-centre_F_), back(centre_F_);
+  const Pose moved(to_centre * (X_WF_.inverse(Eigen::Isometry) * X_WC) *
+                   X_FC_.inverse(Eigen::Isometry) * back);
+  const Eigen::AngleAxisd r(moved.linear());
+  Vec6 xi;
+  xi << moved.translation(), r.angle() * r.axis();
+  return xi;
+}
+
+// Least squares from a pose, the sums taken anew where it has gone far: they hold for centimetres.
+void MotionWatch::settle_at(const TrackingPyramid& pyramid, const ModelView& model,
+                            const Pose& X_WC, MotionResult& out) noexcept {
+  Pose at = X_WC;
+  for (int round = 0; round < kRounds; ++round) {
+    linearise(pyramid, model, at);
+    consensus_.settle(memory_, out.consensus);
+    out.work += pixels();
+    at = moved_by(out.consensus.xi);
+    if (consensus_.mean_way(out.consensus.xi, Vec6::Zero()) < kNear_m) break;
+  }
+  out.X_WC = at;
+}
+
+// Cells of which a quarter moved in the last image may not be static.
+void MotionWatch::remember_cells(const DepthLevel& live, const Pose& X_WC) noexcept {
+  memory_.fill(1);
+  if (!had_) return;
+  recall(live, X_WC);
+  const int columns = (width_ + CellSums::kEdge - 1) / CellSums::kEdge,
+            rows = (height_ + CellSums::kEdge - 1) / CellSums::kEdge;
+  for (int c = 0; c < columns * rows; ++c) {
+    const int u0 = c % columns * CellSums::kEdge, v0 = c / columns * CellSums::kEdge;
+    int n = 0, m = 0;
+    for (int v = v0; v < std::min(v0 + CellSums::kEdge, height_); ++v)
+      for (int u = u0; u < std::min(u0 + CellSums::kEdge, width_); ++u, ++n)
+        m += recalled_[static_cast<std::size_t>(v * width_ + u)];
+    if (m > n / 4) memory_[static_cast<std::size_t>(c)] = 0;
+  }
+}
+
 void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const ModelView& model,
                        const MotionPrior& prior, MotionResult& out) noexcept {
   out = MotionResult{};
   out.X_WC = prior.X_WC;
-  looked_ = false;
+  looked_ = certain_ = false;
   if (!config_.on) return;
   ++frame_;
   level_ = TrackingPyramid::kLevels - 1;
@@ -376,62 +436,54 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   const DepthLevel& live = pyramid.level(level_);
   width_ = live.depth.width(), height_ = live.depth.height();
   voxel_m_ = static_cast<float>(map.voxel_size());
-  const double length = pyramid.mean_depth(
+  length_m_ = pyramid.mean_depth(
       {static_cast<float>(tracker_.noise_m), 0.0F, static_cast<float>(tracker_.noise_from_m)});
-  if (!fits_cells(width_, height_) || !(length > 0) || !model.valid()) {
+  if (!fits_cells(width_, height_) || !(length_m_ > 0) || !model.valid()) {
     std::fill_n(mask_.begin(), std::min(width_ * height_, kMost), std::uint8_t{0});
     return;
   }
-  const Pose X_FC = model.X_WF.inverse(Eigen::Isometry) * prior.X_WC;
-  const Vec3 centre_F = X_FC * Vec3(0, 0, length);
-  ConsensusConfig rule;
-  rule.noise = {static_cast<float>(tracker_.noise_m), static_cast<float>(tracker_.noise_per_m2),
-                static_cast<float>(tracker_.noise_from_m)};
-  rule.voxel_m = map.voxel_size();
-  X_WF_ = model.X_WF;
-  X_FC_ = X_FC;
-  centre_F_ = centre_F;
-  consensus_.look(live, model, X_FC, centre_F, length, rule);
-  consensus_.settle(out.consensus);
-  looked_ = true;
-  const auto pixels = static_cast<std::uint64_t>(width_) * static_cast<std::uint64_t>(height_);
-  out.work = pixels;
-  const bool suspicious = had_ || out.consensus.misfits > 0;
-  out.suspicious = suspicious;
-  const Eigen::Translation3d to_centre(-centre_F), back(centre_F);
-  if (suspicious) {
-    Consensus::Cells memory;
-    memory.fill(1);
-    if (had_) {
-      recall(live, prior.X_WC);
-      for (int c = 0; c < consensus_.sums().size(); ++c) {
-        const int u0 = c % consensus_.sums().columns * 8, v0 = c / consensus_.sums().columns * 8;
-        int n = 0, m = 0;
-        for (int v = v0; v < std::min(v0 + 8, height_); ++v)
-          for (int u = u0; u < std::min(u0 + 8, width_); ++u, ++n)
-            m += recalled_[static_cast<std::size_t>(v * width_ + u)];
-        memory[static_cast<std::size_t>(c)] = m > n / 4 ? 0.0F : 1.0F;
-      }
-    }
-    // The twist of a camera that stays where it was.
-    const Pose still = to_centre * Pose(X_FC.inverse(Eigen::Isometry)) * back;
-    Vec6 zero;
-    const Eigen::AngleAxisd r(still.linear());
-    zero << still.translation(), r.angle() * r.axis();
-    consensus_.compete(memory, zero, 0.02, frame_, out.consensus);
-    out.certain = out.consensus.certain;
-    out.work += 4 * pixels;  // of hypotheses
-  }
-  const Pose X_FC2 = orthonormalised(Pose(back * exp_se3(out.consensus.xi) * to_centre * X_FC));
-  out.X_WC = orthonormalised(model.X_WF * X_FC2);
+  rule_.noise = {static_cast<float>(tracker_.noise_m), static_cast<float>(tracker_.noise_per_m2),
+                 static_cast<float>(tracker_.noise_from_m)};
+  rule_.voxel_m = map.voxel_size();
+  remember_cells(live, prior.X_WC);
+  settle_at(pyramid, model, prior.X_WC, out);
+  looked_ = certain_ = true;
   out.cells_misfit = out.consensus.misfits;
+  out.doubtful = out.consensus.unexplained > kDoubt;
+}
+
+void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model,
+                          const MotionPrior& prior, const Pose& X_tracked_WC,
+                          MotionResult& out) noexcept {
+  if (!looked_) return;
+  const MotionResult by_prior = out;
+  settle_at(pyramid, model, X_tracked_WC, out);
+  if (out.consensus.support < by_prior.consensus.support)
+    settle_at(pyramid, model, by_prior.X_WC, out);
+  if (out.consensus.unexplained > kDoubt) {
+    const Vec6 still = twist_to(model.X_WF), expected = twist_to(prior.X_WC);
+    consensus_.compete(memory_, still, expected, kPriorSigma_m, frame_, out.consensus);
+    out.work += 4 * pixels();  // of hypotheses
+    out.certain = out.consensus.certain;
+    out.X_WC = moved_by(out.consensus.xi);
+    if (consensus_.mean_way(out.consensus.xi, Vec6::Zero()) >= kNear_m)
+      settle_at(pyramid, model, out.X_WC, out);
+  }
+  certain_ = out.certain;
+  out.cells_misfit = out.consensus.misfits;
+}
+
+void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid,
+                       MotionResult& out) noexcept {
+  if (!looked_) return;
+  const DepthLevel& live = pyramid.level(level_);
   const bool all = recent_ > 0;
   gather_evidence(map, live, out.X_WC, all);
   out.evidence = patches();
   std::fill_n(mask_.begin(), width_ * height_, std::uint8_t{0});
   recent_ = out.evidence >= config_.least_pixels ? config_.rest_frames : std::max(0, recent_ - 1);
   if (recent_ == 0) return;
-  out.work += 8 * pixels;
+  out.work += 8 * pixels();
   if (!all) {  // a thing is more than the cells that do not fit
     gather_evidence(map, live, out.X_WC, true);
     out.evidence = patches();
@@ -451,18 +503,22 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   out.masked_share = valid > 0 ? static_cast<double>(masked) / valid : 0;
 }
 
-double MotionWatch::explains(const Pose& X_WC) const noexcept {
+double MotionWatch::explains(const TrackingPyramid& pyramid, const ModelView& model,
+                             const Pose& X_WC) noexcept {
   if (!looked_) return 1;
-  const Eigen::Translation3d to_centre(-centre_F_), back(centre_F_);
-  const Pose moved(to_centre * (X_WF_.inverse(Eigen::Isometry) * X_WC) *
-                   X_FC_.inverse(Eigen::Isometry) * back);
-  const Eigen::AngleAxisd r(moved.linear());
-  Vec6 xi;
-  xi << moved.translation(), r.angle() * r.axis();
-  return consensus_.share_of_winner(xi);
+  const Vec6 xi = twist_to(X_WC);
+  const double share = consensus_.share_of_winner(xi);
+  if (share >= config_.least_explained || consensus_.mean_way(xi, Vec6::Zero()) < kNear_m)
+    return share;
+  // Too far for these sums: by its own.
+  const double ours = consensus_.support_of(xi) / share;
+  linearise(pyramid, model, X_WC);
+  return ours > 0 ? consensus_.support_of(Vec6::Zero()) / ours : 1;
 }
 
 void MotionWatch::settle() noexcept {
+  // By a pose that may be another's, everything moves.
+  if (!certain_) return;
   remembered_ = 0;
   for (int i = 0; i < width_ * height_; ++i)
     if (mask_[static_cast<std::size_t>(i)] != 0)

@@ -28,7 +28,7 @@
 namespace perception {
 
 struct MotionConfig {
-  bool on = false;  // until what is lost is found again as well with it (docs/fusion.md, Open)
+  bool on = true;
   double front_m = 0.012;     // in front of the map's surface by this ...
   double front_voxel = 0.4;   // ... and this share of a voxel ...
   double front_sigma = 3;     // ... and so many sigma of a coarse pixel: evidence
@@ -42,7 +42,7 @@ struct MotionConfig {
 
 struct MotionResult {
   bool moving = false;           // some pixels are masked
-  bool suspicious = false;       // cells that do not fit, or something moved in the last image
+  bool doubtful = false;  // the prior leaves much of what may stand still unexplained: hypotheses have competed
   bool certain = true;           // no other motion explains the image nearly as well
   Pose X_WC = Pose::Identity();  // by what stands still; where tracking starts
   ConsensusResult consensus;
@@ -60,14 +60,21 @@ class MotionWatch {
   MotionWatch(rt::NonRealtime&, const MotionConfig& config, const TrackerConfig& tracker);
   // Another map, or a camera that was elsewhere.
   void forget() noexcept;
-  // The image in `pyramid`, a camera that should be at `prior` and was at `model`.X_WF.
+  // The image in `pyramid`, a camera that should be at `prior` and was at `model`.X_WF, in three steps:
+  // Does the prior, mended, explain the image? If not, `out`.doubtful: compete() has to follow.
   void look(const TsdfMap& map, const TrackingPyramid& pyramid, const ModelView& model,
             const MotionPrior& prior, MotionResult& out) noexcept;
+  // Hypotheses, about the prior or about where the whole image would have the camera, `X_tracked_WC`.
+  void compete(const TrackingPyramid& pyramid, const ModelView& model, const MotionPrior& prior,
+               const Pose& X_tracked_WC, MotionResult& out) noexcept;
+  // What moves against that.
+  void find(const TsdfMap& map, const TrackingPyramid& pyramid, MotionResult& out) noexcept;
   // After tracking: where the masked points are, for the next image.
   void settle() noexcept;
 
   // Of what the pose by what stands still explains of the image: the share that another pose does.
-  [[nodiscard]] double explains(const Pose& X_WC) const noexcept;
+  [[nodiscard]] double explains(const TrackingPyramid& pyramid, const ModelView& model,
+                                const Pose& X_WC) noexcept;
   // Of the coarse image, 1: moves. Level of the pyramid that it has the size of.
   [[nodiscard]] ImageView<const std::uint8_t> mask() const noexcept {
     return {mask_.data(), width_, height_, width_};
@@ -77,6 +84,16 @@ class MotionWatch {
   void spread(const TrackingPyramid& pyramid, std::uint8_t* out) const noexcept;
 
  private:
+  void linearise(const TrackingPyramid& pyramid, const ModelView& model,
+                 const Pose& X_WC) noexcept;
+  void settle_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
+                 MotionResult& out) noexcept;
+  void remember_cells(const DepthLevel& live, const Pose& X_WC) noexcept;
+  [[nodiscard]] std::uint64_t pixels() const noexcept {
+    return static_cast<std::uint64_t>(width_) * static_cast<std::uint64_t>(height_);
+  }
+  [[nodiscard]] Pose moved_by(const Vec6& xi) const noexcept;
+  [[nodiscard]] Vec6 twist_to(const Pose& X_WC) const noexcept;
   void gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC,
                        bool all) noexcept;
   [[nodiscard]] int patches() noexcept;
@@ -98,13 +115,17 @@ class MotionWatch {
   float voxel_m_ = 0.01F;
   Pose X_WF_ = Pose::Identity(), X_FC_ = Pose::Identity();  // where the sums were taken
   Vec3 centre_F_ = Vec3::Zero();
+  ConsensusConfig rule_;
+  double length_m_ = 1;
+  Consensus::Cells memory_{};  // 0: moved in the last image
   std::vector<std::uint8_t> mask_, evidence_, seed_, recalled_, visited_, core_;
   std::vector<std::int32_t> queue_;
   std::vector<Vec3f> points_W_;  // of last image's masked pixels
   std::vector<Vec3f> now_W_;     // of all pixels of this one, by consensus
   int remembered_ = 0;
   bool had_ = false;
-  bool looked_ = false;  // the consensus is of this image
+  bool looked_ = false;   // the consensus is of this image
+  bool certain_ = false;  // and no other motion explains it as well
   std::uint64_t frame_ = 0;
   int recent_ = 0;  // frames that evidence is remembered for
   struct Place {

@@ -44,19 +44,31 @@ double seconds_between(rt::Time a, rt::Time b) noexcept { return rt::seconds(b -
 void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& out) noexcept {
   TrackingResult& r = out.tracking;
   perception::MotionResult& m = out.motion;
-  watch_.look(map_, tracker_.pyramid(), model(), prior, m);
+  const auto& pyramid = tracker_.pyramid();
+  std::uint64_t work = 0;
+  watch_.look(map_, pyramid, model(), prior, m);
+  if (m.doubtful) {
+    // Where the whole image would have the camera, roughly: right when only the prior was off.
+    tracker_.track(model(), prior, prior.X_WC, {0, 0, knobs.iterations[2]}, r);
+    work += r.work;
+    watch_.compete(pyramid, model(), prior, r.X_WC, m);
+  }
+  watch_.find(map_, pyramid, m);
   if (m.moving) {
-    watch_.spread(tracker_.pyramid(), mask_.data());
+    watch_.spread(pyramid, mask_.data());
     masked_ = true;
     tracker_.drop(watch_.mask(), watch_.level());
   }
-  const bool doubtful = m.moving || m.suspicious;
-  tracker_.track(model(), prior, doubtful ? m.X_WC : prior.X_WC, knobs.iterations, r);
+  const bool by_majority = m.moving || m.doubtful;
+  tracker_.track(model(), prior, by_majority ? m.X_WC : prior.X_WC, knobs.iterations, r);
   // Weighed by their noise, readings of a thing that the mask has missed have the leverage to carry the camera.
-  if (r.state != TrackingState::kLost && watch_.explains(r.X_WC) < config_.motion.least_explained)
+  if (r.state != TrackingState::kLost &&
+      watch_.explains(pyramid, model(), r.X_WC) < config_.motion.least_explained) {
+    work += r.work;
     tracker_.track(model(), prior, m.X_WC, {0, 0, 0}, r);
+  }
   if (!m.certain) r.claimed = r.fully_constrained = false;
-  r.work += m.work;
+  r.work += work + m.work;
   watch_.settle();
 }
 

@@ -102,7 +102,7 @@ TEST(Consensus, TheMajorityIsFollowedAndNotTheNearestThing) {
           rig.consensus.look(rig.pyramid.level(kLevel), model, Pose::Identity(), centre, 1.5, {});
           Consensus::Cells all;
           all.fill(1);
-          rig.consensus.compete(all, Vec6::Zero(), 0.02, seed, r);
+          rig.consensus.compete(all, Vec6::Zero(), Vec6::Zero(), 0.02, seed, r);
         }
         EXPECT_EQ(rt_guard::counts().total(), 0U);
         const double off = way_mm(Pose::Identity(), centre, r.xi, step);
@@ -128,7 +128,9 @@ TEST(Consensus, WhereNothingMovesEveryCellFits) {
     ConsensusResult r;
     rig.consensus.look(rig.pyramid.level(kLevel), model, Pose::Identity(), Vec3(0, 0, 1.5), 1.5,
                        {});
-    rig.consensus.settle(r);
+    Consensus::Cells all;
+    all.fill(1);
+    rig.consensus.settle(all, r);
     EXPECT_EQ(r.misfits, 0) << "seed " << seed;
     EXPECT_LT(way_mm(Pose::Identity(), Vec3(0, 0, 1.5), r.xi, step), 1.0) << "seed " << seed;
     EXPECT_NEAR(rig.consensus.share_of_winner(r.xi), 1.0, 1e-9);
