@@ -16,6 +16,9 @@ constexpr double kDamping =
 constexpr int kHandfuls = 32;  // random hypotheses
 constexpr int kHandful = 6;    // cells of one
 constexpr int kRounds = 6;
+constexpr float kLeastScale = 0.03F;  // of the limit, of a scale that is estimated
+constexpr float kOfMedian = 4;        // the scale: so many times what half of the cells keep
+constexpr float kMisfit = 2;          // scales, and a cell does not fit
 constexpr double kOtherMotion_m = 0.004;
 constexpr double kRivalLimit = 0.7;
 
@@ -71,11 +74,23 @@ void Consensus::fit(const Vec6& xi, Cells& misfit) const noexcept {
   }
 }
 
+// What the cells leave by themselves, of those that may be static: noise and the map's error where most of them fit.
+float Consensus::scale_of(const Cells& misfit, const Cells& memory) const noexcept {
+  Cells kept;
+  std::size_t n = 0;
+  for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c)
+    if (sums_.pairs[c] >= kLeastPairs && memory[c] > 0) kept[n++] = misfit[c];
+  if (n == 0) return 1;
+  std::nth_element(kept.begin(), kept.begin() + static_cast<std::ptrdiff_t>(n / 2),
+                   kept.begin() + static_cast<std::ptrdiff_t>(n));
+  return std::clamp(kOfMedian * kept[n / 2], kLeastScale, 1.0F);
+}
+
 double Consensus::support(const Cells& misfit, const Cells& weight) const noexcept {
   double sum = 0;
   for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
     if (sums_.pairs[c] < kLeastPairs) continue;
-    sum += static_cast<double>(weight[c] * sums_.pairs[c] / (1 + misfit[c]));
+    sum += static_cast<double>(weight[c] * sums_.pairs[c] / (1 + misfit[c] / scale_));
   }
   return sum;
 }
@@ -117,8 +132,13 @@ void Consensus::refine(const Cells& memory, float scale, int rounds, Vec6& xi) c
       weight[c] = memory[c] / (u * u);
     }
     if (!solve(weight, Vec6::Zero(), xi)) return;
-    scale = std::max(1.0F, scale * 0.4F);
+    scale *= 0.4F;
+    if (scale < 1) scale = std::max(scale, scale_of(misfit, memory));
   }
+}
+
+bool Consensus::fits(int cell) const noexcept {
+  return misfit_[static_cast<std::size_t>(cell)] <= kMisfit * scale_;
 }
 
 double Consensus::mean_way(const Vec6& a, const Vec6& b) const noexcept {
@@ -141,8 +161,9 @@ double Consensus::share_of_winner(const Vec6& xi) const noexcept {
 // What the winner leaves unexplained.
 void Consensus::conclude(const Vec6& xi, ConsensusResult& out) noexcept {
   out = ConsensusResult{};
-  out.xi = xi;
+  out.xi = winner_ = xi;
   fit(xi, misfit_);
+  scale_ = scale_of(misfit_, remembered_);
   out.support = support(misfit_, remembered_);
   out.pairs = total_pairs_;
   double may_be_static = 0, unexplained = 0;
@@ -150,7 +171,7 @@ void Consensus::conclude(const Vec6& xi, ConsensusResult& out) noexcept {
     if (sums_.pairs[c] < kLeastPairs) continue;
     const auto pixels = static_cast<double>(remembered_[c] * sums_.pairs[c]);
     may_be_static += pixels;
-    if (!(misfit_[c] > 1)) continue;
+    if (!(misfit_[c] > kMisfit * scale_)) continue;
     ++out.misfits;
     unexplained += pixels;
   }
@@ -160,7 +181,7 @@ void Consensus::conclude(const Vec6& xi, ConsensusResult& out) noexcept {
 void Consensus::settle(const Cells& remembered, ConsensusResult& out) noexcept {
   remembered_ = remembered;
   Vec6 xi = Vec6::Zero();
-  refine(remembered, 6.0F, 4, xi);
+  refine(remembered, 6.0F, kRounds, xi);
   conclude(xi, out);
   out.certain = true;
 }
@@ -207,16 +228,22 @@ void Consensus::compete(const Cells& remembered, const Vec6& still, const Vec6& 
     }
     add(part, true, Vec6::Zero(), 6.0F);
   }
-  // Most support, of what may be static.
+  // Most support, of what may be static; by the limit first, then by what the best of those leaves.
   Cells misfit;
   int best = -1;
-  double most = -1;
-  for (int i = 0; i < count; ++i) {
-    fit(pose[static_cast<std::size_t>(i)], misfit);
-    const double way = mean_way(pose[static_cast<std::size_t>(i)], prior);
-    const double likely = 1 / (1 + (way / prior_sigma_m) * (way / prior_sigma_m));
-    const double s = support(misfit, remembered) * (0.9 + 0.1 * likely);
-    if (s > most) most = s, best = i;
+  scale_ = 1;
+  for (int round = 0; round < 2; ++round) {
+    double most = -1;
+    for (int i = 0; i < count; ++i) {
+      fit(pose[static_cast<std::size_t>(i)], misfit);
+      const double way = mean_way(pose[static_cast<std::size_t>(i)], prior);
+      const double likely = 1 / (1 + (way / prior_sigma_m) * (way / prior_sigma_m));
+      const double s = support(misfit, remembered) * (0.9 + 0.1 * likely);
+      if (s > most) most = s, best = i;
+    }
+    if (best < 0 || round == 1) break;
+    fit(pose[static_cast<std::size_t>(best)], misfit);
+    scale_ = scale_of(misfit, remembered);
   }
   out = ConsensusResult{};
   if (best < 0) return;
@@ -228,7 +255,7 @@ void Consensus::compete(const Cells& remembered, const Vec6& still, const Vec6& 
     double ours = 0, theirs = 0;
     for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
       if (sums_.pairs[c] < kLeastPairs) continue;
-      const float d = remembered[c] * sums_.pairs[c] * (1 / (1 + misfit_[c]) - 1 / (1 + misfit[c]));
+      const float d = remembered[c] * sums_.pairs[c] * (1 / (1 + misfit_[c] / scale_) - 1 / (1 + misfit[c] / scale_));
       (d > 0 ? ours : theirs) += static_cast<double>(std::abs(d));
     }
     const double ratio = theirs / std::max(ours, 1.0);

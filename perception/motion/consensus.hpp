@@ -7,7 +7,7 @@
 //   start     the prior, no motion at all, what all cells together say, quarters and halves of the image, the cells that
 //             were static in the last frame, random handfuls of cells
 //   refine    least squares over cells, reweighed by how well each fits (Geman and McClure; scale from the noise
-//             model and the map's own error, not from the residuals: with much that moves these read too large)
+//             model and the map's own error at first, then what half of the cells keep, never above the former)
 //   support   sum over cells of pixels / (1 + e / tau^2), e the mean square residual
 //   winner    most support. A wall agrees with every motion along itself, so two poses are compared by the cells that
 //             fit one and not the other; a rival of another motion with nearly as many makes the frame ambiguous.
@@ -57,10 +57,9 @@ class Consensus {
                std::uint64_t seed, ConsensusResult& out) noexcept;
 
   [[nodiscard]] const CellSums& sums() const noexcept { return sums_; }
-  // Mean square residual over its limit, of a cell at the winner; above 1 it does not fit.
-  [[nodiscard]] float misfit(int cell) const noexcept {
-    return misfit_[static_cast<std::size_t>(cell)];
-  }
+  // Does a cell fit the winner, as well as half of them do or to the limit?
+  [[nodiscard]] bool fits(int cell) const noexcept;
+  [[nodiscard]] const Vec6& winner() const noexcept { return winner_; }
   // Support of a pose, of the cells that may be static; and over the winner's.
   [[nodiscard]] double support_of(const Vec6& xi) const noexcept;
   [[nodiscard]] double share_of_winner(const Vec6& xi) const noexcept;
@@ -72,12 +71,15 @@ class Consensus {
   void fit(const Vec6& xi, Cells& misfit) const noexcept;
   [[nodiscard]] double support(const Cells& misfit, const Cells& weight) const noexcept;
   [[nodiscard]] bool solve(const Cells& weight, const Vec6& from, Vec6& xi) const noexcept;
+  [[nodiscard]] float scale_of(const Cells& misfit, const Cells& memory) const noexcept;
   void conclude(const Vec6& xi, ConsensusResult& out) noexcept;
   void refine(const Cells& memory, float scale, int rounds, Vec6& xi) const noexcept;
 
   CellSums sums_;
   Cells limit2_{};  // m^2
   Cells misfit_{};
+  float scale_ = 1;  // of misfit_
+  Vec6 winner_ = Vec6::Zero();
   Cells remembered_{};
   Mat6 total_ = Mat6::Zero();
   double total_pairs_ = 0;

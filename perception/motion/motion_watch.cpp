@@ -127,7 +127,7 @@ void MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, co
   for (int c = 0; c < sums.size(); ++c) {
     const auto cell = static_cast<std::size_t>(c);
     if (!(sums.live[cell] > 0)) continue;
-    const bool fits = consensus_.misfit(c) <= 1;
+    const bool fits = consensus_.fits(c);
     if (!all && fits && sums.pairs[cell] >= 0.85F * sums.live[cell]) continue;
     const int u0 = c % sums.columns * CellSums::kEdge, v0 = c / sums.columns * CellSums::kEdge;
     for (int v = v0; v < std::min(v0 + CellSums::kEdge, height_); ++v) {
@@ -510,10 +510,27 @@ double MotionWatch::explains(const TrackingPyramid& pyramid, const ModelView& mo
   const double share = consensus_.share_of_winner(xi);
   if (share >= config_.least_explained || consensus_.mean_way(xi, Vec6::Zero()) < kNear_m)
     return share;
-  // Too far for these sums: by its own.
-  const double ours = consensus_.support_of(xi) / share;
+  // Too far for these sums: each by its own.
+  linearise(pyramid, model, moved_by(consensus_.winner()));
+  const double ours = consensus_.support_of(Vec6::Zero());
   linearise(pyramid, model, X_WC);
   return ours > 0 ? consensus_.support_of(Vec6::Zero()) / ours : 1;
+}
+
+ImageView<const std::uint8_t> MotionWatch::misfits() noexcept {
+  std::copy_n(mask_.begin(), width_ * height_, seed_.begin());
+  const CellSums& sums = consensus_.sums();
+  for (int c = 0; c < sums.size(); ++c) {
+    if (sums.pairs[static_cast<std::size_t>(c)] < Consensus::kLeastPairs ||
+        consensus_.fits(c))
+      continue;
+    const int u0 = c % sums.columns * CellSums::kEdge, v0 = c / sums.columns * CellSums::kEdge;
+    for (int v = v0; v < std::min(v0 + CellSums::kEdge, height_); ++v)
+      std::fill(seed_.begin() + v * width_ + u0,
+                seed_.begin() + v * width_ + std::min(u0 + CellSums::kEdge, width_),
+                std::uint8_t{1});
+  }
+  return {seed_.data(), width_, height_, width_};
 }
 
 void MotionWatch::settle() noexcept {

@@ -80,6 +80,8 @@ class MotionWatch {
     return {mask_.data(), width_, height_, width_};
   }
   [[nodiscard]] int level() const noexcept { return level_; }
+  // Of the coarse image, 1: no part in the fit. What moves, and cells that do not fit what stands still.
+  [[nodiscard]] ImageView<const std::uint8_t> misfits() noexcept;
   // The same for the camera's pixels. kPlace and kMoving.
   void spread(const TrackingPyramid& pyramid, std::uint8_t* out) const noexcept;
 

@@ -57,9 +57,9 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
   if (m.moving) {
     watch_.spread(pyramid, mask_.data());
     masked_ = true;
-    tracker_.drop(watch_.mask(), watch_.level());
   }
   const bool by_majority = m.moving || m.doubtful;
+  if (by_majority) tracker_.drop(watch_.misfits(), watch_.level());
   tracker_.track(model(), prior, by_majority ? m.X_WC : prior.X_WC, knobs.iterations, r);
   // Weighed by their noise, readings of a thing that the mask has missed have the leverage to carry the camera.
   if (r.state != TrackingState::kLost &&
