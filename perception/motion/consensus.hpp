@@ -59,6 +59,10 @@ class Consensus {
   [[nodiscard]] const CellSums& sums() const noexcept { return sums_; }
   // Does a cell fit the winner, as well as half of them do or to the limit?
   [[nodiscard]] bool fits(int cell) const noexcept;
+  // To the limit of the noise model.
+  [[nodiscard]] bool fits_noise(int cell) const noexcept {
+    return misfit_[static_cast<std::size_t>(cell)] <= 1;
+  }
   [[nodiscard]] const Vec6& winner() const noexcept { return winner_; }
   // Support of a pose, of the cells that may be static; and over the winner's.
   [[nodiscard]] double support_of(const Vec6& xi) const noexcept;

@@ -127,7 +127,7 @@ void MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, co
   for (int c = 0; c < sums.size(); ++c) {
     const auto cell = static_cast<std::size_t>(c);
     if (!(sums.live[cell] > 0)) continue;
-    const bool fits = consensus_.fits(c);
+    const bool fits = consensus_.fits_noise(c);
     if (!all && fits && sums.pairs[cell] >= 0.85F * sums.live[cell]) continue;
     const int u0 = c % sums.columns * CellSums::kEdge, v0 = c / sums.columns * CellSums::kEdge;
     for (int v = v0; v < std::min(v0 + CellSums::kEdge, height_); ++v) {
