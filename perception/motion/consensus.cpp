@@ -16,8 +16,7 @@ constexpr double kDamping =
 constexpr int kHandfuls = 32;  // random hypotheses
 constexpr int kHandful = 6;    // cells of one
 constexpr int kRounds = 6;
-constexpr float kLeastScale = 0.5F;  // of the limit, of a scale that is estimated
-constexpr float kMostScale = 25;       // and never beyond the noise model's own limit of a cell
+constexpr float kLeastScale = 0.03F;  // of the limit, of a scale that is estimated
 constexpr float kOfMedian = 4;        // the scale: so many times what half of the cells keep
 constexpr float kMisfit = 2;          // scales, and a cell does not fit
 constexpr double kOtherMotion_m = 0.004;
@@ -42,38 +41,18 @@ void Consensus::look(const DepthLevel& live, const ModelView& model, const Pose&
   accumulate_cells(live, model, X_FC, centre_F, gates, sums_);
   length_m_ = length_m;
   const auto map = static_cast<float>(config.map_error_m + config.map_error_voxel * config.voxel_m);
-  const auto worst = static_cast<float>(config.map_worst_m + config.map_worst_voxel * config.voxel_m);
   const auto share = static_cast<float>(config.noise_share);
-  scatter(scatter2_);
   double upper[21] = {};
   total_pairs_ = 0;
   for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
     const float beyond = std::max(sums_.depth_m[c] - config.noise.from_m, 0.0F);
     const float sigma = share * (config.noise.least_m + config.noise.per_m2 * beyond * beyond);
-    const float seen = sums_.pairs[c] >= kLeastPairs ? scatter2_[c] : sigma * sigma;
-    limit2_[c] = 4 * (std::min(sigma * sigma, seen) + map * map);
-    most_[c] = (sigma * sigma + worst * worst) / (std::min(sigma * sigma, seen) + map * map);
+    limit2_[c] = 4 * (sigma * sigma + map * map);
     if (sums_.pairs[c] < kLeastPairs) continue;
     total_pairs_ += static_cast<double>(sums_.pairs[c]);
     for (std::size_t i = 0; i < 21; ++i) upper[i] += static_cast<double>(sums_.H[i][c]);
   }
   total_ = unpack(upper);
-}
-
-// Mean square residual of every cell once it is moved as a whole by what suits it best: its noise, whatever the
-// camera and the cell have done. The sums of a translation, eliminated.
-void Consensus::scatter(Cells& out) const noexcept {
-  for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
-    const float damping = 1e-3F * sums_.pairs[c] + 1e-9F;
-    const float a00 = sums_.H[0][c] + damping, a01 = sums_.H[1][c], a02 = sums_.H[2][c];
-    const float l1 = a01 / a00, l2 = a02 / a00, b0 = sums_.g[0][c];
-    const float a11 = sums_.H[6][c] + damping - l1 * a01, a12 = sums_.H[7][c] - l1 * a02;
-    const float b1 = sums_.g[1][c] - l1 * b0, m2 = a12 / a11;
-    const float a22 = sums_.H[11][c] + damping - l2 * a02 - m2 * a12;
-    const float b2 = sums_.g[2][c] - l2 * b0 - m2 * b1;
-    const float left = sums_.r2[c] - b0 * b0 / a00 - b1 * b1 / a11 - b2 * b2 / a22;
-    out[c] = std::max(left, 0.0F) / std::max(sums_.pairs[c] - 3, 1.0F);
-  }
 }
 
 // Mean square residual over the limit, of every cell.
@@ -104,14 +83,14 @@ float Consensus::scale_of(const Cells& misfit, const Cells& memory) const noexce
   if (n == 0) return 1;
   std::nth_element(kept.begin(), kept.begin() + static_cast<std::ptrdiff_t>(n / 2),
                    kept.begin() + static_cast<std::ptrdiff_t>(n));
-  return std::clamp(kOfMedian * kept[n / 2], kLeastScale, kMostScale);
+  return std::clamp(kOfMedian * kept[n / 2], kLeastScale, 1.0F);
 }
 
 double Consensus::support(const Cells& misfit, const Cells& weight) const noexcept {
   double sum = 0;
   for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
     if (sums_.pairs[c] < kLeastPairs) continue;
-    sum += static_cast<double>(weight[c] * sums_.pairs[c] / (1 + misfit[c] / reach(c)));
+    sum += static_cast<double>(weight[c] * sums_.pairs[c] / (1 + misfit[c] / scale_));
   }
   return sum;
 }
@@ -153,13 +132,13 @@ void Consensus::refine(const Cells& memory, float scale, int rounds, Vec6& xi) c
       weight[c] = memory[c] / (u * u);
     }
     if (!solve(weight, Vec6::Zero(), xi)) return;
-    scale = std::max(scale * 0.4F, scale_of(misfit, memory));
+    scale *= 0.4F;
+    if (scale < 1) scale = std::max(scale, scale_of(misfit, memory));
   }
 }
 
 bool Consensus::fits(int cell) const noexcept {
-  const auto c = static_cast<std::size_t>(cell);
-  return misfit_[c] <= kMisfit * reach(c);
+  return misfit_[static_cast<std::size_t>(cell)] <= kMisfit * scale_;
 }
 
 double Consensus::mean_way(const Vec6& a, const Vec6& b) const noexcept {
@@ -192,7 +171,7 @@ void Consensus::conclude(const Vec6& xi, ConsensusResult& out) noexcept {
     if (sums_.pairs[c] < kLeastPairs) continue;
     const auto pixels = static_cast<double>(remembered_[c] * sums_.pairs[c]);
     may_be_static += pixels;
-    if (!(misfit_[c] > kMisfit * reach(c))) continue;
+    if (!(misfit_[c] > kMisfit * scale_)) continue;
     ++out.misfits;
     unexplained += pixels;
   }
@@ -276,8 +255,7 @@ void Consensus::compete(const Cells& remembered, const Vec6& still, const Vec6& 
     double ours = 0, theirs = 0;
     for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
       if (sums_.pairs[c] < kLeastPairs) continue;
-      const float ours_c = 1 / (1 + misfit_[c] / reach(c)), theirs_c = 1 / (1 + misfit[c] / reach(c));
-      const float d = remembered[c] * sums_.pairs[c] * (ours_c - theirs_c);
+      const float d = remembered[c] * sums_.pairs[c] * (1 / (1 + misfit_[c] / scale_) - 1 / (1 + misfit[c] / scale_));
       (d > 0 ? ours : theirs) += static_cast<double>(std::abs(d));
     }
     const double ratio = theirs / std::max(ours, 1.0);

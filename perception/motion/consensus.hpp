@@ -15,7 +15,6 @@
 // A direction in which the cells say nothing stays at the prior.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstdint>
 
@@ -26,9 +25,8 @@ namespace perception {
 struct ConsensusConfig {
   icp::NoiseRule noise{0.0015F, 0.004F, 0.8F};  // of a reading at full resolution
   double noise_share = 0.7;  // of it that is left in a pixel of the coarse image, pattern included
-  double map_error_m = 0.0005;    // of the ray cast, RMS, at fine voxels ...
-  double map_error_voxel = 0.03;  // ... plus this share of a voxel
-  double map_worst_m = 0.002, map_worst_voxel = 0.10;  // the same where it is worst
+  double map_error_m = 0.002;     // of the ray cast, RMS, at fine voxels ...
+  double map_error_voxel = 0.10;  // ... plus this share of a voxel
   double voxel_m = 0.01;
 };
 
@@ -63,7 +61,7 @@ class Consensus {
   [[nodiscard]] bool fits(int cell) const noexcept;
   // To the limit of the noise model.
   [[nodiscard]] bool fits_noise(int cell) const noexcept {
-    return misfit_[static_cast<std::size_t>(cell)] <= most_[static_cast<std::size_t>(cell)];
+    return misfit_[static_cast<std::size_t>(cell)] <= 1;
   }
   [[nodiscard]] const Vec6& winner() const noexcept { return winner_; }
   // Support of a pose, of the cells that may be static; and over the winner's.
@@ -74,8 +72,6 @@ class Consensus {
   static constexpr float kLeastPairs = 12;  // pixels of a cell that counts
 
  private:
-  void scatter(Cells& out) const noexcept;
-  [[nodiscard]] float reach(std::size_t c) const noexcept { return std::min(scale_, most_[c]); }
   void fit(const Vec6& xi, Cells& misfit) const noexcept;
   [[nodiscard]] double support(const Cells& misfit, const Cells& weight) const noexcept;
   [[nodiscard]] bool solve(const Cells& weight, const Vec6& from, Vec6& xi) const noexcept;
@@ -84,8 +80,7 @@ class Consensus {
   void refine(const Cells& memory, float scale, int rounds, Vec6& xi) const noexcept;
 
   CellSums sums_;
-  Cells scatter2_{}, limit2_{};  // m^2
-  Cells most_{};                 // limit of the noise model over limit2_
+  Cells limit2_{};  // m^2
   Cells misfit_{};
   float scale_ = 1;  // of misfit_
   Vec6 winner_ = Vec6::Zero();

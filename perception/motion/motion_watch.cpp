@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 
 namespace perception {
 
@@ -10,7 +9,7 @@ namespace {
 
 constexpr int kRounds = 3;        // of sums taken anew
 constexpr double kNear_m = 0.004;  // mean way over the points: the sums hold
-const double kDoubt = getenv("KD") ? atof(getenv("KD")) : 0.03;    // of the pixels that may be static, unexplained: hypotheses compete
+constexpr double kDoubt = 0.05;       // of the pixels that may be static, unexplained: hypotheses compete
 constexpr double kPriorSigma_m = 0.02;
 constexpr int kYoungFrames = 8, kYoungPercent = 3;
 constexpr int kRestTable = 1 << 15;

@@ -62,8 +62,16 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
   if (by_majority) tracker_.drop(watch_.misfits(), watch_.level());
   tracker_.track(model(), prior, by_majority ? m.X_WC : prior.X_WC, knobs.iterations, r);
   // Weighed by their noise, readings of a thing that the mask has missed have the leverage to carry the camera.
-  if (r.state != TrackingState::kLost &&
-      watch_.explains(pyramid, model(), r.X_WC) < config_.motion.least_explained) {
+  const auto carried = [&] {
+    return r.state != TrackingState::kLost &&
+           watch_.explains(pyramid, model(), r.X_WC) < config_.motion.least_explained;
+  };
+  if (carried() && !by_majority) {
+    work += r.work;
+    tracker_.drop(watch_.misfits(), watch_.level());
+    tracker_.track(model(), prior, m.X_WC, knobs.iterations, r);
+  }
+  if (carried()) {
     work += r.work;
     tracker_.track(model(), prior, m.X_WC, {0, 0, 0}, r);
   }
