@@ -10,6 +10,7 @@ namespace {
 constexpr int kRounds = 3;        // of sums taken anew
 constexpr double kNear_m = 0.004;  // mean way over the points: the sums hold
 constexpr double kDoubt = 0.05;       // of the pixels that may be static, unexplained: hypotheses compete
+constexpr double kSudden = 0.02;   // of the image
 constexpr double kPriorSigma_m = 0.02;
 constexpr int kYoungFrames = 8, kYoungPercent = 3;
 constexpr int kRestTable = 1 << 15;
@@ -92,6 +93,7 @@ MotionWatch::MotionWatch(rt::NonRealtime&, const MotionConfig& config, const Tra
 void MotionWatch::forget() noexcept {
   remembered_ = 0;
   had_ = false;
+  masked_share_ = 0;
   recent_ = 0;
   std::fill(mask_.begin(), mask_.end(), std::uint8_t{0});
   std::fill(places_.begin(), places_.end(), Place{});
@@ -394,17 +396,20 @@ Vec6 MotionWatch::twist_to(const Pose& X_WC) const noexcept {
 }
 
 // Least squares from a pose, the sums taken anew where it has gone far: they hold for centimetres.
-void MotionWatch::settle_at(const TrackingPyramid& pyramid, const ModelView& model,
+// False: it goes on.
+bool MotionWatch::settle_at(const TrackingPyramid& pyramid, const ModelView& model,
                             const Pose& X_WC, MotionResult& out) noexcept {
   Pose at = X_WC;
-  for (int round = 0; round < kRounds; ++round) {
+  bool settled = false;
+  for (int round = 0; round < kRounds && !settled; ++round) {
     linearise(pyramid, model, at);
     consensus_.settle(memory_, out.consensus);
     out.work += pixels();
     at = moved_by(out.consensus.xi);
-    if (consensus_.mean_way(out.consensus.xi, Vec6::Zero()) < kNear_m) break;
+    settled = consensus_.mean_way(out.consensus.xi, Vec6::Zero()) < kNear_m;
   }
   out.X_WC = at;
+  return settled;
 }
 
 // Cells of which a quarter moved in the last image may not be static.
@@ -446,10 +451,10 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
                  static_cast<float>(tracker_.noise_from_m)};
   rule_.voxel_m = map.voxel_size();
   remember_cells(live, prior.X_WC);
-  settle_at(pyramid, model, prior.X_WC, out);
+  const bool settled = settle_at(pyramid, model, prior.X_WC, out);
   looked_ = certain_ = true;
   out.cells_misfit = out.consensus.misfits;
-  out.doubtful = out.consensus.unexplained > kDoubt;
+  out.doubtful = !settled || out.consensus.unexplained > kDoubt;
 }
 
 void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model,
@@ -457,9 +462,9 @@ void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model
                           MotionResult& out) noexcept {
   if (!looked_) return;
   const MotionResult by_prior = out;
-  settle_at(pyramid, model, X_tracked_WC, out);
+  static_cast<void>(settle_at(pyramid, model, X_tracked_WC, out));
   if (out.consensus.support < by_prior.consensus.support)
-    settle_at(pyramid, model, by_prior.X_WC, out);
+    static_cast<void>(settle_at(pyramid, model, by_prior.X_WC, out));
   if (out.consensus.unexplained > kDoubt) {
     const Vec6 still = twist_to(model.X_WF), expected = twist_to(prior.X_WC);
     consensus_.compete(memory_, still, expected, kPriorSigma_m, frame_, out.consensus);
@@ -467,7 +472,7 @@ void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model
     out.certain = out.consensus.certain;
     out.X_WC = moved_by(out.consensus.xi);
     if (consensus_.mean_way(out.consensus.xi, Vec6::Zero()) >= kNear_m)
-      settle_at(pyramid, model, out.X_WC, out);
+      static_cast<void>(settle_at(pyramid, model, out.X_WC, out));
   }
   certain_ = out.certain;
   out.cells_misfit = out.consensus.misfits;
@@ -475,6 +480,8 @@ void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model
 
 void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid,
                        MotionResult& out) noexcept {
+  out.moving = out.sudden = false;
+  out.masked_share = 0;
   if (!looked_) return;
   const DepthLevel& live = pyramid.level(level_);
   const bool all = recent_ > 0;
@@ -501,6 +508,7 @@ void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid,
   }
   out.moving = masked > 0;
   out.masked_share = valid > 0 ? static_cast<double>(masked) / valid : 0;
+  out.sudden = out.masked_share > 2 * masked_share_ + kSudden;
 }
 
 double MotionWatch::explains(const TrackingPyramid& pyramid, const ModelView& model,
@@ -541,6 +549,7 @@ void MotionWatch::settle() noexcept {
     if (mask_[static_cast<std::size_t>(i)] != 0)
       points_W_[static_cast<std::size_t>(remembered_++)] = now_W_[static_cast<std::size_t>(i)];
   had_ = remembered_ > 0;
+  masked_share_ = static_cast<double>(remembered_) / std::max(1, width_ * height_);
 }
 
 void MotionWatch::spread(const TrackingPyramid& pyramid, std::uint8_t* out) const noexcept {

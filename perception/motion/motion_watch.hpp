@@ -43,6 +43,7 @@ struct MotionConfig {
 struct MotionResult {
   bool moving = false;           // some pixels are masked
   bool doubtful = false;  // the prior leaves much of what may stand still unexplained: hypotheses have competed
+  bool sudden = false;    // much more moves than in the last image: compete() and find() have to look again
   bool certain = true;           // no other motion explains the image nearly as well
   Pose X_WC = Pose::Identity();  // by what stands still; where tracking starts
   ConsensusResult consensus;
@@ -88,7 +89,7 @@ class MotionWatch {
  private:
   void linearise(const TrackingPyramid& pyramid, const ModelView& model,
                  const Pose& X_WC) noexcept;
-  void settle_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
+  bool settle_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
                  MotionResult& out) noexcept;
   void remember_cells(const DepthLevel& live, const Pose& X_WC) noexcept;
   [[nodiscard]] std::uint64_t pixels() const noexcept {
@@ -128,6 +129,7 @@ class MotionWatch {
   bool had_ = false;
   bool looked_ = false;   // the consensus is of this image
   bool certain_ = false;  // and no other motion explains it as well
+  double masked_share_ = 0;  // of the last image
   std::uint64_t frame_ = 0;
   int recent_ = 0;  // frames that evidence is remembered for
   struct Place {

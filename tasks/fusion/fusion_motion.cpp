@@ -47,13 +47,19 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
   const auto& pyramid = tracker_.pyramid();
   std::uint64_t work = 0;
   watch_.look(map_, pyramid, model(), prior, m);
-  if (m.doubtful) {
+  const auto look_again = [&] {
     // Where the whole image would have the camera, roughly: right when only the prior was off.
     tracker_.track(model(), prior, prior.X_WC, {0, 0, knobs.iterations[2]}, r);
     work += r.work;
     watch_.compete(pyramid, model(), prior, r.X_WC, m);
-  }
+  };
+  if (m.doubtful) look_again();
   watch_.find(map_, pyramid, m);
+  // A camera that has moved far along large walls sees all else move.
+  if (m.sudden && !m.doubtful) {
+    look_again();
+    watch_.find(map_, pyramid, m);
+  }
   if (m.moving) {
     watch_.spread(pyramid, mask_.data());
     masked_ = true;
