@@ -334,21 +334,26 @@ TEST(LifeCycle, ASecondStartIsRefusedOrFits) {
   EXPECT_EQ(first.wait(20), 0) << "the first one runs on: " << first.output();
 }
 
+// Three runs at most: on a machine that others use the person may press where nothing is fused yet.
 TEST(LifeCycle, WithoutAnEngageTheRobotNeverMoves) {
-  DemoProcess demo("hold", 8, {"--set", "operator.engage_after_s=3600"});
-  const int code = demo.wait(40);
-  if (demo.no_room()) GTEST_SKIP() << "the cores are taken: " << demo.output();
-  EXPECT_EQ(code, 0) << demo.output();
-  const auto op = demo.op();
-  const auto robot = demo.robot();
-  ASSERT_TRUE(robot.complete);
-  EXPECT_GE(op.view.task.marks, 1U) << "a mark was made all the same";
-  for (const auto& s : robot.view.robot) {
-    ASSERT_NE(s.mode, static_cast<std::uint8_t>(Mode::kEngaged));
-    ASSERT_FALSE(s.driving);
+  unsigned marks = 0;
+  for (int n = 0; n < 3 && marks == 0; ++n) {
+    DemoProcess demo("hold" + std::to_string(n), 8, {"--set", "operator.engage_after_s=3600"});
+    const int code = demo.wait(40);
+    if (demo.no_room()) GTEST_SKIP() << "the cores are taken: " << demo.output();
+    EXPECT_EQ(code, 0) << demo.output();
+    const auto op = demo.op();
+    const auto robot = demo.robot();
+    ASSERT_TRUE(robot.complete);
+    marks = op.view.task.marks;
+    for (const auto& s : robot.view.robot) {
+      ASSERT_NE(s.mode, static_cast<std::uint8_t>(Mode::kEngaged));
+      ASSERT_FALSE(s.driving);
+    }
+    EXPECT_LT(robot.view.truth.back().path_m, 1e-9);
+    expect_zero_before_input(op, robot);
   }
-  EXPECT_LT(robot.view.truth.back().path_m, 1e-9);
-  expect_zero_before_input(op, robot);
+  EXPECT_GE(marks, 1U) << "a mark was made all the same";
 }
 
 }  // namespace
