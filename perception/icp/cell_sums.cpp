@@ -12,11 +12,12 @@ constexpr int kEdge = CellSums::kEdge;
 static_assert(icp::kLanes == 2 * kEdge);  // a vector's lanes are two cells
 
 // Both halves of the lanes: the cells at `cell` and beside it.
-void split(const icp::LaneSums& lanes, int halves, std::size_t cell, CellSums& out) noexcept {
+void split(const icp::LaneSums& lanes, int halves, std::size_t cell, double factor,
+           CellSums& out) noexcept {
   const auto half_sum = [&](const double* lane, int half) {
     double s = 0;
     for (int k = 0; k < kEdge; ++k) s += lane[half * kEdge + k];
-    return static_cast<float>(s);
+    return static_cast<float>(factor * s);
   };
   for (int h = 0; h < halves; ++h) {
     const std::size_t c = cell + static_cast<std::size_t>(h);
@@ -51,7 +52,8 @@ void count_live(const DepthLevel& live, CellSums& out) noexcept {
 }  // namespace
 
 void accumulate_cells(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
-                      const Vec3& centre_F, const Gates& gates, CellSums& out) noexcept {
+                      const Vec3& centre_F, const Gates& gates, CellSums& out,
+                      int rows) noexcept {
   const int width = live.depth.width(), height = live.depth.height();
   out.columns = (width + kEdge - 1) / kEdge;
   out.rows = (height + kEdge - 1) / kEdge;
@@ -65,11 +67,13 @@ void accumulate_cells(const DepthLevel& live, const ModelView& model, const Pose
       job.x_factor += u;
       job.y_factor += v;
       job.width = std::min(2 * kEdge, width - u);
-      job.rows = std::min(kEdge, height - v);
+      const int all = std::min(kEdge, height - v);
+      job.rows = std::min(rows, all);
       icp::LaneSums lanes;
       icp::kernels().accumulate(job, false, lanes);
       split(lanes, std::min(2, out.columns - column),
-            static_cast<std::size_t>(row * out.columns + column), out);
+            static_cast<std::size_t>(row * out.columns + column),
+            static_cast<double>(all) / job.rows, out);
     }
   }
   count_live(live, out);

@@ -38,8 +38,10 @@ struct CellSums {
          height <= CellSums::kMostRows * CellSums::kEdge;
 }
 
-// Of a level that fits_cells(). Twists are about `centre_F`, as in accumulate(). Noexcept, no allocation.
+// Of a level that fits_cells(). Twists are about `centre_F`, as in accumulate(). `rows` of each cell are looked at, from
+// its top, and stand for the others. Noexcept, no allocation.
 void accumulate_cells(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
-                      const Vec3& centre_F, const Gates& gates, CellSums& out) noexcept;
+                      const Vec3& centre_F, const Gates& gates, CellSums& out,
+                      int rows = CellSums::kEdge) noexcept;
 
 }  // namespace perception

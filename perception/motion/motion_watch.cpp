@@ -116,8 +116,9 @@ Vec3f MotionWatch::point_C(const DepthLevel& live, int i) const noexcept {
           live.y_factor[static_cast<std::size_t>(v + kMargin)] * z, z};
 }
 
-void MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC,
-                                  bool all) noexcept {
+// Of every `step`th pixel. The count of those that speak for motion.
+int MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC,
+                                 bool all, int step) noexcept {
   MapReader reader(map, 1.0);
   const CellSums& sums = consensus_.sums();
   const Eigen::Matrix3f R = X_WC.linear().cast<float>();
@@ -126,14 +127,15 @@ void MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, co
   std::fill_n(evidence_.begin(), width_ * height_, std::uint8_t{kNone});
   // What is seen free lies so far before a surface at least.
   const auto clear = static_cast<float>(0.8 * map.truncation());
+  int count = 0;
   for (int c = 0; c < sums.size(); ++c) {
     const auto cell = static_cast<std::size_t>(c);
     if (!(sums.live[cell] > 0)) continue;
     const bool fits = consensus_.fits_noise(c);
     if (!all && fits && sums.pairs[cell] >= 0.85F * sums.live[cell]) continue;
     const int u0 = c % sums.columns * CellSums::kEdge, v0 = c / sums.columns * CellSums::kEdge;
-    for (int v = v0; v < std::min(v0 + CellSums::kEdge, height_); ++v) {
-      for (int u = u0; u < std::min(u0 + CellSums::kEdge, width_); ++u) {
+    for (int v = v0; v < std::min(v0 + CellSums::kEdge, height_); v += step) {
+      for (int u = u0; u < std::min(u0 + CellSums::kEdge, width_); u += step) {
         const int i = v * width_ + u;
         if (!(live.depth.row(v)[u] > 0)) continue;
         const Vec3f p_C = point_C(live, i);
@@ -162,9 +164,11 @@ void MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, co
         } else if (s.known && std::abs(s.distance_m) < limit) {
           e = kAgrees;
         }
+        count += e >= kFree ? 1 : 0;
       }
     }
   }
+  return count;
 }
 
 // Evidence in patches, into seed_.
@@ -376,7 +380,9 @@ void MotionWatch::linearise(const TrackingPyramid& pyramid, const ModelView& mod
   X_WF_ = model.X_WF;
   X_FC_ = model.X_WF.inverse(Eigen::Isometry) * X_WC;
   centre_F_ = X_FC_ * Vec3(0, 0, length_m_);
-  consensus_.look(pyramid.level(level_), model, X_FC_, centre_F_, length_m_, rule_);
+  // Where nothing moved of late, half of the image says whether something does.
+  const int rows = recent_ > 0 || doubtful_ ? CellSums::kEdge : CellSums::kEdge / 2;
+  consensus_.look(pyramid.level(level_), model, X_FC_, centre_F_, length_m_, rule_, rows);
 }
 
 Pose MotionWatch::moved_by(const Vec6& xi) const noexcept {
@@ -454,7 +460,7 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   const bool settled = settle_at(pyramid, model, prior.X_WC, out);
   looked_ = certain_ = true;
   out.cells_misfit = out.consensus.misfits;
-  out.doubtful = !settled || out.consensus.unexplained > kDoubt;
+  doubtful_ = out.doubtful = !settled || out.consensus.unexplained > kDoubt;
 }
 
 void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model,
@@ -484,17 +490,19 @@ void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid,
   out.masked_share = 0;
   if (!looked_) return;
   const DepthLevel& live = pyramid.level(level_);
-  const bool all = recent_ > 0;
-  gather_evidence(map, live, out.X_WC, all);
-  out.evidence = patches();
   std::fill_n(mask_.begin(), width_ * height_, std::uint8_t{0});
+  // Nothing moved of late: a quarter of what does not meet its surface says whether something does, then all of that.
+  if (recent_ == 0) {
+    if (2 * gather_evidence(map, live, out.X_WC, false, 2) < config_.least_pixels) return;
+    static_cast<void>(gather_evidence(map, live, out.X_WC, false, 1));
+    if (patches() < config_.least_pixels) return;
+  }
+  // A thing is more than the cells that do not fit.
+  static_cast<void>(gather_evidence(map, live, out.X_WC, true, 1));
+  out.evidence = patches();
   recent_ = out.evidence >= config_.least_pixels ? config_.rest_frames : std::max(0, recent_ - 1);
   if (recent_ == 0) return;
   out.work += 8 * pixels();
-  if (!all) {  // a thing is more than the cells that do not fit
-    gather_evidence(map, live, out.X_WC, true);
-    out.evidence = patches();
-  }
   if (had_)
     recall(live, out.X_WC);
   else
@@ -545,7 +553,7 @@ void MotionWatch::settle() noexcept {
   // By a pose that may be another's, everything moves.
   if (!certain_) return;
   remembered_ = 0;
-  for (int i = 0; i < width_ * height_; ++i)
+  for (int i = 0; recent_ > 0 && i < width_ * height_; ++i)
     if (mask_[static_cast<std::size_t>(i)] != 0)
       points_W_[static_cast<std::size_t>(remembered_++)] = now_W_[static_cast<std::size_t>(i)];
   had_ = remembered_ > 0;

@@ -97,8 +97,8 @@ class MotionWatch {
   }
   [[nodiscard]] Pose moved_by(const Vec6& xi) const noexcept;
   [[nodiscard]] Vec6 twist_to(const Pose& X_WC) const noexcept;
-  void gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC,
-                       bool all) noexcept;
+  int gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC, bool all,
+                      int step) noexcept;
   [[nodiscard]] int patches() noexcept;
   void recall(const DepthLevel& live, const Pose& X_WC) noexcept;
   void grow(const DepthLevel& live) noexcept;
@@ -127,6 +127,7 @@ class MotionWatch {
   std::vector<Vec3f> now_W_;     // of all pixels of this one, by consensus
   int remembered_ = 0;
   bool had_ = false;
+  bool doubtful_ = false;
   bool looked_ = false;   // the consensus is of this image
   bool certain_ = false;  // and no other motion explains it as well
   double masked_share_ = 0;  // of the last image
