@@ -54,7 +54,7 @@ double FusedField::depth(const Solid& solid, const Pose& X_SC, const Vec3& ray_C
   const double nearest = -X_SC.translation().dot(way);  // along the ray, to the origin of S
   const double off = (X_SC.translation() + nearest * way).norm();
   if (off > kAround_m) return 0;
-  const double wall = (nearest + 1) * ray_C.z();
+  const double wall = (nearest + std::sqrt(1 - off * off)) * ray_C.z();
   if (off > kSeen_m) return wall;
   double t = nearest - 2 * kSeen_m;
   for (int i = 0; i < 200 && t < nearest + 3 * kSeen_m; ++i) {

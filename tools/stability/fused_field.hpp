@@ -1,7 +1,7 @@
 // A field as the product fuses it: synthetic depth of a solid, seen from one side, integrated into a
 // TsdfMap with known poses. Depth by sphere tracing on the solid's distance; nothing of the map's own
-// ray cast is used. The solid is there within 0.15 m of the origin; round it a wall 1 m behind is seen, which never
-// moves: a camera that sees nothing but what moves can not tell it from its own motion.
+// ray cast is used. The solid is there within 0.15 m of the origin; round it a ball of 1 m about the origin is seen
+// from inside, which never moves: a camera that sees nothing but what moves can not tell it from its own motion.
 #pragma once
 
 #include <functional>
