@@ -25,6 +25,11 @@ constexpr double kStepPeriods = 1.4;
 // How much faster its blend begins and ends than it goes on average.
 constexpr double kStepQuick = 0.9;
 
+// A surface that goes or comes faster than this over one period does not carry a hand: 8 mm at 30 Hz. A step of 5 mm does.
+constexpr double kLeaves_m_per_s = 0.24;
+// The hand is let go in this time: less than 0.3 N a tick from 12 N.
+constexpr double kLeave_s = 0.045;
+
 // Share of a step's blend: quick at its ends, slow between, since a hand that yields meanwhile takes less energy.
 double step_share(double time) noexcept {
   constexpr double kTurn = 2 * std::numbers::pi;
@@ -72,13 +77,15 @@ bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
   if (newer_ != nullptr && !same_map) {
     proxy_ = ProxyState{};  // another map: old places mean nothing in it
     fade_ = 0;
+    leaving_ = false;
   }
   older_ = blends ? newer_ : nullptr;
   newer_ = patch;
   blend_ = blend_time_ = blends ? 0.0 : 1.0;
   blend_allowed_ = true;
   const double last_N = rise_N_;
-  rise_N_ = blends ? rise_ahead_N() : 0.0;
+  const Ahead ahead = blends ? look_ahead() : Ahead{};
+  rise_N_ = stiffness_ * ahead.rise_m / config_.scale;
   const double before_N = f_elastic_D_.norm();
   const double held_J = (before_N + 0.5 * rise_N_) * rise_N_ / stiffness_;
   steps_ = rise_N_ > kStep_N_per_s * config_.blend_s && std::abs(last_N) < kGoesOn * rise_N_ &&
@@ -89,18 +96,52 @@ bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
   return false;
 }
 
-// What the blend that begins adds to the force on a hand that stands: how much higher the newer window has the surface
-// under the proxy.
-double HapticTask::rise_ahead_N() noexcept {
+// What the blend that begins brings to a hand that stands. A surface that goes, or that comes faster than a hand can be
+// carried, is told to the operator. One that falls away takes its force with it in the blend; from one that comes, or is not
+// known any more, the hand is let go.
+HapticTask::Ahead HapticTask::look_ahead() noexcept {
   constexpr double kSlopeLeast = 0.3;  // flatter is a rounded crease or the edge of the band
-  if (proxy_.phase != ProxyState::Phase::kContact) return 0;
-  field_.set(older_, newer_, 1);
+  Ahead out;
+  if (proxy_.phase != ProxyState::Phase::kContact || leaving_) return out;
+  field_.set(nullptr, newer_, 1);  // alone: what only the older one knows is not there any more
   const FieldSample then = field_.sample(proxy_.p_WP());
   field_.set(older_, newer_, 0);
   const FieldSample now = field_.sample(proxy_.p_WP());
-  if (!now.known || !then.known) return 0;
-  const double rise_m = (now.value - then.value) / std::max(now.gradient.norm(), kSlopeLeast);
-  return stiffness_ * rise_m / config_.scale;
+  if (!now.known) return out;
+  out.unknown = !then.known;
+  if (then.known)
+    out.rise_m = (now.value - then.value) / std::max(now.gradient.norm(), kSlopeLeast);
+  const double most_m = kLeaves_m_per_s * config_.scale * config_.blend_s;
+  left_ = out.unknown || std::abs(out.rise_m) > most_m;
+  const Vec3 pull = rendered_W_ - to_world(h_D_);
+  if ((out.unknown || out.rise_m > most_m) && pull.norm() > 1e-9) {
+    leaving_ = true;
+    left_n_W_ = pull.normalized();
+    // No deeper than the force limit: the fade is felt from its beginning.
+    const double most = force_limit_N_ * config_.scale / std::max(stiffness_, 1e-9);
+    left_p_W_ = to_world(h_D_) + std::min(pull.norm(), most) * left_n_W_;
+    out.rise_m = 0;
+  }
+  return out;
+}
+
+// While the hand is let go: the last contact's plane, which pushes as far as the hand is behind it.
+HapticTask::Spring HapticTask::held_spring(const Vec3& p_WH) noexcept {
+  Spring spring;
+  spring.length_m = std::max(0.0, (left_p_W_ - p_WH).dot(left_n_W_));
+  spring.pull_W = spring.elastic_W = spring.length_m * left_n_W_;
+  spring.contact = spring.length_m > 0;
+  rendered_W_ = p_WH + spring.pull_W;
+  return spring;
+}
+
+// Let go: what is touched next is entered from seen-free space.
+void HapticTask::end_leaving() noexcept {
+  leaving_ = false;
+  proxy_ = ProxyState{};
+  proxy_.phase = ProxyState::Phase::kUnknown;
+  ramp_ = 1;
+  fade_ = 0;
 }
 
 void HapticTask::advance_blend(double dt) noexcept {
@@ -128,6 +169,10 @@ double HapticTask::advance_gain(bool ramp_down, double dt) noexcept {
     ramp_ = ramp_down ? 0.0 : 1.0;
   }
   if (proxy_.started_inside) fade_ = 0;
+  if (leaving_) {  // neither climbs meanwhile
+    ramp_ = std::max(0.0, ramp_ - dt / kLeave_s);
+    return fade_ * ramp_;
+  }
   fade_ = std::min(1.0, fade_ + up);
   ramp_ = std::clamp(ramp_ + (ramp_down ? -dt / config_.ramp_s : up), 0.0, 1.0);
   return fade_ * ramp_;
@@ -230,6 +275,7 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Spring& spring, bo
 // Forces off at once; what is remembered of the surface stays, and the next enable fades in.
 void HapticTask::safe(Out& out) noexcept {
   out.telemetry.step_N = f_D_.norm();
+  if (leaving_) end_leaving();
   f_D_ = f_raw_D_ = f_elastic_D_ = Vec3::Zero();
   enabled_ = false;
   fade_ = ramp_ = 0;
@@ -254,6 +300,8 @@ void HapticTask::events(const rt::Tick& tick, bool button, Out& out) noexcept {
   using Kind = TouchEvent::Kind;
   const bool contact = out.telemetry.in_contact;
   if (contact && !was_contact_) emit(out, Kind::kContactBegin, tick);
+  if (left_) emit(out, Kind::kSurfaceLeft, tick);
+  left_ = false;
   if (marking_ && (!contact || !button)) {
     emit(out, Kind::kMarkEnd, tick);
     marking_ = false;
@@ -392,9 +440,11 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
   const double stiffness_before = stiffness_;
   if (in.surface != nullptr) proxy_config_.surface = in.surface;
   rested_W_ = proxy_.p_WP();
-  proxy_step_(field_, p_WH, proxy_, proxy_config_);
+  if (!leaving_) proxy_step_(field_, p_WH, proxy_, proxy_config_);
   Spring spring;
-  if constexpr (kEffects) {
+  if (leaving_) {
+    spring = held_spring(p_WH);
+  } else if constexpr (kEffects) {
     spring = spring_of(p_WH);
   } else {
     rendered_W_ = proxy_.rendered_WP();
@@ -408,6 +458,7 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
 
   HapticTelemetry& t = out.telemetry;
   t.held = proxy_.held;
+  t.leaving = leaving_;
   t.near_edge = newer_ != nullptr && (field_.near_edge(p_WH) || field_.near_edge(proxy_.p_WP()));
   t.unresolved = thin(p_WH);
   t.clutched = in.clutch;
@@ -427,6 +478,7 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
   } else {
     t.penetration_m = spring.contact ? (rendered_W_ - p_WH).norm() : 0;
     render<kEffects>(in, dx_D, spring, blending, stiffness_before, dt, out);
+    if (leaving_ && (ramp_ <= 0 || !spring.contact)) end_leaving();
   }
   events(tick, in.stylus.button, out);
   report(tick, in.stylus.button, out);

@@ -202,8 +202,8 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
     const double mine = (p_mine - h).norm(), best = (p - h).norm();
     out.longer_max = std::max(out.longer_max, mine - best);
     out.shorter_max = std::max(out.shorter_max, best - mine);
-    out.unused_max =
-        std::max(out.unused_max, on_samples.unused(p_mine, h) * setup.config.stiffness_N_per_m * mine);
+    out.unused_max = std::max(out.unused_max,
+                              on_samples.unused(p_mine, h) * setup.config.stiffness_N_per_m * mine);
     out.unused_optimum = std::max(out.unused_optimum, optimum.unused(p, h) * whole);
     const Mat3 R_SW = setup.X_WS.linear().transpose();
     path.push_back({i, setup.X_WS.inverse() * p, R_SW * f, R_SW * guarded.force()});

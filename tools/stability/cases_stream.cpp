@@ -220,7 +220,8 @@ std::vector<Run> rise_runs(const Setting& s) {
       fused_end);
   add_pops(run, r, true);
   add_injected(run, k);
-  if (s.fused != nullptr) run.note = text("fused floor at the end %+.3f mm off the true one", *end_mm);
+  if (s.fused != nullptr)
+    run.note = text("fused floor at the end %+.3f mm off the true one", *end_mm);
   return {run};
 }
 
