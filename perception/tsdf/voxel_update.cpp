@@ -98,11 +98,11 @@ HWY_INLINE void fuse(const UpdateCamera& c, std::uint32_t* words, Work& work) {
     const VU w_pixel = hn::And(hn::ShiftRight<16>(reading), hn::Set(du, 0xffU));
     const VU w = hn::ShiftRight<16>(word);
     const VF d = distance_of(word);
-    const MF known = non_zero(w), solid = hn::And(known, hn::Le(d, zero));
-    const MF front = hn::And(seen, hn::Gt(sdf, hn::IfThenElse(solid, square, limit)));
+    // What is unknown has d = 0.
+    const MF front = hn::And(seen, hn::Gt(sdf, hn::IfNegativeThenElse(d, square, limit)));
     const MF band =
         hn::AndNot(front, hn::And(hn::And(seen, non_zero(w_pixel)), hn::Le(away, limit)));
-    const MF carve = hn::And(front, known);
+    const MF carve = hn::And(front, non_zero(w));
     const auto in_band = hn::RebindMask(du, band);
     const VU w_new = hn::IfThenElse(in_band, w_pixel, through);
     const VU w_old = hn::IfThenElse(in_band, w, hn::Min(w, going));
@@ -212,8 +212,7 @@ void update_voxel(const UpdateCamera& c, const float (&p)[3], Voxel voxel,
       (static_cast<float>(depth_mm) * 0.001F - p[2]) * std::sqrt((1.0F + x * x) + y * y);
   const auto w = static_cast<std::int32_t>(voxel.word >> 16U);
   const auto d = static_cast<std::int32_t>(voxel.word << 16U) >> 16;
-  const bool solid = w != 0 && d <= 0;
-  const bool front = sdf > (solid ? c.truncation_m : limit);
+  const bool front = sdf > (d < 0 ? c.truncation_m : limit);
   const bool band = !front && w_pixel != 0 && sdf <= limit && sdf >= -limit;
   if (front || (band && sdf > 0))
     voxel.free |= voxel.bit;

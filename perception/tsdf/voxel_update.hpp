@@ -7,7 +7,7 @@
 //   limit = truncation * the pixel's reach (1 for pixels that only carve)
 //   sdf > limit                 seen through: free; a known voxel learns +1 with weight 2, its own counting at most kGoing:
 //                               what is gone is forgotten in 8 frames, however long it stood
-//   sdf > truncation, w and d <= 0   seen through too: no surface lies so far behind what is solid. Before a floor at a
+//   sdf > truncation and d < 0  seen through too: no surface lies so far behind what is solid. Before a floor at a
 //                               grazing angle, whose band is three truncations long, it is forgotten as fast
 //   |sdf| <= limit              fused with the pixel's weight, s = sdf / truncation clipped to +-1;
 //                               free when sdf > 0, else not free

@@ -77,7 +77,7 @@ struct DenseReference {
               static_cast<float>(truncation) * (static_cast<float>(pixel >> 24U) / 32.0F);
           Node& n = at(i, j, k);
           const bool through =
-              sdf > limit || (n.w > 0 && n.d <= 0 && sdf > static_cast<float>(truncation));
+              sdf > limit || (n.w > 0 && n.d < 0 && sdf > static_cast<float>(truncation));
           if (through) {
             n.free = true;
             contradicted += sdf <= limit ? 1 : 0;
