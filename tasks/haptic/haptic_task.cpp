@@ -105,9 +105,11 @@ HapticTask::Ahead HapticTask::look_ahead() noexcept {
   if (proxy_.phase != ProxyState::Phase::kContact || leaving_) return out;
   field_.set(nullptr, newer_, 1);  // alone: what only the older one knows is not there any more
   const FieldSample then = field_.sample(proxy_.p_WP());
+  const bool beside = field_.near_edge(proxy_.p_WP()) || field_.near_edge(to_world(h_D_));
   field_.set(older_, newer_, 0);
   const FieldSample now = field_.sample(proxy_.p_WP());
-  if (!now.known) return out;
+  if (!now.known || beside)
+    return out;  // a window that lags behind the hand says nothing: the last frame is held
   out.unknown = !then.known;
   if (then.known)
     out.rise_m = (now.value - then.value) / std::max(now.gradient.norm(), kSlopeLeast);

@@ -118,4 +118,34 @@ TEST(SurfaceLeft, ASlowFaceAndASmallStepCarryTheHand) {
   }
 }
 
+// A window that is somewhere else than the hand does not say that the surface has gone: the last frame is held.
+TEST(SurfaceLeft, AWindowThatLagsBehindTheHandIsNoSurfaceThatLeft) {
+  for (const double aside : {0.13, 0.3}) {  // within two voxels of its edge, and outside of it
+    Scene s = floor_scene();
+    const double voxel = s.voxel, truncation = s.truncation;
+    s.X_WS = rig::Pose::Identity();
+    s.window = [=](const Vec3& centre, int nodes, double t, perception::SurfacePatch& out) {
+      out.voxel_size = voxel;
+      out.metres_per_unit = static_cast<float>(truncation / 32767.0);
+      out.nodes = nodes;
+      const Vec3 at = centre + Vec3(t > kAt_s ? aside : 0, 0, 0);
+      for (int a = 0; a < 3; ++a)
+        out.origin_node[static_cast<std::size_t>(a)] =
+            static_cast<int>(std::lround(at[a] / voxel)) - nodes / 2;
+      for (int x = 0; x < nodes; ++x)
+        for (int y = 0; y < nodes; ++y)
+          for (int z = 0; z < nodes; ++z) {
+            const std::size_t i = out.index(x, y, z);
+            const double d = std::clamp(voxel * (out.origin_node[2] + z), -truncation, truncation);
+            out.distance[i] = static_cast<std::int16_t>(std::lround(d / truncation * 32767));
+            out.material[i] = 1;
+            out.set_free(i, d > 0);
+          }
+    };
+    const Told t = run(std::move(s));
+    EXPECT_EQ(t.events, 0) << aside;
+    EXPECT_NEAR(t.at_the_end_N, 8, 0.05) << aside;
+  }
+}
+
 }  // namespace
