@@ -25,8 +25,6 @@ constexpr double kStepPeriods = 1.4;
 // How much faster its blend begins and ends than it goes on average.
 constexpr double kStepQuick = 0.9;
 
-// A surface that goes or comes faster than this over one period does not carry a hand: 8 mm at 30 Hz. A step of 5 mm does.
-constexpr double kLeaves_m_per_s = 0.24;
 // The hand is let go in this time: less than 0.3 N a tick from 12 N.
 constexpr double kLeave_s = 0.045;
 
@@ -84,8 +82,7 @@ bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
   blend_ = blend_time_ = blends ? 0.0 : 1.0;
   blend_allowed_ = true;
   const double last_N = rise_N_;
-  const Ahead ahead = blends ? look_ahead() : Ahead{};
-  rise_N_ = stiffness_ * ahead.rise_m / config_.scale;
+  rise_N_ = blends ? stiffness_ * look_ahead_m() / config_.scale : 0.0;
   const double before_N = f_elastic_D_.norm();
   const double held_J = (before_N + 0.5 * rise_N_) * rise_N_ / stiffness_;
   steps_ = rise_N_ > kStep_N_per_s * config_.blend_s && std::abs(last_N) < kGoesOn * rise_N_ &&
@@ -94,56 +91,6 @@ bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
   if (gain <= 0 || gain >= 1) energy_.begin_event();  // a fade is one event, as long as it takes
   field_.set(older_, newer_, blend_);
   return false;
-}
-
-// What the blend that begins brings to a hand that stands. A surface that goes, or that comes faster than a hand can be
-// carried, is told to the operator. One that falls away takes its force with it in the blend; from one that comes, or is not
-// known any more, the hand is let go.
-HapticTask::Ahead HapticTask::look_ahead() noexcept {
-  constexpr double kSlopeLeast = 0.3;  // flatter is a rounded crease or the edge of the band
-  Ahead out;
-  if (proxy_.phase != ProxyState::Phase::kContact || leaving_) return out;
-  field_.set(nullptr, newer_, 1);  // alone: what only the older one knows is not there any more
-  const FieldSample then = field_.sample(proxy_.p_WP());
-  const bool beside = field_.near_edge(proxy_.p_WP()) || field_.near_edge(to_world(h_D_));
-  field_.set(older_, newer_, 0);
-  const FieldSample now = field_.sample(proxy_.p_WP());
-  if (!now.known || beside)
-    return out;  // a window that lags behind the hand says nothing: the last frame is held
-  out.unknown = !then.known;
-  if (then.known)
-    out.rise_m = (now.value - then.value) / std::max(now.gradient.norm(), kSlopeLeast);
-  const double most_m = kLeaves_m_per_s * config_.scale * config_.blend_s;
-  left_ = out.unknown || std::abs(out.rise_m) > most_m;
-  const Vec3 pull = rendered_W_ - to_world(h_D_);
-  if ((out.unknown || out.rise_m > most_m) && pull.norm() > 1e-9) {
-    leaving_ = true;
-    left_n_W_ = pull.normalized();
-    // No deeper than the force limit: the fade is felt from its beginning.
-    const double most = force_limit_N_ * config_.scale / std::max(stiffness_, 1e-9);
-    left_p_W_ = to_world(h_D_) + std::min(pull.norm(), most) * left_n_W_;
-    out.rise_m = 0;
-  }
-  return out;
-}
-
-// While the hand is let go: the last contact's plane, which pushes as far as the hand is behind it.
-HapticTask::Spring HapticTask::held_spring(const Vec3& p_WH) noexcept {
-  Spring spring;
-  spring.length_m = std::max(0.0, (left_p_W_ - p_WH).dot(left_n_W_));
-  spring.pull_W = spring.elastic_W = spring.length_m * left_n_W_;
-  spring.contact = spring.length_m > 0;
-  rendered_W_ = p_WH + spring.pull_W;
-  return spring;
-}
-
-// Let go: what is touched next is entered from seen-free space.
-void HapticTask::end_leaving() noexcept {
-  leaving_ = false;
-  proxy_ = ProxyState{};
-  proxy_.phase = ProxyState::Phase::kUnknown;
-  ramp_ = 1;
-  fade_ = 0;
 }
 
 void HapticTask::advance_blend(double dt) noexcept {

@@ -200,12 +200,7 @@ class HapticTask {
             double dt) noexcept;
   bool take_patch(const perception::SurfacePatch* patch) noexcept;
   void advance_blend(double dt) noexcept;
-  // How much higher the newer window has the surface under the proxy, and whether it holds one there at all.
-  struct Ahead {
-    double rise_m = 0;
-    bool unknown = false;
-  };
-  [[nodiscard]] Ahead look_ahead() noexcept;
+  [[nodiscard]] double look_ahead_m() noexcept;
   [[nodiscard]] Spring held_spring(const perception::Vec3& p_WH) noexcept;
   void end_leaving() noexcept;
   double advance_gain(bool ramp_down, double dt) noexcept;

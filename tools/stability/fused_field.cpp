@@ -107,16 +107,20 @@ void FusedField::see(const Solid& solid) {
                 random.uniform(-size, size));
   };
   const Pose X_SC = looking(kDistance_m * towards + jitter(0.005), jitter(0.005));
+  const bool all = view_.noise && !view_.axial_alone;
   std::vector<double> z(static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height));
   for (int v = 0; v < k.height; ++v) {
     for (int u = 0; u < k.width; ++u) {
-      const double du = view_.noise ? kLateral_px * random.normal() : 0,
-                   dv = view_.noise ? kLateral_px * random.normal() : 0;
+      const double du = all ? kLateral_px * random.normal() : 0,
+                   dv = all ? kLateral_px * random.normal() : 0;
       z[static_cast<std::size_t>(v * k.width + u)] =
           depth(solid, X_SC, k.unproject(u + du, v + dv, 1).normalized());
     }
   }
-  if (view_.noise) disturb(z, k.width, k.height, random);
+  if (all) disturb(z, k.width, k.height, random);
+  for (double& d : z) {
+    if (view_.noise && !all) d += d > 0 ? random.normal() * drivers::kinect_v2_sigma_m(d) : 0;
+  }
   std::vector<std::uint16_t> mm(z.size());
   for (std::size_t n = 0; n < z.size(); ++n)
     mm[n] = static_cast<std::uint16_t>(std::lround(1000 * z[n]));

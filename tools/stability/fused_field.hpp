@@ -21,6 +21,7 @@ struct FusedView {
   // As the synthetic camera has it (drivers/camera/depth_noise.hpp): axial 1, lateral 0.3 px, half of the edge pixels without
   // a reading, 2 % of them between the two sides.
   bool noise = false;
+  bool axial_alone = false;  // of that noise
   int frames = 20;
 };
 
