@@ -78,6 +78,7 @@ GroundMap::GroundMap(rt::NonRealtime&, const GroundConfig& config, const GroundP
   if (config.virtual_obstacles.size() > kMaxVirtual) {
     throw std::invalid_argument("ground.virtual_obstacle: at most " + std::to_string(kMaxVirtual));
   }
+  slices_per_m_ = static_cast<float>(kSlices / config.robot_height_m);
   const auto n = static_cast<std::size_t>(config.cells);
   points_.resize(kSearchPoints);
   cells_.resize(n * n);
@@ -116,7 +117,7 @@ void GroundMap::clear() noexcept {
   correction_.setZero();
   touched_count_ = 0;
   std::fill(cells_.begin(), cells_.end(),
-            Cell{0, 0, 0, 0, 0, std::numeric_limits<float>::quiet_NaN()});
+            Cell{0, 0, 0, 0, 0, std::numeric_limits<float>::quiet_NaN(), 0, 0});
   std::fill(occupied_.begin(), occupied_.end(), std::uint8_t{0});
   std::fill(drawn_.begin(), drawn_.end(), std::uint8_t{0});
   dirty_ = true;
@@ -134,6 +135,7 @@ void GroundMap::update(const GroundFrame& frame) noexcept {
   if (!found_) search(frame);
   if (!found_) return;
   collect(frame);
+  look_through(frame);
   settle();
 }
 
@@ -259,6 +261,7 @@ void GroundMap::collect(const GroundFrame& frame) noexcept {
                                   std::max(1.0F, area_per_z2 * z * z));
       at.obstacle_area = static_cast<std::uint16_t>(at.obstacle_area + static_cast<int>(area));
       at.frame_height = std::max(at.frame_height, h);
+      at.slices |= slice_of(h);
     }
   };
 
@@ -332,10 +335,11 @@ void GroundMap::settle() noexcept {
       c.evidence = static_cast<std::uint8_t>(
           std::min<int>(c.evidence + config_.evidence_gain, config_.evidence_cap));
       c.height = c.frame_height;
+      c.through = 0;
     } else if (4 * c.obstacle_area < enough && c.ground_points > 0) {
       c.evidence = static_cast<std::uint8_t>(std::max<int>(c.evidence - config_.evidence_loss, 0));
       c.seen = 1;
-      if (c.evidence < config_.occupied_at) c.height = 0;
+      if (c.evidence < config_.occupied_at) c.height = 0, c.slices = c.through = 0;
     }
     const bool is = c.evidence >= config_.occupied_at;
     if (is != was) {
@@ -382,6 +386,7 @@ void GroundMap::forget(const Eigen::AlignedBox3d& box_W) noexcept {
         inside = grown_W.contains(X_WM_ * Vec3((ix + 0.5) * step, (iy + 0.5) * step, z));
       if (!inside) continue;
       c.evidence = c.seen = 0;
+      c.slices = c.through = 0;
       c.height = std::numeric_limits<float>::quiet_NaN();
       dirty_ = dirty_ || occupied_[i] != 0;
       occupied_[i] = 0;

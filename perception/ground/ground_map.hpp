@@ -11,7 +11,10 @@
 //          rows that are of one kind and height the cells count too (at grazing angles rows lie
 //          farther apart than cells). Points count by the area they stand for, (z / f)^2.
 //          Evidence: an obstacle frame adds, a ground frame takes away, so a moved box is forgotten
-//          after `cap` views of its floor.
+//          after `cap` views of its floor. Where the floor is not in view (a mast before a camera that looks
+//          ahead, a table's far side) a frame takes away too once all that the obstacle was is seen through:
+//          every slice of the cell's column in which one was met (seen_through.cpp). A ray without a reading
+//          sees through nothing.
 // layers   occupied; inscribed within robot_radius of an occupied cell (centre to centre, plus half a
 //          cell: on the safe side); inflation falls linearly to 0 over inflation_m beyond; unknown.
 //          Exact Euclidean distances, capped at robot_radius + inflation_m.
@@ -102,6 +105,8 @@ struct GroundPrior {
 class GroundMap {
  public:
   static constexpr int kMaxVirtual = 64;
+  static constexpr int kSlices = 31;  // of the robot's height
+  static constexpr std::uint32_t kHole = 1U << kSlices;
   // Throws std::invalid_argument for a grid or radius that does not fit.
   GroundMap(rt::NonRealtime&, const GroundConfig& config, const GroundPrior& prior);
 
@@ -128,11 +133,15 @@ class GroundMap {
     std::uint8_t evidence, seen;
     std::uint16_t obstacle_area, ground_points;  // of the current frame; area in 1/256 of a cell
     float frame_height, height;
+    // Of the column, a bit each: an obstacle was met in it; it has been seen through since.
+    std::uint32_t slices, through;
   };
   void search(const GroundFrame& frame) noexcept;
   void fix_grid() noexcept;
   void collect(const GroundFrame& frame) noexcept;
   void settle() noexcept;
+  void look_through(const GroundFrame& frame) noexcept;
+  [[nodiscard]] std::uint32_t slice_of(float h) const noexcept;
   void draw_virtual() noexcept;
   void inflate() noexcept;
   void touch(std::size_t cell) noexcept;
@@ -145,7 +154,8 @@ class GroundMap {
   GroundPlane plane_W_, candidate_W_;
   Pose X_WM_ = Pose::Identity(), X_MW_ = Pose::Identity();
   Vec3 correction_ = Vec3::Zero();
-  int reach_ = 0;              // cells, of the capped distance
+  int reach_ = 0;  // cells, of the capped distance
+  float slices_per_m_ = 0;
   bool dirty_ = true;          // occupied set changed since the last inflate()
   std::vector<Vec3f> points_;  // scratch of the search
   std::vector<Cell> cells_;

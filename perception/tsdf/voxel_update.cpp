@@ -68,12 +68,11 @@ HWY_INLINE void list_learners(const BlockMemory& block, Work& work) {
   }
 }
 
-// The word after a reading of value and weight, void where both weights are 0.
-HWY_INLINE VU mean_word(VU cap, VU word, VF value, VU w_new) {
+// The word of distance d and weight w after a reading of value and weight, void where both weights are 0.
+HWY_INLINE VU mean_word(VU cap, VF d, VU w, VF value, VU w_new) {
   const DU du;
-  const VU w = hn::ShiftRight<16>(word), w_sum = hn::Add(w, w_new);
-  const VF mean = hn::Div(add(mul(distance_of(word), to_float(w)), mul(value, to_float(w_new))),
-                          to_float(w_sum));
+  const VU w_sum = hn::Add(w, w_new);
+  const VF mean = hn::Div(add(mul(d, to_float(w)), mul(value, to_float(w_new))), to_float(w_sum));
   const VI rounded = truncated(add(mean, hn::CopySignToAbs(set(0.5F), mean)));
   return hn::Or(hn::And(hn::BitCast(du, rounded), hn::Set(du, 0xffffU)),
                 hn::ShiftLeft<16>(hn::Min(w_sum, cap)));
@@ -85,8 +84,8 @@ HWY_INLINE void fuse(const UpdateCamera& c, std::uint32_t* words, Work& work) {
   const DU du;
   const VF zero = hn::Zero(df), most = set(32767.0F);
   const VF units_per_m = set(c.units_per_m), band_c = set(c.colour_band_m);
-  const VF truncation = set(c.truncation_m * 0.03125F);
-  const VU through = hn::Set(du, kSeenThrough),
+  const VF truncation = set(c.truncation_m * 0.03125F), square = set(c.truncation_m);
+  const VU through = hn::Set(du, kSeenThrough), going = hn::Set(du, kGoing),
            cap = hn::Set(du, static_cast<std::uint32_t>(c.weight_cap));
   std::size_t near_count = 0;  // here, not in memory
   for (std::size_t i = 0, count = work.mixed.size; i < count; ++i) {
@@ -97,12 +96,18 @@ HWY_INLINE void fuse(const UpdateCamera& c, std::uint32_t* words, Work& work) {
     const VF sdf = mul(hn::Load(df, work.at.z + n), hn::Sqrt(hn::Load(df, work.at.stretch2 + n)));
     const VF away = hn::Abs(sdf);
     const VU w_pixel = hn::And(hn::ShiftRight<16>(reading), hn::Set(du, 0xffU));
-    const MF front = hn::And(seen, hn::Gt(sdf, limit));
-    const MF band = hn::And(hn::And(seen, non_zero(w_pixel)), hn::Le(away, limit));
-    const MF carve = hn::And(front, non_zero(hn::ShiftRight<16>(word)));
-    const VU w_new = hn::IfThenElse(hn::RebindMask(du, band), w_pixel, through);
+    const VU w = hn::ShiftRight<16>(word);
+    const VF d = distance_of(word);
+    // What is unknown has d = 0.
+    const MF front = hn::And(seen, hn::Gt(sdf, hn::IfNegativeThenElse(d, square, limit)));
+    const MF band =
+        hn::AndNot(front, hn::And(hn::And(seen, non_zero(w_pixel)), hn::Le(away, limit)));
+    const MF carve = hn::And(front, non_zero(w));
+    const auto in_band = hn::RebindMask(du, band);
+    const VU w_new = hn::IfThenElse(in_band, w_pixel, through);
+    const VU w_old = hn::IfThenElse(in_band, w, hn::Min(w, going));
     const VF clipped = hn::Max(hn::Min(mul(sdf, units_per_m), most), hn::Neg(most));
-    const VU updated = mean_word(cap, word, hn::IfThenElse(band, clipped, most), w_new);
+    const VU updated = mean_word(cap, d, w_old, hn::IfThenElse(band, clipped, most), w_new);
     const MF learns = hn::Or(band, carve);
     hn::StoreU(hn::IfThenElse(hn::RebindMask(du, learns), updated, word), du, words + n);
     put_bits(hn::Or(front, hn::And(band, hn::Gt(sdf, zero))), n, work.free);
@@ -125,7 +130,9 @@ HWY_INLINE void see_through(const UpdateCamera& c, std::uint32_t* words, Work& w
     const VU word = hn::LoadU(du, words + n);
     const MF carve = hn::And(hn::RebindMask(DF(), lanes_of(get_bits(work.free, n))),
                              non_zero(hn::ShiftRight<16>(word)));
-    const VU updated = mean_word(cap, word, set(32767.0F), hn::Set(du, kSeenThrough));
+    const VU w = hn::Min(hn::ShiftRight<16>(word), hn::Set(du, kGoing));
+    const VU updated =
+        mean_word(cap, distance_of(word), w, set(32767.0F), hn::Set(du, kSeenThrough));
     hn::StoreU(hn::IfThenElse(hn::RebindMask(du, carve), updated, word), du, words + n);
     put_bits(carve, n, work.carved);
   }
@@ -205,8 +212,8 @@ void update_voxel(const UpdateCamera& c, const float (&p)[3], Voxel voxel,
       (static_cast<float>(depth_mm) * 0.001F - p[2]) * std::sqrt((1.0F + x * x) + y * y);
   const auto w = static_cast<std::int32_t>(voxel.word >> 16U);
   const auto d = static_cast<std::int32_t>(voxel.word << 16U) >> 16;
-  const bool front = sdf > limit;
-  const bool band = w_pixel != 0 && sdf <= limit && sdf >= -limit;
+  const bool front = sdf > (d < 0 ? c.truncation_m : limit);
+  const bool band = !front && w_pixel != 0 && sdf <= limit && sdf >= -limit;
   if (front || (band && sdf > 0))
     voxel.free |= voxel.bit;
   else if (band)
@@ -218,9 +225,10 @@ void update_voxel(const UpdateCamera& c, const float (&p)[3], Voxel voxel,
   const std::int32_t w_new =
       band ? static_cast<std::int32_t>(w_pixel) : static_cast<std::int32_t>(kSeenThrough);
   const float value = band ? std::clamp(sdf * c.units_per_m, -32767.0F, 32767.0F) : 32767.0F;
-  const std::int32_t w_sum = w + w_new;
+  const std::int32_t w_old = band ? w : std::min(w, static_cast<std::int32_t>(kGoing));
+  const std::int32_t w_sum = w_old + w_new;
   const float mean =
-      (static_cast<float>(d) * static_cast<float>(w) + value * static_cast<float>(w_new)) /
+      (static_cast<float>(d) * static_cast<float>(w_old) + value * static_cast<float>(w_new)) /
       static_cast<float>(w_sum);
   const auto rounded = static_cast<std::int32_t>(mean + (mean >= 0.0F ? 0.5F : -0.5F));
   voxel.word = (static_cast<std::uint32_t>(rounded) & 0xffffU) |

@@ -5,8 +5,10 @@
 //   u, v  = (p.x / p.z) fx + (cx + 0.5), ...     floor is the pixel; none outside the image or p.z < 0.05
 //   sdf   = (depth - p.z) * sqrt(1 + (p.x/p.z)^2 + (p.y/p.z)^2)
 //   limit = truncation * the pixel's reach (1 for pixels that only carve)
-//   sdf > limit                 seen through: free; a known voxel learns +1 with weight 2: what is gone is forgotten in half
-//                               the time that it stood
+//   sdf > limit                 seen through: free; a known voxel learns +1 with weight 2, its own counting at most kGoing:
+//                               what is gone is forgotten in 8 frames, however long it stood
+//   sdf > truncation and d < 0  seen through too: no surface lies so far behind what is solid. Before a floor at a
+//                               grazing angle, whose band is three truncations long, it is forgotten as fast
 //   |sdf| <= limit              fused with the pixel's weight, s = sdf / truncation clipped to +-1;
 //                               free when sdf > 0, else not free
 //   sdf < -limit                hidden: unchanged
@@ -41,6 +43,9 @@ struct UpdateCamera {
 };
 
 inline constexpr std::uint32_t kSeenThrough = 256;  // raw weight of that
+// Seen through, nothing counts for more: (20 / 22)^8 < 1/2, so the deepest voxel has changed its sign after 8 frames.
+// A silhouette that a flying pixel is now and then seen through keeps its mean, with the noise of 20 readings.
+inline constexpr std::uint32_t kGoing = 20 * 128;
 
 struct BlockCounts {
   std::int32_t fused = 0, carved = 0;

@@ -43,7 +43,14 @@ struct HapticState {
 // What the hand did, in order. haptic -> planning, Ring. A full ring drops the newest and sets `gap`
 // in the next one that fits; after a gap planning drops an open mark.
 struct TouchEvent {
-  enum class Kind : std::uint8_t { kContactBegin, kContactEnd, kMarkBegin, kMarkPoint, kMarkEnd };
+  enum class Kind : std::uint8_t {
+    kContactBegin,
+    kContactEnd,
+    kMarkBegin,
+    kMarkPoint,
+    kMarkEnd,
+    kSurfaceLeft,  // what was touched went, or came faster than a hand can be carried
+  };
   std::uint64_t seq = 0;
   rt::Time stamp{};
   Kind kind = Kind::kContactBegin;

@@ -25,6 +25,9 @@ constexpr double kStepPeriods = 1.4;
 // How much faster its blend begins and ends than it goes on average.
 constexpr double kStepQuick = 0.9;
 
+// The hand is let go in this time: less than 0.3 N a tick from 12 N.
+constexpr double kLeave_s = 0.045;
+
 // Share of a step's blend: quick at its ends, slow between, since a hand that yields meanwhile takes less energy.
 double step_share(double time) noexcept {
   constexpr double kTurn = 2 * std::numbers::pi;
@@ -72,13 +75,14 @@ bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
   if (newer_ != nullptr && !same_map) {
     proxy_ = ProxyState{};  // another map: old places mean nothing in it
     fade_ = 0;
+    leaving_ = false;
   }
   older_ = blends ? newer_ : nullptr;
   newer_ = patch;
   blend_ = blend_time_ = blends ? 0.0 : 1.0;
   blend_allowed_ = true;
   const double last_N = rise_N_;
-  rise_N_ = blends ? rise_ahead_N() : 0.0;
+  rise_N_ = blends ? stiffness_ * look_ahead_m() / config_.scale : 0.0;
   const double before_N = f_elastic_D_.norm();
   const double held_J = (before_N + 0.5 * rise_N_) * rise_N_ / stiffness_;
   steps_ = rise_N_ > kStep_N_per_s * config_.blend_s && std::abs(last_N) < kGoesOn * rise_N_ &&
@@ -87,20 +91,6 @@ bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
   if (gain <= 0 || gain >= 1) energy_.begin_event();  // a fade is one event, as long as it takes
   field_.set(older_, newer_, blend_);
   return false;
-}
-
-// What the blend that begins adds to the force on a hand that stands: how much higher the newer window has the surface
-// under the proxy.
-double HapticTask::rise_ahead_N() noexcept {
-  constexpr double kSlopeLeast = 0.3;  // flatter is a rounded crease or the edge of the band
-  if (proxy_.phase != ProxyState::Phase::kContact) return 0;
-  field_.set(older_, newer_, 1);
-  const FieldSample then = field_.sample(proxy_.p_WP());
-  field_.set(older_, newer_, 0);
-  const FieldSample now = field_.sample(proxy_.p_WP());
-  if (!now.known || !then.known) return 0;
-  const double rise_m = (now.value - then.value) / std::max(now.gradient.norm(), kSlopeLeast);
-  return stiffness_ * rise_m / config_.scale;
 }
 
 void HapticTask::advance_blend(double dt) noexcept {
@@ -128,6 +118,10 @@ double HapticTask::advance_gain(bool ramp_down, double dt) noexcept {
     ramp_ = ramp_down ? 0.0 : 1.0;
   }
   if (proxy_.started_inside) fade_ = 0;
+  if (leaving_) {  // neither climbs meanwhile
+    ramp_ = std::max(0.0, ramp_ - dt / kLeave_s);
+    return fade_ * ramp_;
+  }
   fade_ = std::min(1.0, fade_ + up);
   ramp_ = std::clamp(ramp_ + (ramp_down ? -dt / config_.ramp_s : up), 0.0, 1.0);
   return fade_ * ramp_;
@@ -230,6 +224,7 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Spring& spring, bo
 // Forces off at once; what is remembered of the surface stays, and the next enable fades in.
 void HapticTask::safe(Out& out) noexcept {
   out.telemetry.step_N = f_D_.norm();
+  if (leaving_) end_leaving();
   f_D_ = f_raw_D_ = f_elastic_D_ = Vec3::Zero();
   enabled_ = false;
   fade_ = ramp_ = 0;
@@ -254,6 +249,8 @@ void HapticTask::events(const rt::Tick& tick, bool button, Out& out) noexcept {
   using Kind = TouchEvent::Kind;
   const bool contact = out.telemetry.in_contact;
   if (contact && !was_contact_) emit(out, Kind::kContactBegin, tick);
+  if (left_) emit(out, Kind::kSurfaceLeft, tick);
+  left_ = false;
   if (marking_ && (!contact || !button)) {
     emit(out, Kind::kMarkEnd, tick);
     marking_ = false;
@@ -392,9 +389,11 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
   const double stiffness_before = stiffness_;
   if (in.surface != nullptr) proxy_config_.surface = in.surface;
   rested_W_ = proxy_.p_WP();
-  proxy_step_(field_, p_WH, proxy_, proxy_config_);
+  if (!leaving_) proxy_step_(field_, p_WH, proxy_, proxy_config_);
   Spring spring;
-  if constexpr (kEffects) {
+  if (leaving_) {
+    spring = held_spring(p_WH);
+  } else if constexpr (kEffects) {
     spring = spring_of(p_WH);
   } else {
     rendered_W_ = proxy_.rendered_WP();
@@ -408,6 +407,7 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
 
   HapticTelemetry& t = out.telemetry;
   t.held = proxy_.held;
+  t.leaving = leaving_;
   t.near_edge = newer_ != nullptr && (field_.near_edge(p_WH) || field_.near_edge(proxy_.p_WP()));
   t.unresolved = thin(p_WH);
   t.clutched = in.clutch;
@@ -427,6 +427,7 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
   } else {
     t.penetration_m = spring.contact ? (rendered_W_ - p_WH).norm() : 0;
     render<kEffects>(in, dx_D, spring, blending, stiffness_before, dt, out);
+    if (leaving_ && (ramp_ <= 0 || !spring.contact)) end_leaving();
   }
   events(tick, in.stylus.button, out);
   report(tick, in.stylus.button, out);

@@ -119,6 +119,8 @@ struct HapticTelemetry {
   bool stale = false;
   bool clutched = false;  // the hand in the scene stands while the device moves
   bool beyond = false;    // the hand is beyond the border: the workspace moves
+  bool leaving =
+      false;  // the surface under the hand went, or came too fast: the hand is being let go
 };
 
 class HapticTask {
@@ -198,7 +200,9 @@ class HapticTask {
             double dt) noexcept;
   bool take_patch(const perception::SurfacePatch* patch) noexcept;
   void advance_blend(double dt) noexcept;
-  [[nodiscard]] double rise_ahead_N() noexcept;
+  [[nodiscard]] double look_ahead_m() noexcept;
+  [[nodiscard]] Spring held_spring(const perception::Vec3& p_WH) noexcept;
+  void end_leaving() noexcept;
   double advance_gain(bool ramp_down, double dt) noexcept;
   bool take_hand(const drivers::StylusSample& stylus, const rt::Tick& tick, double dt,
                  perception::Vec3& dx_D) noexcept;
@@ -241,6 +245,10 @@ class HapticTask {
   double blend_time_ = 1;  // 0 to 1, what the blend's share is made of
   bool steps_ = false;     // this blend is a step of the surface
   double rise_N_ = 0;      // what this blend adds to the force on a hand that stands
+
+  // The surface went from under the hand, or came at it too fast to be followed: the last contact plane is kept, and fades.
+  bool leaving_ = false, left_ = false;  // left_: to be told in this tick
+  perception::Vec3 left_p_W_ = perception::Vec3::Zero(), left_n_W_ = perception::Vec3::Zero();
 
   bool blend_allowed_ = true;  // false: what older_ would be is no longer retained
 

@@ -134,6 +134,7 @@ rt::Health PlanningTask::take_events(const In& in, Out& out) noexcept {
         break;
       case TouchEvent::Kind::kContactBegin:
       case TouchEvent::Kind::kContactEnd:
+      case TouchEvent::Kind::kSurfaceLeft:
         break;
     }
   }

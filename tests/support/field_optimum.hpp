@@ -46,7 +46,12 @@ class ReferenceField {
     }
   }
 
+  // A surface given by its distance itself.
+  explicit ReferenceField(std::function<double(const Vec3& p)> exact)
+      : exact_(std::move(exact)), first_(0, 0, 0), count_(0, 0, 0) {}
+
   [[nodiscard]] double operator()(const Vec3& p) const {
+    if (exact_) return exact_(p);
     const Vec3 q = p / voxel_;
     const Eigen::Array3i cell = q.array().floor().cast<int>();
     const Vec3 u = q - cell.cast<double>().matrix();
@@ -63,7 +68,8 @@ class ReferenceField {
   }
 
  private:
-  double voxel_;
+  std::function<double(const Vec3& p)> exact_;
+  double voxel_ = 0;
   Eigen::Array3i first_, count_;
   std::vector<double> nodes_;
 };

@@ -46,6 +46,8 @@ struct Scene {
   std::function<void(const Vec3& centre_W, int nodes, double t, SurfacePatch& out)> window;
   std::function<double(int x, int y, int z)> sampled;
   std::function<bool(int x, int y, int z)> known;  // of those nodes, was it seen; empty: all were
+  // The surface itself, where the samples are fused from images of it: it is what the run is judged by. Empty: the samples are.
+  std::function<double(const Vec3& p_S)> truth;
   Pose X_WS = Pose::Identity();
   double voxel = 0.01, truncation = 0.05;
   int nodes = 28;

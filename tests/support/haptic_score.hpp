@@ -17,6 +17,8 @@ namespace rig {
 struct Figures {
   double j = 0, j_raw = 0, force_max = 0, guard_share = 0, contact_share = 0;
   double f_error_p95 = 0, p_error_p95 = 0, f_error_max = 0, p_error_max = 0;  // to the optimum
+  // The same to the optimum on the samples, where the optimum above is on the surface that they were fused from.
+  double f_error_samples_p95 = 0, p_error_samples_p95 = 0;
   // The field optimum is the path-constrained minimiser on the samples; the guarded optimum is its force behind
   // the slew guard: what may be sent of it.
   double f_error_guarded_optimum = 0;  // p95 of guarded against field optimum
@@ -94,6 +96,15 @@ inline support::ReferenceField reference_field(const Rig& rig, const std::vector
   return {stored, setup.voxel, first, count};
 }
 
+// What the optimum is sought on: the samples, or the surface that they were fused from.
+inline support::ReferenceField judging_field(const Rig& rig, const std::vector<Row>& rows) {
+  const Scene& setup = rig.setup();
+  if (!setup.truth) return reference_field(rig, rows);
+  const Pose X_SW = setup.X_WS.inverse();
+  return support::ReferenceField(
+      [X_SW, truth = setup.truth](const Vec3& p_W) { return truth(X_SW * p_W); });
+}
+
 // Every node of the cell of p_W was seen.
 inline bool in_known(const Scene& setup, const Vec3& p_W) {
   if (!setup.known) return true;
@@ -127,7 +138,8 @@ class SlewFollower {
 
 constexpr double kForceErrorLimit_N = 0.3;
 
-// Force and position against the field optimum, every `stride` ticks. Only for solids that stand
+// Force and position against the optimum on the samples or, where they are fused from images of a surface, on that surface
+// itself (Scene::truth), every `stride` ticks. Unused force is what the samples still allow. Only for solids that stand
 // still. `j_limit_N`: of the run; a guard of that rate is tried too. Unknown space holds no surface to be judged by (the oracle would meet a wall there): once either proxy
 // has been in it, they are compared again when the hand has been in seen-free space.
 struct Optimum {
@@ -138,13 +150,16 @@ struct Optimum {
 inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, Figures& out,
                                   std::size_t stride = 5, double j_limit_N = 0.3) {
   const Scene& setup = rig.setup();
-  const support::ReferenceField field = reference_field(rig, rows);
+  const support::ReferenceField samples = reference_field(rig, rows),
+                                field = judging_field(rig, rows);
   support::FieldOptimum::Known known;
   if (setup.known) known = [&](const Vec3& p_W) { return in_known(setup, p_W); };
-  const support::FieldOptimum optimum(field, setup.config.tip_radius_m, setup.voxel, known);
+  const double radius = setup.config.tip_radius_m;
+  const support::FieldOptimum on_samples(samples, radius, setup.voxel, known),
+      optimum(field, radius, setup.voxel, setup.truth ? support::FieldOptimum::Known{} : known);
   std::vector<Optimum> path;
-  std::vector<double> f_error, p_error, f_guarded_error, f_slower_error;
-  Vec3 p = setup.X_WS * rows.front().h, h_last = p;
+  std::vector<double> f_error, p_error, f_guarded_error, f_slower_error, f_samples, p_samples;
+  Vec3 p = setup.X_WS * rows.front().h, h_last = p, p_on_samples = p;
   SlewFollower guarded(0.3, setup.config.stiffness_N_per_m, stride),
       slower(std::min(0.3, j_limit_N), setup.config.stiffness_N_per_m, stride);
   bool comparable = true;
@@ -153,7 +168,7 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
     const Row& r = rows[i];
     const Vec3 p_mine = setup.X_WS * r.p;
     if (r.telemetry.in_contact && in_known(setup, p_mine)) {
-      out.below_max = std::max(out.below_max, setup.config.tip_radius_m - field(p_mine));
+      out.below_max = std::max(out.below_max, radius - samples(p_mine));
     }
     if (i % stride != 0) continue;
     const Vec3 h = setup.X_WS * r.h;
@@ -163,12 +178,13 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
     if (!comparable) {
       comparable =
           !r.telemetry.in_contact && in_known(setup, h) && field(h) > setup.config.tip_radius_m;
-      p = h_last = h;
+      p = p_on_samples = h_last = h;
       guarded.reset();
       slower.reset();
       continue;
     }
     p = optimum.follow(p, h_last, h);
+    if (setup.truth) p_on_samples = on_samples.follow(p_on_samples, h_last, h);
     const double moved = (h - h_last).norm();
     h_last = h;
     comparable = in_known(setup, p);  // it may have come there in this step
@@ -186,13 +202,18 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
     const double mine = (p_mine - h).norm(), best = (p - h).norm();
     out.longer_max = std::max(out.longer_max, mine - best);
     out.shorter_max = std::max(out.shorter_max, best - mine);
-    out.unused_max =
-        std::max(out.unused_max, optimum.unused(p_mine, h) * setup.config.stiffness_N_per_m * mine);
+    out.unused_max = std::max(out.unused_max,
+                              on_samples.unused(p_mine, h) * setup.config.stiffness_N_per_m * mine);
     out.unused_optimum = std::max(out.unused_optimum, optimum.unused(p, h) * whole);
     const Mat3 R_SW = setup.X_WS.linear().transpose();
     path.push_back({i, setup.X_WS.inverse() * p, R_SW * f, R_SW * guarded.force()});
     f_error.push_back((setup.X_WS.linear() * r.f - f).norm());
     p_error.push_back((p_mine - p).norm());
+    if (!setup.truth) continue;
+    Vec3 f_there = setup.config.stiffness_N_per_m * (p_on_samples - h);
+    if (f_there.norm() > 12) f_there *= 12 / f_there.norm();
+    f_samples.push_back((setup.X_WS.linear() * r.f - f_there).norm());
+    p_samples.push_back((p_mine - p_on_samples).norm());
   }
   out.judged_share = asked > 0 ? static_cast<double>(judged) / static_cast<double>(asked) : 1;
   out.f_error_p95 = percentile(f_error, 0.95);
@@ -203,6 +224,8 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
       percentile(f_slower_error, 0.95) <= kForceErrorLimit_N ? slower.j() : guarded.j();
   out.p_error_p95 = percentile(p_error, 0.95);
   out.p_error_max = percentile(p_error, 1);
+  out.f_error_samples_p95 = setup.truth ? percentile(f_samples, 0.95) : out.f_error_p95;
+  out.p_error_samples_p95 = setup.truth ? percentile(p_samples, 0.95) : out.p_error_p95;
   return path;
 }
 

@@ -102,6 +102,7 @@ Scene still_scene(const Setting& s, std::function<double(const Vec3&)> solid, co
     };
     scene.sampled = [field](int x, int y, int z) { return field->node(x, y, z); };
     scene.known = [field](int x, int y, int z) { return field->known(x, y, z); };
+    scene.truth = solid;
   }
   scene.config.tip_radius_m = s.tip_radius_m;
   scene.solid = [solid = std::move(solid)](const Vec3& p, double) { return solid(p); };
@@ -150,6 +151,10 @@ Run slide(int id, const std::string& name, const Setting& s, Scene scene, const 
     }
   }
   add_pops(run, r, limits.side);
+  if (s.fused != nullptr && s.judged) {
+    run.note = text("to the samples' own optimum: F error p95 %.3f N, p error p95 %.3f mm",
+                    f.f_error_samples_p95, 1e3 * f.p_error_samples_p95);
+  }
   if (after) after(r, run);
   return run;
 }
@@ -340,14 +345,14 @@ std::vector<Run> saddle_runs(const Setting& s) {
           std::vector<Vec3>(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(loop) + 1),
           s.speed);
   // From +y: towards +x and -x the sheet rises above any camera.
-  Run run = slide(10, "", s,
-                  still_scene(
-                      s,
-                      [rays = s.fused != nullptr](const Vec3& p) {
-                        return rays ? solids::saddle_bound(p, 6) : solids::saddle(p, 6);
-                      },
-                      Vec3::UnitY()),
-                  path, {.j = 0.1, .crease = true, .side = true});
+  Scene scene = still_scene(
+      s,
+      [rays = s.fused != nullptr](const Vec3& p) {
+        return rays ? solids::saddle_bound(p, 6) : solids::saddle(p, 6);
+      },
+      Vec3::UnitY());
+  if (scene.truth) scene.truth = [](const Vec3& p) { return solids::saddle(p, 6); };
+  Run run = slide(10, "", s, std::move(scene), path, {.j = 0.1, .crease = true, .side = true});
   add(run, "off truth mm",
       worst_of(run, s,
                [=](const Vec3& h, const Vec3& p, const Vec3&) {

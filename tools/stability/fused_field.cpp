@@ -19,13 +19,14 @@ using perception::Vec3;
 
 namespace {
 
-constexpr double kDistance_m = 1.0, kSeen_m = 0.15;
+constexpr double kDistance_m = 1.0, kSeen_m = 0.15, kAround_m = 0.35;
+constexpr double kAxial = 1, kLateral_px = 0.3, kDropout = 0.5, kFlying = 0.02;
 
 perception::TsdfConfig map_config() {
   perception::TsdfConfig c;
   c.voxel_size_m = 0.01;
   c.truncation_m = 0.05;
-  c.max_blocks = 2048;
+  c.max_blocks = 4096;
   c.max_chunks = 256;
   c.far_store_kib = 0;
   return c;
@@ -47,6 +48,55 @@ Pose looking(const Vec3& eye, const Vec3& target) {
 FusedField::FusedField(const Pose& X_WS, const FusedView& view)
     : X_WS_(X_WS), view_(view), map_(startup_.token(), map_config()) {}
 
+// Depth along the axis of the ray through (u, v), m; 0: none.
+double FusedField::depth(const Solid& solid, const Pose& X_SC, const Vec3& ray_C) const {
+  const Vec3 way = X_SC.linear() * ray_C;
+  const double nearest = -X_SC.translation().dot(way);  // along the ray, to the origin of S
+  const double off = (X_SC.translation() + nearest * way).norm();
+  if (off > kAround_m) return 0;
+  const double wall = (nearest + std::sqrt(1 - off * off)) * ray_C.z();
+  if (off > kSeen_m) return wall;
+  double t = nearest - 2 * kSeen_m;
+  for (int i = 0; i < 200 && t < nearest + 3 * kSeen_m; ++i) {
+    const double d = solid(X_SC.translation() + t * way);
+    if (i == 0 && d <= 0) return 0;  // the way begins in the solid: nothing is seen on it
+    if (d < 1e-6) return t * ray_C.z();
+    t += d;
+  }
+  return wall;
+}
+
+// Edges as drivers/camera/render.cpp has them: 1/z is linear in the image on any plane.
+void FusedField::disturb(std::vector<double>& z, int width, int height, rt::Random& random) {
+  const std::vector<double> clean = z;
+  const auto inverse = [&](int u, int v) {
+    const double d = clean[static_cast<std::size_t>(v * width + u)];
+    return d > 0 ? 1 / d : 0.0;
+  };
+  for (int v = 0; v < height; ++v) {
+    for (int u = 0; u < width; ++u) {
+      double& here = z[static_cast<std::size_t>(v * width + u)];
+      const double axial = random.normal(), between = random.uniform(), flies = random.uniform(),
+                   drops = random.uniform();
+      if (here <= 0) continue;
+      const double middle = inverse(u, v);
+      double step = 0, lo = middle, hi = middle;
+      const auto look = [&](double a, double b) {
+        step = std::max(step, std::abs(a - 2 * middle + b));
+        for (const double i : {a, b}) {
+          if (i > 0) lo = std::min(lo, i), hi = std::max(hi, i);
+        }
+      };
+      if (u > 0 && u + 1 < width) look(inverse(u - 1, v), inverse(u + 1, v));
+      if (v > 0 && v + 1 < height) look(inverse(u, v - 1), inverse(u, v + 1));
+      const bool edge = step > drivers::DepthNoise::kEdgeStep * middle;
+      if (edge && flies < kFlying) here = 1 / hi + (1 / lo - 1 / hi) * between;
+      here += kAxial * axial * drivers::kinect_v2_sigma_m(here);
+      if (edge && drops < kDropout) here = 0;
+    }
+  }
+}
+
 void FusedField::see(const Solid& solid) {
   const Intrinsics k{365, 365, 255.5, 211.5, 512, 424};
   rt::Random random(11, static_cast<std::uint64_t>(frame_++));
@@ -57,34 +107,23 @@ void FusedField::see(const Solid& solid) {
                 random.uniform(-size, size));
   };
   const Pose X_SC = looking(kDistance_m * towards + jitter(0.005), jitter(0.005));
-  std::vector<std::uint16_t> mm(static_cast<std::size_t>(k.width) *
-                                static_cast<std::size_t>(k.height));
+  const bool all = view_.noise && !view_.axial_alone;
+  std::vector<double> z(static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height));
   for (int v = 0; v < k.height; ++v) {
     for (int u = 0; u < k.width; ++u) {
-      const double deviate = view_.noise ? random.normal() : 0;
-      const Vec3 ray_C = k.unproject(u, v, 1).normalized();
-      const Vec3 way = X_SC.linear() * ray_C;
-      const double nearest = -X_SC.translation().dot(way);  // along the ray, to the origin of S
-      if ((X_SC.translation() + nearest * way).norm() > kSeen_m) continue;
-      double t = nearest - 2 * kSeen_m;
-      double z = (nearest + 1) *
-                 ray_C.z();  // nothing near: a wall behind it, so that the way is seen free
-      for (int i = 0; i < 200 && t < nearest + 3 * kSeen_m; ++i) {
-        const double d = solid(X_SC.translation() + t * way);
-        if (i == 0 && d <= 0) {  // the way begins in the solid: nothing is seen on it
-          z = 0;
-          break;
-        }
-        if (d < 1e-6) {
-          z = t * ray_C.z();
-          break;
-        }
-        t += d;
-      }
-      mm[static_cast<std::size_t>(v * k.width + u)] = static_cast<std::uint16_t>(
-          std::lround(1000 * (z + deviate * drivers::kinect_v2_sigma_m(z))));
+      const double du = all ? kLateral_px * random.normal() : 0,
+                   dv = all ? kLateral_px * random.normal() : 0;
+      z[static_cast<std::size_t>(v * k.width + u)] =
+          depth(solid, X_SC, k.unproject(u + du, v + dv, 1).normalized());
     }
   }
+  if (all) disturb(z, k.width, k.height, random);
+  for (double& d : z) {
+    if (view_.noise && !all) d += d > 0 ? random.normal() * drivers::kinect_v2_sigma_m(d) : 0;
+  }
+  std::vector<std::uint16_t> mm(z.size());
+  for (std::size_t n = 0; n < z.size(); ++n)
+    mm[n] = static_cast<std::uint16_t>(std::lround(1000 * z[n]));
   const perception::FrameView frame{k, {mm.data(), k.width, k.height, k.width}, {}};
   const auto stats = map_.integrate(frame, X_WS_ * X_SC, 1);
   if (stats.refused || stats.blocks_refused > 0) {

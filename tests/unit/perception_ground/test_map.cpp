@@ -256,5 +256,104 @@ TEST(GroundMap, AForgottenBoxIsUnknownUntilItsFloorIsSeen) {
   EXPECT_EQ(rig.at(1.75, 0.3), CostMap::kOccupied);
 }
 
+// What stood high before a camera that looks ahead, taken away: the floor below it is not in view.
+struct Mast {
+  tests::AnalyticScene with, without;
+  Pose down = tests::look_at(Vec3(0, 0, 0.75), Vec3(1.6, 0, 0.1)),
+       ahead = tests::look_at(Vec3(0, 0, 0.75), Vec3(2, 0, 0.75));
+  Vec3 centre{0.8, 0, 0.75}, half{0.1, 0.2, 0.15};
+  explicit Mast(bool wall = true) {
+    without.planes = {{Vec3(0, 0, 0), Vec3::UnitZ()}};
+    if (wall) without.planes.push_back({Vec3(3.0, 0, 0), -Vec3::UnitX()});
+    with = without;
+    Pose X = Pose::Identity();
+    X.translation() = centre;
+    with.boxes.push_back({X, half});
+  }
+  [[nodiscard]] static int occupied(Rig& rig, const Eigen::AlignedBox2d& where) {
+    int n = 0;
+    for (double x = where.min().x() + 0.01; x < where.max().x(); x += 0.02)
+      for (double y = where.min().y() + 0.01; y < where.max().y(); y += 0.02)
+        n += rig.at(x, y) == CostMap::kOccupied ? 1 : 0;
+    return n;
+  }
+  [[nodiscard]] Eigen::AlignedBox2d grown() const {
+    return {(centre - half - Vec3::Constant(0.1)).head<2>(),
+            (centre + half + Vec3::Constant(0.1)).head<2>()};
+  }
+};
+
+TEST(GroundMap, WhatIsSeenThroughIsForgottenWithoutItsFloor) {
+  rt::Random random(13);
+  Rig rig;
+  const Mast mast;
+  for (int i = 0; i < 20; ++i) rig.see(mast.without, mast.down, 0.002, random);
+  ASSERT_TRUE(rig.map->found());
+  for (int i = 0; i < 60; ++i) rig.see(mast.with, mast.ahead, 0.002, random);
+  EXPECT_GT(Mast::occupied(rig, mast.grown()), 20);
+  for (int i = 0; i < 10; ++i) rig.see(mast.without, mast.ahead, 0.002, random);
+  EXPECT_EQ(Mast::occupied(rig, mast.grown()), 0);
+}
+
+// No wall behind it: there is no reading, and it may be there still.
+TEST(GroundMap, WithoutAReadingNothingIsSeenThrough) {
+  rt::Random random(14);
+  Rig rig;
+  const Mast mast(false);
+  for (int i = 0; i < 20; ++i) rig.see(mast.without, mast.down, 0.002, random);
+  ASSERT_TRUE(rig.map->found());
+  for (int i = 0; i < 60; ++i) rig.see(mast.with, mast.ahead, 0.002, random);
+  const int before = Mast::occupied(rig, mast.grown());
+  EXPECT_GT(before, 20);
+  for (int i = 0; i < 60; ++i) rig.see(mast.without, mast.ahead, 0.002, random);
+  EXPECT_EQ(Mast::occupied(rig, mast.grown()), before);
+}
+
+// The oracle: from the camera straight to points of the mast's column, past a thing that hides some of it for good. A cell is
+// free when all that was seen of the mast in it lies open, and stays when some of it is hidden.
+TEST(GroundMap, WhatIsHiddenStays) {
+  rt::Random random(15);
+  Rig rig;
+  Mast mast;
+  for (int i = 0; i < 20; ++i) rig.see(mast.without, mast.down, 0.002, random);
+  ASSERT_TRUE(rig.map->found());
+  for (int i = 0; i < 60; ++i) rig.see(mast.with, mast.ahead, 0.002, random);
+  Pose X = Pose::Identity();
+  X.translation() = Vec3(0.45, 0.08, 0.72);
+  const tests::AnalyticScene::Box hides{X, Vec3(0.02, 0.05, 0.04)};
+  mast.without.boxes.push_back(hides);
+  for (int i = 0; i < 60; ++i) rig.see(mast.without, mast.ahead, 0.002, random);
+  const Vec3 eye = mast.ahead.translation();
+  const double front = mast.centre.x() - mast.half.x();  // the face that was seen
+  int open = 0, hidden = 0;
+  for (int iy = 0; iy < rig.cost->height; ++iy) {
+    const double y = rig.cost->X_WM.translation().y() + (iy + 0.5) * rig.cost->resolution;
+    if (std::abs(y) > mast.half.y() - 0.03) continue;
+    int met = 0, of = 0;
+    bool near = false;  // too near to the shadow's edge to be told
+    for (double z = mast.centre.z() - mast.half.z(); z <= mast.centre.z() + mast.half.z();
+         z += 0.01) {
+      const auto blocked = [&](double dy) {
+        const Vec3 d = Vec3(front, y + dy, z) - eye;
+        return mast.without.cast(eye, d).t < 1;
+      };
+      ++of;
+      met += blocked(0) ? 1 : 0;
+      near = near || blocked(-0.03) != blocked(0) || blocked(0.03) != blocked(0);
+    }
+    ASSERT_GT(of, 20);
+    const int cost = rig.at(front + 0.01, y);
+    if (near || (met > 0 && met < 4)) continue;
+    (met > 0 ? hidden : open) += 1;
+    if (met > 0) {
+      EXPECT_EQ(cost, CostMap::kOccupied) << y << ", hidden " << met << " of " << of;
+    } else {
+      EXPECT_NE(cost, CostMap::kOccupied) << y;
+    }
+  }
+  EXPECT_GE(open, 3);
+  EXPECT_GE(hidden, 1);
+}
+
 }  // namespace
 }  // namespace perception

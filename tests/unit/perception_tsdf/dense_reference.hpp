@@ -21,6 +21,8 @@ struct DenseReference {
     std::array<int, 3> colour{};
   };
   std::vector<Node> nodes;
+  int forgotten = 0,
+      contradicted = 0;  // of what was seen through: heavier than 20 readings; in a band
 
   DenseReference(int lo_node, int edge_nodes, const TsdfConfig& c)
       : lo(lo_node),
@@ -74,8 +76,13 @@ struct DenseReference {
           const float limit =
               static_cast<float>(truncation) * (static_cast<float>(pixel >> 24U) / 32.0F);
           Node& n = at(i, j, k);
-          if (sdf > limit) {
+          const bool through =
+              sdf > limit || (n.w > 0 && n.d < 0 && sdf > static_cast<float>(truncation));
+          if (through) {
             n.free = true;
+            contradicted += sdf <= limit ? 1 : 0;
+            forgotten += n.w > 20 * 128 ? 1 : 0;
+            n.w = std::min(n.w, 20 * 128);
             if (n.w > 0) learn(n, 32767.0F, 256);
           } else if (weight > 0 && sdf >= -limit) {
             float s = sdf * static_cast<float>(32767 / truncation);

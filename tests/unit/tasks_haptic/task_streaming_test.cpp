@@ -17,11 +17,11 @@ using rig::Row;
 using rig::Scene;
 using rig::Vec3;
 
-// 136 mJ in one step of the surface: the blend is slowed from 50 mJ on and outlasts the liveness of its patch, which is no
-// reason to let go.
+// 88 mJ in one step of the surface, 7.5 mm, just below what lets the hand go (surface_left_test.cpp): the blend is slowed from
+// 50 mJ on and outlasts the liveness of its patch, which is no reason to let go.
 TEST(HapticTask, ABlendSlowedByTheEnergyBudgetIsNotAStalePatch) {
   Scene s = floor_scene();
-  s.solid = [](const Vec3& p, double t) { return solids::floor(p) - (t > 0.55 ? 0.012 : 0.0); };
+  s.solid = [](const Vec3& p, double t) { return solids::floor(p) - (t > 0.55 ? 0.0075 : 0.0); };
   Rig r(s);
   press(r);
   double event_J = 0, fastest = 0, last_blend = 0, before_J = 0;
@@ -40,7 +40,7 @@ TEST(HapticTask, ABlendSlowedByTheEnergyBudgetIsNotAStalePatch) {
     EXPECT_FALSE(row.telemetry.stale) << row.t;
     EXPECT_GE(row.f.z(), 7.9) << row.t;
   }
-  EXPECT_GT(slowed, 60);
+  EXPECT_GT(slowed, 25);
 }
 
 // 72 mJ to fade in: slower from 50 mJ on, and one event however many windows come meanwhile.
