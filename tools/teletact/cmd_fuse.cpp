@@ -336,14 +336,21 @@ int run(const FuseOptions& o) {
                  o.rgbd.c_str(), tally.frames);
     return 1;
   }
+  // The first frame of a new map is its origin, claimed whatever it shows.
+  const int given = stored.empty() ? 1 : 0;
+  if (tally.frames > given && tally.claimed <= given) {
+    std::fprintf(stderr,
+                 "teletact fuse: %s: of %d frames none%s was claimed (%d tracked); nothing is "
+                 "written. Other levels or voxels may track it: --voxel, --pixel-step\n",
+                 o.rgbd.c_str(), tally.frames, given > 0 ? " after the first" : "", tally.tracked);
+    return 1;
+  }
   std::size_t vertices = 0;
   write_outputs(startup.token(), o, task, poses, tally, vertices);
   std::printf("%d frames, %d tracked, %d claimed; %.1f ms CPU a frame (p50); %zu vertices\n",
               tally.frames, tally.tracked, tally.claimed, quantile(tally.cpu_ms, 0.5), vertices);
   if (!stored.empty() && tally.first_claim >= 0)
     std::printf("found in the map at frame %d\n", tally.first_claim);
-  if (!stored.empty() && tally.first_claim < 0)
-    std::fprintf(stderr, "teletact fuse: the camera was not found in %s\n", stored.c_str());
   if (tally.blocks_refused > 0) {
     std::fprintf(stderr,
                  "teletact fuse: the map is full, %lld blocks were refused: use larger voxels\n",

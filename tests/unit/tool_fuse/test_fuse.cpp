@@ -292,6 +292,25 @@ TEST_F(Fuse, NoFrameTrackedIsSaidAndNothingWritten) {
   EXPECT_FALSE(fs::exists(root_ / "out.ply"));
 }
 
+// A first frame that is the map's origin and nothing that is found in it: no result either.
+TEST_F(Fuse, NothingClaimedAfterTheFirstFrameIsSaidAndNothingWritten) {
+  write_sequence(tests::test_room(), drive(4));
+  std::vector<fs::path> images;
+  for (const auto& entry : fs::directory_iterator(root_ / "seq" / "depth"))
+    images.push_back(entry.path());
+  std::sort(images.begin(), images.end());
+  for (std::size_t i = 1; i < images.size(); ++i) {
+    const cv::Mat depth = cv::imread(images[i].string(), cv::IMREAD_UNCHANGED);
+    cv::imwrite(images[i].string(), cv::Mat(depth.size(), CV_16UC1, cv::Scalar(0)));
+  }
+  ::testing::internal::CaptureStderr();
+  EXPECT_EQ(fuse({}), 1);
+  const std::string said = ::testing::internal::GetCapturedStderr();
+  EXPECT_NE(said.find("of 4 frames none after the first was claimed"), std::string::npos) << said;
+  EXPECT_FALSE(fs::exists(root_ / "out.txt"));
+  EXPECT_FALSE(fs::exists(root_ / "out.ply"));
+}
+
 TEST_F(Fuse, BadInputLeavesNoOutputAndNamesTheCause) {
   write_sequence(tests::test_room(), drive(3));
   const auto refuses = [&](const std::vector<std::string>& extra, const std::string& word) {
