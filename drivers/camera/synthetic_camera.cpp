@@ -78,8 +78,7 @@ void SyntheticCamera::expose(std::uint64_t f, perception::RgbdFrame& out) noexce
     carried = arm_->place(middle, X_WC * X_CB_);
     out.joints = arm_->reported(middle);
   }
-  render(world_, intrinsics_, X_WC, range_, noise_, seed_, f, scratch_, out, middle,
-         carried);
+  render(world_, intrinsics_, X_WC, range_, noise_, seed_, f, scratch_, out, middle, carried);
   out.exposure = middle;
   twin_cpu_ns_ += rt::thread_cpu_ns() - begin;
   ++rendered_;

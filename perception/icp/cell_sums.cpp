@@ -52,8 +52,7 @@ void count_live(const DepthLevel& live, CellSums& out) noexcept {
 }  // namespace
 
 void accumulate_cells(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
-                      const Vec3& centre_F, const Gates& gates, CellSums& out,
-                      int rows) noexcept {
+                      const Vec3& centre_F, const Gates& gates, CellSums& out, int rows) noexcept {
   const int width = live.depth.width(), height = live.depth.height();
   out.columns = (width + kEdge - 1) / kEdge;
   out.rows = (height + kEdge - 1) / kEdge;

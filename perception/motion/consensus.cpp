@@ -33,8 +33,8 @@ Mat6 unpack(const double (&upper)[21]) noexcept {
 }  // namespace
 
 void Consensus::look(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
-                     const Vec3& centre_F, double length_m,
-                     const ConsensusConfig& config, int rows) noexcept {
+                     const Vec3& centre_F, double length_m, const ConsensusConfig& config,
+                     int rows) noexcept {
   Gates gates;
   gates.distance_m = 0.2F;
   gates.noise = {config.noise.least_m, 0.0F, config.noise.from_m};  // all pixels alike
@@ -255,7 +255,8 @@ void Consensus::compete(const Cells& remembered, const Vec6& still, const Vec6& 
     double ours = 0, theirs = 0;
     for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
       if (sums_.pairs[c] < kLeastPairs) continue;
-      const float d = remembered[c] * sums_.pairs[c] * (1 / (1 + misfit_[c] / scale_) - 1 / (1 + misfit[c] / scale_));
+      const float d = remembered[c] * sums_.pairs[c] *
+                      (1 / (1 + misfit_[c] / scale_) - 1 / (1 + misfit[c] / scale_));
       (d > 0 ? ours : theirs) += static_cast<double>(std::abs(d));
     }
     const double ratio = theirs / std::max(ours, 1.0);

@@ -7,10 +7,11 @@ namespace perception {
 
 namespace {
 
-constexpr int kRounds = 3;        // of sums taken anew
+constexpr int kRounds = 3;         // of sums taken anew
 constexpr double kNear_m = 0.004;  // mean way over the points: the sums hold
-constexpr double kDoubt = 0.05;       // of the pixels that may be static, unexplained: hypotheses compete
-constexpr double kSudden = 0.02;   // of the image
+constexpr double kDoubt =
+    0.05;  // of the pixels that may be static, unexplained: hypotheses compete
+constexpr double kSudden = 0.02;  // of the image
 constexpr double kPriorSigma_m = 0.02;
 constexpr int kYoungFrames = 8, kYoungPercent = 3;
 constexpr int kRestTable = 1 << 15;
@@ -537,8 +538,7 @@ ImageView<const std::uint8_t> MotionWatch::misfits() noexcept {
   std::copy_n(mask_.begin(), width_ * height_, seed_.begin());
   const CellSums& sums = consensus_.sums();
   for (int c = 0; c < sums.size(); ++c) {
-    if (sums.pairs[static_cast<std::size_t>(c)] < Consensus::kLeastPairs ||
-        consensus_.fits(c))
+    if (sums.pairs[static_cast<std::size_t>(c)] < Consensus::kLeastPairs || consensus_.fits(c))
       continue;
     const int u0 = c % sums.columns * CellSums::kEdge, v0 = c / sums.columns * CellSums::kEdge;
     for (int v = v0; v < std::min(v0 + CellSums::kEdge, height_); ++v)

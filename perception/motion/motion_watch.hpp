@@ -35,15 +35,17 @@ struct MotionConfig {
   double least_share = 0.15;  // of a thing that is evidence
   int least_pixels = 10;      // of the coarse image
   int rest_frames = 20;
-  double least_explained = 0.975; // of what stands still, by a pose that is tracked by its noise
+  double least_explained = 0.975;  // of what stands still, by a pose that is tracked by its noise
   double rest_cell_m = 0.025;
   void describe(config::Section& s);
 };
 
 struct MotionResult {
-  bool moving = false;           // some pixels are masked
-  bool doubtful = false;  // the prior leaves much of what may stand still unexplained: hypotheses have competed
-  bool sudden = false;    // much more moves than in the last image: compete() and find() have to look again
+  bool moving = false;  // some pixels are masked
+  bool doubtful =
+      false;  // the prior leaves much of what may stand still unexplained: hypotheses have competed
+  bool sudden =
+      false;  // much more moves than in the last image: compete() and find() have to look again
   bool certain = true;           // no other motion explains the image nearly as well
   Pose X_WC = Pose::Identity();  // by what stands still; where tracking starts
   ConsensusResult consensus;
@@ -87,8 +89,7 @@ class MotionWatch {
   void spread(const TrackingPyramid& pyramid, std::uint8_t* out) const noexcept;
 
  private:
-  void linearise(const TrackingPyramid& pyramid, const ModelView& model,
-                 const Pose& X_WC) noexcept;
+  void linearise(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC) noexcept;
   bool settle_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
                  MotionResult& out) noexcept;
   void remember_cells(const DepthLevel& live, const Pose& X_WC) noexcept;
@@ -128,8 +129,8 @@ class MotionWatch {
   int remembered_ = 0;
   bool had_ = false;
   bool doubtful_ = false;
-  bool looked_ = false;   // the consensus is of this image
-  bool certain_ = false;  // and no other motion explains it as well
+  bool looked_ = false;      // the consensus is of this image
+  bool certain_ = false;     // and no other motion explains it as well
   double masked_share_ = 0;  // of the last image
   std::uint64_t frame_ = 0;
   int recent_ = 0;  // frames that evidence is remembered for

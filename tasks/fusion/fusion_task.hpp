@@ -283,8 +283,8 @@ class FusionTask {
   MapAnchor anchor_;
   perception::GroundMap ground_;
   perception::RaycastMaps model_, view_maps_;
-  std::vector<std::uint8_t> mask_;  // of perception::PixelOf
-  bool masked_ = false;             // not all of it is kPlace
+  std::vector<std::uint8_t> mask_;    // of perception::PixelOf
+  bool masked_ = false;               // not all of it is kPlace
   std::unique_ptr<FusionBody> body_;  // null: a robot without an arm
   std::optional<perception::HeldObject> held_;
   std::optional<Eigen::AlignedBox3d> grasp_W_;     // where a thing lay, to be cleared

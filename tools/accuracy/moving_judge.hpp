@@ -42,7 +42,8 @@ class PoseJudge {
   void write(MovingRun& run) const;
   [[nodiscard]] const perception::Pose& X_WT() const { return X_WT_; }
   [[nodiscard]] double off_mm() const { return off_mm_; }  // of the last frame, claimed or not
-  [[nodiscard]] double off_mm(const perception::Pose& X_TC, const perception::Pose& truth_WC) const {
+  [[nodiscard]] double off_mm(const perception::Pose& X_TC,
+                              const perception::Pose& truth_WC) const {
     return 1e3 * ((X_WT_ * X_TC).translation() - truth_WC.translation()).norm();
   }
 

@@ -189,14 +189,15 @@ void Run::judge_map(int frame) {
 void Run::say(int frame, const tasks::FusionTask::Out& out, const MaskFigures& mask,
               std::ostream& debug) const {
   char line[320];
-  std::snprintf(line, sizeof line,
-                "%4d  off %8.1f mm  %-9s state %d  share %.3f  iou %5.3f  still masked %.4f  "
-                "overlap %.2f  majority off %.1f mm, %d misfits, unexplained %.3f, rival %.2f, evidence %d\n",
-                frame, poses_.off_mm(), out.camera.claimed ? "claimed" : "unclaimed",
-                static_cast<int>(out.camera.tracking), film_.share[static_cast<std::size_t>(frame)],
-                mask.iou, mask.still_masked, out.tracking.overlap,
-                poses_.off_mm(out.motion.X_WC, *images_.truth(frame)), out.motion.cells_misfit,
-                out.motion.consensus.unexplained, out.motion.consensus.rival, out.motion.evidence);
+  std::snprintf(
+      line, sizeof line,
+      "%4d  off %8.1f mm  %-9s state %d  share %.3f  iou %5.3f  still masked %.4f  "
+      "overlap %.2f  majority off %.1f mm, %d misfits, unexplained %.3f, rival %.2f, evidence %d\n",
+      frame, poses_.off_mm(), out.camera.claimed ? "claimed" : "unclaimed",
+      static_cast<int>(out.camera.tracking), film_.share[static_cast<std::size_t>(frame)], mask.iou,
+      mask.still_masked, out.tracking.overlap,
+      poses_.off_mm(out.motion.X_WC, *images_.truth(frame)), out.motion.cells_misfit,
+      out.motion.consensus.unexplained, out.motion.consensus.rival, out.motion.evidence);
   debug << line;
 }
 

@@ -117,6 +117,56 @@ TEST(Consensus, TheMajorityIsFollowedAndNotTheNearestThing) {
   std::cout << "worst " << worst << " mm\n";
 }
 
+// A thing that comes a little nearer: below the noise model's own limit, and above what half of the cells keep.
+TEST(Consensus, ASlowThingMisfitsBeforeItPulls) {
+  for (const double way_m : {0.006, 0.010}) {
+    for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+      rt::Random random(seed, 4);
+      Rig rig;
+      const ModelView model = rig.cast(room_with_box(0.42, Vec3::Zero()), kEye);
+      rig.see(room_with_box(0.42, Vec3(0, 0, -way_m)), kEye, random);
+      ConsensusResult r;
+      rig.consensus.look(rig.pyramid.level(kLevel), model, Pose::Identity(), Vec3(0, 0, 1.5), 1.5,
+                         {});
+      Consensus::Cells all;
+      all.fill(1);
+      rig.consensus.settle(all, r);
+      const double off = way_mm(Pose::Identity(), Vec3(0, 0, 1.5), r.xi, Pose::Identity());
+      std::cout << "way " << 1e3 * way_m << " mm: off " << off << " mm, " << r.misfits
+                << " cells misfit, unexplained " << r.unexplained << "\n";
+      EXPECT_LT(off, 0.15 * 1e3 * way_m) << "seed " << seed;
+      EXPECT_GT(r.misfits, 3) << "seed " << seed;
+    }
+  }
+}
+
+// Half of each cell stands for all of it.
+TEST(CellSums, HalfOfTheRowsStandForAll) {
+  rt::Random random(6);
+  Rig rig;
+  const AnalyticScene room = tests::test_room();
+  const ModelView model = rig.cast(room, kEye);
+  rig.see(room, kEye * tests::random_motion(random, 0.01, 0.005), random);
+  Gates gates;
+  gates.distance_m = 0.2F;
+  gates.noise = {0.0015F, 0.0F, 0.8F};
+  CellSums all, half;
+  accumulate_cells(rig.pyramid.level(kLevel), model, Pose::Identity(), Vec3(0, 0, 1.5), gates, all);
+  accumulate_cells(rig.pyramid.level(kLevel), model, Pose::Identity(), Vec3(0, 0, 1.5), gates, half,
+                   CellSums::kEdge / 2);
+  double pairs = 0, pairs_half = 0, h = 0, h_half = 0;
+  for (std::size_t c = 0; c < static_cast<std::size_t>(all.size()); ++c) {
+    pairs += static_cast<double>(all.pairs[c]);
+    pairs_half += static_cast<double>(half.pairs[c]);
+    h += static_cast<double>(all.H[0][c] + all.H[6][c] + all.H[11][c]);
+    h_half += static_cast<double>(half.H[0][c] + half.H[6][c] + half.H[11][c]);
+    EXPECT_EQ(all.live[c], half.live[c]);
+  }
+  EXPECT_NEAR(pairs_half, pairs, 0.03 * pairs);
+  EXPECT_NEAR(h, pairs, 1e-3 * pairs) << "normals are unit vectors";
+  EXPECT_NEAR(h_half, pairs_half, 1e-3 * pairs_half);
+}
+
 TEST(Consensus, WhereNothingMovesEveryCellFits) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     rt::Random random(seed, 9);

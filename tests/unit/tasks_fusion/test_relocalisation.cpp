@@ -148,7 +148,8 @@ TEST(Relocalisation, ALeapToAPlaceThatLooksTheSameIsNotTracked) {
   for (const bool doubted : {true, false}) {
     FusionConfig config = coarse();
     // What moves is not looked for either: a leap by which half of the image moves is not claimed.
-    if (!doubted) config.leap_translation_m = 10, config.leap_rotation_deg = 180, config.motion.on = false;
+    if (!doubted)
+      config.leap_translation_m = 10, config.leap_rotation_deg = 180, config.motion.on = false;
     Rig rig(config, tour_start());
     tour(rig, scene);
     for (int i = 1; i <= 20; ++i) {
