@@ -131,7 +131,7 @@ void Consensus::refine(const Cells& memory, float scale, int rounds, Vec6& xi) c
       const float u = 1 + misfit[c] / scale;
       weight[c] = memory[c] / (u * u);
     }
-    if (!solve(weight, Vec6::Zero(), xi)) return;
+    if (!solve(weight, prior_, xi)) return;
     scale *= 0.4F;
     if (scale < 1) scale = std::max(scale, scale_of(misfit, memory));
   }
@@ -178,8 +178,9 @@ void Consensus::conclude(const Vec6& xi, ConsensusResult& out) noexcept {
   out.unexplained = may_be_static > 0 ? unexplained / may_be_static : 1;
 }
 
-void Consensus::settle(const Cells& remembered, ConsensusResult& out) noexcept {
+void Consensus::settle(const Cells& remembered, const Vec6& prior, ConsensusResult& out) noexcept {
   remembered_ = remembered;
+  prior_ = prior;
   Vec6 xi = Vec6::Zero();
   refine(remembered, 6.0F, kRounds, xi);
   conclude(xi, out);
@@ -194,9 +195,10 @@ void Consensus::compete(const Cells& remembered, const Vec6& still, const Vec6& 
   Cells all;
   all.fill(1);
   remembered_ = remembered;
+  prior_ = prior;
   const auto add = [&](const Cells& start_weight, bool solve_it, const Vec6& from, float scale) {
     Vec6 xi = from;
-    if (solve_it && !solve(start_weight, Vec6::Zero(), xi)) return;
+    if (solve_it && !solve(start_weight, prior_, xi)) return;
     refine(remembered, scale, kRounds, xi);
     pose[static_cast<std::size_t>(count++)] = xi;
   };

@@ -50,7 +50,7 @@ class Consensus {
             double length_m, const ConsensusConfig& config, int rows = CellSums::kEdge) noexcept;
   // Least squares, reweighed, from xi = 0 alone: for images in which nothing new moves. Cheap. `remembered`: share of
   // each cell that may be static, by what is known of it before.
-  void settle(const Cells& remembered, ConsensusResult& out) noexcept;
+  void settle(const Cells& remembered, const Vec6& prior, ConsensusResult& out) noexcept;
   // All hypotheses. `still`: twist of a camera that has not moved; `prior`, which may be off by `prior_sigma_m` (mean
   // over the points).
   void compete(const Cells& remembered, const Vec6& still, const Vec6& prior, double prior_sigma_m,
@@ -83,7 +83,7 @@ class Consensus {
   Cells limit2_{};  // m^2
   Cells misfit_{};
   float scale_ = 1;  // of misfit_
-  Vec6 winner_ = Vec6::Zero();
+  Vec6 winner_ = Vec6::Zero(), prior_ = Vec6::Zero();
   Cells remembered_{};
   Mat6 total_ = Mat6::Zero();
   double total_pairs_ = 0;

@@ -336,15 +336,6 @@ int run(const FuseOptions& o) {
                  o.rgbd.c_str(), tally.frames);
     return 1;
   }
-  // The first frame of a new map is its origin, claimed whatever it shows.
-  const int given = stored.empty() ? 1 : 0;
-  if (tally.frames > given && tally.claimed <= given) {
-    std::fprintf(stderr,
-                 "teletact fuse: %s: of %d frames none%s was claimed (%d tracked); nothing is "
-                 "written. Other levels or voxels may track it: --voxel, --pixel-step\n",
-                 o.rgbd.c_str(), tally.frames, given > 0 ? " after the first" : "", tally.tracked);
-    return 1;
-  }
   std::size_t vertices = 0;
   write_outputs(startup.token(), o, task, poses, tally, vertices);
   std::printf("%d frames, %d tracked, %d claimed; %.1f ms CPU a frame (p50); %zu vertices\n",
@@ -355,6 +346,15 @@ int run(const FuseOptions& o) {
     std::fprintf(stderr,
                  "teletact fuse: the map is full, %lld blocks were refused: use larger voxels\n",
                  static_cast<long long>(tally.blocks_refused));
+  }
+  // The first frame of a new map is its origin, claimed whatever it shows.
+  const int given = stored.empty() ? 1 : 0;
+  if (tally.frames > given && tally.claimed <= given) {
+    std::fprintf(stderr,
+                 "teletact fuse: %s: of %d frames none%s was claimed; what is written is no map of "
+                 "it. Other voxels or levels may track it: --voxel, --pixel-step\n",
+                 o.rgbd.c_str(), tally.frames, given > 0 ? " after the first" : "");
+    return 1;
   }
   return 0;
 }

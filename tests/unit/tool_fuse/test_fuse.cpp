@@ -141,7 +141,7 @@ TEST_F(Fuse, FlatWallIsClaimedOnlyWithOdometry) {
   for (int i = 0; i < 10; ++i)
     truth.push_back(tests::look_at(Vec3(0, 0.005 * i, 0.5), Vec3(1.2, 0.005 * i, 0.5)));
   write_sequence(wall, truth);
-  ASSERT_EQ(fuse({}, "alone"), 0);
+  ASSERT_EQ(fuse({}, "alone"), 1) << "nothing is claimed but the origin";
   EXPECT_EQ(claims("alone").size(), 1U) << "only the first frame, which defines the world";
   EXPECT_NE(slurp(root_ / "alone.txt").find("# degenerate "), std::string::npos);
   write_odometry(truth);
@@ -155,16 +155,17 @@ TEST_F(Fuse, FlatWallIsClaimedOnlyWithOdometry) {
 TEST_F(Fuse, KnobsComeFromFileThenSetThenOptions) {
   write_sequence(tests::test_room(), drive(4));
   std::ofstream(root_ / "k.toml") << "[fusion.tsdf]\nmax_depth_m = 2.0\nvoxel_size_m = 0.08\n";
-  const auto vertices = [&](const std::vector<std::string>& extra) {
-    EXPECT_EQ(fuse(extra), 0);
+  // Within 2 m there is too little to claim a frame by: that ends with 1, its mesh is written.
+  const auto vertices = [&](const std::vector<std::string>& extra, int code = 0) {
+    EXPECT_EQ(fuse(extra), code);
     const std::string ply = slurp(root_ / "out.ply");
     return std::stoi(ply.substr(ply.find("element vertex ") + 15));
   };
   const std::string file = (root_ / "k.toml").string();
-  const int all = vertices({}), near = vertices({"--config", file});
+  const int all = vertices({}), near = vertices({"--config", file}, 1);
   EXPECT_LT(near, all / 2) << "nothing beyond 2 m; the voxel that has an option stays";
   EXPECT_EQ(vertices({"--config", file, "--set", "fusion.tsdf.max_depth_m=5.0"}), all);
-  EXPECT_EQ(vertices({"--set", "fusion.tsdf.max_depth_m=5.0", "--max-depth", "2"}), near);
+  EXPECT_EQ(vertices({"--set", "fusion.tsdf.max_depth_m=5.0", "--max-depth", "2"}, 1), near);
   EXPECT_LT(vertices({"--mesh-weight", "4"}), all) << "seen in four frames or more";
 }
 
@@ -293,7 +294,7 @@ TEST_F(Fuse, NoFrameTrackedIsSaidAndNothingWritten) {
 }
 
 // A first frame that is the map's origin and nothing that is found in it: no result either.
-TEST_F(Fuse, NothingClaimedAfterTheFirstFrameIsSaidAndNothingWritten) {
+TEST_F(Fuse, NothingClaimedAfterTheFirstFrameIsSaid) {
   write_sequence(tests::test_room(), drive(4));
   std::vector<fs::path> images;
   for (const auto& entry : fs::directory_iterator(root_ / "seq" / "depth"))
@@ -307,8 +308,6 @@ TEST_F(Fuse, NothingClaimedAfterTheFirstFrameIsSaidAndNothingWritten) {
   EXPECT_EQ(fuse({}), 1);
   const std::string said = ::testing::internal::GetCapturedStderr();
   EXPECT_NE(said.find("of 4 frames none after the first was claimed"), std::string::npos) << said;
-  EXPECT_FALSE(fs::exists(root_ / "out.txt"));
-  EXPECT_FALSE(fs::exists(root_ / "out.ply"));
 }
 
 TEST_F(Fuse, BadInputLeavesNoOutputAndNamesTheCause) {
