@@ -131,7 +131,7 @@ void Consensus::refine(const Cells& memory, float scale, int rounds, Vec6& xi) c
       const float u = 1 + misfit[c] / scale;
       weight[c] = memory[c] / (u * u);
     }
-    if (!solve(weight, prior_, xi)) return;
+    if (!solve(weight, Vec6::Zero(), xi)) return;
     scale *= 0.4F;
     if (scale < 1) scale = std::max(scale, scale_of(misfit, memory));
   }
@@ -158,12 +158,23 @@ double Consensus::share_of_winner(const Vec6& xi) const noexcept {
   return ours > 0 ? support_of(xi) / ours : 1.0;
 }
 
+bool ConsensusResult::better_than(const ConsensusResult& other) const noexcept {
+  const float tighter = std::min(scale, other.scale);
+  std::size_t k = 0;
+  while (k + 1 < kScales.size() && kScales[k] < tighter) ++k;
+  return support_at[k] > other.support_at[k];
+}
+
 // What the winner leaves unexplained.
 void Consensus::conclude(const Vec6& xi, ConsensusResult& out) noexcept {
   out = ConsensusResult{};
   out.xi = winner_ = xi;
   fit(xi, misfit_);
-  scale_ = scale_of(misfit_, remembered_);
+  for (std::size_t k = 0; k < ConsensusResult::kScales.size(); ++k) {
+    scale_ = ConsensusResult::kScales[k];
+    out.support_at[k] = support(misfit_, remembered_);
+  }
+  out.scale = scale_ = scale_of(misfit_, remembered_);
   out.support = support(misfit_, remembered_);
   out.pairs = total_pairs_;
   double may_be_static = 0, unexplained = 0;
@@ -178,9 +189,8 @@ void Consensus::conclude(const Vec6& xi, ConsensusResult& out) noexcept {
   out.unexplained = may_be_static > 0 ? unexplained / may_be_static : 1;
 }
 
-void Consensus::settle(const Cells& remembered, const Vec6& prior, ConsensusResult& out) noexcept {
+void Consensus::settle(const Cells& remembered, ConsensusResult& out) noexcept {
   remembered_ = remembered;
-  prior_ = prior;
   Vec6 xi = Vec6::Zero();
   refine(remembered, 6.0F, kRounds, xi);
   conclude(xi, out);
@@ -195,10 +205,9 @@ void Consensus::compete(const Cells& remembered, const Vec6& still, const Vec6& 
   Cells all;
   all.fill(1);
   remembered_ = remembered;
-  prior_ = prior;
   const auto add = [&](const Cells& start_weight, bool solve_it, const Vec6& from, float scale) {
     Vec6 xi = from;
-    if (solve_it && !solve(start_weight, prior_, xi)) return;
+    if (solve_it && !solve(start_weight, Vec6::Zero(), xi)) return;
     refine(remembered, scale, kRounds, xi);
     pose[static_cast<std::size_t>(count++)] = xi;
   };
@@ -230,22 +239,23 @@ void Consensus::compete(const Cells& remembered, const Vec6& still, const Vec6& 
     }
     add(part, true, Vec6::Zero(), 6.0F);
   }
-  // Most support, of what may be static; by the limit first, then by what the best of those leaves.
+  // Most support, of what may be static, by what the tightest of them leaves to half of the cells: by the noise model's
+  // limit a far wall follows whatever is near.
   Cells misfit;
   int best = -1;
-  scale_ = 1;
-  for (int round = 0; round < 2; ++round) {
-    double most = -1;
-    for (int i = 0; i < count; ++i) {
-      fit(pose[static_cast<std::size_t>(i)], misfit);
-      const double way = mean_way(pose[static_cast<std::size_t>(i)], prior);
-      const double likely = 1 / (1 + (way / prior_sigma_m) * (way / prior_sigma_m));
-      const double s = support(misfit, remembered) * (0.9 + 0.1 * likely);
-      if (s > most) most = s, best = i;
-    }
-    if (best < 0 || round == 1) break;
-    fit(pose[static_cast<std::size_t>(best)], misfit);
-    scale_ = scale_of(misfit, remembered);
+  float tightest = 1;
+  for (int i = 0; i < count; ++i) {
+    fit(pose[static_cast<std::size_t>(i)], misfit);
+    tightest = std::min(tightest, scale_of(misfit, remembered));
+  }
+  scale_ = tightest;
+  double most = -1;
+  for (int i = 0; i < count; ++i) {
+    fit(pose[static_cast<std::size_t>(i)], misfit);
+    const double way = mean_way(pose[static_cast<std::size_t>(i)], prior);
+    const double likely = 1 / (1 + (way / prior_sigma_m) * (way / prior_sigma_m));
+    const double s = support(misfit, remembered) * (0.9 + 0.1 * likely);
+    if (s > most) most = s, best = i;
   }
   out = ConsensusResult{};
   if (best < 0) return;

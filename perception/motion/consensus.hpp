@@ -31,12 +31,17 @@ struct ConsensusConfig {
 };
 
 struct ConsensusResult {
+  static constexpr std::array<float, 4> kScales{0.03F, 0.1F, 0.3F, 1.0F};
   Vec6 xi = Vec6::Zero();  // left twist about the centre, from the pose that the sums were taken at
   double support = 0;      // pixels
-  double pairs = 0;        // pixels that met a surface within the gates
+  float scale = 1;         // of that: what the cells leave by themselves
+  std::array<double, 4> support_at{};  // by kScales, to compare two that were taken apart
+  double pairs = 0;                    // pixels that met a surface within the gates
   double rival = 0;        // of the strongest other motion: its own cells' pixels over ours
   double rival_way_m = 0;  // how far that is off, mean over the points
   bool certain = false;    // no rival comes near
+  // By the tighter of both.
+  [[nodiscard]] bool better_than(const ConsensusResult& other) const noexcept;
   int misfits = 0;         // cells that do not fit the winner
   double unexplained = 0;  // share of the pixels in such cells, of those that may be static
 };
@@ -50,7 +55,7 @@ class Consensus {
             double length_m, const ConsensusConfig& config, int rows = CellSums::kEdge) noexcept;
   // Least squares, reweighed, from xi = 0 alone: for images in which nothing new moves. Cheap. `remembered`: share of
   // each cell that may be static, by what is known of it before.
-  void settle(const Cells& remembered, const Vec6& prior, ConsensusResult& out) noexcept;
+  void settle(const Cells& remembered, ConsensusResult& out) noexcept;
   // All hypotheses. `still`: twist of a camera that has not moved; `prior`, which may be off by `prior_sigma_m` (mean
   // over the points).
   void compete(const Cells& remembered, const Vec6& still, const Vec6& prior, double prior_sigma_m,
@@ -83,7 +88,7 @@ class Consensus {
   Cells limit2_{};  // m^2
   Cells misfit_{};
   float scale_ = 1;  // of misfit_
-  Vec6 winner_ = Vec6::Zero(), prior_ = Vec6::Zero();
+  Vec6 winner_ = Vec6::Zero();
   Cells remembered_{};
   Mat6 total_ = Mat6::Zero();
   double total_pairs_ = 0;

@@ -104,7 +104,7 @@ bool MotionWatch::settle_at(const TrackingPyramid& pyramid, const ModelView& mod
   bool settled = false;
   for (int round = 0; round < kRounds && !settled; ++round) {
     linearise(pyramid, model, at);
-    consensus_.settle(memory_, twist_to(X_prior_WC_), out.consensus);
+    consensus_.settle(memory_, out.consensus);
     out.work += pixels();
     at = moved_by(out.consensus.xi);
     settled = consensus_.mean_way(out.consensus.xi, Vec6::Zero()) < kNear_m;
@@ -151,7 +151,6 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   rule_.noise = {static_cast<float>(tracker_.noise_m), static_cast<float>(tracker_.noise_per_m2),
                  static_cast<float>(tracker_.noise_from_m)};
   rule_.voxel_m = map.voxel_size();
-  X_prior_WC_ = prior.X_WC;
   remember_cells(live, prior.X_WC);
   const bool settled = settle_at(pyramid, model, prior.X_WC, out);
   looked_ = certain_ = true;
@@ -165,7 +164,7 @@ void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model
   if (!looked_) return;
   const MotionResult by_prior = out;
   static_cast<void>(settle_at(pyramid, model, X_tracked_WC, out));
-  if (out.consensus.support < by_prior.consensus.support)
+  if (by_prior.consensus.better_than(out.consensus))
     static_cast<void>(settle_at(pyramid, model, by_prior.X_WC, out));
   if (out.consensus.unexplained > kDoubt) {
     const Vec6 still = twist_to(model.X_WF), expected = twist_to(prior.X_WC);

@@ -67,14 +67,15 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
   const bool by_majority = m.moving || m.doubtful;
   if (by_majority) tracker_.drop(watch_.misfits(), watch_.level());
   tracker_.track(model(), prior, by_majority ? m.X_WC : prior.X_WC, knobs.iterations, r);
-  // Along what the scene does not constrain the prior holds, and no majority of noise.
-  if (by_majority && r.state != TrackingState::kLost && r.degenerate_count > 0) {
+  // Along what the scene does not constrain odometry holds, and no majority of noise.
+  const bool open = r.degenerate_count > 0 && tracker_.trusted(prior);
+  if (by_majority && r.state != TrackingState::kLost && open) {
     work += r.work;
     tracker_.track(model(), prior, prior.X_WC, knobs.iterations, r);
   }
   // Weighed by their noise, readings of a thing that the mask has missed have the leverage to carry the camera.
   const auto carried = [&] {
-    return r.state != TrackingState::kLost && r.degenerate_count == 0 &&
+    return r.state != TrackingState::kLost && !open &&
            watch_.explains(pyramid, model(), r.X_WC) < config_.motion.least_explained;
   };
   if (carried() && !by_majority) {

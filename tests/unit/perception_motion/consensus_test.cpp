@@ -130,7 +130,7 @@ TEST(Consensus, ASlowThingMisfitsBeforeItPulls) {
                          {});
       Consensus::Cells all;
       all.fill(1);
-      rig.consensus.settle(all, Vec6::Zero(), r);
+      rig.consensus.settle(all, r);
       const double off = way_mm(Pose::Identity(), Vec3(0, 0, 1.5), r.xi, Pose::Identity());
       std::cout << "way " << 1e3 * way_m << " mm: off " << off << " mm, " << r.misfits
                 << " cells misfit, unexplained " << r.unexplained << "\n";
@@ -180,7 +180,7 @@ TEST(Consensus, WhereNothingMovesEveryCellFits) {
                        {});
     Consensus::Cells all;
     all.fill(1);
-    rig.consensus.settle(all, Vec6::Zero(), r);
+    rig.consensus.settle(all, r);
     EXPECT_EQ(r.misfits, 0) << "seed " << seed;
     EXPECT_LT(way_mm(Pose::Identity(), Vec3(0, 0, 1.5), r.xi, step), 1.0) << "seed " << seed;
     EXPECT_NEAR(rig.consensus.share_of_winner(r.xi), 1.0, 1e-9);
