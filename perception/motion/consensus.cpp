@@ -42,7 +42,6 @@ void Consensus::look(const DepthLevel& live, const ModelView& model, const Pose&
   length_m_ = length_m;
   const auto map = static_cast<float>(config.map_error_m + config.map_error_voxel * config.voxel_m);
   const auto share = static_cast<float>(config.noise_share);
-  double upper[21] = {};
   total_pairs_ = 0;
   for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
     const float beyond = std::max(sums_.depth_m[c] - config.noise.from_m, 0.0F);
@@ -50,9 +49,7 @@ void Consensus::look(const DepthLevel& live, const ModelView& model, const Pose&
     limit2_[c] = 4 * (sigma * sigma + map * map);
     if (sums_.pairs[c] < kLeastPairs) continue;
     total_pairs_ += static_cast<double>(sums_.pairs[c]);
-    for (std::size_t i = 0; i < 21; ++i) upper[i] += static_cast<double>(sums_.H[i][c]);
   }
-  total_ = unpack(upper);
 }
 
 // Mean square residual over the limit, of every cell.
@@ -158,6 +155,11 @@ double Consensus::share_of_winner(const Vec6& xi) const noexcept {
   return ours > 0 ? support_of(xi) / ours : 1.0;
 }
 
+double Consensus::reconsider() noexcept {
+  fit(Vec6::Zero(), misfit_);
+  return support(misfit_, remembered_);
+}
+
 bool ConsensusResult::better_than(const ConsensusResult& other) const noexcept {
   const float tighter = std::min(scale, other.scale);
   std::size_t k = 0;
@@ -168,7 +170,7 @@ bool ConsensusResult::better_than(const ConsensusResult& other) const noexcept {
 // What the winner leaves unexplained.
 void Consensus::conclude(const Vec6& xi, ConsensusResult& out) noexcept {
   out = ConsensusResult{};
-  out.xi = winner_ = xi;
+  out.xi = xi;
   fit(xi, misfit_);
   for (std::size_t k = 0; k < ConsensusResult::kScales.size(); ++k) {
     scale_ = ConsensusResult::kScales[k];

@@ -68,7 +68,8 @@ class Consensus {
   [[nodiscard]] bool fits_noise(int cell) const noexcept {
     return misfit_[static_cast<std::size_t>(cell)] <= 1;
   }
-  [[nodiscard]] const Vec6& winner() const noexcept { return winner_; }
+  // The sums were taken anew, at the winner: its cells by these, by the scale that they had. Its support.
+  double reconsider() noexcept;
   // Support of a pose, of the cells that may be static; and over the winner's.
   [[nodiscard]] double support_of(const Vec6& xi) const noexcept;
   [[nodiscard]] double share_of_winner(const Vec6& xi) const noexcept;
@@ -88,9 +89,7 @@ class Consensus {
   Cells limit2_{};  // m^2
   Cells misfit_{};
   float scale_ = 1;  // of misfit_
-  Vec6 winner_ = Vec6::Zero();
   Cells remembered_{};
-  Mat6 total_ = Mat6::Zero();
   double total_pairs_ = 0;
   double length_m_ = 1;
 };

@@ -155,6 +155,7 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   const bool settled = settle_at(pyramid, model, prior.X_WC, out);
   looked_ = certain_ = true;
   out.cells_misfit = out.consensus.misfits;
+  X_majority_WC_ = out.X_WC;
   doubtful_ = out.doubtful = !settled || out.consensus.unexplained > kDoubt;
 }
 
@@ -175,6 +176,7 @@ void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model
     if (consensus_.mean_way(out.consensus.xi, Vec6::Zero()) >= kNear_m)
       static_cast<void>(settle_at(pyramid, model, out.X_WC, out));
   }
+  X_majority_WC_ = out.X_WC;
   certain_ = out.certain;
   out.cells_misfit = out.consensus.misfits;
 }
@@ -221,11 +223,12 @@ double MotionWatch::explains(const TrackingPyramid& pyramid, const ModelView& mo
   const double share = consensus_.share_of_winner(xi);
   if (share >= config_.least_explained || consensus_.mean_way(xi, Vec6::Zero()) < kNear_m)
     return share;
-  // Too far for these sums: each by its own.
-  linearise(pyramid, model, moved_by(consensus_.winner()));
-  const double ours = consensus_.support_of(Vec6::Zero());
+  // Too far for these sums: each by its own; then those of the majority again, for misfits() and the next question.
   linearise(pyramid, model, X_WC);
-  return ours > 0 ? consensus_.support_of(Vec6::Zero()) / ours : 1;
+  const double theirs = consensus_.support_of(Vec6::Zero());
+  linearise(pyramid, model, X_majority_WC_);
+  const double ours = consensus_.reconsider();
+  return ours > 0 ? theirs / ours : 1;
 }
 
 ImageView<const std::uint8_t> MotionWatch::misfits() noexcept {

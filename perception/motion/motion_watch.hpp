@@ -119,6 +119,7 @@ class MotionWatch {
   float voxel_m_ = 0.01F;
   Pose X_WF_ = Pose::Identity(), X_FC_ = Pose::Identity();  // where the sums were taken
   Vec3 centre_F_ = Vec3::Zero();
+  Pose X_majority_WC_ = Pose::Identity();
   ConsensusConfig rule_;
   double length_m_ = 1;
   Consensus::Cells memory_{};  // 0: moved in the last image
