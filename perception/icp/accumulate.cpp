@@ -86,7 +86,7 @@ struct Rows {
 };
 
 struct Counts {
-  int inliers = 0, met = 0, live = 0;
+  int inliers = 0, met = 0, live = 0, on_surface = 0;
 };
 
 HWY_INLINE void put(V v, float (&column)[kStretch], int at) { hn::Store(v, DF(), column + at); }
@@ -145,20 +145,25 @@ HWY_INLINE void pair_up(const RowsJob& job, const Rows& row, const Projected& in
              sub(q.z, depth)};
   const V3 live{load(row.nx + u), load(row.ny + u), load(row.nz + u)};
   const V3 l{row3(job.R_F, live), row3(job.R_F + 3, live), row3(job.R_F + 6, live)};
-  ok = hn::And(ok,
-               hn::And(hn::Lt(dot(d, d), set(job.gate_d2)), hn::Gt(dot(l, n), set(job.gate_cos))));
+  ok = hn::And(ok, hn::Lt(dot(d, d), set(job.gate_d2)));
+  const V r = dot(n, d);
+  const V beyond = hn::Max(sub(load(row.z + u), set(job.noise.from_m)), zero());
+  const V sigma = add(set(job.noise.least_m), mul(mul(set(job.noise.per_m2), beyond), beyond));
+  if constexpr (kWithCross) {
+    const V limit = add(mul(set(kOnSurfaceSigmas), sigma), set(job.map_error_m));
+    counts.on_surface += count(hn::And(ok, hn::Lt(hn::Abs(r), limit)));
+  }
+  ok = hn::And(ok, hn::Gt(dot(l, n), set(job.gate_cos)));
   if (hn::AllFalse(df, ok)) return;
   counts.inliers += count(ok);
 
-  const V beyond = hn::Max(sub(load(row.z + u), set(job.noise.from_m)), zero());
-  const V sigma = add(set(job.noise.least_m), mul(mul(set(job.noise.per_m2), beyond), beyond));
   const V share = hn::Div(set(job.noise.least_m), sigma);
   const V3 a{sub(q.x, set(job.centre[0])), sub(q.y, set(job.centre[1])),
              sub(q.z, set(job.centre[2]))};
   const int at = out.size;
   put_row(ok, n, a, out.J, at);
   if constexpr (kWithCross) put_row(ok, l, a, out.L, at);
-  put(keep(ok, dot(n, d)), out.r, at);
+  put(keep(ok, r), out.r, at);
   put(keep(ok, mul(share, share)), out.w, at);
   out.size = at + kWidth;
 }
@@ -280,6 +285,7 @@ HWY_INLINE void accumulate_rows(const RowsJob& job, LaneSums& out) {
         for (int i = 0; i < kCross; ++i) add_to(out.cross[i] + first, hn::Load(df, sums.cross[i]));
     }
     out.inliers += counts.inliers, out.met += counts.met, out.live += counts.live;
+    out.on_surface += counts.on_surface;
   }
 }
 

@@ -12,6 +12,9 @@ inline constexpr int kLanes = 16;
 inline constexpr int kSums = 29;   // 21 of H (upper triangle by rows), 6 of g, r2, weight
 inline constexpr int kCross = 21;  // upper triangle by rows
 
+// A point is on a surface that is off by less than this many of its sigmas, plus the surface's own error.
+inline constexpr float kOnSurfaceSigmas = 3;
+
 // What is believed of a reading at depth z: sigma(z) = least_m + per_m2 max(z - from_m, 0)^2, noise and what is left
 // of systematic error. A residual weighs (least_m / sigma)^2.
 struct NoiseRule {
@@ -33,6 +36,7 @@ struct RowsJob {
   float centre[3];  // in F
   float gate_d2, gate_cos;
   NoiseRule noise;
+  float map_error_m;  // of the model's surface
 };
 
 // fp32 within a row, fp64 over rows.
@@ -40,6 +44,7 @@ struct LaneSums {
   alignas(64) double sums[kSums][kLanes] = {};
   alignas(64) double cross[kCross][kLanes] = {};
   std::int64_t inliers = 0, met = 0, live = 0;
+  std::int64_t on_surface = 0;  // with the cross moment only
 };
 
 // Depth step that separates two surfaces at depth z: noise(z) = base + per_m2 z^2 for what should be

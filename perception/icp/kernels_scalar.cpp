@@ -49,11 +49,13 @@ void add_pixel(const RowsJob& job, int u, int v, bool with_cross, RowSums& row, 
   const V3 d = minus(q, m);
   const float none[3] = {0, 0, 0};
   const V3 l = turn(job.R_F, none, {job.nx[at], job.ny[at], job.nz[at]});
-  if (!(dot(d, d) < job.gate_d2) || !(dot(l, n) > job.gate_cos)) return;
-  ++out.inliers;
+  if (!(dot(d, d) < job.gate_d2)) return;
   const float r = dot(n, d);
   const float beyond = z - job.noise.from_m > 0 ? z - job.noise.from_m : 0.0F;
   const float sigma = job.noise.least_m + job.noise.per_m2 * beyond * beyond;
+  if (with_cross && std::abs(r) < kOnSurfaceSigmas * sigma + job.map_error_m) ++out.on_surface;
+  if (!(dot(l, n) > job.gate_cos)) return;
+  ++out.inliers;
   const float share = job.noise.least_m / sigma;
   const float w = share * share;
   const V3 a = minus(q, {job.centre[0], job.centre[1], job.centre[2]});

@@ -38,6 +38,7 @@ void add(const icp::LaneSums& part, bool cross, icp::LaneSums& sum) noexcept {
   for (int i = 0; cross && i < icp::kCross; ++i)
     for (int k = 0; k < icp::kLanes; ++k) sum.cross[i][k] += part.cross[i][k];
   sum.inliers += part.inliers, sum.met += part.met, sum.live += part.live;
+  sum.on_surface += part.on_surface;
 }
 
 void sum_parts(const icp::RowsJob& job, int parts, bool cross, rt::ForkJoin& crew,
@@ -80,6 +81,7 @@ void accumulate_rows(const DepthLevel& live, const ModelView& model, const Pose&
   out.inliers = lanes.inliers;
   out.met = lanes.met;
   out.live = lanes.live;
+  out.on_surface = lanes.on_surface;
   unpack_upper(sums, out.H);
   for (int i = 0; i < 6; ++i) out.g(i) = sums[21 + i];
   out.r2 = sums[27];
@@ -115,6 +117,7 @@ icp::RowsJob make_rows_job(const DepthLevel& live, const ModelView& model, const
   job.gate_d2 = gates.distance_m * gates.distance_m;
   job.gate_cos = gates.normal_cos;
   job.noise = gates.noise;
+  job.map_error_m = gates.map_error_m;
   return job;
 }
 

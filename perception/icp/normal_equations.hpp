@@ -17,6 +17,7 @@ struct Gates {
   float distance_m = 0.1F;    // largest |q - v_m|
   float normal_cos = 0.866F;  // smallest n_live . n_m
   icp::NoiseRule noise{0.0015F, 0.004F, 0.8F};
+  float map_error_m = 0.01F;  // of the model's surface
 };
 
 // Weighted normal equations H xi = -g of xi = (v, w) about `centre_F`, residual sums and counts.
@@ -28,6 +29,9 @@ struct NormalEquations {
   std::int64_t inliers = 0;
   std::int64_t met = 0;   // live points that project onto a model surface
   std::int64_t live = 0;  // live points with depth
+  // Of those met: within the gate's distance, and off the model's tangent plane by less than icp::kOnSurfaceSigmas of
+  // the reading's noise plus the map's error, whatever the normals. accumulate_cross() only.
+  std::int64_t on_surface = 0;
 };
 
 // The cross moment of live and model rows, symmetrised: 1/2 sum w (J_l J_m^T + J_m J_l^T) with

@@ -35,8 +35,10 @@ void TrackerConfig::describe(config::Section& s) {
       .number("stop_translation_m", stop_translation_m, 0, 0.01,
               "a level ends when the next step is below this")
       .number("stop_rotation_deg", stop_rotation_deg, 0, 1, "and this one")
-      .number("weak_inlier_share", weak_inlier_share, 0, 1, "below: weak")
-      .number("lost_inlier_share", lost_inlier_share, 0, 1, "below: lost")
+      .number("weak_inlier_share", weak_inlier_share, 0, 1,
+              "of points on the model's surface, within noise; below: weak")
+      .number("lost_inlier_share", lost_inlier_share, 0, 1,
+              "of points on the model's surface, within noise; below: lost")
       .number("lost_overlap", lost_overlap, 0, 1, "share of points that meet the map; below: lost")
       .number("weak_residual_m", weak_residual_m, 0, 1, "RMS above: weak")
       .number("lost_residual_m", lost_residual_m, 0, 1, "RMS above: lost")
@@ -109,7 +111,8 @@ struct Alignment {
 
   [[nodiscard]] Gates gates(std::size_t level) const noexcept {
     return {static_cast<float>(std::min(config.gate_distance_m[level], gate_limit_m)),
-            static_cast<float>(std::cos(config.gate_normal_deg * kDegree)), noise_of(config)};
+            static_cast<float>(std::cos(config.gate_normal_deg * kDegree)), noise_of(config),
+            static_cast<float>(config.map_error_m)};
   }
   // Sums at `level`, and from them which directions are constrained.
   [[nodiscard]] NormalEquations examine(std::size_t level) noexcept {
@@ -160,6 +163,8 @@ struct Alignment {
 void measure(const NormalEquations& eq, TrackingResult& out) noexcept {
   out.inliers = static_cast<int>(eq.inliers);
   out.inlier_share = eq.met > 0 ? static_cast<double>(eq.inliers) / static_cast<double>(eq.met) : 0;
+  out.on_surface =
+      eq.met > 0 ? static_cast<double>(eq.on_surface) / static_cast<double>(eq.met) : 0;
   out.overlap = eq.live > 0 ? static_cast<double>(eq.met) / static_cast<double>(eq.live) : 0;
   out.residual_m = eq.weight > 0 ? std::sqrt(eq.r2 / eq.weight) : 0;
 }
@@ -175,7 +180,7 @@ void judge(const TrackerConfig& c, const MotionPrior& prior, const Pose& X_WC,
   const Pose jump = prior.X_WC.inverse() * X_WC;
   const bool finite = X_WC.matrix().allFinite() && std::isfinite(out.residual_m);
   const bool lost = !finite || out.inliers < c.lost_inliers ||
-                    out.inlier_share < c.lost_inlier_share || out.overlap < c.lost_overlap ||
+                    out.on_surface < c.lost_inlier_share || out.overlap < c.lost_overlap ||
                     out.residual_m > c.lost_residual_m ||
                     jump.translation().norm() > c.jump_translation_m ||
                     rotation_angle(jump.linear()) > c.jump_rotation_deg * kDegree;
@@ -183,7 +188,7 @@ void judge(const TrackerConfig& c, const MotionPrior& prior, const Pose& X_WC,
   out.fully_constrained = out.degenerate_count == 0;
   out.claimed = out.fully_constrained || is_trusted(c, prior);
   const bool weak =
-      out.inlier_share < c.weak_inlier_share || out.residual_m > c.weak_residual_m || !out.claimed;
+      out.on_surface < c.weak_inlier_share || out.residual_m > c.weak_residual_m || !out.claimed;
   out.state = weak ? TrackingState::kWeak : TrackingState::kTracking;
   out.X_WC = X_WC;
 }

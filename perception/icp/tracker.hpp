@@ -41,10 +41,13 @@ struct TrackerConfig {
   double stop_translation_m = 1e-4;  // a level ends when the next step is below both
   double stop_rotation_deg = 5e-3;
   DegeneracyConfig degeneracy;
-  double weak_inlier_share = 0.65;  // of the points that meet a model surface
-  double lost_inlier_share = 0.55;  // recordings stay above 0.63; wrong fits were seen up to 0.48
-  double lost_overlap = 0.10;       // share of live points that meet a model surface
-  double weak_residual_m = 0.020;   // RMS, point to plane, of the inliers
+  // Of the points that meet a model surface, those on it within their noise (NormalEquations::on_surface). Normals have
+  // no say: how well they agree depends on voxel and level, not on the pose (docs/fusion.md, Levels).
+  double weak_inlier_share = 0.85;
+  double lost_inlier_share = 0.75;
+  double map_error_m = 0.01;       // of the model's surface: half a voxel; derived, no key
+  double lost_overlap = 0.10;      // share of live points that meet a model surface
+  double weak_residual_m = 0.020;  // RMS, point to plane, of the inliers
   double lost_residual_m = 0.040;
   int lost_inliers = 400;            // at level 1
   double jump_translation_m = 0.30;  // farther from the prior in one frame: lost
@@ -83,11 +86,12 @@ struct TrackingResult {
   bool fully_constrained = false;  // by the scene alone
   double residual_m = 0;           // RMS of the inliers, point to plane
   double inlier_share = 0;         // inliers / live points that meet a model surface
-  double overlap = 0;              // live points that meet a model surface / live points
-  int inliers = 0;                 // at level 1
-  double contradiction = 0;        // reacquire() only: share of points off every surface about them
-  double clash = 0;                // reacquire() only: share of points in front (contradiction.hpp)
-  double condition = 0;  // largest / smallest eigenvalue of the scaled 6x6; inf = singular
+  double on_surface = 0;  // points on the model's surface within noise / live points that meet one
+  double overlap = 0;     // live points that meet a model surface / live points
+  int inliers = 0;        // at level 1
+  double contradiction = 0;  // reacquire() only: share of points off every surface about them
+  double clash = 0;          // reacquire() only: share of points in front (contradiction.hpp)
+  double condition = 0;      // largest / smallest eigenvalue of the scaled 6x6; inf = singular
   int degenerate_count = 0;
   // First degenerate_count columns: unit twists (v, w L) in W about the centroid, w scaled by `length_m` (mean depth,
   // as points weigh).

@@ -17,13 +17,20 @@ using perception::TrackingState;
 constexpr int kPagedBlocks = 128;         // put away, and brought back, a frame
 constexpr double kClearedNodes = 200000;  // of a region, a job
 
+// A surface between two nodes is known to half of their distance before it was seen often.
+perception::TrackerConfig of_map(perception::TrackerConfig tracker,
+                                 const perception::TsdfConfig& map) noexcept {
+  tracker.map_error_m = 0.5 * map.voxel_size_m;
+  return tracker;
+}
+
 }  // namespace
 
 FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const FusionSetup& setup)
     : config_(config),
       setup_(setup),
       map_(nrt, config.tsdf),
-      tracker_(nrt, config.tracker, setup.camera.width, setup.camera.height),
+      tracker_(nrt, of_map(config.tracker, config.tsdf), setup.camera.width, setup.camera.height),
       watch_(nrt, config.motion, config.tracker),
       relocaliser_(nrt, config.relocaliser, setup.camera),
       anchor_(nrt),

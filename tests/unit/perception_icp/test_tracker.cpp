@@ -391,6 +391,7 @@ TEST(NormalEquations, EveryInstructionSetGivesTheSameBytes) {
       EXPECT_EQ(sums.back().weight, sums.front().weight) << simd::name_of(isa);
       EXPECT_EQ(sums.back().inliers, sums.front().inliers) << simd::name_of(isa);
       EXPECT_EQ(sums.back().met, sums.front().met) << simd::name_of(isa);
+      EXPECT_EQ(sums.back().on_surface, sums.front().on_surface) << simd::name_of(isa);
       EXPECT_EQ(sums.back().live, sums.front().live) << simd::name_of(isa);
       EXPECT_EQ(crosses.back().H, crosses.front().H) << simd::name_of(isa);
     }
