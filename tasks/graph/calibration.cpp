@@ -8,6 +8,7 @@
 #include <fstream>
 #include <stdexcept>
 #include <thread>
+#include <utility>
 
 namespace tasks {
 
@@ -20,6 +21,10 @@ void CalibrationRow::describe(config::Section& s) {
   s.number("p999_us", p999_us, 0, 1e7, "99.9 % quantile");
   s.number("work_min", work_min, 0, 1e18, "least work count seen");
   s.number("work_max", work_max, 0, 1e18, "largest work count seen");
+  s.number("tracked_share", tracked_share, -1, 1,
+           "of the stored images not lost; below 0: not measured");
+  s.number("claimed_share", claimed_share, -1, 1, "of the stored images; below 0: not measured");
+  s.number("off_mm", off_mm, -1, 1e6, "largest error of a claimed pose; below 0: not measured");
   s.numbers("quantiles_us", quantiles_us, 0, 1e7, "quantiles i/32 of the CPU of a job");
 }
 
@@ -120,6 +125,25 @@ void Calibration::describe(config::Section& s) {
   s.text("recording", recording, {}, "folder of recorded images");
   s.list(
       "task", [this](config::Section& item) { rows.emplace_back().describe(item); }, "one variant");
+}
+
+std::string Calibration::does_not_track(const CalibrationRow& row) const {
+  double best = 0;
+  for (const auto& r : rows) {
+    if (r.name == row.name) best = std::max(best, r.claimed_share);
+  }
+  char text[120] = "";
+  if (row.tracked_share >= 0 && row.tracked_share < kLeastTrackedShare)
+    std::snprintf(text, sizeof text,
+                  "it is lost on %.1f %% of the stored images, %.0f %% are allowed",
+                  100 * (1 - row.tracked_share), 100 * (1 - kLeastTrackedShare));
+  else if (row.claimed_share >= 0 && row.claimed_share < best - kMostClaimsLess)
+    std::snprintf(text, sizeof text, "it claims %.1f %% of the stored images, another one %.1f %%",
+                  100 * row.claimed_share, 100 * best);
+  else if (row.off_mm > kMostOff_mm)
+    std::snprintf(text, sizeof text, "it claims a pose %.0f mm off, %.0f mm are allowed",
+                  row.off_mm, kMostOff_mm);
+  return text;
 }
 
 const CalibrationRow* Calibration::find(std::string_view name, std::string_view choice,
@@ -241,6 +265,13 @@ void save_calibration(const std::string& path, const Calibration& calibration) {
         out << line;
       }
       out << "]\n";
+      for (const auto& [key, value] :
+           {std::pair{"tracked_share", r.tracked_share},
+            std::pair{"claimed_share", r.claimed_share}, std::pair{"off_mm", r.off_mm}}) {
+        if (value < 0) continue;
+        std::snprintf(line, sizeof line, "%s = %.4f\n", key, value);
+        out << line;
+      }
     }
     if (!out.flush()) {
       std::remove(temporary.c_str());
@@ -261,6 +292,8 @@ std::vector<rt::Variant> make_variants(const Calibration& calibration, const Tas
   std::vector<rt::Variant> variants;
   for (std::size_t level = 0; level < level_count(row); ++level) {
     const auto* measured = calibration.find(row.name, choice, static_cast<int>(level));
+    // Overload must not lead to where nothing is tracked.
+    if (level > 0 && measured != nullptr && !calibration.does_not_track(*measured).empty()) break;
     variants.emplace_back(
         std::string(row.variants[level].name),
         measured != nullptr ? measured->budget() : rt::Nanos{1000 * declared_us[level]});
@@ -282,8 +315,11 @@ std::vector<rt::TaskSpec> make_specs(const Calibration& calibration, const Choic
     s.consecutive_miss_limit = row.miss_limit;
     if (row.id == TaskId::kFusion) {
       for (const VoxelOption& o : voxel_options(limits)) {
-        s.choices.push_back(
-            {o.name, make_variants(calibration, row, o.name, o.budgets_us), o.ruled_out});
+        const auto* best = calibration.find(row.name, o.name, 0);
+        s.choices.push_back({o.name, make_variants(calibration, row, o.name, o.budgets_us),
+                             o.ruled_out.empty() && best != nullptr
+                                 ? calibration.does_not_track(*best)
+                                 : o.ruled_out});
       }
     } else {
       std::array<std::int64_t, 4> declared_us{};

@@ -6,7 +6,8 @@
 //                build = "..."         which program
 //                config = "..."        hash of the configuration that it measured
 //                recording = "..."     folder of recorded images; none: the scene's own camera
-//                [[task]] name, choice, level, p50_us, p99_us, p999_us, work_min, work_max, quantiles_us[33]
+//                [[task]] name, choice, level, p50_us, p99_us, p999_us, work_min, work_max, quantiles_us[33],
+//                         of fusion also tracked_share, claimed_share and, where the truth is known, off_mm
 // Rows "fusion_worker": the sum over a job's forks of the largest share that a worker had; "fusion" is then its
 // own CPU.
 // `choice` is the static choice that the row was measured with ("20 mm"); a task without choices has none.
@@ -37,10 +38,19 @@ struct CalibrationRow {
   double p50_us = 0, p99_us = 0, p999_us = 0;
   double work_min = 0, work_max = 0;
   std::array<double, kQuantiles> quantiles_us{};  // of the CPU of a job, i / 32
+  // Of fusion, on the stored images: frames that were not lost, frames claimed, and the largest error of a claimed pose, the
+  // first one aligned. Below 0: not measured.
+  double tracked_share = -1, claimed_share = -1, off_mm = -1;
   void describe(config::Section& s);
   // By the rule above; of a task with policy abort the declared one.
   [[nodiscard]] rt::Nanos budget() const noexcept;
 };
+
+// A variant tracks by luck that loses more than this, claims this much less than the best of its task on the same images, or
+// claims a pose that is silently wrong by definition. What the best one does not claim the scene does not constrain.
+inline constexpr double kLeastTrackedShare = 0.5;
+inline constexpr double kMostClaimsLess = 0.05;
+inline constexpr double kMostOff_mm = 50;
 
 // What a calibration holds for. Costs differ with each of them.
 struct CalibrationOrigin {
@@ -52,6 +62,8 @@ struct Calibration : CalibrationOrigin {
   void describe(config::Section& s);
   [[nodiscard]] const CalibrationRow* find(std::string_view name, std::string_view choice,
                                            int level) const noexcept;
+  // Empty: this variant of fusion tracks, or nobody looked. Else why it must not be admitted.
+  [[nodiscard]] std::string does_not_track(const CalibrationRow& row) const;
   // Of the variant that a settled spec has at this level.
   [[nodiscard]] const CalibrationRow* find(const rt::TaskSpec& spec, int level) const noexcept {
     return find(spec.is_worker() ? kWorkerRow : std::string_view(spec.name), spec.choice, level);
@@ -78,7 +90,8 @@ struct Calibration : CalibrationOrigin {
 void save_calibration(const std::string& path, const Calibration& calibration);
 
 // The task table as specs, budgets from the calibration where it has them. Fusion has its voxel sizes as
-// static choices (static_choices.hpp).
+// static choices (static_choices.hpp); one whose best level does not track is ruled out, and a level that does not
+// ends its levels.
 [[nodiscard]] std::vector<rt::TaskSpec> make_specs(const Calibration& calibration,
                                                    const ChoiceLimits& limits = {});
 

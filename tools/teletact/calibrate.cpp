@@ -12,8 +12,10 @@
 #include <stdexcept>
 
 #include "rt/hash.hpp"
+#include "tools/bench/pose_file.hpp"
 #include "tools/teletact/build_info.hpp"
 #include "tools/teletact/input_recorder.hpp"
+#include "tools/teletact/recording_truth.hpp"
 #include "tools/teletact/replay.hpp"
 
 namespace teletact {
@@ -36,8 +38,8 @@ void end_if_asked() {
 using Jobs = std::array<std::vector<rt::JobRecord>, tasks::kTaskCount + 1>;
 constexpr int kShares = tasks::kTaskCount;
 
-void add_row(tasks::Calibration& c, const std::vector<rt::JobRecord>& jobs, int task,
-             const std::string& choice, int level) {
+tasks::CalibrationRow& add_row(tasks::Calibration& c, const std::vector<rt::JobRecord>& jobs,
+                               int task, const std::string& choice, int level) {
   tasks::CalibrationRow row;
   row.name =
       task == kShares ? tasks::kWorkerRow : tasks::kTaskTable[static_cast<std::size_t>(task)].name;
@@ -64,8 +66,35 @@ void add_row(tasks::Calibration& c, const std::vector<rt::JobRecord>& jobs, int 
     row.quantiles_us[i] =
         at(cpu_us, static_cast<double>(i) / static_cast<double>(row.quantiles_us.size() - 1));
   }
-  c.rows.push_back(row);
+  return c.rows.emplace_back(row);
 }
+
+// Where the camera of the stored run was: on the twin of the base, or as the recording's own poses say.
+class CameraTruth {
+ public:
+  CameraTruth(const Scene& scene, const RobotHalf& robot) : rgbd_(scene.rgbd_dir) {
+    if (!rgbd_.empty()) return;
+    for (const TruthSample& t : robot.view.truth) {
+      const double t_s = 1e-9 * static_cast<double>(kRobotClock.to_host(t.stamp));
+      if (!poses_.empty() && t_s <= poses_.back().t_s) continue;
+      perception::Pose X_WB = perception::Pose::Identity();
+      X_WB.translation() = perception::Vec3(t.x_m, t.y_m, 0);
+      X_WB.linear() = Eigen::AngleAxisd(t.yaw_rad, perception::Vec3::UnitZ()).toRotationMatrix();
+      poses_.push_back({t_s, X_WB * scene.camera.X_BC()});
+    }
+  }
+  [[nodiscard]] TrackingFigures judge(const std::vector<tasks::FusionSample>& samples) const {
+    if (!rgbd_.empty()) return recording_figures(rgbd_, samples);
+    return tracking_figures(samples, [this](rt::Time exposure) {
+      return pose_at(poses_, 1e-9 * static_cast<double>(kOperatorClock.to_host(exposure)), kGap_s);
+    });
+  }
+
+ private:
+  static constexpr double kGap_s = 0.1;  // the base is watched less often than images are made
+  std::string rgbd_;
+  std::vector<StampedPose> poses_;
+};
 
 // A folder for the time of the measurement.
 class ScratchFolder {
@@ -92,8 +121,9 @@ class ScratchFolder {
 // The passes over the stored input.
 class Passes {
  public:
-  Passes(rt::NonRealtime& nrt, Scene& scene, const std::string& folder, bool quiet)
-      : nrt_(nrt), scene_(scene), rgbd_(scene.rgbd_dir), quiet_(quiet) {
+  Passes(rt::NonRealtime& nrt, Scene& scene, const std::string& folder, CameraTruth truth,
+         bool quiet)
+      : nrt_(nrt), scene_(scene), rgbd_(scene.rgbd_dir), truth_(std::move(truth)), quiet_(quiet) {
     for (const auto box : {rt::Box::kOperator, rt::Box::kRobot}) {
       auto r = read_recording(recording_file(folder, box));
       if (!r) throw std::runtime_error(r.error());
@@ -115,6 +145,9 @@ class Passes {
       end_if_asked();
       jobs[r.task].push_back(r);
     };
+    trial.fused = [&](const std::vector<tasks::FusionSample>& samples) {
+      tracking_ = truth_.judge(samples);
+    };
     const auto result = run_trial(nrt_, scene_, of(box), trial);
     scene_.rgbd_dir = rgbd_;
     if (!result) throw std::runtime_error(result.error());
@@ -127,6 +160,14 @@ class Passes {
     return jobs;
   }
   [[nodiscard]] const CalibrationInput& input() const { return input_; }
+  // Of the last pass of the operator's box: how fusion tracked, into its row.
+  void tell_tracking(tasks::CalibrationRow& row) const {
+    if (tracking_.frames == 0) return;
+    const auto frames = static_cast<double>(tracking_.frames);
+    row.tracked_share = static_cast<double>(tracking_.tracked) / frames;
+    row.claimed_share = static_cast<double>(tracking_.claimed) / frames;
+    row.off_mm = tracking_.off_mm;
+  }
   [[nodiscard]] int workers() const { return scene_.graph.pool.fusion_workers; }
 
  private:
@@ -134,6 +175,8 @@ class Passes {
   rt::NonRealtime& nrt_;
   Scene& scene_;
   std::string rgbd_;
+  CameraTruth truth_;
+  TrackingFigures tracking_;
   bool quiet_;
   Recording operator_, robot_;
   CalibrationInput input_;
@@ -166,7 +209,8 @@ void measure_plain(tasks::Calibration& c, Passes& passes, const std::string& cho
       const auto& row = tasks::kTaskTable[static_cast<std::size_t>(task)];
       const auto i = static_cast<std::size_t>(task);
       if (row.box != box) continue;
-      add_row(c, base[i], task, task == kFusion ? choice : "", 0);
+      tasks::CalibrationRow& first = add_row(c, base[i], task, task == kFusion ? choice : "", 0);
+      if (task == kFusion) passes.tell_tracking(first);
       if (task == kFusion && passes.workers() > 0) add_row(c, base[kShares], kShares, choice, 0);
       for (int level = 1; task != kFusion && level < level_count(row); ++level)
         add_row(c, passes.run(box, task, level, pass_name(row, {}, level))[i], task, {}, level);
@@ -208,9 +252,9 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
     std::fflush(stdout);
   }
   // Admission and costs of the stored run are the declared ones: it is the same on every machine.
-  (void)run_virtual(nrt, scene, o, tasks::Calibration{});
+  const VirtualRun stored = run_virtual(nrt, scene, o, tasks::Calibration{});
   end_if_asked();
-  Passes passes(nrt, scene, folder.path() + "/raw", quiet);
+  Passes passes(nrt, scene, folder.path() + "/raw", CameraTruth(scene, stored.robot), quiet);
   const auto& fusion = tasks::kTaskTable[static_cast<std::size_t>(kFusion)];
   for (const auto& option : options) {
     scene.graph.fusion.tsdf.voxel_size_m = option.voxel_m;
@@ -219,11 +263,18 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
     for (int level = best ? 1 : 0; level < level_count(fusion); ++level) {
       const Jobs jobs =
           passes.run(fusion.box, kFusion, level, pass_name(fusion, option.name, level));
-      add_row(c, jobs[static_cast<std::size_t>(kFusion)], kFusion, option.name, level);
+      passes.tell_tracking(
+          add_row(c, jobs[static_cast<std::size_t>(kFusion)], kFusion, option.name, level));
       if (passes.workers() > 0) add_row(c, jobs[kShares], kShares, option.name, level);
     }
   }
   scene.graph.fusion.tsdf.voxel_size_m = voxel_m;
+  for (const auto& row : c.rows) {
+    const std::string why = c.does_not_track(row);
+    if (!quiet && !why.empty())
+      std::printf("calibrate: fusion %s, level %d will not be admitted: %s\n", row.choice.c_str(),
+                  row.level, why.c_str());
+  }
   if (input != nullptr) *input = passes.input();
   return c;
 }

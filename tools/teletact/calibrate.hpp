@@ -4,6 +4,10 @@
 // runs again from its recording (run_trial), once with everything at level 0, once for each further level of one
 // task and once for each level of each static choice that the scene allows; only that task is measured then.
 //
+// How fusion tracks is measured beside its cost: frames tracked and claimed, and how far a claimed pose is off where
+// the truth is known (the twin of the base, a recording's own poses). Admission takes no variant that does not track
+// (tasks/graph/calibration.hpp).
+//
 // So all variants see the same bytes from outside at the same instants. What tasks of a box hand to each other is made
 // anew in each pass, by the same tasks at level 0, the measured one apart; only another voxel changes it for
 // others, and those are not measured then.

@@ -52,9 +52,19 @@ int cmd_calibrate(int argc, char** argv) {
     metrics.add(name + ".p99_us", r.p99_us, "us");
     metrics.add(name + ".p999_us", r.p999_us, "us");
     metrics.add(name + ".budget_us", static_cast<double>(r.budget().count()) * 1e-3, "us");
-    std::printf("%-18s %-7s %5d %10.1f %10.1f %10.1f %10.1f\n", r.name.c_str(), r.choice.c_str(),
+    std::printf("%-18s %-7s %5d %10.1f %10.1f %10.1f %10.1f", r.name.c_str(), r.choice.c_str(),
                 r.level, r.p50_us, r.p99_us, r.p999_us,
                 static_cast<double>(r.budget().count()) * 1e-3);
+    if (r.claimed_share >= 0) {
+      metrics.add(name + ".claimed_share", r.claimed_share, "1");
+      metrics.add(name + ".tracked_share", r.tracked_share, "1");
+      std::printf("  tracks %.1f %%, claims %.1f %%", 100 * r.tracked_share, 100 * r.claimed_share);
+    }
+    if (r.off_mm >= 0) {
+      metrics.add(name + ".off_mm", r.off_mm, "mm");
+      std::printf(", at most %.1f mm off", r.off_mm);
+    }
+    std::printf("\n");
   }
   std::printf("planning: the budget is the declared one, which its abort enforces\n");
   write_outputs({{out, [&](const auto& path) { tasks::save_calibration(path, c); }},

@@ -18,6 +18,7 @@
 #include "rt/fault/plan.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/result.hpp"
+#include "tasks/graph/samples.hpp"
 #include "tools/teletact/input_record.hpp"
 #include "tools/teletact/scene.hpp"
 
@@ -56,6 +57,8 @@ struct Trial {
   std::function<int(tasks::TaskId, int recorded)> level;
   // A job that committed. cpu_ns: thread CPU of latch, step and commit; feeding it is not in it.
   std::function<void(const rt::JobRecord&)> took;
+  // What fusion told of each of its jobs, in order, at the end. May be empty.
+  std::function<void(const std::vector<tasks::FusionSample>&)> fused;
   // Threads of fusion's pool beside its own: their parts are taken out of its CPU, and what a worker's budget has to
   // hold is given as the record of a task kTaskCount.
   int fusion_workers = 0;

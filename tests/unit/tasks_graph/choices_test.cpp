@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <stdexcept>
 
 #include "tasks/graph/calibration.hpp"
 #include "tasks/graph/host_request.hpp"
@@ -78,6 +79,43 @@ TEST(Choices, CalibrationDecides) {
   EXPECT_THAT(chosen(measured(200, 150)), HasSubstr("floor of the static choices: fusion 20 mm"));
 }
 
+tasks::CalibrationRow& row_of(Calibration& c, const std::string& choice, int level) {
+  for (auto& r : c.rows) {
+    if (r.choice == choice && r.level == level) return r;
+  }
+  throw std::logic_error("no such row");
+}
+
+// The finest voxel that fits, with whatever levels it takes: but never one that does not track.
+TEST(Choices, WhatDoesNotTrackIsNeverAdmitted) {
+  const auto admitted = [](const Calibration& c) {
+    return rt::admit(tasks::make_request(tasks::make_specs(c), {0, 1}, {}));
+  };
+  Calibration c = measured(70, 15);  // at 10 mm the last level fits alone
+  const auto a = admitted(c);
+  ASSERT_TRUE(a.admitted) << a.refusal;
+  ASSERT_EQ(a.tasks[kFusion].choice, "10 mm");
+  row_of(c, "10 mm", 0).claimed_share = 1;
+  row_of(c, "10 mm", 2).claimed_share = 0.9;
+  const auto b = admitted(c);
+  ASSERT_TRUE(b.admitted) << b.refusal;
+  EXPECT_EQ(b.tasks[kFusion].choice, "20 mm");
+  EXPECT_EQ(tasks::make_specs(c)[kFusion].choices[0].variants.size(), 2U);
+
+  c = measured(12, 6);
+  row_of(c, "10 mm", 0).off_mm = 60;
+  EXPECT_EQ(admitted(c).tasks[kFusion].choice, "20 mm");
+  row_of(c, "20 mm", 0).tracked_share = 0.4;
+  const auto none = admitted(c);
+  EXPECT_FALSE(none.admitted);
+  EXPECT_THAT(none.refusal, HasSubstr("10 mm: it claims a pose 60 mm off, 50 mm are allowed"));
+  EXPECT_THAT(none.refusal, HasSubstr("20 mm: it is lost on 60.0 % of the stored images"));
+  // Where the scene constrains no frame all are alike, and nothing is told.
+  c = measured(12, 6);
+  for (auto& r : c.rows) r.tracked_share = 1, r.claimed_share = 0.02;
+  EXPECT_EQ(admitted(c).tasks[kFusion].choice, "10 mm");
+}
+
 TEST(Choices, AFileKeepsThemAndCoverIsChecked) {
   Calibration c = measured(20, 10);
   EXPECT_FALSE(c.covers(c, tasks::make_specs(c))) << "the other tasks have no rows";
@@ -91,6 +129,8 @@ TEST(Choices, AFileKeepsThemAndCoverIsChecked) {
       r.p999_us = 10;
     }
   }
+  row_of(c, "10 mm", 1).claimed_share = 0.9875;
+  row_of(c, "10 mm", 1).off_mm = 12.25;
   const std::string file = testing::TempDir() + "choices.toml";
   tasks::save_calibration(file, c);
   const auto back = tasks::load_calibration(file);
@@ -99,6 +139,9 @@ TEST(Choices, AFileKeepsThemAndCoverIsChecked) {
   ASSERT_NE(back.value().find("fusion", "10 mm", 1), nullptr);
   EXPECT_DOUBLE_EQ(back.value().find("fusion", "10 mm", 1)->p999_us, 10'000);
   EXPECT_EQ(back.value().find("fusion", "", 1), nullptr);
+  EXPECT_DOUBLE_EQ(back.value().find("fusion", "10 mm", 1)->claimed_share, 0.9875);
+  EXPECT_DOUBLE_EQ(back.value().find("fusion", "10 mm", 1)->off_mm, 12.25);
+  EXPECT_LT(back.value().find("fusion", "20 mm", 1)->claimed_share, 0) << "not measured";
   c.rows.pop_front();
   EXPECT_FALSE(c.covers(c, tasks::make_specs(c)));
 }

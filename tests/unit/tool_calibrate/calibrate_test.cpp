@@ -54,6 +54,42 @@ TEST(Calibrate, EveryVariantHasARowPlanningToo) {
   EXPECT_EQ(c.find("planning", "", 1)->budget().count(), 20'000'000) << "the declared one";
 }
 
+TEST(Calibrate, TellsHowEachVariantTracks) {
+  for (const auto& r : measured().calibration.rows) {
+    if (r.name != "fusion") {
+      EXPECT_LT(r.claimed_share, 0) << r.name;
+      continue;
+    }
+    // Empty: not lost, but nothing constrains the camera along its walls.
+    EXPECT_EQ(r.tracked_share, 1) << r.level;
+    EXPECT_LT(r.claimed_share, 0.1) << r.level;
+    EXPECT_EQ(measured().calibration.does_not_track(r), "") << r.level;
+  }
+  const auto furnished = teletact::load_scene(teletact::find_config("scenes", "default_room"),
+                                              {"fusion.tsdf.voxel_size_m=0.02"});
+  const Calibration c = teletact::calibrate(nrt(), *furnished, 2, true);
+  for (int level = 0; level < 3; ++level) {
+    const auto* r = c.find("fusion", "20 mm", level);
+    ASSERT_NE(r, nullptr);
+    EXPECT_GE(r->claimed_share, 0.98) << level;
+    EXPECT_GE(r->off_mm, 0) << level;
+    EXPECT_LT(r->off_mm, 20) << level;
+    EXPECT_EQ(c.does_not_track(*r), "") << level;
+  }
+}
+
+// Limits that no frame meets.
+TEST(Calibrate, WhatTracksNothingIsRuledOutInWords) {
+  const auto s = scene({"fusion.tracker.lost_overlap=1"});
+  const Calibration c = teletact::calibrate(nrt(), *s, 2, true);
+  ASSERT_NE(c.find("fusion", "20 mm", 0), nullptr);
+  EXPECT_LT(c.find("fusion", "20 mm", 0)->tracked_share, 0.1);
+  const auto specs = tasks::make_specs(c, teletact::choice_limits(*s));
+  const auto& fusion = specs[static_cast<std::size_t>(tasks::TaskId::kFusion)];
+  ASSERT_EQ(fusion.choices.size(), 1U);
+  EXPECT_THAT(fusion.choices[0].ruled_out, HasSubstr("of the stored images, 50 % are allowed"));
+}
+
 TEST(Calibrate, TheSameInputAndWorkEachTime) {
   const auto s = scene();
   teletact::CalibrationInput again;
