@@ -17,6 +17,7 @@
 #include "rt/memory/non_realtime.hpp"
 #include "rt/random.hpp"
 #include "tasks/haptic/force_shading.hpp"
+#include "tools/bench/callgrind.hpp"
 #include "tools/haptic/replay.hpp"
 #include "tools/haptic/table_run.hpp"
 
@@ -141,42 +142,11 @@ void time_reduction(HapticBenchResult& r) {
 
 // ---- callgrind
 
-std::string own_folder() {
-  std::error_code ec;
-  return fs::read_symlink("/proc/self/exe", ec).parent_path().string();
-}
-
-bool have_valgrind() { return std::system("valgrind --version >/dev/null 2>&1") == 0; }
-
-std::string quoted(const std::string& path) {
-  std::string out = "'";
-  for (const char c : path) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return out + "'";
-}
-
 // Instructions inside of HapticTask::step over the first `ticks` ticks.
 double counted(const Folder& folder, const std::string& program, const std::string& run, long ticks,
                const std::string& effect) {
-  const std::string out = folder.file("callgrind.out"), text = folder.file("callgrind.txt");
-  // Bound at the start: a first call through the linker costs a thousand instructions.
-  const std::string command =
-      "LD_BIND_NOW=1 valgrind --tool=callgrind --callgrind-out-file=" + quoted(out) +
-      " '--toggle-collect=*HapticTask::step*' " + quoted(program) + " " + quoted(run) + " " +
-      std::to_string(ticks) + " " + effect + " >" + quoted(text) + " 2>&1";
-  if (std::system(command.c_str()) != 0) {
-    std::ifstream in(text);
-    std::string line, last;
-    while (std::getline(in, line)) last = line;
-    throw std::runtime_error("callgrind of " + program + ": " + last);
-  }
-  std::ifstream in(out);
-  for (std::string line; std::getline(in, line);) {
-    for (const char* head : {"totals: ", "summary: "}) {
-      if (line.rfind(head, 0) == 0)
-        return std::strtod(line.c_str() + std::string(head).size(), nullptr);
-    }
-  }
-  throw std::runtime_error("callgrind of " + program + " gave no count");
+  return callgrind_count(program, {run, std::to_string(ticks), effect}, "*HapticTask::step*",
+                         folder.file("."));
 }
 
 double per_tick(const Folder& folder, const std::string& program, const std::string& run, long n,
@@ -191,8 +161,8 @@ double per_tick(const Folder& folder, const std::string& program, const std::str
 void run_guarded(const Folder& folder, const std::string& program, const std::string& run, long n,
                  HapticBenchResult& r) {
   const std::string text = folder.file("guard.txt");
-  const std::string command =
-      quoted(program) + " " + quoted(run) + " " + std::to_string(n) + " >" + quoted(text);
+  const std::string command = shell_quoted(program) + " " + shell_quoted(run) + " " +
+                              std::to_string(n) + " >" + shell_quoted(text);
   if (std::system(command.c_str()) != 0) throw std::runtime_error(program + " failed");
   std::ifstream in(text);
   std::string line;

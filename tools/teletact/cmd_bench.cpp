@@ -12,6 +12,7 @@
 #include "tools/bench/log_bench.hpp"
 #include "tools/bench/rings.hpp"
 #include "tools/bench/table1.hpp"
+#include "tools/bench/table1_instructions.hpp"
 #include "tools/bench/table2/table2.hpp"
 #include "tools/bench/table2/touches.hpp"
 #include "tools/bench/wakeup.hpp"
@@ -173,6 +174,10 @@ int cmd_bench(int argc, char** argv) {
       ->capture_default_str();
   app.add_flag("!--no-fixed-voxel", table1.fixed_voxel,
                "table1: without the second table (voxels of 10 mm, cubes of N x 10 mm)");
+  bool instructions = false;
+  app.add_flag("--instructions", instructions,
+               "table1: instructions of a frame in place of times (callgrind, 20 frames), with the "
+               "watch for moving things and without");
   std::string data;
   std::uint64_t seed = 1;
   app.add_option("--data", data,
@@ -245,7 +250,11 @@ int cmd_bench(int argc, char** argv) {
       std::cerr << table1.rgbd << " is not there: only the synthetic room\n";
       table1.rgbd.clear();
     }
-    if (what == "table1") {
+    if (what == "table1" && instructions) {
+      const InstructionsResult result = count_table1(std::cerr, table1, frames > 0 ? frames : 20);
+      take(result);
+      faults = result.missed() + (result.not_counted.empty() ? 0 : 1);
+    } else if (what == "table1") {
       const Table1Result result = bench_table1(std::cerr, table1);
       take(result);
       faults = result.missed();

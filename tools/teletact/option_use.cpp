@@ -15,6 +15,7 @@ constexpr OptionUse kBench[] = {
     {"--isa", "table1"},
     {"--runs", "table1"},
     {"--no-fixed-voxel", "table1"},
+    {"--instructions", "table1"},
     {"--data", "table2, segmentation"},
     {"--seed", "segmentation, fuzz, haptic --rgbd"},
     {"--seconds", "fuzz"},
