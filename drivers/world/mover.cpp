@@ -31,7 +31,8 @@ double there_and_back(double x, double end) {
 }  // namespace
 
 void WaypointConfig::describe(config::Section& s) {
-  s.number("at_s", at_s, 0, 1e6, "when, since the world's beginning");
+  s.number("at_s", at_s, 0, 1e6, "waypoints: when, since the world's beginning");
+  s.number("wait_s", wait_s, 0, 1e6, "walk: so long it stands there");
   s.numbers("offset_m", offset_m, -kFar, kFar, "from where the shapes stand");
   s.number("turn_deg", turn_deg, -3600, 3600, "about the axis");
 }
@@ -40,12 +41,13 @@ void MoverConfig::describe(config::Section& s) {
   s.text("name", name, {}, "unique name of the mover");
   s.text("shapes", shapes, {}, "what it moves: names with commas between");
   s.text("on", on, {}, "mover that carries it; empty: none");
-  s.text("kind", kind, {"line", "shuttle", "swing", "hinge", "waypoints"}, "of motion");
+  s.text("kind", kind, {"line", "shuttle", "swing", "hinge", "waypoints", "walk"}, "of motion");
   s.number("start_s", start_s, 0, 1e6, "it stands until then");
-  s.number("duration_s", duration_s, 0, 1e6, "after which it stops; 0: never. Not of waypoints");
+  s.number("duration_s", duration_s, 0, 1e6,
+           "after which it stops; 0: never. Not of waypoints and walk");
   s.numbers("velocity_m_per_s", velocity_m_per_s, -10, 10, "line: in the world's axes");
   s.numbers("way_m", way_m, -kFar, kFar, "shuttle: how far it goes before it comes back");
-  s.number("speed_m_per_s", speed_m_per_s, 0.001, 10, "shuttle: along its way");
+  s.number("speed_m_per_s", speed_m_per_s, 0.001, 10, "shuttle, walk: along its way");
   s.numbers("amplitude_m", amplitude_m, -kFar, kFar, "swing: to each side");
   s.number("period_s", period_s, 0.05, 1000, "swing: there, back and there again");
   s.numbers("point_m", point_m, -kFar, kFar, "a point of the axis");
@@ -55,7 +57,7 @@ void MoverConfig::describe(config::Section& s) {
   s.flag("back", back, "hinge: and back, again and again");
   s.list(
       "waypoint", [this](config::Section& item) { waypoints.emplace_back().describe(item); },
-      "waypoints: by rising at_s");
+      "waypoints: by rising at_s; walk: one after the other");
 }
 
 Mover::Mover(const MoverConfig& c)
@@ -81,6 +83,21 @@ Mover::Mover(const MoverConfig& c)
     kind_ = Kind::kSwing, way_ = vec(c.amplitude_m), turns_ = c.angle_deg != 0;
   } else if (c.kind == "hinge") {
     kind_ = Kind::kHinge, turns_ = true;
+  } else if (c.kind == "walk") {
+    kind_ = Kind::kWaypoints;
+    double at_s = start_s_;
+    waypoints_.push_back({at_s, 0, Vec3::Zero()});
+    for (const WaypointConfig& w : c.waypoints) {
+      if (w.at_s != 0) refuse(name_, "waypoint.at_s: a walk has speed_m_per_s and wait_s");
+      const double way = (vec(w.offset_m) - waypoints_.back().offset).norm();
+      if (!(way > 1e-6)) refuse(name_, "waypoint.offset_m is that of the one before");
+      at_s += way / speed_m_per_s_;
+      waypoints_.push_back({at_s, w.turn_deg * kDegree, vec(w.offset_m)});
+      turns_ |= w.turn_deg != 0;
+      if (w.wait_s > 0)
+        waypoints_.push_back({at_s += w.wait_s, w.turn_deg * kDegree, vec(w.offset_m)});
+    }
+    if (c.waypoints.empty()) refuse(name_, "no waypoint");
   } else {
     kind_ = Kind::kWaypoints;
     for (const WaypointConfig& w : c.waypoints) {

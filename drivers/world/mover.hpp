@@ -7,6 +7,8 @@
 //   hinge      turns about axis through point_m at rate_deg_per_s up to angle_deg; with back there and back again
 //   waypoints  by offset_m and turn_deg (about axis through point_m) at at_s; straight on in between, at rest before
 //              the first and after the last
+//   walk       from start_s on, from where it stands through its waypoints at speed_m_per_s, straight on in between;
+//              stands wait_s at each
 //
 // line, shuttle, swing and hinge stop where they are duration_s after start_s; 0: never. Until start_s a thing
 // stands where its shape says. A mover that is carried by another (`on`: an arm's second link) moves in the
@@ -24,9 +26,10 @@
 namespace drivers {
 
 struct WaypointConfig {
-  double at_s = 0;
+  double at_s = 0;  // of waypoints
   std::array<double, 3> offset_m{0, 0, 0};
   double turn_deg = 0;
+  double wait_s = 0;  // of a walk
   void describe(config::Section& s);
 };
 

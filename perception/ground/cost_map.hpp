@@ -33,6 +33,15 @@ struct CostMap {
       cost{};  // iy * width + ix
   std::array<float, static_cast<std::size_t>(kMaxCells) * kMaxCells>
       height_m{};  // highest surface; NaN unknown
+  // Of the occupied cells: where something moves, was seen to move last, or is taken to reach to (moving_cells.hpp).
+  // `cost` has them as kOccupied.
+  static constexpr int kMaxMoving = 2048;
+  struct Moving {
+    std::uint16_t cell = 0;    // iy * width + ix
+    std::uint16_t age_ms = 0;  // at `fused`, since its last sight
+  };
+  int moving_count = 0;
+  std::array<Moving, kMaxMoving> moving{};
 
   [[nodiscard]] bool contains(int ix, int iy) const noexcept {
     return ix >= 0 && iy >= 0 && ix < width && iy < height;

@@ -16,6 +16,26 @@ constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kMaxRow = 640;  // pixels of a row that is bridged
 constexpr std::size_t kSearchPoints = 4096;
 constexpr std::uint8_t kNeither = 0, kGround = 1, kObstacle = 2;
+constexpr std::uint8_t kDrawn = 1;
+
+int enough_of(const GroundConfig& c) {
+  return std::max(1, static_cast<int>(std::lround(256 * c.obstacle_area)));
+}
+
+MovingCells::Rule rule_of(const GroundConfig& c, const GroundPrior& prior) {
+  MovingCells::Rule r;
+  r.cells = c.cells;
+  r.resolution_m = static_cast<float>(c.resolution_m);
+  r.tolerance_m = static_cast<float>(c.ground_tolerance_m);
+  r.per_m2 = static_cast<float>(c.tolerance_per_m2);
+  r.range_m = static_cast<float>(c.range_m);
+  r.top_m = static_cast<float>(c.robot_height_m);
+  r.slices = GroundMap::kSlices;
+  r.enough = enough_of(c);
+  r.body_B = prior.body_B;
+  r.X_BC = prior.X_BC;
+  return r;
+}
 
 }  // namespace
 
@@ -40,6 +60,7 @@ VirtualObstacle VirtualObstacleConfig::obstacle() const {
 
 void GroundConfig::describe(config::Section& s) {
   plane.describe(s.section("plane", "search for the ground plane"));
+  moving.describe(s.section("moving", "what moves, as an obstacle"));
   s.integer("cells", cells, 16, CostMap::kMaxCells, "along an edge of the cost map")
       .number("resolution_m", resolution_m, 0.01, 1, "edge of a cell")
       .number("range_m", range_m, 0.5, 20, "points farther from the camera are not used")
@@ -62,8 +83,8 @@ void GroundConfig::describe(config::Section& s) {
           "no-go areas");
 }
 
-GroundMap::GroundMap(rt::NonRealtime&, const GroundConfig& config, const GroundPrior& prior)
-    : config_(config), prior_(prior) {
+GroundMap::GroundMap(rt::NonRealtime& nrt, const GroundConfig& config, const GroundPrior& prior)
+    : config_(config), prior_(prior), moving_(nrt, config.moving, rule_of(config, prior)) {
   if (config.cells < 16 || config.cells > CostMap::kMaxCells) {
     throw std::invalid_argument("ground.cells = " + std::to_string(config.cells) +
                                 ": must be 16 .. " + std::to_string(CostMap::kMaxCells));
@@ -120,11 +141,12 @@ void GroundMap::clear() noexcept {
             Cell{0, 0, 0, 0, 0, std::numeric_limits<float>::quiet_NaN(), 0, 0});
   std::fill(occupied_.begin(), occupied_.end(), std::uint8_t{0});
   std::fill(drawn_.begin(), drawn_.end(), std::uint8_t{0});
+  moving_.clear(drawn_);
   dirty_ = true;
 }
 
 std::uint64_t GroundMap::take_work() noexcept {
-  const std::uint64_t w = work_;
+  const std::uint64_t w = work_ + moving_.take_work();
   work_ = 0;
   return w;
 }
@@ -137,6 +159,13 @@ void GroundMap::update(const GroundFrame& frame) noexcept {
   collect(frame);
   look_through(frame);
   settle();
+}
+
+void GroundMap::see_moving(const MovingFrame& frame) noexcept {
+  if (!found_ || !frame.intrinsics.valid() || !frame.X_WC.matrix().allFinite()) return;
+  const bool changed =
+      moving_.see(frame, {X_MW_ * frame.X_WC, correction_.cast<float>(), occupied_, drawn_});
+  dirty_ = dirty_ || changed;
 }
 
 void GroundMap::search(const GroundFrame& frame) noexcept {
@@ -326,7 +355,7 @@ void GroundMap::collect(const GroundFrame& frame) noexcept {
 }
 
 void GroundMap::settle() noexcept {
-  const int enough = std::max(1, static_cast<int>(std::lround(256 * config_.obstacle_area)));
+  const int enough = enough_of(config_);
   for (std::size_t i = 0; i < touched_count_; ++i) {
     const std::size_t cell = touched_[i];
     Cell& c = cells_[cell];
@@ -397,7 +426,7 @@ void GroundMap::forget(const Eigen::AlignedBox3d& box_W) noexcept {
 }
 
 void GroundMap::draw_virtual() noexcept {
-  std::fill(drawn_.begin(), drawn_.end(), std::uint8_t{0});
+  for (std::uint8_t& d : drawn_) d = static_cast<std::uint8_t>(d & ~kDrawn);
   dirty_ = true;
   const double margin = config_.resolution_m / 2;  // a cell that the shape touches counts
   for (int n = 0; n < virtual_count_; ++n) {
@@ -412,7 +441,7 @@ void GroundMap::draw_virtual() noexcept {
                                 ? std::hypot(dx, dy) <= o.radius_m + margin
                                 : std::abs(c * dx + s * dy) <= o.half_x_m + margin &&
                                       std::abs(c * dy - s * dx) <= o.half_y_m + margin;
-        if (inside) drawn_[static_cast<std::size_t>(iy * config_.cells + ix)] = 1;
+        if (inside) drawn_[static_cast<std::size_t>(iy * config_.cells + ix)] |= kDrawn;
       }
     }
   }
@@ -462,13 +491,15 @@ void GroundMap::inflate() noexcept {
   work_ += cells_.size() * static_cast<std::uint64_t>(2 * reach_ + 3) / 16;
 }
 
-void GroundMap::write(CostMap& out) noexcept {
+void GroundMap::write(CostMap& out, rt::Time now) noexcept {
   out.ground_found = found_;
   out.resolution = config_.resolution_m;
   out.width = out.height = config_.cells;
   out.X_WM = X_WM_;
   const std::size_t n = cells_.size();
   work_ += n;
+  if (moving_.size() > 0 && moving_.expire(now, drawn_)) dirty_ = true;
+  moving_.write(out, now);
   if (!found_) {
     std::fill_n(out.cost.begin(), n, static_cast<std::uint8_t>(CostMap::kUnknown));
     std::fill_n(out.height_m.begin(), n, std::numeric_limits<float>::quiet_NaN());

@@ -19,6 +19,8 @@
 //          cell: on the safe side); inflation falls linearly to 0 over inflation_m beyond; unknown.
 //          Exact Euclidean distances, capped at robot_radius + inflation_m.
 //
+// moves    what moves is no part of `update`: it is an obstacle of its own, at once and for a while (moving_cells.hpp).
+//
 // Virtual obstacles are drawn into the occupied layer; every cell such a shape touches counts.
 //
 // START DISC: a camera on a robot can not see the floor under and just before the robot. The disc of
@@ -43,6 +45,7 @@
 #include "perception/geometry/image.hpp"
 #include "perception/ground/cost_map.hpp"
 #include "perception/ground/ground_plane.hpp"
+#include "perception/ground/moving_cells.hpp"
 #include "rt/memory/non_realtime.hpp"
 
 namespace perception {
@@ -82,6 +85,7 @@ struct GroundConfig {
   double robot_radius_m = 0.35;  // youBot: half diagonal of 580 x 376 mm is 0.345
   double inflation_m = 0.25;     // beyond the radius
   double start_radius_m = 0.60;  // see START DISC
+  MovingCellsConfig moving;
   std::deque<VirtualObstacleConfig> virtual_obstacles;
   void describe(config::Section& s);
 };
@@ -100,6 +104,9 @@ struct GroundPrior {
   Vec3 up_W = Vec3::UnitZ();
   std::optional<double> camera_height_m;
   Vec3 start_W = Vec3::Zero();  // robot's start; centre of grid and start disc
+  // Plan of the robot's own base, where nothing else can move, and the camera on it; empty: not known.
+  std::vector<Eigen::AlignedBox2d> body_B;
+  Pose X_BC = Pose::Identity();
 };
 
 class GroundMap {
@@ -111,13 +118,16 @@ class GroundMap {
   GroundMap(rt::NonRealtime&, const GroundConfig& config, const GroundPrior& prior);
 
   void update(const GroundFrame& frame) noexcept;
+  // What moves in an image, after its update(); and where nothing does, as long as moving() says that something did.
+  void see_moving(const MovingFrame& frame) noexcept;
+  [[nodiscard]] int moving() const noexcept { return moving_.size(); }
   // Replaces the drawn-in obstacles; false (and unchanged) beyond kMaxVirtual.
   bool set_virtual(std::span<const VirtualObstacle> obstacles) noexcept;
   // The obstacles whose column of the robot's height meets the box are forgotten, not free: unknown until
   // they are seen again, or the floor is.
   void forget(const Eigen::AlignedBox3d& box_W) noexcept;
-  // Fills everything but seq, fused, exposure.
-  void write(CostMap& out) noexcept;
+  // Fills everything but seq, fused, exposure. What moves is as old as `now` says, and goes by it.
+  void write(CostMap& out, rt::Time now = {}) noexcept;
 
   [[nodiscard]] bool found() const noexcept { return found_; }
   [[nodiscard]] const GroundPlane& plane_W() const noexcept { return plane_W_; }
@@ -161,7 +171,9 @@ class GroundMap {
   std::vector<Cell> cells_;
   std::vector<std::uint32_t> touched_;
   std::size_t touched_count_ = 0;
-  std::vector<std::uint8_t> occupied_, drawn_;
+  std::vector<std::uint8_t> occupied_,
+      drawn_;  // drawn_: by the operator, kDrawn; by what moves, MovingCells::kBit
+  MovingCells moving_;
   std::vector<std::uint16_t> column_, distance2_;  // capped, cells
   std::vector<std::uint8_t> cost_of_distance2_;
   std::vector<float> row_x_, row_y_, row_h_;  // previous pixel row in M

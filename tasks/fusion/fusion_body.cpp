@@ -111,6 +111,18 @@ std::optional<Eigen::AlignedBox3d> FusionBody::take_grasp_W(const Pose& X_WC) no
   return box;
 }
 
+perception::GroundPrior ground_prior(const FusionSetup& setup) {
+  perception::GroundPrior prior = setup.ground;
+  prior.X_BC = setup.X_BC;
+  if (setup.robot == nullptr) return prior;
+  for (const perception::BaseBoxConfig& box : setup.robot->base_boxes) {
+    const Eigen::Vector2d centre(box.centre_m[0], box.centre_m[1]),
+        half(box.size_m[0] / 2, box.size_m[1] / 2);
+    prior.body_B.emplace_back(centre - half, centre + half);
+  }
+  return prior;
+}
+
 // ---------------------------------------------------------------- in the task
 
 // Before anything looks at the image. False: it is not known where the body is in it.

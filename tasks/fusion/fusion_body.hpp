@@ -12,6 +12,7 @@
 #include "perception/body/held_object.hpp"
 #include "perception/geometry/articulated_body.hpp"
 #include "perception/geometry/rgbd_frame.hpp"
+#include "perception/ground/ground_map.hpp"
 #include "perception/icp/tracker.hpp"
 #include "rt/memory/non_realtime.hpp"
 
@@ -69,5 +70,9 @@ class FusionBody {
   std::uint64_t held_id_ = 0;
   bool holds_ = false, grasped_ = false;
 };
+
+struct FusionSetup;
+// What the setup says of the ground, and where of it the robot's own base stands.
+[[nodiscard]] perception::GroundPrior ground_prior(const FusionSetup& setup);
 
 }  // namespace tasks

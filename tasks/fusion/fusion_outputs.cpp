@@ -41,10 +41,14 @@ void FusionTask::write_patch(const rt::Tick& tick, const HapticState& hand, Out&
 void FusionTask::write_cost_map(const rt::Tick& tick, Out& out) noexcept {
   if (out.cost_map == nullptr) return;
   ++periods_since_map_;
-  const bool due = periods_since_map_ >= static_cast<std::uint64_t>(config_.cost_map_period);
+  // Something begins to move: planning is told at once.
+  const bool appears = ground_.moving() > 0 && !map_moves_;
+  const bool due =
+      appears || periods_since_map_ >= static_cast<std::uint64_t>(config_.cost_map_period);
   if (!due && map_seq_ > 0) return;
   Stage stage(profiling_, *crew_, profile_.cost_map);
-  ground_.write(*out.cost_map);
+  ground_.write(*out.cost_map, tick.start);
+  map_moves_ = out.cost_map->moving_count > 0;
   out.cost_map->seq = ++map_seq_;
   out.cost_map->fused = tick.start;
   out.cost_map->exposure = fused_exposure_;
@@ -55,6 +59,19 @@ void FusionTask::write_cost_map(const rt::Tick& tick, Out& out) noexcept {
 bool FusionTask::view_due(const Out& out) const noexcept {
   return out.view != nullptr && config_.view_period_frames > 0 && started_ &&
          (periods_ - 1) % static_cast<std::uint64_t>(config_.view_period_frames) == 0;
+}
+
+// The mask is of the camera's pixels: another eye has none.
+void FusionTask::show_mask(bool own_eye, SceneView& v) const noexcept {
+  v.masked = own_eye && (masked_ || body_ != nullptr);
+  if (!v.masked) return;
+  const auto mask = pixel_mask();
+  for (int y = 0; y < v.intrinsics.height; ++y) {
+    const std::uint8_t* row = mask.row(std::min(y * config_.view_step, mask.height - 1));
+    std::uint8_t* to = v.what.data() + static_cast<std::ptrdiff_t>(y) * v.intrinsics.width;
+    for (int x = 0; x < v.intrinsics.width; ++x)
+      to[x] = row[std::min(x * config_.view_step, mask.width - 1)];
+  }
 }
 
 void FusionTask::write_view(const rt::Tick& tick, const std::optional<Pose>& X_WV,
@@ -100,6 +117,7 @@ void FusionTask::write_view(const rt::Tick& tick, const std::optional<Pose>& X_W
       v.points[i] = {q.x(), q.y(), q.z(), r[3]};
     }
   }
+  show_mask(!X_WV, v);
   v.seq = ++view_seq_;
   v.fused = tick.start;
   v.exposure = fused_exposure_;

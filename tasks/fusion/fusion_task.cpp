@@ -34,7 +34,7 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
       watch_(nrt, config.motion, config.tracker),
       relocaliser_(nrt, config.relocaliser, setup.camera),
       anchor_(nrt),
-      ground_(nrt, config.ground, setup.ground),
+      ground_(nrt, config.ground, ground_prior(setup)),
       model_(nrt, setup.camera.width, setup.camera.height),
       view_maps_(nrt, setup.camera.width / std::max(1, config.view_step) + 1,
                  setup.camera.height / std::max(1, config.view_step) + 1),
@@ -170,16 +170,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
   // While it is lost, what was seen last stays where it is looked for; what was found is tracked next.
   if (r.state != TrackingState::kLost || confirming_) cast_model(knobs.pixel_step, out);
   keep_map_in_place(out);
-  if (r.claimed) {
-    Stage stage(profiling_, *crew_, profile_.ground);
-    const auto& pyramid = tracker_.pyramid();
-    const auto& depth = pyramid.level(pyramid.pixel_step() >= 2 ? 0 : 1);
-    ground_.update(
-        {depth.intrinsics,
-         {depth.depth.row(0), depth.depth.width(), depth.depth.height(), depth.depth.stride()},
-         X_WC_});
-  }
-
+  see_ground(r);
   page(out);
 
   out.camera.seq = frames_;
@@ -197,6 +188,23 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
   }
   if (!r.claimed) return rt::Health::of(rt::Severity::kCounted, kFaultFusionUnclaimed);
   return rt::Health::ok();
+}
+
+// What stands, from the pyramid, which what moves was taken out of; then what moves, from all readings. A camera that
+// is followed, though one direction is only guessed, is followed well enough to say where somebody walks.
+void FusionTask::see_ground(const TrackingResult& r) noexcept {
+  Stage stage(profiling_, *crew_, profile_.ground);
+  const auto& pyramid = tracker_.pyramid();
+  if (r.claimed) {
+    const auto& depth = pyramid.level(pyramid.pixel_step() >= 2 ? 0 : 1);
+    ground_.update(
+        {depth.intrinsics,
+         {depth.depth.row(0), depth.depth.width(), depth.depth.height(), depth.depth.stride()},
+         X_WC_});
+  }
+  if (r.state == TrackingState::kLost || !(masked_ || ground_.moving() > 0)) return;
+  ground_.see_moving(
+      {setup_.camera, pyramid.full_depth(), pixel_mask(), X_WC_, exposure_, masked_, r.claimed});
 }
 
 // What the next frame is tracked against.

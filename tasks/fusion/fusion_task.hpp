@@ -270,7 +270,9 @@ class FusionTask {
   void write_patch(const rt::Tick& tick, const HapticState& hand, Out& out) noexcept;
   [[nodiscard]] bool view_due(const Out& out) const noexcept;
   void write_view(const rt::Tick& tick, const std::optional<Pose>& X_WV, Out& out) noexcept;
+  void show_mask(bool own_eye, SceneView& v) const noexcept;
   void write_cost_map(const rt::Tick& tick, Out& out) noexcept;
+  void see_ground(const perception::TrackingResult& r) noexcept;
   void clear_some(Out& out) noexcept;
   void write_mesh(const rt::Tick& tick, std::uint64_t taken, Out& out) noexcept;
 
@@ -320,6 +322,7 @@ class FusionTask {
   rt::Time fused_exposure_{};  // of the last frame integrated
   std::uint64_t frames_ = 0, frames_claimed_ = 0, patch_seq_ = 0, view_seq_ = 0, map_seq_ = 0;
   std::uint64_t periods_ = 0, periods_since_map_ = 0;
+  bool map_moves_ = false;  // the last cost map had something that moves
 
   static constexpr std::size_t kOdometry = 16;
   std::array<OdometryPrior, kOdometry> odometry_{};  // ring, newest at odometry_count_ - 1

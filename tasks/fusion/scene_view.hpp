@@ -27,6 +27,10 @@ struct SceneView {
   // Id of the object (ObjectList) that shows there, 0: none. Its outlines are those of the camera's pixels, points
   // and depths the map's: beside an outline they may be of what lies behind.
   std::array<std::uint8_t, kMaxPixels> object{};
+  // What moves there, or is the robot's own (perception::PixelOf): it is in none of colour and points, which are the
+  // map's. Of the camera's newest image; `masked` false: nothing, and what is not filled in.
+  bool masked = false;
+  std::array<std::uint8_t, kMaxPixels> what{};
 };
 
 }  // namespace tasks

@@ -235,6 +235,8 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   s.q_WC = {q.x(), q.y(), q.z(), q.w()};
   s.work = out_.work;
   s.blocks = static_cast<std::uint32_t>(task_->map().block_count());
+  s.moving_cells = static_cast<std::uint32_t>(task_->ground().moving());
+  s.moving_share = out_.camera_written ? static_cast<float>(out_.motion.masked_share) : 0;
   s.consumed = out_.camera_written;
   s.tracked = out_.camera_written && out_.camera.tracking != CameraPose::Tracking::kLost;
   s.claimed = out_.camera_written && out_.camera.claimed;

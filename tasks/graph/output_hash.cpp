@@ -98,13 +98,14 @@ void hash_output(rt::Hash64& h, const perception::SurfacePatch& m) noexcept {
 }
 
 void hash_output(rt::Hash64& h, const SceneView& m) noexcept {
-  const auto& [seq, fused, exposure, X_WV, intrinsics, colour, points, object] = m;
+  const auto& [seq, fused, exposure, X_WV, intrinsics, colour, points, object, masked, what] = m;
   all(h, seq, fused, exposure, X_WV, intrinsics);
   const auto pixels =
       static_cast<std::size_t>(intrinsics.width) * static_cast<std::size_t>(intrinsics.height);
   h.bytes(colour.data(), pixels * sizeof colour[0]);
   h.bytes(points.data(), pixels * sizeof points[0]);
   h.bytes(object.data(), pixels);
+  if (masked) h.bytes(what.data(), pixels);
 }
 
 void hash_output(rt::Hash64& h, const perception::MeshDelta& m) noexcept {
@@ -132,12 +133,14 @@ void hash_output(rt::Hash64& h, const ObjectList& m) noexcept {
 }
 
 void hash_output(rt::Hash64& h, const perception::CostMap& m) noexcept {
-  const auto& [seq, fused, exposure, ground_found, resolution, width, height, X_WM, cost,
-               height_m] = m;
+  const auto& [seq, fused, exposure, ground_found, resolution, width, height, X_WM, cost, height_m,
+               moving_count, moving] = m;
   all(h, seq, fused, exposure, ground_found, resolution, width, height, X_WM);
   const auto cells = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   h.bytes(cost.data(), cells);
   h.bytes(height_m.data(), cells * sizeof height_m[0]);
+  if (moving_count > 0)
+    h.bytes(moving.data(), static_cast<std::size_t>(moving_count) * sizeof moving[0]);
 }
 
 void hash_output(rt::Hash64& h, const drivers::RobotGoal& m) noexcept {

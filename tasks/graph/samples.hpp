@@ -30,6 +30,8 @@ struct FusionSample {
   float residual_m = 0, inlier_share = 0, condition = 0;
   std::uint64_t work = 0;
   std::uint32_t blocks = 0;
+  std::uint32_t moving_cells = 0;  // of the ground, that something moves in
+  float moving_share = 0;          // of the image, of its readings
   bool consumed = false, tracked = false, claimed = false, integrated = false;
 };
 

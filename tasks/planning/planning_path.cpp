@@ -211,6 +211,16 @@ bool PlanningTask::may_try(std::uint64_t mark_seq) noexcept {
   return tried_;
 }
 
+// Something moves, and all that can be reached is far from where the mark would have the base: it will be out of the
+// way before the base has been there and back.
+bool PlanningTask::worth_waiting(const CostMap& map, Point2 mark, Point2 goal) const noexcept {
+  constexpr double kMore_m = 0.3;
+  const Goal& g = state_.goal;
+  if (map.moving_count == 0 || g.moving >= config_.moving_jobs) return false;
+  const double enough = g.best_m >= 0 ? g.best_m + kMore_m : config_.goal_radius_m / 2;
+  return distance(goal, mark) > enough;
+}
+
 rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Ground& ground,
                                    Out& out) noexcept {
   const CostMap& map = *in.map;
@@ -226,8 +236,9 @@ rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Gro
   PlanStatus status =
       find_start(map, ahead_[static_cast<std::size_t>(ahead_size_ - 1)], tick, escape);
   if (status == PlanStatus::kFound) {
-    const bool stands = g.grasp.kind == Grasp::Kind::kNone ? find_goal(map, mark, facing, goal)
-                                                           : find_stand(map, mark, facing, goal);
+    bool stands = g.grasp.kind == Grasp::Kind::kNone ? find_goal(map, mark, facing, goal)
+                                                     : find_stand(map, mark, facing, goal);
+    if (stands && worth_waiting(map, mark, goal)) stands = false;
     status = stands ? planner_.plan(goal, seed_, tick.k, tick) : PlanStatus::kUnreachable;
     out.work += planner_.iterations();
   }
@@ -250,6 +261,10 @@ rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Gro
     case PlanStatus::kStartBlocked:
     case PlanStatus::kGoalBlocked:
     case PlanStatus::kUnreachable:
+      if (map.moving_count > 0 && g.moving++ < config_.moving_jobs) {
+        out.flags |= kWaits;
+        return rt::Health::ok();
+      }
       give_up(out);
       return counted(kFaultPlanningNoPath);
   }
@@ -263,7 +278,9 @@ rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Gro
   p.mark_stamp = g.mark_stamp;
   p.marked_W = g.p_W;
   g.pending = false;
-  g.attempts = g.waited = 0;
+  g.attempts = g.waited = g.moving = 0;
+  g.second = map.moving_count > 0 && !(goal == mark) && moves_near(map, mark);
+  if (!g.second) g.best_m = distance(goal, mark);
   ++state_.task.paths;
   state_.task.phase = TaskState::Phase::kDriving;
   out.flags |= kNewPath;

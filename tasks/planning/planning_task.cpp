@@ -30,6 +30,8 @@ void PlanningConfig::describe(config::Section& s) {
            "way of the marked object after which the goal follows it");
   s.integer("attempts", attempts, 1, 100, "jobs a goal may spend its iterations in vain");
   s.integer("wait_jobs", wait_jobs, 1, 100000, "jobs a mark waits for a map and a robot");
+  s.integer("moving_jobs", moving_jobs, 0, 100000,
+            "jobs a goal waits for what moves to leave its way");
   s.integer("aborts", aborts, 1, 100000, "jobs in a row out of time before a goal is given up");
 }
 
@@ -249,6 +251,43 @@ PlanningTask::Holds PlanningTask::path_holds(const Ground& ground, const CostMap
   return Holds::kYes;
 }
 
+// Something moves where the goal may be.
+bool PlanningTask::moves_near(const CostMap& map, Point2 mark) const noexcept {
+  const double reach = config_.goal_radius_m + config_.robot_radius_m;
+  for (int i = 0; i < std::min(map.moving_count, CostMap::kMaxMoving); ++i) {
+    const int cell = map.moving[static_cast<std::size_t>(i)].cell;
+    const Point2 p{(cell % map.width + 0.5) * map.resolution,
+                   (cell / map.width + 0.5) * map.resolution};
+    if (distance(p, mark) <= reach) return true;
+  }
+  return false;
+}
+
+// Of a path that is driven: is it at its end, does it hold?
+void PlanningTask::watch_path(const Ground& ground, const In& in, Out& out) noexcept {
+  Goal& g = state_.goal;
+  const bool better = g.second && !moves_near(*in.map, ground.foot(g.p_W));
+  if (arrived(*in.robot) && !better) {
+    // At the second best place it stands until what moved at the mark has gone.
+    if (g.second && g.moving++ < config_.moving_jobs) return;
+    state_.task.phase = TaskState::Phase::kArrived;
+    g.pending = false;
+    return;
+  }
+  if (g.pending) return;
+  const Point2 robot = ground.under(in.robot->x_m, in.robot->y_m);
+  const Holds holds = path_holds(ground, *in.map, robot);
+  if (holds != Holds::kYes || better) {
+    g.pending = true;
+    g.attempts = 0;
+    out.flags |= kReplanned;
+  }
+  // A path that does not hold is withdrawn at once, whatever the new plan brings.
+  if (holds != Holds::kNo) return;
+  drop_path(out);
+  state_.task.phase = TaskState::Phase::kPlanning;
+}
+
 rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   before_ = state_;
   if (tried_) aborted_ = 0;  // the job that planned last was not aborted
@@ -288,25 +327,7 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
       if (state_.goal.pending && ++state_.goal.waited > config_.wait_jobs) give_up(out);
     } else {
       if (state_.goal.grasp_due) health = rt::worst(health, choose_grasp(ground, *in.robot, out));
-      if (state_.path.seq != 0 && state_.task.phase == Phase::kDriving) {
-        if (arrived(*in.robot)) {
-          state_.task.phase = Phase::kArrived;
-          state_.goal.pending = false;
-        } else if (!state_.goal.pending) {
-          const Point2 robot = ground.under(in.robot->x_m, in.robot->y_m);
-          const Holds holds = path_holds(ground, *in.map, robot);
-          if (holds != Holds::kYes) {
-            state_.goal.pending = true;
-            state_.goal.attempts = 0;
-            out.flags |= kReplanned;
-          }
-          // A path that does not hold is withdrawn at once, whatever the new plan brings.
-          if (holds == Holds::kNo) {
-            drop_path(out);
-            state_.task.phase = Phase::kPlanning;
-          }
-        }
-      }
+      if (state_.path.seq != 0 && state_.task.phase == Phase::kDriving) watch_path(ground, in, out);
       if (state_.goal.pending) {
         if (may_try(state_.goal.mark_seq)) {
           health = rt::worst(health, make_path(tick, in, ground, out));

@@ -15,7 +15,8 @@
 // A mark runs from MarkBegin to MarkEnd; the marked point is the drawn point nearest to the
 // stroke's mean. The goal is the nearest driveable, reachable cell to its foot on the ground, on
 // the side that the marked surface faces, heading towards the mark. A path is planned again when
-// the map no longer lets it pass, or when the robot has left it. Where the mark named an object, the
+// the map no longer lets it pass, or when the robot has left it. Where something that moves is in the way and there
+// is no other, the goal waits for it; where it only hid the goal's own place, the next best is left again. Where the mark named an object, the
 // goal goes where the object goes, until the robot has arrived. With object_goal = "grasp" it is a place from
 // which the arm can take the object (grasp.hpp), or the goal is given up with the reason why there is none.
 //
@@ -59,6 +60,7 @@ struct PlanningConfig {
   double object_moved_m = 0.15;  // way of the marked object after which the goal follows it
   int attempts = 3;              // jobs a goal may spend its iterations in vain
   int wait_jobs = 50;            // jobs a mark waits for a map and a robot
+  int moving_jobs = 300;         // jobs a goal waits for what moves to leave its way
   int aborts = 20;               // jobs in a row that may run out of time planning for one mark
   double robot_radius_m = 0.35;  // no key: that of the ground map, [fusion.ground]
 
@@ -88,6 +90,7 @@ class PlanningTask {
     kFromGrid = 1U << 7U,     // the search spent its iterations; the path is the grid's chain
     kGivenUp = 1U << 8U,      // a goal was dropped without a path
     kObjectMoved = 1U << 9U,  // the goal went after the object that the mark named
+    kWaits = 1U << 11U,       // no way while something moves in it: the goal waits
     kGrasp = 1U << 10U,       // a grasp was looked for: Out::grasp says which, or why there is none
   };
 
@@ -139,6 +142,11 @@ class PlanningTask {
     rt::Time mark_stamp{};
     Vec3 p_W = Vec3::Zero(), normal_W = Vec3::Zero();
     int attempts = 0, waited = 0;
+    int moving = 0;  // jobs waited for what moves
+    double best_m =
+        -1;  // from the mark to the place chosen with nothing moving there; -1: not known yet
+    bool second =
+        false;  // its place was chosen with something moving at the mark: may be a better one
     std::uint32_t object = 0;      // serial of the object that the mark named; 0: none known
     bool object_placed = false;    // the next one is set
     Vec3 object_W = Vec3::Zero();  // its centre when p_W was last set
@@ -176,6 +184,10 @@ class PlanningTask {
   [[nodiscard]] Holds path_holds(const Ground& ground, const perception::CostMap& map,
                                  Point2 robot) const noexcept;
   [[nodiscard]] bool arrived(const drivers::RobotState& robot) const noexcept;
+  [[nodiscard]] bool worth_waiting(const perception::CostMap& map, Point2 mark,
+                                   Point2 goal) const noexcept;
+  [[nodiscard]] bool moves_near(const perception::CostMap& map, Point2 mark) const noexcept;
+  void watch_path(const Ground& ground, const In& in, Out& out) noexcept;
   // False: planning for this mark has run out of time too often.
   [[nodiscard]] bool may_try(std::uint64_t mark_seq) noexcept;
   rt::Health make_path(const rt::Tick& tick, const In& in, const Ground& ground, Out& out) noexcept;

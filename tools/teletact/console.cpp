@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "perception/map_file/map_file.hpp"
+#include "perception/motion/motion_mask.hpp"
 #include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
@@ -71,10 +72,12 @@ void OperatorConsole::drain() {
   if (const auto v = cells.view.acquire_if_new(OperatorCells::kViewConsole);
       v && v->seq != seen_.view->seq) {
     *seen_.view = *v;
+    keep_what_moves();
   }
   if (const auto m = cells.cost_map.acquire_if_new(OperatorCells::kMapConsole);
       m && m->seq != seen_.map->seq) {
     *seen_.map = *m;
+    if (m->moving_count > seen_.moving_map->moving_count) *seen_.moving_map = *m;
   }
   if (const auto p = cells.path.acquire_if_new(OperatorCells::kPathConsole);
       p && p->seq != 0 && p->size > 0) {
@@ -101,6 +104,18 @@ void OperatorConsole::drain() {
   if (const auto m = cells.mode.acquire_if_new(OperatorCells::kModeConsole)) seen_.mode = *m;
   if (const auto r = cells.robot_state.acquire_if_new(OperatorCells::kStateConsole))
     seen_.robot = *r;
+}
+
+void OperatorConsole::keep_what_moves() {
+  const auto& v = *seen_.view;
+  if (!v.masked) return;
+  const auto pixels = static_cast<std::ptrdiff_t>(v.intrinsics.width) *
+                      static_cast<std::ptrdiff_t>(v.intrinsics.height);
+  const auto moving = std::count(v.what.begin(), v.what.begin() + pixels,
+                                 static_cast<std::uint8_t>(perception::PixelOf::kMoving));
+  if (moving <= most_moving_px_) return;
+  most_moving_px_ = moving;
+  *seen_.moving_view = v;
 }
 
 // What the newest picture shows at a pixel, or so many of the picture's pixels beside it. False: nothing.
@@ -257,15 +272,19 @@ std::string OperatorConsole::status_line(rt::Time now) const {
   const float reach = seen_.haptic.empty() ? 0.0F : seen_.haptic.back().reach;
   const auto tracked = std::count_if(seen_.fusion.begin(), seen_.fusion.end(),
                                      [](const auto& f) { return f.tracked; });
-  char line[260];
+  char moving[60] = "";
+  if (const auto& map = *seen_.map; map.moving_count > 0)
+    std::snprintf(moving, sizeof moving, "  MOVES: %.2f m2 of the ground",
+                  map.moving_count * map.resolution * map.resolution);
+  char line[320];
   std::snprintf(line, sizeof line,
                 "%5.1f s  %-9s  force %5.2f N  reach %3.0f %%  frames %4ld  marks %u  paths %u  "
-                "%-8s  robot (%.2f, %.2f) m%s",
+                "%-8s  robot (%.2f, %.2f) m%s%s",
                 rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
                 static_cast<double>(force), 100 * static_cast<double>(reach),
                 static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
                 phases[static_cast<int>(seen_.task.phase)], seen_.robot.x_m, seen_.robot.y_m,
-                force_act_.waits() ? "  forces off: press the clutch and let go" : "");
+                moving, force_act_.waits() ? "  forces off: press the clutch and let go" : "");
   return line;
 }
 
@@ -282,6 +301,8 @@ OperatorView OperatorConsole::copy() const {
   v.robot = seen_.robot;
   *v.view = *seen_.view;
   *v.map = *seen_.map;
+  *v.moving_view = *seen_.moving_view;
+  *v.moving_map = *seen_.moving_map;
   v.arrivals = seen_.arrivals;
   v.first_arrival = seen_.first_arrival;
   v.points_resolved = seen_.points_resolved;

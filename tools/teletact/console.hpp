@@ -28,6 +28,9 @@ struct OperatorView {
   drivers::RobotState robot;
   std::unique_ptr<tasks::SceneView> view = std::make_unique<tasks::SceneView>();
   std::unique_ptr<perception::CostMap> map = std::make_unique<perception::CostMap>();
+  // The same at the moment when most of it moved; seq 0: nothing ever did.
+  std::unique_ptr<tasks::SceneView> moving_view = std::make_unique<tasks::SceneView>();
+  std::unique_ptr<perception::CostMap> moving_map = std::make_unique<perception::CostMap>();
   std::uint64_t arrivals = 0;
   rt::Time first_arrival{};
   std::uint32_t points_resolved = 0;
@@ -59,6 +62,7 @@ class OperatorConsole {
 
  private:
   void drain();
+  void keep_what_moves();
   void resolve_points(rt::Time now);
   void mind_device(rt::Time now);
   void engage(rt::Time now);
@@ -77,6 +81,7 @@ class OperatorConsole {
   rt::Time held_since_{}, stopped_since_{}, pressed_since_{};
   bool engage_shown_ = false, edits_scene_ = true;
   std::size_t next_edit_ = 0;
+  std::ptrdiff_t most_moving_px_ = 0;
   perception::MeshStore mesh_;
   std::unique_ptr<rt::LogDrain> log_;
 };

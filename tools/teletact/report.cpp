@@ -220,12 +220,24 @@ CellColour cell_colour(std::uint8_t cost) {
   return {255, static_cast<std::uint8_t>(252 - 52 * t), static_cast<std::uint8_t>(240 - 90 * t)};
 }
 
-void ground(const ReportData& d, std::string& out) {
-  const ReportMap& m = d.map;
+// Something moves there: the older its last sight, the paler.
+constexpr double kPale_s = 3;
+CellColour moving_colour(double age_s) {
+  const double t = std::clamp(age_s / kPale_s, 0.0, 1.0);
+  const auto mixed = [t](double now, double then) {
+    return static_cast<std::uint8_t>(now + t * (then - now));
+  };
+  return {mixed(123, 214), mixed(31, 178), mixed(162, 224)};
+}
+
+bool has_cells(const ReportMap& m) {
   const auto cells = static_cast<std::size_t>(std::max(0, m.width)) *
                      static_cast<std::size_t>(std::max(0, m.height));
-  if (cells == 0 || m.cost.size() < cells) return;
-  out += heading("ground", "Ground");
+  return cells > 0 && m.cost.size() >= cells;
+}
+
+void ground_map(const ReportMap& m, const std::string& title, std::string& out) {
+  const auto cells = static_cast<std::size_t>(m.width) * static_cast<std::size_t>(m.height);
   plot::Picture picture;
   picture.width = m.width;
   picture.height = m.height;
@@ -233,6 +245,12 @@ void ground(const ReportData& d, std::string& out) {
   for (std::size_t i = 0; i < cells; ++i) {
     const CellColour c = cell_colour(m.cost[i]);
     picture.pixels.insert(picture.pixels.end(), {c.r, c.g, c.b});
+  }
+  for (const auto& moving : m.moving) {
+    if (moving.cell >= cells) continue;
+    const CellColour c = moving_colour(moving.age_s);
+    const std::uint8_t rgb[] = {c.r, c.g, c.b};
+    std::copy_n(rgb, 3, picture.pixels.begin() + static_cast<std::ptrdiff_t>(3 * moving.cell));
   }
   using Kind = plot::Overlay::Kind;
   std::vector<plot::Overlay> overlays;
@@ -260,8 +278,21 @@ void ground(const ReportData& d, std::string& out) {
   }
   overlays.push_back({Kind::kCircle, m.goal_x_m, m.goal_y_m, "#0072b2", "goal", 2.5, 7, false});
   overlays.push_back({Kind::kCross, m.mark_x_m, m.mark_y_m, "#d81b60", "mark", 2.5, 6, false});
-  const plot::MapAxes axes{"The robot over the cost map", m.x0_m, m.y0_m, m.resolution_m, 820};
+  const plot::MapAxes axes{title, m.x0_m, m.y0_m, m.resolution_m, 820};
   out += inlined(plot::map_plot(axes, picture, overlays));
+}
+
+void ground(const ReportData& d, std::string& out) {
+  if (!has_cells(d.map)) return;
+  out += heading("ground", "Ground");
+  ground_map(d.map, "The robot over the cost map", out);
+  const bool moved = has_cells(d.moving_map);
+  if (moved) {
+    char title[80];
+    std::snprintf(title, sizeof title, "What moved, when most of it did: at %.1f s",
+                  d.moving_map_at_s);
+    ground_map(d.moving_map, title, out);
+  }
   out += "<p class=\"cells\">";
   const std::pair<std::uint8_t, const char*> legend[] = {
       {CostMap::kFree, "free"},
@@ -269,10 +300,15 @@ void ground(const ReportData& d, std::string& out) {
       {CostMap::kInscribed, "too near for the base"},
       {CostMap::kOccupied, "obstacle"},
       {CostMap::kUnknown, "not seen"}};
-  for (const auto& [cost, name] : legend) {
-    const CellColour c = cell_colour(cost);
+  const auto entry = [&out](const CellColour& c, const char* name) {
     out += "<span><i style=\"background:rgb(" + std::to_string(c.r) + "," + std::to_string(c.g) +
            "," + std::to_string(c.b) + ")\"></i>" + name + "</span> ";
+  };
+  for (const auto& [cost, name] : legend) entry(cell_colour(cost), name);
+  if (moved) {
+    entry(moving_colour(0), "moves");
+    entry(moving_colour(kPale_s / 2), "moved 1.5 s ago");
+    entry(moving_colour(kPale_s), "moved 3 s ago or more");
   }
   out += "</p>\n";
 }

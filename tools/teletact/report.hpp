@@ -49,6 +49,11 @@ struct ReportMap {  // top view, frame M of the cost map turned into W by the ca
   int width = 0, height = 0;
   double x0_m = 0, y0_m = 0, resolution_m = 0.05;
   std::vector<std::uint8_t> cost;  // CostMap cells, iy * width + ix
+  struct Moving {
+    std::size_t cell = 0;  // of `cost`
+    double age_s = 0;      // since its last sight
+  };
+  std::vector<Moving> moving;
   struct Line {
     std::string label;
     std::vector<double> x_m, y_m;
@@ -83,6 +88,8 @@ struct ReportData {
   std::vector<ReportTask> tasks;
   ReportSeries touch;
   ReportMap map;
+  ReportMap moving_map;  // when most of it moved; empty: nothing did
+  double moving_map_at_s = 0;
   std::vector<ReportPicture> pictures;
   std::vector<std::pair<std::string, std::string>> effects;   // constructed: name, by which key
   std::vector<std::pair<std::string, std::uint64_t>> faults;  // code and text, count

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "perception/motion/motion_mask.hpp"
 #include "tasks/graph/table.hpp"
 #include "tools/teletact/build_info.hpp"
 #include "tools/teletact/run_results.hpp"
@@ -115,9 +116,13 @@ ReportTask report_task(const rt::RunLog& log, const rt::TaskLog& task,
 
 namespace {
 
-ReportMap report_map(const OperatorHalf& op, const RobotHalf& robot) {
+// Over a cost map; of `robot` what is known until `end`.
+ReportMap report_map(const perception::CostMap& c, const OperatorHalf& op, const RobotHalf& robot,
+                     rt::Nanos until) {
   ReportMap map;
-  const auto& c = *op.view.map;
+  const auto known = [until](rt::Time t, std::int64_t epoch_ns) {
+    return rt::ns_of(t) - epoch_ns <= until.count();
+  };
   if (c.seq != 0 && c.ground_found) {
     // The grid lies in W up to a turn about z in the scenes with a robot; its origin places it.
     // Only what was seen, with a margin.
@@ -145,6 +150,14 @@ ReportMap report_map(const OperatorHalf& op, const RobotHalf& robot) {
       for (int y = y0; y <= y1; ++y) {
         for (int x = x0; x <= x1; ++x) map.cost.push_back(c.cost[c.index(x, y)]);
       }
+      for (int i = 0; i < c.moving_count; ++i) {
+        const auto& m = c.moving[static_cast<std::size_t>(i)];
+        const int x = m.cell % c.width - x0, y = m.cell / c.width - y0;
+        if (x < 0 || y < 0 || x >= map.width || y >= map.height) continue;
+        map.moving.push_back({static_cast<std::size_t>(y) * static_cast<std::size_t>(map.width) +
+                                  static_cast<std::size_t>(x),
+                              1e-3 * m.age_ms});
+      }
     }
   }
   const perception::Pose X_MW = c.X_WM.inverse();
@@ -154,6 +167,7 @@ ReportMap report_map(const OperatorHalf& op, const RobotHalf& robot) {
     return std::pair{c.X_WM.translation().x() + p.x(), c.X_WM.translation().y() + p.y()};
   };
   for (const auto& path : op.view.paths) {
+    if (!known(path.made, op.epoch_ns)) break;
     auto& line = map.planned.emplace_back();
     line.label = "path " + std::to_string(path.seq);
     for (std::int32_t i = 0; i < path.size; ++i) {
@@ -172,6 +186,7 @@ ReportMap report_map(const OperatorHalf& op, const RobotHalf& robot) {
   }
   map.driven.label = "odometry";
   for (std::size_t i = 0; i < robot.view.robot.size(); i += 5) {
+    if (!known(robot.view.robot[i].stamp, robot.epoch_ns)) break;
     const auto [x, y] = to_map(static_cast<double>(robot.view.robot[i].x_m),
                                static_cast<double>(robot.view.robot[i].y_m));
     map.driven.x_m.push_back(x);
@@ -179,6 +194,7 @@ ReportMap report_map(const OperatorHalf& op, const RobotHalf& robot) {
   }
   map.truth.label = "true path";
   for (const auto& t : robot.view.truth) {
+    if (!known(t.stamp, robot.epoch_ns)) break;
     const auto [x, y] = to_map(t.x_m, t.y_m);
     map.truth.x_m.push_back(x);
     map.truth.y_m.push_back(y);
@@ -187,8 +203,10 @@ ReportMap report_map(const OperatorHalf& op, const RobotHalf& robot) {
 }
 
 constexpr perception::Rgb kObjectColour{0x8e, 0x24, 0xaa};
+constexpr perception::Rgb kMovingColour{123, 31, 162}, kBodyColour{120, 144, 156};
 
-// Of a pixel of the view: its own colour, but that of an object's mark along its outline.
+// Of a pixel of the view: its own colour, but that of an object's mark along its outline; tinted where something moves,
+// or the robot's own body is, before what is shown.
 perception::Rgb pixel_colour(const tasks::SceneView& v, std::size_t i) {
   const auto width = static_cast<std::size_t>(v.intrinsics.width);
   const auto pixels = width * static_cast<std::size_t>(v.intrinsics.height);
@@ -197,13 +215,23 @@ perception::Rgb pixel_colour(const tasks::SceneView& v, std::size_t i) {
                                (i % width + 1 < width && v.object[i + 1] != id) ||
                                (i >= width && v.object[i - width] != id) ||
                                (i + width < pixels && v.object[i + width] != id));
-  return rim ? kObjectColour : v.colour[i];
+  if (rim) return kObjectColour;
+  const auto tinted = [&](const perception::Rgb& by) {
+    const perception::Rgb& c = v.colour[i];
+    const auto mix = [](int a, int b) { return static_cast<std::uint8_t>((2 * a + 3 * b) / 5); };
+    return perception::Rgb{mix(c.r, by.r), mix(c.g, by.g), mix(c.b, by.b)};
+  };
+  if (v.masked && v.what[i] == static_cast<std::uint8_t>(perception::PixelOf::kMoving))
+    return tinted(kMovingColour);
+  if (v.masked && v.what[i] == static_cast<std::uint8_t>(perception::PixelOf::kBody))
+    return tinted(kBodyColour);
+  return v.colour[i];
 }
 
-ReportPicture report_picture(const OperatorHalf& op) {
+ReportPicture report_picture(const OperatorHalf& op, const tasks::SceneView& v,
+                             const std::string& title) {
   ReportPicture picture;
-  const auto& v = *op.view.view;
-  picture.title = "The fused scene, as the camera's eye sees it at the end";
+  picture.title = title;
   picture.image.width = v.intrinsics.width;
   picture.image.height = v.intrinsics.height;
   const auto pixels =
@@ -377,8 +405,21 @@ ReportData make_report(const RunInfo& info, const OperatorHalf& op, const RobotH
     d.touch.force_N.push_back(static_cast<double>(s.force_N));
     d.touch.penetration_mm.push_back(1e3 * static_cast<double>(s.penetration_m));
   }
-  d.map = report_map(op, robot);
-  if (op.view.view->seq != 0) d.pictures.push_back(report_picture(op));
+  d.map = report_map(*op.view.map, op, robot, rt::Nanos::max());
+  if (const auto& m = *op.view.moving_map; m.moving_count > 0) {
+    const rt::Nanos at{rt::ns_of(m.fused) - op.epoch_ns};
+    d.moving_map = report_map(m, op, robot, at);
+    d.moving_map_at_s = 1e-9 * static_cast<double>(at.count());
+  }
+  if (op.view.view->seq != 0)
+    d.pictures.push_back(report_picture(op, *op.view.view,
+                                        "The fused scene, as the camera's eye sees it at the end"));
+  if (const auto& v = *op.view.moving_view; v.seq != 0) {
+    char title[100];
+    std::snprintf(title, sizeof title, "What moves (tinted) before the fused scene, at %.1f s",
+                  1e-9 * static_cast<double>(rt::ns_of(v.fused) - op.epoch_ns));
+    d.pictures.push_back(report_picture(op, v, title));
+  }
   for (auto& t : d.tasks) {
     for (const auto& a : info.admission.tasks) {
       if (a.name != t.name) continue;

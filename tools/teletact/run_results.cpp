@@ -117,6 +117,8 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.one(h.view.log_dropped);
     s.one(*h.view.view);
     s.one(*h.view.map);
+    s.one(*h.view.moving_view);
+    s.one(*h.view.moving_map);
     s.many(h.totals);
     s.one(h.dropped_records);
     s.one(h.hangs);
@@ -137,7 +139,8 @@ void load_half(const std::string& folder, OperatorHalf& h) {
          l.one(h.view.arrivals) && l.one(h.view.first_arrival) && l.one(h.view.points_resolved) &&
          l.one(h.view.device_brakes) && l.one(h.view.engages) && l.one(h.view.clears) &&
          l.one(h.view.edits) && l.one(h.view.log_dropped) && l.one(*h.view.view) &&
-         l.one(*h.view.map) && l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
+         l.one(*h.view.map) && l.one(*h.view.moving_view) && l.one(*h.view.moving_map) &&
+         l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
          l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.force_check) &&
          l.one(h.ordinary) && l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();
@@ -316,8 +319,11 @@ std::string not_measured(const RunInfo& info, const OperatorHalf& op, const Robo
 
 void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
   add_haptic_metrics(op, robot, m);
-  std::size_t consumed = 0, tracked = 0, claimed = 0;
+  std::size_t consumed = 0, tracked = 0, claimed = 0, moving = 0;
+  std::uint32_t moving_cells = 0;
   for (const auto& s : op.view.fusion) {
+    moving += s.moving_share > 0 ? 1 : 0;
+    moving_cells = std::max(moving_cells, s.moving_cells);
     consumed += s.consumed ? 1 : 0;
     tracked += s.tracked ? 1 : 0;
     claimed += s.claimed ? 1 : 0;
@@ -333,6 +339,8 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
   m.add("fusion.frames", static_cast<double>(consumed), "1");
   m.add("fusion.frames_tracked", static_cast<double>(tracked), "1");
   m.add("fusion.frames_claimed", static_cast<double>(claimed), "1");
+  m.add("fusion.frames_moving", static_cast<double>(moving), "1");
+  m.add("fusion.moving_cells_max", moving_cells, "1");
   if (op.view.objects.seq != 0) {
     m.add("fusion.objects_named", op.view.objects_named, "1");
     m.add("fusion.objects", op.view.objects.size, "1");

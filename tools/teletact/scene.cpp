@@ -139,6 +139,17 @@ void settle_arm(Scene& scene, const std::string& path) {
   }
 }
 
+// What no single key can be wrong about: names of shapes, ways of length 0.
+void check_movers(const Scene& scene, const std::string& path) {
+  if (scene.world.movers.empty()) return;
+  rt::Startup startup;
+  try {
+    const drivers::World check(startup.token(), scene.world);
+  } catch (const std::runtime_error& e) {
+    throw std::runtime_error(path + ": " + e.what());
+  }
+}
+
 }  // namespace
 
 std::unique_ptr<Scene> load_scene(const std::string& path,
@@ -158,6 +169,7 @@ std::unique_ptr<Scene> load_scene(const std::string& path,
                              "constrained, nearest, nearest10; teletact touch has it");
   settle_stored_map(*scene, path);
   settle_arm(*scene, path);
+  check_movers(*scene, path);
   auto& edits = scene->operator_script.edits;
   std::stable_sort(edits.begin(), edits.end(),
                    [](const EditConfig& a, const EditConfig& b) { return a.at_s < b.at_s; });

@@ -142,6 +142,27 @@ TEST(Movers, ALinkIsCarriedByTheOneBefore) {
   }
 }
 
+TEST(Movers, AWalkGoesThroughItsWaypointsAtItsSpeed) {
+  WorldConfig c = things();
+  auto& m = mover(c, "walks", "body, head", "walk");
+  m.start_s = 2, m.speed_m_per_s = 0.5;
+  m.waypoints.push_back({0, {1, 0, 0}, 0, 1.5});
+  m.waypoints.push_back({0, {1, -2, 0}, 0});
+  const World w(startup.token(), c, kBegin);
+  const Vec3 from(-1, 0.5, 0.75);
+  for (const auto& [t, way] : {std::pair{0.0, Vec3(0, 0, 0)},
+                               {2.0, Vec3(0, 0, 0)},
+                               {3.0, Vec3(0.5, 0, 0)},
+                               {4.0, Vec3(1, 0, 0)},
+                               {5.4, Vec3(1, 0, 0)},  // it stands until 5.5
+                               {6.5, Vec3(1, -0.5, 0)},
+                               {9.5, Vec3(1, -2, 0)},
+                               {60.0, Vec3(1, -2, 0)}}) {
+    expect_near(centre(w, "body", t), from + way);
+    expect_near(centre(w, "head", t), from + way + Vec3(0, 0, 0.9));
+  }
+}
+
 // The oracle: a world without movers, everything where it is at that instant.
 TEST(Movers, EveryQuestionIsAboutItsInstant) {
   WorldConfig c = things();
@@ -214,6 +235,17 @@ TEST(Movers, WhatCanNotMoveIsRefused) {
   expect_refused([](WorldConfig& c) { mover(c, "m", "box, box", "line"); }, "has a mover");
   expect_refused([](WorldConfig& c) { mover(c, "m", "box", "shuttle"); }, "way_m");
   expect_refused([](WorldConfig& c) { mover(c, "m", "box", "waypoints"); }, "no waypoint");
+  expect_refused([](WorldConfig& c) { mover(c, "m", "box", "walk"); }, "no waypoint");
+  expect_refused(
+      [](WorldConfig& c) {
+        mover(c, "m", "box", "walk").waypoints.push_back({1, {1, 0, 0}, 0});
+      },
+      "waypoint.at_s");
+  expect_refused(
+      [](WorldConfig& c) {
+        mover(c, "m", "box", "walk").waypoints.push_back({0, {0, 0, 0}, 0});
+      },
+      "waypoint.offset_m");
   expect_refused([](WorldConfig& c) { mover(c, "m", "box", "hinge").axis = {0, 0, 0}; }, "axis");
   expect_refused([](WorldConfig& c) { mover(c, "m", "box", "line").on = "k"; }, "no mover before");
   expect_refused([](WorldConfig& c) { mover(c, "m", "body", "hinge").axis = {1, 0, 0}; }, "tilt");
