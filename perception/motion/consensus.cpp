@@ -18,6 +18,8 @@ constexpr int kHandful = 6;    // cells of one
 constexpr int kRounds = 6;
 constexpr float kLeastScale = 0.03F;  // of the limit, of a scale that is estimated
 constexpr float kOfMedian = 4;        // the scale: so many times what half of the cells keep
+constexpr float kOwnScale = 0.1F;     // of two poses that are compared cell by cell, at least
+constexpr float kStay = 0.3F;         // scale from which a believed pose is refined
 constexpr float kMisfit = 2;          // scales, and a cell does not fit
 constexpr double kOtherMotion_m = 0.004;
 constexpr double kRivalLimit = 0.7;
@@ -155,6 +157,21 @@ double Consensus::share_of_winner(const Vec6& xi) const noexcept {
   return ours > 0 ? support_of(xi) / ours : 1.0;
 }
 
+double Consensus::own_share(const Vec6& xi) const noexcept {
+  Cells misfit;
+  fit(xi, misfit);
+  const float scale = std::max(scale_, kOwnScale);
+  double own = 0, all = 0;
+  for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
+    if (sums_.pairs[c] < kLeastPairs) continue;
+    const float pixels = remembered_[c] * sums_.pairs[c];
+    const float more = 1 / (1 + misfit[c] / scale) - 1 / (1 + misfit_[c] / scale);
+    all += static_cast<double>(pixels);
+    own += static_cast<double>(pixels * std::max(more, 0.0F));
+  }
+  return all > 0 ? own / all : 0;
+}
+
 double Consensus::reconsider() noexcept {
   fit(Vec6::Zero(), misfit_);
   return support(misfit_, remembered_);
@@ -195,6 +212,14 @@ void Consensus::settle(const Cells& remembered, ConsensusResult& out) noexcept {
   remembered_ = remembered;
   Vec6 xi = Vec6::Zero();
   refine(remembered, 6.0F, kRounds, xi);
+  conclude(xi, out);
+  out.certain = true;
+}
+
+void Consensus::stay(const Cells& remembered, ConsensusResult& out) noexcept {
+  remembered_ = remembered;
+  Vec6 xi = Vec6::Zero();
+  refine(remembered, kStay, 1, xi);
   conclude(xi, out);
   out.certain = true;
 }

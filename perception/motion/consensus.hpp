@@ -56,6 +56,8 @@ class Consensus {
   // Least squares, reweighed, from xi = 0 alone: for images in which nothing new moves. Cheap. `remembered`: share of
   // each cell that may be static, by what is known of it before.
   void settle(const Cells& remembered, ConsensusResult& out) noexcept;
+  // The same of a pose that is believed: only cells that fit it have a part.
+  void stay(const Cells& remembered, ConsensusResult& out) noexcept;
   // All hypotheses. `still`: twist of a camera that has not moved; `prior`, which may be off by `prior_sigma_m` (mean
   // over the points).
   void compete(const Cells& remembered, const Vec6& still, const Vec6& prior, double prior_sigma_m,
@@ -70,6 +72,8 @@ class Consensus {
   }
   // The sums were taken anew, at the winner: its cells by these, by the scale that they had. Its support.
   double reconsider() noexcept;
+  // Share of the pixels that may be static in cells that fit a pose and not the winner.
+  [[nodiscard]] double own_share(const Vec6& xi) const noexcept;
   // Support of a pose, of the cells that may be static; and over the winner's.
   [[nodiscard]] double support_of(const Vec6& xi) const noexcept;
   [[nodiscard]] double share_of_winner(const Vec6& xi) const noexcept;

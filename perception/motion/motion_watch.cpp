@@ -13,6 +13,8 @@ constexpr double kDoubt =
     0.05;  // of the pixels that may be static, unexplained: hypotheses compete
 constexpr double kSudden = 0.02;  // of the image
 constexpr double kPriorSigma_m = 0.02;
+// So much of the image says what trusted odometry says, and not what the majority says: the majority moves.
+constexpr double kCorroborated = 0.03;
 
 }  // namespace
 
@@ -96,6 +98,12 @@ Vec6 MotionWatch::twist_to(const Pose& X_WC) const noexcept {
   return xi;
 }
 
+bool MotionWatch::trusted(const MotionPrior& prior) const noexcept {
+  return prior.source == MotionPrior::Source::kOdometry &&
+         prior.sigma_translation_m <= tracker_.claim_translation_m &&
+         prior.sigma_rotation_deg <= tracker_.claim_rotation_deg;
+}
+
 // Least squares from a pose, the sums taken anew where it has gone far: they hold for centimetres.
 // False: it goes on.
 bool MotionWatch::settle_at(const TrackingPyramid& pyramid, const ModelView& model,
@@ -173,8 +181,17 @@ void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model
     out.work += 4 * pixels();  // of hypotheses
     out.certain = out.consensus.certain;
     out.X_WC = moved_by(out.consensus.xi);
-    if (consensus_.mean_way(out.consensus.xi, Vec6::Zero()) >= kNear_m)
+    const bool against =
+        trusted(prior) && consensus_.mean_way(out.consensus.xi, expected) >= kNear_m;
+    if (against && consensus_.own_share(expected) > kCorroborated) {
+      linearise(pyramid, model, prior.X_WC);
+      consensus_.stay(memory_, out.consensus);
+      out.work += pixels();
+      out.X_WC = moved_by(out.consensus.xi);
+      out.certain = true;
+    } else if (consensus_.mean_way(out.consensus.xi, Vec6::Zero()) >= kNear_m) {
       static_cast<void>(settle_at(pyramid, model, out.X_WC, out));
+    }
   }
   X_majority_WC_ = out.X_WC;
   certain_ = out.certain;

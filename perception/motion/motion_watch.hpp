@@ -96,6 +96,7 @@ class MotionWatch {
   [[nodiscard]] std::uint64_t pixels() const noexcept {
     return static_cast<std::uint64_t>(width_) * static_cast<std::uint64_t>(height_);
   }
+  [[nodiscard]] bool trusted(const MotionPrior& prior) const noexcept;
   [[nodiscard]] Pose moved_by(const Vec6& xi) const noexcept;
   [[nodiscard]] Vec6 twist_to(const Pose& X_WC) const noexcept;
   int gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC, bool all,

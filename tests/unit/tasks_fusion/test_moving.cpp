@@ -129,5 +129,49 @@ TEST(FusionMoving, TheFirstSightIsPublishedAtOnce) {
   ADD_FAILURE() << "never seen to move";
 }
 
+// Somebody stands close to the robot until they belong to the map, and walks on. What stands still is mostly floor and wall, which
+// agree with any motion along them: most of what tells one motion from another moves. Odometry that is trusted says which.
+TEST(FusionMoving, WhoStoodCloseAndWalksOnDoesNotCarryACameraWithOdometry) {
+  const Pose X_WC = tests::look_at(Vec3(0, 0, 0.9), Vec3(2, 0, 0.9));
+  const auto room_with = [](double y) {
+    AnalyticScene s;
+    Pose wall = Pose::Identity();
+    wall.translation() = Vec3(2.6, 0, 1);
+    s.boxes.push_back({wall, Vec3(0.1, 4, 3)});
+    Pose floor = Pose::Identity();
+    floor.translation() = Vec3(1, 0, -0.1);
+    s.boxes.push_back({floor, Vec3(4, 4, 0.1)});
+    for (const double side : {-1.0, 1.0}) {
+      Pose shelf = Pose::Identity();
+      shelf.translation() = Vec3(2.0, 1.1 * side, 0.6);
+      s.boxes.push_back({shelf, Vec3(0.25, 0.25, 0.6)});
+    }
+    Pose person = Pose::Identity();
+    person.translation() = Vec3(0.85, y, 0.9);
+    person.linear() = Eigen::AngleAxisd(0.5, Vec3::UnitZ()).toRotationMatrix();
+    s.boxes.push_back({person, Vec3(0.22, 0.22, 0.9)});
+    return s;
+  };
+  Rig rig(coarse(), X_WC);
+  double worst_m = 0;
+  int claimed = 0, frames = 0;
+  for (int i = 0; i < 100; ++i) {
+    const double y = -0.017 * std::max(0, i - 70);
+    OdometryPrior standing;
+    standing.taken =
+        rt::Time{rt::nanos_from_seconds(static_cast<double>(rig.period) * tests::kDt - 0.02)};
+    rig.in.odometry = standing;
+    rig.see(room_with(y), X_WC);
+    if (i <= 70) continue;
+    ++frames;
+    if (!rig.out.camera.claimed) continue;
+    ++claimed;
+    worst_m = std::max(worst_m, (rig.out.camera.X_WC.translation() - X_WC.translation()).norm());
+  }
+  std::printf("  %d of %d frames claimed, at most %.1f mm off\n", claimed, frames, 1e3 * worst_m);
+  EXPECT_GE(claimed, frames * 95 / 100);
+  EXPECT_LT(worst_m, 0.02);
+}
+
 }  // namespace
 }  // namespace tasks
