@@ -1,0 +1,50 @@
+// Working memory of TsdfMap::follow(): what readings said of the blocks they ended in.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "perception/geometry/pose.hpp"
+
+namespace perception {
+
+struct FollowScratch {
+  explicit FollowScratch(std::size_t blocks) : memory(blocks), met(blocks), asked(blocks) {}
+
+  // Of one block: how far readings were behind (+) or before its surface, m along their rays, the newest counting most.
+  struct Memory {
+    float count = 0, sum = 0, squares = 0;
+    float z_m = 0;            // depth of the last reading
+    std::uint32_t frame = 0;  // that it is of; older than the last one: void
+  };
+  std::vector<Memory> memory;
+  std::vector<std::int32_t> met;  // of this frame, in order of first readings
+  int met_count = 0;
+  std::vector<std::uint32_t> asked;  // frame in which a block was looked at node by node
+
+  // Looked at node by node, and off.
+  struct Looked {
+    std::int32_t block = 0;
+    std::array<int, 3> at{};          // its coordinates
+    double off_m = 0, error_m = 0;    // how far its surface has moved along the rays; the standard error of that
+    double noise_m = 0;               // of a node
+    double beyond_m = 0;              // of it what the camera's own error does not explain
+    double by_m = 0;                  // what its nodes are moved by
+  };
+  static constexpr int kMostLooked = 256;
+  std::array<Looked, kMostLooked> looked{};
+  int looked_count = 0;
+
+  // A tile of the image: sums of its readings' offsets, and of how a small motion of the camera would change them.
+  struct Tile {
+    double count = 0, sum = 0, squares = 0, z_m = 0;
+    std::array<double, 6> row{};
+  };
+  static constexpr int kAcross = 16, kTiles = kAcross * kAcross;
+  std::array<Tile, kTiles> tiles{};
+  std::array<double, kTiles> room{};
+};
+
+}  // namespace perception

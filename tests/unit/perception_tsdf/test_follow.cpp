@@ -1,0 +1,142 @@
+// A map that follows what moves slowly, keeps the noise of what stands, and does not run after the camera's errors.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "tests/unit/perception_tsdf/scene.hpp"
+
+namespace tests {
+namespace {
+
+// A plate of 0.3 m before a wall and over a floor, its face across x = `face`.
+Scene plate(double face, double thick = 0.1) {
+  Scene s;
+  s.planes = {{{1.5, 0, 0}, -Vec3::UnitX()}, {{0, 0, -0.45}, Vec3::UnitZ()}};
+  s.boxes = {{{face, -0.15, -0.15}, {face + thick, 0.15, 0.15}}};
+  return s;
+}
+
+// Looked at from 1 m, `slant_deg` off the face's normal; a little elsewhere in every frame.
+Pose eye(int n, double slant_deg) {
+  const double a = slant_deg * 3.14159265 / 180;
+  const Vec3 jitter(0.004 * std::sin(1.3 * n), 0.004 * std::cos(2.1 * n), 0.004 * std::sin(0.7 * n));
+  return look_at(Vec3(1 - std::cos(a), std::sin(a), 0.1) + jitter, Vec3(1, 0, 0) + 0.5 * jitter);
+}
+
+double kinect_v2_sigma_m(double z) { return 1e-3 * std::max(1.2, 1.5 - 0.5 * z + 0.3 * z * z); }
+
+// A Kinect v2's noise: along the axis, and the place in the image off by 0.3 px.
+Frame seen(const Scene& scene, const Pose& X_WC, std::uint64_t seed, int n) {
+  const Intrinsics k = kinect2();
+  rt::Random random(seed, static_cast<std::uint64_t>(n));
+  Frame f{k, Image<std::uint16_t>(k.width, k.height), Image<Rgb>(k.width, k.height)};
+  for (int v = 0; v < k.height; ++v)
+    for (int u = 0; u < k.width; ++u) {
+      const double du = 0.3 * random.normal(), dv = 0.3 * random.normal(), axial = random.normal();
+      const auto hit = scene.cast(X_WC.translation(), X_WC.linear() * k.unproject(u + du, v + dv, 1));
+      if (!std::isfinite(hit.t)) continue;
+      const double z = hit.t + axial * kinect_v2_sigma_m(hit.t);
+      f.depth.at(u, v) = static_cast<std::uint16_t>(std::lround(1000 * z));
+    }
+  return f;
+}
+
+struct Watched {
+  std::uint64_t seed;
+  rt::Startup startup;
+  double slant_deg, voxel;
+  TsdfMap map;
+  int frame = 0, moved = 0;
+
+  Watched(double voxel_m, bool follow, std::uint64_t seed_, double slant = 20)
+      : seed(seed_), slant_deg(slant), voxel(voxel_m), map(startup.token(), [&] {
+          TsdfConfig c = small_map(voxel_m);
+          c.follow = follow;
+          return c;
+        }()) {}
+  // `said`: what the map is told of where the camera is, from where it is.
+  void see(const Scene& scene, const Vec3& said_off = Vec3::Zero()) {
+    const Pose X_WC = eye(frame, slant_deg);
+    const Frame f = seen(scene, X_WC, seed, frame++);
+    Pose said = X_WC;
+    said.translation() += said_off;
+    const IntegrateStats out = map.integrate(f.view(), said, 1);
+    ASSERT_FALSE(out.refused);
+    moved += out.blocks_moved;
+  }
+  void see(const Scene& scene, int frames) {
+    for (int n = 0; n < frames; ++n) see(scene);
+  }
+  // x of the zero crossings over the plate, `within` of its middle, at most 60 mm off `near`.
+  [[nodiscard]] std::vector<double> face(double near, double within = 0.1) const {
+    std::vector<double> out;
+    const int half = static_cast<int>(within / voxel);
+    for (int j = -half; j <= half; ++j)
+      for (int l = -half; l <= half; ++l)
+        for (int i = ifloor_(near - 0.06); i < ifloor_(near + 0.06); ++i) {
+          const std::uint32_t a = map.word_at(i, j, l), b = map.word_at(i + 1, j, l);
+          const double da = TsdfMap::word_distance(a), db = TsdfMap::word_distance(b);
+          if (TsdfMap::word_weight(a) < 256 || TsdfMap::word_weight(b) < 256 || da <= 0 || db > 0)
+            continue;
+          out.push_back(voxel * (i + da / (da - db)));
+          break;
+        }
+    return out;
+  }
+  [[nodiscard]] int ifloor_(double x) const { return static_cast<int>(std::floor(x / voxel)); }
+  // Mean of them; NaN where a fifth is missing.
+  [[nodiscard]] double mean(double near) const {
+    const std::vector<double> x = face(near);
+    const int half = static_cast<int>(0.1 / voxel);
+    if (static_cast<double>(x.size()) < 0.8 * (2 * half + 1) * (2 * half + 1)) return std::nan("");
+    double sum = 0;
+    for (const double v : x) sum += v;
+    return sum / static_cast<double>(x.size());
+  }
+  [[nodiscard]] double rms(double truth) const {
+    double sum = 0;
+    const std::vector<double> x = face(truth);
+    for (const double v : x) sum += (v - truth) * (v - truth);
+    return std::sqrt(sum / static_cast<double>(x.size()));
+  }
+};
+
+struct Lag {
+  double most_mm = 0, end_mm = 0;
+};
+// Stands, moves by 90 mm or for 60 frames, stands for 10 frames.
+Lag lag_of(Watched& w, double speed_m_s, double sign) {
+  Lag out;
+  double x = 1.05;
+  for (int n = 0; n < 30; ++n) w.see(plate(x));
+  const double step = sign * speed_m_s / 30;
+  const int frames = std::min(40, static_cast<int>(0.09 / std::abs(step)));
+  for (int n = 0; n < frames; ++n) {
+    x += step;
+    w.see(plate(x));
+    const double lag = 1e3 * std::abs(w.mean(x) - x);
+    if (!(lag <= out.most_mm)) out.most_mm = lag;
+  }
+  w.see(plate(x), 10);
+  out.end_mm = 1e3 * std::abs(w.mean(x) - x);
+  return out;
+}
+
+TEST(Follow, ASlowSurfaceLagsBy3FramesAnd1500umAtMost) {
+  for (const double voxel : {0.01, 0.02})
+    for (const double slant : {20.0, 60.0})
+      for (const double mm_s : {3.0, 10.0, 30.0, 50.0, 100.0})
+        for (const double sign : {-1.0, 1.0}) {
+          const auto seed = static_cast<std::uint64_t>(1000 + mm_s);
+          Watched w(voxel, true, seed, slant);
+          const Lag lag = lag_of(w, 1e-3 * mm_s, sign);
+          std::printf("%.0f mm, %.0f deg, %+.0f mm/s: lag %.2f mm, at rest %.2f mm, %d blocks\n",
+                      1e3 * voxel, slant, sign * mm_s, lag.most_mm, lag.end_mm, w.moved);
+          EXPECT_LE(lag.most_mm, 3 * mm_s / 30 + 1.5) << "seed " << seed;
+          EXPECT_LE(lag.end_mm, 1.0) << "seed " << seed;
+        }
+}
+
+}  // namespace
+}  // namespace tests
