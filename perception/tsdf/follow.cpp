@@ -17,7 +17,7 @@
 //
 // Distances are along the ray, and so are offsets: over a plane in any direction all nodes of a block move by the same.
 // A single place of noise moves nothing: a block's mean has tens of pixels in it.
-// Readings that are off by kMost_m and more are no slow motion: left to the mean, and to the mask of what moves.
+// Readings that are off by kMost truncations and more are no slow motion: left to the mean, and to the mask of what moves.
 // Plain doubles in a fixed order: the same bytes with any instruction set and any number of threads.
 #include <algorithm>
 #include <array>
@@ -33,15 +33,22 @@
 namespace perception {
 namespace {
 
+using Sums = FollowScratch::Sums;
 using Memory = FollowScratch::Memory;
 using Looked = FollowScratch::Looked;
 using Tile = FollowScratch::Tile;
 
 constexpr int kReadings = 3400;  // that are compared in a frame, about
 constexpr double kObservations = 2;
-constexpr double kLeast_m = 0.8e-3, kErrors = 5, kScatter = 5, kMost_m = 0.015;
+constexpr double kLeast_m = 0.8e-3, kErrors = 5, kScatter = 5;
+// Of a block that was moved in the last kStill frames.
+constexpr double kLeastMoving_m = 0.25e-3, kErrorsMoving = 2.5;
+constexpr std::uint32_t kStill = 5;
+constexpr double kMost = 0.5;  // of the truncation
+// Nodes of one surface that moves agree: their scatter is at most so many times their noise, and, as what moves may tilt, of the way.
+constexpr double kAgree = 2, kTilt = 0.3;
 constexpr float kKept = 0.75F;      // of what earlier frames said, a frame
-constexpr double kFewReadings = 8;  // say nothing of a block
+constexpr double kFewReadings = 5;  // say nothing of a block
 constexpr std::size_t kFewNodes = 24, kFewTiles = 12;
 constexpr std::uint32_t kMoved = 8 * TsdfMap::kWeightOne, kEnds = 2 * TsdfMap::kWeightOne;
 constexpr int kAtTheEnd = 32000;  // |d|: a bound, not a distance
@@ -58,10 +65,27 @@ double median(std::span<double> v) noexcept {
   return *middle;
 }
 
+struct Middle {
+  double value, scatter;  // median; from the median distance to it
+};
+Middle middle_of(std::span<double> v, std::span<double> room) noexcept {
+  const double value = median(v);
+  for (std::size_t n = 0; n < v.size(); ++n) room[n] = std::abs(v[n] - value);
+  return {value, 1.4826 * median(room.first(v.size()))};
+}
+
 // Of a mean, m: from the scatter of what it is of, at least the sensor's.
 double standard_error(double count, double sum, double squares, double z_m) noexcept {
   const double mean = sum / count, least = sigma_m(z_m);
   return std::sqrt(std::max(squares / count - mean * mean, least * least) / count);
+}
+
+double threshold_m(double error_m) noexcept { return std::max(kLeast_m, kErrors * error_m); }
+
+bool stands_out(const Sums& s, float z_m) noexcept {
+  const double count = s.count, sum = s.sum;
+  if (count < kFewReadings || std::abs(sum) < kLeast_m * count) return false;
+  return std::abs(sum) >= count * threshold_m(standard_error(count, sum, s.squares, z_m));
 }
 
 // The pixels that are compared.
@@ -90,8 +114,6 @@ struct CommonMotion {
     return out;
   }
 };
-
-double threshold_m(double error_m) noexcept { return std::max(kLeast_m, kErrors * error_m); }
 
 // Tukey's weights from the plain start: what moves does not pull while it is the minority.
 void fit(std::span<const Tile> tiles, std::span<double> room, CommonMotion& out) noexcept {
@@ -153,6 +175,10 @@ class SurfaceFollower {
   void look_round(const UpdateCamera& cam, std::int32_t block, const CommonMotion& camera) noexcept;
   void smooth() noexcept;
   void move(const UpdateCamera& cam, const Looked& it) noexcept;
+  void loosen_round(const Looked& it) noexcept;
+  [[nodiscard]] bool moves(const Memory& m) const noexcept {
+    return m.moved != 0 && map_.frame_ - m.moved <= kStill;
+  }
   void first_node(std::int32_t block, float (&p0)[3]) const noexcept;
 
   TsdfMap& map_;
@@ -179,7 +205,7 @@ void SurfaceFollower::compare(const Place& place, MapReader& reader, Fn&& fn) co
       const MapReader::Cell cell = reader.cell(p.x(), p.y(), p.z());
       if (!cell.valid) continue;
       const double off = -unit * static_cast<double>(cell.value());
-      if (std::abs(off) < kMost_m) fn(cell, off, p, z, u, v);
+      if (std::abs(off) < kMost * map_.truncation_) fn(cell, off, p, z, u, v);
     }
   }
 }
@@ -206,21 +232,24 @@ bool SurfaceFollower::compare_blocks() noexcept {
     const std::ptrdiff_t block = (words - map_.words_.data()) / TsdfMap::kBlockVoxels;
     Memory& m = s_.memory[static_cast<std::size_t>(block)];
     if (m.frame != map_.frame_) {
-      const float keep = m.frame + 1 == map_.frame_ ? kKept : 0.0F;
-      m.count *= keep, m.sum *= keep, m.squares *= keep;
+      if (m.frame + 1 != map_.frame_) m.before = m.now = {};
+      const auto keep = [](float before, float now) { return kKept * (before + now); };
+      m.before = {keep(m.before.count, m.now.count), keep(m.before.sum, m.now.sum),
+                  keep(m.before.squares, m.now.squares)};
+      m.now = {};
       m.frame = map_.frame_;
       s_.met[static_cast<std::size_t>(s_.met_count++)] = static_cast<std::int32_t>(block);
     }
-    const auto o = static_cast<float>(off);
-    m.count += 1, m.sum += o, m.squares += o * o, m.z_m = static_cast<float>(z);
+    m.now.add(static_cast<float>(off));
+    m.z_m = static_cast<float>(z);
   });
   int off = 0;
   for (int n = 0; n < s_.met_count; ++n) {
     const std::int32_t block = s_.met[static_cast<std::size_t>(n)];
     const Memory& m = s_.memory[static_cast<std::size_t>(block)];
-    const double count = m.count, sum = m.sum;
-    if (count < kFewReadings || std::abs(sum) < kLeast_m * count) continue;
-    if (std::abs(sum) >= count * threshold_m(standard_error(count, sum, m.squares, m.z_m)))
+    const Sums &a = m.now, &b = m.before;
+    if (moves(m) || stands_out(a, m.z_m) ||
+        stands_out({a.count + b.count, a.sum + b.sum, a.squares + b.squares}, m.z_m))
       s_.met[static_cast<std::size_t>(off++)] = block;
   }
   s_.met_count = off;
@@ -283,7 +312,7 @@ bool SurfaceFollower::look(const UpdateCamera& cam, std::int32_t block, Looked& 
     return TsdfMap::word_weight(words[n]) >= TsdfMap::kObservedWeight &&
            std::abs(TsdfMap::word_distance(words[n])) < kAtTheEnd;
   };
-  std::array<double, TsdfMap::kBlockVoxels> offs;
+  std::array<double, TsdfMap::kBlockVoxels> offs, room;
   std::size_t count = 0;
   double z_sum = 0;
   int slopes = 0;
@@ -293,7 +322,7 @@ bool SurfaceFollower::look(const UpdateCamera& cam, std::int32_t block, Looked& 
     double z = 0;
     const int d = TsdfMap::word_distance(words[n]);
     const double off = node_off(cam, p0, n, &z) - unit * d;
-    if (!(std::abs(off) < kMost_m)) continue;
+    if (!(std::abs(off) < kMost * map_.truncation_)) continue;
     offs[count++] = off;
     z_sum += z;
     if ((n & 7) == 7 || ((n >> 3) & 7) == 7 || (n >> 6) == 7) continue;
@@ -304,23 +333,31 @@ bool SurfaceFollower::look(const UpdateCamera& cam, std::int32_t block, Looked& 
   }
   if (count < kFewNodes || slopes == 0) return false;
   slope *= unit / (map_.voxel_ * slopes);
-  const double z = z_sum / static_cast<double>(count), middle = median({offs.data(), count});
-  for (std::size_t n = 0; n < count; ++n) offs[n] = std::abs(offs[n] - middle);
-  const double scatter = 1.4826 * median({offs.data(), count});
+  const double z = z_sum / static_cast<double>(count);
+  // Of a reading along its ray: at a slant more.
+  const double axial = sigma_m(z), lateral = 0.4 * z / static_cast<double>(cam.fx);
+  const double slant = std::max(0.0, slope.squaredNorm() - 1);
+  const double noise = std::sqrt(axial * axial + lateral * lateral * slant);
+  Middle of = middle_of({offs.data(), count}, room);
+  out.part = of.scatter > kAgree * noise + kTilt * std::abs(of.value);
+  if (out.part) {  // some of it stands: the others by themselves
+    const auto moved = std::partition(offs.begin(), offs.begin() + static_cast<std::ptrdiff_t>(count),
+                                      [&](double off) { return std::abs(off) > 3 * noise; });
+    count = static_cast<std::size_t>(moved - offs.begin());
+    if (count < kFewNodes) return false;
+    of = middle_of({offs.data(), count}, room);
+    if (of.scatter > kAgree * noise + kTilt * std::abs(of.value)) return false;
+  }
   // Nodes behind each other share a reading; none has more than the block's pixels.
   const double across = 8 * map_.voxel_ * static_cast<double>(cam.fx) / z;
   const double deep = std::clamp(2 * map_.truncation_ / map_.voxel_, 1.0, 8.0);
   const double readings =
       std::max(4.0, std::min(static_cast<double>(count) / deep, across * across));
-  // Of a reading along its ray: at a slant more.
-  const double axial = sigma_m(z), lateral = 0.4 * z / static_cast<double>(cam.fx);
-  const double slant = std::max(0.0, slope.squaredNorm() - 1);
-  const double noise = std::sqrt(axial * axial + lateral * lateral * slant);
   out.block = block;
-  out.off_m = middle;
-  out.noise_m = std::max(noise, scatter);
+  out.off_m = of.value;
+  out.noise_m = std::max(noise, of.scatter);
   out.error_m = 1.25 * out.noise_m / std::sqrt(readings);  // of a median
-  return scatter <= 2 * noise + 0.3 * std::abs(middle);
+  return true;
 }
 
 // The block and those beside it, each once.
@@ -339,7 +376,10 @@ void SurfaceFollower::look_round(const UpdateCamera& cam, std::int32_t block,
     if (!look(cam, b, it, slope)) continue;
     const Vec3 middle(8 * at.x + 3.5, 8 * at.y + 3.5, 8 * at.z + 3.5);
     const double beyond = it.off_m - camera.row(slope, middle).dot(camera.twist);
-    const double least = std::max(1.0, kScatter * camera.scatter) * threshold_m(it.error_m);
+    const bool moving = moves(s_.memory[static_cast<std::size_t>(b)]);
+    const double least =
+        std::max(1.0, kScatter * camera.scatter) *
+        (moving ? std::max(kLeastMoving_m, kErrorsMoving * it.error_m) : threshold_m(it.error_m));
     if (std::abs(it.off_m) < least || std::abs(beyond) < least || (it.off_m > 0) != (beyond > 0))
       continue;
     it.at = {at.x, at.y, at.z};
@@ -378,18 +418,36 @@ void SurfaceFollower::move(const UpdateCamera& cam, const Looked& it) noexcept {
     const int d = TsdfMap::word_distance(words[n]);
     const std::uint32_t w = TsdfMap::word_weight(words[n]);
     if (w == 0) continue;
-    if (std::abs(d) >= kAtTheEnd) {
-      words[n] = TsdfMap::make_word(d, static_cast<int>(std::min(w, kEnds)));
-      continue;
-    }
+    if (std::abs(d) >= kAtTheEnd) continue;
     double z = 0;
     const double off = node_off(cam, p0, n, &z) - unit * d;
-    if (!std::isnan(off) && std::abs(off - it.off_m) > gate) continue;
+    const double apart = std::abs(off - it.off_m);  // NaN: nothing is said of it
+    if (apart > gate || (it.part && !(apart < std::abs(off)))) continue;
     const int moved = std::clamp(d + by, -TsdfMap::kDistanceOne, TsdfMap::kDistanceOne);
     words[n] = TsdfMap::make_word(moved, static_cast<int>(std::min(w, kMoved)));
   }
   map_.changed_[static_cast<std::size_t>(it.block)] = map_.revision_;
-  s_.memory[static_cast<std::size_t>(it.block)].frame = 0;
+  Memory& m = s_.memory[static_cast<std::size_t>(it.block)];
+  m.now = m.before = {};
+  m.moved = map_.frame_;
+}
+
+// What lies at the ends of the band there and beside it is where the surface comes to next.
+void SurfaceFollower::loosen_round(const Looked& it) noexcept {
+  for (int n = 0; n < 27; ++n) {
+    const std::int32_t b =
+        map_.find_block({it.at[0] + n / 9 - 1, it.at[1] + n / 3 % 3 - 1, it.at[2] + n % 3 - 1});
+    if (b == TsdfMap::kNoBlock) continue;
+    std::uint32_t& loosened = s_.loosened[static_cast<std::size_t>(b)];
+    if (loosened == map_.frame_) continue;
+    loosened = map_.frame_;
+    std::uint32_t* words = map_.words_.data() + static_cast<std::size_t>(b) * TsdfMap::kBlockVoxels;
+    for (int i = 0; i < TsdfMap::kBlockVoxels; ++i) {
+      const int d = TsdfMap::word_distance(words[i]);
+      if (std::abs(d) >= kAtTheEnd && TsdfMap::word_weight(words[i]) > kEnds)
+        words[i] = TsdfMap::make_word(d, static_cast<int>(kEnds));
+    }
+  }
 }
 
 void SurfaceFollower::step(IntegrateStats& stats) noexcept {
@@ -401,7 +459,10 @@ void SurfaceFollower::step(IntegrateStats& stats) noexcept {
   for (int n = 0; n < s_.met_count; ++n)
     look_round(cam, s_.met[static_cast<std::size_t>(n)], camera);
   smooth();
-  for (int n = 0; n < s_.looked_count; ++n) move(cam, s_.looked[static_cast<std::size_t>(n)]);
+  for (int n = 0; n < s_.looked_count; ++n) {
+    move(cam, s_.looked[static_cast<std::size_t>(n)]);
+    loosen_round(s_.looked[static_cast<std::size_t>(n)]);
+  }
   stats.blocks_moved = s_.looked_count;
 }
 

@@ -11,18 +11,24 @@
 namespace perception {
 
 struct FollowScratch {
-  explicit FollowScratch(std::size_t blocks) : memory(blocks), met(blocks), asked(blocks) {}
+  explicit FollowScratch(std::size_t blocks) : memory(blocks), met(blocks), asked(blocks), loosened(blocks) {}
 
   // Of one block: how far readings were behind (+) or before its surface, m along their rays, the newest counting most.
-  struct Memory {
+  struct Sums {
     float count = 0, sum = 0, squares = 0;
+    void add(float off) noexcept { count += 1, sum += off, squares += off * off; }
+  };
+  struct Memory {
+    Sums now, before;         // of this frame's readings; of earlier ones
     float z_m = 0;            // depth of the last reading
-    std::uint32_t frame = 0;  // that it is of; older than the last one: void
+    std::uint32_t frame = 0;  // that `now` is of
+    std::uint32_t moved = 0;  // the last one in which the block was moved
   };
   std::vector<Memory> memory;
   std::vector<std::int32_t> met;  // of this frame, in order of first readings
   int met_count = 0;
   std::vector<std::uint32_t> asked;  // frame in which a block was looked at node by node
+  std::vector<std::uint32_t> loosened;
 
   // Looked at node by node, and off.
   struct Looked {
@@ -31,6 +37,7 @@ struct FollowScratch {
     double off_m = 0, error_m = 0;    // how far its surface has moved along the rays; the standard error of that
     double noise_m = 0;               // of a node
     double beyond_m = 0;              // of it what the camera's own error does not explain
+    bool part = false;                // not all of its nodes
     double by_m = 0;                  // what its nodes are moved by
   };
   static constexpr int kMostLooked = 256;

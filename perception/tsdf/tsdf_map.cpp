@@ -159,7 +159,7 @@ std::size_t TsdfMap::memory_bytes() const noexcept {
          bytes(label_recycled_) + bytes(free_) + bytes(coords_) + bytes(ahead_) + bytes(changed_) +
          bytes(in_use_) + bytes(recycled_) + bytes(in_view_) + bytes(to_carve_) +
          sizeof *allocate_ + sizeof *follow_ + bytes(follow_->memory) + bytes(follow_->met) +
-         bytes(follow_->asked) + pyramid_.memory_bytes() + directory_.memory_bytes();
+         bytes(follow_->asked) + bytes(follow_->loosened) + pyramid_.memory_bytes() + directory_.memory_bytes();
 }
 
 void TsdfMap::clear() noexcept {
@@ -240,7 +240,6 @@ std::int32_t TsdfMap::new_block(Chunk& c, BlockCoord at) noexcept {
   in_use_[static_cast<std::size_t>(b)] = 1;
   changed_[static_cast<std::size_t>(b)] = revision_;
   follow_->memory[static_cast<std::size_t>(b)] = {};
-  follow_->asked[static_cast<std::size_t>(b)] = 0;
   c.block[static_cast<std::size_t>(in_chunk(at.x, at.y, at.z))] = b;
   c.settled[static_cast<std::size_t>(at.x & 7)] |= 1ULL << ((at.y & 7) * 8 + (at.z & 7));
   ++c.blocks;

@@ -116,6 +116,7 @@ Lag lag_of(Watched& w, double speed_m_s, double sign) {
     x += step;
     w.see(plate(x));
     const double lag = 1e3 * std::abs(w.mean(x) - x);
+    if (std::getenv("V")) std::printf("  %d: x %.1f lag %.2f  moved %d\n", n, 1e3*x, 1e3 * (w.mean(x) - x), w.moved);
     if (!(lag <= out.most_mm)) out.most_mm = lag;
   }
   w.see(plate(x), 10);
@@ -126,7 +127,7 @@ Lag lag_of(Watched& w, double speed_m_s, double sign) {
 TEST(Follow, ASlowSurfaceLagsBy3FramesAnd1500umAtMost) {
   for (const double voxel : {0.01, 0.02})
     for (const double slant : {20.0, 60.0})
-      for (const double mm_s : {3.0, 10.0, 30.0, 50.0, 100.0})
+      for (const double mm_s : {3.0, 10.0, 30.0, 50.0, 100.0}) if (!std::getenv("S") || std::atof(std::getenv("S")) == mm_s)
         for (const double sign : {-1.0, 1.0}) {
           const auto seed = static_cast<std::uint64_t>(1000 + mm_s);
           Watched w(voxel, true, seed, slant);
