@@ -47,6 +47,7 @@ constexpr std::uint32_t kStill = 5;
 constexpr double kMost = 0.5;  // of the truncation
 // Nodes of one surface that moves agree: their scatter is at most so many times their noise, and, as what moves may tilt, of the way.
 constexpr double kAgree = 2, kTilt = 0.3;
+constexpr double kNoiseOfFew = 1.5;  // of the sensor's: their slant is not known
 constexpr float kKept = 0.75F;      // of what earlier frames said, a frame
 constexpr double kFewReadings = 5;  // say nothing of a block
 constexpr std::size_t kFewNodes = 24, kFewTiles = 12;
@@ -301,7 +302,8 @@ double SurfaceFollower::node_off(const UpdateCamera& cam, const float (&p0)[3], 
   return static_cast<double>((depth - p[2]) * std::sqrt((1.0F + x * x) + y * y));
 }
 
-// By how much the block's surface is off, and how well that is known; false: it is not one surface that moved.
+// By how much the block's surface is off, and how well that is known: error 0 where its nodes are too few to say; false: nothing
+// to be said.
 bool SurfaceFollower::look(const UpdateCamera& cam, std::int32_t block, Looked& out,
                            Vec3& slope) const noexcept {
   float p0[3];
@@ -331,7 +333,11 @@ bool SurfaceFollower::look(const UpdateCamera& cam, std::int32_t block, Looked& 
                   TsdfMap::word_distance(words[n + 8]) - d, TsdfMap::word_distance(words[n + 1]) - d);
     ++slopes;
   }
-  if (count < kFewNodes || slopes == 0) return false;
+  out.block = block;
+  if (count < kFewNodes || slopes == 0) {
+    out = {.block = block, .noise_m = kNoiseOfFew * sigma_m(count > 0 ? z_sum / static_cast<double>(count) : 1.0), .part = true};
+    return count > 0;
+  }
   slope *= unit / (map_.voxel_ * slopes);
   const double z = z_sum / static_cast<double>(count);
   // Of a reading along its ray: at a slant more.
@@ -353,7 +359,6 @@ bool SurfaceFollower::look(const UpdateCamera& cam, std::int32_t block, Looked& 
   const double deep = std::clamp(2 * map_.truncation_ / map_.voxel_, 1.0, 8.0);
   const double readings =
       std::max(4.0, std::min(static_cast<double>(count) / deep, across * across));
-  out.block = block;
   out.off_m = of.value;
   out.noise_m = std::max(noise, of.scatter);
   out.error_m = 1.25 * out.noise_m / std::sqrt(readings);  // of a median
@@ -374,6 +379,11 @@ void SurfaceFollower::look_round(const UpdateCamera& cam, std::int32_t block,
     Looked& it = s_.looked[static_cast<std::size_t>(s_.looked_count)];
     Vec3 slope;
     if (!look(cam, b, it, slope)) continue;
+    it.at = {at.x, at.y, at.z};
+    if (it.error_m == 0) {
+      ++s_.looked_count;
+      continue;
+    }
     const Vec3 middle(8 * at.x + 3.5, 8 * at.y + 3.5, 8 * at.z + 3.5);
     const double beyond = it.off_m - camera.row(slope, middle).dot(camera.twist);
     const bool moving = moves(s_.memory[static_cast<std::size_t>(b)]);
@@ -382,28 +392,29 @@ void SurfaceFollower::look_round(const UpdateCamera& cam, std::int32_t block,
         (moving ? std::max(kLeastMoving_m, kErrorsMoving * it.error_m) : threshold_m(it.error_m));
     if (std::abs(it.off_m) < least || std::abs(beyond) < least || (it.off_m > 0) != (beyond > 0))
       continue;
-    it.at = {at.x, at.y, at.z};
     it.beyond_m = beyond;
     ++s_.looked_count;
   }
 }
 
-// Each is moved by the mean of itself and of those of its neighbours that say the same.
+// Each is moved by the mean of itself and of those of its neighbours that say the same; one of few nodes by theirs.
 void SurfaceFollower::smooth() noexcept {
   for (int n = 0; n < s_.looked_count; ++n) {
     Looked& it = s_.looked[static_cast<std::size_t>(n)];
+    const bool few = it.error_m == 0;
     double weight = 0, sum = 0;
     for (int m = 0; m < s_.looked_count; ++m) {
       const Looked& other = s_.looked[static_cast<std::size_t>(m)];
-      bool beside = true;
+      bool beside = other.error_m > 0;
       for (std::size_t a = 0; a < 3; ++a) beside = beside && std::abs(other.at[a] - it.at[a]) <= 1;
       const double apart = other.beyond_m - it.beyond_m,
                    known2 = other.error_m * other.error_m + it.error_m * it.error_m;
-      if (!beside || apart * apart > 9 * known2) continue;
+      if (!beside || (!few && apart * apart > 9 * known2)) continue;
       const double w = 1 / (other.error_m * other.error_m);
       weight += w, sum += w * other.beyond_m;
     }
-    it.by_m = sum / weight;
+    it.by_m = weight > 0 ? sum / weight : 0;
+    if (few) it.off_m = it.by_m;
   }
 }
 
@@ -460,10 +471,11 @@ void SurfaceFollower::step(IntegrateStats& stats) noexcept {
     look_round(cam, s_.met[static_cast<std::size_t>(n)], camera);
   smooth();
   for (int n = 0; n < s_.looked_count; ++n) {
+    if (s_.looked[static_cast<std::size_t>(n)].by_m == 0) continue;
+    ++stats.blocks_moved;
     move(cam, s_.looked[static_cast<std::size_t>(n)]);
     loosen_round(s_.looked[static_cast<std::size_t>(n)]);
   }
-  stats.blocks_moved = s_.looked_count;
 }
 
 void TsdfMap::follow(const View& view, IntegrateStats& stats) noexcept {
