@@ -47,11 +47,12 @@ constexpr std::uint32_t kStill = 5;
 constexpr double kMost = 0.5;  // of the truncation
 // Nodes of one surface that moves agree: their scatter is at most so many times their noise, and, as what moves may tilt, of the way.
 constexpr double kAgree = 2, kTilt = 0.3;
-constexpr double kNoiseOfFew = 1.5;  // of the sensor's: their slant is not known
-constexpr float kKept = 0.75F;      // of what earlier frames said, a frame
-constexpr double kFewReadings = 5;  // say nothing of a block
+constexpr double kOfExplained = 0.3;  // of what the camera's error explains may be wrong
+constexpr double kNoiseOfFew = 1.5;   // of the sensor's: their slant is not known
+constexpr float kKept = 0.75F;        // of what earlier frames said, a frame
+constexpr double kFewReadings = 5;    // say nothing of a block
 constexpr std::size_t kFewNodes = 24, kFewTiles = 12;
-constexpr std::uint32_t kMoved = 8 * TsdfMap::kWeightOne, kEnds = 2 * TsdfMap::kWeightOne;
+constexpr std::uint32_t kMoved = 16 * TsdfMap::kWeightOne, kEnds = 2 * TsdfMap::kWeightOne;
 constexpr int kAtTheEnd = 32000;  // |d|: a bound, not a distance
 
 // Of a Kinect v2's reading along the axis.
@@ -166,9 +167,9 @@ class SurfaceFollower {
  private:
   using Place = std::array<int, 4>;  // of the image: u0, v0, u1, v1
   template <class Fn>
-  void compare(const Place& place, MapReader& reader, Fn&& fn) const noexcept;
-  [[nodiscard]] bool compare_blocks() noexcept;
-  [[nodiscard]] CommonMotion camera_error() noexcept;
+  int compare(const Place& place, MapReader& reader, Fn&& fn) const noexcept;
+  [[nodiscard]] bool compare_blocks(IntegrateStats& stats) noexcept;
+  [[nodiscard]] CommonMotion camera_error(IntegrateStats& stats) noexcept;
   [[nodiscard]] double node_off(const UpdateCamera& cam, const float (&p0)[3], int n,
                                 double* z) const noexcept;
   [[nodiscard]] bool look(const UpdateCamera& cam, std::int32_t block, Looked& out,
@@ -186,15 +187,17 @@ class SurfaceFollower {
   const TsdfMap::View& view_;
   FollowScratch& s_;
   const Intrinsics& k_;
+  int looks_ = 0;
 };
 
-// Readings of the grid that end where the map is known: fn(cell, offset along the ray, end in voxels, depth, pixel).
+// Readings of the grid, how many; of those that end where the map is known fn(cell, offset along the ray, end in voxels, depth, pixel).
 template <class Fn>
-void SurfaceFollower::compare(const Place& place, MapReader& reader, Fn&& fn) const noexcept {
+int SurfaceFollower::compare(const Place& place, MapReader& reader, Fn&& fn) const noexcept {
   const Grid g = grid_over(place[0], place[1], place[2], place[3], map_.frame_);
   const double unit = static_cast<double>(map_.metres_per_unit_), per_voxel = 1 / map_.voxel_;
   const Mat3 R = view_.X_WC.linear() * per_voxel;
   const Vec3 eye = view_.X_WC.translation() * per_voxel;
+  int tests = 0;
   for (int v = g.v0; v <= g.v1; v += g.step) {
     const std::uint32_t* row = map_.pyramid_.pixels() + static_cast<std::ptrdiff_t>(v) * k_.width;
     const Vec3 left = R * Vec3(-k_.cx / k_.fx, (v - k_.cy) / k_.fy, 1), right = R.col(0) / k_.fx;
@@ -204,15 +207,17 @@ void SurfaceFollower::compare(const Place& place, MapReader& reader, Fn&& fn) co
       const double z = 1e-3 * static_cast<double>(pixel & 0xffffU);
       const Vec3 p = eye + z * (left + u * right);
       const MapReader::Cell cell = reader.cell(p.x(), p.y(), p.z());
+      ++tests;
       if (!cell.valid) continue;
       const double off = -unit * static_cast<double>(cell.value());
       if (std::abs(off) < kMost * map_.truncation_) fn(cell, off, p, z, u, v);
     }
   }
+  return tests;
 }
 
 // Sums up what the readings say of their blocks; false: nothing may have moved.
-bool SurfaceFollower::compare_blocks() noexcept {
+bool SurfaceFollower::compare_blocks(IntegrateStats& stats) noexcept {
   s_.met_count = 0;
   Place place{0, 0, k_.width - 1, k_.height - 1};
   const Eigen::AlignedBox3d& box_W = view_.frame.follow_W;
@@ -226,24 +231,25 @@ bool SurfaceFollower::compare_blocks() noexcept {
     lo = box_W.min() / map_.voxel_, hi = box_W.max() / map_.voxel_;
   }
   MapReader reader(map_, kObservations);
-  compare(place, reader, [&](const auto&, double off, const Vec3& p, double z, int, int) {
-    if ((p.array() < lo.array()).any() || (p.array() > hi.array()).any()) return;
-    const std::uint32_t* words =
-        reader.block_of(ifloor(p.x()) >> 3, ifloor(p.y()) >> 3, ifloor(p.z()) >> 3);
-    const std::ptrdiff_t block = (words - map_.words_.data()) / TsdfMap::kBlockVoxels;
-    Memory& m = s_.memory[static_cast<std::size_t>(block)];
-    if (m.frame != map_.frame_) {
-      if (m.frame + 1 != map_.frame_) m.before = m.now = {};
-      const auto keep = [](float before, float now) { return kKept * (before + now); };
-      m.before = {keep(m.before.count, m.now.count), keep(m.before.sum, m.now.sum),
-                  keep(m.before.squares, m.now.squares)};
-      m.now = {};
-      m.frame = map_.frame_;
-      s_.met[static_cast<std::size_t>(s_.met_count++)] = static_cast<std::int32_t>(block);
-    }
-    m.now.add(static_cast<float>(off));
-    m.z_m = static_cast<float>(z);
-  });
+  stats.follow_tests +=
+      compare(place, reader, [&](const auto&, double off, const Vec3& p, double z, int, int) {
+        if ((p.array() < lo.array()).any() || (p.array() > hi.array()).any()) return;
+        const std::uint32_t* words =
+            reader.block_of(ifloor(p.x()) >> 3, ifloor(p.y()) >> 3, ifloor(p.z()) >> 3);
+        const std::ptrdiff_t block = (words - map_.words_.data()) / TsdfMap::kBlockVoxels;
+        Memory& m = s_.memory[static_cast<std::size_t>(block)];
+        if (m.frame != map_.frame_) {
+          if (m.frame + 1 != map_.frame_) m.before = m.now = {};
+          const auto keep = [](float before, float now) { return kKept * (before + now); };
+          m.before = {keep(m.before.count, m.now.count), keep(m.before.sum, m.now.sum),
+                      keep(m.before.squares, m.now.squares)};
+          m.now = {};
+          m.frame = map_.frame_;
+          s_.met[static_cast<std::size_t>(s_.met_count++)] = static_cast<std::int32_t>(block);
+        }
+        m.now.add(static_cast<float>(off));
+        m.z_m = static_cast<float>(z);
+      });
   int off = 0;
   for (int n = 0; n < s_.met_count; ++n) {
     const std::int32_t block = s_.met[static_cast<std::size_t>(n)];
@@ -257,24 +263,27 @@ bool SurfaceFollower::compare_blocks() noexcept {
   return off > 0;
 }
 
-CommonMotion SurfaceFollower::camera_error() noexcept {
+CommonMotion SurfaceFollower::camera_error(IntegrateStats& stats) noexcept {
   CommonMotion out;
   s_.tiles.fill({});
-  const int edge = (std::max(k_.width, k_.height) + FollowScratch::kAcross - 1) / FollowScratch::kAcross;
+  const int edge =
+      (std::max(k_.width, k_.height) + FollowScratch::kAcross - 1) / FollowScratch::kAcross;
   // The points' middle, roughly: a metre before the camera.
   out.about = (view_.X_WC.translation() + view_.X_WC.linear().col(2)) / map_.voxel_;
   out.radius = 1 / map_.voxel_;
   const double slope_unit = static_cast<double>(map_.metres_per_unit_) / map_.voxel_;
   MapReader reader(map_, kObservations);
-  compare({0, 0, k_.width - 1, k_.height - 1}, reader,
-          [&](const MapReader::Cell& cell, double off, const Vec3& p, double z, int u, int v) {
-            if (!cell.within(kAtTheEnd)) return;
-            float g[3];
-            cell.gradient(g);
-            Tile& t = s_.tiles[static_cast<std::size_t>((v / edge) * FollowScratch::kAcross + u / edge)];
-            t.count += 1, t.sum += off, t.squares += off * off, t.z_m = z;
-            Eigen::Map<Row>(t.row.data()) += out.row(slope_unit * Vec3(g[0], g[1], g[2]), p);
-          });
+  stats.follow_tests += compare(
+      {0, 0, k_.width - 1, k_.height - 1}, reader,
+      [&](const MapReader::Cell& cell, double off, const Vec3& p, double z, int u, int v) {
+        if (!cell.within(kAtTheEnd)) return;
+        float g[3];
+        cell.gradient(g);
+        Tile& t =
+            s_.tiles[static_cast<std::size_t>((v / edge) * FollowScratch::kAcross + u / edge)];
+        t.count += 1, t.sum += off, t.squares += off * off, t.z_m = z;
+        Eigen::Map<Row>(t.row.data()) += out.row(slope_unit * Vec3(g[0], g[1], g[2]), p);
+      });
   fit(s_.tiles, s_.room, out);
   return out;
 }
@@ -293,7 +302,8 @@ double SurfaceFollower::node_off(const UpdateCamera& cam, const float (&p0)[3], 
   if (!(p[2] >= CameraBoxes::kLeastZ)) return std::nan("");
   const float inverse = 1.0F / p[2], x = p[0] * inverse, y = p[1] * inverse;
   const float u = x * cam.fx + cam.cx_half, v = y * cam.fy + cam.cy_half;
-  if (!(u >= 0 && v >= 0 && u < static_cast<float>(cam.width) && v < static_cast<float>(cam.height)))
+  if (!(u >= 0 && v >= 0 && u < static_cast<float>(cam.width) &&
+        v < static_cast<float>(cam.height)))
     return std::nan("");
   const std::uint32_t pixel = cam.pixels[static_cast<int>(v) * cam.width + static_cast<int>(u)];
   if (((pixel >> 16U) & 0xffU) == 0) return std::nan("");
@@ -329,13 +339,16 @@ bool SurfaceFollower::look(const UpdateCamera& cam, std::int32_t block, Looked& 
     z_sum += z;
     if ((n & 7) == 7 || ((n >> 3) & 7) == 7 || (n >> 6) == 7) continue;
     if (!sure(n + 64) || !sure(n + 8) || !sure(n + 1)) continue;
-    slope += Vec3(TsdfMap::word_distance(words[n + 64]) - d,
-                  TsdfMap::word_distance(words[n + 8]) - d, TsdfMap::word_distance(words[n + 1]) - d);
+    slope +=
+        Vec3(TsdfMap::word_distance(words[n + 64]) - d, TsdfMap::word_distance(words[n + 8]) - d,
+             TsdfMap::word_distance(words[n + 1]) - d);
     ++slopes;
   }
   out.block = block;
   if (count < kFewNodes || slopes == 0) {
-    out = {.block = block, .noise_m = kNoiseOfFew * sigma_m(count > 0 ? z_sum / static_cast<double>(count) : 1.0), .part = true};
+    out = {.block = block,
+           .noise_m = kNoiseOfFew * sigma_m(count > 0 ? z_sum / static_cast<double>(count) : 1.0),
+           .part = true};
     return count > 0;
   }
   slope *= unit / (map_.voxel_ * slopes);
@@ -347,18 +360,22 @@ bool SurfaceFollower::look(const UpdateCamera& cam, std::int32_t block, Looked& 
   Middle of = middle_of({offs.data(), count}, room);
   out.part = of.scatter > kAgree * noise + kTilt * std::abs(of.value);
   if (out.part) {  // some of it stands: the others by themselves
-    const auto moved = std::partition(offs.begin(), offs.begin() + static_cast<std::ptrdiff_t>(count),
-                                      [&](double off) { return std::abs(off) > 3 * noise; });
+    const auto moved =
+        std::partition(offs.begin(), offs.begin() + static_cast<std::ptrdiff_t>(count),
+                       [&](double off) { return std::abs(off) > 3 * noise; });
     count = static_cast<std::size_t>(moved - offs.begin());
     if (count < kFewNodes) return false;
     of = middle_of({offs.data(), count}, room);
     if (of.scatter > kAgree * noise + kTilt * std::abs(of.value)) return false;
   }
-  // Nodes behind each other share a reading; none has more than the block's pixels.
-  const double across = 8 * map_.voxel_ * static_cast<double>(cam.fx) / z;
+  // Nodes behind each other share a reading as far as the ray does not slant; none has more than the block's pixels.
+  const double px = map_.voxel_ * static_cast<double>(cam.fx) / z;
+  const double slope2 = std::max(1.0, slope.squaredNorm());
+  const double step_px = px * std::sqrt(1 - 1 / slope2);  // from node to node along the normal
   const double deep = std::clamp(2 * map_.truncation_ / map_.voxel_, 1.0, 8.0);
-  const double readings =
-      std::max(4.0, std::min(static_cast<double>(count) / deep, across * across));
+  const double shared = std::clamp(1 / std::max(step_px, 1e-3), 1.0, deep);
+  const double readings = std::max(
+      4.0, std::min(static_cast<double>(count) / shared, 64 * px * px / std::sqrt(slope2)));
   out.off_m = of.value;
   out.noise_m = std::max(noise, of.scatter);
   out.error_m = 1.25 * out.noise_m / std::sqrt(readings);  // of a median
@@ -376,22 +393,30 @@ void SurfaceFollower::look_round(const UpdateCamera& cam, std::int32_t block,
     std::uint32_t& asked = s_.asked[static_cast<std::size_t>(b)];
     if (asked == map_.frame_) continue;
     asked = map_.frame_;
+    ++looks_;
     Looked& it = s_.looked[static_cast<std::size_t>(s_.looked_count)];
     Vec3 slope;
     if (!look(cam, b, it, slope)) continue;
     it.at = {at.x, at.y, at.z};
     if (it.error_m == 0) {
+      it.moves = false;
       ++s_.looked_count;
       continue;
     }
     const Vec3 middle(8 * at.x + 3.5, 8 * at.y + 3.5, 8 * at.z + 3.5);
-    const double beyond = it.off_m - camera.row(slope, middle).dot(camera.twist);
+    const double explained = camera.row(slope, middle).dot(camera.twist);
+    const double beyond = it.off_m - explained;
+    const double scattered = std::max(1.0, kScatter * camera.scatter),
+                 doubt = kOfExplained * std::abs(explained);
+    const auto is_beyond = [&](double least) {
+      return std::abs(it.off_m) >= scattered * least && (it.off_m > 0) == (beyond > 0) &&
+             std::abs(beyond) >= scattered * least + doubt;
+    };
+    // Once it moves it is kept where it is seen, whatever is left to go, until it has been still for a while.
     const bool moving = moves(s_.memory[static_cast<std::size_t>(b)]);
-    const double least =
-        std::max(1.0, kScatter * camera.scatter) *
-        (moving ? std::max(kLeastMoving_m, kErrorsMoving * it.error_m) : threshold_m(it.error_m));
-    if (std::abs(it.off_m) < least || std::abs(beyond) < least || (it.off_m > 0) != (beyond > 0))
-      continue;
+    it.moves = is_beyond(moving ? std::max(kLeastMoving_m, kErrorsMoving * it.error_m)
+                                : threshold_m(it.error_m));
+    if (!it.moves && !(moving && std::abs(beyond) > doubt)) continue;
     it.beyond_m = beyond;
     ++s_.looked_count;
   }
@@ -413,7 +438,10 @@ void SurfaceFollower::smooth() noexcept {
       const double w = 1 / (other.error_m * other.error_m);
       weight += w, sum += w * other.beyond_m;
     }
-    it.by_m = weight > 0 ? sum / weight : 0;
+    if (weight == 0) continue;
+    // Less what of it may be noise (the positive part of James and Stein's).
+    const double mean = sum / weight;
+    it.by_m = mean * std::max(0.0, 1 - 1 / (weight * mean * mean));
     if (few) it.off_m = it.by_m;
   }
 }
@@ -440,7 +468,7 @@ void SurfaceFollower::move(const UpdateCamera& cam, const Looked& it) noexcept {
   map_.changed_[static_cast<std::size_t>(it.block)] = map_.revision_;
   Memory& m = s_.memory[static_cast<std::size_t>(it.block)];
   m.now = m.before = {};
-  m.moved = map_.frame_;
+  if (it.moves) m.moved = map_.frame_;
 }
 
 // What lies at the ends of the band there and beside it is where the surface comes to next.
@@ -462,14 +490,15 @@ void SurfaceFollower::loosen_round(const Looked& it) noexcept {
 }
 
 void SurfaceFollower::step(IntegrateStats& stats) noexcept {
-  if (!compare_blocks()) return;
-  const CommonMotion camera = camera_error();
+  if (!compare_blocks(stats)) return;
+  const CommonMotion camera = camera_error(stats);
   if (!camera.told) return;
   const UpdateCamera cam = map_.update_camera(k_, view_.X_CW);
   s_.looked_count = 0;
   for (int n = 0; n < s_.met_count; ++n)
     look_round(cam, s_.met[static_cast<std::size_t>(n)], camera);
   smooth();
+  stats.follow_tests += static_cast<std::int64_t>(looks_) * TsdfMap::kBlockVoxels;
   for (int n = 0; n < s_.looked_count; ++n) {
     if (s_.looked[static_cast<std::size_t>(n)].by_m == 0) continue;
     ++stats.blocks_moved;
@@ -479,7 +508,7 @@ void SurfaceFollower::step(IntegrateStats& stats) noexcept {
 }
 
 void TsdfMap::follow(const View& view, IntegrateStats& stats) noexcept {
-  if (config_.follow) SurfaceFollower(*this, view).step(stats);
+  if (config_.follow && view.frame.follow) SurfaceFollower(*this, view).step(stats);
 }
 
 }  // namespace perception

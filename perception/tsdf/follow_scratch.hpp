@@ -11,7 +11,8 @@
 namespace perception {
 
 struct FollowScratch {
-  explicit FollowScratch(std::size_t blocks) : memory(blocks), met(blocks), asked(blocks), loosened(blocks) {}
+  explicit FollowScratch(std::size_t blocks)
+      : memory(blocks), met(blocks), asked(blocks), loosened(blocks) {}
 
   // Of one block: how far readings were behind (+) or before its surface, m along their rays, the newest counting most.
   struct Sums {
@@ -33,12 +34,14 @@ struct FollowScratch {
   // Looked at node by node, and off.
   struct Looked {
     std::int32_t block = 0;
-    std::array<int, 3> at{};          // its coordinates
-    double off_m = 0, error_m = 0;    // how far its surface has moved along the rays; the standard error of that
-    double noise_m = 0;               // of a node
-    double beyond_m = 0;              // of it what the camera's own error does not explain
-    bool part = false;                // not all of its nodes
-    double by_m = 0;                  // what its nodes are moved by
+    std::array<int, 3> at{};  // its coordinates
+    double off_m = 0,
+           error_m = 0;  // how far its surface has moved along the rays; the standard error of that
+    double noise_m = 0;  // of a node
+    double beyond_m = 0;  // of it what the camera's own error does not explain
+    bool moves = false;   // not only kept where it is seen
+    bool part = false;    // not all of its nodes
+    double by_m = 0;      // what its nodes are moved by
   };
   static constexpr int kMostLooked = 256;
   std::array<Looked, kMostLooked> looked{};

@@ -159,7 +159,8 @@ std::size_t TsdfMap::memory_bytes() const noexcept {
          bytes(label_recycled_) + bytes(free_) + bytes(coords_) + bytes(ahead_) + bytes(changed_) +
          bytes(in_use_) + bytes(recycled_) + bytes(in_view_) + bytes(to_carve_) +
          sizeof *allocate_ + sizeof *follow_ + bytes(follow_->memory) + bytes(follow_->met) +
-         bytes(follow_->asked) + bytes(follow_->loosened) + pyramid_.memory_bytes() + directory_.memory_bytes();
+         bytes(follow_->asked) + bytes(follow_->loosened) + pyramid_.memory_bytes() +
+         directory_.memory_bytes();
 }
 
 void TsdfMap::clear() noexcept {

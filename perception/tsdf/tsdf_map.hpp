@@ -94,10 +94,11 @@ struct FrameView {
   ImageView<const std::uint16_t> depth_mm{};  // 0 and 65535 = no reading
   ImageView<const Rgb> colour{};
   ImageView<const std::uint8_t> moving{};  // not 0: carves, is not fused; empty: nothing moves
-  Eigen::AlignedBox3d follow_W{};          // where slow surfaces are followed; empty: everywhere
+  bool follow = true;                      // surfaces that move slowly (follow.cpp)
+  Eigen::AlignedBox3d follow_W{};          // in this box; empty: everywhere
 
   [[nodiscard]] static FrameView of(const RgbdFrame& f) noexcept {
-    return {f.intrinsics, f.depth(), f.has_colour ? f.rgb() : ImageView<const Rgb>{}, {}, {}};
+    return {f.intrinsics, f.depth(), f.has_colour ? f.rgb() : ImageView<const Rgb>{}};
   }
 };
 
@@ -115,6 +116,7 @@ struct IntegrateStats {
   std::int64_t free_tests = 0;      // cubes tested for free space
   std::int32_t blocks_fetched = 0;  // that were put away and are in view
   std::int32_t blocks_moved = 0;    // with their surface
+  std::int64_t follow_tests = 0;    // readings compared for that, and nodes of what was looked at
 };
 
 // Of one page() or fetch_view(). Counts are of chunks unless they say otherwise.
