@@ -52,7 +52,7 @@ constexpr double kNoiseOfFew = 1.5;   // of the sensor's: their slant is not kno
 constexpr float kKept = 0.75F;        // of what earlier frames said, a frame
 constexpr double kFewReadings = 5;    // say nothing of a block
 constexpr std::size_t kFewNodes = 24, kFewTiles = 12;
-constexpr std::uint32_t kMoved = 16 * TsdfMap::kWeightOne, kEnds = 2 * TsdfMap::kWeightOne;
+constexpr std::uint32_t kMoved = 12 * TsdfMap::kWeightOne, kEnds = 2 * TsdfMap::kWeightOne;
 constexpr int kAtTheEnd = 32000;  // |d|: a bound, not a distance
 
 // Of a Kinect v2's reading along the axis.
