@@ -47,6 +47,10 @@ constexpr std::uint32_t kStill = 5;
 constexpr double kMost = 0.5;  // of the truncation
 // Nodes of one surface that moves agree: their scatter is at most so many times their noise, and, as what moves may tilt, of the way.
 constexpr double kAgree = 2, kTilt = 0.3;
+constexpr double kAcross = 0.25;   // of them may be off to the other side
+constexpr double kFast_m = 0.015;  // across the surface in a frame: no slow motion
+// From a place that far from the last one, distances along the rays are others, beside edges and at a slant: nothing is followed.
+constexpr double kStep_m = 0.04, kTurn_rad = 0.044;
 constexpr double kOfExplained = 0.3;  // of what the camera's error explains may be wrong
 constexpr double kNoiseOfFew = 1.5;   // of the sensor's: their slant is not known
 constexpr float kKept = 0.75F;        // of what earlier frames said, a frame
@@ -74,6 +78,26 @@ Middle middle_of(std::span<double> v, std::span<double> room) noexcept {
   const double value = median(v);
   for (std::size_t n = 0; n < v.size(); ++n) room[n] = std::abs(v[n] - value);
   return {value, 1.4826 * median(room.first(v.size()))};
+}
+
+// Where some of them stand, those that moved, to one side: they come first, `count` of them. False: not two such groups.
+bool apart_from_standing(std::span<double> offs, std::span<double> room, double noise,
+                         std::size_t& count, Middle& moved) noexcept {
+  const auto first = offs.begin();
+  const auto far = [&](double off) { return std::abs(off) > 3 * noise; };
+  count = static_cast<std::size_t>(std::partition(first, offs.end(), far) - first);
+  if (count < kFewNodes) return false;
+  // Nearer to those than to what stands.
+  const double half = 0.5 * middle_of(offs.first(count), room).value;
+  const auto nearer = [&](double off) { return half > 0 ? off > half : off < half; };
+  count = static_cast<std::size_t>(std::partition(first, offs.end(), nearer) - first);
+  const std::span<double> rest = offs.subspan(count);
+  if (count < kFewNodes) return false;
+  moved = middle_of(offs.first(count), room);
+  const auto across = std::count_if(
+      rest.begin(), rest.end(), [&](double off) { return half > 0 ? off < -half : off > -half; });
+  return moved.scatter <= kAgree * noise + kTilt * std::abs(moved.value) &&
+         static_cast<double>(across) <= kAcross * static_cast<double>(count);
 }
 
 // Of a mean, m: from the scatter of what it is of, at least the sensor's.
@@ -359,15 +383,8 @@ bool SurfaceFollower::look(const UpdateCamera& cam, std::int32_t block, Looked& 
   const double noise = std::sqrt(axial * axial + lateral * lateral * slant);
   Middle of = middle_of({offs.data(), count}, room);
   out.part = of.scatter > kAgree * noise + kTilt * std::abs(of.value);
-  if (out.part) {  // some of it stands: the others by themselves
-    const auto moved =
-        std::partition(offs.begin(), offs.begin() + static_cast<std::ptrdiff_t>(count),
-                       [&](double off) { return std::abs(off) > 3 * noise; });
-    count = static_cast<std::size_t>(moved - offs.begin());
-    if (count < kFewNodes) return false;
-    of = middle_of({offs.data(), count}, room);
-    if (of.scatter > kAgree * noise + kTilt * std::abs(of.value)) return false;
-  }
+  if (out.part && !apart_from_standing({offs.data(), count}, room, noise, count, of)) return false;
+  if (std::abs(of.value) > kFast_m * slope.norm()) return false;
   // Nodes behind each other share a reading as far as the ray does not slant; none has more than the block's pixels.
   const double px = map_.voxel_ * static_cast<double>(cam.fx) / z;
   const double slope2 = std::max(1.0, slope.squaredNorm());
@@ -508,7 +525,11 @@ void SurfaceFollower::step(IntegrateStats& stats) noexcept {
 }
 
 void TsdfMap::follow(const View& view, IntegrateStats& stats) noexcept {
-  if (config_.follow && view.frame.follow) SurfaceFollower(*this, view).step(stats);
+  if (!config_.follow || !view.frame.follow) return;
+  const Pose way = view.X_CW * X_CW_last_.inverse(Eigen::Isometry);
+  const double turned = Eigen::AngleAxisd(way.linear()).angle();
+  if (way.translation().norm() > kStep_m || turned > kTurn_rad) return;
+  SurfaceFollower(*this, view).step(stats);
 }
 
 }  // namespace perception
