@@ -51,6 +51,9 @@ constexpr double kAcross = 0.25;   // of them may be off to the other side
 constexpr double kFast_m = 0.015;  // across the surface in a frame: no slow motion
 // From a place that far from the last one, distances along the rays are others, beside edges and at a slant: nothing is followed.
 constexpr double kStep_m = 0.04, kTurn_rad = 0.044;
+// Of a truncation, times the sine between the rays of now and of then: distances along them differ by that, a band's nodes lying half
+// a truncation off their surface.
+constexpr double kOfView = 0.5;
 constexpr double kOfExplained = 0.3;  // of what the camera's error explains may be wrong
 constexpr double kNoiseOfFew = 1.5;   // of the sensor's: their slant is not known
 constexpr float kKept = 0.75F;        // of what earlier frames said, a frame
@@ -108,10 +111,11 @@ double standard_error(double count, double sum, double squares, double z_m) noex
 
 double threshold_m(double error_m) noexcept { return std::max(kLeast_m, kErrors * error_m); }
 
-bool stands_out(const Sums& s, float z_m) noexcept {
+bool stands_out(const Sums& s, float z_m, double doubt_m) noexcept {
   const double count = s.count, sum = s.sum;
   if (count < kFewReadings || std::abs(sum) < kLeast_m * count) return false;
-  return std::abs(sum) >= count * threshold_m(standard_error(count, sum, s.squares, z_m));
+  return std::abs(sum) >=
+         count * (doubt_m + threshold_m(standard_error(count, sum, s.squares, z_m)));
 }
 
 // The pixels that are compared.
@@ -206,6 +210,8 @@ class SurfaceFollower {
     return m.moved != 0 && map_.frame_ - m.moved <= kStill;
   }
   void first_node(std::int32_t block, float (&p0)[3]) const noexcept;
+  void remember_eye(Memory& m) const noexcept;
+  [[nodiscard]] double view_doubt_m(std::int32_t block, const Memory& m) const noexcept;
 
   TsdfMap& map_;
   const TsdfMap::View& view_;
@@ -240,6 +246,30 @@ int SurfaceFollower::compare(const Place& place, MapReader& reader, Fn&& fn) con
   return tests;
 }
 
+// Before the block's frame is told.
+void SurfaceFollower::remember_eye(Memory& m) const noexcept {
+  if (m.frame == 0 || map_.frame_ - m.frame > kStill) {
+    for (int a = 0; a < 3; ++a)
+      m.eye_W[static_cast<std::size_t>(a)] = static_cast<float>(s_.eye_W(a));
+    m.eyes = static_cast<float>(s_.eyes);
+    return;
+  }
+  m.eyes = std::min(m.eyes + 1, static_cast<float>(map_.config_.max_weight));
+  for (int a = 0; a < 3; ++a) {
+    float& eye = m.eye_W[static_cast<std::size_t>(a)];
+    eye += (static_cast<float>(view_.X_WC.translation()(a)) - eye) / m.eyes;
+  }
+}
+
+// How far readings from here may be off what was learned from elsewhere though nothing moved, m along a ray on the surface's normal.
+double SurfaceFollower::view_doubt_m(std::int32_t block, const Memory& m) const noexcept {
+  const BlockCoord c = map_.coords_[static_cast<std::size_t>(block)];
+  const Vec3 middle = map_.voxel_ * Vec3(8.0 * c.x + 3.5, 8.0 * c.y + 3.5, 8.0 * c.z + 3.5);
+  const Vec3 now = (middle - view_.X_WC.translation()).normalized();
+  const Vec3 then = (middle - Vec3(m.eye_W[0], m.eye_W[1], m.eye_W[2])).normalized();
+  return kOfView * map_.truncation_ * now.cross(then).norm();
+}
+
 // Sums up what the readings say of their blocks; false: nothing may have moved.
 bool SurfaceFollower::compare_blocks(IntegrateStats& stats) noexcept {
   s_.met_count = 0;
@@ -268,6 +298,7 @@ bool SurfaceFollower::compare_blocks(IntegrateStats& stats) noexcept {
           m.before = {keep(m.before.count, m.now.count), keep(m.before.sum, m.now.sum),
                       keep(m.before.squares, m.now.squares)};
           m.now = {};
+          remember_eye(m);
           m.frame = map_.frame_;
           s_.met[static_cast<std::size_t>(s_.met_count++)] = static_cast<std::int32_t>(block);
         }
@@ -279,8 +310,9 @@ bool SurfaceFollower::compare_blocks(IntegrateStats& stats) noexcept {
     const std::int32_t block = s_.met[static_cast<std::size_t>(n)];
     const Memory& m = s_.memory[static_cast<std::size_t>(block)];
     const Sums &a = m.now, &b = m.before;
-    if (moves(m) || stands_out(a, m.z_m) ||
-        stands_out({a.count + b.count, a.sum + b.sum, a.squares + b.squares}, m.z_m))
+    const double doubt = view_doubt_m(block, m);
+    if (moves(m) || stands_out(a, m.z_m, doubt) ||
+        stands_out({a.count + b.count, a.sum + b.sum, a.squares + b.squares}, m.z_m, doubt))
       s_.met[static_cast<std::size_t>(off++)] = block;
   }
   s_.met_count = off;
@@ -423,14 +455,18 @@ void SurfaceFollower::look_round(const UpdateCamera& cam, std::int32_t block,
     const Vec3 middle(8 * at.x + 3.5, 8 * at.y + 3.5, 8 * at.z + 3.5);
     const double explained = camera.row(slope, middle).dot(camera.twist);
     const double beyond = it.off_m - explained;
+    const Memory& own = s_.memory[static_cast<std::size_t>(b)];
+    const Memory& seen =
+        own.frame == map_.frame_ ? own : s_.memory[static_cast<std::size_t>(block)];
     const double scattered = std::max(1.0, kScatter * camera.scatter),
-                 doubt = kOfExplained * std::abs(explained);
+                 view = slope.norm() * view_doubt_m(b, seen),
+                 doubt = kOfExplained * std::abs(explained) + view;
     const auto is_beyond = [&](double least) {
-      return std::abs(it.off_m) >= scattered * least && (it.off_m > 0) == (beyond > 0) &&
+      return std::abs(it.off_m) >= scattered * least + view && (it.off_m > 0) == (beyond > 0) &&
              std::abs(beyond) >= scattered * least + doubt;
     };
     // Once it moves it is kept where it is seen, whatever is left to go, until it has been still for a while.
-    const bool moving = moves(s_.memory[static_cast<std::size_t>(b)]);
+    const bool moving = moves(own);
     it.moves = is_beyond(moving ? std::max(kLeastMoving_m, kErrorsMoving * it.error_m)
                                 : threshold_m(it.error_m));
     if (!it.moves && !(moving && std::abs(beyond) > doubt)) continue;
@@ -485,6 +521,7 @@ void SurfaceFollower::move(const UpdateCamera& cam, const Looked& it) noexcept {
   map_.changed_[static_cast<std::size_t>(it.block)] = map_.revision_;
   Memory& m = s_.memory[static_cast<std::size_t>(it.block)];
   m.now = m.before = {};
+  m.eyes = std::min(m.eyes, static_cast<float>(kMoved / TsdfMap::kWeightOne));
   if (it.moves) m.moved = map_.frame_;
 }
 
@@ -525,7 +562,10 @@ void SurfaceFollower::step(IntegrateStats& stats) noexcept {
 }
 
 void TsdfMap::follow(const View& view, IntegrateStats& stats) noexcept {
-  if (!config_.follow || !view.frame.follow) return;
+  if (!config_.follow) return;
+  follow_->eyes = std::min(follow_->eyes + 1, config_.max_weight);
+  follow_->eye_W += (view.X_WC.translation() - follow_->eye_W) / follow_->eyes;
+  if (!view.frame.follow) return;
   const Pose way = view.X_CW * X_CW_last_.inverse(Eigen::Isometry);
   const double turned = Eigen::AngleAxisd(way.linear()).angle();
   if (way.translation().norm() > kStep_m || turned > kTurn_rad) return;

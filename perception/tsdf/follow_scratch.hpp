@@ -20,16 +20,22 @@ struct FollowScratch {
     void add(float off) noexcept { count += 1, sum += off, squares += off * off; }
   };
   struct Memory {
-    Sums now, before;         // of this frame's readings; of earlier ones
-    float z_m = 0;            // depth of the last reading
-    std::uint32_t frame = 0;  // that `now` is of
-    std::uint32_t moved = 0;  // the last one in which the block was moved
+    Sums now, before;              // of this frame's readings; of earlier ones
+    float z_m = 0;                 // depth of the last reading
+    std::uint32_t frame = 0;       // that `now` is of
+    std::uint32_t moved = 0;       // the last one in which the block was moved
+    std::array<float, 3> eye_W{};  // where it was seen from, the mean of what the map remembers
+    float eyes = 0;                // readings of it
   };
   std::vector<Memory> memory;
   std::vector<std::int32_t> met;  // of this frame, in order of first readings
   int met_count = 0;
   std::vector<std::uint32_t> asked;  // frame in which a block was looked at node by node
   std::vector<std::uint32_t> loosened;
+
+  // Where the camera was, the mean of what the map remembers.
+  Vec3 eye_W = Vec3::Zero();
+  double eyes = 0;
 
   // Looked at node by node, and off.
   struct Looked {
