@@ -65,6 +65,8 @@ constexpr int kAtTheEnd = 32000;  // |d|: a bound, not a distance
 // Of a Kinect v2's reading along the axis.
 double sigma_m(double z) noexcept { return 1e-3 * std::max(1.2, 1.5 - 0.5 * z + 0.3 * z * z); }
 
+const Eigen::AlignedBox3d kEverywhere(Vec3::Constant(-1e9), Vec3::Constant(1e9));
+
 using Row = Eigen::Matrix<double, 6, 1>;
 using Square = Eigen::Matrix<double, 6, 6>;
 
@@ -195,14 +197,16 @@ class SurfaceFollower {
  private:
   using Place = std::array<int, 4>;  // of the image: u0, v0, u1, v1
   template <class Fn>
-  int compare(const Place& place, MapReader& reader, Fn&& fn) const noexcept;
+  int compare(const Place& place, const Eigen::AlignedBox3d& box, MapReader& reader,
+              Fn&& fn) const noexcept;
   [[nodiscard]] bool compare_blocks(IntegrateStats& stats) noexcept;
-  [[nodiscard]] CommonMotion camera_error(IntegrateStats& stats) noexcept;
+  void camera_error() noexcept;
   [[nodiscard]] double node_off(const UpdateCamera& cam, const float (&p0)[3], int n,
                                 double* z) const noexcept;
   [[nodiscard]] bool look(const UpdateCamera& cam, std::int32_t block, Looked& out,
                           Vec3& slope) const noexcept;
-  void look_round(const UpdateCamera& cam, std::int32_t block, const CommonMotion& camera) noexcept;
+  [[nodiscard]] bool look_round(const UpdateCamera& cam, std::int32_t block) noexcept;
+  [[nodiscard]] bool is_off(Looked& it, const Vec3& slope, double view_doubt) noexcept;
   void smooth() noexcept;
   void move(const UpdateCamera& cam, const Looked& it) noexcept;
   void loosen_round(const Looked& it) noexcept;
@@ -217,12 +221,15 @@ class SurfaceFollower {
   const TsdfMap::View& view_;
   FollowScratch& s_;
   const Intrinsics& k_;
-  int looks_ = 0;
+  CommonMotion camera_;  // once it is asked for
+  bool asked_camera_ = false;
+  std::int64_t tests_ = 0;
 };
 
-// Readings of the grid, how many; of those that end where the map is known fn(cell, offset along the ray, end in voxels, depth, pixel).
+// Readings of the grid that end in the box (voxels), how many; of those that end where the map is known fn(cell, offset along the ray, end in voxels, depth, pixel).
 template <class Fn>
-int SurfaceFollower::compare(const Place& place, MapReader& reader, Fn&& fn) const noexcept {
+int SurfaceFollower::compare(const Place& place, const Eigen::AlignedBox3d& box, MapReader& reader,
+                             Fn&& fn) const noexcept {
   const Grid g = grid_over(place[0], place[1], place[2], place[3], map_.frame_);
   const double unit = static_cast<double>(map_.metres_per_unit_), per_voxel = 1 / map_.voxel_;
   const Mat3 R = view_.X_WC.linear() * per_voxel;
@@ -236,6 +243,7 @@ int SurfaceFollower::compare(const Place& place, MapReader& reader, Fn&& fn) con
       if (((pixel >> 16U) & 0xffU) == 0) continue;
       const double z = 1e-3 * static_cast<double>(pixel & 0xffffU);
       const Vec3 p = eye + z * (left + u * right);
+      if (!box.contains(p)) continue;
       const MapReader::Cell cell = reader.cell(p.x(), p.y(), p.z());
       ++tests;
       if (!cell.valid) continue;
@@ -275,19 +283,18 @@ bool SurfaceFollower::compare_blocks(IntegrateStats& stats) noexcept {
   s_.met_count = 0;
   Place place{0, 0, k_.width - 1, k_.height - 1};
   const Eigen::AlignedBox3d& box_W = view_.frame.follow_W;
-  Vec3 lo = Vec3::Constant(-1e9), hi = Vec3::Constant(1e9);
+  Eigen::AlignedBox3d within = kEverywhere;
   if (!box_W.isEmpty()) {
     const Vec3 c = box_W.center();
     const auto half = static_cast<float>(0.5 * box_W.sizes().maxCoeff());
     const BoxView box = view_.boxes.view(c.x(), c.y(), c.z(), half);
     if (!box.visible) return false;
     place = {box.u0, box.v0, box.u1, box.v1};
-    lo = box_W.min() / map_.voxel_, hi = box_W.max() / map_.voxel_;
+    within = {box_W.min() / map_.voxel_, box_W.max() / map_.voxel_};
   }
   MapReader reader(map_, kObservations);
-  stats.follow_tests +=
-      compare(place, reader, [&](const auto&, double off, const Vec3& p, double z, int, int) {
-        if ((p.array() < lo.array()).any() || (p.array() > hi.array()).any()) return;
+  stats.follow_tests += compare(
+      place, within, reader, [&](const auto&, double off, const Vec3& p, double z, int, int) {
         const std::uint32_t* words =
             reader.block_of(ifloor(p.x()) >> 3, ifloor(p.y()) >> 3, ifloor(p.z()) >> 3);
         const std::ptrdiff_t block = (words - map_.words_.data()) / TsdfMap::kBlockVoxels;
@@ -319,8 +326,9 @@ bool SurfaceFollower::compare_blocks(IntegrateStats& stats) noexcept {
   return off > 0;
 }
 
-CommonMotion SurfaceFollower::camera_error(IntegrateStats& stats) noexcept {
-  CommonMotion out;
+void SurfaceFollower::camera_error() noexcept {
+  asked_camera_ = true;
+  CommonMotion& out = camera_;
   s_.tiles.fill({});
   const int edge =
       (std::max(k_.width, k_.height) + FollowScratch::kAcross - 1) / FollowScratch::kAcross;
@@ -329,8 +337,8 @@ CommonMotion SurfaceFollower::camera_error(IntegrateStats& stats) noexcept {
   out.radius = 1 / map_.voxel_;
   const double slope_unit = static_cast<double>(map_.metres_per_unit_) / map_.voxel_;
   MapReader reader(map_, kObservations);
-  stats.follow_tests += compare(
-      {0, 0, k_.width - 1, k_.height - 1}, reader,
+  tests_ += compare(
+      {0, 0, k_.width - 1, k_.height - 1}, kEverywhere, reader,
       [&](const MapReader::Cell& cell, double off, const Vec3& p, double z, int u, int v) {
         if (!cell.within(kAtTheEnd)) return;
         float g[3];
@@ -341,7 +349,6 @@ CommonMotion SurfaceFollower::camera_error(IntegrateStats& stats) noexcept {
         Eigen::Map<Row>(t.row.data()) += out.row(slope_unit * Vec3(g[0], g[1], g[2]), p);
       });
   fit(s_.tiles, s_.room, out);
-  return out;
 }
 
 void SurfaceFollower::first_node(std::int32_t block, float (&p0)[3]) const noexcept {
@@ -431,10 +438,31 @@ bool SurfaceFollower::look(const UpdateCamera& cam, std::int32_t block, Looked& 
   return true;
 }
 
-// The block and those beside it, each once.
-void SurfaceFollower::look_round(const UpdateCamera& cam, std::int32_t block,
-                                 const CommonMotion& camera) noexcept {
+// Whether what was seen of the block is more than noise, than what the camera's error explains and than what another view may say.
+bool SurfaceFollower::is_off(Looked& it, const Vec3& slope, double view_doubt) noexcept {
+  // Once it moves it is kept where it is seen, whatever is left to go, until it has been still for a while.
+  const bool moving = moves(s_.memory[static_cast<std::size_t>(it.block)]);
+  const double least =
+      moving ? std::max(kLeastMoving_m, kErrorsMoving * it.error_m) : threshold_m(it.error_m);
+  // The camera's error is fitted only where something is off without it.
+  if (!moving && std::abs(it.off_m) < least + view_doubt) return false;
+  if (!asked_camera_) camera_error();
+  if (!camera_.told) return false;
+  const Vec3 middle(8 * it.at[0] + 3.5, 8 * it.at[1] + 3.5, 8 * it.at[2] + 3.5);
+  const double explained = camera_.row(slope, middle).dot(camera_.twist);
+  const double beyond = it.off_m - explained;
+  const double scattered = std::max(1.0, kScatter * camera_.scatter),
+               doubt = kOfExplained * std::abs(explained) + view_doubt;
+  it.moves = std::abs(it.off_m) >= scattered * least + view_doubt &&
+             (it.off_m > 0) == (beyond > 0) && std::abs(beyond) >= scattered * least + doubt;
+  it.beyond_m = beyond;
+  return it.moves || (moving && std::abs(beyond) > doubt);
+}
+
+// The block and those beside it, each once; whether any is off.
+bool SurfaceFollower::look_round(const UpdateCamera& cam, std::int32_t block) noexcept {
   const BlockCoord c = map_.coords_[static_cast<std::size_t>(block)];
+  bool any = false;
   for (int n = 0; n < 27; ++n) {
     const BlockCoord at{c.x + n / 9 - 1, c.y + n / 3 % 3 - 1, c.z + n % 3 - 1};
     const std::int32_t b = map_.find_block(at);
@@ -442,7 +470,7 @@ void SurfaceFollower::look_round(const UpdateCamera& cam, std::int32_t block,
     std::uint32_t& asked = s_.asked[static_cast<std::size_t>(b)];
     if (asked == map_.frame_) continue;
     asked = map_.frame_;
-    ++looks_;
+    tests_ += TsdfMap::kBlockVoxels;
     Looked& it = s_.looked[static_cast<std::size_t>(s_.looked_count)];
     Vec3 slope;
     if (!look(cam, b, it, slope)) continue;
@@ -452,27 +480,14 @@ void SurfaceFollower::look_round(const UpdateCamera& cam, std::int32_t block,
       ++s_.looked_count;
       continue;
     }
-    const Vec3 middle(8 * at.x + 3.5, 8 * at.y + 3.5, 8 * at.z + 3.5);
-    const double explained = camera.row(slope, middle).dot(camera.twist);
-    const double beyond = it.off_m - explained;
     const Memory& own = s_.memory[static_cast<std::size_t>(b)];
     const Memory& seen =
         own.frame == map_.frame_ ? own : s_.memory[static_cast<std::size_t>(block)];
-    const double scattered = std::max(1.0, kScatter * camera.scatter),
-                 view = slope.norm() * view_doubt_m(b, seen),
-                 doubt = kOfExplained * std::abs(explained) + view;
-    const auto is_beyond = [&](double least) {
-      return std::abs(it.off_m) >= scattered * least + view && (it.off_m > 0) == (beyond > 0) &&
-             std::abs(beyond) >= scattered * least + doubt;
-    };
-    // Once it moves it is kept where it is seen, whatever is left to go, until it has been still for a while.
-    const bool moving = moves(own);
-    it.moves = is_beyond(moving ? std::max(kLeastMoving_m, kErrorsMoving * it.error_m)
-                                : threshold_m(it.error_m));
-    if (!it.moves && !(moving && std::abs(beyond) > doubt)) continue;
-    it.beyond_m = beyond;
+    if (!is_off(it, slope, slope.norm() * view_doubt_m(b, seen))) continue;
+    any = true;
     ++s_.looked_count;
   }
+  return any;
 }
 
 // Each is moved by the mean of itself and of those of its neighbours that say the same; one of few nodes by theirs.
@@ -544,15 +559,18 @@ void SurfaceFollower::loosen_round(const Looked& it) noexcept {
 }
 
 void SurfaceFollower::step(IntegrateStats& stats) noexcept {
-  if (!compare_blocks(stats)) return;
-  const CommonMotion camera = camera_error(stats);
-  if (!camera.told) return;
+  const bool asked = compare_blocks(stats);
+  if (!asked) return;
   const UpdateCamera cam = map_.update_camera(k_, view_.X_CW);
   s_.looked_count = 0;
-  for (int n = 0; n < s_.met_count; ++n)
-    look_round(cam, s_.met[static_cast<std::size_t>(n)], camera);
+  bool any = false;
+  for (int n = 0; n < s_.met_count; ++n) {
+    const bool off = look_round(cam, s_.met[static_cast<std::size_t>(n)]);
+    any = any || off;
+  }
+  stats.follow_tests += tests_;
+  if (!any) return;
   smooth();
-  stats.follow_tests += static_cast<std::int64_t>(looks_) * TsdfMap::kBlockVoxels;
   for (int n = 0; n < s_.looked_count; ++n) {
     if (s_.looked[static_cast<std::size_t>(n)].by_m == 0) continue;
     ++stats.blocks_moved;
