@@ -75,6 +75,7 @@ IntegrateStats TsdfMap::integrate(const FrameView& frame, const Pose& X_WC,
   }
   const std::int64_t ready = profiling_ ? cpu_ns(*crew_) : 0;
   allocate_band(view, pixel_step, stats);
+  follow(view, stats);
   const std::int64_t allocated = profiling_ ? cpu_ns(*crew_) : 0;
   update_blocks(view, stats);
   const std::int64_t updated = profiling_ ? cpu_ns(*crew_) : 0;

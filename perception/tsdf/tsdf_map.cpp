@@ -7,6 +7,7 @@
 
 #include "perception/tsdf/allocate_scratch.hpp"
 #include "perception/tsdf/block_codec.hpp"
+#include "perception/tsdf/follow_scratch.hpp"
 #include "rt/hash.hpp"
 
 namespace perception {
@@ -100,6 +101,7 @@ void TsdfConfig::describe(config::Section& s) {
            "unbounded");
   s.number("decay_half_life_s", decay_half_life_s, 0, 1e6,
            "weight of what is not seen again halves in this time; 0: never");
+  s.flag("follow", follow, "surfaces that move slowly while they are looked at are followed");
 }
 
 double TsdfConfig::effective_far() const noexcept { return std::max(far_m, max_depth_m + 1.0); }
@@ -119,7 +121,8 @@ TsdfMap::TsdfMap(rt::NonRealtime& nrt, const TsdfConfig& config)
       range_weight_(config.weighting == "range"),
       pyramid_(nrt),
       directory_(nrt),
-      allocate_(std::make_unique<AllocateScratch>()) {
+      allocate_(std::make_unique<AllocateScratch>()),
+      follow_(std::make_unique<FollowScratch>(static_cast<std::size_t>(config_.max_blocks))) {
   const auto blocks = static_cast<std::size_t>(config_.max_blocks);
   const auto chunks = static_cast<std::size_t>(config_.max_chunks);
   chunks_.resize(chunks + 1);
@@ -155,7 +158,9 @@ std::size_t TsdfMap::memory_bytes() const noexcept {
          bytes(label_pool_) + bytes(label_bits_) + bytes(label_of_block_) + bytes(block_of_label_) +
          bytes(label_recycled_) + bytes(free_) + bytes(coords_) + bytes(ahead_) + bytes(changed_) +
          bytes(in_use_) + bytes(recycled_) + bytes(in_view_) + bytes(to_carve_) +
-         sizeof *allocate_ + pyramid_.memory_bytes() + directory_.memory_bytes();
+         sizeof *allocate_ + sizeof *follow_ + bytes(follow_->memory) + bytes(follow_->met) +
+         bytes(follow_->asked) + bytes(follow_->loosened) + pyramid_.memory_bytes() +
+         directory_.memory_bytes();
 }
 
 void TsdfMap::clear() noexcept {
@@ -235,6 +240,7 @@ std::int32_t TsdfMap::new_block(Chunk& c, BlockCoord at) noexcept {
   coords_[static_cast<std::size_t>(b)] = at;
   in_use_[static_cast<std::size_t>(b)] = 1;
   changed_[static_cast<std::size_t>(b)] = revision_;
+  follow_->memory[static_cast<std::size_t>(b)] = {};
   c.block[static_cast<std::size_t>(in_chunk(at.x, at.y, at.z))] = b;
   c.settled[static_cast<std::size_t>(at.x & 7)] |= 1ULL << ((at.y & 7) * 8 + (at.z & 7));
   ++c.blocks;

@@ -23,6 +23,7 @@
 //           integrate() first brings back what its camera sees.
 // Volume    with volume_m, nothing is kept outside of a cube of whole blocks, parallel to the grid, whose
 //           centre lies half an edge in front of the first camera that was fused.
+// Follow    a surface that moves slowly while it is looked at is followed (follow.cpp).
 // Decay     with decay_half_life_s, what is not seen again loses weight and is unknown in the end.
 // Order     every result is a function of the sequence of calls: same input, same bytes.
 #pragma once
@@ -55,6 +56,8 @@ namespace perception {
 struct UpdateCamera;  // voxel_update.hpp
 class CameraBoxes;    // frame_view.hpp
 struct AllocateScratch;
+struct FollowScratch;
+class SurfaceFollower;
 struct BandJob;     // band_kernel.hpp
 struct BlockImage;  // block_codec.hpp
 
@@ -76,6 +79,7 @@ struct TsdfConfig {
   int far_store_kib = 16384;     // of what is put away, about 0.8 KiB a block; 0: nothing is
   double volume_m = 0;           // edge of a cube in front of the first camera, or 0: unbounded
   double decay_half_life_s = 0;  // of the weight of what is not seen again; 0: never
+  bool follow = true;            // surfaces that move slowly (follow.cpp)
 
   void describe(config::Section& s);
   // truncation_m, raised to 2.1 voxels where the voxels are coarse.
@@ -90,6 +94,8 @@ struct FrameView {
   ImageView<const std::uint16_t> depth_mm{};  // 0 and 65535 = no reading
   ImageView<const Rgb> colour{};
   ImageView<const std::uint8_t> moving{};  // not 0: carves, is not fused; empty: nothing moves
+  bool follow = true;                      // surfaces that move slowly (follow.cpp)
+  Eigen::AlignedBox3d follow_W{};          // in this box; empty: everywhere
 
   [[nodiscard]] static FrameView of(const RgbdFrame& f) noexcept {
     return {f.intrinsics, f.depth(), f.has_colour ? f.rgb() : ImageView<const Rgb>{}};
@@ -109,6 +115,8 @@ struct IntegrateStats {
   std::int64_t voxels_carved = 0;   // known voxels seen through
   std::int64_t free_tests = 0;      // cubes tested for free space
   std::int32_t blocks_fetched = 0;  // that were put away and are in view
+  std::int32_t blocks_moved = 0;    // with their surface
+  std::int64_t follow_tests = 0;    // readings compared for that, and nodes of what was looked at
 };
 
 // Of one page() or fetch_view(). Counts are of chunks unless they say otherwise.
@@ -385,6 +393,8 @@ class TsdfMap {
   void update_range(const View&, const UpdateCamera&, int first, int last,
                     IntegrateStats&) noexcept;
   void carve(const View&, IntegrateStats&) noexcept;
+  friend class SurfaceFollower;
+  void follow(const View&, IntegrateStats&) noexcept;
   void place_volume(const Pose& X_WC) noexcept;
   // Of an aligned cube of nodes, its first node and edge: whether any, or all, of it may be kept.
   [[nodiscard]] bool meets_volume(const std::array<int, 3>& node0, int edge) const noexcept;
@@ -455,6 +465,7 @@ class TsdfMap {
   DepthPyramid pyramid_;
   ChunkDirectory directory_;  // round the camera of the frame being fused
   std::unique_ptr<AllocateScratch> allocate_;
+  std::unique_ptr<FollowScratch> follow_;
   rt::ForkJoin* crew_ = &rt::serial();
 };
 

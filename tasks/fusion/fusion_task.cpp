@@ -14,7 +14,10 @@ using perception::RgbdFrame;
 using perception::TrackingResult;
 using perception::TrackingState;
 
-constexpr int kPagedBlocks = 128;         // put away, and brought back, a frame
+constexpr int kPagedBlocks = 128;  // put away, and brought back, a frame
+// Round the hand, what moves slowly is followed: all that it can reach within a second. Elsewhere it shall stand out from the map,
+// or it would not be masked.
+constexpr double kUnderHand_m = 0.25;
 constexpr double kClearedNodes = 200000;  // of a region, a job
 
 // A surface between two nodes is known to half of their distance before it was seen often.
@@ -150,13 +153,17 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
     Stage stage(profiling_, *crew_, profile_.integrate);
     perception::FrameView seen = view_of(frame);
     if (masked_) seen.moving = pixel_mask();
+    seen.follow = hand_known_;
+    seen.follow_W = {window_centre_W_ - Vec3::Constant(kUnderHand_m),
+                     window_centre_W_ + Vec3::Constant(kUnderHand_m)};
     map_.decay(std::clamp(rt::seconds(frame.exposure - fused_exposure_), 0.0, 1.0));
     out.integration = map_.integrate(seen, X_WC_, knobs.allocate_step);
     out.integrated = !out.integration.refused;
     if (profiling_) profile_.integrate_parts = map_.last_times();
     const auto& s = out.integration;
     out.work += static_cast<std::uint64_t>(s.pixels) + static_cast<std::uint64_t>(s.rays) +
-                static_cast<std::uint64_t>(s.voxels_fused + s.voxels_carved + s.free_tests) +
+                static_cast<std::uint64_t>(s.voxels_fused + s.voxels_carved + s.free_tests +
+                                           s.follow_tests) +
                 kWorkOfBlock * static_cast<std::uint64_t>(s.blocks_fetched);
     if (out.integrated) fused_exposure_ = frame.exposure;
   }

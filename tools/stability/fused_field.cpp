@@ -20,6 +20,7 @@ using perception::Vec3;
 namespace {
 
 constexpr double kDistance_m = 1.0, kSeen_m = 0.15, kAround_m = 0.35;
+constexpr double kUnderHand_m = 0.25;  // as tasks/fusion has it; the hand is at the origin of S
 constexpr double kAxial = 1, kLateral_px = 0.3, kDropout = 0.5, kFlying = 0.02;
 
 perception::TsdfConfig map_config() {
@@ -124,7 +125,9 @@ void FusedField::see(const Solid& solid) {
   std::vector<std::uint16_t> mm(z.size());
   for (std::size_t n = 0; n < z.size(); ++n)
     mm[n] = static_cast<std::uint16_t>(std::lround(1000 * z[n]));
-  const perception::FrameView frame{k, {mm.data(), k.width, k.height, k.width}, {}};
+  perception::FrameView frame{k, {mm.data(), k.width, k.height, k.width}, {}};
+  frame.follow_W = {X_WS_.translation() - Vec3::Constant(kUnderHand_m),
+                    X_WS_.translation() + Vec3::Constant(kUnderHand_m)};
   const auto stats = map_.integrate(frame, X_WS_ * X_SC, 1);
   if (stats.refused || stats.blocks_refused > 0) {
     throw std::runtime_error("stability: a synthetic depth image was not fused");

@@ -33,7 +33,11 @@ struct Rig {
   Intrinsics k{182.5, 182.5, 127.5, 105.5, 256, 212};
   int frame = 0;
 
-  explicit Rig(double voxel) : config(small_map(voxel)), map(startup.token(), config) {}
+  explicit Rig(double voxel, bool follow = true)
+      : config(small_map(voxel)), map(startup.token(), [&] {
+          config.follow = follow;
+          return config;
+        }()) {}
   void see(const Scene& scene, int frames, bool masked = false) {
     Image<std::uint8_t> all(k.width, k.height);
     std::fill_n(all.data(), k.width * k.height, std::uint8_t{1});
@@ -98,7 +102,7 @@ TEST(Gone, WithoutAReadingNothingIsLearned) {
 // Word for word, where what stood for longer than is remembered goes, before a wall and before a grazing floor; with every
 // instruction set.
 void same_words_as_dense() {
-  Rig rig(0.02);
+  Rig rig(0.02, false);
   DepthPyramid pixels(rig.startup.token());
   constexpr int kHalf = 36;
   DenseReference dense(-kHalf, 2 * kHalf, rig.config);
