@@ -42,7 +42,8 @@ void TrackerConfig::describe(config::Section& s) {
       .number("lost_overlap", lost_overlap, 0, 1, "share of points that meet the map; below: lost")
       .number("weak_residual_m", weak_residual_m, 0, 1, "RMS above: weak")
       .number("lost_residual_m", lost_residual_m, 0, 1, "RMS above: lost")
-      .integer("lost_inliers", lost_inliers, 6, 100000, "fewer points at half resolution: lost")
+      .integer("lost_inliers", lost_inliers, 6, 100000,
+               "fewer points at half resolution of 512 x 424: lost; of smaller images as many less")
       .number("jump_translation_m", jump_translation_m, 0.001, 10, "from the prior; beyond: lost")
       .number("jump_rotation_deg", jump_rotation_deg, 0.1, 180, "from the prior; beyond: lost")
       .number("claim_translation_m", claim_translation_m, 0, 1, "prior good enough to claim on")
@@ -67,6 +68,15 @@ Tracker::Tracker(rt::NonRealtime& nrt, const TrackerConfig& config, int max_widt
 void Tracker::prepare(ImageView<const std::uint16_t> depth_mm, const Intrinsics& intrinsics,
                       int pixel_step) noexcept {
   pyramid_.build(depth_mm, intrinsics, pixel_step, *crew_);
+}
+
+int Tracker::least_points() const noexcept {
+  constexpr int kLeast = 60;
+  constexpr std::int64_t kWhole = 256 * 212;
+  const Intrinsics& k = pyramid_.level(1).intrinsics;
+  const std::int64_t share = config_.lost_inliers * std::int64_t{k.width} * k.height / kWhole;
+  return static_cast<int>(std::clamp<std::int64_t>(share, std::min(kLeast, config_.lost_inliers),
+                                                   config_.lost_inliers));
 }
 
 double Tracker::mean_depth() const noexcept { return pyramid_.mean_depth(noise_of(config_)); }
@@ -175,13 +185,12 @@ bool is_trusted(const TrackerConfig& c, const MotionPrior& prior) noexcept {
          prior.sigma_rotation_deg <= c.claim_rotation_deg;
 }
 
-void judge(const TrackerConfig& c, const MotionPrior& prior, const Pose& X_WC,
+void judge(const TrackerConfig& c, int least_points, const MotionPrior& prior, const Pose& X_WC,
            TrackingResult& out) noexcept {
   const Pose jump = prior.X_WC.inverse() * X_WC;
   const bool finite = X_WC.matrix().allFinite() && std::isfinite(out.residual_m);
-  const bool lost = !finite || out.inliers < c.lost_inliers ||
-                    out.on_surface < c.lost_inlier_share || out.overlap < c.lost_overlap ||
-                    out.residual_m > c.lost_residual_m ||
+  const bool lost = !finite || out.inliers < least_points || out.on_surface < c.lost_inlier_share ||
+                    out.overlap < c.lost_overlap || out.residual_m > c.lost_residual_m ||
                     jump.translation().norm() > c.jump_translation_m ||
                     rotation_angle(jump.linear()) > c.jump_rotation_deg * kDegree;
   if (lost) return;
@@ -227,7 +236,7 @@ void Tracker::track(const ModelView& model, const MotionPrior& prior, const Pose
   out.length_m = length;
   out.work = a.work;
   measure(eq, out);
-  judge(config_, prior, orthonormalised(model.X_WF * a.X_FC), out);
+  judge(config_, least_points(), prior, orthonormalised(model.X_WF * a.X_FC), out);
 }
 
 void Tracker::reacquire(const ModelView& model, const Pose& X_WC_guess,
@@ -270,7 +279,7 @@ bool Tracker::trusted(const MotionPrior& prior) const noexcept {
 
 bool Tracker::reliable(const TrackingResult& r, bool trusted_prior) const noexcept {
   return r.state != TrackingState::kLost && (r.fully_constrained || trusted_prior) &&
-         r.inliers >= config_.lost_inliers && r.inlier_share >= config_.reacquire_inlier_share &&
+         r.inliers >= least_points() && r.inlier_share >= config_.reacquire_inlier_share &&
          r.overlap >= config_.reacquire_overlap && r.residual_m <= config_.reacquire_residual_m &&
          r.contradiction <= config_.reacquire_contradiction &&
          (trusted_prior || r.condition <= config_.reacquire_condition);

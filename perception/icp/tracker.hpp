@@ -49,7 +49,7 @@ struct TrackerConfig {
   double lost_overlap = 0.10;      // share of live points that meet a model surface
   double weak_residual_m = 0.020;  // RMS, point to plane, of the inliers
   double lost_residual_m = 0.040;
-  int lost_inliers = 400;            // at level 1
+  int lost_inliers = 400;  // at level 1 of 512 x 424 pixels; of fewer their share (least_points())
   double jump_translation_m = 0.30;  // farther from the prior in one frame: lost
   double jump_rotation_deg = 20;
   double claim_translation_m = 0.010;
@@ -127,6 +127,9 @@ class Tracker {
   // Did reacquire() pass its gates? A close fit, and every direction constrained by the scene or, when the
   // guess was such, by a trusted prior.
   [[nodiscard]] bool reliable(const TrackingResult& r, bool trusted_prior = false) const noexcept;
+  // Fewer inliers at level 1 of the prepared frame: lost; fewer readings: blank. lost_inliers by the level's share of
+  // 256 x 212 pixels, from 60 on: ten for each degree of freedom.
+  [[nodiscard]] int least_points() const noexcept;
   // Is this prior good enough to claim on?
   [[nodiscard]] bool trusted(const MotionPrior& prior) const noexcept;
 

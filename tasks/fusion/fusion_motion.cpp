@@ -95,7 +95,7 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
 // ---------------------------------------------------------------- lost and found
 
 void FusionTask::watch_for_loss(const TrackingResult& r) noexcept {
-  const bool blank = tracker_.pyramid().level(1).valid < config_.tracker.lost_inliers;
+  const bool blank = tracker_.pyramid().level(1).valid < tracker_.least_points();
   blank_run_ = blank ? blank_run_ + 1 : 0;
   const bool adrift = r.state != TrackingState::kLost && !r.claimed && r.overlap < kAdriftOverlap;
   adrift_run_ = adrift ? adrift_run_ + 1 : 0;
@@ -155,7 +155,7 @@ void FusionTask::recover(const RgbdFrame& frame, const MotionPrior& prior, const
     }
     work = r.work;
   }
-  const bool blank = tracker_.pyramid().level(1).valid < config_.tracker.lost_inliers;
+  const bool blank = tracker_.pyramid().level(1).valid < tracker_.least_points();
   bool found = false;
   if (fits && !was_confirming && (trusted || !view.valid())) {
     // Odometry says that it is no other place; else the next frame is compared in a view without hint. Not before

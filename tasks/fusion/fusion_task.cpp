@@ -117,7 +117,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
     tracker_.prepare(view_of(frame).depth_mm, k, knobs.pixel_step);
     out.work += tracker_.pyramid().work();
   }
-  if (!started_ && tracker_.pyramid().level(1).valid < config_.tracker.lost_inliers) {
+  if (!started_ && tracker_.pyramid().level(1).valid < tracker_.least_points()) {
     return rt::Health::of(rt::Severity::kCounted, kFaultFusionBadFrame);
   }
 
