@@ -26,6 +26,7 @@
 
 #include "perception/tsdf/band_kernel.hpp"
 #include "perception/tsdf/follow_scratch.hpp"
+#include "perception/tsdf/follow_statistics.hpp"
 #include "perception/tsdf/frame_view.hpp"
 #include "perception/tsdf/map_reader.hpp"
 #include "perception/tsdf/voxel_update.hpp"
@@ -37,17 +38,15 @@ using Sums = FollowScratch::Sums;
 using Memory = FollowScratch::Memory;
 using Looked = FollowScratch::Looked;
 using Tile = FollowScratch::Tile;
+using namespace follow;
 
 constexpr int kReadings = 3400;  // that are compared in a frame, about
 constexpr double kObservations = 2;
-constexpr double kLeast_m = 0.8e-3, kErrors = 5, kScatter = 5;
+constexpr double kScatter = 5;
 // Of a block that was moved in the last kStill frames.
 constexpr double kLeastMoving_m = 0.25e-3, kErrorsMoving = 2.5;
 constexpr std::uint32_t kStill = 5;
-constexpr double kMost = 0.5;  // of the truncation
-// Nodes of one surface that moves agree: their scatter is at most so many times their noise, and, as what moves may tilt, of the way.
-constexpr double kAgree = 2, kTilt = 0.3;
-constexpr double kAcross = 0.25;   // of them may be off to the other side
+constexpr double kMost = 0.5;      // of the truncation
 constexpr double kFast_m = 0.015;  // across the surface in a frame: no slow motion
 // From a place that far from the last one, distances along the rays are others, beside edges and at a slant: nothing is followed.
 constexpr double kStep_m = 0.04, kTurn_rad = 0.044;
@@ -57,68 +56,10 @@ constexpr double kOfView = 0.5;
 constexpr double kOfExplained = 0.3;  // of what the camera's error explains may be wrong
 constexpr double kNoiseOfFew = 1.5;   // of the sensor's: their slant is not known
 constexpr float kKept = 0.75F;        // of what earlier frames said, a frame
-constexpr double kFewReadings = 5;    // say nothing of a block
-constexpr std::size_t kFewNodes = 24, kFewTiles = 12;
 constexpr std::uint32_t kMoved = 12 * TsdfMap::kWeightOne, kEnds = 2 * TsdfMap::kWeightOne;
 constexpr int kAtTheEnd = 32000;  // |d|: a bound, not a distance
 
-// Of a Kinect v2's reading along the axis.
-double sigma_m(double z) noexcept { return 1e-3 * std::max(1.2, 1.5 - 0.5 * z + 0.3 * z * z); }
-
 const Eigen::AlignedBox3d kEverywhere(Vec3::Constant(-1e9), Vec3::Constant(1e9));
-
-using Row = Eigen::Matrix<double, 6, 1>;
-using Square = Eigen::Matrix<double, 6, 6>;
-
-double median(std::span<double> v) noexcept {
-  const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
-  std::nth_element(v.begin(), middle, v.end());
-  return *middle;
-}
-
-struct Middle {
-  double value, scatter;  // median; from the median distance to it
-};
-Middle middle_of(std::span<double> v, std::span<double> room) noexcept {
-  const double value = median(v);
-  for (std::size_t n = 0; n < v.size(); ++n) room[n] = std::abs(v[n] - value);
-  return {value, 1.4826 * median(room.first(v.size()))};
-}
-
-// Where some of them stand, those that moved, to one side: they come first, `count` of them. False: not two such groups.
-bool apart_from_standing(std::span<double> offs, std::span<double> room, double noise,
-                         std::size_t& count, Middle& moved) noexcept {
-  const auto first = offs.begin();
-  const auto far = [&](double off) { return std::abs(off) > 3 * noise; };
-  count = static_cast<std::size_t>(std::partition(first, offs.end(), far) - first);
-  if (count < kFewNodes) return false;
-  // Nearer to those than to what stands.
-  const double half = 0.5 * middle_of(offs.first(count), room).value;
-  const auto nearer = [&](double off) { return half > 0 ? off > half : off < half; };
-  count = static_cast<std::size_t>(std::partition(first, offs.end(), nearer) - first);
-  const std::span<double> rest = offs.subspan(count);
-  if (count < kFewNodes) return false;
-  moved = middle_of(offs.first(count), room);
-  const auto across = std::count_if(
-      rest.begin(), rest.end(), [&](double off) { return half > 0 ? off < -half : off > -half; });
-  return moved.scatter <= kAgree * noise + kTilt * std::abs(moved.value) &&
-         static_cast<double>(across) <= kAcross * static_cast<double>(count);
-}
-
-// Of a mean, m: from the scatter of what it is of, at least the sensor's.
-double standard_error(double count, double sum, double squares, double z_m) noexcept {
-  const double mean = sum / count, least = sigma_m(z_m);
-  return std::sqrt(std::max(squares / count - mean * mean, least * least) / count);
-}
-
-double threshold_m(double error_m) noexcept { return std::max(kLeast_m, kErrors * error_m); }
-
-bool stands_out(const Sums& s, float z_m, double doubt_m) noexcept {
-  const double count = s.count, sum = s.sum;
-  if (count < kFewReadings || std::abs(sum) < kLeast_m * count) return false;
-  return std::abs(sum) >=
-         count * (doubt_m + threshold_m(standard_error(count, sum, s.squares, z_m)));
-}
 
 // The pixels that are compared.
 struct Grid {
@@ -131,58 +72,6 @@ Grid grid_over(int u0, int v0, int u1, int v1, std::uint32_t frame) noexcept {
     return static_cast<int>(by * frame % static_cast<std::uint32_t>(step));
   };
   return {u0 + shift(5), v0 + shift(3), u1, v1, step};
-}
-
-// The small motion of the camera that most of the image agrees on.
-struct CommonMotion {
-  Row twist = Row::Zero();
-  Vec3 about = Vec3::Zero();
-  double radius = 1;
-  double scatter = 0;  // of the tiles about it, in units of each one's own threshold
-  bool told = false;
-  [[nodiscard]] Row row(const Vec3& slope, const Vec3& at) const noexcept {
-    Row out;
-    out << slope, (at - about).cross(slope) / radius;
-    return out;
-  }
-};
-
-// Tukey's weights from the plain start: what moves does not pull while it is the minority.
-void fit(std::span<const Tile> tiles, std::span<double> room, CommonMotion& out) noexcept {
-  constexpr double kTukey = 4.7, kLeastScatter = 0.1, kDamping = 1e-2;
-  constexpr int kRounds = 4;
-  std::size_t count = 0, within = 0;
-  for (int round = 0;; ++round) {
-    count = 0;
-    const auto off = [&](const Tile& t) {
-      const Row row = Eigen::Map<const Row>(t.row.data()) / t.count;
-      return t.sum / t.count - row.dot(out.twist);
-    };
-    const auto unit = [](const Tile& t) {
-      return threshold_m(standard_error(t.count, t.sum, t.squares, t.z_m));
-    };
-    for (const Tile& t : tiles)
-      if (t.count >= 4) room[count++] = std::abs(off(t)) / unit(t);
-    if (count < kFewTiles) return;
-    out.scatter = std::max(kLeastScatter, 1.4826 * median(room.first(count)));
-    if (round == kRounds) break;
-    Square A = Square::Zero();
-    Row right = Row::Zero();
-    within = 0;
-    for (const Tile& t : tiles) {
-      if (t.count < 4) continue;
-      const double far = std::abs(off(t)) / unit(t) / (kTukey * out.scatter);
-      if (far >= 1) continue;
-      ++within;
-      const Row row = Eigen::Map<const Row>(t.row.data()) / t.count;
-      const double w = (1 - far * far) * (1 - far * far) / (unit(t) * unit(t));
-      A.noalias() += w * row * row.transpose();
-      right.noalias() += w * (t.sum / t.count) * row;
-    }
-    A.diagonal().array() += kDamping * A.trace() / 6 + 1e-12;
-    out.twist = A.ldlt().solve(right);
-  }
-  out.told = 2 * within > count && out.twist.allFinite();
 }
 
 }  // namespace
