@@ -78,10 +78,7 @@ class MotionWatch {
   // Of what the pose by what stands still explains of the image: the share that another pose does.
   [[nodiscard]] double explains(const TrackingPyramid& pyramid, const ModelView& model,
                                 const Pose& X_WC) noexcept;
-  // Of the coarse image, 1: moves. Level of the pyramid that it has the size of.
-  [[nodiscard]] ImageView<const std::uint8_t> mask() const noexcept {
-    return {mask_.data(), width_, height_, width_};
-  }
+  // Level of the pyramid that misfits() has the size of.
   [[nodiscard]] int level() const noexcept { return level_; }
   // Of the coarse image, 1: no part in the fit. What moves, and cells that do not fit what stands still.
   [[nodiscard]] ImageView<const std::uint8_t> misfits() noexcept;
