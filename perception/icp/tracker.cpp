@@ -179,12 +179,6 @@ void measure(const NormalEquations& eq, TrackingResult& out) noexcept {
   out.residual_m = eq.weight > 0 ? std::sqrt(eq.r2 / eq.weight) : 0;
 }
 
-bool is_trusted(const TrackerConfig& c, const MotionPrior& prior) noexcept {
-  return prior.source == MotionPrior::Source::kOdometry &&
-         prior.sigma_translation_m <= c.claim_translation_m &&
-         prior.sigma_rotation_deg <= c.claim_rotation_deg;
-}
-
 void judge(const TrackerConfig& c, int least_points, const MotionPrior& prior, const Pose& X_WC,
            TrackingResult& out) noexcept {
   const Pose jump = prior.X_WC.inverse() * X_WC;
@@ -273,8 +267,10 @@ void Tracker::reacquire(const ModelView& model, const Pose& X_WC_guess,
   out.state = TrackingState::kWeak;
 }
 
-bool Tracker::trusted(const MotionPrior& prior) const noexcept {
-  return is_trusted(config_, prior);
+bool is_trusted(const TrackerConfig& c, const MotionPrior& prior) noexcept {
+  return prior.source == MotionPrior::Source::kOdometry &&
+         prior.sigma_translation_m <= c.claim_translation_m &&
+         prior.sigma_rotation_deg <= c.claim_rotation_deg;
 }
 
 bool Tracker::reliable(const TrackingResult& r, bool trusted_prior) const noexcept {

@@ -75,7 +75,13 @@ struct MotionPrior {
   // One-sigma error accumulated since the last frame that the scene constrained fully.
   double sigma_translation_m = 1.0;
   double sigma_rotation_deg = 180.0;
+  // kOdometry: where it has the camera by itself, over more than the last frame. Differs from X_WC by what tracking has
+  // added since, beyond the stated error.
+  Pose X_by_odometry_WC = Pose::Identity();
 };
+
+// Is this prior good enough to claim on?
+[[nodiscard]] bool is_trusted(const TrackerConfig& config, const MotionPrior& prior) noexcept;
 
 enum class TrackingState : std::uint8_t { kLost = 0, kWeak = 1, kTracking = 2 };
 
@@ -130,8 +136,6 @@ class Tracker {
   // Fewer inliers at level 1 of the prepared frame: lost; fewer readings: blank. lost_inliers by the level's share of
   // 256 x 212 pixels, from 60 on: ten for each degree of freedom.
   [[nodiscard]] int least_points() const noexcept;
-  // Is this prior good enough to claim on?
-  [[nodiscard]] bool trusted(const MotionPrior& prior) const noexcept;
 
   [[nodiscard]] const TrackingPyramid& pyramid() const noexcept { return pyramid_; }
   [[nodiscard]] const TrackerConfig& config() const noexcept { return config_; }

@@ -22,7 +22,10 @@ constexpr float kOwnScale = 0.1F;     // of two poses that are compared cell by 
 constexpr float kStay = 0.3F;         // scale from which a believed pose is refined
 constexpr float kMisfit = 2;          // scales, and a cell does not fit
 constexpr double kOtherMotion_m = 0.004;
+// What explains less of the image than a leap does, and is expected, is believed down to this share of it.
+constexpr double kUnlikely = 0.25;
 constexpr double kRivalLimit = 0.7;
+constexpr double kLeastRest = 0.05;  // of the pixels: less can not rival the winner
 
 Mat6 unpack(const double (&upper)[21]) noexcept {
   Mat6 H;
@@ -185,7 +188,7 @@ bool ConsensusResult::better_than(const ConsensusResult& other) const noexcept {
 }
 
 // What the winner leaves unexplained.
-void Consensus::conclude(const Vec6& xi, ConsensusResult& out) noexcept {
+void Consensus::conclude(const Vec6& xi, ConsensusResult& out, float most_scale) noexcept {
   out = ConsensusResult{};
   out.xi = xi;
   fit(xi, misfit_);
@@ -193,7 +196,7 @@ void Consensus::conclude(const Vec6& xi, ConsensusResult& out) noexcept {
     scale_ = ConsensusResult::kScales[k];
     out.support_at[k] = support(misfit_, remembered_);
   }
-  out.scale = scale_ = scale_of(misfit_, remembered_);
+  out.scale = scale_ = std::min(scale_of(misfit_, remembered_), most_scale);
   out.support = support(misfit_, remembered_);
   out.pairs = total_pairs_;
   double may_be_static = 0, unexplained = 0;
@@ -226,7 +229,7 @@ void Consensus::stay(const Cells& remembered, ConsensusResult& out) noexcept {
 
 void Consensus::compete(const Cells& remembered, const Vec6& still, const Vec6& prior,
                         double prior_sigma_m, std::uint64_t seed, ConsensusResult& out) noexcept {
-  constexpr int kMost = 17 + kHandfuls;
+  constexpr int kMost = 20 + kHandfuls;
   std::array<Vec6, kMost> pose;
   int count = 0;
   Cells all;
@@ -241,6 +244,7 @@ void Consensus::compete(const Cells& remembered, const Vec6& still, const Vec6& 
   add(all, false, Vec6::Zero(), 1.0F);
   add(all, false, still, 1.0F);
   add(all, false, prior, 1.0F);
+  add(all, false, prior, kStay);
   add(all, true, Vec6::Zero(), 36.0F);
   add(remembered, true, Vec6::Zero(), 6.0F);
   const int columns = sums_.columns, rows = sums_.rows;
@@ -275,18 +279,43 @@ void Consensus::compete(const Cells& remembered, const Vec6& still, const Vec6& 
     fit(pose[static_cast<std::size_t>(i)], misfit);
     tightest = std::min(tightest, scale_of(misfit, remembered));
   }
-  scale_ = tightest;
-  double most = -1;
-  for (int i = 0; i < count; ++i) {
-    fit(pose[static_cast<std::size_t>(i)], misfit);
-    const double way = mean_way(pose[static_cast<std::size_t>(i)], prior);
-    const double likely = 1 / (1 + (way / prior_sigma_m) * (way / prior_sigma_m));
-    const double s = support(misfit, remembered) * (0.9 + 0.1 * likely);
-    if (s > most) most = s, best = i;
-  }
+  const auto likely = [&](const Vec6& xi) {
+    const double way = mean_way(xi, prior) / prior_sigma_m;
+    return kUnlikely + (1 - kUnlikely) / (1 + way * way);
+  };
+  const auto choose = [&] {
+    double most = -1;
+    scale_ = tightest;
+    for (int i = 0; i < count; ++i) {
+      fit(pose[static_cast<std::size_t>(i)], misfit);
+      const double s = support(misfit, remembered) * likely(pose[static_cast<std::size_t>(i)]);
+      if (s > most) most = s, best = i;
+    }
+  };
+  choose();
   out = ConsensusResult{};
   if (best < 0) return;
-  conclude(pose[static_cast<std::size_t>(best)], out);
+  // What is left without the winner, by itself: less than half of the cells never sets the scale above.
+  Cells rest;
+  fit(pose[static_cast<std::size_t>(best)], misfit);
+  double left = 0, all_pairs = 0;
+  for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
+    rest[c] = misfit[c] > kMisfit * scale_ && sums_.pairs[c] >= kLeastPairs ? remembered[c] : 0.0F;
+    left += static_cast<double>(rest[c] * sums_.pairs[c]);
+    all_pairs += static_cast<double>(remembered[c] * sums_.pairs[c]);
+  }
+  if (left > kLeastRest * all_pairs) {
+    for (const bool from_prior : {true, false}) {
+      Vec6 xi = prior;
+      if (!from_prior && !solve(rest, Vec6::Zero(), xi)) continue;
+      refine(rest, from_prior ? 1.0F : 6.0F, kRounds, xi);
+      pose[static_cast<std::size_t>(count++)] = xi;
+      fit(xi, misfit);
+      tightest = std::min(tightest, scale_of(misfit, rest));
+    }
+    choose();
+  }
+  conclude(pose[static_cast<std::size_t>(best)], out, tightest);
   for (int i = 0; i < count; ++i) {
     const double way = mean_way(pose[static_cast<std::size_t>(i)], out.xi);
     if (way < kOtherMotion_m) continue;
@@ -298,7 +327,8 @@ void Consensus::compete(const Cells& remembered, const Vec6& still, const Vec6& 
                       (1 / (1 + misfit_[c] / scale_) - 1 / (1 + misfit[c] / scale_));
       (d > 0 ? ours : theirs) += static_cast<double>(std::abs(d));
     }
-    const double ratio = theirs / std::max(ours, 1.0);
+    const double ratio =
+        theirs * likely(pose[static_cast<std::size_t>(i)]) / (std::max(ours, 1.0) * likely(out.xi));
     if (ratio > out.rival) out.rival = ratio, out.rival_way_m = way;
   }
   out.certain = out.rival < kRivalLimit;

@@ -86,7 +86,8 @@ class Consensus {
   [[nodiscard]] double support(const Cells& misfit, const Cells& weight) const noexcept;
   [[nodiscard]] bool solve(const Cells& weight, const Vec6& from, Vec6& xi) const noexcept;
   [[nodiscard]] float scale_of(const Cells& misfit, const Cells& memory) const noexcept;
-  void conclude(const Vec6& xi, ConsensusResult& out) noexcept;
+  // By a scale of at most `most_scale`: another motion may fit its cells more tightly than half of all fit this one.
+  void conclude(const Vec6& xi, ConsensusResult& out, float most_scale = 1) noexcept;
   void refine(const Cells& memory, float scale, int rounds, Vec6& xi) const noexcept;
 
   CellSums sums_;

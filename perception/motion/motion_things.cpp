@@ -225,6 +225,7 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
       thing.old += evidence_[static_cast<std::size_t>(i)] == kRested ? 1 : 0;
       thing.agrees += evidence_[static_cast<std::size_t>(i)] == kAgrees ? 1 : 0;
       const int u = i % width_, v = i / width_;
+      thing.misfits += consensus_.fits(cell_of(u, v)) ? 0 : 1;
       const int next[4] = {u > 0 ? i - 1 : -1, u + 1 < width_ ? i + 1 : -1, v > 0 ? i - width_ : -1,
                            v + 1 < height_ ? i + width_ : -1};
       for (const int b : next) {
@@ -261,7 +262,8 @@ MotionWatch::Place* MotionWatch::place_of(const Vec3f& p_W, bool make) noexcept 
 void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
   const int size = end - first;
   if (size < config_.least_pixels) return;
-  const bool small = size < width_ * height_ / 2;
+  // The place itself is large, and fits: a wrong pose must not make it a thing.
+  const bool apart = size < width_ * height_ / 2 || thing.misfits >= size / 2;
   const bool moves =
       thing.evidence >= config_.least_pixels && thing.evidence >= config_.least_share * size;
   // It moved in the last image, and goes on, or is nowhere that the map knows.
@@ -269,7 +271,7 @@ void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
       thing.remembered >= size / 3 && thing.evidence >= std::max(config_.least_pixels, size / 33);
   const bool elsewhere =
       thing.remembered >= size / 2 && thing.agrees < size / 2 && thing.old < size / 2;
-  if (!moves && !(small && (goes_on || elsewhere))) return;
+  if (!moves && !(apart && (goes_on || elsewhere))) return;
   // Nothing of it is where nothing was a moment ago: it stands.
   const bool stands = thing.young < std::max(config_.least_pixels, size * kYoungPercent / 100);
   if (stands) {
@@ -284,7 +286,7 @@ void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
   }
   for (int at = first; at < end; ++at) {
     const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
-    mask_[i] = small || seed_[i] != 0 ? 1 : 0;
+    mask_[i] = apart || seed_[i] != 0 ? 1 : 0;
     if (mask_[i] != 0 && evidence_[i] != kAgrees) static_cast<void>(place_of(now_W_[i], true));
   }
 }

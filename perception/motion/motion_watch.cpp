@@ -12,9 +12,13 @@ constexpr double kNear_m = 0.004;  // mean way over the points: the sums hold
 constexpr double kDoubt =
     0.05;  // of the pixels that may be static, unexplained: hypotheses compete
 constexpr double kSudden = 0.02;  // of the image
-constexpr double kPriorSigma_m = 0.02;
+// How well the camera's motion has been foreseen of late says how far off the next prior may be; at most so much.
+constexpr double kPriorSigma_m = 0.02, kOfInnovation = 3, kInnovationGain = 1.0 / 8;
 // So much of the image says what trusted odometry says, and not what the majority says: the majority moves.
 constexpr double kCorroborated = 0.03;
+// A map that has drifted misses what stands still by more than noise: RMS of the tracker's residuals over some frames,
+// at most so much; four of it are no motion yet.
+constexpr float kMostMapError_m = 0.005F, kOfMapError = 4, kMapErrorGain = 1.0F / 16;
 
 }  // namespace
 
@@ -50,6 +54,8 @@ void MotionWatch::forget() noexcept {
   had_ = false;
   masked_share_ = 0;
   recent_ = 0;
+  map_error_m_ = 0;
+  innovation_m_ = kPriorSigma_m;
   std::fill(mask_.begin(), mask_.end(), std::uint8_t{0});
   std::fill(places_.begin(), places_.end(), Place{});
 }
@@ -59,7 +65,8 @@ float MotionWatch::front_limit(float z) const noexcept {
   const float sigma =
       0.5F * static_cast<float>(tracker_.noise_m +
                                 tracker_.noise_per_m2 * static_cast<double>(beyond * beyond));
-  return static_cast<float>(config_.front_m) + static_cast<float>(config_.front_voxel) * voxel_m_ +
+  return static_cast<float>(config_.front_m) + kOfMapError * map_error_m_ +
+         static_cast<float>(config_.front_voxel) * voxel_m_ +
          static_cast<float>(config_.front_sigma) * sigma;
 }
 
@@ -82,6 +89,10 @@ void MotionWatch::linearise(const TrackingPyramid& pyramid, const ModelView& mod
   consensus_.look(pyramid.level(level_), model, X_FC_, centre_F_, length_m_, rule_, rows);
 }
 
+double MotionWatch::prior_sigma_m() const noexcept {
+  return std::clamp(kOfInnovation * innovation_m_, kNear_m, kPriorSigma_m);
+}
+
 Pose MotionWatch::moved_by(const Vec6& xi) const noexcept {
   const Eigen::Translation3d to_centre(-centre_F_), back(centre_F_);
   return orthonormalised(X_WF_ * Pose(back * exp_se3(xi) * to_centre * X_FC_));
@@ -98,10 +109,9 @@ Vec6 MotionWatch::twist_to(const Pose& X_WC) const noexcept {
   return xi;
 }
 
-bool MotionWatch::trusted(const MotionPrior& prior) const noexcept {
-  return prior.source == MotionPrior::Source::kOdometry &&
-         prior.sigma_translation_m <= tracker_.claim_translation_m &&
-         prior.sigma_rotation_deg <= tracker_.claim_rotation_deg;
+bool MotionWatch::against_odometry(const MotionPrior& prior, const MotionResult& r) const noexcept {
+  return is_trusted(tracker_, prior) &&
+         consensus_.mean_way(r.consensus.xi, twist_to(prior.X_by_odometry_WC)) >= kNear_m;
 }
 
 // Least squares from a pose, the sums taken anew where it has gone far: they hold for centimetres.
@@ -141,7 +151,7 @@ void MotionWatch::remember_cells(const DepthLevel& live, const Pose& X_WC) noexc
 void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const ModelView& model,
                        const MotionPrior& prior, MotionResult& out) noexcept {
   out = MotionResult{};
-  out.X_WC = prior.X_WC;
+  out.X_WC = X_prior_WC_ = prior.X_WC;
   looked_ = certain_ = false;
   if (!config_.on) return;
   ++frame_;
@@ -164,7 +174,8 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   looked_ = certain_ = true;
   out.cells_misfit = out.consensus.misfits;
   X_majority_WC_ = out.X_WC;
-  doubtful_ = out.doubtful = !settled || out.consensus.unexplained > kDoubt;
+  doubtful_ = out.doubtful =
+      !settled || out.consensus.unexplained > kDoubt || against_odometry(prior, out);
 }
 
 void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model,
@@ -175,22 +186,29 @@ void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model
   static_cast<void>(settle_at(pyramid, model, X_tracked_WC, out));
   if (by_prior.consensus.better_than(out.consensus))
     static_cast<void>(settle_at(pyramid, model, by_prior.X_WC, out));
-  if (out.consensus.unexplained > kDoubt) {
+  const bool competed = out.consensus.unexplained > kDoubt;
+  if (competed) {
     const Vec6 still = twist_to(model.X_WF), expected = twist_to(prior.X_WC);
-    consensus_.compete(memory_, still, expected, kPriorSigma_m, frame_, out.consensus);
+    consensus_.compete(memory_, still, expected, prior_sigma_m(), frame_, out.consensus);
     out.work += 4 * pixels();  // of hypotheses
     out.certain = out.consensus.certain;
     out.X_WC = moved_by(out.consensus.xi);
-    const bool against =
-        trusted(prior) && consensus_.mean_way(out.consensus.xi, expected) >= kNear_m;
-    if (against && consensus_.own_share(expected) > kCorroborated) {
-      linearise(pyramid, model, prior.X_WC);
+  }
+  if (against_odometry(prior, out) &&
+      consensus_.own_share(twist_to(prior.X_by_odometry_WC)) > kCorroborated) {
+    linearise(pyramid, model, prior.X_by_odometry_WC);
+    consensus_.stay(memory_, out.consensus);
+    out.work += pixels();
+    out.X_WC = moved_by(out.consensus.xi);
+    out.certain = true;
+  } else if (competed && consensus_.mean_way(out.consensus.xi, Vec6::Zero()) >= kNear_m) {
+    if (out.certain) {
+      static_cast<void>(settle_at(pyramid, model, out.X_WC, out));
+    } else {  // it may be less than half of the image: only what fits it has a say
+      linearise(pyramid, model, out.X_WC);
       consensus_.stay(memory_, out.consensus);
       out.work += pixels();
       out.X_WC = moved_by(out.consensus.xi);
-      out.certain = true;
-    } else if (consensus_.mean_way(out.consensus.xi, Vec6::Zero()) >= kNear_m) {
-      static_cast<void>(settle_at(pyramid, model, out.X_WC, out));
     }
   }
   X_majority_WC_ = out.X_WC;
@@ -263,9 +281,17 @@ ImageView<const std::uint8_t> MotionWatch::misfits() noexcept {
   return {seed_.data(), width_, height_, width_};
 }
 
-void MotionWatch::settle() noexcept {
+void MotionWatch::settle(const TrackingResult& r) noexcept {
   // By a pose that may be another's, everything moves.
   if (!certain_) return;
+  if (r.claimed) {
+    const Pose step = X_prior_WC_.inverse(Eigen::Isometry) * r.X_WC;
+    const double way =
+        std::hypot(step.translation().norm(), length_m_ * rotation_angle(step.linear()));
+    innovation_m_ += kInnovationGain * (std::min(way, kPriorSigma_m) - innovation_m_);
+    map_error_m_ += kMapErrorGain *
+                    (std::min(static_cast<float>(r.residual_m), kMostMapError_m) - map_error_m_);
+  }
   remembered_ = 0;
   for (int i = 0; recent_ > 0 && i < width_ * height_; ++i)
     if (mask_[static_cast<std::size_t>(i)] != 0)

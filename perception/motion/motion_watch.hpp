@@ -29,7 +29,7 @@ namespace perception {
 
 struct MotionConfig {
   bool on = true;
-  double front_m = 0.018;     // in front of the map's surface by this ...
+  double front_m = 0.016;     // in front of the map's surface by this ...
   double front_voxel = 0.4;   // ... and this share of a voxel ...
   double front_sigma = 3;     // ... and so many sigma of a coarse pixel: evidence
   double least_share = 0.15;  // of a thing that is evidence
@@ -72,8 +72,8 @@ class MotionWatch {
                const Pose& X_tracked_WC, MotionResult& out) noexcept;
   // What moves against that.
   void find(const TsdfMap& map, const TrackingPyramid& pyramid, MotionResult& out) noexcept;
-  // After tracking: where the masked points are, for the next image.
-  void settle() noexcept;
+  // After tracking, by its result: where the masked points are, for the next image; how well the map is met.
+  void settle(const TrackingResult& r) noexcept;
 
   // Of what the pose by what stands still explains of the image: the share that another pose does.
   [[nodiscard]] double explains(const TrackingPyramid& pyramid, const ModelView& model,
@@ -93,7 +93,10 @@ class MotionWatch {
   [[nodiscard]] std::uint64_t pixels() const noexcept {
     return static_cast<std::uint64_t>(width_) * static_cast<std::uint64_t>(height_);
   }
-  [[nodiscard]] bool trusted(const MotionPrior& prior) const noexcept;
+  // Does the image say something else than odometry that is good enough to claim on?
+  [[nodiscard]] bool against_odometry(const MotionPrior& prior,
+                                      const MotionResult& r) const noexcept;
+  [[nodiscard]] double prior_sigma_m() const noexcept;
   [[nodiscard]] Pose moved_by(const Vec6& xi) const noexcept;
   [[nodiscard]] Vec6 twist_to(const Pose& X_WC) const noexcept;
   int gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC, bool all,
@@ -103,10 +106,14 @@ class MotionWatch {
   void grow(const DepthLevel& live) noexcept;
   void find_core(const DepthLevel& live) noexcept;
   void fringe(const DepthLevel& live) noexcept;
-  struct Thing {  // counts of its pixels; young: where nothing was a moment ago
-    int evidence = 0, remembered = 0, agrees = 0, old = 0, young = 0;
+  struct
+      Thing {  // counts of its pixels; young: where nothing was a moment ago; misfits: of cells that do not fit
+    int evidence = 0, remembered = 0, agrees = 0, old = 0, young = 0, misfits = 0;
   };
   void judge_thing(int first, int end, const Thing& thing) noexcept;
+  [[nodiscard]] int cell_of(int u, int v) const noexcept {
+    return v / CellSums::kEdge * consensus_.sums().columns + u / CellSums::kEdge;
+  }
   [[nodiscard]] Vec3f point_C(const DepthLevel& live, int i) const noexcept;
   [[nodiscard]] float front_limit(float z) const noexcept;
 
@@ -128,9 +135,12 @@ class MotionWatch {
   int remembered_ = 0;
   bool had_ = false;
   bool doubtful_ = false;
-  bool looked_ = false;      // the consensus is of this image
-  bool certain_ = false;     // and no other motion explains it as well
-  double masked_share_ = 0;  // of the last image
+  bool looked_ = false;         // the consensus is of this image
+  bool certain_ = false;        // and no other motion explains it as well
+  double masked_share_ = 0;     // of the last image
+  double innovation_m_ = 0.02;  // mean way of the tracked poses from their priors, of late
+  Pose X_prior_WC_ = Pose::Identity();
+  float map_error_m_ = 0;  // RMS by which what stands still misses the map, of late
   std::uint64_t frame_ = 0;
   int recent_ = 0;  // frames that evidence is remembered for
   struct Place {

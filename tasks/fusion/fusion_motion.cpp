@@ -68,7 +68,7 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
   if (by_majority) tracker_.drop(watch_.misfits(), watch_.level());
   tracker_.track(model(), prior, by_majority ? m.X_WC : prior.X_WC, knobs.iterations, r);
   // Along what the scene does not constrain odometry holds, and no majority of noise.
-  const bool open = r.degenerate_count > 0 && tracker_.trusted(prior);
+  const bool open = r.degenerate_count > 0 && is_trusted(config_.tracker, prior);
   if (by_majority && r.state != TrackingState::kLost && open) {
     work += r.work;
     tracker_.track(model(), prior, prior.X_WC, knobs.iterations, r);
@@ -89,7 +89,7 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
   }
   if (!m.certain) r.claimed = r.fully_constrained = false;
   r.work += work + m.work;
-  watch_.settle();
+  watch_.settle(r);
 }
 
 // ---------------------------------------------------------------- lost and found
@@ -113,7 +113,7 @@ void FusionTask::watch_for_loss(const TrackingResult& r) noexcept {
 // knows where it is. Odometry that is trusted leaves no room for one.
 void FusionTask::doubt_leap(const RgbdFrame& frame, const MotionPrior& prior,
                             TrackingResult& r) noexcept {
-  if (r.state == TrackingState::kLost || tracker_.trusted(prior)) return;
+  if (r.state == TrackingState::kLost || is_trusted(config_.tracker, prior)) return;
   const Pose leap = prior.X_WC.inverse() * r.X_WC;
   if (leap.translation().norm() <= config_.leap_translation_m &&
       perception::rotation_angle(leap.linear()) <= config_.leap_rotation_deg * kDegree)
@@ -139,7 +139,7 @@ void FusionTask::recover(const RgbdFrame& frame, const MotionPrior& prior, const
   const auto view = relocaliser_.view();
   tracker_.reacquire(view.valid() ? view : model(), prior.X_WC, r);
   std::uint64_t work = r.work;
-  const bool trusted = tracker_.trusted(prior);
+  const bool trusted = is_trusted(config_.tracker, prior);
   const bool fits = tracker_.reliable(r, trusted);
   if (fits && was_confirming) {
     MotionPrior near = prior;
@@ -200,13 +200,18 @@ perception::MotionPrior FusionTask::predict(rt::Time exposure) noexcept {
     sigma_translation_m_ += config_.odometry_translation_share * way;
     sigma_rotation_deg_ +=
         config_.odometry_rotation_share * turn_deg + config_.odometry_deg_per_m * way;
-    prior.X_WC = X_WC_ * setup_.X_BC.inverse() * step_B * setup_.X_BC;
+    const Pose step_C = setup_.X_BC.inverse() * step_B * setup_.X_BC;
+    prior.X_WC = X_WC_ * step_C;
+    chain_.carry(step_C, config_.odometry_translation_share * way,
+                 config_.odometry_rotation_share * turn_deg + config_.odometry_deg_per_m * way);
+    prior.X_by_odometry_WC = chain_.X_WC();
     prior.source = MotionPrior::Source::kOdometry;
     prior.sigma_translation_m = sigma_translation_m_;
     prior.sigma_rotation_deg = sigma_rotation_deg_;
   } else {
     // Without odometry over the whole interval, a later odometry step starts from nothing known.
     sigma_translation_m_ = sigma_rotation_deg_ = 1e3;
+    chain_.restart(X_WC_);
     const double dt = seconds_between(exposure_, exposure);
     prior.X_WC = X_WC_ * perception::exp_se3(dt * velocity_);
   }
@@ -227,6 +232,8 @@ void FusionTask::settle_motion(const TrackingResult& r, rt::Time exposure, bool 
   }
   if (r.fully_constrained) sigma_translation_m_ = sigma_rotation_deg_ = 0;
   X_WC_ = r.X_WC;
+  if (first || recovering_) chain_.restart(X_WC_);
+  if (r.claimed) chain_.follow(X_WC_);
   exposure_ = exposure;
 }
 

@@ -53,6 +53,7 @@
 #include "rt/tick.hpp"
 #include "tasks/fusion/fusion_body.hpp"
 #include "tasks/fusion/map_anchor.hpp"
+#include "tasks/fusion/odometry_chain.hpp"
 #include "tasks/fusion/scene_view.hpp"
 #include "tasks/graph/messages.hpp"
 #include "tasks/graph/object_list.hpp"
@@ -330,6 +331,7 @@ class FusionTask {
   // Error of odometry since the scene last constrained everything; and where it was at the last frame.
   double sigma_translation_m_ = 0, sigma_rotation_deg_ = 0;
   std::optional<Pose> X_OB_last_;
+  OdometryChain chain_;
 };
 
 }  // namespace tasks
