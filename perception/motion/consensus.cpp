@@ -5,27 +5,15 @@
 
 #include <Eigen/Cholesky>
 
-#include "rt/random.hpp"
-
 namespace perception {
 
 namespace {
 
 constexpr double kDamping =
     1e-5;  // of the prior, a pixel, unit motion: far below what a scene constrains
-constexpr int kHandfuls = 32;  // random hypotheses
-constexpr int kHandful = 6;    // cells of one
-constexpr int kRounds = 6;
 constexpr float kLeastScale = 0.03F;  // of the limit, of a scale that is estimated
 constexpr float kOfMedian = 4;        // the scale: so many times what half of the cells keep
 constexpr float kOwnScale = 0.1F;     // of two poses that are compared cell by cell, at least
-constexpr float kStay = 0.3F;         // scale from which a believed pose is refined
-constexpr float kMisfit = 2;          // scales, and a cell does not fit
-constexpr double kOtherMotion_m = 0.004;
-// What explains less of the image than a leap does, and is expected, is believed down to this share of it.
-constexpr double kUnlikely = 0.25;
-constexpr double kRivalLimit = 0.7;
-constexpr double kLeastRest = 0.05;  // of the pixels: less can not rival the winner
 
 Mat6 unpack(const double (&upper)[21]) noexcept {
   Mat6 H;
@@ -225,113 +213,6 @@ void Consensus::stay(const Cells& remembered, ConsensusResult& out) noexcept {
   refine(remembered, kStay, 1, xi);
   conclude(xi, out);
   out.certain = true;
-}
-
-void Consensus::compete(const Cells& remembered, const Vec6& still, const Vec6& prior,
-                        double prior_sigma_m, std::uint64_t seed, ConsensusResult& out) noexcept {
-  constexpr int kMost = 20 + kHandfuls;
-  std::array<Vec6, kMost> pose;
-  int count = 0;
-  Cells all;
-  all.fill(1);
-  remembered_ = remembered;
-  const auto add = [&](const Cells& start_weight, bool solve_it, const Vec6& from, float scale) {
-    Vec6 xi = from;
-    if (solve_it && !solve(start_weight, Vec6::Zero(), xi)) return;
-    refine(remembered, scale, kRounds, xi);
-    pose[static_cast<std::size_t>(count++)] = xi;
-  };
-  add(all, false, Vec6::Zero(), 1.0F);
-  add(all, false, still, 1.0F);
-  add(all, false, prior, 1.0F);
-  add(all, false, prior, kStay);
-  add(all, true, Vec6::Zero(), 36.0F);
-  add(remembered, true, Vec6::Zero(), 6.0F);
-  const int columns = sums_.columns, rows = sums_.rows;
-  for (int quarter = 0; quarter < 8; ++quarter) {  // four quarters, then what is left without each
-    Cells part;
-    part.fill(0);
-    for (int c = 0; c < sums_.size(); ++c) {
-      const bool in = (c % columns >= columns / 2) == ((quarter & 1) != 0) &&
-                      (c / columns >= rows / 2) == ((quarter & 2) != 0);
-      part[static_cast<std::size_t>(c)] = in == (quarter < 4) ? 1.0F : 0.0F;
-    }
-    add(part, true, Vec6::Zero(), 6.0F);
-  }
-  rt::Random rng(seed, 77);
-  for (int n = 0; n < kHandfuls; ++n) {
-    Cells part;
-    part.fill(0);
-    for (int k = 0, tries = 0; k < kHandful && tries < 64; ++tries) {
-      const auto c = static_cast<std::size_t>(rng() % static_cast<std::uint64_t>(sums_.size()));
-      if (sums_.pairs[c] < 2 * kLeastPairs || part[c] > 0) continue;
-      part[c] = 1;
-      ++k;
-    }
-    add(part, true, Vec6::Zero(), 6.0F);
-  }
-  // Most support, of what may be static, by what the tightest of them leaves to half of the cells: by the noise model's
-  // limit a far wall follows whatever is near.
-  Cells misfit;
-  int best = -1;
-  float tightest = 1;
-  for (int i = 0; i < count; ++i) {
-    fit(pose[static_cast<std::size_t>(i)], misfit);
-    tightest = std::min(tightest, scale_of(misfit, remembered));
-  }
-  const auto likely = [&](const Vec6& xi) {
-    const double way = mean_way(xi, prior) / prior_sigma_m;
-    return kUnlikely + (1 - kUnlikely) / (1 + way * way);
-  };
-  const auto choose = [&] {
-    double most = -1;
-    scale_ = tightest;
-    for (int i = 0; i < count; ++i) {
-      fit(pose[static_cast<std::size_t>(i)], misfit);
-      const double s = support(misfit, remembered) * likely(pose[static_cast<std::size_t>(i)]);
-      if (s > most) most = s, best = i;
-    }
-  };
-  choose();
-  out = ConsensusResult{};
-  if (best < 0) return;
-  // What is left without the winner, by itself: less than half of the cells never sets the scale above.
-  Cells rest;
-  fit(pose[static_cast<std::size_t>(best)], misfit);
-  double left = 0, all_pairs = 0;
-  for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
-    rest[c] = misfit[c] > kMisfit * scale_ && sums_.pairs[c] >= kLeastPairs ? remembered[c] : 0.0F;
-    left += static_cast<double>(rest[c] * sums_.pairs[c]);
-    all_pairs += static_cast<double>(remembered[c] * sums_.pairs[c]);
-  }
-  if (left > kLeastRest * all_pairs) {
-    for (const bool from_prior : {true, false}) {
-      Vec6 xi = prior;
-      if (!from_prior && !solve(rest, Vec6::Zero(), xi)) continue;
-      refine(rest, from_prior ? 1.0F : 6.0F, kRounds, xi);
-      pose[static_cast<std::size_t>(count++)] = xi;
-      fit(xi, misfit);
-      tightest = std::min(tightest, scale_of(misfit, rest));
-    }
-    choose();
-  }
-  conclude(pose[static_cast<std::size_t>(best)], out, tightest);
-  for (int i = 0; i < count; ++i) {
-    const double way = mean_way(pose[static_cast<std::size_t>(i)], out.xi);
-    if (way < kOtherMotion_m) continue;
-    fit(pose[static_cast<std::size_t>(i)], misfit);
-    double ours = 0, theirs = 0;
-    for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
-      if (sums_.pairs[c] < kLeastPairs) continue;
-      const float d = remembered[c] * sums_.pairs[c] *
-                      (1 / (1 + misfit_[c] / scale_) - 1 / (1 + misfit[c] / scale_));
-      (d > 0 ? ours : theirs) += static_cast<double>(std::abs(d));
-    }
-    const double ratio =
-        theirs * likely(pose[static_cast<std::size_t>(i)]) / (std::max(ours, 1.0) * likely(out.xi));
-    if (ratio > out.rival) out.rival = ratio, out.rival_way_m = way;
-  }
-  out.certain = out.rival < kRivalLimit;
 }
 
 }  // namespace perception

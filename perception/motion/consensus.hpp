@@ -37,9 +37,9 @@ struct ConsensusResult {
   float scale = 1;         // of that: what the cells leave by themselves
   std::array<double, 4> support_at{};  // by kScales, to compare two that were taken apart
   double pairs = 0;                    // pixels that met a surface within the gates
-  double rival = 0;        // of the strongest other motion: its own cells' pixels over ours
-  double rival_way_m = 0;  // how far that is off, mean over the points
-  bool certain = false;    // no rival comes near
+  double rival = 0;       // of the strongest other motion: its own cells' pixels over ours
+  bool certain = false;   // no rival comes near
+  bool outvoted = false;  // another motion explains more, and is not expected
   // By the tighter of both.
   [[nodiscard]] bool better_than(const ConsensusResult& other) const noexcept;
   int misfits = 0;         // cells that do not fit the winner
@@ -89,6 +89,29 @@ class Consensus {
   // By a scale of at most `most_scale`: another motion may fit its cells more tightly than half of all fit this one.
   void conclude(const Vec6& xi, ConsensusResult& out, float most_scale = 1) noexcept;
   void refine(const Cells& memory, float scale, int rounds, Vec6& xi) const noexcept;
+
+  static constexpr int kRounds = 6;
+  static constexpr float kStay = 0.3F;  // scale from which a believed pose is refined
+  static constexpr float kMisfit = 2;   // scales, and a cell does not fit
+  // Of compete(): what is proposed, what was expected, who wins.
+  struct Contest {
+    static constexpr int kHandfuls = 32;  // random hypotheses
+    std::array<Vec6, 16 + kHandfuls> pose;
+    int count = 0, best = -1;
+    Vec6 prior = Vec6::Zero();
+    double prior_sigma_m = 1;
+    float tightest = 1;  // scale
+    double most_support = 0;
+    [[nodiscard]] double likely(double way_m) const noexcept;
+  };
+  [[nodiscard]] double likely(const Contest& contest, const Vec6& xi) const noexcept;
+  void add_from(Contest& contest, Vec6 xi, float scale) const noexcept;
+  void add_of_part(Contest& contest, const Cells& part, float scale) const noexcept;
+  void propose(Contest& contest, const Vec6& still, std::uint64_t seed) const noexcept;
+  void propose_rest(Contest& contest) noexcept;
+  void choose(Contest& contest) noexcept;
+  [[nodiscard]] double rivalry(const Contest& contest, const Vec6& xi,
+                               const Vec6& winner) const noexcept;
 
   CellSums sums_;
   Cells limit2_{};  // m^2

@@ -17,8 +17,10 @@ constexpr double kPriorSigma_m = 0.02, kOfInnovation = 3, kInnovationGain = 1.0 
 // So much of the image says what trusted odometry says, and not what the majority says: the majority moves.
 constexpr double kCorroborated = 0.03;
 // A map that has drifted misses what stands still by more than noise: RMS of the tracker's residuals over some frames,
-// at most so much; four of it are no motion yet.
-constexpr float kMostMapError_m = 0.005F, kOfMapError = 4, kMapErrorGain = 1.0F / 16;
+// at most so much; five of what is beyond the first, which noise and voxels make (.6 to .8 mm in rendered rooms,
+// 2 to 5 in the recording), are no motion yet.
+constexpr float kFreeMapError_m = 0.001F, kMostMapError_m = 0.005F, kOfMapError = 5,
+                kMapErrorGain = 1.0F / 16;
 
 }  // namespace
 
@@ -65,7 +67,8 @@ float MotionWatch::front_limit(float z) const noexcept {
   const float sigma =
       0.5F * static_cast<float>(tracker_.noise_m +
                                 tracker_.noise_per_m2 * static_cast<double>(beyond * beyond));
-  return static_cast<float>(config_.front_m) + kOfMapError * map_error_m_ +
+  return static_cast<float>(config_.front_m) +
+         kOfMapError * std::max(0.0F, map_error_m_ - kFreeMapError_m) +
          static_cast<float>(config_.front_voxel) * voxel_m_ +
          static_cast<float>(config_.front_sigma) * sigma;
 }
@@ -131,6 +134,15 @@ bool MotionWatch::settle_at(const TrackingPyramid& pyramid, const ModelView& mod
   return settled;
 }
 
+// A pose that is believed though most of the image may say otherwise: only what fits it has a say.
+void MotionWatch::stay_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
+                          MotionResult& out) noexcept {
+  linearise(pyramid, model, X_WC);
+  consensus_.stay(memory_, out.consensus);
+  out.work += pixels();
+  out.X_WC = moved_by(out.consensus.xi);
+}
+
 // Cells of which a quarter moved in the last image may not be static.
 void MotionWatch::remember_cells(const DepthLevel& live, const Pose& X_WC) noexcept {
   memory_.fill(1);
@@ -152,7 +164,7 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
                        const MotionPrior& prior, MotionResult& out) noexcept {
   out = MotionResult{};
   out.X_WC = X_prior_WC_ = prior.X_WC;
-  looked_ = certain_ = false;
+  looked_ = certain_ = held_ = false;
   if (!config_.on) return;
   ++frame_;
   level_ = TrackingPyramid::kLevels - 1;
@@ -186,30 +198,28 @@ void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model
   static_cast<void>(settle_at(pyramid, model, X_tracked_WC, out));
   if (by_prior.consensus.better_than(out.consensus))
     static_cast<void>(settle_at(pyramid, model, by_prior.X_WC, out));
+  const bool trusted = is_trusted(tracker_, prior);
   const bool competed = out.consensus.unexplained > kDoubt;
   if (competed) {
-    const Vec6 still = twist_to(model.X_WF), expected = twist_to(prior.X_WC);
+    const Vec6 still = twist_to(model.X_WF),
+               expected = twist_to(trusted ? prior.X_by_odometry_WC : prior.X_WC);
     consensus_.compete(memory_, still, expected, prior_sigma_m(), frame_, out.consensus);
     out.work += 4 * pixels();  // of hypotheses
     out.certain = out.consensus.certain;
     out.X_WC = moved_by(out.consensus.xi);
   }
-  if (against_odometry(prior, out) &&
-      consensus_.own_share(twist_to(prior.X_by_odometry_WC)) > kCorroborated) {
-    linearise(pyramid, model, prior.X_by_odometry_WC);
-    consensus_.stay(memory_, out.consensus);
-    out.work += pixels();
-    out.X_WC = moved_by(out.consensus.xi);
-    out.certain = true;
+  // Odometry that is good enough to claim on settles which of two motions is the camera's, where some of the image says the same.
+  const Vec6 by_odometry = twist_to(prior.X_by_odometry_WC);
+  const bool against = against_odometry(prior, out), outvoted = competed && out.consensus.outvoted;
+  if (trusted &&
+      (against ? consensus_.own_share(by_odometry) > kCorroborated : outvoted || !out.certain)) {
+    stay_at(pyramid, model, against ? prior.X_by_odometry_WC : out.X_WC, out);
+    out.certain = held_ = true;
+  } else if (competed && (outvoted || !out.certain)) {
+    stay_at(pyramid, model, out.X_WC, out);
+    held_ = true;
   } else if (competed && consensus_.mean_way(out.consensus.xi, Vec6::Zero()) >= kNear_m) {
-    if (out.certain) {
-      static_cast<void>(settle_at(pyramid, model, out.X_WC, out));
-    } else {  // it may be less than half of the image: only what fits it has a say
-      linearise(pyramid, model, out.X_WC);
-      consensus_.stay(memory_, out.consensus);
-      out.work += pixels();
-      out.X_WC = moved_by(out.consensus.xi);
-    }
+    static_cast<void>(settle_at(pyramid, model, out.X_WC, out));
   }
   X_majority_WC_ = out.X_WC;
   certain_ = out.certain;
@@ -255,6 +265,8 @@ double MotionWatch::explains(const TrackingPyramid& pyramid, const ModelView& mo
                              const Pose& X_WC) noexcept {
   if (!looked_) return 1;
   const Vec6 xi = twist_to(X_WC);
+  // Support does not speak for a pose that is held against more of it.
+  if (held_ && consensus_.mean_way(xi, twist_to(X_majority_WC_)) >= kNear_m) return 0;
   const double share = consensus_.share_of_winner(xi);
   if (share >= config_.least_explained || consensus_.mean_way(xi, Vec6::Zero()) < kNear_m)
     return share;

@@ -29,7 +29,7 @@ namespace perception {
 
 struct MotionConfig {
   bool on = true;
-  double front_m = 0.016;     // in front of the map's surface by this ...
+  double front_m = 0.018;     // in front of the map's surface by this ...
   double front_voxel = 0.4;   // ... and this share of a voxel ...
   double front_sigma = 3;     // ... and so many sigma of a coarse pixel: evidence
   double least_share = 0.15;  // of a thing that is evidence
@@ -75,6 +75,8 @@ class MotionWatch {
   // After tracking, by its result: where the masked points are, for the next image; how well the map is met.
   void settle(const TrackingResult& r) noexcept;
 
+  // Did no other motion explain the last image as well?
+  [[nodiscard]] bool certain() const noexcept { return certain_ || !looked_; }
   // Of what the pose by what stands still explains of the image: the share that another pose does.
   [[nodiscard]] double explains(const TrackingPyramid& pyramid, const ModelView& model,
                                 const Pose& X_WC) noexcept;
@@ -89,6 +91,8 @@ class MotionWatch {
   void linearise(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC) noexcept;
   bool settle_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
                  MotionResult& out) noexcept;
+  void stay_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
+               MotionResult& out) noexcept;
   void remember_cells(const DepthLevel& live, const Pose& X_WC) noexcept;
   [[nodiscard]] std::uint64_t pixels() const noexcept {
     return static_cast<std::uint64_t>(width_) * static_cast<std::uint64_t>(height_);
@@ -136,6 +140,7 @@ class MotionWatch {
   bool had_ = false;
   bool doubtful_ = false;
   bool looked_ = false;         // the consensus is of this image
+  bool held_ = false;           // its pose is believed against what explains more
   bool certain_ = false;        // and no other motion explains it as well
   double masked_share_ = 0;     // of the last image
   double innovation_m_ = 0.02;  // mean way of the tracked poses from their priors, of late

@@ -67,15 +67,20 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
   const bool by_majority = m.moving || m.doubtful;
   if (by_majority) tracker_.drop(watch_.misfits(), watch_.level());
   tracker_.track(model(), prior, by_majority ? m.X_WC : prior.X_WC, knobs.iterations, r);
-  // Along what the scene does not constrain odometry holds, and no majority of noise.
-  const bool open = r.degenerate_count > 0 && is_trusted(config_.tracker, prior);
-  if (by_majority && r.state != TrackingState::kLost && open) {
+  // Along what the scene does not constrain odometry holds, and no majority of noise: as long as it does hold.
+  const bool trusted = is_trusted(config_.tracker, prior);
+  const auto open = [&] {
+    return trusted && r.degenerate_count > 0 &&
+           (r.X_WC.translation() - prior.X_WC.translation()).norm() <=
+               config_.tracker.claim_translation_m;
+  };
+  if (by_majority && r.state != TrackingState::kLost && trusted && r.degenerate_count > 0) {
     work += r.work;
     tracker_.track(model(), prior, prior.X_WC, knobs.iterations, r);
   }
   // Weighed by their noise, readings of a thing that the mask has missed have the leverage to carry the camera.
   const auto carried = [&] {
-    return r.state != TrackingState::kLost && !open &&
+    return r.state != TrackingState::kLost && !open() &&
            watch_.explains(pyramid, model(), r.X_WC) < config_.motion.least_explained;
   };
   if (carried() && !by_majority) {
@@ -225,7 +230,9 @@ void FusionTask::settle_motion(const TrackingResult& r, rt::Time exposure, bool 
     X_OB_last_ = odometry_at(exposure);
   } else {
     const double dt = seconds_between(exposure_, exposure);
-    velocity_ = twist_of(X_WC_.inverse() * r.X_WC) / std::max(dt, 1e-3);
+    // A pose among rivals says nothing of the camera's motion.
+    if (watch_.certain() || recovering_)
+      velocity_ = twist_of(X_WC_.inverse() * r.X_WC) / std::max(dt, 1e-3);
     if (!r.claimed) velocity_ *= config_.velocity_decay;
     // Between two frames of which one was only found, a way is a leap and no motion.
     if (recovering_) velocity_.setZero();
