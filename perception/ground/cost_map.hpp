@@ -33,8 +33,8 @@ struct CostMap {
       cost{};  // iy * width + ix
   std::array<float, static_cast<std::size_t>(kMaxCells) * kMaxCells>
       height_m{};  // highest surface; NaN unknown
-  // Of the occupied cells: where something moves, was seen to move last, or is taken to reach to (moving_cells.hpp).
-  // `cost` has them as kOccupied.
+  // Where something moves, was seen to move last, or is taken to reach to (moving_cells.hpp): kOccupied in `cost`, the
+  // last kInscribed, with the inflation of an obstacle.
   static constexpr int kMaxMoving = 2048;
   struct Moving {
     std::uint16_t cell = 0;    // iy * width + ix

@@ -512,6 +512,7 @@ void GroundMap::write(CostMap& out, rt::Time now) noexcept {
     out.cost[i] = shut || cells_[i].seen != 0 ? cost : static_cast<std::uint8_t>(CostMap::kUnknown);
     out.height_m[i] = cells_[i].height;
   }
+  moving_.soften(out, occupied_, drawn_);
 }
 
 }  // namespace perception

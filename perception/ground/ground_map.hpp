@@ -96,6 +96,9 @@ struct GroundFrame {
   Intrinsics intrinsics{};
   ImageView<const float> depth_m{};
   Pose X_WC = Pose::Identity();
+  // All readings, those of what moves too: through these a place is seen free. Empty: depth_m has all.
+  Intrinsics all_intrinsics{};
+  ImageView<const float> all_m{};
 };
 
 // What is known beforehand, in the world.

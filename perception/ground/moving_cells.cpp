@@ -118,6 +118,15 @@ void MovingCells::write(CostMap& out, rt::Time now) const noexcept {
   }
 }
 
+void MovingCells::soften(CostMap& out, std::span<const std::uint8_t> occupied,
+                         std::span<const std::uint8_t> drawn) const noexcept {
+  for (int i = 0; i < count_; ++i) {
+    const Entry& e = entries_[static_cast<std::size_t>(i)];
+    if (e.shown && e.behind && occupied[e.cell] == 0 && drawn[e.cell] == kBit)
+      out.cost[e.cell] = CostMap::kInscribed;
+  }
+}
+
 // ---------------------------------------------------------------- one image
 
 bool MovingCells::see(const MovingFrame& frame, const Place& place) noexcept {

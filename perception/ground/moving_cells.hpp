@@ -73,6 +73,9 @@ class MovingCells {
   // Forgets what was last seen longer than hold_s before `now`. True when there was any.
   bool expire(rt::Time now, std::span<std::uint8_t> drawn) noexcept;
   void write(CostMap& out, rt::Time now) const noexcept;
+  // Nobody saw an obstacle where a thing is only taken to reach: kInscribed, with an obstacle's inflation.
+  void soften(CostMap& out, std::span<const std::uint8_t> occupied,
+              std::span<const std::uint8_t> drawn) const noexcept;
   void clear(std::span<std::uint8_t> drawn) noexcept;
 
   [[nodiscard]] bool on() const noexcept { return config_.on; }

@@ -25,7 +25,10 @@ std::uint32_t GroundMap::slice_of(float h) const noexcept {
 // met in has been seen through since, some of them in this frame: the reading at the slice's middle lies more than a cell
 // beyond it. What is hidden, out of the image or without a reading may still be there.
 void GroundMap::look_through(const GroundFrame& frame) noexcept {
-  const Intrinsics& k = frame.intrinsics;
+  // What stood here may have gone on behind it: what moves is seen through to as well.
+  const bool all = frame.all_m.width > 0;
+  const Intrinsics& k = all ? frame.all_intrinsics : frame.intrinsics;
+  const ImageView<const float>& depth_m = all ? frame.all_m : frame.depth_m;
   const Pose X_CM = (X_MW_ * frame.X_WC).inverse(Eigen::Isometry);
   const Eigen::Matrix3f R = X_CM.linear().cast<float>();
   const Vec3f t = X_CM.translation().cast<float>();
@@ -44,7 +47,7 @@ void GroundMap::look_through(const GroundFrame& frame) noexcept {
     if (!(u >= -half && v >= -half && u < width + half && v < height + half)) return false;
     const int iu = static_cast<int>(std::clamp(u, 0.0F, width - 1)),
               iv = static_cast<int>(std::clamp(v, 0.0F, height - 1));
-    return frame.depth_m.at(iu, iv) > q.z() + cell_m + per_m2 * q.z() * q.z();  // none: 0
+    return depth_m.at(iu, iv) > q.z() + cell_m + per_m2 * q.z() * q.z();  // none: 0
   };
   const int few = std::max(1, static_cast<int>(std::lround(256 * config_.obstacle_area)));
   std::uint64_t looks = 0;

@@ -207,7 +207,9 @@ void FusionTask::see_ground(const TrackingResult& r) noexcept {
     ground_.update(
         {depth.intrinsics,
          {depth.depth.row(0), depth.depth.width(), depth.depth.height(), depth.depth.stride()},
-         X_WC_});
+         X_WC_,
+         setup_.camera,
+         pyramid.full_depth()});
   }
   if (r.state == TrackingState::kLost || !(masked_ || ground_.moving() > 0)) return;
   ground_.see_moving(
