@@ -132,6 +132,7 @@ std::string Calibration::does_not_track(const CalibrationRow& row) const {
   for (const auto& r : rows) {
     if (r.name == row.name) best = std::max(best, r.claimed_share);
   }
+  const double most_mm = recording.empty() ? kMostOff_mm : kMostOffReference_mm;
   char text[120] = "";
   if (row.tracked_share >= 0 && row.tracked_share < kLeastTrackedShare)
     std::snprintf(text, sizeof text,
@@ -140,9 +141,9 @@ std::string Calibration::does_not_track(const CalibrationRow& row) const {
   else if (row.claimed_share >= 0 && row.claimed_share < best - kMostClaimsLess)
     std::snprintf(text, sizeof text, "it claims %.1f %% of the stored images, another one %.1f %%",
                   100 * row.claimed_share, 100 * best);
-  else if (row.off_mm > kMostOff_mm)
+  else if (row.off_mm > most_mm)
     std::snprintf(text, sizeof text, "it claims a pose %.0f mm off, %.0f mm are allowed",
-                  row.off_mm, kMostOff_mm);
+                  row.off_mm, most_mm);
   return text;
 }
 

@@ -51,6 +51,8 @@ struct CalibrationRow {
 inline constexpr double kLeastTrackedShare = 0.5;
 inline constexpr double kMostClaimsLess = 0.05;
 inline constexpr double kMostOff_mm = 50;
+// A recording's reference is a KinectFusion's own, good to about 2 cm a metre.
+inline constexpr double kMostOffReference_mm = 60;
 
 // What a calibration holds for. Costs differ with each of them.
 struct CalibrationOrigin {
