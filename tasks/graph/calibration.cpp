@@ -21,6 +21,10 @@ void CalibrationRow::describe(config::Section& s) {
   s.number("p999_us", p999_us, 0, 1e7, "99.9 % quantile");
   s.number("work_min", work_min, 0, 1e18, "least work count seen");
   s.number("work_max", work_max, 0, 1e18, "largest work count seen");
+  s.number("still_p50_us", still_p50_us, -1, 1e7, "median where nobody moves; below 0: not told");
+  s.number("still_p999_us", still_p999_us, -1, 1e7, "99.9 % quantile where nobody moves");
+  s.number("moving_p50_us", moving_p50_us, -1, 1e7, "median where somebody moves");
+  s.number("moving_p999_us", moving_p999_us, -1, 1e7, "99.9 % quantile where somebody moves");
   s.number("tracked_share", tracked_share, -1, 1,
            "of the stored images not lost; below 0: not measured");
   s.number("claimed_share", claimed_share, -1, 1, "of the stored images; below 0: not measured");
@@ -75,9 +79,12 @@ std::string wrong_with(const CalibrationRow& r, const std::string& place) {
                           : refuse(place + key, figure(value),
                                    "from " + std::string(below) + " (" + figure(least) + ")");
   };
-  for (const auto& wrong : {rises("p99_us", r.p99_us, "p50_us", r.p50_us),
-                            rises("p999_us", r.p999_us, "p99_us", r.p99_us),
-                            rises("work_max", r.work_max, "work_min", r.work_min)}) {
+  for (const auto& wrong :
+       {rises("p99_us", r.p99_us, "p50_us", r.p50_us),
+        rises("p999_us", r.p999_us, "p99_us", r.p99_us),
+        rises("still_p999_us", r.still_p999_us, "still_p50_us", r.still_p50_us),
+        rises("moving_p999_us", r.moving_p999_us, "moving_p50_us", r.moving_p50_us),
+        rises("work_max", r.work_max, "work_min", r.work_min)}) {
     if (!wrong.empty()) return wrong;
   }
   for (std::size_t i = 1; i < r.quantiles_us.size(); ++i) {
@@ -115,7 +122,8 @@ rt::Nanos CalibrationRow::budget() const noexcept {
   if (row != nullptr && row->policy == rt::MissPolicy::kAbort &&
       static_cast<std::size_t>(level) < level_count(*row))
     return rt::Nanos{1000 * row->variants[static_cast<std::size_t>(level)].budget_us};
-  return rt::Nanos{static_cast<std::int64_t>(1000.0 * std::max(1.2 * p999_us, p999_us + 10.0))};
+  return rt::Nanos{
+      static_cast<std::int64_t>(1000.0 * std::max(1.2 * worst_us(), worst_us() + 10.0))};
 }
 
 void Calibration::describe(config::Section& s) {
@@ -132,6 +140,7 @@ std::string Calibration::does_not_track(const CalibrationRow& row) const {
   for (const auto& r : rows) {
     if (r.name == row.name) best = std::max(best, r.claimed_share);
   }
+  const double most_mm = recording.empty() ? kMostOff_mm : kMostOffReference_mm;
   char text[120] = "";
   if (row.tracked_share >= 0 && row.tracked_share < kLeastTrackedShare)
     std::snprintf(text, sizeof text,
@@ -140,9 +149,9 @@ std::string Calibration::does_not_track(const CalibrationRow& row) const {
   else if (row.claimed_share >= 0 && row.claimed_share < best - kMostClaimsLess)
     std::snprintf(text, sizeof text, "it claims %.1f %% of the stored images, another one %.1f %%",
                   100 * row.claimed_share, 100 * best);
-  else if (row.off_mm > kMostOff_mm)
+  else if (row.off_mm > most_mm)
     std::snprintf(text, sizeof text, "it claims a pose %.0f mm off, %.0f mm are allowed",
-                  row.off_mm, kMostOff_mm);
+                  row.off_mm, most_mm);
   return text;
 }
 
@@ -266,7 +275,10 @@ void save_calibration(const std::string& path, const Calibration& calibration) {
       }
       out << "]\n";
       for (const auto& [key, value] :
-           {std::pair{"tracked_share", r.tracked_share},
+           {std::pair{"still_p50_us", r.still_p50_us}, std::pair{"still_p999_us", r.still_p999_us},
+            std::pair{"moving_p50_us", r.moving_p50_us},
+            std::pair{"moving_p999_us", r.moving_p999_us},
+            std::pair{"tracked_share", r.tracked_share},
             std::pair{"claimed_share", r.claimed_share}, std::pair{"off_mm", r.off_mm}}) {
         if (value < 0) continue;
         std::snprintf(line, sizeof line, "%s = %.4f\n", key, value);
@@ -347,7 +359,7 @@ std::vector<std::vector<rt::CostQuantiles>> make_costs(const Calibration& calibr
         if (row != nullptr && spec.policy == rt::MissPolicy::kAbort)
           share = std::min(1000 * row->quantiles_us[i] / budget, 1 / 1.2);
         else if (row != nullptr && row->p999_us > 0)
-          share = std::min(row->quantiles_us[i] / row->p999_us, 1.0) / 1.2;
+          share = std::min(row->quantiles_us[i] / row->worst_us(), 1.0) / 1.2;
         q.value_ns.push_back(static_cast<std::int64_t>(share * budget));
       }
     }

@@ -1,5 +1,5 @@
 // What each variant of each task costs on a host: measured by `teletact calibrate`, read at start.
-// budget = max(1.2 p99.9, p99.9 + 10 us), except for a task with policy abort: it is admitted with its declared
+// budget = max(1.2 p99.9, p99.9 + 10 us), of fusion with the p99.9 of the images in which somebody moves where that is larger, except for a task with policy abort: it is admitted with its declared
 // budget, which the abort enforces; its row tells what it takes when nobody ends it, and decides nothing.
 //
 // File (TOML):   host = "..."          which machine measured it
@@ -7,13 +7,15 @@
 //                config = "..."        hash of the configuration that it measured
 //                recording = "..."     folder of recorded images; none: the scene's own camera
 //                [[task]] name, choice, level, p50_us, p99_us, p999_us, work_min, work_max, quantiles_us[33],
-//                         of fusion also tracked_share, claimed_share and, where the truth is known, off_mm
+//                         of fusion also still_p50_us, still_p999_us, moving_p50_us, moving_p999_us,
+//                         tracked_share, claimed_share and, where the truth is known, off_mm
 // Rows "fusion_worker": the sum over a job's forks of the largest share that a worker had; "fusion" is then its
 // own CPU.
 // `choice` is the static choice that the row was measured with ("20 mm"); a task without choices has none.
 // A variant that is not in the table keeps its declared budget.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <deque>
@@ -38,10 +40,14 @@ struct CalibrationRow {
   double p50_us = 0, p99_us = 0, p999_us = 0;
   double work_min = 0, work_max = 0;
   std::array<double, kQuantiles> quantiles_us{};  // of the CPU of a job, i / 32
+  // Of fusion: images before somebody walks into the view, and from then on. Below 0: not told apart.
+  double still_p50_us = -1, still_p999_us = -1, moving_p50_us = -1, moving_p999_us = -1;
   // Of fusion, on the stored images: frames that were not lost, frames claimed, and the largest error of a claimed pose, the
   // first one aligned. Below 0: not measured.
   double tracked_share = -1, claimed_share = -1, off_mm = -1;
   void describe(config::Section& s);
+  // 99.9 % of the jobs, and 99.9 % of those in which something moves, take no longer.
+  [[nodiscard]] double worst_us() const noexcept { return std::max(p999_us, moving_p999_us); }
   // By the rule above; of a task with policy abort the declared one.
   [[nodiscard]] rt::Nanos budget() const noexcept;
 };
@@ -51,6 +57,8 @@ struct CalibrationRow {
 inline constexpr double kLeastTrackedShare = 0.5;
 inline constexpr double kMostClaimsLess = 0.05;
 inline constexpr double kMostOff_mm = 50;
+// A recording's reference is a KinectFusion's own, good to about 2 cm a metre.
+inline constexpr double kMostOffReference_mm = 60;
 
 // What a calibration holds for. Costs differ with each of them.
 struct CalibrationOrigin {

@@ -3,6 +3,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "drivers/camera/passing_camera.hpp"
 #include "drivers/camera/tum_reader.hpp"
 #include "rt/clock/box_time.hpp"
 
@@ -26,6 +27,14 @@ drivers::TumSequence open_sequence(const std::string& dir) {
   }
   if (!sequence) throw std::runtime_error(sequence.error());
   return std::move(sequence).value();
+}
+
+// How the camera of a recording was held is not known: level, at the height of a chest.
+perception::Pose held_level() {
+  drivers::SyntheticCameraConfig held;
+  held.mount_position_m = {0, 0, 1.2};
+  held.mount_pitch_deg = 0;
+  return held.X_BC();
 }
 
 }  // namespace
@@ -107,6 +116,11 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
     }
   }
   camera_ = drivers::without_bias(nrt, std::move(camera_), scene.camera_choice.bias);
+  if (options.passer_from) {
+    camera_ = std::make_unique<drivers::PassingCamera>(
+        nrt, std::move(camera_), scene.rgbd_dir.empty() ? scene.camera.X_BC() : held_level(),
+        *options.passer_from);
+  }
   setup.camera = options.wrap_camera ? options.wrap_camera(*camera_) : camera_.get();
   graph_ = std::make_unique<tasks::RobotGraph>(nrt, scene.graph, setup);
   graph_->bind_link(nrt, endpoint_);

@@ -31,6 +31,8 @@ struct BoxOptions {
   rt::FaultPlan faults;
   rt::ModeGate mode_gate;
   std::function<void(int, int)> progress;  // of decoding a recording
+  // Calibration: from this instant on somebody walks before the camera (passing_camera.hpp).
+  std::optional<rt::Time> passer_from;
   // What stands between a task and its device's twin; empty: nothing.
   std::function<drivers::HapticDevice*(drivers::HapticDevice&)> wrap_device;
   std::function<drivers::MotorBus*(drivers::MotorBus&)> wrap_bus;

@@ -38,8 +38,29 @@ void end_if_asked() {
 using Jobs = std::array<std::vector<rt::JobRecord>, tasks::kTaskCount + 1>;
 constexpr int kShares = tasks::kTaskCount;
 
+// Of a job, by its place: did it take an image, and does somebody move in it?
+enum class Image : std::uint8_t { kNone, kStill, kMoving };
+
+void tell_stretches(const std::vector<rt::JobRecord>& jobs, const std::vector<Image>& images,
+                    tasks::CalibrationRow& row) {
+  if (images.size() != jobs.size()) return;  // another task's
+  const auto of = [&](Image wanted, double& p50_us, double& p999_us) {
+    std::vector<double> cpu_us;
+    for (std::size_t i = jobs.size() / 10; i < jobs.size(); ++i) {
+      if (images[i] == wanted) cpu_us.push_back(static_cast<double>(jobs[i].cpu_ns) * 1e-3);
+    }
+    if (cpu_us.empty()) return;
+    std::sort(cpu_us.begin(), cpu_us.end());
+    p50_us = at(cpu_us, 0.5);
+    p999_us = at(cpu_us, 0.999);
+  };
+  of(Image::kStill, row.still_p50_us, row.still_p999_us);
+  of(Image::kMoving, row.moving_p50_us, row.moving_p999_us);
+}
+
 tasks::CalibrationRow& add_row(tasks::Calibration& c, const std::vector<rt::JobRecord>& jobs,
-                               int task, const std::string& choice, int level) {
+                               int task, const std::string& choice, int level,
+                               const std::vector<Image>& images = {}) {
   tasks::CalibrationRow row;
   row.name =
       task == kShares ? tasks::kWorkerRow : tasks::kTaskTable[static_cast<std::size_t>(task)].name;
@@ -62,6 +83,7 @@ tasks::CalibrationRow& add_row(tasks::Calibration& c, const std::vector<rt::JobR
   row.p999_us = at(cpu_us, 0.999);
   row.work_min = static_cast<double>(work_min);
   row.work_max = static_cast<double>(work_max);
+  tell_stretches(jobs, images, row);
   for (std::size_t i = 0; i < row.quantiles_us.size(); ++i) {
     row.quantiles_us[i] =
         at(cpu_us, static_cast<double>(i) / static_cast<double>(row.quantiles_us.size() - 1));
@@ -121,9 +143,15 @@ class ScratchFolder {
 // The passes over the stored input.
 class Passes {
  public:
+  // `passer_from`: host time of the first exposure that may have somebody in it.
   Passes(rt::NonRealtime& nrt, Scene& scene, const std::string& folder, CameraTruth truth,
-         bool quiet)
-      : nrt_(nrt), scene_(scene), rgbd_(scene.rgbd_dir), truth_(std::move(truth)), quiet_(quiet) {
+         std::int64_t passer_from_ns, bool quiet)
+      : nrt_(nrt),
+        scene_(scene),
+        rgbd_(scene.rgbd_dir),
+        truth_(std::move(truth)),
+        passer_from_ns_(passer_from_ns),
+        quiet_(quiet) {
     for (const auto box : {rt::Box::kOperator, rt::Box::kRobot}) {
       auto r = read_recording(recording_file(folder, box));
       if (!r) throw std::runtime_error(r.error());
@@ -147,6 +175,7 @@ class Passes {
     };
     trial.fused = [&](const std::vector<tasks::FusionSample>& samples) {
       tracking_ = truth_.judge(samples);
+      look_for_movers(samples);
     };
     const auto result = run_trial(nrt_, scene_, of(box), trial);
     scene_.rgbd_dir = rgbd_;
@@ -168,15 +197,30 @@ class Passes {
     row.claimed_share = static_cast<double>(tracking_.claimed) / frames;
     row.off_mm = tracking_.off_mm;
   }
+  // Of the jobs of the last pass of the operator's box.
+  [[nodiscard]] const std::vector<Image>& images() const { return images_; }
   [[nodiscard]] int workers() const { return scene_.graph.pool.fusion_workers; }
 
  private:
+  void look_for_movers(const std::vector<tasks::FusionSample>& samples) {
+    const bool first = images_.empty();
+    images_.clear();
+    for (const auto& s : samples) {
+      const bool moving = kOperatorClock.to_host(s.exposure) >= passer_from_ns_;
+      images_.push_back(!s.consumed ? Image::kNone : moving ? Image::kMoving : Image::kStill);
+      if (!first || images_.back() != Image::kMoving) continue;
+      ++input_.moving_images;
+      input_.moving_share = std::max(input_.moving_share, static_cast<double>(s.moving_share));
+    }
+  }
   Recording& of(rt::Box box) { return box == rt::Box::kOperator ? operator_ : robot_; }
   rt::NonRealtime& nrt_;
   Scene& scene_;
   std::string rgbd_;
   CameraTruth truth_;
   TrackingFigures tracking_;
+  std::vector<Image> images_;
+  std::int64_t passer_from_ns_;
   bool quiet_;
   Recording operator_, robot_;
   CalibrationInput input_;
@@ -209,14 +253,19 @@ void measure_plain(tasks::Calibration& c, Passes& passes, const std::string& cho
       const auto& row = tasks::kTaskTable[static_cast<std::size_t>(task)];
       const auto i = static_cast<std::size_t>(task);
       if (row.box != box) continue;
-      tasks::CalibrationRow& first = add_row(c, base[i], task, task == kFusion ? choice : "", 0);
+      tasks::CalibrationRow& first = task == kFusion
+                                         ? add_row(c, base[i], task, choice, 0, passes.images())
+                                         : add_row(c, base[i], task, "", 0);
       if (task == kFusion) passes.tell_tracking(first);
-      if (task == kFusion && passes.workers() > 0) add_row(c, base[kShares], kShares, choice, 0);
+      if (task == kFusion && passes.workers() > 0)
+        add_row(c, base[kShares], kShares, choice, 0, passes.images());
       for (int level = 1; task != kFusion && level < level_count(row); ++level)
         add_row(c, passes.run(box, task, level, pass_name(row, {}, level))[i], task, {}, level);
     }
   }
 }
+
+constexpr double kStillShare = 0.6;  // of the images: somebody is in the others
 
 std::string hex(std::uint64_t x) {
   char text[20];
@@ -247,6 +296,10 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
   o.force_choice = options.front().name;
   o.black_box_s = 0;
   o.cores = 8;  // never a reason to refuse
+  // A recording's last image is held: what moves there is no test of tracking.
+  o.passer_from_s =
+      kStillShare *
+      (scene.rgbd_dir.empty() ? seconds : std::min(seconds, recording_seconds(scene.rgbd_dir)));
   if (!quiet) {
     std::printf("calibrate: storing %.0f s of input ...\n", seconds);
     std::fflush(stdout);
@@ -254,7 +307,10 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
   // Admission and costs of the stored run are the declared ones: it is the same on every machine.
   const VirtualRun stored = run_virtual(nrt, scene, o, tasks::Calibration{});
   end_if_asked();
-  Passes passes(nrt, scene, folder.path() + "/raw", CameraTruth(scene, stored.robot), quiet);
+  Passes passes(nrt, scene, folder.path() + "/raw", CameraTruth(scene, stored.robot),
+                kOperatorClock.to_host(rt::time_from_ns(stored.op.epoch_ns)) +
+                    rt::nanos_from_seconds(o.passer_from_s).count(),
+                quiet);
   const auto& fusion = tasks::kTaskTable[static_cast<std::size_t>(kFusion)];
   for (const auto& option : options) {
     scene.graph.fusion.tsdf.voxel_size_m = option.voxel_m;
@@ -263,9 +319,10 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
     for (int level = best ? 1 : 0; level < level_count(fusion); ++level) {
       const Jobs jobs =
           passes.run(fusion.box, kFusion, level, pass_name(fusion, option.name, level));
-      passes.tell_tracking(
-          add_row(c, jobs[static_cast<std::size_t>(kFusion)], kFusion, option.name, level));
-      if (passes.workers() > 0) add_row(c, jobs[kShares], kShares, option.name, level);
+      passes.tell_tracking(add_row(c, jobs[static_cast<std::size_t>(kFusion)], kFusion, option.name,
+                                   level, passes.images()));
+      if (passes.workers() > 0)
+        add_row(c, jobs[kShares], kShares, option.name, level, passes.images());
     }
   }
   scene.graph.fusion.tsdf.voxel_size_m = voxel_m;
@@ -329,7 +386,7 @@ tasks::Calibration host_calibration(rt::NonRealtime& nrt, Scene& scene, const De
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw std::runtime_error(folder.string() + ": can not be made: " + error.message());
-  tasks::Calibration c = calibrate(nrt, scene, 6.0, options.quiet);
+  tasks::Calibration c = calibrate(nrt, scene, 8.0, options.quiet);
   tasks::save_calibration(file, c);
   text = file + ", measured just now (" + c.host + ")";
   return c;

@@ -4,6 +4,10 @@
 // runs again from its recording (run_trial), once with everything at level 0, once for each further level of one
 // task and once for each level of each static choice that the scene allows; only that task is measured then.
 //
+// The last 40 % of the stored images have somebody in them who walks to and fro before the camera (passing_camera.hpp): what
+// moves costs fusion more, and may carry the camera. Their cost is told beside that of the images before, the budget
+// covers both, and how a variant tracks is judged on all of them. A recording's images get them as well.
+//
 // How fusion tracks is measured beside its cost: frames tracked and claimed, and how far a claimed pose is off where
 // the truth is known (the twin of the base, a recording's own poses). Admission takes no variant that does not track
 // (tasks/graph/calibration.hpp).
@@ -29,6 +33,9 @@ namespace teletact {
 struct CalibrationInput {
   std::uint64_t passes = 0;                         // of both boxes
   std::uint64_t operator_hash = 0, robot_hash = 0;  // of the bytes, the same in each pass
+  // Images that fusion took from when somebody walks, and what it found to move in one of them, best level.
+  std::size_t moving_images = 0;
+  double moving_share = 0;
 };
 
 // `seconds` of simulated time. Throws std::runtime_error if a pass was not fed what the others were, Stopped when

@@ -55,6 +55,12 @@ int cmd_calibrate(int argc, char** argv) {
     std::printf("%-18s %-7s %5d %10.1f %10.1f %10.1f %10.1f", r.name.c_str(), r.choice.c_str(),
                 r.level, r.p50_us, r.p99_us, r.p999_us,
                 static_cast<double>(r.budget().count()) * 1e-3);
+    if (r.moving_p999_us >= 0) {
+      metrics.add(name + ".still_p999_us", r.still_p999_us, "us");
+      metrics.add(name + ".moving_p999_us", r.moving_p999_us, "us");
+      std::printf("  still %.0f / %.0f, moving %.0f / %.0f;", r.still_p50_us, r.still_p999_us,
+                  r.moving_p50_us, r.moving_p999_us);
+    }
     if (r.claimed_share >= 0) {
       metrics.add(name + ".claimed_share", r.claimed_share, "1");
       metrics.add(name + ".tracked_share", r.tracked_share, "1");
@@ -66,6 +72,10 @@ int cmd_calibrate(int argc, char** argv) {
     }
     std::printf("\n");
   }
+  std::printf(
+      "still, moving: p50 / p99.9 of images before somebody walks into the view, and from then on "
+      "(%zu images, up to %.0f %% of one found to move)\n",
+      input.moving_images, 100 * input.moving_share);
   std::printf("planning: the budget is the declared one, which its abort enforces\n");
   write_outputs({{out, [&](const auto& path) { tasks::save_calibration(path, c); }},
                  {json, [&](const auto& path) { metrics.write(path); }}});

@@ -41,14 +41,15 @@ constexpr OptionUse kBench[] = {
 };
 
 constexpr OptionUse kAccuracy[] = {
-    {"--rgbd", "fusion --rgbd"},
-    {"--rgbd-frames", "fusion --rgbd"},
-    {"--intrinsics", "fusion --rgbd"},
-    {"--scenes", "fusion, fusion --rgbd"},
-    {"--frames", "fusion, fusion --rgbd"},
-    {"--voxels", "fusion, fusion --rgbd"},
+    {"--rgbd", "fusion --rgbd, weighting --rgbd"},
+    {"--rgbd-frames", "fusion --rgbd, weighting --rgbd"},
+    {"--intrinsics", "fusion --rgbd, weighting --rgbd"},
+    {"--scenes", "fusion, fusion --rgbd, weighting, weighting --rgbd"},
+    {"--frames", "fusion, fusion --rgbd, weighting, weighting --rgbd"},
+    {"--voxels", "fusion, fusion --rgbd, weighting, weighting --rgbd"},
+    {"--samples", "weighting, weighting --rgbd"},
     {"--data", "segmentation"},
-    {"--seed", "segmentation"},
+    {"--seed", "segmentation, weighting, weighting --rgbd"},
 };
 
 bool holds(const std::string& jobs, const std::string& job) {
@@ -70,7 +71,8 @@ void check_bench_use(const CLI::App& app, const std::string& what, bool rgbd) {
 }
 
 void check_accuracy_use(const CLI::App& app, const std::string& what, bool rgbd) {
-  check_use(app, what == "fusion" && rgbd ? "fusion --rgbd" : what, kAccuracy);
+  const bool of_images = what == "fusion" || what == "weighting";
+  check_use(app, of_images && rgbd ? what + " --rgbd" : what, kAccuracy);
 }
 
 }  // namespace teletact

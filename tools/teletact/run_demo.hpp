@@ -33,6 +33,7 @@ struct DemoOptions {
   int cores = 4;              // of the virtual clock's host; the declared budgets are for four
   double cut_link_at_s = -1;  // the cable is cut then
   double black_box_s = 5;     // seconds that a black box holds; 0: none
+  double passer_from_s = -1;  // virtual clock: somebody walks before the camera from then on
   bool record = false;        // inputs of both boxes to <report>/raw, for a replay
   std::string save_map;       // file for fusion's map at the end; empty: none
   // Virtual clock, for tests: called once, between two jobs, at this instant of the run.

@@ -96,6 +96,9 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
   op_options.faults = robot_options.faults = plan_of_faults;
   op_options.epoch = kOperatorClock.from_host(epoch);
   robot_options.epoch = kRobotClock.from_host(epoch);
+  if (options.passer_from_s >= 0) {
+    robot_options.passer_from = robot_options.epoch + rt::nanos_from_seconds(options.passer_from_s);
+  }
   std::unique_ptr<InputRecorder> op_inputs, robot_inputs;  // outlive what they are attached to
   std::unique_ptr<RobotBox> robot;
   std::unique_ptr<OperatorBox> op;

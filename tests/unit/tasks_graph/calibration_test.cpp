@@ -70,6 +70,40 @@ TEST(Calibration, BudgetIsTheLargerOfTheTwoMargins) {
   EXPECT_EQ(row("haptic", "", 0, 100).budget().count(), 120'000);  // x 1.2
 }
 
+// The images in which somebody moves are fewer than a thousandth may hide.
+TEST(Calibration, TheBudgetCoversTheImagesInWhichSomebodyMoves) {
+  Calibration c = whole();
+  auto at = [&c](int level) -> CalibrationRow& {
+    for (auto& r : c.rows) {
+      if (r.name == "fusion" && r.choice == "20 mm" && r.level == level) return r;
+    }
+    throw std::logic_error("no such row");
+  };
+  auto& r = at(0);
+  const auto still_alone = r.budget();
+  r.still_p50_us = 0.4 * r.p999_us;
+  r.still_p999_us = r.p999_us;
+  r.moving_p50_us = r.p999_us;
+  r.moving_p999_us = 1.5 * r.p999_us;
+  EXPECT_NEAR(rt::seconds(r.budget()), 1.5 * rt::seconds(still_alone), 1e-8);
+  // Simulated costs stay within it, and a file keeps it.
+  auto specs = tasks::make_specs(c);
+  auto fusion = specs[static_cast<std::size_t>(TaskId::kFusion)];
+  fusion.choice = "20 mm";
+  fusion.variants = fusion.choices[1].variants;
+  ASSERT_EQ(fusion.variants[0].budget, r.budget());
+  const auto costs = tasks::make_costs(c, {fusion});
+  EXPECT_LE(static_cast<double>(costs[0][0].value_ns.back()),
+            static_cast<double>(r.budget().count()) / 1.2);
+  EXPECT_NEAR(static_cast<double>(costs[0][0].value_ns.back()), 1e3 * r.quantiles_us.back(), 2);
+  const auto back = tasks::read_calibration(text_of(c), "c.toml");
+  ASSERT_TRUE(back) << back.error();
+  EXPECT_EQ(back.value().find("fusion", "20 mm", 0)->budget(), r.budget());
+  EXPECT_LT(back.value().find("fusion", "20 mm", 1)->moving_p999_us, 0) << "not told";
+  r.moving_p50_us = 2 * r.moving_p999_us;
+  EXPECT_FALSE(tasks::read_calibration(text_of(c), "c.toml"));
+}
+
 TEST(Calibration, AnAbortedTaskKeepsTheDeclaredBudgetAndCostsWhatItTakes) {
   Calibration c = whole();
   const auto specs = tasks::make_specs(c);

@@ -110,6 +110,13 @@ TEST(Choices, WhatDoesNotTrackIsNeverAdmitted) {
   EXPECT_FALSE(none.admitted);
   EXPECT_THAT(none.refusal, HasSubstr("10 mm: it claims a pose 60 mm off, 50 mm are allowed"));
   EXPECT_THAT(none.refusal, HasSubstr("20 mm: it is lost on 60.0 % of the stored images"));
+  // A recording's reference is good to 2 cm a metre.
+  c = measured(12, 6);
+  c.recording = "some/folder";
+  row_of(c, "10 mm", 0).off_mm = 59;
+  EXPECT_EQ(admitted(c).tasks[kFusion].choice, "10 mm");
+  row_of(c, "10 mm", 0).off_mm = 61;
+  EXPECT_EQ(admitted(c).tasks[kFusion].choice, "20 mm");
   // Where the scene constrains no frame all are alike, and nothing is told.
   c = measured(12, 6);
   for (auto& r : c.rows) r.tracked_share = 1, r.claimed_share = 0.02;

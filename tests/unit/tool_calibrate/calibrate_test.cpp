@@ -58,6 +58,7 @@ TEST(Calibrate, TellsHowEachVariantTracks) {
   for (const auto& r : measured().calibration.rows) {
     if (r.name != "fusion") {
       EXPECT_LT(r.claimed_share, 0) << r.name;
+      EXPECT_LT(r.moving_p999_us, 0) << r.name;
       continue;
     }
     // Empty: not lost, but nothing constrains the camera along its walls.
@@ -67,11 +68,26 @@ TEST(Calibrate, TellsHowEachVariantTracks) {
   }
   const auto furnished = teletact::load_scene(teletact::find_config("scenes", "default_room"),
                                               {"fusion.tsdf.voxel_size_m=0.02"});
-  const Calibration c = teletact::calibrate(nrt(), *furnished, 2, true);
+  teletact::CalibrationInput input;
+  const Calibration c = teletact::calibrate(nrt(), *furnished, 2, true, &input);
+  // Somebody walks through the last 40 % of 60 images, and fusion sees them move.
+  EXPECT_GE(input.moving_images, 20U);
+  EXPECT_LE(input.moving_images, 24U);
+  EXPECT_GT(input.moving_share, 0.05);
+  EXPECT_LT(input.moving_share, 0.5);
   for (int level = 0; level < 3; ++level) {
     const auto* r = c.find("fusion", "20 mm", level);
     ASSERT_NE(r, nullptr);
     EXPECT_GE(r->claimed_share, 0.98) << level;
+    EXPECT_GT(r->still_p50_us, 0) << level;
+    EXPECT_GE(r->still_p999_us, r->still_p50_us) << level;
+    EXPECT_GT(r->moving_p50_us, 0) << level;
+    EXPECT_GE(1e-3 * static_cast<double>(r->budget().count()) + 1e-3, 1.2 * r->moving_p999_us)
+        << level;
+    // Any image is one or the other.
+    EXPECT_NEAR(std::max(r->still_p999_us, r->moving_p999_us), r->quantiles_us.back(),
+                0.1 * r->quantiles_us.back())
+        << level;
     EXPECT_GE(r->off_mm, 0) << level;
     EXPECT_LT(r->off_mm, 20) << level;
     EXPECT_EQ(c.does_not_track(*r), "") << level;
