@@ -1,6 +1,5 @@
 // teletact demo: both boxes on this machine, and a report at the end.
 #include <sys/auxv.h>
-#include <sys/prctl.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -36,11 +35,14 @@ std::string iso_now() {
 void start_again_scalar(char** argv) {
   constexpr const char* kTunables = "GLIBC_TUNABLES";
   constexpr const char* kScalar = "glibc.cpu.hwcaps=-AVX,-AVX2,-AVX512F,-FMA,-FMA4";
+  if (::getauxval(AT_SECURE) != 0) {
+    throw std::runtime_error(
+        "--simd scalar: the loader takes no settings for a program whose file has capabilities; "
+        "tools/run --no-rights takes them away");
+  }
   const char* now = std::getenv(kTunables);
   if (now != nullptr && std::string(now) == kScalar) return;
   ::setenv(kTunables, kScalar, 1);
-  // With capabilities on its file the loader would not take the setting: start again without them.
-  if (::getauxval(AT_SECURE) != 0) ::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0);
   // argv[0] is the subcommand; the word before it is the program's name.
   ::execv("/proc/self/exe", argv - 1);
   throw std::runtime_error("--simd scalar: the program can not be started again");

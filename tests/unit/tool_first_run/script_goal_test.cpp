@@ -15,12 +15,12 @@ using Phase = tasks::TaskState::Phase;
 rt::Time at_s(double s) { return rt::time_from_ns(static_cast<std::int64_t>(1e9 * s)); }
 
 // A run of the default room that went well: 2 m of path, made at 4.6 s.
-struct Run {
+struct Drive {
   std::unique_ptr<teletact::Scene> scene;
   DemoOptions options;
   OperatorHalf op;
   RobotHalf robot;
-  explicit Run(const std::vector<std::string>& set = {})
+  explicit Drive(const std::vector<std::string>& set = {})
       : scene(teletact::load_scene(teletact::find_config("scenes", "default_room"), set)) {
     op.complete = robot.complete = true;
     op.view.task.marks = op.view.task.paths = 1;
@@ -39,14 +39,14 @@ struct Run {
 };
 
 TEST(ScriptGoal, Reached) {
-  const auto c = Run().check();
+  const auto c = Drive().check();
   EXPECT_TRUE(c.asked);
   EXPECT_TRUE(c.judged);
   EXPECT_EQ(c.missed, "");
 }
 
 TEST(ScriptGoal, NoMark) {
-  Run r;
+  Drive r;
   r.op.view.task = {};
   r.op.view.paths.clear();
   EXPECT_TRUE(r.check().judged);
@@ -54,7 +54,7 @@ TEST(ScriptGoal, NoMark) {
 }
 
 TEST(ScriptGoal, NoPath) {
-  Run r;
+  Drive r;
   r.op.view.paths.clear();
   r.op.view.task.phase = Phase::kFailed;
   r.op.view.task.failures = 1;
@@ -63,7 +63,7 @@ TEST(ScriptGoal, NoPath) {
 }
 
 TEST(ScriptGoal, NeverArrived) {
-  Run r;
+  Drive r;
   r.op.view.task.phase = Phase::kDriving;
   r.stand(0.06);
   EXPECT_TRUE(r.check().judged);
@@ -71,7 +71,7 @@ TEST(ScriptGoal, NeverArrived) {
 }
 
 TEST(ScriptGoal, BrokenOffSaysWhatStopped) {
-  Run r;
+  Drive r;
   r.op.view.task.phase = Phase::kIdle;
   r.op.view.mode.mode = tasks::Mode::kSafeStop;
   r.op.view.mode.cause = rt::FaultId{190};
@@ -81,7 +81,7 @@ TEST(ScriptGoal, BrokenOffSaysWhatStopped) {
 }
 
 TEST(ScriptGoal, ArrivedByOdometryAlone) {
-  Run r;
+  Drive r;
   r.stand(1.7);
   EXPECT_TRUE(r.check().judged);
   EXPECT_THAT(r.check().missed, HasSubstr("0.30 m off"));
@@ -90,7 +90,7 @@ TEST(ScriptGoal, ArrivedByOdometryAlone) {
 }
 
 TEST(ScriptGoal, AShorterRunIsNotJudgedUntilItsScriptIsOver) {
-  Run r;
+  Drive r;
   r.op.view.task = {};
   r.op.view.paths.clear();
   r.options.seconds = 4;  // the mark ends later
@@ -106,7 +106,7 @@ TEST(ScriptGoal, AShorterRunIsNotJudgedUntilItsScriptIsOver) {
 
 // 2 m at half of .5 m/s and 3 s: by 15.6 s.
 TEST(ScriptGoal, OnTheWayIsJudgedWhenItIsLate) {
-  Run r;
+  Drive r;
   r.op.view.task.phase = Phase::kDriving;
   r.stand(1);
   r.options.seconds = 18;
@@ -119,24 +119,24 @@ TEST(ScriptGoal, OnTheWayIsJudgedWhenItIsLate) {
 
 TEST(ScriptGoal, WhatIsBrokenOnPurposeIsNotJudged) {
   const auto judged = [](const auto& change) {
-    Run r;
+    Drive r;
     r.op.view.task.phase = Phase::kDriving;
     change(r);
     return r.check().judged;
   };
-  EXPECT_TRUE(judged([](Run&) {}));
-  EXPECT_FALSE(judged([](Run& r) { r.options.fault_plan = "extra_cpu"; }));
-  EXPECT_FALSE(judged([](Run& r) { r.options.cut_link_at_s = 5; }));
-  EXPECT_FALSE(judged([](Run& r) { r.options.stub_bodies = true; }));
-  EXPECT_FALSE(judged([](Run& r) { r.options.rgbd_dir = "recording"; }));
-  EXPECT_FALSE(judged([](Run& r) { r.op.complete = false; }));
+  EXPECT_TRUE(judged([](Drive&) {}));
+  EXPECT_FALSE(judged([](Drive& r) { r.options.fault_plan = "extra_cpu"; }));
+  EXPECT_FALSE(judged([](Drive& r) { r.options.cut_link_at_s = 5; }));
+  EXPECT_FALSE(judged([](Drive& r) { r.options.stub_bodies = true; }));
+  EXPECT_FALSE(judged([](Drive& r) { r.options.rgbd_dir = "recording"; }));
+  EXPECT_FALSE(judged([](Drive& r) { r.op.complete = false; }));
 }
 
 TEST(ScriptGoal, AScriptThatAsksForNoneHasNone) {
-  Run never({"operator.engage_after_s=3600"});
+  Drive never({"operator.engage_after_s=3600"});
   never.op.view.task.phase = Phase::kIdle;
   EXPECT_FALSE(never.check().asked);
-  Run no_script;
+  Drive no_script;
   no_script.scene->hand.segments.clear();
   no_script.op.view.task = {};
   EXPECT_FALSE(no_script.check().asked);
