@@ -134,7 +134,9 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
   }
   if (!json_path.empty()) metrics.write(json_path);
   print_metrics(metrics);
-  if (const std::string why = not_measured(info, op, robot, metrics); !why.empty())
+  if (info.paced)
+    std::printf("%s\n", info.not_real_time.c_str());
+  else if (const std::string why = not_measured(info, op, robot, metrics); !why.empty())
     std::printf("timing not measured in this run: %s\n", why.c_str());
   if (const auto lost = op.dropped_records + robot.dropped_records; lost > 0) {
     std::printf("AUDIT INCOMPLETE: %llu records lost, a ring was full\n",
