@@ -1,8 +1,9 @@
 // The real clock: one pinned SCHED_FIFO thread per task, absolute clock_nanosleep on an exact grid,
 // a sentinel per core just above the tasks, a watchdog on the last of these cores, and an ordinary thread that drains the audit
 // rings. A row that names a parent is a worker of its pool (worker_pool.hpp): a thread that does parts of the
-// parent's jobs. Its record of each of them runs from the first fork to the end of its last part, with its own CPU. A right that is missing (FIFO, mlock, cpu_dma_latency) is reported and the run is marked
-// "not real-time"; it is never pretended.
+// parent's jobs. Its record of each of them runs from the first fork to the end of its last part, with its own CPU. A right that is missing (FIFO, mlock) is reported and the run is marked
+// "not real-time"; it is never pretended. cpu_dma_latency is no right to the CPU: without it wake-ups from deep idle
+// states are later, which sentinels see and a run says.
 //
 // Thread priorities: theft of a fault plan 98 > sentinel 95 > watchdog 94 > hog of a fault plan 93 >
 // tasks 80 - rank.
@@ -50,6 +51,8 @@ class RealExecutor final : public Executor {
 
   // What was asked for and not granted, one line each; empty = a real-time run.
   [[nodiscard]] const std::vector<std::string>& missing() const noexcept { return missing_; }
+  // What would have helped and was not granted.
+  [[nodiscard]] const std::vector<std::string>& notes() const noexcept { return notes_; }
   [[nodiscard]] std::uint64_t dropped_records() const noexcept;
   // Number of times the watchdog forced a safe output.
   [[nodiscard]] std::uint64_t hangs() const noexcept { return hangs_.load(); }
@@ -84,7 +87,7 @@ class RealExecutor final : public Executor {
   std::vector<std::unique_ptr<Worker>> workers_;
   std::vector<std::unique_ptr<WorkerPool>> pools_;
   std::vector<std::unique_ptr<Sentinel>> sentinels_;
-  std::vector<std::string> missing_;
+  std::vector<std::string> missing_, notes_;
   std::atomic<bool> stop_{false};
   std::atomic<std::int64_t> stopped_at_{0};  // host; the largest value: nobody asked
   std::atomic<int> alive_{0};

@@ -125,6 +125,8 @@ struct BoxRunner {
       black_box = std::make_unique<BoxRecorder>(plan.folder, box, header, options.black_box_s);
       black_box->catch_crashes();
     }
+    for (const auto& note : executor.notes())
+      std::ofstream(plan.folder + "/notes", std::ios::app) << note << '\n';
     const auto missing_before = executor.missing().size();
     rt::RunPlan run_plan;
     run_plan.epoch_host_ns = plan.epoch_host_ns;

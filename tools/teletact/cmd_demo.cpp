@@ -1,4 +1,5 @@
 // teletact demo: both boxes on this machine, and a report at the end.
+#include <sys/auxv.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -13,7 +14,9 @@
 #include "tools/teletact/host_info.hpp"
 #include "tools/teletact/options.hpp"
 #include "tools/teletact/recording_truth.hpp"
+#include "tools/teletact/rights.hpp"
 #include "tools/teletact/run_real.hpp"
+#include "tools/teletact/script_goal.hpp"
 
 namespace teletact {
 
@@ -32,6 +35,11 @@ std::string iso_now() {
 void start_again_scalar(char** argv) {
   constexpr const char* kTunables = "GLIBC_TUNABLES";
   constexpr const char* kScalar = "glibc.cpu.hwcaps=-AVX,-AVX2,-AVX512F,-FMA,-FMA4";
+  if (::getauxval(AT_SECURE) != 0) {
+    throw std::runtime_error(
+        "--simd scalar: the loader takes no settings for a program whose file has capabilities; "
+        "tools/run --no-rights takes them away");
+  }
   const char* now = std::getenv(kTunables);
   if (now != nullptr && std::string(now) == kScalar) return;
   ::setenv(kTunables, kScalar, 1);
@@ -62,6 +70,30 @@ void note_dead_tasks(const rt::RunLog& log, const std::vector<BoxTotals>& totals
   }
 }
 
+// With auto: the real clock where the machine gives what it needs, else the simulated one, paced. A device or a camera
+// that is no twin lives in real time, whatever the machine gives.
+void choose_clock(const std::string& clock, const Scene& scene, bool cores_given, DemoOptions& o,
+                  RunInfo& info) {
+  const bool twins = scene.choice.in_process() && scene.camera_choice.in_process();
+  o.virtual_clock = clock == "virtual";
+  if (o.virtual_clock) return;
+  const Rights rights = find_rights();
+  o.paced = clock == "paced" || (clock == "auto" && !rights.enough() && twins);
+  if (o.paced) {
+    o.virtual_clock = true;
+    if (!cores_given) o.cores = 2;  // one thread does the work of them all: the variants of two
+    info.paced = true;
+    const bool wanted = clock == "paced";
+    info.not_real_time =
+        "not real-time, timing not measured: " + (wanted ? "--clock paced" : rights.why()) +
+        "; the tasks run on the simulated clock, paced by the real one" +
+        (wanted ? "" : "; to change it: " + rights.command);
+    std::printf("%s\n", info.not_real_time.c_str());
+  } else if (!rights.enough()) {
+    info.give_rights = rights.command;
+  }
+}
+
 // ran_s below 0: not known.
 std::string stopped_early(const DemoOptions& o, double ran_s) {
   char text[96];
@@ -85,6 +117,11 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
   if (!scene.rgbd_dir.empty() && !info.stub_bodies && op.complete && info.stopped_early.empty() &&
       op.force_check.samples == 0)
     info.problems.push_back("no press on a plane of the recording could be judged");
+  const GoalCheck goal = check_goal(scene, options, op, robot);
+  if (!goal.missed.empty() && goal.judged) info.problems.push_back(goal.missed);
+  if (!goal.missed.empty() && !goal.judged)
+    info.notes.push_back(goal.missed +
+                         " (not judged: the run was short, or had faults on purpose)");
   note_dead_tasks(op.log, op.totals, info.problems);
   note_dead_tasks(robot.log, robot.totals, info.problems);
   Metrics metrics("demo");
@@ -97,13 +134,17 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
   }
   if (!json_path.empty()) metrics.write(json_path);
   print_metrics(metrics);
-  if (const std::string why = not_measured(info, op, robot, metrics); !why.empty())
+  if (info.paced)
+    std::printf("%s\n", info.not_real_time.c_str());
+  else if (const std::string why = not_measured(info, op, robot, metrics); !why.empty())
     std::printf("timing not measured in this run: %s\n", why.c_str());
   if (const auto lost = op.dropped_records + robot.dropped_records; lost > 0) {
     std::printf("AUDIT INCOMPLETE: %llu records lost, a ring was full\n",
                 static_cast<unsigned long long>(lost));
   }
   if (!info.stopped_early.empty()) std::printf("%s\n", info.stopped_early.c_str());
+  for (const auto& n : info.notes) std::printf("%s\n", n.c_str());
+  if (!info.give_rights.empty()) std::printf("to be real-time: %s\n", info.give_rights.c_str());
   for (const auto& p : info.problems) std::fprintf(stderr, "teletact demo: %s\n", p.c_str());
   if (!info.stub_bodies) std::printf("report: %s/report.html\n", options.report.c_str());
   return info.problems.empty() ? 0 : 1;
@@ -114,7 +155,7 @@ int cmd_demo(int argc, char** argv) {
       "Runs the operator's box and the robot's box on this machine, every device a twin, and "
       "writes a report."};
   DemoOptions o;
-  std::string clock = "real", bodies = "real", json, scene_name = "default_room", simd = "auto";
+  std::string clock = "auto", bodies = "real", json, scene_name = "default_room", simd = "auto";
   double seconds = -1;
   app.add_option("--scene", scene_name, "scene: a name from config/scenes or a file")
       ->capture_default_str();
@@ -123,8 +164,12 @@ int cmd_demo(int argc, char** argv) {
   app.add_option("--seconds", seconds,
                  "length of the run; default 20, with --rgbd the recording plus 15 s held")
       ->check(in_range(0.1, 864000));
-  app.add_option("--clock", clock, "real: threads on this machine; virtual: simulated time")
-      ->check(CLI::IsMember({"real", "virtual"}))
+  app.add_option(
+         "--clock", clock,
+         "auto: real where this user and machine may, else paced; real: threads on this machine; "
+         "paced: simulated time, not ahead of the real one; virtual: simulated time, as fast as it "
+         "goes")
+      ->check(CLI::IsMember({"auto", "real", "paced", "virtual"}))
       ->capture_default_str();
   app.add_option("--bodies", bodies, "virtual clock: real task bodies, or the schedule alone")
       ->check(CLI::IsMember({"real", "stub"}))
@@ -137,10 +182,10 @@ int cmd_demo(int argc, char** argv) {
   app.add_option("--faults", o.fault_plan, "fault plan: a name from config/faults or a file");
   app.add_option("--calibration", o.calibration,
                  "calibration file; default: this host's, measured if there is none");
-  app.add_option("--cost-seed", o.cost_seed, "virtual clock: seed of the job costs");
+  app.add_option("--cost-seed", o.cost_seed, "simulated time: seed of the job costs");
   app.add_option("--cut-link", o.cut_link_at_s, "cut the cable at this second")
       ->check(in_range(0, 864000));
-  app.add_option("--cores", o.cores, "virtual clock: cores of the simulated host")
+  app.add_option("--cores", o.cores, "simulated time: cores of the simulated host; paced: 2")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();
   app.add_option("--black-box", o.black_box_s,
@@ -155,9 +200,8 @@ int cmd_demo(int argc, char** argv) {
   if (!parse_options(app, argc, argv)) return 0;
   check_outputs({{"--json", json}, {"--save-map", o.save_map}}, {});
   if (simd == "scalar") start_again_scalar(argv);
-  o.virtual_clock = clock == "virtual";
   o.stub_bodies = bodies == "stub";
-  if (o.stub_bodies && !o.virtual_clock)
+  if (o.stub_bodies && clock != "virtual")
     throw std::runtime_error("--bodies stub needs --clock virtual");
   if (!o.fault_plan.empty() && !rt::kFaultsBuilt)
     throw std::runtime_error("--faults: this build runs no fault plans (TELETACT_FAULTS=OFF)");
@@ -171,14 +215,15 @@ int cmd_demo(int argc, char** argv) {
 
   auto scene = load_scene(o.scene_path, o.overrides);
   scene->rgbd_dir = o.rgbd_dir;
-  if (o.virtual_clock && !scene->choice.in_process()) {
+  if ((clock == "virtual" || clock == "paced") && !scene->choice.in_process()) {
     throw std::runtime_error("device.kind = \"" + scene->choice.kind +
-                             "\": a device lives in real time; --clock virtual has the twin only");
+                             "\": a device lives in real time; --clock " + clock +
+                             " has the twin only");
   }
   check_haptic_device(*scene);
   // A recording that can not be read is said before anything starts.
   const double whole =
-      o.rgbd_dir.empty() ? 20.0 : recording_seconds(o.rgbd_dir) + scene->hold_s + 0.5;
+      o.rgbd_dir.empty() ? kWholeDemo_s : recording_seconds(o.rgbd_dir) + scene->hold_s + 0.5;
   o.seconds = seconds > 0 ? seconds : whole;
 
   catch_signals();
@@ -188,6 +233,7 @@ int cmd_demo(int argc, char** argv) {
   rt::Startup startup;
   rt::NonRealtime& nrt = startup.token();
   RunInfo info;
+  choose_clock(clock, *scene, app.count("--cores") > 0, o, info);
   info.command = o.command;
   info.started = iso_now();
   info.folder = o.report;
@@ -208,10 +254,16 @@ int cmd_demo(int argc, char** argv) {
     info.calibration_text = "reference: " + calibration.host;
   if (o.virtual_clock) {
     o.log_folder = o.report + "/raw";
+    if (o.paced) {  // the default run's folder: nothing of an earlier run on the real clock stays
+      std::filesystem::remove_all(o.log_folder);
+      std::filesystem::create_directories(o.log_folder);
+    }
     VirtualRun run = run_virtual(nrt, *scene, o, calibration);
     info.admission = run.admission;
     info.modes = run.modes;
     info.effects = run.effects;
+    info.wall_s = run.wall_s;
+    info.lag_s = run.lag_s;
     info.sched_hash = run.sched_hash;
     info.log_hash = run.log_hash;
     if (run.stopped_early) info.stopped_early = stopped_early(o, run.seconds);
@@ -222,6 +274,7 @@ int cmd_demo(int argc, char** argv) {
   info.modes = run.modes;
   info.best_effort = run.best_effort;
   info.problems = run.problems;
+  info.notes = run.notes;
   info.effects = run.effects;
   if (g_stop_requested.load()) info.stopped_early = stopped_early(o, -1);
   return finish_run(o, *scene, info, run.op, run.robot, json);

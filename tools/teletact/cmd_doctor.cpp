@@ -11,6 +11,7 @@
 #include "tools/teletact/doctor.hpp"
 #include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/options.hpp"
+#include "tools/teletact/rights.hpp"
 #include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
@@ -43,6 +44,16 @@ void print(const std::vector<DoctorCheck>& checks) {
   }
 }
 
+// What the demo says when it chooses its clock.
+void print(const Rights& rights) {
+  if (rights.enough()) {
+    std::printf("a demo here runs in real time\n");
+  } else {
+    std::printf("a demo here is not real-time, timing not measured: %s; to change it: %s\n",
+                rights.why().c_str(), rights.command.c_str());
+  }
+}
+
 std::string json_text(const std::vector<DoctorCheck>& checks) {
   Metrics metrics("doctor");
   metrics.add("doctor.verdict", static_cast<double>(doctor_verdict(checks)), "level");
@@ -66,19 +77,29 @@ std::string json_text(const std::vector<DoctorCheck>& checks) {
 
 int cmd_doctor(int argc, char** argv) {
   std::string json, root;
+  bool rights_only = false;
   CLI::App app(
       "Checks this machine for real-time use, and says for each finding what to do. Exit "
       "code 0: fine, 1: advice, 2: unfit.",
       "teletact doctor");
   app.add_option("--json", json, "write the findings to this file");
   app.add_option("--root", root, "read proc/, sys/ and dev/ below this folder instead");
+  app.add_flag(
+      "--rights", rights_only,
+      "only whether a demo here runs in real time: exit code 0, or 1 and what gives the right");
   if (!parse_options(app, argc, argv)) return 0;
   check_outputs({{"--json", json}}, {});
   if (!root.empty() && !std::filesystem::is_directory(root)) {
     throw std::runtime_error(root + ": is not a folder");
   }
+  const Rights rights = find_rights(root);
+  if (rights_only) {
+    print(rights);
+    return rights.enough() ? 0 : 1;
+  }
   const auto checks = run_doctor(root);
   print(checks);
+  print(rights);
   if (!json.empty()) write_whole_file(json, json_text(checks));
   return static_cast<int>(doctor_verdict(checks));
 }

@@ -1,6 +1,8 @@
 // Cores, what else runs on them, and who shares them.
 #include <algorithm>
+#include <cstdio>
 #include <set>
+#include <sstream>
 
 #include "tools/teletact/doctor_tree.hpp"
 
@@ -45,6 +47,84 @@ DoctorCheck cores(const Tree& tree) {
   } else {
     c.level = Level::kFine;
   }
+  return c;
+}
+
+namespace {
+
+// Path of this process in a hierarchy, from a line "5:cpu,cpuacct:/path" of /proc/self/cgroup ("0::/path" for the unified
+// one). Empty: not in it.
+std::optional<std::string> group_of(const Tree& tree, const std::string& controller) {
+  std::istringstream lines(tree.text("/proc/self/cgroup").value_or(""));
+  for (std::string line; std::getline(lines, line);) {
+    const auto first = line.find(':');
+    const auto second = line.find(':', first == std::string::npos ? first : first + 1);
+    if (second == std::string::npos) continue;
+    const std::string names = "," + line.substr(first + 1, second - first - 1) + ",";
+    if (names == ",,") {
+      if (controller.empty()) return line.substr(second + 1);
+    } else if (!controller.empty() && names.find("," + controller + ",") != std::string::npos) {
+      return line.substr(second + 1);
+    }
+  }
+  return std::nullopt;
+}
+
+// A container sees its own group at the top and may know its path from outside: folders that are not there are passed over.
+template <class Read>
+void up_the_groups(const std::string& mount, std::string path, const Read& read) {
+  while (!path.empty() && path.back() == '/') path.pop_back();
+  for (;;) {
+    read(mount + path);
+    const auto slash = path.rfind('/');
+    if (slash == std::string::npos) return;
+    path.resize(slash);
+  }
+}
+
+}  // namespace
+
+std::optional<double> quota_cores(const Tree& tree) {
+  std::optional<double> least;
+  const auto take = [&](double quota, double period) {
+    if (quota > 0 && period > 0) least = std::min(least.value_or(quota / period), quota / period);
+  };
+  if (const auto path = group_of(tree, "")) {
+    up_the_groups("/sys/fs/cgroup", *path, [&](const std::string& folder) {
+      std::istringstream words(tree.text(folder + "/cpu.max").value_or(""));
+      double quota = 0, period = 0;
+      if (words >> quota >> period) take(quota, period);  // "max 100000" is no number
+    });
+  }
+  if (const auto path = group_of(tree, "cpu")) {
+    for (const char* mount : {"/sys/fs/cgroup/cpu", "/sys/fs/cgroup/cpu,cpuacct"}) {
+      up_the_groups(mount, *path, [&](const std::string& folder) {
+        const auto quota = tree.number(folder + "/cpu.cfs_quota_us");  // -1: none
+        const auto period = tree.number(folder + "/cpu.cfs_period_us");
+        if (quota && period) take(static_cast<double>(*quota), static_cast<double>(*period));
+      });
+    }
+  }
+  return least;
+}
+
+DoctorCheck quota(const Tree& tree) {
+  DoctorCheck c{
+      "quota",
+      "CPU quota",
+      Level::kFine,
+      "none",
+      "a container that has used up its share of a period stands still until the next one",
+      ""};
+  const auto cores = quota_cores(tree);
+  if (!cores) return c;
+  char text[60];
+  std::snprintf(text, sizeof text, "time of %.2g cores", *cores);
+  c.state = text;
+  c.level = *cores < 2 ? Level::kUnfit : Level::kAdvice;
+  c.todo =
+      "start the container without a quota (--cpus), or keep it to cores of its own "
+      "(--cpuset-cpus)";
   return c;
 }
 

@@ -14,10 +14,9 @@ namespace {
 
 constexpr int kCapIpcLock = 14, kCapSysNice = 23;
 
-struct Limits {
-  std::optional<double> rtprio, memlock;  // infinity: unlimited
-  bool cap_nice = false, cap_lock = false;
-};
+bool has(unsigned long long caps, int bit) { return (caps >> bit & 1U) != 0; }
+
+}  // namespace
 
 Limits limits_of(const Tree& tree) {
   Limits l;
@@ -38,24 +37,29 @@ Limits limits_of(const Tree& tree) {
   }
   std::istringstream status(tree.text("/proc/self/status").value_or(""));
   for (std::string line; std::getline(status, line);) {
-    if (line.compare(0, 7, "CapEff:") != 0) continue;
-    const unsigned long long caps = std::strtoull(line.c_str() + 7, nullptr, 16);
-    l.cap_nice = (caps >> kCapSysNice & 1U) != 0;
-    l.cap_lock = (caps >> kCapIpcLock & 1U) != 0;
+    if (line.compare(0, 12, "NoNewPrivs:\t") == 0) l.no_new_privileges = line[12] == '1';
+    const unsigned long long caps =
+        line.size() > 7 ? std::strtoull(line.c_str() + 7, nullptr, 16) : 0;
+    if (line.compare(0, 7, "CapEff:") == 0) {
+      l.cap_nice = has(caps, kCapSysNice);
+      l.cap_lock = has(caps, kCapIpcLock);
+    } else if (line.compare(0, 7, "CapBnd:") == 0) {
+      l.bounding_nice = has(caps, kCapSysNice);
+      l.bounding_lock = has(caps, kCapIpcLock);
+    }
   }
   return l;
 }
 
-}  // namespace
-
 DoctorCheck rtprio(const Tree& tree) {
-  DoctorCheck c{"rtprio",
-                "real-time priority",
-                Level::kUnfit,
-                "",
-                "without SCHED_FIFO any ordinary program may run before the force loop",
-                "give the group of the user rtprio 98 in /etc/security/limits.d "
-                "(config/system/limits.d has the file), then log in again"};
+  DoctorCheck c{
+      "rtprio",
+      "real-time priority",
+      Level::kUnfit,
+      "",
+      "without SCHED_FIFO any ordinary program may run before the force loop",
+      "tools/run --rights (capabilities for the program), or give the group of the user rtprio 98 "
+      "in /etc/security/limits.d (config/system/limits.d has the file) and log in again"};
   const Limits l = limits_of(tree);
   if (l.cap_nice) {
     c.level = Level::kFine;
@@ -65,8 +69,8 @@ DoctorCheck rtprio(const Tree& tree) {
     c.state = "limit can not be read";
   } else {
     c.state = "limit " + std::to_string(static_cast<long>(std::min(*l.rtprio, 999.0)));
-    // Highest task, sentinel and watchdog lie within 90.
-    if (*l.rtprio >= 90)
+    // A sentinel has 95, the watchdog 94.
+    if (*l.rtprio >= 95)
       c.level = Level::kFine;
     else if (*l.rtprio >= 1)
       c.level = Level::kAdvice;
@@ -76,13 +80,14 @@ DoctorCheck rtprio(const Tree& tree) {
 }
 
 DoctorCheck memlock(const Tree& tree) {
-  DoctorCheck c{"memlock",
-                "locked memory",
-                Level::kUnfit,
-                "",
-                "memory that is not locked can fault inside a job: 1 us at best, the disk at worst",
-                "give the group of the user memlock unlimited in /etc/security/limits.d "
-                "(config/system/limits.d has the file), then log in again"};
+  DoctorCheck c{
+      "memlock",
+      "locked memory",
+      Level::kUnfit,
+      "",
+      "memory that is not locked can fault inside a job: 1 us at best, the disk at worst",
+      "tools/run --rights (capabilities for the program), or give the group of the user memlock "
+      "unlimited in /etc/security/limits.d (config/system/limits.d has the file) and log in again"};
   constexpr double kNeeded = 2048.0 * 1024 * 1024;  // map, channels and stacks of both boxes
   const Limits l = limits_of(tree);
   if (l.cap_lock) {

@@ -32,6 +32,17 @@ class Tree {
 [[nodiscard]] std::string boot_value(const Tree& tree, const std::string& key);
 [[nodiscard]] std::vector<int> isolated_cpus(const Tree& tree);
 
+// What this process may ask for, as /proc tells.
+struct Limits {
+  std::optional<double> rtprio, memlock;  // infinity: unlimited
+  bool cap_nice = false, cap_lock = false;
+  // What file capabilities could give it: true where /proc does not say.
+  bool bounding_nice = true, bounding_lock = true, no_new_privileges = false;
+};
+[[nodiscard]] Limits limits_of(const Tree& tree);
+// CPU time that the control groups above this process leave it, in cores; empty: no quota.
+[[nodiscard]] std::optional<double> quota_cores(const Tree& tree);
+
 // The checks. Kernel:
 [[nodiscard]] DoctorCheck preemption(const Tree& tree);
 [[nodiscard]] DoctorCheck clock_source(const Tree& tree);
@@ -43,6 +54,7 @@ class Tree {
 [[nodiscard]] DoctorCheck memlock(const Tree& tree);
 // Cores and what runs on them:
 [[nodiscard]] DoctorCheck cores(const Tree& tree);
+[[nodiscard]] DoctorCheck quota(const Tree& tree);
 [[nodiscard]] DoctorCheck interrupts(const Tree& tree);
 [[nodiscard]] DoctorCheck smt(const Tree& tree);
 // Their power states:

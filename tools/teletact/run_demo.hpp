@@ -16,12 +16,15 @@
 
 namespace teletact {
 
+inline constexpr double kWholeDemo_s = 20;  // of a scene without a recording
+
 struct DemoOptions {
   std::string scene_path;
   std::vector<std::string> overrides;
   std::string rgbd_dir;  // empty: the synthetic place
-  double seconds = 20;
+  double seconds = kWholeDemo_s;
   bool virtual_clock = false, stub_bodies = false;
+  bool paced = false;             // virtual clock: not ahead of the real one
   std::string log_folder;         // virtual clock: where the tasks' logs go; empty: nowhere
   std::string report = "report";  // folder
   std::string calibration;        // file; empty: the built-in reference (virtual) or the host's
@@ -66,7 +69,8 @@ struct VirtualRun {
   Effects effects;
   rt::Admission admission;
   rt::ModeTable modes;
-  double seconds = 0;  // of simulated time that ran
+  double seconds = 0;            // of simulated time that ran
+  double wall_s = 0, lag_s = 0;  // paced: real time that it took, and what it was behind for good
   bool stopped_early = false;
 };
 // One process, simulated time; ends between two jobs when g_stop_requested is set. `log` in the halves holds each box's tasks. Sets the scene's voxel size to

@@ -150,6 +150,10 @@ RealRun run_real(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
   load_half(plan.folder, run.robot);
   std::ifstream missing(plan.folder + "/not_realtime");
   for (std::string line; std::getline(missing, line);) run.op.log.not_realtime.push_back(line);
+  std::ifstream notes(plan.folder + "/notes");
+  for (std::string line; std::getline(notes, line);) {
+    if (run.notes.empty()) run.notes.push_back(line);  // both boxes say the same
+  }
   return run;
 }
 

@@ -15,7 +15,7 @@ struct RealRun {
   rt::Admission admission;
   rt::ModeTable modes;
   std::vector<rt::BestEffortLoad> best_effort;
-  std::vector<std::string> problems;
+  std::vector<std::string> problems, notes;
 };
 // Not admitted, or no room beside what runs already: nothing was started. Exit code 3.
 struct CouldNotStart : std::runtime_error {

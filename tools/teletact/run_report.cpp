@@ -304,6 +304,8 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
                   const Metrics& m, ReportData& d) {
   using State = ReportVerdict::State;
   for (const auto& p : info.problems) d.verdicts.push_back({State::kBad, p});
+  if (!info.not_real_time.empty()) d.verdicts.push_back({State::kNote, info.not_real_time});
+  for (const auto& n : info.notes) d.verdicts.push_back({State::kNote, n});
   if (!info.stopped_early.empty()) d.verdicts.push_back({State::kNote, info.stopped_early});
   const auto value = [&](const std::string& name) {
     for (const auto& r : m.rows()) {
@@ -317,7 +319,11 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
       "haptic: %.0f releases = %.0f completed + %.0f skipped + %.0f aborted; misses %.0f, own %.0f",
       value("haptic.releases"), value("haptic.completed"), value("haptic.skipped"),
       value("haptic.aborted"), value("haptic.miss_total"), value("haptic.miss_own"));
-  d.verdicts.push_back({value("haptic.miss_own") == 0 ? State::kGood : State::kBad, text});
+  const std::string untimed = not_measured(info, op, robot, m);
+  d.verdicts.push_back({value("haptic.miss_own") == 0 ? State::kGood
+                        : untimed.empty()             ? State::kBad
+                                                      : State::kNote,
+                        text});
   std::snprintf(text, sizeof text,
                 "touch: %.0f contacts, largest force %.2f N, share of time in contact %.2f",
                 value("haptic.contacts"), value("haptic.force_max_N"),
@@ -355,9 +361,9 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
     std::snprintf(text, sizeof text,
                   "machine: %.2f %% of the haptic starts were late by the platform",
                   100 * value("platform.late_share"));
-    const std::string why = not_measured(info, op, robot, m);
-    d.verdicts.push_back({why.empty() ? State::kGood : State::kNote,
-                          text + (why.empty() ? "" : "; timing NOT MEASURED in this run: " + why)});
+    d.verdicts.push_back(
+        {untimed.empty() ? State::kGood : State::kNote,
+         text + (untimed.empty() ? "" : "; timing NOT MEASURED in this run: " + untimed)});
     for (const auto& o : ordinary_shares(info, op, robot)) {
       std::snprintf(text, sizeof text, "ordinary thread %s: %.3f of a core, declared %.3f",
                     o.name.c_str(), o.share, o.declared);
@@ -367,6 +373,8 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
       for (const auto& what : log->not_realtime)
         d.verdicts.push_back({State::kNote, "NOT REAL-TIME: " + what});
     }
+    if (!info.give_rights.empty())
+      d.verdicts.push_back({State::kNote, "to be real-time: " + info.give_rights});
   }
 }
 
@@ -375,7 +383,9 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
 ReportData make_report(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
                        const Metrics& metrics) {
   ReportData d;
-  d.title = info.virtual_clock ? "teletact demo, virtual clock" : "teletact demo";
+  d.title = info.paced           ? "teletact demo, not real-time"
+            : info.virtual_clock ? "teletact demo, virtual clock"
+                                 : "teletact demo";
   d.version = kVersion;
   d.command = info.command;
   d.started = info.started;

@@ -106,6 +106,7 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.one(h.view.camera);
     s.one(h.view.objects);
     s.one(h.view.objects_named);
+    s.one(h.view.mode);
     s.one(h.view.robot);
     s.one(h.view.arrivals);
     s.one(h.view.first_arrival);
@@ -135,14 +136,14 @@ void load_half(const std::string& folder, OperatorHalf& h) {
   h.complete = false;
   (void)(l.one(h.epoch_ns) && l.many(h.view.haptic) && l.many(h.view.fusion) &&
          l.many(h.view.paths) && l.one(h.view.task) && l.one(h.view.camera) &&
-         l.one(h.view.objects) && l.one(h.view.objects_named) && l.one(h.view.robot) &&
-         l.one(h.view.arrivals) && l.one(h.view.first_arrival) && l.one(h.view.points_resolved) &&
-         l.one(h.view.device_brakes) && l.one(h.view.engages) && l.one(h.view.clears) &&
-         l.one(h.view.edits) && l.one(h.view.log_dropped) && l.one(*h.view.view) &&
-         l.one(*h.view.map) && l.one(*h.view.moving_view) && l.one(*h.view.moving_map) &&
-         l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
-         l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.force_check) &&
-         l.one(h.ordinary) && l.one(h.complete));
+         l.one(h.view.objects) && l.one(h.view.objects_named) && l.one(h.view.mode) &&
+         l.one(h.view.robot) && l.one(h.view.arrivals) && l.one(h.view.first_arrival) &&
+         l.one(h.view.points_resolved) && l.one(h.view.device_brakes) && l.one(h.view.engages) &&
+         l.one(h.view.clears) && l.one(h.view.edits) && l.one(h.view.log_dropped) &&
+         l.one(*h.view.view) && l.one(*h.view.map) && l.one(*h.view.moving_view) &&
+         l.one(*h.view.moving_map) && l.many(h.totals) && l.one(h.dropped_records) &&
+         l.one(h.hangs) && l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) &&
+         l.one(h.force_check) && l.one(h.ordinary) && l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();
 }
 
@@ -152,6 +153,7 @@ void save_half(const std::string& folder, const RobotHalf& h) {
     s.many(h.view.robot);
     s.many(h.view.truth);
     s.one(h.view.tracking_error_max_m);
+    s.one(h.view.mode);
     s.one(h.view.log_dropped);
     s.many(h.totals);
     s.one(h.camera_twin_cpu_ns);
@@ -166,9 +168,9 @@ void load_half(const std::string& folder, RobotHalf& h) {
   Loader l{std::ifstream(folder + "/robot.view", std::ios::binary)};
   h.complete = false;
   (void)(l.one(h.epoch_ns) && l.many(h.view.robot) && l.many(h.view.truth) &&
-         l.one(h.view.tracking_error_max_m) && l.one(h.view.log_dropped) && l.many(h.totals) &&
-         l.one(h.camera_twin_cpu_ns) && l.one(h.ordinary) && l.one(h.dropped_records) &&
-         l.one(h.hangs) && l.one(h.complete));
+         l.one(h.view.tracking_error_max_m) && l.one(h.view.mode) && l.one(h.view.log_dropped) &&
+         l.many(h.totals) && l.one(h.camera_twin_cpu_ns) && l.one(h.ordinary) &&
+         l.one(h.dropped_records) && l.one(h.hangs) && l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/robot.run")) h.log = std::move(log).value();
 }
 
@@ -304,6 +306,7 @@ std::vector<OrdinaryShare> ordinary_shares(const RunInfo& info, const OperatorHa
 
 std::string not_measured(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
                          const Metrics& m) {
+  if (!info.not_real_time.empty()) return info.not_real_time;
   if (info.virtual_clock) return "simulated time measures no machine";
   std::string why = real_time(op, robot) ? "" : "a right for real-time scheduling was missing";
   for (const auto& row : m.rows()) {
@@ -370,6 +373,10 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
   }
   m.add("run.realtime", real_time(op, robot) && !info.virtual_clock ? 1 : 0, "1");
   m.add("run.measured", not_measured(info, op, robot, m).empty() ? 1 : 0, "1");
+  if (info.paced) {
+    m.add("run.wall_s", info.wall_s, "s");
+    m.add("run.lag_s", info.lag_s, "s");
+  }
   m.add("run.stopped_early", info.stopped_early.empty() ? 0 : 1, "1");
   m.add("run.problems", static_cast<double>(info.problems.size()), "1");
   char hash[20];

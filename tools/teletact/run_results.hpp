@@ -68,6 +68,13 @@ void save_effects(const std::string& folder, const std::string& box, const Effec
 struct RunInfo {
   std::string command, calibration_text, config_toml, started, folder;
   bool virtual_clock = false, stub_bodies = false, recording = false;
+  // Simulated time held back to the real one; what the run took on the real clock, and what it was behind for good.
+  bool paced = false;
+  double wall_s = 0, lag_s = 0;
+  std::string
+      not_real_time;  // one line: why the real clock was not taken, and what gives it; empty: it was, or not wanted
+  std::string give_rights;         // real clock without a right: the command that gives it
+  std::vector<std::string> notes;  // of the report, no problem
   double seconds = 0;
   std::string stopped_early;  // empty: not stopped; else one line that says when
   Effects effects;

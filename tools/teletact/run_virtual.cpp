@@ -1,5 +1,8 @@
 // The whole stack on the virtual clock: both boxes in one process, the link an actor in between.
+#include <time.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
 #include <filesystem>
 #include <functional>
@@ -14,6 +17,7 @@
 #include "tools/teletact/box_process.hpp"
 #include "tools/teletact/force_check.hpp"
 #include "tools/teletact/input_recorder.hpp"
+#include "tools/teletact/pacer.hpp"
 #include "tools/teletact/run_demo.hpp"
 #include "tools/teletact/sim_link.hpp"
 
@@ -38,6 +42,14 @@ class Periodic final : public rt::Actor {
   std::int64_t next_, period_;
   std::function<void(std::int64_t)> body_;
 };
+
+// Sooner when the run is asked to end.
+void sleep_until(std::int64_t host_ns) {
+  const timespec at{host_ns / 1000000000, host_ns % 1000000000};
+  while (!g_stop_requested.load() &&
+         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, nullptr) == EINTR) {
+  }
+}
 
 // Returns the instant at which it ended: that of the plan, or of the first completed job after a request to stop.
 template <class Faults>
@@ -173,6 +185,9 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
     for (auto& e : op->effects()) run.effects.push_back(e);
   }
 
+  Pacer pacer(epoch, &rt::monotonic_ns, &sleep_until);
+  if (options.paced) actors.push_back(&pacer);
+
   std::vector<rt::PlacedTask> placed;
   for (std::size_t i = 0; i < specs.size(); ++i) {
     const auto id = static_cast<tasks::TaskId>(i);
@@ -220,6 +235,8 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
                     end = execute(placed, costs, faults, sink, how, actors, plan, run.op.totals,
                                   run.robot.totals);
                   });
+  run.wall_s = 1e-9 * static_cast<double>(pacer.wall_ns());
+  run.lag_s = 1e-9 * static_cast<double>(pacer.lag_ns());
   if (link) {
     const std::uint64_t bytes = link->byte_hash();
     hasher.add_bytes(&bytes, sizeof bytes);

@@ -27,6 +27,8 @@ class DemoProcess {
     fs::create_directories(folder_);
     std::vector<std::string> words{TELETACT_BINARY_DIR "/teletact",
                                    "demo",
+                                   "--clock",
+                                   "real",
                                    "--seconds",
                                    std::to_string(seconds),
                                    "--calibration",

@@ -95,6 +95,20 @@ TEST(Demo, TheSameRunTwiceIsTheSameToTheLastBit) {
   EXPECT_NE(a.sched_hash, run(3, {}, costs).sched_hash);
 }
 
+// Held back to the real clock: the same bytes, and not sooner.
+TEST(Demo, APacedRunHasTheBytesOfAnUnpacedOne) {
+  DemoOptions options;
+  options.paced = true;
+  const std::int64_t began = rt::monotonic_ns();
+  const VirtualRun paced = run(3, {}, options);
+  EXPECT_GE(1e-9 * static_cast<double>(rt::monotonic_ns() - began), 3.0);
+  EXPECT_GE(paced.wall_s, 2.999);
+  EXPECT_GE(paced.lag_s, 0);
+  const VirtualRun free = run(3);
+  EXPECT_EQ(paced.sched_hash, free.sched_hash);
+  EXPECT_EQ(paced.log_hash, free.log_hash);
+}
+
 // The lowest bit of one voxel of the fused map, inside the window of the hand, between two jobs.
 void flip_a_voxel(teletact::OperatorBox& box, const perception::Vec3& near_W) {
   const perception::TsdfMap& map = box.graph().fusion().map();

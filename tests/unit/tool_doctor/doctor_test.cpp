@@ -111,7 +111,7 @@ TEST(CpuList, AsTheKernelWritesThem) {
 TEST(Doctor, AFitMachineIsFine) {
   const Machine m;
   const auto checks = teletact::run_doctor(m.root());
-  EXPECT_EQ(checks.size(), 12U);
+  EXPECT_EQ(checks.size(), 13U);
   for (const auto& c : checks) EXPECT_EQ(m.level(c.id), Level::kFine) << c.id << ": " << c.state;
   EXPECT_EQ(teletact::doctor_verdict(checks), Level::kFine);
 }
@@ -143,6 +143,10 @@ TEST(Doctor, Limits) {
   m.limits("20", "4294967296");
   EXPECT_EQ(m.level("rtprio"), Level::kAdvice);
   EXPECT_EQ(m.level("memlock"), Level::kFine);
+  m.limits("94", "unlimited");
+  EXPECT_EQ(m.level("rtprio"), Level::kAdvice) << "a sentinel wants 95";
+  m.limits("95", "unlimited");
+  EXPECT_EQ(m.level("rtprio"), Level::kFine);
   m.limits("unlimited", "unlimited");
   EXPECT_EQ(m.level("rtprio"), Level::kFine);
   m.limits("0", "0");
@@ -164,6 +168,21 @@ TEST(Doctor, Cores) {
   EXPECT_THAT(m.check("cores").todo, HasSubstr("domain,1 "));
   m.put(std::string(kCpu) + "online", "0");
   EXPECT_EQ(m.level("cores"), Level::kUnfit);
+}
+
+TEST(Doctor, Quota) {
+  Machine m;
+  EXPECT_EQ(m.level("quota"), Level::kFine);
+  m.put("/proc/self/cgroup", "0::/");
+  m.put("/sys/fs/cgroup/cpu.max", "max 100000");
+  EXPECT_EQ(m.level("quota"), Level::kFine);
+  m.put("/sys/fs/cgroup/cpu.max", "400000 100000");
+  EXPECT_EQ(m.level("quota"), Level::kAdvice);
+  EXPECT_THAT(m.check("quota").state, HasSubstr("4 cores"));
+  m.put("/sys/fs/cgroup/cpu.max", "150000 100000");
+  EXPECT_EQ(m.level("quota"), Level::kUnfit);
+  m.put("/sys/fs/cgroup/cpu.max", "garbage");
+  EXPECT_EQ(m.level("quota"), Level::kFine);
 }
 
 TEST(Doctor, Governor) {
@@ -268,7 +287,7 @@ TEST(Doctor, VirtualMachine) {
 // Files that are missing, empty, huge, folders or noise: a finding each, never a crash.
 TEST(Doctor, SurvivesAnyTree) {
   const auto empty = teletact::run_doctor("/nonexistent");
-  EXPECT_EQ(empty.size(), 12U);
+  EXPECT_EQ(empty.size(), 13U);
   EXPECT_EQ(teletact::doctor_verdict(empty), Level::kUnfit);
   const std::uint64_t seed = 31;
   rt::Random r(seed);
@@ -318,11 +337,14 @@ TEST(Command, ExitCodeBySeverityAndJson) {
   std::ifstream in(json);
   const auto j = nlohmann::json::parse(in);
   EXPECT_EQ(j.at("command"), "doctor");
-  EXPECT_EQ(j.at("checks").size(), 12U);
+  EXPECT_EQ(j.at("checks").size(), 13U);
   EXPECT_EQ(j.at("metrics").at(0).at("name"), "doctor.verdict");
   EXPECT_EQ(j.at("metrics").at(0).at("value"), 1);
   m.limits("0", "0");
   EXPECT_EQ(doctor({"--root", m.root()}), 2);
+  EXPECT_EQ(doctor({"--root", m.root(), "--rights"}), 1);
+  m.limits("98", "unlimited");
+  EXPECT_EQ(doctor({"--root", m.root(), "--rights"}), 0) << "whatever else there is to say";
   EXPECT_THROW(doctor({"--root", "/nonexistent"}), std::runtime_error);
   EXPECT_THROW(doctor({"--wrong"}), std::runtime_error);
   EXPECT_THROW(doctor({"--root", m.root(), "--json", "/nonexistent/x.json"}), std::runtime_error);
