@@ -309,6 +309,39 @@ TEST(GroundMap, WithoutAReadingNothingIsSeenThrough) {
   EXPECT_EQ(Mast::occupied(rig, mast.grown()), before);
 }
 
+// What stood there has gone on behind its place, and is no part of what stands: its readings show the place free all the
+// same. Without them it is as if there were none.
+TEST(GroundMap, WhatMovesOnBehindAPlaceShowsItFree) {
+  for (const bool all : {true, false}) {
+    rt::Random random(16);
+    Rig rig;
+    const Mast mast(false);
+    for (int i = 0; i < 20; ++i) rig.see(mast.without, mast.down, 0.002, random);
+    for (int i = 0; i < 60; ++i) rig.see(mast.with, mast.ahead, 0.002, random);
+    EXPECT_GT(Mast::occupied(rig, mast.grown()), 20);
+    auto gone_on = mast.without;
+    Pose X = Pose::Identity();
+    X.translation() = Vec3(2.2, 0, 0.75);
+    gone_on.boxes.push_back({X, Vec3(0.1, 1.5, 0.7)});
+    const auto still = tests::cast_depth(mast.without, rig.k, mast.ahead),
+               with = tests::cast_depth(gone_on, rig.k, mast.ahead);
+    std::vector<float> place(still.size()), every(still.size());
+    for (std::size_t i = 0; i < still.size(); ++i) {
+      every[i] = static_cast<float>(with[i]);
+      place[i] = with[i] == still[i] ? every[i] : 0.0F;
+    }
+    GroundFrame frame{rig.k, {place.data(), rig.k.width, rig.k.height, rig.k.width}, mast.ahead};
+    if (all) {
+      frame.all_intrinsics = rig.k;
+      frame.all_m = {every.data(), rig.k.width, rig.k.height, rig.k.width};
+    }
+    for (int i = 0; i < 10; ++i) rig.map->update(frame);
+    rig.map->write(*rig.cost);
+    const int left = Mast::occupied(rig, mast.grown());
+    all ? EXPECT_EQ(left, 0) : EXPECT_GT(left, 20);
+  }
+}
+
 // The oracle: from the camera straight to points of the mast's column, past a thing that hides some of it for good. A cell is
 // free when all that was seen of the mast in it lies open, and stays when some of it is hidden.
 TEST(GroundMap, WhatIsHiddenStays) {

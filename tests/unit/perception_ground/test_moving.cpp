@@ -122,7 +122,8 @@ TEST(MovingCells, OneImageIsEnough) {
   ASSERT_EQ(rig.occupied(), 0);
   rig.see(Rig::thing_at(1.6, 0.1), true);
   EXPECT_EQ(rig.at(1.42, 0.1), CostMap::kOccupied) << "its front";
-  EXPECT_EQ(rig.at(1.6, 0.1), CostMap::kOccupied) << "what is hidden behind that";
+  EXPECT_EQ(rig.at(1.65, 0.1), CostMap::kInscribed) << "behind that nobody saw an obstacle";
+  EXPECT_EQ(rig.at(2.0, 0.1), CostMap::kInscribed) << "and it is kept clear of as of one";
   EXPECT_EQ(rig.at(1.15, 0.1), CostMap::kInscribed) << "and the base does not fit before it";
   EXPECT_EQ(rig.at(1.42, -0.85), CostMap::kFree);
   EXPECT_EQ(rig.age_ms(1.42, 0.1), 20) << "from the exposure to the map";

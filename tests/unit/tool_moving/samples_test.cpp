@@ -55,5 +55,39 @@ TEST_P(TwentyFour, MissesNoLimitButThoseListed) {
 
 INSTANTIATE_TEST_SUITE_P(Samples, TwentyFour, ::testing::Range(0, 24));
 
+// Samples of other seeds that once carried the camera, whole images at the first level. Poses alone are judged.
+struct Found {
+  std::uint64_t seed;
+  int sample;
+  MovingVariant variant;
+  double most_mm;
+};
+class FoundOnce : public ::testing::TestWithParam<Found> {};
+
+TEST_P(FoundOnce, CarriesTheCameraNoMore) {
+  const MovingSample sample =
+      draw_moving_sample(moving_test::startup.token(), GetParam().seed, GetParam().sample);
+  std::printf("  %s\n", sample.text().c_str());
+  const MovingFilm film = film_moving(moving_test::startup.token(), sample, false);
+  const MovingRun run = run_moving(moving_test::startup.token(), sample, film, GetParam().variant,
+                                   {20, 0, false}, nullptr);
+  std::printf("  %s: claimed %.3f, at most %.1f mm off\n", name_of(GetParam().variant), run.claimed,
+              run.worst_mm);
+  EXPECT_GE(run.claimed, 0.95);
+  EXPECT_LE(run.worst_mm, GetParam().most_mm);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Seeds, FoundOnce,
+    ::testing::Values(
+        // A box of half of the image that creeps by 2 mm a frame: no frame contradicts odometry, ten do. 127 mm.
+        Found{7, 6, MovingVariant::kOdometry, 20},
+        // A door that is most of the image, and leaps beside what is expected of the camera. 550 mm.
+        Found{51, 3, MovingVariant::kAlone, 20},
+        // A drawer of 29 % that faces the camera; of the rest little more than a tenth does. 450 mm.
+        Found{51, 22, MovingVariant::kAlone, 20},
+        // An arm at half a metre that has come to rest: its leverage left one direction to chance. 246 mm.
+        Found{53, 5, MovingVariant::kOdometry, 20}));
+
 }  // namespace
 }  // namespace teletact
