@@ -338,7 +338,11 @@ TEST(GroundMap, WhatMovesOnBehindAPlaceShowsItFree) {
     for (int i = 0; i < 10; ++i) rig.map->update(frame);
     rig.map->write(*rig.cost);
     const int left = Mast::occupied(rig, mast.grown());
-    all ? EXPECT_EQ(left, 0) : EXPECT_GT(left, 20);
+    if (all) {
+      EXPECT_EQ(left, 0);
+    } else {
+      EXPECT_GT(left, 20);
+    }
   }
 }
 

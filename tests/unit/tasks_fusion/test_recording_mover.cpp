@@ -49,13 +49,13 @@ drivers::WorldConfig walker(const Path& path) {
   return w;
 }
 
-struct Run {
+struct Played {
   std::vector<Pose> poses;
   std::vector<bool> claimed;
   double most_share = 0;  // of the readings
 };
 
-Run play(double voxel_m, const Path* path) {
+Played play(double voxel_m, const Path* path) {
   rt::Startup startup;
   drivers::TumOptions options;
   options.to_512x424 = true;
@@ -80,7 +80,7 @@ Run play(double voxel_m, const Path* path) {
   X_TC0.linear() << 0, 0, 1, -1, 0, 0, 0, -1, 0;
   X_TC0.translation().z() = kCameraHeight_m;
   const int size = opened.value().size();
-  Run run;
+  Played run;
   for (int k = 0; k < 2 * size - 1; ++k) {
     const int i = k < size ? k : 2 * size - 2 - k;
     EXPECT_TRUE(opened.value().read(i, *frame));
@@ -118,9 +118,9 @@ Run play(double voxel_m, const Path* path) {
 
 TEST(RecordingMover, WhoWalksThroughMovesNoPose) {
   if (!tests::have_recording()) GTEST_SKIP() << "no recording: " << tests::recording_folder();
-  const Run plain = play(0.02, nullptr);
+  const Played plain = play(0.02, nullptr);
   for (const Path path : {Path{2.0, 1.2}, Path{1.3, 0.6}}) {
-    const Run with = play(0.02, &path);
+    const Played with = play(0.02, &path);
     double worst_m = 0, sum = 0;
     int claimed = 0;
     for (std::size_t k = 0; k < with.poses.size(); ++k) {
