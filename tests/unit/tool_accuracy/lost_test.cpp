@@ -142,7 +142,7 @@ Fits fits_of(const FusionSequence& sequence, double voxel_m, int pixel_step) {
     EXPECT_TRUE(feed.step().camera.claimed) << "frame " << i;
     if (i != 1 && i != 6 && i != 20 && i != kFrames - 1) continue;
     aligner.cast(task, i);
-    for (int n = 0; n < 20; ++n) {
+    for (int n = 0; n < 60; ++n) {
       const int j = std::clamp(i + static_cast<int>(14 * (random.uniform() - 0.5)), 0, kFrames - 1);
       const double far_m = n % 2 == 0 ? 0.02 : 0.4;
       Pose X = *sequence.truth(i);
