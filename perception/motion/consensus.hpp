@@ -72,6 +72,14 @@ class Consensus {
   }
   // The sums were taken anew, at the winner: its cells by these, by the scale that they had. Its support.
   double reconsider() noexcept;
+  // How well each cell meets the map at the winner, to compare two poses that are too far apart for one set of sums.
+  struct Stand {
+    Cells misfit{}, pairs{};
+    float scale = 1;
+  };
+  void stand(Stand& out) const noexcept;
+  // Pixels that may be static in cells that fit `a` and not `b`, by their scales and `most_scale`.
+  [[nodiscard]] double only(const Stand& a, const Stand& b, float most_scale) const noexcept;
   // Share of the pixels that may be static in cells that fit a pose and not the winner.
   [[nodiscard]] double own_share(const Vec6& xi) const noexcept;
   // Support of a pose, of the cells that may be static; and over the winner's.
@@ -80,6 +88,10 @@ class Consensus {
   [[nodiscard]] double mean_way(const Vec6& a, const Vec6& b) const noexcept;
 
   static constexpr float kLeastPairs = 12;  // pixels of a cell that counts
+  // A pose `way_m` from what was expected, which may be off by `sigma_m`: a leap counts with a share of its pixels.
+  [[nodiscard]] static double likely(double way_m, double sigma_m) noexcept;
+  static constexpr double kOtherMotion_m = 0.004;  // poses nearer to each other are one
+  static constexpr double kRivalLimit = 0.7;       // of the winner's own pixels, and nobody knows
 
  private:
   void fit(const Vec6& xi, Cells& misfit) const noexcept;
@@ -102,7 +114,6 @@ class Consensus {
     double prior_sigma_m = 1;
     float tightest = 1;  // scale
     double most_support = 0;
-    [[nodiscard]] double likely(double way_m) const noexcept;
   };
   [[nodiscard]] double likely(const Contest& contest, const Vec6& xi) const noexcept;
   void add_from(Contest& contest, Vec6 xi, float scale) const noexcept;

@@ -9,23 +9,21 @@ namespace perception {
 
 namespace {
 
-constexpr int kHandful = 6;               // cells of a random hypothesis
-constexpr double kOtherMotion_m = 0.004;  // poses nearer to each other are one
+constexpr int kHandful = 6;  // cells of a random hypothesis
 // A leap, far beyond what the prior may err by, counts with this share of the pixels that it explains.
 constexpr double kUnlikely = 0.25;
-constexpr double kRivalLimit = 0.7;
 constexpr double kOutvoted = 0.97;
 constexpr double kLeastRest = 0.05;  // of the pixels: less can not rival the winner
 
 }  // namespace
 
-double Consensus::Contest::likely(double way_m) const noexcept {
-  const double ways = way_m / prior_sigma_m;
+double Consensus::likely(double way_m, double sigma_m) noexcept {
+  const double ways = way_m / sigma_m;
   return kUnlikely + (1 - kUnlikely) / (1 + ways * ways);
 }
 
 double Consensus::likely(const Contest& c, const Vec6& xi) const noexcept {
-  return c.likely(mean_way(xi, c.prior));
+  return likely(mean_way(xi, c.prior), c.prior_sigma_m);
 }
 
 // Least squares over `part` from nothing, then refined over what may be static.
@@ -129,6 +127,21 @@ double Consensus::rivalry(const Contest& contest, const Vec6& xi,
     (d > 0 ? ours : theirs) += static_cast<double>(std::abs(d));
   }
   return theirs * likely(contest, xi) / (std::max(ours, 1.0) * likely(contest, winner));
+}
+
+void Consensus::stand(Stand& out) const noexcept {
+  out.misfit = misfit_, out.pairs = sums_.pairs, out.scale = scale_;
+}
+
+double Consensus::only(const Stand& a, const Stand& b, float most_scale) const noexcept {
+  const float scale = std::min({a.scale, b.scale, most_scale});
+  double sum = 0;
+  for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
+    const float ours = a.pairs[c] < kLeastPairs ? 0 : a.pairs[c] / (1 + a.misfit[c] / scale),
+                theirs = b.pairs[c] < kLeastPairs ? 0 : b.pairs[c] / (1 + b.misfit[c] / scale);
+    sum += static_cast<double>(remembered_[c] * std::max(ours - theirs, 0.0F));
+  }
+  return sum;
 }
 
 void Consensus::compete(const Cells& remembered, const Vec6& still, const Vec6& prior,

@@ -14,6 +14,8 @@ constexpr double kDoubt =
 constexpr double kSudden = 0.02;  // of the image
 // How well the camera's motion has been foreseen of late says how far off the next prior may be; at most so much.
 constexpr double kPriorSigma_m = 0.02, kOfInnovation = 3, kInnovationGain = 1.0 / 8;
+// Fitting so much worse than of late is a mean of two motions.
+constexpr float kLoose = 4, kLateScaleGain = 1.0F / 8;
 // So much of the image says what trusted odometry says, and not what the majority says: the majority moves.
 constexpr double kCorroborated = 0.03;
 // A map that has drifted misses what stands still by more than noise: RMS of the tracker's residuals over some frames,
@@ -57,6 +59,7 @@ void MotionWatch::forget() noexcept {
   masked_share_ = 0;
   recent_ = 0;
   map_error_m_ = 0;
+  late_scale_ = 1;
   innovation_m_ = kPriorSigma_m;
   std::fill(mask_.begin(), mask_.end(), std::uint8_t{0});
   std::fill(places_.begin(), places_.end(), Place{});
@@ -183,29 +186,69 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
   rule_.voxel_m = map.voxel_size();
   remember_cells(live, prior.X_WC);
   const bool settled = settle_at(pyramid, model, prior.X_WC, out);
-  looked_ = certain_ = true;
+  looked_ = true;
+  certain_ = true;
   out.cells_misfit = out.consensus.misfits;
   X_majority_WC_ = out.X_WC;
-  doubtful_ = out.doubtful =
-      !settled || out.consensus.unexplained > kDoubt || against_odometry(prior, out);
+  scale_ = out.consensus.scale;
+  doubtful_ = out.doubtful = !settled || out.consensus.unexplained > kDoubt ||
+                             loose(out.consensus.scale) || against_odometry(prior, out);
+}
+
+bool MotionWatch::loose(float scale) const noexcept { return scale > kLoose * late_scale_; }
+
+// By the prior or by the whole image: whichever more of the image speaks for alone, a leap with a share of it. Where
+// both fit only loosely they are a mean of two motions: then what fits the expected pose itself has a say, too. Returns
+// what speaks for the next best, over the best.
+double MotionWatch::choose_start(const TrackingPyramid& pyramid, const ModelView& model,
+                                 const Pose& X_expected_WC, const Pose& X_tracked_WC,
+                                 MotionResult& out) noexcept {
+  const MotionResult by_prior = out;
+  consensus_.stand(stand_[0]);
+  static_cast<void>(settle_at(pyramid, model, X_tracked_WC, out));
+  consensus_.stand(stand_[1]);
+  double rival = 0;
+  Pose X_WC = out.X_WC;
+  std::size_t chosen = 1;
+  // Twists are taken about one pose at a time: of `i` against the one chosen so far.
+  const auto challenge = [&](std::size_t i, const Pose& X_i_WC) {
+    const Vec6 expected = twist_to(X_expected_WC), a = twist_to(X_i_WC), b = twist_to(X_WC);
+    if (consensus_.mean_way(a, b) < Consensus::kOtherMotion_m) return false;
+    const float scale = std::max(2 * late_scale_, 0.03F);
+    const auto says = [&](std::size_t ours, std::size_t theirs, const Vec6& xi) {
+      return consensus_.only(stand_[ours], stand_[theirs], scale) *
+             Consensus::likely(consensus_.mean_way(xi, expected), prior_sigma_m());
+    };
+    const double new_one = says(i, chosen, a), old_one = says(chosen, i, b);
+    rival = std::min(new_one, old_one) / std::max({new_one, old_one, 1.0});
+    if (new_one < Consensus::kRivalLimit * old_one) return false;
+    chosen = i, X_WC = X_i_WC;
+    return true;
+  };
+  if (challenge(0, by_prior.X_WC) || by_prior.consensus.better_than(out.consensus))
+    static_cast<void>(settle_at(pyramid, model, by_prior.X_WC, out));
+  if (!loose(out.consensus.scale)) return rival;
+  const MotionResult loosely = out;
+  stay_at(pyramid, model, X_expected_WC, out);
+  consensus_.stand(stand_[2]);
+  if (!challenge(2, out.X_WC)) static_cast<void>(settle_at(pyramid, model, loosely.X_WC, out));
+  return rival;
 }
 
 void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model,
                           const MotionPrior& prior, const Pose& X_tracked_WC,
                           MotionResult& out) noexcept {
   if (!looked_) return;
-  const MotionResult by_prior = out;
-  static_cast<void>(settle_at(pyramid, model, X_tracked_WC, out));
-  if (by_prior.consensus.better_than(out.consensus))
-    static_cast<void>(settle_at(pyramid, model, by_prior.X_WC, out));
   const bool trusted = is_trusted(tracker_, prior);
-  const bool competed = out.consensus.unexplained > kDoubt;
+  const double leap = choose_start(pyramid, model, trusted ? prior.X_by_odometry_WC : prior.X_WC,
+                                   X_tracked_WC, out);
+  const bool competed = out.consensus.unexplained > kDoubt || loose(out.consensus.scale);
   if (competed) {
     const Vec6 still = twist_to(model.X_WF),
                expected = twist_to(trusted ? prior.X_by_odometry_WC : prior.X_WC);
     consensus_.compete(memory_, still, expected, prior_sigma_m(), frame_, out.consensus);
     out.work += 4 * pixels();  // of hypotheses
-    out.certain = out.consensus.certain;
+    out.certain = out.consensus.certain && leap < Consensus::kRivalLimit;
     out.X_WC = moved_by(out.consensus.xi);
   }
   // Odometry that is good enough to claim on settles which of two motions is the camera's, where some of the image says the same.
@@ -222,6 +265,7 @@ void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model
     static_cast<void>(settle_at(pyramid, model, out.X_WC, out));
   }
   X_majority_WC_ = out.X_WC;
+  scale_ = out.consensus.scale;
   certain_ = out.certain;
   out.cells_misfit = out.consensus.misfits;
 }
@@ -294,13 +338,13 @@ ImageView<const std::uint8_t> MotionWatch::misfits() noexcept {
 }
 
 void MotionWatch::settle(const TrackingResult& r) noexcept {
-  // By a pose that may be another's, everything moves.
   if (!certain_) return;
   if (r.claimed) {
     const Pose step = X_prior_WC_.inverse(Eigen::Isometry) * r.X_WC;
     const double way =
         std::hypot(step.translation().norm(), length_m_ * rotation_angle(step.linear()));
     innovation_m_ += kInnovationGain * (std::min(way, kPriorSigma_m) - innovation_m_);
+    late_scale_ += kLateScaleGain * (scale_ - late_scale_);
     map_error_m_ += kMapErrorGain *
                     (std::min(static_cast<float>(r.residual_m), kMostMapError_m) - map_error_m_);
   }

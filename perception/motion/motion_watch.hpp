@@ -93,6 +93,10 @@ class MotionWatch {
                  MotionResult& out) noexcept;
   void stay_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
                MotionResult& out) noexcept;
+  [[nodiscard]] bool loose(float scale) const noexcept;
+  double choose_start(const TrackingPyramid& pyramid, const ModelView& model,
+                      const Pose& X_expected_WC, const Pose& X_tracked_WC,
+                      MotionResult& out) noexcept;
   void remember_cells(const DepthLevel& live, const Pose& X_WC) noexcept;
   [[nodiscard]] std::uint64_t pixels() const noexcept {
     return static_cast<std::uint64_t>(width_) * static_cast<std::uint64_t>(height_);
@@ -131,7 +135,8 @@ class MotionWatch {
   Pose X_majority_WC_ = Pose::Identity();
   ConsensusConfig rule_;
   double length_m_ = 1;
-  Consensus::Cells memory_{};  // 0: moved in the last image
+  std::array<Consensus::Stand, 3> stand_{};  // of the poses that choose_start() compares
+  Consensus::Cells memory_{};                // 0: moved in the last image
   std::vector<std::uint8_t> mask_, evidence_, seed_, recalled_, visited_, core_;
   std::vector<std::int32_t> queue_;
   std::vector<Vec3f> points_W_;  // of last image's masked pixels
@@ -145,7 +150,8 @@ class MotionWatch {
   double masked_share_ = 0;     // of the last image
   double innovation_m_ = 0.02;  // mean way of the tracked poses from their priors, of late
   Pose X_prior_WC_ = Pose::Identity();
-  float map_error_m_ = 0;  // RMS by which what stands still misses the map, of late
+  float scale_ = 1, late_scale_ = 1;  // by which the cells fit: in the last image, of late
+  float map_error_m_ = 0;             // RMS by which what stands still misses the map, of late
   std::uint64_t frame_ = 0;
   int recent_ = 0;  // frames that evidence is remembered for
   struct Place {
