@@ -10,6 +10,7 @@ namespace {
 
 constexpr int kYoungFrames = 8, kYoungPercent = 3;
 constexpr std::uint32_t kRestGap = 5;  // frames that a cell may go unseen
+constexpr std::size_t kProbes = 4;     // of the table of places
 constexpr int kLeastAbout = 5;         // of the 8 neighbours, in a patch
 constexpr float kConcave = 0.4F;       // bend over two pixels either side that ends a thing
 // Of a coarse pixel. From kFree on it speaks for motion.
@@ -241,22 +242,51 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
   }
 }
 
-// The place that a point lies in. A table of places, hashed: one that is taken by another is not kept.
-MotionWatch::Place* MotionWatch::place_of(const Vec3f& p_W, bool make) noexcept {
+// The place that a point lies in. A table of places, hashed: where all that it may lie at are taken it is not kept.
+MotionWatch::Place* MotionWatch::place_of(const Vec3f& p_W, bool make, bool seen) noexcept {
   const auto inv = static_cast<float>(1 / config_.rest_cell_m);
   const auto x = static_cast<std::int32_t>(std::floor(p_W.x() * inv)),
              y = static_cast<std::int32_t>(std::floor(p_W.y() * inv)),
              z = static_cast<std::int32_t>(std::floor(p_W.z() * inv));
-  Place& r = places_[hash_of(x, y, z) & (kRestTable - 1)];
   const auto now = static_cast<std::uint32_t>(frame_);
-  const bool kept = r.last != 0 && r.last + kRestGap >= now;
-  if (kept && r.x == x && r.y == y && r.z == z) {
-    r.last = now;
-    return &r;
+  const std::size_t home = hash_of(x, y, z);
+  Place* empty = nullptr;
+  for (std::size_t n = 0; n < kProbes; ++n) {
+    Place& r = places_[(home + n) & (kRestTable - 1)];
+    const bool kept = r.last != 0 && r.last + kRestGap >= now;
+    if (kept && r.x == x && r.y == y && r.z == z) {
+      if (seen) r.last = now;
+      return &r;
+    }
+    if (!kept && empty == nullptr) empty = &r;
   }
-  if (kept || !make) return nullptr;
-  r = {x, y, z, now, now};
-  return &r;
+  if (empty == nullptr || !make) return nullptr;
+  *empty = {x, y, z, now, now};
+  return empty;
+}
+
+// Seen at a flat angle by a camera that drives, a surface is met in other places each time.
+bool MotionWatch::grazed(int i) const noexcept {
+  const Vec3f& p_W = now_W_[static_cast<std::size_t>(i)];
+  float least = 1e9F, most = 0;
+  for (const int d : {-1, 1, -width_, width_}) {  // all have depth: it is of a core
+    const float step_m = (now_W_[static_cast<std::size_t>(i + d)] - p_W).norm();
+    least = std::min(least, step_m), most = std::max(most, step_m);
+  }
+  return most > std::max(2 * least, static_cast<float>(config_.rest_cell_m));
+}
+
+// By noise a point of a thing that stands lies now in one place, now in the next.
+bool MotionWatch::beside_rested(const Vec3f& p_W) noexcept {
+  const auto half = static_cast<float>(config_.rest_cell_m / 2);
+  for (int k = 0; k < 6; ++k) {
+    Vec3f q_W = p_W;
+    q_W[k / 2] += k % 2 == 0 ? half : -half;
+    const Place* place = place_of(q_W, false, false);
+    if (place != nullptr && static_cast<int>(place->last - place->first) >= config_.rest_frames)
+      return true;
+  }
+  return false;
 }
 
 void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
@@ -273,7 +303,14 @@ void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
       thing.remembered >= size / 2 && thing.agrees < size / 2 && thing.old < size / 2;
   if (!moves && !(apart && (goes_on || elsewhere))) return;
   // Nothing of it is where nothing was a moment ago: it stands.
-  const bool stands = thing.young < std::max(config_.least_pixels, size * kYoungPercent / 100);
+  const int few = std::max(config_.least_pixels, size * kYoungPercent / 100);
+  int young = thing.young;
+  for (int at = first; at < end && !moves && young >= few; ++at) {
+    const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
+    if (evidence_[i] != kYoung && evidence_[i] != kFree) continue;
+    if (grazed(queue_[static_cast<std::size_t>(at)]) || beside_rested(now_W_[i])) --young;
+  }
+  const bool stands = young < few;
   if (stands) {
     for (int at = first; at < end; ++at) {
       const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);

@@ -158,7 +158,9 @@ class MotionWatch {
     std::int32_t x = 0, y = 0, z = 0;
     std::uint32_t first = 0, last = 0;
   };
-  [[nodiscard]] Place* place_of(const Vec3f& p_W, bool make) noexcept;
+  [[nodiscard]] Place* place_of(const Vec3f& p_W, bool make, bool seen = true) noexcept;
+  [[nodiscard]] bool grazed(int i) const noexcept;
+  [[nodiscard]] bool beside_rested(const Vec3f& p_W) noexcept;
   static constexpr int kRestTable = 1 << 15;
   std::vector<Place> places_;
 };
