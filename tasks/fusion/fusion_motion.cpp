@@ -83,7 +83,9 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
     return r.state != TrackingState::kLost && !open() &&
            watch_.explains(pyramid, model(), r.X_WC) < config_.motion.least_explained;
   };
-  if (carried() && !by_majority) {
+  // Nor is a camera lost whose place most of the image knows.
+  const bool lost = r.state == TrackingState::kLost && m.consensus.pairs > 0;
+  if ((carried() || lost) && !by_majority) {
     work += r.work;
     tracker_.drop(watch_.misfits(), watch_.level());
     tracker_.track(model(), prior, m.X_WC, knobs.iterations, r);
