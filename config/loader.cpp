@@ -61,14 +61,45 @@ std::size_t edit_distance(const std::string& a, const std::string& b) {
   return row[b.size()];
 }
 
-std::string nearest_key(const std::string& key, const Section& s) {
-  std::string best;
-  std::size_t best_distance = SIZE_MAX;
+// Edits from one to the other; a beginning in common says more than what follows differs.
+std::size_t distance(const std::string& key, const std::string& known) {
+  std::size_t same = 0;
+  while (same < std::min(key.size(), known.size()) && key[same] == known[same]) ++same;
+  const std::size_t edits = edit_distance(key, known);
+  return same >= 4 ? std::min(edits, std::min(key.size(), known.size()) - same + 1) : edits;
+}
+
+struct Near {
+  std::size_t distance = SIZE_MAX;
+  std::string key;  // from the root
+};
+
+void nearest_in(const Section& s, const std::string& path, const std::string& key, bool deep,
+                Near& best) {
   for (const auto& f : s.fields()) {
-    const std::size_t d = edit_distance(key.substr(0, 200), f->key);
-    if (d < best_distance) best_distance = d, best = f->key;
+    const std::string full = path.empty() ? f->key : path + "." + f->key;
+    const std::size_t d = distance(key, f->key);
+    if (d < best.distance) best = {d, full};
+    const auto* section = std::get_if<std::unique_ptr<Section>>(&f->value);
+    if (deep && section != nullptr) nearest_in(**section, full, key, true, best);
   }
-  return best;
+}
+
+// What was meant: a key of the same table, else of any, that is like it; else what the table has.
+std::string what_is_known(const Section& root, const Section& s, const std::string& path,
+                          const std::string& key) {
+  constexpr std::size_t kMostShown = 12;
+  const std::string name = key.substr(0, 200);
+  const std::size_t like = std::max<std::size_t>(2, name.size() / 3);
+  Near best;
+  nearest_in(s, path, name, false, best);
+  if (best.distance > like) nearest_in(root, "", name, true, best);
+  if (best.distance <= like) return "unknown key; the nearest known key is '" + best.key + "'";
+  if (s.fields().empty()) return "unknown key; no key is known here";
+  std::string list = "unknown key; known here: ";
+  for (std::size_t i = 0; i < std::min(kMostShown, s.fields().size()); ++i)
+    list += (i > 0 ? ", " : "") + s.fields()[i]->key;
+  return s.fields().size() > kMostShown ? list + ", ..." : list;
 }
 
 class Reader {
@@ -76,16 +107,13 @@ class Reader {
   explicit Reader(std::string name) : name_(std::move(name)) {}
 
   void table(const toml::table& t, Section& s, const std::string& path) {
+    if (path.empty()) root_ = &s;
     for (const auto& [key, node] : t) {
       const std::string k(key.str());
       const std::string full = path.empty() ? k : path + "." + k;
       Section::Field* f = s.find(k);
       if (f == nullptr) {
-        const std::string near = nearest_key(k, s);
-        fail(key.source(), full, shown(node),
-             near.empty() ? "unknown key; no key is known here"
-                          : "unknown key; the nearest known key is '" +
-                                (path.empty() ? near : path + "." + near) + "'");
+        fail(key.source(), full, shown(node), what_is_known(root_ ? *root_ : s, s, path, k));
         continue;
       }
       f->named = true;
@@ -204,6 +232,7 @@ class Reader {
   }
 
   std::string name_, message_;
+  const Section* root_ = nullptr;
   toml::source_index line_ = 0;
 };
 

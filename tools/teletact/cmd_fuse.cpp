@@ -11,7 +11,7 @@
 //                    --list-knobs prints them all
 //   --poses OUT.txt  TUM lines, camera to world (world = first camera). A data line is a claim; a
 //                    frame that is lost, or that the scene and the odometry leave open, is a comment
-//   --ply OUT.ply    the fused surface
+//   --ply OUT.ply    the fused surface, if wanted
 //   --save-map OUT   the map and its keyframes (perception/map_file)
 //   --map FILE       such a map to begin with: world = that map's; lost until the camera is found in it
 //
@@ -198,7 +198,7 @@ void write_outputs(rt::NonRealtime& nrt, const FuseOptions& o, const tasks::Fusi
   const perception::Mesh mesh = mesh_of(nrt, map, bytes, {.min_weight = o.mesh_weight});
   vertices = mesh.vertices_W.size();
   try {
-    take(perception::write_ply(nrt, o.ply, mesh));
+    if (!o.ply.empty()) take(perception::write_ply(nrt, o.ply, mesh));
     write_whole_file(o.poses, poses);
     if (!o.save_map.empty()) write_whole_file(o.save_map, bytes);
     Metrics metrics("fuse");
@@ -385,7 +385,7 @@ int cmd_fuse(int argc, char** argv) {
   app.add_flag_callback(
       "--list-knobs", [] { throw ListKnobs(); }, "print every key of [fusion] and end");
   app.add_option("--poses", o.poses, "TUM poses to write, camera to world")->required();
-  app.add_option("--ply", o.ply, "mesh to write")->required();
+  app.add_option("--ply", o.ply, "mesh to write, if wanted");
   app.add_option("--map", o.map, "map of an earlier run to begin with, of the same voxel");
   app.add_option("--save-map", o.save_map, "map to write");
   app.add_option("--json", o.json, "figures to write");

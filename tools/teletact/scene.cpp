@@ -8,6 +8,8 @@
 #include <cmath>
 #include <filesystem>
 #include <numbers>
+#include <set>
+#include <span>
 #include <stdexcept>
 
 #include "perception/map_file/map_file.hpp"
@@ -17,6 +19,21 @@
 namespace teletact {
 
 namespace {
+
+// Of the first root that has the folder, sorted.
+std::string names_in(std::span<const std::filesystem::path> roots, const std::string& folder) {
+  namespace fs = std::filesystem;
+  std::set<std::string> names;
+  for (const fs::path& root : roots) {
+    std::error_code ec;
+    for (const fs::directory_entry& entry : fs::directory_iterator(root / folder, ec))
+      if (entry.path().extension() == ".toml") names.insert(entry.path().stem().string());
+    if (!names.empty()) break;
+  }
+  std::string list;
+  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+  return list.empty() ? "(nothing is installed there)" : list;
+}
 
 // A stored map fixes the voxel: a scene that names none takes the map's.
 void settle_stored_map(Scene& scene, const std::string& path) {
@@ -198,8 +215,8 @@ std::string find_config(const std::string& folder, const std::string& name) {
   for (const auto& root : roots) {
     if (fs::exists(root / folder / file)) return fs::canonical(root / folder / file).string();
   }
-  throw std::runtime_error(name + ": no such file, and no " + folder + "/" + file + " in " +
-                           (program / "../share/teletact/config").string());
+  throw std::runtime_error(name + ": no such file, and none of the names in config/" + folder +
+                           ": " + names_in(roots, folder));
 }
 
 }  // namespace teletact

@@ -1,10 +1,10 @@
 #include <gtest/gtest.h>
 
-#include "perception/patch/patch_sample.hpp"
 #include "perception/tsdf/map_reader.hpp"
 #include "perception/tsdf/patch_copy.hpp"
 #include "rt/memory/section.hpp"
 #include "tests/support/rt_guard.hpp"
+#include "tests/unit/perception_tsdf/patch_sample.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
 
 namespace tests {

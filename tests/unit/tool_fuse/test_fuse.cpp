@@ -68,13 +68,9 @@ class Fuse : public ::testing::Test {
     }
   }
   int fuse(std::vector<std::string> extra, const std::string& name = "out") {
-    std::vector<std::string> args{"fuse",
-                                  "--rgbd",
-                                  (root_ / "seq").string(),
-                                  "--poses",
-                                  (root_ / (name + ".txt")).string(),
-                                  "--ply",
-                                  (root_ / (name + ".ply")).string()};
+    std::vector<std::string> args{"fuse", "--rgbd", (root_ / "seq").string(), "--poses",
+                                  (root_ / (name + ".txt")).string()};
+    if (mesh_wanted_) args.insert(args.end(), {"--ply", (root_ / (name + ".ply")).string()});
     if (extra.empty() || extra[0] != "--voxel") args.insert(args.end(), {"--voxel", "0.02"});
     args.insert(args.end(), extra.begin(), extra.end());
     std::vector<char*> argv;
@@ -101,6 +97,7 @@ class Fuse : public ::testing::Test {
     return lines;
   }
   fs::path root_;
+  bool mesh_wanted_ = true;
 };
 
 std::vector<Pose> drive(int n) {
@@ -132,6 +129,10 @@ TEST_F(Fuse, PosesFollowTheTruthAndRunsAreEqual) {
   ASSERT_EQ(fuse({}, "again"), 0);
   EXPECT_EQ(slurp(root_ / "out.txt"), slurp(root_ / "again.txt"));
   EXPECT_EQ(slurp(root_ / "out.ply"), slurp(root_ / "again.ply"));
+  mesh_wanted_ = false;
+  ASSERT_EQ(fuse({}, "alone"), 0);
+  EXPECT_EQ(slurp(root_ / "out.txt"), slurp(root_ / "alone.txt"));
+  EXPECT_FALSE(fs::exists(root_ / "alone.ply"));
 }
 
 TEST_F(Fuse, FlatWallIsClaimedOnlyWithOdometry) {
