@@ -2,7 +2,9 @@
 #include "perception/motion/motion_watch.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstring>
 
 namespace perception {
 
@@ -14,12 +16,10 @@ constexpr int kLeastAbout = 5;         // of the 8 neighbours, in a patch
 constexpr float kConcave = 0.4F;       // bend over two pixels either side that ends a thing
 // Of a coarse pixel. From kFree on it speaks for motion.
 enum Evidence : std::uint8_t { kNone, kAgrees, kRested, kFree, kOff, kYoung, kOld };
-
-std::size_t hash_of(std::int32_t x, std::int32_t y, std::int32_t z) noexcept {
-  const std::uint32_t h = static_cast<std::uint32_t>(x) * 73856093U ^
-                          static_cast<std::uint32_t>(y) * 19349663U ^
-                          static_cast<std::uint32_t>(z) * 83492791U;
-  return h ^ (h >> 15U);
+// Bytes from kFree on, of eight; values are below 128.
+static_assert(kFree == 3);
+std::uint64_t speaking(std::uint64_t eight) noexcept {
+  return (eight + 0x7d7d7d7d7d7d7d7dU) & 0x8080808080808080U;
 }
 
 // The distance at a point: trilinear where all corners are known, else of the nearest node.
@@ -58,69 +58,136 @@ Seen3 seen_at(const TsdfMap& map, MapReader& reader, const Vec3f& p_W, float inv
 
 }  // namespace
 
-// Of every `step`th pixel. The count of those that speak for motion.
-int MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC,
-                                 bool all, int step) noexcept {
-  MapReader reader(map, 1.0);
-  const CellSums& sums = consensus_.sums();
-  const Eigen::Matrix3f R = X_WC.linear().cast<float>();
-  const Vec3f t = X_WC.translation().cast<float>();
-  const auto inv_voxel = static_cast<float>(1 / map.voxel_size());
+Vec3f MotionWatch::turned_W(const Vec3f& p_C) const noexcept {
+  const auto axis = [&](int a) {
+    return motion::turned(agree_.R_W + 3 * a, agree_.t_W[a], p_C.x(), p_C.y(), p_C.z());
+  };
+  return {axis(0), axis(1), axis(2)};
+}
+
+// Of the camera at X_WC; nothing has been looked at.
+void MotionWatch::start_evidence(const TsdfMap& map, const Pose& X_WC) noexcept {
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) agree_.R_W[3 * i + j] = static_cast<float>(X_WC.linear()(i, j));
+    agree_.t_W[i] = static_cast<float>(X_WC.translation()(i));
+  }
+  agree_.inv_voxel = static_cast<float>(1 / map.voxel_size());
+  agree_.metres_per_unit = map.metres_per_unit();
+  // front_limit() less a voxel, and what its digits may differ by.
+  constexpr float kDigits_m = 1e-6F;
+  agree_.base_m = front_limit(0) - voxel_m_ - kDigits_m;
+  agree_.from_m = static_cast<float>(tracker_.noise_from_m);
+  agree_.per_m2 = 0.499999F * static_cast<float>(config_.front_sigma) *
+                  static_cast<float>(tracker_.noise_per_m2);
+  agree_.places = recent_ > 0 ? taken_.data() : nullptr;
+  agree_.inv_place = static_cast<float>(1 / config_.rest_cell_m);
+  clear_m_ = static_cast<float>(0.8 * map.truncation());
+  looked_at_.fill(Scope::kNone);
   std::fill_n(evidence_.begin(), width_ * height_, std::uint8_t{kNone});
-  // What is seen free lies so far before a surface at least.
-  const auto clear = static_cast<float>(0.8 * map.truncation());
+}
+
+// What a pixel says, of a cell that fits its noise or does not.
+std::uint8_t MotionWatch::evidence_at(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
+                                      int i, bool fits) noexcept {
+  const Vec3f p_C = point_C(live, i);
+  const Vec3f p_W = turned_W(p_C);
+  const float limit = front_limit(p_C.z());
+  const Seen3 s = seen_at(map, reader, p_W, agree_.inv_voxel, fits ? limit - voxel_m_ : 0);
+  bool front = s.known && s.distance_m > limit;
+  if (s.free && limit < clear_m_) {
+    front = true;
+  } else if (s.free) {  // and not just before what the noise may have moved
+    const Vec3f behind_W = turned_W(p_C * (1 + limit / p_C.z()));
+    const Seen3 b = seen_at(map, reader, behind_W, agree_.inv_voxel, 0);
+    front = b.free || (b.known && b.distance_m > 0);
+  }
+  // A place that was free and is not any more is evidence until it has been so for long.
+  const Place* place = recent_ > 0 ? place_of(p_W, false) : nullptr;
+  if (place != nullptr) {
+    const auto age = static_cast<int>(place->last - place->first);
+    return age < kYoungFrames ? kYoung : age < config_.rest_frames ? kOld : kRested;
+  }
+  if (front) return kFree;
+  if (s.known && !fits && std::abs(s.distance_m) > 0.5F * limit) return kOff;
+  return s.known && std::abs(s.distance_m) < limit ? kAgrees : kNone;
+}
+
+// Of the pixels of a cell that have not been looked at. The count of those that speak for motion.
+int MotionWatch::gather_cell(const TsdfMap& map, MapReader& reader, const DepthLevel& live, int c,
+                             bool quarter) noexcept {
+  constexpr int kEdge = CellSums::kEdge;
+  static_assert(kEdge == motion::kAcross);
+  const int columns = consensus_.sums().columns;
+  const int u0 = c % columns * kEdge, v0 = c / columns * kEdge;
+  const bool fits = consensus_.fits_noise(c);
+  const int step = quarter ? 2 : 1, rows = (std::min(kEdge, height_ - v0) + step - 1) / step;
+  const auto in_image = (1U << static_cast<unsigned>(std::min(kEdge, width_ - u0))) - 1;
+  motion::AgreeJob job = agree_;
+  job.z = live.depth.row(v0) + u0;
+  job.stride = step * live.depth.stride();
+  job.x_factor = live.x_factor.data() + u0 + PaddedImage::kMargin;
+  job.y_factor = live.y_factor.data() + v0 + PaddedImage::kMargin;
+  job.rows = rows, job.row_step = step;
+  motion::RowBits found[kEdge];
+  // What lies on the surface agrees where the cell fits; where it does not, its distance is asked for.
+  if (fits) motion::find_agreeing(job, reader, found);
   int count = 0;
-  for (int c = 0; c < sums.size(); ++c) {
-    const auto cell = static_cast<std::size_t>(c);
-    if (!(sums.live[cell] > 0)) continue;
-    const bool fits = consensus_.fits_noise(c);
-    if (!all && fits && sums.pairs[cell] >= 0.85F * sums.live[cell]) continue;
-    const int u0 = c % sums.columns * CellSums::kEdge, v0 = c / sums.columns * CellSums::kEdge;
-    for (int v = v0; v < std::min(v0 + CellSums::kEdge, height_); v += step) {
-      for (int u = u0; u < std::min(u0 + CellSums::kEdge, width_); u += step) {
-        const int i = v * width_ + u;
-        if (!(live.depth.row(v)[u] > 0)) continue;
-        const Vec3f p_C = point_C(live, i);
-        const Vec3f p_W = R * p_C + t;
-        now_W_[static_cast<std::size_t>(i)] = p_W;
-        const float limit = front_limit(p_C.z());
-        const Seen3 s = seen_at(map, reader, p_W, inv_voxel, fits ? limit - voxel_m_ : 0);
-        std::uint8_t& e = evidence_[static_cast<std::size_t>(i)];
-        // A place that was free and is not any more is evidence until it has been so for long.
-        bool front = s.known && s.distance_m > limit;
-        if (s.free && limit < clear) {
-          front = true;
-        } else if (s.free) {  // and not just before what the noise may have moved
-          const Vec3f behind_W = R * (p_C * (1 + limit / p_C.z())) + t;
-          const Seen3 b = seen_at(map, reader, behind_W, inv_voxel, 0);
-          front = b.free || (b.known && b.distance_m > 0);
-        }
-        const Place* place = recent_ > 0 ? place_of(p_W, false) : nullptr;
-        if (place != nullptr) {
-          const auto age = static_cast<int>(place->last - place->first);
-          e = age < kYoungFrames ? kYoung : age < config_.rest_frames ? kOld : kRested;
-        } else if (front) {
-          e = kFree;
-        } else if (s.known && !fits && std::abs(s.distance_m) > 0.5F * limit) {
-          e = kOff;
-        } else if (s.known && std::abs(s.distance_m) < limit) {
-          e = kAgrees;
-        }
-        count += e >= kFree ? 1 : 0;
-      }
+  for (int r = 0; r < rows; ++r) {
+    std::uint8_t* row = evidence_.data() + (v0 + r * step) * width_ + u0;
+    unsigned others = in_image;
+    if (fits) {
+      others &= found[r].others;
+      for (unsigned m = found[r].agrees & in_image; m != 0; m &= m - 1)
+        row[std::countr_zero(m)] = kAgrees;
+    }
+    if (quarter) others &= 0x55U;
+    for (; others != 0; others &= others - 1) {
+      const int u = std::countr_zero(others);
+      if (!(job.z[r * job.stride + u] > 0)) continue;
+      row[u] = evidence_at(map, reader, live, (v0 + r * step) * width_ + u0 + u, fits);
+      count += row[u] >= kFree ? 1 : 0;
     }
   }
   return count;
 }
 
+// The count of the pixels that speak for motion, of those looked at now.
+int MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, Scope scope) noexcept {
+  MapReader reader(map, 1.0);
+  const CellSums& sums = consensus_.sums();
+  int count = 0;
+  for (int c = 0; c < sums.size(); ++c) {
+    const auto cell = static_cast<std::size_t>(c);
+    if (!(sums.live[cell] > 0) || looked_at_[cell] >= Scope::kCells) continue;
+    if (scope != Scope::kAll && consensus_.fits_noise(c) &&
+        sums.pairs[cell] >= 0.85F * sums.live[cell])
+      continue;
+    looked_at_[cell] = scope;
+    count += gather_cell(map, reader, live, c, scope == Scope::kQuarter);
+  }
+  return count;
+}
+
 // Evidence in patches, into seed_.
-int MotionWatch::patches() noexcept {
+int MotionWatch::patches(const DepthLevel& live) noexcept {
   int count = 0;
   std::fill_n(seed_.begin(), width_ * height_, std::uint8_t{0});
   for (int v = 1; v + 1 < height_; ++v) {
-    for (int u = 1; u + 1 < width_; ++u) {
+    for (int u = 1; u + 1 < width_;) {
       const int i = v * width_ + u;
-      if (evidence_[static_cast<std::size_t>(i)] < kFree) continue;
+      // Most speak for nothing: eight at a time. What is read beyond the row is of the next one.
+      std::uint64_t eight = 0;
+      std::memcpy(&eight, evidence_.data() + i, sizeof eight);
+      const std::uint64_t speak = speaking(eight);
+      if (speak == 0) {
+        u += 8;
+        continue;
+      }
+      if ((speak & 0x80U) == 0) {
+        ++u;
+        continue;
+      }
+      ++u;
       int about = -1;
       for (int k = 0; k < 9; ++k)
         about += evidence_[static_cast<std::size_t>(i + (k / 3 - 1) * width_ + k % 3 - 1)] >= kFree
@@ -129,7 +196,7 @@ int MotionWatch::patches() noexcept {
       if (about < kLeastAbout) continue;
       seed_[static_cast<std::size_t>(i)] = 1;
       if (evidence_[static_cast<std::size_t>(i)] == kFree)
-        static_cast<void>(place_of(now_W_[static_cast<std::size_t>(i)], true));
+        static_cast<void>(place_of(point_W(live, i), true));
       ++count;
     }
   }
@@ -236,7 +303,7 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
         queue_[static_cast<std::size_t>(end++)] = b;
       }
     }
-    judge_thing(first, end, thing);
+    judge_thing(live, first, end, thing);
     first = end;
   }
 }
@@ -247,19 +314,24 @@ MotionWatch::Place* MotionWatch::place_of(const Vec3f& p_W, bool make) noexcept 
   const auto x = static_cast<std::int32_t>(std::floor(p_W.x() * inv)),
              y = static_cast<std::int32_t>(std::floor(p_W.y() * inv)),
              z = static_cast<std::int32_t>(std::floor(p_W.z() * inv));
-  Place& r = places_[hash_of(x, y, z) & (kRestTable - 1)];
+  const std::uint32_t slot = motion::place_slot(x, y, z);
+  Place& r = places_[slot];
   const auto now = static_cast<std::uint32_t>(frame_);
   const bool kept = r.last != 0 && r.last + kRestGap >= now;
   if (kept && r.x == x && r.y == y && r.z == z) {
     r.last = now;
     return &r;
   }
+  std::uint32_t& taken = taken_[slot / 32];
+  if (!kept) taken &= ~(1U << slot % 32);
   if (kept || !make) return nullptr;
+  taken |= 1U << slot % 32;
   r = {x, y, z, now, now};
   return &r;
 }
 
-void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
+void MotionWatch::judge_thing(const DepthLevel& live, int first, int end,
+                              const Thing& thing) noexcept {
   const int size = end - first;
   if (size < config_.least_pixels) return;
   // The place itself is large, and fits: a wrong pose must not make it a thing.
@@ -277,7 +349,8 @@ void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
   if (stands) {
     for (int at = first; at < end; ++at) {
       const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
-      Place* place = evidence_[i] > kRested ? place_of(now_W_[i], true) : nullptr;
+      Place* place =
+          evidence_[i] > kRested ? place_of(point_W(live, static_cast<int>(i)), true) : nullptr;
       if (place != nullptr)
         place->first =
             place->last - std::min(place->last, static_cast<std::uint32_t>(config_.rest_frames));
@@ -287,7 +360,8 @@ void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
   for (int at = first; at < end; ++at) {
     const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
     mask_[i] = apart || seed_[i] != 0 ? 1 : 0;
-    if (mask_[i] != 0 && evidence_[i] != kAgrees) static_cast<void>(place_of(now_W_[i], true));
+    if (mask_[i] != 0 && evidence_[i] != kAgrees)
+      static_cast<void>(place_of(point_W(live, static_cast<int>(i)), true));
   }
 }
 

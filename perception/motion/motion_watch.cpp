@@ -41,7 +41,7 @@ MotionWatch::MotionWatch(rt::NonRealtime&, const MotionConfig& config, const Tra
     : config_(config),
       tracker_(tracker),
       mask_(kMost),
-      evidence_(kMost),
+      evidence_(kMost + 8),  // read eight at a time
       seed_(kMost),
       recalled_(kMost),
       visited_(kMost),
@@ -49,7 +49,8 @@ MotionWatch::MotionWatch(rt::NonRealtime&, const MotionConfig& config, const Tra
       queue_(kMost),
       points_W_(kMost),
       now_W_(kMost),
-      places_(kRestTable) {}
+      places_(motion::kPlaceSlots),
+      taken_(motion::kPlaceSlots / 32) {}
 
 void MotionWatch::forget() noexcept {
   remembered_ = 0;
@@ -60,6 +61,7 @@ void MotionWatch::forget() noexcept {
   innovation_m_ = kPriorSigma_m;
   std::fill(mask_.begin(), mask_.end(), std::uint8_t{0});
   std::fill(places_.begin(), places_.end(), Place{});
+  std::fill(taken_.begin(), taken_.end(), 0U);
 }
 
 float MotionWatch::front_limit(float z) const noexcept {
@@ -234,14 +236,15 @@ void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid,
   const DepthLevel& live = pyramid.level(level_);
   std::fill_n(mask_.begin(), width_ * height_, std::uint8_t{0});
   // Nothing moved of late: a quarter of what does not meet its surface says whether something does, then all of that.
+  start_evidence(map, out.X_WC);
   if (recent_ == 0) {
-    if (2 * gather_evidence(map, live, out.X_WC, false, 2) < config_.least_pixels) return;
-    static_cast<void>(gather_evidence(map, live, out.X_WC, false, 1));
-    if (patches() < config_.least_pixels) return;
+    if (2 * gather_evidence(map, live, Scope::kQuarter) < config_.least_pixels) return;
+    static_cast<void>(gather_evidence(map, live, Scope::kCells));
+    if (patches(live) < config_.least_pixels) return;
   }
   // A thing is more than the cells that do not fit.
-  static_cast<void>(gather_evidence(map, live, out.X_WC, true, 1));
-  out.evidence = patches();
+  static_cast<void>(gather_evidence(map, live, Scope::kAll));
+  out.evidence = patches(live);
   recent_ = out.evidence >= config_.least_pixels ? config_.rest_frames : std::max(0, recent_ - 1);
   if (recent_ == 0) return;
   out.work += 8 * pixels();
@@ -253,7 +256,8 @@ void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid,
   int masked = 0, valid = 0;
   fringe(live);
   for (int i = 0; i < width_ * height_; ++i) {
-    masked += mask_[static_cast<std::size_t>(i)];
+    if (mask_[static_cast<std::size_t>(i)] != 0)
+      ++masked, now_W_[static_cast<std::size_t>(i)] = point_W(live, i);
     valid += live.depth.row(i / width_)[i % width_] > 0 ? 1 : 0;
   }
   out.moving = masked > 0;

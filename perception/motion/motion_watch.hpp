@@ -20,6 +20,7 @@
 #include "config/schema.hpp"
 #include "perception/geometry/image.hpp"
 #include "perception/icp/tracker.hpp"
+#include "perception/motion/agree_kernel.hpp"
 #include "perception/motion/consensus.hpp"
 #include "perception/motion/motion_mask.hpp"
 #include "perception/tsdf/map_reader.hpp"
@@ -103,9 +104,16 @@ class MotionWatch {
   [[nodiscard]] double prior_sigma_m() const noexcept;
   [[nodiscard]] Pose moved_by(const Vec6& xi) const noexcept;
   [[nodiscard]] Vec6 twist_to(const Pose& X_WC) const noexcept;
-  int gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC, bool all,
-                      int step) noexcept;
-  [[nodiscard]] int patches() noexcept;
+  // What is to be looked at: every second pixel of every second row of the cells that may hold something, the rest of
+  // these, the rest of all.
+  enum class Scope : std::uint8_t { kNone, kQuarter, kCells, kAll };
+  void start_evidence(const TsdfMap& map, const Pose& X_WC) noexcept;
+  int gather_evidence(const TsdfMap& map, const DepthLevel& live, Scope scope) noexcept;
+  int gather_cell(const TsdfMap& map, MapReader& reader, const DepthLevel& live, int c,
+                  bool quarter) noexcept;
+  [[nodiscard]] std::uint8_t evidence_at(const TsdfMap& map, MapReader& reader,
+                                         const DepthLevel& live, int i, bool fits) noexcept;
+  [[nodiscard]] int patches(const DepthLevel& live) noexcept;
   void recall(const DepthLevel& live, const Pose& X_WC) noexcept;
   void grow(const DepthLevel& live) noexcept;
   void find_core(const DepthLevel& live) noexcept;
@@ -114,11 +122,16 @@ class MotionWatch {
       Thing {  // counts of its pixels; young: where nothing was a moment ago; misfits: of cells that do not fit
     int evidence = 0, remembered = 0, agrees = 0, old = 0, young = 0, misfits = 0;
   };
-  void judge_thing(int first, int end, const Thing& thing) noexcept;
+  void judge_thing(const DepthLevel& live, int first, int end, const Thing& thing) noexcept;
   [[nodiscard]] int cell_of(int u, int v) const noexcept {
     return v / CellSums::kEdge * consensus_.sums().columns + u / CellSums::kEdge;
   }
   [[nodiscard]] Vec3f point_C(const DepthLevel& live, int i) const noexcept;
+  [[nodiscard]] Vec3f point_W(const DepthLevel& live,
+                              int i) const noexcept {  // by the evidence's pose
+    return turned_W(point_C(live, i));
+  }
+  [[nodiscard]] Vec3f turned_W(const Vec3f& p_C) const noexcept;
   [[nodiscard]] float front_limit(float z) const noexcept;
 
   MotionConfig config_;
@@ -135,7 +148,10 @@ class MotionWatch {
   std::vector<std::uint8_t> mask_, evidence_, seed_, recalled_, visited_, core_;
   std::vector<std::int32_t> queue_;
   std::vector<Vec3f> points_W_;  // of last image's masked pixels
-  std::vector<Vec3f> now_W_;     // of all pixels of this one, by consensus
+  std::vector<Vec3f> now_W_;     // of this one's, by consensus
+  motion::AgreeJob agree_{};     // where evidence is gathered from
+  float clear_m_ = 0;            // what is seen free lies so far before a surface at least
+  std::array<Scope, CellSums::kMost> looked_at_{};  // of each cell, for evidence
   int remembered_ = 0;
   bool had_ = false;
   bool doubtful_ = false;
@@ -153,8 +169,8 @@ class MotionWatch {
     std::uint32_t first = 0, last = 0;
   };
   [[nodiscard]] Place* place_of(const Vec3f& p_W, bool make) noexcept;
-  static constexpr int kRestTable = 1 << 15;
-  std::vector<Place> places_;
+  std::vector<Place> places_;         // motion::place_slot() says which
+  std::vector<std::uint32_t> taken_;  // a bit for each that may be one
 };
 
 }  // namespace perception
