@@ -53,4 +53,14 @@ void find_agreeing(const AgreeJob& job, MapReader& reader, RowBits* rows) noexce
 // The same, one pixel after the other: what the tests hold it against.
 void find_agreeing_plain(const AgreeJob& job, MapReader& reader, RowBits* rows) noexcept;
 
+// All readings are `others`.
+inline void find_readings(const AgreeJob& job, RowBits* rows) noexcept {
+  for (int r = 0; r < job.rows; ++r) {
+    unsigned readings = 0;
+    for (unsigned u = 0; u < kAcross; ++u)
+      readings |= (job.z[r * job.stride + u] > 0 ? 1U : 0U) << u;
+    rows[r] = {0, static_cast<std::uint8_t>(readings)};
+  }
+}
+
 }  // namespace perception::motion

@@ -14,13 +14,17 @@ constexpr int kYoungFrames = 8, kYoungPercent = 3;
 constexpr std::uint32_t kRestGap = 5;  // frames that a cell may go unseen
 constexpr int kLeastAbout = 5;         // of the 8 neighbours, in a patch
 constexpr float kConcave = 0.4F;       // bend over two pixels either side that ends a thing
-// Of a coarse pixel. From kFree on it speaks for motion.
-enum Evidence : std::uint8_t { kNone, kAgrees, kRested, kFree, kOff, kYoung, kOld };
-// Bytes from kFree on, of eight; values are below 128.
-static_assert(kFree == 3);
-std::uint64_t speaking(std::uint64_t eight) noexcept {
-  return (eight + 0x7d7d7d7d7d7d7d7dU) & 0x8080808080808080U;
-}
+// Of a coarse pixel. From kFree on it speaks for motion; kUnasked: it may.
+enum Evidence : std::uint8_t { kNone, kAgrees, kRested, kFree, kOff, kYoung, kOld, kUnasked };
+// By eight bits: a byte of 1 for each.
+struct BytesOf {
+  std::uint64_t bytes[256] = {};
+  constexpr BytesOf() {
+    for (std::uint64_t m = 0; m < 256; ++m)
+      for (unsigned n = 0; n < 8; ++n) bytes[m] |= (m >> n & 1U) << 8 * n;
+  }
+};
+constexpr BytesOf kBytesOf;
 
 // The distance at a point: trilinear where all corners are known, else of the nearest node.
 struct Seen3 {
@@ -82,8 +86,8 @@ void MotionWatch::start_evidence(const TsdfMap& map, const Pose& X_WC) noexcept 
   agree_.places = recent_ > 0 ? taken_.data() : nullptr;
   agree_.inv_place = static_cast<float>(1 / config_.rest_cell_m);
   clear_m_ = static_cast<float>(0.8 * map.truncation());
-  looked_at_.fill(Scope::kNone);
-  std::fill_n(evidence_.begin(), width_ * height_, std::uint8_t{kNone});
+  marked_.fill(0);
+  std::fill_n(evidence_.begin(), width_ * height_ + 8, std::uint8_t{kNone});
 }
 
 // What a pixel says, of a cell that fits its noise or does not.
@@ -112,88 +116,116 @@ std::uint8_t MotionWatch::evidence_at(const TsdfMap& map, MapReader& reader, con
   return s.known && std::abs(s.distance_m) < limit ? kAgrees : kNone;
 }
 
-// Of the pixels of a cell that have not been looked at. The count of those that speak for motion.
-int MotionWatch::gather_cell(const TsdfMap& map, MapReader& reader, const DepthLevel& live, int c,
-                             bool quarter) noexcept {
+// Marks the pixels of a cell that agree, and those that have to be asked. Of every second row for a `quarter`.
+void MotionWatch::mark_cell(MapReader& reader, const DepthLevel& live, int c,
+                            bool quarter) noexcept {
   constexpr int kEdge = CellSums::kEdge;
   static_assert(kEdge == motion::kAcross);
   const int columns = consensus_.sums().columns;
   const int u0 = c % columns * kEdge, v0 = c / columns * kEdge;
-  const bool fits = consensus_.fits_noise(c);
-  const int step = quarter ? 2 : 1, rows = (std::min(kEdge, height_ - v0) + step - 1) / step;
-  const auto in_image = (1U << static_cast<unsigned>(std::min(kEdge, width_ - u0))) - 1;
-  motion::AgreeJob job = agree_;
+  const int step = quarter ? 2 : 1;
+  const auto across = static_cast<std::size_t>(std::min(kEdge, width_ - u0));
+  motion::AgreeJob& job = agree_;
   job.z = live.depth.row(v0) + u0;
   job.stride = step * live.depth.stride();
   job.x_factor = live.x_factor.data() + u0 + PaddedImage::kMargin;
   job.y_factor = live.y_factor.data() + v0 + PaddedImage::kMargin;
-  job.rows = rows, job.row_step = step;
+  job.rows = (std::min(kEdge, height_ - v0) + step - 1) / step, job.row_step = step;
   motion::RowBits found[kEdge];
   // What lies on the surface agrees where the cell fits; where it does not, its distance is asked for.
-  if (fits) motion::find_agreeing(job, reader, found);
-  int count = 0;
-  for (int r = 0; r < rows; ++r) {
-    std::uint8_t* row = evidence_.data() + (v0 + r * step) * width_ + u0;
-    unsigned others = in_image;
-    if (fits) {
-      others &= found[r].others;
-      for (unsigned m = found[r].agrees & in_image; m != 0; m &= m - 1)
-        row[std::countr_zero(m)] = kAgrees;
-    }
-    if (quarter) others &= 0x55U;
-    for (; others != 0; others &= others - 1) {
-      const int u = std::countr_zero(others);
-      if (!(job.z[r * job.stride + u] > 0)) continue;
-      row[u] = evidence_at(map, reader, live, (v0 + r * step) * width_ + u0 + u, fits);
-      count += row[u] >= kFree ? 1 : 0;
-    }
+  if (consensus_.fits_noise(c))
+    motion::find_agreeing(job, reader, found);
+  else
+    motion::find_readings(job, found);
+  for (int r = 0; r < job.rows; ++r) {
+    const std::uint64_t row =
+        kAgrees * kBytesOf.bytes[found[r].agrees] | kUnasked * kBytesOf.bytes[found[r].others];
+    std::uint8_t* to = evidence_.data() + (v0 + r * step) * width_ + u0;
+    if (across == kEdge)
+      std::memcpy(to, &row, kEdge);
+    else
+      std::memcpy(to, &row, across);
   }
-  return count;
 }
 
-// The count of the pixels that speak for motion, of those looked at now.
-int MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, Scope scope) noexcept {
-  MapReader reader(map, 1.0);
+bool MotionWatch::ask(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
+                      int i) noexcept {
+  std::uint8_t& e = evidence_[static_cast<std::size_t>(i)];
+  if (e == kUnasked)
+    e = evidence_at(map, reader, live, i, consensus_.fits_noise(cell_of(i % width_, i / width_)));
+  return e >= kFree;
+}
+
+// Cells that may hold something: those that do not fit, or do not meet their surface.
+bool MotionWatch::may_hold(int c) const noexcept {
+  const auto cell = static_cast<std::size_t>(c);
   const CellSums& sums = consensus_.sums();
-  int count = 0;
+  return sums.live[cell] > 0 &&
+         !(consensus_.fits_noise(c) && sums.pairs[cell] >= 0.85F * sums.live[cell]);
+}
+
+// Of every second pixel of every second row of cells that may hold something: do `least` of them speak for motion?
+bool MotionWatch::glimpse(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
+                          int least) noexcept {
+  constexpr int kEdge = CellSums::kEdge;
+  const int columns = consensus_.sums().columns;
+  for (int c = 0, count = 0; c < consensus_.sums().size(); ++c) {
+    if (!may_hold(c)) continue;
+    mark_cell(reader, live, c, true);
+    const int u0 = c % columns * kEdge, v0 = c / columns * kEdge;
+    for (int v = v0; v < std::min(v0 + kEdge, height_); v += 2)
+      for (int u = u0; u < std::min(u0 + kEdge, width_); u += 2)
+        count += ask(map, reader, live, v * width_ + u) ? 1 : 0;
+    if (count >= least) return true;
+  }
+  return least <= 0;
+}
+
+// Marks the cells that may hold something, or `all`; of all, each pixel is asked.
+void MotionWatch::gather_evidence(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
+                                  bool all) noexcept {
+  const CellSums& sums = consensus_.sums();
   for (int c = 0; c < sums.size(); ++c) {
     const auto cell = static_cast<std::size_t>(c);
-    if (!(sums.live[cell] > 0) || looked_at_[cell] >= Scope::kCells) continue;
-    if (scope != Scope::kAll && consensus_.fits_noise(c) &&
-        sums.pairs[cell] >= 0.85F * sums.live[cell])
-      continue;
-    looked_at_[cell] = scope;
-    count += gather_cell(map, reader, live, c, scope == Scope::kQuarter);
+    if (marked_[cell] != 0 || !(sums.live[cell] > 0 && (all || may_hold(c)))) continue;
+    marked_[cell] = 1;
+    mark_cell(reader, live, c, false);
   }
-  return count;
+  for (int i = 0; all && i < width_ * height_; i += 8) {
+    std::uint64_t speak = speaking_at(i);
+    for (; speak != 0; speak &= speak - 1)
+      static_cast<void>(ask(map, reader, live, i + std::countr_zero(speak) / 8));
+  }
 }
 
-// Evidence in patches, into seed_.
-int MotionWatch::patches(const DepthLevel& live) noexcept {
+// The bytes of evidence_ from i to i + 7 that speak for motion, or may. Beyond the image none does.
+std::uint64_t MotionWatch::speaking_at(int i) const noexcept {
+  std::uint64_t eight = 0;
+  std::memcpy(&eight, evidence_.data() + i, sizeof eight);
+  return (eight + 0x7d7d7d7d7d7d7d7dU) & 0x8080808080808080U;  // values are below 128
+}
+
+// Evidence in patches, into seed_. Asked is what may be in one.
+int MotionWatch::patches(const TsdfMap& map, MapReader& reader, const DepthLevel& live) noexcept {
+  static_assert(kFree == 3);  // speaking_at()
   int count = 0;
   std::fill_n(seed_.begin(), width_ * height_, std::uint8_t{0});
-  for (int v = 1; v + 1 < height_; ++v) {
-    for (int u = 1; u + 1 < width_;) {
-      const int i = v * width_ + u;
-      // Most speak for nothing: eight at a time. What is read beyond the row is of the next one.
-      std::uint64_t eight = 0;
-      std::memcpy(&eight, evidence_.data() + i, sizeof eight);
-      const std::uint64_t speak = speaking(eight);
-      if (speak == 0) {
-        u += 8;
-        continue;
-      }
-      if ((speak & 0x80U) == 0) {
-        ++u;
-        continue;
-      }
-      ++u;
-      int about = -1;
+  const auto about = [&](int i) {
+    int n = -1;
+    for (int k = 0; k < 9; ++k)
+      n += evidence_[static_cast<std::size_t>(i + (k / 3 - 1) * width_ + k % 3 - 1)] >= kFree ? 1
+                                                                                              : 0;
+    return n;
+  };
+  const int end = (height_ - 1) * width_;
+  for (int first = width_; first < end; first += 8) {
+    for (std::uint64_t speak = speaking_at(first); speak != 0; speak &= speak - 1) {
+      const int i = first + std::countr_zero(speak) / 8, u = i % width_;
+      if (u == 0 || u + 1 == width_ || i >= end || about(i) < kLeastAbout) continue;
+      if (!ask(map, reader, live, i)) continue;
       for (int k = 0; k < 9; ++k)
-        about += evidence_[static_cast<std::size_t>(i + (k / 3 - 1) * width_ + k % 3 - 1)] >= kFree
-                     ? 1
-                     : 0;
-      if (about < kLeastAbout) continue;
+        static_cast<void>(ask(map, reader, live, i + (k / 3 - 1) * width_ + k % 3 - 1));
+      if (about(i) < kLeastAbout) continue;
       seed_[static_cast<std::size_t>(i)] = 1;
       if (evidence_[static_cast<std::size_t>(i)] == kFree)
         static_cast<void>(place_of(point_W(live, i), true));

@@ -237,14 +237,15 @@ void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid,
   std::fill_n(mask_.begin(), width_ * height_, std::uint8_t{0});
   // Nothing moved of late: a quarter of what does not meet its surface says whether something does, then all of that.
   start_evidence(map, out.X_WC);
+  MapReader reader(map, 1.0);
   if (recent_ == 0) {
-    if (2 * gather_evidence(map, live, Scope::kQuarter) < config_.least_pixels) return;
-    static_cast<void>(gather_evidence(map, live, Scope::kCells));
-    if (patches(live) < config_.least_pixels) return;
+    if (!glimpse(map, reader, live, (config_.least_pixels + 1) / 2)) return;
+    gather_evidence(map, reader, live, false);
+    if (patches(map, reader, live) < config_.least_pixels) return;
   }
   // A thing is more than the cells that do not fit.
-  static_cast<void>(gather_evidence(map, live, Scope::kAll));
-  out.evidence = patches(live);
+  gather_evidence(map, reader, live, true);
+  out.evidence = patches(map, reader, live);
   recent_ = out.evidence >= config_.least_pixels ? config_.rest_frames : std::max(0, recent_ - 1);
   if (recent_ == 0) return;
   out.work += 8 * pixels();

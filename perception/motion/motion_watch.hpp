@@ -104,16 +104,18 @@ class MotionWatch {
   [[nodiscard]] double prior_sigma_m() const noexcept;
   [[nodiscard]] Pose moved_by(const Vec6& xi) const noexcept;
   [[nodiscard]] Vec6 twist_to(const Pose& X_WC) const noexcept;
-  // What is to be looked at: every second pixel of every second row of the cells that may hold something, the rest of
-  // these, the rest of all.
-  enum class Scope : std::uint8_t { kNone, kQuarter, kCells, kAll };
   void start_evidence(const TsdfMap& map, const Pose& X_WC) noexcept;
-  int gather_evidence(const TsdfMap& map, const DepthLevel& live, Scope scope) noexcept;
-  int gather_cell(const TsdfMap& map, MapReader& reader, const DepthLevel& live, int c,
-                  bool quarter) noexcept;
+  [[nodiscard]] bool may_hold(int c) const noexcept;
+  [[nodiscard]] bool glimpse(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
+                             int least) noexcept;
+  void gather_evidence(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
+                       bool all) noexcept;
+  void mark_cell(MapReader& reader, const DepthLevel& live, int c, bool quarter) noexcept;
+  bool ask(const TsdfMap& map, MapReader& reader, const DepthLevel& live, int i) noexcept;
   [[nodiscard]] std::uint8_t evidence_at(const TsdfMap& map, MapReader& reader,
                                          const DepthLevel& live, int i, bool fits) noexcept;
-  [[nodiscard]] int patches(const DepthLevel& live) noexcept;
+  [[nodiscard]] std::uint64_t speaking_at(int i) const noexcept;
+  [[nodiscard]] int patches(const TsdfMap& map, MapReader& reader, const DepthLevel& live) noexcept;
   void recall(const DepthLevel& live, const Pose& X_WC) noexcept;
   void grow(const DepthLevel& live) noexcept;
   void find_core(const DepthLevel& live) noexcept;
@@ -151,7 +153,7 @@ class MotionWatch {
   std::vector<Vec3f> now_W_;     // of this one's, by consensus
   motion::AgreeJob agree_{};     // where evidence is gathered from
   float clear_m_ = 0;            // what is seen free lies so far before a surface at least
-  std::array<Scope, CellSums::kMost> looked_at_{};  // of each cell, for evidence
+  std::array<std::uint8_t, CellSums::kMost> marked_{};  // cells of which all pixels are
   int remembered_ = 0;
   bool had_ = false;
   bool doubtful_ = false;
