@@ -43,7 +43,8 @@ void count_live(const DepthLevel& live, CellSums& out) noexcept {
 }  // namespace
 
 void accumulate_cells(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
-                      const Vec3& centre_F, const Gates& gates, CellSums& out, int rows) noexcept {
+                      const Vec3& centre_F, const Gates& gates, CellSums& out, int rows,
+                      bool recount) noexcept {
   const int width = live.depth.width(), height = live.depth.height();
   out.columns = (width + kEdge - 1) / kEdge;
   out.rows = (height + kEdge - 1) / kEdge;
@@ -66,7 +67,7 @@ void accumulate_cells(const DepthLevel& live, const ModelView& model, const Pose
         put(sums[k], static_cast<std::size_t>(row * out.columns + column + k), out);
     }
   }
-  count_live(live, out);
+  if (recount) count_live(live, out);
 }
 
 }  // namespace perception

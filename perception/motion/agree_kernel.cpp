@@ -115,9 +115,10 @@ HWY_INLINE unsigned remembered(const AgreeJob& job, V wx, V wy, V wz, unsigned v
 void find_agreeing_job(const AgreeJob& job, MapReader& reader, RowBits* rows) {
   const D d;
   const DInt di;
-  for (int r = 0; r < job.rows; ++r) {
+  for (unsigned left = job.rows; left != 0; left &= left - 1) {
+    const int r = std::countr_zero(left);
     const float* at = job.z + r * job.stride;
-    const V y_factor = set(job.y_factor[r * job.row_step]);
+    const V y_factor = set(job.y_factor[r]);
     unsigned agrees = 0, others = 0;
     for (int u = 0; u < kAcross; u += kWidth) {
       const V z = hn::LoadU(d, at + u);
@@ -157,12 +158,13 @@ HWY_EXPORT(find_agreeing_job);
 }  // namespace
 
 void find_agreeing_plain(const AgreeJob& job, MapReader& reader, RowBits* rows) noexcept {
-  for (int r = 0; r < job.rows; ++r) {
+  for (unsigned left = job.rows; left != 0; left &= left - 1) {
+    const int r = std::countr_zero(left);
     rows[r] = {0, 0};
     for (unsigned u = 0; u < kAcross; ++u) {
       const float z = job.z[r * job.stride + u];
       if (!(z > 0)) continue;
-      const float x = job.x_factor[u] * z, y = job.y_factor[r * job.row_step] * z;
+      const float x = job.x_factor[u] * z, y = job.y_factor[r] * z;
       float p[3];
       for (int a = 0; a < 3; ++a) p[a] = turned(job.R_W + 3 * a, job.t_W[a], x, y, z);
       const auto node = [&](int a) { return static_cast<int>(std::lround(p[a] * job.inv_voxel)); };

@@ -5,6 +5,7 @@
 // has been remembered of its place. Told so it does agree by the plain rule too; the others may.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 
@@ -16,10 +17,10 @@ inline constexpr int kAcross = 8;  // pixels of a cell's row
 
 struct AgreeJob {
   const float* z;  // pixel 0 of the first row; readable up to kAcross pixels, 0 beyond the image
-  std::ptrdiff_t stride;  // floats from row to row looked at
+  std::ptrdiff_t stride;  // floats from row to row
   const float* x_factor;
   const float* y_factor;  // of the first row
-  int rows, row_step;     // rows looked at; from one to the next in y_factor
+  unsigned rows;          // a bit for each that is looked at
   float R_W[9], t_W[3];   // row-major
   float inv_voxel;
   float metres_per_unit;
@@ -45,7 +46,7 @@ inline constexpr std::uint32_t kPlaceSlots = 1U << 15U;
   return (R[0] * x + (R[1] * y + R[2] * z)) + t;
 }
 
-// Of each row: bit u, pixel u agrees (`agrees`); has a reading and does not, or may not (`others`).
+// Of each row looked at: bit u, pixel u agrees (`agrees`); has a reading and does not, or may not (`others`).
 struct RowBits {
   std::uint8_t agrees, others;
 };
@@ -55,7 +56,8 @@ void find_agreeing_plain(const AgreeJob& job, MapReader& reader, RowBits* rows) 
 
 // All readings are `others`.
 inline void find_readings(const AgreeJob& job, RowBits* rows) noexcept {
-  for (int r = 0; r < job.rows; ++r) {
+  for (unsigned left = job.rows; left != 0; left &= left - 1) {
+    const int r = std::countr_zero(left);
     unsigned readings = 0;
     for (unsigned u = 0; u < kAcross; ++u)
       readings |= (job.z[r * job.stride + u] > 0 ? 1U : 0U) << u;

@@ -17,6 +17,7 @@ static_assert(CellSums::kMost % kAtOnce == 0);
 
 // Inlined into each version of a loop; a vector returned by a call would be passed in its own way by each.
 #define CELLS_INLINE __attribute__((always_inline)) inline
+#define CELLS_LAMBDA __attribute__((always_inline))
 CELLS_INLINE void load(const float* from, Float8& out) noexcept {
   std::memcpy(&out, from, sizeof out);
 }
@@ -66,27 +67,28 @@ void weigh(const CellSums& sums, const PerCell& weight, float least, WeightedSum
     for (int k = 0; k < kAtOnce; ++k) w[c + k] = static_cast<double>(of_cell[k]);
   }
   const auto padded = (end + kAtOnce - 1) / kAtOnce * kAtOnce;
-  constexpr int kTogether = 7, kEntries = 28;  // as many sums as there are registers
-  const float* entries[kEntries];
-  double total[kEntries];
-  for (std::size_t i = 0; i < 21; ++i) entries[i] = sums.H[i].data();
-  for (std::size_t i = 0; i < 6; ++i) entries[21 + i] = sums.g[i].data();
-  entries[27] = sums.pairs.data();
-  for (int first = 0; first < kEntries; first += kTogether) {
+  // As many sums at a time as there are registers: three times seven of H, then g and the pairs.
+  constexpr std::size_t kTogether = 7;
+  const auto sum_up = [&](const auto& entry, double* total) CELLS_LAMBDA {
     Double4 sum[kTogether] = {};
     for (int c = 0; c < padded; c += 4) {
       Double4 by, v;
       std::memcpy(&by, w + c, sizeof by);
 #pragma GCC unroll 7
-      for (int i = 0; i < kTogether; ++i) load(entries[first + i] + c, v), sum[i] += by * v;
+      for (std::size_t i = 0; i < kTogether; ++i) load(entry(i) + c, v), sum[i] += by * v;
     }
-#pragma GCC unroll 7
-    for (int i = 0; i < kTogether; ++i)
-      total[first + i] = (sum[i][0] + sum[i][1]) + (sum[i][2] + sum[i][3]);
+    for (std::size_t i = 0; i < kTogether; ++i)
+      total[i] = (sum[i][0] + sum[i][1]) + (sum[i][2] + sum[i][3]);
+  };
+  for (std::size_t first = 0; first < 21; first += kTogether) {
+    const auto* H = &sums.H[first];
+    sum_up([H](std::size_t i) CELLS_LAMBDA { return H[i].data(); }, out.H + first);
   }
-  std::memcpy(out.H, total, sizeof out.H);
-  std::memcpy(out.g, total + 21, sizeof out.g);
-  out.pairs = total[27];
+  double rest[kTogether];
+  sum_up([&](std::size_t i) CELLS_LAMBDA { return i < 6 ? sums.g[i].data() : sums.pairs.data(); },
+         rest);
+  std::memcpy(out.g, rest, sizeof out.g);
+  out.pairs = rest[6];
 }
 
 TELETACT_CLONES

@@ -28,12 +28,12 @@ Mat6 unpack(const double (&upper)[21]) noexcept {
 }  // namespace
 
 void Consensus::look(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
-                     const Vec3& centre_F, double length_m, const ConsensusConfig& config,
-                     int rows) noexcept {
+                     const Vec3& centre_F, double length_m, const ConsensusConfig& config, int rows,
+                     bool again) noexcept {
   Gates gates;
   gates.distance_m = 0.2F;
   gates.noise = {config.noise.least_m, 0.0F, config.noise.from_m};  // all pixels alike
-  accumulate_cells(live, model, X_FC, centre_F, gates, sums_, rows);
+  accumulate_cells(live, model, X_FC, centre_F, gates, sums_, rows, !again);
   length_m_ = length_m;
   const auto map = static_cast<float>(config.map_error_m + config.map_error_voxel * config.voxel_m);
   const auto share = static_cast<float>(config.noise_share);

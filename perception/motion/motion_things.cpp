@@ -25,6 +25,7 @@ struct BytesOf {
   }
 };
 constexpr BytesOf kBytesOf;
+constexpr unsigned kEvenRows = 0x55;
 
 // The distance at a point: trilinear where all corners are known, else of the nearest node.
 struct Seen3 {
@@ -87,7 +88,7 @@ void MotionWatch::start_evidence(const TsdfMap& map, const Pose& X_WC) noexcept 
   agree_.inv_place = static_cast<float>(1 / config_.rest_cell_m);
   clear_m_ = static_cast<float>(0.8 * map.truncation());
   marked_.fill(0);
-  std::fill_n(evidence_.begin(), width_ * height_ + 8, std::uint8_t{kNone});
+  std::fill_n(evidence_.begin(), width_ * height_ + 16, std::uint8_t{kNone});
 }
 
 // What a pixel says, of a cell that fits its noise or does not.
@@ -116,31 +117,35 @@ std::uint8_t MotionWatch::evidence_at(const TsdfMap& map, MapReader& reader, con
   return s.known && std::abs(s.distance_m) < limit ? kAgrees : kNone;
 }
 
-// Marks the pixels of a cell that agree, and those that have to be asked. Of every second row for a `quarter`.
+// Marks the pixels of some rows of a cell that agree, and those that have to be asked.
 void MotionWatch::mark_cell(MapReader& reader, const DepthLevel& live, int c,
-                            bool quarter) noexcept {
+                            unsigned rows) noexcept {
   constexpr int kEdge = CellSums::kEdge;
   static_assert(kEdge == motion::kAcross);
+  auto& marked = marked_[static_cast<std::size_t>(c)];
   const int columns = consensus_.sums().columns;
   const int u0 = c % columns * kEdge, v0 = c / columns * kEdge;
-  const int step = quarter ? 2 : 1;
-  const auto across = static_cast<std::size_t>(std::min(kEdge, width_ - u0));
   motion::AgreeJob& job = agree_;
+  job.rows = rows & ~static_cast<unsigned>(marked) &
+             ((1U << static_cast<unsigned>(std::min(kEdge, height_ - v0))) - 1);
+  if (job.rows == 0) return;
+  marked |= static_cast<std::uint8_t>(job.rows);
   job.z = live.depth.row(v0) + u0;
-  job.stride = step * live.depth.stride();
+  job.stride = live.depth.stride();
   job.x_factor = live.x_factor.data() + u0 + PaddedImage::kMargin;
   job.y_factor = live.y_factor.data() + v0 + PaddedImage::kMargin;
-  job.rows = (std::min(kEdge, height_ - v0) + step - 1) / step, job.row_step = step;
   motion::RowBits found[kEdge];
   // What lies on the surface agrees where the cell fits; where it does not, its distance is asked for.
   if (consensus_.fits_noise(c))
     motion::find_agreeing(job, reader, found);
   else
     motion::find_readings(job, found);
-  for (int r = 0; r < job.rows; ++r) {
+  const auto across = static_cast<std::size_t>(std::min(kEdge, width_ - u0));
+  for (unsigned left = job.rows; left != 0; left &= left - 1) {
+    const int r = std::countr_zero(left);
     const std::uint64_t row =
         kAgrees * kBytesOf.bytes[found[r].agrees] | kUnasked * kBytesOf.bytes[found[r].others];
-    std::uint8_t* to = evidence_.data() + (v0 + r * step) * width_ + u0;
+    std::uint8_t* to = evidence_.data() + (v0 + r) * width_ + u0;
     if (across == kEdge)
       std::memcpy(to, &row, kEdge);
     else
@@ -171,7 +176,7 @@ bool MotionWatch::glimpse(const TsdfMap& map, MapReader& reader, const DepthLeve
   const int columns = consensus_.sums().columns;
   for (int c = 0, count = 0; c < consensus_.sums().size(); ++c) {
     if (!may_hold(c)) continue;
-    mark_cell(reader, live, c, true);
+    mark_cell(reader, live, c, kEvenRows);
     const int u0 = c % columns * kEdge, v0 = c / columns * kEdge;
     for (int v = v0; v < std::min(v0 + kEdge, height_); v += 2)
       for (int u = u0; u < std::min(u0 + kEdge, width_); u += 2)
@@ -181,19 +186,33 @@ bool MotionWatch::glimpse(const TsdfMap& map, MapReader& reader, const DepthLeve
   return least <= 0;
 }
 
-// Marks the cells that may hold something, or `all`; of all, each pixel is asked.
+// Does a pixel above or below a cell's row speak for motion, or may it, or of the two either side?
+bool MotionWatch::speaks_beside(int u0, int v) const noexcept {
+  const int above = std::max((v - 1) * width_ + u0 - 2, 0), below = above + 2 * width_;
+  std::uint64_t speak = speaking_at(above) | speaking_at(above + 6);
+  if (v + 1 < height_) speak |= speaking_at(below) | speaking_at(below + 6);
+  return speak != 0;
+}
+
+// Marks what may be in a patch, in cells that may hold something: their even rows, and of the odd ones those beside
+// something. (A patch is five about one: three of them, or the one, are in an even row.) Or `all`, and asks all of it.
 void MotionWatch::gather_evidence(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
                                   bool all) noexcept {
+  constexpr int kEdge = CellSums::kEdge;
   const CellSums& sums = consensus_.sums();
-  for (int c = 0; c < sums.size(); ++c) {
-    const auto cell = static_cast<std::size_t>(c);
-    if (marked_[cell] != 0 || !(sums.live[cell] > 0 && (all || may_hold(c)))) continue;
-    marked_[cell] = 1;
-    mark_cell(reader, live, c, false);
+  for (int c = 0; c < sums.size(); ++c)
+    if (all ? sums.live[static_cast<std::size_t>(c)] > 0 : may_hold(c))
+      mark_cell(reader, live, c, all ? 0xffU : kEvenRows);
+  for (int c = 0; !all && c < sums.size(); ++c) {
+    if (!may_hold(c)) continue;
+    const int u0 = c % sums.columns * kEdge, v0 = c / sums.columns * kEdge;
+    unsigned rows = 0;
+    for (int r = 1; r < std::min(kEdge, height_ - v0); r += 2)
+      rows |= (speaks_beside(u0, v0 + r) ? 1U : 0U) << static_cast<unsigned>(r);
+    mark_cell(reader, live, c, rows);
   }
   for (int i = 0; all && i < width_ * height_; i += 8) {
-    std::uint64_t speak = speaking_at(i);
-    for (; speak != 0; speak &= speak - 1)
+    for (std::uint64_t speak = speaking_at(i); speak != 0; speak &= speak - 1)
       static_cast<void>(ask(map, reader, live, i + std::countr_zero(speak) / 8));
   }
 }
@@ -210,12 +229,14 @@ int MotionWatch::patches(const TsdfMap& map, MapReader& reader, const DepthLevel
   static_assert(kFree == 3);  // speaking_at()
   int count = 0;
   std::fill_n(seed_.begin(), width_ * height_, std::uint8_t{0});
-  const auto about = [&](int i) {
-    int n = -1;
-    for (int k = 0; k < 9; ++k)
-      n += evidence_[static_cast<std::size_t>(i + (k / 3 - 1) * width_ + k % 3 - 1)] >= kFree ? 1
-                                                                                              : 0;
-    return n;
+  const auto about = [&](int i) {  // of the eight neighbours
+    std::uint32_t speak = 0;       // a byte a column
+    for (int v = -1; v <= 1; ++v) {
+      std::uint32_t row = 0;
+      std::memcpy(&row, evidence_.data() + i + v * width_ - 1, sizeof row);
+      speak += (row + 0x7d7d7dU) >> 7U & 0x010101U;
+    }
+    return static_cast<int>((speak + (speak >> 8U) + (speak >> 16U)) & 0xffU) - 1;
   };
   const int end = (height_ - 1) * width_;
   for (int first = width_; first < end; first += 8) {

@@ -41,7 +41,7 @@ MotionWatch::MotionWatch(rt::NonRealtime&, const MotionConfig& config, const Tra
     : config_(config),
       tracker_(tracker),
       mask_(kMost),
-      evidence_(kMost + 8),  // read eight at a time
+      evidence_(kMost + 16),  // read eight at a time
       seed_(kMost),
       recalled_(kMost),
       visited_(kMost),
@@ -85,13 +85,13 @@ Vec3f MotionWatch::point_C(const DepthLevel& live, int i) const noexcept {
 
 // The sums of the cells about a pose.
 void MotionWatch::linearise(const TrackingPyramid& pyramid, const ModelView& model,
-                            const Pose& X_WC) noexcept {
+                            const Pose& X_WC, bool again) noexcept {
   X_WF_ = model.X_WF;
   X_FC_ = model.X_WF.inverse(Eigen::Isometry) * X_WC;
   centre_F_ = X_FC_ * Vec3(0, 0, length_m_);
   // Where nothing moved of late, half of the image says whether something does.
   const int rows = recent_ > 0 || doubtful_ ? CellSums::kEdge : CellSums::kEdge / 2;
-  consensus_.look(pyramid.level(level_), model, X_FC_, centre_F_, length_m_, rule_, rows);
+  consensus_.look(pyramid.level(level_), model, X_FC_, centre_F_, length_m_, rule_, rows, again);
 }
 
 double MotionWatch::prior_sigma_m() const noexcept {
@@ -126,7 +126,7 @@ bool MotionWatch::settle_at(const TrackingPyramid& pyramid, const ModelView& mod
   Pose at = X_WC;
   bool settled = false;
   for (int round = 0; round < kRounds && !settled; ++round) {
-    linearise(pyramid, model, at);
+    linearise(pyramid, model, at, round > 0);
     consensus_.settle(memory_, out.consensus);
     out.work += pixels();
     at = moved_by(out.consensus.xi);

@@ -89,7 +89,8 @@ class MotionWatch {
   void spread(const TrackingPyramid& pyramid, std::uint8_t* out) const noexcept;
 
  private:
-  void linearise(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC) noexcept;
+  void linearise(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
+                 bool again = false) noexcept;
   bool settle_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
                  MotionResult& out) noexcept;
   void stay_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
@@ -110,7 +111,8 @@ class MotionWatch {
                              int least) noexcept;
   void gather_evidence(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
                        bool all) noexcept;
-  void mark_cell(MapReader& reader, const DepthLevel& live, int c, bool quarter) noexcept;
+  void mark_cell(MapReader& reader, const DepthLevel& live, int c, unsigned rows) noexcept;
+  [[nodiscard]] bool speaks_beside(int u0, int v) const noexcept;
   bool ask(const TsdfMap& map, MapReader& reader, const DepthLevel& live, int i) noexcept;
   [[nodiscard]] std::uint8_t evidence_at(const TsdfMap& map, MapReader& reader,
                                          const DepthLevel& live, int i, bool fits) noexcept;
@@ -153,7 +155,7 @@ class MotionWatch {
   std::vector<Vec3f> now_W_;     // of this one's, by consensus
   motion::AgreeJob agree_{};     // where evidence is gathered from
   float clear_m_ = 0;            // what is seen free lies so far before a surface at least
-  std::array<std::uint8_t, CellSums::kMost> marked_{};  // cells of which all pixels are
+  std::array<std::uint8_t, CellSums::kMost> marked_{};  // by cell: a bit for each row that is
   int remembered_ = 0;
   bool had_ = false;
   bool doubtful_ = false;
