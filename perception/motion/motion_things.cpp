@@ -26,6 +26,7 @@ struct BytesOf {
 };
 constexpr BytesOf kBytesOf;
 constexpr unsigned kEvenRows = 0x55;
+constexpr std::uint64_t kEvenBytes = 0x00ff00ff00ff00ffU;
 
 // The distance at a point: trilinear where all corners are known, else of the nearest node.
 struct Seen3 {
@@ -178,9 +179,12 @@ bool MotionWatch::glimpse(const TsdfMap& map, MapReader& reader, const DepthLeve
     if (!may_hold(c)) continue;
     mark_cell(reader, live, c, kEvenRows);
     const int u0 = c % columns * kEdge, v0 = c / columns * kEdge;
-    for (int v = v0; v < std::min(v0 + kEdge, height_); v += 2)
-      for (int u = u0; u < std::min(u0 + kEdge, width_); u += 2)
-        count += ask(map, reader, live, v * width_ + u) ? 1 : 0;
+    for (int v = v0; v < std::min(v0 + kEdge, height_); v += 2) {
+      const auto beyond = static_cast<unsigned>(8 * std::max(0, u0 + kEdge - width_));
+      std::uint64_t speak = speaking_at(v * width_ + u0) & (kEvenBytes >> beyond);
+      for (; speak != 0; speak &= speak - 1)
+        count += ask(map, reader, live, v * width_ + u0 + std::countr_zero(speak) / 8) ? 1 : 0;
+    }
     if (count >= least) return true;
   }
   return least <= 0;
@@ -215,13 +219,6 @@ void MotionWatch::gather_evidence(const TsdfMap& map, MapReader& reader, const D
     for (std::uint64_t speak = speaking_at(i); speak != 0; speak &= speak - 1)
       static_cast<void>(ask(map, reader, live, i + std::countr_zero(speak) / 8));
   }
-}
-
-// The bytes of evidence_ from i to i + 7 that speak for motion, or may. Beyond the image none does.
-std::uint64_t MotionWatch::speaking_at(int i) const noexcept {
-  std::uint64_t eight = 0;
-  std::memcpy(&eight, evidence_.data() + i, sizeof eight);
-  return (eight + 0x7d7d7d7d7d7d7d7dU) & 0x8080808080808080U;  // values are below 128
 }
 
 // Evidence in patches, into seed_. Asked is what may be in one.

@@ -15,6 +15,7 @@
 
 #include <array>
 #include <cstdint>
+#include <cstring>
 #include <vector>
 
 #include "config/schema.hpp"
@@ -116,7 +117,12 @@ class MotionWatch {
   bool ask(const TsdfMap& map, MapReader& reader, const DepthLevel& live, int i) noexcept;
   [[nodiscard]] std::uint8_t evidence_at(const TsdfMap& map, MapReader& reader,
                                          const DepthLevel& live, int i, bool fits) noexcept;
-  [[nodiscard]] std::uint64_t speaking_at(int i) const noexcept;
+  // Of evidence_ from i to i + 7: the top bit of each byte that speaks for motion, or may.
+  [[nodiscard]] std::uint64_t speaking_at(int i) const noexcept {
+    std::uint64_t eight = 0;
+    std::memcpy(&eight, evidence_.data() + i, sizeof eight);
+    return (eight + 0x7d7d7d7d7d7d7d7dU) & 0x8080808080808080U;  // from 3 on; all are below 128
+  }
   [[nodiscard]] int patches(const TsdfMap& map, MapReader& reader, const DepthLevel& live) noexcept;
   void recall(const DepthLevel& live, const Pose& X_WC) noexcept;
   void grow(const DepthLevel& live) noexcept;
