@@ -41,7 +41,9 @@ void misfit_of(const CellSums& sums, const float (&linear)[6], const float (&squ
   for (int c = 0; c < sums.size(); c += kAtOnce) {
     Float8 sum, v, pairs, limit;
     load(sums.r2.data() + c, sum);
+#pragma GCC unroll 6
     for (std::size_t i = 0; i < 6; ++i) load(sums.g[i].data() + c, v), sum += linear[i] * v;
+#pragma GCC unroll 21
     for (std::size_t i = 0; i < 21; ++i) load(sums.H[i].data() + c, v), sum += square[i] * v;
     load(sums.pairs.data() + c, pairs);
     load(limit2.data() + c, limit);
