@@ -20,6 +20,9 @@ namespace HWY_NAMESPACE {
 void accumulate_job(const RowsJob& job, bool cross, LaneSums& out) {
   kScalarKernels.accumulate(job, cross, out);
 }
+void accumulate_squares_job(const RowsJob& job, float factor, SquareSums& out) {
+  kScalarKernels.accumulate_squares(job, factor, out);
+}
 #else
 
 struct V3 {
@@ -130,7 +133,8 @@ HWY_INLINE void put_row(M ok, V3 n, V3 a, Columns<6>& J, int at) {
 }
 
 // What the n-th vector of `in` gives with the model's points that it projects to.
-template <bool kWithCross>
+// `kAlike`: all pixels weigh 1.
+template <bool kWithCross, bool kAlike = false>
 HWY_INLINE void pair_up(const RowsJob& job, const Rows& row, const Projected& in, int n_th,
                         Counts& counts, Pairs& out) {
   const DF df;
@@ -147,8 +151,11 @@ HWY_INLINE void pair_up(const RowsJob& job, const Rows& row, const Projected& in
   const V3 l{row3(job.R_F, live), row3(job.R_F + 3, live), row3(job.R_F + 6, live)};
   ok = hn::And(ok, hn::Lt(dot(d, d), set(job.gate_d2)));
   const V r = dot(n, d);
-  const V beyond = hn::Max(sub(load(row.z + u), set(job.noise.from_m)), zero());
-  const V sigma = add(set(job.noise.least_m), mul(mul(set(job.noise.per_m2), beyond), beyond));
+  V sigma = zero();
+  if constexpr (!kAlike) {
+    const V beyond = hn::Max(sub(load(row.z + u), set(job.noise.from_m)), zero());
+    sigma = add(set(job.noise.least_m), mul(mul(set(job.noise.per_m2), beyond), beyond));
+  }
   if constexpr (kWithCross) {
     const V limit = add(mul(set(kOnSurfaceSigmas), sigma), set(job.map_error_m));
     counts.on_surface += count(hn::And(ok, hn::Lt(hn::Abs(r), limit)));
@@ -157,7 +164,7 @@ HWY_INLINE void pair_up(const RowsJob& job, const Rows& row, const Projected& in
   if (hn::AllFalse(df, ok)) return;
   counts.inliers += count(ok);
 
-  const V share = hn::Div(set(job.noise.least_m), sigma);
+  const V share = kAlike ? set(1.0F) : hn::Div(set(job.noise.least_m), sigma);
   const V3 a{sub(q.x, set(job.centre[0])), sub(q.y, set(job.centre[1])),
              sub(q.z, set(job.centre[2]))};
   const int at = out.size;
@@ -296,6 +303,106 @@ void accumulate_job(const RowsJob& job, bool cross, LaneSums& out) {
     accumulate_rows<false>(job, out);
 }
 
+// ---------------------------------------------------------------- squares of 8 x 8 pixels
+
+// What four neighbouring columns sum up to; kSums and up to a multiple of four.
+struct FourColumns {
+  alignas(64) float sums[kLanes / 4][(kSums + 3) / 4 * 4];
+};
+
+// Of sum n: which entries of J it multiplies. 6: the residual; 7: 1.
+struct Factors {
+  int i[32] = {}, j[32] = {};
+  constexpr Factors() {
+    int n = 0;
+    for (int a = 0; a < 6; ++a)
+      for (int b = a; b < 6; ++b, ++n) i[n] = a, j[n] = b;
+    for (int a = 0; a < 6; ++a, ++n) i[n] = a, j[n] = 6;
+    i[27] = j[27] = 6;
+    for (n = 28; n < 32; ++n) i[n] = j[n] = 7;
+  }
+};
+constexpr Factors kFactors;
+
+// Each of four vectors summed up within its blocks of four lanes, (0 + 1) + (2 + 3): lane n of a block is vector n's.
+HWY_INLINE V sum_blocks(V a, V b, V c, V e) {
+  const DF d;
+  const V t0 = hn::InterleaveLower(d, a, c), t1 = hn::InterleaveLower(d, b, e);
+  const V t2 = hn::InterleaveUpper(d, a, c), t3 = hn::InterleaveUpper(d, b, e);
+  return add(add(hn::InterleaveLower(d, t0, t1), hn::InterleaveUpper(d, t0, t1)),
+             add(hn::InterleaveLower(d, t2, t3), hn::InterleaveUpper(d, t2, t3)));
+}
+
+HWY_INLINE void put_blocks(V v, int u, int first, FourColumns& out) {
+  alignas(64) float lanes[kWidth];
+  hn::Store(v, DF(), lanes);
+  const D4 d4;
+  for (int b = 0; b < kWidth; b += 4)
+    hn::Store(hn::Load(d4, lanes + b), d4, out.sums[(u + b) / 4] + first);
+}
+
+// Sums kFirst to kFirst + kCount - 1, rows in rising order.
+template <bool kAlike, int kFirst, int kCount>
+HWY_INLINE void sum_up(const Pairs& s, int u, FourColumns& out) {
+  V sum[kCount];
+#pragma GCC unroll 16
+  for (int n = 0; n < kCount; ++n) sum[n] = zero();
+  for (int at = 0; at < s.size; at += kWidth) {
+#pragma GCC unroll 16
+    for (int n = 0; n < kCount; ++n) {
+      const int i = kFactors.i[kFirst + n], j = kFactors.j[kFirst + n];
+      if (i == 7) {
+        sum[n] = add(sum[n], get(s.w, at));
+        continue;
+      }
+      V weighted = i == 6 ? get(s.r, at) : get(s.J[i], at);
+      if constexpr (!kAlike) weighted = mul(get(s.w, at), weighted);
+      sum[n] = add(sum[n], mul(weighted, j == 6 ? get(s.r, at) : get(s.J[j], at)));
+    }
+  }
+#pragma GCC unroll 4
+  for (int n = 0; n < kCount; n += 4)
+    put_blocks(sum_blocks(sum[n], sum[n + 1], sum[n + 2], sum[n + 3]), u, kFirst + n, out);
+}
+
+template <bool kAlike>
+HWY_INLINE void accumulate_squares_of(const RowsJob& job, float factor, SquareSums& out) {
+  static_assert(kStretch >= kSquare * kWidth);
+  Projected projected;
+  Pairs pairs;
+  FourColumns columns;
+  Counts counts;
+  int row_of[kSquare + 1];
+  const auto row = [&](int v) {
+    const std::ptrdiff_t at = v * job.stride;
+    return Rows{job.z + at, job.nx + at, job.ny + at, job.nz + at, job.y_factor[v]};
+  };
+  const int width = job.width > kSquare ? kLanes : kSquare;
+  for (int u = 0; u < width; u += kWidth) {
+    projected.vectors = pairs.size = 0;
+    for (int v = 0; v < job.rows; ++v) {
+      row_of[projected.vectors] = v;
+      project(job, row(v), u, counts, projected);
+    }
+    for (int n = 0; n < projected.vectors; ++n)
+      pair_up<false, kAlike>(job, row(row_of[n]), projected, n, counts, pairs);
+    sum_up<kAlike, 0, 12>(pairs, u, columns);
+    sum_up<kAlike, 12, 12>(pairs, u, columns);
+    sum_up<kAlike, 24, 8>(pairs, u, columns);
+  }
+  for (int square = 0; square * kSquare < width; ++square) {
+    const auto &left = columns.sums[2 * square], &right = columns.sums[2 * square + 1];
+    for (int i = 0; i < kSums; ++i) out[square][i] = factor * (left[i] + right[i]);
+  }
+}
+
+void accumulate_squares_job(const RowsJob& job, float factor, SquareSums& out) {
+  if (job.noise.per_m2 == 0)
+    accumulate_squares_of<true>(job, factor, out);
+  else
+    accumulate_squares_of<false>(job, factor, out);
+}
+
 #endif  // HWY_TARGET
 }  // namespace HWY_NAMESPACE
 }  // namespace perception::icp
@@ -305,10 +412,15 @@ HWY_AFTER_NAMESPACE();
 namespace perception::icp {
 namespace {
 HWY_EXPORT(accumulate_job);
+HWY_EXPORT(accumulate_squares_job);
 }  // namespace
 
 void accumulate_vectors(const RowsJob& job, bool cross, LaneSums& out) {
   HWY_DYNAMIC_DISPATCH(accumulate_job)(job, cross, out);
+}
+
+void accumulate_squares_vectors(const RowsJob& job, float factor, SquareSums& out) {
+  HWY_DYNAMIC_DISPATCH(accumulate_squares_job)(job, factor, out);
 }
 
 }  // namespace perception::icp

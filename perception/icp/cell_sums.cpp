@@ -9,23 +9,14 @@ namespace perception {
 namespace {
 
 constexpr int kEdge = CellSums::kEdge;
-static_assert(icp::kLanes == 2 * kEdge);  // a vector's lanes are two cells
+static_assert(icp::kSquare == kEdge);  // a cell is a square of the kernels, which take two
+constexpr int kTogether = icp::kLanes / icp::kSquare;
 
-// Both halves of the lanes: the cells at `cell` and beside it.
-void split(const icp::LaneSums& lanes, int halves, std::size_t cell, double factor,
-           CellSums& out) noexcept {
-  const auto half_sum = [&](const double* lane, int half) {
-    double s = 0;
-    for (int k = 0; k < kEdge; ++k) s += lane[half * kEdge + k];
-    return static_cast<float>(factor * s);
-  };
-  for (int h = 0; h < halves; ++h) {
-    const std::size_t c = cell + static_cast<std::size_t>(h);
-    for (std::size_t i = 0; i < 21; ++i) out.H[i][c] = half_sum(lanes.sums[i], h);
-    for (std::size_t i = 0; i < 6; ++i) out.g[i][c] = half_sum(lanes.sums[21 + i], h);
-    out.r2[c] = half_sum(lanes.sums[27], h);
-    out.pairs[c] = half_sum(lanes.sums[28], h);
-  }
+void put(const float (&sums)[icp::kSums], std::size_t c, CellSums& out) noexcept {
+  for (std::size_t i = 0; i < 21; ++i) out.H[i][c] = sums[i];
+  for (std::size_t i = 0; i < 6; ++i) out.g[i][c] = sums[21 + i];
+  out.r2[c] = sums[27];
+  out.pairs[c] = sums[28];
 }
 
 void count_live(const DepthLevel& live, CellSums& out) noexcept {
@@ -52,30 +43,31 @@ void count_live(const DepthLevel& live, CellSums& out) noexcept {
 }  // namespace
 
 void accumulate_cells(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
-                      const Vec3& centre_F, const Gates& gates, CellSums& out, int rows) noexcept {
+                      const Vec3& centre_F, const Gates& gates, CellSums& out, int rows,
+                      bool recount) noexcept {
   const int width = live.depth.width(), height = live.depth.height();
   out.columns = (width + kEdge - 1) / kEdge;
   out.rows = (height + kEdge - 1) / kEdge;
   const icp::RowsJob whole = make_rows_job(live, model, X_FC, centre_F, gates);
+  const icp::Kernels& kernels = icp::kernels();
+  icp::SquareSums sums;
   for (int row = 0; row < out.rows; ++row) {
-    for (int column = 0; column < out.columns; column += 2) {
+    for (int column = 0; column < out.columns; column += kTogether) {
       icp::RowsJob job = whole;
       const int u = column * kEdge, v = row * kEdge;
       const std::ptrdiff_t at = v * job.stride + u;
       job.z += at, job.nx += at, job.ny += at, job.nz += at;
       job.x_factor += u;
       job.y_factor += v;
-      job.width = std::min(2 * kEdge, width - u);
+      job.width = std::min(kTogether * kEdge, width - u);
       const int all = std::min(kEdge, height - v);
       job.rows = std::min(rows, all);
-      icp::LaneSums lanes;
-      icp::kernels().accumulate(job, false, lanes);
-      split(lanes, std::min(2, out.columns - column),
-            static_cast<std::size_t>(row * out.columns + column),
-            static_cast<double>(all) / job.rows, out);
+      kernels.accumulate_squares(job, static_cast<float>(all) / static_cast<float>(job.rows), sums);
+      for (int k = 0; k < std::min(kTogether, out.columns - column); ++k)
+        put(sums[k], static_cast<std::size_t>(row * out.columns + column + k), out);
     }
   }
-  count_live(live, out);
+  if (recount) count_live(live, out);
 }
 
 }  // namespace perception

@@ -39,9 +39,10 @@ struct CellSums {
 }
 
 // Of a level that fits_cells(). Twists are about `centre_F`, as in accumulate(). `rows` of each cell are looked at, from
-// its top, and stand for the others. Noexcept, no allocation.
+// its top, and stand for the others. Without `recount` the pixels with depth and their mean are as they were: those of the
+// same image. Noexcept, no allocation.
 void accumulate_cells(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
                       const Vec3& centre_F, const Gates& gates, CellSums& out,
-                      int rows = CellSums::kEdge) noexcept;
+                      int rows = CellSums::kEdge, bool recount = true) noexcept;
 
 }  // namespace perception

@@ -165,6 +165,7 @@ HWY_EXPORT(half_row);
 
 const Kernels kVectorKernels{
     accumulate_vectors,
+    accumulate_squares_vectors,
     [](const float* in, std::ptrdiff_t stride, int width, const float* weight, int radius,
        const EdgeRule& rule, float* out) {
       HWY_DYNAMIC_DISPATCH(bilateral_row)(in, stride, width, weight, radius, rule, out);

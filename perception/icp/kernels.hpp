@@ -11,6 +11,7 @@ namespace perception::icp {
 inline constexpr int kLanes = 16;
 inline constexpr int kSums = 29;   // 21 of H (upper triangle by rows), 6 of g, r2, weight
 inline constexpr int kCross = 21;  // upper triangle by rows
+inline constexpr int kSquare = 8;  // pixels, edge of a square that has sums of its own
 
 // A point is on a surface that is off by less than this many of its sigmas, plus the surface's own error.
 inline constexpr float kOnSurfaceSigmas = 3;
@@ -47,6 +48,9 @@ struct LaneSums {
   std::int64_t on_surface = 0;  // with the cross moment only
 };
 
+// Of two squares side by side.
+using SquareSums = float[kLanes / kSquare][kSums];
+
 // Depth step that separates two surfaces at depth z: noise(z) = base + per_m2 z^2 for what should be
 // flat, step(z) = noise(z) + per_m z for neighbours on a slope.
 struct EdgeRule {
@@ -56,6 +60,9 @@ struct EdgeRule {
 struct Kernels {
   // Adds to the sums; with `cross` also to the cross moment.
   void (*accumulate)(const RowsJob&, bool cross, LaneSums&);
+  // Of the two squares (the first alone where the job is no wider) at pixel 0, at most kSquare rows. All in fp32: rows
+  // of a column rising, then columns ((0 + 1) + (2 + 3)) + ((4 + 5) + (6 + 7)); times `factor`.
+  void (*accumulate_squares)(const RowsJob&, float factor, SquareSums&);
   // out[u] of one row; `in` points at pixel 0 of the row, `stride` floats between rows. What is readable
   // beyond the row, up to a multiple of 16, is 0; so is what gets written there.
   void (*bilateral_row)(const float* in, std::ptrdiff_t stride, int width, const float* weight,
@@ -71,6 +78,7 @@ struct Kernels {
 extern const Kernels kScalarKernels;
 // Kernels::accumulate for vectors (accumulate.cpp).
 void accumulate_vectors(const RowsJob& job, bool cross, LaneSums& out);
+void accumulate_squares_vectors(const RowsJob& job, float factor, SquareSums& out);
 // Those of simd::chosen().
 [[nodiscard]] const Kernels& kernels() noexcept;
 

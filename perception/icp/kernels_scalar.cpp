@@ -90,6 +90,19 @@ void accumulate(const RowsJob& job, bool with_cross, LaneSums& out) {
   }
 }
 
+void accumulate_squares(const RowsJob& job, float factor, SquareSums& out) {
+  RowSums all;
+  LaneSums counts;
+  for (int v = 0; v < job.rows; ++v)
+    for (int u = 0; u < job.width; ++u) add_pixel(job, u, v, false, all, counts);
+  for (int square = 0; square * kSquare < job.width; ++square) {
+    for (int i = 0; i < kSums; ++i) {
+      const float* s = all.sums[i] + square * kSquare;
+      out[square][i] = factor * (((s[0] + s[1]) + (s[2] + s[3])) + ((s[4] + s[5]) + (s[6] + s[7])));
+    }
+  }
+}
+
 void bilateral_row(const float* in, std::ptrdiff_t stride, int width, const float* weight,
                    int radius, const EdgeRule& rule, float* out) {
   for (int u = 0; u < width; ++u) {
@@ -165,6 +178,7 @@ void half_row(const float* in, std::ptrdiff_t stride, int width, const EdgeRule&
 
 }  // namespace
 
-const Kernels kScalarKernels{accumulate, bilateral_row, normal_row, to_metres_row, half_row};
+const Kernels kScalarKernels{accumulate, accumulate_squares, bilateral_row,
+                             normal_row, to_metres_row,      half_row};
 
 }  // namespace perception::icp

@@ -265,6 +265,11 @@ double TrackingPyramid::mean_depth(const icp::NoiseRule& noise) const noexcept {
     const float* row = depth.row(v);
     for (int u = 0; u < depth.width(); ++u) {
       if (!(row[u] > 0)) continue;
+      if (noise.per_m2 == 0) {  // all weigh 1
+        weight += 1;
+        sum_m += static_cast<double>(row[u]);
+        continue;
+      }
       const float beyond = std::max(row[u] - noise.from_m, 0.0F);
       const float ratio = noise.least_m / (noise.least_m + noise.per_m2 * beyond * beyond);
       const double w = static_cast<double>(ratio * ratio);

@@ -5,6 +5,8 @@
 
 #include <Eigen/Cholesky>
 
+#include "perception/motion/cell_loops.hpp"
+
 namespace perception {
 
 namespace {
@@ -26,12 +28,12 @@ Mat6 unpack(const double (&upper)[21]) noexcept {
 }  // namespace
 
 void Consensus::look(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
-                     const Vec3& centre_F, double length_m, const ConsensusConfig& config,
-                     int rows) noexcept {
+                     const Vec3& centre_F, double length_m, const ConsensusConfig& config, int rows,
+                     bool again) noexcept {
   Gates gates;
   gates.distance_m = 0.2F;
   gates.noise = {config.noise.least_m, 0.0F, config.noise.from_m};  // all pixels alike
-  accumulate_cells(live, model, X_FC, centre_F, gates, sums_, rows);
+  accumulate_cells(live, model, X_FC, centre_F, gates, sums_, rows, !again);
   length_m_ = length_m;
   const auto map = static_cast<float>(config.map_error_m + config.map_error_voxel * config.voxel_m);
   const auto share = static_cast<float>(config.noise_share);
@@ -52,16 +54,8 @@ void Consensus::fit(const Vec6& xi, Cells& misfit) const noexcept {
   for (int i = 0; i < 6; ++i) x[i] = static_cast<float>(xi(i));
   for (int i = 0; i < 6; ++i)
     for (int j = i; j < 6; ++j) coefficient[s++] = (i == j ? 1.0F : 2.0F) * x[i] * x[j];
-  const auto n = static_cast<std::size_t>(sums_.size());
-  for (std::size_t c = 0; c < n; ++c) misfit[c] = sums_.r2[c];
-  for (std::size_t i = 0; i < 6; ++i)
-    for (std::size_t c = 0; c < n; ++c) misfit[c] += 2 * x[i] * sums_.g[i][c];
-  for (std::size_t i = 0; i < 21; ++i)
-    for (std::size_t c = 0; c < n; ++c) misfit[c] += coefficient[i] * sums_.H[i][c];
-  for (std::size_t c = 0; c < n; ++c) {
-    const float pairs = std::max(sums_.pairs[c], 1.0F);
-    misfit[c] = std::max(misfit[c], 0.0F) / (pairs * limit2_[c]);
-  }
+  for (float& twice : x) twice *= 2;
+  motion::misfit_of(sums_, x, coefficient, limit2_, misfit);
 }
 
 // What the cells leave by themselves, of those that may be static: noise and the map's error where most of them fit.
@@ -77,29 +71,18 @@ float Consensus::scale_of(const Cells& misfit, const Cells& memory) const noexce
 }
 
 double Consensus::support(const Cells& misfit, const Cells& weight) const noexcept {
-  double sum = 0;
-  for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
-    if (sums_.pairs[c] < kLeastPairs) continue;
-    sum += static_cast<double>(weight[c] * sums_.pairs[c] / (1 + misfit[c] / scale_));
-  }
-  return sum;
+  return motion::supported(sums_, misfit, weight, scale_, kLeastPairs);
 }
 
 // Weighted least squares, held to `from` where the cells say nothing.
 bool Consensus::solve(const Cells& weight, const Vec6& from, Vec6& xi) const noexcept {
-  double upper[21] = {}, g[6] = {};
-  double pairs = 0;
-  for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
-    if (sums_.pairs[c] < kLeastPairs || !(weight[c] > 0)) continue;
-    const auto w = static_cast<double>(weight[c]);
-    pairs += w * static_cast<double>(sums_.pairs[c]);
-    for (std::size_t i = 0; i < 21; ++i) upper[i] += w * static_cast<double>(sums_.H[i][c]);
-    for (std::size_t i = 0; i < 6; ++i) g[i] += w * static_cast<double>(sums_.g[i][c]);
-  }
+  motion::WeightedSums weighted;
+  motion::weigh(sums_, weight, kLeastPairs, weighted);
+  const double pairs = weighted.pairs;
   if (!(pairs > 0)) return false;
-  Mat6 H = unpack(upper);
+  Mat6 H = unpack(weighted.H);
   Vec6 b;
-  for (int i = 0; i < 6; ++i) b(i) = -g[i];
+  for (int i = 0; i < 6; ++i) b(i) = -weighted.g[i];
   for (int i = 0; i < 6; ++i) {
     const double unit = i < 3 ? 1.0 : length_m_ * length_m_;
     H(i, i) += kDamping * pairs * unit;

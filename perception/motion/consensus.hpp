@@ -50,9 +50,11 @@ class Consensus {
  public:
   using Cells = std::array<float, CellSums::kMost>;
 
-  // Of the level, against the model, from X_FC. `length_m` mean depth: scales rotation. `rows` of each cell.
+  // Of the level, against the model, from X_FC. `length_m` mean depth: scales rotation. `rows` of each cell; `again`: the
+  // image is that of the last call.
   void look(const DepthLevel& live, const ModelView& model, const Pose& X_FC, const Vec3& centre_F,
-            double length_m, const ConsensusConfig& config, int rows = CellSums::kEdge) noexcept;
+            double length_m, const ConsensusConfig& config, int rows = CellSums::kEdge,
+            bool again = false) noexcept;
   // Least squares, reweighed, from xi = 0 alone: for images in which nothing new moves. Cheap. `remembered`: share of
   // each cell that may be static, by what is known of it before.
   void settle(const Cells& remembered, ConsensusResult& out) noexcept;

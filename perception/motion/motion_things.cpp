@@ -1,141 +1,20 @@
-// Which things move: evidence, and what it is grown to (motion_watch.hpp).
-#include "perception/motion/motion_watch.hpp"
-
+// Which things move: what evidence is grown to (motion_watch.hpp).
 #include <algorithm>
 #include <cmath>
+
+#include "perception/motion/evidence.hpp"
+#include "perception/motion/motion_watch.hpp"
 
 namespace perception {
 
 namespace {
 
-constexpr int kYoungFrames = 8, kYoungPercent = 3;
+constexpr int kYoungPercent = 3;
 constexpr std::uint32_t kRestGap = 5;  // frames that a cell may go unseen
-constexpr std::size_t kProbes = 4;     // of the table of places
-constexpr int kLeastAbout = 5;         // of the 8 neighbours, in a patch
+constexpr std::uint32_t kProbes = 4;   // of the table of places
 constexpr float kConcave = 0.4F;       // bend over two pixels either side that ends a thing
-// Of a coarse pixel. From kFree on it speaks for motion.
-enum Evidence : std::uint8_t { kNone, kAgrees, kRested, kFree, kOff, kYoung, kOld };
-
-std::size_t hash_of(std::int32_t x, std::int32_t y, std::int32_t z) noexcept {
-  const std::uint32_t h = static_cast<std::uint32_t>(x) * 73856093U ^
-                          static_cast<std::uint32_t>(y) * 19349663U ^
-                          static_cast<std::uint32_t>(z) * 83492791U;
-  return h ^ (h >> 15U);
-}
-
-// The distance at a point: trilinear where all corners are known, else of the nearest node.
-struct Seen3 {
-  bool free = false, known = false;
-  float distance_m = 0;
-};
-// `enough_m`: a node this near to the surface says so of all points about it.
-Seen3 seen_at(const TsdfMap& map, MapReader& reader, const Vec3f& p_W, float inv_voxel,
-              float enough_m) noexcept {
-  Seen3 s;
-  const int i = static_cast<int>(std::lround(p_W.x() * inv_voxel)),
-            j = static_cast<int>(std::lround(p_W.y() * inv_voxel)),
-            k = static_cast<int>(std::lround(p_W.z() * inv_voxel));
-  const std::uint32_t word = reader.word(i, j, k);
-  if (reader.known(word)) {
-    s.known = true;
-    s.distance_m = static_cast<float>(TsdfMap::word_distance(word)) * map.metres_per_unit();
-    if (std::abs(s.distance_m) < enough_m) return s;
-    const auto sample = reader.sample(p_W.cast<double>());
-    if (sample.valid) s.distance_m = sample.distance_m;
-    return s;
-  }
-  const TsdfMap::Chunk* chunk = reader.chunk_of(i >> 6, j >> 6, k >> 6);
-  if (chunk == nullptr) return s;
-  const auto at = static_cast<std::size_t>(TsdfMap::in_chunk(i >> 3, j >> 3, k >> 3));
-  const std::int32_t b = chunk->block[at];
-  if (b == TsdfMap::kNoBlock) {
-    const int bit = (((i & 7) >> 1) * 4 + ((j & 7) >> 1)) * 4 + ((k & 7) >> 1);
-    s.free = ((chunk->free[at] >> bit) & 1U) != 0;
-  } else {
-    s.free = ((map.block_free(b)[i & 7] >> ((j & 7) * 8 + (k & 7))) & 1U) != 0;
-  }
-  return s;
-}
 
 }  // namespace
-
-// Of every `step`th pixel. The count of those that speak for motion.
-int MotionWatch::gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC,
-                                 bool all, int step) noexcept {
-  MapReader reader(map, 1.0);
-  const CellSums& sums = consensus_.sums();
-  const Eigen::Matrix3f R = X_WC.linear().cast<float>();
-  const Vec3f t = X_WC.translation().cast<float>();
-  const auto inv_voxel = static_cast<float>(1 / map.voxel_size());
-  std::fill_n(evidence_.begin(), width_ * height_, std::uint8_t{kNone});
-  // What is seen free lies so far before a surface at least.
-  const auto clear = static_cast<float>(0.8 * map.truncation());
-  int count = 0;
-  for (int c = 0; c < sums.size(); ++c) {
-    const auto cell = static_cast<std::size_t>(c);
-    if (!(sums.live[cell] > 0)) continue;
-    const bool fits = consensus_.fits_noise(c);
-    if (!all && fits && sums.pairs[cell] >= 0.85F * sums.live[cell]) continue;
-    const int u0 = c % sums.columns * CellSums::kEdge, v0 = c / sums.columns * CellSums::kEdge;
-    for (int v = v0; v < std::min(v0 + CellSums::kEdge, height_); v += step) {
-      for (int u = u0; u < std::min(u0 + CellSums::kEdge, width_); u += step) {
-        const int i = v * width_ + u;
-        if (!(live.depth.row(v)[u] > 0)) continue;
-        const Vec3f p_C = point_C(live, i);
-        const Vec3f p_W = R * p_C + t;
-        now_W_[static_cast<std::size_t>(i)] = p_W;
-        const float limit = front_limit(p_C.z());
-        const Seen3 s = seen_at(map, reader, p_W, inv_voxel, fits ? limit - voxel_m_ : 0);
-        std::uint8_t& e = evidence_[static_cast<std::size_t>(i)];
-        // A place that was free and is not any more is evidence until it has been so for long.
-        bool front = s.known && s.distance_m > limit;
-        if (s.free && limit < clear) {
-          front = true;
-        } else if (s.free) {  // and not just before what the noise may have moved
-          const Vec3f behind_W = R * (p_C * (1 + limit / p_C.z())) + t;
-          const Seen3 b = seen_at(map, reader, behind_W, inv_voxel, 0);
-          front = b.free || (b.known && b.distance_m > 0);
-        }
-        const Place* place = recent_ > 0 ? place_of(p_W, false) : nullptr;
-        if (place != nullptr) {
-          const auto age = static_cast<int>(place->last - place->first);
-          e = age < kYoungFrames ? kYoung : age < config_.rest_frames ? kOld : kRested;
-        } else if (front) {
-          e = kFree;
-        } else if (s.known && !fits && std::abs(s.distance_m) > 0.5F * limit) {
-          e = kOff;
-        } else if (s.known && std::abs(s.distance_m) < limit) {
-          e = kAgrees;
-        }
-        count += e >= kFree ? 1 : 0;
-      }
-    }
-  }
-  return count;
-}
-
-// Evidence in patches, into seed_.
-int MotionWatch::patches() noexcept {
-  int count = 0;
-  std::fill_n(seed_.begin(), width_ * height_, std::uint8_t{0});
-  for (int v = 1; v + 1 < height_; ++v) {
-    for (int u = 1; u + 1 < width_; ++u) {
-      const int i = v * width_ + u;
-      if (evidence_[static_cast<std::size_t>(i)] < kFree) continue;
-      int about = -1;
-      for (int k = 0; k < 9; ++k)
-        about += evidence_[static_cast<std::size_t>(i + (k / 3 - 1) * width_ + k % 3 - 1)] >= kFree
-                     ? 1
-                     : 0;
-      if (about < kLeastAbout) continue;
-      seed_[static_cast<std::size_t>(i)] = 1;
-      if (evidence_[static_cast<std::size_t>(i)] == kFree)
-        static_cast<void>(place_of(now_W_[static_cast<std::size_t>(i)], true));
-      ++count;
-    }
-  }
-  return count;
-}
 
 // Where last image's masked points are in this one.
 void MotionWatch::recall(const DepthLevel& live, const Pose& X_WC) noexcept {
@@ -237,7 +116,7 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
         queue_[static_cast<std::size_t>(end++)] = b;
       }
     }
-    judge_thing(first, end, thing);
+    judge_thing(live, first, end, thing);
     first = end;
   }
 }
@@ -249,28 +128,33 @@ MotionWatch::Place* MotionWatch::place_of(const Vec3f& p_W, bool make, bool seen
              y = static_cast<std::int32_t>(std::floor(p_W.y() * inv)),
              z = static_cast<std::int32_t>(std::floor(p_W.z() * inv));
   const auto now = static_cast<std::uint32_t>(frame_);
-  const std::size_t home = hash_of(x, y, z);
+  const std::uint32_t home = motion::place_slot(x, y, z);
   Place* empty = nullptr;
-  for (std::size_t n = 0; n < kProbes; ++n) {
-    Place& r = places_[(home + n) & (kRestTable - 1)];
+  bool any = false;  // of those that may be of this home
+  for (std::uint32_t n = 0; n < kProbes; ++n) {
+    Place& r = places_[(home + n) % motion::kPlaceSlots];
     const bool kept = r.last != 0 && r.last + kRestGap >= now;
     if (kept && r.x == x && r.y == y && r.z == z) {
       if (seen) r.last = now;
       return &r;
     }
+    any = any || kept;
     if (!kept && empty == nullptr) empty = &r;
   }
+  std::uint32_t& taken = taken_[home / 32];
+  if (!any) taken &= ~(1U << home % 32);
   if (empty == nullptr || !make) return nullptr;
+  taken |= 1U << home % 32;
   *empty = {x, y, z, now, now};
   return empty;
 }
 
 // Seen at a flat angle by a camera that drives, a surface is met in other places each time.
-bool MotionWatch::grazed(int i) const noexcept {
-  const Vec3f& p_W = now_W_[static_cast<std::size_t>(i)];
+bool MotionWatch::grazed(const DepthLevel& live, int i) const noexcept {
+  const Vec3f p_W = point_W(live, i);
   float least = 1e9F, most = 0;
   for (const int d : {-1, 1, -width_, width_}) {  // all have depth: it is of a core
-    const float step_m = (now_W_[static_cast<std::size_t>(i + d)] - p_W).norm();
+    const float step_m = (point_W(live, i + d) - p_W).norm();
     least = std::min(least, step_m), most = std::max(most, step_m);
   }
   return most > std::max(2 * least, static_cast<float>(config_.rest_cell_m));
@@ -289,7 +173,8 @@ bool MotionWatch::beside_rested(const Vec3f& p_W) noexcept {
   return false;
 }
 
-void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
+void MotionWatch::judge_thing(const DepthLevel& live, int first, int end,
+                              const Thing& thing) noexcept {
   const int size = end - first;
   if (size < config_.least_pixels) return;
   // The place itself is large, and fits: a wrong pose must not make it a thing.
@@ -308,13 +193,15 @@ void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
   for (int at = first; at < end && !moves && young >= few; ++at) {
     const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
     if (evidence_[i] != kYoung && evidence_[i] != kFree) continue;
-    if (grazed(queue_[static_cast<std::size_t>(at)]) || beside_rested(now_W_[i])) --young;
+    const int pixel = queue_[static_cast<std::size_t>(at)];
+    if (grazed(live, pixel) || beside_rested(point_W(live, pixel))) --young;
   }
   const bool stands = young < few;
   if (stands) {
     for (int at = first; at < end; ++at) {
       const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
-      Place* place = evidence_[i] > kRested ? place_of(now_W_[i], true) : nullptr;
+      Place* place =
+          evidence_[i] > kRested ? place_of(point_W(live, static_cast<int>(i)), true) : nullptr;
       if (place != nullptr)
         place->first =
             place->last - std::min(place->last, static_cast<std::uint32_t>(config_.rest_frames));
@@ -324,7 +211,8 @@ void MotionWatch::judge_thing(int first, int end, const Thing& thing) noexcept {
   for (int at = first; at < end; ++at) {
     const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
     mask_[i] = apart || seed_[i] != 0 ? 1 : 0;
-    if (mask_[i] != 0 && evidence_[i] != kAgrees) static_cast<void>(place_of(now_W_[i], true));
+    if (mask_[i] != 0 && evidence_[i] != kAgrees)
+      static_cast<void>(place_of(point_W(live, static_cast<int>(i)), true));
   }
 }
 

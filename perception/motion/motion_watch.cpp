@@ -43,7 +43,7 @@ MotionWatch::MotionWatch(rt::NonRealtime&, const MotionConfig& config, const Tra
     : config_(config),
       tracker_(tracker),
       mask_(kMost),
-      evidence_(kMost),
+      evidence_(kMost + 16),  // read eight at a time
       seed_(kMost),
       recalled_(kMost),
       visited_(kMost),
@@ -51,7 +51,8 @@ MotionWatch::MotionWatch(rt::NonRealtime&, const MotionConfig& config, const Tra
       queue_(kMost),
       points_W_(kMost),
       now_W_(kMost),
-      places_(kRestTable) {}
+      places_(motion::kPlaceSlots),
+      taken_(motion::kPlaceSlots / 32) {}
 
 void MotionWatch::forget() noexcept {
   remembered_ = 0;
@@ -63,6 +64,7 @@ void MotionWatch::forget() noexcept {
   innovation_m_ = kPriorSigma_m;
   std::fill(mask_.begin(), mask_.end(), std::uint8_t{0});
   std::fill(places_.begin(), places_.end(), Place{});
+  std::fill(taken_.begin(), taken_.end(), 0U);
 }
 
 float MotionWatch::front_limit(float z) const noexcept {
@@ -86,13 +88,13 @@ Vec3f MotionWatch::point_C(const DepthLevel& live, int i) const noexcept {
 
 // The sums of the cells about a pose.
 void MotionWatch::linearise(const TrackingPyramid& pyramid, const ModelView& model,
-                            const Pose& X_WC) noexcept {
+                            const Pose& X_WC, bool again) noexcept {
   X_WF_ = model.X_WF;
   X_FC_ = model.X_WF.inverse(Eigen::Isometry) * X_WC;
   centre_F_ = X_FC_ * Vec3(0, 0, length_m_);
   // Where nothing moved of late, half of the image says whether something does.
   const int rows = recent_ > 0 || doubtful_ ? CellSums::kEdge : CellSums::kEdge / 2;
-  consensus_.look(pyramid.level(level_), model, X_FC_, centre_F_, length_m_, rule_, rows);
+  consensus_.look(pyramid.level(level_), model, X_FC_, centre_F_, length_m_, rule_, rows, again);
 }
 
 double MotionWatch::prior_sigma_m() const noexcept {
@@ -127,7 +129,7 @@ bool MotionWatch::settle_at(const TrackingPyramid& pyramid, const ModelView& mod
   Pose at = X_WC;
   bool settled = false;
   for (int round = 0; round < kRounds && !settled; ++round) {
-    linearise(pyramid, model, at);
+    linearise(pyramid, model, at, round > 0);
     consensus_.settle(memory_, out.consensus);
     out.work += pixels();
     at = moved_by(out.consensus.xi);
@@ -278,14 +280,16 @@ void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid,
   const DepthLevel& live = pyramid.level(level_);
   std::fill_n(mask_.begin(), width_ * height_, std::uint8_t{0});
   // Nothing moved of late: a quarter of what does not meet its surface says whether something does, then all of that.
+  start_evidence(map, out.X_WC);
+  MapReader reader(map, 1.0);
   if (recent_ == 0) {
-    if (2 * gather_evidence(map, live, out.X_WC, false, 2) < config_.least_pixels) return;
-    static_cast<void>(gather_evidence(map, live, out.X_WC, false, 1));
-    if (patches() < config_.least_pixels) return;
+    if (!glimpse(map, reader, live, (config_.least_pixels + 1) / 2)) return;
+    gather_evidence(map, reader, live, false);
+    if (patches(map, reader, live) < config_.least_pixels) return;
   }
   // A thing is more than the cells that do not fit.
-  static_cast<void>(gather_evidence(map, live, out.X_WC, true, 1));
-  out.evidence = patches();
+  gather_evidence(map, reader, live, true);
+  out.evidence = patches(map, reader, live);
   recent_ = out.evidence >= config_.least_pixels ? config_.rest_frames : std::max(0, recent_ - 1);
   if (recent_ == 0) return;
   out.work += 8 * pixels();
@@ -297,7 +301,8 @@ void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid,
   int masked = 0, valid = 0;
   fringe(live);
   for (int i = 0; i < width_ * height_; ++i) {
-    masked += mask_[static_cast<std::size_t>(i)];
+    if (mask_[static_cast<std::size_t>(i)] != 0)
+      ++masked, now_W_[static_cast<std::size_t>(i)] = point_W(live, i);
     valid += live.depth.row(i / width_)[i % width_] > 0 ? 1 : 0;
   }
   out.moving = masked > 0;

@@ -15,11 +15,13 @@
 
 #include <array>
 #include <cstdint>
+#include <cstring>
 #include <vector>
 
 #include "config/schema.hpp"
 #include "perception/geometry/image.hpp"
 #include "perception/icp/tracker.hpp"
+#include "perception/motion/agree_kernel.hpp"
 #include "perception/motion/consensus.hpp"
 #include "perception/motion/motion_mask.hpp"
 #include "perception/tsdf/map_reader.hpp"
@@ -88,7 +90,8 @@ class MotionWatch {
   void spread(const TrackingPyramid& pyramid, std::uint8_t* out) const noexcept;
 
  private:
-  void linearise(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC) noexcept;
+  void linearise(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
+                 bool again = false) noexcept;
   bool settle_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
                  MotionResult& out) noexcept;
   void stay_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
@@ -107,9 +110,24 @@ class MotionWatch {
   [[nodiscard]] double prior_sigma_m() const noexcept;
   [[nodiscard]] Pose moved_by(const Vec6& xi) const noexcept;
   [[nodiscard]] Vec6 twist_to(const Pose& X_WC) const noexcept;
-  int gather_evidence(const TsdfMap& map, const DepthLevel& live, const Pose& X_WC, bool all,
-                      int step) noexcept;
-  [[nodiscard]] int patches() noexcept;
+  void start_evidence(const TsdfMap& map, const Pose& X_WC) noexcept;
+  [[nodiscard]] bool may_hold(int c) const noexcept;
+  [[nodiscard]] bool glimpse(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
+                             int least) noexcept;
+  void gather_evidence(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
+                       bool all) noexcept;
+  void mark_cell(MapReader& reader, const DepthLevel& live, int c, unsigned rows) noexcept;
+  [[nodiscard]] bool speaks_beside(int u0, int v) const noexcept;
+  bool ask(const TsdfMap& map, MapReader& reader, const DepthLevel& live, int i) noexcept;
+  [[nodiscard]] std::uint8_t evidence_at(const TsdfMap& map, MapReader& reader,
+                                         const DepthLevel& live, int i, bool fits) noexcept;
+  // Of evidence_ from i to i + 7: the top bit of each byte that speaks for motion, or may.
+  [[nodiscard]] std::uint64_t speaking_at(int i) const noexcept {
+    std::uint64_t eight = 0;
+    std::memcpy(&eight, evidence_.data() + i, sizeof eight);
+    return (eight + 0x7d7d7d7d7d7d7d7dU) & 0x8080808080808080U;  // from 3 on; all are below 128
+  }
+  [[nodiscard]] int patches(const TsdfMap& map, MapReader& reader, const DepthLevel& live) noexcept;
   void recall(const DepthLevel& live, const Pose& X_WC) noexcept;
   void grow(const DepthLevel& live) noexcept;
   void find_core(const DepthLevel& live) noexcept;
@@ -118,11 +136,16 @@ class MotionWatch {
       Thing {  // counts of its pixels; young: where nothing was a moment ago; misfits: of cells that do not fit
     int evidence = 0, remembered = 0, agrees = 0, old = 0, young = 0, misfits = 0;
   };
-  void judge_thing(int first, int end, const Thing& thing) noexcept;
+  void judge_thing(const DepthLevel& live, int first, int end, const Thing& thing) noexcept;
   [[nodiscard]] int cell_of(int u, int v) const noexcept {
     return v / CellSums::kEdge * consensus_.sums().columns + u / CellSums::kEdge;
   }
   [[nodiscard]] Vec3f point_C(const DepthLevel& live, int i) const noexcept;
+  [[nodiscard]] Vec3f point_W(const DepthLevel& live,
+                              int i) const noexcept {  // by the evidence's pose
+    return turned_W(point_C(live, i));
+  }
+  [[nodiscard]] Vec3f turned_W(const Vec3f& p_C) const noexcept;
   [[nodiscard]] float front_limit(float z) const noexcept;
 
   MotionConfig config_;
@@ -140,7 +163,10 @@ class MotionWatch {
   std::vector<std::uint8_t> mask_, evidence_, seed_, recalled_, visited_, core_;
   std::vector<std::int32_t> queue_;
   std::vector<Vec3f> points_W_;  // of last image's masked pixels
-  std::vector<Vec3f> now_W_;     // of all pixels of this one, by consensus
+  std::vector<Vec3f> now_W_;     // of this one's, by consensus
+  motion::AgreeJob agree_{};     // where evidence is gathered from
+  float clear_m_ = 0;            // what is seen free lies so far before a surface at least
+  std::array<std::uint8_t, CellSums::kMost> marked_{};  // by cell: a bit for each row that is
   int remembered_ = 0;
   bool had_ = false;
   bool doubtful_ = false;
@@ -159,10 +185,10 @@ class MotionWatch {
     std::uint32_t first = 0, last = 0;
   };
   [[nodiscard]] Place* place_of(const Vec3f& p_W, bool make, bool seen = true) noexcept;
-  [[nodiscard]] bool grazed(int i) const noexcept;
+  [[nodiscard]] bool grazed(const DepthLevel& live, int i) const noexcept;
   [[nodiscard]] bool beside_rested(const Vec3f& p_W) noexcept;
-  static constexpr int kRestTable = 1 << 15;
-  std::vector<Place> places_;
+  std::vector<Place> places_;         // motion::place_slot() says which
+  std::vector<std::uint32_t> taken_;  // a bit for each that may be one
 };
 
 }  // namespace perception
