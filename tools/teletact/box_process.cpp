@@ -247,6 +247,7 @@ class OperatorSide {
   }
   void tick(rt::Time t, drivers::TcpLink& link) {
     console.tick(t);
+    if (!options_.quiet) std::fputs(console.news().c_str(), stdout);
     if (!options_.quiet && t >= next_line_) {
       next_line_ += std::chrono::seconds{1};
       std::printf("%s\n", console.status_line(t).c_str());

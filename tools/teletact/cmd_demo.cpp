@@ -13,6 +13,7 @@
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/host_info.hpp"
 #include "tools/teletact/options.hpp"
+#include "tools/teletact/recording_setup.hpp"
 #include "tools/teletact/recording_truth.hpp"
 #include "tools/teletact/rights.hpp"
 #include "tools/teletact/run_real.hpp"
@@ -209,7 +210,7 @@ int cmd_demo(int argc, char** argv) {
   if (o.stub_bodies && !o.save_map.empty())
     throw std::runtime_error("--save-map needs --bodies real");
   if (!o.fault_plan.empty()) o.fault_plan = find_config("faults", o.fault_plan);
-  if (!o.rgbd_dir.empty() && app.count("--scene") == 0) scene_name = "recording";
+  if (!o.rgbd_dir.empty() && app.count("--scene") == 0) scene_name = "any_recording";
   o.scene_path = find_config("scenes", scene_name);
   for (int i = 0; i < argc; ++i) o.command += (i == 0 ? "teletact " : " ") + std::string(argv[i]);
 
@@ -233,6 +234,13 @@ int cmd_demo(int argc, char** argv) {
   rt::Startup startup;
   rt::NonRealtime& nrt = startup.token();
   RunInfo info;
+  if (!o.rgbd_dir.empty() && !o.stub_bodies) {
+    const RecordingSetup setup = set_up_recording(nrt, *scene, o.seconds);
+    if (setup.placed || setup.scripted) {
+      info.notes.push_back(setup.text());
+      if (!o.quiet) std::printf("%s\n", setup.text().c_str());
+    }
+  }
   choose_clock(clock, *scene, app.count("--cores") > 0, o, info);
   info.command = o.command;
   info.started = iso_now();

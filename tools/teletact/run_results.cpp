@@ -111,6 +111,7 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.one(h.view.arrivals);
     s.one(h.view.first_arrival);
     s.one(h.view.points_resolved);
+    s.many(h.view.visits);
     s.one(h.view.device_brakes);
     s.one(h.view.engages);
     s.one(h.view.clears);
@@ -138,7 +139,7 @@ void load_half(const std::string& folder, OperatorHalf& h) {
          l.many(h.view.paths) && l.one(h.view.task) && l.one(h.view.camera) &&
          l.one(h.view.objects) && l.one(h.view.objects_named) && l.one(h.view.mode) &&
          l.one(h.view.robot) && l.one(h.view.arrivals) && l.one(h.view.first_arrival) &&
-         l.one(h.view.points_resolved) && l.one(h.view.device_brakes) && l.one(h.view.engages) &&
+         l.one(h.view.points_resolved) && l.many(h.view.visits) && l.one(h.view.device_brakes) && l.one(h.view.engages) &&
          l.one(h.view.clears) && l.one(h.view.edits) && l.one(h.view.log_dropped) &&
          l.one(*h.view.view) && l.one(*h.view.map) && l.one(*h.view.moving_view) &&
          l.one(*h.view.moving_map) && l.many(h.totals) && l.one(h.dropped_records) &&

@@ -156,6 +156,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
     owned.push_back(std::make_unique<Periodic>(epoch + 7000000, 20000000, [&](std::int64_t t) {
       op_console->tick(kOperatorClock.from_host(t));
       robot_console->tick(kRobotClock.from_host(t));
+      if (!options.quiet) std::fputs(op_console->news().c_str(), stdout);
       if (op_last) op_last->watch(op_console->seen().mode, kOperatorClock.from_host(t));
       if (robot_last) robot_last->watch(robot_console->seen().mode, kRobotClock.from_host(t));
       for (auto* inputs : {op_inputs.get(), robot_inputs.get()}) {

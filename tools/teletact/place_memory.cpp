@@ -1,0 +1,135 @@
+#include "tools/teletact/place_memory.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+namespace teletact {
+
+using perception::Vec3;
+using Kind = TouchPlace::Kind;
+
+namespace {
+
+constexpr double kSame_m = 0.05;        // two sights of one place
+constexpr double kShowsThere_m = 0.03;  // along the ray
+constexpr double kBeside_m = 0.08;      // touched there counts as touched here
+constexpr std::size_t kMost = 400;
+constexpr int kMissed = 2;
+constexpr std::array kTurn{Kind::kTop, Kind::kWall, Kind::kTop, Kind::kEdge, Kind::kCorner};
+
+// Nothing that the picture shows is nearer to the straight than 20 mm, as far as it shows the straight.
+bool clear(const tasks::SceneView& view, const perception::Pose& X_VW, const Vec3& a,
+           const Vec3& b) {
+  const int n = 1 + static_cast<int>((b - a).norm() / 0.025);
+  for (int i = 0; i <= n; ++i) {
+    const Vec3 q = X_VW * Vec3(a + (static_cast<double>(i) / n) * (b - a));
+    const double depth = shown_depth(view, q);
+    if (depth > 0 && depth < q.z() + 0.02) return false;
+  }
+  return true;
+}
+
+// A point between the two from which both are free to go to: half-way, or drawn back towards the eye.
+std::optional<Vec3> way(const tasks::SceneView& view, const Reach& reach, const Vec3& a,
+                        const Vec3& b) {
+  const perception::Pose X_VW = view.X_WV.inverse();
+  const Vec3 middle = 0.5 * (a + b), back = (view.X_WV.translation() - middle).normalized();
+  for (const double lift : {0.0, 0.08, 0.16, 0.24}) {
+    const Vec3 via = middle + lift * back;
+    if (!reach.holds(via)) return std::nullopt;
+    if (clear(view, X_VW, a, via) && clear(view, X_VW, via, b)) return via;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+void PlaceMemory::see(const tasks::SceneView& view, const Vec3& up_W, const Reach* reach) {
+  const perception::Pose X_VW = view.X_WV.inverse();
+  const auto& k = view.intrinsics;
+  for (Known& known : known_) {
+    const Vec3 q = X_VW * known.place.p_W;
+    if (!(q.z() > 0.1)) continue;
+    const auto uv = k.project(q);
+    if (!(uv.x() > 1 && uv.y() > 1 && uv.x() < k.width - 2 && uv.y() < k.height - 2)) continue;
+    const double depth = shown_depth(view, q);
+    known.hidden = depth > 0 && depth < q.z() - kShowsThere_m;
+    const bool gone = !(depth > 0) || depth > q.z() + kShowsThere_m;
+    known.missed = gone ? known.missed + 1 : 0;
+  }
+  std::erase_if(known_, [](const Known& n) { return n.missed >= kMissed; });
+  const auto wanted = [&](const Vec3& p) { return reach->holds(p); };
+  std::vector<bool> again(known_.size(), false);
+  const std::size_t before = known_.size();
+  for (const TouchPlace& found :
+       places_in_view(view, up_W, reach != nullptr ? wanted : std::function<bool(const Vec3&)>())) {
+    if (reach != nullptr && !reach->holds(found)) continue;
+    std::size_t best = before;
+    double nearest = kSame_m;
+    for (std::size_t i = 0; i < before; ++i) {
+      const double off = (known_[i].place.p_W - found.p_W).norm();
+      if (again[i] || known_[i].place.flat() != found.flat() || off > nearest) continue;
+      nearest = off;
+      best = i;
+    }
+    if (best < before) {
+      again[best] = true;
+      known_[best].place = found;
+      known_[best].hidden = false;
+      known_[best].missed = 0;
+      ++known_[best].pictures;
+    } else if (known_.size() < kMost) {
+      known_.push_back({found});
+    }
+  }
+}
+
+const PlaceMemory::Known* PlaceMemory::at(const Vec3& p_W) const noexcept {
+  const Known* best = nullptr;
+  double nearest = kSame_m;
+  for (const Known& k : known_) {
+    const double off = (k.place.p_W - p_W).norm();
+    if (!k.sure() || off > nearest) continue;
+    nearest = off;
+    best = &k;
+  }
+  return best;
+}
+
+std::optional<NextPlace> next_place(const PlaceMemory& memory, const tasks::SceneView& view,
+                                    const Reach& reach, const Vec3& from_W,
+                                    const std::vector<TouchPlace>& touched) {
+  struct Choice {
+    int other_kind, touched, narrow, far;
+    double rough_m;
+    const PlaceMemory::Known* known;
+    [[nodiscard]] auto key() const { return std::tie(other_kind, touched, narrow, far, rough_m); }
+  };
+  const Kind wanted = kTurn[touched.size() % kTurn.size()];
+  std::vector<Choice> choices;
+  for (const auto& known : memory.known()) {
+    const TouchPlace& p = known.place;
+    if (!known.sure() || !reach.holds(p)) continue;
+    const auto times = std::count_if(touched.begin(), touched.end(), [&](const TouchPlace& t) {
+      return (t.p_W - p.p_W).norm() < kBeside_m;
+    });
+    choices.push_back({p.kind == wanted ? 0 : p.flat() ? 1 : 2, static_cast<int>(times),
+                       p.wide ? 0 : 1, static_cast<int>((p.p_W - from_W).norm() / 0.1), p.rough_m,
+                       &known});
+  }
+  std::stable_sort(choices.begin(), choices.end(),
+                   [](const Choice& a, const Choice& b) { return a.key() < b.key(); });
+  for (const Choice& c : choices) {
+    const TouchPlace& p = c.known->place;
+    const auto via = way(view, reach, from_W, p.p_W + reach.standoff_m * p.n_W);
+    if (via) return NextPlace{p, c.known->pictures, *via};
+  }
+  if (choices.empty()) return std::nullopt;
+  // From where the hand is no way shows (the camera has moved on, say): straight.
+  const TouchPlace& p = choices.front().known->place;
+  return NextPlace{p, choices.front().known->pictures,
+                   0.5 * (from_W + p.p_W + reach.standoff_m * p.n_W)};
+}
+
+}  // namespace teletact

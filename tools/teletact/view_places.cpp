@@ -1,0 +1,219 @@
+#include "tools/teletact/view_places.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include <Eigen/Dense>
+
+#include "perception/motion/motion_mask.hpp"
+
+namespace teletact {
+
+using perception::Vec3;
+using Kind = TouchPlace::Kind;
+
+namespace {
+
+constexpr double kNear_m = 0.3, kFar_m = 3.5;  // of the eye: farther a pixel of the picture spans 40 mm
+constexpr double kPlane_m = 0.060;             // radius of the plane
+constexpr double kWide_m = 0.100;
+constexpr double kRingFrom_m = 0.035;    // the ring in which each side must be covered
+constexpr double kOffPlane_m = 0.008;    // counts as on the plane
+constexpr double kRough_m = 0.004;       // RMS
+constexpr double kStandsOver_m = 0.015;  // something that the hand would meet
+constexpr double kGrazing = 0.30;        // least cosine between ray and normal
+constexpr double kBehind_m = 0.04;       // beyond an edge the picture shows what lies so far behind
+constexpr double kLevel = 0.9, kUpright = 0.25;  // of |up . n|
+constexpr double kApart_m = 0.06;                // two places of a picture
+constexpr int kSides = 8;
+
+// The points of the picture round one of them, and the plane through those within kPlane_m.
+class Patch {
+ public:
+  Patch(const tasks::SceneView& view, int u, int v, const Vec3& p_W, double depth)
+      : view_(view), X_VW_(view.X_WV.inverse()) {
+    const auto& k = view.intrinsics;
+    const int half = std::clamp(static_cast<int>(std::ceil(kWide_m * k.fx / depth)) + 1, 2, 30);
+    const int step = std::max(1, half / 7);
+    for (int y = v - half; y <= v + half; y += step) {
+      for (int x = u - half; x <= u + half; x += step) {
+        if (x < 0 || y < 0 || x >= k.width || y >= k.height) continue;
+        const auto& q = view.points[static_cast<std::size_t>(y) * static_cast<std::size_t>(k.width) +
+                                    static_cast<std::size_t>(x)];
+        if (!(q.depth > 0)) continue;
+        const Vec3 r(static_cast<double>(q.x) - p_W.x(), static_cast<double>(q.y) - p_W.y(),
+                     static_cast<double>(q.z) - p_W.z());
+        if (r.squaredNorm() < 4 * kWide_m * kWide_m) points_.push_back(r);
+      }
+    }
+    centre_ = p_W;
+  }
+
+  [[nodiscard]] std::optional<TouchPlace> place(const Vec3& up_W) {
+    if (!fit() || stands_over()) return std::nullopt;
+    const double rise = n_.dot(up_W);
+    TouchPlace out;
+    out.p_W = centre_ + offset_ * n_;
+    out.n_W = n_;
+    out.rough_m = rough_;
+    const unsigned covered = sides(kRingFrom_m, kPlane_m + 0.005);
+    if (covered == (1U << kSides) - 1) {
+      out.wide = sides(kPlane_m, kWide_m + 0.005) == covered;
+      out.kind = rise > kLevel                ? Kind::kTop
+                 : std::abs(rise) < kUpright ? Kind::kWall
+                                              : Kind::kSlope;
+    } else if (!at_edge(covered, out)) {
+      return std::nullopt;
+    }
+    return way_free(out) ? std::optional(out) : std::nullopt;
+  }
+
+ private:
+  bool fit() {
+    Vec3 mean = Vec3::Zero();
+    Eigen::Matrix3d square = Eigen::Matrix3d::Zero();
+    int n = 0;
+    for (const Vec3& r : points_) {
+      if (r.squaredNorm() > kPlane_m * kPlane_m) continue;
+      mean += r;
+      square += r * r.transpose();
+      ++n;
+    }
+    if (n < 9) return false;
+    mean /= n;
+    const Eigen::Matrix3d covariance = square / n - mean * mean.transpose();
+    Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes;
+    axes.computeDirect(covariance);
+    if (axes.info() != Eigen::Success) return false;
+    // A line of points is no plane.
+    if (!(axes.eigenvalues()(1) > 0.1 * axes.eigenvalues()(2))) return false;
+    n_ = axes.eigenvectors().col(0).normalized();
+    const Vec3 to_eye = (view_.X_WV.translation() - centre_).normalized();
+    if (n_.dot(to_eye) < 0) n_ = -n_;
+    if (n_.dot(to_eye) < kGrazing) return false;
+    rough_ = std::sqrt(std::max(0.0, axes.eigenvalues()(0)));
+    offset_ = mean.dot(n_);
+    return rough_ < kRough_m && std::abs(offset_) < kOffPlane_m;
+  }
+
+  // Height over the plane and distance from the centre along it.
+  [[nodiscard]] std::pair<double, double> over(const Vec3& r) const {
+    const double h = r.dot(n_) - offset_;
+    return {h, (r - r.dot(n_) * n_).norm()};
+  }
+
+  [[nodiscard]] bool stands_over() const {
+    return std::any_of(points_.begin(), points_.end(), [&](const Vec3& r) {
+      const auto [h, along] = over(r);
+      return h > kStandsOver_m && along < kPlane_m + 0.02;
+    });
+  }
+
+  // A bit a side that has a point on the plane between two radii.
+  [[nodiscard]] unsigned sides(double from, double to) const {
+    const Vec3 a = n_.unitOrthogonal(), b = n_.cross(a);
+    unsigned covered = 0;
+    for (const Vec3& r : points_) {
+      const auto [h, along] = over(r);
+      if (along < from || along > to || std::abs(h) > kOffPlane_m) continue;
+      const double turn = std::atan2(r.dot(b), r.dot(a)) / (2 * std::numbers::pi);
+      covered |= 1U << (static_cast<unsigned>(std::floor(kSides * (turn + 1))) % kSides);
+    }
+    return covered;
+  }
+
+  // The sides without surface are next to each other, and behind each the picture shows something farther.
+  bool at_edge(unsigned covered, TouchPlace& out) const {
+    int bare = 0, begins = 0;
+    for (unsigned i = 0; i < kSides; ++i) {
+      const bool is = (covered >> i & 1U) == 0, was = (covered >> ((i + kSides - 1) % kSides) & 1U) == 0;
+      bare += is ? 1 : 0;
+      begins += is && !was ? 1 : 0;
+    }
+    if (begins != 1 || bare < 2 || bare > 5) return false;
+    const Vec3 a = n_.unitOrthogonal(), b = n_.cross(a);
+    for (unsigned i = 0; i < kSides; ++i) {
+      if ((covered >> i & 1U) != 0) continue;
+      const double turn = 2 * std::numbers::pi * (i + 0.5) / kSides;
+      const Vec3 beyond =
+          out.p_W + (kPlane_m + 0.02) * (std::cos(turn) * a + std::sin(turn) * b);
+      const Vec3 q = X_VW_ * beyond;
+      if (!(shown_depth(view_, q) > q.z() + kBehind_m)) return false;
+    }
+    out.kind = bare <= 3 ? Kind::kEdge : Kind::kCorner;
+    return true;
+  }
+
+  [[nodiscard]] bool way_free(const TouchPlace& place) const {
+    for (const double off : {0.025, 0.055}) {
+      const Vec3 q = X_VW_ * (place.p_W + off * place.n_W);
+      const double depth = shown_depth(view_, q);
+      if (!(depth > q.z() - 0.01)) return false;
+    }
+    return true;
+  }
+
+  const tasks::SceneView& view_;
+  perception::Pose X_VW_;
+  Vec3 centre_ = Vec3::Zero(), n_ = Vec3::UnitZ();
+  double offset_ = 0, rough_ = 0;
+  std::vector<Vec3> points_;
+};
+
+}  // namespace
+
+const char* name_of(Kind kind) noexcept {
+  constexpr std::array<const char*, TouchPlace::kKinds> names{"top", "wall", "slope", "edge",
+                                                              "corner"};
+  return names[static_cast<std::size_t>(kind)];
+}
+
+double shown_depth(const tasks::SceneView& view, const Vec3& p_V) noexcept {
+  if (!(p_V.z() > 0.05)) return 0;
+  const auto uv = view.intrinsics.project(p_V);
+  if (!(uv.x() > -0.5 && uv.y() > -0.5 && uv.x() < view.intrinsics.width - 0.5 &&
+        uv.y() < view.intrinsics.height - 0.5))
+    return 0;
+  const int u = static_cast<int>(uv.x() + 0.5), v = static_cast<int>(uv.y() + 0.5);
+  return static_cast<double>(
+      view.points[static_cast<std::size_t>(v) * static_cast<std::size_t>(view.intrinsics.width) +
+                  static_cast<std::size_t>(u)]
+          .depth);
+}
+
+std::vector<TouchPlace> places_in_view(const tasks::SceneView& view, const Vec3& up_W,
+                                       const std::function<bool(const Vec3&)>& wanted) {
+  std::vector<TouchPlace> found;
+  const auto& k = view.intrinsics;
+  for (int v = 1; v < k.height; v += 2) {
+    for (int u = 1; u < k.width; u += 2) {
+      const auto i = static_cast<std::size_t>(v) * static_cast<std::size_t>(k.width) +
+                     static_cast<std::size_t>(u);
+      const auto& q = view.points[i];
+      const auto depth = static_cast<double>(q.depth);
+      if (!(depth > kNear_m && depth < kFar_m)) continue;
+      if (view.masked && view.what[i] != static_cast<std::uint8_t>(perception::PixelOf::kPlace))
+        continue;
+      const Vec3 p(static_cast<double>(q.x), static_cast<double>(q.y), static_cast<double>(q.z));
+      if (wanted && !wanted(p)) continue;
+      if (auto place = Patch(view, u, v, p, depth).place(up_W)) found.push_back(*place);
+    }
+  }
+  // The best first, and none beside a better one of its sort.
+  std::stable_sort(found.begin(), found.end(), [](const TouchPlace& a, const TouchPlace& b) {
+    return a.wide != b.wide ? a.wide : a.rough_m < b.rough_m;
+  });
+  std::vector<TouchPlace> kept;
+  for (const TouchPlace& f : found) {
+    const bool beside = std::any_of(kept.begin(), kept.end(), [&](const TouchPlace& o) {
+      return o.flat() == f.flat() && (o.p_W - f.p_W).norm() < kApart_m;
+    });
+    if (!beside) kept.push_back(f);
+  }
+  return kept;
+}
+
+}  // namespace teletact
