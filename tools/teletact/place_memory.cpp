@@ -57,6 +57,7 @@ void PlaceMemory::see(const tasks::SceneView& view, const Vec3& up_W, const Reac
     known.hidden = depth > 0 && depth < q.z() - kShowsThere_m;
     const bool gone = !(depth > 0) || depth > q.z() + kShowsThere_m;
     known.missed = gone ? known.missed + 1 : 0;
+    known.looks += known.hidden ? 0 : 1;
   }
   std::erase_if(known_, [](const Known& n) { return n.missed >= kMissed; });
   const auto wanted = [&](const Vec3& p) { return reach->holds(p); };
@@ -101,10 +102,9 @@ std::optional<NextPlace> next_place(const PlaceMemory& memory, const tasks::Scen
                                     const Reach& reach, const Vec3& from_W,
                                     const std::vector<TouchPlace>& touched) {
   struct Choice {
-    int other_kind, touched, narrow, far;
-    double rough_m;
+    int other_kind, touched, narrow, rough_mm, far;
     const PlaceMemory::Known* known;
-    [[nodiscard]] auto key() const { return std::tie(other_kind, touched, narrow, far, rough_m); }
+    [[nodiscard]] auto key() const { return std::tie(other_kind, touched, narrow, rough_mm, far); }
   };
   const Kind wanted = kTurn[touched.size() % kTurn.size()];
   std::vector<Choice> choices;
@@ -115,8 +115,8 @@ std::optional<NextPlace> next_place(const PlaceMemory& memory, const tasks::Scen
       return (t.p_W - p.p_W).norm() < kBeside_m;
     });
     choices.push_back({p.kind == wanted ? 0 : p.flat() ? 1 : 2, static_cast<int>(times),
-                       p.wide ? 0 : 1, static_cast<int>((p.p_W - from_W).norm() / 0.1), p.rough_m,
-                       &known});
+                       p.wide ? 0 : 1, static_cast<int>(1e3 * p.rough_m),
+                       static_cast<int>((p.p_W - from_W).norm() / 0.1), &known});
   }
   std::stable_sort(choices.begin(), choices.end(),
                    [](const Choice& a, const Choice& b) { return a.key() < b.key(); });

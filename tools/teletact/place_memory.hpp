@@ -5,7 +5,7 @@
 //   hidden        something stands before it in the newest picture: not chosen until that has gone
 //   out of view   kept as it was
 //
-// Chosen is only what two pictures have shown, and what the hand can reach.
+// Chosen is only what two pictures have shown, half of those that looked at it since, and what the hand can reach.
 // Frames: W world (= map), D haptic base. SI. Same pictures, same places.
 #pragma once
 
@@ -37,9 +37,11 @@ class PlaceMemory {
   static constexpr int kPictures = 2;  // that have shown it
   struct Known {
     TouchPlace place;
-    int pictures = 1, missed = 0;
+    int pictures = 1, looks = 1, missed = 0;  // found in; it was in view in; not there in the last
     bool hidden = false;
-    [[nodiscard]] bool sure() const noexcept { return pictures >= kPictures && !hidden && missed == 0; }
+    [[nodiscard]] bool sure() const noexcept {
+      return pictures >= kPictures && 2 * pictures >= looks && !hidden && missed == 0;
+    }
   };
   // `reach`: only what it holds; null: all.
   void see(const tasks::SceneView& view, const perception::Vec3& up_W, const Reach* reach);

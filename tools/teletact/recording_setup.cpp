@@ -26,7 +26,7 @@ constexpr int kMostImages = 150;
 constexpr int kEnough = 4;         // flat places, kCell_m apart, in reach
 constexpr double kCell_m = 0.15;   // of two places that count as two
 constexpr double kFree_m = 0.08;   // round the workspace's origin, where the hand starts
-constexpr double kPress_N = 5.0;   // what the hand presses with when it holds
+constexpr double kPress_N = 4.0;   // what the hand presses with when it holds
 constexpr double kFirst_s = 1.0;   // the script does not begin sooner
 constexpr double kLead_s = 0.9;    // of the recording in the run, and two pictures more
 // A visit.
@@ -164,9 +164,9 @@ std::optional<Placed> best_origin(const PlaceMemory& memory, const tasks::SceneV
       reach.map = drivers::WorkspaceMap(c, reach.map.scale(), yaw_rad);
       const Held h = held(memory, reach);
       if (h.flat() == 0) continue;
-      // Nearer is seen better.
+      // The noise of a depth camera grows with the square of the distance.
       const double far = (c - view.X_WV.translation()).norm();
-      origins.push_back({h.worth() - far, {c, h}});
+      origins.push_back({h.worth() - far * far, {c, h}});
     }
   }
   std::stable_sort(origins.begin(), origins.end(),

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <numeric>
 
 namespace teletact {
 
@@ -131,31 +130,31 @@ std::string text_of(const Visit& v) {
   return text;
 }
 
-int TouchedPlaces::all_touched() const noexcept {
-  return std::accumulate(touched.begin(), touched.end(), 0);
+std::string TouchedPlaces::text() const {
+  std::string out;
+  for (std::size_t k = 0; k < touched.size(); ++k) {
+    if (touched[k] == 0) continue;
+    out += (out.empty() ? "" : ", ") + std::to_string(touched[k]) + " " +
+           name_of(static_cast<TouchPlace::Kind>(k)) + (touched[k] > 1 ? "s" : "");
+  }
+  return out;
 }
 
 TouchedPlaces touched_places(const std::vector<Visit>& visits,
                              const std::vector<tasks::HapticSample>& samples,
                              std::int64_t epoch_ns) {
   TouchedPlaces out;
-  out.visits = static_cast<int>(visits.size());
   for (const Visit& v : visits) {
-    bool met = false;
-    if (!v.chosen) {
-      ++out.none;
-    } else {
-      ++out.chosen[static_cast<std::size_t>(v.kind)];
-      out.gone += v.pressed ? 0 : 1;
+    out.none += v.chosen ? 0 : 1;
+    out.gone += v.chosen && !v.pressed ? 1 : 0;
+    Touched& t = out.visits.emplace_back();
+    for (const tasks::HapticSample& s : samples) {
+      const double at_s = 1e-9 * static_cast<double>(rt::ns_of(s.stamp) - epoch_ns);
+      if (!v.pressed || !s.in_contact || at_s < v.from_s || at_s > v.until_s) continue;
+      t.contact_s += 1e-3;
+      t.force_max_N = std::max(t.force_max_N, static_cast<double>(s.force_N));
     }
-    if (v.pressed) {
-      met = std::any_of(samples.begin(), samples.end(), [&](const tasks::HapticSample& s) {
-        const double t = 1e-9 * static_cast<double>(rt::ns_of(s.stamp) - epoch_ns);
-        return s.in_contact && t >= v.from_s && t <= v.until_s;
-      });
-    }
-    out.touched[static_cast<std::size_t>(v.kind)] += met ? 1 : 0;
-    out.met.push_back(met);
+    out.touched[static_cast<std::size_t>(v.kind)] += t.met() ? 1 : 0;
   }
   return out;
 }

@@ -65,12 +65,17 @@ class TouchScript {
 // What is level: the ground's normal where it was found, else straight up for a camera that was held level at first.
 [[nodiscard]] perception::Vec3 up_of(const perception::CostMap& map) noexcept;
 
-// What came of the visits: contact between `from_s` and `until_s`.
+// What came of a visit between `from_s` and `until_s`.
+struct Touched {
+  double contact_s = 0, force_max_N = 0;
+  [[nodiscard]] bool met() const noexcept { return contact_s > 0; }
+};
 struct TouchedPlaces {
-  std::array<int, TouchPlace::kKinds> chosen{}, touched{};
-  int visits = 0, none = 0, gone = 0;
-  std::vector<bool> met;  // one a visit
-  [[nodiscard]] int all_touched() const noexcept;
+  std::array<int, TouchPlace::kKinds> touched{};  // visits that met something
+  int none = 0, gone = 0;                         // nothing to choose; gone before the press
+  std::vector<Touched> visits;
+  // "3 tops, 1 wall"; empty: nothing.
+  [[nodiscard]] std::string text() const;
 };
 [[nodiscard]] TouchedPlaces touched_places(const std::vector<Visit>& visits,
                                            const std::vector<tasks::HapticSample>& samples,

@@ -22,7 +22,8 @@ constexpr double kPlane_m = 0.060;             // radius of the plane
 constexpr double kWide_m = 0.100;
 constexpr double kRingFrom_m = 0.035;    // the ring in which each side must be covered
 constexpr double kOffPlane_m = 0.008;    // counts as on the plane
-constexpr double kRough_m = 0.004;       // RMS
+constexpr double kRough_m = 0.003;       // RMS
+constexpr double kCovered = 0.97;        // of the pixels that look at the plane
 constexpr double kStandsOver_m = 0.015;  // something that the hand would meet
 constexpr double kGrazing = 0.30;        // least cosine between ray and normal
 constexpr double kBehind_m = 0.04;       // beyond an edge the picture shows what lies so far behind
@@ -43,10 +44,13 @@ class Patch {
         if (x < 0 || y < 0 || x >= k.width || y >= k.height) continue;
         const auto& q = view.points[static_cast<std::size_t>(y) * static_cast<std::size_t>(k.width) +
                                     static_cast<std::size_t>(x)];
-        if (!(q.depth > 0)) continue;
-        const Vec3 r(static_cast<double>(q.x) - p_W.x(), static_cast<double>(q.y) - p_W.y(),
-                     static_cast<double>(q.z) - p_W.z());
-        if (r.squaredNorm() < 4 * kWide_m * kWide_m) points_.push_back(r);
+        Vec3 r = Vec3::Constant(1e3);  // nothing shows there
+        if (q.depth > 0) {
+          r = Vec3(static_cast<double>(q.x) - p_W.x(), static_cast<double>(q.y) - p_W.y(),
+                   static_cast<double>(q.z) - p_W.z());
+          if (r.squaredNorm() < 4 * kWide_m * kWide_m) points_.push_back(r);
+        }
+        pixels_.push_back({view.X_WV.linear() * k.unproject(x, y, 1), r});
       }
     }
     centre_ = p_W;
@@ -61,7 +65,8 @@ class Patch {
     out.rough_m = rough_;
     const unsigned covered = sides(kRingFrom_m, kPlane_m + 0.005);
     if (covered == (1U << kSides) - 1) {
-      out.wide = sides(kPlane_m, kWide_m + 0.005) == covered;
+      if (share_on_plane(kPlane_m) < kCovered) return std::nullopt;
+      out.wide = share_on_plane(kWide_m) >= kCovered;
       out.kind = rise > kLevel                ? Kind::kTop
                  : std::abs(rise) < kUpright ? Kind::kWall
                                               : Kind::kSlope;
@@ -112,6 +117,20 @@ class Patch {
     });
   }
 
+  // Of the pixels whose ray meets the plane within `radius`: those that show it there.
+  [[nodiscard]] double share_on_plane(double radius) const {
+    const double to_plane = offset_ - (view_.X_WV.translation() - centre_).dot(n_);
+    int all = 0, on = 0;
+    for (const auto& [ray_W, r] : pixels_) {
+      const double s = to_plane / ray_W.dot(n_);
+      const Vec3 foot = view_.X_WV.translation() + s * ray_W - centre_ - offset_ * n_;
+      if (!(s > 0) || foot.norm() > radius) continue;
+      ++all;
+      on += std::abs(over(r).first) < kOffPlane_m ? 1 : 0;
+    }
+    return all > 0 ? static_cast<double>(on) / all : 0;
+  }
+
   // A bit a side that has a point on the plane between two radii.
   [[nodiscard]] unsigned sides(double from, double to) const {
     const Vec3 a = n_.unitOrthogonal(), b = n_.cross(a);
@@ -160,7 +179,11 @@ class Patch {
   perception::Pose X_VW_;
   Vec3 centre_ = Vec3::Zero(), n_ = Vec3::UnitZ();
   double offset_ = 0, rough_ = 0;
+  struct Pixel {
+    Vec3 ray_W, r;  // r: its point, from the centre
+  };
   std::vector<Vec3> points_;
+  std::vector<Pixel> pixels_;
 };
 
 }  // namespace
