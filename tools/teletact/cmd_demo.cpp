@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdlib>
 #include <ctime>
 #include <filesystem>
@@ -106,6 +107,22 @@ std::string stopped_early(const DemoOptions& o, double ran_s) {
   return text;
 }
 
+// A hand that chose its places: which, and whether they were enough.
+void check_touches(const DemoOptions& options, const Scene& scene, RunInfo& info,
+                   const OperatorHalf& op) {
+  const auto asked = std::count_if(
+      scene.hand.segments.begin(), scene.hand.segments.end(),
+      [](const auto& s) { return s.source == "chosen" && s.kind == "press"; });
+  if (asked == 0 || info.stub_bodies || !op.complete) return;
+  const TouchedPlaces touched = touched_places(op.view.visits, op.view.haptic, op.epoch_ns);
+  const std::string what = touched.text();
+  info.notes.push_back("touched: " + (what.empty() ? "nothing" : what));
+  const bool judged =
+      info.stopped_early.empty() && options.fault_plan.empty() && options.cut_link_at_s < 0;
+  const std::string few = too_few_touches(touched, static_cast<int>(asked));
+  if (!few.empty()) (judged ? info.problems : info.notes).push_back(few);
+}
+
 }  // namespace
 
 int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
@@ -118,6 +135,7 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
   if (!scene.rgbd_dir.empty() && !info.stub_bodies && op.complete && info.stopped_early.empty() &&
       op.force_check.samples == 0)
     info.problems.push_back("no press on a plane of the recording could be judged");
+  check_touches(options, scene, info, op);
   const GoalCheck goal = check_goal(scene, options, op, robot);
   if (!goal.missed.empty() && goal.judged) info.problems.push_back(goal.missed);
   if (!goal.missed.empty() && !goal.judged)

@@ -361,6 +361,14 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
   if (op.force_check.samples > 0)
     m.add("haptic.force_error_p95", op.force_check.relative_error_p95, "1");
   m.add("haptic.force_samples", static_cast<double>(op.force_check.samples), "1");
+  if (!op.view.visits.empty()) {
+    const TouchedPlaces touched = touched_places(op.view.visits, op.view.haptic, op.epoch_ns);
+    m.add("touch.visits", static_cast<double>(touched.visits.size()), "1");
+    m.add("touch.met", touched.met(), "1");
+    for (std::size_t k = 0; k < touched.touched.size(); ++k)
+      m.add(std::string("touch.") + name_of(static_cast<TouchPlace::Kind>(k)), touched.touched[k],
+            "1");
+  }
   m.add("mark.count", op.view.task.marks, "1");
   m.add("plan.paths", op.view.task.paths, "1");
   add_robot_metrics(op, robot, m);

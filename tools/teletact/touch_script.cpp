@@ -130,6 +130,23 @@ std::string text_of(const Visit& v) {
   return text;
 }
 
+int TouchedPlaces::met() const noexcept {
+  return static_cast<int>(
+      std::count_if(visits.begin(), visits.end(), [](const Touched& t) { return t.met(); }));
+}
+
+std::string too_few_touches(const TouchedPlaces& touched, int asked) {
+  const int met = touched.met(), least = std::min(kLeastTouches, asked);
+  if (met >= least) return {};
+  char text[240];
+  std::snprintf(text, sizeof text,
+                "the recording was touched %d times, wanted %d: of %d visits %d had no place to "
+                "choose, %d places had gone before the press, %d presses met nothing",
+                met, least, asked, touched.none, touched.gone,
+                static_cast<int>(touched.visits.size()) - touched.none - touched.gone - met);
+  return text;
+}
+
 std::string TouchedPlaces::text() const {
   std::string out;
   for (std::size_t k = 0; k < touched.size(); ++k) {

@@ -74,9 +74,13 @@ struct TouchedPlaces {
   std::array<int, TouchPlace::kKinds> touched{};  // visits that met something
   int none = 0, gone = 0;                         // nothing to choose; gone before the press
   std::vector<Touched> visits;
+  [[nodiscard]] int met() const noexcept;
   // "3 tops, 1 wall"; empty: nothing.
   [[nodiscard]] std::string text() const;
 };
+inline constexpr int kLeastTouches = 5;  // of a recording; fewer where the run has time for fewer
+// Why a recording's visits are too few; empty: they are not. `asked`: visits that the script had time for.
+[[nodiscard]] std::string too_few_touches(const TouchedPlaces& touched, int asked);
 [[nodiscard]] TouchedPlaces touched_places(const std::vector<Visit>& visits,
                                            const std::vector<tasks::HapticSample>& samples,
                                            std::int64_t epoch_ns);
