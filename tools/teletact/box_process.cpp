@@ -16,8 +16,8 @@
 #include "rt/sched/registry.hpp"
 #include "tools/teletact/black_box.hpp"
 #include "tools/teletact/force_check.hpp"
-#include "tools/teletact/recording_truth.hpp"
 #include "tools/teletact/input_recorder.hpp"
+#include "tools/teletact/recording_truth.hpp"
 
 namespace teletact {
 
@@ -270,10 +270,10 @@ class OperatorSide {
     half_.link_round_trip_ns = link.round_trip_ns();
     half_.link_uncertainty_ns = link.clock_uncertainty_ns();
     // Of a recording from two seconds after its last image on: by then the map hardly changes.
-    const rt::Time since = scene_.rgbd_dir.empty()
-                               ? rt::Time{}
-                               : epoch_ + rt::nanos_from_seconds(
-                                              recording_seconds(scene_.rgbd_dir) + 2.3);
+    const rt::Time since =
+        scene_.rgbd_dir.empty()
+            ? rt::Time{}
+            : epoch_ + rt::nanos_from_seconds(recording_seconds(scene_.rgbd_dir) + 2.3);
     half_.force_check =
         check_force(box.graph().fusion().map(), console.seen().haptic,
                     scene_.graph.haptic.stiffness_N_per_m, scene_.graph.haptic.scale, since);

@@ -110,9 +110,9 @@ std::string stopped_early(const DemoOptions& o, double ran_s) {
 // A hand that chose its places: which, and whether they were enough.
 void check_touches(const DemoOptions& options, const Scene& scene, RunInfo& info,
                    const OperatorHalf& op) {
-  const auto asked = std::count_if(
-      scene.hand.segments.begin(), scene.hand.segments.end(),
-      [](const auto& s) { return s.source == "chosen" && s.kind == "press"; });
+  const auto asked =
+      std::count_if(scene.hand.segments.begin(), scene.hand.segments.end(),
+                    [](const auto& s) { return s.source == "chosen" && s.kind == "press"; });
   if (asked == 0 || info.stub_bodies || !op.complete) return;
   const TouchedPlaces touched = touched_places(op.view.visits, op.view.haptic, op.epoch_ns);
   const std::string what = touched.text();

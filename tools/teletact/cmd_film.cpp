@@ -4,6 +4,7 @@
 //                   its [world], carried by hand as in `room`
 //   --out DIR       associations.txt, intrinsics.txt, groundtruth.txt, depth/, rgb/
 //   --frames N      images, 30 a second; --first N: begins with that one; --backwards: the last one first
+//   --json FILE     docs/metrics.md
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
@@ -11,14 +12,16 @@
 #include "tools/accuracy/scenes.hpp"
 #include "tools/bench/recording_writer.hpp"
 #include "tools/teletact/commands.hpp"
+#include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/options.hpp"
 #include "tools/teletact/scene.hpp"
 
 namespace teletact {
 
 int cmd_film(int argc, char** argv) {
-  CLI::App app{"Films a synthetic place and writes the images as a recording, with the true poses."};
-  std::string name = "room", out;
+  CLI::App app{
+      "Films a synthetic place and writes the images as a recording, with the true poses."};
+  std::string name = "room", out, json;
   int frames = 150, first = 0;
   bool backwards = false;
   app.add_option("--scene", name,
@@ -32,7 +35,9 @@ int cmd_film(int argc, char** argv) {
       ->check(CLI::Range(0, 100000))
       ->capture_default_str();
   app.add_flag("--backwards", backwards, "the last image first");
+  app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
+  check_outputs({{"--json", json}}, {});
   const auto& known = scene_names();
   SyntheticRoom room;
   if (std::find(known.begin(), known.end(), name) != known.end()) {
@@ -47,6 +52,19 @@ int cmd_film(int argc, char** argv) {
   FusionSequence sequence;
   film(startup.token(), room, first, frames, sequence);
   write_recording(sequence, out, backwards);
+  std::size_t readings = 0;
+  const auto& k = sequence.intrinsics;
+  for (int i = 0; i < frames; ++i) {
+    for (int v = 0; v < k.height; ++v) {
+      for (int u = 0; u < k.width; ++u) readings += sequence.depth_mm(i, u, v) != 0 ? 1 : 0;
+    }
+  }
+  Metrics metrics("film");
+  metrics.add("film.frames", frames, "1");
+  metrics.add("film.readings_share",
+              static_cast<double>(readings) / (static_cast<double>(frames) * k.width * k.height),
+              "1");
+  if (!json.empty()) metrics.write(json);
   std::printf("%s: %d images of %d x %d\n", out.c_str(), frames, room.camera.width,
               room.camera.height);
   return 0;

@@ -35,7 +35,7 @@ struct OperatorView {
   std::uint64_t arrivals = 0;
   rt::Time first_arrival{};
   std::uint32_t points_resolved = 0;
-  std::vector<Visit> visits;  // of a hand that chooses its places
+  std::vector<Visit> visits;        // of a hand that chooses its places
   std::uint64_t log_dropped = 0;    // records of the tasks' logs that did not fit
   std::uint32_t device_brakes = 0;  // times the operator had to enable the forces again
   std::uint32_t engages = 0;        // acts of the operator; more than one: again after a fault

@@ -114,8 +114,10 @@ std::optional<NextPlace> next_place(const PlaceMemory& memory, const tasks::Scen
     const auto times = std::count_if(touched.begin(), touched.end(), [&](const TouchPlace& t) {
       return (t.p_W - p.p_W).norm() < kBeside_m;
     });
-    choices.push_back({p.kind == wanted ? 0 : p.flat() ? 1 : 2, static_cast<int>(times),
-                       p.wide ? 0 : 1, static_cast<int>(1e3 * p.rough_m),
+    choices.push_back({p.kind == wanted ? 0
+                       : p.flat()       ? 1
+                                        : 2,
+                       static_cast<int>(times), p.wide ? 0 : 1, static_cast<int>(1e3 * p.rough_m),
                        static_cast<int>((p.p_W - from_W).norm() / 0.1), &known});
   }
   std::stable_sort(choices.begin(), choices.end(),

@@ -22,7 +22,7 @@ namespace teletact {
 struct Reach {
   static constexpr double kUsed = 0.9;  // of the workspace's radius
   drivers::WorkspaceMap map;
-  double radius_m = 0.075;  // at the device
+  double radius_m = 0.075;                     // at the device
   double standoff_m = 0.05, pressed_m = 0.04;  // over the surface, and into it
   [[nodiscard]] bool holds(const perception::Vec3& p_W) const noexcept {
     return map.to_device(p_W).norm() <= kUsed * radius_m;

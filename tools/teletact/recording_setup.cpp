@@ -21,14 +21,15 @@ using perception::Vec3;
 
 namespace {
 
-constexpr int kLeastImages = 12;  // the second picture that shows what has weight 4, five images apart
+constexpr int kLeastImages =
+    12;  // the second picture that shows what has weight 4, five images apart
 constexpr int kMostImages = 150;
-constexpr int kEnough = 4;         // flat places, kCell_m apart, in reach
-constexpr double kCell_m = 0.15;   // of two places that count as two
-constexpr double kFree_m = 0.08;   // round the workspace's origin, where the hand starts
-constexpr double kPress_N = 4.0;   // what the hand presses with when it holds
-constexpr double kFirst_s = 1.0;   // the script does not begin sooner
-constexpr double kLead_s = 0.9;    // of the recording in the run, and two pictures more
+constexpr int kEnough = 4;        // flat places, kCell_m apart, in reach
+constexpr double kCell_m = 0.15;  // of two places that count as two
+constexpr double kFree_m = 0.08;  // round the workspace's origin, where the hand starts
+constexpr double kPress_N = 4.0;  // what the hand presses with when it holds
+constexpr double kFirst_s = 1.0;  // the script does not begin sooner
+constexpr double kLead_s = 0.9;   // of the recording in the run, and two pictures more
 // A visit.
 constexpr double kGo_s = 0.25, kCome_s = 0.30, kDown_s = 0.35, kHold_s = 1.10, kUp_s = 0.30;
 constexpr double kVisit_s = kGo_s + kCome_s + kDown_s + kHold_s + kUp_s;
@@ -105,7 +106,8 @@ struct Held {
   // Kinds first, then how many.
   [[nodiscard]] double worth() const {
     double sum = 0;
-    constexpr std::array<double, TouchPlace::kKinds> first{6, 6, 3, 2, 2}, more{1, 1, 0.5, 0.3, 0.3};
+    constexpr std::array<double, TouchPlace::kKinds> first{6, 6, 3, 2, 2},
+        more{1, 1, 0.5, 0.3, 0.3};
     for (std::size_t k = 0; k < kinds.size(); ++k) {
       if (kinds[k] > 0) sum += first[k] + more[k] * std::min(kinds[k] - 1, 4);
     }
@@ -186,22 +188,25 @@ std::string reason(const FirstImages& images, bool stated, bool seen_any) {
   char text[240];
   const int n = images.count();
   if (images.readings() < 0.05) {
-    std::snprintf(text, sizeof text, "only %.1f %% of the pixels of its first %d images have a reading",
+    std::snprintf(text, sizeof text,
+                  "only %.1f %% of the pixels of its first %d images have a reading",
                   100 * images.readings(), n);
   } else if (images.claimed() < kLeastImages && images.claimed() < n / 2) {
-    std::snprintf(text, sizeof text,
-                  "of its first %d images the camera could be placed in %d: what they show does not "
-                  "tell how it moves",
-                  n, images.claimed());
+    std::snprintf(
+        text, sizeof text,
+        "of its first %d images the camera could be placed in %d: what they show does not "
+        "tell how it moves",
+        n, images.claimed());
   } else if (seen_any && stated) {
-    std::snprintf(text, sizeof text,
-                  "no place that its first %d images show is in reach of the workspace that the scene "
-                  "states (haptic.workspace_W_m, haptic.scale)",
-                  n);
+    std::snprintf(
+        text, sizeof text,
+        "no place that its first %d images show is in reach of the workspace that the scene "
+        "states (haptic.workspace_W_m, haptic.scale)",
+        n);
   } else {
-    std::snprintf(text, sizeof text,
-                  "in its first %d images nothing from 0.3 to 3.5 m is flat for 120 mm and free above",
-                  n);
+    std::snprintf(
+        text, sizeof text,
+        "in its first %d images nothing from 0.3 to 3.5 m is flat for 120 mm and free above", n);
   }
   return text;
 }
@@ -246,12 +251,13 @@ Reach reach_of(const Scene& scene) {
 
 std::string RecordingSetup::text() const {
   char text[300];
-  std::snprintf(text, sizeof text,
-                "touch: in the first %d images (%d placed) %d tops, %d walls, %d slopes, %d edges, %d "
-                "corners are in reach; workspace %s, %s",
-                images, claimed, kinds[0], kinds[1], kinds[2], kinds[3], kinds[4],
-                placed ? "placed there" : "as the scene states",
-                scripted ? "the hand chooses where" : "the hand as the scene states");
+  std::snprintf(
+      text, sizeof text,
+      "touch: in the first %d images (%d placed) %d tops, %d walls, %d slopes, %d edges, %d "
+      "corners are in reach; workspace %s, %s",
+      images, claimed, kinds[0], kinds[1], kinds[2], kinds[3], kinds[4],
+      placed ? "placed there" : "as the scene states",
+      scripted ? "the hand chooses where" : "the hand as the scene states");
   return text;
 }
 

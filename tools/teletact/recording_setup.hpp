@@ -20,12 +20,12 @@
 namespace teletact {
 
 struct RecordingSetup {
-  int images = 0, claimed = 0;                 // looked at; of them placed by tracking
-  double readings = 0;                         // share of their pixels with a reading
+  int images = 0, claimed = 0;                  // looked at; of them placed by tracking
+  double readings = 0;                          // share of their pixels with a reading
   std::array<int, TouchPlace::kKinds> kinds{};  // places in reach
-  bool placed = false, scripted = false;       // by this, not by the scene
-  double start_s = 0;                          // of the script
-  [[nodiscard]] std::string text() const;      // one line
+  bool placed = false, scripted = false;        // by this, not by the scene
+  double start_s = 0;                           // of the script
+  [[nodiscard]] std::string text() const;       // one line
 };
 
 // Changes the scene. Throws std::runtime_error with one line: the recording can not be touched, and why.

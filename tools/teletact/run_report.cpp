@@ -310,10 +310,11 @@ void add_visits(const OperatorHalf& op, ReportData& d) {
     std::snprintf(text, sizeof text, ": %.2f s in contact, largest force %.2f N", t.contact_s,
                   t.force_max_N);
     const Visit& v = op.view.visits[i];
-    d.verdicts.push_back({t.met() ? State::kGood : State::kNote,
-                          "touch" + text_of(v) + (t.met()     ? std::string(text)
-                                                  : v.pressed ? std::string(": nothing met")
-                                                              : std::string())});
+    d.verdicts.push_back(
+        {t.met() ? State::kGood : State::kNote, "touch" + text_of(v) +
+                                                    (t.met()     ? std::string(text)
+                                                     : v.pressed ? std::string(": nothing met")
+                                                                 : std::string())});
   }
 }
 

@@ -107,9 +107,9 @@ void TouchScript::choose(rt::Nanos since_epoch, const tasks::SceneView& view) {
 std::string TouchScript::news() {
   std::string out;
   // The last one is told when it is settled.
-  const std::size_t settled =
-      segment_ >= hand_.size() || visits_.empty() || visits_.back().pressed ? visits_.size()
-                                                                            : visits_.size() - 1;
+  const std::size_t settled = segment_ >= hand_.size() || visits_.empty() || visits_.back().pressed
+                                  ? visits_.size()
+                                  : visits_.size() - 1;
   for (; told_ < settled; ++told_) out += text_of(visits_[told_]) + "\n";
   return out;
 }
@@ -120,13 +120,12 @@ std::string text_of(const Visit& v) {
     std::snprintf(text, sizeof text, "%5.1f s  no place: none in reach that two pictures showed",
                   v.at_s);
   else
-    std::snprintf(text, sizeof text,
-                  "%5.1f s  %s at (%.2f, %.2f, %.2f) m, normal (%.2f, %.2f, %.2f), in %d pictures%s",
-                  v.at_s, name_of(v.kind), static_cast<double>(v.p_W[0]),
-                  static_cast<double>(v.p_W[1]), static_cast<double>(v.p_W[2]),
-                  static_cast<double>(v.n_W[0]), static_cast<double>(v.n_W[1]),
-                  static_cast<double>(v.n_W[2]), v.pictures,
-                  v.pressed ? "" : ": gone before the press");
+    std::snprintf(
+        text, sizeof text,
+        "%5.1f s  %s at (%.2f, %.2f, %.2f) m, normal (%.2f, %.2f, %.2f), in %d pictures%s", v.at_s,
+        name_of(v.kind), static_cast<double>(v.p_W[0]), static_cast<double>(v.p_W[1]),
+        static_cast<double>(v.p_W[2]), static_cast<double>(v.n_W[0]), static_cast<double>(v.n_W[1]),
+        static_cast<double>(v.n_W[2]), v.pictures, v.pressed ? "" : ": gone before the press");
   return text;
 }
 

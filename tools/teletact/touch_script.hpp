@@ -28,8 +28,8 @@ struct Visit {
   bool pressed = false;  // false: gone before the press
   std::int32_t pictures = 0;
   std::array<float, 3> p_W{}, n_W{};
-  double at_s = 0;                  // after the epoch, when it was chosen
-  double from_s = 0, until_s = 0;   // press to the next motion
+  double at_s = 0;                 // after the epoch, when it was chosen
+  double from_s = 0, until_s = 0;  // press to the next motion
 };
 
 class TouchScript {

@@ -17,8 +17,9 @@ using Kind = TouchPlace::Kind;
 
 namespace {
 
-constexpr double kNear_m = 0.3, kFar_m = 3.5;  // of the eye: farther a pixel of the picture spans 40 mm
-constexpr double kPlane_m = 0.060;             // radius of the plane
+constexpr double kNear_m = 0.3,
+                 kFar_m = 3.5;      // of the eye: farther a pixel of the picture spans 40 mm
+constexpr double kPlane_m = 0.060;  // radius of the plane
 constexpr double kWide_m = 0.100;
 constexpr double kRingFrom_m = 0.035;    // the ring in which each side must be covered
 constexpr double kOffPlane_m = 0.008;    // counts as on the plane
@@ -42,8 +43,9 @@ class Patch {
     for (int y = v - half; y <= v + half; y += step) {
       for (int x = u - half; x <= u + half; x += step) {
         if (x < 0 || y < 0 || x >= k.width || y >= k.height) continue;
-        const auto& q = view.points[static_cast<std::size_t>(y) * static_cast<std::size_t>(k.width) +
-                                    static_cast<std::size_t>(x)];
+        const auto& q =
+            view.points[static_cast<std::size_t>(y) * static_cast<std::size_t>(k.width) +
+                        static_cast<std::size_t>(x)];
         Vec3 r = Vec3::Constant(1e3);  // nothing shows there
         if (q.depth > 0) {
           r = Vec3(static_cast<double>(q.x) - p_W.x(), static_cast<double>(q.y) - p_W.y(),
@@ -67,9 +69,9 @@ class Patch {
     if (covered == (1U << kSides) - 1) {
       if (share_on_plane(kPlane_m) < kCovered) return std::nullopt;
       out.wide = share_on_plane(kWide_m) >= kCovered;
-      out.kind = rise > kLevel                ? Kind::kTop
+      out.kind = rise > kLevel               ? Kind::kTop
                  : std::abs(rise) < kUpright ? Kind::kWall
-                                              : Kind::kSlope;
+                                             : Kind::kSlope;
     } else if (!at_edge(covered, out)) {
       return std::nullopt;
     }
@@ -148,7 +150,8 @@ class Patch {
   bool at_edge(unsigned covered, TouchPlace& out) const {
     int bare = 0, begins = 0;
     for (unsigned i = 0; i < kSides; ++i) {
-      const bool is = (covered >> i & 1U) == 0, was = (covered >> ((i + kSides - 1) % kSides) & 1U) == 0;
+      const bool is = (covered >> i & 1U) == 0,
+                 was = (covered >> ((i + kSides - 1) % kSides) & 1U) == 0;
       bare += is ? 1 : 0;
       begins += is && !was ? 1 : 0;
     }
@@ -157,8 +160,7 @@ class Patch {
     for (unsigned i = 0; i < kSides; ++i) {
       if ((covered >> i & 1U) != 0) continue;
       const double turn = 2 * std::numbers::pi * (i + 0.5) / kSides;
-      const Vec3 beyond =
-          out.p_W + (kPlane_m + 0.02) * (std::cos(turn) * a + std::sin(turn) * b);
+      const Vec3 beyond = out.p_W + (kPlane_m + 0.02) * (std::cos(turn) * a + std::sin(turn) * b);
       const Vec3 q = X_VW_ * beyond;
       if (!(shown_depth(view_, q) > q.z() + kBehind_m)) return false;
     }

@@ -33,7 +33,8 @@ struct TouchPlace {
 [[nodiscard]] const char* name_of(TouchPlace::Kind kind) noexcept;
 
 // Of the picture's pixel: distance along the eye's axis to the surface that shows there; 0: none, or outside.
-[[nodiscard]] double shown_depth(const tasks::SceneView& view, const perception::Vec3& p_V) noexcept;
+[[nodiscard]] double shown_depth(const tasks::SceneView& view,
+                                 const perception::Vec3& p_V) noexcept;
 
 // `up_W`: unit, what is level. `wanted`: points where a place would be of use; empty: anywhere.
 [[nodiscard]] std::vector<TouchPlace> places_in_view(
