@@ -98,6 +98,30 @@ const PlaceMemory::Known* PlaceMemory::at(const Vec3& p_W) const noexcept {
   return best;
 }
 
+Vec3 up_of(const perception::CostMap& map, const PlaceMemory& memory) {
+  if (map.seq != 0 && map.ground_found) return map.X_WM.linear().col(2);
+  std::vector<Vec3> normals;
+  for (const auto& k : memory.known()) {
+    if (k.sure() && k.place.flat()) normals.push_back(k.place.n_W);
+  }
+  const auto fits = [&](const Vec3& up) {
+    return std::count_if(normals.begin(), normals.end(), [&](const Vec3& n) {
+      const double rise = n.dot(up);
+      return rise > 0.97 || std::abs(rise) < 0.08;
+    });
+  };
+  Vec3 best = -Vec3::UnitY();
+  auto most = fits(best);
+  for (const Vec3& n : normals) {
+    if (std::abs(n.x()) > 0.35 || n.y() > -0.26) continue;
+    if (const auto now = fits(n); now > most) {
+      most = now;
+      best = n;
+    }
+  }
+  return best;
+}
+
 std::optional<NextPlace> next_place(const PlaceMemory& memory, const tasks::SceneView& view,
                                     const Reach& reach, const Vec3& from_W,
                                     const std::vector<TouchPlace>& touched) {

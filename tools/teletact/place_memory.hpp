@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "drivers/omega/workspace_map.hpp"
+#include "perception/ground/cost_map.hpp"
 #include "tools/teletact/view_places.hpp"
 
 namespace teletact {
@@ -52,6 +53,11 @@ class PlaceMemory {
  private:
   std::vector<Known> known_;
 };
+
+// Up, in W. Where the ground was found it is the ground's normal. Else nobody tells: the camera is taken to be held without
+// roll at first, looking at most 75 degrees down, and up is of all that this leaves what makes most of the flat places
+// level or upright; with none of them it looked straight ahead. A table seen from straight above is called a wall.
+[[nodiscard]] perception::Vec3 up_of(const perception::CostMap& map, const PlaceMemory& memory);
 
 struct NextPlace {
   TouchPlace place;

@@ -279,7 +279,7 @@ RecordingSetup set_up_recording(rt::NonRealtime& nrt, Scene& scene, double run_s
   bool seen_any = false;
   while (images.more()) {
     if (!images.next()) continue;
-    memory.see(images.view(), up_of(images.map()), nullptr);
+    memory.see(images.view(), up_of(images.map(), memory), nullptr);
     seen_any = seen_any || std::any_of(memory.known().begin(), memory.known().end(),
                                        [](const auto& k) { return k.sure() && k.place.flat(); });
     std::optional<Placed> now;

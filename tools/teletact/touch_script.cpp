@@ -17,10 +17,6 @@ std::array<float, 3> floats(const Vec3& v) {
 
 }  // namespace
 
-Vec3 up_of(const perception::CostMap& map) noexcept {
-  return map.seq != 0 && map.ground_found ? Vec3(map.X_WM.linear().col(2)) : Vec3(-Vec3::UnitY());
-}
-
 TouchScript::TouchScript(drivers::HandScript& hand, const Reach& reach)
     : hand_(hand), reach_(reach), at_W_(reach.map.to_world(Vec3::Zero())) {
   for (std::size_t i = 0; i < hand.size(); ++i)
@@ -37,7 +33,7 @@ void TouchScript::tick(rt::Nanos since_epoch, const tasks::SceneView& view,
   if (!asked_ || segment_ >= hand_.size() || view.seq == 0) return;
   if (view.seq != seen_) {
     seen_ = view.seq;
-    memory_.see(view, up_of(map), &reach_);
+    memory_.see(view, up_of(map, memory_), &reach_);
   }
   for (; segment_ < hand_.size(); ++segment_) {
     if (hand_.segment(segment_).source != "chosen") continue;

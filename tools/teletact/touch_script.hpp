@@ -37,7 +37,7 @@ class TouchScript {
   TouchScript(drivers::HandScript& hand, const Reach& reach);
   // Does anything of the script wait for it?
   [[nodiscard]] bool asked() const noexcept { return asked_; }
-  // `map`: where the ground was found it says what is level; else the camera was held level at first.
+  // `map`: where the ground was found it says what is level.
   void tick(rt::Nanos since_epoch, const tasks::SceneView& view, const perception::CostMap& map);
   [[nodiscard]] const std::vector<Visit>& visits() const noexcept { return visits_; }
   // One line a visit since the last call, each ended by a line break.
@@ -61,9 +61,6 @@ class TouchScript {
 };
 
 [[nodiscard]] std::string text_of(const Visit& visit);
-
-// What is level: the ground's normal where it was found, else straight up for a camera that was held level at first.
-[[nodiscard]] perception::Vec3 up_of(const perception::CostMap& map) noexcept;
 
 // What came of a visit between `from_s` and `until_s`.
 struct Touched {

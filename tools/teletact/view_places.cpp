@@ -21,6 +21,7 @@ constexpr double kNear_m = 0.3,
                  kFar_m = 3.5;      // of the eye: farther a pixel of the picture spans 40 mm
 constexpr double kPlane_m = 0.060;  // radius of the plane
 constexpr double kWide_m = 0.100;
+constexpr double kSeed_m = 0.035;        // radius of the first fit
 constexpr double kRingFrom_m = 0.035;    // the ring in which each side must be covered
 constexpr double kOffPlane_m = 0.008;    // counts as on the plane
 constexpr double kRough_m = 0.003;       // RMS
@@ -79,17 +80,36 @@ class Patch {
   }
 
  private:
+  // What belongs to the plane there: first what is near, as a rim's side is not far; then all of it that is on the plane.
   bool fit() {
+    const auto near = [](double radius) {
+      return [radius](const Vec3& r) { return r.squaredNorm() < radius * radius; };
+    };
+    if (!fit_to(near(kSeed_m), 6) && !fit_to(near(kPlane_m), 9)) return false;
+    for (int round = 0; round < 2; ++round) {
+      const Vec3 n = n_;
+      const double offset = offset_;
+      const auto on_plane = [&](const Vec3& r) {
+        return r.squaredNorm() < kPlane_m * kPlane_m && std::abs(r.dot(n) - offset) < kOffPlane_m;
+      };
+      if (!fit_to(on_plane, 9)) return false;
+    }
+    const Vec3 to_eye = (view_.X_WV.translation() - centre_).normalized();
+    return n_.dot(to_eye) > kGrazing && rough_ < kRough_m && std::abs(offset_) < kOffPlane_m;
+  }
+
+  template <class Belongs>
+  bool fit_to(const Belongs& belongs, int least) {
     Vec3 mean = Vec3::Zero();
     Eigen::Matrix3d square = Eigen::Matrix3d::Zero();
     int n = 0;
     for (const Vec3& r : points_) {
-      if (r.squaredNorm() > kPlane_m * kPlane_m) continue;
+      if (!belongs(r)) continue;
       mean += r;
       square += r * r.transpose();
       ++n;
     }
-    if (n < 9) return false;
+    if (n < least) return false;
     mean /= n;
     const Eigen::Matrix3d covariance = square / n - mean * mean.transpose();
     Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes;
@@ -98,12 +118,10 @@ class Patch {
     // A line of points is no plane.
     if (!(axes.eigenvalues()(1) > 0.1 * axes.eigenvalues()(2))) return false;
     n_ = axes.eigenvectors().col(0).normalized();
-    const Vec3 to_eye = (view_.X_WV.translation() - centre_).normalized();
-    if (n_.dot(to_eye) < 0) n_ = -n_;
-    if (n_.dot(to_eye) < kGrazing) return false;
+    if (n_.dot(view_.X_WV.translation() - centre_) < 0) n_ = -n_;
     rough_ = std::sqrt(std::max(0.0, axes.eigenvalues()(0)));
     offset_ = mean.dot(n_);
-    return rough_ < kRough_m && std::abs(offset_) < kOffPlane_m;
+    return true;
   }
 
   // Height over the plane and distance from the centre along it.
