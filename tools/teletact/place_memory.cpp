@@ -11,12 +11,31 @@ using Kind = TouchPlace::Kind;
 
 namespace {
 
-constexpr double kSame_m = 0.05;        // two sights of one place
-constexpr double kShowsThere_m = 0.03;  // along the ray
-constexpr double kBeside_m = 0.08;      // touched there counts as touched here
-constexpr std::size_t kMost = 400;
+constexpr double kSame_m = 0.05;    // two sights of one place
+constexpr double kBefore_m = 0.03;  // what hides it is nearer to the eye
+constexpr double kBeside_m = 0.08;  // touched there counts as touched here
+constexpr double kOff_m = 0.015;    // off its plane it is another surface
+constexpr std::size_t kMost = 3000;
 constexpr int kMissed = 2;
 constexpr std::array kTurn{Kind::kTop, Kind::kWall, Kind::kTop, Kind::kEdge, Kind::kCorner};
+
+// One of the nine pixels about `uv` shows the place's plane, near the place: at a grazing angle a pixel to the side is
+// centimetres off along the ray.
+bool shows_there(const tasks::SceneView& view, const TouchPlace& place, const Eigen::Vector2d& uv) {
+  const int u0 = static_cast<int>(uv.x() + 0.5), v0 = static_cast<int>(uv.y() + 0.5);
+  for (int v = v0 - 1; v <= v0 + 1; ++v) {
+    for (int u = u0 - 1; u <= u0 + 1; ++u) {
+      const auto& q = view.points[static_cast<std::size_t>(v) *
+                                      static_cast<std::size_t>(view.intrinsics.width) +
+                                  static_cast<std::size_t>(u)];
+      const Vec3 r =
+          Vec3(static_cast<double>(q.x), static_cast<double>(q.y), static_cast<double>(q.z)) -
+          place.p_W;
+      if (q.depth > 0 && std::abs(r.dot(place.n_W)) < kOff_m && r.norm() < kBeside_m) return true;
+    }
+  }
+  return false;
+}
 
 // Nothing that the picture shows is nearer to the straight than 20 mm, as far as it shows the straight.
 bool clear(const tasks::SceneView& view, const perception::Pose& X_VW, const Vec3& a,
@@ -30,15 +49,18 @@ bool clear(const tasks::SceneView& view, const perception::Pose& X_VW, const Vec
   return true;
 }
 
-// A point between the two from which both are free to go to: half-way, or drawn back towards the eye.
+// A point between the two from which both are free to go to: half-way, or drawn back along the place's normal or
+// towards the eye.
 std::optional<Vec3> way(const tasks::SceneView& view, const Reach& reach, const Vec3& a,
-                        const Vec3& b) {
+                        const Vec3& b, const Vec3& normal) {
   const perception::Pose X_VW = view.X_WV.inverse();
-  const Vec3 middle = 0.5 * (a + b), back = (view.X_WV.translation() - middle).normalized();
+  const Vec3 middle = 0.5 * (a + b), to_eye = (view.X_WV.translation() - middle).normalized();
   for (const double lift : {0.0, 0.08, 0.16, 0.24}) {
-    const Vec3 via = middle + lift * back;
-    if (!reach.holds(via)) return std::nullopt;
-    if (clear(view, X_VW, a, via) && clear(view, X_VW, via, b)) return via;
+    for (const Vec3& back : {normal, to_eye}) {
+      const Vec3 via = middle + lift * back;
+      if (!reach.holds(via)) continue;
+      if (clear(view, X_VW, a, via) && clear(view, X_VW, via, b)) return via;
+    }
   }
   return std::nullopt;
 }
@@ -53,10 +75,10 @@ void PlaceMemory::see(const tasks::SceneView& view, const Vec3& up_W, const Reac
     if (!(q.z() > 0.1)) continue;
     const auto uv = k.project(q);
     if (!(uv.x() > 1 && uv.y() > 1 && uv.x() < k.width - 2 && uv.y() < k.height - 2)) continue;
+    const bool shows = shows_there(view, known.place, uv);
     const double depth = shown_depth(view, q);
-    known.hidden = depth > 0 && depth < q.z() - kShowsThere_m;
-    const bool gone = !(depth > 0) || depth > q.z() + kShowsThere_m;
-    known.missed = gone ? known.missed + 1 : 0;
+    known.hidden = !shows && depth > 0 && depth < q.z() - kBefore_m;
+    known.missed = shows || known.hidden ? 0 : known.missed + 1;
     known.looks += known.hidden ? 0 : 1;
   }
   std::erase_if(known_, [](const Known& n) { return n.missed >= kMissed; });
@@ -88,11 +110,11 @@ void PlaceMemory::see(const tasks::SceneView& view, const Vec3& up_W, const Reac
 
 const PlaceMemory::Known* PlaceMemory::at(const Vec3& p_W) const noexcept {
   const Known* best = nullptr;
-  double nearest = kSame_m;
+  double nearest = kBeside_m;
   for (const Known& k : known_) {
-    const double off = (k.place.p_W - p_W).norm();
-    if (!k.sure() || off > nearest) continue;
-    nearest = off;
+    const Vec3 r = p_W - k.place.p_W;
+    if (!k.sure() || r.norm() > nearest || std::abs(r.dot(k.place.n_W)) > kOff_m) continue;
+    nearest = r.norm();
     best = &k;
   }
   return best;
@@ -148,7 +170,7 @@ std::optional<NextPlace> next_place(const PlaceMemory& memory, const tasks::Scen
                    [](const Choice& a, const Choice& b) { return a.key() < b.key(); });
   for (const Choice& c : choices) {
     const TouchPlace& p = c.known->place;
-    const auto via = way(view, reach, from_W, p.p_W + reach.standoff_m * p.n_W);
+    const auto via = way(view, reach, from_W, p.p_W + reach.standoff_m * p.n_W, p.n_W);
     if (via) return NextPlace{p, c.known->pictures, *via};
   }
   if (choices.empty()) return std::nullopt;

@@ -47,7 +47,7 @@ class PlaceMemory {
   // `reach`: only what it holds; null: all.
   void see(const tasks::SceneView& view, const perception::Vec3& up_W, const Reach* reach);
   [[nodiscard]] const std::vector<Known>& known() const noexcept { return known_; }
-  // A sure place within 50 mm of p; null: there is none.
+  // The nearest sure place within 80 mm of p, with p within 15 mm of its plane; null: there is none.
   [[nodiscard]] const Known* at(const perception::Vec3& p_W) const noexcept;
 
  private:

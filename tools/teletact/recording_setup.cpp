@@ -106,8 +106,8 @@ struct Held {
   // Kinds first, then how many.
   [[nodiscard]] double worth() const {
     double sum = 0;
-    constexpr std::array<double, TouchPlace::kKinds> first{6, 6, 3, 2, 2},
-        more{1, 1, 0.5, 0.3, 0.3};
+    constexpr std::array<double, TouchPlace::kKinds> first{6, 6, 1, 4, 4},
+        more{1, 1, 0.3, 0.3, 0.3};
     for (std::size_t k = 0; k < kinds.size(); ++k) {
       if (kinds[k] > 0) sum += first[k] + more[k] * std::min(kinds[k] - 1, 4);
     }
@@ -168,7 +168,7 @@ std::optional<Placed> best_origin(const PlaceMemory& memory, const tasks::SceneV
       if (h.flat() == 0) continue;
       // The noise of a depth camera grows with the square of the distance.
       const double far = (c - view.X_WV.translation()).norm();
-      origins.push_back({h.worth() - far * far, {c, h}});
+      origins.push_back({h.worth() - 1.5 * far * far, {c, h}});
     }
   }
   std::stable_sort(origins.begin(), origins.end(),

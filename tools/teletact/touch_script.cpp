@@ -49,8 +49,8 @@ void TouchScript::settle(std::size_t i, rt::Nanos since_epoch, const tasks::Scen
     const PlaceMemory::Known* still = nullptr;
     if (visiting_ && next_) still = memory_.at(next_->place.p_W);
     if (still != nullptr && !half_way) {
-      next_->place = still->place;
       next_->pictures = still->pictures;
+      onto(still->place);
     } else {
       choose(since_epoch, view);
     }
@@ -78,8 +78,8 @@ void TouchScript::settle(std::size_t i, rt::Nanos since_epoch, const tasks::Scen
     return;
   }
   // The way in is that of the move: only the depth follows the newest picture.
-  TouchPlace& p = next_->place;
-  p.p_W += (still->place.p_W - p.p_W).dot(p.n_W) * p.n_W;
+  const TouchPlace& p = next_->place;
+  onto(still->place);
   if (!hand_.set_point(i, p.p_W, p.n_W)) return;
   Visit& v = visits_.back();
   v.pressed = true;
@@ -89,6 +89,12 @@ void TouchScript::settle(std::size_t i, rt::Nanos since_epoch, const tasks::Scen
   std::size_t end = i + 1;
   while (end < hand_.size() && hand_.segment(end).kind != "move") ++end;
   v.until_s = rt::seconds(hand_.start(end));
+}
+
+// The place follows the surface that shows there now; what shows may be a little aside.
+void TouchScript::onto(const TouchPlace& now) {
+  TouchPlace& p = next_->place;
+  p.p_W += (now.p_W - p.p_W).dot(now.n_W) * now.n_W;
 }
 
 void TouchScript::begin_visit(rt::Nanos since_epoch) {

@@ -46,6 +46,7 @@ class TouchScript {
  private:
   void settle(std::size_t i, rt::Nanos since_epoch, const tasks::SceneView& view);
   void choose(rt::Nanos since_epoch, const tasks::SceneView& view);
+  void onto(const TouchPlace& now);
   void begin_visit(rt::Nanos since_epoch);
   [[nodiscard]] bool next_is_chosen_move(std::size_t i) const;
   drivers::HandScript& hand_;

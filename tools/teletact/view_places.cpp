@@ -21,16 +21,17 @@ constexpr double kNear_m = 0.3,
                  kFar_m = 3.5;      // of the eye: farther a pixel of the picture spans 40 mm
 constexpr double kPlane_m = 0.060;  // radius of the plane
 constexpr double kWide_m = 0.100;
-constexpr double kSeed_m = 0.035;        // radius of the first fit
-constexpr double kRingFrom_m = 0.035;    // the ring in which each side must be covered
+constexpr double kSeed_m = 0.035;                         // radius of the first fit
+constexpr double kRingFrom_m = 0.045, kRingTo_m = 0.065;  // in which a side is covered or bare
+constexpr double kInset_m = 0.022;       // a place is so far from its edge at least
 constexpr double kOffPlane_m = 0.008;    // counts as on the plane
 constexpr double kRough_m = 0.003;       // RMS
 constexpr double kCovered = 0.97;        // of the pixels that look at the plane
 constexpr double kStandsOver_m = 0.015;  // something that the hand would meet
 constexpr double kGrazing = 0.30;        // least cosine between ray and normal
 constexpr double kBehind_m = 0.04;       // beyond an edge the picture shows what lies so far behind
-constexpr double kLevel = 0.9, kUpright = 0.25;  // of |up . n|
-constexpr double kApart_m = 0.06;                // two places of a picture
+constexpr double kLevel = 0.9, kUpright = 0.25;         // of |up . n|
+constexpr double kApart_m = 0.06, kFlatApart_m = 0.08;  // two places of a picture
 constexpr int kSides = 8;
 
 // The points of the picture round one of them, and the plane through those within kPlane_m.
@@ -66,14 +67,12 @@ class Patch {
     out.p_W = centre_ + offset_ * n_;
     out.n_W = n_;
     out.rough_m = rough_;
-    const unsigned covered = sides(kRingFrom_m, kPlane_m + 0.005);
-    if (covered == (1U << kSides) - 1) {
-      if (share_on_plane(kPlane_m) < kCovered) return std::nullopt;
+    if (share_on_plane(kPlane_m) >= kCovered) {
       out.wide = share_on_plane(kWide_m) >= kCovered;
       out.kind = rise > kLevel               ? Kind::kTop
                  : std::abs(rise) < kUpright ? Kind::kWall
                                              : Kind::kSlope;
-    } else if (!at_edge(covered, out)) {
+    } else if (!at_edge(out)) {
       return std::nullopt;
     }
     return way_free(out) ? std::optional(out) : std::nullopt;
@@ -137,35 +136,53 @@ class Patch {
     });
   }
 
-  // Of the pixels whose ray meets the plane within `radius`: those that show it there.
-  [[nodiscard]] double share_on_plane(double radius) const {
-    const double to_plane = offset_ - (view_.X_WV.translation() - centre_).dot(n_);
-    int all = 0, on = 0;
-    for (const auto& [ray_W, r] : pixels_) {
-      const double s = to_plane / ray_W.dot(n_);
-      const Vec3 foot = view_.X_WV.translation() + s * ray_W - centre_ - offset_ * n_;
-      if (!(s > 0) || foot.norm() > radius) continue;
-      ++all;
-      on += std::abs(over(r).first) < kOffPlane_m ? 1 : 0;
-    }
-    return all > 0 ? static_cast<double>(on) / all : 0;
+  struct Pixel {
+    Vec3 ray_W, r;  // r: its point, from the centre
+  };
+  // Where its ray meets the plane, from the centre's foot on it.
+  [[nodiscard]] std::optional<Vec3> foot_of(const Pixel& pixel) const {
+    const Vec3 eye = view_.X_WV.translation() - centre_;
+    const double s = (offset_ - eye.dot(n_)) / pixel.ray_W.dot(n_);
+    return s > 0 ? std::optional(Vec3(eye + s * pixel.ray_W - offset_ * n_)) : std::nullopt;
   }
 
-  // A bit a side that has a point on the plane between two radii.
-  [[nodiscard]] unsigned sides(double from, double to) const {
+  // Of the pixels whose ray meets the plane within `radius`: those that show it there; 0 with fewer than `least`.
+  [[nodiscard]] double share_on_plane(double radius, int least = 1) const {
+    int all = 0, on = 0;
+    for (const Pixel& pixel : pixels_) {
+      const auto foot = foot_of(pixel);
+      if (!foot || foot->norm() > radius) continue;
+      ++all;
+      on += std::abs(over(pixel.r).first) < kOffPlane_m ? 1 : 0;
+    }
+    return all >= least ? static_cast<double>(on) / all : 0;
+  }
+
+  // A bit a side where most of the pixels that look at the plane's ring show it. None: a side that no pixel looks at.
+  [[nodiscard]] std::optional<unsigned> sides() const {
     const Vec3 a = n_.unitOrthogonal(), b = n_.cross(a);
+    std::array<int, kSides> all{}, on{};
+    for (const Pixel& pixel : pixels_) {
+      const auto foot = foot_of(pixel);
+      if (!foot || foot->norm() < kRingFrom_m || foot->norm() > kRingTo_m) continue;
+      const double turn = std::atan2(foot->dot(b), foot->dot(a)) / (2 * std::numbers::pi);
+      const auto side = static_cast<std::size_t>(std::floor(kSides * (turn + 1))) % kSides;
+      ++all[side];
+      on[side] += std::abs(over(pixel.r).first) < kOffPlane_m ? 1 : 0;
+    }
     unsigned covered = 0;
-    for (const Vec3& r : points_) {
-      const auto [h, along] = over(r);
-      if (along < from || along > to || std::abs(h) > kOffPlane_m) continue;
-      const double turn = std::atan2(r.dot(b), r.dot(a)) / (2 * std::numbers::pi);
-      covered |= 1U << (static_cast<unsigned>(std::floor(kSides * (turn + 1))) % kSides);
+    for (std::size_t i = 0; i < kSides; ++i) {
+      if (all[i] == 0) return std::nullopt;
+      if (2 * on[i] > all[i]) covered |= 1U << i;
     }
     return covered;
   }
 
   // The sides without surface are next to each other, and behind each the picture shows something farther.
-  bool at_edge(unsigned covered, TouchPlace& out) const {
+  bool at_edge(TouchPlace& out) const {
+    const auto known = sides();
+    if (!known) return false;
+    const unsigned covered = *known;
     int bare = 0, begins = 0;
     for (unsigned i = 0; i < kSides; ++i) {
       const bool is = (covered >> i & 1U) == 0,
@@ -174,6 +191,7 @@ class Patch {
       begins += is && !was ? 1 : 0;
     }
     if (begins != 1 || bare < 2 || bare > 5) return false;
+    if (share_on_plane(kInset_m, 2) < kCovered) return false;  // on the very rim
     const Vec3 a = n_.unitOrthogonal(), b = n_.cross(a);
     for (unsigned i = 0; i < kSides; ++i) {
       if ((covered >> i & 1U) != 0) continue;
@@ -199,9 +217,6 @@ class Patch {
   perception::Pose X_VW_;
   Vec3 centre_ = Vec3::Zero(), n_ = Vec3::UnitZ();
   double offset_ = 0, rough_ = 0;
-  struct Pixel {
-    Vec3 ray_W, r;  // r: its point, from the centre
-  };
   std::vector<Vec3> points_;
   std::vector<Pixel> pixels_;
 };
@@ -252,7 +267,7 @@ std::vector<TouchPlace> places_in_view(const tasks::SceneView& view, const Vec3&
   std::vector<TouchPlace> kept;
   for (const TouchPlace& f : found) {
     const bool beside = std::any_of(kept.begin(), kept.end(), [&](const TouchPlace& o) {
-      return o.flat() == f.flat() && (o.p_W - f.p_W).norm() < kApart_m;
+      return o.flat() == f.flat() && (o.p_W - f.p_W).norm() < (f.flat() ? kFlatApart_m : kApart_m);
     });
     if (!beside) kept.push_back(f);
   }
