@@ -14,6 +14,7 @@ namespace {
 constexpr double kSame_m = 0.05;    // two sights of one place
 constexpr double kBefore_m = 0.03;  // what hides it is nearer to the eye
 constexpr double kBeside_m = 0.08;  // touched there counts as touched here
+constexpr double kClear_m = 0.04;   // between the hand on its way and what shows behind it
 constexpr double kOff_m = 0.015;    // off its plane it is another surface
 constexpr std::size_t kMost = 3000;
 constexpr int kMissed = 2;
@@ -37,29 +38,37 @@ bool shows_there(const tasks::SceneView& view, const TouchPlace& place, const Ei
   return false;
 }
 
-// Nothing that the picture shows is nearer to the straight than 20 mm, as far as it shows the straight.
-bool clear(const tasks::SceneView& view, const perception::Pose& X_VW, const Vec3& a,
-           const Vec3& b) {
+// Along each ray what the picture shows is kClear_m behind the straight, as far as it shows the straight.
+// Where it does not, the places tell that are known.
+bool clear(const PlaceMemory& memory, const tasks::SceneView& view, const perception::Pose& X_VW,
+           const Vec3& a, const Vec3& b) {
   const int n = 1 + static_cast<int>((b - a).norm() / 0.025);
   for (int i = 0; i <= n; ++i) {
-    const Vec3 q = X_VW * Vec3(a + (static_cast<double>(i) / n) * (b - a));
+    const Vec3 p = a + (static_cast<double>(i) / n) * (b - a);
+    const Vec3 q = X_VW * p;
+    const auto meets = [&](const PlaceMemory::Known& k) {
+      const Vec3 r = p - k.place.p_W;
+      const double h = r.dot(k.place.n_W);
+      return h < 0.025 && h > -0.08 && (r - h * k.place.n_W).norm() < 0.06;
+    };
+    if (std::any_of(memory.known().begin(), memory.known().end(), meets)) return false;
     const double depth = shown_depth(view, q);
-    if (depth > 0 && depth < q.z() + 0.02) return false;
+    if (depth > 0 && depth < q.z() + kClear_m) return false;
   }
   return true;
 }
 
 // A point between the two from which both are free to go to: half-way, or drawn back along the place's normal or
 // towards the eye.
-std::optional<Vec3> way(const tasks::SceneView& view, const Reach& reach, const Vec3& a,
-                        const Vec3& b, const Vec3& normal) {
+std::optional<Vec3> way(const PlaceMemory& memory, const tasks::SceneView& view, const Reach& reach,
+                        const Vec3& a, const Vec3& b, const Vec3& normal) {
   const perception::Pose X_VW = view.X_WV.inverse();
   const Vec3 middle = 0.5 * (a + b), to_eye = (view.X_WV.translation() - middle).normalized();
-  for (const double lift : {0.0, 0.08, 0.16, 0.24}) {
+  for (const double lift : {0.0, 0.06, 0.12, 0.18, 0.24}) {
     for (const Vec3& back : {normal, to_eye}) {
       const Vec3 via = middle + lift * back;
       if (!reach.holds(via)) continue;
-      if (clear(view, X_VW, a, via) && clear(view, X_VW, via, b)) return via;
+      if (clear(memory, view, X_VW, a, via) && clear(memory, view, X_VW, via, b)) return via;
     }
   }
   return std::nullopt;
@@ -170,7 +179,7 @@ std::optional<NextPlace> next_place(const PlaceMemory& memory, const tasks::Scen
                    [](const Choice& a, const Choice& b) { return a.key() < b.key(); });
   for (const Choice& c : choices) {
     const TouchPlace& p = c.known->place;
-    const auto via = way(view, reach, from_W, p.p_W + reach.standoff_m * p.n_W, p.n_W);
+    const auto via = way(memory, view, reach, from_W, p.p_W + reach.standoff_m * p.n_W, p.n_W);
     if (via) return NextPlace{p, c.known->pictures, *via};
   }
   if (choices.empty()) return std::nullopt;
