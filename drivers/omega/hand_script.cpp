@@ -76,7 +76,9 @@ HandScript::HandScript(rt::NonRealtime&, const HandScriptConfig& config, const W
 }
 
 bool HandScript::set_point(std::size_t i, const Vec3& p_W, const Vec3& normal_W) noexcept {
-  if (i >= count_ || config_.segments[i].source != "pixel") return false;
+  if (i >= count_) return false;
+  const std::string& source = config_.segments[i].source;
+  if (source != "pixel" && source != "chosen") return false;
   const double length = normal_W.norm();
   if (!p_W.allFinite() || !std::isfinite(length) || !(length > 1e-6)) return false;
   if (slots_[i].ready.load(std::memory_order_relaxed)) return false;

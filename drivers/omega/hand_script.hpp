@@ -18,7 +18,7 @@
 //                      time_s (may be 0)
 // With source = "last" a segment keeps the point of the one before (press again, draw back).
 // A point may come later than the script: source = "pixel" with pixel = [u, v] says which image
-// point it is; set_point() delivers it in W. A segment whose point has not arrived when it starts
+// point it is, source = "chosen" that the run chooses one; set_point() delivers it in W. A segment whose point has not arrived when it starts
 // is passed over in place (held) and counted.
 //
 // Frames: W world, D haptic base. Pure function of (time since start, points delivered before the
@@ -45,7 +45,7 @@ namespace drivers {
 struct HandSegmentConfig {
   std::string kind = "hold";
   double time_s = 1.0;
-  std::string source = "point";  // or "pixel", or "last"
+  std::string source = "point";  // or "pixel", "chosen", "last"
   std::array<double, 3> point_m{};
   std::array<double, 3> normal{0, 0, 1};
   std::array<double, 2> pixel{};  // u right, v down, of the image that the run names
@@ -58,7 +58,7 @@ struct HandSegmentConfig {
         {"move", "press", "slide", "hold", "button_down", "button_up", "clutch_down", "clutch_up"},
         "what the hand does");
     s.number("time_s", time_s, 0, 3600, "duration");
-    s.text("source", source, {"point", "pixel", "last"}, "where the point comes from");
+    s.text("source", source, {"point", "pixel", "chosen", "last"}, "where the point comes from");
     s.numbers("point_m", point_m, -1000, 1000, "point in W");
     s.numbers("normal", normal, -1, 1, "outward surface normal at the point, in W");
     s.numbers("pixel", pixel, 0, 8192, "image point to be resolved while running");
@@ -95,7 +95,7 @@ class HandScript {
 
   [[nodiscard]] HandTarget target(rt::Nanos since_start) noexcept;
   // Delivers the point of segment `i`, surface point and outward normal in W. False: no such
-  // segment, not a pixel segment, already delivered or not finite. Any one thread.
+  // segment, neither a pixel nor a chosen one, already delivered or not finite. Any one thread.
   bool set_point(std::size_t i, const perception::Vec3& p_W,
                  const perception::Vec3& normal_W) noexcept;
 

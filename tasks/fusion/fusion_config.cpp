@@ -59,6 +59,8 @@ void FusionConfig::describe(config::Section& s) {
       .flag("patch_checksums", patch_checksums, "write a checksum into every patch")
       .integer("view_period_frames", view_period_frames, 0, 300, "0 switches the view off")
       .integer("view_step", view_step, 1, 8, "camera pixels a view pixel")
+      .number("view_min_weight", view_min_weight, 1, 64,
+              "observations that what the view shows has at least")
       .integer("cost_map_period", cost_map_period, 1, 300, "periods between two cost maps")
       .integer("mesh_blocks", mesh_blocks, 0, perception::MeshDelta::kMostBlocks - 1,
                "changed blocks whose triangles are sent to the console at once; 0: no mesh")

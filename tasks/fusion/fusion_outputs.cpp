@@ -80,6 +80,7 @@ void FusionTask::write_view(const rt::Tick& tick, const std::optional<Pose>& X_W
   Stage stage(profiling_, *crew_, profile_.view);
   perception::RaycastOptions o;
   o.pixel_step = config_.view_step;
+  o.min_weight = config_.view_min_weight;
   o.colour = true;
   o.crew = crew_;
   const Pose X = X_WV ? *X_WV : X_WC_;

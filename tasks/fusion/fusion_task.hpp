@@ -102,6 +102,7 @@ struct FusionConfig {
   bool patch_checksums = true;     // fill SurfacePatch::checksum
   int view_period_frames = 3;      // 0: no view
   int view_step = 2;               // pixels of the camera per pixel of the view, 1..8
+  double view_min_weight = 1;      // observations that what it shows has at least
   int cost_map_period = 3;         // periods; published whether it changed or not
   int mesh_blocks = 0;             // blocks cut for a message of mesh deltas; 0: none are made
   int mesh_period_frames = 3;      // periods between two of them

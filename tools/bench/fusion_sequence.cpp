@@ -146,13 +146,12 @@ void film(rt::NonRealtime& nrt, const SyntheticRoom& room, int first, int count,
   const drivers::World world(nrt, room.world);
   const drivers::DepthNoise noise(nrt, room.noise);
   drivers::RenderScratch scratch(nrt, world.shapes().size());
-  const perception::Intrinsics k{365, 365, 255.5, 211.5, 512, 424};
   out.name = room.name;
   auto frame = std::make_unique<RgbdFrame>();
   for (int i = first; i < first + count; ++i) {
     const int at = i * room.stride;
     const Pose X_WC = room.path(at / 30.0);
-    drivers::render(world, k, X_WC, {room.range_min_m, room.range_max_m}, noise, 1,
+    drivers::render(world, room.camera, X_WC, {room.range_min_m, room.range_max_m}, noise, 1,
                     static_cast<std::uint64_t>(i), scratch, *frame);
     frame->exposure = rt::Time{} + rt::Nanos{1'000'000'000LL + at * 33'333'333LL};
     out.append(*frame);

@@ -34,6 +34,9 @@ class FusionSequence {
     const auto at = static_cast<std::size_t>(i);
     return at < truth_WC.size() && truth_WC[at] ? &*truth_WC[at] : nullptr;
   }
+  [[nodiscard]] rt::Time exposure(int i) const noexcept {
+    return exposure_[static_cast<std::size_t>(i)];
+  }
   [[nodiscard]] std::vector<perception::Pose> known_truth() const;
 
  private:
@@ -67,6 +70,7 @@ struct SyntheticRoom {
   double range_min_m = 0.4, range_max_m = 5.0;
   perception::Pose (*path)(double t_s) = carried_pose;
   int stride = 1;  // frames of 1/30 s from one image to the next
+  perception::Intrinsics camera{365, 365, 255.5, 211.5, 512, 424};
 };
 // 5 x 4 m as a Kinect v2 sees it, carried by hand: 0.25 m/s and 15 deg/s at most.
 [[nodiscard]] SyntheticRoom furnished_room();

@@ -17,6 +17,7 @@
 #include "tools/teletact/black_box.hpp"
 #include "tools/teletact/force_check.hpp"
 #include "tools/teletact/input_recorder.hpp"
+#include "tools/teletact/recording_truth.hpp"
 
 namespace teletact {
 
@@ -247,6 +248,7 @@ class OperatorSide {
   }
   void tick(rt::Time t, drivers::TcpLink& link) {
     console.tick(t);
+    if (!options_.quiet) std::fputs(console.news().c_str(), stdout);
     if (!options_.quiet && t >= next_line_) {
       next_line_ += std::chrono::seconds{1};
       std::printf("%s\n", console.status_line(t).c_str());
@@ -267,9 +269,14 @@ class OperatorSide {
     save_scene(nrt, console, box.graph().fusion(), options_.report + "/raw", options_.save_map);
     half_.link_round_trip_ns = link.round_trip_ns();
     half_.link_uncertainty_ns = link.clock_uncertainty_ns();
+    // Of a recording from two seconds after its last image on: by then the map hardly changes.
+    const rt::Time since =
+        scene_.rgbd_dir.empty()
+            ? rt::Time{}
+            : epoch_ + rt::nanos_from_seconds(recording_seconds(scene_.rgbd_dir) + 2.3);
     half_.force_check =
         check_force(box.graph().fusion().map(), console.seen().haptic,
-                    scene_.graph.haptic.stiffness_N_per_m, scene_.graph.haptic.scale);
+                    scene_.graph.haptic.stiffness_N_per_m, scene_.graph.haptic.scale, since);
   }
 
   OperatorBox box;

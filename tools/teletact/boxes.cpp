@@ -4,7 +4,6 @@
 #include <stdexcept>
 
 #include "drivers/camera/passing_camera.hpp"
-#include "drivers/camera/tum_reader.hpp"
 #include "rt/clock/box_time.hpp"
 
 namespace teletact {
@@ -15,8 +14,17 @@ namespace {
 // that every frame is complete well before the poll that takes it.
 constexpr rt::Nanos kRecordingLead = std::chrono::milliseconds{317};
 
-// A 640 x 480 recording is brought to the 512 x 424 of a Kinect v2, as `teletact fuse` does.
-drivers::TumSequence open_sequence(const std::string& dir) {
+// How the camera of a recording was held is not known: level, at the height of a chest.
+perception::Pose held_level() {
+  drivers::SyntheticCameraConfig held;
+  held.mount_position_m = {0, 0, 1.2};
+  held.mount_pitch_deg = 0;
+  return held.X_BC();
+}
+
+}  // namespace
+
+drivers::TumSequence open_recording(const std::string& dir) {
   drivers::TumOptions options;
   options.register_colour = true;
   auto sequence = drivers::TumSequence::open(dir, options);
@@ -29,19 +37,9 @@ drivers::TumSequence open_sequence(const std::string& dir) {
   return std::move(sequence).value();
 }
 
-// How the camera of a recording was held is not known: level, at the height of a chest.
-perception::Pose held_level() {
-  drivers::SyntheticCameraConfig held;
-  held.mount_position_m = {0, 0, 1.2};
-  held.mount_pitch_deg = 0;
-  return held.X_BC();
-}
-
-}  // namespace
-
 perception::Intrinsics camera_of(const Scene& scene) {
   return scene.rgbd_dir.empty() ? scene.camera.intrinsics()
-                                : open_sequence(scene.rgbd_dir).intrinsics();
+                                : open_recording(scene.rgbd_dir).intrinsics();
 }
 
 // The camera rides on the robot's true pose.
@@ -87,7 +85,7 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   setup.faults = options.faults;
   setup.mode_gate = options.mode_gate;
   if (!scene.rgbd_dir.empty()) {
-    const auto sequence = open_sequence(scene.rgbd_dir);
+    const auto sequence = open_recording(scene.rgbd_dir);
     for (const auto& line : sequence.assumed())
       camera_said_ += (camera_said_.empty() ? "" : "; ") + line;
     camera_ = std::make_unique<drivers::ReplayCamera>(nrt, sequence, options.epoch + kRecordingLead,

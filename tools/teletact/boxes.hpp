@@ -10,6 +10,7 @@
 #include "drivers/camera/replay_camera.hpp"
 #include "drivers/camera/synthetic_camera.hpp"
 #include "drivers/camera/threaded_camera.hpp"
+#include "drivers/camera/tum_reader.hpp"
 #include "drivers/link/endpoint.hpp"
 #include "drivers/omega/hand_script.hpp"
 #include "drivers/omega/omega_twin.hpp"
@@ -87,6 +88,10 @@ class OperatorBox {
   std::unique_ptr<tasks::OperatorGraph> graph_;
   drivers::LinkEndpoint endpoint_;
 };
+
+// A recording as the demo plays it: 640 x 480 brought to the 512 x 424 of a Kinect v2, as `teletact fuse` does. Throws
+// std::runtime_error with the reader's message.
+[[nodiscard]] drivers::TumSequence open_recording(const std::string& dir);
 
 // Depth camera of the scene: the recording's if it names one, else the synthetic one's.
 [[nodiscard]] perception::Intrinsics camera_of(const Scene& scene);

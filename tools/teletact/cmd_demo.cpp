@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdlib>
 #include <ctime>
 #include <filesystem>
@@ -13,6 +14,7 @@
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/host_info.hpp"
 #include "tools/teletact/options.hpp"
+#include "tools/teletact/recording_setup.hpp"
 #include "tools/teletact/recording_truth.hpp"
 #include "tools/teletact/rights.hpp"
 #include "tools/teletact/run_real.hpp"
@@ -105,6 +107,22 @@ std::string stopped_early(const DemoOptions& o, double ran_s) {
   return text;
 }
 
+// A hand that chose its places: which, and whether they were enough.
+void check_touches(const DemoOptions& options, const Scene& scene, RunInfo& info,
+                   const OperatorHalf& op) {
+  const auto asked =
+      std::count_if(scene.hand.segments.begin(), scene.hand.segments.end(),
+                    [](const auto& s) { return s.source == "chosen" && s.kind == "press"; });
+  if (asked == 0 || info.stub_bodies || !op.complete) return;
+  const TouchedPlaces touched = touched_places(op.view.visits, op.view.haptic, op.epoch_ns);
+  const std::string what = touched.text();
+  info.notes.push_back("touched: " + (what.empty() ? "nothing" : what));
+  const bool judged =
+      info.stopped_early.empty() && options.fault_plan.empty() && options.cut_link_at_s < 0;
+  const std::string few = too_few_touches(touched, static_cast<int>(asked));
+  if (!few.empty()) (judged ? info.problems : info.notes).push_back(few);
+}
+
 }  // namespace
 
 int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
@@ -117,6 +135,7 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
   if (!scene.rgbd_dir.empty() && !info.stub_bodies && op.complete && info.stopped_early.empty() &&
       op.force_check.samples == 0)
     info.problems.push_back("no press on a plane of the recording could be judged");
+  check_touches(options, scene, info, op);
   const GoalCheck goal = check_goal(scene, options, op, robot);
   if (!goal.missed.empty() && goal.judged) info.problems.push_back(goal.missed);
   if (!goal.missed.empty() && !goal.judged)
@@ -209,7 +228,7 @@ int cmd_demo(int argc, char** argv) {
   if (o.stub_bodies && !o.save_map.empty())
     throw std::runtime_error("--save-map needs --bodies real");
   if (!o.fault_plan.empty()) o.fault_plan = find_config("faults", o.fault_plan);
-  if (!o.rgbd_dir.empty() && app.count("--scene") == 0) scene_name = "recording";
+  if (!o.rgbd_dir.empty() && app.count("--scene") == 0) scene_name = "any_recording";
   o.scene_path = find_config("scenes", scene_name);
   for (int i = 0; i < argc; ++i) o.command += (i == 0 ? "teletact " : " ") + std::string(argv[i]);
 
@@ -233,6 +252,13 @@ int cmd_demo(int argc, char** argv) {
   rt::Startup startup;
   rt::NonRealtime& nrt = startup.token();
   RunInfo info;
+  if (!o.rgbd_dir.empty() && !o.stub_bodies) {
+    const RecordingSetup setup = set_up_recording(nrt, *scene, o.seconds);
+    if (setup.placed || setup.scripted) {
+      info.notes.push_back(setup.text());
+      if (!o.quiet) std::printf("%s\n", setup.text().c_str());
+    }
+  }
   choose_clock(clock, *scene, app.count("--cores") > 0, o, info);
   info.command = o.command;
   info.started = iso_now();

@@ -11,6 +11,7 @@
 
 #include "perception/map_file/map_file.hpp"
 #include "perception/motion/motion_mask.hpp"
+#include "tools/teletact/recording_setup.hpp"
 #include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
@@ -58,7 +59,8 @@ OperatorConsole::OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time 
       scene_(scene),
       epoch_(epoch),
       camera_width_px_(box.camera().width),
-      force_act_(box.person_simulated()) {}
+      force_act_(box.person_simulated()),
+      touch_script_(box.hand(), reach_of(scene)) {}
 
 void OperatorConsole::drain() {
   auto& cells = box_.graph().cells();
@@ -263,6 +265,10 @@ void OperatorConsole::tick(rt::Time now) {
   engage(now);
   clear(now);
   resolve_points(now);
+  if (touch_script_.asked()) {
+    touch_script_.tick(now - epoch_, *seen_.view, *seen_.map);
+    seen_.visits = touch_script_.visits();
+  }
 }
 
 std::string OperatorConsole::status_line(rt::Time now) const {
@@ -306,6 +312,7 @@ OperatorView OperatorConsole::copy() const {
   v.arrivals = seen_.arrivals;
   v.first_arrival = seen_.first_arrival;
   v.points_resolved = seen_.points_resolved;
+  v.visits = seen_.visits;
   v.device_brakes = seen_.device_brakes;
   v.engages = seen_.engages;
   v.clears = seen_.clears;

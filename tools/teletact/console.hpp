@@ -12,6 +12,7 @@
 
 #include "tools/teletact/boxes.hpp"
 #include "tools/teletact/force_act.hpp"
+#include "tools/teletact/touch_script.hpp"
 
 namespace teletact {
 
@@ -34,6 +35,7 @@ struct OperatorView {
   std::uint64_t arrivals = 0;
   rt::Time first_arrival{};
   std::uint32_t points_resolved = 0;
+  std::vector<Visit> visits;        // of a hand that chooses its places
   std::uint64_t log_dropped = 0;    // records of the tasks' logs that did not fit
   std::uint32_t device_brakes = 0;  // times the operator had to enable the forces again
   std::uint32_t engages = 0;        // acts of the operator; more than one: again after a fault
@@ -55,6 +57,8 @@ class OperatorConsole {
   [[nodiscard]] OperatorView copy() const;
   void ramp_down() noexcept { box_.graph().requests().ramp_down.store(true); }
   [[nodiscard]] std::string status_line(rt::Time now) const;
+  // What the hand chose since the last call, a line each; mostly empty.
+  [[nodiscard]] std::string news() { return touch_script_.news(); }
   // From now on it asks nothing of the scene, and does not say what it has taken of the mesh.
   void leave_the_scene() noexcept { edits_scene_ = false; }
   // The mesh as far as it was told to this console; empty where the scene asks for none.
@@ -78,6 +82,7 @@ class OperatorConsole {
   std::size_t next_point_ = 0;
   int camera_width_px_;
   ForceAct force_act_;
+  TouchScript touch_script_;
   rt::Time held_since_{}, stopped_since_{}, pressed_since_{};
   bool engage_shown_ = false, edits_scene_ = true;
   std::size_t next_edit_ = 0;

@@ -88,29 +88,41 @@ double depth_under_plane(perception::MapReader& reader, double voxel_size, const
 
 }  // namespace
 
-ForceCheck check_force(const perception::TsdfMap& map,
-                       const std::vector<tasks::HapticSample>& samples, double stiffness_N_per_m,
-                       double scale) {
+void ForceChecker::look(const perception::TsdfMap& map,
+                        const std::vector<tasks::HapticSample>& samples) {
   perception::MapReader reader(map, 2.0);  // observed = weight >= 2, as the patch has it
-  std::vector<double> errors;
-  for (std::size_t i = 1; i < samples.size(); ++i) {
-    const auto& s = samples[i];
-    const double speed = (vec(s.p_WH) - vec(samples[i - 1].p_WH)).norm() * 1e3;
+  for (; looked_ < samples.size(); ++looked_) {
+    const auto& s = samples[looked_];
+    const double speed = (vec(s.p_WH) - vec(samples[looked_ - 1].p_WH)).norm() * 1e3;
     if (s.contacts != 1 || s.force_N < 1.0F || s.gain < 1.0F || s.guard_active || speed > 0.005)
       continue;
     const Vec3 f = vec(s.f_W);
     const double depth = depth_under_plane(reader, map.voxel_size(), vec(s.p_WH), f.normalized());
     if (depth <= 0) continue;
-    const double expected = stiffness_N_per_m * depth / scale;
-    errors.push_back(std::abs(f.norm() - expected) / expected);
+    const double expected = stiffness_N_per_m_ * depth / scale_;
+    errors_.push_back(std::abs(f.norm() - expected) / expected);
   }
+}
+
+ForceCheck ForceChecker::result() const {
   ForceCheck out;
-  out.samples = errors.size();
-  if (errors.empty()) return out;
+  out.samples = errors_.size();
+  if (errors_.empty()) return out;
+  std::vector<double> errors = errors_;
   const auto at = static_cast<std::ptrdiff_t>(0.95 * static_cast<double>(errors.size() - 1));
   std::nth_element(errors.begin(), errors.begin() + at, errors.end());
   out.relative_error_p95 = errors[static_cast<std::size_t>(at)];
   return out;
+}
+
+ForceCheck check_force(const perception::TsdfMap& map,
+                       const std::vector<tasks::HapticSample>& samples, double stiffness_N_per_m,
+                       double scale, rt::Time since) {
+  ForceChecker checker(stiffness_N_per_m, scale);
+  const auto first = std::find_if(samples.begin(), samples.end(),
+                                  [&](const tasks::HapticSample& s) { return s.stamp >= since; });
+  checker.look(map, {first, samples.end()});
+  return checker.result();
 }
 
 }  // namespace teletact

@@ -18,9 +18,26 @@ struct ForceCheck {
 
 // Only samples that press on a plane: one active constraint, normals within 10 degrees 30 mm around,
 // at least 1 N, full gain, no guard at work, hand moving below 5 mm/s in the scene. `stiffness_N_per_m` is at the device, `scale` scene
-// metres per hand metre. The map is that of the end of the run, so it must not have changed since.
+// metres per hand metre. The map is that of the end of the run, so it must not have changed since: samples before `since`
+// do not count.
 [[nodiscard]] ForceCheck check_force(const perception::TsdfMap& map,
                                      const std::vector<tasks::HapticSample>& samples,
-                                     double stiffness_N_per_m, double scale);
+                                     double stiffness_N_per_m, double scale, rt::Time since = {});
+
+// The same while the map grows: each sample against the map as it is just after it. By whoever may look into the map between
+// two of its changes.
+class ForceChecker {
+ public:
+  ForceChecker(double stiffness_N_per_m, double scale)
+      : stiffness_N_per_m_(stiffness_N_per_m), scale_(scale) {}
+  // Those of `samples` that were not there at the last call.
+  void look(const perception::TsdfMap& map, const std::vector<tasks::HapticSample>& samples);
+  [[nodiscard]] ForceCheck result() const;
+
+ private:
+  double stiffness_N_per_m_, scale_;
+  std::size_t looked_ = 1;  // the first has none before it
+  std::vector<double> errors_;
+};
 
 }  // namespace teletact

@@ -20,6 +20,7 @@ constexpr std::array kCommands{
     Command{"demo", teletact::cmd_demo,
             "run both boxes on this machine, every device a twin; writes a report"},
     Command{"fuse", teletact::cmd_fuse, "a recorded RGB-D sequence to camera poses and a mesh"},
+    Command{"film", teletact::cmd_film, "a synthetic place to a recorded RGB-D sequence"},
     Command{"touch", teletact::cmd_touch, "a distance field and a hand path to forces"},
     Command{"stability", teletact::cmd_stability, "the hard cases of touch, judged"},
     Command{"segment", teletact::cmd_segment,

@@ -300,6 +300,24 @@ ReportPicture report_picture(const OperatorHalf& op, const tasks::SceneView& v,
   return picture;
 }
 
+// Each place that the hand chose, and what came of it.
+void add_visits(const OperatorHalf& op, ReportData& d) {
+  using State = ReportVerdict::State;
+  const TouchedPlaces touched = touched_places(op.view.visits, op.view.haptic, op.epoch_ns);
+  for (std::size_t i = 0; i < op.view.visits.size(); ++i) {
+    const Touched& t = touched.visits[i];
+    char text[80];
+    std::snprintf(text, sizeof text, ": %.2f s in contact, largest force %.2f N", t.contact_s,
+                  t.force_max_N);
+    const Visit& v = op.view.visits[i];
+    d.verdicts.push_back(
+        {t.met() ? State::kGood : State::kNote, "touch" + text_of(v) +
+                                                    (t.met()     ? std::string(text)
+                                                     : v.pressed ? std::string(": nothing met")
+                                                                 : std::string())});
+  }
+}
+
 void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
                   const Metrics& m, ReportData& d) {
   using State = ReportVerdict::State;
@@ -329,6 +347,7 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
                 value("haptic.contacts"), value("haptic.force_max_N"),
                 value("haptic.contact_share"));
   d.verdicts.push_back({value("haptic.contacts") > 0 ? State::kGood : State::kNote, text});
+  add_visits(op, d);
   std::snprintf(text, sizeof text, "fusion: %.0f of %.0f frames tracked",
                 value("fusion.frames_tracked"), value("fusion.frames"));
   d.verdicts.push_back(

@@ -111,6 +111,7 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.one(h.view.arrivals);
     s.one(h.view.first_arrival);
     s.one(h.view.points_resolved);
+    s.many(h.view.visits);
     s.one(h.view.device_brakes);
     s.one(h.view.engages);
     s.one(h.view.clears);
@@ -138,12 +139,13 @@ void load_half(const std::string& folder, OperatorHalf& h) {
          l.many(h.view.paths) && l.one(h.view.task) && l.one(h.view.camera) &&
          l.one(h.view.objects) && l.one(h.view.objects_named) && l.one(h.view.mode) &&
          l.one(h.view.robot) && l.one(h.view.arrivals) && l.one(h.view.first_arrival) &&
-         l.one(h.view.points_resolved) && l.one(h.view.device_brakes) && l.one(h.view.engages) &&
-         l.one(h.view.clears) && l.one(h.view.edits) && l.one(h.view.log_dropped) &&
-         l.one(*h.view.view) && l.one(*h.view.map) && l.one(*h.view.moving_view) &&
-         l.one(*h.view.moving_map) && l.many(h.totals) && l.one(h.dropped_records) &&
-         l.one(h.hangs) && l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) &&
-         l.one(h.force_check) && l.one(h.ordinary) && l.one(h.complete));
+         l.one(h.view.points_resolved) && l.many(h.view.visits) && l.one(h.view.device_brakes) &&
+         l.one(h.view.engages) && l.one(h.view.clears) && l.one(h.view.edits) &&
+         l.one(h.view.log_dropped) && l.one(*h.view.view) && l.one(*h.view.map) &&
+         l.one(*h.view.moving_view) && l.one(*h.view.moving_map) && l.many(h.totals) &&
+         l.one(h.dropped_records) && l.one(h.hangs) && l.one(h.link_round_trip_ns) &&
+         l.one(h.link_uncertainty_ns) && l.one(h.force_check) && l.one(h.ordinary) &&
+         l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();
 }
 
@@ -360,6 +362,14 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
   if (op.force_check.samples > 0)
     m.add("haptic.force_error_p95", op.force_check.relative_error_p95, "1");
   m.add("haptic.force_samples", static_cast<double>(op.force_check.samples), "1");
+  if (!op.view.visits.empty()) {
+    const TouchedPlaces touched = touched_places(op.view.visits, op.view.haptic, op.epoch_ns);
+    m.add("visits.count", static_cast<double>(touched.visits.size()), "1");
+    m.add("visits.met", touched.met(), "1");
+    for (std::size_t k = 0; k < touched.touched.size(); ++k)
+      m.add(std::string("visits.") + name_of(static_cast<TouchPlace::Kind>(k)), touched.touched[k],
+            "1");
+  }
   m.add("mark.count", op.view.task.marks, "1");
   m.add("plan.paths", op.view.task.paths, "1");
   add_robot_metrics(op, robot, m);

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <stdexcept>
 
 #include "config/fault_plan.hpp"
@@ -118,6 +119,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
   std::unique_ptr<OperatorConsole> op_console;
   std::unique_ptr<RobotConsole> robot_console;
   std::unique_ptr<BoxRecorder> op_last, robot_last;  // black boxes
+  std::optional<ForceChecker> forces;  // of a recording: the hand presses while the map grows
   std::vector<std::unique_ptr<rt::Actor>> owned;
   std::vector<rt::Actor*> actors;
   if (!options.stub_bodies) {
@@ -153,9 +155,13 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
         if (robot_last) robot_last->line(line);
       });
     }
+    if (!scene.rgbd_dir.empty())
+      forces.emplace(scene.graph.haptic.stiffness_N_per_m, scene.graph.haptic.scale);
     owned.push_back(std::make_unique<Periodic>(epoch + 7000000, 20000000, [&](std::int64_t t) {
       op_console->tick(kOperatorClock.from_host(t));
+      if (forces) forces->look(op->graph().fusion().map(), op_console->seen().haptic);
       robot_console->tick(kRobotClock.from_host(t));
+      if (!options.quiet) std::fputs(op_console->news().c_str(), stdout);
       if (op_last) op_last->watch(op_console->seen().mode, kOperatorClock.from_host(t));
       if (robot_last) robot_last->watch(robot_console->seen().mode, kRobotClock.from_host(t));
       for (auto* inputs : {op_inputs.get(), robot_inputs.get()}) {
@@ -266,8 +272,9 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
     run.op.link_round_trip_ns = op->endpoint().round_trip().count();
     run.op.view = op_console->take();
     run.op.force_check =
-        check_force(op->graph().fusion().map(), run.op.view.haptic,
-                    scene.graph.haptic.stiffness_N_per_m, scene.graph.haptic.scale);
+        forces ? forces->result()
+               : check_force(op->graph().fusion().map(), run.op.view.haptic,
+                             scene.graph.haptic.stiffness_N_per_m, scene.graph.haptic.scale);
     run.robot.view = robot_console->take();
     run.robot.camera_twin_cpu_ns = robot->camera_twin_cpu_ns();
   }
