@@ -181,25 +181,37 @@ std::vector<Place> pool_of(MapProbe& probe, const Surface& surface, const Vec3& 
   return pool;
 }
 
+// Does something of the map lie between?
+bool hidden(MapProbe& probe, const Vec3& eye_W, const Vec3& p_W) {
+  constexpr double kFrom_m = 0.3, kStep_m = 0.02, kClose_m = 0.06;
+  const double range = (p_W - eye_W).norm();
+  for (double t = kFrom_m; t < range - kClose_m; t += kStep_m)
+    if (probe.value(eye_W + t / range * (p_W - eye_W)) <= 0) return true;
+  return false;
+}
+
 // The first of the views with the place in it, from its front.
-std::size_t first_seen(const Place& place, const perception::Intrinsics& camera,
+std::size_t first_seen(MapProbe& probe, const Place& place, const perception::Intrinsics& camera,
                        const std::vector<Pose>& views) {
   for (std::size_t i = 0; i < views.size(); ++i) {
     const Vec3 p_C = views[i].inverse() * place.p_W;
     if (p_C.z() < 0.3 || (views[i].linear().transpose() * place.n_W).dot(p_C) > 0) continue;
     const double u = camera.fx * p_C.x() / p_C.z() + camera.cx,
                  v = camera.fy * p_C.y() / p_C.z() + camera.cy;
-    if (u > 0 && u < camera.width && v > 0 && v < camera.height) return i;
+    if (u > 0 && u < camera.width && v > 0 && v < camera.height &&
+        !hidden(probe, views[i].translation(), place.p_W))
+      return i;
   }
   return views.size();
 }
 
 // A map that is still growing holds what its first views saw: begins there, on something flat if there is, the nearer the
 // less noisy, or at the kind that was asked for; goes on to the nearest each time.
-double begin_where_seen(std::vector<Place>& places, const perception::Intrinsics& camera,
-                        const std::vector<Pose>& views, std::optional<Place::Kind> kind) {
+double begin_where_seen(MapProbe& probe, std::vector<Place>& places,
+                        const perception::Intrinsics& camera, const std::vector<Pose>& views,
+                        std::optional<Place::Kind> kind) {
   const auto rank = [&](const Place& p) {
-    const std::size_t view = first_seen(p, camera, views);
+    const std::size_t view = first_seen(probe, p, camera, views);
     const Vec3 eye = view < views.size() ? views[view].translation() : Vec3(Vec3::Zero());
     return std::tuple(kind && p.kind != *kind, view, !p.flat(), (p.p_W - eye).norm());
   };
@@ -226,7 +238,9 @@ Round find_places(const perception::TsdfMap& map, MapProbe& probe,
     if (corner.kind != Place::Kind::kCorner) continue;
     std::vector<Place> chosen = chosen_around(corner, pool);
     if (chosen.empty()) continue;
-    const double way = begin_where_seen(chosen, camera, views, first);
+    const double way = begin_where_seen(probe, chosen, camera, views, first);
+    // The hand is there with the first image.
+    if (first && first_seen(probe, chosen.front(), camera, views) > 0) continue;
     rounds.emplace_back(way - 100.0 * static_cast<double>(chosen.size()), std::move(chosen));
   }
   std::sort(rounds.begin(), rounds.end(),
