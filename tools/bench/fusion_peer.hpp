@@ -22,6 +22,7 @@
 
 #include "drivers/camera/tum_reader.hpp"
 #include "tools/bench/bench_metric.hpp"
+#include "tools/bench/limit.hpp"
 
 namespace teletact {
 
@@ -50,8 +51,10 @@ struct FusionPeerRow {
 struct FusionPeerResult {
   std::vector<FusionPeerRow> rows;
   double other_load = 0;  // cores
-  [[nodiscard]] bool measured() const { return other_load <= 0.05; }
-  [[nodiscard]] int missed() const;  // targets; what was not measured misses none
+  [[nodiscard]] bool measured() const { return other_load <= kOtherLoadLimit; }
+  // Of each peer the CPU and the error; those of one that is not there are not measured.
+  [[nodiscard]] std::vector<Limit> limits() const;
+  [[nodiscard]] int missed() const { return teletact::missed(limits()); }
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;
 };
