@@ -52,7 +52,7 @@ void print(std::ostream& out, const std::vector<Limit>& limits) {
   for (const Limit& l : limits) {
     char value[32] = "-";
     if (l.state != Limit::State::kNotMeasured || std::isfinite(l.value))
-      std::snprintf(value, sizeof value, "%.4g", l.value);
+      std::snprintf(value, sizeof value, "%.5g", l.value);
     std::snprintf(line, sizeof line, "  %-52s %10s  %2s %-8.5g %s", l.what.c_str(), value, l.sense,
                   l.limit, word(l.state));
     out << line << (l.why.empty() ? "" : ": ") << l.why << "\n";
