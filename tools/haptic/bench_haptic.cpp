@@ -199,6 +199,7 @@ void count_instructions(std::ostream& progress, const Folder& folder, const std:
   progress << "callgrind, " << n << " and " << 2 * n << " ticks\n";
   r.instructions_512 = per_tick(folder, program, large, n, "none");
   r.instructions_64 = per_tick(folder, program, small, n, "none");
+  r.instructions_p99 = quantile(tick_instructions(beside, large, 2 * n, folder.file(".")), 0.99);
   r.none_over_plain = r.instructions_512 - per_tick(folder, plain, large, n, "none");
   for (const char* effect : {"friction", "texture", "bump_normal", "viscosity", "materials"}) {
     r.effects[effect] = per_tick(folder, program, large, n, effect) - r.instructions_512;
@@ -206,6 +207,16 @@ void count_instructions(std::ostream& progress, const Folder& folder, const std:
 }
 
 }  // namespace
+
+std::vector<double> tick_instructions(const std::string& programs, const std::string& run,
+                                      long ticks, const std::string& scratch) {
+  auto each =
+      callgrind_rounds(programs + "/teletact_haptic_count", {run, std::to_string(ticks), "none"},
+                       "*HapticTask::step*", "*HapticReplay::next*", scratch);
+  if (each.size() != static_cast<std::size_t>(ticks))
+    throw std::runtime_error("callgrind of " + run + ": ticks are not told apart");
+  return each;
+}
 
 HapticBenchResult bench_haptic(std::ostream& progress, const HapticBenchOptions& options) {
   rt::Startup startup;
