@@ -197,10 +197,6 @@ double FusionPeerRow::least_ratio() const {
 }
 
 // A peer that tracked nothing has no error to be compared with.
-bool FusionPeerRow::met() const {
-  return ratio >= least_ratio() && (!std::isfinite(ate_mm) || ours_ate_mm <= ate_mm);
-}
-
 std::vector<Limit> FusionPeerResult::limits() const {
   Limits all;
   for (const FusionPeerRow& r : rows) {

@@ -45,7 +45,6 @@ struct FusionPeerRow {
   double ours_ate_mm =
       0;  // with the same filter; NaN: no truth, or fewer than 98 % of the frames claimed
   [[nodiscard]] double least_ratio() const;  // 0: no target, the row is ours
-  [[nodiscard]] bool met() const;
 };
 
 struct FusionPeerResult {
