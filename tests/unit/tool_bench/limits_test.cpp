@@ -12,6 +12,7 @@
 #include "tools/bench/fuzz.hpp"
 #include "tools/bench/log_bench.hpp"
 #include "tools/bench/rings.hpp"
+#include "tools/bench/table1_instructions.hpp"
 #include "tools/bench/table2/table2.hpp"
 #include "tools/bench/table2/touches.hpp"
 #include "tools/bench/wakeup.hpp"
@@ -157,6 +158,15 @@ TEST(BenchLimits, Fuzz) {
   good.rows.resize(2);
   expect_each_limit_can_be_missed<FuzzResult>(
       good, {{"faults", [](FuzzResult& r) { r.rows[1].fault = "signal 11"; }}});
+}
+
+TEST(BenchLimits, Table1Instructions) {
+  using R = InstructionsResult;
+  R good;
+  good.rows = {{"recording", 0.02, 0, 102.9, 100}, {"recording", 0.02, 2, 102.9, 100}};
+  expect_each_limit_can_be_missed<R>(
+      good, {{"recording 20 mm, level 0", [](R& r) { r.rows[0].frame = 103.1; }},
+             {"recording 20 mm, level 2", [](R& r) { r.rows[1].frame_without = kNaN; }}});
 }
 
 TEST(BenchLimits, Table2) {
