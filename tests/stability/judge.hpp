@@ -95,6 +95,7 @@ inline void judge(const stability::Case& c, const std::vector<Setting>& settings
                   std::span<const Missed> list, bool progress = false) {
   int runs = 0, met = 0, bound = 0;
   double margin = 1, cpu = 0;
+  std::uint32_t samples_p99 = 0, samples_max = 0;
   std::map<std::string, Tally> failed;
   const bool fused = settings.front().fused != nullptr;
   for (const Setting& setting : settings) {
@@ -102,6 +103,8 @@ inline void judge(const stability::Case& c, const std::vector<Setting>& settings
     EXPECT_EQ(gated.gates.counted, rt_guard::linked());
     EXPECT_GT(gated.gates.ticks, 0U);
     cpu = std::max(cpu, gated.gates.cpu_p99_us);
+    samples_p99 = std::max(samples_p99, gated.gates.work_p99);
+    samples_max = std::max(samples_max, gated.gates.work_max);
     for (const stability::Run& run : gated.runs) {
       bool all = true, all_bound = true;
       for (const Check& check : run.checks) {
@@ -137,8 +140,9 @@ inline void judge(const stability::Case& c, const std::vector<Setting>& settings
   EXPECT_EQ(off_list(list, c.id, fused, failed), "");
   std::printf(
       "case %d, %s%s: %d of %d runs pass, %d fail, %d of them only where the optimum fails too, "
-      "margin %.2f, step p99 %.1f us\n",
-      c.id, c.name, fused ? ", fused" : "", met, runs, runs - met, bound, margin, cpu);
+      "margin %.2f, step p99 %.1f us, samples p99 %u, max %u\n",
+      c.id, c.name, fused ? ", fused" : "", met, runs, runs - met, bound, margin, cpu, samples_p99,
+      samples_max);
 }
 
 inline constexpr double kSpeeds_m_per_s[3] = {0.02, 0.1, 0.2};

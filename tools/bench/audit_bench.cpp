@@ -9,6 +9,7 @@
 #include "rt/channel/ring.hpp"
 #include "rt/clock/box_time.hpp"
 #include "rt/sched/thread_probe.hpp"
+#include "tools/bench/other_load.hpp"
 
 namespace teletact {
 
@@ -32,6 +33,7 @@ double mean_ns(const F& f) {
 }  // namespace
 
 AuditBenchResult bench_audit(int rounds) {
+  const OtherLoad others;
   rt::SchedStat stat;
   stat.open_here();
   auto ring = std::make_unique<rt::Ring<rt::JobRecord, 4096>>();
@@ -68,9 +70,16 @@ AuditBenchResult bench_audit(int rounds) {
     parts[3].push_back(mean_ns([&] { sink = stat.run_delay_ns(); }));
   }
   AuditBenchResult r;
+  r.other_load = others.cores();
   r.job_ns = median(whole);
   for (int i = 0; i < 4; ++i) r.parts_ns[i] = median(parts[i]);
   return r;
+}
+
+std::vector<Limit> AuditBenchResult::limits() const {
+  Limits all;
+  all.add("audit of a job, ns", job_ns, "<=", 2000, disturbed(other_load));
+  return all.all();
 }
 
 std::vector<BenchMetric> AuditBenchResult::metrics() const {
@@ -84,6 +93,7 @@ void AuditBenchResult::print(std::ostream& out) const {
                 "schedstat %.0f; two, two, one, one)\n",
                 job_ns, parts_ns[0], parts_ns[1], parts_ns[2], parts_ns[3]);
   out << text;
+  teletact::print(out, limits());
 }
 
 }  // namespace teletact

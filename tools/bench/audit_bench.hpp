@@ -6,12 +6,17 @@
 #include <vector>
 
 #include "tools/bench/bench_metric.hpp"
+#include "tools/bench/limit.hpp"
 
 namespace teletact {
 
 struct AuditBenchResult {
   double job_ns = 0;        // everything the executor adds to a job, median over rounds
   double parts_ns[4] = {};  // clocks, thread CPU clock, getrusage, schedstat
+  double other_load = 0;    // cores, meanwhile
+  // A job at most 2 us; not measured beside others.
+  [[nodiscard]] std::vector<Limit> limits() const;
+  [[nodiscard]] int missed() const { return teletact::missed(limits()); }
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;
 };

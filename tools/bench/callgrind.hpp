@@ -18,5 +18,12 @@ namespace teletact {
 [[nodiscard]] double callgrind_count(const std::string& program,
                                      const std::vector<std::string>& arguments,
                                      const std::string& pattern, const std::string& scratch);
+// The same of each round: from one call of a function that matches `round` to the next, and to the end of the program. What is
+// before the first is left out.
+[[nodiscard]] std::vector<double> callgrind_rounds(const std::string& program,
+                                                   const std::vector<std::string>& arguments,
+                                                   const std::string& pattern,
+                                                   const std::string& round,
+                                                   const std::string& scratch);
 
 }  // namespace teletact

@@ -71,21 +71,15 @@ DriftResult bench_drift(std::ostream& progress, int frames, double voxel_m, int 
   return r;
 }
 
-std::vector<DriftResult::Limit> DriftResult::limits() const {
+std::vector<Limit> DriftResult::limits() const {
   constexpr int kTenths = 200;  // below it a tenth is too few frames for a mean, or none
-  std::vector<Limit> all{
-      {"claimed frames", static_cast<double>(claimed), static_cast<double>(frames), false},
-      {"worst, mm", worst_mm, 2, true},
-      {"off orthonormal", orthonormal, 1e-9, true}};
-  if (frames >= kTenths)
-    all.push_back({"last tenth beyond the first, mm", last_mm - first_mm, 0.3, true});
-  return all;
-}
-
-int DriftResult::missed() const {
-  const auto all = limits();
-  return static_cast<int>(
-      std::count_if(all.begin(), all.end(), [](const Limit& l) { return !l.met(); }));
+  Limits all;
+  all.add("claimed frames", static_cast<double>(claimed), ">=", static_cast<double>(frames));
+  all.add("worst, mm", worst_mm, "<=", 2);
+  all.add("off orthonormal", orthonormal, "<=", 1e-9);
+  all.add("last tenth beyond the first, mm", last_mm - first_mm, "<=", 0.3,
+          frames >= kTenths ? "" : "fewer than 200 frames");
+  return all.all();
 }
 
 std::vector<BenchMetric> DriftResult::metrics() const {
@@ -108,11 +102,7 @@ void DriftResult::print(std::ostream& out) const {
       "and %.4f deg\nrotation off orthonormal by at most %.1e; %.1f ms CPU a frame\n",
       frames, voxel_mm, claimed, first_mm, last_mm, worst_mm, worst_deg, orthonormal, cpu_ms);
   out << line;
-  for (const Limit& l : limits()) {
-    std::snprintf(line, sizeof line, "  %-34s %10.4g  target %s %-8.4g %s\n", l.what, l.value,
-                  l.at_most ? "<=" : ">=", l.limit, l.met() ? "met" : "missed");
-    out << line;
-  }
+  teletact::print(out, limits());
 }
 
 }  // namespace teletact

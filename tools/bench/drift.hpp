@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "tools/bench/bench_metric.hpp"
+#include "tools/bench/limit.hpp"
 
 namespace teletact {
 
@@ -24,14 +25,8 @@ struct DriftResult {
   double orthonormal = 0;
   double cpu_ms = 0;  // a frame, mean
   // What must hold of a still scene, whatever the number of frames.
-  struct Limit {
-    const char* what;
-    double value, limit;
-    bool at_most;
-    [[nodiscard]] bool met() const { return at_most ? value <= limit : value >= limit; }
-  };
   [[nodiscard]] std::vector<Limit> limits() const;
-  [[nodiscard]] int missed() const;  // of the limits
+  [[nodiscard]] int missed() const { return teletact::missed(limits()); }
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;
 };

@@ -197,15 +197,20 @@ double FusionPeerRow::least_ratio() const {
 }
 
 // A peer that tracked nothing has no error to be compared with.
-bool FusionPeerRow::met() const {
-  return ratio >= least_ratio() && (!std::isfinite(ate_mm) || ours_ate_mm <= ate_mm);
-}
-
-int FusionPeerResult::missed() const {
-  if (!measured()) return 0;
-  return static_cast<int>(std::count_if(rows.begin(), rows.end(), [](const FusionPeerRow& r) {
-    return r.absent.empty() && r.least_ratio() > 0 && !r.met();
-  }));
+std::vector<Limit> FusionPeerResult::limits() const {
+  Limits all;
+  for (const FusionPeerRow& r : rows) {
+    if (!(r.least_ratio() > 0)) continue;
+    const std::string name = r.sequence + " " + r.name + ", ";
+    all.add(name + "CPU to ours", r.ratio, ">=", r.least_ratio(),
+            r.absent.empty() ? disturbed(other_load) : r.absent);
+    const bool no_truth = !std::isfinite(r.ate_mm);
+    all.add(name + "our ATE to its, mm", r.ours_ate_mm, "<=", r.ate_mm,
+            !r.absent.empty() ? r.absent
+            : no_truth        ? "no truth, or it tracked nothing"
+                              : "");
+  }
+  return all.all();
 }
 
 void FusionPeerResult::print(std::ostream& out) const {
@@ -224,8 +229,8 @@ void FusionPeerResult::print(std::ostream& out) const {
                   r.max_ms, r.tracked, r.frames, r.ate_mm, r.ratio);
     out << line;
     if (r.least_ratio() > 0) {
-      std::snprintf(line, sizeof line, " >= %.0f, our ATE %.1f <= its: %s", r.least_ratio(),
-                    r.ours_ate_mm, r.met() ? "met" : "missed");
+      std::snprintf(line, sizeof line, " >= %.0f, our ATE %.1f <= its", r.least_ratio(),
+                    r.ours_ate_mm);
       out << line;
     }
     out << "\n";
@@ -233,6 +238,7 @@ void FusionPeerResult::print(std::ostream& out) const {
   std::snprintf(line, sizeof line, "others used %.2f of a core%s\n", other_load,
                 measured() ? "" : "; 0.05 is allowed: not measured, upper bounds");
   out << line;
+  teletact::print(out, limits());
 }
 
 std::vector<BenchMetric> FusionPeerResult::metrics() const {

@@ -22,6 +22,7 @@
 
 #include "drivers/camera/tum_reader.hpp"
 #include "tools/bench/bench_metric.hpp"
+#include "tools/bench/limit.hpp"
 
 namespace teletact {
 
@@ -44,14 +45,15 @@ struct FusionPeerRow {
   double ours_ate_mm =
       0;  // with the same filter; NaN: no truth, or fewer than 98 % of the frames claimed
   [[nodiscard]] double least_ratio() const;  // 0: no target, the row is ours
-  [[nodiscard]] bool met() const;
 };
 
 struct FusionPeerResult {
   std::vector<FusionPeerRow> rows;
   double other_load = 0;  // cores
-  [[nodiscard]] bool measured() const { return other_load <= 0.05; }
-  [[nodiscard]] int missed() const;  // targets; what was not measured misses none
+  [[nodiscard]] bool measured() const { return other_load <= kOtherLoadLimit; }
+  // Of each peer the CPU and the error; those of one that is not there are not measured.
+  [[nodiscard]] std::vector<Limit> limits() const;
+  [[nodiscard]] int missed() const { return teletact::missed(limits()); }
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;
 };

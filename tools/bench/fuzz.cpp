@@ -340,7 +340,13 @@ void FuzzResult::print(std::ostream& out) const {
                   r.fault.empty() ? "" : "  FAULT: ");
     out << line << r.fault << "\n";
   }
-  out << faults() << " faults\n";
+  teletact::print(out, limits());
+}
+
+std::vector<Limit> FuzzResult::limits() const {
+  Limits all;
+  all.add("faults", faults(), "<=", 0);
+  return all.all();
 }
 
 std::vector<BenchMetric> FuzzResult::metrics() const {

@@ -19,6 +19,7 @@
 #include "rt/random.hpp"
 #include "rt/result.hpp"
 #include "tools/bench/bench_metric.hpp"
+#include "tools/bench/limit.hpp"
 
 namespace teletact {
 
@@ -50,6 +51,8 @@ struct FuzzRow {
 struct FuzzResult {
   std::vector<FuzzRow> rows;
   [[nodiscard]] int faults() const;
+  [[nodiscard]] std::vector<Limit> limits() const;
+  [[nodiscard]] int missed() const { return teletact::missed(limits()); }
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;
 };

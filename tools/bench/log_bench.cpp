@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "rt/audit/rt_log.hpp"
+#include "tools/bench/other_load.hpp"
 
 namespace teletact {
 namespace {
@@ -47,6 +48,7 @@ LogBenchResult bench_log(int rounds) {
   const std::size_t count = static_cast<std::size_t>(std::max(rounds, 1));
   std::vector<double> plain(count), refused(count), clocked(count);
 
+  const OtherLoad others;
   rusage before{}, after{};
   getrusage(RUSAGE_THREAD, &before);
   const auto heap_before = mallinfo2().uordblks;
@@ -64,6 +66,7 @@ LogBenchResult bench_log(int rounds) {
     empty();
   }
   LogBenchResult result;
+  result.other_load = others.cores();
   result.heap_bytes = static_cast<long>(mallinfo2().uordblks) - static_cast<long>(heap_before);
   getrusage(RUSAGE_THREAD, &after);
   result.voluntary_switches = after.ru_nvcsw - before.ru_nvcsw;
@@ -72,6 +75,14 @@ LogBenchResult bench_log(int rounds) {
   result.full_ns = quantile(refused, 0.5);
   result.with_clock_ns = quantile(clocked, 0.5);
   return result;
+}
+
+std::vector<Limit> LogBenchResult::limits() const {
+  Limits all;
+  all.add("log record, ns", record_ns, "<=", 100, disturbed(other_load));
+  all.add("heap of all records, B", static_cast<double>(heap_bytes), "<=", 0);
+  all.add("voluntary switches of the writer", static_cast<double>(voluntary_switches), "<=", 0);
+  return all.all();
 }
 
 std::vector<BenchMetric> LogBenchResult::metrics() const {
@@ -90,6 +101,7 @@ void LogBenchResult::print(std::ostream& out) const {
       << " with a clock reading; heap " << heap_bytes << " B, voluntary switches "
       << voluntary_switches << '\n';
   out.flags(flags);
+  teletact::print(out, limits());
 }
 
 }  // namespace teletact

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "tools/bench/bench_metric.hpp"
+#include "tools/bench/limit.hpp"
 
 namespace teletact {
 
@@ -15,6 +16,10 @@ struct LogBenchResult {
   double with_clock_ns = 0;     // including one reading of the clock
   long heap_bytes = 0;          // growth of the heap over all records: 0
   long voluntary_switches = 0;  // of the writing thread over all records: 0 (it never blocked)
+  double other_load = 0;        // cores, meanwhile
+  // A record at most 100 ns (not measured beside others); nothing allocated, nothing waited for.
+  [[nodiscard]] std::vector<Limit> limits() const;
+  [[nodiscard]] int missed() const { return teletact::missed(limits()); }
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;
 };

@@ -1,4 +1,5 @@
 #include "tools/bench/rings.hpp"
+#include "tools/bench/other_load.hpp"
 
 #ifndef NDEBUG
 #error "bench rings compares queues as shipped: build it with NDEBUG"
@@ -367,6 +368,7 @@ RingsResult bench_rings(std::ostream& progress, int rounds) {
       large.round(pair, not_counted, no_lines, unused, i);
     }
   }
+  const OtherLoad others;
   const auto near_rounds = [&] {
     std::size_t least = read[RingsResult::kNear].size();
     for (const auto& of_size : samples) {
@@ -403,6 +405,7 @@ RingsResult bench_rings(std::ostream& progress, int rounds) {
     result.line_best_ns[p] = median(lines.best[p]);
     result.latest[p] = {static_cast<int>(read[p].size()), median(read[p]), median(writes[p])};
   }
+  result.other_load = others.cores();
   result.measured = near_rounds() >= kNeeded;
   if (!result.measured) {
     result.remark += "the cores were near in only " + std::to_string(near_rounds()) + " of " +

@@ -18,6 +18,23 @@ double RingsResult::own_over_best(Size size, Placement placement) const {
   return best > 0 ? queue[kOwn][size][placement].Mops / best : 0;
 }
 
+std::vector<Limit> RingsResult::limits() const {
+  const std::string why_not = measured         ? disturbed(other_load)
+                              : remark.empty() ? "too few rounds on near cores"
+                                               : remark;
+  Limits all;
+  for (const Size s : {k8B, k256B}) {
+    all.add(std::string("own / best of the others, ") + kSizeNames[s], own_over_best(s, kNear),
+            ">=", 0.95, why_not);
+  }
+  all.add("round trip of 8B, bare lines", queue[kOwn][k8B][kNear].rtt_over_line, "<=", 1.3,
+          why_not);
+  all.add("a read of Latest, ns", latest[kNear].read_ns, "<=", 600, why_not);
+  const bool any = latest[kNear].rounds + latest[kFar].rounds > 0;
+  all.add("torn reads", static_cast<double>(latest_torn), "<=", 0, any ? "" : why_not);
+  return all.all();
+}
+
 std::vector<BenchMetric> RingsResult::metrics() const {
   std::vector<BenchMetric> m;
   for (int q = 0; q < kQueues; ++q) {
@@ -77,6 +94,7 @@ void RingsResult::print(std::ostream& out) const {
   out << "torn reads " << latest_torn << ", bursts thrown away " << bursts_mixed
       << (fifo ? ", SCHED_FIFO" : ", not SCHED_FIFO") << '\n';
   if (!remark.empty()) out << remark << '\n';
+  teletact::print(out, limits());
   out.flags(flags);
 }
 

@@ -43,6 +43,7 @@
 
 #include "drivers/camera/tum_reader.hpp"
 #include "tools/bench/bench_metric.hpp"
+#include "tools/bench/limit.hpp"
 
 namespace teletact {
 
@@ -93,7 +94,6 @@ struct Table1Row {
   std::int64_t refused = 0;  // blocks that found the pool full
   bool beside = false;       // another instruction set
   double other_load = 0;     // cores
-  static constexpr double kOtherLoadLimit = 0.05;
   [[nodiscard]] bool measured() const { return other_load <= kOtherLoadLimit; }
   [[nodiscard]] double voxel_mm() const {
     return 1e3 * (fixed_voxel ? kFixedVoxel_m : 5.12 / edge);
@@ -109,17 +109,10 @@ struct Table1Paper {
 
 struct Table1Result {
   std::vector<Table1Row> rows;
-  struct Limit {
-    enum class State { kMet, kMissed, kNotMeasured };
-    std::string what;
-    const char* sense;  // "<=", "<" or ">="
-    double value = 0, limit = 0;
-    State state = State::kMissed;
-  };
   [[nodiscard]] std::vector<Limit> limits() const;
   // Limits of the rows that this run did not have, in words; empty: it had all.
   [[nodiscard]] std::string not_run() const;
-  [[nodiscard]] int count(Limit::State state) const;
+  [[nodiscard]] int count(Limit::State state) const { return teletact::count(limits(), state); }
   [[nodiscard]] int missed() const { return count(Limit::State::kMissed); }
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;

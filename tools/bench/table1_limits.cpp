@@ -1,8 +1,6 @@
 // What table1 is held against: met, missed, or not measured.
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
-#include <cstring>
 
 #include "tools/bench/table1.hpp"
 
@@ -10,7 +8,6 @@ namespace teletact {
 
 namespace {
 
-using Limit = Table1Result::Limit;
 using State = Limit::State;
 
 constexpr Table1Paper kPaper[] = {
@@ -26,34 +23,27 @@ constexpr Target kTargets[] = {{"recording", 15, 22}, {"synthetic", 17, 24}};
 constexpr double kObject_ms = 3.3;
 constexpr double kMemory_MiB = 64;
 
-// A value that is no number is missed: what should have been measured was not there.
-bool holds(double value, const char* sense, double limit) {
-  if (std::strcmp(sense, "<") == 0) return value < limit;
-  return std::strcmp(sense, "<=") == 0 ? value <= limit : value >= limit;
-}
-
-class Limits {
+class RowLimits {
  public:
-  explicit Limits(const Table1Row& row)
-      : row_(row), name_(row.sequence + " " + std::to_string(row.edge) + "^3, ") {}
+  explicit RowLimits(const Table1Row& row)
+      : name_(row.sequence + " " + std::to_string(row.edge) + "^3, "),
+        disturbed_(disturbed(row.other_load)) {}
   // What others' load can not change.
   void figure(const char* what, double value, const char* sense, double limit) {
-    all.push_back({name_ + what, sense, value, limit,
-                   holds(value, sense, limit) ? State::kMet : State::kMissed});
+    limits_.add(name_ + what, value, sense, limit);
   }
   void time(const char* what, double ms, const char* sense, double limit_ms) {
-    figure(what, ms, sense, limit_ms);
-    if (!row_.measured()) all.back().state = State::kNotMeasured;
+    limits_.add(name_ + what, ms, sense, limit_ms, disturbed_);
   }
-  std::vector<Limit> all;
+  [[nodiscard]] const std::vector<Limit>& all() const { return limits_.all(); }
 
  private:
-  const Table1Row& row_;
-  std::string name_;
+  std::string name_, disturbed_;
+  Limits limits_;
 };
 
 std::vector<Limit> limits_of(const Table1Row& row) {
-  Limits l(row);
+  RowLimits l(row);
   l.figure("claimed share", static_cast<double>(row.claimed) / std::max(1, row.frames),
            ">=", Table1Row::kClaimedShare);
   l.figure("blocks refused", static_cast<double>(row.refused), "<=", 0);
@@ -76,22 +66,10 @@ std::vector<Limit> limits_of(const Table1Row& row) {
     l.time(object ? "wall of two threads with object, ms" : "wall of two threads, ms", wall_ms, "<",
            paper->fusion_ms);
   }
-  return l.all;
+  return l.all();
 }
 
 bool counts(const Table1Row& row) { return !row.beside && !row.fixed_voxel; }
-
-const char* word(State state) {
-  switch (state) {
-    case State::kMet:
-      return "met";
-    case State::kMissed:
-      return "MISSED";
-    case State::kNotMeasured:
-      break;
-  }
-  return "not measured";
-}
 
 }  // namespace
 
@@ -131,33 +109,19 @@ std::string Table1Result::not_run() const {
   return text;
 }
 
-int Table1Result::count(Limit::State state) const {
-  const auto all = limits();
-  return static_cast<int>(
-      std::count_if(all.begin(), all.end(), [&](const Limit& l) { return l.state == state; }));
-}
-
 void Table1Result::print_limits(std::ostream& out) const {
-  char line[256];
-  out << "\nlimits\n";
-  for (const Limit& l : limits()) {
-    std::snprintf(line, sizeof line, "  %-52s %8.2f  %2s %-6.4g %s\n", l.what.c_str(), l.value,
-                  l.sense, l.limit, word(l.state));
-    out << line;
-  }
-  std::snprintf(line, sizeof line, "%d met, %d MISSED, %d not measured\n", count(State::kMet),
-                missed(), count(State::kNotMeasured));
-  out << line;
+  teletact::print(out, limits());
   if (const std::string lacking = not_run(); !lacking.empty())
     out << "not run: " << lacking << "\n";
   if (count(State::kNotMeasured) == 0) return;
   double worst = 0;
   for (const auto& row : rows)
     if (counts(row)) worst = std::max(worst, row.other_load);
+  char line[256];
   std::snprintf(line, sizeof line,
                 "others used up to %.2f of a core, %.2f is allowed: no verdict on the times of "
                 "those rows; measure again while nothing else runs\n",
-                worst, Table1Row::kOtherLoadLimit);
+                worst, kOtherLoadLimit);
   out << line;
 }
 

@@ -42,7 +42,7 @@ void print_table(std::ostream& out, const Rows& rows) {
     out << line;
     if (!r.measured()) {
       std::snprintf(line, sizeof line, "           others used %.2f of a core, %.2f is allowed\n",
-                    r.other_load, Table1Row::kOtherLoadLimit);
+                    r.other_load, kOtherLoadLimit);
       out << line;
     }
   }

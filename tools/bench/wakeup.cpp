@@ -135,6 +135,17 @@ WakeupResult bench_wakeup(std::ostream& progress, int rounds, double slice_s) {
   return r;
 }
 
+std::vector<Limit> WakeupResult::limits() const {
+  const std::string why_not = cyclictest.empty() ? "cyclictest gave no figures"
+                              : !fifo            ? "no SCHED_FIFO"
+                                                 : "";
+  Limits all;
+  all.add("p50 to cyclictest's", p50_plain_us / p50_cyclictest_us, "<=", 1.6, why_not);
+  all.add("p50 to cyclictest's, 30 us spin lead", p50_spin_us / p50_cyclictest_us, "<=", 1.6,
+          why_not);
+  return all.all();
+}
+
 std::vector<BenchMetric> WakeupResult::metrics() const {
   std::vector<BenchMetric> m{{"wakeup.p50_plain_us", p50_plain_us, "us"},
                              {"wakeup.p50_spin_us", p50_spin_us, "us"}};
@@ -166,6 +177,7 @@ void WakeupResult::print(std::ostream& out) const {
   row("own, 30 us spin lead", spin);
   out << "The sentinel is off in this bench: nothing of ours but the measured thread runs.\n";
   if (!remark.empty()) out << "note: " << remark << '\n';
+  teletact::print(out, limits());
 }
 
 }  // namespace teletact

@@ -18,6 +18,7 @@
 #include "rt/random.hpp"
 #include "tasks/haptic/force_shading.hpp"
 #include "tools/bench/callgrind.hpp"
+#include "tools/bench/other_load.hpp"
 #include "tools/haptic/replay.hpp"
 #include "tools/haptic/table_run.hpp"
 
@@ -198,6 +199,7 @@ void count_instructions(std::ostream& progress, const Folder& folder, const std:
   progress << "callgrind, " << n << " and " << 2 * n << " ticks\n";
   r.instructions_512 = per_tick(folder, program, large, n, "none");
   r.instructions_64 = per_tick(folder, program, small, n, "none");
+  r.instructions_p99 = quantile(tick_instructions(beside, large, 2 * n, folder.file(".")), 0.99);
   r.none_over_plain = r.instructions_512 - per_tick(folder, plain, large, n, "none");
   for (const char* effect : {"friction", "texture", "bump_normal", "viscosity", "materials"}) {
     r.effects[effect] = per_tick(folder, program, large, n, effect) - r.instructions_512;
@@ -205,6 +207,16 @@ void count_instructions(std::ostream& progress, const Folder& folder, const std:
 }
 
 }  // namespace
+
+std::vector<double> tick_instructions(const std::string& programs, const std::string& run,
+                                      long ticks, const std::string& scratch) {
+  auto each =
+      callgrind_rounds(programs + "/teletact_haptic_count", {run, std::to_string(ticks), "none"},
+                       "*HapticTask::step*", "*HapticReplay::next*", scratch);
+  if (each.size() != static_cast<std::size_t>(ticks))
+    throw std::runtime_error("callgrind of " + run + ": ticks are not told apart");
+  return each;
+}
 
 HapticBenchResult bench_haptic(std::ostream& progress, const HapticBenchOptions& options) {
   rt::Startup startup;
@@ -214,11 +226,13 @@ HapticBenchResult bench_haptic(std::ostream& progress, const HapticBenchOptions&
   progress << "fusing the table\n";
   r.blocks_512 = record(startup.token(), 512, 0, large).blocks;
   r.clock_us = clock_cost_us();
+  const OtherLoad others;
   for (const char* method : {"constrained", "nearest", "nearest10"}) {
     progress << method << "\n";
     r.methods.push_back(time_method(startup.token(), large, method, options.passes));
   }
   time_reduction(r);
+  r.other_load = others.cores();
   if (!options.instructions) {
     r.not_counted = "not asked for";
     return r;
@@ -227,79 +241,6 @@ HapticBenchResult bench_haptic(std::ostream& progress, const HapticBenchOptions&
       record(startup.token(), 64, static_cast<std::size_t>(2 * options.count_ticks), small).blocks;
   count_instructions(progress, folder, large, small, options, r);
   return r;
-}
-
-std::vector<BenchMetric> HapticBenchResult::metrics() const {
-  std::vector<BenchMetric> m;
-  for (const HapticMethodRow& row : methods) {
-    const std::string name = &row == methods.data() ? "haptic.tick_" : "haptic." + row.method + "_";
-    m.push_back({name + "p50_us", row.p50_us, "us"});
-    m.push_back({name + "p99_us", row.p99_us, "us"});
-    m.push_back({name + "max_us", row.max_us, "us"});
-  }
-  m.push_back({"haptic.tick_free_p50_us", methods.front().free_p50_us, "us"});
-  m.push_back({"haptic.clock_us", clock_us, "us"});
-  m.push_back({"haptic.reduction_p50_us", reduction_p50_us, "us"});
-  m.push_back({"haptic.reduction_p99_us", reduction_p99_us, "us"});
-  if (guarded) {
-    m.push_back({"haptic.tick_allocations", allocations, "1"});
-    m.push_back({"haptic.tick_locks", locks, "1"});
-  }
-  if (instructions_512 > 0) {
-    m.push_back({"haptic.tick_instructions", instructions_512, "1"});
-    m.push_back({"haptic.tick_instructions_64", instructions_64, "1"});
-    m.push_back({"haptic.tick_instructions_ratio", instructions_512 / instructions_64, "1"});
-    m.push_back({"haptic.effect.none.instructions", none_over_plain, "1"});
-    for (const auto& [name, value] : effects) {
-      m.push_back({"haptic.effect." + name + ".instructions", value, "1"});
-    }
-  }
-  return m;
-}
-
-void HapticBenchResult::print(std::ostream& out) const {
-  char line[256];
-  std::snprintf(line, sizeof line,
-                "thread CPU of a step in contact, blend running, map of 512^3 voxels (%d blocks); "
-                "the two clock readings, %.2f us, are in it\n",
-                blocks_512, clock_us);
-  out << line;
-  for (const HapticMethodRow& row : methods) {
-    std::snprintf(line, sizeof line,
-                  "  %-12s p50 %6.2f  p99 %6.2f  max %7.2f us  (%zu ticks; free p50 %.2f, p99 "
-                  "%.2f us)\n",
-                  row.method.c_str(), row.p50_us, row.p99_us, row.max_us, row.contact,
-                  row.free_p50_us, row.free_p99_us);
-    out << line;
-  }
-  std::snprintf(line, sizeof line,
-                "reduction of force_shading over 217088 points: p50 %.1f, p99 %.1f us\n",
-                reduction_p50_us, reduction_p99_us);
-  out << line;
-  if (guarded) {
-    std::snprintf(line, sizeof line, "inside of a step: %.0f allocations, %.0f locks\n",
-                  allocations, locks);
-    out << line;
-  } else {
-    out << "allocations and locks: not counted, the guard is not linked in\n";
-  }
-  if (instructions_512 <= 0) {
-    out << "instructions: not counted, " << not_counted << "\n";
-    return;
-  }
-  std::snprintf(line, sizeof line,
-                "instructions a tick: %.0f at 512^3 (%d blocks), %.0f at 64^3 (%d blocks), ratio "
-                "%.3f\n",
-                instructions_512, blocks_512, instructions_64, blocks_64,
-                instructions_512 / instructions_64);
-  out << line;
-  std::snprintf(line, sizeof line, "  no effect asked for: %+.1f of a build without effects\n",
-                none_over_plain);
-  out << line;
-  for (const auto& [name, value] : effects) {
-    std::snprintf(line, sizeof line, "  %-12s %+.0f\n", name.c_str(), value);
-    out << line;
-  }
 }
 
 }  // namespace teletact

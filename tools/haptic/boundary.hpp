@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "tools/bench/bench_metric.hpp"
+#include "tools/bench/limit.hpp"
 
 namespace teletact {
 
@@ -77,6 +78,10 @@ struct BoundaryResult {
   std::vector<PassivityRow> passivity;
   std::vector<std::pair<double, MaterialRow>> materials;  // by rate
   std::vector<TextureRow> textures;
+  // Boundary within 20 % of the formula; E + booked >= -1 mJ with the controller; materials change the force by at most 0.15 N a tick beyond
+  // the hand's motion; ten loops over bumps, as a height, cost at most 0.2 mJ.
+  [[nodiscard]] std::vector<Limit> limits() const;
+  [[nodiscard]] int missed() const { return teletact::missed(limits()); }
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;
   [[nodiscard]] std::string drawing() const;  // SVG: largest K over b / (T/2 + t_d)

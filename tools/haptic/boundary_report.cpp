@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <tuple>
 
 #include "tools/haptic/boundary.hpp"
 #include "tools/plot/svg.hpp"
@@ -18,6 +19,35 @@ std::string delay_text(const LoopSetting& s) {
 }
 
 }  // namespace
+
+std::vector<Limit> BoundaryResult::limits() const {
+  const auto all_figures = metrics();
+  const auto figure = [&](const char* name) {
+    for (const BenchMetric& m : all_figures) {
+      if (m.name == name) return m.value;
+    }
+    return std::nan("");
+  };
+  const std::string none = "nothing of it was run";
+  const bool plain =
+      std::any_of(rows.begin(), rows.end(), [](const BoundaryRow& row) { return row.plain(); });
+  Limits all;
+  for (const auto& [name, sense, limit] : {std::tuple{"haptic.boundary.ratio_min", ">=", 0.8},
+                                           {"haptic.boundary.ratio_max", "<=", 1.2}}) {
+    all.add(std::string("K max over b/(T/2+t_d), ") + (*sense == '>' ? "least" : "largest"),
+            figure(name), sense, limit, plain ? "" : none);
+  }
+  all.add("least E + booked, controller on, mJ", figure("haptic.passivity.energy_min_mJ"), ">=", -1,
+          passivity.empty() && materials.empty() ? none : "");
+  for (const char* change : {"border", "flicker", "friction", "amplitude", "period"}) {
+    all.add(std::string("raw step beyond the hand's, ") + change + ", N",
+            figure(("haptic.materials." + std::string(change) + "_N").c_str()), "<=", 0.15,
+            materials.empty() ? none : "");
+  }
+  all.add("ten loops over bumps, mJ", figure("haptic.texture.loops_mJ"), "<=", 0.2,
+          textures.empty() ? none : "");
+  return all.all();
+}
 
 std::vector<BenchMetric> BoundaryResult::metrics() const {
   double low = std::numeric_limits<double>::infinity(), high = 0, energy = low, off = low, pc = 0;
@@ -98,6 +128,7 @@ void BoundaryResult::print(std::ostream& out) const {
                   1e-3 * row.stiffness, 1e3 * row.height_J, 1e3 * row.normal_J);
     out << line;
   }
+  teletact::print(out, limits());
 }
 
 std::string BoundaryResult::drawing() const {

@@ -16,28 +16,26 @@ int TouchedPath::surfaces_touched() const {
       std::count_if(p.begin(), p.end() - 1, [](const auto& f) { return f.contact_s >= 0.5; }));
 }
 
-std::vector<std::string> TouchedPath::missed() const {
+std::vector<Limit> TouchedPath::limits() const {
   const TouchedRow& row = rows.front();
-  std::vector<std::string> out;
-  const auto ask = [&](bool holds, const char* what) {
-    if (!holds) out.emplace_back(what);
-  };
   const auto touched = [&](Place::Kind kind) {
+    int n = 0;
     for (std::size_t i = 0; i < places.size(); ++i) {
-      if (places[i].kind == kind && row.places[i].contact_s >= 0.5) return true;
+      n += places[i].kind == kind && row.places[i].contact_s >= 0.5 ? 1 : 0;
     }
-    return false;
+    return n;
   };
-  ask(1.5e-3 * static_cast<double>(row.contact) >= seconds, "time in contact");
-  ask(surfaces_touched() >= 5, "five surfaces");
-  ask(touched(Place::Kind::kWall), "wall");
-  ask(touched(Place::Kind::kEdge), "edge");
-  ask(touched(Place::Kind::kCorner), "corner");
-  ask(row.jump_share() <= 0.01, "share of raw steps over K|dh| + 0.5 N");
-  ask(row.longest_jump <= 2, "longest run of them");
-  ask(row.not_finite == 0, "finite");
-  ask(row.sunk + row.flipped == 0, "through the surface");
-  return out;
+  Limits all;
+  all.add("time in contact, s", 1e-3 * static_cast<double>(row.contact), ">=", seconds / 1.5);
+  all.add("surfaces touched", surfaces_touched(), ">=", 5);
+  all.add("walls touched", touched(Place::Kind::kWall), ">=", 1);
+  all.add("edges touched", touched(Place::Kind::kEdge), ">=", 1);
+  all.add("corners touched", touched(Place::Kind::kCorner), ">=", 1);
+  all.add("raw steps over K|dh| + 0.5 N, %", 100 * row.jump_share(), "<=", 1);
+  all.add("most of them in a row, ticks", static_cast<double>(row.longest_jump), "<=", 2);
+  all.add("ticks not finite", static_cast<double>(row.not_finite), "<=", 0);
+  all.add("ticks through the surface", static_cast<double>(row.sunk + row.flipped), "<=", 0);
+  return all.all();
 }
 
 void TouchedPath::print(std::ostream& out) const {
@@ -106,10 +104,28 @@ void TouchedPath::print(std::ostream& out) const {
         degrees(place.out_W[0]), degrees(place.out_W[1]));
     out << line;
   }
-  const auto names = missed();
-  out << "  seed " << seed << (names.empty() ? ": within all limits" : ": MISSED");
-  for (const std::string& name : names) out << (&name == names.data() ? " " : ", ") << name;
+  out << "  seed " << seed
+      << (teletact::missed(limits()) == 0 ? ": within all limits" : ": MISSED");
+  const char* between = " ";
+  for (const Limit& l : limits()) {
+    if (l.state != Limit::State::kMissed) continue;
+    out << between << l.what;
+    between = "; ";
+  }
   out << "\n";
+}
+
+std::vector<Limit> RecordingTouchResult::limits() const {
+  std::vector<Limit> worst;
+  for (const TouchedPath& path : paths) {
+    const auto of_path = path.limits();
+    if (worst.empty()) worst = of_path;
+    for (std::size_t i = 0; i < of_path.size(); ++i) {
+      const Limit &l = of_path[i], &w = worst[i];
+      if (l.sense == std::string(">=") ? l.value < w.value : l.value > w.value) worst[i] = l;
+    }
+  }
+  return worst;
 }
 
 std::vector<BenchMetric> RecordingTouchResult::metrics() const {
@@ -148,6 +164,7 @@ void RecordingTouchResult::print(std::ostream& out) const {
                 seconds, frames_played, integrated);
   out << line;
   for (const TouchedPath& p : paths) p.print(out);
+  teletact::print(out, limits());
 }
 
 namespace {

@@ -13,6 +13,7 @@
 
 #include "drivers/camera/tum_reader.hpp"
 #include "tools/bench/bench_metric.hpp"
+#include "tools/bench/limit.hpp"
 #include "tools/haptic/map_path.hpp"
 #include "tools/haptic/run_file.hpp"
 
@@ -71,10 +72,10 @@ struct TouchedPath {
   std::vector<Place> places;
   std::vector<TouchedRow> rows;                // the first is the product's method
   [[nodiscard]] int surfaces_touched() const;  // places with half a second of contact
-  // What of this a path of the product's method is not: two thirds of the time in contact; five surfaces, with a wall, an
+  // Of the product's method: two thirds of the time in contact; five surfaces, with a wall, an
   // edge and a corner; at most 1 % of the contact ticks over K |dh| + 0.5 N, not more than two in a row; all
   // finite; nowhere through the surface.
-  [[nodiscard]] std::vector<std::string> missed() const;
+  [[nodiscard]] std::vector<Limit> limits() const;
   void print(std::ostream& out) const;
 };
 
@@ -82,6 +83,8 @@ struct RecordingTouchResult {
   int frames_played = 0, integrated = 0;
   double seconds = 0;
   std::vector<TouchedPath> paths;
+  [[nodiscard]] std::vector<Limit> limits() const;  // the path that is worst at each
+  [[nodiscard]] int missed() const { return teletact::missed(limits()); }
   [[nodiscard]] std::vector<BenchMetric> metrics() const;  // the worst of all paths
   void print(std::ostream& out) const;
   // SVG, first path: force, and raw step a tick, of every method over time.

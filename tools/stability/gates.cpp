@@ -42,16 +42,11 @@ void smaller(std::vector<float>& cpu, const std::vector<float>& other) {
 }
 
 void take_times(Gates& gates, std::vector<float> cpu, std::vector<std::uint32_t> work) {
-  std::vector<float> of_sample;
-  for (std::size_t i = 0; i < cpu.size(); ++i) {
-    if (work[i] > 0) of_sample.push_back(cpu[i] / static_cast<float>(work[i]));
-  }
   gates.cpu_p50_us = static_cast<double>(quantile(cpu, 0.5));
   gates.cpu_p99_us = static_cast<double>(quantile(cpu, 0.99));
   gates.cpu_max_us = static_cast<double>(quantile(cpu, 1));
   gates.work_p99 = quantile(work, 0.99);
   gates.work_max = quantile(work, 1);
-  gates.cpu_by_work_us = gates.work_p99 * static_cast<double>(quantile(of_sample, 0.5));
 }
 
 }  // namespace
@@ -70,9 +65,10 @@ const char* name_of(Yardstick by) {
 
 void add_gates(Run& run, const Gates& gates) {
   const std::size_t own = run.checks.size();
-  add(run, "gate: step CPU p99 us", gates.counted ? gates.cpu_by_work_us : gates.cpu_p99_us,
-      kStepCpu_us);
-  if (gates.counted) {
+  if (!gates.counted) {
+    add(run, "gate: step CPU p99 us", gates.cpu_p99_us, kStepCpu_us);
+  } else {
+    add(run, "gate: step instructions p99", instructions_of(gates.work_p99), kStepInstructions);
     add(run, "gate: allocations in steps", static_cast<double>(gates.allocations), 0);
     add(run, "gate: locks in steps", static_cast<double>(gates.locks), 0);
   }

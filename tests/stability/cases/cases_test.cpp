@@ -78,8 +78,12 @@ TEST_P(FusedCase, FailsAsListed) {
 
 // The gates see what they are for.
 TEST(Gates, EachIsMissedByWhatBreaksIt) {
+  constexpr auto kMostSamples =
+      static_cast<std::uint32_t>((stability::kStepInstructions - stability::kInstructionsOfATick) /
+                                 stability::kInstructionsOfASample);
   stability::Gates good;
   good.counted = true;
+  good.work_p99 = kMostSamples;
   good.digest = good.digest_again = 7;
   good.force_max_N = 12;
   const auto missed = [](const stability::Gates& gates) {
@@ -93,7 +97,12 @@ TEST(Gates, EachIsMissedByWhatBreaksIt) {
   };
   EXPECT_EQ(missed(good), "");
   stability::Gates bad = good;
-  bad.cpu_by_work_us = 25.1;
+  bad.work_p99 = kMostSamples + 1;
+  EXPECT_EQ(missed(bad), "gate: step instructions p99;");
+  // Where nothing is counted the time is judged, and not the samples.
+  bad.counted = false;
+  EXPECT_EQ(missed(bad), "");
+  bad.cpu_p99_us = 25.1;
   EXPECT_EQ(missed(bad), "gate: step CPU p99 us;");
   bad = good;
   bad.allocations = 1;

@@ -369,33 +369,4 @@ TEST(HapticTask, AStepAllocatesNothingAndWaitsForNothing) {
   EXPECT_EQ(rt_guard::counts().total(), 0U);
 }
 
-TEST(HapticTask, CostOfATick) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  GTEST_SKIP() << "a sanitizer's own cost is no figure of the step";
-#endif
-  Scene s;
-  s.solid = [](const Vec3& p, double) { return solids::room_corner(p); };
-  s.nodes = 64;
-  Rig r(s);
-  std::vector<double> contact, free;
-  const auto sort = [&](const std::vector<Row>& rows) {
-    for (const Row& row : rows) (row.telemetry.in_contact ? contact : free).push_back(row.cpu_us);
-  };
-  const Path path({{-0.04, -0.04, 0.01},
-                   {-0.04, -0.04, -0.006},
-                   {0.006, 0.006, -0.006},
-                   {0.006, 0.006, 0.03},
-                   {-0.01, -0.01, 0.03},
-                   {0.006, 0.006, -0.006}},
-                  0.1);
-  sort(r.run(path, 0, path.duration()));
-  sort(r.run([](double t) { return Vec3(-0.03 + 0.01 * t, -0.03, 0.02); }, 0, 1));
-  std::printf(
-      "thread CPU of a step, blend running: contact p50 %.2f p99 %.2f max %.2f us (%zu ticks); "
-      "free p50 %.2f p99 %.2f us\n",
-      rig::percentile(contact, 0.5), rig::percentile(contact, 0.99), rig::percentile(contact, 1),
-      contact.size(), rig::percentile(free, 0.5), rig::percentile(free, 0.99));
-  EXPECT_LE(rig::percentile(contact, 0.99), 100);  // the budget; the aim is 25
-}
-
 }  // namespace

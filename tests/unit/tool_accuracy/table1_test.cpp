@@ -13,7 +13,7 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
-using State = Table1Result::Limit::State;
+using State = Limit::State;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 std::string printed(const Table1Result& r) {

@@ -324,6 +324,18 @@ Table2Result bench_table2(std::ostream& progress, const std::string& folder, boo
   return result;
 }
 
+std::vector<Limit> Table2Result::limits() const {
+  const std::string why_not = images > 0 ? "" : "no images";
+  Limits all;
+  all.add("PRI", ours.mean.pri, ">=", 0.80, why_not);
+  all.add("BDE, px", ours.mean.bde_px, "<=", 12.5, why_not);
+  all.add("GCE", ours.mean.gce, "<=", 0.22, why_not);
+  all.add("VOI, bit", ours.mean.voi_bits, "<=", 2.2, why_not);
+  all.add("regions to people's", ours.region_ratio, ">=", 0.5, why_not);
+  all.add("regions to people's", ours.region_ratio, "<=", 2.0, why_not);
+  return all.all();
+}
+
 std::vector<BenchMetric> Table2Result::metrics() const {
   std::vector<BenchMetric> m;
   const auto put = [&](const std::string& head, const Table2Row& r) {
@@ -358,6 +370,7 @@ void Table2Result::print(std::ostream& out) const {
   print_row(out, "  CTM", .7796, 19.198, .3647, -1, 0, 0);
   print_row(out, "  mean shift", .7769, 13.162, .5811, -1, 0, 0);
   print_row(out, "  the paper", .73876, 14.216, .5432, -1, 0, 0);
+  teletact::print(out, limits());
 }
 
 }  // namespace teletact

@@ -15,6 +15,7 @@
 
 #include "perception/segmentation/measures.hpp"
 #include "tools/bench/bench_metric.hpp"
+#include "tools/bench/limit.hpp"
 
 namespace teletact {
 
@@ -29,6 +30,9 @@ struct Table2Result {
   int images = 0, maps = 0;
   Table2Row people, ours, odd, even, paper_protocol, mean_shift;
 
+  // Of ours: PRI >= .80, BDE <= 12.5 px, GCE <= .22, VOI <= 2.2 bit, .5 to 2 times as many regions as people see.
+  [[nodiscard]] std::vector<Limit> limits() const;
+  [[nodiscard]] int missed() const { return teletact::missed(limits()); }
   [[nodiscard]] std::vector<BenchMetric> metrics() const;
   void print(std::ostream& out) const;
 };

@@ -1,5 +1,6 @@
 #include "tools/bench/table2/touches.hpp"
 #include "rt/clock/box_time.hpp"
+#include "tools/bench/other_load.hpp"
 
 #include <algorithm>
 #include <cctype>
@@ -286,6 +287,7 @@ TouchRow run_folder(const fs::path& folder, const Kind& kind, std::uint64_t seed
 
 TouchResult bench_touches(std::ostream& progress, const std::string& folder, std::uint64_t seed,
                           const perception::TouchConfig& config, bool touches_only) {
+  const OtherLoad others;
   TouchResult result;
   result.seed = seed;
   std::error_code ec;
@@ -311,6 +313,7 @@ TouchResult bench_touches(std::ostream& progress, const std::string& folder, std
     result.rows.push_back(run_folder(f, *kind, seed, config, touches_only, progress));
   }
   progress << "\r                                        \r";
+  result.other_load = others.cores();
   if (result.rows.empty()) {
     throw std::runtime_error(folder +
                              ": neither has rgb, depth, label and intrinsics.txt nor holds folders "
@@ -327,6 +330,23 @@ std::string TouchRow::name() const {
     c = std::isalnum(byte) != 0 ? static_cast<char>(std::tolower(byte)) : '_';
   }
   return name;
+}
+
+std::vector<Limit> TouchResult::limits() const {
+  Limits all;
+  const std::string busy = disturbed(other_load);
+  for (const TouchRow& r : rows) {
+    const std::string name = r.name();
+    if (name == "mosd") all.add("mosd, mean IoU", r.iou_default, ">=", 0.85);
+    if (name == "tabletop") all.add("tabletop, mean IoU", r.iou_default, ">=", 0.80);
+    const auto time = [&](const char* what, double ms, double limit_ms, const char* none) {
+      all.add(name + what, ms, "<=", limit_ms, ms == 0 ? none : busy);
+    };
+    time(", answer to a touch, ms", r.touch_ms, 12, "no touch was followed");
+    time(", a frame with one object, ms", r.follow_ms, 3.3, "no object was followed");
+    time(", each further object, ms", r.further_ms, 0.5, "no image with two objects");
+  }
+  return all.all();
 }
 
 std::vector<BenchMetric> TouchResult::metrics() const {
@@ -371,6 +391,7 @@ void TouchResult::print(std::ostream& out) const {
                   r.touch_ms, r.touch_p95_ms, r.follow_ms, r.further_ms, r.iou_fused);
     out << line;
   }
+  teletact::print(out, limits());
 }
 
 }  // namespace teletact
