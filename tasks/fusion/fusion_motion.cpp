@@ -83,7 +83,7 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
     return r.state != TrackingState::kLost && !open() &&
            watch_.explains(pyramid, model(), r.X_WC) < config_.motion.least_explained;
   };
-  // Nor is a camera lost whose place most of the image knows.
+  // Nor is a camera lost whose place most of the image knows well enough to claim it.
   const bool lost = r.state == TrackingState::kLost && m.consensus.pairs > 0;
   if ((carried() || lost) && !by_majority) {
     work += r.work;
@@ -93,6 +93,10 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
   if (carried()) {
     work += r.work;
     tracker_.track(model(), prior, m.X_WC, {0, 0, 0}, r);
+  }
+  if (lost && !r.claimed) {
+    r.state = TrackingState::kLost;
+    r.X_WC = prior.X_WC;
   }
   if (!m.certain) r.claimed = r.fully_constrained = false;
   r.work += work + m.work;

@@ -164,7 +164,7 @@ TEST(Options, WhatCanNotBeIsRefusedBeforeAnythingStarts) {
        "nearest known key"},
       {"fuse --rgbd " + in + " --poses " + in + "/o --ply " + in + "/q --pixel-step 9",
        "--pixel-step"},
-      {"demo --scene nosuch", "none of the names in config/scenes: arm, corridor, default_room"},
+      {"demo --scene nosuch", "none of the names in config/scenes: any_recording, arm, corridor"},
       {"accuracy fusion --voxels 1", "--voxels"},
       {"accuracy fusion --scenes nowhere", "nowhere"},
       {"accuracy segmentation", "--data"},
