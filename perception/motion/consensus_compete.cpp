@@ -14,6 +14,8 @@ constexpr int kHandful = 6;  // cells of a random hypothesis
 constexpr double kUnlikely = 0.25;
 constexpr double kOutvoted = 0.97;
 constexpr double kLeastRest = 0.05;  // of the pixels: less can not rival the winner
+// Of a cell: by less than this two poses that fit it differ by noise alone, in either's favour.
+constexpr float kByNoise = 0.1F;
 
 }  // namespace
 
@@ -139,7 +141,9 @@ double Consensus::only(const Stand& a, const Stand& b, float most_scale) const n
   for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c) {
     const float ours = a.pairs[c] < kLeastPairs ? 0 : a.pairs[c] / (1 + a.misfit[c] / scale),
                 theirs = b.pairs[c] < kLeastPairs ? 0 : b.pairs[c] / (1 + b.misfit[c] / scale);
-    sum += static_cast<double>(remembered_[c] * std::max(ours - theirs, 0.0F));
+    sum += static_cast<double>(
+        remembered_[c] *
+        std::max(ours - theirs - kByNoise * std::max(a.pairs[c], b.pairs[c]), 0.0F));
   }
   return sum;
 }

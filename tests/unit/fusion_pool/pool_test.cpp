@@ -148,6 +148,7 @@ TEST(FusionPool, ScalarReferenceGivesTheSameBytes) {
 struct Passage {
   std::vector<std::uint64_t> frames;  // hash after each
   int put_away = 0, found_after = 0;  // chunks; frames
+  int claimed = 0;                    // of the drive's 90 frames, which begins at full speed
   int far_blocks = 0, fetched = 0;    // before the search; of them brought back by it
   double off_m = 0;
   std::uint64_t forks = 0;
@@ -171,6 +172,7 @@ Passage passage(int workers) {
   const auto see = [&](const AnalyticScene& scene, const Pose& X_WC) {
     rig.see(scene, X_WC, 0.001);
     p.put_away += rig.out.paging.put_away;
+    p.claimed += rig.out.camera.claimed && p.frames.size() < 90 ? 1 : 0;
     add_frame(h, *rig.task, rig.out);
     p.frames.push_back(h.digest());
   };
@@ -193,6 +195,7 @@ TEST(FusionPool, FarBlocksThatComeBackForALostCameraGiveTheSameBytes) {
   std::printf(
       "  %d chunks put away; %d of %d blocks brought back; found after %d frames, %.1f mm off\n",
       alone.put_away, alone.fetched, alone.far_blocks, alone.found_after, 1e3 * alone.off_m);
+  EXPECT_GE(alone.claimed, 89) << "from the first frame on";
   EXPECT_GT(alone.put_away, 0);
   EXPECT_GT(alone.fetched, 0) << "before the frame that claims";
   EXPECT_LT(alone.found_after, 30);
