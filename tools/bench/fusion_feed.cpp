@@ -38,11 +38,12 @@ const tasks::FusionTask::Out& FusionFeed::run(bool fresh, perception::SurfacePat
   return out_;
 }
 
-void ClaimedError::add(const perception::Pose& X_WC, const perception::Pose& truth_WC) noexcept {
+double ClaimedError::add(const perception::Pose& X_WC, const perception::Pose& truth_WC) noexcept {
   if (count_++ == 0) X_TW_ = truth_WC * X_WC.inverse();
   const double off_m = ((X_TW_ * X_WC).translation() - truth_WC.translation()).norm();
   squares_m2_ += off_m * off_m;
   worst_m_ = std::max(worst_m_, off_m);
+  return off_m;
 }
 
 double ClaimedError::ate_mm() const noexcept {

@@ -43,7 +43,8 @@ class FusionFeed {
 // Distance of claimed camera positions from the truth, the first claimed pose aligned.
 class ClaimedError {
  public:
-  void add(const perception::Pose& X_WC, const perception::Pose& truth_WC) noexcept;
+  // How far off this one is, m.
+  double add(const perception::Pose& X_WC, const perception::Pose& truth_WC) noexcept;
   // RMS and largest; NaN when nothing was added.
   [[nodiscard]] double ate_mm() const noexcept;
   [[nodiscard]] double worst_mm() const noexcept;

@@ -57,12 +57,15 @@ Study study_of(const std::string& what, const FusionStudyOptions& fusion,
 }  // namespace
 
 int cmd_accuracy(int argc, char** argv) {
-  // It has options of its own.
+  // They have options of their own.
   if (argc > 1 && std::string(argv[1]) == "moving") return cmd_moving(argc - 1, argv + 1);
+  if (argc > 1 && std::string(argv[1]) == "recording") return cmd_recording(argc - 1, argv + 1);
   CLI::App app{
       "Error of a method against its CPU time, over its knobs. WHAT: fusion, weighting, "
       "segmentation, haptic; moving\n"
-      "(accuracy moving --help): what a thing that moves does to fusion.",
+      "(accuracy moving --help): what a thing that moves does to fusion; recording (accuracy "
+      "recording --help):\n"
+      "one recording in every order, begun anywhere.",
       "teletact accuracy"};
   std::string what, json, plots, intrinsics;
   FusionStudyOptions fusion;

@@ -18,7 +18,8 @@ int cmd_audit(int argc, char** argv);
 int cmd_replay(int argc, char** argv);
 int cmd_bench(int argc, char** argv);
 int cmd_accuracy(int argc, char** argv);
-int cmd_moving(int argc, char** argv);  // accuracy moving
+int cmd_moving(int argc, char** argv);     // accuracy moving
+int cmd_recording(int argc, char** argv);  // accuracy recording
 int cmd_stability(int argc, char** argv);
 
 }  // namespace teletact
