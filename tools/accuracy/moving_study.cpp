@@ -102,6 +102,17 @@ std::string line_of(const MovingRow& row) {
   return text + (failed.empty() ? " ok\n" : "\n");
 }
 
+std::vector<MovingSetting> settings_of(const MovingSample& sample, const MovingOptions& options) {
+  std::vector<MovingSetting> all;
+  for (const double voxel_mm : options.voxels_mm) {
+    for (const int level : options.levels) all.push_back({voxel_mm, level, options.surfaces});
+  }
+  // Movers and halves of the shares come round after twelve samples.
+  if (options.spread && !all.empty())
+    all = {all[static_cast<std::size_t>(sample.index / 12) % all.size()]};
+  return all;
+}
+
 std::vector<MovingRow> run_sample(rt::NonRealtime& nrt, const MovingSample& sample,
                                   const MovingOptions& options, std::ostream* said) {
   const MovingFilm film = film_moving(nrt, sample, options.colour);
@@ -110,22 +121,20 @@ std::vector<MovingRow> run_sample(rt::NonRealtime& nrt, const MovingSample& samp
     for (const MovingPeer& peer : run_moving_peers(film)) *said << peer.text();
   }
   std::vector<MovingRow> rows;
-  for (const double voxel_mm : options.voxels_mm) {
-    for (const int level : options.levels) {
-      const MovingSetting setting{voxel_mm, level, options.surfaces};
-      MovingRow row;
-      row.sample = sample, row.setting = setting;
-      row.share = film.share_most, row.share_last = film.share.back();
-      row.plain = run_moving(nrt, sample, film, V::kPlain, {voxel_mm, level, false}, nullptr);
-      for (const V v : {V::kAlone, V::kOdometry, V::kLying}) {
-        if (!has_variant(sample, v) || (v != V::kAlone && !options.odometry)) continue;
-        row.variant = v;
-        MovingSetting of = setting;
-        of.surfaces &= v == V::kAlone;
-        if (debug != nullptr) *debug << name_of(v) << "\n";
-        row.run = run_moving(nrt, sample, film, v, of, debug);
-        rows.push_back(row);
-      }
+  for (const MovingSetting& setting : settings_of(sample, options)) {
+    MovingRow row;
+    row.sample = sample, row.setting = setting;
+    row.share = film.share_most, row.share_last = film.share.back();
+    MovingSetting of = setting;
+    of.surfaces = false;
+    row.plain = run_moving(nrt, sample, film, V::kPlain, of, nullptr);
+    for (const V v : {V::kAlone, V::kOdometry, V::kLying}) {
+      if (!has_variant(sample, v) || (v != V::kAlone && !options.odometry)) continue;
+      row.variant = v;
+      of.surfaces = setting.surfaces && v == V::kAlone;
+      if (debug != nullptr) *debug << name_of(v) << "\n";
+      row.run = run_moving(nrt, sample, film, v, of, debug);
+      rows.push_back(row);
     }
   }
   return rows;

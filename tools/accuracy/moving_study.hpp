@@ -17,8 +17,9 @@ struct MovingOptions {
   std::uint64_t seed = 1;
   std::vector<double> voxels_mm{20, 10};
   std::vector<int> levels{0, 1, 2};
-  int only = -1;  // sample to run alone
-  int jobs = 1;   // samples at a time
+  bool spread = false;  // each sample at one of the settings, in turn by twelve, not at all of them
+  int only = -1;        // sample to run alone
+  int jobs = 1;         // samples at a time
   bool colour = false, debug = false, surfaces = true;
   bool odometry = true;  // and the runs with it, true and lying
   bool peers = false;    // others on the same frames (moving_peer.hpp), said on the progress
@@ -61,7 +62,10 @@ struct MovingStudy {
   std::vector<std::string> write_plots(const std::string& folder) const;
 };
 
-// The rows of one sample at all settings.
+// Of voxels and levels, those that a sample is run at.
+[[nodiscard]] std::vector<MovingSetting> settings_of(const MovingSample& sample,
+                                                     const MovingOptions& options);
+// The rows of one sample at its settings.
 [[nodiscard]] std::vector<MovingRow> run_sample(rt::NonRealtime& nrt, const MovingSample& sample,
                                                 const MovingOptions& options, std::ostream* said);
 [[nodiscard]] MovingStudy study_moving(std::ostream& progress, const MovingOptions& options);

@@ -48,6 +48,8 @@ int cmd_moving(int argc, char** argv) {
       ->check(CLI::Range(0, 3))
       ->delimiter(',')
       ->capture_default_str();
+  app.add_flag("--spread", o.spread,
+               "each sample at one voxel and level, in turn by twelve, in place of all of them");
   app.add_option("--jobs", o.jobs, "samples at a time")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();

@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
+#include <map>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "tests/unit/tool_moving/place.hpp"
@@ -103,6 +105,24 @@ TEST(FoundOnceAtRest, IsLetGo) {
                                    MovingVariant::kAlone, {20, 0, false}, nullptr);
   EXPECT_LE(run.masked_still, 0.01);
   EXPECT_LE(run.masked_still_p95, 0.03);
+}
+
+TEST(MovingSettings, SpreadTakesThemInTurnAndNoneIsLeftOut) {
+  MovingOptions o;
+  o.voxels_mm = {20, 10};
+  o.levels = {0, 1, 2};
+  MovingSample sample;
+  EXPECT_EQ(settings_of(sample, o).size(), 6U);
+  o.spread = true;
+  std::map<std::tuple<double, int, int, bool>, int> seen;
+  for (sample.index = 0; sample.index < 144; ++sample.index) {
+    const std::vector<MovingSetting> one = settings_of(sample, o);
+    ASSERT_EQ(one.size(), 1U);
+    const int kind = sample.index % 6;
+    ++seen[{one[0].voxel_mm, one[0].level, kind, (sample.index / 6 + sample.index) % 2 == 0}];
+  }
+  EXPECT_EQ(seen.size(), 72U);  // settings, movers, halves of the shares
+  for (const auto& [key, n] : seen) EXPECT_EQ(n, 2);
 }
 
 }  // namespace
