@@ -135,6 +135,7 @@ Effects RobotBox::effects() const {
   if (!camera_said_.empty()) out.emplace_back("camera: " + camera_said_, "camera.kind");
   for (const auto& name : camera_effects_)
     out.emplace_back("camera noise: " + name, "camera.noise");
+  if (world_->moves()) out.emplace_back("world: things that move", "world.mover");
   for (const auto& name : arm_effects_) out.emplace_back("robot: " + name, "robot.arm");
   for (const auto& name : bus_->plant().effects())
     out.emplace_back("robot: " + name, "robot.plant");

@@ -5,6 +5,7 @@
 namespace teletact {
 
 int cmd_demo(int argc, char** argv);
+int cmd_explain(int argc, char** argv);
 int cmd_fuse(int argc, char** argv);
 int cmd_film(int argc, char** argv);
 int cmd_touch(int argc, char** argv);

@@ -19,6 +19,7 @@ struct Command {
 constexpr std::array kCommands{
     Command{"demo", teletact::cmd_demo,
             "run both boxes on this machine, every device a twin; writes a report"},
+    Command{"explain", teletact::cmd_explain, "what a scene simulates, who asks, who pays"},
     Command{"fuse", teletact::cmd_fuse, "a recorded RGB-D sequence to camera poses and a mesh"},
     Command{"film", teletact::cmd_film, "a synthetic place to a recorded RGB-D sequence"},
     Command{"touch", teletact::cmd_touch, "a distance field and a hand path to forces"},

@@ -189,6 +189,7 @@ std::vector<Case> cases(const Folder& f, const camera_test::TumFolder& images) {
       {"fuse --rgbd " + images.path() + " --poses " + (f / "p.txt") + " --ply " + (f / "m.ply"),
        "fuse",
        {"fusion.frames", "fusion.cpu_p50_ms", "fusion.vertices"}},
+      {"explain empty_room", "explain", {"explain.asked", "explain.not_asked"}},
       {"film --frames 2 --out " + (f / "film"), "film", {"film.frames", "film.readings_share"}},
       {"touch --field " + (f / "floor.npy") + " --voxel 0.01 --path " + (f / "hand.csv") +
            " --out " + (f / "t.csv"),
