@@ -323,15 +323,17 @@ TEST(MessageFaults, WithoutFramesTheMapStaysWithoutStatesTheBoxesRampDown) {
   EXPECT_LT(largest_force(r, left + 0.3, 7), 0.01) << "limp until the next engage";
 }
 
-// Supervision publishes a hundred times a second; 25 of its modes do not come.
+// Supervision publishes a hundred times a second; 25 of its modes do not come, later 80.
 TEST(MessageFaults, ASilentModeMakesTheHandLimpAndHaltsTheRobot) {
-  const auto r = run(6.4, {{"drop", "mode", 340, 1, 25}, {"drop", "mode", 560, 1, 30}});
+  const auto r = run(7.4, {{"drop", "mode", 340, 1, 25}, {"drop", "mode", 560, 1, 80}});
   EXPECT_GT(largest_force(r, 3.0, 3.4), 1.0);
   EXPECT_LT(largest_force(r, 3.4 + 0.06 + 0.1 + 0.01, 3.63), 0.01) << "limp";
   EXPECT_GT(largest_force(r, 3.8, 4.2), 1.0) << "back with the mode";
-  EXPECT_GT(largest_speed(r, 5.3, 5.6), 0.1);
-  EXPECT_LT(largest_speed(r, 5.6 + 0.05 + 0.1 + 0.1, 5.9), 0.6 * largest_speed(r, 5.3, 5.6));
-  EXPECT_GT(largest_speed(r, 6.2, 6.4), 0.1) << "goes on by itself";
+  const double before = largest_speed(r, 5.3, 5.6);
+  EXPECT_GT(before, 0.1);
+  // Seen within a period of prediction, sent, and then no faster down than the base may.
+  EXPECT_LT(largest_speed(r, 6.3, 6.4), 0.5 * before);
+  EXPECT_GT(largest_speed(r, 7.1, 7.4), 0.1) << "goes on by itself";
 }
 
 // An old map makes no path; one that is under way is driven to its end.
