@@ -68,7 +68,7 @@ struct CameraPose {
   Pose X_WC = Pose::Identity();
   Tracking tracking = Tracking::kLost;
   bool claimed = false;  // definitions: fusion, "claimed"
-  rt::Time seen{};       // exposure of the newest claimed image: this one, or what the pose goes on from
+  rt::Time seen{};  // exposure of the newest claimed image: this one, or what the pose goes on from
 };
 
 // A path for the base on the ground, in W (z of the ground plane). planning -> prediction.
