@@ -124,6 +124,7 @@ bool LinkEndpoint::take(std::span<const std::uint8_t> message, rt::Time now, con
   } else if (!clock_.valid() || !plausible_instant(h.stamp_ns)) {
     taken = false;  // its stamps can not be read (yet)
   } else if (incoming_[index]) {
+    arrived_ = now;
     taken = incoming_[index](body, to_local(h.stamp_ns));
   }
   if (taken) {

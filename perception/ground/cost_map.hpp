@@ -24,7 +24,7 @@ struct CostMap {
 
   std::uint64_t seq = 0;      // 0 = never published
   rt::Time fused{};           // when it was made
-  rt::Time exposure{};        // newest image in it
+  rt::Time exposure{};        // newest image in it: one that was claimed
   bool ground_found = false;  // false: every cell is unknown and nothing may be planned
   double resolution = 0.05;   // m a cell
   int width = 0, height = 0;  // cells along x and y

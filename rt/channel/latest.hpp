@@ -3,6 +3,8 @@
 //   writer    T& begin_write(), fill it, publish(). An unpublished slot is simply written again.
 //   reader r  acquire(r): the newest value, by reference. The reference stays valid until that
 //             reader's h-th next acquire, h being the number of values the reader retains.
+//   With a value goes when it was published (of the writer's job, or of the message's arrival), and how unsure the
+//   instants in it are, where a clock of another box was converted.
 //
 // Protocol (one atomic word per retained value, H = sum of h, H + 2 slots, all seq_cst):
 //   writer  picks a slot that is neither the latest nor in any word, writes it, sets latest, then
@@ -36,6 +38,7 @@
 
 #include "rt/channel/ring.hpp"
 #include "rt/memory/non_realtime.hpp"
+#include "rt/time.hpp"
 
 namespace rt {
 
@@ -90,6 +93,8 @@ class LatestIndex {
     if (writing_ < 0) writing_ = find_free();
     return writing_;
   }
+  // Writer. The slot that begin_write() gave and publish() has not taken; -1: none.
+  [[nodiscard]] int writing() const noexcept { return writing_; }
   // Writer. Sequence of the value, from 1; 0 when no slot had been asked for.
   std::uint64_t publish() noexcept {
     if (writing_ < 0) return 0;
@@ -189,6 +194,8 @@ class Latest {
   struct View {
     const T* value = nullptr;  // null: nothing published yet
     std::uint64_t seq = 0;
+    Time at{};        // when it was published; zero where the writer did not say
+    Nanos unsure{0};  // of the instants in it
     explicit operator bool() const noexcept { return value != nullptr; }
     const T& operator*() const noexcept { return *value; }
     const T* operator->() const noexcept { return value; }
@@ -204,7 +211,7 @@ class Latest {
   // Set-up: calls f(T&) for each slot, to size buffers that the values own. Before the first use.
   template <class F>
   void for_each_slot(NonRealtime&, F&& f) {
-    for (int i = 0; i < index_.slots(); ++i) f(slots_[i]);
+    for (int i = 0; i < index_.slots(); ++i) f(slots_[i].value);
   }
 
   // Writer.
@@ -212,10 +219,16 @@ class Latest {
     const int slot = index_.begin_write();
     if (slot < 0) [[unlikely]]
       std::abort();  // excluded by the protocol: see above
-    return slots_[slot];
+    return slots_[slot].value;
   }
   // Writer. Returns the value's sequence, 1 for the first; 0 when begin_write() was not called.
-  std::uint64_t publish() noexcept { return index_.publish(); }
+  std::uint64_t publish(Time at = {}, Nanos unsure = Nanos{0}) noexcept {
+    if (const int slot = index_.writing(); slot >= 0) {
+      slots_[slot].at = at;
+      slots_[slot].unsure = unsure;
+    }
+    return index_.publish();
+  }
 
   // Reader `reader` (0 ... readers - 1), one thread at a time each.
   [[nodiscard]] View acquire(int reader) noexcept { return view(index_.acquire(reader)); }
@@ -230,6 +243,13 @@ class Latest {
   [[nodiscard]] int reader_count() const noexcept { return index_.readers(); }
 
  private:
+  struct Slot {
+    template <class... Args>
+    explicit Slot(const Args&... args) : value(args...) {}
+    T value;
+    Time at{};
+    Nanos unsure{0};
+  };
   // Slots apart by whole line pairs, in memory that is touched before the first construction.
   class Slots {
    public:
@@ -239,24 +259,25 @@ class Latest {
       std::memset(memory_, 0, bytes_);
     }
     ~Slots() {
-      while (made_ > 0) (*this)[--made_].~T();
+      while (made_ > 0) (*this)[--made_].~Slot();
       ::operator delete (memory_, bytes_, std::align_val_t{kAlign});
     }
     Slots(const Slots&) = delete;
     Slots& operator=(const Slots&) = delete;
     template <class... Args>
     void construct(const Args&... args) {
-      ::new (static_cast<void*>(memory_ + static_cast<std::size_t>(made_) * kStride)) T(args...);
+      ::new (static_cast<void*>(memory_ + static_cast<std::size_t>(made_) * kStride)) Slot(args...);
       ++made_;
     }
-    T& operator[](int i) noexcept {
-      return *std::launder(reinterpret_cast<T*>(memory_ + static_cast<std::size_t>(i) * kStride));
+    Slot& operator[](int i) noexcept {
+      return *std::launder(
+          reinterpret_cast<Slot*>(memory_ + static_cast<std::size_t>(i) * kStride));
     }
 
    private:
-    static constexpr std::size_t kAlign = alignof(T) > 4096 ? alignof(T) : 4096;
-    static constexpr std::size_t kUnit = alignof(T) > kLinePair ? alignof(T) : kLinePair;
-    static constexpr std::size_t kStride = (sizeof(T) + kUnit - 1) / kUnit * kUnit;
+    static constexpr std::size_t kAlign = alignof(Slot) > 4096 ? alignof(Slot) : 4096;
+    static constexpr std::size_t kUnit = alignof(Slot) > kLinePair ? alignof(Slot) : kLinePair;
+    static constexpr std::size_t kStride = (sizeof(Slot) + kUnit - 1) / kUnit * kUnit;
     std::size_t bytes_;
     std::byte* memory_;
     int made_ = 0;
@@ -264,7 +285,8 @@ class Latest {
 
   [[nodiscard]] View view(typename LatestIndex<Protocol>::Held held) noexcept {
     if (held.slot < 0) return {};
-    return {&slots_[held.slot], held.seq};
+    const Slot& slot = slots_[held.slot];
+    return {&slot.value, held.seq, slot.at, slot.unsure};
   }
 
   LatestIndex<Protocol> index_;

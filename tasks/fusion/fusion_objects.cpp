@@ -113,7 +113,7 @@ void FusionTask::write_objects(Out& out) noexcept {
         o.id, o.serial, o.seen, s.points > 0, s.X_FO, s.extent_m, s.centre_m, s.colour};
   }
   list.seq = ++objects_seq_;
-  list.exposure = exposure_;
+  list.exposure = seen_;
   list.mark_seq = published_answer_ = answered_seq_;
   list.answer = answer_;
   list.touched = answered_id_;

@@ -185,6 +185,8 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
   out.camera.X_WC = X_WC_;
   out.camera.tracking = static_cast<CameraPose::Tracking>(r.state);
   out.camera.claimed = r.claimed;
+  if (r.claimed) seen_ = frame.exposure;
+  out.camera.seen = seen_;
   out.camera_written = true;
 
   if (r.state == TrackingState::kLost) {

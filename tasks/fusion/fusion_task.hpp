@@ -322,6 +322,7 @@ class FusionTask {
   Eigen::Matrix<double, 6, 1> velocity_ = Eigen::Matrix<double, 6, 1>::Zero();  // of C, in C, per s
   rt::Time exposure_{};        // of the last frame consumed
   rt::Time fused_exposure_{};  // of the last frame integrated
+  rt::Time seen_{};            // of the last frame claimed
   std::uint64_t frames_ = 0, frames_claimed_ = 0, patch_seq_ = 0, view_seq_ = 0, map_seq_ = 0;
   std::uint64_t periods_ = 0, periods_since_map_ = 0;
   bool map_moves_ = false;  // the last cost map had something that moves

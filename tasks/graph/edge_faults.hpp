@@ -68,11 +68,11 @@ inline void age(perception::MeshDelta& m, rt::Nanos by) noexcept {
 }
 inline void age(SceneEdit& m, rt::Nanos by) noexcept { m.stamp -= by; }
 inline void age(perception::CostMap& m, rt::Nanos by) noexcept { m.fused -= by, m.exposure -= by; }
-inline void age(CameraPose& m, rt::Nanos by) noexcept { m.exposure -= by; }
+inline void age(CameraPose& m, rt::Nanos by) noexcept { m.exposure -= by, m.seen -= by; }
 inline void age(ObjectList& m, rt::Nanos by) noexcept { m.exposure -= by; }
 inline void age(HapticState& m, rt::Nanos by) noexcept { m.stamp -= by; }
 inline void age(TouchEvent& m, rt::Nanos by) noexcept { m.stamp -= by; }
-inline void age(Path& m, rt::Nanos by) noexcept { m.made -= by, m.mark_stamp -= by; }
+inline void age(Path& m, rt::Nanos by) noexcept { m.made -= by, m.mark_stamp -= by, m.seen -= by; }
 inline void age(TaskState& m, rt::Nanos by) noexcept { m.stamp -= by; }
 inline void age(ModeMsg& m, rt::Nanos by) noexcept { m.stamp -= by; }
 
@@ -123,22 +123,24 @@ inline void spoil(Path& m) noexcept {
 
 }  // namespace edge
 
-// Publishes `slot`, which is cell.begin_write() filled, through the gate. True: it is out.
+// Publishes `slot`, which is cell.begin_write() filled, through the gate. True: it is out. `at`, `unsure`: of the
+// publication (rt::Latest).
 template <class T>
-bool publish(EdgeGate& gate, rt::Latest<T>& cell, T& slot) noexcept {
+bool publish(EdgeGate& gate, rt::Latest<T>& cell, T& slot, rt::Time at,
+             rt::Nanos unsure = rt::Nanos{0}) noexcept {
   if (gate.empty()) {
-    cell.publish();
+    cell.publish(at, unsure);
     return true;
   }
   const rt::EdgeFaults fate = gate.next();
   if (fate.drop) return false;
   if (fate.stale.count() != 0) edge::age(slot, fate.stale);
   if (fate.nan) edge::spoil(slot);
-  cell.publish();
+  cell.publish(at, unsure);
   if (fate.duplicate) {
     // The published slot is read by others and written by nobody until the next publish.
     cell.begin_write() = slot;
-    cell.publish();
+    cell.publish(at, unsure);
   }
   return true;
 }

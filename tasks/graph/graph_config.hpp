@@ -8,6 +8,7 @@
 #include "tasks/capture/capture_task.hpp"
 #include "tasks/fusion/fusion_task.hpp"
 #include "tasks/graph/host_request.hpp"
+#include "tasks/graph/limits.hpp"
 #include "tasks/haptic/haptic_task.hpp"
 #include "tasks/planning/planning_task.hpp"
 #include "tasks/prediction/prediction_task.hpp"
@@ -25,6 +26,7 @@ struct GraphConfig {
   RobotIoConfig robot_io;
   CaptureConfig capture;
   SupervisionConfig supervision;
+  LimitsConfig limits;
   PoolConfig pool;
 
   void describe(config::Section& s) {
@@ -36,6 +38,7 @@ struct GraphConfig {
     robot_io.describe(s.section("robot_io", "base control"));
     capture.describe(s.section("capture", "image coding"));
     supervision.describe(s.section("supervision", "modes and health"));
+    limits.describe(s.section("limits", "how old a value may be for who reads it"));
     pool.describe(s.section("pool", "threads beside a task's own"));
   }
 };

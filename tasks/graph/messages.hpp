@@ -68,6 +68,7 @@ struct CameraPose {
   Pose X_WC = Pose::Identity();
   Tracking tracking = Tracking::kLost;
   bool claimed = false;  // definitions: fusion, "claimed"
+  rt::Time seen{};  // exposure of the newest claimed image: this one, or what the pose goes on from
 };
 
 // A path for the base on the ground, in W (z of the ground plane). planning -> prediction.
@@ -80,6 +81,7 @@ struct Path {
   std::int32_t size = 0;
   std::array<std::array<double, 3>, kMaxPoints> points{};  // x, y, yaw of the base in W
   Vec3 marked_W = Vec3::Zero();
+  rt::Time seen{};  // newest claimed image of the map that last let it pass
 };
 
 // planning -> supervision, console, prediction.

@@ -21,7 +21,7 @@ struct ObjectList {
     perception::Rgb colour;                                 // mean
   };
   std::uint64_t seq = 0;  // 0 = never published
-  rt::Time exposure{};
+  rt::Time exposure{};    // of the newest claimed image
   std::int32_t size = 0;
   std::array<Entry, perception::ObjectMap::kMost> entries{};
   // Of the newest mark that was answered.

@@ -106,7 +106,7 @@ void OperatorGraph::bind_link(rt::NonRealtime& nrt, drivers::LinkEndpoint& endpo
         const auto status = drivers::decode(decoder->encoded, exposure, decoder->scratch, slot);
         if (status != drivers::FrameStatus::kOk && status != drivers::FrameStatus::kNoColour)
           return false;
-        publish(frame_gate_, cells_->frame, slot);
+        publish(frame_gate_, cells_->frame, slot, endpoint.arrived(), endpoint.unsure());
         return true;
       });
   endpoint.add_incoming(drivers::MessageId::kRobotState,
@@ -116,7 +116,8 @@ void OperatorGraph::bind_link(rt::NonRealtime& nrt, drivers::LinkEndpoint& endpo
                           m.taken = endpoint.to_local(rt::ns_of(m.taken));
                           auto& slot = cells_->robot_state.begin_write();
                           slot = m;
-                          publish(state_gate_, cells_->robot_state, slot);
+                          publish(state_gate_, cells_->robot_state, slot, endpoint.arrived(),
+                                  endpoint.unsure());
                           return true;
                         });
   endpoint.add_outgoing(drivers::MessageId::kRobotGoal, std::chrono::milliseconds{50}, false,

@@ -83,6 +83,7 @@ struct OperatorRequests {
   std::atomic<int> engage{0};  // 0 absent, 1 no, 2 yes (SupervisionTask::Engage)
   std::atomic<bool> ramp_down{false}, stop{false}, clear{false};
   std::atomic<bool> watchdog_bit{false};
+  std::atomic<std::int64_t> console_ns{0};  // when the console last looked, local box time; 0 never
   std::atomic<std::uint64_t> mesh_taken{0};  // seq of the newest mesh delta that the console took
 };
 
@@ -120,6 +121,7 @@ class OperatorGraph {
   void bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint);
 
   [[nodiscard]] OperatorCells& cells() noexcept { return *cells_; }
+  [[nodiscard]] const GraphConfig& config() const noexcept { return config_; }
   [[nodiscard]] LinkStatus& link() noexcept { return link_; }
   [[nodiscard]] OperatorRequests& requests() noexcept { return requests_; }
   // What the operator asks of the scene; by the console's thread. False: no room now, ask again.

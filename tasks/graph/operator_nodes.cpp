@@ -31,7 +31,10 @@ HapticNode::HapticNode(rt::NonRealtime& nrt, const GraphConfig& config, const Op
       twin_cpu_(setup.device_twin_cpu),
       hash_(setup.hash_outputs),
       touch_gate_(setup.faults, "touch"),
-      hand_gate_(setup.faults, "hand") {}
+      hand_gate_(setup.faults, "hand"),
+      patch_in_(limit_row(EdgeId::kPatch, TaskId::kHaptic), config, cells.logs.get()),
+      mode_in_(limit_row(EdgeId::kMode, TaskId::kHaptic), config, cells.logs.get()),
+      camera_in_(limit_row(EdgeId::kCameraPose, TaskId::kHaptic), config, cells.logs.get()) {}
 
 void HapticNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   in_.stylus_ok = device_.sense(tick.start, in_.stylus);
@@ -40,12 +43,20 @@ void HapticNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
     const auto patch = cells_.patch.acquire_if_new(OperatorCells::kPatchHaptic);
     in_.patch_newest = patch.value;
     record.input_seq[0] = patch.seq;
+    // Told here; the task ramps the force down, since only it knows of a blend that it finishes first.
+    static_cast<void>(patch_in_.within(patch, tick.start));
   }
-  if (const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModeHaptic)) in_.mode = *mode;
+  const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModeHaptic);
+  if (mode) in_.mode = *mode;
+  const bool may_push = in_.mode.mode == Mode::kHold || in_.mode.mode == Mode::kEngaged;
+  if (!mode_in_.within(mode, tick.start) && may_push) in_.mode.mode = Mode::kRampDown;
   // While the clutch is held the workspace turns to where the camera looks, of which the operator sees the image.
   const auto camera = cells_.camera_pose.acquire_if_new(OperatorCells::kCameraHaptic);
   in_.clutch = in_.stylus_ok && in_.stylus.clutch;
-  if (camera && camera->claimed) in_.view_yaw_rad = yaw_of_view(camera->X_WC.linear());
+  if (!camera_in_.within(camera, tick.start))
+    in_.view_yaw_rad.reset();
+  else if (camera->claimed)
+    in_.view_yaw_rad = yaw_of_view(camera->X_WC.linear());
   // A box that holds because of a fault stays limp until the next engage: force does not come back
   // by a timeout.
   if (in_.mode.mode == Mode::kHold && in_.mode.cause != rt::kNoFault)
@@ -65,7 +76,7 @@ void HapticNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   device_.act(tick.start, out_.force);
   HapticState& hand = cells_.hand.begin_write();
   hand = out_.state;
-  const bool hand_out = publish(hand_gate_, cells_.hand, hand);
+  const bool hand_out = publish(hand_gate_, cells_.hand, hand, tick.start);
   for (int i = 0; i < out_.event_count; ++i) send(tick, out_.events[static_cast<std::size_t>(i)]);
   publish_health(health_of(cells_, TaskId::kHaptic), tick.start, health_);
   const auto& t = out_.telemetry;
@@ -129,7 +140,11 @@ FusionNode::FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const Op
       mesh_gate_(setup.faults, "mesh"),
       map_gate_(setup.faults, "cost_map"),
       camera_gate_(setup.faults, "camera_pose"),
-      objects_gate_(setup.faults, "objects") {
+      objects_gate_(setup.faults, "objects"),
+      frame_in_(limit_row(EdgeId::kFrame, TaskId::kFusion), config, cells.logs.get()),
+      hand_in_(limit_row(EdgeId::kHand, TaskId::kFusion), config, cells.logs.get()),
+      robot_in_(limit_row(EdgeId::kRobotState, TaskId::kFusion), config, cells.logs.get()),
+      edit_in_(limit_row(EdgeId::kEdit, TaskId::kFusion), config, cells.logs.get()) {
   if (config.fusion.map.empty()) return;
   const auto file = perception::read_map_file(nrt, config.fusion.map);
   if (!file) throw std::runtime_error("fusion.map: " + file.error());
@@ -138,7 +153,9 @@ FusionNode::FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const Op
 }
 
 // One a job, and none while the last region is still being cleared: the ring keeps the order.
-void FusionNode::take_edit() noexcept {
+void FusionNode::take_edit(rt::Time now) noexcept {
+  const rt::Time looked = rt::time_from_ns(requests_.console_ns.load(std::memory_order_relaxed));
+  if (looked != rt::Time{}) static_cast<void>(edit_in_.within(now, looked, now));
   in_.clear_W.reset();
   in_.virtual_obstacles_changed = edit_refused_ = false;
   edit_.reset();
@@ -156,16 +173,20 @@ void FusionNode::take_edit() noexcept {
   in_.virtual_obstacles_changed = !edit_refused_;
 }
 
-void FusionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
+void FusionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   const auto frame = cells_.frame.acquire_if_new(OperatorCells::kFrameFusion);
   in_.frame = frame.value;
-  in_.frame_fresh = frame.value != nullptr && frame.seq != frame_seq_;
+  in_.frame_fresh = frame_in_.within(frame, tick.start) && frame.seq != frame_seq_;
   frame_seq_ = frame.seq;
   const auto hand = cells_.hand.acquire_if_new(OperatorCells::kHandFusion);
-  if (hand) in_.hand = *hand;
+  // A hand of which nothing is heard any more is not followed on to where it was going.
+  if (hand_in_.within(hand, tick.start))
+    in_.hand = *hand;
+  else
+    in_.hand.v_WH = Vec3::Zero();
   const auto robot = cells_.robot_state.acquire_if_new(OperatorCells::kStateFusion);
   in_.odometry.reset();
-  if (robot && odometry_prior_) {
+  if (robot_in_.within(robot, tick.start) && odometry_prior_) {
     OdometryPrior prior;
     prior.taken = robot->taken;
     prior.X_OB.linear() = Eigen::AngleAxisd(robot->yaw_rad, Vec3::UnitZ()).toRotationMatrix();
@@ -177,7 +198,7 @@ void FusionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   record.input_seq[0] = frame.seq;
   record.input_seq[1] = hand.seq;
   record.input_seq[2] = robot.seq;
-  take_edit();
+  take_edit(tick.start);
   in_.mesh_taken = requests_.mesh_taken.load(std::memory_order_relaxed);
   out_.mesh = cells_.mesh == nullptr ? nullptr : &cells_.mesh->begin_write();
   out_.patch = &cells_.patch.begin_write();
@@ -196,7 +217,7 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   rt::Hash64 h;
   // What a gate lets out is hashed as it went out.
   const auto send = [&](EdgeGate& gate, auto& cell, auto& slot) {
-    if (publish(gate, cell, slot) && hash_) hash_output(h, slot);
+    if (publish(gate, cell, slot, tick.start) && hash_) hash_output(h, slot);
   };
   if (out_.patch_written) send(patch_gate_, cells_.patch, *out_.patch);
   if (out_.view_written) send(view_gate_, cells_.view, *out_.view);
@@ -263,19 +284,40 @@ PlanningNode::PlanningNode(rt::NonRealtime& nrt, const GraphConfig& config,
       cells_(cells),
       hash_(setup.hash_outputs),
       path_gate_(setup.faults, "path"),
-      task_gate_(setup.faults, "task") {}
+      task_gate_(setup.faults, "task"),
+      map_in_(limit_row(EdgeId::kCostMap, TaskId::kPlanning), config, cells.logs.get()),
+      robot_in_(limit_row(EdgeId::kRobotState, TaskId::kPlanning), config, cells.logs.get()),
+      objects_in_(limit_row(EdgeId::kObjects, TaskId::kPlanning), config, cells.logs.get()),
+      touch_in_(limit_row(EdgeId::kTouch, TaskId::kPlanning), config, cells.logs.get()),
+      mode_in_(limit_row(EdgeId::kMode, TaskId::kPlanning), config, cells.logs.get()) {
+  // Within an open mark an event comes this often at least.
+  const double event_s = 1 / config.haptic.mark_rate_hz;
+  if (2 * event_s > rt::seconds(touch_in_.limit().liveness)) {
+    throw std::runtime_error(
+        "limits.planning.touch_liveness_ms = " +
+        std::to_string(config.limits.liveness_ms[limit_row(EdgeId::kTouch, TaskId::kPlanning)]) +
+        " is less than two periods of haptic.mark_rate_hz = " +
+        std::to_string(config.haptic.mark_rate_hz));
+  }
+}
 
-void PlanningNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
+void PlanningNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   const int room = PlanningTask::kMaxEvents - in_.event_count;
-  in_.event_count += static_cast<int>(
+  const auto events = static_cast<int>(
       cells_.touch.pop_n(in_.events.data() + in_.event_count, static_cast<std::size_t>(room)));
+  in_.event_count += events;
+  if (events > 0) touch_heard_ = tick.start;
+  in_.touch_live = !task_.mark_open() || touch_in_.within(tick.start, touch_heard_, tick.start);
   const auto map = cells_.cost_map.acquire_if_new(OperatorCells::kMapPlanning);
   const auto robot = cells_.robot_state.acquire_if_new(OperatorCells::kStatePlanning);
   const auto objects = cells_.objects.acquire_if_new(OperatorCells::kObjectsPlanning);
+  const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModePlanning);
   in_.map = map.value;
-  in_.robot = robot.value;
-  in_.objects = objects.value;
-  if (const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModePlanning)) in_.mode = *mode;
+  in_.robot = robot_in_.within(robot, tick.start) ? robot.value : nullptr;
+  in_.objects = objects_in_.within(objects, tick.start) ? objects.value : nullptr;
+  if (mode) in_.mode = *mode;
+  in_.may_plan = map_in_.within(map, tick.start);
+  if (!mode_in_.within(mode, tick.start) && mode) in_.may_plan = false;
   record.input_seq[0] = map.seq;
   record.input_seq[1] = robot.seq;
   record.input_seq[2] = in_.mode.seq;
@@ -294,10 +336,10 @@ void PlanningNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept 
   in_.event_count = 0;
   Path& path = cells_.path.begin_write();
   path = out_.path;
-  const bool path_out = publish(path_gate_, cells_.path, path);
+  const bool path_out = publish(path_gate_, cells_.path, path, tick.start);
   TaskState& state = cells_.task.begin_write();
   state = out_.state;
-  const bool state_out = publish(task_gate_, cells_.task, state);
+  const bool state_out = publish(task_gate_, cells_.task, state, tick.start);
   publish_health(health_of(cells_, TaskId::kPlanning), tick.start, health_);
   auto& logs = *cells_.logs;
   auto& log = logs.of(TaskId::kPlanning);
@@ -337,18 +379,25 @@ PredictionNode::PredictionNode(rt::NonRealtime& nrt, const GraphConfig& config,
     : task_(nrt, config.prediction, setup.fusion.X_BC),
       cells_(cells),
       link_(link),
-      hash_(setup.hash_outputs) {
+      hash_(setup.hash_outputs),
+      robot_in_(limit_row(EdgeId::kRobotState, TaskId::kPrediction), config, cells.logs.get()),
+      path_in_(limit_row(EdgeId::kPath, TaskId::kPrediction), config, cells.logs.get()),
+      camera_in_(limit_row(EdgeId::kCameraPose, TaskId::kPrediction), config, cells.logs.get()),
+      mode_in_(limit_row(EdgeId::kMode, TaskId::kPrediction), config, cells.logs.get()) {
   in_.mode = &mode_;
 }
 
-void PredictionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
+void PredictionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   const auto robot = cells_.robot_state.acquire_if_new(OperatorCells::kStatePrediction);
   const auto path = cells_.path.acquire_if_new(OperatorCells::kPathPrediction);
   const auto camera = cells_.camera_pose.acquire_if_new(OperatorCells::kCameraPrediction);
+  const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModePrediction);
   in_.robot = robot.value;
-  in_.path = path.value;
-  in_.camera = camera.value;
-  if (const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModePrediction)) mode_ = *mode;
+  in_.robot_live = robot_in_.within(robot, tick.start);
+  in_.path = path && path->seq != 0 && path_in_.within(path, tick.start) ? path.value : nullptr;
+  in_.camera = camera_in_.within(camera, tick.start) ? camera.value : nullptr;
+  if (mode) mode_ = *mode;
+  mode_live_ = mode_in_.within(mode, tick.start);
   in_.round_trip = rt::Nanos{link_.round_trip_ns.load(std::memory_order_relaxed)};
   in_.round_trip_uncertainty = rt::Nanos{link_.uncertainty_ns.load(std::memory_order_relaxed)};
   in_.delay_known = in_.round_trip.count() > 0;
@@ -360,13 +409,15 @@ void PredictionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
 
 rt::Health PredictionNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   health_ = task_.step(tick, in_, out_);
+  // What the operator asked of the robot's box stays asked: only the base halts.
+  if (!mode_live_) out_.goal.engaged = 0;
   record.work = 1;
   return health_;
 }
 
 void PredictionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   cells_.goal.begin_write() = out_.goal;
-  cells_.goal.publish();
+  cells_.goal.publish(tick.start);
   publish_health(health_of(cells_, TaskId::kPrediction), tick.start, health_);
   if (!hash_) return;
   rt::Hash64 h;
@@ -411,7 +462,8 @@ SupervisionNode::SupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config
       link_(link),
       requests_(requests),
       hash_(setup.hash_outputs),
-      mode_gate_(setup.faults, "mode") {}
+      mode_gate_(setup.faults, "mode"),
+      robot_in_(limit_row(EdgeId::kRobotState, TaskId::kSupervision), config, cells.logs.get()) {}
 
 void SupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   for (std::size_t i = 0; i < kOperatorWatched.size(); ++i) {
@@ -430,12 +482,10 @@ void SupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcep
   const std::int64_t heard = link_.last_heard_ns.load(std::memory_order_relaxed);
   in_.link_expected = link_.expected.load(std::memory_order_relaxed);
   in_.link_heard = heard != 0 && robot;
-  // A line that carries everything but the robot's state is as good as silent.
-  if (robot.seq != state_seq_) {
-    state_seq_ = robot.seq;
-    state_heard_ = tick.start;
-  }
-  in_.link_last = std::min(rt::time_from_ns(heard), state_heard_);
+  // A line that carries everything but the robot's state, or that of long ago, is as good as silent.
+  in_.link_last = std::min(rt::time_from_ns(heard), robot.at);
+  if (robot && !robot_in_.within(robot, tick.start) && robot->taken != rt::Time{})
+    in_.link_last = std::min(in_.link_last, tick.start - 2 * robot_in_.limit().liveness);
   in_.link_refused = link_.refused.load(std::memory_order_relaxed);
   in_.link_closed = link_.closed.load(std::memory_order_relaxed);
   in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
@@ -456,7 +506,7 @@ void SupervisionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexce
   log_mode(*cells_.logs, TaskId::kSupervision, tick.start, out_.mode, logged_mode_);
   ModeMsg& mode = cells_.mode.begin_write();
   mode = out_.mode;
-  const bool mode_out = publish(mode_gate_, cells_.mode, mode);
+  const bool mode_out = publish(mode_gate_, cells_.mode, mode, tick.start);
   if (!hash_ || !mode_out) return;
   rt::Hash64 h;
   hash_output(h, mode);

@@ -1,6 +1,7 @@
 // The operator box's tasks as executors see them: latch the ports, run the pure step, commit.
 #pragma once
 
+#include "tasks/graph/limits.hpp"
 #include "tasks/graph/operator_graph.hpp"
 
 namespace tasks {
@@ -17,6 +18,7 @@ class HapticNode final : public rt::TaskBody {
     return twin_cpu_ ? twin_cpu_() : 0;
   }
   [[nodiscard]] const HapticTask& task() const noexcept { return task_; }
+  [[nodiscard]] const HapticTask::In& in() const noexcept { return in_; }
 
  private:
   void send(const rt::Tick& tick, const TouchEvent& event) noexcept;
@@ -27,6 +29,7 @@ class HapticNode final : public rt::TaskBody {
   bool hash_;
   EdgeGate touch_gate_, hand_gate_;
   bool touch_gap_ = false;  // an event did not fit: the next one says so
+  LimitWatch patch_in_, mode_in_, camera_in_;
   HapticTask::In in_;
   HapticTask::Out out_;
   rt::Health health_;
@@ -47,7 +50,7 @@ class FusionNode final : public rt::TaskBody {
   [[nodiscard]] const std::optional<SceneEdit>& edit() const noexcept { return edit_; }
 
  private:
-  void take_edit() noexcept;
+  void take_edit(rt::Time now) noexcept;
   std::unique_ptr<FusionTask> task_;
   OperatorCells& cells_;
   const OperatorRequests& requests_;
@@ -57,6 +60,7 @@ class FusionNode final : public rt::TaskBody {
   bool hash_, odometry_prior_, lost_ = false;
   int logged_level_ = -1;
   EdgeGate patch_gate_, view_gate_, mesh_gate_, map_gate_, camera_gate_, objects_gate_;
+  LimitWatch frame_in_, hand_in_, robot_in_, edit_in_;
   std::uint64_t frame_seq_ = 0;
   FusionTask::In in_;
   FusionTask::Out out_;
@@ -79,7 +83,9 @@ class PlanningNode final : public rt::TaskBody {
   bool hash_;
   EdgeGate path_gate_, task_gate_;
   int logged_level_ = -1;
-  PlanningTask::In in_;  // events stay here until a job that saw them has committed
+  LimitWatch map_in_, robot_in_, objects_in_, touch_in_, mode_in_;
+  rt::Time touch_heard_{};  // when events were last taken
+  PlanningTask::In in_;     // events stay here until a job that saw them has committed
   PlanningTask::Out out_;
   rt::Health health_;
 };
@@ -98,7 +104,9 @@ class PredictionNode final : public rt::TaskBody {
   OperatorCells& cells_;
   LinkStatus& link_;
   bool hash_;
+  LimitWatch robot_in_, path_in_, camera_in_, mode_in_;
   ModeMsg mode_;
+  bool mode_live_ = true;
   PredictionTask::In in_;
   PredictionTask::Out out_;
   rt::Health health_;
@@ -124,8 +132,7 @@ class SupervisionNode final : public rt::TaskBody {
   bool hash_;
   EdgeGate mode_gate_;
   Mode logged_mode_ = Mode::kInit;
-  std::uint64_t state_seq_ = 0;
-  rt::Time state_heard_{};  // when a robot state last arrived
+  LimitWatch robot_in_;
   SupervisionTask::In in_;
   SupervisionTask::Out out_;
 };

@@ -66,13 +66,13 @@ void hash_output(rt::Hash64& h, const TouchEvent& m) noexcept {
 }
 
 void hash_output(rt::Hash64& h, const CameraPose& m) noexcept {
-  const auto& [seq, exposure, X_WC, tracking, claimed] = m;
-  all(h, seq, exposure, X_WC, tracking, claimed);
+  const auto& [seq, exposure, X_WC, tracking, claimed, seen] = m;
+  all(h, seq, exposure, X_WC, tracking, claimed, seen);
 }
 
 void hash_output(rt::Hash64& h, const Path& m) noexcept {
-  const auto& [seq, made, mark_seq, mark_stamp, size, points, marked_W] = m;
-  all(h, seq, made, mark_seq, mark_stamp, size, marked_W);
+  const auto& [seq, made, mark_seq, mark_stamp, size, points, marked_W, seen] = m;
+  all(h, seq, made, mark_seq, mark_stamp, size, marked_W, seen);
   for (std::int32_t i = 0; i < size; ++i) {
     for (const double c : points[static_cast<std::size_t>(i)]) h.value(c);
   }

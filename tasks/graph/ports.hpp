@@ -22,7 +22,7 @@ using HealthCell = rt::Latest<HealthMsg>;
 
 inline void publish_health(HealthCell& cell, rt::Time now, rt::Health health) noexcept {
   cell.begin_write() = {now, health};
-  cell.publish();
+  cell.publish(now);
 }
 
 inline void log_mode(TaskLogs& logs, TaskId id, rt::Time now, const ModeMsg& mode,

@@ -63,7 +63,8 @@ void RobotGraph::bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint) {
                           m.valid_until = endpoint.to_local(rt::ns_of(m.valid_until));
                           auto& slot = cells_->goal.begin_write();
                           slot = m;
-                          publish(nodes_->goal_gate, cells_->goal, slot);
+                          publish(nodes_->goal_gate, cells_->goal, slot, endpoint.arrived(),
+                                  endpoint.unsure());
                           return true;
                         });
   endpoint.add_outgoing(drivers::MessageId::kRobotState, std::chrono::milliseconds{10}, false,

@@ -61,6 +61,7 @@ class RobotGraph {
   void bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint);
 
   [[nodiscard]] RobotCells& cells() noexcept { return *cells_; }
+  [[nodiscard]] const GraphConfig& config() const noexcept { return config_; }
   [[nodiscard]] LinkStatus& link() noexcept { return link_; }
   [[nodiscard]] OperatorRequests& requests() noexcept { return requests_; }
   // Of the newest latch of `id`; by that task's thread, before its next latch.

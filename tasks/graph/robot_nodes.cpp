@@ -15,7 +15,9 @@ RobotIoNode::RobotIoNode(rt::NonRealtime& nrt, const GraphConfig& config, const 
       cells_(cells),
       link_(link),
       twin_cpu_(setup.bus_twin_cpu),
-      hash_(setup.hash_outputs) {
+      hash_(setup.hash_outputs),
+      goal_in_(limit_row(EdgeId::kGoal, TaskId::kRobotIo), config, cells.logs.get()),
+      mode_in_(limit_row(EdgeId::kRobotMode, TaskId::kRobotIo), config, cells.logs.get()) {
   in_.mode = &mode_;
 }
 
@@ -24,11 +26,19 @@ void RobotIoNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   in_.bus = bus_.exchange(tick.start, setpoints_, in_.motors);
   const auto goal = cells_.goal.acquire_if_new(RobotCells::kGoalIo);
   in_.goal = goal.value;
-  if (const auto mode = cells_.mode.acquire_if_new(RobotCells::kModeIo)) mode_ = *mode;
+  in_.goal_unsure = goal.unsure;
+  const auto mode = cells_.mode.acquire_if_new(RobotCells::kModeIo);
+  if (mode) mode_ = *mode;
+  heard_ = mode_.mode;
+  if (!mode_in_.within(mode, tick.start) && mode_.mode == Mode::kEngaged)
+    mode_.mode = Mode::kRampDown;
   const std::int64_t heard = link_.last_heard_ns.load(std::memory_order_relaxed);
   in_.link_heard = heard != 0;
   in_.link_heard_at = rt::time_from_ns(heard);
   in_.link_closed = link_.closed.load(std::memory_order_relaxed);
+  // Told here; the task goes by how long each goal says that it is valid.
+  if (goal && heard != 0)
+    static_cast<void>(goal_in_.within(tick.start, in_.link_heard_at, goal->made, goal.unsure));
   record.input_seq[0] = goal.seq;
   record.input_seq[1] = mode_.seq;
   record.input_seq[2] = in_.motors.seq;
@@ -36,6 +46,8 @@ void RobotIoNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
 
 rt::Health RobotIoNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   health_ = task_.step(tick, in_, out_);
+  // The base ramps down; the operator's box is not told of a mode that nobody has entered.
+  out_.state.mode = static_cast<std::uint8_t>(heard_);
   record.work = 1;
   return health_;
 }
@@ -44,7 +56,7 @@ void RobotIoNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (out_.rearm_motors) bus_.rearm();
   setpoints_ = out_.setpoints;
   cells_.state.begin_write() = out_.state;
-  cells_.state.publish();
+  cells_.state.publish(tick.start);
   publish_health(*cells_.health[index_of(TaskId::kRobotIo)], tick.start, health_);
   auto& logs = *cells_.logs;
   auto& log = logs.of(TaskId::kRobotIo);
@@ -109,7 +121,7 @@ void CaptureNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
       hash_output(h, *out_.slot);
       record.output_hash = h.digest();
     }
-    cells_.encoded.publish();
+    cells_.encoded.publish(tick.start);
   }
   publish_health(*cells_.health[index_of(TaskId::kCapture)], tick.start, health_);
   log_level(*cells_.logs, TaskId::kCapture, tick, logged_level_);
@@ -134,9 +146,10 @@ RobotSupervisionNode::RobotSupervisionNode(rt::NonRealtime& nrt, const GraphConf
       link_(link),
       requests_(requests),
       hash_(setup.hash_outputs),
-      mode_gate_(setup.faults, "robot_mode") {}
+      mode_gate_(setup.faults, "robot_mode"),
+      goal_in_(limit_row(EdgeId::kGoal, TaskId::kRobotSupervision), config, cells.logs.get()) {}
 
-void RobotSupervisionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
+void RobotSupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   for (std::size_t i = 0; i < kRobotWatched.size(); ++i) {
     const auto health = cells_.health[index_of(kRobotWatched[i])]->acquire_if_new(0);
     auto& report = in_.tasks[i];
@@ -159,13 +172,18 @@ void RobotSupervisionNode::latch(const rt::Tick&, rt::JobRecord& record) noexcep
   // The operator's engage and clear travel in the goal; without a goal there is none.
   using Engage = SupervisionTask::Engage;
   using Clear = SupervisionTask::Clear;
-  in_.requests.engage = !goal                         ? Engage::kAbsent
-                        : goal->operator_engaged != 0 ? Engage::kYes
-                                                      : Engage::kNo;
-  in_.peer_mode = goal && goal->operator_engaged != 0 ? Mode::kEngaged : Mode::kHold;
-  in_.requests.clear = !goal                       ? Clear::kAbsent
-                       : goal->operator_clear != 0 ? Clear::kYes
-                                                   : Clear::kNo;
+  // Of long ago, while the line is live: as if there were none. A silent line is the task's matter.
+  const bool old = goal && heard != 0 &&
+                   !goal_in_.within(tick.start, in_.link_last, goal->made, goal.unsure) &&
+                   goal_in_.state() == LimitWatch::State::kOld;
+  const drivers::RobotGoal* const asked = old ? nullptr : goal.value;
+  in_.requests.engage = asked == nullptr               ? Engage::kAbsent
+                        : asked->operator_engaged != 0 ? Engage::kYes
+                                                       : Engage::kNo;
+  in_.peer_mode = asked != nullptr && asked->operator_engaged != 0 ? Mode::kEngaged : Mode::kHold;
+  in_.requests.clear = asked == nullptr             ? Clear::kAbsent
+                       : asked->operator_clear != 0 ? Clear::kYes
+                                                    : Clear::kNo;
   in_.requests.ramp_down = requests_.ramp_down.load(std::memory_order_relaxed);
   in_.requests.stop = requests_.stop.load(std::memory_order_relaxed);
 }
@@ -179,7 +197,7 @@ void RobotSupervisionNode::commit(const rt::Tick& tick, rt::JobRecord& record) n
   log_mode(*cells_.logs, TaskId::kRobotSupervision, tick.start, out_.mode, logged_mode_);
   ModeMsg& mode = cells_.mode.begin_write();
   mode = out_.mode;
-  const bool mode_out = publish(mode_gate_, cells_.mode, mode);
+  const bool mode_out = publish(mode_gate_, cells_.mode, mode, tick.start);
   if (!hash_ || !mode_out) return;
   rt::Hash64 h;
   hash_output(h, mode);

@@ -1,6 +1,7 @@
 // The robot box's tasks as executors see them.
 #pragma once
 
+#include "tasks/graph/limits.hpp"
 #include "tasks/graph/robot_graph.hpp"
 
 namespace tasks {
@@ -26,9 +27,10 @@ class RobotIoNode final : public rt::TaskBody {
   std::function<std::int64_t()> twin_cpu_;
   bool hash_;
   drivers::MotorSetpoints setpoints_;  // of the last committed job: goes out with the next exchange
-  drivers::RobotGoal goal_;
+  LimitWatch goal_in_, mode_in_;
   std::uint64_t logged_refused_ = 0, logged_expired_ = 0;
   ModeMsg mode_;
+  Mode heard_ = Mode::kInit;  // the newest one, however old
   RobotIoTask::In in_;
   RobotIoTask::Out out_;
   rt::Health health_;
@@ -74,6 +76,7 @@ class RobotSupervisionNode final : public rt::TaskBody {
   OperatorRequests& requests_;
   bool hash_;
   EdgeGate mode_gate_;
+  LimitWatch goal_in_;
   Mode logged_mode_ = Mode::kInit;
   SupervisionTask::In in_;
   SupervisionTask::Out out_;

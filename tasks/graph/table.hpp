@@ -12,6 +12,7 @@
 // endpoint at both ends. Tasks see channels only, never each other.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <string_view>
@@ -28,6 +29,8 @@ enum class TaskId : std::uint16_t {
 };
 inline constexpr int kTaskCount = 8;
 [[nodiscard]] constexpr std::size_t index_of(TaskId id) noexcept { return static_cast<std::size_t>(id); }
+// A reader of edges that is no task: an ordinary thread.
+inline constexpr TaskId kConsole = static_cast<TaskId>(kTaskCount);
 
 struct VariantRow {
   std::string_view name;
@@ -83,12 +86,12 @@ struct EdgeRow {
 
 inline constexpr std::array<EdgeRow, kEdgeCount> kEdgeTable{{
     {EdgeId::kFrame, "frame", "capture", "fusion", EdgeKind::kRemote, "map stays, tracking idles"},
-    {EdgeId::kRobotState, "robot_state", "robot_io", "prediction planning fusion supervision", EdgeKind::kRemote, "ramp down"},
+    {EdgeId::kRobotState, "robot_state", "robot_io", "prediction planning fusion supervision console", EdgeKind::kRemote, "ramp down"},
     {EdgeId::kGoal, "goal", "prediction", "robot_io robot_supervision", EdgeKind::kRemote, "robot ramps down"},
     {EdgeId::kPatch, "patch", "fusion", "haptic", EdgeKind::kLatest, "force ramps to zero"},
     {EdgeId::kView, "view", "fusion", "console", EdgeKind::kLatest, "shown"},
     {EdgeId::kMesh, "mesh", "fusion", "console", EdgeKind::kLatest, "not taken in time: all of it is sent again"},
-    {EdgeId::kCostMap, "cost_map", "fusion", "planning", EdgeKind::kLatest, "no new path"},
+    {EdgeId::kCostMap, "cost_map", "fusion", "planning console", EdgeKind::kLatest, "no new path"},
     {EdgeId::kCameraPose, "camera_pose", "fusion", "prediction haptic console", EdgeKind::kLatest, "odometry alone"},
     {EdgeId::kObjects, "objects", "fusion", "planning console", EdgeKind::kLatest, "the goal stays where the mark was"},
     {EdgeId::kHand, "hand", "haptic", "fusion console", EdgeKind::kLatest, "window stays"},
@@ -96,39 +99,105 @@ inline constexpr std::array<EdgeRow, kEdgeCount> kEdgeTable{{
     {EdgeId::kEdit, "edit", "console", "fusion", EdgeKind::kRing, "full: asked again at the next look"},
     {EdgeId::kPath, "path", "planning", "prediction console", EdgeKind::kLatest, "last path holds"},
     {EdgeId::kTask, "task", "planning", "console", EdgeKind::kLatest, "shown"},
-    {EdgeId::kMode, "mode", "supervision", "haptic prediction planning", EdgeKind::kLatest, "not engaged"},
-    {EdgeId::kRobotMode, "robot_mode", "robot_supervision", "robot_io", EdgeKind::kLatest, "not engaged"},
+    {EdgeId::kMode, "mode", "supervision", "haptic prediction planning console", EdgeKind::kLatest, "not engaged"},
+    {EdgeId::kRobotMode, "robot_mode", "robot_supervision", "robot_io console", EdgeKind::kLatest, "not engaged"},
 }};
 
-// How old an edge's value may be for one of its readers. A reader that is not here has no limit. The
-// tasks' configurations take their defaults from these rows (limit_of), so what is written here is
-// what is in force unless a scene says otherwise.
+// How old an edge's value may be for each of its readers, judged at the latch by the reader's clock (limits.hpp).
+//
+//   liveness  since the writer last published: of an edge between boxes since it last arrived, of the goal since the
+//             link was heard. Of what is published only when there is something to say (touch, edit, mesh): since its
+//             writer was last known to live.
+//   age       since the oldest sensor datum in it was taken, and how unsure that instant is. Of a fused value since its
+//             newest claimed image; of a path since that of the map that last let it pass; of a goal or a mode since
+//             it was made. kAgeless: a mark or an edit is as good as on the day it was made.
+//   beyond    the reader's answer, to either
+//
+// A value that was never published is no matter of these rows: the reader waits for it. The tasks' configurations take
+// their defaults from here, so what is written here is in force unless a scene says otherwise: by the named keys, where
+// there are none by limits.<reader>.<edge>_liveness_ms and _age_ms.
+inline constexpr int kAgeless = 0;
 struct LimitRow {
   EdgeId edge;
   TaskId reader;
-  int liveness_ms;          // since the writer last published, or the link was heard; 0 = no limit
-  int data_age_ms;          // since the oldest sensor datum in it was taken, or the goal was made; 0 = no limit
-  std::string_view key;     // of the scene, that overrides it
-  std::string_view beyond;  // the reader's answer
+  int liveness_ms;
+  int data_age_ms;
+  std::string_view beyond;
+  std::string_view liveness_key = {}, age_key = {};
 };
 
-inline constexpr std::array<LimitRow, 5> kLimitTable{{
-    {EdgeId::kRobotState, TaskId::kPrediction, 0, 250, "prediction.state_liveness_ms", "goals are not engaged"},
-    {EdgeId::kRobotState, TaskId::kSupervision, 180, 0, "supervision.link_liveness_s", "ramp down"},
-    {EdgeId::kGoal, TaskId::kRobotIo, 90, 300, "robot_io.link_silence_ms, prediction.goal_valid_ms", "the base ramps down"},
-    {EdgeId::kGoal, TaskId::kRobotSupervision, 180, 0, "supervision.link_liveness_s", "ramp down"},
-    {EdgeId::kPatch, TaskId::kHaptic, 100, 0, "haptic.patch_liveness_s", "force ramps to zero"},
+inline constexpr std::array<LimitRow, 31> kLimitTable{{
+    {EdgeId::kFrame, TaskId::kFusion, 500, 1000, "silent: map stays, tracking idles; old: not looked at"},
+    {EdgeId::kRobotState, TaskId::kPrediction, 180, 250, "goals are not engaged", "", "prediction.state_liveness_ms"},
+    {EdgeId::kRobotState, TaskId::kPlanning, 250, 500, "nothing is planned; the path stands"},
+    {EdgeId::kRobotState, TaskId::kFusion, 250, 500, "the camera is tracked without odometry"},
+    {EdgeId::kRobotState, TaskId::kSupervision, 180, 400, "as a silent link: ramp down", "supervision.link_liveness_s"},
+    {EdgeId::kRobotState, kConsole, 1000, 1000, "named in the status line"},
+    {EdgeId::kGoal, TaskId::kRobotIo, 90, 300, "the base ramps down", "robot_io.link_silence_ms", "prediction.goal_valid_ms"},
+    {EdgeId::kGoal, TaskId::kRobotSupervision, 180, 500, "silent: ramp down; old: as an engage withdrawn", "supervision.link_liveness_s"},
+    {EdgeId::kPatch, TaskId::kHaptic, 100, 1000, "silent: force ramps to zero; old: told, contact stays", "haptic.patch_liveness_s"},
+    {EdgeId::kView, kConsole, 2000, 2000, "named in the status line"},
+    {EdgeId::kMesh, kConsole, 1000, 2000, "named in the status line"},
+    {EdgeId::kCostMap, TaskId::kPlanning, 500, 1000, "no new path; the one under way stands, for its own age"},
+    {EdgeId::kCostMap, kConsole, 1000, 1000, "named in the status line"},
+    {EdgeId::kCameraPose, TaskId::kPrediction, 500, 1000, "odometry alone"},
+    {EdgeId::kCameraPose, TaskId::kHaptic, 500, 1000, "a held clutch does not turn the workspace"},
+    {EdgeId::kCameraPose, kConsole, 1000, 1000, "named in the status line"},
+    {EdgeId::kObjects, TaskId::kPlanning, 1000, 1000, "the goal stays where it is"},
+    {EdgeId::kObjects, kConsole, 1000, 1000, "named in the status line"},
+    {EdgeId::kHand, TaskId::kFusion, 50, 100, "the window stays"},
+    {EdgeId::kHand, kConsole, 1000, 1000, "named in the status line"},
+    {EdgeId::kTouch, TaskId::kPlanning, 500, kAgeless, "an open mark is dropped"},
+    {EdgeId::kEdit, TaskId::kFusion, 2000, kAgeless, "told; what was drawn stays"},
+    {EdgeId::kPath, TaskId::kPrediction, 1000, 10000, "goals are not engaged"},
+    {EdgeId::kPath, kConsole, 1000, 10000, "named in the status line"},
+    {EdgeId::kTask, kConsole, 1000, 1000, "named in the status line"},
+    {EdgeId::kMode, TaskId::kHaptic, 50, 100, "limp: force ramps to zero"},
+    {EdgeId::kMode, TaskId::kPrediction, 50, 100, "goals are not engaged"},
+    {EdgeId::kMode, TaskId::kPlanning, 50, 100, "nothing is planned; the path stands"},
+    {EdgeId::kMode, kConsole, 1000, 1000, "named in the status line"},
+    {EdgeId::kRobotMode, TaskId::kRobotIo, 50, 100, "the base ramps down"},
+    {EdgeId::kRobotMode, kConsole, 1000, 1000, "named in the status line"},
 }};
+inline constexpr int kLimitCount = static_cast<int>(kLimitTable.size());
 
 // clang-format on
 
-// Does not compile for a pair that has no row.
-[[nodiscard]] consteval LimitRow limit_of(EdgeId edge, TaskId reader) {
-  for (const LimitRow& row : kLimitTable) {
-    if (row.edge == edge && row.reader == reader) return row;
+[[nodiscard]] constexpr std::string_view reader_name(TaskId id) noexcept {
+  return id == kConsole ? std::string_view("console") : kTaskTable[index_of(id)].name;
+}
+
+// Of a pair in kLimitTable. Does not compile for one that has no row.
+[[nodiscard]] consteval std::size_t limit_row(EdgeId edge, TaskId reader) {
+  for (std::size_t i = 0; i < kLimitTable.size(); ++i) {
+    if (kLimitTable[i].edge == edge && kLimitTable[i].reader == reader) return i;
   }
   throw "no such row in kLimitTable";
 }
+[[nodiscard]] consteval LimitRow limit_of(EdgeId edge, TaskId reader) {
+  return kLimitTable[limit_row(edge, reader)];
+}
+
+// Each reader that an edge names has one row, with both limits.
+static_assert([] {
+  std::size_t pairs = 0;
+  for (const EdgeRow& edge : kEdgeTable) {
+    for (std::string_view rest = edge.to; !rest.empty();) {
+      const std::string_view reader = rest.substr(0, rest.find(' '));
+      rest.remove_prefix(std::min(rest.size(), reader.size() + 1));
+      int rows = 0;
+      for (const LimitRow& r : kLimitTable) {
+        if (r.edge != edge.id || reader_name(r.reader) != reader) continue;
+        ++rows;
+        if (r.liveness_ms <= 0 || r.beyond.empty()) return false;
+        if ((r.data_age_ms <= 0) != (edge.kind == EdgeKind::kRing)) return false;
+      }
+      if (rows != 1) return false;
+      ++pairs;
+    }
+  }
+  return pairs == kLimitTable.size();
+}());
 
 static_assert(limit_of(EdgeId::kRobotState, TaskId::kSupervision).liveness_ms ==
                   limit_of(EdgeId::kGoal, TaskId::kRobotSupervision).liveness_ms,

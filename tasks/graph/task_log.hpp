@@ -46,7 +46,8 @@ class TaskLogs {
             nrt, rt::LogLevel::kWarning,
             "no grasp: {} (1 not an object, 2 too wide, 3 too thin, 4 out of reach)")),
         edit_refused(sites_.add<std::uint64_t, unsigned>(
-            nrt, rt::LogLevel::kWarning, "edit {} refused, kind {}: out of range, or no room")) {}
+            nrt, rt::LogLevel::kWarning, "edit {} refused, kind {}: out of range, or no room")),
+        limits(limit_sites(nrt)) {}
 
   [[nodiscard]] rt::RtLog& of(TaskId id) noexcept { return logs_[index_of(id)]; }
   [[nodiscard]] const rt::LogSites& sites() const noexcept { return sites_; }
@@ -58,6 +59,20 @@ class TaskLogs {
   }
 
  private:
+  using LimitSite = rt::LogSite<unsigned, double>;
+  [[nodiscard]] std::array<LimitSite, kLimitTable.size()> limit_sites(rt::NonRealtime& nrt) {
+    std::array<LimitSite, kLimitTable.size()> sites;
+    for (std::size_t i = 0; i < sites.size(); ++i) {
+      const LimitRow& row = kLimitTable[i];
+      sites[i] = sites_.add<unsigned, double>(
+          nrt, rt::LogLevel::kWarning,
+          std::string(kEdgeTable[static_cast<std::size_t>(row.edge)].name) +
+              ": {} (0 in time again, 1 silent, 2 old), {:.0f} ms; beyond its limits: " +
+              std::string(row.beyond));
+    }
+    return sites;
+  }
+
   rt::LogSites sites_;
   std::array<rt::RtLog, kTaskCount> logs_;
 
@@ -75,6 +90,7 @@ class TaskLogs {
   const rt::LogSite<unsigned, double, double> grasp;
   const rt::LogSite<unsigned> no_grasp;
   const rt::LogSite<std::uint64_t, unsigned> edit_refused;
+  const std::array<LimitSite, kLimitTable.size()> limits;  // of rows of kLimitTable
 };
 
 }  // namespace tasks

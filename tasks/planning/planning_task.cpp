@@ -298,6 +298,11 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
   out.status = PlanStatus::kFound;
   using Phase = TaskState::Phase;
   rt::Health health = take_events(in, out);
+  if (state_.mark.open && !in.touch_live) {
+    state_.mark.open = false;
+    out.flags |= kGapDropped;
+    health = rt::worst(health, counted(kFaultPlanningEventsLost));
+  }
 
   const bool stopped =
       in.mode.seq != 0 && (in.mode.mode == Mode::kSafeStop || in.mode.mode == Mode::kRampDown);
@@ -316,7 +321,13 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
   }
   if (in.objects != nullptr) health = rt::worst(health, follow_object(*in.objects, out));
   if (state_.goal.have) {
-    if (!robot_ok || in.map == nullptr || in.map->seq == 0 || !in.map->ground_found) {
+    if (!robot_ok || !in.may_plan || in.map == nullptr || in.map->seq == 0 ||
+        !in.map->ground_found) {
+      if (robot_ok && state_.task.phase == Phase::kDriving && !state_.goal.second &&
+          arrived(*in.robot)) {
+        state_.task.phase = Phase::kArrived;
+        state_.goal.pending = false;
+      }
       if (state_.goal.pending && ++state_.goal.waited > config_.wait_jobs) {
         out.status = PlanStatus::kNoMap;
         give_up(out);
@@ -337,6 +348,7 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
           health = rt::worst(health, counted(kFaultPlanningNoTime));
         }
       }
+      state_.path.seen = in.map->exposure;
     }
   }
 

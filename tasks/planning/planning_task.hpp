@@ -101,6 +101,8 @@ class PlanningTask {
     const drivers::RobotState* robot = nullptr;  // null: none
     const ObjectList* objects = nullptr;         // null: none, or objects are switched off
     ModeMsg mode;                                // seq 0: none yet
+    bool may_plan = true;    // false: map or mode are silent or old; a path that there is stands
+    bool touch_live = true;  // false: nothing is heard any more of a mark that is open
   };
   struct Out {  // committed at completion
     Path path;
@@ -116,6 +118,8 @@ class PlanningTask {
 
   // One cycle. Never throws; what OMPL throws is caught and becomes a fault.
   [[nodiscard]] rt::Health step(const rt::Tick&, const In&, Out&) noexcept;
+  // A mark has begun and not ended.
+  [[nodiscard]] bool mark_open() const noexcept { return state_.mark.open; }
   // The job was aborted: back to the state before its step(). Only the count of such jobs stays.
   void abandon() noexcept {
     state_ = before_;

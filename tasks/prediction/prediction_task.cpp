@@ -110,7 +110,7 @@ bool PredictionTask::make_goal(const rt::Tick& tick, const In& in, Out& out,
                                Health& health) noexcept {
   if (!have_state_) return false;
   const rt::Nanos age = std::max(tick.start - state_.taken, rt::Nanos{0});
-  if (age > std::chrono::milliseconds{config_.state_liveness_ms}) {
+  if (!in.robot_live || age > std::chrono::milliseconds{config_.state_liveness_ms}) {
     health = rt::worst(health, Health::of(Severity::kDegraded, prediction_fault::kStateStale));
     return false;
   }

@@ -86,6 +86,7 @@ class PredictionTask {
  public:
   struct In {
     const drivers::RobotState* robot = nullptr;  // newest, local time; null: none yet
+    bool robot_live = true;                      // false: silent or too old, does not drive
     const Path* path = nullptr;                  // newest; null or seq 0: no path
     const CameraPose* camera = nullptr;
     const ModeMsg* mode = nullptr;

@@ -182,7 +182,7 @@ RobotIoTask::Drive RobotIoTask::decide(const rt::Tick& tick, const In& in, Out&,
     return Drive::kRampDown;
   }
   if (!have_goal_ || goal_.engaged == 0) return Drive::kHalt;
-  if (tick.start > goal_.valid_until) {
+  if (tick.start + in.goal_unsure > goal_.valid_until) {
     if (!expiry_counted_) ++telemetry_.goals_expired;
     expiry_counted_ = true;
     health = rt::worst(health, Health::of(Severity::kDegraded, robot_io_fault::kGoalExpired));

@@ -87,6 +87,7 @@ class RobotIoTask {
     drivers::BusStatus bus = drivers::BusStatus::kDown;
     drivers::MotorStates motors;               // of this tick's exchange; valid when bus is kOk
     const drivers::RobotGoal* goal = nullptr;  // newest, times of this box; null: none yet
+    rt::Nanos goal_unsure{0};                  // of its times: it ends so much earlier
     const ModeMsg* mode = nullptr;             // newest; null: not engaged
     bool link_heard = false;                   // ever
     rt::Time link_heard_at{};                  // last valid message of the operator box

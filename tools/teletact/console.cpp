@@ -60,52 +60,83 @@ OperatorConsole::OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time 
       epoch_(epoch),
       camera_width_px_(box.camera().width),
       force_act_(box.person_simulated()),
-      touch_script_(box.hand(), reach_of(scene)) {}
+      touch_script_(box.hand(), reach_of(scene)) {
+  for (std::size_t i = 0; i < tasks::kLimitTable.size(); ++i) {
+    if (tasks::kLimitTable[i].reader == tasks::kConsole)
+      watches_.emplace_back(i, box.graph().config(), nullptr);
+  }
+}
 
-void OperatorConsole::drain() {
+template <class View>
+void OperatorConsole::judge(const View& view, tasks::EdgeId edge, rt::Time now) {
+  for (auto& w : watches_) {
+    if (w.row().edge != edge) continue;
+    if (!w.within(view, now) && w.state() != tasks::LimitWatch::State::kGood)
+      seen_.beyond.push_back(tasks::kEdgeTable[static_cast<std::size_t>(edge)].name);
+  }
+}
+
+void OperatorConsole::drain(rt::Time now) {
+  using tasks::EdgeId;
   auto& cells = box_.graph().cells();
+  seen_.beyond.clear();
   tasks::HapticSample h;
   while (cells.haptic_samples.try_pop(h)) {
     force_act_.see(static_cast<drivers::DeviceState>(h.device_state), h.clutched);
     seen_.haptic.push_back(h);
   }
   tasks::FusionSample f;
-  while (cells.fusion_samples.try_pop(f)) seen_.fusion.push_back(f);
-  if (const auto v = cells.view.acquire_if_new(OperatorCells::kViewConsole);
-      v && v->seq != seen_.view->seq) {
+  while (cells.fusion_samples.try_pop(f)) {
+    fusion_heard_ = f.stamp;
+    seen_.fusion.push_back(f);
+  }
+  const auto v = cells.view.acquire_if_new(OperatorCells::kViewConsole);
+  judge(v, EdgeId::kView, now);
+  if (v && v->seq != seen_.view->seq) {
     *seen_.view = *v;
     keep_what_moves();
   }
-  if (const auto m = cells.cost_map.acquire_if_new(OperatorCells::kMapConsole);
-      m && m->seq != seen_.map->seq) {
+  const auto m = cells.cost_map.acquire_if_new(OperatorCells::kMapConsole);
+  judge(m, EdgeId::kCostMap, now);
+  if (m && m->seq != seen_.map->seq) {
     *seen_.map = *m;
     if (m->moving_count > seen_.moving_map->moving_count) *seen_.moving_map = *m;
   }
-  if (const auto p = cells.path.acquire_if_new(OperatorCells::kPathConsole);
-      p && p->seq != 0 && p->size > 0) {
+  const auto p = cells.path.acquire_if_new(OperatorCells::kPathConsole);
+  if (p && p->seq != 0 && p->size > 0) {
+    judge(p, EdgeId::kPath, now);
     const bool known = std::any_of(seen_.paths.begin(), seen_.paths.end(),
                                    [&](const auto& o) { return o.seq == p->seq; });
     if (!known) seen_.paths.push_back(*p);
   }
-  if (const auto t = cells.task.acquire_if_new(OperatorCells::kTaskConsole)) {
+  const auto t = cells.task.acquire_if_new(OperatorCells::kTaskConsole);
+  judge(t, EdgeId::kTask, now);
+  if (t) {
     using Phase = tasks::TaskState::Phase;
     if (t->phase == Phase::kArrived && seen_.task.phase != Phase::kArrived) {
       if (seen_.arrivals++ == 0) seen_.first_arrival = t->stamp;
     }
     seen_.task = *t;
   }
-  if (const auto c = cells.camera_pose.acquire_if_new(OperatorCells::kCameraConsole))
-    seen_.camera = *c;
-  if (const auto o = cells.objects.acquire_if_new(OperatorCells::kObjectsConsole)) {
+  const auto c = cells.camera_pose.acquire_if_new(OperatorCells::kCameraConsole);
+  judge(c, EdgeId::kCameraPose, now);
+  if (c) seen_.camera = *c;
+  const auto o = cells.objects.acquire_if_new(OperatorCells::kObjectsConsole);
+  judge(o, EdgeId::kObjects, now);
+  if (o) {
     seen_.objects = *o;
     for (std::int32_t i = 0; i < o->size; ++i) {
       seen_.objects_named =
           std::max(seen_.objects_named, o->entries[static_cast<std::size_t>(i)].serial);
     }
   }
-  if (const auto m = cells.mode.acquire_if_new(OperatorCells::kModeConsole)) seen_.mode = *m;
-  if (const auto r = cells.robot_state.acquire_if_new(OperatorCells::kStateConsole))
-    seen_.robot = *r;
+  const auto mode = cells.mode.acquire_if_new(OperatorCells::kModeConsole);
+  judge(mode, EdgeId::kMode, now);
+  if (mode) seen_.mode = *mode;
+  const auto robot = cells.robot_state.acquire_if_new(OperatorCells::kStateConsole);
+  judge(robot, EdgeId::kRobotState, now);
+  if (robot) seen_.robot = *robot;
+  judge(cells.hand.acquire_if_new(OperatorCells::kHandConsole), EdgeId::kHand, now);
 }
 
 void OperatorConsole::keep_what_moves() {
@@ -228,11 +259,19 @@ void OperatorConsole::clear(rt::Time now) {
   }
 }
 
-void OperatorConsole::take_mesh() {
+// Of a mesh nothing comes while nothing changes: that fusion lives is said by its samples, and what has come ages
+// until it is there, not after.
+void OperatorConsole::take_mesh(rt::Time now) {
   auto& cells = box_.graph().cells();
   if (cells.mesh == nullptr) return;
   const auto delta = cells.mesh->acquire_if_new(OperatorCells::kMeshConsole);
-  if (!delta || delta->seq == mesh_.seq() || !mesh_.take(*delta)) return;
+  if (!delta) return;
+  if (delta->seq != mesh_.seq()) mesh_lag_ = now - delta->exposure;
+  for (auto& w : watches_) {
+    if (w.row().edge == tasks::EdgeId::kMesh && !w.within(now, fusion_heard_, now - mesh_lag_))
+      seen_.beyond.push_back("mesh");
+  }
+  if (delta->seq == mesh_.seq() || !mesh_.take(*delta)) return;
   if (edits_scene_) box_.graph().requests().mesh_taken.store(delta->seq);
 }
 
@@ -254,8 +293,9 @@ void OperatorConsole::edit(rt::Time now) {
 }
 
 void OperatorConsole::tick(rt::Time now) {
-  drain();
-  take_mesh();
+  box_.graph().requests().console_ns.store(rt::ns_of(now));
+  drain(now);
+  take_mesh(now);
   edit(now);
   if (log_) {
     log_->drain();
@@ -282,15 +322,18 @@ std::string OperatorConsole::status_line(rt::Time now) const {
   if (const auto& map = *seen_.map; map.moving_count > 0)
     std::snprintf(moving, sizeof moving, "  MOVES: %.2f m2 of the ground",
                   map.moving_count * map.resolution * map.resolution);
+  std::string old;
+  for (const auto edge : seen_.beyond) old += (old.empty() ? "  OLD: " : ", ") + std::string(edge);
   char line[320];
   std::snprintf(line, sizeof line,
                 "%5.1f s  %-9s  force %5.2f N  reach %3.0f %%  frames %4ld  marks %u  paths %u  "
-                "%-8s  robot (%.2f, %.2f) m%s%s",
+                "%-8s  robot (%.2f, %.2f) m%s%s%s",
                 rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
                 static_cast<double>(force), 100 * static_cast<double>(reach),
                 static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
                 phases[static_cast<int>(seen_.task.phase)], seen_.robot.x_m, seen_.robot.y_m,
-                moving, force_act_.waits() ? "  forces off: press the clutch and let go" : "");
+                moving, force_act_.waits() ? "  forces off: press the clutch and let go" : "",
+                old.c_str());
   return line;
 }
 
@@ -317,6 +360,7 @@ OperatorView OperatorConsole::copy() const {
   v.engages = seen_.engages;
   v.clears = seen_.clears;
   v.edits = seen_.edits;
+  v.beyond = seen_.beyond;
   v.log_dropped = seen_.log_dropped;
   return v;
 }
@@ -332,7 +376,12 @@ void save_scene(rt::NonRealtime& nrt, const OperatorConsole& console,
     write_whole_file(map_file, perception::encode_map(nrt, fusion.map(), fusion.keyframes()));
 }
 
-void RobotConsole::tick(rt::Time) {
+RobotConsole::RobotConsole(RobotBox& box)
+    : box_(box),
+      mode_in_(tasks::limit_row(tasks::EdgeId::kRobotMode, tasks::kConsole), box.graph().config(),
+               nullptr) {}
+
+void RobotConsole::tick(rt::Time now) {
   if (log_) {
     log_->drain();
     seen_.log_dropped = log_->dropped();
@@ -344,7 +393,9 @@ void RobotConsole::tick(rt::Time) {
     seen_.tracking_error_max_m =
         std::max(seen_.tracking_error_max_m, static_cast<double>(r.tracking_error_m));
   }
-  if (const auto m = cells.mode.acquire_if_new(tasks::RobotCells::kModeConsole)) seen_.mode = *m;
+  const auto m = cells.mode.acquire_if_new(tasks::RobotCells::kModeConsole);
+  seen_.mode_beyond = m && !mode_in_.within(m, now);
+  if (m) seen_.mode = *m;
   drivers::PoseHistory::Sample s;
   if (box_.bus().history().newest(s)) {
     seen_.truth.push_back({s.time, s.X_WB.x, s.X_WB.y, s.X_WB.yaw, s.path_m, s.collisions});

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "tasks/graph/limits.hpp"
 #include "tools/teletact/boxes.hpp"
 #include "tools/teletact/force_act.hpp"
 #include "tools/teletact/touch_script.hpp"
@@ -41,6 +42,7 @@ struct OperatorView {
   std::uint32_t engages = 0;        // acts of the operator; more than one: again after a fault
   std::uint32_t clears = 0;         // acts of the operator: a safe stop, of either box, cleared
   std::uint32_t edits = 0;          // acts of the operator: asked of the scene
+  std::vector<std::string_view> beyond;  // edges whose newest value is beyond its limits now
 };
 
 using TakeLine = std::function<void(std::string_view)>;  // one line of a task's log
@@ -65,13 +67,15 @@ class OperatorConsole {
   [[nodiscard]] const perception::MeshStore& mesh() const noexcept { return mesh_; }
 
  private:
-  void drain();
+  void drain(rt::Time now);
   void keep_what_moves();
   void resolve_points(rt::Time now);
   void mind_device(rt::Time now);
   void engage(rt::Time now);
   void clear(rt::Time now);
-  void take_mesh();
+  void take_mesh(rt::Time now);
+  template <class View>
+  void judge(const View& view, tasks::EdgeId edge, rt::Time now);
   void edit(rt::Time now);
   [[nodiscard]] bool surface_at(const std::array<double, 2>& pixel, int du, int dv,
                                 perception::Vec3& p_W) const;
@@ -83,6 +87,9 @@ class OperatorConsole {
   int camera_width_px_;
   ForceAct force_act_;
   TouchScript touch_script_;
+  std::vector<tasks::LimitWatch> watches_;  // of what the console reads, by kLimitTable's order
+  rt::Time fusion_heard_{};
+  rt::Nanos mesh_lag_{0};  // from the newest image in the mesh to its arrival
   rt::Time held_since_{}, stopped_since_{}, pressed_since_{};
   bool engage_shown_ = false, edits_scene_ = true;
   std::size_t next_edit_ = 0;
@@ -109,11 +116,12 @@ struct RobotView {
   tasks::ModeMsg mode;
   double tracking_error_max_m = 0;
   std::uint64_t log_dropped = 0;
+  bool mode_beyond = false;  // the newest mode is beyond its limits now
 };
 
 class RobotConsole {
  public:
-  explicit RobotConsole(RobotBox& box) : box_(box) {}
+  explicit RobotConsole(RobotBox& box);
   void tick(rt::Time now);
   void log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also = {});
   [[nodiscard]] const RobotView& seen() const noexcept { return seen_; }
@@ -121,6 +129,7 @@ class RobotConsole {
 
  private:
   RobotBox& box_;
+  tasks::LimitWatch mode_in_;
   RobotView seen_;
   std::unique_ptr<rt::LogDrain> log_;
 };

@@ -164,7 +164,7 @@ TEST(EdgeGate, LatestKinds) {
     slot.seq = n;
     slot.made = rt::time_from_ns(100000000);
     slot.x_m = 1;
-    (void)tasks::publish(gate, cell, slot);
+    (void)tasks::publish(gate, cell, slot, slot.made);
     const auto got = cell.acquire(0);
     return std::pair<std::uint64_t, drivers::RobotGoal>{got.seq, *got};
   };
@@ -321,6 +321,80 @@ TEST(MessageFaults, WithoutFramesTheMapStaysWithoutStatesTheBoxesRampDown) {
   EXPECT_NE(r.op.view.mode.mode, tasks::Mode::kEngaged);
   EXPECT_EQ(r.op.view.mode.cause, tasks::kFaultLinkSilent);
   EXPECT_LT(largest_force(r, left + 0.3, 7), 0.01) << "limp until the next engage";
+}
+
+// Supervision publishes a hundred times a second; 25 of its modes do not come, later 80.
+TEST(MessageFaults, ASilentModeMakesTheHandLimpAndHaltsTheRobot) {
+  const auto r = run(7.4, {{"drop", "mode", 340, 1, 25}, {"drop", "mode", 560, 1, 80}});
+  EXPECT_GT(largest_force(r, 3.0, 3.4), 1.0);
+  EXPECT_LT(largest_force(r, 3.4 + 0.06 + 0.1 + 0.01, 3.63), 0.01) << "limp";
+  EXPECT_GT(largest_force(r, 3.8, 4.2), 1.0) << "back with the mode";
+  const double before = largest_speed(r, 5.3, 5.6);
+  EXPECT_GT(before, 0.1);
+  // Seen within a period of prediction, sent, and then no faster down than the base may.
+  EXPECT_LT(largest_speed(r, 6.3, 6.4), 0.5 * before);
+  EXPECT_GT(largest_speed(r, 7.1, 7.4), 0.1) << "goes on by itself";
+}
+
+// An old map makes no path; one that is under way is driven to its end.
+TEST(MessageFaults, AnOldCostMapMakesNoPathAndLeavesTheOneUnderWay) {
+  for (const char* kind : {"drop", "stale"}) {
+    const double by_us = std::string_view(kind) == "stale" ? 5e6 : 0;
+    const auto before = run(6.4, {{kind, "cost_map", 10, 1, 0, by_us}});
+    EXPECT_EQ(before.op.view.task.marks, 1U) << kind;
+    EXPECT_EQ(before.op.view.paths.size(), 0U) << kind;
+    EXPECT_LT(largest_speed(before, 0, 7), 0.01) << kind;
+    const auto after = run(12, {{kind, "cost_map", 55, 1, 0, by_us}});
+    EXPECT_EQ(after.op.view.paths.size(), 1U) << kind;
+    EXPECT_EQ(after.op.view.arrivals, 1U) << kind;
+    EXPECT_EQ(after.robot.view.truth.back().collisions, 0U);
+  }
+}
+
+// A path that nothing has confirmed for longer than its age ends where the robot then is.
+TEST(MessageFaults, AnOldPathHaltsTheRobot) {
+  const auto r = run(6.8, {{"stale", "path", 55, 1, 0, 1.1e7}});
+  EXPECT_GT(largest_speed(r, 5.0, 5.5), 0.1);
+  EXPECT_LT(largest_speed(r, 6.4, 6.8), 0.01);
+  EXPECT_EQ(r.op.view.mode.mode, tasks::Mode::kEngaged);
+  EXPECT_EQ(r.op.view.beyond, std::vector<std::string_view>{"path"});
+}
+
+// The console names what it shows that is silent, or old.
+TEST(MessageFaults, TheConsoleNamesWhatIsBeyondItsLimits) {
+  const std::vector<std::string_view> named{"view", "cost_map", "camera_pose", "hand",
+                                            "path", "task",     "mode",        "robot_state"};
+  const auto names = [&](const VirtualRun& r) {
+    std::vector<std::string_view> seen = r.op.view.beyond;
+    std::sort(seen.begin(), seen.end());
+    return seen;
+  };
+  EXPECT_TRUE(names(run(6.5, {})).empty());
+  for (const char* kind : {"drop", "stale"}) {
+    std::vector<Line> lines;
+    for (const auto edge : named) {
+      const auto& rows = tasks::kEdgeTable;
+      const auto row =
+          std::find_if(rows.begin(), rows.end(), [&](auto& e) { return e.name == edge; });
+      const bool robot = edge == "robot_state";
+      const int hz = edge == "hand"            ? 1000
+                     : edge == "mode" || robot ? 100
+                     : edge == "camera_pose"   ? 30
+                                               : 10;
+      ASSERT_NE(row, rows.end());
+      lines.push_back({kind, std::string(edge), edge == "view" ? 10 : static_cast<int>(5.3 * hz), 1,
+                       0, std::string_view(kind) == "stale" ? 1.1e7 : 0.0});
+    }
+    lines.push_back(
+        {kind, "robot_mode", 530, 1, 0, std::string_view(kind) == "stale" ? 1.1e7 : 0.0});
+    const auto r = run(7.2, lines);
+    auto want = named;
+    // Robot states of long ago are as a silent link: with the ramp down planning drops its path.
+    if (std::string_view(kind) == "stale") want.erase(std::find(want.begin(), want.end(), "path"));
+    std::sort(want.begin(), want.end());
+    EXPECT_EQ(names(r), want) << kind;
+    EXPECT_TRUE(r.robot.view.mode_beyond) << kind;
+  }
 }
 
 // Every kind on every edge that takes it, at random: nothing that is no number gets out, nothing is

@@ -55,10 +55,11 @@ struct Box {
     c = {};
     c.seq = seq;
     c.claimed = claimed;
+    c.seen = c.exposure = rt::time_from_ns(1'000'000 * k + 1);
     c.X_WC.linear().col(2) = ahead;
     c.X_WC.linear().col(1) = -Vec3::UnitZ();
     c.X_WC.linear().col(0) = (-Vec3::UnitZ()).cross(ahead);
-    cells.camera_pose.publish();
+    cells.camera_pose.publish(c.seen);
   }
 };
 

@@ -1,83 +1,74 @@
 // The limits of kLimitTable are those in force: defaults of the configurations, docs/architecture.md.
 // TELETACT_UPDATE=1 in the environment writes the page anew.
 #include <gtest/gtest.h>
-#include <algorithm>
-
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
 #include "tasks/graph/graph_config.hpp"
+#include "tasks/graph/limits.hpp"
 #include "tasks/graph/table.hpp"
 
 namespace {
 
 using tasks::EdgeId;
-using tasks::TaskId;
 
 std::string words(std::string_view text) { return std::string(text); }
 
 const tasks::EdgeRow& edge_of(EdgeId id) { return tasks::kEdgeTable[static_cast<std::size_t>(id)]; }
-const tasks::TaskRow& task_of(TaskId id) { return tasks::kTaskTable[tasks::index_of(id)]; }
 
+// What is in force before a scene says anything is what the table says, in every row.
 TEST(Limits, ConfigurationsStartFromTheTable) {
   const tasks::GraphConfig c;
-  int rows = 0;
-  const auto row = [&](EdgeId edge, TaskId reader) {
-    for (const auto& r : tasks::kLimitTable) {
-      if (r.edge == edge && r.reader == reader) return ++rows, r;
-    }
-    ADD_FAILURE() << "no row";
-    return tasks::kLimitTable[0];
-  };
-  const auto state = row(EdgeId::kRobotState, TaskId::kPrediction);
-  EXPECT_EQ(c.prediction.state_liveness_ms, state.data_age_ms);
-  EXPECT_EQ(state.liveness_ms, 0) << "a second limit that nobody reads";
-  const auto silence = row(EdgeId::kRobotState, TaskId::kSupervision);
-  EXPECT_EQ(c.supervision.link_liveness_s, silence.liveness_ms / 1000.0);
-  EXPECT_EQ(silence.data_age_ms, 0);
-  const auto goal = row(EdgeId::kGoal, TaskId::kRobotIo);
-  EXPECT_EQ(c.robot_io.link_silence_ms, goal.liveness_ms);
-  EXPECT_EQ(c.prediction.goal_valid_ms, goal.data_age_ms);
-  const auto peer = row(EdgeId::kGoal, TaskId::kRobotSupervision);
-  EXPECT_EQ(c.supervision.link_liveness_s, peer.liveness_ms / 1000.0);
-  EXPECT_EQ(peer.data_age_ms, 0);
-  const auto patch = row(EdgeId::kPatch, TaskId::kHaptic);
-  EXPECT_EQ(c.haptic.patch_liveness_s, patch.liveness_ms / 1000.0);
-  EXPECT_EQ(patch.data_age_ms, 0);
-  EXPECT_EQ(rows, static_cast<int>(tasks::kLimitTable.size()))
-      << "a row that no configuration takes";
+  for (std::size_t i = 0; i < tasks::kLimitTable.size(); ++i) {
+    const auto& row = tasks::kLimitTable[i];
+    const tasks::Limit limit = tasks::limit_in_force(c, i);
+    EXPECT_EQ(limit.liveness, std::chrono::milliseconds{row.liveness_ms}) << edge_of(row.edge).name;
+    if (row.data_age_ms == tasks::kAgeless)
+      EXPECT_EQ(limit.age, rt::Nanos::max()) << edge_of(row.edge).name;
+    else
+      EXPECT_EQ(limit.age, std::chrono::milliseconds{row.data_age_ms}) << edge_of(row.edge).name;
+  }
 }
 
-// Every row names an edge that its reader reads, and keys that a scene can set.
-TEST(Limits, RowsNameReadersAndKeys) {
-  tasks::GraphConfig c;
-  config::Section root;
-  c.describe(root);
-  const std::string scene = config::effective(root);
-  for (const auto& r : tasks::kLimitTable) {
-    const std::string to = " " + words(edge_of(r.edge).to) + " ";
-    EXPECT_NE(to.find(" " + words(task_of(r.reader).name) + " "), std::string::npos)
-        << edge_of(r.edge).name;
-    EXPECT_GT(r.liveness_ms + r.data_age_ms, 0);
-    std::istringstream keys{words(r.key)};
-    for (std::string key; std::getline(keys, key, ',');) {
-      key.erase(0, key.find_first_not_of(' '));
-      const auto dot = key.find('.');
-      ASSERT_NE(dot, std::string::npos) << key;
-      const auto section = scene.find("[" + key.substr(0, dot) + "]");
-      ASSERT_NE(section, std::string::npos) << key;
-      // Commented out while it is the default.
-      const std::string line = key.substr(dot + 1) + " = ";
-      EXPECT_NE(std::min(scene.find("\n" + line, section), scene.find("\n# " + line, section)),
-                std::string::npos)
-          << key;
+// The keys of a row, of its liveness and of its age: its own, or those of [limits].
+std::pair<std::string, std::string> keys_of(const tasks::LimitRow& r) {
+  const std::string base =
+      "limits." + words(tasks::reader_name(r.reader)) + "." + words(edge_of(r.edge).name);
+  std::string age;
+  if (!r.age_key.empty())
+    age = words(r.age_key);
+  else if (r.data_age_ms != tasks::kAgeless)
+    age = base + "_age_ms";
+  return {r.liveness_key.empty() ? base + "_liveness_ms" : words(r.liveness_key), age};
+}
+
+// Every row's limits can be set by the keys that the page names, and change what is in force.
+TEST(Limits, KeysReachTheRow) {
+  for (std::size_t i = 0; i < tasks::kLimitTable.size(); ++i) {
+    const auto [liveness, age] = keys_of(tasks::kLimitTable[i]);
+    for (const auto& key : {liveness, age}) {
+      if (key.empty()) continue;
+      tasks::GraphConfig c;
+      config::Section root;
+      c.describe(root);
+      const tasks::Limit before = tasks::limit_in_force(c, i);
+      const bool in_seconds = key.ends_with("_s");
+      const auto ok = config::load_override(key + (in_seconds ? "=0.777" : "=777"), root);
+      ASSERT_TRUE(ok) << key << ": " << ok.error();
+      const tasks::Limit after = tasks::limit_in_force(c, i);
+      const bool of_age = key == age;
+      EXPECT_EQ(of_age ? after.age : after.liveness, std::chrono::milliseconds{777}) << key;
+      EXPECT_EQ(of_age ? after.liveness : after.age, of_age ? before.liveness : before.age) << key;
+      EXPECT_FALSE(config::load_override(key + "=-1", root)) << key;
     }
   }
 }
 
-std::string ms(int value) { return value == 0 ? "-" : std::to_string(value) + " ms"; }
+std::string ms(int value) {
+  return value == tasks::kAgeless ? "does not" : std::to_string(value) + " ms";
+}
 
 std::string page_tables() {
   const char* kinds[] = {"Latest", "Ring", "Remote"};
@@ -90,11 +81,18 @@ std::string page_tables() {
     out << "| " << e.name << " | " << e.from << " | " << to << " | "
         << kinds[static_cast<std::size_t>(e.kind)] << " | " << e.beyond << " |\n";
   }
-  out << "\n| edge | reader | liveness | age | beyond it | keys |\n|---|---|---|---|---|---|\n";
+  out << "\n| edge | reader | liveness | age | beyond it | keys of its own "
+         "|\n|---|---|---|---|---|---|\n";
   for (const auto& r : tasks::kLimitTable) {
-    out << "| " << edge_of(r.edge).name << " | " << task_of(r.reader).name << " | "
-        << ms(r.liveness_ms) << " | " << ms(r.data_age_ms) << " | " << r.beyond << " | `" << r.key
-        << "` |\n";
+    out << "| " << edge_of(r.edge).name << " | " << tasks::reader_name(r.reader) << " | "
+        << ms(r.liveness_ms) << " | " << ms(r.data_age_ms) << " | " << r.beyond << " | ";
+    if (!r.liveness_key.empty() && !r.age_key.empty())
+      out << "`" << r.liveness_key << "`, `" << r.age_key << "`";
+    else if (!r.liveness_key.empty())
+      out << "`" << r.liveness_key << "` (liveness)";
+    else if (!r.age_key.empty())
+      out << "`" << r.age_key << "` (age)";
+    out << " |\n";
   }
   return out.str();
 }
