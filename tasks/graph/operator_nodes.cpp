@@ -255,6 +255,16 @@ PlanningConfig of_one_robot(const GraphConfig& config) {
   return c;
 }
 
+// What the wheels say, in W.
+drivers::RobotState in_world(drivers::RobotState s, const OdometryFrame& frame) noexcept {
+  const auto X_WB =
+      perception::compose({frame.X_WO[0], frame.X_WO[1], frame.X_WO[2]}, {s.x_m, s.y_m, s.yaw_rad});
+  s.x_m = X_WB.x;
+  s.y_m = X_WB.y;
+  s.yaw_rad = X_WB.yaw;
+  return s;
+}
+
 }  // namespace
 
 PlanningNode::PlanningNode(rt::NonRealtime& nrt, const GraphConfig& config,
@@ -272,8 +282,13 @@ void PlanningNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   const auto map = cells_.cost_map.acquire_if_new(OperatorCells::kMapPlanning);
   const auto robot = cells_.robot_state.acquire_if_new(OperatorCells::kStatePlanning);
   const auto objects = cells_.objects.acquire_if_new(OperatorCells::kObjectsPlanning);
+  const auto frame = cells_.odometry_frame.acquire_if_new(OperatorCells::kWorldPlanning);
   in_.map = map.value;
-  in_.robot = robot.value;
+  in_.robot = nullptr;
+  if (robot && frame && frame->known) {
+    robot_ = in_world(*robot, *frame);
+    in_.robot = &robot_;
+  }
   in_.objects = objects.value;
   if (const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModePlanning)) in_.mode = *mode;
   record.input_seq[0] = map.seq;
@@ -282,6 +297,7 @@ void PlanningNode::latch(const rt::Tick&, rt::JobRecord& record) noexcept {
   record.input_seq[3] =
       in_.event_count > 0 ? in_.events[static_cast<std::size_t>(in_.event_count - 1)].seq : 0;
   record.input_seq[4] = objects.seq;
+  record.input_seq[5] = frame.seq;
 }
 
 rt::Health PlanningNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
@@ -332,12 +348,28 @@ void PlanningNode::abandon(const rt::Tick& tick) noexcept {
 
 // ---------------------------------------------------------------- prediction
 
+namespace {
+
+// One statement of odometry's error. A camera that does not ride on the robot says nothing of it.
+PredictionConfig of_one_odometry(const GraphConfig& config, const OperatorSetup& setup) {
+  PredictionConfig c = config.prediction;
+  c.world.odometry_translation_share = config.fusion.odometry_translation_share;
+  c.world.odometry_rotation_share = config.fusion.odometry_rotation_share;
+  c.world.odometry_deg_per_m = config.fusion.odometry_deg_per_m;
+  c.map_correction = c.map_correction && setup.odometry_prior;
+  return c;
+}
+
+}  // namespace
+
+// In a stored map the start is where fusion finds the camera; in a new one the start is what W is made of.
 PredictionNode::PredictionNode(rt::NonRealtime& nrt, const GraphConfig& config,
                                const OperatorSetup& setup, OperatorCells& cells, LinkStatus& link)
-    : task_(nrt, config.prediction, setup.fusion.X_BC),
+    : task_(nrt, of_one_odometry(config, setup), setup.fusion.X_BC, config.fusion.map.empty()),
       cells_(cells),
       link_(link),
-      hash_(setup.hash_outputs) {
+      hash_(setup.hash_outputs),
+      frame_gate_(setup.faults, "odometry_frame") {
   in_.mode = &mode_;
 }
 
@@ -367,10 +399,14 @@ rt::Health PredictionNode::step(const rt::Tick& tick, rt::JobRecord& record) noe
 void PredictionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   cells_.goal.begin_write() = out_.goal;
   cells_.goal.publish();
+  OdometryFrame& frame = cells_.odometry_frame.begin_write();
+  frame = out_.frame;
+  const bool frame_out = publish(frame_gate_, cells_.odometry_frame, frame);
   publish_health(health_of(cells_, TaskId::kPrediction), tick.start, health_);
   if (!hash_) return;
   rt::Hash64 h;
   hash_output(h, out_.goal);
+  if (frame_out) hash_output(h, frame);
   record.output_hash = h.digest();
 }
 

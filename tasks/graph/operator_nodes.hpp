@@ -79,7 +79,8 @@ class PlanningNode final : public rt::TaskBody {
   bool hash_;
   EdgeGate path_gate_, task_gate_;
   int logged_level_ = -1;
-  PlanningTask::In in_;  // events stay here until a job that saw them has committed
+  drivers::RobotState robot_;  // the newest, its pose in W
+  PlanningTask::In in_;        // events stay here until a job that saw them has committed
   PlanningTask::Out out_;
   rt::Health health_;
 };
@@ -98,6 +99,7 @@ class PredictionNode final : public rt::TaskBody {
   OperatorCells& cells_;
   LinkStatus& link_;
   bool hash_;
+  EdgeGate frame_gate_;
   ModeMsg mode_;
   PredictionTask::In in_;
   PredictionTask::Out out_;

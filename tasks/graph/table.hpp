@@ -67,10 +67,10 @@ inline constexpr std::array<TaskRow, kTaskCount> kTaskTable{{
 
 enum class EdgeId : std::uint8_t {
   kFrame, kRobotState, kGoal,                                             // across the link
-  kPatch, kView, kMesh, kCostMap, kCameraPose, kObjects, kHand, kTouch, kEdit, kPath, kTask, kMode,  // operator box
+  kPatch, kView, kMesh, kCostMap, kCameraPose, kObjects, kHand, kTouch, kEdit, kPath, kTask, kMode, kOdometryFrame,  // operator box
   kRobotMode,                                                             // robot box
 };
-inline constexpr int kEdgeCount = 16;
+inline constexpr int kEdgeCount = 17;
 
 enum class EdgeKind : std::uint8_t { kLatest, kRing, kRemote };
 
@@ -97,6 +97,7 @@ inline constexpr std::array<EdgeRow, kEdgeCount> kEdgeTable{{
     {EdgeId::kPath, "path", "planning", "prediction console", EdgeKind::kLatest, "last path holds"},
     {EdgeId::kTask, "task", "planning", "console", EdgeKind::kLatest, "shown"},
     {EdgeId::kMode, "mode", "supervision", "haptic prediction planning", EdgeKind::kLatest, "not engaged"},
+    {EdgeId::kOdometryFrame, "odometry_frame", "prediction", "planning console", EdgeKind::kLatest, "nothing is planned"},
     {EdgeId::kRobotMode, "robot_mode", "robot_supervision", "robot_io", EdgeKind::kLatest, "not engaged"},
 }};
 
