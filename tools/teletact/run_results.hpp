@@ -86,6 +86,7 @@ struct RunInfo {
   std::vector<std::string> problems;  // each makes the exit code non-zero
   std::vector<std::string> files;
   RecordingFigures recorded;  // of a recording, against its own poses
+  double ate_first_pose_mm = -1;  // of rendered images, against the twin; below 0: not known
 };
 
 // Ordinary threads: what they took of a core, both boxes together, beside what was declared. Empty where
