@@ -5,6 +5,8 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "rt/random.hpp"
+
 namespace drivers {
 namespace {
 
@@ -56,6 +58,14 @@ RobotPlant::RobotPlant(rt::NonRealtime&, const RobotPlantConfig& config, const M
   kp_ = 2.0 * config.speed_loop_damping * w * inertia;
   ki_ = w * w * inertia;
   if (config.slip_ratio > 0) slip_ = Slip{config.slip_ratio};
+  if (config.wheel_slip_max > 0) {
+    const std::int64_t redraw = rt::nanos_from_seconds(config.wheel_slip_redraw_s).count();
+    wheel_slip_ = WheelSlip{std::max<std::int64_t>(1, redraw / step_ns_.count())};
+  }
+  if (config.wheel_radius_error != WheelVector{}) {
+    radius_.emplace();
+    for (int i = 0; i < kWheels; ++i) (*radius_)[i] = 1.0 + config.wheel_radius_error[i];
+  }
   if (config.encoder_ticks_per_motor_turn > 0) {
     encoder_ = Encoder{2.0 * std::numbers::pi / config.encoder_ticks_per_motor_turn /
                        kinematics_.gear_ratio()};
@@ -123,6 +133,13 @@ void RobotPlant::substep() noexcept {
     mean[i] = 0.5 * (before[i] + state_.wheel_rad_per_s[i]);
     state_.wheel_rad[i] += mean[i] * dt_;
   }
+  if (wheel_slip_) {
+    draw_slip();
+    for (int i = 0; i < kWheels; ++i) mean[i] *= 1.0 - wheel_slip_->share[i];
+  }
+  if (radius_) {
+    for (int i = 0; i < kWheels; ++i) mean[i] *= (*radius_)[i];
+  }
   Twist2 v = kinematics_.forward(mean);
   if (slip_) {
     const double grip = 1.0 - slip_->ratio;
@@ -130,6 +147,14 @@ void RobotPlant::substep() noexcept {
   }
   ++steps_;
   move_step(v);
+}
+
+void RobotPlant::draw_slip() noexcept {
+  const std::int64_t interval = steps_ / wheel_slip_->redraw_steps;
+  if (interval == wheel_slip_->drawn) return;
+  wheel_slip_->drawn = interval;
+  rt::Random random(config_.wheel_slip_seed, static_cast<std::uint64_t>(interval));
+  for (double& share : wheel_slip_->share) share = random.uniform(0, config_.wheel_slip_max);
 }
 
 void RobotPlant::wheel_step() noexcept {
@@ -224,6 +249,8 @@ std::vector<std::string> RobotPlant::effects() const {
   std::vector<std::string> names;
   if (config_.speed_loop_order > 0) names.emplace_back("motor_dynamics");
   if (slip_) names.emplace_back("slip");
+  if (wheel_slip_) names.emplace_back("wheel_slip");
+  if (radius_) names.emplace_back("wheel_radius");
   if (encoder_) names.emplace_back("encoder_quantisation");
   if (dead_steps_ > 0) names.emplace_back("dead_time");
   if (friction_) names.emplace_back("gear_friction");

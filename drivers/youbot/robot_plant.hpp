@@ -9,7 +9,8 @@
 //          unless the slip effect is named. The base moves with F w, exact on SE(2).
 // Walls    A predicate says whether a base pose collides. A motion that would collide does not
 //          happen: the base stands, its wheels turn on. Each entry is counted once.
-// Effects  slip, encoder, dead_time, gear_friction: built only when their config value is not zero.
+// Effects  slip, wheel_slip, wheel_radius, encoder, dead_time, gear_friction: built only when their config value
+//          is not zero. The slip of a wheel is a function of (seed, wheel, time) and of nothing else.
 // Numbers  masses and inertias: reference data of the youBot description; 0.0335 Nm/A and 1:25.838
 //          of the wheel drives (youbot_driver).
 // One owner (the MotorBus twin); no thread safety, no allocation after construction.
@@ -44,6 +45,12 @@ struct RobotPlantConfig {
   double wheel_inertia_kg_m2 = 0.024;  // wheel and rotor, at the wheel
   // Effects, off at zero.
   double slip_ratio = 0;  // share of the wheels' travel that the base does not make
+  // Share of a wheel's travel that the floor does not take: drawn for each wheel by itself, even from 0 to this.
+  double wheel_slip_max = 0;
+  double wheel_slip_redraw_s = 0.5;
+  std::uint64_t wheel_slip_seed = 1;
+  // True rolling radius of each wheel over the one that odometry counts with, less 1: worn tyres, load.
+  std::array<double, kWheels> wheel_radius_error{};
   int encoder_ticks_per_motor_turn = 0;
   double dead_time_s = 0;       // setpoint to motor
   double gear_friction_Nm = 0;  // Coulomb, at the wheel
@@ -59,6 +66,13 @@ struct RobotPlantConfig {
     s.number("inertia_kg_m2", inertia_kg_m2, 0.01, 200, "inertia about the vertical");
     s.number("wheel_inertia_kg_m2", wheel_inertia_kg_m2, 1e-4, 10, "one wheel with its rotor");
     s.number("slip_ratio", slip_ratio, 0, 0.9, "effect: travel lost between wheel and floor");
+    s.number("wheel_slip_max", wheel_slip_max, 0, 0.9,
+             "effect: largest share of its travel that a wheel loses, each wheel drawn by itself");
+    s.number("wheel_slip_redraw_s", wheel_slip_redraw_s, 0.01, 60,
+             "the slips are drawn anew so often");
+    s.seed("wheel_slip_seed", wheel_slip_seed, "of the slips");
+    s.numbers("wheel_radius_error", wheel_radius_error, -0.2, 0.2,
+              "effect: true radius of a wheel over robot_io.base.wheel_radius_m, less 1");
     s.integer("encoder_ticks_per_motor_turn", encoder_ticks_per_motor_turn, 0, 1 << 20,
               "effect: encoder quantisation (4000 on the youBot)");
     s.number("dead_time_s", dead_time_s, 0, 0.05, "effect: delay from setpoint to motor");
@@ -113,6 +127,11 @@ class RobotPlant {
   struct Slip {
     double ratio;
   };
+  struct WheelSlip {
+    std::int64_t redraw_steps;
+    std::int64_t drawn = -1;  // number of the interval that `share` is of
+    WheelVector share{};
+  };
   struct Encoder {
     double rad_per_tick;
   };
@@ -133,6 +152,7 @@ class RobotPlant {
 
   void substep() noexcept;
   void wheel_step() noexcept;
+  void draw_slip() noexcept;
   void move_step(const perception::Twist2& v) noexcept;
 
   RobotPlantConfig config_;
@@ -142,6 +162,8 @@ class RobotPlant {
   double kp_ = 0, ki_ = 0, dt_ = 0;
   rt::Nanos step_ns_;
   std::optional<Slip> slip_;
+  std::optional<WheelSlip> wheel_slip_;
+  std::optional<WheelVector> radius_;  // true over nominal
   std::optional<Encoder> encoder_;
   std::optional<GearFriction> friction_;
   std::int64_t dead_steps_ = 0;

@@ -74,6 +74,7 @@ inline void age(HapticState& m, rt::Nanos by) noexcept { m.stamp -= by; }
 inline void age(TouchEvent& m, rt::Nanos by) noexcept { m.stamp -= by; }
 inline void age(Path& m, rt::Nanos by) noexcept { m.made -= by, m.mark_stamp -= by, m.seen -= by; }
 inline void age(TaskState& m, rt::Nanos by) noexcept { m.stamp -= by; }
+inline void age(OdometryFrame& m, rt::Nanos by) noexcept { m.taken -= by, m.claimed -= by; }
 inline void age(ModeMsg& m, rt::Nanos by) noexcept { m.stamp -= by; }
 
 // Messages without floating-point numbers; check_faults() refuses the kind for them.
@@ -119,6 +120,10 @@ inline void spoil(TouchEvent& m) noexcept {
 inline void spoil(Path& m) noexcept {
   for (auto& p : m.points) p.fill(kNan);
   m.marked_W = Vec3::Constant(kNan);
+}
+inline void spoil(OdometryFrame& m) noexcept {
+  m.X_WO.fill(kNan), m.covariance.fill(kNan);
+  m.error_m = m.error_rad = kNan;
 }
 
 }  // namespace edge

@@ -60,6 +60,7 @@ inline rt::Time datum(const perception::CostMap& m) noexcept { return m.exposure
 inline rt::Time datum(const CameraPose& m) noexcept { return m.seen; }
 inline rt::Time datum(const ObjectList& m) noexcept { return m.exposure; }
 inline rt::Time datum(const HapticState& m) noexcept { return m.stamp; }
+inline rt::Time datum(const OdometryFrame& m) noexcept { return m.taken; }
 inline rt::Time datum(const Path& m) noexcept { return m.seen; }
 inline rt::Time datum(const TaskState& m) noexcept { return m.stamp; }
 inline rt::Time datum(const ModeMsg& m) noexcept { return m.stamp; }

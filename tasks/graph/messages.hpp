@@ -71,6 +71,20 @@ struct CameraPose {
   rt::Time seen{};  // exposure of the newest claimed image: this one, or what the pose goes on from
 };
 
+// Where odometry's frame lies in the world, and how sure that is. prediction -> planning, console.
+struct OdometryFrame {
+  std::uint64_t seq = 0;
+  rt::Time taken{};              // of the robot state it was carried to
+  rt::Time claimed{};            // exposure of the newest claimed image in it; 0: none yet
+  std::array<double, 3> X_WO{};  // x, y, yaw
+  std::array<double, 6>
+      covariance{};  // of the base's pose in W then: xx, xy, x yaw, yy, y yaw, yaw yaw
+  double error_m = 0, error_rad = 0;  // stated: three standard deviations (world_filter.hpp)
+  bool known = false;                 // false: nobody knows yet where O lies
+  bool follows_camera = false;        // false: O is taken as W, and how wrong that is, is not known
+  bool unsure = false;                // the stated error is above its limit: goals are not engaged
+};
+
 // A path for the base on the ground, in W (z of the ground plane). planning -> prediction.
 struct Path {
   static constexpr int kMaxPoints = 256;

@@ -22,6 +22,7 @@ OperatorCells::OperatorCells(rt::NonRealtime& nrt, const GraphConfig& config)
       path(nrt, {1, 1}),
       task(nrt, {1}),
       goal(nrt, {1, 1}),
+      odometry_frame(nrt, {1, 1}),
       mode(nrt, {1, 1, 1, 1}),
       logs(std::make_unique<TaskLogs>(nrt)) {
   for (int i = 0; i < kTaskCount; ++i)

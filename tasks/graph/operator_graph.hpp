@@ -56,6 +56,8 @@ struct OperatorCells {
   // prediction
   enum { kGoalLink, kGoalConsole };
   rt::Latest<drivers::RobotGoal> goal;
+  enum { kWorldPlanning, kWorldConsole };
+  rt::Latest<OdometryFrame> odometry_frame;
   // supervision
   enum { kModeHaptic, kModePrediction, kModePlanning, kModeConsole };
   rt::Latest<ModeMsg> mode;

@@ -276,6 +276,16 @@ PlanningConfig of_one_robot(const GraphConfig& config) {
   return c;
 }
 
+// What the wheels say, in W.
+drivers::RobotState in_world(drivers::RobotState s, const OdometryFrame& frame) noexcept {
+  const auto X_WB =
+      perception::compose({frame.X_WO[0], frame.X_WO[1], frame.X_WO[2]}, {s.x_m, s.y_m, s.yaw_rad});
+  s.x_m = X_WB.x;
+  s.y_m = X_WB.y;
+  s.yaw_rad = X_WB.yaw;
+  return s;
+}
+
 }  // namespace
 
 PlanningNode::PlanningNode(rt::NonRealtime& nrt, const GraphConfig& config,
@@ -289,7 +299,8 @@ PlanningNode::PlanningNode(rt::NonRealtime& nrt, const GraphConfig& config,
       robot_in_(limit_row(EdgeId::kRobotState, TaskId::kPlanning), config, cells.logs.get()),
       objects_in_(limit_row(EdgeId::kObjects, TaskId::kPlanning), config, cells.logs.get()),
       touch_in_(limit_row(EdgeId::kTouch, TaskId::kPlanning), config, cells.logs.get()),
-      mode_in_(limit_row(EdgeId::kMode, TaskId::kPlanning), config, cells.logs.get()) {
+      mode_in_(limit_row(EdgeId::kMode, TaskId::kPlanning), config, cells.logs.get()),
+      frame_in_(limit_row(EdgeId::kOdometryFrame, TaskId::kPlanning), config, cells.logs.get()) {
   // Within an open mark an event comes this often at least.
   const double event_s = 1 / config.haptic.mark_rate_hz;
   if (2 * event_s > rt::seconds(touch_in_.limit().liveness)) {
@@ -312,8 +323,15 @@ void PlanningNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   const auto robot = cells_.robot_state.acquire_if_new(OperatorCells::kStatePlanning);
   const auto objects = cells_.objects.acquire_if_new(OperatorCells::kObjectsPlanning);
   const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModePlanning);
+  const auto frame = cells_.odometry_frame.acquire_if_new(OperatorCells::kWorldPlanning);
   in_.map = map.value;
-  in_.robot = robot_in_.within(robot, tick.start) ? robot.value : nullptr;
+  in_.robot = nullptr;
+  const bool robot_known = robot_in_.within(robot, tick.start),
+             frame_known = frame_in_.within(frame, tick.start) && frame->known;
+  if (robot_known && frame_known) {
+    robot_ = in_world(*robot, *frame);
+    in_.robot = &robot_;
+  }
   in_.objects = objects_in_.within(objects, tick.start) ? objects.value : nullptr;
   if (mode) in_.mode = *mode;
   in_.may_plan = map_in_.within(map, tick.start);
@@ -324,6 +342,7 @@ void PlanningNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   record.input_seq[3] =
       in_.event_count > 0 ? in_.events[static_cast<std::size_t>(in_.event_count - 1)].seq : 0;
   record.input_seq[4] = objects.seq;
+  record.input_seq[5] = frame.seq;
 }
 
 rt::Health PlanningNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
@@ -374,12 +393,28 @@ void PlanningNode::abandon(const rt::Tick& tick) noexcept {
 
 // ---------------------------------------------------------------- prediction
 
+namespace {
+
+// One statement of odometry's error. A camera that does not ride on the robot says nothing of it.
+PredictionConfig of_one_odometry(const GraphConfig& config, const OperatorSetup& setup) {
+  PredictionConfig c = config.prediction;
+  c.world.odometry_translation_share = config.fusion.odometry_translation_share;
+  c.world.odometry_rotation_share = config.fusion.odometry_rotation_share;
+  c.world.odometry_deg_per_m = config.fusion.odometry_deg_per_m;
+  c.map_correction = c.map_correction && setup.odometry_prior;
+  return c;
+}
+
+}  // namespace
+
+// In a stored map the start is where fusion finds the camera; in a new one the start is what W is made of.
 PredictionNode::PredictionNode(rt::NonRealtime& nrt, const GraphConfig& config,
                                const OperatorSetup& setup, OperatorCells& cells, LinkStatus& link)
-    : task_(nrt, config.prediction, setup.fusion.X_BC),
+    : task_(nrt, of_one_odometry(config, setup), setup.fusion.X_BC, config.fusion.map.empty()),
       cells_(cells),
       link_(link),
       hash_(setup.hash_outputs),
+      frame_gate_(setup.faults, "odometry_frame"),
       robot_in_(limit_row(EdgeId::kRobotState, TaskId::kPrediction), config, cells.logs.get()),
       path_in_(limit_row(EdgeId::kPath, TaskId::kPrediction), config, cells.logs.get()),
       camera_in_(limit_row(EdgeId::kCameraPose, TaskId::kPrediction), config, cells.logs.get()),
@@ -418,10 +453,14 @@ rt::Health PredictionNode::step(const rt::Tick& tick, rt::JobRecord& record) noe
 void PredictionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   cells_.goal.begin_write() = out_.goal;
   cells_.goal.publish(tick.start);
+  OdometryFrame& frame = cells_.odometry_frame.begin_write();
+  frame = out_.frame;
+  const bool frame_out = publish(frame_gate_, cells_.odometry_frame, frame, tick.start);
   publish_health(health_of(cells_, TaskId::kPrediction), tick.start, health_);
   if (!hash_) return;
   rt::Hash64 h;
   hash_output(h, out_.goal);
+  if (frame_out) hash_output(h, frame);
   record.output_hash = h.digest();
 }
 

@@ -83,9 +83,10 @@ class PlanningNode final : public rt::TaskBody {
   bool hash_;
   EdgeGate path_gate_, task_gate_;
   int logged_level_ = -1;
-  LimitWatch map_in_, robot_in_, objects_in_, touch_in_, mode_in_;
-  rt::Time touch_heard_{};  // when events were last taken
-  PlanningTask::In in_;     // events stay here until a job that saw them has committed
+  LimitWatch map_in_, robot_in_, objects_in_, touch_in_, mode_in_, frame_in_;
+  rt::Time touch_heard_{};     // when events were last taken
+  drivers::RobotState robot_;  // the newest, its pose in W
+  PlanningTask::In in_;        // events stay here until a job that saw them has committed
   PlanningTask::Out out_;
   rt::Health health_;
 };
@@ -104,6 +105,7 @@ class PredictionNode final : public rt::TaskBody {
   OperatorCells& cells_;
   LinkStatus& link_;
   bool hash_;
+  EdgeGate frame_gate_;
   LimitWatch robot_in_, path_in_, camera_in_, mode_in_;
   ModeMsg mode_;
   bool mode_live_ = true;

@@ -70,6 +70,14 @@ void hash_output(rt::Hash64& h, const CameraPose& m) noexcept {
   all(h, seq, exposure, X_WC, tracking, claimed, seen);
 }
 
+void hash_output(rt::Hash64& h, const OdometryFrame& m) noexcept {
+  const auto& [seq, taken, claimed, X_WO, covariance, error_m, error_rad, known, follows, unsure] =
+      m;
+  all(h, seq, taken, claimed, error_m, error_rad, known, follows, unsure);
+  for (const double v : X_WO) h.value(v);
+  for (const double v : covariance) h.value(v);
+}
+
 void hash_output(rt::Hash64& h, const Path& m) noexcept {
   const auto& [seq, made, mark_seq, mark_stamp, size, points, marked_W, seen] = m;
   all(h, seq, made, mark_seq, mark_stamp, size, marked_W, seen);

@@ -24,6 +24,7 @@ void hash_output(rt::Hash64& h, const HapticState& m) noexcept;
 // Without the gap flag: the ring sets it, by how full it is.
 void hash_output(rt::Hash64& h, const TouchEvent& m) noexcept;
 void hash_output(rt::Hash64& h, const CameraPose& m) noexcept;
+void hash_output(rt::Hash64& h, const OdometryFrame& m) noexcept;
 void hash_output(rt::Hash64& h, const Path& m) noexcept;
 void hash_output(rt::Hash64& h, const TaskState& m) noexcept;
 void hash_output(rt::Hash64& h, const ModeMsg& m) noexcept;

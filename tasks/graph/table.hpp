@@ -70,10 +70,10 @@ inline constexpr std::array<TaskRow, kTaskCount> kTaskTable{{
 
 enum class EdgeId : std::uint8_t {
   kFrame, kRobotState, kGoal,                                             // across the link
-  kPatch, kView, kMesh, kCostMap, kCameraPose, kObjects, kHand, kTouch, kEdit, kPath, kTask, kMode,  // operator box
+  kPatch, kView, kMesh, kCostMap, kCameraPose, kObjects, kHand, kTouch, kEdit, kPath, kTask, kMode, kOdometryFrame,  // operator box
   kRobotMode,                                                             // robot box
 };
-inline constexpr int kEdgeCount = 16;
+inline constexpr int kEdgeCount = 17;
 
 enum class EdgeKind : std::uint8_t { kLatest, kRing, kRemote };
 
@@ -100,6 +100,7 @@ inline constexpr std::array<EdgeRow, kEdgeCount> kEdgeTable{{
     {EdgeId::kPath, "path", "planning", "prediction console", EdgeKind::kLatest, "last path holds"},
     {EdgeId::kTask, "task", "planning", "console", EdgeKind::kLatest, "shown"},
     {EdgeId::kMode, "mode", "supervision", "haptic prediction planning console", EdgeKind::kLatest, "not engaged"},
+    {EdgeId::kOdometryFrame, "odometry_frame", "prediction", "planning console", EdgeKind::kLatest, "nothing is planned"},
     {EdgeId::kRobotMode, "robot_mode", "robot_supervision", "robot_io console", EdgeKind::kLatest, "not engaged"},
 }};
 
@@ -126,7 +127,7 @@ struct LimitRow {
   std::string_view liveness_key = {}, age_key = {};
 };
 
-inline constexpr std::array<LimitRow, 31> kLimitTable{{
+inline constexpr std::array<LimitRow, 33> kLimitTable{{
     {EdgeId::kFrame, TaskId::kFusion, 500, 1000, "silent: map stays, tracking idles; old: not looked at"},
     {EdgeId::kRobotState, TaskId::kPrediction, 180, 250, "goals are not engaged", "", "prediction.state_liveness_ms"},
     {EdgeId::kRobotState, TaskId::kPlanning, 250, 500, "nothing is planned; the path stands"},
@@ -156,6 +157,8 @@ inline constexpr std::array<LimitRow, 31> kLimitTable{{
     {EdgeId::kMode, TaskId::kPrediction, 50, 100, "goals are not engaged"},
     {EdgeId::kMode, TaskId::kPlanning, 50, 100, "nothing is planned; the path stands"},
     {EdgeId::kMode, kConsole, 1000, 1000, "named in the status line"},
+    {EdgeId::kOdometryFrame, TaskId::kPlanning, 500, 750, "nothing is planned; the path stands"},
+    {EdgeId::kOdometryFrame, kConsole, 1000, 1500, "named in the status line"},
     {EdgeId::kRobotMode, TaskId::kRobotIo, 50, 100, "the base ramps down"},
     {EdgeId::kRobotMode, kConsole, 1000, 1000, "named in the status line"},
 }};

@@ -3,7 +3,8 @@
 //   reads   Ring<TouchEvent>     from tasks/haptic         up to 64 a job; a gap drops an open mark
 //           Latest<CostMap>      from tasks/fusion         held for one job
 //           Latest<ObjectList>   from tasks/fusion         the object that the mark named, if it did
-//           Latest<RobotState>   over the link             newest; without one nothing is planned
+//           Latest<RobotState>   over the link             newest, its pose in W by prediction's X_WO; without one,
+//                                                           or as long as X_WO is not known, nothing is planned
 //           Latest<ModeMsg>      from tasks/supervision    a stop drops mark and path
 //   writes  Latest<Path>         to tasks/prediction       every job, the same path again while it
 //   holds
@@ -20,8 +21,7 @@
 // goal goes where the object goes, until the robot has arrived. With object_goal = "grasp" it is a place from
 // which the arm can take the object (grasp.hpp), or the goal is given up with the reason why there is none.
 //
-// Frames: W world (= map), M grid of the cost map, B base. The robot's odometry frame is taken as
-// W.
+// Frames: W world (= map), M grid of the cost map, B base.
 #pragma once
 
 #include <array>
@@ -98,7 +98,7 @@ class PlanningTask {
     std::array<TouchEvent, kMaxEvents> events{};
     int event_count = 0;
     const perception::CostMap* map = nullptr;    // null: never published
-    const drivers::RobotState* robot = nullptr;  // null: none
+    const drivers::RobotState* robot = nullptr;  // its pose in W; null: none
     const ObjectList* objects = nullptr;         // null: none, or objects are switched off
     ModeMsg mode;                                // seq 0: none yet
     bool may_plan = true;    // false: map or mode are silent or old; a path that there is stands

@@ -19,8 +19,13 @@ Pose2 planar(const Pose& X) noexcept {
 
 }  // namespace
 
-PredictionTask::PredictionTask(rt::NonRealtime&, const PredictionConfig& config, const Pose& X_BC)
-    : config_(config), X_CB_(X_BC.inverse()), motion_(config.motion), follower_(config.path) {}
+PredictionTask::PredictionTask(rt::NonRealtime&, const PredictionConfig& config, const Pose& X_BC,
+                               bool start_known)
+    : config_(config),
+      X_CB_(X_BC.inverse()),
+      motion_(config.motion),
+      follower_(config.path),
+      world_(config.world, start_known || !config.map_correction) {}
 
 Health PredictionTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   Health health = take_state(in);
@@ -39,12 +44,13 @@ Health PredictionTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   g.speed_limit_m_per_s = config_.speed_m_per_s;
   g.path_seq = follower_.seq();
   out.telemetry = {};
-  out.telemetry.X_WO = X_WO_;
-  out.telemetry.X_WB = out.telemetry.predicted_X_WB = perception::compose(X_WO_, here);
+  out.telemetry.X_WO = world_.X_WO();
+  out.telemetry.X_WB = out.telemetry.predicted_X_WB = perception::compose(world_.X_WO(), here);
   out.telemetry.path_seq = follower_.seq();
   g.operator_engaged = in.mode != nullptr && in.mode->mode == Mode::kEngaged ? 1 : 0;
   g.operator_clear = in.mode != nullptr && in.mode->clear ? 1 : 0;
   if (make_goal(tick, in, out, health)) g.engaged = 1;
+  write_frame(out);
   return health;
 }
 
@@ -63,8 +69,10 @@ Health PredictionTask::take_state(const In& in) noexcept {
   // only costs one sample.
   if (have_state_ && (s.seq < state_.seq || sample.t < to_seconds(state_.taken) - 0.05)) {
     motion_.clear();
+    world_.restart_odometry();
   }
   (void)motion_.add(sample);
+  if (config_.map_correction) (void)world_.add_odometry(sample.t, sample.X_OB);
   state_ = s;
   have_state_ = true;
   return Health::ok();
@@ -85,25 +93,51 @@ Health PredictionTask::take_path(const In& in) noexcept {
 // X_WO drifts as odometry does: the camera's pose in the map says by how much.
 Health PredictionTask::correct_map(const In& in) noexcept {
   const CameraPose* c = in.camera;
-  if (c == nullptr || c->seq == camera_seq_) return Health::ok();
+  if (c == nullptr || c->seq == camera_seq_ || !epoch_set_) return Health::ok();
+  if (!c->claimed || c->tracking != CameraPose::Tracking::kTracking) return Health::ok();
+  const WorldFilter::Taken taken =
+      world_.add_camera(to_seconds(c->exposure), planar(c->X_WC * X_CB_));
+  if (taken == WorldFilter::Taken::kTooNew)
+    return Health::ok();  // the next robot state may cover it
   camera_seq_ = c->seq;
-  Pose2 X_OB;
-  if (!epoch_set_ || !c->claimed || c->tracking != CameraPose::Tracking::kTracking ||
-      !motion_.pose_at(to_seconds(c->exposure), X_OB)) {
+  if (taken == WorldFilter::Taken::kUsed || taken == WorldFilter::Taken::kTooOld)
     return Health::ok();
+  return Health::of(Severity::kCounted, prediction_fault::kCorrectionRefused);
+}
+
+// Would the stated error be within the limit where the base comes to rest if it was told to now? The news takes until
+// the next job and the way there; below half of the limit it goes on.
+bool PredictionTask::sure_enough(double lead_s) noexcept {
+  if (!config_.map_correction) return true;
+  const double speed = std::hypot(state_.vx, state_.vy);
+  const double way = speed * (lead_s + 0.1) + speed * speed / (2 * config_.brake_m_per_s2);
+  double dx = 0, dy = 0;
+  if (speed > 1e-6) {
+    const double a = std::atan2(state_.vy, state_.vx) + state_.yaw_rad + world_.X_WO().yaw;
+    dx = way * std::cos(a), dy = way * std::sin(a);
   }
-  // Blended at the base, not at the origin of O: a small turn there would swing the base far away.
-  const Pose2 now = perception::compose(X_WO_, X_OB), seen = planar(c->X_WC * X_CB_);
-  const double dx = seen.x - now.x, dy = seen.y - now.y;
-  const double d = std::hypot(dx, dy), turn = perception::wrap_angle(seen.yaw - now.yaw);
-  if (!(d <= config_.map_gate_m) || !std::isfinite(turn)) {
-    return Health::of(Severity::kCounted, prediction_fault::kCorrectionRefused);
-  }
-  const double f = std::min(config_.map_gain, d > 0 ? config_.map_step_m / d : 1.0);
-  const double r = std::clamp(config_.map_gain * turn, -config_.map_step_rad, config_.map_step_rad);
-  const Pose2 blended{now.x + f * dx, now.y + f * dy, perception::wrap_angle(now.yaw + r)};
-  X_WO_ = perception::compose(blended, perception::inverse(X_OB));
-  return Health::ok();
+  const double error_m = world_.error_after_m(dx, dy);
+  unsure_ = !(error_m <= (unsure_ ? 0.5 : 1.0) * config_.error_limit_m);
+  return !unsure_;
+}
+
+void PredictionTask::write_frame(Out& out) noexcept {
+  OdometryFrame& f = out.frame;
+  f = {};
+  f.seq = ++frame_seq_;
+  if (!have_state_) return;
+  f.taken = state_.taken;
+  f.X_WO = {world_.X_WO().x, world_.X_WO().y, world_.X_WO().yaw};
+  f.follows_camera = config_.map_correction;
+  f.unsure = unsure_;
+  f.known = true;
+  if (!config_.map_correction) return;
+  const WorldFilter::Matrix3 P = world_.covariance();
+  f.covariance = {P(0, 0), P(0, 1), P(0, 2), P(1, 1), P(1, 2), P(2, 2)};
+  f.error_m = world_.error_m();
+  f.error_rad = world_.error_rad();
+  f.known = world_.known();
+  if (world_.claimed_t() >= 0) f.claimed = epoch_ + rt::nanos_from_seconds(world_.claimed_t());
 }
 
 bool PredictionTask::make_goal(const rt::Tick& tick, const In& in, Out& out,
@@ -127,7 +161,11 @@ bool PredictionTask::make_goal(const rt::Tick& tick, const In& in, Out& out,
   if (!motion_.predict(motion_.newest().t + lead, p)) return false;
   PredictionTelemetry& t = out.telemetry;
   t.lead_s = lead;
-  t.predicted_X_WB = perception::compose(X_WO_, p.X_OB);
+  t.predicted_X_WB = perception::compose(world_.X_WO(), p.X_OB);
+  const bool sure = sure_enough(lead);
+  if (!sure) {
+    health = rt::worst(health, Health::of(Severity::kDegraded, prediction_fault::kPlaceUnsure));
+  }
   if (!follower_.has_path()) return false;
 
   const PathFollower::Goal goal = follower_.next(t.predicted_X_WB);
@@ -138,7 +176,7 @@ bool PredictionTask::make_goal(const rt::Tick& tick, const In& in, Out& out,
   t.goal_is_mark = goal.is_mark;
   t.end_distance_m = std::hypot(end.x - t.X_WB.x, end.y - t.X_WB.y);
 
-  const Pose2 X_OG = perception::compose(perception::inverse(X_WO_), goal.X_WG);
+  const Pose2 X_OG = perception::compose(perception::inverse(world_.X_WO()), goal.X_WG);
   drivers::RobotGoal& g = out.goal;
   g.x_m = X_OG.x;
   g.y_m = X_OG.y;
@@ -147,7 +185,7 @@ bool PredictionTask::make_goal(const rt::Tick& tick, const In& in, Out& out,
   if (unsure > 0) {
     g.speed_limit_m_per_s = std::min(config_.speed_m_per_s, config_.uncertainty_share_m / unsure);
   }
-  return in.mode != nullptr && in.mode->mode == Mode::kEngaged;
+  return sure && in.mode != nullptr && in.mode->mode == Mode::kEngaged;
 }
 
 }  // namespace tasks

@@ -3,17 +3,20 @@
 //   reads    Latest<RobotState>   from robot_io, over the link, in local time; silent -> not
 //   engaged
 //            Latest<Path>         from planning
-//            Latest<CameraPose>   from fusion, only with `map_correction`
+//            Latest<CameraPose>   from fusion: where O lies in W
 //            Latest<ModeMsg>      from supervision of the operator box
 //            round trip and its uncertainty, from the link's clock estimate
 //   writes   RobotGoal            over the link, to robot_io
+//            OdometryFrame        to planning, console: the one writer of X_WO (world_filter.hpp)
 //   budget   2 ms of the 100 ms period
 //
 // The goal is chosen between path point and marked point by the larger distance to the robot (see
 // path_follower.hpp) from where the robot will be one round trip later, by its predicted velocity
 // (motion_predictor.hpp). It never lies beyond the path's end, so the robot slows down to it.
-// Frames: W world (= map), O odometry (equal to W at the start; X_WO follows the camera's pose when
-// `map_correction` is on), B base. SI units.
+// A camera that is lost leaves odometry, whose stated error grows with the way. Before it passes `error_limit_m` with
+// the base at rest, goals are no longer engaged; they are again when it is below half of that.
+// Frames: W world (= map), O odometry (equal to W at the start; X_WO follows the camera's claimed poses unless
+// `map_correction` is off), B base. SI units.
 #pragma once
 
 #include <cstdint>
@@ -26,6 +29,7 @@
 #include "tasks/graph/table.hpp"
 #include "tasks/prediction/motion_predictor.hpp"
 #include "tasks/prediction/path_follower.hpp"
+#include "tasks/prediction/world_filter.hpp"
 
 namespace tasks {
 
@@ -39,11 +43,10 @@ struct PredictionConfig {
   int state_liveness_ms = limit_of(EdgeId::kRobotState, TaskId::kPrediction).data_age_ms;
   double horizon_limit_s = 1.0;       // the goal is moved ahead by at most this much
   double uncertainty_share_m = 0.05;  // speed x delay uncertainty stays below it
-  bool map_correction = false;
-  double map_gain = 0.1;     // share of the difference taken per camera pose
-  double map_step_m = 0.01;  // and at most this much
-  double map_step_rad = 0.01;
-  double map_gate_m = 0.5;  // a difference beyond it is not believed
+  WorldFilterConfig world;
+  bool map_correction = true;   // off: O is taken as W, and its error is not known
+  double error_limit_m = 0.15;  // of the stated error of the base's place, once it stands
+  double brake_m_per_s2 = 0.6;  // the base stops at least so fast
 
   void describe(config::Section& s) {
     motion.describe(s.section("motion", "velocity prediction"));
@@ -54,11 +57,12 @@ struct PredictionConfig {
     s.number("horizon_limit_s", horizon_limit_s, 0, 10, "largest lead of a goal");
     s.number("uncertainty_share_m", uncertainty_share_m, 0.001, 1,
              "way driven within the uncertainty of the delay");
-    s.flag("map_correction", map_correction, "follow the camera's pose in the map");
-    s.number("map_gain", map_gain, 0.001, 1, "share of a correction taken at once");
-    s.number("map_step_m", map_step_m, 1e-4, 1, "largest correction at once");
-    s.number("map_step_rad", map_step_rad, 1e-4, 1, "largest correction at once");
-    s.number("map_gate_m", map_gate_m, 0.01, 100, "larger differences are not believed");
+    world.describe(s.section("world", "odometry against the camera's poses"));
+    s.flag("map_correction", map_correction,
+           "follow the camera's pose in the map; off: the odometry frame is the world");
+    s.number("error_limit_m", error_limit_m, 0.01, 10,
+             "the base stands before the stated error of its place passes this");
+    s.number("brake_m_per_s2", brake_m_per_s2, 0.05, 8, "the base stops at least so fast");
   }
 };
 
@@ -68,6 +72,7 @@ inline constexpr rt::FaultId kStateRefused = 302;  // not finite: counted
 inline constexpr rt::FaultId kPathRefused = 303;   // not finite: counted, the old path is dropped
 inline constexpr rt::FaultId kDelayUnknown = 304;  // no round trip measured: not engaged
 inline constexpr rt::FaultId kCorrectionRefused = 305;  // camera pose too far off: counted
+inline constexpr rt::FaultId kPlaceUnsure = 306;        // stated error above the limit: not engaged
 }  // namespace prediction_fault
 
 struct PredictionTelemetry {
@@ -96,11 +101,14 @@ class PredictionTask {
   };
   struct Out {
     drivers::RobotGoal goal;  // always valid to send; engaged = 0 holds the robot
+    OdometryFrame frame;
     PredictionTelemetry telemetry;
   };
 
-  // `X_BC`: camera in the base, used by the map correction only.
-  PredictionTask(rt::NonRealtime&, const PredictionConfig&, const Pose& X_BC = Pose::Identity());
+  // `X_BC`: camera in the base, used by the map correction only. `start_known`: O is W at the start; else nothing is
+  // engaged before a claimed pose says where the base is.
+  PredictionTask(rt::NonRealtime&, const PredictionConfig&, const Pose& X_BC = Pose::Identity(),
+                 bool start_known = true);
   // One cycle. No throw, lock, allocation or I/O.
   [[nodiscard]] rt::Health step(const rt::Tick&, const In&, Out&) noexcept;
 
@@ -108,6 +116,8 @@ class PredictionTask {
   [[nodiscard]] rt::Health take_state(const In&) noexcept;
   [[nodiscard]] rt::Health take_path(const In&) noexcept;
   [[nodiscard]] rt::Health correct_map(const In&) noexcept;
+  void write_frame(Out&) noexcept;
+  [[nodiscard]] bool sure_enough(double lead_s) noexcept;
   [[nodiscard]] bool make_goal(const rt::Tick&, const In&, Out&, rt::Health&) noexcept;
   [[nodiscard]] double to_seconds(rt::Time t) const noexcept { return rt::seconds(t - epoch_); }
 
@@ -115,11 +125,12 @@ class PredictionTask {
   Pose X_CB_;
   MotionPredictor motion_;
   PathFollower follower_;
-  perception::Pose2 X_WO_;
+  WorldFilter world_;
   bool have_state_ = false, epoch_set_ = false;
+  bool unsure_ = false;
   rt::Time epoch_{};
   drivers::RobotState state_;
-  std::uint64_t camera_seq_ = 0, seq_ = 0, refused_path_ = 0;
+  std::uint64_t camera_seq_ = 0, seq_ = 0, refused_path_ = 0, frame_seq_ = 0;
 };
 
 }  // namespace tasks

@@ -45,6 +45,7 @@ inline constexpr std::array kFaultTable = {
   FaultRow{303, "F-PRE-03", rt::Severity::kCounted, ClearRule::kItself, "prediction: path not finite", "path refused and the old one dropped"},
   FaultRow{304, "F-PRE-04", rt::Severity::kDegraded, ClearRule::kItself, "prediction: no round trip measured", "goals are not engaged: the robot holds still"},
   FaultRow{305, "F-PRE-05", rt::Severity::kCounted, ClearRule::kItself, "prediction: camera pose too far from the odometry", "correction refused"},
+  FaultRow{306, "F-PRE-06", rt::Severity::kDegraded, ClearRule::kItself, "prediction: where the base is, is not sure enough", "goals are not engaged: the robot stands until the camera says where it is"},
   FaultRow{390, "F-PRE-90", rt::Severity::kRampDown, ClearRule::kItself, "prediction: task silent", "ramp down; goals expire at the robot"},
   FaultRow{401, "F-PLN-01", rt::Severity::kCounted, ClearRule::kItself, "planning: no path to the goal", "goal given up; the robot stays; a new mark is needed"},
   FaultRow{402, "F-PLN-02", rt::Severity::kDegraded, ClearRule::kItself, "planning: the planning library threw", "no path this job; tried again, then given up"},

@@ -16,6 +16,7 @@
 #include "tools/teletact/options.hpp"
 #include "tools/teletact/recording_setup.hpp"
 #include "tools/teletact/recording_truth.hpp"
+#include "tools/teletact/rendered_truth.hpp"
 #include "tools/teletact/rights.hpp"
 #include "tools/teletact/run_real.hpp"
 #include "tools/teletact/script_goal.hpp"
@@ -129,6 +130,7 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
                const OperatorHalf& op, const RobotHalf& robot, const std::string& json_path) {
   if (!scene.rgbd_dir.empty()) info.recorded = recording_figures(scene.rgbd_dir, op.view.fusion);
   if (!info.stub_bodies) {
+    info.ate_first_pose_mm = rendered_figures(scene, op, robot).ate_first_pose_mm;
     if (!op.complete) info.problems.push_back("the operator's half of the run is not complete");
     if (!robot.complete) info.problems.push_back("the robot's half of the run is not complete");
   }

@@ -102,6 +102,15 @@ void OperatorConsole::drain(rt::Time now) {
     *seen_.map = *m;
     if (m->moving_count > seen_.moving_map->moving_count) *seen_.moving_map = *m;
   }
+  const auto w = cells.odometry_frame.acquire_if_new(OperatorCells::kWorldConsole);
+  judge(w, EdgeId::kOdometryFrame, now);
+  if (w && w->seq != seen_.world.seq) {
+    // A job is a tenth of a second; where the console saw none, the next one counts for it.
+    if (w->unsure && seen_.world.seq != 0)
+      seen_.unsure_s += 0.1 * static_cast<double>(w->seq - seen_.world.seq);
+    if (w->follows_camera && w->known) seen_.error_max_m = std::max(seen_.error_max_m, w->error_m);
+    seen_.world = *w;
+  }
   const auto p = cells.path.acquire_if_new(OperatorCells::kPathConsole);
   if (p && p->seq != 0 && p->size > 0) {
     judge(p, EdgeId::kPath, now);
@@ -115,6 +124,11 @@ void OperatorConsole::drain(rt::Time now) {
     using Phase = tasks::TaskState::Phase;
     if (t->phase == Phase::kArrived && seen_.task.phase != Phase::kArrived) {
       if (seen_.arrivals++ == 0) seen_.first_arrival = t->stamp;
+      if (!seen_.paths.empty()) {
+        const auto& path = seen_.paths.back();
+        const auto& end = path.points[static_cast<std::size_t>(path.size - 1)];
+        seen_.arrived.push_back({t->stamp, path.seq, end[0], end[1], seen_.world.error_m});
+      }
     }
     seen_.task = *t;
   }
@@ -324,15 +338,24 @@ std::string OperatorConsole::status_line(rt::Time now) const {
                   map.moving_count * map.resolution * map.resolution);
   std::string old;
   for (const auto edge : seen_.beyond) old += (old.empty() ? "  OLD: " : ", ") + std::string(edge);
-  char line[320];
+  const auto X_WB =
+      perception::compose({seen_.world.X_WO[0], seen_.world.X_WO[1], seen_.world.X_WO[2]},
+                          {seen_.robot.x_m, seen_.robot.y_m, seen_.robot.yaw_rad});
+  char sure[60] = "";
+  if (seen_.world.follows_camera && seen_.world.known)
+    std::snprintf(sure, sizeof sure, " +- %.3f m%s", seen_.world.error_m,
+                  seen_.world.unsure ? "  STANDS: where it is, is not sure enough" : "");
+  else if (seen_.world.follows_camera)
+    std::snprintf(sure, sizeof sure, "  where it is, is not known yet");
+  char line[480];
   std::snprintf(line, sizeof line,
                 "%5.1f s  %-9s  force %5.2f N  reach %3.0f %%  frames %4ld  marks %u  paths %u  "
-                "%-8s  robot (%.2f, %.2f) m%s%s%s",
+                "%-8s  robot (%.2f, %.2f) m%s%s%s%s",
                 rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
                 static_cast<double>(force), 100 * static_cast<double>(reach),
                 static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
-                phases[static_cast<int>(seen_.task.phase)], seen_.robot.x_m, seen_.robot.y_m,
-                moving, force_act_.waits() ? "  forces off: press the clutch and let go" : "",
+                phases[static_cast<int>(seen_.task.phase)], X_WB.x, X_WB.y, sure, moving,
+                force_act_.waits() ? "  forces off: press the clutch and let go" : "",
                 old.c_str());
   return line;
 }
@@ -352,6 +375,10 @@ OperatorView OperatorConsole::copy() const {
   *v.map = *seen_.map;
   *v.moving_view = *seen_.moving_view;
   *v.moving_map = *seen_.moving_map;
+  v.world = seen_.world;
+  v.error_max_m = seen_.error_max_m;
+  v.unsure_s = seen_.unsure_s;
+  v.arrived = seen_.arrived;
   v.arrivals = seen_.arrivals;
   v.first_arrival = seen_.first_arrival;
   v.points_resolved = seen_.points_resolved;

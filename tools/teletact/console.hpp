@@ -17,6 +17,14 @@
 
 namespace teletact {
 
+// The base stood at the end of its path, by what the desk knows.
+struct Arrival {
+  rt::Time stamp{};  // of planning's word, operator's clock
+  std::uint64_t path_seq = 0;
+  double goal_x_m = 0, goal_y_m = 0;  // the path's end, in W
+  double error_m = 0;                 // stated, of the base's place
+};
+
 // What the operator box's console has seen.
 struct OperatorView {
   std::vector<tasks::HapticSample> haptic;
@@ -33,6 +41,10 @@ struct OperatorView {
   // The same at the moment when most of it moved; seq 0: nothing ever did.
   std::unique_ptr<tasks::SceneView> moving_view = std::make_unique<tasks::SceneView>();
   std::unique_ptr<perception::CostMap> moving_map = std::make_unique<perception::CostMap>();
+  tasks::OdometryFrame world;    // newest
+  double error_max_m = 0;        // largest stated error of the base's place
+  double unsure_s = 0;           // time with goals not engaged for it
+  std::vector<Arrival> arrived;  // each of `arrivals`
   std::uint64_t arrivals = 0;
   rt::Time first_arrival{};
   std::uint32_t points_resolved = 0;

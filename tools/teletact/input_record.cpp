@@ -21,6 +21,7 @@ constexpr std::array<CellRow, kCells> kCellTable{{
     {Cell::kObjects, "objects", of(TaskId::kFusion), 4},
     {Cell::kPath, "path", of(TaskId::kPlanning), 0},
     {Cell::kMode, "mode", of(TaskId::kSupervision), 0},
+    {Cell::kOdometryFrame, "odometry_frame", of(TaskId::kPrediction), 1},
     {Cell::kHealthHaptic, "health of haptic", of(TaskId::kHaptic), 2},
     {Cell::kHealthFusion, "health of fusion", of(TaskId::kFusion), 3},
     {Cell::kHealthPrediction, "health of prediction", of(TaskId::kPrediction), 0},
@@ -32,7 +33,7 @@ constexpr std::array<CellRow, kCells> kCellTable{{
 }};
 
 // The order of record.input_seq in tasks/graph/operator_nodes.cpp and robot_nodes.cpp.
-constexpr std::array<ReadRow, 24> kReadTable{{
+constexpr std::array<ReadRow, 25> kReadTable{{
     {TaskId::kHaptic, 0, Cell::kPatch, true},
     {TaskId::kHaptic, 1, Cell::kMode, false},
     {TaskId::kHaptic, 3, Cell::kCameraPose, false},
@@ -43,6 +44,7 @@ constexpr std::array<ReadRow, 24> kReadTable{{
     {TaskId::kPlanning, 1, Cell::kRobotState, false},
     {TaskId::kPlanning, 2, Cell::kMode, false},
     {TaskId::kPlanning, 4, Cell::kObjects, false},
+    {TaskId::kPlanning, 5, Cell::kOdometryFrame, false},
     {TaskId::kPrediction, 0, Cell::kRobotState, false},
     {TaskId::kPrediction, 1, Cell::kPath, false},
     {TaskId::kPrediction, 2, Cell::kCameraPose, false},
@@ -97,7 +99,7 @@ rt::Result<Recording> read_recording(const std::string& path) {
   r.path = path;
   std::string line;
   std::getline(in, line);
-  if (line != "teletact-inputs 5 " + std::to_string(sizeof(JobOp)))
+  if (line != "teletact-inputs 6 " + std::to_string(sizeof(JobOp)))
     return rt::Error{path + ":1: not a recording of inputs by this version"};
   while (std::getline(in, line) && !line.empty()) {
     const auto space = line.find(' ');

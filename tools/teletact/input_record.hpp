@@ -7,7 +7,7 @@
 // Everything else a job uses another task of the box published; its sequence number says which one.
 //
 // File, of this machine's layout, read by the build that wrote it:
-//   text   "teletact-inputs 5 <sizeof JobOp>", one "key value" a line, an empty line
+//   text   "teletact-inputs 6 <sizeof JobOp>", one "key value" a line, an empty line
 //   'O' JobOp          the latch or the end of a job; in order within a task
 //   'M' MessageHead, bytes     a message as it arrived on the link, in order
 //   'F' FrameHead, depth, colour    a camera frame as its driver gave it, in order
@@ -41,6 +41,7 @@ enum class Cell : std::uint8_t {
   kObjects,
   kPath,
   kMode,
+  kOdometryFrame,
   kHealthHaptic,
   kHealthFusion,
   kHealthPrediction,
@@ -51,7 +52,7 @@ enum class Cell : std::uint8_t {
   kHealthRobotIo,
   kHealthCapture,
 };
-inline constexpr int kCells = 18;
+inline constexpr int kCells = 19;
 inline constexpr int kLinkWriter = tasks::kTaskCount;  // beside the task ids
 
 using Seqs = std::array<std::uint64_t, 5>;

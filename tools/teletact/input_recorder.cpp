@@ -24,7 +24,7 @@ Seqs published(tasks::OperatorCells& c, int writer) noexcept {
     case TaskId::kPlanning:
       return {c.path.latest_seq(), health(TaskId::kPlanning)};
     case TaskId::kPrediction:
-      return {health(TaskId::kPrediction)};
+      return {health(TaskId::kPrediction), c.odometry_frame.latest_seq()};
     case TaskId::kSupervision:
       return {c.mode.latest_seq()};
     default:
@@ -228,7 +228,7 @@ InputRecorder::InputRecorder(rt::NonRealtime&, const std::string& path, const Ke
   if (path.empty()) return;
   file_.reset(std::fopen(path.c_str(), "wb"));
   if (!file_) throw std::runtime_error(path + ": can not be written");
-  std::fprintf(file_.get(), "teletact-inputs 5 %zu\n", sizeof(JobOp));
+  std::fprintf(file_.get(), "teletact-inputs 6 %zu\n", sizeof(JobOp));
   for (const auto& [key, value] : keys)
     std::fprintf(file_.get(), "%s %s\n", key.c_str(), value.c_str());
   std::fprintf(file_.get(), "\n");

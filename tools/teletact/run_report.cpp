@@ -287,7 +287,10 @@ ReportPicture report_picture(const OperatorHalf& op, const tasks::SceneView& v,
       add(path, perception::Vec3(q[0], q[1], 0));
     }
   }
-  add(base, perception::Vec3(op.view.robot.x_m, op.view.robot.y_m, 0));
+  const auto& O = op.view.world.X_WO;
+  const auto X_WB = perception::compose(
+      {O[0], O[1], O[2]}, {op.view.robot.x_m, op.view.robot.y_m, op.view.robot.yaw_rad});
+  add(base, perception::Vec3(X_WB.x, X_WB.y, 0));
   for (auto* o : {&proxy, &path, &objects, &marks, &base}) {
     if (!o->x.empty()) picture.overlays.push_back(*o);
   }
@@ -376,6 +379,12 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
                 value("mark.count"), value("plan.paths"), value("robot.path_m"),
                 value("robot.goal_error_m"), value("robot.collisions"));
   d.verdicts.push_back({value("robot.collisions") == 0 ? State::kGood : State::kBad, text});
+  if (op.view.world.follows_camera) {
+    std::snprintf(text, sizeof text,
+                  "place of the robot: stated to %.0f mm at the worst, %.1f s stood for it",
+                  1e3 * op.view.error_max_m, op.view.unsure_s);
+    d.verdicts.push_back({op.view.unsure_s > 0 ? State::kNote : State::kGood, text});
+  }
   if (!info.virtual_clock) {
     std::snprintf(text, sizeof text,
                   "machine: %.2f %% of the haptic starts were late by the platform",

@@ -11,6 +11,7 @@
 #include "rt/audit/histogram.hpp"
 #include "rt/audit/run_file.hpp"
 #include "tasks/graph/table.hpp"
+#include "tools/teletact/run_truth.hpp"
 
 namespace teletact {
 
@@ -108,6 +109,10 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.one(h.view.objects_named);
     s.one(h.view.mode);
     s.one(h.view.robot);
+    s.one(h.view.world);
+    s.one(h.view.error_max_m);
+    s.one(h.view.unsure_s);
+    s.many(h.view.arrived);
     s.one(h.view.arrivals);
     s.one(h.view.first_arrival);
     s.one(h.view.points_resolved);
@@ -138,14 +143,15 @@ void load_half(const std::string& folder, OperatorHalf& h) {
   (void)(l.one(h.epoch_ns) && l.many(h.view.haptic) && l.many(h.view.fusion) &&
          l.many(h.view.paths) && l.one(h.view.task) && l.one(h.view.camera) &&
          l.one(h.view.objects) && l.one(h.view.objects_named) && l.one(h.view.mode) &&
-         l.one(h.view.robot) && l.one(h.view.arrivals) && l.one(h.view.first_arrival) &&
-         l.one(h.view.points_resolved) && l.many(h.view.visits) && l.one(h.view.device_brakes) &&
-         l.one(h.view.engages) && l.one(h.view.clears) && l.one(h.view.edits) &&
-         l.one(h.view.log_dropped) && l.one(*h.view.view) && l.one(*h.view.map) &&
-         l.one(*h.view.moving_view) && l.one(*h.view.moving_map) && l.many(h.totals) &&
-         l.one(h.dropped_records) && l.one(h.hangs) && l.one(h.link_round_trip_ns) &&
-         l.one(h.link_uncertainty_ns) && l.one(h.force_check) && l.one(h.ordinary) &&
-         l.one(h.complete));
+         l.one(h.view.robot) && l.one(h.view.world) && l.one(h.view.error_max_m) &&
+         l.one(h.view.unsure_s) && l.many(h.view.arrived) && l.one(h.view.arrivals) &&
+         l.one(h.view.first_arrival) && l.one(h.view.points_resolved) && l.many(h.view.visits) &&
+         l.one(h.view.device_brakes) && l.one(h.view.engages) && l.one(h.view.clears) &&
+         l.one(h.view.edits) && l.one(h.view.log_dropped) && l.one(*h.view.view) &&
+         l.one(*h.view.map) && l.one(*h.view.moving_view) && l.one(*h.view.moving_map) &&
+         l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
+         l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.force_check) &&
+         l.one(h.ordinary) && l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();
 }
 
@@ -278,6 +284,21 @@ void add_robot_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& 
           std::hypot(truth.back().x_m - path.marked_W.x(), truth.back().y_m - path.marked_W.y()),
           "m");
   }
+  if (op.view.world.follows_camera) {
+    m.add("robot.stated_error_max_m", op.view.error_max_m, "m");
+    m.add("robot.unsure_s", op.view.unsure_s, "s");
+  }
+  double worst = -1;
+  for (const auto& a : op.view.arrived) {
+    const auto true_WB = true_base_at(robot, a.stamp), X_OB = odometry_at(robot, a.stamp);
+    if (!true_WB || !X_OB) continue;
+    worst = std::max(worst, std::hypot(true_WB->x - a.goal_x_m, true_WB->y - a.goal_y_m));
+    if (&a == &op.view.arrived.back())
+      m.add("robot.goal_error_uncorrected_m",
+            std::hypot(true_WB->x - X_OB->x, true_WB->y - X_OB->y), "m");
+  }
+  m.add("robot.arrivals", static_cast<double>(op.view.arrivals), "1");
+  if (worst >= 0) m.add("robot.arrival_error_max_m", worst, "m");
   if (op.view.arrivals > 0 && !op.view.paths.empty()) {
     m.add("scene.touch_to_goal_ms",
           1e3 * rt::seconds(op.view.first_arrival - op.view.paths.front().mark_stamp), "ms");
@@ -341,6 +362,7 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
     if (info.recorded.ate_first_pose_mm >= 0)
       m.add("fusion.ate_first_pose_mm", info.recorded.ate_first_pose_mm, "mm");
   }
+  if (info.ate_first_pose_mm >= 0) m.add("fusion.ate_first_pose_mm", info.ate_first_pose_mm, "mm");
   m.add("fusion.frames", static_cast<double>(consumed), "1");
   m.add("fusion.frames_tracked", static_cast<double>(tracked), "1");
   m.add("fusion.frames_claimed", static_cast<double>(claimed), "1");

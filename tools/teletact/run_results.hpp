@@ -85,7 +85,8 @@ struct RunInfo {
   std::uint64_t sched_hash = 0, log_hash = 0;
   std::vector<std::string> problems;  // each makes the exit code non-zero
   std::vector<std::string> files;
-  RecordingFigures recorded;  // of a recording, against its own poses
+  RecordingFigures recorded;      // of a recording, against its own poses
+  double ate_first_pose_mm = -1;  // of rendered images, against the twin; below 0: not known
 };
 
 // Ordinary threads: what they took of a core, both boxes together, beside what was declared. Empty where

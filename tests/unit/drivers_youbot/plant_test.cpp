@@ -49,6 +49,8 @@ bool same_bits(const PlantState& a, const PlantState& b) {
 RobotPlantConfig everything() {
   RobotPlantConfig c;
   c.slip_ratio = 0.02;
+  c.wheel_slip_max = 0.1;
+  c.wheel_radius_error = {0.01, -0.01, 0.005, 0};
   c.encoder_ticks_per_motor_turn = 4000;
   c.dead_time_s = 0.002;
   c.gear_friction_Nm = 0.3;
@@ -155,8 +157,8 @@ TEST(Plant, EffectsAreBuiltOnlyWhenNamed) {
   plain.speed_loop_order = 0;
   EXPECT_TRUE(RobotPlant(rig.nrt(), plain, {}, {}).effects().empty());
   EXPECT_EQ(RobotPlant(rig.nrt(), everything(), {}, {}).effects(),
-            (std::vector<std::string>{"motor_dynamics", "slip", "encoder_quantisation", "dead_time",
-                                      "gear_friction"}));
+            (std::vector<std::string>{"motor_dynamics", "slip", "wheel_slip", "wheel_radius",
+                                      "encoder_quantisation", "dead_time", "gear_friction"}));
 }
 
 TEST(Plant, DeadTimeDelaysTheWheels) {
@@ -183,6 +185,79 @@ TEST(Plant, SlipSeparatesTruthFromWheels) {
   plant.command(kStart, plant.kinematics().inverse({0.5, 0, 0}), true);
   plant.advance(kStart + 2s);
   EXPECT_NEAR(plant.state().X_WB.x, 0.9, 1e-4);
+}
+
+// Straight at 0.5 m/s. In each interval the body goes as the wheels' travel on the floor says, worked out here wheel by
+// wheel; over many intervals the shares are even from 0 to the largest, and each wheel's are its own.
+TEST(Plant, EachWheelSlipsByItselfAndIsDrawnAnew) {
+  Rig rig;
+  RobotPlantConfig c;
+  c.speed_loop_order = 0;
+  c.wheel_slip_max = 0.1;
+  c.wheel_slip_seed = 7;
+  RobotPlant plant(rig.nrt(), c, {}, {});
+  const WheelVector w = plant.kinematics().inverse({0.5, 0, 0});
+  plant.advance(kStart);
+  plant.command(kStart, w, true);
+  plant.advance(kStart + 1us * 100);
+  constexpr int kIntervals = 400;
+  double sum = 0, least = 1, most = 0, turn2 = 0;
+  Twist2 last;
+  for (int n = 0; n < kIntervals; ++n) {
+    plant.advance(kStart + n * 500ms + 250ms);
+    const Twist2 v = plant.state().v_B;
+    EXPECT_FALSE(v == last) << "drawn anew, interval " << n;
+    last = v;
+    const double along = 1 - v.vx / 0.5;  // mean of the four shares
+    EXPECT_GE(along, 0);
+    EXPECT_LE(along, 0.1);
+    sum += along, least = std::min(least, along), most = std::max(most, along);
+    turn2 += v.wz * v.wz;
+    plant.advance(kStart + n * 500ms + 490ms);
+    EXPECT_EQ(plant.state().v_B, v) << "the same for the whole interval";
+  }
+  // Means of four even draws: 0.05 +- 0.1 / sqrt(12 * 4), and a turn of v / (4 k) times their signed sum.
+  EXPECT_NEAR(sum / kIntervals, 0.05, 4 * 0.0144 / std::sqrt(kIntervals));
+  EXPECT_LT(least, 0.025);
+  EXPECT_GT(most, 0.075);
+  const double expected = 0.5 / (4 * plant.kinematics().lever()) * 0.1 / std::sqrt(12.0) * 2;
+  EXPECT_NEAR(std::sqrt(turn2 / kIntervals), expected, 0.15 * expected);
+}
+
+TEST(Plant, AnotherSeedSlipsOtherwiseTheSameOneTheSame) {
+  Rig rig;
+  RobotPlantConfig c;
+  c.wheel_slip_max = 0.1;
+  const auto end = [&](std::uint64_t seed) {
+    c.wheel_slip_seed = seed;
+    RobotPlant plant(rig.nrt(), c, {}, {});
+    plant.advance(kStart);
+    plant.command(kStart, plant.kinematics().inverse({0.3, 0.1, 0.2}), true);
+    plant.advance(kStart + 3s);
+    return plant.state();
+  };
+  EXPECT_TRUE(same_bits(end(1), end(1)));
+  EXPECT_FALSE(same_bits(end(1), end(2)));
+}
+
+// Wheels of another radius: the body goes as wheels of that radius go, while the angles are those commanded.
+TEST(Plant, RadiusErrorIsTheBodysAlone) {
+  Rig rig;
+  RobotPlantConfig c;
+  c.speed_loop_order = 0;
+  c.wheel_radius_error.fill(-0.01);
+  MecanumConfig worn;
+  worn.wheel_radius_m *= 0.99;
+  const WheelVector w = drivers::Mecanum().inverse({0.4, -0.1, 0.3});
+  RobotPlant plant(rig.nrt(), c, {}, {});
+  plant.advance(kStart);
+  plant.command(kStart, w, true);
+  plant.advance(kStart + 2s);
+  const Twist2 v = drivers::Mecanum(worn).forward(w);
+  EXPECT_NEAR(plant.state().v_B.vx, v.vx, 1e-12);
+  EXPECT_NEAR(plant.state().v_B.vy, v.vy, 1e-12);
+  EXPECT_NEAR(plant.state().v_B.wz, v.wz, 1e-12);
+  EXPECT_NEAR(plant.state().wheel_rad[1], 2 * w[1], 1e-3);
 }
 
 TEST(Plant, EncoderReportsWholeTicksAndRpm) {

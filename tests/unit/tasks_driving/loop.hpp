@@ -116,7 +116,9 @@ inline Ride ride(const drivers::World& world, const RoomMap& room, const Disc& d
         return world.robot_collision(X.x, X.y, X.yaw) >= 0;
       }));
   tasks::RobotIoTask robot(nrt, {});
-  tasks::PredictionTask prediction(nrt, {});
+  tasks::PredictionConfig wheels_alone;  // there is no camera here, and the wheels do not slip
+  wheels_alone.map_correction = false;
+  tasks::PredictionTask prediction(nrt, wheels_alone);
   tasks::PlanningTask planning(nrt, {}, seed);
   tasks::ModeMsg mode;
   mode.seq = 1;

@@ -9,6 +9,8 @@
 #include <iterator>
 
 #include "tasks/graph/table.hpp"
+#include "tools/teletact/run_demo.hpp"
+#include "tools/teletact/run_truth.hpp"
 
 namespace {
 
@@ -184,6 +186,37 @@ TEST(RunResults, WhatAThreadThatEndedLostIsItsOwnAndLostRecordsAreCounted) {
   EXPECT_EQ(value(m, "haptic.miss_own"), 6);
   EXPECT_EQ(value(m, "haptic.miss_unknown"), 0);
   EXPECT_EQ(value(m, "audit.dropped"), 7);
+}
+
+// A base that creeps along x at 0.1 m/s by the twin and at 0.11 by its wheels: two arrivals, between two looks of the
+// console, on a clock that is 1000 s ahead and fast.
+TEST(RunResults, ArrivalsAreJudgedByTheTwinAtTheirInstant) {
+  OperatorHalf op;
+  RobotHalf robot;
+  for (int i = 0; i <= 200; ++i) {
+    const double t = 0.1 * i;
+    const rt::Time stamp = teletact::kRobotClock.from_host(100'000'000LL * i);
+    robot.view.truth.push_back({stamp, 0.1 * t, 0, 0, 0.1 * t, 0});
+    tasks::RobotSample s;
+    s.stamp = stamp;
+    s.x_m = static_cast<float>(0.11 * t);
+    robot.view.robot.push_back(s);
+  }
+  op.view.world.follows_camera = true;
+  op.view.error_max_m = 0.04;
+  op.view.unsure_s = 1.5;
+  op.view.arrivals = 2;
+  op.view.arrived = {{rt::time_from_ns(5'030'000'000), 1, 0.503, 0.02, 0.01},
+                     {rt::time_from_ns(15'050'000'000), 2, 1.5, 0, 0.01}};
+  Metrics m("demo");
+  teletact::add_metrics({}, op, robot, m);
+  EXPECT_EQ(value(m, "robot.arrivals"), 2);
+  EXPECT_NEAR(value(m, "robot.arrival_error_max_m"), 0.02, 1e-6);
+  EXPECT_NEAR(value(m, "robot.goal_error_uncorrected_m"), 0.1505, 1e-5);
+  EXPECT_EQ(value(m, "robot.stated_error_max_m"), 0.04);
+  EXPECT_EQ(value(m, "robot.unsure_s"), 1.5);
+  EXPECT_FALSE(teletact::true_base_at(robot, rt::time_from_ns(20'100'000'000))) << "after the run";
+  EXPECT_FALSE(teletact::true_base_at(robot, rt::time_from_ns(-1))) << "before it";
 }
 
 TEST(RunResults, AnEmptyRunHasFiguresAndNoNaN) {
