@@ -11,11 +11,12 @@ enum class Broken : std::uint8_t {
   kTouchesOutOfTheUnknown,  // a contact begins without seen-free space before it
   kClutchCutsForce,         // at once, behind the guard
   kClutchKeepsForce,
-  kClutchMovesHand,   // the hand in the scene goes with the device
-  kAnchorLeaks,       // friction: 0.1 % of the way a tick
-  kBreaksLooseEarly,  // friction: at the dynamic rim
-  kBumpsTooLow,       // 80 % of their height
-  kTipWithoutRadius,  // in contact
+  kClutchMovesHand,     // the hand in the scene goes with the device
+  kAnchorLeaks,         // friction: 0.1 % of the way a tick
+  kBreaksLooseEarly,    // friction: at the dynamic rim
+  kBumpsTooLow,         // 80 % of their height
+  kBumpsTurnTheNormal,  // the published perturbed normal, no height
+  kTipWithoutRadius,    // in contact
 };
 
 #if defined(TELETACT_HAPTIC_BROKEN) && TELETACT_HAPTIC_BROKEN

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "tasks/haptic/broken.hpp"
 #include "tasks/haptic/haptic_task.hpp"
 
 namespace tasks {
@@ -56,7 +57,7 @@ HapticTask::Spring HapticTask::spring_of(const Vec3& p_WH) noexcept {
   Vec3 friction = rendered_W_ - smooth;
   s.elastic_W = smooth - p_WH;
   s.length_m = s.elastic_W.norm();
-  if (surface_.patterns > 0 && config_.bump_normal) {
+  if (surface_.patterns > 0 && (config_.bump_normal || broken(Broken::kBumpsTurnTheNormal))) {
     if (s.contact) s.elastic_W = with_bump_normal(p_WH, proxy_, surface_);
   } else if (surface_.patterns > 0) {
     follow_side();

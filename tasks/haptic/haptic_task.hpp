@@ -162,6 +162,8 @@ class HapticTask {
   [[nodiscard]] const ProxyState& proxy() const noexcept { return proxy_; }
   [[nodiscard]] const Field& field() const noexcept { return field_; }
   [[nodiscard]] const HapticConfig& config() const noexcept { return config_; }
+  // Down to which depth a bump is felt as high as it is (effects.hpp), scene metres; infinite without bumps.
+  [[nodiscard]] double texture_reach_m() const noexcept;
   [[nodiscard]] const Workspace& workspace() const noexcept { return workspace_; }
   // p_WH = X_WD * (scale * p_DH), X_WD as of the last step.
   [[nodiscard]] perception::Vec3 to_world(const perception::Vec3& p_DH) const noexcept {
@@ -190,7 +192,6 @@ class HapticTask {
   [[nodiscard]] perception::Vec3 viscous(const Spring& spring, HapticTelemetry& t) const noexcept;
   void follow_material(const perception::Vec3& p_WH) noexcept;
   void follow_side() noexcept;
-  [[nodiscard]] double texture_reach_m() const noexcept;
   enum class Mover : std::uint8_t {
     kHand,
     kSurface,

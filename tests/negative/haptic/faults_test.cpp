@@ -38,6 +38,10 @@ const Fault kFaults[] = {
     {Broken::kBreaksLooseEarly, "BreaksLooseEarly", &stability::case_friction_hold, "",
      "breakaway friction error N"},
     {Broken::kBumpsTooLow, "BumpsTooLow", &stability::case_texture, "", "amplitude error %"},
+    {Broken::kBumpsTurnTheNormal, "BumpsTurnTheNormal", &stability::case_texture, "",
+     "loop energy at b 2 mJ"},
+    {Broken::kBumpsTurnTheNormal, "BumpsTurnTheNormalOnAHeavyDevice", &stability::case_texture, "",
+     "loop energy at b 20 mJ"},
     {Broken::kTipWithoutRadius, "TipWithoutRadius", &stability::case_slots, "5 mm",
      "not pushed out of the slot N"},
 };
