@@ -72,7 +72,7 @@ struct HapticConfig {
   double friction_static = 0, friction_dynamic = 0;
   double texture_amplitude_m = 0, texture_period_m = 0.002;
   bool bump_normal = false;  // the published perturbed normal instead of a height: to compare
-  // Largest stiffness of a bump along the surface; 0: what the device renders stably.
+  // Largest stiffness of a bump along the surface; 0: 3/4 of what the device renders stably.
   double texture_stiffness_N_per_m = 0;
   double viscosity_N_s_per_m = 0;
   bool materials = false;  // parameters from the patch's palette instead of the keys above
@@ -191,7 +191,6 @@ class HapticTask {
   [[nodiscard]] Spring spring_of(const perception::Vec3& p_WH) noexcept;
   [[nodiscard]] perception::Vec3 viscous(const Spring& spring, HapticTelemetry& t) const noexcept;
   void follow_material(const perception::Vec3& p_WH) noexcept;
-  void follow_side() noexcept;
   enum class Mover : std::uint8_t {
     kHand,
     kSurface,
@@ -231,7 +230,7 @@ class HapticTask {
   // The surface as the effects have it, this tick.
   bool effects_ = false;
   Surface surface_;
-  double side_N_per_m_ = 0, side_most_N_per_m_ = 0;         // stiffness of a bump along the surface
+  double side_N_per_m_ = 0;  // stiffest a bump may be along the surface
   perception::Vec3 rendered_W_ = perception::Vec3::Zero();  // proxy with friction
   perception::Vec3 rested_W_ = perception::Vec3::Zero();    // where the proxy was last tick
   double stiffness_ = 0;                                    // K of this tick
