@@ -38,13 +38,16 @@ double texture_residual(const Setting& s, bool shade, double stiffness, double p
   return residual;
 }
 
-// Ten periods there and back at a depth, along x of the grid: the texture lies in the map.
+// Ten periods there and back at a depth, along x of the grid: the texture lies in the map. Where d + a is within the reach the
+// height has to be felt as it is.
 struct Felt {
   std::vector<Row> rows;
-  double error = 0,
-         half_range = 0;  // of the height felt against K (d + a): largest; half of its range
+  double error = 0;       // of what is felt against d + a there, at most
+  double half_range = 0;  // of all that is felt
+  int within = 0;         // ticks
 };
-Felt felt_at(const Setting& s, Rig& r, double stiffness, double depth_m) {
+Felt felt_at(const Setting& s, Rig& r, double stiffness, double reach_m) {
+  const double depth_m = 0.5 * reach_m;
   const Vec3 x_S = r.setup().X_WS.linear().transpose() * Vec3::UnitX();
   const Vec3 along = (x_S - x_S.z() * Vec3::UnitZ()).normalized();
   const double rest = s.tip_radius_m;
@@ -62,7 +65,10 @@ Felt felt_at(const Setting& s, Rig& r, double stiffness, double depth_m) {
     for (int a = 0; a < 3; ++a)
       height += kAmplitude * std::sin(2 * std::numbers::pi * foot_W[a] / kPeriod_m);
     const double felt = row.f.z() / stiffness;
-    out.error = std::max(out.error, std::abs(felt - std::max(0.0, depth_m + height)));
+    if (depth_m + height <= reach_m) {
+      ++out.within;
+      out.error = std::max(out.error, std::abs(felt - std::max(0.0, depth_m + height)));
+    }
     least = std::min(least, felt);
     most = std::max(most, felt);
   }
@@ -91,7 +97,7 @@ std::vector<Run> texture_runs(const Setting& s, bool shade) {
     const Body body{0.2, 20, 0, 0};
     Rig r(textured(s, shade, stiffness, body));
     const double reach = r.task().texture_reach_m();
-    Felt felt = felt_at(s, r, stiffness, 0.5 * reach);
+    Felt felt = felt_at(s, r, stiffness, reach);
     Run run;
     run.id = 19;
     run.name = title(text("K %.1f N/mm%s", 1e-3 * stiffness, shade ? "" : ", no shading"), s);
@@ -100,6 +106,8 @@ std::vector<Run> texture_runs(const Setting& s, bool shade) {
     add_gates(run);
     const double wave_hz = s.speed / kPeriod_m;
     if (wave_hz < 99) add(run, "amplitude error %", 100 * felt.error / kAmplitude, 10);
+    const double share = static_cast<double>(felt.within) / static_cast<double>(run.rows.size());
+    add(run, "ticks beyond the reach %", 100 * (1 - share), 70);
     add(run, "reach short of its due %", 100 * (1 - reach / due_reach_m(r)), 30);
     const std::uint64_t seed =
         (s.tip_radius_m > 0 ? 400 : 0) + (shade ? 0 : 200) + (stiffness > 500 ? 100 : 0);
