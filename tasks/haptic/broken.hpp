@@ -11,10 +11,11 @@ enum class Broken : std::uint8_t {
   kTouchesOutOfTheUnknown,  // a contact begins without seen-free space before it
   kClutchCutsForce,         // at once, behind the guard
   kClutchKeepsForce,
-  kClutchMovesHand,     // the hand in the scene goes with the device
-  kAnchorLeaks,         // friction: 0.1 % of the way a tick
-  kBreaksLooseEarly,    // friction: at the dynamic rim
-  kBumpsTooLow,         // 80 % of their height
+  kClutchMovesHand,   // the hand in the scene goes with the device
+  kAnchorLeaks,       // friction: 0.1 % of the way a tick
+  kBreaksLooseEarly,  // friction: at the dynamic rim
+  kBumpsTooLow,       // 80 % of their height
+  kReachFollowsSpeed,  // the bumps as they were: K D n at any depth, the part along the surface up to a reach of the pace
   kBumpsTurnTheNormal,  // the published perturbed normal, no height
   kTipWithoutRadius,    // in contact
 };

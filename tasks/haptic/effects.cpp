@@ -247,7 +247,8 @@ Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state,
   const Felt on_bump = felt(bump, reach_m);
   double pull = std::max(bump, 0.0);
   out.stretch_m = pull;
-  if (std::max(bump, deep) > reach_m) {
+  const bool was = broken(Broken::kReachFollowsSpeed);
+  if (std::max(bump, deep) > reach_m && !was) {
     const Felt below = felt(deep, reach_m);
     pull = deep + on_bump.f - below.f;
     out.stretch_m = std::sqrt(std::max(0.0, deep * deep + 2 * (on_bump.energy - below.energy)));
@@ -269,7 +270,7 @@ Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state,
     const bool one_way = state.contacts == 2 && state.frame_size >= 2 && size2 > 1e-12;
     along = one_way ? Vec3((slope.dot(edge) / size2) * edge) : Vec3::Zero();
   }
-  out.elastic_W -= on_bump.f * along;
+  out.elastic_W -= (was ? std::min(bump, reach_m) : on_bump.f) * along;
   return out;
 }
 

@@ -191,6 +191,7 @@ class HapticTask {
   [[nodiscard]] Spring spring_of(const perception::Vec3& p_WH) noexcept;
   [[nodiscard]] perception::Vec3 viscous(const Spring& spring, HapticTelemetry& t) const noexcept;
   void follow_material(const perception::Vec3& p_WH) noexcept;
+  void follow_pace() noexcept;  // a fault on purpose (broken.hpp)
   enum class Mover : std::uint8_t {
     kHand,
     kSurface,
@@ -231,6 +232,9 @@ class HapticTask {
   bool effects_ = false;
   Surface surface_;
   double side_N_per_m_ = 0;  // stiffest a bump may be along the surface
+#if defined(TELETACT_HAPTIC_BROKEN) && TELETACT_HAPTIC_BROKEN
+  double device_side_N_per_m_ = 0;
+#endif
   perception::Vec3 rendered_W_ = perception::Vec3::Zero();  // proxy with friction
   perception::Vec3 rested_W_ = perception::Vec3::Zero();    // where the proxy was last tick
   double stiffness_ = 0;                                    // K of this tick
