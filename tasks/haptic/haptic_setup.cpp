@@ -68,7 +68,10 @@ void HapticConfig::describe(config::Section& s) {
   s.number("viscosity_N_s_per_m", viscosity_N_s_per_m, 0, 5, "drag of the hand");
   s.flag("materials", materials, "surface parameters from the palette of the map's labels");
   s.flag("guard", guard, "slew guard");
-  s.flag("passivity_controller", passivity_controller, "damp what the observer finds active");
+  s.flag("passivity_controller", passivity_controller,
+         "take away what neither hand nor device paid for");
+  s.number("credit_N_s_per_m", credit_N_s_per_m, -1, 100,
+           "damping of the device of which 4/5 is credited; -1: its own where it is known");
 }
 
 HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
@@ -83,6 +86,10 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
   effects_ = config.effects();
   proxy_step_ = proxy_step(method);
   stiffness_ = config.stiffness_N_per_m;
+  constexpr double kOfDamping = 0.8;
+  credit_N_s_per_m_ = kOfDamping * (config.credit_N_s_per_m >= 0 ? config.credit_N_s_per_m
+                                    : device.damping_known       ? device.damping_N_s_per_m
+                                                                 : 0.0);
   passivity_ = PassivityController(device.mass_kg, device.quantum_m, period_s);
   surface_.friction_static = config.friction_static;
   surface_.friction_dynamic = config.friction_dynamic;

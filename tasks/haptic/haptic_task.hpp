@@ -10,7 +10,7 @@
 //   budget  100 us of the 1 ms period
 //
 // Pipeline: position -> field (two patches, blended over one fusion period, a step of the surface
-// over 1.4) -> proxy -> spring at the device -> fade and ramps -> force limit -> slew guard -> energy observer.
+// over 1.46) -> proxy -> spring at the device -> fade and ramps -> force limit -> slew guard -> energy observer.
 // Stiffness, force and energy are those at the device: F_D = K (p_WP - p_WH) / scale, turned into
 // D. Frames: W world (= map), D haptic base, H stylus tip, P proxy.  SI.
 #pragma once
@@ -80,7 +80,9 @@ struct HapticConfig {
   [[nodiscard]] bool effects() const noexcept {
     return friction_static > 0 || texture_amplitude_m > 0 || viscosity_N_s_per_m > 0 || materials;
   }
-  bool passivity_controller = false;
+  bool passivity_controller = true;
+  // Damping of the device of which 4/5 is credited to the observer; -1: b where the device knows it, else none.
+  double credit_N_s_per_m = -1;
   double paper_friction = 0;  // method force_shading only: mu of the published friction circle
 
   void describe(config::Section& s);
@@ -106,6 +108,7 @@ struct HapticTelemetry {
   double blend = 1;              // s of the running blend; 1 = settled
   double energy_J = 0;           // observer E
   double booked_J = 0;           // injections booked apart
+  double credit_J = 0;           // dissipated by the device's own damping
   double patch_age_s = 0;
   double reach = 0;        // |p_DH| over the radius of the device's workspace; 1: at its edge
   std::uint32_t work = 0;  // field samples of this tick
@@ -263,6 +266,7 @@ class HapticTask {
   perception::Vec3 f_raw_D_ = perception::Vec3::Zero();      // of the last tick
   perception::Vec3 f_elastic_D_ = perception::Vec3::Zero();  // the spring's part of it
   perception::Vec3 f_D_ = perception::Vec3::Zero();
+  double credit_N_s_per_m_ = 0;
   double fade_ = 0, ramp_ = 0;
   double spring_J_ = 0;  // energy in the spring last tick
   bool enabled_ = false;
