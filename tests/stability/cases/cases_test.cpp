@@ -58,6 +58,7 @@ constexpr Missed kMissed[] = {
     {10, true, "not judged %", 1, 100, 0, 1, 100, 0},
     {10, true, "off truth mm", 3, 3.744, 1.219e-05, 3, 3.744, 1.219e-05},
     {10, true, "p error p95 mm", 4, 7.907, 0, 4, 7.907, 0},
+    {11, false, "gate: controller changes the trace", 4, 1, 0, 4, 1, 0},
     {13, true, "end force error N", 3, 0.3205, 0, 3, 0.3205, 0},
     {13, true, "lag ms", 1, 41.97, 33.66, 1, 41.97, 33.66},
     {20, false, "injected mJ, hand 1000 N/m", 18, 30.15, 29.82},
