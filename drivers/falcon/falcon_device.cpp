@@ -129,7 +129,7 @@ DeviceProperties FalconDevice::properties_of(const FalconConfig& config) noexcep
   p.force_limit_N = config.force_limit_N;
   p.workspace_radius_m = 0.05;
   p.speed_limit_m_per_s = config.speed_limit_m_per_s;
-  p.measured = !config.measured.empty();
+  p.damping_known = p.measured = !config.measured.empty();
   return p;
 }
 

@@ -40,6 +40,8 @@ struct DeviceProperties {
   double force_limit_N = 12.0;
   double workspace_radius_m = 0.075;
   double speed_limit_m_per_s = 1.0;  // over it the controller brakes
+  // b is the twin's own, or was measured: what it dissipates is credited to the loop (tasks/haptic/energy.hpp).
+  bool damping_known = false;
   bool measured = false;      // mass, damping and friction: measured on the device, not assumed
   bool renders_force = true;  // false: a pointer; commands are dropped
   // Largest stiffness the loop may render: K = 0.8 b / (T/2 + t_d)  (definitions: touch, tick).

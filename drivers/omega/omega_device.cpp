@@ -145,7 +145,7 @@ DeviceProperties OmegaDevice::properties_of(const OmegaConfig& config) noexcept 
   p.force_limit_N = config.force_limit_N;
   p.workspace_radius_m = 0.075;
   p.speed_limit_m_per_s = config.speed_limit_m_per_s;
-  p.measured = !config.measured.empty();
+  p.damping_known = p.measured = !config.measured.empty();
   return p;
 }
 

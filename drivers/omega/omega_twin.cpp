@@ -73,6 +73,7 @@ DeviceProperties OmegaTwin::properties() const noexcept {
   p.workspace_radius_m = config_.workspace_radius_m;
   p.speed_limit_m_per_s = config_.speed_limit_m_per_s;
   p.measured = !config_.measured.empty();
+  p.damping_known = true;
   return p;
 }
 

@@ -15,7 +15,9 @@ enum class Broken : std::uint8_t {
   kAnchorLeaks,       // friction: 0.1 % of the way a tick
   kBreaksLooseEarly,  // friction: at the dynamic rim
   kBumpsTooLow,       // 80 % of their height
-  kTipWithoutRadius,  // in contact
+  kReachFollowsSpeed,  // the bumps as they were: K D n at any depth, the part along the surface up to a reach of the pace
+  kBumpsTurnTheNormal,  // the published perturbed normal, no height
+  kTipWithoutRadius,    // in contact
 };
 
 #if defined(TELETACT_HAPTIC_BROKEN) && TELETACT_HAPTIC_BROKEN

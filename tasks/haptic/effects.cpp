@@ -207,6 +207,23 @@ double Surface::steepness() const noexcept {
   return std::sqrt(3.0) * sum;
 }
 
+namespace {
+
+// f(x) and its integral from 0 (effects.hpp).
+struct Felt {
+  double f = 0, energy = 0;
+};
+Felt felt(double x, double reach) noexcept {
+  if (x <= 0) return {};
+  if (x <= reach) return {x, 0.5 * x * x};
+  const double u = std::min(x - reach, 0.5 * reach), over = x - reach - u;
+  const double f = reach + u - u * u / reach;
+  const double rounded = 0.5 * reach * reach + reach * u + 0.5 * u * u - u * u * u / (3 * reach);
+  return {f, rounded + f * over};
+}
+
+}  // namespace
+
 Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state,
                     const Surface& surface, double reach_m, double tip_radius_m) noexcept {
   using Phase = ProxyState::Phase;
@@ -226,13 +243,21 @@ Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state,
     foot = h + d * n;
   }
   const Relief relief = relief_at(surface, foot);
-  out.stretch_m = d + relief.height;
-  if (out.stretch_m <= 0) {  // over a trough
-    out.stretch_m = 0;
-    return out;
+  const double bump = d + relief.height, deep = std::max(d, 0.0);
+  const Felt on_bump = felt(bump, reach_m);
+  double pull = std::max(bump, 0.0);
+  out.stretch_m = pull;
+  const bool was = broken(Broken::kReachFollowsSpeed);
+  if (std::max(bump, deep) > reach_m && !was) {
+    const Felt below = felt(deep, reach_m);
+    pull = deep + on_bump.f - below.f;
+    out.stretch_m = std::sqrt(std::max(0.0, deep * deep + 2 * (on_bump.energy - below.energy)));
   }
+  if (out.stretch_m <= 0) return out;  // over a trough
   out.contact = true;
-  out.lift_W = foot + relief.height * n - state.rendered_WP();
+  out.lift_W = foot + (pull - d) * n - state.rendered_WP();
+  out.elastic_W = pull * n;
+  if (on_bump.f <= 0) return out;
   // The ways on which the foot follows the hand.
   const Vec3& slope = relief.slope;
   Vec3 along = slope - slope.dot(n) * n;
@@ -245,7 +270,7 @@ Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state,
     const bool one_way = state.contacts == 2 && state.frame_size >= 2 && size2 > 1e-12;
     along = one_way ? Vec3((slope.dot(edge) / size2) * edge) : Vec3::Zero();
   }
-  out.elastic_W = out.stretch_m * n - std::min(out.stretch_m, reach_m) * along;
+  out.elastic_W -= (was ? std::min(bump, reach_m) : on_bump.f) * along;
   return out;
 }
 
@@ -310,8 +335,10 @@ void follow(Surface& now, const Surface& goal, double stiffness, double stretch,
   }
   std::array<double, Surface::kMostPatterns> change{};
   // The largest force that all changes together can make: of the whole spring for stiffness, of its part along the
-  // surface for friction, of height and slope for bumps. Beyond the reach the slope counts as its share of C.
-  const double depth = std::min(stretch, reach), axes = std::sqrt(3.0);
+  // surface for friction, of height and slope for bumps. Where f is not its argument any more the reach changes with C:
+  // f at most by 5/4 r of its share, and less between crest and foot.
+  const double highest = 3 * now.height_m(), axes = std::sqrt(3.0);
+  const double depth = std::min(stretch + highest, kPlateau * reach);
   const double slope = now.steepness(), curvature = now.curvature_per_m();
   double moved = 0, steeper = 0, more = 0;
   for (std::size_t k = 0; k < now.patterns; ++k) {
@@ -326,13 +353,19 @@ void follow(Surface& now, const Surface& goal, double stiffness, double stretch,
     steeper += axes * wave * by;
     more += wave * wave * by;
   }
-  double turned = depth * steeper;
-  if (stretch > reach && curvature > 0) turned += depth * slope * more / curvature;
+  double turned = depth * steeper + moved * slope;
+  if (stretch + highest > reach && curvature > 0) {
+    const double shift = kPlateau * reach * more / curvature;
+    turned += shift * slope;
+    if (stretch - highest < 1.5 * reach) {
+      moved += std::min(shift, 3 * highest * more / curvature);
+    }
+  }
   const double scale = std::abs(goal.stiffness_scale - now.stiffness_scale);
   const double rubbed = std::max(std::abs(goal.friction_static - now.friction_static),
                                  std::abs(goal.friction_dynamic - now.friction_dynamic));
   const double whole = stretch * (1 + std::max(now.friction_static, now.friction_dynamic)) +
-                       3 * now.height_m() + depth * slope;
+                       3 * highest + depth * slope;
   const double most = stiffness * (scale * whole + stretch * rubbed + moved + turned);
   const double share = most > force_step ? force_step / most : 1;
   now.stiffness_scale += share * (goal.stiffness_scale - now.stiffness_scale);

@@ -7,14 +7,17 @@
 //              |t| <= mu_s d; slip puts the proxy at p_c + mu_d d t/|t|, swept and lifted onto the
 //              free place nearest to there, and the anchor with it. Stick again when the motion reverses or stops.
 //   texture    height a(p_c) over the foot p_c, a(x) = sum of A_i sum over the axes of sin(2 pi x / P_i), solid in
-//              the map; one pattern, or several where materials meet. With D = d + a, d and n as above, the energy
-//              is V = K D^2 / 2 and the force its slope: F = -dV/dh = K D (n - J' grad a), J = dp_c/dh: the tangent
-//              plane of one contact (less where it is hollow), the common edge of two, nothing of three.
-//              Along the surface a bump is a spring of its own, of at most K D C, C = sum of A_i (2 pi / P_i)^2. What
-//              device and slew guard bear there is k: from the depth r = k / (K C) on the part along the surface
-//              stops growing. Up to r every loop of the hand is free; deeper, loops along the surface are, and the
-//              height felt is a(p_c) still. Before the smooth surface is reached, d < 0 from the field at the hand:
-//              the bumps are met one by one, without a step.
+//              the map; one pattern, or several where materials meet. d and n as above, D = d + a. The energy is
+//                V = K (d^2 / 2 + G(D) - G(d)),  G the integral of f,  f(x) = x up to the reach r, then smoothly constant:
+//                f(x) = x - (x - r)^2 / r from r to 3 r / 2,  5 r / 4 beyond;  0 below 0,
+//              to first order in a K d^2 / 2 + K f(d) a, and K D^2 / 2 wherever D and d are within the reach. The force
+//              is its slope, F = -dV/dh = K (d + f(D) - f(d)) n - K f(D) J' grad a, J = dp_c/dh: the tangent plane of
+//              one contact (less where it is hollow), the common edge of two, nothing of three. So every loop of the hand
+//              is free, at any depth and pace. Along the surface a bump is a spring of its own, of at most K f C,
+//              C = sum of A_i (2 pi / P_i)^2; what device and slew guard bear there, k, is the most it gets: r = 4 k / (5 K C).
+//              Within the reach the height felt is a; deeper the part along the surface stays and the height fades.
+//              Before the smooth surface is reached, d < 0 from the field at the hand: the bumps are met one by one,
+//              without a step.
 //   bump_normal  instead of the height: the force K d along the perturbed normal n - grad a, as published; to compare,
 //              not conservative at any depth
 //   materials  parameters of the patch's palette, weighted trilinearly at the proxy; all together are followed with
@@ -65,14 +68,17 @@ struct Surface {
 // Texture of one tick. What the hand feels of a contact on it.
 struct Bumped {
   bool contact = false;
-  perception::Vec3 lift_W = perception::Vec3::Zero();  // from the proxy to the bump over its foot
+  perception::Vec3 lift_W =
+      perception::Vec3::Zero();  // from the proxy to the height felt over its foot
   perception::Vec3 elastic_W = perception::Vec3::Zero();  // F / K
-  double stretch_m = 0;                                   // D
+  double stretch_m = 0;                                   // K stretch^2 / 2 is V
 };
 // `reach_m`: r.
 [[nodiscard]] Bumped with_texture(const Field&, const perception::Vec3& p_WH,
                                   const ProxyState& state, const Surface& surface, double reach_m,
                                   double tip_radius_m) noexcept;
+// The largest f over r.
+inline constexpr double kPlateau = 1.25;
 // F / K along the perturbed normal; a contact only.
 [[nodiscard]] perception::Vec3 with_bump_normal(const perception::Vec3& p_WH,
                                                 const ProxyState& state,

@@ -15,6 +15,20 @@ namespace {
 
 [[noreturn]] void refuse(const std::ostringstream& text) { throw std::runtime_error(text.str()); }
 
+// How stiff a bump may be along the surface: what the device holds quietly, and no more than the slew guard lets through,
+// since a force that comes late costs energy round a loop. At all of what the device renders stably, bumps that hold it take
+// more than 3 s to come to rest; the guard is asked at the pace of a quick stroke, once, so that the reach is a length.
+double side_of(const HapticConfig& c, double stable_N_per_m) {
+  constexpr double kOfDevice = 0.75, kOfGuard = 0.8, kStroke_m_per_s = 0.1;
+  const double most =
+      c.texture_stiffness_N_per_m > 0 ? c.texture_stiffness_N_per_m : kOfDevice * stable_N_per_m;
+  if (!c.guard) return most;
+  const double k = c.stiffness_N_per_m;
+  const double rate = std::min(c.slew_calm_N_per_s + 2 * std::max(k, 1000.0) * kStroke_m_per_s,
+                               std::max(c.slew_N_per_s, 1.1 * k * kStroke_m_per_s));
+  return std::min(most, kOfGuard * rate / kStroke_m_per_s);
+}
+
 }  // namespace
 
 void HapticConfig::describe(config::Section& s) {
@@ -49,11 +63,15 @@ void HapticConfig::describe(config::Section& s) {
   s.flag("bump_normal", bump_normal, "bumps as a perturbed normal instead of a height: to compare");
   s.number(
       "texture_stiffness_N_per_m", texture_stiffness_N_per_m, 0, 1e9,
-      "largest stiffness of a bump along the surface; 0: 3/4 of what the device renders stably");
+      "largest stiffness of a bump along the surface; 0: 3/4 of what the device renders stably; "
+      "the slew guard's at most");
   s.number("viscosity_N_s_per_m", viscosity_N_s_per_m, 0, 5, "drag of the hand");
   s.flag("materials", materials, "surface parameters from the palette of the map's labels");
   s.flag("guard", guard, "slew guard");
-  s.flag("passivity_controller", passivity_controller, "damp what the observer finds active");
+  s.flag("passivity_controller", passivity_controller,
+         "take away what neither hand nor device paid for");
+  s.number("credit_N_s_per_m", credit_N_s_per_m, -1, 100,
+           "damping of the device of which 4/5 is credited; -1: its own where it is known");
 }
 
 HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
@@ -68,15 +86,18 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
   effects_ = config.effects();
   proxy_step_ = proxy_step(method);
   stiffness_ = config.stiffness_N_per_m;
+  constexpr double kOfDamping = 0.8;
+  credit_N_s_per_m_ = kOfDamping * (config.credit_N_s_per_m >= 0 ? config.credit_N_s_per_m
+                                    : device.damping_known       ? device.damping_N_s_per_m
+                                                                 : 0.0);
   passivity_ = PassivityController(device.mass_kg, device.quantum_m, period_s);
   surface_.friction_static = config.friction_static;
   surface_.friction_dynamic = config.friction_dynamic;
   surface_.add(config.texture_amplitude_m, config.texture_period_m);
-  // At all of what the device renders stably, bumps that hold it take more than 3 s to come to rest.
-  constexpr double kOfDevice = 0.75;
-  side_most_N_per_m_ = config.texture_stiffness_N_per_m > 0
-                           ? config.texture_stiffness_N_per_m
-                           : kOfDevice * device.stiffness_limit(period_s);
+  side_N_per_m_ = side_of(config, device.stiffness_limit(period_s));
+#if defined(TELETACT_HAPTIC_BROKEN) && TELETACT_HAPTIC_BROKEN
+  device_side_N_per_m_ = 0.75 * device.stiffness_limit(period_s);
+#endif
   const double k_max = device.stiffness_limit(period_s);
   if (!(config.stiffness_N_per_m > 0) || config.stiffness_N_per_m > k_max) {
     std::ostringstream text;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "tasks/haptic/broken.hpp"
 #include "tasks/haptic/haptic_task.hpp"
 
 namespace tasks {
@@ -22,23 +23,24 @@ void HapticTask::follow_material(const Vec3& p_WH) noexcept {
   stiffness_ = config_.stiffness_N_per_m * surface_.stiffness_scale;
 }
 
-// How stiff a bump may be along the surface: what the device holds quietly, and no more than the slew guard lets
-// through at the hand's speed, since a height that is felt late is another height. Followed with at most 30 N/s.
-void HapticTask::follow_side() noexcept {
-  constexpr double kSlowest_m_per_s = 0.01, kOfGuard = 0.8, kFollow_N_per_s = 30;
-  const double v = std::max(v_D_.norm(), kSlowest_m_per_s), k = config_.stiffness_N_per_m;
+#if defined(TELETACT_HAPTIC_BROKEN) && TELETACT_HAPTIC_BROKEN
+// As it was: the guard is asked at the hand's own pace, from 10 mm/s on, followed with 30 N/s.
+void HapticTask::follow_pace() noexcept {
+  const double v = std::max(v_D_.norm(), 0.01), k = config_.stiffness_N_per_m;
   const double rate = std::min(config_.slew_calm_N_per_s + 2 * std::max(k, 1000.0) * v,
                                std::max(config_.slew_N_per_s, 1.1 * k * v));
-  const double goal = std::min(side_most_N_per_m_, kOfGuard * rate / v);
-  // The force along the surface is side x steepness / C where the reach ends.
-  const double most = was_contact_ ? kFollow_N_per_s * period_s_ * surface_.curvature_per_m() /
+  const double goal = std::min(device_side_N_per_m_, 0.8 * rate / v);
+  const double most = was_contact_ ? 30 * period_s_ * surface_.curvature_per_m() /
                                          std::max(surface_.steepness(), 1e-12)
                                    : std::numeric_limits<double>::infinity();
   side_N_per_m_ += std::clamp(goal - side_N_per_m_, -most, most);
 }
+#else
+void HapticTask::follow_pace() noexcept {}
+#endif
 
 double HapticTask::texture_reach_m() const noexcept {
-  const double stiffest = stiffness_ * surface_.curvature_per_m();
+  const double stiffest = kPlateau * stiffness_ * surface_.curvature_per_m();
   return stiffest > 0 ? side_N_per_m_ / stiffest : std::numeric_limits<double>::infinity();
 }
 
@@ -56,10 +58,10 @@ HapticTask::Spring HapticTask::spring_of(const Vec3& p_WH) noexcept {
   Vec3 friction = rendered_W_ - smooth;
   s.elastic_W = smooth - p_WH;
   s.length_m = s.elastic_W.norm();
-  if (surface_.patterns > 0 && config_.bump_normal) {
+  if (surface_.patterns > 0 && (config_.bump_normal || broken(Broken::kBumpsTurnTheNormal))) {
     if (s.contact) s.elastic_W = with_bump_normal(p_WH, proxy_, surface_);
   } else if (surface_.patterns > 0) {
-    follow_side();
+    if (broken(Broken::kReachFollowsSpeed)) follow_pace();
     const Bumped b =
         with_texture(field_, p_WH, proxy_, surface_, texture_reach_m(), proxy_config_.tip_radius_m);
     s.contact = b.contact;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "tasks/haptic/broken.hpp"
 
@@ -21,17 +20,22 @@ constexpr double kStep_N_per_s = 130, kGoesOn = 0.25;
 // What puts more into the spring of a hand that stands is slowed for that (energy.hpp), and would come too late.
 constexpr double kStepMost_J = 0.05;
 // At 30 Hz such a step is felt whole within 50 ms of its publication.
-constexpr double kStepPeriods = 1.4;
-// How much faster its blend begins and ends than it goes on average.
-constexpr double kStepQuick = 0.9;
+constexpr double kStepPeriods = 1.46;
+// Its blend is quick at its ends, as near to the slew guard's 300 N/s as it can be without meeting it, and slow between: this
+// much of the way. A hand that yields meanwhile takes less energy, the least where it is quick at the ends alone.
+constexpr double kStepQuick_N_per_s = 270, kStepBetween = 0.06;
 
 // The hand is let go in this time: less than 0.3 N a tick from 12 N.
 constexpr double kLeave_s = 0.045;
 
-// Share of a step's blend: quick at its ends, slow between, since a hand that yields meanwhile takes less energy.
-double step_share(double time) noexcept {
-  constexpr double kTurn = 2 * std::numbers::pi;
-  return time + kStepQuick / kTurn * std::sin(kTurn * time);
+// Share of a step's blend. `quick`: how much faster its ends go than it does on average.
+double step_share(double time, double quick) noexcept {
+  constexpr double kEnd = 0.5 * (1 - kStepBetween);
+  const double ends = kEnd / quick;  // of the time, each
+  if (!(ends < kEnd)) return time;   // so high that all of it has to be quick
+  const double slow = kStepBetween / (1 - 2 * ends);
+  return quick * (std::min(time, ends) + std::max(0.0, time - 1 + ends)) +
+         slow * (std::clamp(time, ends, 1 - ends) - ends);
 }
 
 bool finite(const Vec3& v) noexcept {
@@ -100,7 +104,7 @@ void HapticTask::advance_blend(double dt) noexcept {
   const double lasting =
       std::max((steps_ ? kStepPeriods : 1.0) * config_.blend_s - 0.5 * dt, 0.5 * dt);
   blend_time_ = std::min(1.0, blend_time_ + slow * dt / lasting);
-  blend_ = steps_ ? step_share(blend_time_) : blend_time_;
+  blend_ = steps_ ? step_share(blend_time_, kStepQuick_N_per_s * lasting / rise_N_) : blend_time_;
   if (blend_time_ > 1.0 - 1e-9) {
     blend_ = 1.0;
     older_ = nullptr;
@@ -205,13 +209,16 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Spring& spring, bo
   Vec3 f = t.in_contact ? Vec3(to_N_per_m * (workspace_.R_WD().transpose() * spring.pull_W))
                         : Vec3(Vec3::Zero());
   if constexpr (kEffects) f += viscous(spring, t);
-  t.limit_active = f.norm() > force_limit_N_;
-  f = limited(f, force_limit_N_);
+  const double size = f.norm();
+  t.limit_active = size > force_limit_N_;
+  if (t.limit_active) f *= force_limit_N_ / size;
   // Where not only the hand moved, the spring gained what the hand's motion does not explain.
   const bool more = t.gain != gain_before || stiffness_ != stiffness_before || workspace_.moved();
   const Mover mover = more ? Mover::kMore : surface_moves ? Mover::kSurface : Mover::kHand;
   book(spring, to_N_per_m, mover, dx_D, dt);
-  if (config_.passivity_controller && t.in_contact) {
+  if (config_.passivity_controller && t.in_contact &&
+      !passivity_.idle(f, std::min(size, force_limit_N_), dx_D, energy_.reserve_J(), spring_J_,
+                       dt)) {
     const Vec3 allowed =
         passivity_.limited(f, dx_D, energy_.reserve_J(), spring_J_, stiffness_, dt);
     t.controller_N = (allowed - f).norm();
@@ -289,6 +296,7 @@ void HapticTask::report(const rt::Tick& tick, bool button, Out& out) noexcept {
   HapticTelemetry& t = out.telemetry;
   t.energy_J = energy_.energy_J();
   t.booked_J = energy_.booked_J();
+  t.credit_J = energy_.credit_J();
   t.blend = blend_;
   t.reach = have_hand_ ? h_D_.norm() / device_radius_m_ : 0;
   t.work = field_.take_work();
@@ -327,6 +335,7 @@ bool HapticTask::take_hand(const drivers::StylusSample& stylus, const rt::Tick& 
     constexpr double kVelocityTime_s = 0.01;
     v_D_ += (dx_D / dt - v_D_) * std::min(1.0, dt / kVelocityTime_s);
     energy_.move(f_D_, dx_D);
+    energy_.credit(credit_N_s_per_m_ * dx_D.squaredNorm() / dt);
   } else {
     v_D_ = Vec3::Zero();
     passivity_.forget();

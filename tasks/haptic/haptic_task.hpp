@@ -10,7 +10,7 @@
 //   budget  100 us of the 1 ms period
 //
 // Pipeline: position -> field (two patches, blended over one fusion period, a step of the surface
-// over 1.4) -> proxy -> spring at the device -> fade and ramps -> force limit -> slew guard -> energy observer.
+// over 1.46) -> proxy -> spring at the device -> fade and ramps -> force limit -> slew guard -> energy observer.
 // Stiffness, force and energy are those at the device: F_D = K (p_WP - p_WH) / scale, turned into
 // D. Frames: W world (= map), D haptic base, H stylus tip, P proxy.  SI.
 #pragma once
@@ -72,7 +72,7 @@ struct HapticConfig {
   double friction_static = 0, friction_dynamic = 0;
   double texture_amplitude_m = 0, texture_period_m = 0.002;
   bool bump_normal = false;  // the published perturbed normal instead of a height: to compare
-  // Largest stiffness of a bump along the surface; 0: what the device renders stably.
+  // Largest stiffness of a bump along the surface; 0: 3/4 of what the device renders stably.
   double texture_stiffness_N_per_m = 0;
   double viscosity_N_s_per_m = 0;
   bool materials = false;  // parameters from the patch's palette instead of the keys above
@@ -80,7 +80,9 @@ struct HapticConfig {
   [[nodiscard]] bool effects() const noexcept {
     return friction_static > 0 || texture_amplitude_m > 0 || viscosity_N_s_per_m > 0 || materials;
   }
-  bool passivity_controller = false;
+  bool passivity_controller = true;
+  // Damping of the device of which 4/5 is credited to the observer; -1: b where the device knows it, else none.
+  double credit_N_s_per_m = -1;
   double paper_friction = 0;  // method force_shading only: mu of the published friction circle
 
   void describe(config::Section& s);
@@ -106,6 +108,7 @@ struct HapticTelemetry {
   double blend = 1;              // s of the running blend; 1 = settled
   double energy_J = 0;           // observer E
   double booked_J = 0;           // injections booked apart
+  double credit_J = 0;           // dissipated by the device's own damping
   double patch_age_s = 0;
   double reach = 0;        // |p_DH| over the radius of the device's workspace; 1: at its edge
   std::uint32_t work = 0;  // field samples of this tick
@@ -162,6 +165,8 @@ class HapticTask {
   [[nodiscard]] const ProxyState& proxy() const noexcept { return proxy_; }
   [[nodiscard]] const Field& field() const noexcept { return field_; }
   [[nodiscard]] const HapticConfig& config() const noexcept { return config_; }
+  // Down to which depth a bump is felt as high as it is (effects.hpp), scene metres; infinite without bumps.
+  [[nodiscard]] double texture_reach_m() const noexcept;
   [[nodiscard]] const Workspace& workspace() const noexcept { return workspace_; }
   // p_WH = X_WD * (scale * p_DH), X_WD as of the last step.
   [[nodiscard]] perception::Vec3 to_world(const perception::Vec3& p_DH) const noexcept {
@@ -189,8 +194,7 @@ class HapticTask {
   [[nodiscard]] Spring spring_of(const perception::Vec3& p_WH) noexcept;
   [[nodiscard]] perception::Vec3 viscous(const Spring& spring, HapticTelemetry& t) const noexcept;
   void follow_material(const perception::Vec3& p_WH) noexcept;
-  void follow_side() noexcept;
-  [[nodiscard]] double texture_reach_m() const noexcept;
+  void follow_pace() noexcept;  // a fault on purpose (broken.hpp)
   enum class Mover : std::uint8_t {
     kHand,
     kSurface,
@@ -230,7 +234,10 @@ class HapticTask {
   // The surface as the effects have it, this tick.
   bool effects_ = false;
   Surface surface_;
-  double side_N_per_m_ = 0, side_most_N_per_m_ = 0;         // stiffness of a bump along the surface
+  double side_N_per_m_ = 0;  // stiffest a bump may be along the surface
+#if defined(TELETACT_HAPTIC_BROKEN) && TELETACT_HAPTIC_BROKEN
+  double device_side_N_per_m_ = 0;
+#endif
   perception::Vec3 rendered_W_ = perception::Vec3::Zero();  // proxy with friction
   perception::Vec3 rested_W_ = perception::Vec3::Zero();    // where the proxy was last tick
   double stiffness_ = 0;                                    // K of this tick
@@ -259,6 +266,7 @@ class HapticTask {
   perception::Vec3 f_raw_D_ = perception::Vec3::Zero();      // of the last tick
   perception::Vec3 f_elastic_D_ = perception::Vec3::Zero();  // the spring's part of it
   perception::Vec3 f_D_ = perception::Vec3::Zero();
+  double credit_N_s_per_m_ = 0;
   double fade_ = 0, ramp_ = 0;
   double spring_J_ = 0;  // energy in the spring last tick
   bool enabled_ = false;

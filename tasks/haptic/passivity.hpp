@@ -1,7 +1,9 @@
 // Passivity controller of the haptic loop (time-domain passivity: Hannaford and Ryu 2002). It works on what the
-// observer counts (energy.hpp): S held by the spring, A = E + booked available, debt = S - A.
+// observer counts (energy.hpp): S held by the spring, A = E + booked + credit available, debt = S - A. What the device's own
+// damping pays for is in the credit, so it acts only on what that does not.
 //
-//   damping  F -= alpha v,  alpha = min(debt / (v^2 T), K T): pays back what is missing. K T/2 pays for the leak of the
+//   damping  F -= alpha v,  alpha = min((debt - 0.1 mJ) / (v^2 T), K T): pays back what is missing. The first 0.1 mJ is let
+//            stand: while noise turns the force the slew guard is behind, and owes and pays that much by turns. K T/2 pays for the leak of the
 //            hold in the mean, twice that pays old debts. v is the slope of the longest window of positions that a
 //            straight line explains to one encoder step (adaptive windowing: Janabi-Sharifi, Hayward, Chen 2000),
 //            late by half that window, at most 4 ms. So an encoder that rattles between two steps has no
@@ -36,7 +38,7 @@ class VelocityWindow {
 
   void forget() noexcept { size_ = 0; }
   void see(const perception::Vec3& p) noexcept {
-    newest_ = (newest_ + 1) % p_.size();
+    newest_ = newest_ + 1 < p_.size() ? newest_ + 1 : 0;
     p_[newest_] = p;
     size_ = std::min(size_ + 1, p_.size());
   }
@@ -78,6 +80,12 @@ class PassivityController {
   void forget() noexcept { window_.forget(); }
   void see(const perception::Vec3& p_DH) noexcept { window_.see(p_DH); }
 
+  // Nothing is owed, and the bound is kept by a force of this size: limited() would change nothing.
+  [[nodiscard]] bool idle(const perception::Vec3& f_D, double size, const perception::Vec3& dx_D,
+                          double reserve_J, double spring_J, double dt) const noexcept {
+    const double most = reserve_J + spring_J + kBound_J;
+    return reserve_J >= -kSlack_J && dx_D.dot(f_D) + size * margin_m(size, dt) <= most;
+  }
   // The force that may be sent instead of `f_D`, before guards. dx_D: motion since the last sample; reserve_J: what
   // was dissipated beyond what was created, this tick's spring counted in; spring_J: what the spring holds now.
   [[nodiscard]] perception::Vec3 limited(const perception::Vec3& f_D, const perception::Vec3& dx_D,
@@ -88,20 +96,24 @@ class PassivityController {
     if (reserve_J < -kDebt_J) {
       f *= spring_J > 0 ? std::max((available + kDebt_J) / spring_J, 0.0) : 0.0;
     }
-    if (reserve_J < 0) {
+    if (reserve_J < -kSlack_J) {
       const perception::Vec3 v = window_.velocity();
       const double v2 = v.squaredNorm();
-      if (v2 > 1e-12) f -= std::min(-reserve_J / (v2 * dt), stiffness * dt) * v;
+      if (v2 > 1e-12) f -= std::min((-reserve_J - kSlack_J) / (v2 * dt), stiffness * dt) * v;
     }
     const double size = f.norm();
     if (!(size > 0)) return f;
-    const double reach =
-        dx_D.dot(f) / size + kSteps * quantum_m_ + (size + kHand_N) / mass_kg_ * dt * dt;
+    const double reach = dx_D.dot(f) / size + margin_m(size, dt);
     const double most = std::max(available + kBound_J, 0.0);
     return size * reach > most ? perception::Vec3(f * (most / (size * reach))) : f;
   }
 
  private:
+  // How much farther than in the last period the hand can get in this one.
+  [[nodiscard]] double margin_m(double size_N, double dt) const noexcept {
+    return kSteps * quantum_m_ + (size_N + kHand_N) / mass_kg_ * dt * dt;
+  }
+  static constexpr double kSlack_J = 0.1e-3;
   static constexpr double kDebt_J = 0.4e-3, kBound_J = 0.6e-3;
   static constexpr double kSteps =
       3;  // of the encoder: two positions are off by half a one each, and one to spare

@@ -56,7 +56,11 @@ struct Scene {
   using Node = std::function<double(int x, int y, int z)>;
   std::function<bool(const Node& node, tasks::SurfacePoints& out)> cast;
   bool layer = true;  // false: no slew guard, no fade-in, no passivity controller
-  tasks::HapticConfig config;
+  tasks::HapticConfig config = [] {
+    tasks::HapticConfig c;
+    c.credit_N_s_per_m = 2;  // of an ordinary device
+    return c;
+  }();
   drivers::DeviceProperties device = [] {
     drivers::DeviceProperties d;
     d.damping_N_s_per_m = 20;
@@ -71,6 +75,7 @@ struct Row {
   double off_m = 0;  // in contact: proxy off the blended field's surface; NaN where that is unknown
   // In this step, where the guard is linked (tests/support/rt_guard.hpp).
   std::uint64_t allocations = 0, locks = 0;
+  bool controlled = false;  // the passivity controller is on
   int contacts;
   double cpu_us;
   rt::Health health;
@@ -212,6 +217,7 @@ class Rig {
     row.f = R_SW * out_.force.f_H_D;
     row.f_raw = R_SW * out_.telemetry.f_raw_D;
     row.telemetry = out_.telemetry;
+    row.controlled = setup_.config.passivity_controller;
     if (row.telemetry.in_contact) row.off_m = off_surface();
     if (Witness::current() != nullptr) Witness::current()->take(row);
     row.contacts = out_.state.contacts;

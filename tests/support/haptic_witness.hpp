@@ -41,6 +41,11 @@ class Witness {
     const bool finite = row.p.allFinite() && row.f.allFinite() && row.f_raw.allFinite();
     not_finite += finite ? 0U : 1U;
     if (finite) force_max_N = std::max(force_max_N, row.f.norm());
+    if (row.controlled) {
+      controlled = true;
+      const double e = t.energy_J + t.booked_J + t.credit_J;
+      if (!(e >= energy_min_J)) energy_min_J = e;
+    }
     allocations += row.allocations;
     locks += row.locks;
     if (t.in_contact) {
@@ -53,6 +58,8 @@ class Witness {
 
   std::size_t ticks = 0, not_finite = 0;
   double force_max_N = 0;
+  bool controlled = false;  // by the passivity controller, in some of the ticks
+  double energy_min_J = 0;  // E + booked + credit, in those
   std::uint64_t allocations = 0, locks = 0;
   // Of the ticks in contact.
   std::vector<float> cpu_us;

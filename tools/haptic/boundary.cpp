@@ -151,6 +151,7 @@ PassivityRow measure_passivity(const LoopSetting& s, double stiffness, double se
   for (const bool on : {false, true}) {
     tasks::HapticConfig config = loop_config(stiffness, true);
     config.passivity_controller = on;
+    config.credit_N_s_per_m = s.damping;
     Loop loop(s, config, kPush_N / stiffness);
     loop.settle(Vec3(0, 0, -kPush_N));
     loop.twin().push(Vec3(0, 0, -kKick_m_per_s));
@@ -160,7 +161,7 @@ PassivityRow measure_passivity(const LoopSetting& s, double stiffness, double se
     for (std::int64_t k = 0; k < ticks; ++k) {
       loop.tick();
       const auto& t = loop.telemetry();
-      lowest = std::min(lowest, t.energy_J + t.booked_J);
+      lowest = std::min(lowest, t.energy_J + t.booked_J + t.credit_J);
       if (on) row.controller_max_N = std::max(row.controller_max_N, t.controller_N);
       if (loop.braked()) break;
     }

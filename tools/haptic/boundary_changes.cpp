@@ -1,4 +1,5 @@
 // Materials and bumps: what changes under the hand, and what a loop over bumps gives back.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -47,7 +48,10 @@ perception::Material material_of(Change change, int slot) {
 // Down to 8 mm at 50 mm/s; then 100 mm/s along x over the border and back; with friction at 20 mm/s one way, so that it
 // slips all the time; on the texture from place to place, 0.5 s at each.
 Vec3 material_hand(Change change, double t) {
-  if (t < 0.26) return Vec3(-0.04, 0.001, 0.005 - 0.05 * t);
+  // Bumps are asked where their height is felt (tasks/haptic/effects.hpp).
+  const double deepest = change == Change::kAmplitude || change == Change::kPeriod ? 0.0005 : 0.008;
+  const double z = std::max(0.005 - 0.05 * t, -deepest);
+  if (t < 0.26) return Vec3(-0.04, 0.001, z);
   const double since = t - 0.26;
   double x = 0;
   if (change == Change::kFriction) {
@@ -59,7 +63,7 @@ Vec3 material_hand(Change change, double t) {
     const double s = std::fmod(since, 1.6);
     x = 0.1 * (s < 0.8 ? s : 1.6 - s);
   }
-  return Vec3(-0.04 + x, 0.001, -0.008);
+  return Vec3(-0.04 + x, 0.001, z);
 }
 
 void measure_change(Change change, double rate_hz, double& worst_N, double& energy_min_J) {

@@ -37,6 +37,7 @@ inline tasks::HapticConfig loop_config(double stiffness, bool layer) {
   c.patch_liveness_s = 1e9;  // the floor does not change
   c.fade_in_s = 0;           // the run begins pressed in
   c.guard = layer;
+  c.passivity_controller = false;
   return c;
 }
 

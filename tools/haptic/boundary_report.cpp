@@ -37,8 +37,8 @@ std::vector<Limit> BoundaryResult::limits() const {
     all.add(std::string("K max over b/(T/2+t_d), ") + (*sense == '>' ? "least" : "largest"),
             figure(name), sense, limit, plain ? "" : none);
   }
-  all.add("least E + booked, controller on, mJ", figure("haptic.passivity.energy_min_mJ"), ">=", -1,
-          passivity.empty() && materials.empty() ? none : "");
+  all.add("least E + booked + credit, controller on, mJ", figure("haptic.passivity.energy_min_mJ"),
+          ">=", -1, passivity.empty() && materials.empty() ? none : "");
   for (const char* change : {"border", "flicker", "friction", "amplitude", "period"}) {
     all.add(std::string("raw step beyond the hand's, ") + change + ", N",
             figure(("haptic.materials." + std::string(change) + "_N").c_str()), "<=", 0.15,
@@ -78,6 +78,7 @@ std::vector<BenchMetric> BoundaryResult::metrics() const {
   return {{"haptic.boundary.ratio_min", low, "1"},
           {"haptic.boundary.ratio_max", high, "1"},
           {"haptic.passivity.energy_min_mJ", 1e3 * energy, "mJ"},
+          {"haptic.energy_min_mJ", 1e3 * energy, "mJ"},
           {"haptic.passivity.energy_min_off_mJ", 1e3 * off, "mJ"},
           {"haptic.passivity.controller_max_N", pc, "N"},
           {"haptic.materials.border_N", border, "N"},
@@ -100,7 +101,7 @@ void BoundaryResult::print(std::ostream& out) const {
                   row.stiffness_max, s.bound(), row.ratio());
     out << line;
   }
-  out << "\npassivity, K as a share of b/(T/2+t_d); lowest E + booked\n"
+  out << "\npassivity, K as a share of b/(T/2+t_d); lowest E + booked + credit\n"
          "  rate   b      t_d    share  off, mJ     on, mJ      controller N  speed at end mm/s\n";
   for (const PassivityRow& row : passivity) {
     const LoopSetting& s = row.setting;

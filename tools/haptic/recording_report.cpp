@@ -34,6 +34,7 @@ std::vector<Limit> TouchedPath::limits() const {
   all.add("raw steps over K|dh| + 0.5 N, %", 100 * row.jump_share(), "<=", 1);
   all.add("most of them in a row, ticks", static_cast<double>(row.longest_jump), "<=", 2);
   all.add("ticks not finite", static_cast<double>(row.not_finite), "<=", 0);
+  all.add("least E + booked + credit at b 2 N s/m, mJ", 1e3 * row.energy_min_J, ">=", -1);
   all.add("ticks through the surface", static_cast<double>(row.sunk + row.flipped), "<=", 0);
   return all.all();
 }
@@ -75,8 +76,10 @@ void TouchedPath::print(std::ostream& out) const {
         row.deepest_mm, static_cast<unsigned long long>(row.unknown));
     out << line;
   }
-  std::snprintf(line, sizeof line, "  %s: the hand at most %.1f mm from the proxy\n",
-                rows.front().method.c_str(), rows.front().stretch_max_mm);
+  std::snprintf(
+      line, sizeof line,
+      "  %s: the hand at most %.1f mm from the proxy; E + booked + credit at least %.3f mJ\n",
+      rows.front().method.c_str(), rows.front().stretch_max_mm, 1e3 * rows.front().energy_min_J);
   out << line;
   for (const TouchedRow::Event& e : rows.front().events) {
     const auto at = static_cast<std::size_t>(e.place);
@@ -135,6 +138,9 @@ std::vector<BenchMetric> RecordingTouchResult::metrics() const {
                              {"haptic.recording.integrated", static_cast<double>(integrated), "1"},
                              {"haptic.recording.paths", static_cast<double>(paths.size()), "1"},
                              {"haptic.recording.surfaces", static_cast<double>(surfaces), "1"}};
+  double energy = 0;
+  for (const TouchedPath& p : paths) energy = std::min(energy, p.rows.front().energy_min_J);
+  m.push_back({"haptic.energy_min_mJ", 1e3 * energy, "mJ"});
   for (std::size_t i = 0; i < paths.front().rows.size(); ++i) {
     const std::string name = "haptic.recording." + paths.front().rows[i].method + ".";
     double contact_s = std::numeric_limits<double>::infinity(), share = 0, longest = 0, step = 0,

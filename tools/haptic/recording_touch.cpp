@@ -123,12 +123,14 @@ class Toucher {
   static tasks::HapticConfig config_of(const std::string& method) {
     tasks::HapticConfig c;
     c.method = method;
+    c.credit_N_s_per_m = 2;
     return c;
   }
   void count(double moved, int place) {
     const auto& t = out_.telemetry;
     const Vec3& f = out_.force.f_H_D;
     ++row_.ticks;
+    row_.energy_min_J = std::min(row_.energy_min_J, t.energy_J + t.booked_J + t.credit_J);
     if (!f.allFinite() || !t.f_raw_D.allFinite() || !out_.state.p_WP.allFinite()) ++row_.not_finite;
     row_.force_N.push_back(static_cast<float>(f.norm()));
     row_.step_raw_N.push_back(static_cast<float>(t.step_raw_N));

@@ -48,6 +48,7 @@ struct TouchedRow {
   double step_raw_max_N = 0, step_max_N = 0, force_max_N = 0;
   std::uint64_t not_finite = 0, sunk = 0, flipped = 0, unknown = 0;
   double deepest_mm = 0;
+  double energy_min_J = 0;    // E + booked + credit, at b 2 N s/m
   double stretch_max_mm = 0;  // from the hand to the proxy
   struct Event {
     double t_s = 0, step_raw_N = 0, blend = 1;

@@ -105,6 +105,7 @@ TableRun record_table_run(rt::NonRealtime& nrt, int edge, std::size_t ticks, std
 
   HapticRunHeader header;
   header.device.damping_N_s_per_m = 20;
+  header.config.credit_N_s_per_m = 2;
   tasks::HapticTask task(nrt, header.config, header.device, header.period_s);
   HapticRunWriter writer(file, header);
   std::array<std::unique_ptr<SurfacePatch>, 8> windows;

@@ -30,6 +30,7 @@ struct Setting {
   double speed = 0.1;  // of the hand, m/s
   std::string method = "constrained";
   bool judged = true;                // run the field optimum beside
+  bool controller = true;            // the passivity controller of cases 1 to 19
   bool layer = true;                 // false: no slew guard, no fade-in, no passivity controller
   const FusedView* fused = nullptr;  // the solid as the product fuses it, not its own samples
   double tip_radius_m = 0;           // on samples: 0 runs both, with 0 and with 3 mm

@@ -91,6 +91,7 @@ double angle_deg(const Vec3& f, const Vec3& n) {
 Scene still_scene(const Setting& s, std::function<double(const Vec3&)> solid, const Vec3& lean) {
   Scene scene;
   scene.layer = s.layer;
+  scene.config.passivity_controller = s.controller;
   if (s.method == "force_shading") scene.cast = ray_cast_of(s.place.X_WS, solid, lean);
   if (s.fused != nullptr) {
     FusedView view = *s.fused;

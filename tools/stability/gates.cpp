@@ -31,6 +31,8 @@ Gates gates_of(const rig::Witness& first, const rig::Witness& again) {
   out.counted = rt_guard::linked();
   out.allocations = first.allocations + again.allocations;
   out.locks = first.locks + again.locks;
+  out.controlled = first.controlled;
+  out.energy_min_J = first.energy_min_J;
   out.digest = first.digest();
   out.digest_again = again.digest();
   return out;
@@ -75,6 +77,11 @@ void add_gates(Run& run, const Gates& gates) {
   add(run, "gate: trace differs", gates.digest == gates.digest_again ? 0 : 1, 0);
   add(run, "gate: ticks not finite", static_cast<double>(gates.not_finite), 0);
   add(run, "gate: force N", gates.force_max_N, kForce_N);
+  if (gates.controlled) {
+    add(run, "gate: E + booked + credit below zero mJ", -1e3 * gates.energy_min_J,
+        -1e3 * kEnergyLeast_J);
+    add(run, "gate: controller changes the trace", gates.same_without ? 0 : 1, 0);
+  }
   for (std::size_t i = own; i < run.checks.size(); ++i) run.checks[i].gate = true;
 }
 
@@ -89,6 +96,14 @@ Gated run_gated(const Case& c, const Setting& s) {
     (void)c.run(bare);
     out.gates = gates_of(first, again);
     if (again.digest() == first.digest()) smaller(first.cpu_us, again.cpu_us);
+  }
+  constexpr int kLastAlike = 18;  // of 19 and 20 the controller is part
+  if (out.gates.controlled && c.id <= kLastAlike && s.method == "constrained") {
+    Setting without = bare;
+    without.controller = false;
+    rig::Witness off;
+    (void)c.run(without);
+    out.gates.same_without = off.digest() == first.digest();
   }
   take_times(out.gates, first.cpu_us, first.work);
   // A method that is slow at the median is slow; else it may have been disturbed.

@@ -7,6 +7,8 @@
 //   trace differs    the setting is run twice; every answer of every tick is the same, bit by bit
 //   not finite       no tick
 //   force            at most 12 N
+//   E + booked + credit   at least -1 mJ at every tick under the passivity controller
+//   controller changes the trace   cases 1 to 18, credited with b 2: the same answers bit by bit without it
 //
 // All passes do the same work tick by tick, so what one of them took more than another was the machine's. Where two do not
 // say enough, up to six more are made. A test may run beside anything: where the guard is linked, instructions are judged
@@ -28,6 +30,7 @@ inline constexpr double kInstructionsOfATick = 42000, kInstructionsOfASample = 2
 }
 // 25 us at 3 instructions a ns.
 inline constexpr double kStepInstructions = 75000;
+inline constexpr double kEnergyLeast_J = -1e-3;
 
 struct Gates {
   std::size_t ticks = 0, contact_ticks = 0, not_finite = 0;
@@ -37,6 +40,9 @@ struct Gates {
   bool counted = false;                      // the guard is linked
   std::uint64_t allocations = 0, locks = 0;
   std::uint64_t digest = 0, digest_again = 0;
+  bool controlled = false;   // there are ticks under the controller
+  double energy_min_J = 0;   // in those
+  bool same_without = true;  // the answers without the controller; true where it was not asked
 };
 
 struct Gated {

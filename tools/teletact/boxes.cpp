@@ -182,7 +182,6 @@ Effects OperatorBox::effects() const {
   add(h.texture_amplitude_m > 0, "touch: texture", "haptic.texture_amplitude_m");
   add(h.viscosity_N_s_per_m > 0, "touch: viscosity", "haptic.viscosity_N_s_per_m");
   add(h.materials, "touch: materials", "haptic.materials");
-  add(h.passivity_controller, "touch: passivity controller", "haptic.passivity_controller");
   add(scene_.graph.fusion.objects.enabled, "objects in the map", "fusion.objects.enabled");
   add(scene_.graph.fusion.mesh_blocks > 0, "mesh for the console", "fusion.mesh_blocks");
   return out;

@@ -132,6 +132,7 @@ StudyRun run_scene(const StudyScene& scene, const StudyKnobs& knobs) {
   rt::Startup startup;
   tasks::HapticConfig config;
   config.method = knobs.method;
+  config.credit_N_s_per_m = 2;
   config.iterations_max =
       knobs.iterations;  // the guard is on: the force before it is recorded beside
   drivers::DeviceProperties device;

@@ -64,6 +64,8 @@ void add_metrics(Metrics& metrics, int id, const StabilityTally& t) {
   const std::string name = "stability.case" + std::to_string(id) + ".";
   metrics.add(name + "pass", t.within == t.settings ? 1 : 0, "1");
   metrics.add(name + "margin", t.margin, "1");
+  metrics.add(name + "controller.pass", t.controller_passes() ? 1 : 0, "1");
+  metrics.add(name + "controller.margin", t.controller_margin(), "1");
   metrics.add(name + "settings", t.settings, "1");
   metrics.add(name + "within", t.within, "1");
   metrics.add(name + "field_bound", t.field_bound, "1");

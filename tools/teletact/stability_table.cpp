@@ -99,6 +99,18 @@ void StabilityTally::take(const stability::Gated& gated, bool verbose) {
   cpu_p99_us = std::max(cpu_p99_us, gated.gates.cpu_p99_us);
   cpu_max_us = std::max(cpu_max_us, gated.gates.cpu_max_us);
   counted = gated.gates.counted;
+  controlled = controlled || gated.gates.controlled;
+  energy_min_mJ = std::min(energy_min_mJ, 1e3 * gated.gates.energy_min_J);
+  controller_acts += gated.gates.same_without ? 0 : 1;
+}
+
+bool StabilityTally::controller_passes() const {
+  return controlled && controller_acts == 0 && energy_min_mJ >= 1e3 * stability::kEnergyLeast_J;
+}
+
+double StabilityTally::controller_margin() const {
+  if (!controlled || controller_acts > 0) return -1;
+  return 1 - energy_min_mJ / (1e3 * stability::kEnergyLeast_J);
 }
 
 void StabilityTally::take(const StabilityTally& other) {
@@ -116,6 +128,9 @@ void StabilityTally::take(const StabilityTally& other) {
   cpu_p99_us = std::max(cpu_p99_us, other.cpu_p99_us);
   cpu_max_us = std::max(cpu_max_us, other.cpu_max_us);
   counted = other.counted;
+  controlled = controlled || other.controlled;
+  energy_min_mJ = std::min(energy_min_mJ, other.energy_min_mJ);
+  controller_acts += other.controller_acts;
 }
 
 void print_table_head() {

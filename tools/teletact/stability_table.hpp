@@ -20,6 +20,10 @@ struct StabilityTally {
   double position_mm = std::numeric_limits<double>::quiet_NaN(), off_mm = position_mm;
   double cpu_p50_us = 0, cpu_p99_us = 0, cpu_max_us = 0;
   bool counted = false;  // allocations and locks
+  // Under the passivity controller: least E + booked + credit, settings that are answered otherwise without it.
+  bool controlled = false;
+  double energy_min_mJ = 0;
+  int controller_acts = 0;
   // Of each check the one with the least margin: of all, and of those failed where the optimum is not.
   std::map<std::string, stability::Check> worst, worst_alone;
   std::map<std::string, std::pair<double, double>>
@@ -27,6 +31,9 @@ struct StabilityTally {
 
   [[nodiscard]] int failed() const { return settings - within; }
   [[nodiscard]] int failed_alone() const { return failed() - field_bound; }
+  // The energy kept, and nothing changed where nothing had to be.
+  [[nodiscard]] bool controller_passes() const;
+  [[nodiscard]] double controller_margin() const;  // share of the 1 mJ that is left
   void take(const stability::Gated& gated, bool verbose);
   void take(const StabilityTally& other);
 };

@@ -10,7 +10,7 @@ namespace teletact::touch {
 
 struct Options {
   std::string field, fields, path, out, debug, json, origin = "0,0,0", method = "constrained";
-  std::string view, passivity = "off", guard = "on", blend = "on", record, replay;
+  std::string view, passivity = "on", guard = "on", blend = "on", record, replay;
   std::string labels, palette;
   bool bump_normal = false;
   double voxel_m = 0, stiffness = 1000, tip_radius_m = 0, force_limit_N = 12, rate_hz = 0;

@@ -74,6 +74,7 @@ tasks::HapticConfig config_of(const Options& o, const Vec3& origin, const HandPa
   if (path.base != Vec3::Zero()) centre += o.scale * path.base;
   config.workspace_W_m = {centre.x(), centre.y(), centre.z()};
   config.passivity_controller = on_off(o.passivity, "--passivity");
+  config.credit_N_s_per_m = 2;  // of an ordinary device: there is none here
   config.guard = on_off(o.guard, "--guard");
   config.friction_static = o.friction_static;
   config.friction_dynamic = std::min(o.friction_dynamic, o.friction_static);
@@ -102,7 +103,7 @@ class TraceFiles {
         debug_->get(),
         "t_s,raw_fx,raw_fy,raw_fz,raw_step_N,step_N,in_contact,constraints,guard_active,"
         "guard_use,limit_active,held,near_edge,unresolved,field_samples,gain,blend,energy_J,"
-        "booked_J\n");
+        "booked_J,credit_J,controller_N\n");
   }
   void row(double t, const Vec3& h, const Vec3& p, const tasks::HapticTask::Out& out,
            std::int64_t cpu_ns) {
@@ -119,12 +120,14 @@ class TraceFiles {
   static void write_debug(std::FILE* f, double t, const tasks::HapticTask::Out& out,
                           int constraints) {
     const auto& m = out.telemetry;
-    std::fprintf(f,
-                 "%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%d,%d,%d,%d,%d,%d,%d,%d,%u,%.9g,%.9g,%.9g,%.9g\n",
-                 t, m.f_raw_D.x(), m.f_raw_D.y(), m.f_raw_D.z(), m.step_raw_N, m.step_N,
-                 m.in_contact ? 1 : 0, constraints, m.guard_active ? 1 : 0, m.guard_use ? 1 : 0,
-                 m.limit_active ? 1 : 0, m.held ? 1 : 0, m.near_edge ? 1 : 0, m.unresolved ? 1 : 0,
-                 m.work, m.gain, m.blend, m.energy_J, m.booked_J);
+    std::fprintf(
+        f,
+        "%.9g,%.9g,%.9g,%.9g,%.9g,%.9g,%d,%d,%d,%d,%d,%d,%d,%d,%u,%.9g,%.9g,%.9g,%.9g,%.9g,%."
+        "9g\n",
+        t, m.f_raw_D.x(), m.f_raw_D.y(), m.f_raw_D.z(), m.step_raw_N, m.step_N,
+        m.in_contact ? 1 : 0, constraints, m.guard_active ? 1 : 0, m.guard_use ? 1 : 0,
+        m.limit_active ? 1 : 0, m.held ? 1 : 0, m.near_edge ? 1 : 0, m.unresolved ? 1 : 0, m.work,
+        m.gain, m.blend, m.energy_J, m.booked_J, m.credit_J, m.controller_N);
   }
 
   WholeFile trace_;

@@ -281,6 +281,7 @@ TEST(BenchLimits, ARecordingIsTouched) {
        {"raw steps", [&](R& r) { row(r).jumps = 401; }},
        {"most of them", [&](R& r) { row(r).longest_jump = 3; }},
        {"ticks not finite", [&](R& r) { row(r).not_finite = 1; }},
+       {"least E + booked + credit", [&](R& r) { row(r).energy_min_J = -1.01e-3; }},
        {"ticks through", [&](R& r) { row(r).sunk = 1; }},
        {"ticks through", [&](R& r) { row(r).flipped = 1; }}});
   EXPECT_THAT(printed(good_touch()), HasSubstr("seed 0: within all limits\n"));
@@ -307,8 +308,8 @@ TEST(BenchLimits, Boundary) {
   expect_each_limit_can_be_missed<R>(
       good, {{"K max", [](R& r) { r.rows[0].stiffness_max *= 0.99; }},
              {"K max", [](R& r) { r.rows[1].stiffness_max *= 1.01; }},
-             {"least E + booked", [](R& r) { r.passivity[0].energy_min_J = -1.01e-3; }},
-             {"least E + booked", [&](R& r) { material(r).energy_min_J = -1.01e-3; }},
+             {"least E + booked + credit", [](R& r) { r.passivity[0].energy_min_J = -1.01e-3; }},
+             {"least E + booked + credit", [&](R& r) { material(r).energy_min_J = -1.01e-3; }},
              {"raw step", [&](R& r) { material(r).border_N = 0.151; }},
              {"raw step", [&](R& r) { material(r).flicker_N = 0.151; }},
              {"raw step", [&](R& r) { material(r).friction_N = 0.151; }},
