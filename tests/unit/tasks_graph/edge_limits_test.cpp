@@ -214,6 +214,15 @@ struct Boxes {
       case EdgeId::kEdit:
         requests.console_ns = rt::ns_of(at);
         break;
+      case EdgeId::kOdometryFrame: {
+        auto& m = slot(cells->odometry_frame);
+        m = {};
+        m.seq = seq;
+        m.taken = taken;
+        m.known = true;
+        cells->odometry_frame.publish(at);
+        break;
+      }
       case EdgeId::kPath: {
         auto& m = slot(cells->path);
         m.seq = 1;
@@ -277,6 +286,8 @@ std::vector<Case> cases() {
        [](const Boxes& b, auto&) { return !b.fusion->in().frame_fresh; }},
       both(EdgeId::kRobotState, TaskId::kPrediction, fault(tasks::prediction_fault::kStateStale)),
       both(EdgeId::kRobotState, TaskId::kPlanning,
+           [](const Boxes& b, auto&) { return b.planning->in().robot == nullptr; }),
+      both(EdgeId::kOdometryFrame, TaskId::kPlanning,
            [](const Boxes& b, auto&) { return b.planning->in().robot == nullptr; }),
       both(EdgeId::kRobotState, TaskId::kFusion,
            [](const Boxes& b, auto&) { return !b.fusion->in().odometry; }),
