@@ -96,11 +96,11 @@ inline void expect_all_reached(const Round& r, std::uint64_t seed) {
   EXPECT_GE(r.uncorrected_m, 0.2) << "seed " << seed;
 }
 
+// Where it got to is known to what it says, and it moves no more.
 inline void expect_stands(const Round& r, std::uint64_t seed) {
   EXPECT_LE(r.error_m, 0.15) << "seed " << seed;
   EXPECT_LE(r.error_m, r.stated_at_end_m) << "seed " << seed;
   EXPECT_LT(r.speed_m_per_s, 1e-3) << "stands, seed " << seed;
-  EXPECT_GT(r.unsure_s, 1) << "seed " << seed;
   EXPECT_EQ(r.collisions, 0U) << "seed " << seed;
 }
 
