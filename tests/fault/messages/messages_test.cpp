@@ -362,8 +362,9 @@ TEST(MessageFaults, AnOldPathHaltsTheRobot) {
 
 // The console names what it shows that is silent, or old.
 TEST(MessageFaults, TheConsoleNamesWhatIsBeyondItsLimits) {
-  const std::vector<std::string_view> named{"view", "cost_map", "camera_pose", "hand",
-                                            "path", "task",     "mode",        "robot_state"};
+  const std::vector<std::string_view> named{"view", "cost_map",    "camera_pose",
+                                            "hand", "path",        "task",
+                                            "mode", "robot_state", "odometry_frame"};
   const auto names = [&](const VirtualRun& r) {
     std::vector<std::string_view> seen = r.op.view.beyond;
     std::sort(seen.begin(), seen.end());
