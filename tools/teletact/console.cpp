@@ -355,8 +355,7 @@ std::string OperatorConsole::status_line(rt::Time now) const {
                 static_cast<double>(force), 100 * static_cast<double>(reach),
                 static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
                 phases[static_cast<int>(seen_.task.phase)], X_WB.x, X_WB.y, sure, moving,
-                force_act_.waits() ? "  forces off: press the clutch and let go" : "",
-                old.c_str());
+                force_act_.waits() ? "  forces off: press the clutch and let go" : "", old.c_str());
   return line;
 }
 
