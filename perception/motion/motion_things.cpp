@@ -12,7 +12,11 @@ namespace {
 constexpr int kYoungPercent = 3;
 constexpr std::uint32_t kRestGap = 5;  // frames that a cell may go unseen
 constexpr std::uint32_t kProbes = 4;   // of the table of places
-constexpr float kConcave = 0.4F;       // bend over two pixels either side that ends a thing
+constexpr float kThinStep_m = 0.15F;   // of depth, between neighbours of a thing without an inside
+constexpr float kSameThing_m = 0.3F;   // its middle goes so far at most from one image to the next
+constexpr float kOfCameraWay =
+    0.1F;  // what is seen of a person at 1.5 m: its middle goes with the camera
+constexpr float kConcave = 0.4F;  // bend over two pixels either side that ends a thing
 
 }  // namespace
 
@@ -119,6 +123,67 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
     judge_thing(live, first, end, thing);
     first = end;
   }
+  grow_thin(live, first);
+}
+
+// What is too thin to have an inside: its evidence alone.
+void MotionWatch::grow_thin(const DepthLevel& live, int first) noexcept {
+  for (int s = width_; s < (height_ - 1) * width_; ++s) {
+    if (seed_[static_cast<std::size_t>(s)] == 0 || visited_[static_cast<std::size_t>(s)] != 0)
+      continue;
+    int end = first;
+    Thing thing;
+    queue_[static_cast<std::size_t>(end++)] = s;
+    visited_[static_cast<std::size_t>(s)] = 1;
+    for (int at = first; at < end; ++at) {
+      const int i = queue_[static_cast<std::size_t>(at)];
+      const std::uint8_t e = evidence_[static_cast<std::size_t>(i)];
+      thing.evidence += 1;
+      thing.young += e == kFree || e == kYoung || e == kOff ? 1 : 0;
+      const float z = live.depth.row(i / width_)[i % width_];
+      for (int k = 0; k < 9; ++k) {  // seeds do not lie on the image's border
+        const int b = i + (k / 3 - 1) * width_ + k % 3 - 1;
+        if (visited_[static_cast<std::size_t>(b)] != 0 || seed_[static_cast<std::size_t>(b)] == 0 ||
+            std::abs(live.depth.row(b / width_)[b % width_] - z) > kThinStep_m)
+          continue;
+        visited_[static_cast<std::size_t>(b)] = 1;
+        queue_[static_cast<std::size_t>(end++)] = b;
+      }
+    }
+    judge_thing(live, first, end, thing);
+    first = end;
+  }
+}
+
+// Has its middle gone some way in the last images? One that turns round goes back over places that it has filled.
+bool MotionWatch::wanders(const DepthLevel& live, int first, int end) noexcept {
+  Vec3f middle = Vec3f::Zero();
+  for (int at = first; at < end; ++at)
+    middle += point_W(live, queue_[static_cast<std::size_t>(at)]);
+  middle /= static_cast<float>(end - first);
+  const auto now = static_cast<std::uint32_t>(frame_);
+  Trail* trail = nullptr;
+  Trail* oldest = trails_.data();
+  float nearest = kSameThing_m;
+  for (Trail& t : trails_) {
+    if (t.seen < oldest->seen) oldest = &t;
+    if (t.count == 0 || t.seen + 1 != now) continue;
+    const float way = (t.middle_W[(t.count - 1) % Trail::kLength] - middle).norm();
+    if (way < nearest) nearest = way, trail = &t;
+  }
+  if (trail == nullptr) trail = oldest, trail->count = 0;
+  const Vec3f camera = agree_.t_W[0] * Vec3f::UnitX() + agree_.t_W[1] * Vec3f::UnitY() +
+                       agree_.t_W[2] * Vec3f::UnitZ();
+  bool gone = false;
+  for (std::uint32_t k = 0; k < std::min(trail->count, Trail::kLength); ++k) {
+    const float limit = static_cast<float>(config_.rest_cell_m / 2) +
+                        kOfCameraWay * (trail->camera_W[k] - camera).norm();
+    gone = gone || (trail->middle_W[k] - middle).norm() > limit;
+  }
+  const auto at = static_cast<std::size_t>(trail->count++ % Trail::kLength);
+  trail->middle_W[at] = middle, trail->camera_W[at] = camera;
+  trail->seen = now;
+  return gone;
 }
 
 // The place that a point lies in. A table of places, hashed: where all that it may lie at are taken it is not kept.
@@ -196,7 +261,8 @@ void MotionWatch::judge_thing(const DepthLevel& live, int first, int end,
     const int pixel = queue_[static_cast<std::size_t>(at)];
     if (grazed(live, pixel) || beside_rested(point_W(live, pixel))) --young;
   }
-  const bool stands = young < few;
+  const bool wandering = wanders(live, first, end);
+  const bool stands = young < few && !wandering;
   if (stands) {
     for (int at = first; at < end; ++at) {
       const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);

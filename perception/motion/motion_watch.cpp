@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "perception/motion/evidence.hpp"
+
 namespace perception {
 
 namespace {
@@ -65,6 +67,7 @@ void MotionWatch::forget() noexcept {
   std::fill(mask_.begin(), mask_.end(), std::uint8_t{0});
   std::fill(places_.begin(), places_.end(), Place{});
   std::fill(taken_.begin(), taken_.end(), 0U);
+  trails_ = {};
 }
 
 float MotionWatch::front_limit(float z) const noexcept {
@@ -342,6 +345,24 @@ ImageView<const std::uint8_t> MotionWatch::misfits() noexcept {
   return {seed_.data(), width_, height_, width_};
 }
 
+ImageView<const std::uint8_t> MotionWatch::strangers(const DepthLevel& live,
+                                                     double& kept_share) noexcept {
+  const ImageView<const std::uint8_t> out = misfits();
+  const CellSums& sums = consensus_.sums();
+  int kept = 0, valid = 0;
+  for (int i = 0; i < width_ * height_; ++i) {
+    const int u = i % width_, v = i / width_;
+    const auto c = static_cast<std::size_t>(cell_of(u, v));
+    const auto p = static_cast<std::size_t>(i);
+    if (sums.pairs[c] < 0.5F * sums.live[c] || evidence_[p] == kRested) seed_[p] = 1;
+    const bool left = seed_[p] == 0 && live.depth.row(v)[u] > 0;
+    valid += left || seed_[p] != 0 ? 1 : 0;  // what was dropped before has no depth any more
+    kept += left ? 1 : 0;
+  }
+  kept_share = valid > 0 ? static_cast<double>(kept) / valid : 0;
+  return out;
+}
+
 void MotionWatch::settle(const TrackingResult& r) noexcept {
   if (!certain_) return;
   if (r.claimed) {
@@ -353,12 +374,16 @@ void MotionWatch::settle(const TrackingResult& r) noexcept {
     map_error_m_ += kMapErrorGain *
                     (std::min(static_cast<float>(r.residual_m), kMostMapError_m) - map_error_m_);
   }
-  remembered_ = 0;
+  int masked = 0;
   for (int i = 0; recent_ > 0 && i < width_ * height_; ++i)
     if (mask_[static_cast<std::size_t>(i)] != 0)
-      points_W_[static_cast<std::size_t>(remembered_++)] = now_W_[static_cast<std::size_t>(i)];
+      points_W_[static_cast<std::size_t>(masked++)] = now_W_[static_cast<std::size_t>(i)];
+  // What has just come back to where the map shows it is masked no more, and may leave again: for a while it is
+  // remembered where it was.
+  since_masked_ = masked > 0 ? 0 : since_masked_ + 1;
+  if (masked > 0 || since_masked_ >= config_.rest_frames) remembered_ = masked;
   had_ = remembered_ > 0;
-  masked_share_ = static_cast<double>(remembered_) / std::max(1, width_ * height_);
+  masked_share_ = static_cast<double>(masked) / std::max(1, width_ * height_);
 }
 
 void MotionWatch::spread(const TrackingPyramid& pyramid, std::uint8_t* out) const noexcept {

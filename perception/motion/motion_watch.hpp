@@ -86,6 +86,10 @@ class MotionWatch {
   [[nodiscard]] int level() const noexcept { return level_; }
   // Of the coarse image, 1: no part in the fit. What moves, and cells that do not fit what stands still.
   [[nodiscard]] ImageView<const std::uint8_t> misfits() noexcept;
+  // And what does not meet the map at all, or came to rest where the map does not show it yet. `kept_share`: of the
+  // readings, what is left.
+  [[nodiscard]] ImageView<const std::uint8_t> strangers(const DepthLevel& live,
+                                                        double& kept_share) noexcept;
   // The same for the camera's pixels. kPlace and kMoving.
   void spread(const TrackingPyramid& pyramid, std::uint8_t* out) const noexcept;
 
@@ -137,6 +141,8 @@ class MotionWatch {
     int evidence = 0, remembered = 0, agrees = 0, old = 0, young = 0, misfits = 0;
   };
   void judge_thing(const DepthLevel& live, int first, int end, const Thing& thing) noexcept;
+  void grow_thin(const DepthLevel& live, int first) noexcept;
+  [[nodiscard]] bool wanders(const DepthLevel& live, int first, int end) noexcept;
   [[nodiscard]] int cell_of(int u, int v) const noexcept {
     return v / CellSums::kEdge * consensus_.sums().columns + u / CellSums::kEdge;
   }
@@ -167,7 +173,7 @@ class MotionWatch {
   motion::AgreeJob agree_{};     // where evidence is gathered from
   float clear_m_ = 0;            // what is seen free lies so far before a surface at least
   std::array<std::uint8_t, CellSums::kMost> marked_{};  // by cell: a bit for each row that is
-  int remembered_ = 0;
+  int remembered_ = 0, since_masked_ = 0;               // points of the last mask, frames since
   bool had_ = false;
   bool doubtful_ = false;
   bool looked_ = false;         // the consensus is of this image
@@ -187,6 +193,13 @@ class MotionWatch {
   [[nodiscard]] Place* place_of(const Vec3f& p_W, bool make, bool seen = true) noexcept;
   [[nodiscard]] bool grazed(const DepthLevel& live, int i) const noexcept;
   [[nodiscard]] bool beside_rested(const Vec3f& p_W) noexcept;
+  // Where a thing's middle was in the last images, and the camera with it.
+  struct Trail {
+    static constexpr std::uint32_t kLength = 8;
+    std::array<Vec3f, kLength> middle_W{}, camera_W{};
+    std::uint32_t count = 0, seen = 0;
+  };
+  std::array<Trail, 16> trails_{};
   std::vector<Place> places_;         // motion::place_slot() says which
   std::vector<std::uint32_t> taken_;  // a bit for each that may be one
 };

@@ -20,6 +20,8 @@ constexpr double kDegree = std::numbers::pi / 180;
 // says nothing of the way along it is met by nearly all of its image.
 constexpr double kAdriftOverlap = 0.65;
 constexpr int kAdriftFrames = 5;
+// Of the readings of a frame that is lost: where so many fit the map by themselves, it is not.
+constexpr double kLeastKept = 0.5;
 
 // (v, w) with exp_se3(v, w) = X.
 Twist twist_of(const Pose& X) noexcept {
@@ -93,6 +95,16 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
   if (carried()) {
     work += r.work;
     tracker_.track(model(), prior, m.X_WC, {0, 0, 0}, r);
+  }
+  // Nor one of which the larger part of the image knows the place, whatever has come into it.
+  if (r.state == TrackingState::kLost && m.certain && m.consensus.pairs > 0) {
+    double kept = 0;
+    const auto strangers = watch_.strangers(pyramid.level(watch_.level()), kept);
+    if (kept >= kLeastKept) {
+      work += r.work;
+      tracker_.drop(strangers, watch_.level());
+      tracker_.track(model(), prior, m.X_WC, knobs.iterations, r);
+    }
   }
   if (lost && !r.claimed) {
     r.state = TrackingState::kLost;
