@@ -14,8 +14,9 @@ constexpr std::uint32_t kRestGap = 5;  // frames that a cell may go unseen
 constexpr std::uint32_t kProbes = 4;   // of the table of places
 constexpr float kThinStep_m = 0.15F;   // of depth, between neighbours of a thing without an inside
 constexpr float kSameThing_m = 0.3F;   // its middle goes so far at most from one image to the next
-constexpr float kOfCameraWay =
-    0.1F;  // what is seen of a person at 1.5 m: its middle goes with the camera
+constexpr int kBorder = 4;             // pixels of the image's border, where nothing has an inside
+// What is seen of a person at 1.5 m: its middle goes with the camera.
+constexpr float kOfCameraWay = 0.1F;
 constexpr float kConcave = 0.4F;  // bend over two pixels either side that ends a thing
 
 }  // namespace
@@ -158,8 +159,13 @@ void MotionWatch::grow_thin(const DepthLevel& live, int first) noexcept {
 // Has its middle gone some way in the last images? One that turns round goes back over places that it has filled.
 bool MotionWatch::wanders(const DepthLevel& live, int first, int end) noexcept {
   Vec3f middle = Vec3f::Zero();
-  for (int at = first; at < end; ++at)
-    middle += point_W(live, queue_[static_cast<std::size_t>(at)]);
+  bool cut = false;  // by the image's border: what is seen of it goes with the camera
+  for (int at = first; at < end; ++at) {
+    const int i = queue_[static_cast<std::size_t>(at)];
+    const int u = i % width_, v = i / width_;
+    cut = cut || u < kBorder || v < kBorder || u >= width_ - kBorder || v >= height_ - kBorder;
+    middle += point_W(live, i);
+  }
   middle /= static_cast<float>(end - first);
   const auto now = static_cast<std::uint32_t>(frame_);
   Trail* trail = nullptr;
@@ -177,7 +183,7 @@ bool MotionWatch::wanders(const DepthLevel& live, int first, int end) noexcept {
   bool gone = false;
   for (std::uint32_t k = 0; k < std::min(trail->count, Trail::kLength); ++k) {
     const float limit = static_cast<float>(config_.rest_cell_m / 2) +
-                        kOfCameraWay * (trail->camera_W[k] - camera).norm();
+                        (cut ? 1.0F : kOfCameraWay) * (trail->camera_W[k] - camera).norm();
     gone = gone || (trail->middle_W[k] - middle).norm() > limit;
   }
   const auto at = static_cast<std::size_t>(trail->count++ % Trail::kLength);
@@ -261,7 +267,7 @@ void MotionWatch::judge_thing(const DepthLevel& live, int first, int end,
     const int pixel = queue_[static_cast<std::size_t>(at)];
     if (grazed(live, pixel) || beside_rested(point_W(live, pixel))) --young;
   }
-  const bool wandering = wanders(live, first, end);
+  const bool wandering = wanders(live, first, end) && thing.old < size / 2;
   const bool stands = young < few && !wandering;
   if (stands) {
     for (int at = first; at < end; ++at) {
