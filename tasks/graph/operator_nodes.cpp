@@ -429,7 +429,9 @@ void PredictionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept
   const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModePrediction);
   in_.robot = robot.value;
   in_.robot_live = robot_in_.within(robot, tick.start);
-  in_.path = path && path->seq != 0 && path_in_.within(path, tick.start) ? path.value : nullptr;
+  in_.robot_unsure = robot.unsure;
+  path_live_ = !path || path->seq == 0 || path_in_.within(path, tick.start);
+  in_.path = path && path->seq != 0 && path_live_ ? path.value : nullptr;
   in_.camera = camera_in_.within(camera, tick.start) ? camera.value : nullptr;
   if (mode) mode_ = *mode;
   mode_live_ = mode_in_.within(mode, tick.start);
@@ -446,6 +448,10 @@ rt::Health PredictionNode::step(const rt::Tick& tick, rt::JobRecord& record) noe
   health_ = task_.step(tick, in_, out_);
   // What the operator asked of the robot's box stays asked: only the base halts.
   if (!mode_live_) out_.goal.engaged = 0;
+  if (out_.frame.held == Held::kNo && !mode_live_)
+    out_.frame.held = Held::kModeSilent;
+  else if (out_.frame.held == Held::kNo && !path_live_)
+    out_.frame.held = Held::kPathOld;
   record.work = 1;
   return health_;
 }

@@ -11,6 +11,8 @@
 
 #include "perception/map_file/map_file.hpp"
 #include "perception/motion/motion_mask.hpp"
+#include "tasks/robot_io/robot_io_task.hpp"
+#include "tools/teletact/black_box.hpp"
 #include "tools/teletact/recording_setup.hpp"
 #include "tools/teletact/whole_file.hpp"
 
@@ -109,6 +111,7 @@ void OperatorConsole::drain(rt::Time now) {
     if (w->unsure && seen_.world.seq != 0)
       seen_.unsure_s += 0.1 * static_cast<double>(w->seq - seen_.world.seq);
     if (w->follows_camera && w->known) seen_.error_max_m = std::max(seen_.error_max_m, w->error_m);
+    mind_held(*w);
     seen_.world = *w;
   }
   const auto p = cells.path.acquire_if_new(OperatorCells::kPathConsole);
@@ -151,6 +154,62 @@ void OperatorConsole::drain(rt::Time now) {
   judge(robot, EdgeId::kRobotState, now);
   if (robot) seen_.robot = *robot;
   judge(cells.hand.acquire_if_new(OperatorCells::kHandConsole), EdgeId::kHand, now);
+}
+
+std::string held_text(tasks::Held held, std::int32_t measured_ms, std::int32_t limit_ms) {
+  using tasks::Held;
+  char text[120] = "";
+  switch (held) {
+    case Held::kNo:
+      break;
+    case Held::kStateOld:
+      std::snprintf(text, sizeof text, "robot state %d ms old, limit %d ms", measured_ms, limit_ms);
+      break;
+    case Held::kStateSilent:
+      std::snprintf(text, sizeof text, "no robot state arrives, the newest is %d ms old",
+                    measured_ms);
+      break;
+    case Held::kSettling:
+      return "robot states were too old or missing until a moment ago";
+    case Held::kDelayUnknown:
+      return "no round trip is measured";
+    case Held::kPlaceUnsure:
+      return "where it is, is not sure enough";
+    case Held::kModeSilent:
+      return "no mode is heard from supervision";
+    case Held::kPathOld:
+      return "the path is too old, or planning is silent";
+  }
+  return text;
+}
+
+// A job of prediction is a tenth of a second; where the console saw none, the next one counts for it. Settling keeps
+// the reason that it comes from.
+void OperatorConsole::mind_held(const tasks::OdometryFrame& newest) {
+  using tasks::Held;
+  using Phase = tasks::TaskState::Phase;
+  const Phase phase = seen_.task.phase;
+  if ((phase != Phase::kDriving && phase != Phase::kPlanning) || seen_.engages == 0 ||
+      newest.held == Held::kNo || newest.held == Held::kPlaceUnsure)
+    return;
+  if (seen_.world.seq != 0) seen_.held_s += 0.1 * static_cast<double>(newest.seq - seen_.world.seq);
+  if (newest.held == Held::kSettling && seen_.held != Held::kNo) return;
+  seen_.held = newest.held;
+  seen_.held_ms = newest.held_ms;
+  seen_.held_limit_ms = newest.held_limit_ms;
+}
+
+// For the status line, once somebody has engaged: why the base may not be driven, or that goals reach the robot too late.
+std::string OperatorConsole::stands() const {
+  using tasks::Held;
+  if (seen_.engages == 0) return {};
+  const auto& w = seen_.world;
+  if (w.held == Held::kPlaceUnsure) return {};  // stands beside the stated error
+  if (w.held != Held::kNo) return "  STANDS: " + held_text(w.held, w.held_ms, w.held_limit_ms);
+  using namespace tasks::robot_io_fault;
+  if (seen_.robot.fault == kGoalExpired || seen_.robot.fault == kLinkSilent)
+    return "  STANDS: " + fault_text(seen_.robot.fault);
+  return {};
 }
 
 void OperatorConsole::keep_what_moves() {
@@ -337,6 +396,7 @@ std::string OperatorConsole::status_line(rt::Time now) const {
     std::snprintf(moving, sizeof moving, "  MOVES: %.2f m2 of the ground",
                   map.moving_count * map.resolution * map.resolution);
   std::string old;
+  const std::string why = stands();
   for (const auto edge : seen_.beyond) old += (old.empty() ? "  OLD: " : ", ") + std::string(edge);
   const auto X_WB =
       perception::compose({seen_.world.X_WO[0], seen_.world.X_WO[1], seen_.world.X_WO[2]},
@@ -347,15 +407,16 @@ std::string OperatorConsole::status_line(rt::Time now) const {
                   seen_.world.unsure ? "  STANDS: where it is, is not sure enough" : "");
   else if (seen_.world.follows_camera)
     std::snprintf(sure, sizeof sure, "  where it is, is not known yet");
-  char line[480];
+  char line[640];
   std::snprintf(line, sizeof line,
                 "%5.1f s  %-9s  force %5.2f N  reach %3.0f %%  frames %4ld  marks %u  paths %u  "
-                "%-8s  robot (%.2f, %.2f) m%s%s%s%s",
+                "%-8s  robot (%.2f, %.2f) m%s%s%s%s%s",
                 rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
                 static_cast<double>(force), 100 * static_cast<double>(reach),
                 static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
-                phases[static_cast<int>(seen_.task.phase)], X_WB.x, X_WB.y, sure, moving,
-                force_act_.waits() ? "  forces off: press the clutch and let go" : "", old.c_str());
+                phases[static_cast<int>(seen_.task.phase)], X_WB.x, X_WB.y, sure, why.c_str(),
+                moving, force_act_.waits() ? "  forces off: press the clutch and let go" : "",
+                old.c_str());
   return line;
 }
 
@@ -377,6 +438,10 @@ OperatorView OperatorConsole::copy() const {
   v.world = seen_.world;
   v.error_max_m = seen_.error_max_m;
   v.unsure_s = seen_.unsure_s;
+  v.held_s = seen_.held_s;
+  v.held = seen_.held;
+  v.held_ms = seen_.held_ms;
+  v.held_limit_ms = seen_.held_limit_ms;
   v.arrived = seen_.arrived;
   v.arrivals = seen_.arrivals;
   v.first_arrival = seen_.first_arrival;
