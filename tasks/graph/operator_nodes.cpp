@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "rt/effect_count.hpp"
 #include "tasks/graph/output_hash.hpp"
 
 namespace tasks {
@@ -221,6 +222,7 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   };
   if (out_.patch_written) send(patch_gate_, cells_.patch, *out_.patch);
   if (out_.view_written) send(view_gate_, cells_.view, *out_.view);
+  if (out_.mesh_written) rt::effect_ran(rt::Effect::kMesh);
   if (out_.mesh_written) send(mesh_gate_, *cells_.mesh, *out_.mesh);
   if (out_.cost_map_written) send(map_gate_, cells_.cost_map, *out_.cost_map);
   if (out_.camera_written) {
@@ -228,6 +230,7 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
     camera = out_.camera;
     send(camera_gate_, cells_.camera_pose, camera);
   }
+  if (out_.objects_written) rt::effect_ran(rt::Effect::kObjects);
   if (out_.objects_written) send(objects_gate_, cells_.objects, *out_.objects);
   if (hash_) record.output_hash = h.digest();
   publish_health(health_of(cells_, TaskId::kFusion), tick.start, health_);

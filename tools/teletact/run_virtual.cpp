@@ -191,7 +191,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
           epoch + static_cast<std::int64_t>(options.meddle_at_s * 1e9), std::int64_t{1} << 60,
           [&](std::int64_t) { options.meddle(*op); }));
     }
-    actors.push_back(link.get());
+    actors.push_back(options.wrap_link ? options.wrap_link(*link) : link.get());
     for (auto& a : owned) actors.push_back(a.get());
     run.effects = robot->effects();
     for (auto& e : op->effects()) run.effects.push_back(e);
@@ -211,6 +211,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
         auto& inputs = specs[i].box == rt::Box::kOperator ? *op_inputs : *robot_inputs;
         p.body = &inputs.body(id, *p.body);
       }
+      if (options.wrap_body) p.body = options.wrap_body(id, *p.body);
     }
     placed.push_back(p);
   }
