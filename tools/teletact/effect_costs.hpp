@@ -2,8 +2,8 @@
 // that of the same run without it.
 //
 // The runs are of the default scene on the simulated clock, where the same keys give the same jobs to the last bit: of
-// each job the least of several rounds counts, so what else the machine did is left out. What it was measured in is
-// measured twice; the difference of the two is the floor below which a cost is not told from none.
+// each job the least of several rounds counts, so what else the machine did is left out. The floor below which a cost is
+// not told from none is what the same payer's cost differs by in runs that change what others pay for.
 #pragma once
 
 #include <deque>
