@@ -1,4 +1,5 @@
 #include "drivers/camera/depth_noise.hpp"
+#include "rt/effect_count.hpp"
 
 #include <cmath>
 
@@ -60,14 +61,23 @@ NormalTable::NormalTable() {
 }
 
 DepthNoise::DepthNoise(rt::NonRealtime&, const DepthNoiseConfig& c) {
-  if (c.axial > 0) axial_ = std::make_unique<const AxialNoise>(AxialNoise{c.axial, {}});
+  using rt::Effect;
+  if (c.axial > 0) {
+    rt::effect_built(Effect::kAxial);
+    axial_ = std::make_unique<const AxialNoise>(AxialNoise{c.axial, {}});
+  }
   if (c.lateral_px > 0) {
+    rt::effect_built(Effect::kLateral);
     lateral_ = std::make_unique<const LateralJitter>(LateralJitter{c.lateral_px, {}});
   }
   if (c.edge_dropout > 0) {
+    rt::effect_built(Effect::kEdgeDropout);
     dropout_ = std::make_unique<const EdgeDropout>(EdgeDropout{c.edge_dropout});
   }
-  if (c.flying > 0) flying_ = std::make_unique<const FlyingPixels>(FlyingPixels{c.flying});
+  if (c.flying > 0) {
+    rt::effect_built(Effect::kFlying);
+    flying_ = std::make_unique<const FlyingPixels>(FlyingPixels{c.flying});
+  }
 }
 
 std::vector<std::string> DepthNoise::constructed() const {

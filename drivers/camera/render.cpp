@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 
+#include "rt/effect_count.hpp"
 #include "rt/random.hpp"
 
 namespace drivers {
@@ -164,9 +165,10 @@ class NoisyRows {
 
   // Noisy depth of row v into `z`; `z` holds the true depth before.
   void apply(int v, float* z) const noexcept {
-    if (noise_.flying() != nullptr) fly(v, z);
-    if (noise_.axial() != nullptr) shake(v, z);
-    if (noise_.dropout() != nullptr) drop(v, z);
+    using rt::Effect;
+    if (noise_.flying() != nullptr) rt::effect_ran(Effect::kFlying), fly(v, z);
+    if (noise_.axial() != nullptr) rt::effect_ran(Effect::kAxial), shake(v, z);
+    if (noise_.dropout() != nullptr) rt::effect_ran(Effect::kEdgeDropout), drop(v, z);
   }
 
  private:
@@ -254,6 +256,7 @@ void render(const World& world, const Intrinsics& k, const Pose& X_WC, const Dep
   for (int v0 = 0; v0 < k.height; v0 += RayTile::kHeight) {
     const int rows = std::min(RayTile::kHeight, k.height - v0);
     if (noise.lateral() != nullptr) {
+      rt::effect_ran(rt::Effect::kLateral);
       jitter_rows(*noise.lateral(), seed, seq, v0, rows, k.width, scratch);
     }
     for (int u0 = 0; u0 < k.width; u0 += RayTile::kWidth) {

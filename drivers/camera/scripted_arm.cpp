@@ -1,4 +1,5 @@
 #include "drivers/camera/scripted_arm.hpp"
+#include "rt/effect_count.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -80,6 +81,9 @@ ScriptedArm::ScriptedArm(rt::NonRealtime&, const ScriptedArmConfig& config,
                    " deg/s; this way takes " + std::to_string(peak));
     }
   }
+  rt::effect_built(rt::Effect::kArm);
+  if (config.joint_delay_ms > 0) rt::effect_built(rt::Effect::kJointsLate);
+  if (config.joint_error_deg != 0) rt::effect_built(rt::Effect::kJointsWrong);
   Paint paint;
   const auto byte = [](double v) { return static_cast<std::uint8_t>(v + 0.5); };
   paint.colour = {byte(config.paint.colour[0]), byte(config.paint.colour[1]),
@@ -120,6 +124,7 @@ ScriptedArm::Joints ScriptedArm::at(rt::Time t) const noexcept {
 }
 
 std::span<const Shape> ScriptedArm::place(rt::Time t, const Pose& X_WB) noexcept {
+  rt::effect_ran(rt::Effect::kArm);
   body_.forward(at(t).q, X_BL_);
   for (int i = 0; i < body_.capsules(); ++i) {
     const perception::Capsule c = body_.capsule_B(i, X_BL_);
@@ -129,6 +134,8 @@ std::span<const Shape> ScriptedArm::place(rt::Time t, const Pose& X_WB) noexcept
 }
 
 perception::JointAngles ScriptedArm::reported(rt::Time exposure) const noexcept {
+  if (config_.joint_delay_ms > 0) rt::effect_ran(rt::Effect::kJointsLate);
+  if (config_.joint_error_deg != 0) rt::effect_ran(rt::Effect::kJointsWrong);
   const Joints then = at(exposure - rt::nanos_from_seconds(config_.joint_delay_ms * 1e-3));
   perception::JointAngles out;
   out.count = static_cast<int>(body_.joints().size());

@@ -12,6 +12,7 @@
 #include <cstring>
 
 #include "rt/clock/box_time.hpp"
+#include "rt/effect_count.hpp"
 
 namespace drivers {
 
@@ -96,7 +97,10 @@ void TcpLink::start(LinkEndpoint& endpoint, std::function<rt::Time()> now,
   endpoint_ = &endpoint;
   now_ = std::move(now);
   after_poll_ = std::move(after_poll);
-  if (shape && shape->any()) shaper_.emplace(*shape, listen_fd_ >= 0 ? 1 : 0);
+  if (shape && shape->any()) {
+    rt::effect_built(rt::Effect::kLinkShape);
+    shaper_.emplace(*shape, listen_fd_ >= 0 ? 1 : 0);
+  }
   inbox_.resize(2 * (kHeaderSize + kMaxBody));
   thread_ = std::thread([this] { run(); });
 }
@@ -132,6 +136,7 @@ bool TcpLink::accept_one() {
 
 void TcpLink::enqueue(std::span<const std::uint8_t> message) {
   const std::int64_t now = rt::monotonic_ns();
+  if (shaper_) rt::effect_ran(rt::Effect::kLinkShape);
   const std::int64_t due = shaper_ ? shaper_->deliver_at(now, message.size()) : now;
   queue_.push_back({due, {message.begin(), message.end()}, 0});
 }

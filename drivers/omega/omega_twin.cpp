@@ -1,4 +1,5 @@
 #include "drivers/omega/omega_twin.hpp"
+#include "rt/effect_count.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -41,6 +42,13 @@ OmegaTwin::OmegaTwin(rt::NonRealtime&, const OmegaTwinConfig& c, HandScript* han
   held_ =
       transition(held, c.damping_N_s_per_m + c.hand_damping_N_s_per_m, c.hand_stiffness_N_per_m, h);
   braked_held_ = transition(held, brake + c.hand_damping_N_s_per_m, c.hand_stiffness_N_per_m, h);
+  using rt::Effect;
+  if (c.coulomb_N > 0) rt::effect_built(Effect::kDeviceFriction);
+  if (c.quantum_m > 0) rt::effect_built(Effect::kQuantum);
+  if (delay_steps_ > 0) rt::effect_built(Effect::kDeviceDelay);
+  if (c.time_guard_s > 0) rt::effect_built(Effect::kTimeGuard);
+  if (c.gravity_mass_kg > 0) rt::effect_built(Effect::kGravity);
+  if (hand != nullptr && c.hand_stiffness_N_per_m > 0) rt::effect_built(Effect::kHand);
   state_ = c.calibrated ? DeviceState::kIdle : DeviceState::kReset;
 }
 
@@ -90,6 +98,7 @@ bool OmegaTwin::sense(rt::Time now, StylusSample& out) noexcept {
   if (faults_.unplugged) return false;
   const bool guarded = config_.time_guard_s > 0 && sampled_ &&
                        now - last_sample_.taken < rt::nanos_from_seconds(config_.time_guard_s);
+  if (config_.time_guard_s > 0) rt::effect_ran(rt::Effect::kTimeGuard);
   if (sampled_ && (guarded || faults_.repeat > 0)) {
     if (!guarded) --faults_.repeat;
     ++repeats_;
@@ -105,6 +114,7 @@ bool OmegaTwin::sense(rt::Time now, StylusSample& out) noexcept {
   }
   was_frozen_ = faults_.frozen;
   if (config_.quantum_m > 0) {
+    rt::effect_ran(rt::Effect::kQuantum);
     for (int i = 0; i < 3; ++i) p[i] = std::round(p[i] / config_.quantum_m) * config_.quantum_m;
   }
   p += faults_.jump_m;
@@ -140,6 +150,7 @@ void OmegaTwin::act(rt::Time now, const ForceCommand& command) noexcept {
   Pending p;
   const std::int64_t since = (now - epoch_).count();
   p.step = (since + step_ns_.count() - 1) / step_ns_.count() + delay_steps_;
+  if (delay_steps_ > 0) rt::effect_ran(rt::Effect::kDeviceDelay);
   p.force = clipped(f, config_.force_limit_N);
   if (pending_size_ == pending_.size()) {
     force_ = pending_[pending_head_].force;
@@ -233,7 +244,10 @@ void OmegaTwin::substep() noexcept {
   const bool holding = hand_ != nullptr && config_.hand_stiffness_N_per_m > 0;
   Vec3 u = external_ + faults_.force_bias_N;
   if (state_ == DeviceState::kForce) u += force_;
-  u.z() -= config_.gravity_mass_kg * kGravity;
+  if (config_.gravity_mass_kg > 0) {
+    rt::effect_ran(rt::Effect::kGravity);
+    u.z() -= config_.gravity_mass_kg * kGravity;
+  }
   const double reach = x_.norm();
   if (reach > config_.workspace_radius_m) {
     u -= (config_.end_stop_N_per_m * (reach - config_.workspace_radius_m) / reach) * x_;
@@ -246,6 +260,7 @@ void OmegaTwin::substep() noexcept {
     target_v_D_ = hand_->map().direction_to_device(target_.v_WT) / hand_->map().scale();
   }
   if (holding) {
+    rt::effect_ran(rt::Effect::kHand);
     // Solved relative to the target, so the hand's spring is inside the exact part.
     u += config_.hand_damping_N_s_per_m * target_v_D_;
     move(shorted ? braked_held_ : held_, u, target_D_);
@@ -261,6 +276,7 @@ void OmegaTwin::move(const Transition& t, const Vec3& u, const Vec3& offset) noe
   Vec3 force = u;
   const double c = config_.coulomb_N;
   if (c > 0) {
+    rt::effect_ran(rt::Effect::kDeviceFriction);
     const double speed = v_.norm();
     if (speed > 0) {
       force -= (c / speed) * v_;

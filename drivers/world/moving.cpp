@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "drivers/world/world.hpp"
+#include "rt/effect_count.hpp"
 
 namespace drivers {
 
@@ -21,6 +22,7 @@ void World::add(const MoverConfig& c) {
   if (c.name.empty()) refuse("it has no name");
   if (!c.on.empty() && carrier < 0) refuse("on = '" + c.on + "' is no mover before it");
   movers_.push_back({Mover(c), carrier});
+  rt::effect_built(rt::Effect::kMovers);
   const int self = static_cast<int>(movers_.size()) - 1;
   bool tilts = false;
   for (int m = self; m >= 0; m = movers_[static_cast<std::size_t>(m)].carrier) {
@@ -48,6 +50,7 @@ void World::add(const MoverConfig& c) {
 
 const Pose& World::pose(const Shape& s, rt::Time t, Pose& moved) const noexcept {
   if (s.mover < 0) return s.X_WS;
+  rt::effect_ran(rt::Effect::kMovers);
   const double t_s = t > t0_ ? rt::seconds(t - t0_) : 0.0;
   moved = s.X_WS;
   for (int m = s.mover; m >= 0; m = movers_[static_cast<std::size_t>(m)].carrier) {

@@ -5,6 +5,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "rt/effect_count.hpp"
 #include "rt/random.hpp"
 
 namespace drivers {
@@ -75,6 +76,14 @@ RobotPlant::RobotPlant(rt::NonRealtime&, const RobotPlantConfig& config, const M
     const std::int64_t delay = rt::nanos_from_seconds(config.dead_time_s).count();
     dead_steps_ = (delay + step_ns_.count() - 1) / step_ns_.count();
   }
+  using rt::Effect;
+  if (config.speed_loop_order > 0) rt::effect_built(Effect::kMotorDynamics);
+  if (slip_) rt::effect_built(Effect::kSlip);
+  if (wheel_slip_) rt::effect_built(Effect::kWheelSlip);
+  if (radius_) rt::effect_built(Effect::kWheelRadius);
+  if (encoder_) rt::effect_built(Effect::kEncoder);
+  if (friction_) rt::effect_built(Effect::kGearFriction);
+  if (dead_steps_ > 0) rt::effect_built(Effect::kDeadTime);
   check_every_ = std::max<std::int64_t>(1, 1'000'000 / step_ns_.count());
   state_.X_WB = start_X_WB;
   checked_X_WB_ = start_X_WB;
@@ -107,6 +116,7 @@ void RobotPlant::command(rt::Time at, const WheelVector& wheel_rad_per_s, bool p
   Pending p;
   p.step = (since + step_ns_.count() - 1) / step_ns_.count() + dead_steps_;
   p.powered = powered;
+  if (dead_steps_ > 0) rt::effect_ran(rt::Effect::kDeadTime);
   if (powered) p.speed = wheel_rad_per_s;
   const std::size_t n = queue_.slots.size();
   if (queue_.size == n) {
@@ -134,14 +144,17 @@ void RobotPlant::substep() noexcept {
     state_.wheel_rad[i] += mean[i] * dt_;
   }
   if (wheel_slip_) {
+    rt::effect_ran(rt::Effect::kWheelSlip);
     draw_slip();
     for (int i = 0; i < kWheels; ++i) mean[i] *= 1.0 - wheel_slip_->share[i];
   }
   if (radius_) {
+    rt::effect_ran(rt::Effect::kWheelRadius);
     for (int i = 0; i < kWheels; ++i) mean[i] *= (*radius_)[i];
   }
   Twist2 v = kinematics_.forward(mean);
   if (slip_) {
+    rt::effect_ran(rt::Effect::kSlip);
     const double grip = 1.0 - slip_->ratio;
     v = {grip * v.vx, grip * v.vy, grip * v.wz};
   }
@@ -164,6 +177,7 @@ void RobotPlant::wheel_step() noexcept {
   if (config_.speed_loop_order == 0) {
     w = wanted;
   } else {
+    rt::effect_ran(rt::Effect::kMotorDynamics);
     const double limit = config_.torque_limit_Nm;
     const Eigen::Vector4d error = wanted - w;
     if (config_.speed_loop_order == 1) {
@@ -179,6 +193,7 @@ void RobotPlant::wheel_step() noexcept {
     }
     const Eigen::Vector4d driven = w + dt_ * (mass_inverse_ * torque);
     if (friction_) {
+      rt::effect_ran(rt::Effect::kGearFriction);
       // Coulomb: takes away at most the motion that is there, so it stops a wheel but never turns
       // it.
       for (int i = 0; i < kWheels; ++i) {
@@ -228,6 +243,7 @@ void RobotPlant::move_step(const Twist2& v) noexcept {
 
 WheelVector RobotPlant::encoder_rad() const noexcept {
   if (!encoder_) return state_.wheel_rad;
+  rt::effect_ran(rt::Effect::kEncoder);
   WheelVector out{};
   for (int i = 0; i < kWheels; ++i) {
     out[i] = std::round(state_.wheel_rad[i] / encoder_->rad_per_tick) * encoder_->rad_per_tick;

@@ -65,9 +65,11 @@ void LimitWatch::tell(State state, rt::Time now, rt::Nanos by) noexcept {
   state_ = state;
   if (state != State::kGood) ++crossed_;
   if (logs_ == nullptr || row().reader == kConsole) return;
+  // The one that was crossed; in time again: that of the silence, which is what is told of then.
+  const rt::Nanos limit = state == State::kOld ? limit_.age : limit_.liveness;
   logs_->of(row().reader)
       .write(logs_->limits[row_], now, static_cast<unsigned>(state),
-             1e-6 * static_cast<double>(by.count()));
+             1e-6 * static_cast<double>(by.count()), 1e-6 * static_cast<double>(limit.count()));
 }
 
 }  // namespace tasks

@@ -71,7 +71,20 @@ struct CameraPose {
   rt::Time seen{};  // exposure of the newest claimed image: this one, or what the pose goes on from
 };
 
-// Where odometry's frame lies in the world, and how sure that is. prediction -> planning, console.
+// Why prediction lets the base stand.
+enum class Held : std::uint8_t {
+  kNo,
+  kStateOld,  // the newest robot state, with the uncertainty of its instant, is too old to drive on
+  kStateSilent,   // none came
+  kSettling,      // one of the two, until a moment ago
+  kDelayUnknown,  // no round trip was measured
+  kPlaceUnsure,
+  kModeSilent,
+  kPathOld,
+};
+
+// Where odometry's frame lies in the world, and how sure that is; and whether the base may be driven.
+// prediction -> planning, console.
 struct OdometryFrame {
   std::uint64_t seq = 0;
   rt::Time taken{};              // of the robot state it was carried to
@@ -83,6 +96,9 @@ struct OdometryFrame {
   bool known = false;                 // false: nobody knows yet where O lies
   bool follows_camera = false;        // false: O is taken as W, and how wrong that is, is not known
   bool unsure = false;                // the stated error is above its limit: goals are not engaged
+  // Why goals are not engaged although the mode is; with it what was measured and what is allowed, ms.
+  Held held = Held::kNo;
+  std::int32_t held_ms = 0, held_limit_ms = 0;
 };
 
 // A path for the base on the ground, in W (z of the ground plane). planning -> prediction.

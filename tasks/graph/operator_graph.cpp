@@ -3,6 +3,7 @@
 #include "drivers/link/encoded_frame.hpp"
 #include "drivers/link/frame_codec.hpp"
 #include "drivers/link/wire.hpp"
+#include "rt/effect_count.hpp"
 #include "tasks/graph/operator_nodes.hpp"
 
 namespace tasks {
@@ -49,6 +50,8 @@ OperatorGraph::OperatorGraph(rt::NonRealtime& nrt, const GraphConfig& config,
                          PlanningNode(nrt, config_, setup, *cells_),
                          PredictionNode(nrt, config_, setup, *cells_, link_),
                          SupervisionNode(nrt, config_, *cells_, link_, requests_, setup)});
+  if (cells_->mesh != nullptr) rt::effect_built(rt::Effect::kMesh);
+  if (config_.fusion.objects.enabled) rt::effect_built(rt::Effect::kObjects);
 }
 
 OperatorGraph::~OperatorGraph() = default;

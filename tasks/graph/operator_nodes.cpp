@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "rt/effect_count.hpp"
 #include "tasks/graph/output_hash.hpp"
 
 namespace tasks {
@@ -221,6 +222,7 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   };
   if (out_.patch_written) send(patch_gate_, cells_.patch, *out_.patch);
   if (out_.view_written) send(view_gate_, cells_.view, *out_.view);
+  if (out_.mesh_written) rt::effect_ran(rt::Effect::kMesh);
   if (out_.mesh_written) send(mesh_gate_, *cells_.mesh, *out_.mesh);
   if (out_.cost_map_written) send(map_gate_, cells_.cost_map, *out_.cost_map);
   if (out_.camera_written) {
@@ -228,6 +230,7 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
     camera = out_.camera;
     send(camera_gate_, cells_.camera_pose, camera);
   }
+  if (out_.objects_written) rt::effect_ran(rt::Effect::kObjects);
   if (out_.objects_written) send(objects_gate_, cells_.objects, *out_.objects);
   if (hash_) record.output_hash = h.digest();
   publish_health(health_of(cells_, TaskId::kFusion), tick.start, health_);
@@ -429,7 +432,9 @@ void PredictionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept
   const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModePrediction);
   in_.robot = robot.value;
   in_.robot_live = robot_in_.within(robot, tick.start);
-  in_.path = path && path->seq != 0 && path_in_.within(path, tick.start) ? path.value : nullptr;
+  in_.robot_unsure = robot.unsure;
+  path_live_ = !path || path->seq == 0 || path_in_.within(path, tick.start);
+  in_.path = path && path->seq != 0 && path_live_ ? path.value : nullptr;
   in_.camera = camera_in_.within(camera, tick.start) ? camera.value : nullptr;
   if (mode) mode_ = *mode;
   mode_live_ = mode_in_.within(mode, tick.start);
@@ -446,6 +451,10 @@ rt::Health PredictionNode::step(const rt::Tick& tick, rt::JobRecord& record) noe
   health_ = task_.step(tick, in_, out_);
   // What the operator asked of the robot's box stays asked: only the base halts.
   if (!mode_live_) out_.goal.engaged = 0;
+  if (out_.frame.held == Held::kNo && !mode_live_)
+    out_.frame.held = Held::kModeSilent;
+  else if (out_.frame.held == Held::kNo && !path_live_)
+    out_.frame.held = Held::kPathOld;
   record.work = 1;
   return health_;
 }

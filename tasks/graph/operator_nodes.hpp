@@ -108,7 +108,7 @@ class PredictionNode final : public rt::TaskBody {
   EdgeGate frame_gate_;
   LimitWatch robot_in_, path_in_, camera_in_, mode_in_;
   ModeMsg mode_;
-  bool mode_live_ = true;
+  bool mode_live_ = true, path_live_ = true;
   PredictionTask::In in_;
   PredictionTask::Out out_;
   rt::Health health_;

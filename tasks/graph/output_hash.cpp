@@ -71,9 +71,10 @@ void hash_output(rt::Hash64& h, const CameraPose& m) noexcept {
 }
 
 void hash_output(rt::Hash64& h, const OdometryFrame& m) noexcept {
-  const auto& [seq, taken, claimed, X_WO, covariance, error_m, error_rad, known, follows, unsure] =
-      m;
-  all(h, seq, taken, claimed, error_m, error_rad, known, follows, unsure);
+  const auto& [seq, taken, claimed, X_WO, covariance, error_m, error_rad, known, follows, unsure,
+               held, held_ms, held_limit_ms] = m;
+  all(h, seq, taken, claimed, error_m, error_rad, known, follows, unsure, held, held_ms,
+      held_limit_ms);
   for (const double v : X_WO) h.value(v);
   for (const double v : covariance) h.value(v);
 }

@@ -117,6 +117,10 @@ inline constexpr std::array<EdgeRow, kEdgeCount> kEdgeTable{{
 // A value that was never published is no matter of these rows: the reader waits for it. The tasks' configurations take
 // their defaults from here, so what is written here is in force unless a scene says otherwise: by the named keys, where
 // there are none by limits.<reader>.<edge>_liveness_ms and _age_ms.
+//
+// The ages across the link are set by the delay that is to be borne, 200 ms one way with 20 ms of jitter, for the
+// uncertainty of an instant doubles it: a state is 400 + 40 + 10 (its rate) + 30 (an image before it) ms old, and a goal
+// lives a round trip and 250 ms. How far the base drives on them is bounded by its speed, not by them: docs/prediction.md.
 inline constexpr int kAgeless = 0;
 struct LimitRow {
   EdgeId edge;
@@ -129,13 +133,13 @@ struct LimitRow {
 
 inline constexpr std::array<LimitRow, 33> kLimitTable{{
     {EdgeId::kFrame, TaskId::kFusion, 500, 1000, "silent: map stays, tracking idles; old: not looked at"},
-    {EdgeId::kRobotState, TaskId::kPrediction, 180, 250, "goals are not engaged", "", "prediction.state_liveness_ms"},
-    {EdgeId::kRobotState, TaskId::kPlanning, 250, 500, "nothing is planned; the path stands"},
-    {EdgeId::kRobotState, TaskId::kFusion, 250, 500, "the camera is tracked without odometry"},
-    {EdgeId::kRobotState, TaskId::kSupervision, 180, 400, "as a silent link: ramp down", "supervision.link_liveness_s"},
+    {EdgeId::kRobotState, TaskId::kPrediction, 180, 500, "goals are not engaged", "", "prediction.state_liveness_ms"},
+    {EdgeId::kRobotState, TaskId::kPlanning, 250, 600, "nothing is planned; the path stands"},
+    {EdgeId::kRobotState, TaskId::kFusion, 250, 600, "the camera is tracked without odometry"},
+    {EdgeId::kRobotState, TaskId::kSupervision, 180, 700, "as a silent link: ramp down", "supervision.link_liveness_s"},
     {EdgeId::kRobotState, kConsole, 1000, 1000, "named in the status line"},
-    {EdgeId::kGoal, TaskId::kRobotIo, 90, 300, "the base ramps down", "robot_io.link_silence_ms", "prediction.goal_valid_ms"},
-    {EdgeId::kGoal, TaskId::kRobotSupervision, 180, 500, "silent: ramp down; old: as an engage withdrawn", "supervision.link_liveness_s"},
+    {EdgeId::kGoal, TaskId::kRobotIo, 90, 700, "the base ramps down", "robot_io.link_silence_ms", "prediction.goal_valid_ms"},
+    {EdgeId::kGoal, TaskId::kRobotSupervision, 180, 800, "silent: ramp down; old: as an engage withdrawn", "supervision.link_liveness_s"},
     {EdgeId::kPatch, TaskId::kHaptic, 100, 1000, "silent: force ramps to zero; old: told, contact stays", "haptic.patch_liveness_s"},
     {EdgeId::kView, kConsole, 2000, 2000, "named in the status line"},
     {EdgeId::kMesh, kConsole, 1000, 2000, "named in the status line"},

@@ -59,15 +59,16 @@ class TaskLogs {
   }
 
  private:
-  using LimitSite = rt::LogSite<unsigned, double>;
+  using LimitSite = rt::LogSite<unsigned, double, double>;
   [[nodiscard]] std::array<LimitSite, kLimitTable.size()> limit_sites(rt::NonRealtime& nrt) {
     std::array<LimitSite, kLimitTable.size()> sites;
     for (std::size_t i = 0; i < sites.size(); ++i) {
       const LimitRow& row = kLimitTable[i];
-      sites[i] = sites_.add<unsigned, double>(
+      sites[i] = sites_.add<unsigned, double, double>(
           nrt, rt::LogLevel::kWarning,
           std::string(kEdgeTable[static_cast<std::size_t>(row.edge)].name) +
-              ": {} (0 in time again, 1 silent, 2 old), {:.0f} ms; beyond its limits: " +
+              ": {} (0 in time again, 1 silent, 2 old), {:.0f} ms, limit {:.0f} ms; beyond its "
+              "limits: " +
               std::string(row.beyond));
     }
     return sites;

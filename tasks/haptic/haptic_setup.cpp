@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "rt/effect_count.hpp"
 #include "tasks/haptic/haptic_task.hpp"
 
 namespace tasks {
@@ -84,6 +85,11 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
                              std::string(kProxyMethods));
   }
   effects_ = config.effects();
+  using rt::Effect;
+  if (config.friction_static > 0) rt::effect_built(Effect::kFriction);
+  if (config.texture_amplitude_m > 0) rt::effect_built(Effect::kTexture);
+  if (config.viscosity_N_s_per_m > 0) rt::effect_built(Effect::kViscosity);
+  if (config.materials) rt::effect_built(Effect::kMaterials);
   proxy_step_ = proxy_step(method);
   stiffness_ = config.stiffness_N_per_m;
   constexpr double kOfDamping = 0.8;

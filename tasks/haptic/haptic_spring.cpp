@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "rt/effect_count.hpp"
 #include "tasks/haptic/broken.hpp"
 #include "tasks/haptic/haptic_task.hpp"
 
@@ -49,7 +50,13 @@ HapticTask::Spring HapticTask::spring_of(const Vec3& p_WH) noexcept {
   Spring s;
   s.contact = proxy_.phase == ProxyState::Phase::kContact;
   const double mu_before = surface_.friction_static;
-  if (config_.materials) follow_material(p_WH);
+  if (config_.materials) {
+    rt::effect_ran(rt::Effect::kMaterials);
+    follow_material(p_WH);
+  } else {
+    if (surface_.friction_static > 0) rt::effect_ran(rt::Effect::kFriction);
+    if (surface_.patterns > 0) rt::effect_ran(rt::Effect::kTexture);
+  }
   const Vec3 smooth = proxy_.rendered_WP();
   rendered_W_ = with_friction(
       field_, p_WH, proxy_,
@@ -81,6 +88,7 @@ HapticTask::Spring HapticTask::spring_of(const Vec3& p_WH) noexcept {
 
 // Drag of the scene's viscosity; tells how much of the spring is friction.
 Vec3 HapticTask::viscous(const Spring& spring, HapticTelemetry& t) const noexcept {
+  if (config_.viscosity_N_s_per_m > 0) rt::effect_ran(rt::Effect::kViscosity);
   t.friction_N = stiffness_ * spring.friction_m / config_.scale;
   return (-t.gain * config_.viscosity_N_s_per_m) * v_D_;
 }

@@ -49,6 +49,7 @@ Health PredictionTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   out.telemetry.path_seq = follower_.seq();
   g.operator_engaged = in.mode != nullptr && in.mode->mode == Mode::kEngaged ? 1 : 0;
   g.operator_clear = in.mode != nullptr && in.mode->clear ? 1 : 0;
+  out.frame = {};
   if (make_goal(tick, in, out, health)) g.engaged = 1;
   write_frame(out);
   return health;
@@ -123,7 +124,6 @@ bool PredictionTask::sure_enough(double lead_s) noexcept {
 
 void PredictionTask::write_frame(Out& out) noexcept {
   OdometryFrame& f = out.frame;
-  f = {};
   f.seq = ++frame_seq_;
   if (!have_state_) return;
   f.taken = state_.taken;
@@ -140,15 +140,50 @@ void PredictionTask::write_frame(Out& out) noexcept {
   if (world_.claimed_t() >= 0) f.claimed = epoch_ + rt::nanos_from_seconds(world_.claimed_t());
 }
 
+// Whether the robot state is young enough to drive on, and has been for a while: at the limit itself the base would
+// start and stop with every job. Else `frame` says why not.
+bool PredictionTask::in_time(const rt::Tick& tick, const In& in, OdometryFrame& frame) noexcept {
+  using std::chrono::milliseconds;
+  const rt::Nanos age = std::max(tick.start - state_.taken, rt::Nanos{0}) + in.robot_unsure;
+  const milliseconds limit{config_.state_liveness_ms};
+  frame.held_ms =
+      static_cast<std::int32_t>(std::min<std::int64_t>(age.count() / 1'000'000, 1'000'000'000));
+  frame.held_limit_ms = config_.state_liveness_ms;
+  if (age > limit || !in.robot_live) {
+    frame.held = age > limit ? Held::kStateOld : Held::kStateSilent;
+    was_late_ = true;
+    late_at_ = tick.start;
+    return false;
+  }
+  if (was_late_ && tick.start - late_at_ < rt::nanos_from_seconds(config_.settle_s)) {
+    frame.held = Held::kSettling;
+    return false;
+  }
+  was_late_ = false;
+  return true;
+}
+
+// So that the way driven on a state, from when it was measured until the goal made from it ends, stays within
+// `blind_way_m`, and that within the uncertainty of the delay within `uncertainty_share_m`.
+double PredictionTask::speed_limit(rt::Nanos age, rt::Nanos life, rt::Nanos unsure) const noexcept {
+  const double blind_s = rt::seconds(age + life), unsure_s = rt::seconds(unsure);
+  double limit = config_.speed_m_per_s;
+  if (blind_s > 0) limit = std::min(limit, config_.blind_way_m / blind_s);
+  if (unsure_s > 0) limit = std::min(limit, config_.uncertainty_share_m / unsure_s);
+  return limit;
+}
+
 bool PredictionTask::make_goal(const rt::Tick& tick, const In& in, Out& out,
                                Health& health) noexcept {
   if (!have_state_) return false;
   const rt::Nanos age = std::max(tick.start - state_.taken, rt::Nanos{0});
-  if (!in.robot_live || age > std::chrono::milliseconds{config_.state_liveness_ms}) {
-    health = rt::worst(health, Health::of(Severity::kDegraded, prediction_fault::kStateStale));
+  if (!in_time(tick, in, out.frame)) {
+    if (out.frame.held != Held::kSettling)
+      health = rt::worst(health, Health::of(Severity::kDegraded, prediction_fault::kStateStale));
     return false;
   }
   if (!in.delay_known || in.round_trip < rt::Nanos{0}) {
+    out.frame.held = Held::kDelayUnknown;
     health = rt::worst(health, Health::of(Severity::kDegraded, prediction_fault::kDelayUnknown));
     return false;
   }
@@ -164,6 +199,7 @@ bool PredictionTask::make_goal(const rt::Tick& tick, const In& in, Out& out,
   t.predicted_X_WB = perception::compose(world_.X_WO(), p.X_OB);
   const bool sure = sure_enough(lead);
   if (!sure) {
+    out.frame.held = Held::kPlaceUnsure;
     health = rt::worst(health, Health::of(Severity::kDegraded, prediction_fault::kPlaceUnsure));
   }
   if (!follower_.has_path()) return false;
@@ -181,10 +217,11 @@ bool PredictionTask::make_goal(const rt::Tick& tick, const In& in, Out& out,
   g.x_m = X_OG.x;
   g.y_m = X_OG.y;
   g.yaw_rad = X_OG.yaw;
-  const double unsure = rt::seconds(in.round_trip_uncertainty);
-  if (unsure > 0) {
-    g.speed_limit_m_per_s = std::min(config_.speed_m_per_s, config_.uncertainty_share_m / unsure);
-  }
+  const rt::Nanos life =
+      std::min<rt::Nanos>(in.round_trip + std::chrono::milliseconds{config_.goal_hold_ms},
+                          std::chrono::milliseconds{config_.goal_valid_ms});
+  g.valid_until = tick.start + life;
+  g.speed_limit_m_per_s = speed_limit(age + in.robot_unsure, life, in.round_trip_uncertainty);
   return sure && in.mode != nullptr && in.mode->mode == Mode::kEngaged;
 }
 

@@ -38,11 +38,16 @@ struct PredictionConfig {
   MotionPredictorConfig motion;
   PathFollowerConfig path;
   double speed_m_per_s = 0.5;  // sent as the goal's speed limit
+  // A goal is followed until the one after the next should have come: two periods of this task, one of the link's.
+  int goal_hold_ms = 250;
   int goal_valid_ms = limit_of(EdgeId::kGoal, TaskId::kRobotIo).data_age_ms;
   // Older robot states do not drive.
   int state_liveness_ms = limit_of(EdgeId::kRobotState, TaskId::kPrediction).data_age_ms;
   double horizon_limit_s = 1.0;       // the goal is moved ahead by at most this much
+  double settle_s = 1.0;              // after a robot state that was too old or missing
   double uncertainty_share_m = 0.05;  // speed x delay uncertainty stays below it
+  // Of 0.55 s at the speed limit: docs/prediction.md.
+  double blind_way_m = 0.275;
   WorldFilterConfig world;
   bool map_correction = true;   // off: O is taken as W, and its error is not known
   double error_limit_m = 0.15;  // of the stated error of the base's place, once it stands
@@ -52,11 +57,17 @@ struct PredictionConfig {
     motion.describe(s.section("motion", "velocity prediction"));
     path.describe(s.section("path", "path following"));
     s.number("speed_m_per_s", speed_m_per_s, 0.01, 0.8, "speed limit sent with a goal");
-    s.integer("goal_valid_ms", goal_valid_ms, 20, 5000, "life time of a goal");
+    s.integer("goal_hold_ms", goal_hold_ms, 20, 5000, "life of a goal beyond the round trip");
+    s.integer("goal_valid_ms", goal_valid_ms, 20, 5000, "longest life of a goal");
     s.integer("state_liveness_ms", state_liveness_ms, 20, 5000, "older robot states do not drive");
+    s.number(
+        "settle_s", settle_s, 0, 10,
+        "after an old or missing robot state the base stands until all were in time for this long");
     s.number("horizon_limit_s", horizon_limit_s, 0, 10, "largest lead of a goal");
     s.number("uncertainty_share_m", uncertainty_share_m, 0.001, 1,
              "way driven within the uncertainty of the delay");
+    s.number("blind_way_m", blind_way_m, 0.01, 10,
+             "way driven on one robot state, until the goal that was made from it ends");
     world.describe(s.section("world", "odometry against the camera's poses"));
     s.flag("map_correction", map_correction,
            "follow the camera's pose in the map; off: the odometry frame is the world");
@@ -92,6 +103,7 @@ class PredictionTask {
   struct In {
     const drivers::RobotState* robot = nullptr;  // newest, local time; null: none yet
     bool robot_live = true;                      // false: silent or too old, does not drive
+    rt::Nanos robot_unsure{0};                   // of the instant of its measurement
     const Path* path = nullptr;                  // newest; null or seq 0: no path
     const CameraPose* camera = nullptr;
     const ModeMsg* mode = nullptr;
@@ -118,6 +130,8 @@ class PredictionTask {
   [[nodiscard]] rt::Health correct_map(const In&) noexcept;
   void write_frame(Out&) noexcept;
   [[nodiscard]] bool sure_enough(double lead_s) noexcept;
+  [[nodiscard]] bool in_time(const rt::Tick&, const In&, OdometryFrame&) noexcept;
+  [[nodiscard]] double speed_limit(rt::Nanos age, rt::Nanos life, rt::Nanos unsure) const noexcept;
   [[nodiscard]] bool make_goal(const rt::Tick&, const In&, Out&, rt::Health&) noexcept;
   [[nodiscard]] double to_seconds(rt::Time t) const noexcept { return rt::seconds(t - epoch_); }
 
@@ -127,8 +141,9 @@ class PredictionTask {
   PathFollower follower_;
   WorldFilter world_;
   bool have_state_ = false, epoch_set_ = false;
-  bool unsure_ = false;
-  rt::Time epoch_{};
+  bool unsure_ = false, was_late_ = false;
+  rt::Time epoch_{},
+      late_at_{};  // late_at_: of the last job whose robot state was too old or missing
   drivers::RobotState state_;
   std::uint64_t camera_seq_ = 0, seq_ = 0, refused_path_ = 0, frame_seq_ = 0;
 };

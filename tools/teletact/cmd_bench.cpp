@@ -5,6 +5,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "tasks/graph/calibration.hpp"
 #include "tools/bench/audit_bench.hpp"
 #include "tools/bench/drift.hpp"
 #include "tools/bench/fusion_peer.hpp"
@@ -20,6 +21,7 @@
 #include "tools/haptic/boundary.hpp"
 #include "tools/haptic/recording_touch.hpp"
 #include "tools/teletact/commands.hpp"
+#include "tools/teletact/effect_costs.hpp"
 #include "tools/teletact/fuzz_readers.hpp"
 #include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/number_list.hpp"
@@ -132,22 +134,30 @@ struct HapticBench {
 int cmd_bench(int argc, char** argv) {
   CLI::App app{
       "Measures one part beside its peers. WHAT: rings, wakeup, audit, table1, table2, "
-      "segmentation, fusion, drift, fuzz, haptic, boundary. Ends with 1 when a limit is missed."};
+      "segmentation, fusion, drift, fuzz, haptic, boundary, effects. Ends with 1 when a limit is "
+      "missed."};
   std::string what, json;
   int rounds = 9;
   double slice_s = 1.0;
   app.add_option(
          "WHAT", what,
          "rings | wakeup | audit | table1 | table2 | segmentation | fusion | drift | fuzz | "
-         "haptic | boundary")
+         "haptic | boundary | effects")
       ->required()
       ->check(CLI::IsMember({"rings", "wakeup", "audit", "table1", "table2", "segmentation",
-                             "fusion", "drift", "fuzz", "haptic", "boundary"}));
+                             "fusion", "drift", "fuzz", "haptic", "boundary", "effects"}));
   app.add_option("--rounds", rounds, "interleaved rounds")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--slice", slice_s, "wakeup: seconds a slice")
       ->check(in_range(0.2, 60))
+      ->capture_default_str();
+  std::string effect, effects_file;
+  double span_s = 8;
+  app.add_option("--effect", effect, "effects: this one alone, by its name in teletact explain");
+  app.add_option("--write", effects_file, "effects: write the table that teletact explain prints");
+  app.add_option("--span", span_s, "effects: simulated seconds of a run")
+      ->check(in_range(1, 600))
       ->capture_default_str();
   Table1Options table1;
   table1.rgbd = "../shared/data/rgbd/7scenes_redkitchen";
@@ -206,7 +216,7 @@ int cmd_bench(int argc, char** argv) {
   app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
   check_bench_use(app, what, rgbd->count() > 0);
-  check_outputs({{"--json", json}, {"--record", haptic.record}}, {});
+  check_outputs({{"--json", json}, {"--record", haptic.record}, {"--write", effects_file}}, {});
   if (!haptic.svg.empty()) make_output_folder("--svg", haptic.svg);
   if (!intrinsics.empty())
     table1.pinhole = peer.options.pinhole = haptic.recording.pinhole = parse_pinhole(intrinsics);
@@ -232,6 +242,18 @@ int cmd_bench(int argc, char** argv) {
     }
   } else if (what == "boundary") {
     take(haptic.sweep());
+  } else if (what == "effects") {
+    rt::Startup startup;
+    EffectCosts costs = measure_effects(startup.token(), std::cerr, span_s,
+                                        app.count("--rounds") > 0 ? rounds : 3, effect);
+    costs.host = tasks::host_id();
+    if (!effect.empty()) {
+      costs.print(std::cout);  // one of them: nothing is missing
+      for (const auto& m : costs.metrics()) metrics.add(m.name, m.value, m.unit);
+    } else {
+      take(costs);
+    }
+    if (!effects_file.empty()) write_whole_file(effects_file, effect_costs_toml(costs));
   } else if (what == "table2" || what == "segmentation") {
     if (data.empty()) throw std::runtime_error("bench " + what + " needs --data DIR");
     if (what == "table2") {

@@ -5,6 +5,7 @@
 
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/effect_catalogue.hpp"
+#include "tools/teletact/effect_costs.hpp"
 #include "tools/teletact/metrics_json.hpp"
 #include "tools/teletact/options.hpp"
 
@@ -25,16 +26,22 @@ int cmd_explain(int argc, char** argv) {
   const auto scene = load_scene(find_config("scenes", name), overrides);
   rt::Startup startup;
   const Explained e = explain_effects(startup.token(), *scene);
+  const auto costs = load_effect_costs(find_config("limits", "effect_costs"));
+  if (!costs) throw std::runtime_error(costs.error());
   std::printf("%s asks for %zu effects:\n", name.c_str(), e.asked.size());
   for (const ExplainedEffect& effect : e.asked) {
     const std::string set = effect.value.empty() ? "" : " = " + effect.value;
-    std::printf("  %-34s %s%s\n  %-34s paid by: %s\n", effect.row->name, effect.row->key,
-                set.c_str(), "", effect.row->paid_by);
+    std::printf("  %-34s %s%s\n  %-34s paid by: %s, %s\n", effect.row->name, effect.row->key,
+                set.c_str(), "", effect.row->paid_by,
+                cost_text(costs.value().of(effect.row->name)).c_str());
     std::printf("  %-34s %s\n", "", effect.row->what);
   }
   std::printf("\nnot asked for, not built (%zu):\n", e.not_asked.size());
   for (const EffectRow* row : e.not_asked)
     std::printf("  %-34s %-42s %s\n", row->name, row->key, row->paid_by);
+  std::printf(
+      "\nCosts: thread CPU of the one that pays, in %s, by `teletact bench effects` on %s.\n",
+      costs.value().scene.c_str(), costs.value().host.c_str());
   Metrics metrics("explain");
   metrics.add("explain.asked", static_cast<double>(e.asked.size()), "1");
   metrics.add("explain.not_asked", static_cast<double>(e.not_asked.size()), "1");

@@ -109,6 +109,7 @@ void OperatorConsole::drain(rt::Time now) {
     if (w->unsure && seen_.world.seq != 0)
       seen_.unsure_s += 0.1 * static_cast<double>(w->seq - seen_.world.seq);
     if (w->follows_camera && w->known) seen_.error_max_m = std::max(seen_.error_max_m, w->error_m);
+    mind_held(*w);
     seen_.world = *w;
   }
   const auto p = cells.path.acquire_if_new(OperatorCells::kPathConsole);
@@ -337,6 +338,7 @@ std::string OperatorConsole::status_line(rt::Time now) const {
     std::snprintf(moving, sizeof moving, "  MOVES: %.2f m2 of the ground",
                   map.moving_count * map.resolution * map.resolution);
   std::string old;
+  const std::string why = stands();
   for (const auto edge : seen_.beyond) old += (old.empty() ? "  OLD: " : ", ") + std::string(edge);
   const auto X_WB =
       perception::compose({seen_.world.X_WO[0], seen_.world.X_WO[1], seen_.world.X_WO[2]},
@@ -347,15 +349,16 @@ std::string OperatorConsole::status_line(rt::Time now) const {
                   seen_.world.unsure ? "  STANDS: where it is, is not sure enough" : "");
   else if (seen_.world.follows_camera)
     std::snprintf(sure, sizeof sure, "  where it is, is not known yet");
-  char line[480];
+  char line[640];
   std::snprintf(line, sizeof line,
                 "%5.1f s  %-9s  force %5.2f N  reach %3.0f %%  frames %4ld  marks %u  paths %u  "
-                "%-8s  robot (%.2f, %.2f) m%s%s%s%s",
+                "%-8s  robot (%.2f, %.2f) m%s%s%s%s%s",
                 rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
                 static_cast<double>(force), 100 * static_cast<double>(reach),
                 static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
-                phases[static_cast<int>(seen_.task.phase)], X_WB.x, X_WB.y, sure, moving,
-                force_act_.waits() ? "  forces off: press the clutch and let go" : "", old.c_str());
+                phases[static_cast<int>(seen_.task.phase)], X_WB.x, X_WB.y, sure, why.c_str(),
+                moving, force_act_.waits() ? "  forces off: press the clutch and let go" : "",
+                old.c_str());
   return line;
 }
 
@@ -377,6 +380,10 @@ OperatorView OperatorConsole::copy() const {
   v.world = seen_.world;
   v.error_max_m = seen_.error_max_m;
   v.unsure_s = seen_.unsure_s;
+  v.held_s = seen_.held_s;
+  v.held = seen_.held;
+  v.held_ms = seen_.held_ms;
+  v.held_limit_ms = seen_.held_limit_ms;
   v.arrived = seen_.arrived;
   v.arrivals = seen_.arrivals;
   v.first_arrival = seen_.first_arrival;

@@ -41,9 +41,13 @@ struct OperatorView {
   // The same at the moment when most of it moved; seq 0: nothing ever did.
   std::unique_ptr<tasks::SceneView> moving_view = std::make_unique<tasks::SceneView>();
   std::unique_ptr<perception::CostMap> moving_map = std::make_unique<perception::CostMap>();
-  tasks::OdometryFrame world;    // newest
-  double error_max_m = 0;        // largest stated error of the base's place
-  double unsure_s = 0;           // time with goals not engaged for it
+  tasks::OdometryFrame world;  // newest
+  double error_max_m = 0;      // largest stated error of the base's place
+  double unsure_s = 0;         // time with goals not engaged for it
+  // Time with a mark to drive to and goals not engaged for any other reason, and the newest of those. The base stands then.
+  double held_s = 0;
+  tasks::Held held = tasks::Held::kNo;
+  std::int32_t held_ms = 0, held_limit_ms = 0;
   std::vector<Arrival> arrived;  // each of `arrivals`
   std::uint64_t arrivals = 0;
   rt::Time first_arrival{};
@@ -56,6 +60,10 @@ struct OperatorView {
   std::uint32_t edits = 0;          // acts of the operator: asked of the scene
   std::vector<std::string_view> beyond;  // edges whose newest value is beyond its limits now
 };
+
+// Why the base stands, in words: "robot state 512 ms old, limit 500 ms". Empty for kNo.
+[[nodiscard]] std::string held_text(tasks::Held held, std::int32_t measured_ms,
+                                    std::int32_t limit_ms);
 
 using TakeLine = std::function<void(std::string_view)>;  // one line of a task's log
 
@@ -83,6 +91,8 @@ class OperatorConsole {
   void keep_what_moves();
   void resolve_points(rt::Time now);
   void mind_device(rt::Time now);
+  void mind_held(const tasks::OdometryFrame& newest);
+  [[nodiscard]] std::string stands() const;
   void engage(rt::Time now);
   void clear(rt::Time now);
   void take_mesh(rt::Time now);

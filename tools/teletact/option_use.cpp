@@ -7,8 +7,11 @@ namespace teletact {
 namespace {
 
 constexpr OptionUse kBench[] = {
-    {"--rounds", "rings, wakeup"},
+    {"--rounds", "rings, wakeup, effects"},
     {"--slice", "wakeup"},
+    {"--effect", "effects"},
+    {"--write", "effects"},
+    {"--span", "effects"},
     {"--rgbd", "table1, fusion, haptic --rgbd"},
     {"--intrinsics", "table1, fusion, haptic --rgbd"},
     {"--edges", "table1"},

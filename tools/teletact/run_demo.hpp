@@ -9,6 +9,8 @@
 
 #include "rt/fault/plan.hpp"
 #include "rt/memory/non_realtime.hpp"
+#include "rt/sched/task.hpp"
+#include "rt/sched/virtual_executor.hpp"
 #include "tasks/graph/calibration.hpp"
 #include "tools/teletact/host_admission.hpp"
 #include "tools/teletact/run_results.hpp"
@@ -42,6 +44,9 @@ struct DemoOptions {
   // Virtual clock, for tests: called once, between two jobs, at this instant of the run.
   double meddle_at_s = -1;
   std::function<void(OperatorBox&)> meddle;
+  // Virtual clock, for benches: what runs in place of a task's body, and of the link; empty: themselves.
+  std::function<rt::TaskBody*(tasks::TaskId, rt::TaskBody&)> wrap_body;
+  std::function<rt::Actor*(rt::Actor&)> wrap_link;
 };
 
 // Set by the signal handler: ramp down, then stop. When it was asked for (host clock, 0: not yet), and

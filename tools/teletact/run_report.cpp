@@ -379,6 +379,12 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
                 value("mark.count"), value("plan.paths"), value("robot.path_m"),
                 value("robot.goal_error_m"), value("robot.collisions"));
   d.verdicts.push_back({value("robot.collisions") == 0 ? State::kGood : State::kBad, text});
+  if (op.view.held_s > 0) {
+    std::snprintf(text, sizeof text, "the robot was held for %.1f s with a mark to drive to: %s",
+                  op.view.held_s,
+                  held_text(op.view.held, op.view.held_ms, op.view.held_limit_ms).c_str());
+    d.verdicts.push_back({State::kNote, text});
+  }
   if (op.view.world.follows_camera) {
     std::snprintf(text, sizeof text,
                   "place of the robot: stated to %.0f mm at the worst, %.1f s stood for it",

@@ -112,6 +112,10 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.one(h.view.world);
     s.one(h.view.error_max_m);
     s.one(h.view.unsure_s);
+    s.one(h.view.held_s);
+    s.one(h.view.held);
+    s.one(h.view.held_ms);
+    s.one(h.view.held_limit_ms);
     s.many(h.view.arrived);
     s.one(h.view.arrivals);
     s.one(h.view.first_arrival);
@@ -144,14 +148,15 @@ void load_half(const std::string& folder, OperatorHalf& h) {
          l.many(h.view.paths) && l.one(h.view.task) && l.one(h.view.camera) &&
          l.one(h.view.objects) && l.one(h.view.objects_named) && l.one(h.view.mode) &&
          l.one(h.view.robot) && l.one(h.view.world) && l.one(h.view.error_max_m) &&
-         l.one(h.view.unsure_s) && l.many(h.view.arrived) && l.one(h.view.arrivals) &&
-         l.one(h.view.first_arrival) && l.one(h.view.points_resolved) && l.many(h.view.visits) &&
-         l.one(h.view.device_brakes) && l.one(h.view.engages) && l.one(h.view.clears) &&
-         l.one(h.view.edits) && l.one(h.view.log_dropped) && l.one(*h.view.view) &&
-         l.one(*h.view.map) && l.one(*h.view.moving_view) && l.one(*h.view.moving_map) &&
-         l.many(h.totals) && l.one(h.dropped_records) && l.one(h.hangs) &&
-         l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) && l.one(h.force_check) &&
-         l.one(h.ordinary) && l.one(h.complete));
+         l.one(h.view.unsure_s) && l.one(h.view.held_s) && l.one(h.view.held) &&
+         l.one(h.view.held_ms) && l.one(h.view.held_limit_ms) && l.many(h.view.arrived) &&
+         l.one(h.view.arrivals) && l.one(h.view.first_arrival) && l.one(h.view.points_resolved) &&
+         l.many(h.view.visits) && l.one(h.view.device_brakes) && l.one(h.view.engages) &&
+         l.one(h.view.clears) && l.one(h.view.edits) && l.one(h.view.log_dropped) &&
+         l.one(*h.view.view) && l.one(*h.view.map) && l.one(*h.view.moving_view) &&
+         l.one(*h.view.moving_map) && l.many(h.totals) && l.one(h.dropped_records) &&
+         l.one(h.hangs) && l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) &&
+         l.one(h.force_check) && l.one(h.ordinary) && l.one(h.complete));
   if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();
 }
 
@@ -284,6 +289,7 @@ void add_robot_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& 
           std::hypot(truth.back().x_m - path.marked_W.x(), truth.back().y_m - path.marked_W.y()),
           "m");
   }
+  m.add("robot.held_s", op.view.held_s, "s");
   if (op.view.world.follows_camera) {
     m.add("robot.stated_error_max_m", op.view.error_max_m, "m");
     m.add("robot.unsure_s", op.view.unsure_s, "s");

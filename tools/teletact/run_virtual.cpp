@@ -26,7 +26,11 @@ namespace teletact {
 
 namespace {
 
-constexpr std::int64_t kHandshake = 500000000;  // before the epoch, as on the real clock
+// Before the epoch: as on the real clock, and of a late link what a Hello and a clock exchange take, with one to spare.
+std::int64_t handshake_ns(const drivers::LinkShapeConfig& shape) {
+  return std::max<std::int64_t>(
+      500000000, 4 * static_cast<std::int64_t>(1e6 * (shape.delay_ms + shape.jitter_ms)));
+}
 
 // Something that happens every so often beside the tasks.
 class Periodic final : public rt::Actor {
@@ -83,7 +87,9 @@ std::int64_t execute(std::vector<rt::PlacedTask> placed, rt::CostModel& costs, c
 VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
                        const tasks::Calibration& calibration) {
   VirtualRun run;
-  const std::int64_t epoch = 1000000000;  // any instant; fixed, so that runs repeat
+  const std::int64_t handshake = handshake_ns(scene.link.shape);
+  // Any instant; fixed, so that runs repeat.
+  const std::int64_t epoch = std::max<std::int64_t>(1000000000, handshake + 500000000);
   std::vector<int> cpus;
   for (int i = 0; i < options.cores; ++i) cpus.push_back(i);
   const HostPlan host = admit_host(scene, calibration, cpus, {0.30}, options.force_choice);
@@ -141,8 +147,8 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
     link = std::make_unique<SimLink>(
         SimLink::End{&op->endpoint(), &op->graph().link(), kOperatorClock},
         SimLink::End{&robot->endpoint(), &robot->graph().link(), kRobotClock}, scene.link.shape,
-        epoch - kHandshake);
-    if (!link->handshake(epoch - kHandshake, epoch))
+        epoch - handshake);
+    if (!link->handshake(epoch - handshake, epoch))
       throw std::runtime_error("link: no handshake before the epoch");
     op_console = std::make_unique<OperatorConsole>(*op, scene, op_options.epoch);
     robot_console = std::make_unique<RobotConsole>(*robot);
@@ -185,7 +191,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
           epoch + static_cast<std::int64_t>(options.meddle_at_s * 1e9), std::int64_t{1} << 60,
           [&](std::int64_t) { options.meddle(*op); }));
     }
-    actors.push_back(link.get());
+    actors.push_back(options.wrap_link ? options.wrap_link(*link) : link.get());
     for (auto& a : owned) actors.push_back(a.get());
     run.effects = robot->effects();
     for (auto& e : op->effects()) run.effects.push_back(e);
@@ -205,6 +211,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
         auto& inputs = specs[i].box == rt::Box::kOperator ? *op_inputs : *robot_inputs;
         p.body = &inputs.body(id, *p.body);
       }
+      if (options.wrap_body) p.body = options.wrap_body(id, *p.body);
     }
     placed.push_back(p);
   }

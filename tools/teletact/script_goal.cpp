@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "tasks/robot_io/robot_io_task.hpp"
 #include "tools/teletact/black_box.hpp"
 
 namespace teletact {
@@ -50,6 +51,22 @@ double left_m(const OperatorHalf& op, const RobotHalf& robot) {
   return std::hypot(robot.view.truth.back().x_m - end[0], robot.view.truth.back().y_m - end[1]);
 }
 
+// Goals were not engaged when the run ended, or the robot let them expire.
+bool held_at_end(const OperatorView& view) {
+  if (view.engages == 0) return false;
+  return view.world.held != tasks::Held::kNo ||
+         view.robot.fault == tasks::robot_io_fault::kGoalExpired;
+}
+
+// "; held for 3.2 s: robot state 612 ms old, limit 500 ms"; empty: it was not.
+std::string why_held(const OperatorView& view) {
+  if (view.held_s > 0)
+    return metres("; held for %.1f s: ", view.held_s) +
+           held_text(view.held, view.held_ms, view.held_limit_ms);
+  return held_at_end(view) && view.robot.fault != rt::kNoFault ? "; " + fault_text(view.robot.fault)
+                                                               : "";
+}
+
 std::string stopped(const tasks::ModeMsg& mode) {
   if (mode.seq == 0 || mode.mode == tasks::Mode::kEngaged) return {};
   std::string text = mode.mode == tasks::Mode::kSafeStop   ? "; at the end: safe stop"
@@ -79,22 +96,25 @@ GoalCheck check_goal(const Scene& scene, const DemoOptions& options, const Opera
   if (task.marks == 0) {
     c.missed = "no mark came about (contacts of the hand are in the figures)";
   } else if (op.view.paths.empty()) {
-    c.missed = task.failures > 0 ? "no path to the mark was found" : "no path was made";
+    c.missed = (task.failures > 0 ? "no path to the mark was found" : "no path was made") +
+               why_held(op.view);
   } else if (task.phase == Phase::kArrived) {
     if (left > kGoalReached_m)
       c.missed = metres("arrived by its own odometry, but %.2f m off in the simulated world", left);
   } else if (task.phase == Phase::kFailed) {
-    c.missed = off + "no path to it was found any more";
+    c.missed = off + "no path to it was found any more" + why_held(op.view);
   } else if (task.phase == Phase::kDriving) {
     const double due =
         1e-9 * static_cast<double>(rt::ns_of(op.view.paths.back().made) - op.epoch_ns) +
         time_for(op.view.paths.back(), scene.graph.robot_io.trajectory.speed_m_per_s);
-    c.missed = off + "on its way when the run ended";
-    // Who asks for less time than the way takes, gets less way.
-    if (options.seconds < kWholeDemo_s && due > options.seconds) c.judged = false;
+    const bool held = held_at_end(op.view);
+    c.missed = off + (held ? "it stands" : "on its way when the run ended") + why_held(op.view);
+    // Who asks for less time than the way takes, gets less way; a base that is held gets nowhere in any time.
+    if (!held && options.seconds < kWholeDemo_s && due > options.seconds) c.judged = false;
   } else {
     c.missed =
-        off + (task.phase == Phase::kPlanning ? "waiting for a path" : "the drive was broken off");
+        off + (task.phase == Phase::kPlanning ? "waiting for a path" : "the drive was broken off") +
+        why_held(op.view);
   }
   if (!c.missed.empty()) c.missed = "goal not reached: " + c.missed + stopped(op.view.mode);
   return c;

@@ -1,4 +1,5 @@
 #include "tools/teletact/sim_link.hpp"
+#include "rt/effect_count.hpp"
 
 #include <algorithm>
 
@@ -13,7 +14,9 @@ SimLink::SimLink(End op, End robot, const drivers::LinkShapeConfig& shape,
                  std::int64_t start_host_ns)
     : to_robot_{op, robot, drivers::LinkShaper(shape, 0), shape.any(), {}},
       to_operator_{robot, op, drivers::LinkShaper(shape, 1), shape.any(), {}},
-      next_poll_(start_host_ns) {}
+      next_poll_(start_host_ns) {
+  if (shape.any()) rt::effect_built(rt::Effect::kLinkShape);
+}
 
 std::int64_t SimLink::next_host_ns() const noexcept {
   std::int64_t t = next_poll_;
@@ -26,6 +29,7 @@ std::int64_t SimLink::next_host_ns() const noexcept {
 void SimLink::send(Direction& d, std::span<const std::uint8_t> message, std::int64_t host_ns) {
   hash_.bytes(message.data(), message.size());
   if (cut_) return;
+  if (d.shaped) rt::effect_ran(rt::Effect::kLinkShape);
   const std::int64_t due =
       d.shaped ? d.shaper.deliver_at(host_ns, message.size()) : host_ns + kBareDelay;
   d.queue.push_back({due, {message.begin(), message.end()}});

@@ -52,7 +52,8 @@ Count sweep(rt::Nanos one_way, std::uint64_t first, int n, bool tell) {
   for (int i = 0; i < n; ++i) {
     const std::uint64_t seed = first + static_cast<std::uint64_t>(i);
     const Disc d = draw(seed);
-    const Ride r = ride(world(), room(), d, one_way, 20, seed);
+    // A later link is driven slower.
+    const Ride r = ride(world(), room(), d, one_way, 20 + 40 * rt::seconds(one_way), seed);
     ++c.rides;
     c.collided += r.collisions > 0 ? 1 : 0;
     c.arrived += r.arrived ? 1 : 0;

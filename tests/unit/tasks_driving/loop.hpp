@@ -133,7 +133,8 @@ inline Ride ride(const drivers::World& world, const RoomMap& room, const Disc& d
   lin.mode = mode;
   pin.delay_known = true;
   pin.round_trip = 2 * one_way;
-  pin.round_trip_uncertainty = 1ms;
+  pin.round_trip_uncertainty = pin.robot_unsure = rin.goal_unsure =
+      one_way;  // as a clock exchange has it
   drivers::RobotState state, latched;
   drivers::RobotGoal goal;
   tasks::Path path;

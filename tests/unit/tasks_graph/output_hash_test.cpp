@@ -82,9 +82,10 @@ TEST(OutputHash, CameraPathTaskAndMode) {
   nudge(older.points[2][0]);
   EXPECT_EQ(digest(older), digest(path)) << "past the end of the path";
   expect_each_seen<tasks::OdometryFrame>(
-      {}, {FIELD(seq), FIELD(taken), FIELD(claimed), FIELD(X_WO[0]), FIELD(X_WO[2]),
-           FIELD(covariance[0]), FIELD(covariance[5]), FIELD(error_m), FIELD(error_rad),
-           FIELD(known), FIELD(follows_camera), FIELD(unsure)});
+      {},
+      {FIELD(seq), FIELD(taken), FIELD(claimed), FIELD(X_WO[0]), FIELD(X_WO[2]),
+       FIELD(covariance[0]), FIELD(covariance[5]), FIELD(error_m), FIELD(error_rad), FIELD(known),
+       FIELD(follows_camera), FIELD(unsure), FIELD(held), FIELD(held_ms), FIELD(held_limit_ms)});
   expect_each_seen<tasks::TaskState>(
       {}, {FIELD(seq), FIELD(stamp), FIELD(phase), FIELD(marks), FIELD(paths), FIELD(failures)});
   expect_each_seen<tasks::ModeMsg>(

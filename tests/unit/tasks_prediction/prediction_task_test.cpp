@@ -165,6 +165,8 @@ struct Loop {
   int ms = 0;
   double worst_off_path = 0, worst_tracking = 0;
 
+  bool desk_hangs = false;  // its goals stop, the link goes on
+
   explicit Loop(rt::Nanos delay = 20ms, const PredictionConfig& c = wheels_alone(),
                 const drivers::RobotPlantConfig& plant = {})
       : config(c),
@@ -200,7 +202,7 @@ struct Loop {
       pin.robot = &state;
       up.pop_front();
     }
-    if (ms % 100 == 50) {
+    if (ms % 100 == 50 && !desk_hangs) {
       t.period = 100ms;
       {
         rt::Section section;
@@ -254,6 +256,93 @@ TEST(PredictionTask, DrivesAPathRoundCornersAcrossDelays) {
   }
 }
 
+// The way from where the newest state was measured to where the base stands, when no goal comes any more in full drive.
+double blind_way(rt::Nanos one_way, const PredictionConfig& c, double* speed = nullptr) {
+  Loop l(one_way, c);
+  l.pin.round_trip_uncertainty = l.pin.robot_unsure = l.rin.goal_unsure = one_way;
+  l.path = make_path(1, {{0, 0, 0}, {8, 0, 0}});
+  l.pin.path = &l.path;
+  while (l.ms < 6000 || l.ms % 100 != 51) l.tick();
+  EXPECT_EQ(l.pout.goal.engaged, 1);
+  if (speed != nullptr) *speed = l.truth().v_B.vx;
+  const double measured_at = l.state.x_m;
+  l.desk_hangs = true;
+  l.run(3000);
+  EXPECT_NEAR(l.truth().v_B.vx, 0, 1e-3);
+  return l.truth().X_WB.x - measured_at;
+}
+
+TEST(PredictionTask, TheWayDrivenOnOneStateIsBounded) {
+  const PredictionConfig c = wheels_alone();
+  double before = 1;
+  for (const rt::Nanos one_way :
+       {rt::Nanos{5ms}, rt::Nanos{30ms}, rt::Nanos{100ms}, rt::Nanos{150ms}, rt::Nanos{200ms}}) {
+    double v = 0;
+    const double way = blind_way(one_way, c, &v);
+    std::printf("one way %3lld ms: %.3f m/s, stands %.3f m after the last state\n",
+                static_cast<long long>(one_way.count() / 1000000), v, way);
+    EXPECT_LE(way, c.blind_way_m + v * v / 8 + 0.07 * v) << "and its ramp";
+    EXPECT_GT(v, 0.2) << "borne";
+    EXPECT_LE(v, before + 1e-3) << "a later link is never faster";
+    before = v;
+  }
+  // Without the bounds it would be passed.
+  PredictionConfig bold = c;
+  bold.blind_way_m = bold.uncertainty_share_m = 1;
+  EXPECT_GT(blind_way(200ms, bold), c.blind_way_m + 0.5 * 0.5 / 8 + 0.07 * 0.5);
+}
+
+TEST(PredictionTask, AStateThatWasTooOldHoldsTheBaseForAWhileAndItSaysWhy) {
+  using tasks::Held;
+  const PredictionConfig c = wheels_alone();
+  Loop l;
+  l.path = make_path(1, {{0, 0, 0}, {2, 0, 0}});
+  l.pin.path = &l.path;
+  l.run(500);
+  EXPECT_EQ(l.pout.goal.engaged, 1);
+  EXPECT_EQ(l.pout.frame.held, Held::kNo);
+  l.pin.robot_unsure = std::chrono::milliseconds{c.state_liveness_ms};  // nothing else is wrong
+  l.run(100);
+  EXPECT_EQ(l.pout.goal.engaged, 0);
+  EXPECT_EQ(l.health.fault, fault::kStateStale);
+  EXPECT_EQ(l.pout.frame.held, Held::kStateOld);
+  EXPECT_EQ(l.pout.frame.held_limit_ms, c.state_liveness_ms);
+  EXPECT_GT(l.pout.frame.held_ms, c.state_liveness_ms);
+  EXPECT_LE(l.pout.frame.held_ms, c.state_liveness_ms + 60);
+  l.pin.robot_unsure = 0ms;
+  for (int job = 1; job < 10; ++job) {
+    l.run(100);
+    EXPECT_EQ(l.pout.goal.engaged, 0) << job;
+    EXPECT_EQ(l.pout.frame.held, Held::kSettling) << job;
+    EXPECT_EQ(l.health.fault, rt::kNoFault) << "it is in time again";
+  }
+  l.run(100);
+  EXPECT_EQ(l.pout.goal.engaged, 1);
+  EXPECT_EQ(l.pout.frame.held, Held::kNo);
+  l.pin.robot_live = false;
+  l.run(100);
+  EXPECT_EQ(l.pout.frame.held, Held::kStateSilent);
+  l.pin.robot_live = true;
+  l.pin.delay_known = false;
+  l.run(1100);
+  EXPECT_EQ(l.pout.frame.held, Held::kDelayUnknown);
+}
+
+// Long enough for the goal after the next, and no longer than its own limit.
+TEST(PredictionTask, AGoalLivesForTheRoundTripAndAHold) {
+  PredictionConfig c = wheels_alone();
+  for (const auto& [one_way, life] :
+       {std::pair{rt::Nanos{10ms}, rt::Nanos{270ms}}, std::pair{rt::Nanos{150ms}, rt::Nanos{550ms}},
+        std::pair{rt::Nanos{240ms}, rt::Nanos{700ms}}}) {
+    Loop l(one_way, c);
+    l.path = make_path(1, {{0, 0, 0}, {2, 0, 0}});
+    l.pin.path = &l.path;
+    l.run(1000);
+    EXPECT_EQ(l.pout.goal.engaged, 1);
+    EXPECT_EQ(l.pout.goal.valid_until - l.pout.goal.made, life);
+  }
+}
+
 TEST(PredictionTask, GoalIsAheadByTheRoundTrip) {
   // A bend far away keeps the path point in force; constant speed along x.
   for (const int trip_ms : {0, 100, 300}) {
@@ -283,7 +372,7 @@ TEST(PredictionTask, GoalIsAheadByTheRoundTrip) {
     EXPECT_EQ(out.goal.engaged, 1);
     EXPECT_NEAR(out.telemetry.lead_s, trip_ms * 1e-3, 1e-9);
     EXPECT_NEAR(out.goal.x_m, s.x_m + 0.4 * trip_ms * 1e-3 + c.path.look_ahead_m, 1e-6);
-    EXPECT_EQ(out.goal.valid_until - out.goal.made, 300ms);
+    EXPECT_EQ(out.goal.valid_until - out.goal.made, (trip_ms + 250) * 1ms);
   }
 }
 
@@ -315,7 +404,7 @@ TEST(PredictionTask, HoldsWhenSomethingIsMissing) {
   EXPECT_NEAR(l.truth().v_B.vx, 0, 1e-3);
   l.pin.path = &l.path;
   l.one_way = 10s;  // states stop coming
-  l.run(500);
+  l.run(700);
   EXPECT_EQ(l.pout.goal.engaged, 0);
   EXPECT_EQ(l.health.fault, fault::kStateStale);
 }
