@@ -136,45 +136,42 @@ void quantile_table(const ReportData& d, std::string& out) {
       "the job was late.</p>\n";
 }
 
-void timing(const ReportData& d, std::string& out) {
-  if (d.tasks.empty()) return;
-  out += heading("timing", "Timing");
-  task_table(d, out);
-  quantile_table(d, out);
-  out += "<div class=\"grid\">\n";
-  for (const auto& t : d.tasks) {
+// Folded: a person looks at them when a task is in question. Where there is nothing else they lie open.
+void task_charts(const ReportTask& t, bool open, std::string& out) {
+  std::string charts;
+  const auto chart = [&](const char* of, const char* x_label, const std::vector<plot::Bins>& bins,
+                         std::vector<plot::Rule> rules = {}) {
+    if (bins.empty()) return;
     plot::Figure f;
     f.log_x = f.log_y = true;
     f.width_px = 540;
     f.height_px = 250;
     f.y_label = "jobs";
-    if (!t.cpu_histogram.empty()) {
-      f.title = t.name + ": CPU of a job";
-      f.x_label = "µs";
-      if (t.budget_us > 0) f.rules = {{t.budget_us, true, "budget", "#b03a2e"}};
-      out += inlined(plot::histogram(f, t.cpu_histogram));
-    }
-    if (!t.lateness_histogram.empty()) {
-      f.title = t.name + ": lateness of the start";
-      f.rules.clear();
-      f.x_label = "µs after the release";
-      out += inlined(plot::histogram(f, t.lateness_histogram));
-    }
-    if (!t.response_histogram.empty()) {
-      f.title = t.name + ": response of a job";
-      f.x_label = "µs from the release to the end";
-      f.rules.clear();
-      if (t.analysis_response_us > 0) f.rules = {{t.analysis_response_us, true, "R", "#b03a2e"}};
-      out += inlined(plot::histogram(f, t.response_histogram));
-    }
-    if (!t.slack_histogram.empty()) {
-      f.title = t.name + ": slack of a job";
-      f.x_label = "µs from the end to the deadline";
-      f.rules.clear();
-      out += inlined(plot::histogram(f, t.slack_histogram));
-    }
-  }
-  out += "</div>\n";
+    f.title = t.name + ": " + of;
+    f.x_label = x_label;
+    f.rules = std::move(rules);
+    charts += inlined(plot::histogram(f, bins));
+  };
+  const auto at = [](double us, const char* name) {
+    return us > 0 ? std::vector<plot::Rule>{{us, true, name, "#b03a2e"}}
+                  : std::vector<plot::Rule>{};
+  };
+  chart("CPU of a job", "µs", t.cpu_histogram, at(t.budget_us, "budget"));
+  chart("lateness of the start", "µs after the release", t.lateness_histogram);
+  chart("response of a job", "µs from the release to the end", t.response_histogram,
+        at(t.analysis_response_us, "R"));
+  chart("slack of a job", "µs from the end to the deadline", t.slack_histogram);
+  if (charts.empty()) return;
+  out += std::string(open ? "<details open>" : "<details>") + "<summary>" + escaped(t.name) +
+         ": charts</summary>\n<div class=\"grid\">\n" + charts + "</div></details>\n";
+}
+
+void timing(const ReportData& d, std::string& out) {
+  if (d.tasks.empty()) return;
+  out += heading("timing", "Timing");
+  task_table(d, out);
+  quantile_table(d, out);
+  for (const auto& t : d.tasks) task_charts(t, d.timing_only, out);
   if (!d.choices.empty() || !d.steps.empty()) {
     out += "<p>What was admitted, and why:</p>\n<ul>\n";
     for (const auto* lines : {&d.choices, &d.steps}) {
@@ -378,11 +375,12 @@ void run_facts(const ReportData& d, std::string& out) {
 
 std::string report_html(const ReportData& d) {
   std::string body;
+  // What a person looks for comes first: did it work, what did it see, what was felt. Timing is for when it did not.
   verdicts(d, body);
-  timing(d, body);
+  pictures(d, body);
   touch(d, body);
   ground(d, body);
-  pictures(d, body);
+  timing(d, body);
   effects_and_faults(d, body);
   run_facts(d, body);
   // The list of contents is what came out.
