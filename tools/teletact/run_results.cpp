@@ -403,6 +403,7 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
     m.add("best_effort." + o.name + "_share", o.share, "1");
     m.add("best_effort." + o.name + "_declared", o.declared, "1");
   }
+  if (!info.admission.tasks.empty()) m.add("admission.spare_share", info.admission.spare, "1");
   m.add("run.realtime", real_time(op, robot) && !info.virtual_clock ? 1 : 0, "1");
   m.add("run.measured", not_measured(info, op, robot, m).empty() ? 1 : 0, "1");
   if (info.paced) {
