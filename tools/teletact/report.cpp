@@ -76,6 +76,14 @@ std::string count_cell(std::uint64_t n, bool bad = false) {
   return std::string(bad && n > 0 ? "<td class=\"alarm\">" : "<td>") + text + "</td>";
 }
 
+std::string allocations_cell(const ReportTask& t) {
+  if (t.allocations_max < 0) return "<td>–</td>";
+  const std::string text =
+      figure_number(t.allocations_p50) + " / " + figure_number(t.allocations_max);
+  return (t.task_class == "hard" && t.allocations_max > 0 ? "<td class=\"alarm\">" : "<td>") +
+         text + "</td>";
+}
+
 void task_table(const ReportData& d, std::string& out) {
   out +=
       "<div class=\"wide\"><table class=\"numbers\">\n<caption>What was promised, and what came "
@@ -83,7 +91,8 @@ void task_table(const ReportData& d, std::string& out) {
       "class=\"t\">class</th><th>Hz</th><th>core"
       "</th><th>prio</th><th class=\"t\">policy</th><th class=\"t\">level</th><th>budget "
       "µs</th><th>R µs</th>"
-      "<th>releases</th><th>completed</th><th>skipped</th><th>aborted</th></tr></thead>\n";
+      "<th>releases</th><th>completed</th><th>skipped</th><th>aborted</th><th>allocations</th></tr>"
+      "</thead>\n";
   for (const auto& t : d.tasks) {
     out += "<tr><th>" + escaped(t.name) + "</th><td class=\"t\">" + escaped(t.box) +
            "</td><td class=\"t\">" + escaped(t.task_class) + "</td><td>" +
@@ -92,11 +101,13 @@ void task_table(const ReportData& d, std::string& out) {
            "</td><td class=\"t\">" + escaped(t.level) + "</td><td>" + us(t.budget_us) +
            "</td><td>" + (t.analysis_response_us > 0 ? us(t.analysis_response_us) : "–") + "</td>" +
            count_cell(t.releases) + count_cell(t.completed) + count_cell(t.skipped, true) +
-           count_cell(t.aborted, true) + "</tr>\n";
+           count_cell(t.aborted, true) + allocations_cell(t) + "</tr>\n";
   }
   out +=
       "</table></div>\n<p class=\"hint\">R is the worst response that the admission computed; "
-      "releases = completed + skipped + aborted.</p>\n";
+      "releases = completed + skipped + aborted; allocations: of the heap, in one job, median and "
+      "most. A hard task makes none, "
+      "in a firm one they are its libraries'.</p>\n";
   out +=
       "<div class=\"wide\"><table class=\"numbers\">\n<caption>Misses, and whose fault they were"
       "</caption>\n<thead><tr><th>task</th><th>misses</th><th>own</th><th>queued</th>"
