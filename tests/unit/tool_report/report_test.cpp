@@ -223,6 +223,23 @@ TEST(Report, WhatAPersonLooksForComesFirstAndChartsAreFolded) {
   EXPECT_EQ(folds, 4);
 }
 
+TEST(Report, AllocationsOfAJobStandInTheTableAndAHardTasksAreAnAlarm) {
+  ReportData d = sample();
+  EXPECT_EQ(teletact::report_html(d).find(" / 755"), std::string::npos) << "none counted";
+  d.tasks[2].task_class = "firm";
+  d.tasks[2].allocations_p50 = 0;
+  d.tasks[2].allocations_max = 755;
+  d.tasks[1].allocations_p50 = d.tasks[1].allocations_max = 0;
+  const std::string html = teletact::report_html(d);
+  EXPECT_THAT(html, HasSubstr("<td>0 / 755</td>"));
+  EXPECT_THAT(html, HasSubstr("<td>0 / 0</td>"));
+  d.tasks[1].allocations_max = 2;
+  EXPECT_THAT(teletact::report_html(d), HasSubstr("<td class=\"alarm\">0 / 2</td>"));
+  const auto j = nlohmann::json::parse(teletact::report_json(d));
+  EXPECT_FALSE(j["tasks"][0].contains("allocations"));
+  EXPECT_EQ(j["tasks"][2]["allocations"]["max"], 755);
+}
+
 TEST(Report, ScriptInDataStaysText) {
   ReportData d = sample();
   const std::string evil = "</pre><script>alert(1)</script>\"'&\x01";
