@@ -109,19 +109,33 @@ void copy_in(ImageView<const Rgb> in, cv::Mat& out) noexcept {
   }
 }
 
-// Bilinear by two: each pixel is 9/16 of its own cell, 3/16 of two neighbours, 1/16 of the corner.
+// Bilinear by two: each pixel is 9/16 of its own cell, 3/16 of two neighbours, 1/16 of the corner. First across the
+// rows, then along: sums of whole numbers, so the order changes no byte.
 void grow(const cv::Mat& in, ImageView<Rgb> out) noexcept {
+  constexpr int kMost = (RgbdFrame::kMaxWidth + 1) / 2;
+  std::array<std::uint16_t, static_cast<std::size_t>(3 * (kMost + 2))>
+      across;  // a cell beyond each end
+  const int cells = in.cols;
   for (int v = 0; v < out.height; ++v) {
     const int y = v / 2, other_y = std::clamp(v % 2 == 0 ? y - 1 : y + 1, 0, in.rows - 1);
-    const auto *a = in.ptr<cv::Vec3b>(y), *b = in.ptr<cv::Vec3b>(other_y);
-    Rgb* to = out.row(v);
-    for (int u = 0; u < out.width; ++u) {
-      const int x = u / 2, other_x = std::clamp(u % 2 == 0 ? x - 1 : x + 1, 0, in.cols - 1);
-      const auto blend = [&](int c) {
-        return static_cast<std::uint8_t>(
-            (9 * a[x][c] + 3 * a[other_x][c] + 3 * b[x][c] + b[other_x][c] + 8) / 16);
+    const auto *a = in.ptr<std::uint8_t>(y), *b = in.ptr<std::uint8_t>(other_y);
+    std::uint16_t* const mid = across.data() + 3;
+    for (int i = 0; i < 3 * cells; ++i) mid[i] = static_cast<std::uint16_t>(3 * a[i] + b[i]);
+    for (int c = 0; c < 3; ++c) {
+      mid[c - 3] = mid[c];
+      mid[3 * cells + c] = mid[3 * (cells - 1) + c];
+    }
+    const auto blend = [](const std::uint16_t* own, const std::uint16_t* other) {
+      const auto of = [&](int c) {
+        return static_cast<std::uint8_t>((3 * own[c] + other[c] + 8) / 16);
       };
-      to[u] = {blend(2), blend(1), blend(0)};
+      return Rgb{of(2), of(1), of(0)};
+    };
+    Rgb* to = out.row(v);
+    for (int x = 0; x < cells; ++x) {
+      const std::uint16_t* own = mid + 3 * x;
+      to[2 * x] = blend(own, own - 3);
+      if (2 * x + 1 < out.width) to[2 * x + 1] = blend(own, own + 3);
     }
   }
 }
@@ -167,7 +181,7 @@ bool ColourCodec::decode(std::span<const std::uint8_t> in, ImageView<Rgb> image,
   const JpegSize size = jpeg_size(in);
   const bool full = size.width == image.width && size.height == image.height;
   const bool half = size.width == (image.width + 1) / 2 && size.height == (image.height + 1) / 2;
-  if (!full && !half) return false;
+  if ((!full && !half) || image.width > RgbdFrame::kMaxWidth) return false;
   try {
     const cv::Mat raw(1, static_cast<int>(in.size()), CV_8U, const_cast<std::uint8_t*>(in.data()));
     cv::Mat& bgr = state_->decoded;

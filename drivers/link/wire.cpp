@@ -24,16 +24,25 @@ constexpr std::string_view kSchema =
     "operator_clear1,path_seq8;"
     "bye:;alive:";
 
-constexpr std::array<std::uint32_t, 256> make_crc_table() {
-  std::array<std::uint32_t, 256> table{};
+// Table k: what a byte does to the checksum once k more bytes have followed it. An image is summed at both ends, so
+// eight bytes go in at once (Kounavis and Berry 2005): one at a time this was a fifth of the link's CPU.
+constexpr std::size_t kCrcStride = 8;
+constexpr std::array<std::array<std::uint32_t, 256>, kCrcStride> make_crc_tables() {
+  std::array<std::array<std::uint32_t, 256>, kCrcStride> tables{};
   for (std::uint32_t i = 0; i < 256; ++i) {
     std::uint32_t c = i;
     for (int bit = 0; bit < 8; ++bit) c = (c & 1U) != 0 ? 0x82F63B78U ^ (c >> 1U) : c >> 1U;
-    table[i] = c;
+    tables[0][i] = c;
   }
-  return table;
+  for (std::size_t k = 1; k < kCrcStride; ++k) {
+    for (std::size_t i = 0; i < 256; ++i) {
+      const std::uint32_t c = tables[k - 1][i];
+      tables[k][i] = tables[0][c & 0xFFU] ^ (c >> 8U);
+    }
+  }
+  return tables;
 }
-constexpr auto kCrcTable = make_crc_table();
+constexpr auto kCrcTables = make_crc_tables();
 
 // Appends fields in order; `ok` turns false when the room is used up.
 struct Writer {
@@ -118,7 +127,16 @@ const char* to_text(WireStatus s) noexcept {
 
 std::uint32_t crc32c(std::span<const std::uint8_t> data) noexcept {
   std::uint32_t c = 0xFFFFFFFFU;
-  for (const std::uint8_t byte : data) c = kCrcTable[(c ^ byte) & 0xFFU] ^ (c >> 8U);
+  const std::uint8_t *at = data.data(), *const end = at + data.size();
+  for (; end - at >= static_cast<std::ptrdiff_t>(kCrcStride); at += kCrcStride) {
+    std::uint32_t next = 0;
+    for (unsigned i = 0; i < 4; ++i) {
+      const std::uint8_t head = static_cast<std::uint8_t>(at[i] ^ (c >> (8 * i)));
+      next ^= kCrcTables[kCrcStride - 1 - i][head] ^ kCrcTables[3 - i][at[4 + i]];
+    }
+    c = next;
+  }
+  for (; at != end; ++at) c = kCrcTables[0][(c ^ *at) & 0xFFU] ^ (c >> 8U);
   return c ^ 0xFFFFFFFFU;
 }
 

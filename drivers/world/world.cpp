@@ -347,14 +347,4 @@ double World::signed_distance(const Vec3& p_W, rt::Time t) const noexcept {
   return best;
 }
 
-int World::nearest_shape(const Vec3& p_W, rt::Time t) const noexcept {
-  int best = -1;
-  double distance = kInfinity;
-  for (int i = 0; i < static_cast<int>(shapes_.size()); ++i) {
-    const double d = signed_distance(p_W, i, t);
-    if (d < distance) distance = d, best = i;
-  }
-  return best;
-}
-
 }  // namespace drivers

@@ -56,9 +56,6 @@ class World {
                                        rt::Time t = kBeginning) const noexcept;
   [[nodiscard]] double signed_distance(const perception::Vec3& p_W, int shape,
                                        rt::Time t = kBeginning) const noexcept;
-  // Shape with the smallest signed distance; -1 in an empty world.
-  [[nodiscard]] int nearest_shape(const perception::Vec3& p_W,
-                                  rt::Time t = kBeginning) const noexcept;
 
   // Does anything move, ever? Where a shape is at an instant.
   [[nodiscard]] bool moves() const noexcept { return !movers_.empty(); }

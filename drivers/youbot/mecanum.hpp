@@ -56,11 +56,6 @@ class Mecanum {
     return {q * (-w[0] + w[1] - w[2] + w[3]), s_ * q * (w[0] + w[1] - w[2] - w[3]),
             q / k_ * (w[0] + w[1] + w[2] + w[3])};
   }
-  // What the four wheels disagree about: the part of `w` (rad/s) that no body twist explains.
-  // Non-zero means a slipping or stuck wheel.
-  [[nodiscard]] double disagreement(const WheelVector& w) const noexcept {
-    return (w[0] - w[1] - w[2] + w[3]) / 4;
-  }
   // Largest wheel speed of a twist, rad/s.
   [[nodiscard]] double peak_wheel_speed(const perception::Twist2& v) const noexcept {
     const double y = v.vy / s_;

@@ -162,13 +162,6 @@ int ArticulatedBody::find(std::string_view link) const noexcept {
   return -1;
 }
 
-bool ArticulatedBody::within_limits(std::span<const double> q, double slack) const noexcept {
-  if (q.size() < joints_.size()) return false;
-  for (std::size_t j = 0; j < joints_.size(); ++j)
-    if (!(q[j] >= joints_[j].lower - slack && q[j] <= joints_[j].upper + slack)) return false;
-  return true;
-}
-
 void ArticulatedBody::rest(std::span<double> q) const noexcept {
   for (const Link& l : links_) {
     const auto j = static_cast<std::size_t>(l.joint);

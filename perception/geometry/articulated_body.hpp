@@ -92,7 +92,6 @@ class ArticulatedBody {
   [[nodiscard]] int link_of(int capsule) const noexcept {
     return capsules_[static_cast<std::size_t>(capsule)].link;
   }
-  [[nodiscard]] bool within_limits(std::span<const double> q, double slack = 0) const noexcept;
 
   // Every joint at its zero; what is beyond the joints stays.
   void rest(std::span<double> q) const noexcept;

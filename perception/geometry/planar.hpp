@@ -65,13 +65,4 @@ struct Twist2 {
   return compose(X_AB, exp_se2({v.vx * dt, v.vy * dt, v.wz * dt}));
 }
 
-// The same with the heading held at the middle of the step (second order); half the arithmetic.
-[[nodiscard]] inline Pose2 integrate_midpoint(const Pose2& X_AB, const Twist2& v,
-                                              double dt) noexcept {
-  const double mid = X_AB.yaw + 0.5 * v.wz * dt;
-  const double c = std::cos(mid), s = std::sin(mid);
-  return {X_AB.x + (c * v.vx - s * v.vy) * dt, X_AB.y + (s * v.vx + c * v.vy) * dt,
-          wrap_angle(X_AB.yaw + v.wz * dt)};
-}
-
 }  // namespace perception

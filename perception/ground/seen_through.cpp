@@ -10,6 +10,7 @@ namespace perception {
 
 namespace {
 
+// chosen on: moving 1 odd; judged on: moving 1 even
 // The way to a cell may be seen through in one frame and be hidden in the next: what was seen free must be gone after ten.
 constexpr int kThroughLoss = 2;
 

@@ -33,6 +33,7 @@ struct TrackerConfig {
   std::array<int, 3> iterations{4, 5, 15};  // fine to coarse; the upper bound of a dynamic knob
   std::array<double, 3> gate_distance_m{0.05, 0.08, 0.20};  // fine to coarse
   double gate_normal_deg = 30;
+  // chosen on: recording, room; judged on: turn, moving 31 first 12 (docs/fusion.md, weighting)
   // icp::NoiseRule: the noise of a structured-light camera (Nguyen, Izadi, Lovell, 3DIMPVT 2012) up to 2 m; beyond,
   // half as much again, for the pattern that an uncalibrated one keeps in its images whatever they show.
   double noise_m = 0.0015;
@@ -41,11 +42,14 @@ struct TrackerConfig {
   double stop_translation_m = 1e-4;  // a level ends when the next step is below both
   double stop_rotation_deg = 5e-3;
   DegeneracyConfig degeneracy;
+  // chosen on: not recorded; judged on: not recorded
   // Of the points that meet a model surface, those on it within their noise (NormalEquations::on_surface). Normals have
   // no say: how well they agree depends on voxel and level, not on the pose (docs/fusion.md, Levels).
   double weak_inlier_share = 0.85;
+  // chosen on: recording, room, stairs; judged on: turn (docs/fusion.md, Levels)
   double lost_inlier_share = 0.75;
-  double map_error_m = 0.01;       // of the model's surface: half a voxel; derived, no key
+  double map_error_m = 0.01;  // of the model's surface: half a voxel; derived, no key
+  // chosen on: not recorded; judged on: not recorded
   double lost_overlap = 0.10;      // share of live points that meet a model surface
   double weak_residual_m = 0.020;  // RMS, point to plane, of the inliers
   double lost_residual_m = 0.040;
@@ -54,6 +58,7 @@ struct TrackerConfig {
   double jump_rotation_deg = 20;
   double claim_translation_m = 0.010;
   double claim_rotation_deg = 0.5;
+  // chosen on: not recorded; judged on: kidnaps 46 to 50 (docs/fusion.md, Look-alikes)
   // A camera that was lost is believed to be back only when more fits than a tracked one needs.
   double reacquire_distance_m = 0.04;  // pairs counted, at half resolution
   double reacquire_inlier_share = 0.60;

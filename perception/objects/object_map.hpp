@@ -44,8 +44,9 @@
 namespace perception {
 
 struct ObjectsConfig {
-  bool enabled = false;          // a mark on a surface names an object
-  double touch_window_m = 0.5;   // half edge of the part of the image in which a touch is answered
+  bool enabled = false;         // a mark on a surface names an object
+  double touch_window_m = 0.5;  // half edge of the part of the image in which a touch is answered
+  // chosen on: not recorded; judged on: ycb_video, mosd_learn, tabletop (docs/segmentation.md)
   double agree_m = 0.03;         // the reading at a touch lies so near to the touched point
   int young_frames = 10;         // masks of a new object that start from the touched point
   int settled_masks = 4;         // masks of a new object that are believed whatever they say
@@ -131,8 +132,9 @@ class ObjectMap {
  private:
   using SeedBox = TouchSegmenter::SeedBox;
   static constexpr int kOthersMargin_px = 12;
-  static constexpr float kStillThere = 0.4F;  // of what is usually seen of an object
-  static constexpr std::uint8_t kSureOther = 255;
+  // chosen on: not recorded; judged on: ycb_video, mosd_learn, tabletop (docs/segmentation.md)
+  static constexpr float kStillThere = 0.4F;       // of what is usually seen of an object
+  static constexpr std::uint8_t kSureOther = 255;  // no data
   struct Look;  // one frame, its camera and the map (object_look.hpp)
   // What the segmenter works on.
   struct Work {

@@ -22,6 +22,7 @@
 namespace perception {
 
 struct ObjectGraphConfig {
+  // chosen on: not recorded; judged on: mosd_learn, tabletop, ycb_video (docs/segmentation.md)
   // Noise of a reading: depth_noise_m at 1 m, growing with z^2.
   float step_m = 0.008F, step_per_m2 = 0.004F;  // a larger gap is a step
   float smooth_deg = 12, crease_deg = 40;       // concave angle that counts nothing; fully
@@ -40,12 +41,13 @@ struct ObjectGraphConfig {
   float support_m = 0.006F, support_per_m2 = 0.003F;  // height that is still support
   float support_tilt_deg = 30;
   int support_draws = 120, support_samples = 500;
+  // chosen on: not recorded; judged on: mosd_learn mirrored, turned, with noise, tabletop, ycb_video (docs/segmentation.md)
   // A hollow thing: how far its rim departs from one height, and its inside lies below it, noise included.
   float rim_m = 0.012F, rim_per_m2 = 0.003F;
   float bottom_share = 0.8F;   // of the outline of its bottom that its inside touches at least
   float rim_share = 0.10F;     // of the inside's outline that the near rim hides at least
   float hollow_gap_m = 0.35F;  // from the near rim to what is seen behind it at most
-  std::uint64_t seed = 1;
+  std::uint64_t seed = 1;      // no data
 };
 
 // What a noise of at_1m, growing by per_m2 with z^2, is at z.

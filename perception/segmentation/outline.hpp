@@ -17,11 +17,13 @@
 namespace perception {
 
 struct OutlineConfig {
+  // chosen on: mosd_learn, tabletop; judged on: ycb_video
   int inside_px = 3, outside_px = 3;  // of half resolution: how far the band reaches
-  float sure_heights = 2.5F;          // times the support's tolerance: sure object above it
-  float light_weight = 0.7F;          // of L against a, b
-  float step_cost = 14;               // Lab units that a depth step is worth
-  int grow_px = 1;  // the depth's object is taken this much beyond the ridge of colour
+  // chosen on: not recorded; judged on: mosd_learn, tabletop, ycb_video (docs/segmentation.md)
+  float sure_heights = 2.5F;  // times the support's tolerance: sure object above it
+  float light_weight = 0.7F;  // of L against a, b
+  float step_cost = 14;       // Lab units that a depth step is worth
+  int grow_px = 1;            // the depth's object is taken this much beyond the ridge of colour
   float step_m = 0.008F, step_per_m2 = 0.004F;
 };
 

@@ -17,7 +17,12 @@ namespace perception {
 
 struct PatchesConfig {
   SuperpixelConfig superpixels{
-      .spacing_px = 6, .compactness = 10, .iterations = 4, .reach_divisor = 2, .min_share = 0.25F};
+      // chosen on: not recorded; judged on: mosd_learn, tabletop, ycb_video (docs/segmentation.md)
+      .spacing_px = 6,
+      .compactness = 10,
+      .iterations = 4,
+      .reach_divisor = 2,
+      .min_share = 0.25F};
   float light_weight = 0.6F;         // of L in the superpixels' distance
   float inverse_depth_weight = 400;  // Lab units per 1/m
   float min_readings = 0.3F;         // share of a piece's pixels, below it has no plane

@@ -21,6 +21,7 @@ struct TouchConfig {
   PatchesConfig patches;
   ObjectGraphConfig graph;
   OutlineConfig outline;
+  // chosen on: not recorded; judged on: mosd_learn, tabletop, ycb_video (docs/segmentation.md)
   float flat_colour = 12;     // Lab units from the support's colour that make a flat thing
   int follow_margin_px = 24;  // of the full image: how far the window reaches beyond the seed
   float follow_share = 0.5F;  // of a region's pixels that the projected object must cover

@@ -12,6 +12,7 @@ namespace perception::follow {
 
 using Row = Eigen::Matrix<double, 6, 1>;
 
+// chosen on: follow 1000; judged on: follow 2000
 inline constexpr double kLeast_m = 0.8e-3, kErrors = 5;
 inline constexpr double kFewReadings = 5;  // say nothing of a block
 inline constexpr std::size_t kFewNodes = 24, kFewTiles = 12;

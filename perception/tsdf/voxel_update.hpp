@@ -42,6 +42,7 @@ struct UpdateCamera {
                    const std::array<float, 3>& dz) noexcept;
 };
 
+// chosen on: moving 1 odd; judged on: moving 1 even
 inline constexpr std::uint32_t kSeenThrough = 256;  // raw weight of that
 // Seen through, nothing counts for more: (20 / 22)^8 < 1/2, so the deepest voxel has changed its sign after 8 frames.
 // A silhouette that a flying pixel is now and then seen through keeps its mean, with the noise of 20 readings.

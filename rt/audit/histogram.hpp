@@ -58,13 +58,6 @@ class Histogram {
   // value: at least a share q of the values is not above it. q is clamped to [0, 1]; 0 when empty.
   [[nodiscard]] std::int64_t quantile(double q) const noexcept;
 
-  // How many values lie in buckets wholly above `ns`; exact where ns is the upper edge of a bucket.
-  [[nodiscard]] std::uint64_t count_above(std::int64_t ns) const noexcept {
-    std::uint64_t n = 0;
-    for (std::size_t i = bucket_of(ns) + 1; i < kBuckets; ++i) n += counts_[i];
-    return n;
-  }
-
   // f(lowest ns, one past the highest ns, count) for each bucket that is not empty, in order.
   template <class F>
   void for_each(F&& f) const {

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "rt/health.hpp"
+#include "rt/memory/allocations.hpp"
 
 namespace rt {
 
@@ -37,6 +38,7 @@ struct JobRecord {
   std::uint8_t injected = 0;  // a fault plan touched this job
   std::uint16_t major_faults =
       0;  // pages that came from disk since the previous job's end; at most 65535
+  std::int32_t allocations = kNotCounted;  // of step(), by its thread
 
   [[nodiscard]] bool missed() const noexcept {
     return outcome == Outcome::kAborted || end_ns > deadline_ns;

@@ -29,7 +29,7 @@ std::string run_header_lines(const RunLog& header) {
 RunFileWriter::RunFileWriter(const std::string& path, const RunLog& header)
     : file_(std::fopen(path.c_str(), "wb")) {
   if (!file_) throw std::runtime_error(path + ": can not be written");
-  std::fprintf(file_.get(), "teletact-run 2 %zu %zu\n%s\n", sizeof(JobRecord),
+  std::fprintf(file_.get(), "teletact-run 3 %zu %zu\n%s\n", sizeof(JobRecord),
                sizeof(SentinelRecord), run_header_lines(header).c_str());
   std::fflush(file_.get());
 }
@@ -108,7 +108,7 @@ Result<RunLog> read_run_file(const std::string& path) {
   std::string line;
   std::getline(in, line);
   std::ostringstream expected;
-  expected << "teletact-run 2 " << sizeof(JobRecord) << ' ' << sizeof(SentinelRecord);
+  expected << "teletact-run 3 " << sizeof(JobRecord) << ' ' << sizeof(SentinelRecord);
   if (line != expected.str()) return Error{path + ":1: not a run log of this version"};
   for (int number = 2; std::getline(in, line) && !line.empty(); ++number) {
     if (!parse_run_header_line(line, log))

@@ -2,7 +2,7 @@
 //
 // Text header, one line a task, ended by an empty line; then tagged binary records of this machine's
 // layout, in the order they were drained:  'J' JobRecord   'S' SentinelRecord
-//   teletact-run 2 <sizeof JobRecord> <sizeof SentinelRecord>
+//   teletact-run 3 <sizeof JobRecord> <sizeof SentinelRecord>
 //   task <id> <name> <box> <class> <num> <den> <deadline ns> <policy> <core> <priority> <level>
 //        <work min> <work max> <budget ns of level 0> <level 1> ...
 //   note <text>        anything the reader should be told, e.g. what made the run not real-time

@@ -184,6 +184,9 @@ class Admitter : private detail::HostRows {
       for (AdmittedCore& core : a.cores) core.growth = std::min(core.growth, together);
     }
     finish_growth(a);
+    a.spare = -a.floating_best_effort;
+    for (const AdmittedCore& core : a.cores)
+      a.spare += std::max(0.0, a.core_limit - core.utilisation - core.best_effort);
     return a;
   }
 

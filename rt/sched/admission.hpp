@@ -109,7 +109,9 @@ struct Admission {
   std::vector<AdmittedCore> cores;     // as in cpus
   double floating_best_effort = 0;     // declared without a core
   double core_limit = 0.90;
-  double growth = 0;                 // factor by which all budgets of the host may grow
+  double growth = 0;  // factor by which all budgets of the host may grow
+  double spare =
+      0;  // of a core, below the limit, when all that is declared runs: over all cores, best effort taken off
   std::vector<std::string> choices;  // each task with static choices: which it runs, and why
   std::vector<std::string> steps;    // each lowering: which task, from what to what, and why
 };

@@ -62,6 +62,7 @@ std::string report_table(const Admission& a) {
   if (a.floating_best_effort > 0) {
     text += line("  best effort on any core: %.3f\n", a.floating_best_effort);
   }
+  text += line("spare below the limit on all cores: %.3f\n", a.spare);
   text += "all budgets may grow by a factor of " + factor(a.growth) + "\n";
   return text;
 }

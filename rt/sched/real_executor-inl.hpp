@@ -245,7 +245,9 @@ void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::
   Health health;
   {
     const Section section(spec.task_class == TaskClass::kHard);
+    const AllocationCount allocations;
     health = w.task.body->step(tick, r);
+    r.allocations = allocations.value();
   }
   if constexpr (Faults::kEnabled) {
     // Injected work counts as work: the classifier must be able to see that the job did more.

@@ -363,7 +363,9 @@ void VirtualExecutor<Faults>::first_dispatch(State& s) {
   Health health;
   {
     const Section section(s.task.spec.task_class == TaskClass::kHard);
+    const AllocationCount allocations;
     health = s.task.body->step(s.tick, s.record);
+    s.record.allocations = allocations.value();
   }
   s.record.severity = health.severity;
   s.record.fault = health.fault;

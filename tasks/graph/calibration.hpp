@@ -52,11 +52,13 @@ struct CalibrationRow {
   [[nodiscard]] rt::Nanos budget() const noexcept;
 };
 
+// chosen on: not recorded; judged on: not recorded
 // A variant tracks by luck that loses more than this, claims this much less than the best of its task on the same images, or
 // claims a pose that is silently wrong by definition. What the best one does not claim the scene does not constrain.
 inline constexpr double kLeastTrackedShare = 0.5;
 inline constexpr double kMostClaimsLess = 0.05;
-inline constexpr double kMostOff_mm = 50;
+inline constexpr double kMostOff_mm = 50;  // no data: by definition
+// chosen on: recording; judged on: nothing else
 // A recording's reference is a KinectFusion's own, good to about 2 cm a metre.
 inline constexpr double kMostOffReference_mm = 60;
 

@@ -29,7 +29,7 @@ inline constexpr int kForksPerImage =
     30;  // at most: the tracking's iterations, filter, fusion, casts
 
 struct BestEffortShares {
-  double camera_twin = 0, link = 0.05, console = 0.02;
+  double camera_twin = 0, link = 0.065, console = 0.02;
 };
 
 // `specs`: the task table (make_specs). The pool's rows follow them, so row i of the answer is task i.

@@ -1,7 +1,7 @@
 // What is fixed at the start of a run, best first: admission takes the first that fits this host
 // (rt/sched/admission.hpp, 4). Only fusion chooses: its voxel size.
 //
-// The floor: 30 Hz fusion, voxels of at most 20 mm, all three levels of the tracking's pyramid, at least 20 ms
+// The floor: 30 Hz fusion, voxels of at most 20 mm, all three levels of the tracking's pyramid, at least 5 ms
 // for planning. Below it nothing is admitted: the program says which task does not fit, with figures.
 #pragma once
 
@@ -21,13 +21,13 @@ struct VoxelChoice {
 };
 
 inline constexpr std::array<VoxelChoice, 2> kVoxelChoices{{
-    {0.010, {28000, 18000, 14000, 14000}},
-    {0.020, {25000, 12000, 9000, 9000}},
+    {0.010, {28000, 18000, 14000}},
+    {0.020, {25000, 12000, 9000}},
 }};
 
 inline constexpr double kFloorVoxel_m = 0.020;
 inline constexpr std::int64_t kFloorFusion_hz = 30;
-inline constexpr std::int64_t kFloorPlanning_us = 20000;
+inline constexpr std::int64_t kFloorPlanning_us = 5000;
 
 // What the scene leaves to choose from.
 struct ChoiceLimits {

@@ -57,7 +57,7 @@ inline constexpr std::array<TaskRow, kTaskCount> kTaskTable{{
     {TaskId::kPrediction, "prediction", rt::Box::kOperator, rt::TaskClass::kHard, 10, kSkip, 5,
      {{{"full", 2000}}}},
     {TaskId::kPlanning, "planning", rt::Box::kOperator, rt::TaskClass::kFirm, 10, kAbort, 0,
-     {{{"full", 50000}, {"short", 20000}}}},
+     {{{"full", 50000}, {"brief", 5000}}}},
     {TaskId::kSupervision, "supervision", rt::Box::kOperator, rt::TaskClass::kHard, 100, kSkip, 0,
      {{{"full", 50}}}},
     {TaskId::kRobotIo, "robot_io", rt::Box::kRobot, rt::TaskClass::kHard, 1000, kSkip, 100,

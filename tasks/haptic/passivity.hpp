@@ -113,6 +113,7 @@ class PassivityController {
   [[nodiscard]] double margin_m(double size_N, double dt) const noexcept {
     return kSteps * quantum_m_ + (size_N + kHand_N) / mass_kg_ * dt * dt;
   }
+  // chosen on: not recorded; judged on: the sweep of bench boundary, 150 seeded hands (docs/stability.md)
   static constexpr double kSlack_J = 0.1e-3;
   static constexpr double kDebt_J = 0.4e-3, kBound_J = 0.6e-3;
   static constexpr double kSteps =

@@ -23,7 +23,7 @@ namespace og = ompl::geometric;
 using perception::CostMap;
 
 void PlannerConfig::describe(config::Section& s) {
-  s.integer("iterations", iterations, 10, 100000, "of RRT-Connect, halved at each further level");
+  s.integer("iterations", iterations, 10, 100000, "of RRT-Connect, a quarter at each further level");
   s.number("range_m", range_m, 0.05, 5.0, "longest edge of the search trees");
   s.number("guide_share", guide_share, 0.0, 1.0, "samples on the grid's own shortest chain");
   s.integer("shortcuts", shortcuts, 0, 5000, "tries of the random shortcut pass");
@@ -389,7 +389,7 @@ PlanStatus Planner::plan(Point2 goal, std::uint64_t seed, std::uint64_t job,
   const std::int32_t root = m.trace_chain(cell);
   if (!m.exact_start) m.start = m.centre(root);
   m.random = rt::Random(seed, job);
-  m.budget = static_cast<std::uint64_t>(std::max(1, m.config.iterations >> tick.level));
+  m.budget = static_cast<std::uint64_t>(std::max(1, m.config.iterations >> (2 * tick.level)));
   m.tick = &tick;
   PlanStatus status = PlanStatus::kLibraryFault;
   if (edge_clear(*m.map, m.start, goal, m.way->limit())) {

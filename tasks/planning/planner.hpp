@@ -52,7 +52,7 @@ inline constexpr std::uint8_t kDriveableCost = perception::CostMap::kInscribed -
                                          std::uint8_t limit) noexcept;
 
 struct PlannerConfig {
-  int iterations = 4000;  // of RRT-Connect at level 0; halved at each further level
+  int iterations = 4000;  // of RRT-Connect at level 0; a quarter at each further level
   double range_m = 0.6;   // longest tree edge
   double guide_share =
       0.2;                // of the samples lie on the flood's chain, up to five times as much later

@@ -37,6 +37,7 @@ namespace tasks {
 // Section [prediction.motion].
 struct MotionPredictorConfig {
   std::string method = "lsq";
+  // chosen on: not recorded; judged on: not recorded
   double window_s = 30.0;  // training instants no older than this
   double spacing_s = 0.1;  // between training instants
   double lag_1_s = 0.1, lag_2_s = 0.3;

@@ -13,6 +13,7 @@
 #include <cstring>
 #include <typeinfo>
 
+#include "rt/memory/allocations.hpp"
 #include "rt/memory/section.hpp"
 
 extern "C" {
@@ -35,6 +36,11 @@ void note(std::atomic<std::uint64_t>& counter) noexcept {
   if (!rt::Section::active()) return;
   counter.fetch_add(1, std::memory_order_relaxed);
   if (g_abort.load(std::memory_order_relaxed)) std::abort();
+}
+
+void note_allocation() noexcept {
+  rt::note_allocation();
+  note(g_counters.allocations);
 }
 
 // Versioned first: an unversioned lookup may give the condition variable of an old ABI.
@@ -61,6 +67,7 @@ struct ReadEnvironment {
   ReadEnvironment() noexcept {
     const char* mode = std::getenv("TELETACT_RT_GUARD");
     if (mode != nullptr && std::strcmp(mode, "abort") == 0) g_abort.store(true);
+    rt::allocations_are_counted();
   }
 } g_read_environment;
 
@@ -86,15 +93,15 @@ void teletact_rt_guard_abort(bool on) noexcept { g_abort.store(on, std::memory_o
 
 // --- allocation ---------------------------------------------------------------------------------
 void* malloc(std::size_t n) noexcept {
-  note(g_counters.allocations);
+  note_allocation();
   return __libc_malloc(n);
 }
 void* calloc(std::size_t n, std::size_t size) noexcept {
-  note(g_counters.allocations);
+  note_allocation();
   return __libc_calloc(n, size);
 }
 void* realloc(void* p, std::size_t n) noexcept {
-  note(g_counters.allocations);
+  note_allocation();
   return __libc_realloc(p, n);
 }
 void free(void* p) noexcept {
@@ -102,15 +109,15 @@ void free(void* p) noexcept {
   __libc_free(p);
 }
 void* aligned_alloc(std::size_t align, std::size_t n) noexcept {
-  note(g_counters.allocations);
+  note_allocation();
   return __libc_memalign(align, n);
 }
 void* memalign(std::size_t align, std::size_t n) noexcept {
-  note(g_counters.allocations);
+  note_allocation();
   return __libc_memalign(align, n);
 }
 int posix_memalign(void** out, std::size_t align, std::size_t n) noexcept {
-  note(g_counters.allocations);
+  note_allocation();
   if (align % sizeof(void*) != 0 || align == 0 || (align & (align - 1)) != 0) return EINVAL;
   void* p = __libc_memalign(align, n);
   if (p == nullptr) return ENOMEM;

@@ -15,7 +15,6 @@ using perception::Vec3;
 namespace {
 
 constexpr double kCell_m = 0.04, kNear_m = 0.4, kFar_m = 3.5, kCovered_m = 0.01, kStray_m = 0.01;
-constexpr double kGrown_m = 0.05, kGhost_m = 0.03;
 constexpr int kPixelStep = 8, kFrames = 5;
 
 std::array<std::int64_t, 3> cell_of(const Vec3& p, double edge) {
@@ -114,18 +113,6 @@ SurfaceError surface_error(const perception::Mesh& mesh, const drivers::World& w
                      static_cast<double>(seen_W.size());
   }
   return e;
-}
-
-double ghost_volume_cm3(const perception::Mesh& mesh, const drivers::World& now, const Pose& X_WB,
-                        const Vec3& half) {
-  std::set<std::uint64_t> cells;
-  for (const auto& v : mesh.vertices_W) {
-    const Vec3 p = v.cast<double>();
-    const Vec3 b = X_WB.inverse(Eigen::Isometry) * p;
-    if (((b.cwiseAbs() - half).array() > kGrown_m).any()) continue;
-    if (std::abs(now.signed_distance(p)) > kGhost_m) cells.insert(key_of(cell_of(p, 0.01)));
-  }
-  return static_cast<double>(cells.size());
 }
 
 }  // namespace teletact

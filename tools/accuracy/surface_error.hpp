@@ -33,10 +33,4 @@ struct SurfaceError {
 [[nodiscard]] SurfaceError surface_error(const perception::Mesh& mesh, const drivers::World& world,
                                          std::span<const perception::Vec3> seen_W);
 
-// What is left in the map of a solid that was taken away, cm^3: cells of 10 mm, inside the solid's bounding box
-// grown by 50 mm (`X_WB` its centre and axes, `half` its half edges), that hold a vertex more than 30 mm off
-// every surface of the world as it is now.
-[[nodiscard]] double ghost_volume_cm3(const perception::Mesh& mesh, const drivers::World& now,
-                                      const perception::Pose& X_WB, const perception::Vec3& half);
-
 }  // namespace teletact

@@ -67,16 +67,18 @@ function(teletact_library name)
   teletact_install(${name})
 endfunction()
 
-# Built alone by tools/test --all: the programs with the label sanitize, and those with threads.
+# Built alone by tools/test --all: the programs with the label sanitize, and those with threads; by --ci: those with bytes.
 add_custom_target(sanitize_tests)
 add_custom_target(threads_tests)
+add_custom_target(bytes_tests)
 
 # teletact_test(<name> [DEPS ours...] [PACKAGES ...] [LABELS ...] [TIMEOUT s] [NO_GUARD] [NO_SANITIZE]
 #               [NEEDS_FAULTS] [SLOW] [LONG] [LONG_TESTS pattern...] [ALONE_TESTS pattern...])
 # Every .cpp of the calling folder becomes one GoogleTest program test_<name>. The allocation and
 # lock guard is linked in unless NO_GUARD or a sanitizer is on. Labels: unit; sanitize (run by
 # tools/test --all with AddressSanitizer and UBSan) unless NO_SANITIZE, which is for what takes
-# minutes or runs the whole program, or LABELS timing; LABELS threads: run with ThreadSanitizer too. NEEDS_FAULTS: not declared when
+# minutes or runs the whole program, or LABELS timing; LABELS threads: run with ThreadSanitizer too. LABELS bytes: readers of bytes from outside, and rings: quick ones, that CI runs with
+# AddressSanitizer and UBSan on every change. NEEDS_FAULTS: not declared when
 # TELETACT_FAULTS is OFF, for it runs a planned executor. Sanitizers get five times the TIMEOUT. LABELS timing: nothing runs beside it.
 # SLOW: begun before the others, so that it does not run alone at the end. LONG: takes hours; run by tools/test --long, that is
 # ctest -C long -L long, and by no other ctest. LONG_TESTS: tests that repeat for minutes what others do
@@ -112,7 +114,7 @@ function(teletact_test name)
   if(NOT A_NO_SANITIZE AND NOT "timing" IN_LIST labels)
     list(APPEND labels sanitize)
   endif()
-  foreach(label sanitize threads)
+  foreach(label sanitize threads bytes)
     if(label IN_LIST labels)
       add_dependencies(${label}_tests test_${name})
     endif()

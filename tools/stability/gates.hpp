@@ -23,6 +23,7 @@
 
 namespace stability {
 
+// chosen on: corners; judged on: case 3 on samples and on fused fields (docs/haptic_rendering.md, Cost)
 // Most that a tick of so many field samples takes, by callgrind; held to by tests/timing/haptic_tick.
 inline constexpr double kInstructionsOfATick = 42000, kInstructionsOfASample = 250;
 [[nodiscard]] constexpr double instructions_of(std::uint32_t work) {

@@ -24,6 +24,7 @@ namespace {
 constexpr int kLeastImages =
     12;  // the second picture that shows what has weight 4, five images apart
 constexpr int kMostImages = 150;
+// chosen on: kitchen 1-75, room; judged on: kitchen 1-75, 76-150 and whole backwards, turn, near, corridor, stairs backwards (docs/recordings.md)
 constexpr int kEnough = 4;        // flat places, kCell_m apart, in reach
 constexpr double kCell_m = 0.15;  // of two places that count as two
 constexpr double kFree_m = 0.08;  // round the workspace's origin, where the hand starts

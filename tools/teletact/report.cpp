@@ -76,6 +76,14 @@ std::string count_cell(std::uint64_t n, bool bad = false) {
   return std::string(bad && n > 0 ? "<td class=\"alarm\">" : "<td>") + text + "</td>";
 }
 
+std::string allocations_cell(const ReportTask& t) {
+  if (t.allocations_max < 0) return "<td>–</td>";
+  const std::string text =
+      figure_number(t.allocations_p50) + " / " + figure_number(t.allocations_max);
+  return (t.task_class == "hard" && t.allocations_max > 0 ? "<td class=\"alarm\">" : "<td>") +
+         text + "</td>";
+}
+
 void task_table(const ReportData& d, std::string& out) {
   out +=
       "<div class=\"wide\"><table class=\"numbers\">\n<caption>What was promised, and what came "
@@ -83,7 +91,8 @@ void task_table(const ReportData& d, std::string& out) {
       "class=\"t\">class</th><th>Hz</th><th>core"
       "</th><th>prio</th><th class=\"t\">policy</th><th class=\"t\">level</th><th>budget "
       "µs</th><th>R µs</th>"
-      "<th>releases</th><th>completed</th><th>skipped</th><th>aborted</th></tr></thead>\n";
+      "<th>releases</th><th>completed</th><th>skipped</th><th>aborted</th><th>allocations</th></tr>"
+      "</thead>\n";
   for (const auto& t : d.tasks) {
     out += "<tr><th>" + escaped(t.name) + "</th><td class=\"t\">" + escaped(t.box) +
            "</td><td class=\"t\">" + escaped(t.task_class) + "</td><td>" +
@@ -92,11 +101,13 @@ void task_table(const ReportData& d, std::string& out) {
            "</td><td class=\"t\">" + escaped(t.level) + "</td><td>" + us(t.budget_us) +
            "</td><td>" + (t.analysis_response_us > 0 ? us(t.analysis_response_us) : "–") + "</td>" +
            count_cell(t.releases) + count_cell(t.completed) + count_cell(t.skipped, true) +
-           count_cell(t.aborted, true) + "</tr>\n";
+           count_cell(t.aborted, true) + allocations_cell(t) + "</tr>\n";
   }
   out +=
       "</table></div>\n<p class=\"hint\">R is the worst response that the admission computed; "
-      "releases = completed + skipped + aborted.</p>\n";
+      "releases = completed + skipped + aborted; allocations: of the heap, in one job, median and "
+      "most. A hard task makes none, "
+      "in a firm one they are its libraries'.</p>\n";
   out +=
       "<div class=\"wide\"><table class=\"numbers\">\n<caption>Misses, and whose fault they were"
       "</caption>\n<thead><tr><th>task</th><th>misses</th><th>own</th><th>queued</th>"
@@ -136,45 +147,42 @@ void quantile_table(const ReportData& d, std::string& out) {
       "the job was late.</p>\n";
 }
 
-void timing(const ReportData& d, std::string& out) {
-  if (d.tasks.empty()) return;
-  out += heading("timing", "Timing");
-  task_table(d, out);
-  quantile_table(d, out);
-  out += "<div class=\"grid\">\n";
-  for (const auto& t : d.tasks) {
+// Folded: a person looks at them when a task is in question. Where there is nothing else they lie open.
+void task_charts(const ReportTask& t, bool open, std::string& out) {
+  std::string charts;
+  const auto chart = [&](const char* of, const char* x_label, const std::vector<plot::Bins>& bins,
+                         std::vector<plot::Rule> rules = {}) {
+    if (bins.empty()) return;
     plot::Figure f;
     f.log_x = f.log_y = true;
     f.width_px = 540;
     f.height_px = 250;
     f.y_label = "jobs";
-    if (!t.cpu_histogram.empty()) {
-      f.title = t.name + ": CPU of a job";
-      f.x_label = "µs";
-      if (t.budget_us > 0) f.rules = {{t.budget_us, true, "budget", "#b03a2e"}};
-      out += inlined(plot::histogram(f, t.cpu_histogram));
-    }
-    if (!t.lateness_histogram.empty()) {
-      f.title = t.name + ": lateness of the start";
-      f.rules.clear();
-      f.x_label = "µs after the release";
-      out += inlined(plot::histogram(f, t.lateness_histogram));
-    }
-    if (!t.response_histogram.empty()) {
-      f.title = t.name + ": response of a job";
-      f.x_label = "µs from the release to the end";
-      f.rules.clear();
-      if (t.analysis_response_us > 0) f.rules = {{t.analysis_response_us, true, "R", "#b03a2e"}};
-      out += inlined(plot::histogram(f, t.response_histogram));
-    }
-    if (!t.slack_histogram.empty()) {
-      f.title = t.name + ": slack of a job";
-      f.x_label = "µs from the end to the deadline";
-      f.rules.clear();
-      out += inlined(plot::histogram(f, t.slack_histogram));
-    }
-  }
-  out += "</div>\n";
+    f.title = t.name + ": " + of;
+    f.x_label = x_label;
+    f.rules = std::move(rules);
+    charts += inlined(plot::histogram(f, bins));
+  };
+  const auto at = [](double us, const char* name) {
+    return us > 0 ? std::vector<plot::Rule>{{us, true, name, "#b03a2e"}}
+                  : std::vector<plot::Rule>{};
+  };
+  chart("CPU of a job", "µs", t.cpu_histogram, at(t.budget_us, "budget"));
+  chart("lateness of the start", "µs after the release", t.lateness_histogram);
+  chart("response of a job", "µs from the release to the end", t.response_histogram,
+        at(t.analysis_response_us, "R"));
+  chart("slack of a job", "µs from the end to the deadline", t.slack_histogram);
+  if (charts.empty()) return;
+  out += std::string(open ? "<details open>" : "<details>") + "<summary>" + escaped(t.name) +
+         ": charts</summary>\n<div class=\"grid\">\n" + charts + "</div></details>\n";
+}
+
+void timing(const ReportData& d, std::string& out) {
+  if (d.tasks.empty()) return;
+  out += heading("timing", "Timing");
+  task_table(d, out);
+  quantile_table(d, out);
+  for (const auto& t : d.tasks) task_charts(t, d.timing_only, out);
   if (!d.choices.empty() || !d.steps.empty()) {
     out += "<p>What was admitted, and why:</p>\n<ul>\n";
     for (const auto* lines : {&d.choices, &d.steps}) {
@@ -378,11 +386,12 @@ void run_facts(const ReportData& d, std::string& out) {
 
 std::string report_html(const ReportData& d) {
   std::string body;
+  // What a person looks for comes first: did it work, what did it see, what was felt. Timing is for when it did not.
   verdicts(d, body);
-  timing(d, body);
+  pictures(d, body);
   touch(d, body);
   ground(d, body);
-  pictures(d, body);
+  timing(d, body);
   effects_and_faults(d, body);
   run_facts(d, body);
   // The list of contents is what came out.

@@ -36,6 +36,8 @@ struct ReportTask {
     double p50 = 0, p1 = 0, p01 = 0, least = 0;
   };
   Slack slack_us;
+  // Heap allocations of a job, by libraries; none of it counted: -1.
+  double allocations_p50 = -1, allocations_max = -1;
   double analysis_response_us = 0;  // R of admission; 0: not analysed
   // us; several: e.g. task and sentinel, slack left and deadline passed
   std::vector<plot::Bins> cpu_histogram, lateness_histogram, response_histogram, slack_histogram;

@@ -37,6 +37,8 @@ nlohmann::ordered_json task_json(const ReportTask& t) {
   for (const auto& [name, q] : quantiles) {
     j[name] = {{"p50", q->p50}, {"p99", q->p99}, {"p99.9", q->p999}, {"max", q->max}};
   }
+  if (t.allocations_max >= 0)
+    j["allocations"] = {{"p50", t.allocations_p50}, {"max", t.allocations_max}};
   j["slack_us"] = {{"p50", t.slack_us.p50},
                    {"p1", t.slack_us.p1},
                    {"p0.1", t.slack_us.p01},

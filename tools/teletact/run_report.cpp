@@ -90,6 +90,10 @@ ReportTask report_task(const rt::RunLog& log, const rt::TaskLog& task,
   r.carried = cause(rt::Cause::kCarried);
   r.charged = cause(rt::Cause::kCharged);
   r.unknown = cause(rt::Cause::kUnknown) + tail;
+  if (const TaskAllocations a = allocations_of(task); a.jobs > 0) {
+    r.allocations_p50 = a.p50;
+    r.allocations_max = a.max;
+  }
   const TaskTimes times = times_of(task);
   rt::Histogram sentinel;
   for (const auto& s : log.sentinels) {
@@ -303,6 +307,27 @@ ReportPicture report_picture(const OperatorHalf& op, const tasks::SceneView& v,
   return picture;
 }
 
+// What libraries took from the heap within the steps; where the program counts.
+void add_allocations(const ReportData& d, std::vector<ReportVerdict>& verdicts) {
+  std::string firm;
+  double hard = -1;
+  char text[100];
+  for (const ReportTask& t : d.tasks) {
+    if (t.allocations_max < 0) continue;
+    if (t.task_class == "hard") {
+      hard = std::max(hard, t.allocations_max);
+      continue;
+    }
+    std::snprintf(text, sizeof text, "%s %.0f a job, at most %.0f; ", t.name.c_str(),
+                  t.allocations_p50, t.allocations_max);
+    firm += text;
+  }
+  if (firm.empty() && hard < 0) return;
+  std::snprintf(text, sizeof text, "hard tasks %s", hard > 0 ? "ALLOCATE" : "none");
+  verdicts.push_back({hard > 0 ? ReportVerdict::State::kBad : ReportVerdict::State::kGood,
+                      "allocations by libraries: " + firm + text});
+}
+
 // Each place that the hand chose, and what came of it.
 void add_visits(const OperatorHalf& op, ReportData& d) {
   using State = ReportVerdict::State;
@@ -391,6 +416,7 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
                   1e3 * op.view.error_max_m, op.view.unsure_s);
     d.verdicts.push_back({op.view.unsure_s > 0 ? State::kNote : State::kGood, text});
   }
+  add_allocations(d, d.verdicts);
   if (!info.virtual_clock) {
     std::snprintf(text, sizeof text,
                   "machine: %.2f %% of the haptic starts were late by the platform",

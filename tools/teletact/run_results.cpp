@@ -12,6 +12,7 @@
 #include "rt/audit/run_file.hpp"
 #include "tasks/graph/table.hpp"
 #include "tools/teletact/run_truth.hpp"
+#include "tools/teletact/task_times.hpp"
 
 namespace teletact {
 
@@ -349,6 +350,25 @@ std::string not_measured(const RunInfo& info, const OperatorHalf& op, const Robo
   return why;
 }
 
+// Of firm tasks how many a job makes; of hard ones all together, which is to be 0. Only where the program counts.
+static void add_allocation_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
+  double hard = -1;
+  for (const auto* log : {&op.log, &robot.log}) {
+    for (const rt::TaskLog& t : log->tasks) {
+      const TaskAllocations a = allocations_of(t);
+      if (a.jobs == 0) continue;
+      if (t.spec.task_class == rt::TaskClass::kHard) {
+        hard = std::max(0.0, hard) + a.total;
+        continue;
+      }
+      m.add(t.spec.name + ".allocations_p50", a.p50, "1");
+      m.add(t.spec.name + ".allocations_p99", a.p99, "1");
+      m.add(t.spec.name + ".allocations_max", a.max, "1");
+    }
+  }
+  if (hard >= 0) m.add("hard.allocations", hard, "1");
+}
+
 void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
   add_haptic_metrics(op, robot, m);
   std::size_t consumed = 0, tracked = 0, claimed = 0, moving = 0;
@@ -409,6 +429,8 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
     m.add("best_effort." + o.name + "_share", o.share, "1");
     m.add("best_effort." + o.name + "_declared", o.declared, "1");
   }
+  add_allocation_metrics(op, robot, m);
+  if (!info.admission.tasks.empty()) m.add("admission.spare_share", info.admission.spare, "1");
   m.add("run.realtime", real_time(op, robot) && !info.virtual_clock ? 1 : 0, "1");
   m.add("run.measured", not_measured(info, op, robot, m).empty() ? 1 : 0, "1");
   if (info.paced) {

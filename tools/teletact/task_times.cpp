@@ -16,6 +16,26 @@ std::int64_t SlackTimes::quantile(double q) const noexcept {
   return left.quantile((rank - late - 0.5) / static_cast<double>(left.count()));
 }
 
+TaskAllocations allocations_of(const rt::TaskLog& task) {
+  std::vector<std::int32_t> n;
+  for (const rt::JobRecord& r : task.jobs) {
+    if (r.allocations != rt::kNotCounted) n.push_back(r.allocations);
+  }
+  TaskAllocations a;
+  a.jobs = n.size();
+  if (n.empty()) return a;
+  std::sort(n.begin(), n.end());
+  const auto at = [&](double q) {
+    const auto rank = static_cast<std::size_t>(std::ceil(q * static_cast<double>(n.size())));
+    return static_cast<double>(n[std::max<std::size_t>(1, rank) - 1]);
+  };
+  a.p50 = at(0.5);
+  a.p99 = at(0.99);
+  a.max = n.back();
+  for (const std::int32_t v : n) a.total += v;
+  return a;
+}
+
 TaskTimes times_of(const rt::TaskLog& task) {
   TaskTimes t;
   for (const auto& j : task.jobs) {

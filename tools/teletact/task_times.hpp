@@ -29,6 +29,12 @@ struct TaskTimes {
   rt::Histogram lateness, response, cpu;  // ns; response: end - release
   SlackTimes slack;
 };
+// Heap allocations of a task's steps, by the libraries that it uses: our own code makes none.
+struct TaskAllocations {
+  std::size_t jobs = 0;  // counted ones; 0: the program counted none
+  double p50 = 0, p99 = 0, max = 0, total = 0;
+};
+[[nodiscard]] TaskAllocations allocations_of(const rt::TaskLog& task);
 [[nodiscard]] TaskTimes times_of(const rt::TaskLog& task);
 
 // p99.9 of a level's thread CPU beside the budget of that level. Jobs in which the machine charged CPU

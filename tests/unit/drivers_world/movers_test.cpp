@@ -9,6 +9,7 @@
 #include "config/schema.hpp"
 #include "drivers/world/world.hpp"
 #include "rt/random.hpp"
+#include "tests/unit/drivers_world/nearest_shape.hpp"
 
 namespace {
 
@@ -192,7 +193,7 @@ TEST(Movers, EveryQuestionIsAboutItsInstant) {
       const Vec3 to = centre(w, i % 3 == 0 ? "box" : i % 3 == 1 ? "body" : "head", t);
       const Vec3 d = to - p + 0.2 * Vec3(rng.normal(), rng.normal(), rng.normal());
       EXPECT_NEAR(w.signed_distance(p, at(t)), still.signed_distance(p), 1e-12) << "seed " << seed;
-      EXPECT_EQ(w.nearest_shape(p, at(t)), still.nearest_shape(p));
+      EXPECT_EQ(nearest_shape(w, p, at(t)), nearest_shape(still, p));
       const auto a = w.ray_cast(p, d, at(t)), b = still.ray_cast(p, d);
       ASSERT_EQ(a.shape, b.shape) << "seed " << seed;
       EXPECT_NEAR(a.t, b.t, 1e-9);

@@ -13,6 +13,7 @@
 #include "config/schema.hpp"
 #include "rt/random.hpp"
 #include "tests/support/world_scene.hpp"
+#include "tests/unit/drivers_world/nearest_shape.hpp"
 
 namespace {
 
@@ -109,7 +110,7 @@ TEST(World, RayCastEqualsMarchingOfTheDistanceField) {
       const double slack = 1e-7 / std::max(0.01, -hit.normal_W.dot(d));
       ASSERT_NEAR(t, hit.t, slack + 1e-7);
       ASSERT_NEAR(w.signed_distance(o + hit.t * d), 0, 1e-9);
-      ASSERT_EQ(w.nearest_shape(o + hit.t * d), hit.shape);
+      ASSERT_EQ(nearest_shape(w, o + hit.t * d), hit.shape);
     }
   }
   EXPECT_GT(compared, 9990);
@@ -206,7 +207,7 @@ TEST(World, EmptyWorld) {
   EXPECT_TRUE(std::isinf(w.signed_distance({0, 0, 0})));
   EXPECT_FALSE(w.ray_cast({0, 0, 0}, {1, 0, 0}));
   EXPECT_EQ(w.robot_collision(0, 0, 0), -1);
-  EXPECT_EQ(w.nearest_shape({0, 0, 0}), -1);
+  EXPECT_EQ(nearest_shape(w, {0, 0, 0}), -1);
 }
 
 TEST(World, BadShapesAreRefusedByName) {

@@ -129,19 +129,11 @@ TEST(ArticulatedBody, CapsulesRideOnTheirLinks) {
 TEST(ArticulatedBody, LimitsAndSpeedsAreTheUrdfs) {
   const ArticulatedBody body(youbot());
   const double want[5][2] = {{0, 5.8992}, {0, 2.7053}, {-5.1836, 0}, {0, 3.5779}, {0, 5.8470}};
-  std::array<double, 5> q{};
   for (std::size_t j = 0; j < 5; ++j) {
     EXPECT_EQ(body.joints()[j].lower, want[j][0]);
     EXPECT_EQ(body.joints()[j].upper, want[j][1]);
     EXPECT_NEAR(body.joints()[j].max_speed, 90 * kDeg, 1e-4);
   }
-  EXPECT_TRUE(body.within_limits(q));
-  q[2] = 0.01;
-  EXPECT_FALSE(body.within_limits(q));
-  EXPECT_TRUE(body.within_limits(q, 0.02));
-  q[2] = std::nan("");
-  EXPECT_FALSE(body.within_limits(q));
-  EXPECT_FALSE(body.within_limits(std::span<const double>(q).first(4)));
 }
 
 // What reach_of_error says holds for every point of every capsule, whatever the errors' signs.

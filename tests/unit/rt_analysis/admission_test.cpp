@@ -420,10 +420,18 @@ TEST(Admission, FloatingBestEffortNeedsRoomSomewhere) {
   r.cpus = {0, 1};
   r.tasks = {spec("a", {10, 1}, 60), spec("b", {10, 1}, 60)};
   r.best_effort = {{"console", 0.5, std::nullopt}};
-  EXPECT_TRUE(rt::admit(r).admitted);
+  const auto fits = rt::admit(r);
+  EXPECT_TRUE(fits.admitted);
+  // What is left: of two cores .90 each, less the tasks with their switches, less the console.
+  double left = 2 * 0.90 - 0.5;
+  for (const auto& core : fits.cores) left -= core.utilisation;
+  EXPECT_NEAR(fits.spare, left, 1e-12);
+  EXPECT_GT(fits.spare, 0.05);
+  EXPECT_LT(fits.spare, 0.11);
   r.best_effort.push_back({"report", 0.2, std::nullopt});
   const auto a = rt::admit(r);
   EXPECT_FALSE(a.admitted);
+  EXPECT_LT(a.spare, 0);
   EXPECT_THAT(a.refusal, HasSubstr("best-effort load without a core is 0.700"));
 }
 

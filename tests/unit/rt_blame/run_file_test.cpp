@@ -231,8 +231,8 @@ TEST(RunFile, TornAtEveryByteOfTheLastRecordsStillReads) {
 TEST(RunFile, ForeignFilesAreRefusedWithOneMessage) {
   TempFile f;
   for (const std::string& text : {std::string(), std::string("\n"), std::string("P6 512 424\n"),
-                                  std::string("teletact-run 3 1 1\n"),
-                                  std::string("teletact-run 2 8 8\n\n"), std::string(5000, '\0'),
+                                  std::string("teletact-run 4 1 1\n"),
+                                  std::string("teletact-run 3 8 8\n\n"), std::string(5000, '\0'),
                                   std::string("\x7f"
                                               "ELF\1\1\1")}) {
     f.put(text);
@@ -248,7 +248,7 @@ TEST(RunFile, ForeignFilesAreRefusedWithOneMessage) {
 }
 
 std::string first_line() {
-  return "teletact-run 2 " + std::to_string(sizeof(JobRecord)) + " " +
+  return "teletact-run 3 " + std::to_string(sizeof(JobRecord)) + " " +
          std::to_string(sizeof(SentinelRecord)) + "\n";
 }
 

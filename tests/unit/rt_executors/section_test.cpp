@@ -120,4 +120,61 @@ TEST(Section, TheGuardSeesThroughTheExecutors) {
   }
 }
 
+// What a step takes from the heap is in its job's record, of a firm one too; what latch() and commit() take is not.
+class Hungry final : public rt::TaskBody {
+ public:
+  explicit Hungry(int every) : every_(every) {}
+  void latch(const rt::Tick&, rt::JobRecord&) noexcept override { take(5); }
+  rt::Health step(const rt::Tick& tick, rt::JobRecord&) noexcept override {
+    take(every_ * static_cast<int>(tick.k));
+    return rt::Health::ok();
+  }
+  void commit(const rt::Tick&, rt::JobRecord&) noexcept override { take(7); }
+
+ private:
+  static void take(int times) noexcept {
+    for (int i = 0; i < times; ++i) {
+      void* volatile p = i % 2 == 0 ? std::malloc(16) : std::calloc(2, 8);
+      p = std::realloc(p, 0) == nullptr ? nullptr : p;
+    }
+  }
+  int every_;
+};
+
+TEST(Allocations, AreInEachJobsRecord) {
+  if (!rt_guard::linked()) GTEST_SKIP() << "nothing counts in this build";
+  for (const bool real : {false, true}) {
+    Hungry firm(3);
+    rt::PlacedTask t;
+    t.spec.name = "firm";
+    t.spec.task_class = rt::TaskClass::kFirm;
+    t.spec.rate = {100, 1};
+    t.spec.budget = rt::Nanos{2000};
+    t.body = &firm;
+    t.core = real ? rt::affinity_cpus().front() : 0;
+    std::vector<rt::JobRecord> jobs;
+    const auto keep = [&](const rt::JobRecord& r) { jobs.push_back(r); };
+    rt::RunPlan plan;
+    plan.duration = rt::Nanos{200'000'000};
+    if (real) {
+      rt::Startup startup;
+      rt::RealOptions options;
+      options.fifo = options.lock_memory = options.hold_dma_latency = false;
+      rt::RealExecutor<rt::Plain> executor(
+          startup.token(), {t}, rt::Plain{}, keep, [](const rt::SentinelRecord&) {}, options);
+      plan.epoch_host_ns = rt::monotonic_ns() + 10'000'000;
+      executor.run(plan);
+    } else {
+      Costs costs;
+      rt::VirtualExecutor<rt::Plain> executor({t}, costs, rt::Plain{}, keep);
+      executor.run(plan);
+    }
+    ASSERT_GT(jobs.size(), 2U) << (real ? "real" : "virtual");
+    for (const rt::JobRecord& r : jobs) {
+      // realloc() to nothing frees; it is one of the calls that count.
+      EXPECT_EQ(r.allocations, 2 * 3 * static_cast<int>(r.k)) << "job " << r.k;
+    }
+  }
+}
+
 }  // namespace

@@ -8,6 +8,7 @@
 #include <sstream>
 #include <tuple>
 
+#include "tests/unit/tool_accuracy/ghost_volume.hpp"
 #include "tools/accuracy/fusion_study.hpp"
 #include "tools/accuracy/scenes.hpp"
 #include "tools/bench/drift.hpp"

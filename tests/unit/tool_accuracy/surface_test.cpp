@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "rt/random.hpp"
+#include "tests/unit/tool_accuracy/ghost_volume.hpp"
 #include "tools/bench/fusion_sequence.hpp"
 
 namespace teletact {

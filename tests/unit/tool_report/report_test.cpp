@@ -196,6 +196,50 @@ TEST(Report, HtmlIsSelfContainedAndWellFormed) {
     teletact::write_report(keep, sample());
 }
 
+// The sections in the order of the page, and where a text stands in it.
+TEST(Report, WhatAPersonLooksForComesFirstAndChartsAreFolded) {
+  const std::string html = teletact::report_html(sample());
+  std::vector<std::string> order;
+  for (std::size_t at = html.find("<h2 id=\""); at != std::string::npos;
+       at = html.find("<h2 id=\"", at + 1))
+    order.push_back(html.substr(at + 8, html.find('"', at + 8) - at - 8));
+  EXPECT_THAT(order, testing::ElementsAre("verdict", "pictures", "touch", "ground", "timing",
+                                          "effects", "faults", "run"));
+  // Every chart of a task lies within a fold that is closed, one a task.
+  const std::string timing = html.substr(html.find("<h2 id=\"timing\""));
+  EXPECT_EQ(timing.find("<details open"), std::string::npos);
+  int folds = 0;
+  std::size_t outside = 0;
+  for (std::size_t at = timing.find("<figure>"); at != std::string::npos;
+       at = timing.find("<figure>", at + 1)) {
+    const std::size_t open = timing.rfind("<details>", at), end = timing.rfind("</details>", at);
+    outside += open == std::string::npos || (end != std::string::npos && end > open) ? 1 : 0;
+  }
+  for (const auto& t : sample().tasks) {
+    const std::string fold = "<details><summary>" + t.name + ": charts</summary>";
+    folds += timing.find(fold) != std::string::npos ? 1 : 0;
+  }
+  EXPECT_EQ(outside, 0U);
+  EXPECT_EQ(folds, 4);
+}
+
+TEST(Report, AllocationsOfAJobStandInTheTableAndAHardTasksAreAnAlarm) {
+  ReportData d = sample();
+  EXPECT_EQ(teletact::report_html(d).find(" / 755"), std::string::npos) << "none counted";
+  d.tasks[2].task_class = "firm";
+  d.tasks[2].allocations_p50 = 0;
+  d.tasks[2].allocations_max = 755;
+  d.tasks[1].allocations_p50 = d.tasks[1].allocations_max = 0;
+  const std::string html = teletact::report_html(d);
+  EXPECT_THAT(html, HasSubstr("<td>0 / 755</td>"));
+  EXPECT_THAT(html, HasSubstr("<td>0 / 0</td>"));
+  d.tasks[1].allocations_max = 2;
+  EXPECT_THAT(teletact::report_html(d), HasSubstr("<td class=\"alarm\">0 / 2</td>"));
+  const auto j = nlohmann::json::parse(teletact::report_json(d));
+  EXPECT_FALSE(j["tasks"][0].contains("allocations"));
+  EXPECT_EQ(j["tasks"][2]["allocations"]["max"], 755);
+}
+
 TEST(Report, ScriptInDataStaysText) {
   ReportData d = sample();
   const std::string evil = "</pre><script>alert(1)</script>\"'&\x01";

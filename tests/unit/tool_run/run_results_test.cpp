@@ -171,6 +171,30 @@ TEST(RunResults, OrdinaryThreadsStandBesideWhatWasDeclared) {
   EXPECT_TRUE(teletact::ordinary_shares(info, op, robot).empty());
 }
 
+TEST(RunResults, AllocationsOfFirmTasksAreCountedAJobAndThoseOfHardOnesTogether) {
+  OperatorHalf op = known_run();
+  rt::TaskLog firm;
+  firm.id = static_cast<std::uint16_t>(tasks::TaskId::kPlanning);
+  firm.spec.name = "planning";
+  firm.spec.task_class = rt::TaskClass::kFirm;
+  firm.spec.rate = {10, 1};
+  for (std::uint64_t k = 0; k < 100; ++k)
+    add_job(firm, k, 10 * kUs, 40 * kUs).allocations = k == 40 ? 755 : k < 60 ? 0 : 3;
+  op.log.tasks.push_back(firm);
+  {
+    Metrics m("demo");
+    teletact::add_metrics({}, op, {}, m);
+    EXPECT_EQ(value(m, "planning.allocations_p50"), 0);
+    EXPECT_EQ(value(m, "planning.allocations_p99"), 3);
+    EXPECT_EQ(value(m, "planning.allocations_max"), 755);
+    for (const auto& row : m.rows()) EXPECT_NE(row.name, "hard.allocations") << "none counted";
+  }
+  for (auto& job : op.log.tasks[0].jobs) job.allocations = job.k == 20 || job.k == 21 ? 2 : 0;
+  Metrics m("demo");
+  teletact::add_metrics({}, op, {}, m);
+  EXPECT_EQ(value(m, "hard.allocations"), 4);
+}
+
 // Three of the dropped releases came when the haptic thread had ended; seven records found a full ring.
 TEST(RunResults, WhatAThreadThatEndedLostIsItsOwnAndLostRecordsAreCounted) {
   OperatorHalf op = known_run();
