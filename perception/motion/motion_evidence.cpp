@@ -13,7 +13,8 @@ namespace {
 
 // chosen on: not recorded; judged on: moving 52, moving 101
 constexpr int kYoungFrames = 8;
-constexpr int kLeastAbout = 5;  // of the 8 neighbours, in a patch
+constexpr float kMostRecede_m = 0.2F;  // a step that pairs are looked for in
+constexpr int kLeastAbout = 5;         // of the 8 neighbours, in a patch
 
 // By eight bits: a byte of 1 for each.
 struct BytesOf {
@@ -91,6 +92,31 @@ void MotionWatch::start_evidence(const TsdfMap& map, const Pose& X_WC) noexcept 
   std::fill_n(evidence_.begin(), width_ * height_ + 16, std::uint8_t{kNone});
 }
 
+// A point where nobody has looked yet, because a surface was before it: is that surface on the ray to it? Then what was
+// there has gone, or has gone back to where the point is. The last image's model says where to ask; whether the ray
+// meets it, and does not pass beside, the map does.
+bool MotionWatch::seen_through(const TsdfMap& map, MapReader& reader, const Vec3f& p_C,
+                               const Vec3f& p_W, float limit_m) noexcept {
+  const Vec3 p_F = X_FW_ * p_W.cast<double>();
+  const Intrinsics& k = model_->intrinsics;
+  if (!(p_F.z() > 0.1)) return false;
+  const Eigen::Vector2d px = k.project(p_F) + Eigen::Vector2d(0.5, 0.5);
+  if (!(px.x() >= 0 && px.y() >= 0 && px.x() < k.width && px.y() < k.height)) return false;
+  const float shown = model_->at(static_cast<int>(px.x()), static_cast<int>(px.y()))[3];
+  const auto z = static_cast<float>(p_F.z());
+  if (!(shown > 0) || shown > z - limit_m - clear_m_ || shown < z - kMostRecede_m) return false;
+  const float about = p_C.z() * shown / z, step = voxel_m_;
+  bool outside = false;
+  for (float d = about - 2 * clear_m_; d < std::min(about + 2 * clear_m_, p_C.z() - limit_m);
+       d += step) {
+    const Seen3 s =
+        seen_at(map, reader, turned_W(p_C * (d / p_C.z())), agree_.inv_voxel, 0.5F * voxel_m_);
+    if (outside && s.known && s.distance_m < 0.25F * voxel_m_) return true;
+    outside = s.free || (s.known && s.distance_m > 0) || (outside && !s.known);
+  }
+  return false;
+}
+
 // What a pixel says, of a cell that fits its noise or does not.
 std::uint8_t MotionWatch::evidence_at(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
                                       int i, bool fits) noexcept {
@@ -112,7 +138,7 @@ std::uint8_t MotionWatch::evidence_at(const TsdfMap& map, MapReader& reader, con
     const auto age = static_cast<int>(place->last - place->first);
     return age < kYoungFrames ? kYoung : age < config_.rest_frames ? kOld : kRested;
   }
-  if (front) return kFree;
+  if (front || (!s.known && !s.free && seen_through(map, reader, p_C, p_W, limit))) return kFree;
   if (s.known && !fits && std::abs(s.distance_m) > 0.5F * limit) return kOff;
   return s.known && std::abs(s.distance_m) < limit ? kAgrees : kNone;
 }

@@ -280,8 +280,9 @@ void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model
   out.cells_misfit = out.consensus.misfits;
 }
 
-void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid,
+void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid, const ModelView& model,
                        MotionResult& out) noexcept {
+  model_ = &model, X_FW_ = model.X_WF.inverse(Eigen::Isometry);
   out.moving = out.sudden = false;
   out.masked_share = 0;
   if (!looked_) return;

@@ -79,7 +79,8 @@ class MotionWatch {
   void compete(const TrackingPyramid& pyramid, const ModelView& model, const MotionPrior& prior,
                const Pose& X_tracked_WC, MotionResult& out) noexcept;
   // What moves against that.
-  void find(const TsdfMap& map, const TrackingPyramid& pyramid, MotionResult& out) noexcept;
+  void find(const TsdfMap& map, const TrackingPyramid& pyramid, const ModelView& model,
+            MotionResult& out) noexcept;
   // After tracking, by its result: where the masked points are, for the next image; how well the map is met.
   void settle(const TrackingResult& r) noexcept;
 
@@ -128,6 +129,8 @@ class MotionWatch {
                        bool all) noexcept;
   void mark_cell(MapReader& reader, const DepthLevel& live, int c, unsigned rows) noexcept;
   [[nodiscard]] bool speaks_beside(int u0, int v) const noexcept;
+  [[nodiscard]] bool seen_through(const TsdfMap& map, MapReader& reader, const Vec3f& p_C,
+                                  const Vec3f& p_W, float limit_m) noexcept;
   bool ask(const TsdfMap& map, MapReader& reader, const DepthLevel& live, int i) noexcept;
   [[nodiscard]] std::uint8_t evidence_at(const TsdfMap& map, MapReader& reader,
                                          const DepthLevel& live, int i, bool fits) noexcept;
@@ -174,10 +177,12 @@ class MotionWatch {
   Consensus::Cells memory_{};                // 0: moved in the last image
   std::vector<std::uint8_t> mask_, evidence_, seed_, recalled_, visited_, core_;
   std::vector<std::int32_t> queue_;
-  std::vector<Vec3f> points_W_;  // of last image's masked pixels
-  std::vector<Vec3f> now_W_;     // of this one's, by consensus
-  motion::AgreeJob agree_{};     // where evidence is gathered from
-  float clear_m_ = 0;            // what is seen free lies so far before a surface at least
+  std::vector<Vec3f> points_W_;       // of last image's masked pixels
+  std::vector<Vec3f> now_W_;          // of this one's, by consensus
+  const ModelView* model_ = nullptr;  // of the image that is looked at, in find()
+  Pose X_FW_ = Pose::Identity();
+  motion::AgreeJob agree_{};  // where evidence is gathered from
+  float clear_m_ = 0;         // what is seen free lies so far before a surface at least
   std::array<std::uint8_t, CellSums::kMost> marked_{};  // by cell: a bit for each row that is
   int remembered_ = 0, since_masked_ = 0;               // points of the last mask, frames since
   bool had_ = false;

@@ -57,11 +57,11 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
     watch_.compete(pyramid, model(), prior, r.X_WC, m);
   };
   if (m.doubtful) look_again();
-  watch_.find(map_, pyramid, m);
+  watch_.find(map_, pyramid, model(), m);
   // A camera that has moved far along large walls sees all else move.
   if (m.sudden && !m.doubtful) {
     look_again();
-    watch_.find(map_, pyramid, m);
+    watch_.find(map_, pyramid, model(), m);
   }
   if (m.moving) {
     watch_.spread(pyramid, mask_.data());
