@@ -125,13 +125,15 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
     judge_thing(live, first, end, thing);
     first = end;
   }
-  grow_thin(live, first);
 }
 
-// What is too thin to have an inside: its evidence alone.
-void MotionWatch::grow_thin(const DepthLevel& live, int first) noexcept {
+// What is too thin to have an inside: its evidence alone, after fringe().
+void MotionWatch::grow_thin(const DepthLevel& live) noexcept {
+  const float slope = static_cast<float>(tracker_.preprocess.edge_slope / live.intrinsics.fx);
+  int first = 0;
   for (int s = width_; s < (height_ - 1) * width_; ++s) {
-    if (seed_[static_cast<std::size_t>(s)] == 0 || visited_[static_cast<std::size_t>(s)] != 0)
+    if (seed_[static_cast<std::size_t>(s)] == 0 || visited_[static_cast<std::size_t>(s)] != 0 ||
+        mask_[static_cast<std::size_t>(s)] != 0)
       continue;
     int end = first;
     Thing thing;
@@ -153,6 +155,17 @@ void MotionWatch::grow_thin(const DepthLevel& live, int first) noexcept {
       }
     }
     judge_thing(live, first, end, thing);
+    // And its outline, of which too few about speak.
+    for (int at = first; at < end; ++at) {
+      const int i = queue_[static_cast<std::size_t>(at)];
+      if (mask_[static_cast<std::size_t>(i)] == 0) continue;
+      const float z = live.depth.row(i / width_)[i % width_];
+      for (const int d : {-1, 1, -width_, width_}) {
+        const auto b = static_cast<std::size_t>(i + d);
+        const float beside = live.depth.row((i + d) / width_)[(i + d) % width_];
+        if (core_[b] < 2 && beside > 0 && std::abs(beside - z) < 0.02F + slope * z) mask_[b] = 1;
+      }
+    }
     first = end;
   }
 }

@@ -150,7 +150,7 @@ class MotionWatch {
     int evidence = 0, remembered = 0, agrees = 0, old = 0, young = 0, misfits = 0;
   };
   void judge_thing(const DepthLevel& live, int first, int end, const Thing& thing) noexcept;
-  void grow_thin(const DepthLevel& live, int first) noexcept;
+  void grow_thin(const DepthLevel& live) noexcept;
   [[nodiscard]] bool wanders(const DepthLevel& live, int first, int end) noexcept;
   [[nodiscard]] int cell_of(int u, int v) const noexcept {
     return v / CellSums::kEdge * consensus_.sums().columns + u / CellSums::kEdge;
