@@ -309,7 +309,7 @@ void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid, const
   grow(live);
   int masked = 0, valid = 0;
   fringe(live);
-  grow_thin(live);
+  if (!doubtful_) grow_thin(live);  // by a pose that is wrong, edges look like thin things
   for (int i = 0; i < width_ * height_; ++i) {
     if (mask_[static_cast<std::size_t>(i)] != 0)
       ++masked, now_W_[static_cast<std::size_t>(i)] = point_W(live, i);
