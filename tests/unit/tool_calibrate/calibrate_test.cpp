@@ -51,7 +51,7 @@ TEST(Calibrate, EveryVariantHasARowPlanningToo) {
   EXPECT_EQ(measured().input.passes, 6U);
   for (const auto& r : c.rows) EXPECT_GT(r.p50_us, 0) << r.name;
   ASSERT_NE(c.find("planning", "", 1), nullptr);
-  EXPECT_EQ(c.find("planning", "", 1)->budget().count(), 20'000'000) << "the declared one";
+  EXPECT_EQ(c.find("planning", "", 1)->budget().count(), 5'000'000) << "the declared one";
 }
 
 TEST(Calibrate, TellsHowEachVariantTracks) {
