@@ -15,6 +15,8 @@ constexpr double kNear_m = 0.004;  // mean way over the points: the sums hold
 constexpr double kDoubt =
     0.05;  // of the pixels that may be static, unexplained: hypotheses compete
 // chosen on: not recorded; judged on: moving 52, moving 101
+constexpr double kLeastMet =
+    0.8;                          // of the readings, and the pose is one to look for thin things by
 constexpr double kSudden = 0.02;  // of the image
 // How well the camera's motion has been foreseen of late says how far off the next prior may be; at most so much.
 constexpr double kPriorSigma_m = 0.02, kOfInnovation = 3, kInnovationGain = 1.0 / 8;
@@ -309,7 +311,8 @@ void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid, const
   grow(live);
   int masked = 0, valid = 0;
   fringe(live);
-  if (!doubtful_) grow_thin(live);  // by a pose that is wrong, edges look like thin things
+  // By a pose that is wrong, edges look like thin things.
+  if (!doubtful_ && met_share() >= kLeastMet) grow_thin(live);
   for (int i = 0; i < width_ * height_; ++i) {
     if (mask_[static_cast<std::size_t>(i)] != 0)
       ++masked, now_W_[static_cast<std::size_t>(i)] = point_W(live, i);
@@ -318,6 +321,15 @@ void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid, const
   out.moving = masked > 0;
   out.masked_share = valid > 0 ? static_cast<double>(masked) / valid : 0;
   out.sudden = out.masked_share > 2 * masked_share_ + kSudden;
+}
+
+// Of the readings that were looked at: how many meet a surface of the map at all.
+double MotionWatch::met_share() const noexcept {
+  const CellSums& sums = consensus_.sums();
+  double live = 0, pairs = 0;
+  for (std::size_t c = 0; c < static_cast<std::size_t>(sums.size()); ++c)
+    live += static_cast<double>(sums.live[c]), pairs += static_cast<double>(sums.pairs[c]);
+  return live > 0 ? pairs / live : 0;
 }
 
 double MotionWatch::explains(const TrackingPyramid& pyramid, const ModelView& model,

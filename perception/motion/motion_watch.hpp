@@ -107,6 +107,7 @@ class MotionWatch {
                  MotionResult& out) noexcept;
   void stay_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
                MotionResult& out) noexcept;
+  [[nodiscard]] double met_share() const noexcept;
   [[nodiscard]] bool loose(float scale) const noexcept;
   double choose_start(const TrackingPyramid& pyramid, const ModelView& model,
                       const Pose& X_expected_WC, const Pose& X_tracked_WC,
