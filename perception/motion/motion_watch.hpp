@@ -3,8 +3,10 @@
 //   consensus   how the camera has moved against what stands still (consensus.hpp), on the coarse image
 //   evidence    a coarse pixel speaks for motion when its point lies in space that the map has seen free, or, in a cell
 //               that does not fit the consensus, off the map's surface; patches count, lone pixels do not
+//               Or where nobody could look, close behind a surface of the map that its ray goes through: it recedes.
 //   thing       evidence is grown over connected surface: to depth edges and concave creases (a thing stands ON the
 //               floor), over convex ones; a thing moves when a tenth of it is evidence, or when it moved in the last image
+//               One too thin to have an inside is its evidence alone; one whose middle wanders does not stand.
 //   rest        a thing whose points have been where they are for rest_frames is part of the place again
 //
 // Everything at about 128 x 106 pixels whatever the camera; the mask of the camera's own pixels is made from that by
@@ -178,9 +180,9 @@ class MotionWatch {
   Consensus::Cells memory_{};                // 0: moved in the last image
   std::vector<std::uint8_t> mask_, evidence_, seed_, recalled_, visited_, core_;
   std::vector<std::int32_t> queue_;
-  std::vector<Vec3f> points_W_;       // of last image's masked pixels
-  std::vector<Vec3f> now_W_;          // of this one's, by consensus
-  const ModelView* model_ = nullptr;  // of the image that is looked at, in find()
+  std::vector<Vec3f> points_W_;  // of last image's masked pixels
+  std::vector<Vec3f> now_W_;     // of this one's, by consensus
+  ModelView model_;              // of the image that is looked at, in find()
   Pose X_FW_ = Pose::Identity();
   motion::AgreeJob agree_{};  // where evidence is gathered from
   float clear_m_ = 0;         // what is seen free lies so far before a surface at least

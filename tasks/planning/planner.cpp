@@ -23,7 +23,8 @@ namespace og = ompl::geometric;
 using perception::CostMap;
 
 void PlannerConfig::describe(config::Section& s) {
-  s.integer("iterations", iterations, 10, 100000, "of RRT-Connect, a quarter at each further level");
+  s.integer("iterations", iterations, 10, 100000,
+            "of RRT-Connect, a quarter at each further level");
   s.number("range_m", range_m, 0.05, 5.0, "longest edge of the search trees");
   s.number("guide_share", guide_share, 0.0, 1.0, "samples on the grid's own shortest chain");
   s.integer("shortcuts", shortcuts, 0, 5000, "tries of the random shortcut pass");
