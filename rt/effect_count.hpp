@@ -17,6 +17,7 @@ enum class Effect : std::uint8_t {
   kLateral,
   kEdgeDropout,
   kFlying,
+  kTrueMount,
   kMovers,
   kArm,
   kJointsLate,
@@ -42,13 +43,14 @@ enum class Effect : std::uint8_t {
   kObjects,
   kMesh,
 };
-inline constexpr std::size_t kEffects = 28;
+inline constexpr std::size_t kEffects = 29;
 // As the catalogue of effects has them (tools/teletact/effect_catalogue.hpp).
 inline constexpr std::array<std::string_view, kEffects> kEffectNames{
     "camera noise: axial",
     "camera noise: lateral_px",
     "camera noise: edge_dropout",
     "camera noise: flying",
+    "camera: true_mount",
     "world: things that move",
     "robot: an arm before the camera",
     "robot: joints reported late",

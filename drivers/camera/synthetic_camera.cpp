@@ -1,5 +1,6 @@
 #include "drivers/camera/synthetic_camera.hpp"
 #include "rt/clock/box_time.hpp"
+#include "rt/effect_count.hpp"
 
 #include <numbers>
 
@@ -8,6 +9,15 @@ namespace drivers {
 using perception::Intrinsics;
 using perception::Pose;
 using perception::Vec3;
+
+void TrueMountConfig::describe(config::Section& s) {
+  s.flag("differs", differs,
+         "effect: the synthetic camera is mounted as said here, not as mount_* says");
+  s.numbers("position_m", position_m, -2, 2, "lens in the base's frame");
+  s.number("yaw_deg", yaw_deg, -180, 180, "positive: looks to the left");
+  s.number("pitch_deg", pitch_deg, -90, 90, "positive: looks down");
+  s.number("roll_deg", roll_deg, -180, 180, "positive: clockwise, seen from behind the camera");
+}
 
 void SyntheticCameraConfig::describe(config::Section& s) {
   s.text("resolution", resolution, {"full", "half"}, "full 512 x 424, half 256 x 212");
@@ -18,6 +28,9 @@ void SyntheticCameraConfig::describe(config::Section& s) {
   s.numbers("mount_position_m", mount_position_m, -2, 2, "lens in the base's frame");
   s.number("mount_yaw_deg", mount_yaw_deg, -180, 180, "positive: looks to the left");
   s.number("mount_pitch_deg", mount_pitch_deg, -90, 90, "positive: looks down");
+  s.number("mount_roll_deg", mount_roll_deg, -180, 180,
+           "about the line of sight, positive: clockwise, seen from behind the camera");
+  true_mount.describe(s.section("true_mount", "effect: where the synthetic camera truly is"));
   noise.describe(s.section("noise", "effects on the depth; none is on by itself"));
 }
 
@@ -27,17 +40,34 @@ Intrinsics SyntheticCameraConfig::intrinsics() const noexcept {
   return {365.0, 365.0, 255.5, 211.5, 512, 424};
 }
 
-Pose SyntheticCameraConfig::X_BC() const noexcept {
+namespace {
+
+Pose mount(const std::array<double, 3>& p, double yaw_deg, double pitch_deg, double roll_deg) {
   constexpr double kDeg = std::numbers::pi / 180.0;
   // Camera axes (right, down, forward) in a base that looks along its own x.
   perception::Mat3 R_forward;
   R_forward << 0, 0, 1, -1, 0, 0, 0, -1, 0;
   Pose X = Pose::Identity();
-  X.linear() = Eigen::AngleAxisd(mount_yaw_deg * kDeg, Vec3::UnitZ()).toRotationMatrix() *
-               Eigen::AngleAxisd(mount_pitch_deg * kDeg, Vec3::UnitY()).toRotationMatrix() *
-               R_forward;
-  X.translation() = Vec3(mount_position_m[0], mount_position_m[1], mount_position_m[2]);
+  X.linear() = Eigen::AngleAxisd(yaw_deg * kDeg, Vec3::UnitZ()).toRotationMatrix() *
+               Eigen::AngleAxisd(pitch_deg * kDeg, Vec3::UnitY()).toRotationMatrix();
+  // A product with the identity would cost zeros their sign.
+  if (roll_deg != 0)
+    X.linear() = X.linear() * Eigen::AngleAxisd(roll_deg * kDeg, Vec3::UnitX()).toRotationMatrix();
+  X.linear() = X.linear() * R_forward;
+  X.translation() = Vec3(p[0], p[1], p[2]);
   return X;
+}
+
+}  // namespace
+
+Pose SyntheticCameraConfig::X_BC() const noexcept {
+  return mount(mount_position_m, mount_yaw_deg, mount_pitch_deg, mount_roll_deg);
+}
+
+Pose SyntheticCameraConfig::true_X_BC() const noexcept {
+  if (!true_mount.differs) return X_BC();
+  return mount(true_mount.position_m, true_mount.yaw_deg, true_mount.pitch_deg,
+               true_mount.roll_deg);
 }
 
 SyntheticCamera::SyntheticCamera(rt::NonRealtime& nrt, const SyntheticCameraConfig& config,
@@ -48,10 +78,13 @@ SyntheticCamera::SyntheticCamera(rt::NonRealtime& nrt, const SyntheticCameraConf
       range_{config.range_min_m, config.range_max_m},
       noise_(nrt, config.noise),
       scratch_(nrt, world.shapes().size()),
-      X_CB_(config.X_BC().inverse()),
+      X_CB_(config.true_X_BC().inverse()),
       seed_(config.seed),
       t0_(t0),
-      exposure_(rt::nanos_from_seconds(config.exposure_ms * 1e-3)) {}
+      exposure_(rt::nanos_from_seconds(config.exposure_ms * 1e-3)) {
+  mount_off_ = config.true_mount.differs;
+  if (mount_off_) rt::effect_built(rt::Effect::kTrueMount);
+}
 
 void SyntheticCamera::carry(rt::NonRealtime&, std::unique_ptr<ScriptedArm> arm) {
   arm_ = std::move(arm);
@@ -71,6 +104,7 @@ rt::Time SyntheticCamera::mid_exposure(std::uint64_t f) const noexcept {
 void SyntheticCamera::expose(std::uint64_t f, perception::RgbdFrame& out) noexcept {
   const std::int64_t begin = rt::thread_cpu_ns();
   const rt::Time middle = mid_exposure(f);
+  if (mount_off_) rt::effect_ran(rt::Effect::kTrueMount);
   const Pose X_WC = pose_.X_WC_at(middle);
   std::span<const Shape> carried;
   out.joints = {};

@@ -23,6 +23,14 @@
 
 namespace drivers {
 
+// Section [camera.true_mount]: effect, the synthetic camera is not where mount_* says. Nobody but the twin knows of it.
+struct TrueMountConfig {
+  bool differs = false;
+  std::array<double, 3> position_m{-0.20, 0.0, 0.95};  // as SyntheticCameraConfig's mount_*
+  double yaw_deg = 0, pitch_deg = 30, roll_deg = 0;
+  void describe(config::Section& s);
+};
+
 // Section [camera] of a scene.
 struct SyntheticCameraConfig {
   std::string resolution = "full";  // full: 512 x 424, f 365; half: 256 x 212, f 182.5
@@ -32,13 +40,16 @@ struct SyntheticCameraConfig {
   std::array<double, 3> mount_position_m{-0.20, 0.0, 0.95};  // of the lens in B
   double mount_yaw_deg = 0;                                  // positive: to the left
   double mount_pitch_deg = 30;                               // positive: looks down
+  double mount_roll_deg = 0;  // about its line of sight, positive: clockwise, seen from behind it
+  TrueMountConfig true_mount;
   DepthNoiseConfig noise;
   // Where it stands in for a real camera: that one's lens.
   std::optional<perception::Intrinsics> stands_in_for;
   void describe(config::Section& s);
 
   [[nodiscard]] perception::Intrinsics intrinsics() const noexcept;
-  [[nodiscard]] perception::Pose X_BC() const noexcept;  // the mount as a pose
+  [[nodiscard]] perception::Pose X_BC() const noexcept;       // the mount as a pose, as stated
+  [[nodiscard]] perception::Pose true_X_BC() const noexcept;  // of the synthetic camera
 };
 
 inline constexpr rt::Rate kCameraRate{30, 1};
@@ -77,6 +88,7 @@ class SyntheticCamera : public Camera {
   RenderScratch scratch_;
   std::unique_ptr<ScriptedArm> arm_;  // null: none
   perception::Pose X_CB_;
+  bool mount_off_ = false;
   std::uint64_t seed_;
   rt::Time t0_;
   rt::Nanos exposure_;

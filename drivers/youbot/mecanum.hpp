@@ -6,8 +6,12 @@
 // Source: youbot_driver FourSwedishWheelOmniBaseKinematic.cpp (radius 0.0475 m, axles 0.47 m and
 // 0.30 m apart); its forward form leaves slide_ratio out, ours keeps it so that
 // forward(inverse(v)) = v for every ratio.
+// What a calibration has found of a single robot (`teletact identify robot`) stands in the scales: the effective
+// rolling radius of a wheel is wheel_radius_m times its scale. They are what this program believes; the virtual robot
+// is built as the other keys say.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <numbers>
 
@@ -24,6 +28,10 @@ struct MecanumConfig {
   double track_width_m = 0.30;         // left to right
   double slide_ratio = 1.0;            // sideways speed per wheel speed; 1 = rollers at 45 degrees
   double gear_ratio = 9405.0 / 364.0;  // motor turns per wheel turn
+  // Found by calibration; 1: as the keys above say.
+  std::array<double, kWheels> wheel_scale{1, 1, 1, 1};
+  double lever_scale = 1;  // of (axle_distance_m + track_width_m) / 2
+  double slide_scale = 1;  // of slide_ratio
 
   void describe(config::Section& s) {
     s.number("wheel_radius_m", wheel_radius_m, 0.01, 0.5, "rolling radius of a wheel");
@@ -31,35 +39,51 @@ struct MecanumConfig {
     s.number("track_width_m", track_width_m, 0.05, 3, "left wheels to right wheels");
     s.number("slide_ratio", slide_ratio, 0.1, 2, "sideways travel per wheel travel");
     s.number("gear_ratio", gear_ratio, 1, 1000, "motor turns per wheel turn");
+    s.numbers("wheel_scale", wheel_scale, 0.5, 2,
+              "calibrated rolling radius of each wheel over wheel_radius_m");
+    s.number("lever_scale", lever_scale, 0.5, 2,
+             "calibrated lever of the turn over (axle_distance_m + track_width_m) / 2");
+    s.number("slide_scale", slide_scale, 0.5, 2, "calibrated slide_ratio over the stated one");
   }
 };
 
 using WheelVector = std::array<double, kWheels>;
 
+// The same base as its drawing has it.
+[[nodiscard]] inline MecanumConfig uncalibrated(MecanumConfig c) {
+  c.wheel_scale.fill(1);
+  c.lever_scale = c.slide_scale = 1;
+  return c;
+}
+
 class Mecanum {
  public:
   explicit Mecanum(const MecanumConfig& c = {}) noexcept
       : r_(c.wheel_radius_m),
-        k_((c.axle_distance_m + c.track_width_m) / 2),
-        s_(c.slide_ratio),
-        gear_(c.gear_ratio) {}
+        k_((c.axle_distance_m + c.track_width_m) / 2 * c.lever_scale),
+        s_(c.slide_ratio * c.slide_scale),
+        gear_(c.gear_ratio),
+        c_(c.wheel_scale) {}
 
   // Wheel speeds (rad/s) that give the body twist without slip.
   [[nodiscard]] WheelVector inverse(const perception::Twist2& v) const noexcept {
     const double y = v.vy / s_, w = k_ * v.wz;
-    return {(-v.vx + y + w) / r_, (v.vx + y + w) / r_, (-v.vx - y + w) / r_, (v.vx - y + w) / r_};
+    return {(-v.vx + y + w) / (r_ * c_[0]), (v.vx + y + w) / (r_ * c_[1]),
+            (-v.vx - y + w) / (r_ * c_[2]), (v.vx - y + w) / (r_ * c_[3])};
   }
   // Body twist of the wheel speeds: least squares, since four wheels carry three freedoms. Also
   // maps wheel angle differences (rad) to body displacement (m, m, rad).
-  [[nodiscard]] perception::Twist2 forward(const WheelVector& w) const noexcept {
+  [[nodiscard]] perception::Twist2 forward(const WheelVector& turned) const noexcept {
     const double q = r_ / 4;
+    const WheelVector w{turned[0] * c_[0], turned[1] * c_[1], turned[2] * c_[2], turned[3] * c_[3]};
     return {q * (-w[0] + w[1] - w[2] + w[3]), s_ * q * (w[0] + w[1] - w[2] - w[3]),
             q / k_ * (w[0] + w[1] + w[2] + w[3])};
   }
-  // Largest wheel speed of a twist, rad/s.
+  // Largest wheel speed of a twist, rad/s; of wheels that are not alike, at most that.
   [[nodiscard]] double peak_wheel_speed(const perception::Twist2& v) const noexcept {
     const double y = v.vy / s_;
-    return ((v.vx < 0 ? -v.vx : v.vx) + (y < 0 ? -y : y) + k_ * (v.wz < 0 ? -v.wz : v.wz)) / r_;
+    return ((v.vx < 0 ? -v.vx : v.vx) + (y < 0 ? -y : y) + k_ * (v.wz < 0 ? -v.wz : v.wz)) /
+           (r_ * std::min({c_[0], c_[1], c_[2], c_[3]}));
   }
   [[nodiscard]] double motor_rpm(double wheel_rad_per_s) const noexcept {
     return wheel_rad_per_s * gear_ * 60.0 / (2.0 * std::numbers::pi);
@@ -70,6 +94,7 @@ class Mecanum {
 
  private:
   double r_, k_, s_, gear_;
+  std::array<double, kWheels> c_;
 };
 
 // Pose by dead reckoning from absolute wheel angles. The first sample only sets the zero. A gap

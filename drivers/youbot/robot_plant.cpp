@@ -38,7 +38,7 @@ Eigen::Matrix4d wheel_mass_matrix(const RobotPlantConfig& c, const Mecanum& kine
 RobotPlant::RobotPlant(rt::NonRealtime&, const RobotPlantConfig& config, const MecanumConfig& base,
                        const Pose2& start_X_WB, CollisionTest collides)
     : config_(config),
-      kinematics_(base),
+      kinematics_(uncalibrated(base)),
       collides_(std::move(collides)),
       mass_(wheel_mass_matrix(config, kinematics_)),
       mass_inverse_(mass_.inverse()),

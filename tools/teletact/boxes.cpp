@@ -93,10 +93,11 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   } else if (options.real_devices && !scene.camera_choice.in_process()) {
     camera_ = drivers::open_camera(nrt, scene.camera_choice, options.now, camera_said_);
   } else {
-    pose_ = std::make_unique<BasePose>(*bus_, scene.camera.X_BC(), scene.start_X_WB());
+    pose_ = std::make_unique<BasePose>(*bus_, scene.camera.true_X_BC(), scene.start_X_WB());
     auto synthetic = std::make_unique<drivers::SyntheticCamera>(nrt, scene.camera, *world_, *pose_,
                                                                 options.epoch);
     camera_effects_ = synthetic->noise().constructed();
+    mount_off_ = scene.camera.true_mount.differs;
     if (scene.robot != nullptr) {
       synthetic->carry(
           nrt, std::make_unique<drivers::ScriptedArm>(nrt, scene.arm, *scene.robot, options.epoch));
@@ -116,7 +117,7 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   camera_ = drivers::without_bias(nrt, std::move(camera_), scene.camera_choice.bias);
   if (options.passer_from) {
     camera_ = std::make_unique<drivers::PassingCamera>(
-        nrt, std::move(camera_), scene.rgbd_dir.empty() ? scene.camera.X_BC() : held_level(),
+        nrt, std::move(camera_), scene.rgbd_dir.empty() ? scene.camera.true_X_BC() : held_level(),
         *options.passer_from);
   }
   setup.camera = options.wrap_camera ? options.wrap_camera(*camera_) : camera_.get();
@@ -135,6 +136,7 @@ Effects RobotBox::effects() const {
   if (!camera_said_.empty()) out.emplace_back("camera: " + camera_said_, "camera.kind");
   for (const auto& name : camera_effects_)
     out.emplace_back("camera noise: " + name, "camera.noise");
+  if (mount_off_) out.emplace_back("camera: true_mount", "camera.true_mount");
   if (world_->moves()) out.emplace_back("world: things that move", "world.mover");
   for (const auto& name : arm_effects_) out.emplace_back("robot: " + name, "robot.arm");
   for (const auto& name : bus_->plant().effects())

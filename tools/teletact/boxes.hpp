@@ -62,6 +62,7 @@ class RobotBox {
   drivers::SyntheticCamera* synthetic_ = nullptr;
   drivers::ThreadedCamera* threaded_ = nullptr;
   std::vector<std::string> camera_effects_, arm_effects_;
+  bool mount_off_ = false;
   std::string camera_said_;  // of a real one
   std::unique_ptr<tasks::RobotGraph> graph_;
   drivers::LinkEndpoint endpoint_;

@@ -102,7 +102,7 @@ class CameraTruth {
       perception::Pose X_WB = perception::Pose::Identity();
       X_WB.translation() = perception::Vec3(t.x_m, t.y_m, 0);
       X_WB.linear() = Eigen::AngleAxisd(t.yaw_rad, perception::Vec3::UnitZ()).toRotationMatrix();
-      poses_.push_back({t_s, X_WB * scene.camera.X_BC()});
+      poses_.push_back({t_s, X_WB * scene.camera.true_X_BC()});
     }
   }
   [[nodiscard]] TrackingFigures judge(const std::vector<tasks::FusionSample>& samples) const {

@@ -1,9 +1,10 @@
 // teletact identify: mass, damping and dry friction of the haptic device by ring-down, nobody holding it. Prints
-// what the configuration assumes beside it, and writes the keys to take over.
+// what the configuration assumes beside it, and writes the keys to take over. `identify robot`: cmd_identify_robot.cpp.
 #include <time.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <cstring>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -44,6 +45,7 @@ std::string keys_of(const std::string& kind, const IdentifyResult& r) {
 }  // namespace
 
 int cmd_identify(int argc, char** argv) {
+  if (argc > 1 && std::strcmp(argv[1], "robot") == 0) return cmd_identify_robot(argc - 1, argv + 1);
   std::string scene_name = "default_room", json, out, kind;
   std::vector<std::string> overrides;
   IdentifyOptions options;
@@ -53,6 +55,7 @@ int cmd_identify(int argc, char** argv) {
       "itself, by "
       "a few centimetres: nobody may hold it.",
       "teletact identify");
+  app.footer("teletact identify robot: wheels and camera mount of the robot; --help tells more.");
   app.add_option("--scene", scene_name, "scene whose section [device] is used")
       ->capture_default_str();
   app.add_option("--set", overrides, "override a key: device.kind=\"omega\"");

@@ -14,6 +14,7 @@ int cmd_predict(int argc, char** argv);
 int cmd_doctor(int argc, char** argv);
 int cmd_device(int argc, char** argv);
 int cmd_identify(int argc, char** argv);
+int cmd_identify_robot(int argc, char** argv);  // identify robot
 int cmd_calibrate(int argc, char** argv);
 int cmd_audit(int argc, char** argv);
 int cmd_replay(int argc, char** argv);

@@ -27,6 +27,9 @@ constexpr std::array kRows{
     EffectRow{"camera noise: flying", "camera.noise.flying", kCamera,
               "readings between the near and the far side of an edge",
               "[camera.noise]\nflying = 0.02\n"},
+    EffectRow{"camera: true_mount", "camera.true_mount.differs", kCamera,
+              "the camera is not mounted as mount_* says",
+              "[camera.true_mount]\ndiffers = true\npitch_deg = 28\n"},
     EffectRow{"world: things that move", "world.mover", kCamera,
               "shapes of the place follow a path, in view and in the base's way",
               "[[world.box]]\nname = \"block\"\nsize_m = [0.2, 0.2, 0.2]\nposition_m = [3, 0, 1]\n"

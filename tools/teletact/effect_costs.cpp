@@ -46,6 +46,7 @@ std::vector<Switch> switches() {
       {"camera noise: lateral_px", {}, {"camera.noise.lateral_px=0"}, true},
       {"camera noise: edge_dropout", {}, {"camera.noise.edge_dropout=0"}, true},
       {"camera noise: flying", {}, {"camera.noise.flying=0"}, true},
+      {"camera: true_mount", {}, {"camera.true_mount.differs=true"}},
       {"world: things that move",
        {},
        {"world.mover=[{name=\"slide\", shapes=\"ball\", kind=\"shuttle\", way_m=[0.3, 0, 0]}]"}},

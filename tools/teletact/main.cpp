@@ -36,7 +36,7 @@ constexpr std::array kCommands{
             "error against CPU time over a method's knobs, with plots"},
     Command{"device", teletact::cmd_device, "open the haptic device, read it, say how it is"},
     Command{"identify", teletact::cmd_identify,
-            "mass, damping and friction of the haptic device by ring-down"},
+            "the haptic device by ring-down; identify robot: wheels and camera mount"},
     Command{"doctor", teletact::cmd_doctor,
             "is this machine fit for real-time use, and what to do"},
 };

@@ -8,7 +8,7 @@ TrackingFigures rendered_figures(const Scene& scene, const OperatorHalf& op,
                                  const RobotHalf& robot) {
   if (!scene.rgbd_dir.empty() || !scene.camera_choice.in_process() || robot.view.truth.empty())
     return {};
-  const perception::Pose X_BC = scene.camera.X_BC();
+  const perception::Pose X_BC = scene.camera.true_X_BC();
   return tracking_figures(
       op.view.fusion, [&](rt::Time exposure) -> std::optional<perception::Pose> {
         const auto X = true_base_at(robot, exposure);
