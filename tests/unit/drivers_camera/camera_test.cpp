@@ -49,6 +49,26 @@ TEST(SyntheticCamera, MountLooksForwardAndDown) {
   EXPECT_NEAR(c.X_BC().linear().determinant(), 1, 1e-12);
 }
 
+// Rolled clockwise, what was right in the image points down; and the true mount is the synthetic camera's alone.
+TEST(SyntheticCamera, RollAndTrueMount) {
+  drivers::SyntheticCameraConfig c;
+  EXPECT_TRUE(c.true_X_BC().matrix() == c.X_BC().matrix());
+  c.mount_pitch_deg = 0, c.mount_roll_deg = 90;
+  const perception::Vec3 right = c.X_BC().linear() * perception::Vec3(1, 0, 0),
+                         ahead = c.X_BC().linear() * perception::Vec3(0, 0, 1);
+  EXPECT_TRUE(right.isApprox(perception::Vec3(0, 0, -1), 1e-12));
+  EXPECT_TRUE(ahead.isApprox(perception::Vec3(1, 0, 0), 1e-12));
+  c = {};
+  c.true_mount = {true, {-0.18, -0.01, 0.93}, 3, 28, 1};
+  drivers::SyntheticCameraConfig truth;
+  truth.mount_position_m = {-0.18, -0.01, 0.93};
+  truth.mount_yaw_deg = 3, truth.mount_pitch_deg = 28, truth.mount_roll_deg = 1;
+  EXPECT_TRUE(c.true_X_BC().matrix() == truth.X_BC().matrix());
+  EXPECT_TRUE(c.X_BC().matrix() == drivers::SyntheticCameraConfig{}.X_BC().matrix());
+  c.true_mount.differs = false;
+  EXPECT_TRUE(c.true_X_BC().matrix() == c.X_BC().matrix());
+}
+
 TEST(SyntheticCamera, FrameIsCompleteAtItsInstantAndShowsTheMiddleOfTheExposure) {
   const auto world = load_world("default_room.toml");
   SyntheticCameraConfig config;

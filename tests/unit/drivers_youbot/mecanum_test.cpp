@@ -41,6 +41,64 @@ TEST(Mecanum, ForwardUndoesInverseForEveryGeometry) {
   }
 }
 
+// A calibrated base is the one whose wheels, lever and slide are so.
+TEST(Mecanum, CalibratedScalesAreThoseOfTheGeometry) {
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    rt::Random random(seed);
+    MecanumConfig c;
+    for (double& scale : c.wheel_scale) scale = random.uniform(0.8, 1.2);
+    c.lever_scale = random.uniform(0.8, 1.2);
+    c.slide_scale = random.uniform(0.8, 1.2);
+    const Mecanum k(c);
+    const Twist2 v{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-2, 2)};
+    const Twist2 back = k.forward(k.inverse(v));
+    EXPECT_NEAR(back.vx, v.vx, 1e-12) << "seed " << seed;
+    EXPECT_NEAR(back.vy, v.vy, 1e-12) << "seed " << seed;
+    EXPECT_NEAR(back.wz, v.wz, 1e-12) << "seed " << seed;
+    // Each wheel by itself, from a base of that radius all round.
+    WheelVector w{};
+    Twist2 sum;
+    for (int i = 0; i < 4; ++i) {
+      MecanumConfig one = drivers::uncalibrated(c);
+      one.wheel_radius_m *= c.wheel_scale[i];
+      one.axle_distance_m *= c.lever_scale, one.track_width_m *= c.lever_scale;
+      one.slide_ratio *= c.slide_scale;
+      w[i] = random.uniform(-5, 5);
+      WheelVector alone{};
+      alone[i] = w[i];
+      const Twist2 part = Mecanum(one).forward(alone);
+      sum.vx += part.vx, sum.vy += part.vy, sum.wz += part.wz;
+    }
+    const Twist2 whole = k.forward(w);
+    EXPECT_NEAR(whole.vx, sum.vx, 1e-12) << "seed " << seed;
+    EXPECT_NEAR(whole.vy, sum.vy, 1e-12) << "seed " << seed;
+    EXPECT_NEAR(whole.wz, sum.wz, 1e-12) << "seed " << seed;
+    double peak = 0;
+    for (const double s : k.inverse(v)) peak = std::max(peak, std::abs(s));
+    EXPECT_GE(k.peak_wheel_speed(v), peak - 1e-9) << "seed " << seed;
+  }
+}
+
+// Nothing calibrated: the bytes of the formulas without scales.
+TEST(Mecanum, WithoutCalibrationNotABitDiffers) {
+  const MecanumConfig c;
+  const double r = c.wheel_radius_m, k = (c.axle_distance_m + c.track_width_m) / 2,
+               s = c.slide_ratio;
+  rt::Random random(5);
+  for (int i = 0; i < 1000; ++i) {
+    const Twist2 v{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-2, 2)};
+    const double y = v.vy / s, t = k * v.wz;
+    EXPECT_EQ(Mecanum().inverse(v), (WheelVector{(-v.vx + y + t) / r, (v.vx + y + t) / r,
+                                                 (-v.vx - y + t) / r, (v.vx - y + t) / r}));
+    const WheelVector w{random.uniform(-9, 9), random.uniform(-9, 9), random.uniform(-9, 9),
+                        random.uniform(-9, 9)};
+    const double q = r / 4;
+    EXPECT_EQ(Mecanum().forward(w),
+              (Twist2{q * (-w[0] + w[1] - w[2] + w[3]), s * q * (w[0] + w[1] - w[2] - w[3]),
+                      q / k * (w[0] + w[1] + w[2] + w[3])}));
+  }
+}
+
 // Handy figures of the youBot reference: 1 m/s forward is 5194.4 motor rpm, 1 rad/s is 1999.8 rpm,
 // one encoder tick (4000 a motor turn) rolls 2.888 um.
 TEST(Mecanum, YoubotFigures) {

@@ -261,6 +261,25 @@ TEST(Plant, RadiusErrorIsTheBodysAlone) {
   EXPECT_NEAR(plant.state().wheel_rad[1], 2 * w[1], 1e-3);
 }
 
+// What the tasks have found of the robot is no property of the robot: the twin stays as it is.
+TEST(Plant, IsNotChangedByACalibration) {
+  Rig rig;
+  RobotPlantConfig c;
+  c.wheel_radius_error = {0.01, -0.02, 0, 0.005};
+  MecanumConfig calibrated;
+  calibrated.wheel_scale = {1.01, 0.98, 1, 1.005};
+  calibrated.lever_scale = 1.03, calibrated.slide_scale = 0.97;
+  const WheelVector w = drivers::Mecanum().inverse({0.3, 0.1, -0.2});
+  const auto end = [&](const MecanumConfig& base) {
+    RobotPlant plant(rig.nrt(), c, base, {});
+    plant.advance(kStart);
+    plant.command(kStart, w, true);
+    plant.advance(kStart + 2s);
+    return plant.state();
+  };
+  EXPECT_TRUE(same_bits(end({}), end(calibrated)));
+}
+
 TEST(Plant, EncoderReportsWholeTicksAndRpm) {
   Rig rig;
   RobotPlantConfig c;
