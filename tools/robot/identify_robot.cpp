@@ -26,6 +26,9 @@ constexpr double kLeg_m = 2.0;  // over which odometry is judged
 // What a plane fitted to depth images may err as a whole, however many there are: 0.5 % of 0.6 m, and as much in tilt.
 constexpr double kFloor_m = 0.003, kFloor_rad = 0.1 * kDeg;
 constexpr std::size_t kLeastFloor = 3;
+// What the camera's poses err alike all the drive long, which no residual shows: a map is as large as its depths say.
+// chosen on: identify robot, rounds, seeds 1, 11 to 14; judged on: identify robot, rounds, seeds 21 to 24
+constexpr double kScale = 1e-3, kPlace_m = 5e-4, kTurn_rad = 0.02 * kDeg;
 
 // The wheels' angles at t, between two rows; none across a hole.
 std::optional<drivers::WheelVector> angles_at(const std::vector<WheelAngles>& wheels, double t,
@@ -229,8 +232,17 @@ void tell_rank(const DriveProblem::Matrix12& covariance, RobotFit& fit) {
   fit.condition = std::sqrt(variance.maxCoeff() / std::max(variance.minCoeff(), 1e-300));
 }
 
+// The covariance with what all poses err alike.
+DriveProblem::Matrix12 with_common(DriveProblem::Matrix12 C) {
+  C(0, 0) += kScale * kScale;  // mean radius and lever are lengths, and grow with the map
+  C(4, 4) += kScale * kScale;
+  C.diagonal().segment<3>(6).array() += kPlace_m * kPlace_m;
+  C.diagonal().segment<3>(9).array() += kTurn_rad * kTurn_rad;
+  return C;
+}
+
 void fill(const DriveProblem& problem, const RobotModel& stated, RobotFit& fit) {
-  const auto& C = problem.covariance();
+  const DriveProblem::Matrix12 C = with_common(problem.covariance());
   DriveProblem::Parameters kept = problem.change();
   for (std::size_t i = 0; i < kRobotParameters; ++i) {
     const auto at = static_cast<Eigen::Index>(i);

@@ -125,10 +125,18 @@ void tell(const RobotFit& fit, const std::vector<Row>& rows, Metrics& metrics) {
   std::printf("           stated      found       sigma\n");
   for (const Row& r : rows) {
     const bool share = std::string(r.unit) == "1";
-    const char* format =
-        share ? "%-12s %9.5f   %9.5f   %.5f%s\n" : "%-12s %9.2f   %9.2f   %.2f %s\n";
-    std::printf(format, r.name, r.stated, r.found, r.sigma, share ? "" : r.unit);
-    if (!r.constrained) std::printf("             not constrained by this drive: as stated\n");
+    std::printf(share ? "%-12s %9.5f   %9.5f   " : "%-12s %9.2f   %9.2f   ", r.name, r.stated,
+                r.found);
+    if (!r.constrained) {
+      // Of four radii the mean may be known, and each of them not.
+      const bool wheel = std::string(r.metric).rfind("wheel.", 0) == 0;
+      std::printf(wheel ? "not constrained one by one\n"
+                        : "not constrained by this drive: as stated\n");
+    } else if (share) {
+      std::printf("%.5f\n", r.sigma);
+    } else {
+      std::printf("%.2f %s\n", r.sigma, r.unit);
+    }
     const std::string name = std::string("identify.robot.") + r.metric;
     const std::string unit = share ? "" : std::string("_") + r.unit;
     metrics.add(name + unit, r.found, r.unit);
@@ -146,6 +154,8 @@ void tell(const RobotFit& fit, const std::vector<Row>& rows, Metrics& metrics) {
       fit.condition, 1e3 * fit.camera_m, fit.camera_rad / kDeg, fit.floor_frames, 100 * fit.slip,
       1e3 * fit.before_m_per_m, fit.before_rad_per_m / kDeg, 1e3 * fit.after_m_per_m,
       fit.after_rad_per_m / kDeg);
+  if (const std::string missing = unconstrained(fit, true); !missing.empty())
+    std::printf("as stated  %s: not constrained by this drive\n", missing.c_str());
   metrics.add("identify.robot.seconds", fit.seconds, "s");
   metrics.add("identify.robot.way_m", fit.way_m, "m");
   metrics.add("identify.robot.turn_deg", fit.turn_rad / kDeg, "deg");
