@@ -21,11 +21,6 @@ using testing::HasSubstr;
 
 constexpr double kDeg = 0.017453292519943295;
 
-rt::Startup& startup() {
-  static rt::Startup s;
-  return s;
-}
-
 struct Folder {
   fs::path path = fs::temp_directory_path() / ("identify_" + std::to_string(::getpid()));
   Folder() { fs::create_directories(path); }
