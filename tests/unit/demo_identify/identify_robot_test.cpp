@@ -67,7 +67,8 @@ std::string read(const std::string& path) {
 }
 
 double metric(const std::string& json, const std::string& name) {
-  for (const auto& m : nlohmann::json::parse(json)["metrics"])
+  const auto whole = nlohmann::json::parse(json);
+  for (const auto& m : whole["metrics"])
     if (m["name"] == name) return m["value"].get<double>();
   ADD_FAILURE() << name << " is not among the metrics";
   return -1;
@@ -144,7 +145,8 @@ TEST(IdentifyRobot, WhatItDoesNotTakeIsRefusedInOneLine) {
   }
   const std::string w = with("s.csv", csv), p = with("s.txt", poses);
   EXPECT_THAT(refusal({"--wheels", w, "--poses", p, "--write", folder.file("part.toml")}),
-              HasSubstr("the drive does not constrain radii front against back, lever"));
+              HasSubstr("the drive does not constrain radii front against back, radii diagonally, "
+                        "lever of the turn, "));
   EXPECT_FALSE(fs::exists(folder.file("part.toml")));
   EXPECT_EQ(run({"--wheels", w, "--poses", p, "--partial", "--write", folder.file("part.toml")}),
             0);
