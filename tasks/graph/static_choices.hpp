@@ -25,6 +25,11 @@ inline constexpr std::array<VoxelChoice, 2> kVoxelChoices{{
     {0.020, {25000, 12000, 9000}},
 }};
 
+// What the published method of touch adds where a scene asks for it, declared: to a job of fusion, at every level, its ray
+// cast, which has one ray a pixel whatever the level is; to a tick of haptic the reduction over its points.
+inline constexpr std::int64_t kRayCast_us = 12000;
+inline constexpr std::int64_t kReduction_us = 100;
+
 inline constexpr double kFloorVoxel_m = 0.020;
 inline constexpr std::int64_t kFloorFusion_hz = 30;
 inline constexpr std::int64_t kFloorPlanning_us = 5000;
@@ -37,6 +42,8 @@ struct ChoiceLimits {
   // half of it >= hand speed limit x workspace scale x 100 ms + 50 mm.
   int patch_nodes = 0;  // 0: not looked at
   double needed_half_extent_m = 0;
+  bool ray_cast =
+      false;  // haptic.method = "force_shading": its costs come on top of what is declared
 };
 
 // "20 mm"

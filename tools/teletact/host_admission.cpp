@@ -1,5 +1,7 @@
 #include "tools/teletact/host_admission.hpp"
 
+#include <cstdio>
+
 #include "tasks/graph/calibration.hpp"
 #include "tasks/graph/frame_phase.hpp"
 
@@ -18,6 +20,17 @@ bool names(const config::Section& s, const std::string& section, const std::stri
   return false;
 }
 
+// What a refusal says beside its figures.
+std::string ray_cast_text(const tasks::Calibration& given) {
+  const std::string asks = "; haptic.method = \"force_shading\" ";
+  if (given.ray_cast) return asks + "is in what was measured of fusion and haptic";
+  char text[120];
+  std::snprintf(text, sizeof text,
+                "adds %.1f ms to a job of fusion and %.2f ms to a tick of haptic",
+                1e-3 * tasks::kRayCast_us, 1e-3 * tasks::kReduction_us);
+  return asks + text;
+}
+
 }  // namespace
 
 tasks::ChoiceLimits choice_limits(const Scene& scene) {
@@ -28,14 +41,16 @@ tasks::ChoiceLimits choice_limits(const Scene& scene) {
   limits.patch_nodes = fusion.patch_nodes;
   limits.needed_half_extent_m = tasks::FusionTask::needed_half_extent(
       scene.device.speed_limit_m_per_s, scene.graph.haptic.scale);
+  limits.ray_cast = scene.graph.haptic.asks_for_ray_cast();
   return limits;
 }
 
-HostPlan admit_host(const Scene& scene, const tasks::Calibration& calibration,
+HostPlan admit_host(const Scene& scene, const tasks::Calibration& given,
                     const std::vector<int>& cpus, const tasks::BestEffortShares& shares,
                     const std::string& only_choice) {
   HostPlan plan;
   const tasks::ChoiceLimits limits = choice_limits(scene);
+  const tasks::Calibration calibration = tasks::with_ray_cast(given, limits.ray_cast);
   std::vector<rt::TaskSpec> specs = tasks::make_specs(calibration, limits);
   for (rt::TaskSpec& s : specs) {
     for (rt::StaticChoice& c : s.choices) {
@@ -45,6 +60,7 @@ HostPlan admit_host(const Scene& scene, const tasks::Calibration& calibration,
   plan.request = tasks::make_request(specs, cpus, shares, scene.graph.pool, calibration);
   plan.admission = rt::admit(plan.request);
   plan.refusal = plan.admission.refusal;
+  if (!plan.refusal.empty() && limits.ray_cast) plan.refusal += ray_cast_text(given);
   if (!plan.admission.admitted) return plan;
   plan.specs = rt::settled_as(plan.admission, specs);
   tasks::set_fusion_phase(plan.specs, plan.admission, calibration, scene.link.shape);
