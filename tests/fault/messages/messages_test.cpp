@@ -33,7 +33,8 @@ struct Line {
   double magnitude_us = 0, probability = 1;
 };
 
-VirtualRun run(double seconds, const std::vector<Line>& lines, const std::string& logs = {}) {
+VirtualRun run(double seconds, const std::vector<Line>& lines, const std::string& logs = {},
+               const std::vector<std::string>& overrides = {}) {
   const auto path = std::filesystem::temp_directory_path() /
                     ("teletact-messages-" + std::to_string(::getpid()) + ".toml");
   {
@@ -47,7 +48,8 @@ VirtualRun run(double seconds, const std::vector<Line>& lines, const std::string
       out << "\n\n";
     }
   }
-  const auto scene = teletact::load_scene(teletact::find_config("scenes", "default_room"), {});
+  const auto scene =
+      teletact::load_scene(teletact::find_config("scenes", "default_room"), overrides);
   teletact::DemoOptions options;
   options.seconds = seconds;
   options.virtual_clock = options.quiet = true;
@@ -358,6 +360,34 @@ TEST(MessageFaults, AnOldPathHaltsTheRobot) {
   EXPECT_LT(largest_speed(r, 6.4, 6.8), 0.01);
   EXPECT_EQ(r.op.view.mode.mode, tasks::Mode::kEngaged);
   EXPECT_EQ(r.op.view.beyond, std::vector<std::string_view>{"path"});
+}
+
+// The published method's ray cast, thirty a second from the first claimed image on: six that do not come, and ten that are no
+// numbers. The hand rests on the floor meanwhile, and on the pedestal's top.
+TEST(MessageFaults, ARayCastThatDoesNotComeOrIsNoNumberGivesNoForce) {
+  const std::vector<std::string> method{"haptic.method=\"force_shading\""};
+  const auto plain = run(5, {}, {}, method);
+  EXPECT_GT(largest_force(plain, 3.5, 4.6), 2.0);
+  const auto count = [](const VirtualRun& r, rt::FaultId fault) {
+    return jobs_with(r.op.log, tasks::TaskId::kHaptic, fault, 0, r.op.epoch_ns);
+  };
+  EXPECT_EQ(count(plain, tasks::kFaultHapticSurfaceStale), 0U);
+  EXPECT_EQ(count(plain, tasks::kFaultHapticBadPatch), 0U);
+  // From 3.5 s on: 12 of them, 400 ms.
+  const auto silent = run(5, {{"drop", "surface", 104, 1, 12}}, {}, method);
+  EXPECT_GT(largest_force(silent, 3.2, 3.6), 2.0);
+  EXPECT_GT(count(silent, tasks::kFaultHapticSurfaceStale), 200U);
+  EXPECT_LT(count(silent, tasks::kFaultHapticSurfaceStale), 400U);
+  EXPECT_LT(largest_force(silent, 3.80, 3.86), 0.01) << "ramped to zero";
+  EXPECT_GT(largest_force(silent, 4.1, 4.5), 2.0) << "back with the next one";
+  const auto nan = run(5, {{"nan", "surface", 104, 1, 10}}, {}, method);
+  EXPECT_GT(count(nan, tasks::kFaultHapticBadPatch), 250U);
+  EXPECT_LT(largest_force(nan, 3.65, 3.8), 0.01);
+  for (const auto& s : nan.op.view.haptic) ASSERT_TRUE(s.finite);
+  // Old ones, on time: told, and touched on.
+  const auto old = run(5, {{"stale", "surface", 104, 1, 12, 2e6}}, {}, method);
+  EXPECT_EQ(count(old, tasks::kFaultHapticSurfaceStale), 0U);
+  EXPECT_GT(largest_force(old, 3.7, 3.9), 2.0);
 }
 
 // The console names what it shows that is silent, or old.
