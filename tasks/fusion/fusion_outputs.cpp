@@ -38,18 +38,18 @@ void FusionTask::write_patch(const rt::Tick& tick, const HapticState& hand, Out&
   out.patch_written = true;
 }
 
-// Every period, as the patch: what was cleared or has faded since the last image is gone from it too. A camera that is lost
+// Some rows more every period, so that a job's cost has a bound; the slot is the same until it is whole. A camera that is lost
 // casts from where it was claimed last.
 void FusionTask::write_surface(const rt::Tick& tick, Out& out) noexcept {
   if (out.camera_written && out.camera.claimed) surface_->stand_at(out.camera.X_WC);
   if (out.surface == nullptr || !surface_->stands()) return;
   Stage stage(profiling_, *crew_, profile_.surface);
   const double reach_m = config_.tracker.preprocess.depth_max_m + config_.tsdf.truncation_m;
+  if (surface_->begins()) out.surface->exposure = fused_exposure_;  // of the oldest rows
   const auto stats = surface_->cast(map_, reach_m, *crew_, *out.surface);
-  if (stats.rays == 0) return;
-  out.surface->fused = tick.start;
-  out.surface->exposure = fused_exposure_;
   out.work += static_cast<std::uint64_t>(stats.steps) + static_cast<std::uint64_t>(stats.rays);
+  if (stats.rays == 0 || !surface_->begins()) return;
+  out.surface->fused = tick.start;
   out.surface_written = true;
 }
 

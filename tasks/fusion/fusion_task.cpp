@@ -51,7 +51,7 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
   if (setup.robot != nullptr)
     body_ = std::make_unique<FusionBody>(nrt, config.body, *setup.robot, config.tracker, setup.X_BC,
                                          setup.camera);
-  if (setup.ray_cast) surface_ = std::make_unique<SurfaceCast>(nrt, setup.camera);
+  if (setup.ray_cast) surface_ = std::make_unique<SurfaceCast>(nrt, setup.camera, config.surface_periods);
   if (config.mesh_blocks > 0) mesh_ = std::make_unique<perception::MeshSender>(nrt, map_);
 }
 

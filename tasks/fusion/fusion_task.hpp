@@ -5,7 +5,7 @@
 //            Latest<RobotState>    from the link      odometry: motion prior of the tracking
 //            Ring<SceneEdit>       from the console   regions to forget, obstacles drawn by the operator
 //   writes   Latest<SurfacePatch>  to tasks/haptic    every period, even without a new image
-//            Latest<SurfacePoints> to tasks/haptic    every period from the first claim on, where asked for
+//            Latest<SurfacePoints> to tasks/haptic    every surface_periods-th period at most, where asked for
 //            Latest<CostMap>       to tasks/planning  every cost_map_period-th period
 //            Latest<CameraPose>    to prediction, console   every frame
 //            Latest<SceneView>     to console         every view_period_frames-th period
@@ -108,6 +108,7 @@ struct FusionConfig {
   int cost_map_period = 3;         // periods; published whether it changed or not
   int mesh_blocks = 0;             // blocks cut for a message of mesh deltas; 0: none are made
   int mesh_period_frames = 3;      // periods between two of them
+  int surface_periods = 12;        // jobs that the ray cast for the published method is made in
   std::string map;                 // stored map to begin with (load_map); empty: none
   // Odometry: error growth since the last frame the scene constrained fully.
   double odometry_translation_share = 0.02;  // of the way

@@ -198,15 +198,16 @@ std::string Calibration::lacks(const CalibrationOrigin& wanted,
   return {};
 }
 
-Calibration with_ray_cast(Calibration c, bool asked) {
-  if (!asked || c.ray_cast) return c;
+Calibration with_ray_cast(Calibration c, std::int64_t job_us) {
+  if (job_us == 0 || c.ray_cast) return c;
+  const auto cast_us = static_cast<double>(job_us);
   for (CalibrationRow& r : c.rows) {
     double more_us = 0;
     if (r.name == kTaskTable[index_of(TaskId::kHaptic)].name) more_us = kReduction_us;
-    if (r.name == kWorkerRow) more_us = kWorkerShare * kRayCast_us;
+    if (r.name == kWorkerRow) more_us = kWorkerShare * cast_us;
     if (r.name == kTaskTable[index_of(TaskId::kFusion)].name) {
       const bool shared = c.find(kWorkerRow, r.choice, r.level) != nullptr;
-      more_us = (shared ? kOwnShare : 1.0) * kRayCast_us;
+      more_us = (shared ? kOwnShare : 1.0) * cast_us;
     }
     for (double* us : {&r.p50_us, &r.p99_us, &r.p999_us}) *us += more_us;
     for (double& us : r.quantiles_us) us += more_us;
@@ -352,7 +353,7 @@ std::vector<rt::TaskSpec> make_specs(const Calibration& calibration, const Choic
       for (const VoxelOption& o : voxel_options(limits)) {
         const auto* best = calibration.find(row.name, o.name, 0);
         auto declared_us = o.budgets_us;
-        for (auto& us : declared_us) us += limits.ray_cast ? kRayCast_us : 0;
+        for (auto& us : declared_us) us += limits.ray_cast_us;
         s.choices.push_back({o.name, make_variants(calibration, row, o.name, declared_us),
                              o.ruled_out.empty() && best != nullptr
                                  ? calibration.does_not_track(*best)
@@ -362,7 +363,7 @@ std::vector<rt::TaskSpec> make_specs(const Calibration& calibration, const Choic
       std::array<std::int64_t, 4> declared_us{};
       for (std::size_t i = 0; i < declared_us.size(); ++i)
         declared_us[i] = row.variants[i].budget_us;
-      if (row.id == TaskId::kHaptic && limits.ray_cast) declared_us[0] += kReduction_us;
+      if (row.id == TaskId::kHaptic && limits.ray_cast_us > 0) declared_us[0] += kReduction_us;
       s.variants = make_variants(calibration, row, {}, declared_us);
       s.budget = s.variants.front().budget;
     }

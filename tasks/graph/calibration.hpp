@@ -90,9 +90,10 @@ struct Calibration : CalibrationOrigin {
   }
 };
 
-// For a scene that does, or does not, ask for the ray cast of the published method: where the rows were measured without
-// it, its declared cost is added to those of fusion, of fusion's workers and of haptic. What was measured with it stays.
-[[nodiscard]] Calibration with_ray_cast(Calibration calibration, bool asked);
+// For a scene that asks for the ray cast of the published method, which then costs a job of fusion `job_us`: where the rows
+// were measured without it, that is added to those of fusion and its workers, and the reduction to haptic's. What was measured
+// with it stays; 0: nobody asks.
+[[nodiscard]] Calibration with_ray_cast(Calibration calibration, std::int64_t job_us);
 
 // Identity of this machine as far as timing goes: CPU model, cores, kernel.
 [[nodiscard]] std::string host_id();

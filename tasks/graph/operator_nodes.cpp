@@ -168,6 +168,14 @@ FusionNode::FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const Op
       robot_in_(limit_row(EdgeId::kRobotState, TaskId::kFusion), config, cells.logs.get()),
       edit_in_(limit_row(EdgeId::kEdit, TaskId::kFusion), config, cells.logs.get()) {
   if (cells.surface != nullptr) {
+    const int liveness_ms = config.limits.liveness_ms[limit_row(EdgeId::kSurface, TaskId::kHaptic)];
+    const double cast_s = config.fusion.surface_periods * rt::seconds(setup.fusion.period);
+    if (2e3 * cast_s > liveness_ms + 1) {
+      throw std::runtime_error(
+          "limits.haptic.surface_liveness_ms = " + std::to_string(liveness_ms) +
+          " is less than two ray casts of fusion.surface_periods = " +
+          std::to_string(config.fusion.surface_periods) + " jobs");
+    }
     const auto& camera = setup.fusion.camera;
     const auto pixels =
         static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);

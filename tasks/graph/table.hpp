@@ -142,7 +142,7 @@ inline constexpr std::array<LimitRow, 34> kLimitTable{{
     {EdgeId::kGoal, TaskId::kRobotIo, 90, 700, "the base ramps down", "robot_io.link_silence_ms", "prediction.goal_valid_ms"},
     {EdgeId::kGoal, TaskId::kRobotSupervision, 180, 800, "silent: ramp down; old: as an engage withdrawn", "supervision.link_liveness_s"},
     {EdgeId::kPatch, TaskId::kHaptic, 100, 1000, "silent: force ramps to zero; old: told, contact stays", "haptic.patch_liveness_s"},
-    {EdgeId::kSurface, TaskId::kHaptic, 100, 1000, "silent: force ramps to zero; old: told, contact stays"},
+    {EdgeId::kSurface, TaskId::kHaptic, 1000, 1500, "silent: force ramps to zero; old: told, contact stays"},
     {EdgeId::kView, kConsole, 2000, 2000, "named in the status line"},
     {EdgeId::kMesh, kConsole, 1000, 2000, "named in the status line"},
     {EdgeId::kCostMap, TaskId::kPlanning, 500, 1000, "no new path; the one under way stands, for its own age"},
