@@ -224,12 +224,12 @@ TEST(Replay, ThePublishedMethodReplaysToo) {
         op.kind == JobOp::Kind::kCommit)
       last = op.get<teletact::Ended>().published[5];
   }
-  EXPECT_GT(last, 100U);
+  EXPECT_GE(last, 13U);
   EXPECT_GE(newest + 1, last);
   // A tick that would have read another one is told of.
   for (JobOp& op : recording.value().ops) {
-    if (op.task != static_cast<std::uint16_t>(tasks::TaskId::kHaptic) || op.seq[4] != 100) continue;
-    op.seq[4] = 99;
+    if (op.task != static_cast<std::uint16_t>(tasks::TaskId::kHaptic) || op.seq[4] != 8) continue;
+    op.seq[4] = 7;
   }
   const auto scene = teletact::load_scene(r.folder + "/scene.toml", {});
   const auto other = teletact::replay(nrt(), *scene, {}, recording.value(), 0);

@@ -1,5 +1,5 @@
-// The ray cast of the published method of touch: made where the setup asks, every period from the first claim on, from the last
-// camera that was claimed. Oracle: a cast of the same map from that pose, made here, and the analytic scene.
+// The ray cast of the published method of touch: made where the setup asks, in parts or in one job, from the last camera that was
+// claimed when it began. Oracle: a cast of the same map from that pose, made here, and the analytic scene.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,9 +19,11 @@ using tests::Rig;
 
 struct Asked : Rig {
   SurfacePoints points;
-  explicit Asked(bool ask = true) {
+  explicit Asked(bool ask = true, int periods = 1) {
     setup.ray_cast = ask;
-    task = std::make_unique<FusionTask>(startup.token(), tests::coarse(), setup);
+    FusionConfig config = tests::coarse();
+    config.surface_periods = periods;
+    task = std::make_unique<FusionTask>(startup.token(), config, setup);
     points.resize(pixels());
     out.surface = &points;
   }
@@ -96,7 +98,59 @@ TEST(Surface, ThePointsAreThoseOfADirectCastFromTheClaimedPose) {
   EXPECT_LT(median_m, 0.003);
 }
 
-// The patch's rule: published every period, a new image or not; nothing before the first claim.
+// In parts: whole every n-th period, all of one pose, and of a map that rests what a cast in one job is.
+TEST(Surface, InPartsItIsTheSameCastLater) {
+  const AnalyticScene room = tests::test_room();
+  for (const int periods : {2, 5, 12, 15}) {
+    Asked rig(true, periods);
+    for (int i = 0; i < 8; ++i) rig.see(room, Rig::eye(i));
+    int jobs = 0, whole = 0, most_jobs = 0;
+    std::uint64_t seq = rig.points.seq;
+    for (int i = 0; i < 3 * periods; ++i) {
+      rig.step(false);  // the map rests from here on
+      ++jobs;
+      if (!rig.out.surface_written) {
+        EXPECT_EQ(rig.points.seq, seq) << "not told before it is whole";
+        continue;
+      }
+      EXPECT_EQ(rig.points.seq, ++seq);
+      most_jobs = std::max(most_jobs, jobs);
+      jobs = 0;
+      if (++whole < 2) continue;  // this one began while images came
+      EXPECT_TRUE(rig.points.X_WC.matrix() == rig.task->camera().matrix());
+      const Off off = against_direct_cast(rig);
+      EXPECT_EQ(off.differ, 0) << periods;
+      EXPECT_LT(off.point_m, 5e-6) << periods;
+      EXPECT_LT(off.normal, 1e-6) << periods;
+      EXPECT_GT(off.hits, static_cast<int>(rig.pixels()) * 2 / 3);
+    }
+    EXPECT_GE(whole, 2) << periods;
+    EXPECT_LE(most_jobs, periods);
+  }
+}
+
+// While the camera goes on, a cast keeps the pose that it began with, and says how old its oldest rows are.
+TEST(Surface, APartKeepsThePoseThatTheCastBeganWith) {
+  const AnalyticScene room = tests::test_room();
+  Asked rig(true, 4);
+  std::vector<Pose> poses;
+  std::vector<rt::Time> exposures;
+  int whole = 0;
+  for (int i = 0; i < 16; ++i) {
+    rig.see(room, Rig::eye(i));
+    ASSERT_TRUE(rig.out.camera.claimed);
+    poses.push_back(rig.out.camera.X_WC);
+    exposures.push_back(rig.frame->exposure);
+    if (!rig.out.surface_written) continue;
+    ++whole;
+    const std::size_t began = poses.size() - 4;
+    EXPECT_TRUE(rig.points.X_WC.matrix() == poses[began].matrix());
+    EXPECT_EQ(rig.points.exposure, exposures[began]);
+  }
+  EXPECT_EQ(whole, 4);
+}
+
+// Published again whether a new image came or not; nothing before the first claim.
 TEST(Surface, ItComesEveryPeriodFromTheFirstClaimOn) {
   const AnalyticScene room = tests::test_room();
   Asked rig;

@@ -128,13 +128,14 @@ TEST(Calibration, AnAbortedTaskKeepsTheDeclaredBudgetAndCostsWhatItTakes) {
 // A scene that touches by the published method pays for its ray cast: declared where it was not measured with it.
 TEST(Calibration, TheRayCastOfThePublishedMethodIsInTheBudgets) {
   const Calibration c = whole();
-  const Calibration same = tasks::with_ray_cast(c, false);
+  const Calibration same = tasks::with_ray_cast(c, 0);
   EXPECT_FALSE(same.ray_cast);
   EXPECT_EQ(same.find("fusion", "20 mm", 1)->p999_us, c.find("fusion", "20 mm", 1)->p999_us);
-  const Calibration more = tasks::with_ray_cast(c, true);
+  constexpr std::int64_t kJob_us = 7000;
+  const Calibration more = tasks::with_ray_cast(c, kJob_us);
   ASSERT_TRUE(more.ray_cast);
   for (std::size_t i = 0; i < c.rows.size(); ++i) {
-    const double by = c.rows[i].name == "fusion"   ? tasks::kRayCast_us
+    const double by = c.rows[i].name == "fusion"   ? kJob_us
                       : c.rows[i].name == "haptic" ? tasks::kReduction_us
                                                    : 0;
     EXPECT_NEAR(more.rows[i].p50_us - c.rows[i].p50_us, by, 1e-9) << c.rows[i].name;
@@ -150,24 +151,24 @@ TEST(Calibration, TheRayCastOfThePublishedMethodIsInTheBudgets) {
   const auto back = tasks::read_calibration(text_of(more), "c.toml");
   ASSERT_TRUE(back) << back.error();
   EXPECT_TRUE(back.value().ray_cast);
-  const Calibration twice = tasks::with_ray_cast(back.value(), true);
+  const Calibration twice = tasks::with_ray_cast(back.value(), kJob_us);
   EXPECT_NEAR(twice.find("haptic", "", 0)->p999_us, more.find("haptic", "", 0)->p999_us, 1e-3);
   EXPECT_FALSE(tasks::read_calibration(text_of(c), "c.toml").value().ray_cast);
   // Shared with workers as the rest of a job is.
   Calibration pool = c;
   for (int level = 0; level < 3; ++level)
     pool.rows.push_back(row(std::string(tasks::kWorkerRow), "20 mm", level, 500));
-  const Calibration shared = tasks::with_ray_cast(pool, true);
+  const Calibration shared = tasks::with_ray_cast(pool, kJob_us);
   EXPECT_NEAR(shared.find(tasks::kWorkerRow, "20 mm", 0)->p50_us - 250,
-              tasks::kWorkerShare * tasks::kRayCast_us, 1e-9);
+              tasks::kWorkerShare * kJob_us, 1e-9);
   EXPECT_NEAR(shared.find("fusion", "20 mm", 0)->p50_us - c.find("fusion", "20 mm", 0)->p50_us,
-              tasks::kOwnShare * tasks::kRayCast_us, 1e-9);
+              tasks::kOwnShare * kJob_us, 1e-9);
 }
 
 // Without any measurement the declared budgets have it.
 TEST(Calibration, TheRayCastIsInTheDeclaredBudgetsToo) {
   tasks::ChoiceLimits asked;
-  asked.ray_cast = true;
+  asked.ray_cast_us = 7000;
   const auto with = tasks::make_specs({}, asked), without = tasks::make_specs({}, {});
   for (std::size_t i = 0; i < with.size(); ++i) {
     if (with[i].name == "fusion") {
@@ -176,7 +177,7 @@ TEST(Calibration, TheRayCastIsInTheDeclaredBudgetsToo) {
           EXPECT_EQ((with[i].choices[c].variants[level].budget -
                      without[i].choices[c].variants[level].budget)
                         .count(),
-                    1000 * tasks::kRayCast_us);
+                    1000 * asked.ray_cast_us);
     } else {
       EXPECT_EQ((with[i].budget - without[i].budget).count(),
                 with[i].name == "haptic" ? 1000 * tasks::kReduction_us : 0)

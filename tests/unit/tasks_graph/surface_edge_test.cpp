@@ -62,6 +62,32 @@ TEST(SurfaceEdge, OnlyTheMethodThatReadsItHasIt) {
   EXPECT_EQ(box.graph->cells().surface->begin_write().x.size(), 64U * 48U);
 }
 
+// A cast that takes so long that two of them are more than a reader waits is one clear error.
+TEST(SurfaceEdge, ALivenessBelowTwoCastsIsRefused) {
+  Hand hand;
+  rt::Startup startup;
+  tasks::GraphConfig config;
+  tasks::OperatorSetup setup;
+  setup.device = &hand;
+  setup.fusion.camera = {60, 60, 31.5, 23.5, 64, 48};
+  config.fusion.tsdf.max_blocks = 500;
+  config.limits.liveness_ms[tasks::limit_row(tasks::EdgeId::kSurface, tasks::TaskId::kHaptic)] =
+      700;
+  const tasks::OperatorGraph bare(startup.token(), config, setup, 1e-3);
+  config.haptic.method = "force_shading";
+  try {
+    const tasks::OperatorGraph graph(startup.token(), config, setup, 1e-3);
+    ADD_FAILURE() << "twelve periods are 400 ms";
+  } catch (const std::runtime_error& e) {
+    EXPECT_NE(std::string(e.what()).find("limits.haptic.surface_liveness_ms = 700"),
+              std::string::npos)
+        << e.what();
+    EXPECT_NE(std::string(e.what()).find("fusion.surface_periods = 12"), std::string::npos);
+  }
+  config.fusion.surface_periods = 10;
+  const tasks::OperatorGraph graph(startup.token(), config, setup, 1e-3);
+}
+
 // What a tick latched stays as it is until the next latch, however much is published meanwhile; and nobody copies.
 TEST(SurfaceEdge, WhatATickReadsIsNotWrittenUntilItsNextLatch) {
   Box box("force_shading");
