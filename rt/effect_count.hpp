@@ -40,10 +40,11 @@ enum class Effect : std::uint8_t {
   kTexture,
   kViscosity,
   kMaterials,
+  kForceShading,
   kObjects,
   kMesh,
 };
-inline constexpr std::size_t kEffects = 29;
+inline constexpr std::size_t kEffects = 30;
 // As the catalogue of effects has them (tools/teletact/effect_catalogue.hpp).
 inline constexpr std::array<std::string_view, kEffects> kEffectNames{
     "camera noise: axial",
@@ -73,6 +74,7 @@ inline constexpr std::array<std::string_view, kEffects> kEffectNames{
     "touch: texture",
     "touch: viscosity",
     "touch: materials",
+    "touch: force shading",
     "objects in the map",
     "mesh for the console"};
 

@@ -34,6 +34,7 @@ void require_valid(const FusionConfig& config, const FusionSetup& setup) {
         "mesh_blocks", config.mesh_blocks, "0 .. 511");
   check(config.mesh_period_frames >= 1, "mesh_period_frames", config.mesh_period_frames,
         "at least 1");
+  check(config.surface_periods >= 1, "surface_periods", config.surface_periods, "at least 1");
   check(config.cost_map_period >= 1, "cost_map_period", config.cost_map_period, "at least 1");
   for (const FusionLevel& level : config.levels) {
     check(level.pixel_step == 1 || level.pixel_step == 2 || level.pixel_step == 4,
@@ -65,6 +66,8 @@ void FusionConfig::describe(config::Section& s) {
       .integer("mesh_blocks", mesh_blocks, 0, perception::MeshDelta::kMostBlocks - 1,
                "changed blocks whose triangles are sent to the console at once; 0: no mesh")
       .integer("mesh_period_frames", mesh_period_frames, 1, 300, "periods between two of these")
+      .integer("surface_periods", surface_periods, 1, 15,
+               "periods that the ray cast for haptic.method = \"force_shading\" is made in")
       .text("map", map, {}, "stored map to begin with, its voxel this map's; empty: none")
       .number("odometry_translation_share", odometry_translation_share, 0, 1,
               "error of odometry, share of the way")

@@ -1,4 +1,4 @@
-// What others read of the fusion task: patch, cost map, view, mesh.
+// What others read of the fusion task: patch, ray cast, cost map, view, mesh.
 #include <algorithm>
 
 #include "perception/tsdf/patch_copy.hpp"
@@ -36,6 +36,21 @@ void FusionTask::write_patch(const rt::Tick& tick, const HapticState& hand, Out&
   p.checksum = config_.patch_checksums ? perception::patch_checksum(p) : 0;
   out.work += p.cells();
   out.patch_written = true;
+}
+
+// Some rows more every period, so that a job's cost has a bound; the slot is the same until it is whole. A camera that is lost
+// casts from where it was claimed last.
+void FusionTask::write_surface(const rt::Tick& tick, Out& out) noexcept {
+  if (out.camera_written && out.camera.claimed) surface_->stand_at(out.camera.X_WC);
+  if (out.surface == nullptr || !surface_->stands()) return;
+  Stage stage(profiling_, *crew_, profile_.surface);
+  const double reach_m = config_.tracker.preprocess.depth_max_m + config_.tsdf.truncation_m;
+  if (surface_->begins()) out.surface->exposure = fused_exposure_;  // of the oldest rows
+  const auto stats = surface_->cast(map_, reach_m, *crew_, *out.surface);
+  out.work += static_cast<std::uint64_t>(stats.steps) + static_cast<std::uint64_t>(stats.rays);
+  if (stats.rays == 0 || !surface_->begins()) return;
+  out.surface->fused = tick.start;
+  out.surface_written = true;
 }
 
 void FusionTask::write_cost_map(const rt::Tick& tick, Out& out) noexcept {

@@ -51,6 +51,7 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
   if (setup.robot != nullptr)
     body_ = std::make_unique<FusionBody>(nrt, config.body, *setup.robot, config.tracker, setup.X_BC,
                                          setup.camera);
+  if (setup.ray_cast) surface_ = std::make_unique<SurfaceCast>(nrt, setup.camera, config.surface_periods);
   if (config.mesh_blocks > 0) mesh_ = std::make_unique<perception::MeshSender>(nrt, map_);
 }
 
@@ -70,6 +71,7 @@ rt::Result<bool> FusionTask::load_map(rt::NonRealtime& nrt, const perception::Ma
 rt::Health FusionTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   out.patch_written = out.view_written = out.cost_map_written = out.camera_written = false;
   out.integrated = out.objects_written = out.mesh_written = objects_drawn_ = false;
+  out.surface_written = false;
   out.tracking = TrackingResult{};
   out.motion = perception::MotionResult{};
   out.integration = perception::IntegrateStats{};
@@ -91,6 +93,7 @@ rt::Health FusionTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   write_objects(out);
   write_cost_map(tick, out);
   write_patch(tick, in.hand, out);
+  if (surface_ != nullptr) write_surface(tick, out);
   write_view(tick, in.X_WV, out);
   write_mesh(tick, in.mesh_taken, out);
   out.work += ground_.take_work();

@@ -5,6 +5,7 @@
 //            Latest<RobotState>    from the link      odometry: motion prior of the tracking
 //            Ring<SceneEdit>       from the console   regions to forget, obstacles drawn by the operator
 //   writes   Latest<SurfacePatch>  to tasks/haptic    every period, even without a new image
+//            Latest<SurfacePoints> to tasks/haptic    every surface_periods-th period at most, where asked for
 //            Latest<CostMap>       to tasks/planning  every cost_map_period-th period
 //            Latest<CameraPose>    to prediction, console   every frame
 //            Latest<SceneView>     to console         every view_period_frames-th period
@@ -55,6 +56,7 @@
 #include "tasks/fusion/map_anchor.hpp"
 #include "tasks/fusion/odometry_chain.hpp"
 #include "tasks/fusion/scene_view.hpp"
+#include "tasks/fusion/surface_cast.hpp"
 #include "tasks/graph/messages.hpp"
 #include "tasks/graph/object_list.hpp"
 
@@ -106,6 +108,7 @@ struct FusionConfig {
   int cost_map_period = 3;         // periods; published whether it changed or not
   int mesh_blocks = 0;             // blocks cut for a message of mesh deltas; 0: none are made
   int mesh_period_frames = 3;      // periods between two of them
+  int surface_periods = 12;        // jobs that the ray cast for the published method is made in
   std::string map;                 // stored map to begin with (load_map); empty: none
   // Odometry: error growth since the last frame the scene constrained fully.
   double odometry_translation_share = 0.02;  // of the way
@@ -134,6 +137,7 @@ struct FusionSetup {
   perception::GroundPrior ground;  // robots: up = z, camera height, start of the base
   std::array<perception::Material, perception::SurfacePatch::kMaxMaterials> palette{};
   rt::Nanos period{33333333};
+  bool ray_cast = false;  // somebody touches by the published method: it gets its ray cast
 };
 
 // Throws std::invalid_argument naming key, value, range.
@@ -162,6 +166,8 @@ class FusionTask {
   };
   struct Out {
     perception::SurfacePatch* patch = nullptr;  // a nullptr output is not made
+    SurfacePoints* surface = nullptr;  // of the camera's size; made only where the setup asks
+    bool surface_written = false;
     SceneView* view = nullptr;
     perception::CostMap* cost_map = nullptr;
     ObjectList* objects = nullptr;
@@ -184,7 +190,7 @@ class FusionTask {
   // Thread CPU of the stages of the last step, ns; filled only while profile(true). Off in the tasks.
   struct Profile {
     std::int64_t prepare = 0, track = 0, integrate = 0, raycast = 0, ground = 0, cost_map = 0,
-                 patch = 0, view = 0, objects = 0, mesh = 0, clear = 0;
+                 patch = 0, surface = 0, view = 0, objects = 0, mesh = 0, clear = 0;
     perception::IntegrateTimes integrate_parts;  // of integrate
   };
 
@@ -270,6 +276,7 @@ class FusionTask {
   void write_objects(Out& out) noexcept;
 
   void write_patch(const rt::Tick& tick, const HapticState& hand, Out& out) noexcept;
+  void write_surface(const rt::Tick& tick, Out& out) noexcept;
   [[nodiscard]] bool view_due(const Out& out) const noexcept;
   void write_view(const rt::Tick& tick, const std::optional<Pose>& X_WV, Out& out) noexcept;
   void show_mask(bool own_eye, SceneView& v) const noexcept;
@@ -297,6 +304,7 @@ class FusionTask {
   std::unique_ptr<perception::ObjectMap> objects_;  // null: switched off
   std::array<std::uint8_t, 256> slot_of_label_{};
   std::unique_ptr<perception::MeshSender> mesh_;  // null: switched off
+  std::unique_ptr<SurfaceCast> surface_;          // null: nobody asks for it
   std::uint64_t mesh_seq_ = 0;
   int mesh_waited_ = 0;
   Eigen::AlignedBox3d to_clear_W_;  // empty: nothing

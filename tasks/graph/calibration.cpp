@@ -10,6 +10,8 @@
 #include <thread>
 #include <utility>
 
+#include "tasks/graph/host_request.hpp"
+
 namespace tasks {
 
 void CalibrationRow::describe(config::Section& s) {
@@ -131,6 +133,7 @@ void Calibration::describe(config::Section& s) {
   s.text("build", build, {}, "program that measured it");
   s.text("config", config, {}, "hash of the configuration");
   s.text("recording", recording, {}, "folder of recorded images");
+  s.flag("ray_cast", ray_cast, "measured with haptic.method = \"force_shading\"");
   s.list(
       "task", [this](config::Section& item) { rows.emplace_back().describe(item); }, "one variant");
 }
@@ -193,6 +196,26 @@ std::string Calibration::lacks(const CalibrationOrigin& wanted,
     }
   }
   return {};
+}
+
+Calibration with_ray_cast(Calibration c, std::int64_t job_us) {
+  if (job_us == 0 || c.ray_cast) return c;
+  const auto cast_us = static_cast<double>(job_us);
+  for (CalibrationRow& r : c.rows) {
+    double more_us = 0;
+    if (r.name == kTaskTable[index_of(TaskId::kHaptic)].name) more_us = kReduction_us;
+    if (r.name == kWorkerRow) more_us = kWorkerShare * cast_us;
+    if (r.name == kTaskTable[index_of(TaskId::kFusion)].name) {
+      const bool shared = c.find(kWorkerRow, r.choice, r.level) != nullptr;
+      more_us = (shared ? kOwnShare : 1.0) * cast_us;
+    }
+    for (double* us : {&r.p50_us, &r.p99_us, &r.p999_us}) *us += more_us;
+    for (double& us : r.quantiles_us) us += more_us;
+    for (double* us : {&r.still_p50_us, &r.still_p999_us, &r.moving_p50_us, &r.moving_p999_us})
+      *us += *us < 0 ? 0 : more_us;
+  }
+  c.ray_cast = true;
+  return c;
 }
 
 std::string host_id() {
@@ -260,6 +283,7 @@ void save_calibration(const std::string& path, const Calibration& calibration) {
     if (!calibration.config.empty()) out << "config = " << quoted(calibration.config) << "\n";
     if (!calibration.recording.empty())
       out << "recording = " << quoted(calibration.recording) << "\n";
+    if (calibration.ray_cast) out << "ray_cast = true\n";
     for (const auto& r : calibration.rows) {
       char line[256];
       out << "\n[[task]]\nname = \"" << r.name << "\"\n";
@@ -328,7 +352,9 @@ std::vector<rt::TaskSpec> make_specs(const Calibration& calibration, const Choic
     if (row.id == TaskId::kFusion) {
       for (const VoxelOption& o : voxel_options(limits)) {
         const auto* best = calibration.find(row.name, o.name, 0);
-        s.choices.push_back({o.name, make_variants(calibration, row, o.name, o.budgets_us),
+        auto declared_us = o.budgets_us;
+        for (auto& us : declared_us) us += limits.ray_cast_us;
+        s.choices.push_back({o.name, make_variants(calibration, row, o.name, declared_us),
                              o.ruled_out.empty() && best != nullptr
                                  ? calibration.does_not_track(*best)
                                  : o.ruled_out});
@@ -337,6 +363,7 @@ std::vector<rt::TaskSpec> make_specs(const Calibration& calibration, const Choic
       std::array<std::int64_t, 4> declared_us{};
       for (std::size_t i = 0; i < declared_us.size(); ++i)
         declared_us[i] = row.variants[i].budget_us;
+      if (row.id == TaskId::kHaptic && limits.ray_cast_us > 0) declared_us[0] += kReduction_us;
       s.variants = make_variants(calibration, row, {}, declared_us);
       s.budget = s.variants.front().budget;
     }

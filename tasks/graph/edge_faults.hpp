@@ -13,6 +13,7 @@
 // others where they are published.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -28,6 +29,7 @@
 #include "tasks/fusion/scene_view.hpp"
 #include "tasks/graph/messages.hpp"
 #include "tasks/graph/object_list.hpp"
+#include "tasks/graph/surface_points.hpp"
 #include "tasks/graph/table.hpp"
 
 namespace tasks {
@@ -62,6 +64,7 @@ inline void age(drivers::RobotGoal& m, rt::Nanos by) noexcept { m.made -= by, m.
 inline void age(perception::SurfacePatch& m, rt::Nanos by) noexcept {
   m.fused -= by, m.exposure -= by;
 }
+inline void age(SurfacePoints& m, rt::Nanos by) noexcept { m.fused -= by, m.exposure -= by; }
 inline void age(SceneView& m, rt::Nanos by) noexcept { m.fused -= by, m.exposure -= by; }
 inline void age(perception::MeshDelta& m, rt::Nanos by) noexcept {
   m.fused -= by, m.exposure -= by;
@@ -90,6 +93,10 @@ inline void spoil(drivers::RobotGoal& m) noexcept {
 inline void spoil(perception::SurfacePatch& m) noexcept {
   m.voxel_size = kNan;
   m.metres_per_unit = kNanF;
+}
+inline void spoil(SurfacePoints& m) noexcept {
+  m.X_WC.matrix().setConstant(kNan);
+  for (auto* v : {&m.x, &m.y, &m.z, &m.nx, &m.ny, &m.nz}) std::fill(v->begin(), v->end(), kNanF);
 }
 inline void spoil(SceneView& m) noexcept { m.points.fill({kNanF, kNanF, kNanF, kNanF}); }
 inline void spoil(perception::MeshDelta& m) noexcept {

@@ -19,6 +19,7 @@
 #include "tasks/fusion/scene_view.hpp"
 #include "tasks/graph/messages.hpp"
 #include "tasks/graph/object_list.hpp"
+#include "tasks/graph/surface_points.hpp"
 #include "tasks/graph/table.hpp"
 #include "tasks/graph/task_log.hpp"
 
@@ -54,6 +55,7 @@ inline rt::Time datum(const perception::RgbdFrame& m) noexcept { return m.exposu
 inline rt::Time datum(const drivers::RobotState& m) noexcept { return m.taken; }
 inline rt::Time datum(const drivers::RobotGoal& m) noexcept { return m.made; }
 inline rt::Time datum(const perception::SurfacePatch& m) noexcept { return m.exposure; }
+inline rt::Time datum(const SurfacePoints& m) noexcept { return m.exposure; }
 inline rt::Time datum(const SceneView& m) noexcept { return m.exposure; }
 inline rt::Time datum(const perception::MeshDelta& m) noexcept { return m.exposure; }
 inline rt::Time datum(const perception::CostMap& m) noexcept { return m.exposure; }

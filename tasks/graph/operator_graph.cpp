@@ -13,6 +13,9 @@ OperatorCells::OperatorCells(rt::NonRealtime& nrt, const GraphConfig& config)
       robot_state(nrt, {1, 1, 1, 1, 1}),
       hand(nrt, {1, 1}),
       patch(nrt, {2}),
+      surface(config.haptic.asks_for_ray_cast()
+                  ? std::make_unique<rt::Latest<SurfacePoints>>(nrt, std::vector<int>{1})
+                  : nullptr),
       view(nrt, {1}),
       mesh(config.fusion.mesh_blocks > 0
                ? std::make_unique<rt::Latest<perception::MeshDelta>>(nrt, std::vector<int>{1})
@@ -50,6 +53,7 @@ OperatorGraph::OperatorGraph(rt::NonRealtime& nrt, const GraphConfig& config,
                          PlanningNode(nrt, config_, setup, *cells_),
                          PredictionNode(nrt, config_, setup, *cells_, link_),
                          SupervisionNode(nrt, config_, *cells_, link_, requests_, setup)});
+  if (cells_->surface != nullptr) rt::effect_built(rt::Effect::kForceShading);
   if (cells_->mesh != nullptr) rt::effect_built(rt::Effect::kMesh);
   if (config_.fusion.objects.enabled) rt::effect_built(rt::Effect::kObjects);
 }

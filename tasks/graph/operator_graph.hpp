@@ -36,6 +36,8 @@ struct OperatorCells {
   // fusion
   enum { kPatchHaptic };
   rt::Latest<perception::SurfacePatch> patch;  // haptic retains two while it blends
+  enum { kSurfaceHaptic };
+  std::unique_ptr<rt::Latest<SurfacePoints>> surface;  // null unless the method asks for it
   enum { kViewConsole };
   rt::Latest<SceneView> view;
   enum { kMeshConsole };

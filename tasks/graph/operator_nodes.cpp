@@ -34,6 +34,7 @@ HapticNode::HapticNode(rt::NonRealtime& nrt, const GraphConfig& config, const Op
       touch_gate_(setup.faults, "touch"),
       hand_gate_(setup.faults, "hand"),
       patch_in_(limit_row(EdgeId::kPatch, TaskId::kHaptic), config, cells.logs.get()),
+      surface_in_(limit_row(EdgeId::kSurface, TaskId::kHaptic), config, cells.logs.get()),
       mode_in_(limit_row(EdgeId::kMode, TaskId::kHaptic), config, cells.logs.get()),
       camera_in_(limit_row(EdgeId::kCameraPose, TaskId::kHaptic), config, cells.logs.get()) {}
 
@@ -46,6 +47,14 @@ void HapticNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
     record.input_seq[0] = patch.seq;
     // Told here; the task ramps the force down, since only it knows of a blend that it finishes first.
     static_cast<void>(patch_in_.within(patch, tick.start));
+  }
+  if (cells_.surface != nullptr) {
+    // Read in place: the one that is latched stays as it is until the next latch.
+    const auto surface = cells_.surface->acquire_if_new(OperatorCells::kSurfaceHaptic);
+    in_.surface = surface.value;
+    static_cast<void>(surface_in_.within(surface, tick.start));
+    in_.surface_stale = surface_in_.state() == LimitWatch::State::kSilent;
+    record.input_seq[4] = surface.seq;
   }
   const auto mode = cells_.mode.acquire_if_new(OperatorCells::kModeHaptic);
   if (mode) in_.mode = *mode;
@@ -128,15 +137,27 @@ void HapticNode::send(const rt::Tick& tick, const TouchEvent& event) noexcept {
 
 // ---------------------------------------------------------------- fusion
 
+namespace {
+
+// The ray cast of the published method is made where somebody reads it.
+FusionSetup as_touched(FusionSetup setup, const HapticConfig& haptic) {
+  setup.ray_cast = haptic.asks_for_ray_cast();
+  return setup;
+}
+
+}  // namespace
+
 FusionNode::FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const OperatorSetup& setup,
                        OperatorCells& cells, const OperatorRequests& requests)
-    : task_(std::make_unique<FusionTask>(nrt, config.fusion, setup.fusion)),
+    : task_(std::make_unique<FusionTask>(nrt, config.fusion,
+                                         as_touched(setup.fusion, config.haptic))),
       cells_(cells),
       requests_(requests),
       drawn_(config.fusion.ground),
       hash_(setup.hash_outputs),
       odometry_prior_(setup.odometry_prior),
       patch_gate_(setup.faults, "patch"),
+      surface_gate_(setup.faults, "surface"),
       view_gate_(setup.faults, "view"),
       mesh_gate_(setup.faults, "mesh"),
       map_gate_(setup.faults, "cost_map"),
@@ -146,6 +167,20 @@ FusionNode::FusionNode(rt::NonRealtime& nrt, const GraphConfig& config, const Op
       hand_in_(limit_row(EdgeId::kHand, TaskId::kFusion), config, cells.logs.get()),
       robot_in_(limit_row(EdgeId::kRobotState, TaskId::kFusion), config, cells.logs.get()),
       edit_in_(limit_row(EdgeId::kEdit, TaskId::kFusion), config, cells.logs.get()) {
+  if (cells.surface != nullptr) {
+    const int liveness_ms = config.limits.liveness_ms[limit_row(EdgeId::kSurface, TaskId::kHaptic)];
+    const double cast_s = config.fusion.surface_periods * rt::seconds(setup.fusion.period);
+    if (2e3 * cast_s > liveness_ms + 1) {
+      throw std::runtime_error(
+          "limits.haptic.surface_liveness_ms = " + std::to_string(liveness_ms) +
+          " is less than two ray casts of fusion.surface_periods = " +
+          std::to_string(config.fusion.surface_periods) + " jobs");
+    }
+    const auto& camera = setup.fusion.camera;
+    const auto pixels =
+        static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+    cells.surface->for_each_slot(nrt, [&](SurfacePoints& s) { s.resize(pixels); });
+  }
   if (config.fusion.map.empty()) return;
   const auto file = perception::read_map_file(nrt, config.fusion.map);
   if (!file) throw std::runtime_error("fusion.map: " + file.error());
@@ -203,6 +238,7 @@ void FusionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   in_.mesh_taken = requests_.mesh_taken.load(std::memory_order_relaxed);
   out_.mesh = cells_.mesh == nullptr ? nullptr : &cells_.mesh->begin_write();
   out_.patch = &cells_.patch.begin_write();
+  out_.surface = cells_.surface == nullptr ? nullptr : &cells_.surface->begin_write();
   out_.view = &cells_.view.begin_write();
   out_.cost_map = &cells_.cost_map.begin_write();
   out_.objects = &cells_.objects.begin_write();
@@ -221,6 +257,8 @@ void FusionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
     if (publish(gate, cell, slot, tick.start) && hash_) hash_output(h, slot);
   };
   if (out_.patch_written) send(patch_gate_, cells_.patch, *out_.patch);
+  if (out_.surface_written) rt::effect_ran(rt::Effect::kForceShading);
+  if (out_.surface_written) send(surface_gate_, *cells_.surface, *out_.surface);
   if (out_.view_written) send(view_gate_, cells_.view, *out_.view);
   if (out_.mesh_written) rt::effect_ran(rt::Effect::kMesh);
   if (out_.mesh_written) send(mesh_gate_, *cells_.mesh, *out_.mesh);

@@ -29,7 +29,7 @@ class HapticNode final : public rt::TaskBody {
   bool hash_;
   EdgeGate touch_gate_, hand_gate_;
   bool touch_gap_ = false;  // an event did not fit: the next one says so
-  LimitWatch patch_in_, mode_in_, camera_in_;
+  LimitWatch patch_in_, surface_in_, mode_in_, camera_in_;
   HapticTask::In in_;
   HapticTask::Out out_;
   rt::Health health_;
@@ -59,7 +59,8 @@ class FusionNode final : public rt::TaskBody {
   bool edit_refused_ = false;
   bool hash_, odometry_prior_, lost_ = false;
   int logged_level_ = -1;
-  EdgeGate patch_gate_, view_gate_, mesh_gate_, map_gate_, camera_gate_, objects_gate_;
+  EdgeGate patch_gate_, surface_gate_, view_gate_, mesh_gate_, map_gate_, camera_gate_,
+      objects_gate_;
   LimitWatch frame_in_, hand_in_, robot_in_, edit_in_;
   std::uint64_t frame_seq_ = 0;
   FusionTask::In in_;

@@ -106,6 +106,12 @@ void hash_output(rt::Hash64& h, const perception::SurfacePatch& m) noexcept {
   one(h, checksum != 0 ? checksum : perception::patch_checksum(m));
 }
 
+void hash_output(rt::Hash64& h, const SurfacePoints& m) noexcept {
+  const auto& [seq, fused, exposure, X_WC, count, x, y, z, nx, ny, nz] = m;
+  all(h, seq, fused, exposure, X_WC, count);
+  for (const auto* v : {&x, &y, &z, &nx, &ny, &nz}) h.bytes(v->data(), count * sizeof(float));
+}
+
 void hash_output(rt::Hash64& h, const SceneView& m) noexcept {
   const auto& [seq, fused, exposure, X_WV, intrinsics, colour, points, object, masked, what] = m;
   all(h, seq, fused, exposure, X_WV, intrinsics);

@@ -16,6 +16,7 @@
 #include "tasks/fusion/scene_view.hpp"
 #include "tasks/graph/messages.hpp"
 #include "tasks/graph/object_list.hpp"
+#include "tasks/graph/surface_points.hpp"
 
 namespace tasks {
 
@@ -30,6 +31,7 @@ void hash_output(rt::Hash64& h, const TaskState& m) noexcept;
 void hash_output(rt::Hash64& h, const ModeMsg& m) noexcept;
 // By its checksum; the field itself where the writer made none.
 void hash_output(rt::Hash64& h, const perception::SurfacePatch& m) noexcept;
+void hash_output(rt::Hash64& h, const SurfacePoints& m) noexcept;  // without the padding
 void hash_output(rt::Hash64& h, const SceneView& m) noexcept;
 void hash_output(rt::Hash64& h, const perception::MeshDelta& m) noexcept;
 void hash_output(rt::Hash64& h, const ObjectList& m) noexcept;

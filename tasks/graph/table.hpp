@@ -70,10 +70,10 @@ inline constexpr std::array<TaskRow, kTaskCount> kTaskTable{{
 
 enum class EdgeId : std::uint8_t {
   kFrame, kRobotState, kGoal,                                             // across the link
-  kPatch, kView, kMesh, kCostMap, kCameraPose, kObjects, kHand, kTouch, kEdit, kPath, kTask, kMode, kOdometryFrame,  // operator box
+  kPatch, kSurface, kView, kMesh, kCostMap, kCameraPose, kObjects, kHand, kTouch, kEdit, kPath, kTask, kMode, kOdometryFrame,  // operator box
   kRobotMode,                                                             // robot box
 };
-inline constexpr int kEdgeCount = 17;
+inline constexpr int kEdgeCount = 18;
 
 enum class EdgeKind : std::uint8_t { kLatest, kRing, kRemote };
 
@@ -89,6 +89,7 @@ inline constexpr std::array<EdgeRow, kEdgeCount> kEdgeTable{{
     {EdgeId::kRobotState, "robot_state", "robot_io", "prediction planning fusion supervision console", EdgeKind::kRemote, "ramp down"},
     {EdgeId::kGoal, "goal", "prediction", "robot_io robot_supervision", EdgeKind::kRemote, "robot ramps down"},
     {EdgeId::kPatch, "patch", "fusion", "haptic", EdgeKind::kLatest, "force ramps to zero"},
+    {EdgeId::kSurface, "surface", "fusion", "haptic", EdgeKind::kLatest, "of the method force_shading alone: no contact; force ramps to zero"},
     {EdgeId::kView, "view", "fusion", "console", EdgeKind::kLatest, "shown"},
     {EdgeId::kMesh, "mesh", "fusion", "console", EdgeKind::kLatest, "not taken in time: all of it is sent again"},
     {EdgeId::kCostMap, "cost_map", "fusion", "planning console", EdgeKind::kLatest, "no new path"},
@@ -131,7 +132,7 @@ struct LimitRow {
   std::string_view liveness_key = {}, age_key = {};
 };
 
-inline constexpr std::array<LimitRow, 33> kLimitTable{{
+inline constexpr std::array<LimitRow, 34> kLimitTable{{
     {EdgeId::kFrame, TaskId::kFusion, 500, 1000, "silent: map stays, tracking idles; old: not looked at"},
     {EdgeId::kRobotState, TaskId::kPrediction, 180, 500, "goals are not engaged", "", "prediction.state_liveness_ms"},
     {EdgeId::kRobotState, TaskId::kPlanning, 250, 600, "nothing is planned; the path stands"},
@@ -141,6 +142,7 @@ inline constexpr std::array<LimitRow, 33> kLimitTable{{
     {EdgeId::kGoal, TaskId::kRobotIo, 90, 700, "the base ramps down", "robot_io.link_silence_ms", "prediction.goal_valid_ms"},
     {EdgeId::kGoal, TaskId::kRobotSupervision, 180, 800, "silent: ramp down; old: as an engage withdrawn", "supervision.link_liveness_s"},
     {EdgeId::kPatch, TaskId::kHaptic, 100, 1000, "silent: force ramps to zero; old: told, contact stays", "haptic.patch_liveness_s"},
+    {EdgeId::kSurface, TaskId::kHaptic, 1000, 1500, "silent: force ramps to zero; old: told, contact stays"},
     {EdgeId::kView, kConsole, 2000, 2000, "named in the status line"},
     {EdgeId::kMesh, kConsole, 1000, 2000, "named in the status line"},
     {EdgeId::kCostMap, TaskId::kPlanning, 500, 1000, "no new path; the one under way stands, for its own age"},

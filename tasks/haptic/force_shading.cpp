@@ -76,10 +76,10 @@ Reduce choose() noexcept {
 }
 const Reduce kReduce = choose();
 
-// False: no ray met anything.
+// False: no ray met anything, or what it met is no number.
 bool stand_on(const SurfacePoints& s, const Vec3& goal, ProxyState& state) noexcept {
   const std::size_t i = nearest_index(s, goal);
-  if (s.x[i] >= SurfacePoints::kFar) return false;
+  if (!(s.x[i] < SurfacePoints::kFar)) return false;
   state.set_p(s.point(i));
   state.set_normal(s.normal(i));
   return true;
@@ -102,22 +102,6 @@ bool go_on(const SurfacePoints& s, const Vec3& h, ProxyState& state, double mu) 
 }
 
 }  // namespace
-
-void SurfacePoints::resize(std::size_t n) {
-  count = n;
-  const std::size_t padded = (n + kLanes - 1) / kLanes * kLanes;
-  for (auto* v : {&x, &y, &z}) v->assign(padded, kFar);
-  for (auto* v : {&nx, &ny, &nz}) v->assign(padded, 0.0F);
-}
-
-void SurfacePoints::set(std::size_t i, const Vec3& p, const Vec3& n) noexcept {
-  x[i] = static_cast<float>(p.x());
-  y[i] = static_cast<float>(p.y());
-  z[i] = static_cast<float>(p.z());
-  nx[i] = static_cast<float>(n.x());
-  ny[i] = static_cast<float>(n.y());
-  nz[i] = static_cast<float>(n.z());
-}
 
 std::size_t nearest_index(const SurfacePoints& s, const Vec3& g) noexcept { return kReduce(s, g); }
 

@@ -14,33 +14,12 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
-#include <span>
-#include <vector>
 
 #include "perception/geometry/pose.hpp"
+#include "tasks/graph/surface_points.hpp"
 #include "tasks/haptic/proxy.hpp"
 
 namespace tasks {
-
-// One ray cast: a point a pixel, row-major; a ray that met nothing is far away and never nearest.
-// Coordinates apart, padded to kLanes with far points. Filled at set-up or by another task.
-struct SurfacePoints {
-  static constexpr std::size_t kLanes = 16;
-  static constexpr float kFar = 1e9F;
-  std::uint64_t seq = 0;
-  std::size_t count = 0;  // pixels
-  std::vector<float> x, y, z, nx, ny, nz;
-
-  void resize(std::size_t n);  // all far
-  void set(std::size_t i, const perception::Vec3& p, const perception::Vec3& n) noexcept;
-  [[nodiscard]] perception::Vec3 point(std::size_t i) const noexcept {
-    return {static_cast<double>(x[i]), static_cast<double>(y[i]), static_cast<double>(z[i])};
-  }
-  [[nodiscard]] perception::Vec3 normal(std::size_t i) const noexcept {
-    return {static_cast<double>(nx[i]), static_cast<double>(ny[i]), static_cast<double>(nz[i])};
-  }
-};
 
 // Index of the point nearest to g in float arithmetic, the lowest one on ties; the same index from
 // every instruction set. count 0: returns 0.

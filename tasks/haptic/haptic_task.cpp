@@ -97,6 +97,14 @@ bool HapticTask::take_patch(const SurfacePatch* patch) noexcept {
   return false;
 }
 
+// True: what was handed in is malformed; then there is no surface to stand on.
+bool HapticTask::take_surface(const SurfacePoints* surface) noexcept {
+  if (surface == nullptr) return false;
+  const bool good = surface->X_WC.matrix().allFinite() && surface->count <= surface->x.size();
+  proxy_config_.surface = good ? surface : nullptr;
+  return !good;
+}
+
 void HapticTask::advance_blend(double dt) noexcept {
   if (older_ == nullptr) return;
   const double slow = energy_.over_budget() ? kSlowed : 1.0;
@@ -385,6 +393,9 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
   if (take_patch(in.patch_newest)) {
     health = rt::Health::of(rt::Severity::kDegraded, kFaultHapticBadPatch);
   }
+  if (take_surface(in.surface)) {
+    health = rt::Health::of(rt::Severity::kDegraded, kFaultHapticBadPatch);
+  }
   const bool blending = older_ != nullptr;
   advance_blend(dt);
   if (!in.stylus_ok) return rt::worst(health, without_sample(tick, in.mode, out));
@@ -396,7 +407,6 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
   const Vec3 p_WH =
       workspace_.advance(h_D_, in.clutch && !broken(Broken::kClutchMovesHand), in.view_yaw_rad, dt);
   const double stiffness_before = stiffness_;
-  if (in.surface != nullptr) proxy_config_.surface = in.surface;
   rested_W_ = proxy_.p_WP();
   if (!leaving_) proxy_step_(field_, p_WH, proxy_, proxy_config_);
   Spring spring;
@@ -427,6 +437,10 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
   t.stale = newer_ != nullptr && !blending && t.patch_age_s > config_.patch_liveness_s;
   if (t.stale) {
     health = rt::worst(health, rt::Health::of(rt::Severity::kDegraded, kFaultHapticPatchStale));
+  }
+  if (in.surface_stale) {
+    t.stale = true;
+    health = rt::worst(health, rt::Health::of(rt::Severity::kDegraded, kFaultHapticSurfaceStale));
   }
   const bool allowed = in.mode.seq > 0 && newer_ != nullptr &&
                        in.stylus.state == drivers::DeviceState::kForce &&

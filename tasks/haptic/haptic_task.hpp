@@ -3,6 +3,7 @@
 //   sense   StylusSample          from drivers/omega       outside step()
 //   reads   Latest<SurfacePatch>  from tasks/fusion        retains 2; force ramps to zero
 //                                                          when none is published for 100 ms
+//           Latest<SurfacePoints> from tasks/fusion        method force_shading alone; the same ramp
 //           Latest<ModeMsg>       from tasks/supervision
 //   writes  HapticState           to tasks/fusion          every tick
 //           Ring<TouchEvent>      to tasks/planning        0..4 a tick
@@ -85,6 +86,9 @@ struct HapticConfig {
   double credit_N_s_per_m = -1;
   double paper_friction = 0;  // method force_shading only: mu of the published friction circle
 
+  // The published method stands on a ray cast of the map; no other method reads one.
+  [[nodiscard]] bool asks_for_ray_cast() const noexcept { return method == "force_shading"; }
+
   void describe(config::Section& s);
 };
 
@@ -93,7 +97,8 @@ struct HapticConfig {
 inline constexpr rt::FaultId kFaultHapticNotFinite = 101;   // NaN in or out: zero force
 inline constexpr rt::FaultId kFaultHapticPatchStale = 102;  // no publication for the liveness time
 inline constexpr rt::FaultId kFaultHapticDeviceLost = 103;  // no stylus sample for its liveness
-inline constexpr rt::FaultId kFaultHapticBadPatch = 104;    // malformed patch refused
+inline constexpr rt::FaultId kFaultHapticBadPatch = 104;    // malformed patch or ray cast refused
+inline constexpr rt::FaultId kFaultHapticSurfaceStale = 105;  // no ray cast for its liveness time
 
 // For recording and figures; not a message of another task.
 struct HapticTelemetry {
@@ -136,9 +141,10 @@ class HapticTask {
     // (Latest with two retained values, acquired only while wants_patch()).
     const perception::SurfacePatch* patch_newest = nullptr;
     // Method force_shading: the newest ray cast, null = as before. It stays valid until another is
-    // handed in.
+    // handed in (Latest with one retained value, acquired at the latch and handed in at every step).
     const SurfacePoints* surface = nullptr;
-    ModeMsg mode;         // seq 0 = none yet
+    bool surface_stale = false;  // none was published for its liveness: the force ramps to zero
+    ModeMsg mode;                // seq 0 = none yet
     bool clutch = false;  // held: forces fade out, the device moves, the hand in the scene does not
     std::optional<double> view_yaw_rad;  // taken over while the clutch is held (yaw_of_view())
   };
@@ -203,6 +209,7 @@ class HapticTask {
   void book(const Spring& spring, double to_N_per_m, Mover mover, const perception::Vec3& dx_D,
             double dt) noexcept;
   bool take_patch(const perception::SurfacePatch* patch) noexcept;
+  bool take_surface(const SurfacePoints* surface) noexcept;
   void advance_blend(double dt) noexcept;
   [[nodiscard]] double look_ahead_m() noexcept;
   [[nodiscard]] Spring held_spring(const perception::Vec3& p_WH) noexcept;

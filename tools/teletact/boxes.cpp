@@ -184,6 +184,7 @@ Effects OperatorBox::effects() const {
   add(h.texture_amplitude_m > 0, "touch: texture", "haptic.texture_amplitude_m");
   add(h.viscosity_N_s_per_m > 0, "touch: viscosity", "haptic.viscosity_N_s_per_m");
   add(h.materials, "touch: materials", "haptic.materials");
+  add(h.asks_for_ray_cast(), "touch: force shading", "haptic.method");
   add(scene_.graph.fusion.objects.enabled, "objects in the map", "fusion.objects.enabled");
   add(scene_.graph.fusion.mesh_blocks > 0, "mesh for the console", "fusion.mesh_blocks");
   return out;

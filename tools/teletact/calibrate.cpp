@@ -279,6 +279,7 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
                              CalibrationInput* input) {
   tasks::Calibration c;
   static_cast<tasks::CalibrationOrigin&>(c) = calibration_origin(scene);
+  c.ray_cast = scene.graph.haptic.asks_for_ray_cast();
   std::vector<tasks::VoxelOption> options;
   for (const auto& option : tasks::voxel_options(choice_limits(scene))) {
     if (option.ruled_out.empty())

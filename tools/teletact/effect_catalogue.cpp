@@ -92,6 +92,11 @@ constexpr std::array kRows{
               "drag while the hand is in contact", "[haptic]\nviscosity_N_s_per_m = 1\n"},
     EffectRow{"touch: materials", "haptic.materials", "haptic",
               "stiffness and friction of each object", "[haptic]\nmaterials = true\n"},
+    EffectRow{"touch: force shading", "haptic.method", "fusion",
+              "touch by the published method: a ray cast of the map, some rows a period; haptic "
+              "takes the "
+              "nearest of its points every tick",
+              "[haptic]\nmethod = \"force_shading\"\n"},
     EffectRow{"objects in the map", "fusion.objects.enabled", "fusion",
               "each voxel knows which object it is of", "[fusion.objects]\nenabled = true\n"},
     EffectRow{"mesh for the console", "fusion.mesh_blocks", "fusion",

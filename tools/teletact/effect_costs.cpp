@@ -73,6 +73,7 @@ std::vector<Switch> switches() {
       {"touch: texture", {}, {"haptic.texture_amplitude_m=0.0002"}},
       {"touch: viscosity", {}, {"haptic.viscosity_N_s_per_m=1"}},
       {"touch: materials", {}, {"haptic.materials=true"}},
+      {"touch: force shading", {}, {"haptic.method=\"force_shading\""}},
       {"objects in the map", {}, {"fusion.objects.enabled=true"}},
       {"mesh for the console", {}, {"fusion.mesh_blocks=100"}},
   };

@@ -1,5 +1,7 @@
 #include "tools/teletact/host_admission.hpp"
 
+#include <cstdio>
+
 #include "tasks/graph/calibration.hpp"
 #include "tasks/graph/frame_phase.hpp"
 
@@ -18,7 +20,24 @@ bool names(const config::Section& s, const std::string& section, const std::stri
   return false;
 }
 
+// What a refusal says beside its figures.
+std::string ray_cast_text(const tasks::Calibration& given, std::int64_t job_us) {
+  const std::string asks = "; haptic.method = \"force_shading\" ";
+  if (given.ray_cast) return asks + "is in what was measured of fusion and haptic";
+  char text[120];
+  std::snprintf(text, sizeof text,
+                "adds %.1f ms to a job of fusion and %.2f ms to a tick of haptic",
+                1e-3 * static_cast<double>(job_us), 1e-3 * tasks::kReduction_us);
+  return asks + text;
+}
+
 }  // namespace
+
+std::int64_t ray_cast_us(const Scene& scene) {
+  if (!scene.graph.haptic.asks_for_ray_cast()) return 0;
+  const std::int64_t parts = scene.graph.fusion.surface_periods;
+  return (tasks::kRayCast_us + parts - 1) / parts;
+}
 
 tasks::ChoiceLimits choice_limits(const Scene& scene) {
   tasks::ChoiceLimits limits;
@@ -28,14 +47,16 @@ tasks::ChoiceLimits choice_limits(const Scene& scene) {
   limits.patch_nodes = fusion.patch_nodes;
   limits.needed_half_extent_m = tasks::FusionTask::needed_half_extent(
       scene.device.speed_limit_m_per_s, scene.graph.haptic.scale);
+  limits.ray_cast_us = ray_cast_us(scene);
   return limits;
 }
 
-HostPlan admit_host(const Scene& scene, const tasks::Calibration& calibration,
+HostPlan admit_host(const Scene& scene, const tasks::Calibration& given,
                     const std::vector<int>& cpus, const tasks::BestEffortShares& shares,
                     const std::string& only_choice) {
   HostPlan plan;
   const tasks::ChoiceLimits limits = choice_limits(scene);
+  const tasks::Calibration calibration = tasks::with_ray_cast(given, limits.ray_cast_us);
   std::vector<rt::TaskSpec> specs = tasks::make_specs(calibration, limits);
   for (rt::TaskSpec& s : specs) {
     for (rt::StaticChoice& c : s.choices) {
@@ -45,6 +66,8 @@ HostPlan admit_host(const Scene& scene, const tasks::Calibration& calibration,
   plan.request = tasks::make_request(specs, cpus, shares, scene.graph.pool, calibration);
   plan.admission = rt::admit(plan.request);
   plan.refusal = plan.admission.refusal;
+  if (!plan.refusal.empty() && limits.ray_cast_us > 0)
+    plan.refusal += ray_cast_text(given, limits.ray_cast_us);
   if (!plan.admission.admitted) return plan;
   plan.specs = rt::settled_as(plan.admission, specs);
   tasks::set_fusion_phase(plan.specs, plan.admission, calibration, scene.link.shape);

@@ -2,6 +2,7 @@
 // has room for. The same for both clocks.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,9 @@ struct HostPlan {
   double voxel_m = 0;
   std::string refusal;  // empty: it may start
 };
+
+// What a job of fusion pays for the ray cast of the published method, as declared; 0: the scene does not ask for it.
+[[nodiscard]] std::int64_t ray_cast_us(const Scene& scene);
 
 // What the scene leaves open: fusion.tsdf.voxel_size_m where it is named, else the touch window.
 [[nodiscard]] tasks::ChoiceLimits choice_limits(const Scene& scene);

@@ -16,6 +16,7 @@ constexpr std::array<CellRow, kCells> kCellTable{{
     {Cell::kHand, "hand", of(TaskId::kHaptic), 0},
     {Cell::kTouch, "touch", of(TaskId::kHaptic), 1},
     {Cell::kPatch, "patch", of(TaskId::kFusion), 0},
+    {Cell::kSurface, "surface", of(TaskId::kFusion), 5},
     {Cell::kCostMap, "cost_map", of(TaskId::kFusion), 1},
     {Cell::kCameraPose, "camera_pose", of(TaskId::kFusion), 2},
     {Cell::kObjects, "objects", of(TaskId::kFusion), 4},
@@ -33,10 +34,11 @@ constexpr std::array<CellRow, kCells> kCellTable{{
 }};
 
 // The order of record.input_seq in tasks/graph/operator_nodes.cpp and robot_nodes.cpp.
-constexpr std::array<ReadRow, 25> kReadTable{{
+constexpr std::array<ReadRow, 26> kReadTable{{
     {TaskId::kHaptic, 0, Cell::kPatch, true},
     {TaskId::kHaptic, 1, Cell::kMode, false},
     {TaskId::kHaptic, 3, Cell::kCameraPose, false},
+    {TaskId::kHaptic, 4, Cell::kSurface, false},
     {TaskId::kFusion, 0, Cell::kFrame, false},
     {TaskId::kFusion, 1, Cell::kHand, false},
     {TaskId::kFusion, 2, Cell::kRobotState, false},
@@ -99,7 +101,7 @@ rt::Result<Recording> read_recording(const std::string& path) {
   r.path = path;
   std::string line;
   std::getline(in, line);
-  if (line != "teletact-inputs 6 " + std::to_string(sizeof(JobOp)))
+  if (line != "teletact-inputs 7 " + std::to_string(sizeof(JobOp)))
     return rt::Error{path + ":1: not a recording of inputs by this version"};
   while (std::getline(in, line) && !line.empty()) {
     const auto space = line.find(' ');

@@ -7,7 +7,7 @@
 // Everything else a job uses another task of the box published; its sequence number says which one.
 //
 // File, of this machine's layout, read by the build that wrote it:
-//   text   "teletact-inputs 6 <sizeof JobOp>", one "key value" a line, an empty line
+//   text   "teletact-inputs 7 <sizeof JobOp>", one "key value" a line, an empty line
 //   'O' JobOp          the latch or the end of a job; in order within a task
 //   'M' MessageHead, bytes     a message as it arrived on the link, in order
 //   'F' FrameHead, depth, colour    a camera frame as its driver gave it, in order
@@ -36,6 +36,7 @@ enum class Cell : std::uint8_t {
   kHand,
   kTouch,
   kPatch,
+  kSurface,
   kCostMap,
   kCameraPose,
   kObjects,
@@ -52,10 +53,10 @@ enum class Cell : std::uint8_t {
   kHealthRobotIo,
   kHealthCapture,
 };
-inline constexpr int kCells = 19;
+inline constexpr int kCells = 20;
 inline constexpr int kLinkWriter = tasks::kTaskCount;  // beside the task ids
 
-using Seqs = std::array<std::uint64_t, 5>;
+using Seqs = std::array<std::uint64_t, 6>;
 
 struct CellRow {
   Cell cell;

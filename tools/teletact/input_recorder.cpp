@@ -19,8 +19,9 @@ Seqs published(tasks::OperatorCells& c, int writer) noexcept {
     case TaskId::kHaptic:
       return {c.hand.latest_seq(), c.touch.pushed(), health(TaskId::kHaptic)};
     case TaskId::kFusion:
-      return {c.patch.latest_seq(), c.cost_map.latest_seq(), c.camera_pose.latest_seq(),
-              health(TaskId::kFusion), c.objects.latest_seq()};
+      return {c.patch.latest_seq(),       c.cost_map.latest_seq(),
+              c.camera_pose.latest_seq(), health(TaskId::kFusion),
+              c.objects.latest_seq(),     c.surface == nullptr ? 0 : c.surface->latest_seq()};
     case TaskId::kPlanning:
       return {c.path.latest_seq(), health(TaskId::kPlanning)};
     case TaskId::kPrediction:
@@ -228,7 +229,7 @@ InputRecorder::InputRecorder(rt::NonRealtime&, const std::string& path, const Ke
   if (path.empty()) return;
   file_.reset(std::fopen(path.c_str(), "wb"));
   if (!file_) throw std::runtime_error(path + ": can not be written");
-  std::fprintf(file_.get(), "teletact-inputs 6 %zu\n", sizeof(JobOp));
+  std::fprintf(file_.get(), "teletact-inputs 7 %zu\n", sizeof(JobOp));
   for (const auto& [key, value] : keys)
     std::fprintf(file_.get(), "%s %s\n", key.c_str(), value.c_str());
   std::fprintf(file_.get(), "\n");

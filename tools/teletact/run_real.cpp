@@ -69,7 +69,7 @@ RealRun run_real(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
   namespace fs = std::filesystem;
   RealRun run;
   BoxPlan plan;
-  plan.calibration = calibration;
+  plan.calibration = tasks::with_ray_cast(calibration, ray_cast_us(scene));
   const auto cpus = rt::affinity_cpus();
   // The camera's twin renders on an ordinary thread; a recording needs none.
   tasks::BestEffortShares shares;

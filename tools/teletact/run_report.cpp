@@ -374,7 +374,8 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
                 "touch: %.0f contacts, largest force %.2f N, share of time in contact %.2f",
                 value("haptic.contacts"), value("haptic.force_max_N"),
                 value("haptic.contact_share"));
-  d.verdicts.push_back({value("haptic.contacts") > 0 ? State::kGood : State::kNote, text});
+  d.verdicts.push_back({value("haptic.contacts") > 0 ? State::kGood : State::kNote,
+                        text + (info.touch_method.empty() ? "" : "; method " + info.touch_method)});
   add_visits(op, d);
   std::snprintf(text, sizeof text, "fusion: %.0f of %.0f frames tracked",
                 value("fusion.frames_tracked"), value("fusion.frames"));

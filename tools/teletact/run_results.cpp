@@ -276,6 +276,46 @@ void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics&
   m.add("haptic.not_finite", static_cast<double>(not_finite), "1");
 }
 
+// What the method did that a surface does not: by the ticks alone, whatever the method is.
+void add_method_metrics(const RunInfo& info, const OperatorHalf& op, Metrics& m) {
+  if (info.touch_method.empty()) return;
+  constexpr double kJump_N = 0.5, kStretch_m = 1e-4;
+  using Vec = std::array<float, 3>;
+  const auto dot = [](const Vec& a, const Vec& b) {
+    double sum = 0;
+    for (std::size_t i = 0; i < a.size(); ++i)
+      sum += static_cast<double>(a[i]) * static_cast<double>(b[i]);
+    return sum;
+  };
+  const auto less = [](const Vec& a, const Vec& b) {
+    return Vec{a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+  };
+  std::size_t jumps = 0, flips = 0;
+  Vec entry{};
+  const tasks::HapticSample* before = nullptr;
+  for (const auto& s : op.view.haptic) {
+    if (s.in_contact && before != nullptr && before->in_contact) {
+      const Vec moved = less(s.p_WH, before->p_WH);
+      jumps += static_cast<double>(s.step_raw_N) >
+                       info.touch_N_per_m * std::sqrt(dot(moved, moved)) + kJump_N
+                   ? 1
+                   : 0;
+    }
+    const Vec stretch = less(s.p_WP, s.p_WH);
+    const double long_m = std::sqrt(dot(stretch, stretch));
+    if (!s.in_contact) {
+      entry = {};
+    } else if (long_m > kStretch_m && (dot(entry, entry) == 0 || dot(stretch, entry) < 0)) {
+      flips += dot(entry, entry) > 0 ? 1 : 0;
+      entry = stretch;
+    }
+    before = &s;
+  }
+  m.add("haptic.method", info.touch_method, "name");
+  m.add("haptic.jumps", static_cast<double>(jumps), "1");
+  m.add("haptic.flips", static_cast<double>(flips), "1");
+}
+
 void add_robot_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
   const auto& truth = robot.view.truth;
   m.add("robot.path_m", truth.empty() ? 0 : truth.back().path_m, "m");
@@ -371,6 +411,7 @@ static void add_allocation_metrics(const OperatorHalf& op, const RobotHalf& robo
 
 void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
   add_haptic_metrics(op, robot, m);
+  add_method_metrics(info, op, m);
   std::size_t consumed = 0, tracked = 0, claimed = 0, moving = 0;
   std::uint32_t moving_cells = 0;
   for (const auto& s : op.view.fusion) {

@@ -75,6 +75,9 @@ struct RunInfo {
       not_real_time;  // one line: why the real clock was not taken, and what gives it; empty: it was, or not wanted
   std::string give_rights;         // real clock without a right: the command that gives it
   std::vector<std::string> notes;  // of the report, no problem
+  // haptic.method, and its spring in the scene, K / scale; empty: not known.
+  std::string touch_method;
+  double touch_N_per_m = 0;
   double seconds = 0;
   std::string stopped_early;  // empty: not stopped; else one line that says when
   Effects effects;

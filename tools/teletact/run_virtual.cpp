@@ -85,14 +85,15 @@ std::int64_t execute(std::vector<rt::PlacedTask> placed, rt::CostModel& costs, c
 }  // namespace
 
 VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
-                       const tasks::Calibration& calibration) {
+                       const tasks::Calibration& given) {
   VirtualRun run;
+  const tasks::Calibration calibration = tasks::with_ray_cast(given, ray_cast_us(scene));
   const std::int64_t handshake = handshake_ns(scene.link.shape);
   // Any instant; fixed, so that runs repeat.
   const std::int64_t epoch = std::max<std::int64_t>(1000000000, handshake + 500000000);
   std::vector<int> cpus;
   for (int i = 0; i < options.cores; ++i) cpus.push_back(i);
-  const HostPlan host = admit_host(scene, calibration, cpus, {0.30}, options.force_choice);
+  const HostPlan host = admit_host(scene, given, cpus, {0.30}, options.force_choice);
   run.admission = host.admission;
   run.modes = host.modes;
   if (!host.refusal.empty()) throw std::runtime_error("admission: " + host.refusal);

@@ -179,11 +179,6 @@ std::unique_ptr<Scene> load_scene(const std::string& path,
   }
   if (!scene->camera_choice.in_process())
     scene->camera.stands_in_for = scene->camera_choice.intrinsics();
-  // The program's haptic task gets no ray cast: the method would give no force, without a word.
-  if (scene->graph.haptic.method == "force_shading")
-    throw std::runtime_error(path +
-                             ": haptic.method = \"force_shading\": of a scene allowed are "
-                             "constrained, nearest, nearest10; teletact touch has it");
   settle_stored_map(*scene, path);
   settle_arm(*scene, path);
   check_movers(*scene, path);

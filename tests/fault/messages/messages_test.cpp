@@ -33,7 +33,8 @@ struct Line {
   double magnitude_us = 0, probability = 1;
 };
 
-VirtualRun run(double seconds, const std::vector<Line>& lines, const std::string& logs = {}) {
+VirtualRun run(double seconds, const std::vector<Line>& lines, const std::string& logs = {},
+               const std::vector<std::string>& overrides = {}) {
   const auto path = std::filesystem::temp_directory_path() /
                     ("teletact-messages-" + std::to_string(::getpid()) + ".toml");
   {
@@ -47,7 +48,8 @@ VirtualRun run(double seconds, const std::vector<Line>& lines, const std::string
       out << "\n\n";
     }
   }
-  const auto scene = teletact::load_scene(teletact::find_config("scenes", "default_room"), {});
+  const auto scene =
+      teletact::load_scene(teletact::find_config("scenes", "default_room"), overrides);
   teletact::DemoOptions options;
   options.seconds = seconds;
   options.virtual_clock = options.quiet = true;
@@ -358,6 +360,34 @@ TEST(MessageFaults, AnOldPathHaltsTheRobot) {
   EXPECT_LT(largest_speed(r, 6.4, 6.8), 0.01);
   EXPECT_EQ(r.op.view.mode.mode, tasks::Mode::kEngaged);
   EXPECT_EQ(r.op.view.beyond, std::vector<std::string_view>{"path"});
+}
+
+// The published method's ray cast, whole every 400 ms from the first claimed image on: five that do not come, one that is no
+// number, and old ones. The hand rests on the floor until 4.6 s.
+TEST(MessageFaults, ARayCastThatDoesNotComeOrIsNoNumberGivesNoForce) {
+  const std::vector<std::string> method{"haptic.method=\"force_shading\""};
+  const auto count = [](const VirtualRun& r, rt::FaultId fault) {
+    return jobs_with(r.op.log, tasks::TaskId::kHaptic, fault, 0, r.op.epoch_ns);
+  };
+  // The last that came was published at 3.4 s or a little before.
+  const auto silent = run(6.5, {{"drop", "surface", 8, 1, 5}}, {}, method);
+  EXPECT_GT(largest_force(silent, 3.2, 4.2), 1.0) << "touched on for a second";
+  EXPECT_GT(count(silent, tasks::kFaultHapticSurfaceStale), 900U);
+  EXPECT_LT(count(silent, tasks::kFaultHapticSurfaceStale), 1800U);
+  EXPECT_LT(largest_force(silent, 4.56, 5.6), 0.01) << "ramped to zero";
+  EXPECT_EQ(jobs_with(silent.op.log, tasks::TaskId::kHaptic, tasks::kFaultHapticSurfaceStale, 6.0,
+                      silent.op.epoch_ns),
+            0U)
+      << "back with the next one";
+  const auto nan = run(5, {{"nan", "surface", 8, 1, 1}}, {}, method);
+  EXPECT_GT(count(nan, tasks::kFaultHapticBadPatch), 350U);
+  EXPECT_LT(count(nan, tasks::kFaultHapticBadPatch), 450U);
+  EXPECT_EQ(count(nan, tasks::kFaultHapticSurfaceStale), 0U);
+  for (const auto& s : nan.op.view.haptic) ASSERT_TRUE(s.finite);
+  // Old ones, on time: told, and touched on.
+  const auto old = run(5, {{"stale", "surface", 8, 1, 5, 2e6}}, {}, method);
+  EXPECT_EQ(count(old, tasks::kFaultHapticSurfaceStale), 0U);
+  EXPECT_GT(largest_force(old, 3.9, 4.4), 1.0);
 }
 
 // The console names what it shows that is silent, or old.

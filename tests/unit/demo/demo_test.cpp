@@ -360,9 +360,10 @@ TEST(Demo, AnEffectThatNoKeyCallsForIsNotConstructed) {
 TEST(Demo, EveryEffectThatAKeyCallsForIsListedWithItsKey) {
   static rt::Startup startup;
   const std::vector<std::pair<std::string, std::string>> keys{
-      {"haptic.friction_static", "0.5"},   {"haptic.texture_amplitude_m", "0.0002"},
-      {"haptic.viscosity_N_s_per_m", "1"}, {"haptic.materials", "true"},
-      {"fusion.objects.enabled", "true"},  {"fusion.mesh_blocks", "100"}};
+      {"haptic.friction_static", "0.5"},     {"haptic.texture_amplitude_m", "0.0002"},
+      {"haptic.viscosity_N_s_per_m", "1"},   {"haptic.materials", "true"},
+      {"fusion.objects.enabled", "true"},    {"fusion.mesh_blocks", "100"},
+      {"haptic.method", "\"force_shading\""}};
   std::vector<std::string> overrides;
   for (const auto& [key, set_to] : keys) overrides.push_back(key + "=" + set_to);
   const auto scene = teletact::load_scene(teletact::find_config("scenes", "empty_room"), overrides);

@@ -53,9 +53,10 @@ Folders& folders() {
 }
 
 RecordedRun record(const std::string& name, double seconds, const std::string& plan = {},
-                   const std::string& scene_file = {}) {
+                   const std::string& scene_file = {},
+                   const std::vector<std::string>& overrides = {}) {
   const auto scene = teletact::load_scene(
-      scene_file.empty() ? teletact::find_config("scenes", "default_room") : scene_file, {});
+      scene_file.empty() ? teletact::find_config("scenes", "default_room") : scene_file, overrides);
   teletact::DemoOptions options;
   options.seconds = seconds;
   options.virtual_clock = options.quiet = options.record = true;
@@ -205,6 +206,46 @@ TEST(Replay, ObjectsReplayToo) {
   EXPECT_GT(list.mark_seq, 0U);
   EXPECT_EQ(list.answer, perception::TouchAnswer::kObject) << perception::text_of(list.answer);
   expect_equal(r, rt::Box::kOperator);
+}
+
+// The published method reads fusion's ray cast: which one a tick used is part of the recording.
+TEST(Replay, ThePublishedMethodReplaysToo) {
+  const auto r = record("force_shading", 6, {}, {}, {"haptic.method=\"force_shading\""});
+  expect_equal(r, rt::Box::kOperator);
+  expect_equal(r, rt::Box::kOperator, 5);
+  auto recording = teletact::read_recording(teletact::recording_file(r.folder, rt::Box::kOperator));
+  ASSERT_TRUE(recording) << recording.error();
+  std::uint64_t newest = 0, last = 0;
+  for (const JobOp& op : recording.value().ops) {
+    if (op.task == static_cast<std::uint16_t>(tasks::TaskId::kHaptic) &&
+        op.kind == JobOp::Kind::kLatch)
+      newest = op.seq[4];
+    if (op.task == static_cast<std::uint16_t>(tasks::TaskId::kFusion) &&
+        op.kind == JobOp::Kind::kCommit)
+      last = op.get<teletact::Ended>().published[5];
+  }
+  EXPECT_GE(last, 13U);
+  EXPECT_GE(newest + 1, last);
+  // A tick that would have read another one is told of.
+  for (JobOp& op : recording.value().ops) {
+    if (op.task != static_cast<std::uint16_t>(tasks::TaskId::kHaptic) || op.seq[4] != 8) continue;
+    op.seq[4] = 7;
+  }
+  const auto scene = teletact::load_scene(r.folder + "/scene.toml", {});
+  const auto other = teletact::replay(nrt(), *scene, {}, recording.value(), 0);
+  EXPECT_TRUE(!other || other.value().equal < other.value().jobs ||
+              !other.value().first_difference.empty());
+  // Without the method nobody reads or makes one.
+  const auto bare =
+      teletact::read_recording(teletact::recording_file(plain().folder, rt::Box::kOperator));
+  ASSERT_TRUE(bare) << bare.error();
+  for (const JobOp& op : bare.value().ops) {
+    const bool latch = op.kind == JobOp::Kind::kLatch, commit = op.kind == JobOp::Kind::kCommit;
+    const auto task = static_cast<tasks::TaskId>(op.task);
+    ASSERT_FALSE(task == tasks::TaskId::kHaptic && latch && op.seq[4] != 0);
+    ASSERT_FALSE(task == tasks::TaskId::kFusion && commit &&
+                 op.get<teletact::Ended>().published[5] != 0);
+  }
 }
 
 // What the operator asked of the scene, and what the console said that it had taken of the mesh, are inputs.

@@ -12,6 +12,7 @@
 #include <iterator>
 
 #include "rt/random.hpp"
+#include "tasks/graph/host_request.hpp"
 
 namespace {
 
@@ -122,6 +123,67 @@ TEST(Calibration, AnAbortedTaskKeepsTheDeclaredBudgetAndCostsWhatItTakes) {
     if (r.name == "planning") r = row("planning", "", r.level, 400'000);
   }
   EXPECT_NEAR(static_cast<double>(tasks::make_costs(c, only)[0][0].value_ns.back()), 50e6 / 1.2, 2);
+}
+
+// A scene that touches by the published method pays for its ray cast: declared where it was not measured with it.
+TEST(Calibration, TheRayCastOfThePublishedMethodIsInTheBudgets) {
+  const Calibration c = whole();
+  const Calibration same = tasks::with_ray_cast(c, 0);
+  EXPECT_FALSE(same.ray_cast);
+  EXPECT_EQ(same.find("fusion", "20 mm", 1)->p999_us, c.find("fusion", "20 mm", 1)->p999_us);
+  constexpr std::int64_t kJob_us = 7000;
+  const Calibration more = tasks::with_ray_cast(c, kJob_us);
+  ASSERT_TRUE(more.ray_cast);
+  for (std::size_t i = 0; i < c.rows.size(); ++i) {
+    const double by = c.rows[i].name == "fusion"   ? kJob_us
+                      : c.rows[i].name == "haptic" ? tasks::kReduction_us
+                                                   : 0;
+    EXPECT_NEAR(more.rows[i].p50_us - c.rows[i].p50_us, by, 1e-9) << c.rows[i].name;
+    EXPECT_NEAR(more.rows[i].p999_us - c.rows[i].p999_us, by, 1e-9) << c.rows[i].name;
+    for (std::size_t q = 0; q < c.rows[i].quantiles_us.size(); ++q)
+      EXPECT_NEAR(more.rows[i].quantiles_us[q] - c.rows[i].quantiles_us[q], by, 1e-9);
+    EXPECT_EQ(more.rows[i].moving_p999_us, -1) << "not told apart stays so";
+    if (c.rows[i].name == "planning") continue;  // keeps its declared budget
+    const auto more_by = std::chrono::microseconds{static_cast<int>(by)};
+    EXPECT_GE(more.rows[i].budget(), c.rows[i].budget() + more_by);
+  }
+  // What was measured with it has it already, and a file keeps that.
+  const auto back = tasks::read_calibration(text_of(more), "c.toml");
+  ASSERT_TRUE(back) << back.error();
+  EXPECT_TRUE(back.value().ray_cast);
+  const Calibration twice = tasks::with_ray_cast(back.value(), kJob_us);
+  EXPECT_NEAR(twice.find("haptic", "", 0)->p999_us, more.find("haptic", "", 0)->p999_us, 1e-3);
+  EXPECT_FALSE(tasks::read_calibration(text_of(c), "c.toml").value().ray_cast);
+  // Shared with workers as the rest of a job is.
+  Calibration pool = c;
+  for (int level = 0; level < 3; ++level)
+    pool.rows.push_back(row(std::string(tasks::kWorkerRow), "20 mm", level, 500));
+  const Calibration shared = tasks::with_ray_cast(pool, kJob_us);
+  EXPECT_NEAR(shared.find(tasks::kWorkerRow, "20 mm", 0)->p50_us - 250,
+              tasks::kWorkerShare * kJob_us, 1e-9);
+  EXPECT_NEAR(shared.find("fusion", "20 mm", 0)->p50_us - c.find("fusion", "20 mm", 0)->p50_us,
+              tasks::kOwnShare * kJob_us, 1e-9);
+}
+
+// Without any measurement the declared budgets have it.
+TEST(Calibration, TheRayCastIsInTheDeclaredBudgetsToo) {
+  tasks::ChoiceLimits asked;
+  asked.ray_cast_us = 7000;
+  const auto with = tasks::make_specs({}, asked), without = tasks::make_specs({}, {});
+  for (std::size_t i = 0; i < with.size(); ++i) {
+    if (with[i].name == "fusion") {
+      for (std::size_t c = 0; c < with[i].choices.size(); ++c)
+        for (std::size_t level = 0; level < 3; ++level)
+          EXPECT_EQ((with[i].choices[c].variants[level].budget -
+                     without[i].choices[c].variants[level].budget)
+                        .count(),
+                    1000 * asked.ray_cast_us);
+    } else {
+      EXPECT_EQ((with[i].budget - without[i].budget).count(),
+                with[i].name == "haptic" ? 1000 * tasks::kReduction_us : 0)
+          << with[i].name;
+    }
+  }
 }
 
 TEST(Calibration, AFileKeepsEverything) {

@@ -84,6 +84,7 @@ struct Boxes {
     if (change) change(config);
     auto& nrt = startup.token();
     config.fusion.tsdf.max_blocks = 2000;
+    config.haptic.method = "force_shading";  // so that every edge is there
     setup.device = &hand;
     setup.fusion.camera = {60, 60, 31.5, 23.5, 64, 48};
     robot_setup.bus = &bus;
@@ -164,6 +165,14 @@ struct Boxes {
         m.metres_per_unit = 1e-6F;
         m.nodes = 8;
         cells->patch.publish(at);
+        break;
+      }
+      case EdgeId::kSurface: {
+        auto& m = slot(*cells->surface);
+        m.seq = seq;
+        m.fused = at;
+        m.exposure = taken;
+        cells->surface->publish(at);
         break;
       }
       case EdgeId::kCostMap: {
@@ -300,6 +309,7 @@ std::vector<Case> cases() {
                 tasks::SupervisionTask::Engage::kAbsent;
        }},
       {EdgeId::kPatch, TaskId::kHaptic, fault(tasks::kFaultHapticPatchStale), told},
+      {EdgeId::kSurface, TaskId::kHaptic, fault(tasks::kFaultHapticSurfaceStale), told},
       both(EdgeId::kCostMap, TaskId::kPlanning,
            [](const Boxes& b, auto&) { return !b.planning->in().may_plan; }),
       both(EdgeId::kCameraPose, TaskId::kPrediction,
@@ -386,7 +396,8 @@ void play(const Case& c, bool stall, Boxes& b) {
     return beyond ? beyond(b, health) : false;
   };
   // Where all that happens is that it is told, the answer says no more than that nothing else does.
-  const bool always = c.edge == EdgeId::kEdit || (c.edge == EdgeId::kPatch && !stall);
+  const bool always = c.edge == EdgeId::kEdit ||
+                      ((c.edge == EdgeId::kPatch || c.edge == EdgeId::kSurface) && !stall);
   for (int i = 0; i < 5; ++i) {
     const bool yet = tick(false);
     if (always || i < 3) continue;  // prediction needs some states first

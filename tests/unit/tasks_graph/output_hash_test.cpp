@@ -179,6 +179,19 @@ TEST(OutputHash, ViewAndCostMap) {
              FIELD(height_m[44])});
 }
 
+TEST(OutputHash, SurfacePoints) {
+  tasks::SurfacePoints points;
+  points.resize(37);
+  expect_each_seen<tasks::SurfacePoints>(
+      points, {FIELD(seq), FIELD(fused), FIELD(exposure), FIELD(X_WC.matrix()(1, 3)), FIELD(count),
+               FIELD(x[0]), FIELD(x[36]), FIELD(y[5]), FIELD(z[36]), FIELD(nx[1]), FIELD(ny[36]),
+               FIELD(nz[0])});
+  const std::uint64_t before = digest(points);
+  nudge(points.x[37]);
+  nudge(points.nz[47]);
+  EXPECT_EQ(digest(points), before) << "padding";
+}
+
 TEST(OutputHash, MeshDelta) {
   using Delta = perception::MeshDelta;
   auto delta = std::make_unique<Delta>();

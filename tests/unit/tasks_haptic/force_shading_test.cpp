@@ -209,6 +209,86 @@ TEST(ForceShading, EqualsTheTextOnRandomPaths) {
   std::printf("%d ticks in contact, %d contacts ended inside\n", contacts, ends_inside);
 }
 
+// A wall that the method stands on: points 1 mm apart on z = 0, about a hand that rests 6 mm deep.
+struct OnAPlane {
+  SurfacePoints points;
+  rig::Scene scene;
+  OnAPlane() {
+    points.resize(61 * 61);
+    for (int i = 0; i < 61 * 61; ++i)
+      points.set(static_cast<std::size_t>(i), Vec3(1e-3 * (i % 61 - 30), 1e-3 * (i / 61 - 30), 0),
+                 Vec3::UnitZ());
+    scene.solid = [](const Vec3& p, double) { return p.z(); };
+    scene.config.method = "force_shading";
+  }
+  // Down to 6 mm in 160 ms, and there until 500 ms.
+  void press(rig::Rig& r) const {
+    const rig::Path path({{0, 0, 0.01}, {0, 0, -0.006}}, 0.1);
+    (void)r.run(path, 0, path.duration());
+    for (int k = 0; k < 300; ++k) (void)r.tick({0, 0, -0.006});
+  }
+};
+
+// None came for its liveness: the force ramps to zero in haptic.ramp_s, with a fault, and returns with the next one.
+TEST(ForceShading, AStaleRayCastRampsTheForceDown) {
+  const OnAPlane plane;
+  rig::Rig r(plane.scene);
+  r.in().surface = &plane.points;
+  plane.press(r);
+  const double pressed = r.tick({0, 0, -0.006}).f.norm();
+  EXPECT_NEAR(pressed, 6, 0.05);
+  r.in().surface_stale = true;
+  double before = pressed;
+  for (int k = 0; k < 150; ++k) {
+    const rig::Row row = r.tick({0, 0, -0.006});
+    EXPECT_EQ(row.health.fault, tasks::kFaultHapticSurfaceStale);
+    EXPECT_TRUE(row.telemetry.stale);
+    EXPECT_LE(row.f.norm(), before + 1e-9) << k;
+    EXPECT_LE(before - row.f.norm(), 0.3 + 1e-9) << "no step";
+    before = row.f.norm();
+    if (k > 105) {
+      EXPECT_EQ(row.f.norm(), 0) << k;
+    }
+  }
+  r.in().surface_stale = false;
+  rig::Row row;
+  for (int k = 0; k < 150; ++k) row = r.tick({0, 0, -0.006});
+  EXPECT_EQ(row.health.fault, rt::kNoFault);
+  EXPECT_NEAR(row.f.norm(), pressed, 0.01);
+}
+
+// Whatever is wrong with a ray cast, no force is made of it; and the next good one is touched again.
+TEST(ForceShading, AMalformedRayCastIsRefused) {
+  const double nan = std::nan("");
+  for (const int what : {0, 1, 2}) {
+    const OnAPlane plane;
+    SurfacePoints bad = plane.points;
+    if (what == 0) bad.X_WC.matrix().setConstant(nan);
+    if (what == 1) bad.count = bad.x.size() + 1;
+    if (what == 2) std::fill(bad.x.begin(), bad.x.end(), std::nanf(""));  // no header says so
+    rig::Rig r(plane.scene);
+    r.in().surface = &plane.points;
+    plane.press(r);
+    EXPECT_GT(r.tick({0, 0, -0.006}).f.norm(), 5);
+    r.in().surface = &bad;
+    rig::Row row;
+    for (int k = 0; k < 60; ++k) {
+      row = r.tick({0, 0, -0.006});
+      EXPECT_TRUE(row.f.allFinite());
+      if (what < 2) {
+        EXPECT_EQ(row.health.fault, tasks::kFaultHapticBadPatch);
+      }
+    }
+    EXPECT_EQ(row.f.norm(), 0);
+    r.in().surface = &plane.points;
+    const rig::Path out_and_in({{0, 0, -0.006}, {0, 0, 0.01}, {0, 0, -0.006}}, 0.1);
+    (void)r.run(out_and_in, 0, out_and_in.duration());
+    for (int k = 0; k < 100; ++k) row = r.tick({0, 0, -0.006});
+    EXPECT_NEAR(row.f.norm(), 6, 0.05) << what;
+    EXPECT_EQ(row.health.fault, rt::kNoFault);
+  }
+}
+
 // A cast that met nothing is no surface.
 TEST(ForceShading, ACastOfNothingIsNoContact) {
   SurfacePoints none;

@@ -131,7 +131,8 @@ TEST(Executed, OneThatTheSceneDoesNotAskForIsSeen) {
       {"link.shape.delay_ms=30", "link shape"},
       {"haptic.friction_static=0.3", "touch: friction"},
       {"haptic.texture_amplitude_m=0.0002", "touch: texture"},
-      {"haptic.viscosity_N_s_per_m=1", "touch: viscosity"}};
+      {"haptic.viscosity_N_s_per_m=1", "touch: viscosity"},
+      {"haptic.method=\"force_shading\"", "touch: force shading"}};
   std::vector<std::string> keys, names;
   for (const auto& [key, name] : more) keys.push_back(key), names.push_back(name);
   const Counted c = counted_in(file, keys, 1);

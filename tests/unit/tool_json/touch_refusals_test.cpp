@@ -31,18 +31,28 @@ struct Folder {
   [[nodiscard]] std::string file(const char* name) const { return (path / name).string(); }
 };
 
-TEST(TouchRefusals, AMethodWithoutItsRayCast) {
+TEST(TouchRefusals, AMethodThatThereIsNot) {
   const Folder in;
   const auto [code, text] = errors_of("demo --clock virtual --bodies stub --seconds 1 --report " +
-                                      in.file("r") + " --set 'haptic.method=\"force_shading\"'");
+                                      in.file("r") + " --set 'haptic.method=\"paper\"'");
   EXPECT_EQ(code, 2);
   EXPECT_EQ(text.find('\n'), text.size() - 1) << text;
-  EXPECT_NE(
-      text.find("default_room.toml: haptic.method = \"force_shading\": of a scene allowed are "
-                "constrained, nearest, nearest10"),
-      std::string::npos)
+  EXPECT_NE(text.find("haptic.method"), std::string::npos) << text;
+  EXPECT_NE(text.find("\"constrained\", \"nearest\", \"nearest10\", \"force_shading\""),
+            std::string::npos)
       << text;
   EXPECT_TRUE(fs::is_empty(in.path));
+}
+
+// A host that has no room for the ray cast is told what it costs.
+TEST(TouchRefusals, AMethodThatTheHostHasNoRoomFor) {
+  const Folder in;
+  const auto [code, text] =
+      errors_of("demo --clock virtual --bodies stub --seconds 1 --cores 1 --report " +
+                in.file("r") + " --set 'haptic.method=\"force_shading\"'");
+  EXPECT_EQ(code, 2);
+  EXPECT_EQ(text.find('\n'), text.size() - 1) << text;
+  EXPECT_NE(text.find("haptic.method = \"force_shading\" adds "), std::string::npos) << text;
 }
 
 // What does not fit the model is told of after its table, and not handed on as measured.

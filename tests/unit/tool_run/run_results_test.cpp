@@ -243,6 +243,42 @@ TEST(RunResults, ArrivalsAreJudgedByTheTwinAtTheirInstant) {
   EXPECT_FALSE(teletact::true_base_at(robot, rt::time_from_ns(-1))) << "before it";
 }
 
+// What a method does that a surface does not: a step of the force that the hand did not make, and a proxy on the other side.
+TEST(RunResults, JumpsAndFlipsAreCountedInContactOnly) {
+  OperatorHalf op;
+  const auto tick = [&](bool contact, float hand_z, float proxy_z, float step_raw_N) {
+    auto& s = op.view.haptic.emplace_back();
+    s.in_contact = contact;
+    s.p_WH = {0, 0, hand_z};
+    s.p_WP = {0, 0, proxy_z};
+    s.step_raw_N = step_raw_N;
+  };
+  tick(false, 0.01F, 0.01F, 0);
+  tick(true, -0.001F, 0, 3);          // a contact begins: no jump
+  tick(true, -0.002F, 0, 1.49F);      // the hand made 1 N of it
+  tick(true, -0.002F, 0, 0.51F);      // a jump
+  tick(true, -0.002F, -0.004F, 0);    // through it
+  tick(true, -0.002F, -0.0041F, 0);   // counted once
+  tick(true, -0.002F, -0.00201F, 0);  // less than 0.1 mm says nothing
+  tick(false, -0.002F, -0.002F, 5);
+  tick(true, -0.002F, -0.004F, 9);  // another contact, with a side of its own
+  RunInfo info;
+  Metrics without("demo");
+  teletact::add_metrics(info, op, {}, without);
+  for (const auto& row : without.rows()) EXPECT_NE(row.name, "haptic.method");
+  info.touch_method = "nearest";
+  info.touch_N_per_m = 1000;
+  Metrics m("demo");
+  teletact::add_metrics(info, op, {}, m);
+  EXPECT_EQ(value(m, "haptic.jumps"), 1);
+  EXPECT_EQ(value(m, "haptic.flips"), 1);
+  for (const auto& row : m.rows()) {
+    if (row.name == "haptic.method") {
+      EXPECT_EQ(row.text, "nearest");
+    }
+  }
+}
+
 TEST(RunResults, AnEmptyRunHasFiguresAndNoNaN) {
   Metrics m("demo");
   teletact::add_metrics({}, {}, {}, m);

@@ -1,0 +1,52 @@
+// Surface points of one full ray cast of the map: what the published method of touch reduces over.
+// fusion -> haptic, where a scene asks for that method; nobody else makes or reads one.
+//
+// A point a pixel, row-major, one ray each, from minimum depth to the first crossing from outside to inside; a ray
+// that met nothing is far away and never nearest. Coordinates apart, padded to kLanes with far points. All room is
+// made at set-up; a message is filled in place and read in place.
+// Frames: points and normals in W (= map); normals unit, towards the camera.  SI.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "perception/geometry/pose.hpp"
+#include "rt/time.hpp"
+
+namespace tasks {
+
+struct SurfacePoints {
+  static constexpr std::size_t kLanes = 16;
+  static constexpr float kFar = 1e9F;
+  std::uint64_t seq = 0;         // 0 = never published
+  rt::Time fused{}, exposure{};  // the writer's job; the newest image in the map
+  perception::Pose X_WC =
+      perception::Pose::Identity();  // camera that cast it: the last one claimed
+  std::size_t count = 0;             // pixels
+  std::vector<float> x, y, z, nx, ny, nz;
+
+  // Set-up: room for n points, all far.
+  void resize(std::size_t n) {
+    count = n;
+    const std::size_t padded = (n + kLanes - 1) / kLanes * kLanes;
+    for (auto* v : {&x, &y, &z}) v->assign(padded, kFar);
+    for (auto* v : {&nx, &ny, &nz}) v->assign(padded, 0.0F);
+  }
+  void set(std::size_t i, const perception::Vec3& p, const perception::Vec3& n) noexcept {
+    x[i] = static_cast<float>(p.x());
+    y[i] = static_cast<float>(p.y());
+    z[i] = static_cast<float>(p.z());
+    nx[i] = static_cast<float>(n.x());
+    ny[i] = static_cast<float>(n.y());
+    nz[i] = static_cast<float>(n.z());
+  }
+  [[nodiscard]] perception::Vec3 point(std::size_t i) const noexcept {
+    return {static_cast<double>(x[i]), static_cast<double>(y[i]), static_cast<double>(z[i])};
+  }
+  [[nodiscard]] perception::Vec3 normal(std::size_t i) const noexcept {
+    return {static_cast<double>(nx[i]), static_cast<double>(ny[i]), static_cast<double>(nz[i])};
+  }
+};
+
+}  // namespace tasks
