@@ -25,6 +25,8 @@ void require_valid(const FusionConfig& config, const FusionSetup& setup) {
   check(config.patch_nodes >= 8 && config.patch_nodes <= SurfacePatch::kMaxNodes &&
             config.patch_nodes % 4 == 0,
         "patch_nodes", config.patch_nodes, "a multiple of 4 in 8 .. 64");
+  check(config.patch_smooth == 0 || config.patch_smooth >= 2, "patch_smooth", config.patch_smooth,
+        "0, or 2 .. 8");
   check(config.view_step >= 1 && (k.width - 1) / config.view_step < SceneView::kMaxWidth &&
             (k.height - 1) / config.view_step < SceneView::kMaxHeight,
         "view_step", config.view_step, "large enough for a view of 320 x 240");
@@ -57,6 +59,9 @@ void FusionConfig::describe(config::Section& s) {
             "edge of the haptic window, a multiple of 4")
       .number("window_lead_periods", window_lead_periods, 0, 10,
               "the window is centred where the hand will be after this many periods")
+      .number("patch_smooth", patch_smooth, 0, 8,
+              "voxels that the field round the hand is smoothed over, 2 or more; 0: as it is in "
+              "the map")
       .flag("patch_checksums", patch_checksums, "write a checksum into every patch")
       .integer("view_period_frames", view_period_frames, 0, 300, "0 switches the view off")
       .integer("view_step", view_step, 1, 8, "camera pixels a view pixel")

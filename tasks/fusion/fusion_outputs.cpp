@@ -29,6 +29,8 @@ void FusionTask::write_patch(const rt::Tick& tick, const HapticState& hand, Out&
   const std::span<const std::uint8_t> slots =
       objects_ == nullptr ? std::span<const std::uint8_t>{} : slot_of_label_;
   if (!perception::copy_patch(map_, window_centre_W_, config_.patch_nodes, p, slots)) return;
+  if (smoother_ != nullptr && hand_known_)
+    out.work += static_cast<std::uint64_t>(smoother_->smooth(window_centre_W_, p).nodes);
   p.seq = ++patch_seq_;
   p.fused = tick.start;
   p.exposure = fused_exposure_;

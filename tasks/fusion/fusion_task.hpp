@@ -48,6 +48,7 @@
 #include "perception/raycast/raycast.hpp"
 #include "perception/relocalisation/relocaliser.hpp"
 #include "perception/tsdf/mesh_deltas.hpp"
+#include "perception/tsdf/patch_smooth.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
@@ -102,14 +103,16 @@ struct FusionConfig {
   int patch_nodes = 64;
   double window_lead_periods = 2;  // patch centre = hand + velocity x this many periods
   bool patch_checksums = true;     // fill SurfacePatch::checksum
-  int view_period_frames = 3;      // 0: no view
-  int view_step = 2;               // pixels of the camera per pixel of the view, 1..8
-  double view_min_weight = 1;      // observations that what it shows has at least
-  int cost_map_period = 3;         // periods; published whether it changed or not
-  int mesh_blocks = 0;             // blocks cut for a message of mesh deltas; 0: none are made
-  int mesh_period_frames = 3;      // periods between two of them
-  int surface_periods = 12;        // jobs that the ray cast for the published method is made in
-  std::string map;                 // stored map to begin with (load_map); empty: none
+  // Voxels: the field round the hand is smoothed over so many (perception/tsdf/patch_smooth.hpp); 0: as it is in the map.
+  double patch_smooth = perception::SmoothOptions{}.radius;
+  int view_period_frames = 3;  // 0: no view
+  int view_step = 2;           // pixels of the camera per pixel of the view, 1..8
+  double view_min_weight = 1;  // observations that what it shows has at least
+  int cost_map_period = 3;     // periods; published whether it changed or not
+  int mesh_blocks = 0;         // blocks cut for a message of mesh deltas; 0: none are made
+  int mesh_period_frames = 3;  // periods between two of them
+  int surface_periods = 12;    // jobs that the ray cast for the published method is made in
+  std::string map;             // stored map to begin with (load_map); empty: none
   // Odometry: error growth since the last frame the scene constrained fully.
   double odometry_translation_share = 0.02;  // of the way
   double odometry_rotation_share = 0.02;     // of the turn
@@ -301,7 +304,8 @@ class FusionTask {
   std::optional<Eigen::AlignedBox3d> grasp_W_;     // where a thing lay, to be cleared
   perception::Image<std::uint8_t> objects_shown_;  // pixels of the view; of this period's frame:
   bool objects_drawn_ = false;
-  std::unique_ptr<perception::ObjectMap> objects_;  // null: switched off
+  std::unique_ptr<perception::ObjectMap> objects_;       // null: switched off
+  std::unique_ptr<perception::PatchSmoother> smoother_;  // null: the patch is the map's own field
   std::array<std::uint8_t, 256> slot_of_label_{};
   std::unique_ptr<perception::MeshSender> mesh_;  // null: switched off
   std::unique_ptr<SurfaceCast> surface_;          // null: nobody asks for it

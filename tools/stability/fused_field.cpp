@@ -47,7 +47,12 @@ Pose looking(const Vec3& eye, const Vec3& target) {
 }  // namespace
 
 FusedField::FusedField(const Pose& X_WS, const FusedView& view)
-    : X_WS_(X_WS), view_(view), map_(startup_.token(), map_config()) {}
+    : X_WS_(X_WS), view_(view), map_(startup_.token(), map_config()) {
+  if (view.smooth <= 0) return;
+  perception::SmoothOptions options;
+  options.radius = view.smooth;
+  smoother_ = std::make_unique<perception::PatchSmoother>(startup_.token(), options);
+}
 
 // Depth along the axis of the ray through (u, v), m; 0: none.
 double FusedField::depth(const Solid& solid, const Pose& X_SC, const Vec3& ray_C) const {
@@ -138,6 +143,7 @@ void FusedField::window(const Vec3& centre_W, int nodes, perception::SurfacePatc
   if (!perception::copy_patch(map_, centre_W, nodes, out)) {
     throw std::runtime_error("stability: no window of the fused map");
   }
+  if (smoother_) smoother_->smooth(centre_W, out);
 }
 
 double FusedField::height() const {
@@ -166,6 +172,21 @@ bool FusedField::known(int x, int y, int z) const {
          map_.free_at(x, y, z);
 }
 
+double FusedField::smoothed(int x, int y, int z) const {
+  if (whole_of_ != frame_) {
+    if (!whole_) whole_ = std::make_unique<perception::SurfacePatch>();
+    perception::copy_patch(map_, X_WS_.translation(), perception::SurfacePatch::kMaxNodes, *whole_);
+    whole_of_ = frame_;
+  }
+  const auto& o = whole_->origin_node;
+  const int i = x - o[0], j = y - o[1], k = z - o[2];
+  if (std::min({i, j, k}) < 0 || std::max({i, j, k}) >= whole_->nodes)
+    return static_cast<double>(map_.metres_per_unit()) *
+           TsdfMap::word_distance(map_.word_at(x, y, z));
+  return static_cast<double>(whole_->metres_per_unit) *
+         static_cast<double>(smoother_->node(*whole_, i, j, k));
+}
+
 double FusedField::node(int x, int y, int z) const {
   const auto unit = static_cast<double>(map_.metres_per_unit());
   const auto observed = [&](int i, int j, int k) {
@@ -174,7 +195,7 @@ double FusedField::node(int x, int y, int z) const {
   const auto distance = [&](int i, int j, int k) {
     return unit * TsdfMap::word_distance(map_.word_at(i, j, k));
   };
-  if (observed(x, y, z)) return distance(x, y, z);
+  if (observed(x, y, z)) return smoother_ ? smoothed(x, y, z) : distance(x, y, z);
   if (!map_.free_at(x, y, z)) return -map_.truncation();
   double least = map_.truncation();
   for (int side = 0; side < 6; ++side) {

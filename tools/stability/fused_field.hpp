@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "perception/patch/surface_patch.hpp"
+#include "perception/tsdf/patch_smooth.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/random.hpp"
@@ -23,6 +24,7 @@ struct FusedView {
   bool noise = false;
   bool axial_alone = false;  // of that noise
   int frames = 20;
+  double smooth = perception::SmoothOptions{}.radius;  // as fusion.patch_smooth; 0: none
 };
 
 class FusedField {
@@ -33,6 +35,7 @@ class FusedField {
   FusedField(const perception::Pose& X_WS, const FusedView& view);
   // One more frame of the solid as it is now.
   void see(const Solid& solid);
+  // As fusion publishes it for a hand at the centre.
   void window(const perception::Vec3& centre_W, int nodes, perception::SurfacePatch& out) const;
   // As the oracle reads it: observed distance; seen free without one: at most a voxel more than its
   // least neighbour that has one, and outside; unknown: solid.
@@ -43,6 +46,8 @@ class FusedField {
   [[nodiscard]] double height() const;
 
  private:
+  // Of an observed node, in m.
+  [[nodiscard]] double smoothed(int x, int y, int z) const;
   [[nodiscard]] double depth(const Solid& solid, const perception::Pose& X_SC,
                              const perception::Vec3& ray_C) const;
   static void disturb(std::vector<double>& z, int width, int height, rt::Random& random);
@@ -51,6 +56,10 @@ class FusedField {
   perception::Pose X_WS_;
   FusedView view_;
   perception::TsdfMap map_;
+  std::unique_ptr<perception::PatchSmoother> smoother_;  // null: none
+  // All that node() asks for, of frame whole_of_.
+  mutable std::unique_ptr<perception::SurfacePatch> whole_;
+  mutable int whole_of_ = -1;
   int frame_ = 0;
 };
 

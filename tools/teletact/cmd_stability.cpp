@@ -127,7 +127,8 @@ int cmd_stability(int argc, char** argv) {
   std::vector<Output> outputs;
   Metrics metrics("stability");
   StabilityRecord record;
-  const std::vector<stability::FusedView> views = stability::fused_views();
+  std::vector<stability::FusedView> views = stability::fused_views();
+  for (stability::FusedView& view : views) view.smooth = o.patch_smooth;
   int cases = 0, passed = 0, bound = 0;
   bool counted = false;
   double energy_min_mJ = 0;

@@ -68,6 +68,10 @@ void check_together(const StabilityOptions& o) {
   if (o.layer != "on" && o.layer != "off" && o.layer != "both") {
     throw std::runtime_error("--layer '" + o.layer + "': allowed are on, off, both");
   }
+  if (o.patch_smooth > 0 && o.patch_smooth < 2) {
+    throw std::runtime_error("--patch-smooth " + std::to_string(o.patch_smooth) +
+                             ": allowed are 0 (none) and 2 to 8 voxels");
+  }
   if (!o.fused) return;
   if (o.tip_radius_m > 0) {
     throw std::runtime_error("--tip-radius: fused fields are touched by tips of 0 and 3 mm");
@@ -135,6 +139,10 @@ bool parse_stability(int argc, char** argv, StabilityOptions& o) {
       ->delimiter(',');
   app.add_flag("--verbose", o.verbose, "every figure over its limit, and the closed forms");
   app.add_flag("--fused", o.fused, "only the cases on fields fused from synthetic depth");
+  app.add_option(
+         "--patch-smooth", o.patch_smooth,
+         "of fused fields: voxels that they are smoothed over, as fusion.patch_smooth; 0: none")
+      ->check(in_range(0, 8));
   app.add_flag("!--no-optimum", o.judged, "leave the field optimum out (fast)");
   app.add_option("--json", o.json, "metrics and every check of every run, to write");
   app.add_option("--svg", o.svg, "folder for one figure a case");

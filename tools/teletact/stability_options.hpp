@@ -15,6 +15,7 @@ struct StabilityOptions {
   bool quick = false, verbose = false, judged = true, fused = false, beside = false,
        allow_bound = false;
   double tip_radius_m = 0;
+  double patch_smooth = perception::SmoothOptions{}.radius;      // of the fused fields, voxels
   std::vector<double> angles_deg, offsets_vox, speeds_mm_per_s;  // other placements than the usual
 
   // Nothing but what the limits are written for: then the fused fields belong to it.
