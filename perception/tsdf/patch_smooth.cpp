@@ -7,7 +7,7 @@ namespace perception {
 namespace {
 
 // chosen on: stability 1 fused at 45 and 70 degrees; judged on: stability 1 fused at 20 degrees, 13, 10, 7, 6, 5, 2
-constexpr float kSlab = 1.25F;  // layers of nodes either side of the surface
+constexpr float kSlab = 1.25F;  // layers of nodes either side of the surface, at least
 constexpr float kNear = 0.4F;   // a cell's diagonal: nodes of cells that the surface goes through
 constexpr float kNoise = 0.05F, kShape = 0.1F;  // voxels of RMS residual
 constexpr float kMost = 0.9F;                   // of the truncation: what is farther is cut off
@@ -131,12 +131,13 @@ float PatchSmoother::smoothed(std::ptrdiff_t at) const noexcept {
   const float slope = g.norm();
   if (!(slope > 0.3F) || std::abs(was) > g.lpNorm<1>() + kNear * slope) return was;
   const Eigen::Vector3f h = g / slope, t1 = h.unitOrthogonal(), t2 = h.cross(t1);
-  const float height = was / slope;
+  // With the node's own layer: beyond the last one a fit only guesses.
+  const float height = was / slope, slab = std::max(kSlab, std::abs(height) + 0.01F);
   Fit fit;
   int seen = 0, all = 0;
   for (const Offset& o : offsets_) {
     const float across = h.dot(o.at);
-    if (std::abs(height + across) > kSlab) continue;
+    if (std::abs(height + across) > slab) continue;
     ++all;
     const float d = field_[static_cast<std::size_t>(at + o.step)];
     if (std::isnan(d)) continue;

@@ -259,7 +259,7 @@ double reference(const SurfacePatch& p, const Eigen::Vector3i& i, double radius)
       for (int z = -r; z <= r; ++z) {
         const Vec3 o(x, y, z);
         const double q = o.squaredNorm() / (radius * radius), h = n.dot(o);
-        if (q >= 1 || std::abs(height + h) > 1.25) continue;
+        if (q >= 1 || std::abs(height + h) > std::max(1.25, std::abs(height) + 0.01)) continue;
         const double value = d(i + Eigen::Vector3i(x, y, z));
         if (std::abs(value) * kVoxel >= 0.9 * kTruncation) continue;
         Eigen::Matrix<double, 8, 1> v;
