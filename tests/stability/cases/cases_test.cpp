@@ -21,7 +21,7 @@ using stability::Setting;
 // images, smoothed round the hand, leave up to 0.13 mm (1) and a crease has the radius of a voxel (2, 5, 6, 7, 10); so much is
 // left of a rising floor's height where it comes to rest (13).
 constexpr Missed kMissed[] = {
-    {1, true, "depth error mm", 5, 0.1274, 1.221e-05, 5, 0.1274, 1.221e-05},
+    {1, true, "depth error mm", 5, 0.1277, 1.221e-05, 5, 0.1277, 1.221e-05},
     {1, true, "tangential N", 4, 0.1896, 0.03645, 4, 0.1896, 0.03645},
     {2, false, "F error p95 N", 2, 3.86, 3.853},
     {2, true, "F error p95 N", 6, 7.526, 0, 6, 7.526, 0},
