@@ -51,15 +51,13 @@ FusionTask::FusionTask(rt::NonRealtime& nrt, const FusionConfig& config, const F
   if (setup.robot != nullptr)
     body_ = std::make_unique<FusionBody>(nrt, config.body, *setup.robot, config.tracker, setup.X_BC,
                                          setup.camera);
-<<<<<<< HEAD
-  if (setup.ray_cast) surface_ = std::make_unique<SurfaceCast>(nrt, setup.camera, config.surface_periods);
-=======
+  if (setup.ray_cast)
+    surface_ = std::make_unique<SurfaceCast>(nrt, setup.camera, config.surface_periods);
   if (config.patch_smooth > 0) {
     perception::SmoothOptions smooth;
     smooth.radius = config.patch_smooth;
     smoother_ = std::make_unique<perception::PatchSmoother>(nrt, smooth);
   }
->>>>>>> kc
   if (config.mesh_blocks > 0) mesh_ = std::make_unique<perception::MeshSender>(nrt, map_);
 }
 
