@@ -64,6 +64,72 @@ TEST(FusionTask, PatchEveryPeriodFollowsTheHand) {
   EXPECT_EQ(rig.patch->checksum, checksum);
 }
 
+// Within reach of the hand the patch is smoothed, elsewhere and with the key at 0 it is the map's own field.
+TEST(FusionTask, ThePatchIsSmoothedRoundTheHandAlone) {
+  const AnalyticScene room = tests::test_room();
+  FusionConfig raw_config = coarse();
+  raw_config.patch_smooth = 0;
+  Rig raw(raw_config, Rig::eye(11), tests::kinect2_camera()),
+      smooth(coarse(), Rig::eye(11), tests::kinect2_camera());
+  // The middle of a face: what is seen 7 degrees beside it has its normal.
+  const Pose X_WC = Rig::eye(0);
+  const Vec3 way = X_WC.linear() * Vec3::UnitZ();
+  const auto seen = [&](double x, double y) {
+    return room.cast(X_WC.translation(), X_WC.linear() * Vec3(x, y, 1));
+  };
+  Vec3 hand = Vec3::Zero();
+  for (double y = -0.25; y < 0.3 && hand.isZero(); y += 0.05)
+    for (double x = -0.3; x < 0.35 && hand.isZero(); x += 0.05) {
+      bool face = true;
+      for (const double side : {-0.12, 0.12})
+        face = face && seen(x + side, y).normal_W.dot(seen(x, y).normal_W) > 0.99 &&
+               seen(x, y + side).normal_W.dot(seen(x, y).normal_W) > 0.99;
+      const double facing = -seen(x, y).normal_W.dot(X_WC.linear() * Vec3(x, y, 1).normalized());
+      if (face && facing > 0.5 && seen(x, y).t < 3)
+        hand = X_WC.translation() + seen(x, y).t * (X_WC.linear() * Vec3(x, y, 1));
+    }
+  ASSERT_FALSE(hand.isZero());
+  for (Rig* rig : {&raw, &smooth}) {
+    for (int i = 11; i >= 0; --i) rig->see(room, Rig::eye(i), 0.002);
+    rig->in.hand.seq = 1;
+    rig->in.hand.p_WH = hand;
+    rig->step(false);
+    ASSERT_TRUE(rig->out.patch_written);
+  }
+  ASSERT_EQ(raw.patch->origin_node, smooth.patch->origin_node);
+  int changed = 0, judged = 0;
+  double before = 0, after = 0;
+  for (int x = 0; x < 32; ++x)
+    for (int y = 0; y < 32; ++y)
+      for (int z = 0; z < 32; ++z) {
+        const std::size_t at = raw.patch->index(x, y, z);
+        const auto& o = raw.patch->origin_node;
+        const auto word = raw.task->map().word_at(o[0] + x, o[1] + y, o[2] + z);
+        if (raw.patch->material[at] != 0) {
+          EXPECT_EQ(raw.patch->distance[at], perception::TsdfMap::word_distance(word));
+        }
+        const Vec3 p_W = raw.patch->node_W(x, y, z);
+        const int was = raw.patch->distance[at], now = smooth.patch->distance[at];
+        if (was == now) continue;
+        ++changed;
+        EXPECT_LT((p_W - hand).norm(), 4.5 * 0.02 + 1e-9);
+        // Along the ray of the node's pixel, as the map measures; nodes of the face itself.
+        const Vec3 ray = p_W - X_WC.translation();
+        const double depth = way.dot(ray),
+                     truth = (room.cast(X_WC.translation(), ray / depth).t - depth);
+        if (std::abs(truth) > 0.02 || (p_W - hand).norm() > 2.9 * 0.02) continue;
+        const double unit = static_cast<double>(raw.patch->metres_per_unit);
+        ++judged;
+        before += (unit * was - truth) * (unit * was - truth);
+        after += (unit * now - truth) * (unit * now - truth);
+      }
+  std::cout << changed << " nodes; RMS near the hand " << 1e3 * std::sqrt(before / judged) << " -> "
+            << 1e3 * std::sqrt(after / judged) << " mm\n";
+  EXPECT_GT(judged, 20);
+  EXPECT_GT(changed, 60);
+  EXPECT_LT(after, 0.5 * before);
+}
+
 TEST(FusionTask, LostFrameIsNotIntegratedAndTrackingComesBack) {
   const AnalyticScene room = tests::test_room();
   Rig rig;
@@ -250,6 +316,9 @@ TEST(FusionTask, RefusesAConfigurationThatCanNotWork) {
   EXPECT_THROW(FusionTask(startup.token(), c, setup), std::invalid_argument);
   c = coarse();
   setup.camera = tests::small_camera();
+  c.patch_smooth = 1;
+  EXPECT_THROW(FusionTask(startup.token(), c, setup), std::invalid_argument);
+  c = coarse();
   c.levels[1].allocate_step = 3;
   EXPECT_THROW(FusionTask(startup.token(), c, setup), std::invalid_argument);
 }
