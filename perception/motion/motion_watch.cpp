@@ -22,10 +22,17 @@ constexpr double kPriorSigma_m = 0.02, kOfInnovation = 3, kInnovationGain = 1.0 
 constexpr double kLeastMet = 0.8;  // of the readings: a pose to look for thin things by
 // chosen on: moving 54 (6, 17, 1); judged on: moving 52, moving 101
 // Fitting so much worse than of late is a mean of two motions.
-constexpr float kLoose = 4, kLateScaleGain = 1.0F / 8;
+constexpr float kYoungLoose = 2, kLoose = 4, kLateScaleGain = 1.0F / 8;
 // chosen on: moving 1 first 8; judged on: moving 52, moving 101
 // So much of the image says what trusted odometry says, and not what the majority says: the majority moves.
 constexpr double kCorroborated = 0.03;
+// chosen on: moving 101, moving 404 (movers from the first frame on, share >= .12), recording; judged on: nothing yet
+// Of the image: where the map should show something and shows nothing, beyond what it did when there was least of that;
+// what does not fit, and lies behind what does.
+constexpr double kHoles = 0.04, kOfLeastHoles = 1.5, kUnfit = 0.10;
+constexpr float kLeastScale = 1.5F * ConsensusResult::kScales[0];
+constexpr int kDoubtFrames = 10;  // without, and it may be claimed again
+constexpr int kLeastShown = 3;    // of 3 x 3 pixels of the view
 // chosen on: moving 51 (3, 22), moving 7 (6), moving 53 (5), recording backwards; judged on: moving 52, moving 101
 // A map that has drifted misses what stands still by more than noise: RMS of the tracker's residuals over some frames,
 // at most so much; five of what is beyond the first, which noise and voxels make (.6 to .8 mm in rendered rooms,
@@ -207,7 +214,9 @@ void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const
                              loose(out.consensus.scale) || against_odometry(prior, out);
 }
 
-bool MotionWatch::loose(float scale) const noexcept { return scale > kLoose * late_scale_; }
+bool MotionWatch::loose(float scale) const noexcept {
+  return scale > (known_ < kYoungMap ? kYoungLoose : kLoose) * late_scale_;
+}
 
 // By the prior or by the whole image: whichever more of the image speaks for alone, a leap with a share of it. Where
 // both fit only loosely they are a mean of two motions: then what fits the expected pose itself has a say, too. Returns
@@ -332,6 +341,63 @@ double MotionWatch::met_share() const noexcept {
   return live > 0 ? pairs / live : 0;
 }
 
+// Does the map know where the point lies, and show nothing in the view where it should be? What has never been seen before
+// is not asked for: what comes into range, or from behind a thing.
+bool MotionWatch::shows_nothing(MapReader& reader, const Pose& X_FC,
+                                const Vec3f& p_C) const noexcept {
+  const Vec3 p_F = X_FC * p_C.cast<double>();
+  const Intrinsics& k = model_.intrinsics;
+  if (!(p_F.z() > 0)) return false;
+  const Eigen::Vector2d px = k.project(p_F) + Eigen::Vector2d(0.5, 0.5);
+  if (!(px.x() >= 1 && px.y() >= 1 && px.x() < k.width - 1 && px.y() < k.height - 1)) return false;
+  int shown = 0;
+  for (int n = 0; n < 9; ++n)
+    shown += model_.at(static_cast<int>(px.x()) + n % 3 - 1,
+                       static_cast<int>(px.y()) + n / 3 - 1)[3] > 0;
+  if (shown >= kLeastShown) return false;
+  const Vec3 node = (model_.X_WF * p_F) / static_cast<double>(voxel_m_);
+  return reader.known(reader.word(static_cast<int>(std::lround(node.x())),
+                                  static_cast<int>(std::lround(node.y())),
+                                  static_cast<int>(std::lround(node.z()))));
+}
+
+// A coarse pixel fits or it does not: it is masked, or of a cell that meets no surface or misses the one that it meets. A
+// map that is made by a wrong motion has no surface in more and more places, as what it saw there is carved and what it sees
+// lies elsewhere in every image. A real camera's young map has holes, too, but they close.
+void MotionWatch::doubt_place(const TsdfMap& map, const TrackingPyramid& pyramid, bool trusted,
+                              MotionResult& out) noexcept {
+  if (!looked_ || trusted || known_ >= kYoungMap) return;
+  const DepthLevel& live = pyramid.level(level_);
+  const CellSums& sums = consensus_.sums();
+  const Pose X_FC = X_FW_ * out.X_WC;
+  MapReader reader(map, 1.0);
+  std::array<double, 2> pixels{}, depth{};  // that fit, that do not
+  double nowhere = 0;
+  for (int i = 0; i < width_ * height_; ++i) {
+    const float z = live.depth.row(i / width_)[i % width_];
+    if (!(z > 0)) continue;
+    const auto c = static_cast<std::size_t>(cell_of(i % width_, i / width_));
+    const bool met = sums.pairs[c] >= 0.5F * sums.live[c],
+               misses = sums.pairs[c] >= Consensus::kLeastPairs &&
+                        !consensus_.fits_noise(static_cast<int>(c)),
+               masked = mask_[static_cast<std::size_t>(i)] != 0;
+    const std::size_t k = masked || !met || misses ? 1 : 0;
+    pixels[k] += 1, depth[k] += static_cast<double>(z);
+    if (!met && !masked && shows_nothing(reader, X_FC, point_C(live, i))) nowhere += 1;
+  }
+  out.work += this->pixels();
+  const double all = std::max(pixels[0] + pixels[1], 1.0), share = nowhere / all;
+  loosest_ = std::max(loosest_, scale_);
+  // Where a thing has been seen to move, it is known what moves.
+  const bool grows = known_ > 1 && masked_share_ < kUnfit && loosest_ >= kLeastScale &&
+                     share >= kHoles + kOfLeastHoles * least_holes_,
+             behind = depth[1] * pixels[0] >= depth[0] * pixels[1];
+  least_holes_ = known_ > 1 ? std::min(least_holes_, share) : share;
+  const bool unfit = behind && pixels[1] >= kUnfit * all;
+  in_doubt_ = unfit && (grows || in_doubt_ > 0) ? kDoubtFrames : std::max(0, in_doubt_ - 1);
+  if (in_doubt_ > 0) out.certain = certain_ = false;
+}
+
 double MotionWatch::explains(const TrackingPyramid& pyramid, const ModelView& model,
                              const Pose& X_WC) noexcept {
   if (!looked_) return 1;
@@ -383,13 +449,15 @@ ImageView<const std::uint8_t> MotionWatch::strangers(const DepthLevel& live,
 }
 
 void MotionWatch::settle(const TrackingResult& r) noexcept {
+  if (r.claimed) known_ = std::min(known_ + 1, kYoungMap);
   if (!certain_) return;
   if (r.claimed) {
     const Pose step = X_prior_WC_.inverse(Eigen::Isometry) * r.X_WC;
     const double way =
         std::hypot(step.translation().norm(), length_m_ * rotation_angle(step.linear()));
     innovation_m_ += kInnovationGain * (std::min(way, kPriorSigma_m) - innovation_m_);
-    late_scale_ += kLateScaleGain * (scale_ - late_scale_);
+    late_scale_ +=
+        std::max(kLateScaleGain, 1 / static_cast<float>(known_)) * (scale_ - late_scale_);
     map_error_m_ += kMapErrorGain *
                     (std::min(static_cast<float>(r.residual_m), kMostMapError_m) - map_error_m_);
   }

@@ -83,6 +83,13 @@ class MotionWatch {
   // What moves against that.
   void find(const TsdfMap& map, const TrackingPyramid& pyramid, const ModelView& model,
             MotionResult& out) noexcept;
+  // Is it the place that moves? Where the map began with a thing that fills the image, its motion may pass for the camera's.
+  // A thing is in front of the place: while the map is young, no frame is certain of which what does not fit lies behind
+  // what does. After find(); odometry that is `trusted` tells by itself.
+  void doubt_place(const TsdfMap& map, const TrackingPyramid& pyramid, bool trusted,
+                   MotionResult& out) noexcept;
+  // The map was made before: it is not young.
+  void grown() noexcept { known_ = kYoungMap; }
   // After tracking, by its result: where the masked points are, for the next image; how well the map is met.
   void settle(const TrackingResult& r) noexcept;
 
@@ -105,6 +112,8 @@ class MotionWatch {
  private:
   void linearise(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
                  bool again = false) noexcept;
+  [[nodiscard]] bool shows_nothing(MapReader& reader, const Pose& X_FC,
+                                   const Vec3f& p_C) const noexcept;
   bool settle_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
                  MotionResult& out) noexcept;
   void stay_at(const TrackingPyramid& pyramid, const ModelView& model, const Pose& X_WC,
@@ -166,6 +175,8 @@ class MotionWatch {
   [[nodiscard]] Vec3f turned_W(const Vec3f& p_C) const noexcept;
   [[nodiscard]] float front_limit(float z) const noexcept;
 
+  static constexpr int kYoungMap = 25;  // claimed frames
+
   MotionConfig config_;
   TrackerConfig tracker_;
   Consensus consensus_;
@@ -199,7 +210,11 @@ class MotionWatch {
   float scale_ = 1, late_scale_ = 1;  // by which the cells fit: in the last image, of late
   float map_error_m_ = 0;             // RMS by which what stands still misses the map, of late
   std::uint64_t frame_ = 0;
-  int recent_ = 0;  // frames that evidence is remembered for
+  double least_holes_ = 0;  // share of the image, while the map is young
+  float loosest_ = 0;       // scale, while it is
+  int in_doubt_ = 0;        // frames yet
+  int known_ = 0;           // claimed frames since the map began, up to kYoungMap
+  int recent_ = 0;          // frames that evidence is remembered for
   struct Place {
     std::int32_t x = 0, y = 0, z = 0;
     std::uint32_t first = 0, last = 0;

@@ -64,6 +64,7 @@ void FusionTask::track(const MotionPrior& prior, const FusionLevel& knobs, Out& 
     look_again();
     watch_.find(map_, pyramid, model(), m);
   }
+  watch_.doubt_place(map_, pyramid, is_trusted(config_.tracker, prior), m);
   if (m.moving) {
     watch_.spread(pyramid, mask_.data());
     masked_ = true;

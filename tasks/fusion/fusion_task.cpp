@@ -68,6 +68,7 @@ rt::Result<bool> FusionTask::load_map(rt::NonRealtime& nrt, const perception::Ma
   if (!ok) return ok;
   for (std::uint8_t label = 1; label <= perception::kMostLabel; ++label) map_.forget_label(label);
   started_ = recovering_ = true;
+  watch_.grown();
   exposure_ = rt::time_from_ns(-(std::int64_t{1} << 60));  // any image is newer
   X_looked_WC_.reset();
   relocaliser_.restart();
