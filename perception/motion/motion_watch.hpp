@@ -211,8 +211,9 @@ class MotionWatch {
   float map_error_m_ = 0;             // RMS by which what stands still misses the map, of late
   std::uint64_t frame_ = 0;
   double least_holes_ = 0;  // share of the image, while the map is young
-  float loosest_ = 0;       // scale, while it is
   int in_doubt_ = 0;        // frames yet
+  int grown_ago_ = 1000;    // frames since an image with more holes
+  bool sure_ = false;       // by a second one soon after
   int known_ = 0;           // claimed frames since the map began, up to kYoungMap
   int recent_ = 0;          // frames that evidence is remembered for
   struct Place {
