@@ -28,12 +28,12 @@ constexpr float kYoungLoose = 2;  // while the map is young
 // chosen on: moving 1 first 8; judged on: moving 52, moving 101
 // So much of the image says what trusted odometry says, and not what the majority says: the majority moves.
 constexpr double kCorroborated = 0.03;
-// chosen on: moving 101, moving 404 (movers from the first frame on, share >= .12), moving 1 (9), recording; judged on: moving 606
+// chosen on: moving 101, moving 404 (movers from the first frame on, share >= .12), moving 1 (9), moving 505 (ten at level 2), recording; judged on: moving 606
 // Of the image: where the map should show something and shows nothing, beyond what it did when there was least of that;
 // what does not fit, and lies behind what does.
 constexpr double kHoles = 0.04, kOfLeastHoles = 1.5, kUnfit = 0.10;
 constexpr int kDoubtFrames = 10;  // without, and it may be claimed again
-constexpr int kChanceFrames = 2;  // in doubt after one image with holes
+constexpr int kChanceFrames = 1;  // in doubt after one image with holes
 constexpr int kSoon = 2;          // frames, at most, to the second one that proves it
 constexpr int kLeastShown = 3;    // of 3 x 3 pixels of the view
 // chosen on: moving 51 (3, 22), moving 7 (6), moving 53 (5), recording backwards; judged on: moving 52, moving 101
@@ -392,15 +392,20 @@ void MotionWatch::doubt_place(const TsdfMap& map, const TrackingPyramid& pyramid
   const double all = std::max(pixels[0] + pixels[1], 1.0), share = nowhere / all;
   // Where a thing has been seen to move, it is known what moves.
   const bool grows = known_ > 1 && masked_share_ < kUnfit &&
-                     share >= kHoles + kOfLeastHoles * least_holes_,
+                     share >= kHoles + kOfLeastHoles * std::max(least_holes_, own_holes_),
              behind = depth[1] * pixels[0] >= depth[0] * pixels[1];
   least_holes_ = known_ > 1 ? std::min(least_holes_, share) : share;
-  const bool unfit = behind && pixels[1] >= kUnfit * all;
-  // One image with holes may be chance (a door opens a room that the map has hardly learned). Two soon after each other are not.
-  sure_ = (sure_ && in_doubt_ > 0) || (unfit && grows && grown_ago_ <= kSoon);
+  const bool unfit = behind && pixels[1] >= kUnfit * all, again = grown_ago_ <= kSoon;
+  // Holes that are gone in the next image are the map's own: far surfaces at a coarse level (what misses them is dropped, and
+  // so not cast the next time), a room that a door opens.
+  if (grown_ago_ == 1 && !sure_ && share < kHoles / 2) own_holes_ = std::max(own_holes_, holes_);
+  holes_ = share;
+  sure_ = (sure_ && in_doubt_ > 0) || (unfit && grows && again);
   grown_ago_ = unfit && grows ? 1 : std::min(grown_ago_ + 1, kSoon + 1);
-  const int most = sure_ ? kDoubtFrames : kChanceFrames;
-  in_doubt_ = unfit && (grows || (sure_ && in_doubt_ > 0)) ? most : std::max(0, in_doubt_ - 1);
+  if (unfit && (grows || sure_))
+    in_doubt_ = sure_ ? kDoubtFrames : kChanceFrames;
+  else
+    in_doubt_ = std::max(0, in_doubt_ - 1);
   if (in_doubt_ > 0) out.certain = certain_ = false;
 }
 

@@ -211,6 +211,8 @@ class MotionWatch {
   float map_error_m_ = 0;             // RMS by which what stands still misses the map, of late
   std::uint64_t frame_ = 0;
   double least_holes_ = 0;  // share of the image, while the map is young
+  double holes_ = 0;        // of the last image
+  double own_holes_ = 0;    // that the map has without a thing that moves
   int in_doubt_ = 0;        // frames yet
   int grown_ago_ = 1000;    // frames since an image with more holes
   bool sure_ = false;       // by a second one soon after
