@@ -90,7 +90,7 @@ struct MaterialOfObject {
 };
 
 struct FusionConfig {
-  static constexpr int kMaxLevels = 4;
+  static constexpr int kMaxLevels = 3;
   perception::TsdfConfig tsdf;
   perception::TrackerConfig tracker;
   perception::MotionConfig motion;
@@ -123,8 +123,7 @@ struct FusionConfig {
   double leap_translation_m = 0.05, leap_rotation_deg = 4;
   int level_count = 3;
   std::array<FusionLevel, kMaxLevels> levels{
-      FusionLevel{1, 2, {4, 5, 15}}, FusionLevel{2, 2, {4, 5, 15}}, FusionLevel{4, 4, {4, 5, 15}},
-      FusionLevel{4, 4, {2, 3, 8}}};
+      FusionLevel{1, 2, {4, 5, 15}}, FusionLevel{2, 2, {4, 5, 15}}, FusionLevel{4, 4, {4, 5, 15}}};
   void describe(config::Section& s);
   void describe_objects(config::Section& s);
 };

@@ -60,12 +60,14 @@ int cmd_accuracy(int argc, char** argv) {
   // They have options of their own.
   if (argc > 1 && std::string(argv[1]) == "moving") return cmd_moving(argc - 1, argv + 1);
   if (argc > 1 && std::string(argv[1]) == "recording") return cmd_recording(argc - 1, argv + 1);
+  if (argc > 1 && std::string(argv[1]) == "choice") return cmd_choice(argc - 1, argv + 1);
   CLI::App app{
       "Error of a method against its CPU time, over its knobs. WHAT: fusion, weighting, "
       "segmentation, haptic; moving\n"
       "(accuracy moving --help): what a thing that moves does to fusion; recording (accuracy "
       "recording --help):\n"
-      "one recording in every order, begun anywhere.",
+      "one recording in every order, begun anywhere; choice (accuracy choice --help): segmentation "
+      "chosen on one half\nof the images and judged on the other.",
       "teletact accuracy"};
   std::string what, json, plots, intrinsics;
   FusionStudyOptions fusion;

@@ -145,6 +145,8 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
                          " (not judged: the run was short, or had faults on purpose)");
   note_dead_tasks(op.log, op.totals, info.problems);
   note_dead_tasks(robot.log, robot.totals, info.problems);
+  if (const std::string over = beyond_admission(info, op, robot); !over.empty())
+    info.problems.push_back(over);
   info.touch_method = scene.graph.haptic.method;
   info.touch_N_per_m = scene.graph.haptic.stiffness_N_per_m / scene.graph.haptic.scale;
   Metrics metrics("demo");

@@ -2,6 +2,7 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
+#include "tasks/fusion/fusion_task.hpp"
 #include "tools/accuracy/moving_study.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/metrics_json.hpp"
@@ -45,7 +46,7 @@ int cmd_moving(int argc, char** argv) {
       ->delimiter(',')
       ->capture_default_str();
   app.add_option("--levels", o.levels, "of fusion")
-      ->check(CLI::Range(0, 3))
+      ->check(CLI::Range(0, tasks::FusionConfig::kMaxLevels - 1))
       ->delimiter(',')
       ->capture_default_str();
   app.add_flag("--spread", o.spread,

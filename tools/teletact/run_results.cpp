@@ -374,6 +374,27 @@ std::vector<OrdinaryShare> ordinary_shares(const RunInfo& info, const OperatorHa
   return out;
 }
 
+std::string beyond_admission(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot) {
+  if (info.virtual_clock || info.admission.tasks.empty()) return {};
+  double beyond = 0;
+  std::string who;
+  for (const auto& o : ordinary_shares(info, op, robot)) {
+    if (o.share <= o.declared) continue;
+    beyond += o.share - o.declared;
+    char text[80];
+    std::snprintf(text, sizeof text, "%s%s %.3f of a core for %.3f", who.empty() ? "" : ", ",
+                  o.name.c_str(), o.share, o.declared);
+    who += text;
+  }
+  if (beyond <= std::max(0.0, info.admission.spare)) return {};
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "%.3f of a core beyond what was declared; the admitted cores have %.3f to spare: "
+                "give the boxes another core",
+                beyond, std::max(0.0, info.admission.spare));
+  return "ordinary threads took more than admission counted with (" + who + "): " + text;
+}
+
 std::string not_measured(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
                          const Metrics& m) {
   if (!info.not_real_time.empty()) return info.not_real_time;

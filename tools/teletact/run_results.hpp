@@ -101,6 +101,10 @@ struct OrdinaryShare {
 [[nodiscard]] std::vector<OrdinaryShare> ordinary_shares(const RunInfo&, const OperatorHalf&,
                                                          const RobotHalf&);
 
+// What they took beyond what was declared, where the spare share of the admitted cores does not cover it: then admission
+// promised what this machine does not have. One line; empty: covered, or nothing was admitted or measured.
+[[nodiscard]] std::string beyond_admission(const RunInfo&, const OperatorHalf&, const RobotHalf&);
+
 // Why the timing of this run says nothing about the tasks (run.measured 0); empty: it does. `metrics`
 // holds platform.late_share.
 [[nodiscard]] std::string not_measured(const RunInfo&, const OperatorHalf&, const RobotHalf&,

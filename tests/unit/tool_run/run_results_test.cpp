@@ -167,8 +167,36 @@ TEST(RunResults, OrdinaryThreadsStandBesideWhatWasDeclared) {
   EXPECT_DOUBLE_EQ(value(m, "best_effort.console_share"), 0.01);
   EXPECT_DOUBLE_EQ(value(m, "best_effort.camera_twin_share"), 0.25);
   EXPECT_DOUBLE_EQ(value(m, "best_effort.camera_twin_declared"), 0.3);
+  EXPECT_EQ(teletact::beyond_admission(info, op, robot), "");
   robot.ordinary = {};  // it ended early: no sum of one box passes for both
   EXPECT_TRUE(teletact::ordinary_shares(info, op, robot).empty());
+}
+
+// link .06 and camera_twin .25 of a core, declared less: what the admitted cores have to spare covers it or not.
+TEST(RunResults, OrdinaryThreadsBeyondWhatAdmissionCanSpareAreAProblem) {
+  RunInfo info;
+  info.best_effort = {{"link", 0.03, {}}, {"console", 0.04, {}}, {"camera_twin", 0.2, {}}};
+  OperatorHalf op = known_run();
+  RobotHalf robot;
+  op.ordinary = {400 * kMs, 100 * kMs, 0, 20000 * kMs};
+  robot.ordinary = {200 * kMs, 50 * kMs, 2500 * kMs, 10000 * kMs};
+  EXPECT_EQ(teletact::beyond_admission(info, op, robot), "") << "nothing was admitted";
+  info.admission.tasks.emplace_back();
+  info.admission.spare = 0.061;
+  EXPECT_EQ(teletact::beyond_admission(info, op, robot), "") << ".01 and .05 are covered";
+  info.admission.spare = 0.059;
+  const std::string said = teletact::beyond_admission(info, op, robot);
+  EXPECT_NE(said.find("link 0.040 of a core for 0.030, camera_twin 0.250 of a core for 0.200"),
+            std::string::npos)
+      << said;
+  EXPECT_NE(said.find("0.060 of a core beyond what was declared; the admitted cores have 0.059"),
+            std::string::npos)
+      << said;
+  info.admission.spare = -0.5;  // refused and run all the same: nothing is covered
+  info.best_effort[2].share = 0.3;
+  EXPECT_NE(teletact::beyond_admission(info, op, robot), "");
+  info.virtual_clock = true;
+  EXPECT_EQ(teletact::beyond_admission(info, op, robot), "") << "nothing was measured";
 }
 
 TEST(RunResults, AllocationsOfFirmTasksAreCountedAJobAndThoseOfHardOnesTogether) {

@@ -290,7 +290,8 @@ void print_row(std::ostream& out, const char* name, double pri, double bde, doub
 
 }  // namespace
 
-Table2Result bench_table2(std::ostream& progress, const std::string& folder, bool ours_only) {
+Table2Result bench_table2(std::ostream& progress, const std::string& folder, bool ours_only,
+                          const perception::WholeImageConfig& config) {
   cv::setNumThreads(1);
   Table2Result result;
   RowSum people, ours, odd, even, paper, shift;
@@ -299,7 +300,7 @@ Table2Result bench_table2(std::ostream& progress, const std::string& folder, boo
     progress << "\r" << p.id << "   " << std::flush;
     if (!ours_only) score_people(p, people);
     double t0 = cpu_ms();
-    const auto whole = perception::segment_whole(p.rgb.view(), {});
+    const auto whole = perception::segment_whole(p.rgb.view(), config);
     double ms = cpu_ms() - t0;
     auto s = against_people(ScoredMap(view_of(whole.labels, p)), p);
     ours.add_image(s, whole.regions, p.regions, ms);

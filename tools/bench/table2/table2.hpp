@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "perception/segmentation/measures.hpp"
+#include "perception/segmentation/region_merge.hpp"
 #include "tools/bench/bench_metric.hpp"
 #include "tools/bench/limit.hpp"
 
@@ -40,6 +41,7 @@ struct Table2Result {
 // Throws std::runtime_error with one line when the folder is not as above.
 // With ours_only neither the people, nor the paper's protocol, nor the packaged method are scored: their rows stay 0.
 [[nodiscard]] Table2Result bench_table2(std::ostream& progress, const std::string& folder,
-                                        bool ours_only = false);
+                                        bool ours_only = false,
+                                        const perception::WholeImageConfig& config = {});
 
 }  // namespace teletact

@@ -167,6 +167,7 @@ class Judge {
         if (!touches_only_) paper += one_paper(f, object, i) / kTouches;
       }
       good_.push_back(good);
+      half_[static_cast<std::size_t>(row.frames % 2)].push_back(good);
       paper_.push_back(paper);
       row.touches += kTouches;
     }
@@ -183,6 +184,11 @@ class Judge {
       row.iou_paper += paper_[i] / static_cast<double>(good_.size());
     }
     for (const double x : followed_) row.iou_follow += x / static_cast<double>(followed_.size());
+    for (std::size_t h = 0; h < 2; ++h) {
+      double sum = 0;
+      for (const double x : half_[h]) sum += x;
+      row.iou_half[h] = sum / static_cast<double>(half_[h].size());  // none: NaN
+    }
     row.iou_low = quantile(good_, 0.1);
     row.first_ms = quantile(first_, 0.5);
     row.first_p95_ms = quantile(first_, 0.95);
@@ -252,6 +258,7 @@ class Judge {
   perception::RegionGrower grower_;
   std::vector<std::uint8_t> mask_;
   FollowedObjects fused_;
+  std::array<std::vector<double>, 2> half_;  // good_, by odd and even frame
   std::vector<double> good_, paper_, followed_, first_;
   std::vector<double> touch_ms_, follow_ms_, further_ms_, fused_iou_;
 };

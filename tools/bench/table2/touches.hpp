@@ -8,6 +8,7 @@
 // IoU is the mean over an object's touches, then over objects.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <ostream>
 #include <string>
@@ -24,7 +25,9 @@ struct TouchRow {
   [[nodiscard]] std::string name() const;  // of its metrics: a-z, 0-9, _; of mosd_learn: mosd
   int frames = 0, objects = 0, touches = 0;
   double iou_default = 0, iou_paper = 0;
-  double iou_low = 0;                     // default: the object at the 10 % quantile
+  std::array<double, 2>
+      iou_half{};      // default: the 1st, 3rd, ... and the 2nd, 4th, ... frame; NaN: no object
+  double iou_low = 0;  // default: the object at the 10 % quantile
   double first_ms = 0, first_p95_ms = 0;  // thread CPU of frame and touch together, the whole image
   double iou_follow = 0;                  // a mask that follows the true one
   // As fusion does it (followed.hpp): the answer to a touch, a frame with one object, and what each
