@@ -40,10 +40,8 @@ void ObjectMap::settle(TsdfMap& map) noexcept {
       continue;
     }
     // What a wrong mask named at first, and the outline of no later one lets anybody vote on.
-    if (mine && o.seen && !young && o.mistaken) {
+    if (mine && o.seen && o.masks == config_.young_frames)
       map.forget_label(o.id, static_cast<std::uint8_t>(config_.young_frames / 2));
-      o.mistaken = false;
-    }
     // By turns: not all of those that have a mask in every frame in the same one.
     const bool due = o.masks == 1 || (o.masks + o.id) % config_.summary_period == 0;
     if (mine && o.seen && due) summarise_object(map, o);
@@ -72,13 +70,6 @@ void ObjectMap::judge(MapObject& object, const Turn& turn) noexcept {
   const bool odd = !young && (mask > config_.most_growth * turn.planted ||
                               mask * config_.most_growth < turn.planted);
   bool withheld = false;
-  if (young && mask > 0) {
-    if (object.masks > 0) object.mistaken |= agreement < kOther;
-    object.largest = std::max(object.largest, mask);
-  } else if (object.largest > 0 && mask > 0) {
-    object.mistaken |= static_cast<float>(object.largest) > kTooLarge * static_cast<float>(mask);
-    object.largest = 0;
-  }
   object.seen = object.seen && mask > 0;
   if (settled && mask > 0) {
     const bool agrees = static_cast<double>(agreement) >=

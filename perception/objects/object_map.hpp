@@ -82,8 +82,6 @@ struct MapObject {
   std::int32_t unseen = 0;        // turns in a row without
   float usual_seed = 0;           // pixels, running mean: what is normally seen of it
   std::int32_t window = 0;        // half-resolution pixels that it was last looked for in
-  std::int32_t largest = 0;       // mask while it was young, pixels
-  bool mistaken = false;          // while it was young a mask named something else
   float usual_agreement = 0;      // of a mask with the fused object, running mean
   std::int32_t held = 0;          // masks in a row that disagreed
   std::uint32_t empty_since = 0;  // frame number; 0: its place is not empty
@@ -134,9 +132,6 @@ class ObjectMap {
  private:
   using SeedBox = TouchSegmenter::SeedBox;
   static constexpr int kOthersMargin_px = 12;
-  // chosen on: one wrong frame in five, seeds 11 to 18 (tests/unit/perception_objects); judged on: the same, seeds 31 to 42
-  static constexpr float kOther = 0.5F;     // agreement below which a mask names something else
-  static constexpr float kTooLarge = 1.3F;  // a young mask against the first one of a grown object
   // chosen on: not recorded; judged on: ycb_video, mosd_learn, tabletop (docs/segmentation.md)
   static constexpr float kStillThere = 0.4F;       // of what is usually seen of an object
   static constexpr std::uint8_t kSureOther = 255;  // no data
