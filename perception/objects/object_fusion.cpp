@@ -39,9 +39,6 @@ void ObjectMap::settle(TsdfMap& map) noexcept {
       o = {};
       continue;
     }
-    // What a wrong mask named at first, and the outline of no later one lets anybody vote on.
-    if (mine && o.seen && o.masks == config_.young_frames)
-      map.forget_label(o.id, static_cast<std::uint8_t>(config_.young_frames / 2));
     // By turns: not all of those that have a mask in every frame in the same one.
     const bool due = o.masks == 1 || (o.masks + o.id) % config_.summary_period == 0;
     if (mine && o.seen && due) summarise_object(map, o);

@@ -120,17 +120,16 @@ void TsdfMap::release_labels(std::int32_t block) noexcept {
   at = kNoBlock;
 }
 
-void TsdfMap::forget_label(std::uint8_t label, std::uint8_t least) noexcept {
+void TsdfMap::forget_label(std::uint8_t label) noexcept {
   if (label == 0 || label > kMostLabel) return;
   // What is put away forgets it when it comes back, also when the number is another object's by then.
-  for (std::int32_t r = 0; least > kLabelWeightCap && r < far_.slots(); ++r)
-    far_.at(r).labels &= ~(1U << label);
+  for (std::int32_t r = 0; r < far_.slots(); ++r) far_.at(r).labels &= ~(1U << label);
   for (int n = 0; n < label_used_; ++n) {
     const auto i = static_cast<std::size_t>(n);
     if (block_of_label_[i] == kNoBlock || ((label_bits_[i] >> label) & 1U) == 0) continue;
     LabelVoxel* voxels = label_pool_.data() + i * kBlockVoxels;
     for (int v = 0; v < kBlockVoxels; ++v)
-      if (voxels[v].label == label && voxels[v].weight < least) voxels[v] = {};
+      if (voxels[v].label == label) voxels[v] = {};
     static_cast<void>(store_labels(block_of_label_[i], {voxels, kBlockVoxels}));
   }
 }

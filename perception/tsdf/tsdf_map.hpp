@@ -287,8 +287,8 @@ class TsdfMap {
       if (block_of_label_[static_cast<std::size_t>(n)] != kNoBlock)
         fn(block_of_label_[static_cast<std::size_t>(n)], label_bits_[static_cast<std::size_t>(n)]);
   }
-  // Every voxel of this label becomes unlabelled; with `least`, those that fewer votes than that hold.
-  void forget_label(std::uint8_t label, std::uint8_t least = kLabelWeightCap + 1) noexcept;
+  // Every voxel of this label becomes unlabelled.
+  void forget_label(std::uint8_t label) noexcept;
   // fn(pool index, BlockCoord) for every live block, in order of pool index.
   template <class Fn>
   void for_each_block(Fn&& fn) const {
