@@ -153,13 +153,20 @@ TEST(RunResults, TouchFigures) {
   EXPECT_DOUBLE_EQ(value(m, "haptic.not_finite"), 1);
 }
 
+// Both boxes ended in order: link .04, console .01, camera_twin .25 of a core.
+struct OrdinaryRun {
+  OperatorHalf op = known_run();
+  RobotHalf robot;
+  OrdinaryRun() {
+    op.ordinary = {400 * kMs, 100 * kMs, 0, 20000 * kMs};
+    robot.ordinary = {200 * kMs, 50 * kMs, 2500 * kMs, 10000 * kMs};
+  }
+};
+
 TEST(RunResults, OrdinaryThreadsStandBesideWhatWasDeclared) {
   RunInfo info;
   info.best_effort = {{"link", 0.06, {}}, {"console", 0.04, {}}, {"camera_twin", 0.3, {}}};
-  OperatorHalf op = known_run();
-  RobotHalf robot;
-  op.ordinary = {400 * kMs, 100 * kMs, 0, 20000 * kMs};
-  robot.ordinary = {200 * kMs, 50 * kMs, 2500 * kMs, 10000 * kMs};
+  auto [op, robot] = OrdinaryRun();
   Metrics m("demo");
   teletact::add_metrics(info, op, robot, m);
   EXPECT_DOUBLE_EQ(value(m, "best_effort.link_share"), 0.04);
@@ -172,14 +179,11 @@ TEST(RunResults, OrdinaryThreadsStandBesideWhatWasDeclared) {
   EXPECT_TRUE(teletact::ordinary_shares(info, op, robot).empty());
 }
 
-// link .06 and camera_twin .25 of a core, declared less: what the admitted cores have to spare covers it or not.
+// Declared .03 and .2: what the admitted cores have to spare covers the rest or not.
 TEST(RunResults, OrdinaryThreadsBeyondWhatAdmissionCanSpareAreAProblem) {
   RunInfo info;
   info.best_effort = {{"link", 0.03, {}}, {"console", 0.04, {}}, {"camera_twin", 0.2, {}}};
-  OperatorHalf op = known_run();
-  RobotHalf robot;
-  op.ordinary = {400 * kMs, 100 * kMs, 0, 20000 * kMs};
-  robot.ordinary = {200 * kMs, 50 * kMs, 2500 * kMs, 10000 * kMs};
+  auto [op, robot] = OrdinaryRun();
   EXPECT_EQ(teletact::beyond_admission(info, op, robot), "") << "nothing was admitted";
   info.admission.tasks.emplace_back();
   info.admission.spare = 0.061;
