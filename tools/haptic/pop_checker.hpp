@@ -15,6 +15,21 @@ namespace teletact {
 
 class PopChecker {
  public:
+  // Did the pull p - h turn to the other side since the contact began?
+  struct Turn {
+    bool inside = false;
+    perception::Vec3 entry_W = perception::Vec3::UnitZ();
+    // True once a turn.
+    bool judge(bool in_contact, const perception::Vec3& stretch) {
+      inside = inside && in_contact;
+      if (!in_contact) return false;
+      const bool begins = !inside && stretch.norm() > 1e-6;
+      const bool turns = inside && stretch.norm() > 1e-4 && stretch.dot(entry_W) < -1e-4;
+      if (begins || turns) entry_W = stretch.normalized();
+      inside = inside || begins;
+      return turns;
+    }
+  };
   // Before a step: what is handed in (null: nothing new).
   void offer(const perception::SurfacePatch* patch) {
     if (patch == nullptr || patch == newer_ || patch->seq == 0) return;
@@ -25,10 +40,9 @@ class PopChecker {
   void judge(bool in_contact, const perception::Vec3& p_W, const perception::Vec3& h_W,
              double blend) {
     depth_m_ = std::nan("");
-    if (!in_contact) {
-      inside_ = false;
-      return;
-    }
+    const bool turned = turn_.judge(in_contact, p_W - h_W);
+    if (!in_contact) return;
+    flipped_ += turned ? 1 : 0;
     ++judged_;
     const double phi = value(p_W, blend);
     depth_m_ = -phi;
@@ -38,14 +52,6 @@ class PopChecker {
       deepest_m_ = std::fmax(deepest_m_, -phi);
       if (phi < -0.0005) ++sunk_;
     }
-    const perception::Vec3 stretch = p_W - h_W;
-    if (!inside_ && stretch.norm() > 1e-6) {
-      inside_ = true;
-      entry_W_ = stretch.normalized();
-    } else if (inside_ && stretch.norm() > 1e-4 && stretch.dot(entry_W_) < -1e-4) {
-      ++flipped_;
-      entry_W_ = stretch.normalized();  // counted once
-    }
   }
   [[nodiscard]] std::uint64_t judged() const { return judged_; }
   [[nodiscard]] std::uint64_t unknown() const { return unknown_; }  // a corner was not observed
@@ -54,7 +60,14 @@ class PopChecker {
   [[nodiscard]] double deepest_m() const { return deepest_m_; }
   // In the last tick; NaN: free, or a corner was not observed.
   [[nodiscard]] double depth_m() const { return depth_m_; }
-  [[nodiscard]] const perception::Vec3& entry_W() const { return entry_W_; }  // n_entry
+  [[nodiscard]] const perception::Vec3& entry_W() const { return turn_.entry_W; }  // n_entry
+  [[nodiscard]] double voxel_m() const { return newer_ != nullptr ? newer_->voxel_size : 0; }
+  // Of the blended windows; NaN: observed in neither.
+  [[nodiscard]] double node_value(const std::int64_t (&at)[3], double blend) const {
+    const double v = node(newer_, at), o = blend < 1 ? node(older_, at) : std::nan("");
+    if (std::isnan(v) || std::isnan(o)) return std::isnan(v) ? o : v;
+    return (1 - blend) * o + blend * v;
+  }
 
  private:
   // Of one node; NaN: not observed there.
@@ -89,21 +102,14 @@ class PopChecker {
         at[a] = base[a] + (far ? 1 : 0);
         weight *= far ? u[a] : 1 - u[a];
       }
-      double v = node(newer_, at);
-      const double o = blend < 1 ? node(older_, at) : std::nan("");
-      if (std::isnan(v)) {
-        v = o;
-      } else if (!std::isnan(o)) {
-        v = (1 - blend) * o + blend * v;
-      }
+      const double v = node_value(at, blend);
       if (std::isnan(v)) return v;
       sum += weight * v;
     }
     return sum;
   }
   const perception::SurfacePatch *older_ = nullptr, *newer_ = nullptr;
-  bool inside_ = false;
-  perception::Vec3 entry_W_ = perception::Vec3::UnitZ();
+  Turn turn_;
   std::uint64_t judged_ = 0, unknown_ = 0, sunk_ = 0, flipped_ = 0;
   double deepest_m_ = 0, depth_m_ = std::nan("");
 };

@@ -10,6 +10,14 @@
 
 namespace teletact {
 
+namespace {
+
+constexpr double kJumpShare = 0.01;        // of the contact ticks
+constexpr std::uint64_t kJumpsInARow = 2;  // ticks
+constexpr std::size_t kAfter = 50;         // ticks: the optimum may be somewhat later
+
+}  // namespace
+
 int TouchedPath::surfaces_touched() const {
   const auto& p = rows.front().places;
   return static_cast<int>(
@@ -31,12 +39,39 @@ std::vector<Limit> TouchedPath::limits() const {
   all.add("walls touched", touched(Place::Kind::kWall), ">=", 1);
   all.add("edges touched", touched(Place::Kind::kEdge), ">=", 1);
   all.add("corners touched", touched(Place::Kind::kCorner), ">=", 1);
-  all.add("raw steps over K|dh| + 0.5 N, %", 100 * row.jump_share(), "<=", 1);
-  all.add("most of them in a row, ticks", static_cast<double>(row.longest_jump), "<=", 2);
+  all.add("raw steps over K|dh| + 0.5 N, %", 100 * row.jump_share(), "<=", 100 * kJumpShare);
+  all.add("most of them in a row, ticks", static_cast<double>(row.longest_jump),
+          "<=", static_cast<double>(kJumpsInARow));
   all.add("ticks not finite", static_cast<double>(row.not_finite), "<=", 0);
   all.add("least E + booked + credit at b 2 N s/m, mJ", 1e3 * row.energy_min_J, ">=", -1);
   all.add("ticks through the surface", static_cast<double>(row.sunk + row.flipped), "<=", 0);
   return all.all();
+}
+
+std::vector<TickSpan> TouchedPath::missed_contacts() const {
+  const TouchedRow& row = rows.front();
+  const bool share = row.jump_share() > kJumpShare, long_ones = row.longest_jump > kJumpsInARow;
+  std::vector<TickSpan> spans;
+  for (const TouchedRow::Event& e : row.events) {
+    if (!(e.flipped || (e.jump && (share || (long_ones && e.in_a_row > kJumpsInARow))))) continue;
+    const TickSpan span{e.begin, e.tick + kAfter};
+    if (spans.empty() || e.begin > spans.back().second)
+      spans.push_back(span);
+    else
+      spans.back().second = std::max(spans.back().second, span.second);
+  }
+  return spans;
+}
+
+int TouchedPath::missed_alone() const {
+  const TouchedRow& row = rows.front();
+  const auto alone = [](std::uint64_t ours, std::uint64_t limit, std::uint64_t theirs) {
+    return ours > limit && theirs < ours ? 1 : 0;
+  };
+  return alone(row.longest_jump, kJumpsInARow, optimum.longest_jump) +
+         alone(row.flipped, 0, optimum.turned) +
+         (row.jump_share() > kJumpShare && optimum.jumps < asked.jumps ? 1 : 0) +
+         (row.sunk > 0 ? 1 : 0);
 }
 
 void TouchedPath::print(std::ostream& out) const {
@@ -107,6 +142,18 @@ void TouchedPath::print(std::ostream& out) const {
         degrees(place.out_W[0]), degrees(place.out_W[1]));
     out << line;
   }
+  if (optimum.ticks > 0) {
+    for (const auto& [who, f] : {std::pair{"product", asked}, std::pair{"optimum", optimum}}) {
+      std::snprintf(line, sizeof line,
+                    "  %s in the contacts that missed (%.1f s): %llu steps over, %llu in a row, "
+                    "largest %.2f N, %llu turned\n",
+                    who, 1e-3 * static_cast<double>(f.ticks),
+                    static_cast<unsigned long long>(f.jumps),
+                    static_cast<unsigned long long>(f.longest_jump), f.step_max_N,
+                    static_cast<unsigned long long>(f.turned));
+      out << line;
+    }
+  }
   out << "  seed " << seed
       << (teletact::missed(limits()) == 0 ? ": within all limits" : ": MISSED");
   const char* between = " ";
@@ -127,6 +174,13 @@ std::vector<Limit> RecordingTouchResult::limits() const {
       const Limit &l = of_path[i], &w = worst[i];
       if (l.sense == std::string(">=") ? l.value < w.value : l.value > w.value) worst[i] = l;
     }
+  }
+  if (optimum) {
+    int alone = 0;
+    for (const TouchedPath& path : paths) alone += path.missed_alone();
+    Limits more;
+    more.add("misses that the field's optimum does not make", alone, "<=", 0);
+    worst.push_back(more.all().front());
   }
   return worst;
 }

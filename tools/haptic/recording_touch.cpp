@@ -103,7 +103,12 @@ class Toucher {
     pops_.offer(in_.patch_newest);
     (void)task_.step(tick_, in_, out_);
     count(moved, place);
+    if (optimum_ == nullptr || !optimum_->asked(k)) return;
+    if (turned_) optimum_->product_turned();
+    optimum_->tick(k, out_.state.p_WH, out_.telemetry.step_raw_N, pops_, out_.telemetry.blend);
   }
+  // Beside the next ticks.
+  void ask(RecordingOptimum* optimum) { optimum_ = optimum; }
   [[nodiscard]] HapticRunTick recorded() const { return run_tick(tick_, in_, out_); }
   [[nodiscard]] const tasks::HapticConfig& config() const { return task_.config(); }
   static drivers::DeviceProperties device() {
@@ -140,8 +145,10 @@ class Toucher {
     const Vec3 entry = pops_.entry_W();
     pops_.judge(t.in_contact, out_.state.p_WP, out_.state.p_WH, t.blend);
     const Vec3 before = std::exchange(p_WP_, out_.state.p_WP);
+    turned_ = pops_.flipped() > flipped;
     if (!t.in_contact) {
       run_ = 0;
+      free_ = tick_.k;
       return;
     }
     ++row_.contact;
@@ -151,16 +158,17 @@ class Toucher {
     run_ = jump ? run_ + 1 : 0;
     row_.jumps += jump ? 1 : 0;
     row_.longest_jump = std::max(row_.longest_jump, run_);
-    const bool fell = pops_.sunk() > sunk, turned = pops_.flipped() > flipped;
+    const bool fell = pops_.sunk() > sunk;
     PlaceFigures& here =
         place < 0 ? row_.places.back() : row_.places[static_cast<std::size_t>(place)];
     here.contact_s += 1e-3;
     here.step_raw_max_N = std::max(here.step_raw_max_N, t.step_raw_N);
     here.jumps += jump ? 1 : 0;
-    here.pops += fell || turned ? 1 : 0;
-    if ((jump || fell || turned) && row_.events.size() < 60) {
+    here.pops += fell || turned_ ? 1 : 0;
+    if ((jump || fell || turned_) && row_.events.size() < 60) {
       row_.events.push_back({1e-3 * static_cast<double>(tick_.k), t.step_raw_N, t.blend, place,
-                             jump, turned, fell, out_.state.p_WH, out_.state.p_WP, before, entry});
+                             free_, tick_.k, run_, jump, turned_, fell, out_.state.p_WH,
+                             out_.state.p_WP, before, entry});
     }
   }
   tasks::HapticTask task_;
@@ -171,6 +179,9 @@ class Toucher {
   TouchedRow row_;
   Vec3 p_WP_ = Vec3::Zero();
   std::uint64_t run_ = 0;
+  std::uint64_t free_ = 0;  // last tick without contact
+  bool turned_ = false;     // in this tick
+  RecordingOptimum* optimum_ = nullptr;
 };
 
 // One full ray cast of the map from the last fused camera, as the published method takes it.
@@ -251,6 +262,7 @@ class Hand {
   }
   [[nodiscard]] const SurfacePatch& window() const { return *windows_[at_]; }
   [[nodiscard]] const Toucher& product() const { return *touchers_.front(); }
+  void ask(RecordingOptimum* optimum) { touchers_.front()->ask(optimum); }
   [[nodiscard]] TouchedPath finish(std::uint64_t seed) {
     TouchedPath p;
     p.seed = seed;
@@ -270,6 +282,42 @@ class Hand {
   std::size_t at_ = 0;
   double fastest_ = 0;
 };
+
+// The contacts in which a limit was missed once more, on the same windows, with the optimum beside.
+void ask_optimum(std::ostream& progress, rt::NonRealtime& nrt, const FusionSequence& sequence,
+                 const RecordingTouchOptions& o, const std::vector<MapPath>& paths,
+                 RecordingTouchResult& r) {
+  r.optimum = true;
+  Player player(nrt, sequence, o.from_end);
+  std::vector<std::unique_ptr<Hand>> hands(paths.size());
+  std::vector<std::unique_ptr<RecordingOptimum>> asked(paths.size());
+  std::size_t last = 0;
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    auto spans = r.paths[i].missed_contacts();
+    if (spans.empty()) continue;
+    last = std::max(last, spans.back().second);
+    hands[i] = std::make_unique<Hand>(nrt, paths[i], false);
+    asked[i] = std::make_unique<RecordingOptimum>(hands[i]->product().config(), std::move(spans));
+    hands[i]->ask(asked[i].get());
+  }
+  if (last == 0) return;
+  for (std::size_t k = 0; k <= last; ++k) {
+    const bool fresh = static_cast<double>(k) * 1e-3 >= player.count() * kFrame_s - 1e-9;
+    if (fresh) player.next();
+    if (fresh && player.count() % 300 == 0)
+      progress << player.count() << " frames touched beside the optimum\n";
+    for (auto& hand : hands) {
+      if (hand == nullptr) continue;
+      if (fresh) hand->take_window(player, k);
+      hand->tick(k, nullptr);
+    }
+  }
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    if (asked[i] == nullptr) continue;
+    r.paths[i].asked = asked[i]->product();
+    r.paths[i].optimum = asked[i]->optimum();
+  }
+}
 
 }  // namespace
 
@@ -320,6 +368,7 @@ RecordingTouchResult touch_recording(std::ostream& progress, const RecordingTouc
   for (std::size_t i = 0; i < hands.size(); ++i) {
     r.paths.push_back(hands[i]->finish(o.seed + static_cast<std::uint64_t>(i)));
   }
+  if (o.optimum) ask_optimum(progress, nrt, sequence, o, paths, r);
   return r;
 }
 

@@ -1,7 +1,7 @@
 // A hand on a recording that plays forward and back while it is being fused: frames at 30 Hz of virtual time, every
 // claimed one integrated, windows of the growing map, 1000 ticks a second. The hand's path was made by a
 // seeded script on the final map of a first pass. The same trace goes through `nearest` and the published method
-// beside it, on the same windows.
+// beside it, on the same windows. What the product misses is shown to the field's optimum, if asked.
 #pragma once
 
 #include <cstdint>
@@ -15,6 +15,7 @@
 #include "tools/bench/bench_metric.hpp"
 #include "tools/bench/limit.hpp"
 #include "tools/haptic/map_path.hpp"
+#include "tools/haptic/recording_optimum.hpp"
 #include "tools/haptic/run_file.hpp"
 
 namespace teletact {
@@ -31,6 +32,7 @@ struct RecordingTouchOptions {
   std::optional<Place::Kind> first;  // where a path begins; none: at what is seen first
   int pool = 400;                    // places of a kind that are chosen from
   bool beside = true;                // nearest and force_shading too
+  bool optimum = false;              // the field's optimum in contacts in which a limit is missed
   std::FILE* record = nullptr;       // haptic run of the product's method, first path
 };
 
@@ -53,6 +55,8 @@ struct TouchedRow {
   struct Event {
     double t_s = 0, step_raw_N = 0, blend = 1;
     int place = -1;
+    std::size_t begin = 0, tick = 0;  // last free tick before the contact, and this
+    std::uint64_t in_a_row = 0;       // jumps
     bool jump = false, flipped = false, sunk = false;
     perception::Vec3 p_WH = perception::Vec3::Zero(), p_WP = perception::Vec3::Zero(),
                      p_before_WP = perception::Vec3::Zero(),  // proxy, a tick before
@@ -71,7 +75,12 @@ struct TouchedPath {
   std::uint64_t seed = 0;
   double seconds = 0, hand_speed_max_m_per_s = 0, way_m = 0;
   std::vector<Place> places;
-  std::vector<TouchedRow> rows;                // the first is the product's method
+  std::vector<TouchedRow> rows;   // the first is the product's method
+  ContactFigures asked, optimum;  // product and optimum in the contacts asked about
+  // Those with a jump or a turn beyond the limits.
+  [[nodiscard]] std::vector<TickSpan> missed_contacts() const;
+  // Of jumps in a row, turns and ticks through the surface: limits missed that the optimum keeps, or was not asked about.
+  [[nodiscard]] int missed_alone() const;
   [[nodiscard]] int surfaces_touched() const;  // places with half a second of contact
   // Of the product's method: two thirds of the time in contact; five surfaces, with a wall, an
   // edge and a corner; at most 1 % of the contact ticks over K |dh| + 0.5 N, not more than two in a row; all
@@ -83,6 +92,7 @@ struct TouchedPath {
 struct RecordingTouchResult {
   int frames_played = 0, integrated = 0;
   double seconds = 0;
+  bool optimum = false;  // was asked
   std::vector<TouchedPath> paths;
   [[nodiscard]] std::vector<Limit> limits() const;  // the path that is worst at each
   [[nodiscard]] int missed() const { return teletact::missed(limits()); }

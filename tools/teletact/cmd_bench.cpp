@@ -88,6 +88,8 @@ struct HapticBench {
                    "what is seen first")
         ->check(CLI::IsMember({"wall", "top", "edge", "corner"}));
     app.add_flag("!--no-beside", recording.beside, "haptic --rgbd: only the product's method");
+    app.add_flag("--optimum", recording.optimum,
+                 "haptic --rgbd: where a limit is missed, would the field's optimum miss it?");
     app.add_option("--record", record,
                    "haptic --rgbd: haptic run to write (teletact touch --replay)");
     app.add_option("--rates", boundary.rates_hz, "boundary: ticks a second")
