@@ -289,14 +289,14 @@ void ask_optimum(std::ostream& progress, rt::NonRealtime& nrt, const FusionSeque
                  RecordingTouchResult& r) {
   r.optimum = true;
   Player player(nrt, sequence, o.from_end);
-  std::vector<std::unique_ptr<Hand>> hands(paths.size());
+  std::vector<std::unique_ptr<Hand>> hands;  // all of them: the map learns sooner where a hand is
   std::vector<std::unique_ptr<RecordingOptimum>> asked(paths.size());
   std::size_t last = 0;
   for (std::size_t i = 0; i < paths.size(); ++i) {
+    hands.push_back(std::make_unique<Hand>(nrt, paths[i], false));
     auto spans = r.paths[i].missed_contacts();
     if (spans.empty()) continue;
     last = std::max(last, spans.back().second);
-    hands[i] = std::make_unique<Hand>(nrt, paths[i], false);
     asked[i] = std::make_unique<RecordingOptimum>(hands[i]->product().config(), std::move(spans));
     hands[i]->ask(asked[i].get());
   }
@@ -306,10 +306,9 @@ void ask_optimum(std::ostream& progress, rt::NonRealtime& nrt, const FusionSeque
     if (fresh) player.next();
     if (fresh && player.count() % 300 == 0)
       progress << player.count() << " frames touched beside the optimum\n";
-    for (auto& hand : hands) {
-      if (hand == nullptr) continue;
-      if (fresh) hand->take_window(player, k);
-      hand->tick(k, nullptr);
+    for (std::size_t i = 0; i < hands.size(); ++i) {
+      if (fresh) hands[i]->take_window(player, k);
+      if (asked[i] != nullptr) hands[i]->tick(k, nullptr);
     }
   }
   for (std::size_t i = 0; i < paths.size(); ++i) {
