@@ -4,8 +4,11 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <set>
 #include <unordered_map>
+
+#include "perception/tsdf/patch_copy.hpp"
 
 namespace teletact {
 
@@ -114,6 +117,32 @@ int MovingGhosts::cost_cells(const perception::CostMap& map, const Pose& X_WT, i
         free &= there != Place::kUnseen;
       }
       ghosts += was && free && !real ? 1 : 0;
+    }
+  }
+  return ghosts;
+}
+
+int MovingGhosts::window_nodes(const perception::TsdfMap& map, const Pose& X_WT, int frame) const {
+  constexpr int kEvery = 10, kNodes = 32;
+  const Pose X_TW = X_WT.inverse(Eigen::Isometry);
+  const rt::Time t = MovingSample::time_of(frame);
+  const auto window = std::make_unique<perception::SurfacePatch>();
+  std::set<std::array<int, 3>> looked_at;
+  int ghosts = 0;
+  for (int f = 0; f <= frame; f += kEvery) {
+    for (std::size_t m = 0; m < movers_.size(); ++m) {
+      const Vec3& c_W = centres_[static_cast<std::size_t>(f) * movers_.size() + m];
+      if (!perception::copy_patch(map, X_TW * c_W, kNodes, *window)) continue;
+      for (int n = 0; n < kNodes * kNodes * kNodes; ++n) {
+        const int x = n / (kNodes * kNodes), y = n / kNodes % kNodes, z = n % kNodes;
+        const std::size_t i = window->index(x, y, z);
+        if (window->material[i] == 0 || window->distance[i] > 0) continue;
+        const auto& first = window->origin_node;
+        if (!looked_at.insert({first[0] + x, first[1] + y, first[2] + z}).second) continue;
+        const Vec3 p = X_WT * window->node_W(x, y, z);
+        if (!swept_.contains(p) || world_.signed_distance(p, t) <= kGhost_m) continue;
+        ghosts += place(p, frame, kGrown_m) == Place::kSeenFree ? 1 : 0;
+      }
     }
   }
   return ghosts;

@@ -5,6 +5,7 @@
 
 #include "perception/ground/cost_map.hpp"
 #include "perception/tsdf/mesh.hpp"
+#include "perception/tsdf/tsdf_map.hpp"
 #include "tools/accuracy/moving_film.hpp"
 
 namespace teletact {
@@ -25,6 +26,10 @@ class MovingGhosts {
   // where the mover was, and all of where it was in the column was seen free as above.
   [[nodiscard]] int cost_cells(const perception::CostMap& map, const perception::Pose& X_WT,
                                int frame) const;
+  // Solid nodes of the windows that a hand would be given where the mover was, every 10th frame until this one: more
+  // than 30 mm off every true surface, at a place that was seen free as above.
+  [[nodiscard]] int window_nodes(const perception::TsdfMap& map, const perception::Pose& X_WT,
+                                 int frame) const;
   // Share of the mover's seen surface that has a vertex within `reach_m`. NaN: hardly to be seen.
   [[nodiscard]] double mover_in_mesh(const perception::Mesh& mesh, const perception::Pose& X_WT,
                                      int frame, double reach_m) const;

@@ -23,6 +23,7 @@ struct MovingRun {
   double masked_still = 0, masked_still_p95 = 0;  // share of the still pixels
   double ghost_cm3 = kNone;                       // the largest of the checks
   double ghost_cells = kNone;                     // occupied cells of the cost map where nothing is
+  double ghost_nodes = kNone;                     // solid nodes of a hand's window where nothing is
   double rest_frames = kNone;  // from at rest to in the mesh; kNone: not to be judged
   double rest_cost = kNone;    // share of it in the cost map 20 frames after it has come to rest
   std::size_t vertices = 0;

@@ -75,7 +75,6 @@ class Run {
     config.levels[0] = config.levels[static_cast<std::size_t>(setting.level)];
     config.tracker.iterations = config.levels[0].iterations;
     config.level_count = 1;
-    config.cost_map_period = 1;
     config.motion.on = true;  // what is judged
     tasks::FusionSetup setup;
     setup.camera = images_.intrinsics;
@@ -168,7 +167,8 @@ void Run::judge_map(int frame) {
       frame + 1 == sample_.frames || (frame > sample_.first_moving && frame % kCheckEvery == 0);
   const int rested = frame - sample_.last_moving - 20;
   const bool rest_check = !plain && sample_.end == MoverEnd::kComesToRest && rested >= 0 &&
-                          rested <= 25 && rested % 5 == 0 && !(r_.rest_frames < MovingRun::kNever);
+                          rested <= 25 && rested % 5 == 0 &&
+                          (rested == 20 || !(r_.rest_frames < MovingRun::kNever));
   if (!ghost_check && !rest_check) return;
   const perception::Mesh mesh = perception::extract_mesh(nrt_, task_->map());
   const auto& cost = feed_->cost_map();
@@ -176,12 +176,15 @@ void Run::judge_map(int frame) {
     const auto most = [](double a, double b) { return std::isnan(a) ? b : std::max(a, b); };
     r_.ghost_cm3 = most(r_.ghost_cm3, ghosts_.volume_cm3(mesh, poses_.X_WT(), frame));
     r_.ghost_cells = most(r_.ghost_cells, ghosts_.cost_cells(cost, poses_.X_WT(), frame));
+    r_.ghost_nodes = most(r_.ghost_nodes, ghosts_.window_nodes(task_->map(), poses_.X_WT(), frame));
     r_.vertices = mesh.vertices_W.size();
   }
   if (rest_check) {
     const double reach = 0.01 + std::max(0.01, 1e-3 * setting_.voxel_mm);
-    const double in = ghosts_.mover_in_mesh(mesh, poses_.X_WT(), frame, reach);
-    if (!std::isnan(in)) r_.rest_frames = in >= 0.5 ? rested : MovingRun::kNever;
+    if (!(r_.rest_frames < MovingRun::kNever)) {
+      const double in = ghosts_.mover_in_mesh(mesh, poses_.X_WT(), frame, reach);
+      if (!std::isnan(in)) r_.rest_frames = in >= 0.5 ? rested : MovingRun::kNever;
+    }
     if (rested == 20) r_.rest_cost = ghosts_.mover_in_cost(cost, poses_.X_WT(), frame);
   }
 }

@@ -65,6 +65,8 @@ const std::vector<MovingCheck>& moving_checks() {
        45, false},
       {"ghost_cells", "ghost cells of the cost map", alone,
        [](const MovingRow& r) { return r.run.ghost_cells; }, 0, false},
+      {"ghost_nodes", "ghost nodes of a hand's window", alone,
+       [](const MovingRow& r) { return r.run.ghost_nodes; }, 0, false},
       {"rest_frames", "frames from at rest to in the mesh",
        [](const MovingRow& r) { return alone(r) && r.share_last < 0.30; },
        [](const MovingRow& r) { return r.run.rest_frames; }, 20, false},
@@ -91,11 +93,13 @@ std::string line_of(const MovingRow& row) {
   std::snprintf(
       line, sizeof line,
       "    %g mm level %d %-8s claimed %.3f  ate %.1f (plain %.1f)  worst %.1f mm  wrong %d "
-      "from %d  again %.0f  iou %.2f  still masked %.4f p95 %.4f  ghost %.0f cm3 %.0f cells "
+      "from %d  again %.0f  iou %.2f  still masked %.4f p95 %.4f  ghost %.0f cm3 %.0f cells %.0f "
+      "nodes "
       " rest %.0f  cpu %.1f ms:",
       row.setting.voxel_mm, row.setting.level, name_of(row.variant), r.claimed, r.ate_mm,
       row.plain.ate_mm, r.worst_mm, r.wrong, r.first_wrong, r.claimed_again, r.mask_iou,
-      r.masked_still, r.masked_still_p95, r.ghost_cm3, r.ghost_cells, r.rest_frames, r.cpu_ms);
+      r.masked_still, r.masked_still_p95, r.ghost_cm3, r.ghost_cells, r.ghost_nodes, r.rest_frames,
+      r.cpu_ms);
   std::string text = line;
   const auto failed = failed_checks(row);
   for (const std::string& name : failed) text += " " + name;

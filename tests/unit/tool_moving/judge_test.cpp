@@ -280,6 +280,26 @@ TEST_F(Ghosts, ACellOfTheCostMapIsCounted) {
   EXPECT_EQ(ghosts.cost_cells(map, Pose::Identity(), 9), 0);
 }
 
+// A map of the first images, which hold the box where it was; and one of the last.
+TEST_F(Ghosts, ANodeOfAHandsWindowIsCounted) {
+  tasks::FusionConfig config;
+  config.tsdf.voxel_size_m = 0.02;
+  const auto nodes = [&](int first, int frame) {
+    perception::TsdfMap map(startup.token(), config.tsdf);
+    auto image = std::make_unique<perception::RgbdFrame>();
+    for (int f = first; f < first + 4; ++f) {
+      film.with.frame(f, *image);
+      map.integrate(perception::FrameView::of(*image), *film.with.truth(f), 2);
+    }
+    return ghosts.window_nodes(map, Pose::Identity(), frame);
+  };
+  const int kept = nodes(0, 89);
+  std::printf("  %d nodes\n", kept);
+  EXPECT_GT(kept, 100) << "its first place";
+  EXPECT_EQ(nodes(0, 9), 0) << "it is there";
+  EXPECT_EQ(nodes(86, 89), 0) << "where it is now";
+}
+
 TEST_F(Ghosts, WhatRestsIsLookedForInMeshAndCostMap) {
   // Its face as it is, every 10 mm; and half of it.
   perception::Mesh face, half;
