@@ -112,6 +112,7 @@ class Consensus {
   // Of compete(): what is proposed, what was expected, who wins.
   struct Contest {
     static constexpr int kHandfuls = 32;  // random hypotheses
+
     std::array<Vec6, 16 + kHandfuls> pose;
     int count = 0, best = -1;
     Vec6 prior = Vec6::Zero();
