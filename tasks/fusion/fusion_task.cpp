@@ -133,6 +133,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
 
   TrackingResult& r = out.tracking;
   const bool first = !started_;
+  bool found_again = false;
   if (first) {
     started_ = true;
     r.X_WC = X_WC_;
@@ -146,6 +147,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
     const MotionPrior prior = predict(frame.exposure);
     if (recovering_) {
       recover(frame, prior, knobs, r);
+      found_again = !recovering_;
     } else {
       track(prior, knobs, out);
       doubt_leap(frame, prior, r);
@@ -158,8 +160,10 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
   settle_motion(r, frame.exposure, first);
   ++frames_;
 
-  if (r.claimed) {
-    ++frames_claimed_;
+  // Nobody has looked yet at what moves in the image by which the camera was found: the map learns from the next one on.
+  const bool learns = r.claimed && !found_again;
+  if (r.claimed) ++frames_claimed_;
+  if (learns) {
     Stage stage(profiling_, *crew_, profile_.integrate);
     perception::FrameView seen = view_of(frame);
     if (masked_) seen.moving = pixel_mask();
@@ -181,13 +185,13 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
     Stage stage(profiling_, *crew_, profile_.objects);
     follow_objects(frame, out.integrated, out);
   }
-  if (r.claimed && r.fully_constrained) {
+  if (learns && r.fully_constrained) {
     relocaliser_.remember(tracker_.pyramid(), colour_of(frame), X_WC_);
   }
   // While it is lost, what was seen last stays where it is looked for; what was found is tracked next.
   if (r.state != TrackingState::kLost || confirming_) cast_model(knobs.pixel_step, out);
   keep_map_in_place(out);
-  see_ground(r);
+  see_ground(r, learns);
   page(out);
 
   out.camera.seq = frames_;
@@ -211,10 +215,10 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const RgbdFrame& frame, Out
 
 // What stands, from the pyramid, which what moves was taken out of; then what moves, from all readings. A camera that
 // is followed, though one direction is only guessed, is followed well enough to say where somebody walks.
-void FusionTask::see_ground(const TrackingResult& r) noexcept {
+void FusionTask::see_ground(const TrackingResult& r, bool learns) noexcept {
   Stage stage(profiling_, *crew_, profile_.ground);
   const auto& pyramid = tracker_.pyramid();
-  if (r.claimed) {
+  if (learns) {
     const auto& depth = pyramid.level(pyramid.pixel_step() >= 2 ? 0 : 1);
     ground_.update(
         {depth.intrinsics,

@@ -283,7 +283,7 @@ class FusionTask {
   void write_view(const rt::Tick& tick, const std::optional<Pose>& X_WV, Out& out) noexcept;
   void show_mask(bool own_eye, SceneView& v) const noexcept;
   void write_cost_map(const rt::Tick& tick, Out& out) noexcept;
-  void see_ground(const perception::TrackingResult& r) noexcept;
+  void see_ground(const perception::TrackingResult& r, bool learns) noexcept;
   void clear_some(Out& out) noexcept;
   void write_mesh(const rt::Tick& tick, std::uint64_t taken, Out& out) noexcept;
 
