@@ -148,6 +148,11 @@ TEST(FusionTask, LostFrameIsNotIntegratedAndTrackingComesBack) {
   for (int i = 8; i < 11; ++i) rig.see(room, Rig::eye(i));
   EXPECT_TRUE(rig.out.camera.claimed);
   EXPECT_LT((rig.out.camera.X_WC.translation() - Rig::eye(10).translation()).norm(), 0.004);
+  // Nobody looked for what moves in the image by which it was found: that one is not learned either.
+  EXPECT_FALSE(rig.out.integrated);
+  EXPECT_EQ(rig.task->map().checksum(), before);
+  rig.see(room, Rig::eye(11));
+  EXPECT_TRUE(rig.out.integrated);
   EXPECT_NE(rig.task->map().checksum(), before);
 }
 
