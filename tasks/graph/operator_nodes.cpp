@@ -133,6 +133,8 @@ void HapticNode::send(const rt::Tick& tick, const TouchEvent& event) noexcept {
   if (event.kind == TouchEvent::Kind::kContactBegin) {
     log.write(logs.contact, tick.start, event.p_W.x(), event.p_W.y(), event.p_W.z(), event.force_N);
   }
+  if (event.kind == TouchEvent::Kind::kSurfaceLeft)
+    log.write(logs.surface_left, tick.start, event.p_W.x(), event.p_W.y(), event.p_W.z());
 }
 
 // ---------------------------------------------------------------- fusion

@@ -47,6 +47,9 @@ class TaskLogs {
             "no grasp: {} (1 not an object, 2 too wide, 3 too thin, 4 out of reach)")),
         edit_refused(sites_.add<std::uint64_t, unsigned>(
             nrt, rt::LogLevel::kWarning, "edit {} refused, kind {}: out of range, or no room")),
+        surface_left(sites_.add<double, double, double>(
+            nrt, rt::LogLevel::kWarning,
+            "the surface under the hand at ({:.3f}, {:.3f}, {:.3f}) m left: the hand is let go")),
         limits(limit_sites(nrt)) {}
 
   [[nodiscard]] rt::RtLog& of(TaskId id) noexcept { return logs_[index_of(id)]; }
@@ -91,6 +94,7 @@ class TaskLogs {
   const rt::LogSite<unsigned, double, double> grasp;
   const rt::LogSite<unsigned> no_grasp;
   const rt::LogSite<std::uint64_t, unsigned> edit_refused;
+  const rt::LogSite<double, double, double> surface_left;
   const std::array<LimitSite, kLimitTable.size()> limits;  // of rows of kLimitTable
 };
 
