@@ -113,8 +113,10 @@ void TouchedPath::print(std::ostream& out) const {
   }
   std::snprintf(
       line, sizeof line,
-      "  %s: the hand at most %.1f mm from the proxy; E + booked + credit at least %.3f mJ\n",
-      rows.front().method.c_str(), rows.front().stretch_max_mm, 1e3 * rows.front().energy_min_J);
+      "  %s: the hand at most %.1f mm from the proxy; let go %llu times by a surface that came or "
+      "went; E + booked + credit at least %.3f mJ\n",
+      rows.front().method.c_str(), rows.front().stretch_max_mm,
+      static_cast<unsigned long long>(rows.front().let_go), 1e3 * rows.front().energy_min_J);
   out << line;
   for (const TouchedRow::Event& e : rows.front().events) {
     const auto at = static_cast<std::size_t>(e.place);

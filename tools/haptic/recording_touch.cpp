@@ -143,7 +143,10 @@ class Toucher {
     row_.step_max_N = std::max(row_.step_max_N, t.step_N);
     const std::uint64_t sunk = pops_.sunk(), flipped = pops_.flipped();
     const Vec3 entry = pops_.entry_W();
-    pops_.judge(t.in_contact, out_.state.p_WP, out_.state.p_WH, t.blend);
+    // A hand that is let go keeps the plane of its last contact, whatever has come there since.
+    pops_.judge(t.in_contact && !t.leaving, out_.state.p_WP, out_.state.p_WH, t.blend);
+    row_.let_go += t.leaving && !leaving_ ? 1 : 0;
+    leaving_ = t.leaving;
     const Vec3 before = std::exchange(p_WP_, out_.state.p_WP);
     turned_ = pops_.flipped() > flipped;
     if (!t.in_contact) {
@@ -181,6 +184,7 @@ class Toucher {
   std::uint64_t run_ = 0;
   std::uint64_t free_ = 0;  // last tick without contact
   bool turned_ = false;     // in this tick
+  bool leaving_ = false;
   RecordingOptimum* optimum_ = nullptr;
 };
 

@@ -49,6 +49,7 @@ struct TouchedRow {
   std::uint64_t longest_jump = 0;  // ticks in a row
   double step_raw_max_N = 0, step_max_N = 0, force_max_N = 0;
   std::uint64_t not_finite = 0, sunk = 0, flipped = 0, unknown = 0;
+  std::uint64_t let_go = 0;  // the surface under the hand went, or came too fast
   double deepest_mm = 0;
   double energy_min_J = 0;    // E + booked + credit, at b 2 N s/m
   double stretch_max_mm = 0;  // from the hand to the proxy
