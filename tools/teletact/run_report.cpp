@@ -425,10 +425,15 @@ void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& 
     d.verdicts.push_back(
         {untimed.empty() ? State::kGood : State::kNote,
          text + (untimed.empty() ? "" : "; timing NOT MEASURED in this run: " + untimed)});
+    const State beyond = beyond_admission(info, op, robot).empty() ? State::kNote : State::kBad;
     for (const auto& o : ordinary_shares(info, op, robot)) {
-      std::snprintf(text, sizeof text, "ordinary thread %s: %.3f of a core, declared %.3f",
-                    o.name.c_str(), o.share, o.declared);
-      d.verdicts.push_back({o.share <= o.declared ? State::kGood : State::kBad, text});
+      const bool within = o.share <= o.declared;
+      std::snprintf(text, sizeof text, "ordinary thread %s: %.3f of a core, declared %.3f%s",
+                    o.name.c_str(), o.share, o.declared,
+                    within                   ? ""
+                    : beyond == State::kNote ? "; the admitted cores can spare it"
+                                             : "");
+      d.verdicts.push_back({within ? State::kGood : beyond, text});
     }
     for (const auto* log : {&op.log, &robot.log}) {
       for (const auto& what : log->not_realtime)

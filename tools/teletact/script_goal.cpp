@@ -63,6 +63,9 @@ std::string why_held(const OperatorView& view) {
   if (view.held_s > 0)
     return metres("; held for %.1f s: ", view.held_s) +
            held_text(view.held, view.held_ms, view.held_limit_ms);
+  if (view.world.held == tasks::Held::kPlaceUnsure)
+    return metres("; held for %.1f s: ", view.unsure_s) +
+           held_text(view.world.held, view.world.held_ms, view.world.held_limit_ms);
   return held_at_end(view) && view.robot.fault != rt::kNoFault ? "; " + fault_text(view.robot.fault)
                                                                : "";
 }
