@@ -157,7 +157,11 @@ std::vector<BenchMetric> MovingStudy::metrics() const {
 }
 
 std::vector<std::string> MovingStudy::write_plots(const std::string& folder) const {
-  plot::Figure share = figure_of("a thing moves: share of the image", "share of the valid pixels");
+  const bool watch = rows.empty() || rows.front().setting.watch;
+  plot::Figure share =
+      figure_of(watch ? "a thing moves: share of the image"
+                      : "a thing moves, without the watch for it: share of the image",
+                "share of the valid pixels");
   plot::Figure slide = figure_of("a thing slides: speed", "mm a frame");
   plot::Figure turn = figure_of("a door or an arm turns: speed", "degrees a frame");
   slide.log_x = turn.log_x = true;

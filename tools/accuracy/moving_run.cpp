@@ -75,7 +75,7 @@ class Run {
     config.levels[0] = config.levels[static_cast<std::size_t>(setting.level)];
     config.tracker.iterations = config.levels[0].iterations;
     config.level_count = 1;
-    config.motion.on = true;  // what is judged
+    config.motion.on = setting.watch;
     tasks::FusionSetup setup;
     setup.camera = images_.intrinsics;
     // No wall lies along the voxels' grid; up is up, as on a robot.

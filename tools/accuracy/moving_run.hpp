@@ -19,6 +19,7 @@ struct MovingSetting {
   double voxel_mm = 20;
   int level = 0;
   bool surfaces = true;  // judge the map too: ghosts, and what has come to rest
+  bool watch = true;     // for what moves; without: what it saves
 };
 
 // `debug`: a line a frame, if there is a stream.

@@ -109,7 +109,8 @@ std::string line_of(const MovingRow& row) {
 std::vector<MovingSetting> settings_of(const MovingSample& sample, const MovingOptions& options) {
   std::vector<MovingSetting> all;
   for (const double voxel_mm : options.voxels_mm) {
-    for (const int level : options.levels) all.push_back({voxel_mm, level, options.surfaces});
+    for (const int level : options.levels)
+      all.push_back({voxel_mm, level, options.surfaces, options.watch});
   }
   // Movers and halves of the shares come round after twelve samples.
   if (options.spread && !all.empty())

@@ -1,6 +1,9 @@
 // teletact accuracy moving: what a thing that moves in view does to pose, mask and map, against the truth.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <iostream>
+#include <map>
+#include <string>
 
 #include "tasks/fusion/fusion_task.hpp"
 #include "tools/accuracy/moving_study.hpp"
@@ -13,15 +16,18 @@ namespace teletact {
 
 namespace {
 
-int print_static(const std::vector<StaticMask>& masks, Metrics& metrics) {
+int print_static(const std::vector<StaticMask>& masks, double voxel_mm,
+                 std::map<std::string, double>& worst) {
   int missed = 0;
-  std::printf("\nstill pixels masked where nothing moves (limit %.3f)\n", kMostStaticMasked);
+  std::printf("\nstill pixels masked where nothing moves, %g mm (limit %.3f)\n", voxel_mm,
+              kMostStaticMasked);
   for (const StaticMask& m : masks) {
     const bool met = m.masked <= kMostStaticMasked;
     missed += met ? 0 : 1;
     std::printf("  %-8s %.5f  claimed %.3f  ate %.2f mm  %s\n", m.scene.c_str(), m.masked,
                 m.claimed, m.ate_mm, met ? "met" : "MISSED");
-    metrics.add("moving.static." + m.scene + ".masked", m.masked, "1");
+    double& most = worst["moving.static." + m.scene + ".masked"];
+    most = std::max(most, m.masked);
   }
   std::fflush(stdout);
   return missed;
@@ -60,7 +66,10 @@ int cmd_moving(int argc, char** argv) {
   app.add_flag("--list", list, "say what is drawn, and run nothing");
   app.add_flag("--no-odometry", no_odometry, "only the runs without it");
   app.add_flag("--no-surfaces", no_surfaces, "do not look at the map");
-  app.add_flag("--static", still, "the mask in the five scenes where nothing moves, too");
+  app.add_flag("--no-watch{false}", o.watch, "without the watch for what moves: what it saves");
+  app.add_flag(
+      "--static", still,
+      "the mask in the five scenes where nothing moves, too, at each of --voxels, level 0");
   app.add_option("--static-frames", still_frames, "of each of them")
       ->check(CLI::Range(5, 2000))
       ->capture_default_str();
@@ -90,9 +99,11 @@ int cmd_moving(int argc, char** argv) {
     std::cout << std::flush;
   }
   if (still) {
-    for (const double voxel_mm : {10.0}) {
-      missed += print_static(study_static_masks(std::cerr, voxel_mm, still_frames), metrics);
-    }
+    std::map<std::string, double> worst;
+    for (const double voxel_mm : o.voxels_mm)
+      missed +=
+          print_static(study_static_masks(std::cerr, voxel_mm, still_frames), voxel_mm, worst);
+    for (const auto& [name, share] : worst) metrics.add(name, share, "1");
   }
   if (!json.empty()) metrics.write(json);
   return missed > 0 ? 1 : 0;
