@@ -1,10 +1,16 @@
 // Somebody walks into the robot's way (scene visitor), the whole stack on the virtual clock: the base waits or goes round,
-// the hand feels what it feels without them, and nothing of them stays.
+// the hand feels what it feels without them, and nothing of them stays. And the robot's arm reaches before the camera
+// (scene arm): mark, drive and touch are as without it.
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <numbers>
+#include <utility>
 
+#include "perception/motion/motion_mask.hpp"
 #include "tests/unit/demo_driving/drive.hpp"
+#include "tools/teletact/boxes.hpp"
+#include "tools/teletact/script_goal.hpp"
 
 namespace tests {
 namespace {
@@ -99,9 +105,13 @@ Visit visit(const Scene& s, const VirtualRun& r) {
   return v;
 }
 
-const VirtualRun& visited_run() {
+Scene& visited_scene() {
   static const std::unique_ptr<Scene> scene = visited();
-  static const VirtualRun r = drive(*scene, kSeconds);
+  return *scene;
+}
+
+VirtualRun& visited_run() {
+  static VirtualRun r = drive(visited_scene(), kSeconds);
   return r;
 }
 
@@ -205,18 +215,125 @@ Touch touch_of(const VirtualRun& r) {
   return t;
 }
 
-// The hand touches the same things in both rooms.
-TEST(Visitor, TheHandIsGuardedAsInTheDefaultScene) {
-  const Touch plain = touch_of(default_run()), v = touch_of(visited_run());
+// The hand touches the same things in all of these rooms.
+void expect_guarded_as_in_the_default_scene(const Touch& v) {
+  const Touch plain = touch_of(default_run());
   std::printf(
-      "  step behind the guard %.3f N, default scene %.3f; guard in use %.4f, %.4f; %d, %d "
-      "contacts\n",
-      v.step_N, plain.step_N, v.guard_share, plain.guard_share, v.begins, plain.begins);
+      "  step behind the guard %.3f N, default scene %.3f; guard in use %.4f, %.4f; force %.2f N, "
+      "%.2f; %d, %d contacts\n",
+      v.step_N, plain.step_N, v.guard_share, plain.guard_share, v.force_N, plain.force_N, v.begins,
+      plain.begins);
   EXPECT_TRUE(v.finite);
+  EXPECT_GT(plain.step_N, 0);
   EXPECT_LE(v.step_N, 1.1 * plain.step_N);
   EXPECT_LE(v.guard_share, 0.06);
+  EXPECT_GE(v.force_N, 3.0) << "it pressed";
   EXPECT_LE(v.force_N, 12.0);
   EXPECT_GE(v.begins, 3);
+}
+
+TEST(Visitor, TheHandIsGuardedAsInTheDefaultScene) {
+  expect_guarded_as_in_the_default_scene(touch_of(visited_run()));
+}
+
+// What `teletact demo --scene ... --clock virtual` returns for such a run.
+int exit_status(const Scene& scene, const VirtualRun& r) {
+  DemoOptions options;
+  options.seconds = kSeconds;
+  options.virtual_clock = options.quiet = true;
+  options.cores = 2;
+  options.report = testing::TempDir() + "teletact-" + scene.title + "-" + std::to_string(getpid());
+  std::filesystem::create_directories(options.report);
+  teletact::RunInfo info;
+  info.virtual_clock = true;
+  info.seconds = kSeconds;
+  info.folder = options.report;
+  info.admission = r.admission;
+  info.modes = r.modes;
+  info.effects = r.effects;
+  testing::internal::CaptureStdout();
+  testing::internal::CaptureStderr();
+  const int status = teletact::finish_run(options, scene, info, r.op, r.robot, "");
+  const std::string said = testing::internal::GetCapturedStderr();
+  (void)testing::internal::GetCapturedStdout();
+  std::filesystem::remove_all(options.report);
+  if (!said.empty()) std::printf("  said: %s", said.c_str());
+  return status;
+}
+
+// Exit 0, and that for its goal: the script asked for one, the run was long enough to be judged by it, and the same run
+// of which it is said that it got nowhere does not exit 0.
+void expect_exit_0(const Scene& scene, VirtualRun& r) {
+  DemoOptions options;
+  options.seconds = kSeconds;
+  const auto goal = teletact::check_goal(scene, options, r.op, r.robot);
+  EXPECT_TRUE(goal.asked);
+  EXPECT_TRUE(goal.judged);
+  EXPECT_EQ(goal.missed, "");
+  EXPECT_EQ(exit_status(scene, r), 0);
+  auto& phase = r.op.view.task.phase;
+  const auto was = std::exchange(phase, tasks::TaskState::Phase::kFailed);
+  EXPECT_EQ(exit_status(scene, r), 1);
+  phase = was;
+}
+
+TEST(Visitor, TheDemoExitsWithoutAProblem) { expect_exit_0(visited_scene(), visited_run()); }
+
+struct ArmRun {
+  std::unique_ptr<Scene> scene = teletact::load_scene(teletact::find_config("scenes", "arm"), {});
+  int body_pixels = 0;  // in the middle of the reach
+  VirtualRun run;
+
+  ArmRun() {
+    DemoOptions options;
+    options.seconds = kSeconds;
+    options.virtual_clock = options.quiet = true;
+    options.cores = 2;
+    options.meddle_at_s = 6.1;
+    options.meddle = [this](teletact::OperatorBox& box) {
+      const auto mask = box.graph().fusion().pixel_mask();
+      for (int v = 0; v < mask.height; ++v)
+        for (int u = 0; u < mask.width; ++u)
+          body_pixels += mask.at(u, v) == static_cast<std::uint8_t>(perception::PixelOf::kBody);
+    };
+    run = teletact::run_virtual(startup().token(), *scene, options,
+                                teletact::reference_calibration());
+  }
+};
+
+ArmRun& arm() {
+  static ArmRun r;
+  return r;
+}
+
+// The arm is before the camera, hides a part of the place and is not it: the base drives to the mark as if it were not there.
+TEST(Arm, TheBaseTouchesNothingAndArrives) {
+  const auto& r = arm().run;
+  const Driven d = judge(*arm().scene, r);
+  ASSERT_FALSE(r.op.view.paths.empty());
+  const Vec3& mark = r.op.view.paths.back().marked_W;
+  const double mark_m = std::hypot(d.end_x_m - mark.x(), d.end_y_m - mark.y());
+  int frames = 0, claimed = 0;
+  for (const auto& f : r.op.view.fusion) frames += f.consumed, claimed += f.consumed && f.claimed;
+  std::printf(
+      "  %u collisions, %s at %.2f s, %u paths, %.2f m driven, %.3f m to the mark, clearance %.3f "
+      "m; %d of %d frames claimed; %d pixels of the arm at 6.1 s\n",
+      d.collisions, d.arrived ? "arrived" : "NOT THERE", d.arrived_at_s, d.paths, d.way_m, mark_m,
+      d.clearance_m, claimed, frames, arm().body_pixels);
+  EXPECT_GT(arm().body_pixels, 5000) << "the arm is in view, or this says nothing";
+  EXPECT_EQ(d.collisions, 0U);
+  EXPECT_TRUE(d.arrived);
+  EXPECT_LT(d.speed_at_end_m_per_s, 0.01);
+  EXPECT_GT(d.way_m, 1.5);
+  EXPECT_LE(mark_m, 0.20) << "as in the default scene";
+  EXPECT_GT(frames, 590);
+  EXPECT_GE(claimed, frames * 98 / 100);
+}
+
+TEST(Arm, TheDemoExitsWithoutAProblem) { expect_exit_0(*arm().scene, arm().run); }
+
+TEST(Arm, TheHandIsGuardedAsInTheDefaultScene) {
+  expect_guarded_as_in_the_default_scene(touch_of(arm().run));
 }
 
 // What no single key can be wrong about is one line that names file and mover.

@@ -3,6 +3,7 @@
 
 #include <bit>
 #include <iostream>
+#include <set>
 
 #include "rt/memory/section.hpp"
 #include "tests/support/rt_guard.hpp"
@@ -75,8 +76,13 @@ TEST(Objects, FusedIsBetterThanAFrameAfterThirty) {
   EXPECT_GT(fused_sum, single_sum);
 }
 
+// Two percent from frame 30 on, but for three seeds of these eight: three or four of their first six masks are wrong, and
+// what those name beside the object's foot stays (docs/segmentation.md, "Not before frame 30, and not always"). A further
+// miss fails, and so does one that is mended: then it is to be taken off this list. Of the frames before, there is no aim:
+// .03 (.13 of the three) is what they keep to, and more would be worse than it was.
 TEST(Objects, OneWrongFrameInFiveChangesTwoPercentAtMost) {
-  for (const std::uint64_t seed : {11U, 12U}) {
+  const std::set<std::uint64_t> kMissed{14, 15, 16};
+  for (std::uint64_t seed = 11; seed <= 18; ++seed) {
     Rig clean, spoiled;
     frame(clean, 0, seed);
     frame(spoiled, 0, seed);
@@ -104,7 +110,10 @@ TEST(Objects, OneWrongFrameInFiveChangesTwoPercentAtMost) {
               << " in frames 10 to 29, " << worst << " from 30 on; of all labelled voxels "
               << change(clean.voxels(id), spoiled.voxels(id)) << " at the end\n";
     EXPECT_GT(wrong, 6);
-    EXPECT_LE(worst, 0.02) << "seed " << seed;
+    EXPECT_EQ(worst > 0.02, kMissed.contains(seed)) << "seed " << seed << ": " << worst;
+    EXPECT_LE(worst, 0.08) << "seed " << seed << ": not more than was known";
+    EXPECT_GT(early, 0.002) << "wrong masks do change something, seed " << seed;
+    EXPECT_LE(early, kMissed.contains(seed) ? 0.13 : 0.03) << "frames 10 to 29, seed " << seed;
   }
 }
 
