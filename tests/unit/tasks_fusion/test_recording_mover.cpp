@@ -1,8 +1,10 @@
 // The recording forwards and backwards with somebody who walks through it: put into depth by true order, in the place's
-// own frame, with the noise of a Kinect v2. Beside the plain run of the same images.
+// own frame, with the noise of a Kinect v2, and into colour where they are in front. Beside the plain run of the same images.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <memory>
 #include <vector>
@@ -33,10 +35,12 @@ drivers::WorldConfig walker(const Path& path) {
   body.position_m = {path.at_m, 2.0, 0};
   body.radius_m = 0.24;
   body.height_m = 1.51;
+  body.paint.colour = {40, 60, 200};  // nothing of the kitchen is
   auto& head = w.spheres.emplace_back();
   head.name = "head";
   head.position_m = {path.at_m, 2.0, 1.63};
   head.radius_m = 0.12;
+  head.paint.colour = {40, 60, 200};
   auto& walk = w.movers.emplace_back();
   walk.name = "walk";
   walk.shapes = "body, head";
@@ -52,13 +56,17 @@ drivers::WorldConfig walker(const Path& path) {
 struct Played {
   std::vector<Pose> poses;
   std::vector<bool> claimed;
-  double most_share = 0;  // of the readings
+  double most_share = 0;                   // of the readings
+  int with_colour = 0;                     // images
+  std::int64_t shown = 0, recoloured = 0;  // pixels: put in; of them with a new colour
+  double blue_before = 0, blue_after = 0;  // of the recoloured, mean of blue less red
 };
 
 Played play(double voxel_m, const Path* path) {
   rt::Startup startup;
   drivers::TumOptions options;
   options.to_512x424 = true;
+  options.register_colour = true;  // as the program reads it
   auto opened = drivers::TumSequence::open(tests::recording_folder(), options);
   EXPECT_TRUE(opened) << (opened ? "" : opened.error());
   FusionConfig config;
@@ -85,6 +93,7 @@ Played play(double voxel_m, const Path* path) {
     const int i = k < size ? k : 2 * size - 2 - k;
     EXPECT_TRUE(opened.value().read(i, *frame));
     frame->exposure = at(k);
+    run.with_colour += frame->has_colour ? 1 : 0;
     if (path != nullptr && k >= kFrom) {
       const Pose X_TC = X_TC0 * truth.front().inverse() * truth[static_cast<std::size_t>(i)];
       drivers::render(world, frame->intrinsics, X_TC, {0.4, 5.0}, noise, 1,
@@ -99,7 +108,18 @@ Played play(double voxel_m, const Path* path) {
         if (frame->depth_mm[p] != 0 && static_cast<float>(frame->depth_mm[p]) <= z_mm) continue;
         frame->depth_mm[p] = alone->depth_mm[p];
         ++shown;
+        // Exactly black: no colour there, or no surface (perception/geometry/no_colour.hpp).
+        const auto black = [](const perception::Rgb& c) {
+          return c.r == 0 && c.g == 0 && c.b == 0;
+        };
+        perception::Rgb& c = frame->colour[p];
+        if (!frame->has_colour || black(alone->colour[p])) continue;
+        ++run.recoloured;
+        run.blue_before += c.b - c.r;
+        c = alone->colour[p];
+        run.blue_after += c.b - c.r;
       }
+      run.shown += shown;
       run.most_share = std::max(run.most_share, static_cast<double>(shown) / std::max(1, readings));
     }
     rt::Tick tick;
@@ -113,6 +133,8 @@ Played play(double voxel_m, const Path* path) {
     run.poses.push_back(out.camera.X_WC);
     run.claimed.push_back(out.camera.claimed);
   }
+  run.blue_before /= static_cast<double>(std::max<std::int64_t>(1, run.recoloured));
+  run.blue_after /= static_cast<double>(std::max<std::int64_t>(1, run.recoloured));
   return run;
 }
 
@@ -136,6 +158,12 @@ TEST(RecordingMover, WhoWalksThroughMovesNoPose) {
         "mm from the plain run\n",
         path.at_m, path.speed_m_per_s, with.most_share, claimed, with.poses.size(), 1e3 * rms_m,
         1e3 * worst_m);
+    std::printf("    colour of %.3f of what was put in, blue less red %.0f where it was %.0f\n",
+                static_cast<double>(with.recoloured) / static_cast<double>(with.shown),
+                with.blue_after, with.blue_before);
+    EXPECT_EQ(with.with_colour, static_cast<int>(with.poses.size()));
+    EXPECT_GE(static_cast<double>(with.recoloured), 0.95 * static_cast<double>(with.shown));
+    EXPECT_GT(with.blue_after, with.blue_before + 50) << "they are of another colour";
     EXPECT_GT(with.most_share, 0.1);
     EXPECT_GE(claimed, 0.98 * static_cast<double>(with.poses.size()));
     EXPECT_LE(worst_m, 0.010);
