@@ -159,8 +159,8 @@ int keyframes_that_hold_somebody(const Rig& rig, const AnalyticScene& place) {
 }
 
 // What is kept of the place was taken with people in it, who are gone or stand elsewhere when the camera comes back.
-// First two stand, in the map too; then one walks before the camera as it turns. Open: with seed 15 the first kidnap, onto
-// somebody who stands and straight from tracking, is claimed at once and 460 mm off.
+// First two stand, in the map too; then one walks before the camera as it turns. Open: with seed 15 the first kidnap, with
+// somebody before the camera and straight from tracking, is claimed at once and 460 mm off where two had stood.
 TEST(Relocalisation, NeverToTheWrongPlaceByViewsWithPeopleInThem) {
   const Kidnaps kidnaps(25);
   const AnalyticScene scene = hall();
