@@ -92,7 +92,7 @@ class Consensus {
   static constexpr float kLeastPairs = 12;  // pixels of a cell that counts
   // A pose `way_m` from what was expected, which may be off by `sigma_m`: a leap counts with a share of its pixels.
   [[nodiscard]] static double likely(double way_m, double sigma_m) noexcept;
-  // chosen on: not recorded; judged on: moving 52, moving 101
+  // chosen on: not recorded; judged on: moving 606, moving 707
   static constexpr double kOtherMotion_m = 0.004;  // poses nearer to each other are one
   static constexpr double kRivalLimit = 0.7;       // of the winner's own pixels, and nobody knows
 
@@ -106,7 +106,7 @@ class Consensus {
   void refine(const Cells& memory, float scale, int rounds, Vec6& xi) const noexcept;
 
   static constexpr int kRounds = 6;
-  // chosen on: not recorded; judged on: moving 52, moving 101
+  // chosen on: not recorded; judged on: moving 606, moving 707
   static constexpr float kStay = 0.3F;  // scale from which a believed pose is refined
   static constexpr float kMisfit = 2;   // scales, and a cell does not fit
   // Of compete(): what is proposed, what was expected, who wins.

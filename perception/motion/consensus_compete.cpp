@@ -10,10 +10,10 @@ namespace perception {
 namespace {
 
 constexpr int kHandful = 6;  // cells of a random hypothesis
-// chosen on: moving 51 (3, 22), moving 7 (6), moving 53 (5), recording backwards; judged on: moving 52, moving 101
+// chosen on: moving 51 (3, 22), moving 7 (6), moving 53 (5), recording backwards; judged on: moving 606, moving 707
 // A leap, far beyond what the prior may err by, counts with this share of the pixels that it explains.
 constexpr double kUnlikely = 0.25;
-// chosen on: not recorded; judged on: moving 52, moving 101
+// chosen on: not recorded; judged on: moving 606, moving 707
 constexpr double kOutvoted = 0.97;
 constexpr double kLeastRest = 0.05;  // of the pixels: less can not rival the winner
 // Of a cell: by less than this two poses that fit it differ by noise alone, in either's favour.

@@ -11,10 +11,10 @@ namespace perception {
 
 namespace {
 
-// chosen on: not recorded; judged on: moving 52, moving 101
+// chosen on: not recorded; judged on: moving 606, moving 707
 constexpr int kYoungFrames = 8;
 constexpr int kLeastAbout = 5;  // of the 8 neighbours, in a patch
-// chosen on: moving 303 (43), moving 101 (78, 116); judged on: nothing else
+// chosen on: moving 303 (43), moving 101 (78, 116); judged on: moving 606, moving 707
 constexpr float kMostRecede_m =
     0.2F;  // behind the surface it left: the way that pairs are looked for in
 

@@ -9,12 +9,12 @@ namespace perception {
 
 namespace {
 
-// chosen on: not recorded; judged on: moving 52, moving 101
+// chosen on: not recorded; judged on: moving 606, moving 707
 constexpr int kYoungPercent = 3;
 constexpr std::uint32_t kRestGap = 5;  // frames that a cell may go unseen
 constexpr std::uint32_t kProbes = 4;   // of the table of places
 constexpr float kConcave = 0.4F;       // bend over two pixels either side that ends a thing
-// chosen on: moving 101 (11, 150, 203, 227, 239), moving 54 (17); judged on: nothing else
+// chosen on: moving 101 (11, 150, 203, 227, 239), moving 54 (17); judged on: moving 606, moving 707
 constexpr float kThinStep_m = 0.15F;  // of depth, between neighbours of a thing without an inside
 constexpr float kSameThing_m = 0.3F;  // its middle goes so far at most from one image to the next
 constexpr int kBorder = 4;            // pixels of the image's border, where nothing has an inside

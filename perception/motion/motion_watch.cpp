@@ -11,21 +11,21 @@ namespace {
 
 constexpr int kRounds = 3;         // of sums taken anew
 constexpr double kNear_m = 0.004;  // mean way over the points: the sums hold
-// chosen on: recording both ways at 10 and 20 mm, moving 1 first 40; judged on: moving 52, moving 101
+// chosen on: recording both ways at 10 and 20 mm, moving 1 first 40; judged on: moving 606, moving 707
 constexpr double kDoubt =
     0.05;  // of the pixels that may be static, unexplained: hypotheses compete
-// chosen on: not recorded; judged on: moving 52, moving 101
+// chosen on: not recorded; judged on: moving 606, moving 707
 constexpr double kSudden = 0.02;  // of the image
 // How well the camera's motion has been foreseen of late says how far off the next prior may be; at most so much.
 constexpr double kPriorSigma_m = 0.02, kOfInnovation = 3, kInnovationGain = 1.0 / 8;
-// chosen on: moving 1 (13), WrongOdometry.OneThatBeginsAnewIsFoundOut; judged on: nothing else
+// chosen on: moving 1 (13), WrongOdometry.OneThatBeginsAnewIsFoundOut; judged on: moving 606, moving 707
 constexpr double kLeastMet = 0.8;  // of the readings: a pose to look for thin things by
-// chosen on: moving 54 (6, 17, 1); judged on: moving 52, moving 101
+// chosen on: moving 54 (6, 17, 1); judged on: moving 606, moving 707
 // Fitting so much worse than of late is a mean of two motions.
 constexpr float kLoose = 4, kLateScaleGain = 1.0F / 8;
 // chosen on: moving 101, moving 404 (movers from the first frame on); judged on: moving 606
 constexpr float kYoungLoose = 2;  // while the map is young
-// chosen on: moving 1 first 8; judged on: moving 52, moving 101
+// chosen on: moving 1 first 8; judged on: moving 606, moving 707
 // So much of the image says what trusted odometry says, and not what the majority says: the majority moves.
 constexpr double kCorroborated = 0.03;
 // chosen on: moving 101, moving 404 (movers from the first frame on, share >= .12), moving 1 (9), moving 505 (ten at level 2), recording; judged on: moving 606
@@ -35,7 +35,7 @@ constexpr double kHoles = 0.04, kOfLeastHoles = 1.5, kUnfit = 0.10;
 constexpr int kDoubtFrames = 10;  // without, and it may be claimed again
 constexpr int kSoon = 2;          // frames, at most, to the second one that proves it
 constexpr int kLeastShown = 3;    // of 3 x 3 pixels of the view
-// chosen on: moving 51 (3, 22), moving 7 (6), moving 53 (5), recording backwards; judged on: moving 52, moving 101
+// chosen on: moving 51 (3, 22), moving 7 (6), moving 53 (5), recording backwards; judged on: moving 606, moving 707
 // A map that has drifted misses what stands still by more than noise: RMS of the tracker's residuals over some frames,
 // at most so much; five of what is beyond the first, which noise and voxels make (.6 to .8 mm in rendered rooms,
 // 2 to 5 in the recording), are no motion yet.

@@ -33,19 +33,19 @@ namespace perception {
 
 struct MotionConfig {
   bool on = true;
-  // chosen on: recording both ways at 10 and 20 mm, moving 1 first 40; judged on: moving 52, moving 101
+  // chosen on: recording both ways at 10 and 20 mm, moving 1 first 40; judged on: moving 606, moving 707
   double front_m = 0.018;  // in front of the map's surface by this ...
-  // chosen on: not recorded; judged on: moving 52, moving 101
+  // chosen on: not recorded; judged on: moving 606, moving 707
   double front_voxel = 0.4;  // ... and this share of a voxel ...
   double front_sigma = 3;    // ... and so many sigma of a coarse pixel: evidence
-  // chosen on: recording both ways at 10 and 20 mm, moving 1 first 40; judged on: moving 52, moving 101
+  // chosen on: recording both ways at 10 and 20 mm, moving 1 first 40; judged on: moving 606, moving 707
   double least_share = 0.15;  // of a thing that is evidence
-  // chosen on: not recorded; judged on: moving 52, moving 101
+  // chosen on: not recorded; judged on: moving 606, moving 707
   int least_pixels = 10;  // of the coarse image
   int rest_frames = 20;
-  // chosen on: recording both ways at 10 and 20 mm, moving 1 first 40; judged on: moving 52, moving 101
+  // chosen on: recording both ways at 10 and 20 mm, moving 1 first 40; judged on: moving 606, moving 707
   double least_explained = 0.975;  // of what stands still, by a pose that is tracked by its noise
-  // chosen on: not recorded; judged on: moving 52, moving 101
+  // chosen on: not recorded; judged on: moving 606, moving 707
   double rest_cell_m = 0.025;
   void describe(config::Section& s);
 };

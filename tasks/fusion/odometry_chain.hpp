@@ -13,7 +13,7 @@ using perception::Pose;
 
 class OdometryChain {
  public:
-  // chosen on: moving 51 (3, 22), moving 7 (6), moving 53 (5), recording backwards; judged on: moving 52, moving 101
+  // chosen on: moving 51 (3, 22), moving 7 (6), moving 53 (5), recording backwards; judged on: moving 606, moving 707
   // What a resting camera's tracked pose may go in a frame, map and noise together: an eighth of the 4 mm by which two
   // poses are told apart. The rotation is the same way at 1 m.
   static constexpr double kFreeWay_m = 0.0005, kFreeTurn_deg = 0.03;
