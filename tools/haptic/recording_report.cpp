@@ -16,6 +16,49 @@ constexpr double kJumpShare = 0.01;        // of the contact ticks
 constexpr std::uint64_t kJumpsInARow = 2;  // ticks
 constexpr std::size_t kAfter = 50;         // ticks: the optimum may be somewhat later
 
+void print_events(const std::vector<TouchedRow::Event>& events, const std::vector<Place>& places,
+                  std::ostream& out) {
+  char line[320];
+  for (const TouchedRow::Event& e : events) {
+    const auto at = static_cast<std::size_t>(e.place);
+    std::snprintf(
+        line, sizeof line,
+        "  %7.3f s %-7s raw step %.2f N%s%s%s, blend %.2f, hand (%.4f, %.4f, %.4f), proxy (%.4f, "
+        "%.4f, %.4f), before (%.4f, %.4f, %.4f)\n",
+        e.t_s, e.place >= 0 ? name_of(places[at].kind) : "between", e.step_raw_N,
+        e.jump ? ", over" : "", e.flipped ? ", turned" : "", e.sunk ? ", sunk" : "", e.blend,
+        e.p_WH.x(), e.p_WH.y(), e.p_WH.z(), e.p_WP.x(), e.p_WP.y(), e.p_WP.z(), e.p_before_WP.x(),
+        e.p_before_WP.y(), e.p_before_WP.z());
+    out << line;
+    if (!e.flipped || e.place < 0) continue;
+    const Place& place = places[at];
+    const auto degrees = [&](const perception::Vec3& n) {
+      return 180 / std::numbers::pi * std::acos(std::clamp(e.entry_W.dot(n), -1.0, 1.0));
+    };
+    std::snprintf(
+        line, sizeof line,
+        "          came in %.0f deg off the place's normal; force turned by %.0f deg, to %.0f "
+        "deg off the normal; edges %.0f and %.0f deg off it\n",
+        degrees(place.n_W), degrees((e.p_WP - e.p_WH).normalized()),
+        180 / std::numbers::pi *
+            std::acos(std::clamp((e.p_WP - e.p_WH).normalized().dot(place.n_W), -1.0, 1.0)),
+        degrees(place.out_W[0]), degrees(place.out_W[1]));
+    out << line;
+  }
+}
+
+// One line: of product or optimum in the contacts that were asked about.
+void print_asked(const char* who, const ContactFigures& f, std::ostream& out) {
+  char line[200];
+  std::snprintf(line, sizeof line,
+                "  %s in the contacts that missed (%.1f s): %llu steps over, %llu in a row, "
+                "largest %.2f N, %llu turned\n",
+                who, 1e-3 * static_cast<double>(f.ticks), static_cast<unsigned long long>(f.jumps),
+                static_cast<unsigned long long>(f.longest_jump), f.step_max_N,
+                static_cast<unsigned long long>(f.turned));
+  out << line;
+}
+
 }  // namespace
 
 int TouchedPath::surfaces_touched() const {
@@ -118,43 +161,10 @@ void TouchedPath::print(std::ostream& out) const {
       rows.front().method.c_str(), rows.front().stretch_max_mm,
       static_cast<unsigned long long>(rows.front().let_go), 1e3 * rows.front().energy_min_J);
   out << line;
-  for (const TouchedRow::Event& e : rows.front().events) {
-    const auto at = static_cast<std::size_t>(e.place);
-    std::snprintf(
-        line, sizeof line,
-        "  %7.3f s %-7s raw step %.2f N%s%s%s, blend %.2f, hand (%.4f, %.4f, %.4f), proxy (%.4f, "
-        "%.4f, %.4f), before (%.4f, %.4f, %.4f)\n",
-        e.t_s, e.place >= 0 ? name_of(places[at].kind) : "between", e.step_raw_N,
-        e.jump ? ", over" : "", e.flipped ? ", turned" : "", e.sunk ? ", sunk" : "", e.blend,
-        e.p_WH.x(), e.p_WH.y(), e.p_WH.z(), e.p_WP.x(), e.p_WP.y(), e.p_WP.z(), e.p_before_WP.x(),
-        e.p_before_WP.y(), e.p_before_WP.z());
-    out << line;
-    if (!e.flipped || e.place < 0) continue;
-    const Place& place = places[at];
-    const auto degrees = [&](const perception::Vec3& n) {
-      return 180 / std::numbers::pi * std::acos(std::clamp(e.entry_W.dot(n), -1.0, 1.0));
-    };
-    std::snprintf(
-        line, sizeof line,
-        "          came in %.0f deg off the place's normal; force turned by %.0f deg, to %.0f "
-        "deg off the normal; edges %.0f and %.0f deg off it\n",
-        degrees(place.n_W), degrees((e.p_WP - e.p_WH).normalized()),
-        180 / std::numbers::pi *
-            std::acos(std::clamp((e.p_WP - e.p_WH).normalized().dot(place.n_W), -1.0, 1.0)),
-        degrees(place.out_W[0]), degrees(place.out_W[1]));
-    out << line;
-  }
+  print_events(rows.front().events, places, out);
   if (optimum.ticks > 0) {
-    for (const auto& [who, f] : {std::pair{"product", asked}, std::pair{"optimum", optimum}}) {
-      std::snprintf(line, sizeof line,
-                    "  %s in the contacts that missed (%.1f s): %llu steps over, %llu in a row, "
-                    "largest %.2f N, %llu turned\n",
-                    who, 1e-3 * static_cast<double>(f.ticks),
-                    static_cast<unsigned long long>(f.jumps),
-                    static_cast<unsigned long long>(f.longest_jump), f.step_max_N,
-                    static_cast<unsigned long long>(f.turned));
-      out << line;
-    }
+    print_asked("product", asked, out);
+    print_asked("optimum", optimum, out);
   }
   out << "  seed " << seed
       << (teletact::missed(limits()) == 0 ? ": within all limits" : ": MISSED");
