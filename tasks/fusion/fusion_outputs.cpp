@@ -9,6 +9,7 @@ namespace tasks {
 
 namespace {
 
+using perception::PixelOf;
 using perception::SurfacePatch;
 
 constexpr int kMeshPatience = 10;  // messages' time that an answer may take
@@ -31,6 +32,7 @@ void FusionTask::write_patch(const rt::Tick& tick, const HapticState& hand, Out&
   if (!perception::copy_patch(map_, window_centre_W_, config_.patch_nodes, p, slots)) return;
   if (smoother_ != nullptr && hand_known_)
     out.work += static_cast<std::uint64_t>(smoother_->smooth(window_centre_W_, p).nodes);
+  p.touched_moves = touched_moves(hand);
   p.seq = ++patch_seq_;
   p.fused = tick.start;
   p.exposure = fused_exposure_;
@@ -38,6 +40,36 @@ void FusionTask::write_patch(const rt::Tick& tick, const HapticState& hand, Out&
   p.checksum = config_.patch_checksums ? perception::patch_checksum(p) : 0;
   out.work += p.cells();
   out.patch_written = true;
+}
+
+// Does what the hand touches move, by the newest image? What moves is masked: neither fused nor carved by, so the field
+// alone would say so late or never. Half of the readings about the proxy; one far in front of it hides the place and says
+// nothing of it.
+bool FusionTask::touched_moves(const HapticState& hand) const noexcept {
+  constexpr double kAbout_vox = 2, kHides_m = 0.25;
+  if (!masked_ || hand.contacts == 0 || !hand.p_WP.allFinite()) return false;
+  const Vec3 p_C = X_WC_.inverse() * hand.p_WP;
+  if (p_C.z() < config_.tracker.preprocess.depth_min_m) return false;
+  const auto& k = setup_.camera;
+  const double reach = kAbout_vox * config_.tsdf.voxel_size_m / p_C.z();
+  const double u = k.fx * p_C.x() / p_C.z() + k.cx, v = k.fy * p_C.y() / p_C.z() + k.cy;
+  const int u0 = std::max(0, static_cast<int>(std::floor(std::max(u - k.fx * reach, 0.0)))),
+            v0 = std::max(0, static_cast<int>(std::floor(std::max(v - k.fy * reach, 0.0)))),
+            u1 = static_cast<int>(std::min(u + k.fx * reach, k.width - 1.0)),
+            v1 = static_cast<int>(std::min(v + k.fy * reach, k.height - 1.0));
+  const auto depth_m = tracker_.pyramid().full_depth();
+  const auto mask = pixel_mask();
+  const double nearest_m = std::max(p_C.z() - kHides_m, 1e-3);
+  int readings = 0, moving = 0;
+  for (int y = v0; y <= v1; ++y) {
+    for (int x = u0; x <= u1; ++x) {
+      const auto of = static_cast<PixelOf>(mask.at(x, y));
+      if (of == PixelOf::kBody || !(static_cast<double>(depth_m.at(x, y)) > nearest_m)) continue;
+      ++readings;
+      moving += of == PixelOf::kMoving ? 1 : 0;
+    }
+  }
+  return readings > 0 && 2 * moving >= readings;
 }
 
 // Some rows more every period, so that a job's cost has a bound; the slot is the same until it is whole. A camera that is lost

@@ -278,6 +278,7 @@ class FusionTask {
   void write_objects(Out& out) noexcept;
 
   void write_patch(const rt::Tick& tick, const HapticState& hand, Out& out) noexcept;
+  [[nodiscard]] bool touched_moves(const HapticState& hand) const noexcept;
   void write_surface(const rt::Tick& tick, Out& out) noexcept;
   [[nodiscard]] bool view_due(const Out& out) const noexcept;
   void write_view(const rt::Tick& tick, const std::optional<Pose>& X_WV, Out& out) noexcept;

@@ -99,8 +99,8 @@ void hash_output(rt::Hash64& h, const ModeMsg& m) noexcept {
 
 void hash_output(rt::Hash64& h, const perception::SurfacePatch& m) noexcept {
   const auto& [map_id, seq, fused, exposure, voxel_size, metres_per_unit, origin_node, nodes,
-               checksum, palette, distance, material, free] = m;
-  all(h, map_id, seq, fused, exposure, voxel_size, metres_per_unit, nodes);
+               checksum, touched_moves, palette, distance, material, free] = m;
+  all(h, map_id, seq, fused, exposure, voxel_size, metres_per_unit, nodes, touched_moves);
   for (const std::int32_t o : origin_node) one(h, o);
   for (const auto& slot : palette) one(h, slot);
   one(h, checksum != 0 ? checksum : perception::patch_checksum(m));

@@ -76,9 +76,10 @@ double HapticTask::look_ahead_m() noexcept {
   if (field_.near_edge(p_W) || field_.near_edge(to_world(h_D_))) return rise_m;
   const Face face = face_ahead(field_, older_, newer_, p_W, now.gradient, steep);
   const double most_m = kLeaves_m_per_s * config_.scale * config_.blend_s;
-  left_ = face.unknown || std::abs(face.rise_m) > most_m;
+  const bool moves = newer_->touched_moves;
+  left_ = moves || face.unknown || std::abs(face.rise_m) > most_m;
   const Vec3 pull = rendered_W_ - to_world(h_D_);
-  if (!(face.unknown || face.rise_m > most_m) || !(pull.norm() > 1e-9)) return rise_m;
+  if (!(moves || face.unknown || face.rise_m > most_m) || !(pull.norm() > 1e-9)) return rise_m;
   leaving_ = true;
   left_n_W_ = pull.normalized();
   // No deeper than the force limit: the fade is felt from its beginning.
@@ -101,6 +102,7 @@ HapticTask::Spring HapticTask::held_spring(const Vec3& p_WH) noexcept {
 void HapticTask::end_leaving() noexcept {
   leaving_ = false;
   proxy_ = ProxyState{};
+  proxy_.set_p(to_world(h_D_));  // the next sweep begins here
   proxy_.phase = ProxyState::Phase::kUnknown;
   ramp_ = 1;
   fade_ = 0;
