@@ -45,6 +45,7 @@ struct Scene {
   // A field that is made elsewhere instead: its windows, and its nodes as the oracle reads them.
   std::function<void(const Vec3& centre_W, int nodes, double t, SurfacePatch& out)> window;
   std::function<double(int x, int y, int z)> sampled;
+  std::function<bool(double t)> moves;  // does what is touched move, by the mask; empty: never
   std::function<bool(int x, int y, int z)> known;  // of those nodes, was it seen; empty: all were
   // The surface itself, where the samples are fused from images of it: it is what the run is judged by. Empty: the samples are.
   std::function<double(const Vec3& p_S)> truth;
@@ -127,6 +128,7 @@ class Rig {
       setup_.window(centre_W, setup_.nodes, t, patch);
       return;
     }
+    patch.touched_moves = setup_.moves && setup_.moves(t);
     patch.voxel_size = setup_.voxel;
     patch.metres_per_unit = static_cast<float>(setup_.truncation / 32767.0);
     patch.nodes = setup_.nodes;

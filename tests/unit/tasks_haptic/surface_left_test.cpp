@@ -93,6 +93,30 @@ TEST(SurfaceLeft, SoDoesOneThatIsGoneOrNoLongerKnown) {
   expect_let_go(run(std::move(unknown)), "unknown");
 }
 
+// The motion mask says that it moves, the field stands still: what moves is neither fused nor carved.
+TEST(SurfaceLeft, AFaceThatIsSeenToMoveLetsTheHandGo) {
+  for (const double voxel : {0.01, 0.02}) {
+    Scene s = floor_scene();
+    s.voxel = voxel;
+    s.truncation = 5 * voxel;
+    s.moves = [](double t) { return t > kAt_s; };
+    expect_let_go(run(std::move(s)), "seen to move");
+  }
+}
+
+// What the hand is let go from does not depend on where the world's origin is.
+TEST(SurfaceLeft, AHandThatIsLetGoIsNotTakenAgainFarFromTheOrigin) {
+  for (const double voxel : {0.01, 0.02})
+    for (const double step_mm : {10.0, 50.0}) {
+      Scene s = moving(1e-3 * step_mm);
+      s.voxel = voxel;
+      s.truncation = 5 * voxel;
+      s.X_WS.translation() =
+          Vec3(0.5, -0.3, -1.9);  // the origin lies in free space above the floor
+      expect_let_go(run(std::move(s)), "far from the origin");
+    }
+}
+
 // Deeper than the force limit: the fade begins where the force does.
 TEST(SurfaceLeft, AHandAtTheForceLimitIsLetGoAsFast) {
   const Told t = run(moving(0.05), 0.03);
