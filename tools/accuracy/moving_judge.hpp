@@ -27,7 +27,7 @@ struct MovingRun {
   double rest_frames = kNone;  // from at rest to in the mesh; kNone: not to be judged
   double rest_cost = kNone;    // share of it in the cost map 20 frames after it has come to rest
   std::size_t vertices = 0;
-  double cpu_ms = 0;  // of a frame, mean
+  double cpu_ms = 0, cpu_most_ms = 0;  // of a frame, mean and largest
 };
 
 // Error of a claimed camera position above which it is wrong, by the largest share of the run.

@@ -211,6 +211,7 @@ MovingRun Run::judge(std::ostream* debug) {
     feed_odometry(f);
     const auto& out = feed_->step();
     cpu += feed_->cpu_ms();
+    r_.cpu_most_ms = std::max(r_.cpu_most_ms, feed_->cpu_ms());
     judge_pose(f, out);
     const MaskFigures mask = judge_frame_mask(f, out.camera_written && out.camera.claimed);
     judge_map(f);

@@ -95,11 +95,11 @@ std::string line_of(const MovingRow& row) {
       "    %g mm level %d %-8s claimed %.3f  ate %.1f (plain %.1f)  worst %.1f mm  wrong %d "
       "from %d  again %.0f  iou %.2f  still masked %.4f p95 %.4f  ghost %.0f cm3 %.0f cells %.0f "
       "nodes "
-      " rest %.0f  cpu %.1f ms:",
+      " rest %.0f  cpu %.1f ms, at most %.1f:",
       row.setting.voxel_mm, row.setting.level, name_of(row.variant), r.claimed, r.ate_mm,
       row.plain.ate_mm, r.worst_mm, r.wrong, r.first_wrong, r.claimed_again, r.mask_iou,
       r.masked_still, r.masked_still_p95, r.ghost_cm3, r.ghost_cells, r.ghost_nodes, r.rest_frames,
-      r.cpu_ms);
+      r.cpu_ms, r.cpu_most_ms);
   std::string text = line;
   const auto failed = failed_checks(row);
   for (const std::string& name : failed) text += " " + name;
