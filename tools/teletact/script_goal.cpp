@@ -1,10 +1,12 @@
 #include "tools/teletact/script_goal.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
 #include "tasks/robot_io/robot_io_task.hpp"
 #include "tools/teletact/black_box.hpp"
+#include "tools/teletact/run_truth.hpp"
 
 namespace teletact {
 
@@ -49,6 +51,15 @@ double left_m(const OperatorHalf& op, const RobotHalf& robot) {
   const auto& path = op.view.paths.back();
   const auto& end = path.points[static_cast<std::size_t>(path.size - 1)];
   return std::hypot(robot.view.truth.back().x_m - end[0], robot.view.truth.back().y_m - end[1]);
+}
+
+// Farthest that the true robot was from a goal when it was said to have arrived there; below 0: not known.
+double worst_arrival_m(const OperatorHalf& op, const RobotHalf& robot) {
+  double worst = -1;
+  for (const Arrival& a : op.view.arrived)
+    if (const auto X_WB = true_base_at(robot, a.stamp))
+      worst = std::max(worst, std::hypot(X_WB->x - a.goal_x_m, X_WB->y - a.goal_y_m));
+  return worst;
 }
 
 // Goals were not engaged when the run ended, or the robot let them expire.
@@ -102,8 +113,11 @@ GoalCheck check_goal(const Scene& scene, const DemoOptions& options, const Opera
     c.missed = (task.failures > 0 ? "no path to the mark was found" : "no path was made") +
                why_held(op.view);
   } else if (task.phase == Phase::kArrived) {
-    if (left > kGoalReached_m)
-      c.missed = metres("arrived by its own odometry, but %.2f m off in the simulated world", left);
+    const double worst = std::max(left, worst_arrival_m(op, robot));
+    if (worst > kGoalReached_m)
+      c.missed =
+          metres("arrived by its own odometry, but %.2f m off in the simulated world", worst) +
+          (left > kGoalReached_m ? "" : ", at an earlier goal");
   } else if (task.phase == Phase::kFailed) {
     c.missed = off + "no path to it was found any more" + why_held(op.view);
   } else if (task.phase == Phase::kDriving) {
