@@ -89,6 +89,18 @@ TEST(ScriptGoal, ArrivedByOdometryAlone) {
   EXPECT_EQ(r.check().missed, "");
 }
 
+TEST(ScriptGoal, AnEarlierGoalThatWasMissed) {
+  Drive r;
+  r.robot.view.truth = {{at_s(8), 1.0, 0, 0, 1.0, 0}, {at_s(19), 2.0, 0, 0, 2.0, 0}};
+  auto& first = r.op.view.arrived.emplace_back();
+  first.stamp = teletact::kOperatorClock.from_host(teletact::kRobotClock.to_host(at_s(8)));
+  first.goal_x_m = 1.05;
+  EXPECT_EQ(r.check().missed, "");
+  first.goal_x_m = 1.25;
+  EXPECT_THAT(r.check().missed, HasSubstr("0.25 m off"));
+  EXPECT_THAT(r.check().missed, HasSubstr("earlier goal"));
+}
+
 TEST(ScriptGoal, AShorterRunIsNotJudgedUntilItsScriptIsOver) {
   Drive r;
   r.op.view.task = {};
