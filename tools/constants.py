@@ -50,6 +50,7 @@ DATA = """
 | kidnaps S | seed S of `Relocalisation.NeverToTheWrongPlace` |
 | bsds500 | 40 training images of BSDS500, `teletact bench table2` |
 | mosd_learn, tabletop, ycb_video | touches of `teletact bench segmentation` |
+| stability N | hard case N of `teletact stability`: every setting on samples; *fused*: on fields fused from rendered depth (`docs/haptic_rendering.md`) |
 | corners | two corners of fused rooms, `docs/haptic_rendering.md`, Cost |
 """
 

@@ -11,20 +11,32 @@ using perception::Vec3;
 
 namespace {
 
+// In voxels, where nothing else is said.
+// chosen on: not recorded; judged on: stability 1 to 20 (docs/haptic_rendering.md)
 constexpr double kReach = 0.2;  // from a wall: what is beyond it is looked at
 constexpr double kBendSmooth = 0.15,
                  kBendSharp = 0.22;  // rad: bends that are gone over, that are kept
-constexpr double kApartFull = 0.1, kApartMost = 0.12;  // rests so far apart are gone over, are not
+
+// Rests so far apart are gone over, are not.
+// chosen on: stability 10 fused; judged on: stability 1 to 20 (docs/haptic_rendering.md)
+constexpr double kApartFull = 0.1, kApartMost = 0.12;
+
 // Over what two planes would have between them: where a sheet bulges itself, its rest runs ahead of the hand, and the
 // bend is the surface's.
+// chosen on: stability 9, 10 and fused fields; judged on: stability 1 to 20 (docs/haptic_rendering.md)
 constexpr double kBulgeFull = 1.015, kBulgeMost = 1.035;
-constexpr double kNarrow = 0.01;  // a ridge nearer than this does not hold the proxy
+
+// A ridge nearer than this does not hold the proxy.
+// chosen on: stability 9, 11; judged on: stability 1 to 20 (docs/haptic_rendering.md)
+constexpr double kNarrow = 0.01;
 
 }  // namespace
 
 // No cell that meets at q has a pull left.
 bool CellFlow::resting(const Vec3& q) const noexcept {
+  // voxels^2; chosen on: not recorded; judged on: stability 1 to 20 (docs/haptic_rendering.md)
   constexpr double kLeft2 = 1.6e-3;
+
   std::array<Side, 8> sides;
   const std::size_t count = around(q, sides);
   for (std::size_t k = 0; k < count; ++k) {

@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
-# run.sh PROGRAM [RUNS]: the whole demo as a user without any right (no capability, rtprio 0, 8 MiB of locked memory), on two cores
-# and on one: it marks, plans, arrives, and says that it is not real-time, why, and what gives the right.
+# run.sh PROGRAM [RUNS [BUSY_RUNS]]: the whole demo as a user without any right (no capability, rtprio 0, 8 MiB of locked memory), on two
+# cores and on one: it marks, plans, arrives, and says that it is not real-time, why, and what gives the right. BUSY_RUNS: so often
+# again with a compiler at work on every core.
 set -uo pipefail
-program=${1:?usage: run.sh PROGRAM [RUNS]}
+program=${1:?usage: run.sh PROGRAM [RUNS [BUSY_RUNS]]}
 runs=${2:-1}
+busy_runs=${3:-0}
 [ "$(id -u)" -eq 0 ] || { echo "skipped: only root can become a user without rights"; exit 77; }
 for tool in setpriv prlimit taskset; do
   command -v $tool >/dev/null || { echo "skipped: no $tool here"; exit 77; }
@@ -57,13 +59,37 @@ demo() {  # CPUS
   ! grep -q 'class="bad"' "$report/report.html" || complain "$cpus: the verdict is red"
   # Simulated time was not ahead of the real one.
   awk -v w="$(value run.wall_s)" 'BEGIN {exit !(w >= 20)}' || complain "$cpus: 20 s took $(value run.wall_s) s"
-  echo "cores $cpus: exit $code, marks $(value mark.count), paths $(value plan.paths), collisions $(value robot.collisions), goal error $(value robot.goal_error_m) m," \
+  echo "cores $cpus$beside: exit $code, marks $(value mark.count), paths $(value plan.paths), collisions $(value robot.collisions), goal error $(value robot.goal_error_m) m," \
     "contacts $(value haptic.contacts), 20 s took $(value run.wall_s) s, $(value run.lag_s) s behind; all in all $((SECONDS - began)) s"
 }
-for _ in $(seq "$runs"); do
+demos() {
   if [ "$(nproc)" -ge 2 ]; then demo 0,1; fi
   demo 0
-done
+}
+# A compiler on core $1 until the file is taken away, or this script is gone. Its rounds are counted.
+compile_on() {
+  while [ -e "$folder/busy" ] && kill -0 $$ 2>/dev/null; do
+    taskset -c "$1" c++ -x c++ -std=c++20 -O2 -fsyntax-only - <<<'#include <bits/stdc++.h>' && echo round >>"$folder/compiled.$1"
+  done
+}
+busy_demos() {
+  local core loops=()
+  touch "$folder/busy"
+  for core in $(seq 0 $(($(nproc) - 1))); do
+    compile_on "$core" &
+    loops+=($!)
+  done
+  demos
+  rm "$folder/busy"
+  wait "${loops[@]}"
+  for core in $(seq 0 $(($(nproc) - 1))); do
+    [ "$(grep -c . "$folder/compiled.$core" 2>/dev/null)" -ge 5 ] || complain "core $core was not kept busy"
+  done
+}
+beside=""
+for _ in $(seq "$runs"); do demos; done
+beside=", a compiler on every core"
+for _ in $(seq "$busy_runs"); do busy_demos; done
 as_nobody 0 "$folder/bin/teletact" doctor >"$folder/doctor" 2>&1
 tail -1 "$folder/doctor" | grep -q '^a demo here is not real-time, timing not measured: .*setcap' || complain "the doctor does not end with the advice"
 as_nobody 0 "$folder/bin/teletact" doctor --rights >/dev/null 2>&1

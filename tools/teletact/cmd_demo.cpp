@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cstdlib>
 #include <ctime>
-#include <filesystem>
 #include <thread>
 
 #include "rt/fault/injector.hpp"
@@ -18,6 +17,7 @@
 #include "tools/teletact/recording_truth.hpp"
 #include "tools/teletact/rendered_truth.hpp"
 #include "tools/teletact/rights.hpp"
+#include "tools/teletact/run_folder.hpp"
 #include "tools/teletact/run_real.hpp"
 #include "tools/teletact/script_goal.hpp"
 
@@ -253,7 +253,7 @@ int cmd_demo(int argc, char** argv) {
 
   catch_signals();
   make_output_folder("--report", o.report);
-  if (!o.stub_bodies) make_output_folder("--report", o.report + "/raw");
+  if (!o.stub_bodies) make_run_folder(o.report);
 
   rt::Startup startup;
   rt::NonRealtime& nrt = startup.token();
@@ -286,10 +286,8 @@ int cmd_demo(int argc, char** argv) {
     info.calibration_text = "reference: " + calibration.host;
   if (o.virtual_clock) {
     o.log_folder = o.report + "/raw";
-    if (o.paced) {  // the default run's folder: nothing of an earlier run on the real clock stays
-      std::filesystem::remove_all(o.log_folder);
-      std::filesystem::create_directories(o.log_folder);
-    }
+    // The default run's folder: nothing of an earlier run on the real clock stays.
+    if (o.paced) clear_run_folder(o.log_folder);
     VirtualRun run = run_virtual(nrt, *scene, o, calibration);
     info.admission = run.admission;
     info.modes = run.modes;

@@ -1,6 +1,7 @@
 // teletact explain SCENE: the effects that a scene asks for, each with the key that asks and who pays for it, and those that
 // it does not ask for: they are not built.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 
 #include "tools/teletact/commands.hpp"
@@ -39,9 +40,15 @@ int cmd_explain(int argc, char** argv) {
   std::printf("\nnot asked for, not built (%zu):\n", e.not_asked.size());
   for (const EffectRow* row : e.not_asked)
     std::printf("  %-34s %-42s %s\n", row->name, row->key, row->paid_by);
+  const auto& rows = costs.value().rows;
+  const auto told = std::count_if(rows.begin(), rows.end(), [](const auto& c) { return c.told(); });
   std::printf(
-      "\nCosts: thread CPU of the one that pays, in %s, by `teletact bench effects` on %s.\n",
+      "\nCosts: thread CPU of the one that pays, in %s, by `teletact bench effects` on\n%s;\n",
       costs.value().scene.c_str(), costs.value().host.c_str());
+  std::printf(
+      "of some rows on another machine, which config/limits/effect_costs.toml names beside them.\n"
+      "below: not told from no cost at all beside what else ran there; told: %td of %zu rows.\n",
+      told, rows.size());
   Metrics metrics("explain");
   metrics.add("explain.asked", static_cast<double>(e.asked.size()), "1");
   metrics.add("explain.not_asked", static_cast<double>(e.not_asked.size()), "1");

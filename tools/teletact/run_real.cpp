@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <cstdio>
-#include <filesystem>
 #include <fstream>
 #include <stdexcept>
 
@@ -16,6 +15,7 @@
 #include "tools/teletact/black_box.hpp"
 #include "tools/teletact/box_process.hpp"
 #include "tools/teletact/input_recorder.hpp"
+#include "tools/teletact/run_folder.hpp"
 
 namespace teletact {
 
@@ -66,7 +66,6 @@ void catch_signals() {
 
 RealRun run_real(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
                  const tasks::Calibration& calibration) {
-  namespace fs = std::filesystem;
   RealRun run;
   BoxPlan plan;
   plan.calibration = tasks::with_ray_cast(calibration, ray_cast_us(scene));
@@ -95,8 +94,7 @@ RealRun run_real(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
     plan.planned = true;
   }
   plan.folder = options.report + "/raw";
-  fs::remove_all(plan.folder);
-  fs::create_directories(plan.folder);
+  clear_run_folder(plan.folder);
   if (options.record) save_setup(plan.folder, scene, options.fault_plan);
   // Time to build both boxes and shake hands; a recording is decoded whole before that.
   const std::int64_t lead = scene.rgbd_dir.empty() ? 3000000000 : 12000000000;

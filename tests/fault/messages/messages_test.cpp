@@ -10,57 +10,19 @@
 
 #include "config/fault_plan.hpp"
 #include "tasks/graph/edge_faults.hpp"
-#include "tools/teletact/calibrate.hpp"
-#include "tools/teletact/run_demo.hpp"
+#include "tests/fault/messages/faulty_run.hpp"
 
 namespace {
 
+using messages::Line;
+using messages::run;
+using messages::startup;
 using rt::FaultEntry;
 using rt::FaultKind;
 using rt::FaultPlan;
 using tasks::TouchEvent;
 using teletact::VirtualRun;
 using namespace std::chrono_literals;
-
-rt::Startup& startup() {
-  static rt::Startup s;
-  return s;
-}
-
-struct Line {
-  std::string kind, target;
-  int first, every = 1, count = 0;
-  double magnitude_us = 0, probability = 1;
-};
-
-VirtualRun run(double seconds, const std::vector<Line>& lines, const std::string& logs = {},
-               const std::vector<std::string>& overrides = {}) {
-  const auto path = std::filesystem::temp_directory_path() /
-                    ("teletact-messages-" + std::to_string(::getpid()) + ".toml");
-  {
-    std::ofstream out(path);
-    out << "name = \"test\"\nseed = 3\n";
-    for (const auto& l : lines) {
-      out << "[[fault]]\nkind = \"" << l.kind << "\"\ntarget = \"" << l.target
-          << "\"\nfirst = " << l.first << "\nevery = " << l.every << "\ncount = " << l.count
-          << "\nprobability = " << std::to_string(l.probability);
-      if (l.magnitude_us > 0) out << "\nmagnitude_us = " << std::to_string(l.magnitude_us);
-      out << "\n\n";
-    }
-  }
-  const auto scene =
-      teletact::load_scene(teletact::find_config("scenes", "default_room"), overrides);
-  teletact::DemoOptions options;
-  options.seconds = seconds;
-  options.virtual_clock = options.quiet = true;
-  options.cores = 2;
-  options.fault_plan = path;
-  options.log_folder = logs;
-  VirtualRun r =
-      teletact::run_virtual(startup().token(), *scene, options, teletact::reference_calibration());
-  std::filesystem::remove(path);
-  return r;
-}
 
 double since(const teletact::OperatorHalf& h, rt::Time t) {
   return 1e-9 * static_cast<double>(rt::ns_of(t) - h.epoch_ns);
@@ -388,44 +350,6 @@ TEST(MessageFaults, ARayCastThatDoesNotComeOrIsNoNumberGivesNoForce) {
   const auto old = run(5, {{"stale", "surface", 8, 1, 5, 2e6}}, {}, method);
   EXPECT_EQ(count(old, tasks::kFaultHapticSurfaceStale), 0U);
   EXPECT_GT(largest_force(old, 3.9, 4.4), 1.0);
-}
-
-// The console names what it shows that is silent, or old.
-TEST(MessageFaults, TheConsoleNamesWhatIsBeyondItsLimits) {
-  const std::vector<std::string_view> named{"view", "cost_map",    "camera_pose",
-                                            "hand", "path",        "task",
-                                            "mode", "robot_state", "odometry_frame"};
-  const auto names = [&](const VirtualRun& r) {
-    std::vector<std::string_view> seen = r.op.view.beyond;
-    std::sort(seen.begin(), seen.end());
-    return seen;
-  };
-  EXPECT_TRUE(names(run(6.5, {})).empty());
-  for (const char* kind : {"drop", "stale"}) {
-    std::vector<Line> lines;
-    for (const auto edge : named) {
-      const auto& rows = tasks::kEdgeTable;
-      const auto row =
-          std::find_if(rows.begin(), rows.end(), [&](auto& e) { return e.name == edge; });
-      const bool robot = edge == "robot_state";
-      const int hz = edge == "hand"            ? 1000
-                     : edge == "mode" || robot ? 100
-                     : edge == "camera_pose"   ? 30
-                                               : 10;
-      ASSERT_NE(row, rows.end());
-      lines.push_back({kind, std::string(edge), edge == "view" ? 10 : static_cast<int>(5.3 * hz), 1,
-                       0, std::string_view(kind) == "stale" ? 1.1e7 : 0.0});
-    }
-    lines.push_back(
-        {kind, "robot_mode", 530, 1, 0, std::string_view(kind) == "stale" ? 1.1e7 : 0.0});
-    const auto r = run(7.2, lines);
-    auto want = named;
-    // Robot states of long ago are as a silent link: with the ramp down planning drops its path.
-    if (std::string_view(kind) == "stale") want.erase(std::find(want.begin(), want.end(), "path"));
-    std::sort(want.begin(), want.end());
-    EXPECT_EQ(names(r), want) << kind;
-    EXPECT_TRUE(r.robot.view.mode_beyond) << kind;
-  }
 }
 
 // Every kind on every edge that takes it, at random: nothing that is no number gets out, nothing is

@@ -3,12 +3,15 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <set>
 #include <sstream>
 
+#include "tools/teletact/commands.hpp"
 #include "tools/teletact/effect_catalogue.hpp"
+#include "tools/teletact/effect_costs.hpp"
 
 namespace teletact {
 namespace {
@@ -120,6 +123,25 @@ TEST(Explain, ItSaysWhichKeyAsksWithItsValue) {
   ASSERT_EQ(e.asked.size(), 1U);
   EXPECT_STREQ(e.asked[0].row->key, "robot.plant.slip_ratio");
   EXPECT_EQ(e.asked[0].value, "0.07");
+}
+
+// Costs are of the machine that measured them, which is not one for all rows, and most are not told from none.
+TEST(Explain, ItSaysOnWhichMachinesCostsWereMeasuredAndHowManyAreTold) {
+  std::string words[] = {"explain", "empty_room"};
+  char* argv[] = {words[0].data(), words[1].data(), nullptr};
+  testing::internal::CaptureStdout();
+  EXPECT_EQ(cmd_explain(2, argv), 0);
+  const std::string said = testing::internal::GetCapturedStdout();
+  const auto costs = load_effect_costs(find_config("limits", "effect_costs"));
+  ASSERT_TRUE(costs) << costs.error();
+  std::size_t told = 0;
+  for (const EffectCost& c : costs.value().rows) told += std::abs(c.us) > c.floor_us ? 1 : 0;
+  EXPECT_THAT(said, testing::HasSubstr("told: " + std::to_string(told) + " of " +
+                                       std::to_string(costs.value().rows.size()) + " rows"));
+  EXPECT_THAT(said, testing::HasSubstr(costs.value().host + ";\nof some rows on another machine"));
+  // As long as that is so.
+  EXPECT_THAT(text_of(find_config("limits", "effect_costs")),
+              testing::ContainsRegex("\n# Alone[^\n]* on "));
 }
 
 }  // namespace
