@@ -43,10 +43,9 @@ int cmd_explain(int argc, char** argv) {
   const auto& rows = costs.value().rows;
   const auto told = std::count_if(rows.begin(), rows.end(), [](const auto& c) { return c.told(); });
   std::printf(
-      "\nCosts: thread CPU of the one that pays, in %s, by `teletact bench effects` on\n%s;\n",
+      "\nCosts: thread CPU of the one that pays, in %s, by `teletact bench effects` on\n%s.\n",
       costs.value().scene.c_str(), costs.value().host.c_str());
   std::printf(
-      "of some rows on another machine, which config/limits/effect_costs.toml names beside them.\n"
       "below: not told from no cost at all beside what else ran there; told: %td of %zu rows.\n",
       told, rows.size());
   Metrics metrics("explain");
