@@ -1,14 +1,12 @@
 // The closed loop: the device as a body (body.hpp) on the surfaces of other cases, pushed by a steady force without a hand
-// or led by one, and a surface that steps under it.
+// or led by one.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <optional>
 
 #include "tests/support/haptic_solids.hpp"
-#include "tools/stability/body.hpp"
 #include "tools/stability/case_text.hpp"
-#include "tools/stability/cases.hpp"
+#include "tools/stability/closed_loop.hpp"
 #include "tools/stability/judges.hpp"
 
 namespace stability {
@@ -18,28 +16,6 @@ namespace {
 // The device's own limit, a hair below it, and at most what its force limit makes sense of.
 double stiffness_of(const Body& body) {
   return 0.8 * body.damping / (kPeriod / 2 + body.delay * kPeriod) * (1 - 1e-9);
-}
-
-// Largest force of the controller: what was sent before the guard beyond the spring, where neither
-// limit nor fade has a part.
-double controller_force(const Rig& r, const std::vector<Row>& rows) {
-  double most = 0;
-  for (const Row& row : rows) {
-    const Vec3 spring = r.setup().config.stiffness_N_per_m * (row.p - row.h);
-    if (!row.telemetry.in_contact || row.telemetry.gain < 1 || spring.norm() > 11.9) continue;
-    most = std::max(most, (row.f_raw - spring).norm());
-  }
-  return most;
-}
-
-// `paid`: share of the credit.
-double least_energy(const std::vector<Row>& rows, double paid = 1) {
-  double least = 0;
-  for (const Row& row : rows) {
-    least = std::min(
-        least, row.telemetry.energy_J + row.telemetry.booked_J + paid * row.telemetry.credit_J);
-  }
-  return least;
 }
 
 struct Place {
@@ -159,40 +135,6 @@ double pushed_optimum(const Setting& s, const Place& place, const Body& body, do
   return residual_of(twin, place.push, force);
 }
 
-struct Held {
-  std::vector<Row> rows;
-  double residual = 0, controller = 0, energy = 0;
-  std::optional<Twin> then;  // the device and the hand as they were at `then_s` of along()
-};
-// The hand's goal goes along the way, then rests: so long after the last event the device has to be at rest.
-constexpr double kRest_s = 2, kRestAtLimit_s = 7;  // damped well; where the loop only just damps
-// Slower for so long, it stays at rest.
-constexpr int kCalmTicks = 500;
-constexpr double kCalm_m_per_s = 1e-3;
-Held along(Rig& r, const Body& body, const Grip& grip, const Path& path, double event_s,
-           double rest_s, double then_s = 0) {
-  Held out;
-  Twin twin(body, grip, path(0));
-  const auto event = static_cast<int>(std::ceil(event_s / kPeriod)),
-             last = event + static_cast<int>(rest_s / kPeriod);
-  std::vector<double> speed;
-  for (int k = 0, calm = 0; k < last && calm < kCalmTicks; ++k) {
-    const double t = k * kPeriod;
-    if (!out.then && t > then_s - 0.5 * kPeriod) out.then = twin;
-    out.rows.push_back(r.tick(twin.reading()));
-    const Vec3 goal = path(t);
-    twin.advance(out.rows.back().f, Vec3::Zero(), goal, (path(t + kPeriod) - goal) / kPeriod);
-    speed.push_back(twin.velocity().norm());
-    calm = k > event && speed.back() < kCalm_m_per_s ? calm + 1 : 0;
-  }
-  out.residual = *std::max_element(speed.end() - 100, speed.end());
-  out.controller = controller_force(r, out.rows);
-  out.energy = least_energy(out.rows);
-  return out;
-}
-
-constexpr Grip kGrips[3] = {{0.1, 1, 100}, {0.3, 5, 400}, {1.0, 10, 1000}};
-
 // The largest of each figure over hands.
 struct Worst {
   double residual = 0, controller = 0, energy = 0;
@@ -240,6 +182,49 @@ void add_pushes(Run& run, const Setting& s, const Place& place) {
                   1e3 * fall.residual, 1e3 * fall.ideal);
 }
 
+// A device that has a third of the damping that it states, and that is credited with what it states.
+struct Mistaken {
+  double energy_J = 0, controller_N = 0, residual_m_per_s = 0;
+};
+Mistaken mistaken(const Setting& s, const Place& place, double stiffness) {
+  constexpr double kOfStated = 1.0 / 3;
+  const Body stated{0.2, 2, 0, 0}, body{0.2, kOfStated * stated.damping, 0, 0};
+  Mistaken out;
+  for (const Grip& grip : kGrips) {
+    Scene scene = held(s, place.solid, stated, stiffness);
+    scene.config.passivity_controller = true;
+    Rig r(std::move(scene));
+    const Path path(place.points, s.speed);
+    const Held h = along(r, body, grip, path, path.duration(), kRest_s);
+    out.energy_J = std::min(out.energy_J, least_energy(h.rows, kOfStated));
+    out.controller_N = std::max(out.controller_N, h.controller);
+    out.residual_m_per_s = std::max(out.residual_m_per_s, h.residual);
+  }
+  return out;
+}
+
+// Printed: a device that is known to dissipate nothing, and one that dissipates less than it states. At 1 N/mm that one still pays
+// for the spring, which is within its own limit (1.07 N/mm); at the stiffest that what it states admits (3.2 N/mm) it does not.
+//
+// Not asserted, for it misses the limits of the others. Of 81 runs at 3.2 N/mm the energy falls below -1 mJ in one, a corner at
+// 20 mm/s: -1.22; in all 27 corners the softest hand is left swinging after 2 s, at 5 to 36 mm/s (limit 3). The controller does
+// nothing there: it believes the credit. Rest is not the credit's doing alone: in the corner at 200 mm/s that was looked into
+// (22.5 mm/s after 4 s) it is 23.3 credited with its own b, 22.5 without the controller, 0.5 credited with nothing.
+void note_credit(Run& run, const Setting& s, const Place& place) {
+  const Body stated{0.2, 2, 0, 0};
+  double nothing = 0;
+  for (const Grip& grip : kGrips)
+    nothing = std::min(nothing, led(s, place, stated, grip, 1000, 0.3, true, 0).energy);
+  run.note += text("; at 1 N/mm credited with 0: least E + booked %.2f mJ", 1e3 * nothing);
+  for (const double stiffness : {1000.0, stiffness_of(stated)}) {
+    const Mistaken m = mistaken(s, place, stiffness);
+    run.note += text(
+        "; with a third of the stated b at %.1f N/mm: with its own %.2f, controller %.2f N, "
+        "%.1f mm/s left",
+        1e-3 * stiffness, 1e3 * m.energy_J, m.controller_N, 1e3 * m.residual_m_per_s);
+  }
+}
+
 // In each hand: each device at its largest stiffness and a light one at 1 N/mm, without the controller; with it what it
 // does, and that it keeps the energy.
 void add_hands(Run& run, const Setting& s, const Place& place) {
@@ -265,19 +250,7 @@ void add_hands(Run& run, const Setting& s, const Place& place) {
       run.rows = std::move(h.rows);
     }
   }
-  // Printed: a device that is known to dissipate nothing, and one with a third of the damping that is stated.
-  double nothing = 0, third = 0, third_N = 0;
-  for (const Grip& grip : kGrips) {
-    nothing =
-        std::min(nothing, led(s, place, {0.2, 2, 0, 0}, grip, 1000, kBrief_s, true, 0).energy);
-    const Held h = led(s, place, {0.2, 2.0 / 3, 0, 0}, grip, 1000, kBrief_s, true, 3);
-    third = std::min(third, least_energy(h.rows, 1.0 / 3));
-    third_N = std::max(third_N, h.controller);
-  }
-  run.note += text(
-      "; at 1 N/mm credited with 0: least E + booked %.2f mJ; with 3 times its b: with its own "
-      "%.2f, controller %.2f N",
-      1e3 * nothing, 1e3 * third, third_N);
+  note_credit(run, s, place);
   run.figures = rig::figures(run.rows);
   add_gates(run);
   add(run, "residual speed in a hand at 0.8 b/(T/2+t_d) mm/s", 1e3 * bare.residual, 3);
@@ -286,109 +259,6 @@ void add_hands(Run& run, const Setting& s, const Place& place) {
   add(run, "E + booked + credit below zero mJ",
       -1e3 * std::min({active.energy, limber.energy, firm.energy}), 1);
   add(run, "controller N", std::max(limber.controller, firm.controller), 1);
-}
-
-// A rise by `step`: `ends` ticks at either end as fast as 0.3 N a tick allow, evenly between them.
-struct Rise {
-  int ticks, ends;
-  double step, stiffness;
-  [[nodiscard]] double height(int done) const {
-    const double quick = 0.3 / stiffness, even = (step - 2 * ends * quick) / (ticks - 2 * ends);
-    const int first = std::min(done, ends), last = std::max(0, done - (ticks - ends));
-    return done >= ticks ? step : quick * (first + last) + even * (done - first - last);
-  }
-};
-
-// What such a rise from its publication on puts into an exact spring under this device in this hand.
-double injected_by_rise(Twin twin, const Path& path, double published_s, const Rise& rise) {
-  double height = 0, stretch = std::max(-twin.reading().z(), 0.0), injected = 0;
-  for (int k = 0; k < rise.ticks; ++k) {
-    const double z = twin.reading().z(), before = height, t = published_s + k * kPeriod;
-    height = rise.height(k + 1);
-    const double last = stretch;
-    stretch = std::max(height - z, 0.0);
-    injected += 0.5 * rise.stiffness * (stretch + last) * (height - before);
-    const Vec3 goal = path(t);
-    twin.advance({0, 0, std::min(rise.stiffness * stretch, 12.0)}, Vec3::Zero(), goal,
-                 (path(t + kPeriod) - goal) / kPeriod);
-  }
-  return injected;
-}
-
-// The device led there by an exact spring on the true surface.
-Twin led_by_exact(Twin twin, const Path& path, double until_s, double stiffness) {
-  for (double t = 0; t < until_s - 0.5 * kPeriod; t += kPeriod) {
-    const Vec3 goal = path(t);
-    const double f = std::min(stiffness * std::max(-twin.reading().z(), 0.0), 12.0);
-    twin.advance({0, 0, f}, Vec3::Zero(), goal, (path(t + kPeriod) - goal) / kPeriod);
-  }
-  return twin;
-}
-
-// What a step has to put into the spring: by an even rise over one period of windows, as the blend is, and the least of any
-// that arrive within the 50 ms of case 12 in steps of at most 0.3 N. From device and hand as they are at the
-// publication, and as an exact spring would have led them there, whichever takes less.
-struct Least {
-  double even = 0, any = 0;
-};
-Least least_injected(const Twin& as_is, const Twin& led, const Path& path, double published_s,
-                     double step, double stiffness) {
-  constexpr int kPeriodTicks = 33, kMostTicks = 50;
-  Least out{1e9, 1e9};
-  for (const Twin& twin : {as_is, led}) {
-    out.even = std::min(
-        out.even, injected_by_rise(twin, path, published_s, {kPeriodTicks, 0, step, stiffness}));
-    for (int ends = 0; 2 * ends * 0.3 < stiffness * step; ++ends) {
-      for (int ticks = kPeriodTicks; ticks <= kMostTicks; ++ticks) {
-        out.any = std::min(
-            out.any, injected_by_rise(twin, path, published_s, {ticks, ends, step, stiffness}));
-      }
-    }
-  }
-  return out;
-}
-
-// The surface steps 5 mm up under a hand that holds on.
-Run stepped(const Setting& s, const Grip& grip, double depth) {
-  constexpr double kStep = 0.005, kStiffness = 1000;
-  const Body body{0.2, 2, 0, 0};
-  Scene scene = held(s, solids::floor, body, kStiffness);
-  scene.config.passivity_controller = true;
-  scene.still = false;
-  const Path path({{0, 0, 0.005}, {0, 0, -depth}}, s.speed);
-  const double at = path.duration() + 0.6;
-  scene.solid = [=](const Vec3& p, double t) { return solids::floor(p) - (t > at ? kStep : 0); };
-  Rig r(std::move(scene));
-  // A window of this tick is the first that has it.
-  const double published = kPeriod * std::ceil(std::ceil(at * 30 + 1e-6) / 30 / kPeriod - 1e-6);
-  Held h = along(r, body, grip, path, at, kRest_s, published);
-  double before = 0, after = 0;
-  for (const Row& row : h.rows) {
-    (row.t <= at ? before : after) = row.telemetry.booked_J;
-  }
-  Run run;
-  run.id = 20;
-  run.name = title(text("step at %.0f mm, hand %.0f N/m", 1e3 * depth, grip.stiffness), s);
-  run.rows = std::move(h.rows);
-  run.figures = rig::figures(run.rows);
-  add_gates(run);
-  const Twin led = led_by_exact(Twin(body, grip, path(0)), path, published, kStiffness);
-  const Least least = least_injected(*h.then, led, path, published, kStep, kStiffness);
-  add(run, text("injected mJ, hand %.0f N/m", grip.stiffness), 1e3 * (after - before), 10,
-      1e3 * least.any, Yardstick::kExact);
-  // One that rises slowly lifts spring and hand, k K / (k + K) together, by the step.
-  const double both = grip.stiffness * kStiffness / (grip.stiffness + kStiffness),
-               deep = depth + kStep;
-  run.note = text(
-      "an exact spring on an even rise over one period takes %.2f mJ, on the best within 50 ms "
-      "%.2f; lifted slowly %.1f, a hand that stands %.1f",
-      1e3 * least.even, 1e3 * least.any, 1e3 * 0.5 * both * (deep * deep - depth * depth),
-      1e3 * 0.5 * kStiffness * (deep * deep - depth * depth));
-  add(run, "E + booked + credit below zero mJ", -1e3 * h.energy, 1);
-  add(run, "residual speed in a hand mm/s", 1e3 * h.residual, 3);
-  add_injected(run, kStiffness);
-  add_pops(run, r, true);
-  return run;
 }
 
 }  // namespace
