@@ -73,7 +73,7 @@ compile_on() {
   done
 }
 busy_demos() {
-  local core loops=()
+  local core rounds loops=()
   touch "$folder/busy"
   for core in $(seq 0 $(($(nproc) - 1))); do
     compile_on "$core" &
@@ -83,7 +83,8 @@ busy_demos() {
   rm "$folder/busy"
   wait "${loops[@]}"
   for core in $(seq 0 $(($(nproc) - 1))); do
-    [ "$(grep -c . "$folder/compiled.$core" 2>/dev/null)" -ge 5 ] || complain "core $core was not kept busy"
+    rounds=$(grep -c . "$folder/compiled.$core" 2>/dev/null)
+    [ "${rounds:-0}" -ge 5 ] || complain "core $core was not kept busy: ${rounds:-0} rounds of the compiler"
   done
 }
 beside=""
