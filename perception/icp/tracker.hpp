@@ -82,7 +82,7 @@ struct MotionPrior {
   double sigma_rotation_deg = 180.0;
   // kOdometry: where it has the camera by itself, over more than the last frame. Differs from X_WC by what tracking has
   // added since, beyond the stated error.
-  Pose X_odometry_WC = Pose::Identity();
+  Pose X_WC_odometry = Pose::Identity();
 };
 
 // Is this prior good enough to claim on?

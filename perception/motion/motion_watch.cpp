@@ -138,7 +138,7 @@ Vec6 MotionWatch::twist_to(const Pose& X_WC) const noexcept {
 
 bool MotionWatch::against_odometry(const MotionPrior& prior, const MotionResult& r) const noexcept {
   return is_trusted(tracker_, prior) &&
-         consensus_.mean_way(r.consensus.xi, twist_to(prior.X_odometry_WC)) >= kNear_m;
+         consensus_.mean_way(r.consensus.xi, twist_to(prior.X_WC_odometry)) >= kNear_m;
 }
 
 // Least squares from a pose, the sums taken anew where it has gone far: they hold for centimetres.
@@ -264,22 +264,22 @@ void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model
   if (!looked_) return;
   const bool trusted = is_trusted(tracker_, prior);
   const double leap =
-      choose_start(pyramid, model, trusted ? prior.X_odometry_WC : prior.X_WC, X_tracked_WC, out);
+      choose_start(pyramid, model, trusted ? prior.X_WC_odometry : prior.X_WC, X_tracked_WC, out);
   const bool competed = out.consensus.unexplained > kDoubt || loose(out.consensus.scale);
   if (competed) {
     const Vec6 still = twist_to(model.X_WF),
-               expected = twist_to(trusted ? prior.X_odometry_WC : prior.X_WC);
+               expected = twist_to(trusted ? prior.X_WC_odometry : prior.X_WC);
     consensus_.compete(memory_, still, expected, prior_sigma_m(), frame_, out.consensus);
     out.work += 4 * pixels();  // of hypotheses
     out.certain = out.consensus.certain && leap < Consensus::kRivalLimit;
     out.X_WC = moved_by(out.consensus.xi);
   }
   // Odometry that is good enough to claim on settles which of two motions is the camera's, where some of the image says the same.
-  const Vec6 by_odometry = twist_to(prior.X_odometry_WC);
+  const Vec6 by_odometry = twist_to(prior.X_WC_odometry);
   const bool against = against_odometry(prior, out), outvoted = competed && out.consensus.outvoted;
   if (trusted &&
       (against ? consensus_.own_share(by_odometry) > kCorroborated : outvoted || !out.certain)) {
-    stay_at(pyramid, model, against ? prior.X_odometry_WC : out.X_WC, out);
+    stay_at(pyramid, model, against ? prior.X_WC_odometry : out.X_WC, out);
     out.certain = held_ = true;
   } else if (competed && (outvoted || !out.certain)) {
     stay_at(pyramid, model, out.X_WC, out);

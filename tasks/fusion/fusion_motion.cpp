@@ -230,7 +230,7 @@ perception::MotionPrior FusionTask::predict(rt::Time exposure) noexcept {
     prior.X_WC = X_WC_ * step_C;
     chain_.carry(step_C, config_.odometry_translation_share * way,
                  config_.odometry_rotation_share * turn_deg + config_.odometry_deg_per_m * way);
-    prior.X_odometry_WC = chain_.X_WC();
+    prior.X_WC_odometry = chain_.X_WC();
     prior.source = MotionPrior::Source::kOdometry;
     prior.sigma_translation_m = sigma_translation_m_;
     prior.sigma_rotation_deg = sigma_rotation_deg_;
