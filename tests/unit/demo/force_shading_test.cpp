@@ -60,26 +60,43 @@ TEST(ForceShadingLive, TheSceneIsTouchedWithTheForceOfASpring) {
 }
 
 // The floor lies at 0 m, and the hand presses on it and slides where the camera sees it. (The pedestal's top is out of view when it
-// is touched: the nearest point of the cast is then elsewhere, which is the method's own.)
+// is touched: the nearest point of the cast is then elsewhere, which is the method's own.) The method takes the nearest of the
+// cast's points, whose heights scatter by millimetres at 20 mm voxels (2.7 and 0.05 mm here, one after the other): the force is
+// the spring's from where that point is, and the point no more than 4 mm off the floor.
 TEST(ForceShadingLive, OnAFlatFaceInViewTheForceIsStiffnessTimesDepth) {
   const VirtualRun& r = touched();
   const auto scene = teletact::load_scene(teletact::find_config("scenes", "default_room"), {});
   const auto& haptic = scene->graph.haptic;
-  std::vector<double> error;
+  const double N_per_m = haptic.stiffness_N_per_m / haptic.scale;
+  std::vector<double> off_m;
+  double least_m = 1, most_m = 0, least_off_m = 1, most_off_m = -1;  // while the first point holds
+  perception::Vec3f first = perception::Vec3f::Zero();
   for (const auto& s : r.op.view.haptic) {
     if (!s.in_contact || s.gain < 1 || s.guard_active) continue;
-    const double aside_m =
-        std::hypot(static_cast<double>(s.p_WP[0]) - 1.83, static_cast<double>(s.p_WP[1]) + 0.37);
+    const perception::Vec3f p(s.p_WP[0], s.p_WP[1], s.p_WP[2]);
     const double depth_m = -static_cast<double>(s.p_WH[2]);
-    const double expected_N = haptic.stiffness_N_per_m * depth_m / haptic.scale;
-    if (aside_m > 0.1 || expected_N < 2) continue;
-    error.push_back(std::abs(static_cast<double>(s.force_N) - expected_N) / expected_N);
+    if ((p.head<2>() - Eigen::Vector2f(1.83F, -0.37F)).norm() > 0.1F || depth_m * N_per_m < 2)
+      continue;
+    const double off = static_cast<double>(s.force_N) / N_per_m - depth_m;
+    if (off_m.empty()) first = p;
+    if (off_m.size() < 250 && (p - first).head<2>().norm() < 0.002F) {
+      least_m = std::min(least_m, depth_m), most_m = std::max(most_m, depth_m);
+      least_off_m = std::min(least_off_m, off), most_off_m = std::max(most_off_m, off);
+    }
+    off_m.push_back(off);
   }
-  ASSERT_GT(error.size(), 250U);
-  std::sort(error.begin(), error.end());
-  std::printf("  on the floor, %zu ticks: error p50 %.3f, p95 %.3f of K x depth\n", error.size(),
-              error[error.size() / 2], error[error.size() * 95 / 100]);
-  EXPECT_LE(error[error.size() * 95 / 100], 0.10);
+  ASSERT_GT(off_m.size(), 250U);
+  for (double& off : off_m) off = std::abs(off);
+  std::sort(off_m.begin(), off_m.end());
+  const double p95_m = off_m[off_m.size() * 95 / 100];
+  std::printf(
+      "  on the floor, %zu ticks: off K x depth by p50 %.2f, p95 %.2f mm; pressed from %.1f to "
+      "%.1f mm by %.2f mm\n",
+      off_m.size(), 1e3 * off_m[off_m.size() / 2], 1e3 * p95_m, 1e3 * least_m, 1e3 * most_m,
+      1e3 * (most_off_m - least_off_m));
+  EXPECT_LE(p95_m, 0.004);
+  ASSERT_GT(most_m - least_m, 0.005);
+  EXPECT_LE(most_off_m - least_off_m, 0.10 * (most_m - least_m)) << "the spring's own slope";
 }
 
 TEST(ForceShadingLive, TheRunNamesItsMethodAndItsEffect) {
