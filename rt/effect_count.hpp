@@ -45,7 +45,7 @@ enum class Effect : std::uint8_t {
   kMesh,
 };
 inline constexpr std::size_t kEffects = 30;
-// As the catalogue of effects has them (tools/teletact/effect_catalogue.hpp).
+// As the catalogue of effects has them (tools/host/effect_catalogue.hpp).
 inline constexpr std::array<std::string_view, kEffects> kEffectNames{
     "camera noise: axial",
     "camera noise: lateral_px",

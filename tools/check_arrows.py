@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
-"""Includes go one way: {rt, config} <- perception <- drivers <- tasks <- tools.
+"""Includes go one way: {rt, config} <- perception <- drivers <- tasks <- tools, and within tools from room to room.
 
 config may include rt; drivers may include of perception only geometry; tasks never include each other
 (tasks/graph may include all of them, and all may include what they agree on: the messages of
 tasks/graph/messages.hpp, object_list.hpp and surface_points.hpp, and the tables of tasks/graph/table.hpp); no task
-includes the simulated world. Exit 1 and one line for each offence. `--self-test` proves that offences are seen.
+includes the simulated world. A room of tools includes the rooms that ROOMS names; no room of the product includes
+tools/measure, and nothing outside tests includes tests. Exit 1 and one line for each offence. `--self-test` proves that offences are seen.
 """
 import pathlib
 import re
@@ -20,10 +21,27 @@ MAY = {
     "drivers": {"drivers", "perception", "rt", "config"},
     "tasks": {"tasks", "drivers", "perception", "rt", "config"},
 }
+# Of tools: a folder, and what it may include besides itself. teletact is the program: nothing includes it.
+ROOMS = {
+    "cli": set(),
+    "files": set(),
+    "doctor": set(),
+    "report": {"files"},
+    "scene": {"files"},
+    "touch": {"cli", "files"},
+    "record": {"files", "scene", "touch"},
+    "robot": {"files", "scene", "record"},
+    "host": {"cli", "files", "doctor", "report", "scene", "touch", "record"},
+}
+ROOMS["teletact"] = set(ROOMS)
+ROOMS["measure"] = set(ROOMS) - {"teletact"}
 
 
 def offences(path: str, text: str):
     top, sub = path.split("/")[:2]
+    if top == "tools" and sub not in ROOMS:
+        yield f"{path}: tools/{sub} is no room that tools/check_arrows.py knows"
+        return
     for line in re.findall(r'^\s*#include "([^"]+)"', text, re.M):
         parts = line.split("/")
         if len(parts) < 2:
@@ -35,6 +53,10 @@ def offences(path: str, text: str):
             yield f"{path}: drivers may include of perception only geometry, not {line}"
         if top == "tasks" and to == "tasks" and sub not in ("graph", to_sub) and line not in CONTRACT:
             yield f"{path}: tasks do not include each other: {line}"
+        if top != "tests" and to == "tests":
+            yield f"{path}: nothing outside tests includes {line}"
+        if top == "tools" and to == "tools" and to_sub != sub and to_sub not in ROOMS[sub]:
+            yield f"{path}: tools/{sub} may not include {line}"
         if top == "tasks" and to == "drivers" and to_sub == "world":
             yield f"{path}: the simulated world is never linked into tasks: {line}"
 
@@ -43,13 +65,17 @@ def main() -> int:
     if "--self-test" in sys.argv:
         bad = [("rt/a/b.hpp", '#include "config/schema.hpp"'), ("drivers/x/y.cpp", '#include "perception/tsdf/z.hpp"'),
                ("tasks/haptic/a.cpp", '#include "tasks/fusion/b.hpp"'),
-               ("tasks/haptic/a.cpp", '#include "tasks/graph/limits.hpp"'), ("tasks/graph/a.cpp", '#include "drivers/world/w.hpp"')]
+               ("tasks/haptic/a.cpp", '#include "tasks/graph/limits.hpp"'), ("tasks/graph/a.cpp", '#include "drivers/world/w.hpp"'),
+               ("tools/host/a.cpp", '#include "tools/measure/bench/b.hpp"'), ("tools/files/a.cpp", '#include "tools/host/b.hpp"'),
+               ("tools/measure/a.cpp", '#include "tests/support/b.hpp"'), ("tools/measure/a.cpp", '#include "tools/teletact/b.hpp"'),
+               ("tools/attic/a.cpp", "")]
         missed = [p for p, t in bad if not list(offences(p, t))]
         good = list(offences("tasks/haptic/a.cpp", '#include "tasks/graph/messages.hpp"'))
+        good += offences("tools/measure/a.cpp", '#include "tools/host/b.hpp"')
         print("missed:", missed, "wrongly flagged:", good)
         return 1 if missed or good else 0
     found = []
-    for top in MAY:
+    for top in [*MAY, "tools"]:
         for f in sorted((ROOT / top).rglob("*")):
             if f.suffix in {".hpp", ".cpp", ".inl"}:
                 found += offences(str(f.relative_to(ROOT)), f.read_text())

@@ -1,5 +1,5 @@
 // Marks the calling thread as inside a real-time section. The executors open one around every
-// step(); the guard of the test builds (tests/support/rt_guard.cpp) counts or aborts on an
+// step(); the guard of the test builds (tools/measure/support/rt_guard.cpp) counts or aborts on an
 // allocation, a lock or a throw inside one. Costs two thread-local adds where no guard is linked.
 #pragma once
 

@@ -15,8 +15,8 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/rt_guard.hpp"
-#include "tools/stability/gates.hpp"
+#include "tools/measure/stability/gates.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace hard_cases {
 

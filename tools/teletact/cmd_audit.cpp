@@ -6,14 +6,14 @@
 
 #include "rt/audit/blame.hpp"
 #include "rt/audit/run_file.hpp"
-#include "tools/teletact/black_box.hpp"
-#include "tools/teletact/build_info.hpp"
+#include "tools/cli/options.hpp"
+#include "tools/files/build_info.hpp"
+#include "tools/files/metrics_json.hpp"
+#include "tools/host/host_info.hpp"
+#include "tools/host/run_results.hpp"
+#include "tools/host/task_times.hpp"
+#include "tools/record/black_box.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/host_info.hpp"
-#include "tools/teletact/metrics_json.hpp"
-#include "tools/teletact/options.hpp"
-#include "tools/teletact/run_results.hpp"
-#include "tools/teletact/task_times.hpp"
 
 namespace teletact {
 

@@ -1,10 +1,10 @@
 // teletact calibrate: what each task variant costs on this machine.
 #include <CLI/CLI.hpp>
 
-#include "tools/teletact/calibrate.hpp"
+#include "tools/cli/options.hpp"
+#include "tools/files/metrics_json.hpp"
+#include "tools/host/calibrate.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/metrics_json.hpp"
-#include "tools/teletact/options.hpp"
 
 namespace teletact {
 

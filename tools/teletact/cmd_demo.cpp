@@ -9,17 +9,17 @@
 #include <thread>
 
 #include "rt/fault/injector.hpp"
-#include "tools/teletact/calibrate.hpp"
+#include "tools/cli/options.hpp"
+#include "tools/doctor/rights.hpp"
+#include "tools/host/calibrate.hpp"
+#include "tools/host/host_info.hpp"
+#include "tools/host/rendered_truth.hpp"
+#include "tools/host/run_folder.hpp"
+#include "tools/host/run_real.hpp"
+#include "tools/host/script_goal.hpp"
+#include "tools/record/recording_setup.hpp"
+#include "tools/record/recording_truth.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/host_info.hpp"
-#include "tools/teletact/options.hpp"
-#include "tools/teletact/recording_setup.hpp"
-#include "tools/teletact/recording_truth.hpp"
-#include "tools/teletact/rendered_truth.hpp"
-#include "tools/teletact/rights.hpp"
-#include "tools/teletact/run_folder.hpp"
-#include "tools/teletact/run_real.hpp"
-#include "tools/teletact/script_goal.hpp"
 
 namespace teletact {
 

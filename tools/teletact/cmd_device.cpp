@@ -8,11 +8,11 @@
 #include <thread>
 
 #include "rt/clock/box_time.hpp"
+#include "tools/cli/options.hpp"
+#include "tools/files/metrics_json.hpp"
+#include "tools/scene/haptic_choice.hpp"
+#include "tools/scene/scene.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/haptic_choice.hpp"
-#include "tools/teletact/metrics_json.hpp"
-#include "tools/teletact/options.hpp"
-#include "tools/teletact/scene.hpp"
 
 namespace teletact {
 namespace {

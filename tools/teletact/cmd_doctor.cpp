@@ -7,12 +7,12 @@
 #include <stdexcept>
 #include <string>
 
+#include "tools/cli/options.hpp"
+#include "tools/doctor/doctor.hpp"
+#include "tools/doctor/rights.hpp"
+#include "tools/files/metrics_json.hpp"
+#include "tools/files/whole_file.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/doctor.hpp"
-#include "tools/teletact/metrics_json.hpp"
-#include "tools/teletact/options.hpp"
-#include "tools/teletact/rights.hpp"
-#include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
 

@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <cstdio>
 
+#include "tools/cli/options.hpp"
+#include "tools/files/metrics_json.hpp"
+#include "tools/host/effect_catalogue.hpp"
+#include "tools/host/effect_costs.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/effect_catalogue.hpp"
-#include "tools/teletact/effect_costs.hpp"
-#include "tools/teletact/metrics_json.hpp"
-#include "tools/teletact/options.hpp"
 
 namespace teletact {
 

@@ -1,6 +1,6 @@
 // teletact film: what the synthetic camera sees of a place, written as a recording (TUM layout), with its true poses.
 //
-//   --scene NAME    room, stairs, turn, sixth, near (tools/accuracy/scenes.hpp), or a scene of config/scenes or a file:
+//   --scene NAME    room, stairs, turn, sixth, near (tools/record/scenes.hpp), or a scene of config/scenes or a file:
 //                   its [world], carried by hand as in `room`
 //   --out DIR       associations.txt, intrinsics.txt, groundtruth.txt, depth/, rgb/
 //   --frames N      images, 30 a second; --first N: begins with that one; --backwards: the last one first
@@ -9,12 +9,12 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "tools/accuracy/scenes.hpp"
-#include "tools/bench/recording_writer.hpp"
+#include "tools/cli/options.hpp"
+#include "tools/files/metrics_json.hpp"
+#include "tools/record/recording_writer.hpp"
+#include "tools/record/scenes.hpp"
+#include "tools/scene/scene.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/metrics_json.hpp"
-#include "tools/teletact/options.hpp"
-#include "tools/teletact/scene.hpp"
 
 namespace teletact {
 

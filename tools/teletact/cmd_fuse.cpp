@@ -34,13 +34,13 @@
 #include "perception/simd/isa.hpp"
 #include "perception/tsdf/mesh.hpp"
 #include "tasks/fusion/fusion_task.hpp"
-#include "tools/bench/fusion_feed.hpp"
-#include "tools/bench/pose_file.hpp"
+#include "tools/cli/number_list.hpp"
+#include "tools/cli/options.hpp"
+#include "tools/files/metrics_json.hpp"
+#include "tools/files/pose_file.hpp"
+#include "tools/files/whole_file.hpp"
+#include "tools/record/fusion_feed.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/metrics_json.hpp"
-#include "tools/teletact/number_list.hpp"
-#include "tools/teletact/options.hpp"
-#include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
 namespace {

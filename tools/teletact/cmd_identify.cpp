@@ -10,13 +10,13 @@
 #include <thread>
 
 #include "rt/clock/box_time.hpp"
-#include "tools/haptic/identify.hpp"
+#include "tools/cli/options.hpp"
+#include "tools/files/metrics_json.hpp"
+#include "tools/files/whole_file.hpp"
+#include "tools/scene/haptic_choice.hpp"
+#include "tools/scene/scene.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/haptic_choice.hpp"
-#include "tools/teletact/metrics_json.hpp"
-#include "tools/teletact/options.hpp"
-#include "tools/teletact/scene.hpp"
-#include "tools/teletact/whole_file.hpp"
+#include "tools/touch/ring_down.hpp"
 
 namespace teletact {
 namespace {

@@ -15,14 +15,14 @@
 #include <stdexcept>
 
 #include "drivers/camera/tum_reader.hpp"
-#include "tools/bench/pose_file.hpp"
+#include "tools/cli/options.hpp"
+#include "tools/files/metrics_json.hpp"
+#include "tools/files/pose_file.hpp"
+#include "tools/files/whole_file.hpp"
 #include "tools/robot/floor_seen.hpp"
+#include "tools/robot/robot_drive.hpp"
+#include "tools/robot/robot_files.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/metrics_json.hpp"
-#include "tools/teletact/options.hpp"
-#include "tools/teletact/robot_drive.hpp"
-#include "tools/teletact/robot_files.hpp"
-#include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
 namespace {

@@ -12,11 +12,11 @@
 #include <vector>
 
 #include "tasks/prediction/motion_predictor.hpp"
+#include "tools/cli/options.hpp"
+#include "tools/files/csv.hpp"
+#include "tools/files/metrics_json.hpp"
+#include "tools/files/whole_file.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/csv.hpp"
-#include "tools/teletact/metrics_json.hpp"
-#include "tools/teletact/options.hpp"
-#include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
 namespace {

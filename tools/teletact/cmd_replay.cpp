@@ -6,11 +6,11 @@
 #include <stdexcept>
 
 #include "config/fault_plan.hpp"
+#include "tools/cli/options.hpp"
+#include "tools/files/metrics_json.hpp"
+#include "tools/host/replay.hpp"
+#include "tools/record/input_recorder.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/input_recorder.hpp"
-#include "tools/teletact/metrics_json.hpp"
-#include "tools/teletact/options.hpp"
-#include "tools/teletact/replay.hpp"
 
 namespace teletact {
 

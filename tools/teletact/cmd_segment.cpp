@@ -28,12 +28,12 @@
 #include "perception/segmentation/touch_segmenter.hpp"
 #include "perception/segmentation/whole_depth.hpp"
 #include "rt/clock/box_time.hpp"
-#include "tools/images/image_files.hpp"
+#include "tools/cli/number_list.hpp"
+#include "tools/cli/options.hpp"
+#include "tools/files/image_files.hpp"
+#include "tools/files/metrics_json.hpp"
+#include "tools/files/whole_file.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/metrics_json.hpp"
-#include "tools/teletact/number_list.hpp"
-#include "tools/teletact/options.hpp"
-#include "tools/teletact/whole_file.hpp"
 
 namespace teletact {
 namespace {

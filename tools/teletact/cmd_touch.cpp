@@ -1,9 +1,9 @@
 // teletact touch: the haptic task on plain files. The field is cut into the windows fusion would
 // publish, the hand is played from a table, and the very code of the 1 kHz task makes the force.
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/touch_options.hpp"
-#include "tools/teletact/touch_replay.hpp"
-#include "tools/teletact/touch_run.hpp"
+#include "tools/touch/touch_options.hpp"
+#include "tools/touch/touch_replay.hpp"
+#include "tools/touch/touch_run.hpp"
 
 namespace teletact {
 

@@ -18,11 +18,5 @@ int cmd_identify_robot(int argc, char** argv);  // identify robot
 int cmd_calibrate(int argc, char** argv);
 int cmd_audit(int argc, char** argv);
 int cmd_replay(int argc, char** argv);
-int cmd_bench(int argc, char** argv);
-int cmd_accuracy(int argc, char** argv);
-int cmd_moving(int argc, char** argv);     // accuracy moving
-int cmd_recording(int argc, char** argv);  // accuracy recording
-int cmd_choice(int argc, char** argv);     // accuracy choice
-int cmd_stability(int argc, char** argv);
 
 }  // namespace teletact

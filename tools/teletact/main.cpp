@@ -4,9 +4,10 @@
 #include <cstring>
 #include <exception>
 
-#include "tools/teletact/build_info.hpp"
+#include "tools/files/build_info.hpp"
+#include "tools/host/run_real.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/run_real.hpp"
+#include "tools/teletact/measure.hpp"
 
 namespace {
 
@@ -23,7 +24,7 @@ constexpr std::array kCommands{
     Command{"fuse", teletact::cmd_fuse, "a recorded RGB-D sequence to camera poses and a mesh"},
     Command{"film", teletact::cmd_film, "a synthetic place to a recorded RGB-D sequence"},
     Command{"touch", teletact::cmd_touch, "a distance field and a hand path to forces"},
-    Command{"stability", teletact::cmd_stability, "the hard cases of touch, judged"},
+    Command{"stability", teletact::start_measure, "the hard cases of touch, judged"},
     Command{"segment", teletact::cmd_segment,
             "the object under a touch, or every region of an image"},
     Command{"predict", teletact::cmd_predict, "an odometry log to delay-compensated poses"},
@@ -31,8 +32,8 @@ constexpr std::array kCommands{
             "measure what each task variant costs on this machine"},
     Command{"audit", teletact::cmd_audit, "read a run's log: who was late, and why"},
     Command{"replay", teletact::cmd_replay, "a recorded run's tasks again, to the last bit"},
-    Command{"bench", teletact::cmd_bench, "rings, wake-up, audit: measured beside their peers"},
-    Command{"accuracy", teletact::cmd_accuracy,
+    Command{"bench", teletact::start_measure, "rings, wake-up, audit: measured beside their peers"},
+    Command{"accuracy", teletact::start_measure,
             "error against CPU time over a method's knobs, with plots"},
     Command{"device", teletact::cmd_device, "open the haptic device, read it, say how it is"},
     Command{"identify", teletact::cmd_identify,

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "rt/time.hpp"
-#include "tools/teletact/run_results.hpp"
+#include "tools/host/run_results.hpp"
 
 namespace life_cycle {
 

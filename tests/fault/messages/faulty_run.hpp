@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "tools/teletact/calibrate.hpp"
-#include "tools/teletact/run_demo.hpp"
+#include "tools/host/calibrate.hpp"
+#include "tools/host/run_demo.hpp"
 
 namespace messages {
 

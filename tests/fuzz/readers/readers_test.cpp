@@ -8,7 +8,7 @@
 #include <iostream>
 #include <stdexcept>
 
-#include "tools/teletact/fuzz_readers.hpp"
+#include "tools/measure/fuzz_readers.hpp"
 
 namespace {
 

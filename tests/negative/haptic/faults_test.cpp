@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "tasks/haptic/broken.hpp"
-#include "tools/stability/cases.hpp"
+#include "tools/measure/stability/cases.hpp"
 
 namespace {
 

@@ -7,8 +7,8 @@
 #include <cstdio>
 #include <string>
 
-#include "tools/stability/cases.hpp"
-#include "tools/stability/judges.hpp"
+#include "tools/measure/stability/cases.hpp"
+#include "tools/measure/stability/judges.hpp"
 
 namespace {
 

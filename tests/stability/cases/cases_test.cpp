@@ -1,5 +1,5 @@
-// The hard cases of touch (tools/stability), each placement at one speed, each speed at each
-// rotation; every setting twice, for the gates (tools/stability/gates.hpp). All settings:
+// The hard cases of touch (tools/measure/stability), each placement at one speed, each speed at each
+// rotation; every setting twice, for the gates (tools/measure/stability/gates.hpp). All settings:
 // tests/stability/full. `teletact stability` prints the table.
 #include <gtest/gtest.h>
 

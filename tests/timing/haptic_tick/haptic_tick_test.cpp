@@ -6,13 +6,13 @@
 #include <iostream>
 #include <string>
 
-#include "tests/support/haptic_rig.hpp"
-#include "tests/support/haptic_score.hpp"
-#include "tests/support/haptic_solids.hpp"
-#include "tools/bench/callgrind.hpp"
-#include "tools/haptic/bench_haptic.hpp"
-#include "tools/haptic/run_file.hpp"
-#include "tools/stability/gates.hpp"
+#include "tools/measure/bench/callgrind.hpp"
+#include "tools/measure/haptic/bench_haptic.hpp"
+#include "tools/measure/stability/gates.hpp"
+#include "tools/measure/support/haptic_rig.hpp"
+#include "tools/measure/support/haptic_score.hpp"
+#include "tools/measure/support/haptic_solids.hpp"
+#include "tools/touch/tick_file.hpp"
 
 namespace {
 
@@ -114,7 +114,7 @@ Recorded corner_of_a_room(const std::string& path, bool noise) {
 }
 
 // No tick there costs more than the samples that it takes are worth, so their number bounds its instructions: what the gates of the
-// hard cases count with (tools/stability/gates.hpp).
+// hard cases count with (tools/measure/stability/gates.hpp).
 TEST(HapticTick, SamplesBoundTheInstructionsOfATick) {
   ASSERT_TRUE(teletact::have_valgrind());
   const auto folder = std::filesystem::temp_directory_path() /

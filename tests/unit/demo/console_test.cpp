@@ -1,5 +1,5 @@
 // The operator's console at a device that has braked: of a twin it acts for the person, of a device it waits for one.
-#include "tools/teletact/console.hpp"
+#include "tools/host/console.hpp"
 
 #include <gtest/gtest.h>
 

@@ -6,11 +6,11 @@
 #include <cstdio>
 #include <fstream>
 
-#include "tests/support/rt_guard.hpp"
-#include "tools/teletact/boxes.hpp"
-#include "tools/teletact/calibrate.hpp"
-#include "tools/teletact/rendered_truth.hpp"
-#include "tools/teletact/run_demo.hpp"
+#include "tools/host/calibrate.hpp"
+#include "tools/host/rendered_truth.hpp"
+#include "tools/host/run_demo.hpp"
+#include "tools/measure/support/rt_guard.hpp"
+#include "tools/scene/boxes.hpp"
 
 namespace {
 

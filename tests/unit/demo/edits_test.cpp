@@ -11,8 +11,8 @@
 
 #include "perception/map_file/map_file.hpp"
 #include "perception/tsdf/mesh.hpp"
-#include "tools/teletact/calibrate.hpp"
-#include "tools/teletact/run_demo.hpp"
+#include "tools/host/calibrate.hpp"
+#include "tools/host/run_demo.hpp"
 
 namespace {
 

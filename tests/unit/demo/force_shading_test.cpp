@@ -9,9 +9,9 @@
 
 #include "rt/effect_count.hpp"
 #include "tasks/supervision/fault_ids.hpp"
-#include "tests/support/rt_guard.hpp"
-#include "tools/teletact/calibrate.hpp"
-#include "tools/teletact/run_demo.hpp"
+#include "tools/host/calibrate.hpp"
+#include "tools/host/run_demo.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

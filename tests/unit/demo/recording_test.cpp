@@ -5,12 +5,12 @@
 #include <cmath>
 #include <cstdio>
 
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/tasks_fusion/recording.hpp"
-#include "tools/teletact/boxes.hpp"
-#include "tools/teletact/calibrate.hpp"
-#include "tools/teletact/recording_truth.hpp"
-#include "tools/teletact/run_demo.hpp"
+#include "tools/host/calibrate.hpp"
+#include "tools/host/run_demo.hpp"
+#include "tools/measure/support/rt_guard.hpp"
+#include "tools/record/recording_truth.hpp"
+#include "tools/scene/boxes.hpp"
 
 namespace {
 

@@ -8,9 +8,9 @@
 #include <sstream>
 
 #include "tasks/prediction/prediction_task.hpp"
-#include "tools/teletact/calibrate.hpp"
-#include "tools/teletact/run_demo.hpp"
-#include "tools/teletact/script_goal.hpp"
+#include "tools/host/calibrate.hpp"
+#include "tools/host/run_demo.hpp"
+#include "tools/host/script_goal.hpp"
 
 namespace {
 

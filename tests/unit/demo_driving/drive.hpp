@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "tests/support/body_clearance.hpp"
-#include "tools/teletact/calibrate.hpp"
-#include "tools/teletact/run_demo.hpp"
+#include "tools/host/calibrate.hpp"
+#include "tools/host/run_demo.hpp"
 
 namespace tests {
 

@@ -1,5 +1,5 @@
 // REPORT/raw: the files of an earlier run are replaced, and nothing that a user has put there is lost.
-#include "tools/teletact/run_folder.hpp"
+#include "tools/host/run_folder.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -10,8 +10,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "tools/robot/robot_drive.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/robot_drive.hpp"
 
 namespace teletact {
 namespace {

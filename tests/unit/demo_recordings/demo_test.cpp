@@ -12,8 +12,8 @@
 #include <sstream>
 
 #include "tests/unit/tasks_fusion/recording.hpp"
-#include "tools/accuracy/scenes.hpp"
-#include "tools/bench/recording_writer.hpp"
+#include "tools/record/recording_writer.hpp"
+#include "tools/record/scenes.hpp"
 
 namespace {
 

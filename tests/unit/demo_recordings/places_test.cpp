@@ -1,6 +1,6 @@
 // Places in pictures that are drawn here ray by ray, and what is remembered of them. The drawing shares nothing with the
 // map's ray cast.
-#include "tools/teletact/place_memory.hpp"
+#include "tools/touch/place_memory.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 #include <optional>
 
 #include "perception/motion/motion_mask.hpp"
-#include "tools/teletact/touch_script.hpp"
+#include "tools/touch/touch_script.hpp"
 
 namespace {
 

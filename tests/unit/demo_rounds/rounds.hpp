@@ -8,8 +8,8 @@
 #include <fstream>
 
 #include "tests/unit/demo_driving/drive.hpp"
-#include "tools/teletact/rendered_truth.hpp"
-#include "tools/teletact/run_truth.hpp"
+#include "tools/host/rendered_truth.hpp"
+#include "tools/host/run_truth.hpp"
 
 namespace tests {
 

@@ -15,8 +15,8 @@
 #include "rt/fault/planned.hpp"
 #include "rt/sched/virtual_executor.hpp"
 #include "tests/support/schedule_compare.hpp"
-#include "tools/teletact/calibrate.hpp"
-#include "tools/teletact/run_demo.hpp"
+#include "tools/host/calibrate.hpp"
+#include "tools/host/run_demo.hpp"
 
 namespace {
 

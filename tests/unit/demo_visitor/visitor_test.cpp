@@ -9,8 +9,8 @@
 
 #include "perception/motion/motion_mask.hpp"
 #include "tests/unit/demo_driving/drive.hpp"
-#include "tools/teletact/boxes.hpp"
-#include "tools/teletact/script_goal.hpp"
+#include "tools/host/script_goal.hpp"
+#include "tools/scene/boxes.hpp"
 
 namespace tests {
 namespace {

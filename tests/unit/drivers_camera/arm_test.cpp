@@ -10,8 +10,8 @@
 #include "drivers/camera/synthetic_camera.hpp"
 #include "rt/hash.hpp"
 #include "rt/memory/section.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/drivers_camera/scene.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

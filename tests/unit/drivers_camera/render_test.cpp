@@ -11,8 +11,8 @@
 #include "rt/hash.hpp"
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/drivers_camera/scene.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

@@ -11,10 +11,10 @@
 #include "drivers/camera/replay_camera.hpp"
 #include "perception/geometry/no_colour.hpp"
 #include "rt/memory/section.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/support/tsan_libraries.hpp"
 #include "tests/unit/drivers_camera/scene.hpp"
 #include "tests/unit/drivers_camera/tum_folder.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

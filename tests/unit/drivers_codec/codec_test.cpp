@@ -18,9 +18,9 @@
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
 #include "tasks/graph/table.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/support/tsan_libraries.hpp"
 #include "tests/unit/drivers_camera/scene.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

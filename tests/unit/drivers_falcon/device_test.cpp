@@ -3,8 +3,8 @@
 #include <limits>
 
 #include "rt/memory/section.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/drivers_falcon/device_rig.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace tests {
 namespace {

@@ -8,8 +8,8 @@
 #include "drivers/omega/force_sum.hpp"
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/drivers_omega/twin_rig.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

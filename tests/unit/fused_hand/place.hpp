@@ -11,9 +11,9 @@
 #include "drivers/world/world.hpp"
 #include "perception/patch/surface_patch.hpp"
 #include "tasks/fusion/fusion_task.hpp"
-#include "tests/support/haptic_rig.hpp"
-#include "tools/bench/fusion_feed.hpp"
-#include "tools/bench/fusion_sequence.hpp"
+#include "tools/measure/support/haptic_rig.hpp"
+#include "tools/record/fusion_feed.hpp"
+#include "tools/record/fusion_sequence.hpp"
 
 namespace fused_hand {
 

@@ -1,5 +1,5 @@
 // Ring-down against the twin, whose mass, damping and friction are known.
-#include "tools/haptic/identify.hpp"
+#include "tools/touch/ring_down.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The optimum beside a hand on a recording, and what it excuses.
-#include "tools/haptic/recording_optimum.hpp"
+#include "tools/measure/haptic/recording_optimum.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <limits>
 #include <memory>
 
-#include "tools/haptic/recording_touch.hpp"
+#include "tools/measure/haptic/recording_touch.hpp"
 
 namespace {
 

@@ -10,7 +10,7 @@
 #include "perception/body/held_object.hpp"
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
-#include "tests/support/rt_guard.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

@@ -9,7 +9,7 @@
 #include "perception/simd/isa.hpp"
 #include "rt/memory/section.hpp"
 #include "tests/support/analytic_scene.hpp"
-#include "tests/support/rt_guard.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace perception {
 namespace {

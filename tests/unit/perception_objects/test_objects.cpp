@@ -6,8 +6,8 @@
 #include <set>
 
 #include "rt/memory/section.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/perception_objects/table.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace tests {
 namespace {

@@ -8,7 +8,7 @@
 #include "perception/segmentation/touch_segmenter.hpp"
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
-#include "tests/support/rt_guard.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

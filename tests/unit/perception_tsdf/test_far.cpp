@@ -9,8 +9,8 @@
 #include "perception/tsdf/chunk_record.hpp"
 #include "perception/tsdf/far_store.hpp"
 #include "rt/memory/section.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace tests {
 namespace {

@@ -6,8 +6,8 @@
 #include "perception/simd/isa.hpp"
 #include "perception/tsdf/label_kernel.hpp"
 #include "rt/memory/section.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace tests {
 namespace {

@@ -6,8 +6,8 @@
 #include "perception/tsdf/map_reader.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/memory/section.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace tests {
 namespace {

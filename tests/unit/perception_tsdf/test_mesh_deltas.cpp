@@ -11,8 +11,8 @@
 #include "perception/tsdf/mesh_deltas.hpp"
 #include "rt/hash.hpp"
 #include "rt/memory/section.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace tests {
 namespace {

@@ -3,9 +3,9 @@
 #include "perception/tsdf/map_reader.hpp"
 #include "perception/tsdf/patch_copy.hpp"
 #include "rt/memory/section.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/perception_tsdf/patch_sample.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace tests {
 namespace {

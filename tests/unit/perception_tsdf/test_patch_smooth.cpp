@@ -9,7 +9,7 @@
 #include "perception/tsdf/patch_smooth.hpp"
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
-#include "tests/support/rt_guard.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace tests {
 namespace {

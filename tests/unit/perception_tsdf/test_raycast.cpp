@@ -3,8 +3,8 @@
 #include "perception/raycast/raycast.hpp"
 #include "perception/tsdf/map_reader.hpp"
 #include "rt/memory/section.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace tests {
 namespace {

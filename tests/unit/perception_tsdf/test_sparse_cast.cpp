@@ -9,8 +9,8 @@
 #include "perception/raycast/sparse_cast.hpp"
 #include "perception/simd/isa.hpp"
 #include "rt/memory/section.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace tests {
 namespace {

@@ -1,6 +1,6 @@
 // A recorded run replays to the last bit whatever its timing was, in any order that its inputs allow;
 // and a recording that was changed in one bit does not.
-#include "tools/teletact/replay.hpp"
+#include "tools/host/replay.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -14,9 +14,9 @@
 #include <iterator>
 
 #include "config/fault_plan.hpp"
-#include "tools/teletact/calibrate.hpp"
-#include "tools/teletact/input_recorder.hpp"
-#include "tools/teletact/run_demo.hpp"
+#include "tools/host/calibrate.hpp"
+#include "tools/host/run_demo.hpp"
+#include "tools/record/input_recorder.hpp"
 
 namespace {
 

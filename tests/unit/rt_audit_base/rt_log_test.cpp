@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "rt/memory/section.hpp"
-#include "tests/support/rt_guard.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

@@ -13,7 +13,7 @@
 
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
-#include "tests/support/rt_guard.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

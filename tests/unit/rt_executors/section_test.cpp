@@ -10,7 +10,7 @@
 #include "rt/sched/admission.hpp"
 #include "rt/sched/real_executor.hpp"
 #include "rt/sched/virtual_executor.hpp"
-#include "tests/support/rt_guard.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

@@ -15,7 +15,7 @@
 
 #include "rt/random.hpp"
 #include "rt/sched/worker_pool.hpp"
-#include "tests/support/rt_guard.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

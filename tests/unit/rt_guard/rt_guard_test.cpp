@@ -1,5 +1,5 @@
 // The guard guards: what is done inside a section is counted, what is done outside is not.
-#include "tests/support/rt_guard.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 #include <gtest/gtest.h>
 #include <pthread.h>

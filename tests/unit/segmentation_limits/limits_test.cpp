@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <sstream>
 
-#include "tools/bench/table2/table2.hpp"
-#include "tools/bench/table2/touches.hpp"
+#include "tools/measure/bench/table2/table2.hpp"
+#include "tools/measure/bench/table2/touches.hpp"
 
 namespace teletact {
 namespace {

@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "rt/random.hpp"
-#include "tests/support/field_optimum.hpp"
-#include "tests/support/haptic_solids.hpp"
-#include "tools/stability/cases.hpp"
-#include "tools/stability/judges.hpp"
+#include "tools/measure/stability/cases.hpp"
+#include "tools/measure/stability/judges.hpp"
+#include "tools/measure/support/field_optimum.hpp"
+#include "tools/measure/support/haptic_solids.hpp"
 
 namespace {
 

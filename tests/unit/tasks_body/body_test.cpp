@@ -16,8 +16,8 @@
 #include "perception/tsdf/mesh.hpp"
 #include "rt/memory/section.hpp"
 #include "tasks/fusion/fusion_task.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/support/world_scene.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

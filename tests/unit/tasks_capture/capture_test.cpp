@@ -8,8 +8,8 @@
 
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/support/tsan_libraries.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

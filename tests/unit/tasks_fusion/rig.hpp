@@ -8,7 +8,7 @@
 #include "rt/memory/section.hpp"
 #include "tasks/fusion/fusion_task.hpp"
 #include "tests/support/analytic_scene.hpp"
-#include "tests/support/rt_guard.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace tests {
 

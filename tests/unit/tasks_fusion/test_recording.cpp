@@ -9,8 +9,8 @@
 #include "rt/hash.hpp"
 #include "rt/memory/section.hpp"
 #include "tasks/fusion/fusion_task.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/tasks_fusion/recording.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace tasks {
 namespace {

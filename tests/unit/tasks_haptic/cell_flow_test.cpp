@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "rt/random.hpp"
-#include "tests/support/field_optimum.hpp"
+#include "tools/measure/support/field_optimum.hpp"
 
 namespace {
 

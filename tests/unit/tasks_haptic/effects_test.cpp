@@ -7,9 +7,9 @@
 #include <memory>
 
 #include "rt/random.hpp"
-#include "tests/support/haptic_loops.hpp"
-#include "tests/support/haptic_rig.hpp"
-#include "tests/support/haptic_solids.hpp"
+#include "tools/measure/support/haptic_loops.hpp"
+#include "tools/measure/support/haptic_rig.hpp"
+#include "tools/measure/support/haptic_solids.hpp"
 
 namespace {
 

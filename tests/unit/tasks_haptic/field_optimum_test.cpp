@@ -1,5 +1,5 @@
 // The oracle of the hard cases against closed forms, and by random search.
-#include "tests/support/field_optimum.hpp"
+#include "tools/measure/support/field_optimum.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <functional>
 
 #include "rt/random.hpp"
-#include "tests/support/haptic_solids.hpp"
+#include "tools/measure/support/haptic_solids.hpp"
 
 namespace {
 

@@ -1,8 +1,8 @@
 // The floor that most tests of the haptic task press.
 #pragma once
 
-#include "tests/support/haptic_rig.hpp"
-#include "tests/support/haptic_solids.hpp"
+#include "tools/measure/support/haptic_rig.hpp"
+#include "tools/measure/support/haptic_solids.hpp"
 
 namespace rig {
 

@@ -5,9 +5,9 @@
 #include <time.h>
 
 #include "rt/random.hpp"
-#include "tests/support/haptic_rig.hpp"
-#include "tests/support/haptic_score.hpp"
-#include "tests/support/haptic_solids.hpp"
+#include "tools/measure/support/haptic_rig.hpp"
+#include "tools/measure/support/haptic_score.hpp"
+#include "tools/measure/support/haptic_solids.hpp"
 
 namespace {
 

@@ -1,8 +1,8 @@
 // Rules of the proxy beyond the hard cases (tests/stability).
 #include <gtest/gtest.h>
 
-#include "tests/support/haptic_rig.hpp"
-#include "tests/support/haptic_solids.hpp"
+#include "tools/measure/support/haptic_rig.hpp"
+#include "tools/measure/support/haptic_solids.hpp"
 
 namespace {
 

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <functional>
 
-#include "tests/support/haptic_score.hpp"
 #include "tests/unit/tasks_haptic/floor.hpp"
+#include "tools/measure/support/haptic_score.hpp"
 
 namespace {
 

@@ -7,11 +7,11 @@
 
 #include "rt/hash.hpp"
 #include "rt/random.hpp"
-#include "tests/support/haptic_rig.hpp"
-#include "tests/support/haptic_score.hpp"
-#include "tests/support/haptic_solids.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/tasks_haptic/floor.hpp"
+#include "tools/measure/support/haptic_rig.hpp"
+#include "tools/measure/support/haptic_score.hpp"
+#include "tools/measure/support/haptic_solids.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

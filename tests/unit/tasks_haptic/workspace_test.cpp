@@ -4,8 +4,8 @@
 #include <gtest/gtest.h>
 
 #include "rt/random.hpp"
-#include "tests/support/haptic_rig.hpp"
-#include "tests/support/haptic_solids.hpp"
+#include "tools/measure/support/haptic_rig.hpp"
+#include "tools/measure/support/haptic_solids.hpp"
 
 namespace {
 

@@ -12,8 +12,8 @@
 #include <thread>
 
 #include "rt/memory/section.hpp"
-#include "tests/support/rt_guard.hpp"
 #include "tests/unit/tasks_planning/grid_oracle.hpp"
+#include "tools/measure/support/rt_guard.hpp"
 
 namespace {
 

@@ -1,5 +1,5 @@
 // What a choice on one half of the data is worth on the other.
-#include "tools/accuracy/choice_study.hpp"
+#include "tools/measure/accuracy/choice_study.hpp"
 
 #include <gtest/gtest.h>
 

@@ -6,8 +6,8 @@
 
 #include "rt/memory/non_realtime.hpp"
 #include "rt/random.hpp"
-#include "tools/bench/fusion_feed.hpp"
-#include "tools/bench/fusion_sequence.hpp"
+#include "tools/record/fusion_feed.hpp"
+#include "tools/record/fusion_sequence.hpp"
 
 namespace teletact {
 namespace {

@@ -9,9 +9,9 @@
 #include <tuple>
 
 #include "tests/unit/tool_accuracy/ghost_volume.hpp"
-#include "tools/accuracy/fusion_study.hpp"
-#include "tools/accuracy/scenes.hpp"
-#include "tools/bench/drift.hpp"
+#include "tools/measure/accuracy/fusion_study.hpp"
+#include "tools/measure/bench/drift.hpp"
+#include "tools/record/scenes.hpp"
 
 namespace teletact {
 namespace {

@@ -9,10 +9,10 @@
 #include "perception/icp/tracker.hpp"
 #include "perception/raycast/raycast.hpp"
 #include "rt/random.hpp"
-#include "tools/accuracy/fusion_study.hpp"
-#include "tools/accuracy/scenes.hpp"
-#include "tools/bench/fusion_feed.hpp"
-#include "tools/bench/fusion_sequence.hpp"
+#include "tools/measure/accuracy/fusion_study.hpp"
+#include "tools/record/fusion_feed.hpp"
+#include "tools/record/fusion_sequence.hpp"
+#include "tools/record/scenes.hpp"
 
 namespace teletact {
 namespace {

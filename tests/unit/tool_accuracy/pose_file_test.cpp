@@ -1,5 +1,5 @@
 // Truth beside a recording is asked by stamp: files with another rate, another start and holes.
-#include "tools/bench/pose_file.hpp"
+#include "tools/files/pose_file.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 
 #include "rt/random.hpp"
 #include "tests/unit/drivers_camera/tum_folder.hpp"
-#include "tools/bench/fusion_feed.hpp"
-#include "tools/bench/fusion_sequence.hpp"
+#include "tools/record/fusion_feed.hpp"
+#include "tools/record/fusion_sequence.hpp"
 
 namespace teletact {
 namespace {

@@ -1,11 +1,11 @@
 // teletact accuracy recording, small: which images an order holds, and that a wrong claim and a lost frame are counted.
-#include "tools/accuracy/recording_study.hpp"
+#include "tools/measure/accuracy/recording_study.hpp"
 
 #include <gtest/gtest.h>
 
 #include <sstream>
 
-#include "tools/accuracy/scenes.hpp"
+#include "tools/record/scenes.hpp"
 
 namespace teletact {
 namespace {

@@ -1,5 +1,5 @@
 // The framework of the studies: fronts against brute force, what tables, metrics and plots hold.
-#include "tools/accuracy/study.hpp"
+#include "tools/measure/accuracy/study.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // The measures of a surface, against figures known beforehand.
-#include "tools/accuracy/surface_error.hpp"
+#include "tools/measure/accuracy/surface_error.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 
 #include "rt/random.hpp"
 #include "tests/unit/tool_accuracy/ghost_volume.hpp"
-#include "tools/bench/fusion_sequence.hpp"
+#include "tools/record/fusion_sequence.hpp"
 
 namespace teletact {
 namespace {

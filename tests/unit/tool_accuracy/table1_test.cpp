@@ -6,7 +6,7 @@
 #include <limits>
 #include <sstream>
 
-#include "tools/bench/table1.hpp"
+#include "tools/measure/bench/table1.hpp"
 
 namespace teletact {
 namespace {

@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include "rt/random.hpp"
-#include "tools/bench/table2/touches.hpp"
+#include "tools/measure/bench/table2/touches.hpp"
 
 namespace teletact {
 namespace {

@@ -6,9 +6,9 @@
 #include <limits>
 #include <sstream>
 
-#include "tools/accuracy/fusion_study.hpp"
-#include "tools/bench/drift.hpp"
-#include "tools/bench/fusion_peer.hpp"
+#include "tools/measure/accuracy/fusion_study.hpp"
+#include "tools/measure/bench/drift.hpp"
+#include "tools/measure/bench/fusion_peer.hpp"
 
 namespace teletact {
 namespace {

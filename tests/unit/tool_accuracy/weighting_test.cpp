@@ -1,5 +1,5 @@
 // teletact accuracy weighting, small: which runs there are, that a setting reaches the tracker, and what the watch is for.
-#include "tools/accuracy/weighting_study.hpp"
+#include "tools/measure/accuracy/weighting_study.hpp"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <memory>
 #include <sstream>
 
-#include "tools/accuracy/scenes.hpp"
+#include "tools/record/scenes.hpp"
 
 namespace teletact {
 namespace {

@@ -12,8 +12,8 @@
 
 #include "rt/audit/run_file.hpp"
 #include "rt/random.hpp"
+#include "tools/host/task_times.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/task_times.hpp"
 
 namespace {
 

@@ -8,17 +8,17 @@
 #include <set>
 #include <sstream>
 
-#include "tools/bench/audit_bench.hpp"
-#include "tools/bench/fuzz.hpp"
-#include "tools/bench/log_bench.hpp"
-#include "tools/bench/rings.hpp"
-#include "tools/bench/table1_instructions.hpp"
-#include "tools/bench/table2/table2.hpp"
-#include "tools/bench/table2/touches.hpp"
-#include "tools/bench/wakeup.hpp"
-#include "tools/haptic/bench_haptic.hpp"
-#include "tools/haptic/boundary.hpp"
-#include "tools/haptic/recording_touch.hpp"
+#include "tools/measure/bench/audit_bench.hpp"
+#include "tools/measure/bench/fuzz.hpp"
+#include "tools/measure/bench/log_bench.hpp"
+#include "tools/measure/bench/rings.hpp"
+#include "tools/measure/bench/table1_instructions.hpp"
+#include "tools/measure/bench/table2/table2.hpp"
+#include "tools/measure/bench/table2/touches.hpp"
+#include "tools/measure/bench/wakeup.hpp"
+#include "tools/measure/haptic/bench_haptic.hpp"
+#include "tools/measure/haptic/boundary.hpp"
+#include "tools/measure/haptic/recording_touch.hpp"
 
 namespace teletact {
 namespace {

@@ -1,5 +1,5 @@
 // Calibration on stored input: the same input and the same work each time; which cached file is taken, and why not.
-#include "tools/teletact/calibrate.hpp"
+#include "tools/host/calibrate.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // The doctor on machines made of files: one that is fit, and each way to be less than that.
-#include "tools/teletact/doctor.hpp"
+#include "tools/doctor/doctor.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -11,11 +11,12 @@
 
 #include "rt/effect_count.hpp"
 #include "tests/unit/tasks_fusion/recording.hpp"
-#include "tools/teletact/calibrate.hpp"
-#include "tools/teletact/effect_catalogue.hpp"
-#include "tools/teletact/effect_costs.hpp"
-#include "tools/teletact/recording_setup.hpp"
-#include "tools/teletact/run_demo.hpp"
+#include "tools/host/calibrate.hpp"
+#include "tools/host/effect_catalogue.hpp"
+#include "tools/host/effect_costs.hpp"
+#include "tools/host/run_demo.hpp"
+#include "tools/measure/effects.hpp"
+#include "tools/record/recording_setup.hpp"
 
 namespace teletact {
 namespace {

@@ -9,9 +9,9 @@
 #include <set>
 #include <sstream>
 
+#include "tools/host/effect_catalogue.hpp"
+#include "tools/host/effect_costs.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/effect_catalogue.hpp"
-#include "tools/teletact/effect_costs.hpp"
 
 namespace teletact {
 namespace {

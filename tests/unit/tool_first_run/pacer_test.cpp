@@ -1,5 +1,5 @@
 // Simulated time is never ahead of the real one, catches up a little, and forgives what is more.
-#include "tools/teletact/pacer.hpp"
+#include "tools/host/pacer.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,10 +1,10 @@
-#include "tools/teletact/rendered_truth.hpp"
+#include "tools/host/rendered_truth.hpp"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "tools/teletact/run_demo.hpp"
+#include "tools/host/run_demo.hpp"
 
 namespace {
 

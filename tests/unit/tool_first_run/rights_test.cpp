@@ -1,5 +1,5 @@
 // Which right is missing, on machines made of files, and what gives it.
-#include "tools/teletact/rights.hpp"
+#include "tools/doctor/rights.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

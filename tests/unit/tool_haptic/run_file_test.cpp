@@ -1,5 +1,5 @@
 // Haptic runs on disk: the same again to the last bit, the same hand through other methods, and damage.
-#include "tools/haptic/run_file.hpp"
+#include "tools/touch/tick_file.hpp"
 
 #include <gtest/gtest.h>
 

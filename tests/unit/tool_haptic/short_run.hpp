@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "tests/support/haptic_rig.hpp"
-#include "tests/support/haptic_solids.hpp"
-#include "tools/haptic/replay.hpp"
+#include "tools/measure/support/haptic_rig.hpp"
+#include "tools/measure/support/haptic_solids.hpp"
+#include "tools/touch/tick_replay.hpp"
 
 namespace tests {
 

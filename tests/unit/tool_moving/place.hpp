@@ -1,8 +1,8 @@
 // A sample made by hand: a box slides sideways before a wall, the camera at rest.
 #pragma once
 
-#include "tools/accuracy/moving_ghosts.hpp"
-#include "tools/accuracy/moving_study.hpp"
+#include "tools/measure/accuracy/moving_ghosts.hpp"
+#include "tools/measure/accuracy/moving_study.hpp"
 
 namespace moving_test {
 

@@ -1,4 +1,4 @@
-#include "tools/plot/svg.hpp"
+#include "tools/report/svg.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 
 #include "rt/random.hpp"
 #include "tests/support/xml_check.hpp"
-#include "tools/plot/canvas.hpp"
+#include "tools/report/canvas.hpp"
 
 namespace {
 

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "rt/random.hpp"
+#include "tools/files/csv.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/csv.hpp"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "tools/teletact/report.hpp"
+#include "tools/report/report.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 
 #include "rt/random.hpp"
 #include "tests/support/xml_check.hpp"
-#include "tools/teletact/whole_file.hpp"
+#include "tools/files/whole_file.hpp"
 
 namespace {
 

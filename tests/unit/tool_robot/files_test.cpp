@@ -8,7 +8,7 @@
 
 #include "config/schema.hpp"
 #include "tests/unit/tool_robot/drives.hpp"
-#include "tools/teletact/robot_files.hpp"
+#include "tools/robot/robot_files.hpp"
 
 namespace tests {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/teletact/run_results.hpp"
+#include "tools/host/run_results.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -9,8 +9,8 @@
 #include <iterator>
 
 #include "tasks/graph/table.hpp"
-#include "tools/teletact/run_demo.hpp"
-#include "tools/teletact/run_truth.hpp"
+#include "tools/host/run_demo.hpp"
+#include "tools/host/run_truth.hpp"
 
 namespace {
 

@@ -1,5 +1,5 @@
 // The virtual clock's link: the endpoints of the real one, moved in simulated time.
-#include "tools/teletact/sim_link.hpp"
+#include "tools/host/sim_link.hpp"
 
 #include <gtest/gtest.h>
 

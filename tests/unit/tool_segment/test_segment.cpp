@@ -10,7 +10,7 @@
 #include <sstream>
 
 #include "rt/random.hpp"
-#include "tools/images/image_files.hpp"
+#include "tools/files/image_files.hpp"
 #include "tools/teletact/commands.hpp"
 
 namespace {

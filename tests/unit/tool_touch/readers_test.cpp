@@ -3,9 +3,9 @@
 
 #include "rt/random.hpp"
 #include "tests/unit/tool_touch/touch_files.hpp"
-#include "tools/teletact/csv.hpp"
-#include "tools/teletact/npy.hpp"
-#include "tools/teletact/view_cast.hpp"
+#include "tools/files/csv.hpp"
+#include "tools/files/npy.hpp"
+#include "tools/touch/view_cast.hpp"
 
 namespace {
 

@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
+#include "tools/files/csv.hpp"
 #include "tools/teletact/commands.hpp"
-#include "tools/teletact/csv.hpp"
 
 namespace touch_files {
 

@@ -1,0 +1,81 @@
+#include "tools/cli/option_use.hpp"
+
+#include <stdexcept>
+
+namespace teletact {
+
+namespace {
+
+constexpr OptionUse kBench[] = {
+    {"--rounds", "rings, wakeup, effects"},
+    {"--slice", "wakeup"},
+    {"--effect", "effects"},
+    {"--write", "effects"},
+    {"--span", "effects"},
+    {"--rgbd", "table1, fusion, haptic --rgbd"},
+    {"--intrinsics", "table1, fusion, haptic --rgbd"},
+    {"--edges", "table1"},
+    {"--isa", "table1"},
+    {"--runs", "table1"},
+    {"--no-fixed-voxel", "table1"},
+    {"--instructions", "table1"},
+    {"--data", "table2, segmentation"},
+    {"--seed", "segmentation, fuzz, haptic --rgbd"},
+    {"--seconds", "fuzz"},
+    {"--reader", "fuzz"},
+    {"--jobs", "fuzz"},
+    {"--keep", "fuzz"},
+    {"--peer", "fusion"},
+    {"--no-synthetic", "fusion"},
+    {"--passes", "haptic"},
+    {"--no-instructions", "haptic"},
+    {"--runs-in", "haptic"},
+    {"--virtual-seconds", "haptic --rgbd"},
+    {"--paths", "haptic --rgbd"},
+    {"--first-place", "haptic --rgbd"},
+    {"--no-beside", "haptic --rgbd"},
+    {"--record", "haptic --rgbd"},
+    {"--rates", "boundary"},
+    {"--dampings", "boundary"},
+    {"--svg", "haptic --rgbd, boundary"},
+    {"--frames", "table1, fusion, drift"},
+    {"--voxel", "drift"},
+    {"--half-size", "drift"},
+};
+
+constexpr OptionUse kAccuracy[] = {
+    {"--rgbd", "fusion --rgbd, weighting --rgbd"},
+    {"--rgbd-frames", "fusion --rgbd, weighting --rgbd"},
+    {"--intrinsics", "fusion --rgbd, weighting --rgbd"},
+    {"--scenes", "fusion, fusion --rgbd, weighting, weighting --rgbd"},
+    {"--frames", "fusion, fusion --rgbd, weighting, weighting --rgbd"},
+    {"--voxels", "fusion, fusion --rgbd, weighting, weighting --rgbd"},
+    {"--samples", "weighting, weighting --rgbd"},
+    {"--data", "segmentation"},
+    {"--seed", "segmentation, weighting, weighting --rgbd"},
+};
+
+bool holds(const std::string& jobs, const std::string& job) {
+  return (", " + jobs + ",").find(", " + job + ",") != std::string::npos;
+}
+
+}  // namespace
+
+void check_use(const CLI::App& app, const std::string& job, std::span<const OptionUse> table) {
+  for (const OptionUse& use : table) {
+    if (app.count(use.option) == 0 || holds(use.jobs, job)) continue;
+    throw std::runtime_error(std::string(use.option) + " has no meaning with " + job +
+                             ": it is of " + use.jobs);
+  }
+}
+
+void check_bench_use(const CLI::App& app, const std::string& what, bool rgbd) {
+  check_use(app, what == "haptic" && rgbd ? "haptic --rgbd" : what, kBench);
+}
+
+void check_accuracy_use(const CLI::App& app, const std::string& what, bool rgbd) {
+  const bool of_images = what == "fusion" || what == "weighting";
+  check_use(app, of_images && rgbd ? what + " --rgbd" : what, kAccuracy);
+}
+
+}  // namespace teletact

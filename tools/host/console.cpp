@@ -1,0 +1,438 @@
+#include "tools/host/console.hpp"
+
+#include <spdlog/details/null_mutex.h>
+#include <spdlog/logger.h>
+#include <spdlog/sinks/base_sink.h>
+#include <spdlog/sinks/basic_file_sink.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <stdexcept>
+
+#include "perception/map_file/map_file.hpp"
+#include "perception/motion/motion_mask.hpp"
+#include "tools/files/whole_file.hpp"
+#include "tools/record/recording_setup.hpp"
+
+namespace teletact {
+
+using tasks::OperatorCells;
+
+namespace {
+
+class LineSink final : public spdlog::sinks::base_sink<spdlog::details::null_mutex> {
+ public:
+  explicit LineSink(TakeLine take) : take_(std::move(take)) {}
+
+ private:
+  void sink_it_(const spdlog::details::log_msg& m) override {
+    take_({m.payload.data(), m.payload.size()});
+  }
+  void flush_() override {}
+  TakeLine take_;
+};
+
+// The records carry their own time (box clock), so lines need no other.
+std::unique_ptr<rt::LogDrain> drain_to(rt::NonRealtime& nrt, tasks::TaskLogs& logs, rt::Box box,
+                                       const std::string& path, TakeLine also) {
+  auto sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(path, true);
+  auto logger = std::make_shared<spdlog::logger>("tasks", std::move(sink));
+  if (also) logger->sinks().push_back(std::make_shared<LineSink>(std::move(also)));
+  logger->set_pattern("%l %v");
+  logger->flush_on(spdlog::level::info);
+  auto drain = std::make_unique<rt::LogDrain>(nrt, logs.sites(), std::move(logger));
+  logs.attach(nrt, box, *drain);
+  return drain;
+}
+
+}  // namespace
+
+void OperatorConsole::log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also) {
+  log_ = drain_to(nrt, *box_.graph().cells().logs, rt::Box::kOperator, path, std::move(also));
+}
+void RobotConsole::log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also) {
+  log_ = drain_to(nrt, *box_.graph().cells().logs, rt::Box::kRobot, path, std::move(also));
+}
+
+OperatorConsole::OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time epoch)
+    : box_(box),
+      scene_(scene),
+      epoch_(epoch),
+      camera_width_px_(box.camera().width),
+      force_act_(box.person_simulated()),
+      touch_script_(box.hand(), reach_of(scene)) {
+  for (std::size_t i = 0; i < tasks::kLimitTable.size(); ++i) {
+    if (tasks::kLimitTable[i].reader == tasks::kConsole)
+      watches_.emplace_back(i, box.graph().config(), nullptr);
+  }
+}
+
+template <class View>
+void OperatorConsole::judge(const View& view, tasks::EdgeId edge, rt::Time now) {
+  for (auto& w : watches_) {
+    if (w.row().edge != edge) continue;
+    if (!w.within(view, now) && w.state() != tasks::LimitWatch::State::kGood)
+      seen_.beyond.push_back(tasks::kEdgeTable[static_cast<std::size_t>(edge)].name);
+  }
+}
+
+void OperatorConsole::drain(rt::Time now) {
+  using tasks::EdgeId;
+  auto& cells = box_.graph().cells();
+  seen_.beyond.clear();
+  tasks::HapticSample h;
+  while (cells.haptic_samples.try_pop(h)) {
+    force_act_.see(static_cast<drivers::DeviceState>(h.device_state), h.clutched);
+    seen_.haptic.push_back(h);
+  }
+  tasks::FusionSample f;
+  while (cells.fusion_samples.try_pop(f)) {
+    fusion_heard_ = f.stamp;
+    seen_.fusion.push_back(f);
+  }
+  const auto v = cells.view.acquire_if_new(OperatorCells::kViewConsole);
+  judge(v, EdgeId::kView, now);
+  if (v && v->seq != seen_.view->seq) {
+    *seen_.view = *v;
+    keep_what_moves();
+  }
+  const auto m = cells.cost_map.acquire_if_new(OperatorCells::kMapConsole);
+  judge(m, EdgeId::kCostMap, now);
+  if (m && m->seq != seen_.map->seq) {
+    *seen_.map = *m;
+    if (m->moving_count > seen_.moving_map->moving_count) *seen_.moving_map = *m;
+  }
+  const auto w = cells.odometry_frame.acquire_if_new(OperatorCells::kWorldConsole);
+  judge(w, EdgeId::kOdometryFrame, now);
+  if (w && w->seq != seen_.world.seq) {
+    // A job is a tenth of a second; where the console saw none, the next one counts for it.
+    if (w->unsure && seen_.world.seq != 0)
+      seen_.unsure_s += 0.1 * static_cast<double>(w->seq - seen_.world.seq);
+    if (w->follows_camera && w->known) seen_.error_max_m = std::max(seen_.error_max_m, w->error_m);
+    mind_held(*w);
+    seen_.world = *w;
+  }
+  const auto p = cells.path.acquire_if_new(OperatorCells::kPathConsole);
+  if (p && p->seq != 0 && p->size > 0) {
+    judge(p, EdgeId::kPath, now);
+    const bool known = std::any_of(seen_.paths.begin(), seen_.paths.end(),
+                                   [&](const auto& o) { return o.seq == p->seq; });
+    if (!known) seen_.paths.push_back(*p);
+  }
+  const auto t = cells.task.acquire_if_new(OperatorCells::kTaskConsole);
+  judge(t, EdgeId::kTask, now);
+  if (t) {
+    using Phase = tasks::TaskState::Phase;
+    if (t->phase == Phase::kArrived && seen_.task.phase != Phase::kArrived) {
+      if (seen_.arrivals++ == 0) seen_.first_arrival = t->stamp;
+      if (!seen_.paths.empty()) {
+        const auto& path = seen_.paths.back();
+        const auto& end = path.points[static_cast<std::size_t>(path.size - 1)];
+        seen_.arrived.push_back({t->stamp, path.seq, end[0], end[1], seen_.world.error_m});
+      }
+    }
+    seen_.task = *t;
+  }
+  const auto c = cells.camera_pose.acquire_if_new(OperatorCells::kCameraConsole);
+  judge(c, EdgeId::kCameraPose, now);
+  if (c) seen_.camera = *c;
+  const auto o = cells.objects.acquire_if_new(OperatorCells::kObjectsConsole);
+  judge(o, EdgeId::kObjects, now);
+  if (o) {
+    seen_.objects = *o;
+    for (std::int32_t i = 0; i < o->size; ++i) {
+      seen_.objects_named =
+          std::max(seen_.objects_named, o->entries[static_cast<std::size_t>(i)].serial);
+    }
+  }
+  const auto mode = cells.mode.acquire_if_new(OperatorCells::kModeConsole);
+  judge(mode, EdgeId::kMode, now);
+  if (mode) seen_.mode = *mode;
+  const auto robot = cells.robot_state.acquire_if_new(OperatorCells::kStateConsole);
+  judge(robot, EdgeId::kRobotState, now);
+  if (robot) seen_.robot = *robot;
+  judge(cells.hand.acquire_if_new(OperatorCells::kHandConsole), EdgeId::kHand, now);
+}
+
+void OperatorConsole::keep_what_moves() {
+  const auto& v = *seen_.view;
+  if (!v.masked) return;
+  const auto pixels = static_cast<std::ptrdiff_t>(v.intrinsics.width) *
+                      static_cast<std::ptrdiff_t>(v.intrinsics.height);
+  const auto moving = std::count(v.what.begin(), v.what.begin() + pixels,
+                                 static_cast<std::uint8_t>(perception::PixelOf::kMoving));
+  if (moving <= most_moving_px_) return;
+  most_moving_px_ = moving;
+  *seen_.moving_view = v;
+}
+
+// What the newest picture shows at a pixel, or so many of the picture's pixels beside it. False: nothing.
+bool OperatorConsole::surface_at(const std::array<double, 2>& pixel, int du, int dv,
+                                 perception::Vec3& p_W) const {
+  const auto& view = *seen_.view;
+  if (view.seq == 0) return false;
+  // Pixels are those of the depth image; the view shows every n-th of them.
+  const double step = camera_width_px_ / static_cast<double>(view.intrinsics.width);
+  const int u = static_cast<int>(pixel[0] / step) + du, v = static_cast<int>(pixel[1] / step) + dv;
+  if (u < 0 || v < 0 || u >= view.intrinsics.width || v >= view.intrinsics.height) return false;
+  const auto& q =
+      view.points[static_cast<std::size_t>(v) * static_cast<std::size_t>(view.intrinsics.width) +
+                  static_cast<std::size_t>(u)];
+  p_W = perception::Vec3(static_cast<double>(q.x), static_cast<double>(q.y),
+                         static_cast<double>(q.z));
+  return q.depth > 0;
+}
+
+// The person looks at the picture and puts the hand where they see the surface: the points of pixel
+// segments come from the newest view, shortly before the segment starts.
+void OperatorConsole::resolve_points(rt::Time now) {
+  auto& hand = box_.hand();
+  while (next_point_ < hand.size()) {
+    const auto& segment = hand.segment(next_point_);
+    if (segment.source != "pixel") {
+      ++next_point_;
+      continue;
+    }
+    const rt::Time start = epoch_ + hand.start(next_point_);
+    if (now + std::chrono::milliseconds{100} < start) return;
+    const auto& view = *seen_.view;
+    if (view.seq == 0) return;
+    perception::Vec3 p = perception::Vec3::Zero();
+    const auto point = [&](int du, int dv, perception::Vec3& out) {
+      return surface_at(segment.pixel, du, dv, out);
+    };
+    constexpr int kReach = 4;
+    perception::Vec3 l, r, t, b;
+    if (point(0, 0, p) && point(-kReach, 0, l) && point(kReach, 0, r) && point(0, -kReach, t) &&
+        point(0, kReach, b)) {
+      perception::Vec3 n = (r - l).cross(t - b);
+      if (n.norm() > 1e-9) {
+        n.normalize();
+        if (n.dot(view.X_WV.translation() - p) < 0) n = -n;
+        if (hand.set_point(next_point_, p, n)) ++seen_.points_resolved;
+      }
+    }
+    ++next_point_;
+  }
+}
+
+// Whatever has braked the device (its own watchdog, its button, make_safe()): forces want an act, which is counted.
+void OperatorConsole::mind_device(rt::Time now) {
+  if (!force_act_.due(now)) return;
+  box_.device().request_enable();
+  ++seen_.device_brakes;
+}
+
+// Engage is an act: it must be seen as "no" before it counts, and after a fault that has cleared the
+// person at the desk has to do it again.
+void OperatorConsole::engage(rt::Time now) {
+  using Engage = tasks::SupervisionTask::Engage;
+  const auto& script = scene_.operator_script;
+  const bool holding = seen_.mode.mode == tasks::Mode::kHold;
+  if (!holding)
+    held_since_ = rt::Time{};
+  else if (held_since_ == rt::Time{})
+    held_since_ = now;
+  const bool first = seen_.engages == 0 && rt::seconds(now - epoch_) >= script.engage_after_s;
+  const bool again = seen_.engages > 0 && script.re_engage_after_s > 0 && holding &&
+                     rt::seconds(now - held_since_) >= script.re_engage_after_s;
+  if (!engage_shown_ && holding && (first || again)) {
+    engage_shown_ = true;
+    ++seen_.engages;
+    held_since_ = now;
+  } else if (engage_shown_ && again) {
+    engage_shown_ = false;  // lift the finger: the next tick presses again
+  }
+  box_.graph().requests().engage.store(
+      static_cast<int>(engage_shown_ ? Engage::kYes : Engage::kNo));
+}
+
+// A safe stop, of this box or of the robot's, is cleared by an act of its own: a button that is pressed
+// for a while, so that the robot's motors and encoders have time to let go. Then comes the engage.
+void OperatorConsole::clear(rt::Time now) {
+  constexpr rt::Nanos kPress = std::chrono::milliseconds{500};
+  using tasks::Mode;
+  const double wait_s = scene_.operator_script.re_engage_after_s;
+  const bool stopped =
+      seen_.mode.mode == Mode::kSafeStop || static_cast<Mode>(seen_.robot.mode) == Mode::kSafeStop;
+  auto& button = box_.graph().requests().clear;
+  if (button.load()) {
+    if (now - pressed_since_ >= kPress) {
+      button.store(false);
+      stopped_since_ = rt::Time{};
+    }
+    return;
+  }
+  if (!stopped) {
+    stopped_since_ = rt::Time{};
+  } else if (stopped_since_ == rt::Time{}) {
+    stopped_since_ = now;
+  } else if (wait_s > 0 && rt::seconds(now - stopped_since_) >= wait_s) {
+    ++seen_.clears;
+    pressed_since_ = now;
+    button.store(true);
+  }
+}
+
+// Of a mesh nothing comes while nothing changes: that fusion lives is said by its samples, and what has come ages
+// until it is there, not after.
+void OperatorConsole::take_mesh(rt::Time now) {
+  auto& cells = box_.graph().cells();
+  if (cells.mesh == nullptr) return;
+  const auto delta = cells.mesh->acquire_if_new(OperatorCells::kMeshConsole);
+  if (!delta) return;
+  if (delta->seq != mesh_.seq()) mesh_lag_ = now - delta->exposure;
+  for (auto& w : watches_) {
+    if (w.row().edge == tasks::EdgeId::kMesh && !w.within(now, fusion_heard_, now - mesh_lag_))
+      seen_.beyond.push_back("mesh");
+  }
+  if (delta->seq == mesh_.seq() || !mesh_.take(*delta)) return;
+  if (edits_scene_) box_.graph().requests().mesh_taken.store(delta->seq);
+}
+
+// In the order of the script. One that does not fit, or whose pixel shows nothing yet, is asked again.
+void OperatorConsole::edit(rt::Time now) {
+  const auto& edits = scene_.operator_script.edits;
+  while (edits_scene_ && next_edit_ < edits.size()) {
+    const EditConfig& e = edits[next_edit_];
+    if (rt::seconds(now - epoch_) < e.at_s) return;
+    perception::Vec3 centre_W(e.position_m[0], e.position_m[1], e.position_m[2]);
+    if (e.source == "pixel" && !surface_at(e.pixel, 0, 0, centre_W)) return;
+    tasks::SceneEdit asked = e.edit(centre_W);
+    asked.seq = next_edit_ + 1;
+    asked.stamp = now;
+    if (!box_.graph().edit(asked)) return;
+    ++seen_.edits;
+    ++next_edit_;
+  }
+}
+
+void OperatorConsole::tick(rt::Time now) {
+  box_.graph().requests().console_ns.store(rt::ns_of(now));
+  drain(now);
+  take_mesh(now);
+  edit(now);
+  if (log_) {
+    log_->drain();
+    seen_.log_dropped = log_->dropped();
+  }
+  mind_device(now);
+  engage(now);
+  clear(now);
+  resolve_points(now);
+  if (touch_script_.asked()) {
+    touch_script_.tick(now - epoch_, *seen_.view, *seen_.map);
+    seen_.visits = touch_script_.visits();
+  }
+}
+
+std::string OperatorConsole::status_line(rt::Time now) const {
+  const char* modes[] = {"init", "hold", "engaged", "ramp down", "safe stop"};
+  const char* phases[] = {"idle", "planning", "driving", "arrived", "failed"};
+  const float force = seen_.haptic.empty() ? 0.0F : seen_.haptic.back().force_N;
+  const float reach = seen_.haptic.empty() ? 0.0F : seen_.haptic.back().reach;
+  const auto tracked = std::count_if(seen_.fusion.begin(), seen_.fusion.end(),
+                                     [](const auto& f) { return f.tracked; });
+  char moving[60] = "";
+  if (const auto& map = *seen_.map; map.moving_count > 0)
+    std::snprintf(moving, sizeof moving, "  MOVES: %.2f m2 of the ground",
+                  map.moving_count * map.resolution * map.resolution);
+  std::string old;
+  const std::string why = stands();
+  for (const auto edge : seen_.beyond) old += (old.empty() ? "  OLD: " : ", ") + std::string(edge);
+  const auto X_WB =
+      perception::compose({seen_.world.X_WO[0], seen_.world.X_WO[1], seen_.world.X_WO[2]},
+                          {seen_.robot.x_m, seen_.robot.y_m, seen_.robot.yaw_rad});
+  char sure[60] = "";
+  if (seen_.world.follows_camera && seen_.world.known)
+    std::snprintf(sure, sizeof sure, " +- %.3f m%s", seen_.world.error_m,
+                  seen_.world.unsure ? "  STANDS: where it is, is not sure enough" : "");
+  else if (seen_.world.follows_camera)
+    std::snprintf(sure, sizeof sure, "  where it is, is not known yet");
+  char line[640];
+  std::snprintf(line, sizeof line,
+                "%5.1f s  %-9s  force %5.2f N  reach %3.0f %%  frames %4ld  marks %u  paths %u  "
+                "%-8s  robot (%.2f, %.2f) m%s%s%s%s%s",
+                rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
+                static_cast<double>(force), 100 * static_cast<double>(reach),
+                static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
+                phases[static_cast<int>(seen_.task.phase)], X_WB.x, X_WB.y, sure, why.c_str(),
+                moving, force_act_.waits() ? "  forces off: press the clutch and let go" : "",
+                old.c_str());
+  return line;
+}
+
+OperatorView OperatorConsole::copy() const {
+  OperatorView v;
+  v.haptic = seen_.haptic;
+  v.fusion = seen_.fusion;
+  v.paths = seen_.paths;
+  v.task = seen_.task;
+  v.camera = seen_.camera;
+  v.objects = seen_.objects;
+  v.objects_named = seen_.objects_named;
+  v.mode = seen_.mode;
+  v.robot = seen_.robot;
+  *v.view = *seen_.view;
+  *v.map = *seen_.map;
+  *v.moving_view = *seen_.moving_view;
+  *v.moving_map = *seen_.moving_map;
+  v.world = seen_.world;
+  v.error_max_m = seen_.error_max_m;
+  v.unsure_s = seen_.unsure_s;
+  v.held_s = seen_.held_s;
+  v.held = seen_.held;
+  v.held_ms = seen_.held_ms;
+  v.held_limit_ms = seen_.held_limit_ms;
+  v.arrived = seen_.arrived;
+  v.arrivals = seen_.arrivals;
+  v.first_arrival = seen_.first_arrival;
+  v.points_resolved = seen_.points_resolved;
+  v.visits = seen_.visits;
+  v.device_brakes = seen_.device_brakes;
+  v.engages = seen_.engages;
+  v.clears = seen_.clears;
+  v.edits = seen_.edits;
+  v.beyond = seen_.beyond;
+  v.log_dropped = seen_.log_dropped;
+  return v;
+}
+
+void save_scene(rt::NonRealtime& nrt, const OperatorConsole& console,
+                const tasks::FusionTask& fusion, const std::string& folder,
+                const std::string& map_file) {
+  if (fusion.config().mesh_blocks > 0 && !folder.empty()) {
+    const auto ok = perception::write_ply(nrt, folder + "/scene.ply", console.mesh().mesh());
+    if (!ok) throw std::runtime_error(ok.error());
+  }
+  if (!map_file.empty())
+    write_whole_file(map_file, perception::encode_map(nrt, fusion.map(), fusion.keyframes()));
+}
+
+RobotConsole::RobotConsole(RobotBox& box)
+    : box_(box),
+      mode_in_(tasks::limit_row(tasks::EdgeId::kRobotMode, tasks::kConsole), box.graph().config(),
+               nullptr) {}
+
+void RobotConsole::tick(rt::Time now) {
+  if (log_) {
+    log_->drain();
+    seen_.log_dropped = log_->dropped();
+  }
+  tasks::RobotSample r;
+  auto& cells = box_.graph().cells();
+  while (cells.robot_samples.try_pop(r)) {
+    seen_.robot.push_back(r);
+    seen_.tracking_error_max_m =
+        std::max(seen_.tracking_error_max_m, static_cast<double>(r.tracking_error_m));
+  }
+  const auto m = cells.mode.acquire_if_new(tasks::RobotCells::kModeConsole);
+  seen_.mode_beyond = m && !mode_in_.within(m, now);
+  if (m) seen_.mode = *m;
+  drivers::PoseHistory::Sample s;
+  if (box_.bus().history().newest(s)) {
+    seen_.truth.push_back({s.time, s.X_WB.x, s.X_WB.y, s.X_WB.yaw, s.path_m, s.collisions});
+  }
+}
+
+}  // namespace teletact

@@ -1,0 +1,106 @@
+#include "tools/host/host_admission.hpp"
+
+#include <cstdio>
+
+#include "tasks/graph/calibration.hpp"
+#include "tasks/graph/frame_phase.hpp"
+
+namespace teletact {
+
+namespace {
+
+bool names(const config::Section& s, const std::string& section, const std::string& key) {
+  for (const auto& f : s.fields()) {
+    const auto* sub = std::get_if<std::unique_ptr<config::Section>>(&f->value);
+    if (f->key != section || sub == nullptr) continue;
+    const std::size_t dot = key.find('.');
+    return dot == std::string::npos ? (*sub)->named(key)
+                                    : names(**sub, key.substr(0, dot), key.substr(dot + 1));
+  }
+  return false;
+}
+
+// What a refusal says beside its figures.
+std::string ray_cast_text(const tasks::Calibration& given, std::int64_t job_us) {
+  const std::string asks = "; haptic.method = \"force_shading\" ";
+  if (given.ray_cast) return asks + "is in what was measured of fusion and haptic";
+  char text[120];
+  std::snprintf(text, sizeof text,
+                "adds %.1f ms to a job of fusion and %.2f ms to a tick of haptic",
+                1e-3 * static_cast<double>(job_us), 1e-3 * tasks::kReduction_us);
+  return asks + text;
+}
+
+}  // namespace
+
+std::int64_t ray_cast_us(const Scene& scene) {
+  if (!scene.graph.haptic.asks_for_ray_cast()) return 0;
+  const std::int64_t parts = scene.graph.fusion.surface_periods;
+  return (tasks::kRayCast_us + parts - 1) / parts;
+}
+
+tasks::ChoiceLimits choice_limits(const Scene& scene) {
+  tasks::ChoiceLimits limits;
+  const auto& fusion = scene.graph.fusion;
+  if (names(scene.schema, "fusion", "tsdf.voxel_size_m"))
+    limits.named_voxel_m = fusion.tsdf.voxel_size_m;
+  limits.patch_nodes = fusion.patch_nodes;
+  limits.needed_half_extent_m = tasks::FusionTask::needed_half_extent(
+      scene.device.speed_limit_m_per_s, scene.graph.haptic.scale);
+  limits.ray_cast_us = ray_cast_us(scene);
+  return limits;
+}
+
+HostPlan admit_host(const Scene& scene, const tasks::Calibration& given,
+                    const std::vector<int>& cpus, const tasks::BestEffortShares& shares,
+                    const std::string& only_choice) {
+  HostPlan plan;
+  const tasks::ChoiceLimits limits = choice_limits(scene);
+  const tasks::Calibration calibration = tasks::with_ray_cast(given, limits.ray_cast_us);
+  std::vector<rt::TaskSpec> specs = tasks::make_specs(calibration, limits);
+  for (rt::TaskSpec& s : specs) {
+    for (rt::StaticChoice& c : s.choices) {
+      if (!only_choice.empty() && c.name != only_choice) c.ruled_out = "not the one being measured";
+    }
+  }
+  plan.request = tasks::make_request(specs, cpus, shares, scene.graph.pool, calibration);
+  plan.admission = rt::admit(plan.request);
+  plan.refusal = plan.admission.refusal;
+  if (!plan.refusal.empty() && limits.ray_cast_us > 0)
+    plan.refusal += ray_cast_text(given, limits.ray_cast_us);
+  if (!plan.admission.admitted) return plan;
+  plan.specs = rt::settled_as(plan.admission, specs);
+  tasks::set_fusion_phase(plan.specs, plan.admission, calibration, scene.link.shape);
+  plan.workers = rt::settled_as(plan.admission, plan.request.tasks);
+  plan.workers.erase(plan.workers.begin(),
+                     plan.workers.begin() + static_cast<std::ptrdiff_t>(plan.specs.size()));
+  for (rt::TaskSpec& w : plan.workers)
+    w.offset = plan.specs[tasks::index_of(tasks::TaskId::kFusion)].offset;
+  plan.voxel_m = tasks::chosen_voxel_m(plan.specs[tasks::index_of(tasks::TaskId::kFusion)], limits);
+  plan.modes = rt::analyse_modes(plan.request, plan.admission,
+                                 tasks::mode_sets(plan.request, plan.admission));
+  plan.refusal = plan.modes.refusal;
+  plan.held = rt::largest_of(plan.request, plan.admission, plan.modes);
+  plan.held_rows = rt::admit(plan.held);
+  if (plan.refusal.empty() && !plan.held_rows.admitted)
+    plan.refusal = "modes that exclude each other: " + plan.held_rows.refusal;
+  return plan;
+}
+
+std::string admission_text(const HostPlan& plan) {
+  return rt::report_table(plan.admission) + rt::mode_report(plan.modes);
+}
+
+rt::PlacedTask placed_task(const HostPlan& plan, std::size_t task) {
+  const rt::AdmittedTask& row = plan.admission.tasks[task];
+  rt::PlacedTask p;
+  p.spec = task < plan.specs.size() ? plan.specs[task] : plan.workers[task - plan.specs.size()];
+  p.id = static_cast<std::uint16_t>(task);
+  p.core = row.cpu;
+  p.priority = row.priority;
+  p.level = row.level;
+  p.last_level = row.last_level;
+  return p;
+}
+
+}  // namespace teletact

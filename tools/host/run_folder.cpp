@@ -1,0 +1,97 @@
+#include "tools/host/run_folder.hpp"
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <stdexcept>
+#include <string_view>
+#include <vector>
+
+#include "tools/cli/options.hpp"
+#include "tools/files/whole_file.hpp"
+
+namespace teletact {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::string_view kMarkText =
+    "Files of a run of teletact demo. The next run with this --report replaces them.\n"
+    "It refuses to when anything else is in this folder.\n";
+
+// Behind "operator" or "robot".
+constexpr std::array<std::string_view, 7> kOfABox{".log",     ".run",    ".view",    ".view.tmp",
+                                                  ".effects", ".inputs", ".blackbox"};
+// Names that others could choose as well.
+constexpr std::array<std::string_view, 9> kOfARun{"scene.toml", "faults.toml", "scene.ply",
+                                                  "link.cut",   "notes",       "not_realtime",
+                                                  "pids",       "robot.port",  "robot.port.tmp"};
+
+bool take(std::string_view& text, std::string_view head) {
+  if (text.substr(0, head.size()) != head) return false;
+  text.remove_prefix(head.size());
+  return true;
+}
+
+bool all_digits(std::string_view text) {
+  return !text.empty() && text.find_first_not_of("0123456789") == std::string_view::npos;
+}
+
+template <class Names>
+bool one_of(const Names& names, std::string_view name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+bool of_a_box(std::string_view name) {
+  if (!take(name, "operator") && !take(name, "robot")) return false;
+  if (one_of(kOfABox, name)) return true;
+  if (!take(name, ".stop")) return false;  // the copy of a stop: .stop<n>.blackbox
+  const auto dot = name.find('.');
+  return dot != std::string_view::npos && all_digits(name.substr(0, dot)) &&
+         name.substr(dot) == ".blackbox";
+}
+
+bool of_a_run(std::string_view name) {
+  // What a run that was killed while it wrote its mesh left beside it.
+  return one_of(kOfARun, name) || (take(name, "scene.ply.tmp") && all_digits(name));
+}
+
+// Names of all that is in the folder. Throws unless all of it is a run's.
+std::vector<std::string> files_of_a_run(const std::string& folder) {
+  std::vector<std::string> names;
+  std::string foreign;
+  bool is_runs = false;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename();
+    const bool known = name == kRunFolderMark || of_a_box(name) || of_a_run(name);
+    // A folder or a link under a known name is nothing that a run makes.
+    if (!known || !fs::is_regular_file(entry.symlink_status()))
+      foreign = foreign.empty() ? name : std::min(foreign, name);
+    is_runs = is_runs || name == kRunFolderMark || of_a_box(name);
+    names.push_back(name);
+  }
+  if (foreign.empty() && !is_runs && !names.empty())
+    foreign = *std::min_element(names.begin(), names.end());
+  if (!foreign.empty())
+    throw std::runtime_error("--report: " + folder + " holds " + foreign +
+                             ", which no run wrote: take it away, or choose another folder");
+  return names;
+}
+
+}  // namespace
+
+void make_run_folder(const std::string& report) {
+  const std::string folder = report + "/raw";
+  make_output_folder("--report", folder);
+  (void)files_of_a_run(folder);
+  write_whole_file(folder + "/" + kRunFolderMark, std::string(kMarkText));
+}
+
+void clear_run_folder(const std::string& folder) {
+  for (const auto& name : files_of_a_run(folder)) {
+    if (name != kRunFolderMark) fs::remove(folder + "/" + name);
+  }
+}
+
+}  // namespace teletact

@@ -1,0 +1,158 @@
+#include "tools/host/run_real.hpp"
+
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <fstream>
+#include <stdexcept>
+
+#include "config/fault_plan.hpp"
+#include "drivers/world/world.hpp"
+#include "tasks/graph/edge_faults.hpp"
+#include "tools/host/box_process.hpp"
+#include "tools/host/run_folder.hpp"
+#include "tools/record/black_box.hpp"
+#include "tools/record/input_recorder.hpp"
+
+namespace teletact {
+
+std::atomic<bool> g_stop_requested{false};
+std::atomic<std::int64_t> g_stop_asked_ns{0};
+std::atomic<std::atomic<bool>*> g_ramp_down{nullptr};
+
+namespace {
+
+static_assert(std::atomic<std::int64_t>::is_always_lock_free &&
+                  std::atomic<std::atomic<bool>*>::is_always_lock_free,
+              "a signal handler may not wait");
+void on_signal(int) {
+  std::int64_t never = 0;
+  g_stop_asked_ns.compare_exchange_strong(never, rt::monotonic_ns());
+  if (auto* request = g_ramp_down.load()) request->store(true);
+  g_stop_requested.store(true);
+}
+
+struct Child {
+  const char* name;
+  pid_t pid = 0;
+  bool running = true;
+};
+
+// What a child's end means for the run; empty for an orderly end.
+std::string verdict(const Child& c, int status) {
+  if (WIFSIGNALED(status)) {
+    return std::string("the ") + c.name + " process was killed by signal " +
+           std::to_string(WTERMSIG(status));
+  }
+  const int code = WEXITSTATUS(status);
+  if (code == 0) return {};
+  return std::string("the ") + c.name + " process ended with code " + std::to_string(code) +
+         (code == 3   ? " (could not start)"
+          : code == 4 ? " (a task hung and was made safe)"
+                      : "");
+}
+
+}  // namespace
+
+void catch_signals() {
+  struct sigaction action {};
+  action.sa_handler = on_signal;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+RealRun run_real(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
+                 const tasks::Calibration& calibration) {
+  RealRun run;
+  BoxPlan plan;
+  plan.calibration = tasks::with_ray_cast(calibration, ray_cast_us(scene));
+  const auto cpus = rt::affinity_cpus();
+  // The camera's twin renders on an ordinary thread; a recording needs none.
+  tasks::BestEffortShares shares;
+  shares.camera_twin = scene.rgbd_dir.empty() ? 0.30 : 0.0;
+  plan.host = admit_host(scene, calibration, cpus, shares);
+  run.admission = plan.host.admission;
+  run.modes = plan.host.modes;
+  run.best_effort = plan.host.request.best_effort;
+  if (!plan.host.refusal.empty()) throw CouldNotStart("admission: " + plan.host.refusal);
+  scene.graph.fusion.tsdf.voxel_size_m = plan.host.voxel_m;
+  try {
+    check_room(plan);  // before anything of an earlier run is touched
+  } catch (const std::runtime_error& e) {
+    throw CouldNotStart(e.what());
+  }
+  if (!options.quiet) std::printf("%s\n", admission_text(plan.host).c_str());
+  if (!options.fault_plan.empty()) {
+    auto loaded = config::load_fault_plan(options.fault_plan);
+    if (!loaded) throw std::runtime_error(loaded.error());
+    if (auto good = tasks::check_faults(loaded.value()); !good)
+      throw std::runtime_error(options.fault_plan + ": " + good.error());
+    plan.faults = std::move(loaded).value();
+    plan.planned = true;
+  }
+  plan.folder = options.report + "/raw";
+  clear_run_folder(plan.folder);
+  if (options.record) save_setup(plan.folder, scene, options.fault_plan);
+  // Time to build both boxes and shake hands; a recording is decoded whole before that.
+  const std::int64_t lead = scene.rgbd_dir.empty() ? 3000000000 : 12000000000;
+  plan.epoch_host_ns = rt::monotonic_ns() + lead;
+
+  catch_signals();
+  std::fflush(stdout);
+  Child children[2] = {{"operator"}, {"robot"}};
+  for (Child& c : children) {
+    c.pid = ::fork();
+    if (c.pid < 0) throw std::runtime_error("fork failed");
+    if (c.pid == 0) {
+      ::prctl(PR_SET_PDEATHSIG, SIGTERM);  // without a parent there is no report: ramp down
+      const bool op = &c == &children[0];
+      const int code = op ? run_operator_process(nrt, scene, options, plan)
+                          : run_robot_process(nrt, scene, options, plan);
+      std::fflush(stdout);
+      ::_exit(code);
+    }
+  }
+  {
+    std::ofstream pids(plan.folder + "/pids");
+    pids << children[0].pid << ' ' << children[1].pid << '\n';
+  }
+  bool forwarded = false;
+  std::int64_t end_by = 0;  // once one child is gone the other gets a second to be safe, then ends
+  while (children[0].running || children[1].running) {
+    for (Child& c : children) {
+      int status = 0;
+      if (c.running && ::waitpid(c.pid, &status, WNOHANG) == c.pid) {
+        c.running = false;
+        const std::string what = verdict(c, status);
+        if (!what.empty()) {
+          run.problems.push_back(what);
+          std::fprintf(stderr, "teletact: %s\n", what.c_str());
+          end_by = rt::monotonic_ns() + 1000000000;
+        }
+      }
+    }
+    if ((g_stop_requested.load() || (end_by != 0 && rt::monotonic_ns() > end_by)) && !forwarded) {
+      forwarded = true;
+      for (const Child& c : children) {
+        if (c.running) ::kill(c.pid, SIGTERM);
+      }
+    }
+    ::usleep(5000);
+  }
+  say_black_boxes(plan.folder);
+  load_half(plan.folder, run.op);
+  run.effects = load_effects(plan.folder);
+  load_half(plan.folder, run.robot);
+  std::ifstream missing(plan.folder + "/not_realtime");
+  for (std::string line; std::getline(missing, line);) run.op.log.not_realtime.push_back(line);
+  std::ifstream notes(plan.folder + "/notes");
+  for (std::string line; std::getline(notes, line);) {
+    if (run.notes.empty()) run.notes.push_back(line);  // both boxes say the same
+  }
+  return run;
+}
+
+}  // namespace teletact

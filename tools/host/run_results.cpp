@@ -1,0 +1,511 @@
+#include "tools/host/run_results.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <type_traits>
+
+#include "rt/audit/histogram.hpp"
+#include "rt/audit/run_file.hpp"
+#include "tasks/graph/table.hpp"
+#include "tools/host/run_truth.hpp"
+#include "tools/host/task_times.hpp"
+
+namespace teletact {
+
+namespace {
+
+// Plain records in and out. The file is read by the build that wrote it, on the same host.
+struct Saver {
+  std::ofstream out;
+  template <class T>
+  void one(const T& v) {
+    out.write(reinterpret_cast<const char*>(&v), sizeof v);
+  }
+  template <class T>
+  void many(const std::vector<T>& v) {
+    one(static_cast<std::uint64_t>(v.size()));
+    out.write(reinterpret_cast<const char*>(v.data()),
+              static_cast<std::streamsize>(v.size() * sizeof(T)));
+  }
+};
+
+struct Loader {
+  std::ifstream in;
+  template <class T>
+  bool one(T& v) {
+    return static_cast<bool>(in.read(reinterpret_cast<char*>(&v), sizeof v));
+  }
+  template <class T>
+  bool many(std::vector<T>& v) {
+    std::uint64_t n = 0;
+    if (!one(n) || n > (1ULL << 28U)) return false;
+    v.resize(n);
+    return static_cast<bool>(
+        in.read(reinterpret_cast<char*>(v.data()), static_cast<std::streamsize>(n * sizeof(T))));
+  }
+};
+
+template <class Body>
+void save_whole(const std::string& path, const Body& body) {
+  {
+    Saver s{std::ofstream(path + ".tmp", std::ios::binary)};
+    body(s);
+  }
+  std::rename((path + ".tmp").c_str(), path.c_str());
+}
+
+double quantile(std::vector<double> v, double q) {
+  if (v.empty()) return 0;
+  const auto i = static_cast<std::size_t>(q * static_cast<double>(v.size() - 1) + 0.5);
+  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(i), v.end());
+  return v[i];
+}
+
+std::vector<double> cpu_us(const rt::TaskLog& task) {
+  std::vector<double> v;
+  for (const auto& j : task.jobs) v.push_back(static_cast<double>(j.cpu_ns) * 1e-3);
+  return v;
+}
+
+// Frames that fusion took, and frames that a newer one had replaced before fusion looked: the numbers
+// of the frames that its jobs used tell both.
+std::pair<std::uint64_t, std::uint64_t> frames_seen(const rt::TaskLog& fusion) {
+  std::uint64_t newest = 0, seen = 0;
+  for (const auto& j : fusion.jobs) {
+    if (j.input_seq[0] > newest) ++seen, newest = j.input_seq[0];
+  }
+  return {seen, newest - std::min(newest, seen)};
+}
+
+constexpr double kLateShareLimit = 0.05;
+
+bool real_time(const OperatorHalf& op, const RobotHalf& robot) {
+  return op.log.not_realtime.empty() && robot.log.not_realtime.empty();
+}
+
+const rt::TaskLog* task_of(const OperatorHalf& op, const RobotHalf& robot, tasks::TaskId id) {
+  for (const auto* log : {&op.log, &robot.log}) {
+    for (const auto& t : log->tasks) {
+      if (t.id == static_cast<std::uint16_t>(id)) return &t;
+    }
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+void save_half(const std::string& folder, const OperatorHalf& h) {
+  save_whole(folder + "/operator.view", [&](Saver& s) {
+    s.one(h.epoch_ns);
+    s.many(h.view.haptic);
+    s.many(h.view.fusion);
+    s.many(h.view.paths);
+    s.one(h.view.task);
+    s.one(h.view.camera);
+    s.one(h.view.objects);
+    s.one(h.view.objects_named);
+    s.one(h.view.mode);
+    s.one(h.view.robot);
+    s.one(h.view.world);
+    s.one(h.view.error_max_m);
+    s.one(h.view.unsure_s);
+    s.one(h.view.held_s);
+    s.one(h.view.held);
+    s.one(h.view.held_ms);
+    s.one(h.view.held_limit_ms);
+    s.many(h.view.arrived);
+    s.one(h.view.arrivals);
+    s.one(h.view.first_arrival);
+    s.one(h.view.points_resolved);
+    s.many(h.view.visits);
+    s.one(h.view.device_brakes);
+    s.one(h.view.engages);
+    s.one(h.view.clears);
+    s.one(h.view.edits);
+    s.one(h.view.log_dropped);
+    s.one(*h.view.view);
+    s.one(*h.view.map);
+    s.one(*h.view.moving_view);
+    s.one(*h.view.moving_map);
+    s.many(h.totals);
+    s.one(h.dropped_records);
+    s.one(h.hangs);
+    s.one(h.link_round_trip_ns);
+    s.one(h.link_uncertainty_ns);
+    s.one(h.force_check);
+    s.one(h.ordinary);
+    s.one(h.complete);
+  });
+}
+
+void load_half(const std::string& folder, OperatorHalf& h) {
+  Loader l{std::ifstream(folder + "/operator.view", std::ios::binary)};
+  h.complete = false;
+  (void)(l.one(h.epoch_ns) && l.many(h.view.haptic) && l.many(h.view.fusion) &&
+         l.many(h.view.paths) && l.one(h.view.task) && l.one(h.view.camera) &&
+         l.one(h.view.objects) && l.one(h.view.objects_named) && l.one(h.view.mode) &&
+         l.one(h.view.robot) && l.one(h.view.world) && l.one(h.view.error_max_m) &&
+         l.one(h.view.unsure_s) && l.one(h.view.held_s) && l.one(h.view.held) &&
+         l.one(h.view.held_ms) && l.one(h.view.held_limit_ms) && l.many(h.view.arrived) &&
+         l.one(h.view.arrivals) && l.one(h.view.first_arrival) && l.one(h.view.points_resolved) &&
+         l.many(h.view.visits) && l.one(h.view.device_brakes) && l.one(h.view.engages) &&
+         l.one(h.view.clears) && l.one(h.view.edits) && l.one(h.view.log_dropped) &&
+         l.one(*h.view.view) && l.one(*h.view.map) && l.one(*h.view.moving_view) &&
+         l.one(*h.view.moving_map) && l.many(h.totals) && l.one(h.dropped_records) &&
+         l.one(h.hangs) && l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) &&
+         l.one(h.force_check) && l.one(h.ordinary) && l.one(h.complete));
+  if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();
+}
+
+void save_half(const std::string& folder, const RobotHalf& h) {
+  save_whole(folder + "/robot.view", [&](Saver& s) {
+    s.one(h.epoch_ns);
+    s.many(h.view.robot);
+    s.many(h.view.truth);
+    s.one(h.view.tracking_error_max_m);
+    s.one(h.view.mode);
+    s.one(h.view.log_dropped);
+    s.many(h.totals);
+    s.one(h.camera_twin_cpu_ns);
+    s.one(h.ordinary);
+    s.one(h.dropped_records);
+    s.one(h.hangs);
+    s.one(h.complete);
+  });
+}
+
+void load_half(const std::string& folder, RobotHalf& h) {
+  Loader l{std::ifstream(folder + "/robot.view", std::ios::binary)};
+  h.complete = false;
+  (void)(l.one(h.epoch_ns) && l.many(h.view.robot) && l.many(h.view.truth) &&
+         l.one(h.view.tracking_error_max_m) && l.one(h.view.mode) && l.one(h.view.log_dropped) &&
+         l.many(h.totals) && l.one(h.camera_twin_cpu_ns) && l.one(h.ordinary) &&
+         l.one(h.dropped_records) && l.one(h.hangs) && l.one(h.complete));
+  if (auto log = rt::read_run_file(folder + "/robot.run")) h.log = std::move(log).value();
+}
+
+void save_effects(const std::string& folder, const std::string& box, const Effects& effects) {
+  std::ofstream out(folder + "/" + box + ".effects");
+  for (const auto& [name, key] : effects) out << name << '\t' << key << '\n';
+}
+
+Effects load_effects(const std::string& folder) {
+  Effects all;
+  for (const char* box : {"operator", "robot"}) {
+    std::ifstream in(folder + "/" + box + ".effects");
+    for (std::string line; std::getline(in, line);) {
+      const auto tab = line.find('\t');
+      if (tab != std::string::npos) all.emplace_back(line.substr(0, tab), line.substr(tab + 1));
+    }
+  }
+  return all;
+}
+
+namespace {
+
+void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
+  const rt::TaskLog* task = task_of(op, robot, tasks::TaskId::kHaptic);
+  if (task != nullptr) {
+    const rt::TaskBlame b = rt::blame(op.log, *task);
+    rt::TaskTotals totals{b.completed, 0, b.aborted, b.skipped, 0};
+    for (const auto& t : op.totals) {
+      if (t.task == task->id) totals = t.totals;
+    }
+    const auto miss = [&](rt::Cause c) {
+      return static_cast<double>(b.misses[static_cast<std::size_t>(c)]);
+    };
+    // Releases dropped after the last recorded job have no record to blame them on.
+    const std::uint64_t tail = totals.skipped > b.skipped ? totals.skipped - b.skipped : 0;
+    m.add("haptic.releases",
+          static_cast<double>(totals.completed + totals.aborted + totals.skipped), "1");
+    m.add("haptic.completed", static_cast<double>(totals.completed), "1");
+    m.add("haptic.skipped", static_cast<double>(totals.skipped), "1");
+    m.add("haptic.aborted", static_cast<double>(totals.aborted), "1");
+    m.add("haptic.miss_total", static_cast<double>(b.miss_total + tail), "1");
+    m.add("haptic.miss_own", miss(rt::Cause::kOwn), "1");
+    m.add("haptic.miss_platform", miss(rt::Cause::kPlatform), "1");
+    m.add("haptic.miss_charged", miss(rt::Cause::kCharged), "1");
+    m.add("haptic.miss_queued", miss(rt::Cause::kQueued), "1");
+    m.add("haptic.miss_carried", miss(rt::Cause::kCarried), "1");
+    m.add("haptic.miss_unknown", miss(rt::Cause::kUnknown) + static_cast<double>(tail), "1");
+    m.add("haptic.cpu_p50_us", quantile(cpu_us(*task), 0.5), "us");
+    m.add("haptic.cpu_p99_us", quantile(cpu_us(*task), 0.99), "us");
+    std::vector<double> difference;
+    for (const auto ns : rt::late_minus_sentinel(op.log, *task))
+      difference.push_back(static_cast<double>(ns) * 1e-3);
+    if (!difference.empty())
+      m.add("haptic.late_minus_sentinel_p999_us", quantile(difference, 0.999), "us");
+    const auto late_platform =
+        static_cast<double>(b.late[static_cast<std::size_t>(rt::Cause::kPlatform)]);
+    m.add("platform.late_share",
+          task->jobs.empty() ? 0 : late_platform / static_cast<double>(task->jobs.size()), "1");
+  }
+  double force = 0, step = 0, raw = 0;
+  double reach = 0;
+  std::size_t contact = 0, guard = 0, begins = 0, not_finite = 0, clutched = 0;
+  bool before = false;
+  for (const auto& s : op.view.haptic) {
+    force = std::max(force, static_cast<double>(s.force_N));
+    step = std::max(step, static_cast<double>(s.step_N));
+    raw = std::max(raw, static_cast<double>(s.step_raw_N));
+    contact += s.in_contact ? 1 : 0;
+    guard += s.in_contact && s.guard_use ? 1 : 0;
+    begins += s.in_contact && !before ? 1 : 0;
+    not_finite += s.finite ? 0 : 1;
+    reach = std::max(reach, static_cast<double>(s.reach));
+    clutched += s.clutched ? 1 : 0;
+    before = s.in_contact;
+  }
+  const auto n = static_cast<double>(std::max<std::size_t>(1, op.view.haptic.size()));
+  m.add("haptic.force_max_N", force, "N");
+  m.add("haptic.force_step_max_N", step, "N");
+  m.add("haptic.force_step_raw_max_N", raw, "N");
+  m.add("haptic.contact_share", static_cast<double>(contact) / n, "1");
+  m.add("haptic.contacts", static_cast<double>(begins), "1");
+  m.add("haptic.guard_share",
+        static_cast<double>(guard) / static_cast<double>(std::max<std::size_t>(1, contact)), "1");
+  m.add("haptic.reach_max", reach, "1");
+  m.add("haptic.clutched_share", static_cast<double>(clutched) / n, "1");
+  m.add("haptic.device_brakes", op.view.device_brakes, "1");
+  m.add("operator.engages", op.view.engages, "1");
+  m.add("operator.clears", op.view.clears, "1");
+  m.add("haptic.not_finite", static_cast<double>(not_finite), "1");
+}
+
+// What the method did that a surface does not: by the ticks alone, whatever the method is.
+void add_method_metrics(const RunInfo& info, const OperatorHalf& op, Metrics& m) {
+  if (info.touch_method.empty()) return;
+  constexpr double kJump_N = 0.5, kStretch_m = 1e-4;
+  using Vec = std::array<float, 3>;
+  const auto dot = [](const Vec& a, const Vec& b) {
+    double sum = 0;
+    for (std::size_t i = 0; i < a.size(); ++i)
+      sum += static_cast<double>(a[i]) * static_cast<double>(b[i]);
+    return sum;
+  };
+  const auto less = [](const Vec& a, const Vec& b) {
+    return Vec{a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+  };
+  std::size_t jumps = 0, flips = 0;
+  Vec entry{};
+  const tasks::HapticSample* before = nullptr;
+  for (const auto& s : op.view.haptic) {
+    if (s.in_contact && before != nullptr && before->in_contact) {
+      const Vec moved = less(s.p_WH, before->p_WH);
+      jumps += static_cast<double>(s.step_raw_N) >
+                       info.touch_N_per_m * std::sqrt(dot(moved, moved)) + kJump_N
+                   ? 1
+                   : 0;
+    }
+    const Vec stretch = less(s.p_WP, s.p_WH);
+    const double long_m = std::sqrt(dot(stretch, stretch));
+    if (!s.in_contact) {
+      entry = {};
+    } else if (long_m > kStretch_m && (dot(entry, entry) == 0 || dot(stretch, entry) < 0)) {
+      flips += dot(entry, entry) > 0 ? 1 : 0;
+      entry = stretch;
+    }
+    before = &s;
+  }
+  m.add("haptic.method", info.touch_method, "name");
+  m.add("haptic.jumps", static_cast<double>(jumps), "1");
+  m.add("haptic.flips", static_cast<double>(flips), "1");
+}
+
+void add_robot_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
+  const auto& truth = robot.view.truth;
+  m.add("robot.path_m", truth.empty() ? 0 : truth.back().path_m, "m");
+  m.add("robot.collisions", truth.empty() ? 0 : truth.back().collisions, "1");
+  m.add("robot.tracking_error_max_m", robot.view.tracking_error_max_m, "m");
+  if (!op.view.paths.empty() && !truth.empty()) {
+    const auto& path = op.view.paths.back();
+    const auto& end = path.points[static_cast<std::size_t>(path.size - 1)];
+    m.add("robot.goal_error_m", std::hypot(truth.back().x_m - end[0], truth.back().y_m - end[1]),
+          "m");
+    m.add("robot.mark_error_m",
+          std::hypot(truth.back().x_m - path.marked_W.x(), truth.back().y_m - path.marked_W.y()),
+          "m");
+  }
+  m.add("robot.held_s", op.view.held_s, "s");
+  if (op.view.world.follows_camera) {
+    m.add("robot.stated_error_max_m", op.view.error_max_m, "m");
+    m.add("robot.unsure_s", op.view.unsure_s, "s");
+  }
+  double worst = -1;
+  for (const auto& a : op.view.arrived) {
+    const auto true_WB = true_base_at(robot, a.stamp), X_OB = odometry_at(robot, a.stamp);
+    if (!true_WB || !X_OB) continue;
+    worst = std::max(worst, std::hypot(true_WB->x - a.goal_x_m, true_WB->y - a.goal_y_m));
+    if (&a == &op.view.arrived.back())
+      m.add("robot.goal_error_uncorrected_m",
+            std::hypot(true_WB->x - X_OB->x, true_WB->y - X_OB->y), "m");
+  }
+  m.add("robot.arrivals", static_cast<double>(op.view.arrivals), "1");
+  if (worst >= 0) m.add("robot.arrival_error_max_m", worst, "m");
+  if (op.view.arrivals > 0 && !op.view.paths.empty()) {
+    m.add("scene.touch_to_goal_ms",
+          1e3 * rt::seconds(op.view.first_arrival - op.view.paths.front().mark_stamp), "ms");
+  }
+}
+
+}  // namespace
+
+std::vector<OrdinaryShare> ordinary_shares(const RunInfo& info, const OperatorHalf& op,
+                                           const RobotHalf& robot) {
+  std::vector<OrdinaryShare> out;
+  if (op.ordinary.span_ns <= 0 || robot.ordinary.span_ns <= 0) return out;
+  const std::pair<const char*, std::int64_t OrdinaryCpu::*> threads[] = {
+      {"link", &OrdinaryCpu::link_ns},
+      {"console", &OrdinaryCpu::console_ns},
+      {"camera_twin", &OrdinaryCpu::camera_twin_ns}};
+  for (const auto& load : info.best_effort) {
+    for (const auto& [name, cpu] : threads) {
+      if (load.name != name) continue;
+      double share = 0;
+      for (const auto* o : {&op.ordinary, &robot.ordinary})
+        share += static_cast<double>(o->*cpu) / static_cast<double>(o->span_ns);
+      out.push_back({name, share, load.share});
+    }
+  }
+  return out;
+}
+
+std::string beyond_admission(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot) {
+  if (info.virtual_clock || info.admission.tasks.empty()) return {};
+  double beyond = 0;
+  std::string who;
+  for (const auto& o : ordinary_shares(info, op, robot)) {
+    if (o.share <= o.declared) continue;
+    beyond += o.share - o.declared;
+    char text[80];
+    std::snprintf(text, sizeof text, "%s%s %.3f of a core for %.3f", who.empty() ? "" : ", ",
+                  o.name.c_str(), o.share, o.declared);
+    who += text;
+  }
+  if (beyond <= std::max(0.0, info.admission.spare)) return {};
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "%.3f of a core beyond what was declared; the admitted cores have %.3f to spare: "
+                "give the boxes another core",
+                beyond, std::max(0.0, info.admission.spare));
+  return "ordinary threads took more than admission counted with (" + who + "): " + text;
+}
+
+std::string not_measured(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
+                         const Metrics& m) {
+  if (!info.not_real_time.empty()) return info.not_real_time;
+  if (info.virtual_clock) return "simulated time measures no machine";
+  std::string why = real_time(op, robot) ? "" : "a right for real-time scheduling was missing";
+  for (const auto& row : m.rows()) {
+    if (row.name != "platform.late_share" || row.value <= kLateShareLimit) continue;
+    char text[120];
+    std::snprintf(text, sizeof text,
+                  "%.1f %% of the haptic starts were late by the platform, above %.0f %%",
+                  100 * row.value, 100 * kLateShareLimit);
+    why += (why.empty() ? "" : "; ") + std::string(text);
+  }
+  return why;
+}
+
+// Of firm tasks how many a job makes; of hard ones all together, which is to be 0. Only where the program counts.
+static void add_allocation_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
+  double hard = -1;
+  for (const auto* log : {&op.log, &robot.log}) {
+    for (const rt::TaskLog& t : log->tasks) {
+      const TaskAllocations a = allocations_of(t);
+      if (a.jobs == 0) continue;
+      if (t.spec.task_class == rt::TaskClass::kHard) {
+        hard = std::max(0.0, hard) + a.total;
+        continue;
+      }
+      m.add(t.spec.name + ".allocations_p50", a.p50, "1");
+      m.add(t.spec.name + ".allocations_p99", a.p99, "1");
+      m.add(t.spec.name + ".allocations_max", a.max, "1");
+    }
+  }
+  if (hard >= 0) m.add("hard.allocations", hard, "1");
+}
+
+void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
+  add_haptic_metrics(op, robot, m);
+  add_method_metrics(info, op, m);
+  std::size_t consumed = 0, tracked = 0, claimed = 0, moving = 0;
+  std::uint32_t moving_cells = 0;
+  for (const auto& s : op.view.fusion) {
+    moving += s.moving_share > 0 ? 1 : 0;
+    moving_cells = std::max(moving_cells, s.moving_cells);
+    consumed += s.consumed ? 1 : 0;
+    tracked += s.tracked ? 1 : 0;
+    claimed += s.claimed ? 1 : 0;
+  }
+  if (info.recording) {  // the last frame is held: of its repetitions only the first is one of the recording
+    m.add("fusion.held_frames", static_cast<double>(consumed - info.recorded.frames), "1");
+    consumed = info.recorded.frames;
+    tracked = info.recorded.tracked;
+    claimed = info.recorded.claimed;
+    if (info.recorded.ate_first_pose_mm >= 0)
+      m.add("fusion.ate_first_pose_mm", info.recorded.ate_first_pose_mm, "mm");
+  }
+  if (info.ate_first_pose_mm >= 0) m.add("fusion.ate_first_pose_mm", info.ate_first_pose_mm, "mm");
+  m.add("fusion.frames", static_cast<double>(consumed), "1");
+  m.add("fusion.frames_tracked", static_cast<double>(tracked), "1");
+  m.add("fusion.frames_claimed", static_cast<double>(claimed), "1");
+  m.add("fusion.frames_moving", static_cast<double>(moving), "1");
+  m.add("fusion.moving_cells_max", moving_cells, "1");
+  if (op.view.objects.seq != 0) {
+    m.add("fusion.objects_named", op.view.objects_named, "1");
+    m.add("fusion.objects", op.view.objects.size, "1");
+  }
+  if (const auto* fusion = task_of(op, robot, tasks::TaskId::kFusion)) {
+    const auto [seen, lost] = frames_seen(*fusion);
+    m.add("fusion.frames_overwritten", static_cast<double>(lost), "1");
+    m.add("fusion.frames_overwritten_share",
+          static_cast<double>(lost) / static_cast<double>(std::max<std::uint64_t>(1, seen + lost)),
+          "1");
+    m.add("fusion.cpu_p50_ms", 1e-3 * quantile(cpu_us(*fusion), 0.5), "ms");
+    m.add("fusion.cpu_p99_ms", 1e-3 * quantile(cpu_us(*fusion), 0.99), "ms");
+  }
+  if (op.force_check.samples > 0)
+    m.add("haptic.force_error_p95", op.force_check.relative_error_p95, "1");
+  m.add("haptic.force_samples", static_cast<double>(op.force_check.samples), "1");
+  if (!op.view.visits.empty()) {
+    const TouchedPlaces touched = touched_places(op.view.visits, op.view.haptic, op.epoch_ns);
+    m.add("visits.count", static_cast<double>(touched.visits.size()), "1");
+    m.add("visits.met", touched.met(), "1");
+    for (std::size_t k = 0; k < touched.touched.size(); ++k)
+      m.add(std::string("visits.") + name_of(static_cast<TouchPlace::Kind>(k)), touched.touched[k],
+            "1");
+  }
+  m.add("mark.count", op.view.task.marks, "1");
+  m.add("plan.paths", op.view.task.paths, "1");
+  add_robot_metrics(op, robot, m);
+  m.add("log.dropped", static_cast<double>(op.view.log_dropped + robot.view.log_dropped), "1");
+  m.add("audit.dropped", static_cast<double>(op.dropped_records + robot.dropped_records), "1");
+  m.add("effects.constructed", static_cast<double>(info.effects.size()), "1");
+  m.add("link.round_trip_ms", 1e-6 * static_cast<double>(op.link_round_trip_ns), "ms");
+  for (const auto& o : ordinary_shares(info, op, robot)) {
+    m.add("best_effort." + o.name + "_share", o.share, "1");
+    m.add("best_effort." + o.name + "_declared", o.declared, "1");
+  }
+  add_allocation_metrics(op, robot, m);
+  if (!info.admission.tasks.empty()) m.add("admission.spare_share", info.admission.spare, "1");
+  m.add("run.realtime", real_time(op, robot) && !info.virtual_clock ? 1 : 0, "1");
+  m.add("run.measured", not_measured(info, op, robot, m).empty() ? 1 : 0, "1");
+  if (info.paced) {
+    m.add("run.wall_s", info.wall_s, "s");
+    m.add("run.lag_s", info.lag_s, "s");
+  }
+  m.add("run.stopped_early", info.stopped_early.empty() ? 0 : 1, "1");
+  m.add("run.problems", static_cast<double>(info.problems.size()), "1");
+  char hash[20];
+  std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(info.sched_hash));
+  if (info.virtual_clock) m.add("run.sched_hash", std::string(hash), "hash");
+  std::snprintf(hash, sizeof hash, "%016llx", static_cast<unsigned long long>(info.log_hash));
+  if (info.virtual_clock) m.add("run.log_hash", std::string(hash), "hash");
+}
+
+}  // namespace teletact

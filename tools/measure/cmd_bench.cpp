@@ -1,0 +1,291 @@
+// teletact bench WHAT: figures beside a peer's, measured in the same run.
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <stdexcept>
+
+#include "tasks/graph/calibration.hpp"
+#include "tools/cli/number_list.hpp"
+#include "tools/cli/option_use.hpp"
+#include "tools/cli/options.hpp"
+#include "tools/files/metrics_json.hpp"
+#include "tools/files/whole_file.hpp"
+#include "tools/measure/bench/audit_bench.hpp"
+#include "tools/measure/bench/drift.hpp"
+#include "tools/measure/bench/fusion_peer.hpp"
+#include "tools/measure/bench/fuzz.hpp"
+#include "tools/measure/bench/log_bench.hpp"
+#include "tools/measure/bench/rings.hpp"
+#include "tools/measure/bench/table1.hpp"
+#include "tools/measure/bench/table1_instructions.hpp"
+#include "tools/measure/bench/table2/table2.hpp"
+#include "tools/measure/bench/table2/touches.hpp"
+#include "tools/measure/bench/wakeup.hpp"
+#include "tools/measure/commands.hpp"
+#include "tools/measure/effects.hpp"
+#include "tools/measure/fuzz_readers.hpp"
+#include "tools/measure/haptic/bench_haptic.hpp"
+#include "tools/measure/haptic/boundary.hpp"
+#include "tools/measure/haptic/recording_touch.hpp"
+
+namespace teletact {
+
+namespace {
+
+struct FuzzBench {
+  FuzzOptions options;
+  void add_to(CLI::App& app) {
+    app.add_option("--seconds", options.seconds, "fuzz: CPU seconds for each reader")
+        ->check(in_range(0.1, 1e6))
+        ->capture_default_str();
+    app.add_option("--reader", options.only, "fuzz: one reader only");
+    app.add_option("--jobs", options.jobs, "fuzz: readers at once")
+        ->check(CLI::Range(1, 64))
+        ->capture_default_str();
+    app.add_option("--keep", options.keep, "fuzz: folder for the input of a fault")
+        ->capture_default_str();
+  }
+  [[nodiscard]] FuzzResult run(std::uint64_t seed) {
+    options.seed = seed;
+    const FuzzReaders readers;
+    return bench_fuzz(std::cerr, readers.all(), options);
+  }
+};
+
+struct PeerBench {
+  FusionPeerOptions options;
+  void add_to(CLI::App& app) {
+    app.add_flag("--peer", options.peers, "fusion: OpenCV's rgbd parts and Open3D beside ours");
+    app.add_flag("!--no-synthetic", options.synthetic, "fusion: only the recording");
+  }
+  [[nodiscard]] FusionPeerResult run(const std::string& rgbd) {
+    options.rgbd = rgbd;
+    return bench_fusion_peer(std::cerr, options);
+  }
+};
+
+struct HapticBench {
+  HapticBenchOptions options;
+  RecordingTouchOptions recording;
+  BoundaryOptions boundary;
+  std::string svg, record, first;
+  void add_to(CLI::App& app) {
+    app.add_option("--passes", options.passes, "haptic: over the recorded run")
+        ->check(CLI::Range(1, 1000))
+        ->capture_default_str();
+    app.add_flag("!--no-instructions", options.instructions, "haptic: do not run callgrind");
+    app.add_option("--runs-in", options.folder, "haptic: folder to keep the recorded runs in");
+    app.add_option("--virtual-seconds", recording.seconds, "haptic --rgbd: how long it is touched")
+        ->check(in_range(2, 600))
+        ->capture_default_str();
+    app.add_option("--paths", recording.paths,
+                   "haptic --rgbd: how many, seeds from --seed on, all over one fusion")
+        ->check(CLI::Range(1, 100))
+        ->capture_default_str();
+    app.add_option("--first-place", first,
+                   "haptic --rgbd: wall | top | edge | corner; default: "
+                   "what is seen first")
+        ->check(CLI::IsMember({"wall", "top", "edge", "corner"}));
+    app.add_flag("!--no-beside", recording.beside, "haptic --rgbd: only the product's method");
+    app.add_flag("--optimum", recording.optimum,
+                 "haptic --rgbd: where a limit is missed, would the field's optimum miss it?");
+    app.add_option("--record", record,
+                   "haptic --rgbd: haptic run to write (teletact touch --replay)");
+    app.add_option("--rates", boundary.rates_hz, "boundary: ticks a second")
+        ->check(in_range(500, 4000))
+        ->delimiter(',')
+        ->capture_default_str();
+    app.add_option("--dampings", boundary.dampings, "boundary: of the device, N s/m")
+        ->check(in_range(0.1, 20))
+        ->delimiter(',')
+        ->capture_default_str();
+    app.add_option("--svg", svg, "haptic --rgbd, boundary: folder for drawings");
+  }
+  // A hand on a recording.
+  [[nodiscard]] RecordingTouchResult touch(const std::string& rgbd, std::uint64_t seed) {
+    recording.rgbd = rgbd;
+    recording.seed = seed;
+    for (const auto kind :
+         {Place::Kind::kWall, Place::Kind::kTop, Place::Kind::kEdge, Place::Kind::kCorner}) {
+      if (first == name_of(kind)) recording.first = kind;
+    }
+    std::unique_ptr<WholeFile> file;
+    if (!record.empty()) file = std::make_unique<WholeFile>(record);
+    if (file) recording.record = file->get();
+    RecordingTouchResult result = touch_recording(std::cerr, recording);
+    if (file) file->finish();
+    draw("haptic_recording_force.svg", result.force_drawing());
+    draw("haptic_recording_step.svg", result.step_drawing());
+    return result;
+  }
+  [[nodiscard]] BoundaryResult sweep() {
+    BoundaryResult result = bench_boundary(std::cerr, boundary);
+    draw("haptic_boundary.svg", result.drawing());
+    return result;
+  }
+
+ private:
+  void draw(const std::string& name, const std::string& text) const {
+    if (!svg.empty()) write_whole_file(svg + "/" + name, text);
+  }
+};
+
+}  // namespace
+
+int cmd_bench(int argc, char** argv) {
+  CLI::App app{
+      "Measures one part beside its peers. WHAT: rings, wakeup, audit, table1, table2, "
+      "segmentation, fusion, drift, fuzz, haptic, boundary, effects. Ends with 1 when a limit is "
+      "missed."};
+  std::string what, json;
+  int rounds = 9;
+  double slice_s = 1.0;
+  app.add_option(
+         "WHAT", what,
+         "rings | wakeup | audit | table1 | table2 | segmentation | fusion | drift | fuzz | "
+         "haptic | boundary | effects")
+      ->required()
+      ->check(CLI::IsMember({"rings", "wakeup", "audit", "table1", "table2", "segmentation",
+                             "fusion", "drift", "fuzz", "haptic", "boundary", "effects"}));
+  app.add_option("--rounds", rounds, "interleaved rounds")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_option("--slice", slice_s, "wakeup: seconds a slice")
+      ->check(in_range(0.2, 60))
+      ->capture_default_str();
+  std::string effect, effects_file;
+  double span_s = 8;
+  app.add_option("--effect", effect, "effects: this one alone, by its name in teletact explain");
+  app.add_option("--write", effects_file, "effects: write the table that teletact explain prints");
+  app.add_option("--span", span_s, "effects: simulated seconds of a run")
+      ->check(in_range(1, 600))
+      ->capture_default_str();
+  Table1Options table1;
+  table1.rgbd = "../shared/data/rgbd/7scenes_redkitchen";
+  std::string intrinsics;
+  auto* rgbd =
+      app.add_option(
+             "--rgbd", table1.rgbd,
+             "table1, fusion: recording in TUM or 7-Scenes layout; the default may be absent; "
+             "haptic: touch this recording instead")
+          ->capture_default_str();
+  app.add_option("--intrinsics", intrinsics,
+                 "of the recording, where it has no intrinsics.txt: fx,fy,cx,cy in px, and depth "
+                 "units a metre if the data set's are not right");
+  app.add_option("--edges", table1.edges, "table1: voxels along the cube's edge")
+      ->check(CLI::Range(64, 1024))
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--isa", table1.isas,
+                 "table1: auto, scalar, sse4, avx2 or avx512; further ones run beside the first")
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--runs", table1.runs, "table1: passes, of which the median is taken")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  app.add_flag("!--no-fixed-voxel", table1.fixed_voxel,
+               "table1: without the second table (voxels of 10 mm, cubes of N x 10 mm)");
+  bool instructions = false;
+  app.add_flag("--instructions", instructions,
+               "table1: instructions of a frame in place of times (callgrind, 20 frames), with the "
+               "watch for moving things and without");
+  std::string data;
+  std::uint64_t seed = 1;
+  app.add_option("--data", data,
+                 "table2, segmentation: folder of images with people's or true masks");
+  app.add_option("--seed", seed,
+                 "segmentation: of the touches; fuzz: of the damage; haptic: of the hand's path")
+      ->capture_default_str();
+  FuzzBench fuzz;
+  fuzz.add_to(app);
+  PeerBench peer;
+  peer.add_to(app);
+  HapticBench haptic;
+  haptic.add_to(app);
+  int frames = 0;
+  double voxel_m = 0.01;
+  bool half_size = false;
+  app.add_option(
+         "--frames,--count", frames,
+         "how many of each sequence (a shorter recording: as many as it has); default: table1 150, "
+         "fusion 60, drift 10000")
+      ->check(CLI::Range(20, 10000000));
+  app.add_option("--voxel", voxel_m, "drift: edge of a voxel, m")
+      ->check(in_range(0.005, 0.08))
+      ->capture_default_str();
+  app.add_flag("--half-size", half_size, "drift: images of 256 x 212");
+  app.add_option("--json", json, "write the figures to this file");
+  if (!parse_options(app, argc, argv)) return 0;
+  check_bench_use(app, what, rgbd->count() > 0);
+  check_outputs({{"--json", json}, {"--record", haptic.record}, {"--write", effects_file}}, {});
+  if (!haptic.svg.empty()) make_output_folder("--svg", haptic.svg);
+  if (!intrinsics.empty())
+    table1.pinhole = peer.options.pinhole = haptic.recording.pinhole = parse_pinhole(intrinsics);
+  if (frames > 0) table1.frames = peer.options.frames = frames;
+  Metrics metrics("bench " + what);
+  int missed = 0;
+  const auto take = [&](const auto& result) {
+    result.print(std::cout);
+    for (const auto& m : result.metrics()) metrics.add(m.name, m.value, m.unit);
+    missed += result.missed();
+  };
+  if (what == "rings") {
+    take(bench_rings(std::cerr, rounds));
+  } else if (what == "wakeup") {
+    take(bench_wakeup(std::cerr, rounds, slice_s));
+  } else if (what == "drift") {
+    take(bench_drift(std::cerr, frames > 0 ? frames : 10000, voxel_m, half_size ? 2 : 1));
+  } else if (what == "haptic") {
+    if (rgbd->count() > 0) {
+      take(haptic.touch(table1.rgbd, seed));
+    } else {
+      take(bench_haptic(std::cerr, haptic.options));
+    }
+  } else if (what == "boundary") {
+    take(haptic.sweep());
+  } else if (what == "effects") {
+    rt::Startup startup;
+    EffectCosts costs = measure_effects(startup.token(), std::cerr, span_s,
+                                        app.count("--rounds") > 0 ? rounds : 3, effect);
+    costs.host = tasks::host_id();
+    if (!effect.empty()) {
+      costs.print(std::cout);  // one of them: nothing is missing
+      for (const auto& m : costs.metrics()) metrics.add(m.name, m.value, m.unit);
+    } else {
+      take(costs);
+    }
+    if (!effects_file.empty()) write_whole_file(effects_file, effect_costs_toml(costs));
+  } else if (what == "table2" || what == "segmentation") {
+    if (data.empty()) throw std::runtime_error("bench " + what + " needs --data DIR");
+    if (what == "table2") {
+      take(bench_table2(std::cerr, data));
+    } else {
+      take(bench_touches(std::cerr, data, seed));
+    }
+  } else if (what == "fuzz") {
+    take(fuzz.run(seed));
+  } else if (what == "table1" || what == "fusion") {
+    if (rgbd->count() == 0 && !std::filesystem::exists(table1.rgbd)) {
+      std::cerr << table1.rgbd << " is not there: only the synthetic room\n";
+      table1.rgbd.clear();
+    }
+    if (what == "table1" && instructions) {
+      const InstructionsResult result = count_table1(std::cerr, table1, frames > 0 ? frames : 20);
+      take(result);
+      missed += result.not_counted.empty() ? 0 : 1;
+    } else if (what == "table1") {
+      take(bench_table1(std::cerr, table1));
+    } else {
+      take(peer.run(table1.rgbd));
+    }
+  } else {
+    // A second each: others' load is told in ticks of 10 ms.
+    take(bench_audit(1000));
+    take(bench_log(30000));
+  }
+  if (!json.empty()) metrics.write(json);
+  return missed == 0 ? 0 : 1;
+}
+
+}  // namespace teletact

@@ -1,0 +1,30 @@
+// The readers of outside files that `teletact bench fuzz` feeds: images, recordings, odometry, fields, maps.
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "tools/measure/bench/fuzz.hpp"
+
+namespace teletact {
+
+// Readers that open files by name get theirs in a folder of this object's, which it removes.
+class FuzzReaders {
+ public:
+  FuzzReaders();
+  ~FuzzReaders();
+  FuzzReaders(const FuzzReaders&) = delete;
+  FuzzReaders& operator=(const FuzzReaders&) = delete;
+  [[nodiscard]] const std::vector<FuzzReader>& all() const { return readers_; }
+
+ private:
+  void add_images();
+  void add_recording();
+  void add_layouts();
+  void add_tables();
+  void add_map();
+  std::filesystem::path folder_;
+  std::vector<FuzzReader> readers_;
+};
+
+}  // namespace teletact

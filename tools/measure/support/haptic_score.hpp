@@ -1,0 +1,244 @@
+// The figures of a run of the rig: steps, guard, force and position against the field optimum.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "tools/measure/support/field_optimum.hpp"
+#include "tools/measure/support/haptic_rig.hpp"
+
+namespace rig {
+
+// What is said of a run.
+struct Figures {
+  double j = 0, j_raw = 0, force_max = 0, guard_share = 0, contact_share = 0;
+  double f_error_p95 = 0, p_error_p95 = 0, f_error_max = 0, p_error_max = 0;  // to the optimum
+  // The same to the optimum on the samples, where the optimum above is on the surface that they were fused from.
+  double f_error_samples_p95 = 0, p_error_samples_p95 = 0;
+  // The field optimum is the path-constrained minimiser on the samples; the guarded optimum is its force behind
+  // the slew guard: what may be sent of it.
+  double f_error_guarded_optimum = 0;  // p95 of guarded against field optimum
+  // |dF| a tick of the guarded optimum; of a slower guard that keeps the limit of J and of the force error, if that one does.
+  double j_guarded_optimum = 0;
+  double longer_max = 0, shorter_max = 0;  // |p - h| against the optimum's, m
+  double judged_share = 1;  // of the ticks in the surface: no unknown space since seen-free space
+  double below_max = 0;     // deepest the proxy sits below the blended field's zero set, m
+  double unused_max = 0, unused_optimum = 0;  // unused tangential force, N: ours, the optimum's
+  double cpu_p50 = 0, cpu_p99 = 0, work_p50 = 0, work_max = 0;
+  double behind_max_s =
+      0;  // longest time the force sent is more than 0.1 N off the one before the guard
+  double off_p95 = 0;  // proxy off the surface of the blended field, m
+};
+
+inline double percentile(std::vector<double> v, double p) {
+  if (v.empty()) return 0;
+  std::sort(v.begin(), v.end());
+  const double i = p * static_cast<double>(v.size() - 1);
+  return v[static_cast<std::size_t>(std::llround(i))];
+}
+
+inline Figures figures(const std::vector<Row>& rows) {
+  Figures out;
+  std::vector<double> cpu, work, off;
+  std::size_t contact = 0, guard = 0, behind = 0, longest = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Row& r = rows[i];
+    out.force_max = std::max(out.force_max, r.f.norm());
+    if (i > 0) {
+      out.j = std::max(out.j, (r.f - rows[i - 1].f).norm());
+      out.j_raw = std::max(out.j_raw, (r.f_raw - rows[i - 1].f_raw).norm());
+    }
+    behind = (r.f - r.f_raw).norm() > 0.1 ? behind + 1 : 0;
+    longest = std::max(longest, behind);
+    if (r.telemetry.in_contact && !std::isnan(r.off_m)) off.push_back(r.off_m);
+    if (r.telemetry.in_contact) {
+      ++contact;
+      guard += r.telemetry.guard_use ? 1U : 0U;
+      cpu.push_back(r.cpu_us);
+      work.push_back(r.telemetry.work);
+    }
+  }
+  out.contact_share = static_cast<double>(contact) / static_cast<double>(rows.size());
+  out.guard_share = contact > 0 ? static_cast<double>(guard) / static_cast<double>(contact) : 0;
+  out.behind_max_s = 1e-3 * static_cast<double>(longest);
+  out.off_p95 = percentile(off, 0.95);
+  out.cpu_p50 = percentile(cpu, 0.5);
+  out.cpu_p99 = percentile(cpu, 0.99);
+  out.work_p50 = percentile(work, 0.5);
+  out.work_max = percentile(work, 1.0);
+  return out;
+}
+
+// The field round a path, as the oracle reads it.
+inline support::ReferenceField reference_field(const Rig& rig, const std::vector<Row>& rows) {
+  const Scene& setup = rig.setup();
+  Vec3 lo = Vec3::Constant(1e9), hi = Vec3::Constant(-1e9);
+  for (const Row& r : rows) {
+    for (const Vec3& x : {Vec3(setup.X_WS * r.h), Vec3(setup.X_WS * r.p)}) {
+      lo = lo.cwiseMin(x);
+      hi = hi.cwiseMax(x);
+    }
+  }
+  const Eigen::Array3i first = (lo / setup.voxel).array().floor().cast<int>() - 6;
+  const Eigen::Array3i count = (hi / setup.voxel).array().ceil().cast<int>() + 7 - first;
+  // As a patch stores it.
+  const auto unit = static_cast<double>(static_cast<float>(setup.truncation / 32767.0));
+  const auto stored = [&](int x, int y, int z) {
+    const double v = rig.node(x, y, z, 0) + setup.extra(x, y, z, 0);
+    return unit *
+           static_cast<double>(std::lround(std::clamp(v, -setup.truncation, setup.truncation) /
+                                           setup.truncation * 32767));
+  };
+  return {stored, setup.voxel, first, count};
+}
+
+// What the optimum is sought on: the samples, or the surface that they were fused from.
+inline support::ReferenceField judging_field(const Rig& rig, const std::vector<Row>& rows) {
+  const Scene& setup = rig.setup();
+  if (!setup.truth) return reference_field(rig, rows);
+  const Pose X_SW = setup.X_WS.inverse();
+  return support::ReferenceField(
+      [X_SW, truth = setup.truth](const Vec3& p_W) { return truth(X_SW * p_W); });
+}
+
+// Every node of the cell of p_W was seen.
+inline bool in_known(const Scene& setup, const Vec3& p_W) {
+  if (!setup.known) return true;
+  const Eigen::Array3i i = (p_W / setup.voxel).array().floor().cast<int>();
+  for (int c = 0; c < 8; ++c) {
+    if (!setup.known(i.x() + (c >> 2), i.y() + ((c >> 1) & 1), i.z() + (c & 1))) return false;
+  }
+  return true;
+}
+
+// A force behind a guard of so many N a tick, and at least 1.1 times what the hand's way changes.
+class SlewFollower {
+ public:
+  SlewFollower(double rate_N, double stiffness_N_per_m, std::size_t stride)
+      : ticks_(static_cast<double>(stride)), rate_N_(rate_N), stiffness_(stiffness_N_per_m) {}
+  void reset() { f_ = Vec3::Zero(); }
+  void follow(const Vec3& f, double moved_m) {
+    const double most = std::max(rate_N_ * ticks_, 1.1 * stiffness_ * moved_m);
+    const Vec3 change = f - f_;
+    const Vec3 step = change * std::min(1.0, most / std::max(change.norm(), 1e-12));
+    f_ += step;
+    j_ = std::max(j_, step.norm() / ticks_);
+  }
+  [[nodiscard]] const Vec3& force() const { return f_; }
+  [[nodiscard]] double j() const { return j_; }
+
+ private:
+  double ticks_, rate_N_, stiffness_, j_ = 0;
+  Vec3 f_ = Vec3::Zero();
+};
+
+constexpr double kForceErrorLimit_N = 0.3;
+
+// Force and position against the optimum on the samples or, where they are fused from images of a surface, on that surface
+// itself (Scene::truth), every `stride` ticks. Unused force is what the samples still allow. Only for solids that stand
+// still. `j_limit_N`: of the run; a guard of that rate is tried too. Unknown space holds no surface to be judged by (the oracle would meet a wall there): once either proxy
+// has been in it, they are compared again when the hand has been in seen-free space.
+struct Optimum {
+  std::size_t row;
+  Vec3 p, f;       // S
+  Vec3 f_guarded;  // its force behind the slew guard
+};
+inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, Figures& out,
+                                  std::size_t stride = 5, double j_limit_N = 0.3) {
+  const Scene& setup = rig.setup();
+  const support::ReferenceField samples = reference_field(rig, rows),
+                                field = judging_field(rig, rows);
+  support::FieldOptimum::Known known;
+  if (setup.known) known = [&](const Vec3& p_W) { return in_known(setup, p_W); };
+  const double radius = setup.config.tip_radius_m;
+  const support::FieldOptimum on_samples(samples, radius, setup.voxel, known),
+      optimum(field, radius, setup.voxel, setup.truth ? support::FieldOptimum::Known{} : known);
+  std::vector<Optimum> path;
+  std::vector<double> f_error, p_error, f_guarded_error, f_slower_error, f_samples, p_samples;
+  Vec3 p = setup.X_WS * rows.front().h, h_last = p, p_on_samples = p;
+  SlewFollower guarded(0.3, setup.config.stiffness_N_per_m, stride),
+      slower(std::min(0.3, j_limit_N), setup.config.stiffness_N_per_m, stride);
+  bool comparable = true;
+  std::size_t asked = 0, judged = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Row& r = rows[i];
+    const Vec3 p_mine = setup.X_WS * r.p;
+    if (r.telemetry.in_contact && in_known(setup, p_mine)) {
+      out.below_max = std::max(out.below_max, radius - samples(p_mine));
+    }
+    if (i % stride != 0) continue;
+    const Vec3 h = setup.X_WS * r.h;
+    const bool inside = r.telemetry.in_contact || field(h) <= setup.config.tip_radius_m;
+    asked += inside ? 1U : 0U;
+    comparable = comparable && in_known(setup, p_mine) && in_known(setup, p);
+    if (!comparable) {
+      comparable =
+          !r.telemetry.in_contact && in_known(setup, h) && field(h) > setup.config.tip_radius_m;
+      p = p_on_samples = h_last = h;
+      guarded.reset();
+      slower.reset();
+      continue;
+    }
+    p = optimum.follow(p, h_last, h);
+    if (setup.truth) p_on_samples = on_samples.follow(p_on_samples, h_last, h);
+    const double moved = (h - h_last).norm();
+    h_last = h;
+    comparable = in_known(setup, p);  // it may have come there in this step
+    if (!comparable) continue;
+    judged += inside ? 1U : 0U;
+    Vec3 f = setup.config.stiffness_N_per_m * (p - h);
+    const double whole = f.norm();
+    if (whole > 12) f *= 12 / whole;
+    // Behind the slew guard: where the optimum jumps, no force may follow at once. In the free too: it goes down there.
+    guarded.follow(f, moved);
+    slower.follow(f, moved);
+    if (!r.telemetry.in_contact && (p - h).norm() < 1e-4) continue;
+    f_guarded_error.push_back((f - guarded.force()).norm());
+    f_slower_error.push_back((f - slower.force()).norm());
+    const double mine = (p_mine - h).norm(), best = (p - h).norm();
+    out.longer_max = std::max(out.longer_max, mine - best);
+    out.shorter_max = std::max(out.shorter_max, best - mine);
+    out.unused_max = std::max(out.unused_max,
+                              on_samples.unused(p_mine, h) * setup.config.stiffness_N_per_m * mine);
+    out.unused_optimum = std::max(out.unused_optimum, optimum.unused(p, h) * whole);
+    const Mat3 R_SW = setup.X_WS.linear().transpose();
+    path.push_back({i, setup.X_WS.inverse() * p, R_SW * f, R_SW * guarded.force()});
+    f_error.push_back((setup.X_WS.linear() * r.f - f).norm());
+    p_error.push_back((p_mine - p).norm());
+    if (!setup.truth) continue;
+    Vec3 f_there = setup.config.stiffness_N_per_m * (p_on_samples - h);
+    if (f_there.norm() > 12) f_there *= 12 / f_there.norm();
+    f_samples.push_back((setup.X_WS.linear() * r.f - f_there).norm());
+    p_samples.push_back((p_mine - p_on_samples).norm());
+  }
+  out.judged_share = asked > 0 ? static_cast<double>(judged) / static_cast<double>(asked) : 1;
+  out.f_error_p95 = percentile(f_error, 0.95);
+  out.f_error_max = percentile(f_error, 1);
+  out.f_error_guarded_optimum = percentile(f_guarded_error, 0.95);
+  // A step over the limit of J is forced by the samples only if to go slower would put the force off.
+  out.j_guarded_optimum =
+      percentile(f_slower_error, 0.95) <= kForceErrorLimit_N ? slower.j() : guarded.j();
+  out.p_error_p95 = percentile(p_error, 0.95);
+  out.p_error_max = percentile(p_error, 1);
+  out.f_error_samples_p95 = setup.truth ? percentile(f_samples, 0.95) : out.f_error_p95;
+  out.p_error_samples_p95 = setup.truth ? percentile(p_samples, 0.95) : out.p_error_p95;
+  return path;
+}
+
+inline void print(const std::string& name, const Figures& f) {
+  std::printf(
+      "%-34s J %.3f raw %.3f N  Fmax %5.2f  F-err p95 %.3f max %.3f N  p-err p95 %.3f max %.3f mm "
+      "(longer %.2f shorter %.2f)  "
+      "unused %.2f/%.2f N  below %.3f mm  guard %.1f %%  contact %.0f %%  cpu %.1f/%.1f us  work "
+      "%.0f/%.0f\n",
+      name.c_str(), f.j, f.j_raw, f.force_max, f.f_error_p95, f.f_error_max, 1e3 * f.p_error_p95,
+      1e3 * f.p_error_max, 1e3 * f.longer_max, 1e3 * f.shorter_max, f.unused_max, f.unused_optimum,
+      1e3 * f.below_max, 100 * f.guard_share, 100 * f.contact_share, f.cpu_p50, f.cpu_p99,
+      f.work_p50, f.work_max);
+}
+
+}  // namespace rig

@@ -1,0 +1,193 @@
+#include "tools/scene/boxes.hpp"
+
+#include <numbers>
+#include <stdexcept>
+
+#include "drivers/camera/passing_camera.hpp"
+#include "rt/clock/box_time.hpp"
+
+namespace teletact {
+
+namespace {
+
+// Recordings start this long after the epoch: half a camera period off the releases of capture, so
+// that every frame is complete well before the poll that takes it.
+constexpr rt::Nanos kRecordingLead = std::chrono::milliseconds{317};
+
+// How the camera of a recording was held is not known: level, at the height of a chest.
+perception::Pose held_level() {
+  drivers::SyntheticCameraConfig held;
+  held.mount_position_m = {0, 0, 1.2};
+  held.mount_pitch_deg = 0;
+  return held.X_BC();
+}
+
+}  // namespace
+
+drivers::TumSequence open_recording(const std::string& dir) {
+  drivers::TumOptions options;
+  options.register_colour = true;
+  auto sequence = drivers::TumSequence::open(dir, options);
+  if (sequence && sequence.value().intrinsics().width == 640 &&
+      sequence.value().intrinsics().height == 480) {
+    options.to_512x424 = true;
+    sequence = drivers::TumSequence::open(dir, options);
+  }
+  if (!sequence) throw std::runtime_error(sequence.error());
+  return std::move(sequence).value();
+}
+
+perception::Intrinsics camera_of(const Scene& scene) {
+  return scene.rgbd_dir.empty() ? scene.camera.intrinsics()
+                                : open_recording(scene.rgbd_dir).intrinsics();
+}
+
+// The camera rides on the robot's true pose.
+class RobotBox::BasePose final : public drivers::PoseSource {
+ public:
+  BasePose(const drivers::VirtualYoubot& bus, const perception::Pose& X_BC,
+           const perception::Pose& X_WB0)
+      : bus_(bus), X_BC_(X_BC), X_WB_(X_WB0) {}
+  [[nodiscard]] perception::Pose X_WC_at(rt::Time t) noexcept override {
+    drivers::PoseHistory::Sample s;
+    if (bus_.history().at(t, s)) {
+      X_WB_.linear() = Eigen::AngleAxisd(s.X_WB.yaw, perception::Vec3::UnitZ()).toRotationMatrix();
+      X_WB_.translation() = perception::Vec3(s.X_WB.x, s.X_WB.y, 0);
+    }
+    return X_WB_ * X_BC_;
+  }
+
+ private:
+  const drivers::VirtualYoubot& bus_;
+  perception::Pose X_BC_, X_WB_;
+};
+
+RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& options)
+    : world_(std::make_unique<drivers::World>(
+          nrt, scene.rgbd_dir.empty() ? scene.world : drivers::WorldConfig{}, options.epoch)),
+      endpoint_(nrt, rt::Box::kRobot) {
+  const auto& io = scene.graph.robot_io;
+  const drivers::World* world = world_.get();
+  drivers::CollisionTest collides = [world](const perception::Pose2& X, rt::Time t) {
+    return world->robot_collision(X.x, X.y, X.yaw, t) >= 0;
+  };
+  drivers::RobotPlant plant(nrt, scene.plant, io.base,
+                            perception::Pose2{io.start_x_m, io.start_y_m, io.start_yaw_rad},
+                            std::move(collides));
+  if (world->moves()) plant.things_move();
+  bus_ = std::make_unique<drivers::VirtualYoubot>(nrt, scene.bus, std::move(plant));
+  bus_->set_cpu_clock(&rt::thread_cpu_ns);
+
+  tasks::RobotSetup setup;
+  setup.bus = options.wrap_bus ? options.wrap_bus(*bus_) : bus_.get();
+  setup.bus_twin_cpu = [this] { return bus_->twin_cpu_ns(); };
+  setup.hash_outputs = options.hash_outputs;
+  setup.faults = options.faults;
+  setup.mode_gate = options.mode_gate;
+  if (!scene.rgbd_dir.empty()) {
+    const auto sequence = open_recording(scene.rgbd_dir);
+    for (const auto& line : sequence.assumed())
+      camera_said_ += (camera_said_.empty() ? "" : "; ") + line;
+    camera_ = std::make_unique<drivers::ReplayCamera>(nrt, sequence, options.epoch + kRecordingLead,
+                                                      scene.hold_s, options.progress);
+  } else if (options.real_devices && !scene.camera_choice.in_process()) {
+    camera_ = drivers::open_camera(nrt, scene.camera_choice, options.now, camera_said_);
+  } else {
+    pose_ = std::make_unique<BasePose>(*bus_, scene.camera.true_X_BC(), scene.start_X_WB());
+    auto synthetic = std::make_unique<drivers::SyntheticCamera>(nrt, scene.camera, *world_, *pose_,
+                                                                options.epoch);
+    camera_effects_ = synthetic->noise().constructed();
+    mount_off_ = scene.camera.true_mount.differs;
+    if (scene.robot != nullptr) {
+      synthetic->carry(
+          nrt, std::make_unique<drivers::ScriptedArm>(nrt, scene.arm, *scene.robot, options.epoch));
+      arm_effects_ = synthetic->arm()->effects();
+    }
+    if (options.threaded_camera) {
+      auto threaded =
+          std::make_unique<drivers::ThreadedCamera>(nrt, std::move(synthetic), options.now);
+      threaded_ = threaded.get();
+      camera_ = std::move(threaded);
+    } else {
+      synthetic_ = synthetic.get();
+      setup.camera_twin_cpu = [this] { return synthetic_->twin_cpu_ns(); };
+      camera_ = std::move(synthetic);
+    }
+  }
+  camera_ = drivers::without_bias(nrt, std::move(camera_), scene.camera_choice.bias);
+  if (options.passer_from) {
+    camera_ = std::make_unique<drivers::PassingCamera>(
+        nrt, std::move(camera_), scene.rgbd_dir.empty() ? scene.camera.true_X_BC() : held_level(),
+        *options.passer_from);
+  }
+  setup.camera = options.wrap_camera ? options.wrap_camera(*camera_) : camera_.get();
+  graph_ = std::make_unique<tasks::RobotGraph>(nrt, scene.graph, setup);
+  graph_->bind_link(nrt, endpoint_);
+}
+
+std::int64_t RobotBox::camera_twin_cpu_ns() const noexcept {
+  return threaded_ != nullptr    ? threaded_->twin_cpu_ns()
+         : synthetic_ != nullptr ? synthetic_->twin_cpu_ns()
+                                 : 0;
+}
+
+Effects RobotBox::effects() const {
+  Effects out;
+  if (!camera_said_.empty()) out.emplace_back("camera: " + camera_said_, "camera.kind");
+  for (const auto& name : camera_effects_)
+    out.emplace_back("camera noise: " + name, "camera.noise");
+  if (mount_off_) out.emplace_back("camera: true_mount", "camera.true_mount");
+  if (world_->moves()) out.emplace_back("world: things that move", "world.mover");
+  for (const auto& name : arm_effects_) out.emplace_back("robot: " + name, "robot.arm");
+  for (const auto& name : bus_->plant().effects())
+    out.emplace_back("robot: " + name, "robot.plant");
+  return out;
+}
+
+OperatorBox::OperatorBox(rt::NonRealtime& nrt, const Scene& scene,
+                         const perception::Intrinsics& camera, const BoxOptions& options)
+    : scene_(scene), camera_(camera), endpoint_(nrt, rt::Box::kOperator) {
+  hand_ = std::make_unique<drivers::HandScript>(nrt, scene.hand, scene.workspace());
+  device_ = open_haptic_device(nrt, scene, *hand_, options.epoch, options.real_devices);
+
+  tasks::OperatorSetup setup;
+  setup.device = options.wrap_device ? options.wrap_device(device_->device()) : &device_->device();
+  setup.device_twin_cpu = device_->twin_cpu();
+  setup.hash_outputs = options.hash_outputs;
+  setup.faults = options.faults;
+  setup.mode_gate = options.mode_gate;
+  setup.fusion.camera = camera;
+  if (scene.rgbd_dir.empty()) {
+    setup.fusion.X_BC = scene.camera.X_BC();
+    // A real camera's frames come without joints: nobody reports them yet.
+    if (!options.real_devices || scene.camera_choice.in_process()) setup.fusion.robot = scene.robot;
+    setup.fusion.X_WC0 = scene.start_X_WB() * setup.fusion.X_BC;
+    setup.fusion.ground.up_known = true;
+    setup.fusion.ground.start_W = scene.start_X_WB().translation();
+    setup.fusion.ground.camera_height_m = scene.camera.mount_position_m[2];
+  } else {
+    setup.odometry_prior = false;
+  }
+  graph_ = std::make_unique<tasks::OperatorGraph>(nrt, scene.graph, setup, 1e-3);
+  graph_->bind_link(nrt, endpoint_);
+}
+
+Effects OperatorBox::effects() const {
+  Effects out;
+  for (const auto& name : device_->effects()) out.emplace_back("device: " + name, "device");
+  if (scene_.link.shape.any()) out.emplace_back("link shape", "link.shape");
+  const auto& h = scene_.graph.haptic;
+  const auto add = [&](bool on, const char* name, const char* key) {
+    if (on) out.emplace_back(name, key);
+  };
+  add(h.friction_static > 0, "touch: friction", "haptic.friction_static");
+  add(h.texture_amplitude_m > 0, "touch: texture", "haptic.texture_amplitude_m");
+  add(h.viscosity_N_s_per_m > 0, "touch: viscosity", "haptic.viscosity_N_s_per_m");
+  add(h.materials, "touch: materials", "haptic.materials");
+  add(h.asks_for_ray_cast(), "touch: force shading", "haptic.method");
+  add(scene_.graph.fusion.objects.enabled, "objects in the map", "fusion.objects.enabled");
+  add(scene_.graph.fusion.mesh_blocks > 0, "mesh for the console", "fusion.mesh_blocks");
+  return out;
+}
+
+}  // namespace teletact

@@ -1,0 +1,100 @@
+// The two boxes with their devices' twins: what a process of the demo holds.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "drivers/camera/replay_camera.hpp"
+#include "drivers/camera/synthetic_camera.hpp"
+#include "drivers/camera/threaded_camera.hpp"
+#include "drivers/camera/tum_reader.hpp"
+#include "drivers/link/endpoint.hpp"
+#include "drivers/omega/hand_script.hpp"
+#include "drivers/omega/omega_twin.hpp"
+#include "drivers/world/world.hpp"
+#include "drivers/youbot/virtual_youbot.hpp"
+#include "rt/fault/plan.hpp"
+#include "tasks/graph/operator_graph.hpp"
+#include "tasks/graph/robot_graph.hpp"
+#include "tools/scene/scene.hpp"
+
+namespace teletact {
+
+struct BoxOptions {
+  rt::Time epoch{};  // in this box's clock
+  bool hash_outputs = false;
+  bool real_devices = false;      // opens the devices that the scene names; else twins stand in
+  bool threaded_camera = false;   // real clock: render on an ordinary thread
+  std::function<rt::Time()> now;  // box clock, for the threaded camera
+  rt::FaultPlan faults;
+  rt::ModeGate mode_gate;
+  std::function<void(int, int)> progress;  // of decoding a recording
+  // Calibration: from this instant on somebody walks before the camera (passing_camera.hpp).
+  std::optional<rt::Time> passer_from;
+  // What stands between a task and its device's twin; empty: nothing.
+  std::function<drivers::HapticDevice*(drivers::HapticDevice&)> wrap_device;
+  std::function<drivers::MotorBus*(drivers::MotorBus&)> wrap_bus;
+  std::function<drivers::Camera*(drivers::Camera&)> wrap_camera;
+};
+
+// What a twin or effect constructed in this run is called, and which key called for it.
+using Effects = std::vector<std::pair<std::string, std::string>>;
+
+class RobotBox {
+ public:
+  RobotBox(rt::NonRealtime&, const Scene&, const BoxOptions&);
+  [[nodiscard]] tasks::RobotGraph& graph() noexcept { return *graph_; }
+  [[nodiscard]] drivers::LinkEndpoint& endpoint() noexcept { return endpoint_; }
+  [[nodiscard]] drivers::VirtualYoubot& bus() noexcept { return *bus_; }
+  [[nodiscard]] const drivers::World& world() const noexcept { return *world_; }
+  [[nodiscard]] Effects effects() const;
+  [[nodiscard]] std::int64_t camera_twin_cpu_ns() const noexcept;
+
+ private:
+  class BasePose;
+  std::unique_ptr<drivers::World> world_;
+  std::unique_ptr<drivers::VirtualYoubot> bus_;
+  std::unique_ptr<drivers::PoseSource> pose_;
+  std::unique_ptr<drivers::Camera> camera_;
+  drivers::SyntheticCamera* synthetic_ = nullptr;
+  drivers::ThreadedCamera* threaded_ = nullptr;
+  std::vector<std::string> camera_effects_, arm_effects_;
+  bool mount_off_ = false;
+  std::string camera_said_;  // of a real one
+  std::unique_ptr<tasks::RobotGraph> graph_;
+  drivers::LinkEndpoint endpoint_;
+};
+
+class OperatorBox {
+ public:
+  OperatorBox(rt::NonRealtime&, const Scene&, const perception::Intrinsics& camera,
+              const BoxOptions&);
+  // Of the frames that arrive.
+  [[nodiscard]] const perception::Intrinsics& camera() const noexcept { return camera_; }
+  [[nodiscard]] tasks::OperatorGraph& graph() noexcept { return *graph_; }
+  [[nodiscard]] drivers::LinkEndpoint& endpoint() noexcept { return endpoint_; }
+  [[nodiscard]] drivers::HandScript& hand() noexcept { return *hand_; }
+  [[nodiscard]] drivers::HapticDevice& device() noexcept { return device_->device(); }
+  [[nodiscard]] bool person_simulated() const noexcept { return device_->person_simulated(); }
+  [[nodiscard]] Effects effects() const;
+
+ private:
+  const Scene& scene_;
+  perception::Intrinsics camera_;
+  std::unique_ptr<drivers::HandScript> hand_;
+  std::unique_ptr<OpenedDevice> device_;
+  std::unique_ptr<tasks::OperatorGraph> graph_;
+  drivers::LinkEndpoint endpoint_;
+};
+
+// A recording as the demo plays it: 640 x 480 brought to the 512 x 424 of a Kinect v2, as `teletact fuse` does. Throws
+// std::runtime_error with the reader's message.
+[[nodiscard]] drivers::TumSequence open_recording(const std::string& dir);
+
+// Depth camera of the scene: the recording's if it names one, else the synthetic one's.
+[[nodiscard]] perception::Intrinsics camera_of(const Scene& scene);
+
+}  // namespace teletact
