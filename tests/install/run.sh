@@ -57,5 +57,14 @@ if [ -x "$prefix/bin/teletact" ]; then
   [ -f "$prefix/share/teletact/config/scenes/default_room.toml" ]
   (cd "$temporary" && "$prefix/bin/teletact" demo --clock virtual --bodies stub --seconds 1 --quiet --report "$temporary/report" >"$temporary/demo.log") ||
     { cat "$temporary/demo.log" >&2; exit 1; }
+  # The measuring program lies where the installed program looks for it; without it, one line says so.
+  "$prefix/bin/teletact" stability --help | grep -q '^teletact stability: ' ||
+    { echo "install: the installed program does not start teletact-measure" >&2; exit 1; }
+  rm "$prefix/libexec/teletact/teletact-measure"
+  code=0
+  "$prefix/bin/teletact" stability --help >"$temporary/absent.out" 2>"$temporary/absent.err" || code=$?
+  [ "$code" -eq 2 ] && [ ! -s "$temporary/absent.out" ] && [ "$(wc -l <"$temporary/absent.err")" -eq 1 ] &&
+    grep -q 'teletact-measure is neither at' "$temporary/absent.err" ||
+    { cat "$temporary/absent.out" "$temporary/absent.err" >&2; echo "install: rc $code without teletact-measure" >&2; exit 1; }
 fi
 echo "install: ${parts[*]}: ok"
