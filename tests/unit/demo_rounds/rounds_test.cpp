@@ -7,6 +7,7 @@ namespace {
 TEST(Rounds, EveryMarkIsReachedInTheWorldByTheCamerasPose) {
   const Round r = go_round(1, kRounds_s);
   expect_all_reached(r, 1);
+  EXPECT_GE(r.uncorrected_m, kUncorrected_m);
   EXPECT_GT(r.ate_mm, 0);
   EXPECT_LT(r.ate_mm, 30);
 }

@@ -3,11 +3,28 @@
 namespace tests {
 namespace {
 
-class RoundsOf : public testing::TestWithParam<int> {};
+class RoundsOf : public testing::TestWithParam<int> {
+ public:
+  // The slips cancelled with eight of twenty seeds when this was first measured; more is another drive.
+  static void TearDownTestSuite() {
+    std::printf("odometry alone is less than %.0f mm off with %d of %d seeds\n",
+                1e3 * kUncorrected_m, near_, ran_);
+    if (ran_ == kSeeds) {
+      EXPECT_LE(near_, 8);
+    }
+  }
+
+ protected:
+  static constexpr int kSeeds = 20;
+  static inline int ran_ = 0, near_ = 0;
+};
 
 TEST_P(RoundsOf, EveryMarkIsReachedInTheWorld) {
   const auto seed = static_cast<std::uint64_t>(GetParam());
-  expect_all_reached(go_round(seed, kRounds_s), seed);
+  const Round r = go_round(seed, kRounds_s);
+  expect_all_reached(r, seed);
+  ++ran_;
+  if (r.uncorrected_m < kUncorrected_m) ++near_;
 }
 
 // Dark at another instant of the first way with each seed.
