@@ -271,8 +271,9 @@ void MovingCells::let_go(const Eye& eye, const Place& place, bool any_sighted) n
 
 Vec3f MovingCells::centre_M(std::uint32_t cell, float h, const Place& place) const noexcept {
   const auto edge = static_cast<std::uint32_t>(rule_.cells);
+  const std::uint32_t row = cell / edge;
   const float x = (static_cast<float>(cell % edge) + 0.5F) * rule_.resolution_m,
-              y = (static_cast<float>(cell / edge) + 0.5F) * rule_.resolution_m;
+              y = (static_cast<float>(row) + 0.5F) * rule_.resolution_m;
   return {x, y, h + place.tilt.x() + place.tilt.y() * x + place.tilt.z() * y};
 }
 

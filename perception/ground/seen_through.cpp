@@ -64,8 +64,9 @@ void GroundMap::look_through(const GroundFrame& frame) noexcept {
           4 * c.obstacle_area >= few)
         continue;
       const auto edge = static_cast<std::size_t>(config_.cells);
+      const std::size_t row = i / edge;
       const float x = (static_cast<float>(i % edge) + 0.5F) * cell_m,
-                  y = (static_cast<float>(i / edge) + 0.5F) * cell_m;
+                  y = (static_cast<float>(row) + 0.5F) * cell_m;
       const float floor = tilt.x() + tilt.y() * x + tilt.z() * y;
       std::uint32_t seen = 0;
       for (std::uint32_t left = c.slices; left != 0; left &= left - 1, ++looks) {

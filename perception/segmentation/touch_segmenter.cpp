@@ -101,7 +101,8 @@ void TouchSegmenter::add_occluded_parts(int region) noexcept {
 // Pixels connected to the touched one that are more like it than like the support.
 void TouchSegmenter::select_flat(int pixel) noexcept {
   const int w = patches_.window().width, n = w * patches_.window().height;
-  const Lab here = colour_near(pixel % w, pixel / w), rest = graph_.support_colour();
+  const Colour here = colour_near(pixel % w, pixel / w);
+  const Lab rest = graph_.support_colour();
   const float reach = 0.5F * colour_difference(here, rest);
   int head = 0, tail = 0;
   queue_[static_cast<std::size_t>(tail++)] = pixel;

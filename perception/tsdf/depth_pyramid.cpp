@@ -70,7 +70,7 @@ inline float slope(std::int32_t low, std::int32_t mid, std::int32_t high,
   const bool has_low = (low != 0) & (std::abs(low - mid) <= 2 * gate);
   const bool has_high = (high != 0) & (std::abs(high - mid) <= 2 * gate);
   const std::int32_t rise = (has_high ? high : mid) - (has_low ? low : mid);
-  return static_cast<float>(rise) * (has_high & has_low ? 0.25F : 0.5F);
+  return static_cast<float>(rise) * ((has_high & has_low) ? 0.25F : 0.5F);
 }
 
 TELETACT_CLONES

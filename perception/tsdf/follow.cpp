@@ -62,6 +62,10 @@ constexpr int kAtTheEnd = 32000;  // |d|: a bound, not a distance; no data
 
 const Eigen::AlignedBox3d kEverywhere(Vec3::Constant(-1e9), Vec3::Constant(1e9));
 
+Vec3 wide(const float* v) noexcept {
+  return {static_cast<double>(v[0]), static_cast<double>(v[1]), static_cast<double>(v[2])};
+}
+
 // The pixels that are compared.
 struct Grid {
   int u0, v0, u1, v1, step;
@@ -164,7 +168,7 @@ double SurfaceFollower::view_doubt_m(std::int32_t block, const Memory& m) const 
   const BlockCoord c = map_.coords_[static_cast<std::size_t>(block)];
   const Vec3 middle = map_.voxel_ * Vec3(8.0 * c.x + 3.5, 8.0 * c.y + 3.5, 8.0 * c.z + 3.5);
   const Vec3 now = (middle - view_.X_WC.translation()).normalized();
-  const Vec3 then = (middle - Vec3(m.eye_W[0], m.eye_W[1], m.eye_W[2])).normalized();
+  const Vec3 then = (middle - wide(m.eye_W.data())).normalized();
   return kOfView * map_.truncation_ * now.cross(then).norm();
 }
 
@@ -236,7 +240,7 @@ void SurfaceFollower::camera_error() noexcept {
         Tile& t =
             s_.tiles[static_cast<std::size_t>((v / edge) * FollowScratch::kAcross + u / edge)];
         t.count += 1, t.sum += off, t.squares += off * off, t.z_m = z;
-        Eigen::Map<Row>(t.row.data()) += out.row(slope_unit * Vec3(g[0], g[1], g[2]), p);
+        Eigen::Map<Row>(t.row.data()) += out.row(slope_unit * wide(g), p);
       });
   fit(s_.tiles, s_.room, out);
 }
@@ -426,7 +430,8 @@ void SurfaceFollower::move(const UpdateCamera& cam, const Looked& it) noexcept {
   map_.changed_[static_cast<std::size_t>(it.block)] = map_.revision_;
   Memory& m = s_.memory[static_cast<std::size_t>(it.block)];
   m.now = m.before = {};
-  m.eyes = std::min(m.eyes, static_cast<float>(kMoved / TsdfMap::kWeightOne));
+  constexpr auto kSteps = kMoved / TsdfMap::kWeightOne;
+  m.eyes = std::min(m.eyes, static_cast<float>(kSteps));
   if (it.moves) m.moved = map_.frame_;
 }
 

@@ -54,10 +54,11 @@ double standard_error(double count, double sum, double squares, double z_m) noex
 double threshold_m(double error_m) noexcept { return std::max(kLeast_m, kErrors * error_m); }
 
 bool stands_out(const FollowScratch::Sums& s, float z_m, double doubt_m) noexcept {
-  const double count = s.count, sum = s.sum;
+  const auto count = static_cast<double>(s.count), sum = static_cast<double>(s.sum);
   if (count < kFewReadings || std::abs(sum) < kLeast_m * count) return false;
   return std::abs(sum) >=
-         count * (doubt_m + threshold_m(standard_error(count, sum, s.squares, z_m)));
+         count * (doubt_m + threshold_m(standard_error(count, sum, static_cast<double>(s.squares),
+                                                       static_cast<double>(z_m))));
 }
 
 void fit(std::span<const FollowScratch::Tile> tiles, std::span<double> room,

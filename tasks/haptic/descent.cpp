@@ -86,7 +86,7 @@ bool Descent::meets_unknown(const Vec3& p) const noexcept {
 
 // In unknown space the held surface goes on from where the proxy is: nothing moves it there.
 Gap Descent::gap_at_proxy(const Vec3& p) noexcept {
-  const Gap g = gap(p);
+  Gap g = gap(p);
   if (g.known) return g;
   for (std::size_t i = 0; i < frame_size_; ++i) {
     frame_[i].d = std::min(frame_[i].d, frame_[i].n.dot(p));

@@ -31,7 +31,8 @@ Face face_ahead(Field& field, const perception::SurfacePatch* older,
   std::array<FieldSample, 9> now;
   field.set(older, newer, 0);
   for (std::size_t i = 0; i < points.size(); ++i) {
-    const double a = static_cast<double>(i / 3) - 1, b = static_cast<double>(i % 3) - 1;
+    const std::size_t row = i / 3;
+    const double a = static_cast<double>(row) - 1, b = static_cast<double>(i % 3) - 1;
     points[i] = p_W + kApart_vox * field.voxel() * (a * along + b * across);
     now[i] = field.sample(points[i]);
   }

@@ -256,8 +256,8 @@ bool PlanningTask::moves_near(const CostMap& map, Point2 mark) const noexcept {
   const double reach = config_.goal_radius_m + config_.robot_radius_m;
   for (int i = 0; i < std::min(map.moving_count, CostMap::kMaxMoving); ++i) {
     const int cell = map.moving[static_cast<std::size_t>(i)].cell;
-    const Point2 p{(cell % map.width + 0.5) * map.resolution,
-                   (cell / map.width + 0.5) * map.resolution};
+    const int column = cell % map.width, row = cell / map.width;
+    const Point2 p{(column + 0.5) * map.resolution, (row + 0.5) * map.resolution};
     if (distance(p, mark) <= reach) return true;
   }
   return false;

@@ -366,7 +366,7 @@ ReplayResult replay_operator(rt::NonRealtime& nrt, const Scene& scene, const Box
   fed.body = [&](TaskId id) -> rt::TaskBody& { return graph.body(id); };
   fed.published = [&](int writer) { return published(graph.cells(), writer); };
   fed.endpoint = &box.endpoint();
-  const ReplayResult result = Replayer(recording, std::move(fed), trial).run(steps);
+  ReplayResult result = Replayer(recording, std::move(fed), trial).run(steps);
   if (trial != nullptr && trial->fused) {
     console.tick(recording.ops.empty() ? rt::Time{} : rt::time_from_ns(recording.ops.back().at_ns));
     trial->fused(console.seen().fusion);

@@ -155,7 +155,8 @@ MovingFilm film_moving(rt::NonRealtime& nrt, const MovingSample& sample, bool co
       ++mover;
       const double z = 1e-3 * image.depth_mm[i];
       const auto u = static_cast<double>(i % static_cast<std::size_t>(k.width));
-      const auto v = static_cast<double>(i / static_cast<std::size_t>(k.width));
+      const std::size_t row = i / static_cast<std::size_t>(k.width);
+      const auto v = static_cast<double>(row);
       const PixelTruth t = truth.of(X_WC * k.unproject(u, v, z), z, shape, f);
       of[i] = static_cast<std::uint8_t>(static_cast<std::uint8_t>(t) | kMoverBit);
     }

@@ -33,7 +33,7 @@ std::uint64_t key_of(const Vec3& p, double edge) {
 }  // namespace
 
 MovingGhosts::MovingGhosts(rt::NonRealtime& nrt, const MovingSample& sample, const MovingFilm& film)
-    : sample_(sample), film_(film), world_(nrt, sample.world, MovingSample::kBegin) {
+    : film_(film), world_(nrt, sample.world, MovingSample::kBegin) {
   for (std::size_t i = 0; i < world_.shapes().size(); ++i) {
     if (world_.shapes()[i].mover >= 0) movers_.push_back(static_cast<int>(i));
   }
@@ -178,7 +178,8 @@ double MovingGhosts::mover_in_mesh(const perception::Mesh& mesh, const Pose& X_W
   }
   const auto covered = [&](const Vec3& p) {
     for (int n = 0; n < 27; ++n) {
-      const Vec3 by(n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1);
+      const int a = n / 9 - 1, b = n / 3 % 3 - 1, c = n % 3 - 1;
+      const Vec3 by(a, b, c);
       const auto [from, to] = cells.equal_range(key_of(p + reach_m * by, reach_m));
       for (auto it = from; it != to; ++it) {
         if ((it->second - p).norm() <= reach_m) return true;

@@ -44,7 +44,6 @@ class MovingGhosts {
   [[nodiscard]] bool seen_free(const perception::Vec3& p_W, int frame) const;
   [[nodiscard]] std::vector<perception::Vec3> seen_mover(int frame) const;
 
-  const MovingSample& sample_;
   const MovingFilm& film_;
   drivers::World world_;
   std::vector<int> movers_;

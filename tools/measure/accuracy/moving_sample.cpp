@@ -27,7 +27,8 @@ constexpr int kCoarse = 8;  // pixels, for the share
 std::vector<Vec3> points_of(const drivers::Shape& s) {
   std::vector<Vec3> points;
   for (int i = 0; i < 125; ++i) {
-    Vec3 p(i % 5 - 2, i / 5 % 5 - 2, i / 25 - 2);
+    const int a = i % 5 - 2, b = i / 5 % 5 - 2, c = i / 25 - 2;
+    Vec3 p(a, b, c);
     p /= 2;
     if (s.kind == drivers::Shape::Kind::kSphere && p.norm() > 0) p /= std::max(1.0, p.norm());
     if (s.kind == drivers::Shape::Kind::kCylinder) {
