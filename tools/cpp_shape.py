@@ -256,9 +256,7 @@ def class_name(words):
 def data_members(head):
     """How many data members the statement `head;` declares in a class."""
     before = head[:head.index("=")] if "=" in head and "operator" not in head else head
-    if not head or head[0] == "template" or any(word in NO_MEMBER for word in before):
-        return 0
-    if parameters_at(head) is not None:
+    if not head or any(word in NO_MEMBER for word in before) or parameters_at(head) is not None:
         return 0
     if any(word in CLASS or word == "enum" for word in before):
         # Only what stands behind the braces of a nested class is a member: struct {..} x;
