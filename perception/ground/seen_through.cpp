@@ -63,8 +63,7 @@ void GroundMap::look_through(const GroundFrame& frame) noexcept {
       if (occupied_[i] == 0 || c.slices == 0 || (c.slices & kHole) != 0 || c.ground_points > 0 ||
           4 * c.obstacle_area >= few)
         continue;
-      const auto edge = static_cast<std::size_t>(config_.cells);
-      const std::size_t row = i / edge;
+      const auto edge = static_cast<std::size_t>(config_.cells), row = i / edge;
       const float x = (static_cast<float>(i % edge) + 0.5F) * cell_m,
                   y = (static_cast<float>(row) + 0.5F) * cell_m;
       const float floor = tilt.x() + tilt.y() * x + tilt.z() * y;

@@ -57,14 +57,10 @@ constexpr double kOfView = 0.5;       // derived
 constexpr double kOfExplained = 0.3;  // of what the camera's error explains may be wrong
 constexpr double kNoiseOfFew = 1.5;   // of the sensor's: their slant is not known
 constexpr float kKept = 0.75F;        // of what earlier frames said, a frame
-constexpr std::uint32_t kMoved = 12 * TsdfMap::kWeightOne, kEnds = 2 * TsdfMap::kWeightOne;
+constexpr std::uint32_t kOne = TsdfMap::kWeightOne, kAs = 12, kMoved = kAs * kOne, kEnds = 2 * kOne;
 constexpr int kAtTheEnd = 32000;  // |d|: a bound, not a distance; no data
 
 const Eigen::AlignedBox3d kEverywhere(Vec3::Constant(-1e9), Vec3::Constant(1e9));
-
-Vec3 wide(const float* v) noexcept {
-  return {static_cast<double>(v[0]), static_cast<double>(v[1]), static_cast<double>(v[2])};
-}
 
 // The pixels that are compared.
 struct Grid {
@@ -430,8 +426,7 @@ void SurfaceFollower::move(const UpdateCamera& cam, const Looked& it) noexcept {
   map_.changed_[static_cast<std::size_t>(it.block)] = map_.revision_;
   Memory& m = s_.memory[static_cast<std::size_t>(it.block)];
   m.now = m.before = {};
-  constexpr auto kSteps = kMoved / TsdfMap::kWeightOne;
-  m.eyes = std::min(m.eyes, static_cast<float>(kSteps));
+  m.eyes = std::min(m.eyes, static_cast<float>(kAs));
   if (it.moves) m.moved = map_.frame_;
 }
 

@@ -20,6 +20,10 @@ inline constexpr std::size_t kFewNodes = 24, kFewTiles = 12;
 inline constexpr double kAgree = 2, kTilt = 0.3;
 inline constexpr double kAcross = 0.25;  // of them may be off to the other side
 
+[[nodiscard]] inline Vec3 wide(const float* v) noexcept {
+  return {static_cast<double>(v[0]), static_cast<double>(v[1]), static_cast<double>(v[2])};
+}
+
 // Of a Kinect v2's reading along the axis.
 [[nodiscard]] double sigma_m(double z) noexcept;
 
