@@ -5,7 +5,7 @@
 //               that does not fit the consensus, off the map's surface; patches count, lone pixels do not
 //               Or where nobody could look, close behind a surface of the map that its ray goes through: it recedes.
 //   thing       evidence is grown over connected surface: to depth edges and concave creases (a thing stands ON the
-//               floor), over convex ones; a thing moves when a tenth of it is evidence, or when it moved in the last image
+//               floor), over convex ones; a thing moves when least_share of it is evidence, or when it moved in the last image
 //               One too thin to have an inside is its evidence alone; one whose middle wanders does not stand.
 //   rest        a thing whose points have been where they are for rest_frames is part of the place again
 //

@@ -42,7 +42,7 @@ void FusionTask::write_patch(const rt::Tick& tick, const HapticState& hand, Out&
   out.patch_written = true;
 }
 
-// Does what the hand touches move, by the newest image? What moves is masked: neither fused nor carved by, so the field
+// Does what the hand touches move, by the newest image? What moves is masked: it carves and is not fused, so the field
 // alone would say so late or never. Half of the readings about the proxy; one far in front of it hides the place and says
 // nothing of it.
 bool FusionTask::touched_moves(const HapticState& hand) const noexcept {
