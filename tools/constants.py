@@ -34,7 +34,7 @@ data, and other data that it was judged on. What is derived, is a definition or 
 - *not recorded*: the source does not say on what it was chosen, or whether on any data.
 - *nothing else*: no data but that which chose it was asked: its figures on that data say less than they seem to.
 - The figures stand in the page in brackets; those of *moving* in `docs/measured/moving_judge.md`, of *follow* and of the odd and even samples in
-  `docs/fusion.md`.
+  `docs/measured/fusion.md`.
 
 """
 DATA = """
