@@ -92,8 +92,8 @@ void check_together(const StabilityOptions& o) {
 std::vector<rig::Placement> placements(const StabilityOptions& o) {
   if (o.angles_deg.empty() && o.offsets_vox.empty()) return rig::placements();
   constexpr double kVoxel_m = 0.01;
-  const auto or_else = [](const std::vector<double>& asked, std::vector<double> usual) {
-    return asked.empty() ? std::move(usual) : asked;
+  const auto or_else = [](const std::vector<double>& asked, const std::vector<double>& usual) {
+    return asked.empty() ? usual : asked;
   };
   std::vector<rig::Placement> out;
   for (const double angle : or_else(o.angles_deg, {0, 17, 45})) {

@@ -7,10 +7,12 @@
 
 extern "C" {
 
+// NOLINTBEGIN(bugprone-reserved-identifier, readability-identifier-naming): the names are glibc's.
 void* __libc_malloc(std::size_t) noexcept;
 void* __libc_calloc(std::size_t, std::size_t) noexcept;
 void* __libc_realloc(void*, std::size_t) noexcept;
 void* __libc_memalign(std::size_t, std::size_t) noexcept;
+// NOLINTEND(bugprone-reserved-identifier, readability-identifier-naming)
 
 void* malloc(std::size_t n) noexcept {
   rt::note_allocation();
@@ -44,5 +46,5 @@ int posix_memalign(void** out, std::size_t align, std::size_t n) noexcept {
 }  // extern "C"
 
 namespace {
-[[maybe_unused]] const bool g_counts = (rt::allocations_are_counted(), true);
+[[maybe_unused]] const bool kCounts = (rt::allocations_are_counted(), true);
 }

@@ -35,7 +35,7 @@ double rest_chatter_N(rig::Rig& r, const Vec3& from, double speed) {
     const Vec3 to(x, from.y(), from.z());
     const Path there({last, to}, speed);
     r.run(there, 0, there.duration() + 0.1);
-    const std::vector<Row> rest = r.run([&](double) { return to; }, 0, kRest_s);
+    const std::vector<Row> rest = r.run([&](double) { return Vec3(to); }, 0, kRest_s);
     most = std::max(most, chatter_N(forces_of(rest)));
     last = to;
   }

@@ -291,7 +291,7 @@ Run enabled_again(const Setting& s, const std::string& name, double before, doub
   r.in().stylus.state = drivers::DeviceState::kBrake;
   const double off_N = largest_N(r.run(on, 0, on.duration() + 0.05));
   r.in().stylus.state = drivers::DeviceState::kForce;
-  auto rows = r.run([&](double) { return is; }, 0, 0.3);
+  auto rows = r.run([&](double) { return Vec3(is); }, 0, 0.3);
   Run run = comes_back(name, s, r, std::move(rows), std::min(12.0, 1000 * after));
   add(run, "force while off N", off_N, 0);
   return run;
@@ -306,12 +306,12 @@ Run clutched_again(const Setting& s) {
   const Row last = r.run(down, 0, down.duration() + 0.1).back();
   const Vec3 scene_before = r.task().to_world(s.place.X_WS * is);
   r.in().clutch = true;
-  std::vector<Row> off = r.run([&](double) { return is; }, 0, 0.15);
+  std::vector<Row> off = r.run([&](double) { return Vec3(is); }, 0, 0.15);
   off.insert(off.begin(), last);  // the first step is the one from before the clutch
   const double left_N = off.back().f.norm(),
                moving_N = largest_N(r.run(away, 0, away.duration() + 0.01));
   r.in().clutch = false;
-  auto rows = r.run([&](double) { return elsewhere; }, 0, 0.3);
+  auto rows = r.run([&](double) { return Vec3(elsewhere); }, 0, 0.3);
   // The spring's stretch is in the scene, the device is elsewhere: told in the scene.
   for (Row& row : rows) row.h = is;
   Run run = comes_back("re-clutch", s, r, std::move(rows), 8);

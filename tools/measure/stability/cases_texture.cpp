@@ -54,7 +54,7 @@ Felt felt_at(const Setting& s, Rig& r, double stiffness, double reach_m) {
   const Vec3 at(0, 0, rest - depth_m);
   const Path down({Vec3(0, 0, rest + 0.003), at}, s.speed);
   r.run(down, 0, down.duration());
-  r.run([&](double) { return at; }, 0, 0.1);
+  r.run([&](double) { return Vec3(at); }, 0, 0.1);
   const Path there({at, at + 0.02 * along, at}, s.speed);
   Felt out;
   out.rows = r.run(there, 0, there.duration());

@@ -246,6 +246,7 @@ Vec3 nearest_free(const support::ReferenceField& field, const Vec3& p_W, double 
     bool nearer = true;
     while (nearer) {
       nearer = false;
+      // attempt() moves way. NOLINTNEXTLINE(performance-unnecessary-copy-initialization)
       const Vec3 middle = way, a = middle.unitOrthogonal(), b = middle.cross(a);
       for (int k = 0; k < 8; ++k) {
         const double angle = 0.25 * std::numbers::pi * k;

@@ -27,7 +27,7 @@ bool sees_the_middle(const std::function<double(const Vec3&)>& solid, const Vec3
 Vec3 way_to_eye(const std::function<double(const Vec3&)>& solid, const Vec3& lean) {
   for (const double degrees : {45.0, 20.0}) {
     const double angle = degrees * std::numbers::pi / 180;
-    const Vec3 way = std::cos(angle) * Vec3::UnitZ() + std::sin(angle) * lean;
+    Vec3 way = std::cos(angle) * Vec3::UnitZ() + std::sin(angle) * lean;
     if (sees_the_middle(solid, way)) return way;
   }
   return Vec3::UnitZ();

@@ -16,6 +16,7 @@
 #include "rt/memory/allocations.hpp"
 #include "rt/memory/section.hpp"
 
+// NOLINTBEGIN(bugprone-reserved-identifier, readability-identifier-naming): the names are glibc's.
 extern "C" {
 void* __libc_malloc(std::size_t) noexcept;
 void* __libc_calloc(std::size_t, std::size_t) noexcept;
@@ -23,6 +24,7 @@ void* __libc_realloc(void*, std::size_t) noexcept;
 void* __libc_memalign(std::size_t, std::size_t) noexcept;
 void __libc_free(void*) noexcept;
 }
+// NOLINTEND(bugprone-reserved-identifier, readability-identifier-naming)
 
 namespace {
 
@@ -177,6 +179,7 @@ int pthread_cond_clockwait(pthread_cond_t* c, pthread_mutex_t* m, clockid_t k, c
 }
 
 // --- exceptions ---------------------------------------------------------------------------------
+// The names are the C++ ABI's. NOLINTBEGIN(bugprone-reserved-identifier, readability-identifier-naming)
 [[noreturn]] void __cxa_throw(void* object, std::type_info* type, void (*destroy)(void*)) {
   static std::atomic<void*> real{nullptr};
   note(g_counters.throws);
@@ -190,5 +193,6 @@ int pthread_cond_clockwait(pthread_cond_t* c, pthread_mutex_t* m, clockid_t k, c
   resolve<void()>(real, "__cxa_rethrow")();
   __builtin_unreachable();
 }
+// NOLINTEND(bugprone-reserved-identifier, readability-identifier-naming)
 
 }  // extern "C"
