@@ -179,7 +179,8 @@ int pthread_cond_clockwait(pthread_cond_t* c, pthread_mutex_t* m, clockid_t k, c
 }
 
 // --- exceptions ---------------------------------------------------------------------------------
-// The names are the C++ ABI's. NOLINTBEGIN(bugprone-reserved-identifier, readability-identifier-naming)
+// The names are the C++ ABI's.
+// NOLINTBEGIN(bugprone-reserved-identifier, readability-identifier-naming)
 [[noreturn]] void __cxa_throw(void* object, std::type_info* type, void (*destroy)(void*)) {
   static std::atomic<void*> real{nullptr};
   note(g_counters.throws);
