@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "perception/tsdf/clones.hpp"
+#include "perception/simd/clones.hpp"
 
 namespace perception {
 

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "perception/tsdf/chunk_record.hpp"
+#include "perception/tsdf/pager/chunk_record.hpp"
 #include "rt/hash.hpp"
 
 namespace perception {

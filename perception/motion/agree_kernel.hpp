@@ -9,7 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "perception/tsdf/map_reader.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
 
 namespace perception::motion {
 

@@ -2,7 +2,7 @@
 
 #include <cstring>
 
-#include "perception/tsdf/clones.hpp"
+#include "perception/simd/clones.hpp"
 
 namespace perception::motion {
 namespace {

@@ -26,7 +26,7 @@
 #include "perception/motion/agree_kernel.hpp"
 #include "perception/motion/consensus.hpp"
 #include "perception/motion/motion_mask.hpp"
-#include "perception/tsdf/map_reader.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
 #include "rt/memory/non_realtime.hpp"
 
 namespace perception {

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "perception/objects/object_map.hpp"
-#include "perception/tsdf/frame_view.hpp"
-#include "perception/tsdf/map_reader.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
+#include "perception/tsdf/image/frame_view.hpp"
 
 namespace perception {
 

@@ -4,7 +4,7 @@
 #include <cstring>
 
 #include "perception/raycast/hint_kernel.hpp"
-#include "perception/tsdf/chunk_directory.hpp"
+#include "perception/tsdf/blocks/chunk_directory.hpp"
 
 #if defined(TELETACT_HINT_CELLS_TOGGLE) == defined(HWY_TARGET_TOGGLE)
 #ifdef TELETACT_HINT_CELLS_TOGGLE

@@ -8,7 +8,7 @@
 #include <cstdint>
 
 #include "perception/raycast/hint_kernel.hpp"
-#include "perception/tsdf/map_reader.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 
 namespace perception {

@@ -8,9 +8,9 @@
 #include "perception/geometry/no_colour.hpp"
 #include "perception/raycast/hint_kernel.hpp"
 #include "perception/raycast/ray_march.hpp"
+#include "perception/simd/clones.hpp"
 #include "perception/simd/isa.hpp"
-#include "perception/tsdf/clones.hpp"
-#include "perception/tsdf/frame_view.hpp"
+#include "perception/tsdf/image/frame_view.hpp"
 
 namespace perception {
 namespace {

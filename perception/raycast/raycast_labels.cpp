@@ -13,7 +13,7 @@
 #include <cmath>
 
 #include "perception/raycast/raycast.hpp"
-#include "perception/tsdf/map_reader.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
 
 namespace perception {
 namespace {

@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "perception/geometry/no_colour.hpp"
-#include "perception/tsdf/clones.hpp"
+#include "perception/simd/clones.hpp"
 
 namespace perception {
 

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "perception/tsdf/allocate_scratch.hpp"
-#include "perception/tsdf/block_codec.hpp"
-#include "perception/tsdf/follow_scratch.hpp"
+#include "perception/tsdf/follow/follow_scratch.hpp"
+#include "perception/tsdf/integrate/allocate_scratch.hpp"
+#include "perception/tsdf/pager/block_codec.hpp"
 #include "rt/hash.hpp"
 
 namespace perception {

@@ -1,7 +1,7 @@
 // What others read of the fusion task: patch, ray cast, cost map, view, mesh.
 #include <algorithm>
 
-#include "perception/tsdf/patch_copy.hpp"
+#include "perception/tsdf/patch/patch_copy.hpp"
 #include "tasks/fusion/fusion_parts.hpp"
 #include "tasks/fusion/fusion_task.hpp"
 

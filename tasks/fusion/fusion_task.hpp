@@ -47,8 +47,8 @@
 #include "perception/patch/surface_patch.hpp"
 #include "perception/raycast/raycast.hpp"
 #include "perception/relocalisation/relocaliser.hpp"
-#include "perception/tsdf/mesh_deltas.hpp"
-#include "perception/tsdf/patch_smooth.hpp"
+#include "perception/tsdf/mesh/mesh_deltas.hpp"
+#include "perception/tsdf/patch/patch_smooth.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
@@ -103,7 +103,7 @@ struct FusionConfig {
   int patch_nodes = 64;
   double window_lead_periods = 2;  // patch centre = hand + velocity x this many periods
   bool patch_checksums = true;     // fill SurfacePatch::checksum
-  // Voxels: the field round the hand is smoothed over so many (perception/tsdf/patch_smooth.hpp); 0: as it is in the map.
+  // Voxels: the field round the hand is smoothed over so many (perception/tsdf/patch/patch_smooth.hpp); 0: as it is in the map.
   double patch_smooth = perception::SmoothOptions{}.radius;
   int view_period_frames = 3;  // 0: no view
   int view_step = 2;           // pixels of the camera per pixel of the view, 1..8

@@ -21,7 +21,7 @@
 #include "perception/geometry/rgbd_frame.hpp"
 #include "perception/ground/cost_map.hpp"
 #include "perception/patch/surface_patch.hpp"
-#include "perception/tsdf/mesh_deltas.hpp"
+#include "perception/tsdf/mesh/mesh_deltas.hpp"
 #include "rt/channel/latest.hpp"
 #include "rt/fault/plan.hpp"
 #include "rt/result.hpp"

@@ -15,7 +15,7 @@
 #include "perception/geometry/rgbd_frame.hpp"
 #include "perception/ground/cost_map.hpp"
 #include "perception/patch/surface_patch.hpp"
-#include "perception/tsdf/mesh_deltas.hpp"
+#include "perception/tsdf/mesh/mesh_deltas.hpp"
 #include "tasks/fusion/scene_view.hpp"
 #include "tasks/graph/messages.hpp"
 #include "tasks/graph/object_list.hpp"

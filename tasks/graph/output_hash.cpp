@@ -2,7 +2,7 @@
 
 #include <concepts>
 
-#include "perception/tsdf/patch_copy.hpp"
+#include "perception/tsdf/patch/patch_copy.hpp"
 
 // Each message but the hand is taken apart by a structured binding: a field that is added to one does
 // not compile until it is hashed here.

@@ -11,7 +11,7 @@
 #include "drivers/youbot/motor_bus.hpp"
 #include "perception/ground/cost_map.hpp"
 #include "perception/patch/surface_patch.hpp"
-#include "perception/tsdf/mesh_deltas.hpp"
+#include "perception/tsdf/mesh/mesh_deltas.hpp"
 #include "rt/hash.hpp"
 #include "tasks/fusion/scene_view.hpp"
 #include "tasks/graph/messages.hpp"

@@ -43,11 +43,15 @@ target_include_directories(teletact_options SYSTEM INTERFACE
   $<BUILD_INTERFACE:$<TARGET_PROPERTY:Eigen3::Eigen,INTERFACE_INCLUDE_DIRECTORIES>>)
 teletact_install(options)
 
-# teletact_library(<module>_<folder> [FOLDER dir] [DEPS ours...] [PACKAGES imported...])
-# Takes every .cpp of the folder; a folder of headers only becomes an interface library.
+# teletact_library(<module>_<folder> [FOLDER dir] [PARTS dir...] [DEPS ours...] [PACKAGES imported...])
+# Takes every .cpp of the folder, and of the folders in it that PARTS names; headers only become an interface library.
 function(teletact_library name)
-  cmake_parse_arguments(A "" "FOLDER" "DEPS;PACKAGES" ${ARGN})
-  file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${A_FOLDER}/*.cpp)
+  cmake_parse_arguments(A "" "FOLDER" "PARTS;DEPS;PACKAGES" ${ARGN})
+  set(patterns ${CMAKE_CURRENT_SOURCE_DIR}/${A_FOLDER}/*.cpp)
+  foreach(part ${A_PARTS})
+    list(APPEND patterns ${CMAKE_CURRENT_SOURCE_DIR}/${A_FOLDER}/${part}/*.cpp)
+  endforeach()
+  file(GLOB sources CONFIGURE_DEPENDS ${patterns})
   if(sources)
     add_library(teletact_${name} STATIC ${sources})
     set(kind PUBLIC)

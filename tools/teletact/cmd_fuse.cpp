@@ -32,7 +32,7 @@
 #include "drivers/camera/tum_reader.hpp"
 #include "perception/map_file/map_file.hpp"
 #include "perception/simd/isa.hpp"
-#include "perception/tsdf/mesh.hpp"
+#include "perception/tsdf/mesh/mesh.hpp"
 #include "tasks/fusion/fusion_task.hpp"
 #include "tools/cli/number_list.hpp"
 #include "tools/cli/options.hpp"

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "perception/geometry/pose.hpp"
-#include "perception/tsdf/map_reader.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
 
 namespace teletact {
 

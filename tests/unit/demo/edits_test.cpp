@@ -10,7 +10,7 @@
 #include <sstream>
 
 #include "perception/map_file/map_file.hpp"
-#include "perception/tsdf/mesh.hpp"
+#include "perception/tsdf/mesh/mesh.hpp"
 #include "tools/host/calibrate.hpp"
 #include "tools/host/run_demo.hpp"
 

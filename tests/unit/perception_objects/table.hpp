@@ -10,7 +10,7 @@
 
 #include "perception/objects/object_map.hpp"
 #include "perception/raycast/raycast.hpp"
-#include "perception/tsdf/map_reader.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
 #include "rt/random.hpp"
 
 namespace tests {

@@ -15,7 +15,7 @@
 #include "drivers/camera/synthetic_camera.hpp"
 #include "perception/objects/object_map.hpp"
 #include "perception/raycast/raycast.hpp"
-#include "perception/tsdf/map_reader.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
 
 namespace tests {
 namespace {

@@ -2,8 +2,8 @@
 #include <gtest/gtest.h>
 
 #include "perception/raycast/raycast.hpp"
-#include "perception/tsdf/mesh.hpp"
-#include "perception/tsdf/patch_copy.hpp"
+#include "perception/tsdf/mesh/mesh.hpp"
+#include "perception/tsdf/patch/patch_copy.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
 
 namespace tests {

@@ -1,7 +1,7 @@
 // The readied depth image against plain loops.
 #include <gtest/gtest.h>
 
-#include "perception/tsdf/depth_pyramid.hpp"
+#include "perception/tsdf/image/depth_pyramid.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
 
 namespace tests {

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "perception/geometry/no_colour.hpp"
-#include "perception/tsdf/chunk_record.hpp"
-#include "perception/tsdf/far_store.hpp"
+#include "perception/tsdf/pager/chunk_record.hpp"
+#include "perception/tsdf/pager/far_store.hpp"
 #include "rt/memory/section.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
 #include "tools/measure/support/rt_guard.hpp"

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "perception/simd/isa.hpp"
-#include "perception/tsdf/mesh.hpp"
+#include "perception/tsdf/mesh/mesh.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "tests/unit/perception_tsdf/dense_reference.hpp"
 

@@ -3,7 +3,7 @@
 #include <set>
 #include <tuple>
 
-#include "perception/tsdf/map_reader.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "tests/unit/perception_tsdf/dense_reference.hpp"
 

@@ -5,7 +5,7 @@
 
 #include "perception/raycast/raycast.hpp"
 #include "perception/simd/isa.hpp"
-#include "perception/tsdf/band_kernel.hpp"
+#include "perception/tsdf/integrate/band_kernel.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
 
 namespace tests {

@@ -4,7 +4,7 @@
 
 #include "perception/raycast/raycast.hpp"
 #include "perception/simd/isa.hpp"
-#include "perception/tsdf/label_kernel.hpp"
+#include "perception/tsdf/kernels/label_kernel.hpp"
 #include "rt/memory/section.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
 #include "tools/measure/support/rt_guard.hpp"

@@ -3,7 +3,7 @@
 
 #include <set>
 
-#include "perception/tsdf/map_reader.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/memory/section.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"

@@ -6,8 +6,8 @@
 #include <map>
 #include <set>
 
-#include "perception/tsdf/marching_cubes.hpp"
-#include "perception/tsdf/mesh.hpp"
+#include "perception/tsdf/mesh/marching_cubes.hpp"
+#include "perception/tsdf/mesh/mesh.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
 
 namespace tests {

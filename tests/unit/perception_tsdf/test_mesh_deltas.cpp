@@ -8,7 +8,7 @@
 #include <memory>
 #include <numbers>
 
-#include "perception/tsdf/mesh_deltas.hpp"
+#include "perception/tsdf/mesh/mesh_deltas.hpp"
 #include "rt/hash.hpp"
 #include "rt/memory/section.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"

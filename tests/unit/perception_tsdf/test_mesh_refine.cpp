@@ -9,7 +9,7 @@
 #include <functional>
 #include <numbers>
 
-#include "perception/tsdf/mesh.hpp"
+#include "perception/tsdf/mesh/mesh.hpp"
 #include "rt/random.hpp"
 
 namespace tests {

@@ -7,10 +7,10 @@
 #include "perception/geometry/no_colour.hpp"
 #include "perception/raycast/raycast.hpp"
 #include "perception/simd/isa.hpp"
-#include "perception/tsdf/map_reader.hpp"
-#include "perception/tsdf/mesh.hpp"
-#include "perception/tsdf/mesh_deltas.hpp"
-#include "perception/tsdf/voxel_update.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
+#include "perception/tsdf/kernels/voxel_update.hpp"
+#include "perception/tsdf/mesh/mesh.hpp"
+#include "perception/tsdf/mesh/mesh_deltas.hpp"
 #include "tests/unit/perception_tsdf/dense_reference.hpp"
 
 namespace tests {

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include "perception/tsdf/map_reader.hpp"
-#include "perception/tsdf/patch_copy.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
+#include "perception/tsdf/patch/patch_copy.hpp"
 #include "rt/memory/section.hpp"
 #include "tests/unit/perception_tsdf/patch_sample.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"

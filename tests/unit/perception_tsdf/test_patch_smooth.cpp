@@ -6,7 +6,7 @@
 #include <functional>
 #include <iostream>
 
-#include "perception/tsdf/patch_smooth.hpp"
+#include "perception/tsdf/patch/patch_smooth.hpp"
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
 #include "tools/measure/support/rt_guard.hpp"

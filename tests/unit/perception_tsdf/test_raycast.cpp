@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "perception/raycast/raycast.hpp"
-#include "perception/tsdf/map_reader.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
 #include "rt/memory/section.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
 #include "tools/measure/support/rt_guard.hpp"

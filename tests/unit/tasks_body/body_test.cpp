@@ -13,7 +13,7 @@
 #include "drivers/camera/render.hpp"
 #include "drivers/camera/scripted_arm.hpp"
 #include "drivers/camera/synthetic_camera.hpp"
-#include "perception/tsdf/mesh.hpp"
+#include "perception/tsdf/mesh/mesh.hpp"
 #include "rt/memory/section.hpp"
 #include "tasks/fusion/fusion_task.hpp"
 #include "tests/support/world_scene.hpp"

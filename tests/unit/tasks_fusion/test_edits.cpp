@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <memory>
 
-#include "perception/tsdf/mesh.hpp"
+#include "perception/tsdf/mesh/mesh.hpp"
 #include "tasks/fusion/scene_edit.hpp"
 #include "tests/unit/tasks_fusion/rig.hpp"
 

@@ -3,7 +3,7 @@
 
 #include <iostream>
 
-#include "perception/tsdf/map_reader.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
 #include "tests/unit/tasks_fusion/rig.hpp"
 
 namespace tasks {

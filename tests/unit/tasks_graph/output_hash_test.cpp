@@ -9,7 +9,7 @@
 #include <memory>
 #include <vector>
 
-#include "perception/tsdf/patch_copy.hpp"
+#include "perception/tsdf/patch/patch_copy.hpp"
 
 namespace {
 

@@ -8,7 +8,7 @@
 #include <set>
 
 #include "drivers/world/world.hpp"
-#include "perception/tsdf/mesh.hpp"
+#include "perception/tsdf/mesh/mesh.hpp"
 
 [[nodiscard]] inline double ghost_volume_cm3(const perception::Mesh& mesh,
                                              const drivers::World& now,

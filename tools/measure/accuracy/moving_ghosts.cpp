@@ -8,7 +8,7 @@
 #include <set>
 #include <unordered_map>
 
-#include "perception/tsdf/patch_copy.hpp"
+#include "perception/tsdf/patch/patch_copy.hpp"
 
 namespace teletact {
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "perception/ground/cost_map.hpp"
-#include "perception/tsdf/mesh.hpp"
+#include "perception/tsdf/mesh/mesh.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "tools/measure/accuracy/moving_film.hpp"
 

@@ -13,7 +13,7 @@
 
 #include "drivers/world/world.hpp"
 #include "perception/geometry/camera_model.hpp"
-#include "perception/tsdf/mesh.hpp"
+#include "perception/tsdf/mesh/mesh.hpp"
 
 namespace teletact {
 

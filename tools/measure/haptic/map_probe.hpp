@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "perception/tsdf/map_reader.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 
 namespace teletact {

@@ -5,7 +5,7 @@
 #include <memory>
 #include <numbers>
 
-#include "perception/tsdf/patch_copy.hpp"
+#include "perception/tsdf/patch/patch_copy.hpp"
 #include "tools/record/fusion_sequence.hpp"
 
 namespace teletact {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "drivers/camera/depth_noise.hpp"
-#include "perception/tsdf/patch_copy.hpp"
+#include "perception/tsdf/patch/patch_copy.hpp"
 #include "rt/random.hpp"
 
 namespace stability {

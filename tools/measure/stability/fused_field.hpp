@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "perception/patch/surface_patch.hpp"
-#include "perception/tsdf/patch_smooth.hpp"
+#include "perception/tsdf/patch/patch_smooth.hpp"
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/random.hpp"

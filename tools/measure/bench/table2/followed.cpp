@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <optional>
 
-#include "perception/tsdf/map_reader.hpp"
+#include "perception/tsdf/blocks/map_reader.hpp"
 
 namespace teletact {
 namespace {

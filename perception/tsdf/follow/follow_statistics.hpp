@@ -1,0 +1,61 @@
+// What following asks of numbers (follow.cpp): how well a mean of readings is known, whether some of a block's nodes have moved
+// and some stand, and the small motion of the camera that most of the image agrees on. All in metres along rays.
+#pragma once
+
+#include <cstddef>
+#include <span>
+
+#include "perception/geometry/pose.hpp"
+#include "perception/tsdf/follow/follow_scratch.hpp"
+
+namespace perception::follow {
+
+using Row = Eigen::Matrix<double, 6, 1>;
+
+// chosen on: follow 1000; judged on: follow 2000
+inline constexpr double kLeast_m = 0.8e-3, kErrors = 5;
+inline constexpr double kFewReadings = 5;  // say nothing of a block
+inline constexpr std::size_t kFewNodes = 24, kFewTiles = 12;
+// Nodes of one surface that moves agree: their scatter is at most so many times their noise, and, as what moves may tilt, of the way.
+inline constexpr double kAgree = 2, kTilt = 0.3;
+inline constexpr double kAcross = 0.25;  // of them may be off to the other side
+
+[[nodiscard]] inline Vec3 wide(const float* v) noexcept {
+  return {static_cast<double>(v[0]), static_cast<double>(v[1]), static_cast<double>(v[2])};
+}
+
+// Of a Kinect v2's reading along the axis.
+[[nodiscard]] double sigma_m(double z) noexcept;
+
+struct Middle {
+  double value, scatter;  // median; from the median distance to it
+};
+// Orders v; room: as long.
+[[nodiscard]] Middle middle_of(std::span<double> v, std::span<double> room) noexcept;
+// Where some of them stand, those that moved, to one side: they come first, `count` of them. False: not two such groups.
+[[nodiscard]] bool apart_from_standing(std::span<double> offs, std::span<double> room, double noise,
+                                       std::size_t& count, Middle& moved) noexcept;
+
+// Of a mean, m: from the scatter of what it is of, at least the sensor's.
+[[nodiscard]] double standard_error(double count, double sum, double squares, double z_m) noexcept;
+[[nodiscard]] double threshold_m(double error_m) noexcept;
+[[nodiscard]] bool stands_out(const FollowScratch::Sums& s, float z_m, double doubt_m) noexcept;
+
+// The small motion of the camera that most of the image agrees on.
+struct CommonMotion {
+  Row twist = Row::Zero();
+  Vec3 about = Vec3::Zero();
+  double radius = 1;
+  double scatter = 0;  // of the tiles about it, in units of each one's own threshold
+  bool told = false;
+  [[nodiscard]] Row row(const Vec3& slope, const Vec3& at) const noexcept {
+    Row out;
+    out << slope, (at - about).cross(slope) / radius;
+    return out;
+  }
+};
+// Tukey's weights from the plain start: what moves does not pull while it is the minority.
+void fit(std::span<const FollowScratch::Tile> tiles, std::span<double> room,
+         CommonMotion& out) noexcept;
+
+}  // namespace perception::follow
