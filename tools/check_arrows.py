@@ -4,8 +4,8 @@
 config may include rt; drivers may include of perception only geometry; tasks never include each other
 (tasks/graph may include all of them, and all may include what they agree on: the messages of
 tasks/graph/messages.hpp, object_list.hpp and surface_points.hpp, and the tables of tasks/graph/table.hpp); no task
-includes the simulated world. A room of tools includes the rooms that ROOMS names; no room of the product includes
-tools/measure, and nothing outside tests includes tests. Exit 1 and one line for each offence. `--self-test` proves that offences are seen.
+includes the simulated world. A part of perception/tsdf includes the parts that PARTS names. A room of tools includes the
+rooms that ROOMS names; no room of the product includes tools/measure, and nothing outside tests includes tests. Exit 1 and one line for each offence. `--self-test` proves that offences are seen.
 """
 import pathlib
 import re
@@ -35,12 +35,28 @@ ROOMS = {
 }
 ROOMS["teletact"] = set(ROOMS)
 ROOMS["measure"] = set(ROOMS) - {"teletact"}
+# Of perception/tsdf: a part, and what of the others it may include. The map itself owns them all: no part includes it.
+PARTS = {
+    "image": set(),
+    "kernels": set(),
+    "blocks": {"image", "kernels"},
+    "pager": {"image", "blocks"},
+    "follow": {"image", "kernels", "blocks"},
+    "integrate": {"image", "kernels", "blocks", "pager", "follow"},
+    "labels": {"image", "kernels", "blocks"},
+    "mesh": {"blocks"},
+    "patch": {"blocks"},
+}
 
 
 def offences(path: str, text: str):
     top, sub = path.split("/")[:2]
+    part = path.split("/")[2] if re.match("perception/tsdf/[^/]+/", path) else ""
     if top == "tools" and sub not in ROOMS:
         yield f"{path}: tools/{sub} is no room that tools/check_arrows.py knows"
+        return
+    if part and part not in PARTS:
+        yield f"{path}: perception/tsdf/{part} is no part that tools/check_arrows.py knows"
         return
     for line in re.findall(r'^\s*#include "([^"]+)"', text, re.M):
         parts = line.split("/")
@@ -57,6 +73,8 @@ def offences(path: str, text: str):
             yield f"{path}: nothing outside tests includes {line}"
         if top == "tools" and to == "tools" and to_sub != sub and to_sub not in ROOMS[sub]:
             yield f"{path}: tools/{sub} may not include {line}"
+        if part and parts[:2] == ["perception", "tsdf"] and parts[2] not in PARTS[part] | {part}:
+            yield f"{path}: perception/tsdf/{part} may not include {line}"
         if top == "tasks" and to == "drivers" and to_sub == "world":
             yield f"{path}: the simulated world is never linked into tasks: {line}"
 
@@ -68,10 +86,13 @@ def main() -> int:
                ("tasks/haptic/a.cpp", '#include "tasks/graph/limits.hpp"'), ("tasks/graph/a.cpp", '#include "drivers/world/w.hpp"'),
                ("tools/host/a.cpp", '#include "tools/measure/bench/b.hpp"'), ("tools/files/a.cpp", '#include "tools/host/b.hpp"'),
                ("tools/measure/a.cpp", '#include "tests/support/b.hpp"'), ("tools/measure/a.cpp", '#include "tools/teletact/b.hpp"'),
+               ("perception/tsdf/blocks/a.hpp", '#include "perception/tsdf/pager/b.hpp"'),
+               ("perception/tsdf/mesh/a.hpp", '#include "perception/tsdf/tsdf_map.hpp"'), ("perception/tsdf/attic/a.cpp", ""),
                ("tools/attic/a.cpp", "")]
         missed = [p for p, t in bad if not list(offences(p, t))]
         good = list(offences("tasks/haptic/a.cpp", '#include "tasks/graph/messages.hpp"'))
         good += offences("tools/measure/a.cpp", '#include "tools/host/b.hpp"')
+        good += offences("perception/tsdf/tsdf_map.hpp", '#include "perception/tsdf/pager/b.hpp"')
         print("missed:", missed, "wrongly flagged:", good)
         return 1 if missed or good else 0
     found = []

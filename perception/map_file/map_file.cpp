@@ -99,7 +99,7 @@ bool read_keyframe(SpanSource& source, Pose& X_WC, Thumbnail& view) {
 }
 
 // What does not fit, or is not of this map; empty: nothing.
-std::string wrong_for(const MapFileInfo& info, const TsdfMap& map) {
+std::string wrong_for(const MapFileInfo& info, const MapView& map) {
   if (std::abs(info.voxel_size_m - map.voxel_size()) > 1e-9)
     return "has voxels of " + std::to_string(info.voxel_size_m) + " m; this map needs " +
            std::to_string(map.voxel_size());

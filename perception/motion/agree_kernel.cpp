@@ -170,7 +170,8 @@ void find_agreeing_plain(const AgreeJob& job, MapReader& reader, RowBits* rows) 
       const auto node = [&](int a) { return static_cast<int>(std::lround(p[a] * job.inv_voxel)); };
       const std::uint32_t word = reader.word(node(0), node(1), node(2));
       const float beyond = std::fmax(z - job.from_m, 0.0F);
-      const float distance = static_cast<float>(TsdfMap::word_distance(word)) * job.metres_per_unit;
+      const float distance =
+          static_cast<float>(MapLayout::word_distance(word)) * job.metres_per_unit;
       bool near =
           reader.known(word) && std::fabs(distance) < job.base_m + job.per_m2 * (beyond * beyond);
       if (job.places != nullptr) {

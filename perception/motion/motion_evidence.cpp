@@ -36,7 +36,7 @@ struct Seen3 {
   float distance_m = 0;
 };
 // `enough_m`: a node this near to the surface says so of all points about it.
-Seen3 seen_at(const TsdfMap& map, MapReader& reader, const Vec3f& p_W, float inv_voxel,
+Seen3 seen_at(const MapView& map, MapReader& reader, const Vec3f& p_W, float inv_voxel,
               float enough_m) noexcept {
   Seen3 s;
   const int i = static_cast<int>(std::lround(p_W.x() * inv_voxel)),
@@ -45,17 +45,17 @@ Seen3 seen_at(const TsdfMap& map, MapReader& reader, const Vec3f& p_W, float inv
   const std::uint32_t word = reader.word(i, j, k);
   if (reader.known(word)) {
     s.known = true;
-    s.distance_m = static_cast<float>(TsdfMap::word_distance(word)) * map.metres_per_unit();
+    s.distance_m = static_cast<float>(MapLayout::word_distance(word)) * map.metres_per_unit();
     if (std::abs(s.distance_m) < enough_m) return s;
     const auto sample = reader.sample(p_W.cast<double>());
     if (sample.valid) s.distance_m = sample.distance_m;
     return s;
   }
-  const TsdfMap::Chunk* chunk = reader.chunk_of(i >> 6, j >> 6, k >> 6);
+  const MapLayout::Chunk* chunk = reader.chunk_of(i >> 6, j >> 6, k >> 6);
   if (chunk == nullptr) return s;
-  const auto at = static_cast<std::size_t>(TsdfMap::in_chunk(i >> 3, j >> 3, k >> 3));
+  const auto at = static_cast<std::size_t>(MapLayout::in_chunk(i >> 3, j >> 3, k >> 3));
   const std::int32_t b = chunk->block[at];
-  if (b == TsdfMap::kNoBlock) {
+  if (b == MapLayout::kNoBlock) {
     const int bit = (((i & 7) >> 1) * 4 + ((j & 7) >> 1)) * 4 + ((k & 7) >> 1);
     s.free = ((chunk->free[at] >> bit) & 1U) != 0;
   } else {
@@ -74,7 +74,7 @@ Vec3f MotionWatch::turned_W(const Vec3f& p_C) const noexcept {
 }
 
 // Of the camera at X_WC; nothing has been looked at.
-void MotionWatch::start_evidence(const TsdfMap& map, const Pose& X_WC) noexcept {
+void MotionWatch::start_evidence(const MapView& map, const Pose& X_WC) noexcept {
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) agree_.R_W[3 * i + j] = static_cast<float>(X_WC.linear()(i, j));
     agree_.t_W[i] = static_cast<float>(X_WC.translation()(i));
@@ -97,7 +97,7 @@ void MotionWatch::start_evidence(const TsdfMap& map, const Pose& X_WC) noexcept 
 // A point where nobody has looked yet, because a surface was before it: is that surface on the ray to it? Then what was
 // there has gone, or has gone back to where the point is. The last image's model says where to ask; whether the ray
 // meets it, and does not pass beside, the map does.
-bool MotionWatch::seen_through(const TsdfMap& map, MapReader& reader, const Vec3f& p_C,
+bool MotionWatch::seen_through(const MapView& map, MapReader& reader, const Vec3f& p_C,
                                const Vec3f& p_W, float limit_m) noexcept {
   const Vec3 p_F = X_FW_ * p_W.cast<double>();
   const Intrinsics& k = model_.intrinsics;
@@ -120,7 +120,7 @@ bool MotionWatch::seen_through(const TsdfMap& map, MapReader& reader, const Vec3
 }
 
 // What a pixel says, of a cell that fits its noise or does not.
-std::uint8_t MotionWatch::evidence_at(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
+std::uint8_t MotionWatch::evidence_at(const MapView& map, MapReader& reader, const DepthLevel& live,
                                       int i, bool fits) noexcept {
   const Vec3f p_C = point_C(live, i);
   const Vec3f p_W = turned_W(p_C);
@@ -181,7 +181,7 @@ void MotionWatch::mark_cell(MapReader& reader, const DepthLevel& live, int c,
   }
 }
 
-bool MotionWatch::ask(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
+bool MotionWatch::ask(const MapView& map, MapReader& reader, const DepthLevel& live,
                       int i) noexcept {
   std::uint8_t& e = evidence_[static_cast<std::size_t>(i)];
   if (e == kUnasked)
@@ -198,7 +198,7 @@ bool MotionWatch::may_hold(int c) const noexcept {
 }
 
 // Of every second pixel of every second row of cells that may hold something: do `least` of them speak for motion?
-bool MotionWatch::glimpse(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
+bool MotionWatch::glimpse(const MapView& map, MapReader& reader, const DepthLevel& live,
                           int least) noexcept {
   constexpr int kEdge = CellSums::kEdge;
   const int columns = consensus_.sums().columns;
@@ -227,7 +227,7 @@ bool MotionWatch::speaks_beside(int u0, int v) const noexcept {
 
 // Marks what may be in a patch, in cells that may hold something: their even rows, and of the odd ones those beside
 // something. (A patch is five about one: three of them, or the one, are in an even row.) Or `all`, and asks all of it.
-void MotionWatch::gather_evidence(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
+void MotionWatch::gather_evidence(const MapView& map, MapReader& reader, const DepthLevel& live,
                                   bool all) noexcept {
   constexpr int kEdge = CellSums::kEdge;
   const CellSums& sums = consensus_.sums();
@@ -249,7 +249,7 @@ void MotionWatch::gather_evidence(const TsdfMap& map, MapReader& reader, const D
 }
 
 // Evidence in patches, into seed_. Asked is what may be in one.
-int MotionWatch::patches(const TsdfMap& map, MapReader& reader, const DepthLevel& live) noexcept {
+int MotionWatch::patches(const MapView& map, MapReader& reader, const DepthLevel& live) noexcept {
   static_assert(kFree == 3);  // speaking_at()
   int count = 0;
   std::fill_n(seed_.begin(), width_ * height_, std::uint8_t{0});

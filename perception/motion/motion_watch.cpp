@@ -184,7 +184,7 @@ void MotionWatch::remember_cells(const DepthLevel& live, const Pose& X_WC) noexc
   }
 }
 
-void MotionWatch::look(const TsdfMap& map, const TrackingPyramid& pyramid, const ModelView& model,
+void MotionWatch::look(const MapView& map, const TrackingPyramid& pyramid, const ModelView& model,
                        const MotionPrior& prior, MotionResult& out) noexcept {
   out = MotionResult{};
   out.X_WC = X_prior_WC_ = prior.X_WC;
@@ -293,7 +293,7 @@ void MotionWatch::compete(const TrackingPyramid& pyramid, const ModelView& model
   out.cells_misfit = out.consensus.misfits;
 }
 
-void MotionWatch::find(const TsdfMap& map, const TrackingPyramid& pyramid, const ModelView& model,
+void MotionWatch::find(const MapView& map, const TrackingPyramid& pyramid, const ModelView& model,
                        MotionResult& out) noexcept {
   model_ = model, X_FW_ = model.X_WF.inverse(Eigen::Isometry);
   out.moving = out.sudden = false;
@@ -366,7 +366,7 @@ bool MotionWatch::shows_nothing(MapReader& reader, const Pose& X_FC,
 // A coarse pixel fits or it does not: it is masked, or of a cell that meets no surface or misses the one that it meets. A
 // map that is made by a wrong motion has no surface in more and more places, as what it saw there is carved and what it sees
 // lies elsewhere in every image. A real camera's young map has holes, too, but they close.
-void MotionWatch::doubt_place(const TsdfMap& map, const TrackingPyramid& pyramid, bool trusted,
+void MotionWatch::doubt_place(const MapView& map, const TrackingPyramid& pyramid, bool trusted,
                               MotionResult& out) noexcept {
   if (!looked_ || trusted || known_ >= kYoungMap) return;
   const DepthLevel& live = pyramid.level(level_);

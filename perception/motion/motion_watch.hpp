@@ -75,18 +75,18 @@ class MotionWatch {
   void forget() noexcept;
   // The image in `pyramid`, a camera that should be at `prior` and was at `model`.X_WF, in three steps:
   // Does the prior, mended, explain the image? If not, `out`.doubtful: compete() has to follow.
-  void look(const TsdfMap& map, const TrackingPyramid& pyramid, const ModelView& model,
+  void look(const MapView& map, const TrackingPyramid& pyramid, const ModelView& model,
             const MotionPrior& prior, MotionResult& out) noexcept;
   // Hypotheses, about the prior or about where the whole image would have the camera, `X_tracked_WC`.
   void compete(const TrackingPyramid& pyramid, const ModelView& model, const MotionPrior& prior,
                const Pose& X_tracked_WC, MotionResult& out) noexcept;
   // What moves against that.
-  void find(const TsdfMap& map, const TrackingPyramid& pyramid, const ModelView& model,
+  void find(const MapView& map, const TrackingPyramid& pyramid, const ModelView& model,
             MotionResult& out) noexcept;
   // Is it the place that moves? Where the map began with a thing that fills the image, its motion may pass for the camera's.
   // A thing is in front of the place: while the map is young, no frame is certain of which what does not fit lies behind
   // what does. After find(); odometry that is `trusted` tells by itself.
-  void doubt_place(const TsdfMap& map, const TrackingPyramid& pyramid, bool trusted,
+  void doubt_place(const MapView& map, const TrackingPyramid& pyramid, bool trusted,
                    MotionResult& out) noexcept;
   // The map was made before: it is not young.
   void grown() noexcept { known_ = kYoungMap; }
@@ -133,18 +133,18 @@ class MotionWatch {
   [[nodiscard]] double prior_sigma_m() const noexcept;
   [[nodiscard]] Pose moved_by(const Vec6& xi) const noexcept;
   [[nodiscard]] Vec6 twist_to(const Pose& X_WC) const noexcept;
-  void start_evidence(const TsdfMap& map, const Pose& X_WC) noexcept;
+  void start_evidence(const MapView& map, const Pose& X_WC) noexcept;
   [[nodiscard]] bool may_hold(int c) const noexcept;
-  [[nodiscard]] bool glimpse(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
+  [[nodiscard]] bool glimpse(const MapView& map, MapReader& reader, const DepthLevel& live,
                              int least) noexcept;
-  void gather_evidence(const TsdfMap& map, MapReader& reader, const DepthLevel& live,
+  void gather_evidence(const MapView& map, MapReader& reader, const DepthLevel& live,
                        bool all) noexcept;
   void mark_cell(MapReader& reader, const DepthLevel& live, int c, unsigned rows) noexcept;
   [[nodiscard]] bool speaks_beside(int u0, int v) const noexcept;
-  [[nodiscard]] bool seen_through(const TsdfMap& map, MapReader& reader, const Vec3f& p_C,
+  [[nodiscard]] bool seen_through(const MapView& map, MapReader& reader, const Vec3f& p_C,
                                   const Vec3f& p_W, float limit_m) noexcept;
-  bool ask(const TsdfMap& map, MapReader& reader, const DepthLevel& live, int i) noexcept;
-  [[nodiscard]] std::uint8_t evidence_at(const TsdfMap& map, MapReader& reader,
+  bool ask(const MapView& map, MapReader& reader, const DepthLevel& live, int i) noexcept;
+  [[nodiscard]] std::uint8_t evidence_at(const MapView& map, MapReader& reader,
                                          const DepthLevel& live, int i, bool fits) noexcept;
   // Of evidence_ from i to i + 7: the top bit of each byte that speaks for motion, or may.
   [[nodiscard]] std::uint64_t speaking_at(int i) const noexcept {
@@ -152,7 +152,7 @@ class MotionWatch {
     std::memcpy(&eight, evidence_.data() + i, sizeof eight);
     return (eight + 0x7d7d7d7d7d7d7d7dU) & 0x8080808080808080U;  // from 3 on; all are below 128
   }
-  [[nodiscard]] int patches(const TsdfMap& map, MapReader& reader, const DepthLevel& live) noexcept;
+  [[nodiscard]] int patches(const MapView& map, MapReader& reader, const DepthLevel& live) noexcept;
   void recall(const DepthLevel& live, const Pose& X_WC) noexcept;
   void grow(const DepthLevel& live) noexcept;
   void find_core(const DepthLevel& live) noexcept;

@@ -140,7 +140,7 @@ void ObjectMap::leave_out_rim(std::uint8_t id) noexcept {
 }
 
 // Of the labelled nodes next to the surface, thinned evenly where there are too many.
-void ObjectMap::summarise_object(const TsdfMap& map, MapObject& object) noexcept {
+void ObjectMap::summarise_object(const MapView& map, MapObject& object) noexcept {
   const int near = static_cast<int>(
       std::min(0.6 * map.voxel_size() / static_cast<double>(map.metres_per_unit()), 32767.0));
   const auto each = [&](auto&& fn) {

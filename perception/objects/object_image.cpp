@@ -48,7 +48,7 @@ std::uint8_t ObjectMap::shows(const Look& look, int u, int v) const noexcept {
   return 0;
 }
 
-void ObjectMap::draw(const FrameView& frame, const TsdfMap& map, const Pose& X_WC, int step,
+void ObjectMap::draw(const FrameView& frame, const MapView& map, const Pose& X_WC, int step,
                      ImageView<std::uint8_t> out) noexcept {
   for (int y = 0; y < out.height; ++y) std::fill_n(out.row(y), out.width, std::uint8_t{0});
   const Intrinsics& k = frame.intrinsics;

@@ -5,7 +5,7 @@
 
 #include "perception/objects/object_map.hpp"
 #include "perception/tsdf/blocks/map_reader.hpp"
-#include "perception/tsdf/image/frame_view.hpp"
+#include "perception/tsdf/image/camera_boxes.hpp"
 
 namespace perception {
 
@@ -24,7 +24,7 @@ namespace perception {
 
 struct ObjectMap::Look {
   const FrameView& frame;
-  const TsdfMap& map;
+  const MapView& map;
   const Pose& X_WC;
   Pose X_CW;
   CameraBoxes boxes;

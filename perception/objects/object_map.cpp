@@ -87,7 +87,7 @@ void ObjectMap::forget(TsdfMap& map, std::uint8_t id) noexcept {
   map.forget_label(id);
 }
 
-void ObjectMap::segment(const FrameView& frame, const TsdfMap& map, const Pose& X_WC,
+void ObjectMap::segment(const FrameView& frame, const MapView& map, const Pose& X_WC,
                         const std::optional<Vec3>& touched_W) noexcept {
   stats_ = {};
   painted_ = false;

@@ -110,7 +110,7 @@ class ObjectMap {
   ObjectMap(rt::NonRealtime&, int max_width, int max_height, const ObjectsConfig& config);
 
   // `frame` has colour and was just integrated into `map` at X_WC.
-  void segment(const FrameView& frame, const TsdfMap& map, const Pose& X_WC,
+  void segment(const FrameView& frame, const MapView& map, const Pose& X_WC,
                const std::optional<Vec3>& touched_W) noexcept;
   void fuse(TsdfMap& map) noexcept;
 
@@ -119,7 +119,7 @@ class ObjectMap {
   [[nodiscard]] ImageView<std::uint8_t> label_image() noexcept { return image_.view(); }
   // After fuse(): the id of the object that every step-th pixel of the same frame shows, 0: none. From the
   // map's labels and the frame's own mask (object_image.cpp). out: (width - 1) / step + 1 pixels wide, ...
-  void draw(const FrameView& frame, const TsdfMap& map, const Pose& X_WC, int step,
+  void draw(const FrameView& frame, const MapView& map, const Pose& X_WC, int step,
             ImageView<std::uint8_t> out) noexcept;
   [[nodiscard]] const ObjectStats& stats() const noexcept { return stats_; }
   [[nodiscard]] const std::array<MapObject, kMost>& objects() const noexcept { return objects_; }
@@ -180,7 +180,7 @@ class ObjectMap {
   int paint(const Look& look, std::uint8_t id) noexcept;
   // Pixels of the value `from` in the box and round it.
   void turn_into(const SeedBox& box, std::uint8_t from, std::uint8_t to) noexcept;
-  void summarise_object(const TsdfMap& map, MapObject& object) noexcept;
+  void summarise_object(const MapView& map, MapObject& object) noexcept;
 
   ObjectsConfig config_;
   int max_width_ = 0, max_height_ = 0;

@@ -24,7 +24,7 @@ struct HintJob {
   const std::int32_t* directory;  // ChunkDirectory: where a chunk's table begins in `tables`
   const std::int32_t* tables;     // block number of each of a chunk's 512 blocks, -1 = none
   const std::int32_t* words;      // 512 a block
-  const std::int32_t* ahead;      // 8 a block: its neighbours, see TsdfMap::Arrays
+  const std::int32_t* ahead;      // 8 a block: its neighbours, see MapLayout::Arrays
   std::int32_t empty_table;       // of a chunk without blocks
   std::int32_t empty_block;       // number of a block of zeros
   std::int32_t corner[3];         // chunk coordinates of directory entry (0, 0, 0)

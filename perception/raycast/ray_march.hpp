@@ -9,7 +9,7 @@
 
 #include "perception/raycast/hint_kernel.hpp"
 #include "perception/tsdf/blocks/map_reader.hpp"
-#include "perception/tsdf/tsdf_map.hpp"
+#include "perception/tsdf/blocks/map_view.hpp"
 
 namespace perception {
 
@@ -18,7 +18,7 @@ class RayMarcher {
   static constexpr float kClose = 0.1F;   // voxels: a Newton step below it is the last
   static constexpr int kMaxSteps = 4096;  // a ray of 6 m at 2 mm voxels, twice over
 
-  RayMarcher(const TsdfMap& map, const Pose& X_WC, double min_weight, bool smooth_normals) noexcept
+  RayMarcher(const MapView& map, const Pose& X_WC, double min_weight, bool smooth_normals) noexcept
       : reader_(map, min_weight),
         smooth_normals_(smooth_normals),
         voxels_per_unit_(map.metres_per_unit() / static_cast<float>(map.voxel_size())),
@@ -71,9 +71,9 @@ class RayMarcher {
       const Int4 block = node >> 3;
       const std::uint32_t* words = reader_.block_of(block[0], block[1], block[2]);
       std::uint32_t word = 0;
-      if (words != nullptr) word = words[TsdfMap::in_block(node[0], node[1], node[2])];
+      if (words != nullptr) word = words[MapLayout::in_block(node[0], node[1], node[2])];
       const bool known = reader_.known(word);
-      const auto d = static_cast<float>(TsdfMap::word_distance(word));
+      const auto d = static_cast<float>(MapLayout::word_distance(word));
       if (known && d > 0) {
         before = Side::kOutside, before_t = t, before_d = d;
         const float jump = 0.8F * d * voxels_per_unit_;
@@ -249,7 +249,7 @@ class RayMarcher {
     const Float4 f = p - to_float(n), wide = (f + splat(1.0F)) * splat(1.0F / 3.0F);
     const MapReader::Cell w =
         reader_.wide_cell(node[0], node[1], node[2], wide[0], wide[1], wide[2]);
-    if (w.valid && w.within(static_cast<float>(TsdfMap::kDistanceOne))) {
+    if (w.valid && w.within(static_cast<float>(MapLayout::kDistanceOne))) {
       w.gradient(g);
       return true;
     }

@@ -10,7 +10,7 @@
 #include "perception/raycast/ray_march.hpp"
 #include "perception/simd/clones.hpp"
 #include "perception/simd/isa.hpp"
-#include "perception/tsdf/image/frame_view.hpp"
+#include "perception/tsdf/image/camera_boxes.hpp"
 
 namespace perception {
 namespace {
@@ -23,7 +23,7 @@ constexpr int kMostParts = 8;
 
 class Caster {
  public:
-  Caster(const TsdfMap& map, const Pose& X_WC, const RaycastOptions& o, RaycastMaps& out) noexcept
+  Caster(const MapView& map, const Pose& X_WC, const RaycastOptions& o, RaycastMaps& out) noexcept
       : map_(map), march_(map, X_WC, o.min_weight, o.smooth_normals), options_(o), out_(out) {}
 
   RaycastStats run() noexcept {
@@ -55,14 +55,14 @@ class Caster {
                chunk_half = static_cast<float>(32.0 * voxel);
     const auto far = static_cast<float>(options_.max_depth_m);
     for (int n = 0; n < map_.chunk_count(); ++n) {
-      const TsdfMap::Chunk& c = map_.chunk(n);
+      const MapLayout::Chunk& c = map_.chunk(n);
       if (c.blocks == 0) continue;
       const BoxView whole =
           boxes.view((c.coord.x * 64 + 31.5) * voxel, (c.coord.y * 64 + 31.5) * voxel,
                      (c.coord.z * 64 + 31.5) * voxel, chunk_half);
       if (!whole.visible || whole.z_near > far) continue;
       for (const std::int32_t b : c.block) {
-        if (b == TsdfMap::kNoBlock) continue;
+        if (b == MapLayout::kNoBlock) continue;
         const BlockCoord at = map_.block_coord(b);
         const BoxView box = boxes.view((at.x * 8 + 3.5) * voxel, (at.y * 8 + 3.5) * voxel,
                                        (at.z * 8 + 3.5) * voxel, half);
@@ -194,7 +194,7 @@ class Caster {
     march_.describe(job);
     const int middle[3] = {job.base[0] >> 6, job.base[1] >> 6, job.base[2] >> 6};
     out_.directory_.fill(map_, middle);
-    const TsdfMap::Arrays arrays = map_.arrays();
+    const MapLayout::Arrays arrays = map_.arrays();
     job.directory = out_.directory_.data();
     job.tables = arrays.tables;
     job.words = arrays.words;
@@ -249,7 +249,7 @@ class Caster {
     return c;
   }
 
-  const TsdfMap& map_;
+  MapView map_;
   RayMarcher march_;
   const RaycastOptions& options_;
   RaycastMaps& out_;
@@ -270,12 +270,12 @@ RaycastMaps::RaycastMaps(rt::NonRealtime& nrt, int width, int height)
   x_.resize(capacity_ + HintJob::kSpan);
 }
 
-RaycastStats raycast(const TsdfMap& map, const Intrinsics& camera, const Pose& X_WC,
+RaycastStats raycast(const MapView& map, const Intrinsics& camera, const Pose& X_WC,
                      const RaycastOptions& options, RaycastMaps& out) noexcept {
   out.intrinsics = {};
   if (!camera.valid() || options.pixel_step < 1 || !X_WC.matrix().allFinite()) return {};
   const double reach = options.max_depth_m * 8 + X_WC.translation().cwiseAbs().maxCoeff();
-  if (!(reach < 8.0 * TsdfMap::kMaxBlockCoord * map.voxel_size())) return {};
+  if (!(reach < 8.0 * MapLayout::kMaxBlockCoord * map.voxel_size())) return {};
   const Intrinsics k = camera.subsampled(options.pixel_step);
   if (!out.fits(k.width, k.height)) return {};
   const auto& hint = options.hint_depth_m;

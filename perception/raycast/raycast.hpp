@@ -15,7 +15,10 @@
 
 #include "perception/geometry/camera_model.hpp"
 #include "perception/geometry/image.hpp"
-#include "perception/tsdf/tsdf_map.hpp"
+#include "perception/geometry/pose.hpp"
+#include "perception/geometry/rgbd_frame.hpp"
+#include "perception/tsdf/blocks/chunk_directory.hpp"
+#include "perception/tsdf/blocks/map_view.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/sched/fork_join.hpp"
 
@@ -87,10 +90,10 @@ class RaycastMaps {
 
  private:
   friend class Caster;
-  friend RaycastStats raycast(const TsdfMap&, const Intrinsics&, const Pose&, const RaycastOptions&,
+  friend RaycastStats raycast(const MapView&, const Intrinsics&, const Pose&, const RaycastOptions&,
                               RaycastMaps&) noexcept;
-  void find_labels(const TsdfMap& map) noexcept;
-  void continue_outlines(const TsdfMap& map) noexcept;
+  void find_labels(const MapView& map) noexcept;
+  void continue_outlines(const MapView& map) noexcept;
   ChunkDirectory directory_;
   std::size_t capacity_ = 0;
   std::vector<float> storage_;
@@ -103,7 +106,7 @@ class RaycastMaps {
 
 // `camera` is the full-resolution camera. When the maps are too small for the rays, or the pose is not
 // finite, nothing is cast and stats.rays is 0 (the maps then hold 0 x 0 rays).
-RaycastStats raycast(const TsdfMap& map, const Intrinsics& camera, const Pose& X_WC,
+RaycastStats raycast(const MapView& map, const Intrinsics& camera, const Pose& X_WC,
                      const RaycastOptions& options, RaycastMaps& out) noexcept;
 
 }  // namespace perception

@@ -40,7 +40,7 @@ void spline_shares(float f, float (&out)[4]) noexcept {
 
 class Edge {
  public:
-  explicit Edge(const TsdfMap& map) noexcept
+  explicit Edge(const MapView& map) noexcept
       : map_(map),
         reader_(map),
         inverse_voxel_(1.0 / map.voxel_size()),
@@ -70,9 +70,9 @@ class Edge {
             if (map_.free_at(i + x, j + y, k + z)) not_there += share;
             continue;
           }
-          const auto stored = static_cast<float>(TsdfMap::word_distance(word));
+          const auto stored = static_cast<float>(MapLayout::word_distance(word));
           const float distance = stored * voxels_per_unit_ * cosine;
-          if (stored > kInFront * TsdfMap::kDistanceOne || distance > height + kAgrees)
+          if (stored > kInFront * MapLayout::kDistanceOne || distance > height + kAgrees)
             not_there += share;
           else if (distance >= height - kAgrees)
             there += share;
@@ -83,7 +83,7 @@ class Edge {
   }
 
  private:
-  const TsdfMap& map_;
+  MapView map_;
   MapReader reader_;
   double inverse_voxel_;
   float voxels_per_unit_;
@@ -91,7 +91,7 @@ class Edge {
 
 }  // namespace
 
-void RaycastMaps::find_labels(const TsdfMap& map) noexcept {
+void RaycastMaps::find_labels(const MapView& map) noexcept {
   const bool any = map.label_block_count() > 0;
   MapReader reader(map);
   std::size_t i = 0;
@@ -102,7 +102,7 @@ void RaycastMaps::find_labels(const TsdfMap& map) noexcept {
   if (any) continue_outlines(map);
 }
 
-void RaycastMaps::continue_outlines(const TsdfMap& map) noexcept {
+void RaycastMaps::continue_outlines(const MapView& map) noexcept {
   const int w = intrinsics.width, h = intrinsics.height;
   const auto voxel = static_cast<float>(map.voxel_size());
   const auto fx = static_cast<float>(intrinsics.fx);

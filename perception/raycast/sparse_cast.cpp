@@ -68,7 +68,7 @@ void SparseCast::fill_hints(const Intrinsics& k, float reach_m) noexcept {
   }
 }
 
-RaycastStats SparseCast::cast(const TsdfMap& map, const Intrinsics& camera, const Pose& X_WC,
+RaycastStats SparseCast::cast(const MapView& map, const Intrinsics& camera, const Pose& X_WC,
                               const RaycastOptions& options, RaycastMaps& out) noexcept {
   out.intrinsics = {};
   if (!camera.valid() || options.pixel_step < 1) return {};

@@ -22,7 +22,7 @@ class SparseCast {
 
   // As raycast(); options.hint_depth_m, .hinted_only, .colour and .labels are not looked at. Larger casts than there
   // is room for are refused.
-  RaycastStats cast(const TsdfMap& map, const Intrinsics& camera, const Pose& X_WC,
+  RaycastStats cast(const MapView& map, const Intrinsics& camera, const Pose& X_WC,
                     const RaycastOptions& options, RaycastMaps& out) noexcept;
 
  private:

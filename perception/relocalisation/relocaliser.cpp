@@ -80,7 +80,7 @@ void Relocaliser::restart() noexcept {
   mirrored_of_ = -1;
 }
 
-RaycastStats Relocaliser::cast(const TsdfMap& map, const Pose& X_WC, RaycastMaps& maps) noexcept {
+RaycastStats Relocaliser::cast(const MapView& map, const Pose& X_WC, RaycastMaps& maps) noexcept {
   RaycastOptions o;
   o.pixel_step = step_;
   o.min_weight = 0.2;

@@ -28,6 +28,7 @@
 #include "perception/raycast/sparse_cast.hpp"
 #include "perception/relocalisation/keyframes.hpp"
 #include "perception/relocalisation/thumbnail_fit.hpp"
+#include "perception/tsdf/tsdf_map.hpp"
 
 namespace perception {
 
@@ -133,7 +134,7 @@ class Relocaliser {
   void propose() noexcept;
   // Brings back what can be seen from X_WC. True: enough is there, and time left, to cast it.
   [[nodiscard]] bool fetched(TsdfMap& map, const Pose& X_WC) noexcept;
-  RaycastStats cast(const TsdfMap& map, const Pose& X_WC, RaycastMaps& maps) noexcept;
+  RaycastStats cast(const MapView& map, const Pose& X_WC, RaycastMaps& maps) noexcept;
   [[nodiscard]] Pose shift(const Keyframes::Candidate& c) const noexcept;
   RelocaliserConfig config_;
   Intrinsics camera_;

@@ -8,9 +8,9 @@
 
 namespace tasks {
 
+using perception::MapView;
 using perception::Pose;
 using perception::RaycastMaps;
-using perception::TsdfMap;
 using perception::Vec3;
 
 namespace {
@@ -19,7 +19,7 @@ using Mat6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr int kNodes = 3500;  // about that many, evenly over the image
 constexpr int kLeastNodes = 400;
-constexpr int kSettledWeight = 64 * TsdfMap::kWeightOne;
+constexpr int kSettledWeight = 64 * MapView::kWeightOne;
 constexpr double kGain = 2;
 constexpr double kMost_m = 5e-4;  // that a pose is moved by, at the mean depth
 constexpr double kGrazing = 0.3;  // cosine; flatter seen, a node's distance is clipped
@@ -63,7 +63,7 @@ Pose MapAnchor::held(const Pose& X_WC) const noexcept {
       Pose(from_centre * perception::exp_se3(back) * to_centre * X_WC));
 }
 
-void MapAnchor::update(const TsdfMap& map, const RaycastMaps& model,
+void MapAnchor::update(const MapView& map, const RaycastMaps& model,
                        const perception::icp::NoiseRule& noise, const Pose& X_WC,
                        double length_m) noexcept {
   const Pose step = X_WC_.inverse(Eigen::Isometry) * X_WC;
@@ -81,7 +81,7 @@ void MapAnchor::update(const TsdfMap& map, const RaycastMaps& model,
   }
 }
 
-void MapAnchor::remember(const TsdfMap& map, const RaycastMaps& model,
+void MapAnchor::remember(const MapView& map, const RaycastMaps& model,
                          const perception::icp::NoiseRule& noise) noexcept {
   const int pixels = model.width() * model.height();
   const int step =
@@ -111,16 +111,16 @@ void MapAnchor::remember(const TsdfMap& map, const RaycastMaps& model,
 }
 
 // The node nearest to a point of the surface, if it is settled.
-void MapAnchor::take(const TsdfMap& map, const Vec3& hit_W, const Vec3& n_W, Node node) noexcept {
+void MapAnchor::take(const MapView& map, const Vec3& hit_W, const Vec3& n_W, Node node) noexcept {
   const Vec3 at = hit_W / map.voxel_size();
   const int i = static_cast<int>(std::lround(at.x())), j = static_cast<int>(std::lround(at.y())),
             k = static_cast<int>(std::lround(at.z()));
   node.at = {i >> 3, j >> 3, k >> 3};
   node.block = map.find_block(node.at);
-  if (node.block == TsdfMap::kNoBlock) return;
-  node.voxel = TsdfMap::in_block(i, j, k);
+  if (node.block == MapView::kNoBlock) return;
+  node.voxel = MapView::in_block(i, j, k);
   node.word = map.block_words(node.block)[node.voxel];
-  if (TsdfMap::word_weight(node.word) < kSettledWeight) return;
+  if (MapView::word_weight(node.word) < kSettledWeight) return;
   const Vec3 turn = (hit_W - centre_W_).cross(n_W);
   for (int c = 0; c < 3; ++c) {
     node.row[c] = static_cast<float>(n_W(c));
@@ -129,7 +129,7 @@ void MapAnchor::take(const TsdfMap& map, const Vec3& hit_W, const Vec3& n_W, Nod
   nodes_.push_back(node);
 }
 
-void MapAnchor::compare(const TsdfMap& map) noexcept {
+void MapAnchor::compare(const MapView& map) noexcept {
   Mat6 H = Mat6::Zero();
   Twist g = Twist::Zero();
   double sum = 0;
@@ -137,10 +137,10 @@ void MapAnchor::compare(const TsdfMap& map) noexcept {
   for (const Node& node : nodes_) {
     if (!map.in_use(node.block) || !(map.block_coord(node.block) == node.at)) continue;
     const std::uint32_t word = map.block_words(node.block)[node.voxel];
-    const int learned = TsdfMap::word_distance(word) - TsdfMap::word_distance(node.word);
+    const int learned = MapView::word_distance(word) - MapView::word_distance(node.word);
     const double farther = static_cast<double>(learned) * static_cast<double>(node.across);
     if (std::abs(farther) > static_cast<double>(node.most_m) ||
-        TsdfMap::word_weight(word) < kSettledWeight)
+        MapView::word_weight(word) < kSettledWeight)
       continue;
     const Twist row = Eigen::Map<const Eigen::Matrix<float, 6, 1>>(node.row).cast<double>();
     const double w = static_cast<double>(node.weight);

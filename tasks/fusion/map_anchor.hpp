@@ -19,7 +19,7 @@
 
 #include "perception/icp/kernels.hpp"
 #include "perception/raycast/raycast.hpp"
-#include "perception/tsdf/tsdf_map.hpp"
+#include "perception/tsdf/blocks/map_view.hpp"
 #include "rt/memory/non_realtime.hpp"
 
 namespace tasks {
@@ -35,7 +35,7 @@ class MapAnchor {
   // The same camera pose with the map's motion taken back; moved by kMost_m at most.
   [[nodiscard]] perception::Pose held(const perception::Pose& X_WC) const noexcept;
   // After an image was fused, taken at X_WC, and `model` was cast. length_m: mean depth.
-  void update(const perception::TsdfMap& map, const perception::RaycastMaps& model,
+  void update(const perception::MapView& map, const perception::RaycastMaps& model,
               const perception::icp::NoiseRule& noise, const perception::Pose& X_WC,
               double length_m) noexcept;
 
@@ -54,11 +54,11 @@ class MapAnchor {
     float most_m;  // a larger change is none of a surface that stays
     float weight;
   };
-  void remember(const perception::TsdfMap& map, const perception::RaycastMaps& model,
+  void remember(const perception::MapView& map, const perception::RaycastMaps& model,
                 const perception::icp::NoiseRule& noise) noexcept;
-  void take(const perception::TsdfMap& map, const perception::Vec3& hit_W,
+  void take(const perception::MapView& map, const perception::Vec3& hit_W,
             const perception::Vec3& n_W, Node node) noexcept;
-  void compare(const perception::TsdfMap& map) noexcept;
+  void compare(const perception::MapView& map) noexcept;
 
   std::vector<Node> nodes_;
   Twist moved_ = Twist::Zero();

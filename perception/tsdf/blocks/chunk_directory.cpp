@@ -2,11 +2,9 @@
 
 #include <algorithm>
 
-#include "perception/tsdf/tsdf_map.hpp"
-
 namespace perception {
 
-void ChunkDirectory::fill(const TsdfMap& map, const int (&middle)[3]) noexcept {
+void ChunkDirectory::fill(const MapView& map, const int (&middle)[3]) noexcept {
   for (int a = 0; a < 3; ++a) corner_[a] = middle[a] - kEdge / 2;
   std::fill(table_.begin(), table_.end(), map.arrays().empty_table);
   for (int n = 0; n < map.chunk_count(); ++n) {
@@ -15,7 +13,7 @@ void ChunkDirectory::fill(const TsdfMap& map, const int (&middle)[3]) noexcept {
   }
 }
 
-void ChunkDirectory::add(const TsdfMap& map, int x, int y, int z, int n) noexcept {
+void ChunkDirectory::add(const MapView& map, int x, int y, int z, int n) noexcept {
   const int i = x - corner_[0], j = y - corner_[1], k = z - corner_[2];
   if (((i | j | k) & ~(kEdge - 1)) != 0) return;
   table_[static_cast<std::size_t>((i * kEdge + j) * kEdge + k)] = n * map.arrays().table_stride;

@@ -1,7 +1,7 @@
 // The chunks round a camera as a dense cube, so that kernels find a block with two loads and no hash.
 //
 // Entry (x, y, z), z fastest, of chunk corner + (x, y, z): where its table of block numbers begins in
-// TsdfMap::arrays().tables; the empty table where there is no chunk. A chunk outside the cube is not
+// MapView::arrays().tables; the empty table where there is no chunk. A chunk outside the cube is not
 // seen: 16 chunks to every side are 10 m at voxels of 1 cm.
 #pragma once
 
@@ -9,11 +9,10 @@
 #include <cstdint>
 #include <vector>
 
+#include "perception/tsdf/blocks/map_view.hpp"
 #include "rt/memory/non_realtime.hpp"
 
 namespace perception {
-
-class TsdfMap;
 
 class ChunkDirectory {
  public:
@@ -22,9 +21,9 @@ class ChunkDirectory {
   explicit ChunkDirectory(rt::NonRealtime&)
       : table_(static_cast<std::size_t>(kEdge) * kEdge * kEdge) {}
   // Round the chunk `middle`.
-  void fill(const TsdfMap& map, const int (&middle)[3]) noexcept;
+  void fill(const MapView& map, const int (&middle)[3]) noexcept;
   // Chunk (x, y, z), number n of the map, was added since.
-  void add(const TsdfMap& map, int x, int y, int z, int n) noexcept;
+  void add(const MapView& map, int x, int y, int z, int n) noexcept;
 
   [[nodiscard]] const std::int32_t* data() const noexcept { return table_.data(); }
   [[nodiscard]] int corner(int axis) const noexcept { return corner_[axis]; }

@@ -9,7 +9,7 @@ namespace {
 
 // Grid coordinates outside this range would not fit an int.
 bool in_range(const Vec3& grid) noexcept {
-  return grid.cwiseAbs().maxCoeff() < 8.0 * TsdfMap::kMaxBlockCoord && grid.allFinite();
+  return grid.cwiseAbs().maxCoeff() < 8.0 * MapLayout::kMaxBlockCoord && grid.allFinite();
 }
 
 // Of corner n of a cell in the value at its point (fx, fy, fz).
@@ -44,11 +44,11 @@ MapReader::Sample MapReader::sample(const Vec3& p_W) noexcept {
   if (!in_range(g)) return {};
   const Cell c = cell(g.x(), g.y(), g.z());
   if (!c.valid) return {};
-  return {c.value() * map_->metres_per_unit(), true};
+  return {c.value() * map_.metres_per_unit(), true};
 }
 
 bool MapReader::gradient(const Vec3& p_W, Vec3& out) noexcept {
-  const double h = map_->voxel_size();
+  const double h = map_.voxel_size();
   for (int a = 0; a < 3; ++a) {
     const Sample lo = sample(p_W - h * Vec3::Unit(a)), hi = sample(p_W + h * Vec3::Unit(a));
     if (!lo.valid || !hi.valid) return false;
@@ -66,12 +66,12 @@ bool MapReader::colour(const Vec3& p_W, Rgb& out) noexcept {
     const int x = i + (n >> 2), y = j + ((n >> 1) & 1), z = k + (n & 1);
     const double d = (g - Vec3(x, y, z)).squaredNorm();
     if (d >= best) continue;
-    const TsdfMap::Chunk* c = chunk_of(x >> 6, y >> 6, z >> 6);
+    const MapLayout::Chunk* c = chunk_of(x >> 6, y >> 6, z >> 6);
     if (c == nullptr) continue;
     const std::int32_t b =
-        c->block[static_cast<std::size_t>(TsdfMap::in_chunk(x >> 3, y >> 3, z >> 3))];
-    if (b == TsdfMap::kNoBlock) continue;
-    const std::uint32_t v = map_->block_colours(b)[TsdfMap::in_block(x, y, z)];
+        c->block[static_cast<std::size_t>(MapLayout::in_chunk(x >> 3, y >> 3, z >> 3))];
+    if (b == MapLayout::kNoBlock) continue;
+    const std::uint32_t v = map_.block_colours(b)[MapLayout::in_block(x, y, z)];
     if (coloured_readings_of(v) == 0) continue;
     best = d;
     out = colour_of(v);
@@ -80,10 +80,10 @@ bool MapReader::colour(const Vec3& p_W, Rgb& out) noexcept {
 }
 
 std::int32_t MapReader::block_number(int x, int y, int z) noexcept {
-  const TsdfMap::Chunk* c = chunk_of(x >> 6, y >> 6, z >> 6);
+  const MapLayout::Chunk* c = chunk_of(x >> 6, y >> 6, z >> 6);
   return c == nullptr
-             ? TsdfMap::kNoBlock
-             : c->block[static_cast<std::size_t>(TsdfMap::in_chunk(x >> 3, y >> 3, z >> 3))];
+             ? MapLayout::kNoBlock
+             : c->block[static_cast<std::size_t>(MapLayout::in_chunk(x >> 3, y >> 3, z >> 3))];
 }
 
 LabelVoxel MapReader::voted(const Vec3& p_W) noexcept {
@@ -94,15 +94,15 @@ LabelVoxel MapReader::voted(const Vec3& p_W) noexcept {
              fz = static_cast<float>(g.z() - k);
   const bool inside = (i & 7) != 7 && (j & 7) != 7 && (k & 7) != 7;  // one block has all eight
   std::int32_t b = block_number(i, j, k);
-  if (inside && b == TsdfMap::kNoBlock) return {};
+  if (inside && b == MapLayout::kNoBlock) return {};
   // The usual case: what votes says the same, all of it in one block.
   if (inside) {
-    const LabelVoxel* held = map_->block_labels(b);
-    const int first = TsdfMap::in_block(i, j, k);
+    const LabelVoxel* held = map_.block_labels(b);
+    const int first = MapLayout::in_block(i, j, k);
     const LabelVoxel all =
         held != nullptr
             ? agreed([held, first](int n) { return held[first + n]; }, fx, fy, fz)
-            : agreed([this, b, first](int n) { return map_->label_in(b, first + n); }, fx, fy, fz);
+            : agreed([this, b, first](int n) { return map_.label_in(b, first + n); }, fx, fy, fz);
     if (all.label != kDiffer) return all.weight > 0 ? all : nearest_vote(i, j, k, {fx, fy, fz});
   }
   // At most eight labels; say[n]: votes for label of corner n, kept at the first corner that has it.
@@ -112,8 +112,8 @@ LabelVoxel MapReader::voted(const Vec3& p_W) noexcept {
   for (int n = 0; n < 8; ++n) {
     const int x = i + (n >> 2), y = j + ((n >> 1) & 1), z = k + (n & 1);
     if (!inside) b = block_number(x, y, z);
-    if (b == TsdfMap::kNoBlock) continue;
-    const LabelVoxel v = map_->label_in(b, TsdfMap::in_block(x, y, z));
+    if (b == MapLayout::kNoBlock) continue;
+    const LabelVoxel v = map_.label_in(b, MapLayout::in_block(x, y, z));
     if (v.weight == 0) continue;
     int at = 0;
     while (at < count && names[static_cast<std::size_t>(at)] != v.label) ++at;
@@ -139,8 +139,8 @@ LabelVoxel MapReader::nearest_vote(int i, int j, int k, const Vec3f& in_cell) no
                 .squaredNorm();
         if (!(d2 < least)) continue;
         const std::int32_t b = block_number(i + x, j + y, k + z);
-        if (b == TsdfMap::kNoBlock) continue;
-        const LabelVoxel v = map_->label_in(b, TsdfMap::in_block(i + x, j + y, k + z));
+        if (b == MapLayout::kNoBlock) continue;
+        const LabelVoxel v = map_.label_in(b, MapLayout::in_block(i + x, j + y, k + z));
         if (v.weight == 0) continue;
         least = d2;
         nearest = {v.label, 1};

@@ -1,4 +1,4 @@
-// Runs of reads from a TsdfMap: remembers the last blocks and chunks, so that neighbouring reads cost a
+// Runs of reads from a map: remembers the last blocks and chunks, so that neighbouring reads cost a
 // compare. A reader holds pointers into the map: use it only between two changes of the map.
 #pragma once
 
@@ -6,25 +6,27 @@
 #include <cmath>
 #include <cstdint>
 
+#include "perception/geometry/ifloor.hpp"
+#include "perception/geometry/pose.hpp"
+#include "perception/geometry/rgbd_frame.hpp"
 #include "perception/simd/lanes.hpp"
-#include "perception/tsdf/image/frame_view.hpp"
-#include "perception/tsdf/tsdf_map.hpp"
+#include "perception/tsdf/blocks/map_view.hpp"
 
 namespace perception {
 
 class MapReader {
  public:
   // min_weight in observations: nodes below it count as unknown.
-  explicit MapReader(const TsdfMap& map, double min_weight = 1.0) noexcept
-      : map_(&map),
+  explicit MapReader(const MapView& map, double min_weight = 1.0) noexcept
+      : map_(map),
         inv_voxel_(1.0 / map.voxel_size()),
         min_raw_(static_cast<std::int32_t>(
-            std::lround(std::fmin(std::fmax(min_weight * TsdfMap::kWeightOne, 1.0), 65535.0)))) {}
+            std::lround(std::fmin(std::fmax(min_weight * MapLayout::kWeightOne, 1.0), 65535.0)))) {}
 
   // Word of world node (i,j,k); 0 when unknown.
   [[nodiscard]] std::uint32_t word(int i, int j, int k) noexcept {
     const std::uint32_t* block = block_of(i >> 3, j >> 3, k >> 3);
-    return block == nullptr ? 0U : block[TsdfMap::in_block(i, j, k)];
+    return block == nullptr ? 0U : block[MapLayout::in_block(i, j, k)];
   }
   [[nodiscard]] bool known(std::uint32_t word) const noexcept {
     return static_cast<std::int32_t>(word >> 16U) >= min_raw_;
@@ -38,9 +40,9 @@ class MapReader {
     return e.words;
   }
   // nullptr when absent.
-  [[nodiscard]] const TsdfMap::Chunk* chunk_of(int cx, int cy, int cz) noexcept {
+  [[nodiscard]] const MapLayout::Chunk* chunk_of(int cx, int cy, int cz) noexcept {
     ChunkEntry& e = chunks_[static_cast<std::size_t>((cx & 3) << 4 | (cy & 3) << 2 | (cz & 3))];
-    if (((e.x ^ cx) | (e.y ^ cy) | (e.z ^ cz)) != 0) e = {cx, cy, cz, map_->find_chunk(cx, cy, cz)};
+    if (((e.x ^ cx) | (e.y ^ cy) | (e.z ^ cz)) != 0) e = {cx, cy, cz, map_.find_chunk(cx, cy, cz)};
     return e.chunk;
   }
 
@@ -84,7 +86,7 @@ class MapReader {
     if ((i & 7) == 7 || (j & 7) == 7 || (k & 7) == 7) return span_cell<1>(i, j, k, fx, fy, fz);
     const std::uint32_t* p = block_of(i >> 3, j >> 3, k >> 3);
     if (p == nullptr) return {Float4{}, Float4{}, fx, fy, fz, false};
-    const auto* w = reinterpret_cast<const std::int32_t*>(p) + TsdfMap::in_block(i, j, k);
+    const auto* w = reinterpret_cast<const std::int32_t*>(p) + MapLayout::in_block(i, j, k);
     return decode(Int4{w[0], w[1], w[8], w[9]}, Int4{w[64], w[65], w[72], w[73]}, fx, fy, fz);
   }
   // The same with corners one node farther out, (i - 1 or i + 2, ...): a cell three voxels wide.
@@ -121,7 +123,7 @@ class MapReader {
   };
   struct ChunkEntry {
     int x = INT32_MIN, y = 0, z = 0;
-    const TsdfMap::Chunk* chunk = nullptr;
+    const MapLayout::Chunk* chunk = nullptr;
   };
   // A cell of any width below a block: asks for each block it reaches into once.
   template <int kSpan>
@@ -160,16 +162,17 @@ class MapReader {
             all_equal(poor, Int4{0, 0, 0, 0})};
   }
   void fetch(BlockEntry& e, int bx, int by, int bz) noexcept {
-    const TsdfMap::Chunk* c = chunk_of(bx >> 3, by >> 3, bz >> 3);
-    const std::int32_t b = c == nullptr
-                               ? TsdfMap::kNoBlock
-                               : c->block[static_cast<std::size_t>(TsdfMap::in_chunk(bx, by, bz))];
-    e = {bx, by, bz, b == TsdfMap::kNoBlock ? nullptr : map_->block_words(b)};
+    const MapLayout::Chunk* c = chunk_of(bx >> 3, by >> 3, bz >> 3);
+    const std::int32_t b =
+        c == nullptr ? MapLayout::kNoBlock
+                     : c->block[static_cast<std::size_t>(MapLayout::in_chunk(bx, by, bz))];
+    e = {bx, by, bz, b == MapLayout::kNoBlock ? nullptr : map_.block_words(b)};
   }
 
-  static constexpr std::array<std::uint32_t, TsdfMap::kBlockVoxels> kNothing{};  // an absent block
+  static constexpr std::array<std::uint32_t, MapLayout::kBlockVoxels>
+      kNothing{};  // an absent block
 
-  const TsdfMap* map_;
+  MapView map_;
   double inv_voxel_;
   std::int32_t min_raw_;
   std::array<BlockEntry, 8> blocks_;

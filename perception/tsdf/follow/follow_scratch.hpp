@@ -1,4 +1,4 @@
-// Working memory of TsdfMap::follow(): what readings said of the blocks they ended in.
+// Working memory of SurfaceFollower: the blocks that readings ended in. What was said of each is kept with it (blocks/block_past.hpp).
 #pragma once
 
 #include <array>
@@ -11,23 +11,8 @@
 namespace perception {
 
 struct FollowScratch {
-  explicit FollowScratch(std::size_t blocks)
-      : memory(blocks), met(blocks), asked(blocks), loosened(blocks) {}
+  explicit FollowScratch(std::size_t blocks) : met(blocks), asked(blocks), loosened(blocks) {}
 
-  // Of one block: how far readings were behind (+) or before its surface, m along their rays, the newest counting most.
-  struct Sums {
-    float count = 0, sum = 0, squares = 0;
-    void add(float off) noexcept { count += 1, sum += off, squares += off * off; }
-  };
-  struct Memory {
-    Sums now, before;              // of this frame's readings; of earlier ones
-    float z_m = 0;                 // depth of the last reading
-    std::uint32_t frame = 0;       // that `now` is of
-    std::uint32_t moved = 0;       // the last one in which the block was moved
-    std::array<float, 3> eye_W{};  // where it was seen from, the mean of what the map remembers
-    float eyes = 0;                // readings of it
-  };
-  std::vector<Memory> memory;
   std::vector<std::int32_t> met;  // of this frame, in order of first readings
   int met_count = 0;
   std::vector<std::uint32_t> asked;  // frame in which a block was looked at node by node

@@ -1,4 +1,4 @@
-// What following asks of numbers (follow.cpp): how well a mean of readings is known, whether some of a block's nodes have moved
+// What following asks of numbers (follow.hpp): how well a mean of readings is known, whether some of a block's nodes have moved
 // and some stand, and the small motion of the camera that most of the image agrees on. All in metres along rays.
 #pragma once
 
@@ -6,6 +6,7 @@
 #include <span>
 
 #include "perception/geometry/pose.hpp"
+#include "perception/tsdf/blocks/block_past.hpp"
 #include "perception/tsdf/follow/follow_scratch.hpp"
 
 namespace perception::follow {
@@ -39,7 +40,7 @@ struct Middle {
 // Of a mean, m: from the scatter of what it is of, at least the sensor's.
 [[nodiscard]] double standard_error(double count, double sum, double squares, double z_m) noexcept;
 [[nodiscard]] double threshold_m(double error_m) noexcept;
-[[nodiscard]] bool stands_out(const FollowScratch::Sums& s, float z_m, double doubt_m) noexcept;
+[[nodiscard]] bool stands_out(const OffsetSums& s, float z_m, double doubt_m) noexcept;
 
 // The small motion of the camera that most of the image agrees on.
 struct CommonMotion {

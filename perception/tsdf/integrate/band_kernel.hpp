@@ -13,7 +13,7 @@ namespace perception {
 
 struct BandJob {
   const std::int32_t* directory;  // ChunkDirectory
-  const std::int32_t* tables;     // TsdfMap::arrays()
+  const std::int32_t* tables;     // MapView::arrays()
   std::int32_t corner[3];
   std::int32_t base[3];  // block
   float origin[3];       // blocks

@@ -17,7 +17,7 @@ namespace {
 
 class Mesher {
  public:
-  Mesher(const TsdfMap& map, const MeshOptions& o)
+  Mesher(const MapView& map, const MeshOptions& o)
       : map_(map),
         cells_(map, o.min_weight, o.max_edge_jump, o.needs_readings && coloured(map)),
         reader_(cells_.reader()) {}
@@ -43,7 +43,7 @@ class Mesher {
     }
   }
 
-  static bool coloured(const TsdfMap& map) {
+  static bool coloured(const MapView& map) {
     bool any = false;
     map.for_each_block(
         [&](std::int32_t block, BlockCoord) { any = any || MeshCells::coloured(map, block); });
@@ -76,11 +76,11 @@ class Mesher {
   // Of the lesser of the edge's two nodes.
   float observations(int x, int y, int z, int axis) {
     const auto weight = [&](int dx, int dy, int dz) {
-      return TsdfMap::word_weight(reader_.word(x + dx, y + dy, z + dz));
+      return MapLayout::word_weight(reader_.word(x + dx, y + dy, z + dz));
     };
     const auto least =
         std::min(weight(0, 0, 0), weight(axis == 0 ? 1 : 0, axis == 1 ? 1 : 0, axis == 2 ? 1 : 0));
-    return static_cast<float>(least) / static_cast<float>(TsdfMap::kWeightOne);
+    return static_cast<float>(least) / static_cast<float>(MapLayout::kWeightOne);
   }
 
   static Vec3 cell_gradient(MapReader::Cell c, marching_cubes::Edge e, float at) {
@@ -93,7 +93,7 @@ class Mesher {
     return {static_cast<double>(g[0]), static_cast<double>(g[1]), static_cast<double>(g[2])};
   }
 
-  const TsdfMap& map_;
+  MapView map_;
   MeshCells cells_;
   MapReader& reader_;
   Mesh mesh_;
@@ -132,7 +132,7 @@ std::string ply_bytes(const Mesh& m) {
 
 }  // namespace
 
-Mesh extract_mesh(rt::NonRealtime& nrt, const TsdfMap& map, const MeshOptions& options) {
+Mesh extract_mesh(rt::NonRealtime& nrt, const MapView& map, const MeshOptions& options) {
   return Mesher(map, options).run(nrt, options);
 }
 

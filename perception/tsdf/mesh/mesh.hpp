@@ -12,8 +12,10 @@
 #include <string>
 #include <vector>
 
+#include "perception/geometry/pose.hpp"
+#include "perception/geometry/rgbd_frame.hpp"
+#include "perception/tsdf/blocks/map_view.hpp"
 #include "perception/tsdf/mesh/mesh_refine.hpp"
-#include "perception/tsdf/tsdf_map.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/result.hpp"
 
@@ -37,7 +39,7 @@ struct MeshOptions {
   RefineOptions refine{};
 };
 
-[[nodiscard]] Mesh extract_mesh(rt::NonRealtime&, const TsdfMap& map,
+[[nodiscard]] Mesh extract_mesh(rt::NonRealtime&, const MapView& map,
                                 const MeshOptions& options = {});
 
 // Binary little-endian PLY: x y z nx ny nz (float) red green blue (uchar), faces as uchar + 3 ints.

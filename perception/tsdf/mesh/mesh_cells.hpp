@@ -8,8 +8,8 @@
 
 #include "perception/geometry/no_colour.hpp"
 #include "perception/tsdf/blocks/map_reader.hpp"
+#include "perception/tsdf/blocks/map_view.hpp"
 #include "perception/tsdf/mesh/marching_cubes.hpp"
-#include "perception/tsdf/tsdf_map.hpp"
 
 namespace perception {
 
@@ -17,19 +17,19 @@ namespace perception {
 class MeshCells {
  public:
   // See MeshOptions. A reader of the map inside: use it only between two changes of the map.
-  MeshCells(const TsdfMap& map, double min_weight, double max_edge_jump,
+  MeshCells(const MapView& map, double min_weight, double max_edge_jump,
             bool needs_readings) noexcept
       : map_(map),
         reader_(map, min_weight),
-        max_jump_(static_cast<float>(max_edge_jump * TsdfMap::kDistanceOne)),
+        max_jump_(static_cast<float>(max_edge_jump * MapLayout::kDistanceOne)),
         least_readings_(
             static_cast<std::uint32_t>(std::clamp(std::lround(2 * min_weight) - 1, 1L, 15L))),
         needs_readings_(needs_readings) {}
 
   // Something was fused in colour, so readings are counted.
-  [[nodiscard]] static bool coloured(const TsdfMap& map, std::int32_t block) noexcept {
+  [[nodiscard]] static bool coloured(const MapView& map, std::int32_t block) noexcept {
     const std::uint32_t* c = map.block_colours(block);
-    return std::any_of(c, c + TsdfMap::kBlockVoxels, [](std::uint32_t v) { return v != 0; });
+    return std::any_of(c, c + MapLayout::kBlockVoxels, [](std::uint32_t v) { return v != 0; });
   }
 
   // fn(i, j, k, cell, case) for every cell of the block with triangles, in order.
@@ -37,7 +37,7 @@ class MeshCells {
   void cut(std::int32_t block, BlockCoord at, Fn&& fn) {
     block_ = block;
     at_ = at;
-    for (int n = 0; n < TsdfMap::kBlockVoxels; ++n)
+    for (int n = 0; n < MapLayout::kBlockVoxels; ++n)
       cut_cell(at.x * 8 + (n >> 6), at.y * 8 + ((n >> 3) & 7), at.z * 8 + (n & 7), fn);
   }
 
@@ -89,17 +89,17 @@ class MeshCells {
     const int x = i + (corner >> 2), y = j + ((corner >> 1) & 1), z = k + (corner & 1);
     const BlockCoord b{x >> 3, y >> 3, z >> 3};
     const std::int32_t block = b == at_ ? block_ : map_.find_block(b);
-    return block == TsdfMap::kNoBlock
+    return block == MapLayout::kNoBlock
                ? 0U
-               : readings_of(map_.block_colours(block)[TsdfMap::in_block(x, y, z)]);
+               : readings_of(map_.block_colours(block)[MapLayout::in_block(x, y, z)]);
   }
 
-  const TsdfMap& map_;
+  MapView map_;
   MapReader reader_;
   float max_jump_;
   std::uint32_t least_readings_;
   bool needs_readings_;
-  std::int32_t block_ = TsdfMap::kNoBlock;  // whose cells are looked at
+  std::int32_t block_ = MapLayout::kNoBlock;  // whose cells are looked at
   BlockCoord at_;
 };
 

@@ -9,7 +9,7 @@ namespace perception {
 namespace {
 
 constexpr std::size_t kNodes =
-    TsdfMap::kBlockEdge + 1;  // along an edge, those of the next block too
+    MapLayout::kBlockEdge + 1;  // along an edge, those of the next block too
 constexpr std::uint16_t kNone = 0xffff;
 constexpr int most_of_a_cell() {
   int most = 0;
@@ -19,13 +19,13 @@ constexpr int most_of_a_cell() {
 }
 // Of one block: a vertex an edge.
 constexpr int kMostVertices = 3 * static_cast<int>(kNodes * kNodes * kNodes);
-constexpr int kMostTriangles = most_of_a_cell() * TsdfMap::kBlockVoxels;
+constexpr int kMostTriangles = most_of_a_cell() * MapLayout::kBlockVoxels;
 static_assert(kMostVertices <= MeshDelta::kMostVertices && kMostVertices < kNone);
 static_assert(kMostTriangles <= MeshDelta::kMostTriangles);
 
 }  // namespace
 
-MeshSender::MeshSender(rt::NonRealtime&, const TsdfMap& map)
+MeshSender::MeshSender(rt::NonRealtime&, const MapView& map)
     : map_(map),
       sent_(static_cast<std::size_t>(map.config().max_blocks)),
       vertex_of_edge_(static_cast<std::size_t>(kMostVertices), kNone),
@@ -86,7 +86,7 @@ void MeshSender::withdraw(Sent& sent, MeshDelta& out) noexcept {
   MeshDelta::Block& b = out.blocks[static_cast<std::size_t>(out.block_count++)];
   b = {sent.at, map_.revision(), 0, 0};
   const std::int32_t elsewhere = map_.find_block(sent.at);
-  if (elsewhere != TsdfMap::kNoBlock) {
+  if (elsewhere != MapLayout::kNoBlock) {
     Sent& other = sent_[static_cast<std::size_t>(elsewhere)];
     if (other.at == sent.at) other.revision = 0;
   }
@@ -145,8 +145,8 @@ Rgb MeshSender::colour(int x, int y, int z, int axis, float share) const noexcep
     const int i = x + (axis == 0 ? step : 0), j = y + (axis == 1 ? step : 0),
               k = z + (axis == 2 ? step : 0);
     const std::int32_t block = map_.find_block({i >> 3, j >> 3, k >> 3});
-    if (block == TsdfMap::kNoBlock) continue;
-    const std::uint32_t v = map_.block_colours(block)[TsdfMap::in_block(i, j, k)];
+    if (block == MapLayout::kNoBlock) continue;
+    const std::uint32_t v = map_.block_colours(block)[MapLayout::in_block(i, j, k)];
     if (coloured_readings_of(v) == 0) continue;
     return colour_of(v);
   }

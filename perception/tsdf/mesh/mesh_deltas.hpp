@@ -22,8 +22,8 @@
 #include <map>
 #include <vector>
 
+#include "perception/tsdf/blocks/map_view.hpp"
 #include "perception/tsdf/mesh/mesh.hpp"
-#include "perception/tsdf/tsdf_map.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/time.hpp"
 
@@ -56,7 +56,7 @@ struct MeshDelta {
 
 class MeshSender {
  public:
-  MeshSender(rt::NonRealtime&, const TsdfMap& map);
+  MeshSender(rt::NonRealtime&, const MapView& map);
   ~MeshSender();
   MeshSender(const MeshSender&) = delete;
   MeshSender& operator=(const MeshSender&) = delete;
@@ -82,7 +82,7 @@ class MeshSender {
   [[nodiscard]] bool cut(std::int32_t block, BlockCoord at, MeshDelta& out) noexcept;
   [[nodiscard]] Rgb colour(int x, int y, int z, int axis, float share) const noexcept;
 
-  const TsdfMap& map_;
+  MapView map_;
   std::vector<Sent> sent_;  // by pool index
   std::vector<std::uint16_t> vertex_of_edge_;
   std::int32_t cursor_ = 0, most_ = 0;  // most_: pool indices that were ever looked at

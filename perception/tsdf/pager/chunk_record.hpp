@@ -16,8 +16,8 @@
 #include <cstring>
 #include <span>
 
+#include "perception/tsdf/blocks/map_layout.hpp"
 #include "perception/tsdf/pager/block_codec.hpp"
-#include "perception/tsdf/tsdf_map.hpp"
 
 namespace perception {
 
@@ -34,7 +34,7 @@ static_assert(sizeof(ChunkHead) == 24);
 
 inline constexpr std::size_t kLeastRecordBytes = sizeof(ChunkHead) + 128;
 inline constexpr std::size_t kMostRecordBytes =
-    kLeastRecordBytes + TsdfMap::kChunkBlocks * (8 + 4 + kMostBlockBytes);
+    kLeastRecordBytes + MapLayout::kChunkBlocks * (8 + 4 + kMostBlockBytes);
 
 class SpanSource {
  public:
@@ -62,8 +62,8 @@ std::span<std::uint8_t> bytes_into(T& v) noexcept {
   return {reinterpret_cast<std::uint8_t*>(&v), sizeof v};
 }
 
-using FreeCells = std::array<std::uint64_t, TsdfMap::kChunkBlocks>;
-using SlotBits = std::array<std::uint64_t, TsdfMap::kChunkBlocks / 64>;
+using FreeCells = std::array<std::uint64_t, MapLayout::kChunkBlocks>;
+using SlotBits = std::array<std::uint64_t, MapLayout::kChunkBlocks / 64>;
 
 template <class Sink>
 bool write_cells(const FreeCells& cells, Sink& sink) noexcept {
@@ -100,7 +100,7 @@ bool read_block(Source& source, std::uint16_t& slot, BlockImage& out) noexcept {
   std::uint16_t bytes = 0;
   std::array<std::uint8_t, kMostBlockBytes> body;
   if (!source.read(bytes_into(slot)) || !source.read(bytes_into(bytes))) return false;
-  if (slot >= TsdfMap::kChunkBlocks || bytes > body.size()) return false;
+  if (slot >= MapLayout::kChunkBlocks || bytes > body.size()) return false;
   const std::span<std::uint8_t> part(body.data(), bytes);
   return source.read(part) && decode_block(part, out);
 }

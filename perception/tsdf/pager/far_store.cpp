@@ -1,6 +1,7 @@
 #include "perception/tsdf/pager/far_store.hpp"
 
 #include <algorithm>
+#include <array>
 
 namespace perception {
 
@@ -28,6 +29,20 @@ void FarStore::clear() noexcept {
 std::size_t FarStore::memory_bytes() const noexcept {
   return data_.size() + next_.size() * sizeof next_[0] + records_.size() * sizeof(Record) +
          recycled_.size() * sizeof recycled_[0] + index_.memory_bytes();
+}
+
+void FarStore::add_to(rt::Hash64& h) const noexcept {
+  for (std::int32_t r = 0; r < slots(); ++r) {
+    if (at(r).first_page == kNone) continue;
+    Reader reader(*this, r);
+    std::array<std::uint8_t, kPage> part;
+    for (std::size_t n = 1; n > 0;) {
+      n = std::min(part.size(), reader.left());
+      static_cast<void>(reader.read({part.data(), n}));
+      h.bytes(part.data(), n);
+    }
+    h.value(at(r).labels);
+  }
 }
 
 std::int32_t FarStore::take_page() noexcept {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "perception/tsdf/blocks/chunk_index.hpp"
+#include "rt/hash.hpp"
 #include "rt/memory/non_realtime.hpp"
 
 namespace perception {
@@ -53,6 +54,7 @@ class FarStore {
   [[nodiscard]] std::size_t bytes_used() const noexcept { return pages_taken_ * kPage; }
   [[nodiscard]] std::size_t capacity_bytes() const noexcept { return data_.size(); }
   [[nodiscard]] std::size_t memory_bytes() const noexcept;
+  void add_to(rt::Hash64& h) const noexcept;  // all records, in order of their numbers
 
   // Reads a record from its beginning. Valid until the record is dropped.
   class Reader {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "perception/geometry/ifloor.hpp"
 #include "perception/simd/clones.hpp"
-#include "perception/tsdf/image/frame_view.hpp"
 #include "rt/hash.hpp"
 
 namespace perception {
@@ -20,7 +20,7 @@ std::uint64_t copy_brick(const std::uint32_t* words, const std::uint64_t* free_x
     std::memcpy(w + 4 * row, words + (row >> 2) * 64 + (row & 3) * 8, 16);
   alignas(64) std::uint8_t positive[64], observed[64];
   for (int n = 0; n < 64; ++n) {
-    const bool seen = (w[n] >> 16U) >= static_cast<std::uint32_t>(TsdfMap::kObservedWeight);
+    const bool seen = (w[n] >> 16U) >= static_cast<std::uint32_t>(MapLayout::kObservedWeight);
     const auto d = static_cast<std::int16_t>(w[n] & 0xffffU);
     distance[n] = seen ? d : std::int16_t{0};
     material[n] = seen ? std::uint8_t{1} : std::uint8_t{0};
@@ -52,7 +52,7 @@ std::uint64_t spread_cells(std::uint64_t cells, int x0, int y0, int z0) noexcept
   return bits;
 }
 
-constexpr std::array<LabelVoxel, TsdfMap::kBlockVoxels> kUnlabelled{};
+constexpr std::array<LabelVoxel, MapLayout::kBlockVoxels> kUnlabelled{};
 
 void label_brick(const LabelVoxel* labels, std::span<const std::uint8_t> slot_of_label,
                  std::uint8_t* material) noexcept {
@@ -77,11 +77,12 @@ std::array<std::int32_t, 3> patch_origin(const Vec3& centre_W, int nodes,
   return o;
 }
 
-bool copy_patch(const TsdfMap& map, const Vec3& centre_W, int nodes, SurfacePatch& out,
+bool copy_patch(const MapView& of, const Vec3& centre_W, int nodes, SurfacePatch& out,
                 std::span<const std::uint8_t> slot_of_label) noexcept {
+  const MapView map = of;  // what is written below can not change it
   if (nodes < 8 || nodes > SurfacePatch::kMaxNodes || nodes % 4 != 0) return false;
   if (!centre_W.allFinite()) return false;
-  if (!(centre_W.cwiseAbs().maxCoeff() < 4.0 * TsdfMap::kMaxBlockCoord * map.voxel_size()))
+  if (!(centre_W.cwiseAbs().maxCoeff() < 4.0 * MapLayout::kMaxBlockCoord * map.voxel_size()))
     return false;
   if (!slot_of_label.empty() && slot_of_label.size() < 256) return false;
   out.map_id = map.map_id();
@@ -90,7 +91,7 @@ bool copy_patch(const TsdfMap& map, const Vec3& centre_W, int nodes, SurfacePatc
   out.origin_node = patch_origin(centre_W, nodes, map.voxel_size());
   out.nodes = nodes;
   const int bricks = nodes / 4;
-  const TsdfMap::Chunk* chunk = nullptr;
+  const MapLayout::Chunk* chunk = nullptr;
   BlockCoord have{INT32_MIN, 0, 0};
   std::size_t at = 0;
   for (int x = 0; x < bricks; ++x)
@@ -100,12 +101,12 @@ bool copy_patch(const TsdfMap& map, const Vec3& centre_W, int nodes, SurfacePatc
                   k = out.origin_node[2] + 4 * z;
         const BlockCoord want{i >> 6, j >> 6, k >> 6};
         if (want != have) chunk = map.find_chunk(want.x, want.y, want.z), have = want;
-        const auto slot = static_cast<std::size_t>(TsdfMap::in_chunk(i >> 3, j >> 3, k >> 3));
-        const std::int32_t b = chunk == nullptr ? TsdfMap::kNoBlock : chunk->block[slot];
+        const auto slot = static_cast<std::size_t>(MapLayout::in_chunk(i >> 3, j >> 3, k >> 3));
+        const std::int32_t b = chunk == nullptr ? MapLayout::kNoBlock : chunk->block[slot];
         std::int16_t* distance = out.distance.data() + at * 64;
         std::uint8_t* material = out.material.data() + at * 64;
-        if (b != TsdfMap::kNoBlock) {
-          const int first = TsdfMap::in_block(i, j, k);
+        if (b != MapLayout::kNoBlock) {
+          const int first = MapLayout::in_block(i, j, k);
           out.free[at] = copy_brick(map.block_words(b) + first, map.block_free(b) + (i & 7), j & 7,
                                     k & 7, distance, material);
           const LabelVoxel* labels = map.block_labels(b);

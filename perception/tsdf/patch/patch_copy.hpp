@@ -5,7 +5,7 @@
 #include <span>
 
 #include "perception/patch/surface_patch.hpp"
-#include "perception/tsdf/tsdf_map.hpp"
+#include "perception/tsdf/blocks/map_view.hpp"
 
 namespace perception {
 
@@ -22,7 +22,7 @@ namespace perception {
 // Free: an observed node by its sign (distance > 0), any other by what the map saw.
 // nodes: 8..64, a multiple of 4; anything else, or a centre that is not finite, returns false and
 // leaves `out` as it was.
-bool copy_patch(const TsdfMap& map, const Vec3& centre_W, int nodes, SurfacePatch& out,
+bool copy_patch(const MapView& map, const Vec3& centre_W, int nodes, SurfacePatch& out,
                 std::span<const std::uint8_t> slot_of_label = {}) noexcept;
 
 // Of origin, size, distance, material and free bits.

@@ -12,6 +12,7 @@
 #include "perception/motion/agree_kernel.hpp"
 #include "perception/motion/cell_loops.hpp"
 #include "perception/simd/isa.hpp"
+#include "perception/tsdf/tsdf_map.hpp"
 #include "tests/support/analytic_scene.hpp"
 
 namespace perception {

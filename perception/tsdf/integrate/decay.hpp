@@ -1,0 +1,32 @@
+// What is not seen again is forgotten in the end: weights fall by half in decay_half_life_s. A part of the
+// pool a call, so that every frame pays the same. A voxel below a quarter observation becomes unknown. What is put away keeps its
+// weight.
+#pragma once
+
+#include <cstdint>
+
+#include "perception/tsdf/blocks/map_store.hpp"
+#include "perception/tsdf/blocks/viewed_blocks.hpp"
+
+namespace perception {
+
+class WeightDecay {
+ public:
+  static constexpr int kRound = 32;  // parts, one a call
+  // Both are the map's and stay as long.
+  WeightDecay(MapStore& store, ViewedBlocks& viewed) noexcept : store_(store), viewed_(viewed) {}
+
+  // Once a frame, dt_s after the one before, by the map's writer.
+  void step(double dt_s) noexcept;
+  void clear() noexcept { at_ = 0; }
+
+ private:
+  // False: nothing is left of it. keep: of a weight, in 1/65536.
+  bool decay_block(std::int32_t block, std::uint32_t keep) noexcept;
+
+  MapStore& store_;
+  ViewedBlocks& viewed_;
+  int at_ = 0;  // the next part
+};
+
+}  // namespace perception
