@@ -1,5 +1,6 @@
 // Histogram of times: 64 equal buckets in each power of two, from 1 ns to 2^40 ns (18 minutes).
 //
+//   rank      that of rt/quantile.hpp; told is the upper edge of the bucket that holds it
 //   error     a quantile is at most 1/64 (1.6 %) above the true value, exact below 128 ns
 //   record    a few instructions, no branch on history, no memory beyond the object (about 18 kB)
 //   merge     adds; the order of merging does not matter
@@ -15,6 +16,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "rt/quantile.hpp"
 #include "rt/time.hpp"
 
 namespace rt {
@@ -54,9 +56,12 @@ class Histogram {
     return empty() ? 0.0 : static_cast<double>(sum_) / static_cast<double>(count_);
   }
 
-  // The upper edge (within [min, max]) of the bucket that holds the ceil(q * count)-th smallest
-  // value: at least a share q of the values is not above it. q is clamped to [0, 1]; 0 when empty.
-  [[nodiscard]] std::int64_t quantile(double q) const noexcept;
+  // The upper edge (within [min, max]) of the bucket that holds the quantile; 0 when empty.
+  [[nodiscard]] std::int64_t quantile(double q) const noexcept {
+    return at_rank(quantile_rank(q, count_));
+  }
+  // The same of the rank-th smallest value, rank from 1 to count(); 0 when empty.
+  [[nodiscard]] std::int64_t at_rank(std::uint64_t rank) const noexcept;
 
   // f(lowest ns, one past the highest ns, count) for each bucket that is not empty, in order.
   template <class F>
@@ -91,13 +96,8 @@ class Histogram {
   std::int64_t max_ = std::numeric_limits<std::int64_t>::min();
 };
 
-inline std::int64_t Histogram::quantile(double q) const noexcept {
+inline std::int64_t Histogram::at_rank(std::uint64_t rank) const noexcept {
   if (empty()) return 0;
-  const double bounded = q > 0.0 ? (q < 1.0 ? q : 1.0) : 0.0;
-  const double wanted = bounded * static_cast<double>(count_);
-  auto rank = static_cast<std::uint64_t>(wanted);
-  if (static_cast<double>(rank) < wanted) ++rank;
-  if (rank < 1) rank = 1;
   if (rank >= count_) return max_;
   std::uint64_t seen = 0;
   std::size_t i = 0;
