@@ -87,10 +87,10 @@ TEST(Histogram, QuantilesAgainstSortedSamples) {
     double sum = 0;
     for (const auto v : all) sum += static_cast<double>(v);
     EXPECT_NEAR(h.mean(), sum / static_cast<double>(all.size()), 1e-9 * sum);
-    for (double q = 0.0; q <= 1.0; q += 0.001) {
-      const auto rank = std::max<std::size_t>(
-          1, static_cast<std::size_t>(std::ceil(q * static_cast<double>(all.size()))));
-      const std::int64_t truth = all[std::min(rank, all.size()) - 1];
+    for (std::size_t thousandths = 0; thousandths <= 1000; ++thousandths) {
+      const double q = static_cast<double>(thousandths) / 1000;
+      const std::size_t rank = std::max<std::size_t>(1, (thousandths * all.size() + 999) / 1000);
+      const std::int64_t truth = all[rank - 1];
       const std::int64_t got = h.quantile(q);
       ASSERT_GE(got, truth) << q;
       ASSERT_LE(static_cast<double>(got - truth), static_cast<double>(truth) / 64.0) << q;
