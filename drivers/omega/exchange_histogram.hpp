@@ -7,6 +7,8 @@
 #include <bit>
 #include <cstdint>
 
+#include "rt/quantile.hpp"
+
 namespace drivers {
 
 class ExchangeHistogram {
@@ -27,15 +29,16 @@ class ExchangeHistogram {
     for (const auto& b : bins_) n += b.load(std::memory_order_relaxed);
     return n;
   }
-  // Upper edge of the bin that holds the quantile; a bin is at most a quarter of its value wide.
+  // Upper edge of the bin that holds the quantile's rank (rt/quantile.hpp); a bin is at most a quarter of its value wide. 0
+  // when empty.
   [[nodiscard]] std::int64_t quantile_ns(double q) const noexcept {
     const std::uint64_t n = count();
     if (n == 0) return 0;
-    const auto want = static_cast<std::uint64_t>(q * static_cast<double>(n - 1));
+    const std::uint64_t rank = rt::quantile_rank(q, n);
     std::uint64_t seen = 0;
     for (std::size_t i = 0; i < bins_.size(); ++i) {
       seen += bins_[i].load(std::memory_order_relaxed);
-      if (seen > want) return upper_edge(i);
+      if (seen >= rank) return upper_edge(i);
     }
     return max_ns();
   }
