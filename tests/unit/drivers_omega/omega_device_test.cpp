@@ -444,8 +444,10 @@ TEST(OmegaDevice, ExchangeHistogramAgainstSorting) {
     h.add(v);
   }
   std::sort(all.begin(), all.end());
-  for (const double q : {0.0, 0.1, 0.5, 0.9, 0.99, 1.0}) {
-    const auto exact = all[static_cast<std::size_t>(q * static_cast<double>(all.size() - 1))];
+  for (const std::size_t hundredths : {0U, 10U, 50U, 90U, 99U, 100U}) {
+    const double q = static_cast<double>(hundredths) / 100;
+    const auto rank = std::max<std::size_t>(1, (hundredths * all.size() + 99) / 100);
+    const auto exact = all[rank - 1];
     EXPECT_GE(h.quantile_ns(q), exact);
     EXPECT_LE(static_cast<double>(h.quantile_ns(q)), 1.25 * static_cast<double>(exact) + 1);
   }
