@@ -12,6 +12,7 @@
 #include <stdexcept>
 
 #include "rt/hash.hpp"
+#include "rt/quantile.hpp"
 #include "tools/files/build_info.hpp"
 #include "tools/files/pose_file.hpp"
 #include "tools/host/replay.hpp"
@@ -21,13 +22,6 @@
 namespace teletact {
 
 namespace {
-
-double at(const std::vector<double>& sorted, double q) {
-  const double x = q * static_cast<double>(sorted.size() - 1);
-  const auto i = static_cast<std::size_t>(x);
-  const std::size_t j = std::min(i + 1, sorted.size() - 1);
-  return sorted[i] + (sorted[j] - sorted[i]) * (x - static_cast<double>(i));
-}
 
 void end_if_asked() {
   if (g_stop_requested.load())
@@ -51,8 +45,8 @@ void tell_stretches(const std::vector<rt::JobRecord>& jobs, const std::vector<Im
     }
     if (cpu_us.empty()) return;
     std::sort(cpu_us.begin(), cpu_us.end());
-    p50_us = at(cpu_us, 0.5);
-    p999_us = at(cpu_us, 0.999);
+    p50_us = rt::quantile_of_sorted(std::span(cpu_us), 0.5);
+    p999_us = rt::quantile_of_sorted(std::span(cpu_us), 0.999);
   };
   of(Image::kStill, row.still_p50_us, row.still_p999_us);
   of(Image::kMoving, row.moving_p50_us, row.moving_p999_us);
@@ -78,15 +72,16 @@ tasks::CalibrationRow& add_row(tasks::Calibration& c, const std::vector<rt::JobR
     throw std::runtime_error(row.name + " ended " + std::to_string(cpu_us.size()) +
                              " jobs, at least 10 are needed: a longer --seconds");
   std::sort(cpu_us.begin(), cpu_us.end());
-  row.p50_us = at(cpu_us, 0.5);
-  row.p99_us = at(cpu_us, 0.99);
-  row.p999_us = at(cpu_us, 0.999);
+  const auto at = [&](double q) { return rt::quantile_of_sorted(std::span(cpu_us), q); };
+  row.p50_us = at(0.5);
+  row.p99_us = at(0.99);
+  row.p999_us = at(0.999);
   row.work_min = static_cast<double>(work_min);
   row.work_max = static_cast<double>(work_max);
   tell_stretches(jobs, images, row);
   for (std::size_t i = 0; i < row.quantiles_us.size(); ++i) {
     row.quantiles_us[i] =
-        at(cpu_us, static_cast<double>(i) / static_cast<double>(row.quantiles_us.size() - 1));
+        at(static_cast<double>(i) / static_cast<double>(row.quantiles_us.size() - 1));
   }
   return c.rows.emplace_back(row);
 }

@@ -10,6 +10,7 @@
 
 #include "rt/audit/histogram.hpp"
 #include "rt/audit/run_file.hpp"
+#include "rt/quantile.hpp"
 #include "tasks/graph/table.hpp"
 #include "tools/host/run_truth.hpp"
 #include "tools/host/task_times.hpp"
@@ -56,13 +57,6 @@ void save_whole(const std::string& path, const Body& body) {
     body(s);
   }
   std::rename((path + ".tmp").c_str(), path.c_str());
-}
-
-double quantile(std::vector<double> v, double q) {
-  if (v.empty()) return 0;
-  const auto i = static_cast<std::size_t>(q * static_cast<double>(v.size() - 1) + 0.5);
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(i), v.end());
-  return v[i];
 }
 
 std::vector<double> cpu_us(const rt::TaskLog& task) {
@@ -232,13 +226,13 @@ void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics&
     m.add("haptic.miss_queued", miss(rt::Cause::kQueued), "1");
     m.add("haptic.miss_carried", miss(rt::Cause::kCarried), "1");
     m.add("haptic.miss_unknown", miss(rt::Cause::kUnknown) + static_cast<double>(tail), "1");
-    m.add("haptic.cpu_p50_us", quantile(cpu_us(*task), 0.5), "us");
-    m.add("haptic.cpu_p99_us", quantile(cpu_us(*task), 0.99), "us");
+    m.add("haptic.cpu_p50_us", rt::quantile(cpu_us(*task), 0.5), "us");
+    m.add("haptic.cpu_p99_us", rt::quantile(cpu_us(*task), 0.99), "us");
     std::vector<double> difference;
     for (const auto ns : rt::late_minus_sentinel(op.log, *task))
       difference.push_back(static_cast<double>(ns) * 1e-3);
     if (!difference.empty())
-      m.add("haptic.late_minus_sentinel_p999_us", quantile(difference, 0.999), "us");
+      m.add("haptic.late_minus_sentinel_p999_us", rt::quantile(difference, 0.999), "us");
     const auto late_platform =
         static_cast<double>(b.late[static_cast<std::size_t>(rt::Cause::kPlatform)]);
     m.add("platform.late_share",
@@ -466,8 +460,8 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
     m.add("fusion.frames_overwritten_share",
           static_cast<double>(lost) / static_cast<double>(std::max<std::uint64_t>(1, seen + lost)),
           "1");
-    m.add("fusion.cpu_p50_ms", 1e-3 * quantile(cpu_us(*fusion), 0.5), "ms");
-    m.add("fusion.cpu_p99_ms", 1e-3 * quantile(cpu_us(*fusion), 0.99), "ms");
+    m.add("fusion.cpu_p50_ms", 1e-3 * rt::quantile(cpu_us(*fusion), 0.5), "ms");
+    m.add("fusion.cpu_p99_ms", 1e-3 * rt::quantile(cpu_us(*fusion), 0.99), "ms");
   }
   if (op.force_check.samples > 0)
     m.add("haptic.force_error_p95", op.force_check.relative_error_p95, "1");

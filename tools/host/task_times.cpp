@@ -1,19 +1,15 @@
 #include "tools/host/task_times.hpp"
 
 #include <algorithm>
-#include <cmath>
+
+#include "rt/quantile.hpp"
 
 namespace teletact {
 
 std::int64_t SlackTimes::quantile(double q) const noexcept {
-  const auto all = static_cast<double>(left.count() + past.count());
-  const auto late = static_cast<double>(past.count());
-  if (all <= 0) return 0;
-  const double rank = std::clamp(std::ceil(q * all - 1e-9), 1.0, all);
-  // The jobs in order of slack: first the late ones, latest first. The half keeps a rank the same when
-  // the histogram turns its share back into one by rounding up.
-  if (rank <= late) return -past.quantile((late - rank + 0.5) / late);
-  return left.quantile((rank - late - 0.5) / static_cast<double>(left.count()));
+  const std::uint64_t late = past.count(), rank = rt::quantile_rank(q, late + left.count());
+  // The jobs in order of slack: first the late ones, latest first.
+  return rank <= late ? -past.at_rank(late - rank + 1) : left.at_rank(rank - late);
 }
 
 TaskAllocations allocations_of(const rt::TaskLog& task) {
@@ -25,12 +21,8 @@ TaskAllocations allocations_of(const rt::TaskLog& task) {
   a.jobs = n.size();
   if (n.empty()) return a;
   std::sort(n.begin(), n.end());
-  const auto at = [&](double q) {
-    const auto rank = static_cast<std::size_t>(std::ceil(q * static_cast<double>(n.size())));
-    return static_cast<double>(n[std::max<std::size_t>(1, rank) - 1]);
-  };
-  a.p50 = at(0.5);
-  a.p99 = at(0.99);
+  a.p50 = rt::quantile_of_sorted(std::span(n), 0.5);
+  a.p99 = rt::quantile_of_sorted(std::span(n), 0.99);
   a.max = n.back();
   for (const std::int32_t v : n) a.total += v;
   return a;
@@ -64,13 +56,7 @@ std::vector<BudgetCheck> check_budget(const rt::TaskLog& task, const rt::TaskBla
     }
     c.jobs = cpu.size();
     if (c.jobs + c.charged == 0) continue;
-    if (!cpu.empty()) {
-      const auto rank =
-          static_cast<std::size_t>(std::ceil(0.999 * static_cast<double>(cpu.size()) - 1e-9));
-      const auto at = cpu.begin() + static_cast<std::ptrdiff_t>(std::max<std::size_t>(rank, 1) - 1);
-      std::nth_element(cpu.begin(), at, cpu.end());
-      c.cpu_p999_ns = *at;
-    }
+    c.cpu_p999_ns = rt::quantile_in_place(std::span(cpu), 0.999);
     out.push_back(c);
   }
   return out;

@@ -18,7 +18,7 @@ struct SlackTimes {
   void record(std::int64_t slack_ns) noexcept {
     (slack_ns >= 0 ? left : past).record(slack_ns >= 0 ? slack_ns : -slack_ns);
   }
-  // The ceil(q n)-th smallest slack, ns, within a bucket of the histogram (1.6 %); 0 when empty.
+  // The quantile (rt/quantile.hpp), ns, within a bucket of the histogram (1.6 %); 0 when empty.
   [[nodiscard]] std::int64_t quantile(double q) const noexcept;
   [[nodiscard]] std::int64_t least() const noexcept {
     return past.empty() ? left.min() : -past.max();

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <optional>
 
+#include "rt/quantile.hpp"
 #include "tools/robot/drive_problem.hpp"
 
 namespace teletact {
@@ -95,11 +96,6 @@ Prepared prepare(const RobotDrive& drive, const RobotFitOptions& o) {
   return p;
 }
 
-double median(std::vector<double> v) {
-  std::sort(v.begin(), v.end());
-  return v[v.size() / 2];
-}
-
 // One plane out of those of the images.
 DriveFloor floor_of(const std::vector<FloorSeen>& seen) {
   DriveFloor floor;
@@ -108,8 +104,8 @@ DriveFloor floor_of(const std::vector<FloorSeen>& seen) {
   for (const FloorSeen& f : seen)
     x.push_back(f.up_C.x()), y.push_back(f.up_C.y()), z.push_back(f.up_C.z()),
         h.push_back(f.height_m);
-  floor.up_C = Vec3(median(x), median(y), median(z)).normalized();
-  floor.height_m = median(h);
+  floor.up_C = Vec3(rt::quantile(x, 0.5), rt::quantile(y, 0.5), rt::quantile(z, 0.5)).normalized();
+  floor.height_m = rt::quantile(h, 0.5);
   double tilt2 = 0, height2 = 0;
   for (const FloorSeen& f : seen) {
     tilt2 += (f.up_C - floor.up_C).squaredNorm() / 2;

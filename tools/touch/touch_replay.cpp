@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "rt/memory/non_realtime.hpp"
+#include "rt/quantile.hpp"
 #include "tools/cli/options.hpp"
 #include "tools/files/metrics_json.hpp"
 #include "tools/files/whole_file.hpp"
@@ -91,7 +92,7 @@ struct ReplayTally {
     ++contact;
     cpu_us.push_back(r.cpu_us());
   }
-  [[nodiscard]] Metrics metrics(bool as_it_was) {
+  [[nodiscard]] Metrics metrics(bool as_it_was) const {
     Metrics m("touch");
     const auto all = static_cast<double>(std::max<std::size_t>(1, ticks));
     m.add("touch.ticks", static_cast<double>(ticks), "1");
@@ -102,12 +103,8 @@ struct ReplayTally {
     m.add("touch.replay_apart_max_N", apart_N, "N");
     if (as_it_was) m.add("touch.replay_equal", static_cast<double>(equal), "1");
     if (cpu_us.empty()) return m;
-    std::sort(cpu_us.begin(), cpu_us.end());
-    const auto at = [&](double q) {
-      return cpu_us[static_cast<std::size_t>(q * static_cast<double>(cpu_us.size() - 1) + 0.5)];
-    };
-    m.add("touch.cpu_p50_us", at(0.5), "us");
-    m.add("touch.cpu_p99_us", at(0.99), "us");
+    m.add("touch.cpu_p50_us", rt::quantile(cpu_us, 0.5), "us");
+    m.add("touch.cpu_p99_us", rt::quantile(cpu_us, 0.99), "us");
     return m;
   }
 };

@@ -10,6 +10,7 @@
 
 #include "rt/clock/box_time.hpp"
 #include "rt/memory/non_realtime.hpp"
+#include "rt/quantile.hpp"
 #include "tasks/haptic/haptic_task.hpp"
 #include "tools/cli/options.hpp"
 #include "tools/files/metrics_json.hpp"
@@ -37,7 +38,7 @@ class Tally {
     contact_cpu_us_.push_back(static_cast<double>(cpu_ns) * 1e-3);
     guarded_ += m.guard_use ? 1 : 0;
   }
-  [[nodiscard]] Metrics metrics() {
+  [[nodiscard]] Metrics metrics() const {
     Metrics m("touch");
     const auto contact = static_cast<double>(contact_cpu_us_.size());
     m.add("touch.ticks", static_cast<double>(ticks_), "1");
@@ -48,12 +49,8 @@ class Tally {
     m.add("touch.force_step_raw_max_N", step_raw_N_, "N");
     if (contact_cpu_us_.empty()) return m;
     m.add("touch.guard_share", static_cast<double>(guarded_) / contact, "1");
-    std::sort(contact_cpu_us_.begin(), contact_cpu_us_.end());
-    const auto at = [&](double q) {
-      return contact_cpu_us_[static_cast<std::size_t>(q * (contact - 1) + 0.5)];
-    };
-    m.add("touch.cpu_p50_us", at(0.5), "us");
-    m.add("touch.cpu_p99_us", at(0.99), "us");
+    m.add("touch.cpu_p50_us", rt::quantile(contact_cpu_us_, 0.5), "us");
+    m.add("touch.cpu_p99_us", rt::quantile(contact_cpu_us_, 0.99), "us");
     return m;
   }
 
