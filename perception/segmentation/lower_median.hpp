@@ -5,7 +5,8 @@
 
 namespace perception {
 
-// Of the readings among the four (not 0, not 65535) the lower median; 0: there is none.
+// Of the readings among the four (not 0, not 65535) the lower median (the rank rule of
+// rt/quantile.hpp at 1/2); 0: there is none.
 [[nodiscard]] inline std::uint16_t lower_median(
     const std::array<std::uint16_t, 4>& readings) noexcept {
   std::uint16_t sorted[4];

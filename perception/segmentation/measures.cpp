@@ -145,6 +145,7 @@ SegmentationScores compare(const ScoredMap& a, const ScoredMap& b) {
 void RegionRatio::add(int regions, std::vector<int> people) {
   if (people.empty() || regions <= 0) throw std::invalid_argument("a region count of nothing");
   std::sort(people.begin(), people.end());
+  // Of an even number the mean of the two in the middle: rt::quantile() has the lower.
   const std::size_t m = people.size() / 2;
   const double median = people.size() % 2 ? people[m] : 0.5 * (people[m - 1] + people[m]);
   log_sum_ += std::log(regions / median);

@@ -51,6 +51,7 @@ Face face_ahead(Field& field, const perception::SurfacePatch* older,
   Face out;
   out.unknown = !middle_known && 2 * known_then < known_now;
   if (known_then == 0) return out;
+  // Of an even number the upper of the two in the middle: rt::quantile() has the lower, and another rise is another force.
   const auto middle = rises.begin() + static_cast<std::ptrdiff_t>(known_then / 2);
   std::nth_element(rises.begin(), middle, rises.begin() + static_cast<std::ptrdiff_t>(known_then));
   out.rise_m = *middle;
