@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "rt/clock/box_time.hpp"
+#include "rt/quantile.hpp"
 #include "tools/host/calibrate.hpp"
 #include "tools/host/effect_catalogue.hpp"
 #include "tools/host/run_demo.hpp"
@@ -208,7 +209,7 @@ double cost_us(const RunTimes& times, const EffectRow& row, double seconds) {
   return mean_us(p.twin ? t.twin : t.own);
 }
 
-// How far a payer's cost is off in runs that change what somebody else pays for: four of five are nearer than this. With
+// How far a payer's cost is off in runs that change what somebody else pays for: four of five are no farther than this. With
 // them the two runs of the same keys.
 double floor_us(const std::vector<Switch>& all, const EffectRow& row,
                 const std::map<Keys, RunTimes>& least, double base, double twice, double seconds) {
@@ -219,8 +220,7 @@ double floor_us(const std::vector<Switch>& all, const EffectRow& row,
       continue;
     off.push_back(std::abs(cost_us(least.at(s.keys), row, seconds) - 0.5 * (base + twice)));
   }
-  std::sort(off.begin(), off.end());
-  return off[(4 * (off.size() - 1) + 4) / 5];
+  return rt::quantile_in_place(std::span(off), 0.8);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 
 #include "rt/clock/box_time.hpp"
 #include "rt/memory/non_realtime.hpp"
+#include "rt/quantile.hpp"
 #include "tasks/haptic/haptic_task.hpp"
 #include "tools/report/svg.hpp"
 #include "tools/touch/field_window.hpp"
@@ -186,11 +187,7 @@ StudyRun run_scene(const StudyScene& scene, const StudyKnobs& knobs) {
   return run;
 }
 
-double quantile(std::vector<double> v, double q) {
-  if (v.empty()) return std::nan("");
-  std::sort(v.begin(), v.end());
-  return v[static_cast<std::size_t>(std::lround(q * static_cast<double>(v.size() - 1)))];
-}
+double quantile(const std::vector<double>& v, double q) { return rt::quantile(v, q, std::nan("")); }
 
 std::vector<BenchMetric> judge(const StudyScene& scene, const StudyRun& run) {
   std::vector<double> force, sent, place;

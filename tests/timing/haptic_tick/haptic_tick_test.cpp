@@ -6,6 +6,7 @@
 #include <iostream>
 #include <string>
 
+#include "rt/quantile.hpp"
 #include "tools/measure/bench/callgrind.hpp"
 #include "tools/measure/haptic/bench_haptic.hpp"
 #include "tools/measure/stability/gates.hpp"
@@ -137,10 +138,10 @@ TEST(HapticTick, SamplesBoundTheInstructionsOfATick) {
     std::printf(
         "corner%s: %zu ticks in contact, instructions p50 %.0f p99 %.0f max %.0f; a sample at most "
         "%.0f, of the bound at most %.2f\n",
-        noise ? ", 3 mm of noise" : "", contact.size(), rig::percentile(contact, 0.5),
-        rig::percentile(contact, 0.99), rig::percentile(contact, 1), of_sample, of_bound);
+        noise ? ", 3 mm of noise" : "", contact.size(), rt::quantile(contact, 0.5),
+        rt::quantile(contact, 0.99), rt::quantile(contact, 1), of_sample, of_bound);
     ASSERT_GT(contact.size(), 500U);
-    EXPECT_LE(rig::percentile(contact, 0.99), stability::kStepInstructions);
+    EXPECT_LE(rt::quantile(contact, 0.99), stability::kStepInstructions);
     EXPECT_GE(of_bound, 0.5) << "a bound that nothing comes near catches nothing";
   }
   std::filesystem::remove_all(folder);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <time.h>
 
+#include "rt/quantile.hpp"
 #include "rt/random.hpp"
 #include "tools/measure/support/haptic_rig.hpp"
 #include "tools/measure/support/haptic_score.hpp"
@@ -53,7 +54,7 @@ TEST(ForceShading, CostOfTheReduction) {
     us.push_back(rig::thread_us() - before);
   }
   std::printf("reduction over %zu points: thread CPU p50 %.1f us, p99 %.1f us (aim 80)\n", s.count,
-              rig::percentile(us, 0.5), rig::percentile(us, 0.99));
+              rt::quantile(us, 0.5), rt::quantile(us, 0.99));
 }
 
 // On a plane of points 1 mm apart: the force is K times the depth, within the spacing.

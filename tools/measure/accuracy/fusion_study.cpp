@@ -7,6 +7,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "rt/quantile.hpp"
 #include "tools/record/fusion_feed.hpp"
 #include "tools/record/scenes.hpp"
 
@@ -19,12 +20,6 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr int kAllocateStep = 2;  // of level 0
-
-double median(std::vector<double> v) {
-  if (v.empty()) return kNaN;
-  std::sort(v.begin(), v.end());
-  return v[v.size() / 2];
-}
 
 // 13.3 as 13_3.
 std::string as_word(double v) {
@@ -210,7 +205,7 @@ FusionRun run_fusion(rt::NonRealtime& nrt, const FusionSequence& sequence,
   run.ate_mm = error.ate_mm();
   run.worst_mm = error.worst_mm();
   run.claimed = static_cast<double>(claimed) / std::max(1, sequence.size());
-  run.cpu_ms = median(cpu);
+  run.cpu_ms = rt::quantile(cpu, 0.5, kNaN);
   run.mesh = moved(perception::extract_mesh(nrt, task.map()), X_WM);
   return run;
 }

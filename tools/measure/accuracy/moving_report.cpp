@@ -6,6 +6,7 @@
 #include <map>
 #include <stdexcept>
 
+#include "rt/quantile.hpp"
 #include "tools/measure/accuracy/moving_study.hpp"
 #include "tools/report/svg.hpp"
 
@@ -33,7 +34,7 @@ Judged judge(const MovingCheck& c, const std::vector<MovingRow>& rows) {
   if (all.empty()) return j;
   std::sort(all.begin(), all.end());
   j.worst = c.at_least ? all.front() : all.back();
-  j.median = all[all.size() / 2];
+  j.median = rt::quantile_of_sorted(std::span(all), 0.5);
   return j;
 }
 
@@ -137,11 +138,10 @@ std::vector<BenchMetric> MovingStudy::metrics() const {
       wrong += row.run.wrong;
       if (!std::isnan(row.run.mask_iou)) ious.push_back(row.run.mask_iou);
     }
-    std::sort(ious.begin(), ious.end());
     add(std::string("ate_mm") + band.suffix, ate, "mm");
     add(std::string("wrong_claims") + band.suffix, wrong, "1");
     add(std::string("claimed_share") + band.suffix, claimed, "1");
-    if (!ious.empty()) add(std::string("mask_iou") + band.suffix, ious[ious.size() / 2], "1");
+    if (!ious.empty()) add(std::string("mask_iou") + band.suffix, rt::quantile(ious, 0.5), "1");
     add(std::string("ghost_cm3") + band.suffix, ghost, "cm3");
   }
   for (const MovingCheck& c : moving_checks()) {

@@ -6,6 +6,7 @@
 #include <memory>
 #include <numbers>
 
+#include "rt/quantile.hpp"
 #include "tools/measure/accuracy/fusion_study.hpp"
 #include "tools/measure/accuracy/moving_ghosts.hpp"
 #include "tools/record/fusion_feed.hpp"
@@ -19,12 +20,6 @@ namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kCheckEvery = 20;  // frames
-
-double quantile(std::vector<double> v, double q) {
-  if (v.empty()) return MovingRun::kNone;
-  std::sort(v.begin(), v.end());
-  return v[std::min(v.size() - 1, static_cast<std::size_t>(q * static_cast<double>(v.size())))];
-}
 
 // The odometry of a run: steps of the true motion, bent by shares drawn once for the run, or lies.
 class Odometry {
@@ -218,9 +213,9 @@ MovingRun Run::judge(std::ostream* debug) {
     if (debug != nullptr) say(f, out, mask, *debug);
   }
   poses_.write(r_);
-  r_.mask_iou = quantile(ious_, 0.5);
+  r_.mask_iou = rt::quantile(ious_, 0.5, MovingRun::kNone);
   r_.masked_still = still_ > 0 ? static_cast<double>(still_hit_) / static_cast<double>(still_) : 0;
-  r_.masked_still_p95 = quantile(still_masked_, 0.95);
+  r_.masked_still_p95 = rt::quantile(still_masked_, 0.95, MovingRun::kNone);
   r_.cpu_ms = cpu / std::max(1, images_.size());
   return r_;
 }

@@ -7,6 +7,8 @@
 #include <set>
 #include <unordered_map>
 
+#include "rt/quantile.hpp"
+
 namespace teletact {
 
 using perception::Pose;
@@ -39,11 +41,6 @@ bool sees(const drivers::World& world, const perception::Intrinsics& k, const Po
   const Vec3 eye = X_WC.translation();
   const drivers::RayHit hit = world.ray_cast(eye, p_W - eye);
   return hit && hit.t > 1 - 1e-6;
-}
-
-double quantile(std::vector<double>& sorted, double q) {
-  return sorted[std::min(sorted.size() - 1,
-                         static_cast<std::size_t>(q * static_cast<double>(sorted.size())))];
 }
 
 }  // namespace
@@ -92,8 +89,8 @@ SurfaceError surface_error(const perception::Mesh& mesh, const drivers::World& w
   }
   if (!off.empty()) {
     std::sort(off.begin(), off.end());
-    e.median_mm = 1e3 * quantile(off, 0.5);
-    e.p95_mm = 1e3 * quantile(off, 0.95);
+    e.median_mm = 1e3 * rt::quantile_of_sorted(std::span(off), 0.5);
+    e.p95_mm = 1e3 * rt::quantile_of_sorted(std::span(off), 0.95);
     e.rmse_mm = 1e3 * std::sqrt(squares / static_cast<double>(off.size()));
     e.max_mm = 1e3 * off.back();
   }

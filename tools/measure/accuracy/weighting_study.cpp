@@ -7,6 +7,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "rt/quantile.hpp"
 #include "tools/measure/accuracy/moving_film.hpp"
 #include "tools/record/scenes.hpp"
 
@@ -98,10 +99,8 @@ struct Tally {
     claimed += run.claimed;
     cpu_ms += run.cpu_ms;
   }
-  [[nodiscard]] std::vector<BenchMetric> figures() {
-    std::sort(ate_mm.begin(), ate_mm.end());
-    const double median = ate_mm.empty() ? std::nan("") : ate_mm[ate_mm.size() / 2];
-    return {{"ate_mm", median, "mm"},
+  [[nodiscard]] std::vector<BenchMetric> figures() const {
+    return {{"ate_mm", rt::quantile(ate_mm, 0.5, std::nan("")), "mm"},
             {"worst_mm", worst_mm, "mm"},
             {"claimed", claimed / samples, "1"},
             {"cpu_ms", cpu_ms / samples, "ms"},

@@ -1,6 +1,5 @@
 #include "tools/measure/bench/audit_bench.hpp"
 
-#include <algorithm>
 #include <cstdio>
 #include <memory>
 
@@ -8,6 +7,7 @@
 #include "rt/audit/job_record.hpp"
 #include "rt/channel/ring.hpp"
 #include "rt/clock/box_time.hpp"
+#include "rt/quantile.hpp"
 #include "rt/sched/thread_probe.hpp"
 #include "tools/measure/bench/other_load.hpp"
 
@@ -16,11 +16,6 @@ namespace teletact {
 namespace {
 
 constexpr int kBatch = 256;
-
-double median(std::vector<double> v) {
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-  return v[v.size() / 2];
-}
 
 // Mean over a batch of f(), ns of thread CPU; the loop itself is in it.
 template <class F>
@@ -71,8 +66,8 @@ AuditBenchResult bench_audit(int rounds) {
   }
   AuditBenchResult r;
   r.other_load = others.cores();
-  r.job_ns = median(whole);
-  for (int i = 0; i < 4; ++i) r.parts_ns[i] = median(parts[i]);
+  r.job_ns = rt::quantile(whole, 0.5);
+  for (int i = 0; i < 4; ++i) r.parts_ns[i] = rt::quantile(parts[i], 0.5);
   return r;
 }
 

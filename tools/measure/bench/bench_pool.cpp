@@ -3,9 +3,8 @@
 #include <pthread.h>
 #include <sched.h>
 
-#include <algorithm>
-
 #include "rt/clock/box_time.hpp"
+#include "rt/quantile.hpp"
 
 namespace teletact {
 
@@ -59,8 +58,7 @@ void BenchPool::measure_round_trip() {
   }
   for (auto& t : threads_) static_cast<void>(rank(t.native_handle(), false));
   static_cast<void>(rank(pthread_self(), false));
-  std::nth_element(trips.begin(), trips.begin() + 1000, trips.end());
-  round_trip_ns_ = trips[1000];
+  round_trip_ns_ = rt::quantile_in_place(std::span(trips), 0.5);
   real_time_ = real_time;
 }
 

@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "rt/memory/non_realtime.hpp"
+#include "rt/quantile.hpp"
 #include "tasks/fusion/fusion_task.hpp"
 #include "tools/measure/bench/other_load.hpp"
 #include "tools/measure/bench/peer_process.hpp"
@@ -21,10 +22,8 @@ constexpr double kVoxel_m = 0.01;
 constexpr int kEdge = 512;
 constexpr const char* kUnfiltered = "teletact, no filter";
 
-double quantile(std::vector<double> v, double q) {
-  if (v.empty()) return std::numeric_limits<double>::quiet_NaN();
-  std::sort(v.begin(), v.end());
-  return v[std::min(v.size() - 1, static_cast<std::size_t>(q * static_cast<double>(v.size())))];
+double quantile(const std::vector<double>& v, double q) {
+  return rt::quantile(v, q, std::numeric_limits<double>::quiet_NaN());
 }
 
 // One mapper over one sequence.

@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "rt/audit/rt_log.hpp"
+#include "rt/quantile.hpp"
 #include "tools/measure/bench/other_load.hpp"
 
 namespace teletact {
@@ -27,11 +28,6 @@ double mean_ns(Write&& write) {
   const auto from = Clock::now();
   for (int i = 0; i < kRecords; ++i) write(i);
   return std::chrono::duration<double, std::nano>(Clock::now() - from).count() / kRecords;
-}
-
-double quantile(std::vector<double>& v, double q) {
-  std::sort(v.begin(), v.end());
-  return v[static_cast<std::size_t>(q * static_cast<double>(v.size() - 1))];
 }
 
 }  // namespace
@@ -70,10 +66,10 @@ LogBenchResult bench_log(int rounds) {
   result.heap_bytes = static_cast<long>(mallinfo2().uordblks) - static_cast<long>(heap_before);
   getrusage(RUSAGE_THREAD, &after);
   result.voluntary_switches = after.ru_nvcsw - before.ru_nvcsw;
-  result.record_ns = quantile(plain, 0.5);
-  result.record_p99_ns = quantile(plain, 0.99);
-  result.full_ns = quantile(refused, 0.5);
-  result.with_clock_ns = quantile(clocked, 0.5);
+  result.record_ns = rt::quantile(plain, 0.5);
+  result.record_p99_ns = rt::quantile(plain, 0.99);
+  result.full_ns = rt::quantile(refused, 0.5);
+  result.with_clock_ns = rt::quantile(clocked, 0.5);
   return result;
 }
 

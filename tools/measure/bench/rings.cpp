@@ -1,4 +1,5 @@
 #include "tools/measure/bench/rings.hpp"
+#include "rt/quantile.hpp"
 #include "tools/measure/bench/other_load.hpp"
 
 #ifndef NDEBUG
@@ -63,14 +64,7 @@ struct Moodycamel {
 };
 #endif
 
-double median(std::vector<double> v) {
-  if (v.empty()) return 0;
-  const std::size_t half = v.size() / 2;
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(half), v.end());
-  if (v.size() % 2 == 1) return v[half];
-  const double upper = v[half];
-  return (upper + *std::max_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(half))) / 2;
-}
+double median(const std::vector<double>& v) { return rt::quantile(v, 0.5); }
 
 double ns_between(Clock::time_point a, Clock::time_point b) {
   return std::chrono::duration<double, std::nano>(b - a).count();
@@ -86,7 +80,7 @@ double median_trip_ns(int batches, Exchange&& exchange) {
     for (int i = 0; i < kBatch; ++i) exchange(++n);
     ns = ns_between(from, Clock::now()) / kBatch;
   }
-  return median(std::move(each));
+  return median(each);
 }
 
 void pause_once() {

@@ -1,3 +1,4 @@
+#include "rt/quantile.hpp"
 #include "tools/measure/bench/table1.hpp"
 
 #include <unistd.h>
@@ -22,10 +23,8 @@ namespace teletact {
 
 namespace {
 
-double quantile(std::vector<double> v, double q) {
-  if (v.empty()) return std::numeric_limits<double>::quiet_NaN();
-  std::sort(v.begin(), v.end());
-  return v[std::min(v.size() - 1, static_cast<std::size_t>(q * static_cast<double>(v.size())))];
+double quantile(const std::vector<double>& v, double q) {
+  return rt::quantile(v, q, std::numeric_limits<double>::quiet_NaN());
 }
 
 // Of this process.

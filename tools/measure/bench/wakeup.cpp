@@ -16,6 +16,7 @@
 
 #include "rt/audit/histogram.hpp"
 #include "rt/clock/box_time.hpp"
+#include "rt/quantile.hpp"
 
 namespace teletact {
 
@@ -23,12 +24,6 @@ namespace {
 
 constexpr std::int64_t kPeriod = 1000000;
 constexpr std::int64_t kSpinLead = 30000;
-
-double median(std::vector<double> v) {
-  if (v.empty()) return 0;
-  std::sort(v.begin(), v.end());
-  return v[v.size() / 2];
-}
 
 // One slice of our loop: absolute clock_nanosleep, optionally waking early and spinning.
 WakeupResult::Slice own_slice(int cpu, double seconds, std::int64_t lead, bool& fifo) {
@@ -84,11 +79,10 @@ bool cyclictest_slice(int cpu, double seconds, WakeupResult::Slice& out) {
   if (total == 0) return false;
   // Within its whole microsecond a sample lies anywhere: take the middle by the rank inside the bin.
   const auto at = [&](double q) {
+    const auto rank = static_cast<long>(rt::quantile_rank(q, static_cast<std::uint64_t>(total)));
     long seen = 0;
     for (const auto& [us, n] : bins) {
-      const double wanted = q * static_cast<double>(total);
-      if (static_cast<double>(seen + n) >= wanted)
-        return us + (wanted - static_cast<double>(seen)) / static_cast<double>(n);
+      if (seen + n >= rank) return us + static_cast<double>(rank - seen) / static_cast<double>(n);
       seen += n;
     }
     return static_cast<double>(bins.back().first);
@@ -125,7 +119,7 @@ WakeupResult bench_wakeup(std::ostream& progress, int rounds, double slice_s) {
   const auto medians = [](const std::vector<WakeupResult::Slice>& v) {
     std::vector<double> p;
     for (const auto& s : v) p.push_back(s.p50_us);
-    return median(p);
+    return rt::quantile(p, 0.5);
   };
   r.p50_plain_us = medians(r.plain);
   r.p50_spin_us = medians(r.spin);
@@ -168,7 +162,7 @@ void WakeupResult::print(std::ostream& out) const {
     char text[160];
     std::snprintf(text, sizeof text,
                   "%-22s p50 %8.2f us   p99 %8.2f us   max %9.1f us   (%zu slices)\n", name,
-                  median(p50), median(p99),
+                  rt::quantile(p50, 0.5), rt::quantile(p99, 0.5),
                   max.empty() ? 0.0 : *std::max_element(max.begin(), max.end()), v.size());
     out << text;
   };

@@ -15,6 +15,7 @@
 
 #include "rt/clock/box_time.hpp"
 #include "rt/memory/non_realtime.hpp"
+#include "rt/quantile.hpp"
 #include "rt/random.hpp"
 #include "tasks/haptic/force_shading.hpp"
 #include "tools/measure/bench/callgrind.hpp"
@@ -28,13 +29,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-double quantile(std::vector<double> v, double q) {
-  if (v.empty()) return 0;
-  std::sort(v.begin(), v.end());
-  return v[static_cast<std::size_t>(std::lround(q * static_cast<double>(v.size() - 1)))];
-}
+using rt::quantile;
 
-double median(std::vector<double> v) { return quantile(std::move(v), 0.5); }
+double median(const std::vector<double>& v) { return quantile(v, 0.5); }
 
 struct OpenRun {
   explicit OpenRun(const std::string& path) : file(std::fopen(path.c_str(), "rbe"), &std::fclose) {

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <functional>
 
+#include "rt/quantile.hpp"
 #include "tools/measure/stability/case_text.hpp"
 #include "tools/measure/stability/cases.hpp"
 #include "tools/measure/stability/judges.hpp"
@@ -75,9 +76,9 @@ Model model_of(const Run& run, const rig::Rig& r, const std::vector<rig::Optimum
     before = rubs;
     stretch = k * (path[i].p - row.h).norm();
   }
-  out.f_error_p95 = rig::percentile(f_error, 0.95);
-  out.p_error_p95 = rig::percentile(p_error, 0.95);
-  out.f_error_guarded = rig::percentile(f_guarded_error, 0.95);
+  out.f_error_p95 = rt::quantile(f_error, 0.95);
+  out.p_error_p95 = rt::quantile(p_error, 0.95);
+  out.f_error_guarded = rt::quantile(f_guarded_error, 0.95);
   return out;
 }
 

@@ -1,8 +1,8 @@
 #include "tools/measure/stability/gates.hpp"
 
 #include <algorithm>
-#include <cmath>
 
+#include "rt/quantile.hpp"
 #include "tools/measure/support/haptic_witness.hpp"
 #include "tools/measure/support/rt_guard.hpp"
 
@@ -12,14 +12,6 @@ namespace {
 
 constexpr double kStepCpu_us = 25, kForce_N = 12;
 constexpr int kMorePasses = 6;
-
-template <class T>
-T quantile(std::vector<T>& v, double q) {
-  if (v.empty()) return {};
-  const auto i = static_cast<std::size_t>(std::llround(q * static_cast<double>(v.size() - 1)));
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(i), v.end());
-  return v[i];
-}
 
 // What the passes say together; CPU times apart.
 Gates gates_of(const rig::Witness& first, const rig::Witness& again) {
@@ -43,12 +35,13 @@ void smaller(std::vector<float>& cpu, const std::vector<float>& other) {
   for (std::size_t i = 0; i < cpu.size(); ++i) cpu[i] = std::min(cpu[i], other[i]);
 }
 
-void take_times(Gates& gates, std::vector<float> cpu, std::vector<std::uint32_t> work) {
-  gates.cpu_p50_us = static_cast<double>(quantile(cpu, 0.5));
-  gates.cpu_p99_us = static_cast<double>(quantile(cpu, 0.99));
-  gates.cpu_max_us = static_cast<double>(quantile(cpu, 1));
-  gates.work_p99 = quantile(work, 0.99);
-  gates.work_max = quantile(work, 1);
+void take_times(Gates& gates, const std::vector<float>& cpu,
+                const std::vector<std::uint32_t>& work) {
+  gates.cpu_p50_us = static_cast<double>(rt::quantile(cpu, 0.5));
+  gates.cpu_p99_us = static_cast<double>(rt::quantile(cpu, 0.99));
+  gates.cpu_max_us = static_cast<double>(rt::quantile(cpu, 1));
+  gates.work_p99 = rt::quantile(work, 0.99);
+  gates.work_max = rt::quantile(work, 1);
 }
 
 }  // namespace

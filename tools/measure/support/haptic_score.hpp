@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "rt/quantile.hpp"
 #include "tools/measure/support/field_optimum.hpp"
 #include "tools/measure/support/haptic_rig.hpp"
 
@@ -34,13 +35,6 @@ struct Figures {
   double off_p95 = 0;  // proxy off the surface of the blended field, m
 };
 
-inline double percentile(std::vector<double> v, double p) {
-  if (v.empty()) return 0;
-  std::sort(v.begin(), v.end());
-  const double i = p * static_cast<double>(v.size() - 1);
-  return v[static_cast<std::size_t>(std::llround(i))];
-}
-
 inline Figures figures(const std::vector<Row>& rows) {
   Figures out;
   std::vector<double> cpu, work, off;
@@ -65,11 +59,11 @@ inline Figures figures(const std::vector<Row>& rows) {
   out.contact_share = static_cast<double>(contact) / static_cast<double>(rows.size());
   out.guard_share = contact > 0 ? static_cast<double>(guard) / static_cast<double>(contact) : 0;
   out.behind_max_s = 1e-3 * static_cast<double>(longest);
-  out.off_p95 = percentile(off, 0.95);
-  out.cpu_p50 = percentile(cpu, 0.5);
-  out.cpu_p99 = percentile(cpu, 0.99);
-  out.work_p50 = percentile(work, 0.5);
-  out.work_max = percentile(work, 1.0);
+  out.off_p95 = rt::quantile(off, 0.95);
+  out.cpu_p50 = rt::quantile(cpu, 0.5);
+  out.cpu_p99 = rt::quantile(cpu, 0.99);
+  out.work_p50 = rt::quantile(work, 0.5);
+  out.work_max = rt::quantile(work, 1.0);
   return out;
 }
 
@@ -216,16 +210,16 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
     p_samples.push_back((p_mine - p_on_samples).norm());
   }
   out.judged_share = asked > 0 ? static_cast<double>(judged) / static_cast<double>(asked) : 1;
-  out.f_error_p95 = percentile(f_error, 0.95);
-  out.f_error_max = percentile(f_error, 1);
-  out.f_error_guarded_optimum = percentile(f_guarded_error, 0.95);
+  out.f_error_p95 = rt::quantile(f_error, 0.95);
+  out.f_error_max = rt::quantile(f_error, 1);
+  out.f_error_guarded_optimum = rt::quantile(f_guarded_error, 0.95);
   // A step over the limit of J is forced by the samples only if to go slower would put the force off.
   out.j_guarded_optimum =
-      percentile(f_slower_error, 0.95) <= kForceErrorLimit_N ? slower.j() : guarded.j();
-  out.p_error_p95 = percentile(p_error, 0.95);
-  out.p_error_max = percentile(p_error, 1);
-  out.f_error_samples_p95 = setup.truth ? percentile(f_samples, 0.95) : out.f_error_p95;
-  out.p_error_samples_p95 = setup.truth ? percentile(p_samples, 0.95) : out.p_error_p95;
+      rt::quantile(f_slower_error, 0.95) <= kForceErrorLimit_N ? slower.j() : guarded.j();
+  out.p_error_p95 = rt::quantile(p_error, 0.95);
+  out.p_error_max = rt::quantile(p_error, 1);
+  out.f_error_samples_p95 = setup.truth ? rt::quantile(f_samples, 0.95) : out.f_error_p95;
+  out.p_error_samples_p95 = setup.truth ? rt::quantile(p_samples, 0.95) : out.p_error_p95;
   return path;
 }
 

@@ -1,5 +1,6 @@
 #include "tools/measure/bench/table2/table2.hpp"
 #include "rt/clock/box_time.hpp"
+#include "rt/quantile.hpp"
 
 #include <algorithm>
 #include <cstdio>
@@ -125,9 +126,7 @@ void score_people(const Picture& p, RowSum& row) {
       add(s, compare(p.people[i], p.people[j]), 2.0 / static_cast<double>(n * (n - 1)));
     }
   }
-  std::vector<int> sorted = p.regions;
-  std::sort(sorted.begin(), sorted.end());
-  row.add_image(s, sorted[n / 2], p.regions, 0);
+  row.add_image(s, rt::quantile(p.regions, 0.5), p.regions, 0);
 }
 
 LabelView view_of(const Labels& labels, const Picture& p) {

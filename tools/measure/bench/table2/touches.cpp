@@ -1,5 +1,6 @@
 #include "tools/measure/bench/table2/touches.hpp"
 #include "rt/clock/box_time.hpp"
+#include "rt/quantile.hpp"
 #include "tools/measure/bench/other_load.hpp"
 
 #include <algorithm>
@@ -38,12 +39,6 @@ T take(rt::Result<T> result) {
 }
 
 double cpu_ms() { return 1e-6 * static_cast<double>(rt::thread_cpu_ns()); }
-
-double quantile(std::vector<double> v, double q) {
-  if (v.empty()) return 0;
-  std::sort(v.begin(), v.end());
-  return v[std::min(v.size() - 1, static_cast<std::size_t>(q * static_cast<double>(v.size())))];
-}
 
 struct Kind {
   Intrinsics k;
@@ -189,12 +184,12 @@ class Judge {
       for (const double x : half_[h]) sum += x;
       row.iou_half[h] = sum / static_cast<double>(half_[h].size());  // none: NaN
     }
-    row.iou_low = quantile(good_, 0.1);
-    row.first_ms = quantile(first_, 0.5);
-    row.first_p95_ms = quantile(first_, 0.95);
-    row.touch_ms = quantile(touch_ms_, 0.5);
-    row.touch_p95_ms = quantile(touch_ms_, 0.95);
-    row.follow_ms = quantile(follow_ms_, 0.5);
+    row.iou_low = rt::quantile(good_, 0.1);
+    row.first_ms = rt::quantile(first_, 0.5);
+    row.first_p95_ms = rt::quantile(first_, 0.95);
+    row.touch_ms = rt::quantile(touch_ms_, 0.5);
+    row.touch_p95_ms = rt::quantile(touch_ms_, 0.95);
+    row.follow_ms = rt::quantile(follow_ms_, 0.5);
     for (const double x : further_ms_)
       row.further_ms += x / static_cast<double>(further_ms_.size());
     for (const double x : fused_iou_) row.iou_fused += x / static_cast<double>(fused_iou_.size());
