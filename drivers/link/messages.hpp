@@ -1,14 +1,27 @@
 // The messages that cross between the boxes, apart from images. Plain data, SI units.
-// Wire form: drivers/link/wire.hpp, little-endian, explicit; the schema hash covers this file's
-// field lists.
+// Wire form: drivers/link/wire.hpp, little-endian, in the order of the field lists below; the schema hash covers their
+// names, sizes and order.
 #pragma once
 
 #include <array>
 #include <cstdint>
 
+#include "rt/message/fields.hpp"
 #include "rt/time.hpp"
 
 namespace drivers {
+
+enum class MessageId : std::uint16_t {
+  kHello = 1,     // first on a connection, both ways
+  kClockRequest,  // both ways: each side measures the other's clock
+  kClockReply,
+  kFrame,       // robot -> operator: EncodedFrame
+  kRobotState,  // robot -> operator
+  kRobotGoal,   // operator -> robot
+  kBye,         // an orderly end, both ways
+  kAlive,       // nothing to say: sent when the line would else be quiet, both ways
+};
+inline constexpr int kMessageIds = 8;
 
 // Planar pose and velocity of the base B in the odometry frame O (starts equal to the world).
 struct RobotState {
@@ -37,4 +50,59 @@ struct RobotGoal {
   std::uint64_t path_seq = 0;
 };
 
+// Clock exchange: t0 sent by the asker, t1 received and t2 sent by the other (its clock).
+struct ClockRequest {
+  std::int64_t t0_ns = 0;
+};
+struct ClockReply {
+  std::int64_t t0_ns = 0, t1_ns = 0, t2_ns = 0;
+};
+
 }  // namespace drivers
+
+template <>
+struct rt::Fields<drivers::RobotState> {
+  using M = drivers::RobotState;
+  static constexpr std::tuple list{
+      value(&M::seq, "seq"),       datum(&M::taken, "taken"),      number(&M::x_m, "x"),
+      number(&M::y_m, "y"),        number(&M::yaw_rad, "yaw"),     number(&M::vx, "vx"),
+      number(&M::vy, "vy"),        number(&M::wz, "wz"),           value(&M::cmd_vx, "cmd_vx"),
+      value(&M::cmd_vy, "cmd_vy"), value(&M::cmd_wz, "cmd_wz"),    value(&M::goal_seq, "goal_seq"),
+      value(&M::mode, "mode", 4),  value(&M::moving, "moving", 1), value(&M::fault, "fault")};
+};
+static_assert(rt::lists_every_field<drivers::RobotState>());
+
+template <>
+struct rt::Fields<drivers::RobotGoal> {
+  using M = drivers::RobotGoal;
+  static constexpr std::tuple list{value(&M::seq, "seq"),
+                                   datum(&M::made, "made"),
+                                   instant(&M::valid_until, "valid_until"),
+                                   number(&M::x_m, "x"),
+                                   number(&M::y_m, "y"),
+                                   number(&M::yaw_rad, "yaw"),
+                                   number(&M::vx, "vx"),
+                                   number(&M::vy, "vy"),
+                                   number(&M::wz, "wz"),
+                                   number(&M::speed_limit_m_per_s, "speed_limit"),
+                                   value(&M::engaged, "engaged", 1),
+                                   value(&M::operator_engaged, "operator_engaged", 1),
+                                   value(&M::operator_clear, "operator_clear", 1),
+                                   value(&M::path_seq, "path_seq")};
+};
+static_assert(rt::lists_every_field<drivers::RobotGoal>());
+
+template <>
+struct rt::Fields<drivers::ClockRequest> {
+  using M = drivers::ClockRequest;
+  static constexpr std::tuple list{instant(&M::t0_ns, "t0i")};
+};
+static_assert(rt::lists_every_field<drivers::ClockRequest>());
+
+template <>
+struct rt::Fields<drivers::ClockReply> {
+  using M = drivers::ClockReply;
+  static constexpr std::tuple list{instant(&M::t0_ns, "t0i"), instant(&M::t1_ns, "t1i"),
+                                   instant(&M::t2_ns, "t2i")};
+};
+static_assert(rt::lists_every_field<drivers::ClockReply>());

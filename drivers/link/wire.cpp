@@ -4,8 +4,9 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <concepts>
 #include <cstring>
-#include <string_view>
+#include <string>
 
 #include "rt/hash.hpp"
 
@@ -14,15 +15,6 @@ namespace drivers {
 namespace {
 
 constexpr std::uint32_t kMagic = 0x31544C54;  // "TLT1"
-
-// One line a message: a change of any field changes the hash, and old and new refuse each other.
-constexpr std::string_view kSchema =
-    "header:magic4,version2,id2,length4,crc4,seq8,stamp8,schema8;"
-    "hello:;clock_request:t0i8;clock_reply:t0i8,t1i8,t2i8;frame:encoded_frame_v2;"
-    "robot_state:seq8,taken8,x,y,yaw,vx,vy,wz,cmd_vx,cmd_vy,cmd_wz,goal_seq8,mode1,moving1,fault2;"
-    "robot_goal:seq8,made8,valid_until8,x,y,yaw,vx,vy,wz,speed_limit,engaged1,operator_engaged1,"
-    "operator_clear1,path_seq8;"
-    "bye:;alive:";
 
 // Table k: what a byte does to the checksum once k more bytes have followed it. An image is summed at both ends, so
 // eight bytes go in at once (Kounavis and Berry 2005): one at a time this was a fifth of the link's CPU.
@@ -61,6 +53,11 @@ struct Writer {
     std::memcpy(out.data() + at, b.data(), sizeof v);
     at += sizeof v;
   }
+  void field(rt::Time t) noexcept { put(rt::ns_of(t)); }
+  template <class T>
+  void field(T v) noexcept {
+    put(v);
+  }
   [[nodiscard]] std::size_t size() const noexcept { return ok ? at : 0; }
 };
 
@@ -81,27 +78,64 @@ struct Reader {
     at += sizeof v;
   }
   // A number of the physical world: finite and below anything a robot can mean.
-  void finite(double& v) noexcept {
+  void field(double& v, const auto&) noexcept {
     get(v);
     if (!std::isfinite(v) || std::abs(v) > 1e6) ok = false;
   }
-  void instant(std::int64_t& ns) noexcept {
+  void field(std::int64_t& ns, const auto&) noexcept {
     get(ns);
     if (!plausible_instant(ns)) ok = false;
   }
-  void time(rt::Time& t) noexcept {
+  void field(rt::Time& t, const auto& list_row) noexcept {
     std::int64_t ns = 0;
-    instant(ns);
+    field(ns, list_row);
     t = rt::time_from_ns(ns);
+  }
+  template <std::unsigned_integral T>
+  void field(T& v, const auto& list_row) noexcept {
+    get(v);
+    if (list_row.most != 0 && v > list_row.most) ok = false;
   }
   [[nodiscard]] bool done() const noexcept { return ok && at == in.size(); }
 };
 
+template <class M>
+std::size_t put_all(const M& m, std::span<std::uint8_t> out) noexcept {
+  Writer w{out};
+  rt::for_each_field(m, [&](const auto& v, const auto&) { w.field(v); });
+  return w.size();
+}
+
+template <class M>
+bool get_all(std::span<const std::uint8_t> in, M& m) noexcept {
+  Reader r{in};
+  rt::for_each_field(m, [&](auto& v, const auto& list_row) { r.field(v, list_row); });
+  return r.done();
+}
+
+template <class M>
+std::string schema_of(const char* name) {
+  std::string text = std::string(name) + ":", between;
+  M m;
+  rt::for_each_field(m, [&]<class T>(const T&, const auto& list_row) {
+    text += between + std::string(list_row.name);
+    if constexpr (!std::floating_point<T>) text += std::to_string(sizeof(T));
+    between = ",";
+  });
+  return text + ";";
+}
+
 }  // namespace
 
+// Names, sizes (of what is no double) and order of the fields: old and new refuse each other when one changes.
 std::uint64_t schema_hash() noexcept {
+  const std::string text = "header:magic4,version2,id2,length4,crc4,seq8,stamp8,schema8;hello:;" +
+                           schema_of<ClockRequest>("clock_request") +
+                           schema_of<ClockReply>("clock_reply") + "frame:encoded_frame_v2;" +
+                           schema_of<RobotState>("robot_state") +
+                           schema_of<RobotGoal>("robot_goal") + "bye:;alive:";
   rt::Hash64 h;
-  h.bytes(kSchema.data(), kSchema.size());
+  h.bytes(text.data(), text.size());
   return h.digest();
 }
 
@@ -186,84 +220,22 @@ std::size_t write_message(Header h, std::span<const std::uint8_t> body,
 }
 
 std::size_t encode(const RobotState& m, std::span<std::uint8_t> out) noexcept {
-  Writer w{out};
-  w.put(m.seq);
-  w.put(rt::ns_of(m.taken));
-  for (const double v : {m.x_m, m.y_m, m.yaw_rad, m.vx, m.vy, m.wz, m.cmd_vx, m.cmd_vy, m.cmd_wz})
-    w.put(v);
-  w.put(m.goal_seq);
-  w.put(m.mode);
-  w.put(m.moving);
-  w.put(m.fault);
-  return w.size();
+  return put_all(m, out);
 }
-
-bool decode(std::span<const std::uint8_t> in, RobotState& m) noexcept {
-  Reader r{in};
-  r.get(m.seq);
-  r.time(m.taken);
-  for (double* v :
-       {&m.x_m, &m.y_m, &m.yaw_rad, &m.vx, &m.vy, &m.wz, &m.cmd_vx, &m.cmd_vy, &m.cmd_wz})
-    r.finite(*v);
-  r.get(m.goal_seq);
-  r.get(m.mode);
-  r.get(m.moving);
-  r.get(m.fault);
-  return r.done() && m.mode <= 4 && m.moving <= 1;
-}
-
 std::size_t encode(const RobotGoal& m, std::span<std::uint8_t> out) noexcept {
-  Writer w{out};
-  w.put(m.seq);
-  w.put(rt::ns_of(m.made));
-  w.put(rt::ns_of(m.valid_until));
-  for (const double v : {m.x_m, m.y_m, m.yaw_rad, m.vx, m.vy, m.wz, m.speed_limit_m_per_s})
-    w.put(v);
-  w.put(m.engaged);
-  w.put(m.operator_engaged);
-  w.put(m.operator_clear);
-  w.put(m.path_seq);
-  return w.size();
+  return put_all(m, out);
 }
-
-bool decode(std::span<const std::uint8_t> in, RobotGoal& m) noexcept {
-  Reader r{in};
-  r.get(m.seq);
-  r.time(m.made);
-  r.time(m.valid_until);
-  for (double* v : {&m.x_m, &m.y_m, &m.yaw_rad, &m.vx, &m.vy, &m.wz, &m.speed_limit_m_per_s})
-    r.finite(*v);
-  r.get(m.engaged);
-  r.get(m.operator_engaged);
-  r.get(m.operator_clear);
-  r.get(m.path_seq);
-  return r.done() && m.engaged <= 1 && m.operator_engaged <= 1 && m.operator_clear <= 1;
-}
-
 std::size_t encode(const ClockRequest& m, std::span<std::uint8_t> out) noexcept {
-  Writer w{out};
-  w.put(m.t0_ns);
-  return w.size();
+  return put_all(m, out);
 }
-bool decode(std::span<const std::uint8_t> in, ClockRequest& m) noexcept {
-  Reader r{in};
-  r.instant(m.t0_ns);
-  return r.done();
-}
-
 std::size_t encode(const ClockReply& m, std::span<std::uint8_t> out) noexcept {
-  Writer w{out};
-  w.put(m.t0_ns);
-  w.put(m.t1_ns);
-  w.put(m.t2_ns);
-  return w.size();
+  return put_all(m, out);
 }
+bool decode(std::span<const std::uint8_t> in, RobotState& m) noexcept { return get_all(in, m); }
+bool decode(std::span<const std::uint8_t> in, RobotGoal& m) noexcept { return get_all(in, m); }
+bool decode(std::span<const std::uint8_t> in, ClockRequest& m) noexcept { return get_all(in, m); }
 bool decode(std::span<const std::uint8_t> in, ClockReply& m) noexcept {
-  Reader r{in};
-  r.instant(m.t0_ns);
-  r.instant(m.t1_ns);
-  r.instant(m.t2_ns);
-  return r.done() && m.t2_ns >= m.t1_ns;
+  return get_all(in, m) && m.t2_ns >= m.t1_ns;
 }
 
 }  // namespace drivers

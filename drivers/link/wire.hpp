@@ -20,17 +20,6 @@
 
 namespace drivers {
 
-enum class MessageId : std::uint16_t {
-  kHello = 1,     // first on a connection, both ways
-  kClockRequest,  // both ways: each side measures the other's clock
-  kClockReply,
-  kFrame,       // robot -> operator: EncodedFrame
-  kRobotState,  // robot -> operator
-  kRobotGoal,   // operator -> robot
-  kBye,         // an orderly end, both ways
-  kAlive,       // nothing to say: sent when the line would else be quiet, both ways
-};
-inline constexpr int kMessageIds = 8;
 inline constexpr std::uint16_t kSchemaVersion = 1;
 inline constexpr std::size_t kHeaderSize = 40;
 inline constexpr std::size_t kMaxBody = kMaxWire;
@@ -73,14 +62,6 @@ void write_header(const Header& h, std::span<std::uint8_t, kHeaderSize> out) noe
 // Header and body; the CRC is filled in. Returns bytes written, 0 when `out` is too short.
 std::size_t write_message(Header h, std::span<const std::uint8_t> body,
                           std::span<std::uint8_t> out) noexcept;
-
-// Clock exchange: t0 sent by the asker, t1 received and t2 sent by the other (its clock).
-struct ClockRequest {
-  std::int64_t t0_ns = 0;
-};
-struct ClockReply {
-  std::int64_t t0_ns = 0, t1_ns = 0, t2_ns = 0;
-};
 
 // Bodies. encode() returns the size; decode() is false for a wrong size or a value out of range.
 // Times inside a body are in the *sender's* clock; the endpoint converts them.

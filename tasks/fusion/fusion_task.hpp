@@ -53,13 +53,13 @@
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/tick.hpp"
+#include "tasks/contract/messages.hpp"
+#include "tasks/contract/object_list.hpp"
+#include "tasks/contract/scene_view.hpp"
 #include "tasks/fusion/fusion_body.hpp"
 #include "tasks/fusion/map_anchor.hpp"
 #include "tasks/fusion/odometry_chain.hpp"
-#include "tasks/fusion/scene_view.hpp"
 #include "tasks/fusion/surface_cast.hpp"
-#include "tasks/graph/messages.hpp"
-#include "tasks/graph/object_list.hpp"
 
 namespace tasks {
 

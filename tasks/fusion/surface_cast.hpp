@@ -1,4 +1,4 @@
-// The ray cast that the published method of touch reduces over (tasks/graph/surface_points.hpp): the whole map as the camera
+// The ray cast that the published method of touch reduces over (tasks/contract/surface_points.hpp): the whole map as the camera
 // of the last claimed image sees it, one ray a pixel, no hint, the first crossing from + to - from the least depth on.
 // Nothing of this exists where no scene asks for that method.
 //
@@ -16,7 +16,7 @@
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/sched/fork_join.hpp"
-#include "tasks/graph/surface_points.hpp"
+#include "tasks/contract/surface_points.hpp"
 
 namespace tasks {
 

@@ -27,8 +27,8 @@
 #include "rt/result.hpp"
 #include "rt/sched/cost_model.hpp"
 #include "rt/sched/task_spec.hpp"
+#include "tasks/contract/table.hpp"
 #include "tasks/graph/static_choices.hpp"
-#include "tasks/graph/table.hpp"
 
 namespace tasks {
 

@@ -1,7 +1,7 @@
 #include "tasks/graph/host_request.hpp"
 
-#include "tasks/graph/messages.hpp"
-#include "tasks/graph/table.hpp"
+#include "tasks/contract/messages.hpp"
+#include "tasks/contract/table.hpp"
 
 namespace tasks {
 

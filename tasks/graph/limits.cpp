@@ -12,10 +12,9 @@ using std::chrono::milliseconds;
 
 // Least limit of a liveness: two periods of its writer.
 int least_ms(const EdgeRow& edge) noexcept {
-  for (const TaskRow& t : kTaskTable) {
-    if (t.name == edge.from) return static_cast<int>((2000 + t.rate_hz - 1) / t.rate_hz);
-  }
-  return 40;  // the console's
+  if (edge.from == kConsole) return 40;
+  const auto rate_hz = kTaskTable[index_of(edge.from)].rate_hz;
+  return static_cast<int>((2000 + rate_hz - 1) / rate_hz);
 }
 
 }  // namespace
@@ -24,14 +23,14 @@ void LimitsConfig::describe(config::Section& s) {
   constexpr int kMost_ms = 60000;
   for (std::size_t i = 0; i < kLimitTable.size(); ++i) {
     const LimitRow& row = kLimitTable[i];
-    const EdgeRow& edge = kEdgeTable[static_cast<std::size_t>(row.edge)];
+    const EdgeRow& edge = kEdgeTable[index_of(row.edge)];
     const std::string name(edge.name);
     config::Section& of =
         s.section(std::string(reader_name(row.reader)), "how old its inputs may be");
     const int least = least_ms(edge);
     if (row.liveness_key.empty())
       of.integer(name + "_liveness_ms", liveness_ms[i], least, kMost_ms,
-                 "longest silence of " + std::string(edge.from));
+                 "longest silence of " + std::string(reader_name(edge.from)));
     if (row.age_key.empty() && row.data_age_ms != kAgeless)
       of.integer(name + "_age_ms", data_age_ms[i], least, kMost_ms,
                  "oldest datum in a " + name + " that counts");

@@ -11,16 +11,8 @@
 #include <cstdint>
 
 #include "config/schema.hpp"
-#include "drivers/link/messages.hpp"
-#include "perception/geometry/rgbd_frame.hpp"
-#include "perception/ground/cost_map.hpp"
-#include "perception/patch/surface_patch.hpp"
-#include "perception/tsdf/mesh/mesh_deltas.hpp"
-#include "tasks/fusion/scene_view.hpp"
-#include "tasks/graph/messages.hpp"
-#include "tasks/graph/object_list.hpp"
-#include "tasks/graph/surface_points.hpp"
-#include "tasks/graph/table.hpp"
+#include "tasks/contract/table.hpp"
+#include "tasks/edges/message_values.hpp"
 #include "tasks/graph/task_log.hpp"
 
 namespace tasks {
@@ -49,30 +41,11 @@ struct Limit {
 };
 [[nodiscard]] Limit limit_in_force(const GraphConfig& config, std::size_t row) noexcept;
 
-// When the oldest sensor datum in a message was taken; zero: there is none in it yet.
-namespace edge {
-inline rt::Time datum(const perception::RgbdFrame& m) noexcept { return m.exposure; }
-inline rt::Time datum(const drivers::RobotState& m) noexcept { return m.taken; }
-inline rt::Time datum(const drivers::RobotGoal& m) noexcept { return m.made; }
-inline rt::Time datum(const perception::SurfacePatch& m) noexcept { return m.exposure; }
-inline rt::Time datum(const SurfacePoints& m) noexcept { return m.exposure; }
-inline rt::Time datum(const SceneView& m) noexcept { return m.exposure; }
-inline rt::Time datum(const perception::MeshDelta& m) noexcept { return m.exposure; }
-inline rt::Time datum(const perception::CostMap& m) noexcept { return m.exposure; }
-inline rt::Time datum(const CameraPose& m) noexcept { return m.seen; }
-inline rt::Time datum(const ObjectList& m) noexcept { return m.exposure; }
-inline rt::Time datum(const HapticState& m) noexcept { return m.stamp; }
-inline rt::Time datum(const OdometryFrame& m) noexcept { return m.taken; }
-inline rt::Time datum(const Path& m) noexcept { return m.seen; }
-inline rt::Time datum(const TaskState& m) noexcept { return m.stamp; }
-inline rt::Time datum(const ModeMsg& m) noexcept { return m.stamp; }
-}  // namespace edge
-
 class LimitWatch {
  public:
   enum class State : std::uint8_t { kGood, kSilent, kOld };
 
-  // Without `logs` a crossing is only counted.
+  // Without `logs` a crossing is only counted. See also watch().
   LimitWatch(std::size_t row, const GraphConfig& config, TaskLogs* logs) noexcept
       : limit_(limit_in_force(config, row)), row_(row), logs_(logs) {}
 
@@ -108,6 +81,41 @@ class LimitWatch {
   std::uint32_t crossed_ = 0;
   std::size_t row_;
   TaskLogs* logs_;
+};
+
+// The watches of all that one task reads: limits.of<Edge>().
+template <TaskId R>
+class ReaderLimits {
+  static constexpr std::size_t kRows = static_cast<std::size_t>(std::count_if(
+      kLimitTable.begin(), kLimitTable.end(), [](const LimitRow& row) { return row.reader == R; }));
+  [[nodiscard]] static consteval std::array<std::size_t, kRows> rows() {
+    std::array<std::size_t, kRows> found{};
+    for (std::size_t i = 0, at = 0; i < kLimitTable.size(); ++i) {
+      if (kLimitTable[i].reader == R) found[at++] = i;
+    }
+    return found;
+  }
+  [[nodiscard]] static consteval std::size_t place_of(EdgeId edge) {
+    std::size_t place = 0;
+    while (rows()[place] != limit_row(edge, R)) ++place;
+    return place;
+  }
+
+ public:
+  ReaderLimits(const GraphConfig& config, TaskLogs* logs) noexcept
+      : watches_(make(config, logs, std::make_index_sequence<kRows>{})) {}
+  template <EdgeId E>
+  [[nodiscard]] LimitWatch& of() noexcept {
+    return watches_[place_of(E)];
+  }
+
+ private:
+  template <std::size_t... I>
+  static std::array<LimitWatch, kRows> make(const GraphConfig& config, TaskLogs* logs,
+                                            std::index_sequence<I...>) noexcept {
+    return {LimitWatch(rows()[I], config, logs)...};
+  }
+  std::array<LimitWatch, kRows> watches_;
 };
 
 }  // namespace tasks

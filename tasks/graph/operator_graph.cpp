@@ -2,33 +2,32 @@
 
 #include "drivers/link/encoded_frame.hpp"
 #include "drivers/link/frame_codec.hpp"
-#include "drivers/link/wire.hpp"
 #include "rt/effect_count.hpp"
-#include "tasks/graph/operator_nodes.hpp"
+#include "tasks/edges/link_edges.hpp"
+#include "tasks/graph/fusion_node.hpp"
+#include "tasks/graph/haptic_node.hpp"
+#include "tasks/graph/planning_node.hpp"
+#include "tasks/graph/prediction_node.hpp"
+#include "tasks/graph/supervision_nodes.hpp"
 
 namespace tasks {
 
-OperatorCells::OperatorCells(rt::NonRealtime& nrt, const GraphConfig& config)
-    : frame(nrt, {1}),
-      robot_state(nrt, {1, 1, 1, 1, 1}),
-      hand(nrt, {1, 1}),
-      patch(nrt, {2}),
-      surface(config.haptic.asks_for_ray_cast()
-                  ? std::make_unique<rt::Latest<SurfacePoints>>(nrt, std::vector<int>{1})
-                  : nullptr),
-      view(nrt, {1}),
-      mesh(config.fusion.mesh_blocks > 0
-               ? std::make_unique<rt::Latest<perception::MeshDelta>>(nrt, std::vector<int>{1})
-               : nullptr),
-      cost_map(nrt, {1, 1}),
-      camera_pose(nrt, {1, 1, 1}),
-      objects(nrt, {1, 1}),
-      path(nrt, {1, 1}),
-      task(nrt, {1}),
-      goal(nrt, {1, 1}),
-      odometry_frame(nrt, {1, 1}),
-      mode(nrt, {1, 1, 1, 1}),
-      logs(std::make_unique<TaskLogs>(nrt)) {
+namespace {
+
+// Optional edges: made where the scene asks for them.
+auto asked_by(const GraphConfig& config) {
+  return [&config](EdgeId id) {
+    if (id == EdgeId::kSurface) return config.haptic.asks_for_ray_cast();
+    if (id == EdgeId::kMesh) return config.fusion.mesh_blocks > 0;
+    return true;
+  };
+}
+
+}  // namespace
+
+OperatorCells::OperatorCells(rt::NonRealtime& nrt, const GraphConfig& config,
+                             const rt::FaultPlan& faults)
+    : EdgeCells(nrt, faults, asked_by(config)), logs(std::make_unique<TaskLogs>(nrt)) {
   for (int i = 0; i < kTaskCount; ++i)
     health.push_back(std::make_unique<HealthCell>(nrt, std::vector<int>{1}));
 }
@@ -43,18 +42,14 @@ struct OperatorGraph::Nodes {
 
 OperatorGraph::OperatorGraph(rt::NonRealtime& nrt, const GraphConfig& config,
                              const OperatorSetup& setup, double haptic_period_s)
-    : config_(config),
-      cells_(std::make_unique<OperatorCells>(nrt, config_)),
-      frame_gate_(setup.faults, "frame"),
-      state_gate_(setup.faults, "robot_state"),
-      edit_gate_(setup.faults, "edit") {
+    : config_(config), cells_(std::make_unique<OperatorCells>(nrt, config_, setup.faults)) {
   nodes_.reset(new Nodes{HapticNode(nrt, config_, setup, *cells_, haptic_period_s),
                          FusionNode(nrt, config_, setup, *cells_, requests_),
                          PlanningNode(nrt, config_, setup, *cells_),
                          PredictionNode(nrt, config_, setup, *cells_, link_),
                          SupervisionNode(nrt, config_, *cells_, link_, requests_, setup)});
-  if (cells_->surface != nullptr) rt::effect_built(rt::Effect::kForceShading);
-  if (cells_->mesh != nullptr) rt::effect_built(rt::Effect::kMesh);
+  if (cells_->has<EdgeId::kSurface>()) rt::effect_built(rt::Effect::kForceShading);
+  if (cells_->has<EdgeId::kMesh>()) rt::effect_built(rt::Effect::kMesh);
   if (config_.fusion.objects.enabled) rt::effect_built(rt::Effect::kObjects);
 }
 
@@ -92,7 +87,7 @@ LatchedStatus OperatorGraph::latched(TaskId id) const noexcept {
 }
 
 bool OperatorGraph::edit(const SceneEdit& edit) noexcept {
-  return push(edit_gate_, cells_->edit, edit);
+  return cells_->push<EdgeId::kEdit>(edit);
 }
 
 const FusionTask& OperatorGraph::fusion() const noexcept { return nodes_->fusion.task(); }
@@ -106,33 +101,19 @@ void OperatorGraph::bind_link(rt::NonRealtime& nrt, drivers::LinkEndpoint& endpo
   };
   auto decoder = std::make_shared<Decoder>(nrt, config_.capture.colour);
   endpoint.add_incoming(
-      drivers::MessageId::kFrame,
+      kEdge<EdgeId::kFrame>.row.wire.code,
       [this, decoder, &endpoint](std::span<const std::uint8_t> body, rt::Time) {
         if (drivers::read_wire(body, decoder->encoded) != drivers::FrameStatus::kOk) return false;
-        auto& slot = cells_->frame.begin_write();
+        auto& slot = cells_->begin_write<EdgeId::kFrame>();
         const rt::Time exposure = endpoint.to_local(decoder->encoded.exposure.ns);
         const auto status = drivers::decode(decoder->encoded, exposure, decoder->scratch, slot);
         if (status != drivers::FrameStatus::kOk && status != drivers::FrameStatus::kNoColour)
           return false;
-        publish(frame_gate_, cells_->frame, slot, endpoint.arrived(), endpoint.unsure());
+        cells_->publish<EdgeId::kFrame>(endpoint.arrived(), endpoint.unsure());
         return true;
       });
-  endpoint.add_incoming(drivers::MessageId::kRobotState,
-                        [this, &endpoint](std::span<const std::uint8_t> body, rt::Time) {
-                          drivers::RobotState m;
-                          if (!drivers::decode(body, m)) return false;
-                          m.taken = endpoint.to_local(rt::ns_of(m.taken));
-                          auto& slot = cells_->robot_state.begin_write();
-                          slot = m;
-                          publish(state_gate_, cells_->robot_state, slot, endpoint.arrived(),
-                                  endpoint.unsure());
-                          return true;
-                        });
-  endpoint.add_outgoing(drivers::MessageId::kRobotGoal, std::chrono::milliseconds{50}, false,
-                        [this](std::span<std::uint8_t> out) -> std::size_t {
-                          const auto goal = cells_->goal.acquire_if_new(OperatorCells::kGoalLink);
-                          return goal ? drivers::encode(*goal, out) : 0;
-                        });
+  receive_edge<EdgeId::kRobotState>(*cells_, endpoint);
+  send_edge<EdgeId::kGoal>(*cells_, endpoint);
 }
 
 }  // namespace tasks

@@ -8,61 +8,20 @@
 
 #include "drivers/link/endpoint.hpp"
 #include "drivers/omega/haptic_device.hpp"
-#include "rt/channel/latest.hpp"
-#include "rt/channel/ring.hpp"
 #include "rt/sched/mode_gate.hpp"
 #include "rt/sched/task.hpp"
+#include "tasks/edges/edge_cells.hpp"
 #include "tasks/graph/graph_config.hpp"
-#include "tasks/graph/ports.hpp"
+#include "tasks/graph/node_parts.hpp"
 #include "tasks/graph/samples.hpp"
-#include "tasks/graph/table.hpp"
 #include "tasks/graph/task_log.hpp"
 
 namespace tasks {
 
-// One writer a cell; the numbers are readers. A cell belongs to the task it is listed under.
-struct OperatorCells {
-  OperatorCells(rt::NonRealtime& nrt, const GraphConfig& config);
+// The operator box's ends of the edges, and what is no edge: health, logs, samples.
+struct OperatorCells : EdgeCells<rt::Box::kOperator> {
+  OperatorCells(rt::NonRealtime& nrt, const GraphConfig& config, const rt::FaultPlan& faults = {});
 
-  // link
-  enum { kFrameFusion };
-  rt::Latest<perception::RgbdFrame> frame;
-  enum { kStateFusion, kStatePrediction, kStatePlanning, kStateSupervision, kStateConsole };
-  rt::Latest<drivers::RobotState> robot_state;
-  // haptic
-  enum { kHandFusion, kHandConsole };
-  rt::Latest<HapticState> hand;
-  rt::Ring<TouchEvent, 256> touch;
-  // fusion
-  enum { kPatchHaptic };
-  rt::Latest<perception::SurfacePatch> patch;  // haptic retains two while it blends
-  enum { kSurfaceHaptic };
-  std::unique_ptr<rt::Latest<SurfacePoints>> surface;  // null unless the method asks for it
-  enum { kViewConsole };
-  rt::Latest<SceneView> view;
-  enum { kMeshConsole };
-  std::unique_ptr<rt::Latest<perception::MeshDelta>> mesh;  // null where no mesh is asked for
-  enum { kMapPlanning, kMapConsole };
-  rt::Latest<perception::CostMap> cost_map;
-  enum { kCameraPrediction, kCameraConsole, kCameraHaptic };
-  rt::Latest<CameraPose> camera_pose;
-  enum { kObjectsPlanning, kObjectsConsole };
-  rt::Latest<ObjectList> objects;  // never published where objects are switched off
-  // console, through OperatorGraph::edit()
-  rt::Ring<SceneEdit, 32> edit;
-  // planning
-  enum { kPathPrediction, kPathConsole };
-  rt::Latest<Path> path;
-  enum { kTaskConsole };
-  rt::Latest<TaskState> task;
-  // prediction
-  enum { kGoalLink, kGoalConsole };
-  rt::Latest<drivers::RobotGoal> goal;
-  enum { kWorldPlanning, kWorldConsole };
-  rt::Latest<OdometryFrame> odometry_frame;
-  // supervision
-  enum { kModeHaptic, kModePrediction, kModePlanning, kModeConsole };
-  rt::Latest<ModeMsg> mode;
   // health of the watched tasks, by TaskId
   std::vector<std::unique_ptr<HealthCell>> health;
 
@@ -139,7 +98,6 @@ class OperatorGraph {
   struct Nodes;
   GraphConfig config_;
   std::unique_ptr<OperatorCells> cells_;
-  EdgeGate frame_gate_, state_gate_, edit_gate_;
   LinkStatus link_;
   OperatorRequests requests_;
   std::unique_ptr<Nodes> nodes_;

@@ -9,31 +9,17 @@
 #include "drivers/camera/camera.hpp"
 #include "drivers/link/endpoint.hpp"
 #include "drivers/youbot/motor_bus.hpp"
-#include "rt/channel/latest.hpp"
 #include "rt/sched/task.hpp"
 #include "tasks/graph/graph_config.hpp"
+#include "tasks/graph/node_parts.hpp"
 #include "tasks/graph/operator_graph.hpp"
-#include "tasks/graph/ports.hpp"
 #include "tasks/graph/samples.hpp"
-#include "tasks/graph/table.hpp"
 
 namespace tasks {
 
-struct RobotCells {
-  explicit RobotCells(rt::NonRealtime& nrt);
-
-  // link
-  enum { kGoalIo, kGoalSupervision };
-  rt::Latest<drivers::RobotGoal> goal;
-  // capture
-  enum { kEncodedLink };
-  rt::Latest<drivers::EncodedFrame> encoded;
-  // robot_io
-  enum { kStateLink, kStateConsole };
-  rt::Latest<drivers::RobotState> state;
-  // supervision
-  enum { kModeIo, kModeConsole };
-  rt::Latest<ModeMsg> mode;
+// The robot box's ends of the edges, and what is no edge.
+struct RobotCells : EdgeCells<rt::Box::kRobot> {
+  explicit RobotCells(rt::NonRealtime& nrt, const rt::FaultPlan& faults = {});
   std::vector<std::unique_ptr<HealthCell>> health;  // by TaskId
 
   std::unique_ptr<TaskLogs> logs;

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "tasks/graph/table.hpp"
+#include "tasks/contract/table.hpp"
 
 namespace tasks {
 

@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "rt/channel/ring.hpp"
-#include "tasks/graph/messages.hpp"
+#include "tasks/contract/messages.hpp"
 
 namespace tasks {
 
@@ -27,7 +27,6 @@ struct FusionSample {
   rt::Time exposure{};
   std::array<float, 3> p_WC{};
   std::array<float, 4> q_WC{};  // x y z w
-  float residual_m = 0, inlier_share = 0, condition = 0;
   std::uint64_t work = 0;
   std::uint32_t blocks = 0;
   std::uint32_t moving_cells = 0;  // of the ground, that something moves in

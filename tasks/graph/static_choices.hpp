@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "rt/sched/task_spec.hpp"
-#include "tasks/graph/table.hpp"
+#include "tasks/contract/table.hpp"
 
 namespace tasks {
 

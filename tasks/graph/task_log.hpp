@@ -7,7 +7,7 @@
 #include <string>
 
 #include "rt/audit/rt_log.hpp"
-#include "tasks/graph/table.hpp"
+#include "tasks/contract/table.hpp"
 
 namespace tasks {
 
@@ -69,7 +69,7 @@ class TaskLogs {
       const LimitRow& row = kLimitTable[i];
       sites[i] = sites_.add<unsigned, double, double>(
           nrt, rt::LogLevel::kWarning,
-          std::string(kEdgeTable[static_cast<std::size_t>(row.edge)].name) +
+          std::string(kEdgeTable[index_of(row.edge)].name) +
               ": {} (0 in time again, 1 silent, 2 old), {:.0f} ms, limit {:.0f} ms; beyond its "
               "limits: " +
               std::string(row.beyond));

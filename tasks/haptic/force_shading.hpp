@@ -16,7 +16,7 @@
 #include <cstddef>
 
 #include "perception/geometry/pose.hpp"
-#include "tasks/graph/surface_points.hpp"
+#include "tasks/contract/surface_points.hpp"
 #include "tasks/haptic/proxy.hpp"
 
 namespace tasks {

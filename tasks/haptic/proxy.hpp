@@ -33,7 +33,7 @@ namespace tasks {
 
 enum class ProxyMethod : std::uint8_t { kNearest, kNearest10, kForceShading, kConstrained };
 
-struct SurfacePoints;  // tasks/graph/surface_points.hpp
+struct SurfacePoints;  // tasks/contract/surface_points.hpp
 
 struct ProxyConfig {
   double tip_radius_m = 0.0;

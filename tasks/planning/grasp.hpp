@@ -1,5 +1,5 @@
 // How the gripper could take an object: from above or from the side, by the box that the object fills
-// (tasks/graph/object_list.hpp). Geometry of the youBot's arm and gripper; nothing moves an arm yet.
+// (tasks/contract/object_list.hpp). Geometry of the youBot's arm and gripper; nothing moves an arm yet.
 //
 // A grasp closes along a horizontal direction: one of the box's axes, laid level. It comes straight down, or level
 // and across the closing direction, away from the robot. The fingers go in as deep as they are long, at most to

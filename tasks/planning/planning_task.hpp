@@ -34,8 +34,8 @@
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/tick.hpp"
-#include "tasks/graph/messages.hpp"
-#include "tasks/graph/object_list.hpp"
+#include "tasks/contract/messages.hpp"
+#include "tasks/contract/object_list.hpp"
 #include "tasks/planning/grasp.hpp"
 #include "tasks/planning/planner.hpp"
 

@@ -21,7 +21,7 @@
 
 #include "config/schema.hpp"
 #include "perception/geometry/planar.hpp"
-#include "tasks/graph/messages.hpp"
+#include "tasks/contract/messages.hpp"
 
 namespace tasks {
 

@@ -23,8 +23,8 @@
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/tick.hpp"
-#include "tasks/graph/messages.hpp"
-#include "tasks/graph/table.hpp"
+#include "tasks/contract/messages.hpp"
+#include "tasks/contract/table.hpp"
 #include "tasks/robot_io/trajectory.hpp"
 
 namespace tasks {

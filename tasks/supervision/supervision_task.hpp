@@ -25,8 +25,8 @@
 #include "rt/memory/non_realtime.hpp"
 #include "rt/sched/mode_gate.hpp"
 #include "rt/tick.hpp"
-#include "tasks/graph/messages.hpp"
-#include "tasks/graph/table.hpp"
+#include "tasks/contract/messages.hpp"
+#include "tasks/contract/table.hpp"
 #include "tasks/supervision/fault_ids.hpp"
 
 namespace tasks {

@@ -72,7 +72,7 @@ void OperatorConsole::judge(const View& view, tasks::EdgeId edge, rt::Time now) 
   for (auto& w : watches_) {
     if (w.row().edge != edge) continue;
     if (!w.within(view, now) && w.state() != tasks::LimitWatch::State::kGood)
-      seen_.beyond.push_back(tasks::kEdgeTable[static_cast<std::size_t>(edge)].name);
+      seen_.beyond.push_back(tasks::kEdgeTable[tasks::index_of(edge)].name);
   }
 }
 
@@ -90,19 +90,19 @@ void OperatorConsole::drain(rt::Time now) {
     fusion_heard_ = f.stamp;
     seen_.fusion.push_back(f);
   }
-  const auto v = cells.view.acquire_if_new(OperatorCells::kViewConsole);
+  const auto v = cells.read<tasks::EdgeId::kView, tasks::kConsole>();
   judge(v, EdgeId::kView, now);
   if (v && v->seq != seen_.view->seq) {
     *seen_.view = *v;
     keep_what_moves();
   }
-  const auto m = cells.cost_map.acquire_if_new(OperatorCells::kMapConsole);
+  const auto m = cells.read<tasks::EdgeId::kCostMap, tasks::kConsole>();
   judge(m, EdgeId::kCostMap, now);
   if (m && m->seq != seen_.map->seq) {
     *seen_.map = *m;
     if (m->moving_count > seen_.moving_map->moving_count) *seen_.moving_map = *m;
   }
-  const auto w = cells.odometry_frame.acquire_if_new(OperatorCells::kWorldConsole);
+  const auto w = cells.read<tasks::EdgeId::kOdometryFrame, tasks::kConsole>();
   judge(w, EdgeId::kOdometryFrame, now);
   if (w && w->seq != seen_.world.seq) {
     // A job is a tenth of a second; where the console saw none, the next one counts for it.
@@ -112,14 +112,14 @@ void OperatorConsole::drain(rt::Time now) {
     mind_held(*w);
     seen_.world = *w;
   }
-  const auto p = cells.path.acquire_if_new(OperatorCells::kPathConsole);
+  const auto p = cells.read<tasks::EdgeId::kPath, tasks::kConsole>();
   if (p && p->seq != 0 && p->size > 0) {
     judge(p, EdgeId::kPath, now);
     const bool known = std::any_of(seen_.paths.begin(), seen_.paths.end(),
                                    [&](const auto& o) { return o.seq == p->seq; });
     if (!known) seen_.paths.push_back(*p);
   }
-  const auto t = cells.task.acquire_if_new(OperatorCells::kTaskConsole);
+  const auto t = cells.read<tasks::EdgeId::kTask, tasks::kConsole>();
   judge(t, EdgeId::kTask, now);
   if (t) {
     using Phase = tasks::TaskState::Phase;
@@ -133,10 +133,10 @@ void OperatorConsole::drain(rt::Time now) {
     }
     seen_.task = *t;
   }
-  const auto c = cells.camera_pose.acquire_if_new(OperatorCells::kCameraConsole);
+  const auto c = cells.read<tasks::EdgeId::kCameraPose, tasks::kConsole>();
   judge(c, EdgeId::kCameraPose, now);
   if (c) seen_.camera = *c;
-  const auto o = cells.objects.acquire_if_new(OperatorCells::kObjectsConsole);
+  const auto o = cells.read<tasks::EdgeId::kObjects, tasks::kConsole>();
   judge(o, EdgeId::kObjects, now);
   if (o) {
     seen_.objects = *o;
@@ -145,13 +145,13 @@ void OperatorConsole::drain(rt::Time now) {
           std::max(seen_.objects_named, o->entries[static_cast<std::size_t>(i)].serial);
     }
   }
-  const auto mode = cells.mode.acquire_if_new(OperatorCells::kModeConsole);
+  const auto mode = cells.read<tasks::EdgeId::kMode, tasks::kConsole>();
   judge(mode, EdgeId::kMode, now);
   if (mode) seen_.mode = *mode;
-  const auto robot = cells.robot_state.acquire_if_new(OperatorCells::kStateConsole);
+  const auto robot = cells.read<tasks::EdgeId::kRobotState, tasks::kConsole>();
   judge(robot, EdgeId::kRobotState, now);
   if (robot) seen_.robot = *robot;
-  judge(cells.hand.acquire_if_new(OperatorCells::kHandConsole), EdgeId::kHand, now);
+  judge(cells.read<tasks::EdgeId::kHand, tasks::kConsole>(), EdgeId::kHand, now);
 }
 
 void OperatorConsole::keep_what_moves() {
@@ -278,8 +278,8 @@ void OperatorConsole::clear(rt::Time now) {
 // until it is there, not after.
 void OperatorConsole::take_mesh(rt::Time now) {
   auto& cells = box_.graph().cells();
-  if (cells.mesh == nullptr) return;
-  const auto delta = cells.mesh->acquire_if_new(OperatorCells::kMeshConsole);
+  if (!cells.has<tasks::EdgeId::kMesh>()) return;
+  const auto delta = cells.read<tasks::EdgeId::kMesh, tasks::kConsole>();
   if (!delta) return;
   if (delta->seq != mesh_.seq()) mesh_lag_ = now - delta->exposure;
   for (auto& w : watches_) {
@@ -426,7 +426,7 @@ void RobotConsole::tick(rt::Time now) {
     seen_.tracking_error_max_m =
         std::max(seen_.tracking_error_max_m, static_cast<double>(r.tracking_error_m));
   }
-  const auto m = cells.mode.acquire_if_new(tasks::RobotCells::kModeConsole);
+  const auto m = cells.read<tasks::EdgeId::kRobotMode, tasks::kConsole>();
   seen_.mode_beyond = m && !mode_in_.within(m, now);
   if (m) seen_.mode = *m;
   drivers::PoseHistory::Sample s;

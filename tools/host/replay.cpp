@@ -149,7 +149,7 @@ void set_scene(tasks::OperatorGraph& graph, const SceneInput& s, rt::Hash64& inp
   inputs.word(s.kind);
   for (const double x : s.centre_W) inputs.value(x);
   for (const double x : s.half_m) inputs.value(x);
-  static_cast<void>(graph.cells().edit.try_push(edit));
+  static_cast<void>(graph.cells().ring<tasks::EdgeId::kEdit, TaskId::kFusion>().try_push(edit));
 }
 
 // A box and its feeds: what differs between the two boxes.
@@ -271,7 +271,7 @@ class Replayer {
   static bool from_link(int task, std::size_t input) {
     for (const auto& row : read_table()) {
       if (static_cast<int>(row.reader) != task || row.input != static_cast<int>(input)) continue;
-      return cell_table()[static_cast<std::size_t>(row.cell)].writer == kLinkWriter;
+      return row_of_cell(row.cell)->writer == kLinkWriter;
     }
     return false;
   }

@@ -116,17 +116,16 @@ class Order {
       auto& by = publishers_[static_cast<std::size_t>(row.cell)];
       const std::uint64_t v = newest[static_cast<std::size_t>(row.slot)];
       if (v < by.size() || v - by.size() > kMostAtOnce)
-        return "publications of " + std::string(row.name) + " out of order";
+        return "publications of " + row.name + " out of order";
       by.resize(v, n);
     }
     return {};
   }
 
-  std::string use(Cell cell, const Use& u) {
+  std::string use(int cell, const Use& u) {
     const auto& by = publishers_[static_cast<std::size_t>(cell)];
     if (u.n > by.size()) {
-      return job(u.latch) + ": used number " + std::to_string(u.n) + " of " +
-             std::string(cell_table()[static_cast<std::size_t>(cell)].name) +
+      return job(u.latch) + ": used number " + std::to_string(u.n) + " of " + row_of_cell(cell)->name +
              ", which was never published";
     }
     if (u.n > 0) edge(by[u.n - 1], u.latch);
@@ -158,7 +157,9 @@ class Order {
         continue;
       }
       const auto in = op.get<TouchInput>();
-      if (auto wrong = use(Cell::kTouch, {n, in.taken, in.full == 0}); !wrong.empty()) return wrong;
+      if (auto wrong = use(cell_of(tasks::EdgeId::kTouch), {n, in.taken, in.full == 0});
+          !wrong.empty())
+        return wrong;
     }
     return {};
   }

@@ -11,7 +11,7 @@
 
 #include "config/fault_plan.hpp"
 #include "drivers/world/world.hpp"
-#include "tasks/graph/edge_faults.hpp"
+#include "tasks/edges/edge_faults.hpp"
 #include "tools/host/box_process.hpp"
 #include "tools/host/run_folder.hpp"
 #include "tools/record/black_box.hpp"

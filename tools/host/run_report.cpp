@@ -4,7 +4,7 @@
 #include <cstdio>
 
 #include "perception/motion/motion_mask.hpp"
-#include "tasks/graph/table.hpp"
+#include "tasks/contract/table.hpp"
 #include "tools/files/build_info.hpp"
 #include "tools/host/run_results.hpp"
 #include "tools/host/task_times.hpp"

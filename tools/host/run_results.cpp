@@ -11,7 +11,7 @@
 #include "rt/audit/histogram.hpp"
 #include "rt/audit/run_file.hpp"
 #include "rt/quantile.hpp"
-#include "tasks/graph/table.hpp"
+#include "tasks/contract/table.hpp"
 #include "tools/host/run_truth.hpp"
 #include "tools/host/task_times.hpp"
 

@@ -13,7 +13,7 @@
 #include "rt/audit/log_hash.hpp"
 #include "rt/fault/planned.hpp"
 #include "rt/sched/virtual_executor.hpp"
-#include "tasks/graph/edge_faults.hpp"
+#include "tasks/edges/edge_faults.hpp"
 #include "tools/host/box_process.hpp"
 #include "tools/host/pacer.hpp"
 #include "tools/host/run_demo.hpp"

@@ -17,7 +17,7 @@
 #include <string_view>
 
 #include "rt/audit/black_box.hpp"
-#include "tasks/graph/messages.hpp"
+#include "tasks/contract/messages.hpp"
 #include "tools/record/input_record.hpp"
 
 namespace teletact {

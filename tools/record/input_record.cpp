@@ -7,62 +7,6 @@ namespace teletact {
 
 namespace {
 
-using tasks::TaskId;
-constexpr int of(TaskId id) { return static_cast<int>(id); }
-
-constexpr std::array<CellRow, kCells> kCellTable{{
-    {Cell::kFrame, "frame", kLinkWriter, 0},
-    {Cell::kRobotState, "robot_state", kLinkWriter, 1},
-    {Cell::kHand, "hand", of(TaskId::kHaptic), 0},
-    {Cell::kTouch, "touch", of(TaskId::kHaptic), 1},
-    {Cell::kPatch, "patch", of(TaskId::kFusion), 0},
-    {Cell::kSurface, "surface", of(TaskId::kFusion), 5},
-    {Cell::kCostMap, "cost_map", of(TaskId::kFusion), 1},
-    {Cell::kCameraPose, "camera_pose", of(TaskId::kFusion), 2},
-    {Cell::kObjects, "objects", of(TaskId::kFusion), 4},
-    {Cell::kPath, "path", of(TaskId::kPlanning), 0},
-    {Cell::kMode, "mode", of(TaskId::kSupervision), 0},
-    {Cell::kOdometryFrame, "odometry_frame", of(TaskId::kPrediction), 1},
-    {Cell::kHealthHaptic, "health of haptic", of(TaskId::kHaptic), 2},
-    {Cell::kHealthFusion, "health of fusion", of(TaskId::kFusion), 3},
-    {Cell::kHealthPrediction, "health of prediction", of(TaskId::kPrediction), 0},
-    {Cell::kHealthPlanning, "health of planning", of(TaskId::kPlanning), 1},
-    {Cell::kGoal, "goal", kLinkWriter, 2},
-    {Cell::kRobotMode, "robot_mode", of(TaskId::kRobotSupervision), 0},
-    {Cell::kHealthRobotIo, "health of robot_io", of(TaskId::kRobotIo), 0},
-    {Cell::kHealthCapture, "health of capture", of(TaskId::kCapture), 0},
-}};
-
-// The order of record.input_seq in tasks/graph/operator_nodes.cpp and robot_nodes.cpp.
-constexpr std::array<ReadRow, 26> kReadTable{{
-    {TaskId::kHaptic, 0, Cell::kPatch, true},
-    {TaskId::kHaptic, 1, Cell::kMode, false},
-    {TaskId::kHaptic, 3, Cell::kCameraPose, false},
-    {TaskId::kHaptic, 4, Cell::kSurface, false},
-    {TaskId::kFusion, 0, Cell::kFrame, false},
-    {TaskId::kFusion, 1, Cell::kHand, false},
-    {TaskId::kFusion, 2, Cell::kRobotState, false},
-    {TaskId::kPlanning, 0, Cell::kCostMap, false},
-    {TaskId::kPlanning, 1, Cell::kRobotState, false},
-    {TaskId::kPlanning, 2, Cell::kMode, false},
-    {TaskId::kPlanning, 4, Cell::kObjects, false},
-    {TaskId::kPlanning, 5, Cell::kOdometryFrame, false},
-    {TaskId::kPrediction, 0, Cell::kRobotState, false},
-    {TaskId::kPrediction, 1, Cell::kPath, false},
-    {TaskId::kPrediction, 2, Cell::kCameraPose, false},
-    {TaskId::kPrediction, 3, Cell::kMode, false},
-    {TaskId::kSupervision, 0, Cell::kHealthHaptic, false},
-    {TaskId::kSupervision, 1, Cell::kHealthFusion, false},
-    {TaskId::kSupervision, 2, Cell::kHealthPrediction, false},
-    {TaskId::kSupervision, 3, Cell::kHealthPlanning, false},
-    {TaskId::kSupervision, 4, Cell::kRobotState, false},
-    {TaskId::kRobotIo, 0, Cell::kGoal, false},
-    {TaskId::kRobotIo, 1, Cell::kRobotMode, false},
-    {TaskId::kRobotSupervision, 0, Cell::kHealthRobotIo, false},
-    {TaskId::kRobotSupervision, 1, Cell::kHealthCapture, false},
-    {TaskId::kRobotSupervision, 2, Cell::kGoal, false},
-}};
-
 template <class T>
 bool get(std::ifstream& in, T& v) {
   return static_cast<bool>(in.read(reinterpret_cast<char*>(&v), sizeof v));
@@ -81,8 +25,46 @@ rt::Error damaged(const std::string& path, std::uint64_t at) {
 
 }  // namespace
 
-std::span<const CellRow> cell_table() noexcept { return kCellTable; }
-std::span<const ReadRow> read_table() noexcept { return kReadTable; }
+std::span<const CellRow> cell_table() {
+  static const std::vector<CellRow> rows = [] {
+    std::vector<CellRow> all;
+    for (const tasks::EdgeRow& e : tasks::kEdgeTable) {
+      if (e.published != tasks::kUnlisted)
+        all.push_back({cell_of(e.id), std::string(e.name), writer_of(e), e.published});
+    }
+    for (const tasks::TaskRow& t : tasks::kTaskTable) {
+      if (t.watch.fault != 0)
+        all.push_back({health_of(t.id), "health of " + std::string(t.name), static_cast<int>(t.id),
+                       t.watch.published});
+    }
+    return all;
+  }();
+  return rows;
+}
+
+std::span<const ReadRow> read_table() {
+  static const std::vector<ReadRow> rows = [] {
+    std::vector<ReadRow> all;
+    for (const tasks::LimitRow& r : tasks::kLimitTable) {
+      if (r.input != tasks::kUnlisted) all.push_back({r.reader, r.input, cell_of(r.edge), r.may_skip});
+    }
+    for (const tasks::TaskRow& t : tasks::kTaskTable) {
+      if (t.watch.fault == 0) continue;
+      const auto by = t.box == rt::Box::kOperator ? tasks::TaskId::kSupervision
+                                                  : tasks::TaskId::kRobotSupervision;
+      all.push_back({by, t.watch.input, health_of(t.id), false});
+    }
+    return all;
+  }();
+  return rows;
+}
+
+const CellRow* row_of_cell(int cell) {
+  for (const CellRow& row : cell_table()) {
+    if (row.cell == cell) return &row;
+  }
+  return nullptr;
+}
 
 std::string Recording::key(std::string_view name) const {
   for (const auto& [k, v] : keys) {

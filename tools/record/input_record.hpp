@@ -24,43 +24,24 @@
 
 #include "perception/geometry/rgbd_frame.hpp"
 #include "rt/result.hpp"
-#include "tasks/graph/table.hpp"
+#include "tasks/contract/table.hpp"
 
 namespace teletact {
 
-// What one party publishes and another task of the same box latches.
-enum class Cell : std::uint8_t {
-  // operator box
-  kFrame,
-  kRobotState,
-  kHand,
-  kTouch,
-  kPatch,
-  kSurface,
-  kCostMap,
-  kCameraPose,
-  kObjects,
-  kPath,
-  kMode,
-  kOdometryFrame,
-  kHealthHaptic,
-  kHealthFusion,
-  kHealthPrediction,
-  kHealthPlanning,
-  // robot box
-  kGoal,
-  kRobotMode,
-  kHealthRobotIo,
-  kHealthCapture,
-};
-inline constexpr int kCells = 20;
+// What one party publishes and another task of the same box latches: the edges, then the tasks' health. Which they are,
+// who writes and who reads them follows from the rows of tasks/contract/table.hpp.
+inline constexpr int kCells = tasks::kEdgeCount + tasks::kTaskCount;
+[[nodiscard]] constexpr int cell_of(tasks::EdgeId id) noexcept { return static_cast<int>(id); }
+[[nodiscard]] constexpr int health_of(tasks::TaskId id) noexcept {
+  return tasks::kEdgeCount + static_cast<int>(id);
+}
 inline constexpr int kLinkWriter = tasks::kTaskCount;  // beside the task ids
 
 using Seqs = std::array<std::uint64_t, 6>;
 
 struct CellRow {
-  Cell cell;
-  std::string_view name;
+  int cell;
+  std::string name;
   int writer;  // task id or kLinkWriter
   int slot;    // in the writer's Seqs
 };
@@ -68,12 +49,18 @@ struct CellRow {
 struct ReadRow {
   tasks::TaskId reader;
   int input;
-  Cell cell;
+  int cell;
   bool may_not_ask;  // 0 after the first value means: this job did not look
 };
 
-[[nodiscard]] std::span<const CellRow> cell_table() noexcept;
-[[nodiscard]] std::span<const ReadRow> read_table() noexcept;
+[[nodiscard]] std::span<const CellRow> cell_table();
+[[nodiscard]] std::span<const ReadRow> read_table();
+// Task id or kLinkWriter: who fills the edge's cell in the box of its readers.
+[[nodiscard]] constexpr int writer_of(const tasks::EdgeRow& row) noexcept {
+  return row.kind == tasks::EdgeKind::kRemote ? kLinkWriter : static_cast<int>(row.from);
+}
+// Its row; null: no task reads it.
+[[nodiscard]] const CellRow* row_of_cell(int cell);
 
 // Sensed data of one job, by task.
 struct StylusInput {  // haptic

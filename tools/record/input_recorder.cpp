@@ -12,32 +12,41 @@ namespace teletact {
 
 using tasks::TaskId;
 
-Seqs published(tasks::OperatorCells& c, int writer) noexcept {
-  const auto health = [&](TaskId id) { return c.health[tasks::index_of(id)]->latest_seq(); };
-  if (writer == kLinkWriter) return {c.frame.latest_seq(), c.robot_state.latest_seq()};
-  switch (static_cast<TaskId>(writer)) {
-    case TaskId::kHaptic:
-      return {c.hand.latest_seq(), c.touch.pushed(), health(TaskId::kHaptic)};
-    case TaskId::kFusion:
-      return {c.patch.latest_seq(),       c.cost_map.latest_seq(),
-              c.camera_pose.latest_seq(), health(TaskId::kFusion),
-              c.objects.latest_seq(),     c.surface == nullptr ? 0 : c.surface->latest_seq()};
-    case TaskId::kPlanning:
-      return {c.path.latest_seq(), health(TaskId::kPlanning)};
-    case TaskId::kPrediction:
-      return {health(TaskId::kPrediction), c.odometry_frame.latest_seq()};
-    case TaskId::kSupervision:
-      return {c.mode.latest_seq()};
-    default:
-      return {};
+namespace {
+
+template <rt::Box B, class Cells>
+Seqs published_in(const Cells& cells, int writer) noexcept {
+  Seqs newest{};
+  const auto note = [&]<std::size_t I>(std::integral_constant<std::size_t, I>) {
+    constexpr auto id = static_cast<tasks::EdgeId>(I);
+    constexpr tasks::EdgeRow row = tasks::kEdge<id>.row;
+    constexpr tasks::EdgeEnd end = tasks::end_in(id, B);
+    if constexpr (row.published != tasks::kUnlisted &&
+                  (end == tasks::EdgeEnd::kBoth || end == tasks::EdgeEnd::kReads)) {
+      if (writer_of(row) == writer)
+        newest[static_cast<std::size_t>(row.published)] = cells.template newest<id>();
+    }
+  };
+  [&]<std::size_t... I>(std::index_sequence<I...>) {
+    (note(std::integral_constant<std::size_t, I>{}), ...);
   }
+  (std::make_index_sequence<tasks::kEdgeCount>{});
+  if (writer == kLinkWriter) return newest;
+  const tasks::TaskRow& task = tasks::kTaskTable[static_cast<std::size_t>(writer)];
+  if (task.watch.fault != 0) {
+    newest[static_cast<std::size_t>(task.watch.published)] =
+        cells.health[static_cast<std::size_t>(writer)]->latest_seq();
+  }
+  return newest;
 }
 
-Seqs published(tasks::RobotCells& c, int writer) noexcept {
-  if (writer == kLinkWriter) return {0, 0, c.goal.latest_seq()};
-  const auto id = static_cast<TaskId>(writer);
-  if (id == TaskId::kRobotSupervision) return {c.mode.latest_seq()};
-  return {c.health[tasks::index_of(id)]->latest_seq()};
+}  // namespace
+
+Seqs published(tasks::OperatorCells& cells, int writer) noexcept {
+  return published_in<rt::Box::kOperator>(cells, writer);
+}
+Seqs published(tasks::RobotCells& cells, int writer) noexcept {
+  return published_in<rt::Box::kRobot>(cells, writer);
 }
 
 namespace {
@@ -274,7 +283,8 @@ void InputRecorder::attach(tasks::OperatorGraph& graph, drivers::LinkEndpoint& e
       op.put(haptic_->newest);
     } else if (id == TaskId::kPlanning) {
       // In planning's own thread, so both of its counts rest.
-      op.put(TouchInput{cells.touch.taken(), graph.latched(id).events_full});
+      op.put(TouchInput{cells.ring<tasks::EdgeId::kTouch, TaskId::kPlanning>().taken(),
+                        graph.latched(id).events_full});
     } else if (id == TaskId::kFusion) {
       op.put(scene_input(graph.latched(id)));
     } else {

@@ -18,13 +18,13 @@
 #include "drivers/world/world_config.hpp"
 #include "drivers/youbot/robot_plant.hpp"
 #include "drivers/youbot/virtual_youbot.hpp"
-#include "tasks/fusion/scene_edit.hpp"
+#include "tasks/contract/scene_edit.hpp"
 #include "tasks/graph/graph_config.hpp"
 #include "tools/scene/haptic_choice.hpp"
 
 namespace teletact {
 
-// [[operator.edit]]: what the operator asks of the scene at an instant (tasks/fusion/scene_edit.hpp).
+// [[operator.edit]]: what the operator asks of the scene at an instant (tasks/contract/scene_edit.hpp).
 //
 //   [[operator.edit]]
 //   kind = "clear"            # forget a box; "disc", "box": a no-go area; "erase": one of these, or all

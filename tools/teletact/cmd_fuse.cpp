@@ -33,6 +33,7 @@
 #include "perception/map_file/map_file.hpp"
 #include "perception/simd/isa.hpp"
 #include "perception/tsdf/mesh/mesh.hpp"
+#include "rt/quantile.hpp"
 #include "tasks/fusion/fusion_task.hpp"
 #include "tools/cli/number_list.hpp"
 #include "tools/cli/options.hpp"
@@ -100,11 +101,7 @@ std::string pose_line(const std::string& stamp, const tasks::CameraPose& camera)
   return std::string(lost ? "# lost " : "# degenerate ") + line;
 }
 
-double quantile(std::vector<double> v, double q) {
-  if (v.empty()) return std::nan("");
-  std::sort(v.begin(), v.end());
-  return v[std::min(v.size() - 1, static_cast<std::size_t>(q * static_cast<double>(v.size())))];
-}
+double quantile(const std::vector<double>& v, double q) { return rt::quantile(v, q, std::nan("")); }
 
 struct Tally {
   int frames = 0, tracked = 0, claimed = 0, empty = 0;

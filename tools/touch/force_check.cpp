@@ -5,6 +5,7 @@
 
 #include "perception/geometry/pose.hpp"
 #include "perception/tsdf/blocks/map_reader.hpp"
+#include "rt/quantile.hpp"
 
 namespace teletact {
 
@@ -107,11 +108,7 @@ void ForceChecker::look(const perception::TsdfMap& map,
 ForceCheck ForceChecker::result() const {
   ForceCheck out;
   out.samples = errors_.size();
-  if (errors_.empty()) return out;
-  std::vector<double> errors = errors_;
-  const auto at = static_cast<std::ptrdiff_t>(0.95 * static_cast<double>(errors.size() - 1));
-  std::nth_element(errors.begin(), errors.begin() + at, errors.end());
-  out.relative_error_p95 = errors[static_cast<std::size_t>(at)];
+  if (!errors_.empty()) out.relative_error_p95 = rt::quantile(errors_, 0.95);
   return out;
 }
 

@@ -1,4 +1,4 @@
-// Places that a hand may touch, found in one picture of the fused map (tasks/fusion/scene_view.hpp).
+// Places that a hand may touch, found in one picture of the fused map (tasks/contract/scene_view.hpp).
 //
 //   top, wall, slope   the surface within 60 mm of the point lies on a plane fitted to it, on all sides; level, upright,
 //                      or neither
@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "perception/geometry/pose.hpp"
-#include "tasks/fusion/scene_view.hpp"
+#include "tasks/contract/scene_view.hpp"
 
 namespace teletact {
 

@@ -54,7 +54,7 @@ double standard_error(double count, double sum, double squares, double z_m) noex
 
 double threshold_m(double error_m) noexcept { return std::max(kLeast_m, kErrors * error_m); }
 
-bool stands_out(const FollowScratch::Sums& s, float z_m, double doubt_m) noexcept {
+bool stands_out(const OffsetSums& s, float z_m, double doubt_m) noexcept {
   const auto count = static_cast<double>(s.count), sum = static_cast<double>(s.sum);
   if (count < kFewReadings || std::abs(sum) < kLeast_m * count) return false;
   return std::abs(sum) >=

@@ -1,4 +1,4 @@
-// Helpers that the nodes share: publishing health, logging changes of mode and level.
+// What the nodes share: publishing health, logging changes of mode and level.
 #pragma once
 
 #include <optional>
@@ -7,8 +7,8 @@
 #include "rt/channel/latest.hpp"
 #include "rt/channel/ring.hpp"
 #include "rt/tick.hpp"
-#include "tasks/graph/edge_faults.hpp"
-#include "tasks/graph/messages.hpp"
+#include "tasks/contract/messages.hpp"
+#include "tasks/edges/edge_faults.hpp"
 #include "tasks/graph/task_log.hpp"
 
 namespace tasks {
@@ -19,6 +19,14 @@ struct HealthMsg {
   rt::Health health;
 };
 using HealthCell = rt::Latest<HealthMsg>;
+
+template <class Cells>
+[[nodiscard]] HealthCell& health_of(Cells& cells, TaskId id) noexcept {
+  return *cells.health[index_of(id)];
+}
+[[nodiscard]] inline std::array<float, 3> to_floats(const Vec3& v) noexcept {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
+}
 
 inline void publish_health(HealthCell& cell, rt::Time now, rt::Health health) noexcept {
   cell.begin_write() = {now, health};

@@ -1,30 +1,14 @@
-// What the operator asks of the scene itself: forget a region, keep out of a place. console -> fusion, Ring;
-// plain, so that a recording can hold it.
+// The no-go areas of the cost map, and what an edit does to them.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <span>
 
 #include "perception/ground/ground_map.hpp"
-#include "rt/time.hpp"
+#include "tasks/contract/scene_edit.hpp"
 
 namespace tasks {
-
-struct SceneEdit {
-  enum class Kind : std::uint8_t {
-    kClear,  // the box centre_W +- half_m is forgotten: voxels, free space, obstacles of the cost map
-    kDrawDisc,  // no-go disc about centre_W, radius half_m[0]; replaces the one of the same id
-    kDrawBox,   // no-go box, half edges half_m[0], half_m[1], turned by yaw_rad
-    kErase,     // of this id
-  };
-  static constexpr std::uint16_t kAll = 0;  // id of kErase: all that the operator has drawn
-  std::uint64_t seq = 0;
-  rt::Time stamp{};
-  Kind kind = Kind::kClear;
-  std::uint16_t id = 0;  // of an obstacle, chosen by the operator, 1 ..
-  std::array<double, 3> centre_W{}, half_m{};
-  double yaw_rad = 0;
-};
 
 // The no-go areas: the scene's own, which stay, then the operator's.
 class DrawnObstacles {

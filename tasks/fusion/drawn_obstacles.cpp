@@ -1,4 +1,4 @@
-#include "tasks/fusion/scene_edit.hpp"
+#include "tasks/fusion/drawn_obstacles.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,0 +1,87 @@
+#include "tasks/graph/robot_io_node.hpp"
+
+#include <cmath>
+
+#include "tasks/edges/output_hash.hpp"
+#include "tasks/graph/node_parts.hpp"
+
+namespace tasks {
+
+RobotIoNode::RobotIoNode(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup,
+                         RobotCells& cells, LinkStatus& link)
+    : task_(nrt, config.robot_io),
+      bus_(*setup.bus),
+      cells_(cells),
+      link_(link),
+      twin_cpu_(setup.bus_twin_cpu),
+      hash_(setup.hash_outputs),
+      limits_(config, cells.logs.get()) {
+  in_.mode = &mode_;
+}
+
+// One bus frame a tick carries the setpoints of the last committed job out and the states in.
+void RobotIoNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  in_.bus = bus_.exchange(tick.start, setpoints_, in_.motors);
+  const auto goal = cells_.take<EdgeId::kGoal, TaskId::kRobotIo>(record);
+  in_.goal = goal.value;
+  in_.goal_unsure = goal.unsure;
+  const auto mode = cells_.take<EdgeId::kRobotMode, TaskId::kRobotIo>(record);
+  if (mode) mode_ = *mode;
+  heard_ = mode_.mode;
+  if (!limits_.of<EdgeId::kRobotMode>().within(mode, tick.start) && mode_.mode == Mode::kEngaged)
+    mode_.mode = Mode::kRampDown;
+  const std::int64_t heard = link_.last_heard_ns.load(std::memory_order_relaxed);
+  in_.link_heard = heard != 0;
+  in_.link_heard_at = rt::time_from_ns(heard);
+  in_.link_closed = link_.closed.load(std::memory_order_relaxed);
+  // Told here; the task goes by how long each goal says that it is valid.
+  if (goal && heard != 0)
+    static_cast<void>(
+        limits_.of<EdgeId::kGoal>().within(tick.start, in_.link_heard_at, goal->made, goal.unsure));
+  record.input_seq[sensed_input(TaskId::kRobotIo)] = in_.motors.seq;
+}
+
+rt::Health RobotIoNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  health_ = task_.step(tick, in_, out_);
+  // The base ramps down; the operator's box is not told of a mode that nobody has entered.
+  out_.state.mode = static_cast<std::uint8_t>(heard_);
+  record.work = 1;
+  return health_;
+}
+
+void RobotIoNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  if (out_.rearm_motors) bus_.rearm();
+  setpoints_ = out_.setpoints;
+  cells_.begin_write<EdgeId::kRobotState>() = out_.state;
+  cells_.publish<EdgeId::kRobotState>(tick.start);
+  publish_health(health_of(cells_, TaskId::kRobotIo), tick.start, health_);
+  auto& logs = *cells_.logs;
+  auto& log = logs.of(TaskId::kRobotIo);
+  if (out_.telemetry.goals_refused != logged_refused_)
+    log.write(logs.goal_refused, tick.start, logged_refused_ = out_.telemetry.goals_refused);
+  if (out_.telemetry.goals_expired != logged_expired_)
+    log.write(logs.goal_expired, tick.start, logged_expired_ = out_.telemetry.goals_expired);
+  if (tick.k % 10 == 0) {
+    RobotSample s;
+    s.stamp = tick.start;
+    s.x_m = static_cast<float>(out_.state.x_m);
+    s.y_m = static_cast<float>(out_.state.y_m);
+    s.yaw_rad = static_cast<float>(out_.state.yaw_rad);
+    s.tracking_error_m = static_cast<float>(out_.telemetry.tracking_error_m);
+    s.goal_distance_m = static_cast<float>(out_.telemetry.goal_distance_m);
+    s.speed_m_per_s = static_cast<float>(std::hypot(out_.state.vx, out_.state.vy));
+    s.goal_seq = out_.state.goal_seq;
+    s.path_seq = in_.goal != nullptr ? in_.goal->path_seq : 0;
+    s.driving = out_.telemetry.driving;
+    s.mode = out_.state.mode;
+    cells_.robot_samples.try_push(s);
+  }
+  if (!hash_) return;
+  rt::Hash64 h;
+  hash_output(h, out_.setpoints);
+  h.word(out_.rearm_motors ? 1 : 0);
+  hash_output(h, out_.state);
+  record.output_hash = h.digest();
+}
+
+}  // namespace tasks

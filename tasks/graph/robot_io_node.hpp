@@ -1,0 +1,39 @@
+// The robot_io task as an executor sees it: one exchange with the bus a job, goal and mode in, state out.
+#pragma once
+
+#include "tasks/graph/limits.hpp"
+#include "tasks/graph/robot_graph.hpp"
+
+namespace tasks {
+
+class RobotIoNode final : public rt::TaskBody {
+ public:
+  RobotIoNode(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup,
+              RobotCells& cells, LinkStatus& link);
+  void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
+  void make_safe() noexcept override { bus_.make_safe(); }
+  [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept override {
+    return twin_cpu_ ? twin_cpu_() : 0;
+  }
+  [[nodiscard]] const RobotIoTask::In& in() const noexcept { return in_; }
+
+ private:
+  RobotIoTask task_;
+  drivers::MotorBus& bus_;
+  RobotCells& cells_;
+  LinkStatus& link_;
+  std::function<std::int64_t()> twin_cpu_;
+  bool hash_;
+  drivers::MotorSetpoints setpoints_;  // of the last committed job: goes out with the next exchange
+  ReaderLimits<TaskId::kRobotIo> limits_;
+  std::uint64_t logged_refused_ = 0, logged_expired_ = 0;
+  ModeMsg mode_;
+  Mode heard_ = Mode::kInit;  // the newest one, however old
+  RobotIoTask::In in_;
+  RobotIoTask::Out out_;
+  rt::Health health_;
+};
+
+}  // namespace tasks

@@ -1,0 +1,165 @@
+#include "tasks/graph/supervision_nodes.hpp"
+
+#include <algorithm>
+
+#include "tasks/edges/output_hash.hpp"
+#include "tasks/graph/node_parts.hpp"
+#include "tasks/graph/watches.hpp"
+
+namespace tasks {
+
+namespace {
+
+// Newest health of each watched task, and its number.
+template <class Cells, std::size_t N>
+void latch_health(Cells& cells, const std::array<TaskRow, N>& watched, SupervisionTask::In& in,
+                  rt::JobRecord& record) noexcept {
+  for (std::size_t i = 0; i < N; ++i) {
+    const auto health = health_of(cells, watched[i].id).acquire_if_new(0);
+    auto& report = in.tasks[i];
+    report.heard = static_cast<bool>(health);
+    if (health) {
+      report.heartbeat = health->heartbeat;
+      report.health = health->health;
+    }
+    record.input_seq[static_cast<std::size_t>(watched[i].watch.input)] = health.seq;
+  }
+}
+
+constexpr auto kOperatorWatched = watched_in<rt::Box::kOperator>();
+constexpr auto kOperatorWatches = watches_of(kOperatorWatched);
+
+}  // namespace
+
+LatchedStatus latched_status(const SupervisionTask::In& in) noexcept {
+  LatchedStatus s;
+  s.last_heard_ns = rt::ns_of(in.link_last);
+  s.refused = in.link_refused;
+  s.closed = in.link_closed;
+  s.expected = in.link_expected;
+  s.engage = static_cast<int>(in.requests.engage);
+  s.ramp_down = in.requests.ramp_down;
+  s.stop = in.requests.stop;
+  s.clear = in.requests.clear == SupervisionTask::Clear::kYes;
+  s.watchdog_bit = in.watchdog_bit;
+  return s;
+}
+
+SupervisionNode::SupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config,
+                                 OperatorCells& cells, LinkStatus& link, OperatorRequests& requests,
+                                 const OperatorSetup& setup)
+    : task_(nrt, config.supervision, rt::Box::kOperator, kOperatorWatches.data(),
+            static_cast<int>(kOperatorWatches.size()), setup.mode_gate),
+      cells_(cells),
+      link_(link),
+      requests_(requests),
+      hash_(setup.hash_outputs),
+      limits_(config, cells.logs.get()) {}
+
+void SupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  latch_health(cells_, kOperatorWatched, in_, record);
+  const auto robot = cells_.take<EdgeId::kRobotState, TaskId::kSupervision>(record);
+  in_.peer_mode = robot ? static_cast<Mode>(robot->mode) : Mode::kInit;
+  const std::int64_t heard = link_.last_heard_ns.load(std::memory_order_relaxed);
+  in_.link_expected = link_.expected.load(std::memory_order_relaxed);
+  in_.link_heard = heard != 0 && robot;
+  // A line that carries everything but the robot's state, or that of long ago, is as good as silent.
+  in_.link_last = std::min(rt::time_from_ns(heard), robot.at);
+  if (robot && !limits_.of<EdgeId::kRobotState>().within(robot, tick.start) &&
+      robot->taken != rt::Time{})
+    in_.link_last = std::min(in_.link_last,
+                             tick.start - 2 * limits_.of<EdgeId::kRobotState>().limit().liveness);
+  in_.link_refused = link_.refused.load(std::memory_order_relaxed);
+  in_.link_closed = link_.closed.load(std::memory_order_relaxed);
+  in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
+  in_.requests.engage =
+      static_cast<SupervisionTask::Engage>(requests_.engage.load(std::memory_order_relaxed));
+  in_.requests.ramp_down = requests_.ramp_down.load(std::memory_order_relaxed);
+  in_.requests.stop = requests_.stop.load(std::memory_order_relaxed);
+  using Clear = SupervisionTask::Clear;
+  in_.requests.clear = requests_.clear.load(std::memory_order_relaxed) ? Clear::kYes : Clear::kNo;
+}
+
+rt::Health SupervisionNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  record.work = 1;
+  return task_.step(tick, in_, out_);
+}
+
+void SupervisionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  log_mode(*cells_.logs, TaskId::kSupervision, tick.start, out_.mode, logged_mode_);
+  ModeMsg& mode = cells_.begin_write<EdgeId::kMode>();
+  mode = out_.mode;
+  const bool mode_out = cells_.publish<EdgeId::kMode>(tick.start);
+  if (!hash_ || !mode_out) return;
+  rt::Hash64 h;
+  hash_output(h, mode);
+  record.output_hash = h.digest();
+}
+
+// ---------------------------------------------------------------- robot box
+
+namespace {
+
+constexpr auto kRobotWatched = watched_in<rt::Box::kRobot>();
+constexpr auto kRobotWatches = watches_of(kRobotWatched);
+
+}  // namespace
+
+RobotSupervisionNode::RobotSupervisionNode(rt::NonRealtime& nrt, const GraphConfig& config,
+                                           RobotCells& cells, LinkStatus& link,
+                                           OperatorRequests& requests, const RobotSetup& setup)
+    : task_(nrt, config.supervision, rt::Box::kRobot, kRobotWatches.data(),
+            static_cast<int>(kRobotWatches.size()), setup.mode_gate),
+      cells_(cells),
+      link_(link),
+      requests_(requests),
+      hash_(setup.hash_outputs),
+      limits_(config, cells.logs.get()) {}
+
+void RobotSupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  latch_health(cells_, kRobotWatched, in_, record);
+  const auto goal = cells_.take<EdgeId::kGoal, TaskId::kRobotSupervision>(record);
+  const std::int64_t heard = link_.last_heard_ns.load(std::memory_order_relaxed);
+  in_.link_expected = link_.expected.load(std::memory_order_relaxed);
+  in_.link_heard = heard != 0;
+  in_.link_last = rt::time_from_ns(heard);
+  in_.link_refused = link_.refused.load(std::memory_order_relaxed);
+  in_.link_closed = link_.closed.load(std::memory_order_relaxed);
+  in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
+  // The operator's engage and clear travel in the goal; without a goal there is none.
+  using Engage = SupervisionTask::Engage;
+  using Clear = SupervisionTask::Clear;
+  // Of long ago, while the line is live: as if there were none. A silent line is the task's matter.
+  const bool old =
+      goal && heard != 0 &&
+      !limits_.of<EdgeId::kGoal>().within(tick.start, in_.link_last, goal->made, goal.unsure) &&
+      limits_.of<EdgeId::kGoal>().state() == LimitWatch::State::kOld;
+  const drivers::RobotGoal* const asked = old ? nullptr : goal.value;
+  in_.requests.engage = asked == nullptr               ? Engage::kAbsent
+                        : asked->operator_engaged != 0 ? Engage::kYes
+                                                       : Engage::kNo;
+  in_.peer_mode = asked != nullptr && asked->operator_engaged != 0 ? Mode::kEngaged : Mode::kHold;
+  in_.requests.clear = asked == nullptr             ? Clear::kAbsent
+                       : asked->operator_clear != 0 ? Clear::kYes
+                                                    : Clear::kNo;
+  in_.requests.ramp_down = requests_.ramp_down.load(std::memory_order_relaxed);
+  in_.requests.stop = requests_.stop.load(std::memory_order_relaxed);
+}
+
+rt::Health RobotSupervisionNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  record.work = 1;
+  return task_.step(tick, in_, out_);
+}
+
+void RobotSupervisionNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  log_mode(*cells_.logs, TaskId::kRobotSupervision, tick.start, out_.mode, logged_mode_);
+  ModeMsg& mode = cells_.begin_write<EdgeId::kRobotMode>();
+  mode = out_.mode;
+  const bool mode_out = cells_.publish<EdgeId::kRobotMode>(tick.start);
+  if (!hash_ || !mode_out) return;
+  rt::Hash64 h;
+  hash_output(h, mode);
+  record.output_hash = h.digest();
+}
+
+}  // namespace tasks
