@@ -1,5 +1,6 @@
 // The console's rows of kLimitTable on the virtual clock: what it shows that is silent, or old, it names; within the limits
 // nothing.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -28,6 +29,15 @@ TEST(MessageFaults, TheConsoleNamesWhatIsBeyondItsLimits) {
   const std::vector<std::string_view> named{"view", "cost_map",    "camera_pose",
                                             "hand", "path",        "task",
                                             "mode", "robot_state", "odometry_frame"};
+  // These, two of the next test and the robot's mode are the console's rows.
+  auto rows_here = named;
+  rows_here.insert(rows_here.end(), {"mesh", "objects", "robot_mode"});
+  std::vector<std::string_view> rows_there;
+  for (const auto& r : tasks::kLimitTable) {
+    if (r.reader == tasks::kConsole)
+      rows_there.push_back(tasks::kEdgeTable[tasks::index_of(r.edge)].name);
+  }
+  EXPECT_THAT(rows_here, testing::UnorderedElementsAreArray(rows_there));
   EXPECT_TRUE(names(run(6.5, {})).empty());
   for (const char* kind : {"drop", "stale"}) {
     std::vector<Line> lines;

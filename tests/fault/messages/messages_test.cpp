@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include "config/fault_plan.hpp"
-#include "tasks/graph/edge_faults.hpp"
+#include "tasks/edges/edge_faults.hpp"
 #include "tests/fault/messages/faulty_run.hpp"
 
 namespace {

@@ -17,7 +17,7 @@
 #include "rt/hash.hpp"
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
-#include "tasks/graph/table.hpp"
+#include "tasks/contract/table.hpp"
 #include "tests/support/tsan_libraries.hpp"
 #include "tests/unit/drivers_camera/scene.hpp"
 #include "tools/measure/support/rt_guard.hpp"
@@ -498,7 +498,7 @@ double cpu_ms() {
   return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_nsec) * 1e-6;
 }
 
-// What the robot's box declares for a capture job of that level (tasks/graph/table.hpp), in ms.
+// What the robot's box declares for a capture job of that level (tasks/contract/table.hpp), in ms.
 double capture_budget_ms(std::string_view level) {
   for (const auto& row : tasks::kTaskTable) {
     if (row.id != tasks::TaskId::kCapture) continue;

@@ -7,7 +7,7 @@
 #include <memory>
 
 #include "perception/tsdf/mesh/mesh.hpp"
-#include "tasks/fusion/scene_edit.hpp"
+#include "tasks/fusion/drawn_obstacles.hpp"
 #include "tests/unit/tasks_fusion/rig.hpp"
 
 namespace tasks {

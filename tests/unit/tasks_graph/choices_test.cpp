@@ -5,9 +5,9 @@
 #include <filesystem>
 #include <stdexcept>
 
+#include "tasks/contract/messages.hpp"
 #include "tasks/graph/calibration.hpp"
 #include "tasks/graph/host_request.hpp"
-#include "tasks/graph/messages.hpp"
 #include "tasks/graph/static_choices.hpp"
 
 namespace {

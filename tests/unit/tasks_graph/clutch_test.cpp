@@ -1,7 +1,7 @@
 // The clutch in the graph: the device's second button, and the camera's direction that the workspace takes over.
 #include <gtest/gtest.h>
 
-#include "tasks/graph/operator_nodes.hpp"
+#include "tasks/graph/haptic_node.hpp"
 
 namespace {
 
@@ -47,11 +47,13 @@ struct Box {
     node->latch(tick, record);
     (void)node->step(tick, record);
     node->commit(tick, record);
-    return cells.hand.acquire(tasks::OperatorCells::kHandConsole)->p_WH;
+    return cells.of<tasks::EdgeId::kHand>()
+        .cell.acquire(tasks::reader_slot(tasks::EdgeId::kHand, tasks::kConsole))
+        ->p_WH;
   }
   // The camera looks along `ahead`, level.
   void camera(std::uint64_t seq, const Vec3& ahead, bool claimed) {
-    tasks::CameraPose& c = cells.camera_pose.begin_write();
+    tasks::CameraPose& c = cells.begin_write<tasks::EdgeId::kCameraPose>();
     c = {};
     c.seq = seq;
     c.claimed = claimed;
@@ -59,7 +61,7 @@ struct Box {
     c.X_WC.linear().col(2) = ahead;
     c.X_WC.linear().col(1) = -Vec3::UnitZ();
     c.X_WC.linear().col(0) = (-Vec3::UnitZ()).cross(ahead);
-    cells.camera_pose.publish(c.seen);
+    cells.publish<tasks::EdgeId::kCameraPose>(c.seen);
   }
 };
 

@@ -8,8 +8,12 @@
 #include <set>
 #include <string>
 
-#include "tasks/graph/operator_nodes.hpp"
-#include "tasks/graph/robot_nodes.hpp"
+#include "tasks/graph/fusion_node.hpp"
+#include "tasks/graph/haptic_node.hpp"
+#include "tasks/graph/planning_node.hpp"
+#include "tasks/graph/prediction_node.hpp"
+#include "tasks/graph/robot_io_node.hpp"
+#include "tasks/graph/supervision_nodes.hpp"
 
 namespace {
 
@@ -131,32 +135,32 @@ struct Boxes {
     ++seq;
     switch (edge) {
       case EdgeId::kFrame: {
-        auto& m = slot(cells->frame);
+        auto& m = slot(cells->of<EdgeId::kFrame>().cell);
         m.exposure = taken;
-        cells->frame.publish(at, kUnsure);
+        cells->of<EdgeId::kFrame>().cell.publish(at, kUnsure);
         break;
       }
       case EdgeId::kRobotState: {
-        auto& m = slot(cells->robot_state);
+        auto& m = slot(cells->of<EdgeId::kRobotState>().cell);
         m = {};
         m.seq = seq;
         m.taken = taken;
         m.mode = static_cast<std::uint8_t>(Mode::kEngaged);
-        cells->robot_state.publish(at, kUnsure);
+        cells->of<EdgeId::kRobotState>().cell.publish(at, kUnsure);
         break;
       }
       case EdgeId::kGoal: {
-        auto& m = slot(robot_cells->goal);
+        auto& m = slot(robot_cells->of<EdgeId::kGoal>().cell);
         m = {};
         m.seq = seq;
         m.made = taken;
         m.valid_until = taken + milliseconds{config.prediction.goal_valid_ms};
         m.engaged = m.operator_engaged = 1;
-        robot_cells->goal.publish(at, kUnsure);
+        robot_cells->of<EdgeId::kGoal>().cell.publish(at, kUnsure);
         break;
       }
       case EdgeId::kPatch: {
-        auto& m = slot(cells->patch);
+        auto& m = slot(cells->of<EdgeId::kPatch>().cell);
         m.map_id = 1;
         m.seq = seq;
         m.fused = at;
@@ -164,50 +168,50 @@ struct Boxes {
         m.voxel_size = 0.01;
         m.metres_per_unit = 1e-6F;
         m.nodes = 8;
-        cells->patch.publish(at);
+        cells->of<EdgeId::kPatch>().cell.publish(at);
         break;
       }
       case EdgeId::kSurface: {
-        auto& m = slot(*cells->surface);
+        auto& m = slot(cells->of<EdgeId::kSurface>().cell);
         m.seq = seq;
         m.fused = at;
         m.exposure = taken;
-        cells->surface->publish(at);
+        cells->of<EdgeId::kSurface>().cell.publish(at);
         break;
       }
       case EdgeId::kCostMap: {
-        auto& m = slot(cells->cost_map);
+        auto& m = slot(cells->of<EdgeId::kCostMap>().cell);
         m.seq = seq;
         m.fused = at;
         m.exposure = taken;
-        cells->cost_map.publish(at);
+        cells->of<EdgeId::kCostMap>().cell.publish(at);
         break;
       }
       case EdgeId::kCameraPose: {
-        auto& m = slot(cells->camera_pose);
+        auto& m = slot(cells->of<EdgeId::kCameraPose>().cell);
         m = {};
         m.seq = seq;
         m.exposure = at;
         m.seen = taken;
         m.claimed = true;
         m.X_WC.linear() = Eigen::AngleAxisd(1.5707963, Vec3::UnitY()).toRotationMatrix();  // level
-        cells->camera_pose.publish(at);
+        cells->of<EdgeId::kCameraPose>().cell.publish(at);
         break;
       }
       case EdgeId::kObjects: {
-        auto& m = slot(cells->objects);
+        auto& m = slot(cells->of<EdgeId::kObjects>().cell);
         m.seq = seq;
         m.exposure = taken;
-        cells->objects.publish(at);
+        cells->of<EdgeId::kObjects>().cell.publish(at);
         break;
       }
       case EdgeId::kHand: {
-        auto& m = slot(cells->hand);
+        auto& m = slot(cells->of<EdgeId::kHand>().cell);
         m = {};
         m.seq = seq;
         m.stamp = taken;
         m.v_WH = Vec3(1, 0, 0);
-        cells->hand.publish(at);
+        cells->of<EdgeId::kHand>().cell.publish(at);
         break;
       }
       case EdgeId::kTouch: {
@@ -217,33 +221,34 @@ struct Boxes {
         e.kind = planning_mark_ ? tasks::TouchEvent::Kind::kMarkPoint
                                 : tasks::TouchEvent::Kind::kMarkBegin;
         planning_mark_ = true;
-        cells->touch.try_push(e);
+        cells->of<EdgeId::kTouch>().cell.try_push(e);
         break;
       }
       case EdgeId::kEdit:
         requests.console_ns = rt::ns_of(at);
         break;
       case EdgeId::kOdometryFrame: {
-        auto& m = slot(cells->odometry_frame);
+        auto& m = slot(cells->of<EdgeId::kOdometryFrame>().cell);
         m = {};
         m.seq = seq;
         m.taken = taken;
         m.known = true;
-        cells->odometry_frame.publish(at);
+        cells->of<EdgeId::kOdometryFrame>().cell.publish(at);
         break;
       }
       case EdgeId::kPath: {
-        auto& m = slot(cells->path);
+        auto& m = slot(cells->of<EdgeId::kPath>().cell);
         m.seq = 1;
         m.size = 1;
         m.points[0] = {1, 0, 0};
         m.seen = taken;
-        cells->path.publish(at);
+        cells->of<EdgeId::kPath>().cell.publish(at);
         break;
       }
       case EdgeId::kMode:
       case EdgeId::kRobotMode: {
-        auto& cell = edge == EdgeId::kMode ? cells->mode : robot_cells->mode;
+        auto& cell = edge == EdgeId::kMode ? cells->of<EdgeId::kMode>().cell
+                                           : robot_cells->of<EdgeId::kRobotMode>().cell;
         auto& m = slot(cell);
         m = {};
         m.seq = seq;
@@ -328,7 +333,7 @@ std::vector<Case> cases() {
            [](const Boxes& b, auto&) { return b.haptic->in().mode.mode == Mode::kRampDown; }),
       both(EdgeId::kMode, TaskId::kPrediction,
            [](const Boxes& b, auto&) {
-             const auto goal = b.cells->goal.acquire(OperatorCells::kGoalConsole);
+             const auto goal = b.cells->read_by_link<EdgeId::kGoal>();
              EXPECT_EQ(goal->operator_engaged, 1) << "asked is asked";
              return goal->engaged == 0;
            }),
@@ -336,7 +341,7 @@ std::vector<Case> cases() {
            [](const Boxes& b, auto&) { return !b.planning->in().may_plan; }),
       both(EdgeId::kRobotMode, TaskId::kRobotIo,
            [](const Boxes& b, auto&) {
-             const auto state = b.robot_cells->state.acquire(RobotCells::kStateConsole);
+             const auto state = b.robot_cells->read_by_link<EdgeId::kRobotState>();
              EXPECT_EQ(static_cast<Mode>(state->mode), Mode::kEngaged) << "nobody has left it";
              return b.robot_io->in().mode->mode == Mode::kRampDown;
            }),
@@ -356,8 +361,8 @@ void play(const Case& c, bool stall, Boxes& b) {
     throw std::logic_error("no row");
   }();
   const std::size_t index = static_cast<std::size_t>(&row - tasks::kLimitTable.data());
-  const std::string name = std::string(tasks::kEdgeTable[static_cast<std::size_t>(c.edge)].name) +
-                           " to " + std::string(tasks::reader_name(c.reader)) +
+  const std::string name = std::string(tasks::kEdgeTable[tasks::index_of(c.edge)].name) + " to " +
+                           std::string(tasks::reader_name(c.reader)) +
                            (stall ? ", silent" : ", old");
   SCOPED_TRACE(name);
   const tasks::Limit limit = tasks::limit_in_force(b.config, index);
@@ -405,8 +410,7 @@ void play(const Case& c, bool stall, Boxes& b) {
   }
   ASSERT_FALSE(told.silent || told.old);
   last_bad = now;
-  const bool remote =
-      tasks::kEdgeTable[static_cast<std::size_t>(c.edge)].kind == tasks::EdgeKind::kRemote;
+  const bool remote = tasks::kEdgeTable[tasks::index_of(c.edge)].kind == tasks::EdgeKind::kRemote;
   const Nanos most = stall ? limit.liveness : limit.age - (remote ? kUnsure : Nanos{0});
   const Time began = now;
   bool yet = false;
@@ -436,7 +440,7 @@ TEST(EdgeLimits, EveryRowOfATaskHasACase) {
   for (const auto& r : tasks::kLimitTable) {
     if (r.reader == tasks::kConsole) continue;
     EXPECT_EQ(here.count({r.edge, r.reader}), 1U)
-        << tasks::kEdgeTable[static_cast<std::size_t>(r.edge)].name;
+        << tasks::kEdgeTable[tasks::index_of(r.edge)].name;
   }
 }
 
@@ -467,7 +471,7 @@ TEST(EdgeLimits, MarksAndEditsDoNotAge) {
   edit.seq = 1;
   edit.stamp = long_ago;
   edit.half_m = {0.1, 0.1, 0.1};
-  ASSERT_TRUE(b.cells->edit.try_push(edit));
+  ASSERT_TRUE(b.cells->of<EdgeId::kEdit>().cell.try_push(edit));
   b.write(EdgeId::kEdit, now, now);
   (void)b.job(TaskId::kFusion, now);
   EXPECT_TRUE(b.fusion->in().clear_W);

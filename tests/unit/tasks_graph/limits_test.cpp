@@ -6,9 +6,9 @@
 #include <fstream>
 #include <sstream>
 
+#include "tasks/contract/table.hpp"
 #include "tasks/graph/graph_config.hpp"
 #include "tasks/graph/limits.hpp"
-#include "tasks/graph/table.hpp"
 
 namespace {
 
@@ -16,7 +16,7 @@ using tasks::EdgeId;
 
 std::string words(std::string_view text) { return std::string(text); }
 
-const tasks::EdgeRow& edge_of(EdgeId id) { return tasks::kEdgeTable[static_cast<std::size_t>(id)]; }
+const tasks::EdgeRow& edge_of(EdgeId id) { return tasks::kEdgeTable[tasks::index_of(id)]; }
 
 // What is in force before a scene says anything is what the table says, in every row.
 TEST(Limits, ConfigurationsStartFromTheTable) {
@@ -75,10 +75,11 @@ std::string page_tables() {
   std::ostringstream out;
   out << "| edge | from | to | kind | without it |\n|---|---|---|---|---|\n";
   for (const auto& e : tasks::kEdgeTable) {
-    std::string to = words(e.to);
-    for (std::size_t at = 0; (at = to.find(' ', at)) != std::string::npos; at += 2)
-      to.replace(at, 1, ", ");
-    out << "| " << e.name << " | " << e.from << " | " << to << " | "
+    std::string to;
+    for (const auto& r : tasks::kLimitTable) {
+      if (r.edge == e.id) to += (to.empty() ? "" : ", ") + words(tasks::reader_name(r.reader));
+    }
+    out << "| " << e.name << " | " << tasks::reader_name(e.from) << " | " << to << " | "
         << kinds[static_cast<std::size_t>(e.kind)] << " | " << e.beyond << " |\n";
   }
   out << "\n| edge | reader | liveness | age | beyond it | keys of its own "

@@ -7,9 +7,9 @@
 #include <string>
 
 #include "drivers/link/wire.hpp"
-#include "tasks/graph/edge_faults.hpp"
+#include "tasks/edges/edge_faults.hpp"
 #include "tasks/graph/limits.hpp"
-#include "tasks/graph/output_hash.hpp"
+#include "tasks/edges/output_hash.hpp"
 
 namespace tasks {
 namespace {

@@ -1,6 +1,6 @@
 // What is committed is hashed whole: any field of any message, by its lowest bit, changes the hash; what
 // lies in a slot beyond the message does not.
-#include "tasks/graph/output_hash.hpp"
+#include "tasks/edges/output_hash.hpp"
 
 #include <gtest/gtest.h>
 

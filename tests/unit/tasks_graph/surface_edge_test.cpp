@@ -4,7 +4,8 @@
 #include <memory>
 
 #include "rt/effect_count.hpp"
-#include "tasks/graph/operator_nodes.hpp"
+#include "tasks/graph/fusion_node.hpp"
+#include "tasks/graph/haptic_node.hpp"
 
 namespace {
 
@@ -49,17 +50,18 @@ std::uint64_t built() {
 TEST(SurfaceEdge, OnlyTheMethodThatReadsItHasIt) {
   for (const char* method : {"constrained", "nearest", "nearest10"}) {
     const std::uint64_t before = built();
-    EXPECT_EQ(Box(method).graph->cells().surface, nullptr) << method;
+    EXPECT_FALSE(Box(method).graph->cells().has<tasks::EdgeId::kSurface>()) << method;
     EXPECT_EQ(built(), before) << method;
   }
   const std::uint64_t before = built();
   Box box("force_shading");
-  ASSERT_NE(box.graph->cells().surface, nullptr);
+  ASSERT_TRUE(box.graph->cells().has<tasks::EdgeId::kSurface>());
   EXPECT_EQ(built(), before + 1);
-  EXPECT_EQ(box.graph->cells().surface->slot_count(), 3)
+  EXPECT_EQ(box.graph->cells().of<tasks::EdgeId::kSurface>().cell.slot_count(), 3)
       << "one is read, one is newest, one is filled";
   // Room for a camera's pixels is made at set-up.
-  EXPECT_EQ(box.graph->cells().surface->begin_write().x.size(), 64U * 48U);
+  EXPECT_EQ(box.graph->cells().of<tasks::EdgeId::kSurface>().cell.begin_write().x.size(),
+            64U * 48U);
 }
 
 // A cast that takes so long that two of them are more than a reader waits is one clear error.
@@ -91,7 +93,7 @@ TEST(SurfaceEdge, ALivenessBelowTwoCastsIsRefused) {
 // What a tick latched stays as it is until the next latch, however much is published meanwhile; and nobody copies.
 TEST(SurfaceEdge, WhatATickReadsIsNotWrittenUntilItsNextLatch) {
   Box box("force_shading");
-  auto& cell = *box.graph->cells().surface;
+  auto& cell = box.graph->cells().of<tasks::EdgeId::kSurface>().cell;
   const auto publish = [&](std::uint64_t seq, rt::Time at) {
     tasks::SurfacePoints& s = cell.begin_write();
     s.seq = seq;

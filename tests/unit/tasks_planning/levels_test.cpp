@@ -5,7 +5,7 @@
 #include <cstdio>
 
 #include "rt/clock/box_time.hpp"
-#include "tasks/graph/table.hpp"
+#include "tasks/contract/table.hpp"
 #include "tasks/planning/planner.hpp"
 #include "tests/unit/tasks_planning/grid_oracle.hpp"
 

@@ -8,7 +8,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "tasks/graph/table.hpp"
+#include "tasks/contract/table.hpp"
 #include "tools/host/run_demo.hpp"
 #include "tools/host/run_truth.hpp"
 
