@@ -125,8 +125,8 @@ class Order {
   std::string use(int cell, const Use& u) {
     const auto& by = publishers_[static_cast<std::size_t>(cell)];
     if (u.n > by.size()) {
-      return job(u.latch) + ": used number " + std::to_string(u.n) + " of " + row_of_cell(cell)->name +
-             ", which was never published";
+      return job(u.latch) + ": used number " + std::to_string(u.n) + " of " +
+             row_of_cell(cell)->name + ", which was never published";
     }
     if (u.n > 0) edge(by[u.n - 1], u.latch);
     if (u.before_next && u.n < by.size()) edge(u.latch, by[u.n]);

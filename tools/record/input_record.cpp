@@ -46,7 +46,8 @@ std::span<const ReadRow> read_table() {
   static const std::vector<ReadRow> rows = [] {
     std::vector<ReadRow> all;
     for (const tasks::LimitRow& r : tasks::kLimitTable) {
-      if (r.input != tasks::kUnlisted) all.push_back({r.reader, r.input, cell_of(r.edge), r.may_skip});
+      if (r.input != tasks::kUnlisted)
+        all.push_back({r.reader, r.input, cell_of(r.edge), r.may_skip});
     }
     for (const tasks::TaskRow& t : tasks::kTaskTable) {
       if (t.watch.fault == 0) continue;

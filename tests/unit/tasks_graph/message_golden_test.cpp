@@ -8,8 +8,8 @@
 
 #include "drivers/link/wire.hpp"
 #include "tasks/edges/edge_faults.hpp"
-#include "tasks/graph/limits.hpp"
 #include "tasks/edges/output_hash.hpp"
+#include "tasks/graph/limits.hpp"
 
 namespace tasks {
 namespace {
