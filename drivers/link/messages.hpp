@@ -63,7 +63,7 @@ struct ClockReply {
 template <>
 struct rt::Fields<drivers::RobotState> {
   using M = drivers::RobotState;
-  static constexpr std::tuple list{
+  static constexpr std::tuple kList{
       value(&M::seq, "seq"),       datum(&M::taken, "taken"),      number(&M::x_m, "x"),
       number(&M::y_m, "y"),        number(&M::yaw_rad, "yaw"),     number(&M::vx, "vx"),
       number(&M::vy, "vy"),        number(&M::wz, "wz"),           value(&M::cmd_vx, "cmd_vx"),
@@ -75,34 +75,34 @@ static_assert(rt::lists_every_field<drivers::RobotState>());
 template <>
 struct rt::Fields<drivers::RobotGoal> {
   using M = drivers::RobotGoal;
-  static constexpr std::tuple list{value(&M::seq, "seq"),
-                                   datum(&M::made, "made"),
-                                   instant(&M::valid_until, "valid_until"),
-                                   number(&M::x_m, "x"),
-                                   number(&M::y_m, "y"),
-                                   number(&M::yaw_rad, "yaw"),
-                                   number(&M::vx, "vx"),
-                                   number(&M::vy, "vy"),
-                                   number(&M::wz, "wz"),
-                                   number(&M::speed_limit_m_per_s, "speed_limit"),
-                                   value(&M::engaged, "engaged", 1),
-                                   value(&M::operator_engaged, "operator_engaged", 1),
-                                   value(&M::operator_clear, "operator_clear", 1),
-                                   value(&M::path_seq, "path_seq")};
+  static constexpr std::tuple kList{value(&M::seq, "seq"),
+                                    datum(&M::made, "made"),
+                                    instant(&M::valid_until, "valid_until"),
+                                    number(&M::x_m, "x"),
+                                    number(&M::y_m, "y"),
+                                    number(&M::yaw_rad, "yaw"),
+                                    number(&M::vx, "vx"),
+                                    number(&M::vy, "vy"),
+                                    number(&M::wz, "wz"),
+                                    number(&M::speed_limit_m_per_s, "speed_limit"),
+                                    value(&M::engaged, "engaged", 1),
+                                    value(&M::operator_engaged, "operator_engaged", 1),
+                                    value(&M::operator_clear, "operator_clear", 1),
+                                    value(&M::path_seq, "path_seq")};
 };
 static_assert(rt::lists_every_field<drivers::RobotGoal>());
 
 template <>
 struct rt::Fields<drivers::ClockRequest> {
   using M = drivers::ClockRequest;
-  static constexpr std::tuple list{instant(&M::t0_ns, "t0i")};
+  static constexpr std::tuple kList{instant(&M::t0_ns, "t0i")};
 };
 static_assert(rt::lists_every_field<drivers::ClockRequest>());
 
 template <>
 struct rt::Fields<drivers::ClockReply> {
   using M = drivers::ClockReply;
-  static constexpr std::tuple list{instant(&M::t0_ns, "t0i"), instant(&M::t1_ns, "t1i"),
-                                   instant(&M::t2_ns, "t2i")};
+  static constexpr std::tuple kList{instant(&M::t0_ns, "t0i"), instant(&M::t1_ns, "t1i"),
+                                    instant(&M::t2_ns, "t2i")};
 };
 static_assert(rt::lists_every_field<drivers::ClockReply>());

@@ -2,12 +2,12 @@
 //
 //     template <>
 //     struct rt::Fields<Mode> {
-//       static constexpr std::tuple list{value(&Mode::seq), datum(&Mode::stamp), number(&Mode::speed)};
+//       static constexpr std::tuple kList{value(&Mode::seq), datum(&Mode::stamp), number(&Mode::speed)};
 //     };
 //     static_assert(rt::lists_every_field<Mode>());
 //
 // The order of the list is the order on the wire and in a hash. A field that is added to a struct and not to its list
-// does not compile. What a list can not say (arrays of which a part is in use) is `apart`: the number of such fields.
+// does not compile. What a list can not say (arrays of which a part is in use) is `kApart`: the number of such fields.
 #pragma once
 
 #include <cstddef>
@@ -64,13 +64,13 @@ constexpr Field<M, T> on_the_way(T M::*at) noexcept {
 template <class M, class F>
 constexpr void for_each_field(M& m, F&& f) noexcept {
   std::apply([&](const auto&... field) { (f(m.*field.at, field), ...); },
-             Fields<std::remove_const_t<M>>::list);
+             Fields<std::remove_const_t<M>>::kList);
 }
 
 template <class M>
 [[nodiscard]] consteval bool has_field(FieldIs is) {
   return std::apply([&](const auto&... field) { return ((field.is == is) || ...); },
-                    Fields<M>::list);
+                    Fields<M>::kList);
 }
 
 namespace detail {
@@ -91,8 +91,8 @@ template <class M, std::size_t N = 1>
 }
 template <class M>
 [[nodiscard]] consteval std::size_t apart_of() {
-  if constexpr (requires { Fields<M>::apart; })
-    return Fields<M>::apart;
+  if constexpr (requires { Fields<M>::kApart; })
+    return Fields<M>::kApart;
   else
     return 0;
 }
@@ -102,7 +102,7 @@ template <class M>
 template <class M>
 [[nodiscard]] consteval bool lists_every_field() {
   return detail::member_count<M>() ==
-         std::tuple_size_v<std::remove_const_t<decltype(Fields<M>::list)>> + detail::apart_of<M>();
+         std::tuple_size_v<std::remove_const_t<decltype(Fields<M>::kList)>> + detail::apart_of<M>();
 }
 
 }  // namespace rt

@@ -54,7 +54,7 @@ template <class M>
   rt::for_each_field(m, [&h](const auto& v, const auto& field) {
     if (field.is != rt::FieldIs::kOnTheWay) weigh::one(h, v);
   });
-  if constexpr (requires { rt::Fields<M>::apart; }) weigh::apart(h, m);
+  if constexpr (requires { rt::Fields<M>::kApart; }) weigh::apart(h, m);
 }
 void hash_output(rt::Hash64& h, const Vec3& v) noexcept;  // a force
 void hash_output(rt::Hash64& h, const drivers::MotorSetpoints& m) noexcept;
