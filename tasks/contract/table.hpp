@@ -301,25 +301,30 @@ inline constexpr std::array<LimitRow, kLimitCount> kLimitTable = [] {
   return rows;
 }();
 
-[[nodiscard]] consteval bool names_reader(EdgeId edge, TaskId reader) {
+[[nodiscard]] constexpr bool names_reader(EdgeId edge, TaskId reader) {
   return std::any_of(kLimitTable.begin(), kLimitTable.end(),
                      [=](const LimitRow& r) { return r.edge == edge && r.reader == reader; });
 }
-// Of an edge and its reader. Does not compile for a reader that the edge does not name.
-[[nodiscard]] consteval std::size_t limit_row(EdgeId edge, TaskId reader) {
+// Place in kLimitTable of an edge and its reader, for constants. A reader that the edge does not
+// name does not compile. For templates: clang 14 refuses a consteval function of their arguments.
+[[nodiscard]] constexpr std::size_t find_limit_row(EdgeId edge, TaskId reader) {
   for (std::size_t i = 0; i < kLimitTable.size(); ++i) {
     if (kLimitTable[i].edge == edge && kLimitTable[i].reader == reader) return i;
   }
   throw "the edge's row in kEdges names no such reader";
 }
+// The same anywhere else.
+[[nodiscard]] consteval std::size_t limit_row(EdgeId edge, TaskId reader) {
+  return find_limit_row(edge, reader);
+}
 [[nodiscard]] consteval LimitRow limit_of(EdgeId edge, TaskId reader) {
   return kLimitTable[limit_row(edge, reader)];
 }
-// Place of a reader among those of its edge.
-[[nodiscard]] consteval int reader_slot(EdgeId edge, TaskId reader) {
+// Place of a reader among those of its edge; for constants, too.
+[[nodiscard]] constexpr int reader_slot(EdgeId edge, TaskId reader) {
   std::size_t first = 0;
   while (kLimitTable[first].edge != edge) ++first;
-  return static_cast<int>(limit_row(edge, reader) - first);
+  return static_cast<int>(find_limit_row(edge, reader) - first);
 }
 [[nodiscard]] consteval std::size_t sensed_input(TaskId id) {
   const int place = kTaskTable[index_of(id)].sensed;

@@ -30,7 +30,7 @@ namespace tasks {
 enum class EdgeEnd : std::uint8_t { kNone, kBoth, kSends, kReads };
 
 // What box `b` has of an edge.
-[[nodiscard]] consteval EdgeEnd end_in(EdgeId id, rt::Box b) {
+[[nodiscard]] constexpr EdgeEnd end_in(EdgeId id, rt::Box b) {
   const EdgeRow& row = kEdgeTable[index_of(id)];
   const bool here = box_of(row.from) == b;
   if (row.kind == EdgeKind::kRemote) return here ? EdgeEnd::kSends : EdgeEnd::kReads;
@@ -79,13 +79,14 @@ class EdgeCells {
   template <EdgeId E, TaskId R>
   requires(names_reader(E, R) && end_in(E, B) != EdgeEnd::kSends)
       [[nodiscard]] auto read() noexcept {
-    return of<E>().cell.acquire_if_new(reader_slot(E, R));
+    constexpr int slot = reader_slot(E, R);
+    return of<E>().cell.acquire_if_new(slot);
   }
   // The same; its number goes into the job's record, at the place that the row says.
   template <EdgeId E, TaskId R>
   requires(names_reader(E, R) && end_in(E, B) != EdgeEnd::kSends)
       [[nodiscard]] auto take(rt::JobRecord& record) noexcept {
-    constexpr int input = limit_of(E, R).input;
+    constexpr int input = kLimitTable[find_limit_row(E, R)].input;
     static_assert(input != kUnlisted, "no task's");
     const auto view = read<E, R>();
     record.input_seq[std::size_t{input}] = view.seq;

@@ -88,16 +88,16 @@ template <TaskId R>
 class ReaderLimits {
   static constexpr std::size_t kRows = static_cast<std::size_t>(std::count_if(
       kLimitTable.begin(), kLimitTable.end(), [](const LimitRow& row) { return row.reader == R; }));
-  [[nodiscard]] static consteval std::array<std::size_t, kRows> rows() {
+  [[nodiscard]] static constexpr std::array<std::size_t, kRows> rows() {
     std::array<std::size_t, kRows> found{};
     for (std::size_t i = 0, at = 0; i < kLimitTable.size(); ++i) {
       if (kLimitTable[i].reader == R) found[at++] = i;
     }
     return found;
   }
-  [[nodiscard]] static consteval std::size_t place_of(EdgeId edge) {
+  [[nodiscard]] static constexpr std::size_t place_of(EdgeId edge) {
     std::size_t place = 0;
-    while (rows()[place] != limit_row(edge, R)) ++place;
+    while (rows()[place] != find_limit_row(edge, R)) ++place;
     return place;
   }
 
@@ -106,7 +106,8 @@ class ReaderLimits {
       : watches_(make(config, logs, std::make_index_sequence<kRows>{})) {}
   template <EdgeId E>
   [[nodiscard]] LimitWatch& of() noexcept {
-    return watches_[place_of(E)];
+    constexpr std::size_t place = place_of(E);
+    return watches_[place];
   }
 
  private:
