@@ -4,12 +4,6 @@
 
 namespace perception {
 
-namespace {
-// The ray caster loads the corners of a cell before it knows whether its ray is in the map: from the
-// last word of the empty block, which is the last, up to x + 1, y + 1, z + 1 behind it.
-constexpr std::size_t kWordsBehind = 64 + 8 + 1;
-}  // namespace
-
 BlockPool::BlockPool(rt::NonRealtime& nrt, int max_blocks, int max_chunks)
     : max_blocks_(max_blocks),
       max_chunks_(max_chunks),
@@ -19,7 +13,7 @@ BlockPool::BlockPool(rt::NonRealtime& nrt, int max_blocks, int max_chunks)
   chunks_.resize(chunks + 1);
   recycled_chunks_.assign(chunks, 0);
   chunks_.back().block.fill(kNoBlock);
-  words_.assign((blocks + 1) * kBlockVoxels + kWordsBehind, 0);
+  words_.assign((blocks + 1) * kBlockVoxels + MapLayout::kWordsBehind, 0);
   colours_.assign(blocks * kBlockVoxels, 0);
   free_.assign(blocks * 8, 0);
   coords_.assign(blocks, {});

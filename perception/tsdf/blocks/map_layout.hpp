@@ -66,6 +66,9 @@ struct MapLayout {
   // --- for vector kernels: the arrays themselves. Chunk n's table of block numbers begins at
   // n * table_stride; table `empty_table` holds no block, block `empty_block` holds zeros. ahead[8 b + n]:
   // the block one to the x (n bit 2), y (bit 1), z (bit 0) of block b; empty_block where none is.
+  // empty_block is the last block. Behind it kWordsBehind words may be loaded: a kernel loads
+  // the corners of a cell, up to (x + 1, y + 1, z + 1), before it knows if its ray is in the map.
+  static constexpr std::size_t kWordsBehind = 64 + 8 + 1;
   struct Arrays {
     const std::int32_t* tables;
     const std::int32_t* words;
