@@ -13,7 +13,7 @@ using perception::RgbdFrame;
 
 namespace {
 
-constexpr std::uint32_t kMagic = 0x32465454;  // "TTF2"
+constexpr std::uint32_t kFrameMagic = 0x32465454;  // "TTF2"
 
 bool plausible(const Intrinsics& k) noexcept {
   const auto within = [](double v, double lo, double hi) { return v >= lo && v <= hi; };
@@ -168,7 +168,7 @@ std::size_t wire_size(const EncodedFrame& f) noexcept {
 std::size_t write_wire(const EncodedFrame& f, std::span<std::uint8_t> out) noexcept {
   if (out.size() < wire_size(f)) return 0;
   std::uint8_t* at = out.data();
-  put(at, kMagic);
+  put(at, kFrameMagic);
   put(at, static_cast<std::uint8_t>(f.exposure.box));
   put(at, static_cast<std::uint8_t>(f.has_colour ? 1 : 0));
   put(at, static_cast<std::uint16_t>(f.intrinsics.width));
@@ -195,7 +195,7 @@ std::size_t write_wire(const EncodedFrame& f, std::span<std::uint8_t> out) noexc
 FrameStatus read_wire(std::span<const std::uint8_t> in, EncodedFrame& out) noexcept {
   if (in.size() < kWireHeader) return FrameStatus::kTruncated;
   const std::uint8_t* at = in.data();
-  if (get<std::uint32_t>(at) != kMagic) return FrameStatus::kBadHeader;
+  if (get<std::uint32_t>(at) != kFrameMagic) return FrameStatus::kBadHeader;
   const auto box = get<std::uint8_t>(at), flags = get<std::uint8_t>(at);
   Intrinsics k;
   k.width = get<std::uint16_t>(at);

@@ -14,7 +14,7 @@ namespace drivers {
 
 namespace {
 
-constexpr std::uint32_t kMagic = 0x31544C54;  // "TLT1"
+constexpr std::uint32_t kWireMagic = 0x31544C54;  // "TLT1"
 
 // Table k: what a byte does to the checksum once k more bytes have followed it. An image is summed at both ends, so
 // eight bytes go in at once (Kounavis and Berry 2005): one at a time this was a fifth of the link's CPU.
@@ -176,7 +176,7 @@ std::uint32_t crc32c(std::span<const std::uint8_t> data) noexcept {
 
 void write_header(const Header& h, std::span<std::uint8_t, kHeaderSize> out) noexcept {
   Writer w{out};
-  w.put(kMagic);
+  w.put(kWireMagic);
   w.put(h.version);
   w.put(static_cast<std::uint16_t>(h.id));
   w.put(h.length);
@@ -199,7 +199,7 @@ WireStatus read_header(std::span<const std::uint8_t> in, Header& out) noexcept {
   r.get(out.seq);
   r.get(out.stamp_ns);
   r.get(out.schema);
-  if (magic != kMagic) return WireStatus::kBadMagic;
+  if (magic != kWireMagic) return WireStatus::kBadMagic;
   if (id < 1 || id > kMessageIds) return WireStatus::kBadId;
   out.id = static_cast<MessageId>(id);
   // A Hello of another version is still read: the refusal must be able to name both.

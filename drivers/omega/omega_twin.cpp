@@ -11,7 +11,7 @@ namespace {
 
 using perception::Vec3;
 
-constexpr double kGravity = 9.81;
+constexpr double kGravity_mps2 = 9.81;
 
 Vec3 clipped(const Vec3& f, double limit) noexcept {
   const double n = f.norm();
@@ -146,7 +146,7 @@ void OmegaTwin::act(rt::Time now, const ForceCommand& command) noexcept {
   if (state_ != DeviceState::kForce) return;
   // The driver's part: gravity is compensated on the host, and the sum saturates.
   Vec3 f = command.f_H_D.allFinite() ? command.f_H_D : Vec3::Zero();
-  f.z() += config_.gravity_mass_kg * kGravity;
+  f.z() += config_.gravity_mass_kg * kGravity_mps2;
   Pending p;
   const std::int64_t since = (now - epoch_).count();
   p.step = (since + step_ns_.count() - 1) / step_ns_.count() + delay_steps_;
@@ -246,7 +246,7 @@ void OmegaTwin::substep() noexcept {
   if (state_ == DeviceState::kForce) u += force_;
   if (config_.gravity_mass_kg > 0) {
     rt::effect_ran(rt::Effect::kGravity);
-    u.z() -= config_.gravity_mass_kg * kGravity;
+    u.z() -= config_.gravity_mass_kg * kGravity_mps2;
   }
   const double reach = x_.norm();
   if (reach > config_.workspace_radius_m) {

@@ -13,7 +13,6 @@ using perception::Vec3;
 
 namespace {
 
-constexpr double kFar = 100.0;  // m, half the largest world
 constexpr double kDegree = std::numbers::pi / 180.0;
 
 Vec3 vec(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
@@ -33,7 +32,7 @@ double there_and_back(double x, double end) {
 void WaypointConfig::describe(config::Section& s) {
   s.number("at_s", at_s, 0, 1e6, "waypoints: when, since the world's beginning");
   s.number("wait_s", wait_s, 0, 1e6, "walk: so long it stands there");
-  s.numbers("offset_m", offset_m, -kFar, kFar, "from where the shapes stand");
+  s.numbers("offset_m", offset_m, -kFar_m, kFar_m, "from where the shapes stand");
   s.number("turn_deg", turn_deg, -3600, 3600, "about the axis");
 }
 
@@ -46,11 +45,11 @@ void MoverConfig::describe(config::Section& s) {
   s.number("duration_s", duration_s, 0, 1e6,
            "after which it stops; 0: never. Not of waypoints and walk");
   s.numbers("velocity_m_per_s", velocity_m_per_s, -10, 10, "line: in the world's axes");
-  s.numbers("way_m", way_m, -kFar, kFar, "shuttle: how far it goes before it comes back");
+  s.numbers("way_m", way_m, -kFar_m, kFar_m, "shuttle: how far it goes before it comes back");
   s.number("speed_m_per_s", speed_m_per_s, 0.001, 10, "shuttle, walk: along its way");
-  s.numbers("amplitude_m", amplitude_m, -kFar, kFar, "swing: to each side");
+  s.numbers("amplitude_m", amplitude_m, -kFar_m, kFar_m, "swing: to each side");
   s.number("period_s", period_s, 0.05, 1000, "swing: there, back and there again");
-  s.numbers("point_m", point_m, -kFar, kFar, "a point of the axis");
+  s.numbers("point_m", point_m, -kFar_m, kFar_m, "a point of the axis");
   s.numbers("axis", axis, -1, 1, "direction of the axis; only the vertical one with cylinders");
   s.number("rate_deg_per_s", rate_deg_per_s, 0.001, 720, "hinge: how fast it turns");
   s.number("angle_deg", angle_deg, -3600, 3600, "hinge: how far; swing: to each side");

@@ -25,6 +25,8 @@
 
 namespace drivers {
 
+inline constexpr double kFar_m = 100.0;  // half the largest world
+
 struct WaypointConfig {
   double at_s = 0;  // of waypoints
   std::array<double, 3> offset_m{0, 0, 0};

@@ -20,7 +20,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-Vec3 vec(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
+Vec3 to_vector(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
 
 double radians(double degrees) { return degrees * std::numbers::pi / 180.0; }
 
@@ -193,8 +193,8 @@ Shape make_box(const BoxConfig& c) {
                      Eigen::AngleAxisd(radians(c.pitch_deg), Vec3::UnitY()) *
                      Eigen::AngleAxisd(radians(c.roll_deg), Vec3::UnitX()))
                         .toRotationMatrix();
-  s.X_WS.translation() = vec(c.position_m);
-  s.half = vec(c.size_m) / 2;
+  s.X_WS.translation() = to_vector(c.position_m);
+  s.half = to_vector(c.size_m) / 2;
   s.paint = make_paint(c.paint);
   return s;
 }
@@ -203,21 +203,22 @@ Shape make_cylinder(const CylinderConfig& c) {
   Shape s;
   s.kind = Shape::Kind::kCylinder;
   s.name = c.name;
-  s.X_WS.translation() = vec(c.position_m) + Vec3(0, 0, c.height_m / 2);
+  s.X_WS.translation() = to_vector(c.position_m) + Vec3(0, 0, c.height_m / 2);
   s.half = {c.radius_m, c.radius_m, c.height_m / 2};
   s.paint = make_paint(c.paint);
   return s;
 }
 
 Shape make_capsule(const CapsuleShapeConfig& c) {
-  return make_capsule(c.name, vec(c.from_m), vec(c.to_m), c.radius_m, make_paint(c.paint));
+  return make_capsule(c.name, to_vector(c.from_m), to_vector(c.to_m), c.radius_m,
+                      make_paint(c.paint));
 }
 
 Shape make_sphere(const SphereConfig& c) {
   Shape s;
   s.kind = Shape::Kind::kSphere;
   s.name = c.name;
-  s.X_WS.translation() = vec(c.position_m);
+  s.X_WS.translation() = to_vector(c.position_m);
   s.half = Vec3::Constant(c.radius_m);
   s.paint = make_paint(c.paint);
   return s;
@@ -263,7 +264,8 @@ World::World(rt::NonRealtime&, const WorldConfig& config, rt::Time t0) : t0_(t0)
   std::vector<Shape> shapes;
   if (config.room.present()) add_room(config.room, shapes);
   for (const auto& c : config.planes) {
-    shapes.push_back(make_plane(c.name, vec(c.point_m), vec(c.normal), c.ground, c.paint));
+    shapes.push_back(
+        make_plane(c.name, to_vector(c.point_m), to_vector(c.normal), c.ground, c.paint));
   }
   for (const auto& c : config.boxes) shapes.push_back(make_box(c));
   for (const auto& c : config.cylinders) shapes.push_back(make_cylinder(c));

@@ -3,7 +3,6 @@
 namespace drivers {
 
 namespace {
-constexpr double kFar = 100.0;  // m, half the largest world
 
 void describe_name(config::Section& s, std::string& name) {
   s.text("name", name, {}, "unique name of the shape");
@@ -18,16 +17,16 @@ void PaintConfig::describe(config::Section& s) {
 }
 
 void RoomConfig::describe(config::Section& s) {
-  s.numbers("x_m", x_m, -kFar, kFar, "inner faces of the walls; equal values: no room");
-  s.numbers("y_m", y_m, -kFar, kFar, "inner faces of the walls; equal values: no room");
-  s.number("height_m", height_m, 0, kFar, "of the ceiling above the floor z = 0; 0: no ceiling");
+  s.numbers("x_m", x_m, -kFar_m, kFar_m, "inner faces of the walls; equal values: no room");
+  s.numbers("y_m", y_m, -kFar_m, kFar_m, "inner faces of the walls; equal values: no room");
+  s.number("height_m", height_m, 0, kFar_m, "of the ceiling above the floor z = 0; 0: no ceiling");
   floor.describe(s.section("floor", "paint of the floor"));
   walls.describe(s.section("walls", "paint of the walls and the ceiling"));
 }
 
 void PlaneConfig::describe(config::Section& s) {
   describe_name(s, name);
-  s.numbers("point_m", point_m, -kFar, kFar, "a point of the surface");
+  s.numbers("point_m", point_m, -kFar_m, kFar_m, "a point of the surface");
   s.numbers("normal", normal, -1, 1, "direction out of the solid half-space");
   s.flag("ground", ground, "the robot drives on it: never a collision");
   paint.describe(s);
@@ -35,8 +34,8 @@ void PlaneConfig::describe(config::Section& s) {
 
 void BoxConfig::describe(config::Section& s) {
   describe_name(s, name);
-  s.numbers("size_m", size_m, 0.001, kFar, "edges along the box's own x, y, z");
-  s.numbers("position_m", position_m, -kFar, kFar, "centre of the box");
+  s.numbers("size_m", size_m, 0.001, kFar_m, "edges along the box's own x, y, z");
+  s.numbers("position_m", position_m, -kFar_m, kFar_m, "centre of the box");
   s.number("yaw_deg", yaw_deg, -360, 360, "rotation about z");
   s.number("pitch_deg", pitch_deg, -360, 360, "then about the box's y");
   s.number("roll_deg", roll_deg, -360, 360, "then about the box's x");
@@ -45,24 +44,24 @@ void BoxConfig::describe(config::Section& s) {
 
 void CylinderConfig::describe(config::Section& s) {
   describe_name(s, name);
-  s.numbers("position_m", position_m, -kFar, kFar, "centre of the bottom disc; axis vertical");
-  s.number("radius_m", radius_m, 0.001, kFar, "radius");
-  s.number("height_m", height_m, 0.001, kFar, "height");
+  s.numbers("position_m", position_m, -kFar_m, kFar_m, "centre of the bottom disc; axis vertical");
+  s.number("radius_m", radius_m, 0.001, kFar_m, "radius");
+  s.number("height_m", height_m, 0.001, kFar_m, "height");
   paint.describe(s);
 }
 
 void SphereConfig::describe(config::Section& s) {
   describe_name(s, name);
-  s.numbers("position_m", position_m, -kFar, kFar, "centre");
-  s.number("radius_m", radius_m, 0.001, kFar, "radius");
+  s.numbers("position_m", position_m, -kFar_m, kFar_m, "centre");
+  s.number("radius_m", radius_m, 0.001, kFar_m, "radius");
   paint.describe(s);
 }
 
 void CapsuleShapeConfig::describe(config::Section& s) {
   describe_name(s, name);
-  s.numbers("from_m", from_m, -kFar, kFar, "one end of the axis");
-  s.numbers("to_m", to_m, -kFar, kFar, "the other end; the same: a ball");
-  s.number("radius_m", radius_m, 0.001, kFar, "about the axis");
+  s.numbers("from_m", from_m, -kFar_m, kFar_m, "one end of the axis");
+  s.numbers("to_m", to_m, -kFar_m, kFar_m, "the other end; the same: a ball");
+  s.number("radius_m", radius_m, 0.001, kFar_m, "about the axis");
   paint.describe(s);
 }
 

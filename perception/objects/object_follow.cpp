@@ -10,7 +10,7 @@ namespace {
 constexpr int kLeastSeed = 12;           // half-resolution pixels
 constexpr int kWindowHalfPixels = 6000;  // of a window that others may join ...
 constexpr int kWindowMore = 1000;        // ... and for each of them
-constexpr int kSureWeight = 3;           // of a background that contradicts a mask
+constexpr int kSureBackground = 3;       // of a background that contradicts a mask
 constexpr int kMargin_px = 48;           // of a window beyond what is known, both sides together
 constexpr int kFullWindow = 5000;        // half-resolution pixels that are looked at in full
 
@@ -215,9 +215,9 @@ ObjectMap::Turn& ObjectMap::find_known(const Look& look, std::uint8_t id, SeedBo
   const int step = known_step(), each = scale_ * scale_;
   const auto ask = [&](int u, int v) {
     const LabelVoxel known = look.voted(u, v);
-    known_.at(u, v) = known.label != 0              ? known.label
-                      : known.weight >= kSureWeight ? kSureOther
-                                                    : std::uint8_t{0};
+    known_.at(u, v) = known.label != 0                  ? known.label
+                      : known.weight >= kSureBackground ? kSureOther
+                                                        : std::uint8_t{0};
   };
   // What is that near is asked at every second one of these first: between such that agree it is the same.
   const int apart = scale_ > 1 ? 2 * step : step;

@@ -45,7 +45,6 @@ void set_point(ob::State* state, Point2 p) {
   v[0] = p.x;
   v[1] = p.y;
 }
-double distance(Point2 a, Point2 b) { return std::hypot(b.x - a.x, b.y - a.y); }
 
 }  // namespace
 

@@ -20,6 +20,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -35,6 +36,10 @@ struct Point2 {
   double x = 0, y = 0;  // m, grid frame M of the cost map
   friend bool operator==(const Point2&, const Point2&) = default;
 };
+
+[[nodiscard]] inline double distance(Point2 a, Point2 b) {
+  return std::hypot(b.x - a.x, b.y - a.y);
+}
 
 // Largest cost at which the body still fits: everything below inscribed. New paths keep to
 // PlannerConfig::drive_cost, one that is driven holds up to here.

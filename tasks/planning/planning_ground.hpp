@@ -8,10 +8,6 @@
 
 namespace tasks {
 
-[[nodiscard]] inline double distance(Point2 a, Point2 b) {
-  return std::hypot(b.x - a.x, b.y - a.y);
-}
-
 [[nodiscard]] inline Point2 nearest_on_segment(Point2 p, Point2 a, Point2 b) {
   const double dx = b.x - a.x, dy = b.y - a.y, d2 = dx * dx + dy * dy;
   const double t = d2 > 0 ? std::clamp(((p.x - a.x) * dx + (p.y - a.y) * dy) / d2, 0.0, 1.0) : 0.0;

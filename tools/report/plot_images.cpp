@@ -54,7 +54,7 @@ std::string encode(const Picture& p, bool flip_rows) {
   return "data:image/png;base64," + base64(png);
 }
 
-std::string f(double v) {
+std::string one_decimal(double v) {
   char buffer[32];
   std::snprintf(buffer, sizeof buffer, "%.1f", std::isfinite(v) ? v : 0.0);
   return buffer;
@@ -84,7 +84,7 @@ void draw_lines(Canvas& c, const Overlay& o, const View& view, const std::string
     // A path sampled at 1 kHz needs no point every hundredth of a pixel.
     const bool end = i + 1 == std::min(o.x.size(), o.y.size());
     if (n > 0 && !end && std::hypot(px - last_x, py - last_y) < 0.7) continue;
-    points += f(px) + "," + f(py) + " ";
+    points += one_decimal(px) + "," + one_decimal(py) + " ";
     last_x = px, last_y = py;
     ++n;
   }
@@ -98,9 +98,10 @@ void draw_arrow(Canvas& c, const Overlay& o, const View& view, const std::string
   const double length = std::hypot(x1 - x0, y1 - y0);
   if (!(length > 0)) return;
   const double ux = (x1 - x0) / length, uy = (y1 - y0) / length, h = 4 + 2 * o.width_px;
-  c.raw("<path d=\"M" + f(x0) + " " + f(y0) + "L" + f(x1) + " " + f(y1) + "M" +
-        f(x1 - h * (ux - 0.5 * uy)) + " " + f(y1 - h * (uy + 0.5 * ux)) + "L" + f(x1) + " " +
-        f(y1) + "L" + f(x1 - h * (ux + 0.5 * uy)) + " " + f(y1 - h * (uy - 0.5 * ux)) +
+  c.raw("<path d=\"M" + one_decimal(x0) + " " + one_decimal(y0) + "L" + one_decimal(x1) + " " +
+        one_decimal(y1) + "M" + one_decimal(x1 - h * (ux - 0.5 * uy)) + " " +
+        one_decimal(y1 - h * (uy + 0.5 * ux)) + "L" + one_decimal(x1) + " " + one_decimal(y1) +
+        "L" + one_decimal(x1 - h * (ux + 0.5 * uy)) + " " + one_decimal(y1 - h * (uy - 0.5 * ux)) +
         "\" fill=\"none\" " + style + "/>\n");
 }
 
@@ -113,15 +114,17 @@ void draw_symbols(Canvas& c, const Overlay& o, const View& view, const std::stri
     if (std::hypot(px - last_x, py - last_y) < 0.5) continue;
     last_x = px, last_y = py;
     if (o.kind == Overlay::Kind::kCross) {
-      c.raw("<path d=\"M" + f(px - r) + " " + f(py - r) + "L" + f(px + r) + " " + f(py + r) + "M" +
-            f(px - r) + " " + f(py + r) + "L" + f(px + r) + " " + f(py - r) + "\" " + style +
-            "/>\n");
-    } else if (o.kind == Overlay::Kind::kDot) {
-      c.raw("<circle cx=\"" + f(px) + "\" cy=\"" + f(py) + "\" r=\"" + f(r) + "\" fill=\"" +
-            escaped(o.colour) + "\" stroke=\"#fff\" stroke-width=\"1\"/>\n");
-    } else {
-      c.raw("<circle cx=\"" + f(px) + "\" cy=\"" + f(py) + "\" r=\"" + f(r) + "\" fill=\"none\" " +
+      c.raw("<path d=\"M" + one_decimal(px - r) + " " + one_decimal(py - r) + "L" +
+            one_decimal(px + r) + " " + one_decimal(py + r) + "M" + one_decimal(px - r) + " " +
+            one_decimal(py + r) + "L" + one_decimal(px + r) + " " + one_decimal(py - r) + "\" " +
             style + "/>\n");
+    } else if (o.kind == Overlay::Kind::kDot) {
+      c.raw("<circle cx=\"" + one_decimal(px) + "\" cy=\"" + one_decimal(py) + "\" r=\"" +
+            one_decimal(r) + "\" fill=\"" + escaped(o.colour) +
+            "\" stroke=\"#fff\" stroke-width=\"1\"/>\n");
+    } else {
+      c.raw("<circle cx=\"" + one_decimal(px) + "\" cy=\"" + one_decimal(py) + "\" r=\"" +
+            one_decimal(r) + "\" fill=\"none\" " + style + "/>\n");
     }
   }
 }
@@ -129,7 +132,7 @@ void draw_symbols(Canvas& c, const Overlay& o, const View& view, const std::stri
 void draw_overlays(Canvas& c, std::span<const Overlay> overlays, const View& view) {
   for (const Overlay& o : overlays) {
     const std::string style = "stroke=\"" + escaped(o.colour) + "\" stroke-width=\"" +
-                              f(o.width_px) +
+                              one_decimal(o.width_px) +
                               "\" stroke-linejoin=\"round\" stroke-linecap=\"round\"" +
                               (o.dashed ? " stroke-dasharray=\"6 5\"" : "");
     switch (o.kind) {
@@ -164,9 +167,9 @@ std::vector<LegendItem> legend_of(std::span<const Overlay> overlays) {
 
 void draw_image(Canvas& c, const std::string& url, double x, double y, double w, double h,
                 bool smooth) {
-  c.raw("<image x=\"" + f(x) + "\" y=\"" + f(y) + "\" width=\"" + f(w) + "\" height=\"" + f(h) +
-        "\" preserveAspectRatio=\"none\"" + (smooth ? "" : " style=\"image-rendering:pixelated\"") +
-        " href=\"" + url + "\"/>\n");
+  c.raw("<image x=\"" + one_decimal(x) + "\" y=\"" + one_decimal(y) + "\" width=\"" +
+        one_decimal(w) + "\" height=\"" + one_decimal(h) + "\" preserveAspectRatio=\"none\"" +
+        (smooth ? "" : " style=\"image-rendering:pixelated\"") + " href=\"" + url + "\"/>\n");
 }
 
 }  // namespace

@@ -39,6 +39,7 @@
 #include "tools/cli/options.hpp"
 #include "tools/files/metrics_json.hpp"
 #include "tools/files/pose_file.hpp"
+#include "tools/files/take.hpp"
 #include "tools/files/whole_file.hpp"
 #include "tools/record/fusion_feed.hpp"
 #include "tools/teletact/commands.hpp"
@@ -55,12 +56,6 @@ struct FuseOptions {
   std::array<std::string, 8> knobs;  // values of kKnobs; empty: not given
   double mesh_weight = perception::MeshOptions{}.min_weight;
 };
-
-template <class T>
-T take(rt::Result<T> result) {
-  if (!result) throw std::runtime_error(result.error());
-  return std::move(result).value();
-}
 
 // Odometry at t, between two lines at most 0.2 s apart, with the velocity there; empty where the file
 // says nothing.

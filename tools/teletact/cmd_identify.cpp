@@ -12,6 +12,7 @@
 #include "rt/clock/box_time.hpp"
 #include "tools/cli/options.hpp"
 #include "tools/files/metrics_json.hpp"
+#include "tools/files/today.hpp"
 #include "tools/files/whole_file.hpp"
 #include "tools/scene/haptic_choice.hpp"
 #include "tools/scene/scene.hpp"
@@ -20,15 +21,6 @@
 
 namespace teletact {
 namespace {
-
-std::string today() {
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  gmtime_r(&now, &parts);
-  char text[16];
-  std::strftime(text, sizeof text, "%Y-%m-%d", &parts);
-  return text;
-}
 
 std::string keys_of(const std::string& kind, const IdentifyResult& r) {
   const std::string section = kind == "twin" ? "device" : "device." + kind;

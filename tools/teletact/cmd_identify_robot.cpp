@@ -18,6 +18,8 @@
 #include "tools/cli/options.hpp"
 #include "tools/files/metrics_json.hpp"
 #include "tools/files/pose_file.hpp"
+#include "tools/files/take.hpp"
+#include "tools/files/today.hpp"
 #include "tools/files/whole_file.hpp"
 #include "tools/robot/floor_seen.hpp"
 #include "tools/robot/robot_drive.hpp"
@@ -37,21 +39,6 @@ struct Options {
   double ticks_per_turn = 0;
   bool partial = false;
 };
-
-std::string today() {
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  gmtime_r(&now, &parts);
-  char text[16];
-  std::strftime(text, sizeof text, "%Y-%m-%d", &parts);
-  return text;
-}
-
-template <class T>
-T take(rt::Result<T> result) {
-  if (!result) throw std::runtime_error(result.error());
-  return std::move(result).value();
-}
 
 // Of the images near a claimed pose, one in fifteen.
 void see_floor(const Options& o, const RobotModel& stated, RobotDrive& drive) {

@@ -15,6 +15,7 @@
 #include "tools/cli/options.hpp"
 #include "tools/files/csv.hpp"
 #include "tools/files/metrics_json.hpp"
+#include "tools/files/take.hpp"
 #include "tools/files/whole_file.hpp"
 #include "tools/teletact/commands.hpp"
 
@@ -25,12 +26,6 @@ struct PredictOptions {
   std::string log, method = "lsq", out, json;
   double delay_s = 0;
 };
-
-template <class T>
-T take(rt::Result<T> result) {
-  if (!result) throw std::runtime_error(result.error());
-  return std::move(result).value();
-}
 
 struct Log {
   std::vector<std::string> stamps;        // t_s as the file writes it

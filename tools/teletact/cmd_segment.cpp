@@ -32,6 +32,7 @@
 #include "tools/cli/options.hpp"
 #include "tools/files/image_files.hpp"
 #include "tools/files/metrics_json.hpp"
+#include "tools/files/take.hpp"
 #include "tools/files/whole_file.hpp"
 #include "tools/teletact/commands.hpp"
 
@@ -58,12 +59,6 @@ struct Selected {
   std::vector<int> pixels;
   std::vector<float> d;
 };
-
-template <class T>
-T take(rt::Result<T> result) {
-  if (!result) throw std::runtime_error(result.error());
-  return std::move(result).value();
-}
 
 double cpu_ms() { return 1e-6 * static_cast<double>(rt::thread_cpu_ns()); }
 

@@ -12,6 +12,7 @@
 #include "perception/segmentation/region_grow.hpp"
 #include "perception/segmentation/region_merge.hpp"
 #include "tools/files/image_files.hpp"
+#include "tools/files/take.hpp"
 
 namespace teletact {
 namespace {
@@ -24,12 +25,6 @@ using perception::ScoredMap;
 using perception::SegmentationScores;
 
 using Labels = std::vector<std::uint16_t>;
-
-template <class T>
-T take(rt::Result<T> result) {
-  if (!result) throw std::runtime_error(result.error());
-  return std::move(result).value();
-}
 
 double cpu_ms() { return 1e-6 * static_cast<double>(rt::thread_cpu_ns()); }
 

@@ -1,6 +1,7 @@
 #include "tools/measure/bench/table2/touches.hpp"
 #include "rt/clock/box_time.hpp"
 #include "rt/quantile.hpp"
+#include "tools/files/take.hpp"
 #include "tools/measure/bench/other_load.hpp"
 
 #include <algorithm>
@@ -31,12 +32,6 @@ using perception::Rgb;
 
 constexpr std::uint16_t kUnlabelled = 65535;
 constexpr int kTouches = 10;
-
-template <class T>
-T take(rt::Result<T> result) {
-  if (!result) throw std::runtime_error(result.error());
-  return std::move(result).value();
-}
 
 double cpu_ms() { return 1e-6 * static_cast<double>(rt::thread_cpu_ns()); }
 
