@@ -43,6 +43,16 @@ target_include_directories(teletact_options SYSTEM INTERFACE
   $<BUILD_INTERFACE:$<TARGET_PROPERTY:Eigen3::Eigen,INTERFACE_INCLUDE_DIRECTORIES>>)
 teletact_install(options)
 
+# Kernels that Highway compiles once per instruction set include themselves again: never together with others.
+function(teletact_alone)
+  foreach(source ${ARGN})
+    file(STRINGS ${source} found REGEX "HWY_TARGET_INCLUDE|include \"hwy/|vectors-inl.hpp" LIMIT_COUNT 1)
+    if(found)
+      set_source_files_properties(${source} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+    endif()
+  endforeach()
+endfunction()
+
 # teletact_library(<module>_<folder> [FOLDER dir] [PARTS dir...] [DEPS ours...] [PACKAGES imported...])
 # Takes every .cpp of the folder, and of the folders in it that PARTS names; headers only become an interface library.
 function(teletact_library name)
@@ -52,6 +62,7 @@ function(teletact_library name)
     list(APPEND patterns ${CMAKE_CURRENT_SOURCE_DIR}/${A_FOLDER}/${part}/*.cpp)
   endforeach()
   file(GLOB sources CONFIGURE_DEPENDS ${patterns})
+  teletact_alone(${sources})
   if(sources)
     add_library(teletact_${name} STATIC ${sources})
     set(kind PUBLIC)
