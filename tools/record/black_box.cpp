@@ -133,7 +133,8 @@ std::vector<std::string> files_in(const std::string& folder) {
 }
 
 std::string why(const rt::BlackBox& box) {
-  return box.stop.empty() ? "the process ended without a word" : box.stop;
+  return box.stop.empty() ? "the process ended without a message (killed, or power lost)"
+                          : box.stop;
 }
 
 }  // namespace
