@@ -73,8 +73,8 @@ struct Projected {
   HWY_ALIGN float stretch2[512];
 };
 
-// The image's pixel that each node of the vector from node n on falls on, as a number. kInside: every node is known to
-// fall into the image.
+// Number of the pixel onto which each node projects, for the vector that begins at node n. kInside:
+// every node is known to project into the image.
 template <bool kInside>
 HWY_INLINE VU project_nodes(const UpdateCamera& c, const float (&p0)[3], std::size_t n,
                             Projected& out) {
@@ -101,8 +101,9 @@ HWY_INLINE VU project_nodes(const UpdateCamera& c, const float (&p0)[3], std::si
   return hn::IfThenElse(hn::RebindMask(du, in), number, spare);
 }
 
-// Readings and where they are of all nodes; then `each(reading, n)` for every vector. By plain loads or by the gather
-// instruction, whichever this processor is better at. The barriers keep the compiler from making one of the others.
+// Finds the reading and its pixel for all nodes, then calls `each(reading, n)` for every vector.
+// Uses plain loads or the gather instruction, whichever is faster on this processor. The barriers
+// keep the compiler from turning one into the other.
 template <bool kInside, class Each>
 HWY_INLINE void project(const UpdateCamera& c, const float (&p0)[3], Projected& out, Each&& each) {
   const DU du;
