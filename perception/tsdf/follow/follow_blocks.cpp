@@ -28,7 +28,7 @@ double FollowFrame::node_off(const UpdateCamera& cam, const float (&p0)[3], int 
   for (int a = 0; a < 3; ++a) p[a] = p0[a] + cam.node[a][n];
   if (!(p[2] >= CameraBoxes::kLeastZ)) return std::nan("");
   const float inverse = 1.0F / p[2], x = p[0] * inverse, y = p[1] * inverse;
-  const float u = x * cam.fx + cam.cx_half, v = y * cam.fy + cam.cy_half;
+  const float u = x * cam.fx + cam.cx_plus_half, v = y * cam.fy + cam.cy_plus_half;
   if (!(u >= 0 && v >= 0 && u < static_cast<float>(cam.width) &&
         v < static_cast<float>(cam.height)))
     return std::nan("");

@@ -86,7 +86,8 @@ HWY_INLINE VU project_nodes(const UpdateCamera& c, const float (&p0)[3], std::si
            pz = add(set(p0[2]), hn::Load(df, c.node[2] + n));
   const VF inv = hn::Div(one, pz);
   const VF x = mul(px, inv), y = mul(py, inv);
-  const VF u = add(mul(x, set(c.fx)), set(c.cx_half)), v = add(mul(y, set(c.fy)), set(c.cy_half));
+  const VF u = add(mul(x, set(c.fx)), set(c.cx_plus_half)),
+           v = add(mul(y, set(c.fy)), set(c.cy_plus_half));
   const VU pixel = hn::BitCast(du, hn::Or(hn::ShiftLeft<16>(truncated(v)), truncated(u)));
   hn::Store(pixel, du, out.pixel + n);
   hn::Store(pz, df, out.z + n);

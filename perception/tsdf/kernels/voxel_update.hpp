@@ -28,7 +28,7 @@
 namespace perception {
 
 struct UpdateCamera {
-  float fx, fy, cx_half, cy_half;  // half: and a half
+  float fx, fy, cx_plus_half, cy_plus_half;  // px; cx + 0.5, cy + 0.5
   int width, height;
   const std::uint32_t* pixels;  // DepthPyramid::pixels(); [width * height] is 0
   float truncation_m;
