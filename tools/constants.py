@@ -28,16 +28,17 @@ NUMBER = re.compile(r"(?<![\w.])[-+]?[\d.][\d.'eE+-]*[uUlLfF]*(?!\w)")
 
 HEAD = """# Constants that were chosen on data
 
-`tools/constants.py` writes this page from marks in the source; do not edit it. It lists each constant that was chosen on
-data, with the data that chose it and the other data that judged it. Constants that are derived, defined, or taken from
-a norm have no mark and are not listed.
+`tools/constants.py` writes this page from marks in the source; do not edit it. It lists each
+constant that was chosen on data, with the data that chose it and the other data that judged it.
+Constants that are derived, defined, or taken from a norm have no mark and are not listed.
 
-- *What it is* comes from the key's description or from the comment beside the constant. *Unit* comes from the name; a
-  name without a unit is a number, a share or a count.
+- *What it is* comes from the key's description or from the comment beside the constant. *Unit*
+  comes from the name; a name without a unit is a number, a share or a count.
 - *not recorded*: the source does not say which data chose (or judged) the constant.
-- *nothing else*: only the data that chose the constant judged it. So its figures on that data say little.
-- The page in brackets has the figures. Those of *moving* are in `docs/measured/moving_judge.md`, those of *follow* and
-  of odd and even samples in `docs/measured/fusion.md`.
+- *nothing else*: only the data that chose the constant judged it. So its figures on that data say
+  little.
+- The page in brackets has the figures. Those of *moving* are in `docs/measured/moving_judge.md`,
+  those of *follow* and of odd and even samples in `docs/measured/fusion.md`.
 
 There is one table a room (folder of the source). The last table explains the names of the data.
 """
@@ -60,10 +61,10 @@ DATA = """
 
 
 # Endings of names that are units, and how they are written.
-UNITS = {"m": "m", "mm": "mm", "um": "um", "s": "s", "ms": "ms", "us": "us", "N": "N", "J": "J", "mJ": "mJ",
-         "deg": "deg", "rad": "rad", "px": "pixels", "vox": "voxels", "voxels": "voxels", "Hz": "Hz", "hz": "Hz",
-         "m2": "m^2", "m3": "m^3", "s2": "s^2", "frames": "frames", "periods": "periods", "jobs": "jobs",
-         "share": "share", "percent": "%", "cm2": "cm^2", "mm2": "mm^2", "kg": "kg", "W": "W"}
+UNITS = {u: u for u in ("m mm um s ms us N J mJ deg rad Hz kg W voxels frames periods jobs "
+                        "share").split()}
+UNITS |= {"px": "pixels", "vox": "voxels", "hz": "Hz", "percent": "%", "m2": "m^2", "m3": "m^3",
+          "s2": "s^2", "cm2": "cm^2", "mm2": "mm^2"}
 KEY = re.compile(r'"(\w+)",\s*[\w.]+(?:\[\d\])?,[^;]*?"((?:[^"\\\n]|"\s*")+)"\s*\)', re.S)
 
 
@@ -77,7 +78,8 @@ def unit_of(name):
         return f"{above or ('m' if below.startswith('m') else '1')}/{below}"  # noise_per_m2: m at 1 m
     last = re.findall(r"[A-Z][a-z]+$", parts[-1])
     if len(parts) == 1 and last:
-        return UNITS.get(last[0].lower(), "") if last[0] in ("Frames", "Periods", "Share", "Percent") else ""
+        counts = ("Frames", "Periods", "Share", "Percent")
+        return UNITS[last[0].lower()] if last[0] in counts else ""
     return UNITS.get(parts[-1], "") if len(parts) > 1 else ""
 
 
@@ -92,7 +94,10 @@ def words(text):
 
 
 def meanings(text):
-    """What the comments of a file say of each line's constants: {line: text}. A comment above a group is of all of it."""
+    """What a file's comments say of the constants of each line: {line: text}.
+
+    A comment above a group is of all of it.
+    """
     said, above, group, open_ = {}, [], "", False
     for number, line in enumerate(text.split("\n"), 1):
         code, comment = split(line)
@@ -130,7 +135,7 @@ def constants(code):
 
 
 def marks(text, name):
-    """Rows (constant, value, chosen, judged, line) of one file; raises on a mark that is broken or of nothing."""
+    """Rows (constant, value, chosen, judged, line) of a file; raises on a broken or useless mark."""
     rows, lines, mark = [], text.split("\n"), None
     covered = 0
 
@@ -153,7 +158,8 @@ def marks(text, name):
             here = constants(code)
             if not here:
                 raise ValueError(f"{name}:{number}: this mark is of no constant")
-            rows += [(n, v, found["chosen"].strip(), found["judged"], number) for n, v in here]
+            chosen = found["chosen"].strip()
+            rows += [(n, v, chosen, found["judged"], number) for n, v in here]
             continue
         if found:
             close(opened)
@@ -180,7 +186,7 @@ def page(root):
         names = [str(p.relative_to(root)) for f in FOLDERS for p in (root / f).rglob("*")]
     texts = {n: (root / n).read_text(encoding="utf-8") for n in sorted(names)
              if n.endswith((".hpp", ".cpp")) and (root / n).is_file()}
-    described = {}  # by room: keys are described in another file than the one that has the value
+    described = {}  # by room: a key may be described in another file than its value
     for name, text in texts.items():
         described.setdefault(room_of(name), {}).update(keys(text))
     out, count, room = HEAD, 0, None
@@ -188,14 +194,15 @@ def page(root):
         rows = marks(texts[name], name)
         if rows and room_of(name) != room:
             room = room_of(name)
-            out += f"\n## {room}\n\n| constant | what it is | unit | value | chosen on | judged on | file |\n"
-            out += "|---|---|---|---|---|---|---|\n"
+            out += f"\n## {room}\n\n| constant | what it is | unit | value | "
+            out += "chosen on | judged on | file |\n|---|---|---|---|---|---|---|\n"
         said = meanings(texts[name])
         for constant, value, chosen, judged, line in rows:
             value = re.sub(r"(?<=[\d.])[FU]\b", "", value).replace("|", "\\|")
             what = described[room].get(constant) or said.get(line, "")
             file = name[len(room) + 1 :]
-            out += f"| `{constant}` | {what} | {unit_of(constant)} | {value} | {chosen} | {judged} | `{file}` |\n"
+            out += f"| `{constant}` | {what} | {unit_of(constant)} | {value} | "
+            out += f"{chosen} | {judged} | `{file}` |\n"
             count += 1
     return out + DATA, count
 
@@ -229,9 +236,11 @@ constexpr double kE =
     assert [r[2] for r in marks(text, "t")][:4] == ["recording, both ways"] * 3 + ["room"]
     said = meanings(text)
     assert [said[r[4]] for r in marks(text, "t")][:4] == ["in front", "", "", "why"], said
-    assert keys('s.number("front_m", front_m, 0.0, 1.0,\n  "before the "\n  "map");') == {"front_m": "before the map"}
-    assert [unit_of(n) for n in ("kStep_N_per_s", "front_m", "noise_per_m2", "kX", "least_share", "kDoubtFrames")] == [
-        "N/s", "m", "m/m^2", "", "share", "frames"]
+    key = 's.number("front_m", front_m, 0.0, 1.0,\n  "before the "\n  "map");'
+    assert keys(key) == {"front_m": "before the map"}
+    units = {"kStep_N_per_s": "N/s", "front_m": "m", "noise_per_m2": "m/m^2", "kX": "",
+             "least_share": "share", "kDoubtFrames": "frames"}
+    assert {n: unit_of(n) for n in units} == units
     for bad in ("int n = 3;  // chosen on: room\n", "// chosen on: a; judged on: b\n\nint n = 3;\n",
                 "void f();  // chosen on: a; judged on: b\n"):
         try:

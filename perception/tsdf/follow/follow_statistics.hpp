@@ -15,9 +15,9 @@ namespace perception::follow {
 using Row = Eigen::Matrix<double, 6, 1>;
 
 // chosen on: follow 1000; judged on: follow 2000
-inline constexpr double kLeast_m = 0.8e-3, kErrors = 5;
-inline constexpr double kFewReadings = 5;  // say nothing of a block
-inline constexpr std::size_t kFewNodes = 24, kFewTiles = 12;
+inline constexpr double kLeast_m = 0.8e-3, kErrors = 5;  // least motion; and in standard errors
+inline constexpr double kFewReadings = 5;                // with fewer a block is not judged
+inline constexpr std::size_t kFewNodes = 24, kFewTiles = 12;  // with fewer nothing is judged
 // Nodes of one moving surface agree: their scatter is at most this many times their noise, plus
 // this share of the distance moved, since the surface may tilt.
 inline constexpr double kAgree = 2, kTilt = 0.3;
