@@ -1,7 +1,9 @@
-// How often an effect was built and was executed in this process: written where it is built and where it is executed, read
-// by the test that what a scene does not ask for is neither. An effect that is not built counts nothing and costs nothing.
+// Counts how often each effect was built and executed in this process. A test reads the counters to
+// show that an effect which no scene asks for is neither built nor executed. An effect that is not
+// built costs nothing.
 //
-// One thread executes an effect; two that did might lose counts of each other, never the first.
+// An effect is executed by one thread. Counts may be lost if two threads execute it, but never the
+// first one.
 #pragma once
 
 #include <array>
@@ -45,7 +47,7 @@ enum class Effect : std::uint8_t {
   kMesh,
 };
 inline constexpr std::size_t kEffects = 30;
-// As the catalogue of effects has them (tools/host/effect_catalogue.hpp).
+// In the order of the catalogue of effects (tools/host/effect_catalogue.hpp).
 inline constexpr std::array<std::string_view, kEffects> kEffectNames{
     "camera noise: axial",
     "camera noise: lateral_px",

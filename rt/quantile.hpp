@@ -1,16 +1,19 @@
-// The one rank rule of every quantile, percentile and median that is told of something measured: nearest rank.
+// Nearest rank: the one rule for every reported quantile, percentile and median.
 //
-//   rule      the q-quantile of n values is the r-th smallest, r the least rank with r / n >= q: so a share q of the
-//             values, or more, is not above it. No interpolation: what is told is one of the values.
-//   rounding  r / n is compared as a double, so q means the decimal that was written: 0.07 of 100 values is the 7th, though
-//             0.07 * 100 is more than 7 in double. As long as n times 10^decimals is below 2^53.
+//   rule      the q-quantile of n values is the r-th smallest, with r the least rank for which r /
+//             n >= q. So at least a share q of the values is not above it. No interpolation: the
+//             result is one of the values.
+//   rounding  r / n is compared as a double, so q means the decimal as written: 0.07 of 100 values
+//             is the 7th, although 0.07 * 100 is more than 7 in double. Valid while n times
+//             10^decimals is below 2^53.
 //   median    q = 0.5: of an even number the lower of the two in the middle
 //   ends      q <= 0 (and NaN): the smallest; q >= 1: the largest
-//   empty     no rank (0); the caller says what is told then
-//   ties      equal values count as often as they are there; which of them is told can not be seen
+//   empty     no rank (0); the caller decides what to report then
+//   ties      equal values count as often as they occur
 //   order     operator<, without NaN among the values; infinities are allowed
 //
-// Histograms (rt::Histogram, drivers::ExchangeHistogram) tell the upper edge of the bin that holds that rank.
+// Histograms (rt::Histogram, drivers::ExchangeHistogram) report the upper edge of the bin that
+// holds that rank.
 #pragma once
 
 #include <algorithm>

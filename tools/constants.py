@@ -26,24 +26,29 @@ MARK = re.compile(r"\bchosen on:\s*(?P<chosen>[^;]+);\s*judged on:\s*(?P<judged>
 CONSTANT = re.compile(r"(?<![\w:])\.?([A-Za-z_]\w*)\s*(?:=\s*|(?=\{[^{}]*\d))(\{[^{}]*\}|[^,;{}=]+)(?=[,;}]|\s*$)")
 NUMBER = re.compile(r"(?<![\w.])[-+]?[\d.][\d.'eE+-]*[uUlLfF]*(?!\w)")
 
-HEAD = """# Which data chose it
+HEAD = """# Constants that were chosen on data
 
-Written by `tools/constants.py` from marks in the source; do not edit. A constant that was chosen on data names that
-data, and other data that it was judged on. What is derived, is a definition or stands in a norm has no mark.
+`tools/constants.py` writes this page from marks in the source; do not edit it. It lists each
+constant that was chosen on data, with the data that chose it and the other data that judged it.
+Constants that are derived, defined, or taken from a norm have no mark and are not listed.
 
-- *not recorded*: the source does not say on what it was chosen, or whether on any data.
-- *nothing else*: no data but that which chose it was asked: its figures on that data say less than they seem to.
-- The figures stand in the page in brackets; those of *moving* in `docs/measured/moving_judge.md`, of *follow* and of the odd and even samples in
-  `docs/measured/fusion.md`.
+- *What it is* comes from the key's description or from the comment beside the constant. *Unit*
+  comes from the name; a name without a unit is a number, a share or a count.
+- *not recorded*: the source does not say which data chose (or judged) the constant.
+- *nothing else*: only the data that chose the constant judged it. So its figures on that data say
+  little.
+- The page in brackets has the figures. Those of *moving* are in `docs/measured/moving_judge.md`,
+  those of *follow* and of odd and even samples in `docs/measured/fusion.md`.
 
+There is one table a room (folder of the source). The last table explains the names of the data.
 """
 DATA = """
 ## The data
 
-| name | what |
+| name | what it is |
 |---|---|
-| recording | 7-Scenes redkitchen, 150 frames of a Kinect; *both ways*: played backwards too |
-| kitchen A-B | frames A to B of it, taken alone |
+| recording | 7-Scenes redkitchen, 150 frames of a Kinect; *both ways*: also played backwards |
+| kitchen A-B | frames A to B of that recording, used alone |
 | room, stairs, turn, near, corridor | synthetic scenes, `docs/fusion.md`, `docs/recordings.md` |
 | moving S, odd / even / first N | samples of `teletact accuracy moving` with seed S (`docs/moving_judge.md`) |
 | follow S | seeds from S on of the test `Follow.*` |
@@ -53,6 +58,70 @@ DATA = """
 | stability N | hard case N of `teletact stability`: every setting on samples; *fused*: on fields fused from rendered depth (`docs/haptic_rendering.md`) |
 | corners | two corners of fused rooms, `docs/haptic_rendering.md`, Cost |
 """
+
+
+# Endings of names that are units, and how they are written.
+UNITS = {u: u for u in ("m mm um s ms us N J mJ deg rad Hz kg W voxels frames periods jobs "
+                        "share").split()}
+UNITS |= {"px": "pixels", "vox": "voxels", "hz": "Hz", "percent": "%", "m2": "m^2", "m3": "m^3",
+          "s2": "s^2", "cm2": "cm^2", "mm2": "mm^2"}
+KEY = re.compile(r'"(\w+)",\s*[\w.]+(?:\[\d\])?,[^;]*?"((?:[^"\\\n]|"\s*")+)"\s*\)', re.S)
+
+
+def unit_of(name):
+    """The unit in a name: kStep_N_per_s is N/s."""
+    parts = re.sub(r"^k(?=[A-Z])", "", name).split("_")
+    if len(parts) > 1 and "per" in parts[:-1]:
+        at = len(parts) - 1 - parts[::-1].index("per")
+        below = "/".join(UNITS.get(p, p) for p in parts[at + 1 :])
+        above = UNITS.get(parts[at - 1], "") if at > 0 else ""
+        return f"{above or ('m' if below.startswith('m') else '1')}/{below}"  # noise_per_m2: m at 1 m
+    last = re.findall(r"[A-Z][a-z]+$", parts[-1])
+    if len(parts) == 1 and last:
+        counts = ("Frames", "Periods", "Share", "Percent")
+        return UNITS[last[0].lower()] if last[0] in counts else ""
+    return UNITS.get(parts[-1], "") if len(parts) > 1 else ""
+
+
+def words(text):
+    """A comment as one cell of a table: a line, without marks, at most some 160 characters."""
+    text = re.sub(r"(?:\bchosen on:[^;]+;\s*judged on:.*$)|NOLINT\S*", "", text)
+    text = re.sub(r"\s+", " ", text).strip(" ;:").replace("|", "\\|")
+    if len(text) <= 160:
+        return text
+    cut = text.rfind(". ", 60, 160)
+    return text[: cut + 1] if cut > 0 else text[: text.rfind(" ", 0, 160)] + " ..."
+
+
+def meanings(text):
+    """What a file's comments say of the constants of each line: {line: text}.
+
+    A comment above a group is of all of it.
+    """
+    said, above, group, open_ = {}, [], "", False
+    for number, line in enumerate(text.split("\n"), 1):
+        code, comment = split(line)
+        comment = words(comment)
+        if not line.strip():
+            above, group, open_ = [], "", False
+        elif not code.strip():
+            if open_ and comment and line.index("//") > 8:  # goes on behind code
+                said[number - 1] = words(said[number - 1] + " " + comment)
+                said[number] = said[number - 1]
+            else:
+                above.append(comment)
+                open_ = False
+        else:
+            if above:
+                group, above = words(" ".join(above)), []
+            said[number] = comment or group
+            open_ = bool(comment)
+    return said
+
+
+def keys(text):
+    """Descriptions of configuration keys in a file: {name: text}."""
+    return {n: words(re.sub(r'"\s*"', "", d)) for n, d in KEY.findall(text)}
 
 
 def split(line):
@@ -66,7 +135,7 @@ def constants(code):
 
 
 def marks(text, name):
-    """Rows (constant, value, chosen, judged) of one file; raises on a mark that is broken or of nothing."""
+    """Rows (constant, value, chosen, judged, line) of a file; raises on a broken or useless mark."""
     rows, lines, mark = [], text.split("\n"), None
     covered = 0
 
@@ -89,7 +158,8 @@ def marks(text, name):
             here = constants(code)
             if not here:
                 raise ValueError(f"{name}:{number}: this mark is of no constant")
-            rows += [(n, v, found["chosen"].strip(), found["judged"]) for n, v in here]
+            chosen = found["chosen"].strip()
+            rows += [(n, v, chosen, found["judged"], number) for n, v in here]
             continue
         if found:
             close(opened)
@@ -103,7 +173,7 @@ def marks(text, name):
             continue
         here = [] if re.search(r"\bderived\b|\bno data\b", comment) else constants(code)
         covered += len(here)
-        rows += [(n, v, mark["chosen"].strip(), mark["judged"]) for n, v in here]
+        rows += [(n, v, mark["chosen"].strip(), mark["judged"], number) for n, v in here]
     close(opened)
     return rows
 
@@ -114,15 +184,32 @@ def page(root):
     names = files.stdout.split("\n") if files.returncode == 0 else []
     if not any(names):  # no checkout
         names = [str(p.relative_to(root)) for f in FOLDERS for p in (root / f).rglob("*")]
-    out, count = HEAD + "| constant | value | chosen on | judged on | where |\n|---|---|---|---|---|\n", 0
-    for name in sorted(n for n in names if n.endswith((".hpp", ".cpp"))):
-        if not (root / name).is_file():
-            continue
-        for constant, value, chosen, judged in marks((root / name).read_text(encoding="utf-8"), name):
+    texts = {n: (root / n).read_text(encoding="utf-8") for n in sorted(names)
+             if n.endswith((".hpp", ".cpp")) and (root / n).is_file()}
+    described = {}  # by room: a key may be described in another file than its value
+    for name, text in texts.items():
+        described.setdefault(room_of(name), {}).update(keys(text))
+    out, count, room = HEAD, 0, None
+    for name in sorted(texts, key=lambda n: (room_of(n), n)):
+        rows = marks(texts[name], name)
+        if rows and room_of(name) != room:
+            room = room_of(name)
+            out += f"\n## {room}\n\n| constant | what it is | unit | value | "
+            out += "chosen on | judged on | file |\n|---|---|---|---|---|---|---|\n"
+        said = meanings(texts[name])
+        for constant, value, chosen, judged, line in rows:
             value = re.sub(r"(?<=[\d.])[FU]\b", "", value).replace("|", "\\|")
-            out += f"| `{constant}` | {value} | {chosen} | {judged} | `{name}` |\n"
+            what = described[room].get(constant) or said.get(line, "")
+            file = name[len(room) + 1 :]
+            out += f"| `{constant}` | {what} | {unit_of(constant)} | {value} | "
+            out += f"{chosen} | {judged} | `{file}` |\n"
             count += 1
     return out + DATA, count
+
+
+def room_of(name):
+    """perception/tsdf of perception/tsdf/blocks/block_pool.hpp."""
+    return "/".join(name.split("/")[: -1][:2])
 
 
 def self_test():
@@ -142,11 +229,18 @@ constexpr double kD = 3;
 constexpr double kE =
     3e-4;  // of it; chosen on: a; judged on: b
 """
-    got = [(n, v) for n, v, _, _ in marks(text, "t")]
+    got = [(n, v) for n, v, *_ in marks(text, "t")]
     want = [("front_m", "0.018"), ("n", "3"), ("m", "4"), ("kX", "2.5"), ("kZ", "{4, 5, 15}"), ("kB", "1.5F"),
             ("kC", "-2e-3F"), ("kE", "3e-4")]
     assert got == want, got
     assert [r[2] for r in marks(text, "t")][:4] == ["recording, both ways"] * 3 + ["room"]
+    said = meanings(text)
+    assert [said[r[4]] for r in marks(text, "t")][:4] == ["in front", "", "", "why"], said
+    key = 's.number("front_m", front_m, 0.0, 1.0,\n  "before the "\n  "map");'
+    assert keys(key) == {"front_m": "before the map"}
+    units = {"kStep_N_per_s": "N/s", "front_m": "m", "noise_per_m2": "m/m^2", "kX": "",
+             "least_share": "share", "kDoubtFrames": "frames"}
+    assert {n: unit_of(n) for n in units} == units
     for bad in ("int n = 3;  // chosen on: room\n", "// chosen on: a; judged on: b\n\nint n = 3;\n",
                 "void f();  // chosen on: a; judged on: b\n"):
         try:

@@ -1,5 +1,6 @@
-// Which camera the robot's box looks through: the synthetic one (or a recording, which a scene names apart), an
-// OpenNI 2 device, a Kinect v2; and what all of them may need: the lens, the delay, the depth bias.
+// Selects the camera of the robot's box: the synthetic one (or a recording, which a scene names
+// elsewhere), an OpenNI 2 device or a Kinect v2. Also the settings that all of them share: lens,
+// delay, depth bias.
 #pragma once
 
 #include <functional>
@@ -15,7 +16,7 @@
 
 namespace drivers {
 
-// Section [camera.lens]: of a real camera. 0: what is usual for its kind.
+// Section [camera.lens], for a real camera. 0: the usual value of its kind.
 struct LensConfig {
   int width_px = 0, height_px = 0;
   double fx_px = 0, fy_px = 0, cx_px = 0, cy_px = 0;
@@ -38,10 +39,10 @@ struct CameraChoice {
 };
 
 // Opens the real camera that `choice` names. Throws std::runtime_error with one line that says what is missing.
-// `said`: what the device says of itself.
+// `said`: the device's description of itself.
 [[nodiscard]] std::unique_ptr<Camera> open_camera(rt::NonRealtime&, const CameraChoice& choice,
                                                   std::function<rt::Time()> now, std::string& said);
-// With the depth bias taken out; without a table the camera itself.
+// The camera with its depth bias removed; without a table the camera itself.
 [[nodiscard]] std::unique_ptr<Camera> without_bias(rt::NonRealtime&, std::unique_ptr<Camera> camera,
                                                    const DepthBiasTable& table);
 

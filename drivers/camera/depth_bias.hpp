@@ -1,9 +1,10 @@
-// What a depth camera reads too much or too little at a distance, and a camera that takes it out of the raw depth.
+// The systematic depth error of a camera as a function of range, and a camera that removes it from
+// raw depth.
 // Time-of-flight cameras are off by up to centimetres, depending on the range (wiggling; see Foix, Alenya and
 // Torras, "Lock-in time-of-flight cameras: a survey", IEEE Sensors 2011, section IV).
 //
-// The table says at some readings how much they are too large; between them the bias is linear in the reading,
-// beyond the ends it is that of the end. Corrected = reading - bias, rounded, at least 1 mm.
+// The table states the bias at some readings. Between them it is linear in the reading, beyond the
+// ends it is constant. Corrected = reading - bias, rounded, at least 1 mm.
 // 0 and 65535 mean "no reading" and stay. An empty table constructs nothing.
 #pragma once
 
@@ -26,7 +27,7 @@ struct DepthBiasPoint {
 };
 using DepthBiasTable = std::deque<DepthBiasPoint>;
 
-// All 65536 readings, worked out once.
+// A table of all 65536 readings, computed once.
 class DepthBias {
  public:
   // Throws std::invalid_argument naming key, value and range unless the readings rise.

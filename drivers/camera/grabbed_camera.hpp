@@ -1,4 +1,4 @@
-// A camera whose library blocks: an ordinary thread waits for its frames, poll() copies the newest one.
+// A camera whose library blocks. An ordinary thread waits for frames; poll() copies the newest one.
 #pragma once
 
 #include <atomic>
@@ -13,16 +13,16 @@
 
 namespace drivers {
 
-// What a vendor's library gives; every call but the constructor from one thread.
+// The interface to a vendor's library. All calls but the constructor come from one thread.
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
   [[nodiscard]] virtual perception::Intrinsics intrinsics() const noexcept = 0;
   [[nodiscard]] virtual double rate_hz() const noexcept = 0;
-  // What was opened, for people: name, serial number, what it says of its lens.
+  // Description of the opened device for people: name, serial number, its own lens data.
   [[nodiscard]] virtual std::string description() const = 0;
   // Waits at most so long. Fills everything but `exposure`. kNoFrame: none came; kEnd: a recording is over;
-  // kFault: it is gone.
+  // kFault: the device is lost.
   [[nodiscard]] virtual CameraStatus wait_frame(int timeout_ms, perception::RgbdFrame& out) = 0;
 };
 

@@ -1,6 +1,6 @@
-// What a PNG or JPEG file says of its image, read from its container alone: signature, size, PNG chunks with
-// their CRC, JPEG markers up to the end of image. A torn, damaged or huge file ends here in one message, before
-// a decoder takes memory for it.
+// Checks the container of a PNG or JPEG file and reads its image size: signature, PNG chunks with
+// their CRC, JPEG markers up to the end of image. A truncated, damaged or huge file is refused here
+// with one message, before a decoder allocates memory for it.
 #pragma once
 
 #include <cstdint>

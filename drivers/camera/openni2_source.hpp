@@ -1,5 +1,6 @@
-// A depth camera through OpenNI 2 (Debian: libopenni2-0): Primesense, Asus Xtion, Orbbec, and whatever else has a
-// driver there; recordings too (uri = a .oni file). Depth in mm, colour registered to it where the device can.
+// A depth camera through OpenNI 2 (Debian: libopenni2-0): Primesense, Asus Xtion, Orbbec and others
+// with an OpenNI driver; also recordings (uri = a .oni file). Depth in mm, with colour registered
+// to it where the device can.
 #pragma once
 
 #include <memory>
@@ -22,7 +23,8 @@ struct OpenNi2Config {
 
 class OpenNi2Source final : public FrameSource {
  public:
-  // Opens and starts the device with images of `lens`' size; an error is one line that says what is missing.
+  // Opens and starts the device with images of `lens`' size. An error is one line that says what is
+  // missing.
   [[nodiscard]] static rt::Result<std::unique_ptr<OpenNi2Source>> open(
       rt::NonRealtime&, const OpenNi2Config& config, const perception::Intrinsics& lens);
   ~OpenNi2Source() override;

@@ -1,10 +1,12 @@
-// A camera before which somebody walks to and fro from an instant on: put into the images of any camera, rendered or
-// recorded. For calibration: what fusion costs and whether it tracks while something moves.
+// Adds a walking person to the images of any camera, rendered or recorded, from a given instant on.
+// Calibration uses it to measure what fusion costs, and whether it tracks, while something moves.
 //
-// A cylinder of 0.48 m with a head, 1.75 m high, walks at 1.5 m/s (50 mm an image) across the view at 1.3 m and back at 1.0 m, and so on,
-// in the frame of the floor under the camera: where the camera moves, it goes along. True order in depth: a pixel shows
-// them where they are nearer than the camera's reading, or where that has none; with the noise of a Kinect v2 (axial,
-// lateral, drop-out and flying pixels at their outline). Images before that instant are the camera's, bit for bit.
+// The person is a cylinder of 0.48 m diameter with a head, 1.75 m high. It walks at 1.5 m/s (50 mm
+// an image) across the view at 1.3 m, back at 1.0 m, and so on, in the frame of the floor under the
+// camera; it moves along with the camera. A pixel shows the person where it is nearer than the
+// camera's reading, or where there is none. The person's pixels have the noise of a Kinect v2
+// (axial, lateral, drop-out and flying pixels at the outline). Earlier images are the camera's, bit
+// for bit.
 #pragma once
 
 #include <memory>
@@ -27,7 +29,7 @@ class PassingCamera final : public Camera {
   [[nodiscard]] double rate_hz() const noexcept override { return camera_->rate_hz(); }
   [[nodiscard]] CameraStatus poll(rt::Time now, perception::RgbdFrame& out) noexcept override;
 
-  // Puts them into an image that was exposed then. Returns how many pixels show them.
+  // Draws the person into an image that was exposed then. Returns the number of their pixels.
   int add_to(perception::RgbdFrame& out) noexcept;
 
  private:

@@ -2,8 +2,8 @@
 //
 // Pixels are cast in tiles; a tile looks only at the shapes whose bounding sphere touches its
 // frustum, and each of them goes over the whole tile at once, in double precision. Without noise a
-// pixel's depth is World::ray_cast's, rounded to the nearest millimetre. Where nothing is there is no colour either
-// (perception/geometry/no_colour.hpp).
+// pixel's depth is World::ray_cast's, rounded to the nearest millimetre. A pixel without depth has
+// no colour (perception/geometry/no_colour.hpp).
 #pragma once
 
 #include <cstdint>
@@ -32,13 +32,14 @@ struct RenderScratch {
   std::vector<SeenShape> seen;            // the world from this pose
   std::vector<const SeenShape*> in_tile;  // what a tile may see
   bool colour = true;                     // false: depth alone, in less time
-  // Index of the shape that the pixel's ray meets, -1: none. Filled where the caller gave it RgbdFrame::kMaxPixels.
+  // Index of the shape that the pixel's ray meets, -1: none. Filled if the caller sized it to
+  // RgbdFrame::kMaxPixels.
   std::vector<std::int16_t> shape;
 };
 
 // Fills depth, colour, intrinsics, has_colour and seq of `out`; leaves `exposure`. Allocates
-// nothing. The world is that of instant t. `carried`: shapes that are there for this image only, placed in W. The
-// result is a function of the arguments only. Asserts that the scratch is large enough.
+// nothing. The world is that of instant t. `carried`: shapes that exist for this image only, placed
+// in W. The result is a function of the arguments only. Asserts that the scratch is large enough.
 void render(const World& world, const perception::Intrinsics& intrinsics,
             const perception::Pose& X_WC, const DepthRange& range, const DepthNoise& noise,
             std::uint64_t seed, std::uint64_t seq, RenderScratch& scratch,

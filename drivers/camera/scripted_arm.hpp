@@ -1,4 +1,5 @@
-// The robot's arm as the synthetic camera sees it: an effect of the scene, built only where it names one.
+// The robot's arm as the synthetic camera sees it. It is an effect of the scene, built only if the
+// scene asks for it.
 //
 //   [robot.arm]
 //   description = "youbot"          # config/robots/youbot.toml
@@ -6,8 +7,9 @@
 //   time_s = 2.0
 //   angles_deg = [169, 65, -146, 102.5, 167.5]
 //
-// Between two keys each joint follows the polynomial of fifth order that begins and ends at rest (least jerk);
-// before the first and after the last it stands. The capsules of the description are what is seen.
+// Between two keys each joint follows the minimum-jerk polynomial of fifth order, at rest at both
+// ends. Before the first and after the last key it is at rest. The camera sees the capsules of the
+// description.
 //
 // Frames: W world, B the robot's base.
 #pragma once
@@ -37,10 +39,10 @@ struct ArmKeyConfig {
 struct ScriptedArmConfig {
   std::string description = "youbot";
   std::deque<ArmKeyConfig> keys;
-  // Effects on what is reported; what is seen is right.
-  double joint_delay_ms = 0;   // joints are those of so long before the exposure
-  double joint_error_deg = 0;  // and each of them is off by this
-  // What the robot says of them; -1: what is so.
+  // Effects on the reported joints; the picture shows the true ones.
+  double joint_delay_ms = 0;   // reported joints are this much older than the exposure
+  double joint_error_deg = 0;  // error of each reported joint
+  // Age and error that the robot states; -1: the true ones.
   double stated_age_ms = -1, stated_error_deg = -1;
   PaintConfig paint{{225, 110, 25}, "checker", 0.04, 0.3};
   [[nodiscard]] bool present() const noexcept { return !keys.empty(); }
@@ -49,8 +51,8 @@ struct ScriptedArmConfig {
 
 class ScriptedArm {
  public:
-  // Throws std::invalid_argument naming the key: times that do not rise, angles beyond the limits, a way faster than
-  // a joint can go.
+  // Throws std::invalid_argument naming the key: times that do not rise, angles beyond the limits,
+  // motion faster than a joint's limit.
   ScriptedArm(rt::NonRealtime&, const ScriptedArmConfig& config,
               const perception::RobotDescription& description, rt::Time t0);
 
@@ -58,7 +60,7 @@ class ScriptedArm {
     std::array<double, perception::JointAngles::kMost> q{}, speed{};
   };
   [[nodiscard]] Joints at(rt::Time t) const noexcept;
-  // What a robot at X_WB shows at t. Valid until the next call.
+  // Shapes of the arm at t on a robot at X_WB. Valid until the next call.
   [[nodiscard]] std::span<const Shape> place(rt::Time t, const perception::Pose& X_WB) noexcept;
   [[nodiscard]] perception::JointAngles reported(rt::Time exposure) const noexcept;
   [[nodiscard]] const perception::ArticulatedBody& body() const noexcept { return body_; }

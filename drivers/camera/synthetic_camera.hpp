@@ -23,7 +23,8 @@
 
 namespace drivers {
 
-// Section [camera.true_mount]: effect, the synthetic camera is not where mount_* says. Nobody but the twin knows of it.
+// Section [camera.true_mount], an effect: the synthetic camera is not where mount_* says. Only the
+// twin knows.
 struct TrueMountConfig {
   bool differs = false;
   std::array<double, 3> position_m{-0.20, 0.0, 0.95};  // as SyntheticCameraConfig's mount_*
@@ -43,7 +44,7 @@ struct SyntheticCameraConfig {
   double mount_roll_deg = 0;  // about its line of sight, positive: clockwise, seen from behind it
   TrueMountConfig true_mount;
   DepthNoiseConfig noise;
-  // Where it stands in for a real camera: that one's lens.
+  // The lens of the real camera that it replaces, if any.
   std::optional<perception::Intrinsics> stands_in_for;
   void describe(config::Section& s);
 

@@ -25,8 +25,8 @@ namespace drivers {
 
 [[nodiscard]] rt::Error file_error(const std::string& path, int line, const std::string& what);
 
-// Decodes a PNG or JPEG as it is stored; `type` is what it must be (CV_16UC1, CV_8UC3). Nothing is decoded
-// before the container was found whole and of this size.
+// Decodes a PNG or JPEG as it is stored; it must have type `type` (CV_16UC1, CV_8UC3). Decoding
+// starts only after the container was checked to be whole and of this size.
 [[nodiscard]] rt::Result<cv::Mat> decode_image(std::span<const std::uint8_t> bytes,
                                                const std::string& path, int type, int width,
                                                int height);

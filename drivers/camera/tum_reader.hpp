@@ -11,8 +11,8 @@
 //                            m", X_colour = R X_depth + t). 7-Scenes is never registered: without the file
 //                            it is what was found for one of its rooms
 //
-// Strict: the first thing that is wrong ends it with one message that names file, line, value.
-// What was assumed is said (assumed()). Ground truth beside the images is never opened.
+// Strict: the first error ends reading with one message that names file, line and value.
+// assumed() lists what was assumed. Ground truth beside the images is never opened.
 #pragma once
 
 #include <cstdint>
@@ -31,9 +31,10 @@ class Mat;
 namespace drivers {
 
 struct TumOptions {
-  // Files with colour_registration.txt: false leaves colour out (has_colour = false), true looks
-  // each depth pixel up in the colour image, hidden ones (behind a nearer surface as the colour
-  // camera sees it), ones outside it and ones without a reading get no colour (no_colour.hpp). Without that file colour counts as registered.
+  // For folders with colour_registration.txt. False: no colour (has_colour = false). True: each
+  // depth pixel is looked up in the colour image. Pixels without a reading, outside of that image,
+  // or hidden from the colour camera by a nearer surface get no colour (no_colour.hpp). Without
+  // that file colour counts as registered.
   bool register_colour = false;
   // 640 x 480 to 512 x 424 by nearest pixel: scale 424/480, then a centre crop; f 585 becomes
   // 516.75.
@@ -64,7 +65,8 @@ class TumSequence {
   [[nodiscard]] const std::string& stamp_text(int i) const noexcept {
     return layout_.images[static_cast<std::size_t>(i)].depth_stamp;
   }
-  // What is not in the folder and was taken from elsewhere, and what was left out: lines for the user.
+  // Lines for the user: values that are not in the folder and were assumed, and images that were
+  // left out.
   [[nodiscard]] const std::vector<std::string>& assumed() const noexcept { return assumed_; }
   // Decodes frame i. exposure = stamp_s since the epoch, seq = i.
   [[nodiscard]] rt::Result<bool> read(int i, perception::RgbdFrame& out) const;

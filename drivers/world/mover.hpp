@@ -1,5 +1,5 @@
-// What moves in the simulated world: a rigid motion of some of its shapes, a pure function of the time since the
-// world's beginning, so every thread may ask for any instant.
+// A rigid motion of some shapes of the simulated world. It is a pure function of the time since the
+// world's beginning, so any thread may ask for any instant.
 //
 //   line       from start_s on with velocity_m_per_s
 //   shuttle    from where it stands by way_m and back, again and again, at speed_m_per_s
@@ -10,9 +10,10 @@
 //   walk       from start_s on, from where it stands through its waypoints at speed_m_per_s, straight on in between;
 //              stands wait_s at each
 //
-// line, shuttle, swing and hinge stop where they are duration_s after start_s; 0: never. Until start_s a thing
-// stands where its shape says. A mover that is carried by another (`on`: an arm's second link) moves in the
-// carrier's frame; point and axis are where they are while all stands.
+// line, shuttle, swing and hinge stop duration_s after start_s where they are then; 0: never.
+// Before start_s the shape rests at its own pose. A mover that is carried by another one (`on`: for
+// example an arm's second link) moves in the carrier's frame; its point and axis are given for the
+// state at rest.
 #pragma once
 
 #include <array>
@@ -56,8 +57,8 @@ class Mover {
   // Throws std::runtime_error naming the mover and what is wrong with it.
   explicit Mover(const MoverConfig& config);
 
-  // Of world points that it carries: where the one that stands at p while all stands is at t_s is X p. Not of what
-  // carries it.
+  // The motion X of carried points: a point that rests at p is at X p at t_s. Without the motion of
+  // its carrier.
   [[nodiscard]] perception::Pose moved(double t_s) const noexcept;
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
   [[nodiscard]] bool turns() const noexcept { return turns_; }

@@ -1,5 +1,5 @@
-// One solid of the simulated world. Frame S: the shape's own; X_WS places it in the world, where it moves until its
-// motion begins (World::X_WS_at).
+// One solid of the simulated world. Frame S: the shape's own; X_WS places it in the world, before
+// any motion begins (World::X_WS_at has it at an instant).
 //
 //   kPlane     half-space z_S <= 0 is solid; z_S axis = outward normal
 //   kBox       |x| <= half.x, |y| <= half.y, |z| <= half.z
@@ -39,7 +39,7 @@ struct Shape {
   perception::Vec3 lattice_offset_m = perception::Vec3::Zero();
   double bound_radius_m = 0;  // of the sphere round X_WS's origin; planes: inf
   std::uint32_t paint_seed = 0;
-  int mover = -1;  // index of what moves it; -1: it stands, always
+  int mover = -1;  // index of its mover; -1: it never moves
 };
 
 // Lattice coordinate of p_m. The bias keeps it positive, so truncation is floor (and vectorises);

@@ -1,6 +1,7 @@
 // The simulated place: analytic solids that the synthetic camera sees, the virtual robot collides
-// with, and tests take as the truth. Immutable after construction, so any thread may ask; things that move do so as a
-// function of time (mover.hpp), and every question may name its instant. Without one it is about the beginning.
+// with, and tests use as ground truth. Immutable after construction, so any thread may ask. Motions
+// are functions of time (mover.hpp); every query may name its instant, and without one it is about
+// the beginning.
 //
 // World frame W: z up, floor at z = 0. SI units. Never linked into tasks.
 #pragma once
@@ -25,9 +26,9 @@ struct RayHit {
   [[nodiscard]] explicit operator bool() const noexcept { return shape >= 0; }
 };
 
-// What of the robot can bump: boxes upright in B (x forward, z up, origin on the floor under the
-// base's centre). Default: the youBot's base 580 x 376 x 140 mm (KUKA's data sheet), the folded arm
-// and the camera mast (our own declaration).
+// The parts of the robot that can collide: boxes upright in B (x forward, z up, origin on the floor
+// under the base's centre). Default: the youBot's base 580 x 376 x 140 mm (KUKA's data sheet), the
+// folded arm and the camera mast (our own declaration).
 struct BodyBox {
   perception::Vec3 centre_B, half;
 };
@@ -91,7 +92,7 @@ class World {
 // Places an existing one: its length and radius stay.
 void place_capsule(const perception::Vec3& a_W, const perception::Vec3& b_W,
                    perception::Pose& X_WS) noexcept;
-// Fills what World derives of a shape: for shapes that are not in a world (bodies that move).
+// Fills the fields that World derives, for shapes that are not in a world (moving bodies).
 void derive(Shape& shape);
 
 // Colour of a shape at a point of its surface.

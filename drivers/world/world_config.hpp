@@ -1,4 +1,4 @@
-// Section [world] of a scene file: what is in the place. A room, and furniture by lists.
+// Section [world] of a scene file: a room, and lists of the things in it.
 //
 //   [world.room]            absent or size 0 = no floor and no walls
 //   x_m = [-1.0, 4.0]

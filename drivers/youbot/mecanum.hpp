@@ -6,9 +6,9 @@
 // Source: youbot_driver FourSwedishWheelOmniBaseKinematic.cpp (radius 0.0475 m, axles 0.47 m and
 // 0.30 m apart); its forward form leaves slide_ratio out, ours keeps it so that
 // forward(inverse(v)) = v for every ratio.
-// What a calibration has found of a single robot (`teletact identify robot`) stands in the scales: the effective
-// rolling radius of a wheel is wheel_radius_m times its scale. They are what this program believes; the virtual robot
-// is built as the other keys say.
+// The scales hold the calibration of a single robot (`teletact identify robot`): the effective
+// rolling radius of a wheel is wheel_radius_m times its scale. They are this program's estimate;
+// the virtual robot is built by the other keys.
 #pragma once
 
 #include <algorithm>

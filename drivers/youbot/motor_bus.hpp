@@ -39,7 +39,7 @@ class MotorBus {
   // One cycle. `states` is untouched unless kOk.
   [[nodiscard]] virtual BusStatus exchange(rt::Time now, const MotorSetpoints& setpoints,
                                            MotorStates& states) noexcept = 0;
-  // The operator's clear: lets go of the motors' latched traffic timeout (SAP 158) and of make_safe().
+  // The operator's clear: resets the motors' latched traffic timeout (SAP 158) and make_safe().
   // Owner's thread.
   virtual void rearm() noexcept {}
   // Motor stop, at once, from any thread, even while the owner hangs in exchange().

@@ -45,11 +45,13 @@ struct RobotPlantConfig {
   double wheel_inertia_kg_m2 = 0.024;  // wheel and rotor, at the wheel
   // Effects, off at zero.
   double slip_ratio = 0;  // share of the wheels' travel that the base does not make
-  // Share of a wheel's travel that the floor does not take: drawn for each wheel by itself, even from 0 to this.
+  // Share of a wheel's travel that is lost: drawn for each wheel separately, uniformly from 0 to
+  // this value.
   double wheel_slip_max = 0;
   double wheel_slip_redraw_s = 0.5;
   std::uint64_t wheel_slip_seed = 1;
-  // True rolling radius of each wheel over the one that odometry counts with, less 1: worn tyres, load.
+  // Relative error of odometry's wheel radius, for each wheel: true rolling radius / assumed radius
+  // - 1.
   std::array<double, kWheels> wheel_radius_error{};
   int encoder_ticks_per_motor_turn = 0;
   double dead_time_s = 0;       // setpoint to motor
@@ -107,7 +109,8 @@ class RobotPlant {
   // From the first sub-step not before `at` (>= the last access), plus the dead time, these speeds
   // hold. `powered` false: motors stop (speed loop to zero, setpoints ignored).
   void command(rt::Time at, const WheelVector& wheel_rad_per_s, bool powered) noexcept;
-  // What the test knows moves by itself: a robot at rest is asked about as well, for it may be run into.
+  // Tells the plant that obstacles move. Then collisions are also tested while the robot is at
+  // rest.
   void things_move() noexcept { things_move_ = true; }
   // Fault: a wheel that does not turn, or -1.
   void set_stuck_wheel(int wheel) noexcept { stuck_wheel_ = wheel; }

@@ -1,16 +1,19 @@
-// Which pixels of a depth image show the robot's own body, from where its joints say it is (docs/body.md).
+// Marks the pixels of a depth image that show the robot's own body, from its joint angles
+// (docs/body.md).
 //
-// rule    a pixel is body when its reading lies at or behind the front of a padded capsule on its ray; or when it has
-//         none and its ray meets one. What is nearer than the padded front stays: it is a thing before the arm. Flying
-//         pixels trail behind the arm's outline: they lie behind the padded front and go.
-// pad     m, of a capsule whose axis reaches to depth z:
-//           how far the joints' errors may carry it (ArticulatedBody::reach_of_error)
-//           + pad_px z / f + sigmas * sigma(z) + pad_m,   sigma(z) = noise_m + noise_per_m2 (z - noise_from_m)^2
-//         A reading of a point of the body that is displaced by no more than the pad lies at or behind the padded
-//         front, whatever the direction: the padded capsule holds it.
-// cost    rows of the padded capsules' outlines only; nothing else of the image is looked at.
+// rule    A pixel is body if its reading lies at or behind the front of a padded capsule on its
+//         ray, or if it has no reading and its ray meets one. A reading before the padded front
+//         stays: it is a thing before the arm. Flying pixels behind the arm's outline lie behind
+//         the padded front and go.
+// pad     m, for a capsule whose axis reaches to depth z:
+//           the displacement by the joints' errors (ArticulatedBody::reach_of_error)
+//           + pad_px z / f + sigmas * sigma(z) + pad_m,
+//           sigma(z) = noise_m + noise_per_m2 (z - noise_from_m)^2
+//         If a point of the body is displaced by no more than the pad in any direction, the padded
+//         capsule still contains it, so its reading lies at or behind the padded front.
+// cost    only rows of the padded capsules' outlines; the rest of the image is not read.
 //
-// A lens inside a padded capsule: every pixel is body.
+// If the lens is inside a padded capsule, every pixel is body.
 #pragma once
 
 #include <cstdint>
@@ -40,9 +43,9 @@ class BodyMask {
   static constexpr int kMost = 56;  // capsules
   BodyMask(rt::NonRealtime&, int max_width, int max_height);
 
-  // Sets kBody in `mask` and 0 in `depth_mm` where a pixel is body; `depth_mm` is of the camera's size, `mask` too.
-  // Capsules in C, their radii padded; of more than kMost the first. What the last call set in `mask` and this one
-  // does not becomes kPlace again. Returns how many pixels are body.
+  // Sets kBody in `mask` and 0 in `depth_mm` where a pixel is body. Both have the camera's size.
+  // Capsules in C with padded radii; only the first kMost are used. Pixels that the last call set
+  // in `mask` and this one does not become kPlace again. Returns the number of body pixels.
   int mark(std::span<const Capsule> padded_C, const Intrinsics& camera,
            ImageView<std::uint16_t> depth_mm, ImageView<std::uint8_t> mask) noexcept;
   // Of the last call: rays tried. Deterministic.

@@ -1,4 +1,5 @@
-// What the gripper holds: body from grasp to release. As capsules, so that all that knows the arm knows it too.
+// The object in the gripper: part of the robot's body from grasp to release. It is made of
+// capsules, so all code that handles the arm handles it too.
 #pragma once
 
 #include <algorithm>
@@ -13,7 +14,7 @@ namespace perception {
 
 struct HeldObject {
   enum class Kind : std::uint8_t { kCapsule, kBox };
-  std::uint64_t id = 0;  // another one is another grasp
+  std::uint64_t id = 0;  // of the grasp; a new grasp has a new id
   Kind kind = Kind::kBox;
   Pose X_GO = Pose::Identity();  // in the gripper's link
   Vec3 half = Vec3::Zero();      // m: of a box; of a capsule along z_O: radius x, half the axis z
@@ -26,8 +27,8 @@ struct HeldObject {
 
 inline constexpr int kCapsulesOfHeld = 4;
 
-// Capsules in G that hold the whole object: a box is cut across the second of its edges into pieces about as wide
-// as they are thick. Returns how many.
+// Capsules in G that contain the whole object. A box is cut across its second longest edge into
+// pieces about as wide as they are thick. Returns the number of capsules.
 inline int capsules_of(const HeldObject& o, std::span<Capsule, kCapsulesOfHeld> out) noexcept {
   if (o.kind == HeldObject::Kind::kCapsule) {
     out[0] = {o.X_GO * Vec3(0, 0, -o.half.z()), o.X_GO * Vec3(0, 0, o.half.z()), o.half.x()};

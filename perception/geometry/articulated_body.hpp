@@ -1,5 +1,5 @@
-// A robot as its links see it: a tree of joints, and what is solid of each link as capsules. One description
-// (config/robots/*.toml) for masking, collision, kinematics, twin and console.
+// A robot as a tree of joints, with the solid shape of each link as capsules. One description
+// (config/robots/*.toml) serves masking, collision, kinematics, twin and console.
 //
 // Frames: B the robot's base (docs/frames.md); L a link's own frame, at its joint. A joint at q puts its link at
 //   X_PL(q) = X_PJ * motion(q - zero)      P the parent link, X_PJ from origin_m and rpy_deg
@@ -61,8 +61,8 @@ struct RobotDescription {
   std::array<double, 3> camera_position_m{};        // of the lens in B
   double camera_yaw_deg = 0, camera_pitch_deg = 0;  // positive: to the left, down
   void describe(config::Section& s);
-  // What no single key can be wrong about: names used twice, parents that come later, axes of length 0, limits
-  // the wrong way round. One line: key, value, allowed.
+  // Checks across keys: names used twice, parents that come later, axes of length 0, lower limits
+  // above upper ones. One line: key, value, what is allowed.
   [[nodiscard]] rt::Result<bool> check() const;
 };
 
@@ -93,16 +93,17 @@ class ArticulatedBody {
     return capsules_[static_cast<std::size_t>(capsule)].link;
   }
 
-  // Every joint at its zero; what is beyond the joints stays.
+  // Every joint at its zero; the other parts of the state stay.
   void rest(std::span<double> q) const noexcept;
 
-  // X_BL of every link. q holds a value for each of joints(), in order; further ones are not looked at, missing
-  // ones stand at their zero.
+  // Computes X_BL of every link. q holds one value for each of joints(), in order; further values
+  // are ignored, joints without a value stand at their zero.
   void forward(std::span<const double> q, Links& X_BL) const noexcept;
   // Capsule i in B.
   [[nodiscard]] Capsule capsule_B(int i, const Links& X_BL) const noexcept;
-  // How far a point of a capsule, given in B and carried by `link`, may be from where it was computed: each joint
-  // off by up to error (each one's lever, summed up), and `age_s` of the motion that `speed` says.
+  // Largest distance of a point of a capsule (given in B, carried by `link`) from its computed
+  // place, if each joint is off by up to `error` (the levers summed up) and has moved for `age_s`
+  // at `speed`.
   [[nodiscard]] double reach_of_error(const Capsule& c_B, int link, const Links& X_BL,
                                       std::span<const double> speed, double error,
                                       double age_s) const noexcept;

@@ -1,4 +1,4 @@
-// What a robot's joints read when an image was exposed, as far as the robot knows it.
+// A robot's joint readings at the exposure of an image, with their stated error and age.
 #pragma once
 
 #include <array>
@@ -12,10 +12,10 @@ struct JointAngles {
   int count = 0;  // 0: nothing is known of any joint (recordings, robots without an arm)
   std::array<float, kMost> position{};  // rad, prismatic joints m; in the order of the description
   std::array<float, kMost> speed{};     // rad/s, m/s
-  float error = 0;                      // stated: no reading is farther off than this, rad or m
-  float age_s = 0;  // stated: read at most so long before or after the middle of the exposure
+  float error = 0;                      // stated: largest error of any reading, rad or m
+  float age_s = 0;  // stated: largest distance in time from the middle of the exposure
 
-  // Numbers that a joint can mean; anything else came damaged.
+  // All values are in the range of a joint; anything else was damaged on its way.
   [[nodiscard]] bool plausible() const noexcept {
     const auto within = [](float x, float lo, float hi) { return x >= lo && x <= hi; };  // NaN: no
     if (count < 0 || count > kMost || !within(error, 0, 10) || !within(age_s, 0, 3600))

@@ -1,12 +1,14 @@
 // Where an image has no colour. A colour camera beside the depth camera does not see every depth pixel (hidden by
 // parallax, outside its image), and what is not known must not be taken for a colour.
 //
-// Exactly (0, 0, 0) is no colour. Whoever makes a frame lifts real black to (1, 1, 1), 0.3 of CIELAB's L, which
-// no sensor resolves. Against a mask beside the colours: it costs no bytes in a frame (a bit a pixel is
-// 38 KiB), no further argument wherever an image is passed, copied or cut out, and none of a load beside the colour's
-// own in the voxel update; a frame can not carry a mask that belongs to another one. A frame made without knowing
-// of it says of its blacks that nothing is known there, which costs little, instead of the other way round. JPEG
-// keeps no exact values, so on the link a mask does go beside the picture (drivers/link/colour_mask.hpp).
+// Exactly (0, 0, 0) means no colour. The maker of a frame must lift real black to (1, 1, 1): 0.3 of
+// CIELAB's L, which no sensor resolves. Advantages over a separate mask:
+//   - no bytes in a frame (a bit a pixel is 38 KiB), no further argument where images are passed,
+//     copied or cropped, and no second load in the voxel update;
+//   - a frame can not carry the mask of another frame;
+//   - a frame whose maker does not know the rule only loses its blacks, which costs little.
+// JPEG does not keep exact values, so on the link a mask travels beside the picture
+// (drivers/link/colour_mask.hpp).
 #pragma once
 
 #include <cstddef>
@@ -30,8 +32,8 @@ inline void lift_black(ImageView<Rgb> image) noexcept {
   }
 }
 
-// False: all of n pixels in a row have colour. True also where three zeros follow each other across pixels: a
-// quick look, by bytes, before the exact one.
+// Quick test by bytes, before the exact one. False: all n pixels of the row have colour. True also
+// if three zero bytes follow each other across two pixels.
 [[nodiscard]] inline bool may_lack_colour(const Rgb* pixels, int n) noexcept {
   static_assert(sizeof(Rgb) == 3);
   const auto* p = reinterpret_cast<const unsigned char*>(pixels);
@@ -42,8 +44,9 @@ inline void lift_black(ImageView<Rgb> image) noexcept {
   return any != 0;
 }
 
-// The word of a voxel's colour: r | g << 8 | b << 16, and how often a reading ended there (bits 24 to 27) and how
-// often it brought a colour (28 to 31), both counted to 15. Never coloured: r, g, b are 0 and say nothing.
+// The colour word of a voxel: r | g << 8 | b << 16, the number of readings that ended there (bits
+// 24 to 27) and of those with colour (28 to 31), both counted to 15. If never coloured, r, g and b
+// are 0 and void.
 inline constexpr std::uint32_t kMostCounted = 15;
 [[nodiscard]] constexpr std::uint32_t readings_of(std::uint32_t word) noexcept {
   return (word >> 24U) & kMostCounted;

@@ -1,9 +1,9 @@
-// The sums of ICP kept apart for the cells of an image: 8 x 8 pixels of a level each.
+// The sums of ICP, one set for each cell of the image. A cell is 8 x 8 pixels of a level.
 //
-// Sums are additive, so the pose that suits any set of cells is one 6x6 solve, and the residual of any pose
-// near the one that they were taken at follows without reading a pixel again:
+// Sums are additive. So the best pose for any set of cells is one 6x6 solve, and the residual of
+// any pose near the one at which they were taken follows without reading a pixel again:
 //     sum r^2 (xi) = r2 + 2 g . xi + xi' H xi.
-// All pixels weigh the same: near things have no leverage that their number does not give them
+// All pixels have the same weight, so near things count only by their number of pixels
 // (perception/motion/consensus.hpp).
 #pragma once
 
@@ -38,9 +38,9 @@ struct CellSums {
          height <= CellSums::kMostRows * CellSums::kEdge;
 }
 
-// Of a level that fits_cells(). Twists are about `centre_F`, as in accumulate(). `rows` of each cell are looked at, from
-// its top, and stand for the others. Without `recount` the pixels with depth and their mean are as they were: those of the
-// same image. Noexcept, no allocation.
+// The sums of a level that fits_cells(). Twists are about `centre_F`, as in accumulate(). Only the
+// upper `rows` rows of each cell are read; they stand for the others. Without `recount` the number
+// of pixels with depth and their mean depth stay as they are (same image). Noexcept, no allocation.
 void accumulate_cells(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
                       const Vec3& centre_F, const Gates& gates, CellSums& out,
                       int rows = CellSums::kEdge, bool recount = true) noexcept;

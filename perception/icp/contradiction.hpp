@@ -1,12 +1,14 @@
-// What speaks against a pose: points that cannot be where a fit would have them.
+// Evidence against a pose: points that can not be where that pose would place them.
 //
-// Two measures, both of a coarse image against a ray cast of the map without hint.
-//   contradiction_share  live points that lie off every surface about them, in front or behind. A gate.
-//   clash                points of either side where the other has seen free space: what the frame shows in front of
-//                        the map's surface, and what of the map the frame looks through. What only lies behind is
-//                        hidden and says nothing, so the view need not be cast from the very pose. Only patches
-//                        count, no lone pixels: edges and noise make those, a thing that is not there makes a
-//                        patch. It compares one fit with another.
+// Two measures. Both compare a coarse depth image with a ray cast of the map without hint.
+//   contradiction_share  share of live points that lie off every map surface near them, in front or
+//                        behind. Used as a gate.
+//   clash                points of one side that lie where the other side has seen free space: live
+//                        points in front of the map's surface, and map points that the frame looks
+//                        through. A point behind the other side's surface is hidden and does not
+//                        count, so the view need not be cast from exactly this pose. Single pixels
+//                        do not count either, since edges and noise make those; a missing object
+//                        makes a patch. Used to compare one fit with another.
 #pragma once
 
 #include "perception/icp/model_view.hpp"
@@ -14,8 +16,8 @@
 
 namespace perception {
 
-// Of the live points that meet the model, the share that lies off all of the 3 x 3 surface points about the
-// place it projects to by more than limit_m (times its depth beyond 1 m). 1 where none meets it.
+// Of the live points that project onto the model: the share that is farther than limit_m (times its
+// depth beyond 1 m) from all of the 3 x 3 surface points round its projection. 1 if none projects.
 [[nodiscard]] double contradiction_share(const DepthLevel& live, const ModelView& model,
                                          const Pose& X_FC, double limit_m) noexcept;
 
@@ -28,9 +30,9 @@ struct Clash {
   }
 };
 
-// In front: nearer by limit_m + limit_per_m z than the nearest of the 3 x 3 pixels of the other side about it, of
-// which at least 5 show something. In a patch: at least 5 of the 8 pixels about it are in front too. Larger images
-// than kMostWidth x kMostHeight are thinned.
+// In front: nearer than the nearest of the 3 x 3 pixels of the other side round it by more than
+// limit_m + limit_per_m z; at least 5 of the 9 must have a reading. In a patch: at least 5 of its 8
+// neighbours are in front too. Images larger than kMostWidth x kMostHeight are subsampled.
 struct ClashRule {
   static constexpr int kMostWidth = 160, kMostHeight = 120;
   double limit_m = 0.04, limit_per_m = 0.02;

@@ -1,8 +1,9 @@
 // Which of the six directions of motion does the scene constrain?
 //
-// The 6x6 is scaled: rotation columns are divided by a length L (mean depth, as points weigh), all divided by the sum of
-// weights, so an eigenvalue is the mean squared response of a residual to a unit motion of the scene
-// points. A flat wall has three near 0: two slides and the spin about its normal. On the plain sums
+// The 6x6 matrix is scaled: rotation columns are divided by a length L (weighted mean depth), and
+// all by the sum of weights. So an eigenvalue is the mean squared response of a residual to a unit
+// motion of the scene points. A flat wall has three near 0: two slides and the spin about its
+// normal. On the plain sums
 // J_m J_m^T the noise of the normals adds sigma_n^2 to each, so a noisy wall looks constrained; on the
 // cross moment of live and model normals independent noise averages out. A direction counts as
 // constrained when its cross eigenvalue is at least min_information of the largest.

@@ -1,6 +1,7 @@
-// The hot leaf loops of tracking: for vectors of any width (kernels.cpp and accumulate.cpp, by highway, chosen at run time), and
-// as plain loops that the tests hold them against (kernels_scalar.cpp). A sum has 16 lanes, pixel u in lane
-// u mod 16, and nothing is contracted, so all give the same bytes.
+// The innermost loops of tracking, in two forms: vector code of any width (kernels.cpp and
+// accumulate.cpp, by Highway, chosen at run time), and plain loops as the tests' reference
+// (kernels_scalar.cpp). A sum has 16 lanes, pixel u goes to lane u mod 16, and no operations are
+// contracted, so all forms give the same bytes.
 #pragma once
 
 #include <cstddef>
@@ -13,11 +14,12 @@ inline constexpr int kSums = 29;   // 21 of H (upper triangle by rows), 6 of g, 
 inline constexpr int kCross = 21;  // upper triangle by rows
 inline constexpr int kSquare = 8;  // pixels, edge of a square that has sums of its own
 
-// A point is on a surface that is off by less than this many of its sigmas, plus the surface's own error.
+// A point counts as on the surface if its distance is below this many sigmas of its reading plus
+// the surface's own error.
 inline constexpr float kOnSurfaceSigmas = 3;
 
-// What is believed of a reading at depth z: sigma(z) = least_m + per_m2 max(z - from_m, 0)^2, noise and what is left
-// of systematic error. A residual weighs (least_m / sigma)^2.
+// Stated error of a reading at depth z: sigma(z) = least_m + per_m2 max(z - from_m, 0)^2. It covers
+// noise and the remaining systematic error. A residual has the weight (least_m / sigma)^2.
 struct NoiseRule {
   float least_m, per_m2, from_m;
 };
@@ -60,8 +62,9 @@ struct EdgeRule {
 struct Kernels {
   // Adds to the sums; with `cross` also to the cross moment.
   void (*accumulate)(const RowsJob&, bool cross, LaneSums&);
-  // Of the two squares (the first alone where the job is no wider) at pixel 0, at most kSquare rows. All in fp32: rows
-  // of a column rising, then columns ((0 + 1) + (2 + 3)) + ((4 + 5) + (6 + 7)); times `factor`.
+  // The sums of the two squares at pixel 0 (the first alone if the job is no wider), at most
+  // kSquare rows. All in fp32: rows of a column upwards, then the columns as
+  // ((0 + 1) + (2 + 3)) + ((4 + 5) + (6 + 7)); times `factor`.
   void (*accumulate_squares)(const RowsJob&, float factor, SquareSums&);
   // out[u] of one row; `in` points at pixel 0 of the row, `stride` floats between rows. What is readable
   // beyond the row, up to a multiple of 16, is 0; so is what gets written there.

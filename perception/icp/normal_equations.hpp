@@ -29,8 +29,9 @@ struct NormalEquations {
   std::int64_t inliers = 0;
   std::int64_t met = 0;   // live points that project onto a model surface
   std::int64_t live = 0;  // live points with depth
-  // Of those met: within the gate's distance, and off the model's tangent plane by less than icp::kOnSurfaceSigmas of
-  // the reading's noise plus the map's error, whatever the normals. accumulate_cross() only.
+  // Of `met`: within the gate's distance, and nearer to the model's tangent plane than
+  // icp::kOnSurfaceSigmas sigmas of the reading plus the map's error, whatever the normals.
+  // accumulate_cross() only.
   std::int64_t on_surface = 0;
 };
 
@@ -40,8 +41,9 @@ struct CrossMoment {
   Mat6 H = Mat6::Zero();
 };
 
-// X_FC: pose of the live camera in the model's frame. Noexcept, no allocation. The rows are cut into parts by the
-// level's size alone, and the parts' sums are added in their order: the same bytes for any number of threads.
+// X_FC: pose of the live camera in the model's frame. Noexcept, no allocation. The level's size
+// alone decides how rows are divided into parts, and the parts' sums are added in order: the same
+// bytes for any number of threads.
 void accumulate(const DepthLevel& live, const ModelView& model, const Pose& X_FC,
                 const Vec3& centre_F, const Gates& gates, NormalEquations& out,
                 rt::ForkJoin& crew = rt::serial()) noexcept;

@@ -6,11 +6,10 @@
 //     q = X_FC p,  r = n_m . (q - v_m),  dr/dxi = [n_m, (q - c) x n_m].
 // fp32 sums inside a row, fp64 sums over rows in fixed order, fp64 solve: same bytes on every machine.
 //
-// A direction the scene does not constrain is not moved along; the motion prior's value stays
-// (solution remapping, Zhang, Kaess, Singh, ICRA 2016). Which directions those are is decided from the
-// eigenvalues of the 6x6 with rotation scaled by the mean depth (as points weigh), on the cross moment of live and
-// model normals: their noise is independent, so a noisy flat wall does not look like structure
-// (degeneracy.hpp).
+// Along a direction that the scene does not constrain, the pose keeps the value of the motion prior
+// (solution remapping, Zhang, Kaess, Singh, ICRA 2016). The eigenvalues of the scaled 6x6 cross
+// moment of live and model normals decide which directions those are. The noise of both is
+// independent, so a noisy flat wall does not look like structure (degeneracy.hpp).
 //
 // Claimed (docs/fusion.md): every direction constrained by the scene, or by an odometry prior whose
 // stated error since the last full constraint is below claim_translation_m and claim_rotation_deg,
@@ -34,8 +33,8 @@ struct TrackerConfig {
   std::array<double, 3> gate_distance_m{0.05, 0.08, 0.20};  // fine to coarse
   double gate_normal_deg = 30;
   // chosen on: recording, room; judged on: turn, moving 31 first 12 (docs/fusion.md, weighting)
-  // icp::NoiseRule: the noise of a structured-light camera (Nguyen, Izadi, Lovell, 3DIMPVT 2012) up to 2 m; beyond,
-  // half as much again, for the pattern that an uncalibrated one keeps in its images whatever they show.
+  // icp::NoiseRule: the noise of a structured-light camera (Nguyen, Izadi, Lovell, 3DIMPVT 2012) up
+  // to 2 m; beyond, 1.5 times as much, for the fixed pattern in images of an uncalibrated camera.
   double noise_m = 0.0015;
   double noise_per_m2 = 0.004;
   double noise_from_m = 0.8;
@@ -43,8 +42,9 @@ struct TrackerConfig {
   double stop_rotation_deg = 5e-3;
   DegeneracyConfig degeneracy;
   // chosen on: not recorded; judged on: not recorded
-  // Of the points that meet a model surface, those on it within their noise (NormalEquations::on_surface). Normals have
-  // no say: how well they agree depends on voxel and level, not on the pose (docs/fusion.md, Levels).
+  // Share of the points that meet a model surface and are on it within their noise
+  // (NormalEquations::on_surface). Normals are not compared: how well they agree depends on voxel
+  // size and level, not on the pose (docs/fusion.md, Levels).
   double weak_inlier_share = 0.85;
   // chosen on: recording, room, stairs; judged on: turn (docs/fusion.md, Levels)
   double lost_inlier_share = 0.75;
@@ -59,7 +59,7 @@ struct TrackerConfig {
   double claim_translation_m = 0.010;
   double claim_rotation_deg = 0.5;
   // chosen on: not recorded; judged on: kidnaps 46 to 50 (docs/fusion.md, Look-alikes)
-  // A camera that was lost is believed to be back only when more fits than a tracked one needs.
+  // A lost camera counts as found only if the image fits better than a tracked camera needs.
   double reacquire_distance_m = 0.04;  // pairs counted, at half resolution
   double reacquire_inlier_share = 0.60;
   double reacquire_overlap = 0.40;
@@ -80,8 +80,8 @@ struct MotionPrior {
   // One-sigma error accumulated since the last frame that the scene constrained fully.
   double sigma_translation_m = 1.0;
   double sigma_rotation_deg = 180.0;
-  // kOdometry: where it has the camera by itself, over more than the last frame. Differs from X_WC by what tracking has
-  // added since, beyond the stated error.
+  // kOdometry only: the camera's pose by odometry alone, over more than the last frame. It differs
+  // from X_WC by what tracking added since then, beyond the stated error.
   Pose X_WC_odometry = Pose::Identity();
 };
 
@@ -104,8 +104,8 @@ struct TrackingResult {
   double clash = 0;          // reacquire() only: share of points in front (contradiction.hpp)
   double condition = 0;      // largest / smallest eigenvalue of the scaled 6x6; inf = singular
   int degenerate_count = 0;
-  // First degenerate_count columns: unit twists (v, w L) in W about the centroid, w scaled by `length_m` (mean depth,
-  // as points weigh).
+  // First degenerate_count columns: unit twists (v, w L) in W about the centroid, with w scaled by
+  // `length_m` (weighted mean depth).
   Eigen::Matrix<double, 6, 6> degenerate_W = Eigen::Matrix<double, 6, 6>::Zero();
   double length_m = 0;
   std::array<int, 3> iterations{};  // done, fine to coarse
@@ -123,23 +123,25 @@ class Tracker {
   void use(rt::ForkJoin& crew) noexcept { crew_ = &crew; }
   // Takes what moves out of the prepared frame: TrackingPyramid::drop().
   void drop(ImageView<const std::uint8_t> mask, int level) noexcept { pyramid_.drop(mask, level); }
-  // Aligns the prepared frame, from X_WC_start. `iterations` fine to coarse, each clipped to the configured value.
+  // Aligns the prepared frame, from X_WC_start. `iterations` fine to coarse, each limited to the
+  // configured value.
   void track(const ModelView& model, const MotionPrior& prior, const Pose& X_WC_start,
              const std::array<int, 3>& iterations, TrackingResult& out) noexcept;
   void track(const ModelView& model, const MotionPrior& prior, const std::array<int, 3>& iterations,
              TrackingResult& out) noexcept {
     track(model, prior, prior.X_WC, iterations, out);
   }
-  // Is the prepared frame what `model` shows, seen from near X_WC_guess? For a camera that was lost: `model`
-  // is a cast without hint, so that what should be seen and is not counts against it. Middle and coarse
-  // levels. Claims nothing; ask reliable().
+  // Does the prepared frame show `model`, seen from near X_WC_guess? For a lost camera. `model`
+  // must be cast without hint, so that surface which should be visible and is not counts against
+  // the fit. Middle and coarse levels. Claims nothing; reliable() judges the result.
   void reacquire(const ModelView& model, const Pose& X_WC_guess,
                  TrackingResult& out) const noexcept;
-  // Did reacquire() pass its gates? A close fit, and every direction constrained by the scene or, when the
-  // guess was such, by a trusted prior.
+  // Did reacquire() pass its gates? The fit must be close, and every direction constrained by the
+  // scene or, if the guess came from a trusted prior, by that prior.
   [[nodiscard]] bool reliable(const TrackingResult& r, bool trusted_prior = false) const noexcept;
-  // Fewer inliers at level 1 of the prepared frame: lost; fewer readings: blank. lost_inliers by the level's share of
-  // 256 x 212 pixels, from 60 on: ten for each degree of freedom.
+  // With fewer inliers at level 1 of the prepared frame the camera is lost; with fewer readings the
+  // image is blank. lost_inliers scaled by the level's share of 256 x 212 pixels, at least 60: ten
+  // for each degree of freedom.
   [[nodiscard]] int least_points() const noexcept;
 
   [[nodiscard]] const TrackingPyramid& pyramid() const noexcept { return pyramid_; }

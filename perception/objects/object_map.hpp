@@ -8,20 +8,25 @@
 //              seen: seed = the pixels whose reading lies on the object's fused labels.
 //   fuse()     its vote, and what became of the objects.
 //
-// One object is segmented a frame, in turn, and with it those others whose place is near enough that one
-// window of limited size holds them all and that stand on the same support: pieces and regions of the
-// window are made once for all of them. What fills much of the image is segmented at a half or a quarter of
-// its resolution: the cost of a frame is bounded, and a voxel covers several of its pixels. Where the rest
-// may be the image says nothing. Nor does it say anything of an object whose mask is not
-// believed: one that agrees with what the map shows of it much less than its masks usually do, until
-// several in a row say the same; one that is out of all proportion; none where the object still is.
-// The outermost pixels of a mask, and those beside them, do not vote: they are on either side by
-// chance, and voxels that they alone see would change from frame to frame.
-// Agreement: of the pixels with a reading, those that mask and map both give to the object, over these
-// plus those where they contradict each other. Surface that the map knew nothing of contradicts nothing,
-// so a new side of an object, or one that is being pushed, is followed.
+// One object is segmented in each frame, in turn. Others on the same support are segmented with it
+// if one window of limited size holds them all; pieces and regions of the window are computed once.
+// A window that fills much of the image is segmented at a half or a quarter of its resolution,
+// which bounds the cost of a frame; a voxel then covers several pixels. Where other objects may be,
+// the image does not vote.
 //
-// An object is forgotten when nothing stands in its place, in full view, for a while.
+// A mask is withheld (it does not vote) if
+//   - it agrees with the map's view of the object much less than usual, until several in a row do;
+//   - its size is out of proportion to the object;
+//   - it is empty although the object is still there.
+// The outermost pixels of a mask and their neighbours do not vote either: their side is chance, and
+// voxels seen by them alone would change from frame to frame.
+//
+// Agreement: of the pixels with a reading, the number that both mask and map give to the object,
+// divided by that number plus the pixels where they contradict each other. Surface that the map
+// does not know contradicts nothing, so a new side of an object, or an object that is pushed, is
+// followed.
+//
+// An object is forgotten after its place was seen empty, in full view, for a while.
 //
 // Labels: an object's id is its label in the map and its slot in the palette, 1 .. kMost. Frames: W
 // world (= map), C camera (optical). SI. Everything is allocated in the constructor.
@@ -49,8 +54,8 @@ struct ObjectsConfig {
   // chosen on: not recorded; judged on: ycb_video, mosd_learn, tabletop (docs/segmentation.md)
   double agree_m = 0.03;         // the reading at a touch lies so near to the touched point
   int young_frames = 10;         // masks of a new object that start from the touched point
-  int settled_masks = 4;         // masks of a new object that are believed whatever they say
-  double agreement_drop = 0.15;  // a mask that agrees so much less than usual is not believed ...
+  int settled_masks = 4;         // masks of a new object that always vote
+  double agreement_drop = 0.15;  // a mask that agrees this much less than usual is withheld ...
   int held_masks = 4;            // ... unless it is the n-th in a row
   double most_growth =
       2.5;                 // of the mask against the fused object: beyond it never, once not young
@@ -98,7 +103,7 @@ struct ObjectStats {
       0;  // bit n: so was that of object n, or it was near; its mask was found
   std::int32_t mask_pixels = 0;  // of all of them
   float agreement = 0;           // of the mask of `followed` with the fused object, 0 to 1
-  bool withheld = false;         // that mask was not believed
+  bool withheld = false;         // that mask did not vote
   std::uint64_t work = 0;        // deterministic count
   LabelStats votes;
 };
@@ -117,8 +122,9 @@ class ObjectMap {
   // 0 background, an id, or kNoVote; of the last segment(), before fuse() judges it. To be changed by
   // tests only.
   [[nodiscard]] ImageView<std::uint8_t> label_image() noexcept { return image_.view(); }
-  // After fuse(): the id of the object that every step-th pixel of the same frame shows, 0: none. From the
-  // map's labels and the frame's own mask (object_image.cpp). out: (width - 1) / step + 1 pixels wide, ...
+  // After fuse(): the id of the object at every step-th pixel of the same frame, 0: none. From the
+  // map's labels and the frame's own mask (object_image.cpp). out: (width - 1) / step + 1 pixels
+  // wide, ...
   void draw(const FrameView& frame, const MapView& map, const Pose& X_WC, int step,
             ImageView<std::uint8_t> out) noexcept;
   [[nodiscard]] const ObjectStats& stats() const noexcept { return stats_; }

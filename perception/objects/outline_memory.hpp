@@ -1,7 +1,8 @@
-// Outlines of objects over frames. A frame's mask is off by a pixel here and there, to either side by chance,
-// and voxels are coarser than pixels: so the mean of the masks so far is kept beside each outline, as an image,
-// and carried into the next frame with the surface that it bounds (forgetting exponentially). It moves the
-// outline of a mask by one pixel at most, and not when both lie apart: then the thing has moved.
+// Averages the outlines of objects over frames. A frame's mask is off by a pixel in places, to
+// either side by chance, and voxels are coarser than pixels. So an image keeps the mean of the
+// masks so far beside each outline, with exponential forgetting. It is carried into the next frame
+// with the surface that it bounds. It moves the outline of a mask by at most one pixel. If mask and
+// mean lie farther apart, the object has moved and the mask stays as it is.
 //
 // Depth of an outline, to carry it: that of the mask's readings next to it, away from depth edges, continued
 // with their slope. Frames: W world, C camera (optical). SI.
@@ -24,8 +25,8 @@ class OutlineMemory {
   struct Box {
     int u0, v0, u1, v1;
   };
-  // The mask of object `id` in a frame, the pixels of `labels` that have it; its outline becomes that of the
-  // mean. `edges` says which readings are on an edge of depth. Does not allocate.
+  // Takes the mask of object `id`, the pixels of `labels` that have that id, and gives it the
+  // outline of the mean. `edges` marks readings on depth edges. Does not allocate.
   void settle(const FrameView& frame, const Pose& X_WC, std::uint8_t id, const Box& box,
               const TsdfConfig& edges, ImageView<std::uint8_t> labels) noexcept;
   void forget(std::uint8_t id) noexcept;

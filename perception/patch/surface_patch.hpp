@@ -45,7 +45,8 @@ struct SurfacePatch {
   std::array<std::int32_t, 3> origin_node{};  // world grid node of node (0,0,0)
   int nodes = 0;                              // n
   std::uint64_t checksum = 0;  // of distance and material; set by the writer when asked
-  // What the hand touched moves, by the newest image's motion mask: the field here does not show it any more.
+  // By the newest image's motion mask the touched surface moves: the field here is no longer valid
+  // for it.
   bool touched_moves = false;
   std::array<Material, kMaxMaterials> palette{};
 

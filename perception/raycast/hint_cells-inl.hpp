@@ -1,4 +1,4 @@
-// The cells of the map that rays of the tracking cast are in, and what is there: value and gradient.
+// The map cells that rays of the tracking cast are in, and the field's value and gradient there.
 // Included once per instruction set (Highway's way: no guard but the toggle).
 #include <cstdint>
 #include <cstring>

@@ -37,8 +37,8 @@ struct HintJob {
   float first, last;
 };
 
-// `count` <= kSpan rays of one row. Up to the next multiple of 16 `hint` and `x` are readable, hint 0, and `found`
-// may be written.
+// `count` <= kSpan rays of one row. Up to the next multiple of 16, `hint` and `x` must be readable
+// (hint 0 there) and `found` writable.
 struct HintSpan {
   const float* hint;  // m, 0 = none
   const float* x;     // (u - cx) / fx

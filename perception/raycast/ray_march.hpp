@@ -1,6 +1,6 @@
-// One ray through the map: where it first crosses a surface. The parts of a cast (raycast.cpp) have one marcher
-// each: a reader remembers what it read last. Everything is in the class, so that the casters' loops, compiled for
-// each instruction set, take it in whole.
+// Follows one ray through the map to its first crossing of a surface. Each part of a cast
+// (raycast.cpp) has its own marcher, because its reader caches the last blocks. All is inline, so
+// that the casters' loops are compiled with it for each instruction set.
 #pragma once
 
 #include <algorithm>

@@ -1,17 +1,18 @@
 // The last seconds of a run, in a file that outlives the process.
 //
-// A ring of records in a file that is mapped into memory. Nothing has to be written when something goes
-// wrong: whatever ends the process, SIGKILL included, the kernel keeps the pages. What the drain thread
-// had not fetched yet (20 ms) is missing then. Used by ordinary threads only: add() takes a mutex.
+// A ring of records in a file that is mapped into memory. Nothing has to be written when the
+// process ends: the kernel keeps the pages, even after SIGKILL. Only the records that the drain
+// thread had not fetched yet (20 ms) are lost. For ordinary threads only, since add() takes a
+// mutex.
 //
 // File, of this machine's layout:
 //   0         text: "teletact-blackbox 1 <sizeof JobRecord> <sizeof SentinelRecord> <window ns> <ring bytes>",
 //             the lines of a run file's header, an empty line; zeros follow
-//   kStopAt   text: why the run stopped; empty: the process ended without a word
+//   kStopAt   text: why the run stopped; empty: the process ended without a message
 //   kRingAt   records, each at a multiple of 8 and never over the end: Head, payload
 // A record is valid when its check fits; a reader takes every valid one and orders them by number. So a
 // torn record, and the one it was written over, are left out, and nothing else.
-//   'J' JobRecord   'S' SentinelRecord   others: whoever adds them says what they are
+//   'J' JobRecord   'S' SentinelRecord   others: defined by their writer
 #pragma once
 
 #include <cstddef>
@@ -83,7 +84,7 @@ struct BlackBox {
   };
   RunLog log;  // jobs in order of k
   Nanos window{0};
-  std::string stop;            // empty: the process ended without a word
+  std::string stop;            // empty: the process ended without a message
   std::vector<Entry> entries;  // the others, in order
   std::uint64_t records = 0;   // valid ones
   std::uint64_t missing = 0;   // numbers between the first and the last that no record has

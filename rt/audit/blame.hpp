@@ -6,7 +6,8 @@
 //   start ... end        own       CPU beyond the budget, with more work done than calibration saw;
 //                                  or a voluntary wait inside the job
 //                        charged   CPU beyond the budget while the work count lies inside
-//                                  calibration's range: taken above us, booked on us
+//                                  calibration's range: the time went to something else
+//                                  (interrupts, host) but the kernel charged it to this thread
 //                        platform  wall time that was neither CPU nor run delay
 // The largest part wins; a late start or miss whose parts do not explain half of it is unknown.
 // A skipped release takes the cause of the job that ran over it. Of those that the task's totals count

@@ -1,6 +1,6 @@
 // Histogram of times: 64 equal buckets in each power of two, from 1 ns to 2^40 ns (18 minutes).
 //
-//   rank      that of rt/quantile.hpp; told is the upper edge of the bucket that holds it
+//   rank      as in rt/quantile.hpp; reported is the upper edge of the bucket that holds it
 //   error     a quantile is at most 1/64 (1.6 %) above the true value, exact below 128 ns
 //   record    a few instructions, no branch on history, no memory beyond the object (about 18 kB)
 //   merge     adds; the order of merging does not matter

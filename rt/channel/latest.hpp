@@ -3,8 +3,9 @@
 //   writer    T& begin_write(), fill it, publish(). An unpublished slot is simply written again.
 //   reader r  acquire(r): the newest value, by reference. The reference stays valid until that
 //             reader's h-th next acquire, h being the number of values the reader retains.
-//   With a value goes when it was published (of the writer's job, or of the message's arrival), and how unsure the
-//   instants in it are, where a clock of another box was converted.
+//   Each value carries the instant of its publication (of the writer's job, or of the message's
+//   arrival) and the uncertainty of its instants, where they were converted from another box's
+//   clock.
 //
 // Protocol (one atomic word per retained value, H = sum of h, H + 2 slots, all seq_cst):
 //   writer  picks a slot that is neither the latest nor in any word, writes it, sets latest, then

@@ -1,7 +1,9 @@
-// Heap allocations of the calling thread: a firm task's libraries may allocate, and how often is counted per job.
+// Counts heap allocations of the calling thread. Libraries of a firm task may allocate; the audit
+// counts them per job.
 //
-// Counted where a program's own malloc tells (count_allocations.cpp in the product, the guard in the tests); in any
-// other program, and under a sanitizer, which has its own malloc, the answer is kNotCounted.
+// Only a program with a malloc of its own counts (count_allocations.cpp in the product, the guard
+// in the tests). In any other program, and under a sanitizer, which has its own malloc, the answer
+// is kNotCounted.
 #pragma once
 
 #include <algorithm>

@@ -9,10 +9,10 @@
 //   3. A core is refused above `core_limit` (real-time with switch costs, plus declared best
 //      effort), or if any task has R > D. The limit is 0.90 because the kernel's fair server takes
 //      up to 5 % of a core above FIFO.
-//   4. Static choices are tried in order of preference: fewest steps down over all tasks, ties: the
-//      later task steps down. The first combination that fits, with whatever levels it takes, is
-//      taken; a choice that is ruled out is passed over and named. What is left when the last one (the floor)
-//      does not fit is a refusal.
+//   4. Static choices are tried in order of preference: fewest steps down over all tasks; of ties
+//      the one in which the later task steps down. The first combination that fits, at any levels,
+//      is taken. A choice that is ruled out is skipped and named. If the last one (the floor) does
+//      not fit either, the request is refused.
 //   5. Within a combination all tasks start at level 0. While the set does not fit, one task is lowered
 //      by one level: the next entry of `degrade_order`, or, if that list is empty, the task with the
 //      largest utilisation (a step then costs the smallest relative loss per freed CPU; ties: firm

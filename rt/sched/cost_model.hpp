@@ -17,8 +17,8 @@ class CostModel {
   [[nodiscard]] virtual Nanos cost(std::uint16_t task, std::uint64_t k, int level) noexcept = 0;
 };
 
-// A distribution by its quantiles: value[i] is the quantile i / (n - 1), told by rank (rt/quantile.hpp). Drawn by
-// interpolation between them.
+// A distribution by its quantiles: value[i] is the quantile i / (n - 1) by nearest rank
+// (rt/quantile.hpp). Draws interpolate between them.
 struct CostQuantiles {
   std::vector<std::int64_t> value_ns;
 

@@ -1,8 +1,8 @@
-// A piece of work cut into parts that do not touch each other, for whoever is there to take part.
+// Runs independent parts of a piece of work on several threads.
 //
-// Which parts there are, and in which order their results are put together, is the caller's business and must not
-// depend on how many threads there are: then one and n threads give the same bytes. Part p always goes to
-// member p % width() (member 0 is the caller), so what each costs repeats too.
+// The caller decides about the parts and the order in which their results are combined. Neither may
+// depend on the number of threads; then one thread and n threads give the same bytes. Part p always
+// goes to member p % width() (member 0 is the caller), so the cost of each member repeats too.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,9 @@ class ForkJoin {
   virtual ~ForkJoin() = default;
   // Threads that take part, the caller's own included.
   [[nodiscard]] virtual int width() const noexcept = 0;
-  // How much longer than the caller's own parts the longest other member took, thread CPU summed over all
-  // forks so far: caller's CPU + this = the way through. 0 unless it is being measured.
+  // By how much the longest other member exceeded the caller's own parts, thread CPU summed over
+  // all forks so far. The caller's CPU plus this is the length of the critical path. 0 unless it is
+  // being measured.
   [[nodiscard]] virtual std::int64_t beyond_ns() const noexcept { return 0; }
   // fn(p) for p = 0 .. parts - 1, each once; back when all are done. By one thread at a time.
   template <class F>
@@ -31,7 +32,7 @@ class ForkJoin {
   virtual void run(int parts, Body body, const void* context) noexcept = 0;
 };
 
-// The caller does it all, in rising order.
+// The caller does all parts, in rising order.
 class SerialForkJoin final : public ForkJoin {
  public:
   [[nodiscard]] int width() const noexcept override { return 1; }

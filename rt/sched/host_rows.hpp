@@ -20,7 +20,7 @@ struct CoreSet {
   std::size_t platform_rows = 0;
 };
 
-// What fork and join adds to a row: to the release jitter of a worker, to the execution of its parent.
+// What fork and join add to a row: release jitter to a worker, execution time to its parent.
 struct Coupling {
   std::vector<Nanos> fork, wait;  // per task
   std::string problem;            // a fork or a join without a bound
@@ -39,8 +39,9 @@ class HostRows {
                                                       const std::vector<int>& placed) const;
   [[nodiscard]] CoreSet core_set(int core, const std::vector<int>& placed,
                                  const std::vector<int>& levels, const Coupling& k) const;
-  // The least fixed point of latest forks and join waits over all cores. Both figures only grow from
-  // one round to the next, so this ends, if not there, where a parent's wait is beyond two periods.
+  // The least fixed point of latest forks and join waits over all cores. Both only grow from one
+  // round to the next, so the iteration ends at the fixed point or when a parent's wait exceeds two
+  // periods.
   [[nodiscard]] Coupling couple(const std::vector<int>& placed,
                                 const std::vector<int>& levels) const;
   // Empty if the core is fine; else the figures.

@@ -1,18 +1,20 @@
 // Admission at each mode change, worked out before the first release.
 //
-// A mode change must not run an analysis on a real-time thread, and a stop can not be told to wait for
-// one. So every mode's set of tasks, and every change from one to another, is analysed once at start, on the
-// placement that admission chose (a running thread is not moved); what is left at run time is one look into a
-// table of bits (ModeGate), which whoever changes modes asks first. A change that did not fit is refused, and
-// the table keeps the figures for the log.
+// A mode change must not run an analysis on a real-time thread, and a stop must not wait for one.
+// So each mode's set of tasks and each change between modes is analysed once at start, on the
+// placement that admission chose (a running thread is not moved). At run time a mode change only
+// reads a table of bits (ModeGate). A change that does not fit is refused, and the table keeps the
+// figures for the log.
 //
 //   a set         per task: whether it runs, and the levels that it may run in; charged the dearest of them
-//   a change      from a to b: a task that runs in either, at the dearest level of both. The release grid does
-//                 not move and a level is switched only where no job is pending, so while the change is
-//                 under way no two jobs of a task come closer than its period, and none costs more than this:
-//                 the steady-state analysis of that set bounds every response during it.
-//   safe modes    those that a fault leads to (hold, ramp down, stop) may never be refused: if one of them, or
-//                 a change into one from any mode, does not fit, the start is refused.
+//   a change      from a to b: every task that runs in either, at the dearest level of both. The
+//                 release grid does not move, and a level is switched only where no job is pending.
+//                 So during the change no two jobs of a task are closer than its period and none
+//                 costs more than this: the steady-state analysis of that set bounds every response
+//                 during the change.
+//   safe modes    the modes that a fault leads to (hold, ramp down, stop) must never be refused. If
+//                 one of them, or a change into one from any mode, does not fit, the start is
+//                 refused.
 //
 // The host's registry is entered with each task's dearest row over all modes that may be entered, so a mode
 // change never has to ask it (largest_of).

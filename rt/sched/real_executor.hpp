@@ -1,9 +1,14 @@
 // The real clock: one pinned SCHED_FIFO thread per task, absolute clock_nanosleep on an exact grid,
-// a sentinel per core just above the tasks, a watchdog on the last of these cores, and an ordinary thread that drains the audit
-// rings. A row that names a parent is a worker of its pool (worker_pool.hpp): a thread that does parts of the
-// parent's jobs. Its record of each of them runs from the first fork to the end of its last part, with its own CPU. A right that is missing (FIFO, mlock) is reported and the run is marked
-// "not real-time"; it is never pretended. cpu_dma_latency is no right to the CPU: without it wake-ups from deep idle
-// states are later, which sentinels see and a run says.
+// a sentinel per core just above the tasks, a watchdog on the last of these cores, and an ordinary
+// thread that drains the audit rings.
+//
+// A row that names a parent is a worker of its pool (worker_pool.hpp): a thread that does parts of
+// the parent's jobs. Its record of a job runs from the first fork to the end of its last part, with
+// its own CPU time.
+//
+// A missing right (FIFO, mlock) is reported, and the run is marked "not real-time". cpu_dma_latency
+// is not such a right: without it wake-ups from deep idle states are later, which sentinels see and
+// the run reports.
 //
 // Thread priorities: theft of a fault plan 98 > sentinel 95 > watchdog 94 > hog of a fault plan 93 >
 // tasks 80 - rank.

@@ -7,10 +7,11 @@
 // last. Slots of processes that are gone (no such pid, another start time, or a zombie) are cleared
 // whenever the lock is taken.
 //
-// Every user of the host may read and write the table (mode 0666), since whose process it is makes no
-// difference to a core. So it is an agreement among programs that mean well, no protection: any local
-// user can enter rows that keep others out, clear rows, hold the lock, or cut the file short. On a host
-// with users who are not trusted to that extent, do not run real-time work.
+// Every user of the host may read and write the table (mode 0666), since a core is shared by the
+// processes of all users. So the table is an agreement among cooperating programs, not a
+// protection: any local user can enter rows that keep others out, clear rows, hold the lock, or
+// truncate the file. Do not run real-time work on a host whose users are not trusted to that
+// extent.
 #pragma once
 
 #include <cstdint>

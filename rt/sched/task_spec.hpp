@@ -45,8 +45,8 @@ struct Variant {
         overlap(overlap_) {}
 };
 
-// A static knob's value (voxel size): chosen at start by admission, never afterwards. Each has levels
-// of its own.
+// A value of a static parameter (voxel size): chosen at start by admission, never changed
+// afterwards. Each value has levels of its own.
 struct StaticChoice {
   std::string name;               // "20 mm"
   std::vector<Variant> variants;  // level 0 first; at least one
@@ -54,11 +54,11 @@ struct StaticChoice {
 };
 
 // Fork and join. A task with `forks` hands parts of each job to pool workers on other cores and waits
-// for them; each worker is a row of its own that names its parent. Of a worker: rate, offset, deadline,
-// policy, choices and levels are its parent's (same numbers of them), the budget is its own: over the forks of
-// one job, the sum of the largest share that any worker of the pool gets. Its release jitter is the
-// parent's latest fork and is computed, as is the parent's wait for the join, which counts as
-// execution (analysis.hpp). Workers block while they wait; they never spin.
+// for them. Each worker is a row of its own that names its parent. A worker has its parent's rate,
+// offset, deadline, policy, choices and levels. Its budget is its own: over the forks of one job,
+// the sum of the largest share that any worker of the pool gets. Its release jitter is the parent's
+// latest fork. That and the parent's wait for the join, which counts as execution, are computed
+// (analysis.hpp). Workers block while they wait; they never spin.
 
 struct TaskSpec {
   std::string name;

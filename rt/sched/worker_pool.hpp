@@ -1,6 +1,6 @@
-// The fork-join pool: the caller wakes the workers, does its own parts, and waits for theirs. Everybody waits in
-// the kernel (futex); nobody spins. The threads are the executor's (serve()), which places and ranks
-// them as admission said.
+// The fork-join pool: the caller wakes the workers, does its own parts, and waits for theirs. All
+// waiting is in the kernel (futex), without spinning. The threads belong to the executor (serve()),
+// which places and ranks them as admission decided.
 //
 //   fork   body, context, parts are written; pending = workers that have a part; then each one's `call` is
 //          raised (release) and woken
@@ -8,8 +8,8 @@
 //          (release); the last one wakes the caller
 //   join   the caller sleeps until pending is 0 (acquire): all results and notes are then its own
 //
-// No allocation, lock or throw in any of it. A fork costs the caller a system call a worker and, where it is done
-// first, one to sleep.
+// No allocation, lock or exception anywhere. A fork costs the caller one system call per worker
+// and, if the caller is done first, one to sleep.
 #pragma once
 
 #include <linux/futex.h>
@@ -176,9 +176,9 @@ class BasicWorkerPool final : public ForkJoin {
 
 using WorkerPool = BasicWorkerPool<>;
 
-// The same cut, all of it by the caller, part by part in the order 0, 1, ...: for the virtual clock. With
-// `measure` it keeps what the parts of each worker cost, so that calibration can tell fusion's own CPU from its
-// workers'.
+// The same parts, all done by the caller in the order 0, 1, ...: for the virtual clock. With
+// `measure` it keeps the cost of each worker's parts, so that calibration can separate fusion's own
+// CPU from its workers'.
 class InlineForkJoin final : public ForkJoin {
  public:
   InlineForkJoin(int workers, bool measure)

@@ -21,7 +21,7 @@ struct ModeMsg {
   rt::Time stamp{};
   Mode mode = Mode::kInit;
   rt::FaultId cause = rt::kNoFault;
-  bool clear = false;  // the operator clears: what a device or a task has latched is let go of
+  bool clear = false;  // the operator clears: devices and tasks reset what they have latched
 };
 
 // Where the hand is, for fusion's window and for the console. haptic -> fusion, every tick.
@@ -49,7 +49,7 @@ struct TouchEvent {
     kMarkBegin,
     kMarkPoint,
     kMarkEnd,
-    kSurfaceLeft,  // what was touched went, or came faster than a hand can be carried
+    kSurfaceLeft,  // the touched surface left, or came faster than the hand can follow
   };
   std::uint64_t seq = 0;
   rt::Time stamp{};
@@ -68,7 +68,7 @@ struct CameraPose {
   Pose X_WC = Pose::Identity();
   Tracking tracking = Tracking::kLost;
   bool claimed = false;  // definitions: fusion, "claimed"
-  rt::Time seen{};  // exposure of the newest claimed image: this one, or what the pose goes on from
+  rt::Time seen{};       // exposure of the newest claimed image: this one, or the one before a loss
 };
 
 // Why prediction lets the base stand.
@@ -76,14 +76,15 @@ enum class Held : std::uint8_t {
   kNo,
   kStateOld,  // the newest robot state, with the uncertainty of its instant, is too old to drive on
   kStateSilent,   // none came
-  kSettling,      // one of the two, until a moment ago
+  kSettling,      // one of these two held until a moment ago
   kDelayUnknown,  // no round trip was measured
   kPlaceUnsure,
   kModeSilent,
   kPathOld,
 };
 
-// Where odometry's frame lies in the world, and how sure that is; and whether the base may be driven.
+// Pose of the odometry frame O in the world with its covariance, and whether the base may be
+// driven.
 // prediction -> planning, console.
 struct OdometryFrame {
   std::uint64_t seq = 0;
@@ -93,10 +94,10 @@ struct OdometryFrame {
   std::array<double, 6>
       covariance{};  // of the base's pose in W then: xx, xy, x yaw, yy, y yaw, yaw yaw
   double error_m = 0, error_rad = 0;  // stated: three standard deviations (world_filter.hpp)
-  bool known = false;                 // false: nobody knows yet where O lies
-  bool follows_camera = false;        // false: O is taken as W, and how wrong that is, is not known
+  bool known = false;                 // false: X_WO is not known yet
+  bool follows_camera = false;        // false: O is taken as W, with an unknown error
   bool unsure = false;                // the stated error is above its limit: goals are not engaged
-  // Why goals are not engaged although the mode is; with it what was measured and what is allowed, ms.
+  // Why goals are not engaged although the mode is, with the measured value and its limit, ms.
   Held held = Held::kNo;
   std::int32_t held_ms = 0, held_limit_ms = 0;
 };

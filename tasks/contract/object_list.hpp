@@ -1,5 +1,6 @@
-// The objects that a touch has named and fusion follows, for the console and as targets of a grasp or an
-// approach. fusion -> planning, console; every period in which an image was consumed or a touch answered.
+// The objects that the operator has touched and that fusion follows: for the console, and as
+// targets of a grasp or an approach. fusion -> planning, console; in every period in which an image
+// was consumed or a touch answered.
 #pragma once
 
 #include <array>
@@ -13,9 +14,9 @@ namespace tasks {
 struct ObjectList {
   struct Entry {
     std::uint8_t id = 0;       // label in the map and slot of the patch's palette, 1 ..
-    std::uint32_t serial = 0;  // of the object; an id is used again, this is not
-    bool seen = false;         // in its last turn
-    bool summarised = false;   // what follows is known
+    std::uint32_t serial = 0;  // of the object; unlike an id it is never used again
+    bool seen = false;         // when it was last looked for
+    bool summarised = false;   // the fields below are valid
     perception::Pose X_WO = perception::Pose::Identity();   // centroid and principal axes
     perception::Vec3 extent_m{0, 0, 0}, centre_m{0, 0, 0};  // of the box along the axes, in O
     perception::Rgb colour;                                 // mean

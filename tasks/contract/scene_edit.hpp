@@ -1,5 +1,5 @@
-// What the operator asks of the scene itself: forget a region, keep out of a place. console -> fusion, Ring;
-// plain, so that a recording can hold it.
+// The operator's edits of the scene: forget a region, or keep out of an area. console -> fusion,
+// Ring. Plain data, so that a recording can hold it.
 #pragma once
 
 #include <array>

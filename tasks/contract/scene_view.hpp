@@ -1,5 +1,5 @@
-// What an eye sees of the fused scene, for the console and the report: a coloured picture with the
-// surface point behind every pixel, so that proxy, marks and robot can be drawn in at the right depth.
+// A picture of the fused scene for the console and the report. Each pixel has a colour and its
+// surface point, so that proxy, marks and robot can be drawn in at the right depth.
 #pragma once
 
 #include <array>
@@ -24,11 +24,13 @@ struct SceneView {
   perception::Intrinsics intrinsics{};
   std::array<perception::Rgb, kMaxPixels> colour{};  // shaded; row-major, width x height
   std::array<Point, kMaxPixels> points{};
-  // Id of the object (ObjectList) that shows there, 0: none. Its outlines are those of the camera's pixels, points
-  // and depths the map's: beside an outline they may be of what lies behind.
+  // Id of the object (ObjectList) at each pixel, 0: none. Outlines come from the camera's pixels,
+  // points and depths from the map. So beside an outline a point may belong to the surface behind
+  // the object.
   std::array<std::uint8_t, kMaxPixels> object{};
-  // What moves there, or is the robot's own (perception::PixelOf): it is in none of colour and points, which are the
-  // map's. Of the camera's newest image; `masked` false: nothing, and what is not filled in.
+  // Pixels that move or show the robot's own body (perception::PixelOf), in the camera's newest
+  // image. Colour and points come from the map and do not contain them. `masked` false: there are
+  // none, and this is not filled in.
   bool masked = false;
   std::array<std::uint8_t, kMaxPixels> what{};
 };

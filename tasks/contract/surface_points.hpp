@@ -1,9 +1,10 @@
-// Surface points of one full ray cast of the map: what the published method of touch reduces over.
-// fusion -> haptic, where a scene asks for that method; nobody else makes or reads one.
+// Surface points of one full ray cast of the map. The published touch method (force shading)
+// searches them for the nearest point. fusion -> haptic, only if a scene asks for that method.
 //
-// A point a pixel, row-major, one ray each, from minimum depth to the first crossing from outside to inside; a ray
-// that met nothing is far away and never nearest. Coordinates apart, padded to kLanes with far points. All room is
-// made at set-up; a message is filled in place and read in place.
+// One ray and one point a pixel, row-major, from minimum depth to the first crossing from outside
+// to inside. A ray that meets nothing gives a far point, which is never nearest. Structure of
+// arrays, padded to kLanes with far points. Memory is allocated at set-up; a message is filled in
+// place and read in place.
 // Frames: points and normals in W (= map); normals unit, towards the camera.  SI.
 #pragma once
 

@@ -1,4 +1,4 @@
-// The task table and the edge table of the whole stack: reading this file is the tour.
+// The task table and the edge table of the whole stack. docs/tour.md follows data through it.
 //
 //     robot box                                      operator box
 //     camera ─▶ capture ══frame══▶ fusion ──patch──▶ haptic ◀──▶ Omega
@@ -65,7 +65,7 @@ struct VariantRow {
   std::int64_t budget_us;  // declared CPU; calibration replaces it
 };
 
-// What its box's supervision watches: a task silent for so long is a fault.
+// What the supervision of its box watches: a task that is silent for longer is a fault.
 struct WatchRow {
   std::uint16_t fault = 0;  // 0: not watched
   int silence_ms = 0;
@@ -83,7 +83,8 @@ struct TaskRow {
   int miss_limit;                     // leaky bucket; above it the safe output is forced
   std::array<VariantRow, 4> variants; // level 0 first; an empty name ends the list
   WatchRow watch = {};
-  int sensed = -1;  // place in rt::JobRecord::input_seq of what comes by no Latest: a device's sample, a ring's event
+  // Place in rt::JobRecord::input_seq of an input that is no Latest: a device's sample, a ring's event.
+  int sensed = -1;
 };
 
 using enum rt::MissPolicy;
@@ -133,32 +134,36 @@ struct EdgeRow {
   TaskId from;
   EdgeKind kind;
   std::string_view beyond;  // what happens without it
-  int published = kUnlisted;    // place among what a recording notes of its writer's publications; kUnlisted: no task reads it
+  // Place among the publications of its writer that a recording notes; kUnlisted: no task reads it.
+  int published = kUnlisted;
   Wire wire = {};
-  int room = 0;  // of a ring
+  int room = 0;  // of a ring: how many elements it holds
 };
 
-// One reader of an edge, and how old its value may be for it, judged at the latch by the reader's clock (limits.hpp).
+// One reader of an edge, and how old a value it accepts. Judged at the latch by the reader's clock
+// (tasks/graph/limits.hpp).
 //
-//   input     place of the value's number in rt::JobRecord::input_seq, so in a run's hash and in a recording; kUnlisted: of
-//             an ordinary thread, or of a ring
-//   liveness  since the writer last published; of an edge between boxes since it last arrived, of the goal since the
-//             link was heard. Of what is published only when there is something to say (touch, edit, mesh): since its
-//             writer was last known to live.
-//   age       since the oldest sensor datum in it was taken, and how unsure that instant is. Of a fused value since its
-//             newest claimed image; of a path since that of the map that last let it pass; of a goal or a mode since
-//             it was made. kAgeless: a mark or an edit is as good as on the day it was made.
-//   beyond    the reader's answer, to either
-//   holds     how many values it keeps at once
-//   may_skip  a job may not look at it at all; it then notes number 0
+//   input     place of the value's sequence number in rt::JobRecord::input_seq, and so in a run's
+//             hash and in a recording. kUnlisted: the reader is an ordinary thread, or the edge a ring
+//   liveness  time since the writer last published. Between boxes: since the last arrival; goal:
+//             since the link was last heard. What is published only on an event (touch, edit,
+//             mesh): since its writer was last known to live
+//   age       time since the oldest sensor datum in the value was taken, plus the uncertainty of
+//             that instant. Fused value: since its newest claimed image. Path: since the newest
+//             image of the map that last let it pass. Goal, mode: since it was made.
+//             kAgeless: a mark or an edit does not age
+//   beyond    what the reader does beyond either limit
+//   holds     how many values the reader keeps at once
+//   may_skip  a job may leave the value unread; it then notes number 0
 //
-// A value that was never published is no matter of these rows: the reader waits for it. The tasks' configurations take
-// their defaults from here, so what is written here is in force unless a scene says otherwise: by the named keys, where
-// there are none by limits.<reader>.<edge>_liveness_ms and _age_ms.
+// A value that was never published is outside these limits: the reader waits for it. The tasks'
+// configurations take their defaults from here. A scene may override them by the named keys, or
+// where none is named by limits.<reader>.<edge>_liveness_ms and _age_ms.
 //
-// The ages across the link are set by the delay that is to be borne, 200 ms one way with 20 ms of jitter, for the
-// uncertainty of an instant doubles it: a state is 400 + 40 + 10 (its rate) + 30 (an image before it) ms old, and a goal
-// lives a round trip and 250 ms. How far the base drives on them is bounded by its speed, not by them: docs/prediction.md.
+// The ages across the link follow from the largest delay that is allowed: 200 ms one way with 20 ms
+// of jitter. The uncertainty of an instant doubles it, so a state is up to 400 + 40 + 10 (its rate)
+// + 30 (an image before it) ms old, and a goal lives a round trip and 250 ms. How far the base
+// drives meanwhile is bounded by its speed, not by these ages: docs/prediction.md.
 inline constexpr int kAgeless = 0;
 struct Reader {
   TaskId reader;
@@ -171,7 +176,8 @@ struct Reader {
   bool may_skip = false;
 };
 
-// A row with its types: what its readers get, and what leaves its writer where the two boxes differ.
+// A row with its types: the message that readers get, and the one that the writer sends where the
+// two boxes differ.
 template <class M, class Sent, std::size_t N>
 struct Edge {
   using Message = M;
@@ -192,33 +198,33 @@ inline constexpr auto kEdges = [] {
   return std::tuple{
     make_edge<perception::RgbdFrame, drivers::EncodedFrame>(
         {kFrame, "frame", TaskId::kCapture, kRemote, "map stays, tracking idles", 0, {MessageId::kFrame, 30, true}},
-        Reader{TaskId::kFusion, 0, 500, 1000, "silent: map stays, tracking idles; old: not looked at"}),
+        Reader{TaskId::kFusion, 0, 500, 1000, "silent: map stays, tracking idles; old: ignored"}),
     make_edge<drivers::RobotState>(
         {kRobotState, "robot_state", TaskId::kRobotIo, kRemote, "ramp down", 1, {MessageId::kRobotState, 10}},
         Reader{TaskId::kPrediction, 0, 180, 500, "goals are not engaged", "", "prediction.state_liveness_ms"},
-        Reader{TaskId::kPlanning, 1, 250, 600, "nothing is planned; the path stands"},
+        Reader{TaskId::kPlanning, 1, 250, 600, "no planning; the path stays"},
         Reader{TaskId::kFusion, 2, 250, 600, "the camera is tracked without odometry"},
-        Reader{TaskId::kSupervision, 4, 180, 700, "as a silent link: ramp down", "supervision.link_liveness_s"},
+        Reader{TaskId::kSupervision, 4, 180, 700, "treated as a silent link: ramp down", "supervision.link_liveness_s"},
         Reader{kConsole, kUnlisted, 1000, 1000, kNamed}),
     make_edge<drivers::RobotGoal>(
         {kGoal, "goal", TaskId::kPrediction, kRemote, "robot ramps down", 2, {MessageId::kRobotGoal, 50}},
         Reader{TaskId::kRobotIo, 0, 90, 700, "the base ramps down", "robot_io.link_silence_ms", "prediction.goal_valid_ms"},
-        Reader{TaskId::kRobotSupervision, 2, 180, 800, "silent: ramp down; old: as an engage withdrawn", "supervision.link_liveness_s"}),
+        Reader{TaskId::kRobotSupervision, 2, 180, 800, "silent: ramp down; old: treated as a withdrawn engage", "supervision.link_liveness_s"}),
     make_edge<perception::SurfacePatch>(
         {kPatch, "patch", TaskId::kFusion, kLatest, "force ramps to zero", 0},
-        Reader{TaskId::kHaptic, 0, 100, 1000, "silent: force ramps to zero; old: told, contact stays", "haptic.patch_liveness_s", "", 2, true}),
+        Reader{TaskId::kHaptic, 0, 100, 1000, "silent: force ramps to zero; old: logged, contact stays", "haptic.patch_liveness_s", "", 2, true}),
     make_edge<SurfacePoints>(
-        {kSurface, "surface", TaskId::kFusion, kLatest, "of the method force_shading alone: no contact; force ramps to zero", 5},
-        Reader{TaskId::kHaptic, 4, 1000, 1500, "silent: force ramps to zero; old: told, contact stays"}),
+        {kSurface, "surface", TaskId::kFusion, kLatest, "force_shading only: no contact, force ramps to zero", 5},
+        Reader{TaskId::kHaptic, 4, 1000, 1500, "silent: force ramps to zero; old: logged, contact stays"}),
     make_edge<SceneView>(
         {kView, "view", TaskId::kFusion, kLatest, "shown"},
         Reader{kConsole, kUnlisted, 2000, 2000, kNamed}),
     make_edge<perception::MeshDelta>(
-        {kMesh, "mesh", TaskId::kFusion, kLatest, "not taken in time: all of it is sent again"},
+        {kMesh, "mesh", TaskId::kFusion, kLatest, "if not taken in time: the whole mesh again"},
         Reader{kConsole, kUnlisted, 1000, 2000, kNamed}),
     make_edge<perception::CostMap>(
         {kCostMap, "cost_map", TaskId::kFusion, kLatest, "no new path", 1},
-        Reader{TaskId::kPlanning, 0, 500, 1000, "no new path; the one under way stands, for its own age"},
+        Reader{TaskId::kPlanning, 0, 500, 1000, "no new path; the present one stays, up to its own age limit"},
         Reader{kConsole, kUnlisted, 1000, 1000, kNamed}),
     make_edge<CameraPose>(
         {kCameraPose, "camera_pose", TaskId::kFusion, kLatest, "odometry alone", 2},
@@ -234,11 +240,11 @@ inline constexpr auto kEdges = [] {
         Reader{TaskId::kFusion, 1, 50, 100, "the window stays"},
         Reader{kConsole, kUnlisted, 1000, 1000, kNamed}),
     make_edge<TouchEvent>(
-        {kTouch, "touch", TaskId::kHaptic, kRing, "full: newest dropped, gap flag; open mark dropped", 1, {}, 256},
+        {kTouch, "touch", TaskId::kHaptic, kRing, "when full: newest dropped, gap flag, open mark dropped", 1, {}, 256},
         Reader{TaskId::kPlanning, kUnlisted, 500, kAgeless, "an open mark is dropped"}),
     make_edge<SceneEdit>(
-        {kEdit, "edit", kConsole, kRing, "full: asked again at the next look", kUnlisted, {}, 32},
-        Reader{TaskId::kFusion, kUnlisted, 2000, kAgeless, "told; what was drawn stays"}),
+        {kEdit, "edit", kConsole, kRing, "when full, the console tries again", kUnlisted, {}, 32},
+        Reader{TaskId::kFusion, kUnlisted, 2000, kAgeless, "logged; areas drawn before stay"}),
     make_edge<Path>(
         {kPath, "path", TaskId::kPlanning, kLatest, "last path holds", 0},
         Reader{TaskId::kPrediction, 1, 1000, 10000, "goals are not engaged"},
@@ -250,11 +256,11 @@ inline constexpr auto kEdges = [] {
         {kMode, "mode", TaskId::kSupervision, kLatest, "not engaged", 0},
         Reader{TaskId::kHaptic, 1, 50, 100, "limp: force ramps to zero"},
         Reader{TaskId::kPrediction, 3, 50, 100, "goals are not engaged"},
-        Reader{TaskId::kPlanning, 2, 50, 100, "nothing is planned; the path stands"},
+        Reader{TaskId::kPlanning, 2, 50, 100, "no planning; the path stays"},
         Reader{kConsole, kUnlisted, 1000, 1000, kNamed}),
     make_edge<OdometryFrame>(
-        {kOdometryFrame, "odometry_frame", TaskId::kPrediction, kLatest, "nothing is planned", 1},
-        Reader{TaskId::kPlanning, 5, 500, 750, "nothing is planned; the path stands"},
+        {kOdometryFrame, "odometry_frame", TaskId::kPrediction, kLatest, "no planning", 1},
+        Reader{TaskId::kPlanning, 5, 500, 750, "no planning; the path stays"},
         Reader{kConsole, kUnlisted, 1000, 1500, kNamed}),
     make_edge<ModeMsg>(
         {kRobotMode, "robot_mode", TaskId::kRobotSupervision, kLatest, "not engaged", 0},

@@ -1,5 +1,6 @@
-// The cells of one box, made from the rows of kEdges (tasks/contract/table.hpp): for each edge that this box reads or
-// sends a channel with its fault gate. A reader that the edge's row does not name does not compile.
+// The cells of one box, made from the rows of kEdges (tasks/contract/table.hpp): a channel with its
+// fault gate for each edge that this box reads or sends. A reader that the edge's row does not name
+// does not compile.
 //
 //     cells.take<EdgeId::kPatch, TaskId::kHaptic>(record)   newest value, by reference (rt::Latest); its number noted
 //     cells.read<EdgeId::kMode, kConsole>()                 the same, by an ordinary thread
@@ -7,8 +8,9 @@
 //     cells.ring<EdgeId::kTouch, TaskId::kPlanning>()   for its one reader
 //     cells.push<EdgeId::kTouch>(event, gap)            for its one writer
 //
-// An edge between the boxes has a cell at both ends: what its writer sends, read by the link alone, and what arrived,
-// whose gate counts behind the wire's own checks.
+// An edge between the boxes has a cell at both ends. The sender's cell is read by the link alone.
+// The receiver's cell holds what arrived; its fault gate counts messages after the wire's own
+// checks.
 #pragma once
 
 #include <memory>
@@ -29,7 +31,7 @@ namespace tasks {
 
 enum class EdgeEnd : std::uint8_t { kNone, kBoth, kSends, kReads };
 
-// What box `b` has of an edge.
+// The end or ends of an edge that lie in box `b`.
 [[nodiscard]] constexpr EdgeEnd end_in(EdgeId id, rt::Box b) {
   const EdgeRow& row = kEdgeTable[index_of(id)];
   const bool here = box_of(row.from) == b;
@@ -66,7 +68,8 @@ struct RingCell {
 template <rt::Box B>
 class EdgeCells {
  public:
-  // asked(edge): false for an optional one that this run's scene does not ask for; nothing of it is made.
+  // asked(edge): false for an optional edge that this run's scene does not ask for. No cell is made
+  // for it.
   template <class Asked>
   EdgeCells(rt::NonRealtime& nrt, const rt::FaultPlan& faults, Asked&& asked) {
     make(nrt, faults, asked, std::make_index_sequence<kEdgeCount>{});
@@ -106,7 +109,8 @@ class EdgeCells {
   [[nodiscard]] auto& begin_write() noexcept {
     return of<E>().cell.begin_write();
   }
-  // What begin_write() gave, through the gate. True: it is out. `at`, `unsure`: of the publication (rt::Latest).
+  // Publishes the slot of begin_write() through the fault gate. True: it was published. `at`,
+  // `unsure`: see rt::Latest.
   template <EdgeId E>
   bool publish(rt::Time at, rt::Nanos unsure = rt::Nanos{0}) noexcept {
     auto& c = of<E>();

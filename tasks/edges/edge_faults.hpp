@@ -40,8 +40,8 @@ class EdgeGate {
   std::uint64_t seq_ = 0;
 };
 
-// Publishes `slot`, which is cell.begin_write() filled, through the gate. True: it is out. `at`, `unsure`: of the
-// publication (rt::Latest).
+// Publishes `slot`, the filled slot of cell.begin_write(), through the gate. True: it was
+// published. `at`, `unsure`: see rt::Latest.
 template <class T>
 bool publish(EdgeGate& gate, rt::Latest<T>& cell, T& slot, rt::Time at,
              rt::Nanos unsure = rt::Nanos{0}) noexcept {
@@ -83,7 +83,7 @@ void push(EdgeGate& gate, Ring& ring, TouchEvent event, bool& gap) noexcept {
   }
 }
 
-// A ring whose writer asks again: false, as by a full ring.
+// For a ring whose writer tries again: false, as if the ring were full.
 template <class Ring>
 [[nodiscard]] bool push(EdgeGate& gate, Ring& ring, SceneEdit edit) noexcept {
   rt::EdgeFaults fate;

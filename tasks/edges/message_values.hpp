@@ -1,4 +1,5 @@
-// What a fault plan and a limit do with a message, by its field list: age(), spoil(), datum().
+// Operations on a message by its field list, for fault plans and age limits: age(), spoil(),
+// datum().
 #pragma once
 
 #include <algorithm>
@@ -14,7 +15,7 @@ namespace tasks::edge {
 inline constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 inline constexpr float kNanF = std::numeric_limits<float>::quiet_NaN();
 
-// Every instant of it lies that much further back.
+// Makes every instant in the message that much older.
 template <class M>
 void age(M& m, rt::Nanos by) noexcept {
   rt::for_each_field(m, [by]<class T>(T& v, const auto& field) {
@@ -24,7 +25,7 @@ void age(M& m, rt::Nanos by) noexcept {
   });
 }
 
-// When the oldest sensor datum in it was taken; zero: there is none in it yet.
+// Instant of the oldest sensor datum in the message; zero: it holds none yet.
 template <class M>
 [[nodiscard]] rt::Time datum(const M& m) noexcept {
   static_assert(rt::has_field<M>(rt::FieldIs::kDatum));

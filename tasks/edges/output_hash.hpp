@@ -1,6 +1,6 @@
-// What a committed message weighs in run.log_hash and in a replay: every field that it carries, as it left the
-// edge's gate. Called only where outputs are hashed (virtual clock, recording); out of line, so
-// that the nodes carry nothing of it. Floating-point numbers count by their bits.
+// Hash of a committed message, for run.log_hash and for a replay: every field that it carries, as
+// it left the edge's gate. Called only where outputs are hashed (virtual clock, recording); out of
+// line, so that the nodes do not contain it. Floating-point numbers count by their bits.
 //
 // Left out: what lies in a slot beyond the message (cells past the size of a grid, points past the
 // end of a path), since a slot keeps what an older message left there.

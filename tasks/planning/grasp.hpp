@@ -1,15 +1,19 @@
-// How the gripper could take an object: from above or from the side, by the box that the object fills
-// (tasks/contract/object_list.hpp). Geometry of the youBot's arm and gripper; nothing moves an arm yet.
+// Grasp planning: how the gripper can take an object from above or from the side, by the object's
+// bounding box (tasks/contract/object_list.hpp). Geometry of the youBot's arm and gripper; nothing
+// moves an arm yet.
 //
-// A grasp closes along a horizontal direction: one of the box's axes, laid level. It comes straight down, or level
-// and across the closing direction, away from the robot. The fingers go in as deep as they are long, at most to
-// the middle. Of what fits between the fingers and can be reached the narrowest is taken; where two are as narrow
-// to a millimetre, the one from above, then the one that comes less askew from where the base is.
+// A grasp closes along a horizontal direction: one of the box's axes, projected to the horizontal.
+// The gripper comes straight down, or horizontally across the closing direction, away from the
+// robot. The fingers go in as deep as they are long, at most to the middle. Of the grasps that fit
+// between the fingers and are within reach the narrowest is taken. Of two that are equally narrow
+// to a millimetre it is the one from above, then the one whose approach deviates less from the
+// direction to the base.
 //
-// Reach: the base stands before the object, facing it, anywhere that its front stays clear; joints 2, 3 and 4 turn in
-// one upright plane, and what is looked for is a base distance at which they reach wrist and pitch within
-// their ranges, in the middle of all such distances. Joint 1 is straight ahead; joint 5 turns the closing direction
-// (its range, nearly a full turn, covers every direction of a gripper that is the same after half a turn).
+// Reach: the base faces the object at any distance at which its front stays clear. Joints 2, 3 and
+// 4 turn in one vertical plane. The result is the middle of all base distances at which they reach
+// wrist and pitch within their ranges. Joint 1 is straight ahead. Joint 5 turns the closing
+// direction; its range of nearly a full turn covers every direction, since the gripper is the same
+// after half a turn.
 //
 // Frames: W world, O object (principal axes), G grasp: origin between the finger tips, z the approach, x the closing
 // direction. Angles of the joints from the upright (candle) pose, forward positive. Lengths from the vendor's
@@ -60,16 +64,17 @@ struct Grasp {
   Vec3 before_W = Vec3::Zero();  // where the tips are before the last straight way
   double width_m = 0;            // of the object along the closing direction
   double opening_m = 0;          // of the gripper on its way
-  // Level distances of the base's centre, facing the grasp point, from which it is reached: the least, the most,
-  // and the middle, with joints 2, 3, 4 there.
+  // Horizontal distances of the base's centre from the grasp point at which it is within reach: the
+  // least, the most, and the middle, with joints 2, 3 and 4 there.
   double base_least_m = 0, base_most_m = 0, base_m = 0;
   std::array<double, 3> joint_rad{};
 };
 
 [[nodiscard]] std::string_view text_of(Grasp::Refused refused) noexcept;
 
-// `up_W`: unit, against gravity; the floor is where it is 0 at `floor_W`. `robot_W`: where the base is now.
-// One reason where nothing can be done: the first of too wide, too thin, out of reach that every way shares.
+// `up_W`: unit vector against gravity; the floor is the plane through `floor_W` normal to it.
+// `robot_W`: the base's present place. If there is no grasp it gives one reason: the first of too
+// wide, too thin, out of reach that all candidates share.
 [[nodiscard]] Grasp find_grasp(const ObjectBox& box, const Vec3& up_W, const Vec3& floor_W,
                                const Vec3& robot_W, const GraspConfig& config) noexcept;
 

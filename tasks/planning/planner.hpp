@@ -10,8 +10,8 @@
 //   - what is not connected to the start is refused at once instead of after the whole budget;
 //   - samples are drawn from the connected cells, a share of them along the flood's own chain of
 //     cells, so a passage one cell wide does not have to be hit by luck.
-// If the iterations are spent all the same (a maze), the chain itself is the path: a connected goal
-// is always answered, and from_grid() says by which of the two.
+// If the iterations are spent without a path (a maze), the flood's chain of cells is the path. So a
+// connected goal always gets a path, and from_grid() says which of the two made it.
 //
 // Deterministic: every random number comes from rt::Random(seed, job). OMPL's own generators are
 // seeded process-wide and are kept out of the result: the state sampler is ours, the goal is a
@@ -63,8 +63,9 @@ struct PlannerConfig {
       0.2;                // of the samples lie on the flood's chain, up to five times as much later
   int shortcuts = 150;    // tries of the random shortcut pass
   int comfort_cost = 96;  // cells above it are only used when there is no other way
-  // Cells above it are not driven, though the body would just fit: 75 mm and more beyond the radius are left for what
-  // the base leaves its path by (prediction.path.corridor_m, tracking) and for half a cell.
+  // Cells above it are not driven, though the body would just fit. That leaves at least 75 mm
+  // beyond the radius for the base's deviation from its path (prediction.path.corridor_m, tracking)
+  // and for half a cell.
   int drive_cost = 176;
   bool grid_fallback = true;  // the flood's chain when the iterations are spent
 

@@ -3,23 +3,25 @@
 //   reads   Ring<TouchEvent>     from tasks/haptic         up to 64 a job; a gap drops an open mark
 //           Latest<CostMap>      from tasks/fusion         held for one job
 //           Latest<ObjectList>   from tasks/fusion         the object that the mark named, if it did
-//           Latest<RobotState>   over the link             newest, its pose in W by prediction's X_WO; without one,
-//                                                           or as long as X_WO is not known, nothing is planned
+//           Latest<RobotState>   over the link             newest; its pose in W by X_WO. Without
+//                                                          either there is no planning
 //           Latest<ModeMsg>      from tasks/supervision    a stop drops mark and path
-//   writes  Latest<Path>         to tasks/prediction       every job, the same path again while it
-//   holds
+//   writes  Latest<Path>         to tasks/prediction       every job; the same path while it holds
 //           Latest<TaskState>    to console, supervision   every job
 //   budget  50 ms of the 100 ms period; firm: OMPL allocates, our own code does not
 //   policy  abort: an aborted job leaves the task as it was (abandon()), with the same events
-//   unread. After `aborts` aborted plans in a row for one mark its goal is given up.
+//           unread. After `aborts` aborted plans in a row for one mark the goal is given up.
 //
 // A mark runs from MarkBegin to MarkEnd; the marked point is the drawn point nearest to the
 // stroke's mean. The goal is the nearest driveable, reachable cell to its foot on the ground, on
 // the side that the marked surface faces, heading towards the mark. A path is planned again when
-// the map no longer lets it pass, or when the robot has left it. Where something that moves is in the way and there
-// is no other, the goal waits for it; where it only hid the goal's own place, the next best is left again. Where the mark named an object, the
-// goal goes where the object goes, until the robot has arrived. With object_goal = "grasp" it is a place from
-// which the arm can take the object (grasp.hpp), or the goal is given up with the reason why there is none.
+// the map no longer lets it pass, or when the robot has left it.
+//
+// Moving things: if one blocks the only way, the goal waits for it to leave. If one stands at the
+// goal's own place, the robot goes to the next best place, and on to the goal once it is free.
+// Objects: if the mark named an object, the goal follows the object until the robot has arrived.
+// With object_goal = "grasp" the goal is a place from which the arm can take the object
+// (grasp.hpp); if there is none, the goal is given up with the reason.
 //
 // Frames: W world (= map), M grid of the cost map, B base.
 #pragma once
@@ -52,8 +54,9 @@ struct PlanningConfig {
   double turn_rad_per_m = 3.0;           // heading change along the path
   double arrive_m = 0.05;                // distance to the last point that counts as arrived
   double arrive_speed_m_per_s = 0.03;
-  // A path that replaces another begins where the robot can still turn off: what it drives while the news is on its
-  // way (twice the age of its state, and this much more for the jobs between) and while it brakes.
+  // A path that replaces another one begins where the robot can still turn off: beyond the distance
+  // that it drives until it gets the new path (twice the age of its state, plus this time for the
+  // jobs between) and while it brakes.
   double switch_s = 0.2;
   double brake_m_per_s2 = 0.6;
   double leave_m = 0.4;          // farther from the path than this: plan again
@@ -101,8 +104,8 @@ class PlanningTask {
     const drivers::RobotState* robot = nullptr;  // its pose in W; null: none
     const ObjectList* objects = nullptr;         // null: none, or objects are switched off
     ModeMsg mode;                                // seq 0: none yet
-    bool may_plan = true;    // false: map or mode are silent or old; a path that there is stands
-    bool touch_live = true;  // false: nothing is heard any more of a mark that is open
+    bool may_plan = true;    // false: map or mode are silent or old; the present path stays
+    bool touch_live = true;  // false: a mark is open and its events have stopped
   };
   struct Out {  // committed at completion
     Path path;
@@ -215,12 +218,13 @@ class PlanningTask {
   std::uint64_t seed_;
   Planner planner_;
   State state_, before_;
-  // Not part of State: what an aborted job leaves behind.
+  // Not part of State, since it must survive an aborted job.
   std::uint64_t tried_mark_ = 0;  // whose plan was tried last
   int aborted_ = 0;               // jobs in a row that were aborted at it
   bool tried_ = false;            // this job planned; its end is not known yet
   std::array<Planner::Source, 4096> sources_{};
-  // Scratch of a job: the way that the robot drives before a new path can turn it, from where it is now.
+  // Scratch of a job: the path that the robot still drives, from its place now, before a new path
+  // takes effect.
   static constexpr int kMostAhead = 64;
   std::array<Point2, kMostAhead> ahead_{};
   int ahead_size_ = 0;

@@ -5,8 +5,8 @@
 //   writes  Latest<ModeMsg>   to every task of this box
 //   budget  50 us of the 10 ms period
 //
-//   kInit ──every task heard──▶ kHold ──engage──▶ kEngaged ──fault, request──▶ kRampDown ──ramp──▶
-//   kHold
+//   kInit ──every task heard──▶ kHold ──engage──▶ kEngaged ──fault, request──▶ kRampDown
+//   kRampDown ──ramp──▶ kHold
 //     any mode ──safe-stop fault, stop request──▶ kSafeStop ──clear, causes gone──▶ kHold
 //
 // Faults are ordered data (fault_ids.hpp): the worst wins. Within an episode (from one engage, or
@@ -14,7 +14,7 @@
 // a rising engage from kHold, or clear from kSafeStop. An engage or a clear must be seen as "no"
 // before a "yes" counts, so a switch left on, or a link that comes back, starts nothing. A clear
 // counts while it is pressed, for the first safe stop only: devices that latch need a few ticks to
-// let go. The operator's acts reach the robot's box with the goal.
+// reset. The operator's acts reach the robot's box with the goal.
 #pragma once
 
 #include <array>
@@ -34,7 +34,7 @@ namespace tasks {
 // Section [supervision].
 struct SupervisionConfig {
   double ramp_s = 0.2;  // time in kRampDown before kHold
-  // Silence of the link beyond it is a fault, on either box.
+  // A longer silence of the link is a fault, on either box.
   double link_liveness_s = limit_of(EdgeId::kRobotState, TaskId::kSupervision).liveness_ms / 1000.0;
   double peer_grace_s = 1.0;       // after engage, time for the peer to follow
   double estop_liveness_s = 0.05;  // age of the e-stop input beyond it counts as pressed
@@ -88,8 +88,9 @@ class SupervisionTask {
 
   // `box` decides who leads: the robot follows the operator's engage and ramps down when it is
   // withdrawn; the operator ramps down when the robot has not followed, or left.
-  // `gate`: which mode changes the host has room for, by number of Mode; asked before each engage. The
-  // other modes are never refused: a host that has no room for one of them does not start.
+  // `gate`: the mode changes that the host has room for, by number of Mode; asked before each
+  // engage. The other modes are never refused, since a host without room for one of them does not
+  // start.
   SupervisionTask(rt::NonRealtime&, const SupervisionConfig&, rt::Box box, const Watch* watches,
                   int watch_count, const rt::ModeGate& gate = {});
 

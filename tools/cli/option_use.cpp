@@ -65,7 +65,7 @@ void check_use(const CLI::App& app, const std::string& job, std::span<const Opti
   for (const OptionUse& use : table) {
     if (app.count(use.option) == 0 || holds(use.jobs, job)) continue;
     throw std::runtime_error(std::string(use.option) + " has no meaning with " + job +
-                             ": it is of " + use.jobs);
+                             ": it belongs to " + use.jobs);
   }
 }
 

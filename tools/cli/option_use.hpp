@@ -1,5 +1,5 @@
-// Commands of several jobs (bench WHAT, accuracy WHAT): which option is of which job. One that would be passed over in
-// silence is refused.
+// For commands with several jobs (bench WHAT, accuracy WHAT): which option belongs to which job. An
+// option that the job would ignore is refused.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -12,7 +12,8 @@ struct OptionUse {
   const char *option, *jobs;  // jobs as "table1, fusion, haptic --rgbd"
 };
 
-// What is not in `table` is of every job. Throws std::runtime_error naming the first option given that is not of `job`.
+// An option that is not in `table` belongs to every job. Throws std::runtime_error naming the first
+// option given that does not belong to `job`.
 void check_use(const CLI::App& app, const std::string& job, std::span<const OptionUse> table);
 
 // Of the two commands; `rgbd`: --rgbd was given, of which more follows.

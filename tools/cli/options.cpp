@@ -52,17 +52,17 @@ void check_outputs(const std::vector<OutputFile>& outputs, const std::vector<std
     std::error_code ignored;
     if (const auto there = fs::status(path, ignored); fs::exists(there)) {
       if (!fs::is_regular_file(there))
-        throw std::runtime_error(head + "can not be written: it is no file");
+        throw std::runtime_error(head + "can not be written: it is not a regular file");
     }
     if (const std::string why = refusal(path); !why.empty())
       throw std::runtime_error(head + "can not be written: " + why);
     for (std::size_t j = 0; j < i; ++j) {
       if (!outputs[j].path.empty() && name_of(outputs[j].path) == name_of(path))
-        throw std::runtime_error(head + "is also the file of " + outputs[j].option);
+        throw std::runtime_error(head + "is also the output of " + outputs[j].option);
     }
     for (const auto& input : inputs) {
       if (!input.empty() && name_of(input) == name_of(path))
-        throw std::runtime_error(head + "is also read");
+        throw std::runtime_error(head + "is also read by this command: choose another file");
     }
   }
 }

@@ -1,6 +1,6 @@
-// May the tasks have what the real clock needs here: real-time priority, locked memory, CPU time of two cores? What is
-// missing, in words, and the one command that gives it. The demo asks before it chooses a clock, the doctor ends with
-// the same words.
+// Checks whether the tasks may have what the real clock needs: real-time priority, locked memory,
+// CPU time of two cores. States in words what is missing, and the one command that gives it. The
+// demo asks before it chooses a clock; the doctor ends with the same words.
 #pragma once
 
 #include <string>

@@ -1,5 +1,6 @@
-// PNG and JPEG files of outside, read strictly: the container is checked before a decoder sees it
-// (drivers/camera/image_header.hpp), so a torn or huge file ends in one message and not in half an image. The pixel type must be the one asked for.
+// Reads PNG and JPEG files strictly. The container is checked before a decoder sees it
+// (drivers/camera/image_header.hpp), so a truncated or huge file gives one message and not half an
+// image. The pixel type must be the requested one.
 #pragma once
 
 #include <cstdint>

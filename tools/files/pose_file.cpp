@@ -54,7 +54,7 @@ rt::Result<std::vector<StampedPose>> read_poses(const std::string& path) {
         return true;
       });
   if (!ok) return rt::Error{ok.error()};
-  if (lines.empty()) return rt::Error{path + ": no pose in it"};
+  if (lines.empty()) return rt::Error{path + ": holds no pose"};
   return lines;
 }
 

@@ -31,7 +31,8 @@ void write_whole_file(const std::string& path, const std::string& content) {
     done += static_cast<std::size_t>(n);
   }
   if (close(fd) != 0) fail("can not be written");
-  if (std::rename(temporary.c_str(), path.c_str()) != 0) fail("can not be put in place");
+  if (std::rename(temporary.c_str(), path.c_str()) != 0)
+    fail("can not be renamed to its final name");
 }
 
 WholeFile::WholeFile(std::string path)
@@ -55,7 +56,7 @@ void WholeFile::finish() {
   const bool bad = std::fflush(file_) != 0 || std::ferror(file_) != 0;
   const bool closed = std::fclose(file_) == 0;
   file_ = nullptr;
-  if (bad || !closed) fail("the disk took a part of it only");
+  if (bad || !closed) fail("only a part could be written (disk full?)");
   if (std::rename(part_.c_str(), path_.c_str()) != 0) fail(std::strerror(errno));
 }
 

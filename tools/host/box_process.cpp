@@ -105,7 +105,7 @@ struct BoxRunner {
     while (link->state() != drivers::TcpLink::State::kReady) {
       if (link->state() == drivers::TcpLink::State::kFault) throw std::runtime_error(link->fault());
       if (rt::monotonic_ns() > plan.epoch_host_ns - 50000000) {
-        throw std::runtime_error("link: no handshake before the start");
+        throw std::runtime_error("link: no handshake in time; the other box's message says why");
       }
       ::usleep(2000);
     }
@@ -241,7 +241,7 @@ class OperatorSide {
     while (port == 0) {
       std::ifstream(plan.folder + "/robot.port") >> port;
       if (rt::monotonic_ns() > plan.epoch_host_ns)
-        throw std::runtime_error("the robot's process has not come up");
+        throw std::runtime_error("the robot's process opened no port; its own message says why");
       ::usleep(5000);
     }
     return drivers::TcpLink::connect(scene.link.address, port, std::chrono::seconds{2});

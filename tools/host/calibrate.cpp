@@ -25,7 +25,7 @@ namespace {
 
 void end_if_asked() {
   if (g_stop_requested.load())
-    throw Stopped("asked to end while the tasks were measured: nothing was stored");
+    throw Stopped("stopped while the tasks were measured: no calibration was stored");
 }
 
 // By task; behind them the shares of fusion's workers.
@@ -121,7 +121,9 @@ class ScratchFolder {
              ("teletact-calibrate-" + std::to_string(::getpid()) + "-XXXXXX"))
                 .string();
     if (::mkdtemp(path_.data()) == nullptr)
-      throw std::runtime_error(path_ + ": can not be made, and the stored input goes there");
+      throw std::runtime_error(
+          path_ +
+          ": can not be created; the stored input goes there, so set TMPDIR to a writable folder");
   }
   ~ScratchFolder() {
     std::error_code ignored;
@@ -177,9 +179,11 @@ class Passes {
     if (!result) throw std::runtime_error(result.error());
     std::string wrong = result.value().first_difference;
     auto& hash = box == rt::Box::kOperator ? input_.operator_hash : input_.robot_hash;
-    if (hash != 0 && hash != result.value().inputs_hash) wrong = "the bytes are others";
+    if (hash != 0 && hash != result.value().inputs_hash)
+      wrong = "its bytes differ from the first pass";
     hash = result.value().inputs_hash;
-    if (!wrong.empty()) throw std::runtime_error(what + ": not fed what was stored: " + wrong);
+    if (!wrong.empty())
+      throw std::runtime_error(what + ": the task did not get the stored input: " + wrong);
     ++input_.passes;
     return jobs;
   }
@@ -282,7 +286,7 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
     else if (!quiet)
       std::printf("calibrate: not %s: %s\n", option.name.c_str(), option.ruled_out.c_str());
   }
-  if (options.empty()) throw std::runtime_error("the scene leaves no voxel size");
+  if (options.empty()) throw std::runtime_error("no voxel size fits this scene");
   const double voxel_m = scene.graph.fusion.tsdf.voxel_size_m;
   const ScratchFolder folder;
   DemoOptions o;

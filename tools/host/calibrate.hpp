@@ -1,23 +1,28 @@
-// Measures what each variant of each task costs on this machine, on stored input: the scene runs once on the
-// virtual clock, everything at its best level, and what comes into each box is recorded (input_record.hpp: link
-// messages with the coded camera frames and robot states, hand, motor states, raw camera frames). Then each box
-// runs again from its recording (run_trial), once with everything at level 0, once for each further level of one
-// task and once for each level of each static choice that the scene allows; only that task is measured then.
+// Measures the cost of each variant of each task on this machine, on stored input.
 //
-// The last 40 % of the stored images have somebody in them who walks to and fro before the camera (passing_camera.hpp): what
-// moves costs fusion more, and may carry the camera. Their cost is told beside that of the images before, the budget
-// covers both, and how a variant tracks is judged on all of them. A recording's images get them as well.
+// 1. The scene runs once on the virtual clock, everything at its best level. The inputs of each box
+//    are recorded (input_record.hpp): link messages with the coded camera frames and robot states,
+//    hand, motor states, raw frames.
+// 2. Each box runs again from its recording (run_trial): once with everything at level 0, once for
+//    each further level of one task, and once for each level of each static choice that the scene
+//    allows. Only that task is measured then.
 //
-// How fusion tracks is measured beside its cost: frames tracked and claimed, and how far a claimed pose is off where
-// the truth is known (the twin of the base, a recording's own poses). Admission takes no variant that does not track
+// In the last 40 % of the stored images a person walks before the camera (passing_camera.hpp),
+// because moving things cost fusion more and may mislead tracking. The cost of these images is
+// reported beside that of the earlier ones. The budget covers both, and the tracking of a variant
+// is judged on all of them. A recording's images get the person too.
+//
+// Tracking is measured beside the cost: frames tracked and claimed, and the error of claimed poses
+// where the truth is known (the twin of the base, a recording's own poses). Admission takes no
+// variant that does not track
 // (tasks/graph/calibration.hpp).
 //
-// So all variants see the same bytes from outside at the same instants. What tasks of a box hand to each other is made
-// anew in each pass, by the same tasks at level 0, the measured one apart; only another voxel changes it for
-// others, and those are not measured then.
+// So all variants get the same bytes from outside at the same instants. Messages between tasks of a
+// box are computed again in each pass, by the same tasks at level 0 except the measured one. Only
+// another voxel size changes them for other tasks, and those are not measured then.
 //
-// A task with policy abort runs to its end here. The recording, 33 MB a second at 512 x 424, lies in the folder for
-// temporary files (TMPDIR) and is removed at the end.
+// A task with policy abort runs to its end here. The recording, 33 MB a second at 512 x 424, lies
+// in the folder for temporary files (TMPDIR) and is removed at the end.
 #pragma once
 
 #include <cstdint>
@@ -38,7 +43,8 @@ struct CalibrationInput {
   double moving_share = 0;
 };
 
-// `seconds` of simulated time. Throws std::runtime_error if a pass was not fed what the others were, Stopped when
+// Runs `seconds` of simulated time. Throws std::runtime_error if a pass got other input than the
+// first one, Stopped when
 // asked to end.
 [[nodiscard]] tasks::Calibration calibrate(rt::NonRealtime&, Scene&, double seconds, bool quiet,
                                            CalibrationInput* input = nullptr);
@@ -46,9 +52,9 @@ struct CalibrationInput {
 // This host, this program (its bytes), the scene's values in effect and its recording.
 [[nodiscard]] tasks::CalibrationOrigin calibration_origin(const Scene&);
 
-// The calibration of this host: the file named, or ~/.cache/teletact/calibration-SCENE.toml if it was made here,
-// by this program, for this configuration; else measured now and stored there, and one line says why.
-// `text` says which it was.
+// The calibration of this host: the named file, or ~/.cache/teletact/calibration-SCENE.toml if it
+// was made on this host, by this program, for this configuration. Otherwise it is measured now and
+// stored there, and one line says why. `text` says which it was.
 [[nodiscard]] tasks::Calibration host_calibration(rt::NonRealtime&, Scene&, const DemoOptions&,
                                                   std::string& text);
 

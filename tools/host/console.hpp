@@ -1,6 +1,6 @@
-// The desk without a screen: what an ordinary thread does beside the tasks. It watches (samples,
-// views, maps), plays the operator's script (engage, points for the hand), and keeps what the report
-// needs. Called every 20 ms or so, by the process's main thread or by an actor on the virtual clock.
+// The operator's console, without a screen. An ordinary thread calls it every 20 ms or so (the
+// process's main thread, or an actor on the virtual clock). It watches samples, views and maps,
+// plays the operator's script (engage, points for the hand), and keeps what the report needs.
 #pragma once
 
 #include <cstdint>
@@ -44,7 +44,8 @@ struct OperatorView {
   tasks::OdometryFrame world;  // newest
   double error_max_m = 0;      // largest stated error of the base's place
   double unsure_s = 0;         // time with goals not engaged for it
-  // Time with a mark to drive to and goals not engaged for any other reason, and the newest of those. The base stands then.
+  // Time with a mark to drive to during which goals were not engaged for any other reason, and the
+  // newest such reason. The base stands then.
   double held_s = 0;
   tasks::Held held = tasks::Held::kNo;
   std::int32_t held_ms = 0, held_limit_ms = 0;

@@ -21,13 +21,13 @@ std::string held_text(tasks::Held held, std::int32_t measured_ms, std::int32_t l
                     measured_ms);
       break;
     case Held::kSettling:
-      return "robot states were too old or missing until a moment ago";
+      return "waits a moment after robot states that were too old or missing";
     case Held::kDelayUnknown:
-      return "no round trip is measured";
+      return "the link's round trip is not measured yet";
     case Held::kPlaceUnsure:
-      return "where it is, is not sure enough";
+      return "its place is not certain enough: turn the camera to a place that it has seen";
     case Held::kModeSilent:
-      return "no mode is heard from supervision";
+      return "supervision sends no mode";
     case Held::kPathOld:
       return "the path is too old, or planning is silent";
   }

@@ -1,5 +1,5 @@
-// Every effect that a scene can ask for: how the boxes call it, the key that asks, and who pays. What no key of a scene
-// asks for is neither built nor executed.
+// The catalogue of effects that a scene can ask for: name, key, and who pays. An effect that no key
+// of a scene asks for is neither built nor executed.
 #pragma once
 
 #include <span>
@@ -29,8 +29,9 @@ struct Explained {
   std::vector<ExplainedEffect> asked;       // built in boxes of this scene
   std::vector<const EffectRow*> not_asked;  // and all others
 };
-// Builds both boxes of the scene, with twins and the coarsest voxel that the scene leaves to admission, and asks them what they have built. Throws std::runtime_error with one line;
-// std::logic_error when a box built what the catalogue does not know.
+// Builds both boxes of the scene, with twins and the coarsest voxel that the scene allows, and asks
+// them what they have built. Throws std::runtime_error with one line; std::logic_error if a box
+// built an effect that is not in the catalogue.
 [[nodiscard]] Explained explain_effects(rt::NonRealtime&, Scene& scene);
 
 }  // namespace teletact

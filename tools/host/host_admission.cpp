@@ -23,7 +23,7 @@ bool names(const config::Section& s, const std::string& section, const std::stri
 // What a refusal says beside its figures.
 std::string ray_cast_text(const tasks::Calibration& given, std::int64_t job_us) {
   const std::string asks = "; haptic.method = \"force_shading\" ";
-  if (given.ray_cast) return asks + "is in what was measured of fusion and haptic";
+  if (given.ray_cast) return asks + "is included in the measured costs of fusion and haptic";
   char text[120];
   std::snprintf(text, sizeof text,
                 "adds %.1f ms to a job of fusion and %.2f ms to a tick of haptic",
@@ -60,7 +60,8 @@ HostPlan admit_host(const Scene& scene, const tasks::Calibration& given,
   std::vector<rt::TaskSpec> specs = tasks::make_specs(calibration, limits);
   for (rt::TaskSpec& s : specs) {
     for (rt::StaticChoice& c : s.choices) {
-      if (!only_choice.empty() && c.name != only_choice) c.ruled_out = "not the one being measured";
+      if (!only_choice.empty() && c.name != only_choice)
+        c.ruled_out = "another one is being measured";
     }
   }
   plan.request = tasks::make_request(specs, cpus, shares, scene.graph.pool, calibration);

@@ -1,7 +1,8 @@
-// Simulated time paced by the real one, for a person who watches a run without real-time rights: simulated time is
-// never ahead of the real one. Where the machine is too slow it lags; a lag above kForgiven is not made up for,
-// because what a person sees and touches must not run fast. An actor of the virtual clock, outside of every job: the
-// run's bytes are those of the unpaced one.
+// Paces simulated time by the real clock, for a person who watches a run without real-time rights.
+// Simulated time is never ahead of real time. If the machine is too slow it lags. A lag above
+// kForgiven is not made up for, because what a person sees and touches must not run fast. It is an
+// actor of the virtual clock, outside of every job, so the run's bytes are those of the unpaced
+// run.
 #pragma once
 
 #include <cstdint>
@@ -40,7 +41,7 @@ class Pacer final : public rt::Actor {
       ahead_ += now - due;
     }
   }
-  // Real time since the first look, and how much of it simulated time was left behind for good.
+  // Real time since the first look, and the part of it by which simulated time stays behind.
   [[nodiscard]] std::int64_t wall_ns() const { return began_ ? now_() - start_ : 0; }
   [[nodiscard]] std::int64_t lag_ns() const noexcept { return lag_; }
 

@@ -49,18 +49,19 @@ struct ReplayResult {
                                               const rt::FaultPlan& faults,
                                               const Recording& recording, std::uint64_t seed = 0);
 
-// The same input for another variant of a task: the recorded jobs at the recorded instants and order, each at
-// the level that `level` gives it, in a box built from a scene that may differ from the recorded one (voxel size).
-// What comes from outside is the recording's, byte for byte; what one task hands to the next in the box is made
-// anew. Compared are the messages taken and the numbers of the messages' values that jobs latched; outputs are not.
+// Runs another variant of a task on the same input: the recorded jobs at the recorded instants and
+// in the recorded order, each at the level that `level` gives it, in a box whose scene may differ
+// from the recorded one (voxel size). Input from outside is the recording's, byte for byte;
+// messages between tasks of the box are computed again. Compared are the messages taken and the
+// sequence numbers that jobs latched, not the outputs.
 struct Trial {
   std::function<int(tasks::TaskId, int recorded)> level;
   // A job that committed. cpu_ns: thread CPU of latch, step and commit; feeding it is not in it.
   std::function<void(const rt::JobRecord&)> took;
   // What fusion told of each of its jobs, in order, at the end. May be empty.
   std::function<void(const std::vector<tasks::FusionSample>&)> fused;
-  // Threads of fusion's pool beside its own: their parts are taken out of its CPU, and what a worker's budget has to
-  // hold is given as the record of a task kTaskCount.
+  // Threads of fusion's pool beside its own. The CPU of their parts is subtracted from fusion's;
+  // the cost that a worker's budget must cover is given as the record of a task kTaskCount.
   int fusion_workers = 0;
 };
 [[nodiscard]] rt::Result<ReplayResult> run_trial(rt::NonRealtime&, Scene& scene,

@@ -78,8 +78,8 @@ struct VirtualRun {
   double wall_s = 0, lag_s = 0;  // paced: real time that it took, and what it was behind for good
   bool stopped_early = false;
 };
-// One process, simulated time; ends between two jobs when g_stop_requested is set. `log` in the halves holds each box's tasks. Sets the scene's voxel size to
-// what was admitted.
+// One process, simulated time; ends between two jobs when g_stop_requested is set. `log` in the
+// halves holds each box's tasks. Sets the scene's voxel size to the admitted one.
 [[nodiscard]] VirtualRun run_virtual(rt::NonRealtime&, Scene&, const DemoOptions&,
                                      const tasks::Calibration&);
 

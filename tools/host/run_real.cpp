@@ -5,7 +5,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <fstream>
 #include <stdexcept>
 
@@ -50,8 +52,8 @@ std::string verdict(const Child& c, int status) {
   const int code = WEXITSTATUS(status);
   if (code == 0) return {};
   return std::string("the ") + c.name + " process ended with code " + std::to_string(code) +
-         (code == 3   ? " (could not start)"
-          : code == 4 ? " (a task hung and was made safe)"
+         (code == 3   ? " (could not start: its own message says why)"
+          : code == 4 ? " (a task hung and its device was made safe)"
                       : "");
 }
 
@@ -105,7 +107,7 @@ RealRun run_real(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
   Child children[2] = {{"operator"}, {"robot"}};
   for (Child& c : children) {
     c.pid = ::fork();
-    if (c.pid < 0) throw std::runtime_error("fork failed");
+    if (c.pid < 0) throw std::runtime_error(std::string("fork: ") + std::strerror(errno));
     if (c.pid == 0) {
       ::prctl(PR_SET_PDEATHSIG, SIGTERM);  // without a parent there is no report: ramp down
       const bool op = &c == &children[0];

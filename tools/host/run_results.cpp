@@ -376,7 +376,7 @@ std::string beyond_admission(const RunInfo& info, const OperatorHalf& op, const 
     if (o.share <= o.declared) continue;
     beyond += o.share - o.declared;
     char text[80];
-    std::snprintf(text, sizeof text, "%s%s %.3f of a core for %.3f", who.empty() ? "" : ", ",
+    std::snprintf(text, sizeof text, "%s%s %.3f of a core, declared %.3f", who.empty() ? "" : ", ",
                   o.name.c_str(), o.share, o.declared);
     who += text;
   }
@@ -386,14 +386,14 @@ std::string beyond_admission(const RunInfo& info, const OperatorHalf& op, const 
                 "%.3f of a core beyond what was declared; the admitted cores have %.3f to spare: "
                 "give the boxes another core",
                 beyond, std::max(0.0, info.admission.spare));
-  return "ordinary threads took more than admission counted with (" + who + "): " + text;
+  return "ordinary threads took more CPU than declared (" + who + "): " + text;
 }
 
 std::string not_measured(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
                          const Metrics& m) {
   if (!info.not_real_time.empty()) return info.not_real_time;
-  if (info.virtual_clock) return "simulated time measures no machine";
-  std::string why = real_time(op, robot) ? "" : "a right for real-time scheduling was missing";
+  if (info.virtual_clock) return "simulated time says nothing of this machine's timing";
+  std::string why = real_time(op, robot) ? "" : "no real-time rights (teletact doctor)";
   for (const auto& row : m.rows()) {
     if (row.name != "platform.late_share" || row.value <= kLateShareLimit) continue;
     char text[120];

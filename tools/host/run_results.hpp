@@ -68,7 +68,7 @@ void save_effects(const std::string& folder, const std::string& box, const Effec
 struct RunInfo {
   std::string command, calibration_text, config_toml, started, folder;
   bool virtual_clock = false, stub_bodies = false, recording = false;
-  // Simulated time held back to the real one; what the run took on the real clock, and what it was behind for good.
+  // Paced runs: the duration on the real clock, and the time by which the run stayed behind it.
   bool paced = false;
   double wall_s = 0, lag_s = 0;
   std::string
@@ -92,8 +92,8 @@ struct RunInfo {
   double ate_first_pose_mm = -1;  // of rendered images, against the twin; below 0: not known
 };
 
-// Ordinary threads: what they took of a core, both boxes together, beside what was declared. Empty where
-// nothing was measured (virtual clock, a process that ended early).
+// Share of a core that ordinary threads took, both boxes together, beside their declared share.
+// Empty if nothing was measured (virtual clock, a process that ended early).
 struct OrdinaryShare {
   std::string name;
   double share = 0, declared = 0;
@@ -101,8 +101,9 @@ struct OrdinaryShare {
 [[nodiscard]] std::vector<OrdinaryShare> ordinary_shares(const RunInfo&, const OperatorHalf&,
                                                          const RobotHalf&);
 
-// What they took beyond what was declared, where the spare share of the admitted cores does not cover it: then admission
-// promised what this machine does not have. One line; empty: covered, or nothing was admitted or measured.
+// CPU that they took beyond the declared shares, if the spare share of the admitted cores does not
+// cover it: then admission promised more than this machine has. One line; empty: covered, or
+// nothing was admitted or measured.
 [[nodiscard]] std::string beyond_admission(const RunInfo&, const OperatorHalf&, const RobotHalf&);
 
 // Why the timing of this run says nothing about the tasks (run.measured 0); empty: it does. `metrics`

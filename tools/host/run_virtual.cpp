@@ -150,7 +150,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
         SimLink::End{&robot->endpoint(), &robot->graph().link(), kRobotClock}, scene.link.shape,
         epoch - handshake);
     if (!link->handshake(epoch - handshake, epoch))
-      throw std::runtime_error("link: no handshake before the epoch");
+      throw std::runtime_error("link: no handshake before the start; lower link.shape's delay");
     op_console = std::make_unique<OperatorConsole>(*op, scene, op_options.epoch);
     robot_console = std::make_unique<RobotConsole>(*robot);
     if (!options.log_folder.empty()) {

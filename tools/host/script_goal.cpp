@@ -108,7 +108,7 @@ GoalCheck check_goal(const Scene& scene, const DemoOptions& options, const Opera
   const double left = left_m(op, robot);
   const std::string off = left < 0 ? "" : metres("%.2f m off, ", left);
   if (task.marks == 0) {
-    c.missed = "no mark came about (contacts of the hand are in the figures)";
+    c.missed = "the hand drew no mark (the figures list its contacts)";
   } else if (op.view.paths.empty()) {
     c.missed = (task.failures > 0 ? "no path to the mark was found" : "no path was made") +
                why_held(op.view);
@@ -119,13 +119,14 @@ GoalCheck check_goal(const Scene& scene, const DemoOptions& options, const Opera
           metres("arrived by its own odometry, but %.2f m off in the simulated world", worst) +
           (left > kGoalReached_m ? "" : ", at an earlier goal");
   } else if (task.phase == Phase::kFailed) {
-    c.missed = off + "no path to it was found any more" + why_held(op.view);
+    c.missed = off + "no path to it was found after the drive began" + why_held(op.view);
   } else if (task.phase == Phase::kDriving) {
     const double due =
         1e-9 * static_cast<double>(rt::ns_of(op.view.paths.back().made) - op.epoch_ns) +
         time_for(op.view.paths.back(), scene.graph.robot_io.trajectory.speed_m_per_s);
     const bool held = held_at_end(op.view);
-    c.missed = off + (held ? "it stands" : "on its way when the run ended") + why_held(op.view);
+    c.missed = off + (held ? "the base stands" : "the base was on its way when the run ended") +
+               why_held(op.view);
     // Who asks for less time than the way takes, gets less way; a base that is held gets nowhere in any time.
     if (!held && options.seconds < kWholeDemo_s && due > options.seconds) c.judged = false;
   } else {

@@ -1,5 +1,6 @@
-// Did a scripted run do what its script asks: a mark, a path, the robot at the goal? Judged when the whole script of
-// the hand ran; a shorter run, one that was asked to end, and one with faults or a cut cable on purpose are not.
+// Checks whether a scripted run did what its script asks: a mark, a path, the robot at the goal.
+// Judged only if the whole script of the hand ran; not judged: a shorter run, one that was asked to
+// end, one with injected faults or a cut link.
 #pragma once
 
 #include <string>
@@ -14,7 +15,8 @@ struct GoalCheck {
   std::string missed;   // why the goal is not reached; empty: it is, or nobody asked for one
 };
 
-// Farthest that the robot may stand from the end of its path, in the simulated world. docs/metrics.md: robot.goal_error_m.
+// Largest distance of the robot from the end of its path, in the simulated world (docs/metrics.md:
+// robot.goal_error_m).
 inline constexpr double kGoalReached_m = 0.10;
 
 [[nodiscard]] GoalCheck check_goal(const Scene&, const DemoOptions&, const OperatorHalf&,

@@ -1,4 +1,4 @@
-// Times of one task's jobs: what the audit and the report say of them, and whether they kept the budget.
+// Times of one task's jobs, for the audit and the report, and whether they kept the budget.
 #pragma once
 
 #include <cstdint>

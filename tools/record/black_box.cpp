@@ -83,7 +83,7 @@ void BoxRecorder::catch_crashes() noexcept {
 void BoxRecorder::watch(const tasks::ModeMsg& mode, rt::Time now) {
   if (is_stop(mode.mode) && mode.mode != mode_ && pending_.empty() && stops_ < kMaxStops) {
     pending_ = std::string(mode.mode == tasks::Mode::kSafeStop ? "safe stop: " : "ramp down: ") +
-               fault_text(mode.cause);
+               fault_text(mode.cause) + fault_advice(mode.cause);
     due_ = now + kAfterStop;
   }
   mode_ = mode.mode;
@@ -114,6 +114,12 @@ std::string fault_text(rt::FaultId id) {
   return "fault " + std::to_string(id);
 }
 
+std::string fault_advice(rt::FaultId id) {
+  const int row = tasks::fault_row(id);
+  if (id == rt::kNoFault || row < 0) return "";
+  return "; to do: " + std::string(tasks::kFaultTable[static_cast<std::size_t>(row)].advice);
+}
+
 namespace {
 
 std::vector<std::string> files_in(const std::string& folder) {
@@ -127,7 +133,8 @@ std::vector<std::string> files_in(const std::string& folder) {
 }
 
 std::string why(const rt::BlackBox& box) {
-  return box.stop.empty() ? "the process ended without a word" : box.stop;
+  return box.stop.empty() ? "the process ended without a message (killed, or power lost)"
+                          : box.stop;
 }
 
 }  // namespace

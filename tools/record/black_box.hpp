@@ -62,6 +62,8 @@ class BoxRecorder {
 
 // "F-SUP-02 link silent" for a fault id; "no fault" for none.
 [[nodiscard]] std::string fault_text(rt::FaultId id);
+// "; to do: check the network and the other box, then engage again"; empty for none.
+[[nodiscard]] std::string fault_advice(rt::FaultId id);
 
 // Black boxes in a folder and why each was left, one "<file>: <why>" a line; for the end of a run, which
 // says them on stderr.

@@ -91,7 +91,7 @@ rt::Result<Recording> read_recording(const std::string& path) {
     if (space == std::string::npos) return rt::Error{path + ": bad header line '" + line + "'"};
     r.keys.emplace_back(line.substr(0, space), line.substr(space + 1));
   }
-  const rt::Error torn{path + ": the recording ends early: it is not whole"};
+  const rt::Error torn{path + ": the recording is cut off"};
   for (;;) {
     const auto at = static_cast<std::uint64_t>(in.tellg());
     const int tag = in.get();

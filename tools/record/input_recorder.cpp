@@ -374,7 +374,7 @@ void InputRecorder::finish() {
   if (camera_) tally_.lost += camera_->lost();
   write('E', &tally_, sizeof tally_);
   if (std::fflush(file_.get()) != 0) failed_ = true;
-  if (failed_) throw std::runtime_error(path_ + ": could not be written whole (disk full?)");
+  if (failed_) throw std::runtime_error(path_ + ": only a part could be written (disk full?)");
 }
 
 std::string recording_file(const std::string& folder, rt::Box box) {

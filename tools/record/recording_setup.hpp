@@ -1,12 +1,15 @@
-// Before a demo on a recording: where the device's workspace lies in it, and what the hand does there, as far as the scene
-// does not say (haptic.workspace_W_m; hand.segment).
+// Prepares a demo on a recording: where the device's workspace lies in it and what the hand does
+// there, unless the scene says so (haptic.workspace_W_m; hand.segment).
 //
-//   look    its first images go through fusion as they will in the run; every picture of the map is searched for places
-//           (view_places.hpp) until the workspace can hold enough of them, for 150 images at most
-//   place   haptic.workspace_W_m: the origin with the most places in reach, of all kinds before many of one, the nearest
-//           first; in the free, as the picture shows it
+//   look    its first images go through fusion as in the run. Each picture of the map is searched
+//           for places (view_places.hpp) until the workspace can hold enough of them, for at most
+//           150 images
+//   place   haptic.workspace_W_m: the origin with the most places in reach. Places of all kinds
+//           come before many of one kind, then the nearest. The origin must be in free space, as
+//           the picture shows it
 //   script  visits of 2.3 s from then to the end of the run, each at a place that is chosen when it begins
 //           (touch_script.hpp)
+//
 // Set-up: allocates, reads files. Same recording and scene, same result.
 #pragma once
 
@@ -28,7 +31,8 @@ struct RecordingSetup {
   [[nodiscard]] std::string text() const;       // one line
 };
 
-// Changes the scene. Throws std::runtime_error with one line: the recording can not be touched, and why.
+// Changes the scene. Throws std::runtime_error with one line that says why the recording can not be
+// touched.
 [[nodiscard]] RecordingSetup set_up_recording(rt::NonRealtime& nrt, Scene& scene, double run_s);
 
 // What the script's hand asks of the workspace that the scene states.

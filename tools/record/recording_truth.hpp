@@ -1,5 +1,5 @@
-// Figures of a run on a recording that compare with what came with the recording. Nothing of it ever
-// reaches a task.
+// Compares a run on a recording with the ground truth that came with it. No task ever gets any of
+// it.
 #pragma once
 
 #include <functional>

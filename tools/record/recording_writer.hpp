@@ -1,5 +1,6 @@
-// A sequence held in memory to a folder that drivers/camera/tum_reader.hpp reads: associations.txt, intrinsics.txt,
-// depth/ and rgb/ as PNG, depth in mm; groundtruth.txt where all poses are known. The same sequence gives the same bytes.
+// Writes a sequence to a folder that drivers/camera/tum_reader.hpp reads: associations.txt,
+// intrinsics.txt, depth/ and rgb/ as PNG, depth in mm; groundtruth.txt if all poses are known. The
+// same sequence gives the same bytes.
 #pragma once
 
 #include <string>

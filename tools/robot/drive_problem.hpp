@@ -1,4 +1,5 @@
-// The least-squares problem of identify_robot.hpp: factors, solution, covariance. Its parts are said there.
+// The least-squares problem of identify_robot.hpp: factors, solution, covariance. That header
+// defines its parts.
 #pragma once
 
 #include <Eigen/Core>
@@ -41,7 +42,8 @@ class DriveProblem {
   [[nodiscard]] bool solve();
 
   [[nodiscard]] const Parameters& change() const { return state_.change; }
-  // Of the changes, from the data and a prior of ten limits; of the directions that no data hold, that prior.
+  // Covariance of the changes, from the data and a prior of ten limits. Directions without data
+  // keep the prior.
   [[nodiscard]] const Matrix12& covariance() const { return covariance_; }
   [[nodiscard]] const DriveNoise& noise() const { return noise_; }
   [[nodiscard]] int left_out() const;

@@ -1,4 +1,5 @@
-// The calibration drive: forwards and back, sideways, turns both ways, circles both ways; about one minute, slowly.
+// The calibration drive: forwards and back, sideways, turns both ways, circles both ways. About one
+// minute, slowly.
 #pragma once
 
 #include <string>

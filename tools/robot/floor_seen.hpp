@@ -1,4 +1,4 @@
-// The floor in one depth image: what tells how high a camera is mounted.
+// Finds the floor in one depth image. It gives the camera's height.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,8 @@
 
 namespace teletact {
 
-// Searched about the plane that the stated mount expects: within 20 degrees and 0.3 m, out to 3 m. None: no plane there.
+// Searches round the plane that the stated mount expects: within 20 degrees and 0.3 m, out to 3 m.
+// None: no plane there.
 [[nodiscard]] std::optional<FloorSeen> floor_seen(const perception::RgbdFrame& frame,
                                                   const perception::Pose& X_BC,
                                                   std::uint64_t stream);

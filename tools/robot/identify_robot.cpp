@@ -128,8 +128,9 @@ std::string text(const char* format, double a, double b = 0, double c = 0) {
 // Empty, or why this is no drive to calibrate with.
 std::string refusal(const RobotDrive& drive, const Prepared& p, const RobotModel& stated,
                     const RobotFitOptions& o, RobotFit& fit) {
-  if (drive.wheels.size() < 2) return "no wheel angles";
-  if (drive.cameras.empty()) return "the camera's pose was never claimed";
+  if (drive.wheels.size() < 2) return "no wheel angles: the log has fewer than two rows";
+  if (drive.cameras.empty())
+    return "the camera's pose was never claimed: drive where the camera sees structure";
   if (p.instants.empty()) {
     return text("no camera pose lies within the wheels' log: wheels %.3f to %.3f s, ",
                 drive.wheels.front().t_s, drive.wheels.back().t_s) +
@@ -155,7 +156,7 @@ std::string refusal(const RobotDrive& drive, const Prepared& p, const RobotModel
         static_cast<double>(p.intervals.size()), o.interval_s);
   }
   if (fit.way_m < o.least_way_m && fit.turn_rad < o.least_turn_rad) {
-    return text("the base hardly moved: %.2f m and %.0f degrees of turn", fit.way_m,
+    return text("the base hardly moved: %.2f m and %.0f degrees of turn; drive farther", fit.way_m,
                 fit.turn_rad / kDeg);
   }
   return {};

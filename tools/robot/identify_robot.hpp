@@ -1,20 +1,25 @@
-// Wheel radii and camera mount of a mecanum base out of a drive: what its wheels turned, where its camera was.
+// Identifies wheel radii and camera mount of a mecanum base from a drive: wheel angles and camera
+// poses.
 //
 //   unknown   the base's planar poses X_PB at some instants, the floor in the camera's world X_WP, the mount X_BC, and six
 //             of the wheels: mean radius, left against right, front against back, the diagonals, lever, slide
-//   camera    X_WC(t_k) = X_WP X_PB,k X_BC at every instant: the hand-eye problem AX = XB, kept whole instead of in
-//             increments, so that a pose's error is one error and not two
-//   wheels    inverse(X_PB,k-1) X_PB,k = what the wheels turned in between, under their scales, as exact arcs. Slip: each
-//             wheel by itself loses a share that differs from interval to interval; it acts as a radius of that interval
-//             alone, so the interval's covariance is J diag(slip^2) J^T, J its derivative by the four radii
-//   floor     the plane that the depth images show: the only thing that tells the camera's height
-//   estimate  least squares (Levenberg-Marquardt), Huber's weights, factors farther off than 6 sigma left out; the
-//             camera's two errors and the spread of the slip by variance components (Helmert), so nothing need be known
-//             of them; covariance of all that is stated
+//   camera    X_WC(t_k) = X_WP X_PB,k X_BC at every instant: the hand-eye problem AX = XB in
+//             absolute poses instead of increments, so that the error of a pose enters once and not
+//             twice
+//   wheels    inverse(X_PB,k-1) X_PB,k = motion by the wheel angles in between, with their scales,
+//             as exact arcs. Slip: each wheel loses its own share, which differs from interval to
+//             interval. It acts like a radius of that interval alone, so the interval's covariance
+//             is J diag(slip^2) J^T, J its derivative by the four radii
+//   floor     the plane that the depth images show; only it determines the camera's height
+//   estimate  least squares (Levenberg-Marquardt) with Huber's weights; factors beyond 6 sigma are
+//             left out. The camera's two errors and the spread of the slip come from variance
+//             components (Helmert), so none of them must be known before. The covariance of all
+//             unknowns is stated
 //
 // A parameter whose standard deviation stays above its limit is not constrained by this drive: it is named and keeps its
-// stated value. What else the drive says of combinations of such parameters is taken up by the fit and not handed on.
-// The mean slip is part of the radius that is found: no odometry can tell them apart, and none needs to.
+// stated value. The fit absorbs what the drive says about combinations of such parameters, but does
+// not report it. The mean slip is part of the estimated radius: odometry can not and need not
+// separate them.
 //
 // Frames: W the camera poses' world, P the floor (z up, B's place at the first instant), B base, C camera. SI.
 #pragma once
@@ -77,7 +82,8 @@ struct ParameterFit {
 };
 
 struct RobotFitOptions {
-  // Instants are so far apart. Longer than slips last (0.5 s), so that what an interval slips is nearly its own.
+  // Distance of two instants, s. Longer than a slip lasts (0.5 s), so that slips of intervals are
+  // nearly independent.
   double interval_s = 1.0;
   double gap_s = 5.0;           // a longer hole between two poses is not bridged by the wheels
   double wheel_gap_s = 0.2;     // no wheel angle is interpolated across more
@@ -98,7 +104,8 @@ struct RobotFit {
   double camera_m = 0, camera_rad = 0, slip = 0;  // one standard deviation, as found
   int rank = 0;                                   // directions that are constrained, of 12
   double condition = 0;  // largest over least standard deviation, in units of the limits
-  // Of odometry alone against the fitted poses, over ways of 2 m: mean distance per metre, mean turn per metre.
+  // Error of odometry alone against the fitted poses, over ways of 2 m: mean distance per metre,
+  // mean turn per metre.
   double before_m_per_m = 0, after_m_per_m = 0, before_rad_per_m = 0, after_rad_per_m = 0;
 
   [[nodiscard]] const ParameterFit& of(RobotParameter p) const {
@@ -106,13 +113,15 @@ struct RobotFit {
   }
 };
 
-// Limit of a standard deviation beyond which a parameter counts as not constrained: 1 %, 20 mm, 1 degree.
+// Limit of the standard deviation above which a parameter counts as not constrained: 1 %, 20 mm, 1
+// degree.
 [[nodiscard]] double limit_of(RobotParameter p);
 // "a, b and c" of those that are not constrained; the height only if `with_height`. Empty: none.
 [[nodiscard]] std::string unconstrained(const RobotFit& fit, bool with_height);
 
-// An error is one line: too short, hardly any motion, no camera pose where there are wheels, a fit that does not
-// converge or whose slip is none (other clock, order or signs of the wheels).
+// An error is one line: drive too short, hardly any motion, no camera pose within the wheels' log,
+// a fit that does not converge, or one whose slip is not credible (another clock, order or sign of
+// the wheels).
 [[nodiscard]] rt::Result<RobotFit> fit_robot(const RobotDrive& drive, const RobotModel& stated,
                                              const RobotFitOptions& options = {});
 

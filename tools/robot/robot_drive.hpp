@@ -1,5 +1,6 @@
-// The calibration drive on the twin: the virtual base and the synthetic camera of a scene, fusion with the scene's
-// stated mount, on simulated time. What it hands on is what a real robot's log would have; the truth lies beside.
+// The calibration drive on the twin: the virtual base and the synthetic camera of a scene, and
+// fusion with the scene's stated mount, on simulated time. The result has what a real robot's log
+// would have, and the ground truth beside it.
 #pragma once
 
 #include <functional>

@@ -4,6 +4,8 @@
 #include <unistd.h>
 
 #include <array>
+#include <cerrno>
+#include <cstring>
 #include <sstream>
 #include <stdexcept>
 
@@ -244,9 +246,12 @@ std::unique_ptr<OpenedDevice> open_haptic_device(rt::NonRealtime& nrt, const Sce
 void check_haptic_device(const Scene& scene) {
   if (scene.choice.in_process()) return;
   std::array<int, 2> ends{};
-  if (::pipe(ends.data()) != 0) throw std::runtime_error("device: no pipe");
+  if (::pipe(ends.data()) != 0)
+    throw std::runtime_error(std::string("device: no pipe for the check: ") + std::strerror(errno));
   const pid_t child = ::fork();
-  if (child < 0) throw std::runtime_error("device: no process");
+  if (child < 0)
+    throw std::runtime_error(std::string("device: no process for the check: ") +
+                             std::strerror(errno));
   if (child == 0) {
     std::string why;
     try {

@@ -1,5 +1,5 @@
-// Which haptic device the operator's box drives: the twin in this process, the Omega.3 through the
-// vendor's SDK (or its twin library), a Falcon over USB (or its twin at the wire), a mouse.
+// Opens the haptic device of the operator's box: the twin in this process, the Omega.3 through the
+// vendor's SDK (or its twin library), a Falcon over USB (or its twin at the wire), or a mouse.
 #pragma once
 
 #include <cstdint>
@@ -37,7 +37,8 @@ class OpenedDevice {
   virtual ~OpenedDevice() = default;
   [[nodiscard]] virtual drivers::HapticDevice& device() noexcept = 0;
   [[nodiscard]] virtual std::string description() const = 0;
-  // The hand is a twin's: who holds the device acts in the program too. False: only a person brings forces back.
+  // True: the hand is simulated, and so is the act of asking for forces again. False: only a person
+  // brings forces back.
   [[nodiscard]] virtual bool person_simulated() const noexcept { return false; }
   // CPU time that a twin spent inside the tick; null: nothing is simulated there.
   [[nodiscard]] virtual std::function<std::int64_t()> twin_cpu() { return nullptr; }
@@ -52,8 +53,8 @@ class OpenedDevice {
                                                                drivers::HandScript& hand,
                                                                rt::Time epoch, bool real);
 
-// Opens and closes the chosen device in a process of its own, for a vendor's library leaves threads and
-// state behind. Throws the one line that says what is missing. The twin needs no check.
+// Opens and closes the chosen device in a process of its own, because a vendor's library leaves
+// threads and state behind. Throws one line that says what is missing. The twin needs no check.
 void check_haptic_device(const Scene&);
 
 }  // namespace teletact

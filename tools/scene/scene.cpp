@@ -32,7 +32,7 @@ std::string names_in(std::span<const std::filesystem::path> roots, const std::st
   }
   std::string list;
   for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
-  return list.empty() ? "(nothing is installed there)" : list;
+  return list.empty() ? "(none is installed there)" : list;
 }
 
 // A stored map fixes the voxel: a scene that names none takes the map's.
@@ -210,7 +210,7 @@ std::string find_config(const std::string& folder, const std::string& name) {
   for (const auto& root : roots) {
     if (fs::exists(root / folder / file)) return fs::canonical(root / folder / file).string();
   }
-  throw std::runtime_error(name + ": no such file, and none of the names in config/" + folder +
+  throw std::runtime_error(name + ": is not a file, and none of the names in config/" + folder +
                            ": " + names_in(roots, folder));
 }
 

@@ -4,7 +4,9 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cerrno>
 #include <cstdlib>
+#include <cstring>
 #include <ctime>
 #include <thread>
 
@@ -48,7 +50,8 @@ void start_again_scalar(char** argv) {
   ::setenv(kTunables, kScalar, 1);
   // argv[0] is the subcommand; the word before it is the program's name.
   ::execv("/proc/self/exe", argv - 1);
-  throw std::runtime_error("--simd scalar: the program can not be started again");
+  throw std::runtime_error(std::string("--simd scalar: the program can not start itself again: ") +
+                           std::strerror(errno));
 }
 
 void print_metrics(const Metrics& metrics) {
@@ -131,18 +134,23 @@ int finish_run(const DemoOptions& options, const Scene& scene, RunInfo& info,
   if (!scene.rgbd_dir.empty()) info.recorded = recording_figures(scene.rgbd_dir, op.view.fusion);
   if (!info.stub_bodies) {
     info.ate_first_pose_mm = rendered_figures(scene, op, robot).ate_first_pose_mm;
-    if (!op.complete) info.problems.push_back("the operator's half of the run is not complete");
-    if (!robot.complete) info.problems.push_back("the robot's half of the run is not complete");
+    if (!op.complete)
+      info.problems.push_back(
+          "the operator's box did not finish the run: its own message says why");
+    if (!robot.complete)
+      info.problems.push_back("the robot's box did not finish the run: its own message says why");
   }
   if (!scene.rgbd_dir.empty() && !info.stub_bodies && op.complete && info.stopped_early.empty() &&
       op.force_check.samples == 0)
-    info.problems.push_back("no press on a plane of the recording could be judged");
+    info.problems.push_back(
+        "no press of the hand met a plane of the recording, so no force was judged: run longer, or "
+        "choose another recording");
   check_touches(options, scene, info, op);
   const GoalCheck goal = check_goal(scene, options, op, robot);
   if (!goal.missed.empty() && goal.judged) info.problems.push_back(goal.missed);
   if (!goal.missed.empty() && !goal.judged)
     info.notes.push_back(goal.missed +
-                         " (not judged: the run was short, or had faults on purpose)");
+                         " (not judged: the run was too short, or had injected faults)");
   note_dead_tasks(op.log, op.totals, info.problems);
   note_dead_tasks(robot.log, robot.totals, info.problems);
   if (const std::string over = beyond_admission(info, op, robot); !over.empty())
@@ -227,9 +235,9 @@ int cmd_demo(int argc, char** argv) {
   if (simd == "scalar") start_again_scalar(argv);
   o.stub_bodies = bodies == "stub";
   if (o.stub_bodies && clock != "virtual")
-    throw std::runtime_error("--bodies stub needs --clock virtual");
+    throw std::runtime_error("--bodies stub needs --clock virtual: give both");
   if (!o.fault_plan.empty() && !rt::kFaultsBuilt)
-    throw std::runtime_error("--faults: this build runs no fault plans (TELETACT_FAULTS=OFF)");
+    throw std::runtime_error("--faults: this build has none; configure with TELETACT_FAULTS=ON");
   if (o.stub_bodies && o.record) throw std::runtime_error("--record needs --bodies real");
   if (o.stub_bodies && !o.save_map.empty())
     throw std::runtime_error("--save-map needs --bodies real");

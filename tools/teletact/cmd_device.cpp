@@ -122,7 +122,7 @@ int cmd_device(int argc, char** argv) {
     metrics.add("device." + name, value, name.find("_us") != std::string::npos ? "us" : "1");
   }
   if (!json.empty()) metrics.write(json);
-  if (r.samples == 0) throw std::runtime_error("the device gave no sample");
+  if (r.samples == 0) throw std::runtime_error("the device gave no sample: check cable and power");
   return 0;
 }
 

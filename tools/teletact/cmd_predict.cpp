@@ -42,7 +42,8 @@ Log read_log(const std::string& path) {
   for (const std::string& name : extra) found += table.column(name) >= 0 ? 1 : 0;
   if (table.header.empty() && table.rows.front().size() == needed.size() + extra.size()) found = 3;
   if (found != 0 && found != extra.size()) {
-    throw std::runtime_error(path + ": cmd_vx, cmd_vy and cmd_wz come together");
+    throw std::runtime_error(path +
+                             ": the columns cmd_vx, cmd_vy and cmd_wz come together, or none");
   }
   log.commands = found != 0;
   std::vector<std::string> columns = needed;

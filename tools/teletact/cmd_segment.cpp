@@ -104,7 +104,7 @@ class Segmenter {
     Selected s;
     if (grower_) {
       if (grower_->grow(lab_, depth_ != nullptr ? &points_ : nullptr, seed, o_.grow) == 0) {
-        throw std::runtime_error(o_.depth + ": holds no reading");
+        throw std::runtime_error(o_.depth + ": holds no reading: every pixel is 0 or 65535");
       }
       s.pixels.assign(grower_->members().begin(), grower_->members().end());
       s.d = grower_->distances();
@@ -200,15 +200,17 @@ void add_metrics(Metrics& metrics, int number, const perception::ObjectSummary& 
 
 void check(const SegmentOptions& o) {
   if (o.whole == !o.touches.empty()) {
-    throw std::runtime_error("give --whole, or --touch at least once, not both");
+    throw std::runtime_error("give either --whole or at least one --touch");
   }
   if (o.whole && o.method != "default") {
-    throw std::runtime_error("--whole has a method of its own: --method is for touches");
+    throw std::runtime_error("--method can not be used with --whole: it belongs to touches");
   }
   if (o.depth.empty() != o.intrinsics.empty()) {
-    throw std::runtime_error("--depth and --intrinsics go together");
+    throw std::runtime_error("--depth and --intrinsics must be given together");
   }
-  if (o.touches.size() > 255) throw std::runtime_error("--touch: at most 255");
+  if (o.touches.size() > 255)
+    throw std::runtime_error("--touch: " + std::to_string(o.touches.size()) +
+                             " given, at most 255");
 }
 
 // What would be passed over in silence. --m and --g part what several touches claim, whatever the method.
@@ -220,7 +222,7 @@ void check_meant(const CLI::App& app, const SegmentOptions& o) {
   }
   if (app.count("--threshold") > 0 && o.method != "paper") {
     throw std::runtime_error("--threshold has no meaning with --method " + o.method +
-                             ": it is paper's");
+                             ": it belongs to --method paper");
   }
   if (app.count("--depth-unit") > 0 && o.depth.empty()) {
     throw std::runtime_error("--depth-unit has no meaning without --depth");
@@ -244,7 +246,7 @@ std::optional<Depth> read_depth(const SegmentOptions& o, int w, int h) {
   const std::uint16_t* begin = depth.image.data();
   if (std::all_of(begin, begin + static_cast<std::ptrdiff_t>(w) * h,
                   [](std::uint16_t d) { return d == 0 || d == 65535; })) {
-    throw std::runtime_error(o.depth + ": holds no reading");
+    throw std::runtime_error(o.depth + ": holds no reading: every pixel is 0 or 65535");
   }
   return depth;
 }

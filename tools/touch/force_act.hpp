@@ -1,6 +1,6 @@
-// When the operator asks for the device's forces again. Forces never come back by themselves: a person does it,
-// by the clutch pressed and let go while the forces are off. Where the person is simulated too (the twins), they notice
-// that the device is limp and press the button on its base.
+// Decides when the operator asks for the device's forces again. Forces never come back by
+// themselves: a person presses and releases the clutch while the forces are off. A simulated person
+// (of a twin) notices that the device is limp and presses the button on its base.
 #pragma once
 
 #include <chrono>

@@ -1,6 +1,6 @@
-// Is the force that of a spring from the hand to the surface? Checked against the map itself, by a march
-// that shares nothing with the renderer: from the hand along the map's own normal to the field's zero
-// set. A proxy that slid aside pulls with more than K times that depth.
+// Checks that the force is that of a spring from the hand to the surface. The reference is the map
+// itself: a march from the hand along the map's own normal to the zero set of the field. It shares
+// no code with the renderer. A proxy that slid aside pulls with more than K times that depth.
 #pragma once
 
 #include <vector>
@@ -16,16 +16,16 @@ struct ForceCheck {
   std::size_t samples = 0;
 };
 
-// Only samples that press on a plane: one active constraint, normals within 10 degrees 30 mm around,
-// at least 1 N, full gain, no guard at work, hand moving below 5 mm/s in the scene. `stiffness_N_per_m` is at the device, `scale` scene
-// metres per hand metre. The map is that of the end of the run, so it must not have changed since: samples before `since`
-// do not count.
+// Uses only samples that press on a plane: one active constraint, normals within 10 degrees 30 mm
+// around, at least 1 N, full gain, no guard active, hand slower than 5 mm/s in the scene.
+// `stiffness_N_per_m` is at the device, `scale` is scene metres per hand metre. The map is that of
+// the end of the run, so it must not have changed since; samples before `since` do not count.
 [[nodiscard]] ForceCheck check_force(const perception::TsdfMap& map,
                                      const std::vector<tasks::HapticSample>& samples,
                                      double stiffness_N_per_m, double scale, rt::Time since = {});
 
-// The same while the map grows: each sample against the map as it is just after it. By whoever may look into the map between
-// two of its changes.
+// The same while the map grows: each sample is checked against the map just after it. For callers
+// that may read the map between two of its changes.
 class ForceChecker {
  public:
   ForceChecker(double stiffness_N_per_m, double scale)

@@ -18,7 +18,7 @@ constexpr double kBeside_m = 0.08;   // touched there counts as touched here
 constexpr double kClear_m = 0.04;    // between the hand on its way and what shows behind it
 constexpr double kOff_m = 0.015;     // off its plane it is another surface
 constexpr std::size_t kMost = 3000;  // no data
-constexpr int kMissed = 2;
+constexpr int kMissed = 2;           // pictures in a row that do not show it: forgotten
 constexpr std::array kTurn{Kind::kTop, Kind::kWall, Kind::kTop, Kind::kEdge, Kind::kCorner};
 
 // One of the nine pixels about `uv` shows the place's plane, near the place: at a grazing angle a pixel to the side is

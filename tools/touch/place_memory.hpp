@@ -1,12 +1,15 @@
-// What one picture after another has shown of places that a hand may touch (view_places.hpp), and which of them is next.
+// Keeps the touchable places (view_places.hpp) over successive pictures of the map, and chooses the
+// next one.
 //
-//   seen again    the newest picture shows the surface there: the place is where it shows now
-//   gone          the newest picture looks through it, or shows nothing there, twice in a row: forgotten
+//   seen again    the newest picture shows the surface there: the place moves to where it shows now
+//   gone          twice in a row the newest picture looks through it or shows nothing there:
+//                 forgotten
 //   hidden        something stands before it in the newest picture: not chosen until that has gone
-//   out of view   kept as it was
+//   out of view   kept unchanged
 //
-// Chosen is only what two pictures have shown, half of those that looked at it since, and what the hand can reach.
-// Frames: W world (= map), D haptic base. SI. Same pictures, same places.
+// A place can be chosen if two pictures have shown it, half of those that looked at it since have,
+// and the hand can reach it. Frames: W world (= map), D haptic base. SI. Same pictures, same
+// places.
 #pragma once
 
 #include <array>
@@ -19,7 +22,7 @@
 
 namespace teletact {
 
-// Where the hand gets with the device's workspace as it lies.
+// The part of W that the hand can reach with the device's workspace at its present place.
 struct Reach {
   static constexpr double kUsed = 0.9;  // of the workspace's radius
   drivers::WorkspaceMap map;
@@ -47,16 +50,19 @@ class PlaceMemory {
   // `reach`: only what it holds; null: all.
   void see(const tasks::SceneView& view, const perception::Vec3& up_W, const Reach* reach);
   [[nodiscard]] const std::vector<Known>& known() const noexcept { return known_; }
-  // The nearest sure place within 80 mm of p, with p within 15 mm of its plane; null: there is none.
+  // The nearest confirmed place within 80 mm of p, if p is within 15 mm of its plane; null: there
+  // is none.
   [[nodiscard]] const Known* at(const perception::Vec3& p_W) const noexcept;
 
  private:
   std::vector<Known> known_;
 };
 
-// Up, in W. Where the ground was found it is the ground's normal. Else nobody tells: the camera is taken to be held without
-// roll at first, looking at most 75 degrees down, and up is of all that this leaves what makes most of the flat places
-// level or upright; with none of them it looked straight ahead. A table seen from straight above is called a wall.
+// The upward direction in W. If the ground was found, it is the ground's normal. Otherwise it is
+// estimated: the camera is assumed to start without roll and to look at most 75 degrees down. Of
+// the directions that this leaves, the one is taken that makes most of the flat places level or
+// upright; without such places the camera is taken to look straight ahead. A table seen from
+// straight above is then called a wall.
 [[nodiscard]] perception::Vec3 up_of(const perception::CostMap& map, const PlaceMemory& memory);
 
 struct NextPlace {
@@ -65,8 +71,9 @@ struct NextPlace {
   perception::Vec3 via_W = perception::Vec3::Zero();  // on the way to it
 };
 
-// In turn a top, a wall, a top, an edge, a corner, where there are such; each where the hand has been least, and where the
-// picture shows nothing in its way from `from_W`. `touched`: the places before, in order.
+// Takes in turn a top, a wall, a top, an edge, a corner, if there are such. Of each kind it takes
+// the place that the hand has touched least and whose way from `from_W` is free in the picture.
+// `touched`: the places before, in order.
 [[nodiscard]] std::optional<NextPlace> next_place(const PlaceMemory& memory,
                                                   const tasks::SceneView& view, const Reach& reach,
                                                   const perception::Vec3& from_W,

@@ -336,7 +336,7 @@ DeviceFit fit_rings_and_delay(const std::vector<Ring>& rings, double& delay_s) {
 IdentifyResult identify_device(drivers::HapticDevice& device, const IdentifyOptions& o,
                                rt::Time start, const Pace& pace) {
   const drivers::DeviceProperties properties = device.properties();
-  if (!properties.renders_force) throw std::runtime_error("the device renders no force");
+  if (!properties.renders_force) throw std::runtime_error("this kind of device renders no force");
   const rt::Nanos period{std::llround(1e9 / o.rate_hz)};
   const auto ticks = static_cast<std::size_t>(o.seconds * o.rate_hz);
   rt::Time now = start;
@@ -350,9 +350,9 @@ IdentifyResult identify_device(drivers::HapticDevice& device, const IdentifyOpti
   }
   const auto read = [&] {
     pace(now);
-    if (!device.sense(now, sample)) throw std::runtime_error("the device gave no sample");
+    if (!device.sense(now, sample)) throw std::runtime_error("no sample: check cable and power");
     if (sample.state == drivers::DeviceState::kReset) {
-      throw std::runtime_error("the device is not calibrated");
+      throw std::runtime_error("the device is not calibrated (docs/devices.md)");
     }
   };
   // To rest: damped for a while, then without any force. That is where the swings begin.
@@ -411,7 +411,7 @@ IdentifyResult identify_device(drivers::HapticDevice& device, const IdentifyOpti
   for (std::size_t a = 0; a < 3; ++a) {
     r.axes[a] = fit_rings(rings[a], r.delay_s);
     if (!(r.axes[a].mass_kg > 0)) {
-      throw std::runtime_error("the swings can not be fitted");
+      throw std::runtime_error("no model fits the swings: let go of the stylus and try again");
     }
     r.mean.mass_kg += r.axes[a].mass_kg / 3;
     r.mean.damping_N_s_per_m += r.axes[a].damping_N_s_per_m / 3;

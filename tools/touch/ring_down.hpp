@@ -1,12 +1,13 @@
-// Mass, damping and dry friction of a haptic device by ring-down: nobody holds it, a soft virtual spring pulls it
-// aside and lets it swing about the new place, along each axis of D, with two stiffnesses.
+// Measures mass, damping and dry friction of a haptic device by ring-down. Nobody holds the device.
+// A soft virtual spring pulls it aside and lets it swing about the new place, along each axis of D,
+// with two stiffnesses.
 //
 //   model    m x'' = u + g - b x' - c sign(x'),   u = the force that was commanded, held over each tick and t_d late
 //   start    in closed form: m x'' integrated once is linear in m, b, c, bias and (if asked for) t_d
 //   fit      least squares of the position (Levenberg-Marquardt) up to where each swing comes to rest, the model
 //            integrated at 20 steps a tick under the commands as they were; t_d by a search about its start
 //
-// What the hold and the delay of the spring add or take is so in the model, not in the result.
+// The model contains what the spring's hold and delay add or take, so the result does not.
 // Frames: D haptic base.  SI.
 #pragma once
 
@@ -37,11 +38,13 @@ struct DeviceFit {
   int rings = 0;
 };
 
-// A residual beyond this, and beyond what the device's steps alone make, says that the model does not hold: a held
-// or falling arm, late ticks, ticks too coarse for the device. Against twins: 3 to 12 um where it does, 47 and more where not.
+// If the residual exceeds this value and the device's quantisation, the model does not hold:
+// somebody holds the arm, it falls, ticks are late, or ticks are too coarse for the device. Against
+// twins: 3 to 12 um if the model holds, 47 and more if not.
 inline constexpr double kResidualMost_m = 20e-6;
 
-// Fit of all rings together (of one axis) with a known delay. Fewer than 100 samples, or no motion: mass 0.
+// Fits all rings of one axis together, with a known delay. Fewer than 100 samples, or no motion:
+// mass 0.
 [[nodiscard]] DeviceFit fit_rings(const std::vector<Ring>& rings, double delay_s);
 // The same, the delay looked for between 0 and 5 ms; `delay_s` gets it.
 [[nodiscard]] DeviceFit fit_rings_and_delay(const std::vector<Ring>& rings, double& delay_s);

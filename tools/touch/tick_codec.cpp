@@ -115,7 +115,8 @@ std::string get_config(Cursor& in, tasks::HapticConfig& config) {
     std::string key;
     if (!in.get_text(key)) return "its list of keys is damaged";
     config::Section::Field* field = s.find(key);
-    if (field == nullptr) return "a key of [haptic] that this version does not know";
+    if (field == nullptr)
+      return "it has the key haptic." + key + ", which this version does not know";
     std::string wrong;
     if (!get_value(in, *field, wrong)) return "the value of haptic." + key + " is damaged";
     if (!wrong.empty()) return wrong;

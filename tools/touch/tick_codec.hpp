@@ -1,4 +1,5 @@
-// The bytes of a haptic run's parts (run_file.hpp): in the machine's order, no padding; what is read is checked.
+// Encodes and decodes the parts of a haptic run (tick_file.hpp): machine byte order, no padding.
+// Decoding checks everything.
 #pragma once
 
 #include <cstdint>

@@ -20,7 +20,7 @@ constexpr std::uint32_t kMostRecord = 1U << 26U;
 
 void write_all(std::FILE* file, const std::string& bytes) {
   if (std::fwrite(bytes.data(), 1, bytes.size(), file) != bytes.size()) {
-    throw std::runtime_error("haptic run: the disk took a part of it only");
+    throw std::runtime_error("haptic run: only a part could be written (disk full?)");
   }
 }
 
@@ -104,14 +104,14 @@ rt::Result<std::unique_ptr<HapticRunReader>> HapticRunReader::open(std::FILE* fi
                                                                    const std::string& name) {
   std::unique_ptr<HapticRunReader> r(new HapticRunReader(file, name));
   if (!r->fetch(16) || std::memcmp(r->bytes_.data(), kMagic, sizeof kMagic) != 0) {
-    return r->error("not a haptic run");
+    return r->error("is not a haptic run (teletact touch --record writes one)");
   }
   std::uint32_t version = 0, size = 0;
   std::memcpy(&version, r->bytes_.data() + 8, 4);
   std::memcpy(&size, r->bytes_.data() + 12, 4);
   if (version != kVersion) {
-    return r->error("a haptic run of version " + std::to_string(version) + "; this is version " +
-                    std::to_string(kVersion));
+    return r->error("is a haptic run of version " + std::to_string(version) +
+                    "; this program reads version " + std::to_string(kVersion));
   }
   if (size > kMostHeader || !r->fetch(size)) return r->error("its header is cut off");
   Cursor in(r->bytes_);
@@ -120,10 +120,10 @@ rt::Result<std::unique_ptr<HapticRunReader>> HapticRunReader::open(std::FILE* fi
     return r->error("its header is damaged");
   }
   if (!(h.period_s >= 1e-5 && h.period_s <= 0.1)) {
-    return r->error("a period of " + std::to_string(h.period_s) +
+    return r->error("has a period of " + std::to_string(h.period_s) +
                     " s; allowed are 10 us to 100 ms");
   }
-  if (!(h.origin.norm() <= 1e6)) return r->error("an origin beyond 1e6 m");
+  if (!(h.origin.norm() <= 1e6)) return r->error("has an origin beyond 1e6 m");
   const std::string wrong = get_config(in, h.config);
   if (!wrong.empty()) return r->error(wrong);
   if (!in.at_end()) return r->error("its header is damaged");
@@ -135,16 +135,17 @@ rt::Result<HapticRunReader::Kind> HapticRunReader::next(SurfacePatch& window,
                                                         HapticRunTick& tick) {
   char head[5];
   if (std::fread(head, 1, sizeof head, file_) != sizeof head) {
-    return error("cut off after " + std::to_string(ticks_) + " ticks");
+    return error("is cut off after " + std::to_string(ticks_) + " ticks");
   }
   std::uint32_t size = 0;
   std::memcpy(&size, head + 1, 4);
   if (size > kMostRecord || !fetch(size)) {
-    return error("cut off after " + std::to_string(ticks_) + " ticks");
+    return error("is cut off after " + std::to_string(ticks_) + " ticks");
   }
   Cursor in(bytes_);
   const auto damaged = [&](const char* what) {
-    return error(std::string("a damaged ") + what + " after " + std::to_string(ticks_) + " ticks");
+    return error(std::string("has a damaged ") + what + " after " + std::to_string(ticks_) +
+                 " ticks");
   };
   switch (head[0]) {
     case 'W':

@@ -1,5 +1,5 @@
-// A haptic run on disk: everything the task was given, tick by tick, and what it answered. So an odd feeling
-// can be had again, to the last bit, and the same hand on the same surface through any other method.
+// A haptic run on disk: all inputs and outputs of the task, tick by tick. A run can so be repeated
+// to the last bit, or the same hand on the same surface can be rendered by another method.
 //
 //   header   "telehapt", uint32 version (1), uint32 bytes of what follows
 //            period_s, origin (3), the device's stated numbers, then every key of [haptic] by name
@@ -10,8 +10,9 @@
 //            'T' tick: times, stylus, mode, clutch, then force, raw force, proxy
 //            'E' end: uint64 ticks; without it the file was cut off; nothing may follow
 //
-// Little-endian, doubles as their bytes. Reading takes bytes of anybody: every length and count is checked
-// before anything is allocated, every number before it is used. Errors are one line: file, what.
+// Little-endian, doubles as their bytes. The file may come from anywhere: every length and count is
+// checked before memory is allocated, every number before it is used. Errors are one line: file,
+// what.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,6 @@
-// A recorded haptic run through the task again: as it was (then every byte of the answers must be the
-// recorded one), or through another method or with other keys on the same hand and the same windows.
+// Runs the task again on a recorded haptic run: unchanged (then every byte of the outputs must
+// equal the recorded one), or by another method or with other keys, on the same hand and the same
+// windows.
 #pragma once
 
 #include <array>
@@ -18,8 +19,8 @@ class HapticReplay {
   // Makes the ray cast of a window for method force_shading where the run holds none; false: none.
   using Caster = std::function<bool(const perception::SurfacePatch&, tasks::SurfacePoints&)>;
 
-  // `reader` stands behind its header. The device's stiffness limit does not count: nothing is rendered.
-  // Throws std::runtime_error as HapticTask does.
+  // `reader` has read the header. The device's stiffness limit is not applied, since nothing is
+  // rendered. Throws std::runtime_error as HapticTask does.
   HapticReplay(rt::NonRealtime&, HapticRunReader& reader, const tasks::HapticConfig& config,
                Caster caster = nullptr);
 

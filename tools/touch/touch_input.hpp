@@ -37,8 +37,9 @@ struct FieldList {
 
 // Throw std::runtime_error naming file, row and what is wrong.
 [[nodiscard]] FieldList load_fields(const Options& o);
-// The hand at every tick: the rows themselves, or the rows interpolated to another rate. `base`: the origin of the
-// device's base, that of the world, or where a path that leaves the reach from there begins.
+// The hand at every tick: the rows themselves, or the rows interpolated to another rate. `base`:
+// where the device's base lies, at the world's origin, or at the first row if the path leaves the
+// reach from there.
 struct HandPath {
   std::vector<HandRow> rows;
   double period_s = 1e-3;

@@ -21,8 +21,8 @@ struct Options {
   int window_nodes = perception::SurfacePatch::kMaxNodes;
 };
 
-// Checked; of a replay only replay, method (empty: not given), out and json count. False: help was asked for and printed.
-// Throws std::runtime_error with one line.
+// Parses and checks the options. With --replay only replay, method (empty: not given), out and json
+// apply. False: help was asked for and printed. Throws std::runtime_error with one line.
 [[nodiscard]] bool read_options(int argc, char** argv, Options& out);
 
 // Throw std::runtime_error: `what`, or the option and what it may be.

@@ -1,11 +1,13 @@
-// The person at the desk whose hand has segments with source = "chosen": they look at the picture of the fused map and
-// choose where to touch next. Played by the console, an ordinary thread, from the newest picture; never by a task.
+// Simulates the person at the desk for hand segments with source = "chosen": they look at the
+// picture of the fused map and choose where to touch next. The console, an ordinary thread, plays
+// it from the newest picture; no task does.
 //
 // A visit is
 //   move    chosen, and the next segment is a chosen move: a place is chosen, the hand goes half-way
 //   move    chosen: to over the place; if it has gone by now another one is chosen
 //   press   chosen: onto the place as it shows now; not done when it has gone
-// Each is settled 100 ms before its segment starts. Nothing to choose from: the segment is passed over in place.
+// Each is decided 100 ms before its segment starts. If there is no place to choose, the hand stays
+// for that segment.
 #pragma once
 
 #include <array>
@@ -77,7 +79,8 @@ struct TouchedPlaces {
   [[nodiscard]] std::string text() const;
 };
 inline constexpr int kLeastTouches = 5;  // of a recording; fewer where the run has time for fewer
-// Why a recording's visits are too few; empty: they are not. `asked`: visits that the script had time for.
+// Why a recording was touched too rarely; empty: it was not. `asked`: visits that the script had
+// time for.
 [[nodiscard]] std::string too_few_touches(const TouchedPlaces& touched, int asked);
 [[nodiscard]] TouchedPlaces touched_places(const std::vector<Visit>& visits,
                                            const std::vector<tasks::HapticSample>& samples,

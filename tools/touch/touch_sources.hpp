@@ -13,8 +13,9 @@
 
 namespace teletact::touch {
 
-// Publishes windows as fusion does: every 1/30 s, and at once when another field becomes visible. The newest one waits
-// until the task takes it, so what the task still blends is never written over, however fast the fields change.
+// Publishes windows as fusion does: every 1/30 s, and at once when another field becomes visible.
+// The newest one waits until the task takes it, so a window that the task still blends is never
+// overwritten, however fast the fields change.
 class WindowSource {
  public:
   // `fields` and `o` must outlive it.
@@ -24,7 +25,8 @@ class WindowSource {
                                      const perception::Vec3& velocity, bool wanted);
   // Fields that were visible so far.
   [[nodiscard]] std::size_t visible() const { return visible_; }
-  // Throws std::runtime_error: nothing was known of any field wherever the hand was, so its zeros say nothing.
+  // Throws std::runtime_error if no field was known anywhere on the hand's path, since its zero
+  // forces would mean nothing.
   void check_met(const std::vector<HandRow>& hand, bool touched) const;
 
  private:

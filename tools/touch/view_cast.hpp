@@ -26,8 +26,8 @@ struct View {
 std::size_t cast_view(const DenseField& field, double voxel_size, const View& view,
                       tasks::SurfacePoints& out);
 
-// Where hand and field first come into contact: from outside, or from where the field is not known, to inside; by the
-// hand's motion or by the field that is visible then. Call it tick by tick.
+// Finds where hand and field first come into contact: from outside or from unknown space to inside,
+// by the hand's motion or by the field that is visible then. Call it tick by tick.
 class FirstContact {
  public:
   // 1 m off that place, along the outward normal, looking at it; empty before and after it.

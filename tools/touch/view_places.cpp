@@ -21,8 +21,8 @@ namespace {
 constexpr double kNear_m = 0.3,
                  kFar_m = 3.5;      // of the eye: farther a pixel of the picture spans 40 mm
 constexpr double kPlane_m = 0.060;  // radius of the plane
-constexpr double kWide_m = 0.100;
-constexpr double kSeed_m = 0.035;                         // radius of the first fit
+constexpr double kWide_m = 0.100;   // flat to this radius: a wide place
+constexpr double kSeed_m = 0.035;   // radius of the first fit
 constexpr double kRingFrom_m = 0.045, kRingTo_m = 0.065;  // in which a side is covered or bare
 constexpr double kInset_m = 0.022;       // a place is so far from its edge at least
 constexpr double kOffPlane_m = 0.008;    // counts as on the plane
@@ -33,7 +33,7 @@ constexpr double kGrazing = 0.30;        // least cosine between ray and normal
 constexpr double kBehind_m = 0.04;       // beyond an edge the picture shows what lies so far behind
 constexpr double kLevel = 0.9, kUpright = 0.25;         // of |up . n|
 constexpr double kApart_m = 0.06, kFlatApart_m = 0.08;  // two places of a picture
-constexpr int kSides = 8;
+constexpr int kSides = 8;  // sectors round a point that are judged covered or bare
 
 // The points of the picture round one of them, and the plane through those within kPlane_m.
 class Patch {

@@ -1,12 +1,14 @@
-// Places that a hand may touch, found in one picture of the fused map (tasks/contract/scene_view.hpp).
+// Finds places that a hand can touch in one picture of the fused map
+// (tasks/contract/scene_view.hpp).
 //
-//   top, wall, slope   the surface within 60 mm of the point lies on a plane fitted to it, on all sides; level, upright,
-//                      or neither
-//   edge, corner       so on one side, or in one quarter; on the others the picture shows something that lies behind
+//   top, wall, slope   on all sides the surface within 60 mm of the point lies on a plane fitted to
+//                      it; that plane is level, upright, or neither
+//   edge, corner       the same on one side, or in one quarter; on the others the picture shows
+//                      surface that lies behind
 //
-// and nothing stands over it there, the way along its normal to 55 mm off was seen free, it is not seen at a grazing angle,
-// and nothing moves there. The picture shows what the map holds with enough weight (fusion.view_min_weight), so
-// a place stands on surface that was seen so often all round.
+// In addition nothing stands over the place, the way along its normal up to 55 mm was seen free, it
+// is not seen at a grazing angle, and nothing moves there. The picture shows only surface with
+// enough weight (fusion.view_min_weight), so all of a place was seen that often.
 //
 // Frames: W world (= map), V the picture's eye. SI. Same picture, same places.
 #pragma once

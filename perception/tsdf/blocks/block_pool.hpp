@@ -1,9 +1,9 @@
 // Where blocks and chunks are kept: slots, the index that finds them, the lists of those given back.
 //
-// Memory    everything is allocated and touched in the constructor. A full pool loses nothing that is stored:
-//           what is new is refused.
-// Place     a block keeps its pool index, a chunk its number, until it is dropped. Nothing is ever moved, so
-//           pointers into a block or a chunk hold as long.
+// Memory    everything is allocated and touched in the constructor. A full pool keeps what is
+//           stored and refuses new blocks.
+// Place     a block keeps its pool index and a chunk its number until it is dropped. Nothing is
+//           moved, so pointers into a block or a chunk stay valid until then.
 // Thread    one thread changes it at a time; other blocks' voxels may be written by others meanwhile.
 #pragma once
 
@@ -79,18 +79,19 @@ class BlockPool : public MapLayout {
   [[nodiscard]] BlockPast& past(std::int32_t block) noexcept {
     return pasts_[static_cast<std::size_t>(block)];
   }
-  // A block of unknown voxels without a past, its free bits void; kNoBlock: pool full.
+  // A block of unknown voxels without history and with undefined free bits; kNoBlock: pool full.
   std::int32_t new_block(Chunk& c, BlockCoord at) noexcept;
   void drop_block(Chunk& c, int slot) noexcept;
 
-  // --- what has changed since when. The revision rises with every call that may change blocks.
+  // --- changes. The revision rises with every call that may change blocks.
   [[nodiscard]] std::uint32_t revision() const noexcept { return revision_; }
   void next_revision() noexcept { ++revision_; }
   void mark_changed(std::int32_t block) noexcept {
     changed_[static_cast<std::size_t>(block)] = revision_;
   }
-  // Of the last call that changed anything the block's cells reach: its own voxels (a decay counts where it
-  // makes observed voxels others), or those of the blocks one to the x, y, z, or that these are there.
+  // Revision of the last call that changed anything that the block's cells read: its own voxels (a
+  // decay counts if it makes an observed voxel unknown), the voxels of its upper neighbours in x, y
+  // and z, or whether those exist.
   [[nodiscard]] std::uint32_t cells_revision(std::int32_t block) const noexcept {
     std::uint32_t newest = 0;
     const std::int32_t* ahead = ahead_.data() + static_cast<std::size_t>(block) * 8;

@@ -1,9 +1,9 @@
 // Where labels are kept: a pool of its own, since only blocks in which something is labelled have them.
 //
-// Label     label and label weight of a voxel (perception/segmentation/label_vote.hpp), 512 of a block in the order of
-//           its words.
-// Memory    all allocated in the constructor. A full pool loses nothing; store() says so.
-// Order     by the place in this pool, which is the order of the calls: same calls, same order.
+// Label     label and label weight of a voxel (perception/segmentation/label_vote.hpp), 512 a block
+//           in the order of its words.
+// Memory    all allocated in the constructor. A full pool keeps what is stored; store() reports it.
+// Order     by place in this pool, which is the order of the calls: same calls, same order.
 #pragma once
 
 #include <algorithm>
@@ -27,7 +27,7 @@ class LabelPool : public MapLayout {
     const std::int32_t at = label_of_block_[static_cast<std::size_t>(block)];
     return at < 0 ? nullptr : voxels_.data() + static_cast<std::size_t>(at) * kBlockVoxels;
   }
-  // Whoever changes them stores them afterwards.
+  // Callers that change them must store() them afterwards.
   [[nodiscard]] LabelVoxel* of(std::int32_t block) noexcept {
     const std::int32_t at = label_of_block_[static_cast<std::size_t>(block)];
     return at < 0 ? nullptr : voxels_.data() + static_cast<std::size_t>(at) * kBlockVoxels;
@@ -54,7 +54,7 @@ class LabelPool : public MapLayout {
   }
   // Label images that voted since something was labelled, up to the cap of the weights.
   [[nodiscard]] int images() const noexcept { return images_; }
-  // One more has. Without an object nobody counts them, and the next touch begins anew.
+  // Counts one more image. Without an object no images are counted, and the next touch starts at 0.
   void count_image() noexcept {
     images_ = live_ == 0 ? 0 : std::min<int>(images_ + 1, kLabelWeightCap);
   }

@@ -1,5 +1,5 @@
-// Runs of reads from a map: remembers the last blocks and chunks, so that neighbouring reads cost a
-// compare. A reader holds pointers into the map: use it only between two changes of the map.
+// Reads many nodes of a map. It caches the last blocks and chunks, so a read near the previous one
+// costs one comparison. It holds pointers into the map: use it only between two changes of the map.
 #pragma once
 
 #include <array>
@@ -105,10 +105,10 @@ class MapReader {
   [[nodiscard]] bool gradient(const Vec3& p_W, Vec3& out) noexcept;
   // Colour of the nearest corner of the cell that has one; false when none has.
   [[nodiscard]] bool colour(const Vec3& p_W, Rgb& out) noexcept;
-  // What the eight nodes round the point say, each with its label's weight times its share; nodes that
-  // nothing voted in abstain, so that an edge does not lose what lies between its nodes and the free
-  // ones; where all of them do, as beside an outline, the nearest vote round them counts. 0: background, or
-  // nothing known.
+  // Label by vote of the eight nodes round the point, each with its label's weight times its
+  // trilinear share. Nodes without a vote abstain, so that space between labelled and free nodes
+  // keeps the label. If all abstain, as beside an outline, the nearest vote round them counts. 0:
+  // background or unknown.
   [[nodiscard]] std::uint8_t label(const Vec3& p_W) noexcept { return voted(p_W).label; }
   // The same with the weight of what won, rounded up (1: of a vote beside); weight 0: nothing known.
   [[nodiscard]] LabelVoxel voted(const Vec3& p_W) noexcept;

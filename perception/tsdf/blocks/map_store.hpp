@@ -1,5 +1,5 @@
-// What a map holds in its pools: blocks with their labels, and the scale they are read at. Its parts (pager, integrator, label votes,
-// decay) change it, readers see it through a MapView.
+// The content of a map: blocks with their labels in pools, and the scale of their distances. Pager,
+// integrator, label votes and decay change it; readers see it through a MapView.
 //
 // Units     voxel, truncation: m; metres_per_unit: of a raw distance.
 // Thread    the thread that changes the map; workers of its crew, block by block.
@@ -38,8 +38,9 @@ struct MapStore : MapLayout {
   // Nodes `lo` .. `hi`, both included, become unknown; blocks left without any weight go.
   void clear_nodes(const std::array<int, 3>& lo, const std::array<int, 3>& hi) noexcept;
 
-  // Of a voxel without room for labels, as the images so far would have left it: background, if it lies
-  // within the band of the surface, with a weight of the images that can have seen it.
+  // Label of a voxel whose block holds no labels, as the images so far would have left it:
+  // background if it lies within the band of the surface, with the weight of the images that can
+  // have seen it.
   [[nodiscard]] LabelVoxel implied_background(std::uint32_t word) const noexcept {
     const int units = word_distance(word);
     const bool near =

@@ -1,9 +1,9 @@
-// What readers see of a map: ray cast, mesh, patch, motion, objects, files. Reads only, no call through a pointer; everything that
-// is asked for in a loop is in the class.
+// Read-only view of a map, for ray cast, mesh, patch, motion, objects and files. No virtual calls;
+// what is read in loops is inline.
 //
-// A view is as large as a pointer and is copied freely; it is good as long as the map is, and shows what the map holds at the
-// time. Pointers that it returns are good until the map changes. Frame: nodes and boxes in W. Any number of
-// threads may read between two changes.
+// A view is as large as a pointer and is copied freely. It is valid as long as the map and shows
+// the map's present content. Pointers that it returns are valid until the map changes. Frame: nodes
+// and boxes in W. Any number of threads may read between two changes.
 #pragma once
 
 #include <cstddef>
@@ -60,7 +60,7 @@ class MapView : public MapLayout {
   [[nodiscard]] const LabelVoxel* block_labels(std::int32_t block) const noexcept {
     return store_->labels.of(block);
   }
-  // Of one voxel; where the block holds none, the background that the images so far imply.
+  // Label of one voxel; if its block holds none, the background that the images so far imply.
   [[nodiscard]] LabelVoxel label_in(std::int32_t block, int voxel) const noexcept {
     const LabelVoxel* held = block_labels(block);
     return held != nullptr ? held[voxel] : store_->implied_background(block_words(block)[voxel]);

@@ -10,7 +10,8 @@ UpdateCamera update_camera(const MapStore& store, const DepthPyramid& pyramid, c
                            const Pose& X_CW) noexcept {
   UpdateCamera cam{};
   cam.fx = static_cast<float>(k.fx), cam.fy = static_cast<float>(k.fy);
-  cam.cx_half = static_cast<float>(k.cx + 0.5), cam.cy_half = static_cast<float>(k.cy + 0.5);
+  cam.cx_plus_half = static_cast<float>(k.cx + 0.5),
+  cam.cy_plus_half = static_cast<float>(k.cy + 0.5);
   cam.width = k.width, cam.height = k.height;
   cam.pixels = pyramid.pixels();
   cam.gather = simd::gathers();

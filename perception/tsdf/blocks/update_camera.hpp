@@ -1,4 +1,5 @@
-// Blocks as the kernels are told of them: the camera they are projected into, and where a block stands before it.
+// Input of the block kernels: the camera that blocks are projected into, and a block's place before
+// it.
 #pragma once
 
 #include "perception/geometry/camera_model.hpp"
@@ -9,7 +10,7 @@
 
 namespace perception {
 
-// For the image in the pyramid, which is to stay as long; without colour.
+// For the image in the pyramid, which must outlive the result; without colour.
 [[nodiscard]] UpdateCamera update_camera(const MapStore& store, const DepthPyramid& pyramid,
                                          const Intrinsics& k, const Pose& X_CW) noexcept;
 

@@ -1,5 +1,5 @@
-// The frame that was last integrated: which blocks it showed, and from where. For the votes on its label image, and for what
-// must not be put away because it is seen.
+// The frame that was last integrated: which blocks it showed, and from which pose. Used by the
+// label votes, and by the pager, which must not compress visible blocks.
 #pragma once
 
 #include <cstddef>
@@ -25,7 +25,7 @@ class ViewedBlocks {
   // 0: there is none.
   [[nodiscard]] int count() const noexcept { return count_; }
   [[nodiscard]] InView at(int n) const noexcept { return blocks_[static_cast<std::size_t>(n)]; }
-  // Blocks may have gone, so their indices say nothing any more. The camera stays.
+  // Forgets the blocks, whose indices may be invalid now. The camera stays.
   void forget() noexcept { count_ = 0; }
 
   // The next frame: set() 0, 1, ..., then tell().

@@ -15,13 +15,14 @@ using namespace follow;
 
 constexpr int kReadings = 3400;  // that are compared in a frame, about
 // chosen on: follow 1000; judged on: follow 2000
-constexpr double kObservations = 2;
-// From a place that far from the last one, distances along the rays are others, beside edges and at a slant: nothing is followed.
+constexpr double kObservations = 2;  // least weight of nodes that readings are compared with
+// If the camera moved farther than this since the last frame, nothing is followed: distances along
+// the rays differ too much beside edges and on slanted surfaces.
 constexpr double kStep_m = 0.04, kTurn_rad = 0.044;
-// Of a truncation, times the sine between the rays of now and of then: distances along them differ by that, a band's nodes lying half
-// a truncation off their surface.
+// Share of a truncation. Times the sine of the angle between the rays of now and then it is the
+// difference of distances along them, since a band's nodes lie half a truncation off their surface.
 constexpr double kOfView = 0.5;  // derived
-constexpr float kKept = 0.75F;   // of what earlier frames said, a frame
+constexpr float kKept = 0.75F;   // of the history of earlier frames, each frame
 
 const Eigen::AlignedBox3d kEverywhere(Vec3::Constant(-1e9), Vec3::Constant(1e9));
 

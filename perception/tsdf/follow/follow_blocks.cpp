@@ -11,8 +11,8 @@ namespace {
 using namespace follow;
 
 // chosen on: follow 1000; judged on: follow 2000
-constexpr double kScatter = 5;
-// Of a block that was moved in the last kStill frames.
+constexpr double kScatter = 5;  // scatters of the image's tiles that a block must be off by
+// The limits for a block that was moved in the last kStill frames.
 constexpr double kLeastMoving_m = 0.25e-3, kErrorsMoving = 2.5;
 constexpr double kFast_m = 0.015;     // across the surface in a frame: no slow motion
 constexpr double kOfExplained = 0.3;  // of what the camera's error explains may be wrong
@@ -21,14 +21,15 @@ constexpr std::uint32_t kMoved = 12 * MapLayout::kWeightOne, kEnds = 2 * MapLayo
 
 }  // namespace
 
-// What the image says of a node, m along the ray as the update has it; NaN: nothing, beyond the band: what is seen through, or hidden.
+// Offset of a node by the image, m along the ray as in the update. NaN: no reading, or beyond the
+// band (seen through, or hidden).
 double FollowFrame::node_off(const UpdateCamera& cam, const float (&p0)[3], int n,
                              double* z) const noexcept {
   float p[3];
   for (int a = 0; a < 3; ++a) p[a] = p0[a] + cam.node[a][n];
   if (!(p[2] >= CameraBoxes::kLeastZ)) return std::nan("");
   const float inverse = 1.0F / p[2], x = p[0] * inverse, y = p[1] * inverse;
-  const float u = x * cam.fx + cam.cx_half, v = y * cam.fy + cam.cy_half;
+  const float u = x * cam.fx + cam.cx_plus_half, v = y * cam.fy + cam.cy_plus_half;
   if (!(u >= 0 && v >= 0 && u < static_cast<float>(cam.width) &&
         v < static_cast<float>(cam.height)))
     return std::nan("");

@@ -1,5 +1,5 @@
-// One frame's look at what may have moved (follow.hpp): its steps 1 and 2 are in follow.cpp, 3 in follow_blocks.cpp. Lives as long as the
-// call.
+// State of one call of SurfaceFollower (follow.hpp). Steps 1 and 2 are in follow.cpp, step 3 in
+// follow_blocks.cpp.
 #pragma once
 
 #include <array>

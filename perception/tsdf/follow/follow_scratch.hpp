@@ -1,4 +1,5 @@
-// Working memory of SurfaceFollower: the blocks that readings ended in. What was said of each is kept with it (blocks/block_past.hpp).
+// Working memory of SurfaceFollower: the blocks in which readings ended. Their history is kept with
+// the blocks (blocks/block_past.hpp).
 #pragma once
 
 #include <array>
@@ -18,7 +19,7 @@ struct FollowScratch {
   std::vector<std::uint32_t> asked;  // frame in which a block was looked at node by node
   std::vector<std::uint32_t> loosened;
 
-  // Where the camera was, the mean of what the map remembers.
+  // Mean camera position over the readings that the history holds.
   Vec3 eye_W = Vec3::Zero();
   double eyes = 0;
 
@@ -38,7 +39,8 @@ struct FollowScratch {
   std::array<Looked, kMostLooked> looked{};
   int looked_count = 0;
 
-  // A tile of the image: sums of its readings' offsets, and of how a small motion of the camera would change them.
+  // A tile of the image: sums of its readings' offsets and of their derivatives by a small camera
+  // motion.
   struct Tile {
     double count = 0, sum = 0, squares = 0, z_m = 0;
     std::array<double, 6> row{};

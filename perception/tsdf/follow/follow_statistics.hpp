@@ -1,5 +1,6 @@
-// What following asks of numbers (follow.hpp): how well a mean of readings is known, whether some of a block's nodes have moved
-// and some stand, and the small motion of the camera that most of the image agrees on. All in metres along rays.
+// Statistics for follow.hpp: the standard error of a mean of readings, whether only a part of a
+// block's nodes has moved, and the small camera motion that most of the image agrees on. Metres
+// along rays.
 #pragma once
 
 #include <cstddef>
@@ -14,10 +15,11 @@ namespace perception::follow {
 using Row = Eigen::Matrix<double, 6, 1>;
 
 // chosen on: follow 1000; judged on: follow 2000
-inline constexpr double kLeast_m = 0.8e-3, kErrors = 5;
-inline constexpr double kFewReadings = 5;  // say nothing of a block
-inline constexpr std::size_t kFewNodes = 24, kFewTiles = 12;
-// Nodes of one surface that moves agree: their scatter is at most so many times their noise, and, as what moves may tilt, of the way.
+inline constexpr double kLeast_m = 0.8e-3, kErrors = 5;  // least motion; and in standard errors
+inline constexpr double kFewReadings = 5;                // with fewer a block is not judged
+inline constexpr std::size_t kFewNodes = 24, kFewTiles = 12;  // with fewer nothing is judged
+// Nodes of one moving surface agree: their scatter is at most this many times their noise, plus
+// this share of the distance moved, since the surface may tilt.
 inline constexpr double kAgree = 2, kTilt = 0.3;
 inline constexpr double kAcross = 0.25;  // of them may be off to the other side
 
@@ -33,11 +35,12 @@ struct Middle {
 };
 // Orders v; room: as long.
 [[nodiscard]] Middle middle_of(std::span<double> v, std::span<double> room) noexcept;
-// Where some of them stand, those that moved, to one side: they come first, `count` of them. False: not two such groups.
+// If some nodes are at rest and the others moved to one side: puts those that moved first, `count`
+// of them. False: no two such groups.
 [[nodiscard]] bool apart_from_standing(std::span<double> offs, std::span<double> room, double noise,
                                        std::size_t& count, Middle& moved) noexcept;
 
-// Of a mean, m: from the scatter of what it is of, at least the sensor's.
+// Standard error of a mean, m: from the scatter of its values, at least the sensor's noise.
 [[nodiscard]] double standard_error(double count, double sum, double squares, double z_m) noexcept;
 [[nodiscard]] double threshold_m(double error_m) noexcept;
 [[nodiscard]] bool stands_out(const OffsetSums& s, float z_m, double doubt_m) noexcept;
@@ -55,7 +58,8 @@ struct CommonMotion {
     return out;
   }
 };
-// Tukey's weights from the plain start: what moves does not pull while it is the minority.
+// Robust fit with Tukey's weights from a start with equal weights: moving things have no influence
+// while they are a minority.
 void fit(std::span<const FollowScratch::Tile> tiles, std::span<double> room,
          CommonMotion& out) noexcept;
 

@@ -1,6 +1,6 @@
-// One depth image made ready for fusion: per pixel the depth, the weight it is fused with and how far
-// its band reaches, and a pyramid of least and greatest depth that answers "how near, how far is
-// anything in this rectangle".
+// One depth image prepared for fusion: for each pixel its depth, its weight and the length of its
+// band; and a pyramid of least and greatest depth, which bounds the depth within any rectangle of
+// pixels.
 //
 // A pixel is   0 (no reading) | depth_mm + (weight << 16) + (reach << 24).
 // Reach: reach_gain / cos(angle between ray and normal), unit 1/32, from 1 to 3: seen at a grazing
@@ -43,7 +43,8 @@ class DepthPyramid {
 
   explicit DepthPyramid(rt::NonRealtime&);
   // Returns the number of pixels with weight > 0. The image is at most kMaxWidth x kMaxHeight.
-  // `mask`, if there is one, of the image's size: readings where it is not 0 carve and are not fused.
+  // `mask` (optional, of the image's size): readings where it is not 0 carve free space and are not
+  // fused.
   int build(ImageView<const std::uint16_t> depth_mm, const DepthRule& rule,
             rt::ForkJoin& crew = rt::serial(), ImageView<const std::uint8_t> mask = {}) noexcept;
 

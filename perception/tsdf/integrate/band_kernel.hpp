@@ -1,4 +1,4 @@
-// Which blocks the bands of one row of pixels pass through and the map does not have.
+// Finds the blocks that the bands of one row of pixels pass through and that the map lacks.
 //
 // A ray's band runs from depth z - half to z + half, half = truncation * reach / sqrt(1 + x^2 + y^2). In
 // units of a block, relative to block `base` near the camera, its ends are q = origin + z (x a0 + y a1 + a2);

@@ -1,9 +1,10 @@
-// Makes the blocks that a frame's bands pass through: only where a ray ends is there room for voxels.
+// Creates the blocks that a frame's bands pass through. Only the ends of rays get voxels.
 //
-// Order     blocks are made row by row, in the order of their coordinates within a row: the map does not depend on how many rays
-//           or threads look for them together.
-// Full      a full pool refuses: counted in IntegrateStats.
-// Thread    of the map's writer; `crew` looks, the caller makes. No allocation after the constructor.
+// Order     blocks are created row by row, within a row in the order of their coordinates. So the
+//           map does not depend on how many rays or threads search together.
+// Full      a full pool refuses; IntegrateStats counts it.
+// Thread    of the map's writer; `crew` searches, the caller creates. No allocation after the
+//           constructor.
 #pragma once
 
 #include <cstddef>
@@ -26,13 +27,13 @@ struct BandJob;  // band_kernel.hpp
 
 class BlockAllocator {
  public:
-  // All of them are the map's and stay as long.
+  // All of them belong to the map and must outlive this object.
   BlockAllocator(rt::NonRealtime&, MapStore&, Pager&, const KeptVolume&, const DepthPyramid&);
   ~BlockAllocator();
   BlockAllocator(const BlockAllocator&) = delete;
   BlockAllocator& operator=(const BlockAllocator&) = delete;
 
-  // Of the image in the pyramid, every pixel_step-th pixel of every pixel_step-th row.
+  // For the image in the pyramid: every pixel_step-th pixel of every pixel_step-th row.
   void allocate_band(const FrameCamera& view, int pixel_step, rt::ForkJoin& crew,
                      IntegrateStats&) noexcept;
   // Makes the chunk, or brings it back; nullptr: pool full.

@@ -1,6 +1,6 @@
-// What is not seen again is forgotten in the end: weights fall by half in decay_half_life_s. A part of the
-// pool a call, so that every frame pays the same. A voxel below a quarter observation becomes unknown. What is put away keeps its
-// weight.
+// Decay: weights fall by half in decay_half_life_s, so what is not seen again is forgotten. Each
+// call treats one part of the pool, so that every frame costs the same. A voxel below a quarter
+// observation becomes unknown. Blocks that the pager has compressed keep their weight.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ namespace perception {
 class WeightDecay {
  public:
   static constexpr int kRound = 32;  // parts, one a call
-  // Both are the map's and stay as long.
+  // Both belong to the map and must outlive this object.
   WeightDecay(MapStore& store, ViewedBlocks& viewed) noexcept : store_(store), viewed_(viewed) {}
 
   // Once a frame, dt_s after the one before, by the map's writer.
@@ -21,7 +21,7 @@ class WeightDecay {
   void clear() noexcept { at_ = 0; }
 
  private:
-  // False: nothing is left of it. keep: of a weight, in 1/65536.
+  // False: the block is empty now. keep: share of a weight that stays, in 1/65536.
   bool decay_block(std::int32_t block, std::uint32_t keep) noexcept;
 
   MapStore& store_;

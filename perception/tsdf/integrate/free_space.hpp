@@ -1,9 +1,9 @@
-// Free space where no block is: cubes of nodes that lie wholly in front of every reading they project
-// onto. Top down: a chunk, then halves, down to 2^3 nodes; a cube that is decided either way ends the
-// descent, so the cost follows the border of what is newly seen, not the volume.
+// Free space outside of blocks: cubes of nodes that lie wholly in front of every reading onto which
+// they project. The search goes top down from a chunk by halves to 2^3 nodes and stops at a cube
+// that is decided either way. So the cost follows the border of newly seen space, not its volume.
 //
-// One bit per 2^3 nodes (all of them, conservatively); a chunk that was carved in the last frame waits for the next one every
-// other time. Free is not unknown. Blocks keep their own bits.
+// One bit per 2^3 nodes, set only if all of them are free. A chunk that was carved in the last
+// frame is skipped every other time. Free is not the same as unknown. Blocks keep their own bits.
 #pragma once
 
 #include <array>
@@ -24,17 +24,17 @@ namespace perception {
 
 class FreeSpaceCarver {
  public:
-  // All of them are the map's and stay as long.
+  // All of them belong to the map and must outlive this object.
   FreeSpaceCarver(rt::NonRealtime&, MapStore&, BlockAllocator&, const KeptVolume&,
                   const DepthPyramid&);
 
-  // Of the image in the pyramid. frame: its number, one more than that of the frame before.
+  // Carves by the image in the pyramid. frame: its number, one more than that of the frame before.
   void carve(const FrameCamera& view, std::uint32_t frame, rt::ForkJoin& crew,
              IntegrateStats&) noexcept;
   [[nodiscard]] std::size_t memory_bytes() const noexcept;  // held beside the object itself
 
  private:
-  // c: the cube's chunk, or null; then it is made where something is free.
+  // c: the cube's chunk, or null; then it is created if something is free.
   void carve_cube(const FrameCamera& view, MapLayout::Chunk*& c, const std::array<int, 3>& node0,
                   int edge, IntegrateStats&) noexcept;
 

@@ -11,14 +11,14 @@ struct IntegrateStats {
   std::int32_t rays = 0;    // readings whose band was allocated
   std::int32_t blocks_new = 0;
   std::int32_t blocks_refused = 0;  // fault when > 0: block pool or chunk pool full (band lost)
-  std::int32_t chunks_refused = 0;  // free space that found no chunk
+  std::int32_t chunks_refused = 0;  // chunks of free space that did not fit
   std::int32_t blocks_updated = 0;
   std::int64_t voxels_fused = 0;    // inside the band
   std::int64_t voxels_carved = 0;   // known voxels seen through
   std::int64_t free_tests = 0;      // cubes tested for free space
-  std::int32_t blocks_fetched = 0;  // that were put away and are in view
+  std::int32_t blocks_fetched = 0;  // restored because they are in view
   std::int32_t blocks_moved = 0;    // with their surface
-  std::int64_t follow_tests = 0;    // readings compared for that, and nodes of what was looked at
+  std::int64_t follow_tests = 0;    // readings compared for that, and nodes examined
 };
 
 // Thread CPU of the stages of the last integrate(), ns; filled only while it is being measured.

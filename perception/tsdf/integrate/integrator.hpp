@@ -1,9 +1,11 @@
-// One frame into the map: ready the image, allocate the band, follow what moves slowly, update what is in view, carve.
+// Fuses one frame into the map: prepare the image, allocate the band, follow slowly moving
+// surfaces, update the blocks in view, carve free space.
 //
 // Distance  projective: along the viewing ray, (depth - z) * |ray|, so |grad| need not be 1.
 // Band      the truncation along the ray; at grazing angles up to three times that, with the distance
 //           clipped to it, so that 2.5 voxels across the surface are known on either side.
-// Thread    of the map's writer, with a crew; the bytes are the same for any number. No allocation after the constructor.
+// Thread    of the map's writer, with a crew; the same bytes for any number of threads. No
+//           allocation after the constructor.
 #pragma once
 
 #include <cstddef>
@@ -27,7 +29,7 @@ namespace perception {
 
 class Integrator {
  public:
-  // All of them are the map's and stay as long.
+  // All of them belong to the map and must outlive this object.
   Integrator(rt::NonRealtime&, MapStore&, Pager&, ViewedBlocks&);
 
   // See TsdfMap::integrate().
@@ -47,7 +49,7 @@ class Integrator {
  private:
   void follow(const FrameCamera&, IntegrateStats&) noexcept;
   void update_blocks(const FrameCamera&, IntegrateStats&) noexcept;
-  // Lists the blocks whose band the image may show; how many.
+  // Lists the blocks whose band the image may show; returns their number.
   int find_in_view(const FrameCamera&) noexcept;
   void update_range(const FrameCamera&, const UpdateCamera&, int first, int last,
                     IntegrateStats&) noexcept;

@@ -1,5 +1,5 @@
-// With volume_m, nothing is kept outside of a cube of whole blocks, parallel to the grid, whose centre lies half an edge in front
-// of the first camera that was fused. Units: nodes.
+// With volume_m the map is limited to a cube of whole blocks, parallel to the grid. Its centre lies
+// half an edge in front of the first camera whose frame was fused. Units: nodes.
 #pragma once
 
 #include <array>
@@ -17,7 +17,8 @@ class KeptVolume {
   void place(const Pose& X_WC, double edge_m, double voxel) noexcept;
   void clear() noexcept { bounded_ = false; }
 
-  // Of an aligned cube of nodes, its first node and edge: whether any, or all, of it may be kept. Of a bounded one.
+  // Whether any, or all, of an aligned cube of nodes (first node, edge) may be kept. Only if
+  // bounded.
   [[nodiscard]] bool meets(const std::array<int, 3>& node0, int edge) const noexcept {
     for (std::size_t a = 0; a < 3; ++a)
       if (node0[a] + edge <= first_[a] || node0[a] >= end_[a]) return false;

@@ -140,7 +140,7 @@ std::uint32_t vote_block_scalar(const UpdateCamera& c, const LabelImage& image,
     for (int a = 0; a < 3; ++a) p[a] = p0[a] + c.node[a][n];
     if (!(p[2] >= kLeastZ)) continue;
     const float inv = 1.0F / p[2], px = p[0] * inv, py = p[1] * inv;
-    const float u = px * c.fx + c.cx_half, v = py * c.fy + c.cy_half;
+    const float u = px * c.fx + c.cx_plus_half, v = py * c.fy + c.cy_plus_half;
     if (!(u >= 0 && v >= 0 && u < static_cast<float>(c.width) && v < static_cast<float>(c.height)))
       continue;
     const auto iu = static_cast<int>(u), iv = static_cast<int>(v);

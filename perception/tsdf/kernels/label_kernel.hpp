@@ -19,10 +19,10 @@ struct LabelImage {
   float most_reach;    // most_label_reach()
 };
 
-// A voxel votes within kLabelBand_m along the ray. Of voxels larger than half of that, hardly any do on a
-// surface that turns away from the ray: there the band is as much longer as the surface turns away (the
-// pixel's reach). Not so of smaller ones: behind an outline there would be labels of what hides the place.
-// What that adds votes as the end of the band does.
+// A voxel votes if it lies within kLabelBand_m along the ray. With voxels larger than half of that,
+// hardly any would vote on a surface at a grazing angle, so there the band is longer by the pixel's
+// reach. With smaller voxels it is not, since voxels behind an outline would get the label of what
+// hides them. The added part votes like the end of the band.
 [[nodiscard]] constexpr float most_label_reach(double voxel_m) noexcept {
   return static_cast<float>(voxel_m) > 0.55F * kLabelBand_m ? 3.0F : 1.0F;
 }

@@ -73,8 +73,8 @@ struct Projected {
   HWY_ALIGN float stretch2[512];
 };
 
-// The image's pixel that each node of the vector from node n on falls on, as a number. kInside: every node is known to
-// fall into the image.
+// Number of the pixel onto which each node projects, for the vector that begins at node n. kInside:
+// every node is known to project into the image.
 template <bool kInside>
 HWY_INLINE VU project_nodes(const UpdateCamera& c, const float (&p0)[3], std::size_t n,
                             Projected& out) {
@@ -86,7 +86,8 @@ HWY_INLINE VU project_nodes(const UpdateCamera& c, const float (&p0)[3], std::si
            pz = add(set(p0[2]), hn::Load(df, c.node[2] + n));
   const VF inv = hn::Div(one, pz);
   const VF x = mul(px, inv), y = mul(py, inv);
-  const VF u = add(mul(x, set(c.fx)), set(c.cx_half)), v = add(mul(y, set(c.fy)), set(c.cy_half));
+  const VF u = add(mul(x, set(c.fx)), set(c.cx_plus_half)),
+           v = add(mul(y, set(c.fy)), set(c.cy_plus_half));
   const VU pixel = hn::BitCast(du, hn::Or(hn::ShiftLeft<16>(truncated(v)), truncated(u)));
   hn::Store(pixel, du, out.pixel + n);
   hn::Store(pz, df, out.z + n);
@@ -101,8 +102,9 @@ HWY_INLINE VU project_nodes(const UpdateCamera& c, const float (&p0)[3], std::si
   return hn::IfThenElse(hn::RebindMask(du, in), number, spare);
 }
 
-// Readings and where they are of all nodes; then `each(reading, n)` for every vector. By plain loads or by the gather
-// instruction, whichever this processor is better at. The barriers keep the compiler from making one of the others.
+// Finds the reading and its pixel for all nodes, then calls `each(reading, n)` for every vector.
+// Uses plain loads or the gather instruction, whichever is faster on this processor. The barriers
+// keep the compiler from turning one into the other.
 template <bool kInside, class Each>
 HWY_INLINE void project(const UpdateCamera& c, const float (&p0)[3], Projected& out, Each&& each) {
   const DU du;

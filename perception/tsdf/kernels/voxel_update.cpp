@@ -200,7 +200,7 @@ void update_voxel(const UpdateCamera& c, const float (&p)[3], Voxel voxel,
                   BlockCounts& counts) noexcept {
   if (!(p[2] >= kLeastZ)) return;
   const float inv = 1.0F / p[2], x = p[0] * inv, y = p[1] * inv;
-  const float u = x * c.fx + c.cx_half, v = y * c.fy + c.cy_half;
+  const float u = x * c.fx + c.cx_plus_half, v = y * c.fy + c.cy_plus_half;
   if (!(u >= 0 && v >= 0 && u < static_cast<float>(c.width) && v < static_cast<float>(c.height)))
     return;
   const auto iu = static_cast<int>(u), iv = static_cast<int>(v);

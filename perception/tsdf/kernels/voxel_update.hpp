@@ -5,17 +5,20 @@
 //   u, v  = (p.x / p.z) fx + (cx + 0.5), ...     floor is the pixel; none outside the image or p.z < 0.05
 //   sdf   = (depth - p.z) * sqrt(1 + (p.x/p.z)^2 + (p.y/p.z)^2)
 //   limit = truncation * the pixel's reach (1 for pixels that only carve)
-//   sdf > limit                 seen through: free; a known voxel learns +1 with weight 2, its own counting at most kGoing:
-//                               what is gone is forgotten in 8 frames, however long it stood
-//   sdf > truncation and d < 0  seen through too: no surface lies so far behind what is solid. Before a floor at a
-//                               grazing angle, whose band is three truncations long, it is forgotten as fast
+//   sdf > limit                 seen through: free. A known voxel learns +1 with weight 2, and its
+//                               own weight counts at most kGoing: so a surface that has gone is
+//                               forgotten in 8 frames, however long it stood
+//   sdf > truncation and d < 0  seen through too: no surface lies so far behind a solid voxel. So
+//                               things before a floor at a grazing angle, whose band is three
+//                               truncations long, are forgotten as fast
 //   |sdf| <= limit              fused with the pixel's weight, s = sdf / truncation clipped to +-1;
 //                               free when sdf > 0, else not free
 //   sdf < -limit                hidden: unchanged
 //   d'    = round((d w + s w_o) / (w + w_o)), half away from 0;  w' = min(w + w_o, cap)
 //   within colour_band_m of the surface, in integers:
-//               readings' = min(readings + 1, 15); where the pixel has a colour (no_colour.hpp), n the coloured ones,
-//               c' = (c n + c_o + (n + 1) / 2) / (n + 1), n' = min(n + 1, 15)
+//               readings' = min(readings + 1, 15); where the pixel has a colour (no_colour.hpp),
+//               with n the number of coloured readings: c' = (c n + c_o + (n + 1) / 2) / (n + 1),
+//               n' = min(n + 1, 15)
 #pragma once
 
 #include <array>
@@ -25,7 +28,7 @@
 namespace perception {
 
 struct UpdateCamera {
-  float fx, fy, cx_half, cy_half;  // half: and a half
+  float fx, fy, cx_plus_half, cy_plus_half;  // px; cx + 0.5, cy + 0.5
   int width, height;
   const std::uint32_t* pixels;  // DepthPyramid::pixels(); [width * height] is 0
   float truncation_m;
@@ -44,8 +47,9 @@ struct UpdateCamera {
 
 // chosen on: moving 1 odd; judged on: moving 1 even
 inline constexpr std::uint32_t kSeenThrough = 256;  // raw weight of that
-// Seen through, nothing counts for more: (20 / 22)^8 < 1/2, so the deepest voxel has changed its sign after 8 frames.
-// A silhouette that a flying pixel is now and then seen through keeps its mean, with the noise of 20 readings.
+// Largest weight of a voxel that is seen through: (20 / 22)^8 < 1/2, so even the deepest voxel
+// changes its sign within 8 frames. A silhouette that is seen through now and then, because of
+// flying pixels, keeps its mean with the noise of 20 readings.
 inline constexpr std::uint32_t kGoing = 20 * 128;
 
 struct BlockCounts {

@@ -16,8 +16,8 @@ constexpr float kQuartic =
     0.027F;  // of curvature^3 radius^4: twice what a ball without noise shows
 constexpr double kWhole =
     0.65;  // of the reach: the cells round a tip of 4 mm, 12 mm above the hand
-constexpr int kPlane = 5, kTerms = 8;
-constexpr int kLayers = 3;  // along a ray nodes were told by the same pixels
+constexpr int kPlane = 5, kTerms = 8;  // terms of the fit: of a plane; with curvature
+constexpr int kLayers = 3;             // along a ray nodes were told by the same pixels
 
 }  // namespace
 

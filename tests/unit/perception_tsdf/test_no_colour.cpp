@@ -102,7 +102,8 @@ TEST(NoColour, EveryInstructionSetGivesTheSameWords) {
       if (random.uniform() < lacking) std::fill_n(colour.begin() + 3 * n, 3, std::uint8_t{0});
     }
     UpdateCamera c{};
-    c.fx = c.fy = 400, c.cx_half = kWidth / 2.0F + 0.5F, c.cy_half = kHeight / 2.0F + 0.5F;
+    c.fx = c.fy = 400, c.cx_plus_half = kWidth / 2.0F + 0.5F,
+    c.cy_plus_half = kHeight / 2.0F + 0.5F;
     c.width = kWidth, c.height = kHeight;
     c.pixels = pixels.data();
     c.truncation_m = 0.05F, c.units_per_m = 32767 / 0.05F, c.weight_cap = 6400;

@@ -52,36 +52,64 @@ const char* clear_name(tasks::ClearRule c) {
   return "";
 }
 
-std::string rows() {
+std::vector<tasks::FaultRow> by_code() {
   std::vector<tasks::FaultRow> sorted(kFaultTable.begin(), kFaultTable.end());
   std::sort(sorted.begin(), sorted.end(),
             [](const auto& a, const auto& b) { return a.code < b.code; });
+  return sorted;
+}
+
+std::string rows() {
   std::ostringstream out;
   out << "| fault | id | what happened | severity | reaction | clears |\n"
       << "|---|---|---|---|---|---|\n";
-  for (const auto& r : sorted) {
+  for (const auto& r : by_code()) {
     out << "| " << r.code << " | " << r.id << " | " << r.what << " | " << severity_name(r.severity)
         << " | " << r.reaction << " | " << clear_name(r.clear) << " |\n";
   }
   return out.str();
 }
 
-constexpr char kBegin[] = "<!-- table: tests/unit/tasks_supervision writes it -->\n";
-constexpr char kEnd[] = "<!-- end of table -->\n";
+std::string advice_rows() {
+  std::ostringstream out;
+  out << "| fault | what to do |\n|---|---|\n";
+  for (const auto& r : by_code()) out << "| " << r.code << " | " << r.advice << " |\n";
+  return out.str();
+}
 
-TEST(FaultTable, PageIsTheTable) {
+// The part of the page between two marks is `wanted`.
+void expect_on_page(std::string_view after, std::string_view before, const std::string& wanted) {
   const fs::path page = fs::path(TELETACT_SOURCE_DIR) / "docs" / "faults.md";
-  std::string text = read(page);
-  const auto begin = text.find(kBegin), end = text.find(kEnd);
+  const std::string text = read(page);
+  const auto begin = text.find(after), end = text.find(before);
   ASSERT_NE(begin, std::string::npos);
   ASSERT_NE(end, std::string::npos);
-  const auto from = begin + sizeof kBegin - 1;
+  const auto from = begin + after.size();
   if (std::getenv("TELETACT_UPDATE") != nullptr) {
-    std::ofstream(page) << text.substr(0, from) << rows() << text.substr(end);
+    std::ofstream(page) << text.substr(0, from) << wanted << text.substr(end);
     return;
   }
-  EXPECT_EQ(text.substr(from, end - from), rows())
+  EXPECT_EQ(text.substr(from, end - from), wanted)
       << "run this test once with TELETACT_UPDATE=1 to write docs/faults.md";
+}
+
+TEST(FaultTable, PageIsTheTable) {
+  expect_on_page("<!-- table: tests/unit/tasks_supervision writes it -->\n",
+                 "<!-- end of table -->\n", rows());
+}
+
+TEST(FaultTable, PageSaysWhatToDo) {
+  expect_on_page("<!-- advice: tests/unit/tasks_supervision writes it -->\n",
+                 "<!-- end of advice -->\n", advice_rows());
+}
+
+TEST(FaultTable, EveryRowSaysWhatHappenedWhatIsDoneAndWhatToDo) {
+  for (const auto& r : kFaultTable) {
+    for (const auto text : {r.what, r.reaction, r.advice}) {
+      EXPECT_GE(text.size(), 4U) << r.code;
+      EXPECT_EQ(text.find('|'), std::string_view::npos) << r.code << " would break the page";
+    }
+  }
 }
 
 TEST(FaultTable, IdsAndCodesAreUnique) {

@@ -352,7 +352,7 @@ TEST_F(Segment, OptionsWithoutEffectAreRefused) {
     EXPECT_EQ(refusal(args), option[0] + " has no meaning with --whole");
   }
   EXPECT_EQ(refusal(with_depth({"--touch", "45,35", "--threshold", "25"})),
-            "--threshold has no meaning with --method default: it is paper's");
+            "--threshold has no meaning with --method default: it belongs to --method paper");
   EXPECT_EQ(refusal({"--color", path("c.png"), "--touch", "45,35", "--depth-unit", "2", "--out",
                      path("m.png")}),
             "--depth-unit has no meaning without --depth");
