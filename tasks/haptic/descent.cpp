@@ -235,14 +235,14 @@ void Descent::sweep() noexcept {
     state_.phase = Phase::kUnknown;
     n = i = 1;
   }
-  bool free = state_.phase == Phase::kFree || broken(Broken::kTouchesOutOfTheUnknown);
+  bool free = state_.phase == Phase::kFree || TouchRules::unknown_is_free();
   Vec3 last = from;
   double last_value = 0;
   for (; i <= n; ++i) {
     const Vec3 x = i == n ? h_ : Vec3(from + (static_cast<double>(i) / n) * way);
     const FieldSample s = field_.sample(x);
     if (!s.known) {
-      free = broken(Broken::kTouchesOutOfTheUnknown);
+      free = TouchRules::unknown_is_free();
     } else if (s.value > radius_) {
       free = true;
     } else if (free) {

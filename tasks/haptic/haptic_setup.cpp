@@ -16,20 +16,6 @@ namespace {
 
 [[noreturn]] void refuse(const std::ostringstream& text) { throw std::runtime_error(text.str()); }
 
-// How stiff a bump may be along the surface: what the device holds quietly, and no more than the slew guard lets through,
-// since a force that comes late costs energy round a loop. At all of what the device renders stably, bumps that hold it take
-// more than 3 s to come to rest; the guard is asked at the pace of a quick stroke, once, so that the reach is a length.
-double side_of(const HapticConfig& c, double stable_N_per_m) {
-  constexpr double kOfDevice = 0.75, kOfGuard = 0.8, kStroke_m_per_s = 0.1;
-  const double most =
-      c.texture_stiffness_N_per_m > 0 ? c.texture_stiffness_N_per_m : kOfDevice * stable_N_per_m;
-  if (!c.guard) return most;
-  const double k = c.stiffness_N_per_m;
-  const double rate = std::min(c.slew_calm_N_per_s + 2 * std::max(k, 1000.0) * kStroke_m_per_s,
-                               std::max(c.slew_N_per_s, 1.1 * k * kStroke_m_per_s));
-  return std::min(most, kOfGuard * rate / kStroke_m_per_s);
-}
-
 }  // namespace
 
 void HapticConfig::describe(config::Section& s) {
@@ -100,10 +86,7 @@ HapticTask::HapticTask(rt::NonRealtime&, const HapticConfig& config,
   surface_.friction_static = config.friction_static;
   surface_.friction_dynamic = config.friction_dynamic;
   surface_.add(config.texture_amplitude_m, config.texture_period_m);
-  side_N_per_m_ = side_of(config, device.stiffness_limit(period_s));
-#if defined(TELETACT_HAPTIC_BROKEN) && TELETACT_HAPTIC_BROKEN
-  device_side_N_per_m_ = 0.75 * device.stiffness_limit(period_s);
-#endif
+  side_ = TouchRules::Side(config, device.stiffness_limit(period_s));
   const double k_max = device.stiffness_limit(period_s);
   if (!(config.stiffness_N_per_m > 0) || config.stiffness_N_per_m > k_max) {
     std::ostringstream text;

@@ -3,7 +3,6 @@
 #include <limits>
 
 #include "rt/effect_count.hpp"
-#include "tasks/haptic/broken.hpp"
 #include "tasks/haptic/haptic_task.hpp"
 
 namespace tasks {
@@ -24,26 +23,12 @@ void HapticTask::follow_material(const Vec3& p_WH) noexcept {
   stiffness_ = config_.stiffness_N_per_m * surface_.stiffness_scale;
 }
 
-#if defined(TELETACT_HAPTIC_BROKEN) && TELETACT_HAPTIC_BROKEN
-// As it was: the guard is asked at the hand's own pace, from 10 mm/s on, followed with 30 N/s.
-void HapticTask::follow_pace() noexcept {
-  const double v = std::max(v_D_.norm(), 0.01), k = config_.stiffness_N_per_m;
-  const double rate = std::min(config_.slew_calm_N_per_s + 2 * std::max(k, 1000.0) * v,
-                               std::max(config_.slew_N_per_s, 1.1 * k * v));
-  const double goal = std::min(device_side_N_per_m_, 0.8 * rate / v);
-  const double most = was_contact_ ? 30 * period_s_ * surface_.curvature_per_m() /
-                                         std::max(surface_.steepness(), 1e-12)
-                                   : std::numeric_limits<double>::infinity();
-  side_N_per_m_ += std::clamp(goal - side_N_per_m_, -most, most);
-}
-#else
-void HapticTask::follow_pace() noexcept {}
-#endif
-
-double HapticTask::texture_reach_m() const noexcept {
+double HapticTask::reach_m(double side_N_per_m) const noexcept {
   const double stiffest = kPlateau * stiffness_ * surface_.curvature_per_m();
-  return stiffest > 0 ? side_N_per_m_ / stiffest : std::numeric_limits<double>::infinity();
+  return stiffest > 0 ? side_N_per_m / stiffest : std::numeric_limits<double>::infinity();
 }
+
+double HapticTask::texture_reach_m() const noexcept { return reach_m(side_.N_per_m()); }
 
 // The spring with what the scene asks for beyond the plain one; fills rendered_W_.
 HapticTask::Spring HapticTask::spring_of(const Vec3& p_WH) noexcept {
@@ -65,12 +50,12 @@ HapticTask::Spring HapticTask::spring_of(const Vec3& p_WH) noexcept {
   Vec3 friction = rendered_W_ - smooth;
   s.elastic_W = smooth - p_WH;
   s.length_m = s.elastic_W.norm();
-  if (surface_.patterns > 0 && (config_.bump_normal || broken(Broken::kBumpsTurnTheNormal))) {
+  if (surface_.patterns > 0 && TouchRules::bump_is_normal(config_.bump_normal)) {
     if (s.contact) s.elastic_W = with_bump_normal(p_WH, proxy_, surface_);
   } else if (surface_.patterns > 0) {
-    if (broken(Broken::kReachFollowsSpeed)) follow_pace();
-    const Bumped b =
-        with_texture(field_, p_WH, proxy_, surface_, texture_reach_m(), proxy_config_.tip_radius_m);
+    const double side_N_per_m = side_.N_per_m({v_D_, was_contact_, surface_, period_s_});
+    const Bumped b = with_texture(field_, p_WH, proxy_, surface_, reach_m(side_N_per_m),
+                                  proxy_config_.tip_radius_m);
     s.contact = b.contact;
     s.elastic_W = b.elastic_W;
     s.length_m = b.stretch_m;

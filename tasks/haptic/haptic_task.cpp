@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tasks/haptic/broken.hpp"
-
 namespace tasks {
 
 using perception::SurfacePatch;
@@ -189,7 +187,7 @@ void HapticTask::book(const Spring& spring, double to_N_per_m, Mover mover, cons
 }
 
 // Slew guard; fills force and telemetry, and remembers both forces.
-void HapticTask::guard_force(const Vec3& f_D, const Vec3& dx_D, Out& out) noexcept {
+void HapticTask::guard_force(const Vec3& f_D, const Vec3& dx_D, bool clutch, Out& out) noexcept {
   HapticTelemetry& t = out.telemetry;
   const double dh = dx_D.norm();
   Vec3 f = f_D;
@@ -205,8 +203,8 @@ void HapticTask::guard_force(const Vec3& f_D, const Vec3& dx_D, Out& out) noexce
   }
   f = limited(f, force_limit_N_);
   t.step_N = (f - f_D_).norm();
-  f_D_ = f;
-  out.force.f_H_D = f;
+  f_D_ = TouchRules::behind_guard(f, clutch);
+  out.force.f_H_D = f_D_;
 }
 
 // Spring and effects -> force limit -> the books -> passivity -> guard.
@@ -216,9 +214,8 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Spring& spring, bo
   HapticTelemetry& t = out.telemetry;
   t.in_contact = spring.contact;
   const double gain_before = fade_ * ramp_;
-  t.gain = advance_gain(t.stale || (in.clutch && !broken(Broken::kClutchKeepsForce)) ||
-                            in.mode.mode == Mode::kRampDown,
-                        dt);
+  t.gain = advance_gain(
+      t.stale || TouchRules::clutch_fades(in.clutch) || in.mode.mode == Mode::kRampDown, dt);
   const double to_N_per_m = t.gain * stiffness_ / config_.scale;
   Vec3 f = t.in_contact ? Vec3(to_N_per_m * (workspace_.R_WD().transpose() * spring.pull_W))
                         : Vec3(Vec3::Zero());
@@ -238,8 +235,7 @@ void HapticTask::render(const In& in, const Vec3& dx_D, const Spring& spring, bo
     t.controller_N = (allowed - f).norm();
     f = limited(allowed, force_limit_N_);
   }
-  guard_force(f, dx_D, out);
-  if (broken(Broken::kClutchCutsForce) && in.clutch) f_D_ = out.force.f_H_D = Vec3::Zero();
+  guard_force(f, dx_D, in.clutch, out);
 }
 
 // Forces off at once; what is remembered of the surface stays, and the next enable fades in.
@@ -411,7 +407,7 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
     return not_finite(tick, out);
   }
   const Vec3 p_WH =
-      workspace_.advance(h_D_, in.clutch && !broken(Broken::kClutchMovesHand), in.view_yaw_rad, dt);
+      workspace_.advance(h_D_, TouchRules::clutch_holds_hand(in.clutch), in.view_yaw_rad, dt);
   const double stiffness_before = stiffness_;
   rested_W_ = proxy_.p_WP();
   if (!leaving_) proxy_step_(field_, p_WH, proxy_, proxy_config_);
@@ -464,7 +460,7 @@ rt::Health HapticTask::cycle(const rt::Tick& tick, const In& in, Out& out) noexc
 }
 
 rt::Health HapticTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
-  if constexpr (kEffectsBuilt) {
+  if constexpr (TouchRules::kEffects) {
     if (effects_) return cycle<true>(tick, in, out);
   }
   return cycle<false>(tick, in, out);
