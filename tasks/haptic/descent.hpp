@@ -7,11 +7,11 @@
 #include <array>
 #include <cmath>
 
-#include "tasks/haptic/broken.hpp"
 #include "tasks/haptic/cell_flow.hpp"
 #include "tasks/haptic/field.hpp"
 #include "tasks/haptic/nearest_on_planes.hpp"
 #include "tasks/haptic/proxy.hpp"
+#include "tasks/haptic/touch_rules.hpp"
 
 namespace tasks {
 
@@ -63,11 +63,10 @@ class Descent {
   // is a true length. Below 1 the gradient is that of a rounded crease and must not shrink it. Beside unknown space
   // the last slope goes on, as the contact planes do: by what half the cells say it would come and go with every tick.
   [[nodiscard]] double radius_at(const Vec3& p) noexcept {
-    if (broken(Broken::kTipWithoutRadius)) return 0;
     if (state_.phase != ProxyState::Phase::kContact || !meets_unknown(p)) {
       state_.slope = std::max(1.0, field_.smooth_gradient(p).norm());
     }
-    return cfg_.tip_radius_m * state_.slope;
+    return TouchRules::tip_radius_m(cfg_.tip_radius_m, state_.slope);
   }
   [[nodiscard]] bool meets_unknown(const Vec3& p) const noexcept;
   [[nodiscard]] Gap gap_at_proxy(const Vec3& p) noexcept;
@@ -75,6 +74,7 @@ class Descent {
   bool carry(Vec3& p, Gap& g) noexcept;
   void finish(const Vec3& p, const std::array<Tangent, 3>& tangents, std::size_t count) noexcept;
   void leave(const Vec3& p, bool free) noexcept;
+  [[nodiscard]] Vec3 crossing(Vec3 out, double value_out, Vec3 in, double value_in) const noexcept;
 
   const Field& field_;
   const Vec3 h_;

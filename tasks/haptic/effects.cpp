@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "tasks/haptic/broken.hpp"
 #include "tasks/haptic/cell_flow.hpp"
+#include "tasks/haptic/touch_rules.hpp"
 
 namespace tasks {
 
@@ -124,7 +124,7 @@ Relief relief_at(const Surface& surface, const Vec3& foot) noexcept {
       out.slope[a] += b.amplitude_m * wave * std::cos(wave * foot[a]);
     }
   }
-  if (broken(Broken::kBumpsTooLow)) out.height *= 0.8;
+  out.height = TouchRules::bump_height_m(out.height);
   return out;
 }
 
@@ -144,11 +144,10 @@ Vec3 with_friction(const Field& field, const Vec3& h, ProxyState& state, const F
     state.slipping = false;
     state.set_anchor(p_c);
   }
-  if (broken(Broken::kAnchorLeaks))
-    state.set_anchor(state.anchor_W() + 1e-3 * (p_c - state.anchor_W()));
+  state.set_anchor(TouchRules::anchor_W(state.anchor_W(), p_c));
   const Vec3 n = out / d, away = state.anchor_W() - p_c;
   Vec3 t = away - away.dot(n) * n;
-  const double rest = (broken(Broken::kBreaksLooseEarly) ? cone.mu_dynamic : cone.mu_static) * d;
+  const double rest = TouchRules::mu_of_rest(cone.mu_static, cone.mu_dynamic) * d;
   const double length = t.norm(), slip = std::min(cone.mu_dynamic, cone.mu_static) * d;
   if (length > (state.slipping ? slip : rest)) {
     // A cone that has closed over a proxy at rest takes it along at its rim: that is no slip.
@@ -207,23 +206,6 @@ double Surface::steepness() const noexcept {
   return std::sqrt(3.0) * sum;
 }
 
-namespace {
-
-// f(x) and its integral from 0 (effects.hpp).
-struct Felt {
-  double f = 0, energy = 0;
-};
-Felt felt(double x, double reach) noexcept {
-  if (x <= 0) return {};
-  if (x <= reach) return {x, 0.5 * x * x};
-  const double u = std::min(x - reach, 0.5 * reach), over = x - reach - u;
-  const double f = reach + u - u * u / reach;
-  const double rounded = 0.5 * reach * reach + reach * u + 0.5 * u * u - u * u * u / (3 * reach);
-  return {f, rounded + f * over};
-}
-
-}  // namespace
-
 Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state,
                     const Surface& surface, double reach_m, double tip_radius_m) noexcept {
   using Phase = ProxyState::Phase;
@@ -243,21 +225,13 @@ Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state,
     foot = h + d * n;
   }
   const Relief relief = relief_at(surface, foot);
-  const double bump = d + relief.height, deep = std::max(d, 0.0);
-  const Felt on_bump = felt(bump, reach_m);
-  double pull = std::max(bump, 0.0);
-  out.stretch_m = pull;
-  const bool was = broken(Broken::kReachFollowsSpeed);
-  if (std::max(bump, deep) > reach_m && !was) {
-    const Felt below = felt(deep, reach_m);
-    pull = deep + on_bump.f - below.f;
-    out.stretch_m = std::sqrt(std::max(0.0, deep * deep + 2 * (on_bump.energy - below.energy)));
-  }
+  const BumpForce bump = TouchRules::bump_force(d + relief.height, std::max(d, 0.0), reach_m);
+  out.stretch_m = bump.stretch_m;
   if (out.stretch_m <= 0) return out;  // over a trough
   out.contact = true;
-  out.lift_W = foot + (pull - d) * n - state.rendered_WP();
-  out.elastic_W = pull * n;
-  if (on_bump.f <= 0) return out;
+  out.lift_W = foot + (bump.pull_m - d) * n - state.rendered_WP();
+  out.elastic_W = bump.pull_m * n;
+  if (bump.along_m <= 0) return out;
   // The ways on which the foot follows the hand.
   const Vec3& slope = relief.slope;
   Vec3 along = slope - slope.dot(n) * n;
@@ -270,7 +244,7 @@ Bumped with_texture(const Field& field, const Vec3& h, const ProxyState& state,
     const bool one_way = state.contacts == 2 && state.frame_size >= 2 && size2 > 1e-12;
     along = one_way ? Vec3((slope.dot(edge) / size2) * edge) : Vec3::Zero();
   }
-  out.elastic_W -= (was ? std::min(bump, reach_m) : on_bump.f) * along;
+  out.elastic_W -= bump.along_m * along;
   return out;
 }
 
