@@ -1,8 +1,9 @@
-// Which pixels of a cell lie on the map's surface, vectors of pixels at once. Most of a static image does: what is left
-// is looked at one by one (MotionWatch::gather_evidence()).
+// Which pixels of a cell lie on the map's surface, vectors of pixels at once. Most of a static
+// image does: what is left is looked at one by one (MotionWatch::gather_evidence()).
 //
-// A pixel is told to agree when the nearest node of its point is known and within `enough` of the surface, and nothing
-// has been remembered of its place. Told so it does agree by the plain rule too; the others may.
+// A pixel is told to agree when the nearest node of its point is known and within `enough` of the
+// surface, and nothing has been remembered of its place. Told so it does agree by the plain rule
+// too; the others may.
 #pragma once
 
 #include <bit>
@@ -46,7 +47,8 @@ inline constexpr std::uint32_t kPlaceSlots = 1U << 15U;
   return (R[0] * x + (R[1] * y + R[2] * z)) + t;
 }
 
-// Of each row looked at: bit u, pixel u agrees (`agrees`); has a reading and does not, or may not (`others`).
+// Of each row looked at: bit u, pixel u agrees (`agrees`); has a reading and does not, or may not
+// (`others`).
 struct RowBits {
   std::uint8_t agrees, others;
 };

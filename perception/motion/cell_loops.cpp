@@ -7,14 +7,16 @@
 namespace perception::motion {
 namespace {
 
-// Eight cells, and four of them in fp64. Tables are read up to a multiple of eight, which they have room for.
+// Eight cells, and four of them in fp64. Tables are read up to a multiple of eight, which they have
+// room for.
 using Float8 = float __attribute__((vector_size(32)));
 using Int8 = std::int32_t __attribute__((vector_size(32)));
 using Double4 = double __attribute__((vector_size(32)));
 constexpr int kAtOnce = 8;
 static_assert(CellSums::kMost % kAtOnce == 0);
 
-// Inlined into each version of a loop; a vector returned by a call would be passed in its own way by each.
+// Inlined into each version of a loop; a vector returned by a call would be passed in its own way
+// by each.
 #define CELLS_INLINE __attribute__((always_inline)) inline
 #define CELLS_LAMBDA __attribute__((always_inline))
 CELLS_INLINE void load(const float* from, Float8& out) noexcept {

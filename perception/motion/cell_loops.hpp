@@ -1,5 +1,5 @@
-// The loops over all cells that the consensus takes many times a frame, vectors of cells at once. Lanes are fixed, so all
-// instruction sets give the same bytes.
+// The loops over all cells that the consensus takes many times a frame, vectors of cells at once.
+// Lanes are fixed, so all instruction sets give the same bytes.
 #pragma once
 
 #include <array>
@@ -10,7 +10,8 @@ namespace perception::motion {
 
 using PerCell = std::array<float, CellSums::kMost>;
 
-// Mean square residual at a pose over `limit2`. `linear`: 2 xi; `square`: of the 21 of H, off the diagonal twice.
+// Mean square residual at a pose over `limit2`. `linear`: 2 xi; `square`: of the 21 of H, off the
+// diagonal twice.
 void misfit_of(const CellSums& sums, const float (&linear)[6], const float (&square)[21],
                const PerCell& limit2, PerCell& misfit) noexcept;
 

@@ -59,14 +59,16 @@ void Consensus::fit(const Vec6& xi, Cells& misfit) const noexcept {
   motion::misfit_of(sums_, x, coefficient, limit2_, misfit);
 }
 
-// What the cells leave by themselves, of those that may be static: noise and the map's error where most of them fit.
+// What the cells leave by themselves, of those that may be static: noise and the map's error where
+// most of them fit.
 float Consensus::scale_of(const Cells& misfit, const Cells& memory) const noexcept {
   Cells kept;
   std::size_t n = 0;
   for (std::size_t c = 0; c < static_cast<std::size_t>(sums_.size()); ++c)
     if (sums_.pairs[c] >= kLeastPairs && memory[c] > 0) kept[n++] = misfit[c];
   if (n == 0) return 1;
-  // Of an even number the upper of the two in the middle: rt::quantile() has the lower, and another scale is another map.
+  // Of an even number the upper of the two in the middle: rt::quantile() has the lower, and another
+  // scale is another map.
   std::nth_element(kept.begin(), kept.begin() + static_cast<std::ptrdiff_t>(n / 2),
                    kept.begin() + static_cast<std::ptrdiff_t>(n));
   return std::clamp(kOfMedian * kept[n / 2], kLeastScale, 1.0F);

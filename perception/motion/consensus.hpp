@@ -1,16 +1,19 @@
 // Which part of the image stands still, and how has the camera moved against it?
 //
-// An image in which something moves holds several rigid motions. Each of them explains its cells (icp/cell_sums.hpp);
-// the camera's is the one that explains most of the IMAGE, counted in pixels, not in information: a thing at arm's
-// length outweighs a far wall some hundredfold when readings weigh by their noise.
+// An image in which something moves holds several rigid motions. Each of them explains its cells
+// (icp/cell_sums.hpp); the camera's is the one that explains most of the IMAGE, counted in pixels,
+// not in information: a thing at arm's length outweighs a far wall some hundredfold when readings
+// weigh by their noise.
 //
-//   start     the prior, no motion at all, what all cells together say, quarters and halves of the image, the cells that
-//             were static in the last frame, random handfuls of cells
-//   refine    least squares over cells, reweighed by how well each fits (Geman and McClure; scale from the noise
-//             model and the map's own error at first, then what half of the cells keep, never above the former)
+//   start     the prior, no motion at all, what all cells together say, quarters and halves of the
+//             image, the cells that were static in the last frame, random handfuls of cells
+//   refine    least squares over cells, reweighed by how well each fits (Geman and McClure; scale
+//             from the noise model and the map's own error at first, then what half of the cells
+//             keep, never above the former)
 //   support   sum over cells of pixels / (1 + e / tau^2), e the mean square residual
-//   winner    most support. A wall agrees with every motion along itself, so two poses are compared by the cells that
-//             fit one and not the other; a rival of another motion with nearly as many makes the frame ambiguous.
+//   winner    most support. A wall agrees with every motion along itself, so two poses are compared
+//             by the cells that fit one and not the other; a rival of another motion with nearly
+//             as many makes the frame ambiguous.
 //
 // A direction in which the cells say nothing stays at the prior.
 #pragma once
@@ -50,18 +53,18 @@ class Consensus {
  public:
   using Cells = std::array<float, CellSums::kMost>;
 
-  // Of the level, against the model, from X_FC. `length_m` mean depth: scales rotation. `rows` of each cell; `again`: the
-  // image is that of the last call.
+  // Of the level, against the model, from X_FC. `length_m` mean depth: scales rotation. `rows` of
+  // each cell; `again`: the image is that of the last call.
   void look(const DepthLevel& live, const ModelView& model, const Pose& X_FC, const Vec3& centre_F,
             double length_m, const ConsensusConfig& config, int rows = CellSums::kEdge,
             bool again = false) noexcept;
-  // Least squares, reweighed, from xi = 0 alone: for images in which nothing new moves. Cheap. `remembered`: share of
-  // each cell that may be static, by what is known of it before.
+  // Least squares, reweighed, from xi = 0 alone: for images in which nothing new moves. Cheap.
+  // `remembered`: share of each cell that may be static, by what is known of it before.
   void settle(const Cells& remembered, ConsensusResult& out) noexcept;
   // The same of a pose that is believed: only cells that fit it have a part.
   void stay(const Cells& remembered, ConsensusResult& out) noexcept;
-  // All hypotheses. `still`: twist of a camera that has not moved; `prior`, which may be off by `prior_sigma_m` (mean
-  // over the points).
+  // All hypotheses. `still`: twist of a camera that has not moved; `prior`, which may be off by
+  // `prior_sigma_m` (mean over the points).
   void compete(const Cells& remembered, const Vec6& still, const Vec6& prior, double prior_sigma_m,
                std::uint64_t seed, ConsensusResult& out) noexcept;
 
@@ -72,9 +75,11 @@ class Consensus {
   [[nodiscard]] bool fits_noise(int cell) const noexcept {
     return misfit_[static_cast<std::size_t>(cell)] <= 1;
   }
-  // The sums were taken anew, at the winner: its cells by these, by the scale that they had. Its support.
+  // The sums were taken anew, at the winner: its cells by these, by the scale that they had. Its
+  // support.
   double reconsider() noexcept;
-  // How well each cell meets the map at the winner, to compare two poses that are too far apart for one set of sums.
+  // How well each cell meets the map at the winner, to compare two poses that are too far apart for
+  // one set of sums.
   struct Stand {
     Cells misfit{}, pairs{};
     float scale = 1;
@@ -90,7 +95,8 @@ class Consensus {
   [[nodiscard]] double mean_way(const Vec6& a, const Vec6& b) const noexcept;
 
   static constexpr float kLeastPairs = 12;  // pixels of a cell that counts
-  // A pose `way_m` from what was expected, which may be off by `sigma_m`: a leap counts with a share of its pixels.
+  // A pose `way_m` from what was expected, which may be off by `sigma_m`: a leap counts with a
+  // share of its pixels.
   [[nodiscard]] static double likely(double way_m, double sigma_m) noexcept;
   // chosen on: not recorded; judged on: moving 606, moving 707
   static constexpr double kOtherMotion_m = 0.004;  // poses nearer to each other are one
@@ -101,7 +107,8 @@ class Consensus {
   [[nodiscard]] double support(const Cells& misfit, const Cells& weight) const noexcept;
   [[nodiscard]] bool solve(const Cells& weight, const Vec6& from, Vec6& xi) const noexcept;
   [[nodiscard]] float scale_of(const Cells& misfit, const Cells& memory) const noexcept;
-  // By a scale of at most `most_scale`: another motion may fit its cells more tightly than half of all fit this one.
+  // By a scale of at most `most_scale`: another motion may fit its cells more tightly than half of
+  // all fit this one.
   void conclude(const Vec6& xi, ConsensusResult& out, float most_scale = 1) noexcept;
   void refine(const Cells& memory, float scale, int rounds, Vec6& xi) const noexcept;
 

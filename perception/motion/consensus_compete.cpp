@@ -11,7 +11,8 @@ namespace {
 
 constexpr int kHandful = 6;  // cells of a random hypothesis
 // chosen on: moving 51 (3, 22), moving 7 (6), moving 53 (5), recording backwards; judged on: moving 606, moving 707
-// A leap, far beyond what the prior may err by, counts with this share of the pixels that it explains.
+// A leap, far beyond what the prior may err by, counts with this share of the pixels that it
+// explains.
 constexpr double kUnlikely = 0.25;
 // chosen on: not recorded; judged on: moving 606, moving 707
 constexpr double kOutvoted = 0.97;
@@ -78,8 +79,8 @@ void Consensus::propose(Contest& contest, const Vec6& still, std::uint64_t seed)
   }
 }
 
-// Most support, of what may be static, by what the tightest of them leaves to half of the cells: by the noise model's
-// limit a far wall follows whatever is near. A leap needs more of it.
+// Most support, of what may be static, by what the tightest of them leaves to half of the cells: by
+// the noise model's limit a far wall follows whatever is near. A leap needs more of it.
 void Consensus::choose(Contest& contest) noexcept {
   Cells misfit;
   double most = -1;
@@ -95,7 +96,8 @@ void Consensus::choose(Contest& contest) noexcept {
   }
 }
 
-// What is left without the winner, by itself: less than half of the cells never sets the scale in propose().
+// What is left without the winner, by itself: less than half of the cells never sets the scale in
+// propose().
 void Consensus::propose_rest(Contest& contest) noexcept {
   Cells rest, misfit;
   fit(contest.pose[static_cast<std::size_t>(contest.best)], misfit);

@@ -1,19 +1,17 @@
-// Which things move: what evidence is grown to (motion_watch.hpp).
+#include "perception/motion/motion_things.hpp"
+
 #include <algorithm>
 #include <cmath>
 
 #include "perception/motion/evidence.hpp"
-#include "perception/motion/motion_watch.hpp"
 
-namespace perception {
+namespace perception::motion {
 
 namespace {
 
 // chosen on: not recorded; judged on: moving 606, moving 707
 constexpr int kYoungPercent = 3;
-constexpr std::uint32_t kRestGap = 5;  // frames that a cell may go unseen
-constexpr std::uint32_t kProbes = 4;   // of the table of places
-constexpr float kConcave = 0.4F;       // bend over two pixels either side that ends a thing
+constexpr float kConcave = 0.4F;  // bend over two pixels either side that ends a thing
 // chosen on: moving 101 (11, 150, 203, 227, 239), moving 54 (17); judged on: moving 606, moving 707
 constexpr float kThinStep_m = 0.15F;  // of depth, between neighbours of a thing without an inside
 constexpr float kSameThing_m = 0.3F;  // its middle goes so far at most from one image to the next
@@ -23,9 +21,68 @@ constexpr float kOfCameraWay = 0.1F;
 
 }  // namespace
 
+MotionThings::MotionThings(const MotionConfig& config, const TrackerConfig& tracker,
+                           const WatchedImage& image, const Consensus& consensus,
+                           const MotionEvidence& evidence, PlaceMemory& places)
+    : config_(config),
+      tracker_(tracker),
+      image_(image),
+      consensus_(consensus),
+      evidence_(evidence),
+      places_(places),
+      mask_(WatchedImage::kMost),
+      recalled_(WatchedImage::kMost),
+      visited_(WatchedImage::kMost),
+      core_(WatchedImage::kMost),
+      queue_(WatchedImage::kMost),
+      points_W_(WatchedImage::kMost),
+      now_W_(WatchedImage::kMost) {}
+
+void MotionThings::forget() noexcept {
+  remembered_ = 0;
+  had_ = false;
+  std::fill(mask_.begin(), mask_.end(), std::uint8_t{0});
+  trails_.forget();
+}
+
+void MotionThings::clear() noexcept {
+  std::fill_n(mask_.begin(), std::min(image_.size(), WatchedImage::kMost), std::uint8_t{0});
+}
+
+void MotionThings::grow(const DepthLevel& live, const Pose& X_WC, bool thin) noexcept {
+  if (had_)
+    recall(live, X_WC);
+  else
+    std::fill_n(recalled_.begin(), image_.size(), std::uint8_t{0});
+  grow_whole(live);
+  fringe(live);
+  if (thin) grow_thin(live);
+}
+
+int MotionThings::note_points(const DepthLevel& live) noexcept {
+  int masked = 0;
+  for (int i = 0; i < image_.size(); ++i)
+    if (mask_[static_cast<std::size_t>(i)] != 0)
+      ++masked, now_W_[static_cast<std::size_t>(i)] = evidence_.point_W(live, i);
+  return masked;
+}
+
+int MotionThings::settle() noexcept {
+  int masked = 0;
+  for (int i = 0; image_.recent > 0 && i < image_.size(); ++i)
+    if (mask_[static_cast<std::size_t>(i)] != 0)
+      points_W_[static_cast<std::size_t>(masked++)] = now_W_[static_cast<std::size_t>(i)];
+  // What has just come back to where the map shows it is masked no more, and may leave again: for a
+  // while it is remembered where it was.
+  since_masked_ = masked > 0 ? 0 : since_masked_ + 1;
+  if (masked > 0 || since_masked_ >= config_.rest_frames) remembered_ = masked;
+  had_ = remembered_ > 0;
+  return masked;
+}
+
 // Where last image's masked points are in this one.
-void MotionWatch::recall(const DepthLevel& live, const Pose& X_WC) noexcept {
-  std::fill_n(recalled_.begin(), width_ * height_, std::uint8_t{0});
+void MotionThings::recall(const DepthLevel& live, const Pose& X_WC) noexcept {
+  std::fill_n(recalled_.begin(), image_.size(), std::uint8_t{0});
   if (remembered_ == 0) return;
   const Pose X_CW = X_WC.inverse(Eigen::Isometry);
   const Intrinsics& k = live.intrinsics;
@@ -37,28 +94,47 @@ void MotionWatch::recall(const DepthLevel& live, const Pose& X_WC) noexcept {
     for (int dv = -1; dv <= 1; ++dv) {
       for (int du = -1; du <= 1; ++du) {
         const int x = u + du, y = v + dv;
-        if (x < 0 || y < 0 || x >= width_ || y >= height_) continue;
+        if (x < 0 || y < 0 || x >= image_.width || y >= image_.height) continue;
         const auto z = static_cast<double>(live.depth.row(y)[x]);
         if (z > 0 && std::abs(z - q.z()) < 0.15)
-          recalled_[static_cast<std::size_t>(y * width_ + x)] = 1;
+          recalled_[static_cast<std::size_t>(y * image_.width + x)] = 1;
       }
     }
   }
 }
 
-// What a thing may be grown over: pixels whose neighbours go on without a step, and that do not lie in a concave
-// crease. On a plane 1/z is linear in the image, so its second difference is the bend, whatever the angle of view.
-void MotionWatch::find_core(const DepthLevel& live) noexcept {
+// Cells of which a quarter moved in the last image may not be static.
+void MotionThings::remember_cells(const DepthLevel& live, const Pose& X_WC,
+                                  Consensus::Cells& out) noexcept {
+  out.fill(1);
+  if (!had_) return;
+  recall(live, X_WC);
+  const int columns = image_.columns(),
+            rows = (image_.height + CellSums::kEdge - 1) / CellSums::kEdge;
+  for (int c = 0; c < columns * rows; ++c) {
+    const int u0 = c % columns * CellSums::kEdge, v0 = c / columns * CellSums::kEdge;
+    int n = 0, m = 0;
+    for (int v = v0; v < std::min(v0 + CellSums::kEdge, image_.height); ++v)
+      for (int u = u0; u < std::min(u0 + CellSums::kEdge, image_.width); ++u, ++n)
+        m += recalled_[static_cast<std::size_t>(v * image_.width + u)];
+    if (m > n / 4) out[static_cast<std::size_t>(c)] = 0;
+  }
+}
+
+// What a thing may be grown over: pixels whose neighbours go on without a step, and that do not lie
+// in a concave crease. On a plane 1/z is linear in the image, so its second difference is the bend,
+// whatever the angle of view.
+void MotionThings::find_core(const DepthLevel& live) noexcept {
   const auto& p = tracker_.preprocess;
   const float base = static_cast<float>(p.edge_base_m), square = static_cast<float>(p.edge_per_m2),
               slope = static_cast<float>(p.edge_slope / live.intrinsics.fx),
               pitch = static_cast<float>(1 / live.intrinsics.fx);
   const std::ptrdiff_t stride = live.depth.stride();
-  for (int v = 0; v < height_; ++v) {
+  for (int v = 0; v < image_.height; ++v) {
     const float* z = live.depth.row(v);
-    for (int u = 0; u < width_; ++u) {
+    for (int u = 0; u < image_.width; ++u) {
       const float c = z[u];
-      std::uint8_t& core = core_[static_cast<std::size_t>(v * width_ + u)];
+      std::uint8_t& core = core_[static_cast<std::size_t>(v * image_.width + u)];
       core = 0;
       if (!(c > 0)) continue;
       const float step = base + square * c * c + slope * c;
@@ -76,27 +152,30 @@ void MotionWatch::find_core(const DepthLevel& live) noexcept {
     }
   }
   // No way through a gap of a pixel or two.
-  for (int v = 0; v < height_; ++v) {
-    for (int u = 0; u < width_; ++u) {
-      const int i = v * width_ + u;
+  for (int v = 0; v < image_.height; ++v) {
+    for (int u = 0; u < image_.width; ++u) {
+      const int i = v * image_.width + u;
       std::uint8_t& core = core_[static_cast<std::size_t>(i)];
-      if (core == 0 || u == 0 || v == 0 || u + 1 == width_ || v + 1 == height_) continue;
+      if (core == 0 || u == 0 || v == 0 || u + 1 == image_.width || v + 1 == image_.height)
+        continue;
       int about = -1;
       for (int k = 0; k < 9; ++k)
-        about += core_[static_cast<std::size_t>(i + (k / 3 - 1) * width_ + k % 3 - 1)] != 0 ? 1 : 0;
+        about += core_[static_cast<std::size_t>(i + (k / 3 - 1) * image_.width + k % 3 - 1)] != 0
+                     ? 1
+                     : 0;
       if (about >= 7) core = 2;
     }
   }
 }
 
-void MotionWatch::grow(const DepthLevel& live) noexcept {
-  const int n = width_ * height_;
+void MotionThings::grow_whole(const DepthLevel& live) noexcept {
+  const int n = image_.size();
   std::fill_n(mask_.begin(), n, std::uint8_t{0});
   std::fill_n(visited_.begin(), n, std::uint8_t{0});
   int first = 0;
   find_core(live);
   for (int s = 0; s < n; ++s) {
-    if ((seed_[static_cast<std::size_t>(s)] == 0 && recalled_[static_cast<std::size_t>(s)] == 0) ||
+    if ((evidence_.seed(s) == 0 && recalled_[static_cast<std::size_t>(s)] == 0) ||
         visited_[static_cast<std::size_t>(s)] != 0 || core_[static_cast<std::size_t>(s)] < 2)
       continue;
     int end = first;
@@ -105,16 +184,17 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
     visited_[static_cast<std::size_t>(s)] = 1;
     for (int at = first; at < end; ++at) {
       const int i = queue_[static_cast<std::size_t>(at)];
-      thing.evidence += seed_[static_cast<std::size_t>(i)];
+      thing.evidence += evidence_.seed(i);
       thing.remembered += recalled_[static_cast<std::size_t>(i)];
-      const std::uint8_t e = evidence_[static_cast<std::size_t>(i)];
+      const std::uint8_t e = evidence_.at(i);
       thing.young += e == kFree || e == kYoung || e == kOff ? 1 : 0;
-      thing.old += evidence_[static_cast<std::size_t>(i)] == kRested ? 1 : 0;
-      thing.agrees += evidence_[static_cast<std::size_t>(i)] == kAgrees ? 1 : 0;
-      const int u = i % width_, v = i / width_;
-      thing.misfits += consensus_.fits(cell_of(u, v)) ? 0 : 1;
-      const int next[4] = {u > 0 ? i - 1 : -1, u + 1 < width_ ? i + 1 : -1, v > 0 ? i - width_ : -1,
-                           v + 1 < height_ ? i + width_ : -1};
+      thing.old += evidence_.at(i) == kRested ? 1 : 0;
+      thing.agrees += evidence_.at(i) == kAgrees ? 1 : 0;
+      const int u = i % image_.width, v = i / image_.width;
+      thing.misfits += consensus_.fits(image_.cell_of(u, v)) ? 0 : 1;
+      const int next[4] = {u > 0 ? i - 1 : -1, u + 1 < image_.width ? i + 1 : -1,
+                           v > 0 ? i - image_.width : -1,
+                           v + 1 < image_.height ? i + image_.width : -1};
       for (const int b : next) {
         if (b < 0 || visited_[static_cast<std::size_t>(b)] != 0 ||
             core_[static_cast<std::size_t>(b)] < 2)
@@ -123,17 +203,17 @@ void MotionWatch::grow(const DepthLevel& live) noexcept {
         queue_[static_cast<std::size_t>(end++)] = b;
       }
     }
-    judge_thing(live, first, end, thing);
+    judge(live, first, end, thing);
     first = end;
   }
 }
 
 // What is too thin to have an inside: its evidence alone, after fringe().
-void MotionWatch::grow_thin(const DepthLevel& live) noexcept {
+void MotionThings::grow_thin(const DepthLevel& live) noexcept {
   const float slope = static_cast<float>(tracker_.preprocess.edge_slope / live.intrinsics.fx);
   int first = 0;
-  for (int s = width_; s < (height_ - 1) * width_; ++s) {
-    if (seed_[static_cast<std::size_t>(s)] == 0 || visited_[static_cast<std::size_t>(s)] != 0 ||
+  for (int s = image_.width; s < (image_.height - 1) * image_.width; ++s) {
+    if (evidence_.seed(s) == 0 || visited_[static_cast<std::size_t>(s)] != 0 ||
         mask_[static_cast<std::size_t>(s)] != 0)
       continue;
     int end = first;
@@ -142,28 +222,28 @@ void MotionWatch::grow_thin(const DepthLevel& live) noexcept {
     visited_[static_cast<std::size_t>(s)] = 1;
     for (int at = first; at < end; ++at) {
       const int i = queue_[static_cast<std::size_t>(at)];
-      const std::uint8_t e = evidence_[static_cast<std::size_t>(i)];
+      const std::uint8_t e = evidence_.at(i);
       thing.evidence += 1;
       thing.young += e == kFree || e == kYoung || e == kOff ? 1 : 0;
-      const float z = live.depth.row(i / width_)[i % width_];
+      const float z = live.depth.row(i / image_.width)[i % image_.width];
       for (int k = 0; k < 9; ++k) {  // seeds do not lie on the image's border
-        const int b = i + (k / 3 - 1) * width_ + k % 3 - 1;
-        if (visited_[static_cast<std::size_t>(b)] != 0 || seed_[static_cast<std::size_t>(b)] == 0 ||
-            std::abs(live.depth.row(b / width_)[b % width_] - z) > kThinStep_m)
+        const int b = i + (k / 3 - 1) * image_.width + k % 3 - 1;
+        if (visited_[static_cast<std::size_t>(b)] != 0 || evidence_.seed(b) == 0 ||
+            std::abs(live.depth.row(b / image_.width)[b % image_.width] - z) > kThinStep_m)
           continue;
         visited_[static_cast<std::size_t>(b)] = 1;
         queue_[static_cast<std::size_t>(end++)] = b;
       }
     }
-    judge_thing(live, first, end, thing);
+    judge(live, first, end, thing);
     // And its outline, of which too few about speak.
     for (int at = first; at < end; ++at) {
       const int i = queue_[static_cast<std::size_t>(at)];
       if (mask_[static_cast<std::size_t>(i)] == 0) continue;
-      const float z = live.depth.row(i / width_)[i % width_];
-      for (const int d : {-1, 1, -width_, width_}) {
+      const float z = live.depth.row(i / image_.width)[i % image_.width];
+      for (const int d : {-1, 1, -image_.width, image_.width}) {
         const auto b = static_cast<std::size_t>(i + d);
-        const float beside = live.depth.row((i + d) / width_)[(i + d) % width_];
+        const float beside = live.depth.row((i + d) / image_.width)[(i + d) % image_.width];
         if (core_[b] < 2 && beside > 0 && std::abs(beside - z) < 0.02F + slope * z) mask_[b] = 1;
       }
     }
@@ -171,100 +251,61 @@ void MotionWatch::grow_thin(const DepthLevel& live) noexcept {
   }
 }
 
-// Has its middle gone some way in the last images? One that turns round goes back over places that it has filled.
-bool MotionWatch::wanders(const DepthLevel& live, int first, int end) noexcept {
-  Vec3f middle = Vec3f::Zero();
-  bool cut = false;  // by the image's border: what is seen of it goes with the camera
-  for (int at = first; at < end; ++at) {
-    const int i = queue_[static_cast<std::size_t>(at)];
-    const int u = i % width_, v = i / width_;
-    cut = cut || u < kBorder || v < kBorder || u >= width_ - kBorder || v >= height_ - kBorder;
-    middle += point_W(live, i);
-  }
-  middle /= static_cast<float>(end - first);
-  const auto now = static_cast<std::uint32_t>(frame_);
+bool ThingTrails::wanders(const Vec3f& middle_W, const Vec3f& camera_W, std::uint64_t frame,
+                          float slack_m, float of_camera) noexcept {
+  const auto now = static_cast<std::uint32_t>(frame);
   Trail* trail = nullptr;
   Trail* oldest = trails_.data();
   float nearest = kSameThing_m;
   for (Trail& t : trails_) {
     if (t.seen < oldest->seen) oldest = &t;
     if (t.count == 0 || t.seen + 1 != now) continue;
-    const float way = (t.middle_W[(t.count - 1) % Trail::kLength] - middle).norm();
+    const float way = (t.middle_W[(t.count - 1) % Trail::kLength] - middle_W).norm();
     if (way < nearest) nearest = way, trail = &t;
   }
   if (trail == nullptr) trail = oldest, trail->count = 0;
-  const Vec3f camera = agree_.t_W[0] * Vec3f::UnitX() + agree_.t_W[1] * Vec3f::UnitY() +
-                       agree_.t_W[2] * Vec3f::UnitZ();
   bool gone = false;
   for (std::uint32_t k = 0; k < std::min(trail->count, Trail::kLength); ++k) {
-    const float limit = static_cast<float>(config_.rest_cell_m / 2) +
-                        (cut ? 1.0F : kOfCameraWay) * (trail->camera_W[k] - camera).norm();
-    gone = gone || (trail->middle_W[k] - middle).norm() > limit;
+    const float limit = slack_m + of_camera * (trail->camera_W[k] - camera_W).norm();
+    gone = gone || (trail->middle_W[k] - middle_W).norm() > limit;
   }
   const auto at = static_cast<std::size_t>(trail->count++ % Trail::kLength);
-  trail->middle_W[at] = middle, trail->camera_W[at] = camera;
+  trail->middle_W[at] = middle_W, trail->camera_W[at] = camera_W;
   trail->seen = now;
   return gone;
 }
 
-// The place that a point lies in. A table of places, hashed: where all that it may lie at are taken it is not kept.
-MotionWatch::Place* MotionWatch::place_of(const Vec3f& p_W, bool make, bool seen) noexcept {
-  const auto inv = static_cast<float>(1 / config_.rest_cell_m);
-  const auto x = static_cast<std::int32_t>(std::floor(p_W.x() * inv)),
-             y = static_cast<std::int32_t>(std::floor(p_W.y() * inv)),
-             z = static_cast<std::int32_t>(std::floor(p_W.z() * inv));
-  const auto now = static_cast<std::uint32_t>(frame_);
-  const std::uint32_t home = motion::place_slot(x, y, z);
-  Place* empty = nullptr;
-  bool any = false;  // of those that may be of this home
-  for (std::uint32_t n = 0; n < kProbes; ++n) {
-    Place& r = places_[(home + n) % motion::kPlaceSlots];
-    const bool kept = r.last != 0 && r.last + kRestGap >= now;
-    if (kept && r.x == x && r.y == y && r.z == z) {
-      if (seen) r.last = now;
-      return &r;
-    }
-    any = any || kept;
-    if (!kept && empty == nullptr) empty = &r;
+bool MotionThings::wanders(const DepthLevel& live, int first, int end) noexcept {
+  Vec3f middle = Vec3f::Zero();
+  bool cut = false;  // by the image's border: what is seen of it goes with the camera
+  for (int at = first; at < end; ++at) {
+    const int i = queue_[static_cast<std::size_t>(at)];
+    const int u = i % image_.width, v = i / image_.width;
+    cut = cut || u < kBorder || v < kBorder || u >= image_.width - kBorder ||
+          v >= image_.height - kBorder;
+    middle += evidence_.point_W(live, i);
   }
-  std::uint32_t& taken = taken_[home / 32];
-  if (!any) taken &= ~(1U << home % 32);
-  if (empty == nullptr || !make) return nullptr;
-  taken |= 1U << home % 32;
-  *empty = {x, y, z, now, now};
-  return empty;
+  middle /= static_cast<float>(end - first);
+  return trails_.wanders(middle, evidence_.camera_W(), image_.frame,
+                         static_cast<float>(config_.rest_cell_m / 2), cut ? 1.0F : kOfCameraWay);
 }
 
 // Seen at a flat angle by a camera that drives, a surface is met in other places each time.
-bool MotionWatch::grazed(const DepthLevel& live, int i) const noexcept {
-  const Vec3f p_W = point_W(live, i);
+bool MotionThings::grazed(const DepthLevel& live, int i) const noexcept {
+  const Vec3f p_W = evidence_.point_W(live, i);
   float least = 1e9F, most = 0;
-  for (const int d : {-1, 1, -width_, width_}) {  // all have depth: it is of a core
-    const float step_m = (point_W(live, i + d) - p_W).norm();
+  for (const int d : {-1, 1, -image_.width, image_.width}) {  // all have depth: it is of a core
+    const float step_m = (evidence_.point_W(live, i + d) - p_W).norm();
     least = std::min(least, step_m), most = std::max(most, step_m);
   }
   return most > std::max(2 * least, static_cast<float>(config_.rest_cell_m));
 }
 
-// By noise a point of a thing that stands lies now in one place, now in the next.
-bool MotionWatch::beside_rested(const Vec3f& p_W) noexcept {
-  const auto half = static_cast<float>(config_.rest_cell_m / 2);
-  for (int k = 0; k < 6; ++k) {
-    Vec3f q_W = p_W;
-    q_W[k / 2] += k % 2 == 0 ? half : -half;
-    const Place* place = place_of(q_W, false, false);
-    if (place != nullptr && static_cast<int>(place->last - place->first) >= config_.rest_frames)
-      return true;
-  }
-  return false;
-}
-
-void MotionWatch::judge_thing(const DepthLevel& live, int first, int end,
-                              const Thing& thing) noexcept {
+void MotionThings::judge(const DepthLevel& live, int first, int end, const Thing& thing) noexcept {
   const int size = end - first;
   if (size < config_.least_pixels) return;
   // The place itself is large, and fits: a wrong pose must not make it a thing.
-  const bool apart = size < width_ * height_ / 2 || thing.misfits >= size / 2;
+  const bool apart = size < image_.size() / 2 || thing.misfits >= size / 2;
   const bool moves =
       thing.evidence >= config_.least_pixels && thing.evidence >= config_.least_share * size;
   // It moved in the last image, and goes on, or is nowhere that the map knows.
@@ -277,57 +318,61 @@ void MotionWatch::judge_thing(const DepthLevel& live, int first, int end,
   const int few = std::max(config_.least_pixels, size * kYoungPercent / 100);
   int young = thing.young;
   for (int at = first; at < end && !moves && young >= few; ++at) {
-    const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
-    if (evidence_[i] != kYoung && evidence_[i] != kFree) continue;
-    const int pixel = queue_[static_cast<std::size_t>(at)];
-    if (grazed(live, pixel) || beside_rested(point_W(live, pixel))) --young;
+    const int i = queue_[static_cast<std::size_t>(at)];
+    if (evidence_.at(i) != kYoung && evidence_.at(i) != kFree) continue;
+    if (grazed(live, i) || places_.rested_beside(evidence_.point_W(live, i), config_.rest_frames))
+      --young;
   }
   const bool wandering = wanders(live, first, end) && thing.old < size / 2;
   const bool stands = young < few && !wandering;
-  if (stands) {
-    for (int at = first; at < end; ++at) {
-      const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
-      Place* place =
-          evidence_[i] > kRested ? place_of(point_W(live, static_cast<int>(i)), true) : nullptr;
-      if (place != nullptr)
-        place->first =
-            place->last - std::min(place->last, static_cast<std::uint32_t>(config_.rest_frames));
-    }
-    return;
-  }
+  if (stands) return let_stand(live, first, end);
   for (int at = first; at < end; ++at) {
-    const auto i = static_cast<std::size_t>(queue_[static_cast<std::size_t>(at)]);
-    mask_[i] = apart || seed_[i] != 0 ? 1 : 0;
-    if (mask_[i] != 0 && evidence_[i] != kAgrees)
-      static_cast<void>(place_of(point_W(live, static_cast<int>(i)), true));
+    const int i = queue_[static_cast<std::size_t>(at)];
+    std::uint8_t& masked = mask_[static_cast<std::size_t>(i)];
+    masked = apart || evidence_.seed(i) != 0 ? 1 : 0;
+    if (masked != 0 && evidence_.at(i) != kAgrees)
+      static_cast<void>(places_.find(evidence_.point_W(live, i), true));
   }
 }
 
-// What was left out about a thing, for lying on an edge: it goes with its neighbour at the same depth.
-void MotionWatch::fringe(const DepthLevel& live) noexcept {
+// What the thing fills is part of the scene from now on.
+void MotionThings::let_stand(const DepthLevel& live, int first, int end) noexcept {
+  for (int at = first; at < end; ++at) {
+    const int i = queue_[static_cast<std::size_t>(at)];
+    PlaceMemory::Place* place =
+        evidence_.at(i) > kRested ? places_.find(evidence_.point_W(live, i), true) : nullptr;
+    if (place != nullptr)
+      place->first =
+          place->last - std::min(place->last, static_cast<std::uint32_t>(config_.rest_frames));
+  }
+}
+
+// What was left out about a thing, for lying on an edge: it goes with its neighbour at the same
+// depth.
+void MotionThings::fringe(const DepthLevel& live) noexcept {
   const auto& p = tracker_.preprocess;
   const float slope = static_cast<float>(p.edge_slope / live.intrinsics.fx);
   for (int round = 0; round < 3; ++round) {
     const auto mark = static_cast<std::uint8_t>(round + 2);
-    for (int v = 1; v + 1 < height_; ++v) {
-      for (int u = 1; u + 1 < width_; ++u) {
-        const int i = v * width_ + u;
+    for (int v = 1; v + 1 < image_.height; ++v) {
+      for (int u = 1; u + 1 < image_.width; ++u) {
+        const int i = v * image_.width + u;
         const float z = live.depth.row(v)[u];
         if (mask_[static_cast<std::size_t>(i)] != 0 || core_[static_cast<std::size_t>(i)] == 2 ||
             !(z > 0))
           continue;
-        for (const int d : {-1, 1, -width_, width_}) {
+        for (const int d : {-1, 1, -image_.width, image_.width}) {
           const int j = i + d;
           const std::uint8_t m = mask_[static_cast<std::size_t>(j)];
           if (m == 0 || m >= mark) continue;
-          if (std::abs(live.depth.row(j / width_)[j % width_] - z) < 0.02F + slope * z)
+          if (std::abs(live.depth.row(j / image_.width)[j % image_.width] - z) < 0.02F + slope * z)
             mask_[static_cast<std::size_t>(i)] = mark;
         }
       }
     }
   }
-  for (int i = 0; i < width_ * height_; ++i)
+  for (int i = 0; i < image_.size(); ++i)
     mask_[static_cast<std::size_t>(i)] = mask_[static_cast<std::size_t>(i)] != 0 ? 1 : 0;
 }
 
-}  // namespace perception
+}  // namespace perception::motion

@@ -16,7 +16,8 @@ class DrawnObstacles {
   DrawnObstacles() = default;
   // At most GroundMap::kMaxVirtual of the scene.
   explicit DrawnObstacles(const perception::GroundConfig& scene);
-  // False, and nothing changed: no room, no such id, numbers that are none, or an edit of another kind.
+  // False, and nothing changed: no room, no such id, numbers that are none, or an edit of another
+  // kind.
   bool apply(const SceneEdit& edit) noexcept;
   [[nodiscard]] std::span<const perception::VirtualObstacle> all() const noexcept {
     return {obstacles_.data(), static_cast<std::size_t>(count_)};

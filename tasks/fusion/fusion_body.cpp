@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
-#include "tasks/fusion/fusion_parts.hpp"
-#include "tasks/fusion/fusion_task.hpp"
+#include "perception/motion/motion_mask.hpp"
+#include "tasks/fusion/fusion_config.hpp"
 
 namespace tasks {
 
@@ -121,36 +121,6 @@ perception::GroundPrior ground_prior(const FusionSetup& setup) {
     prior.body_B.emplace_back(centre - half, centre + half);
   }
   return prior;
-}
-
-// ---------------------------------------------------------------- in the task
-
-// Before anything looks at the image. False: it is not known where the body is in it.
-bool FusionTask::see_body(const RgbdFrame& frame, Out& out) noexcept {
-  if (body_ == nullptr) return true;
-  Stage stage(profiling_, *crew_, profile_.prepare);
-  if (!body_->see(frame, held_)) return false;
-  out.body_pixels = body_->pixels();
-  out.work += body_->work();
-  // What was taken up is in the map where it lay; one region at a time.
-  if (!started_) return true;
-  if (const auto box_W = body_->take_grasp_W(X_WC_)) grasp_W_ = box_W;
-  if (grasp_W_ && !clearing()) {
-    if (clearable(*grasp_W_)) to_clear_W_ = *grasp_W_;
-    grasp_W_.reset();
-  }
-  return true;
-}
-
-void FusionTask::show_body() noexcept {
-  if (body_ == nullptr) return;
-  body_->show({mask_.data(), setup_.camera.width, setup_.camera.height, setup_.camera.width});
-}
-
-perception::FrameView FusionTask::view_of(const RgbdFrame& frame) const noexcept {
-  auto view = perception::FrameView::of(frame);
-  if (body_ != nullptr) view.depth_mm = body_->depth();
-  return view;
 }
 
 }  // namespace tasks

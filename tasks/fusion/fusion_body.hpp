@@ -1,5 +1,5 @@
-// The robot's own body in the fusion task: masked from its joints before anything looks at the image (docs/body.md).
-// Nothing of this exists for a robot without an arm.
+// The robot's own body in the fusion task: masked from its joints before anything looks at the
+// image (docs/body.md). Nothing of this exists for a robot without an arm.
 #pragma once
 
 #include <array>
@@ -33,11 +33,12 @@ class FusionBody {
              const perception::TrackerConfig& noise, const perception::Pose& X_BC,
              const perception::Intrinsics& camera);
 
-  // Finds the frame's pixels of the body. False: the joints can not say where it is (none, damaged, too old).
+  // Finds the frame's pixels of the body. False: the joints can not say where it is (none, damaged,
+  // too old).
   [[nodiscard]] bool see(const perception::RgbdFrame& frame,
                          const std::optional<perception::HeldObject>& held) noexcept;
-  // Sets the pixels of the last see() to kBody; what was kBody before and is not now becomes kPlace. Apart, for what
-  // moves is found in between, and the body is shown on top.
+  // Sets the pixels of the last see() to kBody; what was kBody before and is not now becomes
+  // kPlace. Apart, for what moves is found in between, and the body is shown on top.
   void show(perception::ImageView<std::uint8_t> mask) const noexcept;
   // Of the last see(): the frame's, or a copy of it without the body.
   [[nodiscard]] const perception::ImageView<const std::uint16_t>& depth() const noexcept {

@@ -1,7 +1,10 @@
-#include <stdexcept>
-#include <string>
+#include "tasks/fusion/fusion_config.hpp"
 
-#include "tasks/fusion/fusion_task.hpp"
+#include <stdexcept>
+
+#include "perception/geometry/rgbd_frame.hpp"
+#include "perception/tsdf/mesh/mesh_deltas.hpp"
+#include "tasks/contract/scene_view.hpp"
 
 namespace tasks {
 
@@ -98,6 +101,29 @@ void FusionConfig::describe(config::Section& s) {
         .integer("iterations_middle", l.iterations[1], 0, 50, "at half")
         .integer("iterations_coarse", l.iterations[2], 0, 50, "at a quarter");
   }
+}
+
+void ObjectMaterial::describe(config::Section& s, const char* of) {
+  const std::string whose(of);
+  s.number("stiffness_scale", stiffness_scale, 0.01, 1, whose + ", times the device's stiffness")
+      .number("friction_static", friction_static, 0, 2, whose)
+      .number("friction_dynamic", friction_dynamic, 0, 2, whose)
+      .number("texture_amplitude_m", texture_amplitude_m, 0, 0.005, whose)
+      .number("texture_period_m", texture_period_m, 0, 0.1, whose);
+}
+
+void FusionConfig::describe_objects(config::Section& s) {
+  objects.describe(s);
+  object_material.describe(s, "of objects");
+  s.list(
+      "material",
+      [this](config::Section& item) {
+        MaterialOfObject& m = object_materials.emplace_back();
+        item.integer("id", m.id, 1, perception::ObjectMap::kMost,
+                     "which object: they are numbered as they are marked");
+        m.material.describe(item, "of this object");
+      },
+      "surface of one object instead of that of all");
 }
 
 }  // namespace tasks

@@ -26,12 +26,12 @@ constexpr double kGrazing = 0.3;  // cosine; flatter seen, a node's distance is 
 constexpr double kWay_m = 0.02, kTurn_deg = 1;  // farther, the camera has moved
 constexpr int kRest = 30, kAgain = 8;  // frames: before nodes are remembered; if too few were
 constexpr float kChanged_m = 0.01F;    // by more than this, and a pixel, the scene has
-// Of the surface seen, at least this share has to be near enough for its nodes to show it: the near part alone may well
-// say nothing of a direction in which the whole is tracked.
+// Of the surface seen, at least this share has to be near enough for its nodes to show it: the near
+// part alone may well say nothing of a direction in which the whole is tracked.
 constexpr double kShown = 0.75;
 
-// Is there no edge within a voxel or so? There some readings are of the other side, and what one of them teaches is taken
-// back by many.
+// Is there no edge within a voxel or so? There some readings are of the other side, and what one of
+// them teaches is taken back by many.
 bool smooth(const RaycastMaps& model, int u, int v, double voxel_m) noexcept {
   const float z = model.at(u, v)[3];
   const int m =
@@ -93,7 +93,8 @@ void MapAnchor::remember(const MapView& map, const RaycastMaps& model,
       const Vec3 p_C = model.vertex_C(u, v).cast<double>(),
                  n_C = model.normal_C(u, v).cast<double>();
       const double across = -n_C.dot(p_C) / p_C.norm();
-      // Where a pixel covers more than a node's cell, nodes show the pixels' steps and not the surface.
+      // Where a pixel covers more than a node's cell, nodes show the pixels' steps and not the
+      // surface.
       ++seen;
       if (p_C.z() > map.voxel_size() * model.intrinsics.fx) continue;
       ++shown;

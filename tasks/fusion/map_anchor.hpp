@@ -1,17 +1,20 @@
 // Keeps the map where it is.
 //
-// The map follows the camera that is tracked by it: each image is fused at the pose that it was given, so an error of
-// the pose that stays the same (a ray cast of voxels is not, to 0.1 mm, what the filtered image of the same surface is)
-// moves the map by a share of itself a frame, and with the map the next pose. Tracking can not see that: camera and map
-// move together. The map's nodes can: what is settled should stay.
+// The map follows the camera that is tracked by it: each image is fused at the pose that it was
+// given, so an error of the pose that stays the same (a ray cast of voxels is not, to 0.1 mm, what
+// the filtered image of the same surface is) moves the map by a share of itself a frame, and with
+// the map the next pose. Tracking can not see that: camera and map move together. The map's nodes
+// can: what is settled should stay.
 //
-// Some thousand settled nodes beside the surface are remembered as they are. How they differ from that later, taken
-// together as the motion of a rigid surface (point to plane, weighed as tracking weighs), is how far the map has moved
-// since. Poses are moved back by kGain times that: a lasting error b of the poses then moves the map by b / kGain, and
-// not by b for every max_weight frames. A node that has changed by more than noise does not count: the scene has.
+// Some thousand settled nodes beside the surface are remembered as they are. How they differ from
+// that later, taken together as the motion of a rigid surface (point to plane, weighed as tracking
+// weighs), is how far the map has moved since. Poses are moved back by kGain times that: a lasting
+// error b of the poses then moves the map by b / kGain, and not by b for every max_weight frames. A
+// node that has changed by more than noise does not count: the scene has.
 //
-// This is for a camera that rests (within 2 cm and 1 degree for a second). One that moves sees the same nodes from
-// elsewhere and changes them by what it learns there; holding it made its poses a little worse (docs/fusion.md).
+// This is for a camera that rests (within 2 cm and 1 degree for a second). One that moves sees the
+// same nodes from elsewhere and changes them by what it learns there; holding it made its poses a
+// little worse (docs/fusion.md).
 #pragma once
 
 #include <cstdint>

@@ -6,7 +6,8 @@ namespace tasks {
 
 namespace {
 
-// Tiles of the cast are 4 rays high: a part that ends with one casts the rays of a cast in one piece.
+// Tiles of the cast are 4 rays high: a part that ends with one casts the rays of a cast in one
+// piece.
 int rows_of(int height, int parts) noexcept {
   const int n = std::max(1, parts);
   return ((height + n - 1) / n + 3) / 4 * 4;

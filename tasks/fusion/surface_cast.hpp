@@ -1,9 +1,10 @@
-// The ray cast that the published method of touch reduces over (tasks/contract/surface_points.hpp): the whole map as the camera
-// of the last claimed image sees it, one ray a pixel, no hint, the first crossing from + to - from the least depth on.
-// Nothing of this exists where no scene asks for that method.
+// The ray cast that the published method of touch reduces over (tasks/contract/surface_points.hpp):
+// the whole map as the camera of the last claimed image sees it, one ray a pixel, no hint, the
+// first crossing from + to - from the least depth on. Nothing of this exists where no scene asks
+// for that method.
 //
-// A whole cast costs more than a period of one core. So it is made in parts, some rows a job, all from the pose that counted
-// when it began; a row shows the map as it was in the job that cast it.
+// A whole cast costs more than a period of one core. So it is made in parts, some rows a job, all
+// from the pose that counted when it began; a row shows the map as it was in the job that cast it.
 //
 // Frames: W world (= map), C camera. SI.
 #pragma once
@@ -34,9 +35,10 @@ class SurfaceCast {
   // The next call begins a cast: the last one is whole.
   [[nodiscard]] bool begins() const noexcept { return row_ == 0; }
 
-  // The next rows, up to `reach_m` along the optical axis, into `out`, which has room for the camera's pixels and is the same until
-  // the cast is whole; then it has count, pose and number too. Nothing is cast without room or pose: stats.rays is 0, and `out`
-  // is as it was. The bytes are the same for any crew.
+  // The next rows, up to `reach_m` along the optical axis, into `out`, which has room for the
+  // camera's pixels and is the same until the cast is whole; then it has count, pose and number
+  // too. Nothing is cast without room or pose: stats.rays is 0, and `out` is as it was. The bytes
+  // are the same for any crew.
   [[nodiscard]] perception::RaycastStats cast(const perception::TsdfMap& map, double reach_m,
                                               rt::ForkJoin& crew, SurfacePoints& out) noexcept;
 
