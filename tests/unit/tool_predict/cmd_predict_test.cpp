@@ -142,7 +142,7 @@ TEST(CmdPredict, IsCausal) {
       const double t = log[cut][0];
       std::string text = header;
       for (std::size_t i = 0; i < lines.size(); ++i) {
-        if (log[i][0] <= t - delay) {
+        if (log[i][0] <= t - delay + 1e-6) {
           text += lines[i] + "\n";
           continue;
         }
