@@ -47,6 +47,15 @@ rt::Result<double> CsvTable::number(std::size_t row, std::size_t col) const {
   return *value;
 }
 
+rt::Result<double> CsvTable::any_number(std::size_t row, std::size_t col) const {
+  const std::string& cell = rows[row][col];
+  const auto value = to_number(cell);
+  if (!value) {
+    return rt::Error{name + ":" + std::to_string(lines[row]) + ": '" + cell + "' is not a number"};
+  }
+  return *value;
+}
+
 rt::Result<CsvTable> parse_csv(const std::string& text, const std::string& name) {
   CsvTable out;
   out.name = name;

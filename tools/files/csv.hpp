@@ -20,6 +20,8 @@ struct CsvTable {
   [[nodiscard]] int column(const std::string& column_name) const;
   // The cell as a finite number; an error names file, line and cell.
   [[nodiscard]] rt::Result<double> number(std::size_t row, std::size_t column) const;
+  // The same, but "nan" and "inf" are values too.
+  [[nodiscard]] rt::Result<double> any_number(std::size_t row, std::size_t column) const;
 };
 
 // Every row must have as many cells as the header, or as the first row.

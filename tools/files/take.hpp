@@ -10,7 +10,7 @@ namespace teletact {
 
 // Throws std::runtime_error with the result's own line.
 template <class T>
-[[nodiscard]] T take(rt::Result<T> result) {
+T take(rt::Result<T> result) {
   if (!result) throw std::runtime_error(result.error());
   return std::move(result).value();
 }

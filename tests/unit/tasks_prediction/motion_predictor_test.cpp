@@ -65,6 +65,7 @@ TEST(RidgeSolve, IllConditionedStaysFinite) {
 // The predictor's own fit against the same training set built here and solved by QR.
 TEST(MotionPredictor, LearnedCorrectionEqualsTheSlowReference) {
   MotionPredictorConfig c;
+  c.method = "lsq";
   c.acceleration_limit_m_per_s2 = 100;
   c.yaw_acceleration_limit_rad_per_s2 = 100;
   MotionPredictor predictor(c);

@@ -142,7 +142,7 @@ TEST(CmdPredict, IsCausal) {
       const double t = log[cut][0];
       std::string text = header;
       for (std::size_t i = 0; i < lines.size(); ++i) {
-        if (log[i][0] <= t - delay) {
+        if (log[i][0] <= t - delay + 1e-6) {
           text += lines[i] + "\n";
           continue;
         }
@@ -241,6 +241,91 @@ TEST(CmdPredict, BadInputIsOneMessageAndNoFile) {
   expect_refused(f, {"--log", log, "--delay", "0.1", "--method", "magic", "--out", out}, "magic");
   expect_refused(f, {"--log", log, "--delay", "0.1"}, "--out");
   expect_refused(f, {"--log", log, "--delay", "0.1", "--out", f.file("no/such/p.csv")}, "p.csv");
+}
+
+// Stamps are decimal: of rows 0.1 s apart the one that is a delay of 0.1 s older counts, whatever rounding makes of the
+// difference. `none` then says the row before, for every row.
+TEST(CmdPredict, ARowExactlyTheDelayOldCounts) {
+  Folder f;
+  std::string text = kHeader;
+  constexpr int kRows = 3000;
+  for (int i = 0; i < kRows; ++i) {
+    char line[80];
+    std::snprintf(line, sizeof line, "%.1f,%.3f,0,0,0,0,0\n", 0.1 * i, 0.001 * i);
+    text += line;
+  }
+  write(f.file("log.csv"), text);
+  for (const int steps : {1, 2, 3, 7}) {
+    ASSERT_EQ(run({"--log", f.file("log.csv"), "--delay", std::to_string(0.1 * steps), "--method",
+                   "none", "--out", f.file("p.csv")}),
+              0);
+    const Rows out = rows_of(f.file("p.csv"), kPose);
+    ASSERT_EQ(out.size(), static_cast<std::size_t>(kRows - steps));
+    for (std::size_t i = 0; i < out.size(); ++i)
+      ASSERT_NEAR(out[i][1], 0.001 * static_cast<double>(i), 1e-9) << "row " << i;
+  }
+}
+
+// Bad rows are left out: the rest is predicted as if they were not there, and they are counted and named.
+TEST(CmdPredict, BadRowsAreRefusedByNameAndTheRestIsPredicted) {
+  Folder f;
+  const auto lines = wavy_log(false);
+  write(f.file("good.csv"), joined(kHeader, lines, lines.size()));
+  std::string text = kHeader;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    text += lines[i] + "\n";
+    if (i == 100) text += "5.02,nan,0,0,0,0,0\n";   // line 103
+    if (i == 200) text += lines[i] + "\n";          // 204: repeated
+    if (i == 300) text += "1.00,0,0,0,9,9,9\n";     // 305: back in time
+    if (i == 350) text += "17.52,0,0,0,inf,0,0\n";  // 356
+  }
+  write(f.file("bad.csv"), text);
+  for (const char* method : {"none", "hold", "paper", "kalman", "own"}) {
+    for (const char* name : {"good", "bad"}) {
+      testing::internal::CaptureStderr();
+      ASSERT_EQ(
+          run({"--log", f.file(std::string(name) + ".csv"), "--delay", "0.2", "--method", method,
+               "--out", f.file(std::string(name) + "_p.csv"), "--json", f.file("m.json")}),
+          0);
+      const std::string said = testing::internal::GetCapturedStderr();
+      const std::string figures = read(f.file("m.json"));
+      if (std::string(name) == "good") {
+        EXPECT_EQ(said, "");
+        continue;
+      }
+      EXPECT_NE(said.find("4 of 404 rows refused: line 103: not finite"), std::string::npos)
+          << said;
+      EXPECT_NE(said.find("line 204: t_s repeated"), std::string::npos) << said;
+      EXPECT_NE(said.find("line 305: t_s goes back"), std::string::npos) << said;
+      EXPECT_NE(said.find("line 356: not finite"), std::string::npos) << said;
+      EXPECT_NE(figures.find("predict.refused"), std::string::npos);
+    }
+    EXPECT_EQ(read(f.file("good_p.csv")), read(f.file("bad_p.csv"))) << method;
+  }
+}
+
+// With a hand-back no step between rows is larger than the motion and what fades of the difference.
+TEST(CmdPredict, HandBackSmoothsTheSteps) {
+  Folder f;
+  write(f.file("log.csv"), joined(kHeader, wavy_log(false), 400));
+  std::map<std::string, double> step;
+  for (const char* s : {"0", "0.15"}) {
+    ASSERT_EQ(run({"--log", f.file("log.csv"), "--delay", "0.5", "--hand-back", s, "--out",
+                   f.file("p.csv")}),
+              0);
+    const Rows out = rows_of(f.file("p.csv"), kPose);
+    for (std::size_t i = 2; i < out.size(); ++i) {
+      // What is not steady motion: the second difference.
+      step[s] = std::max(step[s], std::abs(out[i][1] - 2 * out[i - 1][1] + out[i - 2][1]));
+    }
+  }
+  std::printf("largest second difference of x: %.2f mm, handed back %.2f mm\n", 1e3 * step["0"],
+              1e3 * step["0.15"]);
+  EXPECT_LT(step["0.15"], 0.7 * step["0"]);
+  expect_refused(
+      f,
+      {"--log", f.file("log.csv"), "--delay", "0.1", "--hand-back", "-1", "--out", f.file("p.csv")},
+      "0 to 10");
 }
 
 // Real logs: position error by method; prediction must beat standing still by far, and learning
