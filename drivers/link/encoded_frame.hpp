@@ -41,12 +41,12 @@ struct EncodedFrame {
 
 enum class FrameStatus : std::uint8_t {
   kOk,
-  kNoColour,   // depth is good; colour could not be coded or decoded and was left out
-  kTruncated,  // fewer bytes than the header asks for
-  kBadHeader,  // magic, size, intrinsics or joints outside what a robot can have
-  kBadCheck,   // bytes changed on the way
-  kBadDepth,   // the depth blob is not one of ours
-  kNoRoom,     // destination too small
+  kWithoutColour,  // depth is good; colour could not be coded or decoded and was left out
+  kTruncated,      // fewer bytes than the header asks for
+  kBadHeader,      // magic, size, intrinsics or joints outside what a robot can have
+  kBadCheck,       // bytes changed on the way
+  kBadDepth,       // the depth blob is not one of ours
+  kNoRoom,         // destination too small
 };
 [[nodiscard]] const char* to_text(FrameStatus s) noexcept;
 

@@ -99,7 +99,7 @@ const char* to_text(FrameStatus s) noexcept {
   switch (s) {
     case FrameStatus::kOk:
       return "ok";
-    case FrameStatus::kNoColour:
+    case FrameStatus::kWithoutColour:
       return "no colour";
     case FrameStatus::kTruncated:
       return "truncated";
@@ -132,7 +132,7 @@ FrameStatus encode(const RgbdFrame& frame, rt::Box box, bool with_colour,
   const std::size_t size = scratch.colour.encode(
       frame.rgb(), {out.bytes.data() + out.depth_size, EncodedFrame::kMaxColourBytes},
       {frame.depth_mm.data(), pixels(frame.intrinsics)});
-  if (size == 0) return FrameStatus::kNoColour;
+  if (size == 0) return FrameStatus::kWithoutColour;
   out.has_colour = true;
   out.colour_size = static_cast<std::uint32_t>(size);
   return FrameStatus::kOk;
@@ -156,7 +156,7 @@ FrameStatus decode(const EncodedFrame& frame, rt::Time exposure, FrameCodecScrat
   if (!frame.has_colour) return FrameStatus::kOk;
   if (!scratch.colour.decode(frame.colour(), out.rgb(),
                              {out.depth_mm.data(), pixels(frame.intrinsics)}))
-    return FrameStatus::kNoColour;
+    return FrameStatus::kWithoutColour;
   out.has_colour = true;
   return FrameStatus::kOk;
 }

@@ -107,7 +107,7 @@ void OperatorGraph::bind_link(rt::NonRealtime& nrt, drivers::LinkEndpoint& endpo
         auto& slot = cells_->begin_write<EdgeId::kFrame>();
         const rt::Time exposure = endpoint.to_local(decoder->encoded.exposure.ns);
         const auto status = drivers::decode(decoder->encoded, exposure, decoder->scratch, slot);
-        if (status != drivers::FrameStatus::kOk && status != drivers::FrameStatus::kNoColour)
+        if (status != drivers::FrameStatus::kOk && status != drivers::FrameStatus::kWithoutColour)
           return false;
         cells_->publish<EdgeId::kFrame>(endpoint.arrived(), endpoint.unsure());
         return true;

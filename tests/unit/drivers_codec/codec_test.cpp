@@ -344,7 +344,8 @@ TEST(FrameCodec, WorstCaseFits) {
   }
   FrameCodecScratch scratch(startup.token(), {.quality = 100, .half = false});
   // Noise at the best quality is more than the slot holds: depth goes out, colour does not.
-  EXPECT_EQ(encode(*f.source, rt::Box::kRobot, true, scratch, *f.encoded), FrameStatus::kNoColour);
+  EXPECT_EQ(encode(*f.source, rt::Box::kRobot, true, scratch, *f.encoded),
+            FrameStatus::kWithoutColour);
   ASSERT_EQ(decode(*f.encoded, rt::Time{}, scratch, *f.back), FrameStatus::kOk);
   EXPECT_EQ(f.source->depth_mm, f.back->depth_mm);
 }
