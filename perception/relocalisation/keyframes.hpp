@@ -75,7 +75,8 @@ class Keyframes {
   [[nodiscard]] bool is_new(const Pose& X_WC) const noexcept;
   // Does one of them look, by and large, the same way from about there?
   [[nodiscard]] bool near(const Pose& X_WC) const noexcept;
-  // The one that looks at about what a camera at X_WC looks at, from as near as may be; -1: there is none.
+  // The keyframe that shows about the same as a camera at X_WC, from as near as possible; -1: there
+  // is none.
   [[nodiscard]] int looking_at(const Pose& X_WC) const noexcept;
   void add(const Pose& X_WC, const Thumbnail& view) noexcept;
 
