@@ -89,8 +89,7 @@ bool FollowFrame::look(const UpdateCamera& cam, std::int32_t block, Looked& out,
   out.part = of.scatter > kAgree * noise + kTilt * std::abs(of.value);
   if (out.part && !apart_from_standing({offs.data(), count}, room, noise, count, of)) return false;
   if (std::abs(of.value) > kFast_m * slope.norm()) return false;
-  // Nodes behind each other share a reading unless the ray is slanted. None counts more than the
-  // block's pixels.
+  // Nodes behind each other share a reading unless the ray is slanted; at most the block's pixels.
   const double px = store_.voxel * static_cast<double>(cam.fx) / z;
   const double slope2 = std::max(1.0, slope.squaredNorm());
   const double step_px = px * std::sqrt(1 - 1 / slope2);  // from node to node along the normal
@@ -107,8 +106,7 @@ bool FollowFrame::look(const UpdateCamera& cam, std::int32_t block, Looked& out,
 // True if the block's offset exceeds noise, the camera's error, and the possible difference between
 // views.
 bool FollowFrame::is_off(Looked& it, const Vec3& slope, double view_doubt) noexcept {
-  // A block that moves is kept where it is seen, however small the rest of the motion, until it has
-  // been still for a while.
+  // A block that moves is kept where it is seen until it has been still for a while.
   const bool moving = moves(store_.blocks.past(it.block));
   const double least =
       moving ? std::max(kLeastMoving_m, kErrorsMoving * it.error_m) : threshold_m(it.error_m);
