@@ -126,8 +126,9 @@ class Freenect2Source final : public FrameSource {
   }
   void copy_colour(RgbdFrame& out) const {
     out.has_colour = true;
-    // B, G, R, unused. The library writes zeros where the colour camera does not see the pixel: no_colour.hpp's
-    // own sign. What it sees as exactly black, which a sensor hardly gives, has no colour then either.
+    // B, G, R, unused. The library writes zeros where the colour camera does not see the pixel,
+    // which is the sign of no_colour.hpp. Exactly black pixels, which a sensor hardly gives, then
+    // have no colour either.
     const unsigned char* p = registered_.data;
     for (std::size_t i = 0; i < std::size_t{kWidth} * kHeight; ++i, p += 4)
       out.colour[i] = {p[2], p[1], p[0]};

@@ -193,8 +193,8 @@ rt::Result<std::unique_ptr<OpenNi2Source>> OpenNi2Source::open(rt::NonRealtime&,
 OpenNi2Source::~OpenNi2Source() {
   for (const openni2::Stream stream : {colour_, depth_})
     if (stream != nullptr) api_.stop(stream);
-  // Some drivers (the library's own dummy) do not wait for their thread when a stream stops: it would find its
-  // stream, or its code, gone.
+  // Some drivers (the library's own dummy) do not wait for their thread when a stream stops. That
+  // thread would then use a stream, or code, that is gone.
   if (depth_ != nullptr) std::this_thread::sleep_for(std::chrono::milliseconds(200));
   for (const openni2::Stream stream : {colour_, depth_})
     if (stream != nullptr) api_.destroy_stream(stream);

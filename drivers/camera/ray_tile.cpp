@@ -88,8 +88,8 @@ void cast_sphere(RayTile& tile, const Linear lx, const Linear ly, const Linear l
   }
 }
 
-// Against the infinite cylinder; where the ray enters that beyond an end of the axis, against the ball there
-// (whoever misses the cylinder misses the balls).
+// Intersects the infinite cylinder first. If the ray enters it beyond an end of the axis, it
+// intersects the ball there. (A ray that misses the cylinder misses the balls.)
 TELETACT_CAMERA_CLONES
 void cast_capsule(RayTile& tile, const Linear lx, const Linear ly, const Linear lz, double radius,
                   double hz, std::int64_t id) noexcept {

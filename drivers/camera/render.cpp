@@ -50,7 +50,7 @@ bool may_see(const SeenShape& s, const TileBounds& b) noexcept {
          !outside(-c.y(), -b.y0);
 }
 
-// `moves`: the world that the shapes are of, where some of them may move; null: they stand where they say.
+// `moves`: the world of the shapes if some of them may move; null: they rest at their own pose.
 void look(std::span<const Shape> shapes, const World* moves, const Pose& X_WC, rt::Time t,
           std::vector<SeenShape>& seen) noexcept {
   assert(seen.capacity() >= seen.size() + shapes.size());

@@ -37,8 +37,8 @@ struct BodyBox {
 class World {
  public:
   static constexpr rt::Time kBeginning = rt::Time::min();
-  // Throws std::runtime_error naming the shape or mover and the value: a name used twice, a zero normal, a cylinder
-  // that would be tilted. Motions count their seconds from t0.
+  // Throws std::runtime_error naming the shape or mover and the value: a name used twice, a zero
+  // normal, a cylinder that a motion would tilt. Motions count their seconds from t0.
   World(rt::NonRealtime&, const WorldConfig& config, rt::Time t0 = rt::Time{});
 
   [[nodiscard]] std::span<const Shape> shapes() const noexcept { return shapes_; }

@@ -82,7 +82,8 @@ struct RobotPlantConfig {
   }
 };
 
-// True if the base at this pose X_WB touches something at this instant. Pure; called once a millisecond at most.
+// True if the base at pose X_WB touches something at this instant. Pure; called at most once a
+// millisecond.
 using CollisionTest = std::function<bool(const perception::Pose2& X_WB, rt::Time t)>;
 
 struct PlantState {

@@ -34,8 +34,9 @@ struct Cast {
   }
 };
 
-// Depth at which rays of a row enter a capsule, where that is before front. The infinite cylinder first; beyond an
-// end of the axis the ball there (who misses the cylinder misses the balls).
+// Depth at which rays of a row enter a capsule, if that is before `front`. Intersects the infinite
+// cylinder first, and beyond an end of the axis the ball there. (A ray that misses the cylinder
+// misses the balls.)
 TELETACT_CLONES
 void cast_row(const float* x, float y, int n, const Cast s, float* front) noexcept {
   const float db0 = s.by * y + s.bz, da0 = s.ay * y + s.az, dd0 = y * y + 1.0F;

@@ -1,6 +1,7 @@
-// The sums of ICP, vectors of pixels at once, in three steps over a stretch of a row: where its pixels project to; what
-// they give with the model's points there (gates, Jacobian); the sums over that, as many at a time as there are
-// registers. In one loop the sums would be kept in memory, and a vector would wait for all that the one before does.
+// The sums of ICP with vectors of pixels, in three steps over a stretch of a row: project the
+// pixels; compute their gates and Jacobians with the model's points there; add these up, as many
+// sums at a time as there are registers. In a single loop the sums would live in memory, and each
+// vector would wait for the one before.
 #include "perception/icp/kernels.hpp"
 #include "perception/simd/targets.hpp"
 
@@ -64,8 +65,8 @@ HWY_INLINE V gather(const float* base, const std::uint32_t* offset, V3& n) {
   return hn::InterleaveUpper(d, t2, t3);
 }
 
-// Where pixels of a row project to, and then what they give; vectors with nothing to give are left out. Stays in the
-// nearest cache.
+// Projections of the pixels of a row, then their terms. Vectors without any term are left out.
+// Stays in the nearest cache.
 constexpr int kStretch = 256;  // pixels
 template <int kCount>
 using Columns = float[kCount][kStretch];
@@ -95,7 +96,8 @@ struct Counts {
 HWY_INLINE void put(V v, float (&column)[kStretch], int at) { hn::Store(v, DF(), column + at); }
 HWY_INLINE V get(const float (&column)[kStretch], int at) { return hn::Load(DF(), column + at); }
 
-// Into the camera that cast the model, nearest pixel. In a loop of its own: the many steps one after the other of
+// Projects into the camera that cast the model, nearest pixel. In a loop of its own, so that the
+// long chains of operations of
 // several vectors overlap.
 HWY_INLINE void project(const RowsJob& job, const Rows& row, int u, Counts& counts,
                         Projected& out) {

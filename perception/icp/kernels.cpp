@@ -32,8 +32,8 @@ void half_row(const float* in, std::ptrdiff_t stride, int width, const EdgeRule&
 }
 #else
 
-// The filter of one vector. kMissing: neighbours without a reading have to be looked for; else such a one is beyond
-// the edge of each of these.
+// The filter of one vector. kMissing: neighbours without a reading must be excluded; otherwise they
+// are beyond the depth edge of every pixel here.
 template <bool kMissing>
 HWY_INLINE V bilateral(const float* in, std::ptrdiff_t stride, const float* weight, int radius, V c,
                        V inv) {

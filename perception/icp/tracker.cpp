@@ -87,8 +87,9 @@ namespace {
 class StepSizes {
  public:
   void next_level() noexcept { last_.setZero(); }
-  // How large the step after `xi` will be, at most, as a share of it: steps shrink by much the same each time,
-  // twenty- to sixfold on most frames, hardly on a few. Twice what was seen last, and never below a fifth, is believed.
+  // Bound of the step after `xi`, as a share of `xi`. Steps shrink by nearly the same factor each
+  // time, six- to twentyfold on most frames. The bound is twice the last ratio of two steps, never
+  // below a fifth.
   [[nodiscard]] double next_share(const Vec6& xi) noexcept {
     if (!last_.isZero(0)) {
       const auto share = [](double now, double before) { return before > 0 ? now / before : 1.0; };

@@ -1,5 +1,5 @@
-// Maps on disk: all chunks of a TsdfMap, near and put away, and the keyframes a lost camera is recognised
-// by. So a camera finds itself again in a map of yesterday.
+// Maps on disk: all chunks of a TsdfMap, near and compressed, and the keyframes for relocalisation.
+// With it a camera finds itself again in a stored map.
 //
 //   header, 96 bytes, little-endian
 //     0  "teletmap"              8  uint32 version (2)         12  uint32 bytes of the header (96)
@@ -10,10 +10,11 @@
 //   chunks: uint32 bytes, then the record (tsdf/chunk_record.hpp), by rising coordinates
 //   keyframes: 12 doubles (R_WC row by row, then t_WC in m), depth cells, brightness cells
 //
-// Version 1 counted no readings apart from colours and took black for a colour where there was none: it is refused
-// by its number. The same map gives the same bytes. Reading takes bytes of anybody: the header is checked against the size
-// of the file before anything is allocated, every number against what a map can hold, and nothing of a bad
-// file is kept. Errors are one line: file, what, allowed range.
+// Version 1 did not count readings apart from colours and used black for missing colour. It is
+// refused by its number. The same map gives the same bytes. The file may come from anywhere: the
+// header is checked against the size of the file before memory is allocated, every number against
+// what a map can hold, and nothing of a bad file is kept. Errors are one line: file, what, allowed
+// range.
 #pragma once
 
 #include <cstdint>
@@ -54,7 +55,8 @@ inline constexpr std::uint64_t kMostMapBytes = std::uint64_t{1} << 32U;
 [[nodiscard]] rt::Result<bool> restore_map(rt::NonRealtime&, const MapFile& file, TsdfMap& map,
                                            Keyframes& keyframes);
 
-// Writes both hashes anew, so that what is behind them can be tested. Nothing for less than a header.
+// Recomputes both hashes, so that tests can reach the checks behind them. Does nothing for less
+// than a header.
 void seal_map(rt::NonRealtime&, std::string& bytes);
 
 }  // namespace perception

@@ -175,7 +175,8 @@ ObjectMap::SeedBox ObjectMap::project(const Look& look, std::uint8_t id) const n
   return out;
 }
 
-// Of that the part where it was when it was last summarised, a little larger: blocks reach far beyond it.
+// Of that, the part where it was when last summarised, slightly enlarged, because blocks reach far
+// beyond it.
 ObjectMap::SeedBox ObjectMap::place_of(const Look& look, const MapObject& object,
                                        const SeedBox& blocks) const noexcept {
   constexpr double kMoved_m = 0.03;
@@ -197,7 +198,8 @@ ObjectMap::SeedBox ObjectMap::place_of(const Look& look, const MapObject& object
   return both.u1 < both.u0 || both.v1 < both.v0 ? blocks : both;
 }
 
-// What the segmenter works on: the frame, or the part of it (pixels of the reduced one) that it looks at.
+// The input of the segmenter: the frame, or the part of it (in pixels of the reduced image) that is
+// segmented.
 ObjectMap::Work ObjectMap::at_scale(const Look& look, const SeedBox& part) noexcept {
   const FrameView& f = look.frame;
   if (scale_ == 1) return {f.colour, f.depth_mm, f.intrinsics};
@@ -219,7 +221,8 @@ ObjectMap::Turn& ObjectMap::find_known(const Look& look, std::uint8_t id, SeedBo
                       : known.weight >= kSureBackground ? kSureOther
                                                         : std::uint8_t{0};
   };
-  // What is that near is asked at every second one of these first: between such that agree it is the same.
+  // Near pixels are first looked up at every second position. Between two that agree the label is
+  // the same.
   const int apart = scale_ > 1 ? 2 * step : step;
   const auto on_grid = [apart](int u, int v) { return u % apart == 0 && v % apart == 0; };
   const auto agree = [&](int u, int v) {

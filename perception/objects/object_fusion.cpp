@@ -114,7 +114,7 @@ ObjectMap::SeedBox ObjectMap::shown(std::uint8_t id) const noexcept {
   return out;
 }
 
-// The pixels at both sides of the mask's outline do not vote; those of a mask that is little else do.
+// Pixels on both sides of the mask's outline do not vote, unless the mask consists of little else.
 void ObjectMap::leave_out_rim(std::uint8_t id) noexcept {
   const int w = image_.width(), h = image_.height(), s = scale_;
   const SeedBox box = shown(id);

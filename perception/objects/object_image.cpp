@@ -1,10 +1,10 @@
 // Which object each pixel of a frame shows, from map and mask together.
 //
-// A reading that lies on a surface, away from depth edges, shows what was voted there: many frames said so.
-// At an edge the reading may be of either side, or of neither, and voxels are coarser than pixels: there, and
-// where nothing is read or nothing was voted, the frame's own mask says it, with its outline where the masks so
-// far have it (outline_memory.hpp). What is not believed of the masks, and where this frame was not asked, the
-// map says alone.
+// A reading on a surface, away from depth edges, gets the label that was voted there, since many
+// frames agreed on it. At an edge a reading may belong to either side or to neither, and voxels are
+// coarser than pixels. There, and where nothing was read or voted, the frame's own mask decides,
+// with its outline corrected by the masks so far (outline_memory.hpp). Where a mask is withheld, or
+// this frame was not segmented, the map alone decides.
 #include <algorithm>
 #include <utility>
 
@@ -17,7 +17,8 @@ constexpr int kSureWeight = 3;  // of votes that outweigh a mask
 
 }  // namespace
 
-// What segment() found in the map at all pixels round this one that it asked of; kNoVote: not the same.
+// Label that segment() found in the map at all looked-up pixels round this one; kNoVote: they
+// differ.
 std::uint8_t ObjectMap::known_round(int u, int v) const noexcept {
   const int step = known_step(), u0 = u / step * step, v0 = v / step * step;
   const int u1 = u0 == u ? u0 : u0 + step, v1 = v0 == v ? v0 : v0 + step;

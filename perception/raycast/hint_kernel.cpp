@@ -33,7 +33,8 @@ struct LanesOf {
 constexpr LanesOf kLanesOf;
 #endif
 
-// Moves the lanes of a mask to the front. Highway's own, for 8 lanes, copies its table to the stack each time.
+// Moves the lanes of a mask to the front. Highway's own version for 8 lanes copies its table to the
+// stack each time.
 class Packer {
  public:
   HWY_INLINE explicit Packer(MF keep) : keep_(keep) {
@@ -79,8 +80,8 @@ struct Found {
   alignas(64) float t[kRoom], g[3][kRoom];  // t = 0: nothing
 };
 
-// A Newton step of the vector of rays from `at` on, of those in `active`. Who has arrived goes into `found`, who may
-// go on to `out`. kOwn: each ray is at its own place.
+// A Newton step for the vector of rays from `at` on that are in `active`. Rays that have converged
+// go to `found`, rays that may continue to `out`. kOwn: each ray is at its own place.
 template <bool kOwn>
 HWY_INLINE void newton(const HintJob& job, const Rays& rays, const Cells& cells, int at, MF active,
                        Found& found, Rays& out) {
@@ -116,7 +117,8 @@ HWY_INLINE void newton(const HintJob& job, const Rays& rays, const Cells& cells,
   append(out, hn::AndNot(close, active), d, next, low, high, small, hn::Load(di, rays.ray + at));
 }
 
-// Where each ray begins, and how far it may go; rays that are not tried at t = 0. A bit a ray: is it tried?
+// Start and end of each ray; rays that are not tried get t = 0. Returns one bit a ray: tried or
+// not.
 HWY_INLINE std::uint64_t set_out(const HintJob& job, const HintSpan& span, Rays& rays) {
   const DF df;
   const DI di;

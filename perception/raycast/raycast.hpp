@@ -36,9 +36,10 @@ struct RaycastOptions {
   // Normals from three voxels round the hit (averages the field's noise) instead of from the cell
   // that holds it.
   bool smooth_normals = true;
-  // Tracking only: depth (m, 0 = none, below 0: nothing is to be seen there) of the image, at full resolution or at that of the rays. A ray with a hint takes the
-  // crossing next to it, within one truncation, or else the first one from 1.1 truncation in front of
-  // it: it passes a surface that lies farther before the hint.
+  // Tracking only: depth of the image, m, at full resolution or at that of the rays. 0: no hint;
+  // below 0: nothing is to be seen there. A ray with a hint takes the crossing next to the hint,
+  // within one truncation. If there is none it takes the first crossing from 1.1 truncation in
+  // front of the hint, so it passes surfaces that lie farther before the hint.
   ImageView<const float> hint_depth_m{};
   // With a hint image: what the hint does not settle, and rays without one, see nothing.
   bool hinted_only = false;

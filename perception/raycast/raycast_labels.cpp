@@ -1,14 +1,16 @@
 // Labels of a cast view, and the outlines of what is labelled.
 //
-// A surface ends in the cast with the last cell whose eight nodes were observed, up to a voxel before the
-// edge of a thing that was seen from one side only. Where that surface is labelled it is continued in its
-// own plane, over pixels that show nothing or what lies behind, to where its edge is to be expected.
+// In the cast a surface ends with the last cell whose eight nodes were observed: up to a voxel
+// before the edge of a thing that was seen from one side only. A labelled surface is therefore
+// continued in its own plane to its expected edge, over pixels that show nothing or a surface
+// behind.
 //
-// Nodes beside that plane say where: observed on it, the surface is there; seen through, or observed well in
-// front of another surface, it is not. Readings on a depth edge are not fused and carve nothing behind the
-// nearer side, so nodes on either side of an edge say nothing, as far out as in: the edge runs where both
-// kinds have the same weight. A cubic B-spline sums the nodes (de Boor 1978): over four of them in each
-// direction the steps of the grid average out.
+// Nodes near that plane determine the edge. A node observed on the plane: the surface is there. A
+// node seen through, or observed well in front of another surface: it is not. Readings on a depth
+// edge are not fused and carve nothing behind the nearer side, so nodes near an edge are unknown,
+// equally far to both sides: the edge runs where both kinds of nodes have the same weight. A cubic
+// B-spline sums the nodes (de Boor 1978); over four nodes in each direction the steps of the grid
+// average out.
 #include <algorithm>
 #include <cmath>
 

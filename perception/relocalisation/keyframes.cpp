@@ -98,7 +98,8 @@ TELETACT_CLONES int thumbnail_distance(const Thumbnail& seen, const Thumbnail& k
   const int u0 = std::max(0, -du), u1 = kW - std::max(0, du);
   const int v0 = std::max(0, -dv), v1 = Thumbnail::kHeight - std::max(0, dv);
   const int most_cells = (u1 - u0) * (v1 - v0);
-  // Whole rows of a known length are what a compiler makes vectors of; nothing is seen beside the other's image.
+  // Whole rows of known length, so that the compiler vectorises them. Cells outside of the other
+  // image are unknown.
   alignas(64) std::array<std::uint8_t, kW> in{}, kept_depth{}, kept_grey{};
   std::fill(in.begin() + u0, in.begin() + u1, std::uint8_t{1});
   int cost = 0, common = 0, cells = 0;
@@ -204,7 +205,8 @@ void insert_sorted(std::span<Keyframes::Candidate> list, int& count,
 
 }  // namespace
 
-// The best by the unshifted images, but of one place only so many: many views of one must not hide the others.
+// The best by the unshifted images, but only a limited number from one place, so that many views of
+// it do not hide others.
 int Keyframes::short_list(const Thumbnail& seen, std::span<const bool> skip,
                           std::span<Candidate> out) const noexcept {
   std::array<Candidate, kMax> all;

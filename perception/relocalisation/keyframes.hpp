@@ -7,7 +7,8 @@
 //            the image, since a turn of the camera is a shift. After the small blurry images of Klein and
 //            Murray, "Improving the agility of keyframe-based SLAM", ECCV 2008, section 3.
 //
-// It only proposes; what decides is ICP (relocaliser.hpp). Integers throughout: the same on every machine.
+// Keyframes only propose places; ICP decides (relocaliser.hpp). Integers throughout: the same on
+// every machine.
 #pragma once
 
 #include <algorithm>
@@ -42,8 +43,9 @@ struct Thumbnail {
 [[nodiscard]] Thumbnail make_thumbnail(const DepthLevel& depth,
                                        ImageView<const Rgb> colour) noexcept;
 
-// Where `seen` shows at (u, v) what `kept` shows at (u + du, v + dv): mean difference in 1/256 of a code. The largest
-// integer where too few cells say anything, or where it turns out not to be less than `below`.
+// Compares `seen` at (u, v) with `kept` at (u + du, v + dv): mean difference in 1/256 of a code.
+// The largest integer if too few cells are known in both, or as soon as it can not be less than
+// `below`.
 [[nodiscard]] int thumbnail_distance(const Thumbnail& seen, const Thumbnail& kept, int du, int dv,
                                      int below = std::numeric_limits<int>::max()) noexcept;
 
@@ -73,7 +75,8 @@ class Keyframes {
   [[nodiscard]] bool is_new(const Pose& X_WC) const noexcept;
   // Does one of them look, by and large, the same way from about there?
   [[nodiscard]] bool near(const Pose& X_WC) const noexcept;
-  // The one that looks at about what a camera at X_WC looks at, from as near as may be; -1: there is none.
+  // The keyframe that shows about the same as a camera at X_WC, from as near as possible; -1: there
+  // is none.
   [[nodiscard]] int looking_at(const Pose& X_WC) const noexcept;
   void add(const Pose& X_WC, const Thumbnail& view) noexcept;
 

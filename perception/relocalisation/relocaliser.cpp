@@ -16,8 +16,8 @@ constexpr std::uint64_t kWorkOfBlock = 512;
 constexpr double kSamePlace_m = 0.3, kSamePlace_rad = 0.3;  // what ICP finds from either
 constexpr std::int64_t kFitHolds = 12;                      // frames
 constexpr std::int64_t kSameView = 2;                       // frames that see about the same
-// Of an alignment to a cast: what may still be the place, though it is not close enough to be claimed, and how many
-// fewer inliers make it the worse one.
+// Limits of an alignment to a cast: when it may still be the place, though not close enough to be
+// claimed, and by how many inliers an alignment must be behind to be the worse one.
 constexpr double kRivalOverlap = 0.2, kRivalInliers = 0.4, kRivalClash = 0.03;
 constexpr double kWorseInliers = 0.2;
 constexpr double kNoTwinClash = 0.1, kNoTwinInliers = 0.5;  // there is something else there
@@ -151,8 +151,9 @@ void Relocaliser::add_guess(int keyframe, const Pose& X_KS0, bool mirrored) noex
       mirrored};
 }
 
-// Where the map repeats itself, keyframes of the other place look like those of this one, and the camera is to them as
-// it is to these. Off the mapped way that is too far for an alignment from the images' shift on.
+// If the map repeats itself, keyframes of the other place look like those of this one, at the same
+// pose relative to the camera. Off the mapped path that pose is too far for an alignment that
+// starts from the images' shift.
 void Relocaliser::list_mirrored(const Pose& leader) noexcept {
   int nearest = -1;
   double best = -std::numeric_limits<double>::infinity();
@@ -231,7 +232,8 @@ void Relocaliser::note(const Pose& X_WC, Fit fit, const TrackingResult& r) noexc
   std::size_t at = place_count_;
   for (std::size_t k = 0; k < place_count_; ++k) {
     const Place& p = places_[k];
-    // What went astray on its way there does not undo a fit; nor does one in vain stand for what is beside it.
+    // An alignment that diverged does not cancel a fit. An alignment without a fit does not rule
+    // out the place beside it.
     if (p.fit == Fit::kFits && fit != Fit::kFits && same_place(p.X_WC, X_WC)) return;
     if (p.fit == Fit::kFits ? same_place(p.X_WC, X_WC) : within(p.X_WC, X_WC, kTried_m, kTried_rad))
       at = k;
@@ -292,8 +294,9 @@ bool Relocaliser::clear(const Place& best) const noexcept {
   return true;
 }
 
-// Where a frame fits here and there, the map repeats itself: whoever seems to be here may always be there. The motion is as
-// good as the poorer of the two fits: it is taken anew from better ones, and the poorest makes room.
+// If a frame fits at two places, the map repeats itself: a camera that seems to be at one may
+// always be at the other. The motion between the two is as good as the poorer of the two fits.
+// Better fits replace it, and the poorest entry makes room.
 void Relocaliser::learn_twin(const Pose& X_WC, double inlier_share) noexcept {
   for (std::size_t k = 0; k < place_count_; ++k) {
     const Place& p = places_[k];

@@ -1,22 +1,25 @@
-// After tracking was lost: where in the map is this camera?
+// Relocalisation: finds the camera in the map after tracking was lost.
 //
-// A frame that is claimed from a new place leaves a keyframe. A lost frame ranks the keyframes by their small images,
-// aligns its own to the best of them (thumbnail_fit.hpp), casts the map coarsely from where the likeliest of them puts
-// the camera and aligns the frame to that by ICP; if it passes the gates of Tracker::reacquire it fits. What was tried
-// in vain rests for some frames, so that the next best has its turn.
+// Search. A frame that is claimed from a new place leaves a keyframe. A lost frame ranks the
+// keyframes by their small images and aligns its own small image to the best of them
+// (thumbnail_fit.hpp). From the likeliest resulting pose it casts the map coarsely and aligns the
+// frame to that by ICP. The frame fits if it passes the gates of Tracker::reacquire. A candidate
+// that failed rests for some frames, so that the next best has its turn.
 //
-// Look-alikes: a fit is no proof, for another place may fit as well. So before one is proposed every other place that
-// the small images allow has its turn, and the best is proposed only when clearly more speaks against each of
-// the others than against it (clash, contradiction.hpp: what one side shows where the other has seen free space). While
-// two fit about as well the camera stays lost; it moves, and what tells them apart comes into view. A fit is forgotten
-// after a while, for it belongs to an older frame.
+// Look-alikes. A fit is no proof, since another place may fit as well. So every other place that
+// the small images allow is tried before a fit is proposed. The best is proposed only if clearly
+// more evidence contradicts each other place (clash, contradiction.hpp: what one side shows where
+// the other has seen free space). While two places fit about equally well the camera stays lost,
+// until it sees what tells them apart. A fit is forgotten after a while, because it belongs to an
+// older frame.
 //
-// What is proposed is no claim: the caller believes it only when the next frame, tracked from there, passes too.
+// A proposal is not a claim: the caller accepts it only if the next frame, tracked from there,
+// passes too.
 //
-// Bounded: at most `tries` coarse casts and alignments a frame, or one look(). A ray of a cast without a hint
-// costs thirty times one with: so three of four start from what the fourth has found (sparse_cast.hpp), and casts
-// are spread over frames. What a view would show and is put away far from the camera is brought back first, a part
-// a frame, and cast in the frame after.
+// Bounded: at most `tries` coarse casts and alignments a frame, or one look(). A ray without a hint
+// costs thirty times one with a hint. So three of four rays start from what the fourth has found
+// (sparse_cast.hpp), and casts are spread over frames. Compressed blocks that a view would show are
+// restored first, a part in each frame, and cast in the frame after.
 #pragma once
 
 #include <array>
@@ -38,7 +41,8 @@ struct RelocaliserConfig {
   int rest_frames = 8;  // before one that failed is tried again
   // chosen on: kidnaps 11 to 13, 23 to 25; judged on: kidnaps 46 to 50 (docs/fusion.md, Look-alikes)
   int rivals = 6;  // other places tried, at most, before a fit is proposed
-  // Shares of points (contradiction.hpp): a rival has so much more than twice the best's; the best at most so much.
+  // Shares of points (contradiction.hpp). A rival must exceed twice the best's share by this;
+  // largest share of the best.
   double clear_clash = 0.002;
   double most_clash = 0.004;
   double max_depth_m = 5.0;  // no data
@@ -55,16 +59,18 @@ class Relocaliser {
                 const Pose& X_WC) noexcept;
   // A search begins: nothing was tried yet, and there is no view.
   void restart() noexcept;
-  // Casts the view from X_WC: where the camera is looked for. False: of that view too much is put away; a part
-  // of it came back, the view is as it was, and the next frame is to ask again.
+  // Casts the view from X_WC, where the camera is searched. False: too much of that view is
+  // compressed. Then a part of it was restored, the view is unchanged, and the next frame must ask
+  // again.
   [[nodiscard]] bool look(TsdfMap& map, const Pose& X_WC) noexcept;
   // Of the last look(), or of what search() has found; invalid where there was neither.
   [[nodiscard]] ModelView view() const noexcept {
     const RaycastMaps& m = maps_[viewed_];
     return has_view_ ? ModelView{m.data(), m.intrinsics, m.X_WC} : ModelView{};
   }
-  // Looks for the frame that `tracker` has prepared. `here`: it fits in view(), not null only then. True: `found`
-  // passed the gates at found.X_WC, nothing else fits as well, and view() was cast from near there.
+  // Searches the place of the frame that `tracker` has prepared. `here`: its fit in view(), else
+  // null. True: `found` passed the gates at found.X_WC, nothing else fits as well, and view() was
+  // cast from near there.
   [[nodiscard]] bool search(TsdfMap& map, const Tracker& tracker, ImageView<const Rgb> colour,
                             const TrackingResult* here, TrackingResult& found) noexcept;
   // Is X_WC the only place where the kept views allow the frame that `tracker` has prepared?

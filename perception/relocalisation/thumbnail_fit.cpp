@@ -140,7 +140,8 @@ void ThumbnailAligner::move(const CellView& seen, const Pose& X_KS, Moved& out) 
   }
 }
 
-// Pairs of points on two surfaces: six derivatives and the distance of each, and its weight; four at a time.
+// Pairs of points on two surfaces: six derivatives, the distance and the weight of each; four at a
+// time.
 struct ThumbnailAligner::Pairs {
   alignas(16) std::array<std::array<float, CellView::kMost>, 7> row;
   alignas(16) std::array<float, CellView::kMost> weight;

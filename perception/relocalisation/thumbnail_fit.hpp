@@ -1,10 +1,11 @@
-// How a small view lies to another: two thumbnails' depths are aligned as point clouds.
+// Aligns two thumbnails: their depths as point clouds.
 //
-// Projective point-to-plane ICP (as perception/icp, Newcombe et al. 2011) of the seen cells against the kept ones, 832
-// points at most, from the shift of the images on. It says where the camera is to the keyframe before anything is cast,
-// to a few centimetres, and whether the keyframe's place can be the one at all: points of either view in space that the
-// other has seen through speak against it. A guess and an order, no more: cells are 2 degrees wide and depths
-// are coded to 1.2 %.
+// Projective point-to-plane ICP (as perception/icp, Newcombe et al. 2011) of the seen cells against
+// the kept ones, at most 832 points, starting from the shift of the images. It gives the camera's
+// pose relative to the keyframe, to a few centimetres, before anything is cast. It also tells
+// whether the keyframe's place is possible: points of either view in space that the other has seen
+// through contradict it. The result is only a guess and a ranking, since cells are 2 degrees wide
+// and depths are coded to 1.2 %.
 //
 // Frames: S camera of the view seen, K camera of the one kept; metres. No allocation.
 #pragma once
@@ -17,7 +18,8 @@
 
 namespace perception {
 
-// Of the 3 x 3 cells about each inner one: the depths known, the least (infinity: none) and the largest of them (0).
+// For the 3 x 3 cells round each inner cell: the number of known depths, the least (infinity: none)
+// and the largest (0: none).
 struct CellSpans {
   std::array<float, Thumbnail::kCells> nearest, farthest;
   std::array<std::int32_t, Thumbnail::kCells> known;

@@ -1,7 +1,7 @@
 // The fused scene: a sparse truncated signed distance field (Curless and Levoy 1996; Newcombe et
 // al., KinectFusion, 2011; Niessner et al., voxel hashing, 2013), with colour, labels and free space.
 //
-// TsdfMap owns the parts, each with one thing to do, and puts them in order:
+// TsdfMap owns the parts and calls them in order:
 //
 //   blocks/     what is stored: layout of grid, voxel and chunk; pools of blocks and of labels; what readers see (MapView)
 //   image/      the frame: depth pyramid, camera, boxes in its image
@@ -17,10 +17,11 @@
 //           blocks, one bit per 2^3 nodes where no block is. Free is not unknown.
 // Memory    everything is allocated and touched in the constructor. A full pool loses nothing that
 //           is stored: new blocks are refused and counted.
-// Far       chunks farther than far_m from the camera can be put away and come back on approach: page(). Readers see only
-//           what is in the pool; integrate() first brings back what its camera sees.
-// Volume    with volume_m, nothing is kept outside of a cube of whole blocks (integrate/kept_volume.hpp).
-// Decay     with decay_half_life_s, what is not seen again loses weight and is unknown in the end.
+// Far       chunks farther than far_m from the camera can be compressed and come back on approach:
+//           page(). Readers see only what is in the pool; integrate() first restores what its
+//           camera sees.
+// Volume    with volume_m the map is limited to a cube of whole blocks (integrate/kept_volume.hpp).
+// Decay     with decay_half_life_s, what is not seen again loses weight and becomes unknown.
 // Order     every result is a function of the sequence of calls: same input, same bytes.
 // Thread    one thread changes the map; any number may read between two changes.
 #pragma once

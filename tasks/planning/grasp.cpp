@@ -55,7 +55,8 @@ bool reach(double height_m, double pitch_rad, double depth_m, const GraspConfig&
   return arm_joints(x, wrist_z, pitch_rad, c, g.joint_rad);
 }
 
-// Narrower; of two that are as narrow the one from above, of two from the side the one that comes less askew.
+// The narrower grasp is better; of two equally narrow ones the one from above, of two from the side
+// the one less askew.
 bool better(const Grasp& a, const Grasp& b, const Vec3& away_W) noexcept {
   if (std::abs(a.width_m - b.width_m) > kTie_m) return a.width_m < b.width_m;
   if (a.kind != b.kind) return a.kind == Grasp::Kind::kTop;
@@ -92,7 +93,8 @@ bool make(Grasp::Kind kind, const Vec3& closing, const ObjectBox& box, const Pla
   g.width_m = width_along(closing, box);
   g.opening_m = g.width_m + c.clearance_m;
   const double pitch = kind == Grasp::Kind::kTop ? kPi : kPi / 2;
-  // From above the base may come from any side: by its farthest corner it is clear of the object from all.
+  // From above the base may come from any side: with its farthest corner clear of the object it is
+  // clear from all.
   const double nearer = kind == Grasp::Kind::kTop
                             ? 0.5 * level(box.X_WO.linear() * box.extent_m, place.up).norm()
                             : in;

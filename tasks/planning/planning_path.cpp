@@ -17,7 +17,8 @@ double wrapped(double a) { return std::remainder(a, 2.0 * std::numbers::pi); }
 
 }  // namespace
 
-// The way that the robot drives in any case: along the path it has, or straight on, as far as it is clear.
+// The path that the robot drives before a new one takes effect: along its present path, or straight
+// on, as far as it is clear.
 void PlanningTask::look_ahead(const rt::Tick& tick, const Ground& ground, const CostMap& map,
                               const drivers::RobotState& robot) noexcept {
   const Point2 here = ground.under(robot.x_m, robot.y_m);

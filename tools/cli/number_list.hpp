@@ -9,7 +9,8 @@
 
 namespace teletact {
 
-// At least `least` and at most `most` finite numbers. Throws std::runtime_error naming the key and the text.
+// Parses at least `least` and at most `most` finite numbers. Throws std::runtime_error naming the
+// key and the text.
 [[nodiscard]] std::vector<double> number_list(const std::string& key, const std::string& text,
                                               std::size_t least, std::size_t most);
 

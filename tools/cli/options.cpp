@@ -58,7 +58,7 @@ void check_outputs(const std::vector<OutputFile>& outputs, const std::vector<std
       throw std::runtime_error(head + "can not be written: " + why);
     for (std::size_t j = 0; j < i; ++j) {
       if (!outputs[j].path.empty() && name_of(outputs[j].path) == name_of(path))
-        throw std::runtime_error(head + "is also the output of " + outputs[j].option);
+        throw std::runtime_error(head + "is also the file of " + outputs[j].option);
     }
     for (const auto& input : inputs) {
       if (!input.empty() && name_of(input) == name_of(path))

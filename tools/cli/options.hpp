@@ -25,7 +25,8 @@ inline CLI::Validator in_range(double lo, double hi) {
       allowed);
 }
 
-// False: help was asked for and printed. Throws std::runtime_error with the one line of what is wrong.
+// False: help was asked for and printed. Throws std::runtime_error with one line that says what is
+// wrong.
 [[nodiscard]] bool parse_options(CLI::App& app, int argc, char** argv);
 
 struct OutputFile {

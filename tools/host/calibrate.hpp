@@ -38,7 +38,8 @@ namespace teletact {
 struct CalibrationInput {
   std::uint64_t passes = 0;                         // of both boxes
   std::uint64_t operator_hash = 0, robot_hash = 0;  // of the bytes, the same in each pass
-  // Images that fusion took from when somebody walks, and what it found to move in one of them, best level.
+  // Images with the walking person that fusion took, and the largest moving share that it found in
+  // one of them, best level.
   std::size_t moving_images = 0;
   double moving_share = 0;
 };

@@ -1,5 +1,5 @@
-// The start's decision: what of the tasks runs on this host, where, with which voxel size, and which modes it
-// has room for. The same for both clocks.
+// Admission at start: which variants of the tasks run on this host, where, with which voxel size,
+// and which modes it has room for. The same for both clocks.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +28,8 @@ struct HostPlan {
   std::string refusal;  // empty: it may start
 };
 
-// What a job of fusion pays for the ray cast of the published method, as declared; 0: the scene does not ask for it.
+// Declared cost of the published method's ray cast for a job of fusion; 0: the scene does not ask
+// for it.
 [[nodiscard]] std::int64_t ray_cast_us(const Scene& scene);
 
 // What the scene leaves open: fusion.tsdf.voxel_size_m where it is named, else the touch window.

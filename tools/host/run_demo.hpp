@@ -44,13 +44,15 @@ struct DemoOptions {
   // Virtual clock, for tests: called once, between two jobs, at this instant of the run.
   double meddle_at_s = -1;
   std::function<void(OperatorBox&)> meddle;
-  // Virtual clock, for benches: what runs in place of a task's body, and of the link; empty: themselves.
+  // Virtual clock, for benches: replacements of a task's body and of the link; empty: the real
+  // ones.
   std::function<rt::TaskBody*(tasks::TaskId, rt::TaskBody&)> wrap_body;
   std::function<rt::Actor*(rt::Actor&)> wrap_link;
 };
 
-// Set by the signal handler: ramp down, then stop. When it was asked for (host clock, 0: not yet), and
-// the request of the box's supervision, which the handler sets itself: no loop has to notice first.
+// Set by the signal handler: ramp down, then stop. The instant of the request (host clock, 0: none
+// yet), and the request to the box's supervision, which the handler sets itself so that no loop has
+// to notice it first.
 extern std::atomic<bool> g_stop_requested;
 extern std::atomic<std::int64_t> g_stop_asked_ns;
 extern std::atomic<std::atomic<bool>*> g_ramp_down;

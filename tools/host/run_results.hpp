@@ -106,7 +106,7 @@ struct OrdinaryShare {
 // nothing was admitted or measured.
 [[nodiscard]] std::string beyond_admission(const RunInfo&, const OperatorHalf&, const RobotHalf&);
 
-// Why the timing of this run says nothing about the tasks (run.measured 0); empty: it does. `metrics`
+// Why the timing of this run is not valid for the tasks (run.measured 0); empty: it is. `metrics`
 // holds platform.late_share.
 [[nodiscard]] std::string not_measured(const RunInfo&, const OperatorHalf&, const RobotHalf&,
                                        const Metrics& metrics);

@@ -1,4 +1,5 @@
-// Where the simulated robot truly was, for figures of a run on rendered images. Nothing of it ever reaches a task.
+// The simulated robot's true poses, for figures of a run on rendered images. No task ever gets any
+// of it.
 #pragma once
 
 #include <optional>
@@ -8,7 +9,8 @@
 
 namespace teletact {
 
-// At an instant of the operator's clock, between two looks of the console; none: before the first or after the last.
+// At an instant of the operator's clock, interpolated between two samples of the console; none:
+// before the first or after the last.
 [[nodiscard]] std::optional<perception::Pose2> true_base_at(const RobotHalf& robot, rt::Time at);
 // What the wheels alone said then; none: not recorded.
 [[nodiscard]] std::optional<perception::Pose2> odometry_at(const RobotHalf& robot, rt::Time at);

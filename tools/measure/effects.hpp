@@ -1,9 +1,10 @@
-// What each effect of the catalogue costs: thread CPU of the one that pays for it, of a run in which it is asked for less
-// that of the same run without it.
+// Cost of each effect of the catalogue: thread CPU of the task (or thread) that pays for it, in a
+// run that asks for the effect, minus the same in a run without it.
 //
-// The runs are of the default scene on the simulated clock, where the same keys give the same jobs to the last bit: of
-// each job the least of several rounds counts, so what else the machine did is left out. The floor below which a cost is
-// not told from none is what the same payer's cost differs by in runs that change what others pay for.
+// Both runs are of the default scene on the simulated clock, where the same keys give the same jobs
+// to the last bit. Of each job the least time of several rounds counts, which leaves out what else
+// the machine did. Costs below a floor can not be told from none. The floor is the difference in
+// the payer's cost between runs that differ only in effects which others pay for.
 #pragma once
 
 #include <ostream>

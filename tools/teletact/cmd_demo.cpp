@@ -237,7 +237,7 @@ int cmd_demo(int argc, char** argv) {
   if (o.stub_bodies && clock != "virtual")
     throw std::runtime_error("--bodies stub needs --clock virtual: give both");
   if (!o.fault_plan.empty() && !rt::kFaultsBuilt)
-    throw std::runtime_error("--faults: this build has none; configure with TELETACT_FAULTS=ON");
+    throw std::runtime_error("--faults: this build runs no fault plans (TELETACT_FAULTS=OFF)");
   if (o.stub_bodies && o.record) throw std::runtime_error("--record needs --bodies real");
   if (o.stub_bodies && !o.save_map.empty())
     throw std::runtime_error("--save-map needs --bodies real");

@@ -19,8 +19,8 @@ float share_of(int n, float fx, float fy, float fz) noexcept {
 
 constexpr std::uint8_t kDiffer = 255;  // no label
 
-// What eight nodes of one block say, node(n) of the n-th voxel from the first: their label with the sum of
-// their weights, each times its share; kDiffer where they do not say the same. Nodes without a vote abstain.
+// Vote of eight nodes of one block, node(n) of the n-th voxel from the first: their label, with the
+// sum of their weights times their shares; kDiffer if they differ. Nodes without a vote abstain.
 template <class Node>
 LabelVoxel agreed(Node&& node, float fx, float fy, float fz) noexcept {
   const LabelVoxel v[8] = {node(0),  node(1),  node(8),  node(9),
@@ -126,7 +126,7 @@ LabelVoxel MapReader::voted(const Vec3& p_W) noexcept {
           static_cast<std::uint8_t>(std::ceil(*most))};
 }
 
-// Of the nodes round those of a point's own cell the nearest that a vote was cast in, up to 1.5 voxels away.
+// Of the nodes round the point's own cell: the nearest one with a vote, up to 1.5 voxels away.
 LabelVoxel MapReader::nearest_vote(int i, int j, int k, const Vec3f& in_cell) noexcept {
   constexpr float kFar2 = 1.5F * 1.5F;
   LabelVoxel nearest;

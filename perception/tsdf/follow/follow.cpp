@@ -41,7 +41,8 @@ Grid grid_over(int u0, int v0, int u1, int v1, std::uint32_t frame) noexcept {
 
 }  // namespace
 
-// Readings of the grid that end in the box (voxels), how many; of those that end where the map is known fn(cell, offset along the ray, end in voxels, depth, pixel).
+// Counts the readings of the grid that end in the box (voxels). For those that end where the map is
+// known it calls fn(cell, offset along the ray, end in voxels, depth, pixel).
 template <class Fn>
 int FollowFrame::compare(const Place& place, const Eigen::AlignedBox3d& box, MapReader& reader,
                          Fn&& fn) const noexcept {
@@ -84,7 +85,8 @@ void FollowFrame::remember_eye(BlockPast& m) const noexcept {
   }
 }
 
-// How far readings from here may be off what was learned from elsewhere though nothing moved, m along a ray on the surface's normal.
+// Largest offset that readings from here may have against the history from elsewhere although
+// nothing moved, m along a ray on the surface's normal.
 double FollowFrame::view_doubt_m(std::int32_t block, const BlockPast& m) const noexcept {
   const BlockCoord c = store_.blocks.coord(block);
   const Vec3 middle = store_.voxel * Vec3(8.0 * c.x + 3.5, 8.0 * c.y + 3.5, 8.0 * c.z + 3.5);

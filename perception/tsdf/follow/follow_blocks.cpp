@@ -40,8 +40,8 @@ double FollowFrame::node_off(const UpdateCamera& cam, const float (&p0)[3], int 
   return static_cast<double>((depth - p[2]) * std::sqrt((1.0F + x * x) + y * y));
 }
 
-// By how much the block's surface is off, and how well that is known: error 0 where its nodes are too few to say; false: nothing
-// to be said.
+// Offset of the block's surface and its standard error; error 0: too few nodes to tell. False: no
+// judgement is possible.
 bool FollowFrame::look(const UpdateCamera& cam, std::int32_t block, Looked& out,
                        Vec3& slope) const noexcept {
   float p0[3];
@@ -89,7 +89,7 @@ bool FollowFrame::look(const UpdateCamera& cam, std::int32_t block, Looked& out,
   out.part = of.scatter > kAgree * noise + kTilt * std::abs(of.value);
   if (out.part && !apart_from_standing({offs.data(), count}, room, noise, count, of)) return false;
   if (std::abs(of.value) > kFast_m * slope.norm()) return false;
-  // Nodes behind each other share a reading as far as the ray does not slant; none has more than the block's pixels.
+  // Nodes behind each other share a reading unless the ray is slanted; at most the block's pixels.
   const double px = store_.voxel * static_cast<double>(cam.fx) / z;
   const double slope2 = std::max(1.0, slope.squaredNorm());
   const double step_px = px * std::sqrt(1 - 1 / slope2);  // from node to node along the normal
@@ -103,9 +103,10 @@ bool FollowFrame::look(const UpdateCamera& cam, std::int32_t block, Looked& out,
   return true;
 }
 
-// Whether what was seen of the block is more than noise, than what the camera's error explains and than what another view may say.
+// True if the block's offset exceeds noise, the camera's error, and the possible difference between
+// views.
 bool FollowFrame::is_off(Looked& it, const Vec3& slope, double view_doubt) noexcept {
-  // Once it moves it is kept where it is seen, whatever is left to go, until it has been still for a while.
+  // A block that moves is kept where it is seen until it has been still for a while.
   const bool moving = moves(store_.blocks.past(it.block));
   const double least =
       moving ? std::max(kLeastMoving_m, kErrorsMoving * it.error_m) : threshold_m(it.error_m);
@@ -154,7 +155,8 @@ bool FollowFrame::look_round(const UpdateCamera& cam, std::int32_t block) noexce
   return any;
 }
 
-// Each is moved by the mean of itself and of those of its neighbours that say the same; one of few nodes by theirs.
+// Each block moves by the mean of its own offset and those of its neighbours that agree; a block
+// with few nodes by theirs alone.
 void FollowFrame::smooth() noexcept {
   for (int n = 0; n < s_.looked_count; ++n) {
     Looked& it = s_.looked[static_cast<std::size_t>(n)];

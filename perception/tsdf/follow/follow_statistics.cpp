@@ -11,7 +11,8 @@ namespace {
 
 using Square = Eigen::Matrix<double, 6, 6>;
 
-// Of an even number the upper of the two in the middle: rt::quantile() has the lower, and another median moves the map.
+// Median; of an even number the upper of the two in the middle. (rt::quantile() takes the lower;
+// that would change the map.)
 double median(std::span<double> v) noexcept {
   const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
   std::nth_element(v.begin(), middle, v.end());

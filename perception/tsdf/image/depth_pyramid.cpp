@@ -27,8 +27,8 @@ struct RowRule {
   std::int32_t edge_base_mm, edge_per_q16, max_mm;
 };
 
-// Five padded rows, [2] the pixel's own, in; one row of pixels without reach out. All in int32 and without a
-// branch, so that the compiler makes vectors of it.
+// Input: five padded rows, [2] is the pixel's own. Output: one row of pixels without reach. All in
+// int32 and without a branch, so that the compiler vectorises it.
 TELETACT_CLONES
 void classify_row(const std::uint16_t* const (&rows)[5], int width, RowRule rule,
                   std::uint32_t* out) noexcept {
@@ -127,7 +127,7 @@ int count_fused(const std::uint32_t* p, int n) noexcept {
 
 using Range = DepthPyramid::Range;
 
-// A tile holds the least reading and how far the greatest is below 65535: both are joined by a minimum.
+// A tile holds its least reading, and 65535 minus its greatest, so that both combine by a minimum.
 using Tile = DepthPyramid::Tile;
 
 Tile merged(Tile a, Tile b) noexcept {

@@ -19,7 +19,8 @@
 namespace perception {
 namespace {
 
-// Whether the map lacks the block at `b` (relative to base). Beyond the directory: yes; the map decides.
+// True if the map lacks the block at `b` (relative to base). Beyond the directory: true; then the
+// map itself is asked.
 inline bool missing(const BandJob& job, const std::int32_t (&b)[3]) noexcept {
   const int cx = (b[0] >> 3) - job.corner[0], cy = (b[1] >> 3) - job.corner[1],
             cz = (b[2] >> 3) - job.corner[2];

@@ -1,7 +1,9 @@
-// The second phase of segmentation: label images into the map (perception/segmentation/label_vote.hpp).
+// The second phase of segmentation: votes of a label image in the map
+// (perception/segmentation/label_vote.hpp).
 //
-// A block that holds no label gets room for them when the image shows one in it; what background would have said there in the
-// images so far is then taken from the voxel's own observations.
+// A block without labels gets room for them when the image shows a label in it. The votes that
+// background would have cast in the images so far are then derived from the voxel's own
+// observations.
 // Thread: of the map's writer. No allocation.
 #pragma once
 
@@ -26,7 +28,8 @@ struct LabelStats {
 
 class LabelVoter {
  public:
-  // All of them are the map's and stay as long; the pyramid holds the image of the frame that is viewed.
+  // All of them belong to the map and must outlive this object; the pyramid holds the image of the
+  // frame that is viewed.
   LabelVoter(MapStore& store, const ViewedBlocks& viewed, const DepthPyramid& pyramid) noexcept
       : store_(store), viewed_(viewed), pyramid_(pyramid) {}
 

@@ -1,6 +1,6 @@
-// The map's surface for a viewer, kept up to date by what has changed: the triangles of whole blocks, each
-// message a few of them. What the viewer has of a block is replaced whole; a block that is gone, or has no
-// surface any more, is replaced by nothing.
+// Keeps a viewer's mesh of the map up to date. A message carries the triangles of a few changed
+// blocks. It replaces all that the viewer has of a block; a block that is gone, or has no surface
+// any more, is replaced by nothing.
 //
 //   sender     MeshSender, beside the map's writer. Every call looks on from where the last one stopped, so
 //              no block starves, and cuts at most a given number of blocks; what has not changed since it was
@@ -8,11 +8,11 @@
 //   message    MeshDelta: plain data, bounded.
 //   receiver   MeshStore: what a viewer holds. Any thread of its own; allocates.
 //
-// The sum of the messages of a map at rest is extract_mesh() of it without refinement (vertices are where the
-// two nodes of their edge say), with weights from two observations on: triangle for triangle.
-// A block that is put away far from the camera (TsdfMap::page) leaves the mesh, and returns with the block.
-// Nothing may be lost on the way: the next message is made when the one before was taken. A receiver that has
-// lost one, or has just come, gets all of it again (MeshSender::restart).
+// The sum of all messages of a map at rest is extract_mesh() without refinement (vertices are where
+// the two nodes of their edge put them), with weights from two observations on: triangle for
+// triangle. A block that is compressed far from the camera (TsdfMap::page) leaves the mesh and
+// returns with the block. No message may be lost: the next one is made after the previous one was
+// taken. A receiver that has lost one, or is new, gets the whole mesh again (MeshSender::restart).
 //
 // Marching cubes: mesh.hpp. Frames: W, m.
 #pragma once

@@ -1,16 +1,18 @@
-// Vertices onto the surface that their neighbourhood agrees on.
+// Moves vertices onto the surface that their neighbourhood agrees on.
 //
-// Marching cubes puts a vertex where the two nodes of one grid edge say the surface is: the noise of two voxels.
-// The nodes beside them saw other pixels. So each vertex is moved along its normal onto a surface of second order
-// through the vertices about it (moving least squares, Alexa et al. 2003), each weighed by
+// Marching cubes puts a vertex where the two nodes of one grid edge place the surface, so it has
+// the noise of two voxels. The neighbouring nodes saw other pixels. So each vertex is moved along
+// its normal onto a surface of second order through the vertices round it (moving least squares,
+// Alexa et al. 2003), with these weights:
 //
 //   distance   (1 - r^2 / R^2)^2, R = radius
 //   normal     ((c - c_g) / (1 - c_g))^2, c = cosine between the two, c_g = cosine of most_angle: not round an edge
 //   offset     (1 - z^2 / voxel^2)^2, z = across: not from one step to the next
 //   readings   how many the vertex rests on
 //
-// The curvature counts as far as it exceeds its own standard error; else the surface is the plane, which is
-// steadier. No vertex moves farther than the noise of its own readings explains: what many readings say stays.
+// Curvature counts as far as it exceeds its own standard error; without it the surface is a plane,
+// which is less noisy. No vertex moves farther than the noise of its own readings explains, so a
+// vertex with many readings stays.
 #pragma once
 
 #include <span>

@@ -1,5 +1,5 @@
-// One block of the map as few bytes, without loss: for what is put away far from the camera and for map
-// files. The same block always gives the same bytes.
+// Lossless compression of one block of the map, for blocks far from the camera and for map files.
+// The same block always gives the same bytes.
 //
 //   flags      bit 0: there are colours; bit 1: there are labels
 //   free       of the 8 words: which are not 0, which are all ones (one bit each), then the others as they are
@@ -10,9 +10,9 @@
 //   labels     label, weight of all 512, each against the one before
 //
 // Numbers are residuals, sign folded into bit 0, in groups of 16: 5 bits of width, then so many bits each.
-// Decoding reads bytes of anybody: it never reads beyond them, and refuses what the map can not hold
-// (weights above their cap, a distance of -32768, more coloured readings than readings, a colour without one,
-// labels above kMostLabel) and what is left over.
+// Decoding accepts any bytes and never reads beyond them. It refuses values that the map can not
+// hold (weights above their cap, a distance of -32768, more coloured readings than readings, a
+// colour without one, labels above kMostLabel) and bytes that are left over.
 #pragma once
 
 #include <array>

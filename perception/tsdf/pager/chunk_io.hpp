@@ -1,4 +1,4 @@
-// A chunk of the pools as a record (chunk_record.hpp), and back.
+// Writes a chunk of the pools as a record (chunk_record.hpp), and reads it back.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,6 @@
-// Where chunks far from the camera are put away: records of bytes in a pool of fixed pages, taken and
-// touched at start. A record is found by the chunk's coordinates. Nothing in it is ever moved.
+// Storage of compressed chunks far from the camera: records of bytes in a pool of fixed pages,
+// allocated and touched at start. A record is found by its chunk's coordinates. Nothing in it is
+// ever moved.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,5 @@
-// Whole chunks as records (chunk_record.hpp), for map files: near and put away alike. Not for the frame step.
+// Whole chunks as records (chunk_record.hpp) for map files, near and compressed alike. Not for use
+// within a frame.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,6 @@
-// Chunks far from the camera are put away, compressed without loss (block_codec.hpp), and come back on approach. Readers see only
-// what is in the pools. Nothing that the last image showed is put away.
+// Compresses chunks far from the camera without loss (block_codec.hpp) and restores them on
+// approach. Readers see only what is in the pools. Nothing that the last image showed is
+// compressed.
 //
 // Frames    W: anchors, boxes, cameras' poses X_WC. Distances in m, to a chunk's nearest point.
 // Full      a full pool or store loses nothing that is in it: counted in PageStats.
@@ -23,28 +24,31 @@ struct BlockImage;  // block_codec.hpp
 
 class Pager {
  public:
-  // store and viewed are the map's; they stay as long.
+  // store and viewed belong to the map and must outlive this object.
   Pager(rt::NonRealtime&, MapStore& store, ViewedBlocks& viewed);
   ~Pager();
   Pager(const Pager&) = delete;
   Pager& operator=(const Pager&) = delete;
 
-  // Once a frame: puts away what lies beyond far_m of every anchor (camera, hand) and out of the last
-  // image, brings back what an anchor has come near to. Each of the two ends when about block_budget
-  // blocks were moved; one chunk more than that may be.
+  // Once a frame: compresses chunks that lie beyond far_m of every anchor (camera, hand) and out of
+  // the last image, and restores chunks that an anchor has come near to. Each of the two stops
+  // after about block_budget blocks, at most one chunk more.
   PageStats page(std::span<const Vec3> anchors_W, int block_budget) noexcept;
-  // Brings back what this camera can see; where the pool is full, puts away what is farthest from it and
-  // not in view. `waiting` or `refused` tell that it is not all there yet.
+  // Restores the chunks that this camera can see. If the pool is full it compresses those that are
+  // farthest from it and not in view. `waiting` or `refused` tell that something is still missing.
   PageStats fetch_view(const Intrinsics& k, const Pose& X_WC, int block_budget) noexcept;
-  // Brings back what these boxes see as far as the pool has room, and adds to the counts. evict: as fetch_view().
+  // Restores the chunks that these boxes see as far as the pool has room, and adds to the counts.
+  // evict: as in fetch_view().
   void fetch_boxes(const CameraBoxes& boxes, const Vec3& centre_W, int budget, bool evict,
                    PageStats& stats) noexcept;
   enum class Held : std::uint8_t { kNo, kBack, kNoRoom };
   // The chunk, if it was put away, is brought back. kNo: it was not.
   Held bring(int cx, int cy, int cz, PageStats& stats) noexcept;
-  // Those that reach into the box come back for it to be cleared; the others in it, and those without room, are forgotten.
+  // Restores the chunks that reach into the box, so that it can be cleared. Those wholly inside,
+  // and those without room, are forgotten.
   void clear_region(const Eigen::AlignedBox3d& box_W) noexcept;
-  // What is put away forgets it when it comes back, also when the number is another object's by then.
+  // Compressed chunks forget this label when they are restored, even if its number belongs to
+  // another object by then.
   void forget_label(std::uint8_t label) noexcept;
   void clear() noexcept { far_.clear(); }
 
@@ -63,7 +67,7 @@ class Pager {
   [[nodiscard]] bool put_away(std::int32_t number) noexcept;
   // Of a record that fits.
   void bring_back(std::int32_t record, PageStats& stats) noexcept;
-  // Puts away what is farthest from `centre_W` and not in view, until the record fits.
+  // Compresses chunks that are farthest from `centre_W` and not in view, until the record fits.
   bool make_room(const FarStore::Record& r, const CameraBoxes& boxes, const Vec3& centre_W,
                  PageStats& stats) noexcept;
   [[nodiscard]] bool seen_from(const CameraBoxes& boxes, BlockCoord chunk) const noexcept;

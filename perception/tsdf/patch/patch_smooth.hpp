@@ -1,8 +1,10 @@
-// The field round the hand onto the surface that its neighbourhood agrees on.
+// Smooths the field round the hand: each node moves to the surface that its neighbourhood agrees
+// on.
 //
-// A node of the map is the mean of what its own pixels said: whole millimetres, one pixel of a slanted face after the
-// other, noise. The nodes beside it were told by other pixels. So each node near the hand and near the surface takes the
-// value of a surface of second order through the nodes about it (moving least squares, Levin 1998; Alexa et al. 2003):
+// A node of the map is the mean of what its own pixels said: whole millimetres, pixels of a slanted
+// face one after the other, and noise. The neighbouring nodes saw other pixels. So each node near
+// the hand and near the surface takes the value of a surface of second order through the nodes
+// round it (moving least squares, Levin 1998; Alexa et al. 2003):
 //
 //   d(o) = a + g.o + q (n.o)^2 + k (c1 t1^2 + c2 t1 t2 + c3 t2^2),   n = g / |g|, t1, t2 across it
 //
@@ -12,10 +14,10 @@
 //   residual kNoise voxels of RMS are noise and are taken out, kShape are shape and stay as they are; between them,
 //            smoothly less. At a crease, a rim, a thin wall nothing changes by a bit.
 //
-// What a node becomes depends on the map alone; how much of it is taken fades out from .65 reach to reach voxels of the
-// hand. Units: voxels, fractions of the truncation as SurfacePatch has them. No allocation, no lock.
-// Cost: nodes within reach of the hand whose cells the surface goes through, some 180 neighbours each; none where there
-// is no surface.
+// The new value of a node depends on the map alone. How much of it is used fades out from .65 reach
+// to reach voxels of the hand. Units: voxels, fractions of the truncation as in SurfacePatch. No
+// allocation, no lock. Cost: nodes within reach of the hand whose cells the surface passes through,
+// some 180 neighbours each; none where there is no surface.
 #pragma once
 
 #include <array>
@@ -41,9 +43,10 @@ class PatchSmoother {
  public:
   PatchSmoother(rt::NonRealtime&, const SmoothOptions& options);
 
-  // Changes distance and free bits of observed nodes; a patch that is not one (nodes, voxel_size) stays as it is.
+  // Changes distance and free bits of observed nodes. A malformed patch (nodes, voxel_size) stays
+  // as it is.
   SmoothStats smooth(const Vec3& hand_W, SurfacePatch& patch) noexcept;
-  // What a node becomes without fading, in units of the patch; of one that is not observed: 0.
+  // The new value of a node without fading, in units of the patch; 0 for an unobserved node.
   [[nodiscard]] float node(const SurfacePatch& patch, int ix, int iy, int iz) noexcept;
 
  private:

@@ -190,8 +190,10 @@ TEST(RunResults, OrdinaryThreadsBeyondWhatAdmissionCanSpareAreAProblem) {
   EXPECT_EQ(teletact::beyond_admission(info, op, robot), "") << ".01 and .05 are covered";
   info.admission.spare = 0.059;
   const std::string said = teletact::beyond_admission(info, op, robot);
-  EXPECT_NE(said.find("link 0.040 of a core for 0.030, camera_twin 0.250 of a core for 0.200"),
-            std::string::npos)
+  EXPECT_NE(
+      said.find(
+          "link 0.040 of a core, declared 0.030, camera_twin 0.250 of a core, declared 0.200"),
+      std::string::npos)
       << said;
   EXPECT_NE(said.find("0.060 of a core beyond what was declared; the admitted cores have 0.059"),
             std::string::npos)

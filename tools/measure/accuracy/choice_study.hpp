@@ -1,9 +1,9 @@
 // teletact accuracy choice: are the parameters of segmentation fitted to the data that judges them?
 //
-// Draws settings about the default, each value times 2^u, u uniform in [-.7, .7], and scores each on the 1st, 3rd, ... and on
-// the 2nd, 4th, ... image. Whoever chooses on one half has seen nothing of the other: what the choice is worth there is what a
-// choice on such data is worth. The default has been chosen with an eye on both: it may be no worse, and if it were much better
-// it would be fitted.
+// Draws settings round the default, each value times 2^u with u uniform in [-.7, .7]. Scores each
+// on the odd images and on the even ones. A choice on one half has not seen the other half; its
+// result there shows what a choice on such data is worth. The default was chosen with an eye on
+// both halves. It must not be worse than that, and if it were much better it would be overfitted.
 //   images, segmentations    whole images against people (bench table2): PRI - GCE - VOI / 10 bit - BDE / 100 px
 //   rgb, depth, label        one touch (bench segmentation): mean IoU
 #pragma once

@@ -1,4 +1,4 @@
-// The images of a moving sample with the truth of every pixel, and the same way without the mover.
+// The images of a moving sample with the truth of every pixel, and the same film without the mover.
 //
 //   moving   a pixel of the mover, a point of which was displaced by at least max(50 mm, 6 sigma of a reading there) since
 //            it last rested (not moved for 20 frames), or since the first frame

@@ -14,7 +14,8 @@ class MovingGhosts {
  public:
   MovingGhosts(rt::NonRealtime& nrt, const MovingSample& sample, const MovingFilm& film);
 
-  // A frame that the run did not claim sees nothing free: nobody knew where it looked. Before: all are claimed.
+  // A frame that the run did not claim sees nothing free, since its pose is unknown. Before that:
+  // all frames are claimed.
   void claimed(int frame, bool claimed) { claimed_[static_cast<std::size_t>(frame)] = claimed; }
 
   // cm^3: cells of 10 mm that hold a vertex more than 30 mm off every true surface at this frame, in the volume

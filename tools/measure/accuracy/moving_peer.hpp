@@ -1,5 +1,5 @@
-// Other projects' dense mappers on the frames of a moving sample, where they are installed (tools/measure/bench/peer/): what a
-// thing that moves does to them.
+// Runs other projects' dense mappers on the frames of a moving sample, where they are installed
+// (tools/measure/bench/peer/), to show what a moving thing does to them.
 #pragma once
 
 #include <string>

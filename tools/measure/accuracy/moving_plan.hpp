@@ -5,7 +5,8 @@
 
 namespace teletact {
 
-// What is drawn once for a sample and held while the rest is drawn again, so that what is hard to place is not left out.
+// Values that are drawn once for a sample and held while the rest is drawn again, so that samples
+// which are hard to place are not left out.
 struct MovingKind {
   MoverKind kind = MoverKind::kBox;
   bool low = true, from_rest = true;
@@ -42,8 +43,8 @@ struct MovingPlan {
 [[nodiscard]] MovingSample build_sample(const MovingPlan& plan, const drivers::WorldConfig& room,
                                         double size_m);
 
-// Leaves out what stands in the mover's or the camera's way, of `room` (by name). False: mover or camera meet a
-// wall, the floor, the ceiling, or each other.
+// Removes the things of `room` (by name) that stand in the mover's or the camera's way. False:
+// mover or camera meet a wall, the floor, the ceiling, or each other.
 [[nodiscard]] bool make_way(rt::NonRealtime& nrt, const MovingSample& sample,
                             drivers::WorldConfig& room);
 

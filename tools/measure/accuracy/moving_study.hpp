@@ -39,8 +39,8 @@ struct MovingRow {
   [[nodiscard]] bool hopeless() const { return !sample.from_rest && share >= 0.40; }
 };
 
-// A limit on a figure of some of the runs. Worst and median are over them; a figure that is NaN is not judged: a run
-// that claims nothing has no error, and fails by its claimed share alone.
+// A limit on a figure of some of the runs, with its worst value and median. A figure that is NaN is
+// not judged: a run without claims has no error, and fails by its claimed share alone.
 struct MovingCheck {
   std::string name;  // of the metric, below moving.
   std::string what;  // the requirement in words

@@ -1,5 +1,5 @@
-// What accuracy costs. A study runs a method over data at named settings of its knobs and keeps, for each,
-// figures of error and of cost; the same rows become a table, metrics and plots.
+// Accuracy against cost. A study runs a method over data at named settings of its parameters and
+// keeps figures of error and cost for each. The same rows become a table, metrics and plots.
 //
 //   row      one setting on one data set: "room", "voxel_20mm", its figures
 //   default  the setting that the product runs with; marked in table and plot

@@ -1,4 +1,4 @@
-// How far a fused surface is from the solids it was fused from.
+// Distance of a fused surface from the solids that it was fused from.
 //
 //   error         of a vertex: distance to the nearest surface of the world, |World::signed_distance|. All
 //                 vertices count, none is trimmed

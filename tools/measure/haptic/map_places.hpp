@@ -1,6 +1,7 @@
 // Places of a fused map that a hand may touch.
 //
-// A place is found by probing the field alone: about a point of a ray cast of the map, on a plane fitted there.
+// A place is found from the field alone, by probing round a point of a ray cast of the map, on a
+// plane fitted there.
 //   wall    upright, nine tenths of the surface within 10 mm of the plane for 100 mm around
 //   top     level, nine tenths within 4 mm for 50 mm around
 //   edge    in one direction the surface ends within 70 mm, and behind that it is free 50 mm down; its side

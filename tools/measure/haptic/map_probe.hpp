@@ -1,5 +1,5 @@
-// What a fused map holds at any point, and ways through what it has seen free. An observer of its own: it shares
-// nothing with the renderer.
+// Reads a fused map at any point and finds paths through space that it has seen free. An
+// independent observer: it shares no code with the renderer.
 // Frames: W world (= map).  SI.
 #pragma once
 

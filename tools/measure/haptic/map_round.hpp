@@ -1,4 +1,5 @@
-// Which places of a fused map a hand touches, one after another, and how it gets from each to the next.
+// Chooses the places of a fused map that a hand touches one after another, and the paths between
+// them.
 // Frames: W world (= map).  SI.
 #pragma once
 

@@ -1,5 +1,5 @@
-// Did the proxy go through the surface? Judged from the windows and the blend alone, with an interpolation of its own:
-// nothing is shared with the renderer.
+// Checks whether the proxy went through the surface. It uses only the windows and the blend, with
+// its own interpolation, and shares no code with the renderer.
 //
 //   sunk     a contact tick with phi(p) < -0.5 mm on the blended field
 //   flipped  (p - h) . n_entry changed its sign without a free tick in between; n_entry is the direction of p - h

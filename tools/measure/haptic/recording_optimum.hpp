@@ -1,6 +1,7 @@
-// The field's optimum on the hand and the windows of a recording: does it jump or turn where the product did? It rests
-// at the path-constrained nearest point to the hand on the blended windows (tools/measure/support/field_optimum.hpp), and is
-// asked in those contacts alone in which the product missed a limit: it takes a thousand times a tick's time.
+// The field's optimum on the hand and the windows of a recording: does it jump or turn where the
+// product did? The optimum rests at the path-constrained nearest point to the hand on the blended
+// windows (tools/measure/support/field_optimum.hpp). It is computed only for contacts in which the
+// product missed a limit, because it takes a thousand times as long as a tick.
 // Frames: W world (= map).  SI.
 #pragma once
 

@@ -16,7 +16,8 @@ struct Held {
   double residual = 0, controller = 0, energy = 0;
   std::optional<Twin> then;  // the device and the hand as they were at `then_s` of along()
 };
-// The hand's goal goes along the way, then rests: so long after the last event the device has to be at rest.
+// The hand's goal moves along the path, then rests. The device must be at rest this long after the
+// last event.
 inline constexpr double kRest_s = 2,
                         kRestAtLimit_s = 7;  // damped well; where the loop only just damps
 [[nodiscard]] Held along(rig::Rig& r, const Body& body, const Grip& grip, const rig::Path& path,
