@@ -14,6 +14,57 @@
 
 namespace perception {
 
+namespace {
+
+// Quarter, half, quarter, along a row; where some pixel has no colour, of those that have one.
+template <bool kLacking>
+void smooth_along(const float* in, const std::uint8_t* known, int n, float* out) noexcept {
+  if constexpr (kLacking) {
+    for (int i = 0; i < n; ++i) {
+      const float left = i > 0 && known[i - 1] != 0 ? in[i - 1] : in[i];
+      const float right = i + 1 < n && known[i + 1] != 0 ? in[i + 1] : in[i];
+      out[i] = 0.25F * (left + right) + 0.5F * in[i];
+    }
+  } else {
+    out[0] = 0.25F * (in[0] + in[1]) + 0.5F * in[0];
+    TELETACT_IVDEP
+    for (int i = 1; i < n - 1; ++i) out[i] = 0.25F * (in[i - 1] + in[i + 1]) + 0.5F * in[i];
+    out[n - 1] = 0.25F * (in[n - 2] + in[n - 1]) + 0.5F * in[n - 1];
+  }
+}
+
+struct Rows {
+  float *above, *row;  // above: as it was before it was smoothed
+  const float* below;
+};
+struct KnownRows {  // 0: no colour; read only where some pixel has none
+  const std::uint8_t *above, *below;
+};
+// The same from row to row, in place; `above` becomes this row as it was before.
+template <bool kLacking>
+void smooth_across(const Rows& rows, const KnownRows& known, int n) noexcept {
+  float *above = rows.above, *row = rows.row;
+  const float* below = rows.below;
+  if constexpr (kLacking) {
+    for (int i = 0; i < n; ++i) {
+      const float here = row[i];
+      const float up = known.above[i] != 0 ? above[i] : here;
+      const float down = known.below[i] != 0 ? below[i] : here;
+      row[i] = 0.25F * (up + down) + 0.5F * here;
+      above[i] = here;
+    }
+  } else {
+    TELETACT_IVDEP
+    for (int i = 0; i < n; ++i) {
+      const float here = row[i];
+      row[i] = 0.25F * (above[i] + below[i]) + 0.5F * here;
+      above[i] = here;
+    }
+  }
+}
+
+}  // namespace
+
 struct OutlineRefiner::Half {
   int u0, v0;         // of the box in the window
   int width, height;  // of the box
@@ -114,54 +165,25 @@ void OutlineRefiner::convert(ImageView<const Rgb> rgb, const Half& half) noexcep
       if (x > first) fn(2 * first, 2 * (x - first));
     }
   };
+  const auto known_at = [&](int u, int v) -> const std::uint8_t* {
+    return kLacking ? known_.data() + static_cast<std::ptrdiff_t>(v) * w + u : nullptr;
+  };
   for (int v = 0; v < h; ++v) {
     each_run(v, [&](int u, int n) {
       lab_row(rgb.row(v) + u, n, raw_[0].data(), raw_[1].data(), raw_[2].data());
-      for (std::size_t k = 0; k < 3; ++k) {
-        const float* in = raw_[k].data();
-        float* out = lab_[k].data() + static_cast<std::ptrdiff_t>(v) * w + u;
-        if (kLacking) {
-          const std::uint8_t* known = known_.data() + static_cast<std::ptrdiff_t>(v) * w + u;
-          for (int i = 0; i < n; ++i) {
-            const float left = i > 0 && known[i - 1] != 0 ? in[i - 1] : in[i];
-            const float right = i + 1 < n && known[i + 1] != 0 ? in[i + 1] : in[i];
-            out[i] = 0.25F * (left + right) + 0.5F * in[i];
-          }
-          continue;
-        }
-        out[0] = 0.25F * (in[0] + in[1]) + 0.5F * in[0];
-        TELETACT_IVDEP
-        for (int i = 1; i < n - 1; ++i) out[i] = 0.25F * (in[i - 1] + in[i + 1]) + 0.5F * in[i];
-        out[n - 1] = 0.25F * (in[n - 2] + in[n - 1]) + 0.5F * in[n - 1];
-      }
+      for (std::size_t k = 0; k < 3; ++k)
+        smooth_along<kLacking>(raw_[k].data(), known_at(u, v), n,
+                               lab_[k].data() + static_cast<std::ptrdiff_t>(v) * w + u);
     });
   }
   for (int v = 0; v < h; ++v) {
     each_run(v, [&](int u, int n) {
+      const KnownRows known{known_at(u, std::max(v - 1, 0)), known_at(u, std::min(v + 1, h - 1))};
       for (std::size_t k = 0; k < 3; ++k) {
         float* row = lab_[k].data() + static_cast<std::ptrdiff_t>(v) * w + u;
-        const float* below = v + 1 < h ? row + w : row;
         float* above = above_[k].data() + u;
         if (v == 0) std::copy_n(row, n, above);
-        if (kLacking) {
-          const std::uint8_t* known = known_.data() + static_cast<std::ptrdiff_t>(v) * w + u;
-          const std::uint8_t* known_above = v > 0 ? known - w : known;
-          const std::uint8_t* known_below = v + 1 < h ? known + w : known;
-          for (int i = 0; i < n; ++i) {
-            const float here = row[i];
-            const float up = known_above[i] != 0 ? above[i] : here;
-            const float down = known_below[i] != 0 ? below[i] : here;
-            row[i] = 0.25F * (up + down) + 0.5F * here;
-            above[i] = here;
-          }
-          continue;
-        }
-        TELETACT_IVDEP
-        for (int i = 0; i < n; ++i) {
-          const float here = row[i];
-          row[i] = 0.25F * (above[i] + below[i]) + 0.5F * here;
-          above[i] = here;
-        }
+        smooth_across<kLacking>({above, row, v + 1 < h ? row + w : row}, known, n);
       }
     });
   }

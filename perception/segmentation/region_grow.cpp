@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "perception/segmentation/four_neighbours.hpp"
+
 namespace perception {
 
 PointImage::PointImage(int max_width, int max_height) {
@@ -111,10 +113,9 @@ int RegionGrower::grow(const LabImage& lab, const PointImage* points, int seed,
   lab_ = &lab;
   points_ = points;
   width_ = lab.width();
-  const int n = width_ * lab.height();
+  size_ = width_ * lab.height();
   seed_ = seed_place_ = seed;
   beta_ = static_cast<double>(config.m / (points != nullptr ? config.g_mm : config.g_px));
-  const float threshold = points != nullptr ? config.threshold : config.threshold_flat;
   mean_ = {};
   heap_.clear();
   members_.clear();
@@ -123,26 +124,33 @@ int RegionGrower::grow(const LabImage& lab, const PointImage* points, int seed,
     seed_place_ = nearest_reading(points->z_mm(), width_, lab.height(), seed);
     if (seed_place_ < 0) return 0;
   }
-  std::fill_n(seen_.begin(), n, std::uint8_t{0});
-  const auto reach = [&](int i) {
-    const int u = i % width_;
-    const int around[4] = {i - width_, u > 0 ? i - 1 : -1, u < width_ - 1 ? i + 1 : -1,
-                           i + width_ < n ? i + width_ : -1};
-    for (const int j : around) {
-      if (j < 0 || seen_[static_cast<std::size_t>(j)]) continue;
-      seen_[static_cast<std::size_t>(j)] = 1;
-      if (points != nullptr && !(points->z_mm()[j] > 0)) continue;
-      heap_.push_back({distance(j), j});
-      std::push_heap(heap_.begin(), heap_.end());
-    }
-  };
+  std::fill_n(seen_.begin(), size_, std::uint8_t{0});
   seen_[static_cast<std::size_t>(seed)] = 1;
   join(seed, 0);
   reach(seed);
-  const auto refresh = [&] {
-    for (Waiting& other : heap_) other.d = distance(other.i);
-    std::make_heap(heap_.begin(), heap_.end());
-  };
+  join_nearest(points != nullptr ? config.threshold : config.threshold_flat);
+  return static_cast<int>(members_.size());
+}
+
+// The neighbours of a member wait to join.
+void RegionGrower::reach(int i) noexcept {
+  for (const int j : four_neighbours(i, width_, size_)) {
+    if (j < 0 || seen_[static_cast<std::size_t>(j)]) continue;
+    seen_[static_cast<std::size_t>(j)] = 1;
+    if (points_ != nullptr && !(points_->z_mm()[j] > 0)) continue;
+    heap_.push_back({distance(j), j});
+    std::push_heap(heap_.begin(), heap_.end());
+  }
+}
+
+// The region's means have moved: the distances of all that wait are taken anew.
+void RegionGrower::refresh() noexcept {
+  for (Waiting& other : heap_) other.d = distance(other.i);
+  std::make_heap(heap_.begin(), heap_.end());
+}
+
+// The nearest one joins, until none is nearer than the threshold.
+void RegionGrower::join_nearest(float threshold) noexcept {
   // Between two refreshes the region grows by a twentieth, so its means hardly move.
   std::size_t next_refresh = 2;
   while (!heap_.empty()) {
@@ -170,7 +178,6 @@ int RegionGrower::grow(const LabImage& lab, const PointImage* points, int seed,
     join(next.i, next.d);
     reach(next.i);
   }
-  return static_cast<int>(members_.size());
 }
 
 }  // namespace perception

@@ -72,10 +72,13 @@ class RegionGrower {
   void place(int i, double p[3]) const noexcept;
   [[nodiscard]] float distance(int i) const noexcept;
   void join(int i, float d) noexcept;
+  void reach(int i) noexcept;
+  void refresh() noexcept;
+  void join_nearest(float threshold) noexcept;
 
   const LabImage* lab_ = nullptr;
   const PointImage* points_ = nullptr;
-  int width_ = 0, seed_ = 0, seed_place_ = 0;
+  int width_ = 0, size_ = 0, seed_ = 0, seed_place_ = 0;
   double beta_ = 0;
   Mean mean_;
   std::vector<Waiting> heap_;

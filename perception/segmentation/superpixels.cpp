@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "perception/segmentation/four_neighbours.hpp"
 #include "perception/segmentation/superpixel_kernel.hpp"
 
 namespace perception {
@@ -162,10 +163,8 @@ void Superpixels::connect(std::span<const float* const> planes, int min_pixels) 
     queue_[static_cast<std::size_t>(tail++)] = first;
     labels_[static_cast<std::size_t>(first)] = count_;
     while (head < tail) {
-      const int i = queue_[static_cast<std::size_t>(head++)], u = i % width_;
-      const int around[4] = {i - width_, u > 0 ? i - 1 : -1, u < width_ - 1 ? i + 1 : -1,
-                             i + width_ < n ? i + width_ : -1};
-      for (const int j : around) {
+      const int i = queue_[static_cast<std::size_t>(head++)];
+      for (const int j : four_neighbours(i, width_, n)) {
         if (j < 0) continue;
         const auto k = static_cast<std::size_t>(j);
         if (labels_[k] < 0 && nearest_[k] == seed) {

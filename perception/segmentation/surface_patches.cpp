@@ -12,6 +12,79 @@ namespace {
 // Pixels, readings, L, a, b, x y z, moments of (x, y, 1) and of 1/z, pixels with colour.
 constexpr int kSums = 17;
 
+// Of a run of one piece's pixels in a row: a piece's sums are fetched and put back once a run.
+struct RunSums {
+  double pixels = 0, readings = 0, coloured = 0;
+  double L = 0, a = 0, b = 0;
+  double xz = 0, z = 0, xx = 0, x = 0, xq = 0, q = 0;  // q = 1 / z
+
+  void add(const Lab& lab) noexcept {
+    L += static_cast<double>(lab.L);
+    a += static_cast<double>(lab.a);
+    b += static_cast<double>(lab.b);
+    coloured += 1;
+  }
+  void add(double x_, double z_) noexcept {
+    const double q_ = 1 / z_;
+    readings += 1;
+    xz += x_ * z_;
+    z += z_;
+    xx += x_ * x_;
+    x += x_;
+    xq += x_ * q_;
+    q += q_;
+  }
+  // Into the sums of the piece, for the row at `y`.
+  void put(double y, double* s) const noexcept {
+    s[0] += pixels;
+    s[1] += readings;
+    s[2] += L;
+    s[3] += a;
+    s[4] += b;
+    s[5] += xz;
+    s[6] += y * z;
+    s[7] += z;
+    s[8] += xx;
+    s[9] += y * x;
+    s[10] += x;
+    s[11] += y * y * readings;
+    s[12] += y * readings;
+    s[13] += xq;
+    s[14] += y * q;
+    s[15] += q;
+    s[16] += coloured;
+  }
+};
+
+// Mean colour, centre and plane of a piece from its sums; without enough readings no plane.
+SurfacePiece piece_of(const double* s, float min_readings) noexcept {
+  SurfacePiece p;
+  p.pixels = static_cast<int>(s[0]);
+  p.readings = static_cast<int>(s[1]);
+  p.coloured = static_cast<int>(s[16]);
+  if (p.coloured > 0) {
+    p.L = static_cast<float>(s[2] / s[16]);
+    p.a = static_cast<float>(s[3] / s[16]);
+    p.b = static_cast<float>(s[4] / s[16]);
+  }
+  if (s[1] < 6 || s[1] < static_cast<double>(min_readings) * s[0]) return p;
+  const double n = s[1];
+  p.centre = Vec3(s[5] / n, s[6] / n, s[7] / n).cast<float>();
+  // About the mean, so that the two slopes are a well-scaled 2 x 2 system.
+  const double mx = s[10] / n, my = s[12] / n, mq = s[15] / n;
+  const double xx = s[8] / n - mx * mx, xy = s[9] / n - mx * my, yy = s[11] / n - my * my;
+  const double xq = s[13] / n - mx * mq, yq = s[14] / n - my * mq;
+  const double det = xx * yy - xy * xy;
+  if (!(det > 1e-3 * xx * yy) || !(xx * yy > 0)) return p;
+  const double a = (yy * xq - xy * yq) / det, b = (xx * yq - xy * xq) / det;
+  const Vec3 plane(a, b, mq - a * mx - b * my);
+  const double length = plane.norm();
+  if (!(length > 1e-9) || !std::isfinite(length)) return p;
+  p.w = plane.cast<float>();
+  p.normal = (plane * (-1 / length)).cast<float>();
+  return p;
+}
+
 }  // namespace
 
 SurfacePatches::SurfacePatches(int max_width, int max_height)
@@ -101,78 +174,22 @@ void SurfacePatches::fit(float min_readings) noexcept {
   for (int v = 0; v < window_.height; ++v) {
     const auto y = static_cast<double>(y_of(v));
     const std::int32_t* label = labels().data() + static_cast<std::ptrdiff_t>(v) * w;
-    // Run by run of one piece's pixels: its sums are fetched and put back once a run.
     for (int u = 0; u < w;) {
       const std::int32_t piece = label[u];
-      double c[5] = {0, 0, 0, 0, 0}, r[7] = {0, 0, 0, 0, 0, 0, 0};
+      RunSums run;
       for (; u < w && label[u] == piece; ++u) {
         const int i = v * w + u;
-        c[0] += 1;
-        if (lab_.coloured(i)) {
-          const Lab lab = lab_.at(i);
-          c[1] += static_cast<double>(lab.L);
-          c[2] += static_cast<double>(lab.a);
-          c[3] += static_cast<double>(lab.b);
-          c[4] += 1;
-        }
+        run.pixels += 1;
+        if (lab_.coloured(i)) run.add(lab_.at(i));
         const auto z = static_cast<double>(z_[static_cast<std::size_t>(i)]);
-        if (!(z > 0)) continue;
-        const auto x = static_cast<double>(x_of(u));
-        const double q = 1 / z;
-        r[0] += 1;
-        r[1] += x * z;
-        r[2] += z;
-        r[3] += x * x;
-        r[4] += x;
-        r[5] += x * q;
-        r[6] += q;
+        if (z > 0) run.add(static_cast<double>(x_of(u)), z);
       }
-      double* s = &sums_[static_cast<std::size_t>(piece * kSums)];
-      s[0] += c[0];
-      s[1] += r[0];
-      for (int k = 0; k < 3; ++k) s[2 + k] += c[1 + k];
-      s[5] += r[1];
-      s[6] += y * r[2];
-      s[7] += r[2];
-      s[8] += r[3];
-      s[9] += y * r[4];
-      s[10] += r[4];
-      s[11] += y * y * r[0];
-      s[12] += y * r[0];
-      s[13] += r[5];
-      s[14] += y * r[6];
-      s[15] += r[6];
-      s[16] += c[4];
+      run.put(y, &sums_[static_cast<std::size_t>(piece * kSums)]);
     }
   }
-  for (int k = 0; k < count(); ++k) {
-    const double* s = &sums_[static_cast<std::size_t>(k * kSums)];
-    SurfacePiece& p = pieces_[static_cast<std::size_t>(k)];
-    p = {};
-    p.pixels = static_cast<int>(s[0]);
-    p.readings = static_cast<int>(s[1]);
-    p.coloured = static_cast<int>(s[16]);
-    if (p.coloured > 0) {
-      p.L = static_cast<float>(s[2] / s[16]);
-      p.a = static_cast<float>(s[3] / s[16]);
-      p.b = static_cast<float>(s[4] / s[16]);
-    }
-    if (s[1] < 6 || s[1] < static_cast<double>(min_readings) * s[0]) continue;
-    const double n = s[1];
-    p.centre = Vec3(s[5] / n, s[6] / n, s[7] / n).cast<float>();
-    // About the mean, so that the two slopes are a well-scaled 2 x 2 system.
-    const double mx = s[10] / n, my = s[12] / n, mq = s[15] / n;
-    const double xx = s[8] / n - mx * mx, xy = s[9] / n - mx * my, yy = s[11] / n - my * my;
-    const double xq = s[13] / n - mx * mq, yq = s[14] / n - my * mq;
-    const double det = xx * yy - xy * xy;
-    if (!(det > 1e-3 * xx * yy) || !(xx * yy > 0)) continue;
-    const double a = (yy * xq - xy * yq) / det, b = (xx * yq - xy * xq) / det;
-    const Vec3 plane(a, b, mq - a * mx - b * my);
-    const double length = plane.norm();
-    if (!(length > 1e-9) || !std::isfinite(length)) continue;
-    p.w = plane.cast<float>();
-    p.normal = (plane * (-1 / length)).cast<float>();
-  }
+  for (int k = 0; k < count(); ++k)
+    pieces_[static_cast<std::size_t>(k)] =
+        piece_of(&sums_[static_cast<std::size_t>(k * kSums)], min_readings);
 }
 
 }  // namespace perception

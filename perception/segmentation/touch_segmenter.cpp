@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "perception/segmentation/four_neighbours.hpp"
 #include "perception/segmentation/region_grow.hpp"
 
 namespace perception {
@@ -108,10 +109,8 @@ void TouchSegmenter::select_flat(int pixel) noexcept {
   queue_[static_cast<std::size_t>(tail++)] = pixel;
   inside_[static_cast<std::size_t>(pixel)] = 1;
   while (head < tail) {
-    const int i = queue_[static_cast<std::size_t>(head++)], u = i % w;
-    const int around[4] = {i - w, u > 0 ? i - 1 : -1, u < w - 1 ? i + 1 : -1,
-                           i + w < n ? i + w : -1};
-    for (const int j : around) {
+    const int i = queue_[static_cast<std::size_t>(head++)];
+    for (const int j : four_neighbours(i, w, n)) {
       if (j < 0 || inside_[static_cast<std::size_t>(j)]) continue;
       if (graph_.region(patches_.labels()[static_cast<std::size_t>(j)]) >= 0) continue;
       if (!patches_.lab().coloured(j) || colour_difference(patches_.lab().at(j), here) > reach)

@@ -1,5 +1,5 @@
-// The bodies of RealExecutor, for real_executor.cpp and real_executor_planned.cpp: an instance each, so that
-// the plain one is the same code whether or not planned ones are built.
+// The bodies of RealExecutor, for real_executor.cpp and real_executor_planned.cpp: an instance
+// each, so that the plain one is the same code whether or not planned ones are built.
 #pragma once
 
 #include "rt/sched/real_executor_beside-inl.hpp"
@@ -209,6 +209,42 @@ std::vector<TaskTotals> RealExecutor<Faults>::totals() const {
   return out;
 }
 
+// What a job's record says before the job runs.
+template <class Worker>
+void name_job(const Worker& w, std::uint64_t k, Time release, std::uint32_t skipped,
+              JobRecord& r) noexcept {
+  r.k = k;
+  r.task = w.task.id;
+  r.core = static_cast<std::uint8_t>(w.task.core);
+  r.level = static_cast<std::uint8_t>(w.levels.level());
+  r.skipped = skipped;
+  r.release_ns = ns_of(release);
+  r.deadline_ns = ns_of(release + w.task.spec.relative_deadline());
+}
+
+// What the kernel counted of the thread since the last job.
+inline void note_counters(const ThreadCounters& after, ThreadCounters& before,
+                          JobRecord& r) noexcept {
+  r.run_delay_ns = after.run_delay_ns - before.run_delay_ns;
+  r.minor_faults = static_cast<std::uint32_t>(after.minor_faults - before.minor_faults);
+  r.major_faults = static_cast<std::uint16_t>(
+      std::min(after.major_faults - before.major_faults,
+               static_cast<long>(std::numeric_limits<std::uint16_t>::max())));
+  r.involuntary = static_cast<std::uint32_t>(after.involuntary - before.involuntary);
+  r.voluntary = static_cast<std::uint32_t>(after.voluntary - before.voluntary);
+  before = after;
+}
+
+// Counts the job and picks the next level. True: the task has missed too often and is to be made
+// safe.
+template <class Worker>
+[[nodiscard]] bool close_job(Worker& w, const JobRecord& r, bool aborted) noexcept {
+  if (w.degrades() && r.missed()) w.levels.on_miss();
+  (aborted ? w.totals.aborted : w.totals.completed) += 1;
+  if (!aborted && r.missed()) ++w.totals.late;
+  return w.bucket.on_job(r.missed(), r.skipped);
+}
+
 template <class Faults>
 void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::uint32_t skipped,
                                  const JobFaults& f) {
@@ -219,13 +255,7 @@ void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::
   const std::int64_t start = monotonic_ns();
   const std::int64_t cpu0 = thread_cpu_ns();
   const std::int64_t twin0 = w.task.body->twin_cpu_ns();
-  r.k = k;
-  r.task = w.task.id;
-  r.core = static_cast<std::uint8_t>(w.task.core);
-  r.level = static_cast<std::uint8_t>(w.levels.level());
-  r.skipped = skipped;
-  r.release_ns = ns_of(release);
-  r.deadline_ns = ns_of(release + spec.relative_deadline());
+  name_job(w, k, release, skipped, r);
   const Tick tick{
       k, release, clock.from_host(start), spec.period(), skipped, w.levels.level(), &w.cancel};
   r.start_ns = ns_of(tick.start);
@@ -265,20 +295,9 @@ void RealExecutor<Faults>::serve(Worker& w, std::uint64_t k, Time release, std::
   r.fault = health.fault;
   r.twin_cpu_ns = w.task.body->twin_cpu_ns() - twin0;
   r.cpu_ns = thread_cpu_ns() - cpu0 - r.twin_cpu_ns;
-  const ThreadCounters after = counters(w.stat);
-  r.run_delay_ns = after.run_delay_ns - w.before.run_delay_ns;
-  r.minor_faults = static_cast<std::uint32_t>(after.minor_faults - w.before.minor_faults);
-  r.major_faults = static_cast<std::uint16_t>(
-      std::min(after.major_faults - w.before.major_faults,
-               static_cast<long>(std::numeric_limits<std::uint16_t>::max())));
-  r.involuntary = static_cast<std::uint32_t>(after.involuntary - w.before.involuntary);
-  r.voluntary = static_cast<std::uint32_t>(after.voluntary - w.before.voluntary);
-  w.before = after;
+  note_counters(counters(w.stat), w.before, r);
   r.end_ns = ns_of(clock.from_host(monotonic_ns()));
-  if (w.degrades() && r.missed()) w.levels.on_miss();
-  (aborted ? w.totals.aborted : w.totals.completed) += 1;
-  if (!aborted && r.missed()) ++w.totals.late;
-  if (w.bucket.on_job(r.missed(), skipped)) w.task.body->make_safe();
+  if (close_job(w, r, aborted)) w.task.body->make_safe();
   w.records.try_push(r);
   if (w.pool != nullptr) record_shares(w, r);
 }

@@ -1,10 +1,11 @@
 #include "tasks/graph/supervision_nodes.hpp"
 
-#include <algorithm>
+#include <optional>
 
 #include "tasks/edges/output_hash.hpp"
 #include "tasks/graph/node_parts.hpp"
 #include "tasks/graph/watches.hpp"
+#include "tasks/supervision/peer_rules.hpp"
 
 namespace tasks {
 
@@ -63,12 +64,10 @@ void SupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcep
   const std::int64_t heard = link_.last_heard_ns.load(std::memory_order_relaxed);
   in_.link_expected = link_.expected.load(std::memory_order_relaxed);
   in_.link_heard = heard != 0 && robot;
-  // A line that carries everything but the robot's state, or that of long ago, is as good as silent.
-  in_.link_last = std::min(rt::time_from_ns(heard), robot.at);
-  if (robot && !limits_.of<EdgeId::kRobotState>().within(robot, tick.start) &&
-      robot->taken != rt::Time{})
-    in_.link_last = std::min(in_.link_last,
-                             tick.start - 2 * limits_.of<EdgeId::kRobotState>().limit().liveness);
+  auto& limit = limits_.of<EdgeId::kRobotState>();
+  const bool state_old = robot && !limit.within(robot, tick.start) && robot->taken != rt::Time{};
+  in_.link_last = link_heard_with_state(rt::time_from_ns(heard), robot.at, state_old, tick.start,
+                                        limit.limit().liveness);
   in_.link_refused = link_.refused.load(std::memory_order_relaxed);
   in_.link_closed = link_.closed.load(std::memory_order_relaxed);
   in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
@@ -126,22 +125,17 @@ void RobotSupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) no
   in_.link_refused = link_.refused.load(std::memory_order_relaxed);
   in_.link_closed = link_.closed.load(std::memory_order_relaxed);
   in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
-  // The operator's engage and clear travel in the goal; without a goal there is none.
-  using Engage = SupervisionTask::Engage;
-  using Clear = SupervisionTask::Clear;
   // Of long ago, while the line is live: as if there were none. A silent line is the task's matter.
   const bool old =
       goal && heard != 0 &&
       !limits_.of<EdgeId::kGoal>().within(tick.start, in_.link_last, goal->made, goal.unsure) &&
       limits_.of<EdgeId::kGoal>().state() == LimitWatch::State::kOld;
-  const drivers::RobotGoal* const asked = old ? nullptr : goal.value;
-  in_.requests.engage = asked == nullptr               ? Engage::kAbsent
-                        : asked->operator_engaged != 0 ? Engage::kYes
-                                                       : Engage::kNo;
-  in_.peer_mode = asked != nullptr && asked->operator_engaged != 0 ? Mode::kEngaged : Mode::kHold;
-  in_.requests.clear = asked == nullptr             ? Clear::kAbsent
-                       : asked->operator_clear != 0 ? Clear::kYes
-                                                    : Clear::kNo;
+  std::optional<GoalAsks> goal_asks;
+  if (goal && !old) goal_asks = GoalAsks{goal->operator_engaged != 0, goal->operator_clear != 0};
+  const PeerAsks asked = asked_by_goal(goal_asks);
+  in_.requests.engage = asked.engage;
+  in_.requests.clear = asked.clear;
+  in_.peer_mode = asked.peer_mode;
   in_.requests.ramp_down = requests_.ramp_down.load(std::memory_order_relaxed);
   in_.requests.stop = requests_.stop.load(std::memory_order_relaxed);
 }

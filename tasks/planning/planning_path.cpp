@@ -225,7 +225,7 @@ bool PlanningTask::worth_waiting(const CostMap& map, Point2 mark, Point2 goal) c
 rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Ground& ground,
                                    Out& out) noexcept {
   const CostMap& map = *in.map;
-  Goal& g = state_.goal;
+  const Goal& g = state_.goal;
   const Point2 mark = ground.foot(g.p_W);
   const Vec3 n_M = ground.X_MW.linear() * g.normal_W;
   const double flat = std::hypot(n_M.x(), n_M.y());
@@ -244,14 +244,25 @@ rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Gro
     out.work += planner_.iterations();
   }
   out.status = status;
-  switch (status) {
+  if (status != PlanStatus::kFound) return answer_failure(map, out);
+  lay_points(ground, escape, out);
+  lay_headings(in.robot->yaw_rad, ground, mark, facing);
+  if (planner_.from_grid()) out.flags |= kFromGrid;
+  publish_path(tick, map, mark, goal, out);
+  return rt::Health::ok();
+}
+
+// No path in this job: waits for what moves, tries again with other samples, or gives up.
+rt::Health PlanningTask::answer_failure(const CostMap& map, Out& out) noexcept {
+  Goal& g = state_.goal;
+  switch (out.status) {
     case PlanStatus::kFound:
       break;
     case PlanStatus::kCancelled:
       return counted(kFaultPlanningCancelled);
     case PlanStatus::kBudgetSpent:
     case PlanStatus::kLibraryFault: {
-      const rt::Health health = status == PlanStatus::kLibraryFault
+      const rt::Health health = out.status == PlanStatus::kLibraryFault
                                     ? rt::Health::of(rt::Severity::kDegraded, kFaultPlanningLibrary)
                                     : rt::Health::ok();
       if (++g.attempts < config_.attempts) return health;  // the next job draws other samples
@@ -269,9 +280,13 @@ rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Gro
       give_up(out);
       return counted(kFaultPlanningNoPath);
   }
-  lay_points(ground, escape, out);
-  lay_headings(in.robot->yaw_rad, ground, mark, facing);
-  if (planner_.from_grid()) out.flags |= kFromGrid;
+  return rt::Health::ok();
+}
+
+// The path that was laid answers the mark.
+void PlanningTask::publish_path(const rt::Tick& tick, const CostMap& map, Point2 mark, Point2 goal,
+                                Out& out) noexcept {
+  Goal& g = state_.goal;
   Path& p = state_.path;
   p.seq = ++state_.path_seq;
   p.made = tick.start;
@@ -285,7 +300,6 @@ rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Gro
   ++state_.task.paths;
   state_.task.phase = TaskState::Phase::kDriving;
   out.flags |= kNewPath;
-  return rt::Health::ok();
 }
 
 // The planner's vertices as points of W at most spacing_m apart; every vertex is kept, so the

@@ -296,23 +296,13 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
   out.work = 0;
   out.grasp = Grasp{};
   out.status = PlanStatus::kFound;
-  using Phase = TaskState::Phase;
   rt::Health health = take_events(in, out);
   if (state_.mark.open && !in.touch_live) {
     state_.mark.open = false;
     out.flags |= kGapDropped;
     health = rt::worst(health, counted(kFaultPlanningEventsLost));
   }
-
-  const bool stopped =
-      in.mode.seq != 0 && (in.mode.mode == Mode::kSafeStop || in.mode.mode == Mode::kRampDown);
-  if (stopped) {
-    drop_path(out);
-    state_.goal.have = state_.goal.pending = state_.mark.open = false;
-    if (state_.task.phase == Phase::kDriving || state_.task.phase == Phase::kPlanning) {
-      state_.task.phase = Phase::kIdle;
-    }
-  }
+  stop_if_asked(in, out);
 
   const bool robot_ok = in.robot != nullptr && std::isfinite(in.robot->x_m) &&
                         std::isfinite(in.robot->y_m) && std::isfinite(in.robot->yaw_rad);
@@ -323,32 +313,12 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
   if (state_.goal.have) {
     if (!robot_ok || !in.may_plan || in.map == nullptr || in.map->seq == 0 ||
         !in.map->ground_found) {
-      if (robot_ok && state_.task.phase == Phase::kDriving && !state_.goal.second &&
-          arrived(*in.robot)) {
-        state_.task.phase = Phase::kArrived;
-        state_.goal.pending = false;
-      }
-      if (state_.goal.pending && ++state_.goal.waited > config_.wait_jobs) {
-        out.status = PlanStatus::kNoMap;
-        give_up(out);
-        health = rt::worst(health, counted(kFaultPlanningNoPath));
-      }
+      health = rt::worst(health, wait_for_inputs(in, robot_ok, out));
     } else if (const Ground ground(*in.map); !ground.usable) {
       health = rt::worst(health, counted(kFaultPlanningBadInput));
       if (state_.goal.pending && ++state_.goal.waited > config_.wait_jobs) give_up(out);
     } else {
-      if (state_.goal.grasp_due) health = rt::worst(health, choose_grasp(ground, *in.robot, out));
-      if (state_.path.seq != 0 && state_.task.phase == Phase::kDriving) watch_path(ground, in, out);
-      if (state_.goal.pending) {
-        if (may_try(state_.goal.mark_seq)) {
-          health = rt::worst(health, make_path(tick, in, ground, out));
-        } else {
-          out.status = PlanStatus::kCancelled;
-          give_up(out);
-          health = rt::worst(health, counted(kFaultPlanningNoTime));
-        }
-      }
-      state_.path.seen = in.map->exposure;
+      health = rt::worst(health, pursue_goal(tick, in, ground, out));
     }
   }
 
@@ -357,6 +327,53 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
   out.path = state_.path;
   out.state = state_.task;
   if (state_.goal.have) out.grasp = state_.goal.grasp;
+  return health;
+}
+
+// A stop withdraws path, goal and an open mark.
+void PlanningTask::stop_if_asked(const In& in, Out& out) noexcept {
+  using Phase = TaskState::Phase;
+  const bool stopped =
+      in.mode.seq != 0 && (in.mode.mode == Mode::kSafeStop || in.mode.mode == Mode::kRampDown);
+  if (!stopped) return;
+  drop_path(out);
+  state_.goal.have = state_.goal.pending = state_.mark.open = false;
+  if (state_.task.phase == Phase::kDriving || state_.task.phase == Phase::kPlanning) {
+    state_.task.phase = Phase::kIdle;
+  }
+}
+
+// There is a goal, and no map, robot or leave to plan.
+rt::Health PlanningTask::wait_for_inputs(const In& in, bool robot_ok, Out& out) noexcept {
+  using Phase = TaskState::Phase;
+  if (robot_ok && state_.task.phase == Phase::kDriving && !state_.goal.second &&
+      arrived(*in.robot)) {
+    state_.task.phase = Phase::kArrived;
+    state_.goal.pending = false;
+  }
+  if (!state_.goal.pending || ++state_.goal.waited <= config_.wait_jobs) return rt::Health::ok();
+  out.status = PlanStatus::kNoMap;
+  give_up(out);
+  return counted(kFaultPlanningNoPath);
+}
+
+// There is a goal, and all that it takes to plan.
+rt::Health PlanningTask::pursue_goal(const rt::Tick& tick, const In& in, const Ground& ground,
+                                     Out& out) noexcept {
+  rt::Health health = rt::Health::ok();
+  if (state_.goal.grasp_due) health = choose_grasp(ground, *in.robot, out);
+  if (state_.path.seq != 0 && state_.task.phase == TaskState::Phase::kDriving)
+    watch_path(ground, in, out);
+  if (state_.goal.pending) {
+    if (may_try(state_.goal.mark_seq)) {
+      health = rt::worst(health, make_path(tick, in, ground, out));
+    } else {
+      out.status = PlanStatus::kCancelled;
+      give_up(out);
+      health = rt::worst(health, counted(kFaultPlanningNoTime));
+    }
+  }
+  state_.path.seen = in.map->exposure;
   return health;
 }
 

@@ -197,7 +197,14 @@ class PlanningTask {
   void watch_path(const Ground& ground, const In& in, Out& out) noexcept;
   // False: planning for this mark has run out of time too often.
   [[nodiscard]] bool may_try(std::uint64_t mark_seq) noexcept;
+  void stop_if_asked(const In& in, Out& out) noexcept;
+  rt::Health wait_for_inputs(const In& in, bool robot_ok, Out& out) noexcept;
+  rt::Health pursue_goal(const rt::Tick& tick, const In& in, const Ground& ground,
+                         Out& out) noexcept;
   rt::Health make_path(const rt::Tick& tick, const In& in, const Ground& ground, Out& out) noexcept;
+  rt::Health answer_failure(const perception::CostMap& map, Out& out) noexcept;
+  void publish_path(const rt::Tick& tick, const perception::CostMap& map, Point2 mark, Point2 goal,
+                    Out& out) noexcept;
   void look_ahead(const rt::Tick& tick, const Ground& ground, const perception::CostMap& map,
                   const drivers::RobotState& robot) noexcept;
   [[nodiscard]] bool along_old_path(const Ground& ground, const perception::CostMap& map,

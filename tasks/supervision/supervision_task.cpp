@@ -146,54 +146,13 @@ rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) n
   const bool engage = in.requests.engage == Engage::kYes && last_engage_ == Engage::kNo;
   last_engage_ = in.requests.engage;
   take_clear(now, in);
-  out.engage_refused = false;
   if (clear_open_) acknowledge(c);
 
-  const bool may_move = c.worst.severity < Severity::kRampDown;
   if (c.worst.severity >= Severity::kSafeStop) {
-    if (mode_ != Mode::kSafeStop) {
-      if (mode_ != Mode::kEngaged && mode_ != Mode::kRampDown) episode_ = {};
-      enter(Mode::kSafeStop, c.worst.fault, now);
-      clear_open_ = false;
-    }
+    stop_safely(c.worst.fault, now);
     out.engage_refused = engage;
   } else {
-    switch (mode_) {
-      case Mode::kInit:
-        if (all_heard(in)) enter(Mode::kHold, rt::kNoFault, now);
-        out.engage_refused = engage;
-        break;
-      case Mode::kHold: {
-        if (!engage) break;
-        const bool peer_ok =
-            !in.link_expected || (link_live(now, in) && in.peer_mode != Mode::kSafeStop);
-        if (may_move && peer_ok && !held_back() && has_room(Mode::kEngaged)) {
-          enter(Mode::kEngaged, rt::kNoFault, now);
-          episode_ = {};
-          peer_followed_ = false;
-        } else {
-          out.engage_refused = true;
-        }
-        break;
-      }
-      case Mode::kEngaged:
-        if (!may_move) enter(Mode::kRampDown, c.worst.fault, now);
-        break;
-      case Mode::kRampDown:
-        // The cause stays on show; what is still wrong keeps the next engage from being followed.
-        if (now - entered_ >= rt::nanos_from_seconds(config_.ramp_s)) {
-          enter(Mode::kHold, cause_, now);
-        }
-        out.engage_refused = engage;
-        break;
-      case Mode::kSafeStop:
-        if (clear_open_ && !held_back()) {
-          enter(Mode::kHold, rt::kNoFault, now);
-          clear_open_ = false;
-        }
-        out.engage_refused = engage;
-        break;
-    }
+    out.engage_refused = !change_mode(now, in, c.worst, engage) && engage;
   }
   const bool in_episode = mode_ != Mode::kInit && mode_ != Mode::kHold;
   if (in_episode) episode_ = rt::worst(episode_, c.worst);
@@ -207,6 +166,53 @@ rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) n
   out.mode.cause = cause_;
   out.mode.clear = clearing_;
   return c.worst;
+}
+
+void SupervisionTask::stop_safely(rt::FaultId cause, rt::Time now) noexcept {
+  if (mode_ == Mode::kSafeStop) return;
+  if (mode_ != Mode::kEngaged && mode_ != Mode::kRampDown) episode_ = {};
+  enter(Mode::kSafeStop, cause, now);
+  clear_open_ = false;
+}
+
+// In hold: may the robot be engaged now?
+bool SupervisionTask::may_engage(rt::Time now, const In& in,
+                                 const rt::Health& worst) const noexcept {
+  const bool peer_ok = !in.link_expected || (link_live(now, in) && in.peer_mode != Mode::kSafeStop);
+  return worst.severity < Severity::kRampDown && peer_ok && !held_back() &&
+         has_room(Mode::kEngaged);
+}
+
+// The next mode while nothing calls for a safe stop. False: an `engage` is not followed.
+bool SupervisionTask::change_mode(rt::Time now, const In& in, const rt::Health& worst,
+                                  bool engage) noexcept {
+  switch (mode_) {
+    case Mode::kInit:
+      if (all_heard(in)) enter(Mode::kHold, rt::kNoFault, now);
+      return false;
+    case Mode::kHold:
+      if (!engage || !may_engage(now, in, worst)) return false;
+      enter(Mode::kEngaged, rt::kNoFault, now);
+      episode_ = {};
+      peer_followed_ = false;
+      return true;
+    case Mode::kEngaged:
+      if (worst.severity >= Severity::kRampDown) enter(Mode::kRampDown, worst.fault, now);
+      return true;  // it is engaged already
+    case Mode::kRampDown:
+      // The cause stays on show; what is still wrong keeps the next engage from being followed.
+      if (now - entered_ >= rt::nanos_from_seconds(config_.ramp_s)) {
+        enter(Mode::kHold, cause_, now);
+      }
+      return false;
+    case Mode::kSafeStop:
+      if (clear_open_ && !held_back()) {
+        enter(Mode::kHold, rt::kNoFault, now);
+        clear_open_ = false;
+      }
+      return false;
+  }
+  return true;
 }
 
 std::uint32_t SupervisionTask::count(rt::FaultId id) const noexcept {

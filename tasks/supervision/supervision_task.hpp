@@ -108,6 +108,10 @@ class SupervisionTask {
   static void raise(Conditions& c, rt::FaultId id, rt::Severity reported) noexcept;
   void count_and_latch(const Conditions& c) noexcept;
   void enter(Mode mode, rt::FaultId cause, rt::Time now) noexcept;
+  void stop_safely(rt::FaultId cause, rt::Time now) noexcept;
+  [[nodiscard]] bool change_mode(rt::Time now, const In& in, const rt::Health& worst,
+                                 bool engage) noexcept;
+  [[nodiscard]] bool may_engage(rt::Time now, const In& in, const rt::Health& worst) const noexcept;
   void take_clear(rt::Time now, const In& in) noexcept;
   void acknowledge(const Conditions& c) noexcept;
   [[nodiscard]] bool held_back() const noexcept;
