@@ -19,6 +19,7 @@ void Mixture::clear() noexcept {
   }
   pending_head_ = pending_size_ = 0;
   settled_ = false;
+  said_h_ = 0;
 }
 
 void Mixture::judge_at(double h) noexcept { horizon_s_ = std::clamp(h, 0.01, 2.0); }
@@ -48,6 +49,7 @@ void Mixture::settle(const MotionHistory& history) noexcept {
 
 void Mixture::add(const MotionHistory& history) noexcept {
   for (const Member& m : members_) m.model->add(history);
+  said_h_ = 0;
   settle(history);
   const MotionSample& now = history.newest();
   if (pending_size_ > 0) {
@@ -63,23 +65,29 @@ void Mixture::add(const MotionHistory& history) noexcept {
   p.h = horizon_s_;
   p.X_OB = now.X_OB;
   for (std::size_t i = 0; i < members_.size(); ++i) {
-    Motion said;
-    p.known[i] = members_[i].model->predict(history, horizon_s_, said);
-    p.mean[i] = said.mean();
+    Said& said = said_[i];
+    said.known = members_[i].model->predict(history, horizon_s_, said.motion);
+    p.known[i] = said.known;
+    p.mean[i] = said.motion.mean();
   }
+  said_h_ = horizon_s_;
 }
 
 bool Mixture::predict(const MotionHistory& history, double h, Motion& out) const noexcept {
   out = {};
   Axes total{};
   for (std::size_t i = 0; i < members_.size(); ++i) {
-    Motion said;
-    if (!members_[i].model->predict(history, h, said)) continue;
+    Said said;
+    if (h == said_h_)
+      said = said_[i];
+    else
+      said.known = members_[i].model->predict(history, h, said.motion);
+    if (!said.known) continue;
     for (std::size_t k = 0; k < 3; ++k) {
-      const double e = error_[i][k] / config_.floor[k];
+      const double e = members_[i].counts * error_[i][k] / config_.floor[k];
       const double w = std::pow(e + 1, -config_.sharpness);
       total[k] += w;
-      for (std::size_t q = 0; q < Motion::kParts; ++q) out.part[q][k] += w * said.part[q][k];
+      for (std::size_t q = 0; q < Motion::kParts; ++q) out.part[q][k] += w * said.motion.part[q][k];
     }
   }
   const Axes v = axes(history.newest().v_B);

@@ -23,11 +23,14 @@ class Mixture final : public MotionModel {
     double memory_s = 2.0, sharpness = 4.0;
     Axes floor{}, acceleration_limit{};
   };
-  // At most kMost models. A prior weight says how good a model is taken for before anything is known.
+  // At most kMost models.
   static constexpr std::size_t kMost = 8;
   struct Member {
     std::unique_ptr<MotionModel> model;
-    double prior_error = 1;  // in units of the floor
+    double prior_error =
+        1;  // in units of the floor: what is taken for its error before anything is known
+    // Its error counts by this share. Below 1: a model that knows of changes to come, which the past can not tell of.
+    double counts = 1;
   };
   Mixture(const Config&, std::vector<Member>);
 
@@ -36,6 +39,8 @@ class Mixture final : public MotionModel {
   [[nodiscard]] bool predict(const MotionHistory&, double h, Motion& out) const noexcept override;
   // The horizon that the members are judged at from now on, 0.01 to 2 s.
   void judge_at(double h) noexcept;
+  // What is known of the newest sample is no longer all: a command came.
+  void forget_answers() noexcept { said_h_ = 0; }
 
  private:
   struct Pending {
@@ -45,6 +50,10 @@ class Mixture final : public MotionModel {
     std::array<Axes, kMost> mean{};
   };
   static constexpr std::size_t kPending = 128;
+  struct Said {
+    bool known = false;
+    Motion motion;
+  };
   void settle(const MotionHistory&) noexcept;
 
   Config config_;
@@ -52,6 +61,9 @@ class Mixture final : public MotionModel {
   std::array<Axes, kMost> error_{};  // fading mean of |error|
   std::array<Pending, kPending> pending_{};
   std::size_t pending_head_ = 0, pending_size_ = 0;
+  // What the members said of the newest sample for said_h_; 0: of none. Saves asking again where the horizon stays.
+  std::array<Said, kMost> said_{};
+  double said_h_ = 0;
   double horizon_s_ = 0.15, settled_t_ = 0;
   bool settled_ = false;
 };

@@ -13,7 +13,10 @@ using Config = MotionPredictorConfig;
 constexpr double kJerk = 4.0, kTurnJerk = 20.0;  // density, (m/s^3)^2 s and (rad/s^3)^2 s
 constexpr double kSingerJerk = 20.0, kSingerTurnJerk = 100.0;
 constexpr double kNoise = 0.005, kTurnNoise = 0.02;  // of a measured velocity, m/s and rad/s
+constexpr double kSlowJerk = 0.5, kSlowTurnJerk = 2.5, kMuchNoise = 0.03, kMuchTurnNoise = 0.12;
 constexpr double kMemory_s = 2.0, kSharpness = 6.0;
+constexpr double kKnowsAhead =
+    0.5;  // share of its error that counts of a model that knows the commands
 constexpr double kFloor = 0.003, kTurnFloor = 0.005;  // errors below it are alike, m/s and rad/s
 
 constexpr double kSingerTime_s = 0.3;  // what `singer` means here
@@ -26,6 +29,12 @@ std::unique_ptr<MotionModel> kalman() {
 std::unique_ptr<MotionModel> singer() {
   return std::make_unique<AccelerationFilter>(AccelerationFilter::Config{
       kSingerTime_s, {kSingerJerk, kSingerJerk, kSingerTurnJerk}, {kNoise, kNoise, kTurnNoise}});
+}
+
+// For speeds with much noise: steady motion, averaged over about half a second.
+std::unique_ptr<MotionModel> smoothing() {
+  return std::make_unique<AccelerationFilter>(AccelerationFilter::Config{
+      0, {kSlowJerk, kSlowJerk, kSlowTurnJerk}, {kMuchNoise, kMuchNoise, kMuchTurnNoise}});
 }
 
 std::unique_ptr<MotionModel> linear(const Config& c, double ridge) {
@@ -57,8 +66,9 @@ std::unique_ptr<Mixture> own(const Config& c) {
   members.push_back({std::make_unique<ConstantVelocity>(), 1});
   members.push_back({kalman(), 2});
   members.push_back({singer(), 2});
+  members.push_back({smoothing(), 4});
   members.push_back({learned(c), 2});
-  members.push_back({response(c), 1});
+  members.push_back({response(c), 1, kKnowsAhead});
   return std::make_unique<Mixture>(
       Mixture::Config{kMemory_s, kSharpness, {kFloor, kFloor, kTurnFloor}, limits(c)},
       std::move(members));
@@ -112,10 +122,18 @@ bool MotionPredictor::add(const MotionSample& sample) noexcept {
   if (!history_.add(sample)) return false;
   model_->add(history_);
   if (commanded_) commanded_->add(history_);
+  // Of a fast source only those are judged that stay in the history.
+  if (size() >= 2 && sample.t - history_.sample(size() - 2).t < MotionHistory::kMinSpacing_s)
+    return true;
   Prediction p;
   place(asked_h_, p);
   error_.add(history_, asked_h_, p.X_OB);
   return true;
+}
+
+bool MotionPredictor::add_command(double t, const perception::Twist2& cmd_B) noexcept {
+  if (mixture_ != nullptr) mixture_->forget_answers();
+  return history_.add_command(t, cmd_B);
 }
 
 void MotionPredictor::place(double h, Prediction& out) const noexcept {

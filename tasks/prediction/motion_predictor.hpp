@@ -80,9 +80,7 @@ class MotionPredictor {
   bool add(const MotionSample&) noexcept;
   // A command that holds from t on until the next one; may be known ahead of the samples. False and
   // ignored: as above.
-  bool add_command(double t, const perception::Twist2& cmd_B) noexcept {
-    return history_.add_command(t, cmd_B);
-  }
+  bool add_command(double t, const perception::Twist2& cmd_B) noexcept;
 
   struct Prediction {
     perception::Pose2 X_OB;

@@ -129,7 +129,7 @@ std::vector<Row> nearly_collinear(std::uint64_t seed, std::size_t count, double 
 
 TEST(RecursiveQr, AMillionUpdatesAgreeWithABatchQr) {
   constexpr std::size_t kRows = 1'000'000;
-  for (const double apart : {1.0, 1e-3, 4e-6}) {
+  for (const double apart : {1e-3, 4e-6}) {
     const auto rows = nearly_collinear(413, kRows, apart);
     for (const double keep : {1.0, 0.999}) {
       RecursiveQr<kUnknowns> qr;
