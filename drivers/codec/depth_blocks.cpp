@@ -7,8 +7,8 @@ namespace drivers::codec {
 namespace {
 
 constexpr int kCosts = 128;
-// Sixteenths of a bit for a residual of i quarters of a step: 8 + 32 log2(1 + i / 4), in integers by
-// the binary logarithm's series of squarings.
+// Sixteenths of a bit for a residual of i quarters of a step: 8 + 32 log2(1 + i / 4), in integers
+// by the binary logarithm's series of squarings.
 constexpr std::array<std::uint16_t, kCosts> kCost = [] {
   std::array<std::uint16_t, kCosts> t{};
   for (std::size_t i = 0; i < kCosts; ++i) {
@@ -40,7 +40,7 @@ Prediction BlockChoice::cheapest(const StripeShape& shape, const StripePlan& pla
     cost[static_cast<std::size_t>(p)] += kCost[std::min<std::size_t>(q, kCosts - 1)];
   };
   bool any = false;
-  for (int y = y0 + 1; y < y0 + kBlock; y += 2) {
+  for (const int y : {y0 + 3, y0 + 6}) {
     for (int x = x0; x < x0 + kBlock; ++x) {
       const int i = y * w + x;
       const std::uint16_t* v = plan.target + i;
@@ -64,8 +64,10 @@ Prediction BlockChoice::cheapest(const StripeShape& shape, const StripePlan& pla
       add(Prediction::kMean, *v - ((3 * v[-1] + v[-2] + 2 * up[0] + up[1] + up[-1] + 4) >> 3));
       if (y >= 2 && x >= 2) {
         const std::uint16_t* const n = up - w;
-        const int plane = 18 * v[-1] + 14 * v[-2] + 10 * v[-3] + up[-2] + 5 * up[-1] + 9 * up[0] +
-                          13 * up[1] + 16 * up[2] - 12 * n[-2] - 8 * n[-1] - 5 * n[0] + 3 * n[2];
+        const int near = up[-2] + up[-1] + up[0] + up[1] + up[2];
+        const int far = n[-2] + n[-1] + n[0] + n[1] + n[2];
+        const int slope = 2 * (up[2] - up[-2] + n[2] - n[-2]) + up[1] - up[-1] + n[1] - n[-1];
+        const int plane = 4 * (2 * near - far + slope) + 19 * v[-1] + 14 * v[-2] + 11 * v[-3];
         add(Prediction::kPlane, *v - ((plane + 32) >> 6));
       } else {
         add(Prediction::kPlane, *v - edge_prediction(v[-1], up[0], up[-1]));

@@ -1,6 +1,6 @@
 // Which prediction a block takes: the encoder's choice alone, the decoder is told.
 //
-// Estimated from the readings of every second row, because the values of the neighbours as decoded
+// Estimated from the readings of two of its rows, because the values of the neighbours as decoded
 // are not known yet; bits of a residual of r steps are taken as 0.5 + 2 log2(1 + r).
 #pragma once
 

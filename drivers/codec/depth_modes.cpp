@@ -8,16 +8,17 @@ namespace drivers {
 
 using codec::kPointsPerSigma;
 
-int default_depth_step(DepthMode m) noexcept {
+int default_depth_step(DepthMode m, DepthNoiseLaw law) noexcept {
+  const bool strict = law == DepthNoiseLaw::kStrict;
   switch (m) {
     case DepthMode::kLossless:
       return 0;
     case DepthMode::kFaithful:
-      return 4;  // 2 sigma
+      return strict ? 4 : 2;  // 2 sigma, 1 sigma
     case DepthMode::kQuiet:
-      return 2;  // 1 sigma
+      return strict ? 2 : 0;  // 1 sigma, 1/2 sigma
     case DepthMode::kMoving:
-      return 6;  // 3 sigma
+      return strict ? 6 : 2;  // 3 sigma, 1 sigma
   }
   return 0;
 }
@@ -28,19 +29,28 @@ int depth_error_bound_eighths(DepthMode m, int step) noexcept {
     case DepthMode::kLossless:
       return 0;
     case DepthMode::kFaithful:
-      return std::max(2 * kPointsPerSigma, s / 2);
+      return std::max(5 * kPointsPerSigma / 2, s / 2);
     case DepthMode::kQuiet:
-      return 5 * kPointsPerSigma;
+      return 13 * kPointsPerSigma;
     case DepthMode::kMoving:
-      return s / 2;
+      // The dead zone of a residual in space: what lies so near to its prediction is taken for it.
+      // Wider than half a step, for a prediction from several neighbours has less noise than the
+      // reading that it stands in for.
+      return 13 * s / 16;
   }
   return 0;
 }
 
 int depth_error_bound_mm(DepthNoiseLaw law, DepthMode m, int step,
                          std::uint16_t depth_mm) noexcept {
-  const int bound = depth_error_bound_eighths(m, step);
+  int bound = depth_error_bound_eighths(m, step);
   if (bound == 0 || depth_mm == 0) return 0;
+  if (m == DepthMode::kQuiet) {
+    const std::int64_t points = std::int64_t{kQuietBoundMm} * kPointsPerSigma * 1024;
+    bound = static_cast<int>(std::clamp<std::int64_t>(
+                points / codec::sigma_1024th_mm(law, depth_mm), 5 * kPointsPerSigma, bound)) +
+            1;
+  }
   // The noise grows with the depth wherever it counts, so the way up is the longer one; one point
   // more for the rounding to the lattice, and a millimetre more for the rounding back.
   std::int64_t sum = 0;

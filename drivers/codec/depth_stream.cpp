@@ -23,6 +23,8 @@ using codec::StripeShape;
 
 namespace {
 
+// Of the filter, in points, by law: the lenient law is wider than the noise of most sensors.
+constexpr std::array<int, 2> kLeastGate{32, 10};
 constexpr int kStripes = 2;
 constexpr std::uint32_t kRestlessShare =
     50;  // a picture rests while fewer than one in so many move
@@ -111,6 +113,13 @@ struct DepthEncoder::State {
   State(rt::NonRealtime& rt, const DepthStreamConfig& c)
       : law(c.law), cut(c), lattice(rt, c.law), picture(cut), reading(cut.padded()) {
     for (const StripeShape& s : cut.stripes) stripes.emplace_back(s);
+    for (int p = 0; p < lattice.points(); p += codec::kBoundCell) {
+      const int mm = lattice.to_mm(std::min(p + codec::kBoundCell, lattice.points()) - 1);
+      const std::int64_t points = std::int64_t{kQuietBoundMm} * codec::kPointsPerSigma * 1024 /
+                                  codec::sigma_1024th_mm(law, mm);
+      slope_bound.push_back(static_cast<std::uint8_t>(std::clamp<std::int64_t>(
+          points, 5 * codec::kPointsPerSigma, depth_error_bound_eighths(DepthMode::kQuiet, 0))));
+    }
   }
   void read(int stripe, bool lossless, std::span<const std::uint16_t> depth_mm) noexcept;
   void code(int stripe, const DepthFrameHeader& h,
@@ -121,6 +130,7 @@ struct DepthEncoder::State {
   DepthLattice lattice;
   Picture picture;
   std::vector<std::uint16_t> reading;  // of this frame, points
+  std::vector<std::uint8_t> slope_bound;
   std::vector<Stripe> stripes;
 };
 
@@ -147,11 +157,16 @@ void DepthEncoder::State::code(int stripe, const DepthFrameHeader& h,
   std::uint16_t* const y = picture.points.data() + first;
   read(stripe, h.mode == DepthMode::kLossless, depth_mm);
   const codec::StepScale scale = scale_of(h, lattice);
-  const codec::FilterDemand demand{h.mode, scale.step, depth_error_bound_eighths(h.mode, h.step),
+  const codec::FilterDemand demand{h.mode,
+                                   scale.step,
+                                   kLeastGate[static_cast<std::size_t>(law)],
+                                   depth_error_bound_eighths(h.mode, h.step),
+                                   slope_bound.data(),
                                    h.seq};
   s.restless = s.filter.plan(shape, demand, x, y);
   codec::StripePlan plan{x, s.filter.target(), s.filter.due(), s.blocks.kinds(), 0};
   if (h.mode == DepthMode::kMoving) plan.dead_zone = demand.bound;
+
   s.coded_blocks = s.blocks.choose(shape, scale.step, plan, y);
   s.coder.encode(shape, scale, plan, y, picture.history.data() + first);
   s.filter.settle(shape, demand, x, y);
@@ -176,8 +191,8 @@ DepthStatus DepthEncoder::encode(std::span<const std::uint16_t> depth_mm, const 
   }
   DepthFrameHeader h;
   h.mode = demand.mode;
-  h.step =
-      demand.step >= 0 && demand.step < kDepthSteps ? demand.step : default_depth_step(demand.mode);
+  h.step = demand.step >= 0 && demand.step < kDepthSteps ? demand.step
+                                                         : default_depth_step(demand.mode, s.law);
   h.law = s.law;
   h.width = s.cut.width;
   h.height = s.cut.height;

@@ -54,8 +54,11 @@ inline constexpr std::array<int, 8> kDepthStepEighths{4, 6, 8, 12, 16, 20, 24, 3
 inline constexpr int kDepthSteps = static_cast<int>(kDepthStepEighths.size());
 // The step a mode takes when it is not told (an index into kDepthStepEighths; lossless has none:
 // 0).
-[[nodiscard]] int default_depth_step(DepthMode m) noexcept;
+[[nodiscard]] int default_depth_step(DepthMode m,
+                                     DepthNoiseLaw law = DepthNoiseLaw::kStrict) noexcept;
 // Most that |y - x| can be, in eighths of sigma at x; 0: lossless. `step` in [0, kDepthSteps).
+// Quiet is bound by kQuietBoundMm besides, where that is more than five sigma.
+inline constexpr int kQuietBoundMm = 30;
 [[nodiscard]] int depth_error_bound_eighths(DepthMode m, int step) noexcept;
 // The same in mm for a reading of depth_mm, rounding to millimetres included.
 [[nodiscard]] int depth_error_bound_mm(DepthNoiseLaw law, DepthMode m, int step,
@@ -69,7 +72,7 @@ struct DepthStreamConfig {
 // What is asked of one frame.
 struct DepthDemand {
   DepthMode mode = DepthMode::kFaithful;
-  int step = -1;  // index into kDepthStepEighths; outside it: default_depth_step(mode)
+  int step = -1;  // index into kDepthStepEighths; outside it: default_depth_step()
   bool key =
       false;  // true: needs no frame before it. The first frame and one after a change from or
               // to lossless are keys unasked

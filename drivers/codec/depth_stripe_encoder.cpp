@@ -122,22 +122,22 @@ bool StripeEncoder::assemble(std::size_t raw_bytes) noexcept {
     write_counts(counts_[c], head);
     tables_[c].build(counts_[c]);
   }
-  std::array<std::uint32_t, kBitContexts> zero{};
-  for (std::size_t c = 0; c < zero.size(); ++c) {
+  std::array<std::array<RansShare, 2>, kBitContexts> bits{};
+  for (std::size_t c = 0; c < bits.size(); ++c) {
     const bool used = bit_counts_[c][0] + bit_counts_[c][1] > 0;
     head.put(used ? 1 : 0, 1);
-    if (used) zero[c] = write_bit_model(bit_counts_[c][0], bit_counts_[c][1], head);
+    if (!used) continue;
+    const std::uint32_t zero = write_bit_model(bit_counts_[c][0], bit_counts_[c][1], head);
+    bits[c] = {RansShare(0, zero), RansShare(zero, (1U << kRansBits) - zero)};
   }
   const std::size_t head_bytes = head.finish();
   RansWriter w(rans_);
   for (std::size_t i = recorded_; i-- > 0 && !w.full();) {
     const unsigned r = records_[i];
     if ((r & kBitRecord) != 0) {
-      const std::uint32_t z = zero[(r & 0x7fffU) >> 1U];
-      (r & 1U) != 0 ? w.put(z, (1U << kRansBits) - z) : w.put(0, z);
+      w.put(bits[(r & 0x7fffU) >> 1U][r & 1U]);
     } else {
-      const RansTable& t = tables_[r >> 5U];
-      w.put(t.start[r & 31U], t.frequency[r & 31U]);
+      w.put(tables_[r >> 5U].share[r & 31U]);
     }
   }
   const std::size_t rans_bytes = w.finish();

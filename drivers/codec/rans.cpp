@@ -38,13 +38,14 @@ void RansTable::build(const RansCounts& counts) noexcept {
   start = {};
   if (sum == 0) {
     frequency[0] = kTotal;
+    share[0] = {0, kTotal};
     return;
   }
   std::uint32_t given = 0;
   for (std::size_t s = 0; s < counts.size(); ++s) {
     if (counts[s] == 0) continue;
-    const auto share = static_cast<std::uint32_t>((std::uint64_t{counts[s]} * kTotal) / sum);
-    frequency[s] = static_cast<std::uint16_t>(std::max(1U, share));
+    const auto part = static_cast<std::uint32_t>((std::uint64_t{counts[s]} * kTotal) / sum);
+    frequency[s] = static_cast<std::uint16_t>(std::max(1U, part));
     given += frequency[s];
   }
   // The commonest symbol takes what rounding left over or took too much: it has at least kTotal /
@@ -54,11 +55,13 @@ void RansTable::build(const RansCounts& counts) noexcept {
   for (std::size_t s = 0; s < counts.size(); ++s) {
     start[s] = static_cast<std::uint16_t>(at);
     at += frequency[s];
+    if (frequency[s] != 0) share[s] = {start[s], frequency[s]};
   }
 }
 
 void RansDecodeTable::build(const RansCounts& counts) noexcept {
   table.build(counts);
+  zeros = table.frequency[0];
   for (std::size_t s = 0; s < counts.size(); ++s) {
     std::fill_n(symbol.begin() + table.start[s], table.frequency[s], static_cast<std::uint8_t>(s));
   }

@@ -12,6 +12,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -26,8 +27,23 @@ inline constexpr std::uint32_t kRansLow = std::uint32_t{1} << 15U;
 
 using RansCounts = std::array<std::uint32_t, kRansSymbols>;
 
+// A slice of the slots, and its width's inverse: ceil(2^shift / frequency), so that for any x <
+// 2^31 x / frequency = x * inverse >> shift, exactly (shift = 31 + ceil(log2 frequency)).
+struct RansShare {
+  RansShare() = default;
+  RansShare(std::uint32_t from, std::uint32_t width) noexcept
+      : start(static_cast<std::uint16_t>(from)),
+        frequency(static_cast<std::uint16_t>(width)),
+        shift(static_cast<std::uint8_t>(31 + std::bit_width(width - 1))),
+        inverse(static_cast<std::uint32_t>(((std::uint64_t{1} << shift) + width - 1) / width)) {}
+  std::uint16_t start = 0, frequency = 0;
+  std::uint8_t shift = 0;
+  std::uint32_t inverse = 0;
+};
+
 struct RansTable {
   std::array<std::uint16_t, kRansSymbols> frequency{}, start{};
+  std::array<RansShare, kRansSymbols> share{};  // for the writer
   // Frequencies for these counts: 0 where the count is 0, else at least 1. Counts up to 2^13.
   void build(const RansCounts& counts) noexcept;
 };
@@ -47,13 +63,14 @@ class RansWriter {
  public:
   explicit RansWriter(std::span<std::uint8_t> out) noexcept
       : begin_(out.data()), at_(out.data() + out.size()), end_(at_) {}
-  void put(std::uint32_t start, std::uint32_t frequency) noexcept {
+  void put(const RansShare& s) noexcept {
     std::uint32_t x = state_[0];
-    if (x >= frequency << (31U - kRansBits)) {
+    if (x >= std::uint32_t{s.frequency} << (31U - kRansBits)) {
       word(x);
       x >>= 16U;
     }
-    x = ((x / frequency) << static_cast<unsigned>(kRansBits)) + x % frequency + start;
+    const auto q = static_cast<std::uint32_t>((std::uint64_t{x} * s.inverse) >> s.shift);
+    x += s.start + q * ((std::uint32_t{1} << static_cast<unsigned>(kRansBits)) - s.frequency);
     state_[0] = state_[1];
     state_[1] = x;
   }
@@ -85,6 +102,7 @@ class RansWriter {
 struct RansDecodeTable {
   std::array<std::uint8_t, std::size_t{1} << static_cast<unsigned>(kRansBits)> symbol;
   RansTable table;
+  std::uint32_t zeros = 0;  // frequency of symbol 0
   void build(const RansCounts& counts) noexcept;
 };
 
@@ -104,6 +122,10 @@ class RansReader {
   }
   [[nodiscard]] unsigned get(const RansDecodeTable& t) noexcept {
     const std::uint32_t slot = state_[0] & kMask;
+    if (slot < t.zeros) {  // the commonest by far: no table
+      step(slot, 0, t.zeros);
+      return 0;
+    }
     const unsigned s = t.symbol[slot];
     step(slot, t.table.start[s], t.table.frequency[s]);
     return s;
