@@ -133,17 +133,7 @@ class H264Decoder : public ColourDecodeEngine {
  public:
   H264Decoder() : bytes_(kMostColourBytes + AV_INPUT_BUFFER_PADDING_SIZE) {
     be_quiet();
-    const AVCodec* codec = avcodec_find_decoder(AV_CODEC_ID_H264);
-    if (codec == nullptr) fail("has no H.264");
-    Context c(avcodec_alloc_context3(codec));
-    if (!c) fail("no memory");
-    c->thread_count = 1;
-    c->flags |= AV_CODEC_FLAG_LOW_DELAY;
-    c->err_recognition = AV_EF_BITSTREAM | AV_EF_BUFFER | AV_EF_EXPLODE;
-    c->error_concealment = 0;
-    // A sequence header can not ask for more than our largest picture takes.
-    c->max_pixels = std::int64_t{(RgbdFrame::kMaxWidth + 32) * (RgbdFrame::kMaxHeight + 32)};
-    context_ = open(codec, std::move(c), nullptr);
+    context_ = fresh();
     frame_.reset(av_frame_alloc());
     packet_.reset(av_packet_alloc());
     if (!frame_ || !packet_) fail("no memory");
@@ -152,7 +142,8 @@ class H264Decoder : public ColourDecodeEngine {
   bool decode(std::span<const std::uint8_t> payload, bool key,
               ImageView<Rgb> picture) noexcept override {
     if (payload.empty() || payload.size() > kMostColourBytes) return false;
-    if (key) avcodec_flush_buffers(context_.get());
+    // A new one for each key: a damaged sequence header leaves marks that flushing keeps (reordering).
+    if (key && !renew()) return false;
     std::copy(payload.begin(), payload.end(), bytes_.begin());
     std::memset(bytes_.data() + payload.size(), 0, AV_INPUT_BUFFER_PADDING_SIZE);
     packet_->data = bytes_.data();
@@ -174,6 +165,27 @@ class H264Decoder : public ColourDecodeEngine {
   }
 
  private:
+  [[nodiscard]] static Context fresh() {
+    const AVCodec* codec = avcodec_find_decoder(AV_CODEC_ID_H264);
+    if (codec == nullptr) fail("has no H.264");
+    Context c(avcodec_alloc_context3(codec));
+    if (!c) fail("no memory");
+    c->thread_count = 1;
+    c->flags |= AV_CODEC_FLAG_LOW_DELAY;
+    c->err_recognition = AV_EF_BITSTREAM | AV_EF_BUFFER | AV_EF_EXPLODE;
+    c->error_concealment = 0;
+    // A sequence header can not ask for more than our largest picture takes.
+    c->max_pixels = std::int64_t{(RgbdFrame::kMaxWidth + 32) * (RgbdFrame::kMaxHeight + 32)};
+    return open(codec, std::move(c), nullptr);
+  }
+  [[nodiscard]] bool renew() noexcept {
+    try {
+      context_ = fresh();
+      return true;
+    } catch (...) {
+      return false;
+    }
+  }
   Context context_;
   Frame frame_;
   Packet packet_;

@@ -49,23 +49,39 @@ class JpegEncoder : public ColourEncodeEngine {
 
 class JpegDecoder : public ColourDecodeEngine {
  public:
+  JpegDecoder() : library_(std::make_unique<Handle>(tjInitDecompress())) {}
+
   bool decode(std::span<const std::uint8_t> payload, bool key,
               ImageView<Rgb> picture) noexcept override {
+    if (!library_) renew();
+    const bool good = library_ && key && !payload.empty() && try_decode(payload, picture);
+    // What a damaged picture leaves behind in the library can spoil the next good one.
+    if (!good) renew();
+    return good;
+  }
+
+ private:
+  [[nodiscard]] bool try_decode(std::span<const std::uint8_t> payload,
+                                ImageView<Rgb> picture) noexcept {
     // Its own size is looked at before anything is allocated for it.
     int width = 0, height = 0, sampling = 0, space = 0;
-    if (!key || payload.empty() ||
-        tjDecompressHeader3(library_.handle, payload.data(), payload.size(), &width, &height,
+    if (tjDecompressHeader3(library_->handle, payload.data(), payload.size(), &width, &height,
                             &sampling, &space) != 0 ||
         width != picture.width || height != picture.height ||
         (space != TJCS_YCbCr && space != TJCS_GRAY))
       return false;
-    return tjDecompress2(library_.handle, payload.data(), payload.size(), &picture.data->r, width,
+    return tjDecompress2(library_->handle, payload.data(), payload.size(), &picture.data->r, width,
                          3 * picture.stride, height, TJPF_RGB,
                          TJFLAG_ACCURATEDCT | TJFLAG_STOPONWARNING | TJFLAG_LIMITSCANS) == 0;
   }
-
- private:
-  Handle library_{tjInitDecompress()};
+  void renew() noexcept {
+    library_.reset();
+    try {
+      library_ = std::make_unique<Handle>(tjInitDecompress());
+    } catch (...) {  // no memory: pictures are refused until there is some
+    }
+  }
+  std::unique_ptr<Handle> library_;
 };
 
 }  // namespace
