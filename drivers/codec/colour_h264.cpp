@@ -142,7 +142,7 @@ class H264Decoder : public ColourDecodeEngine {
   bool decode(std::span<const std::uint8_t> payload, bool key,
               ImageView<Rgb> picture) noexcept override {
     if (payload.empty() || payload.size() > kMostColourBytes) return false;
-    // A new one for each key: a damaged sequence header leaves marks that flushing keeps (reordering).
+    // A new one for each key: a damaged sequence header leaves marks that flushing keeps.
     if (key && !renew()) return false;
     std::copy(payload.begin(), payload.end(), bytes_.begin());
     std::memset(bytes_.data() + payload.size(), 0, AV_INPUT_BUFFER_PADDING_SIZE);

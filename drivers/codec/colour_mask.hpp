@@ -1,6 +1,6 @@
-// Which pixels of a picture have no colour (perception/geometry/no_colour.hpp), as a comment segment
-// of its JPEG: JPEG keeps no exact values. What decodes JPEG passes over it; a picture in which all
-// have colour has none.
+// Which pixels of a picture have no colour (perception/geometry/no_colour.hpp), as a comment
+// segment of its JPEG: JPEG keeps no exact values. What decodes JPEG passes over it; a picture in
+// which all have colour has none.
 //
 //   0xff 0xfe, u16 big-endian: bytes from here on, "TNC1", u8 form, then
 //     form 1   lengths of runs in row order, in turn of pixels that are as expected and that are

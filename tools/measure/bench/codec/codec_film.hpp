@@ -6,8 +6,8 @@
 //
 // Noise along the axis, normal, sigma(z) of z in m: strict is a Kinect v2's (depth_noise.hpp),
 // lenient 1.5 + 2 z^2 mm. Drop-out at edges and flying pixels are the synthetic camera's in both;
-// lateral jitter, which is more than sigma on a floor seen at a low angle, where it is asked for. Colour gets normal noise of 3 of 255. A seed is another room's
-// furniture colours, another stretch of the way and other noise.
+// lateral jitter (more than sigma on a floor seen at a low angle) where it is asked for. Colour has
+// normal noise of 3 of 255. A seed: other furniture and colours, other way, other noise.
 #pragma once
 
 #include <cstdint>
