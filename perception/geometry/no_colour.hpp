@@ -8,7 +8,7 @@
 //   - a frame can not carry the mask of another frame;
 //   - a frame whose maker does not know the rule only loses its blacks, which costs little.
 // JPEG does not keep exact values, so on the link a mask travels beside the picture
-// (drivers/link/colour_mask.hpp).
+// (drivers/codec/colour_mask.hpp).
 #pragma once
 
 #include <cstddef>

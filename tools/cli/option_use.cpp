@@ -20,7 +20,7 @@ constexpr OptionUse kBench[] = {
     {"--no-fixed-voxel", "table1"},
     {"--instructions", "table1"},
     {"--data", "table2, segmentation"},
-    {"--seed", "segmentation, fuzz, haptic --rgbd"},
+    {"--seed", "segmentation, fuzz, codec, haptic --rgbd"},
     {"--seconds", "fuzz"},
     {"--reader", "fuzz"},
     {"--jobs", "fuzz"},
@@ -38,7 +38,8 @@ constexpr OptionUse kBench[] = {
     {"--rates", "boundary"},
     {"--dampings", "boundary"},
     {"--svg", "haptic --rgbd, boundary"},
-    {"--frames", "table1, fusion, drift"},
+    {"--frames", "table1, fusion, codec, drift"},
+    {"--long", "codec"},
     {"--voxel", "drift"},
     {"--half-size", "drift"},
 };

@@ -54,20 +54,27 @@ Study study_of(const std::string& what, const FusionStudyOptions& fusion,
                           : study_segmentation(std::cerr, segmentation);
 }
 
+// Those that have options of their own; null: none of them.
+int (*own_command(int argc, char** argv))(int, char**) {
+  const std::string what = argc > 1 ? argv[1] : "";
+  if (what == "moving") return cmd_moving;
+  if (what == "recording") return cmd_recording;
+  if (what == "choice") return cmd_choice;
+  return what == "codec" ? cmd_codec_study : nullptr;
+}
+
 }  // namespace
 
 int cmd_accuracy(int argc, char** argv) {
-  // They have options of their own.
-  if (argc > 1 && std::string(argv[1]) == "moving") return cmd_moving(argc - 1, argv + 1);
-  if (argc > 1 && std::string(argv[1]) == "recording") return cmd_recording(argc - 1, argv + 1);
-  if (argc > 1 && std::string(argv[1]) == "choice") return cmd_choice(argc - 1, argv + 1);
+  if (const auto own = own_command(argc, argv)) return own(argc - 1, argv + 1);
   CLI::App app{
       "Error of a method against its CPU time, over its knobs. WHAT: fusion, weighting, "
       "segmentation, haptic; moving\n"
       "(accuracy moving --help): what a thing that moves does to fusion; recording (accuracy "
       "recording --help):\n"
       "one recording in every order, begun anywhere; choice (accuracy choice --help): segmentation "
-      "chosen on one half\nof the images and judged on the other.",
+      "chosen on one half\nof the images and judged on the other; codec (accuracy codec --help): "
+      "what fusion makes of images behind the\nlink's codecs.",
       "teletact accuracy"};
   std::string what, json, plots, intrinsics;
   FusionStudyOptions fusion;

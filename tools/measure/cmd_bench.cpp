@@ -12,6 +12,7 @@
 #include "tools/files/metrics_json.hpp"
 #include "tools/files/whole_file.hpp"
 #include "tools/measure/bench/audit_bench.hpp"
+#include "tools/measure/bench/codec/codec_bench.hpp"
 #include "tools/measure/bench/drift.hpp"
 #include "tools/measure/bench/fusion_peer.hpp"
 #include "tools/measure/bench/fuzz.hpp"
@@ -131,23 +132,42 @@ struct HapticBench {
   }
 };
 
+void add_table1_options(CLI::App& app, Table1Options& table1, bool& instructions) {
+  app.add_option("--edges", table1.edges, "table1: voxels along the cube's edge")
+      ->check(CLI::Range(64, 1024))
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--isa", table1.isas,
+                 "table1: auto, scalar, sse4, avx2 or avx512; further ones run beside the first")
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--runs", table1.runs, "table1: passes, of which the median is taken")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  app.add_flag("!--no-fixed-voxel", table1.fixed_voxel,
+               "table1: without the second table (voxels of 10 mm, cubes of N x 10 mm)");
+  app.add_flag("--instructions", instructions,
+               "table1: instructions of a frame in place of times (callgrind, 20 frames), with the "
+               "watch for moving things and without");
+}
+
 }  // namespace
 
 int cmd_bench(int argc, char** argv) {
   CLI::App app{
       "Measures one part beside its peers. WHAT: rings, wakeup, audit, table1, table2, "
-      "segmentation, fusion, drift, fuzz, haptic, boundary, effects. Ends with 1 when a limit is "
-      "missed."};
+      "segmentation, fusion, codec, drift, fuzz, haptic, boundary, effects. Ends with 1 when a "
+      "limit is missed."};
   std::string what, json;
   int rounds = 9;
   double slice_s = 1.0;
-  app.add_option(
-         "WHAT", what,
-         "rings | wakeup | audit | table1 | table2 | segmentation | fusion | drift | fuzz | "
-         "haptic | boundary | effects")
+  app.add_option("WHAT", what,
+                 "rings | wakeup | audit | table1 | table2 | segmentation | fusion | codec | drift "
+                 "| fuzz | "
+                 "haptic | boundary | effects")
       ->required()
       ->check(CLI::IsMember({"rings", "wakeup", "audit", "table1", "table2", "segmentation",
-                             "fusion", "drift", "fuzz", "haptic", "boundary", "effects"}));
+                             "fusion", "codec", "drift", "fuzz", "haptic", "boundary", "effects"}));
   app.add_option("--rounds", rounds, "interleaved rounds")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -173,30 +193,19 @@ int cmd_bench(int argc, char** argv) {
   app.add_option("--intrinsics", intrinsics,
                  "of the recording, where it has no intrinsics.txt: fx,fy,cx,cy in px, and depth "
                  "units a metre if the data set's are not right");
-  app.add_option("--edges", table1.edges, "table1: voxels along the cube's edge")
-      ->check(CLI::Range(64, 1024))
-      ->delimiter(',')
-      ->capture_default_str();
-  app.add_option("--isa", table1.isas,
-                 "table1: auto, scalar, sse4, avx2 or avx512; further ones run beside the first")
-      ->delimiter(',')
-      ->capture_default_str();
-  app.add_option("--runs", table1.runs, "table1: passes, of which the median is taken")
-      ->check(CLI::Range(1, 100))
-      ->capture_default_str();
-  app.add_flag("!--no-fixed-voxel", table1.fixed_voxel,
-               "table1: without the second table (voxels of 10 mm, cubes of N x 10 mm)");
   bool instructions = false;
-  app.add_flag("--instructions", instructions,
-               "table1: instructions of a frame in place of times (callgrind, 20 frames), with the "
-               "watch for moving things and without");
+  add_table1_options(app, table1, instructions);
   std::string data;
   std::uint64_t seed = 1;
   app.add_option("--data", data,
                  "table2, segmentation: folder of images with people's or true masks");
   app.add_option("--seed", seed,
-                 "segmentation: of the touches; fuzz: of the damage; haptic: of the hand's path")
+                 "segmentation: of the touches; fuzz: of the damage; haptic: of the hand's path; "
+                 "codec: of the room")
       ->capture_default_str();
+  CodecBenchOptions codec;
+  app.add_flag("--long", codec.long_run,
+               "codec: 100,000 damaged frames of each kind, 10,000 states");
   FuzzBench fuzz;
   fuzz.add_to(app);
   PeerBench peer;
@@ -209,7 +218,7 @@ int cmd_bench(int argc, char** argv) {
   app.add_option(
          "--frames,--count", frames,
          "how many of each sequence (a shorter recording: as many as it has); default: table1 150, "
-         "fusion 60, drift 10000")
+         "fusion and codec 60, drift 10000")
       ->check(CLI::Range(20, 10000000));
   app.add_option("--voxel", voxel_m, "drift: edge of a voxel, m")
       ->check(in_range(0.005, 0.08))
@@ -222,7 +231,8 @@ int cmd_bench(int argc, char** argv) {
   if (!haptic.svg.empty()) make_output_folder("--svg", haptic.svg);
   if (!intrinsics.empty())
     table1.pinhole = peer.options.pinhole = haptic.recording.pinhole = parse_pinhole(intrinsics);
-  if (frames > 0) table1.frames = peer.options.frames = frames;
+  if (frames > 0) table1.frames = peer.options.frames = codec.frames = frames;
+  codec.seed = seed;
   Metrics metrics("bench " + what);
   int missed = 0;
   const auto take = [&](const auto& result) {
@@ -236,6 +246,8 @@ int cmd_bench(int argc, char** argv) {
     take(bench_wakeup(std::cerr, rounds, slice_s));
   } else if (what == "drift") {
     take(bench_drift(std::cerr, frames > 0 ? frames : 10000, voxel_m, half_size ? 2 : 1));
+  } else if (what == "codec") {
+    take(bench_codec(std::cerr, codec));
   } else if (what == "haptic") {
     if (rgbd->count() > 0) {
       take(haptic.touch(table1.rgbd, seed));

@@ -12,6 +12,7 @@
 
 #include "drivers/camera/tum_files.hpp"
 #include "drivers/camera/tum_reader.hpp"
+#include "drivers/codec/colour_stream.hpp"
 #include "perception/map_file/map_file.hpp"
 #include "tools/files/csv.hpp"
 #include "tools/files/image_files.hpp"
@@ -97,6 +98,7 @@ FuzzReaders::FuzzReaders() {
   add_layouts();
   add_tables();
   add_map();
+  add_colour();
 }
 
 FuzzReaders::~FuzzReaders() {
@@ -289,6 +291,50 @@ void FuzzReaders::add_map() {
                       },
                       [held](std::string& b) { perception::seal_map(held->startup.token(), b); },
                       false});
+}
+
+// Pictures of the link: a key, and of H.264 one that follows it.
+void FuzzReaders::add_colour() {
+  struct Held {
+    rt::Startup startup;
+    drivers::ColourDecoder decoder{startup.token()};
+    std::vector<perception::Rgb> pixels = std::vector<perception::Rgb>(kWidth * kHeight);
+    std::string key;
+    [[nodiscard]] drivers::ColourStatus decode(const std::string& bytes) {
+      return decoder.decode(view(bytes), {}, {pixels.data(), kWidth, kHeight, kWidth});
+    }
+  };
+  for (const char* method : {"jpeg", "h264"}) {
+    if (std::strcmp(method, "h264") == 0 && !drivers::h264_built_in()) continue;
+    const auto held = std::make_shared<Held>();
+    drivers::ColourStreamConfig config;
+    config.method = method;
+    const auto encoder = make_colour_encoder(held->startup.token(), config, kWidth, kHeight);
+    std::vector<std::string> seeds;
+    for (int n = 0; n < 2; ++n) {
+      for (int i = 0; i < kWidth * kHeight; ++i)
+        held->pixels[static_cast<std::size_t>(i)] = {static_cast<std::uint8_t>(7 * i + 9 * n),
+                                                     static_cast<std::uint8_t>(i / kWidth), 90};
+      std::vector<std::uint8_t> bytes(drivers::kMostColourBytes);
+      const auto coded =
+          encoder->encode({held->pixels.data(), kWidth, kHeight, kWidth}, {}, {}, bytes);
+      seeds.emplace_back(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(coded.bytes));
+    }
+    held->key = seeds.front();
+    readers_.push_back(
+        {std::string("colour_") + method, seeds,
+         [held](const std::string& b) -> rt::Result<bool> {
+           if (held->decode(held->key) != drivers::ColourStatus::kOk)
+             throw std::runtime_error("a good key is refused");
+           const auto status = held->decode(b);
+           if (status != drivers::ColourStatus::kOk) return rt::Error{to_text(status)};
+           return true;
+         },
+         [](std::string& b) {
+           drivers::seal_colour({reinterpret_cast<std::uint8_t*>(b.data()), b.size()});
+         },
+         false});
+  }
 }
 
 }  // namespace teletact

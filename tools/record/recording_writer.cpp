@@ -6,6 +6,7 @@
 #include <memory>
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
+#include <utility>
 
 #include "rt/clock/box_time.hpp"
 
@@ -28,49 +29,65 @@ std::string pose_line(double t_s, const perception::Pose& X_WC) {
   return line;
 }
 
+void write_text(const std::string& path, const std::string& text) {
+  std::ofstream out(path);
+  out << text;
+  if (!out.flush()) throw std::runtime_error(path + ": can not be written");
+}
+
 }  // namespace
 
+RecordingWriter::RecordingWriter(std::string folder) : folder_(std::move(folder)) {
+  std::filesystem::create_directories(folder_ + "/depth");
+  std::filesystem::create_directories(folder_ + "/rgb");
+}
+
+void RecordingWriter::add(const perception::RgbdFrame& frame, const std::string& stamp) {
+  intrinsics_ = frame.intrinsics;
+  const auto& k = intrinsics_;
+  char name[40];
+  std::snprintf(name, sizeof name, "%06d.png", count_++);
+  lists_ += stamp + " rgb/" + name + " " + stamp + " depth/" + name + "\n";
+  write_image(
+      folder_ + "/depth/" + name,
+      cv::Mat(k.height, k.width, CV_16UC1, const_cast<std::uint16_t*>(frame.depth_mm.data())));
+  cv::Mat colour(k.height, k.width, CV_8UC3, cv::Scalar(128, 128, 128));
+  for (int v = 0; frame.has_colour && v < k.height; ++v) {
+    for (int u = 0; u < k.width; ++u) {
+      const perception::Rgb c = frame.rgb().at(u, v);
+      colour.at<cv::Vec3b>(v, u) = {c.b, c.g, c.r};
+    }
+  }
+  write_image(folder_ + "/rgb/" + name, colour);
+}
+
+void RecordingWriter::finish() {
+  const auto& k = intrinsics_;
+  char lens[200];
+  std::snprintf(lens, sizeof lens, "%.17g %.17g %.17g %.17g %d %d 1000\n", k.fx, k.fy, k.cx, k.cy,
+                k.width, k.height);
+  write_text(folder_ + "/associations.txt", lists_);
+  write_text(folder_ + "/intrinsics.txt", lens);
+}
+
 void write_recording(const FusionSequence& sequence, const std::string& folder, bool backwards) {
-  namespace fs = std::filesystem;
-  fs::create_directories(folder + "/depth");
-  fs::create_directories(folder + "/rgb");
-  const auto& k = sequence.intrinsics;
+  RecordingWriter writer(folder);
   auto frame = std::make_unique<perception::RgbdFrame>();
-  std::string lists, poses;
+  std::string poses;
   bool all_known = true;
   for (int i = 0; i < sequence.size(); ++i) {
     const int shown = backwards ? sequence.size() - 1 - i : i;
     sequence.frame(shown, *frame);
     const double t_s = 1e-9 * static_cast<double>(rt::ns_of(sequence.exposure(i)));
-    char name[40], line[160];
-    std::snprintf(name, sizeof name, "%06d.png", i);
-    std::snprintf(line, sizeof line, "%.6f rgb/%s %.6f depth/%s\n", t_s, name, t_s, name);
-    lists += line;
-    write_image(folder + "/depth/" + name,
-                cv::Mat(k.height, k.width, CV_16UC1, frame->depth_mm.data()));
-    cv::Mat colour(k.height, k.width, CV_8UC3, cv::Scalar(128, 128, 128));
-    for (int v = 0; frame->has_colour && v < k.height; ++v) {
-      for (int u = 0; u < k.width; ++u) {
-        const perception::Rgb c = frame->rgb().at(u, v);
-        colour.at<cv::Vec3b>(v, u) = {c.b, c.g, c.r};
-      }
-    }
-    write_image(folder + "/rgb/" + name, colour);
+    char stamp[40];
+    std::snprintf(stamp, sizeof stamp, "%.6f", t_s);
+    writer.add(*frame, stamp);
     const perception::Pose* truth = sequence.truth(shown);
     all_known = all_known && truth != nullptr;
     if (truth != nullptr) poses += pose_line(t_s, *truth);
   }
-  char lens[200];
-  std::snprintf(lens, sizeof lens, "%.17g %.17g %.17g %.17g %d %d 1000\n", k.fx, k.fy, k.cx, k.cy,
-                k.width, k.height);
-  const auto write = [&](const char* name, const std::string& text) {
-    std::ofstream out(folder + name);
-    out << text;
-    if (!out.flush()) throw std::runtime_error(folder + name + ": can not be written");
-  };
-  write("/associations.txt", lists);
-  write("/intrinsics.txt", lens);
-  if (all_known && !poses.empty()) write("/groundtruth.txt", poses);
+  writer.finish();
+  if (all_known && !poses.empty()) write_text(folder + "/groundtruth.txt", poses);
 }
 
 }  // namespace teletact

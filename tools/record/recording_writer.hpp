@@ -1,6 +1,6 @@
-// Writes a sequence to a folder that drivers/camera/tum_reader.hpp reads: associations.txt,
-// intrinsics.txt, depth/ and rgb/ as PNG, depth in mm; groundtruth.txt if all poses are known. The
-// same sequence gives the same bytes.
+// Images to a folder that drivers/camera/tum_reader.hpp reads: associations.txt, intrinsics.txt,
+// depth/ and rgb/ as PNG, depth in mm; groundtruth.txt where all poses are known. The same images
+// give the same bytes. A pixel without colour is written black.
 #pragma once
 
 #include <string>
@@ -9,8 +9,22 @@
 
 namespace teletact {
 
-// `backwards`: the last image first, at the stamps of the first. A sequence without colour gets grey. Throws
-// std::runtime_error naming what can not be written.
+// One image after the other. Throws std::runtime_error naming what can not be written.
+class RecordingWriter {
+ public:
+  explicit RecordingWriter(std::string folder);
+  // `stamp`: seconds as text, as the lists are to have it. Images without colour get grey.
+  void add(const perception::RgbdFrame& frame, const std::string& stamp);
+  // The lists; all images had the first one's lens.
+  void finish();
+
+ private:
+  std::string folder_, lists_;
+  perception::Intrinsics intrinsics_{};
+  int count_ = 0;
+};
+
+// A sequence held in memory. `backwards`: the last image first, at the stamps of the first.
 void write_recording(const FusionSequence& sequence, const std::string& folder,
                      bool backwards = false);
 

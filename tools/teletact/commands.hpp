@@ -8,6 +8,7 @@ int cmd_demo(int argc, char** argv);
 int cmd_explain(int argc, char** argv);
 int cmd_fuse(int argc, char** argv);
 int cmd_film(int argc, char** argv);
+int cmd_codec(int argc, char** argv);
 int cmd_touch(int argc, char** argv);
 int cmd_segment(int argc, char** argv);
 int cmd_predict(int argc, char** argv);

@@ -23,6 +23,7 @@ constexpr std::array kCommands{
     Command{"explain", teletact::cmd_explain, "what a scene simulates, who asks, who pays"},
     Command{"fuse", teletact::cmd_fuse, "a recorded RGB-D sequence to camera poses and a mesh"},
     Command{"film", teletact::cmd_film, "a synthetic place to a recorded RGB-D sequence"},
+    Command{"codec", teletact::cmd_codec, "a recording through the link's codecs and back"},
     Command{"touch", teletact::cmd_touch, "a distance field and a hand path to forces"},
     Command{"stability", teletact::start_measure, "the hard cases of touch, judged"},
     Command{"segment", teletact::cmd_segment,

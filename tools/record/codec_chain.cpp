@@ -1,0 +1,108 @@
+#include "tools/record/codec_chain.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "rt/clock/box_time.hpp"
+
+namespace teletact {
+
+using drivers::ColourStatus;
+using drivers::DepthMode;
+using drivers::DepthStatus;
+
+namespace {
+
+class Stopwatch {
+ public:
+  double lap_ms() noexcept {
+    const std::int64_t now = rt::thread_cpu_ns(), before = last_;
+    last_ = now;
+    return 1e-6 * static_cast<double>(now - before);
+  }
+
+ private:
+  std::int64_t last_ = rt::thread_cpu_ns();
+};
+
+drivers::DepthStreamConfig depth_config(const CodecChoice& c, int width, int height) {
+  return {width, height, c.law};
+}
+
+int first_step(const CodecChoice& c) {
+  return c.step >= 0 && c.step < drivers::kDepthSteps ? c.step
+                                                      : drivers::default_depth_step(c.mode);
+}
+
+// With a rate a mode may go as coarse as it must; without one it stays.
+int coarsest_step(const CodecChoice& c) {
+  return c.rate_mbit_s > 0 && c.mode != DepthMode::kLossless ? drivers::kDepthSteps - 1
+                                                             : first_step(c);
+}
+
+[[noreturn]] void refuse(const char* what, const char* status) {
+  throw std::runtime_error(std::string(what) + ": " + status);
+}
+
+}  // namespace
+
+CodecChain::CodecChain(rt::NonRealtime& nrt, const CodecChoice& choice, int width, int height)
+    : choice_(choice),
+      depth_encoder_(nrt, depth_config(choice, width, height)),
+      depth_decoder_(nrt, depth_config(choice, width, height)),
+      colour_decoder_(nrt),
+      steps_(first_step(choice), first_step(choice), coarsest_step(choice)),
+      depth_out_(drivers::max_depth_frame_bytes(static_cast<std::size_t>(width) *
+                                                static_cast<std::size_t>(height))),
+      colour_out_(drivers::kMostColourBytes),
+      depth_in_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)) {
+  if (choice.with_colour) colour_encoder_ = make_colour_encoder(nrt, choice.colour, width, height);
+}
+
+CodedFrame CodecChain::pass(perception::RgbdFrame& frame, bool key) {
+  CodedFrame out;
+  std::copy_n(frame.depth_mm.begin(), depth_in_.size(), depth_in_.begin());
+  frame.has_colour = frame.has_colour && choice_.with_colour;
+  if (frame.has_colour) encode_colour(frame, key, out);
+  depth_out_.resize(depth_out_.capacity());
+  Stopwatch watch;
+  const DepthStatus encoded =
+      depth_encoder_.encode(depth_in_, {choice_.mode, steps_.step(), key}, depth_out_, out.depth);
+  out.depth_encode_ms = watch.lap_ms();
+  if (encoded != DepthStatus::kOk) refuse("depth can not be encoded", to_text(encoded));
+  depth_out_.resize(out.depth.bytes);
+  drivers::DepthFrameInfo seen;
+  watch.lap_ms();
+  const DepthStatus decoded =
+      depth_decoder_.decode(depth_out_, {frame.depth_mm.data(), depth_in_.size()}, seen);
+  out.depth_decode_ms = watch.lap_ms();
+  if (decoded != DepthStatus::kOk) refuse("depth can not be decoded", to_text(decoded));
+  if (frame.has_colour) decode_colour(frame, out);
+  if (depth_encoder_.state_hash() != depth_decoder_.state_hash())
+    refuse("depth", "encoder and decoder hold different images");
+  steps_.sent(static_cast<std::int64_t>(out.bytes()),
+              static_cast<std::int64_t>(choice_.rate_mbit_s * 1e6 / 8 / choice_.fps));
+  return out;
+}
+
+void CodecChain::encode_colour(const perception::RgbdFrame& frame, bool key, CodedFrame& out) {
+  drivers::ColourDemand demand = choice_.colour_demand;
+  demand.key = demand.key || key;
+  Stopwatch watch;
+  const auto coded = colour_encoder_->encode(frame.rgb(), depth_in_, demand, colour_out_);
+  out.colour_encode_ms = watch.lap_ms();
+  if (coded.status != ColourStatus::kOk) refuse("colour can not be encoded", to_text(coded.status));
+  out.colour_bytes = coded.bytes, out.colour_key = coded.key;
+}
+
+// With the depth that was decoded: its readings are where those of the camera are.
+void CodecChain::decode_colour(perception::RgbdFrame& frame, CodedFrame& out) {
+  Stopwatch watch;
+  const ColourStatus decoded =
+      colour_decoder_.decode({colour_out_.data(), out.colour_bytes},
+                             {frame.depth_mm.data(), depth_in_.size()}, frame.rgb());
+  out.colour_decode_ms = watch.lap_ms();
+  if (decoded != ColourStatus::kOk) refuse("colour can not be decoded", to_text(decoded));
+}
+
+}  // namespace teletact
