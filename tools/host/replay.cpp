@@ -152,6 +152,20 @@ void set_scene(tasks::OperatorGraph& graph, const SceneInput& s, rt::Hash64& inp
   static_cast<void>(graph.cells().ring<tasks::EdgeId::kEdit, TaskId::kFusion>().try_push(edit));
 }
 
+// The demand that capture's next latch is to find, under the number that it had.
+void set_demand(tasks::RobotGraph& graph, const CameraInput& in, rt::Hash64& inputs) {
+  using tasks::EdgeId;
+  if (in.number == 0 || !graph.cells().has<EdgeId::kDemand>()) return;
+  inputs.word(in.seq);
+  inputs.word(in.key);
+  auto& cell = graph.cells().of<EdgeId::kDemand>().cell;  // past its gate: it has been through it
+  while (cell.latest_seq() < in.number) {
+    cell.begin_write() = {in.seq, rt::time_from_ns(in.made_ns), in.rate_kbit_per_s, in.coarser,
+                          in.key};
+    cell.publish(rt::time_from_ns(in.published_ns));
+  }
+}
+
 // A box and its feeds: what differs between the two boxes.
 struct FedBox {
   std::function<void(TaskId, const JobOp&, rt::Hash64&)> feed;
@@ -396,6 +410,7 @@ ReplayResult replay_robot(rt::NonRealtime& nrt, const Scene& scene, const BoxOpt
       graph.link().closed.store(bus.fed.link_closed != 0);
     } else if (id == TaskId::kCapture) {
       camera.feed(op.get<CameraInput>(), inputs);
+      set_demand(graph, op.get<CameraInput>(), inputs);
     } else {
       set_words(graph.link(), graph.requests(), op.get<StatusInput>());
     }
