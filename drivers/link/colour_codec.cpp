@@ -8,7 +8,7 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
-#include "drivers/link/colour_mask.hpp"
+#include "drivers/codec/colour_mask.hpp"
 #include "perception/geometry/no_colour.hpp"
 
 namespace drivers {

@@ -6,7 +6,7 @@
 // 38 KiB), no further argument wherever an image is passed, copied or cut out, and none of a load beside the colour's
 // own in the voxel update; a frame can not carry a mask that belongs to another one. A frame made without knowing
 // of it says of its blacks that nothing is known there, which costs little, instead of the other way round. JPEG
-// keeps no exact values, so on the link a mask does go beside the picture (drivers/link/colour_mask.hpp).
+// keeps no exact values, so on the link a mask does go beside the picture (drivers/codec/colour_mask.hpp).
 #pragma once
 
 #include <cstddef>

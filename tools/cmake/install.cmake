@@ -22,4 +22,6 @@ install(FILES
   ${PROJECT_SOURCE_DIR}/tools/cmake/FindOpenCVModules.cmake
   ${PROJECT_SOURCE_DIR}/tools/cmake/FindOmplLibrary.cmake
   ${PROJECT_SOURCE_DIR}/tools/cmake/FindLibUsb.cmake
+  ${PROJECT_SOURCE_DIR}/tools/cmake/FindTurboJpeg.cmake
+  ${PROJECT_SOURCE_DIR}/tools/cmake/FindLibav.cmake
   DESTINATION ${TELETACT_INSTALL_CMAKE} COMPONENT rt)

@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "drivers/link/colour_mask.hpp"
+#include "drivers/codec/colour_mask.hpp"
 #include "drivers/link/frame_codec.hpp"
 #include "perception/geometry/no_colour.hpp"
 #include "rt/memory/non_realtime.hpp"

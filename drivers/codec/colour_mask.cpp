@@ -1,4 +1,4 @@
-#include "drivers/link/colour_mask.hpp"
+#include "drivers/codec/colour_mask.hpp"
 
 #include <algorithm>
 #include <array>
