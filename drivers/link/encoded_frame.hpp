@@ -24,7 +24,8 @@ enum class DepthCodecId : std::uint8_t {
   kStream,    // drivers/codec/depth_stream.hpp
 };
 enum class ColourCodecId : std::uint8_t {
-  kJpeg,  // colour_codec.hpp, with a mask of the pixels that have none: colour_mask.hpp
+  kJpeg,    // colour_codec.hpp, with a mask of the pixels that have none: colour_mask.hpp
+  kStream,  // drivers/codec/colour_stream.hpp
 };
 
 struct EncodedFrame {

@@ -17,7 +17,7 @@ namespace {
 static_assert(EncodedFrame::kMaxDepthBytes >= max_depth_frame_bytes(RgbdFrame::kMaxPixels));
 static_assert(EncodedFrame::kMaxDepthBytes >= max_depth_bytes(RgbdFrame::kMaxPixels));
 constexpr auto kLastDepthCodec = static_cast<unsigned>(DepthCodecId::kStream);
-constexpr auto kLastColourCodec = static_cast<unsigned>(ColourCodecId::kJpeg);
+constexpr auto kLastColourCodec = static_cast<unsigned>(ColourCodecId::kStream);
 
 constexpr std::uint32_t kMagic = 0x32465454;  // "TTF2"
 
@@ -154,6 +154,39 @@ FrameStatus encode_depth_of(const RgbdFrame& frame, FrameCodecScratch& scratch,
   return FrameStatus::kOk;
 }
 
+// Bytes; 0: the picture could not be coded.
+std::size_t encode_colour_of(const RgbdFrame& frame, FrameCodecScratch& scratch,
+                             const FrameDemand& demand, EncodedFrame& out) noexcept {
+  const std::span<const std::uint16_t> depth{frame.depth_mm.data(), pixels(frame.intrinsics)};
+  const std::span<std::uint8_t> room{out.bytes.data() + out.depth_size,
+                                     EncodedFrame::kMaxColourBytes};
+  if (!scratch.colour_encoder) return scratch.colour.encode(frame.rgb(), room, depth);
+  ColourDemand how;
+  how.rate_kbit_s = scratch.colour_rate_kbit_per_s;
+  // A slow line is depth's first.
+  if (demand.rate_kbit_per_s > 0)
+    how.rate_kbit_s = std::min(how.rate_kbit_s, static_cast<int>(demand.rate_kbit_per_s / 5));
+  how.key = scratch.colour_key_due;
+  const auto coded = scratch.colour_encoder->encode(frame.rgb(), depth, how, room);
+  if (coded.status != ColourStatus::kOk) return 0;
+  if (coded.key) scratch.colour_key_due = false;
+  out.colour_codec = ColourCodecId::kStream;
+  out.needs_previous = out.needs_previous || !coded.key;
+  return coded.bytes;
+}
+
+bool decode_colour_of(const EncodedFrame& frame, FrameCodecScratch& scratch,
+                      RgbdFrame& out) noexcept {
+  const std::span<const std::uint16_t> depth{out.depth_mm.data(), pixels(frame.intrinsics)};
+  if (frame.colour_codec == ColourCodecId::kJpeg)
+    return scratch.colour.decode(frame.colour(), out.rgb(), depth);
+  if (!scratch.colour_decoder) return false;
+  const bool ok =
+      scratch.colour_decoder->decode(frame.colour(), depth, out.rgb()) == ColourStatus::kOk;
+  scratch.colour_wants_key = !ok;
+  return ok;
+}
+
 FrameStatus decode_depth_of(const EncodedFrame& frame, FrameCodecScratch& scratch,
                             RgbdFrame& out) noexcept {
   const std::span<std::uint16_t> depth{out.depth_mm.data(), pixels(frame.intrinsics)};
@@ -183,12 +216,23 @@ FrameCodecScratch::FrameCodecScratch(rt::NonRealtime& nrt, const ColourCodecConf
       depth_mode(mode_of(pictures.depth_codec)),
       depth_step(pictures.depth_step),
       with_colour(pictures.colour_codec != "none") {
-  if (!pictures.on_demand()) return;
+  const bool encodes = end == CodecEnd::kEncodes;
+  if (pictures.colour_codec == "h264") {
+    colour_rate_kbit_per_s = pictures.colour_rate_kbit_per_s;
+    ColourStreamConfig c;
+    c.method = pictures.colour_codec;
+    c.half = jpeg.half;
+    if (encodes)
+      colour_encoder = make_colour_encoder(nrt, c, camera.width, camera.height);
+    else
+      colour_decoder.emplace(nrt);
+  }
+  if (depth_mode == DepthMode::kLossless) return;
   DepthStreamConfig c;
   c.width = camera.width;
   c.height = camera.height;
   c.law = pictures.depth_noise == "lenient" ? DepthNoiseLaw::kLenient : DepthNoiseLaw::kStrict;
-  if (end == CodecEnd::kEncodes)
+  if (encodes)
     depth_encoder.emplace(nrt, c);
   else
     depth_decoder.emplace(nrt, c);
@@ -196,6 +240,7 @@ FrameCodecScratch::FrameCodecScratch(rt::NonRealtime& nrt, const ColourCodecConf
 
 void FrameCodecScratch::restart() noexcept {
   if (depth_encoder) depth_encoder->restart();
+  colour_key_due = true;
 }
 
 FrameStatus encode(const RgbdFrame& frame, rt::Box box, bool with_colour,
@@ -213,10 +258,11 @@ FrameStatus encode(const RgbdFrame& frame, rt::Box box, bool with_colour,
   out.has_colour = false;
   out.colour_codec = ColourCodecId::kJpeg;
   out.colour_size = 0;
+  if (demand.key != 0) scratch.colour_key_due = true;
+  // A key brings its colour along, also at a level that leaves it out of most frames.
+  with_colour = with_colour || (scratch.colour_encoder && scratch.colour_key_due);
   if (!with_colour || !frame.has_colour || !scratch.with_colour) return FrameStatus::kOk;
-  const std::size_t size = scratch.colour.encode(
-      frame.rgb(), {out.bytes.data() + out.depth_size, EncodedFrame::kMaxColourBytes},
-      {frame.depth_mm.data(), pixels(frame.intrinsics)});
+  const std::size_t size = encode_colour_of(frame, scratch, demand, out);
   if (size == 0) return FrameStatus::kNoColour;
   out.has_colour = true;
   out.colour_size = static_cast<std::uint32_t>(size);
@@ -238,9 +284,7 @@ FrameStatus decode(const EncodedFrame& frame, rt::Time exposure, FrameCodecScrat
   if (const auto status = decode_depth_of(frame, scratch, out); status != FrameStatus::kOk)
     return status;
   if (!frame.has_colour) return FrameStatus::kOk;
-  if (!scratch.colour.decode(frame.colour(), out.rgb(),
-                             {out.depth_mm.data(), pixels(frame.intrinsics)}))
-    return FrameStatus::kNoColour;
+  if (!decode_colour_of(frame, scratch, out)) return FrameStatus::kNoColour;
   out.has_colour = true;
   return FrameStatus::kOk;
 }

@@ -3,8 +3,10 @@
 // that was encoded, in order, from a key on.
 #pragma once
 
+#include <memory>
 #include <optional>
 
+#include "drivers/codec/colour_stream.hpp"
 #include "drivers/codec/depth_stream.hpp"
 #include "drivers/link/colour_codec.hpp"
 #include "drivers/link/encoded_frame.hpp"
@@ -28,9 +30,13 @@ struct FrameCodecScratch {
   ColourCodec colour;
   std::optional<DepthEncoder> depth_encoder;
   std::optional<DepthDecoder> depth_decoder;
+  std::unique_ptr<ColourEncoder> colour_encoder;
+  std::optional<ColourDecoder> colour_decoder;
   DepthMode depth_mode = DepthMode::kLossless;
   int depth_step = -1;
+  int colour_rate_kbit_per_s = 0;
   bool with_colour = true;
+  bool colour_key_due = false;  // a key was asked for, and no picture was one since
   // decode() found a picture that needs one before it which was not decoded here.
   bool colour_wants_key = false;
 };
