@@ -1,0 +1,168 @@
+#include <bit>
+
+#include "drivers/codec/depth_stripe.hpp"
+
+namespace drivers::codec {
+
+namespace {
+
+constexpr std::uint16_t kBitRecord = 0x8000;
+constexpr unsigned kSwitchFrom = 6;  // folded residual in time from which space is asked
+
+std::uint32_t fold(int r) noexcept {
+  return static_cast<std::uint32_t>(r) << 1U ^ static_cast<std::uint32_t>(r >> 31);
+}
+
+}  // namespace
+
+class StripeEncoder::Io {
+ public:
+  Io(StripeEncoder& to, const StepScale& scale, const StripePlan& plan) noexcept
+      : to_(to),
+        plan_(plan),
+        scale_(scale),
+        inverse_(((std::uint64_t{1} << 32U) + static_cast<unsigned>(scale.step) - 1) /
+                 static_cast<unsigned>(scale.step)),
+        half_(scale.step / 2),
+        raw_(to.raw_) {}
+
+  [[nodiscard]] unsigned kind(int context, int block) noexcept {
+    record(context, plan_.kinds[block]);
+    return plan_.kinds[block];
+  }
+  [[nodiscard]] bool valid(int context, int pixel) noexcept {
+    const unsigned v = plan_.reading[pixel] != 0 ? 1 : 0;
+    to_.records_[to_.recorded_++] =
+        static_cast<std::uint16_t>(kBitRecord | static_cast<unsigned>(context) << 1U | v);
+    ++to_.bit_counts_[static_cast<std::size_t>(context)][v];
+    return v != 0;
+  }
+  [[nodiscard]] Coded spatial(int context, int pixel, int prediction) noexcept {
+    const int d = plan_.target[pixel] - prediction;
+    return write(context, prediction, std::abs(d) <= plan_.dead_zone ? 0 : steps(d));
+  }
+  [[nodiscard]] Coded temporal(int context, int pixel, int before, int prediction) noexcept {
+    const int r = plan_.due[pixel] != 0 ? steps(plan_.target[pixel] - before) : 0;
+    if (fold(r) >= kSwitchFrom) {
+      const int in_space = steps(plan_.target[pixel] - prediction);
+      if (2 * std::abs(in_space) < std::abs(r)) {
+        record(context, kSwitch);
+        return write(kAloneContext, prediction, in_space);
+      }
+    }
+    return write(context, before, r);
+  }
+  [[nodiscard]] static bool bad() noexcept { return false; }
+  [[nodiscard]] BitWriter& raw() noexcept { return raw_; }
+
+ private:
+  void record(int context, unsigned symbol) noexcept {
+    to_.records_[to_.recorded_++] =
+        static_cast<std::uint16_t>(static_cast<unsigned>(context) << 5U | symbol);
+    ++to_.counts_[static_cast<std::size_t>(context)][symbol];
+  }
+  // To the nearest number of steps.
+  [[nodiscard]] int steps(int d) const noexcept {
+    const auto n = static_cast<std::uint64_t>(std::abs(d) + half_);
+    const int r = static_cast<int>((n * inverse_) >> 32U);
+    return d < 0 ? -r : r;
+  }
+  [[nodiscard]] Coded write(int context, int prediction, int r) noexcept {
+    const std::uint32_t v = fold(r);
+    if (v < kDirect) {
+      record(context, v);
+    } else {
+      const std::uint32_t u = v - kDirect + 1;
+      const auto length = static_cast<unsigned>(std::bit_width(u)) - 1;
+      record(context, kDirect + length / 2);
+      raw_.put(length & 1U, 1);
+      raw_.put(u - (1U << length), length);
+    }
+    return {scale_.value(prediction, r), std::min(std::abs(r), kMostSize)};
+  }
+
+  StripeEncoder& to_;
+  const StripePlan& plan_;
+  StepScale scale_;
+  std::uint64_t inverse_;
+  int half_;
+  BitWriter raw_;
+};
+
+StripeEncoder::StripeEncoder(const StripeShape& most)
+    : rows_(most.width),
+      records_(3 * static_cast<std::size_t>(most.width * most.rows) +
+               static_cast<std::size_t>(most.blocks())),
+      raw_(2 * static_cast<std::size_t>(most.width * most.rows)),
+      rans_(raw_.size() + 8),
+      out_(raw_.size() + kStripeOverhead) {}
+
+void StripeEncoder::encode(const StripeShape& shape, const StepScale& scale, const StripePlan& plan,
+                           std::uint16_t* points, const std::uint8_t* history) noexcept {
+  recorded_ = 0;
+  for (auto& c : counts_) c = {};
+  bit_counts_ = {};
+  Io io(*this, scale, plan);
+  Walk<Io> walk(shape, rows_, io, points, history);
+  static_cast<void>(walk.run(0));
+  const std::size_t raw_bytes = io.raw().finish();
+  if (io.raw().full() || !assemble(raw_bytes) || size_ > shape.plain_bytes()) {
+    plain(shape, points);
+  }
+}
+
+bool StripeEncoder::assemble(std::size_t raw_bytes) noexcept {
+  std::uint8_t* const body = out_.data() + kStripeOverhead;
+  BitWriter head({body, out_.size() - kStripeOverhead});
+  for (std::size_t c = 0; c < counts_.size(); ++c) {
+    const bool used =
+        std::any_of(counts_[c].begin(), counts_[c].end(), [](auto n) { return n > 0; });
+    head.put(used ? 1 : 0, 1);
+    if (!used) continue;
+    write_counts(counts_[c], head);
+    tables_[c].build(counts_[c]);
+  }
+  std::array<std::uint32_t, kBitContexts> zero{};
+  for (std::size_t c = 0; c < zero.size(); ++c) {
+    const bool used = bit_counts_[c][0] + bit_counts_[c][1] > 0;
+    head.put(used ? 1 : 0, 1);
+    if (used) zero[c] = write_bit_model(bit_counts_[c][0], bit_counts_[c][1], head);
+  }
+  const std::size_t head_bytes = head.finish();
+  RansWriter w(rans_);
+  for (std::size_t i = recorded_; i-- > 0 && !w.full();) {
+    const unsigned r = records_[i];
+    if ((r & kBitRecord) != 0) {
+      const std::uint32_t z = zero[(r & 0x7fffU) >> 1U];
+      (r & 1U) != 0 ? w.put(z, (1U << kRansBits) - z) : w.put(0, z);
+    } else {
+      const RansTable& t = tables_[r >> 5U];
+      w.put(t.start[r & 31U], t.frequency[r & 31U]);
+    }
+  }
+  const std::size_t rans_bytes = w.finish();
+  if (w.full() || head.full() || head_bytes > 0xffff || raw_bytes > 0xffffff) return false;
+  size_ = kStripeOverhead + head_bytes + raw_bytes + rans_bytes;
+  if (size_ > out_.size()) return false;
+  std::memcpy(body + head_bytes, raw_.data(), raw_bytes);
+  std::memcpy(body + head_bytes + raw_bytes, rans_.data() + rans_.size() - rans_bytes, rans_bytes);
+  const std::size_t sizes = head_bytes | raw_bytes << 16U;
+  out_[0] = 1;
+  for (unsigned i = 0; i < 5; ++i) out_[1 + i] = static_cast<std::uint8_t>(sizes >> (8 * i));
+  return true;
+}
+
+void StripeEncoder::plain(const StripeShape& shape, const std::uint16_t* points) noexcept {
+  std::uint8_t* to = out_.data();
+  *to++ = 0;
+  for (int y = 0; y < shape.used_rows; ++y) {
+    for (int x = 0; x < shape.used_width; ++x) {
+      const std::uint16_t v = points[y * shape.width + x];
+      *to++ = static_cast<std::uint8_t>(v);
+      *to++ = static_cast<std::uint8_t>(v >> 8U);
+    }
+  }
+  size_ = shape.plain_bytes();
+}
+
+}  // namespace drivers::codec

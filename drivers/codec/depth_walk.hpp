@@ -1,0 +1,293 @@
+// The order in which a stripe of a depth image is coded, and what is predicted from what: one piece
+// of code for encoder and decoder, so that they can not differ.
+//
+// A stripe is some rows of 8 x 8 blocks; it is coded without a look at the other one. A block has a
+// validity (which of its pixels have a reading: as before, all, mixed, none) and a prediction:
+//
+//   copy    what had a reading keeps its value; what has one now alone is predicted from neighbours
+//   time    residual against the value before; or, by kSwitch, against the neighbours
+//   plane   the plane that fits 13 neighbours best, continued
+//   edge    median edge detector: W, N or W + N - NW (M. Weinberger et al., LOCO-I, 2000)
+//   mean    (3 W + WW + 2 N + NE + NW) / 8
+//
+// A residual counts steps: value = prediction + step * residual, kept within [1, top]. Where a pixel
+// has no reading its left neighbour's value stands in for it in predictions.
+//
+// Io is the encoder's or the decoder's side:
+//   unsigned kind(int context, int block)         block: index in the stripe
+//   bool     valid(int context, int pixel)        has a reading
+//   Coded    spatial(int context, int pixel, int prediction)
+//   Coded    temporal(int context, int pixel, int before, int prediction)   may switch
+//   bool     bad()                                what was read can not be
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <vector>
+
+namespace drivers::codec {
+
+inline constexpr int kBlock = 8;
+
+enum class Validity : unsigned { kAsBefore, kAll, kMixed };
+enum class Prediction : unsigned { kCopy, kTime, kPlane, kEdge, kMean };
+inline constexpr unsigned kEmptyBlock = 0, kSameBlock = 1, kBlockKinds = 16;
+[[nodiscard]] constexpr unsigned block_kind(Validity v, Prediction p) noexcept {
+  return 1 + 5 * static_cast<unsigned>(v) + static_cast<unsigned>(p);
+}
+static_assert(block_kind(Validity::kAsBefore, Prediction::kCopy) == kSameBlock);
+static_assert(block_kind(Validity::kMixed, Prediction::kMean) == kBlockKinds - 1);
+
+// Contexts of residuals: by the size of the neighbours', in space, then in time, then alone.
+inline constexpr int kSizes = 10;
+inline constexpr int kSpaceContext = 0, kTimeContext = kSizes, kAloneContext = 2 * kSizes,
+                     kKindContext = kAloneContext + 1, kContexts = kKindContext + 9,
+                     kBitContexts = 64;
+inline constexpr int kMostSize = 31;  // sizes count up to here
+inline constexpr std::array<std::uint8_t, 6 * kMostSize + 1> kSizeOf = [] {
+  std::array<std::uint8_t, 6 * kMostSize + 1> t{};
+  constexpr std::array<int, kSizes - 1> kFrom{1, 2, 3, 5, 7, 10, 15, 25, 50};
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    for (const int from : kFrom)
+      t[i] = static_cast<std::uint8_t>(t[i] + (static_cast<int>(i) >= from));
+  }
+  return t;
+}();
+
+struct Coded {
+  int value;  // point of the lattice
+  int size;   // |residual|, at most kMostSize
+};
+
+struct StripeShape {
+  int width = 0, rows = 0;            // px, multiples of kBlock
+  int used_width = 0, used_rows = 0;  // of them of the image; the rest never has a reading
+  [[nodiscard]] int blocks_wide() const noexcept { return width / kBlock; }
+  [[nodiscard]] std::size_t plain_bytes() const noexcept {
+    return 1 + 2 * static_cast<std::size_t>(used_width) * static_cast<std::size_t>(used_rows);
+  }
+  [[nodiscard]] int blocks() const noexcept { return blocks_wide() * (rows / kBlock); }
+};
+
+// Rows of values and sizes around the one that is being coded, with margins.
+class WalkRows {
+ public:
+  static constexpr int kMargin = 4;
+  explicit WalkRows(int width)
+      : length_(static_cast<std::size_t>(width) + 2 * kMargin),
+        values_(3 * length_),
+        linear_(2 * static_cast<std::size_t>(width)),
+        sizes_(2 * length_),
+        there_(2 * length_),
+        kinds_(2 * (static_cast<std::size_t>(width) / kBlock + 1)) {}
+
+  void begin(int start) noexcept {
+    std::fill(values_.begin(), values_.end(), start);
+    std::fill(sizes_.begin(), sizes_.end(), std::uint8_t{0});
+    std::fill(there_.begin(), there_.end(), std::uint8_t{0});
+    std::fill(kinds_.begin(), kinds_.end(), static_cast<std::uint8_t>(kSameBlock));
+    now = values_.data() + kMargin, up = now + length_, up2 = up + length_;
+    size = sizes_.data() + kMargin, size_up = size + length_;
+    there = there_.data() + kMargin, there_up = there + length_;
+    plane = linear_.data(), mean = plane + linear_.size() / 2;
+    kinds = kinds_.data() + 1, kinds_up = kinds + kinds_.size() / 2;
+  }
+  void begin_row() noexcept {
+    for (int i = 1; i <= kMargin; ++i) now[-i] = up[0];
+  }
+  void end_row(int width, bool first) noexcept {
+    for (int i = 0; i < kMargin; ++i) now[width + i] = now[width - 1];
+    if (first) std::memcpy(up - kMargin, now - kMargin, length_ * sizeof *now);
+    std::int32_t* const old = up2;
+    up2 = up, up = now, now = old;
+    std::swap(size, size_up);
+    std::swap(there, there_up);
+  }
+  // The part of the linear predictions that lies in the rows above.
+  void predict_rows(int width) noexcept {
+    for (int x = 0; x < width; ++x) {
+      const std::int32_t *n = up + x, *nn = up2 + x;
+      plane[x] = n[-2] + 5 * n[-1] + 9 * n[0] + 13 * n[1] + 16 * n[2] - 12 * nn[-2] - 8 * nn[-1] -
+                 5 * nn[0] + 3 * nn[2];
+      mean[x] = 2 * n[0] + n[1] + n[-1];
+    }
+  }
+
+  std::int32_t *now = nullptr, *up = nullptr, *up2 = nullptr, *plane = nullptr, *mean = nullptr;
+  std::uint8_t *size = nullptr, *size_up = nullptr, *there = nullptr, *there_up = nullptr;
+  std::uint8_t *kinds = nullptr, *kinds_up = nullptr;
+
+ private:
+  std::size_t length_;
+  std::vector<std::int32_t> values_, linear_;
+  std::vector<std::uint8_t> sizes_, there_, kinds_;
+};
+
+[[nodiscard]] inline int edge_prediction(int w, int n, int nw) noexcept {
+  const int low = std::min(w, n), high = std::max(w, n);
+  return nw >= high ? low : nw <= low ? high : w + n - nw;
+}
+
+template <class Io>
+class Walk {
+ public:
+  Walk(const StripeShape& shape, WalkRows& rows, Io& io, std::uint16_t* points,
+       const std::uint8_t* history) noexcept
+      : shape_(shape), r_(rows), io_(io), points_(points), history_(history) {}
+
+  // False: what was read can not be.
+  [[nodiscard]] bool run(int start) noexcept {
+    r_.begin(start);
+    for (int by = 0; by * kBlock < shape_.rows; ++by) {
+      if (!read_kinds(by)) return false;
+      for (int y = by * kBlock; y < (by + 1) * kBlock; ++y) {
+        row(y);
+        if (io_.bad()) return false;
+      }
+      std::swap(r_.kinds, r_.kinds_up);
+    }
+    return true;
+  }
+
+ private:
+  // What a block's neighbour says of it: unchanged, changed in time, or anew.
+  [[nodiscard]] static int kind_class(unsigned kind) noexcept {
+    if (kind <= kSameBlock) return 0;
+    return (kind - 1) % 5 <= static_cast<unsigned>(Prediction::kTime) ? 1 : 2;
+  }
+
+  [[nodiscard]] bool read_kinds(int by) noexcept {
+    const int wide = shape_.blocks_wide();
+    linear_ = false;
+    for (int bx = 0; bx < wide; ++bx) {
+      const int context =
+          kKindContext + 3 * kind_class(r_.kinds[bx - 1]) + kind_class(r_.kinds_up[bx]);
+      const unsigned kind = io_.kind(context, by * wide + bx);
+      if (kind >= kBlockKinds) return false;
+      r_.kinds[bx] = static_cast<std::uint8_t>(kind);
+      const unsigned p = kind == kEmptyBlock ? 0 : (kind - 1) % 5;
+      linear_ |= p == static_cast<unsigned>(Prediction::kPlane) ||
+                 p == static_cast<unsigned>(Prediction::kMean);
+    }
+    return true;
+  }
+
+  void row(int y) noexcept {
+    r_.begin_row();
+    first_ = y == 0;
+    if (linear_) r_.predict_rows(shape_.width);
+    at_ = y * shape_.width;
+    for (int bx = 0; bx < shape_.blocks_wide(); ++bx) segment(r_.kinds[bx], bx * kBlock);
+    r_.end_row(shape_.width, first_);
+  }
+
+  void segment(unsigned kind, int x) noexcept {
+    if (kind == kEmptyBlock) return empty(x);
+    if (kind == kSameBlock) return same(x);
+    switch (static_cast<Validity>((kind - 1) / 5)) {
+      case Validity::kAsBefore:
+        return predicted<Validity::kAsBefore>(kind, x);
+      case Validity::kAll:
+        return predicted<Validity::kAll>(kind, x);
+      case Validity::kMixed:
+        return predicted<Validity::kMixed>(kind, x);
+    }
+  }
+  template <Validity V>
+  void predicted(unsigned kind, int x) noexcept {
+    switch (static_cast<Prediction>((kind - 1) % 5)) {
+      case Prediction::kCopy:
+        return pixels<V, Prediction::kCopy>(x);
+      case Prediction::kTime:
+        return pixels<V, Prediction::kTime>(x);
+      case Prediction::kPlane:
+        return pixels<V, Prediction::kPlane>(x);
+      case Prediction::kEdge:
+        return pixels<V, Prediction::kEdge>(x);
+      case Prediction::kMean:
+        return pixels<V, Prediction::kMean>(x);
+    }
+  }
+
+  void empty(int x) noexcept {
+    for (int i = x; i < x + kBlock; ++i) {
+      points_[at_ + i] = 0;
+      set(i, 0, 0);
+    }
+  }
+  void same(int x) noexcept {
+    for (int i = x; i < x + kBlock; ++i) set(i, points_[at_ + i], 0);
+  }
+  void set(int x, int value, int size) noexcept {
+    r_.now[x] = value != 0 ? value : r_.now[x - 1];
+    r_.there[x] = static_cast<std::uint8_t>(value != 0);
+    r_.size[x] = static_cast<std::uint8_t>(size);
+  }
+
+  template <Validity V, Prediction P>
+  void pixels(int x0) noexcept {
+    for (int x = x0; x < x0 + kBlock; ++x) {
+      const int before = points_[at_ + x];
+      bool valid = true;
+      if constexpr (V == Validity::kAsBefore) valid = before != 0;
+      if constexpr (V == Validity::kMixed) valid = io_.valid(validity_context(x), at_ + x);
+      if (!valid) {
+        points_[at_ + x] = 0;
+        set(x, 0, 0);
+        continue;
+      }
+      const Coded c = pixel<P>(x, before);
+      points_[at_ + x] = static_cast<std::uint16_t>(c.value);
+      r_.now[x] = c.value;
+      r_.there[x] = 1;
+      r_.size[x] = static_cast<std::uint8_t>(c.size);
+    }
+  }
+
+  [[nodiscard]] int validity_context(int x) const noexcept {
+    return r_.there[x - 1] | r_.there_up[x] << 1 | r_.there_up[x + 1] << 2 |
+           r_.there_up[x - 1] << 3 | (history_[at_ + x] & 3) << 4;
+  }
+  [[nodiscard]] int size_context(int x) const noexcept {
+    return kSizeOf[static_cast<std::size_t>(2 * r_.size[x - 1] + 2 * r_.size_up[x] +
+                                            r_.size_up[x - 1] + r_.size_up[x + 1])];
+  }
+  [[nodiscard]] int edge(int x) const noexcept {
+    return first_ ? r_.now[x - 1] : edge_prediction(r_.now[x - 1], r_.up[x], r_.up[x - 1]);
+  }
+
+  template <Prediction P>
+  [[nodiscard]] Coded pixel(int x, int before) noexcept {
+    if constexpr (P == Prediction::kCopy) {
+      if (before != 0) return {before, 0};
+      return io_.spatial(kAloneContext, at_ + x, edge(x));
+    } else if constexpr (P == Prediction::kTime) {
+      if (before == 0) return io_.spatial(kAloneContext, at_ + x, edge(x));
+      return io_.temporal(kTimeContext + size_context(x), at_ + x, before, edge(x));
+    } else {
+      int prediction = 0;
+      const std::int32_t* w = r_.now + x;
+      if (P == Prediction::kEdge || first_) {
+        prediction = edge(x);
+      } else if (P == Prediction::kPlane) {
+        prediction = (r_.plane[x] + 18 * w[-1] + 14 * w[-2] + 10 * w[-3] + 32) >> 6;
+      } else {
+        prediction = (r_.mean[x] + 3 * w[-1] + w[-2] + 4) >> 3;
+      }
+      return io_.spatial(kSpaceContext + size_context(x), at_ + x, prediction);
+    }
+  }
+
+  StripeShape shape_;
+  WalkRows& r_;
+  Io& io_;
+  std::uint16_t* points_;
+  const std::uint8_t* history_;
+  int at_ = 0;  // index of the row's first pixel
+  bool first_ = false, linear_ = false;
+};
+
+}  // namespace drivers::codec
