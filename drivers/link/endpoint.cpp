@@ -128,6 +128,7 @@ bool LinkEndpoint::take(std::span<const std::uint8_t> message, rt::Time now, con
     taken = false;  // its stamps can not be read (yet)
   } else if (incoming_[index]) {
     arrived_ = now;
+    arrived_seq_ = h.seq;
     taken = incoming_[index](body, to_local(h.stamp_ns));
   }
   if (taken) {

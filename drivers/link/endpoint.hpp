@@ -63,6 +63,8 @@ class LinkEndpoint {
   [[nodiscard]] rt::Nanos round_trip() const noexcept { return clock_.round_trip(); }
   // Of the message that a handler is given: when it arrived, and how unsure to_local() is then.
   [[nodiscard]] rt::Time arrived() const noexcept { return arrived_; }
+  // Its number among all of its id that were sent.
+  [[nodiscard]] std::uint64_t arrived_seq() const noexcept { return arrived_seq_; }
   [[nodiscard]] rt::Nanos unsure() const noexcept { return clock_.uncertainty(arrived_); }
   [[nodiscard]] rt::Time to_local(std::int64_t remote_ns) const noexcept {
     return clock_.to_local({other(), remote_ns});
@@ -103,7 +105,7 @@ class LinkEndpoint {
   rt::Time next_clock_{}, next_alive_{};
   bool hello_sent_ = false, hello_ok_ = false, bye_ = false, ever_heard_ = false;
   rt::Time last_heard_{}, arrived_{};
-  std::uint64_t control_seq_ = 0;
+  std::uint64_t control_seq_ = 0, arrived_seq_ = 0;
   std::string fault_;
   Stats stats_;
 };

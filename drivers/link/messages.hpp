@@ -53,7 +53,7 @@ struct RobotGoal {
 
 // What became of the frames, from the end that decodes them.
 struct FrameReport {
-  std::uint64_t arrived = 0;    // frames that arrived on this connection, good or not
+  std::uint64_t arrived = 0;    // number of the newest frame that arrived, good or not
   std::uint8_t key_wanted = 0;  // 1: the decoder takes no frame but one that needs none before it
 };
 

@@ -189,9 +189,7 @@ template <class M, class Sent = M, class... R>
 
 inline constexpr std::string_view kNamed = "named in the status line";
 inline constexpr auto kEdges = [] {
-  using enum EdgeId;
-  using enum EdgeKind;
-  using drivers::MessageId;
+  using enum EdgeId; using enum EdgeKind; using drivers::MessageId;
   return std::tuple{
     make_edge<perception::RgbdFrame, drivers::EncodedFrame>(
         {kFrame, "frame", TaskId::kCapture, kRemote, "map stays, tracking idles", 0, {MessageId::kFrame, 30, true}},
@@ -265,8 +263,7 @@ inline constexpr auto kEdges = [] {
         Reader{kConsole, kUnlisted, 1000, 1000, kNamed}),
     make_edge<drivers::FrameDemand>(
         {kDemand, "demand", kLink, kLatest, "of a codec that needs its previous frame alone: no frame is coded"},
-        Reader{TaskId::kCapture, 1, 500, 500, "no frame is coded"}),
-};
+        Reader{TaskId::kCapture, 1, 500, 500, "no frame is coded"})};
 }();
 // clang-format on
 

@@ -10,6 +10,8 @@ class CaptureNode final : public rt::TaskBody {
  public:
   CaptureNode(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup,
               RobotCells& cells);
+  // What the last latch took of the edge `demand`; number 0: nothing yet.
+  [[nodiscard]] const LatchedDemand& latched() const noexcept { return latched_; }
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
@@ -18,8 +20,6 @@ class CaptureNode final : public rt::TaskBody {
     return twin_cpu_ ? twin_cpu_() : 0;
   }
 
-  // What the last latch took of the edge `demand`; number 0: nothing yet.
-  [[nodiscard]] const LatchedDemand& latched() const noexcept { return latched_; }
   [[nodiscard]] const CaptureTask::In& in() const noexcept { return in_; }
   [[nodiscard]] const CaptureTask& task() const noexcept { return task_; }
 

@@ -72,7 +72,7 @@ void receive_pictures(rt::NonRealtime& nrt, EdgeCells<rt::Box::kOperator>& cells
   const auto decoder = std::make_shared<Decoder>(nrt, config, camera);
   endpoint.add_incoming(kWire.code, [&, decoder](std::span<const std::uint8_t> body, rt::Time) {
     auto& d = *decoder;
-    ++d.report.arrived;
+    d.report.arrived = endpoint.arrived_seq();
     d.report.key_wanted = 1;  // unless it is decoded
     if (drivers::read_wire(body, d.encoded) != drivers::FrameStatus::kOk) return false;
     auto& slot = cells.begin_write<EdgeId::kFrame>();

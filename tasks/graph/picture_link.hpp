@@ -1,5 +1,5 @@
-// The edge `frame` at both ends of the link, and where frames are coded on demand (drivers/link/frame_asker.hpp) the edge
-// `demand` and the report of the other end.
+// The edge `frame` at both ends of the link, and where frames are coded on demand
+// (drivers/link/frame_asker.hpp) the edge `demand` and the report of the other end.
 #pragma once
 
 #include "drivers/link/endpoint.hpp"
@@ -9,9 +9,10 @@
 
 namespace tasks {
 
-// Of the robot box. Without a codec that needs its previous frame: whenever the line is free the newest frame goes out.
-// With one: each demand is answered by one frame and each frame is sent, so the cell never holds one that was not when the
-// next is written. Everything given must outlive the endpoint's use.
+// Of the robot box. Without a codec that needs its previous frame: whenever the line is free the
+// newest frame goes out. With one: each demand is answered by one frame and each frame is sent, so
+// the cell never holds one that was not when the next is written. Everything given must outlive the
+// endpoint's use.
 void send_pictures(EdgeCells<rt::Box::kRobot>& cells, drivers::FrameAsker& asker,
                    const drivers::PictureConfig& pictures, drivers::LinkEndpoint& endpoint);
 
