@@ -14,7 +14,8 @@ namespace drivers::codec {
 class BlockChoice {
  public:
   explicit BlockChoice(const StripeShape& most);
-  // `plan.kinds` need not be set: kinds() is what it is to be. Number of blocks that are not copies.
+  // `plan.kinds` need not be set: kinds() is what it is to be. Number of blocks that are not
+  // copies.
   [[nodiscard]] std::uint32_t choose(const StripeShape& shape, int step, const StripePlan& plan,
                                      const std::uint16_t* points) noexcept;
   [[nodiscard]] const std::uint8_t* kinds() const noexcept { return kinds_.data(); }

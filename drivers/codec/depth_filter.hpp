@@ -7,7 +7,8 @@
 //   faithful                     y stays while |x - y| <= bound; else m, moved to within bound of x
 //   quiet, once in P(n) frames   y = m + (e + x - m) / P: then the sum of y over the next P frames
 //                                makes good what the frames before owe, and a fusion that averages
-//                                what is shown averages what was seen. P grows with n (4, 8, 16), so
+//                                what is shown averages what was seen. P grows with n (4, 8, 16),
+//                                so
 //                                y moves ever closer to m. Blocks take turns.
 //   moving, lossless             x; nothing is remembered
 //

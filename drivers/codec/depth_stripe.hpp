@@ -1,7 +1,7 @@
 // One stripe of a depth image into bytes and back.
 //
-// Bytes: u8 form; 0 = plain: the points, 16 bits each; 1 = coded: u16 bytes of the tables, u24 bytes
-// of the raw bits, the tables, the raw bits, the rANS stream. A stripe never takes more than
+// Bytes: u8 form; 0 = plain: the points, 16 bits each; 1 = coded: u16 bytes of the tables, u24
+// bytes of the raw bits, the tables, the raw bits, the rANS stream. A stripe never takes more than
 // kStripeOverhead + 2 bytes a pixel: what coding would make longer goes plain.
 //
 // A residual is folded (0, -1, 1, -2 ...) to v. v < kDirect is a symbol of its own; above, a symbol

@@ -10,8 +10,8 @@
 //   edge    median edge detector: W, N or W + N - NW (M. Weinberger et al., LOCO-I, 2000)
 //   mean    (3 W + WW + 2 N + NE + NW) / 8
 //
-// A residual counts steps: value = prediction + step * residual, kept within [1, top]. Where a pixel
-// has no reading its left neighbour's value stands in for it in predictions.
+// A residual counts steps: value = prediction + step * residual, kept within [1, top]. Where a
+// pixel has no reading its left neighbour's value stands in for it in predictions.
 //
 // Io is the encoder's or the decoder's side:
 //   unsigned kind(int context, int block)         block: index in the stripe
