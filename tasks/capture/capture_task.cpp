@@ -37,7 +37,7 @@ rt::Health CaptureTask::step(const rt::Tick& tick, const In& in, Out& out) noexc
   ++stats_.frames;
   stats_.depth_bytes += out.slot->depth_size;
   stats_.colour_bytes += out.slot->colour_size;
-  if (with_colour && in.frame->has_colour) ++stats_.colour_coded;
+  if (out.slot->has_colour || status == drivers::FrameStatus::kNoColour) ++stats_.colour_coded;
   if (status == drivers::FrameStatus::kNoColour) {
     ++stats_.colour_failed;
     return rt::Health::of(rt::Severity::kCounted, kFaultCaptureNoColour);

@@ -33,7 +33,7 @@ inline constexpr rt::FaultId kFaultCaptureNoColour = 0x0602;  // F-CAP-02: colou
 // Section [capture].
 struct CaptureConfig {
   drivers::ColourCodecConfig colour;
-  drivers::PictureConfig pictures;  // keys of [link]
+  drivers::PictureConfig pictures{};  // keys of [link]
   void describe(config::Section& s);
 };
 
