@@ -1,9 +1,10 @@
-// An RGB-D frame as it crosses the link: a header, the joint angles at the exposure, and two blobs, depth
-// (lossless) and colour (JPEG, with a mask of the pixels that have none: colour_mask.hpp). Fixed capacity, so it
-// lives in a prefaulted channel slot; on the wire it has only its real length.
+// An RGB-D frame as it crosses the link: a header, the joint angles at the exposure, and two blobs, depth and colour,
+// each of a codec that the header names (frame_codec.hpp). Fixed capacity, so it lives in a prefaulted channel slot; on
+// the wire it has only its real length.
 //
 // Wire form, little-endian (write_wire / read_wire), kWireHeader bytes, then the joints, then the blobs:
-//   u32 magic "TTF2", u8 box, u8 flags (1 = colour), u16 width, u16 height, u8 joints, u8 0,
+//   u32 magic "TTF2", u8 box, u8 flags (1 = colour, 2 = needs the frame before it), u16 width, u16 height,
+//   u8 joints, u8 codecs (DepthCodecId + 16 ColourCodecId),
 //   u32 depth size, u32 colour size, u64 seq, i64 exposure ns, 4 x f64 fx fy cx cy,
 //   u64 check (rt::Hash64 over the header before it, the joints and the blobs)
 // and where there are joints: f32 error, f32 age s, and of each f32 position, f32 speed.
@@ -18,8 +19,18 @@
 
 namespace drivers {
 
+enum class DepthCodecId : std::uint8_t {
+  kLossless,  // depth_codec.hpp: each frame alone
+  kStream,    // drivers/codec/depth_stream.hpp
+};
+enum class ColourCodecId : std::uint8_t {
+  kJpeg,    // colour_codec.hpp, with a mask of the pixels that have none: colour_mask.hpp
+  kStream,  // drivers/codec/colour_stream.hpp
+};
+
 struct EncodedFrame {
-  static constexpr std::size_t kMaxDepthBytes = 2 * perception::RgbdFrame::kMaxPixels + 16;
+  // Of the longest any codec may make.
+  static constexpr std::size_t kMaxDepthBytes = 2 * perception::RgbdFrame::kMaxPixels + 96;
   static constexpr std::size_t kMaxColourBytes = std::size_t{256} * 1024;
   static constexpr std::size_t kCapacity = kMaxDepthBytes + kMaxColourBytes;
 
@@ -27,6 +38,11 @@ struct EncodedFrame {
   std::uint64_t seq = 0;  // the camera's frame number
   perception::Intrinsics intrinsics{};
   bool has_colour = false;
+  bool needs_previous =
+      false;  // can be decoded by who decoded the frame that was encoded before it
+  DepthCodecId depth_codec = DepthCodecId::kLossless;
+  ColourCodecId colour_codec = ColourCodecId::kJpeg;
+  std::uint64_t demand = 0;  // that it answers (FrameDemand::seq); not on the wire
   perception::JointAngles joints{};
   std::uint32_t depth_size = 0, colour_size = 0;
   std::array<std::uint8_t, kCapacity> bytes{};  // depth, then colour
@@ -45,7 +61,8 @@ enum class FrameStatus : std::uint8_t {
   kTruncated,      // fewer bytes than the header asks for
   kBadHeader,      // magic, size, intrinsics or joints outside what a robot can have
   kBadCheck,       // bytes changed on the way
-  kBadDepth,       // the depth blob is not one of ours
+  kBadDepth,       // the depth blob is not one of ours, or of a codec that was not set up
+  kNeedsKey,       // it needs a frame that was not decoded here
   kNoRoom,         // destination too small
 };
 [[nodiscard]] const char* to_text(FrameStatus s) noexcept;

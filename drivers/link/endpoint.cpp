@@ -31,7 +31,7 @@ void LinkEndpoint::emit(MessageId id, std::uint64_t seq, std::span<const std::ui
   h.id = id;
   h.seq = seq;
   h.stamp_ns = rt::ns_of(now);
-  h.schema = id == MessageId::kHello ? schema_hash() : 0;
+  h.schema = id == MessageId::kHello ? schema_ : 0;
   const std::size_t n = write_message(h, body, buffer_);
   ++stats_.sent[static_cast<std::size_t>(id)];
   stats_.bytes_sent += n;
@@ -39,7 +39,7 @@ void LinkEndpoint::emit(MessageId id, std::uint64_t seq, std::span<const std::ui
   send(std::span(buffer_).first(n));
 }
 
-void LinkEndpoint::poll(rt::Time now, bool line_free, const Send& send) {
+void LinkEndpoint::poll(rt::Time now, bool line_free, const Send& send, rt::Nanos busy_for) {
   if (!hello_sent_) {
     hello_sent_ = true;
     emit(MessageId::kHello, ++control_seq_, {}, now, send);
@@ -53,6 +53,7 @@ void LinkEndpoint::poll(rt::Time now, bool line_free, const Send& send) {
     emit(MessageId::kClockRequest, ++control_seq_,
          std::span(small).first(encode(ClockRequest{rt::ns_of(now)}, small)), now, send);
   }
+  if (ask_ && ready()) ask_(now, line_free ? rt::Nanos{0} : busy_for);
   for (auto& o : outgoing_) {
     if (now < o.next || (o.bulk && !line_free)) continue;
     // Bodies are built behind the header's place, so an image is copied once.
@@ -66,15 +67,17 @@ void LinkEndpoint::poll(rt::Time now, bool line_free, const Send& send) {
 }
 
 bool LinkEndpoint::on_hello(const Header& h) {
-  if (h.version == kSchemaVersion && h.schema == schema_hash()) {
+  if (h.version == kSchemaVersion && h.schema == schema_) {
     hello_ok_ = true;
     return true;
   }
-  char text[160];
+  char text[240];
   std::snprintf(text, sizeof text,
                 "link: the other side speaks schema version %u (%016" PRIx64
-                "), this side %u (%016" PRIx64 "): install the same teletact on both boxes",
-                h.version, h.schema, kSchemaVersion, schema_hash());
+                "), this side %u (%016" PRIx64
+                "): install the same teletact on both boxes, with the same link.depth_codec and "
+                "link.colour_codec",
+                h.version, h.schema, kSchemaVersion, schema_);
   fault_ = text;
   return false;
 }
@@ -125,6 +128,7 @@ bool LinkEndpoint::take(std::span<const std::uint8_t> message, rt::Time now, con
     taken = false;  // its stamps can not be read (yet)
   } else if (incoming_[index]) {
     arrived_ = now;
+    arrived_seq_ = h.seq;
     taken = incoming_[index](body, to_local(h.stamp_ns));
   }
   if (taken) {

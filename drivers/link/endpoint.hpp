@@ -32,6 +32,8 @@ class LinkEndpoint {
   using Send = std::function<void(std::span<const std::uint8_t> message)>;
 
   LinkEndpoint(rt::NonRealtime&, rt::Box box);
+  // Before the first poll: how pictures are coded (schema_hash()).
+  void speak(std::string_view pictures) { schema_ = schema_hash(pictures); }
 
   void add_outgoing(MessageId id, rt::Nanos period, bool bulk, Fill fill);
   void add_incoming(MessageId id, Deliver deliver);
@@ -40,8 +42,14 @@ class LinkEndpoint {
   using Tap = std::function<void(std::span<const std::uint8_t> message, rt::Time now, bool taken)>;
   void set_tap(Tap tap) { tap_ = std::move(tap); }
 
-  // Called every millisecond or so by the transport; `line_free` says whether bulk may go out.
-  void poll(rt::Time now, bool line_free, const Send& send);
+  // Called at every poll once both clocks are known; `busy_for`: how long the line will still be
+  // busy with what it was given, Nanos::max() where only that it is.
+  using Ask = std::function<void(rt::Time now, rt::Nanos busy_for)>;
+  void set_ask(Ask ask) { ask_ = std::move(ask); }
+
+  // Called every millisecond or so by the transport; `line_free` says whether bulk may go out;
+  // `busy_for` as above, where it is not.
+  void poll(rt::Time now, bool line_free, const Send& send, rt::Nanos busy_for = rt::Nanos::max());
   // One whole message as it arrived. False: the connection must be closed; fault() says why.
   [[nodiscard]] bool receive(std::span<const std::uint8_t> message, rt::Time now, const Send& send);
 
@@ -55,6 +63,8 @@ class LinkEndpoint {
   [[nodiscard]] rt::Nanos round_trip() const noexcept { return clock_.round_trip(); }
   // Of the message that a handler is given: when it arrived, and how unsure to_local() is then.
   [[nodiscard]] rt::Time arrived() const noexcept { return arrived_; }
+  // Its number among all of its id that were sent.
+  [[nodiscard]] std::uint64_t arrived_seq() const noexcept { return arrived_seq_; }
   [[nodiscard]] rt::Nanos unsure() const noexcept { return clock_.uncertainty(arrived_); }
   [[nodiscard]] rt::Time to_local(std::int64_t remote_ns) const noexcept {
     return clock_.to_local({other(), remote_ns});
@@ -89,11 +99,13 @@ class LinkEndpoint {
   std::array<Deliver, kMessageIds + 1> incoming_{};
   std::vector<std::uint8_t> buffer_;  // message under construction: header and body
   Tap tap_;
+  Ask ask_;
+  std::uint64_t schema_ = schema_hash();
   ClockSync clock_;
   rt::Time next_clock_{}, next_alive_{};
   bool hello_sent_ = false, hello_ok_ = false, bye_ = false, ever_heard_ = false;
   rt::Time last_heard_{}, arrived_{};
-  std::uint64_t control_seq_ = 0;
+  std::uint64_t control_seq_ = 0, arrived_seq_ = 0;
   std::string fault_;
   Stats stats_;
 };

@@ -1,5 +1,6 @@
 #include "drivers/link/frame_codec.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -12,6 +13,11 @@ using perception::Intrinsics;
 using perception::RgbdFrame;
 
 namespace {
+
+static_assert(EncodedFrame::kMaxDepthBytes >= max_depth_frame_bytes(RgbdFrame::kMaxPixels));
+static_assert(EncodedFrame::kMaxDepthBytes >= max_depth_bytes(RgbdFrame::kMaxPixels));
+constexpr auto kLastDepthCodec = static_cast<unsigned>(DepthCodecId::kStream);
+constexpr auto kLastColourCodec = static_cast<unsigned>(ColourCodecId::kStream);
 
 constexpr std::uint32_t kFrameMagic = 0x32465454;  // "TTF2"
 
@@ -109,29 +115,154 @@ const char* to_text(FrameStatus s) noexcept {
       return "check does not fit";
     case FrameStatus::kBadDepth:
       return "bad depth";
+    case FrameStatus::kNeedsKey:
+      return "needs a frame that was lost";
     case FrameStatus::kNoRoom:
       return "no room";
   }
   return "?";
 }
 
+namespace {
+
+DepthMode mode_of(const std::string& name) noexcept {
+  for (const DepthMode m : {DepthMode::kFaithful, DepthMode::kQuiet, DepthMode::kMoving})
+    if (name == to_text(m)) return m;
+  return DepthMode::kLossless;
+}
+
+FrameStatus encode_depth_of(const RgbdFrame& frame, FrameCodecScratch& scratch,
+                            const FrameDemand& demand, EncodedFrame& out) noexcept {
+  const std::span<const std::uint16_t> depth{frame.depth_mm.data(), pixels(frame.intrinsics)};
+  const std::span<std::uint8_t> room{out.bytes.data(), EncodedFrame::kMaxDepthBytes};
+  out.needs_previous = false;
+  if (!scratch.depth_encoder) {
+    out.depth_codec = DepthCodecId::kLossless;
+    out.depth_size = static_cast<std::uint32_t>(encode_depth(depth, room));
+    return FrameStatus::kOk;
+  }
+  const int fine =
+      scratch.depth_step < 0 ? default_depth_step(scratch.depth_mode) : scratch.depth_step;
+  DepthFrameInfo info;
+  const DepthDemand how{scratch.depth_mode, std::min(fine + demand.coarser, kDepthSteps - 1),
+                        demand.key != 0};
+  if (scratch.depth_encoder->encode(depth, how, room, info) != DepthStatus::kOk)
+    return FrameStatus::kBadHeader;
+  out.depth_codec = DepthCodecId::kStream;
+  out.depth_size = info.bytes;
+  out.needs_previous = info.kind != DepthFrameKind::kKey;
+  return FrameStatus::kOk;
+}
+
+// Bytes; 0: the picture could not be coded.
+std::size_t encode_colour_of(const RgbdFrame& frame, FrameCodecScratch& scratch,
+                             const FrameDemand& demand, EncodedFrame& out) noexcept {
+  const std::span<const std::uint16_t> depth{frame.depth_mm.data(), pixels(frame.intrinsics)};
+  const std::span<std::uint8_t> room{out.bytes.data() + out.depth_size,
+                                     EncodedFrame::kMaxColourBytes};
+  if (!scratch.colour_encoder) return scratch.colour.encode(frame.rgb(), room, depth);
+  ColourDemand how;
+  how.rate_kbit_s = scratch.colour_rate_kbit_per_s;
+  // A slow line is depth's first.
+  if (demand.rate_kbit_per_s > 0)
+    how.rate_kbit_s = std::min(how.rate_kbit_s, static_cast<int>(demand.rate_kbit_per_s / 5));
+  how.key = scratch.colour_key_due;
+  const auto coded = scratch.colour_encoder->encode(frame.rgb(), depth, how, room);
+  if (coded.status != ColourStatus::kOk) return 0;
+  if (coded.key) scratch.colour_key_due = false;
+  out.colour_codec = ColourCodecId::kStream;
+  out.needs_previous = out.needs_previous || !coded.key;
+  return coded.bytes;
+}
+
+bool decode_colour_of(const EncodedFrame& frame, FrameCodecScratch& scratch,
+                      RgbdFrame& out) noexcept {
+  const std::span<const std::uint16_t> depth{out.depth_mm.data(), pixels(frame.intrinsics)};
+  if (frame.colour_codec == ColourCodecId::kJpeg)
+    return scratch.colour.decode(frame.colour(), out.rgb(), depth);
+  if (!scratch.colour_decoder) return false;
+  const bool ok =
+      scratch.colour_decoder->decode(frame.colour(), depth, out.rgb()) == ColourStatus::kOk;
+  scratch.colour_wants_key = !ok;
+  return ok;
+}
+
+FrameStatus decode_depth_of(const EncodedFrame& frame, FrameCodecScratch& scratch,
+                            RgbdFrame& out) noexcept {
+  const std::span<std::uint16_t> depth{out.depth_mm.data(), pixels(frame.intrinsics)};
+  if (frame.depth_codec == DepthCodecId::kLossless)
+    return decode_depth(frame.depth(), depth) ? FrameStatus::kOk : FrameStatus::kBadDepth;
+  if (!scratch.depth_decoder) return FrameStatus::kBadDepth;
+  DepthFrameInfo info;
+  switch (scratch.depth_decoder->decode(frame.depth(), depth, info)) {
+    case DepthStatus::kOk:
+      return FrameStatus::kOk;
+    case DepthStatus::kNeedsKey:
+      return FrameStatus::kNeedsKey;
+    default:
+      return FrameStatus::kBadDepth;
+  }
+}
+
+}  // namespace
+
+FrameCodecScratch::FrameCodecScratch(rt::NonRealtime& nrt, const ColourCodecConfig& jpeg)
+    : colour(nrt, jpeg) {}
+
+FrameCodecScratch::FrameCodecScratch(rt::NonRealtime& nrt, const ColourCodecConfig& jpeg,
+                                     const PictureConfig& pictures, const Intrinsics& camera,
+                                     CodecEnd end)
+    : colour(nrt, jpeg),
+      depth_mode(mode_of(pictures.depth_codec)),
+      depth_step(pictures.depth_step),
+      with_colour(pictures.colour_codec != "none") {
+  const bool encodes = end == CodecEnd::kEncodes;
+  if (pictures.colour_codec == "h264") {
+    colour_rate_kbit_per_s = pictures.colour_rate_kbit_per_s;
+    ColourStreamConfig c;
+    c.method = pictures.colour_codec;
+    c.half = jpeg.half;
+    if (encodes)
+      colour_encoder = make_colour_encoder(nrt, c, camera.width, camera.height);
+    else
+      colour_decoder.emplace(nrt);
+  }
+  if (depth_mode == DepthMode::kLossless) return;
+  DepthStreamConfig c;
+  c.width = camera.width;
+  c.height = camera.height;
+  c.law = pictures.depth_noise == "lenient" ? DepthNoiseLaw::kLenient : DepthNoiseLaw::kStrict;
+  if (encodes)
+    depth_encoder.emplace(nrt, c);
+  else
+    depth_decoder.emplace(nrt, c);
+}
+
+void FrameCodecScratch::restart() noexcept {
+  if (depth_encoder) depth_encoder->restart();
+  colour_key_due = true;
+}
+
 FrameStatus encode(const RgbdFrame& frame, rt::Box box, bool with_colour,
-                   FrameCodecScratch& scratch, EncodedFrame& out) noexcept {
+                   FrameCodecScratch& scratch, EncodedFrame& out,
+                   const FrameDemand& demand) noexcept {
   if (!plausible(frame.intrinsics)) return FrameStatus::kBadHeader;
+  if (const auto status = encode_depth_of(frame, scratch, demand, out); status != FrameStatus::kOk)
+    return status;
   // Joints that say nothing are left out: whoever needs them sees that there are none.
   out.joints = frame.joints.plausible() ? frame.joints : perception::JointAngles{};
   out.exposure = rt::to_stamp(frame.exposure, box);
   out.seq = frame.seq;
   out.intrinsics = frame.intrinsics;
+  out.demand = demand.seq;
   out.has_colour = false;
+  out.colour_codec = ColourCodecId::kJpeg;
   out.colour_size = 0;
-  out.depth_size =
-      static_cast<std::uint32_t>(encode_depth({frame.depth_mm.data(), pixels(frame.intrinsics)},
-                                              {out.bytes.data(), EncodedFrame::kMaxDepthBytes}));
-  if (!with_colour || !frame.has_colour) return FrameStatus::kOk;
-  const std::size_t size = scratch.colour.encode(
-      frame.rgb(), {out.bytes.data() + out.depth_size, EncodedFrame::kMaxColourBytes},
-      {frame.depth_mm.data(), pixels(frame.intrinsics)});
+  if (demand.key != 0) scratch.colour_key_due = true;
+  // A key brings its colour along, also at a level that leaves it out of most frames.
+  with_colour = with_colour || (scratch.colour_encoder && scratch.colour_key_due);
+  if (!with_colour || !frame.has_colour || !scratch.with_colour) return FrameStatus::kOk;
+  const std::size_t size = encode_colour_of(frame, scratch, demand, out);
   if (size == 0) return FrameStatus::kWithoutColour;
   out.has_colour = true;
   out.colour_size = static_cast<std::uint32_t>(size);
@@ -150,13 +281,10 @@ FrameStatus decode(const EncodedFrame& frame, rt::Time exposure, FrameCodecScrat
   out.intrinsics = frame.intrinsics;
   out.joints = frame.joints;
   out.has_colour = false;
-  if (!decode_depth(frame.depth(), {out.depth_mm.data(), pixels(frame.intrinsics)})) {
-    return FrameStatus::kBadDepth;
-  }
+  if (const auto status = decode_depth_of(frame, scratch, out); status != FrameStatus::kOk)
+    return status;
   if (!frame.has_colour) return FrameStatus::kOk;
-  if (!scratch.colour.decode(frame.colour(), out.rgb(),
-                             {out.depth_mm.data(), pixels(frame.intrinsics)}))
-    return FrameStatus::kWithoutColour;
+  if (!decode_colour_of(frame, scratch, out)) return FrameStatus::kWithoutColour;
   out.has_colour = true;
   return FrameStatus::kOk;
 }
@@ -170,11 +298,12 @@ std::size_t write_wire(const EncodedFrame& f, std::span<std::uint8_t> out) noexc
   std::uint8_t* at = out.data();
   put(at, kFrameMagic);
   put(at, static_cast<std::uint8_t>(f.exposure.box));
-  put(at, static_cast<std::uint8_t>(f.has_colour ? 1 : 0));
+  put(at, static_cast<std::uint8_t>((f.has_colour ? 1 : 0) | (f.needs_previous ? 2 : 0)));
   put(at, static_cast<std::uint16_t>(f.intrinsics.width));
   put(at, static_cast<std::uint16_t>(f.intrinsics.height));
   put(at, static_cast<std::uint8_t>(f.joints.count));
-  put(at, std::uint8_t{0});
+  put(at, static_cast<std::uint8_t>(static_cast<unsigned>(f.depth_codec) |
+                                    static_cast<unsigned>(f.colour_codec) << 4U));
   put(at, f.depth_size);
   put(at, f.colour_size);
   put(at, f.seq);
@@ -200,15 +329,16 @@ FrameStatus read_wire(std::span<const std::uint8_t> in, EncodedFrame& out) noexc
   Intrinsics k;
   k.width = get<std::uint16_t>(at);
   k.height = get<std::uint16_t>(at);
-  const auto joints = get<std::uint8_t>(at), reserved = get<std::uint8_t>(at);
+  const auto joints = get<std::uint8_t>(at), codecs = get<std::uint8_t>(at);
   const auto depth_size = get<std::uint32_t>(at), colour_size = get<std::uint32_t>(at);
   const auto seq = get<std::uint64_t>(at);
   const auto exposure_ns = static_cast<std::int64_t>(get<std::uint64_t>(at));
   k.fx = get_double(at), k.fy = get_double(at), k.cx = get_double(at), k.cy = get_double(at);
   const auto check = get<std::uint64_t>(at);
-  if (box > 1 || flags > 1 || reserved != 0 || joints > perception::JointAngles::kMost ||
+  if (box > 1 || flags > 3 || (codecs & 15U) > kLastDepthCodec ||
+      (codecs >> 4U) > kLastColourCodec || joints > perception::JointAngles::kMost ||
       !plausible(k) || depth_size > EncodedFrame::kMaxDepthBytes ||
-      colour_size > EncodedFrame::kMaxColourBytes || (flags == 0) != (colour_size == 0)) {
+      colour_size > EncodedFrame::kMaxColourBytes || ((flags & 1U) == 0) != (colour_size == 0)) {
     return FrameStatus::kBadHeader;
   }
   const std::size_t size = std::size_t{depth_size} + colour_size, before = joint_bytes(joints);
@@ -222,7 +352,11 @@ FrameStatus read_wire(std::span<const std::uint8_t> in, EncodedFrame& out) noexc
   out.seq = seq;
   out.intrinsics = k;
   out.joints = q;
-  out.has_colour = flags == 1;
+  out.has_colour = (flags & 1U) != 0;
+  out.needs_previous = (flags & 2U) != 0;
+  out.depth_codec = static_cast<DepthCodecId>(codecs & 15U);
+  out.colour_codec = static_cast<ColourCodecId>(codecs >> 4U);
+  out.demand = 0;
   out.depth_size = depth_size;
   out.colour_size = colour_size;
   std::memcpy(out.bytes.data(), blobs.data(), blobs.size());

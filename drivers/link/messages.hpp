@@ -15,13 +15,14 @@ enum class MessageId : std::uint16_t {
   kHello = 1,     // first on a connection, both ways
   kClockRequest,  // both ways: each side measures the other's clock
   kClockReply,
-  kFrame,       // robot -> operator: EncodedFrame
-  kRobotState,  // robot -> operator
-  kRobotGoal,   // operator -> robot
-  kBye,         // an orderly end, both ways
-  kAlive,       // nothing to say: sent when the line would else be quiet, both ways
+  kFrame,        // robot -> operator: EncodedFrame
+  kRobotState,   // robot -> operator
+  kRobotGoal,    // operator -> robot
+  kBye,          // an orderly end, both ways
+  kAlive,        // nothing to say: sent when the line would else be quiet, both ways
+  kFrameReport,  // operator -> robot, where frames are coded on demand
 };
-inline constexpr int kMessageIds = 8;
+inline constexpr int kMessageIds = 9;
 
 // Planar pose and velocity of the base B in the odometry frame O (starts equal to the world).
 struct RobotState {
@@ -48,6 +49,12 @@ struct RobotGoal {
   std::uint8_t operator_engaged = 0;  // the operator's box is in the engaged mode
   std::uint8_t operator_clear = 0;    // the operator holds the button that clears a safe stop
   std::uint64_t path_seq = 0;
+};
+
+// What became of the frames, from the end that decodes them.
+struct FrameReport {
+  std::uint64_t arrived = 0;    // number of the newest frame that arrived, good or not
+  std::uint8_t key_wanted = 0;  // 1: the decoder takes no frame but one that needs none before it
 };
 
 // Clock exchange: t0 sent by the asker, t1 received and t2 sent by the other (its clock).
@@ -91,6 +98,14 @@ struct rt::Fields<drivers::RobotGoal> {
                                     value(&M::path_seq, "path_seq")};
 };
 static_assert(rt::lists_every_field<drivers::RobotGoal>());
+
+template <>
+struct rt::Fields<drivers::FrameReport> {
+  using M = drivers::FrameReport;
+  static constexpr std::tuple kList{value(&M::arrived, "arrived"),
+                                    value(&M::key_wanted, "key_wanted", 1)};
+};
+static_assert(rt::lists_every_field<drivers::FrameReport>());
 
 template <>
 struct rt::Fields<drivers::ClockRequest> {

@@ -49,6 +49,10 @@ class LinkShaper {
   }
   // True while the bottleneck still works on what it was given: a newest-wins sender waits.
   [[nodiscard]] bool busy(std::int64_t now_ns) const noexcept { return line_free_ > now_ns; }
+  // How long it will; 0: it is free.
+  [[nodiscard]] rt::Nanos busy_for(std::int64_t now_ns) const noexcept {
+    return rt::Nanos{std::max<std::int64_t>(0, line_free_ - now_ns)};
+  }
 
  private:
   LinkShapeConfig config_;

@@ -206,7 +206,8 @@ void TcpLink::run() {
     // Bytes that are due and still here are backlog: then nothing large is added to it.
     const bool backlog = !queue_.empty() && queue_.front().due <= rt::monotonic_ns();
     const bool line_free = !backlog && (!shaper_ || !shaper_->busy(rt::monotonic_ns()));
-    e.poll(now_(), line_free, send);
+    e.poll(now_(), line_free, send,
+           backlog || !shaper_ ? rt::Nanos::max() : shaper_->busy_for(rt::monotonic_ns()));
     if (!write_due(rt::monotonic_ns()) || !read_all(e)) break;
     if (e.ready() && state_.load() == State::kHandshake) state_.store(State::kReady);
     if (e.ever_heard()) last_heard_.store(rt::ns_of(e.last_heard()));

@@ -128,12 +128,14 @@ std::string schema_of(const char* name) {
 }  // namespace
 
 // Names, sizes (of what is no double) and order of the fields: old and new refuse each other when one changes.
-std::uint64_t schema_hash() noexcept {
-  const std::string text = "header:magic4,version2,id2,length4,crc4,seq8,stamp8,schema8;hello:;" +
-                           schema_of<ClockRequest>("clock_request") +
-                           schema_of<ClockReply>("clock_reply") + "frame:encoded_frame_v2;" +
-                           schema_of<RobotState>("robot_state") +
-                           schema_of<RobotGoal>("robot_goal") + "bye:;alive:";
+std::uint64_t schema_hash(std::string_view pictures) noexcept {
+  std::string text = "header:magic4,version2,id2,length4,crc4,seq8,stamp8,schema8;hello:;" +
+                     schema_of<ClockRequest>("clock_request") +
+                     schema_of<ClockReply>("clock_reply") + "frame:encoded_frame_v2;" +
+                     schema_of<RobotState>("robot_state") + schema_of<RobotGoal>("robot_goal") +
+                     "bye:;alive:";
+  if (!pictures.empty())
+    text += ";" + schema_of<FrameReport>("frame_report") + "pictures:" + std::string(pictures);
   rt::Hash64 h;
   h.bytes(text.data(), text.size());
   return h.digest();
@@ -231,11 +233,15 @@ std::size_t encode(const ClockRequest& m, std::span<std::uint8_t> out) noexcept 
 std::size_t encode(const ClockReply& m, std::span<std::uint8_t> out) noexcept {
   return put_all(m, out);
 }
+std::size_t encode(const FrameReport& m, std::span<std::uint8_t> out) noexcept {
+  return put_all(m, out);
+}
 bool decode(std::span<const std::uint8_t> in, RobotState& m) noexcept { return get_all(in, m); }
 bool decode(std::span<const std::uint8_t> in, RobotGoal& m) noexcept { return get_all(in, m); }
 bool decode(std::span<const std::uint8_t> in, ClockRequest& m) noexcept { return get_all(in, m); }
 bool decode(std::span<const std::uint8_t> in, ClockReply& m) noexcept {
   return get_all(in, m) && m.t2_ns >= m.t1_ns;
 }
+bool decode(std::span<const std::uint8_t> in, FrameReport& m) noexcept { return get_all(in, m); }
 
 }  // namespace drivers

@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "drivers/link/encoded_frame.hpp"
@@ -31,8 +32,10 @@ inline constexpr std::size_t kMaxControlBody = 512;
   return ns >= -1'000'000'000'000'000'000 && ns <= 1'000'000'000'000'000'000;
 }
 
-// Hash over the field lists of all messages: two programs talk only when it is equal.
-[[nodiscard]] std::uint64_t schema_hash() noexcept;
+// Hash over the field lists of all messages: two programs talk only when it is equal. `pictures`:
+// how frames are coded, where they are coded on demand (PictureConfig::dialect()); then the report
+// of frames is among the messages, and both ends must have the same codecs.
+[[nodiscard]] std::uint64_t schema_hash(std::string_view pictures = {}) noexcept;
 
 struct Header {
   MessageId id = MessageId::kHello;
@@ -69,9 +72,11 @@ std::size_t encode(const RobotState& m, std::span<std::uint8_t> out) noexcept;
 std::size_t encode(const RobotGoal& m, std::span<std::uint8_t> out) noexcept;
 std::size_t encode(const ClockRequest& m, std::span<std::uint8_t> out) noexcept;
 std::size_t encode(const ClockReply& m, std::span<std::uint8_t> out) noexcept;
+std::size_t encode(const FrameReport& m, std::span<std::uint8_t> out) noexcept;
 [[nodiscard]] bool decode(std::span<const std::uint8_t> in, RobotState& m) noexcept;
 [[nodiscard]] bool decode(std::span<const std::uint8_t> in, RobotGoal& m) noexcept;
 [[nodiscard]] bool decode(std::span<const std::uint8_t> in, ClockRequest& m) noexcept;
 [[nodiscard]] bool decode(std::span<const std::uint8_t> in, ClockReply& m) noexcept;
+[[nodiscard]] bool decode(std::span<const std::uint8_t> in, FrameReport& m) noexcept;
 
 }  // namespace drivers

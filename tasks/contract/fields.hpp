@@ -1,6 +1,7 @@
 // The field lists of the messages between tasks (rt/message/fields.hpp). Their order is that of a run's hash.
 #pragma once
 
+#include "drivers/link/frame_demand.hpp"
 #include "drivers/link/messages.hpp"
 #include "perception/geometry/rgbd_frame.hpp"
 #include "perception/ground/cost_map.hpp"

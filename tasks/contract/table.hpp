@@ -31,7 +31,8 @@ struct CostMap;
 }  // namespace perception
 namespace drivers {
 struct EncodedFrame;
-}
+struct FrameDemand;
+}  // namespace drivers
 
 namespace tasks {
 
@@ -59,6 +60,8 @@ inline constexpr int kTaskCount = 8;
 [[nodiscard]] constexpr std::size_t index_of(TaskId id) noexcept { return static_cast<std::size_t>(id); }
 // A reader of edges that is no task: an ordinary thread.
 inline constexpr TaskId kConsole = static_cast<TaskId>(kTaskCount);
+// A writer that is none either: the robot box's end of the link.
+inline constexpr TaskId kLink = static_cast<TaskId>(kTaskCount + 1);
 
 struct VariantRow {
   std::string_view name;
@@ -112,9 +115,9 @@ inline constexpr std::array<TaskRow, kTaskCount> kTaskTable{{
 enum class EdgeId : std::uint8_t {
   kFrame, kRobotState, kGoal,                                             // across the link
   kPatch, kSurface, kView, kMesh, kCostMap, kCameraPose, kObjects, kHand, kTouch, kEdit, kPath, kTask, kMode, kOdometryFrame,  // operator box
-  kRobotMode,                                                             // robot box
+  kRobotMode, kDemand,                                                    // robot box
 };
-inline constexpr int kEdgeCount = 18;
+inline constexpr int kEdgeCount = 19;
 [[nodiscard]] constexpr std::size_t index_of(EdgeId id) noexcept { return static_cast<std::size_t>(id); }
 
 enum class EdgeKind : std::uint8_t { kLatest, kRing, kRemote };
@@ -192,9 +195,7 @@ template <class M, class Sent = M, class... R>
 
 inline constexpr std::string_view kNamed = "named in the status line";
 inline constexpr auto kEdges = [] {
-  using enum EdgeId;
-  using enum EdgeKind;
-  using drivers::MessageId;
+  using enum EdgeId; using enum EdgeKind; using drivers::MessageId;
   return std::tuple{
     make_edge<perception::RgbdFrame, drivers::EncodedFrame>(
         {kFrame, "frame", TaskId::kCapture, kRemote, "map stays, tracking idles", 0, {MessageId::kFrame, 30, true}},
@@ -266,13 +267,16 @@ inline constexpr auto kEdges = [] {
         {kRobotMode, "robot_mode", TaskId::kRobotSupervision, kLatest, "not engaged", 0},
         Reader{TaskId::kRobotIo, 1, 50, 100, "the base ramps down"},
         Reader{kConsole, kUnlisted, 1000, 1000, kNamed}),
-};
+    make_edge<drivers::FrameDemand>(
+        {kDemand, "demand", kLink, kLatest, "of a codec that needs its previous frame alone: no frame is coded"},
+        Reader{TaskId::kCapture, 1, 500, 500, "no frame is coded"})};
 }();
 // clang-format on
 
 // ---------------------------------------------------------------- what follows from the rows
 
 [[nodiscard]] constexpr std::string_view reader_name(TaskId id) noexcept {
+  if (id == kLink) return "link";
   return id == kConsole ? std::string_view("console") : kTaskTable[index_of(id)].name;
 }
 
@@ -332,11 +336,16 @@ inline constexpr std::array<LimitRow, kLimitCount> kLimitTable = [] {
   while (kLimitTable[first].edge != edge) ++first;
   return static_cast<int>(find_limit_row(edge, reader) - first);
 }
+// Its values are no task's: a recording keeps what a latch took of it.
+[[nodiscard]] constexpr bool fed_from_outside(const EdgeRow& row) noexcept {
+  return row.from == kConsole || row.from == kLink;
+}
 [[nodiscard]] consteval std::size_t sensed_input(TaskId id) {
   const int place = kTaskTable[index_of(id)].sensed;
   return place >= 0 ? static_cast<std::size_t>(place) : throw "its row says that it senses nothing";
 }
 [[nodiscard]] constexpr rt::Box box_of(TaskId id) noexcept {
+  if (id == kLink) return rt::Box::kRobot;
   return id == kConsole ? rt::Box::kOperator : kTaskTable[index_of(id)].box;
 }
 
@@ -362,7 +371,7 @@ static_assert(
           return false;
         if ((r.input == kUnlisted) != (r.reader == kConsole || edge.kind == EdgeKind::kRing))
           return false;
-        if (r.reader != kConsole && edge.from != kConsole && edge.published == kUnlisted)
+        if (r.reader != kConsole && !fed_from_outside(edge) && edge.published == kUnlisted)
           return false;
         for (const LimitRow& other : kLimitTable) {
           if (&other == &r) continue;

@@ -133,6 +133,7 @@ void Calibration::describe(config::Section& s) {
   s.text("build", build, {}, "program that measured it");
   s.text("config", config, {}, "hash of the configuration");
   s.text("recording", recording, {}, "folder of recorded images");
+  s.text("pictures", pictures, {}, "codecs of pictures that it was measured with");
   s.flag("ray_cast", ray_cast, "measured with haptic.method = \"force_shading\"");
   s.list(
       "task", [this](config::Section& item) { rows.emplace_back().describe(item); }, "one variant");
@@ -218,6 +219,18 @@ Calibration with_ray_cast(Calibration c, std::int64_t job_us) {
   return c;
 }
 
+Calibration with_pictures(Calibration c, const std::string& dialect, std::int64_t encode_us) {
+  if (encode_us == 0 || !c.pictures.empty()) return c;
+  const auto more_us = static_cast<double>(encode_us);
+  for (CalibrationRow& r : c.rows) {
+    if (r.name != kTaskTable[index_of(TaskId::kCapture)].name) continue;
+    for (double* us : {&r.p50_us, &r.p99_us, &r.p999_us}) *us += more_us;
+    for (double& us : r.quantiles_us) us += more_us;
+  }
+  c.pictures = dialect;
+  return c;
+}
+
 std::string host_id() {
   utsname u{};
   uname(&u);
@@ -284,6 +297,7 @@ void save_calibration(const std::string& path, const Calibration& calibration) {
     if (!calibration.recording.empty())
       out << "recording = " << quoted(calibration.recording) << "\n";
     if (calibration.ray_cast) out << "ray_cast = true\n";
+    if (!calibration.pictures.empty()) out << "pictures = \"" << calibration.pictures << "\"\n";
     for (const auto& r : calibration.rows) {
       char line[256];
       out << "\n[[task]]\nname = \"" << r.name << "\"\n";
@@ -364,6 +378,9 @@ std::vector<rt::TaskSpec> make_specs(const Calibration& calibration, const Choic
       for (std::size_t i = 0; i < declared_us.size(); ++i)
         declared_us[i] = row.variants[i].budget_us;
       if (row.id == TaskId::kHaptic && limits.ray_cast_us > 0) declared_us[0] += kReduction_us;
+      if (row.id == TaskId::kCapture) {
+        for (auto& us : declared_us) us += us > 0 ? limits.encode_us : 0;
+      }
       s.variants = make_variants(calibration, row, {}, declared_us);
       s.budget = s.variants.front().budget;
     }

@@ -7,6 +7,7 @@
 //                config = "..."        hash of the configuration that it measured
 //                recording = "..."     folder of recorded images; none: the scene's own camera
 //                ray_cast = true       measured with haptic.method = "force_shading"; none: without
+//                pictures = "..."      codecs it was measured with; none: lossless, JPEG
 //                [[task]] name, choice, level, p50_us, p99_us, p999_us, work_min, work_max, quantiles_us[33],
 //                         of fusion also still_p50_us, still_p999_us, moving_p50_us, moving_p999_us,
 //                         tracked_share, claimed_share and, where the truth is known, off_mm
@@ -71,6 +72,7 @@ struct CalibrationOrigin {
 struct Calibration : CalibrationOrigin {
   std::deque<CalibrationRow> rows;
   bool ray_cast = false;  // its rows have the cost of the published method of touch in them
+  std::string pictures;   // PictureConfig::dialect() of what capture's rows were measured with
   void describe(config::Section& s);
   [[nodiscard]] const CalibrationRow* find(std::string_view name, std::string_view choice,
                                            int level) const noexcept;
@@ -94,6 +96,11 @@ struct Calibration : CalibrationOrigin {
 // were measured without it, that is added to those of fusion and its workers, and the reduction to haptic's. What was measured
 // with it stays; 0: nobody asks.
 [[nodiscard]] Calibration with_ray_cast(Calibration calibration, std::int64_t job_us);
+
+// The same for a scene with picture codecs (PictureConfig::dialect()) that capture's rows were not
+// measured with: `encode_us` more a job. What was measured with such codecs stays.
+[[nodiscard]] Calibration with_pictures(Calibration calibration, const std::string& dialect,
+                                        std::int64_t encode_us);
 
 // Identity of this machine as far as timing goes: CPU model, cores, kernel.
 [[nodiscard]] std::string host_id();

@@ -37,6 +37,7 @@ struct GraphConfig {
     planning.describe(s.section("planning", "marks to paths"));
     robot_io.describe(s.section("robot_io", "base control"));
     capture.describe(s.section("capture", "image coding"));
+    capture.pictures.describe(s.section("link", "between the boxes"));
     supervision.describe(s.section("supervision", "modes and health"));
     limits.describe(s.section("limits", "how old a value may be for who reads it"));
     pool.describe(s.section("pool", "threads beside a task's own"));

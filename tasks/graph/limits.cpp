@@ -13,6 +13,7 @@ using std::chrono::milliseconds;
 // Least limit of a liveness: two periods of its writer.
 int least_ms(const EdgeRow& edge) noexcept {
   if (edge.from == kConsole) return 40;
+  if (edge.from == kLink) return 100;  // an unanswered demand is made again after 50
   const auto rate_hz = kTaskTable[index_of(edge.from)].rate_hz;
   return static_cast<int>((2000 + rate_hz - 1) / rate_hz);
 }

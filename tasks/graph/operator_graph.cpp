@@ -1,11 +1,10 @@
 #include "tasks/graph/operator_graph.hpp"
 
-#include "drivers/link/encoded_frame.hpp"
-#include "drivers/link/frame_codec.hpp"
 #include "rt/effect_count.hpp"
 #include "tasks/edges/link_edges.hpp"
 #include "tasks/graph/fusion_node.hpp"
 #include "tasks/graph/haptic_node.hpp"
+#include "tasks/graph/picture_link.hpp"
 #include "tasks/graph/planning_node.hpp"
 #include "tasks/graph/prediction_node.hpp"
 #include "tasks/graph/supervision_nodes.hpp"
@@ -42,7 +41,9 @@ struct OperatorGraph::Nodes {
 
 OperatorGraph::OperatorGraph(rt::NonRealtime& nrt, const GraphConfig& config,
                              const OperatorSetup& setup, double haptic_period_s)
-    : config_(config), cells_(std::make_unique<OperatorCells>(nrt, config_, setup.faults)) {
+    : config_(config),
+      camera_(setup.fusion.camera),
+      cells_(std::make_unique<OperatorCells>(nrt, config_, setup.faults)) {
   nodes_.reset(new Nodes{HapticNode(nrt, config_, setup, *cells_, haptic_period_s),
                          FusionNode(nrt, config_, setup, *cells_, requests_),
                          PlanningNode(nrt, config_, setup, *cells_),
@@ -94,24 +95,7 @@ const FusionTask& OperatorGraph::fusion() const noexcept { return nodes_->fusion
 const HapticTask& OperatorGraph::haptic() const noexcept { return nodes_->haptic.task(); }
 
 void OperatorGraph::bind_link(rt::NonRealtime& nrt, drivers::LinkEndpoint& endpoint) {
-  struct Decoder {
-    Decoder(rt::NonRealtime& n, const drivers::ColourCodecConfig& colour) : scratch(n, colour) {}
-    drivers::EncodedFrame encoded;
-    drivers::FrameCodecScratch scratch;
-  };
-  auto decoder = std::make_shared<Decoder>(nrt, config_.capture.colour);
-  endpoint.add_incoming(
-      kEdge<EdgeId::kFrame>.row.wire.code,
-      [this, decoder, &endpoint](std::span<const std::uint8_t> body, rt::Time) {
-        if (drivers::read_wire(body, decoder->encoded) != drivers::FrameStatus::kOk) return false;
-        auto& slot = cells_->begin_write<EdgeId::kFrame>();
-        const rt::Time exposure = endpoint.to_local(decoder->encoded.exposure.ns);
-        const auto status = drivers::decode(decoder->encoded, exposure, decoder->scratch, slot);
-        if (status != drivers::FrameStatus::kOk && status != drivers::FrameStatus::kWithoutColour)
-          return false;
-        cells_->publish<EdgeId::kFrame>(endpoint.arrived(), endpoint.unsure());
-        return true;
-      });
+  receive_pictures(nrt, *cells_, config_.capture, camera_, endpoint);
   receive_edge<EdgeId::kRobotState>(*cells_, endpoint);
   send_edge<EdgeId::kGoal>(*cells_, endpoint);
 }

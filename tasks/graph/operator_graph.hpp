@@ -97,6 +97,7 @@ class OperatorGraph {
  private:
   struct Nodes;
   GraphConfig config_;
+  perception::Intrinsics camera_;
   std::unique_ptr<OperatorCells> cells_;
   LinkStatus link_;
   OperatorRequests requests_;

@@ -2,13 +2,15 @@
 
 #include "tasks/edges/link_edges.hpp"
 #include "tasks/graph/capture_node.hpp"
+#include "tasks/graph/picture_link.hpp"
 #include "tasks/graph/robot_io_node.hpp"
 #include "tasks/graph/supervision_nodes.hpp"
 
 namespace tasks {
 
-RobotCells::RobotCells(rt::NonRealtime& nrt, const rt::FaultPlan& faults)
-    : EdgeCells(nrt, faults, [](EdgeId) { return true; }), logs(std::make_unique<TaskLogs>(nrt)) {
+RobotCells::RobotCells(rt::NonRealtime& nrt, const rt::FaultPlan& faults, bool on_demand)
+    : EdgeCells(nrt, faults, [=](EdgeId id) { return id != EdgeId::kDemand || on_demand; }),
+      logs(std::make_unique<TaskLogs>(nrt)) {
   for (int i = 0; i < kTaskCount; ++i)
     health.push_back(std::make_unique<HealthCell>(nrt, std::vector<int>{1}));
 }
@@ -20,7 +22,8 @@ struct RobotGraph::Nodes {
 };
 
 RobotGraph::RobotGraph(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup)
-    : config_(config), cells_(std::make_unique<RobotCells>(nrt, setup.faults)) {
+    : config_(config),
+      cells_(std::make_unique<RobotCells>(nrt, setup.faults, config.capture.pictures.on_demand())) {
   nodes_.reset(new Nodes{RobotIoNode(nrt, config_, setup, *cells_, link_),
                          CaptureNode(nrt, config_, setup, *cells_),
                          RobotSupervisionNode(nrt, config_, *cells_, link_, requests_, setup)});
@@ -49,16 +52,15 @@ LatchedStatus RobotGraph::latched(TaskId id) const noexcept {
   return s;
 }
 
+const LatchedDemand& RobotGraph::latched_demand() const noexcept {
+  return nodes_->capture.latched();
+}
+const CaptureTask& RobotGraph::capture() const noexcept { return nodes_->capture.task(); }
+
 void RobotGraph::bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint) {
   receive_edge<EdgeId::kGoal>(*cells_, endpoint);
   send_edge<EdgeId::kRobotState>(*cells_, endpoint);
-  constexpr Wire wire = kEdge<EdgeId::kFrame>.row.wire;
-  endpoint.add_outgoing(wire.code, std::chrono::milliseconds{wire.period_ms}, wire.bulk,
-                        [this](std::span<std::uint8_t> out) -> std::size_t {
-                          if (!cells_->fresh_for_link<EdgeId::kFrame>()) return 0;
-                          const auto frame = cells_->read_by_link<EdgeId::kFrame>();
-                          return frame ? drivers::write_wire(*frame, out) : 0;
-                        });
+  send_pictures(*cells_, asker_, config_.capture.pictures, endpoint);
 }
 
 }  // namespace tasks

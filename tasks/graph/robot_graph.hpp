@@ -8,6 +8,7 @@
 
 #include "drivers/camera/camera.hpp"
 #include "drivers/link/endpoint.hpp"
+#include "drivers/link/frame_asker.hpp"
 #include "drivers/youbot/motor_bus.hpp"
 #include "rt/sched/task.hpp"
 #include "tasks/graph/graph_config.hpp"
@@ -19,11 +20,20 @@ namespace tasks {
 
 // The robot box's ends of the edges, and what is no edge.
 struct RobotCells : EdgeCells<rt::Box::kRobot> {
-  explicit RobotCells(rt::NonRealtime& nrt, const rt::FaultPlan& faults = {});
+  // on_demand: with the edge `demand`, for a codec that needs its previous frame.
+  explicit RobotCells(rt::NonRealtime& nrt, const rt::FaultPlan& faults = {},
+                      bool on_demand = false);
   std::vector<std::unique_ptr<HealthCell>> health;  // by TaskId
 
   std::unique_ptr<TaskLogs> logs;
   RobotSamples robot_samples;
+};
+
+// The demand that capture's newest latch took: a recording keeps it, since the link made it.
+struct LatchedDemand {
+  std::uint64_t number = 0;  // of the value in its cell
+  rt::Time at{};             // of its publication
+  drivers::FrameDemand demand;
 };
 
 struct RobotSetup {
@@ -43,7 +53,8 @@ class RobotGraph {
   RobotGraph& operator=(const RobotGraph&) = delete;
 
   [[nodiscard]] rt::TaskBody& body(TaskId id);
-  // Registers the link edges: frame and robot_state out, goal in.
+  // Registers the link edges: frame and robot_state out, goal in; where frames are coded on demand
+  // also who asks for them.
   void bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint);
 
   [[nodiscard]] RobotCells& cells() noexcept { return *cells_; }
@@ -52,6 +63,10 @@ class RobotGraph {
   [[nodiscard]] OperatorRequests& requests() noexcept { return requests_; }
   // Of the newest latch of `id`; by that task's thread, before its next latch.
   [[nodiscard]] LatchedStatus latched(TaskId id) const noexcept;
+  [[nodiscard]] const LatchedDemand& latched_demand() const noexcept;
+  // By the link's thread, or when it rests.
+  [[nodiscard]] const drivers::FrameAsker& asker() const noexcept { return asker_; }
+  [[nodiscard]] const CaptureTask& capture() const noexcept;
 
  private:
   struct Nodes;
@@ -59,6 +74,7 @@ class RobotGraph {
   std::unique_ptr<RobotCells> cells_;
   LinkStatus link_;
   OperatorRequests requests_;
+  drivers::FrameAsker asker_;
   std::unique_ptr<Nodes> nodes_;
 };
 

@@ -45,6 +45,8 @@ struct ChoiceLimits {
   double needed_half_extent_m = 0;
   // haptic.method = "force_shading": what a job of fusion pays for it, on top of what is declared, and haptic the reduction. 0: no.
   std::int64_t ray_cast_us = 0;
+  // Picture codecs that the scene names: what a job of capture pays for them (picture_cost.hpp).
+  std::int64_t encode_us = 0;
 };
 
 // "20 mm"

@@ -272,13 +272,19 @@ std::string hex(std::uint64_t x) {
   return text;
 }
 
+// What its rows were measured with beside the scene's images.
+void note_asked(tasks::Calibration& c, const Scene& scene) {
+  c.ray_cast = scene.graph.haptic.asks_for_ray_cast();
+  c.pictures = scene.graph.capture.pictures.dialect();
+}
+
 }  // namespace
 
 tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds, bool quiet,
                              CalibrationInput* input) {
   tasks::Calibration c;
   static_cast<tasks::CalibrationOrigin&>(c) = calibration_origin(scene);
-  c.ray_cast = scene.graph.haptic.asks_for_ray_cast();
+  note_asked(c, scene);
   std::vector<tasks::VoxelOption> options;
   for (const auto& option : tasks::voxel_options(choice_limits(scene))) {
     if (option.ruled_out.empty())

@@ -4,6 +4,7 @@
 
 #include "tasks/graph/calibration.hpp"
 #include "tasks/graph/frame_phase.hpp"
+#include "tasks/graph/picture_cost.hpp"
 
 namespace teletact {
 
@@ -39,6 +40,12 @@ std::int64_t ray_cast_us(const Scene& scene) {
   return (tasks::kRayCast_us + parts - 1) / parts;
 }
 
+tasks::Calibration as_asked(const tasks::Calibration& given, const Scene& scene) {
+  const auto& pictures = scene.graph.capture.pictures;
+  return tasks::with_pictures(tasks::with_ray_cast(given, ray_cast_us(scene)), pictures.dialect(),
+                              tasks::picture_cost(pictures).encode_us);
+}
+
 tasks::ChoiceLimits choice_limits(const Scene& scene) {
   tasks::ChoiceLimits limits;
   const auto& fusion = scene.graph.fusion;
@@ -48,15 +55,16 @@ tasks::ChoiceLimits choice_limits(const Scene& scene) {
   limits.needed_half_extent_m = tasks::FusionTask::needed_half_extent(
       scene.device.speed_limit_m_per_s, scene.graph.haptic.scale);
   limits.ray_cast_us = ray_cast_us(scene);
+  limits.encode_us = tasks::picture_cost(scene.graph.capture.pictures).encode_us;
   return limits;
 }
 
 HostPlan admit_host(const Scene& scene, const tasks::Calibration& given,
-                    const std::vector<int>& cpus, const tasks::BestEffortShares& shares,
+                    const std::vector<int>& cpus, tasks::BestEffortShares shares,
                     const std::string& only_choice) {
   HostPlan plan;
   const tasks::ChoiceLimits limits = choice_limits(scene);
-  const tasks::Calibration calibration = tasks::with_ray_cast(given, limits.ray_cast_us);
+  const tasks::Calibration calibration = as_asked(given, scene);
   std::vector<rt::TaskSpec> specs = tasks::make_specs(calibration, limits);
   for (rt::TaskSpec& s : specs) {
     for (rt::StaticChoice& c : s.choices) {
@@ -64,6 +72,8 @@ HostPlan admit_host(const Scene& scene, const tasks::Calibration& given,
         c.ruled_out = "another one is being measured";
     }
   }
+  // The link's share is declared for both boxes together; one of them decodes.
+  shares.link += 0.5 * tasks::picture_cost(scene.graph.capture.pictures).decode_share;
   plan.request = tasks::make_request(specs, cpus, shares, scene.graph.pool, calibration);
   plan.admission = rt::admit(plan.request);
   plan.refusal = plan.admission.refusal;

@@ -32,13 +32,15 @@ struct HostPlan {
 // for it.
 [[nodiscard]] std::int64_t ray_cast_us(const Scene& scene);
 
+// What was measured, with what the scene asks for beside it as declared.
+[[nodiscard]] tasks::Calibration as_asked(const tasks::Calibration& given, const Scene& scene);
+
 // What the scene leaves open: fusion.tsdf.voxel_size_m where it is named, else the touch window.
 [[nodiscard]] tasks::ChoiceLimits choice_limits(const Scene& scene);
 
 // `only_choice`: the one static choice to take ("20 mm"), for calibration; empty: the best that fits.
 [[nodiscard]] HostPlan admit_host(const Scene& scene, const tasks::Calibration& calibration,
-                                  const std::vector<int>& cpus,
-                                  const tasks::BestEffortShares& shares,
+                                  const std::vector<int>& cpus, tasks::BestEffortShares shares,
                                   const std::string& only_choice = {});
 
 // Steps, rows, cores and modes, for people.

@@ -12,6 +12,7 @@
 #include "rt/memory/section.hpp"
 #include "rt/sched/worker_pool.hpp"
 #include "tools/host/console.hpp"
+#include "tools/host/replay_feeds.hpp"
 #include "tools/record/input_recorder.hpp"
 #include "tools/scene/boxes.hpp"
 
@@ -117,40 +118,6 @@ class FedCamera final : public drivers::Camera {
   drivers::CameraStatus status_{};
   std::size_t next_ = 0;
 };
-
-// The shared words as the latch that comes next is to find them.
-void set_words(tasks::LinkStatus& link, tasks::OperatorRequests& requests, const StatusInput& s) {
-  link.last_heard_ns.store(s.last_heard_ns);
-  link.round_trip_ns.store(s.round_trip_ns);
-  link.uncertainty_ns.store(s.uncertainty_ns);
-  link.refused.store(s.refused != 0);
-  link.expected.store(s.expected != 0);
-  link.closed.store(s.closed != 0);
-  requests.engage.store(s.engage);
-  requests.ramp_down.store(s.ramp_down != 0);
-  requests.stop.store(s.stop != 0);
-  requests.clear.store(s.clear != 0);
-  requests.watchdog_bit.store(s.watchdog_bit != 0);
-}
-
-// What the console asked of the scene, as fusion's next latch is to find it.
-void set_scene(tasks::OperatorGraph& graph, const SceneInput& s, rt::Hash64& inputs) {
-  graph.requests().mesh_taken.store(s.mesh_taken);
-  inputs.word(s.taken);
-  if (s.taken == 0) return;
-  tasks::SceneEdit edit;
-  edit.seq = s.seq;
-  edit.stamp = rt::time_from_ns(s.stamp_ns);
-  edit.kind = static_cast<tasks::SceneEdit::Kind>(s.kind);
-  edit.id = s.id;
-  edit.centre_W = s.centre_W;
-  edit.half_m = s.half_m;
-  edit.yaw_rad = s.yaw_rad;
-  inputs.word(s.kind);
-  for (const double x : s.centre_W) inputs.value(x);
-  for (const double x : s.half_m) inputs.value(x);
-  static_cast<void>(graph.cells().ring<tasks::EdgeId::kEdit, TaskId::kFusion>().try_push(edit));
-}
 
 // A box and its feeds: what differs between the two boxes.
 struct FedBox {
@@ -396,6 +363,7 @@ ReplayResult replay_robot(rt::NonRealtime& nrt, const Scene& scene, const BoxOpt
       graph.link().closed.store(bus.fed.link_closed != 0);
     } else if (id == TaskId::kCapture) {
       camera.feed(op.get<CameraInput>(), inputs);
+      set_demand(graph, op.get<CameraInput>(), inputs);
     } else {
       set_words(graph.link(), graph.requests(), op.get<StatusInput>());
     }

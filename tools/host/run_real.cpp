@@ -70,7 +70,7 @@ RealRun run_real(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
                  const tasks::Calibration& calibration) {
   RealRun run;
   BoxPlan plan;
-  plan.calibration = tasks::with_ray_cast(calibration, ray_cast_us(scene));
+  plan.calibration = as_asked(calibration, scene);
   const auto cpus = rt::affinity_cpus();
   // The camera's twin renders on an ordinary thread; a recording needs none.
   tasks::BestEffortShares shares;

@@ -87,7 +87,7 @@ std::int64_t execute(std::vector<rt::PlacedTask> placed, rt::CostModel& costs, c
 VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
                        const tasks::Calibration& given) {
   VirtualRun run;
-  const tasks::Calibration calibration = tasks::with_ray_cast(given, ray_cast_us(scene));
+  const tasks::Calibration calibration = as_asked(given, scene);
   const std::int64_t handshake = handshake_ns(scene.link.shape);
   // Any instant; fixed, so that runs repeat.
   const std::int64_t epoch = std::max<std::int64_t>(1000000000, handshake + 500000000);

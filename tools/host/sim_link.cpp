@@ -64,8 +64,10 @@ void SimLink::act(std::int64_t host_ns) {
   next_poll_ += kPoll;
   for (auto* d : {&to_robot_, &to_operator_}) {
     const bool line_free = d->shaped ? !d->shaper.busy(host_ns) : d->queue.empty();
-    d->from.endpoint->poll(d->from.clock.from_host(host_ns), line_free,
-                           [&](std::span<const std::uint8_t> m) { send(*d, m, host_ns); });
+    d->from.endpoint->poll(
+        d->from.clock.from_host(host_ns), line_free,
+        [&](std::span<const std::uint8_t> m) { send(*d, m, host_ns); },
+        d->shaped ? d->shaper.busy_for(host_ns) : rt::Nanos::max());
   }
 }
 

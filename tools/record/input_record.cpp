@@ -46,7 +46,8 @@ std::span<const ReadRow> read_table() {
   static const std::vector<ReadRow> rows = [] {
     std::vector<ReadRow> all;
     for (const tasks::LimitRow& r : tasks::kLimitTable) {
-      if (r.input != tasks::kUnlisted)
+      if (r.input != tasks::kUnlisted &&
+          !tasks::fed_from_outside(tasks::kEdgeTable[index_of(r.edge)]))
         all.push_back({r.reader, r.input, cell_of(r.edge), r.may_skip});
     }
     for (const tasks::TaskRow& t : tasks::kTaskTable) {
@@ -84,7 +85,7 @@ rt::Result<Recording> read_recording(const std::string& path) {
   r.path = path;
   std::string line;
   std::getline(in, line);
-  if (line != "teletact-inputs 7 " + std::to_string(sizeof(JobOp)))
+  if (line != "teletact-inputs 8 " + std::to_string(sizeof(JobOp)))
     return rt::Error{path + ":1: not a recording of inputs by this version"};
   while (std::getline(in, line) && !line.empty()) {
     const auto space = line.find(' ');

@@ -7,7 +7,7 @@
 // Everything else a job uses another task of the box published; its sequence number says which one.
 //
 // File, of this machine's layout, read by the build that wrote it:
-//   text   "teletact-inputs 7 <sizeof JobOp>", one "key value" a line, an empty line
+//   text   "teletact-inputs 8 <sizeof JobOp>", one "key value" a line, an empty line
 //   'O' JobOp          the latch or the end of a job; in order within a task
 //   'M' MessageHead, bytes     a message as it arrived on the link, in order
 //   'F' FrameHead, depth, colour    a camera frame as its driver gave it, in order
@@ -97,6 +97,11 @@ struct SceneInput {  // fusion
 };
 struct CameraInput {  // capture
   std::uint8_t status = 0;
+  // What it took of the edge `demand`; number 0: nothing yet, or there is no such edge.
+  std::uint8_t coarser = 0, key = 0;
+  std::uint32_t rate_kbit_per_s = 0;
+  std::uint64_t number = 0, seq = 0;
+  std::int64_t made_ns = 0, published_ns = 0;
 };
 
 // End of a job.

@@ -82,6 +82,19 @@ SceneInput scene_input(const tasks::LatchedStatus& s) noexcept {
   return in;
 }
 
+CameraInput camera_input(std::uint8_t status, const tasks::LatchedDemand& d) noexcept {
+  CameraInput in;
+  in.status = status;
+  in.coarser = d.demand.coarser;
+  in.key = d.demand.key;
+  in.rate_kbit_per_s = d.demand.rate_kbit_per_s;
+  in.number = d.number;
+  in.seq = d.demand.seq;
+  in.made_ns = rt::ns_of(d.demand.made);
+  in.published_ns = rt::ns_of(d.at);
+  return in;
+}
+
 }  // namespace
 
 // Keeps the newest sample for the job's own record: both happen in one latch.
@@ -238,7 +251,7 @@ InputRecorder::InputRecorder(rt::NonRealtime&, const std::string& path, const Ke
   if (path.empty()) return;
   file_.reset(std::fopen(path.c_str(), "wb"));
   if (!file_) throw std::runtime_error(path + ": can not be written");
-  std::fprintf(file_.get(), "teletact-inputs 7 %zu\n", sizeof(JobOp));
+  std::fprintf(file_.get(), "teletact-inputs 8 %zu\n", sizeof(JobOp));
   for (const auto& [key, value] : keys)
     std::fprintf(file_.get(), "%s %s\n", key.c_str(), value.c_str());
   std::fprintf(file_.get(), "\n");
@@ -304,7 +317,7 @@ void InputRecorder::attach(tasks::RobotGraph& graph, drivers::LinkEndpoint& endp
       in.link_closed = graph.latched(id).closed;
       op.put(in);
     } else if (id == TaskId::kCapture) {
-      if (camera_) op.put(camera_->newest);
+      if (camera_) op.put(camera_input(camera_->newest.status, graph.latched_demand()));
     } else {
       op.put(status_input(graph.latched(id)));
     }

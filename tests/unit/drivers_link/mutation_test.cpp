@@ -41,6 +41,10 @@ Bytes random_message(rt::Random& r) {
       return whole(MessageId::kRobotGoal, body_of(random_goal(r)), r(), stamp);
     case 7:
       return whole(MessageId::kBye, {}, r(), stamp);
+    case 8:
+      return whole(MessageId::kFrameReport,
+                   body_of(drivers::FrameReport{r(), static_cast<std::uint8_t>(r.integer(0, 1))}),
+                   r(), stamp);
     default:
       return whole(MessageId::kAlive, {}, r(), stamp);
   }

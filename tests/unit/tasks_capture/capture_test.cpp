@@ -134,6 +134,72 @@ TEST_F(Capture, OurOwnCodeAllocatesNothingAndTheLibrarysShareIsPrinted) {
   }
 }
 
+// A codec that needs its previous frame: capture encodes what is asked for, once.
+struct OnDemand : ::testing::Test {
+  static tasks::CaptureConfig config(const char* depth) {
+    tasks::CaptureConfig c;
+    c.pictures.depth_codec = depth;
+    return c;
+  }
+  OnDemand() {
+    frame->intrinsics = {60, 60, 15.5, 11.5, 32, 24};
+    std::fill_n(frame->depth_mm.begin(), 32 * 24, std::uint16_t{1500});
+  }
+  bool step(std::uint64_t seq, bool fresh, std::uint64_t asked, std::uint64_t answered,
+            bool key = false) {
+    frame->seq = seq;
+    demand = {asked, rt::Time{}, 0, 0, static_cast<std::uint8_t>(key ? 1 : 0)};
+    out.slot = slot.get();
+    tasks::CaptureTask::In in{frame.get(), fresh, asked > 0 ? &demand : nullptr, answered};
+    rt::Section section;
+    EXPECT_EQ(task.step({}, in, out), rt::Health::ok());
+    return out.written;
+  }
+  rt::Startup startup;
+  CaptureTask task{
+      startup.token(), config("faithful"), rt::Box::kRobot, {60, 60, 15.5, 11.5, 32, 24}};
+  drivers::FrameDemand demand;
+  std::unique_ptr<RgbdFrame> frame = std::make_unique<RgbdFrame>();
+  std::unique_ptr<EncodedFrame> slot = std::make_unique<EncodedFrame>();
+  CaptureTask::Out out;
+};
+
+TEST_F(OnDemand, ADemandIsAnsweredOnceByTheNewestFrame) {
+  EXPECT_FALSE(step(1, true, 0, 0)) << "nobody asked";
+  EXPECT_FALSE(step(2, true, 0, 0));
+  EXPECT_EQ(task.stats().unasked, 1U) << "the second took the place of the first";
+  EXPECT_TRUE(step(2, false, 1, 0)) << "it was waiting";
+  EXPECT_EQ(slot->seq, 2U);
+  EXPECT_EQ(slot->demand, 1U);
+  EXPECT_FALSE(slot->needs_previous) << "the first of all";
+  EXPECT_FALSE(step(3, true, 1, 1)) << "answered";
+  EXPECT_TRUE(step(4, true, 2, 1));
+  EXPECT_EQ(slot->demand, 2U);
+  EXPECT_FALSE(step(4, false, 3, 2)) << "there is no newer frame";
+  EXPECT_TRUE(step(5, true, 3, 2, true));
+  EXPECT_FALSE(slot->needs_previous) << "a key was asked for";
+  EXPECT_EQ(task.stats().frames, 3U);
+  EXPECT_EQ(task.stats().unasked, 2U);
+}
+
+TEST_F(OnDemand, WhatWasNotPublishedIsFollowedByAKey) {
+  ASSERT_TRUE(step(1, true, 1, 0));
+  ASSERT_TRUE(step(2, true, 2, 1));
+  task.lost();
+  ASSERT_TRUE(step(3, true, 2, 1));
+  EXPECT_FALSE(slot->needs_previous);
+}
+
+TEST_F(OnDemand, AFrameOfAnotherSizeIsCountedAndNotEncoded) {
+  frame->intrinsics.width = 30;
+  frame->seq = 1;
+  demand = {1, rt::Time{}, 0, 0, 0};
+  out.slot = slot.get();
+  EXPECT_EQ(task.step({}, {frame.get(), true, &demand, 0}, out).fault,
+            tasks::kFaultCaptureBadFrame);
+  EXPECT_FALSE(out.written);
+}
+
 TEST(CaptureConfig, KeysAreDescribed) {
   tasks::CaptureConfig c;
   config::Section root;

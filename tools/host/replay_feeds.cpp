@@ -1,0 +1,51 @@
+#include "tools/host/replay_feeds.hpp"
+
+namespace teletact {
+
+void set_words(tasks::LinkStatus& link, tasks::OperatorRequests& requests, const StatusInput& s) {
+  link.last_heard_ns.store(s.last_heard_ns);
+  link.round_trip_ns.store(s.round_trip_ns);
+  link.uncertainty_ns.store(s.uncertainty_ns);
+  link.refused.store(s.refused != 0);
+  link.expected.store(s.expected != 0);
+  link.closed.store(s.closed != 0);
+  requests.engage.store(s.engage);
+  requests.ramp_down.store(s.ramp_down != 0);
+  requests.stop.store(s.stop != 0);
+  requests.clear.store(s.clear != 0);
+  requests.watchdog_bit.store(s.watchdog_bit != 0);
+}
+
+void set_scene(tasks::OperatorGraph& graph, const SceneInput& s, rt::Hash64& inputs) {
+  graph.requests().mesh_taken.store(s.mesh_taken);
+  inputs.word(s.taken);
+  if (s.taken == 0) return;
+  tasks::SceneEdit edit;
+  edit.seq = s.seq;
+  edit.stamp = rt::time_from_ns(s.stamp_ns);
+  edit.kind = static_cast<tasks::SceneEdit::Kind>(s.kind);
+  edit.id = s.id;
+  edit.centre_W = s.centre_W;
+  edit.half_m = s.half_m;
+  edit.yaw_rad = s.yaw_rad;
+  inputs.word(s.kind);
+  for (const double x : s.centre_W) inputs.value(x);
+  for (const double x : s.half_m) inputs.value(x);
+  static_cast<void>(
+      graph.cells().ring<tasks::EdgeId::kEdit, tasks::TaskId::kFusion>().try_push(edit));
+}
+
+void set_demand(tasks::RobotGraph& graph, const CameraInput& in, rt::Hash64& inputs) {
+  using tasks::EdgeId;
+  if (in.number == 0 || !graph.cells().has<EdgeId::kDemand>()) return;
+  inputs.word(in.seq);
+  inputs.word(in.key);
+  auto& cell = graph.cells().of<EdgeId::kDemand>().cell;  // past its gate: it has been through it
+  while (cell.latest_seq() < in.number) {
+    cell.begin_write() = {in.seq, rt::time_from_ns(in.made_ns), in.rate_kbit_per_s, in.coarser,
+                          in.key};
+    cell.publish(rt::time_from_ns(in.published_ns));
+  }
+}
+
+}  // namespace teletact
