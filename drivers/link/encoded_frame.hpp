@@ -1,12 +1,13 @@
-// An RGB-D frame as it crosses the link: a header, the joint angles at the exposure, and two blobs, depth and colour,
-// each of a codec that the header names (frame_codec.hpp). Fixed capacity, so it lives in a prefaulted channel slot; on
-// the wire it has only its real length.
+// An RGB-D frame as it crosses the link: a header, the joint angles at the exposure, and two blobs,
+// depth and colour, each of a codec that the header names (frame_codec.hpp). Fixed capacity, so it
+// lives in a prefaulted channel slot; on the wire it has only its real length.
 //
-// Wire form, little-endian (write_wire / read_wire), kWireHeader bytes, then the joints, then the blobs:
-//   u32 magic "TTF2", u8 box, u8 flags (1 = colour, 2 = needs the frame before it), u16 width, u16 height,
-//   u8 joints, u8 codecs (DepthCodecId + 16 ColourCodecId),
-//   u32 depth size, u32 colour size, u64 seq, i64 exposure ns, 4 x f64 fx fy cx cy,
-//   u64 check (rt::Hash64 over the header before it, the joints and the blobs)
+// Wire form, little-endian (write_wire / read_wire), kWireHeader bytes, then the joints, then the
+// blobs:
+//   u32 magic "TTF2", u8 box, u8 flags (1 = colour, 2 = needs the frame before it), u16 width, u16
+//   height, u8 joints, u8 codecs (DepthCodecId + 16 ColourCodecId), u32 depth size, u32 colour
+//   size, u64 seq, i64 exposure ns, 4 x f64 fx fy cx cy, u64 check (rt::Hash64 over the header
+//   before it, the joints and the blobs)
 // and where there are joints: f32 error, f32 age s, and of each f32 position, f32 speed.
 #pragma once
 

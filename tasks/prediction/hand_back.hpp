@@ -1,8 +1,9 @@
 // From a prediction to the next one without a jump: what a display or an act follows.
 //
-// When a new measurement moves the predicted pose, the difference to what was last shown stays as an offset, and fades with
-// `time_s`. So what is shown is continuous in place and heading; with no further jumps it is the prediction after a few
-// `time_s`. An offset larger than the limits is no correction but another place: it is taken at once, and counted.
+// When a new measurement moves the predicted pose, the difference to what was last shown stays as
+// an offset, and fades with `time_s`. So what is shown is continuous in place and heading; with no
+// further jumps it is the prediction after a few `time_s`. An offset larger than the limits is no
+// correction but another place: it is taken at once, and counted.
 #pragma once
 
 #include <cmath>
@@ -20,7 +21,8 @@ class HandBack {
   };
   explicit HandBack(const Config& config) noexcept : config_(config) {}
 
-  // `before`: where the prediction made from the older measurement puts the base at `t`; `after`: that from the new one.
+  // `before`: where the prediction made from the older measurement puts the base at `t`; `after`:
+  // that from the new one.
   void take(double t, const perception::Pose2& before, const perception::Pose2& after) noexcept {
     const perception::Pose2 was = show(t, before);
     x_ = was.x - after.x;
@@ -32,7 +34,8 @@ class HandBack {
       ++jumps_;
     }
   }
-  // What to show at `t`, not before the last take(): the newest prediction and what is left of the offset.
+  // What to show at `t`, not before the last take(): the newest prediction and what is left of the
+  // offset.
   [[nodiscard]] perception::Pose2 show(double t,
                                        const perception::Pose2& predicted) const noexcept {
     const double left = t > t_ ? std::exp(-(t - t_) / config_.time_s) : 1.0;

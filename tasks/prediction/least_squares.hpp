@@ -1,11 +1,16 @@
-// Linear least squares of the predictors: small, of fixed size, and with an answer for every finite input.
+// Linear least squares of the predictors: small, of fixed size, and with an answer for every finite
+// input.
 //
 //   ridge_solve        two unknowns by the normal equations, closed form.
-//   minimum_norm       many unknowns and outputs, rank-revealing: a complete orthogonal decomposition of
-//                      [A; sqrt(ridge) I]. Of a rank-deficient system without ridge it is the solution of least norm.
-//   RecursiveQr        the triangle of the QR decomposition, kept row by row (Givens rotations) with exponential
-//                      forgetting: no sum of squares is ever formed, so the condition number is not squared. Kept in
-//                      extended precision: after 10^6 rows it still agrees with a batch QR (tests/unit/tasks_prediction).
+//   minimum_norm       many unknowns and outputs, rank-revealing: a complete orthogonal
+//   decomposition of
+//                      [A; sqrt(ridge) I]. Of a rank-deficient system without ridge it is the
+//                      solution of least norm.
+//   RecursiveQr        the triangle of the QR decomposition, kept row by row (Givens rotations)
+//   with exponential
+//                      forgetting: no sum of squares is ever formed, so the condition number is not
+//                      squared. Kept in extended precision: after 10^6 rows it still agrees with a
+//                      batch QR (tests/unit/tasks_prediction).
 // All noexcept, no allocation. Source: Golub, Van Loan, Matrix Computations, 5.4 and 6.5.
 #pragma once
 
@@ -36,7 +41,8 @@ inline constexpr double kRankShare = 1e-10;
 [[nodiscard]] LinearFit minimum_norm(const FitMatrix& A, const FitOutputs& B,
                                      double ridge) noexcept;
 
-// min sum_i w_i (a_i . x - b_i)^2 with w_i = forget^(2 rows since). `Unknowns` + 1 columns of the triangle.
+// min sum_i w_i (a_i . x - b_i)^2 with w_i = forget^(2 rows since). `Unknowns` + 1 columns of the
+// triangle.
 template <std::size_t Unknowns>
 class RecursiveQr {
  public:
@@ -60,7 +66,8 @@ class RecursiveQr {
     rotate(R_, row);
     ++rows_;
   }
-  // The solution with the prior; finite always. A direction that neither rows nor prior say anything about is 0.
+  // The solution with the prior; finite always. A direction that neither rows nor prior say
+  // anything about is 0.
   [[nodiscard]] std::array<double, Unknowns> solve() const noexcept {
     Triangle R = with_prior();
     std::array<Real, kUnknowns> x{};
@@ -74,8 +81,8 @@ class RecursiveQr {
     for (std::size_t k = 0; k < kUnknowns; ++k) out[k] = static_cast<double>(x[k]);
     return out;
   }
-  // Of the triangle with its prior: largest over smallest diagonal entry, a lower bound of the condition number. Infinite:
-  // singular.
+  // Of the triangle with its prior: largest over smallest diagonal entry, a lower bound of the
+  // condition number. Infinite: singular.
   [[nodiscard]] double condition() const noexcept {
     const Triangle R = with_prior();
     Real least = std::abs(R[0][0]);

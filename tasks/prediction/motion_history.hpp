@@ -1,9 +1,9 @@
 // What a predictor of the base's motion may know: its samples, and the commands it was given.
 //
-// Samples rise strictly in time; a source faster than 64 Hz is thinned (the newest sample is always kept). Commands hold
-// from their instant until the next one and may be known ahead of the samples.
-// Fixed memory, allocated in the constructor. Frames: pose X_OB in a fixed frame, twist in the body frame. SI; times in
-// seconds from any zero.
+// Samples rise strictly in time; a source faster than 64 Hz is thinned (the newest sample is always
+// kept). Commands hold from their instant until the next one and may be known ahead of the samples.
+// Fixed memory, allocated in the constructor. Frames: pose X_OB in a fixed frame, twist in the body
+// frame. SI; times in seconds from any zero.
 #pragma once
 
 #include <array>
@@ -47,8 +47,9 @@ class MotionHistory {
   [[nodiscard]] const MotionSample& newest() const noexcept { return at(size_ - 1).sample; }
   [[nodiscard]] double first_t() const noexcept { return at(0).sample.t; }
 
-  // At an instant not before the first sample, between samples on a line; after the newest: its velocity. `hint` is an
-  // index not before the wanted one, and becomes it: a walk backwards costs no search.
+  // At an instant not before the first sample, between samples on a line; after the newest: its
+  // velocity. `hint` is an index not before the wanted one, and becomes it: a walk backwards costs
+  // no search.
   [[nodiscard]] Axes velocity(double t, std::size_t& hint) const noexcept;
   // Integral of the body velocities since the first sample.
   [[nodiscard]] Axes travelled(double t, std::size_t& hint) const noexcept;

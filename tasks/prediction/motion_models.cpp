@@ -123,7 +123,8 @@ bool LinearModel::predict(const MotionHistory& history, double h, Motion& out) c
       (history.newest().t - history.sample(size - 1 - n).t) / static_cast<double>(n);
   std::array<Axes, kLargestOrder> past{};  // newest first
   for (std::size_t j = 0; j < m; ++j) past[j] = axes(history.sample(size - 1 - j).v_B);
-  // The velocity at the samples to come, on lines between them; its integral in each quarter of the horizon.
+  // The velocity at the samples to come, on lines between them; its integral in each quarter of the
+  // horizon.
   const double part = h / static_cast<double>(Motion::kParts);
   out = {};
   std::size_t quarter = 0;

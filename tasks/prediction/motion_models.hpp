@@ -1,15 +1,21 @@
-// How the base's velocity goes on: one model a method, behind one interface. All are causal, noexcept and allocate nothing
-// after construction; MotionPredictor (motion_predictor.hpp) integrates what they say into a pose.
+// How the base's velocity goes on: one model a method, behind one interface. All are causal,
+// noexcept and allocate nothing after construction; MotionPredictor (motion_predictor.hpp)
+// integrates what they say into a pose.
 //
 //   ConstantVelocity    the last velocity.
-//   AccelerationFilter  Kalman filter of velocity and acceleration, an axis at a time. The acceleration is a random walk
-//                       (`kalman`), or fades with `time_s` (Singer's model, IEEE AES 6(4), 1970: `singer`).
-//   LinearModel         the published one: v(k + 1) = Theta^T [v(k); v(k - 1); .. v(k - m + 1)] of all axes at once, Theta
-//                       from the last N such rows by least squares, iterated a sample at a time to the horizon. Printed:
-//                       Theta = Phi^T Y with no inverse; here (Phi^T Phi + ridge I)^-1 Phi^T Y, of least norm for ridge 0.
-//                       It may diverge: velocities are cut at +-5 m/s and +-20 rad/s, which no base of ours reaches.
-//   LearnedShare        `lsq`: the last velocity and learned shares of its two last changes (below).
-//   CommandResponse     the velocity follows known commands with a fitted first-order response.
+//   AccelerationFilter  Kalman filter of velocity and acceleration, an axis at a time. The
+//   acceleration is a random walk
+//                       (`kalman`), or fades with `time_s` (Singer's model, IEEE AES 6(4), 1970:
+//                       `singer`).
+//   LinearModel         the published one: v(k + 1) = Theta^T [v(k); v(k - 1); .. v(k - m + 1)] of
+//   all axes at once, Theta
+//                       from the last N such rows by least squares, iterated a sample at a time to
+//                       the horizon. Printed: Theta = Phi^T Y with no inverse; here (Phi^T Phi +
+//                       ridge I)^-1 Phi^T Y, of least norm for ridge 0. It may diverge: velocities
+//                       are cut at +-5 m/s and +-20 rad/s, which no base of ours reaches.
+//   LearnedShare        `lsq`: the last velocity and learned shares of its two last changes
+//   (below). CommandResponse     the velocity follows known commands with a fitted first-order
+//   response.
 #pragma once
 
 #include <array>
@@ -40,7 +46,8 @@ class MotionModel {
   // The newest sample of the history is new.
   virtual void add(const MotionHistory&) noexcept {}
   virtual void clear() noexcept {}
-  // From the newest sample for h > 0 seconds; false: it knows nothing. At least one sample is there.
+  // From the newest sample for h > 0 seconds; false: it knows nothing. At least one sample is
+  // there.
   [[nodiscard]] virtual bool predict(const MotionHistory&, double h,
                                      Motion& out) const noexcept = 0;
 };
@@ -62,7 +69,8 @@ class AccelerationFilter final : public MotionModel {
  public:
   struct Config {
     double time_s = 0;  // of the acceleration; 0: it does not fade
-    // Spectral density of the jerk, and standard deviation of a measured velocity: of vx and vy, of wz.
+    // Spectral density of the jerk, and standard deviation of a measured velocity: of vx and vy, of
+    // wz.
     std::array<double, 3> jerk{};
     std::array<double, 3> noise{};
   };
@@ -99,14 +107,16 @@ class LinearModel final : public MotionModel {
   Config config_;
 };
 
-// Per axis, the mean velocity over the horizon h is the last velocity plus a learned share of its changes:
+// Per axis, the mean velocity over the horizon h is the last velocity plus a learned share of its
+// changes:
 //
 //   m(t, h) = v(t) + theta_1 (v(t) - v(t - lag_1)) + theta_2 (v(t) - v(t - lag_2))
 //   theta   = (Phi^T Phi + Lambda)^-1 Phi^T y,   y(q) = m(q, h) observed - v(q)
 //
-// over the training instants q of the last `window_s` whose outcome is already known (q + h <= t). Lambda is worth
-// `prior_samples` instants of ordinary motion, so without data, or with data that say nothing (rest, constant speed),
-// theta -> 0 and it is ConstantVelocity. The 2x2 system is solved in closed form; the correction is bounded.
+// over the training instants q of the last `window_s` whose outcome is already known (q + h <= t).
+// Lambda is worth `prior_samples` instants of ordinary motion, so without data, or with data that
+// say nothing (rest, constant speed), theta -> 0 and it is ConstantVelocity. The 2x2 system is
+// solved in closed form; the correction is bounded.
 class LearnedShare final : public MotionModel {
  public:
   struct Config {
@@ -120,8 +130,8 @@ class LearnedShare final : public MotionModel {
   Config config_;
 };
 
-// dv/dt = p1 cmd - p2 v per axis; (p1, p2) by recursive least squares with forgetting and a prior. Knows nothing without a
-// command that is in force at the newest sample.
+// dv/dt = p1 cmd - p2 v per axis; (p1, p2) by recursive least squares with forgetting and a prior.
+// Knows nothing without a command that is in force at the newest sample.
 class CommandResponse final : public MotionModel {
  public:
   struct Config {

@@ -9,7 +9,8 @@ namespace {
 
 using Config = MotionPredictorConfig;
 
-// chosen on: prediction 5, first halves of the logs; judged on: prediction 4, second halves (docs/measured/prediction.md)
+// chosen on: prediction 5, first halves of the logs; judged on: prediction 4, second halves
+// (docs/measured/prediction.md)
 constexpr double kJerk = 4.0, kTurnJerk = 20.0;  // density, (m/s^3)^2 s and (rad/s^3)^2 s
 constexpr double kSingerJerk = 20.0, kSingerTurnJerk = 100.0;
 constexpr double kNoise = 0.005, kTurnNoise = 0.02;  // of a measured velocity, m/s and rad/s

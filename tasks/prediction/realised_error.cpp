@@ -45,8 +45,8 @@ void RealisedError::add(const MotionHistory& history, double h,
 }
 
 RealisedError::Matrix3 RealisedError::covariance(double h) const noexcept {
-  // Prior: half of an ordinary start or stop that nobody foresaw, 1 m/s^2 and 3 rad/s^2, squared. It fades as old errors
-  // do. Never less than what 0.01 m/s^2 and 0.03 rad/s^2 make.
+  // Prior: half of an ordinary start or stop that nobody foresaw, 1 m/s^2 and 3 rad/s^2, squared.
+  // It fades as old errors do. Never less than what 0.01 m/s^2 and 0.03 rad/s^2 make.
   const Eigen::Vector3d prior(0.25, 0.25, 2.25), least(1e-4, 1e-4, 1e-3);
   const double weight = kPriorTime_s * std::max(0.0, 1 - weight_ / kMemory_s);
   Matrix3 C = least.asDiagonal();

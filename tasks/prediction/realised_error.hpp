@@ -1,8 +1,9 @@
 // The covariance that a predictor states: of its own errors, as they turned out.
 //
-// Each new sample keeps where the predictor puts the base at the horizon last asked for; when the samples reach that
-// instant, the error (x, y, yaw in the frame of the base at the sample it was made from) goes into a fading mean of its
-// square. Before that, and weighing as much as `kPriorTime_s`, stands a prior. Another horizon: an error grows as its square.
+// Each new sample keeps where the predictor puts the base at the horizon last asked for; when the
+// samples reach that instant, the error (x, y, yaw in the frame of the base at the sample it was
+// made from) goes into a fading mean of its square. Before that, and weighing as much as
+// `kPriorTime_s`, stands a prior. Another horizon: an error grows as its square.
 #pragma once
 
 #include <Eigen/Dense>

@@ -1,10 +1,12 @@
 // teletact predict: where a ground robot is, told only what was known `delay` seconds ago.
 //
 //   --log ODO.csv   t_s,x_m,y_m,yaw_rad,vx,vy,wz (body frame), optional cmd_vx,cmd_vy,cmd_wz
-//   --delay S       row t_s is made from the rows with t <= t_s - S only (to 1 us: stamps are decimal); commands are
+//   --delay S       row t_s is made from the rows with t <= t_s - S only (to 1 us: stamps are
+//   decimal); commands are
 //                   known up to t_s
 //   --method M      a method of the prediction task (motion_predictor.hpp)
-//   --hand-back S   what is written follows the prediction without a jump: differences fade with S (hand_back.hpp)
+//   --hand-back S   what is written follows the prediction without a jump: differences fade with S
+//   (hand_back.hpp)
 //   --out P.csv     t_s,x_m,y_m,yaw_rad for each row that has data at least S older
 //
 // A row that is not finite, repeated or out of order is left out, counted, and named at the end.
