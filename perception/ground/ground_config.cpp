@@ -6,7 +6,7 @@ namespace perception {
 
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kRadPerDegree = std::numbers::pi / 180;
 
 }  // namespace
 
@@ -24,7 +24,7 @@ VirtualObstacle VirtualObstacleConfig::obstacle() const {
   o.centre_W = Vec3(position_m[0], position_m[1], position_m[2]);
   o.half_x_m = size_m[0] / 2;
   o.half_y_m = size_m[1] / 2;
-  o.yaw_rad = yaw_deg * kDegree;
+  o.yaw_rad = yaw_deg * kRadPerDegree;
   o.radius_m = radius_m;
   return o;
 }

@@ -83,7 +83,7 @@ class NewFolder {
   bool was_there_ = false, finished_ = false;
 };
 
-struct Tally {
+struct CodecTally {
   std::string csv =
       "frame,t_s,kind,step,bytes,depth_bytes,colour_bytes,depth_encode_ms,depth_decode_ms,"
       "colour_encode_ms,colour_decode_ms\n";
@@ -114,7 +114,7 @@ double rate_of(const drivers::TumSequence& sequence, int frames) {
   return span_s > 0 ? std::min(1000.0, (frames - 1) / span_s) : 30;
 }
 
-Metrics figures(const Tally& t, double fps) {
+Metrics figures(const CodecTally& t, double fps) {
   const double n = t.frames;
   Metrics m("codec");
   m.add("codec.frames", n, "1");
@@ -145,7 +145,7 @@ int run(const CodecOptions& o) {
   CodecChain chain(startup.token(), choice, k.width, k.height);
   NewFolder folder(o.out);
   RecordingWriter writer(o.out);
-  Tally tally;
+  CodecTally tally;
   auto frame = std::make_unique<perception::RgbdFrame>();
   for (int i = 0; i < frames; ++i) {
     take(sequence.read(i, *frame));

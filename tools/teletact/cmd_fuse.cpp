@@ -98,14 +98,15 @@ std::string pose_line(const std::string& stamp, const tasks::CameraPose& camera)
 
 double quantile(const std::vector<double>& v, double q) { return rt::quantile(v, q, std::nan("")); }
 
-struct Tally {
+struct FuseTally {
   int frames = 0, tracked = 0, claimed = 0, empty = 0;
   int first_claim = -1;
   std::int64_t blocks_refused = 0;
   std::vector<double> cpu_ms;
 };
 
-void note_frame(const tasks::FusionTask& task, const tasks::FusionTask::Out& out, Tally& tally) {
+void note_frame(const tasks::FusionTask& task, const tasks::FusionTask::Out& out,
+                FuseTally& tally) {
   if (out.camera_written && out.camera.claimed && tally.first_claim < 0)
     tally.first_claim = tally.frames;
   ++tally.frames;
@@ -134,7 +135,7 @@ void check_meets(const std::vector<StampedPose>& odometry, const drivers::TumSeq
 // Runs the task over the sequence; returns the text of the pose file.
 std::string fuse(const drivers::TumSequence& sequence, const std::vector<StampedPose>& odometry,
                  const drivers::DepthBias& bias, const char* world, tasks::FusionTask& task,
-                 Tally& tally) {
+                 FuseTally& tally) {
   FusionFeed feed(task);
   std::string poses = "# camera to world; world = " + std::string(world) +
                       ". A data line is a claim.\n# timestamp tx ty tz qx qy qz qw\n";
@@ -181,8 +182,8 @@ perception::Mesh mesh_of(rt::NonRealtime& nrt, const perception::TsdfMap& map,
 }
 
 // All of the outputs or none of them.
-void write_outputs(rt::NonRealtime& nrt, const FuseOptions& o, const tasks::FusionTask& task,
-                   const std::string& poses, const Tally& tally, std::size_t& vertices) {
+void write_fused(rt::NonRealtime& nrt, const FuseOptions& o, const tasks::FusionTask& task,
+                 const std::string& poses, const FuseTally& tally, std::size_t& vertices) {
   const perception::TsdfMap& map = task.map();
   const bool encoded = !o.save_map.empty() || map.far_chunk_count() > 0;
   const std::string bytes =
@@ -319,7 +320,7 @@ int run(const FuseOptions& o) {
   if (!stored.empty())
     take(task.load_map(startup.token(), take(perception::read_map_file(startup.token(), stored))));
   task.profile(true);
-  Tally tally;
+  FuseTally tally;
   const std::string poses = fuse(sequence, odometry, bias,
                                  stored.empty() ? "first camera" : "that of the map", task, tally);
   if (tally.tracked == 0) {
@@ -329,7 +330,7 @@ int run(const FuseOptions& o) {
     return 1;
   }
   std::size_t vertices = 0;
-  write_outputs(startup.token(), o, task, poses, tally, vertices);
+  write_fused(startup.token(), o, task, poses, tally, vertices);
   std::printf("%d frames, %d tracked, %d claimed; %.1f ms CPU a frame (p50); %zu vertices\n",
               tally.frames, tally.tracked, tally.claimed, quantile(tally.cpu_ms, 0.5), vertices);
   if (!stored.empty() && tally.first_claim >= 0)
