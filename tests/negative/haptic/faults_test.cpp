@@ -1,5 +1,5 @@
-// Each fault of tasks/haptic/broken.hpp must fail the check of the hard cases that is there for it; without one the same
-// check is met.
+// Each fault of rules/tasks/haptic/touch_rules.hpp must fail the check of the hard cases that is
+// there for it; without one the same check is met.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tasks/haptic/broken.hpp"
+#include "tasks/haptic/touch_rules.hpp"
 #include "tools/measure/stability/cases.hpp"
 
 namespace {
