@@ -3,18 +3,10 @@
 // tools/measure/haptic/count/plain).
 #pragma once
 
-#if defined(TELETACT_HAPTIC_BROKEN) && TELETACT_HAPTIC_BROKEN
-#include "tasks/haptic/broken.hpp"
-#else
 #include "tasks/haptic/touch_law.hpp"
-#endif
 
 namespace tasks {
 
-#if defined(TELETACT_HAPTIC_BROKEN) && TELETACT_HAPTIC_BROKEN
-using TouchRules = BrokenRules;
-#else
 using TouchRules = TouchLaw;
-#endif
 
 }  // namespace tasks
