@@ -142,7 +142,8 @@ void Descent::finish(const Vec3& p, const std::array<Tangent, 3>& tangents,
   } else if (count > 0) {
     state_.set_normal(tangents[0].half.n);
   }
-  // The held frame goes on where nothing else bears; beside it, what is known here is the newest there is of it.
+  // The held frame goes on where nothing else bears; beside it, what is known here is the newest
+  // there is of it.
   bool known = false;
   for (std::size_t i = 0; i < count; ++i) {
     state_.held = state_.held || !tangents[i].known;
@@ -218,6 +219,25 @@ void Descent::place() noexcept {
   contact(p);
 }
 
+// Where the way from `out`, which is free, to `in` goes into the solid: regula falsi with
+// bisection. The answer is on the free side.
+Vec3 Descent::crossing(Vec3 out, double value_out, Vec3 in, double value_in) const noexcept {
+  for (int k = 0; k < 24 && value_out > cfg_.tolerance_m; ++k) {
+    double t = (k & 1) != 0 ? 0.5 : value_out / (value_out - value_in);
+    t = std::clamp(t, 0.01, 0.99);
+    const Vec3 middle = out + t * (in - out);
+    const FieldSample m = field_.sample(middle);
+    if (m.known && m.value > radius_) {
+      out = middle;
+      value_out = m.value - radius_;
+    } else {
+      in = middle;
+      value_in = m.known ? m.value - radius_ : value_in;
+    }
+  }
+  return out;
+}
+
 // Free or unknown: from the last place to the hand, looking for the crossing from seen-free to
 // solid.
 void Descent::sweep() noexcept {
@@ -246,29 +266,15 @@ void Descent::sweep() noexcept {
     } else if (s.value > radius_) {
       free = true;
     } else if (free) {
-      Vec3 out = last, in = x;
+      Vec3 out = x;
       if (i == 0) {  // the surface came to the hand
         const double slope = s.gradient.norm();
         if (slope < kSlopeMin) {
           free = false;
           continue;
         }
-        out = x;
-      } else {  // regula falsi with bisection, keeping `out` on the free side
-        double value_in = s.value - radius_;
-        for (int k = 0; k < 24 && last_value > cfg_.tolerance_m; ++k) {
-          double t = (k & 1) != 0 ? 0.5 : last_value / (last_value - value_in);
-          t = std::clamp(t, 0.01, 0.99);
-          const Vec3 middle = out + t * (in - out);
-          const FieldSample m = field_.sample(middle);
-          if (m.known && m.value > radius_) {
-            out = middle;
-            last_value = m.value - radius_;
-          } else {
-            in = middle;
-            value_in = m.known ? m.value - radius_ : value_in;
-          }
-        }
+      } else {
+        out = crossing(last, last_value, x, s.value - radius_);
       }
       const Vec3 gradient = field_.sample(out).gradient;
       const double slope = gradient.norm();

@@ -74,6 +74,7 @@ class Descent {
   bool carry(Vec3& p, Gap& g) noexcept;
   void finish(const Vec3& p, const std::array<Tangent, 3>& tangents, std::size_t count) noexcept;
   void leave(const Vec3& p, bool free) noexcept;
+  [[nodiscard]] Vec3 crossing(Vec3 out, double value_out, Vec3 in, double value_in) const noexcept;
 
   const Field& field_;
   const Vec3 h_;

@@ -22,6 +22,25 @@ struct PlanesResult {
   bool solved = false;  // false: no feasible active set (opposed or parallel planes); x = h
 };
 
+// The point common to all three, if the programme's solution is there; else `out` stays as it is.
+inline void nearest_on_three(const std::array<HalfSpace, 3>& planes, const perception::Vec3& h,
+                             PlanesResult& out) noexcept {
+  perception::Mat3 n;
+  n << planes[0].n.transpose(), planes[1].n.transpose(), planes[2].n.transpose();
+  const double det = n.determinant();
+  if (std::abs(det) > 1e-6) {
+    const perception::Vec3 d(planes[0].d, planes[1].d, planes[2].d);
+    const perception::Mat3 inverse = n.inverse();
+    const perception::Vec3 x = inverse * d;
+    const perception::Vec3 lambda = inverse.transpose() * (x - h);
+    if (lambda.minCoeff() >= 0) {
+      out.x = x;
+      out.active = 7U;
+      out.solved = true;
+    }
+  }
+}
+
 // size <= 3. Exact to 1e-9 m; near-parallel pairs (sine below 1e-4) are not combined.
 [[nodiscard]] inline PlanesResult nearest_on_planes(const std::array<HalfSpace, 3>& planes,
                                                     std::size_t size,
@@ -70,22 +89,7 @@ struct PlanesResult {
       }
     }
   }
-  if (size == 3) {
-    perception::Mat3 n;
-    n << planes[0].n.transpose(), planes[1].n.transpose(), planes[2].n.transpose();
-    const double det = n.determinant();
-    if (std::abs(det) > 1e-6) {
-      const perception::Vec3 d(planes[0].d, planes[1].d, planes[2].d);
-      const perception::Mat3 inverse = n.inverse();
-      const perception::Vec3 x = inverse * d;
-      const perception::Vec3 lambda = inverse.transpose() * (x - h);
-      if (lambda.minCoeff() >= 0) {
-        out.x = x;
-        out.active = 7U;
-        out.solved = true;
-      }
-    }
-  }
+  if (size == 3) nearest_on_three(planes, h, out);
   return out;
 }
 

@@ -1,18 +1,14 @@
-// A surface that leaves the hand, or comes at it faster than a hand can be carried.
+#include "tasks/haptic/surface_left.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
-
-#include "tasks/haptic/haptic_task.hpp"
 
 namespace tasks {
 
 namespace {
 
 using perception::Vec3;
-
-// A surface that goes or comes faster than this over one period does not carry a hand: 8 mm at 30 Hz. A step of 5 mm does.
-constexpr double kLeaves_m_per_s = 0.24;
 
 constexpr double kApart_vox = 2;  // points of a face, 3 x 3
 
@@ -21,8 +17,9 @@ struct Face {
   bool unknown = false;  // its middle and most of it
 };
 
-// What the newer window, alone, has of the face about p_W: what only the older one knows is not there any more. Noise moves a
-// node, not its neighbours with it. Leaves `field` with both windows, the older one's values.
+// What the newer window, alone, has of the face about p_W: what only the older one knows is not
+// there any more. Noise moves a node, not its neighbours with it. Leaves `field` with both windows,
+// the older one's values.
 Face face_ahead(Field& field, const perception::SurfacePatch* older,
                 const perception::SurfacePatch* newer, const Vec3& p_W, const Vec3& gradient,
                 double steep) noexcept {
@@ -51,7 +48,8 @@ Face face_ahead(Field& field, const perception::SurfacePatch* older,
   Face out;
   out.unknown = !middle_known && 2 * known_then < known_now;
   if (known_then == 0) return out;
-  // Of an even number the upper of the two in the middle: rt::quantile() has the lower, and another rise is another force.
+  // Of an even number the upper of the two in the middle: rt::quantile() has the lower, and another
+  // rise is another force.
   const auto middle = rises.begin() + static_cast<std::ptrdiff_t>(known_then / 2);
   std::nth_element(rises.begin(), middle, rises.begin() + static_cast<std::ptrdiff_t>(known_then));
   out.rise_m = *middle;
@@ -60,54 +58,40 @@ Face face_ahead(Field& field, const perception::SurfacePatch* older,
 
 }  // namespace
 
-// What the blend that begins brings to a hand that stands. A surface that goes, or that comes faster than a hand can be
-// carried, is told to the operator. One that falls away takes its force with it in the blend; from one that comes, or is not
-// known any more, the hand is let go. Returned: how much higher the newer window has the surface under the proxy.
-double HapticTask::look_ahead_m() noexcept {
+double SurfaceLeft::look_ahead_m(SurfaceBlend& blend, const ProxyState& proxy,
+                                 const Held& held) noexcept {
   constexpr double kSlopeLeast = 0.3;  // flatter is a rounded crease or the edge of the band
-  if (proxy_.phase != ProxyState::Phase::kContact || leaving_) return 0;
-  const Vec3 p_W = proxy_.p_WP();
-  field_.set(older_, newer_, 1);
-  const FieldSample then = field_.sample(p_W);
-  field_.set(older_, newer_, 0);
-  const FieldSample now = field_.sample(p_W);
+  if (proxy.phase != ProxyState::Phase::kContact || leaving_) return 0;
+  const Vec3 p_W = proxy.p_WP();
+  Field& field = blend.field();
+  field.set(blend.older(), blend.newest(), 1);
+  const FieldSample then = field.sample(p_W);
+  field.set(blend.older(), blend.newest(), 0);
+  const FieldSample now = field.sample(p_W);
   if (!now.known) return 0;
   const double steep = std::max(now.gradient.norm(), kSlopeLeast);
   const double rise_m = then.known ? (now.value - then.value) / steep : 0;
   // A window that lags behind the hand says nothing: the last frame is held.
-  if (field_.near_edge(p_W) || field_.near_edge(to_world(h_D_))) return rise_m;
-  const Face face = face_ahead(field_, older_, newer_, p_W, now.gradient, steep);
-  const double most_m = kLeaves_m_per_s * config_.scale * config_.blend_s;
-  const bool moves = newer_->touched_moves;
-  left_ = moves || face.unknown || std::abs(face.rise_m) > most_m;
-  const Vec3 pull = rendered_W_ - to_world(h_D_);
-  if (!(moves || face.unknown || face.rise_m > most_m) || !(pull.norm() > 1e-9)) return rise_m;
+  if (field.near_edge(p_W) || field.near_edge(held.hand_W)) return rise_m;
+  const Face face = face_ahead(field, blend.older(), blend.newest(), p_W, now.gradient, steep);
+  const bool moves = blend.newest()->touched_moves;
+  left_ = moves || face.unknown || std::abs(face.rise_m) > held.most_m;
+  const Vec3 pull = held.rendered_W - held.hand_W;
+  if (!(moves || face.unknown || face.rise_m > held.most_m) || !(pull.norm() > 1e-9)) return rise_m;
   leaving_ = true;
-  left_n_W_ = pull.normalized();
+  n_W_ = pull.normalized();
   // No deeper than the force limit: the fade is felt from its beginning.
-  const double most = force_limit_N_ * config_.scale / std::max(stiffness_, 1e-9);
-  left_p_W_ = to_world(h_D_) + std::min(pull.norm(), most) * left_n_W_;
+  p_W_ = held.hand_W + std::min(pull.norm(), held.deepest_m) * n_W_;
   return 0;
 }
 
-// While the hand is let go: the last contact's plane, which pushes as far as the hand is behind it.
-HapticTask::Spring HapticTask::held_spring(const Vec3& p_WH) noexcept {
+Spring SurfaceLeft::spring(const Vec3& p_WH) const noexcept {
   Spring spring;
-  spring.length_m = std::max(0.0, (left_p_W_ - p_WH).dot(left_n_W_));
-  spring.pull_W = spring.elastic_W = spring.length_m * left_n_W_;
+  spring.length_m = std::max(0.0, (p_W_ - p_WH).dot(n_W_));
+  spring.pull_W = spring.elastic_W = spring.length_m * n_W_;
   spring.contact = spring.length_m > 0;
-  rendered_W_ = p_WH + spring.pull_W;
+  spring.rendered_W = p_WH + spring.pull_W;
   return spring;
-}
-
-// Let go: what is touched next is entered from seen-free space.
-void HapticTask::end_leaving() noexcept {
-  leaving_ = false;
-  proxy_ = ProxyState{};
-  proxy_.set_p(to_world(h_D_));  // the next sweep begins here
-  proxy_.phase = ProxyState::Phase::kUnknown;
-  ramp_ = 1;
-  fade_ = 0;
 }
 
 }  // namespace tasks
