@@ -97,6 +97,7 @@ FuzzReaders::FuzzReaders() {
   add_layouts();
   add_tables();
   add_map();
+  add_depth_stream();
 }
 
 FuzzReaders::~FuzzReaders() {

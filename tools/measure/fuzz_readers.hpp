@@ -1,4 +1,5 @@
-// The readers of outside files that `teletact bench fuzz` feeds: images, recordings, odometry, fields, maps.
+// The readers of outside files that `teletact bench fuzz` feeds: images, recordings, odometry, fields, maps, frames of the
+// depth stream.
 #pragma once
 
 #include <filesystem>
@@ -23,6 +24,7 @@ class FuzzReaders {
   void add_layouts();
   void add_tables();
   void add_map();
+  void add_depth_stream();
   std::filesystem::path folder_;
   std::vector<FuzzReader> readers_;
 };
