@@ -11,7 +11,12 @@ namespace drivers::codec {
 namespace {
 
 constexpr int kFraction = 8;
-constexpr int kMostAge = 64;  // readings that a mean remembers
+// Readings that a mean remembers, and log2 of the frames between two refinements of a pixel, before
+// its mean has so many and after.
+// chosen on: depth scene seed 1, 12 and 40 frames; judged on: depth scene seeds 5 and 11
+constexpr int kMostAge = 64;
+constexpr unsigned kYoungPeriod = 3, kOldPeriod = 4;
+
 constexpr int kMostDebt = 2047;
 constexpr int kSpread = 8 * kPointsPerSigma * 4 / 5;  // of a pixel not known yet: sigma's
 
@@ -21,8 +26,9 @@ constexpr std::array<std::int32_t, kMostAge + 1> kShare = [] {
   return t;
 }();
 
-// log2 of the frames between two refinements of a pixel of that age.
-constexpr unsigned period_log2(int age) noexcept { return age < kMostAge ? 3 : 4; }
+constexpr unsigned period_log2(int age) noexcept {
+  return age < kMostAge ? kYoungPeriod : kOldPeriod;
+}
 
 // Blocks take turns: neighbours at different times.
 unsigned turn(int bx, int by) noexcept {

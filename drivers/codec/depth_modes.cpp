@@ -8,6 +8,16 @@ namespace drivers {
 
 using codec::kPointsPerSigma;
 
+namespace {
+
+// Of a residual in space, sixteenths of a step: what lies so near to its prediction is taken for
+// it. Wider than half a step, for a prediction from several neighbours has less noise than the
+// reading that it stands in for.
+// chosen on: depth scene seed 1, 12 frames in motion; judged on: depth scene seed 5
+constexpr int kDeadZone = 13;
+
+}  // namespace
+
 int default_depth_step(DepthMode m, DepthNoiseLaw law) noexcept {
   const bool strict = law == DepthNoiseLaw::kStrict;
   switch (m) {
@@ -33,10 +43,7 @@ int depth_error_bound_eighths(DepthMode m, int step) noexcept {
     case DepthMode::kQuiet:
       return 13 * kPointsPerSigma;
     case DepthMode::kMoving:
-      // The dead zone of a residual in space: what lies so near to its prediction is taken for it.
-      // Wider than half a step, for a prediction from several neighbours has less noise than the
-      // reading that it stands in for.
-      return 13 * s / 16;
+      return kDeadZone * s / 16;
   }
   return 0;
 }

@@ -24,7 +24,9 @@ using codec::StripeShape;
 namespace {
 
 // Of the filter, in points, by law: the lenient law is wider than the noise of most sensors.
+// chosen on: depth scene seed 1, 12 frames; judged on: depth scene seed 11
 constexpr std::array<int, 2> kLeastGate{32, 10};
+
 constexpr int kStripes = 2;
 constexpr std::uint32_t kRestlessShare =
     50;  // a picture rests while fewer than one in so many move

@@ -99,6 +99,7 @@ FuzzReaders::FuzzReaders() {
   add_tables();
   add_map();
   add_colour();
+  add_depth_stream();
 }
 
 FuzzReaders::~FuzzReaders() {

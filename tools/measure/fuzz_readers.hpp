@@ -1,5 +1,5 @@
-// The readers of outside files that `teletact bench fuzz` feeds: images, recordings, odometry, fields, maps; and
-// the link's colour pictures.
+// The readers of outside files that `teletact bench fuzz` feeds: images, recordings, odometry, fields,
+// maps; and the link's colour pictures and frames of the depth stream.
 #pragma once
 
 #include <filesystem>
@@ -25,6 +25,7 @@ class FuzzReaders {
   void add_tables();
   void add_map();
   void add_colour();
+  void add_depth_stream();
   std::filesystem::path folder_;
   std::vector<FuzzReader> readers_;
 };
