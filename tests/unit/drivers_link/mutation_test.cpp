@@ -100,7 +100,7 @@ bool vouched_for(std::span<const std::uint8_t> m) {
   if (m.size() < kHeaderSize || std::memcmp(m.data(), "TLT1", 4) != 0) return false;
   const auto id = field<std::uint16_t>(m, 6);
   const auto length = field<std::uint32_t>(m, 8);
-  if (id < 1 || id > 8 || length != m.size() - kHeaderSize) return false;
+  if (id < 1 || id > 9 || length != m.size() - kHeaderSize) return false;
   if (field<std::uint16_t>(m, 4) != drivers::kSchemaVersion) return false;
   if (length > (id == 4 ? drivers::kMaxBody : drivers::kMaxControlBody)) return false;
   return slow_crc32c(m.subspan(kHeaderSize)) == field<std::uint32_t>(m, 12);
@@ -139,6 +139,13 @@ TEST(Mutation, NothingUnvouchedIsHandedOn) {
     EXPECT_TRUE(g.engaged <= 1 && g.operator_engaged <= 1 && g.operator_clear <= 1);
     for (const double v : {g.x_m, g.y_m, g.yaw_rad, g.vx, g.vy, g.wz, g.speed_limit_m_per_s})
       EXPECT_TRUE(sane(v));
+    return true;
+  });
+  pair.op.add_incoming(MessageId::kFrameReport, [&](std::span<const std::uint8_t> body, rt::Time) {
+    vouch();
+    drivers::FrameReport report;
+    if (!decode(body, report)) return false;
+    EXPECT_LE(report.key_wanted, 1);
     return true;
   });
   pair.op.add_incoming(MessageId::kFrame, [&](std::span<const std::uint8_t> body, rt::Time) {

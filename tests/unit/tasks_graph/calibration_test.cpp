@@ -13,6 +13,7 @@
 
 #include "rt/random.hpp"
 #include "tasks/graph/host_request.hpp"
+#include "tasks/graph/picture_cost.hpp"
 
 namespace {
 
@@ -184,6 +185,48 @@ TEST(Calibration, TheRayCastIsInTheDeclaredBudgetsToo) {
           << with[i].name;
     }
   }
+}
+
+// A scene that names other picture codecs pays for them: capture what was not measured with one, the link its share.
+TEST(Calibration, PictureCodecsAreInTheBudgetsOfCaptureAlone) {
+  drivers::PictureConfig pictures;
+  const auto none = tasks::picture_cost(pictures);
+  EXPECT_EQ(none.encode_us, 0);
+  EXPECT_EQ(none.decode_share, 0);
+  pictures.depth_codec = "quiet";
+  const auto depth = tasks::picture_cost(pictures);
+  pictures.colour_codec = "h264";
+  const auto both = tasks::picture_cost(pictures);
+  EXPECT_GT(depth.encode_us, 0);
+  EXPECT_GT(both.encode_us, depth.encode_us);
+  EXPECT_GT(both.decode_share, depth.decode_share);
+  EXPECT_LE(30e-6 * static_cast<double>(depth.encode_us) + depth.decode_share, 0.25)
+      << "what a depth codec may add to two cores";
+  const Calibration c = whole();
+  EXPECT_TRUE(tasks::with_pictures(c, "", 0).pictures.empty());
+  const Calibration more = tasks::with_pictures(c, pictures.dialect(), both.encode_us);
+  EXPECT_EQ(more.pictures, pictures.dialect());
+  for (std::size_t i = 0; i < c.rows.size(); ++i) {
+    const double by = c.rows[i].name == "capture" ? static_cast<double>(both.encode_us) : 0;
+    EXPECT_NEAR(more.rows[i].p50_us - c.rows[i].p50_us, by, 1e-9) << c.rows[i].name;
+    EXPECT_NEAR(more.rows[i].quantiles_us[20] - c.rows[i].quantiles_us[20], by, 1e-9);
+  }
+  const auto back = tasks::read_calibration(text_of(more), "c.toml");
+  ASSERT_TRUE(back) << back.error();
+  const Calibration twice = tasks::with_pictures(back.value(), "depth moving, colour jpeg", 4000);
+  EXPECT_NEAR(twice.find("capture", "", 0)->p50_us, more.find("capture", "", 0)->p50_us, 1e-3);
+  // Without any measurement the declared budgets have it.
+  tasks::ChoiceLimits asked;
+  asked.encode_us = both.encode_us;
+  const auto with = tasks::make_specs({}, asked), without = tasks::make_specs({}, {});
+  const auto capture = tasks::index_of(tasks::TaskId::kCapture);
+  for (std::size_t i = 0; i < with.size(); ++i) {
+    if (with[i].name == "fusion") continue;
+    EXPECT_EQ((with[i].budget - without[i].budget).count(),
+              i == capture ? 1000 * both.encode_us : 0);
+  }
+  EXPECT_EQ((with[capture].variants[1].budget - without[capture].variants[1].budget).count(),
+            1000 * both.encode_us);
 }
 
 TEST(Calibration, AFileKeepsEverything) {

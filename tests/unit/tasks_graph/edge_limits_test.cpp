@@ -8,6 +8,7 @@
 #include <set>
 #include <string>
 
+#include "tasks/graph/capture_node.hpp"
 #include "tasks/graph/fusion_node.hpp"
 #include "tasks/graph/haptic_node.hpp"
 #include "tasks/graph/planning_node.hpp"
@@ -62,11 +63,29 @@ class Bus final : public drivers::MotorBus {
   std::uint64_t seq_ = 0;
 };
 
+// A frame at every poll.
+class Camera final : public drivers::Camera {
+ public:
+  perception::Intrinsics intrinsics() const noexcept override { return {60, 60, 3.5, 2.5, 8, 6}; }
+  double rate_hz() const noexcept override { return 30; }
+  drivers::CameraStatus poll(Time now, perception::RgbdFrame& out) noexcept override {
+    out.seq = ++seq_;
+    out.exposure = now;
+    out.intrinsics = intrinsics();
+    out.has_colour = false;
+    return drivers::CameraStatus::kFrame;
+  }
+
+ private:
+  std::uint64_t seq_ = 0;
+};
+
 // The readers, and a writer of each edge that is this test.
 struct Boxes {
   rt::Startup startup;
   Hand hand;
   Bus bus;
+  Camera camera;
   tasks::GraphConfig config;
   tasks::OperatorSetup setup;
   tasks::RobotSetup robot_setup;
@@ -80,6 +99,7 @@ struct Boxes {
   std::unique_ptr<tasks::PredictionNode> prediction;
   std::unique_ptr<tasks::SupervisionNode> supervision;
   std::unique_ptr<tasks::RobotIoNode> robot_io;
+  std::unique_ptr<tasks::CaptureNode> capture;
   std::unique_ptr<tasks::RobotSupervisionNode> robot_supervision;
   rt::JobRecord record;
   std::uint64_t seq = 0;
@@ -91,9 +111,11 @@ struct Boxes {
     config.haptic.method = "force_shading";  // so that every edge is there
     setup.device = &hand;
     setup.fusion.camera = {60, 60, 31.5, 23.5, 64, 48};
+    config.capture.pictures.depth_codec = "faithful";
     robot_setup.bus = &bus;
+    robot_setup.camera = &camera;
     cells = std::make_unique<OperatorCells>(nrt, config);
-    robot_cells = std::make_unique<RobotCells>(nrt);
+    robot_cells = std::make_unique<RobotCells>(nrt, rt::FaultPlan{}, true);
     haptic = std::make_unique<tasks::HapticNode>(nrt, config, setup, *cells, 1e-3);
     fusion = std::make_unique<tasks::FusionNode>(nrt, config, setup, *cells, requests);
     planning = std::make_unique<tasks::PlanningNode>(nrt, config, setup, *cells);
@@ -101,6 +123,7 @@ struct Boxes {
     supervision =
         std::make_unique<tasks::SupervisionNode>(nrt, config, *cells, link, requests, setup);
     robot_io = std::make_unique<tasks::RobotIoNode>(nrt, config, robot_setup, *robot_cells, link);
+    capture = std::make_unique<tasks::CaptureNode>(nrt, config, robot_setup, *robot_cells);
     robot_supervision = std::make_unique<tasks::RobotSupervisionNode>(nrt, config, *robot_cells,
                                                                       link, requests, robot_setup);
     link.round_trip_ns = 1000;
@@ -120,6 +143,8 @@ struct Boxes {
         return *supervision;
       case TaskId::kRobotIo:
         return *robot_io;
+      case TaskId::kCapture:
+        return *capture;
       default:
         return *robot_supervision;
     }
@@ -257,6 +282,12 @@ struct Boxes {
         cell.publish(at);
         break;
       }
+      case EdgeId::kDemand: {
+        auto& m = slot(robot_cells->of<EdgeId::kDemand>().cell);
+        m = {seq, taken};
+        robot_cells->of<EdgeId::kDemand>().cell.publish(at);
+        break;
+      }
       default:
         FAIL() << "no reader of it is a task";
     }
@@ -339,6 +370,8 @@ std::vector<Case> cases() {
            }),
       both(EdgeId::kMode, TaskId::kPlanning,
            [](const Boxes& b, auto&) { return !b.planning->in().may_plan; }),
+      both(EdgeId::kDemand, TaskId::kCapture,
+           [](const Boxes& b, auto&) { return b.capture->in().demand == nullptr; }),
       both(EdgeId::kRobotMode, TaskId::kRobotIo,
            [](const Boxes& b, auto&) {
              const auto state = b.robot_cells->read_by_link<EdgeId::kRobotState>();
@@ -368,9 +401,8 @@ void play(const Case& c, bool stall, Boxes& b) {
   const tasks::Limit limit = tasks::limit_in_force(b.config, index);
   const Answer& beyond = stall ? c.silent : c.old;
   const Nanos period{1'000'000'000 / tasks::kTaskTable[tasks::index_of(c.reader)].rate_hz};
-  auto* const logs = c.reader == TaskId::kRobotIo || c.reader == TaskId::kRobotSupervision
-                         ? b.robot_cells->logs.get()
-                         : b.cells->logs.get();
+  auto* const logs =
+      tasks::box_of(c.reader) == rt::Box::kRobot ? b.robot_cells->logs.get() : b.cells->logs.get();
   Told told;
   const auto listen = [&] {
     for (rt::LogRecord r; logs->of(c.reader).try_pop(r);) {

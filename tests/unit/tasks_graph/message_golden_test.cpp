@@ -82,6 +82,9 @@ TEST(MessageGolden, Link) {
   expect(state, {0x94acd3fafcfe61e8, 0x9b09e9fee2df8a90, 0x9a18499f307fc601});
   auto goal = robot_goal();
   expect(goal, {0x96e0e574dba08699, 0x5ee451cf8c069f7a, 0x5f5916f42b89d8a8});
+  drivers::FrameDemand demand{13, at(1400), 8000, 2, 1};
+  EXPECT_EQ(edge::datum(demand), at(1400));
+  expect(demand, {0x930a916aac141e69, 0x3a486dc27a069aa6, 0x3a486dc27a069aa6});
   EXPECT_EQ(edge::datum(robot_state()), at(1200));
   EXPECT_EQ(edge::datum(robot_goal()), at(1300));
 }
@@ -101,6 +104,11 @@ std::string bytes_of(const M& m) {
 
 TEST(MessageGolden, Wire) {
   EXPECT_EQ(drivers::schema_hash(), 0xa2bdbe91775e968fU);
+  // With frames coded on demand both ends say so, and how.
+  EXPECT_EQ(drivers::schema_hash("depth quiet, colour jpeg"), 0x48f50c045313f6f7U);
+  EXPECT_NE(drivers::schema_hash("depth quiet, colour jpeg"),
+            drivers::schema_hash("depth moving, colour jpeg"));
+  EXPECT_EQ(bytes_of(drivers::FrameReport{0x1122334455, 1}), "554433221100000001");
   EXPECT_EQ(bytes_of(robot_state()),
             "0b00000000000000008c864700000000000000000000f83f00000000000002c0000000000000c03f000000"
             "000000e03f000000000000d0bf000000000000e83f000000000000e43f000000000000d8bf000000000000"
