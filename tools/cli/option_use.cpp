@@ -10,7 +10,7 @@ constexpr OptionUse kBench[] = {
     {"--rounds", "rings, wakeup, effects"},
     {"--slice", "wakeup"},
     {"--effect", "effects"},
-    {"--write", "effects"},
+    {"--write", "effects, prediction"},
     {"--span", "effects"},
     {"--rgbd", "table1, fusion, haptic --rgbd"},
     {"--intrinsics", "table1, fusion, haptic --rgbd"},
@@ -20,7 +20,7 @@ constexpr OptionUse kBench[] = {
     {"--no-fixed-voxel", "table1"},
     {"--instructions", "table1"},
     {"--data", "table2, segmentation"},
-    {"--seed", "segmentation, fuzz, codec, haptic --rgbd"},
+    {"--seed", "segmentation, fuzz, codec, haptic --rgbd, prediction"},
     {"--seconds", "fuzz"},
     {"--reader", "fuzz"},
     {"--jobs", "fuzz"},
@@ -37,11 +37,14 @@ constexpr OptionUse kBench[] = {
     {"--record", "haptic --rgbd"},
     {"--rates", "boundary"},
     {"--dampings", "boundary"},
-    {"--svg", "haptic --rgbd, boundary"},
+    {"--svg", "haptic --rgbd, boundary, prediction"},
     {"--frames", "table1, fusion, codec, drift"},
     {"--long", "codec"},
     {"--voxel", "drift"},
     {"--half-size", "drift"},
+    {"--logs", "prediction"},
+    {"--choice", "prediction"},
+    {"--trace-seconds", "prediction"},
 };
 
 constexpr OptionUse kAccuracy[] = {

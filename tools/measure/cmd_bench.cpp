@@ -29,6 +29,7 @@
 #include "tools/measure/haptic/bench_haptic.hpp"
 #include "tools/measure/haptic/boundary.hpp"
 #include "tools/measure/haptic/recording_touch.hpp"
+#include "tools/measure/prediction/prediction_bench.hpp"
 
 namespace teletact {
 
@@ -101,7 +102,7 @@ struct HapticBench {
         ->check(in_range(0.1, 20))
         ->delimiter(',')
         ->capture_default_str();
-    app.add_option("--svg", svg, "haptic --rgbd, boundary: folder for drawings");
+    app.add_option("--svg", svg, "haptic --rgbd, boundary, prediction: folder for drawings");
   }
   // A hand on a recording.
   [[nodiscard]] RecordingTouchResult touch(const std::string& rgbd, std::uint64_t seed) {
@@ -150,37 +151,86 @@ void add_table1_options(CLI::App& app, Table1Options& table1, bool& instructions
                "table1: instructions of a frame in place of times (callgrind, 20 frames), with the "
                "watch for moving things and without");
 }
+struct EffectsBench {
+  std::string effect, file;
+  double span_s = 8;
+  void add_to(CLI::App& app) {
+    app.add_option("--effect", effect, "effects: this one alone, by its name in teletact explain");
+    app.add_option(
+        "--write", file,
+        "effects: write the table that teletact explain prints; prediction: write the page of "
+        "docs/measured");
+    app.add_option("--span", span_s, "effects: simulated seconds of a run")
+        ->check(in_range(1, 600))
+        ->capture_default_str();
+  }
+  [[nodiscard]] EffectCosts run(int rounds) const {
+    rt::Startup startup;
+    EffectCosts costs = measure_effects(startup.token(), std::cerr, span_s, rounds, effect);
+    costs.host = tasks::host_id();
+    return costs;
+  }
+};
+
+struct PredictionBench {
+  TraceSetOptions options;
+  std::string logs = "../shared/data/odometry";
+  void add_to(CLI::App& app) {
+    app.add_option("--logs", logs, "prediction: folder of odometry logs; the default may be absent")
+        ->capture_default_str();
+    app.add_flag("--choice", options.choice,
+                 "prediction: on the data that its constants were chosen on (seed 5, first halves "
+                 "of the logs) in place of those that judge (seed 4, second halves)");
+    app.add_option("--trace-seconds", options.length_s, "prediction: of each driven trace")
+        ->check(in_range(10, 3600))
+        ->capture_default_str();
+  }
+  [[nodiscard]] PredictionResult run(const CLI::App& app, std::uint64_t seed,
+                                     const std::string& svg, const std::string& page) {
+    options.seed = app.count("--seed") > 0 ? seed : options.choice ? 5 : 4;
+    const bool there = std::filesystem::exists(logs);
+    if (!there && app.count("--logs") > 0) throw std::runtime_error(logs + " is not there");
+    options.folder = there ? logs : "";
+    PredictionResult result = bench_prediction(std::cerr, options);
+    if (!there) result.no_logs = logs + " is not there";
+    if (!svg.empty()) {
+      write_whole_file(svg + "/prediction_100ms.svg", result.drawings[0]);
+      write_whole_file(svg + "/prediction_200ms.svg", result.drawings[1]);
+    }
+    if (!page.empty())
+      write_whole_file(page, result.page("teletact bench prediction --write FILE"));
+    return result;
+  }
+};
 
 }  // namespace
 
 int cmd_bench(int argc, char** argv) {
   CLI::App app{
       "Measures one part beside its peers. WHAT: rings, wakeup, audit, table1, table2, "
-      "segmentation, fusion, codec, drift, fuzz, haptic, boundary, effects. Ends with 1 when a "
+      "segmentation, fusion, codec, drift, fuzz, haptic, boundary, prediction, effects. Ends with "
+      "1 "
+      "when a "
       "limit is missed."};
   std::string what, json;
   int rounds = 9;
   double slice_s = 1.0;
+  const std::vector<std::string> names = {
+      "rings", "wakeup", "audit", "table1", "table2",   "segmentation", "fusion",
+      "codec", "drift",  "fuzz",  "haptic", "boundary", "prediction",   "effects"};
   app.add_option("WHAT", what,
                  "rings | wakeup | audit | table1 | table2 | segmentation | fusion | codec | drift "
-                 "| fuzz | "
-                 "haptic | boundary | effects")
+                 "| fuzz | haptic | boundary | prediction | effects")
       ->required()
-      ->check(CLI::IsMember({"rings", "wakeup", "audit", "table1", "table2", "segmentation",
-                             "fusion", "codec", "drift", "fuzz", "haptic", "boundary", "effects"}));
+      ->check(CLI::IsMember(names));
   app.add_option("--rounds", rounds, "interleaved rounds")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--slice", slice_s, "wakeup: seconds a slice")
       ->check(in_range(0.2, 60))
       ->capture_default_str();
-  std::string effect, effects_file;
-  double span_s = 8;
-  app.add_option("--effect", effect, "effects: this one alone, by its name in teletact explain");
-  app.add_option("--write", effects_file, "effects: write the table that teletact explain prints");
-  app.add_option("--span", span_s, "effects: simulated seconds of a run")
-      ->check(in_range(1, 600))
-      ->capture_default_str();
+  EffectsBench effects;
+  effects.add_to(app);
   Table1Options table1;
   table1.rgbd = "../shared/data/rgbd/7scenes_redkitchen";
   std::string intrinsics;
@@ -201,7 +251,7 @@ int cmd_bench(int argc, char** argv) {
                  "table2, segmentation: folder of images with people's or true masks");
   app.add_option("--seed", seed,
                  "segmentation: of the touches; fuzz: of the damage; haptic: of the hand's path; "
-                 "codec: of the room")
+                 "codec: of the room; prediction: of the driven traces, default 4")
       ->capture_default_str();
   CodecBenchOptions codec;
   app.add_flag("--long", codec.long_run,
@@ -212,6 +262,8 @@ int cmd_bench(int argc, char** argv) {
   peer.add_to(app);
   HapticBench haptic;
   haptic.add_to(app);
+  PredictionBench prediction;
+  prediction.add_to(app);
   int frames = 0;
   double voxel_m = 0.01;
   bool half_size = false;
@@ -227,7 +279,7 @@ int cmd_bench(int argc, char** argv) {
   app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
   check_bench_use(app, what, rgbd->count() > 0);
-  check_outputs({{"--json", json}, {"--record", haptic.record}, {"--write", effects_file}}, {});
+  check_outputs({{"--json", json}, {"--record", haptic.record}, {"--write", effects.file}}, {});
   if (!haptic.svg.empty()) make_output_folder("--svg", haptic.svg);
   if (!intrinsics.empty())
     table1.pinhole = peer.options.pinhole = haptic.recording.pinhole = parse_pinhole(intrinsics);
@@ -257,17 +309,14 @@ int cmd_bench(int argc, char** argv) {
   } else if (what == "boundary") {
     take(haptic.sweep());
   } else if (what == "effects") {
-    rt::Startup startup;
-    EffectCosts costs = measure_effects(startup.token(), std::cerr, span_s,
-                                        app.count("--rounds") > 0 ? rounds : 3, effect);
-    costs.host = tasks::host_id();
-    if (!effect.empty()) {
+    const EffectCosts costs = effects.run(app.count("--rounds") > 0 ? rounds : 3);
+    if (!effects.effect.empty()) {
       costs.print(std::cout);  // one of them: nothing is missing
       for (const auto& m : costs.metrics()) metrics.add(m.name, m.value, m.unit);
     } else {
       take(costs);
     }
-    if (!effects_file.empty()) write_whole_file(effects_file, effect_costs_toml(costs));
+    if (!effects.file.empty()) write_whole_file(effects.file, effect_costs_toml(costs));
   } else if (what == "table2" || what == "segmentation") {
     if (data.empty()) throw std::runtime_error("bench " + what + " needs --data DIR");
     if (what == "table2") {
@@ -277,6 +326,8 @@ int cmd_bench(int argc, char** argv) {
     }
   } else if (what == "fuzz") {
     take(fuzz.run(seed));
+  } else if (what == "prediction") {
+    take(prediction.run(app, seed, haptic.svg, effects.file));
   } else if (what == "table1" || what == "fusion") {
     if (rgbd->count() == 0 && !std::filesystem::exists(table1.rgbd)) {
       std::cerr << table1.rgbd << " is not there: only the synthetic room\n";
