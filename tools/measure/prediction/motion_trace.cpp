@@ -34,7 +34,8 @@ struct Manoeuvre {
   double length_s = 1;
 };
 
-// Marks lie 0.5 to 3 m apart; between them the base drives one of these, and at some of them it stands.
+// Marks lie 0.5 to 3 m apart; between them the base drives one of these, and at some of them it
+// stands.
 Manoeuvre draw(rt::Random& random, bool sideways, const Twist2& before) {
   const double speed = random.uniform(0.3, 0.8), length_s = random.uniform(1.2, 4.0);
   const double sign = random.uniform() < 0.5 ? -1 : 1;

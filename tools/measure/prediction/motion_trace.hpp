@@ -1,10 +1,14 @@
-// What predictors are judged on: what a robot's box measures, with its stamps, and the truth, which no predictor sees.
+// What predictors are judged on: what a robot's box measures, with its stamps, and the truth, which
+// no predictor sees.
 //
-//   robot_trace  A mecanum base (drivers/youbot/mecanum.hpp) driven between marks at up to 0.8 m/s: straight, curves, sideways,
-//                diagonal, turns on the spot, stops, reversals. Its reference changes with a stated acceleration; each wheel
-//                follows with a first-order lag of its own and slips by a share drawn anew twice a second. Measured: odometry
-//                from the wheels' encoders, their speeds with noise, at 10 to 30 Hz, stamped up to 2 ms off.
-//   log_trace    A recorded log, t_s,x_m,y_m,yaw_rad,vx,vy,wz (../shared/data/odometry); the truth is its poses.
+//   robot_trace  A mecanum base (drivers/youbot/mecanum.hpp) driven between marks at up to 0.8 m/s:
+//   straight, curves, sideways,
+//                diagonal, turns on the spot, stops, reversals. Its reference changes with a stated
+//                acceleration; each wheel follows with a first-order lag of its own and slips by a
+//                share drawn anew twice a second. Measured: odometry from the wheels' encoders,
+//                their speeds with noise, at 10 to 30 Hz, stamped up to 2 ms off.
+//   log_trace    A recorded log, t_s,x_m,y_m,yaw_rad,vx,vy,wz (../shared/data/odometry); the truth
+//   is its poses.
 #pragma once
 
 #include <cstdint>
@@ -55,8 +59,9 @@ struct RobotTraceOptions {
 // t_s,vx,wz: what the log's robot was told.
 [[nodiscard]] std::vector<MotionCommand> log_commands(const std::string& file);
 
-// All of a bench or of the choice of constants. `folder`: of the logs; empty: none. `choice`: the data that constants were
-// chosen on (seed 5, first halves of the logs); else those that judge (seed 4, second halves).
+// All of a bench or of the choice of constants. `folder`: of the logs; empty: none. `choice`: the
+// data that constants were chosen on (seed 5, first halves of the logs); else those that judge
+// (seed 4, second halves).
 struct TraceSetOptions {
   std::string folder;
   std::uint64_t seed = 4;

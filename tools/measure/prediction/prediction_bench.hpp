@@ -1,7 +1,9 @@
-// teletact bench prediction: every predictor on the same traces in the same run, against its limits (docs/prediction.md).
+// teletact bench prediction: every predictor on the same traces in the same run, against its limits
+// (docs/prediction.md).
 //
-// Simple ones, of which the best of a trace is what `own` is held against: constant_velocity, ridge (N 20, m 3, 0.02),
-// kalman, singer (0.3 s). The oracle takes at each instant the method that turns out best: no choice among them goes below it.
+// Simple ones, of which the best of a trace is what `own` is held against: constant_velocity, ridge
+// (N 20, m 3, 0.02), kalman, singer (0.3 s). The oracle takes at each instant the method that turns
+// out best: no choice among them goes below it.
 #pragma once
 
 #include <map>

@@ -1,8 +1,10 @@
-// Predictors on a trace, as a box would run them: at the true instant of every row, told only the rows that were taken at
-// least the delay before (to 1 us) and their stamps, each is asked where the base is now.
+// Predictors on a trace, as a box would run them: at the true instant of every row, told only the
+// rows that were taken at least the delay before (to 1 us) and their stamps, each is asked where
+// the base is now.
 //
-// Error: distance in the plane between the predicted and the true motion since the newest row it was told. So what odometry
-// had drifted before counts for nobody, and slip and lag during the delay count.
+// Error: distance in the plane between the predicted and the true motion since the newest row it
+// was told. So what odometry had drifted before counts for nobody, and slip and lag during the
+// delay count.
 #pragma once
 
 #include <string>
@@ -34,11 +36,12 @@ struct MotionErrors {
 // The predicted poses alone, for the check of causality: a target each.
 [[nodiscard]] std::vector<perception::Pose2> predicted_poses(const MotionTrace&,
                                                              const JudgedMethod&);
-// How many predictions made up to the middle of the trace change when all rows and commands after what they may know are
-// replaced by others. 0: no look-ahead.
+// How many predictions made up to the middle of the trace change when all rows and commands after
+// what they may know are replaced by others. 0: no look-ahead.
 [[nodiscard]] int changed_by_the_future(const MotionTrace&, const JudgedMethod&);
 
-// Of each target the smallest error of all: what choosing a method anew at each instant, with the truth known, could reach.
+// Of each target the smallest error of all: what choosing a method anew at each instant, with the
+// truth known, could reach.
 [[nodiscard]] MotionErrors best_of_each_instant(const std::vector<MotionErrors>&);
 
 }  // namespace teletact

@@ -1,5 +1,5 @@
-// teletact accuracy prediction: error against thread CPU of every method, and of the linear model over its order and ridge,
-// at horizons of 100, 200 and 400 ms.
+// teletact accuracy prediction: error against thread CPU of every method, and of the linear model
+// over its order and ridge, at horizons of 100, 200 and 400 ms.
 #pragma once
 
 #include <cstdint>
