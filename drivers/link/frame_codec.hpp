@@ -1,5 +1,7 @@
-// RgbdFrame <-> EncodedFrame, by the codecs that the scene names. Of the codecs that take each frame alone (lossless depth,
-// JPEG): same frame, same bytes. Of the others: same frames and demands, same bytes; and whoever decodes needs every frame
+// RgbdFrame <-> EncodedFrame, by the codecs that the scene names. Of the codecs that take each
+// frame alone (lossless depth,
+// JPEG): same frame, same bytes. Of the others: same frames and demands, same bytes; and whoever
+// decodes needs every frame
 // that was encoded, in order, from a key on.
 #pragma once
 
@@ -47,7 +49,8 @@ struct FrameCodecScratch {
                                  FrameCodecScratch& scratch, EncodedFrame& out,
                                  const FrameDemand& demand = {}) noexcept;
 
-// `exposure` is the frame's stamp in the reader's clock: only the link can convert it. On any status but kOk and kNoColour
+// `exposure` is the frame's stamp in the reader's clock: only the link can convert it. On any
+// status but kOk and kNoColour
 // a codec that needs its previous frame may take nothing more before a key.
 [[nodiscard]] FrameStatus decode(const EncodedFrame& frame, rt::Time exposure,
                                  FrameCodecScratch& scratch, perception::RgbdFrame& out) noexcept;

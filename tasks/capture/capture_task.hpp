@@ -6,8 +6,10 @@
 //            place)
 //   budget   15 ms of the 33 ms period
 //
-// With such a codec (CaptureConfig::pictures) a demand is answered by one frame: the newest that the
-// camera gave and that was not encoded yet. Without a demand nothing is encoded. Without such a codec each
+// With such a codec (CaptureConfig::pictures) a demand is answered by one frame: the newest that
+// the
+// camera gave and that was not encoded yet. Without a demand nothing is encoded. Without such a
+// codec each
 // frame is, and the link takes the newest.
 //
 // Levels (dynamic): 0 = colour in every frame; 1 = depth in every frame, colour in every third.
