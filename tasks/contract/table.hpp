@@ -268,7 +268,7 @@ inline constexpr auto kEdges = [] {
         Reader{TaskId::kRobotIo, 1, 50, 100, "the base ramps down"},
         Reader{kConsole, kUnlisted, 1000, 1000, kNamed}),
     make_edge<drivers::FrameDemand>(
-        {kDemand, "demand", kLink, kLatest, "of a codec that needs its previous frame alone: no frame is coded"},
+        {kDemand, "demand", kLink, kLatest, "with codecs on demand: no frame is coded"},
         Reader{TaskId::kCapture, 1, 500, 500, "no frame is coded"})};
 }();
 // clang-format on
