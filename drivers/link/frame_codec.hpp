@@ -42,15 +42,16 @@ struct FrameCodecScratch {
   bool colour_wants_key = false;
 };
 
-// kOk; kWithoutColour when colour was asked for and could not be coded; kBadHeader for a frame whose
-// intrinsics no image can have, or of another size than the camera's (nothing is encoded then).
+// kOk; kWithoutColour when colour was asked for and could not be coded; kBadHeader for a frame
+// whose intrinsics no image can have, or of another size than the camera's (nothing is encoded
+// then).
 [[nodiscard]] FrameStatus encode(const perception::RgbdFrame& frame, rt::Box box, bool with_colour,
                                  FrameCodecScratch& scratch, EncodedFrame& out,
                                  const FrameDemand& demand = {}) noexcept;
 
 // `exposure` is the frame's stamp in the reader's clock: only the link can convert it. On any
-// status but kOk and kWithoutColour a codec that needs its previous frame may take nothing more before a
-// key.
+// status but kOk and kWithoutColour a codec that needs its previous frame may take nothing more
+// before a key.
 [[nodiscard]] FrameStatus decode(const EncodedFrame& frame, rt::Time exposure,
                                  FrameCodecScratch& scratch, perception::RgbdFrame& out) noexcept;
 
