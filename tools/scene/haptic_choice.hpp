@@ -10,8 +10,8 @@
 
 #include "config/schema.hpp"
 #include "drivers/falcon/falcon_device.hpp"
+#include "drivers/haptic/hand_script.hpp"
 #include "drivers/mouse/mouse_device.hpp"
-#include "drivers/omega/hand_script.hpp"
 #include "drivers/omega/omega_device.hpp"
 #include "drivers/omega/omega_twin.hpp"
 #include "rt/memory/non_realtime.hpp"

@@ -17,6 +17,16 @@ namespace drivers {
 // Controller states of Force Dimension devices (reference/haptics.md 2.3).
 enum class DeviceState : std::uint8_t { kReset, kIdle, kForce, kBrake };
 
+// Why the forces are off (as the vendor's status reports it).
+enum class ForceOffCause : std::uint8_t {
+  kNone,
+  kButton,
+  kVelocity,
+  kWatchdog,
+  kSoftware,
+  kDisconnect
+};
+
 struct StylusSample {
   std::uint64_t seq = 0;  // sample number of the device
   rt::Time taken{};

@@ -35,7 +35,7 @@
 #include <vector>
 
 #include "config/schema.hpp"
-#include "drivers/omega/workspace_map.hpp"
+#include "drivers/haptic/workspace_map.hpp"
 #include "perception/geometry/pose.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/time.hpp"
