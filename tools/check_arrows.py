@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Includes go one way: {rt, config} <- perception <- drivers <- tasks <- tools, and within tools from room to room.
 
-config may include rt; drivers may include of perception only geometry; tasks never include each other
+config may include rt; drivers may include of perception only geometry; a haptic device includes no
+other one, and tasks include of them drivers/haptic alone; tasks never include each other
 (tasks/graph may include all of them, and all may include what they agree on: tasks/contract, which includes no
 other folder of tasks); no task includes the simulated world. A part of perception/tsdf includes the parts that PARTS
 names. A room of tools includes the rooms that ROOMS names; no room of the product includes tools/measure, and nothing
@@ -18,6 +19,13 @@ MAY = {
     "perception": {"perception", "rt", "config"},
     "drivers": {"drivers", "perception", "rt", "config"},
     "tasks": {"tasks", "drivers", "perception", "rt", "config"},
+}
+# Of drivers: a folder of a haptic device, and what other drivers it may include.
+DEVICES = {
+    "haptic": set(),
+    "omega": {"haptic", "usb"},
+    "falcon": {"haptic", "usb"},
+    "mouse": {"haptic"},
 }
 # Of tools: a folder, and what it may include besides itself. teletact is the program: nothing includes it.
 ROOMS = {
@@ -65,6 +73,10 @@ def offences(path: str, text: str):
             yield f"{path}: {top} may not include {line}"
         if top == "drivers" and to == "perception" and to_sub != "geometry":
             yield f"{path}: drivers may include of perception only geometry, not {line}"
+        if top == to == "drivers" and to_sub not in DEVICES.get(sub, {to_sub}) | {sub}:
+            yield f"{path}: drivers/{sub} may not include {line}"
+        if top == "tasks" and to == "drivers" and to_sub in set(DEVICES) - {"haptic"}:
+            yield f"{path}: a task knows haptic devices by drivers/haptic alone, not by {line}"
         if top == "tasks" and to == "tasks" and sub not in ("graph", to_sub) and to_sub != "contract":
             yield f"{path}: tasks do not include each other: {line}"
         if top != "tests" and to == "tests":
@@ -80,6 +92,9 @@ def offences(path: str, text: str):
 def main() -> int:
     if "--self-test" in sys.argv:
         bad = [("rt/a/b.hpp", '#include "config/schema.hpp"'), ("drivers/x/y.cpp", '#include "perception/tsdf/z.hpp"'),
+               ("drivers/falcon/a.hpp", '#include "drivers/omega/b.hpp"'),
+               ("drivers/haptic/a.hpp", '#include "drivers/mouse/b.hpp"'),
+               ("tasks/haptic/a.cpp", '#include "drivers/omega/omega_twin.hpp"'),
                ("tasks/haptic/a.cpp", '#include "tasks/fusion/b.hpp"'),
                ("tasks/haptic/a.cpp", '#include "tasks/graph/limits.hpp"'),
                ("tasks/contract/a.hpp", '#include "tasks/graph/limits.hpp"'),
@@ -91,6 +106,7 @@ def main() -> int:
                ("tools/attic/a.cpp", "")]
         missed = [p for p, t in bad if not list(offences(p, t))]
         good = list(offences("tasks/haptic/a.cpp", '#include "tasks/contract/messages.hpp"'))
+        good += offences("drivers/falcon/a.cpp", '#include "drivers/haptic/haptic_device.hpp"')
         good += offences("tools/measure/a.cpp", '#include "tools/host/b.hpp"')
         good += offences("perception/tsdf/tsdf_map.hpp", '#include "perception/tsdf/pager/b.hpp"')
         print("missed:", missed, "wrongly flagged:", good)

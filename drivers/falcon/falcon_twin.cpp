@@ -14,23 +14,16 @@ constexpr std::int64_t kMs = 1'000'000;
 // Where the index marks are: met on the way out and in, 10 degrees off the middle.
 constexpr double kIndex_rad = 0.62;
 
-OmegaTwinConfig plain_plant(OmegaTwinConfig c) {
-  c.watchdog_s = 1e5;  // the Falcon has neither
-  c.speed_limit_m_per_s = 1e6;
-  c.quantum_m = 0;  // its encoders have one of their own
-  c.force_limit_N = 1e3;
-  c.calibrated = true;
+StylusPlantConfig plain_plant(StylusPlantConfig c) {
   c.gravity_mass_kg = 0;
   return c;
 }
 
 }  // namespace
 
-FalconTwin::FalconTwin(rt::NonRealtime& nrt, const FalconTwinConfig& config, HandScript* hand,
+FalconTwin::FalconTwin(rt::NonRealtime&, const FalconTwinConfig& config, HandScript* hand,
                        const Vec3& start_p_D)
-    : config_(config),
-      plant_(nrt, plain_plant(config.plant), hand, start_p_D),
-      random_(config.seed) {
+    : config_(config), plant_(plain_plant(config.plant), hand, start_p_D), random_(config.seed) {
   mode_ = config.loaded ? Mode::kRunning : Mode::kDead;
   homed_ = config.homed ? 7 : 0;
   // An encoder that has not met its mark counts from where it was at power-on.
@@ -166,9 +159,7 @@ void FalconTwin::exchange(const FalconFrame& frame, std::int64_t t_ns) {
   ++frames_;
   exchange_ns_ = t_ns;
   const rt::Time now = rt::time_from_ns(t_ns);
-  StylusSample unused;
-  (void)plant_.sense(now, unused);
-  if (plant_.state() != DeviceState::kForce) (void)plant_.enable_force(now);
+  plant_.advance(now);
   FalconReport report;
   report.encoder_cnt = encoders();
   report.homed = homed_;
@@ -186,7 +177,7 @@ void FalconTwin::exchange(const FalconFrame& frame, std::int64_t t_ns) {
     }
     const Vec3 f_F = J.transpose() * tau;
     force_D_ = Vec3(-f_F.z(), -f_F.x(), f_F.y());
-    plant_.act(now, {force_D_});
+    plant_.hold(now, force_D_.allFinite() ? force_D_ : Vec3::Zero());
   }
   if (faults_.silent) return;
   if (faults_.lose_answers > 0) {

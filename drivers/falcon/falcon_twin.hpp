@@ -1,7 +1,7 @@
 // Twin of a Falcon at the wire: the FTDI chip (baud rate, line, modem lines, latency timer, packets
 // with two status bytes), the boot monitor that takes the firmware, and the firmware that answers a
 // frame with a frame; behind it the geometry, encoders with index marks, motors, and the mass, friction
-// and hand of OmegaTwin. Time is an argument; one thread.
+// and hand of StylusPlant. Time is an argument; one thread.
 #pragma once
 
 #include <array>
@@ -13,14 +13,14 @@
 #include "drivers/falcon/falcon_frame.hpp"
 #include "drivers/falcon/falcon_kinematics.hpp"
 #include "drivers/falcon/falcon_transport.hpp"
-#include "drivers/omega/omega_twin.hpp"
+#include "drivers/haptic/stylus_plant.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/random.hpp"
 
 namespace drivers {
 
 struct FalconTwinConfig {
-  OmegaTwinConfig plant;               // mass, friction and hand; its controller is not used
+  StylusPlantConfig plant;             // the weight of its arm is not simulated
   std::vector<std::uint8_t> firmware;  // what the upload must be
   bool loaded = false;                 // the firmware is still there from before
   bool homed = false;
@@ -55,7 +55,7 @@ class FalconTwin {
   [[nodiscard]] int read(std::span<std::uint8_t> packet, std::int64_t t_ns);
 
   // ---- behind it
-  [[nodiscard]] OmegaTwin& plant() noexcept { return plant_; }
+  [[nodiscard]] StylusPlant& plant() noexcept { return plant_; }
   [[nodiscard]] FalconTwinFaults& faults() noexcept { return faults_; }
   [[nodiscard]] bool running() const noexcept { return mode_ == Mode::kRunning; }
   [[nodiscard]] const FalconCommand& last_command() const noexcept { return command_; }
@@ -75,7 +75,7 @@ class FalconTwin {
   [[nodiscard]] std::array<std::int16_t, 3> encoders();
 
   FalconTwinConfig config_;
-  OmegaTwin plant_;
+  StylusPlant plant_;
   FalconTwinFaults faults_;
   rt::Random random_;
   Mode mode_ = Mode::kDead;

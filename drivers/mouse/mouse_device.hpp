@@ -15,7 +15,7 @@
 #include <string>
 
 #include "config/schema.hpp"
-#include "drivers/omega/haptic_device.hpp"
+#include "drivers/haptic/haptic_device.hpp"
 #include "rt/channel/ring.hpp"
 #include "rt/memory/non_realtime.hpp"
 

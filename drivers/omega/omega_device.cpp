@@ -3,7 +3,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "drivers/omega/force_sum.hpp"
+#include "drivers/haptic/force_sum.hpp"
 #include "rt/clock/box_time.hpp"
 
 namespace drivers {

@@ -22,11 +22,11 @@
 #include <string>
 
 #include "config/schema.hpp"
-#include "drivers/omega/device_minder.hpp"
+#include "drivers/haptic/device_minder.hpp"
+#include "drivers/haptic/exchange_histogram.hpp"
+#include "drivers/haptic/force_gate.hpp"
+#include "drivers/haptic/haptic_device.hpp"
 #include "drivers/omega/dhd_library.hpp"
-#include "drivers/omega/exchange_histogram.hpp"
-#include "drivers/omega/force_gate.hpp"
-#include "drivers/omega/haptic_device.hpp"
 #include "drivers/omega/omega_twin.hpp"
 #include "drivers/usb/usb_scan.hpp"
 #include "rt/memory/non_realtime.hpp"

@@ -1,12 +1,6 @@
 // Twin of an Omega.3 with a hand on it.
 //
-// Mechanics  A point mass (device + hand) with viscous and Coulomb friction in D; the hand is a
-// spring
-//            and damper toward the scripted target. Integrated lazily on a fixed grid of sub-steps;
-//            within a sub-step the linear part is exact (matrix exponential, computed at set-up),
-//            so without Coulomb friction the motion between ticks is exact, as the stability sweeps
-//            need. The result does not depend on who asks or which clock runs.
-// Loop       act() holds its force until the next act() (zero-order hold), after `delay_s`.
+// Mechanics  StylusPlant: a point mass with friction and a scripted hand, integrated lazily.
 // States     RESET (not calibrated) -> IDLE (reads only) -> FORCE; BRAKE with the motor windings
 //            shorted (viscous): after make_safe, force disabled, over-speed, no command within the
 //            watchdog, the force button, loss of the link. Leaving BRAKE takes enable_force().
@@ -15,40 +9,28 @@
 // One owner thread, except make_safe().
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
 
 #include "config/schema.hpp"
-#include "drivers/omega/force_gate.hpp"
-#include "drivers/omega/hand_script.hpp"
-#include "drivers/omega/haptic_device.hpp"
+#include "drivers/haptic/force_gate.hpp"
+#include "drivers/haptic/hand_script.hpp"
+#include "drivers/haptic/haptic_device.hpp"
+#include "drivers/haptic/stylus_plant.hpp"
 #include "rt/memory/non_realtime.hpp"
 
 namespace drivers {
 
 // Section [device.twin]. Mass, damping and friction of a real Omega.3 are not published: assumed.
-struct OmegaTwinConfig {
-  double mass_kg = 0.2;
-  double damping_N_s_per_m = 2.0;
-  double coulomb_N = 0.1;
-  double delay_s = 0.0;
+struct OmegaTwinConfig : StylusPlantConfig {
   double quantum_m = 1e-5;
   double force_limit_N = 12.0;
-  double workspace_radius_m = 0.075;
   double speed_limit_m_per_s = 1.0;
-  double brake_damping_N_s_per_m = 15.0;
   double watchdog_s = 0.020;
-  double time_guard_s = 0.0;     // effect: reads closer than this repeat the last sample
-  double gravity_mass_kg = 0.0;  // effect: weight of the arm, compensated by the driver
-  double hand_mass_kg = 0.2;
-  double hand_stiffness_N_per_m = 400.0;  // 0: nobody holds the stylus
-  double hand_damping_N_s_per_m = 8.0;
-  double end_stop_N_per_m = 5000.0;  // rim of the workspace
-  int substep_us = 50;
-  bool calibrated = true;  // false: starts in RESET
-  std::string measured;    // when mass, damping and friction were measured; empty: assumed
+  double time_guard_s = 0.0;  // effect: reads closer than this repeat the last sample
+  bool calibrated = true;     // false: starts in RESET
+  std::string measured;       // when mass, damping and friction were measured; empty: assumed
 
   void describe(config::Section& s) {
     s.number("mass_kg", mass_kg, 0.01, 5, "effective mass at the tip (assumed)");
@@ -71,16 +53,6 @@ struct OmegaTwinConfig {
     s.flag("calibrated", calibrated, "false: starts in RESET");
     s.text("measured", measured, {}, "when teletact identify measured them; empty: assumed");
   }
-};
-
-// Why the forces are off (as the vendor's status reports it).
-enum class ForceOffCause : std::uint8_t {
-  kNone,
-  kButton,
-  kVelocity,
-  kWatchdog,
-  kSoftware,
-  kDisconnect
 };
 
 struct DeviceFaults {
@@ -125,16 +97,22 @@ class OmegaTwin final : public HapticDevice {
   [[nodiscard]] ForceOffCause force_off_cause() const noexcept { return cause_; }
 
   // The truth, for tests and reports.
-  [[nodiscard]] const perception::Vec3& true_position() const noexcept { return x_; }
-  [[nodiscard]] const perception::Vec3& true_velocity() const noexcept { return v_; }
-  [[nodiscard]] const perception::Vec3& motor_force() const noexcept { return force_; }
-  [[nodiscard]] const HandTarget& hand_target() const noexcept { return target_; }
+  [[nodiscard]] const perception::Vec3& true_position() const noexcept {
+    return plant_.true_position();
+  }
+  [[nodiscard]] const perception::Vec3& true_velocity() const noexcept {
+    return plant_.true_velocity();
+  }
+  [[nodiscard]] const perception::Vec3& motor_force() const noexcept {
+    return plant_.motor_force();
+  }
+  [[nodiscard]] const HandTarget& hand_target() const noexcept { return plant_.hand_target(); }
   [[nodiscard]] std::uint64_t brakes() const noexcept { return brakes_; }
   [[nodiscard]] std::uint64_t repeats() const noexcept { return repeats_; }
   // Kicks the mass (tests): adds to the velocity.
-  void push(const perception::Vec3& dv) noexcept { v_ += dv; }
+  void push(const perception::Vec3& dv) noexcept { plant_.push(dv); }
   // A steady force of the outside on the tip, N in D (tests and sweeps).
-  void set_external_force(const perception::Vec3& f) noexcept { external_ = f; }
+  void set_external_force(const perception::Vec3& f) noexcept { plant_.set_external_force(f); }
   [[nodiscard]] std::vector<std::string> effects() const;
 
   using CpuClock = std::int64_t (*)() noexcept;
@@ -142,39 +120,14 @@ class OmegaTwin final : public HapticDevice {
   [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept { return twin_cpu_ns_; }
 
  private:
-  // x' = phi(0,0) x + phi(0,1) v + phi(0,2) u, v' likewise: exact for a constant force u.
-  struct Transition {
-    double xx = 1, xv = 0, xu = 0, vx = 0, vv = 1, vu = 0;
-  };
-  struct Pending {
-    std::int64_t step = 0;
-    perception::Vec3 force = perception::Vec3::Zero();
-  };
-  [[nodiscard]] static Transition transition(double m, double b, double k, double h);
   void advance(rt::Time now) noexcept;
-  void substep() noexcept;
-  void move(const Transition&, const perception::Vec3& u, const perception::Vec3& offset) noexcept;
   void supervise() noexcept;
   void brake(ForceOffCause) noexcept;
-  void apply_pending() noexcept;
   void switch_on() noexcept;
 
   OmegaTwinConfig config_;
-  HandScript* hand_;
-  Transition free_, held_, braked_, braked_held_;
-  rt::Nanos step_ns_;
-  std::int64_t delay_steps_ = 0, watchdog_steps_ = 0;
-
-  bool started_ = false, hand_started_ = false;
-  rt::Time epoch_{};
-  rt::Nanos hand_offset_{0};  // script start after the epoch
-  std::int64_t steps_ = 0, last_command_step_ = 0;
-  perception::Vec3 x_, v_ = perception::Vec3::Zero();
-  perception::Vec3 force_ = perception::Vec3::Zero(), external_ = perception::Vec3::Zero();
-  std::array<Pending, 64> pending_{};
-  std::size_t pending_head_ = 0, pending_size_ = 0;
-  HandTarget target_;
-  perception::Vec3 target_D_ = perception::Vec3::Zero(), target_v_D_ = perception::Vec3::Zero();
+  StylusPlant plant_;
+  std::int64_t watchdog_steps_ = 0, last_command_step_ = 0;
   DeviceState state_ = DeviceState::kIdle;
   ForceOffCause cause_ = ForceOffCause::kNone;
   ForceGate gate_;

@@ -6,8 +6,8 @@
 #include <optional>
 #include <vector>
 
+#include "drivers/haptic/haptic_device.hpp"
 #include "drivers/link/endpoint.hpp"
-#include "drivers/omega/haptic_device.hpp"
 #include "rt/sched/mode_gate.hpp"
 #include "rt/sched/task.hpp"
 #include "tasks/edges/edge_cells.hpp"

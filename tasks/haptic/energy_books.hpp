@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "drivers/omega/haptic_device.hpp"
+#include "drivers/haptic/haptic_device.hpp"
 #include "perception/geometry/pose.hpp"
 #include "tasks/haptic/contact.hpp"
 #include "tasks/haptic/energy.hpp"

@@ -1,13 +1,13 @@
 // Haptic rendering, 1 kHz: stylus position in, force on the hand out, in the same tick.
 //
-//   sense   StylusSample          from drivers/omega       outside step()
+//   sense   StylusSample          from drivers/haptic      outside step()
 //   reads   Latest<SurfacePatch>  from tasks/fusion        retains 2; force ramps to zero
 //                                                          when none is published for 100 ms
 //           Latest<SurfacePoints> from tasks/fusion        method force_shading alone; same ramp
 //           Latest<ModeMsg>       from tasks/supervision
 //   writes  HapticState           to tasks/fusion          every tick
 //           Ring<TouchEvent>      to tasks/planning        0..4 a tick
-//   act     ForceCommand          to drivers/omega         outside step()
+//   act     ForceCommand          to drivers/haptic        outside step()
 //   budget  100 us of the 1 ms period
 //
 // Pipeline, one type each:
@@ -29,7 +29,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "drivers/omega/haptic_device.hpp"
+#include "drivers/haptic/haptic_device.hpp"
 #include "perception/patch/surface_patch.hpp"
 #include "rt/health.hpp"
 #include "rt/memory/non_realtime.hpp"

@@ -2,59 +2,46 @@
 // vendor's SDK (or its twin library), a Falcon over USB (or its twin at the wire), or a mouse.
 #pragma once
 
-#include <cstdint>
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "config/schema.hpp"
-#include "drivers/falcon/falcon_device.hpp"
-#include "drivers/mouse/mouse_device.hpp"
-#include "drivers/omega/hand_script.hpp"
-#include "drivers/omega/omega_device.hpp"
-#include "drivers/omega/omega_twin.hpp"
+#include "drivers/haptic/hand_script.hpp"
 #include "rt/memory/non_realtime.hpp"
+#include "tools/scene/haptic_kind.hpp"
 
 namespace teletact {
 
-struct Scene;
+// What device.kind may be: the twin, and the rows of haptic_kinds.hpp.
+[[nodiscard]] std::vector<std::string> haptic_kind_names();
+[[nodiscard]] std::string haptic_kind_list();  // the same with commas, for a help text
 
 // Section [device], beside the keys of the twin.
-struct HapticChoice {
+class HapticChoice {
+ public:
+  HapticChoice();
+
   std::string kind = "twin";
-  drivers::OmegaConfig omega;
-  drivers::FalconConfig falcon;
-  bool falcon_twin = false;
-  drivers::MouseConfig mouse;
 
   void describe(config::Section& s);
   [[nodiscard]] bool in_process() const { return kind == "twin"; }
+  // Not of the twin in this process.
+  [[nodiscard]] const HapticKind& chosen() const;
+
+ private:
+  std::vector<std::unique_ptr<HapticKind>> kinds_;  // as the rows of haptic_kinds.hpp
 };
 
-class OpenedDevice {
- public:
-  virtual ~OpenedDevice() = default;
-  [[nodiscard]] virtual drivers::HapticDevice& device() noexcept = 0;
-  [[nodiscard]] virtual std::string description() const = 0;
-  // True: the hand is simulated, and so is the act of asking for forces again. False: only a person
-  // brings forces back.
-  [[nodiscard]] virtual bool person_simulated() const noexcept { return false; }
-  // CPU time that a twin spent inside the tick; null: nothing is simulated there.
-  [[nodiscard]] virtual std::function<std::int64_t()> twin_cpu() { return nullptr; }
-  [[nodiscard]] virtual std::vector<std::string> effects() const { return {}; }
-  // What the driver counted, one "name value" a line.
-  [[nodiscard]] virtual std::vector<std::pair<std::string, double>> figures() const { return {}; }
-};
-
-// `real`: opens the chosen device. Otherwise (simulated time, calibration, replay) the twin's mechanics
-// stand in, with the properties of the chosen one. Throws std::runtime_error with one line.
+// `real`: opens the chosen device. Otherwise (simulated time, calibration, replay) the twin's
+// mechanics stand in, with the properties of the chosen one. Throws std::runtime_error with one
+// line.
 [[nodiscard]] std::unique_ptr<OpenedDevice> open_haptic_device(rt::NonRealtime&, const Scene&,
                                                                drivers::HandScript& hand,
                                                                rt::Time epoch, bool real);
 
-// Opens and closes the chosen device in a process of its own, because a vendor's library leaves
-// threads and state behind. Throws one line that says what is missing. The twin needs no check.
+// Opens and closes the chosen device in a process of its own, for a vendor's library leaves threads
+// and state behind. Throws the one line that says what is missing. The twin needs no check.
 void check_haptic_device(const Scene&);
 
 }  // namespace teletact

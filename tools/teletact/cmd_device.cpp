@@ -74,7 +74,7 @@ int cmd_device(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--set", overrides, "override a key: device.kind=\"omega\"");
   std::string kind;
-  app.add_option("--kind", kind, "twin, omega, falcon or mouse: short for --set device.kind");
+  app.add_option("--kind", kind, haptic_kind_list() + ": short for --set device.kind");
   app.add_option("--seconds", seconds, "how long it is read")
       ->check(in_range(0.01, 3600))
       ->capture_default_str();

@@ -6,7 +6,7 @@
 #include <chrono>
 #include <utility>
 
-#include "drivers/omega/haptic_device.hpp"
+#include "drivers/haptic/haptic_device.hpp"
 #include "rt/time.hpp"
 
 namespace teletact {

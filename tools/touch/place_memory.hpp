@@ -16,7 +16,7 @@
 #include <optional>
 #include <vector>
 
-#include "drivers/omega/workspace_map.hpp"
+#include "drivers/haptic/workspace_map.hpp"
 #include "perception/ground/cost_map.hpp"
 #include "tools/touch/view_places.hpp"
 

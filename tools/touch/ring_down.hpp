@@ -17,7 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/omega/haptic_device.hpp"
+#include "drivers/haptic/haptic_device.hpp"
 
 namespace teletact {
 

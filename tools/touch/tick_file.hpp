@@ -21,7 +21,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/omega/haptic_device.hpp"
+#include "drivers/haptic/haptic_device.hpp"
 #include "perception/patch/surface_patch.hpp"
 #include "rt/result.hpp"
 #include "tasks/haptic/haptic_task.hpp"

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/omega/hand_script.hpp"
+#include "drivers/haptic/hand_script.hpp"
 #include "perception/ground/cost_map.hpp"
 #include "rt/time.hpp"
 #include "tasks/graph/samples.hpp"

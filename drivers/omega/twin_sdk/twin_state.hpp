@@ -5,7 +5,7 @@
 #include <mutex>
 #include <string>
 
-#include "drivers/omega/hand_script.hpp"
+#include "drivers/haptic/hand_script.hpp"
 #include "drivers/omega/omega_twin.hpp"
 #include "perception/geometry/pose.hpp"
 #include "rt/memory/non_realtime.hpp"

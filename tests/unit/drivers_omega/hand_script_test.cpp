@@ -1,4 +1,4 @@
-#include "drivers/omega/hand_script.hpp"
+#include "drivers/haptic/hand_script.hpp"
 
 #include <gtest/gtest.h>
 

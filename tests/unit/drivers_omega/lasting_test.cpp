@@ -1,7 +1,7 @@
 // What must last: a make_safe() that comes after a request, and one call into the SDK that fails for good.
 #include <gtest/gtest.h>
 
-#include "drivers/omega/force_gate.hpp"
+#include "drivers/haptic/force_gate.hpp"
 #include "tests/unit/drivers_omega/twin_rig.hpp"
 
 namespace {

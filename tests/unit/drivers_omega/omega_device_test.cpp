@@ -5,7 +5,7 @@
 
 #include <limits>
 
-#include "drivers/omega/force_sum.hpp"
+#include "drivers/haptic/force_sum.hpp"
 #include "rt/memory/section.hpp"
 #include "rt/random.hpp"
 #include "tests/unit/drivers_omega/twin_rig.hpp"

@@ -1,8 +1,8 @@
-// A haptic device, as the haptic task drives it: read the position, compute, write the force, all in
-// one job of one thread (one tick of delay costs a factor of three in stiffness).
+// A haptic device, as the haptic task drives it: read the position, compute, write the force, all
+// in one job of one thread (one tick of delay costs a factor of three in stiffness).
 //
-// Frames: D haptic base, H stylus tip. SI units, right-handed. The driver turns the device's own axes
-// into D: x away from the operator, y to the operator's left, z up, origin at the workspace
+// Frames: D haptic base, H stylus tip. SI units, right-handed. The driver turns the device's own
+// axes into D: x away from the operator, y to the operator's left, z up, origin at the workspace
 // centre.
 #pragma once
 
@@ -16,6 +16,16 @@ namespace drivers {
 
 // Controller states of Force Dimension devices (reference/haptics.md 2.3).
 enum class DeviceState : std::uint8_t { kReset, kIdle, kForce, kBrake };
+
+// Why the forces are off (as the vendor's status reports it).
+enum class ForceOffCause : std::uint8_t {
+  kNone,
+  kButton,
+  kVelocity,
+  kWatchdog,
+  kSoftware,
+  kDisconnect
+};
 
 struct StylusSample {
   std::uint64_t seq = 0;  // sample number of the device
@@ -40,7 +50,8 @@ struct DeviceProperties {
   double force_limit_N = 12.0;
   double workspace_radius_m = 0.075;
   double speed_limit_m_per_s = 1.0;  // over it the controller brakes
-  // b is the twin's own, or was measured: what it dissipates is credited to the loop (tasks/haptic/energy.hpp).
+  // b is the twin's own, or was measured: what it dissipates is credited to the loop
+  // (tasks/haptic/energy.hpp).
   bool damping_known = false;
   bool measured = false;      // mass, damping and friction: measured on the device, not assumed
   bool renders_force = true;  // false: a pointer; commands are dropped
@@ -55,12 +66,13 @@ class HapticDevice {
  public:
   virtual ~HapticDevice() = default;
   [[nodiscard]] virtual DeviceProperties properties() const noexcept = 0;
-  // Reads the newest sample. False: the device gave none (unplugged, not started): `out` is untouched.
+  // Reads the newest sample. False: the device gave none (unplugged, not started): `out` is
+  // untouched.
   [[nodiscard]] virtual bool sense(rt::Time now, StylusSample& out) noexcept = 0;
   // Sends a force. The driver clips the sum with gravity compensation to its force limit.
   virtual void act(rt::Time now, const ForceCommand& command) noexcept = 0;
-  // Asks for forces again after a brake (the operator's act, like the button on the base); any thread.
-  // The owner's next sense() carries it out.
+  // Asks for forces again after a brake (the operator's act, like the button on the base); any
+  // thread. The owner's next sense() carries it out.
   virtual void request_enable() noexcept {}
   // Forces off, at once, from any thread, even while the owner hangs in sense() or act().
   virtual void make_safe() noexcept = 0;

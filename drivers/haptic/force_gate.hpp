@@ -1,5 +1,6 @@
-// May forces flow? Who makes safe and who asks for forces are other threads than the owner who answers. A request
-// carries the number of make_safe() that it had seen: one that comes later overtakes it, whenever the owner looks.
+// May forces flow? Who makes safe and who asks for forces are other threads than the owner who
+// answers. A request carries the number of make_safe() that it had seen: one that comes later
+// overtakes it, whenever the owner looks.
 #pragma once
 
 #include <atomic>
@@ -18,8 +19,8 @@ class ForceGate {
   [[nodiscard]] bool safe() const noexcept {
     return made_safe_.load(std::memory_order_acquire) != answered_.load(std::memory_order_acquire);
   }
-  // The owner. take() ends the request; false: none, or overtaken. There is no instant between the look and the
-  // answer: what makes safe in between is newer than what was answered.
+  // The owner. take() ends the request; false: none, or overtaken. There is no instant between the
+  // look and the answer: what makes safe in between is newer than what was answered.
   [[nodiscard]] bool asked() const noexcept { return asked_.load(std::memory_order_acquire) != 0; }
   [[nodiscard]] bool take() noexcept {
     const std::uint64_t asked = asked_.exchange(0, std::memory_order_acq_rel);

@@ -29,8 +29,8 @@ class ExchangeHistogram {
     for (const auto& b : bins_) n += b.load(std::memory_order_relaxed);
     return n;
   }
-  // Upper edge of the bin that holds the quantile's rank (rt/quantile.hpp); a bin is at most a quarter of its value wide. 0
-  // when empty.
+  // Upper edge of the bin that holds the quantile's rank (rt/quantile.hpp); a bin is at most a
+  // quarter of its value wide. 0 when empty.
   [[nodiscard]] std::int64_t quantile_ns(double q) const noexcept {
     const std::uint64_t n = count();
     if (n == 0) return 0;

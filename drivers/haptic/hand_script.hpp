@@ -18,8 +18,8 @@
 //                      time_s (may be 0)
 // With source = "last" a segment keeps the point of the one before (press again, draw back).
 // A point may come later than the script: source = "pixel" with pixel = [u, v] says which image
-// point it is, source = "chosen" that the run chooses one; set_point() delivers it in W. A segment whose point has not arrived when it starts
-// is passed over in place (held) and counted.
+// point it is, source = "chosen" that the run chooses one; set_point() delivers it in W. A segment
+// whose point has not arrived when it starts is passed over in place (held) and counted.
 //
 // Frames: W world, D haptic base. Pure function of (time since start, points delivered before the
 // segment started). target() belongs to one thread and its time must not go back; set_point() may
@@ -35,7 +35,7 @@
 #include <vector>
 
 #include "config/schema.hpp"
-#include "drivers/omega/workspace_map.hpp"
+#include "drivers/haptic/workspace_map.hpp"
 #include "perception/geometry/pose.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/time.hpp"
