@@ -60,6 +60,7 @@ int (*own_command(int argc, char** argv))(int, char**) {
   if (what == "moving") return cmd_moving;
   if (what == "recording") return cmd_recording;
   if (what == "choice") return cmd_choice;
+  if (what == "prediction") return cmd_prediction_study;
   return what == "codec" ? cmd_codec_study : nullptr;
 }
 
@@ -74,7 +75,8 @@ int cmd_accuracy(int argc, char** argv) {
       "recording --help):\n"
       "one recording in every order, begun anywhere; choice (accuracy choice --help): segmentation "
       "chosen on one half\nof the images and judged on the other; codec (accuracy codec --help): "
-      "what fusion makes of images behind the\nlink's codecs.",
+      "what fusion makes of images behind the\nlink's codecs; prediction (accuracy prediction "
+      "--help): the base's motion across the delay.",
       "teletact accuracy"};
   std::string what, json, plots, intrinsics;
   FusionStudyOptions fusion;

@@ -2,7 +2,8 @@
 //
 //   --rgbd DIR     recording in TUM or 7-Scenes layout
 //   --mode M       lossless, faithful, quiet, moving (drivers/codec/depth_stream.hpp)
-//   --rate MBIT    of depth and colour, Mbit/s: depth takes coarser steps until it fits
+//   --rate MBIT    of depth and colour, Mbit/s: depth takes coarser steps until it fits. Where the
+//                  coarsest does not fit, a line says how many frames a second the rate carries
 //   --out DIR      what was decoded, as a recording; codec.csv: bytes, kind and CPU of each frame;
 //                  groundtruth.txt as the recording has it. Must be empty or not be there
 //   --json FILE    docs/metrics.md
@@ -114,7 +115,24 @@ double rate_of(const drivers::TumSequence& sequence, int frames) {
   return span_s > 0 ? std::min(1000.0, (frames - 1) / span_s) : 30;
 }
 
-Metrics figures(const CodecTally& t, double fps) {
+// On the road the newest frame wins: where the coarsest step is over the rate, fewer frames arrive.
+double fps_in_rate(const CodecTally& t, const CodecChoice& choice) {
+  if (choice.rate_mbit_s <= 0) return choice.fps;
+  return std::min(choice.fps, choice.rate_mbit_s * 1e6 / 8 * t.frames / t.bytes);
+}
+
+// Half a percent over is the last frames' rounding.
+void say_rate(const CodecTally& t, const CodecChoice& choice) {
+  const double fits = fps_in_rate(t, choice);
+  if (fits >= 0.995 * choice.fps) return;
+  std::printf(
+      "--rate %g Mbit/s was not reached: it carries %.1f of these %.1f fps. Coarser: "
+      "--noise lenient, --half, a lower --colour-rate\n",
+      choice.rate_mbit_s, fits, choice.fps);
+}
+
+Metrics figures(const CodecTally& t, const CodecChoice& choice) {
+  const double fps = choice.fps;
   const double n = t.frames;
   Metrics m("codec");
   m.add("codec.frames", n, "1");
@@ -122,6 +140,7 @@ Metrics figures(const CodecTally& t, double fps) {
   m.add("codec.frame_kB", 1e-3 * t.bytes / n, "kB");
   m.add("codec.depth_kB", 1e-3 * t.depth_bytes / n, "kB");
   m.add("codec.mbit_s", 8e-6 * t.bytes / n * fps, "Mbit/s");
+  m.add("codec.fps_in_rate", fps_in_rate(t, choice), "1/s");
   m.add("codec.encode_ms", rt::quantile(t.encode_ms, 0.5), "ms");
   m.add("codec.decode_ms", rt::quantile(t.decode_ms, 0.5), "ms");
   return m;
@@ -158,7 +177,7 @@ int run(const CodecOptions& o) {
   // Poses of 7-Scenes are a file each; those of TUM one, which goes along.
   if (const fs::path truth = fs::path(o.rgbd) / "groundtruth.txt"; fs::exists(truth))
     fs::copy_file(truth, fs::path(o.out) / "groundtruth.txt");
-  const Metrics m = figures(tally, choice.fps);
+  const Metrics m = figures(tally, choice);
   if (!o.json.empty()) m.write(o.json);
   folder.finish();
   const double n = tally.frames;
@@ -168,6 +187,7 @@ int run(const CodecOptions& o) {
       tally.frames, tally.keys, 1e-3 * tally.bytes / n, 1e-3 * tally.depth_bytes / n,
       8e-6 * tally.bytes / n * choice.fps, choice.fps, rt::quantile(tally.encode_ms, 0.5),
       rt::quantile(tally.decode_ms, 0.5));
+  say_rate(tally, choice);
   return 0;
 }
 
