@@ -142,6 +142,32 @@ TEST_F(Codec, TheTableHasARowAFrame) {
   EXPECT_TRUE(fs::exists(root_ / "f.json"));
 }
 
+TEST_F(Codec, SaysWhereTheRateIsNotReached) {
+  const auto fps_in_rate = [&](const char* rate, const std::string& out) {
+    testing::internal::CaptureStdout();
+    const std::string json = (root_ / (out + ".json")).string();
+    EXPECT_EQ(codec({"--mode", "moving", "--rate", rate, "--colour", "none", "--json", json}, out),
+              0);
+    const bool said =
+        testing::internal::GetCapturedStdout().find("was not reached") != std::string::npos;
+    std::stringstream text;
+    text << std::ifstream(json).rdbuf();
+    const auto at = text.str().find("codec.fps_in_rate");
+    EXPECT_NE(at, std::string::npos) << text.str();
+    const auto value = text.str().find("\"value\":", at);
+    EXPECT_NE(value, std::string::npos) << text.str();
+    return std::pair{std::stod(text.str().substr(value + 8)), said};
+  };
+  // Stamps are 10 ms apart. No step makes such frames so small.
+  const auto [few, said] = fps_in_rate("0.1", "few");
+  EXPECT_GT(few, 0);
+  EXPECT_LT(few, 50);
+  EXPECT_TRUE(said);
+  const auto [all, also_said] = fps_in_rate("500", "all");
+  EXPECT_NEAR(all, 100, 1);
+  EXPECT_FALSE(also_said);
+}
+
 TEST_F(Codec, RefusesWhatItCanNotDoAndLeavesNothing) {
   fs::create_directories(root_ / "full");
   std::ofstream(root_ / "full" / "keep.txt") << "mine";

@@ -4,12 +4,14 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <map>
 #include <sstream>
 #include <string>
 #include <vector>
 
 #include "tools/measure/prediction/prediction_bench.hpp"
 #include "tools/measure/prediction/prediction_judge.hpp"
+#include "tools/measure/prediction/prediction_study.hpp"
 
 namespace teletact {
 namespace {
@@ -181,6 +183,31 @@ TEST(PredictionBench, EachLimitCanBeMissed) {
   good.no_logs = "no folder";
   EXPECT_EQ(count(good.limits(), Limit::State::kNotMeasured), 1);
   EXPECT_NE(good.page("c").find("not measured: no folder"), std::string::npos);
+}
+
+// Every method and every knob at each horizon, with one default; farther ahead is never easier.
+TEST(PredictionStudy, HasEachKnobAtEachHorizon) {
+  PredictionStudyOptions o;
+  o.length_s = 15;
+  std::ostringstream progress;
+  const Study study = study_prediction(progress, o);
+  const std::size_t settings = study.rows.size() / 3;
+  EXPECT_EQ(study.rows.size(), 3 * settings);
+  EXPECT_EQ(study.plots.size(), 3U);
+  std::map<std::string, int> knobs, defaults;
+  for (std::size_t i = 0; i < study.rows.size(); ++i) {
+    const StudyRow& row = study.rows[i];
+    ++knobs[row.knob];
+    defaults[row.data] += row.is_default ? 1 : 0;
+    EXPECT_GT(row.figure("mean_cm"), 0) << row.setting;
+    EXPECT_GT(row.figure("cpu_us"), 0) << row.setting;
+    if (i >= settings) {
+      EXPECT_EQ(row.setting, study.rows[i - settings].setting);
+      EXPECT_GT(row.figure("mean_cm"), study.rows[i - settings].figure("mean_cm")) << row.setting;
+    }
+  }
+  for (const char* knob : {"method", "order", "ridge", "rows"}) EXPECT_GT(knobs[knob], 3) << knob;
+  for (const auto& [data, count] : defaults) EXPECT_EQ(count, 1) << data;
 }
 
 TEST(PredictionBench, NamesOfItsFigures) {
