@@ -15,6 +15,7 @@ constexpr double kJerk = 4.0, kTurnJerk = 20.0;  // density, (m/s^3)^2 s and (ra
 constexpr double kSingerJerk = 20.0, kSingerTurnJerk = 100.0;
 constexpr double kNoise = 0.005, kTurnNoise = 0.02;  // of a measured velocity, m/s and rad/s
 constexpr double kSlowJerk = 0.5, kSlowTurnJerk = 2.5, kMuchNoise = 0.03, kMuchTurnNoise = 0.12;
+constexpr double kSlowTime_s = 0.05;
 constexpr double kMemory_s = 2.0, kSharpness = 6.0;
 constexpr double kKnowsAhead =
     0.5;  // share of its error that counts of a model that knows the commands
@@ -32,10 +33,13 @@ std::unique_ptr<MotionModel> singer() {
       kSingerTime_s, {kSingerJerk, kSingerJerk, kSingerTurnJerk}, {kNoise, kNoise, kTurnNoise}});
 }
 
-// For speeds with much noise: steady motion, averaged over about half a second.
+// For speeds with much noise: the velocity is a random walk (an acceleration that fades at once), so
+// that noise is averaged over about a third of a second and nothing is extrapolated from it.
 std::unique_ptr<MotionModel> smoothing() {
-  return std::make_unique<AccelerationFilter>(AccelerationFilter::Config{
-      0, {kSlowJerk, kSlowJerk, kSlowTurnJerk}, {kMuchNoise, kMuchNoise, kMuchTurnNoise}});
+  return std::make_unique<AccelerationFilter>(
+      AccelerationFilter::Config{kSlowTime_s,
+                                 {kSlowJerk, kSlowJerk, kSlowTurnJerk},
+                                 {kMuchNoise, kMuchNoise, kMuchTurnNoise}});
 }
 
 std::unique_ptr<MotionModel> linear(const Config& c, double ridge) {
