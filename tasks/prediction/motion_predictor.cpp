@@ -33,8 +33,8 @@ std::unique_ptr<MotionModel> singer() {
       kSingerTime_s, {kSingerJerk, kSingerJerk, kSingerTurnJerk}, {kNoise, kNoise, kTurnNoise}});
 }
 
-// For speeds with much noise: the velocity is a random walk (an acceleration that fades at once), so
-// that noise is averaged over about a third of a second and nothing is extrapolated from it.
+// For speeds with much noise: the velocity is a random walk (an acceleration that fades at once).
+// Noise is averaged over about a third of a second, and nothing is extrapolated from it.
 std::unique_ptr<MotionModel> smoothing() {
   return std::make_unique<AccelerationFilter>(
       AccelerationFilter::Config{kSlowTime_s,

@@ -121,9 +121,8 @@ int cmd_accuracy(int argc, char** argv) {
   app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
   check_accuracy_use(app, what, app.count("--rgbd") > 0);
-  if (what == "segmentation" && segmentation.data.empty()) {
+  if (what == "segmentation" && segmentation.data.empty())
     throw std::runtime_error("accuracy segmentation needs --data DIR");
-  }
   if (!intrinsics.empty()) fusion.pinhole = parse_pinhole(intrinsics);
   check_outputs({{"--json", json}}, {});
   if (!plots.empty()) make_output_folder("--plots", plots);
