@@ -27,6 +27,9 @@ int cmd_codec_study(int argc, char** argv) {
   app.add_option("--moving-frames", o.moving_frames, "of a carried camera; 0: none")
       ->check(CLI::Range(0, 10000))
       ->capture_default_str();
+  app.add_option("--presses", o.presses, "places of each map that a hand presses on; 0: none")
+      ->check(CLI::Range(0, 10000))
+      ->capture_default_str();
   app.add_option("--voxel", o.voxel_mm, "edge of a voxel, mm")
       ->check(in_range(4, 100))
       ->capture_default_str();

@@ -8,6 +8,7 @@
 
 #include "rt/quantile.hpp"
 #include "tools/measure/accuracy/fusion_study.hpp"
+#include "tools/measure/accuracy/press_error.hpp"
 #include "tools/measure/accuracy/surface_error.hpp"
 #include "tools/measure/bench/codec/codec_film.hpp"
 #include "tools/record/codec_chain.hpp"
@@ -15,11 +16,13 @@
 namespace teletact {
 
 using drivers::DepthMode;
+using perception::Pose;
 
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kRestRatio = 1.1, kAte_mm = 1, kRmse_mm = 0.3, kRecordingAte_mm = 2;
+constexpr double kRestRatio = 1.1, kAte_mm = 1, kRmse_mm = 0.3, kRecordingAte_mm = 2,
+                 kForce_N = 0.05;
 
 double sequence_fps(const FusionSequence& s) {
   if (s.size() < 2) return 30;
@@ -28,6 +31,12 @@ double sequence_fps(const FusionSequence& s) {
   return span_s > 0 ? (s.size() - 1) / span_s : 30;
 }
 
+// The solids, and the points of them that the camera saw.
+struct Truth {
+  drivers::World solids;
+  std::vector<perception::Vec3> seen_W;
+};
+
 class Runner {
  public:
   Runner(const CodecStudyOptions& options, std::ostream& progress, CodecStudy& study)
@@ -35,22 +44,23 @@ class Runner {
 
   // `world`: null where the true surface is not known.
   void fuse(const char* data, std::uint64_t seed, const FusionSequence& sequence,
-            const drivers::WorldConfig* world, const std::vector<DepthMode>& modes, double rate) {
+            const Truth* world, const std::vector<DepthMode>& modes, double rate) {
     for (const DepthMode mode : modes) {
       progress_ << data << " seed " << seed << ": " << to_text(mode) << "\n";
       const CodedSequence coded = through_codec(startup_.token(), sequence, mode, rate);
-      const FusionRun run =
-          run_fusion(startup_.token(), coded.sequence, fusion_with_voxel(1e-3 * o_.voxel_mm));
       CodecStudyRow row;
       row.data = data, row.mode = to_text(mode), row.seed = seed;
+      const tasks::FusionConfig config = fusion_with_voxel(1e-3 * o_.voxel_mm);
+      const FusionRun run = run_fusion(
+          startup_.token(), coded.sequence, config,
+          [&](FusionFeed& feed, const Pose& X_WM) { press(feed, X_WM, world, config, row); });
       row.frames = sequence.size();
       row.claimed = static_cast<int>(std::lround(run.claimed * sequence.size()));
       row.mbit_s = coded.mbit_s, row.encode_ms = coded.encode_ms, row.decode_ms = coded.decode_ms;
       row.ate_mm = run.ate_mm;
       row.rmse_mm = row.p95_mm = kNaN;
       if (world != nullptr) {
-        const drivers::World solids(startup_.token(), *world);
-        const SurfaceError e = surface_error(run.mesh, solids, {});
+        const SurfaceError e = surface_error(run.mesh, world->solids, {});
         row.rmse_mm = e.rmse_mm, row.p95_mm = e.p95_mm;
       }
       study_.rows.push_back(row);
@@ -64,12 +74,25 @@ class Runner {
       if (frames < 2) continue;
       const CodecFilm film = film_codec(
           startup_.token(), {moving, drivers::DepthNoiseLaw::kStrict, seed, frames, false, 0.3});
-      fuse(moving ? "moving" : "rest", seed, film.sensor, &film.world,
+      Truth truth{drivers::World(startup_.token(), film.world), {}};
+      truth.seen_W = seen_surface(truth.solids, film.sensor.intrinsics, film.sensor.known_truth());
+      fuse(moving ? "moving" : "rest", seed, film.sensor, &truth,
            moving ? std::vector{DepthMode::kLossless, DepthMode::kMoving} : rest, 0);
     }
   }
 
  private:
+  void press(FusionFeed& feed, const Pose& X_WM, const Truth* world,
+             const tasks::FusionConfig& config, CodecStudyRow& row) const {
+    row.force_p95_N = kNaN;
+    if (world == nullptr || o_.presses == 0) return;
+    PressOptions options;
+    options.places = o_.presses, options.seed = row.seed;
+    options.voxel_m = config.tsdf.voxel_size_m;
+    const auto errors = press_errors_N(feed, X_WM, world->solids, world->seen_W, options);
+    row.pressed = static_cast<int>(errors.size());
+    row.force_p95_N = rt::quantile(errors, 0.95, kNaN);
+  }
   rt::Startup startup_;
   const CodecStudyOptions& o_;
   std::ostream& progress_;
@@ -140,6 +163,14 @@ Limits CodecStudy::limits() const {
           of("moving", "moving", &CodecStudyRow::rmse_mm) -
               of("moving", "lossless", &CodecStudyRow::rmse_mm),
           "<=", kRmse_mm, unless("moving"));
+  for (const auto& [data, mode] : {std::pair{"rest", "quiet"}, std::pair{"moving", "moving"}}) {
+    const bool asked =
+        std::any_of(rows.begin(), rows.end(), [](const CodecStudyRow& r) { return r.pressed > 0; });
+    all.add(std::string(data) + ": force off the true solid's, p95 over lossless, N",
+            of(data, mode, &CodecStudyRow::force_p95_N) -
+                of(data, "lossless", &CodecStudyRow::force_p95_N),
+            "<=", kForce_N, asked ? unless(data) : "was not asked for");
+  }
   int lost = 0;
   for (const CodecStudyRow& r : rows) lost += r.data == "recording" ? r.frames - r.claimed : 0;
   all.add("recording: frames not claimed", lost, "<=", 0, not_run);
@@ -165,6 +196,7 @@ std::vector<BenchMetric> CodecStudy::metrics() const {
     add("ate_mm", &CodecStudyRow::ate_mm, "mm");
     add("surface_rmse_mm", &CodecStudyRow::rmse_mm, "mm");
     add("surface_p95_mm", &CodecStudyRow::p95_mm, "mm");
+    add("force_p95_N", &CodecStudyRow::force_p95_N, "N");
     add("encode_ms", &CodecStudyRow::encode_ms, "ms");
     add("decode_ms", &CodecStudyRow::decode_ms, "ms");
   }
@@ -173,14 +205,15 @@ std::vector<BenchMetric> CodecStudy::metrics() const {
 
 void CodecStudy::print(std::ostream& out) const {
   char line[200];
-  std::snprintf(line, sizeof line, "%-10s %-9s %4s %8s %8s %8s %8s %8s %8s %8s\n", "data", "mode",
-                "seed", "claimed", "Mbit/s", "enc ms", "dec ms", "ATE mm", "RMSE mm", "p95 mm");
+  std::snprintf(line, sizeof line, "%-10s %-9s %4s %8s %8s %8s %8s %8s %8s %8s %8s\n", "data",
+                "mode", "seed", "claimed", "Mbit/s", "enc ms", "dec ms", "ATE mm", "RMSE mm",
+                "p95 mm", "force N");
   out << line;
   for (const CodecStudyRow& r : rows) {
-    std::snprintf(line, sizeof line,
-                  "%-10s %-9s %4llu %4d/%-3d %8.2f %8.2f %8.2f %8.2f %8.2f %8.2f\n", r.data.c_str(),
-                  r.mode.c_str(), static_cast<unsigned long long>(r.seed), r.claimed, r.frames,
-                  r.mbit_s, r.encode_ms, r.decode_ms, r.ate_mm, r.rmse_mm, r.p95_mm);
+    std::snprintf(
+        line, sizeof line, "%-10s %-9s %4llu %4d/%-3d %8.2f %8.2f %8.2f %8.2f %8.2f %8.2f %8.3f\n",
+        r.data.c_str(), r.mode.c_str(), static_cast<unsigned long long>(r.seed), r.claimed,
+        r.frames, r.mbit_s, r.encode_ms, r.decode_ms, r.ate_mm, r.rmse_mm, r.p95_mm, r.force_p95_N);
     out << line;
   }
   teletact::print(out, limits().all());

@@ -5,6 +5,8 @@
 //              moves): surface, lossless, faithful, quiet; RMS over all vertices of the distance to
 //              the true solids
 //   moving     carried by hand: trajectory and surface, lossless and moving
+//              and, in both, the force on a hand that presses into the fused map at 1000 N/m,
+//              against the true solid's (press_error.hpp)
 //   recording  lossless and moving at the rate of the road, where a recording is given
 //
 // Poses are estimated by the fusion task as ever. Trajectory: RMS over claimed frames, the first
@@ -28,7 +30,8 @@ struct CodecStudyOptions {
   std::vector<drivers::DepthMode> rest_modes{drivers::DepthMode::kFaithful,
                                              drivers::DepthMode::kQuiet};
   double voxel_mm = 10;
-  std::string rgbd;  // empty: none
+  int presses = 100;  // places pressed on a map; 0: none
+  std::string rgbd;   // empty: none
   int rgbd_frames = 150;
   std::optional<drivers::TumOptions::Pinhole> pinhole = std::nullopt;
   double rate_mbit_s = 8.8;  // of the recording: depth and colour
@@ -40,6 +43,8 @@ struct CodecStudyRow {
   int frames = 0, claimed = 0;
   double mbit_s = 0, encode_ms = 0, decode_ms = 0;  // depth; median thread CPU
   double ate_mm = 0, rmse_mm = 0, p95_mm = 0;       // NaN: nothing to hold it against
+  double force_p95_N = 0;                           // likewise
+  int pressed = 0;
 };
 
 struct CodecStudy {

@@ -182,7 +182,7 @@ tasks::FusionConfig fusion_with_voxel(double voxel_m) {
 }
 
 FusionRun run_fusion(rt::NonRealtime& nrt, const FusionSequence& sequence,
-                     const tasks::FusionConfig& config) {
+                     const tasks::FusionConfig& config, const FusionAtEnd& at_end) {
   tasks::FusionSetup setup;
   setup.camera = sequence.intrinsics;
   const Pose* first = sequence.truth(0);
@@ -207,6 +207,7 @@ FusionRun run_fusion(rt::NonRealtime& nrt, const FusionSequence& sequence,
   run.claimed = static_cast<double>(claimed) / std::max(1, sequence.size());
   run.cpu_ms = rt::quantile(cpu, 0.5, kNaN);
   run.mesh = moved(perception::extract_mesh(nrt, task.map()), X_WM);
+  if (at_end) at_end(feed, X_WM);
   return run;
 }
 

@@ -9,6 +9,7 @@
 //   cpu_ms      thread CPU of a frame from decoded images to pose, patch and cost map; median from frame 10 on
 #pragma once
 
+#include <functional>
 #include <ostream>
 #include <string>
 #include <vector>
@@ -16,6 +17,7 @@
 #include "tasks/fusion/fusion_task.hpp"
 #include "tools/measure/accuracy/study.hpp"
 #include "tools/measure/accuracy/surface_error.hpp"
+#include "tools/record/fusion_feed.hpp"
 #include "tools/record/fusion_sequence.hpp"
 
 namespace teletact {
@@ -27,8 +29,11 @@ struct FusionRun {
 };
 // The task over the sequence. Its map is in the frame of the first camera, as that of `teletact fuse`: no wall
 // lies along the voxels' grid, where noise would show less than it is. Without a truth the errors are NaN.
+// `at_end`: is shown the task with all its images seen, and its map's frame in that of the truth.
+using FusionAtEnd = std::function<void(FusionFeed& feed, const perception::Pose& X_WM)>;
 [[nodiscard]] FusionRun run_fusion(rt::NonRealtime& nrt, const FusionSequence& sequence,
-                                   const tasks::FusionConfig& config);
+                                   const tasks::FusionConfig& config,
+                                   const FusionAtEnd& at_end = nullptr);
 // The sequence fused at its true poses, in the same way.
 [[nodiscard]] perception::Mesh fuse_at_truth(rt::NonRealtime& nrt, const FusionSequence& sequence,
                                              const perception::TsdfConfig& config);
