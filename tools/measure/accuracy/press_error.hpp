@@ -2,9 +2,9 @@
 // fusion, window and proxy make of it, by the product's own code.
 //
 // The hand comes from `off_m` outside along the true normal, goes `depth_m` into the true solid,
-// and stays `hold_s`. Right would be K * (its depth in the true solid) along the true normal. The error
-// is the length of the difference of the two forces in the last tick. A surface that is not there
-// gives no force, and the whole K * depth as error.
+// and stays `hold_s`. Right would be K * (its depth in the true solid) along the true normal. The
+// error is the length of the difference of the two forces in the last tick. A surface that is not
+// there gives no force, and the whole K * depth as error.
 #pragma once
 
 #include <cstdint>
