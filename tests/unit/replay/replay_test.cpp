@@ -480,7 +480,7 @@ TEST(Replay, ATornRecordingIsRefusedWithOneMessage) {
     const auto result = replay_file(plain().folder, file);
     ASSERT_FALSE(result) << keep;
     EXPECT_NE(result.error().find(file), std::string::npos) << result.error();
-    EXPECT_NE(result.error().find("not whole"), std::string::npos) << result.error();
+    EXPECT_NE(result.error().find("cut off"), std::string::npos) << result.error();
     EXPECT_EQ(result.error().find('\n'), std::string::npos);
   }
   fs::resize_file(file, 10);

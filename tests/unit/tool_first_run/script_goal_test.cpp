@@ -50,7 +50,7 @@ TEST(ScriptGoal, NoMark) {
   r.op.view.task = {};
   r.op.view.paths.clear();
   EXPECT_TRUE(r.check().judged);
-  EXPECT_THAT(r.check().missed, HasSubstr("goal not reached: no mark"));
+  EXPECT_THAT(r.check().missed, HasSubstr("goal not reached: the hand drew no mark"));
 }
 
 TEST(ScriptGoal, NoPath) {

@@ -87,7 +87,7 @@ class Stop : public testing::Test {
     EXPECT_TRUE(fs::is_empty(folder_ / "tmp")) << "the stored input is removed";
     const std::string text = out();
     const auto last = text.rfind('\n', text.size() - 2);
-    EXPECT_EQ(text.substr(last + 1).rfind("teletact calibrate: asked to end", 0), 0U) << text;
+    EXPECT_EQ(text.substr(last + 1).rfind("teletact calibrate: stopped while", 0), 0U) << text;
   }
 
   fs::path folder_;
