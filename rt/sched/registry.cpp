@@ -17,6 +17,8 @@
 #include <set>
 #include <utility>
 
+#include "rt/sched/admission_levels.hpp"
+
 namespace rt {
 namespace {
 
@@ -27,12 +29,7 @@ constexpr mode_t kMode = 0666;  // every user of the host: registry.hpp
 
 std::string system_error(const std::string& what) { return what + ": " + std::strerror(errno); }
 
-std::string milliseconds(Nanos d) {
-  if (d == kUnbounded) return "unbounded";
-  std::array<char, 48> text{};
-  std::snprintf(text.data(), text.size(), "%.3f ms", static_cast<double>(d.count()) * 1e-6);
-  return text.data();
-}
+using detail::milliseconds;
 
 std::string fixed3(double v) {
   std::array<char, 48> text{};
