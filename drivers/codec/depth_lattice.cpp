@@ -7,7 +7,7 @@ namespace drivers::codec {
 namespace {
 
 constexpr int kDepths = 65536;
-constexpr int kFraction = 20;  // bits of the running sum behind the point
+constexpr int kLatticeFraction = 20;  // bits of the running sum behind the point
 
 }  // namespace
 
@@ -21,11 +21,11 @@ std::int64_t sigma_1024th_mm(DepthNoiseLaw law, int depth_mm) noexcept {
 
 DepthLattice::DepthLattice(rt::NonRealtime&, DepthNoiseLaw law) {
   to_point_.resize(kDepths);
-  std::int64_t sum = 0;  // points below the depth, in 1/2^kFraction
+  std::int64_t sum = 0;  // points below the depth, in 1/2^kLatticeFraction
   for (int z = 1; z < kDepths; ++z) {
-    sum += (std::int64_t{kPointsPerSigma * 1024} << kFraction) / sigma_1024th_mm(law, z);
-    to_point_[static_cast<std::size_t>(z)] =
-        static_cast<std::uint16_t>(1 + ((sum + (std::int64_t{1} << (kFraction - 1))) >> kFraction));
+    sum += (std::int64_t{kPointsPerSigma * 1024} << kLatticeFraction) / sigma_1024th_mm(law, z);
+    to_point_[static_cast<std::size_t>(z)] = static_cast<std::uint16_t>(
+        1 + ((sum + (std::int64_t{1} << (kLatticeFraction - 1))) >> kLatticeFraction));
   }
   // A point that stands for depths takes the middle of them; one between, the nearest of its
   // neighbours.

@@ -65,10 +65,16 @@ Pose2 MotionTrace::true_pose(double t) const {
     const MotionRow &a = *(after - 1), &b = *after;
     return between(a.X_OB, b.X_OB, (t - a.t) / (b.t - a.t));
   }
+  return sampled(truth, t);
+}
+
+Pose2 MotionTrace::wheel_pose(double t) const { return sampled(wheels, t); }
+
+Pose2 MotionTrace::sampled(const std::vector<Pose2>& poses, double t) const {
   const double at =
-      std::clamp((t - true_t0) / true_step, 0.0, static_cast<double>(truth.size() - 1));
-  const auto i = std::min(static_cast<std::size_t>(at), truth.size() - 2);
-  return between(truth[i], truth[i + 1], at - static_cast<double>(i));
+      std::clamp((t - true_t0) / true_step, 0.0, static_cast<double>(poses.size() - 1));
+  const auto i = std::min(static_cast<std::size_t>(at), poses.size() - 2);
+  return between(poses[i], poses[i + 1], at - static_cast<double>(i));
 }
 
 MotionTrace robot_trace(const RobotTraceOptions& o) {
@@ -83,7 +89,7 @@ MotionTrace robot_trace(const RobotTraceOptions& o) {
   trace.true_step = kStep_s;
   drivers::WheelVector wheel{}, angle{};
   drivers::Odometry odometry(base);
-  Pose2 X;
+  Pose2 X, rolled_to;
   Twist2 reference;
   Manoeuvre now;
   now.length_s = 0.5;
@@ -92,6 +98,7 @@ MotionTrace robot_trace(const RobotTraceOptions& o) {
   for (int i = 0; i <= steps; ++i) {
     const double t = i * kStep_s;
     trace.truth.push_back(X);
+    trace.wheels.push_back(rolled_to);
     if (t >= next_command - 1e-9) {
       trace.commands.push_back({t, reference});
       next_command += 0.02;
@@ -126,6 +133,7 @@ MotionTrace robot_trace(const RobotTraceOptions& o) {
       rolled[w] = wheel[w] * (1 - slip[w]);
     }
     X = perception::integrate(X, base.forward(rolled), kStep_s);
+    rolled_to = perception::integrate(rolled_to, base.forward(wheel), kStep_s);
   }
   return trace;
 }

@@ -38,11 +38,19 @@ struct MotionTrace {
   // True poses at true_t0 + i true_step; empty: the rows' own.
   double true_t0 = 0, true_step = 0.001;
   std::vector<perception::Pose2> truth;
+  // Likewise, integrated from how the wheels turned, exactly: off the truth by their slip alone.
+  // Empty: not known.
+  std::vector<perception::Pose2> wheels;
   double delay_min_s = 0.1, delay_max_s = 0.1;
   double judged_from = 0, judged_to = 1e300;  // targets
   std::uint64_t seed = 1;                     // of the delays
 
   [[nodiscard]] perception::Pose2 true_pose(double t) const;
+  [[nodiscard]] perception::Pose2 wheel_pose(double t) const;  // where `wheels` is known
+
+ private:
+  [[nodiscard]] perception::Pose2 sampled(const std::vector<perception::Pose2>& poses,
+                                          double t) const;
 };
 
 struct RobotTraceOptions {

@@ -102,6 +102,7 @@ PredictionResult bench_prediction(std::ostream& progress, const TraceSetOptions&
     }
     for (const MotionErrors& e : all) r.methods.push_back(figures(e));
     r.methods.push_back(figures(oracle));
+    if (!trace.wheels.empty()) r.methods.push_back(figures(wheels_known(trace)));
     if (trace.name == "paths_a2_20hz_d100") result.drawings[0] = drawing(trace, all, kPaper100_cm);
     if (trace.name == "paths_a2_20hz_d200") {
       result.drawings[1] = drawing(trace, all, kPaper200_cm);

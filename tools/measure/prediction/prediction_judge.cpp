@@ -75,6 +75,23 @@ MotionErrors judge(const MotionTrace& trace, const JudgedMethod& m) {
   return out;
 }
 
+MotionErrors wheels_known(const MotionTrace& trace) {
+  const auto way = [&](auto pose, double from, double to) {
+    return perception::compose(perception::inverse((trace.*pose)(from)), (trace.*pose)(to));
+  };
+  MotionErrors out;
+  out.method = "wheels_known";
+  (void)run(trace, {}, [&](const Target& target) {
+    if (target.t < trace.judged_from || target.t > trace.judged_to) return;
+    const double from = trace.rows[target.newest].t;
+    const Pose2 said = way(&MotionTrace::wheel_pose, from, target.t),
+                is = way(&MotionTrace::true_pose, from, target.t);
+    out.t_s.push_back(target.t);
+    out.error_m.push_back(std::hypot(said.x - is.x, said.y - is.y));
+  });
+  return out;
+}
+
 std::vector<Pose2> predicted_poses(const MotionTrace& trace, const JudgedMethod& m) {
   std::vector<Pose2> out;
   (void)run(trace, m, [&](const Target& target) { out.push_back(target.X_OB); });

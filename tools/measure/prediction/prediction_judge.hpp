@@ -40,6 +40,10 @@ struct MotionErrors {
 // what they may know are replaced by others. 0: no look-ahead.
 [[nodiscard]] int changed_by_the_future(const MotionTrace&, const JudgedMethod&);
 
+// What one errs who knows how the wheels will turn, and not how they slip: no predictor that is
+// told encoders and commands alone goes below it, but by luck. Where MotionTrace::wheels is known.
+[[nodiscard]] MotionErrors wheels_known(const MotionTrace&);
+
 // Of each target the smallest error of all: what choosing a method anew at each instant, with the
 // truth known, could reach.
 [[nodiscard]] MotionErrors best_of_each_instant(const std::vector<MotionErrors>&);

@@ -76,6 +76,22 @@ std::vector<std::string> half_of_paper(const std::vector<TraceResult>& traces) {
   return lines;
 }
 
+double of_commands(const TraceResult& t) {
+  return t.mean_cm("own_commands") / (0.75 * t.best_without_commands_cm() + 0.05);
+}
+
+// Where commands do not help enough: what slip alone costs.
+std::vector<std::string> commands_above(const std::vector<TraceResult>& traces) {
+  std::vector<std::string> lines;
+  for (const TraceResult& t : traces)
+    if (of_commands(t) > 1)
+      lines.push_back(t.name + formatted(": with commands %.3f, limit %.3f, wheels known %.3f cm",
+                                         t.mean_cm("own_commands"),
+                                         0.75 * t.best_without_commands_cm() + 0.05,
+                                         t.mean_cm("wheels_known")));
+  return lines;
+}
+
 }  // namespace
 
 std::vector<Limit> PredictionResult::limits() const {
@@ -93,9 +109,7 @@ std::vector<Limit> PredictionResult::limits() const {
   add("own over 1.25 x the best simple + 0.05 cm", worst(traces, [](const TraceResult& t) {
         return t.mean_cm("own") / (1.25 * t.best_simple_cm() + 0.05);
       }));
-  add("commands over 0.75 x the best without + 0.05 cm", worst(traces, [](const TraceResult& t) {
-        return t.mean_cm("own_commands") / (0.75 * t.best_without_commands_cm() + 0.05);
-      }));
+  add("commands over 0.75 x the best without + 0.05 cm", worst(traces, of_commands));
   add("own over none",
       worst(traces, [](const TraceResult& t) { return t.mean_cm("own") / t.mean_cm("none"); }));
   int changed = 0;
@@ -134,6 +148,9 @@ void PredictionResult::print(std::ostream& out) const {
   const auto lines = half_of_paper(traces);
   if (!lines.empty()) out << "\nown is above half of `paper` on\n";
   for (const std::string& l : lines) out << "  " << l << "\n";
+  const auto above = commands_above(traces);
+  if (!above.empty()) out << "\nown with commands is above its limit on\n";
+  for (const std::string& l : above) out << "  " << l << "\n";
   teletact::print(out, limits());
 }
 
@@ -183,6 +200,9 @@ std::string PredictionResult::page(const std::string& command) const {
   const auto lines = half_of_paper(traces);
   if (!lines.empty()) out += "\n## Where `own` is above half of `paper`\n\n";
   for (const std::string& l : lines) out += "- " + l + "\n";
+  const auto above = commands_above(traces);
+  if (!above.empty()) out += "\n## Where `own` with commands is above its limit\n\n";
+  for (const std::string& l : above) out += "- " + l + "\n";
   return out;
 }
 
