@@ -38,6 +38,7 @@ enum class Effect : std::uint8_t {
   kGravity,
   kHand,
   kLinkShape,
+  kLinkNetwork,
   kFriction,
   kTexture,
   kViscosity,
@@ -46,8 +47,8 @@ enum class Effect : std::uint8_t {
   kObjects,
   kMesh,
 };
-inline constexpr std::size_t kEffects = 30;
-// In the order of the catalogue of effects (tools/host/effect_catalogue.hpp).
+inline constexpr std::size_t kEffects = 31;
+// In the order of the catalogue of effects (tools/scene/effect_catalogue.hpp).
 inline constexpr std::array<std::string_view, kEffects> kEffectNames{
     "camera noise: axial",
     "camera noise: lateral_px",
@@ -72,6 +73,7 @@ inline constexpr std::array<std::string_view, kEffects> kEffectNames{
     "device: gravity",
     "device: hand",
     "link shape",
+    "link network",
     "touch: friction",
     "touch: texture",
     "touch: viscosity",

@@ -9,6 +9,7 @@ namespace drivers {
 namespace {
 constexpr rt::Nanos kClockPeriod = std::chrono::milliseconds{200};
 constexpr rt::Nanos kClockPeriodAtStart = std::chrono::milliseconds{20};
+constexpr int kClockRepliesAtStart = 8;
 constexpr rt::Nanos kAlivePeriod = std::chrono::milliseconds{10};
 }  // namespace
 
@@ -47,9 +48,8 @@ void LinkEndpoint::poll(rt::Time now, bool line_free, const Send& send, rt::Nano
   if (!hello_ok_) return;
   std::array<std::uint8_t, kMaxControlBody> small{};
   if (now >= next_clock_) {
-    next_clock_ = now + (stats_.received[static_cast<std::size_t>(MessageId::kClockReply)] < 8
-                             ? kClockPeriodAtStart
-                             : kClockPeriod);
+    next_clock_ =
+        now + (clock_replies_ < kClockRepliesAtStart ? kClockPeriodAtStart : kClockPeriod);
     emit(MessageId::kClockRequest, ++control_seq_,
          std::span(small).first(encode(ClockRequest{rt::ns_of(now)}, small)), now, send);
   }
@@ -118,6 +118,7 @@ bool LinkEndpoint::take(std::span<const std::uint8_t> message, rt::Time now, con
     }
   } else if (h.id == MessageId::kClockReply) {
     ClockReply reply;
+    clock_replies_ = std::min(clock_replies_ + 1, kClockRepliesAtStart);
     taken =
         decode(body, reply) && clock_.add(reply.t0_ns, reply.t1_ns, reply.t2_ns, rt::ns_of(now));
   } else if (h.id == MessageId::kBye) {
@@ -142,6 +143,16 @@ bool LinkEndpoint::take(std::span<const std::uint8_t> message, rt::Time now, con
 
 void LinkEndpoint::send_bye(rt::Time now, const Send& send) {
   if (hello_ok_) emit(MessageId::kBye, ++control_seq_, {}, now, send);
+}
+
+void LinkEndpoint::renew() noexcept {
+  clock_ = {};
+  next_clock_ = next_alive_ = {};
+  hello_sent_ = hello_ok_ = bye_ = false;
+  control_seq_ = arrived_seq_ = 0;
+  clock_replies_ = wish_ = 0;
+  fault_.clear();
+  for (const auto& renewed : renewed_) renewed();
 }
 
 }  // namespace drivers

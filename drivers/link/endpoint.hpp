@@ -46,6 +46,10 @@ class LinkEndpoint {
   // busy with what it was given, Nanos::max() where only that it is.
   using Ask = std::function<void(rt::Time now, rt::Nanos busy_for)>;
   void set_ask(Ask ask) { ask_ = std::move(ask); }
+  // Rungs of FrameAsker that the transport wishes to be spared, because the road's round trip
+  // grows.
+  void set_wish(int rungs) noexcept { wish_ = rungs; }
+  [[nodiscard]] int wish() const noexcept { return wish_; }
 
   // Called every millisecond or so by the transport; `line_free` says whether bulk may go out;
   // `busy_for` as above, where it is not.
@@ -53,6 +57,7 @@ class LinkEndpoint {
   // One whole message as it arrived. False: the connection must be closed; fault() says why.
   [[nodiscard]] bool receive(std::span<const std::uint8_t> message, rt::Time now, const Send& send);
 
+  [[nodiscard]] rt::Box box() const noexcept { return box_; }
   [[nodiscard]] bool ready() const noexcept { return hello_ok_ && clock_.valid(); }
   [[nodiscard]] bool hello_ok() const noexcept { return hello_ok_; }
   [[nodiscard]] bool bye_received() const noexcept { return bye_; }
@@ -76,6 +81,15 @@ class LinkEndpoint {
   };
   [[nodiscard]] const Stats& stats() const noexcept { return stats_; }
   void send_bye(rt::Time now, const Send& send);
+
+  // Before another connection, of a transport that listens or dials again: forgets what was agreed
+  // with the last peer (its Hello, the clocks, Bye, the fault, how far it had counted), so that
+  // nothing is read with the clock of a box that may have started again since. What this box says
+  // and knows stays: edges and their handlers, when it last heard, the statistics, and the numbers
+  // of its own edges, for a receiver that lived through it compares them. Then each of `on_renew`
+  // is called, so that a codec can ask for a frame that needs none before it.
+  void renew() noexcept;
+  void on_renew(std::function<void()> renewed) { renewed_.push_back(std::move(renewed)); }
 
  private:
   struct Outgoing {
@@ -106,6 +120,9 @@ class LinkEndpoint {
   bool hello_sent_ = false, hello_ok_ = false, bye_ = false, ever_heard_ = false;
   rt::Time last_heard_{}, arrived_{};
   std::uint64_t control_seq_ = 0, arrived_seq_ = 0;
+  int clock_replies_ = 0;  // of this connection
+  std::vector<std::function<void()>> renewed_;
+  int wish_ = 0;
   std::string fault_;
   Stats stats_;
 };

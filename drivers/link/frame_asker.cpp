@@ -19,9 +19,13 @@ constexpr double kLeastSeen_s = 0.008;
 
 }  // namespace
 
+void FrameAsker::wish(int rungs) noexcept { wish_ = std::clamp(rungs, 0, kRungs); }
+
+int FrameAsker::rung() const noexcept { return std::max(rung_, wish_); }
+
 rt::Nanos FrameAsker::period() const noexcept {
-  if (rung_ == kRungs) return std::max(config_.period, kPeriod20);
-  if (rung_ == kRungs - 1) return std::max(config_.period, kPeriod24);
+  if (rung() == kRungs) return std::max(config_.period, kPeriod20);
+  if (rung() == kRungs - 1) return std::max(config_.period, kPeriod24);
   return config_.period;
 }
 
@@ -31,7 +35,7 @@ FrameDemand FrameAsker::make(rt::Time now) noexcept {
   d.seq = asked_;
   d.made = now;
   d.rate_kbit_per_s = static_cast<std::uint32_t>(rate_kbit_per_s_);
-  d.coarser = static_cast<std::uint8_t>(std::min(rung_, kCoarsest));
+  d.coarser = static_cast<std::uint8_t>(std::min(rung(), kCoarsest));
   d.key = want_key_ ? 1 : 0;
   return d;
 }
@@ -50,7 +54,8 @@ std::optional<FrameDemand> FrameAsker::poll(rt::Time now, rt::Nanos busy_for,
     return make(now);
   }
   ++asked_;
-  // A grid while the line keeps up, so that 24 a second are 24 whatever the camera's phase.
+  // While the line keeps up, ask at fixed times: the rate then does not depend on the camera's
+  // phase.
   next_ = std::max(next_ + period(), now + period() / 2);
   return make(now);
 }
@@ -61,10 +66,11 @@ bool FrameAsker::sent(rt::Time now, std::uint64_t seq, bool key, std::size_t byt
     return false;
   }
   sent_ = asked_;
+  ++frames_;
   ++stats_.sent;
   if (key) {
     ++stats_.keys;
-    last_key_ = sent_;
+    last_key_ = frames_;
     want_key_ = false;
   }
   sending_ = true;
@@ -101,9 +107,16 @@ void FrameAsker::report(const FrameReport& report) noexcept {
   ++stats_.keys_asked;
 }
 
+void FrameAsker::renew() noexcept {
+  sent_ = asked_;
+  next_ = {};
+  want_key_ = true;
+  sending_ = false;
+}
+
 FrameAsker::Stats FrameAsker::stats() const noexcept {
   Stats s = stats_;
-  s.rung = rung_;
+  s.rung = rung();
   return s;
 }
 

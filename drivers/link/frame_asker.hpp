@@ -45,6 +45,11 @@ class FrameAsker {
   // and must not be sent; the next one asked for is a key.
   [[nodiscard]] bool sent(rt::Time now, std::uint64_t seq, bool key, std::size_t bytes) noexcept;
   void report(const FrameReport& report) noexcept;
+  // A new connection: what was asked for and not sent is given up, and the next frame is a key.
+  void renew() noexcept;
+  // At least so many rungs down, whatever single frames show: the line's queue grows by what others
+  // send too (LinkEndpoint::wish). 0 to kRungs.
+  void wish(int rungs) noexcept;
 
   // A demand that no frame has answered yet.
   [[nodiscard]] bool out() const noexcept { return asked_ > sent_; }
@@ -61,11 +66,13 @@ class FrameAsker {
 
  private:
   [[nodiscard]] FrameDemand make(rt::Time now) noexcept;
+  [[nodiscard]] int rung() const noexcept;
   [[nodiscard]] rt::Nanos period() const noexcept;
   void line_is_free(rt::Time now) noexcept;
 
   Config config_;
-  std::uint64_t asked_ = 0, sent_ = 0, last_key_ = 0;  // numbers of demands
+  std::uint64_t asked_ = 0, sent_ = 0;       // numbers of demands
+  std::uint64_t frames_ = 0, last_key_ = 0;  // numbers of frames, as the other end sees them
   rt::Time next_{}, repeat_{};
   bool want_key_ = true, silent_ = false;
   // The frame that the line works on, and what was learned from those before it.
@@ -74,7 +81,7 @@ class FrameAsker {
   std::size_t bytes_ = 0;
   double load_ = 0;  // time on the line of a frame, in camera periods
   double rate_kbit_per_s_ = 0;
-  int rung_ = 0, frames_on_rung_ = 0;
+  int rung_ = 0, frames_on_rung_ = 0, wish_ = 0;
   Stats stats_;
 };
 

@@ -1,6 +1,6 @@
 // The messages that cross between the boxes, apart from images. Plain data, SI units.
-// Wire form: drivers/link/wire.hpp, little-endian, in the order of the field lists below; the schema hash covers their
-// names, sizes and order.
+// Wire form: drivers/link/wire.hpp, little-endian, in the order of the field lists below; the
+// schema hash covers their names, sizes and order.
 #pragma once
 
 #include <array>
@@ -15,14 +15,15 @@ enum class MessageId : std::uint16_t {
   kHello = 1,     // first on a connection, both ways
   kClockRequest,  // both ways: each side measures the other's clock
   kClockReply,
-  kFrame,        // robot -> operator: EncodedFrame
-  kRobotState,   // robot -> operator
-  kRobotGoal,    // operator -> robot
-  kBye,          // an orderly end, both ways
-  kAlive,        // nothing to say: sent when the line would else be quiet, both ways
-  kFrameReport,  // operator -> robot, where frames are coded on demand
+  kFrame,          // robot -> operator: EncodedFrame
+  kRobotState,     // robot -> operator
+  kRobotGoal,      // operator -> robot
+  kBye,            // an orderly end, both ways
+  kAlive,          // nothing to say: sent when the line would else be quiet, both ways
+  kFrameReport,    // operator -> robot, where frames are coded on demand
+  kCommandReport,  // robot -> operator, when a goal was refused
 };
-inline constexpr int kMessageIds = 9;
+inline constexpr int kMessageIds = 10;
 
 // Planar pose and velocity of the base B in the odometry frame O (starts equal to the world).
 struct RobotState {
@@ -42,12 +43,15 @@ struct RobotGoal {
   std::uint64_t seq = 0;
   rt::Time made{};
   rt::Time valid_until{};                // beyond it the robot holds still
-  double x_m = 0, y_m = 0, yaw_rad = 0;  // target pose X_OB
+  double x_m = 0, y_m = 0, yaw_rad = 0;  // target pose X_OG
   double vx = 0, vy = 0, wz = 0;         // feed-forward at the target, body frame
   double speed_limit_m_per_s = 0;
-  std::uint8_t engaged = 0;           // 0: hold still, whatever the pose says
-  std::uint8_t operator_engaged = 0;  // the operator's box is in the engaged mode
-  std::uint8_t operator_clear = 0;    // the operator holds the button that clears a safe stop
+  std::uint8_t engaged = 0;  // 0: hold still, whatever the pose says
+  // 1: the operator's box is in the engaged mode. 2: a silence has interrupted it, and it goes on
+  // with an act that is still held if the silence ends in time; until then the robot stays out of
+  // it.
+  std::uint8_t operator_engaged = 0;
+  std::uint8_t operator_clear = 0;  // the operator holds the button that clears a safe stop
   std::uint64_t path_seq = 0;
 };
 
@@ -55,6 +59,13 @@ struct RobotGoal {
 struct FrameReport {
   std::uint64_t arrived = 0;    // number of the newest frame that arrived, good or not
   std::uint8_t key_wanted = 0;  // 1: the decoder takes no frame but one that needs none before it
+};
+
+// What became of the operator's goals at the robot's box, since that one started
+// (command_gate.hpp).
+struct CommandReport {
+  std::uint64_t replayed = 0, reordered = 0, out_of_range = 0, from_ahead = 0, late = 0;
+  std::uint8_t newest = 0;  // CommandFault
 };
 
 // Clock exchange: t0 sent by the asker, t1 received and t2 sent by the other (its clock).
@@ -93,7 +104,7 @@ struct rt::Fields<drivers::RobotGoal> {
                                     number(&M::wz, "wz"),
                                     number(&M::speed_limit_m_per_s, "speed_limit"),
                                     value(&M::engaged, "engaged", 1),
-                                    value(&M::operator_engaged, "operator_engaged", 1),
+                                    value(&M::operator_engaged, "operator_engaged", 2),
                                     value(&M::operator_clear, "operator_clear", 1),
                                     value(&M::path_seq, "path_seq")};
 };
@@ -106,6 +117,18 @@ struct rt::Fields<drivers::FrameReport> {
                                     value(&M::key_wanted, "key_wanted", 1)};
 };
 static_assert(rt::lists_every_field<drivers::FrameReport>());
+
+template <>
+struct rt::Fields<drivers::CommandReport> {
+  using M = drivers::CommandReport;
+  static constexpr std::tuple kList{value(&M::replayed, "replayed"),
+                                    value(&M::reordered, "reordered"),
+                                    value(&M::out_of_range, "out_of_range"),
+                                    value(&M::from_ahead, "from_ahead"),
+                                    value(&M::late, "late"),
+                                    value(&M::newest, "newest", 5)};
+};
+static_assert(rt::lists_every_field<drivers::CommandReport>());
 
 template <>
 struct rt::Fields<drivers::ClockRequest> {

@@ -133,7 +133,7 @@ std::uint64_t schema_hash(std::string_view pictures) noexcept {
                      schema_of<ClockRequest>("clock_request") +
                      schema_of<ClockReply>("clock_reply") + "frame:encoded_frame_v2;" +
                      schema_of<RobotState>("robot_state") + schema_of<RobotGoal>("robot_goal") +
-                     "bye:;alive:";
+                     schema_of<CommandReport>("command_report") + "bye:;alive:";
   if (!pictures.empty())
     text += ";" + schema_of<FrameReport>("frame_report") + "pictures:" + std::string(pictures);
   rt::Hash64 h;
@@ -236,6 +236,9 @@ std::size_t encode(const ClockReply& m, std::span<std::uint8_t> out) noexcept {
 std::size_t encode(const FrameReport& m, std::span<std::uint8_t> out) noexcept {
   return put_all(m, out);
 }
+std::size_t encode(const CommandReport& m, std::span<std::uint8_t> out) noexcept {
+  return put_all(m, out);
+}
 bool decode(std::span<const std::uint8_t> in, RobotState& m) noexcept { return get_all(in, m); }
 bool decode(std::span<const std::uint8_t> in, RobotGoal& m) noexcept { return get_all(in, m); }
 bool decode(std::span<const std::uint8_t> in, ClockRequest& m) noexcept { return get_all(in, m); }
@@ -243,5 +246,6 @@ bool decode(std::span<const std::uint8_t> in, ClockReply& m) noexcept {
   return get_all(in, m) && m.t2_ns >= m.t1_ns;
 }
 bool decode(std::span<const std::uint8_t> in, FrameReport& m) noexcept { return get_all(in, m); }
+bool decode(std::span<const std::uint8_t> in, CommandReport& m) noexcept { return get_all(in, m); }
 
 }  // namespace drivers

@@ -73,10 +73,12 @@ std::size_t encode(const RobotGoal& m, std::span<std::uint8_t> out) noexcept;
 std::size_t encode(const ClockRequest& m, std::span<std::uint8_t> out) noexcept;
 std::size_t encode(const ClockReply& m, std::span<std::uint8_t> out) noexcept;
 std::size_t encode(const FrameReport& m, std::span<std::uint8_t> out) noexcept;
+std::size_t encode(const CommandReport& m, std::span<std::uint8_t> out) noexcept;
 [[nodiscard]] bool decode(std::span<const std::uint8_t> in, RobotState& m) noexcept;
 [[nodiscard]] bool decode(std::span<const std::uint8_t> in, RobotGoal& m) noexcept;
 [[nodiscard]] bool decode(std::span<const std::uint8_t> in, ClockRequest& m) noexcept;
 [[nodiscard]] bool decode(std::span<const std::uint8_t> in, ClockReply& m) noexcept;
 [[nodiscard]] bool decode(std::span<const std::uint8_t> in, FrameReport& m) noexcept;
+[[nodiscard]] bool decode(std::span<const std::uint8_t> in, CommandReport& m) noexcept;
 
 }  // namespace drivers

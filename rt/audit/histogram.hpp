@@ -71,6 +71,35 @@ class Histogram {
     }
   }
 
+  // What a file keeps of it, and back: every bucket in use, then the exact ends and the sum.
+  template <class F>
+  void for_each_bucket(F&& f) const {
+    for (std::size_t i = 0; i < kBuckets; ++i) {
+      if (counts_[i] > 0) f(i, counts_[i]);
+    }
+  }
+  struct Ends {
+    std::int64_t min = 0, max = 0;
+    std::uint64_t sum_low = 0;
+    std::int64_t sum_high = 0;
+  };
+  [[nodiscard]] Ends ends() const noexcept {
+    return {min(), max(), static_cast<std::uint64_t>(sum_), static_cast<std::int64_t>(sum_ >> 64)};
+  }
+  // False: no such bucket. `n` is above 0.
+  [[nodiscard]] bool put(std::size_t bucket, std::uint64_t n) noexcept {
+    if (bucket >= kBuckets || n == 0 || count_ + n < count_) return false;
+    counts_[bucket] += n;
+    count_ += n;
+    return true;
+  }
+  void put(const Ends& e) noexcept {
+    if (empty()) return;
+    min_ = e.min;
+    max_ = e.max;
+    sum_ = (static_cast<Sum>(e.sum_high) << 64) | static_cast<Sum>(e.sum_low);
+  }
+
   [[nodiscard]] static constexpr std::size_t bucket_of(std::int64_t ns) noexcept {
     const std::int64_t bounded = ns < 0 ? 0 : (ns >= kLimit ? kLimit - 1 : ns);
     const auto v = static_cast<std::uint64_t>(bounded);
@@ -105,5 +134,27 @@ inline std::int64_t Histogram::at_rank(std::uint64_t rank) const noexcept {
   const std::int64_t edge = lower_edge(i + 1) - 1;
   return edge > max_ ? max_ : (edge < min_ ? min_ : edge);
 }
+
+// Times of either sign: two histograms, for one knows no negative times. `below` holds the sizes of
+// the negative ones.
+struct SignedHistogram {
+  Histogram above, below;
+
+  void record(std::int64_t ns) noexcept { (ns >= 0 ? above : below).record(ns >= 0 ? ns : -ns); }
+  void merge(const SignedHistogram& other) noexcept {
+    above.merge(other.above);
+    below.merge(other.below);
+  }
+  [[nodiscard]] std::uint64_t count() const noexcept { return above.count() + below.count(); }
+  // The quantile (rt/quantile.hpp) within a bucket (1.6 %); 0 when empty.
+  [[nodiscard]] std::int64_t quantile(double q) const noexcept {
+    const std::uint64_t low = below.count(), rank = quantile_rank(q, count());
+    // In order: first the negative ones, largest first.
+    return rank <= low ? -below.at_rank(low - rank + 1) : above.at_rank(rank - low);
+  }
+  [[nodiscard]] std::int64_t least() const noexcept {
+    return below.empty() ? above.min() : -below.max();
+  }
+};
 
 }  // namespace rt

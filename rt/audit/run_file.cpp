@@ -19,6 +19,7 @@ std::string run_header_lines(const RunLog& header) {
       out << ' ' << t.spec.budget_of(level).count();
     out << '\n';
   }
+  if (header.epoch_ns != 0) out << "epoch " << header.epoch_ns << '\n';
   for (std::string note : header.not_realtime) {
     std::replace(note.begin(), note.end(), '\n', ' ');
     out << "note " << note << '\n';
@@ -64,6 +65,7 @@ bool parse_run_header_line(const std::string& line, RunLog& log) {
     log.not_realtime.push_back(line.size() > 5 ? line.substr(5) : std::string{});
     return true;
   }
+  if (word == "epoch") return static_cast<bool>(in >> log.epoch_ns) && log.epoch_ns > 0;
   if (word != "task") return false;
   TaskLog t;
   int box = 0, task_class = 0, policy = 0;

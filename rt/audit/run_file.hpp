@@ -5,6 +5,7 @@
 //   teletact-run 3 <sizeof JobRecord> <sizeof SentinelRecord>
 //   task <id> <name> <box> <class> <num> <den> <deadline ns> <policy> <core> <priority> <level>
 //        <work min> <work max> <budget ns of level 0> <level 1> ...
+//   epoch <ns>         of the box's clock; absent where it is not known
 //   note <text>        anything the reader should be told, e.g. what made the run not real-time
 // A run that reached its end closes with a trailer:  'T' RunFileTotals, one a task
 //                                                    'D' uint64_t, records lost because a ring was full

@@ -11,6 +11,7 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
+#include <cstddef>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -26,6 +27,10 @@ constexpr std::uint64_t kMagic = 0x7465'6c65'7461'6374ULL;  // "teletact"
 constexpr std::uint32_t kVersion = 1;
 constexpr std::size_t kSlots = 512;
 constexpr mode_t kMode = 0666;  // every user of the host: registry.hpp
+// The longest that a row may speak of: sums and products of a few of them do not overflow.
+constexpr std::int64_t kMostNanos = 1'000'000'000'000;
+// Who holds the lock works for milliseconds.
+constexpr int kLockLimit_ms = 5000;
 
 std::string system_error(const std::string& what) { return what + ": " + std::strerror(errno); }
 
@@ -129,6 +134,8 @@ std::string malformed(const RegistryEntry& e) {
     return who + "C and D must be positive";
   }
   if (e.J.count() < 0 || e.B.count() < 0) return who + "J or B is negative";
+  for (const Nanos t : {e.C, e.T, e.D, e.J, e.B})
+    if (t.count() > kMostNanos) return who + "times are at most 1000 s";
   return {};
 }
 
@@ -159,111 +166,170 @@ std::uint64_t next_owner() noexcept {
 }  // namespace
 
 // A slot is free while pid is 0. pid is written last and cleared first.
+struct Registry::Slot {
+  std::int32_t pid, cpu, priority, unused;
+  std::uint64_t start, owner;
+  std::int64_t C, T, D, J, B;
+  std::array<char, 48> task;
+};
 struct Registry::Table {
-  struct Slot {
-    std::atomic<std::int32_t> pid;
-    std::int32_t cpu, priority, unused;
-    std::uint64_t start, owner;
-    std::int64_t C, T, D, J, B;
-    std::array<char, 48> task;
-  };
-  std::atomic<std::uint64_t> magic;
+  std::uint64_t magic;
   std::uint32_t version, slot_size;
   std::array<Slot, kSlots> slots;
+};
+
+namespace {
+
+// Of the file nothing is believed: whoever may write it may have written anything.
+RegistryEntry entry_of(const std::int64_t (&times)[5], const std::array<char, 48>& task) {
+  RegistryEntry e;
+  e.task.assign(task.data(), ::strnlen(task.data(), task.size()));
+  for (char& c : e.task) c = c >= 0x20 && c < 0x7f ? c : '?';
+  e.C = Nanos{times[0]};
+  e.T = Nanos{times[1]};
+  e.D = Nanos{times[2]};
+  e.J = Nanos{times[3]};
+  e.B = Nanos{times[4]};
+  return e;
+}
+
+}  // namespace
+
+// The file, copied in while the lock is held. Reads and writes instead of a mapping: a file that
+// somebody cuts short is an error then, and no SIGBUS in a program that drives a robot.
+class Registry::Session {
+ public:
+  Session(int fd, const std::string& name) : fd_(fd), path_("/dev/shm/" + name) { lock(); }
+  ~Session() {
+    ::flock(lock_fd(), LOCK_UN);
+    if (own_ >= 0) ::close(own_);
+  }
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+
+  // Empty: the table is there. A new file is made one.
+  [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
 
   void clear_dead() {
-    for (Slot& s : slots) {
-      const int pid = s.pid.load(std::memory_order_acquire);
-      if (pid == 0) continue;
-      const ProcessState p = process_state(pid);
-      if (!p.alive || (p.start != 0 && s.start != 0 && p.start != s.start)) {
-        s.pid.store(0, std::memory_order_release);
-      }
+    for (std::size_t i = 0; i < kSlots; ++i) {
+      const Slot& s = table_.slots[i];
+      if (s.pid == 0) continue;
+      const ProcessState p = process_state(s.pid);
+      if (!p.alive || (p.start != 0 && s.start != 0 && p.start != s.start)) set_pid(i, 0);
     }
   }
+  // Without those that make no sense: no program of ours has written them.
   [[nodiscard]] std::vector<RegistryEntry> rows(int skip_pid, std::uint64_t skip_owner) const {
     std::vector<RegistryEntry> out;
-    for (const Slot& s : slots) {
-      const int pid = s.pid.load(std::memory_order_acquire);
-      if (pid == 0 || (pid == skip_pid && s.owner == skip_owner)) continue;
-      RegistryEntry e;
-      e.pid = pid;
-      e.task.assign(s.task.data(), ::strnlen(s.task.data(), s.task.size()));
+    for (const Slot& s : table_.slots) {
+      if (s.pid == 0 || (s.pid == skip_pid && s.owner == skip_owner)) continue;
+      RegistryEntry e = entry_of({s.C, s.T, s.D, s.J, s.B}, s.task);
+      e.pid = s.pid;
       e.cpu = s.cpu;
       e.priority = s.priority;
-      e.C = Nanos{s.C};
-      e.T = Nanos{s.T};
-      e.D = Nanos{s.D};
-      e.J = Nanos{s.J};
-      e.B = Nanos{s.B};
-      out.push_back(e);
+      if (malformed(e).empty()) out.push_back(e);
     }
     return out;
   }
-  void remove(int pid, std::uint64_t owner) noexcept {
-    for (Slot& s : slots) {
-      if (s.pid.load(std::memory_order_acquire) == pid && s.owner == owner) {
-        s.pid.store(0, std::memory_order_release);
-      }
-    }
+  void remove(int pid, std::uint64_t owner) {
+    for (std::size_t i = 0; i < kSlots; ++i)
+      if (table_.slots[i].pid == pid && table_.slots[i].owner == owner) set_pid(i, 0);
   }
-  [[nodiscard]] std::size_t free_slots() const noexcept {
-    std::size_t n = 0;
-    for (const Slot& s : slots) n += s.pid.load(std::memory_order_acquire) == 0 ? 1U : 0U;
-    return n;
+  [[nodiscard]] std::size_t free_slots(int pid, std::uint64_t owner) const {
+    return static_cast<std::size_t>(std::count_if(
+        table_.slots.begin(), table_.slots.end(),
+        [&](const Slot& s) { return s.pid == 0 || (s.pid == pid && s.owner == owner); }));
   }
-  void add(const RegistryEntry& e, int pid, std::uint64_t start, std::uint64_t owner) noexcept {
-    for (Slot& s : slots) {
-      if (s.pid.load(std::memory_order_acquire) != 0) continue;
-      s.cpu = e.cpu;
-      s.priority = e.priority;
-      s.start = start;
-      s.owner = owner;
-      s.C = e.C.count();
-      s.T = e.T.count();
-      s.D = e.D.count();
-      s.J = e.J.count();
-      s.B = e.B.count();
-      s.task.fill('\0');
-      std::memcpy(s.task.data(), e.task.data(), std::min(e.task.size(), s.task.size() - 1));
-      s.pid.store(pid, std::memory_order_release);
-      return;
-    }
+  void add(const RegistryEntry& e, int pid, std::uint64_t start, std::uint64_t owner) {
+    const auto free = std::find_if(table_.slots.begin(), table_.slots.end(),
+                                   [](const Slot& s) { return s.pid == 0; });
+    if (free == table_.slots.end()) return;
+    *free = {0,           e.cpu,       e.priority,  0,           start,       owner,
+             e.C.count(), e.T.count(), e.D.count(), e.J.count(), e.B.count(), {}};
+    std::memcpy(free->task.data(), e.task.data(), std::min(e.task.size(), free->task.size() - 1));
+    const auto i = static_cast<std::size_t>(free - table_.slots.begin());
+    write(&table_.slots[i], sizeof(Slot), place_of(i));
+    set_pid(i, pid);
   }
-};
-
-// flock on a file description of its own: two threads, or a parent and its forked child, that share
-// one Registry's descriptor would otherwise both hold "the" lock.
-class Registry::Lock {
- public:
-  explicit Lock(int fd) noexcept {
-    const std::string path = "/proc/self/fd/" + std::to_string(fd);
-    own_ = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
-    while (::flock(own_ >= 0 ? own_ : fd, LOCK_EX) != 0 && errno == EINTR) {
-    }
-    fd_ = own_ >= 0 ? own_ : fd;
-  }
-  ~Lock() {
-    ::flock(fd_, LOCK_UN);
-    if (own_ >= 0) ::close(own_);
-  }
-  Lock(const Lock&) = delete;
-  Lock& operator=(const Lock&) = delete;
 
  private:
-  int own_ = -1, fd_ = -1;
+  [[nodiscard]] int lock_fd() const noexcept { return own_ >= 0 ? own_ : fd_; }
+  [[nodiscard]] static std::size_t place_of(std::size_t i) noexcept {
+    return offsetof(Table, slots) + i * sizeof(Slot);
+  }
+  void set_pid(std::size_t i, std::int32_t pid) {
+    table_.slots[i].pid = pid;
+    write(&table_.slots[i].pid, sizeof pid, place_of(i) + offsetof(Slot, pid));
+  }
+  void write(const void* from, std::size_t n, std::size_t at) {
+    if (::pwrite(fd_, from, n, static_cast<off_t>(at)) != static_cast<ssize_t>(n))
+      problem_ = system_error("cannot write " + path_);
+  }
+
+  // flock on a file description of its own: two threads, or a parent and its forked child, that
+  // share one Registry's descriptor would otherwise both hold "the" lock.
+  void lock() {
+    const std::string path = "/proc/self/fd/" + std::to_string(fd_);
+    own_ = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
+    for (int i = 0; ::flock(lock_fd(), LOCK_EX | LOCK_NB) != 0; ++i) {
+      if (errno != EINTR && errno != EWOULDBLOCK) {
+        problem_ = system_error("cannot lock " + path_);
+        return;
+      }
+      if (i >= kLockLimit_ms) {
+        problem_ = path_ + " is locked by another process for " +
+                   std::to_string(kLockLimit_ms / 1000) + " s: end it (fuser " + path_ + ")";
+        return;
+      }
+      ::usleep(1000);
+    }
+    load();
+  }
+  void load() {
+    struct stat info {};
+    if (::fstat(fd_, &info) != 0) {
+      problem_ = system_error("cannot stat " + path_);
+      return;
+    }
+    if (info.st_size == 0 && ::ftruncate(fd_, static_cast<off_t>(sizeof(Table))) != 0) {
+      problem_ = system_error("cannot size " + path_);
+      return;
+    }
+    if (info.st_size != 0 && info.st_size != static_cast<off_t>(sizeof(Table))) {
+      problem_ = path_ + " has " + std::to_string(info.st_size) + " bytes, this version needs " +
+                 std::to_string(sizeof(Table)) +
+                 ": another version runs; stop it, or remove the file";
+      return;
+    }
+    if (::pread(fd_, &table_, sizeof table_, 0) != static_cast<ssize_t>(sizeof table_)) {
+      problem_ = path_ + " was cut short while it was read";
+      return;
+    }
+    // New, or its maker died before it wrote the magic: all slots are still zero, hence free.
+    if (table_.magic == 0) {
+      table_.version = kVersion;
+      table_.slot_size = sizeof(Slot);
+      write(&table_.version, sizeof table_.version, offsetof(Table, version));
+      write(&table_.slot_size, sizeof table_.slot_size, offsetof(Table, slot_size));
+      table_.magic = kMagic;
+      write(&table_.magic, sizeof table_.magic, 0);
+    }
+    if (table_.magic != kMagic || table_.version != kVersion || table_.slot_size != sizeof(Slot)) {
+      problem_ = path_ + " is not a task registry of version " + std::to_string(kVersion) +
+                 "; stop what uses it, or remove the file";
+    }
+  }
+
+  int fd_, own_ = -1;
+  std::string path_, problem_;
+  Table table_{};
 };
 
-Registry::Registry(int fd, Table* table, std::string name) noexcept
-    : fd_(fd),
-      table_(table),
-      name_(std::move(name)),
-      owner_(next_owner()),
-      owner_pid_(::getpid()) {}
+Registry::Registry(int fd, std::string name) noexcept
+    : fd_(fd), name_(std::move(name)), owner_(next_owner()), owner_pid_(::getpid()) {}
 
 Registry::Registry(Registry&& other) noexcept
     : fd_(std::exchange(other.fd_, -1)),
-      table_(std::exchange(other.table_, nullptr)),
       name_(std::move(other.name_)),
       owner_(other.owner_),
       owner_pid_(other.owner_pid_) {}
@@ -272,7 +338,6 @@ Registry& Registry::operator=(Registry&& other) noexcept {
   if (this == &other) return *this;
   close();
   fd_ = std::exchange(other.fd_, -1);
-  table_ = std::exchange(other.table_, nullptr);
   name_ = std::move(other.name_);
   owner_ = other.owner_;
   owner_pid_ = other.owner_pid_;
@@ -282,11 +347,9 @@ Registry& Registry::operator=(Registry&& other) noexcept {
 Registry::~Registry() { close(); }
 
 void Registry::close() noexcept {
-  if (table_ == nullptr) return;
+  if (fd_ < 0) return;
   unregister();
-  ::munmap(table_, sizeof(Table));
   ::close(fd_);
-  table_ = nullptr;
   fd_ = -1;
 }
 
@@ -297,44 +360,14 @@ Result<Registry> Registry::open(const std::string& name) {
   const std::string path = "/dev/shm/" + name;
   const int fd = open_or_make("/" + name);
   if (fd < 0) return Error{system_error("cannot open the task registry " + path)};
-  void* memory = MAP_FAILED;
   std::string problem;
   {
-    const Lock lock(fd);
-    struct stat info {};
-    if (::fstat(fd, &info) != 0) {
-      problem = system_error("cannot stat " + path);
-    } else if (info.st_size == 0 && ::ftruncate(fd, static_cast<off_t>(sizeof(Table))) != 0) {
-      problem = system_error("cannot size " + path);
-    } else if (info.st_size != 0 && info.st_size != static_cast<off_t>(sizeof(Table))) {
-      problem = path + " has " + std::to_string(info.st_size) + " bytes, this version needs " +
-                std::to_string(sizeof(Table)) +
-                ": another version runs; stop it, or remove the file";
-    } else {
-      memory = ::mmap(nullptr, sizeof(Table), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
-      if (memory == MAP_FAILED) problem = system_error("cannot map " + path);
-    }
-    if (memory != MAP_FAILED) {
-      auto* table = static_cast<Table*>(memory);
-      // New, or its maker died before it wrote the magic: all slots are still zero, hence free.
-      if (table->magic.load() == 0) {
-        table->version = kVersion;
-        table->slot_size = sizeof(Table::Slot);
-        table->magic.store(kMagic);
-      }
-      if (table->magic.load() != kMagic || table->version != kVersion ||
-          table->slot_size != sizeof(Table::Slot)) {
-        problem = path + " is not a task registry of version " + std::to_string(kVersion) +
-                  "; stop what uses it, or remove the file";
-        ::munmap(memory, sizeof(Table));
-      }
-    }
+    const Session session(fd, name);
+    problem = session.problem();
   }
-  if (!problem.empty()) {
-    ::close(fd);
-    return Error{problem};
-  }
-  return Registry(fd, static_cast<Table*>(memory), name);
+  if (problem.empty()) return Registry(fd, name);
+  ::close(fd);
+  return Error{problem};
 }
 
 Result<bool> Registry::try_register(std::span<const RegistryEntry> rows,
@@ -347,9 +380,10 @@ Result<bool> Registry::try_register(std::span<const RegistryEntry> rows,
     owner_pid_ = pid;
     owner_ = next_owner();
   }
-  const Lock lock(fd_);
-  table_->clear_dead();
-  const std::vector<RegistryEntry> others = table_->rows(pid, owner_);
+  Session session(fd_, name_);
+  if (!session.problem().empty()) return Error{session.problem()};
+  session.clear_dead();
+  const std::vector<RegistryEntry> others = session.rows(pid, owner_);
   std::vector<RegistryEntry> all = others;
   std::set<int> cpus;
   for (const RegistryEntry& e : rows) {
@@ -357,7 +391,7 @@ Result<bool> Registry::try_register(std::span<const RegistryEntry> rows,
     all.back().pid = pid;
     cpus.insert(e.cpu);
   }
-  if (all.size() > kSlots) {
+  if (session.free_slots(pid, owner_) < rows.size()) {
     return Error{"the task registry " + name_ + " is full (" + std::to_string(kSlots) + " rows)"};
   }
   for (const int cpu : cpus) {
@@ -365,21 +399,24 @@ Result<bool> Registry::try_register(std::span<const RegistryEntry> rows,
     if (!problem.empty()) return Error{"not registered: " + problem};
   }
   const std::uint64_t start = process_state(pid).start;
-  table_->remove(pid, owner_);
-  for (const RegistryEntry& e : rows) table_->add(e, pid, start, owner_);
+  session.remove(pid, owner_);
+  for (const RegistryEntry& e : rows) session.add(e, pid, start, owner_);
+  if (!session.problem().empty()) return Error{session.problem()};
   return true;
 }
 
 void Registry::unregister() noexcept {
-  if (table_ == nullptr || ::getpid() != owner_pid_) return;
-  const Lock lock(fd_);
-  table_->remove(owner_pid_, owner_);
+  if (fd_ < 0 || ::getpid() != owner_pid_) return;
+  // Where that fails the rows are cleared by the next one, when this process has ended.
+  Session session(fd_, name_);
+  if (session.problem().empty()) session.remove(owner_pid_, owner_);
 }
 
 std::vector<RegistryEntry> Registry::entries() {
-  const Lock lock(fd_);
-  table_->clear_dead();
-  return table_->rows(0, 0);
+  Session session(fd_, name_);
+  if (!session.problem().empty()) return {};
+  session.clear_dead();
+  return session.rows(0, 0);
 }
 
 void Registry::remove(const std::string& name) noexcept { ::shm_unlink(("/" + name).c_str()); }

@@ -9,9 +9,12 @@
 //
 // Every user of the host may read and write the table (mode 0666), since a core is shared by the
 // processes of all users. So the table is an agreement among cooperating programs, not a
-// protection: any local user can enter rows that keep others out, clear rows, hold the lock, or
-// truncate the file. Do not run real-time work on a host whose users are not trusted to that
-// extent.
+// protection. What a hostile or crashed local process can do with it: keep others from starting (by
+// rows of a living pid, by filling it, by removing or replacing the file, by holding the lock: an
+// error after 5 s), or make room that is not there (by clearing rows). What it can not do: harm a
+// program that runs, or crash or hang one that starts; the file is copied in and nothing in it is
+// believed, rows that make no sense are passed over. Do not run real-time work on a host whose
+// users are not trusted to that extent.
 #pragma once
 
 #include <cstdint>
@@ -75,13 +78,13 @@ class Registry {
   static void remove(const std::string& name) noexcept;
 
  private:
+  struct Slot;
   struct Table;
-  class Lock;
-  Registry(int fd, Table* table, std::string name) noexcept;
+  class Session;
+  Registry(int fd, std::string name) noexcept;
   void close() noexcept;
 
   int fd_ = -1;
-  Table* table_ = nullptr;
   std::string name_;
   std::uint64_t owner_ = 0;  // this object's mark on its rows
   int owner_pid_ = 0;        // a forked child must not remove its parent's rows

@@ -9,7 +9,7 @@
 namespace rt {
 
 namespace {
-constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
+constexpr std::int64_t kNoEvent = std::numeric_limits<std::int64_t>::max();
 }
 
 template <class Faults>
@@ -108,7 +108,8 @@ template <class Faults>
 void VirtualExecutor<Faults>::arm_next(State& s, Time arrival) {
   const auto& clock = plan_.clock[static_cast<std::size_t>(s.task.spec.box)];
   s.arrival = arrival;
-  s.next_release = clock.to_host(arrival) >= end_ ? kNever : std::max(now_, clock.to_host(arrival));
+  s.next_release =
+      clock.to_host(arrival) >= end_ ? kNoEvent : std::max(now_, clock.to_host(arrival));
   if constexpr (Faults::kEnabled) s.dead = s.dead || faults_.job(s.task.id, s.next_k).dead;
 }
 
@@ -121,14 +122,14 @@ void VirtualExecutor<Faults>::run(const RunPlan& plan) {
   stop_ = false;
   core_.assign(static_cast<std::size_t>(cores_), CoreState{});
   for (auto& s : owned_) {
-    s->next_release = s->next_span = kNever;
+    s->next_release = s->next_span = kNoEvent;
     if (s->parent != nullptr) continue;  // its parent forks it
     arm_next(*s, raw_arrival(*s, 0));
     arm_span(*s);
   }
   while (!stop_) {
     const std::int64_t t = next_event();
-    if (t == kNever || t > end_) break;
+    if (t == kNoEvent || t > end_) break;
     advance(t);
     complete_due();
     abort_due();
@@ -161,7 +162,7 @@ std::vector<TaskTotals> VirtualExecutor<Faults>::totals() const {
 // Theft and hogs belong to nominal releases, whether or not the job of that release is served.
 template <class Faults>
 void VirtualExecutor<Faults>::arm_span(State& s) {
-  s.next_span = kNever;
+  s.next_span = kNoEvent;
   if (!faults_.has_spans()) return;
   const auto& clock = plan_.clock[static_cast<std::size_t>(s.task.spec.box)];
   const std::int64_t host = clock.to_host(release_box(s, s.span_k));
@@ -199,7 +200,7 @@ typename VirtualExecutor<Faults>::State* VirtualExecutor<Faults>::running_on(int
 
 template <class Faults>
 std::int64_t VirtualExecutor<Faults>::next_event() noexcept {
-  std::int64_t t = kNever;
+  std::int64_t t = kNoEvent;
   for (auto& s : owned_) {
     if (s->parent != nullptr) continue;
     if (!s->pending) t = std::min(t, s->next_release);
@@ -220,7 +221,7 @@ std::int64_t VirtualExecutor<Faults>::next_event() noexcept {
     }
   }
   for (const auto* actor : actors_) t = std::min(t, std::max(now_, actor->next_host_ns()));
-  if (t != kNever) t = std::min(t, std::max(now_, next_boundary_));
+  if (t != kNoEvent) t = std::min(t, std::max(now_, next_boundary_));
   return t;
 }
 

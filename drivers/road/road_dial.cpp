@@ -1,0 +1,90 @@
+// Who dials: the control connection, its token, the bulk connection; again after a while.
+#include <algorithm>
+#include <boost/asio/connect.hpp>
+
+#include "drivers/road/road_impl.hpp"
+#include "drivers/road/road_socket.hpp"
+#include "rt/clock/box_time.hpp"
+
+namespace drivers {
+
+namespace asio = boost::asio;
+
+void Road::Impl::dial_if_due(std::int64_t now_ns) {
+  if (dialling_ && now_ns > dial_until_ns_) return dial_failed("no answer in time");
+  if (dialling_ || up || now_ns < next_dial_ns_) return;
+  dialling_ = true;
+  dial_until_ns_ = now_ns + options.handshake_limit.count();
+  dial(false);
+}
+
+void Road::Impl::dial(bool for_bulk) {
+  Code code;
+  const auto address = asio::ip::make_address(options.address, code);
+  if (!code) {
+    const Tcp::endpoint endpoint(address, static_cast<std::uint16_t>(options.port));
+    return resolved(Tcp::resolver::results_type::create(endpoint, "", ""), for_bulk);
+  }
+  resolver_.async_resolve(
+      options.address, std::to_string(options.port),
+      [this, for_bulk](const Code& failed, const Tcp::resolver::results_type& found) {
+        if (failed == asio::error::operation_aborted || !dialling_) return;
+        if (failed) return dial_failed(options.address + ": " + failed.message());
+        resolved(found, for_bulk);
+      });
+}
+
+void Road::Impl::resolved(const Tcp::resolver::results_type& found, bool for_bulk) {
+  // Held by the handler, so that a late one meets its own socket and not the next one's.
+  auto socket = std::make_shared<Tcp::socket>(io_);
+  trying_ = socket;
+  asio::async_connect(*socket, found,
+                      [this, socket, for_bulk](const Code& code, const Tcp::endpoint& to) {
+                        if (trying_ != socket || !dialling_) return;
+                        trying_.reset();
+                        if (code) return dial_failed(code.message());
+                        if (!context_) return dial_failed("TLS can not be set up");
+                        set_up_road_socket(socket->native_handle(), for_bulk, pace.pacing_rate());
+                        auto c = std::make_shared<RoadConnection>(
+                            std::move(*socket), *context_, *trust, *this, to.address().to_string());
+                        (for_bulk ? bulk : control) = c;
+                        c->shake_hands(true);
+                      });
+}
+
+bool Road::Impl::answered(RoadConnection& c, RoadKind kind, std::span<const std::uint8_t> body) {
+  std::string words;
+  if (kind == RoadKind::kRefusal && read_refusal(body, words)) {
+    dial_failed("the other side refused: " + words);
+    return true;
+  }
+  RoadToken token{};
+  if (kind != RoadKind::kWelcome || !read_welcome(body, token)) return false;
+  if (&c == control.get() && !bulk && !trying_) {
+    token_ = token;
+    // What the other end says first may come before the second connection stands here.
+    c.pause();
+    dial(true);
+    return true;
+  }
+  if (&c != bulk.get()) return false;
+  session_up();
+  return true;
+}
+
+void Road::Impl::dial_failed(const std::string& why) {
+  ++counts.failed;
+  dialling_ = false;
+  last_end = options.address + ":" + std::to_string(options.port) + ": " + why;
+  resolver_.cancel();
+  if (trying_) {
+    Code ignored;
+    trying_->close(ignored);
+    trying_.reset();
+  }
+  drop_connections(false);
+  next_dial_ns_ = rt::monotonic_ns() + backoff_.count();
+  backoff_ = std::min(2 * backoff_, options.redial_most);
+}
+
+}  // namespace drivers

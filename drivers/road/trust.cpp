@@ -1,0 +1,215 @@
+#include "drivers/road/trust.hpp"
+
+#include <openssl/err.h>
+#include <openssl/ssl.h>
+
+#include <algorithm>
+#include <cstring>
+#include <ctime>
+
+namespace drivers {
+
+namespace {
+
+#ifndef TELETACT_BUILD_DAY
+#define TELETACT_BUILD_DAY 20000
+#endif
+constexpr std::int64_t kDay_s = 86400, kBuilt_s = TELETACT_BUILD_DAY * kDay_s;
+constexpr std::int64_t kNearEnd_s = 14 * kDay_s;
+// Chunks that hold up another connection's bytes for 8 ms at most on 10 Mbit/s.
+constexpr long kFragment = 8192;
+
+bool same_file(const struct stat& a, const struct stat& b) noexcept {
+  return a.st_ino == b.st_ino && a.st_dev == b.st_dev && a.st_size == b.st_size &&
+         a.st_mtim.tv_sec == b.st_mtim.tv_sec && a.st_mtim.tv_nsec == b.st_mtim.tv_nsec;
+}
+
+}  // namespace
+
+rt::Result<std::unique_ptr<RoadTrust>> RoadTrust::load(const RoadOptions& options) {
+  std::unique_ptr<RoadTrust> t(new RoadTrust);
+  t->folder_ = options.keys;
+  t->expected_ = options.expected_peer;
+  t->role_ = options.role;
+  t->wall_s_ = options.wall_clock_s ? options.wall_clock_s
+                                    : [] { return static_cast<std::int64_t>(std::time(nullptr)); };
+  auto ca = read_certificate(t->folder_ + "/ca.crt");
+  if (!ca) return rt::Error{ca.error()};
+  t->ca_ = std::move(ca).value();
+  auto own = read_certificate(t->folder_ + "/box.crt");
+  if (!own) return rt::Error{own.error()};
+  t->own_ = std::move(own).value();
+  auto key = read_key(t->folder_ + "/box.key");
+  if (!key) return rt::Error{key.error()};
+  t->key_ = std::move(key).value();
+  const std::string list = t->folder_ + "/ca.crl";
+  ::stat(list.c_str(), &t->seen_);
+  auto revoked = read_revoked(list, *t->ca_);
+  if (!revoked) return rt::Error{revoked.error()};
+  t->list_ = std::move(revoked).value();
+  const auto self = read_peer(*t->own_);
+  if (!self) return rt::Error{t->folder_ + "/box.crt: " + self.error()};
+  t->self_ = self.value();
+  t->earliest_s_ = std::max({kBuilt_s, seconds_of(X509_get0_notBefore(t->own_.get())),
+                             seconds_of(X509_CRL_get0_lastUpdate(t->list_.get()))});
+  if (const std::string problem = t->check_self(); !problem.empty()) {
+    return rt::Error{t->folder_ + "/box.crt: " + problem};
+  }
+  return t;
+}
+
+std::string RoadTrust::check_self() const {
+  ERR_clear_error();
+  if (X509_check_private_key(own_.get(), key_.get()) != 1)
+    return "box.key is not the key of this certificate";
+  if (X509_verify(own_.get(), X509_get0_pubkey(ca_.get())) != 1)
+    return "not signed by the CA of ca.crt";
+  if (self_.role != role_) {
+    return std::string("it is the certificate of a") +
+           (self_.role == rt::Box::kOperator ? "n operator" : " robot") + ", this box is the " +
+           role_name(role_);
+  }
+  if (self_.valid_until_s < judged_at_s()) {
+    return "expired on " + day_of(self_.valid_until_s) + " (it is taken to be " +
+           day_of(judged_at_s()) + "): teletact keys renew";
+  }
+  if (is_revoked(*list_, *own_)) return "revoked: teletact keys issue makes another one";
+  return {};
+}
+
+std::int64_t RoadTrust::judged_at_s() const { return std::max(wall_s_(), earliest_s_); }
+
+std::string RoadTrust::note() const {
+  if (!list_problem_.empty()) return list_problem_;
+  if (wall_s_() < earliest_s_) {
+    return "this box's clock says " + day_of(wall_s_()) + ", which is before " +
+           day_of(earliest_s_) + ": certificates are judged as of " + day_of(earliest_s_);
+  }
+  if (self_.valid_until_s - judged_at_s() < kNearEnd_s) {
+    return "this box's certificate expires on " + day_of(self_.valid_until_s) +
+           ": teletact keys renew " + self_.name;
+  }
+  return {};
+}
+
+ssl_ctx_st* RoadTrust::make_context() const {
+  SSL_CTX* c = SSL_CTX_new(TLS_method());
+  if (c == nullptr) return nullptr;
+  X509_STORE* store = SSL_CTX_get_cert_store(c);
+  bool ok = SSL_CTX_set_min_proto_version(c, TLS1_3_VERSION) == 1;
+  ok = ok && SSL_CTX_set_max_proto_version(c, TLS1_3_VERSION) == 1;
+  ok = ok && SSL_CTX_use_certificate(c, own_.get()) == 1;
+  ok = ok && SSL_CTX_use_PrivateKey(c, key_.get()) == 1;
+  ok = ok && X509_STORE_add_cert(store, ca_.get()) == 1;
+  ok = ok && X509_STORE_add_crl(store, list_.get()) == 1;
+  ok = ok && X509_STORE_set_flags(store, X509_V_FLAG_CRL_CHECK | X509_V_FLAG_X509_STRICT) == 1;
+  ok = ok && SSL_CTX_set1_groups_list(c, "X25519:P-256") == 1;
+  ok = ok && SSL_CTX_set_num_tickets(c, 0) == 1;
+  ok = ok && SSL_CTX_set_max_send_fragment(c, kFragment) == 1;
+  SSL_CTX_set_options(c, SSL_OP_NO_TICKET | SSL_OP_NO_RENEGOTIATION);
+  SSL_CTX_set_session_cache_mode(c, SSL_SESS_CACHE_OFF);
+  SSL_CTX_set_mode(c, SSL_MODE_RELEASE_BUFFERS);
+  SSL_CTX_set_verify_depth(c, 0);  // no CA between this one and a box
+  // Also where a connection should forget to ask for it.
+  SSL_CTX_set_verify(c, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, nullptr);
+  if (ok) return c;
+  SSL_CTX_free(c);
+  return nullptr;
+}
+
+std::string RoadTrust::text_of(int error, X509* certificate) const {
+  const std::string taken = " (it is taken to be " + day_of(judged_at_s()) + ")";
+  switch (error) {
+    case X509_V_ERR_CERT_HAS_EXPIRED:
+      return "its certificate expired on " + day_of(seconds_of(X509_get0_notAfter(certificate))) +
+             taken;
+    case X509_V_ERR_CERT_NOT_YET_VALID:
+      return "its certificate is not valid before " +
+             day_of(seconds_of(X509_get0_notBefore(certificate))) + taken;
+    case X509_V_ERR_CERT_REVOKED:
+      return "its certificate " + serial_of(*certificate) + " is revoked";
+    case X509_V_ERR_DEPTH_ZERO_SELF_SIGNED_CERT:
+    case X509_V_ERR_SELF_SIGNED_CERT_IN_CHAIN:
+      return "its certificate is signed by itself, not by this lab's CA";
+    case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT:
+    case X509_V_ERR_UNABLE_TO_GET_ISSUER_CERT_LOCALLY:
+    case X509_V_ERR_UNABLE_TO_VERIFY_LEAF_SIGNATURE:
+    case X509_V_ERR_CERT_SIGNATURE_FAILURE:
+    case X509_V_ERR_CERT_CHAIN_TOO_LONG:
+      return "its certificate is not signed by this lab's CA";
+    default:
+      return std::string("its certificate is no good: ") + X509_verify_cert_error_string(error);
+  }
+}
+
+std::string RoadTrust::judge_box(x509_store_ctx_st* chain, RoadPeer& peer) const {
+  X509* certificate = X509_STORE_CTX_get_current_cert(chain);
+  const auto said = read_peer(*certificate);
+  if (!said) return said.error();
+  const RoadPeer& p = said.value();
+  if (p.role == role_) {
+    return std::string("its certificate is of the role ") + role_name(p.role) +
+           ", and so is this box";
+  }
+  const bool by_key = expected_.starts_with("sha256:");
+  if (!expected_.empty() && expected_ != (by_key ? "sha256:" + p.key_sha256 : p.name)) {
+    return "it is '" + p.name + "' (sha256:" + p.key_sha256 + "), expected is " + expected_;
+  }
+  // A list that is newer than the context of this handshake counts too.
+  if (is_revoked(*list_, *certificate)) return text_of(X509_V_ERR_CERT_REVOKED, certificate);
+  peer = p;
+  return {};
+}
+
+bool RoadTrust::judge(bool good_so_far, x509_store_ctx_st* chain, RoadPeer& peer,
+                      std::string& why) const {
+  const int depth = X509_STORE_CTX_get_error_depth(chain);
+  if (!good_so_far) {
+    why = text_of(X509_STORE_CTX_get_error(chain), X509_STORE_CTX_get_current_cert(chain));
+    if (depth > 0) why = "its CA: " + why;
+    return false;
+  }
+  if (depth > 0) return true;
+  why = judge_box(chain, peer);
+  if (why.empty()) return true;
+  X509_STORE_CTX_set_error(chain, X509_V_ERR_APPLICATION_VERIFICATION);
+  return false;
+}
+
+bool RoadTrust::revoked(const std::string& serial) const {
+  BIGNUM* number = nullptr;
+  if (BN_hex2bn(&number, serial.c_str()) == 0) return false;
+  ASN1_INTEGER* as_integer = BN_to_ASN1_INTEGER(number, nullptr);
+  X509_REVOKED* row = nullptr;
+  const bool found = X509_CRL_get0_by_serial(list_.get(), &row, as_integer) == 1;
+  ASN1_INTEGER_free(as_integer);
+  BN_free(number);
+  return found;
+}
+
+bool RoadTrust::refresh() {
+  const std::string path = folder_ + "/ca.crl";
+  struct stat now {};
+  if (::stat(path.c_str(), &now) != 0) {
+    list_problem_ = path + ": is gone; the list of before stays in use";
+    seen_ = {};
+    return false;
+  }
+  if (same_file(now, seen_)) return false;
+  seen_ = now;
+  auto read = read_revoked(path, *ca_);
+  if (!read) {
+    list_problem_ = read.error() + "; the list of before stays in use";
+    return false;
+  }
+  if (revoked_number(*read.value()) < revoked_number(*list_)) {
+    list_problem_ = path + ": older than the list in use, which stays";
+    return false;
+  }
+  list_problem_.clear();
+  list_ = std::move(read).value();
+  earliest_s_ = std::max(earliest_s_, seconds_of(X509_CRL_get0_lastUpdate(list_.get())));
+  return true;
+}
+
+}  // namespace drivers
