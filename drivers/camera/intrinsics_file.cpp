@@ -8,7 +8,6 @@
 namespace drivers {
 
 using perception::RgbdFrame;
-using Tokens = std::vector<std::string>;
 
 rt::Result<DepthIntrinsics> read_intrinsics(const std::string& path) {
   DepthIntrinsics out;

@@ -12,8 +12,6 @@
 namespace drivers {
 namespace {
 
-using Tokens = std::vector<std::string>;
-
 // Stamp at the place of the line, above the one before.
 rt::Result<double> rising_stamp(const std::string& list, int n, const std::string& name,
                                 const std::string& token, const double* before) {

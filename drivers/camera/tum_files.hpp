@@ -13,11 +13,13 @@
 
 namespace drivers {
 
+// Of one line: what stands between its spaces.
+using Tokens = std::vector<std::string>;
+
 // Calls `line(number, tokens)` for each line that is neither empty nor a '#' comment, until one
 // returns an error.
 [[nodiscard]] rt::Result<bool> for_each_line(
-    const std::string& path,
-    const std::function<rt::Result<bool>(int, const std::vector<std::string>&)>& line);
+    const std::string& path, const std::function<rt::Result<bool>(int, const Tokens&)>& line);
 
 // A finite number, and nothing behind it.
 [[nodiscard]] rt::Result<double> parse_number(const std::string& path, int line,

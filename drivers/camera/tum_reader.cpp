@@ -20,8 +20,6 @@ using perception::Vec3;
 
 namespace {
 
-using Tokens = std::vector<std::string>;
-
 constexpr int kKinectWidth = 512, kKinectHeight = 424;
 constexpr int kSourceWidth = 640, kSourceHeight = 480;
 constexpr double kScale = static_cast<double>(kKinectHeight) / kSourceHeight;

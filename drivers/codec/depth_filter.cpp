@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdlib>
 
-#include "drivers/codec/depth_lattice.hpp"
+#include "drivers/codec/depth_filter_rules.hpp"
 
 namespace drivers::codec {
 
@@ -18,7 +18,12 @@ constexpr int kMostAge = 64;
 constexpr unsigned kYoungPeriod = 3, kOldPeriod = 4;
 
 constexpr int kMostDebt = 2047;
-constexpr int kSpread = 8 * kPointsPerSigma * 4 / 5;  // of a pixel not known yet: sigma's
+// A pixel not known yet deviates as far up and down as sigma's does.
+constexpr int kDeviation = (kPointsPerSigma << kFraction) * 2 / 5;
+
+// How fast the mean deviations follow: a 16th.
+// chosen on: teletact bench codec seed 1; judged on: seeds 2, 3, 21 to 24
+constexpr int kFollow = 4;
 
 constexpr std::array<std::int32_t, kMostAge + 1> kShare = [] {
   std::array<std::int32_t, kMostAge + 1> t{};
@@ -37,46 +42,46 @@ unsigned turn(int bx, int by) noexcept {
 
 }  // namespace
 
+void DepthFilter::Pixel::spread_by(int off) noexcept {
+  const int up = std::max(off, 0) << kFraction, down = std::max(-off, 0) << kFraction;
+  above = static_cast<std::uint16_t>(above + ((up - above) >> kFollow));
+  below = static_cast<std::uint16_t>(below + ((down - below) >> kFollow));
+}
+
 DepthFilter::DepthFilter(const StripeShape& most)
-    : mean_(static_cast<std::size_t>(most.width * most.rows)),
-      debt_(mean_.size()),
-      age_(mean_.size()),
-      spread_(mean_.size()),
-      target_(mean_.size()),
-      due_(mean_.size()) {}
+    : pixels_(static_cast<std::size_t>(most.width * most.rows)),
+      target_(pixels_.size()),
+      due_(pixels_.size()) {}
 
-void DepthFilter::forget() noexcept { std::fill(age_.begin(), age_.end(), std::uint8_t{0}); }
-
-DepthFilter::Goal DepthFilter::judge(std::size_t i, int x, int y, unsigned now,
+DepthFilter::Goal DepthFilter::judge(Pixel& p, int x, int y, unsigned now,
                                      const FilterDemand& demand) noexcept {
   const bool quiet = demand.mode == DepthMode::kQuiet;
-  const int bound = quiet ? demand.slope_bound[x / kBoundCell] : demand.bound;
-  const int most = demand.slope_bound[x / kBoundCell] - kPointsPerSigma;
-  const int off = std::abs(x - (mean_[i] >> kFraction));
-  const bool fresh = age_[i] == 0;
-  if (fresh && y == 0) spread_[i] = kSpread;
-  const int gate = std::clamp(spread_[i] * 21 >> 5, demand.least_gate, most);
-  if (fresh || off > gate) {
-    mean_[i] = x << kFraction;
-    debt_[i] = 0;
-    age_[i] = 1;
+  const int most = demand.quiet_bound[x / kBoundCell];
+  const int off = x - (p.mean >> kFraction);
+  if (p.age == 0 && y == 0) p.above = p.below = kDeviation;
+  const int own =
+      FilterRules::spread(p.above, p.below) * FilterRules::kGateQuarters >> (kFraction + 2);
+  const int gate = std::min(std::max(own, demand.least_gate), most);
+  if (p.age == 0 || std::abs(off) > gate) {
+    p.mean = x << kFraction;
+    p.debt = 0;
+    p.age = 1;
     return {x, true, true};
   }
-  // Only of what passes the gate: a pixel that flips between two surfaces must not widen it.
-  spread_[i] =
-      static_cast<std::uint8_t>(std::min(spread_[i] + (((off << 3) - spread_[i]) >> 3), 255));
-  const int age = std::min(age_[i] + 1, kMostAge);
-  age_[i] = static_cast<std::uint8_t>(age);
-  const std::int64_t towards = (x << kFraction) - mean_[i];
-  mean_[i] += static_cast<int>((towards * kShare[static_cast<std::size_t>(age)]) >> 16);
-  const int mean = (mean_[i] + (1 << (kFraction - 1))) >> kFraction;
+  const int bound = quiet ? FilterRules::stays_within(p.age, gate, most) : demand.bound;
+  p.spread_by(off);
+  const int age = std::min(p.age + 1, kMostAge);
+  p.age = static_cast<std::uint8_t>(age);
+  const std::int64_t towards = (x << kFraction) - p.mean;
+  p.mean += static_cast<int>((towards * kShare[static_cast<std::size_t>(age)]) >> 16);
+  const int mean = (p.mean + (1 << (kFraction - 1))) >> kFraction;
   const unsigned log2 = period_log2(age);
   const bool turn_now = quiet && (now & ((1U << log2) - 1)) == 0;
   const bool stays = y != 0 && std::abs(x - y) <= bound;
   const int within = std::max(0, bound - demand.step / 2);
   const auto near = [&](int goal) { return std::max(1, std::clamp(goal, x - within, x + within)); };
   if (stays && !turn_now) return {near(y), false, false};
-  const int owed = quiet ? (debt_[i] + x - mean + (1 << log2 >> 1)) >> log2 : 0;
+  const int owed = quiet ? (p.debt + x - mean + (1 << log2 >> 1)) >> log2 : 0;
   // What is less than five eighths of a step can wait: the debt keeps it.
   if (quiet && stays && 8 * std::abs(mean + owed - y) < 5 * demand.step)
     return {near(y), false, false};
@@ -87,13 +92,17 @@ std::uint32_t DepthFilter::plan(const StripeShape& shape, const FilterDemand& de
                                 const std::uint16_t* reading,
                                 const std::uint16_t* points) noexcept {
   const bool still = demand.mode == DepthMode::kFaithful || demand.mode == DepthMode::kQuiet;
-  const auto n = static_cast<std::size_t>(shape.width * shape.rows);
   if (!still) {
-    std::copy_n(reading, n, target_.data());
-    std::fill_n(due_.data(), n, std::uint8_t{1});
-    std::fill_n(age_.data(), n, std::uint8_t{0});
+    if (remembers_) {
+      for (Pixel& p : pixels_) p.age = 0;
+      std::fill(due_.begin(), due_.end(), std::uint8_t{1});
+    }
+    remembers_ = false;
+    wanted_ = reading;
     return 0;
   }
+  remembers_ = true;
+  wanted_ = target_.data();
   std::uint32_t restless = 0;
   for (int row = 0; row < shape.rows; ++row) {
     for (int bx = 0; bx < shape.blocks_wide(); ++bx) {
@@ -102,12 +111,12 @@ std::uint32_t DepthFilter::plan(const StripeShape& shape, const FilterDemand& de
       for (std::size_t i = first; i < first + kBlock; ++i) {
         if (reading[i] == 0) {
           restless += points[i] != 0 ? 1 : 0;
-          age_[i] = 0;
+          pixels_[i].age = 0;
           target_[i] = 0;
           due_[i] = 0;
           continue;
         }
-        const Goal goal = judge(i, reading[i], points[i], now, demand);
+        const Goal goal = judge(pixels_[i], reading[i], points[i], now, demand);
         restless += goal.restless ? 1 : 0;
         target_[i] = static_cast<std::uint16_t>(goal.target);
         due_[i] = goal.due ? 1 : 0;
@@ -122,8 +131,8 @@ void DepthFilter::settle(const StripeShape& shape, const FilterDemand& demand,
   if (demand.mode != DepthMode::kQuiet) return;
   const auto n = static_cast<std::size_t>(shape.width * shape.rows);
   for (std::size_t i = 0; i < n; ++i) {
-    const int debt = debt_[i] + reading[i] - points[i];
-    debt_[i] = static_cast<std::int16_t>(std::clamp(debt, -kMostDebt, kMostDebt));
+    const int debt = pixels_[i].debt + reading[i] - points[i];
+    pixels_[i].debt = static_cast<std::int16_t>(std::clamp(debt, -kMostDebt, kMostDebt));
   }
 }
 

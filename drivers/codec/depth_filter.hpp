@@ -1,8 +1,8 @@
 // What is to be shown of each pixel of a stripe: the encoder's memory in time.
 //
 // Per pixel with a reading x (points of the lattice), the value before y, the running mean m of the
-// last n readings that lay within the gate of it, their mean deviation v, and the debt e = sum of
-// (x - y) over these:
+// last n readings that lay within the gate of it, their mean deviations up and down, a and b, and
+// the debt e = sum of (x - y) over these:
 //
 //   |x - m| > gate               another surface: m = x, n = 1, e = 0, x is coded at once
 //   faithful                     y stays while |x - y| <= bound; else m, moved to within bound of x
@@ -10,11 +10,15 @@
 //                                makes good what the frames before owe, and a fusion that averages
 //                                what is shown averages what was seen. P = 8, 16 from n = 64 on:
 //                                y moves ever closer to m. Blocks take turns.
+//   quiet, between               y stays while |x - y| <= bound, the gate and a sigma; while n < 8
+//                                three quarters of the gate
 //   moving, lossless             x; nothing is remembered
 //
-// The gate is 5.25 v (4.2 sigma of a normal deviate): wider where a pixel is noisier than the
-// sensor's axis says (a ray that goes beside its pixel on a slope), never more than one sigma less
-// than the bound of x. Only what passes the gate counts in v.
+// The gate is 5.25 v (4.2 sigma of a normal deviate), v = min(a + b, 4 a, 4 b): wider where a pixel
+// is noisier than the sensor's axis says (a ray that goes beside its pixel on a slope), never more
+// than the bound of x. Noise goes up and down. Readings that lie on one side are of a surface that
+// moves, and must not widen the gate: the pixel would lag behind it, and show neither the surface
+// that it was on nor the one that it is on. Only what passes the gate counts in a and b.
 //
 // A pixel without a reading shows none and forgets all.
 #pragma once
@@ -32,7 +36,7 @@ struct FilterDemand {
   int step = 1;        // points
   int least_gate = 0;  // points
   int bound = 0;       // points: |shown - reading|, the rounding to a step included
-  const std::uint8_t* slope_bound = nullptr;  // quiet: the same by reading / kBoundCell
+  const std::uint8_t* quiet_bound = nullptr;  // the same for quiet, by reading / kBoundCell
   std::uint32_t seq = 0;                      // of the frame: whose turn it is
 };
 
@@ -41,9 +45,9 @@ inline constexpr int kBoundCell = 128;  // points
 class DepthFilter {
  public:
   explicit DepthFilter(const StripeShape& most);
-  void forget() noexcept;
 
-  // From `reading` (points; 0 = none) and the values before: target and due of every pixel.
+  // From `reading` (points; 0 = none) and the values before: target and due of every pixel, good as
+  // long as `reading` is.
   // Number of restless ones: beyond the gate, or with a reading that was not there.
   [[nodiscard]] std::uint32_t plan(const StripeShape& shape, const FilterDemand& demand,
                                    const std::uint16_t* reading,
@@ -51,7 +55,7 @@ class DepthFilter {
   // Books what is shown now.
   void settle(const StripeShape& shape, const FilterDemand& demand, const std::uint16_t* reading,
               const std::uint16_t* points) noexcept;
-  [[nodiscard]] const std::uint16_t* target() const noexcept { return target_.data(); }
+  [[nodiscard]] const std::uint16_t* target() const noexcept { return wanted_; }
   [[nodiscard]] const std::uint8_t* due() const noexcept { return due_.data(); }
 
  private:
@@ -60,14 +64,20 @@ class DepthFilter {
     bool due;
     bool restless;
   };
-  [[nodiscard]] Goal judge(std::size_t i, int x, int y, unsigned now,
-                           const FilterDemand& demand) noexcept;
-  std::vector<std::int32_t> mean_;    // points, 8 bits of fraction
-  std::vector<std::int16_t> debt_;    // points
-  std::vector<std::uint8_t> age_;     // readings in the mean; 0: none
-  std::vector<std::uint8_t> spread_;  // mean deviation, eighths of a point
+  struct Pixel {
+    std::int32_t mean = 0;               // points, 8 bits of fraction
+    std::uint16_t above = 0, below = 0;  // mean deviations up and down, points, 8 bits of fraction
+    std::int16_t debt = 0;               // points
+    std::uint8_t age = 0;                // readings in the mean; 0: none
+    void spread_by(int off) noexcept;
+  };
+  [[nodiscard]] static Goal judge(Pixel& p, int x, int y, unsigned now,
+                                  const FilterDemand& demand) noexcept;
+  std::vector<Pixel> pixels_;
   std::vector<std::uint16_t> target_;
   std::vector<std::uint8_t> due_;
+  const std::uint16_t* wanted_ = nullptr;
+  bool remembers_ = true;  // false: no age, all due
 };
 
 }  // namespace drivers::codec

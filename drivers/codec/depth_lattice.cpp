@@ -19,6 +19,11 @@ std::int64_t sigma_1024th_mm(DepthNoiseLaw law, int depth_mm) noexcept {
   return std::max<std::int64_t>(s, 1229);
 }
 
+int most_quiet_mm(DepthNoiseLaw law, int depth_mm) noexcept {
+  return static_cast<int>(
+      std::max<std::int64_t>(kQuietBoundMm, 5 * sigma_1024th_mm(law, depth_mm) / 1024));
+}
+
 DepthLattice::DepthLattice(rt::NonRealtime&, DepthNoiseLaw law) {
   to_point_.resize(kDepths);
   std::int64_t sum = 0;  // points below the depth, in 1/2^kLatticeFraction

@@ -22,6 +22,10 @@ inline constexpr int kPointsPerSigma = 8;
 // sigma in 1/1024 mm of the law at depth_mm.
 [[nodiscard]] std::int64_t sigma_1024th_mm(DepthNoiseLaw law, int depth_mm) noexcept;
 
+// Most that a value shown in quiet may lie off a reading of depth_mm: further, and it would fly
+// between two surfaces.
+[[nodiscard]] int most_quiet_mm(DepthNoiseLaw law, int depth_mm) noexcept;
+
 class DepthLattice {
  public:
   // 0.2 MB: built at set-up, then read only.

@@ -50,14 +50,8 @@ int depth_error_bound_eighths(DepthMode m, int step) noexcept {
 
 int depth_error_bound_mm(DepthNoiseLaw law, DepthMode m, int step,
                          std::uint16_t depth_mm) noexcept {
-  int bound = depth_error_bound_eighths(m, step);
+  const int bound = depth_error_bound_eighths(m, step);
   if (bound == 0 || depth_mm == 0) return 0;
-  if (m == DepthMode::kQuiet) {
-    const std::int64_t points = std::int64_t{kQuietBoundMm} * kPointsPerSigma * 1024;
-    bound = static_cast<int>(std::clamp<std::int64_t>(
-                points / codec::sigma_1024th_mm(law, depth_mm), 5 * kPointsPerSigma, bound)) +
-            1;
-  }
   // The noise grows with the depth wherever it counts, so the way up is the longer one; one point
   // more for the rounding to the lattice, and a millimetre more for the rounding back.
   std::int64_t sum = 0;
@@ -71,7 +65,8 @@ int depth_error_bound_mm(DepthNoiseLaw law, DepthMode m, int step,
   for (z = depth_mm; sum < enough && z > 1; --z) {
     sum += (std::int64_t{kPointsPerSigma * 1024} << 20U) / codec::sigma_1024th_mm(law, z);
   }
-  return std::max(up, depth_mm - z) + 1;
+  const int off = std::max(up, depth_mm - z) + 1;
+  return m == DepthMode::kQuiet ? std::min(off, codec::most_quiet_mm(law, depth_mm)) : off;
 }
 
 const char* to_text(DepthMode m) noexcept {

@@ -115,14 +115,9 @@ struct DepthEncoder::State {
   State(rt::NonRealtime& rt, const DepthStreamConfig& c)
       : law(c.law), cut(c), lattice(rt, c.law), picture(cut), reading(cut.padded()) {
     for (const StripeShape& s : cut.stripes) stripes.emplace_back(s);
-    for (int p = 0; p < lattice.points(); p += codec::kBoundCell) {
-      const int mm = lattice.to_mm(std::min(p + codec::kBoundCell, lattice.points()) - 1);
-      const std::int64_t points = std::int64_t{kQuietBoundMm} * codec::kPointsPerSigma * 1024 /
-                                  codec::sigma_1024th_mm(law, mm);
-      slope_bound.push_back(static_cast<std::uint8_t>(std::clamp<std::int64_t>(
-          points, 5 * codec::kPointsPerSigma, depth_error_bound_eighths(DepthMode::kQuiet, 0))));
-    }
+    bound_quiet();
   }
+  void bound_quiet();
   void read(int stripe, bool lossless, std::span<const std::uint16_t> depth_mm) noexcept;
   void code(int stripe, const DepthFrameHeader& h,
             std::span<const std::uint16_t> depth_mm) noexcept;
@@ -131,10 +126,26 @@ struct DepthEncoder::State {
   Cut cut;
   DepthLattice lattice;
   Picture picture;
-  std::vector<std::uint16_t> reading;  // of this frame, points
-  std::vector<std::uint8_t> slope_bound;
+  std::vector<std::uint16_t> reading;     // of this frame, points
+  std::vector<std::uint8_t> quiet_bound;  // FilterDemand's
   std::vector<Stripe> stripes;
 };
+
+// By the depths themselves: what the lattice rounds is in it.
+void DepthEncoder::State::bound_quiet() {
+  const int top = lattice.points() - 1;
+  quiet_bound.assign(static_cast<std::size_t>(top / codec::kBoundCell + 1),
+                     static_cast<std::uint8_t>(depth_error_bound_eighths(DepthMode::kQuiet, 0)));
+  for (int z = 1; z < 65536; ++z) {
+    const int q = lattice.to_point(static_cast<std::uint16_t>(z));
+    const int most = codec::most_quiet_mm(law, z);
+    std::uint8_t& bound = quiet_bound[static_cast<std::size_t>(q / codec::kBoundCell)];
+    while (bound > 0 && (lattice.to_mm(std::min(q + bound, top)) - z > most ||
+                         z - lattice.to_mm(std::max(q - bound, 1)) > most)) {
+      --bound;
+    }
+  }
+}
 
 void DepthEncoder::State::read(int stripe, bool lossless,
                                std::span<const std::uint16_t> depth_mm) noexcept {
@@ -163,7 +174,7 @@ void DepthEncoder::State::code(int stripe, const DepthFrameHeader& h,
                                    scale.step,
                                    kLeastGate[static_cast<std::size_t>(law)],
                                    depth_error_bound_eighths(h.mode, h.step),
-                                   slope_bound.data(),
+                                   quiet_bound.data(),
                                    h.seq};
   s.restless = s.filter.plan(shape, demand, x, y);
   codec::StripePlan plan{x, s.filter.target(), s.filter.due(), s.blocks.kinds(), 0};

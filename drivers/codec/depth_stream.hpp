@@ -57,7 +57,7 @@ inline constexpr int kDepthSteps = static_cast<int>(kDepthStepEighths.size());
 [[nodiscard]] int default_depth_step(DepthMode m,
                                      DepthNoiseLaw law = DepthNoiseLaw::kStrict) noexcept;
 // Most that |y - x| can be, in eighths of sigma at x; 0: lossless. `step` in [0, kDepthSteps).
-// Quiet is bound by kQuietBoundMm besides, where that is more than five sigma.
+// Quiet is bound by kQuietBoundMm or five sigma besides, whichever is more.
 inline constexpr int kQuietBoundMm = 30;
 [[nodiscard]] int depth_error_bound_eighths(DepthMode m, int step) noexcept;
 // The same in mm for a reading of depth_mm, rounding to millimetres included.

@@ -32,17 +32,17 @@ struct Tables {
 };
 const Tables kTables;
 
-constexpr int kAtOnce = 64;
+constexpr int kColoursAtOnce = 64;
 struct Light {
-  alignas(64) float red[kAtOnce], green[kAtOnce], blue[kAtOnce];
+  alignas(64) float red[kColoursAtOnce], green[kColoursAtOnce], blue[kColoursAtOnce];
 };
 
 // n pixels, in parts: read(i, n, light) fills the linear light of n pixels from pixel i on.
 template <class Read>
 void convert_row(int n, float* L, float* a, float* b, Read&& read) noexcept {
   Light light;
-  for (int i = 0; i < n; i += kAtOnce) {
-    const int count = n - i < kAtOnce ? n - i : kAtOnce;
+  for (int i = 0; i < n; i += kColoursAtOnce) {
+    const int count = n - i < kColoursAtOnce ? n - i : kColoursAtOnce;
     read(i, count, light);
     convert_light(kTables.curve.data(),
                   {light.red, light.green, light.blue, L + i, a + i, b + i, count});

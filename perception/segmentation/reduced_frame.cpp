@@ -9,15 +9,15 @@
 namespace perception {
 namespace {
 
-constexpr int kAtOnce = 64;  // pixels
+constexpr int kPixelsAtOnce = 64;  // pixels
 
 // Pixels u to u + n - 1 of row v of the reduced image. Sums down the columns first: they go by whole vectors.
 template <int kScale>
 void mean_row(ImageView<const Rgb> rgb, int u, int v, int n, Rgb* out) noexcept {
   static_assert(sizeof(Rgb) == 3);
-  std::array<std::uint16_t, 3 * kScale * kAtOnce> sum;
-  for (int first = 0; first < n; first += kAtOnce) {
-    const int count = std::min(kAtOnce, n - first), bytes = 3 * kScale * count;
+  std::array<std::uint16_t, 3 * kScale * kPixelsAtOnce> sum;
+  for (int first = 0; first < n; first += kPixelsAtOnce) {
+    const int count = std::min(kPixelsAtOnce, n - first), bytes = 3 * kScale * count;
     const auto row = [&](int y) {
       return reinterpret_cast<const std::uint8_t*>(rgb.row(kScale * v + y) + kScale * (u + first));
     };

@@ -10,8 +10,8 @@
 namespace perception {
 namespace {
 
-constexpr int kSums = Superpixels::kMaxPlanes + 4;  // planes, u, v, count, count of colours
-constexpr std::size_t kColours = 3;                 // planes
+constexpr int kSeedSums = Superpixels::kMaxPlanes + 4;  // planes, u, v, count, count of colours
+constexpr std::size_t kColours = 3;                     // planes
 constexpr int kMinSpacing = 3;
 
 // One row into the sums of its seeds, run by run of pixels with the same one: a sum is fetched and put back
@@ -33,7 +33,7 @@ void add_row(std::span<const float* const> planes, const float* known, const std
       }
     }
     if (s < 0) continue;
-    double* sum = sums + static_cast<std::ptrdiff_t>(s) * kSums;
+    double* sum = sums + static_cast<std::ptrdiff_t>(s) * kSeedSums;
     const int n = u - first;
     for (std::size_t k = 0; k < N; ++k) sum[k] += run[k];
     sum[kPlanes] += 0.5 * n * (first + u - 1);
@@ -50,7 +50,7 @@ Superpixels::Superpixels(int max_width, int max_height) {
   const auto seeds =
       static_cast<std::size_t>((max_width / kMinSpacing + 1) * (max_height / kMinSpacing + 1));
   seeds_.resize(seeds);
-  sums_.resize(seeds * kSums);
+  sums_.resize(seeds * kSeedSums);
   best_.resize(n);
   nearest_.resize(n);
   labels_.resize(n);
@@ -118,7 +118,7 @@ void Superpixels::assign(std::span<const float* const> planes,
 }
 
 void Superpixels::move_seeds(std::span<const float* const> planes) noexcept {
-  std::fill_n(sums_.begin(), seeds_used_ * kSums, 0.0);
+  std::fill_n(sums_.begin(), seeds_used_ * kSeedSums, 0.0);
   for (int v = 0; v < height_; ++v) {
     const std::int32_t* nearest = nearest_.data() + static_cast<std::ptrdiff_t>(v) * width_;
     const float* known =
@@ -128,7 +128,7 @@ void Superpixels::move_seeds(std::span<const float* const> planes) noexcept {
     add(planes, known, nearest, v, width_, sums_.data());
   }
   for (int s = 0; s < seeds_used_; ++s) {
-    const double* sum = &sums_[static_cast<std::size_t>(s * kSums)];
+    const double* sum = &sums_[static_cast<std::size_t>(s * kSeedSums)];
     const double n = sum[kMaxPlanes + 2];
     if (n <= 0) continue;
     Seed& seed = seeds_[static_cast<std::size_t>(s)];

@@ -10,7 +10,7 @@ namespace perception {
 namespace {
 
 // Pixels, readings, L, a, b, x y z, moments of (x, y, 1) and of 1/z, pixels with colour.
-constexpr int kSums = 17;
+constexpr int kPieceSums = 17;
 
 // Of a run of one piece's pixels in a row: a piece's sums are fetched and put back once a run.
 struct RunSums {
@@ -98,7 +98,7 @@ SurfacePatches::SurfacePatches(int max_width, int max_height)
   x_.resize(w);
   y_.resize(h);
   pieces_.resize(w * h);
-  sums_.resize(w * h * kSums);
+  sums_.resize(w * h * kPieceSums);
 }
 
 void SurfacePatches::set(ImageView<const Rgb> rgb, ImageView<const std::uint16_t> depth,
@@ -169,7 +169,7 @@ void SurfacePatches::fill_inverse(float weight) noexcept {
 }
 
 void SurfacePatches::fit(float min_readings) noexcept {
-  std::fill_n(sums_.begin(), count() * kSums, 0.0);
+  std::fill_n(sums_.begin(), count() * kPieceSums, 0.0);
   const int w = window_.width;
   for (int v = 0; v < window_.height; ++v) {
     const auto y = static_cast<double>(y_of(v));
@@ -184,12 +184,12 @@ void SurfacePatches::fit(float min_readings) noexcept {
         const auto z = static_cast<double>(z_[static_cast<std::size_t>(i)]);
         if (z > 0) run.add(static_cast<double>(x_of(u)), z);
       }
-      run.put(y, &sums_[static_cast<std::size_t>(piece * kSums)]);
+      run.put(y, &sums_[static_cast<std::size_t>(piece * kPieceSums)]);
     }
   }
   for (int k = 0; k < count(); ++k)
     pieces_[static_cast<std::size_t>(k)] =
-        piece_of(&sums_[static_cast<std::size_t>(k * kSums)], min_readings);
+        piece_of(&sums_[static_cast<std::size_t>(k * kPieceSums)], min_readings);
 }
 
 }  // namespace perception

@@ -10,10 +10,10 @@
 namespace perception {
 namespace {
 
-using Tile = FollowScratch::Tile;
+using FollowTile = FollowScratch::Tile;
 using namespace follow;
 
-constexpr int kReadings = 3400;  // that are compared in a frame, about
+constexpr int kComparedReadings = 3400;  // that are compared in a frame, about
 // chosen on: follow 1000; judged on: follow 2000
 constexpr double kObservations = 2;  // least weight of nodes that readings are compared with
 // If the camera moved farther than this since the last frame, nothing is followed: distances along
@@ -32,7 +32,7 @@ struct Grid {
 };
 Grid grid_over(int u0, int v0, int u1, int v1, std::uint32_t frame) noexcept {
   const double area = (u1 - u0 + 1.0) * (v1 - v0 + 1.0);
-  const int step = std::max(1, static_cast<int>(std::lround(std::sqrt(area / kReadings))));
+  const int step = std::max(1, static_cast<int>(std::lround(std::sqrt(area / kComparedReadings))));
   const auto shift = [&](std::uint32_t by) {
     return static_cast<int>(by * frame % static_cast<std::uint32_t>(step));
   };
@@ -64,7 +64,7 @@ int FollowFrame::compare(const Place& place, const Eigen::AlignedBox3d& box, Map
       ++tests;
       if (!cell.valid) continue;
       const double off = -unit * static_cast<double>(cell.value());
-      if (std::abs(off) < kMost * store_.truncation) fn(cell, off, p, z, u, v);
+      if (std::abs(off) < kSlowReach * store_.truncation) fn(cell, off, p, z, u, v);
     }
   }
   return tests;
@@ -160,7 +160,7 @@ void FollowFrame::camera_error() noexcept {
         if (!cell.within(kAtTheEnd)) return;
         float g[3];
         cell.gradient(g);
-        Tile& t =
+        FollowTile& t =
             s_.tiles[static_cast<std::size_t>((v / edge) * FollowScratch::kAcross + u / edge)];
         t.count += 1, t.sum += off, t.squares += off * off, t.z_m = z;
         Eigen::Map<Row>(t.row.data()) += out.row(slope_unit * wide(g), p);

@@ -19,7 +19,7 @@
 //
 // Distances and offsets are along the ray, so over a plane all nodes of a block move by the same
 // amount. A single noisy spot moves nothing: the mean of a block has tens of pixels.
-// Readings that are off by kMost truncations or more are no slow motion. They are left to the
+// Readings that are off by kSlowReach truncations or more are no slow motion. They are left to the
 // running mean and to the mask of moving things.
 // Doubles in a fixed order: the same bytes with any instruction set and any number of threads.
 //

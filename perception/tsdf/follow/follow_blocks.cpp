@@ -62,7 +62,7 @@ bool FollowFrame::look(const UpdateCamera& cam, std::int32_t block, Looked& out,
     double z = 0;
     const int d = MapLayout::word_distance(words[n]);
     const double off = node_off(cam, p0, n, &z) - unit * d;
-    if (!(std::abs(off) < kMost * store_.truncation)) continue;
+    if (!(std::abs(off) < kSlowReach * store_.truncation)) continue;
     offs[count++] = off;
     z_sum += z;
     if ((n & 7) == 7 || ((n >> 3) & 7) == 7 || (n >> 6) == 7) continue;

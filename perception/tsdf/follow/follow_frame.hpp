@@ -16,7 +16,7 @@ namespace follow {
 
 // chosen on: follow 1000; judged on: follow 2000
 inline constexpr std::uint32_t kStill = 5;  // frames after which what was moved is at rest
-inline constexpr double kMost = 0.5;        // of the truncation
+inline constexpr double kSlowReach = 0.5;   // of the truncation
 inline constexpr int kAtTheEnd = 32000;     // |d|: a bound, not a distance; no data
 
 }  // namespace follow

@@ -10,7 +10,6 @@
 
 #include <array>
 #include <cstdint>
-#include <string>
 #include <vector>
 
 #include "perception/geometry/pose.hpp"
@@ -18,7 +17,6 @@
 #include "perception/tsdf/blocks/map_view.hpp"
 #include "perception/tsdf/mesh/mesh_refine.hpp"
 #include "rt/memory/non_realtime.hpp"
-#include "rt/result.hpp"
 
 namespace perception {
 
@@ -42,10 +40,5 @@ struct MeshOptions {
 
 [[nodiscard]] Mesh extract_mesh(rt::NonRealtime&, const MapView& map,
                                 const MeshOptions& options = {});
-
-// Binary little-endian PLY: x y z nx ny nz (float) red green blue (uchar), faces as uchar + 3 ints.
-// Written beside and renamed, so `path` never holds half a file.
-[[nodiscard]] rt::Result<bool> write_ply(rt::NonRealtime&, const std::string& path,
-                                         const Mesh& mesh);
 
 }  // namespace perception

@@ -183,11 +183,11 @@ bool get_words(BitReader& r, std::array<std::uint32_t, kVoxels>& words) noexcept
   return true;
 }
 
-constexpr unsigned kReadings = 3, kUncoloured = 4, kChannels = 5;  // after r, g, b
+constexpr unsigned kReadingsChannel = 3, kUncolouredChannel = 4, kChannels = 5;  // after r, g, b
 
 std::uint32_t channel_of(std::uint32_t colour, unsigned channel) noexcept {
-  if (channel == kReadings) return readings_of(colour);
-  if (channel == kUncoloured) return readings_of(colour) - coloured_readings_of(colour);
+  if (channel == kReadingsChannel) return readings_of(colour);
+  if (channel == kUncolouredChannel) return readings_of(colour) - coloured_readings_of(colour);
   return (colour >> (8 * channel)) & 0xffU;
 }
 
@@ -221,8 +221,9 @@ bool get_colours(BitReader& r, std::array<std::uint32_t, kVoxels>& colours) noex
       if (!in(known, i)) continue;
       last = unfold(v[at++], last);
       const std::uint32_t readings = readings_of(colours[i]);
-      if (last > (c < kReadings ? 0xffU : c == kReadings ? kMostCounted : readings)) return false;
-      colours[i] |= c == kUncoloured ? (readings - last) << 28U : last << (8 * c);
+      if (last > (c < kReadingsChannel ? 0xffU : c == kReadingsChannel ? kMostCounted : readings))
+        return false;
+      colours[i] |= c == kUncolouredChannel ? (readings - last) << 28U : last << (8 * c);
     }
   }
   for (std::size_t i = 0; i < kVoxels; ++i) {

@@ -10,7 +10,7 @@ namespace {
 constexpr float kSlab = 1.25F;  // layers of nodes either side of the surface, at least
 constexpr float kNear = 0.4F;   // a cell's diagonal: nodes of cells that the surface goes through
 constexpr float kNoise = 0.05F, kShape = 0.1F;  // voxels of RMS residual
-constexpr float kMost = 0.9F;                   // of the truncation: what is farther is cut off
+constexpr float kSmoothedReach = 0.9F;          // of the truncation: what is farther is cut off
 constexpr float kLeastSeen = 0.6F;              // of the neighbours
 constexpr float kQuartic =
     0.027F;  // of curvature^3 radius^4: twice what a ball without noise shows
@@ -104,7 +104,7 @@ void PatchSmoother::take(const SurfacePatch& p, const std::array<int, 3>& first,
         if (!inside || k < 0 || k >= p.nodes) continue;
         const std::size_t at = p.index(i, j, k);
         const auto d = static_cast<float>(p.distance[at]);
-        if (p.material[at] != 0 && std::abs(d) < kMost * 32767.0F) row[z] = d * scale;
+        if (p.material[at] != 0 && std::abs(d) < kSmoothedReach * 32767.0F) row[z] = d * scale;
       }
     }
 }

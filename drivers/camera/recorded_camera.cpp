@@ -1,4 +1,4 @@
-#include "drivers/camera/replay_camera.hpp"
+#include "drivers/camera/recorded_camera.hpp"
 
 #include <algorithm>
 #include <memory>
@@ -12,8 +12,8 @@ namespace {
 constexpr rt::Rate kHeldRate{30, 1};
 }
 
-ReplayCamera::ReplayCamera(rt::NonRealtime&, const TumSequence& sequence, rt::Time start,
-                           double hold_s, const Progress& progress)
+RecordedCamera::RecordedCamera(rt::NonRealtime&, const TumSequence& sequence, rt::Time start,
+                               double hold_s, const Progress& progress)
     : intrinsics_(sequence.intrinsics()), start_(start), hold_(rt::nanos_from_seconds(hold_s)) {
   const auto n = static_cast<std::size_t>(sequence.size());
   const std::size_t pixels =
@@ -42,10 +42,10 @@ ReplayCamera::ReplayCamera(rt::NonRealtime&, const TumSequence& sequence, rt::Ti
   if (n > 1) rate_hz_ = static_cast<double>(n - 1) / rt::seconds(offsets_.back());
 }
 
-rt::Nanos ReplayCamera::length() const noexcept { return offsets_.back() + hold_; }
+rt::Nanos RecordedCamera::length() const noexcept { return offsets_.back() + hold_; }
 
-void ReplayCamera::deliver(std::size_t i, std::uint64_t seq, rt::Time exposure,
-                           RgbdFrame& out) const noexcept {
+void RecordedCamera::deliver(std::size_t i, std::uint64_t seq, rt::Time exposure,
+                             RgbdFrame& out) const noexcept {
   const std::size_t pixels =
       static_cast<std::size_t>(intrinsics_.width) * static_cast<std::size_t>(intrinsics_.height);
   out.exposure = exposure;
@@ -57,7 +57,7 @@ void ReplayCamera::deliver(std::size_t i, std::uint64_t seq, rt::Time exposure,
   if (has_colour_) std::copy_n(colour_.data() + i * pixels, pixels, out.colour.data());
 }
 
-CameraStatus ReplayCamera::poll(rt::Time now, RgbdFrame& out) noexcept {
+CameraStatus RecordedCamera::poll(rt::Time now, RgbdFrame& out) noexcept {
   const rt::Nanos t = now - start_;
   const std::size_t last = offsets_.size() - 1;
   if (t < offsets_[last]) {

@@ -13,15 +13,15 @@
 
 namespace drivers {
 
-class ReplayCamera : public Camera {
+class RecordedCamera : public Camera {
  public:
   using Progress = std::function<void(int done, int of)>;
   static constexpr std::size_t kMaxBytes = std::size_t{4} << 30U;  // of decoded images
 
   // Frame 0 is available at `start`. Throws std::runtime_error with the reader's message, or when
   // the recording would take more than kMaxBytes.
-  ReplayCamera(rt::NonRealtime&, const TumSequence& sequence, rt::Time start, double hold_s,
-               const Progress& progress = {});
+  RecordedCamera(rt::NonRealtime&, const TumSequence& sequence, rt::Time start, double hold_s,
+                 const Progress& progress = {});
 
   [[nodiscard]] perception::Intrinsics intrinsics() const noexcept override { return intrinsics_; }
   [[nodiscard]] double rate_hz() const noexcept override { return rate_hz_; }
