@@ -1,0 +1,212 @@
+// The cycle: no allocation, no throw, one wait.
+#include <algorithm>
+
+#include "drivers/ethercat/master.hpp"
+#include "drivers/ethercat/registers.hpp"
+
+namespace drivers::ethercat {
+
+namespace {
+
+// Datagrams of a recovery, a slave: 2 + 6 blocks, four states, each asked for a few times.
+constexpr int kRecoverySteps = 300;
+
+}  // namespace
+
+const char* to_text(CycleStatus s) noexcept {
+  static constexpr std::array kTexts{"ok", "frame lost", "link down", "working counter"};
+  return kTexts[static_cast<std::size_t>(s)];
+}
+
+const char* to_text(BusFault f) noexcept {
+  static constexpr std::array kTexts{"none",           "link down",   "frames are lost",
+                                     "slaves missing", "slave state", "working counter"};
+  return kTexts[static_cast<std::size_t>(f)];
+}
+
+std::span<std::uint8_t> Master::outputs(std::size_t i) noexcept {
+  const SlaveMapping& m = mapping_.slaves[i];
+  return std::span(image_).subspan(m.output_at, m.output_bytes);
+}
+
+std::span<const std::uint8_t> Master::inputs(std::size_t i) const noexcept {
+  const SlaveMapping& m = mapping_.slaves[i];
+  return std::span(image_).subspan(m.input_at, m.input_bytes);
+}
+
+void Master::clear_outputs() noexcept {
+  std::fill_n(image_.begin(), mapping_.output_bytes, std::uint8_t{0});
+}
+
+std::span<const std::uint8_t> Master::output_image() const noexcept {
+  return std::span(image_).first(mapping_.output_bytes);
+}
+
+// Behind the process data, in the same frame.
+void Master::add_watch(Places& p) noexcept {
+  const auto place = [&] { return static_cast<int>(frames_.count()) - 1; };
+  if (frames_.add(Command::kBrd, broadcast_address(reg::kAlStatus), 2)) p.all = place();
+  if (recovery_.active()) {
+    if (recovery_.add_to(frames_)) p.service = place();
+  } else if (!slaves_.empty() &&
+             frames_.add(Command::kFprd, station_address(slaves_[watched_].station, reg::kAlStatus),
+                         6)) {
+    p.service = place();
+  }
+  if (transfer_.busy() && transfer_.add_to(frames_)) p.mailbox = place();
+}
+
+CycleResult Master::exchange() noexcept {
+  if (stopped_ || recovery_.active()) clear_outputs();
+  frames_.begin();
+  Places p;
+  int expected = 0;
+  const std::size_t out = mapping_.output_bytes, in = mapping_.input_bytes;
+  if (mapping_.lrw && out + in > 0) {
+    if (frames_.add(Command::kLrw, 0, out + in, image_)) p.data = 0;
+    expected = mapping_.expected_lrw();
+  } else {
+    if (in > 0 && frames_.add(Command::kLrd, static_cast<std::uint32_t>(out), in)) {
+      p.data = static_cast<int>(frames_.count()) - 1;
+      expected += mapping_.expected_lrd();
+    }
+    if (out > 0 && frames_.add(Command::kLwr, 0, out, output_image())) {
+      p.write = static_cast<int>(frames_.count()) - 1;
+      expected += mapping_.expected_lwr();
+    }
+  }
+  add_watch(p);
+  return finish(p, expected, true);
+}
+
+CycleResult Master::read_inputs() noexcept {
+  frames_.begin();
+  Places p;
+  if (mapping_.input_bytes > 0 &&
+      frames_.add(Command::kLrd, static_cast<std::uint32_t>(mapping_.output_bytes),
+                  mapping_.input_bytes))
+    p.data = 0;
+  add_watch(p);
+  return finish(p, mapping_.expected_lrd(), true);
+}
+
+CycleResult Master::write_outputs() noexcept {
+  if (stopped_ || recovery_.active()) clear_outputs();
+  frames_.begin();
+  Places p;
+  if (mapping_.output_bytes > 0 &&
+      frames_.add(Command::kLwr, 0, mapping_.output_bytes, output_image()))
+    p.write = 0;
+  return finish(p, mapping_.expected_lwr(), false);
+}
+
+CycleResult Master::finish(const Places& p, int expected, bool takes_inputs) noexcept {
+  ++counters_.cycles;
+  CycleResult r{CycleStatus::kOk, 0, expected};
+  if (!frames_.send()) {
+    r.status = CycleStatus::kLinkDown;
+  } else if (!frames_.collect(frames_.port().now() + config_.reply_timeout)) {
+    r.status = CycleStatus::kLost;
+  }
+  if (r.status != CycleStatus::kOk) {
+    lose(p);
+    judge(r.status);
+    return r;
+  }
+  const auto counted = [&](int place) {
+    return place < 0 ? 0 : frames_.reply(static_cast<std::size_t>(place)).counter;
+  };
+  r.counter = counted(p.data) + counted(p.write);
+  if (r.counter != expected) r.status = CycleStatus::kShort;
+  if (r.status == CycleStatus::kOk && takes_inputs && p.data >= 0) {
+    const auto data = frames_.reply(static_cast<std::size_t>(p.data)).data;
+    // Of LRW the image comes back whole; of LRD the inputs alone.
+    const auto in = data.last(mapping_.input_bytes);
+    std::copy(in.begin(), in.end(),
+              image_.begin() + static_cast<std::ptrdiff_t>(mapping_.output_bytes));
+  }
+  take_watch(p);
+  judge(r.status);
+  return r;
+}
+
+void Master::take_watch(const Places& p) noexcept {
+  if (p.all >= 0) {
+    const DatagramView& all = frames_.reply(static_cast<std::size_t>(p.all));
+    present_ = all.counter;
+    all_states_ = all.data[0];
+  }
+  if (p.service >= 0) {
+    const DatagramView& d = frames_.reply(static_cast<std::size_t>(p.service));
+    if (recovery_.active()) {
+      recovery_.on_reply(d);
+      if (!recovery_.active() && recovery_.succeeded()) {
+        stopped_ = false;
+        std::fill(al_.begin(), al_.end(),
+                  AlStatus{static_cast<std::uint8_t>(AlState::kOp), al_code::kNone});
+      }
+    } else {
+      al_[watched_] = d.counter == 1 ? AlStatus{d.data[0], load_u16(d.data, 4)} : AlStatus{};
+      watched_ = (watched_ + 1) % slaves_.size();
+    }
+  }
+  if (p.mailbox >= 0) transfer_.on_reply(frames_.reply(static_cast<std::size_t>(p.mailbox)));
+}
+
+void Master::lose(const Places& p) noexcept {
+  if (p.service >= 0 && recovery_.active()) recovery_.on_lost();
+  if (p.mailbox >= 0) transfer_.on_lost();
+}
+
+void Master::judge(CycleStatus s) noexcept {
+  last_ = s;
+  if (s == CycleStatus::kOk) {
+    counters_.bad_in_row = 0;
+    return;
+  }
+  if (s == CycleStatus::kLost) ++counters_.lost;
+  if (s == CycleStatus::kLinkDown) ++counters_.link_down;
+  if (s == CycleStatus::kShort) ++counters_.short_counter;
+  if (++counters_.bad_in_row >= config_.bad_limit) stopped_ = true;
+}
+
+BusHealth Master::health() const noexcept {
+  BusHealth h;
+  const int slaves = static_cast<int>(slaves_.size());
+  if (last_ == CycleStatus::kLinkDown || last_ == CycleStatus::kLost) {
+    h.fault = last_ == CycleStatus::kLost ? BusFault::kFramesLost : BusFault::kLinkDown;
+    return h;
+  }
+  if (present_ < slaves) {
+    h.fault = BusFault::kSlavesMissing;
+    h.slave = present_;
+    return h;
+  }
+  // Who it is, is known when its turn has come; that somebody is, at once.
+  if (all_states_ != static_cast<std::uint8_t>(AlState::kOp)) {
+    h.fault = BusFault::kSlaveState;
+    for (int i = 0; i < slaves && h.slave < 0; ++i) {
+      const AlStatus& al = al_[static_cast<std::size_t>(i)];
+      if (al.is() == AlState::kOp && !al.error()) continue;
+      h.slave = i;
+      h.al = al;
+    }
+    return h;
+  }
+  if (last_ == CycleStatus::kShort) h.fault = BusFault::kWorkingCounter;
+  return h;
+}
+
+void Master::recover() noexcept {
+  counters_.bad_in_row = 0;
+  recovery_.start(kRecoverySteps * static_cast<int>(slaves_.size()));
+  clear_outputs();
+}
+
+bool Master::post(std::size_t slave, std::span<const std::uint8_t> request, int patience) noexcept {
+  if (transfer_.busy()) return false;
+  transfer_.start(slaves_[slave].station, mapping_.slaves[slave].mailbox, request, patience);
+  return true;
+}
+
+}  // namespace drivers::ethercat

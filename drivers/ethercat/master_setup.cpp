@@ -1,0 +1,124 @@
+// From nothing to OP, and back.
+#include <array>
+#include <cstdio>
+
+#include "drivers/ethercat/master.hpp"
+#include "drivers/ethercat/scan.hpp"
+#include "drivers/ethercat/state_control.hpp"
+
+namespace drivers::ethercat {
+
+namespace {
+
+// (n + 2) * 40 ns: 100 us (ESC data sheet II, register 0x0400).
+constexpr std::uint16_t kDivider100us = 2498;
+
+RegisterBlock u16_block(std::uint16_t r, unsigned value) {
+  RegisterBlock b{r, 2, {}};
+  store_u16(b.bytes, 0, value);
+  return b;
+}
+
+void set_watchdog(SlaveMapping& m, int ms) {
+  if (!m.watchdog || ms == 0) return;
+  m.data_setup[static_cast<std::size_t>(m.data_blocks++)] =
+      u16_block(reg::kWatchdogDivider, kDivider100us);
+  m.data_setup[static_cast<std::size_t>(m.data_blocks++)] =
+      u16_block(reg::kDataWatchdog, static_cast<unsigned>(10 * ms));
+}
+
+}  // namespace
+
+Master::Master(rt::NonRealtime&, Port& port, const MasterConfig& config)
+    : config_(config), registers_(port), frames_(port) {}
+
+rt::Result<bool> Master::find(rt::NonRealtime& nrt) {
+  auto found = scan(nrt, registers_);
+  if (!found) return rt::Error{found.error()};
+  slaves_ = std::move(found.value());
+  auto mapping = map_process_data(slaves_);
+  if (!mapping) return rt::Error{mapping.error()};
+  mapping_ = std::move(mapping.value());
+  for (SlaveMapping& m : mapping_.slaves) set_watchdog(m, config_.watchdog_ms);
+  image_.assign(mapping_.output_bytes + mapping_.input_bytes, 0);
+  al_.assign(slaves_.size(), AlStatus{});
+  recovery_ = Recovery(&mapping_.slaves);
+  transfer_.stop();
+  present_ = static_cast<int>(slaves_.size());
+  watched_ = 0;
+  stopped_ = false;
+  return true;
+}
+
+rt::Result<bool> Master::configure(rt::NonRealtime&) {
+  if (slaves_.empty()) return rt::Error{"EtherCAT: no slave"};
+  for (std::size_t i = 0; i < slaves_.size(); ++i) {
+    auto done = to_preop(registers_, slaves_[i], mapping_.slaves[i], config_.state_timeout);
+    if (!done) return done;
+  }
+  for (std::size_t i = 0; i < slaves_.size(); ++i) {
+    auto done = to_safeop(registers_, slaves_[i], mapping_.slaves[i], config_.state_timeout);
+    if (!done) return done;
+  }
+  return true;
+}
+
+rt::Result<bool> Master::start(rt::NonRealtime& nrt) {
+  Port& port = frames_.port();
+  clear_outputs();
+  counters_.bad_in_row = 0;
+  stopped_ = false;
+  // Slaves want valid outputs before OP: a few cycles first.
+  rt::Time next = port.now();
+  const auto wait_period = [&] { port.sleep_until(next += config_.period); };
+  for (int i = 0; i < 3; ++i) {
+    (void)exchange();
+    wait_period();
+  }
+  recover();
+  const rt::Time end = next + config_.state_timeout * static_cast<int>(slaves_.size());
+  while (recovering() && port.now() < end) {
+    (void)exchange();
+    wait_period();
+  }
+  if (!recovery_.succeeded()) {
+    const auto i = static_cast<std::size_t>(recovery_.slave());
+    return rt::Error{slaves_[i].label() +
+                     ": does not reach OP: " + code_text(recovery_.status().code)};
+  }
+  // Each slave's own state once, so that al_status() is of now.
+  for (std::size_t i = 0; i <= slaves_.size(); ++i) {
+    (void)exchange();
+    wait_period();
+  }
+  const BusHealth h = health();
+  if (h.fault != BusFault::kNone) return rt::Error{describe(nrt, h)};
+  return true;
+}
+
+void Master::stop(rt::NonRealtime&) noexcept {
+  clear_outputs();
+  (void)exchange();
+  std::array<std::uint8_t, 2> safe{static_cast<std::uint8_t>(AlState::kSafeOp), 0};
+  (void)registers_.write_all(reg::kAlControl, safe);
+}
+
+std::string Master::describe(rt::NonRealtime&, const BusHealth& h) const {
+  const auto of_slave = [&] {
+    const auto i = static_cast<std::size_t>(h.slave);
+    return h.slave >= 0 && i < slaves_.size() ? slaves_[i].label() : std::string("a slave");
+  };
+  std::array<char, 160> text{};
+  switch (h.fault) {
+    case BusFault::kSlavesMissing:
+      return of_slave() + " and those behind it are gone: cable, power or emergency stop";
+    case BusFault::kSlaveState:
+      std::snprintf(text.data(), text.size(), " is in %s%s, code 0x%04X: %s", state_text(h.al.is()),
+                    h.al.error() ? " + ERROR" : "", h.al.code, code_text(h.al.code));
+      return of_slave() + text.data();
+    default:
+      return to_text(h.fault);
+  }
+}
+
+}  // namespace drivers::ethercat

@@ -1,0 +1,94 @@
+#include "drivers/ethercat/raw_port.hpp"
+
+#include <arpa/inet.h>
+#include <linux/if_packet.h>
+#include <net/if.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "drivers/ethercat/frame.hpp"
+#include "rt/clock/box_time.hpp"
+
+namespace drivers::ethercat {
+
+namespace {
+
+timespec timespec_of(std::int64_t ns) noexcept {
+  timespec t{};
+  t.tv_sec = ns / 1'000'000'000;
+  t.tv_nsec = ns % 1'000'000'000;
+  return t;
+}
+
+std::string socket_problem(const std::string& interface, int error) {
+  if (error == EPERM || error == EACCES)
+    return "interface " + interface +
+           ": raw Ethernet frames need CAP_NET_RAW (setcap cap_net_raw+ep on the program, or run "
+           "it with that capability)";
+  return "interface " + interface + ": " + std::strerror(error);
+}
+
+}  // namespace
+
+rt::Result<std::unique_ptr<RawPort>> RawPort::open(rt::NonRealtime&, const std::string& interface) {
+  const unsigned index = if_nametoindex(interface.c_str());
+  if (index == 0) return rt::Error{"interface " + interface + ": there is none of this name"};
+  const int fd = ::socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, htons(kEtherType));
+  if (fd < 0) return rt::Error{socket_problem(interface, errno)};
+  std::unique_ptr<RawPort> port(new RawPort(fd));
+  sockaddr_ll address{};
+  address.sll_family = AF_PACKET;
+  address.sll_protocol = htons(kEtherType);
+  address.sll_ifindex = static_cast<int>(index);
+  if (::bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
+    return rt::Error{socket_problem(interface, errno)};
+  return port;
+}
+
+RawPort::~RawPort() { ::close(socket_); }
+
+bool RawPort::send(std::span<const std::uint8_t> frame) noexcept {
+  const ssize_t sent = ::send(socket_, frame.data(), frame.size(), MSG_DONTWAIT);
+  return sent == static_cast<ssize_t>(frame.size());
+}
+
+std::size_t RawPort::receive(std::span<std::uint8_t> into, rt::Time deadline) noexcept {
+  for (;;) {
+    sockaddr_ll from{};
+    socklen_t length = sizeof from;
+    const ssize_t got = ::recvfrom(socket_, into.data(), into.size(), MSG_DONTWAIT,
+                                   reinterpret_cast<sockaddr*>(&from), &length);
+    if (got > 0 && from.sll_pkttype != PACKET_OUTGOING) return static_cast<std::size_t>(got);
+    if (got >= 0) continue;
+    // ENETDOWN: the link went; the deadline is waited for all the same, so a cycle keeps its
+    // length.
+    const std::int64_t left = rt::ns_of(deadline) - rt::monotonic_ns();
+    if (left <= 0) return 0;
+    pollfd ready{socket_, POLLIN, 0};
+    const timespec wait = timespec_of(left);
+    const int event = ::ppoll(&ready, 1, &wait, nullptr);
+    if (event == 0) return 0;
+    if (event > 0 && (ready.revents & POLLIN) == 0) {
+      // Nothing to read, only the error of a link that is down: take it off the socket.
+      int error = 0;
+      socklen_t size = sizeof error;
+      (void)::getsockopt(socket_, SOL_SOCKET, SO_ERROR, &error, &size);
+    }
+  }
+}
+
+rt::Time RawPort::now() const noexcept { return rt::time_from_ns(rt::monotonic_ns()); }
+
+void RawPort::sleep_until(rt::Time until) noexcept {
+  const timespec at = timespec_of(rt::ns_of(until));
+  while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &at, nullptr) == EINTR) {
+  }
+}
+
+}  // namespace drivers::ethercat

@@ -1,0 +1,90 @@
+#include "drivers/ethercat/twin/twin_port.hpp"
+
+#include <algorithm>
+
+#include "rt/random.hpp"
+
+namespace drivers::ethercat {
+
+namespace {
+
+// 100 Mbit/s: 80 ns a byte, with preamble, check sequence and gap; 1 us a slave there and back.
+constexpr std::int64_t kByte_ns = 80, kAround_bytes = 24, kSlave_ns = 1000;
+
+bool use_up(int& count) noexcept {
+  if (count <= 0) return false;
+  --count;
+  return true;
+}
+
+}  // namespace
+
+bool TwinPort::send(std::span<const std::uint8_t> frame) noexcept {
+  if (faults_.link_down || frame.size() > kMaxFrame) return false;
+  if (use_up(faults_.lose_out)) return true;
+  std::copy(frame.begin(), frame.end(), work_.bytes.begin());
+  work_.size = frame.size();
+  const auto around = static_cast<std::int64_t>(frame.size()) + kAround_bytes;
+  const std::int64_t flight_ns =
+      kByte_ns * around + kSlave_ns * static_cast<std::int64_t>(chain_.reach());
+  const std::int64_t cpu = cpu_clock_ != nullptr ? cpu_clock_() : 0;
+  chain_.pass(std::span(work_.bytes).first(work_.size), now_);
+  if (cpu_clock_ != nullptr) twin_cpu_ns_ += cpu_clock_() - cpu;
+  if (use_up(faults_.lose_back)) return true;
+  rt::Time arrives = now_ + rt::Nanos{flight_ns};
+  if (use_up(faults_.delay)) arrives += faults_.delay_by;
+  damage(work_);
+  const auto bytes = std::span<const std::uint8_t>(work_.bytes).first(work_.size);
+  put(bytes, arrives);
+  if (use_up(faults_.duplicate)) put(bytes, arrives + rt::Nanos{flight_ns});
+  return true;
+}
+
+// Changes what the frame check sequence of a real link would have caught: a byte of the EtherCAT
+// header or of the first datagram's command, index, address or length.
+void TwinPort::damage(InFlight& f) noexcept {
+  if (use_up(faults_.wrong_counter)) {
+    const std::size_t length = load_u16(f.bytes, 22) & 0x07FFU;
+    const std::size_t at = 26 + length;
+    if (at + 2 <= f.size)
+      store_u16(f.bytes, at, static_cast<std::uint16_t>(load_u16(f.bytes, at) - 1));
+  }
+  if (!use_up(faults_.corrupt)) return;
+  rt::Random random(faults_.seed, order_);
+  const auto at = static_cast<std::size_t>(random.integer(14, 23));
+  const auto bit = static_cast<unsigned>(random.integer(0, 7));
+  f.bytes[at] ^= static_cast<std::uint8_t>(1U << bit);
+}
+
+void TwinPort::put(std::span<const std::uint8_t> frame, rt::Time arrives) noexcept {
+  for (InFlight& slot : flight_) {
+    if (slot.size > 0) continue;
+    std::copy(frame.begin(), frame.end(), slot.bytes.begin());
+    slot.size = frame.size();
+    slot.arrives = arrives;
+    slot.order = ++order_;
+    return;
+  }
+}
+
+std::size_t TwinPort::receive(std::span<std::uint8_t> into, rt::Time deadline) noexcept {
+  InFlight* next = nullptr;
+  for (InFlight& slot : flight_) {
+    if (slot.size == 0) continue;
+    if (next == nullptr || slot.arrives < next->arrives ||
+        (slot.arrives == next->arrives && slot.order < next->order))
+      next = &slot;
+  }
+  const rt::Time until = std::max(now_, deadline);
+  if (next == nullptr || next->arrives > until) {
+    now_ = until;
+    return 0;
+  }
+  now_ = std::max(now_, next->arrives);
+  const std::size_t n = std::min(next->size, into.size());
+  std::copy_n(next->bytes.begin(), n, into.begin());
+  next->size = 0;
+  return n;
+}
+
+}  // namespace drivers::ethercat

@@ -1,0 +1,102 @@
+#include "drivers/youbot_bus/ethercat_motor_bus.hpp"
+
+#include <cmath>
+#include <numbers>
+
+#include "drivers/tmcl/tmcl_frame.hpp"
+#include "drivers/tmcl/youbot_parameters.hpp"
+
+namespace drivers::youbot_bus {
+
+namespace {
+
+// Above any motor's speed; a setpoint beyond it is no setpoint.
+constexpr double kMost_rpm = 200000;
+
+}  // namespace
+
+EtherCatMotorBus::EtherCatMotorBus(rt::NonRealtime&, ethercat::Master& master,
+                                   const MotorBusConfig& c)
+    : master_(master), config_(c) {}
+
+void EtherCatMotorBus::rearm() noexcept {
+  safe_.store(false, std::memory_order_release);
+  to_clear_ = (1U << static_cast<unsigned>(kWheels)) - 1;
+  clearing_ = -1;
+  if (master_.stopped() || master_.health().fault != ethercat::BusFault::kNone) master_.recover();
+}
+
+BusStatus EtherCatMotorBus::exchange(rt::Time now, const MotorSetpoints& setpoints,
+                                     MotorStates& states) noexcept {
+  put_setpoints(setpoints);
+  clear_flags();
+  const BusStatus status = status_of(master_.exchange());
+  if (status != BusStatus::kOk) return status;
+  return take_states(now, states) ? BusStatus::kOk : BusStatus::kDown;
+}
+
+void EtherCatMotorBus::put_setpoints(const MotorSetpoints& s) noexcept {
+  bool moves =
+      s.mode == MotorMode::kVelocity && !rearming() && !safe_.load(std::memory_order_acquire);
+  std::array<double, kWheels> rpm{};
+  for (std::size_t w = 0; w < rpm.size(); ++w) {
+    rpm[w] = s.wheel_rad_per_s[w] * config_.gear_ratio * 60 / (2 * std::numbers::pi);
+    moves = moves && std::abs(rpm[w]) <= kMost_rpm;  // NaN is not
+  }
+  for (std::size_t w = 0; w < rpm.size(); ++w) {
+    DriveOutputs o;
+    if (moves) o = {static_cast<std::int32_t>(std::lround(rpm[w])), ControllerMode::kVelocity};
+    (void)encode(o, master_.outputs(config_.slave[w]));
+  }
+}
+
+// One mailbox request at a time, a datagram a cycle.
+void EtherCatMotorBus::clear_flags() noexcept {
+  if (to_clear_ == 0 || master_.recovering() || master_.mailbox().busy()) return;
+  if (clearing_ >= 0 && master_.mailbox().state() == ethercat::TransferState::kDone) {
+    tmcl::Reply reply;
+    if (tmcl::decode(master_.mailbox().reply(), reply) && reply.status == 100)
+      to_clear_ &= ~(1U << static_cast<unsigned>(clearing_));
+  }
+  clearing_ = -1;
+  for (int w = 0; w < kWheels && clearing_ < 0; ++w)
+    if ((to_clear_ >> static_cast<unsigned>(w) & 1U) != 0) clearing_ = w;
+  if (clearing_ < 0) return;
+  const tmcl::Request clear{0, static_cast<std::uint8_t>(tmcl::Command::kSetAxisParameter),
+                            tmcl::axis::kClearTimeout, 0, 1};
+  (void)master_.post(config_.slave[static_cast<std::size_t>(clearing_)], tmcl::encode(clear));
+}
+
+BusStatus EtherCatMotorBus::status_of(const ethercat::CycleResult& r) const noexcept {
+  using ethercat::BusFault;
+  const BusFault fault = master_.health().fault;
+  if (master_.stopped() || fault == BusFault::kLinkDown || fault == BusFault::kSlavesMissing ||
+      fault == BusFault::kSlaveState)
+    return BusStatus::kDown;
+  return r.status == ethercat::CycleStatus::kOk ? BusStatus::kOk : BusStatus::kFrameLost;
+}
+
+bool EtherCatMotorBus::take_states(rt::Time now, MotorStates& states) noexcept {
+  std::array<DriveInputs, kWheels> in{};
+  for (std::size_t w = 0; w < in.size(); ++w)
+    if (!decode(master_.inputs(config_.slave[w]), in[w])) return false;
+  const double rad_per_tick =
+      2 * std::numbers::pi / (config_.ticks_per_motor_turn * config_.gear_ratio);
+  for (std::size_t w = 0; w < in.size(); ++w) {
+    // The difference of two words is right across a wrap.
+    const auto step = static_cast<std::int32_t>(static_cast<std::uint32_t>(in[w].position_ticks) -
+                                                static_cast<std::uint32_t>(word_[w]));
+    ticks_[w] = primed_ ? ticks_[w] + step : in[w].position_ticks;
+    word_[w] = in[w].position_ticks;
+    states.wheel_rad[w] = static_cast<double>(ticks_[w]) * rad_per_tick;
+    states.wheel_rad_per_s[w] = in[w].velocity_rpm * 2 * std::numbers::pi / 60 / config_.gear_ratio;
+    states.current_A[w] = 1e-3 * in[w].current_mA;
+    states.flags[w] = in[w].flags;
+  }
+  primed_ = true;
+  states.seq = ++seq_;
+  states.taken = now;
+  return true;
+}
+
+}  // namespace drivers::youbot_bus

@@ -1,0 +1,59 @@
+// The wheels of a youBot base on EtherCAT, as robot_io drives them (drivers/youbot/motor_bus.hpp).
+//
+//   exchange   setpoints to rpm, one cycle of the master, encoder words to wheel angles that do not
+//              wrap. kFrameLost: no frame, or its working counter is not the expected one, and
+//              `states` keeps what it had. kDown: link, slaves or states are gone, or the master
+//              has stopped.
+//   rearm      the operator's act: the master brings slaves back to OP, then each wheel's timeout
+//              flag is cleared (axis parameter 158), one step a cycle. Until all of it is done the
+//              wheels stand and take no setpoint; motion begins with the first setpoint after that.
+//   make_safe  from any thread: every cycle from now on carries motor stop. If the owner hangs in
+//              exchange(), no frame goes, and the slaves' watchdog (100 ms) stops the motors.
+// Nothing allocates after construction.
+#pragma once
+
+#include <atomic>
+
+#include "drivers/ethercat/master.hpp"
+#include "drivers/youbot/motor_bus.hpp"
+#include "drivers/youbot_bus/process_data.hpp"
+
+namespace drivers::youbot_bus {
+
+struct MotorBusConfig {
+  std::array<std::size_t, kWheels> slave{1, 2, 3, 4};  // of each wheel, from 0 at the master
+  int ticks_per_motor_turn = 4000;
+  double gear_ratio = 9405.0 / 364.0;  // motor turns per wheel turn
+};
+
+class EtherCatMotorBus final : public MotorBus {
+ public:
+  // `master` is in OP, and this object's from now on.
+  EtherCatMotorBus(rt::NonRealtime&, ethercat::Master& master, const MotorBusConfig& = {});
+
+  [[nodiscard]] BusStatus exchange(rt::Time now, const MotorSetpoints& setpoints,
+                                   MotorStates& states) noexcept override;
+  void rearm() noexcept override;
+  void make_safe() noexcept override { safe_.store(true, std::memory_order_release); }
+
+  // Flags are being cleared, or slaves brought back.
+  [[nodiscard]] bool rearming() const noexcept { return to_clear_ != 0 || master_.recovering(); }
+
+ private:
+  void put_setpoints(const MotorSetpoints&) noexcept;
+  void clear_flags() noexcept;
+  [[nodiscard]] BusStatus status_of(const ethercat::CycleResult&) const noexcept;
+  [[nodiscard]] bool take_states(rt::Time now, MotorStates&) noexcept;
+
+  ethercat::Master& master_;
+  MotorBusConfig config_;
+  std::atomic<bool> safe_{false};
+  unsigned to_clear_ = 0;  // wheels whose timeout flag is to be cleared, a bit each
+  int clearing_ = -1;      // the wheel whose request is under way
+  bool primed_ = false;    // ticks_ are of an earlier cycle
+  std::uint64_t seq_ = 0;
+  std::array<std::int32_t, kWheels> word_{};   // encoder, as it came last
+  std::array<std::int64_t, kWheels> ticks_{};  // the same, unwrapped
+};
+
+}  // namespace drivers::youbot_bus

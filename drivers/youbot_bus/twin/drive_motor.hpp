@@ -1,0 +1,55 @@
+// What turns behind a virtual motor controller. The board asks for motion at an instant and gives
+// commands; who stands behind is the caller's choice.
+#pragma once
+
+#include <cstdint>
+
+#include "drivers/youbot_bus/process_data.hpp"
+#include "rt/time.hpp"
+
+namespace drivers::youbot_bus {
+
+struct MotorCommand {
+  ControllerMode mode = ControllerMode::kStop;
+  double value = 0;  // in the unit of the mode: ticks, rpm, duty, mA
+};
+
+struct MotorMotion {
+  double position_ticks = 0, velocity_rpm = 0, current_mA = 0;
+};
+
+class DriveMotor {
+ public:
+  virtual ~DriveMotor() = default;
+  // From `at` on. Not before the instant of the last call.
+  virtual void command(const MotorCommand&, rt::Time at) noexcept = 0;
+  [[nodiscard]] virtual MotorMotion motion(rt::Time at) noexcept = 0;
+};
+
+struct IdealMotorConfig {
+  int ticks_per_turn = 4000;
+  double acceleration_rpm_per_s = 100000;  // of the velocity loop
+  double position_gain_per_s = 20;         // velocity asked for, per ticks of error
+  double velocity_limit_rpm = 4000;
+  double rpm_per_s_per_mA = 10;  // current mode: acceleration of a free motor
+  double rpm_per_duty = 2;       // PWM mode: speed of a free motor
+};
+
+// A motor without load: its velocity goes to what the mode asks for at a constant rate. Lazy, in
+// sub-steps of 100 us on a grid from time 0, so its motion does not depend on who asks.
+class IdealMotor final : public DriveMotor {
+ public:
+  explicit IdealMotor(const IdealMotorConfig& c = {}) noexcept : config_(c) {}
+  void command(const MotorCommand&, rt::Time at) noexcept override;
+  [[nodiscard]] MotorMotion motion(rt::Time at) noexcept override;
+
+ private:
+  void step() noexcept;
+  void advance(rt::Time to) noexcept;
+  IdealMotorConfig config_;
+  MotorCommand command_;
+  MotorMotion motion_;
+  std::int64_t steps_ = -1;  // sub-steps since time 0; -1: not begun
+};
+
+}  // namespace drivers::youbot_bus

@@ -1,0 +1,106 @@
+#include "drivers/youbot_bus/twin/youbot_chain.hpp"
+
+#include <string>
+
+#include "drivers/ethercat/twin/sii_builder.hpp"
+
+namespace drivers::youbot_bus {
+
+namespace {
+
+// Trinamic (youbot_driver, its SOEM patch). Product codes are not published: ours.
+constexpr std::uint32_t kTrinamic = 0x0286;
+
+std::string board_name(const BoardPlace& b, Generation g) {
+  const bool old = g == Generation::kOld;
+  switch (b.kind) {
+    case BoardKind::kBaseMaster:
+      return "KR-845";
+    case BoardKind::kWheel:
+      return old ? "TMCM-174" : "TMCM-1632";
+    case BoardKind::kArmMaster:
+      return old ? "KR-843" : "KR-845";
+    case BoardKind::kJoint:
+      return old ? "TMCM-KR-841" : "TMCM-1610";
+  }
+  return {};
+}
+
+std::size_t input_bytes_of(const YoubotChainConfig& c) {
+  if (c.input_bytes != 0) return c.input_bytes;
+  return c.generation == Generation::kOld ? 20 : 32;
+}
+
+DriveBoardConfig board_config(const BoardPlace& b, const YoubotChainConfig& c) {
+  const bool old = c.generation == Generation::kOld;
+  const bool wheel = b.kind == BoardKind::kWheel;
+  DriveBoardConfig out;
+  out.controller = wheel ? (old ? 174 : 1632) : (old ? 841 : 1610);
+  out.firmware = old ? 148 : 200;
+  out.has_gripper = b.kind == BoardKind::kJoint && b.number == 5;
+  out.initialised = c.initialised;
+  return out;
+}
+
+void add_drive_content(ethercat::SiiBuilder& sii, const YoubotChainConfig& c) {
+  const auto size = c.mailbox_bytes;
+  const auto in_start = static_cast<std::uint16_t>(c.mailbox_start + size);
+  const std::size_t inputs = input_bytes_of(c);
+  const std::uint8_t outputs_control = c.data_watchdog ? 0x64 : 0x24;
+  // No protocol of the standard: raw TMCL.
+  sii.mailbox(c.mailbox_start, size, in_start, size, 0);
+  sii.fmmus({1, 2});
+  sii.managers({{c.mailbox_start, size, 0x26, 1, 1},
+                {in_start, size, 0x22, 1, 2},
+                {c.outputs_start, static_cast<std::uint16_t>(kOutputBytes), outputs_control, 1, 3},
+                {c.inputs_start, static_cast<std::uint16_t>(inputs), 0x20, 1, 4}});
+  if (inputs == 16) sii.pdo(true, 0x1A00, 3, {32, 32, 32, 16, 16});
+  if (inputs == 18) sii.pdo(true, 0x1A00, 3, {32, 32, 32, 32, 16});
+  if (inputs == 20) sii.pdo(true, 0x1A00, 3, {32, 32, 32, 32, 32});
+  if (inputs == 32) sii.pdo(true, 0x1A00, 3, {32, 32, 32, 32, 32, 32, 32, 32});
+  sii.pdo(false, 0x1600, 2, {32, 8});
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> youbot_eeprom(const BoardPlace& b, const YoubotChainConfig& c,
+                                        std::uint32_t serial) {
+  ethercat::SiiBuilder sii;
+  const std::uint32_t product = 0x100 + static_cast<std::uint32_t>(b.kind);
+  sii.identity(kTrinamic, product, c.generation == Generation::kOld ? 1 : 2, serial);
+  const std::string name = board_name(b, c.generation);
+  sii.strings({name, "youBot"});
+  sii.general(2, 1, 1, c.forbids_lrw && b.is_drive() ? 0x02 : 0);
+  if (b.is_drive()) add_drive_content(sii, c);
+  return sii.image();
+}
+
+YoubotChain::YoubotChain(rt::NonRealtime& nrt, const YoubotChainConfig& c, const MotorMaker& motor)
+    : boards_(boards_of(c.kind)) {
+  std::uint32_t serial = 1;
+  for (const BoardPlace& b : boards_) {
+    std::unique_ptr<ethercat::EscApplication> application;
+    DriveBoard* drive = nullptr;
+    if (b.is_drive()) {
+      auto m = motor ? motor(b) : std::make_unique<IdealMotor>();
+      auto made = std::make_unique<DriveBoard>(nrt, board_config(b, c), std::move(m));
+      drive = made.get();
+      application = std::move(made);
+    } else {
+      application = std::make_unique<ethercat::EscApplication>();
+    }
+    drives_.push_back(drive);
+    chain_.add(std::make_unique<ethercat::Esc>(nrt, c.esc, youbot_eeprom(b, c, serial++),
+                                               std::move(application)));
+  }
+}
+
+// The master board of the platform (or of an arm alone) has the computer's supply.
+void YoubotChain::emergency_stop() noexcept { chain_.cut_behind(1); }
+
+void YoubotChain::release_emergency_stop(rt::Time now) noexcept {
+  for (std::size_t i = 1; i < chain_.size(); ++i) chain_.slave(i).power_cycle(now);
+  chain_.cut_behind(chain_.size());
+}
+
+}  // namespace drivers::youbot_bus
