@@ -14,7 +14,7 @@
 
 namespace drivers {
 
-// Controller states of Force Dimension devices (reference/haptics.md 2.3).
+// Controller states of Force Dimension devices.
 enum class DeviceState : std::uint8_t { kReset, kIdle, kForce, kBrake };
 
 // Why the forces are off (as the vendor's status reports it).
@@ -55,7 +55,7 @@ struct DeviceProperties {
   bool damping_known = false;
   bool measured = false;      // mass, damping and friction: measured on the device, not assumed
   bool renders_force = true;  // false: a pointer; commands are dropped
-  // Largest stiffness the loop may render: K = 0.8 b / (T/2 + t_d)  (definitions: touch, tick).
+  // Largest stiffness the loop may render: K = 0.8 b / (T/2 + t_d)  (docs/devices.md).
   [[nodiscard]] double stiffness_limit(double period_s) const noexcept {
     if (!renders_force) return std::numeric_limits<double>::infinity();
     return 0.8 * damping_N_s_per_m / (period_s / 2 + delay_s);

@@ -11,11 +11,11 @@
 using drivers::twin_sdk::Twin;
 using drivers::twin_sdk::twin;
 using drivers::twin_sdk::twin_mutex;
+using drivers::twin_sdk::TwinLock;
 using perception::Vec3;
 
 namespace {
 
-using Lock = std::lock_guard<std::mutex>;
 using Setter = std::function<void(Twin&, double)>;
 using Getter = std::function<double(const Twin&)>;
 
@@ -121,7 +121,7 @@ extern "C" {
 #define TWIN_EXPORT __attribute__((visibility("default")))
 
 TWIN_EXPORT int teletact_twin_reset(const char* toml) {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   try {
     twin().reset(toml);
     return 0;
@@ -132,29 +132,29 @@ TWIN_EXPORT int teletact_twin_reset(const char* toml) {
 }
 TWIN_EXPORT const char* teletact_twin_error() { return error_text().c_str(); }
 TWIN_EXPORT int teletact_twin_set(const char* key, double value) {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   const auto found = setters().find(key);
   if (found == setters().end()) return -1;
   found->second(twin(), value);
   return 0;
 }
 TWIN_EXPORT double teletact_twin_get(const char* key) {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   const auto found = getters().find(key);
   return found == getters().end() ? std::numeric_limits<double>::quiet_NaN()
                                   : found->second(twin());
 }
 TWIN_EXPORT void teletact_twin_advance(double seconds) {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   Twin& t = twin();
   t.manual_ns += rt::nanos_from_seconds(seconds).count();
 }
 TWIN_EXPORT void teletact_twin_start_hand(double in_s) {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   twin().device->start_hand(twin().now() + rt::nanos_from_seconds(in_s));
 }
 TWIN_EXPORT int teletact_twin_hand_point(int segment, const double* p_W, const double* normal_W) {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   return segment >= 0 && twin().hand->set_point(static_cast<std::size_t>(segment),
                                                 Vec3(p_W[0], p_W[1], p_W[2]),
                                                 Vec3(normal_W[0], normal_W[1], normal_W[2]))

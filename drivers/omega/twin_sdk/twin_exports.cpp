@@ -14,6 +14,7 @@ using drivers::twin_sdk::last_error;
 using drivers::twin_sdk::Twin;
 using drivers::twin_sdk::twin;
 using drivers::twin_sdk::twin_mutex;
+using drivers::twin_sdk::TwinLock;
 using perception::Vec3;
 
 namespace {
@@ -28,12 +29,10 @@ int fail(int error) {
 // Device axes and D differ by half a turn about z.
 Vec3 turned(const Vec3& v) { return {-v.x(), -v.y(), v.z()}; }
 
-using Lock = std::lock_guard<std::mutex>;
-
 // Runs `body` on the open twin; -1 and an error number otherwise.
 template <class Body>
 int on_device(char id, Body body) {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   Twin& t = twin();
   if (!t.open || (id != 0 && id != -1)) return fail(drivers::kDhdErrorNotAvailable);
   if (t.device->faults().unplugged) return fail(drivers::kDhdErrorCom);
@@ -59,7 +58,7 @@ int expert(char id, bool Twin::*flag) {
 }
 
 int open_device() {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   Twin& t = twin();
   if (t.device->faults().unplugged) return fail(drivers::kDhdErrorNoDevice);
   if (t.busy) return fail(drivers::kDhdErrorBusy);
@@ -74,7 +73,7 @@ extern "C" {
 #define TWIN_EXPORT __attribute__((visibility("default")))
 
 TWIN_EXPORT void dhdGetSDKVersion(int* major, int* minor, int* release, int* revision) {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   *major = twin().version_major;
   *minor = twin().version_minor;
   *release = *revision = 0;
@@ -100,11 +99,11 @@ TWIN_EXPORT const char* dhdErrorGetLastStr() { return dhdErrorGetStr(last_error(
 
 // ---- which device
 TWIN_EXPORT int dhdGetDeviceCount() {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   return twin().device->faults().unplugged ? 0 : 1;
 }
 TWIN_EXPORT int dhdGetAvailableCount() {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   return twin().device->faults().unplugged || twin().open ? 0 : 1;
 }
 TWIN_EXPORT int dhdOpen() { return open_device(); }
@@ -118,7 +117,7 @@ TWIN_EXPORT int dhdOpenSerial(int serial) {
   return serial == 1 ? open_device() : fail(drivers::kDhdErrorNoDevice);
 }
 TWIN_EXPORT int dhdClose(char) {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   twin().open = false;
   return 0;
 }
@@ -137,12 +136,12 @@ TWIN_EXPORT int dhdGetSerialNumber(unsigned short* serial, char id) {
 
 // ---- expert settings
 TWIN_EXPORT int dhdEnableExpertMode() {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   twin().expert = true;
   return 0;
 }
 TWIN_EXPORT int dhdDisableExpertMode() {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   twin().expert = false;
   return 0;
 }
@@ -225,7 +224,7 @@ TWIN_EXPORT int dhdSetMaxForce(double newton, char id) {
   });
 }
 TWIN_EXPORT double dhdGetMaxForce(char) {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   return twin().max_force_N;
 }
 TWIN_EXPORT int dhdSetForce(double x, double y, double z, char id) {
@@ -283,7 +282,7 @@ TWIN_EXPORT int dhdGetLinearVelocity(double* x, double* y, double* z, char id) {
   });
 }
 TWIN_EXPORT unsigned int dhdGetButtonMask(char) {
-  const Lock lock(twin_mutex());
+  const TwinLock lock(twin_mutex());
   const Twin& t = twin();
   const auto& hand = t.device->hand_target();
   return (hand.button || t.device->faults().stuck_button ? 1U : 0U) | (hand.clutch ? 2U : 0U);

@@ -47,6 +47,7 @@ struct Twin {
 // The one twin, and the lock that every exported function holds.
 [[nodiscard]] Twin& twin();
 [[nodiscard]] std::mutex& twin_mutex();
+using TwinLock = std::lock_guard<std::mutex>;
 // Error number of the calling thread, as the SDK keeps it.
 [[nodiscard]] int& last_error();
 
