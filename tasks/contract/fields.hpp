@@ -19,8 +19,8 @@ namespace rt {
 template <>
 struct Fields<tasks::ModeMsg> {
   using M = tasks::ModeMsg;
-  static constexpr std::tuple kList{value(&M::seq), datum(&M::stamp), value(&M::mode),
-                                    value(&M::cause), value(&M::clear)};
+  static constexpr std::tuple kList{value(&M::seq),   datum(&M::stamp), value(&M::mode),
+                                    value(&M::cause), value(&M::clear), value(&M::resumes)};
 };
 static_assert(lists_every_field<tasks::ModeMsg>());
 

@@ -22,6 +22,9 @@ struct ModeMsg {
   Mode mode = Mode::kInit;
   rt::FaultId cause = rt::kNoFault;
   bool clear = false;  // the operator clears: devices and tasks reset what they have latched
+  // Ramped down by a silence of the link alone: it goes on when the link is back in time, as long
+  // as the operator's engage is held.
+  bool resumes = false;
 };
 
 // Where the hand is, for fusion's window and for the console. haptic -> fusion, every tick.
@@ -40,8 +43,8 @@ struct HapticState {
   Vec3 p_mark_W = Vec3::Zero();  // where it was begun, on the surface
 };
 
-// What the hand did, in order. haptic -> planning, Ring. A full ring drops the newest and sets `gap`
-// in the next one that fits; after a gap planning drops an open mark.
+// What the hand did, in order. haptic -> planning, Ring. A full ring drops the newest and sets
+// `gap` in the next one that fits; after a gap planning drops an open mark.
 struct TouchEvent {
   enum class Kind : std::uint8_t {
     kContactBegin,
@@ -60,14 +63,14 @@ struct TouchEvent {
   double force_N = 0;
 };
 
-// Where fusion says the camera is. fusion -> prediction, console.
+// Where fusion says the camera is. fusion -> prediction, haptic, console.
 struct CameraPose {
   enum class Tracking : std::uint8_t { kLost = 0, kWeak = 1, kTracking = 2 };
   std::uint64_t seq = 0;
   rt::Time exposure{};
   Pose X_WC = Pose::Identity();
   Tracking tracking = Tracking::kLost;
-  bool claimed = false;  // definitions: fusion, "claimed"
+  bool claimed = false;  // trusted: perception/icp/tracker.hpp
   rt::Time seen{};       // exposure of the newest claimed image: this one, or the one before a loss
 };
 
@@ -115,7 +118,7 @@ struct Path {
   rt::Time seen{};  // newest claimed image of the map that last let it pass
 };
 
-// planning -> supervision, console, prediction.
+// planning -> console.
 struct TaskState {
   enum class Phase : std::uint8_t { kIdle, kPlanning, kDriving, kArrived, kFailed };
   std::uint64_t seq = 0;

@@ -6,7 +6,7 @@
 //                                    │cost_map         │touch
 //     bus ◀─▶ robot_io ◀══goal══ prediction ◀─path─ planning
 //                 └═══robot_state══▶ prediction, planning, fusion, supervision
-//     supervision (one on each box) ──mode──▶ every task of its box
+//     supervision (one on each box) ──mode──▶ haptic, prediction, planning; robot_io
 //
 // A process instantiates the rows of its box; an edge that crosses boxes (══) becomes a link
 // endpoint at both ends. Tasks see channels only, never each other.
@@ -60,7 +60,7 @@ inline constexpr int kTaskCount = 8;
 [[nodiscard]] constexpr std::size_t index_of(TaskId id) noexcept { return static_cast<std::size_t>(id); }
 // A reader of edges that is no task: an ordinary thread.
 inline constexpr TaskId kConsole = static_cast<TaskId>(kTaskCount);
-// A writer that is none either: the robot box's end of the link.
+// A writer that is no task either: the robot box's end of the link.
 inline constexpr TaskId kLink = static_cast<TaskId>(kTaskCount + 1);
 
 struct VariantRow {

@@ -127,7 +127,8 @@ bool CameraTracking::carried(const Job& job) noexcept {
          watch_->explains(pyramid(), job.model, r.X_WC) < config_.motion.least_explained;
 }
 
-// Nor is a camera `lost` whose place most of the image knows well enough to claim it.
+// Where something that moves pulled the fit away, or the fit was lost: align again without the
+// pixels that do not fit.
 void CameraTracking::align_without_misfits(Job& job, bool lost, bool by_majority) noexcept {
   if ((carried(job) || lost) && !by_majority) {
     job.work += job.r.work;
@@ -140,7 +141,8 @@ void CameraTracking::align_without_misfits(Job& job, bool lost, bool by_majority
   }
 }
 
-// Nor one of which the larger part of the image knows the place, whatever has come into it.
+// Still lost, and at least half of the readings fit the map at one pose: align again with these
+// alone.
 void CameraTracking::align_without_strangers(Job& job) noexcept {
   const auto& m = job.m;
   if (job.r.state != TrackingState::kLost || !m.certain || !(m.consensus.pairs > 0)) return;

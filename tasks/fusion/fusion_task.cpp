@@ -14,8 +14,8 @@ using perception::RgbdFrame;
 using perception::TrackingResult;
 using perception::TrackingState;
 
-// Round the hand, what moves slowly is followed: all that it can reach within a second. Elsewhere
-// it shall stand out from the map, or it would not be masked.
+// As far as the hand reaches within a second, the map follows surfaces that move slowly. Elsewhere
+// it does not: what moves must differ from the map, or it would not be masked.
 constexpr double kUnderHand_m = 0.25;
 
 rt::Health counted(rt::FaultId fault) noexcept {
@@ -119,8 +119,8 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const In& in, Out& out) noe
     found_again = locate(frame, knobs, out);
   settle(frame, first, out);
 
-  // Nobody has looked yet at what moves in the image by which the camera was found: the map learns
-  // from the next one on.
+  // The frame by which a lost camera was found has no mask of what moves: it is not fused, the
+  // next is.
   const bool learns = r.claimed && !found_again;
   if (learns) learn(frame, knobs, out);
   if (objects_) follow_objects(frame, out);
@@ -135,7 +135,7 @@ rt::Health FusionTask::consume(const rt::Tick& tick, const In& in, Out& out) noe
   return health_of(out);
 }
 
-// The answer to a mark takes as long as fine tracking: the frame that gives it does the one
+// Segmenting a marked object costs about as much as fine tracking: that frame tracks one level
 // coarser.
 const FusionLevel& FusionTask::knobs_at(int level) const noexcept {
   const int coarser = objects_ && objects_->marked() ? 1 : 0;

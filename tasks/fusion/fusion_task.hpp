@@ -7,7 +7,7 @@
 //   writes   Latest<SurfacePatch>  to tasks/haptic    every period, even without a new image
 //            Latest<SurfacePoints> to tasks/haptic    where asked for: each surface_periods-th
 //            Latest<CostMap>       to tasks/planning  every cost_map_period-th period
-//            Latest<CameraPose>    to prediction, console   every frame
+//            Latest<CameraPose>    to prediction, haptic, console   every frame
 //            Latest<SceneView>     to console         every view_period_frames-th period
 //            Latest<ObjectList>    to planning, console   every frame, where switched on
 //            Latest<MeshDelta>     to console         where asked for: each mesh_period_frames-th
@@ -121,7 +121,7 @@ class FusionTask {
   [[nodiscard]] const FusionConfig& config() const noexcept { return config_; }
   [[nodiscard]] std::uint64_t frames() const noexcept { return camera_.frames; }
   [[nodiscard]] std::uint64_t frames_claimed() const noexcept { return camera_.frames_claimed; }
-  // Half-extent a window must have so that the hand can not outrun it (definitions: patch).
+  // Half-extent a window must have so that the hand can not outrun it.
   [[nodiscard]] static double needed_half_extent(double hand_speed_m_per_s, double scale) noexcept {
     return hand_speed_m_per_s * scale * 0.1 + 0.05;
   }

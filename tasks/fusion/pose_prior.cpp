@@ -10,7 +10,7 @@ namespace {
 using perception::MotionPrior;
 using Twist = Eigen::Matrix<double, 6, 1>;
 
-constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kRadPerDegree = std::numbers::pi / 180;
 
 // (v, w) with exp_se3(v, w) = X.
 Twist twist_of(const Pose& X) noexcept {
@@ -35,7 +35,7 @@ MotionPrior PosePredictor::predict(const CameraState& last, rt::Time exposure) n
   if (X_OB && X_OB_last_) {
     const Pose step_B = X_OB_last_->inverse() * *X_OB;
     const double way = step_B.translation().norm();
-    const double turn_deg = perception::rotation_angle(step_B.linear()) / kDegree;
+    const double turn_deg = perception::rotation_angle(step_B.linear()) / kRadPerDegree;
     sigma_translation_m_ += config_.odometry_translation_share * way;
     sigma_rotation_deg_ +=
         config_.odometry_rotation_share * turn_deg + config_.odometry_deg_per_m * way;

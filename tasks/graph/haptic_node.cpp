@@ -21,7 +21,7 @@ void HapticNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (task_.wants_patch()) {
     const auto patch = cells_.take<EdgeId::kPatch, TaskId::kHaptic>(record);
     in_.patch_newest = patch.value;
-    // Told here; the task ramps the force down, since only it knows of a blend that it finishes first.
+    // Only logged here: the task ramps the force down, because it may first have to finish a blend.
     static_cast<void>(limits_.of<EdgeId::kPatch>().within(patch, tick.start));
   }
   if (cells_.has<EdgeId::kSurface>()) {
@@ -36,7 +36,8 @@ void HapticNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   const bool may_push = in_.mode.mode == Mode::kHold || in_.mode.mode == Mode::kEngaged;
   if (!limits_.of<EdgeId::kMode>().within(mode, tick.start) && may_push)
     in_.mode.mode = Mode::kRampDown;
-  // While the clutch is held the workspace turns to where the camera looks, of which the operator sees the image.
+  // While the clutch is held the workspace turns to where the camera looks, of which the operator
+  // sees the image.
   const auto camera = cells_.take<EdgeId::kCameraPose, TaskId::kHaptic>(record);
   in_.clutch = in_.stylus_ok && in_.stylus.clutch;
   if (!limits_.of<EdgeId::kCameraPose>().within(camera, tick.start))

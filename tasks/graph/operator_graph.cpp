@@ -1,6 +1,7 @@
 #include "tasks/graph/operator_graph.hpp"
 
 #include "rt/effect_count.hpp"
+#include "tasks/edges/command_edges.hpp"
 #include "tasks/edges/link_edges.hpp"
 #include "tasks/graph/fusion_node.hpp"
 #include "tasks/graph/haptic_node.hpp"
@@ -41,9 +42,8 @@ struct OperatorGraph::Nodes {
 
 OperatorGraph::OperatorGraph(rt::NonRealtime& nrt, const GraphConfig& config,
                              const OperatorSetup& setup, double haptic_period_s)
-    : config_(config),
-      camera_(setup.fusion.camera),
-      cells_(std::make_unique<OperatorCells>(nrt, config_, setup.faults)) {
+    : BoxGraph(config), camera_(setup.fusion.camera) {
+  cells_ = std::make_unique<OperatorCells>(nrt, config_, setup.faults);
   nodes_.reset(new Nodes{HapticNode(nrt, config_, setup, *cells_, haptic_period_s),
                          FusionNode(nrt, config_, setup, *cells_, requests_),
                          PlanningNode(nrt, config_, setup, *cells_),
@@ -98,6 +98,9 @@ void OperatorGraph::bind_link(rt::NonRealtime& nrt, drivers::LinkEndpoint& endpo
   receive_pictures(nrt, *cells_, config_.capture, camera_, endpoint);
   receive_edge<EdgeId::kRobotState>(*cells_, endpoint);
   send_edge<EdgeId::kGoal>(*cells_, endpoint);
+  receive_command_reports(endpoint, [this](std::uint64_t n, drivers::CommandFault newest) {
+    link_.tell_refused(n, newest);
+  });
 }
 
 }  // namespace tasks

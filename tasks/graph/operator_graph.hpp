@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "drivers/haptic/haptic_device.hpp"
+#include "drivers/link/command_gate.hpp"
 #include "drivers/link/endpoint.hpp"
 #include "rt/sched/mode_gate.hpp"
 #include "rt/sched/task.hpp"
@@ -39,6 +40,16 @@ struct LinkStatus {
   std::atomic<bool> refused{false};  // handshake failed
   std::atomic<bool> closed{false};   // the connection has ended: known at once, unlike a silence
   std::atomic<bool> expected{true};
+  std::atomic<std::uint64_t> session{0};  // number of the connection
+  // Of the operator's goals at the robot's box (CommandGate::Report): how many, and the newest
+  // fault. On the operator's box as the robot's last said. For people; no task reads them.
+  std::atomic<std::uint64_t> commands_refused{0};
+  std::atomic<std::uint8_t> commands_newest{0};
+
+  void tell_refused(std::uint64_t commands, drivers::CommandFault newest) noexcept {
+    commands_refused.store(commands);
+    commands_newest.store(static_cast<std::uint8_t>(newest));
+  }
 };
 
 // Written by the console: what the operator asks for.
@@ -50,16 +61,39 @@ struct OperatorRequests {
   std::atomic<std::uint64_t> mesh_taken{0};  // seq of the newest mesh delta that the console took
 };
 
-// The values of LinkStatus and OperatorRequests that a latch took: no sequence number names them, so
-// whoever records a run asks for them.
+// The values of LinkStatus and OperatorRequests that a latch took: no sequence number names them,
+// so whoever records a run asks for them.
 struct LatchedStatus {
   std::int64_t last_heard_ns = 0, round_trip_ns = 0, uncertainty_ns = 0;
+  std::uint64_t session = 0;
   int engage = 0;
   bool refused = false, expected = false, closed = false;
   bool ramp_down = false, stop = false, clear = false, watchdog_bit = false;
   bool events_full = false;  // planning took all the touch events it had room for
   std::uint64_t mesh_taken = 0;
   std::optional<SceneEdit> edit;  // fusion took it off the ring
+};
+
+// What the graphs of both boxes hold beside their tasks.
+template <class Cells>
+class BoxGraph {
+ public:
+  BoxGraph(const BoxGraph&) = delete;
+  BoxGraph& operator=(const BoxGraph&) = delete;
+
+  [[nodiscard]] Cells& cells() noexcept { return *cells_; }
+  [[nodiscard]] const GraphConfig& config() const noexcept { return config_; }
+  [[nodiscard]] LinkStatus& link() noexcept { return link_; }
+  [[nodiscard]] OperatorRequests& requests() noexcept { return requests_; }
+
+ protected:
+  explicit BoxGraph(const GraphConfig& config) : config_(config) {}
+  ~BoxGraph() = default;
+
+  GraphConfig config_;
+  std::unique_ptr<Cells> cells_;  // made by the box's own constructor
+  LinkStatus link_;
+  OperatorRequests requests_;
 };
 
 struct OperatorSetup {
@@ -72,21 +106,15 @@ struct OperatorSetup {
   rt::ModeGate mode_gate;                         // from the admission; open = every mode fits
 };
 
-class OperatorGraph {
+class OperatorGraph : public BoxGraph<OperatorCells> {
  public:
   OperatorGraph(rt::NonRealtime&, const GraphConfig&, const OperatorSetup&, double haptic_period_s);
   ~OperatorGraph();
-  OperatorGraph(const OperatorGraph&) = delete;
-  OperatorGraph& operator=(const OperatorGraph&) = delete;
 
   [[nodiscard]] rt::TaskBody& body(TaskId id);
   // Registers the link edges: frame and robot_state in, goal out.
   void bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint);
 
-  [[nodiscard]] OperatorCells& cells() noexcept { return *cells_; }
-  [[nodiscard]] const GraphConfig& config() const noexcept { return config_; }
-  [[nodiscard]] LinkStatus& link() noexcept { return link_; }
-  [[nodiscard]] OperatorRequests& requests() noexcept { return requests_; }
   // What the operator asks of the scene; by the console's thread. False: no room now, ask again.
   [[nodiscard]] bool edit(const SceneEdit& edit) noexcept;
   // Of the newest latch of `id`; by that task's thread, before its next latch.
@@ -96,11 +124,7 @@ class OperatorGraph {
 
  private:
   struct Nodes;
-  GraphConfig config_;
   perception::Intrinsics camera_;
-  std::unique_ptr<OperatorCells> cells_;
-  LinkStatus link_;
-  OperatorRequests requests_;
   std::unique_ptr<Nodes> nodes_;
 };
 

@@ -14,9 +14,11 @@ constexpr std::uint64_t kReportEvery = 3;  // frames; at once while a key is wan
 
 void send_asked(EdgeCells<rt::Box::kRobot>& cells, drivers::FrameAsker& asker,
                 drivers::LinkEndpoint& endpoint) {
+  endpoint.on_renew([&asker] { asker.renew(); });
   const auto polled = std::make_shared<rt::Time>();
   endpoint.set_ask([&, polled](rt::Time now, rt::Nanos busy_for) {
     *polled = now;
+    asker.wish(endpoint.wish());
     const auto demand = asker.poll(now, busy_for, endpoint.last_heard());
     if (!demand) return;
     cells.begin_write<EdgeId::kDemand>() = *demand;
@@ -86,6 +88,7 @@ void receive_pictures(rt::NonRealtime& nrt, EdgeCells<rt::Box::kOperator>& cells
   });
   if (!config.pictures.on_demand()) return;
   endpoint.speak(config.pictures.dialect());
+  endpoint.on_renew([decoder] { decoder->report.arrived = decoder->told = 0; });
   endpoint.add_outgoing(drivers::MessageId::kFrameReport, kReportPeriod, false,
                         [decoder](std::span<std::uint8_t> out) -> std::size_t {
                           auto& d = *decoder;

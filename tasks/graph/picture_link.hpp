@@ -11,8 +11,7 @@ namespace tasks {
 
 // Of the robot box. Without a codec that needs its previous frame: whenever the line is free the
 // newest frame goes out. With one: each demand is answered by one frame and each frame is sent, so
-// the cell never holds one that was not when the next is written. Everything given must outlive the
-// endpoint's use.
+// no frame is overwritten before it was sent. Everything given must outlive the endpoint's use.
 void send_pictures(EdgeCells<rt::Box::kRobot>& cells, drivers::FrameAsker& asker,
                    const drivers::PictureConfig& pictures, drivers::LinkEndpoint& endpoint);
 

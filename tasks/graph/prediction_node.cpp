@@ -19,7 +19,7 @@ PredictionConfig of_one_odometry(const GraphConfig& config, const OperatorSetup&
 
 }  // namespace
 
-// In a stored map the start is where fusion finds the camera; in a new one the start is what W is made of.
+// In a stored map the start is where fusion finds the camera. In a new map the start defines W.
 PredictionNode::PredictionNode(rt::NonRealtime& nrt, const GraphConfig& config,
                                const OperatorSetup& setup, OperatorCells& cells, LinkStatus& link)
     : task_(nrt, of_one_odometry(config, setup), setup.fusion.X_BC, config.fusion.map.empty()),
@@ -51,7 +51,7 @@ void PredictionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept
 
 rt::Health PredictionNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   health_ = task_.step(tick, in_, out_);
-  // What the operator asked of the robot's box stays asked: only the base halts.
+  // Without a mode the base halts. `operator_engaged` stays, so the robot's box keeps its mode.
   if (!mode_live_) out_.goal.engaged = 0;
   if (out_.frame.held == Held::kNo && !mode_live_)
     out_.frame.held = Held::kModeSilent;

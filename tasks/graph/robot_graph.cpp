@@ -1,5 +1,6 @@
 #include "tasks/graph/robot_graph.hpp"
 
+#include "tasks/edges/command_edges.hpp"
 #include "tasks/edges/link_edges.hpp"
 #include "tasks/graph/capture_node.hpp"
 #include "tasks/graph/picture_link.hpp"
@@ -22,8 +23,8 @@ struct RobotGraph::Nodes {
 };
 
 RobotGraph::RobotGraph(rt::NonRealtime& nrt, const GraphConfig& config, const RobotSetup& setup)
-    : config_(config),
-      cells_(std::make_unique<RobotCells>(nrt, setup.faults, config.capture.pictures.on_demand())) {
+    : BoxGraph(config) {
+  cells_ = std::make_unique<RobotCells>(nrt, setup.faults, config_.capture.pictures.on_demand());
   nodes_.reset(new Nodes{RobotIoNode(nrt, config_, setup, *cells_, link_),
                          CaptureNode(nrt, config_, setup, *cells_),
                          RobotSupervisionNode(nrt, config_, *cells_, link_, requests_, setup)});
@@ -58,7 +59,9 @@ const LatchedDemand& RobotGraph::latched_demand() const noexcept {
 const CaptureTask& RobotGraph::capture() const noexcept { return nodes_->capture.task(); }
 
 void RobotGraph::bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint) {
-  receive_edge<EdgeId::kGoal>(*cells_, endpoint);
+  receive_commands(*cells_, gate_, endpoint, [this](std::uint64_t n, drivers::CommandFault newest) {
+    link_.tell_refused(n, newest);
+  });
   send_edge<EdgeId::kRobotState>(*cells_, endpoint);
   send_pictures(*cells_, asker_, config_.capture.pictures, endpoint);
 }

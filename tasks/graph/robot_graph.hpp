@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "drivers/camera/camera.hpp"
+#include "drivers/link/command_gate.hpp"
 #include "drivers/link/endpoint.hpp"
 #include "drivers/link/frame_asker.hpp"
 #include "drivers/youbot/motor_bus.hpp"
@@ -45,22 +46,16 @@ struct RobotSetup {
   rt::ModeGate mode_gate;  // from the admission; open = every mode fits
 };
 
-class RobotGraph {
+class RobotGraph : public BoxGraph<RobotCells> {
  public:
   RobotGraph(rt::NonRealtime&, const GraphConfig&, const RobotSetup&);
   ~RobotGraph();
-  RobotGraph(const RobotGraph&) = delete;
-  RobotGraph& operator=(const RobotGraph&) = delete;
 
   [[nodiscard]] rt::TaskBody& body(TaskId id);
   // Registers the link edges: frame and robot_state out, goal in; where frames are coded on demand
   // also who asks for them.
   void bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint);
 
-  [[nodiscard]] RobotCells& cells() noexcept { return *cells_; }
-  [[nodiscard]] const GraphConfig& config() const noexcept { return config_; }
-  [[nodiscard]] LinkStatus& link() noexcept { return link_; }
-  [[nodiscard]] OperatorRequests& requests() noexcept { return requests_; }
   // Of the newest latch of `id`; by that task's thread, before its next latch.
   [[nodiscard]] LatchedStatus latched(TaskId id) const noexcept;
   [[nodiscard]] const LatchedDemand& latched_demand() const noexcept;
@@ -70,10 +65,7 @@ class RobotGraph {
 
  private:
   struct Nodes;
-  GraphConfig config_;
-  std::unique_ptr<RobotCells> cells_;
-  LinkStatus link_;
-  OperatorRequests requests_;
+  drivers::CommandGate gate_;
   drivers::FrameAsker asker_;
   std::unique_ptr<Nodes> nodes_;
 };

@@ -34,7 +34,7 @@ void RobotIoNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   in_.link_heard = heard != 0;
   in_.link_heard_at = rt::time_from_ns(heard);
   in_.link_closed = link_.closed.load(std::memory_order_relaxed);
-  // Told here; the task goes by how long each goal says that it is valid.
+  // Only logged here: the task goes by how long each goal says that it is valid.
   if (goal && heard != 0)
     static_cast<void>(
         limits_.of<EdgeId::kGoal>().within(tick.start, in_.link_heard_at, goal->made, goal.unsure));

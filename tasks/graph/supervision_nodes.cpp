@@ -37,6 +37,7 @@ LatchedStatus latched_status(const SupervisionTask::In& in) noexcept {
   s.last_heard_ns = rt::ns_of(in.link_last);
   s.refused = in.link_refused;
   s.closed = in.link_closed;
+  s.session = in.link_session;
   s.expected = in.link_expected;
   s.engage = static_cast<int>(in.requests.engage);
   s.ramp_down = in.requests.ramp_down;
@@ -70,6 +71,7 @@ void SupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcep
                                         limit.limit().liveness);
   in_.link_refused = link_.refused.load(std::memory_order_relaxed);
   in_.link_closed = link_.closed.load(std::memory_order_relaxed);
+  in_.link_session = link_.session.load(std::memory_order_relaxed);
   in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
   in_.requests.engage =
       static_cast<SupervisionTask::Engage>(requests_.engage.load(std::memory_order_relaxed));
@@ -124,6 +126,7 @@ void RobotSupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) no
   in_.link_last = rt::time_from_ns(heard);
   in_.link_refused = link_.refused.load(std::memory_order_relaxed);
   in_.link_closed = link_.closed.load(std::memory_order_relaxed);
+  in_.link_session = link_.session.load(std::memory_order_relaxed);
   in_.watchdog_bit = requests_.watchdog_bit.load(std::memory_order_relaxed);
   // Of long ago, while the line is live: as if there were none. A silent line is the task's matter.
   const bool old =
@@ -131,7 +134,7 @@ void RobotSupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) no
       !limits_.of<EdgeId::kGoal>().within(tick.start, in_.link_last, goal->made, goal.unsure) &&
       limits_.of<EdgeId::kGoal>().state() == LimitWatch::State::kOld;
   std::optional<GoalAsks> goal_asks;
-  if (goal && !old) goal_asks = GoalAsks{goal->operator_engaged != 0, goal->operator_clear != 0};
+  if (goal && !old) goal_asks = GoalAsks{goal->operator_engaged, goal->operator_clear != 0};
   const PeerAsks asked = asked_by_goal(goal_asks);
   in_.requests.engage = asked.engage;
   in_.requests.clear = asked.clear;

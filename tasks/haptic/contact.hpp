@@ -38,8 +38,8 @@ class Contact {
   [[nodiscard]] double gone_back_m(const Field& field) const noexcept {
     return gone_back(field, rested_W_, config_.tip_radius_m);
   }
-  // Less than a voxel of solid under the proxy, or a sheet before the hand that the samples hold no
-  // solid of: such a wall is not to be relied on.
+  // Less than a voxel of solid lies behind the surface that the hand touches or comes to: such a
+  // wall is not reliable.
   [[nodiscard]] bool thin(const Field& field, const perception::Vec3& p_WH) const noexcept {
     const double voxel = field.voxel();
     if (touches()) return field.sample(proxy_.p_WP() - voxel * proxy_.normal_W()).value > 0;

@@ -1,4 +1,4 @@
-// Energy observer of the haptic loop (definitions: E(k) = E(k-1) - F(k-1) . (x(k) - x(k-1)), the
+// Energy observer of the haptic loop (E(k) = E(k-1) - F(k-1) . (x(k) - x(k-1)), the
 // force on the hand times its motion, exact for a force held between ticks). E is the net energy
 // the hand put in: passive means E >= 0. What a moving surface or a changing stiffness puts into
 // the spring at a held hand is booked apart. The device's own damping b dissipates what the loop may make: 0.8 b v^2 T a tick

@@ -4,6 +4,7 @@
 //   reads   Latest<SurfacePatch>  from tasks/fusion        retains 2; force ramps to zero
 //                                                          when none is published for 100 ms
 //           Latest<SurfacePoints> from tasks/fusion        method force_shading alone; same ramp
+//           Latest<CameraPose>    from tasks/fusion        a clutch that turns with the view
 //           Latest<ModeMsg>       from tasks/supervision
 //   writes  HapticState           to tasks/fusion          every tick
 //           Ring<TouchEvent>      to tasks/planning        0..4 a tick

@@ -4,12 +4,11 @@
 //   nearest      nearest surface point by descent on the field from the hand, 1 step: no memory
 //   nearest10    the same, 10 steps
 //   force_shading the published method: nearest point of a ray cast (force_shading.hpp)
-//   constrained  the proxy moves only through free space, in steps of at most a quarter voxel: up
-//   to
-//                three tangent constraints, a small quadratic programme, then corrected onto the
-//                surface. Every accepted step comes nearer to the hand, so it ends in the minimum
-//                of |p - h| that can be reached from the last proxy without passing through the
-//                solid (the path-constrained minimum), not in the global one.
+//   constrained  the proxy moves only through free space, in steps of at most a quarter voxel:
+//                up to three tangent constraints, a small quadratic programme, then corrected onto
+//                the surface. Every accepted step comes nearer to the hand, so it ends in the
+//                minimum of |p - h| that can be reached from the last proxy without passing
+//                through the solid (the path-constrained minimum), not in the global one.
 //
 // Rules of the constrained proxy
 //   - contact begins only by crossing from seen-free space to field <= radius; a hand that comes
@@ -100,8 +99,8 @@ void step_nearest10(const Field&, const perception::Vec3& p_WH, ProxyState&,
 void step_constrained(const Field&, const perception::Vec3& p_WH, ProxyState&,
                       const ProxyConfig&) noexcept;
 
-// How far the surface has gone back from under a proxy that rested at p_W, m: 0 where it has not, the truncation where
-// nothing is known there any more.
+// How far the surface has gone back from under a proxy that rested at p_W, m: 0 where it has not,
+// the truncation where nothing is known there any more.
 [[nodiscard]] double gone_back(const Field&, const perception::Vec3& p_W,
                                double tip_radius_m) noexcept;
 

@@ -1,9 +1,8 @@
 // How fast the force on the hand may change: the last guard before the device. It remembers the
 // force of the last tick, before it and behind it.
-//   limit    max(slew T, 1.1 K |dh|) a tick, and less under a hand that is nearly still. There the
-//            surface alone turns the force, and what turns it thirty times a second is noise; only
-//            where the surface steps, or the size of the force is more than 1 N behind, it goes at
-//            the full rate.
+//   limit    max(slew T, 1.1 K |dh|) a tick, and less under a hand that is nearly still: there a
+//            change of the force thirty times a second is the noise of fusion. Where the surface
+//            steps, or the size of the force is more than 1 N behind, the full rate counts.
 // Frame: D haptic base.  SI.  Nothing here allocates, locks or throws.
 #pragma once
 

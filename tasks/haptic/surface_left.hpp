@@ -1,6 +1,6 @@
 // A surface that leaves the hand, or comes at it faster than a hand can be carried: the last
-// contact's plane is kept, and fades. One that falls away takes its force with it in the blend;
-// from one that comes, or is not known any more, the hand is let go.
+// contact's plane is kept, and fades. If the surface falls away, the blend removes its force. If it
+// comes too fast or becomes unknown, the force fades out.
 // Frame: W (= map).  SI.  Nothing here allocates, locks or throws.
 #pragma once
 

@@ -330,11 +330,15 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
   return health;
 }
 
-// A stop withdraws path, goal and an open mark.
+// A stop withdraws path, goal and an open mark. A silence from which the engagement may resume is
+// none, unless it ends without resuming.
 void PlanningTask::stop_if_asked(const In& in, Out& out) noexcept {
   using Phase = TaskState::Phase;
-  const bool stopped =
-      in.mode.seq != 0 && (in.mode.mode == Mode::kSafeStop || in.mode.mode == Mode::kRampDown);
+  const bool pauses = in.mode.seq != 0 && in.mode.resumes && in.mode.mode != Mode::kSafeStop;
+  const bool gave_up = state_.pauses && !pauses && in.mode.mode != Mode::kEngaged;
+  state_.pauses = pauses;
+  const bool stopped = in.mode.seq != 0 && (in.mode.mode == Mode::kSafeStop || gave_up ||
+                                            (in.mode.mode == Mode::kRampDown && !pauses));
   if (!stopped) return;
   drop_path(out);
   state_.goal.have = state_.goal.pending = state_.mark.open = false;

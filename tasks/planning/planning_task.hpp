@@ -7,7 +7,7 @@
 //                                                          either there is no planning
 //           Latest<ModeMsg>      from tasks/supervision    a stop drops mark and path
 //   writes  Latest<Path>         to tasks/prediction       every job; the same path while it holds
-//           Latest<TaskState>    to console, supervision   every job
+//           Latest<TaskState>    to the console            every job
 //   budget  50 ms of the 100 ms period; firm: OMPL allocates, our own code does not
 //   policy  abort: an aborted job leaves the task as it was (abandon()), with the same events
 //           unread. After `aborts` aborted plans in a row for one mark the goal is given up.
@@ -172,6 +172,7 @@ class PlanningTask {
     TouchEvent::Kind last_event_kind = TouchEvent::Kind::kContactEnd;
     bool any_event = false;
     bool path_truncated = false;
+    bool pauses = false;    // ramped down by a silence from which the engagement may resume
     int escape_points = 0;  // leading points of the path that cross unseen floor
   };
 

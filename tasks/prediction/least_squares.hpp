@@ -3,14 +3,12 @@
 //
 //   ridge_solve        two unknowns by the normal equations, closed form.
 //   minimum_norm       many unknowns and outputs, rank-revealing: a complete orthogonal
-//   decomposition of
-//                      [A; sqrt(ridge) I]. Of a rank-deficient system without ridge it is the
-//                      solution of least norm.
+//                      decomposition of [A; sqrt(ridge) I]. Of a rank-deficient system without
+//                      ridge it is the solution of least norm.
 //   RecursiveQr        the triangle of the QR decomposition, kept row by row (Givens rotations)
-//   with exponential
-//                      forgetting: no sum of squares is ever formed, so the condition number is not
-//                      squared. Kept in extended precision: after 10^6 rows it still agrees with a
-//                      batch QR (tests/unit/tasks_prediction).
+//                      with exponential forgetting: no sum of squares is ever formed, so the
+//                      condition number is not squared. Kept in extended precision: after 10^6
+//                      rows it still agrees with a batch QR (tests/unit/tasks_prediction).
 // All noexcept, no allocation. Source: Golub, Van Loan, Matrix Computations, 5.4 and 6.5.
 #pragma once
 

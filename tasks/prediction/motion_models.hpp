@@ -4,18 +4,17 @@
 //
 //   ConstantVelocity    the last velocity.
 //   AccelerationFilter  Kalman filter of velocity and acceleration, an axis at a time. The
-//   acceleration is a random walk
-//                       (`kalman`), or fades with `time_s` (Singer's model, IEEE AES 6(4), 1970:
-//                       `singer`).
+//                       acceleration is a random walk (`kalman`), or fades with `time_s` (Singer's
+//                       model, IEEE AES 6(4), 1970: `singer`).
 //   LinearModel         the published one: v(k + 1) = Theta^T [v(k); v(k - 1); .. v(k - m + 1)] of
-//   all axes at once, Theta
-//                       from the last N such rows by least squares, iterated a sample at a time to
-//                       the horizon. Printed: Theta = Phi^T Y with no inverse; here (Phi^T Phi +
-//                       ridge I)^-1 Phi^T Y, of least norm for ridge 0. It may diverge: velocities
-//                       are cut at +-5 m/s and +-20 rad/s, which no base of ours reaches.
+//                       all axes at once, Theta from the last N such rows by least squares,
+//                       iterated a sample at a time to the horizon. Printed: Theta = Phi^T Y with
+//                       no inverse; here (Phi^T Phi + ridge I)^-1 Phi^T Y, of least norm for ridge
+//                       0. It may diverge: velocities are cut at +-5 m/s and +-20 rad/s, which no
+//                       base of ours reaches.
 //   LearnedShare        `lsq`: the last velocity and learned shares of its two last changes
-//   (below). CommandResponse     the velocity follows known commands with a fitted first-order
-//   response.
+//                       (below).
+//   CommandResponse     the velocity follows known commands with a fitted first-order response.
 #pragma once
 
 #include <array>

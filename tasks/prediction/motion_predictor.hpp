@@ -2,13 +2,16 @@
 //
 // One interface, methods by name (motion_models.hpp says what each is):
 //   none                it stays where it was last seen.
-//   constant_velocity   its last velocity goes on (constant body twist, an exact arc); also named
-//   `hold`. paper               the published linear model over the last m velocities of all axes,
-//   as a least-norm fit. ridge               the same with a ridge. kalman              Kalman
-//   filter, constant acceleration. singer              Kalman filter, acceleration that fades with
-//   0.3 s. lsq                 learned shares of the last changes of velocity; with commands known,
-//   their response. own                 the models above weighted by how right each was of late
-//   (mixture.hpp); the default.
+//   constant_velocity   its last velocity goes on (constant body twist, an exact arc); also `hold`.
+//   paper               the published linear model over the last m velocities of all axes, as a
+//                       least-norm fit.
+//   ridge               the same with a ridge.
+//   kalman              Kalman filter, constant acceleration.
+//   singer              Kalman filter, acceleration that fades with 0.3 s.
+//   lsq                 learned shares of the last changes of velocity; with commands known, their
+//                       response.
+//   own                 the models above weighted by how right each was of late (mixture.hpp); the
+//                       default.
 // Each states a covariance, of its own errors as they turned out (realised_error.hpp). Commands
 // known ahead (on their way to the robot) count with `own` and `lsq`.
 //

@@ -113,7 +113,7 @@ PathFollower::Goal PathFollower::next(const Pose2& predicted_X_WB) noexcept {
   while (s > progress_ && cut() > config_.corridor_m) s = std::max(progress_, s - kStep);
   goal.X_WG = at(s);
 
-  // Mark: the end of the path, if the whole way is as good as straight from where the base is.
+  // The end of the path, if the whole way is as good as straight from where the base is.
   const Pose2 last = point(size_ - 1);
   const auto distance = [&](const Pose2& p) {
     return std::hypot(p.x - predicted_X_WB.x, p.y - predicted_X_WB.y);

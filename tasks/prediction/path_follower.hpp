@@ -2,16 +2,14 @@
 // straight motion.
 //
 // Progress    The point of the path nearest to the predicted base; it never goes back and never
-// leaps
-//             to a later branch of a path that comes near itself.
-// Path point  the point `look_ahead_m` further on, drawn nearer where the path bends: the base
-// drives
-//             straight at its goal, and pursuing a point at distance l on a bend of radius r leaves
-//             the path by l^2 / 2r, four times what the chord does; so the chord may leave it by a
-//             quarter of `corridor_m`.
-//             A base that is off the path by more than `corridor_m` is led back to it first: its chord may
-//             cut the corner at the nearest point by no more than that.
-// Mark        the end of the path, planned for the marked point, if the straight way there stays in
+//             leaps to a later branch of a path that comes near itself.
+// Path point  the point `look_ahead_m` further on, drawn nearer where the path bends: the
+//             base drives straight at its goal, and pursuing a point at distance l on a bend of
+//             radius r leaves the path by l^2 / 2r, four times what the chord does; so the chord
+//             may leave it by a quarter of `corridor_m`.
+//             A base that is off the path by more than `corridor_m` is led back to it first: its
+//             chord may cut the corner at the nearest point by no more than that.
+// End         the end of the path, planned for the marked point, if the straight way there stays in
 //             the corridor as well.
 // Of the two the one further from the robot is the goal.
 // Frame W. Allocation only in the constructor's object itself.

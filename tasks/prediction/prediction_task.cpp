@@ -47,7 +47,10 @@ Health PredictionTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   out.telemetry.X_WO = world_.X_WO();
   out.telemetry.X_WB = out.telemetry.predicted_X_WB = perception::compose(world_.X_WO(), here);
   out.telemetry.path_seq = follower_.seq();
-  g.operator_engaged = in.mode != nullptr && in.mode->mode == Mode::kEngaged ? 1 : 0;
+  g.operator_engaged = in.mode == nullptr                ? 0
+                       : in.mode->mode == Mode::kEngaged ? 1
+                       : in.mode->resumes                ? 2
+                                                         : 0;
   g.operator_clear = in.mode != nullptr && in.mode->clear ? 1 : 0;
   out.frame = {};
   if (make_goal(tick, in, out, health)) g.engaged = 1;

@@ -1,7 +1,7 @@
 // Prediction, 10 Hz, hard: the path's next goal, moved ahead by the round-trip delay.
 //
-//   reads    Latest<RobotState>   from robot_io, over the link, in local time; silent -> not
-//   engaged
+//   reads    Latest<RobotState>   from robot_io, over the link, in local time; silent ->
+//                                not engaged
 //            Latest<Path>         from planning
 //            Latest<CameraPose>   from fusion: where O lies in W
 //            Latest<ModeMsg>      from supervision of the operator box

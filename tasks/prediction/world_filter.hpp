@@ -71,7 +71,7 @@ class WorldFilter {
   // Of the base's pose at the newest odometry, the camera's own error included.
   [[nodiscard]] Matrix3 covariance() const noexcept { return stated(at_newest_); }
   [[nodiscard]] double error_m() const noexcept { return error_of(at_newest_); }
-  // The same after a further straight way of the base, p_W long.
+  // The same after the base has driven a further (dx_W, dy_W) straight on.
   [[nodiscard]] double error_after_m(double dx_W, double dy_W) const noexcept;
   // Three standard deviations of the heading, rad.
   [[nodiscard]] double error_rad() const noexcept;

@@ -1,15 +1,13 @@
 // Trajectory planner and tracking controller of the base: from the pose where it is to a goal pose
 // that may change at any tick, with bounded speed and acceleration and without passing the goal.
 //
-// Planner     On-line, no look-ahead table: each tick the wanted velocity points at the goal with
-// the
-//             speed from which the base can still stop there, v(d) = sqrt((a T)^2 + 2 a d) - a T
-//             (the discrete braking curve), and the reference velocity follows it by at most a T.
-//             Position and yaw are planned side by side in the odometry frame O.
-// Controller  Feed-forward of the reference velocity (with the lag of the motors' speed loop) plus
-// a
-//             proportional term on the pose error; then the limits once more, so that what is sent
-//             never exceeds them, whatever the error.
+// Planner     On-line, no look-ahead table: each tick the wanted velocity points at the goal
+//             with the speed from which the base can still stop there, v(d) = sqrt((a T)^2 + 2 a
+//             d) - a T (the discrete braking curve), and the reference velocity follows it by at
+//             most a T. Position and yaw are planned side by side in the odometry frame O.
+// Controller  Feed-forward of the reference velocity (with the lag of the motors' speed loop)
+//             plus a proportional term on the pose error; then the limits once more, so that what
+//             is sent never exceeds them, whatever the error.
 #pragma once
 
 #include "config/schema.hpp"
@@ -17,7 +15,7 @@
 
 namespace tasks {
 
-// Section [robot_io.limits] and gains.
+// Section [robot_io.trajectory] and gains.
 struct TrajectoryConfig {
   double speed_m_per_s = 0.5;
   double yaw_rate_rad_per_s = 0.8;

@@ -22,7 +22,8 @@ namespace tasks {
 
 // What of a goal is the operator's.
 struct GoalAsks {
-  bool engaged = false, clear = false;
+  int engaged = 0;  // RobotGoal::operator_engaged
+  bool clear = false;
 };
 // Robot box: the operator's requests.
 struct PeerAsks {
@@ -36,8 +37,11 @@ struct PeerAsks {
   using Engage = SupervisionTask::Engage;
   using Clear = SupervisionTask::Clear;
   if (!goal) return {};
-  return {goal->engaged ? Engage::kYes : Engage::kNo, goal->clear ? Clear::kYes : Clear::kNo,
-          goal->engaged ? Mode::kEngaged : Mode::kHold};
+  const Engage engage = goal->engaged == 1   ? Engage::kYes
+                        : goal->engaged == 2 ? Engage::kPaused
+                                             : Engage::kNo;
+  return {engage, goal->clear ? Clear::kYes : Clear::kNo,
+          engage == Engage::kYes ? Mode::kEngaged : Mode::kHold};
 }
 
 }  // namespace tasks

@@ -11,6 +11,8 @@ using rt::Severity;
 void SupervisionConfig::describe(config::Section& s) {
   s.number("ramp_s", ramp_s, 0.01, 5.0, "time in ramp-down before hold");
   s.number("link_liveness_s", link_liveness_s, 0.02, 10.0, "silence of the link that is a fault");
+  s.number("resume_within_s", resume_within_s, 0.0, 5.0,
+           "silence of the link that a held engage survives; 0: none");
   s.number("peer_grace_s", peer_grace_s, 0.05, 30.0, "after engage, time for the robot to follow");
   s.number("estop_liveness_s", estop_liveness_s, 0.01, 1.0,
            "age of the e-stop input that counts as pressed");
@@ -104,6 +106,50 @@ void SupervisionTask::count_and_latch(const Conditions& c) noexcept {
   }
 }
 
+bool SupervisionTask::link_changed(const In& in) noexcept {
+  const bool changed = link_session_ != 0 && in.link_session != link_session_;
+  link_session_ = in.link_session;
+  return changed && in.link_expected;
+}
+
+// ---- a silence that a held engage survives
+// ---------------------------------------------------------
+
+// Of all that calls for a ramp down or more, only the silence is there: this box's, or that of
+// which the operator's box says that it has paused.
+bool SupervisionTask::silence_alone(const Conditions& c, bool paused) noexcept {
+  for (std::size_t i = 0; i < kFaultCount; ++i) {
+    const rt::FaultId id = kFaultTable[i].id;
+    const bool silence = id == kFaultLinkSilent || (paused && id == kFaultEngageWithdrawn);
+    if (!silence && c.severity[i] >= Severity::kRampDown) return false;
+  }
+  return true;
+}
+
+// Before the mode is changed: is it such a silence still, or does one begin now?
+void SupervisionTask::keep_resuming(rt::Time now, const In& in, const Conditions& c,
+                                    bool changed) noexcept {
+  const bool paused = in.requests.engage == Engage::kPaused;
+  const bool begins = mode_ == Mode::kEngaged && c.worst.severity >= Severity::kRampDown &&
+                      silence_alone(c, paused) && (paused || !link_live(now, in));
+  if (begins) {
+    resumes_ = true;
+    quiet_from_ = in.link_last;
+  }
+  // While it lasts the robot's box knows the newest goal only: neither yes nor no is no release.
+  const bool let_go = in.requests.engage == Engage::kNo;
+  const rt::Nanos silence = std::max(now - in.link_last, in.link_last - quiet_from_);
+  const bool ended = changed || in.link_closed || in.link_refused || let_go ||
+                     !silence_alone(c, paused) ||
+                     silence > rt::nanos_from_seconds(config_.resume_within_s);
+  if (ended || (mode_ == Mode::kEngaged && !begins)) resumes_ = false;
+}
+
+bool SupervisionTask::may_resume(rt::Time now, const In& in,
+                                 const rt::Health& worst) const noexcept {
+  return resumes_ && in.requests.engage == Engage::kYes && may_engage(now, in, worst);
+}
+
 // ---- acts
 // ----------------------------------------------------------------------------------------
 
@@ -142,11 +188,14 @@ rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) n
   const rt::Time now = tick.start;
   Conditions c;
   gather(now, in, c);
+  const bool changed = link_changed(in);
+  if (changed) raise(c, kFaultLinkSilent, Severity::kOk);
   count_and_latch(c);
   const bool engage = in.requests.engage == Engage::kYes && last_engage_ == Engage::kNo;
   last_engage_ = in.requests.engage;
   take_clear(now, in);
   if (clear_open_) acknowledge(c);
+  keep_resuming(now, in, c, changed);
 
   if (c.worst.severity >= Severity::kSafeStop) {
     stop_safely(c.worst.fault, now);
@@ -165,6 +214,7 @@ rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) n
   out.mode.mode = mode_;
   out.mode.cause = cause_;
   out.mode.clear = clearing_;
+  out.mode.resumes = resumes_;
   return c.worst;
 }
 
@@ -191,11 +241,10 @@ bool SupervisionTask::change_mode(rt::Time now, const In& in, const rt::Health& 
       if (all_heard(in)) enter(Mode::kHold, rt::kNoFault, now);
       return false;
     case Mode::kHold:
+      if (may_resume(now, in, worst)) return go(now);
       if (!engage || !may_engage(now, in, worst)) return false;
-      enter(Mode::kEngaged, rt::kNoFault, now);
       episode_ = {};
-      peer_followed_ = false;
-      return true;
+      return go(now);
     case Mode::kEngaged:
       if (worst.severity >= Severity::kRampDown) enter(Mode::kRampDown, worst.fault, now);
       return true;  // it is engaged already
@@ -212,6 +261,12 @@ bool SupervisionTask::change_mode(rt::Time now, const In& in, const rt::Health& 
       }
       return false;
   }
+  return true;
+}
+
+bool SupervisionTask::go(rt::Time now) noexcept {
+  enter(Mode::kEngaged, rt::kNoFault, now);
+  peer_followed_ = resumes_ = false;
   return true;
 }
 

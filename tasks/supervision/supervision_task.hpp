@@ -2,7 +2,7 @@
 //
 //   reads   Health and heartbeat of every task of this box, liveness of the link, mode of the peer,
 //           e-stop input, requests (engage, ramp down, stop, clear)
-//   writes  Latest<ModeMsg>   to every task of this box
+//   writes  Latest<ModeMsg>   to haptic, prediction, planning; on the robot to robot_io
 //   budget  50 us of the 10 ms period
 //
 //   kInit ──every task heard──▶ kHold ──engage──▶ kEngaged ──fault, request──▶ kRampDown
@@ -11,10 +11,13 @@
 //
 // Faults are ordered data (fault_ids.hpp): the worst wins. Within an episode (from one engage, or
 // from a stop, to the act that ends it) severity only grows; recovery is an act, never a timeout:
-// a rising engage from kHold, or clear from kSafeStop. An engage or a clear must be seen as "no"
-// before a "yes" counts, so a switch left on, or a link that comes back, starts nothing. A clear
-// counts while it is pressed, for the first safe stop only: devices that latch need a few ticks to
-// reset. The operator's acts reach the robot's box with the goal.
+// a rising engage from kHold, or clear from kSafeStop. One exception: a silence of the link alone,
+// of at most resume_within_s, on one and the same connection, with the operator's engage held all
+// the time. Outputs ramp down as ever, and the act that is still held goes on (Mode::kEngaged
+// again). An engage or a clear must be seen as "no" before a "yes" counts, so a switch left on, or
+// a link that comes back, starts nothing. A clear counts while it is pressed, for the first safe
+// stop only: devices that latch need a few ticks to reset. The operator's acts reach the robot's
+// box with the goal.
 #pragma once
 
 #include <array>
@@ -36,6 +39,8 @@ struct SupervisionConfig {
   double ramp_s = 0.2;  // time in kRampDown before kHold
   // A longer silence of the link is a fault, on either box.
   double link_liveness_s = limit_of(EdgeId::kRobotState, TaskId::kSupervision).liveness_ms / 1000.0;
+  // A silence of at most this ends no engagement whose act is held. 0: each one does.
+  double resume_within_s = 1.0;
   double peer_grace_s = 1.0;       // after engage, time for the peer to follow
   double estop_liveness_s = 0.05;  // age of the e-stop input beyond it counts as pressed
 
@@ -52,7 +57,9 @@ class SupervisionTask {
  public:
   static constexpr int kMaxTasks = 16;
 
-  enum class Engage : std::uint8_t { kAbsent, kNo, kYes };
+  // kPaused, to the robot alone: the operator's box is out of the engaged mode because of a silence
+  // alone, holds the act, and may go on.
+  enum class Engage : std::uint8_t { kAbsent, kNo, kYes, kPaused };
   enum class Clear : std::uint8_t { kAbsent, kNo, kYes };
   struct TaskReport {
     bool heard = false;    // has published at least once
@@ -69,9 +76,12 @@ class SupervisionTask {
     std::array<TaskReport, kMaxTasks> tasks{};  // in the order of the watches
     bool link_expected = false;                 // this box has a peer
     bool link_heard = false;
-    rt::Time link_last{};          // newest valid message of the peer
-    bool link_refused = false;     // hand-shake failed: schema or version differ
-    bool link_closed = false;      // the connection has ended: as silent, at once
+    rt::Time link_last{};       // newest valid message of the peer
+    bool link_refused = false;  // hand-shake failed: schema or version differ
+    bool link_closed = false;   // the connection has ended: as silent, at once
+    // Number of the connection. One that follows another ends what was engaged over it, also where
+    // the end between them was too short to be seen as `link_closed`.
+    std::uint64_t link_session = 0;
     Mode peer_mode = Mode::kInit;  // newest, meaningful while the link is live
     bool estop_fitted = false;
     bool estop_closed = true;  // false: pressed or wire broken
@@ -105,9 +115,14 @@ class SupervisionTask {
     std::array<rt::Severity, kFaultCount> severity{};  // kOk: not active
   };
   void gather(rt::Time now, const In& in, Conditions& c) const noexcept;
+  [[nodiscard]] bool link_changed(const In& in) noexcept;
+  void keep_resuming(rt::Time now, const In& in, const Conditions& c, bool changed) noexcept;
+  [[nodiscard]] static bool silence_alone(const Conditions& c, bool paused) noexcept;
+  [[nodiscard]] bool may_resume(rt::Time now, const In& in, const rt::Health& worst) const noexcept;
   static void raise(Conditions& c, rt::FaultId id, rt::Severity reported) noexcept;
   void count_and_latch(const Conditions& c) noexcept;
   void enter(Mode mode, rt::FaultId cause, rt::Time now) noexcept;
+  bool go(rt::Time now) noexcept;  // into the engaged mode; true
   void stop_safely(rt::FaultId cause, rt::Time now) noexcept;
   [[nodiscard]] bool change_mode(rt::Time now, const In& in, const rt::Health& worst,
                                  bool engage) noexcept;
@@ -140,6 +155,9 @@ class SupervisionTask {
   bool clear_open_ = false;            // and no safe stop has begun or ended since
   bool peer_followed_ = false;
   std::uint64_t seq_ = 0;
+  std::uint64_t link_session_ = 0;  // newest seen; 0: none yet
+  bool resumes_ = false;            // ramped down by a silence alone, and the act is held
+  rt::Time quiet_from_{};           // when the link was last heard before it
 };
 
 }  // namespace tasks
