@@ -32,12 +32,15 @@ ROOMS = {
     "cli": set(),
     "files": set(),
     "doctor": set(),
+    "keys": set(),
     "report": {"files"},
     "scene": {"files"},
     "touch": {"cli", "files"},
     "record": {"files", "scene", "touch"},
-    "robot": {"files", "scene", "record"},
+    "robot": {"cli", "files", "scene", "record"},
+    "offline": {"cli", "files", "record"},
     "host": {"cli", "files", "doctor", "report", "scene", "touch", "record"},
+    "box": {"cli", "files", "report", "scene", "touch", "record", "host"},
 }
 ROOMS["teletact"] = set(ROOMS)
 ROOMS["measure"] = set(ROOMS) - {"teletact"}

@@ -144,8 +144,7 @@ class Shape:
             if not head:
                 first = line
             if text == ";":
-                if members is not None:
-                    members.append(data_members(head))
+                self._statement(head, first, members)
                 head = []
             elif text == ":" and head and head[-1] in ("public", "protected", "private"):
                 head = []
@@ -164,6 +163,11 @@ class Shape:
                 head.append(text)
             at += 1
         return at
+
+    def _statement(self, head, first, members):
+        """A statement of a namespace or, where there are `members`, of a class."""
+        if members is not None:
+            members.append(data_members(head))
 
     def _brace(self, at, head, first, names):
         """A `{` behind `head`: goes in, or notes a function; returns what is left of the head."""

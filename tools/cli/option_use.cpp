@@ -7,10 +7,13 @@ namespace teletact {
 namespace {
 
 constexpr OptionUse kBench[] = {
+    {"--hours", "days"},
+    {"--store-cap", "days"},
+    {"--in-memory", "days"},
     {"--rounds", "rings, wakeup, effects"},
     {"--slice", "wakeup"},
     {"--effect", "effects"},
-    {"--write", "effects, prediction"},
+    {"--write", "effects, prediction, days"},
     {"--span", "effects"},
     {"--rgbd", "table1, fusion, haptic --rgbd"},
     {"--intrinsics", "table1, fusion, haptic --rgbd"},

@@ -1,18 +1,26 @@
 # What `cmake --install` puts where, beside the libraries (teletact_install) and the program:
-#   include/teletact/<module>/<folder>/   headers; "rt/sched/admission.hpp" works as in the tree
+#   include/teletact/<module>/<folder>/   public headers; "rt/sched/admission.hpp" works as in the tree
 #   lib/cmake/teletact/                   find_package(teletact)
 #   share/teletact/config/                scenes, fault plans, limits; found by the program from bin/
+#   lib/systemd/system/                   units that run a box as a service
 include(CMakePackageConfigHelpers)
+get_property(headers GLOBAL PROPERTY teletact_private_headers)
+foreach(header ${headers})
+  string(REPLACE "." "\\." header ${header})
+  list(APPEND private REGEX "/${header}$" EXCLUDE)
+endforeach()
 foreach(part rt perception drivers tasks)
   install(EXPORT teletact_${part} NAMESPACE teletact:: FILE teletact_${part}.cmake
     DESTINATION ${TELETACT_INSTALL_CMAKE} COMPONENT ${part})
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/${part} DESTINATION ${TELETACT_INSTALL_INCLUDE}
-    COMPONENT ${part} FILES_MATCHING PATTERN "*.hpp")
+    COMPONENT ${part} FILES_MATCHING PATTERN "*.hpp" ${private})
 endforeach()
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/config DESTINATION ${TELETACT_INSTALL_INCLUDE}
-  COMPONENT rt FILES_MATCHING PATTERN "*.hpp")
+  COMPONENT rt FILES_MATCHING PATTERN "*.hpp" ${private})
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/config DESTINATION ${CMAKE_INSTALL_DATADIR}/teletact
   COMPONENT program FILES_MATCHING PATTERN "*.toml" PATTERN "*.conf" PATTERN "*.rules")
+install(DIRECTORY ${PROJECT_SOURCE_DIR}/config/systemd/ DESTINATION lib/systemd/system
+  COMPONENT program FILES_MATCHING PATTERN "*.service")
 configure_package_config_file(${PROJECT_SOURCE_DIR}/tools/cmake/teletactConfig.cmake.in
   ${PROJECT_BINARY_DIR}/teletactConfig.cmake INSTALL_DESTINATION ${TELETACT_INSTALL_CMAKE})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/teletactConfigVersion.cmake

@@ -3,14 +3,16 @@
 #include <spdlog/details/null_mutex.h>
 #include <spdlog/logger.h>
 #include <spdlog/sinks/base_sink.h>
-#include <spdlog/sinks/basic_file_sink.h>
+#include <spdlog/sinks/rotating_file_sink.h>
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <stdexcept>
 
 #include "perception/map_file/map_file.hpp"
 #include "perception/motion/motion_mask.hpp"
+#include "tools/files/mesh_file.hpp"
 #include "tools/files/whole_file.hpp"
 #include "tools/record/recording_setup.hpp"
 
@@ -19,6 +21,9 @@ namespace teletact {
 using tasks::OperatorCells;
 
 namespace {
+
+// A text log keeps its newest lines: this file, and so many older ones beside it (operator.1.log).
+constexpr std::size_t kTextLogBytes = std::size_t{8} << 20U, kTextLogs = 2;
 
 class LineSink final : public spdlog::sinks::base_sink<spdlog::details::null_mutex> {
  public:
@@ -35,7 +40,11 @@ class LineSink final : public spdlog::sinks::base_sink<spdlog::details::null_mut
 // The records carry their own time (box clock), so lines need no other.
 std::unique_ptr<rt::LogDrain> drain_to(rt::NonRealtime& nrt, tasks::TaskLogs& logs, rt::Box box,
                                        const std::string& path, TakeLine also) {
-  auto sink = std::make_shared<spdlog::sinks::basic_file_sink_mt>(path, true);
+  // An earlier run's go first: the sink would go on with them.
+  for (std::size_t i = 0; i <= kTextLogs; ++i)
+    std::filesystem::remove(spdlog::sinks::rotating_file_sink_mt::calc_filename(path, i));
+  auto sink =
+      std::make_shared<spdlog::sinks::rotating_file_sink_mt>(path, kTextLogBytes, kTextLogs);
   auto logger = std::make_shared<spdlog::logger>("tasks", std::move(sink));
   if (also) logger->sinks().push_back(std::make_shared<LineSink>(std::move(also)));
   logger->set_pattern("%l %v");
@@ -152,6 +161,27 @@ void OperatorConsole::drain(rt::Time now) {
   judge(robot, EdgeId::kRobotState, now);
   if (robot) seen_.robot = *robot;
   judge(cells.read<tasks::EdgeId::kHand, tasks::kConsole>(), EdgeId::kHand, now);
+}
+
+// The oldest samples go; what a report says of them stays.
+void OperatorConsole::fold_samples() {
+  const auto& haptic = scene_.graph.haptic;
+  const double touch_N_per_m = haptic.stiffness_N_per_m / haptic.scale;
+  const std::int64_t epoch_ns = rt::ns_of(epoch_);
+  if (seen_.haptic.size() >= 2 * kWholeTicks) {
+    const std::vector<tasks::HapticSample> oldest(
+        seen_.haptic.begin(), seen_.haptic.begin() + static_cast<std::ptrdiff_t>(kWholeTicks));
+    seen_.touched_past =
+        touched_places(touch_script_.visits(), oldest, epoch_ns, seen_.touched_past).visits;
+  }
+  fold_older(seen_.haptic, kWholeTicks, [&](const tasks::HapticSample& s) {
+    seen_.haptic_past.add(s, touch_N_per_m);
+    seen_.haptic_thin.add(s);
+  });
+  fold_older(seen_.fusion, kWholeFrames,
+             [&](const tasks::FusionSample& s) { seen_.fusion_past.add(s); });
+  fold_older(seen_.arrived, kWholeArrivals, [](const Arrival&) {});
+  if (seen_.paths.size() > kWholePaths) seen_.paths.erase(seen_.paths.begin() + 1);
 }
 
 void OperatorConsole::keep_what_moves() {
@@ -274,8 +304,8 @@ void OperatorConsole::clear(rt::Time now) {
   }
 }
 
-// Of a mesh nothing comes while nothing changes: that fusion lives is said by its samples, and what has come ages
-// until it is there, not after.
+// No mesh is sent while nothing changes: that fusion is alive is known from its samples. The age of a mesh is its age
+// when it arrives.
 void OperatorConsole::take_mesh(rt::Time now) {
   auto& cells = box_.graph().cells();
   if (!cells.has<tasks::EdgeId::kMesh>()) return;
@@ -310,6 +340,7 @@ void OperatorConsole::edit(rt::Time now) {
 void OperatorConsole::tick(rt::Time now) {
   box_.graph().requests().console_ns.store(rt::ns_of(now));
   drain(now);
+  fold_samples();
   take_mesh(now);
   edit(now);
   if (log_) {
@@ -326,46 +357,14 @@ void OperatorConsole::tick(rt::Time now) {
   }
 }
 
-std::string OperatorConsole::status_line(rt::Time now) const {
-  const char* modes[] = {"init", "hold", "engaged", "ramp down", "safe stop"};
-  const char* phases[] = {"idle", "planning", "driving", "arrived", "failed"};
-  const float force = seen_.haptic.empty() ? 0.0F : seen_.haptic.back().force_N;
-  const float reach = seen_.haptic.empty() ? 0.0F : seen_.haptic.back().reach;
-  const auto tracked = std::count_if(seen_.fusion.begin(), seen_.fusion.end(),
-                                     [](const auto& f) { return f.tracked; });
-  char moving[60] = "";
-  if (const auto& map = *seen_.map; map.moving_count > 0)
-    std::snprintf(moving, sizeof moving, "  MOVES: %.2f m2 of the ground",
-                  map.moving_count * map.resolution * map.resolution);
-  std::string old;
-  const std::string why = stands();
-  for (const auto edge : seen_.beyond) old += (old.empty() ? "  OLD: " : ", ") + std::string(edge);
-  const auto X_WB =
-      perception::compose({seen_.world.X_WO[0], seen_.world.X_WO[1], seen_.world.X_WO[2]},
-                          {seen_.robot.x_m, seen_.robot.y_m, seen_.robot.yaw_rad});
-  char sure[60] = "";
-  if (seen_.world.follows_camera && seen_.world.known)
-    std::snprintf(sure, sizeof sure, " +- %.3f m%s", seen_.world.error_m,
-                  seen_.world.unsure ? "  STANDS: where it is, is not sure enough" : "");
-  else if (seen_.world.follows_camera)
-    std::snprintf(sure, sizeof sure, "  where it is, is not known yet");
-  char line[640];
-  std::snprintf(line, sizeof line,
-                "%5.1f s  %-9s  force %5.2f N  reach %3.0f %%  frames %4ld  marks %u  paths %u  "
-                "%-8s  robot (%.2f, %.2f) m%s%s%s%s%s",
-                rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
-                static_cast<double>(force), 100 * static_cast<double>(reach),
-                static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
-                phases[static_cast<int>(seen_.task.phase)], X_WB.x, X_WB.y, sure, why.c_str(),
-                moving, force_act_.waits() ? "  forces off: press the clutch and let go" : "",
-                old.c_str());
-  return line;
-}
-
 OperatorView OperatorConsole::copy() const {
   OperatorView v;
   v.haptic = seen_.haptic;
   v.fusion = seen_.fusion;
+  v.haptic_past = seen_.haptic_past;
+  v.fusion_past = seen_.fusion_past;
+  v.haptic_thin = seen_.haptic_thin;
+  v.touched_past = seen_.touched_past;
   v.paths = seen_.paths;
   v.task = seen_.task;
   v.camera = seen_.camera;
@@ -402,7 +401,7 @@ void save_scene(rt::NonRealtime& nrt, const OperatorConsole& console,
                 const tasks::FusionTask& fusion, const std::string& folder,
                 const std::string& map_file) {
   if (fusion.config().mesh_blocks > 0 && !folder.empty()) {
-    const auto ok = perception::write_ply(nrt, folder + "/scene.ply", console.mesh().mesh());
+    const auto ok = write_ply(nrt, folder + "/scene.ply", console.mesh().mesh());
     if (!ok) throw std::runtime_error(ok.error());
   }
   if (!map_file.empty())
@@ -433,6 +432,9 @@ void RobotConsole::tick(rt::Time now) {
   if (box_.bus().history().newest(s)) {
     seen_.truth.push_back({s.time, s.X_WB.x, s.X_WB.y, s.X_WB.yaw, s.path_m, s.collisions});
   }
+  fold_older(seen_.robot, kWholeTicks,
+             [&](const tasks::RobotSample& old) { seen_.robot_past.add(old); });
+  fold_older(seen_.truth, kWholeTruth, [&](const TruthSample& old) { seen_.truth_past.add(old); });
 }
 
 }  // namespace teletact

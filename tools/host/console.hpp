@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tasks/graph/limits.hpp"
+#include "tools/host/view_tally.hpp"
 #include "tools/scene/boxes.hpp"
 #include "tools/touch/force_act.hpp"
 #include "tools/touch/touch_script.hpp"
@@ -29,7 +30,13 @@ struct Arrival {
 struct OperatorView {
   std::vector<tasks::HapticSample> haptic;
   std::vector<tasks::FusionSample> fusion;
-  std::vector<tasks::Path> paths;  // each path once, as it was first published
+  // Of samples that are older and gone (view_tally.hpp).
+  HapticTally haptic_past;
+  FusionTally fusion_past;
+  Decimated<tasks::HapticSample> haptic_thin;
+  std::vector<Touched> touched_past;  // by visit
+  // Each path once, as it was first published: the first, and the newest kWholePaths.
+  std::vector<tasks::Path> paths;
   tasks::TaskState task;
   tasks::CameraPose camera;
   tasks::ObjectList objects;        // newest; seq 0: objects are switched off
@@ -49,7 +56,7 @@ struct OperatorView {
   double held_s = 0;
   tasks::Held held = tasks::Held::kNo;
   std::int32_t held_ms = 0, held_limit_ms = 0;
-  std::vector<Arrival> arrived;  // each of `arrivals`
+  std::vector<Arrival> arrived;  // the newest of `arrivals`
   std::uint64_t arrivals = 0;
   rt::Time first_arrival{};
   std::uint32_t points_resolved = 0;
@@ -89,6 +96,7 @@ class OperatorConsole {
 
  private:
   void drain(rt::Time now);
+  void fold_samples();
   void keep_what_moves();
   void resolve_points(rt::Time now);
   void mind_device(rt::Time now);
@@ -136,6 +144,9 @@ struct TruthSample {
 struct RobotView {
   std::vector<tasks::RobotSample> robot;
   std::vector<TruthSample> truth;
+  // Of samples that are older and gone.
+  Decimated<tasks::RobotSample> robot_past;
+  Decimated<TruthSample> truth_past;
   tasks::ModeMsg mode;
   double tracking_error_max_m = 0;
   std::uint64_t log_dropped = 0;

@@ -1,9 +1,10 @@
-// Of the operator's console: why the base stands.
+// Of the operator's console: its status line, and why the base stands.
+#include <algorithm>
 #include <cstdio>
 
 #include "tasks/robot_io/robot_io_task.hpp"
 #include "tools/host/console.hpp"
-#include "tools/record/black_box.hpp"
+#include "tools/record/box_recorder.hpp"
 
 namespace teletact {
 
@@ -61,6 +62,42 @@ std::string OperatorConsole::stands() const {
   if (seen_.robot.fault == kGoalExpired || seen_.robot.fault == kLinkSilent)
     return "  STANDS: " + fault_text(seen_.robot.fault);
   return {};
+}
+
+std::string OperatorConsole::status_line(rt::Time now) const {
+  const char* modes[] = {"init", "hold", "engaged", "ramp down", "safe stop"};
+  const char* phases[] = {"idle", "planning", "driving", "arrived", "failed"};
+  const float force = seen_.haptic.empty() ? 0.0F : seen_.haptic.back().force_N;
+  const float reach = seen_.haptic.empty() ? 0.0F : seen_.haptic.back().reach;
+  const auto tracked = std::count_if(seen_.fusion.begin(), seen_.fusion.end(),
+                                     [](const auto& f) { return f.tracked; });
+  char moving[60] = "";
+  if (const auto& map = *seen_.map; map.moving_count > 0)
+    std::snprintf(moving, sizeof moving, "  MOVES: %.2f m2 of the ground",
+                  map.moving_count * map.resolution * map.resolution);
+  std::string old;
+  const std::string why = stands();
+  for (const auto edge : seen_.beyond) old += (old.empty() ? "  OLD: " : ", ") + std::string(edge);
+  const auto X_WB =
+      perception::compose({seen_.world.X_WO[0], seen_.world.X_WO[1], seen_.world.X_WO[2]},
+                          {seen_.robot.x_m, seen_.robot.y_m, seen_.robot.yaw_rad});
+  char sure[60] = "";
+  if (seen_.world.follows_camera && seen_.world.known)
+    std::snprintf(sure, sizeof sure, " +- %.3f m%s", seen_.world.error_m,
+                  seen_.world.unsure ? "  STANDS: where it is, is not sure enough" : "");
+  else if (seen_.world.follows_camera)
+    std::snprintf(sure, sizeof sure, "  where it is, is not known yet");
+  char line[640];
+  std::snprintf(line, sizeof line,
+                "%5.1f s  %-9s  force %5.2f N  reach %3.0f %%  frames %4ld  marks %u  paths %u  "
+                "%-8s  robot (%.2f, %.2f) m%s%s%s%s%s",
+                rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
+                static_cast<double>(force), 100 * static_cast<double>(reach),
+                static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
+                phases[static_cast<int>(seen_.task.phase)], X_WB.x, X_WB.y, sure, why.c_str(),
+                moving, force_act_.waits() ? "  forces off: press the clutch and let go" : "",
+                old.c_str());
+  return line;
 }
 
 }  // namespace teletact

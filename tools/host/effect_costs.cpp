@@ -12,8 +12,8 @@
 
 #include "rt/clock/box_time.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/effect_catalogue.hpp"
 #include "tools/host/run_demo.hpp"
+#include "tools/scene/effect_catalogue.hpp"
 
 namespace teletact {
 

@@ -1,6 +1,8 @@
 #include "tools/host/host_admission.hpp"
 
+#include <algorithm>
 #include <cstdio>
+#include <optional>
 
 #include "tasks/graph/calibration.hpp"
 #include "tasks/graph/frame_phase.hpp"
@@ -32,6 +34,33 @@ std::string ray_cast_text(const tasks::Calibration& given, std::int64_t job_us) 
   return asks + text;
 }
 
+// What one box asks of a host that it has for itself.
+void keep_box(rt::AdmissionRequest& r, rt::Box box) {
+  std::erase_if(r.tasks, [box](const rt::TaskSpec& t) { return t.box != box; });
+  std::erase_if(r.platform, [box](const rt::PlatformTask& p) { return p.spec.box != box; });
+  std::erase_if(r.best_effort, [box](const rt::BestEffortLoad& b) {
+    return b.name == "camera_twin" && box != rt::Box::kRobot;
+  });
+  for (rt::BestEffortLoad& b : r.best_effort) {
+    if (b.name != "camera_twin") b.share *= 0.5;  // declared for both boxes
+  }
+  std::erase_if(r.degrade_order, [&r](const std::string& name) {
+    return std::none_of(r.tasks.begin(), r.tasks.end(),
+                        [&name](const rt::TaskSpec& t) { return t.name == name; });
+  });
+}
+
+// Modes, and what the registry gets, of a request that was admitted.
+void add_modes(HostPlan& plan) {
+  plan.modes = rt::analyse_modes(plan.request, plan.admission,
+                                 tasks::mode_sets(plan.request, plan.admission));
+  plan.refusal = plan.modes.refusal;
+  plan.held = rt::largest_of(plan.request, plan.admission, plan.modes);
+  plan.held_rows = rt::admit(plan.held);
+  if (plan.refusal.empty() && !plan.held_rows.admitted)
+    plan.refusal = "modes that exclude each other: " + plan.held_rows.refusal;
+}
+
 }  // namespace
 
 std::int64_t ray_cast_us(const Scene& scene) {
@@ -59,9 +88,11 @@ tasks::ChoiceLimits choice_limits(const Scene& scene) {
   return limits;
 }
 
-HostPlan admit_host(const Scene& scene, const tasks::Calibration& given,
+namespace {
+
+HostPlan admit_some(const Scene& scene, const tasks::Calibration& given,
                     const std::vector<int>& cpus, tasks::BestEffortShares shares,
-                    const std::string& only_choice) {
+                    const std::string& only_choice, std::optional<rt::Box> box) {
   HostPlan plan;
   const tasks::ChoiceLimits limits = choice_limits(scene);
   const tasks::Calibration calibration = as_asked(given, scene);
@@ -75,27 +106,44 @@ HostPlan admit_host(const Scene& scene, const tasks::Calibration& given,
   // The link's share is declared for both boxes together; one of them decodes.
   shares.link += 0.5 * tasks::picture_cost(scene.graph.capture.pictures).decode_share;
   plan.request = tasks::make_request(specs, cpus, shares, scene.graph.pool, calibration);
+  for (std::size_t i = 0; i < plan.request.tasks.size(); ++i) {
+    if (!box || plan.request.tasks[i].box == *box)
+      plan.ids.push_back(static_cast<std::uint16_t>(i));
+  }
+  if (box) {
+    keep_box(plan.request, *box);
+    std::erase_if(specs, [box](const rt::TaskSpec& s) { return s.box != *box; });
+  }
   plan.admission = rt::admit(plan.request);
   plan.refusal = plan.admission.refusal;
   if (!plan.refusal.empty() && limits.ray_cast_us > 0)
     plan.refusal += ray_cast_text(given, limits.ray_cast_us);
   if (!plan.admission.admitted) return plan;
   plan.specs = rt::settled_as(plan.admission, specs);
-  tasks::set_fusion_phase(plan.specs, plan.admission, calibration, scene.link.shape);
+  if (!box) tasks::set_fusion_phase(plan.specs, plan.admission, calibration, scene.link.way());
   plan.workers = rt::settled_as(plan.admission, plan.request.tasks);
   plan.workers.erase(plan.workers.begin(),
                      plan.workers.begin() + static_cast<std::ptrdiff_t>(plan.specs.size()));
-  for (rt::TaskSpec& w : plan.workers)
-    w.offset = plan.specs[tasks::index_of(tasks::TaskId::kFusion)].offset;
-  plan.voxel_m = tasks::chosen_voxel_m(plan.specs[tasks::index_of(tasks::TaskId::kFusion)], limits);
-  plan.modes = rt::analyse_modes(plan.request, plan.admission,
-                                 tasks::mode_sets(plan.request, plan.admission));
-  plan.refusal = plan.modes.refusal;
-  plan.held = rt::largest_of(plan.request, plan.admission, plan.modes);
-  plan.held_rows = rt::admit(plan.held);
-  if (plan.refusal.empty() && !plan.held_rows.admitted)
-    plan.refusal = "modes that exclude each other: " + plan.held_rows.refusal;
+  for (std::size_t i = 0; i < plan.specs.size(); ++i) {
+    if (plan.ids[i] != tasks::index_of(tasks::TaskId::kFusion)) continue;
+    for (rt::TaskSpec& w : plan.workers) w.offset = plan.specs[i].offset;
+    plan.voxel_m = tasks::chosen_voxel_m(plan.specs[i], limits);
+  }
+  add_modes(plan);
   return plan;
+}
+
+}  // namespace
+
+HostPlan admit_host(const Scene& scene, const tasks::Calibration& given,
+                    const std::vector<int>& cpus, tasks::BestEffortShares shares,
+                    const std::string& only_choice) {
+  return admit_some(scene, given, cpus, shares, only_choice, std::nullopt);
+}
+
+HostPlan admit_box(const Scene& scene, const tasks::Calibration& given,
+                   const std::vector<int>& cpus, tasks::BestEffortShares shares, rt::Box box) {
+  return admit_some(scene, given, cpus, shares, {}, box);
 }
 
 std::string admission_text(const HostPlan& plan) {
@@ -106,12 +154,32 @@ rt::PlacedTask placed_task(const HostPlan& plan, std::size_t task) {
   const rt::AdmittedTask& row = plan.admission.tasks[task];
   rt::PlacedTask p;
   p.spec = task < plan.specs.size() ? plan.specs[task] : plan.workers[task - plan.specs.size()];
-  p.id = static_cast<std::uint16_t>(task);
+  p.id = plan.ids[task];
   p.core = row.cpu;
   p.priority = row.priority;
   p.level = row.level;
   p.last_level = row.last_level;
   return p;
+}
+
+rt::RunLog log_header(const std::vector<rt::PlacedTask>& placed, rt::Box box,
+                      const tasks::Calibration& calibration) {
+  rt::RunLog log;
+  for (const auto& p : placed) {
+    if (p.spec.box != box) continue;
+    rt::TaskLog t;
+    t.spec = p.spec;
+    t.id = p.id;
+    t.core = p.core;
+    t.priority = p.priority;
+    t.level = p.level;
+    if (const auto* row = calibration.find(p.spec, p.level)) {
+      t.work_min = static_cast<std::uint64_t>(row->work_min);
+      t.work_max = static_cast<std::uint64_t>(row->work_max);
+    }
+    log.tasks.push_back(std::move(t));
+  }
+  return log;
 }
 
 }  // namespace teletact

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "rt/audit/run_log.hpp"
 #include "rt/sched/admission.hpp"
 #include "rt/sched/mode_table.hpp"
 #include "rt/sched/task.hpp"
@@ -16,8 +17,9 @@
 namespace teletact {
 
 struct HostPlan {
-  std::vector<rt::TaskSpec> specs;    // by task id, static choices settled
+  std::vector<rt::TaskSpec> specs;    // by task id (of one box: its own), static choices settled
   std::vector<rt::TaskSpec> workers;  // of fusion's pool: the rows behind the tasks'
+  std::vector<std::uint16_t> ids;     // of each row: its task's; of a worker, behind all tasks'
   rt::AdmissionRequest request;       // of both
   rt::Admission admission;
   rt::ModeTable modes;
@@ -43,10 +45,21 @@ struct HostPlan {
                                   const std::vector<int>& cpus, tasks::BestEffortShares shares,
                                   const std::string& only_choice = {});
 
+// Of one box whose other half runs on another host: its tasks, its platform tasks and its share of
+// the ordinary threads. `voxel_m` is 0 where fusion is not among them. The phase of fusion stays at
+// zero: the boxes have no common epoch.
+[[nodiscard]] HostPlan admit_box(const Scene& scene, const tasks::Calibration& calibration,
+                                 const std::vector<int>& cpus, tasks::BestEffortShares shares,
+                                 rt::Box box);
+
 // Steps, rows, cores and modes, for people.
 [[nodiscard]] std::string admission_text(const HostPlan& plan);
 
 // Where a row runs, for an executor, by its place among tasks and then workers; its body is not set.
 [[nodiscard]] rt::PlacedTask placed_task(const HostPlan& plan, std::size_t task);
+
+// Tasks of one box as the header of its run log, with calibration's range of the work count.
+[[nodiscard]] rt::RunLog log_header(const std::vector<rt::PlacedTask>& placed, rt::Box box,
+                                    const tasks::Calibration& calibration);
 
 }  // namespace teletact

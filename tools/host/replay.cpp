@@ -180,6 +180,12 @@ class Replayer {
     bytes.read(reinterpret_cast<char*>(buffer_.data()), m.head.size);
     inputs_.word(static_cast<std::uint64_t>(m.head.at_ns));
     inputs_.bytes(buffer_.data(), buffer_.size());
+    // A run over several connections: each begins with a Hello.
+    drivers::Header head;
+    if (box_.endpoint->hello_ok() &&
+        drivers::read_header(buffer_, head) == drivers::WireStatus::kOk &&
+        head.id == drivers::MessageId::kHello)
+      box_.endpoint->renew();
     const bool taken = box_.endpoint->receive(buffer_, rt::time_from_ns(m.head.at_ns),
                                               [](std::span<const std::uint8_t>) {});
     ++result_.messages;
@@ -374,9 +380,9 @@ ReplayResult replay_robot(rt::NonRealtime& nrt, const Scene& scene, const BoxOpt
   return Replayer(recording, std::move(fed), trial).run(steps);
 }
 
-rt::Result<ReplayResult> run_box(rt::NonRealtime& nrt, Scene& scene, const BoxOptions& options,
-                                 const Recording& recording, std::uint64_t seed,
-                                 const Trial* trial) {
+rt::Result<ReplayResult> replay_box(rt::NonRealtime& nrt, Scene& scene, const BoxOptions& options,
+                                    const Recording& recording, std::uint64_t seed,
+                                    const Trial* trial) {
   auto steps = replay_order(recording, seed);
   if (!steps) return rt::Error{steps.error()};
   if (!camera_key(recording).valid())
@@ -401,7 +407,7 @@ rt::Result<ReplayResult> replay(rt::NonRealtime& nrt, Scene& scene, const rt::Fa
   BoxOptions options;
   options.hash_outputs = true;
   options.faults = faults;
-  auto result = run_box(nrt, scene, options, recording, seed, nullptr);
+  auto result = replay_box(nrt, scene, options, recording, seed, nullptr);
   if (!result) return result;
   ReplayResult& r = result.value();
   for (const auto& op : recording.ops) {
@@ -413,7 +419,7 @@ rt::Result<ReplayResult> replay(rt::NonRealtime& nrt, Scene& scene, const rt::Fa
 
 rt::Result<ReplayResult> run_trial(rt::NonRealtime& nrt, Scene& scene, const Recording& recording,
                                    const Trial& trial) {
-  return run_box(nrt, scene, {}, recording, 0, &trial);
+  return replay_box(nrt, scene, {}, recording, 0, &trial);
 }
 
 }  // namespace teletact

@@ -9,6 +9,7 @@ void set_words(tasks::LinkStatus& link, tasks::OperatorRequests& requests, const
   link.refused.store(s.refused != 0);
   link.expected.store(s.expected != 0);
   link.closed.store(s.closed != 0);
+  link.session.store(s.session);
   requests.engage.store(s.engage);
   requests.ramp_down.store(s.ramp_down != 0);
   requests.stop.store(s.stop != 0);

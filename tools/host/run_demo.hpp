@@ -11,6 +11,7 @@
 #include "rt/memory/non_realtime.hpp"
 #include "rt/sched/task.hpp"
 #include "rt/sched/virtual_executor.hpp"
+#include "rt/store/run_store.hpp"
 #include "tasks/graph/calibration.hpp"
 #include "tools/host/host_admission.hpp"
 #include "tools/host/run_results.hpp"
@@ -26,8 +27,11 @@ struct DemoOptions {
   std::string rgbd_dir;  // empty: the synthetic place
   double seconds = kWholeDemo_s;
   bool virtual_clock = false, stub_bodies = false;
-  bool paced = false;             // virtual clock: not ahead of the real one
-  std::string log_folder;         // virtual clock: where the tasks' logs go; empty: nowhere
+  bool paced = false;      // virtual clock: not ahead of the real one
+  std::string log_folder;  // virtual clock: where the tasks' logs go; empty: nowhere
+  // Virtual clock: folder of the job records of both boxes; empty: in memory, the newest whole.
+  std::string store_folder;
+  rt::StoreOptions store;
   std::string report = "report";  // folder
   std::string calibration;        // file; empty: the built-in reference (virtual) or the host's
   std::string fault_plan;         // file; empty: the plain executor
@@ -43,6 +47,7 @@ struct DemoOptions {
   std::string save_map;       // file for fusion's map at the end; empty: none
   // Virtual clock, for tests: called once, between two jobs, at this instant of the run.
   double meddle_at_s = -1;
+  std::function<void(std::int64_t ns)> each_minute;  // of the run; since its start
   std::function<void(OperatorBox&)> meddle;
   // Virtual clock, for benches: replacements of a task's body and of the link; empty: the real
   // ones.

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "rt/store/store_files.hpp"
 #include "tools/cli/options.hpp"
 #include "tools/files/whole_file.hpp"
 
@@ -21,14 +22,14 @@ constexpr std::string_view kMarkText =
     "It refuses to when anything else is in this folder.\n";
 
 // Behind "operator" or "robot".
-constexpr std::array<std::string_view, 7> kOfABox{".log",     ".run",    ".view",    ".view.tmp",
-                                                  ".effects", ".inputs", ".blackbox"};
+constexpr std::array<std::string_view, 9> kOfABox{
+    ".log", ".1.log", ".2.log", ".run", ".view", ".view.tmp", ".effects", ".inputs", ".blackbox"};
 // Names that others could choose as well.
 constexpr std::array<std::string_view, 9> kOfARun{"scene.toml", "faults.toml", "scene.ply",
                                                   "link.cut",   "notes",       "not_realtime",
                                                   "pids",       "robot.port",  "robot.port.tmp"};
 
-bool take(std::string_view& text, std::string_view head) {
+bool cut_head(std::string_view& text, std::string_view head) {
   if (text.substr(0, head.size()) != head) return false;
   text.remove_prefix(head.size());
   return true;
@@ -44,9 +45,9 @@ bool one_of(const Names& names, std::string_view name) {
 }
 
 bool of_a_box(std::string_view name) {
-  if (!take(name, "operator") && !take(name, "robot")) return false;
+  if (!cut_head(name, "operator") && !cut_head(name, "robot")) return false;
   if (one_of(kOfABox, name)) return true;
-  if (!take(name, ".stop")) return false;  // the copy of a stop: .stop<n>.blackbox
+  if (!cut_head(name, ".stop")) return false;  // the copy of a stop: .stop<n>.blackbox
   const auto dot = name.find('.');
   return dot != std::string_view::npos && all_digits(name.substr(0, dot)) &&
          name.substr(dot) == ".blackbox";
@@ -54,7 +55,17 @@ bool of_a_box(std::string_view name) {
 
 bool of_a_run(std::string_view name) {
   // What a run that was killed while it wrote its mesh left beside it.
-  return one_of(kOfARun, name) || (take(name, "scene.ply.tmp") && all_digits(name));
+  return one_of(kOfARun, name) || (cut_head(name, "scene.ply.tmp") && all_digits(name));
+}
+
+// The job records of a box: a folder, with a store's files alone.
+bool is_run_store(const fs::directory_entry& entry) {
+  if (entry.path().extension() != ".run" || !fs::is_directory(entry.symlink_status())) return false;
+  return std::all_of(fs::directory_iterator(entry.path()), fs::directory_iterator(),
+                     [](const fs::directory_entry& e) {
+                       return fs::is_regular_file(e.symlink_status()) &&
+                              rt::is_store_file(e.path().filename().string());
+                     });
 }
 
 // Names of all that is in the folder. Throws unless all of it is a run's.
@@ -65,8 +76,8 @@ std::vector<std::string> files_of_a_run(const std::string& folder) {
   for (const auto& entry : fs::directory_iterator(folder)) {
     const std::string name = entry.path().filename();
     const bool known = name == kRunFolderMark || of_a_box(name) || of_a_run(name);
-    // A folder or a link under a known name is nothing that a run makes.
-    if (!known || !fs::is_regular_file(entry.symlink_status()))
+    // Another folder or a link under a known name is nothing that a run makes.
+    if (!known || !(fs::is_regular_file(entry.symlink_status()) || is_run_store(entry)))
       foreign = foreign.empty() ? name : std::min(foreign, name);
     is_runs = is_runs || name == kRunFolderMark || of_a_box(name);
     names.push_back(name);
@@ -90,7 +101,7 @@ void make_run_folder(const std::string& report) {
 
 void clear_run_folder(const std::string& folder) {
   for (const auto& name : files_of_a_run(folder)) {
-    if (name != kRunFolderMark) fs::remove(folder + "/" + name);
+    if (name != kRunFolderMark) fs::remove_all(folder + "/" + name);
   }
 }
 

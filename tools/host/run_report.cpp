@@ -13,112 +13,34 @@ namespace teletact {
 
 namespace {
 
-const char* const kPolicies[] = {"skip", "catch_up", "abort", "degrade"};
-
-ReportTask::Quantiles quantiles(const rt::Histogram& h) {
-  const auto us = [&](double q) { return static_cast<double>(h.quantile(q)) * 1e-3; };
-  return {us(0.5), us(0.99), us(0.999), static_cast<double>(h.max()) * 1e-3};
+// The robot's way by its odometry and in truth, until then; `to_map` takes it into the map's frame.
+template <class ToMap>
+void add_driven(ReportMap& map, const RobotHalf& robot, const ToMap& to_map, rt::Nanos until) {
+  // False: not known until then, nor is what comes after it.
+  const auto add = [&](ReportMap::Line& line, rt::Time stamp, double x_m, double y_m) {
+    if (rt::ns_of(stamp) - robot.epoch_ns > until.count()) return false;
+    const auto [x, y] = to_map(x_m, y_m);
+    line.x_m.push_back(x);
+    line.y_m.push_back(y);
+    return true;
+  };
+  const auto add_odometry = [&](const tasks::RobotSample& s) {
+    return add(map.driven, s.stamp, static_cast<double>(s.x_m), static_cast<double>(s.y_m));
+  };
+  const auto add_truth = [&](const TruthSample& t) {
+    return add(map.truth, t.stamp, t.x_m, t.y_m);
+  };
+  for (const auto& s : robot.view.robot_past.kept) (void)add_odometry(s);
+  for (std::size_t i = 0; i < robot.view.robot.size(); i += 5) {
+    if (!add_odometry(robot.view.robot[i])) break;
+  }
+  map.driven.label = "odometry";
+  map.truth.label = "true path";
+  for (const auto& t : robot.view.truth_past.kept) (void)add_truth(t);
+  for (const auto& t : robot.view.truth) {
+    if (!add_truth(t)) break;
+  }
 }
-
-// By the graph's table; a file of another table gets a number.
-std::string level_name(const rt::TaskLog& task, int level) {
-  if (task.id < tasks::kTaskTable.size()) {
-    const auto& row = tasks::kTaskTable[task.id];
-    const auto at = static_cast<std::size_t>(level);
-    if (row.name == task.spec.name && at < row.variants.size() && !row.variants[at].name.empty())
-      return std::string(row.variants[at].name);
-  }
-  return "level " + std::to_string(level);
-}
-
-plot::Bins bins(const std::string& name, const rt::Histogram& h) {
-  // Half-octave bins from 1 us: fine enough to see modes, coarse enough to read.
-  plot::Bins b;
-  b.name = name;
-  std::vector<double> edges;
-  for (double e = 1.0; e < 1e6; e *= std::sqrt(2.0)) edges.push_back(e);
-  std::vector<double> count(edges.size(), 0);
-  h.for_each([&](std::int64_t lower_ns, std::int64_t, std::uint64_t n) {
-    const double us = static_cast<double>(lower_ns) * 1e-3;
-    const auto it = std::upper_bound(edges.begin(), edges.end(), us);
-    count[it == edges.begin() ? 0 : static_cast<std::size_t>(it - edges.begin() - 1)] +=
-        static_cast<double>(n);
-  });
-  std::size_t last = 0;
-  for (std::size_t i = 0; i < count.size(); ++i) {
-    if (count[i] > 0) last = i;
-  }
-  b.lower.assign(edges.begin(), edges.begin() + static_cast<std::ptrdiff_t>(last + 1));
-  b.count.assign(count.begin(), count.begin() + static_cast<std::ptrdiff_t>(last + 1));
-  b.upper_end = edges[std::min(last + 1, edges.size() - 1)];
-  return b;
-}
-
-}  // namespace
-
-ReportTask report_task(const rt::RunLog& log, const rt::TaskLog& task,
-                       const std::vector<BoxTotals>& totals, bool virtual_clock) {
-  ReportTask r;
-  r.name = task.spec.name;
-  r.box = task.spec.box == rt::Box::kOperator ? "operator" : "robot";
-  r.task_class = task.spec.task_class == rt::TaskClass::kHard ? "hard" : "firm";
-  r.policy = kPolicies[static_cast<int>(task.spec.policy)];
-  r.rate_hz = task.spec.rate.hz();
-  r.core = task.core;
-  r.priority = task.priority;
-  const int level = task.jobs.empty() ? task.level : task.jobs.back().level;
-  r.budget_us = static_cast<double>(task.spec.budget_of(level).count()) * 1e-3;
-  r.level = level_name(task, level);
-  const rt::TaskBlame b = rt::blame(log, task);
-  const auto cause = [&](rt::Cause c) { return b.misses[static_cast<std::size_t>(c)]; };
-  r.completed = b.completed;
-  r.aborted = b.aborted;
-  r.skipped = b.skipped;
-  for (const auto& t : totals) {
-    if (t.task == task.id) {
-      r.completed = t.totals.completed;
-      r.aborted = t.totals.aborted;
-      r.skipped = t.totals.skipped;
-    }
-  }
-  const std::uint64_t tail = r.skipped > b.skipped ? r.skipped - b.skipped : 0;
-  r.releases = r.completed + r.aborted + r.skipped;
-  r.misses = b.miss_total + tail;
-  r.own = cause(rt::Cause::kOwn);
-  r.queued = cause(rt::Cause::kQueued);
-  r.platform = cause(rt::Cause::kPlatform);
-  r.carried = cause(rt::Cause::kCarried);
-  r.charged = cause(rt::Cause::kCharged);
-  r.unknown = cause(rt::Cause::kUnknown) + tail;
-  if (const TaskAllocations a = allocations_of(task); a.jobs > 0) {
-    r.allocations_p50 = a.p50;
-    r.allocations_max = a.max;
-  }
-  const TaskTimes times = times_of(task);
-  rt::Histogram sentinel;
-  for (const auto& s : log.sentinels) {
-    if (s.core == task.core) sentinel.record(s.late_ns);
-  }
-  r.cpu_us = quantiles(times.cpu);
-  r.lateness_us = quantiles(times.lateness);
-  r.response_us = quantiles(times.response);
-  const auto slack = [&](double q) { return 1e-3 * static_cast<double>(times.slack.quantile(q)); };
-  r.slack_us = {slack(0.5), slack(0.01), slack(0.001),
-                1e-3 * static_cast<double>(times.slack.least())};
-  r.cpu_histogram = {bins("CPU", times.cpu)};
-  r.lateness_histogram = {bins("task", times.lateness)};
-  r.response_histogram = {bins("response", times.response)};
-  if (!times.slack.left.empty()) r.slack_histogram.push_back(bins("left", times.slack.left));
-  if (!times.slack.past.empty()) {
-    r.slack_histogram.push_back(bins("deadline passed by", times.slack.past));
-    r.slack_histogram.back().colour = "#b03a2e";
-  }
-  if (!virtual_clock && sentinel.count() > 0)
-    r.lateness_histogram.push_back(bins("sentinel", sentinel));
-  return r;
-}
-
-namespace {
 
 // Over a cost map; of `robot` what is known until `end`.
 ReportMap report_map(const perception::CostMap& c, const OperatorHalf& op, const RobotHalf& robot,
@@ -188,21 +110,7 @@ ReportMap report_map(const perception::CostMap& c, const OperatorHalf& op, const
       map.goal_y_m.push_back(line.y_m.back());
     }
   }
-  map.driven.label = "odometry";
-  for (std::size_t i = 0; i < robot.view.robot.size(); i += 5) {
-    if (!known(robot.view.robot[i].stamp, robot.epoch_ns)) break;
-    const auto [x, y] = to_map(static_cast<double>(robot.view.robot[i].x_m),
-                               static_cast<double>(robot.view.robot[i].y_m));
-    map.driven.x_m.push_back(x);
-    map.driven.y_m.push_back(y);
-  }
-  map.truth.label = "true path";
-  for (const auto& t : robot.view.truth) {
-    if (!known(t.stamp, robot.epoch_ns)) break;
-    const auto [x, y] = to_map(t.x_m, t.y_m);
-    map.truth.x_m.push_back(x);
-    map.truth.y_m.push_back(y);
-  }
+  add_driven(map, robot, to_map, until);
   return map;
 }
 
@@ -331,7 +239,7 @@ void add_allocations(const ReportData& d, std::vector<ReportVerdict>& verdicts) 
 // Each place that the hand chose, and what came of it.
 void add_visits(const OperatorHalf& op, ReportData& d) {
   using State = ReportVerdict::State;
-  const TouchedPlaces touched = touched_places(op.view.visits, op.view.haptic, op.epoch_ns);
+  const TouchedPlaces touched = touched_of(op);
   for (std::size_t i = 0; i < op.view.visits.size(); ++i) {
     const Touched& t = touched.visits[i];
     char text[80];
@@ -344,6 +252,26 @@ void add_visits(const OperatorHalf& op, ReportData& d) {
                                                      : v.pressed ? std::string(": nothing met")
                                                                  : std::string())});
   }
+}
+
+void add_told(const OperatorHalf& op, const RobotHalf& robot, ReportData& d) {
+  for (const auto* log : {&op.log, &robot.log}) {
+    for (const auto& told : log->told)
+      d.verdicts.push_back({ReportVerdict::State::kNote, "job records: " + told});
+  }
+}
+
+// Of a long run every n-th of the older ticks.
+ReportSeries touch_series(const OperatorHalf& op) {
+  ReportSeries out;
+  for (const auto* samples : {&op.view.haptic_thin.kept, &op.view.haptic}) {
+    for (const auto& s : *samples) {
+      out.t_s.push_back(static_cast<double>(rt::ns_of(s.stamp) - op.epoch_ns) * 1e-9);
+      out.force_N.push_back(static_cast<double>(s.force_N));
+      out.penetration_mm.push_back(1e3 * static_cast<double>(s.penetration_m));
+    }
+  }
+  return out;
 }
 
 void add_verdicts(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
@@ -476,11 +404,7 @@ ReportData make_report(const RunInfo& info, const OperatorHalf& op, const RobotH
     d.tasks.push_back(report_task(op.log, t, op.totals, info.virtual_clock));
   for (const auto& t : robot.log.tasks)
     d.tasks.push_back(report_task(robot.log, t, robot.totals, info.virtual_clock));
-  for (const auto& s : op.view.haptic) {
-    d.touch.t_s.push_back(static_cast<double>(rt::ns_of(s.stamp) - op.epoch_ns) * 1e-9);
-    d.touch.force_N.push_back(static_cast<double>(s.force_N));
-    d.touch.penetration_mm.push_back(1e3 * static_cast<double>(s.penetration_m));
-  }
+  d.touch = touch_series(op);
   d.map = report_map(*op.view.map, op, robot, rt::Nanos::max());
   if (const auto& m = *op.view.moving_map; m.moving_count > 0) {
     const rt::Nanos at{rt::ns_of(m.fused) - op.epoch_ns};
@@ -504,6 +428,7 @@ ReportData make_report(const RunInfo& info, const OperatorHalf& op, const RobotH
     }
   }
   add_verdicts(info, op, robot, metrics, d);
+  add_told(op, robot, d);
   return d;
 }
 

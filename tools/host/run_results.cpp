@@ -9,7 +9,7 @@
 #include <type_traits>
 
 #include "rt/audit/histogram.hpp"
-#include "rt/audit/run_file.hpp"
+#include "rt/audit/task_past.hpp"
 #include "rt/quantile.hpp"
 #include "tasks/contract/table.hpp"
 #include "tools/host/run_truth.hpp"
@@ -59,16 +59,14 @@ void save_whole(const std::string& path, const Body& body) {
   std::rename((path + ".tmp").c_str(), path.c_str());
 }
 
-std::vector<double> cpu_us(const rt::TaskLog& task) {
-  std::vector<double> v;
-  for (const auto& j : task.jobs) v.push_back(static_cast<double>(j.cpu_ns) * 1e-3);
-  return v;
-}
-
 // Frames that fusion took, and frames that a newer one had replaced before fusion looked: the numbers
 // of the frames that its jobs used tell both.
 std::pair<std::uint64_t, std::uint64_t> frames_seen(const rt::TaskLog& fusion) {
   std::uint64_t newest = 0, seen = 0;
+  if (fusion.past) {
+    newest = fusion.past->newest_input;
+    seen = fusion.past->inputs_seen;
+  }
   for (const auto& j : fusion.jobs) {
     if (j.input_seq[0] > newest) ++seen, newest = j.input_seq[0];
   }
@@ -96,6 +94,10 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
   save_whole(folder + "/operator.view", [&](Saver& s) {
     s.one(h.epoch_ns);
     s.many(h.view.haptic);
+    s.many(h.view.haptic_thin.kept);
+    s.one(h.view.haptic_past);
+    s.one(h.view.fusion_past);
+    s.many(h.view.touched_past);
     s.many(h.view.fusion);
     s.many(h.view.paths);
     s.one(h.view.task);
@@ -136,23 +138,25 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
   });
 }
 
-void load_half(const std::string& folder, OperatorHalf& h) {
+void load_half(const std::string& folder, OperatorHalf& h, const rt::StorePiece& piece) {
   Loader l{std::ifstream(folder + "/operator.view", std::ios::binary)};
   h.complete = false;
-  (void)(l.one(h.epoch_ns) && l.many(h.view.haptic) && l.many(h.view.fusion) &&
-         l.many(h.view.paths) && l.one(h.view.task) && l.one(h.view.camera) &&
-         l.one(h.view.objects) && l.one(h.view.objects_named) && l.one(h.view.mode) &&
-         l.one(h.view.robot) && l.one(h.view.world) && l.one(h.view.error_max_m) &&
-         l.one(h.view.unsure_s) && l.one(h.view.held_s) && l.one(h.view.held) &&
-         l.one(h.view.held_ms) && l.one(h.view.held_limit_ms) && l.many(h.view.arrived) &&
-         l.one(h.view.arrivals) && l.one(h.view.first_arrival) && l.one(h.view.points_resolved) &&
-         l.many(h.view.visits) && l.one(h.view.device_brakes) && l.one(h.view.engages) &&
-         l.one(h.view.clears) && l.one(h.view.edits) && l.one(h.view.log_dropped) &&
-         l.one(*h.view.view) && l.one(*h.view.map) && l.one(*h.view.moving_view) &&
-         l.one(*h.view.moving_map) && l.many(h.totals) && l.one(h.dropped_records) &&
-         l.one(h.hangs) && l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) &&
-         l.one(h.force_check) && l.one(h.ordinary) && l.one(h.complete));
-  if (auto log = rt::read_run_file(folder + "/operator.run")) h.log = std::move(log).value();
+  (void)(l.one(h.epoch_ns) && l.many(h.view.haptic) && l.many(h.view.haptic_thin.kept) &&
+         l.one(h.view.haptic_past) && l.one(h.view.fusion_past) && l.many(h.view.touched_past) &&
+         l.many(h.view.fusion) && l.many(h.view.paths) && l.one(h.view.task) &&
+         l.one(h.view.camera) && l.one(h.view.objects) && l.one(h.view.objects_named) &&
+         l.one(h.view.mode) && l.one(h.view.robot) && l.one(h.view.world) &&
+         l.one(h.view.error_max_m) && l.one(h.view.unsure_s) && l.one(h.view.held_s) &&
+         l.one(h.view.held) && l.one(h.view.held_ms) && l.one(h.view.held_limit_ms) &&
+         l.many(h.view.arrived) && l.one(h.view.arrivals) && l.one(h.view.first_arrival) &&
+         l.one(h.view.points_resolved) && l.many(h.view.visits) && l.one(h.view.device_brakes) &&
+         l.one(h.view.engages) && l.one(h.view.clears) && l.one(h.view.edits) &&
+         l.one(h.view.log_dropped) && l.one(*h.view.view) && l.one(*h.view.map) &&
+         l.one(*h.view.moving_view) && l.one(*h.view.moving_map) && l.many(h.totals) &&
+         l.one(h.dropped_records) && l.one(h.hangs) && l.one(h.link_round_trip_ns) &&
+         l.one(h.link_uncertainty_ns) && l.one(h.force_check) && l.one(h.ordinary) &&
+         l.one(h.complete));
+  if (auto log = rt::read_run(folder + "/operator.run", piece)) h.log = std::move(log).value();
 }
 
 void save_half(const std::string& folder, const RobotHalf& h) {
@@ -160,6 +164,8 @@ void save_half(const std::string& folder, const RobotHalf& h) {
     s.one(h.epoch_ns);
     s.many(h.view.robot);
     s.many(h.view.truth);
+    s.many(h.view.robot_past.kept);
+    s.many(h.view.truth_past.kept);
     s.one(h.view.tracking_error_max_m);
     s.one(h.view.mode);
     s.one(h.view.log_dropped);
@@ -172,14 +178,19 @@ void save_half(const std::string& folder, const RobotHalf& h) {
   });
 }
 
-void load_half(const std::string& folder, RobotHalf& h) {
+void load_half(const std::string& folder, RobotHalf& h, const rt::StorePiece& piece) {
   Loader l{std::ifstream(folder + "/robot.view", std::ios::binary)};
   h.complete = false;
   (void)(l.one(h.epoch_ns) && l.many(h.view.robot) && l.many(h.view.truth) &&
+         l.many(h.view.robot_past.kept) && l.many(h.view.truth_past.kept) &&
          l.one(h.view.tracking_error_max_m) && l.one(h.view.mode) && l.one(h.view.log_dropped) &&
          l.many(h.totals) && l.one(h.camera_twin_cpu_ns) && l.one(h.ordinary) &&
          l.one(h.dropped_records) && l.one(h.hangs) && l.one(h.complete));
-  if (auto log = rt::read_run_file(folder + "/robot.run")) h.log = std::move(log).value();
+  if (auto log = rt::read_run(folder + "/robot.run", piece)) h.log = std::move(log).value();
+}
+
+TouchedPlaces touched_of(const OperatorHalf& op) {
+  return touched_places(op.view.visits, op.view.haptic, op.epoch_ns, op.view.touched_past);
 }
 
 void save_effects(const std::string& folder, const std::string& box, const Effects& effects) {
@@ -201,7 +212,26 @@ Effects load_effects(const std::string& folder) {
 
 namespace {
 
-void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
+HapticTally haptic_tally(const RunInfo& info, const OperatorHalf& op) {
+  HapticTally t = op.view.haptic_past;
+  for (const auto& s : op.view.haptic) t.add(s, info.touch_N_per_m);
+  return t;
+}
+
+// p99.9 of the start lateness beyond the sentinel's; none: no sample.
+std::optional<double> late_beyond_sentinel_us(const rt::RunLog& log, const rt::TaskLog& task) {
+  std::vector<std::int64_t> late = rt::late_minus_sentinel(log, task);
+  if (task.past && task.past->late_minus_sentinel.count() > 0) {
+    rt::SignedHistogram all = task.past->late_minus_sentinel;
+    for (const std::int64_t ns : late) all.record(ns);
+    return 1e-3 * static_cast<double>(all.quantile(0.999));
+  }
+  if (late.empty()) return std::nullopt;
+  return 1e-3 * static_cast<double>(rt::quantile_in_place(std::span(late), 0.999));
+}
+
+void add_haptic_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot,
+                        Metrics& m) {
   const rt::TaskLog* task = task_of(op, robot, tasks::TaskId::kHaptic);
   if (task != nullptr) {
     const rt::TaskBlame b = rt::blame(op.log, *task);
@@ -226,88 +256,39 @@ void add_haptic_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics&
     m.add("haptic.miss_queued", miss(rt::Cause::kQueued), "1");
     m.add("haptic.miss_carried", miss(rt::Cause::kCarried), "1");
     m.add("haptic.miss_unknown", miss(rt::Cause::kUnknown) + static_cast<double>(tail), "1");
-    m.add("haptic.cpu_p50_us", rt::quantile(cpu_us(*task), 0.5), "us");
-    m.add("haptic.cpu_p99_us", rt::quantile(cpu_us(*task), 0.99), "us");
-    std::vector<double> difference;
-    for (const auto ns : rt::late_minus_sentinel(op.log, *task))
-      difference.push_back(static_cast<double>(ns) * 1e-3);
-    if (!difference.empty())
-      m.add("haptic.late_minus_sentinel_p999_us", rt::quantile(difference, 0.999), "us");
+    m.add("haptic.cpu_p50_us", 1e-3 * static_cast<double>(cpu_quantile(*task, 0.5)), "us");
+    m.add("haptic.cpu_p99_us", 1e-3 * static_cast<double>(cpu_quantile(*task, 0.99)), "us");
+    if (const auto late = late_beyond_sentinel_us(op.log, *task))
+      m.add("haptic.late_minus_sentinel_p999_us", *late, "us");
     const auto late_platform =
         static_cast<double>(b.late[static_cast<std::size_t>(rt::Cause::kPlatform)]);
     m.add("platform.late_share",
-          task->jobs.empty() ? 0 : late_platform / static_cast<double>(task->jobs.size()), "1");
+          jobs_of(*task) == 0 ? 0 : late_platform / static_cast<double>(jobs_of(*task)), "1");
   }
-  double force = 0, step = 0, raw = 0;
-  double reach = 0;
-  std::size_t contact = 0, guard = 0, begins = 0, not_finite = 0, clutched = 0;
-  bool before = false;
-  for (const auto& s : op.view.haptic) {
-    force = std::max(force, static_cast<double>(s.force_N));
-    step = std::max(step, static_cast<double>(s.step_N));
-    raw = std::max(raw, static_cast<double>(s.step_raw_N));
-    contact += s.in_contact ? 1 : 0;
-    guard += s.in_contact && s.guard_use ? 1 : 0;
-    begins += s.in_contact && !before ? 1 : 0;
-    not_finite += s.finite ? 0 : 1;
-    reach = std::max(reach, static_cast<double>(s.reach));
-    clutched += s.clutched ? 1 : 0;
-    before = s.in_contact;
-  }
-  const auto n = static_cast<double>(std::max<std::size_t>(1, op.view.haptic.size()));
-  m.add("haptic.force_max_N", force, "N");
-  m.add("haptic.force_step_max_N", step, "N");
-  m.add("haptic.force_step_raw_max_N", raw, "N");
-  m.add("haptic.contact_share", static_cast<double>(contact) / n, "1");
-  m.add("haptic.contacts", static_cast<double>(begins), "1");
+  const HapticTally t = haptic_tally(info, op);
+  const auto n = static_cast<double>(std::max<std::uint64_t>(1, t.ticks));
+  m.add("haptic.force_max_N", t.force_N, "N");
+  m.add("haptic.force_step_max_N", t.step_N, "N");
+  m.add("haptic.force_step_raw_max_N", t.step_raw_N, "N");
+  m.add("haptic.contact_share", static_cast<double>(t.contact) / n, "1");
+  m.add("haptic.contacts", static_cast<double>(t.contacts), "1");
   m.add("haptic.guard_share",
-        static_cast<double>(guard) / static_cast<double>(std::max<std::size_t>(1, contact)), "1");
-  m.add("haptic.reach_max", reach, "1");
-  m.add("haptic.clutched_share", static_cast<double>(clutched) / n, "1");
+        static_cast<double>(t.guard) / static_cast<double>(std::max<std::uint64_t>(1, t.contact)),
+        "1");
+  m.add("haptic.reach_max", t.reach, "1");
+  m.add("haptic.clutched_share", static_cast<double>(t.clutched) / n, "1");
   m.add("haptic.device_brakes", op.view.device_brakes, "1");
   m.add("operator.engages", op.view.engages, "1");
   m.add("operator.clears", op.view.clears, "1");
-  m.add("haptic.not_finite", static_cast<double>(not_finite), "1");
+  m.add("haptic.not_finite", static_cast<double>(t.not_finite), "1");
 }
 
-// What the method did that a surface does not: by the ticks alone, whatever the method is.
 void add_method_metrics(const RunInfo& info, const OperatorHalf& op, Metrics& m) {
   if (info.touch_method.empty()) return;
-  constexpr double kJump_N = 0.5, kStretch_m = 1e-4;
-  using Vec = std::array<float, 3>;
-  const auto dot = [](const Vec& a, const Vec& b) {
-    double sum = 0;
-    for (std::size_t i = 0; i < a.size(); ++i)
-      sum += static_cast<double>(a[i]) * static_cast<double>(b[i]);
-    return sum;
-  };
-  const auto less = [](const Vec& a, const Vec& b) {
-    return Vec{a[0] - b[0], a[1] - b[1], a[2] - b[2]};
-  };
-  std::size_t jumps = 0, flips = 0;
-  Vec entry{};
-  const tasks::HapticSample* before = nullptr;
-  for (const auto& s : op.view.haptic) {
-    if (s.in_contact && before != nullptr && before->in_contact) {
-      const Vec moved = less(s.p_WH, before->p_WH);
-      jumps += static_cast<double>(s.step_raw_N) >
-                       info.touch_N_per_m * std::sqrt(dot(moved, moved)) + kJump_N
-                   ? 1
-                   : 0;
-    }
-    const Vec stretch = less(s.p_WP, s.p_WH);
-    const double long_m = std::sqrt(dot(stretch, stretch));
-    if (!s.in_contact) {
-      entry = {};
-    } else if (long_m > kStretch_m && (dot(entry, entry) == 0 || dot(stretch, entry) < 0)) {
-      flips += dot(entry, entry) > 0 ? 1 : 0;
-      entry = stretch;
-    }
-    before = &s;
-  }
+  const HapticTally t = haptic_tally(info, op);
   m.add("haptic.method", info.touch_method, "name");
-  m.add("haptic.jumps", static_cast<double>(jumps), "1");
-  m.add("haptic.flips", static_cast<double>(flips), "1");
+  m.add("haptic.jumps", static_cast<double>(t.jumps), "1");
+  m.add("haptic.flips", static_cast<double>(t.flips), "1");
 }
 
 void add_robot_metrics(const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
@@ -425,17 +406,11 @@ static void add_allocation_metrics(const OperatorHalf& op, const RobotHalf& robo
 }
 
 void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& robot, Metrics& m) {
-  add_haptic_metrics(op, robot, m);
+  add_haptic_metrics(info, op, robot, m);
   add_method_metrics(info, op, m);
-  std::size_t consumed = 0, tracked = 0, claimed = 0, moving = 0;
-  std::uint32_t moving_cells = 0;
-  for (const auto& s : op.view.fusion) {
-    moving += s.moving_share > 0 ? 1 : 0;
-    moving_cells = std::max(moving_cells, s.moving_cells);
-    consumed += s.consumed ? 1 : 0;
-    tracked += s.tracked ? 1 : 0;
-    claimed += s.claimed ? 1 : 0;
-  }
+  FusionTally fused = op.view.fusion_past;
+  for (const auto& s : op.view.fusion) fused.add(s);
+  std::uint64_t consumed = fused.consumed, tracked = fused.tracked, claimed = fused.claimed;
   if (info.recording) {  // the last frame is held: of its repetitions only the first is one of the recording
     m.add("fusion.held_frames", static_cast<double>(consumed - info.recorded.frames), "1");
     consumed = info.recorded.frames;
@@ -448,8 +423,8 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
   m.add("fusion.frames", static_cast<double>(consumed), "1");
   m.add("fusion.frames_tracked", static_cast<double>(tracked), "1");
   m.add("fusion.frames_claimed", static_cast<double>(claimed), "1");
-  m.add("fusion.frames_moving", static_cast<double>(moving), "1");
-  m.add("fusion.moving_cells_max", moving_cells, "1");
+  m.add("fusion.frames_moving", static_cast<double>(fused.moving), "1");
+  m.add("fusion.moving_cells_max", fused.moving_cells, "1");
   if (op.view.objects.seq != 0) {
     m.add("fusion.objects_named", op.view.objects_named, "1");
     m.add("fusion.objects", op.view.objects.size, "1");
@@ -460,14 +435,14 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
     m.add("fusion.frames_overwritten_share",
           static_cast<double>(lost) / static_cast<double>(std::max<std::uint64_t>(1, seen + lost)),
           "1");
-    m.add("fusion.cpu_p50_ms", 1e-3 * rt::quantile(cpu_us(*fusion), 0.5), "ms");
-    m.add("fusion.cpu_p99_ms", 1e-3 * rt::quantile(cpu_us(*fusion), 0.99), "ms");
+    m.add("fusion.cpu_p50_ms", 1e-6 * static_cast<double>(cpu_quantile(*fusion, 0.5)), "ms");
+    m.add("fusion.cpu_p99_ms", 1e-6 * static_cast<double>(cpu_quantile(*fusion, 0.99)), "ms");
   }
   if (op.force_check.samples > 0)
     m.add("haptic.force_error_p95", op.force_check.relative_error_p95, "1");
   m.add("haptic.force_samples", static_cast<double>(op.force_check.samples), "1");
   if (!op.view.visits.empty()) {
-    const TouchedPlaces touched = touched_places(op.view.visits, op.view.haptic, op.epoch_ns);
+    const TouchedPlaces touched = touched_of(op);
     m.add("visits.count", static_cast<double>(touched.visits.size()), "1");
     m.add("visits.met", touched.met(), "1");
     for (std::size_t k = 0; k < touched.touched.size(); ++k)

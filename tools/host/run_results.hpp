@@ -1,9 +1,10 @@
-// What a run leaves: the logs of both boxes and what their consoles saw. A process of the demo saves
-// its half into the report folder while it runs; the parent (or the virtual run) reads both halves
-// and makes metrics and report from them.
+// What a run leaves: the logs of both boxes and what their consoles saw. A process of the demo
+// saves its half into the report folder while it runs; the parent (or the virtual run) reads both
+// halves and makes metrics and report from them.
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "rt/sched/admission.hpp"
 #include "rt/sched/executor.hpp"
 #include "rt/sched/mode_table.hpp"
+#include "rt/store/read_store.hpp"
 #include "tools/files/metrics_json.hpp"
 #include "tools/host/console.hpp"
 #include "tools/record/recording_truth.hpp"
@@ -57,9 +59,15 @@ struct RobotHalf {
 // <folder>/operator.view, robot.view: raw records of this build, read back on this host only.
 void save_half(const std::string& folder, const OperatorHalf& half);
 void save_half(const std::string& folder, const RobotHalf& half);
+// Of the job records a report holds the newest five minutes whole: what a page and a trace can
+// show.
+inline constexpr rt::StorePiece kOfReport{0, std::numeric_limits<double>::infinity(), 300};
 // Missing or torn parts stay empty, `complete` false.
-void load_half(const std::string& folder, OperatorHalf& half);
-void load_half(const std::string& folder, RobotHalf& half);
+void load_half(const std::string& folder, OperatorHalf& half,
+               const rt::StorePiece& piece = kOfReport);
+void load_half(const std::string& folder, RobotHalf& half, const rt::StorePiece& piece = kOfReport);
+// The hand's visits, and what came of them.
+[[nodiscard]] TouchedPlaces touched_of(const OperatorHalf& op);
 
 // Effects constructed by a process: <folder>/<box>.effects, one "name<TAB>key" a line.
 void save_effects(const std::string& folder, const std::string& box, const Effects& effects);

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 
@@ -14,11 +15,12 @@
 #include "rt/fault/planned.hpp"
 #include "rt/sched/virtual_executor.hpp"
 #include "tasks/edges/edge_faults.hpp"
-#include "tools/host/box_process.hpp"
+#include "tools/files/take.hpp"
+#include "tools/host/job_keeper.hpp"
 #include "tools/host/pacer.hpp"
 #include "tools/host/run_demo.hpp"
 #include "tools/host/sim_link.hpp"
-#include "tools/record/black_box.hpp"
+#include "tools/record/box_recorder.hpp"
 #include "tools/record/input_recorder.hpp"
 #include "tools/touch/force_check.hpp"
 
@@ -31,6 +33,17 @@ std::int64_t handshake_ns(const drivers::LinkShapeConfig& shape) {
   return std::max<std::int64_t>(
       500000000, 4 * static_cast<std::int64_t>(1e6 * (shape.delay_ms + shape.jitter_ms)));
 }
+
+// What the run is to suffer; none without --faults.
+rt::FaultPlan plan_of(const DemoOptions& options) {
+  if (options.fault_plan.empty()) return {};
+  auto loaded = take(config::load_fault_plan(options.fault_plan));
+  if (auto good = tasks::check_faults(loaded); !good)
+    throw std::runtime_error(options.fault_plan + ": " + good.error());
+  return loaded;
+}
+constexpr std::int64_t kMinute_ns = 60000000000;
+constexpr std::int64_t kNever_ns = std::numeric_limits<std::int64_t>::max();
 
 // Something that happens every so often beside the tasks.
 class Periodic final : public rt::Actor {
@@ -88,7 +101,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
                        const tasks::Calibration& given) {
   VirtualRun run;
   const tasks::Calibration calibration = as_asked(given, scene);
-  const std::int64_t handshake = handshake_ns(scene.link.shape);
+  const std::int64_t handshake = handshake_ns(scene.link.way());
   // Any instant; fixed, so that runs repeat.
   const std::int64_t epoch = std::max<std::int64_t>(1000000000, handshake + 500000000);
   std::vector<int> cpus;
@@ -104,14 +117,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
 
   BoxOptions op_options, robot_options;
   op_options.mode_gate = robot_options.mode_gate = host.modes.gate;
-  rt::FaultPlan plan_of_faults;
-  if (!options.fault_plan.empty()) {
-    auto loaded = config::load_fault_plan(options.fault_plan);
-    if (!loaded) throw std::runtime_error(loaded.error());
-    if (auto good = tasks::check_faults(loaded.value()); !good)
-      throw std::runtime_error(options.fault_plan + ": " + good.error());
-    plan_of_faults = std::move(loaded).value();
-  }
+  const rt::FaultPlan plan_of_faults = plan_of(options);
   op_options.hash_outputs = robot_options.hash_outputs = true;
   op_options.faults = robot_options.faults = plan_of_faults;
   op_options.epoch = kOperatorClock.from_host(epoch);
@@ -127,6 +133,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
   std::unique_ptr<RobotConsole> robot_console;
   std::unique_ptr<BoxRecorder> op_last, robot_last;  // black boxes
   std::optional<ForceChecker> forces;  // of a recording: the hand presses while the map grows
+  JobKeepers keep(options, run);
   std::vector<std::unique_ptr<rt::Actor>> owned;
   std::vector<rt::Actor*> actors;
   if (!options.stub_bodies) {
@@ -149,8 +156,10 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
         SimLink::End{&op->endpoint(), &op->graph().link(), kOperatorClock},
         SimLink::End{&robot->endpoint(), &robot->graph().link(), kRobotClock}, scene.link.shape,
         epoch - handshake);
+    link->emulate(scene.link.network, epoch);
     if (!link->handshake(epoch - handshake, epoch))
-      throw std::runtime_error("link: no handshake before the start; lower link.shape's delay");
+      throw std::runtime_error(
+          "link: no handshake before the start; lower the delay of link.shape or link.network");
     op_console = std::make_unique<OperatorConsole>(*op, scene, op_options.epoch);
     robot_console = std::make_unique<RobotConsole>(*robot);
     if (!options.log_folder.empty()) {
@@ -169,6 +178,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
       if (forces) forces->look(op->graph().fusion().map(), op_console->seen().haptic);
       robot_console->tick(kRobotClock.from_host(t));
       if (!options.quiet) std::fputs(op_console->news().c_str(), stdout);
+      keep.look(op_console->seen().mode, robot_console->seen().mode, t);
       if (op_last) op_last->watch(op_console->seen().mode, kOperatorClock.from_host(t));
       if (robot_last) robot_last->watch(robot_console->seen().mode, kRobotClock.from_host(t));
       for (auto* inputs : {op_inputs.get(), robot_inputs.get()}) {
@@ -198,6 +208,9 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
     for (auto& e : op->effects()) run.effects.push_back(e);
   }
 
+  Periodic minutes(options.each_minute ? epoch + kMinute_ns : kNever_ns, kMinute_ns,
+                   [&](std::int64_t t) { options.each_minute(t - epoch); });
+  actors.push_back(&minutes);
   Pacer pacer(epoch, &rt::monotonic_ns, &sleep_until);
   if (options.paced) actors.push_back(&pacer);
 
@@ -228,10 +241,11 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
     }
   }
   rt::LogHasher hasher;
+  keep.start(op_options.epoch, robot_options.epoch);
   const auto sink = [&](const rt::JobRecord& r) {
     hasher.add(r);
     const bool of_op = specs[r.task].box == rt::Box::kOperator;
-    (of_op ? run.op.log : run.robot.log).find(r.task)->jobs.push_back(r);
+    keep.add(of_op, r);
     if (auto* last = of_op ? op_last.get() : robot_last.get()) last->add(r);
   };
   rt::RunPlan plan;
@@ -255,11 +269,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
     const std::uint64_t bytes = link->byte_hash();
     hasher.add_bytes(&bytes, sizeof bytes);
   }
-  const auto keep_totals = [](auto& half) {
-    for (const BoxTotals& t : half.totals) half.log.find(t.task)->totals = t.totals;
-  };
-  keep_totals(run.op);
-  keep_totals(run.robot);
+  keep.finish();
   run.stopped_early = end < epoch + plan.duration.count();
   run.seconds = 1e-9 * static_cast<double>(end - epoch);
   run.sched_hash = hasher.sched();
@@ -287,6 +297,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
     run.robot.camera_twin_cpu_ns = robot->camera_twin_cpu_ns();
   }
   run.op.complete = run.robot.complete = true;
+  if (op) keep.save_views();
   return run;
 }
 

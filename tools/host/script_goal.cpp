@@ -6,7 +6,7 @@
 
 #include "tasks/robot_io/robot_io_task.hpp"
 #include "tools/host/run_truth.hpp"
-#include "tools/record/black_box.hpp"
+#include "tools/record/box_recorder.hpp"
 
 namespace teletact {
 

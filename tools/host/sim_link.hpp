@@ -1,5 +1,7 @@
 // The link of the virtual clock: the same two endpoints and the same encoded bytes as over TCP, moved
-// by an actor in simulated time, through the same shaper.
+// by an actor in simulated time, through the same shaper or over the same network (emulate()).
+// A connection that such a network, or a damaged byte, has ended is made again as by a lasting
+// transport: kAgain_ns later, as soon as the network lets through.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +10,9 @@
 #include <vector>
 
 #include "drivers/link/endpoint.hpp"
+#include "drivers/link/sent_road.hpp"
 #include "drivers/link/shaper.hpp"
+#include "drivers/link/stream_reader.hpp"
 #include "rt/clock/box_time.hpp"
 #include "rt/hash.hpp"
 #include "rt/sched/virtual_executor.hpp"
@@ -25,6 +29,13 @@ class SimLink final : public rt::Actor {
   };
   SimLink(End op, End robot, const drivers::LinkShapeConfig& shape, std::int64_t start_host_ns);
 
+  // After the end of a connection the next one begins no sooner.
+  static constexpr std::int64_t kAgain_ns = 100000000;
+
+  // The network of a scene instead of a shape; `epoch_host_ns`: the start of the run. Before the
+  // handshake.
+  void emulate(const drivers::NetworkConfig& network, std::int64_t epoch_host_ns);
+
   [[nodiscard]] std::int64_t next_host_ns() const noexcept override;
   void act(std::int64_t host_ns) override;
   // Cable cut: nothing arrives any more, in either direction.
@@ -33,6 +44,10 @@ class SimLink final : public rt::Actor {
   [[nodiscard]] bool handshake(std::int64_t from_host_ns, std::int64_t to_host_ns);
   // Hash over all bytes sent, both directions.
   [[nodiscard]] std::uint64_t byte_hash() const noexcept { return hash_.digest(); }
+  // Bytes that this object holds for both directions: what a run of days must not let grow.
+  [[nodiscard]] std::size_t held_bytes() const noexcept;
+  // Of an emulated network, one way; null: none.
+  [[nodiscard]] const drivers::StreamEmulator* road(drivers::Way way) const noexcept;
 
  private:
   struct Packet {
@@ -44,15 +59,25 @@ class SimLink final : public rt::Actor {
     drivers::LinkShaper shaper;
     bool shaped = false;
     std::deque<Packet> queue;
+    std::optional<drivers::SentRoad>
+        road;  // of a scene with a network: instead of shaper and queue
+    drivers::StreamReader reader;
   };
   void send(Direction& d, std::span<const std::uint8_t> message, std::int64_t host_ns);
   void deliver(Direction& d, Direction& back, std::int64_t host_ns);
+  [[nodiscard]] bool receive(Direction& d, Direction& back, std::span<const std::uint8_t> message,
+                             std::int64_t host_ns);
+  void deliver_road(Direction& d, Direction& back, std::int64_t host_ns);
+  void end_connection(std::int64_t host_ns);
+  void connect_again(std::int64_t host_ns);
   void note(Direction& d, std::int64_t host_ns);
 
   Direction to_robot_, to_operator_;
   std::int64_t next_poll_;
   rt::Hash64 hash_;
-  bool cut_ = false;
+  bool cut_ = false, ended_ = false;
+  std::int64_t ended_at_ = 0;
+  std::uint64_t connections_ = 1;
 };
 
 }  // namespace teletact

@@ -10,20 +10,9 @@
 
 namespace teletact {
 
-// Slack of a job: deadline - end. Negative when it was late, and the histogram knows no negative
-// times, so there are two: what was left, and by how much the deadline was passed.
-struct SlackTimes {
-  rt::Histogram left, past;
-
-  void record(std::int64_t slack_ns) noexcept {
-    (slack_ns >= 0 ? left : past).record(slack_ns >= 0 ? slack_ns : -slack_ns);
-  }
-  // The quantile (rt/quantile.hpp), ns, within a bucket of the histogram (1.6 %); 0 when empty.
-  [[nodiscard]] std::int64_t quantile(double q) const noexcept;
-  [[nodiscard]] std::int64_t least() const noexcept {
-    return past.empty() ? left.min() : -past.max();
-  }
-};
+// Slack of a job: deadline - end. `above`: what was left; `below`: by how much the deadline was
+// passed.
+using SlackTimes = rt::SignedHistogram;
 
 struct TaskTimes {
   rt::Histogram lateness, response, cpu;  // ns; response: end - release
@@ -34,11 +23,18 @@ struct TaskAllocations {
   std::size_t jobs = 0;  // counted ones; 0: the program counted none
   double p50 = 0, p99 = 0, max = 0, total = 0;
 };
+// Jobs of the task: those with a record and those before (TaskLog::past).
+[[nodiscard]] std::uint64_t jobs_of(const rt::TaskLog& task) noexcept;
+// The variant that ran last.
+[[nodiscard]] int last_level_of(const rt::TaskLog& task) noexcept;
+// Quantile of the thread CPU, ns: exact, or within 1.6 % where records are gone; 0 without jobs.
+[[nodiscard]] std::int64_t cpu_quantile(const rt::TaskLog& task, double q);
 [[nodiscard]] TaskAllocations allocations_of(const rt::TaskLog& task);
 [[nodiscard]] TaskTimes times_of(const rt::TaskLog& task);
 
-// p99.9 of a level's thread CPU beside the budget of that level. Jobs in which the machine charged CPU
-// to the task (blame.hpp) are left out: the time was not the task's.
+// p99.9 of a level's thread CPU beside the budget of that level. Jobs in which the machine charged
+// CPU to the task (blame.hpp) are left out: the time was not the task's. Within 1.6 % above where
+// records are gone.
 struct BudgetCheck {
   int level = 0;
   std::uint64_t jobs = 0, charged = 0;  // counted; left out

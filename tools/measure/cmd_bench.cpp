@@ -5,6 +5,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "rt/store/run_store.hpp"
 #include "tasks/graph/calibration.hpp"
 #include "tools/cli/number_list.hpp"
 #include "tools/cli/option_use.hpp"
@@ -24,6 +25,7 @@
 #include "tools/measure/bench/table2/touches.hpp"
 #include "tools/measure/bench/wakeup.hpp"
 #include "tools/measure/commands.hpp"
+#include "tools/measure/days.hpp"
 #include "tools/measure/effects.hpp"
 #include "tools/measure/fuzz_readers.hpp"
 #include "tools/measure/haptic/bench_haptic.hpp"
@@ -156,10 +158,10 @@ struct EffectsBench {
   double span_s = 8;
   void add_to(CLI::App& app) {
     app.add_option("--effect", effect, "effects: this one alone, by its name in teletact explain");
-    app.add_option(
-        "--write", file,
-        "effects: write the table that teletact explain prints; prediction: write the page of "
-        "docs/measured");
+    app.add_option("--write", file,
+                   "effects: write the table that teletact explain prints; prediction, days: write "
+                   "the page of "
+                   "docs/measured");
     app.add_option("--span", span_s, "effects: simulated seconds of a run")
         ->check(in_range(1, 600))
         ->capture_default_str();
@@ -172,10 +174,43 @@ struct EffectsBench {
   }
 };
 
+struct DriftOptions {
+  double voxel_m = 0.01;
+  bool half_size = false;
+  void add_to(CLI::App& app) {
+    app.add_option("--voxel", voxel_m, "drift: edge of a voxel, m")
+        ->check(in_range(0.005, 0.08))
+        ->capture_default_str();
+    app.add_flag("--half-size", half_size, "drift: images of 256 x 212");
+  }
+};
+
+struct DaysBench {
+  DaysOptions options;
+  std::uint64_t cap_MiB = options.cap_bytes >> 20U;
+  explicit DaysBench(CLI::App& app) {
+    app.add_option("--hours", options.hours, "days: of simulated time")
+        ->check(in_range(0.02, 1000))
+        ->capture_default_str();
+    app.add_option("--store-cap", cap_MiB, "days: MiB of each box's job records")
+        ->check(CLI::Range(rt::StoreOptions::kLeastCap >> 20U, std::uint64_t{1} << 24U))
+        ->capture_default_str();
+    app.add_flag("--in-memory", options.in_memory, "days: without stores, for comparison");
+  }
+  [[nodiscard]] DaysResult run(const std::string& page, int argc, char** argv) {
+    std::string command = "teletact";
+    for (int i = 0; i < argc; ++i) command += " " + std::string(argv[i]);
+    options.cap_bytes = cap_MiB << 20U;
+    DaysResult result = bench_days(std::cerr, options);
+    if (!page.empty()) write_whole_file(page, result.page(command));
+    return result;
+  }
+};
+
 struct PredictionBench {
   TraceSetOptions options;
   std::string logs = "../shared/data/odometry";
-  void add_to(CLI::App& app) {
+  explicit PredictionBench(CLI::App& app) {
     app.add_option("--logs", logs, "prediction: folder of odometry logs; the default may be absent")
         ->capture_default_str();
     app.add_flag("--choice", options.choice,
@@ -208,7 +243,8 @@ struct PredictionBench {
 int cmd_bench(int argc, char** argv) {
   CLI::App app{
       "Measures one part beside its peers. WHAT: rings, wakeup, audit, table1, table2, "
-      "segmentation, fusion, codec, drift, fuzz, haptic, boundary, prediction, effects. Ends with "
+      "segmentation, fusion, codec, drift, fuzz, haptic, boundary, prediction, effects, days. Ends "
+      "with "
       "1 "
       "when a "
       "limit is missed."};
@@ -216,11 +252,11 @@ int cmd_bench(int argc, char** argv) {
   int rounds = 9;
   double slice_s = 1.0;
   const std::vector<std::string> names = {
-      "rings", "wakeup", "audit", "table1", "table2",   "segmentation", "fusion",
-      "codec", "drift",  "fuzz",  "haptic", "boundary", "prediction",   "effects"};
+      "rings", "wakeup", "audit",  "table1",   "table2",     "segmentation", "fusion", "codec",
+      "drift", "fuzz",   "haptic", "boundary", "prediction", "effects",      "days"};
   app.add_option("WHAT", what,
                  "rings | wakeup | audit | table1 | table2 | segmentation | fusion | codec | drift "
-                 "| fuzz | haptic | boundary | prediction | effects")
+                 "| fuzz | haptic | boundary | prediction | effects | days")
       ->required()
       ->check(CLI::IsMember(names));
   app.add_option("--rounds", rounds, "interleaved rounds")
@@ -262,20 +298,16 @@ int cmd_bench(int argc, char** argv) {
   peer.add_to(app);
   HapticBench haptic;
   haptic.add_to(app);
-  PredictionBench prediction;
-  prediction.add_to(app);
+  PredictionBench prediction(app);
+  DaysBench days(app);
   int frames = 0;
-  double voxel_m = 0.01;
-  bool half_size = false;
+  DriftOptions drift;
   app.add_option(
          "--frames,--count", frames,
          "how many of each sequence (a shorter recording: as many as it has); default: table1 150, "
          "fusion and codec 60, drift 10000")
       ->check(CLI::Range(20, 10000000));
-  app.add_option("--voxel", voxel_m, "drift: edge of a voxel, m")
-      ->check(in_range(0.005, 0.08))
-      ->capture_default_str();
-  app.add_flag("--half-size", half_size, "drift: images of 256 x 212");
+  drift.add_to(app);
   app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
   check_bench_use(app, what, rgbd->count() > 0);
@@ -297,7 +329,8 @@ int cmd_bench(int argc, char** argv) {
   } else if (what == "wakeup") {
     take(bench_wakeup(std::cerr, rounds, slice_s));
   } else if (what == "drift") {
-    take(bench_drift(std::cerr, frames > 0 ? frames : 10000, voxel_m, half_size ? 2 : 1));
+    take(bench_drift(std::cerr, frames > 0 ? frames : 10000, drift.voxel_m,
+                     drift.half_size ? 2 : 1));
   } else if (what == "codec") {
     take(bench_codec(std::cerr, codec));
   } else if (what == "haptic") {
@@ -326,6 +359,8 @@ int cmd_bench(int argc, char** argv) {
     }
   } else if (what == "fuzz") {
     take(fuzz.run(seed));
+  } else if (what == "days") {
+    take(days.run(effects.file, argc, argv));
   } else if (what == "prediction") {
     take(prediction.run(app, seed, haptic.svg, effects.file));
   } else if (what == "table1" || what == "fusion") {

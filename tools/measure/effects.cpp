@@ -13,8 +13,8 @@
 #include "rt/clock/box_time.hpp"
 #include "rt/quantile.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/effect_catalogue.hpp"
 #include "tools/host/run_demo.hpp"
+#include "tools/scene/effect_catalogue.hpp"
 
 namespace teletact {
 
@@ -35,6 +35,10 @@ struct Switch {
 
 const Keys kArm{"robot.arm.description=\"youbot\"",
                 "robot.arm.key=[{time_s=1, angles_deg=[169, 10, -10, 10, 167.5]}]"};
+
+// A scene has a shape or a network.
+const Keys kNoShape{"link.shape.delay_ms=0", "link.shape.jitter_ms=0",
+                    "link.shape.rate_Mbit_per_s=0"};
 
 Keys with(Keys a, const std::string& b) {
   a.push_back(b);
@@ -66,10 +70,9 @@ std::vector<Switch> switches() {
       {"device: device_delay", {}, {"device.delay_s=0.0005"}},
       {"device: time_guard", {}, {"device.time_guard_s=0.0005"}},
       {"device: gravity", {}, {"device.gravity_mass_kg=0.2"}},
-      {"link shape",
-       {},
-       {"link.shape.delay_ms=0", "link.shape.jitter_ms=0", "link.shape.rate_Mbit_per_s=0"},
-       true},
+      {"link shape", {}, kNoShape, true},
+      {"link network", kNoShape,
+       with(kNoShape, "link.network={delay_ms=15, jitter_ms=2, rate_Mbit_per_s=100}")},
       {"touch: friction", {}, {"haptic.friction_static=0.3"}},
       {"touch: texture", {}, {"haptic.texture_amplitude_m=0.0002"}},
       {"touch: viscosity", {}, {"haptic.viscosity_N_s_per_m=1"}},

@@ -100,6 +100,9 @@ FuzzReaders::FuzzReaders() {
   add_map();
   add_colour();
   add_depth_stream();
+  add_store();
+  add_road();
+  add_bus();
 }
 
 FuzzReaders::~FuzzReaders() {

@@ -1,5 +1,6 @@
-// The readers of outside files that `teletact bench fuzz` feeds: images, recordings, odometry, fields,
-// maps; and the link's colour pictures and frames of the depth stream.
+// The readers of outside files that `teletact bench fuzz` feeds: images, recordings, odometry,
+// fields, maps, job records; the link's colour pictures and frames of the depth stream; the road's
+// frames and certificates; what comes over the robot's bus.
 #pragma once
 
 #include <filesystem>
@@ -26,6 +27,9 @@ class FuzzReaders {
   void add_map();
   void add_colour();
   void add_depth_stream();
+  void add_store();
+  void add_road();
+  void add_bus();
   std::filesystem::path folder_;
   std::vector<FuzzReader> readers_;
 };

@@ -40,7 +40,7 @@ int coarsest_step(const CodecChoice& c) {
                                                              : first_step(c);
 }
 
-[[noreturn]] void refuse(const char* what, const char* status) {
+[[noreturn]] void refuse_codec(const char* what, const char* status) {
   throw std::runtime_error(std::string(what) + ": " + status);
 }
 
@@ -69,17 +69,17 @@ CodedFrame CodecChain::pass(perception::RgbdFrame& frame, bool key) {
   const DepthStatus encoded =
       depth_encoder_.encode(depth_in_, {choice_.mode, steps_.step(), key}, depth_out_, out.depth);
   out.depth_encode_ms = watch.lap_ms();
-  if (encoded != DepthStatus::kOk) refuse("depth can not be encoded", to_text(encoded));
+  if (encoded != DepthStatus::kOk) refuse_codec("depth can not be encoded", to_text(encoded));
   depth_out_.resize(out.depth.bytes);
   drivers::DepthFrameInfo seen;
   watch.lap_ms();
   const DepthStatus decoded =
       depth_decoder_.decode(depth_out_, {frame.depth_mm.data(), depth_in_.size()}, seen);
   out.depth_decode_ms = watch.lap_ms();
-  if (decoded != DepthStatus::kOk) refuse("depth can not be decoded", to_text(decoded));
+  if (decoded != DepthStatus::kOk) refuse_codec("depth can not be decoded", to_text(decoded));
   if (frame.has_colour) decode_colour(frame, out);
   if (depth_encoder_.state_hash() != depth_decoder_.state_hash())
-    refuse("depth", "encoder and decoder hold different images");
+    refuse_codec("depth", "encoder and decoder hold different images");
   steps_.sent(static_cast<std::int64_t>(out.bytes()),
               static_cast<std::int64_t>(choice_.rate_mbit_s * 1e6 / 8 / choice_.fps));
   return out;
@@ -91,7 +91,8 @@ void CodecChain::encode_colour(const perception::RgbdFrame& frame, bool key, Cod
   Stopwatch watch;
   const auto coded = colour_encoder_->encode(frame.rgb(), depth_in_, demand, colour_out_);
   out.colour_encode_ms = watch.lap_ms();
-  if (coded.status != ColourStatus::kOk) refuse("colour can not be encoded", to_text(coded.status));
+  if (coded.status != ColourStatus::kOk)
+    refuse_codec("colour can not be encoded", to_text(coded.status));
   out.colour_bytes = coded.bytes, out.colour_key = coded.key;
 }
 
@@ -102,7 +103,7 @@ void CodecChain::decode_colour(perception::RgbdFrame& frame, CodedFrame& out) {
       colour_decoder_.decode({colour_out_.data(), out.colour_bytes},
                              {frame.depth_mm.data(), depth_in_.size()}, frame.rgb());
   out.colour_decode_ms = watch.lap_ms();
-  if (decoded != ColourStatus::kOk) refuse("colour can not be decoded", to_text(decoded));
+  if (decoded != ColourStatus::kOk) refuse_codec("colour can not be decoded", to_text(decoded));
 }
 
 }  // namespace teletact

@@ -7,7 +7,7 @@
 // Everything else a job uses another task of the box published; its sequence number says which one.
 //
 // File, of this machine's layout, read by the build that wrote it:
-//   text   "teletact-inputs 8 <sizeof JobOp>", one "key value" a line, an empty line
+//   text   "teletact-inputs 9 <sizeof JobOp>", one "key value" a line, an empty line
 //   'O' JobOp          the latch or the end of a job; in order within a task
 //   'M' MessageHead, bytes     a message as it arrived on the link, in order
 //   'F' FrameHead, depth, colour    a camera frame as its driver gave it, in order
@@ -83,6 +83,7 @@ struct TouchInput {         // planning
 };
 struct StatusInput {  // prediction and both supervisions
   std::int64_t last_heard_ns = 0, round_trip_ns = 0, uncertainty_ns = 0;
+  std::uint64_t session = 0;
   std::int32_t engage = 0;
   std::uint8_t refused = 0, expected = 0, closed = 0, ramp_down = 0, stop = 0, clear = 0,
                watchdog_bit = 0;

@@ -60,6 +60,7 @@ StatusInput status_input(const tasks::LatchedStatus& s) noexcept {
   in.refused = s.refused;
   in.expected = s.expected;
   in.closed = s.closed;
+  in.session = s.session;
   in.ramp_down = s.ramp_down;
   in.stop = s.stop;
   in.clear = s.clear;
@@ -251,7 +252,7 @@ InputRecorder::InputRecorder(rt::NonRealtime&, const std::string& path, const Ke
   if (path.empty()) return;
   file_.reset(std::fopen(path.c_str(), "wb"));
   if (!file_) throw std::runtime_error(path + ": can not be written");
-  std::fprintf(file_.get(), "teletact-inputs 8 %zu\n", sizeof(JobOp));
+  std::fprintf(file_.get(), "teletact-inputs 9 %zu\n", sizeof(JobOp));
   for (const auto& [key, value] : keys)
     std::fprintf(file_.get(), "%s %s\n", key.c_str(), value.c_str());
   std::fprintf(file_.get(), "\n");

@@ -23,13 +23,6 @@ constexpr double kWheelFloor_m = 1e-4, kWheelFloor_rad = 1.5e-4;
 // An interval that moved less says nothing of the slip.
 constexpr double kMoved_m = 0.02, kMoved_rad = 0.04;
 
-Pose raised(const Pose2& p) {
-  Pose X = Pose::Identity();
-  X.linear() = Eigen::AngleAxisd(p.yaw, Vec3::UnitZ()).toRotationMatrix();
-  X.translation() = Vec3(p.x, p.y, 0);
-  return X;
-}
-
 perception::Mat3 turned(const Vec3& w) {
   const double angle = w.norm();
   if (angle < 1e-15) return perception::Mat3::Identity();
@@ -53,6 +46,13 @@ double huber(double length, double limit) {
 }
 
 }  // namespace
+
+Pose pose_on_floor(const Pose2& p) {
+  Pose X = Pose::Identity();
+  X.linear() = Eigen::AngleAxisd(p.yaw, Vec3::UnitZ()).toRotationMatrix();
+  X.translation() = Vec3(p.x, p.y, 0);
+  return X;
+}
 
 Eigen::Matrix4d wheel_patterns() {
   Eigen::Matrix4d m;  // rows: front left, front right, back left, back right
@@ -135,7 +135,7 @@ Pose2 DriveProblem::driven(const DriveInterval& i, const Parameters& change) con
 
 Eigen::Matrix<double, 6, 1> DriveProblem::camera_off(int k, const Parameters& change,
                                                      const Pose& X_WP, const Pose2& X_PB) const {
-  const Pose X_WC = X_WP * raised(X_PB) * changed_mount(stated_.X_BC, change);
+  const Pose X_WC = X_WP * pose_on_floor(X_PB) * changed_mount(stated_.X_BC, change);
   const Pose E = X_WC.inverse() * instants_[static_cast<std::size_t>(k)].X_WC;
   Eigen::Matrix<double, 6, 1> r;
   r << E.translation() / noise_.camera_m, turn_of(E.linear()) / noise_.camera_rad;

@@ -11,6 +11,9 @@
 
 namespace teletact {
 
+// A pose of the base on the floor z = 0, z up.
+[[nodiscard]] perception::Pose pose_on_floor(const perception::Pose2& p);
+
 struct DriveInstant {
   double t_s = 0;
   perception::Pose X_WC = perception::Pose::Identity();

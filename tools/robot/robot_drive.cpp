@@ -6,6 +6,7 @@
 
 #include "drivers/youbot/virtual_youbot.hpp"
 #include "tools/record/fusion_feed.hpp"
+#include "tools/robot/drive_problem.hpp"
 #include "tools/robot/floor_seen.hpp"
 
 namespace teletact {
@@ -20,13 +21,6 @@ constexpr double kStand_s = 0.5;  // before the first leg: the map begins
 constexpr int kLogEvery_ms = 5;   // of the wheels
 constexpr int kFloorEvery = 15;   // claimed frames
 
-Pose raised(const Pose2& p) {
-  Pose X = Pose::Identity();
-  X.linear() = Eigen::AngleAxisd(p.yaw, Vec3::UnitZ()).toRotationMatrix();
-  X.translation() = Vec3(p.x, p.y, 0);
-  return X;
-}
-
 // The camera rides on the base's true pose.
 class OnBase final : public drivers::PoseSource {
  public:
@@ -34,7 +28,7 @@ class OnBase final : public drivers::PoseSource {
       : bus_(bus), X_BC_(X_BC), X_WB_(X_WB0) {}
   [[nodiscard]] Pose X_WC_at(rt::Time t) noexcept override {
     drivers::PoseHistory::Sample s;
-    if (bus_.history().at(t, s)) X_WB_ = raised(s.X_WB);
+    if (bus_.history().at(t, s)) X_WB_ = pose_on_floor(s.X_WB);
     return X_WB_ * X_BC_;
   }
 
@@ -126,8 +120,8 @@ class Drive {
   void look(double t) {
     if (camera_.poll(now_, feed_.frame()) != drivers::CameraStatus::kFrame) return;
     const perception::Twist2 v = kinematics_.forward(motors_.wheel_rad_per_s);
-    feed_.in.odometry =
-        tasks::OdometryPrior{now_, raised(odometry_.pose()), Vec3(v.vx, v.vy, 0), Vec3(0, 0, v.wz)};
+    feed_.in.odometry = tasks::OdometryPrior{now_, pose_on_floor(odometry_.pose()),
+                                             Vec3(v.vx, v.vy, 0), Vec3(0, 0, v.wz)};
     const auto& out = feed_.step(nullptr);
     ++out_.frames;
     if (!out.camera_written || !out.camera.claimed) return;

@@ -62,6 +62,21 @@ class RobotBox::BasePose final : public drivers::PoseSource {
   perception::Pose X_BC_, X_WB_;
 };
 
+drivers::MotorBus& RobotBox::open_motors(rt::NonRealtime& nrt, const Scene& scene) {
+  bus_->set_cpu_clock(&rt::thread_cpu_ns);
+  if (scene.bus_kind != "ethercat-twin") return *bus_;
+  drivers::youbot_bus::MotorBusConfig motors;
+  motors.gear_ratio = scene.graph.robot_io.base.gear_ratio;
+  wire_ = std::make_unique<drivers::youbot_bus::EtherCatTwinBus>(
+      nrt, *bus_, drivers::youbot_bus::EtherCatTwinBus::base_alone(), motors);
+  wire_->port().set_cpu_clock(&rt::thread_cpu_ns);
+  return *wire_;
+}
+
+std::int64_t RobotBox::motor_twin_cpu_ns() const noexcept {
+  return bus_->twin_cpu_ns() + (wire_ ? wire_->port().twin_cpu_ns() : 0);
+}
+
 RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& options)
     : world_(std::make_unique<drivers::World>(
           nrt, scene.rgbd_dir.empty() ? scene.world : drivers::WorldConfig{}, options.epoch)),
@@ -76,11 +91,11 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
                             std::move(collides));
   if (world->moves()) plant.things_move();
   bus_ = std::make_unique<drivers::VirtualYoubot>(nrt, scene.bus, std::move(plant));
-  bus_->set_cpu_clock(&rt::thread_cpu_ns);
 
   tasks::RobotSetup setup;
-  setup.bus = options.wrap_bus ? options.wrap_bus(*bus_) : bus_.get();
-  setup.bus_twin_cpu = [this] { return bus_->twin_cpu_ns(); };
+  drivers::MotorBus& motors = open_motors(nrt, scene);
+  setup.bus = options.wrap_bus ? options.wrap_bus(motors) : &motors;
+  setup.bus_twin_cpu = [this] { return motor_twin_cpu_ns(); };
   setup.hash_outputs = options.hash_outputs;
   setup.faults = options.faults;
   setup.mode_gate = options.mode_gate;
@@ -88,8 +103,8 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
     const auto sequence = open_recording(scene.rgbd_dir);
     for (const auto& line : sequence.assumed())
       camera_said_ += (camera_said_.empty() ? "" : "; ") + line;
-    camera_ = std::make_unique<drivers::ReplayCamera>(nrt, sequence, options.epoch + kRecordingLead,
-                                                      scene.hold_s, options.progress);
+    camera_ = std::make_unique<drivers::RecordedCamera>(
+        nrt, sequence, options.epoch + kRecordingLead, scene.hold_s, options.progress);
   } else if (options.real_devices && !scene.camera_choice.in_process()) {
     camera_ = drivers::open_camera(nrt, scene.camera_choice, options.now, camera_said_);
   } else {
@@ -176,6 +191,7 @@ Effects OperatorBox::effects() const {
   Effects out;
   for (const auto& name : device_->effects()) out.emplace_back("device: " + name, "device");
   if (scene_.link.shape.any()) out.emplace_back("link shape", "link.shape");
+  if (scene_.link.network.any()) out.emplace_back("link network", "link.network");
   const auto& h = scene_.graph.haptic;
   const auto add = [&](bool on, const char* name, const char* key) {
     if (on) out.emplace_back(name, key);

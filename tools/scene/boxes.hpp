@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/camera/replay_camera.hpp"
+#include "drivers/camera/recorded_camera.hpp"
 #include "drivers/camera/synthetic_camera.hpp"
 #include "drivers/camera/threaded_camera.hpp"
 #include "drivers/camera/tum_reader.hpp"
@@ -16,6 +16,7 @@
 #include "drivers/omega/omega_twin.hpp"
 #include "drivers/world/world.hpp"
 #include "drivers/youbot/virtual_youbot.hpp"
+#include "drivers/youbot_bus/twin/ethercat_twin_bus.hpp"
 #include "rt/fault/plan.hpp"
 #include "tasks/graph/operator_graph.hpp"
 #include "tasks/graph/robot_graph.hpp"
@@ -55,8 +56,13 @@ class RobotBox {
 
  private:
   class BasePose;
+  // What robot_io drives, and what of its CPU is the twins'.
+  drivers::MotorBus& open_motors(rt::NonRealtime&, const Scene&);
+  [[nodiscard]] std::int64_t motor_twin_cpu_ns() const noexcept;
   std::unique_ptr<drivers::World> world_;
   std::unique_ptr<drivers::VirtualYoubot> bus_;
+  // Before it, where the scene asks for one.
+  std::unique_ptr<drivers::youbot_bus::EtherCatTwinBus> wire_;
   std::unique_ptr<drivers::PoseSource> pose_;
   std::unique_ptr<drivers::Camera> camera_;
   drivers::SyntheticCamera* synthetic_ = nullptr;

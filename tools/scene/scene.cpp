@@ -90,6 +90,11 @@ tasks::SceneEdit EditConfig::edit(const perception::Vec3& centre_W) const {
   return e;
 }
 
+drivers::LinkShapeConfig LinkConfig::way() const {
+  if (!network.any()) return shape;
+  return {network.delay_ms, network.jitter_ms, network.rate_Mbit_per_s, network.seed};
+}
+
 void Scene::describe(config::Section& s) {
   s.text("title", title, {}, "name of the scene in reports");
   world.describe(s.section("world", "the simulated place"));
@@ -98,7 +103,10 @@ void Scene::describe(config::Section& s) {
   camera_choice.describe(eye);
   auto& robot_section = s.section("robot", "twin of the youBot");
   plant.describe(robot_section.section("plant", "wheels, motors, floor"));
-  bus.describe(robot_section.section("bus", "motor bus"));
+  auto& motor_bus = robot_section.section("bus", "motor bus");
+  bus.describe(motor_bus);
+  motor_bus.text("kind", bus_kind, {"direct", "ethercat-twin"},
+                 "what carries setpoints to the virtual motors: nothing, or EtherCAT frames");
   arm.describe(robot_section.section("arm", "effect: its arm, in view of the camera"));
   auto& haptic_device = s.section("device", "haptic device, its twin and the hand on it");
   device.describe(haptic_device);
@@ -156,6 +164,15 @@ void settle_arm(Scene& scene, const std::string& path) {
   }
 }
 
+void check_network(const Scene& scene, const std::string& path) {
+  const drivers::NetworkConfig& network = scene.link.network;
+  if (const std::string wrong = network.wrong(); !wrong.empty())
+    throw std::runtime_error(path + ": " + wrong);
+  if (network.any() && scene.link.shape.any())
+    throw std::runtime_error(
+        path + ": keys 'link.network' and 'link.shape': allowed one of them in a scene");
+}
+
 // What no single key can be wrong about: names of shapes, ways of length 0.
 void check_movers(const Scene& scene, const std::string& path) {
   if (scene.world.movers.empty()) return;
@@ -182,6 +199,7 @@ std::unique_ptr<Scene> load_scene(const std::string& path,
   settle_stored_map(*scene, path);
   settle_arm(*scene, path);
   check_movers(*scene, path);
+  check_network(*scene, path);
   auto& edits = scene->operator_script.edits;
   std::stable_sort(edits.begin(), edits.end(),
                    [](const EditConfig& a, const EditConfig& b) { return a.at_s < b.at_s; });

@@ -12,6 +12,7 @@
 #include "config/schema.hpp"
 #include "drivers/camera/camera_choice.hpp"
 #include "drivers/camera/synthetic_camera.hpp"
+#include "drivers/emulator/network_config.hpp"
 #include "drivers/haptic/hand_script.hpp"
 #include "drivers/link/shaper.hpp"
 #include "drivers/omega/omega_twin.hpp"
@@ -67,11 +68,15 @@ struct LinkConfig {
   std::string address = "127.0.0.1";
   int port = 0;  // 0: the kernel chooses
   drivers::LinkShapeConfig shape;
+  drivers::NetworkConfig network;
   void describe(config::Section& s) {
     s.text("address", address, {}, "loopback only, until the link is authenticated");
     s.integer("port", port, 0, 65535, "0: chosen by the kernel");
     shape.describe(s.section("shape", "effect: the loopback link shaped like a network"));
+    network.describe(s.section("network", "effect: a bad network between the boxes"));
   }
+  // Delay, jitter and rate of the way as it begins, whichever of the two says so.
+  [[nodiscard]] drivers::LinkShapeConfig way() const;
 };
 
 struct Scene {
@@ -82,6 +87,7 @@ struct Scene {
   drivers::ScriptedArmConfig arm;
   drivers::RobotPlantConfig plant;
   drivers::VirtualYoubotConfig bus;
+  std::string bus_kind = "direct";
   drivers::OmegaTwinConfig device;
   HapticChoice choice;
   drivers::HandScriptConfig hand;

@@ -5,14 +5,17 @@
 #include <stdexcept>
 
 #include "rt/audit/blame.hpp"
-#include "rt/audit/run_file.hpp"
+#include "rt/audit/task_past.hpp"
+#include "rt/store/read_store.hpp"
 #include "tools/cli/options.hpp"
 #include "tools/files/build_info.hpp"
 #include "tools/files/metrics_json.hpp"
-#include "tools/host/host_info.hpp"
+#include "tools/files/whole_file.hpp"
+#include "tools/host/piece_options.hpp"
 #include "tools/host/run_results.hpp"
 #include "tools/host/task_times.hpp"
-#include "tools/record/black_box.hpp"
+#include "tools/record/box_recorder.hpp"
+#include "tools/scene/host_info.hpp"
 #include "tools/teletact/commands.hpp"
 
 namespace teletact {
@@ -41,12 +44,12 @@ double us(std::int64_t ns) { return static_cast<double>(ns) * 1e-3; }
 
 void print_task(const AuditedTask& a, const TaskTimes& times, const rt::TaskBlame& b) {
   const rt::TaskLog& t = *a.task;
-  const int level = t.jobs.empty() ? t.level : t.jobs.back().level;
-  std::printf("%-18s %8zu %8.1f %8.1f %8.1f | %8.1f %8.1f %8.1f | %6llu", a.name.c_str(),
-              t.jobs.size(), us(times.cpu.quantile(0.5)), us(times.cpu.quantile(0.99)),
-              us(t.spec.budget_of(level).count()), us(times.lateness.quantile(0.5)),
-              us(times.lateness.quantile(0.99)), us(times.lateness.quantile(0.999)),
-              static_cast<unsigned long long>(b.miss_total));
+  const int level = last_level_of(t);
+  std::printf("%-18s %8llu %8.1f %8.1f %8.1f | %8.1f %8.1f %8.1f | %6llu", a.name.c_str(),
+              static_cast<unsigned long long>(jobs_of(t)), us(times.cpu.quantile(0.5)),
+              us(times.cpu.quantile(0.99)), us(t.spec.budget_of(level).count()),
+              us(times.lateness.quantile(0.5)), us(times.lateness.quantile(0.99)),
+              us(times.lateness.quantile(0.999)), static_cast<unsigned long long>(b.miss_total));
   for (const auto n : b.misses) std::printf(" %6llu", static_cast<unsigned long long>(n));
   std::printf("\n");
 }
@@ -62,7 +65,7 @@ void print_ends(const AuditedTask& a, const TaskTimes& times) {
 void add_task(const AuditedTask& a, const TaskTimes& times, const rt::TaskBlame& b,
               Metrics& metrics) {
   const std::string& name = a.name;
-  metrics.add(name + ".jobs", static_cast<double>(a.task->jobs.size()), "1");
+  metrics.add(name + ".jobs", static_cast<double>(jobs_of(*a.task)), "1");
   metrics.add(name + ".cpu_p99_us", us(times.cpu.quantile(0.99)), "us");
   metrics.add(name + ".late_p999_us", us(times.lateness.quantile(0.999)), "us");
   metrics.add(name + ".response_p50_us", us(times.response.quantile(0.5)), "us");
@@ -121,9 +124,11 @@ ReportData audit_report(const std::string& command, const std::vector<AuditedTas
   for (const auto& log : logs) {
     for (const auto& note : log.not_realtime)
       d.verdicts.push_back({State::kNote, "NOT REAL-TIME: " + note});
+    for (const auto& told : log.told) d.verdicts.push_back({State::kNote, "job records: " + told});
   }
   for (const auto& a : tasks) {
-    d.tasks.push_back(report_task(*a.log, *a.task, {}, a.log->sentinels.empty()));
+    d.tasks.push_back(report_task(*a.log, *a.task, {},
+                                  a.log->sentinels.empty() && a.log->past_sentinels.empty()));
     d.tasks.back().name = a.name;
   }
   return d;
@@ -139,39 +144,98 @@ void add_black_box(const rt::BlackBox& box, Metrics& metrics) {
   metrics.add(name + ".events", static_cast<double>(events_of(box).size()), "1");
 }
 
+void print_notes(const rt::RunLog& log) {
+  for (const auto& note : log.not_realtime) std::printf("NOT REAL-TIME: %s\n", note.c_str());
+  for (const auto& told : log.told) std::printf("JOB RECORDS: %s\n", told.c_str());
+}
+
+rt::RunLog read_log(const std::string& file, const rt::StorePiece& piece,
+                    std::vector<rt::StoreEvent>& events) {
+  if (!rt::is_store(file)) {
+    auto log = rt::read_run(file, piece);
+    if (!log) throw std::runtime_error(log.error());
+    return std::move(log).value();
+  }
+  auto store = rt::read_store(file, piece);
+  if (!store) throw std::runtime_error(store.error());
+  auto& own = store.value().events;
+  events.insert(events.end(), own.begin(), own.end());
+  return std::move(store.value().log);
+}
+
+struct AuditInput {
+  std::vector<rt::RunLog> logs;  // one a file
+  std::vector<std::pair<std::string, rt::BlackBox>> boxes;
+  std::vector<rt::StoreEvent> events;
+};
+
+AuditInput read_files(const std::vector<std::string>& files, const rt::StorePiece& piece) {
+  AuditInput in;
+  for (const auto& f : files) {
+    if (!rt::is_black_box(f)) {
+      in.logs.push_back(read_log(f, piece, in.events));
+      continue;
+    }
+    if (!piece.all()) throw std::runtime_error(f + ": --from and --to are for the log of a run");
+    auto box = rt::read_black_box(f);
+    if (!box) throw std::runtime_error(box.error());
+    in.boxes.emplace_back(f, std::move(box).value());
+    in.logs.push_back(in.boxes.back().second.log);
+  }
+  return in;
+}
+
+void write_events(const std::string& path, const std::vector<AuditedTask>& tasks,
+                  const std::vector<rt::StoreEvent>& box_events) {
+  WholeFile f(path);
+  std::fprintf(f.get(), "what,k,release_ns,end_ns,deadline_ns,cpu_ns,skipped,level,fault,text\n");
+  for (const auto& a : tasks) {
+    if (!a.task->past) continue;
+    for (const rt::JobRecord& r : a.task->past->events) {
+      std::fprintf(f.get(), "%s,%llu,%lld,%lld,%lld,%lld,%u,%u,%u,\n", a.name.c_str(),
+                   static_cast<unsigned long long>(r.k), static_cast<long long>(r.release_ns),
+                   static_cast<long long>(r.end_ns), static_cast<long long>(r.deadline_ns),
+                   static_cast<long long>(r.cpu_ns), r.skipped, r.level, r.fault);
+    }
+    if (const auto n = a.task->past->events_left_out; n > 0)
+      std::fprintf(f.get(), "%s,,,,,,,,,%llu more\n", a.name.c_str(),
+                   static_cast<unsigned long long>(n));
+  }
+  for (const rt::StoreEvent& e : box_events)
+    std::fprintf(f.get(), "box,,%lld,,,,,,,%s\n", static_cast<long long>(e.time_ns),
+                 e.text.c_str());
+  f.finish();
+}
+
 }  // namespace
 
 int cmd_audit(int argc, char** argv) {
   CLI::App app{
       "Reads the log of a run (report/raw/*.run) or what a stop left (*.blackbox): table, "
-      "histograms, trace. Exit 0: every task kept its budget (CPU p99.9 of each level, without "
+      "histograms, trace. Of a long run the older records are counts and histograms. Exit 0: every "
+      "task kept its budget (CPU p99.9 of each level, without "
       "jobs that the machine charged) and none missed by itself; 1: one did not; 2: bad input."};
   std::vector<std::string> files;
-  std::string html, trace, csv, json;
+  std::string html, trace, csv, json, events;
   app.add_option("FILE", files, "run logs or black boxes; any number")->required();
   app.add_option("--html", html, "folder for a report with the histograms");
   app.add_option("--trace", trace, "Chrome/Perfetto trace file");
   app.add_option("--csv", csv, "one line a job");
   app.add_option("--json", json, "write the figures to this file");
+  app.add_option(
+      "--events", events,
+      "one line a miss, overrun, fault or change of level among the older records, and an "
+      "event of the box");
+  const PieceOptions asked(app);
   if (!parse_options(app, argc, argv)) return 0;
-  check_outputs({{"--trace", trace}, {"--csv", csv}, {"--json", json}}, files);
-  std::vector<rt::RunLog> logs;
-  std::vector<std::pair<std::string, rt::BlackBox>> boxes;
-  for (const auto& f : files) {
-    if (rt::is_black_box(f)) {
-      auto box = rt::read_black_box(f);
-      if (!box) throw std::runtime_error(box.error());
-      boxes.emplace_back(f, std::move(box).value());
-      logs.push_back(boxes.back().second.log);
-      continue;
-    }
-    auto log = rt::read_run_file(f);
-    if (!log) throw std::runtime_error(log.error());
-    logs.push_back(std::move(log).value());
-  }
+  const rt::StorePiece piece = asked.piece();
+  check_outputs({{"--trace", trace}, {"--csv", csv}, {"--json", json}, {"--events", events}},
+                files);
+  AuditInput in = read_files(files, piece);
+  std::vector<rt::RunLog>& logs = in.logs;
   if (!html.empty()) make_output_folder("--html", html);
   Metrics metrics("audit");
-  for (const auto& [file, box] : boxes) {
+  for (const auto& [file, box] : in.boxes) {
     print_black_box(file, box);
     std::printf("\n");
     add_black_box(box, metrics);
@@ -197,7 +261,7 @@ int cmd_audit(int argc, char** argv) {
   for (const auto& log : logs) {
     pointers.push_back(&log);
     dropped += log.dropped;
-    for (const auto& note : log.not_realtime) std::printf("NOT REAL-TIME: %s\n", note.c_str());
+    print_notes(log);
   }
   for (const auto& line : against) std::printf("AGAINST: %s\n", line.c_str());
   metrics.add("audit.dropped", static_cast<double>(dropped), "1");
@@ -210,6 +274,7 @@ int cmd_audit(int argc, char** argv) {
   write_outputs({{trace, [&](const auto& path) { write_trace(path, pointers); }},
                  {csv, [&](const auto& path) { write_csv(path, pointers); }},
                  {json, [&](const auto& path) { metrics.write(path); }},
+                 {events, [&](const auto& path) { write_events(path, tasks, in.events); }},
                  {html, [&](const auto& folder) {
                     write_report(folder, audit_report(command, tasks, logs, against, metrics));
                     std::printf("histograms: %s/report.html\n", folder.c_str());

@@ -11,16 +11,16 @@
 #include <thread>
 
 #include "rt/fault/injector.hpp"
+#include "tools/box/run_real.hpp"
 #include "tools/cli/options.hpp"
 #include "tools/doctor/rights.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/host_info.hpp"
 #include "tools/host/rendered_truth.hpp"
 #include "tools/host/run_folder.hpp"
-#include "tools/host/run_real.hpp"
 #include "tools/host/script_goal.hpp"
 #include "tools/record/recording_setup.hpp"
 #include "tools/record/recording_truth.hpp"
+#include "tools/scene/host_info.hpp"
 #include "tools/teletact/commands.hpp"
 
 namespace teletact {
@@ -76,6 +76,23 @@ void note_dead_tasks(const rt::RunLog& log, const std::vector<BoxTotals>& totals
   }
 }
 
+void check_bodies(const DemoOptions& o, const std::string& clock) {
+  if (!o.stub_bodies) return;
+  if (clock != "virtual")
+    throw std::runtime_error("--bodies stub needs --clock virtual: give both");
+  if (o.record) throw std::runtime_error("--record needs --bodies real");
+  if (!o.save_map.empty()) throw std::runtime_error("--save-map needs --bodies real");
+}
+
+void add_store_cap(CLI::App& app, rt::StoreOptions& store) {
+  app.add_option_function<std::uint64_t>(
+         "--store-cap", [&store](std::uint64_t MiB) { store.cap_bytes = MiB << 20U; },
+         "MiB on the disk for the job records of each box, default 256; the older ones become "
+         "counts "
+         "and histograms")
+      ->check(CLI::Range(rt::StoreOptions::kLeastCap >> 20U, std::uint64_t{1} << 24U));
+}
+
 // With auto: the real clock where the machine gives what it needs, else the simulated one, paced. A device or a camera
 // that is no twin lives in real time, whatever the machine gives.
 void choose_clock(const std::string& clock, const Scene& scene, bool cores_given, DemoOptions& o,
@@ -118,7 +135,7 @@ void check_touches(const DemoOptions& options, const Scene& scene, RunInfo& info
       std::count_if(scene.hand.segments.begin(), scene.hand.segments.end(),
                     [](const auto& s) { return s.source == "chosen" && s.kind == "press"; });
   if (asked == 0 || info.stub_bodies || !op.complete) return;
-  const TouchedPlaces touched = touched_places(op.view.visits, op.view.haptic, op.epoch_ns);
+  const TouchedPlaces touched = touched_of(op);
   const std::string what = touched.text();
   info.notes.push_back("touched: " + (what.empty() ? "nothing" : what));
   const bool judged =
@@ -225,6 +242,7 @@ int cmd_demo(int argc, char** argv) {
                  "seconds before a stop that REPORT/raw/*.blackbox holds; 0: none")
       ->check(in_range(0, 60))
       ->capture_default_str();
+  add_store_cap(app, o.store);
   app.add_flag("--record", o.record,
                "record the inputs of both boxes, for teletact replay REPORT/raw");
   app.add_option("--save-map", o.save_map,
@@ -234,13 +252,9 @@ int cmd_demo(int argc, char** argv) {
   check_outputs({{"--json", json}, {"--save-map", o.save_map}}, {});
   if (simd == "scalar") start_again_scalar(argv);
   o.stub_bodies = bodies == "stub";
-  if (o.stub_bodies && clock != "virtual")
-    throw std::runtime_error("--bodies stub needs --clock virtual: give both");
+  check_bodies(o, clock);
   if (!o.fault_plan.empty() && !rt::kFaultsBuilt)
     throw std::runtime_error("--faults: this build runs no fault plans (TELETACT_FAULTS=OFF)");
-  if (o.stub_bodies && o.record) throw std::runtime_error("--record needs --bodies real");
-  if (o.stub_bodies && !o.save_map.empty())
-    throw std::runtime_error("--save-map needs --bodies real");
   if (!o.fault_plan.empty()) o.fault_plan = find_config("faults", o.fault_plan);
   if (!o.rgbd_dir.empty() && app.count("--scene") == 0) scene_name = "any_recording";
   o.scene_path = find_config("scenes", scene_name);
@@ -294,6 +308,7 @@ int cmd_demo(int argc, char** argv) {
     info.calibration_text = "reference: " + calibration.host;
   if (o.virtual_clock) {
     o.log_folder = o.report + "/raw";
+    if (!o.stub_bodies) o.store_folder = o.log_folder;
     // The default run's folder: nothing of an earlier run on the real clock stays.
     if (o.paced) clear_run_folder(o.log_folder);
     VirtualRun run = run_virtual(nrt, *scene, o, calibration);

@@ -6,8 +6,8 @@
 
 #include "tools/cli/options.hpp"
 #include "tools/files/metrics_json.hpp"
-#include "tools/host/effect_catalogue.hpp"
 #include "tools/host/effect_costs.hpp"
+#include "tools/scene/effect_catalogue.hpp"
 #include "tools/teletact/commands.hpp"
 
 namespace teletact {

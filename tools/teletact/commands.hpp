@@ -5,6 +5,9 @@
 namespace teletact {
 
 int cmd_demo(int argc, char** argv);
+int cmd_robot(int argc, char** argv);
+int cmd_operator(int argc, char** argv);
+int cmd_status(int argc, char** argv);
 int cmd_explain(int argc, char** argv);
 int cmd_fuse(int argc, char** argv);
 int cmd_film(int argc, char** argv);
@@ -18,6 +21,9 @@ int cmd_identify(int argc, char** argv);
 int cmd_identify_robot(int argc, char** argv);  // identify robot
 int cmd_calibrate(int argc, char** argv);
 int cmd_audit(int argc, char** argv);
+int cmd_report(int argc, char** argv);
 int cmd_replay(int argc, char** argv);
+int cmd_keys(int argc, char** argv);
+int cmd_ethercat(int argc, char** argv);
 
 }  // namespace teletact

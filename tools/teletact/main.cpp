@@ -4,8 +4,8 @@
 #include <cstring>
 #include <exception>
 
+#include "tools/box/run_real.hpp"
 #include "tools/files/build_info.hpp"
-#include "tools/host/run_real.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/measure.hpp"
 
@@ -20,6 +20,11 @@ struct Command {
 constexpr std::array kCommands{
     Command{"demo", teletact::cmd_demo,
             "run both boxes on this machine, every device a twin; writes a report"},
+    Command{"robot", teletact::cmd_robot,
+            "run the robot's box, on its own machine or beside the operator's"},
+    Command{"operator", teletact::cmd_operator,
+            "run the operator's box, on its own machine or beside the robot's"},
+    Command{"status", teletact::cmd_status, "what the boxes that run on this machine say"},
     Command{"explain", teletact::cmd_explain, "what a scene simulates, who asks, who pays"},
     Command{"fuse", teletact::cmd_fuse, "a recorded RGB-D sequence to camera poses and a mesh"},
     Command{"film", teletact::cmd_film, "a synthetic place to a recorded RGB-D sequence"},
@@ -32,6 +37,7 @@ constexpr std::array kCommands{
     Command{"calibrate", teletact::cmd_calibrate,
             "measure what each task variant costs on this machine"},
     Command{"audit", teletact::cmd_audit, "read a run's log: who was late, and why"},
+    Command{"report", teletact::cmd_report, "a run's report again, or that of a piece of it"},
     Command{"replay", teletact::cmd_replay, "a recorded run's tasks again, to the last bit"},
     Command{"bench", teletact::start_measure, "rings, wake-up, audit: measured beside their peers"},
     Command{"accuracy", teletact::start_measure,
@@ -39,6 +45,9 @@ constexpr std::array kCommands{
     Command{"device", teletact::cmd_device, "open the haptic device, read it, say how it is"},
     Command{"identify", teletact::cmd_identify,
             "the haptic device by ring-down; identify robot: wheels and camera mount"},
+    Command{"keys", teletact::cmd_keys, "the lab's CA and its boxes' certificates"},
+    Command{"ethercat", teletact::cmd_ethercat,
+            "the robot's EtherCAT bus: who is there, states, registers, parameters"},
     Command{"doctor", teletact::cmd_doctor,
             "is this machine fit for real-time use, and what to do"},
 };

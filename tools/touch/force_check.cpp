@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "perception/geometry/pose.hpp"
 #include "perception/tsdf/blocks/map_reader.hpp"
@@ -46,7 +47,8 @@ double depth_to_surface(perception::MapReader& reader, double voxel_size, const 
 }
 
 // Unit normal of the field at p by differences over `h` to each side; false where it is unknown.
-bool normal_at(perception::MapReader& reader, double voxel_size, const Vec3& p, double h, Vec3& n) {
+bool map_normal(perception::MapReader& reader, double voxel_size, const Vec3& p, double h,
+                Vec3& n) {
   for (int axis = 0; axis < 3; ++axis) {
     double side[2];
     for (int i = 0; i < 2; ++i) {
@@ -73,7 +75,7 @@ double depth_under_plane(perception::MapReader& reader, double voxel_size, const
   Vec3 n = towards;
   for (int i = 0; i < 3; ++i) {
     const double s = depth_to_surface(reader, voxel_size, h, n, 0.15);
-    if (s <= 0 || !normal_at(reader, voxel_size, h + s * n, difference, n)) return -1;
+    if (s <= 0 || !map_normal(reader, voxel_size, h + s * n, difference, n)) return -1;
   }
   const double depth = depth_to_surface(reader, voxel_size, h, n, 0.15);
   if (depth <= 0) return -1;
@@ -81,7 +83,7 @@ double depth_under_plane(perception::MapReader& reader, double voxel_size, const
   const Vec3 u = n.unitOrthogonal(), v = n.cross(u);
   for (const Vec3& to : {u, v, Vec3(-u), Vec3(-v)}) {
     Vec3 there;
-    if (!normal_at(reader, voxel_size, foot + 0.03 * to, difference, there)) return -1;
+    if (!map_normal(reader, voxel_size, foot + 0.03 * to, difference, there)) return -1;
     if (there.dot(n) < kPlaneCosine) return -1;
   }
   return depth;
@@ -92,9 +94,16 @@ double depth_under_plane(perception::MapReader& reader, double voxel_size, const
 void ForceChecker::look(const perception::TsdfMap& map,
                         const std::vector<tasks::HapticSample>& samples) {
   perception::MapReader reader(map, 2.0);  // observed = weight >= 2, as the patch has it
-  for (; looked_ < samples.size(); ++looked_) {
-    const auto& s = samples[looked_];
-    const double speed = (vec(s.p_WH) - vec(samples[looked_ - 1].p_WH)).norm() * 1e3;
+  auto next = samples.begin();
+  if (before_) {
+    next = std::upper_bound(next, samples.end(), before_->stamp,
+                            [](rt::Time t, const auto& s) { return t < s.stamp; });
+  }
+  for (; next != samples.end() && errors_.size() < kMost; ++next) {
+    const auto& s = *next;
+    const auto before = std::exchange(before_, s);
+    if (!before) continue;
+    const double speed = (vec(s.p_WH) - vec(before->p_WH)).norm() * 1e3;
     if (s.contacts != 1 || s.force_N < 1.0F || s.gain < 1.0F || s.guard_active || speed > 0.005)
       continue;
     const Vec3 f = vec(s.f_W);

@@ -3,6 +3,7 @@
 // no code with the renderer. A proxy that slid aside pulls with more than K times that depth.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "perception/tsdf/tsdf_map.hpp"
@@ -28,15 +29,17 @@ struct ForceCheck {
 // that may read the map between two of its changes.
 class ForceChecker {
  public:
+  static constexpr std::size_t kMost = 200000;
   ForceChecker(double stiffness_N_per_m, double scale)
       : stiffness_N_per_m_(stiffness_N_per_m), scale_(scale) {}
-  // Those of `samples` that were not there at the last call.
+  // Those of `samples`, which are in order of time, that are newer than the last call's. At most
+  // kMost are judged.
   void look(const perception::TsdfMap& map, const std::vector<tasks::HapticSample>& samples);
   [[nodiscard]] ForceCheck result() const;
 
  private:
   double stiffness_N_per_m_, scale_;
-  std::size_t looked_ = 1;  // the first has none before it
+  std::optional<tasks::HapticSample> before_;
   std::vector<double> errors_;
 };
 

@@ -169,4 +169,12 @@ rt::Result<HapticRunReader::Kind> HapticRunReader::next(SurfacePatch& window,
   }
 }
 
+OpenHapticRun::OpenHapticRun(const std::string& path)
+    : file(std::fopen(path.c_str(), "rbe"), &std::fclose) {
+  if (!file) throw std::runtime_error(path + ": cannot be opened");
+  auto opened = HapticRunReader::open(file.get(), path);
+  if (!opened) throw std::runtime_error(opened.error());
+  reader = std::move(opened).value();
+}
+
 }  // namespace teletact

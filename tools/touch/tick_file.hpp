@@ -94,4 +94,11 @@ class HapticRunReader {
   std::uint64_t ticks_ = 0;
 };
 
+// A run on disk, open, with its header read. Throws std::runtime_error with one line.
+struct OpenHapticRun {
+  explicit OpenHapticRun(const std::string& path);
+  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file;
+  std::unique_ptr<HapticRunReader> reader;
+};
+
 }  // namespace teletact

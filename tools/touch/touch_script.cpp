@@ -159,13 +159,15 @@ std::string TouchedPlaces::text() const {
 }
 
 TouchedPlaces touched_places(const std::vector<Visit>& visits,
-                             const std::vector<tasks::HapticSample>& samples,
-                             std::int64_t epoch_ns) {
+                             const std::vector<tasks::HapticSample>& samples, std::int64_t epoch_ns,
+                             const std::vector<Touched>& before) {
   TouchedPlaces out;
   for (const Visit& v : visits) {
     out.none += v.chosen ? 0 : 1;
     out.gone += v.chosen && !v.pressed ? 1 : 0;
+    const std::size_t at = out.visits.size();
     Touched& t = out.visits.emplace_back();
+    if (at < before.size()) t = before[at];
     for (const tasks::HapticSample& s : samples) {
       const double at_s = 1e-9 * static_cast<double>(rt::ns_of(s.stamp) - epoch_ns);
       if (!v.pressed || !s.in_contact || at_s < v.from_s || at_s > v.until_s) continue;

@@ -82,8 +82,10 @@ inline constexpr int kLeastTouches = 5;  // of a recording; fewer where the run 
 // Why a recording was touched too rarely; empty: it was not. `asked`: visits that the script had
 // time for.
 [[nodiscard]] std::string too_few_touches(const TouchedPlaces& touched, int asked);
+// `before`: of the same visits, by samples that are gone.
 [[nodiscard]] TouchedPlaces touched_places(const std::vector<Visit>& visits,
                                            const std::vector<tasks::HapticSample>& samples,
-                                           std::int64_t epoch_ns);
+                                           std::int64_t epoch_ns,
+                                           const std::vector<Touched>& before = {});
 
 }  // namespace teletact

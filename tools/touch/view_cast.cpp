@@ -10,7 +10,7 @@ using perception::Vec3;
 
 namespace {
 
-Vec3 normal_at(const DenseField& field, double voxel, const Vec3& p) {
+Vec3 field_normal(const DenseField& field, double voxel, const Vec3& p) {
   Vec3 g = Vec3::Zero();
   const double here = field_value(field, voxel, p);
   for (int a = 0; a < 3; ++a) {
@@ -98,7 +98,7 @@ std::size_t cast_view(const DenseField& field, double voxel_size, const View& vi
           const Vec3 p = view.eye + (t - beyond) * way;
           out.set(static_cast<std::size_t>(v) * static_cast<std::size_t>(view.width) +
                       static_cast<std::size_t>(u),
-                  p, normal_at(field, voxel_size, p));
+                  p, field_normal(field, voxel_size, p));
           ++met;
           break;
         }
@@ -115,7 +115,7 @@ std::optional<View> FirstContact::at(const DenseField& field, double voxel_size,
   const bool contact = value <= 0 && !(before_ <= 0);
   before_ = value;
   if (!contact) return {};
-  const Vec3 n = normal_at(field, voxel_size, p);
+  const Vec3 n = field_normal(field, voxel_size, p);
   if (!(n.norm() > 0)) return {};
   met_ = true;
   return View{.eye = p + n, .look = p};

@@ -21,7 +21,7 @@
 #include "tools/measure/bench/callgrind.hpp"
 #include "tools/measure/bench/other_load.hpp"
 #include "tools/measure/haptic/table_run.hpp"
-#include "tools/touch/tick_replay.hpp"
+#include "tools/touch/tick_rerun.hpp"
 
 namespace teletact {
 
@@ -32,17 +32,6 @@ namespace fs = std::filesystem;
 using rt::quantile;
 
 double median(const std::vector<double>& v) { return quantile(v, 0.5); }
-
-struct OpenRun {
-  explicit OpenRun(const std::string& path) : file(std::fopen(path.c_str(), "rbe"), &std::fclose) {
-    if (!file) throw std::runtime_error(path + ": can not be opened");
-    auto opened = HapticRunReader::open(file.get(), path);
-    if (!opened) throw std::runtime_error(opened.error());
-    reader = std::move(opened).value();
-  }
-  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file;
-  std::unique_ptr<HapticRunReader> reader;
-};
 
 class Folder {
  public:
@@ -83,10 +72,10 @@ HapticMethodRow time_method(rt::NonRealtime& nrt, const std::string& path,
   row.method = method;
   std::vector<double> p50, p99, free_p50, free_p99;
   for (int pass = 0; pass < passes; ++pass) {
-    OpenRun run(path);
+    OpenHapticRun run(path);
     tasks::HapticConfig config = run.reader->header().config;
     config.method = method;
-    HapticReplay replay(nrt, *run.reader, config);
+    HapticRerun replay(nrt, *run.reader, config);
     std::vector<double> contact, free;
     while (replay.next()) {
       const auto& t = replay.out().telemetry;
@@ -209,7 +198,7 @@ std::vector<double> tick_instructions(const std::string& programs, const std::st
                                       long ticks, const std::string& scratch) {
   auto each =
       callgrind_rounds(programs + "/teletact_haptic_count", {run, std::to_string(ticks), "none"},
-                       "*HapticTask::step*", "*HapticReplay::next*", scratch);
+                       "*HapticTask::step*", "*HapticRerun::next*", scratch);
   if (each.size() != static_cast<std::size_t>(ticks))
     throw std::runtime_error("callgrind of " + run + ": ticks are not told apart");
   return each;

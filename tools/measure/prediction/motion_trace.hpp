@@ -2,13 +2,13 @@
 // no predictor sees.
 //
 //   robot_trace  A mecanum base (drivers/youbot/mecanum.hpp) driven between marks at up to 0.8 m/s:
-//   straight, curves, sideways,
-//                diagonal, turns on the spot, stops, reversals. Its reference changes with a stated
-//                acceleration; each wheel follows with a first-order lag of its own and slips by a
-//                share drawn anew twice a second. Measured: odometry from the wheels' encoders,
-//                their speeds with noise, at 10 to 30 Hz, stamped up to 2 ms off.
-//   log_trace    A recorded log, t_s,x_m,y_m,yaw_rad,vx,vy,wz (../shared/data/odometry); the truth
-//   is its poses.
+//                straight, curves, sideways, diagonal, turns on the spot, stops, reversals. Its
+//                reference changes with a stated acceleration; each wheel follows with a
+//                first-order lag of its own and slips by a share drawn anew twice a second.
+//                Measured: odometry from the wheels' encoders, their speeds with noise, at 10 to
+//                30 Hz, stamped up to 2 ms off.
+//   log_trace    A recorded log, t_s,x_m,y_m,yaw_rad,vx,vy,wz ;
+//                the truth is its poses.
 #pragma once
 
 #include <cstdint>

@@ -10,7 +10,7 @@
 
 #include "rt/memory/non_realtime.hpp"
 #include "tools/measure/support/rt_guard.hpp"
-#include "tools/touch/tick_replay.hpp"
+#include "tools/touch/tick_rerun.hpp"
 
 int main(int argc, char** argv) {
   const std::string effect = argc > 3 ? argv[3] : "none";
@@ -46,7 +46,7 @@ int main(int argc, char** argv) {
     return 2;
   }
   rt::Startup startup;
-  teletact::HapticReplay replay(startup.token(), *reader.value(), config);
+  teletact::HapticRerun replay(startup.token(), *reader.value(), config);
   rt_guard::reset();
   long served = 0, contact = 0;
   while (served < ticks && replay.next()) {

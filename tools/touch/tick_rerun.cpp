@@ -1,4 +1,4 @@
-#include "tools/touch/tick_replay.hpp"
+#include "tools/touch/tick_rerun.hpp"
 
 #include <bit>
 #include <cstdint>
@@ -28,8 +28,8 @@ bool same(const Vec3& a, const Vec3& b) {
 
 }  // namespace
 
-HapticReplay::HapticReplay(rt::NonRealtime& nrt, HapticRunReader& reader,
-                           const tasks::HapticConfig& config, Caster caster)
+HapticRerun::HapticRerun(rt::NonRealtime& nrt, HapticRunReader& reader,
+                         const tasks::HapticConfig& config, Caster caster)
     : reader_(reader),
       caster_(std::move(caster)),
       casting_(config.method == "force_shading"),
@@ -37,7 +37,7 @@ HapticReplay::HapticReplay(rt::NonRealtime& nrt, HapticRunReader& reader,
   for (auto& w : windows_) w = std::make_unique<SurfacePatch>();
 }
 
-bool HapticReplay::next() {
+bool HapticRerun::next() {
   for (;;) {
     const std::size_t window = (window_at_ + 1) % kWindows, surface = (surface_at_ + 1) % kSurfaces;
     auto kind = reader_.next(*windows_[window], surfaces_[surface], tick_);
@@ -75,7 +75,7 @@ bool HapticReplay::next() {
   }
 }
 
-bool HapticReplay::equal() const {
+bool HapticRerun::equal() const {
   return same(tick_.f_D, out_.force.f_H_D) && same(tick_.f_raw_D, out_.telemetry.f_raw_D) &&
          same(tick_.p_WP, out_.state.p_WP) && same(tick_.p_WH, out_.state.p_WH) &&
          tick_.contacts == out_.state.contacts && tick_.in_contact == out_.telemetry.in_contact;

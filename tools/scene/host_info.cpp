@@ -1,4 +1,4 @@
-#include "tools/host/host_info.hpp"
+#include "tools/scene/host_info.hpp"
 
 #include <cstdio>
 #include <fstream>

@@ -1,4 +1,4 @@
-#include "tools/record/black_box.hpp"
+#include "tools/record/box_recorder.hpp"
 
 #include <signal.h>
 

@@ -1,4 +1,4 @@
-#include "tools/host/run_real.hpp"
+#include "tools/box/run_real.hpp"
 
 #include <signal.h>
 #include <sys/prctl.h>
@@ -14,28 +14,14 @@
 #include "config/fault_plan.hpp"
 #include "drivers/world/world.hpp"
 #include "tasks/edges/edge_faults.hpp"
-#include "tools/host/box_process.hpp"
+#include "tools/box/box_process.hpp"
 #include "tools/host/run_folder.hpp"
-#include "tools/record/black_box.hpp"
+#include "tools/record/box_recorder.hpp"
 #include "tools/record/input_recorder.hpp"
 
 namespace teletact {
 
-std::atomic<bool> g_stop_requested{false};
-std::atomic<std::int64_t> g_stop_asked_ns{0};
-std::atomic<std::atomic<bool>*> g_ramp_down{nullptr};
-
 namespace {
-
-static_assert(std::atomic<std::int64_t>::is_always_lock_free &&
-                  std::atomic<std::atomic<bool>*>::is_always_lock_free,
-              "a signal handler may not wait");
-void on_signal(int) {
-  std::int64_t never = 0;
-  g_stop_asked_ns.compare_exchange_strong(never, rt::monotonic_ns());
-  if (auto* request = g_ramp_down.load()) request->store(true);
-  g_stop_requested.store(true);
-}
 
 struct Child {
   const char* name;
@@ -58,13 +44,6 @@ std::string verdict(const Child& c, int status) {
 }
 
 }  // namespace
-
-void catch_signals() {
-  struct sigaction action {};
-  action.sa_handler = on_signal;
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
 
 RealRun run_real(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
                  const tasks::Calibration& calibration) {

@@ -1,4 +1,4 @@
-#include "tools/host/effect_catalogue.hpp"
+#include "tools/scene/effect_catalogue.hpp"
 
 #include <algorithm>
 #include <array>
@@ -83,6 +83,10 @@ constexpr std::array kRows{
     EffectRow{"link shape", "link.shape", "link's thread",
               "messages are delayed, jittered and limited in rate as on a network",
               "[link.shape]\ndelay_ms = 30\n"},
+    EffectRow{
+        "link network", "link.network", "link's thread",
+        "the link's bytes meet a bad network: rate, queue, delay, stalls, cuts, flaps, damage",
+        "[link.network]\nrate_Mbit_per_s = 100\ndelay_ms = 30\n"},
     EffectRow{"touch: friction", "haptic.friction_static", "haptic",
               "the tip sticks to a surface and slides along it",
               "[haptic]\nfriction_static = 0.3\n"},

@@ -1,4 +1,4 @@
-#include "tools/touch/touch_replay.hpp"
+#include "tools/touch/touch_rerun.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -13,7 +13,7 @@
 #include "tools/cli/options.hpp"
 #include "tools/files/metrics_json.hpp"
 #include "tools/files/whole_file.hpp"
-#include "tools/touch/tick_replay.hpp"
+#include "tools/touch/tick_rerun.hpp"
 #include "tools/touch/view_cast.hpp"
 
 namespace teletact {
@@ -22,17 +22,6 @@ using perception::SurfacePatch;
 using perception::Vec3;
 
 namespace {
-
-struct OpenRun {
-  explicit OpenRun(const std::string& path) : file(std::fopen(path.c_str(), "rbe"), &std::fclose) {
-    if (!file) throw std::runtime_error(path + ": cannot be opened");
-    auto opened = HapticRunReader::open(file.get(), path);
-    if (!opened) throw std::runtime_error(opened.error());
-    reader = std::move(opened).value();
-  }
-  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file;
-  std::unique_ptr<HapticRunReader> reader;
-};
 
 // The window as a field of its own, node (0,0,0) at its corner.
 DenseField field_of(const SurfacePatch& w) {
@@ -57,8 +46,8 @@ DenseField field_of(const SurfacePatch& w) {
 }
 
 // The published method's view of a run that has none: 1 m off the first contact, over the window.
-HapticReplay::Caster caster_of(const std::string& path) {
-  OpenRun run(path);
+HapticRerun::Caster caster_of(const std::string& path) {
+  OpenHapticRun run(path);
   Vec3 p = Vec3::Zero(), n = Vec3::UnitZ();
   if (!first_touch(*run.reader, p, n)) return nullptr;
   return [p, n](const SurfacePatch& w, tasks::SurfacePoints& out) {
@@ -80,7 +69,7 @@ struct ReplayTally {
   std::size_t ticks = 0, contact = 0, equal = 0;
   double force_N = 0, step_N = 0, step_raw_N = 0, apart_N = 0;
   std::vector<double> cpu_us;
-  void add(const HapticReplay& r) {
+  void add(const HapticRerun& r) {
     const auto& out = r.out();
     ++ticks;
     equal += r.equal() ? 1 : 0;
@@ -111,16 +100,16 @@ struct ReplayTally {
 
 }  // namespace
 
-int replay_touch(const TouchReplayOptions& o) {
-  OpenRun run(o.run);
+int rerun_touch(const TouchRerunOptions& o) {
+  OpenHapticRun run(o.run);
   tasks::HapticConfig config = run.reader->header().config;
   const bool as_it_was = o.method.empty() || o.method == config.method;
   if (!o.method.empty()) config.method = o.method;
-  HapticReplay::Caster caster;
+  HapticRerun::Caster caster;
   if (config.method == "force_shading" && !as_it_was) caster = caster_of(o.run);
   const Vec3 origin = run.reader->header().origin;
   rt::Startup startup;
-  HapticReplay replay(startup.token(), *run.reader, config, caster);
+  HapticRerun replay(startup.token(), *run.reader, config, caster);
   std::unique_ptr<WholeFile> trace;
   if (!o.out.empty()) {
     trace = std::make_unique<WholeFile>(o.out);

@@ -14,15 +14,15 @@
 
 namespace teletact {
 
-class HapticReplay {
+class HapticRerun {
  public:
   // Makes the ray cast of a window for method force_shading where the run holds none; false: none.
   using Caster = std::function<bool(const perception::SurfacePatch&, tasks::SurfacePoints&)>;
 
   // `reader` has read the header. The device's stiffness limit is not applied, since nothing is
   // rendered. Throws std::runtime_error as HapticTask does.
-  HapticReplay(rt::NonRealtime&, HapticRunReader& reader, const tasks::HapticConfig& config,
-               Caster caster = nullptr);
+  HapticRerun(rt::NonRealtime&, HapticRunReader& reader, const tasks::HapticConfig& config,
+              Caster caster = nullptr);
 
   // The next tick; false at the end of the run. Throws std::runtime_error on a damaged file.
   bool next();

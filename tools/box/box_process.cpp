@@ -1,0 +1,154 @@
+#include "tools/box/box_process.hpp"
+
+#include <cstdio>
+#include <stdexcept>
+
+#include "tools/box/box_runner.hpp"
+#include "tools/box/box_sides.hpp"
+#include "tools/files/take.hpp"
+#include "tools/record/input_recorder.hpp"
+
+namespace teletact {
+
+namespace {
+
+// Null when nobody wants the inputs: neither a recording nor a black box.
+std::unique_ptr<InputRecorder> start_recorder(rt::NonRealtime& nrt, rt::Box box, const Scene& scene,
+                                              const DemoOptions& options, const BoxPlan& plan,
+                                              std::function<rt::Time()> now) {
+  if (!options.record) {
+    return options.black_box_s > 0
+               ? std::make_unique<InputRecorder>(nrt, "", InputRecorder::Keys{}, std::move(now))
+               : nullptr;
+  }
+  return make_recorder(nrt, plan.folder, box, scene, camera_of(scene), std::move(now));
+}
+
+// By the link's thread, once a millisecond and when the connection has ended. A link that lasts may
+// find another peer after one that it had to refuse: that is no fault that only a restart clears.
+// It is closed while there is no connection that is ready.
+void show_link(const drivers::LinkTransport& link, bool lasting, tasks::LinkStatus& status) {
+  using State = drivers::LinkTransport::State;
+  const State state = link.state();
+  status.last_heard_ns.store(link.last_heard_ns());
+  status.round_trip_ns.store(link.round_trip_ns());
+  status.uncertainty_ns.store(link.clock_uncertainty_ns());
+  status.session.store(link.sessions());
+  status.refused.store(state == State::kFault && !lasting);
+  status.closed.store(lasting ? state != State::kReady : state >= State::kClosed);
+}
+
+template <class Side>
+std::unique_ptr<drivers::LinkTransport> open_link(const Scene& scene, const BoxPlan& plan) {
+  std::unique_ptr<drivers::LinkTransport> link;
+  if (plan.lasting())
+    link = take(plan.open_link());
+  else
+    link = take(Side::open_link(scene, plan));
+  if (!link->emulate(scene.link.network, plan.epoch_host_ns))
+    throw std::runtime_error(
+        "link.network: the emulator carries the plain link alone (--plain); not TLS");
+  return link;
+}
+
+template <class Half>
+void save_whole(const std::string& folder, Half& half, const BoxRunner& runner) {
+  half.totals = runner.totals;
+  half.dropped_records = runner.dropped;
+  half.hangs = runner.hangs;
+  half.ordinary = runner.ordinary;
+  half.complete = true;
+  save_half(folder, half);
+}
+
+template <class Side>
+int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
+            const BoxPlan& plan) {
+  BoxOptions box_options;
+  const rt::BoxTime clock = plan.clock_of(Side::kBox);
+  box_options.epoch = clock.from_host(plan.epoch_host_ns);
+  box_options.faults = plan.faults;
+  box_options.mode_gate = plan.host.modes.gate;
+  box_options.now = [clock] { return clock.from_host(rt::monotonic_ns()); };
+  Side::complete(box_options);
+  BoxRunner runner{options, plan, Side::kBox, clock};
+  const auto inputs = start_recorder(nrt, Side::kBox, scene, options, plan, box_options.now);
+  if (inputs) inputs->wrap(box_options);
+  Side side(nrt, scene, options, box_options);
+  auto& graph = side.box.graph();
+  if (inputs) inputs->attach(graph, side.box.endpoint());
+  side.console.log_to(nrt, plan.folder + "/" + Side::kName + ".log", [&](std::string_view line) {
+    if (runner.black_box) runner.black_box->line(line);
+  });
+  if (inputs) {
+    inputs->also(
+        [&](const JobOp& op) {
+          if (runner.black_box) runner.black_box->add(op);
+        },
+        [&](const Tally& t) {
+          const RecordingMark mark{rt::ns_of(runner.now()), t.ops, t.messages, t.frames};
+          if (runner.black_box) runner.black_box->add(mark);
+        });
+  }
+  const auto registry = enter_registry(plan, Side::kBox);
+
+  const auto opened = open_link<Side>(scene, plan);
+  drivers::LinkTransport& link = *opened;
+  link.start(side.box.endpoint(), box_options.now, scene.link.shape,
+             [&] { show_link(link, plan.lasting(), graph.link()); });
+
+  runner.placed = placed_tasks(plan, Side::kBox, [&](tasks::TaskId id) -> rt::TaskBody& {
+    rt::TaskBody& body = graph.body(id);
+    return inputs ? inputs->body(id, body) : body;
+  });
+  runner.requests = &graph.requests();
+  runner.link = &link;
+  runner.link_status = &graph.link();
+  runner.tick = [&](rt::Time t) {
+    side.tick(t, link);
+    if (inputs) inputs->drain();
+  };
+  runner.save = [&] { save_half(plan.folder, side.half()); };
+  runner.make_safe = [&] { side.make_safe(); };
+  runner.mode = [&] { return side.console.seen().mode; };
+  if constexpr (Side::kBox == rt::Box::kRobot)
+    runner.camera_twin_cpu = [&] { return side.box.camera_twin_cpu_ns(); };
+  save_effects(plan.folder, Side::kName, side.box.effects());
+  if (plan.lasting())
+    runner.answer_status();
+  else
+    runner.await_link();
+  runner.run(nrt, plan.folder + "/" + Side::kName + ".run");
+  side.finish(nrt, link);
+  link.stop();
+  if (inputs) inputs->finish();
+  save_whole(plan.folder, side.half(), runner);
+  return runner.hangs > 0 ? 4 : 0;
+}
+
+int with_errors(const char* who, const std::function<int()>& body) {
+  try {
+    return body();
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "teletact %s: %s\n", who, e.what());
+    return 3;
+  }
+}
+
+}  // namespace
+
+void check_room(const BoxPlan& plan, std::optional<rt::Box> box) {
+  (void)enter_registry(plan, box);
+}
+
+int run_operator_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
+                         const BoxPlan& plan) {
+  return with_errors("operator", [&] { return run_box<OperatorSide>(nrt, scene, options, plan); });
+}
+
+int run_robot_process(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
+                      const BoxPlan& plan) {
+  return with_errors("robot", [&] { return run_box<RobotSide>(nrt, scene, options, plan); });
+}
+
+}  // namespace teletact

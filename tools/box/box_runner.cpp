@@ -1,0 +1,239 @@
+#include "tools/box/box_runner.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <fstream>
+#include <stdexcept>
+#include <thread>
+
+#include "rt/fault/planned.hpp"
+#include "rt/sched/real_executor.hpp"
+#include "tools/files/build_info.hpp"
+#include "tools/host/store_watch.hpp"
+
+namespace teletact {
+
+namespace {
+
+constexpr const char* kRegistry = "teletact";
+// From the request to the last job: outputs are at zero within 200 ms of the signal, polls
+// included. The base needs 125 ms from its speed limit (robot_io.trajectory), the hand 100
+// (haptic.ramp_s).
+constexpr std::int64_t kRampDown = 150000000;
+constexpr std::int64_t kPoll = 5000000, kConsolePeriod = 20000000, kSavePeriod = 1000000000;
+// A box of its own runs until it is stopped.
+constexpr rt::Nanos kForEver = std::chrono::hours{24 * 365 * 10};
+
+}  // namespace
+
+std::vector<rt::PlacedTask> placed_tasks(const BoxPlan& plan, rt::Box box,
+                                         const std::function<rt::TaskBody&(tasks::TaskId)>& body) {
+  std::vector<rt::PlacedTask> placed;
+  for (std::size_t i = 0; i < plan.host.specs.size(); ++i) {
+    if (plan.host.specs[i].box != box) continue;
+    placed.push_back(placed_task(plan.host, i));
+    placed.back().body = &body(static_cast<tasks::TaskId>(plan.host.ids[i]));
+  }
+  for (std::size_t i = 0; i < plan.host.workers.size(); ++i) {
+    if (plan.host.workers[i].box == box)
+      placed.push_back(placed_task(plan.host, plan.host.specs.size() + i));
+  }
+  return placed;
+}
+
+rt::Registry enter_registry(const BoxPlan& plan, std::optional<rt::Box> box) {
+  auto registry = rt::Registry::open(kRegistry);
+  if (!registry) throw std::runtime_error(registry.error());
+  rt::IsMine mine;  // both boxes: all
+  if (box) mine = [box](const std::string&, rt::Box b) { return b == *box; };
+  const auto rows = rt::registry_entries(plan.host.held, plan.host.held_rows, mine);
+  rt::Registry r = std::move(registry).value();
+  if (auto ok = r.try_register(rows); !ok) throw std::runtime_error(ok.error());
+  return r;
+}
+
+struct BoxRunner::Watch {
+  std::int64_t ramp_from = 0, next_save = 0, next_tick = 0;
+  bool stopped = false;
+  OrdinaryCpu at_epoch{};
+  StoreWatch* told = nullptr;
+  std::atomic<bool> done{false};
+};
+
+// <folder>/<box>.stop: when this process was asked to end, in its box's clock.
+void BoxRunner::note_request(std::int64_t host) const {
+  const char* name = box == rt::Box::kOperator ? "/operator.stop" : "/robot.stop";
+  std::ofstream(plan.folder + name) << rt::ns_of(clock.from_host(host)) << '\n';
+}
+
+void BoxRunner::look() {
+  tick(now());
+  if (black_box) black_box->watch(mode(), now());
+  if (plan.lasting()) link_news.look(*link, *link_status, options.quiet);
+  if (status_server) status_server->serve([this] { return status_json(status()); });
+}
+
+void BoxRunner::answer_status() {
+  const auto path = status_socket(box == rt::Box::kRobot ? "robot" : "operator");
+  auto opened =
+      path ? StatusServer::open(path.value()) : rt::Result<StatusServer>(rt::Error{path.error()});
+  if (opened)
+    status_server.emplace(std::move(opened).value());
+  else
+    std::printf("no teletact status of this box: %s\n", opened.error().c_str());
+}
+
+BoxStatus BoxRunner::status() const {
+  using State = drivers::LinkTransport::State;
+  constexpr const char* kModes[] = {"init", "hold", "engaged", "ramp down", "safe stop"};
+  const auto ms = [](std::int64_t ns) { return 1e-6 * static_cast<double>(ns); };
+  const tasks::ModeMsg newest = mode();
+  const State state = link->state();
+  BoxStatus s;
+  s.box = box == rt::Box::kRobot ? "robot" : "operator";
+  s.version = kVersion;
+  s.pid = ::getpid();
+  s.up_s = 1e-3 * ms(rt::monotonic_ns() - plan.epoch_host_ns);
+  s.mode = kModes[static_cast<std::size_t>(newest.mode)];
+  if (newest.cause != rt::kNoFault) s.cause = fault_text(newest.cause);
+  s.link = state == State::kReady       ? "connected"
+           : state == State::kHandshake ? "hand-shake"
+                                        : "no other box";
+  s.link_fault = state == State::kReady ? std::string() : link->fault();
+  s.connections = link->sessions();
+  if (link->last_heard_ns() != 0) s.heard_ago_ms = ms(rt::ns_of(now()) - link->last_heard_ns());
+  if (link->round_trip_ns() != 0) s.round_trip_ms = ms(link->round_trip_ns());
+  s.commands_refused = link_status->commands_refused.load();
+  s.commands_refused_reason =
+      drivers::to_text(static_cast<drivers::CommandFault>(link_status->commands_newest.load()));
+  s.report = options.report;
+  return s;
+}
+
+// Since their threads began; the console is the thread that asks.
+OrdinaryCpu BoxRunner::ordinary_now() const {
+  return {link->thread_cpu_ns(), rt::thread_cpu_ns(), camera_twin_cpu ? camera_twin_cpu() : 0,
+          rt::monotonic_ns()};
+}
+
+void BoxRunner::await_link() const {
+  while (link->state() != drivers::LinkTransport::State::kReady) {
+    if (link->state() == drivers::LinkTransport::State::kFault)
+      throw std::runtime_error(link->fault());
+    if (rt::monotonic_ns() > plan.epoch_host_ns - 50000000) {
+      throw std::runtime_error("link: no handshake in time; the other box's message says why");
+    }
+    ::usleep(2000);
+  }
+}
+
+// What is saved grows with the run: of a box of its own it takes a twentieth of this thread at
+// most.
+void BoxRunner::save_now_and_then(Watch& w, rt::RunStore& writer, std::int64_t host_ns) const {
+  if (host_ns <= w.next_save || w.ramp_from != 0) return;
+  w.next_save += save_period_ns(host_ns - plan.epoch_host_ns);
+  writer.flush();
+  save();
+  if (!plan.lasting()) return;
+  const std::int64_t end = rt::monotonic_ns();
+  w.next_save = std::max(w.next_save, end + 20 * (end - host_ns));
+}
+
+void BoxRunner::watch(Watch& w, rt::RunStore& writer, const std::function<void()>& request_stop,
+                      const std::function<std::uint64_t()>& hung) {
+  while (!w.done.load()) {
+    const std::int64_t host = rt::monotonic_ns();
+    if (w.at_epoch.span_ns == 0 && host >= plan.epoch_host_ns) w.at_epoch = ordinary_now();
+    if (host >= w.next_tick) {
+      w.next_tick = host + kConsolePeriod;
+      look();
+      w.told->look(mode(), now());
+    }
+    if (hung() > 0) requests->watchdog_bit.store(true);
+    if (g_stop_requested.load() && w.ramp_from == 0) {
+      w.ramp_from = g_stop_asked_ns.load();
+      requests->ramp_down.store(true);
+      note_request(w.ramp_from);
+    }
+    // A slow task notices the stop at its next release; the outputs do not wait for it.
+    if (w.ramp_from != 0 && host - w.ramp_from > kRampDown && !w.stopped) {
+      w.stopped = true;
+      request_stop();
+      make_safe();
+    }
+    save_now_and_then(w, writer, host);
+    ::usleep(kPoll / 1000);
+  }
+}
+
+template <class Faults>
+void BoxRunner::run(rt::NonRealtime& nrt, const Faults& faults, const std::string& file) {
+  std::unique_ptr<rt::RunStore> writer;
+  rt::RealExecutor<Faults> executor(
+      nrt, placed, faults, [&](const auto& r) { keep(*writer, r); },
+      [&](const auto& r) { keep(*writer, r); });
+  // What the machine refuses is known in part only when the threads run: the header tells what is
+  // known now, the rest is appended to the notes of a second header line by the caller's report.
+  rt::RunLog header = log_header(placed, box, plan.calibration);
+  header.not_realtime = executor.missing();
+  header.epoch_ns = rt::ns_of(clock.from_host(plan.epoch_host_ns));
+  writer = std::make_unique<rt::RunStore>(file, header, options.store);
+  StoreWatch told(*writer, box);
+  if (options.black_box_s > 0) {
+    black_box = std::make_unique<BoxRecorder>(plan.folder, box, header, options.black_box_s);
+    black_box->catch_crashes();
+  }
+  for (const auto& note : executor.notes())
+    std::ofstream(plan.folder + "/notes", std::ios::app) << note << '\n';
+  const auto missing_before = executor.missing().size();
+  rt::RunPlan run_plan;
+  run_plan.epoch_host_ns = plan.epoch_host_ns;
+  run_plan.duration = options.seconds > 0 ? rt::nanos_from_seconds(options.seconds) : kForEver;
+  run_plan.clock[static_cast<std::size_t>(box)] = clock;
+  Watch w;
+  w.told = &told;
+  w.next_save = plan.epoch_host_ns + kSavePeriod;
+  std::thread runner([&] {
+    executor.run(run_plan);
+    w.done.store(true);
+  });
+  g_ramp_down.store(&requests->ramp_down);
+  watch(
+      w, *writer, [&] { executor.request_stop(); }, [&] { return executor.hangs(); });
+  runner.join();
+  make_safe();
+  if (w.at_epoch.span_ns != 0) {
+    const OrdinaryCpu end = ordinary_now();
+    ordinary = {end.link_ns - w.at_epoch.link_ns, end.console_ns - w.at_epoch.console_ns,
+                end.camera_twin_ns - w.at_epoch.camera_twin_ns, end.span_ns - w.at_epoch.span_ns};
+  }
+  g_ramp_down.store(nullptr);
+  look();
+  const auto t = executor.totals();
+  for (std::size_t i = 0; i < placed.size(); ++i) totals.push_back({placed[i].id, t[i]});
+  dropped = executor.dropped_records();
+  std::vector<rt::RunFileTotals> trailer;
+  for (const BoxTotals& b : totals) trailer.push_back({b.task, b.totals});
+  writer->finish(trailer, dropped);
+  told.look(mode(), now());
+  hangs = executor.hangs();
+  if (black_box) {
+    black_box->end(w.ramp_from != 0 ? kAskedToEnd
+                   : hangs > 0      ? "a task hung and was made safe"
+                                    : "");
+  }
+  for (std::size_t i = missing_before; i < executor.missing().size(); ++i) {
+    std::ofstream(plan.folder + "/not_realtime", std::ios::app) << executor.missing()[i] << '\n';
+  }
+}
+
+void BoxRunner::run(rt::NonRealtime& nrt, const std::string& file) {
+  std::vector<std::string> names;
+  for (const auto& s : plan.host.specs) names.push_back(s.name);
+  rt::with_faults(plan.planned ? &plan.faults : nullptr, names,
+                  [&](const auto& faults) { run(nrt, faults, file); });
+}
+
+}  // namespace teletact

@@ -1,0 +1,64 @@
+// What differs between the two boxes' processes: what they hold, and which end of the demo's one
+// connection they are.
+#pragma once
+
+#include <memory>
+
+#include "drivers/link/tcp_link.hpp"
+#include "tools/box/box_process.hpp"
+#include "tools/scene/boxes.hpp"
+
+namespace teletact {
+
+class OperatorSide {
+ public:
+  static constexpr rt::Box kBox = rt::Box::kOperator;
+  static constexpr const char* kName = "operator";
+
+  OperatorSide(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options,
+               const BoxOptions& box_options);
+  static void complete(BoxOptions& box_options) { box_options.real_devices = true; }
+  // Connects to the port that the robot's process wrote down.
+  [[nodiscard]] static rt::Result<std::unique_ptr<drivers::TcpLink>> open_link(const Scene& scene,
+                                                                               const BoxPlan& plan);
+  void tick(rt::Time t, drivers::LinkTransport& link);
+  void make_safe() { box.device().make_safe(); }
+  [[nodiscard]] OperatorHalf& half();
+  void finish(rt::NonRealtime& nrt, const drivers::LinkTransport& link);
+
+  OperatorBox box;
+  OperatorConsole console;
+
+ private:
+  const Scene& scene_;
+  const DemoOptions& options_;
+  rt::Time epoch_, next_line_;
+  bool cut_ = false;
+  OperatorHalf half_;
+};
+
+class RobotSide {
+ public:
+  static constexpr rt::Box kBox = rt::Box::kRobot;
+  static constexpr const char* kName = "robot";
+
+  RobotSide(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions&,
+            const BoxOptions& box_options);
+  static void complete(BoxOptions& box_options) {
+    box_options.threaded_camera = box_options.real_devices = true;
+  }
+  [[nodiscard]] static rt::Result<std::unique_ptr<drivers::TcpLink>> open_link(const Scene& scene,
+                                                                               const BoxPlan& plan);
+  void tick(rt::Time t, drivers::LinkTransport&) { console.tick(t); }
+  void make_safe() { box.bus().make_safe(); }
+  [[nodiscard]] RobotHalf& half();
+  void finish(rt::NonRealtime&, const drivers::LinkTransport&);
+
+  RobotBox box;
+  RobotConsole console;
+
+ private:
+  RobotHalf half_;
+};
+
+}  // namespace teletact

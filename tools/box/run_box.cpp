@@ -1,0 +1,138 @@
+#include "tools/box/run_box.hpp"
+
+#include <cstdio>
+#include <fstream>
+#include <stdexcept>
+
+#include "drivers/link/road_link.hpp"
+#include "drivers/link/tcp_link.hpp"
+#include "tools/box/box_process.hpp"
+#include "tools/box/run_real.hpp"
+#include "tools/host/run_folder.hpp"
+#include "tools/record/box_recorder.hpp"
+#include "tools/record/input_recorder.hpp"
+#include "tools/scene/host_info.hpp"
+
+namespace teletact {
+
+namespace {
+
+rt::Result<std::unique_ptr<drivers::LinkTransport>> open_plain(const BoxCommand& command) {
+  const std::string host = command.road.host == "localhost" ? "127.0.0.1" : command.road.host;
+  auto opened = command.listens ? drivers::TcpLink::listen_lasting(host, command.road.port)
+                                : drivers::TcpLink::dial_lasting(host, command.road.port);
+  if (!opened) return rt::Error{opened.error()};
+  if (command.listens)
+    std::printf("link: waits at %s:%d\n", host.c_str(), opened.value()->port());
+  else
+    std::printf("link: dials %s:%d\n", host.c_str(), command.road.port);
+  std::fflush(stdout);
+  return std::unique_ptr<drivers::LinkTransport>(std::move(opened).value());
+}
+
+rt::Result<std::unique_ptr<drivers::LinkTransport>> open_keyed(const BoxCommand& command) {
+  drivers::RoadOptions road;
+  road.role = command.box;
+  road.listen = command.listens;
+  road.address = command.road.host;
+  road.port = command.road.port;
+  road.keys = command.keys;
+  road.expected_peer = command.peer;
+  road.rate_Mbit_per_s = command.rate_Mbit_per_s;
+  auto opened = drivers::open_road(road);
+  if (!opened) return opened;
+  std::printf("link: %s %s:%d, TLS, keys in %s\n", command.listens ? "waits at" : "dials",
+              command.road.host.c_str(), command.road.port, command.keys.c_str());
+  std::fflush(stdout);
+  return opened;
+}
+
+// The other box's half stays empty.
+int write_box_report(const DemoOptions& options, const BoxCommand& command, RunInfo& info,
+                     const OperatorHalf& op, const RobotHalf& robot) {
+  const bool is_robot = command.box == rt::Box::kRobot;
+  const auto& totals = is_robot ? robot.totals : op.totals;
+  const auto& log = is_robot ? robot.log : op.log;
+  if (!(is_robot ? robot.complete : op.complete))
+    info.problems.push_back("the box did not finish the run: its own message says why");
+  for (const BoxTotals& t : totals) {
+    if (t.totals.lost == 0) continue;
+    info.problems.push_back("the thread of task " + std::to_string(t.task) + " ended: " +
+                            std::to_string(t.totals.lost) + " of its releases were lost");
+  }
+  info.notes.push_back(std::string("of the ") + command.name() +
+                       "'s box alone: the other box has a report of its own");
+  Metrics metrics(command.name());
+  add_metrics(info, op, robot, metrics);
+  write_trace(options.report + "/trace.json", {&log});
+  info.files.push_back("trace.json");
+  write_report(options.report, make_report(info, op, robot, metrics));
+  if (!command.json.empty()) metrics.write(command.json);
+  for (const auto& n : info.notes) std::printf("%s\n", n.c_str());
+  for (const auto& p : info.problems)
+    std::fprintf(stderr, "teletact %s: %s\n", command.name(), p.c_str());
+  std::printf("report: %s/report.html\n", options.report.c_str());
+  return info.problems.empty() ? 0 : 1;
+}
+
+// From the files that the box has left.
+int report_box(const DemoOptions& options, const BoxCommand& command, const BoxPlan& plan,
+               RunInfo& info) {
+  OperatorHalf op;
+  RobotHalf robot;
+  auto& not_realtime = command.box == rt::Box::kRobot ? robot.log : op.log;
+  if (command.box == rt::Box::kRobot)
+    load_half(plan.folder, robot);
+  else
+    load_half(plan.folder, op);
+  std::ifstream missing(plan.folder + "/not_realtime");
+  for (std::string line; std::getline(missing, line);) not_realtime.not_realtime.push_back(line);
+  info.effects = load_effects(plan.folder);
+  info.admission = plan.host.admission;
+  info.modes = plan.host.modes;
+  info.best_effort = plan.host.request.best_effort;
+  return write_box_report(options, command, info, op, robot);
+}
+
+HostPlan admit_for(const Scene& scene, const BoxCommand& command,
+                   const tasks::Calibration& calibration) {
+  tasks::BestEffortShares shares;
+  // The camera's twin renders on an ordinary thread of the robot's box.
+  shares.camera_twin = scene.rgbd_dir.empty() ? 0.30 : 0.0;
+  const auto cpus = rt::affinity_cpus();
+  return is_loopback(command.road.host) ? admit_host(scene, calibration, cpus, shares)
+                                        : admit_box(scene, calibration, cpus, shares, command.box);
+}
+
+}  // namespace
+
+int run_box(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
+            const BoxCommand& command, const tasks::Calibration& calibration, RunInfo& info) {
+  BoxPlan plan;
+  plan.calibration = as_asked(calibration, scene);
+  plan.clock[0] = plan.clock[1] = {};  // each box has a clock of its own: this machine's
+  plan.host = admit_for(scene, command, calibration);
+  if (!plan.host.refusal.empty()) throw CouldNotStart("admission: " + plan.host.refusal);
+  if (plan.host.voxel_m > 0) scene.graph.fusion.tsdf.voxel_size_m = plan.host.voxel_m;
+  try {
+    check_room(plan, command.box);
+  } catch (const std::runtime_error& e) {
+    throw CouldNotStart(e.what());
+  }
+  if (!options.quiet) std::printf("%s\n", admission_text(plan.host).c_str());
+  plan.folder = options.report + "/raw";
+  clear_run_folder(plan.folder);
+  if (options.record) save_setup(plan.folder, scene, "");
+  plan.open_link = [&command] { return command.plain ? open_plain(command) : open_keyed(command); };
+  // Time to build the box; a recording is decoded whole before that.
+  const std::int64_t lead = scene.rgbd_dir.empty() ? 3000000000 : 12000000000;
+  plan.epoch_host_ns = rt::monotonic_ns() + lead;
+  const int code = command.box == rt::Box::kRobot ? run_robot_process(nrt, scene, options, plan)
+                                                  : run_operator_process(nrt, scene, options, plan);
+  if (code == 3) return code;
+  say_black_boxes(plan.folder);
+  const int reported = report_box(options, command, plan, info);
+  return code != 0 ? code : reported;
+}
+
+}  // namespace teletact

@@ -1,0 +1,34 @@
+// SIGINT and SIGTERM: what run_demo.hpp says of them.
+#include <signal.h>
+
+#include "rt/clock/box_time.hpp"
+#include "tools/host/run_demo.hpp"
+
+namespace teletact {
+
+std::atomic<bool> g_stop_requested{false};
+std::atomic<std::int64_t> g_stop_asked_ns{0};
+std::atomic<std::atomic<bool>*> g_ramp_down{nullptr};
+
+namespace {
+
+static_assert(std::atomic<std::int64_t>::is_always_lock_free &&
+                  std::atomic<std::atomic<bool>*>::is_always_lock_free,
+              "a signal handler may not wait");
+void on_signal(int) {
+  std::int64_t never = 0;
+  g_stop_asked_ns.compare_exchange_strong(never, rt::monotonic_ns());
+  if (auto* request = g_ramp_down.load()) request->store(true);
+  g_stop_requested.store(true);
+}
+
+}  // namespace
+
+void catch_signals() {
+  struct sigaction action {};
+  action.sa_handler = on_signal;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+}  // namespace teletact

@@ -1,0 +1,49 @@
+// What a box says into its store beside the jobs, and of it: changes of the mode, a disk that
+// refuses.
+#pragma once
+
+#include <cstdio>
+#include <string>
+
+#include "rt/store/run_store.hpp"
+#include "tasks/contract/messages.hpp"
+#include "tools/record/box_recorder.hpp"
+
+namespace teletact {
+
+// The consoles' samples are saved whole: each second at first, when a run is short and a kill
+// near, then less often.
+inline constexpr std::int64_t save_period_ns(std::int64_t since_epoch_ns) noexcept {
+  return since_epoch_ns < 60000000000 ? 1000000000 : 10000000000;
+}
+
+class StoreWatch {
+ public:
+  StoreWatch(rt::RunStore& store, rt::Box box) : store_(store), box_(box) {}
+
+  void look(const tasks::ModeMsg& mode, rt::Time now) {
+    if (mode.seq != 0 && (mode.mode != mode_ || mode.cause != cause_)) {
+      static constexpr const char* kNames[] = {"init", "hold", "engaged", "ramp down", "safe stop"};
+      std::string text = std::string("mode ") + kNames[static_cast<int>(mode.mode)];
+      if (mode.cause != rt::kNoFault) text += ", " + fault_text(mode.cause);
+      store_.event(rt::ns_of(now), text);
+      mode_ = mode.mode;
+      cause_ = mode.cause;
+    }
+    const std::string problem = store_.problem();
+    if (problem.empty() || told_) return;
+    told_ = true;
+    store_.event(rt::ns_of(now), problem);
+    std::fprintf(stderr, "teletact %s: %s\n", box_ == rt::Box::kOperator ? "operator" : "robot",
+                 problem.c_str());
+  }
+
+ private:
+  rt::RunStore& store_;
+  rt::Box box_;
+  tasks::Mode mode_ = tasks::Mode::kInit;
+  rt::FaultId cause_ = rt::kNoFault;
+  bool told_ = false;
+};
+
+}  // namespace teletact

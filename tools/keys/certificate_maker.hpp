@@ -1,0 +1,41 @@
+// Makes keys (Ed25519), certificates (X.509 v3) and signed lists of revoked ones (CRL v2). RFC
+// 5280, RFC 8410. Nothing here knows of files.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "drivers/road/pem.hpp"
+#include "rt/result.hpp"
+
+namespace teletact {
+
+struct CertificateSpec {
+  std::string name;                      // CN
+  std::string unit;                      // OU: robot, operator; of a CA: lab
+  std::int64_t from_s = 0, until_s = 0;  // valid, seconds since 1970
+  bool ca = false;
+};
+
+[[nodiscard]] rt::Result<drivers::KeyPtr> make_key();
+// `issuer` null: signed by its own key.
+[[nodiscard]] rt::Result<drivers::CertificatePtr> make_certificate(const CertificateSpec& spec,
+                                                                   EVP_PKEY& key, X509* issuer,
+                                                                   EVP_PKEY& issuer_key);
+
+struct RevokedRow {
+  std::string serial;  // hex
+  std::int64_t at_s = 0;
+};
+[[nodiscard]] std::vector<RevokedRow> rows_of(X509_CRL& list);
+[[nodiscard]] rt::Result<drivers::RevokedPtr> make_revoked(X509& ca, EVP_PKEY& ca_key,
+                                                           const std::vector<RevokedRow>& rows,
+                                                           std::int64_t number,
+                                                           std::int64_t made_s);
+
+[[nodiscard]] std::string pem_of(const EVP_PKEY& key);
+[[nodiscard]] std::string pem_of(const X509& certificate);
+[[nodiscard]] std::string pem_of(const X509_CRL& list);
+
+}  // namespace teletact

@@ -1,0 +1,69 @@
+#include "tools/teletact/ethercat_session.hpp"
+
+#include <stdexcept>
+
+#include "drivers/ethercat/raw_port.hpp"
+#include "drivers/ethercat/registers.hpp"
+
+namespace teletact {
+
+namespace ec = drivers::ethercat;
+namespace yb = drivers::youbot_bus;
+
+EtherCatSession::EtherCatSession(const EtherCatChoice& o) {
+  if (o.iface.empty() == o.twin.empty())
+    throw std::runtime_error("exactly one of --iface IF and --twin KIND");
+  if (!o.twin.empty()) {
+    kind_ = yb::chain_kind_of(o.twin);
+    if (!kind_)
+      throw std::runtime_error("--twin " + o.twin + ": not one of base, base+arm, base+2arms, arm");
+    yb::YoubotChainConfig c;
+    c.kind = *kind_;
+    c.generation = o.generation == "old" ? yb::Generation::kOld : yb::Generation::kNew;
+    chain_ = std::make_unique<yb::YoubotChain>(token(), c);
+    wire_ = std::make_unique<ec::TwinPort>(chain_->wire());
+  } else {
+    auto port = ec::RawPort::open(token(), o.iface);
+    if (!port) throw std::runtime_error(port.error());
+    wire_ = std::move(port.value());
+  }
+  port_ = wire_.get();
+  if (!o.capture.empty()) {
+    auto capture = ec::CapturePort::open(token(), *wire_, o.capture);
+    if (!capture) throw std::runtime_error("--capture " + capture.error());
+    capture_ = std::move(capture.value());
+    port_ = capture_.get();
+  }
+  master_ = std::make_unique<ec::Master>(token(), *port_);
+}
+
+void EtherCatSession::find() {
+  const auto found = master_->find(token());
+  if (!found) throw std::runtime_error(found.error());
+}
+
+std::size_t EtherCatSession::slave(int number) const {
+  const auto n = static_cast<int>(master_->slaves().size());
+  if (number < 1 || number > n)
+    throw std::runtime_error("--slave " + std::to_string(number) + ": the chain has " +
+                             std::to_string(n) + " slaves");
+  return static_cast<std::size_t>(number - 1);
+}
+
+int EtherCatSession::count() {
+  std::array<std::uint8_t, 1> type{};
+  const auto n = registers().run(ec::Command::kBrd, ec::broadcast_address(ec::reg::kType), type);
+  if (!n) throw std::runtime_error("EtherCAT: no frame came back: no slave, no cable, or no link");
+  return *n;
+}
+
+bool EtherCatSession::look(int position, std::uint16_t reg, std::span<std::uint8_t> into) {
+  return registers().run(ec::Command::kAprd, ec::position_address(position, reg), into) == 1;
+}
+
+void EtherCatSession::finish() {
+  if (capture_ && !capture_->close())
+    throw std::runtime_error("--capture: the file could not be written to its end");
+}
+
+}  // namespace teletact

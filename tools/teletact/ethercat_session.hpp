@@ -1,0 +1,56 @@
+// The bus that `teletact ethercat` works on: a network card, or the virtual youBot in this process.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include "drivers/ethercat/capture_port.hpp"
+#include "drivers/ethercat/master.hpp"
+#include "drivers/ethercat/twin/twin_port.hpp"
+#include "drivers/youbot_bus/twin/youbot_chain.hpp"
+
+namespace teletact {
+
+// A slave does not do what was asked: exit code 1, where bad input is 2.
+struct CouldNotDo : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+struct EtherCatChoice {
+  std::string iface, twin, generation = "new", capture;
+};
+
+class EtherCatSession {
+ public:
+  // Throws std::runtime_error with one line.
+  explicit EtherCatSession(const EtherCatChoice&);
+
+  [[nodiscard]] drivers::ethercat::Master& master() { return *master_; }
+  [[nodiscard]] drivers::ethercat::RegisterAccess& registers() { return master_->registers(); }
+  [[nodiscard]] drivers::ethercat::Port& port() { return *port_; }
+  [[nodiscard]] rt::NonRealtime& token() { return startup_.token(); }
+  // Of the twin that was asked for.
+  [[nodiscard]] std::optional<drivers::youbot_bus::ChainKind> twin_kind() const { return kind_; }
+
+  // Addresses them all; they are in INIT after it. The slave that a person counts from 1.
+  void find();
+  [[nodiscard]] std::size_t slave(int number) const;
+  // Number of slaves, and registers by position: no slave changes its state.
+  [[nodiscard]] int count();
+  [[nodiscard]] bool look(int position, std::uint16_t reg, std::span<std::uint8_t> into);
+  // The pcap file is whole; throws else.
+  void finish();
+
+ private:
+  rt::Startup startup_;
+  std::optional<drivers::youbot_bus::ChainKind> kind_;
+  std::unique_ptr<drivers::youbot_bus::YoubotChain> chain_;
+  std::unique_ptr<drivers::ethercat::Port> wire_;
+  std::unique_ptr<drivers::ethercat::CapturePort> capture_;
+  drivers::ethercat::Port* port_ = nullptr;
+  std::unique_ptr<drivers::ethercat::Master> master_;
+};
+
+}  // namespace teletact
