@@ -2,9 +2,13 @@
 # Installs a build to a temporary prefix, moves the prefix (it must not know where it was), builds the
 # consumer against it and runs it; a wrong version and an unknown part must be refused.
 #
-#   tests/install/run.sh BUILD_FOLDER [PART...]      parts: rt perception drivers tasks program
+#   tests/install/run.sh [--headers] BUILD_FOLDER [PART...]      parts: rt perception drivers tasks program
+#
+# --headers: also compiles each installed header alone; some minutes.
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+headers=false
+if [ "${1-}" = --headers ]; then headers=true; shift; fi
 build=$(cd "${1:?usage: run.sh BUILD_FOLDER [PART...]}" && pwd)
 shift
 parts=("$@")
@@ -38,6 +42,20 @@ if grep -rqF -e "$source_tree/rt" -e "I$source_tree " "$temporary/consumer/build
 fi
 "$temporary/consumer/consumer"
 if [[ " ${libraries[*]} " == *" perception "* ]]; then "$temporary/consumer/consumer_tsdf"; fi
+# Private headers stay where they are: the first that PRIVATE names of each top folder.
+for part in rt config perception drivers tasks; do
+  name=$(sed -n 's/.*PRIVATE \([^ )]*\).*/\1/p' "$source_tree/$part/CMakeLists.txt" | head -1)
+  [ -n "$name" ] || { echo "install: $part names no private header" >&2; exit 1; }
+  found=$(find "$prefix/include/teletact" -path "*/$part/*/${name##*/}" -o -path "*/$part/${name##*/}" 2>/dev/null)
+  [ -z "$found" ] || { echo "install: $found is private" >&2; exit 1; }
+done
+if $headers; then
+  configure headers -DCONSUMER_HEADERS="$prefix/include/teletact" -DCMAKE_BUILD_TYPE=Debug ||
+    { cat "$temporary/headers.log" >&2; exit 1; }
+  cmake --build "$temporary/headers" -j 2 --target headers >"$temporary/build.log" 2>&1 ||
+    { cat "$temporary/build.log" >&2; echo "install: a public header does not compile alone" >&2; exit 1; }
+  echo "install: $(find "$temporary/headers/alone" -name '*.cpp' | wc -l) public headers compile alone"
+fi
 # What was never installed must be refused: another version, a part that does not exist.
 refused() {
   local folder=$temporary/$1

@@ -135,6 +135,26 @@ TEST_F(RunFolder, AFolderOrALinkUnderARunsNameIsNoRuns) {
   EXPECT_EQ(text_of("../mine/mine"), "mine");
 }
 
+// The job records of a box are a folder; it is a run's when nothing else is in it.
+TEST_F(RunFolder, AStoreIsARunsUnlessItHoldsAnythingElse) {
+  const auto make = [&](const std::string& more) {
+    fs::create_directories(raw() + "/robot.run");
+    for (const std::string name : {"header", "whole-00000000", "part-00000000-00000005", "end",
+                                   "part-00000001-00000001.tmp"})
+      std::ofstream(raw() + "/robot.run/" + name) << "of a run";
+    if (!more.empty()) std::ofstream(raw() + "/robot.run/" + more) << "mine";
+  };
+  for (const std::string mine : {"notes.txt", "whole-1", "part-00000002-00000001", "header.old"}) {
+    make(mine);
+    EXPECT_THAT(refusal(), HasSubstr("holds robot.run,")) << mine;
+    EXPECT_EQ(text_of("robot.run/" + mine), "mine");
+    fs::remove_all(raw() + "/robot.run");
+  }
+  make("");
+  EXPECT_EQ(refusal(), "");
+  EXPECT_EQ(names(), std::set<std::string>{kMark});
+}
+
 TEST_F(RunFolder, IsMadeWhereThereIsNone) {
   fs::remove_all(report());
   teletact::make_run_folder(report());
@@ -175,7 +195,9 @@ TEST_F(RunFolder, ADemoAfterADemoLeavesNothingOfTheFirst) {
   put("robot.run", "of a run on the real clock");
   const auto [code, text] = demo("--seconds 0.5 --clock paced --report " + report());
   EXPECT_THAT(text, Not(HasSubstr("holds")));
-  EXPECT_EQ(names(), (std::set<std::string>{kMark, "operator.log", "robot.log"}));
+  EXPECT_EQ(names(), (std::set<std::string>{kMark, "operator.log", "operator.run", "operator.view",
+                                            "robot.log", "robot.run", "robot.view"}));
+  EXPECT_TRUE(fs::is_directory(raw() + "/robot.run")) << "the store of this run, not that file";
   EXPECT_THAT(text_of(kMark), HasSubstr("teletact demo"));
 }
 

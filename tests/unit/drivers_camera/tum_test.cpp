@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "drivers/camera/replay_camera.hpp"
+#include "drivers/camera/recorded_camera.hpp"
 #include "perception/geometry/no_colour.hpp"
 #include "rt/memory/section.hpp"
 #include "tests/support/tsan_libraries.hpp"
@@ -216,8 +216,8 @@ TEST(Replay, PlaysAtItsStampsHoldsTheLastFrameAndEnds) {
   const auto s = TumSequence::open(folder.path());
   const rt::Time start = rt::time_from_ns(7'000'000'000);
   int calls = 0;
-  drivers::ReplayCamera camera(camera_test::startup.token(), s.value(), start, 0.2,
-                               [&calls](int, int) { ++calls; });
+  drivers::RecordedCamera camera(camera_test::startup.token(), s.value(), start, 0.2,
+                                 [&calls](int, int) { ++calls; });
   EXPECT_EQ(calls, 5);
   EXPECT_NEAR(camera.rate_hz(), 25, 1e-6);
   auto f = std::make_unique<RgbdFrame>();
@@ -248,7 +248,7 @@ TEST(Replay, PlaysAtItsStampsHoldsTheLastFrameAndEnds) {
 TEST(Replay, SlowReaderGetsTheNewest) {
   const TumFolder folder(5, 0.04);
   const auto s = TumSequence::open(folder.path());
-  drivers::ReplayCamera camera(camera_test::startup.token(), s.value(), rt::Time{}, 0);
+  drivers::RecordedCamera camera(camera_test::startup.token(), s.value(), rt::Time{}, 0);
   auto f = std::make_unique<RgbdFrame>();
   ASSERT_EQ(camera.poll(rt::Time{} + std::chrono::milliseconds(95), *f), CameraStatus::kFrame);
   EXPECT_EQ(f->seq, 2u);
@@ -264,7 +264,7 @@ TEST(Replay, ABadImageStopsTheConstructor) {
   folder.write("depth/3.png", "x");
   const auto s = TumSequence::open(folder.path());
   try {
-    drivers::ReplayCamera camera(camera_test::startup.token(), s.value(), rt::Time{}, 0);
+    drivers::RecordedCamera camera(camera_test::startup.token(), s.value(), rt::Time{}, 0);
     FAIL() << "not refused";
   } catch (const std::runtime_error& e) {
     EXPECT_THAT(e.what(), HasSubstr("depth/3.png"));

@@ -72,6 +72,30 @@ TEST(FrameAsker, NothingNewIsAskedWhileTheLineIsBusyForLong) {
   EXPECT_EQ(d->seq, 2U);
 }
 
+// The road wishes to be spared: coarser frames, then fewer, whatever the line shows; and back at once.
+TEST(FrameAsker, AWishOfTheRoadIsAtLeastTheRung) {
+  FrameAsker asker;
+  auto demand = [&, ms = std::int64_t{0}, seq = std::uint64_t{0}](int wish) mutable {
+    asker.wish(wish);
+    const std::int64_t asked = ms;
+    std::optional<drivers::FrameDemand> d;
+    for (; !d || d->seq == seq; ++ms) d = asker.poll(at(ms), kFree, at(ms));
+    seq = d->seq;
+    EXPECT_TRUE(asker.sent(at(ms), seq, true, 1000));
+    return std::pair(static_cast<int>(d->coarser), ms - asked);
+  };
+  demand(0);
+  EXPECT_EQ(demand(0).first, 0);
+  EXPECT_EQ(demand(2).first, 2);
+  EXPECT_EQ(demand(5).first, FrameAsker::kCoarsest);
+  EXPECT_EQ(demand(5).second, 50) << "20 a second";
+  EXPECT_EQ(asker.stats().rung, 5);
+  EXPECT_EQ(demand(99).second, 50) << "no further";
+  demand(0);
+  EXPECT_EQ(demand(0), std::pair(0, std::int64_t{30}));
+  EXPECT_EQ(demand(-3).first, 0);
+}
+
 TEST(FrameAsker, AFrameThatAnswersNoDemandIsNotSent) {
   FrameAsker asker;
   EXPECT_FALSE(asker.sent(at(0), 1, true, 1)) << "nothing was asked";

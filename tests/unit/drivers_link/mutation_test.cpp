@@ -45,6 +45,11 @@ Bytes random_message(rt::Random& r) {
       return whole(MessageId::kFrameReport,
                    body_of(drivers::FrameReport{r(), static_cast<std::uint8_t>(r.integer(0, 1))}),
                    r(), stamp);
+    case 9:
+      return whole(MessageId::kCommandReport,
+                   body_of(drivers::CommandReport{r(), r(), r(), r(), r(),
+                                                  static_cast<std::uint8_t>(r.integer(0, 5))}),
+                   r(), stamp);
     default:
       return whole(MessageId::kAlive, {}, r(), stamp);
   }
@@ -100,7 +105,7 @@ bool vouched_for(std::span<const std::uint8_t> m) {
   if (m.size() < kHeaderSize || std::memcmp(m.data(), "TLT1", 4) != 0) return false;
   const auto id = field<std::uint16_t>(m, 6);
   const auto length = field<std::uint32_t>(m, 8);
-  if (id < 1 || id > 9 || length != m.size() - kHeaderSize) return false;
+  if (id < 1 || id > 10 || length != m.size() - kHeaderSize) return false;
   if (field<std::uint16_t>(m, 4) != drivers::kSchemaVersion) return false;
   if (length > (id == 4 ? drivers::kMaxBody : drivers::kMaxControlBody)) return false;
   return slow_crc32c(m.subspan(kHeaderSize)) == field<std::uint32_t>(m, 12);
@@ -136,7 +141,7 @@ TEST(Mutation, NothingUnvouchedIsHandedOn) {
     drivers::RobotGoal g;
     if (!decode(body, g)) return false;
     ++tally.goals;
-    EXPECT_TRUE(g.engaged <= 1 && g.operator_engaged <= 1 && g.operator_clear <= 1);
+    EXPECT_TRUE(g.engaged <= 1 && g.operator_engaged <= 2 && g.operator_clear <= 1);
     for (const double v : {g.x_m, g.y_m, g.yaw_rad, g.vx, g.vy, g.wz, g.speed_limit_m_per_s})
       EXPECT_TRUE(sane(v));
     return true;

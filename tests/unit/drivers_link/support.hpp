@@ -67,7 +67,7 @@ inline drivers::RobotGoal random_goal(rt::Random& r) {
     *v = r.uniform(-1e6, 1e6);
   }
   m.engaged = static_cast<std::uint8_t>(r.integer(0, 1));
-  m.operator_engaged = static_cast<std::uint8_t>(r.integer(0, 1));
+  m.operator_engaged = static_cast<std::uint8_t>(r.integer(0, 2));
   m.operator_clear = static_cast<std::uint8_t>(r.integer(0, 1));
   m.path_seq = r();
   return m;

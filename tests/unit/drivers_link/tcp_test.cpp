@@ -13,7 +13,7 @@
 #include <thread>
 
 #include "drivers/link/tcp_link.hpp"
-#include "tests/unit/drivers_link/support.hpp"
+#include "tests/unit/drivers_link/tcp_support.hpp"
 
 namespace {
 
@@ -23,40 +23,6 @@ using drivers::MessageId;
 using drivers::TcpLink;
 using testing::HasSubstr;
 using State = TcpLink::State;
-
-constexpr std::int64_t kSecond = 1'000'000'000;
-
-bool wait_for(const std::function<bool()>& done, int seconds = 20) {
-  for (int i = 0; i < seconds * 500; ++i) {
-    if (done()) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
-  return false;
-}
-
-// One end: an endpoint with a clock, counting what arrives.
-struct End {
-  rt::Startup startup;
-  drivers::LinkEndpoint endpoint;
-  rt::BoxTime clock;
-  std::unique_ptr<TcpLink> link;
-  std::atomic<std::int64_t> got{0}, bad{0}, worst_stamp{0}, offset{0};
-  std::uint64_t made = 0;
-  rt::Random random{11};
-
-  End(rt::Box box, rt::BoxTime time) : endpoint(startup.token(), box), clock(time) {}
-  rt::Time now() const { return clock.from_host(rt::monotonic_ns()); }
-  void note(rt::Time sent) {
-    const std::int64_t age = (now() - sent).count();
-    worst_stamp = std::max(worst_stamp.load(), std::abs(age));
-    ++got;
-  }
-  void start(const std::optional<LinkShapeConfig>& shape = {}) {
-    link->start(
-        endpoint, [this] { return now(); }, shape,
-        [this] { offset = endpoint.clock().offset().count(); });
-  }
-};
 
 struct Box2 {
   End op{rt::Box::kOperator, {}};

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numeric>
 
+#include "drivers/link/command_gate.hpp"
 #include "tests/unit/drivers_link/support.hpp"
 
 namespace {
@@ -257,7 +258,10 @@ TEST(Bodies, EveryFieldOutOfRangeIsRefused) {
     EXPECT_EQ(decode(body_of(g), g_out), v <= 1) << v;
     g = random_goal(r);
     g.operator_engaged = static_cast<std::uint8_t>(v);
-    EXPECT_EQ(decode(body_of(g), g_out), v <= 1) << v;
+    EXPECT_EQ(decode(body_of(g), g_out), v <= 2) << v;
+    drivers::CommandReport c, c_out;
+    c.newest = static_cast<std::uint8_t>(v);
+    EXPECT_EQ(decode(body_of(c), c_out), v < drivers::kCommandFaults) << v;
     g = random_goal(r);
     g.operator_clear = static_cast<std::uint8_t>(v);
     EXPECT_EQ(decode(body_of(g), g_out), v <= 1) << v;

@@ -153,6 +153,19 @@ TEST(Replay, FramesCodedOnDemandAreReplayedToo) {
   EXPECT_GT(answered_late, 5U) << "a demand was lost or the line was busy";
 }
 
+// A stall, a flap with another connection behind it, damaged bytes: each message as it came, each job as it was.
+TEST(Replay, ABadRoadIsReplayedToo) {
+  const auto r =
+      record("road", 6, {}, {},
+             {"link.shape.delay_ms=0", "link.shape.jitter_ms=0", "link.shape.rate_Mbit_per_s=0",
+              "link.network.delay_ms=30", "link.network.jitter_ms=5",
+              "link.network.rate_Mbit_per_s=60", "link.network.stall=[{at_s=1, for_ms=400}]",
+              "link.network.flaps_per_minute=20", "link.network.flap_from_s=2",
+              "link.network.corrupt_per_MB=1", "link.network.corrupt_from_s=4"});
+  expect_equal(r, rt::Box::kOperator);
+  expect_equal(r, rt::Box::kRobot);
+}
+
 // Joint angles travel with the images: through the link, into both recordings, and back.
 TEST(Replay, AnArmBeforeTheCameraIsReplayedToo) {
   const auto r = record("arm", 5, {}, teletact::find_config("scenes", "arm"));

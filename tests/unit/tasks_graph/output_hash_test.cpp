@@ -89,7 +89,7 @@ TEST(OutputHash, CameraPathTaskAndMode) {
   expect_each_seen<tasks::TaskState>(
       {}, {FIELD(seq), FIELD(stamp), FIELD(phase), FIELD(marks), FIELD(paths), FIELD(failures)});
   expect_each_seen<tasks::ModeMsg>(
-      {}, {FIELD(seq), FIELD(stamp), FIELD(mode), FIELD(cause), FIELD(clear)});
+      {}, {FIELD(seq), FIELD(stamp), FIELD(mode), FIELD(cause), FIELD(clear), FIELD(resumes)});
 }
 
 TEST(OutputHash, Objects) {

@@ -35,12 +35,13 @@ TEST(PeerRules, WithoutAGoalNothingIsAskedAndNothingReleased) {
 }
 
 TEST(PeerRules, AGoalAsksWhatItSays) {
-  for (const bool engaged : {false, true}) {
+  constexpr Engage kAsked[] = {Engage::kNo, Engage::kYes, Engage::kPaused};
+  for (const int engaged : {0, 1, 2}) {
     for (const bool clear : {false, true}) {
       const auto asked = asked_by_goal(GoalAsks{engaged, clear});
-      EXPECT_EQ(asked.engage, engaged ? Engage::kYes : Engage::kNo);
+      EXPECT_EQ(asked.engage, kAsked[engaged]);
       EXPECT_EQ(asked.clear, clear ? Clear::kYes : Clear::kNo);
-      EXPECT_EQ(asked.peer_mode, engaged ? Mode::kEngaged : Mode::kHold);
+      EXPECT_EQ(asked.peer_mode, engaged == 1 ? Mode::kEngaged : Mode::kHold);
     }
   }
 }

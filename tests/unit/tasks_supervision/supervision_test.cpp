@@ -35,8 +35,9 @@ struct Story {
   bool estop_sampled = true;
   bool peer_follows = true;
 
-  explicit Story(Box box = Box::kOperator, const rt::ModeGate& gate = {})
-      : task(startup.token(), SupervisionConfig{}, box, watches.data(), 2, gate) {
+  explicit Story(Box box = Box::kOperator, const rt::ModeGate& gate = {},
+                 const SupervisionConfig& config = {})
+      : task(startup.token(), config, box, watches.data(), 2, gate) {
     tick.start = rt::time_from_ns(5'000'000'000);
     in.link_expected = true;
     in.estop_fitted = true;
@@ -159,8 +160,10 @@ TEST(Supervision, NoEngageWithoutALink) {
 }
 
 TEST(Supervision, LinkSilentRampsDownAndItsReturnStartsNothing) {  // F-SUP-02
+  SupervisionConfig none;
+  none.resume_within_s = 0;
   for (const Box box : {Box::kOperator, Box::kRobot}) {
-    Story s(box);
+    Story s(box, {}, none);
     s.engaged();
     s.link_up = false;
     s.run(150ms);
@@ -183,6 +186,184 @@ TEST(Supervision, LinkSilentRampsDownAndItsReturnStartsNothing) {  // F-SUP-02
   }
 }
 
+// ---- a silence that a held engage survives
+
+TEST(SupervisionResume, AHeldEngageSurvivesASilenceOfLessThanASecond) {  // F-SUP-02
+  for (const Box box : {Box::kOperator, Box::kRobot}) {
+    for (const auto silence : {200ms, 300ms, 500ms, 900ms}) {
+      Story s(box);
+      s.engaged();
+      s.link_up = false;
+      s.run(180ms);
+      EXPECT_EQ(s.mode(), Mode::kRampDown) << "outputs go to zero as ever";
+      EXPECT_TRUE(s.out.mode.resumes);
+      s.run(silence - 180ms);
+      EXPECT_NE(s.mode(), Mode::kEngaged);
+      EXPECT_TRUE(s.out.mode.resumes);
+      s.link_up = true;
+      s.run(200ms);  // not before the ramp is over
+      EXPECT_EQ(s.mode(), Mode::kEngaged) << silence.count();
+      EXPECT_FALSE(s.out.mode.resumes);
+      EXPECT_EQ(s.out.mode.cause, rt::kNoFault);
+      s.run(3000ms);
+      EXPECT_EQ(s.mode(), Mode::kEngaged);
+      EXPECT_EQ(s.task.count(tasks::kFaultLinkSilent), 1U) << "it was told";
+      EXPECT_EQ(s.task.count(tasks::kFaultPeerNotEngaged), 0U);
+    }
+  }
+}
+
+TEST(SupervisionResume, ALongerSilenceDemandsAnAct) {
+  for (const Box box : {Box::kOperator, Box::kRobot}) {
+    Story s(box);
+    s.engaged();
+    s.link_up = false;
+    s.run(1100ms);
+    EXPECT_EQ(s.mode(), Mode::kHold);
+    EXPECT_FALSE(s.out.mode.resumes);
+    s.link_up = true;
+    s.run(5000ms);
+    EXPECT_EQ(s.mode(), Mode::kHold);
+    s.engage();
+    EXPECT_EQ(s.mode(), Mode::kEngaged);
+  }
+}
+
+// What ends it for good while the link is silent; and not even a link that is back in time, or the
+// engage pressed and held, starts motion then without a new act.
+TEST(SupervisionResume, WhateverElseHappensDemandsAnAct) {
+  using Meddle = void (*)(Story&);
+  struct Case {
+    const char* what;
+    Meddle happens, over;
+  };
+  const Case cases[] = {
+      {"let go", [](Story& s) { s.in.requests.engage = Engage::kNo; }, [](Story&) {}},
+      {"the connection ended", [](Story& s) { s.in.link_closed = true; },
+       [](Story& s) { s.in.link_closed = false; }},
+      {"another connection", [](Story& s) { s.in.link_session = 2; }, [](Story&) {}},
+      {"ramp down asked for", [](Story& s) { s.in.requests.ramp_down = true; },
+       [](Story& s) { s.in.requests.ramp_down = false; }},
+      {"a task fell silent", [](Story& s) { s.silent[1] = true; },
+       [](Story& s) { s.silent[1] = false; }},
+  };
+  for (const Box box : {Box::kOperator, Box::kRobot}) {
+    for (const Case& c : cases) {
+      SCOPED_TRACE(c.what);
+      Story s(box);
+      s.in.link_session = 1;
+      s.engaged();
+      s.link_up = false;
+      s.run(200ms);
+      ASSERT_TRUE(s.out.mode.resumes);
+      c.happens(s);
+      s.run(400ms);
+      EXPECT_FALSE(s.out.mode.resumes);
+      c.over(s);
+      s.link_up = true;
+      s.run(30ms);
+      EXPECT_NE(s.mode(), Mode::kEngaged);
+      if (s.in.requests.engage == Engage::kYes) {
+        s.run(3000ms);
+        EXPECT_EQ(s.mode(), Mode::kHold);
+      }
+      s.run(300ms).engage();
+      EXPECT_EQ(s.mode(), Mode::kEngaged);
+    }
+  }
+}
+
+// A ramp down for another cause is none of its business, also where the link falls silent afterwards.
+TEST(SupervisionResume, OnlyASilenceResumes) {
+  Story s;
+  s.engaged();
+  s.in.requests.ramp_down = true;
+  s.run(20ms);
+  s.in.requests.ramp_down = false;
+  s.link_up = false;
+  s.run(300ms);
+  EXPECT_FALSE(s.out.mode.resumes);
+  s.link_up = true;
+  s.run(2000ms);
+  EXPECT_EQ(s.mode(), Mode::kHold);
+}
+
+// The robot's box may have no goal of its own time yet when the line is back: it waits for one.
+TEST(SupervisionResume, TheRobotWaitsForAGoalThatStillAsks) {
+  Story s(Box::kRobot);
+  s.engaged();
+  s.link_up = false;
+  s.run(400ms);
+  s.in.requests.engage = Engage::kAbsent;
+  s.link_up = true;
+  s.run(100ms);
+  EXPECT_EQ(s.mode(), Mode::kHold);
+  EXPECT_TRUE(s.out.mode.resumes);
+  s.in.requests.engage = Engage::kYes;
+  s.run(10ms);
+  EXPECT_EQ(s.mode(), Mode::kEngaged);
+}
+
+// Only one direction is silent: the operator's box pauses, and the robot's, which hears it, goes out of
+// the engaged mode with it and comes back with it.
+TEST(SupervisionResume, TheRobotPausesWithTheOperator) {  // F-SUP-06
+  for (const auto pause : {100ms, 500ms, 900ms}) {
+    Story s(Box::kRobot);
+    s.engaged();
+    s.in.requests.engage = Engage::kPaused;
+    s.run(10ms);
+    EXPECT_EQ(s.mode(), Mode::kRampDown);
+    EXPECT_EQ(s.out.mode.cause, tasks::kFaultEngageWithdrawn);
+    s.run(pause - 10ms);
+    EXPECT_NE(s.mode(), Mode::kEngaged);
+    s.in.requests.engage = Engage::kYes;
+    s.run(200ms);  // not before the ramp is over
+    EXPECT_EQ(s.mode(), Mode::kEngaged) << pause.count();
+  }
+  for (const Engage then : {Engage::kNo, Engage::kPaused}) {
+    Story s(Box::kRobot);
+    s.engaged();
+    s.in.requests.engage = Engage::kPaused;
+    s.run(300ms);
+    s.in.requests.engage = then;
+    s.run(then == Engage::kNo ? 10ms : 1200ms);
+    EXPECT_FALSE(s.out.mode.resumes);
+    const Engage before = s.in.requests.engage;
+    s.in.requests.engage = Engage::kYes;
+    s.run(1000ms);
+    EXPECT_EQ(s.mode(), before == Engage::kNo ? Mode::kEngaged : Mode::kHold)
+        << "a yes after a no is an act; after a pause that was too long it is none";
+  }
+}
+
+// A pause is no act, whatever came before.
+TEST(SupervisionResume, APauseEngagesNobody) {
+  Story s(Box::kRobot);
+  s.run(50ms);
+  s.in.requests.engage = Engage::kPaused;
+  s.run(100ms);
+  EXPECT_EQ(s.mode(), Mode::kHold);
+  s.in.requests.engage = Engage::kYes;
+  s.run(1000ms);
+  EXPECT_EQ(s.mode(), Mode::kHold) << "no release was seen right before";
+}
+
+// A robot that does not go on is noticed as one that does not follow.
+TEST(SupervisionResume, ThePeerHasItsGraceAgain) {  // F-SUP-04
+  Story s;
+  s.engaged();
+  s.link_up = false;
+  s.run(300ms);
+  s.peer_follows = false;
+  s.in.peer_mode = Mode::kHold;
+  s.link_up = true;
+  s.run(500ms);
+  EXPECT_EQ(s.mode(), Mode::kEngaged);
+  s.run(600ms);
+  EXPECT_EQ(s.mode(), Mode::kRampDown);
+  EXPECT_EQ(s.out.mode.cause, tasks::kFaultPeerNotEngaged);
+}
+
 // The end of a connection is known at once: no liveness to wait for.
 TEST(Supervision, LinkClosedRampsDownInTheSameTick) {  // F-SUP-02
   for (const Box box : {Box::kOperator, Box::kRobot}) {
@@ -202,6 +383,36 @@ TEST(Supervision, LinkClosedRampsDownInTheSameTick) {  // F-SUP-02
     s.engage();
     EXPECT_EQ(s.mode(), Mode::kEngaged);
   }
+}
+
+// A connection that ended and came back between two looks is still another one.
+TEST(Supervision, AnotherConnectionEndsTheEngagement) {  // F-SUP-02
+  for (const Box box : {Box::kOperator, Box::kRobot}) {
+    Story s(box);
+    s.in.link_session = 1;
+    s.engaged();
+    s.in.link_session = 2;
+    s.run(10ms);
+    EXPECT_EQ(s.mode(), Mode::kRampDown);
+    EXPECT_EQ(s.out.mode.cause, tasks::kFaultLinkSilent);
+    EXPECT_EQ(s.task.count(tasks::kFaultLinkSilent), 1U);
+    s.run(5000ms);
+    EXPECT_EQ(s.mode(), Mode::kHold) << "only an act engages again";
+    s.engage();
+    EXPECT_EQ(s.mode(), Mode::kEngaged);
+    s.run(1000ms);
+    EXPECT_EQ(s.mode(), Mode::kEngaged);
+    EXPECT_EQ(s.task.count(tasks::kFaultLinkSilent), 1U);
+  }
+}
+
+// The first one is no change, whatever its number is.
+TEST(Supervision, TheFirstConnectionIsNoFault) {
+  Story s(Box::kRobot);
+  s.run(50ms);
+  s.in.link_session = 7;
+  s.engaged();
+  EXPECT_EQ(s.task.count(tasks::kFaultLinkSilent), 0U);
 }
 
 TEST(Supervision, EmergencyStopNeedsReleaseClearAndEngage) {  // F-SUP-01
@@ -479,13 +690,16 @@ TEST(Supervision, SeverityNeverFallsAndMotionNeverStartsByItself) {
                                    : rt::Health::of(Severity::kOk, kFaultTable[row].id);
         if (s.in.tasks[1].health.fault != 0) s.in.tasks[1].health.severity = Severity::kCounted;
       }
+      const bool resumes = s.out.mode.resumes;  // an act that is held goes on: the one exception
       s.run(10ms);
       const Mode m = s.mode();
       if (m == Mode::kEngaged && last != Mode::kEngaged) {
         ++engagements;
-        ASSERT_EQ(last, Mode::kHold) << "seed " << seed;
         ASSERT_EQ(s.in.requests.engage, Engage::kYes);
-        ASSERT_EQ(last_engage, Engage::kNo);
+        if (!resumes) {
+          ASSERT_EQ(last, Mode::kHold) << "seed " << seed;
+          ASSERT_EQ(last_engage, Engage::kNo);
+        }
       }
       if (m == Mode::kEngaged) {
         ASSERT_LT(s.out.now.severity, Severity::kRampDown);

@@ -12,11 +12,11 @@
 #include "rt/effect_count.hpp"
 #include "tests/unit/tasks_fusion/recording.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/effect_catalogue.hpp"
 #include "tools/host/effect_costs.hpp"
 #include "tools/host/run_demo.hpp"
 #include "tools/measure/effects.hpp"
 #include "tools/record/recording_setup.hpp"
+#include "tools/scene/effect_catalogue.hpp"
 
 namespace teletact {
 namespace {

@@ -9,8 +9,8 @@
 #include <set>
 #include <sstream>
 
-#include "tools/host/effect_catalogue.hpp"
 #include "tools/host/effect_costs.hpp"
+#include "tools/scene/effect_catalogue.hpp"
 #include "tools/teletact/commands.hpp"
 
 namespace teletact {

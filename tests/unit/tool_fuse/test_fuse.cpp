@@ -323,8 +323,8 @@ TEST_F(Fuse, BadInputLeavesNoOutputAndNamesTheCause) {
     EXPECT_FALSE(fs::exists(root_ / "bad.txt"));
     EXPECT_FALSE(fs::exists(root_ / "bad.ply"));
   };
-  refuses({"--voxel", "0.5"}, "0.004 to 0.1");
-  refuses({"--voxel", "0"}, "0.004 to 0.1");
+  refuses({"--voxel", "0.5"}, "[0.004 - 0.1]");
+  refuses({"--voxel", "0"}, "[0.004 - 0.1]");
   refuses({"--iterations-fine", "0", "--iterations-middle", "0", "--iterations-coarse", "0"},
           "at least one");
   refuses({"--unknown"}, "--unknown");

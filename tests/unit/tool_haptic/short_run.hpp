@@ -9,7 +9,7 @@
 
 #include "tools/measure/support/haptic_rig.hpp"
 #include "tools/measure/support/haptic_solids.hpp"
-#include "tools/touch/tick_replay.hpp"
+#include "tools/touch/tick_rerun.hpp"
 
 namespace tests {
 

@@ -62,7 +62,9 @@ TEST(Options, AWrongOptionIsOneLineThatNamesTheCommand) {
     }
     const auto [code, text] = run(name + " --help");
     EXPECT_EQ(code, 0);
-    EXPECT_NE(text.find("--json"), std::string::npos) << text;
+    const bool in_parts =
+        text.find("Subcommands:") != std::string::npos;  // each has its own options
+    EXPECT_TRUE(in_parts || text.find("--json") != std::string::npos) << text;
   }
   EXPECT_GE(commands, 12);
 }
@@ -164,7 +166,8 @@ TEST(Options, WhatCanNotBeIsRefusedBeforeAnythingStarts) {
        "nearest known key"},
       {"fuse --rgbd " + in + " --poses " + in + "/o --ply " + in + "/q --pixel-step 9",
        "--pixel-step"},
-      {"demo --scene nosuch", "none of the names in config/scenes: any_recording, arm, corridor"},
+      {"demo --scene nosuch",
+       "none of the names in config/scenes: any_recording, arm, bad_road, corridor"},
       {"accuracy fusion --voxels 1", "--voxels"},
       {"accuracy fusion --scenes nowhere", "nowhere"},
       {"accuracy segmentation", "--data"},

@@ -235,8 +235,8 @@ TEST(CmdPredict, BadInputIsOneMessageAndNoFile) {
   refuse(h + "0,0,0,0,0,0,0\n", "no row has data");
   write(log, joined(kHeader, wavy_log(false), 100));
   expect_refused(f, {"--log", f.file("none.csv"), "--delay", "0.1", "--out", out}, "none.csv");
-  expect_refused(f, {"--log", log, "--delay", "-1", "--out", out}, "0 to 10");
-  expect_refused(f, {"--log", log, "--delay", "nan", "--out", out}, "0 to 10");
+  expect_refused(f, {"--log", log, "--delay", "-1", "--out", out}, "[0 - 10]");
+  expect_refused(f, {"--log", log, "--delay", "nan", "--out", out}, "[0 - 10]");
   expect_refused(f, {"--log", log, "--delay", "soon", "--out", out}, "--delay");
   expect_refused(f, {"--log", log, "--delay", "0.1", "--method", "magic", "--out", out}, "magic");
   expect_refused(f, {"--log", log, "--delay", "0.1"}, "--out");
@@ -325,7 +325,7 @@ TEST(CmdPredict, HandBackSmoothsTheSteps) {
   expect_refused(
       f,
       {"--log", f.file("log.csv"), "--delay", "0.1", "--hand-back", "-1", "--out", f.file("p.csv")},
-      "0 to 10");
+      "[0 - 10]");
 }
 
 // Real logs: position error by method; prediction must beat standing still by far, and learning

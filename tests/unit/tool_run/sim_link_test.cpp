@@ -3,45 +3,13 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/unit/drivers_link/support.hpp"
+#include "tests/unit/tool_run/link_rig.hpp"
 
 namespace {
 
-using drivers::MessageId;
-using teletact::SimLink;
-
-constexpr std::int64_t kMs = 1'000'000;
-constexpr std::int64_t kSecond = 1'000'000'000;
-
-struct Rig {
-  rt::Startup startup;
-  drivers::LinkEndpoint op{startup.token(), rt::Box::kOperator};
-  drivers::LinkEndpoint robot{startup.token(), rt::Box::kRobot};
-  tasks::LinkStatus op_status, robot_status;
-  rt::BoxTime op_clock, robot_clock{1000 * kSecond, 50};
-  rt::Random random{3};
-  std::uint64_t got = 0;
-  SimLink link;
-
-  explicit Rig(const drivers::LinkShapeConfig& shape = {})
-      : link({&op, &op_status, {}}, {&robot, &robot_status, {1000 * kSecond, 50}}, shape, kSecond) {
-    robot.add_outgoing(MessageId::kRobotState, rt::Nanos{10 * kMs}, false,
-                       [this](auto out) { return encode(link_test::random_state(random), out); });
-    op.add_incoming(MessageId::kRobotState, [this](auto body, rt::Time) {
-      drivers::RobotState s;
-      ++got;
-      return decode(body, s);
-    });
-  }
-  void run(std::int64_t to) {
-    std::int64_t last = 0;
-    for (std::int64_t t = link.next_host_ns(); t < to; t = link.next_host_ns()) {
-      ASSERT_GE(t, last) << "an actor's time does not run back";
-      last = t;
-      link.act(t);
-    }
-  }
-};
+using link_rig::kMs;
+using link_rig::kSecond;
+using link_rig::Rig;
 
 TEST(SimLink, HandshakeMeasuresTheOtherClock) {
   Rig rig;

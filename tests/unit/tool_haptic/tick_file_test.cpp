@@ -11,7 +11,7 @@
 
 namespace {
 
-using teletact::HapticReplay;
+using teletact::HapticRerun;
 using teletact::HapticRunReader;
 
 struct Replayed {
@@ -26,7 +26,7 @@ Replayed replayed(const std::string& bytes, const std::string& method) {
   tasks::HapticConfig config = reader.value()->header().config;
   if (!method.empty()) config.method = method;
   rt::Startup startup;
-  HapticReplay replay(startup.token(), *reader.value(), config);
+  HapticRerun replay(startup.token(), *reader.value(), config);
   Replayed r;
   while (replay.next()) {
     ++r.ticks;

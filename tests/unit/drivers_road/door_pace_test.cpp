@@ -1,0 +1,200 @@
+// Who may come in, and how much may be under way: the pure parts of a road.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+
+#include "drivers/road/door.hpp"
+#include "drivers/road/pace.hpp"
+#include "rt/random.hpp"
+
+namespace {
+
+using drivers::RoadDoor;
+using drivers::RoadPace;
+using drivers::RoadPeer;
+using drivers::RoadToken;
+using testing::HasSubstr;
+
+constexpr std::int64_t kSecond = 1'000'000'000;
+
+RoadPeer box(const char* name, const char* serial) {
+  return {name, rt::Box::kOperator, serial, std::string("key of ") + serial, 0};
+}
+RoadToken token(std::uint8_t v) {
+  RoadToken t{};
+  t.fill(v);
+  return t;
+}
+
+TEST(RoadDoor, TwoConnectionsOfOnePeerMakeASession) {
+  RoadDoor d(rt::Box::kRobot);
+  EXPECT_EQ(d.ask_control(box("ada", "1"), 0, token(1)), "");
+  EXPECT_FALSE(d.taken());
+  EXPECT_EQ(d.ask_bulk(box("ada", "1"), kSecond, token(1)), "");
+  EXPECT_TRUE(d.taken());
+  EXPECT_FALSE(d.overdue(100 * kSecond));
+  d.leave();
+  EXPECT_EQ(d.ask_control(box("bob", "2"), 2 * kSecond, token(2)), "") << "the place is free again";
+}
+
+TEST(RoadDoor, ASecondOneIsRefusedWithAReason) {
+  RoadDoor d(rt::Box::kRobot);
+  ASSERT_EQ(d.ask_control(box("ada", "1"), 0, token(1)), "");
+  for (const bool taken : {false, true}) {
+    if (taken) {
+      ASSERT_EQ(d.ask_bulk(box("ada", "1"), 1, token(1)), "");
+    }
+    const std::string why = d.ask_control(box("bob", "2"), 1, token(2));
+    EXPECT_EQ(why, "busy: operator 'ada' is connected; one operator at a time");
+    EXPECT_EQ(d.ask_control(box("ada", "1"), 1, token(3)), why) << "nor the same one twice";
+  }
+  RoadDoor desk(rt::Box::kOperator);
+  ASSERT_EQ(desk.ask_control(box("r1", "1"), 0, token(1)), "");
+  EXPECT_THAT(desk.ask_control(box("r2", "2"), 0, token(2)), HasSubstr("robot 'r1' is connected"));
+}
+
+TEST(RoadDoor, ATokenIsGoodOnceForItsPeerAndForAWhile) {
+  const auto promised = [] {
+    RoadDoor d(rt::Box::kRobot);
+    EXPECT_EQ(d.ask_control(box("ada", "1"), 0, token(1)), "");
+    return d;
+  };
+  RoadDoor d = promised();
+  EXPECT_THAT(d.ask_bulk(box("ada", "1"), 1, token(2)), HasSubstr("does not belong"));
+  EXPECT_THAT(d.ask_bulk(box("bob", "2"), 1, token(1)), HasSubstr("does not belong"));
+  RoadPeer thief = box("ada", "1");
+  thief.key_sha256 = "another";
+  EXPECT_THAT(d.ask_bulk(thief, 1, token(1)), HasSubstr("does not belong"));
+  EXPECT_EQ(d.ask_bulk(box("ada", "1"), 1, token(1)), "") << "the right one can still come";
+  EXPECT_NE(d.ask_bulk(box("ada", "1"), 1, token(1)), "") << "once";
+  d.leave();
+  EXPECT_NE(d.ask_bulk(box("ada", "1"), 1, token(0)), "") << "an empty place has no token of zeros";
+  RoadDoor late = promised();
+  const std::int64_t end = RoadDoor::kTokenLife.count();
+  EXPECT_FALSE(late.overdue(end));
+  EXPECT_TRUE(late.overdue(end + 1));
+  EXPECT_NE(late.ask_bulk(box("ada", "1"), end + 1, token(1)), "");
+  EXPECT_EQ(late.ask_control(box("bob", "2"), end + 1, token(2)), "")
+      << "who never came does not hold the place";
+}
+
+TEST(Arrivals, TheOldestOfTheLargestCrowdGoes) {
+  EXPECT_EQ(drivers::arrival_to_drop(std::vector<std::string>{"a"}), 0U);
+  EXPECT_EQ(drivers::arrival_to_drop(std::vector<std::string>{"a", "b", "c", "b"}), 1U);
+  EXPECT_EQ(drivers::arrival_to_drop(std::vector<std::string>{"friend", "x", "x", "x"}), 1U);
+  EXPECT_EQ(drivers::arrival_to_drop(std::vector<std::string>{"a", "b"}), 0U);
+}
+
+TEST(Arrivals, BeginAtARate) {
+  drivers::ArrivalRate rate;
+  int begun = 0;
+  for (std::int64_t t = 0; t < 10 * kSecond; t += kSecond / 1000)
+    begun += rate.may_begin(t) ? 1 : 0;
+  EXPECT_NEAR(begun, 20 + 10 * 20, 2);
+  drivers::ArrivalRate burst;
+  int at_once = 0;
+  for (int i = 0; i < 100; ++i) at_once += burst.may_begin(5) ? 1 : 0;
+  EXPECT_EQ(at_once, 20);
+}
+
+// ---- pace ----
+
+constexpr rt::Nanos kBase = std::chrono::milliseconds{170};
+rt::Nanos ms(double v) { return rt::Nanos{static_cast<std::int64_t>(1e6 * v)}; }
+
+TEST(RoadPace, TheKernelsPaceIsBelowTheRate) {
+  EXPECT_EQ(RoadPace(10).pacing_rate(), 1'100'000U);
+  EXPECT_EQ(RoadPace(0).pacing_rate(), 0U);
+  EXPECT_GT(RoadPace(0).allowance(), 1'000'000U) << "nothing known: nothing held back";
+}
+
+// A bottleneck with a queue, stepped at 50 ms: what is under way beyond rate x round trip waits in
+// it. The oracle is that queue; the pace sees its round trip only.
+struct Bottleneck {
+  double rate_bytes_per_s;
+  double queue_bytes = 0;
+  rt::Nanos step(RoadPace& p, double offered_bytes_per_s) {
+    const double base_s = rt::seconds(kBase);
+    const double room = static_cast<double>(p.allowance()) - rate_bytes_per_s * base_s;
+    queue_bytes = std::clamp(queue_bytes + 0.05 * (offered_bytes_per_s - rate_bytes_per_s), 0.0,
+                             std::max(0.0, room));
+    const rt::Nanos rtt = kBase + ms(1e3 * queue_bytes / rate_bytes_per_s);
+    const double used =
+        std::min(static_cast<double>(p.allowance()),
+                 queue_bytes + std::min(offered_bytes_per_s, rate_bytes_per_s) * base_s);
+    p.look(rtt, kBase, static_cast<std::size_t>(used));
+    return rtt - kBase;
+  }
+};
+
+TEST(RoadPace, AFallOfTheRateIsAnsweredWithinTwoSecondsAndUndone) {
+  RoadPace p(10);
+  Bottleneck road{1.25e6};
+  for (int i = 0; i < 100; ++i) road.step(p, 1.1e6);
+  EXPECT_EQ(p.wish(), 0) << "what fits is left alone";
+  road.rate_bytes_per_s = 0.5e6;  // 4 Mbit/s, unannounced
+  int steps = 0;
+  rt::Nanos queue = ms(1000);
+  while (queue > RoadPace::kTooLong || steps < 10) {
+    queue = road.step(p, 1.1e6);
+    ASSERT_LT(++steps, 40) << "2 s";
+  }
+  EXPECT_LT(static_cast<double>(p.allowance()), 0.5e6 * rt::seconds(kBase) + 0.5e6 * 0.04);
+  for (int i = 0; i < 200; ++i) {
+    queue = road.step(p, 1.1e6);
+    ASSERT_LT(queue, ms(80)) << "and it stays short";
+  }
+  road.rate_bytes_per_s = 1.25e6;
+  for (int i = 0; i < 60 * 6 + 10; ++i) road.step(p, 1.1e6);
+  EXPECT_EQ(p.wish(), 0);
+  EXPECT_GT(static_cast<double>(p.allowance()), 1.1e6 * rt::seconds(kBase))
+      << "it carries all again";
+}
+
+TEST(RoadPace, WishesRiseStepByStepAndNoFurtherThanFive) {
+  RoadPace p(10);
+  std::vector<int> wishes;
+  for (int i = 0; i < 60; ++i) {
+    p.look(kBase + ms(60), kBase, 100'000);
+    wishes.push_back(p.wish());
+  }
+  EXPECT_EQ(wishes[2], 0);
+  EXPECT_EQ(wishes[3], 1) << "after 200 ms";
+  EXPECT_EQ(wishes[10], 1);
+  EXPECT_EQ(wishes[11], 2) << "400 ms later";
+  EXPECT_EQ(wishes.back(), RoadPace::kMostWish);
+  EXPECT_GE(p.allowance(), RoadPace::kLeast);
+  // Between the two limits nothing changes.
+  const std::size_t before = p.allowance();
+  for (int i = 0; i < 500; ++i) p.look(kBase + ms(30), kBase, before);
+  EXPECT_EQ(p.wish(), RoadPace::kMostWish);
+  EXPECT_EQ(p.allowance(), before);
+}
+
+TEST(RoadPace, OneLateLookIsNoReasonToWish) {
+  RoadPace p(10);
+  for (int i = 0; i < 1000; ++i) p.look(i % 4 == 0 ? kBase + ms(300) : kBase, kBase, 200'000);
+  EXPECT_EQ(p.wish(), 0);
+}
+
+TEST(RoadPace, AnyInputKeepsTheBounds) {
+  constexpr std::uint64_t kSeed = 7103;
+  std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
+  rt::Random r(kSeed);
+  for (int n = 0; n < 200; ++n) {
+    RoadPace p(r.uniform(0, 1000));
+    const std::size_t most = 4 * p.allowance();
+    for (int i = 0; i < 500; ++i) {
+      p.look(rt::Nanos{r.integer(0, 10 * kSecond)}, rt::Nanos{r.integer(0, 10 * kSecond)},
+             static_cast<std::size_t>(r.integer(0, 1LL << 40)));
+      ASSERT_GE(p.allowance(), RoadPace::kLeast);
+      ASSERT_LE(p.allowance(), most);
+      ASSERT_GE(p.wish(), 0);
+      ASSERT_LE(p.wish(), RoadPace::kMostWish);
+    }
+  }
+}
+
+}  // namespace

@@ -1,0 +1,157 @@
+// From power-up to OP, and what a wrong chain is told.
+#include "tests/unit/drivers_youbot_bus/bus_rig.hpp"
+
+namespace tests {
+namespace {
+
+TEST(YoubotBus, EveryChainReachesOp) {
+  const std::array<std::size_t, 4> sizes{5, 11, 17, 6};
+  const std::array<int, 4> drives{4, 9, 14, 5};
+  for (std::size_t k = 0; k < yb::kChainKinds.size(); ++k) {
+    for (const auto generation : {yb::Generation::kOld, yb::Generation::kNew}) {
+      yb::YoubotChainConfig c;
+      c.kind = yb::kChainKinds[k];
+      c.generation = generation;
+      BusRig rig(c);
+      rig.bring_up();
+      if (HasFatalFailure()) return;
+      ASSERT_EQ(rig.master.slaves().size(), sizes[k]);
+      EXPECT_EQ(yb::find_chain(rig.master.slaves()), c.kind);
+      EXPECT_TRUE(yb::check_chain(c.kind, rig.master.slaves()).empty());
+      const auto r = rig.cycle();
+      EXPECT_EQ(r.status, ec::CycleStatus::kOk);
+      EXPECT_EQ(r.expected, 3 * drives[k]);
+      EXPECT_EQ(r.counter, 3 * drives[k]);
+      for (std::size_t i = 0; i < sizes[k]; ++i) {
+        EXPECT_EQ(rig.chain.wire().slave(i).al_status().is(), ec::AlState::kOp) << i;
+        EXPECT_EQ(rig.master.slaves()[i].open_ports(), i + 1 == sizes[k] ? 1 : 2) << i;
+        EXPECT_TRUE(rig.master.slaves()[i].sii.checksum_good);
+        EXPECT_EQ(rig.master.slaves()[i].sii.vendor, 0x286U);
+      }
+    }
+  }
+}
+
+// Addresses, lengths, watchdog bit, LRW: what the EEPROM says is what is written.
+TEST(YoubotBus, TheEepromDecides) {
+  for (const std::size_t bytes : {16U, 18U, 20U, 32U}) {
+    for (const bool no_lrw : {false, true}) {
+      yb::YoubotChainConfig c;
+      c.input_bytes = bytes;
+      c.mailbox_start = 0x1200;
+      c.mailbox_bytes = 48;
+      c.outputs_start = 0x1800;
+      c.inputs_start = 0x1900;
+      c.data_watchdog = bytes != 18;
+      c.forbids_lrw = no_lrw;
+      c.esc.sii_reads_eight = no_lrw;
+      c.esc.op_needs_outputs = !no_lrw;
+      BusRig rig(c);
+      rig.bring_up();
+      if (HasFatalFailure()) return;
+      EXPECT_EQ(rig.master.mapping().lrw, !no_lrw);
+      const auto r = rig.cycle();
+      EXPECT_EQ(r.status, ec::CycleStatus::kOk);
+      EXPECT_EQ(r.expected, no_lrw ? 18 : 27);
+      const auto memory = rig.chain.wire().slave(1).memory();
+      EXPECT_EQ(ec::load_u16(memory, 0x0800), 0x1200);
+      EXPECT_EQ(ec::load_u16(memory, 0x0802), 48);
+      EXPECT_EQ(ec::load_u16(memory, 0x0808), 0x1230);
+      EXPECT_EQ(ec::load_u16(memory, 0x0810), 0x1800);
+      EXPECT_EQ(ec::load_u16(memory, 0x0812), 5);
+      EXPECT_EQ(memory[0x0814], bytes != 18 ? 0x64 : 0x24);
+      EXPECT_EQ(ec::load_u16(memory, 0x0818), 0x1900);
+      EXPECT_EQ(ec::load_u16(memory, 0x081A), bytes);
+      // FMMU 0: outputs at logical 0; FMMU 1: inputs behind nine drives' outputs.
+      EXPECT_EQ(ec::load_u32(memory, 0x0600), 0U);
+      EXPECT_EQ(memory[0x060B], 2);
+      EXPECT_EQ(ec::load_u32(memory, 0x0610), 45U);
+      EXPECT_EQ(ec::load_u16(memory, 0x0614), bytes);
+      EXPECT_EQ(memory[0x061B], 1);
+    }
+  }
+}
+
+// Slaves that take their time to a state, and a chain that another master left running.
+TEST(YoubotBus, SlowSlavesAndASecondStart) {
+  yb::YoubotChainConfig c;
+  c.kind = yb::ChainKind::kBase;
+  c.esc.state_looks = 20;
+  c.esc.mailbox_delay = 3ms;
+  BusRig rig(c);
+  for (int start = 0; start < 3; ++start) {
+    rig.bring_up();
+    if (HasFatalFailure()) return;
+    EXPECT_EQ(rig.cycle().status, ec::CycleStatus::kOk);
+    EXPECT_EQ(rig.tmcl(1, drivers::tmcl::Command::kGetAxisParameter, 250).value, 4000);
+  }
+}
+
+TEST(YoubotBus, ReadAndWriteInTwoFrames) {
+  BusRig rig;
+  rig.bring_up();
+  const auto in = rig.master.read_inputs();
+  EXPECT_EQ(in.status, ec::CycleStatus::kOk);
+  EXPECT_EQ(in.counter, 9);
+  const auto out = rig.master.write_outputs();
+  EXPECT_EQ(out.status, ec::CycleStatus::kOk);
+  EXPECT_EQ(out.counter, 9);
+}
+
+TEST(YoubotBus, AWrongChainIsNamedSlaveBySlave) {
+  yb::YoubotChainConfig c;
+  c.kind = yb::ChainKind::kArm;
+  BusRig rig(c);
+  ASSERT_TRUE(rig.master.find(rig.startup.token()));
+  const auto wrong = yb::check_chain(yb::ChainKind::kBaseArm, rig.master.slaves());
+  // KR-845 is in its place; five joints are where wheels and the arm's master board belong.
+  ASSERT_EQ(wrong.size(), 10U);
+  EXPECT_EQ(wrong[0],
+            "slave 2: 'TMCM-1610' where wheel front left ('TMCM-174' or 'TMCM-1632') belongs");
+  EXPECT_EQ(wrong[4],
+            "slave 6: 'TMCM-1610' where arm 1 master board ('KR-843' or 'KR-845') belongs");
+  EXPECT_EQ(wrong[9], "slave 11: arm 1 joint 5 ('TMCM-KR-841' or 'TMCM-1610') is missing");
+  const auto few = yb::check_chain(yb::ChainKind::kBase, rig.master.slaves());
+  ASSERT_EQ(few.size(), 5U);
+  EXPECT_EQ(few[4], "slave 6: 'TMCM-1610' is one too many");
+}
+
+TEST(YoubotBus, ADriveWithoutItsDataIsNamed) {
+  yb::YoubotChainConfig c;
+  c.kind = yb::ChainKind::kBase;
+  rt::Startup startup;
+  ec::TwinChain wire;
+  const auto boards = yb::boards_of(c.kind);
+  for (const auto& b : boards) {
+    auto with = c;
+    with.input_bytes = b.number == 2 ? 16 : 20;
+    auto eeprom = yb::youbot_eeprom(b, with, 1);
+    if (b.kind == yb::BoardKind::kWheel && b.number == 3) {  // its mailbox is gone
+      for (std::size_t i = 0x30; i < 0x38; ++i) eeprom[i] = 0;
+    }
+    wire.add(std::make_unique<ec::Esc>(startup.token(), c.esc, eeprom,
+                                       std::make_unique<ec::EscApplication>()));
+  }
+  ec::TwinPort port(wire);
+  ec::Master master(startup.token(), port);
+  ASSERT_TRUE(master.find(startup.token()));
+  const auto wrong = yb::check_chain(c.kind, master.slaves());
+  ASSERT_EQ(wrong.size(), 1U);
+  EXPECT_EQ(wrong[0], "slave 5: wheel back right: no mailbox, a drive has one");
+}
+
+TEST(YoubotBus, NoSlaveAndNoCableAreDifferent) {
+  BusRig rig;
+  rig.port.faults().link_down = true;
+  auto found = rig.master.find(rig.startup.token());
+  ASSERT_FALSE(found);
+  EXPECT_NE(found.error().find("no frame came back"), std::string::npos);
+  rig.port.faults().link_down = false;
+  rig.chain.wire().cut_behind(0);
+  ASSERT_TRUE(rig.master.find(rig.startup.token()));
+  EXPECT_TRUE(rig.master.slaves().empty());
+  EXPECT_FALSE(rig.master.configure(rig.startup.token()));
+}
+
+}  // namespace
+}  // namespace tests
