@@ -263,9 +263,14 @@ void OperatorConsole::engage(rt::Time now) {
     held_since_ = rt::Time{};
   else if (held_since_ == rt::Time{})
     held_since_ = now;
+  followed_ = followed_ || seen_.mode.mode == tasks::Mode::kEngaged;
   const bool first = seen_.engages == 0 && rt::seconds(now - epoch_) >= script.engage_after_s;
-  const bool again = seen_.engages > 0 && script.re_engage_after_s > 0 && holding &&
-                     rt::seconds(now - held_since_) >= script.re_engage_after_s;
+  // The first engage is pressed until it is followed: the other box may start later than this one.
+  constexpr double kFirstAgain_s = 1;
+  const double wait_s =
+      !followed_ && script.re_engage_after_s == 0 ? kFirstAgain_s : script.re_engage_after_s;
+  const bool again = seen_.engages > 0 && wait_s > 0 && holding &&
+                     rt::seconds(now - held_since_) >= wait_s;
   if (!engage_shown_ && holding && (first || again)) {
     engage_shown_ = true;
     ++seen_.engages;

@@ -122,6 +122,7 @@ class OperatorConsole {
   rt::Time fusion_heard_{};
   rt::Nanos mesh_lag_{0};  // from the newest image in the mesh to its arrival
   rt::Time held_since_{}, stopped_since_{}, pressed_since_{};
+  bool followed_ = false;  // an engage has been followed in this run
   bool engage_shown_ = false, edits_scene_ = true;
   std::size_t next_edit_ = 0;
   std::ptrdiff_t most_moving_px_ = 0;

@@ -56,7 +56,8 @@ struct OperatorScript {
     s.list(
         "edit", [this](config::Section& item) { edits.emplace_back().describe(item); },
         "what the operator asks of the scene");
-    s.number("engage_after_s", engage_after_s, 0, 3600, "the operator engages the robot then");
+    s.number("engage_after_s", engage_after_s, 0, 3600,
+             "the operator engages the robot then, and again until it is followed");
     s.number("re_engage_after_s", re_engage_after_s, 0, 3600,
              "after a fault that has cleared, the operator engages again, after a safe stop "
              "clears first; 0: never");
