@@ -1,5 +1,5 @@
-// The bodies of VirtualExecutor, for virtual_executor.cpp and virtual_executor_planned.cpp: an instance
-// each, so that the plain one is the same code whether or not planned ones are built.
+// The bodies of VirtualExecutor, for virtual_executor.cpp and virtual_executor_planned.cpp: an
+// instance each, so that the plain one is the same code whether or not planned ones are built.
 #pragma once
 
 #include "rt/sched/virtual_executor.hpp"
