@@ -40,7 +40,9 @@ ROOMS = {
     "robot": {"cli", "files", "scene", "record"},
     "offline": {"cli", "files", "record"},
     "host": {"cli", "files", "doctor", "report", "scene", "touch", "record"},
-    "box": {"cli", "files", "report", "scene", "touch", "record", "host"},
+    "audit": {"files", "report", "scene", "record", "host"},
+    "box": {"cli", "files", "doctor", "report", "scene", "touch", "record", "host"},
+    "bus": {"files"},
 }
 ROOMS["teletact"] = set(ROOMS)
 ROOMS["measure"] = set(ROOMS) - {"teletact"}

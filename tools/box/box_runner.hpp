@@ -13,7 +13,7 @@
 #include "rt/sched/registry.hpp"
 #include "rt/store/run_store.hpp"
 #include "tasks/graph/operator_graph.hpp"
-#include "tools/box/box_process.hpp"
+#include "tools/box/box_main.hpp"
 #include "tools/box/box_status.hpp"
 #include "tools/box/link_news.hpp"
 #include "tools/record/box_recorder.hpp"

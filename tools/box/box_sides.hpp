@@ -5,8 +5,8 @@
 #include <memory>
 
 #include "drivers/link/tcp_link.hpp"
-#include "tools/box/box_process.hpp"
-#include "tools/scene/boxes.hpp"
+#include "tools/box/box_main.hpp"
+#include "tools/scene/box_devices.hpp"
 
 namespace teletact {
 

@@ -6,8 +6,8 @@
 
 #include "drivers/link/road_link.hpp"
 #include "drivers/link/tcp_link.hpp"
-#include "tools/box/box_process.hpp"
-#include "tools/box/run_real.hpp"
+#include "tools/box/box_main.hpp"
+#include "tools/box/run_processes.hpp"
 #include "tools/host/run_folder.hpp"
 #include "tools/record/box_recorder.hpp"
 #include "tools/record/input_recorder.hpp"

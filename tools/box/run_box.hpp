@@ -9,7 +9,7 @@
 #pragma once
 
 #include "tools/box/road_address.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 
 namespace teletact {
 

@@ -30,7 +30,7 @@
 
 #include "rt/memory/non_realtime.hpp"
 #include "tasks/graph/calibration.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 
 namespace teletact {
 

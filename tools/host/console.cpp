@@ -269,8 +269,8 @@ void OperatorConsole::engage(rt::Time now) {
   constexpr double kFirstAgain_s = 1;
   const double wait_s =
       !followed_ && script.re_engage_after_s == 0 ? kFirstAgain_s : script.re_engage_after_s;
-  const bool again = seen_.engages > 0 && wait_s > 0 && holding &&
-                     rt::seconds(now - held_since_) >= wait_s;
+  const bool again =
+      seen_.engages > 0 && wait_s > 0 && holding && rt::seconds(now - held_since_) >= wait_s;
   if (!engage_shown_ && holding && (first || again)) {
     engage_shown_ = true;
     ++seen_.engages;

@@ -12,7 +12,7 @@
 
 #include "tasks/graph/limits.hpp"
 #include "tools/host/view_tally.hpp"
-#include "tools/scene/boxes.hpp"
+#include "tools/scene/box_devices.hpp"
 #include "tools/touch/force_act.hpp"
 #include "tools/touch/touch_script.hpp"
 

@@ -12,7 +12,7 @@
 
 #include "rt/clock/box_time.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 #include "tools/scene/effect_catalogue.hpp"
 
 namespace teletact {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "rt/store/memory_log.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 #include "tools/host/store_watch.hpp"
 
 namespace teletact {

@@ -14,7 +14,7 @@
 #include "tools/host/console.hpp"
 #include "tools/host/replay_feeds.hpp"
 #include "tools/record/input_recorder.hpp"
-#include "tools/scene/boxes.hpp"
+#include "tools/scene/box_devices.hpp"
 
 namespace teletact {
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 
 namespace teletact {
 

@@ -18,7 +18,7 @@
 #include "tools/files/take.hpp"
 #include "tools/host/job_keeper.hpp"
 #include "tools/host/pacer.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 #include "tools/host/sim_link.hpp"
 #include "tools/record/box_recorder.hpp"
 #include "tools/record/input_recorder.hpp"

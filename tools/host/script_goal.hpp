@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 
 namespace teletact {
 

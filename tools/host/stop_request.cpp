@@ -1,8 +1,8 @@
-// SIGINT and SIGTERM: what run_demo.hpp says of them.
+// SIGINT and SIGTERM: what run_options.hpp says of them.
 #include <signal.h>
 
 #include "rt/clock/box_time.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 
 namespace teletact {
 

@@ -14,7 +14,7 @@
 #include "tasks/graph/calibration.hpp"
 #include "tools/cli/options.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 #include "tools/host/run_results.hpp"
 #include "tools/host/task_times.hpp"
 

@@ -13,7 +13,7 @@
 #include "rt/clock/box_time.hpp"
 #include "rt/quantile.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 #include "tools/scene/effect_catalogue.hpp"
 
 namespace teletact {

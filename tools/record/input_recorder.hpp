@@ -17,7 +17,7 @@
 #include "rt/channel/ring.hpp"
 #include "rt/sched/task.hpp"
 #include "tools/record/input_record.hpp"
-#include "tools/scene/boxes.hpp"
+#include "tools/scene/box_devices.hpp"
 
 namespace teletact {
 

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "tasks/fusion/fusion_task.hpp"
-#include "tools/scene/boxes.hpp"
+#include "tools/scene/box_devices.hpp"
 #include "tools/touch/place_memory.hpp"
 #include "tools/touch/touch_script.hpp"
 

@@ -6,7 +6,7 @@
 #include <stdexcept>
 
 #include "tasks/graph/static_choices.hpp"
-#include "tools/scene/boxes.hpp"
+#include "tools/scene/box_devices.hpp"
 
 namespace teletact {
 

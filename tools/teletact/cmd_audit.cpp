@@ -1,213 +1,14 @@
 // teletact audit FILE: who was late in a run, and why.
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <map>
-#include <stdexcept>
 
-#include "rt/audit/blame.hpp"
-#include "rt/audit/task_past.hpp"
-#include "rt/store/read_store.hpp"
+#include "tools/audit/audit_tables.hpp"
 #include "tools/cli/options.hpp"
-#include "tools/files/build_info.hpp"
-#include "tools/files/metrics_json.hpp"
-#include "tools/files/whole_file.hpp"
 #include "tools/host/piece_options.hpp"
 #include "tools/host/run_results.hpp"
-#include "tools/host/task_times.hpp"
-#include "tools/record/box_recorder.hpp"
-#include "tools/scene/host_info.hpp"
 #include "tools/teletact/commands.hpp"
 
 namespace teletact {
-
-namespace {
-
-struct AuditedTask {
-  const rt::RunLog* log = nullptr;
-  const rt::TaskLog* task = nullptr;
-  std::string name;  // with _2, _3 where several files hold a task of this name
-};
-
-std::vector<AuditedTask> tasks_of(const std::vector<rt::RunLog>& logs) {
-  std::vector<AuditedTask> out;
-  std::map<std::string, int> times;
-  for (const auto& log : logs) {
-    for (const auto& t : log.tasks) {
-      const int n = ++times[t.spec.name];
-      out.push_back({&log, &t, t.spec.name + (n > 1 ? "_" + std::to_string(n) : "")});
-    }
-  }
-  return out;
-}
-
-double us(std::int64_t ns) { return static_cast<double>(ns) * 1e-3; }
-
-void print_task(const AuditedTask& a, const TaskTimes& times, const rt::TaskBlame& b) {
-  const rt::TaskLog& t = *a.task;
-  const int level = last_level_of(t);
-  std::printf("%-18s %8llu %8.1f %8.1f %8.1f | %8.1f %8.1f %8.1f | %6llu", a.name.c_str(),
-              static_cast<unsigned long long>(jobs_of(t)), us(times.cpu.quantile(0.5)),
-              us(times.cpu.quantile(0.99)), us(t.spec.budget_of(level).count()),
-              us(times.lateness.quantile(0.5)), us(times.lateness.quantile(0.99)),
-              us(times.lateness.quantile(0.999)), static_cast<unsigned long long>(b.miss_total));
-  for (const auto n : b.misses) std::printf(" %6llu", static_cast<unsigned long long>(n));
-  std::printf("\n");
-}
-
-void print_ends(const AuditedTask& a, const TaskTimes& times) {
-  const auto& r = times.response;
-  const auto& s = times.slack;
-  std::printf("%-18s %8.1f %8.1f %8.1f %8.1f | %8.1f %8.1f %8.1f %8.1f\n", a.name.c_str(),
-              us(r.quantile(0.5)), us(r.quantile(0.99)), us(r.quantile(0.999)), us(r.max()),
-              us(s.quantile(0.5)), us(s.quantile(0.01)), us(s.quantile(0.001)), us(s.least()));
-}
-
-void add_task(const AuditedTask& a, const TaskTimes& times, const rt::TaskBlame& b,
-              Metrics& metrics) {
-  const std::string& name = a.name;
-  metrics.add(name + ".jobs", static_cast<double>(jobs_of(*a.task)), "1");
-  metrics.add(name + ".cpu_p99_us", us(times.cpu.quantile(0.99)), "us");
-  metrics.add(name + ".late_p999_us", us(times.lateness.quantile(0.999)), "us");
-  metrics.add(name + ".response_p50_us", us(times.response.quantile(0.5)), "us");
-  metrics.add(name + ".response_p99_us", us(times.response.quantile(0.99)), "us");
-  metrics.add(name + ".response_p999_us", us(times.response.quantile(0.999)), "us");
-  metrics.add(name + ".response_max_us", us(times.response.max()), "us");
-  metrics.add(name + ".slack_p50_us", us(times.slack.quantile(0.5)), "us");
-  metrics.add(name + ".slack_p1_us", us(times.slack.quantile(0.01)), "us");
-  metrics.add(name + ".slack_p01_us", us(times.slack.quantile(0.001)), "us");
-  metrics.add(name + ".slack_min_us", us(times.slack.least()), "us");
-  metrics.add(name + ".miss_total", static_cast<double>(b.miss_total), "1");
-  for (int c = 0; c < rt::kCauses; ++c) {
-    metrics.add(name + ".miss_" + std::string(rt::name_of(static_cast<rt::Cause>(c))),
-                static_cast<double>(b.misses[static_cast<std::size_t>(c)]), "1");
-  }
-}
-
-// What speaks against the task, one line each; empty: it kept its budget and missed nothing by itself.
-std::vector<std::string> complaints(const AuditedTask& a, const rt::TaskBlame& b,
-                                    Metrics& metrics) {
-  std::vector<std::string> out;
-  if (const auto own = b.misses[static_cast<std::size_t>(rt::Cause::kOwn)]; own > 0)
-    out.push_back(a.name + ": " + std::to_string(own) + " misses of its own making");
-  for (const BudgetCheck& c : check_budget(*a.task, b)) {
-    const std::string name = a.name + ".level" + std::to_string(c.level);
-    metrics.add(name + ".cpu_p999_us", us(c.cpu_p999_ns), "us");
-    metrics.add(name + ".budget_us", us(c.budget_ns), "us");
-    metrics.add(name + ".charged", static_cast<double>(c.charged), "1");
-    if (c.kept()) continue;
-    char text[200];
-    std::snprintf(text, sizeof text,
-                  "%s, level %d: CPU p99.9 %.1f us is over the budget of %.1f us (%llu jobs, %llu "
-                  "charged ones left out)",
-                  a.name.c_str(), c.level, us(c.cpu_p999_ns), us(c.budget_ns),
-                  static_cast<unsigned long long>(c.jobs),
-                  static_cast<unsigned long long>(c.charged));
-    out.emplace_back(text);
-  }
-  return out;
-}
-
-ReportData audit_report(const std::string& command, const std::vector<AuditedTask>& tasks,
-                        const std::vector<rt::RunLog>& logs,
-                        const std::vector<std::string>& against, const Metrics& metrics) {
-  using State = ReportVerdict::State;
-  ReportData d;
-  d.title = "teletact audit";
-  d.version = kVersion;
-  d.command = command;
-  d.host = host_rows();
-  d.metrics = metrics;
-  d.timing_only = true;
-  for (const auto& line : against) d.verdicts.push_back({State::kBad, line});
-  if (against.empty())
-    d.verdicts.push_back({State::kGood, "every task kept its budget; no miss of a task's own"});
-  for (const auto& log : logs) {
-    for (const auto& note : log.not_realtime)
-      d.verdicts.push_back({State::kNote, "NOT REAL-TIME: " + note});
-    for (const auto& told : log.told) d.verdicts.push_back({State::kNote, "job records: " + told});
-  }
-  for (const auto& a : tasks) {
-    d.tasks.push_back(report_task(*a.log, *a.task, {},
-                                  a.log->sentinels.empty() && a.log->past_sentinels.empty()));
-    d.tasks.back().name = a.name;
-  }
-  return d;
-}
-
-void add_black_box(const rt::BlackBox& box, Metrics& metrics) {
-  const bool op = !box.log.tasks.empty() && box.log.tasks[0].spec.box == rt::Box::kOperator;
-  const std::string name = std::string("blackbox.") + (op ? "operator" : "robot");
-  metrics.add(name + ".stop", box.stop, "text");
-  metrics.add(name + ".seconds", seconds_of(box), "s");
-  metrics.add(name + ".records", static_cast<double>(box.records), "1");
-  metrics.add(name + ".missing", static_cast<double>(box.missing), "1");
-  metrics.add(name + ".events", static_cast<double>(events_of(box).size()), "1");
-}
-
-void print_notes(const rt::RunLog& log) {
-  for (const auto& note : log.not_realtime) std::printf("NOT REAL-TIME: %s\n", note.c_str());
-  for (const auto& told : log.told) std::printf("JOB RECORDS: %s\n", told.c_str());
-}
-
-rt::RunLog read_log(const std::string& file, const rt::StorePiece& piece,
-                    std::vector<rt::StoreEvent>& events) {
-  if (!rt::is_store(file)) {
-    auto log = rt::read_run(file, piece);
-    if (!log) throw std::runtime_error(log.error());
-    return std::move(log).value();
-  }
-  auto store = rt::read_store(file, piece);
-  if (!store) throw std::runtime_error(store.error());
-  auto& own = store.value().events;
-  events.insert(events.end(), own.begin(), own.end());
-  return std::move(store.value().log);
-}
-
-struct AuditInput {
-  std::vector<rt::RunLog> logs;  // one a file
-  std::vector<std::pair<std::string, rt::BlackBox>> boxes;
-  std::vector<rt::StoreEvent> events;
-};
-
-AuditInput read_files(const std::vector<std::string>& files, const rt::StorePiece& piece) {
-  AuditInput in;
-  for (const auto& f : files) {
-    if (!rt::is_black_box(f)) {
-      in.logs.push_back(read_log(f, piece, in.events));
-      continue;
-    }
-    if (!piece.all()) throw std::runtime_error(f + ": --from and --to are for the log of a run");
-    auto box = rt::read_black_box(f);
-    if (!box) throw std::runtime_error(box.error());
-    in.boxes.emplace_back(f, std::move(box).value());
-    in.logs.push_back(in.boxes.back().second.log);
-  }
-  return in;
-}
-
-void write_events(const std::string& path, const std::vector<AuditedTask>& tasks,
-                  const std::vector<rt::StoreEvent>& box_events) {
-  WholeFile f(path);
-  std::fprintf(f.get(), "what,k,release_ns,end_ns,deadline_ns,cpu_ns,skipped,level,fault,text\n");
-  for (const auto& a : tasks) {
-    if (!a.task->past) continue;
-    for (const rt::JobRecord& r : a.task->past->events) {
-      std::fprintf(f.get(), "%s,%llu,%lld,%lld,%lld,%lld,%u,%u,%u,\n", a.name.c_str(),
-                   static_cast<unsigned long long>(r.k), static_cast<long long>(r.release_ns),
-                   static_cast<long long>(r.end_ns), static_cast<long long>(r.deadline_ns),
-                   static_cast<long long>(r.cpu_ns), r.skipped, r.level, r.fault);
-    }
-    if (const auto n = a.task->past->events_left_out; n > 0)
-      std::fprintf(f.get(), "%s,,,,,,,,,%llu more\n", a.name.c_str(),
-                   static_cast<unsigned long long>(n));
-  }
-  for (const rt::StoreEvent& e : box_events)
-    std::fprintf(f.get(), "box,,%lld,,,,,,,%s\n", static_cast<long long>(e.time_ns),
-                 e.text.c_str());
-  f.finish();
-}
-
-}  // namespace
 
 int cmd_audit(int argc, char** argv) {
   CLI::App app{
@@ -231,44 +32,16 @@ int cmd_audit(int argc, char** argv) {
   const rt::StorePiece piece = asked.piece();
   check_outputs({{"--trace", trace}, {"--csv", csv}, {"--json", json}, {"--events", events}},
                 files);
-  AuditInput in = read_files(files, piece);
-  std::vector<rt::RunLog>& logs = in.logs;
+  const AuditInput in = read_files(files, piece);
   if (!html.empty()) make_output_folder("--html", html);
   Metrics metrics("audit");
-  for (const auto& [file, box] : in.boxes) {
-    print_black_box(file, box);
-    std::printf("\n");
-    add_black_box(box, metrics);
-  }
-  std::printf("%-18s %8s %8s %8s %8s | %8s %8s %8s | %6s %6s %6s %6s %6s %6s %6s\n", "task", "jobs",
-              "cpu p50", "p99", "budget", "late p50", "p99", "p99.9", "misses", "carry", "platf",
-              "queue", "own", "charg", "unkn");
-  const std::vector<AuditedTask> tasks = tasks_of(logs);
-  std::vector<TaskTimes> times;
-  std::vector<std::string> against;
-  for (const auto& a : tasks) {
-    times.push_back(times_of(*a.task));
-    const rt::TaskBlame b = rt::blame(*a.log, *a.task);
-    print_task(a, times.back(), b);
-    add_task(a, times.back(), b, metrics);
-    for (auto& line : complaints(a, b, metrics)) against.push_back(std::move(line));
-  }
-  std::printf("\n%-18s %8s %8s %8s %8s | %8s %8s %8s %8s\n", "us", "resp p50", "p99", "p99.9",
-              "max", "slack p50", "p1", "p0.1", "least");
-  for (std::size_t i = 0; i < tasks.size(); ++i) print_ends(tasks[i], times[i]);
-  std::uint64_t dropped = 0;
-  std::vector<const rt::RunLog*> pointers;
-  for (const auto& log : logs) {
-    pointers.push_back(&log);
-    dropped += log.dropped;
-    print_notes(log);
-  }
+  print_boxes(in, metrics);
+  const std::vector<AuditedTask> tasks = tasks_of(in.logs);
+  const std::vector<std::string> against = print_tasks(tasks, metrics);
+  print_notes(in.logs, metrics);
   for (const auto& line : against) std::printf("AGAINST: %s\n", line.c_str());
-  metrics.add("audit.dropped", static_cast<double>(dropped), "1");
-  if (dropped > 0) {
-    std::printf("AUDIT INCOMPLETE: %llu records lost, a ring was full\n",
-                static_cast<unsigned long long>(dropped));
-  }
+  std::vector<const rt::RunLog*> pointers;
+  for (const auto& log : in.logs) pointers.push_back(&log);
   std::string command;
   for (int i = 0; i < argc; ++i) command += (i == 0 ? "teletact " : " ") + std::string(argv[i]);
   write_outputs({{trace, [&](const auto& path) { write_trace(path, pointers); }},
@@ -276,7 +49,7 @@ int cmd_audit(int argc, char** argv) {
                  {json, [&](const auto& path) { metrics.write(path); }},
                  {events, [&](const auto& path) { write_events(path, tasks, in.events); }},
                  {html, [&](const auto& folder) {
-                    write_report(folder, audit_report(command, tasks, logs, against, metrics));
+                    write_report(folder, audit_report(command, tasks, in.logs, against, metrics));
                     std::printf("histograms: %s/report.html\n", folder.c_str());
                   }}});
   return against.empty() ? 0 : 1;

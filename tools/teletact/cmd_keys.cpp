@@ -143,12 +143,9 @@ int cmd_keys(int argc, char** argv) {
   CLI::App* const to_show = action("show", "what a certificate says");
   to_show->add_option("file", o.what, "box.crt")->required();
   if (!parse_options(app, argc, argv)) return 0;
-  if (*to_init) init(o);
-  if (*to_issue) issue(o);
-  if (*to_renew) renew(o);
-  if (*to_revoke) revoke(o);
-  if (*to_show) show(o);
-  return *to_list ? list(o) : 0;
+  if (*to_list) return list(o);
+  (*to_init ? init : *to_issue ? issue : *to_renew ? renew : *to_revoke ? revoke : show)(o);
+  return 0;
 }
 
 }  // namespace teletact

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <exception>
 
-#include "tools/box/run_real.hpp"
+#include "tools/box/run_processes.hpp"
 #include "tools/files/build_info.hpp"
 #include "tools/teletact/commands.hpp"
 #include "tools/teletact/measure.hpp"

@@ -13,7 +13,7 @@
 #include "rt/clock/box_time.hpp"
 #include "rt/sched/admission.hpp"
 #include "tests/fault/life_cycle/demo_process.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 
 namespace {
 

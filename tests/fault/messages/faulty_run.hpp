@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "tools/host/calibrate.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 
 namespace messages {
 

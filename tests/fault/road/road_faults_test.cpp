@@ -7,7 +7,7 @@
 #include <cstdio>
 
 #include "tools/host/calibrate.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 #include "tools/host/sim_link.hpp"
 
 namespace {

@@ -8,10 +8,10 @@
 
 namespace lint {
 
-struct badly_named {                // readability-identifier-naming
-  double BadMember = 0;             // ... of a public member
-  double p_WH = 0;                  // a monogram: allowed
-  double force_limit_N = 0;         // a unit: allowed
+struct badly_named {         // readability-identifier-naming
+  double BadMember = 0;      // ... of a public member
+  double p_WH = 0;           // a monogram: allowed
+  double force_limit_N = 0;  // a unit: allowed
 };
 
 int use_after_move() {

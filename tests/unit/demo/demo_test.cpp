@@ -8,9 +8,9 @@
 
 #include "tools/host/calibrate.hpp"
 #include "tools/host/rendered_truth.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 #include "tools/measure/support/rt_guard.hpp"
-#include "tools/scene/boxes.hpp"
+#include "tools/scene/box_devices.hpp"
 
 namespace {
 

@@ -12,7 +12,7 @@
 #include "perception/map_file/map_file.hpp"
 #include "perception/tsdf/mesh/mesh.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 
 namespace {
 

@@ -10,7 +10,7 @@
 #include "rt/effect_count.hpp"
 #include "tasks/supervision/fault_ids.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 #include "tools/measure/support/rt_guard.hpp"
 
 namespace {

@@ -7,10 +7,10 @@
 
 #include "tests/unit/tasks_fusion/recording.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 #include "tools/measure/support/rt_guard.hpp"
 #include "tools/record/recording_truth.hpp"
-#include "tools/scene/boxes.hpp"
+#include "tools/scene/box_devices.hpp"
 
 namespace {
 

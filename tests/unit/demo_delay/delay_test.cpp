@@ -9,7 +9,7 @@
 
 #include "tasks/prediction/prediction_task.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 #include "tools/host/script_goal.hpp"
 
 namespace {

@@ -12,7 +12,7 @@
 
 #include "tests/support/body_clearance.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 
 namespace tests {
 

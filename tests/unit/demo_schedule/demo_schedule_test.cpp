@@ -16,7 +16,7 @@
 #include "rt/sched/virtual_executor.hpp"
 #include "tests/support/schedule_compare.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 
 namespace {
 

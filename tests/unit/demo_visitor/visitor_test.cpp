@@ -9,8 +9,9 @@
 
 #include "perception/motion/motion_mask.hpp"
 #include "tests/unit/demo_driving/drive.hpp"
+#include "tools/box/finish_run.hpp"
 #include "tools/host/script_goal.hpp"
-#include "tools/scene/boxes.hpp"
+#include "tools/scene/box_devices.hpp"
 
 namespace tests {
 namespace {

@@ -15,7 +15,7 @@
 
 #include "config/fault_plan.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 #include "tools/record/input_recorder.hpp"
 
 namespace {

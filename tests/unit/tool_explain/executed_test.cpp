@@ -13,7 +13,7 @@
 #include "tests/unit/tasks_fusion/recording.hpp"
 #include "tools/host/calibrate.hpp"
 #include "tools/host/effect_costs.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 #include "tools/measure/effects.hpp"
 #include "tools/record/recording_setup.hpp"
 #include "tools/scene/effect_catalogue.hpp"

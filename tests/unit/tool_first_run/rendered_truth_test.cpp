@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 
 namespace {
 

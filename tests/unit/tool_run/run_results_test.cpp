@@ -9,7 +9,7 @@
 #include <iterator>
 
 #include "tasks/contract/table.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 #include "tools/host/run_truth.hpp"
 
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/box/box_process.hpp"
+#include "tools/box/box_main.hpp"
 
 #include <cstdio>
 #include <stdexcept>

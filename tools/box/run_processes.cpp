@@ -1,4 +1,4 @@
-#include "tools/box/run_real.hpp"
+#include "tools/box/run_processes.hpp"
 
 #include <signal.h>
 #include <sys/prctl.h>
@@ -14,7 +14,7 @@
 #include "config/fault_plan.hpp"
 #include "drivers/world/world.hpp"
 #include "tasks/edges/edge_faults.hpp"
-#include "tools/box/box_process.hpp"
+#include "tools/box/box_main.hpp"
 #include "tools/host/run_folder.hpp"
 #include "tools/record/box_recorder.hpp"
 #include "tools/record/input_recorder.hpp"
@@ -45,8 +45,8 @@ std::string verdict(const Child& c, int status) {
 
 }  // namespace
 
-RealRun run_real(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
-                 const tasks::Calibration& calibration) {
+RealRun run_processes(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
+                      const tasks::Calibration& calibration) {
   RealRun run;
   BoxPlan plan;
   plan.calibration = as_asked(calibration, scene);

@@ -90,8 +90,4 @@ struct VirtualRun {
 [[nodiscard]] VirtualRun run_virtual(rt::NonRealtime&, Scene&, const DemoOptions&,
                                      const tasks::Calibration&);
 
-// Both halves, from either clock, to metrics, report and exit code.
-int finish_run(const DemoOptions&, const Scene&, RunInfo& info, const OperatorHalf&,
-               const RobotHalf&, const std::string& json_path);
-
 }  // namespace teletact

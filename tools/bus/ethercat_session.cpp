@@ -1,4 +1,4 @@
-#include "tools/teletact/ethercat_session.hpp"
+#include "tools/bus/ethercat_session.hpp"
 
 #include <stdexcept>
 

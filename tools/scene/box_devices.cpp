@@ -1,4 +1,4 @@
-#include "tools/scene/boxes.hpp"
+#include "tools/scene/box_devices.hpp"
 
 #include <numbers>
 #include <stdexcept>

@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 
 namespace teletact {
 
@@ -22,7 +22,7 @@ struct CouldNotStart : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 // Sets the scene's voxel size to what was admitted.
-[[nodiscard]] RealRun run_real(rt::NonRealtime&, Scene&, const DemoOptions&,
-                               const tasks::Calibration&);
+[[nodiscard]] RealRun run_processes(rt::NonRealtime&, Scene&, const DemoOptions&,
+                                    const tasks::Calibration&);
 
 }  // namespace teletact

@@ -12,7 +12,7 @@
 #include "drivers/link/link_transport.hpp"
 #include "rt/result.hpp"
 #include "tools/host/host_admission.hpp"
-#include "tools/host/run_demo.hpp"
+#include "tools/host/run_options.hpp"
 
 namespace teletact {
 

@@ -1,0 +1,27 @@
+// What `teletact ethercat` does, one function a word. Each prints a table and writes JSON where it
+// is asked to. Exit code 0: fine; 1: a wrong chain. Throws CouldNotDo for a slave that does not do
+// it (exit code 1), and std::runtime_error with one line for bad input (2).
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "tools/bus/ethercat_session.hpp"
+
+namespace teletact {
+
+struct EtherCatOptions {
+  EtherCatChoice bus;
+  std::string json, expect, to;
+  int slave = 1, bytes = 2, motor = 0, module = 0;
+  int reg = -1, parameter = -1, sii = -1;
+  std::string sdo;
+  std::int64_t value = 0;
+};
+
+[[nodiscard]] int run_scan(const EtherCatOptions&);
+[[nodiscard]] int run_state(const EtherCatOptions&);
+[[nodiscard]] int run_read(const EtherCatOptions&);
+[[nodiscard]] int run_write(const EtherCatOptions&);
+
+}  // namespace teletact
