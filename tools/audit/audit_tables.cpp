@@ -3,6 +3,8 @@
 #include <cstdio>
 
 #include "rt/audit/blame.hpp"
+#include "tools/files/build_info.hpp"
+#include "tools/files/whole_file.hpp"
 #include "tools/host/run_results.hpp"
 #include "tools/host/task_times.hpp"
 #include "tools/scene/host_info.hpp"

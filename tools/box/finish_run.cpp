@@ -7,6 +7,7 @@
 #include "tools/host/run_folder.hpp"
 #include "tools/host/script_goal.hpp"
 #include "tools/record/recording_truth.hpp"
+#include "tools/scene/host_info.hpp"
 
 namespace teletact {
 

@@ -80,7 +80,7 @@ void describe(const Scene& scene, const DemoOptions& o, RunInfo& info) {
 }
 
 // Simulated time costs jobs by a fixed reference, so that a run is the same on every machine.
-tasks::Calibration calibration_for(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& o,
+tasks::Calibration calibration_for(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& o,
                                    RunInfo& info) {
   if (!o.virtual_clock || !o.calibration.empty())
     return host_calibration(nrt, scene, o, info.calibration_text);

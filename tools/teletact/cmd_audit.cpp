@@ -6,6 +6,7 @@
 #include "tools/cli/options.hpp"
 #include "tools/host/piece_options.hpp"
 #include "tools/host/run_results.hpp"
+#include "tools/scene/host_info.hpp"
 #include "tools/teletact/commands.hpp"
 
 namespace teletact {

@@ -12,6 +12,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 
+#include "drivers/ethercat/scan.hpp"
 #include "tools/bus/ethercat_command.hpp"
 #include "tools/cli/options.hpp"
 #include "tools/teletact/commands.hpp"
