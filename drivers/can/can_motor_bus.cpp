@@ -16,6 +16,8 @@ constexpr double kTwoPi = 2 * std::numbers::pi;
 constexpr double kMostRpm = 200'000;  // of parameter 2
 // Of every so many turns that ask for the speed, one asks for flags and one for the current.
 constexpr unsigned kRareEvery = 16;
+// A reply that comes at all comes within so many times the limit.
+constexpr int kQuietTimes = 4;
 
 std::uint8_t code(tmcl::Command c) noexcept { return static_cast<std::uint8_t>(c); }
 
@@ -34,7 +36,7 @@ void CanMotorConfig::describe(config::Section& s) {
             "a bus of 1 Mbit/s carries 4 requests with their replies a millisecond, and is then full");
   s.number("reply_ms", reply_ms, 1, 100, "a later reply counts as lost");
   s.integer("silent_jobs", silent_jobs, 10, 10000,
-            "jobs without a reply of a module until the bus counts as down");
+            "jobs without a position of a module until the bus counts as down");
   s.integer("full_jobs", full_jobs, 1, 10000,
             "jobs in a row whose frames the send queue refused until the bus counts as down");
 }
@@ -128,7 +130,6 @@ void CanMotorBus::take_reply(const Received& r) noexcept {
     return;
   }
   m->waiting = false;
-  m->silent = 0;
   ++counters_.replies;
   if (!tmcl::answers(reply, m->asked)) {
     ++counters_.refused;
@@ -149,6 +150,7 @@ void CanMotorBus::keep(Module& m, const tmcl::Reply& reply, rt::Time at) noexcep
       m.word = reply.value;
       m.unwrapped = m.placed = true;
       m.placed_at = at;
+      m.silent = 0;
       break;
     }
     case Ask::kSpeed:
@@ -171,8 +173,8 @@ bool CanMotorBus::drop_late(rt::Time now) noexcept {
     any = true;
     ++counters_.late;
     // A reply does not say which parameter it is of. What still comes of this one must not pass for
-    // the next one's, so that is of another command: replies keep their order.
-    m.turn += m.turn % 2;
+    // that of another: until it can not come any more, nothing is asked for, setpoints go out.
+    m.ask_from = now + kQuietTimes * reply_limit_;
   }
   return any;
 }
@@ -235,7 +237,7 @@ void CanMotorBus::ask_all(rt::Time now, const MotorSetpoints& setpoints) noexcep
     const bool stop_now = !drive && m.driven;
     if ((m.waiting || room == 0) && !stop_now) continue;
     room -= room > 0 ? 1 : 0;
-    if (stop_now) m.turn += m.turn % 2;  // its turn to be told
+    if (stop_now || now < m.ask_from) m.turn += m.turn % 2;  // its turn to be told
     m.asked = next_request(m, rpm[i], drive);
     (void)fill(frames[n], m.id, tmcl::to_can(m.asked));
     whose[n++] = i;

@@ -10,7 +10,8 @@
 //
 //   kFrameLost   a module did not answer in time, or the queue took no frame; states keep what they
 //                had
-//   kDown        the bus is off, the interface down, or a module has been silent for `silent_jobs`.
+//   kDown        the bus is off, the interface down, or a module has told no position for
+//                `silent_jobs`.
 //                Latched: until rearm(), and then until every position has been read anew, only
 //                motor stop is sent
 //   make_safe    motor stop to every module at once from the calling thread, and from then on
@@ -41,7 +42,7 @@ struct CanMotorConfig {
   double gear_ratio = 9405.0 / 364.0;  // motor turns per wheel turn
   int requests_per_job = 3;            // leaves a quarter of a bus of 1 Mbit/s free
   double reply_ms = 5;                 // a reply that comes later was lost
-  int silent_jobs = 100;               // without any reply of a module: the bus is down
+  int silent_jobs = 100;               // without a position of a module: the bus is down
   int full_jobs = 20;                  // queue full in a row: the same
 
   void describe(config::Section& s);
@@ -78,7 +79,8 @@ class CanMotorBus final : public MotorBus {
     bool waiting = false;
     bool driven = false;  // the last setpoint that went out was not motor stop
     rt::Time asked_at{};
-    int silent = 0;  // jobs without a reply
+    rt::Time ask_from{};  // parameters; setpoints go out before
+    int silent = 0;       // jobs without a position
     unsigned turn = 0;
     bool placed = false;  // a position was read since the start or the last rearm()
     std::int32_t word = 0;

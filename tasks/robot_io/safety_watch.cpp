@@ -31,8 +31,8 @@ drivers::SafetyOutputs SafetyWatch::show(const rt::Tick& tick, const SafetyInput
   drivers::SafetyOutputs out;
   if (!in.fitted) return out;
   const Mode now = mode != nullptr ? mode->mode : Mode::kInit;
-  if (now == Mode::kSafeStop && mode->clear) bus_lost_ = false;
-  else if (bus_down) bus_lost_ = true;
+  // The clear counts as long as it is pressed: the bus may need the power that the relay gives.
+  bus_lost_ = (bus_lost_ || bus_down) && !(mode != nullptr && mode->clear);
   // A job that began a whole period late has missed its turn of the wave.
   out.alive = in.readable && !bus_lost_ && tick.start - tick.release < tick.period;
   switch (now) {

@@ -142,10 +142,12 @@ void CanTwinPort::module_takes(const CanFrame& f, rt::Time end) noexcept {
       --faults_.lose_replies;
       continue;
     }
-    put_reply(out, end + think_ + faults_.delay_replies);
+    // A module answers in the order that it was asked in.
+    m.answered = std::max(m.answered, end + think_ + faults_.delay_replies);
+    put_reply(out, m.answered);
     if (faults_.double_replies > 0) {
       --faults_.double_replies;
-      put_reply(out, end + think_ + faults_.delay_replies);
+      put_reply(out, m.answered);
     }
   }
 }

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "drivers/tmcl/tmcl_can.hpp"
+#include "rt/time.hpp"
 
 namespace drivers::can {
 
@@ -23,6 +24,7 @@ struct TmclModule {
   bool silent = false;               // powered off
   std::uint8_t status_instead = 0;   // refuses everything with this status
   std::uint64_t requests = 0, stops = 0;
+  rt::Time answered{};  // when its newest reply was ready
 
   // False: it says nothing. `text`: the reply is eight bytes of text instead, the firmware's name.
   [[nodiscard]] bool answer(const tmcl::Request&, tmcl::Reply& out, bool& text) noexcept;
