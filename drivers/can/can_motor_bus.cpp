@@ -31,7 +31,6 @@ void CanMotorConfig::describe(config::Section& s) {
             "module address in the replies (global parameter 66)");
   s.integer("reply_id", reply_id, 0, 0x7FF, "CAN identifier of the replies (global parameter 70)");
   s.integer("ticks_per_motor_turn", ticks_per_motor_turn, 1, 1'000'000, "of the encoders");
-  s.number("gear_ratio", gear_ratio, 0.01, 1000, "motor turns per wheel turn");
   s.integer("requests_per_job", requests_per_job, 1, 4,
             "a bus of 1 Mbit/s carries 4 requests with their replies a millisecond, and is then full");
   s.number("reply_ms", reply_ms, 1, 100, "a later reply counts as lost");

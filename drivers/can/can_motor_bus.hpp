@@ -39,7 +39,7 @@ struct CanMotorConfig {
   std::array<double, kWheels> module_addresses{1, 3, 5, 7};
   int reply_id = 2;  // global parameter 70, the same for all
   int ticks_per_motor_turn = 4000;
-  double gear_ratio = 9405.0 / 364.0;  // motor turns per wheel turn
+  double gear_ratio = 9405.0 / 364.0;  // motor turns per wheel turn; no key: robot_io.base has it
   int requests_per_job = 3;            // leaves a quarter of a bus of 1 Mbit/s free
   double reply_ms = 5;                 // a reply that comes later was lost
   int silent_jobs = 100;               // without a position of a module: the bus is down

@@ -60,5 +60,8 @@ struct Limits {
 // Their power states:
 [[nodiscard]] DoctorCheck governor(const Tree& tree);
 [[nodiscard]] DoctorCheck idle_states(const Tree& tree);
+// A robot's devices:
+[[nodiscard]] DoctorCheck can_bus(const Tree& tree);
+[[nodiscard]] DoctorCheck gpio_chips(const Tree& tree);
 
 }  // namespace teletact::doctor

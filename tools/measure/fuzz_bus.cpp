@@ -1,7 +1,10 @@
 // The readers of what comes over the robot's bus: EtherCAT frames, EEPROM content, CoE replies,
-// TMCL.
+// TMCL, CAN frames.
+#include <cstring>
 #include <stdexcept>
 
+#include "drivers/can/can_motor_bus.hpp"
+#include "drivers/can/socket_frames.hpp"
 #include "drivers/ethercat/coe.hpp"
 #include "drivers/ethercat/frame.hpp"
 #include "drivers/ethercat/sii.hpp"
@@ -66,6 +69,71 @@ rt::Result<bool> read_tmcl(const std::string& b) {
   return true;
 }
 
+// What the bytes say has arrived: frames of the kernel, one after the other.
+class FedCanPort final : public drivers::can::CanPort {
+ public:
+  [[nodiscard]] int send(rt::Time, std::span<const drivers::can::CanFrame> f) noexcept override {
+    return static_cast<int>(f.size());
+  }
+  [[nodiscard]] int receive(rt::Time now,
+                            std::span<drivers::can::Received> out) noexcept override {
+    int n = 0;
+    for (; at + sizeof(can_frame) <= bytes.size() && n < static_cast<int>(out.size());
+         at += sizeof(can_frame)) {
+      can_frame k{};
+      std::memcpy(&k, bytes.data() + at, sizeof k);
+      auto& r = out[static_cast<std::size_t>(n)];
+      switch (drivers::can::from_kernel(k, sizeof k, r.frame)) {
+        case drivers::can::FrameKind::kData:
+          r.at = now;
+          ++n;
+          break;
+        case drivers::can::FrameKind::kError:
+          watch.take_error(k.can_id, std::span<const std::uint8_t, 8>(k.data));
+          break;
+        case drivers::can::FrameKind::kOther:
+          break;
+      }
+    }
+    return n;
+  }
+  void send_at_once(std::span<const drivers::can::CanFrame>) noexcept override {}
+  [[nodiscard]] drivers::can::PortState state() const noexcept override { return watch.port; }
+  [[nodiscard]] drivers::can::BusState bus_state() const noexcept override { return watch.bus; }
+  [[nodiscard]] const drivers::can::PortCounters& counters() const noexcept override {
+    return watch.counters;
+  }
+  std::span<const std::uint8_t> bytes;
+  std::size_t at = 0;
+  drivers::can::BusWatch watch;
+};
+
+// Through the motor bus that has asked for them, a millisecond a call.
+rt::Result<bool> read_can(const std::string& b) {
+  rt::Startup startup;
+  FedCanPort port;
+  drivers::can::CanMotorBus bus(startup.token(), port);
+  drivers::MotorStates states;
+  rt::Time now = rt::time_from_ns(1'000'000'000);
+  for (int i = 0; i < 6; ++i, now += std::chrono::milliseconds{1}) {
+    (void)bus.exchange(now, {}, states);
+    if (i == 0) port.bytes = bus_bytes(b);
+  }
+  if (bus.counters().replies == 0) return rt::Error{"no reply of a module"};
+  return true;
+}
+
+std::string can_seed() {
+  std::string out;
+  for (const unsigned module : {1U, 3U, 5U, 7U}) {
+    drivers::can::CanFrame f;
+    (void)drivers::can::fill(f, 2, tmcl::to_can(tmcl::Reply{0, static_cast<std::uint8_t>(module), 100, 3, 0}));
+    const can_frame k = drivers::can::to_kernel(f);
+    out.append(reinterpret_cast<const char*>(&k), sizeof k);
+  }
+  return out;
+}
+
 void seal_tmcl(std::string& b) {
   if (b.size() != tmcl::kSerialBytes) return;
   b.back() = static_cast<char>(tmcl::checksum(bus_bytes(b).first<tmcl::kMailboxBytes>()));
@@ -88,6 +156,7 @@ void FuzzReaders::add_bus() {
                         '\x43', '\x18', '\x10', '\x01', '\x01', '\x02', '\x03', '\x04'};
   readers_.push_back({"coe_reply", {sdo}, read_sdo, {}, false});
   const auto serial = tmcl::to_serial(tmcl::encode(tmcl::Reply{2, 1, 100, 6, 711}));
+  readers_.push_back({"can_replies", {can_seed()}, read_can, {}, false});
   readers_.push_back({"tmcl_frame", {bus_text(serial)}, read_tmcl, seal_tmcl, false});
 }
 

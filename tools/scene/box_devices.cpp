@@ -63,8 +63,13 @@ class RobotBox::BasePose final : public drivers::PoseSource {
   perception::Pose X_BC_, X_WB_;
 };
 
-drivers::MotorBus& RobotBox::open_motors(rt::NonRealtime& nrt, const Scene& scene) {
+drivers::MotorBus& RobotBox::open_motors(rt::NonRealtime& nrt, const Scene& scene,
+                                         const BoxOptions& options) {
   bus_->set_cpu_clock(&rt::thread_cpu_ns);
+  if (scene.bus_kind == "can" || scene.bus_kind == "can-twin") {
+    can_ = std::make_unique<CanMotors>(nrt, scene, *bus_, options.real_devices);
+    return can_->bus();
+  }
   if (scene.bus_kind != "ethercat-twin") return *bus_;
   drivers::youbot_bus::MotorBusConfig motors;
   motors.gear_ratio = scene.graph.robot_io.base.gear_ratio;
@@ -89,7 +94,8 @@ drivers::SafetyIo* RobotBox::open_safety(rt::NonRealtime& nrt, const Scene& scen
 }
 
 std::int64_t RobotBox::motor_twin_cpu_ns() const noexcept {
-  return bus_->twin_cpu_ns() + (wire_ ? wire_->port().twin_cpu_ns() : 0);
+  return bus_->twin_cpu_ns() + (wire_ ? wire_->port().twin_cpu_ns() : 0) +
+         (can_ ? can_->twin_cpu_ns() : 0);
 }
 
 RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& options)
@@ -108,7 +114,7 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   bus_ = std::make_unique<drivers::VirtualYoubot>(nrt, scene.bus, std::move(plant));
 
   tasks::RobotSetup setup;
-  drivers::MotorBus& motors = open_motors(nrt, scene);
+  drivers::MotorBus& motors = open_motors(nrt, scene, options);
   setup.bus = options.wrap_bus ? options.wrap_bus(motors) : &motors;
   setup.safety = open_safety(nrt, scene, options);
   setup.bus_twin_cpu = [this] { return motor_twin_cpu_ns(); };

@@ -22,6 +22,7 @@
 #include "rt/fault/plan.hpp"
 #include "tasks/graph/operator_graph.hpp"
 #include "tasks/graph/robot_graph.hpp"
+#include "tools/scene/can_motors.hpp"
 #include "tools/scene/scene.hpp"
 
 namespace teletact {
@@ -60,7 +61,7 @@ class RobotBox {
  private:
   class BasePose;
   // What robot_io drives, and what of its CPU is the twins'.
-  drivers::MotorBus& open_motors(rt::NonRealtime&, const Scene&);
+  drivers::MotorBus& open_motors(rt::NonRealtime&, const Scene&, const BoxOptions&);
   [[nodiscard]] std::int64_t motor_twin_cpu_ns() const noexcept;
   // Null: the scene asks for no safety lines.
   drivers::SafetyIo* open_safety(rt::NonRealtime&, const Scene&, const BoxOptions&);
@@ -68,6 +69,7 @@ class RobotBox {
   std::unique_ptr<drivers::VirtualYoubot> bus_;
   // Before it, where the scene asks for one.
   std::unique_ptr<drivers::youbot_bus::EtherCatTwinBus> wire_;
+  std::unique_ptr<CanMotors> can_;
   std::unique_ptr<drivers::gpio::GpioLines> lines_;
   std::unique_ptr<drivers::gpio::SafetyChain> safety_;
   std::unique_ptr<drivers::PoseSource> pose_;

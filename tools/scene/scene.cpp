@@ -105,8 +105,10 @@ void Scene::describe(config::Section& s) {
   plant.describe(robot_section.section("plant", "wheels, motors, floor"));
   auto& motor_bus = robot_section.section("bus", "motor bus");
   bus.describe(motor_bus);
-  motor_bus.text("kind", bus_kind, {"direct", "ethercat-twin"},
-                 "what carries setpoints to the virtual motors: nothing, or EtherCAT frames");
+  motor_bus.text("kind", bus_kind, {"direct", "ethercat-twin", "can-twin", "can"},
+                 "what carries setpoints to the motors: nothing, EtherCAT frames or CAN frames of "
+                 "virtual ones, or a CAN bus (virtual where no device is opened)");
+  can.describe(motor_bus.section("can", "TMCL modules on a CAN bus"));
   auto& lines = robot_section.section("gpio", "emergency stop, enable switch, heartbeat, lamp");
   gpio.describe(lines);
   lines.list(

@@ -12,6 +12,7 @@
 #include "config/schema.hpp"
 #include "drivers/camera/camera_choice.hpp"
 #include "drivers/camera/synthetic_camera.hpp"
+#include "drivers/can/can_motor_bus.hpp"
 #include "drivers/emulator/network_config.hpp"
 #include "drivers/gpio/gpio_config.hpp"
 #include "drivers/gpio/twin/gpio_twin.hpp"
@@ -91,6 +92,7 @@ struct Scene {
   drivers::RobotPlantConfig plant;
   drivers::VirtualYoubotConfig bus;
   std::string bus_kind = "direct";
+  drivers::can::CanMotorConfig can;
   drivers::gpio::GpioConfig gpio;
   std::deque<drivers::gpio::TwinEvent> gpio_events;
   drivers::OmegaTwinConfig device;

@@ -24,6 +24,7 @@ int cmd_audit(int argc, char** argv);
 int cmd_report(int argc, char** argv);
 int cmd_replay(int argc, char** argv);
 int cmd_keys(int argc, char** argv);
+int cmd_can(int argc, char** argv);
 int cmd_ethercat(int argc, char** argv);
 
 }  // namespace teletact

@@ -46,6 +46,8 @@ constexpr std::array kCommands{
     Command{"identify", teletact::cmd_identify,
             "the haptic device by ring-down; identify robot: wheels and camera mount"},
     Command{"keys", teletact::cmd_keys, "the lab's CA and its boxes' certificates"},
+    Command{"can", teletact::cmd_can,
+            "TMCL modules on a CAN bus: who is there, what passes, parameters"},
     Command{"ethercat", teletact::cmd_ethercat,
             "the robot's EtherCAT bus: who is there, states, registers, parameters"},
     Command{"doctor", teletact::cmd_doctor,

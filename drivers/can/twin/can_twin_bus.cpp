@@ -6,7 +6,7 @@
 namespace drivers::can {
 
 namespace {
-constexpr double kTwoPi = 2 * std::numbers::pi;
+constexpr double kRadPerTurn = 2 * std::numbers::pi;
 }
 
 std::vector<TmclModule> CanTwinBus::modules_of(const CanMotorConfig& c) {
@@ -33,7 +33,7 @@ BusStatus CanTwinBus::exchange(rt::Time now, const MotorSetpoints& setpoints,
 
 void CanTwinBus::turn_motors(rt::Time now) noexcept {
   MotorSetpoints s;
-  const double rad_per_s_per_rpm = kTwoPi / 60 / config_.gear_ratio;
+  const double rad_per_s_per_rpm = kRadPerTurn / 60 / config_.gear_ratio;
   bool any = false;
   for (std::size_t i = 0; i < kWheels; ++i) {
     TmclModule& m = port_.modules()[i];
@@ -43,7 +43,7 @@ void CanTwinBus::turn_motors(rt::Time now) noexcept {
   }
   s.mode = any ? MotorMode::kVelocity : MotorMode::kStop;
   if (robot_.exchange(now, s, robot_states_) != BusStatus::kOk) return;
-  const double ticks_per_rad = config_.ticks_per_motor_turn * config_.gear_ratio / kTwoPi;
+  const double ticks_per_rad = config_.ticks_per_motor_turn * config_.gear_ratio / kRadPerTurn;
   for (std::size_t i = 0; i < kWheels; ++i) {
     TmclModule& m = port_.modules()[i];
     const auto ticks = static_cast<std::int64_t>(std::floor(robot_states_.wheel_rad[i] * ticks_per_rad));

@@ -415,6 +415,9 @@ TEST(RobotIo, LatchedMotorWatchdogNeedsAClear) {
   r.run(200);
   EXPECT_LT(r.error(held), 1e-6) << "nor is a clear";
   r.mode.mode = Mode::kEngaged;
+  r.run(200);
+  EXPECT_LT(r.error(held), 1e-6) << "the goal is from before the stop";
+  r.send({3, 0, 0}, 100s);
   r.run(1000);
   EXPECT_GT(r.error(held), 0.2);
 }
@@ -436,6 +439,7 @@ TEST(RobotIo, BrokenEncoderIsASafeStopUntilCleared) {
   clear(r);
   EXPECT_TRUE(r.health == rt::Health::ok());
   r.mode.mode = Mode::kEngaged;
+  r.send({3, 0, 0}, 100s);
   r.run(500);
   EXPECT_TRUE(r.health == rt::Health::ok());
   EXPECT_GT(r.truth().v_B.vx, 0.2);

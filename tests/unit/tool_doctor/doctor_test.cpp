@@ -111,7 +111,7 @@ TEST(CpuList, AsTheKernelWritesThem) {
 TEST(Doctor, AFitMachineIsFine) {
   const Machine m;
   const auto checks = teletact::run_doctor(m.root());
-  EXPECT_EQ(checks.size(), 13U);
+  EXPECT_EQ(checks.size(), 15U);
   for (const auto& c : checks) EXPECT_EQ(m.level(c.id), Level::kFine) << c.id << ": " << c.state;
   EXPECT_EQ(teletact::doctor_verdict(checks), Level::kFine);
 }
@@ -287,7 +287,7 @@ TEST(Doctor, VirtualMachine) {
 // Files that are missing, empty, huge, folders or noise: a finding each, never a crash.
 TEST(Doctor, SurvivesAnyTree) {
   const auto empty = teletact::run_doctor("/nonexistent");
-  EXPECT_EQ(empty.size(), 13U);
+  EXPECT_EQ(empty.size(), 15U);
   EXPECT_EQ(teletact::doctor_verdict(empty), Level::kUnfit);
   const std::uint64_t seed = 31;
   rt::Random r(seed);
@@ -337,7 +337,7 @@ TEST(Command, ExitCodeBySeverityAndJson) {
   std::ifstream in(json);
   const auto j = nlohmann::json::parse(in);
   EXPECT_EQ(j.at("command"), "doctor");
-  EXPECT_EQ(j.at("checks").size(), 13U);
+  EXPECT_EQ(j.at("checks").size(), 15U);
   EXPECT_EQ(j.at("metrics").at(0).at("name"), "doctor.verdict");
   EXPECT_EQ(j.at("metrics").at(0).at("value"), 1);
   m.limits("0", "0");

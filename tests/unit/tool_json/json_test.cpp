@@ -318,8 +318,9 @@ TEST(Json, EveryCommandWritesIt) {
     check(file, c, names);
   }
   // Boxes run until they are stopped, and these answer in forms of their own: tests/fault/two_boxes,
-  // tests/unit/{tool_keys,tool_audit,tool_run}, the tests of `teletact ethercat`.
-  for (const char* other : {"ethercat", "keys", "operator", "report", "robot", "status"})
+  // tests/unit/{tool_keys,tool_audit,tool_run}, the tests of `teletact ethercat`
+  // and, for `can`, tests/unit/tool_can.
+  for (const char* other : {"can", "ethercat", "keys", "operator", "report", "robot", "status"})
     EXPECT_TRUE(covered.insert(other).second) << other;
   EXPECT_EQ(covered, commands()) << "each command has a case here";
 }
