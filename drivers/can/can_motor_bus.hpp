@@ -61,9 +61,9 @@ class CanMotorBus final : public MotorBus {
 
   struct Counters {
     std::uint64_t requests = 0, replies = 0;
-    std::uint64_t late = 0;      // replies that never came in time
-    std::uint64_t refused = 0;   // a module answered with another status than 100
-    std::uint64_t strange = 0;   // frames that answer nothing that was asked
+    std::uint64_t late = 0;     // replies that never came in time
+    std::uint64_t refused = 0;  // a module answered with another status than 100
+    std::uint64_t strange = 0;  // frames that answer nothing that was asked
   };
   [[nodiscard]] const Counters& counters() const noexcept { return counters_; }
   // The reply identifiers to open a port with.
@@ -107,7 +107,7 @@ class CanMotorBus final : public MotorBus {
   std::array<Received, 64> in_{};
   std::array<CanFrame, kWheels> stop_{};  // for make_safe(): never written after construction
   std::atomic<bool> safe_{false};
-  bool down_ = false;  // latched
+  bool down_ = false;      // latched
   std::size_t first_ = 0;  // module whose turn it is
   int full_ = 0;
   std::uint64_t seq_ = 0;

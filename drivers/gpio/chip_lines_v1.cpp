@@ -26,9 +26,9 @@ int bias_flag(const std::string& bias) {
   return 0;
 }
 
-class ChipLines final : public GpioLines {
+class ChipLinesV1 final : public GpioLines {
  public:
-  explicit ChipLines(const GpioConfig& config) : places_(config.lines()) {
+  explicit ChipLinesV1(const GpioConfig& config) : places_(config.lines()) {
     const std::string path = chip_path(config.chip);
     chip_.reset(gpiod_chip_open(path.c_str()));
     if (!chip_) throw std::runtime_error(chip_problem(path, errno));
@@ -55,9 +55,8 @@ class ChipLines final : public GpioLines {
       for (int k = 0; k < n; ++k) {
         const gpiod_line_event& e = events[static_cast<std::size_t>(k)];
         const std::int64_t ns = e.ts.tv_sec * 1'000'000'000LL + e.ts.tv_nsec;
-        out[static_cast<std::size_t>(d.count++)] = {static_cast<int>(i),
-                                                    e.event_type == GPIOD_LINE_EVENT_RISING_EDGE,
-                                                    edge_time(ns, now)};
+        out[static_cast<std::size_t>(d.count++)] = {
+            static_cast<int>(i), e.event_type == GPIOD_LINE_EVENT_RISING_EDGE, edge_time(ns, now)};
       }
     }
     return d;
@@ -110,7 +109,7 @@ class ChipLines final : public GpioLines {
 }  // namespace
 
 std::unique_ptr<GpioLines> open_chip_lines(rt::NonRealtime&, const GpioConfig& config) {
-  return std::make_unique<ChipLines>(config);
+  return std::make_unique<ChipLinesV1>(config);
 }
 
 const char* libgpiod_version() noexcept { return "1.6"; }

@@ -55,9 +55,9 @@ Request request_lines(gpiod_chip* chip, const std::string& path, const std::vect
   return request;
 }
 
-class ChipLines final : public GpioLines {
+class ChipLinesV2 final : public GpioLines {
  public:
-  explicit ChipLines(const GpioConfig& config) : places_(config.lines()) {
+  explicit ChipLinesV2(const GpioConfig& config) : places_(config.lines()) {
     const std::string path = chip_path(config.chip);
     chip_.reset(gpiod_chip_open(path.c_str()));
     if (!chip_) throw std::runtime_error(chip_problem(path, errno));
@@ -138,7 +138,7 @@ class ChipLines final : public GpioLines {
 }  // namespace
 
 std::unique_ptr<GpioLines> open_chip_lines(rt::NonRealtime&, const GpioConfig& config) {
-  return std::make_unique<ChipLines>(config);
+  return std::make_unique<ChipLinesV2>(config);
 }
 
 const char* libgpiod_version() noexcept { return "2"; }

@@ -9,7 +9,7 @@
 namespace drivers::gpio {
 
 struct GpioConfig {
-  std::string kind = "none";        // "twin", "chip"
+  std::string kind = "none";            // "twin", "chip"
   std::string chip = "/dev/gpiochip0";  // or its name in /dev
   // Offsets on the chip; -1: not fitted.
   int estop_line = 0, estop_line_2 = -1, enable_line = -1, heartbeat_line = -1, lamp_line = -1;

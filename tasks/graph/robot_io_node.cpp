@@ -53,8 +53,7 @@ void RobotIoNode::log_estop(const rt::Tick& tick) noexcept {
   if (opened == logged_estop_) return;
   logged_estop_ = opened;
   auto& logs = *cells_.logs;
-  logs.of(TaskId::kRobotIo)
-      .write(logs.estop, tick.start, 1e6 * rt::seconds(tick.start - opened));
+  logs.of(TaskId::kRobotIo).write(logs.estop, tick.start, 1e6 * rt::seconds(tick.start - opened));
 }
 
 rt::Health RobotIoNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {

@@ -129,7 +129,7 @@ class RobotIoTask {
   Trajectory trajectory_;
   drivers::RobotGoal goal_;  // last accepted one
   bool have_goal_ = false, expiry_counted_ = false;
-  bool stopped_ = false;  // safely, and nothing was sent to the wheels since
+  bool stopped_ = false;    // safely, and nothing was sent to the wheels since
   bool void_goal_ = false;  // the newest goal came before or in a safe stop
   std::uint64_t void_seq_ = 0;
   std::uint64_t refused_seq_ = 0;

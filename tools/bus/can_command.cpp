@@ -114,13 +114,14 @@ int can_scan(const CanOptions& o) {
     if (!reply) continue;
     // Binary form: number of the module, then major and minor version (reference manual 3.35).
     const auto v = static_cast<std::uint32_t>(reply->value);
-    std::printf("%10d %5u %6u %5u %u.%02u\n", id, reply_id, reply->module, v >> 16U, v >> 8U & 0xFFU,
-                v & 0xFFU);
-    list.push_back({{"id", id},
-                    {"reply_id", reply_id},
-                    {"module", reply->module},
-                    {"type", v >> 16U},
-                    {"version", std::to_string(v >> 8U & 0xFFU) + "." + std::to_string(v & 0xFFU)}});
+    std::printf("%10d %5u %6u %5u %u.%02u\n", id, reply_id, reply->module, v >> 16U,
+                v >> 8U & 0xFFU, v & 0xFFU);
+    list.push_back(
+        {{"id", id},
+         {"reply_id", reply_id},
+         {"module", reply->module},
+         {"type", v >> 16U},
+         {"version", std::to_string(v >> 8U & 0xFFU) + "." + std::to_string(v & 0xFFU)}});
   }
   std::printf("%zu modules; bus: %s, %s\n", list.size(), to_text(bus.port().state()),
               to_text(bus.port().bus_state()));

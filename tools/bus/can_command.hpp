@@ -12,10 +12,10 @@ namespace teletact {
 struct CanOptions {
   CanChoice bus;
   std::string json;
-  int last_id = 127, wait_ms = 10;       // scan
-  double for_s = 1;                      // dump, serve
+  int last_id = 127, wait_ms = 10;        // scan
+  double for_s = 1;                       // dump, serve
   int id = 1, parameter = -1, motor = 0;  // get, set
-  bool global = false;                   // parameter of the module, motor is then the bank
+  bool global = false;                    // parameter of the module, motor is then the bank
   std::int64_t value = 0;
   bool yes = false;
 };

@@ -7,9 +7,10 @@ namespace teletact {
 std::vector<DoctorCheck> run_doctor(const std::string& root) {
   using namespace doctor;
   const Tree tree(root);
-  return {preemption(tree), rtprio(tree),      memlock(tree),       cores(tree),        quota(tree),
-          governor(tree),   idle_states(tree), interrupts(tree),    clock_source(tree), smt(tree),
-          throttling(tree), fair_server(tree), virtualisation(tree),    can_bus(tree),      gpio_chips(tree)};
+  return {preemption(tree),     rtprio(tree),   memlock(tree),     cores(tree),
+          quota(tree),          governor(tree), idle_states(tree), interrupts(tree),
+          clock_source(tree),   smt(tree),      throttling(tree),  fair_server(tree),
+          virtualisation(tree), can_bus(tree),  gpio_chips(tree)};
 }
 
 DoctorCheck::Level doctor_verdict(const std::vector<DoctorCheck>& checks) {

@@ -75,8 +75,7 @@ class FedCanPort final : public drivers::can::CanPort {
   [[nodiscard]] int send(rt::Time, std::span<const drivers::can::CanFrame> f) noexcept override {
     return static_cast<int>(f.size());
   }
-  [[nodiscard]] int receive(rt::Time now,
-                            std::span<drivers::can::Received> out) noexcept override {
+  [[nodiscard]] int receive(rt::Time now, std::span<drivers::can::Received> out) noexcept override {
     int n = 0;
     for (; at + sizeof(can_frame) <= bytes.size() && n < static_cast<int>(out.size());
          at += sizeof(can_frame)) {
@@ -127,7 +126,8 @@ std::string can_seed() {
   std::string out;
   for (const unsigned module : {1U, 3U, 5U, 7U}) {
     drivers::can::CanFrame f;
-    (void)drivers::can::fill(f, 2, tmcl::to_can(tmcl::Reply{0, static_cast<std::uint8_t>(module), 100, 3, 0}));
+    (void)drivers::can::fill(
+        f, 2, tmcl::to_can(tmcl::Reply{0, static_cast<std::uint8_t>(module), 100, 3, 0}));
     const can_frame k = drivers::can::to_kernel(f);
     out.append(reinterpret_cast<const char*>(&k), sizeof k);
   }

@@ -46,7 +46,8 @@ void CanTwinBus::turn_motors(rt::Time now) noexcept {
   const double ticks_per_rad = config_.ticks_per_motor_turn * config_.gear_ratio / kRadPerTurn;
   for (std::size_t i = 0; i < kWheels; ++i) {
     TmclModule& m = port_.modules()[i];
-    const auto ticks = static_cast<std::int64_t>(std::floor(robot_states_.wheel_rad[i] * ticks_per_rad));
+    const auto ticks =
+        static_cast<std::int64_t>(std::floor(robot_states_.wheel_rad[i] * ticks_per_rad));
     m.position = static_cast<std::int32_t>(static_cast<std::uint32_t>(ticks));
     m.rpm = static_cast<std::int32_t>(
         std::lround(robot_states_.wheel_rad_per_s[i] / rad_per_s_per_rpm));

@@ -5,6 +5,44 @@
 
 namespace drivers::can {
 
+bool TmclModule::axis_parameter(std::uint8_t number, std::int32_t& value) const noexcept {
+  switch (number) {
+    case tmcl::axis::kTargetSpeed:
+      value = target_rpm;
+      return true;
+    case tmcl::axis::kActualPosition:
+      value = position;
+      return true;
+    case tmcl::axis::kActualSpeed:
+      value = rpm;
+      return true;
+    case tmcl::axis::kActualCurrent:
+      value = current_mA;
+      return true;
+    case tmcl::axis::kFlags:
+      value = static_cast<std::int32_t>(flags);
+      return true;
+    default:
+      return false;
+  }
+}
+
+bool TmclModule::global_parameter(std::uint8_t number, std::int32_t& value) const noexcept {
+  switch (number) {
+    case tmcl::global::kCanRate:
+      value = 8;  // 1000 kbit/s
+      return true;
+    case tmcl::global::kCanReplyId:
+      value = static_cast<std::int32_t>(reply_id);
+      return true;
+    case tmcl::global::kCanId:
+      value = static_cast<std::int32_t>(id);
+      return true;
+    default:
+      return false;
+  }
+}
+
 bool TmclModule::answer(const tmcl::Request& q, tmcl::Reply& out, bool& text) noexcept {
   using tmcl::Command;
   text = false;
@@ -34,30 +72,10 @@ bool TmclModule::answer(const tmcl::Request& q, tmcl::Reply& out, bool& text) no
       target_rpm = q.value;
       break;
     case Command::kGetAxisParameter:
-      if (q.type == tmcl::axis::kTargetSpeed) {
-        out.value = target_rpm;
-      } else if (q.type == tmcl::axis::kActualPosition) {
-        out.value = position;
-      } else if (q.type == tmcl::axis::kActualSpeed) {
-        out.value = rpm;
-      } else if (q.type == tmcl::axis::kActualCurrent) {
-        out.value = current_mA;
-      } else if (q.type == tmcl::axis::kFlags) {
-        out.value = static_cast<std::int32_t>(flags);
-      } else {
-        out.status = tmcl::status::kWrongType;
-      }
+      if (!axis_parameter(q.type, out.value)) out.status = tmcl::status::kWrongType;
       break;
     case Command::kGetGlobal:
-      if (q.type == tmcl::global::kCanRate) {
-        out.value = 8;  // 1000 kbit/s
-      } else if (q.type == tmcl::global::kCanReplyId) {
-        out.value = static_cast<std::int32_t>(reply_id);
-      } else if (q.type == tmcl::global::kCanId) {
-        out.value = static_cast<std::int32_t>(id);
-      } else {
-        out.status = tmcl::status::kWrongType;
-      }
+      if (!global_parameter(q.type, out.value)) out.status = tmcl::status::kWrongType;
       break;
     case Command::kFirmwareVersion:
       text = q.type == 0;

@@ -9,7 +9,8 @@
 
 namespace drivers::can {
 
-struct TmclModule {
+class TmclModule {
+ public:
   // Set-up.
   std::uint32_t id = 1;
   std::uint32_t reply_id = 2;
@@ -21,13 +22,18 @@ struct TmclModule {
   std::int32_t position = 0, rpm = 0, current_mA = 0;
   std::uint32_t flags = 0;
   // Faults.
-  bool silent = false;               // powered off
-  std::uint8_t status_instead = 0;   // refuses everything with this status
+  bool silent = false;              // powered off
+  std::uint8_t status_instead = 0;  // refuses everything with this status
   std::uint64_t requests = 0, stops = 0;
   rt::Time answered{};  // when its newest reply was ready
 
   // False: it says nothing. `text`: the reply is eight bytes of text instead, the firmware's name.
   [[nodiscard]] bool answer(const tmcl::Request&, tmcl::Reply& out, bool& text) noexcept;
+
+ private:
+  // False: it has no such parameter.
+  [[nodiscard]] bool axis_parameter(std::uint8_t number, std::int32_t& value) const noexcept;
+  [[nodiscard]] bool global_parameter(std::uint8_t number, std::int32_t& value) const noexcept;
 };
 
 }  // namespace drivers::can

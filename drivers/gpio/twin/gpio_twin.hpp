@@ -38,7 +38,7 @@ class GpioTwin final : public GpioLines {
   void weld_second(bool welded) noexcept { welded_ = welded; }  // the contact no longer opens
   // The switch closes with `edges` bounces, `gap` apart, from `at` on.
   void bounce(rt::Time at, int edges, rt::Nanos gap) noexcept;
-  void lose_edges(bool on) noexcept { lose_ = on; }      // they never come; levels are right
+  void lose_edges(bool on) noexcept { lose_ = on; }  // they never come; levels are right
   void unreadable(bool on) noexcept { unreadable_ = on; }
   void unwritable(bool on) noexcept { unwritable_ = on; }
   // ---- a scene's script, executed lazily at the next access; `epoch`: second 0

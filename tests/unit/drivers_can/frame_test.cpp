@@ -55,7 +55,8 @@ TEST(TmclCan, RatesOfParameter69) {
   EXPECT_EQ(tmcl::can_rate_kbit_per_s(1), 10);
   EXPECT_EQ(tmcl::can_rate_kbit_per_s(6), 250);
   EXPECT_EQ(tmcl::can_rate_kbit_per_s(8), 1000);
-  for (const int bad : {INT32_MIN, -1, 0, 9, INT32_MAX}) EXPECT_EQ(tmcl::can_rate_kbit_per_s(bad), 0);
+  for (const int bad : {INT32_MIN, -1, 0, 9, INT32_MAX})
+    EXPECT_EQ(tmcl::can_rate_kbit_per_s(bad), 0);
 }
 
 TEST(CanFrame, ToTheKernelAndBack) {
@@ -136,9 +137,11 @@ TEST(BusWatch, OffAndBack) {
 }
 
 TEST(BusWatch, WhatErrnoSays) {
-  for (const auto& [error, state] :
-       {std::pair{ENOBUFS, PortState::kQueueFull}, {EAGAIN, PortState::kQueueFull},
-        {ENETDOWN, PortState::kDown}, {ENODEV, PortState::kGone}, {ENXIO, PortState::kGone}}) {
+  for (const auto& [error, state] : {std::pair{ENOBUFS, PortState::kQueueFull},
+                                     {EAGAIN, PortState::kQueueFull},
+                                     {ENETDOWN, PortState::kDown},
+                                     {ENODEV, PortState::kGone},
+                                     {ENXIO, PortState::kGone}}) {
     BusWatch w;
     w.take_errno(error);
     EXPECT_EQ(w.port, state) << error;

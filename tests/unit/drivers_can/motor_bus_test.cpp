@@ -40,9 +40,7 @@ struct Rig {
     for (int i = 0; i < n; ++i) ok += job(rpm, mode) == BusStatus::kOk ? 1 : 0;
     return ok;
   }
-  [[nodiscard]] double true_speed() const {
-    return robot.plant().state().wheel_rad_per_s[0];
-  }
+  [[nodiscard]] double true_speed() const { return robot.plant().state().wheel_rad_per_s[0]; }
   rt::Startup startup;
   VirtualYoubot robot{startup.token(), {}, drivers::RobotPlant(startup.token(), {}, {}, {})};
   rt::Time now = rt::time_from_ns(1'000'000'000'000);

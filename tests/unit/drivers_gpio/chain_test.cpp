@@ -231,8 +231,8 @@ TEST(SafetyChain, JobsThatStartUnevenlyKeepTheWave) {
 }
 
 TEST(SafetyChain, LampShowsWhatItIsTold) {
-  for (const auto& [lamp, changes] : {std::pair{Lamp::kOff, 0}, {Lamp::kSlow, 8}, {Lamp::kFast, 32},
-                                      {Lamp::kOn, 1}}) {
+  for (const auto& [lamp, changes] :
+       {std::pair{Lamp::kOff, 0}, {Lamp::kSlow, 8}, {Lamp::kFast, 32}, {Lamp::kOn, 1}}) {
     Rig r;
     int seen = 0;
     bool last = false;

@@ -152,7 +152,8 @@ struct RobotRig {
 
   rt::Startup startup;
   tasks::GraphConfig config;
-  drivers::VirtualYoubot robot{startup.token(), {}, drivers::RobotPlant(startup.token(), {}, {}, {})};
+  drivers::VirtualYoubot robot{
+      startup.token(), {}, drivers::RobotPlant(startup.token(), {}, {}, {})};
   WatchedBus bus{robot};
   NoCamera camera;
   drivers::gpio::GpioTwin twin;

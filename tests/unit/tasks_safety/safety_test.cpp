@@ -78,8 +78,8 @@ TEST(Safety, TheFrameOfThatJobCarriesMotorStop) {
   drivers::youbot_bus::EtherCatTwinBus wire(r.startup.token(), r.robot);
   WatchedBus bus(wire);
   r.setup.bus = &bus;
-  r.robot_io = std::make_unique<tasks::RobotIoNode>(r.startup.token(), r.config, r.setup, r.cells,
-                                                    r.link);
+  r.robot_io =
+      std::make_unique<tasks::RobotIoNode>(r.startup.token(), r.config, r.setup, r.cells, r.link);
   r.jobs(100);
   for (int press = 0; press < 5; ++press) {
     r.twin.release(r.now);

@@ -25,8 +25,9 @@ CanOptions twin() {
 }
 
 struct File {
-  File() : path(std::filesystem::temp_directory_path() /
-                ("teletact_can_" + std::to_string(getpid()) + ".json")) {}
+  File()
+      : path(std::filesystem::temp_directory_path() /
+             ("teletact_can_" + std::to_string(getpid()) + ".json")) {}
   ~File() { std::filesystem::remove(path); }
   [[nodiscard]] nlohmann::json read() const { return nlohmann::json::parse(std::ifstream(path)); }
   std::filesystem::path path;
@@ -98,7 +99,8 @@ TEST(SocketPort, TwoEndsOfAnInterface) {
   const auto b = drivers::can::open_socket_port(startup.token(), {"vcan0", {}, 1 << 16});
   const rt::Time now = rt::time_from_ns(5'000'000'000);
   std::array<drivers::can::CanFrame, 3> frames{};
-  for (std::size_t i = 0; i < 3; ++i) frames[i] = {static_cast<std::uint32_t>(i + 1), false, false, 1, {}};
+  for (std::size_t i = 0; i < 3; ++i)
+    frames[i] = {static_cast<std::uint32_t>(i + 1), false, false, 1, {}};
   ASSERT_EQ(b->send(now, frames), 3);
   std::array<drivers::can::Received, 8> in{};
   ASSERT_EQ(a->receive(now, in), 1) << "the filter lets identifier 2 alone through";
