@@ -172,10 +172,9 @@ std::uint32_t DepthFilter::plan(const StripeShape& shape, const FilterDemand& de
       }
     }
     const auto at = static_cast<std::ptrdiff_t>(y) * shape.width;
-    const Row row{mean_.data() + at,  above_.data() + at, below_.data() + at,
-                  debt_.data() + at,  age_.data() + at,   target_.data() + at,
-                  due_.data() + at,   reading + at,       points + at,
-                  turns_.data()};
+    const Row row{mean_.data() + at, above_.data() + at,  below_.data() + at, debt_.data() + at,
+                  age_.data() + at,  target_.data() + at, due_.data() + at,   reading + at,
+                  points + at,       turns_.data()};
     restless += demand.mode == DepthMode::kQuiet ? judge_quiet(row, law, shape.width)
                                                  : judge_faithful(row, law, shape.width);
   }

@@ -62,11 +62,12 @@ class DepthFilter {
 
  private:
   // The memory, each an array over the pixels of the stripe.
-  std::vector<std::int32_t> mean_;           // points, 8 bits of fraction
-  std::vector<std::uint16_t> above_, below_; // mean deviations up, down: points, 8 bits of fraction
-  std::vector<std::int16_t> debt_;           // points
-  std::vector<std::uint16_t> age_;           // readings in the mean; 0: none
-  std::vector<std::int32_t> turns_;          // of one row: whose turn it is
+  std::vector<std::int32_t> mean_;  // points, 8 bits of fraction
+  std::vector<std::uint16_t> above_,
+      below_;                        // mean deviations up, down: points, 8 bits of fraction
+  std::vector<std::int16_t> debt_;   // points
+  std::vector<std::uint16_t> age_;   // readings in the mean; 0: none
+  std::vector<std::int32_t> turns_;  // of one row: whose turn it is
   std::vector<std::uint16_t> target_;
   std::vector<std::uint8_t> due_;
   const std::uint16_t* wanted_ = nullptr;
