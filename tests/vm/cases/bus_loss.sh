@@ -13,5 +13,5 @@ dropped=$(sed -n 's/.*(dropped \([0-9]*\),.*/\1/p' /tmp/qdisc | head -1)
 tc qdisc del dev veth0 root
 chain_down
 echo "figure vm.injected_losses $dropped 1"
-holds "every loss counted, none more" "$(value /tmp/bus ethercat.lost) == $dropped && $dropped > 0" \
-  "$(value /tmp/bus ethercat.lost) counted, $dropped injected"
+holds "every loss counted, none more" "$(value /tmp/bus ethercat.lost_in_all) == $dropped && $dropped > 0" \
+  "$(value /tmp/bus ethercat.lost_in_all) counted, $dropped injected"

@@ -19,6 +19,13 @@ constexpr int kPriority = 90;
 volatile std::sig_atomic_t gap_wanted = 0, end_wanted = 0;
 void on_signal(int number) { (number == SIGTERM ? end_wanted : gap_wanted) = number; }
 
+// Motors turn on without a frame; what is not done now would be done at the next frame, all at once.
+void idle(drivers::youbot_bus::YoubotChain& chain, rt::Time now) {
+  for (std::size_t i = 0; i < chain.boards().size(); ++i) {
+    if (chain.drive(i) != nullptr) (void)chain.drive(i)->flags(now);
+  }
+}
+
 rt::Nanos milliseconds(double ms) { return rt::Nanos{static_cast<std::int64_t>(1e6 * ms)}; }
 
 }  // namespace
@@ -51,16 +58,16 @@ int main(int argc, char** argv) {
   std::uint64_t passed = 0, swallowed = 0, refused = 0;
   rt::Time gap_until{};
   while (end_wanted == 0) {
-    const rt::Time until = port.value()->now() + std::chrono::milliseconds{100};
+    const rt::Time until = port.value()->now() + std::chrono::milliseconds{2};
     const std::size_t bytes = port.value()->receive(frame, until);
     const rt::Time now = port.value()->now();
     if (gap_wanted != 0) {
       gap_until = now + (gap_wanted == SIGUSR1 ? gap : long_gap);
       gap_wanted = 0;
     }
-    if (bytes == 0) continue;
-    if (now < gap_until) {
-      ++swallowed;
+    if (bytes == 0 || now < gap_until) {
+      swallowed += bytes > 0 ? 1 : 0;
+      idle(chain, now);
       continue;
     }
     const auto used = std::span(frame).first(bytes);
