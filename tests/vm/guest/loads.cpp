@@ -142,11 +142,10 @@ int admitted(rt::NonRealtime& nrt, double seconds) {
                 static_cast<unsigned long long>(t.completed),
                 static_cast<unsigned long long>(t.late), static_cast<unsigned long long>(t.skipped),
                 static_cast<unsigned long long>(t.aborted));
-    vm::figure("loads." + placed[i].spec.name + ".cpu_max_us", 1e-3 * static_cast<double>(cpu),
+    vm::figure(placed[i].spec.name + ".cpu_max_us", 1e-3 * static_cast<double>(cpu), "us");
+    vm::figure(placed[i].spec.name + ".response_max_us", 1e-3 * static_cast<double>(response),
                "us");
-    vm::figure("loads." + placed[i].spec.name + ".response_max_us",
-               1e-3 * static_cast<double>(response), "us");
-    vm::figure("loads." + placed[i].spec.name + ".response_bound_us",
+    vm::figure(placed[i].spec.name + ".response_bound_us",
                1e-3 * static_cast<double>(admission.tasks[i].R.count()), "us");
     vm::check(placed[i].spec.name + " within the response that admission computed",
               response <= admission.tasks[i].R.count(), "");
@@ -156,8 +155,8 @@ int admitted(rt::NonRealtime& nrt, double seconds) {
   std::uint64_t releases = 0;
   for (const auto& p : placed)
     releases += static_cast<std::uint64_t>(seconds * static_cast<double>(p.spec.rate.num) + 0.5);
-  vm::figure("loads.jobs", static_cast<double>(jobs), "1");
-  vm::figure("loads.missed", static_cast<double>(missed), "1");
+  vm::figure("jobs", static_cast<double>(jobs), "1");
+  vm::figure("missed", static_cast<double>(missed), "1");
   vm::check("no job missed", missed == 0 && jobs == releases,
             std::to_string(jobs) + " of " + std::to_string(releases));
   return 0;
