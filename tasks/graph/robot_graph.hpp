@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "drivers/camera/camera.hpp"
+#include "drivers/gpio/safety_io.hpp"
 #include "drivers/link/command_gate.hpp"
 #include "drivers/link/endpoint.hpp"
 #include "drivers/link/frame_asker.hpp"
@@ -40,6 +41,7 @@ struct LatchedDemand {
 struct RobotSetup {
   drivers::MotorBus* bus = nullptr;
   drivers::Camera* camera = nullptr;
+  drivers::SafetyIo* safety = nullptr;  // null: the robot has no safety lines
   std::function<std::int64_t()> bus_twin_cpu, camera_twin_cpu;  // empty: real devices
   bool hash_outputs = false;
   rt::FaultPlan faults;

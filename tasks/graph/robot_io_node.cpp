@@ -11,6 +11,7 @@ RobotIoNode::RobotIoNode(rt::NonRealtime& nrt, const GraphConfig& config, const 
                          RobotCells& cells, LinkStatus& link)
     : task_(nrt, config.robot_io),
       bus_(*setup.bus),
+      safety_(setup.safety),
       cells_(cells),
       link_(link),
       twin_cpu_(setup.bus_twin_cpu),
@@ -19,8 +20,13 @@ RobotIoNode::RobotIoNode(rt::NonRealtime& nrt, const GraphConfig& config, const 
   in_.mode = &mode_;
 }
 
-// One bus frame a tick carries the setpoints of the last committed job out and the states in.
+// One bus frame a tick carries the setpoints of the last committed job out and the states in. The
+// safety lines come before it: what an open emergency stop forbids is not sent any more.
 void RobotIoNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
+  if (safety_ != nullptr) {
+    safety_->sense(tick.start, in_.safety);
+    if (in_.safety.estop_open) setpoints_ = {};
+  }
   in_.bus = bus_.exchange(tick.start, setpoints_, in_.motors);
   const auto goal = cells_.take<EdgeId::kGoal, TaskId::kRobotIo>(record);
   in_.goal = goal.value;
@@ -41,6 +47,16 @@ void RobotIoNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   record.input_seq[sensed_input(TaskId::kRobotIo)] = in_.motors.seq;
 }
 
+// How long the newest press waited for the job that acted on it.
+void RobotIoNode::log_estop(const rt::Tick& tick) noexcept {
+  const rt::Time opened = in_.safety.estop_opened;
+  if (opened == logged_estop_) return;
+  logged_estop_ = opened;
+  auto& logs = *cells_.logs;
+  logs.of(TaskId::kRobotIo)
+      .write(logs.estop, tick.start, 1e6 * rt::seconds(tick.start - opened));
+}
+
 rt::Health RobotIoNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   health_ = task_.step(tick, in_, out_);
   // The base ramps down; the operator's box is not told of a mode that nobody has entered.
@@ -51,6 +67,11 @@ rt::Health RobotIoNode::step(const rt::Tick& tick, rt::JobRecord& record) noexce
 
 void RobotIoNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (out_.rearm_motors) bus_.rearm();
+  if (safety_ != nullptr) {
+    if (out_.rearm_motors) safety_->allow_again();
+    safety_->act(tick.start, out_.safety);
+    log_estop(tick);
+  }
   setpoints_ = out_.setpoints;
   cells_.begin_write<EdgeId::kRobotState>() = out_.state;
   cells_.publish<EdgeId::kRobotState>(tick.start);
@@ -81,6 +102,10 @@ void RobotIoNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   hash_output(h, out_.setpoints);
   h.word(out_.rearm_motors ? 1 : 0);
   hash_output(h, out_.state);
+  if (safety_ != nullptr) {
+    h.word(out_.safety.alive ? 1 : 0);
+    h.word(static_cast<std::uint64_t>(out_.safety.lamp));
+  }
   record.output_hash = h.digest();
 }
 

@@ -13,15 +13,20 @@ class RobotIoNode final : public rt::TaskBody {
   void latch(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   rt::Health step(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
-  void make_safe() noexcept override { bus_.make_safe(); }
+  void make_safe() noexcept override {
+    bus_.make_safe();
+    if (safety_ != nullptr) safety_->make_safe();
+  }
   [[nodiscard]] std::int64_t twin_cpu_ns() const noexcept override {
     return twin_cpu_ ? twin_cpu_() : 0;
   }
   [[nodiscard]] const RobotIoTask::In& in() const noexcept { return in_; }
 
  private:
+  void log_estop(const rt::Tick&) noexcept;
   RobotIoTask task_;
   drivers::MotorBus& bus_;
+  drivers::SafetyIo* safety_;  // null: the robot has no safety lines
   RobotCells& cells_;
   LinkStatus& link_;
   std::function<std::int64_t()> twin_cpu_;
@@ -29,6 +34,7 @@ class RobotIoNode final : public rt::TaskBody {
   drivers::MotorSetpoints setpoints_;  // of the last committed job: goes out with the next exchange
   ReaderLimits<TaskId::kRobotIo> limits_;
   std::uint64_t logged_refused_ = 0, logged_expired_ = 0;
+  rt::Time logged_estop_{};
   ModeMsg mode_;
   Mode heard_ = Mode::kInit;  // the newest one, however old
   RobotIoTask::In in_;

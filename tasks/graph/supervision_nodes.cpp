@@ -115,10 +115,17 @@ RobotSupervisionNode::RobotSupervisionNode(rt::NonRealtime& nrt, const GraphConf
       link_(link),
       requests_(requests),
       hash_(setup.hash_outputs),
+      estop_fitted_(setup.safety != nullptr),
       limits_(config, cells.logs.get()) {}
 
 void RobotSupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   latch_health(cells_, kRobotWatched, in_, record);
+  // robot_io samples the emergency stop in each job and reports it as its own fault.
+  for (std::size_t i = 0; estop_fitted_ && i < kRobotWatched.size(); ++i) {
+    if (kRobotWatched[i].id != TaskId::kRobotIo) continue;
+    in_.estop_fitted = in_.tasks[i].heard;
+    in_.estop_sampled = in_.tasks[i].heartbeat;
+  }
   const auto goal = cells_.take<EdgeId::kGoal, TaskId::kRobotSupervision>(record);
   const std::int64_t heard = link_.last_heard_ns.load(std::memory_order_relaxed);
   in_.link_expected = link_.expected.load(std::memory_order_relaxed);

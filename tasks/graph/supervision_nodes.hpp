@@ -46,6 +46,7 @@ class RobotSupervisionNode final : public rt::TaskBody {
   LinkStatus& link_;
   OperatorRequests& requests_;
   bool hash_;
+  bool estop_fitted_;
   ReaderLimits<TaskId::kRobotSupervision> limits_;
   Mode logged_mode_ = Mode::kInit;
   SupervisionTask::In in_;

@@ -36,6 +36,9 @@ class TaskLogs {
                                                "goal refused, not finite; {} so far")),
         goal_expired(
             sites_.add<std::uint64_t>(nrt, rt::LogLevel::kWarning, "goal expired; {} so far")),
+        estop(sites_.add<double>(
+            nrt, rt::LogLevel::kWarning,
+            "emergency stop opened {:.0f} us before the job that turned the motors off")),
         level(sites_.add<unsigned, unsigned>(nrt, rt::LogLevel::kInfo, "level {} -> {}")),
         edit(sites_.add<std::uint64_t, unsigned, unsigned>(
             nrt, rt::LogLevel::kInfo, "edit {}: kind {} (0 clear, 1 disc, 2 box, 3 erase), id {}")),
@@ -89,6 +92,7 @@ class TaskLogs {
   const rt::LogSite<std::uint64_t, int, std::uint64_t> path;
   const rt::LogSite<std::uint64_t, unsigned> given_up;
   const rt::LogSite<std::uint64_t> tracking_lost, tracking_back, goal_refused, goal_expired;
+  const rt::LogSite<double> estop;
   const rt::LogSite<unsigned, unsigned> level;
   const rt::LogSite<std::uint64_t, unsigned, unsigned> edit;
   const rt::LogSite<unsigned, double, double> grasp;

@@ -44,7 +44,8 @@ RobotIoTask::RobotIoTask(rt::NonRealtime&, const RobotIoConfig& config)
 
 Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   out.rearm_motors = false;
-  Health health = sense_bus(in);
+  Health health = safety_.step(in.safety, in.mode);
+  health = rt::worst(health, sense_bus(in));
   health = rt::worst(health, accept_goal(tick, in));
 
   last_mode_ = in.mode != nullptr ? in.mode->mode : Mode::kInit;
@@ -58,9 +59,11 @@ Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept 
   telemetry_.driving = drive == Drive::kGoal;
   telemetry_.tracking_error_m = telemetry_.tracking_error_rad = 0;
   PlanarVelocity v_O;
-  switch (drive) {
+  const bool resumes = stopped_ && drive != Drive::kOff;
+  switch (resumes ? Drive::kOff : drive) {
     case Drive::kOff:
       trajectory_.halt(X_OB);
+      void_goals(in, health);
       break;
     case Drive::kRampDown:
       v_O = trajectory_.ramp_down(X_OB, dt);
@@ -87,11 +90,35 @@ Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept 
       break;
     }
   }
+  if (resumes) v_O = go_on_from_measured();
   const double c = std::cos(X_OB.yaw), s = std::sin(X_OB.yaw);
   v_commanded_ = {c * v_O.x + s * v_O.y, -s * v_O.x + c * v_O.y, v_O.yaw};
   write_setpoints(drive, out);
+  if (resumes) out.setpoints.wheel_rad_per_s = in.motors.wheel_rad_per_s;
   write_state(tick, in, drive, health, out);
+  const bool bus_down = lost_in_a_row_ >= config_.frames_lost_limit;
+  out.safety = safety_.show(tick, in.safety, in.mode, bus_down);
   return health;
+}
+
+// What was asked for before a safe stop, or while it lasts, moves nothing after it.
+void RobotIoTask::void_goals(const In& in, Health health) noexcept {
+  if (last_mode_ != Mode::kSafeStop && health.severity != Severity::kSafeStop) return;
+  stopped_ = true;
+  have_goal_ = false;
+  void_goal_ = in.goal != nullptr;
+  if (void_goal_) void_seq_ = in.goal->seq;
+}
+
+// The first setpoints after a safe stop are what the wheels do: no step, even if they still roll.
+PlanarVelocity RobotIoTask::go_on_from_measured() noexcept {
+  stopped_ = false;
+  const Pose2& X_OB = odometry_.pose();
+  const double c = std::cos(X_OB.yaw), s = std::sin(X_OB.yaw);
+  const PlanarVelocity v_O{c * v_measured_.vx - s * v_measured_.vy,
+                           s * v_measured_.vx + c * v_measured_.vy, v_measured_.wz};
+  trajectory_.resume(X_OB, v_O);
+  return v_O;
 }
 
 Health RobotIoTask::sense_bus(const In& in) noexcept {
@@ -151,6 +178,7 @@ Health RobotIoTask::until_seen(Health health) noexcept {
 
 Health RobotIoTask::accept_goal(const rt::Tick&, const In& in) noexcept {
   if (in.goal == nullptr || (have_goal_ && in.goal->seq == goal_.seq)) return Health::ok();
+  if (void_goal_ && in.goal->seq == void_seq_) return Health::ok();
   if (!usable(*in.goal)) {
     if (refused_seq_ != in.goal->seq || telemetry_.goals_refused == 0) ++telemetry_.goals_refused;
     refused_seq_ = in.goal->seq;
@@ -176,6 +204,7 @@ RobotIoTask::Drive RobotIoTask::decide(const rt::Tick& tick, const In& in, Out&,
     case Mode::kEngaged:
       break;
   }
+  if (health.severity == Severity::kRampDown) return Drive::kRampDown;  // the enable switch
   if (!in.link_heard || in.link_closed ||
       tick.start - in.link_heard_at > std::chrono::milliseconds{config_.link_silence_ms}) {
     health = rt::worst(health, Health::of(Severity::kDegraded, robot_io_fault::kLinkSilent));

@@ -3,6 +3,7 @@
 //   sense    MotorStates           from drivers/youbot   (bus exchange; outside step)
 //   reads    Latest<RobotGoal>     from prediction, over the link; silent or expired -> ramp down
 //            Latest<ModeMsg>       from supervision of the robot box
+//            SafetyInputs          from drivers/gpio, where fitted (safety_watch.hpp)
 //   act      MotorSetpoints        to drivers/youbot     (bus exchange; outside step)
 //   writes   RobotState            over the link, to prediction
 //   budget   100 us of the 1 ms period
@@ -11,8 +12,9 @@
 // The base moves only while: mode engaged, bus up, a finite goal that is engaged and not expired,
 // the link heard from. A fault among these ramps it down with its own, steeper deceleration; a goal
 // that is not engaged halts it with the acceleration limit; safe stop switches the motors off at
-// once. What a safe stop has latched (the motors' watchdog, an encoder fault) goes with the
-// operator's clear; until supervision is seen in its safe stop the fault stays reported.
+// once. After a safe stop older goals are void, and the first setpoints are the measured speeds.
+// What it has latched (the motors' watchdog, an encoder fault) goes with the operator's clear; until
+// supervision is seen in its safe stop the fault stays reported.
 #pragma once
 
 #include <cstdint>
@@ -25,6 +27,7 @@
 #include "rt/tick.hpp"
 #include "tasks/contract/messages.hpp"
 #include "tasks/contract/table.hpp"
+#include "tasks/robot_io/safety_watch.hpp"
 #include "tasks/robot_io/trajectory.hpp"
 
 namespace tasks {
@@ -92,6 +95,7 @@ class RobotIoTask {
     bool link_heard = false;                   // ever
     rt::Time link_heard_at{};                  // last valid message of the operator box
     bool link_closed = false;                  // its connection has ended
+    drivers::SafetyInputs safety;              // of this job; not fitted: none
   };
   struct Out {
     drivers::MotorSetpoints setpoints;
@@ -99,6 +103,7 @@ class RobotIoTask {
     RobotIoTelemetry telemetry;
     // The operator clears: the driver lets go of what its motors have latched.
     bool rearm_motors = false;
+    drivers::SafetyOutputs safety;  // where fitted
   };
 
   // Throws std::invalid_argument if a limit contradicts another one.
@@ -110,6 +115,8 @@ class RobotIoTask {
   enum class Drive : std::uint8_t { kOff, kRampDown, kHalt, kGoal };
   [[nodiscard]] rt::Health sense_bus(const In&) noexcept;
   void let_go(Out&) noexcept;
+  void void_goals(const In&, rt::Health) noexcept;
+  [[nodiscard]] PlanarVelocity go_on_from_measured() noexcept;
   [[nodiscard]] rt::Health until_seen(rt::Health) noexcept;
   [[nodiscard]] Drive decide(const rt::Tick&, const In&, Out&, rt::Health&) noexcept;
   [[nodiscard]] rt::Health accept_goal(const rt::Tick&, const In&) noexcept;
@@ -122,6 +129,9 @@ class RobotIoTask {
   Trajectory trajectory_;
   drivers::RobotGoal goal_;  // last accepted one
   bool have_goal_ = false, expiry_counted_ = false;
+  bool stopped_ = false;  // safely, and nothing was sent to the wheels since
+  bool void_goal_ = false;  // the newest goal came before or in a safe stop
+  std::uint64_t void_seq_ = 0;
   std::uint64_t refused_seq_ = 0;
   Mode last_mode_ = Mode::kInit;
   std::uint64_t seq_ = 0;
@@ -133,6 +143,7 @@ class RobotIoTask {
   std::uint32_t motor_flags_ = 0;
   bool encoder_fault_ = false, encoder_readable_ = false;
   rt::Health unseen_stop_;  // a safe stop that supervision has not taken up yet
+  SafetyWatch safety_;
   RobotIoTelemetry telemetry_;
 };
 

@@ -118,6 +118,12 @@ void Trajectory::halt(const Pose2& X_OB) noexcept {
   X_OR_ = X_OB;
 }
 
+void Trajectory::resume(const Pose2& X_OB, const PlanarVelocity& v_O) noexcept {
+  v_cmd_ = v_O;
+  v_ref_ = v_O;
+  X_OR_ = X_OB;
+}
+
 bool Trajectory::moving() const noexcept {
   return norm(v_cmd_) > 1e-4 || std::abs(v_cmd_.yaw) > 1e-4;
 }

@@ -76,6 +76,8 @@ class Trajectory {
   PlanarVelocity ramp_down(const perception::Pose2& X_OB, double dt) noexcept;
   // At once: the command is zero, no ramp (safe stop).
   void halt(const perception::Pose2& X_OB) noexcept;
+  // The base moves at `v_O` already: the next tick goes on from there.
+  void resume(const perception::Pose2& X_OB, const PlanarVelocity& v_O) noexcept;
 
   [[nodiscard]] const perception::Pose2& reference() const noexcept { return X_OR_; }
   [[nodiscard]] const PlanarVelocity& reference_velocity() const noexcept { return v_ref_; }

@@ -29,6 +29,7 @@ install(FILES
   ${PROJECT_BINARY_DIR}/teletactConfig.cmake ${PROJECT_BINARY_DIR}/teletactConfigVersion.cmake
   ${PROJECT_SOURCE_DIR}/tools/cmake/FindOpenCVModules.cmake
   ${PROJECT_SOURCE_DIR}/tools/cmake/FindOmplLibrary.cmake
+  ${PROJECT_SOURCE_DIR}/tools/cmake/FindLibGpiod.cmake
   ${PROJECT_SOURCE_DIR}/tools/cmake/FindLibUsb.cmake
   ${PROJECT_SOURCE_DIR}/tools/cmake/FindTurboJpeg.cmake
   ${PROJECT_SOURCE_DIR}/tools/cmake/FindLibav.cmake

@@ -65,6 +65,15 @@ class FedBus final : public drivers::MotorBus {
   MotorInput fed;
 };
 
+class FedSafety final : public drivers::SafetyIo {
+ public:
+  void sense(rt::Time, drivers::SafetyInputs& out) noexcept override {
+    out = drivers::safety_inputs_of(fed);
+  }
+  void act(rt::Time, const drivers::SafetyOutputs&) noexcept override {}
+  std::uint8_t fed = 0;
+};
+
 // Frames come from the file, one for each poll that had one; read when fed, so that a poll costs a copy as a
 // driver's does.
 class FedCamera final : public drivers::Camera {
@@ -351,9 +360,11 @@ ReplayResult replay_robot(rt::NonRealtime& nrt, const Scene& scene, const BoxOpt
                           const Recording& recording, const std::vector<ReplayStep>& steps,
                           const Trial* trial) {
   FedBus bus;
+  FedSafety safety;
   FedCamera camera(recording, camera_key(recording));
   BoxOptions options = given;
   options.wrap_bus = [&](drivers::MotorBus&) { return &bus; };
+  options.wrap_safety = [&](drivers::SafetyIo&) { return &safety; };
   options.wrap_camera = [&](drivers::Camera&) { return &camera; };
   RobotBox box(nrt, scene, options);
   auto& graph = box.graph();
@@ -365,6 +376,8 @@ ReplayResult replay_robot(rt::NonRealtime& nrt, const Scene& scene, const BoxOpt
       bus.fed = op.get<MotorInput>();
       for (const double x : bus.fed.wheel_rad) inputs.value(x);
       for (const double x : bus.fed.wheel_rad_per_s) inputs.value(x);
+      safety.fed = bus.fed.safety;
+      if (safety.fed != 0) inputs.word(safety.fed);
       graph.link().last_heard_ns.store(bus.fed.link_heard_ns);
       graph.link().closed.store(bus.fed.link_closed != 0);
     } else if (id == TaskId::kCapture) {

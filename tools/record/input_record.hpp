@@ -76,6 +76,7 @@ struct MotorInput {  // robot_io
   std::array<std::uint32_t, 4> flags{};
   std::int64_t link_heard_ns = 0;
   std::uint8_t status = 0, link_closed = 0;
+  std::uint8_t safety = 0;  // drivers::to_byte(SafetyInputs); 0: none are fitted
 };
 struct TouchInput {         // planning
   std::uint64_t taken = 0;  // events taken off the ring since the start

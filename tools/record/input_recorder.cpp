@@ -151,6 +151,24 @@ class InputRecorder::BusTap final : public drivers::MotorBus {
   drivers::MotorBus& inner_;
 };
 
+class InputRecorder::SafetyTap final : public drivers::SafetyIo {
+ public:
+  explicit SafetyTap(drivers::SafetyIo& inner) : inner_(inner) {}
+  void sense(rt::Time now, drivers::SafetyInputs& out) noexcept override {
+    inner_.sense(now, out);
+    newest = drivers::to_byte(out);
+  }
+  void act(rt::Time now, const drivers::SafetyOutputs& out) noexcept override {
+    inner_.act(now, out);
+  }
+  void make_safe() noexcept override { inner_.make_safe(); }
+  void allow_again() noexcept override { inner_.allow_again(); }
+  std::uint8_t newest = 0;
+
+ private:
+  drivers::SafetyIo& inner_;
+};
+
 // Frames are too large for a ring: they go through a few slots, handed to and fro by index.
 class InputRecorder::CameraTap final : public drivers::Camera {
  public:
@@ -269,6 +287,10 @@ void InputRecorder::wrap(BoxOptions& options) {
     bus_ = std::make_unique<BusTap>(bus);
     return bus_.get();
   };
+  options.wrap_safety = [this](drivers::SafetyIo& io) {
+    safety_ = std::make_unique<SafetyTap>(io);
+    return safety_.get();
+  };
   if (!file_) return;
   options.hash_outputs = true;
   options.wrap_camera = [this](drivers::Camera& camera) {
@@ -316,6 +338,7 @@ void InputRecorder::attach(tasks::RobotGraph& graph, drivers::LinkEndpoint& endp
       MotorInput in = bus_->newest;
       in.link_heard_ns = graph.latched(id).last_heard_ns;
       in.link_closed = graph.latched(id).closed;
+      in.safety = safety_ ? safety_->newest : 0;
       op.put(in);
     } else if (id == TaskId::kCapture) {
       if (camera_) op.put(camera_input(camera_->newest.status, graph.latched_demand()));

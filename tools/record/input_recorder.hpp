@@ -56,6 +56,7 @@ class InputRecorder {
   class Body;
   class HapticTap;
   class BusTap;
+  class SafetyTap;
   class CameraTap;
   using OpRing = rt::Ring<JobOp, 4096>;
   struct Message {
@@ -75,6 +76,7 @@ class InputRecorder {
   std::function<void(tasks::TaskId, JobOp&)> sensed_;
   std::unique_ptr<HapticTap> haptic_;
   std::unique_ptr<BusTap> bus_;
+  std::unique_ptr<SafetyTap> safety_;
   std::unique_ptr<CameraTap> camera_;
   std::vector<std::unique_ptr<Body>> bodies_;
   std::mutex mutex_;  // link thread and ordinary threads only

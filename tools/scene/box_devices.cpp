@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "drivers/camera/passing_camera.hpp"
+#include "drivers/gpio/chip_lines.hpp"
 #include "rt/clock/box_time.hpp"
 
 namespace teletact {
@@ -73,6 +74,20 @@ drivers::MotorBus& RobotBox::open_motors(rt::NonRealtime& nrt, const Scene& scen
   return *wire_;
 }
 
+drivers::SafetyIo* RobotBox::open_safety(rt::NonRealtime& nrt, const Scene& scene,
+                                         const BoxOptions& options) {
+  if (!scene.gpio.fitted()) return nullptr;
+  if (options.real_devices && scene.gpio.kind == "chip") {
+    lines_ = drivers::gpio::open_chip_lines(nrt, scene.gpio);
+  } else {
+    auto twin = std::make_unique<drivers::gpio::GpioTwin>(nrt, scene.gpio.lines());
+    twin->follow(nrt, {scene.gpio_events.begin(), scene.gpio_events.end()}, options.epoch);
+    lines_ = std::move(twin);
+  }
+  safety_ = std::make_unique<drivers::gpio::SafetyChain>(nrt, scene.gpio, *lines_);
+  return options.wrap_safety ? options.wrap_safety(*safety_) : safety_.get();
+}
+
 std::int64_t RobotBox::motor_twin_cpu_ns() const noexcept {
   return bus_->twin_cpu_ns() + (wire_ ? wire_->port().twin_cpu_ns() : 0);
 }
@@ -95,6 +110,7 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   tasks::RobotSetup setup;
   drivers::MotorBus& motors = open_motors(nrt, scene);
   setup.bus = options.wrap_bus ? options.wrap_bus(motors) : &motors;
+  setup.safety = open_safety(nrt, scene, options);
   setup.bus_twin_cpu = [this] { return motor_twin_cpu_ns(); };
   setup.hash_outputs = options.hash_outputs;
   setup.faults = options.faults;
@@ -154,6 +170,7 @@ Effects RobotBox::effects() const {
   if (mount_off_) out.emplace_back("camera: true_mount", "camera.true_mount");
   if (world_->moves()) out.emplace_back("world: things that move", "world.mover");
   for (const auto& name : arm_effects_) out.emplace_back("robot: " + name, "robot.arm");
+  if (lines_) out.emplace_back("robot: safety lines", "robot.gpio.kind");
   for (const auto& name : bus_->plant().effects())
     out.emplace_back("robot: " + name, "robot.plant");
   return out;

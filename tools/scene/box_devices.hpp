@@ -11,6 +11,8 @@
 #include "drivers/camera/synthetic_camera.hpp"
 #include "drivers/camera/threaded_camera.hpp"
 #include "drivers/camera/tum_reader.hpp"
+#include "drivers/gpio/safety_chain.hpp"
+#include "drivers/gpio/twin/gpio_twin.hpp"
 #include "drivers/haptic/hand_script.hpp"
 #include "drivers/link/endpoint.hpp"
 #include "drivers/omega/omega_twin.hpp"
@@ -39,6 +41,7 @@ struct BoxOptions {
   std::function<drivers::HapticDevice*(drivers::HapticDevice&)> wrap_device;
   std::function<drivers::MotorBus*(drivers::MotorBus&)> wrap_bus;
   std::function<drivers::Camera*(drivers::Camera&)> wrap_camera;
+  std::function<drivers::SafetyIo*(drivers::SafetyIo&)> wrap_safety;
 };
 
 // What a twin or effect constructed in this run is called, and which key called for it.
@@ -59,10 +62,14 @@ class RobotBox {
   // What robot_io drives, and what of its CPU is the twins'.
   drivers::MotorBus& open_motors(rt::NonRealtime&, const Scene&);
   [[nodiscard]] std::int64_t motor_twin_cpu_ns() const noexcept;
+  // Null: the scene asks for no safety lines.
+  drivers::SafetyIo* open_safety(rt::NonRealtime&, const Scene&, const BoxOptions&);
   std::unique_ptr<drivers::World> world_;
   std::unique_ptr<drivers::VirtualYoubot> bus_;
   // Before it, where the scene asks for one.
   std::unique_ptr<drivers::youbot_bus::EtherCatTwinBus> wire_;
+  std::unique_ptr<drivers::gpio::GpioLines> lines_;
+  std::unique_ptr<drivers::gpio::SafetyChain> safety_;
   std::unique_ptr<drivers::PoseSource> pose_;
   std::unique_ptr<drivers::Camera> camera_;
   drivers::SyntheticCamera* synthetic_ = nullptr;

@@ -107,6 +107,11 @@ void Scene::describe(config::Section& s) {
   bus.describe(motor_bus);
   motor_bus.text("kind", bus_kind, {"direct", "ethercat-twin"},
                  "what carries setpoints to the virtual motors: nothing, or EtherCAT frames");
+  auto& lines = robot_section.section("gpio", "emergency stop, enable switch, heartbeat, lamp");
+  gpio.describe(lines);
+  lines.list(
+      "event", [this](config::Section& item) { gpio_events.emplace_back().describe(item); },
+      "what people and faults do to the simulated lines");
   arm.describe(robot_section.section("arm", "effect: its arm, in view of the camera"));
   auto& haptic_device = s.section("device", "haptic device, its twin and the hand on it");
   device.describe(haptic_device);

@@ -13,6 +13,8 @@
 #include "drivers/camera/camera_choice.hpp"
 #include "drivers/camera/synthetic_camera.hpp"
 #include "drivers/emulator/network_config.hpp"
+#include "drivers/gpio/gpio_config.hpp"
+#include "drivers/gpio/twin/gpio_twin.hpp"
 #include "drivers/haptic/hand_script.hpp"
 #include "drivers/link/shaper.hpp"
 #include "drivers/omega/omega_twin.hpp"
@@ -89,6 +91,8 @@ struct Scene {
   drivers::RobotPlantConfig plant;
   drivers::VirtualYoubotConfig bus;
   std::string bus_kind = "direct";
+  drivers::gpio::GpioConfig gpio;
+  std::deque<drivers::gpio::TwinEvent> gpio_events;
   drivers::OmegaTwinConfig device;
   HapticChoice choice;
   drivers::HandScriptConfig hand;

@@ -1,0 +1,275 @@
+#include "drivers/can/can_motor_bus.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "drivers/tmcl/tmcl_status.hpp"
+#include "drivers/tmcl/youbot_parameters.hpp"
+
+namespace drivers::can {
+
+namespace {
+
+constexpr double kTwoPi = 2 * std::numbers::pi;
+constexpr double kMostRpm = 200'000;  // of parameter 2
+// Of every so many turns that ask for the speed, one asks for flags and one for the current.
+constexpr unsigned kRareEvery = 16;
+// A reply that comes at all comes within so many times the limit.
+constexpr int kQuietTimes = 4;
+
+std::uint8_t code(tmcl::Command c) noexcept { return static_cast<std::uint8_t>(c); }
+
+}  // namespace
+
+void CanMotorConfig::describe(config::Section& s) {
+  s.text("iface", iface, {}, "network interface of the bus");
+  s.numbers("request_ids", request_ids, 0, 0x7FF,
+            "CAN identifiers of the wheels' modules (global parameter 71)");
+  s.numbers("module_addresses", module_addresses, 0, 255,
+            "module address in the replies (global parameter 66)");
+  s.integer("reply_id", reply_id, 0, 0x7FF, "CAN identifier of the replies (global parameter 70)");
+  s.integer("ticks_per_motor_turn", ticks_per_motor_turn, 1, 1'000'000, "of the encoders");
+  s.number("gear_ratio", gear_ratio, 0.01, 1000, "motor turns per wheel turn");
+  s.integer("requests_per_job", requests_per_job, 1, 4,
+            "a bus of 1 Mbit/s carries 4 requests with their replies a millisecond, and is then full");
+  s.number("reply_ms", reply_ms, 1, 100, "a later reply counts as lost");
+  s.integer("silent_jobs", silent_jobs, 10, 10000,
+            "jobs without a position of a module until the bus counts as down");
+  s.integer("full_jobs", full_jobs, 1, 10000,
+            "jobs in a row whose frames the send queue refused until the bus counts as down");
+}
+
+CanMotorBus::CanMotorBus(rt::NonRealtime&, CanPort& port, const CanMotorConfig& config)
+    : port_(port),
+      config_(config),
+      reply_limit_(rt::nanos_from_seconds(config.reply_ms * 1e-3)) {
+  for (std::size_t i = 0; i < kWheels; ++i) {
+    Module& m = modules_[i];
+    m.id = static_cast<std::uint32_t>(config.request_ids[i]);
+    m.address = static_cast<std::uint8_t>(config.module_addresses[i]);
+    m.turn = static_cast<unsigned>(i);  // so that not all ask for a position in the same job
+    for (std::size_t k = 0; k < i; ++k) {
+      if (modules_[k].id == m.id || modules_[k].address == m.address)
+        throw std::invalid_argument("robot.bus.can: wheels " + std::to_string(k) + " and " +
+                                    std::to_string(i) + " share an identifier or an address");
+    }
+    stop_[i] = stop_frame(m);
+  }
+}
+
+std::vector<std::uint32_t> CanMotorBus::receive_ids(const CanMotorConfig& c) {
+  return {static_cast<std::uint32_t>(c.reply_id)};
+}
+
+CanFrame CanMotorBus::stop_frame(const Module& m) const noexcept {
+  CanFrame f;
+  (void)fill(f, m.id, tmcl::to_can(tmcl::Request{0, code(tmcl::Command::kMotorStop), 0, 0, 0}));
+  return f;
+}
+
+BusStatus CanMotorBus::exchange(rt::Time now, const MotorSetpoints& setpoints,
+                                MotorStates& states) noexcept {
+  take_replies(now);
+  const bool late = drop_late(now);
+  const std::uint64_t refused = port_.counters().refused;
+  ask_all(now, setpoints);
+  const bool full = port_.counters().refused != refused;
+  full_ = full ? full_ + 1 : 0;
+  if (look_at_bus()) down_ = true;
+  if (down_) return BusStatus::kDown;
+  const bool placed = std::all_of(modules_.begin(), modules_.end(),
+                                  [](const Module& m) { return m.placed; });
+  if (late || full || !placed) return BusStatus::kFrameLost;
+  write_states(now, states);
+  return BusStatus::kOk;
+}
+
+void CanMotorBus::rearm() noexcept {
+  down_ = false;
+  full_ = 0;
+  for (Module& m : modules_) {
+    m.placed = m.waiting = false;
+    m.silent = 0;
+  }
+  safe_.store(false, std::memory_order_release);
+}
+
+void CanMotorBus::make_safe() noexcept {
+  safe_.store(true, std::memory_order_release);
+  port_.send_at_once(stop_);
+}
+
+bool CanMotorBus::look_at_bus() noexcept {
+  const PortState s = port_.state();
+  if (s == PortState::kBusOff || s == PortState::kDown || s == PortState::kGone) return true;
+  if (full_ >= config_.full_jobs) return true;
+  return std::any_of(modules_.begin(), modules_.end(), [this](const Module& m) {
+    return m.silent >= config_.silent_jobs;
+  });
+}
+
+// ---- replies
+
+void CanMotorBus::take_replies(rt::Time now) noexcept {
+  for (Module& m : modules_) ++m.silent;
+  const int n = port_.receive(now, in_);
+  for (int i = 0; i < n; ++i) take_reply(in_[static_cast<std::size_t>(i)]);
+}
+
+void CanMotorBus::take_reply(const Received& r) noexcept {
+  tmcl::Reply reply;
+  const bool ours = !r.frame.extended && !r.frame.remote &&
+                    r.frame.id == static_cast<std::uint32_t>(config_.reply_id) &&
+                    tmcl::from_can(r.frame.bytes(), reply);
+  const auto m = std::find_if(modules_.begin(), modules_.end(),
+                              [&](const Module& x) { return x.address == reply.module; });
+  if (!ours || m == modules_.end() || !m->waiting || reply.command != m->asked.command) {
+    ++counters_.strange;
+    return;
+  }
+  m->waiting = false;
+  ++counters_.replies;
+  if (!tmcl::answers(reply, m->asked)) {
+    ++counters_.refused;
+    return;
+  }
+  keep(*m, reply, r.at);
+}
+
+void CanMotorBus::keep(Module& m, const tmcl::Reply& reply, rt::Time at) noexcept {
+  switch (m.kind) {
+    case Ask::kSetpoint:
+      break;
+    case Ask::kPosition: {
+      const auto step =
+          static_cast<std::int32_t>(static_cast<std::uint32_t>(reply.value) -
+                                    static_cast<std::uint32_t>(m.word));
+      m.ticks = m.unwrapped ? m.ticks + step : reply.value;
+      m.word = reply.value;
+      m.unwrapped = m.placed = true;
+      m.placed_at = at;
+      m.silent = 0;
+      break;
+    }
+    case Ask::kSpeed:
+      m.rad_per_s = reply.value * kTwoPi / 60 / config_.gear_ratio;
+      break;
+    case Ask::kFlags:
+      m.flags = static_cast<std::uint32_t>(reply.value);
+      break;
+    case Ask::kCurrent:
+      m.current_A = reply.value * 1e-3;
+      break;
+  }
+}
+
+bool CanMotorBus::drop_late(rt::Time now) noexcept {
+  bool any = false;
+  for (Module& m : modules_) {
+    if (!m.waiting || now - m.asked_at <= reply_limit_) continue;
+    m.waiting = false;
+    any = true;
+    ++counters_.late;
+    // A reply does not say which parameter it is of. What still comes of this one must not pass for
+    // that of another: until it can not come any more, nothing is asked for, setpoints go out.
+    m.ask_from = now + kQuietTimes * reply_limit_;
+  }
+  return any;
+}
+
+// ---- requests
+
+tmcl::Request CanMotorBus::next_request(Module& m, double rpm, bool drive) const noexcept {
+  tmcl::Request q;
+  q.command = code(tmcl::Command::kGetAxisParameter);
+  const unsigned turn = m.turn++;
+  m.kind = turn % 2 == 0 ? Ask::kSetpoint : turn % 4 == 1 ? Ask::kPosition : Ask::kSpeed;
+  if (!m.placed && m.kind == Ask::kSpeed) m.kind = Ask::kPosition;
+  if (m.kind == Ask::kSpeed && turn / 4 % kRareEvery == 0) m.kind = Ask::kFlags;
+  if (m.kind == Ask::kSpeed && turn / 4 % kRareEvery == kRareEvery / 2) m.kind = Ask::kCurrent;
+  switch (m.kind) {
+    case Ask::kSetpoint:
+      if (drive) {
+        q.command = code(tmcl::Command::kSetAxisParameter);
+        q.type = tmcl::axis::kTargetSpeed;
+        q.value = static_cast<std::int32_t>(std::lround(rpm));
+      } else {
+        q.command = code(tmcl::Command::kMotorStop);
+      }
+      break;
+    case Ask::kPosition:
+      q.type = tmcl::axis::kActualPosition;
+      break;
+    case Ask::kSpeed:
+      q.type = tmcl::axis::kActualSpeed;
+      break;
+    case Ask::kFlags:
+      q.type = tmcl::axis::kFlags;
+      break;
+    case Ask::kCurrent:
+      q.type = tmcl::axis::kActualCurrent;
+      break;
+  }
+  return q;
+}
+
+// What drives goes out by turns; motor stop is at the head of the queue in the job that asks for
+// it, also to a module that still owes a reply: that one is then not waited for.
+void CanMotorBus::ask_all(rt::Time now, const MotorSetpoints& setpoints) noexcept {
+  const bool placed = std::all_of(modules_.begin(), modules_.end(),
+                                  [](const Module& m) { return m.placed; });
+  bool drive = setpoints.mode == MotorMode::kVelocity && placed && !down_ &&
+               !safe_.load(std::memory_order_acquire);
+  std::array<double, kWheels> rpm{};
+  for (std::size_t i = 0; i < kWheels; ++i) {
+    rpm[i] = setpoints.wheel_rad_per_s[i] * 60 / kTwoPi * config_.gear_ratio;
+    drive = drive && std::isfinite(rpm[i]) && std::abs(rpm[i]) <= kMostRpm;
+  }
+  std::array<CanFrame, kWheels> frames{};
+  std::array<std::size_t, kWheels> whose{};
+  std::size_t n = 0;
+  int room = config_.requests_per_job;
+  for (std::size_t k = 0; k < kWheels; ++k) {
+    const std::size_t i = (first_ + k) % kWheels;
+    Module& m = modules_[i];
+    const bool stop_now = !drive && m.driven;
+    if ((m.waiting || room == 0) && !stop_now) continue;
+    room -= room > 0 ? 1 : 0;
+    if (stop_now || now < m.ask_from) m.turn += m.turn % 2;  // its turn to be told
+    m.asked = next_request(m, rpm[i], drive);
+    (void)fill(frames[n], m.id, tmcl::to_can(m.asked));
+    whose[n++] = i;
+    m.asked_at = now;
+    m.waiting = true;
+  }
+  first_ = n == 0 ? first_ : (whose[n - 1] + 1) % kWheels;
+  const int taken = n == 0 ? 0 : port_.send(now, std::span(frames).first(n));
+  counters_.requests += static_cast<std::uint64_t>(taken);
+  for (std::size_t k = 0; k < static_cast<std::size_t>(taken); ++k) {
+    Module& m = modules_[whose[k]];
+    if (m.kind == Ask::kSetpoint) m.driven = drive;
+  }
+  // Not sent: asked again in the next job, with what is then the setpoint.
+  for (std::size_t k = static_cast<std::size_t>(taken); k < n; ++k) {
+    modules_[whose[k]].waiting = false;
+    --modules_[whose[k]].turn;
+  }
+}
+
+void CanMotorBus::write_states(rt::Time now, MotorStates& out) noexcept {
+  const double rad_per_tick = kTwoPi / (config_.ticks_per_motor_turn * config_.gear_ratio);
+  out.seq = ++seq_;
+  out.taken = now;
+  for (std::size_t i = 0; i < kWheels; ++i) {
+    const Module& m = modules_[i];
+    out.taken = std::min(out.taken, m.placed_at);
+    out.wheel_rad[i] = static_cast<double>(m.ticks) * rad_per_tick;
+    out.wheel_rad_per_s[i] = m.rad_per_s;
+    out.current_A[i] = m.current_A;
+    out.flags[i] = m.flags;
+  }
+}
+
+}  // namespace drivers::can

@@ -1,0 +1,117 @@
+// Four wheel motors behind TMCL modules on a CAN bus, as robot_io drives them (MotorBus).
+//
+// A bus of 1 Mbit/s carries about four requests with their replies a millisecond, and a module
+// takes one request at a time. So each job asks three of the modules, in turn, each by a rota:
+//
+//   setpoint, position, setpoint, speed, setpoint, position, ... and now and then flags or current
+//
+// A setpoint goes out at most four jobs after exchange() got it, motor stop in the same job.
+// Replies are read in the next job: a position is up to nine jobs old, `taken` is the oldest one's.
+//
+//   kFrameLost   a module did not answer in time, or the queue took no frame; states keep what they
+//                had
+//   kDown        the bus is off, the interface down, or a module has told no position for
+//                `silent_jobs`.
+//                Latched: until rearm(), and then until every position has been read anew, only
+//                motor stop is sent
+//   make_safe    motor stop to every module at once from the calling thread, and from then on
+// Nothing allocates after construction.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <vector>
+
+#include "config/schema.hpp"
+#include "drivers/can/can_port.hpp"
+#include "drivers/tmcl/tmcl_can.hpp"
+#include "drivers/youbot/motor_bus.hpp"
+#include "rt/memory/non_realtime.hpp"
+
+namespace drivers::can {
+
+// Section [robot.bus.can].
+struct CanMotorConfig {
+  std::string iface = "can0";
+  // Of the wheels front left, front right, back left, back right: each module's own identifier
+  // (global parameter 71), and the address byte in its replies. Default: as identifiers.
+  std::array<double, kWheels> request_ids{1, 3, 5, 7};
+  std::array<double, kWheels> module_addresses{1, 3, 5, 7};
+  int reply_id = 2;  // global parameter 70, the same for all
+  int ticks_per_motor_turn = 4000;
+  double gear_ratio = 9405.0 / 364.0;  // motor turns per wheel turn
+  int requests_per_job = 3;            // leaves a quarter of a bus of 1 Mbit/s free
+  double reply_ms = 5;                 // a reply that comes later was lost
+  int silent_jobs = 100;               // without a position of a module: the bus is down
+  int full_jobs = 20;                  // queue full in a row: the same
+
+  void describe(config::Section& s);
+};
+
+class CanMotorBus final : public MotorBus {
+ public:
+  // `port` outlives this object. Throws std::invalid_argument with one line if two modules share
+  // an identifier or an address.
+  CanMotorBus(rt::NonRealtime&, CanPort& port, const CanMotorConfig& = {});
+
+  [[nodiscard]] BusStatus exchange(rt::Time now, const MotorSetpoints& setpoints,
+                                   MotorStates& states) noexcept override;
+  void rearm() noexcept override;
+  void make_safe() noexcept override;
+
+  struct Counters {
+    std::uint64_t requests = 0, replies = 0;
+    std::uint64_t late = 0;      // replies that never came in time
+    std::uint64_t refused = 0;   // a module answered with another status than 100
+    std::uint64_t strange = 0;   // frames that answer nothing that was asked
+  };
+  [[nodiscard]] const Counters& counters() const noexcept { return counters_; }
+  // The reply identifiers to open a port with.
+  [[nodiscard]] static std::vector<std::uint32_t> receive_ids(const CanMotorConfig&);
+
+ private:
+  enum class Ask : std::uint8_t { kSetpoint, kPosition, kSpeed, kFlags, kCurrent };
+  struct Module {
+    std::uint32_t id = 0;
+    std::uint8_t address = 0;
+    tmcl::Request asked;
+    Ask kind = Ask::kSetpoint;
+    bool waiting = false;
+    bool driven = false;  // the last setpoint that went out was not motor stop
+    rt::Time asked_at{};
+    rt::Time ask_from{};  // parameters; setpoints go out before
+    int silent = 0;       // jobs without a position
+    unsigned turn = 0;
+    bool placed = false;  // a position was read since the start or the last rearm()
+    std::int32_t word = 0;
+    std::int64_t ticks = 0;
+    bool unwrapped = false;
+    rt::Time placed_at{};
+    double rad_per_s = 0, current_A = 0;
+    std::uint32_t flags = 0;
+  };
+  void take_replies(rt::Time now) noexcept;
+  void take_reply(const Received&) noexcept;
+  void keep(Module&, const tmcl::Reply&, rt::Time at) noexcept;
+  void ask_all(rt::Time now, const MotorSetpoints&) noexcept;
+  [[nodiscard]] tmcl::Request next_request(Module&, double rpm, bool drive) const noexcept;
+  [[nodiscard]] bool drop_late(rt::Time now) noexcept;
+  [[nodiscard]] bool look_at_bus() noexcept;
+  void write_states(rt::Time now, MotorStates&) noexcept;
+  [[nodiscard]] CanFrame stop_frame(const Module&) const noexcept;
+
+  CanPort& port_;
+  CanMotorConfig config_;
+  rt::Nanos reply_limit_;
+  std::array<Module, kWheels> modules_{};
+  std::array<Received, 64> in_{};
+  std::array<CanFrame, kWheels> stop_{};  // for make_safe(): never written after construction
+  std::atomic<bool> safe_{false};
+  bool down_ = false;  // latched
+  std::size_t first_ = 0;  // module whose turn it is
+  int full_ = 0;
+  std::uint64_t seq_ = 0;
+  Counters counters_;
+};
+
+}  // namespace drivers::can
