@@ -52,6 +52,14 @@ Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept 
   health = until_seen(health);
 
   const Drive drive = decide(tick, in, out, health);
+  if (drive == Drive::kOff) {
+    powered_ = false;
+    off_until_ = tick.start;
+  } else if (!powered_) {
+    start_motors(in, out);
+    write_state(tick, in, drive, health, out);
+    return health;
+  }
   const double period = rt::seconds(tick.period);
   const double dt = period * std::min(10.0, 1.0 + static_cast<double>(tick.skipped));
   const Pose2& X_OB = odometry_.pose();
@@ -94,17 +102,39 @@ Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept 
   return health;
 }
 
-Health RobotIoTask::sense_bus(const In& in) noexcept {
-  if (in.bus != drivers::BusStatus::kOk) {
-    ++telemetry_.frames_lost;
-    ++lost_in_a_row_;
-    if (in.bus == drivers::BusStatus::kDown || lost_in_a_row_ >= config_.frames_lost_limit) {
-      lost_in_a_row_ = config_.frames_lost_limit;
-      return Health::of(Severity::kSafeStop, robot_io_fault::kBusDown);
-    }
-    return Health::of(Severity::kCounted, robot_io_fault::kFrameLost);
+// Motors that were off. The next job's setpoints go on from these with the acceleration limit.
+void RobotIoTask::start_motors(const In& in, Out& out) noexcept {
+  const Pose2& X_OB = odometry_.pose();
+  const double c = std::cos(X_OB.yaw), s = std::sin(X_OB.yaw);
+  v_commanded_ = v_measured_;
+  trajectory_.start_from(X_OB, {c * v_measured_.vx - s * v_measured_.vy,
+                                s * v_measured_.vx + c * v_measured_.vy, v_measured_.wz});
+  telemetry_.driving = false;
+  telemetry_.tracking_error_m = telemetry_.tracking_error_rad = 0;
+  out.setpoints.mode = drivers::MotorMode::kVelocity;
+  out.setpoints.wheel_rad_per_s = in.motors.wheel_rad_per_s;
+  powered_ = true;
+}
+
+// A cycle is lost when either of its frames is: this job's read, or the write before it.
+Health RobotIoTask::count_frame(const In& in) noexcept {
+  using drivers::BusStatus;
+  if (in.bus == BusStatus::kOk && in.sent == BusStatus::kOk) {
+    lost_in_a_row_ = 0;
+    return Health::ok();
   }
-  lost_in_a_row_ = 0;
+  ++telemetry_.frames_lost;
+  ++lost_in_a_row_;
+  if (in.bus == BusStatus::kDown || lost_in_a_row_ >= config_.frames_lost_limit) {
+    lost_in_a_row_ = config_.frames_lost_limit;
+    return Health::of(Severity::kSafeStop, robot_io_fault::kBusDown);
+  }
+  return Health::of(Severity::kCounted, robot_io_fault::kFrameLost);
+}
+
+Health RobotIoTask::sense_bus(const In& in) noexcept {
+  const Health frame = count_frame(in);
+  if (in.bus != drivers::BusStatus::kOk) return frame;
   motor_flags_ = 0;
   for (const std::uint32_t f : in.motors.flags) motor_flags_ |= f;
   const Twist2 v = kinematics_.forward(in.motors.wheel_rad_per_s);
@@ -125,7 +155,7 @@ Health RobotIoTask::sense_bus(const In& in) noexcept {
   if ((motor_flags_ & drivers::motor_flag::kTimeout) != 0) {
     return Health::of(Severity::kSafeStop, robot_io_fault::kMotorTimeout);
   }
-  return Health::ok();
+  return frame;
 }
 
 // The operator's clear, of what is no longer there. After a leap the pose is kept and the angles
@@ -166,6 +196,8 @@ RobotIoTask::Drive RobotIoTask::decide(const rt::Tick& tick, const In& in, Out&,
                                        Health& health) noexcept {
   telemetry_.goal_distance_m = 0;
   if (health.severity == Severity::kSafeStop || !odometry_.primed()) return Drive::kOff;
+  // What the wheels do now has to be known before they are given speeds.
+  if (!powered_ && in.bus != drivers::BusStatus::kOk) return Drive::kOff;
   switch (last_mode_) {
     case Mode::kInit:
     case Mode::kSafeStop:
@@ -181,7 +213,8 @@ RobotIoTask::Drive RobotIoTask::decide(const rt::Tick& tick, const In& in, Out&,
     health = rt::worst(health, Health::of(Severity::kDegraded, robot_io_fault::kLinkSilent));
     return Drive::kRampDown;
   }
-  if (!have_goal_ || goal_.engaged == 0) return Drive::kHalt;
+  if (!have_goal_ || goal_.engaged == 0 || goal_.made <= off_until_ + in.goal_unsure)
+    return Drive::kHalt;
   if (tick.start + in.goal_unsure > goal_.valid_until) {
     if (!expiry_counted_) ++telemetry_.goals_expired;
     expiry_counted_ = true;
