@@ -97,7 +97,7 @@ Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept 
   }
   const double c = std::cos(X_OB.yaw), s = std::sin(X_OB.yaw);
   v_commanded_ = {c * v_O.x + s * v_O.y, -s * v_O.x + c * v_O.y, v_O.yaw};
-  write_setpoints(drive, out);
+  write_setpoints(drive, dt, out);
   write_state(tick, in, drive, health, out);
   return health;
 }
@@ -113,6 +113,9 @@ void RobotIoTask::start_motors(const In& in, Out& out) noexcept {
   telemetry_.tracking_error_m = telemetry_.tracking_error_rad = 0;
   out.setpoints.mode = drivers::MotorMode::kVelocity;
   out.setpoints.wheel_rad_per_s = in.motors.wheel_rad_per_s;
+  const drivers::WheelVector of_base = kinematics_.inverse(v_measured_);
+  for (std::size_t w = 0; w < of_base.size(); ++w)
+    residual_rad_per_s_[w] = in.motors.wheel_rad_per_s[w] - of_base[w];
   powered_ = true;
 }
 
@@ -226,7 +229,7 @@ RobotIoTask::Drive RobotIoTask::decide(const rt::Tick& tick, const In& in, Out&,
   return Drive::kGoal;
 }
 
-void RobotIoTask::write_setpoints(Drive drive, Out& out) noexcept {
+void RobotIoTask::write_setpoints(Drive drive, double dt, Out& out) noexcept {
   if (drive == Drive::kOff) {
     out.setpoints = {};
     return;
@@ -238,6 +241,12 @@ void RobotIoTask::write_setpoints(Drive drive, Out& out) noexcept {
   }
   out.setpoints.mode = drivers::MotorMode::kVelocity;
   out.setpoints.wheel_rad_per_s = kinematics_.inverse(v_commanded_);
+  const double most =
+      config_.trajectory.ramp_down_deceleration_m_per_s2 * dt / kinematics_.wheel_radius();
+  for (std::size_t w = 0; w < residual_rad_per_s_.size(); ++w) {
+    residual_rad_per_s_[w] -= std::clamp(residual_rad_per_s_[w], -most, most);
+    out.setpoints.wheel_rad_per_s[w] += residual_rad_per_s_[w];
+  }
 }
 
 void RobotIoTask::write_state(const rt::Tick&, const In& in, Drive, Health health,

@@ -119,7 +119,7 @@ class RobotIoTask {
   void start_motors(const In&, Out&) noexcept;
   [[nodiscard]] Drive decide(const rt::Tick&, const In&, Out&, rt::Health&) noexcept;
   [[nodiscard]] rt::Health accept_goal(const rt::Tick&, const In&) noexcept;
-  void write_setpoints(Drive, Out&) noexcept;
+  void write_setpoints(Drive, double dt, Out&) noexcept;
   void write_state(const rt::Tick&, const In&, Drive, rt::Health, Out&) noexcept;
 
   RobotIoConfig config_;
@@ -129,6 +129,8 @@ class RobotIoTask {
   drivers::RobotGoal goal_;  // last accepted one
   bool have_goal_ = false, expiry_counted_ = false;
   bool powered_ = false;  // the last job's setpoints were speeds
+  // Of wheels that were off: what of their speeds is no motion of the base. It goes to zero.
+  drivers::WheelVector residual_rad_per_s_{};
   rt::Time off_until_{};  // goals made before it are void
   std::uint64_t refused_seq_ = 0;
   Mode last_mode_ = Mode::kInit;
