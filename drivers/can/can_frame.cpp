@@ -36,8 +36,8 @@ ErrorReport read_error(std::uint32_t id, std::span<const std::uint8_t, 8> data) 
   };
   if ((id & 0x004U) != 0) {  // CAN_ERR_CRTL
     const unsigned c = data[1];
-    r.overflow = (c & 0x03U) != 0;                // RX_OVERFLOW, TX_OVERFLOW
-    if ((c & 0x40U) != 0) state(BusState::kActive);  // ACTIVE
+    r.overflow = (c & 0x03U) != 0;                    // RX_OVERFLOW, TX_OVERFLOW
+    if ((c & 0x40U) != 0) state(BusState::kActive);   // ACTIVE
     if ((c & 0x0CU) != 0) state(BusState::kWarning);  // RX_WARNING, TX_WARNING
     if ((c & 0x30U) != 0) state(BusState::kPassive);  // RX_PASSIVE, TX_PASSIVE
   }

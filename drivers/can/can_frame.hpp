@@ -32,10 +32,10 @@ enum class BusState : std::uint8_t { kActive, kWarning, kPassive, kBusOff };
 struct ErrorReport {
   bool state_known = false;
   BusState state = BusState::kActive;
-  bool restarted = false;  // the controller left bus-off
-  bool no_ack = false;     // nobody is there: power off, or alone on the bus
-  bool overflow = false;   // of the controller's own memory: frames were lost
-  bool protocol = false;   // bit, stuff, form or checksum error on the wire
+  bool restarted = false;              // the controller left bus-off
+  bool no_ack = false;                 // nobody is there: power off, or alone on the bus
+  bool overflow = false;               // of the controller's own memory: frames were lost
+  bool protocol = false;               // bit, stuff, form or checksum error on the wire
   int tx_errors = -1, rx_errors = -1;  // counters; -1: not told
 };
 // Of an error frame's identifier (with or without its flag bit) and its eight bytes.

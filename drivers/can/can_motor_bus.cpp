@@ -32,8 +32,9 @@ void CanMotorConfig::describe(config::Section& s) {
   s.integer("reply_id", reply_id, 0, 0x7FF, "CAN identifier of the replies (global parameter 70)");
   s.integer("ticks_per_motor_turn", ticks_per_motor_turn, 1, 1'000'000, "of the encoders");
   s.number("gear_ratio", gear_ratio, 0.01, 1000, "motor turns per wheel turn");
-  s.integer("requests_per_job", requests_per_job, 1, 4,
-            "a bus of 1 Mbit/s carries 4 requests with their replies a millisecond, and is then full");
+  s.integer(
+      "requests_per_job", requests_per_job, 1, 4,
+      "a bus of 1 Mbit/s carries 4 requests with their replies a millisecond, and is then full");
   s.number("reply_ms", reply_ms, 1, 100, "a later reply counts as lost");
   s.integer("silent_jobs", silent_jobs, 10, 10000,
             "jobs without a position of a module until the bus counts as down");
@@ -42,9 +43,7 @@ void CanMotorConfig::describe(config::Section& s) {
 }
 
 CanMotorBus::CanMotorBus(rt::NonRealtime&, CanPort& port, const CanMotorConfig& config)
-    : port_(port),
-      config_(config),
-      reply_limit_(rt::nanos_from_seconds(config.reply_ms * 1e-3)) {
+    : port_(port), config_(config), reply_limit_(rt::nanos_from_seconds(config.reply_ms * 1e-3)) {
   for (std::size_t i = 0; i < kWheels; ++i) {
     Module& m = modules_[i];
     m.id = static_cast<std::uint32_t>(config.request_ids[i]);
@@ -69,21 +68,26 @@ CanFrame CanMotorBus::stop_frame(const Module& m) const noexcept {
   return f;
 }
 
-BusStatus CanMotorBus::exchange(rt::Time now, const MotorSetpoints& setpoints,
-                                MotorStates& states) noexcept {
+BusStatus CanMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
   take_replies(now);
   const bool late = drop_late(now);
+  if (look_at_bus()) down_ = true;
+  if (down_) return BusStatus::kDown;
+  const bool placed =
+      std::all_of(modules_.begin(), modules_.end(), [](const Module& m) { return m.placed; });
+  if (late || !placed) return BusStatus::kFrameLost;
+  write_states(now, states);
+  return BusStatus::kOk;
+}
+
+BusStatus CanMotorBus::act(rt::Time now, const MotorSetpoints& setpoints) noexcept {
   const std::uint64_t refused = port_.counters().refused;
   ask_all(now, setpoints);
   const bool full = port_.counters().refused != refused;
   full_ = full ? full_ + 1 : 0;
   if (look_at_bus()) down_ = true;
   if (down_) return BusStatus::kDown;
-  const bool placed = std::all_of(modules_.begin(), modules_.end(),
-                                  [](const Module& m) { return m.placed; });
-  if (late || full || !placed) return BusStatus::kFrameLost;
-  write_states(now, states);
-  return BusStatus::kOk;
+  return full ? BusStatus::kFrameLost : BusStatus::kOk;
 }
 
 void CanMotorBus::rearm() noexcept {
@@ -105,9 +109,8 @@ bool CanMotorBus::look_at_bus() noexcept {
   const PortState s = port_.state();
   if (s == PortState::kBusOff || s == PortState::kDown || s == PortState::kGone) return true;
   if (full_ >= config_.full_jobs) return true;
-  return std::any_of(modules_.begin(), modules_.end(), [this](const Module& m) {
-    return m.silent >= config_.silent_jobs;
-  });
+  return std::any_of(modules_.begin(), modules_.end(),
+                     [this](const Module& m) { return m.silent >= config_.silent_jobs; });
 }
 
 // ---- replies
@@ -143,9 +146,8 @@ void CanMotorBus::keep(Module& m, const tmcl::Reply& reply, rt::Time at) noexcep
     case Ask::kSetpoint:
       break;
     case Ask::kPosition: {
-      const auto step =
-          static_cast<std::int32_t>(static_cast<std::uint32_t>(reply.value) -
-                                    static_cast<std::uint32_t>(m.word));
+      const auto step = static_cast<std::int32_t>(static_cast<std::uint32_t>(reply.value) -
+                                                  static_cast<std::uint32_t>(m.word));
       m.ticks = m.unwrapped ? m.ticks + step : reply.value;
       m.word = reply.value;
       m.unwrapped = m.placed = true;
@@ -218,8 +220,8 @@ tmcl::Request CanMotorBus::next_request(Module& m, double rpm, bool drive) const
 // What drives goes out by turns; motor stop is at the head of the queue in the job that asks for
 // it, also to a module that still owes a reply: that one is then not waited for.
 void CanMotorBus::ask_all(rt::Time now, const MotorSetpoints& setpoints) noexcept {
-  const bool placed = std::all_of(modules_.begin(), modules_.end(),
-                                  [](const Module& m) { return m.placed; });
+  const bool placed =
+      std::all_of(modules_.begin(), modules_.end(), [](const Module& m) { return m.placed; });
   bool drive = setpoints.mode == MotorMode::kVelocity && placed && !down_ &&
                !safe_.load(std::memory_order_acquire);
   std::array<double, kWheels> rpm{};

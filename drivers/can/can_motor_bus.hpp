@@ -5,7 +5,7 @@
 //
 //   setpoint, position, setpoint, speed, setpoint, position, ... and now and then flags or current
 //
-// A setpoint goes out at most four jobs after exchange() got it, motor stop in the same job.
+// A setpoint goes out at most four jobs after act() got it, motor stop in the same job.
 // Replies are read in the next job: a position is up to nine jobs old, `taken` is the oldest one's.
 //
 //   kFrameLost   a module did not answer in time, or the queue took no frame; states keep what they
@@ -54,16 +54,16 @@ class CanMotorBus final : public MotorBus {
   // an identifier or an address.
   CanMotorBus(rt::NonRealtime&, CanPort& port, const CanMotorConfig& = {});
 
-  [[nodiscard]] BusStatus exchange(rt::Time now, const MotorSetpoints& setpoints,
-                                   MotorStates& states) noexcept override;
+  [[nodiscard]] BusStatus sense(rt::Time now, MotorStates& states) noexcept override;
+  [[nodiscard]] BusStatus act(rt::Time now, const MotorSetpoints& setpoints) noexcept override;
   void rearm() noexcept override;
   void make_safe() noexcept override;
 
   struct Counters {
     std::uint64_t requests = 0, replies = 0;
-    std::uint64_t late = 0;      // replies that never came in time
-    std::uint64_t refused = 0;   // a module answered with another status than 100
-    std::uint64_t strange = 0;   // frames that answer nothing that was asked
+    std::uint64_t late = 0;     // replies that never came in time
+    std::uint64_t refused = 0;  // a module answered with another status than 100
+    std::uint64_t strange = 0;  // frames that answer nothing that was asked
   };
   [[nodiscard]] const Counters& counters() const noexcept { return counters_; }
   // The reply identifiers to open a port with.
@@ -107,7 +107,7 @@ class CanMotorBus final : public MotorBus {
   std::array<Received, 64> in_{};
   std::array<CanFrame, kWheels> stop_{};  // for make_safe(): never written after construction
   std::atomic<bool> safe_{false};
-  bool down_ = false;  // latched
+  bool down_ = false;      // latched
   std::size_t first_ = 0;  // module whose turn it is
   int full_ = 0;
   std::uint64_t seq_ = 0;

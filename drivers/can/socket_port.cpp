@@ -20,8 +20,8 @@ namespace drivers::can {
 
 namespace {
 
-constexpr std::size_t kBatch = 32;       // frames a call
-constexpr int kMostBatches = 4;          // calls a job: a flooded bus must not hold the job
+constexpr std::size_t kBatch = 32;  // frames a call
+constexpr int kMostBatches = 4;     // calls a job: a flooded bus must not hold the job
 constexpr std::size_t kControlBytes = 128;
 
 [[noreturn]] void fail(const std::string& iface, const char* what, const std::string& todo) {
@@ -56,7 +56,8 @@ class SocketPort final : public CanPort {
   [[nodiscard]] int send(rt::Time, std::span<const CanFrame> frames) noexcept override {
     const std::size_t n = std::min(frames.size(), kBatch);
     for (std::size_t i = 0; i < n; ++i) out_frame_[i] = to_kernel(frames[i]);
-    const int done = n == 0 ? 0 : sendmmsg(fd_, out_.data(), static_cast<unsigned>(n), MSG_DONTWAIT);
+    const int done =
+        n == 0 ? 0 : sendmmsg(fd_, out_.data(), static_cast<unsigned>(n), MSG_DONTWAIT);
     const int taken = std::max(done, 0);
     // A call that took some of them does not say why it stopped: the next frame tells.
     if (done < 0) watch_.take_errno(errno);

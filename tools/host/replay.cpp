@@ -49,8 +49,7 @@ class FedDevice final : public drivers::HapticDevice {
 
 class FedBus final : public drivers::MotorBus {
  public:
-  [[nodiscard]] drivers::BusStatus exchange(rt::Time, const drivers::MotorSetpoints&,
-                                            drivers::MotorStates& states) noexcept override {
+  [[nodiscard]] drivers::BusStatus sense(rt::Time, drivers::MotorStates& states) noexcept override {
     const auto status = static_cast<drivers::BusStatus>(fed.status);
     if (status != drivers::BusStatus::kOk) return status;
     states.seq = fed.seq;
@@ -60,6 +59,10 @@ class FedBus final : public drivers::MotorBus {
     states.current_A = fed.current_A;
     states.flags = fed.flags;
     return status;
+  }
+  // What became of it is with the next job's input.
+  [[nodiscard]] drivers::BusStatus act(rt::Time, const drivers::MotorSetpoints&) noexcept override {
+    return drivers::BusStatus::kOk;
   }
   void make_safe() noexcept override {}
   MotorInput fed;

@@ -7,7 +7,7 @@
 // Everything else a job uses another task of the box published; its sequence number says which one.
 //
 // File, of this machine's layout, read by the build that wrote it:
-//   text   "teletact-inputs 9 <sizeof JobOp>", one "key value" a line, an empty line
+//   text   "teletact-inputs 10 <sizeof JobOp>", one "key value" a line, an empty line
 //   'O' JobOp          the latch or the end of a job; in order within a task
 //   'M' MessageHead, bytes     a message as it arrived on the link, in order
 //   'F' FrameHead, depth, colour    a camera frame as its driver gave it, in order
@@ -77,6 +77,7 @@ struct MotorInput {  // robot_io
   std::int64_t link_heard_ns = 0;
   std::uint8_t status = 0, link_closed = 0;
   std::uint8_t safety = 0;  // drivers::to_byte(SafetyInputs); 0: none are fitted
+  std::uint8_t sent = 0;    // status of the write before it
 };
 struct TouchInput {         // planning
   std::uint64_t taken = 0;  // events taken off the ring since the start

@@ -131,9 +131,9 @@ class InputRecorder::HapticTap final : public drivers::HapticDevice {
 class InputRecorder::BusTap final : public drivers::MotorBus {
  public:
   explicit BusTap(drivers::MotorBus& inner) : inner_(inner) {}
-  [[nodiscard]] drivers::BusStatus exchange(rt::Time now, const drivers::MotorSetpoints& setpoints,
-                                            drivers::MotorStates& states) noexcept override {
-    const auto status = inner_.exchange(now, setpoints, states);
+  [[nodiscard]] drivers::BusStatus sense(rt::Time now,
+                                         drivers::MotorStates& states) noexcept override {
+    const auto status = inner_.sense(now, states);
     newest.seq = states.seq;
     newest.taken_ns = rt::ns_of(states.taken);
     newest.wheel_rad = states.wheel_rad;
@@ -141,6 +141,13 @@ class InputRecorder::BusTap final : public drivers::MotorBus {
     newest.current_A = states.current_A;
     newest.flags = states.flags;
     newest.status = static_cast<std::uint8_t>(status);
+    newest.sent = sent_;
+    return status;
+  }
+  [[nodiscard]] drivers::BusStatus act(rt::Time now,
+                                       const drivers::MotorSetpoints& setpoints) noexcept override {
+    const auto status = inner_.act(now, setpoints);
+    sent_ = static_cast<std::uint8_t>(status);
     return status;
   }
   void rearm() noexcept override { inner_.rearm(); }
@@ -149,6 +156,7 @@ class InputRecorder::BusTap final : public drivers::MotorBus {
 
  private:
   drivers::MotorBus& inner_;
+  std::uint8_t sent_ = 0;
 };
 
 class InputRecorder::SafetyTap final : public drivers::SafetyIo {
@@ -270,7 +278,7 @@ InputRecorder::InputRecorder(rt::NonRealtime&, const std::string& path, const Ke
   if (path.empty()) return;
   file_.reset(std::fopen(path.c_str(), "wb"));
   if (!file_) throw std::runtime_error(path + ": can not be written");
-  std::fprintf(file_.get(), "teletact-inputs 9 %zu\n", sizeof(JobOp));
+  std::fprintf(file_.get(), "teletact-inputs 10 %zu\n", sizeof(JobOp));
   for (const auto& [key, value] : keys)
     std::fprintf(file_.get(), "%s %s\n", key.c_str(), value.c_str());
   std::fprintf(file_.get(), "\n");

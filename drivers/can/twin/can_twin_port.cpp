@@ -91,8 +91,7 @@ void CanTwinPort::advance(rt::Time now) noexcept {
     start = std::max(start, free_at_);
     const int i = next_to_go(start);
     const Waiting w = waiting_[static_cast<std::size_t>(i)];
-    const rt::Nanos takes{
-        static_cast<std::int64_t>(ns_per_bit_ * most_bits(w.frame.length))};
+    const rt::Nanos takes{static_cast<std::int64_t>(ns_per_bit_ * most_bits(w.frame.length))};
     if (start + takes > now) return;
     free_at_ = start + takes;
     busy_ += takes;

@@ -15,11 +15,11 @@
 namespace drivers::can {
 
 struct CanTwinFaults {
-  int lose_replies = 0;       // the next ones vanish
-  int double_replies = 0;     // the next ones come twice
-  int corrupt = 0;            // the next frames meet a checksum error, and go again
+  int lose_replies = 0;        // the next ones vanish
+  int double_replies = 0;      // the next ones come twice
+  int corrupt = 0;             // the next frames meet a checksum error, and go again
   rt::Nanos delay_replies{0};  // all of them, as long as it stands
-  bool cable_cut = false;     // nobody acknowledges: frames stay in the queue
+  bool cable_cut = false;      // nobody acknowledges: frames stay in the queue
   bool interface_down = false;
 };
 

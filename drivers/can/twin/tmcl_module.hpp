@@ -21,8 +21,8 @@ struct TmclModule {
   std::int32_t position = 0, rpm = 0, current_mA = 0;
   std::uint32_t flags = 0;
   // Faults.
-  bool silent = false;               // powered off
-  std::uint8_t status_instead = 0;   // refuses everything with this status
+  bool silent = false;              // powered off
+  std::uint8_t status_instead = 0;  // refuses everything with this status
   std::uint64_t requests = 0, stops = 0;
   rt::Time answered{};  // when its newest reply was ready
 

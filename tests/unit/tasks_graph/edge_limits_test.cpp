@@ -50,8 +50,10 @@ class Hand final : public drivers::HapticDevice {
 
 class Bus final : public drivers::MotorBus {
  public:
-  drivers::BusStatus exchange(Time now, const drivers::MotorSetpoints&,
-                              drivers::MotorStates& out) noexcept override {
+  drivers::BusStatus act(Time, const drivers::MotorSetpoints&) noexcept override {
+    return drivers::BusStatus::kOk;
+  }
+  drivers::BusStatus sense(Time now, drivers::MotorStates& out) noexcept override {
     out = {};
     out.seq = ++seq_;
     out.taken = now;
