@@ -30,6 +30,7 @@ TouchSegmenter::TouchSegmenter(int max_width, int max_height, const TouchConfig&
   const auto half = static_cast<std::size_t>((max_width + 1) / 2 * ((max_height + 1) / 2));
   inside_.resize(half);
   chosen_.resize(half);
+  side_.resize(half);
   queue_.resize(half);
   covered_.resize(half);
 }
@@ -91,11 +92,11 @@ void TouchSegmenter::select_region(int region) noexcept {
   }
 }
 
-void TouchSegmenter::add_occluded_parts(int region) noexcept {
+void TouchSegmenter::add_occluded_parts(int region, const ObjectGraphConfig& graph) noexcept {
   for (int i = 0; i < patches_.count(); ++i) {
     const int other = graph_.region(i);
     if (other != i || other == region || graph_.area_cm2(other) < config_.occluded_cm2) continue;
-    if (graph_.same_behind_occluder(patches_, region, other, config_.graph)) select_region(other);
+    if (graph_.same_behind_occluder(patches_, region, other, graph)) select_region(other);
   }
 }
 
@@ -121,11 +122,51 @@ void TouchSegmenter::select_flat(int pixel) noexcept {
   }
 }
 
-bool TouchSegmenter::touch(int u, int v) noexcept {
+int TouchSegmenter::pixel_of(int u, int v) const noexcept {
   const HalfWindow& win = patches_.window();
   const int x = std::clamp(u / 2 - win.u0, 0, win.width - 1);
   const int y = std::clamp(v / 2 - win.v0, 0, win.height - 1);
-  const int pixel = y * win.width + x, n = win.width * win.height;
+  return y * win.width + x;
+}
+
+// A piece that is told to be on both sides is told nothing, but the touched one stays with the object.
+void TouchSegmenter::set_sides(std::span<const Sided> sided, int touched) noexcept {
+  constexpr std::int8_t kBoth = 2;
+  std::fill_n(side_.begin(), patches_.count(), std::int8_t{0});
+  for (const Sided& s : sided) {
+    std::int8_t& side =
+        side_[static_cast<std::size_t>(patches_.labels()[static_cast<std::size_t>(pixel_of(s.u, s.v))])];
+    const auto sign = static_cast<std::int8_t>(s.sign);
+    side = side == 0 || side == sign ? sign : kBoth;
+  }
+  for (int i = 0; i < patches_.count(); ++i) {
+    std::int8_t& side = side_[static_cast<std::size_t>(i)];
+    if (side == kBoth) side = 0;
+  }
+  side_[static_cast<std::size_t>(patches_.labels()[static_cast<std::size_t>(touched)])] = 1;
+}
+
+void TouchSegmenter::choose_sided(std::span<const Sided> sided) noexcept {
+  for (const int sign : {1, -1}) {
+    for (const Sided& s : sided) {
+      const int piece = patches_.labels()[static_cast<std::size_t>(pixel_of(s.u, s.v))];
+      const int region = graph_.region(piece);
+      if (s.sign != sign || side_[static_cast<std::size_t>(piece)] != sign || region < 0) continue;
+      for (int i = 0; i < patches_.count(); ++i)
+        if (graph_.region(i) == region) chosen_[static_cast<std::size_t>(i)] = sign > 0 ? 1 : 0;
+    }
+  }
+}
+
+bool TouchSegmenter::touch(int u, int v) noexcept {
+  return touch(u, v, config_.graph, config_.outline, {});
+}
+
+bool TouchSegmenter::touch(int u, int v, const ObjectGraphConfig& graph,
+                           const OutlineConfig& outline, std::span<const Sided> sided) noexcept {
+  const HalfWindow& win = patches_.window();
+  const int pixel = pixel_of(u, v), n = win.width * win.height;
+  const int x = pixel % win.width, y = pixel / win.width;
   std::fill_n(inside_.begin(), n, std::uint8_t{0});
   std::fill_n(chosen_.begin(), patches_.count(), std::uint8_t{0});
   const int seen = nearest_reading(patches_.z_m().data(), win.width, win.height, pixel);
@@ -135,8 +176,13 @@ bool TouchSegmenter::touch(int u, int v) noexcept {
   named_support_ = false;
   if (found) {
     plane_ = graph_.find_support(patches_, patches_.point(seen % win.width, seen / win.width),
-                                 config_.graph);
-    graph_.build(patches_, plane_, config_.graph);
+                                 graph);
+    if (sided.empty()) {
+      graph_.build(patches_, plane_, graph);
+    } else {
+      set_sides(sided, pixel);
+      graph_.build(patches_, plane_, graph, side_);
+    }
     int region = graph_.region(piece);
     if (region == ObjectGraph::kNone) region = nearest_region(x, y);
     const Colour here = colour_near(x, y);
@@ -146,8 +192,9 @@ bool TouchSegmenter::touch(int u, int v) noexcept {
     } else if (region != ObjectGraph::kNone) {
       select_region(region);
       named_support_ = region == ObjectGraph::kSupport;
-      if (region >= 0) add_occluded_parts(region);
+      if (region >= 0) add_occluded_parts(region, graph);
     }
+    choose_sided(sided);
   }
   if (graph_.region(piece) == ObjectGraph::kNone) chosen_[static_cast<std::size_t>(piece)] = 1;
   inside_[static_cast<std::size_t>(pixel)] = 1;
@@ -155,8 +202,7 @@ bool TouchSegmenter::touch(int u, int v) noexcept {
     const auto k = static_cast<std::size_t>(i);
     inside_[k] |= chosen_[static_cast<std::size_t>(patches_.labels()[k])];
   }
-  outline_.refine(rgb_, depth_, mm_per_unit_, patches_, plane_, config_.graph, inside_, u, v,
-                  config_.outline);
+  outline_.refine(rgb_, depth_, mm_per_unit_, patches_, plane_, graph, inside_, u, v, outline);
   return found;
 }
 
