@@ -86,9 +86,7 @@ bool ObjectGraph::is_bottom_of(int bottom, int inside, const Between& edge,
 
 void ObjectGraph::join(int a, int b) noexcept {
   const int lo = std::min(root(a), root(b)), hi = std::max(root(a), root(b));
-  if (lo == hi || apart(lo, hi)) return;
-  std::int8_t& side = side_[static_cast<std::size_t>(lo)];
-  if (side == 0) side = side_[static_cast<std::size_t>(hi)];
+  if (lo == hi) return;
   parent_[static_cast<std::size_t>(hi)] = lo;
   Region &to = sums_[static_cast<std::size_t>(lo)], &from = sums_[static_cast<std::size_t>(hi)];
   to.L += from.L, to.a += from.a, to.b += from.b, to.n += from.n, to.area_cm2 += from.area_cm2;

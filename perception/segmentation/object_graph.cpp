@@ -10,7 +10,6 @@ namespace perception {
 namespace {
 
 constexpr float kDegree = 0.017453292F;
-constexpr float kNever = 1e30F;  // cost of a join
 
 }  // namespace
 
@@ -23,7 +22,6 @@ ObjectGraph::ObjectGraph(int max_width, int max_height) {
   region_.resize(n);
   best_.resize(n);
   support_.resize(n);
-  side_.resize(n);
   outlines_.resize(n);
   between_.resize(2 * n);
   sample_.reserve(n);
@@ -279,7 +277,6 @@ bool ObjectGraph::merge_round(const ObjectGraphConfig& c) noexcept {
                          c.colour_weight * unlike;
     const float step = c.step_weight * e.step / e.length * (1 - c.same_colour_step * alike);
     e.cost = 2 * area * (valley / (area + c.area_cm2) + step / (area + c.step_area_cm2));
-    if (apart(e.a, e.b)) e.cost = kNever;
     for (const int r : {e.a, e.b}) {
       int& best = best_[static_cast<std::size_t>(r)];
       if (best < 0 || e.cost < edges_[static_cast<std::size_t>(best)].cost) best = k;
@@ -299,8 +296,6 @@ bool ObjectGraph::merge_round(const ObjectGraphConfig& c) noexcept {
     a.b += b.b;
     a.n += b.n;
     a.area_cm2 += b.area_cm2;
-    if (side_[static_cast<std::size_t>(e.a)] == 0)
-      side_[static_cast<std::size_t>(e.a)] = side_[static_cast<std::size_t>(e.b)];
     merged = true;
   }
   return merged;
@@ -397,7 +392,7 @@ bool ObjectGraph::same_behind_occluder(const SurfacePatches& patches, int region
 }
 
 void ObjectGraph::build(const SurfacePatches& patches, const SupportPlane& plane,
-                        const ObjectGraphConfig& c, std::span<const std::int8_t> sides) noexcept {
+                        const ObjectGraphConfig& c) noexcept {
   pieces_ = patches.count();
   asked_region_ = kNone;
   mark_support(patches, plane, c);
@@ -411,7 +406,6 @@ void ObjectGraph::build(const SurfacePatches& patches, const SupportPlane& plane
     sums_[k] = {n * p.L, n * p.a, n * p.b, n,
                 1e4F * static_cast<float>(p.readings) * side_m * side_m};
     parent_[k] = i;
-    side_[k] = sides.empty() ? std::int8_t{0} : sides[k];
   }
   collect(patches, c);
   combine();

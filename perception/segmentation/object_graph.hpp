@@ -73,10 +73,9 @@ class ObjectGraph {
   [[nodiscard]] SupportPlane find_support(const SurfacePatches& patches, const Vec3f& p_touch,
                                           const ObjectGraphConfig& config) noexcept;
 
-  // Regions of the pieces given the plane (may be invalid). Does not allocate. `sides`: empty, or a value a piece;
-  // pieces of values of unlike sign never come into one region.
+  // Regions of the pieces given the plane (may be invalid). Does not allocate.
   void build(const SurfacePatches& patches, const SupportPlane& plane,
-             const ObjectGraphConfig& config, std::span<const std::int8_t> sides = {}) noexcept;
+             const ObjectGraphConfig& config) noexcept;
 
   static constexpr int kNone = -1, kSupport = -2;
   // Two regions are one object cut by an occluder: their largest faces lie in one plane, and on the
@@ -143,9 +142,6 @@ class ObjectGraph {
                                   const ObjectGraphConfig& config) const noexcept;
   [[nodiscard]] bool is_bottom_of(int bottom, int inside, const Between& edge,
                                   const ObjectGraphConfig& config) const noexcept;
-  [[nodiscard]] bool apart(int a, int b) const noexcept {
-    return side_[static_cast<std::size_t>(a)] * side_[static_cast<std::size_t>(b)] < 0;
-  }
   void join(int a, int b) noexcept;
   void join_hollow(const SurfacePatches& patches, const SupportPlane& plane,
                    const ObjectGraphConfig& config) noexcept;
@@ -169,7 +165,6 @@ class ObjectGraph {
   // region asked for.
   std::vector<int> best_;
   std::vector<int> next_;  // edge of the same first piece
-  std::vector<std::int8_t> side_;  // of a region: which side it was told to be on; 0: neither
   std::vector<std::uint8_t> support_;
   std::vector<Outline> outlines_;  // a region
   std::vector<Between> between_;   // an edge between regions

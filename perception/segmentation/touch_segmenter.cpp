@@ -26,11 +26,11 @@ TouchSegmenter::TouchSegmenter(int max_width, int max_height, const TouchConfig&
     : config_(config),
       patches_(max_width, max_height),
       graph_(max_width, max_height),
-      outline_(max_width, max_height) {
+      outline_(max_width, max_height),
+      split_(max_width, max_height) {
   const auto half = static_cast<std::size_t>((max_width + 1) / 2 * ((max_height + 1) / 2));
   inside_.resize(half);
   chosen_.resize(half);
-  side_.resize(half);
   queue_.resize(half);
   covered_.resize(half);
 }
@@ -129,41 +129,22 @@ int TouchSegmenter::pixel_of(int u, int v) const noexcept {
   return y * win.width + x;
 }
 
-// A piece that is told to be on both sides is told nothing, but the touched one stays with the object.
-void TouchSegmenter::set_sides(std::span<const Sided> sided, int touched) noexcept {
-  constexpr std::int8_t kBoth = 2;
-  std::fill_n(side_.begin(), patches_.count(), std::int8_t{0});
-  for (const Sided& s : sided) {
-    std::int8_t& side =
-        side_[static_cast<std::size_t>(patches_.labels()[static_cast<std::size_t>(pixel_of(s.u, s.v))])];
-    const auto sign = static_cast<std::int8_t>(s.sign);
-    side = side == 0 || side == sign ? sign : kBoth;
-  }
-  for (int i = 0; i < patches_.count(); ++i) {
-    std::int8_t& side = side_[static_cast<std::size_t>(i)];
-    if (side == kBoth) side = 0;
-  }
-  side_[static_cast<std::size_t>(patches_.labels()[static_cast<std::size_t>(touched)])] = 1;
-}
-
-void TouchSegmenter::choose_sided(std::span<const Sided> sided) noexcept {
-  for (const int sign : {1, -1}) {
-    for (const Sided& s : sided) {
-      const int piece = patches_.labels()[static_cast<std::size_t>(pixel_of(s.u, s.v))];
-      const int region = graph_.region(piece);
-      if (s.sign != sign || side_[static_cast<std::size_t>(piece)] != sign || region < 0) continue;
-      for (int i = 0; i < patches_.count(); ++i)
-        if (graph_.region(i) == region) chosen_[static_cast<std::size_t>(i)] = sign > 0 ? 1 : 0;
-    }
+void TouchSegmenter::choose_others(std::span<const SplitSeed> others) noexcept {
+  for (const SplitSeed& s : others) {
+    if (!s.of_object) continue;
+    const auto pixel = static_cast<std::size_t>(pixel_of(s.u, s.v));
+    const int region = graph_.region(patches_.labels()[pixel]);
+    if (region >= 0) select_region(region);
   }
 }
 
 bool TouchSegmenter::touch(int u, int v) noexcept {
-  return touch(u, v, config_.graph, config_.outline, {});
+  return touch(u, v, config_.graph, config_.outline, {}, {});
 }
 
 bool TouchSegmenter::touch(int u, int v, const ObjectGraphConfig& graph,
-                           const OutlineConfig& outline, std::span<const Sided> sided) noexcept {
+                           const OutlineConfig& outline, std::span<const SplitSeed> others,
+                           const SplitConfig& split) noexcept {
   const HalfWindow& win = patches_.window();
   const int pixel = pixel_of(u, v), n = win.width * win.height;
   const int x = pixel % win.width, y = pixel / win.width;
@@ -177,12 +158,7 @@ bool TouchSegmenter::touch(int u, int v, const ObjectGraphConfig& graph,
   if (found) {
     plane_ = graph_.find_support(patches_, patches_.point(seen % win.width, seen / win.width),
                                  graph);
-    if (sided.empty()) {
-      graph_.build(patches_, plane_, graph);
-    } else {
-      set_sides(sided, pixel);
-      graph_.build(patches_, plane_, graph, side_);
-    }
+    graph_.build(patches_, plane_, graph);
     int region = graph_.region(piece);
     if (region == ObjectGraph::kNone) region = nearest_region(x, y);
     const Colour here = colour_near(x, y);
@@ -194,7 +170,7 @@ bool TouchSegmenter::touch(int u, int v, const ObjectGraphConfig& graph,
       named_support_ = region == ObjectGraph::kSupport;
       if (region >= 0) add_occluded_parts(region, graph);
     }
-    choose_sided(sided);
+    choose_others(others);
   }
   if (graph_.region(piece) == ObjectGraph::kNone) chosen_[static_cast<std::size_t>(piece)] = 1;
   inside_[static_cast<std::size_t>(pixel)] = 1;
@@ -202,6 +178,7 @@ bool TouchSegmenter::touch(int u, int v, const ObjectGraphConfig& graph,
     const auto k = static_cast<std::size_t>(i);
     inside_[k] |= chosen_[static_cast<std::size_t>(patches_.labels()[k])];
   }
+  if (!others.empty()) split_.split(patches_, {u, v, true}, others, split, inside_);
   outline_.refine(rgb_, depth_, mm_per_unit_, patches_, plane_, graph, inside_, u, v, outline);
   return found;
 }

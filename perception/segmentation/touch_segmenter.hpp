@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "perception/segmentation/outline.hpp"
+#include "perception/segmentation/seed_split.hpp"
 
 namespace perception {
 
@@ -43,14 +44,11 @@ class TouchSegmenter {
   // The object at pixel (u, v) of the full image. False, with a mask of that pixel alone, when there
   // is no depth near it.
   bool touch(int u, int v) noexcept;
-  // The same with another choice of regions and outline than the configuration's, and with further pixels that are
-  // on one side (sign 1) or the other (sign -1): their pieces never come into one region with pieces of the other
-  // side; a region of side 1 that a clicked pixel lies in belongs to the object, one of side -1 does not.
-  struct Sided {
-    int u = 0, v = 0, sign = 1;
-  };
+  // The same with other settings of regions and outline than the configuration's. Further pixels, if any: the
+  // regions of the others that are the object's (of_object) belong to it, and it ends where it is nearer to one that
+  // is not (seed_split.hpp).
   bool touch(int u, int v, const ObjectGraphConfig& graph, const OutlineConfig& outline,
-             std::span<const Sided> sided) noexcept;
+             std::span<const SplitSeed> others, const SplitConfig& split) noexcept;
   // Pixels (inclusive) of the image.
   struct SeedBox {
     int u0, v0, u1, v1;
@@ -85,8 +83,7 @@ class TouchSegmenter {
   void select_flat(int pixel) noexcept;
   void add_occluded_parts(int region, const ObjectGraphConfig& graph) noexcept;
   [[nodiscard]] int pixel_of(int u, int v) const noexcept;
-  void set_sides(std::span<const Sided> sided, int touched) noexcept;
-  void choose_sided(std::span<const Sided> sided) noexcept;
+  void choose_others(std::span<const SplitSeed> others) noexcept;
   [[nodiscard]] int nearest_region(int u, int v) const noexcept;
   struct Colour : Lab {
     bool known = false;
@@ -97,6 +94,7 @@ class TouchSegmenter {
   SurfacePatches patches_;
   ObjectGraph graph_;
   OutlineRefiner outline_;
+  SeedSplit split_;
   SupportPlane plane_;
   ImageView<const Rgb> rgb_;
   ImageView<const std::uint16_t> depth_;
@@ -104,7 +102,6 @@ class TouchSegmenter {
   bool named_support_ = false;
   std::vector<std::uint8_t> inside_;
   std::vector<std::uint8_t> chosen_;  // a byte a piece
-  std::vector<std::int8_t> side_;     // a byte a piece
   std::vector<std::int32_t> queue_;
   std::vector<float> covered_;
 };
