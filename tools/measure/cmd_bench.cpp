@@ -260,11 +260,7 @@ struct PredictionBench {
 }  // namespace
 
 int cmd_bench(int argc, char** argv) {
-  CLI::App app{
-      "Measures one part beside its peers. WHAT: rings, wakeup, audit, table1, table2, "
-      "segmentation, fusion, codec, drift, fuzz, haptic, boundary, prediction, effects, days, "
-      "link. "
-      "Ends with 1 when a limit is missed."};
+  CLI::App app{"Measures one part beside its peers. Ends with 1 when a limit is missed."};
   std::string what, json;
   int rounds = 9;
   double slice_s = 1.0;

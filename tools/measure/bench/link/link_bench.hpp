@@ -1,6 +1,6 @@
 // teletact bench link: the built `robot` and `operator` over a road of 10 Mbit/s and 75 to 95 ms
-// each way, real TCP with TLS, H.264 colour on. Each run has both boxes with all their tasks, in two
-// network namespaces of this machine (link_rig.hpp).
+// each way, real TCP with TLS, H.264 colour on. Each run has both boxes with all their tasks, in
+// two network namespaces of this machine (link_rig.hpp).
 //
 //   rest       the base stands, for a minute; depth against the truth
 //   strict     the base drives rounds; pictures count while it moves. Depth codec `moving`

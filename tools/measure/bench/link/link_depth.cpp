@@ -10,6 +10,7 @@
 #include "drivers/link/frame_codec.hpp"
 #include "drivers/link/wire.hpp"
 #include "drivers/world/world.hpp"
+#include "tools/measure/bench/codec/codec_film.hpp"
 #include "tools/record/input_record.hpp"
 
 namespace teletact {
@@ -44,39 +45,15 @@ class TruthPose final : public drivers::PoseSource {
   perception::Pose X_BC_;
 };
 
-// Within two pixels of a step of the inverse depth's second difference, or of a pixel without a
-// reading.
-std::vector<std::uint8_t> inner_of(const RgbdFrame& truth) {
-  const int w = truth.intrinsics.width, h = truth.intrinsics.height;
-  std::vector<std::uint8_t> inner(static_cast<std::size_t>(w) * static_cast<std::size_t>(h), 1);
-  const auto at = [&](int u, int v) {
-    return static_cast<int>(truth.depth_mm[static_cast<std::size_t>(v * w + u)]);
-  };
-  const auto bends = [](int a, int b, int c) {
-    if (a == 0 || b == 0 || c == 0) return true;
-    return std::abs(1.0 / a - 2.0 / b + 1.0 / c) * b > 0.5 * drivers::DepthNoise::kEdgeStep;
-  };
-  for (int v = 0; v < h; ++v) {
-    for (int u = 0; u < w; ++u) {
-      const bool rim = u < 1 || v < 1 || u >= w - 1 || v >= h - 1;
-      if (!rim && !bends(at(u - 1, v), at(u, v), at(u + 1, v)) &&
-          !bends(at(u, v - 1), at(u, v), at(u, v + 1)))
-        continue;
-      for (int b = std::max(0, v - 2); b <= std::min(h - 1, v + 2); ++b)
-        for (int a = std::max(0, u - 2); a <= std::min(w - 1, u + 2); ++a)
-          inner[static_cast<std::size_t>(b * w + a)] = 0;
-    }
-  }
-  return inner;
-}
-
 // Sums of squared errors, each over the sensor's own sigma there.
 struct Sums {
   double decoded = 0, sensor = 0;
   std::uint64_t pixels = 0;
 
   void add(const RgbdFrame& out, const RgbdFrame& in, const RgbdFrame& truth) {
-    const auto inner = inner_of(truth);
+    const auto& k = truth.intrinsics;
+    std::vector<std::uint8_t> inner(static_cast<std::size_t>(k.width * k.height));
+    mark_inner(truth.depth_mm.data(), k.width, k.height, inner.data());
     for (std::size_t n = 0; n < inner.size(); ++n) {
       const double t = truth.depth_mm[n], x = in.depth_mm[n], y = out.depth_mm[n];
       if (inner[n] == 0 || t <= 0 || x <= 0 || y <= 0) continue;

@@ -1,7 +1,7 @@
-// How far the depth that the operator's box decoded is from the truth, over the same of the camera's
-// own readings. The pictures come from the recording of that box's link (its bytes as they arrived,
-// decoded again by the product's decoder); truth and readings are rendered again, from the twin's
-// true pose, by the camera's number of each picture.
+// How far the depth that the operator's box decoded is from the truth, over the same of the
+// camera's own readings. The pictures come from the recording of that box's link: its bytes as they
+// arrived, decoded again by the product's decoder. Truth and readings are rendered again, from the
+// twin's true pose, by the camera's number of each picture.
 #pragma once
 
 #include <cstdint>
