@@ -24,6 +24,8 @@ LinkBenchResult just_good() {
     row.depth_over_sensor = 0.999;
     row.over_stall_ms = 50;
     row.after_rate_p95_ms = 400;
+    row.felt_p95_ms = 140;
+    row.felt = 9;
     row.drive = {true, 6, 0, {395, 1}};
   }
   r.rows["strict"].window.fps = 24;
@@ -51,6 +53,7 @@ TEST(LinkBench, EachLimitCanBeMissed) {
   std::vector<Spoil> spoils{window("rest", &LinkWindow::fps, 28.9),
                             row("rest", &LinkRow::depth_over_sensor, 1),
                             window("rest", &LinkWindow::age_p95_ms, 200.1),
+                            row("rest", &LinkRow::felt_p95_ms, 140.1),
                             window("strict", &LinkWindow::fps, 23.9),
                             window("lenient", &LinkWindow::fps, 28.9),
                             window("strict", &LinkWindow::age_p95_ms, 200.1),
@@ -107,6 +110,10 @@ TEST(LinkBench, WhatWasNotMeasuredSaysWhy) {
   plain.rows["loss"].window.fps = 5;
   EXPECT_EQ(plain.missed(), 0);
   EXPECT_THAT(printed(plain), HasSubstr("this kernel has no bbr"));
+
+  LinkBenchResult nothing_felt = just_good();
+  nothing_felt.rows["rest"].felt = 0;
+  EXPECT_THAT(printed(nothing_felt), HasSubstr("the hand touched nothing"));
 
   LinkBenchResult stood = just_good();
   stood.rows["drive_stall"].drive.silence = {0, 0};

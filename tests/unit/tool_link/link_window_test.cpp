@@ -103,5 +103,34 @@ TEST(LinkWindow, HowLongABaseMovesAfterASilence) {
   EXPECT_NEAR(s.stands_ms, 470, 1e-6) << "at the second one it never stood";
 }
 
+TEST(LinkWindow, FromTheExposureToTheForceThatKnowsIt) {
+  std::vector<tasks::FusionSample> fusion;
+  for (int i = 0; i < 10;
+       ++i) {  // at 100, 200, ... ms; of images 60 ms before; every third is not used
+    tasks::FusionSample f;
+    f.stamp = rt::Time{} + rt::Nanos{(100 + 100 * i) * kMs};
+    f.exposure = f.stamp - rt::Nanos{60 * kMs};
+    f.integrated = i % 3 != 2;
+    fusion.push_back(f);
+  }
+  std::vector<tasks::HapticSample> haptic;
+  for (int ms = 0; ms < 1200; ++ms) {
+    tasks::HapticSample h;
+    h.stamp = rt::Time{} + rt::Nanos{ms * kMs};
+    // A patch is in use 20 ms after it was fused.
+    const int fused = std::max(0, (ms - 20) / 100 * 100);
+    h.patch_age_s = 1e-3F * static_cast<float>(ms - fused);
+    h.in_contact = ms >= 300;
+    haptic.push_back(h);
+  }
+  const auto felt = felt_after_ms(haptic, fusion, 0);
+  // At 300 the patch of 200 is in use; then those of 400, 500, 700, 800 and 1000.
+  ASSERT_EQ(felt.size(), 6U);
+  EXPECT_NEAR(felt[0], 300 - 140, 1.1);
+  for (std::size_t i = 1; i < felt.size(); ++i) EXPECT_NEAR(felt[i], 80, 1.1) << i;
+  EXPECT_NEAR(felt_after_ms(haptic, fusion, 5 * kMs)[1], 85, 1.1) << "a clock that is off";
+  EXPECT_TRUE(felt_after_ms({}, fusion, 0).empty());
+}
+
 }  // namespace
 }  // namespace teletact

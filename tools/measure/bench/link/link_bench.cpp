@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "drivers/codec/colour_stream.hpp"
+#include "rt/quantile.hpp"
 #include "tasks/graph/calibration.hpp"
 #include "tools/measure/bench/link/link_depth.hpp"
 #include "tools/measure/bench/link/link_rig.hpp"
@@ -117,6 +118,12 @@ void judge_windows(const RigRun& run, const RigResult& r, LinkRow& row) {
       std::max(link_window(samples, in_thin).age_p95_ms, link_window(samples, in_wide).age_p95_ms);
 }
 
+void judge_felt(const RigResult& r, LinkRow& row) {
+  auto all = felt_after_ms(r.op.view.haptic, r.op.view.fusion, clock_off_ns(r.op.link.newest));
+  row.felt = static_cast<int>(all.size());
+  if (!all.empty()) row.felt_p95_ms = rt::quantile(all, 0.95);
+}
+
 void judge_drive(const RigRun& run, const RigResult& r, LinkRow& row) {
   const OperatorView& v = r.op.view;
   row.drive.arrived = v.arrivals > 0 && !v.paths.empty();
@@ -149,9 +156,10 @@ LinkRow judge(const RigRun& run, const RigResult& r) {
   row.road_late_p95_us = r.road_late_p95_us;
   row.robot_congestion = r.robot_congestion;
   row.operator_congestion = r.operator_congestion;
-  row.depth_over_sensor = row.over_stall_ms = row.after_rate_p95_ms = kNaN;
+  row.depth_over_sensor = row.over_stall_ms = row.after_rate_p95_ms = row.felt_p95_ms = kNaN;
   judge_windows(run, r, row);
   if (run.name.rfind("drive", 0) == 0) judge_drive(run, r, row);
+  if (is(run, "rest")) judge_felt(r, row);
   if (run.record) judge_depth(run, r, row);
   return row;
 }

@@ -51,6 +51,8 @@ struct LinkRow {
   std::string depth_problem;     // it was not measured
   double over_stall_ms = 0;      // stall
   double after_rate_p95_ms = 0;  // rate: from 3 s after each change on, the worse of both
+  double felt_p95_ms = 0;        // rest: from an exposure to the first force that knows it
+  int felt = 0;                  // images that were felt
   LinkDrive drive;
 };
 

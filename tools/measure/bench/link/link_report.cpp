@@ -69,6 +69,11 @@ std::vector<Limit> LinkBenchResult::limits() const {
       [](const LinkRow& r) { return r.depth_over_sensor; }, false,
       rest != nullptr ? rest->depth_problem : "");
   j.add(all, "rest: picture age p95, ms", "rest", "<=", 200, age);
+  // The road's one way, with all of its jitter, and what both boxes may take.
+  j.add(
+      all, "rest: exposure to the force it causes p95, ms", "rest", "<=", 95 + 45,
+      [](const LinkRow& r) { return r.felt_p95_ms; }, true,
+      rest != nullptr && rest->felt == 0 ? "the hand touched nothing" : "");
   j.add(all, "moving, strict noise: pictures a second", "strict", ">=", 24, fps);
   j.add(all, "moving, lenient noise: pictures a second", "lenient", ">=", 29, fps);
   j.add(all, "moving, strict noise: picture age p95, ms", "strict", "<=", 200, age);
@@ -126,6 +131,8 @@ std::vector<BenchMetric> LinkBenchResult::metrics() const {
       all.push_back({name, value, unit});
   };
   const LinkRow *stall = j.row("stall"), *rate = j.row("rate"), *drive = j.row("drive");
+  const LinkRow* rest = j.row("rest");
+  one("link.exposure_to_felt_p95_ms", "rest", rest != nullptr ? rest->felt_p95_ms : kNaN, "ms");
   one("link.stall.over_bound_ms", "stall", stall != nullptr ? stall->over_stall_ms : kNaN, "ms");
   one("link.rate.age_p95_ms", "rate", rate != nullptr ? rate->after_rate_p95_ms : kNaN, "ms");
   one("link.drive_s", "drive", drive != nullptr ? drive->drive.time_s : kNaN, "s");

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kStands_m_per_s = 0.01, kArm_m = 0.5;  // from the base's centre to what it sees
-constexpr std::int64_t kPause_ns = 200'000'000;
+constexpr std::int64_t kPause_ns = 200'000'000, kTick_ns = 1'000'000;
 
 double age_ms(const tasks::LinkSample& s) {
   return 1e-6 * static_cast<double>(rt::ns_of(s.stamp) - s.made_remote_ns);
@@ -105,6 +105,36 @@ Silence after_silences(const std::vector<tasks::RobotSample>& robot,
     out.stands_ms = std::max(out.stands_ms, moved_ms);
   }
   return out;
+}
+
+std::vector<double> felt_after_ms(const std::vector<tasks::HapticSample>& haptic,
+                                  const std::vector<tasks::FusionSample>& fusion,
+                                  std::int64_t clock_ns) {
+  std::vector<double> out;
+  std::size_t at = 0;
+  const tasks::FusionSample* newest = nullptr;  // that the patch in use knows
+  const tasks::FusionSample* felt = nullptr;
+  for (const auto& h : haptic) {
+    const std::int64_t fused_ns =
+        rt::ns_of(h.stamp) - static_cast<std::int64_t>(1e9 * static_cast<double>(h.patch_age_s));
+    // A tick's stamp and the instant that its patch's age counts from may differ by a part of a
+    // period.
+    while (at < fusion.size() && rt::ns_of(fusion[at].stamp) <= fused_ns + kTick_ns) {
+      if (fusion[at].integrated) newest = &fusion[at];
+      ++at;
+    }
+    if (!h.in_contact || newest == nullptr || newest == felt) continue;
+    felt = newest;
+    out.push_back(1e-6 * static_cast<double>((h.stamp - felt->exposure).count() + clock_ns));
+  }
+  return out;
+}
+
+std::int64_t clock_off_ns(std::span<const tasks::LinkSample> samples) {
+  for (auto s = samples.rbegin(); s != samples.rend(); ++s) {
+    if (s->picture) return rt::ns_of(s->made) - s->made_remote_ns;
+  }
+  return 0;
 }
 
 }  // namespace teletact

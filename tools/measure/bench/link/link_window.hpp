@@ -51,4 +51,13 @@ struct Silence {
 [[nodiscard]] Silence after_silences(const std::vector<tasks::RobotSample>& robot,
                                      std::span<const std::int64_t> silences_ns, double until_ms);
 
+// From the exposure of an image to the first tick of the hand in contact whose force knows it, ms,
+// one for each image that the map took in. `clock_ns`: what the link's measure of the robot's clock
+// is off (made - made_remote): taken out, so that the times are true.
+[[nodiscard]] std::vector<double> felt_after_ms(const std::vector<tasks::HapticSample>& haptic,
+                                                const std::vector<tasks::FusionSample>& fusion,
+                                                std::int64_t clock_ns);
+// Of the newest picture; 0: none arrived.
+[[nodiscard]] std::int64_t clock_off_ns(std::span<const tasks::LinkSample> samples);
+
 }  // namespace teletact
