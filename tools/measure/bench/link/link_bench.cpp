@@ -52,6 +52,7 @@ Words scene_keys(const std::string& depth, const Words& more = {}) {
 }
 
 const std::string kNobodyEngages = "operator.engage_after_s=100000";
+// Once it was followed: an engagement that is lost stays lost, and the mark is not reached.
 const std::string kEngagedOnce = "operator.re_engage_after_s=0";
 
 std::vector<RigRun> runs_of(const LinkBenchOptions& o) {
@@ -129,7 +130,6 @@ void judge_drive(const RigRun& run, const RigResult& r, LinkRow& row) {
   row.drive.arrived = v.arrivals > 0 && !v.paths.empty();
   row.drive.time_s =
       row.drive.arrived ? rt::seconds(v.first_arrival - v.paths.front().mark_stamp) : kNaN;
-  row.drive.re_engages = std::max(0, static_cast<int>(v.engages) - 1);
   if (!is(run, "drive_stall")) return;
   std::vector<std::int64_t> silences;
   for (double at = kFirstStall_at_s; at < run.seconds + 20; at += kStallEvery_s)

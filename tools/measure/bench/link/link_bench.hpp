@@ -34,9 +34,8 @@ struct LinkBenchOptions {
 [[nodiscard]] const std::vector<std::string>& link_run_names();
 
 struct LinkDrive {
-  bool arrived = false;
-  double time_s = 0;  // from the mark to the arrival
-  int re_engages = 0;
+  bool arrived = false;  // with one engage: the person at the desk does not press again
+  double time_s = 0;     // from the mark to the arrival
   Silence silence;
 };
 

@@ -112,7 +112,7 @@ class Child {
 // teletact-road, from "ready" on.
 class RoadProgram {
  public:
-  RoadProgram(const Words& words) {
+  explicit RoadProgram(const Words& words) {
     std::array<int, 2> err{};
     if (::pipe2(out_.data(), O_CLOEXEC) != 0 || ::pipe2(err.data(), O_CLOEXEC) != 0)
       throw std::runtime_error(std::string("pipe: ") + std::strerror(errno));
