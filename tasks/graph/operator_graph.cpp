@@ -95,8 +95,24 @@ const FusionTask& OperatorGraph::fusion() const noexcept { return nodes_->fusion
 const HapticTask& OperatorGraph::haptic() const noexcept { return nodes_->haptic.task(); }
 
 void OperatorGraph::bind_link(rt::NonRealtime& nrt, drivers::LinkEndpoint& endpoint) {
-  receive_pictures(nrt, *cells_, config_.capture, camera_, endpoint);
-  receive_edge<EdgeId::kRobotState>(*cells_, endpoint);
+  const auto told = [this](const LinkSample& s) {
+    cells_->link_samples.try_push(s);
+    if (!s.picture) return;
+    link_.picture_ns.store(rt::ns_of(s.made));
+    link_.tell_spared(s.spared);
+  };
+  receive_pictures(nrt, *cells_, config_.capture, camera_, endpoint, told);
+  receive_edge<EdgeId::kRobotState>(
+      *cells_, endpoint,
+      [told, &endpoint](const drivers::RobotState& s, std::int64_t taken_ns, std::size_t bytes) {
+        told({endpoint.arrived(),
+              s.taken,
+              taken_ns,
+              static_cast<std::uint32_t>(bytes + drivers::kHeaderSize),
+              false,
+              false,
+              {}});
+      });
   send_edge<EdgeId::kGoal>(*cells_, endpoint);
   receive_command_reports(endpoint, [this](std::uint64_t n, drivers::CommandFault newest) {
     link_.tell_refused(n, newest);

@@ -30,6 +30,7 @@ struct OperatorCells : EdgeCells<rt::Box::kOperator> {
   std::unique_ptr<TaskLogs> logs;
   HapticSamples haptic_samples;
   FusionSamples fusion_samples;
+  LinkSamples link_samples;
 };
 
 // Written by the link's thread (or the virtual link), read by supervision and prediction.
@@ -45,10 +46,22 @@ struct LinkStatus {
   // fault. On the operator's box as the robot's last said. For people; no task reads them.
   std::atomic<std::uint64_t> commands_refused{0};
   std::atomic<std::uint8_t> commands_newest{0};
+  // What is spared of the pictures now (drivers::Spared), as the robot's end says; and of the
+  // newest picture that arrived on the operator's box, the middle of its exposure in local time,
+  // ns. For people, likewise.
+  std::atomic<std::uint8_t> spared_rungs{0}, spared_why{0};
+  std::atomic<std::int64_t> picture_ns{0};
 
   void tell_refused(std::uint64_t commands, drivers::CommandFault newest) noexcept {
     commands_refused.store(commands);
     commands_newest.store(static_cast<std::uint8_t>(newest));
+  }
+  void tell_spared(drivers::Spared spared) noexcept {
+    spared_why.store(static_cast<std::uint8_t>(spared.why));
+    spared_rungs.store(spared.rungs);
+  }
+  [[nodiscard]] drivers::Spared spared() const noexcept {
+    return {spared_rungs.load(), static_cast<drivers::Spared::Why>(spared_why.load())};
   }
 };
 

@@ -105,6 +105,11 @@ BoxStatus BoxRunner::status() const {
   s.connections = link->sessions();
   if (link->last_heard_ns() != 0) s.heard_ago_ms = ms(rt::ns_of(now()) - link->last_heard_ns());
   if (link->round_trip_ns() != 0) s.round_trip_ms = ms(link->round_trip_ns());
+  s.congestion = link->congestion();
+  if (const auto seen = link_status->picture_ns.load(); seen != 0)
+    s.picture_age_ms = ms(rt::ns_of(now()) - seen);
+  s.pictures = spared_text(link_status->spared());
+  if (s.pictures.empty()) s.pictures = "whole";
   s.commands_refused = link_status->commands_refused.load();
   s.commands_refused_reason =
       drivers::to_text(static_cast<drivers::CommandFault>(link_status->commands_newest.load()));

@@ -52,6 +52,7 @@ void OperatorSide::tick(rt::Time t, drivers::LinkTransport& link) {
 
 OperatorHalf& OperatorSide::half() {
   half_.view = console.copy();
+  half_.link = console.link();
   return half_;
 }
 

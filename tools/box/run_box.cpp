@@ -100,8 +100,9 @@ HostPlan admit_for(const Scene& scene, const BoxCommand& command,
   // The camera's twin renders on an ordinary thread of the robot's box.
   shares.camera_twin = scene.rgbd_dir.empty() ? 0.30 : 0.0;
   const auto cpus = rt::affinity_cpus();
-  return is_loopback(command.road.host) ? admit_host(scene, calibration, cpus, shares)
-                                        : admit_box(scene, calibration, cpus, shares, command.box);
+  return command.one_host || is_loopback(command.road.host)
+             ? admit_host(scene, calibration, cpus, shares)
+             : admit_box(scene, calibration, cpus, shares, command.box);
 }
 
 }  // namespace

@@ -345,6 +345,7 @@ void OperatorConsole::edit(rt::Time now) {
 void OperatorConsole::tick(rt::Time now) {
   box_.graph().requests().console_ns.store(rt::ns_of(now));
   drain(now);
+  link_.drain(box_.graph().cells().link_samples);
   fold_samples();
   take_mesh(now);
   edit(now);

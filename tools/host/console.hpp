@@ -12,6 +12,7 @@
 
 #include "tasks/graph/limits.hpp"
 #include "tools/host/view_tally.hpp"
+#include "tools/pictures/link_seen.hpp"
 #include "tools/scene/box_devices.hpp"
 #include "tools/touch/force_act.hpp"
 #include "tools/touch/touch_script.hpp"
@@ -85,6 +86,7 @@ class OperatorConsole {
   [[nodiscard]] const OperatorView& seen() const noexcept { return seen_; }
   [[nodiscard]] OperatorView take() { return std::move(seen_); }  // ends its use
   [[nodiscard]] OperatorView copy() const;
+  [[nodiscard]] const LinkSeen& link() const noexcept { return link_; }
   void ramp_down() noexcept { box_.graph().requests().ramp_down.store(true); }
   [[nodiscard]] std::string status_line(rt::Time now) const;
   // What the hand chose since the last call, a line each; mostly empty.
@@ -127,6 +129,7 @@ class OperatorConsole {
   std::size_t next_edit_ = 0;
   std::ptrdiff_t most_moving_px_ = 0;
   perception::MeshStore mesh_;
+  LinkSeen link_;
   std::unique_ptr<rt::LogDrain> log_;
 };
 

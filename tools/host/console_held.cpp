@@ -4,6 +4,7 @@
 
 #include "tasks/robot_io/robot_io_task.hpp"
 #include "tools/host/console.hpp"
+#include "tools/pictures/picture_words.hpp"
 #include "tools/record/box_recorder.hpp"
 
 namespace teletact {
@@ -87,16 +88,23 @@ std::string OperatorConsole::status_line(rt::Time now) const {
                   seen_.world.unsure ? "  STANDS: where it is, is not sure enough" : "");
   else if (seen_.world.follows_camera)
     std::snprintf(sure, sizeof sure, "  where it is, is not known yet");
-  char line[640];
+  const auto& link = box_.graph().link();
+  std::optional<rt::Nanos> age;
+  if (const auto seen_ns = link.picture_ns.load(); seen_ns != 0)
+    age = rt::Nanos{rt::ns_of(now) - seen_ns};
+  const std::string spared = spared_text(link.spared());
+  const std::string picture =
+      "  picture " + age_text(age) + (spared.empty() ? "" : "  LOWERED: " + spared);
+  char line[960];
   std::snprintf(line, sizeof line,
                 "%5.1f s  %-9s  force %5.2f N  reach %3.0f %%  frames %4ld  marks %u  paths %u  "
-                "%-8s  robot (%.2f, %.2f) m%s%s%s%s%s",
+                "%-8s  robot (%.2f, %.2f) m%s%s%s%s%s%s",
                 rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
                 static_cast<double>(force), 100 * static_cast<double>(reach),
                 static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
                 phases[static_cast<int>(seen_.task.phase)], X_WB.x, X_WB.y, sure, why.c_str(),
                 moving, force_act_.waits() ? "  forces off: press the clutch and let go" : "",
-                old.c_str());
+                old.c_str(), picture.c_str());
   return line;
 }
 

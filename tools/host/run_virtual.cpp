@@ -95,6 +95,13 @@ std::int64_t execute(std::vector<rt::PlacedTask> placed, rt::CostModel& costs, c
   return stopped ? executor.now_host_ns() : plan.epoch_host_ns + plan.duration.count();
 }
 
+// Ends the consoles' use.
+void take_views(VirtualRun& run, OperatorConsole& op, RobotConsole& robot) {
+  run.op.link = op.link();
+  run.op.view = op.take();
+  run.robot.view = robot.take();
+}
+
 }  // namespace
 
 VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
@@ -288,12 +295,11 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
     if (op_last) say_black_boxes(options.log_folder);
     save_scene(nrt, *op_console, op->graph().fusion(), options.log_folder, options.save_map);
     run.op.link_round_trip_ns = op->endpoint().round_trip().count();
-    run.op.view = op_console->take();
+    take_views(run, *op_console, *robot_console);
     run.op.force_check =
         forces ? forces->result()
                : check_force(op->graph().fusion().map(), run.op.view.haptic,
                              scene.graph.haptic.stiffness_N_per_m, scene.graph.haptic.scale);
-    run.robot.view = robot_console->take();
     run.robot.camera_twin_cpu_ns = robot->camera_twin_cpu_ns();
   }
   run.op.complete = run.robot.complete = true;

@@ -61,6 +61,9 @@ void add_options(CLI::App& app, bool robot, DemoOptions& o, BoxCommand& c, BoxWo
                  "what the slowest part of the road carries, Mbit/s; 0: images are not paced")
       ->check(in_range(0, 10000))
       ->needs(keys);
+  app.add_flag("--one-host", c.one_host,
+               "the other box is on this machine too, in another network namespace: both are "
+               "admitted together, as on loopback");
   app.add_option("--seconds", o.seconds, "length of the run; default: until it is stopped")
       ->check(in_range(0.1, 864000));
   app.add_flag("--record", o.record, "record this box's inputs, for teletact replay REPORT/raw");
