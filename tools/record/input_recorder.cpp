@@ -68,6 +68,36 @@ StatusInput status_input(const tasks::LatchedStatus& s) noexcept {
   return in;
 }
 
+TouchInput touch_input(std::uint64_t taken, const tasks::LatchedStatus& s) noexcept {
+  TouchInput in;
+  in.taken = taken;
+  in.full = s.events_full;
+  if (!s.act) return in;
+  in.acted = 1;
+  in.kind = static_cast<std::uint8_t>(s.act->kind);
+  in.turns = s.act->turns;
+  in.seq = s.act->seq;
+  in.stamp_ns = rt::ns_of(s.act->stamp);
+  in.p_W = {s.act->p_W.x(), s.act->p_W.y(), s.act->p_W.z()};
+  in.normal_W = {s.act->normal_W.x(), s.act->normal_W.y(), s.act->normal_W.z()};
+  in.yaw_rad = s.act->yaw_rad;
+  return in;
+}
+
+DriveInput drive_input(const tasks::LatchedStatus& s) noexcept {
+  DriveInput in;
+  in.status = status_input(s);
+  in.number = s.drive_number;
+  in.seq = s.drive.seq;
+  in.stamp_ns = rt::ns_of(s.drive.stamp);
+  in.published_ns = rt::ns_of(s.drive_at);
+  in.vx = s.drive.vx;
+  in.vy = s.drive.vy;
+  in.wz = s.drive.wz;
+  in.held = s.drive.held;
+  return in;
+}
+
 SceneInput scene_input(const tasks::LatchedStatus& s) noexcept {
   SceneInput in;
   in.mesh_taken = s.mesh_taken;
@@ -252,7 +282,7 @@ InputRecorder::InputRecorder(rt::NonRealtime&, const std::string& path, const Ke
   if (path.empty()) return;
   file_.reset(std::fopen(path.c_str(), "wb"));
   if (!file_) throw std::runtime_error(path + ": can not be written");
-  std::fprintf(file_.get(), "teletact-inputs 9 %zu\n", sizeof(JobOp));
+  std::fprintf(file_.get(), "teletact-inputs 10 %zu\n", sizeof(JobOp));
   for (const auto& [key, value] : keys)
     std::fprintf(file_.get(), "%s %s\n", key.c_str(), value.c_str());
   std::fprintf(file_.get(), "\n");
@@ -297,8 +327,10 @@ void InputRecorder::attach(tasks::OperatorGraph& graph, drivers::LinkEndpoint& e
       op.put(haptic_->newest);
     } else if (id == TaskId::kPlanning) {
       // In planning's own thread, so both of its counts rest.
-      op.put(TouchInput{cells.ring<tasks::EdgeId::kTouch, TaskId::kPlanning>().taken(),
-                        graph.latched(id).events_full});
+      op.put(touch_input(cells.ring<tasks::EdgeId::kTouch, TaskId::kPlanning>().taken(),
+                         graph.latched(id)));
+    } else if (id == TaskId::kPrediction) {
+      op.put(drive_input(graph.latched(id)));
     } else if (id == TaskId::kFusion) {
       op.put(scene_input(graph.latched(id)));
     } else {
