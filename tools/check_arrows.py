@@ -43,6 +43,7 @@ ROOMS = {
     "audit": {"files", "report", "scene", "record", "host"},
     "box": {"cli", "files", "doctor", "report", "scene", "touch", "record", "host"},
     "bus": {"files"},
+    "console": set(),
 }
 ROOMS["teletact"] = set(ROOMS)
 ROOMS["measure"] = set(ROOMS) - {"teletact"}
