@@ -41,8 +41,9 @@ ROOMS = {
     "offline": {"cli", "files", "record"},
     "host": {"cli", "files", "doctor", "report", "scene", "touch", "record"},
     "audit": {"files", "report", "scene", "record", "host"},
-    "box": {"cli", "files", "doctor", "report", "scene", "touch", "record", "host"},
+    "box": {"cli", "files", "doctor", "report", "scene", "touch", "record", "host", "console", "desk"},
     "bus": {"files"},
+    "desk": {"files", "scene", "record", "host", "console"},
     "console": set(),
 }
 ROOMS["teletact"] = set(ROOMS)

@@ -201,7 +201,8 @@ inline constexpr auto kEdges = [] {
   return std::tuple{
     make_edge<perception::RgbdFrame, drivers::EncodedFrame>(
         {kFrame, "frame", TaskId::kCapture, kRemote, "map stays, tracking idles", 0, {MessageId::kFrame, 30, true}},
-        Reader{TaskId::kFusion, 0, 500, 1000, "silent: map stays, tracking idles; old: ignored"}),
+        Reader{TaskId::kFusion, 0, 500, 1000, "silent: map stays, tracking idles; old: ignored"},
+        Reader{kConsole, kUnlisted, 1000, 2000, kNamed}),
     make_edge<drivers::RobotState>(
         {kRobotState, "robot_state", TaskId::kRobotIo, kRemote, "ramp down", 1, {MessageId::kRobotState, 10}},
         Reader{TaskId::kPrediction, 0, 180, 500, "goals are not engaged", "", "prediction.state_liveness_ms"},

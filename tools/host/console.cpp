@@ -12,6 +12,7 @@
 
 #include "perception/map_file/map_file.hpp"
 #include "perception/motion/motion_mask.hpp"
+#include "tasks/fusion/fusion_io.hpp"
 #include "tools/files/mesh_file.hpp"
 #include "tools/files/whole_file.hpp"
 #include "tools/record/recording_setup.hpp"
@@ -314,6 +315,9 @@ void OperatorConsole::clear(rt::Time now) {
 void OperatorConsole::take_mesh(rt::Time now) {
   auto& cells = box_.graph().cells();
   if (!cells.has<tasks::EdgeId::kMesh>()) return;
+  auto& taken = box_.graph().requests().mesh_taken;
+  const MeshWanted wanted = mesh_taker_.wants ? mesh_taker_.wants() : MeshWanted::kDeltas;
+  if (wanted == MeshWanted::kNone) return taken.store(tasks::kMeshUnwanted);
   const auto delta = cells.read<tasks::EdgeId::kMesh, tasks::kConsole>();
   if (!delta) return;
   if (delta->seq != mesh_.seq()) mesh_lag_ = now - delta->exposure;
@@ -321,14 +325,19 @@ void OperatorConsole::take_mesh(rt::Time now) {
     if (w.row().edge == tasks::EdgeId::kMesh && !w.within(now, fusion_heard_, now - mesh_lag_))
       seen_.beyond.push_back("mesh");
   }
-  if (delta->seq == mesh_.seq() || !mesh_.take(*delta)) return;
-  if (edits_scene_) box_.graph().requests().mesh_taken.store(delta->seq);
+  // To who has nothing no delta counts but one that begins anew, which comes when none is taken.
+  const bool counts = wanted != MeshWanted::kWhole || delta->restart;
+  if (!counts && edits_scene_) taken.store(0);
+  if (!counts || (delta->seq == mesh_.seq() && wanted == MeshWanted::kDeltas)) return;
+  if (delta->seq != mesh_.seq() && !mesh_.take(*delta)) return;
+  if (mesh_taker_.take) mesh_taker_.take(*delta);
+  if (edits_scene_) taken.store(delta->seq);
 }
 
 // In the order of the script. One that does not fit, or whose pixel shows nothing yet, is asked again.
 void OperatorConsole::edit(rt::Time now) {
   const auto& edits = scene_.operator_script.edits;
-  while (edits_scene_ && next_edit_ < edits.size()) {
+  while (edits_scene_ && !page_ && next_edit_ < edits.size()) {
     const EditConfig& e = edits[next_edit_];
     if (rt::seconds(now - epoch_) < e.at_s) return;
     perception::Vec3 centre_W(e.position_m[0], e.position_m[1], e.position_m[2]);
@@ -353,8 +362,10 @@ void OperatorConsole::tick(rt::Time now) {
     seen_.log_dropped = log_->dropped();
   }
   mind_device(now);
-  engage(now);
-  clear(now);
+  if (!page_) {
+    engage(now);
+    clear(now);
+  }
   resolve_points(now);
   if (touch_script_.asked()) {
     touch_script_.tick(now - epoch_, *seen_.view, *seen_.map);

@@ -1,0 +1,29 @@
+// A page beside the console: what a run calls where somebody sits at one. The room that serves pages
+// implements it; without a page nothing calls it. By the console's thread alone.
+#pragma once
+
+#include <cstdint>
+
+#include "rt/time.hpp"
+
+namespace teletact {
+
+class OperatorBox;
+class OperatorConsole;
+struct Scene;
+
+class PageHook {
+ public:
+  virtual ~PageHook() = default;
+  // In the operator's process, once box and console stand, before the first job.
+  virtual void open(OperatorBox& box, OperatorConsole& console, const Scene& scene,
+                    rt::Time epoch) = 0;
+  // After each tick of the console.
+  virtual void tick(rt::Time now) = 0;
+  // Before the box goes.
+  virtual void close() = 0;
+  // CPU that the page has cost this process so far, beside the console's own thread.
+  [[nodiscard]] virtual std::int64_t cpu_ns() const = 0;
+};
+
+}  // namespace teletact
