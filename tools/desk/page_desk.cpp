@@ -46,8 +46,12 @@ DeskPort PageDesk::port() {
 }
 
 void PageDesk::open(OperatorBox& box, OperatorConsole& console, const Scene& scene,
-                    rt::Time epoch) {
+                    rt::Time epoch, Clock clock) {
   epoch_ = epoch;
+  options_.desk.paced = clock != Clock::kReal;
+  if (clock == Clock::kFree)
+    options_.desk.no_acts =
+        "the simulated clock runs as fast as it goes, ahead of any person: use --clock paced";
   auto started = ConsoleServer::start(options_.server, callbacks());
   if (!started) throw std::runtime_error("--console: " + started.error());
   server_ = std::move(started).value();

@@ -25,8 +25,8 @@ class PageDesk final : public PageHook {
   explicit PageDesk(PageOptions options) : options_(std::move(options)) {}
   ~PageDesk() override { close(); }
   // Throws std::runtime_error with one line where the server does not start.
-  void open(OperatorBox& box, OperatorConsole& console, const Scene& scene,
-            rt::Time epoch) override;
+  void open(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
+            Clock clock) override;
   void tick(rt::Time now) override;
   void close() override;
   [[nodiscard]] std::int64_t cpu_ns() const override {

@@ -14,10 +14,12 @@ struct Scene;
 
 class PageHook {
  public:
+  // kFree: simulated time, as fast as it goes.
+  enum class Clock : std::uint8_t { kReal, kPaced, kFree };
   virtual ~PageHook() = default;
   // In the operator's process, once box and console stand, before the first job.
   virtual void open(OperatorBox& box, OperatorConsole& console, const Scene& scene,
-                    rt::Time epoch) = 0;
+                    rt::Time epoch, Clock clock) = 0;
   // After each tick of the console.
   virtual void tick(rt::Time now) = 0;
   // Before the box goes.

@@ -18,6 +18,7 @@
 #include "tools/files/take.hpp"
 #include "tools/host/job_keeper.hpp"
 #include "tools/host/pacer.hpp"
+#include "tools/host/page_hook.hpp"
 #include "tools/host/run_options.hpp"
 #include "tools/host/sim_link.hpp"
 #include "tools/record/box_recorder.hpp"
@@ -171,10 +172,14 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
         if (robot_last) robot_last->line(line);
       });
     }
+    if (options.page != nullptr)
+      options.page->open(*op, *op_console, scene, op_options.epoch,
+                         options.paced ? PageHook::Clock::kPaced : PageHook::Clock::kFree);
     if (!scene.rgbd_dir.empty())
       forces.emplace(scene.graph.haptic.stiffness_N_per_m, scene.graph.haptic.scale);
     owned.push_back(std::make_unique<Periodic>(epoch + 7000000, 20000000, [&](std::int64_t t) {
       op_console->tick(kOperatorClock.from_host(t));
+      if (options.page != nullptr) options.page->tick(kOperatorClock.from_host(t));
       if (forces) forces->look(op->graph().fusion().map(), op_console->seen().haptic);
       robot_console->tick(kRobotClock.from_host(t));
       if (!options.quiet) std::fputs(op_console->news().c_str(), stdout);
@@ -279,6 +284,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
   for (auto* inputs : {op_inputs.get(), robot_inputs.get()}) {
     if (inputs != nullptr) inputs->finish();
   }
+  if (op && options.page != nullptr) options.page->close();
   if (op) {
     op_console->tick(kOperatorClock.from_host(end));
     robot_console->tick(kRobotClock.from_host(end));
