@@ -15,6 +15,7 @@
 #include "drivers/world/world.hpp"
 #include "tasks/edges/edge_faults.hpp"
 #include "tools/box/box_main.hpp"
+#include "tools/host/page_hook.hpp"
 #include "tools/host/run_folder.hpp"
 #include "tools/record/box_recorder.hpp"
 #include "tools/record/input_recorder.hpp"
@@ -54,6 +55,7 @@ RealRun run_processes(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& opt
   // The camera's twin renders on an ordinary thread; a recording needs none.
   tasks::BestEffortShares shares;
   shares.camera_twin = scene.rgbd_dir.empty() ? 0.30 : 0.0;
+  if (options.page != nullptr) shares.console += kPageShare;
   plan.host = admit_host(scene, calibration, cpus, shares);
   run.admission = plan.host.admission;
   run.modes = plan.host.modes;

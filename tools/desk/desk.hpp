@@ -1,4 +1,4 @@
-// The desk: between a page's server and the tasks of the operator's box. docs/console.md.
+// The desk: between a page's server and the tasks of the operator's box. docs/desk.md.
 //
 //   take(), stop(), role()   from the server's thread; they return at once
 //   tick()                   by the console's thread, after the console's own tick, every 20 ms: acts that

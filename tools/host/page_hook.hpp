@@ -12,6 +12,9 @@ class OperatorBox;
 class OperatorConsole;
 struct Scene;
 
+// Of a core, declared for a page beside the console's own thread: views and server.
+inline constexpr double kPageShare = 0.10;
+
 class PageHook {
  public:
   // kFree: simulated time, as fast as it goes.
