@@ -7,8 +7,8 @@
 #include <stdexcept>
 
 #include "rt/clock/box_time.hpp"
-#include "tools/host/page_hook.hpp"
 #include "tools/record/recording_truth.hpp"
+#include "tools/scene/page_hook.hpp"
 #include "tools/touch/force_check.hpp"
 
 namespace teletact {
@@ -22,7 +22,8 @@ OperatorSide::OperatorSide(rt::NonRealtime& nrt, const Scene& scene, const DemoO
       epoch_(box_options.epoch),
       next_line_(epoch_ + std::chrono::seconds{1}) {
   half_.epoch_ns = rt::ns_of(epoch_);
-  if (options.page != nullptr) options.page->open(box, console, scene, epoch_, PageHook::Clock::kReal);
+  if (options.page != nullptr)
+    options.page->open(box, console, scene, epoch_, PageHook::Clock::kReal);
 }
 
 rt::Result<std::unique_ptr<drivers::TcpLink>> OperatorSide::open_link(const Scene& scene,

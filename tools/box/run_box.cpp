@@ -8,11 +8,11 @@
 #include "drivers/link/tcp_link.hpp"
 #include "tools/box/box_main.hpp"
 #include "tools/box/run_processes.hpp"
-#include "tools/host/page_hook.hpp"
 #include "tools/host/run_folder.hpp"
 #include "tools/record/box_recorder.hpp"
 #include "tools/record/input_recorder.hpp"
 #include "tools/scene/host_info.hpp"
+#include "tools/scene/page_hook.hpp"
 
 namespace teletact {
 

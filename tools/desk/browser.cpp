@@ -24,9 +24,10 @@ std::string write_door(const std::string& url) {
   ::unlink(path.c_str());
   const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
   if (fd < 0) return {};
-  const std::string page = "<!doctype html><meta charset=\"utf-8\"><title>teletact</title>"
-                           "<script>location.replace(\"" +
-                           url + "\")</script>\n";
+  const std::string page =
+      "<!doctype html><meta charset=\"utf-8\"><title>teletact</title>"
+      "<script>location.replace(\"" +
+      url + "\")</script>\n";
   const bool whole = ::write(fd, page.data(), page.size()) == static_cast<ssize_t>(page.size());
   ::close(fd);
   return whole ? path : std::string();

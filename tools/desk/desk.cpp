@@ -5,7 +5,6 @@
 
 #include "rt/clock/box_time.hpp"
 
-
 namespace teletact {
 
 namespace {
@@ -23,7 +22,7 @@ Desk::Desk(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::T
       options_(complete(std::move(options))),
       port_(std::move(port)),
       events_(epoch, options_.log),
-      acts_(box, console, events_),
+      acts_(box, console, events_, options_.hand),
       show_(box, console, scene, epoch, port_) {}
 
 std::optional<ConsoleAnswer> Desk::take(std::uint32_t session, std::int64_t id,
@@ -52,7 +51,8 @@ void Desk::role(const RoleEvent& event) {
   DeskItem item;
   item.session = event.person.session;
   item.arrived_ns = clock_ns();
-  if (event.kind == Kind::kLeft && mine) item.kind = DeskItem::Kind::kLeft;
+  if (event.kind == Kind::kLeft && mine)
+    item.kind = DeskItem::Kind::kLeft;
   else if ((event.kind == Kind::kJoined && mine) || event.kind == Kind::kOperator)
     item.kind = DeskItem::Kind::kJoined;
   else
@@ -87,9 +87,10 @@ void Desk::do_acts(rt::Time now) {
     const std::string why = acts_.drive(taken.drive->intent, said(*taken.drive), now);
     if (!why.empty()) answer(taken.drive->session, taken.drive->id, {false, why, {}});
   }
-  if (taken.hand)
-    answer(taken.hand->session, taken.hand->id,
-           {false, "the hand of the page is not built into this version", {}});
+  if (taken.hand) {
+    const std::string why = acts_.hand(taken.hand->intent, said(*taken.hand), now);
+    if (!why.empty()) answer(taken.hand->session, taken.hand->id, {false, why, {}});
+  }
 }
 
 void Desk::tick(rt::Time now) {

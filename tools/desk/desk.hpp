@@ -30,8 +30,9 @@ struct DeskOptions {
   // Empty: acts are taken. Else every act is refused with this line; a stop never is.
   std::string no_acts;
   bool paced = false, recording = false;
-  std::string device;     // kind, as the page names it
-  std::string log;        // file of all events; empty: none
+  std::string device;                   // kind, as the page names it
+  PageHand* hand = nullptr;             // null: none stands between the haptic task and its device
+  std::string log;                      // file of all events; empty: none
   std::function<std::int64_t()> clock;  // of arrivals, ns; empty: the monotonic one
 };
 

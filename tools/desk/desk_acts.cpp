@@ -21,14 +21,14 @@ ConsoleAnswer crowded() { return refused("too many acts wait for the tasks: ask 
 }  // namespace
 
 const std::vector<std::string_view>& DeskActs::can() {
-  static const std::vector<std::string_view> all = {
-      "engage", "hold", "clear", "stop",  "token",  "drive", "mark",
-      "go_to",  "cancel", "draw", "erase", "forget", "undo",  "note"};
+  static const std::vector<std::string_view> all = {"engage", "hold",  "clear",  "stop",  "token",
+                                                    "hand",   "drive", "mark",   "go_to", "cancel",
+                                                    "draw",   "erase", "forget", "undo",  "note"};
   return all;
 }
 
-DeskActs::DeskActs(OperatorBox& box, OperatorConsole& console, DeskEvents& events)
-    : box_(box), console_(console), events_(events) {
+DeskActs::DeskActs(OperatorBox& box, OperatorConsole& console, DeskEvents& events, PageHand* hand)
+    : box_(box), console_(console), events_(events), hand_(hand) {
   console_.leave_to_page();
 }
 
@@ -112,10 +112,10 @@ void DeskActs::keep_engage(rt::Time now, const Answer& answer) {
   if (waiting_) {
     const bool late = now - waiting_->since > kPatience;
     if (engaged || late || !engage_wanted_) {
-      const std::string why = mode.cause != rt::kNoFault
-                                  ? fault_text(mode.cause) + fault_advice(mode.cause)
-                              : late ? std::string("supervision did not follow: is the robot's box there?")
-                                     : std::string("it was let go");
+      const std::string why =
+          mode.cause != rt::kNoFault ? fault_text(mode.cause) + fault_advice(mode.cause)
+          : late ? std::string("supervision did not follow: is the robot's box there?")
+                 : std::string("it was let go");
       answer(waiting_->session, waiting_->id, engaged ? done() : refused(why));
       if (!engaged) engage_wanted_ = false;
       waiting_.reset();
@@ -182,8 +182,8 @@ std::string DeskActs::drive(const Intent& intent, rt::Time at, rt::Time now) {
 
 void DeskActs::keep_drive(rt::Time now) {
   const auto& seen = console_.seen();
-  bool held = drive_hold_.held(now) && seen.mode.mode == Mode::kEngaged &&
-              now - drive_at_ <= Hold::kLife;
+  bool held =
+      drive_hold_.held(now) && seen.mode.mode == Mode::kEngaged && now - drive_at_ <= Hold::kLife;
   if (held && drive_press_ != drive_hold_.presses()) {
     const bool goal = seen.task.phase == Phase::kDriving || seen.task.phase == Phase::kPlanning;
     held = !goal || push(tasks::OperatorAct{}, now);
@@ -205,6 +205,36 @@ void DeskActs::keep_drive(rt::Time now) {
   box_.graph().drive(out, now);
 }
 
+// ---- the hand -----------------------------------------------------------------------------------
+
+std::string DeskActs::hand(const Intent& intent, rt::Time at, rt::Time now) {
+  if (hand_ == nullptr) return "a haptic device is in its place";
+  if (!hand_hold_.held(now))
+    return hand_hold_.lost() ? "let go first, then press again" : "nothing is held";
+  hand_wanted_ = intent;
+  hand_at_ = at;
+  return {};
+}
+
+// Pressed, it wants to be a little below the surface that the page points at, else a little above.
+void DeskActs::keep_hand(rt::Time now) {
+  constexpr double kBelow_m = 0.008, kAbove_m = 0.03;
+  if (hand_ == nullptr) return;
+  const bool held = hand_hold_.held(now) && now - hand_at_ <= Hold::kLife;
+  if (!held && !touching_) return;
+  touching_ = held;
+  PageHand::Target target;
+  if (held) {
+    const Intent& in = hand_wanted_;
+    const double length = in.normal_W.norm();
+    const perception::Vec3 up =
+        length > 0.5 ? perception::Vec3(in.normal_W / length) : perception::Vec3::UnitZ();
+    target = {true, in.p_W + (in.press ? -kBelow_m : kAbove_m) * up, in.button, in.clutch,
+              hand_hold_.said() + Hold::kLife};
+  }
+  hand_->want(target, now);
+}
+
 void DeskActs::left() {
   for (Hold* h : {&engage_hold_, &hand_hold_, &drive_hold_}) h->lose();
 }
@@ -217,6 +247,7 @@ void DeskActs::keep(rt::Time now, const Answer& answer) {
   keep_stop(now);
   keep_engage(now, answer);
   keep_drive(now);
+  keep_hand(now);
   keep_clear(now);
   steps_.touch = steps_.touch || (!seen.haptic.empty() && seen.haptic.back().in_contact);
   steps_.mark = steps_.mark || seen.task.marks > 0;

@@ -6,6 +6,7 @@
 //            Once it has ended, for whatever reason, a new press is needed.
 //   drive    a velocity, held by tokens; the first of a press drops a goal that is being driven to,
 //            so that letting go never sets the base off to somewhere.
+//   hand     a place for the hand, held by tokens: touched with, marked with (page_hand.hpp).
 //   stop     sets the request that supervision latches, which the link sends on at once
 //            (tasks/edges/command_edges.hpp). Any thread.
 #pragma once
@@ -23,6 +24,7 @@
 #include "tools/desk/desk_inbox.hpp"
 #include "tools/desk/hold.hpp"
 #include "tools/desk/intent.hpp"
+#include "tools/desk/page_hand.hpp"
 
 namespace teletact {
 
@@ -37,13 +39,15 @@ class DeskActs {
   // What of `can` this build does.
   [[nodiscard]] static const std::vector<std::string_view>& can();
 
-  DeskActs(OperatorBox& box, OperatorConsole& console, DeskEvents& events);
+  // `hand` null: the device's own hand alone.
+  DeskActs(OperatorBox& box, OperatorConsole& console, DeskEvents& events, PageHand* hand);
 
   // An act of the inbox that was said at `at`. None: it is answered later, through `answer`.
   using Answer = std::function<void(std::uint32_t session, std::int64_t id, const ConsoleAnswer&)>;
   [[nodiscard]] std::optional<ConsoleAnswer> act(const DeskItem& item, rt::Time at, rt::Time now);
   // The newest velocity; none of it counts without its token. Empty: taken; else why not.
   [[nodiscard]] std::string drive(const Intent& intent, rt::Time at, rt::Time now);
+  [[nodiscard]] std::string hand(const Intent& intent, rt::Time at, rt::Time now);
   void left();    // the operator's page is gone
   void joined();  // another page
   // Once a tick, after the acts: what is held, and what was let go.
@@ -87,16 +91,18 @@ class DeskActs {
   void keep_stop(rt::Time now);
   void keep_engage(rt::Time now, const Answer& answer);
   void keep_drive(rt::Time now);
+  void keep_hand(rt::Time now);
   void keep_clear(rt::Time now);
 
   OperatorBox& box_;
   OperatorConsole& console_;
   DeskEvents& events_;
+  PageHand* hand_;
   Hold engage_hold_, hand_hold_, drive_hold_;
-  bool engage_wanted_ = false, engaged_seen_ = false, driving_ = false;
+  bool engage_wanted_ = false, engaged_seen_ = false, driving_ = false, touching_ = false;
   std::optional<WaitingEngage> waiting_;
-  Intent drive_;
-  rt::Time drive_at_{}, clear_from_{}, stop_from_{};
+  Intent drive_, hand_wanted_;
+  rt::Time drive_at_{}, hand_at_{}, clear_from_{}, stop_from_{};
   std::uint64_t drive_press_ = 0;  // of the hold, whose goal was dropped
   std::uint64_t act_seq_ = 0, edit_seq_ = 0, drive_seq_ = 0, mark_id_ = 0;
   std::map<std::uint16_t, DrawnObstacle> obstacles_;

@@ -146,13 +146,15 @@ ConsoleAnswer DeskActs::erase(std::uint16_t id, rt::Time now, bool undoable) {
     obstacles_.clear();
   else
     obstacles_.erase(known);
-  if (undoable) events_.add(now, "obstacle", id == 0 ? "all erased" : std::to_string(id) + " erased");
+  if (undoable)
+    events_.add(now, "obstacle", id == 0 ? "all erased" : std::to_string(id) + " erased");
   return yes();
 }
 
 ConsoleAnswer DeskActs::forget(const Intent& in, rt::Time now) {
   const Eigen::AlignedBox3d box_W(in.p_W - in.half_m, in.p_W + in.half_m);
-  if (!tasks::FusionTask::clearable(box_W)) return no("the region is too large to be forgotten at once");
+  if (!tasks::FusionTask::clearable(box_W))
+    return no("the region is too large to be forgotten at once");
   tasks::SceneEdit e;
   e.kind = tasks::SceneEdit::Kind::kClear;
   for (int i = 0; i < 3; ++i) {
@@ -177,9 +179,9 @@ ConsoleAnswer DeskActs::undo(rt::Time now) {
     answer = erase(step.id, now, false);
   if (!answer.ok) return answer;
   undo_.pop_back();
-  events_.add(now, "undo",
-              step.kind == Undo::Kind::kGoal ? "goal dropped"
-                                             : "obstacle " + std::to_string(step.id));
+  events_.add(
+      now, "undo",
+      step.kind == Undo::Kind::kGoal ? "goal dropped" : "obstacle " + std::to_string(step.id));
   return answer;
 }
 

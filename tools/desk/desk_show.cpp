@@ -92,7 +92,8 @@ void DeskShow::show_pose(rt::Time now) {
   if (seen.camera.claimed) v.flags |= PoseView::kCameraClaimed;
   v.X_WC = seen.camera.X_WC;
   if (!seen.paths.empty() && seen.paths.back().size > 0) {
-    const auto& end = seen.paths.back().points[static_cast<std::size_t>(seen.paths.back().size - 1)];
+    const auto& end =
+        seen.paths.back().points[static_cast<std::size_t>(seen.paths.back().size - 1)];
     v.goal = {end[0], end[1], end[2]};
     v.path_seq = static_cast<std::uint32_t>(seen.paths.back().seq);
   }
@@ -174,8 +175,7 @@ void DeskShow::show_text(const DeskActs& acts, const DeskEvents& events, DeskFac
   }
 }
 
-void DeskShow::tick(const DeskActs& acts, const DeskEvents& events, DeskFacts facts,
-                    rt::Time now) {
+void DeskShow::tick(const DeskActs& acts, const DeskEvents& events, DeskFacts facts, rt::Time now) {
   if (port_.viewers() == 0) return;
   const std::int64_t began = rt::thread_cpu_ns();
   if (due(next_pose_, now, 33)) show_pose(now);

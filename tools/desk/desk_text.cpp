@@ -99,7 +99,9 @@ json events_of(const DeskEvents& events) {
 }
 
 json link_of(const DeskFacts& facts) {
-  json link{{"state", !facts.link_heard ? "no other box" : facts.link_closed ? "closed" : "connected"},
+  json link{{"state", !facts.link_heard   ? "no other box"
+                      : facts.link_closed ? "closed"
+                                          : "connected"},
             {"fps", rounded(facts.fps)}};
   if (facts.round_trip_ns != 0)
     link["round_trip_ms"] = rounded(1e-6 * static_cast<double>(facts.round_trip_ns));

@@ -10,9 +10,9 @@ namespace teletact {
 
 // What the desk knows beside what the console has seen.
 struct DeskFacts {
-  bool paced = false;     // the simulated clock, paced by the real one
-  bool takes_acts = true; // false: every act is refused in this run
-  std::string device;     // kind
+  bool paced = false;      // the simulated clock, paced by the real one
+  bool takes_acts = true;  // false: every act is refused in this run
+  std::string device;      // kind
   bool renders_force = true;
   bool recording = false;
   double fps = 0, mesh_age_ms = 0, picture_age_ms = -1;
@@ -20,7 +20,7 @@ struct DeskFacts {
   std::uint64_t heard_ns = 0;
   bool link_closed = false, link_heard = false;
   int viewers = 0;
-  double share = 0;  // of a core: the views and the server's thread
+  double share = 0;           // of a core: the views and the server's thread
   std::string server_counts;  // JSON text; empty: none
 };
 

@@ -64,8 +64,8 @@ std::vector<std::uint8_t> cost_map_body(const perception::CostMap& map) {
 }
 
 std::vector<std::uint8_t> moving_body(const perception::CostMap& map) {
-  const auto n = static_cast<std::size_t>(
-      std::clamp(map.moving_count, 0, perception::CostMap::kMaxMoving));
+  const auto n =
+      static_cast<std::size_t>(std::clamp(map.moving_count, 0, perception::CostMap::kMaxMoving));
   std::vector<std::uint8_t> out;
   ByteWriter w(out);
   w.u16(static_cast<std::uint16_t>(n));

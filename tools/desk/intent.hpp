@@ -38,8 +38,8 @@ enum class Act : std::uint8_t {
   kOpen,
 };
 inline constexpr std::array<std::string_view, 20> kActNames = {
-    "engage", "hold",  "clear",  "token",  "hand", "drive", "mark",   "go_to",  "cancel", "draw",
-    "erase",  "forget", "undo", "note", "record", "device", "select", "accept", "save",   "open"};
+    "engage", "hold",   "clear", "token", "hand",   "drive",  "mark",   "go_to",  "cancel", "draw",
+    "erase",  "forget", "undo",  "note",  "record", "device", "select", "accept", "save",   "open"};
 [[nodiscard]] constexpr std::string_view name_of(Act a) noexcept {
   return kActNames[static_cast<std::size_t>(a)];
 }
@@ -53,15 +53,15 @@ struct DrawnObstacle {
 
 struct Intent {
   Act act = Act::kHold;
-  bool hold_engage = false, hold_hand = false, hold_drive = false;   // token
-  bool press = false, button = false, clutch = false;                // hand, device
-  bool on = false, turns = false, fresh = false;                     // record, go_to, select
-  bool scale_given = false, clutch_given = false, yaw_given = false; // device
-  double vx = 0, vy = 0, wz = 0;                                     // drive: body, m/s, rad/s
+  bool hold_engage = false, hold_hand = false, hold_drive = false;    // token
+  bool press = false, button = false, clutch = false;                 // hand, device
+  bool on = false, turns = false, fresh = false;                      // record, go_to, select
+  bool scale_given = false, clutch_given = false, yaw_given = false;  // device
+  double vx = 0, vy = 0, wz = 0;                                      // drive: body, m/s, rad/s
   double yaw_rad = 0, scale = 1, u = 0, v = 0;
   int sign = 1;
   std::uint32_t proposal = 0;
-  std::uint16_t obstacle_id = 0;  // erase; 0: all
+  std::uint16_t obstacle_id = 0;                                      // erase; 0: all
   perception::Vec3 p_W{0, 0, 0}, normal_W{0, 0, 0}, half_m{0, 0, 0};  // hand, go_to, forget
   std::vector<perception::Vec3> points_W;                             // mark
   DrawnObstacle obstacle;

@@ -45,13 +45,21 @@ DeskPort PageDesk::port() {
   return p;
 }
 
-void PageDesk::open(OperatorBox& box, OperatorConsole& console, const Scene& scene,
-                    rt::Time epoch, Clock clock) {
+drivers::HapticDevice* PageDesk::hand_over(rt::NonRealtime& nrt, drivers::HapticDevice& device) {
+  if (!options_.hand) return &device;
+  hand_ = std::make_unique<PageHand>(nrt, device);
+  return hand_.get();
+}
+
+void PageDesk::open(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
+                    Clock clock) {
   epoch_ = epoch;
   options_.desk.paced = clock != Clock::kReal;
   if (clock == Clock::kFree)
     options_.desk.no_acts =
         "the simulated clock runs as fast as it goes, ahead of any person: use --clock paced";
+  options_.desk.hand = hand_.get();
+  if (hand_) hand_->bind(box.graph().haptic());
   auto started = ConsoleServer::start(options_.server, callbacks());
   if (!started) throw std::runtime_error("--console: " + started.error());
   server_ = std::move(started).value();

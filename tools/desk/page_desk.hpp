@@ -7,7 +7,7 @@
 
 #include "tools/console/console_server.hpp"
 #include "tools/desk/desk.hpp"
-#include "tools/host/page_hook.hpp"
+#include "tools/scene/page_hook.hpp"
 
 namespace teletact {
 
@@ -15,6 +15,7 @@ struct PageOptions {
   ConsoleOptions server;
   DeskOptions desk;
   bool open_browser = false;
+  bool hand = true;    // false: a device's hand is never taken over
   bool quiet = false;  // the URL goes to no terminal
   // Tests and tools: the URL with its code, once.
   std::function<void(const std::string& url)> tell;
@@ -24,6 +25,8 @@ class PageDesk final : public PageHook {
  public:
   explicit PageDesk(PageOptions options) : options_(std::move(options)) {}
   ~PageDesk() override { close(); }
+  [[nodiscard]] drivers::HapticDevice* hand_over(rt::NonRealtime& nrt,
+                                                 drivers::HapticDevice& device) override;
   // Throws std::runtime_error with one line where the server does not start.
   void open(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
             Clock clock) override;
@@ -40,6 +43,7 @@ class PageDesk final : public PageHook {
   std::atomic<double> now_s_{0};
   rt::Time epoch_{};
   // The server calls the desk, the desk the server: it is made first, and ends first.
+  std::unique_ptr<PageHand> hand_;
   std::unique_ptr<ConsoleServer> server_;
   std::unique_ptr<Desk> desk_;
   std::atomic<bool> open_{false};

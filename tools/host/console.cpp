@@ -12,7 +12,6 @@
 
 #include "perception/map_file/map_file.hpp"
 #include "perception/motion/motion_mask.hpp"
-#include "tasks/fusion/fusion_io.hpp"
 #include "tools/files/mesh_file.hpp"
 #include "tools/files/whole_file.hpp"
 #include "tools/record/recording_setup.hpp"
@@ -308,30 +307,6 @@ void OperatorConsole::clear(rt::Time now) {
     pressed_since_ = now;
     button.store(true);
   }
-}
-
-// No mesh is sent while nothing changes: that fusion is alive is known from its samples. The age of a mesh is its age
-// when it arrives.
-void OperatorConsole::take_mesh(rt::Time now) {
-  auto& cells = box_.graph().cells();
-  if (!cells.has<tasks::EdgeId::kMesh>()) return;
-  auto& taken = box_.graph().requests().mesh_taken;
-  const MeshWanted wanted = mesh_taker_.wants ? mesh_taker_.wants() : MeshWanted::kDeltas;
-  if (wanted == MeshWanted::kNone) return taken.store(tasks::kMeshUnwanted);
-  const auto delta = cells.read<tasks::EdgeId::kMesh, tasks::kConsole>();
-  if (!delta) return;
-  if (delta->seq != mesh_.seq()) mesh_lag_ = now - delta->exposure;
-  for (auto& w : watches_) {
-    if (w.row().edge == tasks::EdgeId::kMesh && !w.within(now, fusion_heard_, now - mesh_lag_))
-      seen_.beyond.push_back("mesh");
-  }
-  // To who has nothing no delta counts but one that begins anew, which comes when none is taken.
-  const bool counts = wanted != MeshWanted::kWhole || delta->restart;
-  if (!counts && edits_scene_) taken.store(0);
-  if (!counts || (delta->seq == mesh_.seq() && wanted == MeshWanted::kDeltas)) return;
-  if (delta->seq != mesh_.seq() && !mesh_.take(*delta)) return;
-  if (mesh_taker_.take) mesh_taker_.take(*delta);
-  if (edits_scene_) taken.store(delta->seq);
 }
 
 // In the order of the script. One that does not fit, or whose pixel shows nothing yet, is asked again.

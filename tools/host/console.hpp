@@ -89,12 +89,12 @@ class OperatorConsole {
   [[nodiscard]] std::string status_line(rt::Time now) const;
   // What the hand chose since the last call, a line each; mostly empty.
   [[nodiscard]] std::string news() { return touch_script_.news(); }
-  // From now on a person at a page asks for all that the script would have asked for: engage, clear,
-  // edits. What is asked is counted as the script's acts are.
+  // From now on a person at a page asks for all that the script would have asked for: engage,
+  // clear, edits. What is asked is counted as the script's acts are.
   void leave_to_page() noexcept { page_ = true; }
   void count(std::uint32_t OperatorView::*act) noexcept { ++(seen_.*act); }
-  // Who else takes the mesh. kNone: nobody wants any, and fusion makes none; kWhole: it has nothing,
-  // deltas count from one with `restart` on. `take` sees each delta that counts.
+  // Who else takes the mesh. kNone: nobody wants any, and fusion makes none; kWhole: it has
+  // nothing, deltas count from one with `restart` on. `take` sees each delta that counts.
   enum class MeshWanted : std::uint8_t { kNone, kDeltas, kWhole };
   struct MeshTaker {
     std::function<MeshWanted()> wants;

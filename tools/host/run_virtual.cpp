@@ -18,11 +18,11 @@
 #include "tools/files/take.hpp"
 #include "tools/host/job_keeper.hpp"
 #include "tools/host/pacer.hpp"
-#include "tools/host/page_hook.hpp"
 #include "tools/host/run_options.hpp"
 #include "tools/host/sim_link.hpp"
 #include "tools/record/box_recorder.hpp"
 #include "tools/record/input_recorder.hpp"
+#include "tools/scene/page_hook.hpp"
 #include "tools/touch/force_check.hpp"
 
 namespace teletact {
@@ -96,6 +96,19 @@ std::int64_t execute(std::vector<rt::PlacedTask> placed, rt::CostModel& costs, c
   return stopped ? executor.now_host_ns() : plan.epoch_host_ns + plan.duration.count();
 }
 
+// The tasks' logs into files, and to the black boxes that there will be.
+void log_both(rt::NonRealtime& nrt, const std::string& folder, OperatorConsole& op,
+              const std::unique_ptr<BoxRecorder>& op_last, RobotConsole& robot,
+              const std::unique_ptr<BoxRecorder>& robot_last) {
+  std::filesystem::create_directories(folder);
+  op.log_to(nrt, folder + "/operator.log", [&](std::string_view line) {
+    if (op_last) op_last->line(line);
+  });
+  robot.log_to(nrt, folder + "/robot.log", [&](std::string_view line) {
+    if (robot_last) robot_last->line(line);
+  });
+}
+
 }  // namespace
 
 VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
@@ -147,6 +160,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
       op_inputs->wrap(op_options);
       robot_inputs->wrap(robot_options);
     }
+    put_page_hand(nrt, options.page, op_options);
     robot = std::make_unique<RobotBox>(nrt, scene, robot_options);
     op = std::make_unique<OperatorBox>(nrt, scene, camera, op_options);
     if (options.record) {
@@ -163,15 +177,8 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
           "link: no handshake before the start; lower the delay of link.shape or link.network");
     op_console = std::make_unique<OperatorConsole>(*op, scene, op_options.epoch);
     robot_console = std::make_unique<RobotConsole>(*robot);
-    if (!options.log_folder.empty()) {
-      std::filesystem::create_directories(options.log_folder);
-      op_console->log_to(nrt, options.log_folder + "/operator.log", [&](std::string_view line) {
-        if (op_last) op_last->line(line);
-      });
-      robot_console->log_to(nrt, options.log_folder + "/robot.log", [&](std::string_view line) {
-        if (robot_last) robot_last->line(line);
-      });
-    }
+    if (!options.log_folder.empty())
+      log_both(nrt, options.log_folder, *op_console, op_last, *robot_console, robot_last);
     if (options.page != nullptr)
       options.page->open(*op, *op_console, scene, op_options.epoch,
                          options.paced ? PageHook::Clock::kPaced : PageHook::Clock::kFree);

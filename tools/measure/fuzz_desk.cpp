@@ -14,7 +14,8 @@ void FuzzReaders::add_desk() {
         R"({"id":2,"act":"drive","vx":0.3,"vy":-0.1,"wz":0})",
         R"({"id":3,"act":"mark","points":[[1,0,0],[1.1,0,0.02]]})",
         R"({"id":4,"act":"go_to","x":1.5,"y":-0.5,"yaw":1.5})",
-        R"({"id":5,"act":"draw","obstacle":{"id":3,"kind":"box","centre":[1,0,0],"half":[0.2,0.1,0.1],"yaw":0.2}})",
+        R"({"id":5,"act":"draw","obstacle":{"id":3,"kind":"box","centre":[1,0,0],)"
+        R"("half":[0.2,0.1,0.1],"yaw":0.2}})",
         R"({"id":6,"act":"note","text":"here"})"},
        [](const std::string& b) -> rt::Result<bool> {
          const auto envelope = read_envelope(b);

@@ -122,8 +122,7 @@ int cmd_demo(int argc, char** argv) {
   c.words.cores_given = app.count("--cores") > 0;
   for (int i = 0; i < argc; ++i) o.command += (i == 0 ? "teletact " : " ") + std::string(argv[i]);
   prepare_console(c.console, o);
-  if (c.console.console && o.stub_bodies)
-    throw std::runtime_error("--console needs --bodies real");
+  if (c.console.console && o.stub_bodies) throw std::runtime_error("--console needs --bodies real");
   const auto scene = scene_of(c, app.count("--scene") > 0);
   // A recording that can not be read is said before anything starts.
   const double whole =

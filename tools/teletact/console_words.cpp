@@ -52,7 +52,10 @@ void add_console_options(CLI::App& app, ConsoleWords& w) {
 void prepare_console(const ConsoleWords& w, DemoOptions& o) {
   if (!w.console) return;
   // Where the scene, or the command, says nothing else: later words win.
-  o.overrides.insert(o.overrides.begin(), "fusion.mesh_blocks=100");
+  // A page's hand goes everywhere: beyond a device's reach the workspace follows it.
+  const std::vector<std::string> wanted = {"fusion.mesh_blocks=100", "haptic.border_m=0.065",
+                                           "haptic.border_rate_per_s=20"};
+  o.overrides.insert(o.overrides.begin(), wanted.begin(), wanted.end());
 }
 
 std::unique_ptr<PageDesk> console_of(const ConsoleWords& w, Scene& scene, const DemoOptions& o) {
@@ -65,6 +68,7 @@ std::unique_ptr<PageDesk> console_of(const ConsoleWords& w, Scene& scene, const 
   page.desk.device = scene.choice.kind;
   page.desk.recording = o.record;
   page.desk.log = o.report + "/raw/console.log";
+  page.hand = scene.choice.in_process();
   page.open_browser = w.open;
   return std::make_unique<PageDesk>(std::move(page));
 }

@@ -22,8 +22,8 @@ struct ConsoleWords {
 void add_console_options(CLI::App& app, ConsoleWords& words);
 // Before the scene is read: a page wants the mesh.
 void prepare_console(const ConsoleWords& words, DemoOptions& options);
-// Null: nobody asked for one. Changes the scene: no script moves the hand. Throws std::runtime_error
-// where the page is not there.
+// Null: nobody asked for one. Changes the scene: no script moves the hand. Throws
+// std::runtime_error where the page is not there.
 [[nodiscard]] std::unique_ptr<PageDesk> console_of(const ConsoleWords& words, Scene& scene,
                                                    const DemoOptions& options);
 

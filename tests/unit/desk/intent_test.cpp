@@ -94,22 +94,34 @@ TEST(Intents, AWrongKeyRefusesTheWhole) {
 }
 
 TEST(Intents, RangesAreKept) {
-  for (const char* text : {
-           R"({"act":"drive","vx":2.1,"vy":0,"wz":0})", R"({"act":"drive","vx":0,"vy":0,"wz":-3.5})",
-           R"({"act":"go_to","x":1e9,"y":0})", R"({"act":"go_to","x":0,"y":0,"yaw":4})",
-           R"({"act":"mark","points":[]})", R"({"act":"mark","points":[[1,2]]})",
-           R"({"act":"mark","points":[[1,2,"3"]]})", R"({"act":"erase","obstacle_id":1000})",
-           R"({"act":"erase","obstacle_id":1.5})", R"({"act":"erase","obstacle_id":18446744073709551615})",
-           R"({"act":"token","holds":["engage","engage"]})", R"({"act":"token","holds":["all"]})",
-           R"({"act":"token","holds":[1]})", R"({"act":"save","name":"../x"})",
-           R"({"act":"save","name":"A"})", R"({"act":"note","text":""})",
-           R"({"act":"note","text":"a\nb"})", R"({"act":"select","u":1.1,"v":0,"sign":1,"new":true})",
-           R"({"act":"select","u":1,"v":0,"sign":0,"new":true})", R"({"act":"accept","proposal":0})",
-           R"({"act":"draw","obstacle":{"id":0,"kind":"box","centre":[0,0,0],"half":[1,1,1],"yaw":0}})",
-           R"({"act":"draw","obstacle":{"id":1,"kind":"cone","centre":[0,0,0],"half":[1,1,1],"yaw":0}})",
-           R"({"act":"draw","obstacle":{"id":1,"kind":"box","centre":[0,0,0],"half":[0,1,1],"yaw":0}})",
-           R"({"act":"draw","obstacle":{"id":1,"kind":"box","centre":[0,0,0],"half":[1,1,1],"yaw":0,"z":0}})",
-           R"({"act":"fly"})", R"({"act":""})"}) {
+  for (
+      const char* text :
+      {R"({"act":"drive","vx":2.1,"vy":0,"wz":0})",
+       R"({"act":"drive","vx":0,"vy":0,"wz":-3.5})",
+       R"({"act":"go_to","x":1e9,"y":0})",
+       R"({"act":"go_to","x":0,"y":0,"yaw":4})",
+       R"({"act":"mark","points":[]})",
+       R"({"act":"mark","points":[[1,2]]})",
+       R"({"act":"mark","points":[[1,2,"3"]]})",
+       R"({"act":"erase","obstacle_id":1000})",
+       R"({"act":"erase","obstacle_id":1.5})",
+       R"({"act":"erase","obstacle_id":18446744073709551615})",
+       R"({"act":"token","holds":["engage","engage"]})",
+       R"({"act":"token","holds":["all"]})",
+       R"({"act":"token","holds":[1]})",
+       R"({"act":"save","name":"../x"})",
+       R"({"act":"save","name":"A"})",
+       R"({"act":"note","text":""})",
+       R"({"act":"note","text":"a\nb"})",
+       R"({"act":"select","u":1.1,"v":0,"sign":1,"new":true})",
+       R"({"act":"select","u":1,"v":0,"sign":0,"new":true})",
+       R"({"act":"accept","proposal":0})",
+       R"({"act":"draw","obstacle":{"id":0,"kind":"box","centre":[0,0,0],"half":[1,1,1],"yaw":0}})",
+       R"({"act":"draw","obstacle":{"id":1,"kind":"cone","centre":[0,0,0],"half":[1,1,1],"yaw":0}})",
+       R"({"act":"draw","obstacle":{"id":1,"kind":"box","centre":[0,0,0],"half":[0,1,1],"yaw":0}})",
+       R"({"act":"draw","obstacle":{"id":1,"kind":"box","centre":[0,0,0],"half":[1,1,1],"yaw":0,"z":0}})",
+       R"({"act":"fly"})",
+       R"({"act":""})"}) {
     EXPECT_FALSE(read(text)) << text;
   }
   std::string many = R"({"act":"mark","points":[)";

@@ -12,10 +12,10 @@
 
 #include "tools/desk/desk.hpp"
 #include "tools/host/calibrate.hpp"
-#include "tools/host/page_hook.hpp"
 #include "tools/host/replay.hpp"
 #include "tools/host/run_options.hpp"
 #include "tools/record/input_recorder.hpp"
+#include "tools/scene/page_hook.hpp"
 
 namespace {
 
@@ -44,12 +44,18 @@ const fs::path& folder() {
 // The desk without a server. Each tick asks `person` what to do; instants are seconds of the run.
 class Person : public teletact::PageHook {
  public:
+  drivers::HapticDevice* hand_over(rt::NonRealtime& nrt, drivers::HapticDevice& device) override {
+    hand = std::make_unique<teletact::PageHand>(nrt, device);
+    return hand.get();
+  }
   void open(teletact::OperatorBox& box, teletact::OperatorConsole& console, const Scene& scene,
             rt::Time epoch, Clock) override {
     epoch_ = epoch;
     console_ = &console;
     teletact::DeskOptions o;
     o.clock = [this] { return now_ns_; };
+    o.hand = hand.get();
+    hand->bind(box.graph().haptic());
     teletact::DeskPort port;
     port.viewers = [this] { return viewers; };
     port.publish = [this](teletact::ViewKind kind, const teletact::ViewStamp&,
@@ -97,7 +103,7 @@ class Person : public teletact::PageHook {
   const teletact::OperatorView& seen() const { return console_->seen(); }
 
   std::function<void(double)> act;
-  json holds;                 // null: no token is sent
+  json holds;                  // null: no token is sent
   std::optional<json> driven;  // with each token
   std::map<std::int64_t, ConsoleAnswer> answers;
   std::map<teletact::ViewKind, int> views;
@@ -106,6 +112,7 @@ class Person : public teletact::PageHook {
   int viewers = 0, mesh_blocks = 0;
   bool whole_mesh = true;
   std::unique_ptr<Desk> desk;
+  std::unique_ptr<teletact::PageHand> hand;
 
  private:
   rt::Time epoch_{};
@@ -187,8 +194,11 @@ TEST(DeskRun, AGoalByClickIsReachedRoundADrawnObstacleAndReplays) {
       }
       draw = p.say({{"act", "draw"},
                     {"obstacle",
-                     {{"id", 1}, {"kind", "disc"}, {"centre", {ox, oy, 0}},
-                      {"half", {kRadius, kRadius, 0.1}}, {"yaw", 0}}}});
+                     {{"id", 1},
+                      {"kind", "disc"},
+                      {"centre", {ox, oy, 0}},
+                      {"half", {kRadius, kRadius, 0.1}},
+                      {"yaw", 0}}}});
     }
   };
   DemoOptions options;
@@ -261,6 +271,45 @@ TEST(DeskRun, DrivingByHandEndsWithItsTokensAndReplays) {
   EXPECT_LT(path_to(r, 8) - path_to(r, 6.7), 0.005) << "what is still held is no new press";
   EXPECT_TRUE(same_again(options.log_folder, rt::Box::kOperator));
   EXPECT_TRUE(same_again(options.log_folder, rt::Box::kRobot));
+}
+
+// A person at the page touches the floor beside the pedestal, draws a stroke with the button, and
+// the base goes there: as with a device, and as often as it is run again.
+TEST(DeskRun, AHandAtThePageTouchesAndMarks) {
+  auto s = scene();
+  Person p;
+  double x = 1.85, y = -0.38;
+  p.holds = json::array({"engage"});
+  p.act = [&](double t) {
+    if (p.once("engage", t, 1.5)) p.say({{"act", "engage"}});
+    if (p.once("take", t, 2.0)) p.holds = json::array({"engage", "hand"});
+    if (t > 2.0 && t < 5.0) {
+      if (t > 4.0) x = 1.85 + 0.05 * (t - 4.0);
+      p.driven = json{{"act", "hand"},
+                      {"p", {x, y, 0.0}},
+                      {"normal", {0, 0, 1}},
+                      {"press", t > 3.0 && t < 4.8},
+                      {"button", t > 3.8 && t < 4.6},
+                      {"clutch", false}};
+    }
+    if (p.once("leave", t, 5.0)) p.holds = json::array({"engage"}), p.driven.reset();
+  };
+  DemoOptions options;
+  options.report = (folder() / "hand").string();
+  options.record = true;
+  options.log_folder = options.report + "/raw";
+  const VirtualRun r = run(*s, 14, p, options);
+  EXPECT_TRUE(p.desk->acts().first_steps().touch);
+  EXPECT_GE(r.op.view.task.marks, 1U);
+  EXPECT_GE(r.op.view.arrivals, 1U);
+  double deepest = 0, last = 1;
+  for (const auto& h : r.op.view.haptic) {
+    deepest = std::max(deepest, static_cast<double>(h.force_N));
+    last = static_cast<double>(h.force_N);
+  }
+  EXPECT_GT(deepest, 0.1) << "it pressed";
+  EXPECT_LT(last, 0.01);
+  EXPECT_TRUE(same_again(options.log_folder, rt::Box::kOperator));
 }
 
 // Calls something at instants of the host's clock, between the jobs.
@@ -337,7 +386,7 @@ TEST(DeskRun, AStopOvertakesWhateverWaits) {
     ASSERT_GT(falls, 0) << press;
     worst = std::max(worst, falls - press);
     EXPECT_LT(falls - press, kOneWay_s + 0.030) << press;
-    EXPECT_LT(stands - falls, kV / 4 + 0.03) << press;
+    EXPECT_LT(stands - falls, kV / 4 + 0.08) << press << ": and the lag of the motors' speed loop";
   }
   std::printf("first falling speed after the press: at most %.1f ms of them %.0f on the way\n",
               1e3 * worst, 1e3 * kOneWay_s);
