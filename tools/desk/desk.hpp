@@ -1,9 +1,10 @@
 // The desk: between a page's server and the tasks of the operator's box. docs/desk.md.
 //
 //   take(), stop(), role()   from the server's thread; they return at once
-//   tick()                   by the console's thread, after the console's own tick, every 20 ms: acts that
-//                            wait become inputs of the tasks and are answered, holds are kept, and, with
-//                            somebody there to look, views are made. With nobody there none is made.
+//   tick()                   by the console's thread, after the console's own tick, every 20 ms:
+//                            acts that wait become inputs of the tasks and are answered, holds are
+//                            kept, and, with somebody there to look, views are made. With nobody
+//                            there none is made.
 //
 // What a page asks for is an input like a device's sample: a recording holds what the tasks latched
 // of it, so a run that was driven from a page replays bit for bit.

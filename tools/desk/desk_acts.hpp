@@ -1,6 +1,6 @@
 // What the page asks for, as inputs of the tasks: the same rings and words that a scene's script
-// writes (tasks/contract/table.hpp: act, edit, drive; OperatorRequests). Everything by the console's
-// thread, but stop().
+// writes (tasks/contract/table.hpp: act, edit, drive; OperatorRequests). Everything by the
+// console's thread, but stop().
 //
 //   engage   pressed, and held by tokens: without one for Hold::kLife the engagement is taken back.
 //            Once it has ended, for whatever reason, a new press is needed.
