@@ -23,7 +23,7 @@ Desk::Desk(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::T
       port_(std::move(port)),
       events_(epoch, options_.log),
       acts_(box, console, events_, options_.hand),
-      show_(box, console, scene, epoch, port_) {}
+      show_(box, console, scene, epoch, port_, figures_) {}
 
 std::optional<ConsoleAnswer> Desk::take(std::uint32_t session, std::int64_t id,
                                         std::string_view act, const nlohmann::json& intent) {
@@ -68,6 +68,7 @@ void Desk::answer(std::uint32_t session, std::int64_t id, const ConsoleAnswer& a
 void Desk::do_acts(rt::Time now) {
   const std::int64_t clock = clock_ns();
   const auto said = [&](const DeskItem& item) {
+    figures_.intent_ms.add(1e-6 * static_cast<double>(clock - item.arrived_ns));
     return now - rt::Nanos{std::max<std::int64_t>(0, clock - item.arrived_ns)};
   };
   auto taken = inbox_.take();

@@ -52,6 +52,7 @@ class Desk {
 
   [[nodiscard]] const DeskActs& acts() const noexcept { return acts_; }
   [[nodiscard]] const DeskEvents& events() const noexcept { return events_; }
+  [[nodiscard]] const DeskFigures& figures() const noexcept { return figures_; }
   [[nodiscard]] std::uint64_t refused() const noexcept { return refused_.load(); }
 
  private:
@@ -65,6 +66,7 @@ class Desk {
   DeskInbox inbox_;
   DeskEvents events_;
   DeskActs acts_;
+  DeskFigures figures_;
   DeskShow show_;
   std::atomic<std::uint64_t> refused_{0};
 };

@@ -27,10 +27,11 @@ std::array<float, 3> narrow(const perception::Vec3& v) {
 }  // namespace
 
 DeskShow::DeskShow(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
-                   const DeskPort& port)
+                   const DeskPort& port, DeskFigures& figures)
     : box_(box),
       console_(console),
       port_(port),
+      figures_(figures),
       epoch_(epoch),
       wheels_(scene.graph.robot_io.base),
       block_edge_m_(8 * scene.graph.fusion.tsdf.voxel_size_m),
@@ -43,6 +44,8 @@ DeskShow::DeskShow(OperatorBox& box, OperatorConsole& console, const Scene& scen
                         },
                         [this](const perception::MeshDelta& d) {
                           port_.mesh(d, stamp(d.fused, d.exposure), block_edge_m_);
+                          const rt::Time now = rt::time_from_ns(box_.graph().requests().console_ns);
+                          figures_.mesh_ms.add(1e3 * rt::seconds(now - d.fused));
                         }});
 }
 
@@ -116,6 +119,7 @@ void DeskShow::show_picture(rt::Time now) {
   frame_seq_ = frame.seq;
   if (!due(next_picture_, now, 66)) return;
   picture_exposure_ = frame->exposure;
+  ++figures_.pictures;
   port_.publish(ViewKind::kPicture, stamp(now, frame->exposure),
                 pictures_.body(*frame, console_.seen().camera.X_WC));
 }
@@ -133,6 +137,8 @@ void DeskShow::measure(rt::Time now, DeskFacts& facts) {
   if (passed_s >= 1) {
     const std::int64_t cpu = cpu_ns_ + (port_.server_cpu_ns ? port_.server_cpu_ns() : 0);
     if (measured_ != rt::Time{}) {
+      figures_.cpu_s += 1e-9 * static_cast<double>(cpu - cpu_before_ns_);
+      figures_.seconds += passed_s;
       fps_ = static_cast<double>(frames_ - frames_before_) / passed_s;
       share_ = 1e-9 * static_cast<double>(cpu - cpu_before_ns_) / passed_s;
     }
@@ -176,7 +182,10 @@ void DeskShow::show_text(const DeskActs& acts, const DeskEvents& events, DeskFac
 }
 
 void DeskShow::tick(const DeskActs& acts, const DeskEvents& events, DeskFacts facts, rt::Time now) {
-  if (port_.viewers() == 0) return;
+  if (port_.viewers() == 0) {
+    measured_ = {};
+    return;
+  }
   const std::int64_t began = rt::thread_cpu_ns();
   if (due(next_pose_, now, 33)) show_pose(now);
   show_picture(now);

@@ -11,6 +11,7 @@
 #include "drivers/youbot/mecanum.hpp"
 #include "tools/console/console_server.hpp"
 #include "tools/desk/desk_acts.hpp"
+#include "tools/desk/desk_figures.hpp"
 #include "tools/desk/desk_text.hpp"
 #include "tools/desk/desk_views.hpp"
 
@@ -32,7 +33,7 @@ struct DeskPort {
 class DeskShow {
  public:
   DeskShow(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
-           const DeskPort& port);
+           const DeskPort& port, DeskFigures& figures);
   void tick(const DeskActs& acts, const DeskEvents& events, DeskFacts facts, rt::Time now);
 
  private:
@@ -47,6 +48,7 @@ class DeskShow {
   OperatorBox& box_;
   OperatorConsole& console_;
   const DeskPort& port_;
+  DeskFigures& figures_;
   rt::Time epoch_;
   drivers::Mecanum wheels_;
   double block_edge_m_, brake_m_per_s2_;

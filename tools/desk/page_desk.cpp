@@ -1,6 +1,7 @@
 #include "tools/desk/page_desk.hpp"
 
 #include <cstdio>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
@@ -81,8 +82,20 @@ void PageDesk::tick(rt::Time now) {
   if (desk_) desk_->tick(now);
 }
 
+// Figures of what happened with somebody there.
+void PageDesk::write_figures() const {
+  const DeskFigures& f = desk_->figures();
+  const auto over = [&](double v) { return f.seconds > 0 ? v / f.seconds : -1; };
+  const nlohmann::json all{{"console.intent_p95_ms", f.intent_ms.percentile(0.95)},
+                           {"console.mesh_p95_ms", f.mesh_ms.percentile(0.95)},
+                           {"console.server_share", over(f.cpu_s)},
+                           {"console.fps", over(f.pictures)}};
+  std::ofstream(options_.figures) << all.dump(1) << '\n';
+}
+
 void PageDesk::close() {
   if (server_) server_->stop();
+  if (open_.load() && desk_ && !options_.figures.empty()) write_figures();
   open_.store(false);
 }
 

@@ -15,8 +15,9 @@ struct PageOptions {
   ConsoleOptions server;
   DeskOptions desk;
   bool open_browser = false;
-  bool hand = true;    // false: a device's hand is never taken over
-  bool quiet = false;  // the URL goes to no terminal
+  bool hand = true;     // false: a device's hand is never taken over
+  std::string figures;  // file for console.* of docs/metrics.md, at the end; empty: none
+  bool quiet = false;   // the URL goes to no terminal
   // Tests and tools: the URL with its code, once.
   std::function<void(const std::string& url)> tell;
 };
@@ -37,6 +38,7 @@ class PageDesk final : public PageHook {
   }
 
  private:
+  void write_figures() const;
   [[nodiscard]] DeskPort port();
   [[nodiscard]] ConsoleCallbacks callbacks();
   PageOptions options_;

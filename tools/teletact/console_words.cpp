@@ -68,6 +68,7 @@ std::unique_ptr<PageDesk> console_of(const ConsoleWords& w, Scene& scene, const 
   page.desk.device = scene.choice.kind;
   page.desk.recording = o.record;
   page.desk.log = o.report + "/raw/console.log";
+  page.figures = o.report + "/raw/console.json";
   page.hand = scene.choice.in_process();
   page.open_browser = w.open;
   return std::make_unique<PageDesk>(std::move(page));
