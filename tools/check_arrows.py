@@ -42,8 +42,12 @@ ROOMS = {
     "offline": {"cli", "files", "record"},
     "host": {"cli", "files", "doctor", "report", "scene", "pictures", "touch", "record"},
     "audit": {"files", "report", "scene", "record", "host"},
-    "box": {"cli", "files", "doctor", "report", "scene", "pictures", "touch", "record", "host"},
+    "box": {
+        "cli", "files", "doctor", "report", "scene", "pictures", "touch", "record", "host",
+        "console", "desk"},
     "bus": {"files"},
+    "desk": {"files", "scene", "record", "host", "console"},
+    "console": set(),
 }
 ROOMS["teletact"] = set(ROOMS)
 ROOMS["measure"] = set(ROOMS) - {"teletact"}

@@ -46,7 +46,7 @@ OperatorGraph::OperatorGraph(rt::NonRealtime& nrt, const GraphConfig& config,
   cells_ = std::make_unique<OperatorCells>(nrt, config_, setup.faults);
   nodes_.reset(new Nodes{HapticNode(nrt, config_, setup, *cells_, haptic_period_s),
                          FusionNode(nrt, config_, setup, *cells_, requests_),
-                         PlanningNode(nrt, config_, setup, *cells_),
+                         PlanningNode(nrt, config_, setup, *cells_, requests_),
                          PredictionNode(nrt, config_, setup, *cells_, link_),
                          SupervisionNode(nrt, config_, *cells_, link_, requests_, setup)});
   if (cells_->has<EdgeId::kSurface>()) rt::effect_built(rt::Effect::kForceShading);
@@ -77,11 +77,15 @@ LatchedStatus OperatorGraph::latched(TaskId id) const noexcept {
   if (id == TaskId::kPrediction) {
     s.round_trip_ns = nodes_->prediction.in().round_trip.count();
     s.uncertainty_ns = nodes_->prediction.in().round_trip_uncertainty.count();
+    const auto& drive = nodes_->prediction.drive_latched();
+    if (drive.any) s.drive = nodes_->prediction.drive(), s.drive_number = drive.number;
+    s.drive_at = drive.at;
   }
   if (id == TaskId::kFusion) {
     s.mesh_taken = nodes_->fusion.in().mesh_taken;
     s.edit = nodes_->fusion.edit();
   }
+  if (id == TaskId::kPlanning) s.act = nodes_->planning.act();
   if (id == TaskId::kPlanning)
     s.events_full = nodes_->planning.in().event_count == PlanningTask::kMaxEvents;
   return s;
@@ -89,6 +93,13 @@ LatchedStatus OperatorGraph::latched(TaskId id) const noexcept {
 
 bool OperatorGraph::edit(const SceneEdit& edit) noexcept {
   return cells_->push<EdgeId::kEdit>(edit);
+}
+
+bool OperatorGraph::act(const OperatorAct& act) noexcept { return cells_->push<EdgeId::kAct>(act); }
+
+void OperatorGraph::drive(const DriveIntent& intent, rt::Time now) noexcept {
+  cells_->begin_write<EdgeId::kDrive>() = intent;
+  static_cast<void>(cells_->publish<EdgeId::kDrive>(now));
 }
 
 const FusionTask& OperatorGraph::fusion() const noexcept { return nodes_->fusion.task(); }
@@ -113,7 +124,10 @@ void OperatorGraph::bind_link(rt::NonRealtime& nrt, drivers::LinkEndpoint& endpo
               false,
               {}});
       });
-  send_edge<EdgeId::kGoal>(*cells_, endpoint);
+  send_commands(*cells_, endpoint, [this] {
+    return requests_.ramp_down.load(std::memory_order_relaxed) ||
+           requests_.stop.load(std::memory_order_relaxed);
+  });
   receive_command_reports(endpoint, [this](std::uint64_t n, drivers::CommandFault newest) {
     link_.tell_refused(n, newest);
   });

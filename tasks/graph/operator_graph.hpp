@@ -11,6 +11,7 @@
 #include "drivers/link/endpoint.hpp"
 #include "rt/sched/mode_gate.hpp"
 #include "rt/sched/task.hpp"
+#include "tasks/contract/operator_act.hpp"
 #include "tasks/edges/edge_cells.hpp"
 #include "tasks/graph/graph_config.hpp"
 #include "tasks/graph/node_parts.hpp"
@@ -85,6 +86,10 @@ struct LatchedStatus {
   bool events_full = false;  // planning took all the touch events it had room for
   std::uint64_t mesh_taken = 0;
   std::optional<SceneEdit> edit;  // fusion took it off the ring
+  std::optional<OperatorAct> act;  // planning took it off the ring
+  DriveIntent drive;               // prediction's newest, with its number and when it was published
+  std::uint64_t drive_number = 0;  // 0: none yet
+  rt::Time drive_at{};
 };
 
 // What the graphs of both boxes hold beside their tasks.
@@ -130,6 +135,10 @@ class OperatorGraph : public BoxGraph<OperatorCells> {
 
   // What the operator asks of the scene; by the console's thread. False: no room now, ask again.
   [[nodiscard]] bool edit(const SceneEdit& edit) noexcept;
+  // The same for planning.
+  [[nodiscard]] bool act(const OperatorAct& act) noexcept;
+  // To prediction; by the console's thread.
+  void drive(const DriveIntent& intent, rt::Time now) noexcept;
   // Of the newest latch of `id`; by that task's thread, before its next latch.
   [[nodiscard]] LatchedStatus latched(TaskId id) const noexcept;
   [[nodiscard]] const FusionTask& fusion() const noexcept;

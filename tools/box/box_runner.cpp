@@ -12,6 +12,7 @@
 #include "rt/sched/real_executor.hpp"
 #include "tools/files/build_info.hpp"
 #include "tools/host/store_watch.hpp"
+#include "tools/scene/page_hook.hpp"
 
 namespace teletact {
 
@@ -119,8 +120,9 @@ BoxStatus BoxRunner::status() const {
 
 // Since their threads began; the console is the thread that asks.
 OrdinaryCpu BoxRunner::ordinary_now() const {
-  return {link->thread_cpu_ns(), rt::thread_cpu_ns(), camera_twin_cpu ? camera_twin_cpu() : 0,
-          rt::monotonic_ns()};
+  const std::int64_t page = options.page != nullptr ? options.page->cpu_ns() : 0;
+  return {link->thread_cpu_ns(), rt::thread_cpu_ns() + page,
+          camera_twin_cpu ? camera_twin_cpu() : 0, rt::monotonic_ns()};
 }
 
 void BoxRunner::await_link() const {

@@ -1,7 +1,8 @@
-// Of the operator's console: its status line, and why the base stands.
+// Of the operator's console: its status line, why the base stands, the mesh that it is told of.
 #include <algorithm>
 #include <cstdio>
 
+#include "tasks/fusion/fusion_io.hpp"
 #include "tasks/robot_io/robot_io_task.hpp"
 #include "tools/host/console.hpp"
 #include "tools/pictures/picture_words.hpp"
@@ -106,6 +107,30 @@ std::string OperatorConsole::status_line(rt::Time now) const {
                 moving, force_act_.waits() ? "  forces off: press the clutch and let go" : "",
                 old.c_str(), picture.c_str());
   return line;
+}
+
+// No mesh is sent while nothing changes: that fusion is alive is known from its samples. The age of
+// a mesh is its age when it arrives.
+void OperatorConsole::take_mesh(rt::Time now) {
+  auto& cells = box_.graph().cells();
+  if (!cells.has<tasks::EdgeId::kMesh>()) return;
+  auto& taken = box_.graph().requests().mesh_taken;
+  const MeshWanted wanted = mesh_taker_.wants ? mesh_taker_.wants() : MeshWanted::kDeltas;
+  if (wanted == MeshWanted::kNone) return taken.store(tasks::kMeshUnwanted);
+  const auto delta = cells.read<tasks::EdgeId::kMesh, tasks::kConsole>();
+  if (!delta) return;
+  if (delta->seq != mesh_.seq()) mesh_lag_ = now - delta->exposure;
+  for (auto& w : watches_) {
+    if (w.row().edge == tasks::EdgeId::kMesh && !w.within(now, fusion_heard_, now - mesh_lag_))
+      seen_.beyond.push_back("mesh");
+  }
+  // To who has nothing no delta counts but one that begins anew, which comes when none is taken.
+  const bool counts = wanted != MeshWanted::kWhole || delta->restart;
+  if (!counts && edits_scene_) taken.store(0);
+  if (!counts || (delta->seq == mesh_.seq() && wanted == MeshWanted::kDeltas)) return;
+  if (delta->seq != mesh_.seq() && !mesh_.take(*delta)) return;
+  if (mesh_taker_.take) mesh_taker_.take(*delta);
+  if (edits_scene_) taken.store(delta->seq);
 }
 
 }  // namespace teletact

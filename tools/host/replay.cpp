@@ -344,7 +344,12 @@ ReplayResult replay_operator(rt::NonRealtime& nrt, const Scene& scene, const Box
       inputs.word(device->fed.seq << 2U | device->fed.buttons);
     } else if (id == TaskId::kFusion) {
       set_scene(graph, op.get<SceneInput>(), inputs);
-    } else if (id == TaskId::kPrediction || id == TaskId::kSupervision) {
+    } else if (id == TaskId::kPlanning) {
+      set_act(graph, op.get<TouchInput>(), inputs);
+    } else if (id == TaskId::kPrediction) {
+      set_words(graph.link(), graph.requests(), op.get<DriveInput>().status);
+      set_drive(graph, op.get<DriveInput>(), inputs);
+    } else if (id == TaskId::kSupervision) {
       set_words(graph.link(), graph.requests(), op.get<StatusInput>());
     }
   };

@@ -82,6 +82,12 @@ struct MotorInput {  // robot_io
 struct TouchInput {         // planning
   std::uint64_t taken = 0;  // events taken off the ring since the start
   std::uint8_t full = 0;    // it took all it had room for; there may have been more
+  std::uint8_t acted = 0;   // it took an act of the operator off its ring: the fields below
+  std::uint8_t kind = 0, turns = 0;
+  std::uint64_t seq = 0;
+  std::int64_t stamp_ns = 0;
+  std::array<double, 3> p_W{}, normal_W{};
+  double yaw_rad = 0;
 };
 struct StatusInput {  // prediction and both supervisions
   std::int64_t last_heard_ns = 0, round_trip_ns = 0, uncertainty_ns = 0;
@@ -89,6 +95,13 @@ struct StatusInput {  // prediction and both supervisions
   std::int32_t engage = 0;
   std::uint8_t refused = 0, expected = 0, closed = 0, ramp_down = 0, stop = 0, clear = 0,
                watchdog_bit = 0;
+};
+struct DriveInput {  // prediction: the words above, and what it took of the edge `drive`
+  StatusInput status;
+  std::uint64_t number = 0, seq = 0;  // number 0: nothing yet
+  std::int64_t stamp_ns = 0, published_ns = 0;
+  double vx = 0, vy = 0, wz = 0;
+  std::uint8_t held = 0;
 };
 struct SceneInput {  // fusion
   std::uint64_t mesh_taken = 0, seq = 0;

@@ -11,6 +11,7 @@
 #include "tools/host/run_folder.hpp"
 #include "tools/scene/host_info.hpp"
 #include "tools/teletact/commands.hpp"
+#include "tools/teletact/console_words.hpp"
 
 namespace teletact {
 
@@ -90,6 +91,8 @@ int run_command(int argc, char** argv, rt::Box box) {
   o.seconds = 0;
   o.report = robot ? "robot_report" : "operator_report";
   add_options(app, robot, o, c, w);
+  ConsoleWords console;
+  if (!robot) add_console_options(app, console);
   if (!parse_options(app, argc, argv)) return 0;
   if (w.listen.empty() && w.dial.empty()) w.listen = "127.0.0.1:" + std::to_string(kRoadPort);
   c.listens = w.dial.empty();
@@ -97,8 +100,11 @@ int run_command(int argc, char** argv, rt::Box box) {
   check_road(c);
   check_outputs({{"--json", c.json}}, {});
   o.scene_path = find_config("scenes", w.scene);
+  prepare_console(console, o);
   auto scene = load_scene(o.scene_path, o.overrides);
   if (!robot) check_haptic_device(*scene);
+  const auto page = console_of(console, *scene, o);
+  o.page = page.get();
 
   catch_signals();
   make_output_folder("--report", o.report);
