@@ -16,7 +16,7 @@ export class Timeline {
   private readonly strip = document.createElementNS('http://www.w3.org/2000/svg', 'svg');
   private drawn = '';
 
-  constructor(private readonly acts: Acts, private readonly store: Store) {
+  constructor(acts: Acts, private readonly store: Store) {
     this.record = button('Record', () => acts.record(!this.recording),
       { 'aria-keyshortcuts': 'R' });
     const form = h('form', { class: 'buttons', submit: event => {
