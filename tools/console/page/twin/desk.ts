@@ -16,7 +16,7 @@ function vec(value: unknown, size = 3): value is Vec3 {
     && value.every(v => typeof v === 'number' && Number.isFinite(v) && Math.abs(v) < 100);
 }
 
-function finite(...values: unknown[]): values is number[] {
+function finite(...values: unknown[]): boolean {
   return values.every(v => typeof v === 'number' && Number.isFinite(v));
 }
 

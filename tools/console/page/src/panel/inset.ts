@@ -64,11 +64,12 @@ export class Inset {
   tick(): Freshness {
     const age = this.store.pictureAge();
     const state = freshness(age);
-    setText(this.age, Number.isFinite(age) ? age < 10 ? `${(1000 * age).toFixed(0)} ms old`
-      : `${age.toFixed(0)} s old` : 'no picture');
+    setText(this.age, !Number.isFinite(age) ? 'no picture'
+      : age < 1 ? `${(1000 * age).toFixed(0)} ms old` : `${age.toFixed(1)} s old`);
     if (state !== this.state || this.word.textContent === '') {
       this.state = state;
-      setText(this.word, { fresh: 'Live', late: 'Late', frozen: 'FROZEN: driving is locked' }[state]);
+      setText(this.word, { fresh: 'Live', late: 'Late',
+        frozen: 'FROZEN, no driving' }[state]);
       for (const name of ['fresh', 'late', 'frozen'] as const) {
         by('inset').classList.toggle(name, name === state);
         by('view').classList.toggle(name, name === state);
