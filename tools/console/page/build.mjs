@@ -4,8 +4,8 @@ import { cpSync, mkdirSync } from 'node:fs';
 
 const words = process.argv.slice(2);
 const site = words[words.indexOf('--site') + 1];
-const node = { bundle: true, platform: 'node', target: 'node18', format: 'esm', packages: 'external',
-  logLevel: 'warning' };
+const node = { bundle: true, platform: 'node', target: 'node18', format: 'esm',
+  packages: 'external', logLevel: 'warning' };
 
 mkdirSync(site, { recursive: true });
 await build({ entryPoints: ['src/main.ts'], outfile: `${site}/page.js`, bundle: true,

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Builds the page: build.sh WORK SITE [--tests]. Sources are copied to WORK, where the packages of the
-# lock file go too, so that nothing is written beside the sources; the page lands in SITE. Types are
-# checked: an error in them ends with 1. Packages that can not be fetched are said in one line and end
-# with 0: what is in C++ builds without the page.
+# Builds the page: build.sh WORK SITE [--tests]. Sources are copied to WORK, where the packages of
+# the lock file go too, so that nothing is written beside the sources; the page lands in SITE. Types
+# are checked: an error in them ends with 1. Packages that can not be fetched are said in one line
+# and end with 0: what is in C++ builds without the page.
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 work=$1 site=$2

@@ -1,5 +1,5 @@
-// A twin of the operator's box: the protocol of docs/console_protocol.md over a small synthetic room,
-// so that the page can be tried and tested alone. `intents` keeps what the page asked for.
+// A twin of the operator's box: the protocol of docs/console_protocol.md over a small synthetic
+// room, so that the page can be tried and tested alone. `intents` keeps what the page asked for.
 import { createHash, randomBytes } from 'node:crypto';
 import { readFileSync } from 'node:fs';
 import { createServer, IncomingMessage, Server, ServerResponse } from 'node:http';
@@ -72,8 +72,8 @@ export class TwinBox {
 
   async listen(port = 0): Promise<string> {
     await new Promise<void>(done => this.server.listen(port, '127.0.0.1', done));
-    this.timers.push(setInterval(() => this.tick(), 10), setInterval(() => this.sendPose(), 33),
-      setInterval(() => this.sendPicture(), 100), setInterval(() => this.sendText(), 200),
+    this.timers.push(setInterval(() => this.tick(), 10), setInterval(() => this.sendPose(), 50),
+      setInterval(() => this.sendPicture(), 125), setInterval(() => this.sendText(), 200),
       setInterval(() => this.sendCost(), 1000));
     return this.url();
   }
@@ -108,7 +108,7 @@ export class TwinBox {
   private tick(): void {
     const now = performance.now();
     // A stretch in which this process did not run is made of small steps, as it would have been.
-    for (let left = Math.min(1, (now - this.last) / 1000); left > 0; left -= 0.01) {
+    for (let left = (now - this.last) / 1000; left > 0; left -= 0.01) {
       this.plant.step(Math.min(0.01, left));
     }
     this.last = now;

@@ -132,7 +132,9 @@ export class Desk {
   }
 
   private select(i: Intent): Reply {
-    if (!finite(i.u, i.v) || Math.abs(i.sign as number) !== 1) return refused('a click has u v sign');
+    if (!finite(i.u, i.v) || Math.abs(i.sign as number) !== 1) {
+      return refused('a click has u, v and sign');
+    }
     const { width, height } = this.size;
     const [u, v] = [i.u as number, i.v as number];
     const at = Math.min(height - 1, Math.floor(v * height)) * width

@@ -92,7 +92,7 @@ export interface Shot {
   ids: Uint8Array;  // of the thing in each pixel
 }
 
-export const lens = { width: 160, height: 120, fx: 130, fy: 130, cx: 79.5, cy: 59.5 };
+export const lens = { width: 112, height: 84, fx: 91, fy: 91, cx: 55.5, cy: 41.5 };
 
 // Axes of the camera (x right, y down, z forward) in W.
 export function cameraAxes(q: number[]): [Vec3, Vec3, Vec3] {

@@ -1,5 +1,5 @@
-// An object by clicks: the box proposes a mask, further clicks add to it or take away, and only what
-// was seen is accepted.
+// An object by clicks: the box proposes a mask, further clicks add to it or take away, and only
+// what was seen is accepted.
 import { Selection } from '../wire/types';
 import { Acts } from './acts';
 

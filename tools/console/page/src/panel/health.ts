@@ -76,7 +76,8 @@ export class Health {
       Lost: link?.loss === undefined ? 'unknown' : `${(100 * link.loss).toFixed(1)} %`,
       Lowered: link?.lowered ?? 'no',
       Tracking: slow.tracking ?? 'unknown',
-      Bus: typeof slow.bus === 'string' ? slow.bus : slow.bus ? JSON.stringify(slow.bus) : 'unknown',
+      Bus: typeof slow.bus === 'string' ? slow.bus
+        : slow.bus ? JSON.stringify(slow.bus) : 'unknown',
     });
     this.tasks.show(slow.tasks ?? []);
     const device = slow.device;

@@ -101,8 +101,8 @@ export class Rail {
       selecting.sign = value;
       this.show(true);
     }, { 'aria-pressed': String(selecting.sign === value) });
-    const name = h('input', { class: 'wide', placeholder: 'name', 'aria-label': 'Name of the object',
-      maxlength: 40 });
+    const name = h('input', { class: 'wide', placeholder: 'name', maxlength: 40,
+      'aria-label': 'Name of the object' });
     name.value = typed;
     const accept = button('Accept', () => void selecting.accept(name.value.trim()));
     accept.disabled = !selecting.proposal;

@@ -60,7 +60,8 @@ export class TopBar {
     this.tracking.show(`Camera ${tracking}`, tracking === 'tracking' ? 'good'
       : tracking === 'lost' ? 'bad' : 'warn');
     const device = slow.device;
-    this.device.show(device?.kind ? `${device.kind} ${device.state ?? ''}`.trim() : 'No device', '');
+    this.device.show(device?.kind ? `${device.kind} ${device.state ?? ''}`.trim()
+      : 'No device', '');
     this.role.show(this.acts.link.role === 'viewer' || slow.role === 'viewer' ? 'Viewer'
       : 'Operator', '', slow.operator_name ? `Operator: ${slow.operator_name}` : '');
     this.engage.setAttribute('aria-pressed', String(this.acts.held.has('engage')));
@@ -81,7 +82,8 @@ export class TopBar {
       return;
     }
     const trip = link.round_trip_ms;
-    this.link.show(link.fault ? link.fault : `${number(trip, 0, ' ms')}, ${number(link.fps, 0)} fps`,
+    const goes = `${number(trip, 0, ' ms')}, ${number(link.fps, 0)} fps`;
+    this.link.show(link.fault ? link.fault : goes,
       link.fault ? 'bad' : trip !== undefined && trip > lateRoundTrip ? 'warn' : 'good',
       'Round trip to the robot, pictures a second');
   }

@@ -1,6 +1,6 @@
 // A headset or a handheld AR browser, where one is offered; elsewhere nothing is seen of it. The
-// same scene; a controller is the hand: its ray points, its trigger presses. The loss of the session
-// lets go of all that is held and stops the base.
+// same scene; a controller is the hand: its ray points, its trigger presses. The loss of the
+// session lets go of all that is held and stops the base.
 import * as THREE from 'three';
 import { Aimer } from '../act/aim';
 import { Tools } from '../act/tools';

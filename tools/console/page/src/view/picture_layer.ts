@@ -1,5 +1,5 @@
-// The live picture in the room: depth as a 16-bit texture, lifted to 3-D by the vertex shader, in the
-// colours of the picture, tinted where a selection is proposed.
+// The live picture in the room: depth as a 16-bit texture, lifted to 3-D by the vertex shader, in
+// the colours of the picture, tinted where a selection is proposed.
 import * as THREE from 'three';
 import { Picture, Selection } from '../wire/types';
 import { quaternion } from './shapes';
@@ -23,7 +23,8 @@ void main() {
   chosen = texture(mask, at).r;
   float z = 0.001 * float(mm);
   vec3 p = vec3((pixel - lens.zw) / lens.xy * z, z);
-  gl_Position = mm == 0u ? vec4(2.0, 2.0, 2.0, 1.0) : projectionMatrix * modelViewMatrix * vec4(p, 1.0);
+  gl_Position = mm == 0u ? vec4(2.0, 2.0, 2.0, 1.0)
+    : projectionMatrix * modelViewMatrix * vec4(p, 1.0);
   gl_PointSize = clamp(1.3 * step_px * z / lens.x * height_px / gl_Position.w, 1.0, 12.0);
 }`;
 

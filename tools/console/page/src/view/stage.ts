@@ -1,5 +1,5 @@
 // The picture itself: renderer, lights, the camera and its four ways to look. W has z up; three.js
-// and WebXR have y up, so all that is drawn hangs below `world`, which turns the one into the other.
+// and WebXR have y up, so all that is drawn hangs below `world`, which turns one into the other.
 import * as THREE from 'three';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { Pose, Vec3 } from '../wire/types';
@@ -10,8 +10,25 @@ export const looks: Look[] = ['orbit', 'follow', 'first', 'top'];
 
 THREE.ColorManagement.enabled = false;  // colours of the sensor are shown as they are
 
-const slowFrame = 120;   // ms: beyond, fewer pixels are drawn
+const softwareNames = /swiftshader|llvmpipe|software|basic render/i;
+const softwareRatio = 0.5;   // pixels drawn for a pixel shown, each way, without a graphics chip
+const softwareGap = 60;      // ms between frames at least, so that the page itself stays quick
+const slowFrame = 120;       // ms: beyond, fewer pixels are drawn
+const leastRatio = 0.4;
 const topHeight = 6;     // m
+
+function nameOf(gl: WebGLRenderingContext | WebGL2RenderingContext): string {
+  const info = gl.getExtension('WEBGL_debug_renderer_info');
+  return String(gl.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
+}
+
+// Smooth edges are chosen with the context, so another one is asked first.
+function drawsInSoftware(): boolean {
+  const gl = document.createElement('canvas').getContext('webgl');
+  const answer = gl === null || softwareNames.test(nameOf(gl));
+  gl?.getExtension('WEBGL_lose_context')?.loseContext();
+  return answer;
+}
 
 export class Stage {
   readonly scene = new THREE.Scene();
@@ -23,15 +40,17 @@ export class Stage {
   look: Look = 'orbit';
   fps = 0;
   frames = 0;
+  readonly software: boolean;
   private dirty = true;
   private lastFrame = 0;
   private readonly grid: THREE.GridHelper;
   private readonly before: (() => void)[] = [];
 
   constructor(readonly canvas: HTMLCanvasElement) {
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !drawsInSoftware() });
     this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.software = softwareNames.test(this.rendererName());
+    this.renderer.setPixelRatio(this.software ? softwareRatio : Math.min(devicePixelRatio, 2));
     this.world.rotation.x = -Math.PI / 2;
     this.grid = new THREE.GridHelper(12, 24);
     this.rig.add(this.camera);
@@ -139,11 +158,7 @@ export class Stage {
     return caster.ray;
   }
 
-  rendererName(): string {
-    const gl = this.renderer.getContext();
-    const info = gl.getExtension('WEBGL_debug_renderer_info');
-    return String(gl.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
-  }
+  rendererName(): string { return nameOf(this.renderer.getContext()); }
 
   private sun(): THREE.Light {
     const sun = new THREE.DirectionalLight(0xffffff, 1.2);
@@ -165,11 +180,15 @@ export class Stage {
     if (!this.dirty && !this.renderer.xr.isPresenting) return;
     this.dirty = false;
     const gap = time - this.lastFrame;
+    if (this.software && gap < softwareGap && !this.renderer.xr.isPresenting) {
+      this.dirty = true;
+      return;
+    }
     this.lastFrame = time;
     if (gap > 0 && gap < 1000) this.fps += 0.1 * (1000 / gap - this.fps);
     const ratio = this.renderer.getPixelRatio();
-    if (this.fps < 1000 / slowFrame && this.frames > 30 && ratio > 0.75) {
-      this.renderer.setPixelRatio(Math.max(0.75, 0.8 * ratio));
+    if (this.fps < 1000 / slowFrame && this.frames > 30 && ratio > leastRatio) {
+      this.renderer.setPixelRatio(Math.max(leastRatio, 0.8 * ratio));
     }
     ++this.frames;
     this.renderer.render(this.scene, this.camera);

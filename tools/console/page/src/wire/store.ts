@@ -19,6 +19,32 @@ interface Topics {
 
 type Hear<T> = (value: T, head: Head) => void;
 
+const aheadSpan = 10;  // s
+
+// This page's clock minus the box's: the least of the last 10 to 20 s, for the quickest message was
+// late the least, and two clocks drift apart.
+class Ahead {
+  private since = -Infinity;
+  private now = Infinity;
+  private before = Infinity;
+
+  see(here: number, there: number): void {
+    if (here - this.since > aheadSpan) {
+      this.before = this.now;
+      this.now = Infinity;
+      this.since = here;
+    }
+    this.now = Math.min(this.now, here - there);
+  }
+
+  forget(): void {
+    this.since = -Infinity;
+    this.now = this.before = Infinity;
+  }
+
+  least(): number { return Math.min(this.now, this.before); }
+}
+
 export class Store {
   slow: Slow = {};
   pose: Pose | null = null;
@@ -29,7 +55,7 @@ export class Store {
   selectionHead: Head | null = null;
   damaged = 0;   // views that could not be read
   messages = 0;
-  private aheadOfBox = Infinity;  // s: this page's clock minus the box's, the least seen
+  private readonly ahead = new Ahead();
   private readonly hearers: { [K in keyof Topics]?: Hear<Topics[K]>[] } = {};
 
   on<K extends keyof Topics>(topic: K, hear: Hear<Topics[K]>): void {
@@ -41,7 +67,7 @@ export class Store {
     ++this.messages;
     try {
       const head = readHead(bytes);
-      this.aheadOfBox = Math.min(this.aheadOfBox, performance.now() / 1000 - head.time);
+      this.ahead.see(performance.now() / 1000, head.time);
       this.dispatch(head, bytes);
     } catch (error) {
       ++this.damaged;
@@ -51,7 +77,7 @@ export class Store {
 
   // A new connection may be to a box that was started again: its clock begins anew.
   reconnected(): void {
-    this.aheadOfBox = Infinity;
+    this.ahead.forget();
     this.pictureHead = null;
   }
 
@@ -59,7 +85,7 @@ export class Store {
   pictureAge(): number {
     const head = this.pictureHead;
     if (!head || head.data < 0) return Infinity;
-    return Math.max(0, performance.now() / 1000 - this.aheadOfBox - head.data);
+    return Math.max(0, performance.now() / 1000 - this.ahead.least() - head.data);
   }
 
   may(act: string): boolean {
