@@ -21,4 +21,4 @@ if ! cmp -s package-lock.json node_modules/.of-lock; then
 fi
 node node_modules/typescript/bin/tsc --noEmit
 node build.mjs --site "$site" "${@:3}"
-touch "$work/built"
+touch built

@@ -1,8 +1,10 @@
 // Damaged views: read, or left out and counted, and never anything else.
 import assert from 'node:assert/strict';
+import { test } from 'node:test';
 import { Store } from '../src/wire/store';
 import { bits, cutBlocks, floats, meshBody, shoot, view } from '../twin/encode';
 import { makeBodies, randomFrom } from '../twin/world';
+import { seed } from './browser';
 
 const rounds = 1500;
 
@@ -30,7 +32,7 @@ function asArray(bytes: Buffer): ArrayBuffer {
   return new Uint8Array(bytes).buffer as ArrayBuffer;
 }
 
-export function readerTests(seed: number): void {
+test('views from the box, damaged', () => {
   const random = randomFrom(seed);
   const good = samples();
   const store = new Store();
@@ -55,4 +57,4 @@ export function readerTests(seed: number): void {
   }
   console.warn = warn;
   assert.ok(store.damaged > rounds / 10, `${store.damaged} left out`);
-}
+});

@@ -13,6 +13,7 @@ THREE.ColorManagement.enabled = false;  // colours of the sensor are shown as th
 const softwareNames = /swiftshader|llvmpipe|software|basic render/i;
 const softwareRatio = 0.5;   // pixels drawn for a pixel shown, each way, without a graphics chip
 const softwareGap = 60;      // ms between frames at least, so that the page itself stays quick
+const rest = 2;              // of what a frame cost, before the next one without a graphics chip
 const slowFrame = 120;       // ms: beyond, fewer pixels are drawn
 const leastRatio = 0.4;
 const topHeight = 6;     // m
@@ -43,6 +44,9 @@ export class Stage {
   readonly software: boolean;
   private dirty = true;
   private lastFrame = 0;
+  private lastCall = 0;
+  private cost = 0;  // ms that the call after a drawn frame is late, smoothed
+  private drawn = false;
   private readonly grid: THREE.GridHelper;
   private readonly before: (() => void)[] = [];
 
@@ -176,11 +180,15 @@ export class Stage {
   }
 
   private frame(time: number): void {
+    if (this.drawn) this.cost += 0.2 * (time - this.lastCall - this.cost);
+    this.lastCall = time;
+    this.drawn = false;
     for (const hook of this.before) hook();
     if (!this.dirty && !this.renderer.xr.isPresenting) return;
     this.dirty = false;
     const gap = time - this.lastFrame;
-    if (this.software && gap < softwareGap && !this.renderer.xr.isPresenting) {
+    const least = Math.max(softwareGap, rest * this.cost);
+    if (this.software && gap < least && !this.renderer.xr.isPresenting) {
       this.dirty = true;
       return;
     }
@@ -191,6 +199,7 @@ export class Stage {
       this.renderer.setPixelRatio(Math.max(leastRatio, 0.8 * ratio));
     }
     ++this.frames;
+    this.drawn = true;
     this.renderer.render(this.scene, this.camera);
   }
 }
