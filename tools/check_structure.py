@@ -19,8 +19,8 @@ What is judged, in rt, config, perception, drivers, tasks and tools (tests are n
 Files are .hpp, .cpp and .inl. Of TypeScript (.ts) lines, columns, folders and functions are judged,
 the latter by their indentation; of scripts (.py, .sh, .mjs and what begins with #!) and .css only
 lines and columns. Folders node_modules are not ours. How functions and classes of C++ are found,
-and what is not seen, is said in tools/cpp_shape.py. sim_c++ takes the text of a raw string for code and breaks a number at a ', both
-only within a line or so.
+and what is not seen, is said in tools/cpp_shape.py. sim_c++ takes the text of a raw string for code
+and breaks a number at a ', both only within a line or so.
 
 What is beyond a limit today stands in tools/structure_exceptions.txt, a line each: `KIND PLACE
 NUMBER`, and behind it `permanent: REASON` where it is to stay. A number above that of its line is
@@ -92,7 +92,7 @@ def ts_functions(text):
         head = TS_HEAD.match(line)
         opened = next((at for at in range(first, min(first + 8, len(lines)))
                        if lines[at].endswith(("{", ";", "}"))), None) if head else None
-        if opened is None or not lines[opened].endswith("{"):
+        if opened is None or not lines[opened].endswith("{") or lines[opened].endswith("=> {"):
             continue
         end = next((at for at in range(opened + 1, len(lines))
                     if lines[at].startswith(head[1] + "}")), len(lines) - 1)
@@ -305,7 +305,8 @@ def function_cases():
         "function rt/a.ts g 61"]
     method = function(61, "  private f<T>(a: T,\n    b: T): void {").replace("\n}", "\n  }")
     yield {"rt/a.ts": "class A {\n" + method + "}\n"}, ["function rt/a.ts f 62"]
-    yield {"rt/a.ts": function(61, "if (a) {") + function(60, "function h() {")}, []
+    yield {"rt/a.ts": function(61, "call(() => {") + function(61, "if (a) {")}, []
+    yield {"rt/a.ts": function(60, "function h() {")}, []
     yield of("template <class T>\n  requires(sizeof(T) < 9)\n" + function(59), "f 61")
     yield of(function(61, "int f() { call([&](int a) {").replace("\n}", "\n}); }"), "f 61")
     yield of(function(61, "const auto f = [](int a) {") + ";", "f 61")
