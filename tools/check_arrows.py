@@ -35,14 +35,19 @@ ROOMS = {
     "keys": set(),
     "report": {"files"},
     "scene": {"files"},
+    "pictures": {"files"},
     "touch": {"cli", "files"},
     "record": {"files", "scene", "touch"},
     "robot": {"cli", "files", "scene", "record"},
     "offline": {"cli", "files", "record"},
-    "host": {"cli", "files", "doctor", "report", "scene", "touch", "record"},
+    "host": {"cli", "files", "doctor", "report", "scene", "pictures", "touch", "record"},
     "audit": {"files", "report", "scene", "record", "host"},
-    "box": {"cli", "files", "doctor", "report", "scene", "touch", "record", "host"},
+    "box": {
+        "cli", "files", "doctor", "report", "scene", "pictures", "touch", "record", "host",
+        "console", "desk"},
     "bus": {"files"},
+    "desk": {"files", "scene", "record", "host", "console"},
+    "console": set(),
 }
 ROOMS["teletact"] = set(ROOMS)
 ROOMS["measure"] = set(ROOMS) - {"teletact"}

@@ -8,7 +8,7 @@ What is judged, in rt, config, perception, drivers, tasks and tools (tests are n
                inside the circle.
     file       at most 450 lines
     function   at most 60 lines, from the first word of its head to its closing brace
-    folder     at most 40 files of C++, those of folders inside it not counted
+    folder     at most 40 files of C++ or TypeScript, those of folders inside it not counted
     members    at most 35 data members in a class
     columns    no line of more than 100 columns; lines with a URL or an #include do not count. The
                number is that of the lines.
@@ -16,10 +16,11 @@ What is judged, in rt, config, perception, drivers, tasks and tools (tests are n
                it: all names and numbers are the same to it, all strings too; it leaves out
                comments, includes and semicolons. The number is the sum of all such runs of the two.
 
-Files are .hpp, .cpp and .inl; of scripts (.py, .sh and what begins with #!) only the lines and the
-columns are judged. How functions and classes are found, and what is not seen, is said in
-tools/cpp_shape.py. sim_c++ takes the text of a raw string for code and breaks a number at a ', both
-only within a line or so.
+Files are .hpp, .cpp and .inl. Of TypeScript (.ts) lines, columns, folders and functions are judged,
+the latter by their indentation; of scripts (.py, .sh, .mjs and what begins with #!) and .css only
+lines and columns. Folders node_modules are not ours. How functions and classes of C++ are found,
+and what is not seen, is said in tools/cpp_shape.py. sim_c++ takes the text of a raw string for code
+and breaks a number at a ', both only within a line or so.
 
 What is beyond a limit today stands in tools/structure_exceptions.txt, a line each: `KIND PLACE
 NUMBER`, and behind it `permanent: REASON` where it is to stay. A number above that of its line is
@@ -43,6 +44,9 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 TOPS = ("rt", "config", "perception", "drivers", "tasks", "tools")
 LIST = "tools/structure_exceptions.txt"
 CPP = (".hpp", ".cpp", ".inl")
+SCRIPTS = (".py", ".sh", ".mjs", ".css")
+TS_HEAD = re.compile(r"^( *)(?:(?:export|async|private|static|override|get|set|function) )*"
+                     r"(?!if\b|for\b|while\b|switch\b|catch\b)(\w+)(?:<[^>(]*>)?\(")
 COLUMNS = 100
 RUN = 120
 # Of each kind: what is allowed, and of what.
@@ -72,7 +76,8 @@ def files(sources):
 
 
 def folders(sources):
-    return collections.Counter(folder_of(path) for path in sources if path.endswith(CPP))
+    return collections.Counter(folder_of(path) for path in sources
+                               if path.endswith((*CPP, ".ts")))
 
 
 def columns(sources):
@@ -80,11 +85,29 @@ def columns(sources):
                       for line in text.splitlines()) for path, text in sources.items()}
 
 
+def ts_functions(text):
+    """(name, lines) of each function: from the line of the name to the brace at its indent."""
+    lines = text.splitlines()
+    for first, line in enumerate(lines):
+        head = TS_HEAD.match(line)
+        opened = next((at for at in range(first, min(first + 8, len(lines)))
+                       if lines[at].endswith(("{", ";", "}"))), None) if head else None
+        if opened is None or not lines[opened].endswith("{") or lines[opened].endswith("=> {"):
+            continue
+        end = next((at for at in range(opened + 1, len(lines))
+                    if lines[at].startswith(head[1] + "}")), len(lines) - 1)
+        yield head[2], end - first + 1
+
+
 def shapes(sources):
     """Lines of functions, members of classes, files that can not be read. Of several with one name
     in a file the second is NAME~2."""
     lines, members, unreadable = {}, {}, []
     for path, text in sources.items():
+        if path.endswith(".ts"):
+            for name, number in ts_functions(text):
+                place = f"{path} {name}"
+                lines[place] = max(lines.get(place, 0), number)
         if not path.endswith(CPP):
             continue
         try:
@@ -229,7 +252,8 @@ def is_script(path):
 def read_sources(root):
     return {str(path.relative_to(root)): path.read_text()
             for top in TOPS for path in sorted((root / top).rglob("*"))
-            if path.suffix in (*CPP, ".py", ".sh") or is_script(path)}
+            if "node_modules" not in path.parts
+            and (path.suffix in (*CPP, ".ts", *SCRIPTS) or is_script(path))}
 
 
 # The self-test: cases of {path: text}, the list, and the errors expected, whole or first lines.
@@ -254,6 +278,8 @@ def size_cases():
     forty = {f"rt/a/{k}.hpp": "" for k in range(40)}
     yield {**forty, "rt/a/b/a.hpp": "", "rt/a/CMakeLists.txt": "", "rt/a/a.py": ""}, []
     yield {**forty, "rt/a/a.cpp": ""}, ["folder rt/a 41"]
+    yield {**{f"rt/a/{k}.ts": "" for k in range(41)}}, ["folder rt/a 41"]
+    yield {"rt/a/a.ts": "//\n" * 451}, ["file rt/a/a.ts 451"]
     free = f"// http://x.org/{'x' * 90}\n#include \"{'x' * 99}\"\n"
     yield {"rt/a.hpp": f"//{'─' * 98}\n" + free}, []
     yield {"rt/a.hpp": f"//{'x' * 99}\n\n//{'x' * 99}"}, ["columns rt/a.hpp 2"]
@@ -275,6 +301,12 @@ def function_cases():
     yield of(function(61, "A::A(int x) : B<T>{x}, x_{x}, y_(x) {") + function(61, "A::~A() {"),
              "A::A 61", "A::~A 61")
     yield of(function(9) + function(61, "int f(int) {"), "f~2 61")
+    yield {"rt/a.ts": function(61, "export async function g(): Promise<void> {")}, [
+        "function rt/a.ts g 61"]
+    method = function(61, "  private f<T>(a: T,\n    b: T): void {").replace("\n}", "\n  }")
+    yield {"rt/a.ts": "class A {\n" + method + "}\n"}, ["function rt/a.ts f 62"]
+    yield {"rt/a.ts": function(61, "call(() => {") + function(61, "if (a) {")}, []
+    yield {"rt/a.ts": function(60, "function h() {")}, []
     yield of("template <class T>\n  requires(sizeof(T) < 9)\n" + function(59), "f 61")
     yield of(function(61, "int f() { call([&](int a) {").replace("\n}", "\n}); }"), "f 61")
     yield of(function(61, "const auto f = [](int a) {") + ";", "f 61")

@@ -8,10 +8,17 @@ packages_of() {
     NF > 0 && index(want, " " section " ") {print $1}' "$root/tools/packages"
 }
 
+# command_of PACKAGE: the command after "or", which may be there from another source
+command_of() {
+  awk -v package="$1" '$1 == package && $2 == "or" {print $3}' "$root/tools/packages"
+}
+
 # install_packages SECTION...: installs what is missing, nothing else
 install_packages() {
-  local missing=() p
+  local missing=() p command
   for p in $(packages_of "$@"); do
+    command=$(command_of "$p")
+    [ -n "$command" ] && command -v "$command" >/dev/null && continue
     dpkg-query -W -f='${db:Status-Status}' "$p" 2>/dev/null | grep -qx installed || missing+=("$p")
   done
   [ ${#missing[@]} -eq 0 ] && return 0

@@ -67,21 +67,26 @@ CanFrame CanMotorBus::stop_frame(const Module& m) const noexcept {
   return f;
 }
 
-BusStatus CanMotorBus::exchange(rt::Time now, const MotorSetpoints& setpoints,
-                                MotorStates& states) noexcept {
+BusStatus CanMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
   take_replies(now);
   const bool late = drop_late(now);
+  if (look_at_bus()) down_ = true;
+  if (down_) return BusStatus::kDown;
+  const bool placed =
+      std::all_of(modules_.begin(), modules_.end(), [](const Module& m) { return m.placed; });
+  if (late || !placed) return BusStatus::kFrameLost;
+  write_states(now, states);
+  return BusStatus::kOk;
+}
+
+BusStatus CanMotorBus::act(rt::Time now, const MotorSetpoints& setpoints) noexcept {
   const std::uint64_t refused = port_.counters().refused;
   ask_all(now, setpoints);
   const bool full = port_.counters().refused != refused;
   full_ = full ? full_ + 1 : 0;
   if (look_at_bus()) down_ = true;
   if (down_) return BusStatus::kDown;
-  const bool placed =
-      std::all_of(modules_.begin(), modules_.end(), [](const Module& m) { return m.placed; });
-  if (late || full || !placed) return BusStatus::kFrameLost;
-  write_states(now, states);
-  return BusStatus::kOk;
+  return full ? BusStatus::kFrameLost : BusStatus::kOk;
 }
 
 void CanMotorBus::rearm() noexcept {

@@ -5,7 +5,7 @@
 //
 //   setpoint, position, setpoint, speed, setpoint, position, ... and now and then flags or current
 //
-// A setpoint goes out at most four jobs after exchange() got it, motor stop in the same job.
+// A setpoint goes out at most four jobs after act() got it, motor stop in the same job.
 // Replies are read in the next job: a position is up to nine jobs old, `taken` is the oldest one's.
 //
 //   kFrameLost   a module did not answer in time, or the queue took no frame; states keep what they
@@ -54,8 +54,8 @@ class CanMotorBus final : public MotorBus {
   // an identifier or an address.
   CanMotorBus(rt::NonRealtime&, CanPort& port, const CanMotorConfig& = {});
 
-  [[nodiscard]] BusStatus exchange(rt::Time now, const MotorSetpoints& setpoints,
-                                   MotorStates& states) noexcept override;
+  [[nodiscard]] BusStatus sense(rt::Time now, MotorStates& states) noexcept override;
+  [[nodiscard]] BusStatus act(rt::Time now, const MotorSetpoints& setpoints) noexcept override;
   void rearm() noexcept override;
   void make_safe() noexcept override;
 

@@ -1,6 +1,10 @@
 #include "drivers/codec/depth_blocks.hpp"
 
+#include <algorithm>
 #include <array>
+
+#include "drivers/codec/clones.hpp"
+#include "drivers/codec/depth_stream.hpp"
 
 namespace drivers::codec {
 
@@ -26,18 +30,58 @@ constexpr std::array<std::uint16_t, kCosts> kCost = [] {
 constexpr int kFewNew = 16;          // pixels that may be predicted alone beside copies
 constexpr std::uint32_t kStays = 3;  // of a pixel that is not due, sixteenths of a bit
 
+constexpr std::size_t kMostPoints =
+    kCosts / 4 * static_cast<std::size_t>(kDepthStepEighths.back()) + 1;
+
+struct Columns {
+  std::uint16_t *there, *kept, *both, *due;
+};
+
+TELETACT_CODEC_CLONES void count_row(const Columns c, const std::uint16_t* reading,
+                                     const std::uint16_t* points, const std::uint8_t* due,
+                                     int width) noexcept {
+#pragma GCC ivdep
+  for (int x = 0; x < width; ++x) {
+    const unsigned now = reading[x] != 0 ? 1 : 0, then = points[x] != 0 ? 1 : 0;
+    c.there[x] = static_cast<std::uint16_t>(c.there[x] + now);
+    c.kept[x] = static_cast<std::uint16_t>(c.kept[x] + (now == then ? 1U : 0U));
+    c.both[x] = static_cast<std::uint16_t>(c.both[x] + (now & then));
+    c.due[x] = static_cast<std::uint16_t>(c.due[x] + (now & then & due[x]));
+  }
+}
+
+int sum(const std::uint16_t* column) noexcept {
+  int s = 0;
+  for (int i = 0; i < kBlock; ++i) s += column[i];
+  return s;
+}
+
 }  // namespace
 
 BlockChoice::BlockChoice(const StripeShape& most)
-    : kinds_(static_cast<std::size_t>(most.blocks())) {}
+    : cost_(kMostPoints),
+      there_(static_cast<std::size_t>(most.width)),
+      kept_(there_.size()),
+      both_(there_.size()),
+      due_(there_.size()),
+      kinds_(static_cast<std::size_t>(most.blocks())) {}
+
+void BlockChoice::price(int step) noexcept {
+  if (step == step_) return;
+  step_ = step;
+  const std::uint64_t inverse = (std::uint64_t{4} << 32U) / static_cast<unsigned>(step);
+  for (std::size_t d = 0; d < cost_.size(); ++d) {
+    cost_[d] = kCost[std::min<std::size_t>((d * inverse) >> 32U, kCosts - 1)];
+  }
+}
 
 Prediction BlockChoice::cheapest(const StripeShape& shape, const StripePlan& plan,
                                  const std::uint16_t* points, int x0, int y0) const noexcept {
   const int w = shape.width;
   std::array<std::uint32_t, 5> cost{};
   const auto add = [&](Prediction p, int d) {
-    const auto q = (static_cast<std::uint64_t>(std::abs(d)) * inverse_) >> 32U;
-    cost[static_cast<std::size_t>(p)] += kCost[std::min<std::size_t>(q, kCosts - 1)];
+    const auto points_off = static_cast<std::size_t>(std::abs(d));
+    cost[static_cast<std::size_t>(p)] += cost_[std::min(points_off, kMostPoints - 1)];
   };
   bool any = false;
   for (const int y : {y0 + 3, y0 + 6}) {
@@ -83,21 +127,21 @@ Prediction BlockChoice::cheapest(const StripeShape& shape, const StripePlan& pla
 
 std::uint32_t BlockChoice::choose(const StripeShape& shape, int step, const StripePlan& plan,
                                   const std::uint16_t* points) noexcept {
-  inverse_ = (std::uint64_t{4} << 32U) / static_cast<unsigned>(step);
+  price(step);
   std::uint32_t coded = 0;
   int block = 0;
   for (int y0 = 0; y0 < shape.rows; y0 += kBlock) {
+    for (auto* column : {&there_, &kept_, &both_, &due_}) {
+      std::fill(column->begin(), column->end(), std::uint16_t{0});
+    }
+    for (int y = y0; y < y0 + kBlock; ++y) {
+      const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * shape.width;
+      count_row({there_.data(), kept_.data(), both_.data(), due_.data()}, plan.reading + at,
+                points + at, plan.due + at, shape.width);
+    }
     for (int x0 = 0; x0 < shape.width; x0 += kBlock, ++block) {
-      int there = 0, kept = 0, due = 0, both = 0;  // with a reading; validity as before; to change
-      for (int y = y0; y < y0 + kBlock; ++y) {
-        for (int i = y * shape.width + x0; i < y * shape.width + x0 + kBlock; ++i) {
-          const int now = plan.reading[i] != 0 ? 1 : 0, then = points[i] != 0 ? 1 : 0;
-          there += now;
-          kept += now == then ? 1 : 0;
-          both += now & then;
-          due += now & then & plan.due[i];
-        }
-      }
+      const int there = sum(there_.data() + x0), kept = sum(kept_.data() + x0),
+                both = sum(both_.data() + x0), due = sum(due_.data() + x0);
       unsigned kind = kEmptyBlock;
       if (there > 0 || kept == kBlock * kBlock) {
         const Validity v = kept == kBlock * kBlock    ? Validity::kAsBefore

@@ -23,7 +23,12 @@ class BlockChoice {
  private:
   [[nodiscard]] Prediction cheapest(const StripeShape& shape, const StripePlan& plan,
                                     const std::uint16_t* points, int x0, int y0) const noexcept;
-  std::uint64_t inverse_ = 0;
+  void price(int step) noexcept;
+  int step_ = 0;                     // that cost_ is for
+  std::vector<std::uint16_t> cost_;  // of a residual of so many points
+  // Of the columns of a row of blocks: pixels with a reading, with validity as before, with both,
+  // and of these to change.
+  std::vector<std::uint16_t> there_, kept_, both_, due_;
   std::vector<std::uint8_t> kinds_;
 };
 

@@ -36,11 +36,13 @@ struct FilterDemand {
   int step = 1;        // points
   int least_gate = 0;  // points
   int bound = 0;       // points: |shown - reading|, the rounding to a step included
-  const std::uint8_t* quiet_bound = nullptr;  // the same for quiet, by reading / kBoundCell
+  const std::int32_t* quiet_bound = nullptr;  // the same for quiet, by reading / kBoundCell;
+                                              // at most kMostBound
   std::uint32_t seq = 0;                      // of the frame: whose turn it is
 };
 
 inline constexpr int kBoundCell = 128;  // points
+inline constexpr int kMostBound = 255;  // points
 
 class DepthFilter {
  public:
@@ -59,21 +61,13 @@ class DepthFilter {
   [[nodiscard]] const std::uint8_t* due() const noexcept { return due_.data(); }
 
  private:
-  struct Goal {
-    int target;
-    bool due;
-    bool restless;
-  };
-  struct Pixel {
-    std::int32_t mean = 0;               // points, 8 bits of fraction
-    std::uint16_t above = 0, below = 0;  // mean deviations up and down, points, 8 bits of fraction
-    std::int16_t debt = 0;               // points
-    std::uint8_t age = 0;                // readings in the mean; 0: none
-    void spread_by(int off) noexcept;
-  };
-  [[nodiscard]] static Goal judge(Pixel& p, int x, int y, unsigned now,
-                                  const FilterDemand& demand) noexcept;
-  std::vector<Pixel> pixels_;
+  // The memory, each an array over the pixels of the stripe.
+  std::vector<std::int32_t> mean_;  // points, 8 bits of fraction
+  std::vector<std::uint16_t> above_,
+      below_;                        // mean deviations up, down: points, 8 bits of fraction
+  std::vector<std::int16_t> debt_;   // points
+  std::vector<std::uint16_t> age_;   // readings in the mean; 0: none
+  std::vector<std::int32_t> turns_;  // of one row: whose turn it is
   std::vector<std::uint16_t> target_;
   std::vector<std::uint8_t> due_;
   const std::uint16_t* wanted_ = nullptr;

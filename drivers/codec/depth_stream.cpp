@@ -127,7 +127,7 @@ struct DepthEncoder::State {
   DepthLattice lattice;
   Picture picture;
   std::vector<std::uint16_t> reading;     // of this frame, points
-  std::vector<std::uint8_t> quiet_bound;  // FilterDemand's
+  std::vector<std::int32_t> quiet_bound;  // FilterDemand's
   std::vector<Stripe> stripes;
 };
 
@@ -135,11 +135,11 @@ struct DepthEncoder::State {
 void DepthEncoder::State::bound_quiet() {
   const int top = lattice.points() - 1;
   quiet_bound.assign(static_cast<std::size_t>(top / codec::kBoundCell + 1),
-                     static_cast<std::uint8_t>(depth_error_bound_eighths(DepthMode::kQuiet, 0)));
+                     std::min(depth_error_bound_eighths(DepthMode::kQuiet, 0), codec::kMostBound));
   for (int z = 1; z < 65536; ++z) {
     const int q = lattice.to_point(static_cast<std::uint16_t>(z));
     const int most = codec::most_quiet_mm(law, z);
-    std::uint8_t& bound = quiet_bound[static_cast<std::size_t>(q / codec::kBoundCell)];
+    std::int32_t& bound = quiet_bound[static_cast<std::size_t>(q / codec::kBoundCell)];
     while (bound > 0 && (lattice.to_mm(std::min(q + bound, top)) - z > most ||
                          z - lattice.to_mm(std::max(q - bound, 1)) > most)) {
       --bound;

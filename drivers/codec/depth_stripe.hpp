@@ -54,14 +54,17 @@ class StripeEncoder {
  private:
   class Io;
   [[nodiscard]] bool assemble(std::size_t raw_bytes) noexcept;
+  void write_tables(BitWriter& head) noexcept;
   void plain(const StripeShape& shape, const std::uint16_t* points) noexcept;
 
   WalkRows rows_;
+  // What is to be coded, in order: a symbol of a context, or behind those a decision of one.
+  static constexpr std::size_t kDecisions = std::size_t{kContexts} * kRansSymbols,
+                               kRecords = kDecisions + 2 * std::size_t{kBitContexts};
   std::vector<std::uint16_t> records_;
   std::size_t recorded_ = 0;
-  std::array<RansCounts, kContexts> counts_{};
-  std::array<std::array<std::uint32_t, 2>, kBitContexts> bit_counts_{};
-  std::array<RansTable, kContexts> tables_{};
+  std::array<std::uint32_t, kRecords> counts_{};
+  std::array<RansShare, kRecords> shares_{};
   std::vector<std::uint8_t> raw_, rans_, out_;
   std::size_t size_ = 0;
 };

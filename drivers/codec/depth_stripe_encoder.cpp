@@ -6,7 +6,6 @@ namespace drivers::codec {
 
 namespace {
 
-constexpr std::uint16_t kBitRecord = 0x8000;
 constexpr unsigned kSwitchFrom = 6;  // folded residual in time from which space is asked
 
 std::uint32_t fold(int r) noexcept {
@@ -32,9 +31,7 @@ class StripeEncoder::Io {
   }
   [[nodiscard]] bool valid(int context, int pixel) noexcept {
     const unsigned v = plan_.reading[pixel] != 0 ? 1 : 0;
-    to_.records_[to_.recorded_++] =
-        static_cast<std::uint16_t>(kBitRecord | static_cast<unsigned>(context) << 1U | v);
-    ++to_.bit_counts_[static_cast<std::size_t>(context)][v];
+    note(kDecisions + 2 * static_cast<unsigned>(context) + v);
     return v != 0;
   }
   [[nodiscard]] Coded spatial(int context, int pixel, int prediction) noexcept {
@@ -57,9 +54,11 @@ class StripeEncoder::Io {
 
  private:
   void record(int context, unsigned symbol) noexcept {
-    to_.records_[to_.recorded_++] =
-        static_cast<std::uint16_t>(static_cast<unsigned>(context) << 5U | symbol);
-    ++to_.counts_[static_cast<std::size_t>(context)][symbol];
+    note(static_cast<unsigned>(context) << 5U | symbol);
+  }
+  void note(std::size_t record) noexcept {
+    to_.records_[to_.recorded_++] = static_cast<std::uint16_t>(record);
+    ++to_.counts_[record];
   }
   // To the nearest number of steps.
   [[nodiscard]] int steps(int d) const noexcept {
@@ -100,8 +99,7 @@ StripeEncoder::StripeEncoder(const StripeShape& most)
 void StripeEncoder::encode(const StripeShape& shape, const StepScale& scale, const StripePlan& plan,
                            std::uint16_t* points, const std::uint8_t* history) noexcept {
   recorded_ = 0;
-  for (auto& c : counts_) c = {};
-  bit_counts_ = {};
+  counts_ = {};
   Io io(*this, scale, plan);
   Walk<Io> walk(shape, rows_, io, points, history);
   static_cast<void>(walk.run(0));
@@ -111,35 +109,37 @@ void StripeEncoder::encode(const StripeShape& shape, const StepScale& scale, con
   }
 }
 
+void StripeEncoder::write_tables(BitWriter& head) noexcept {
+  RansCounts counts;
+  RansTable table;
+  for (std::size_t first = 0; first < kDecisions; first += kRansSymbols) {
+    std::copy_n(counts_.begin() + static_cast<std::ptrdiff_t>(first), kRansSymbols, counts.begin());
+    const bool used = std::any_of(counts.begin(), counts.end(), [](auto n) { return n > 0; });
+    head.put(used ? 1 : 0, 1);
+    if (!used) continue;
+    write_counts(counts, head);
+    table.build(counts);
+    for (std::size_t s = 0; s < kRansSymbols; ++s) {
+      if (table.frequency[s] != 0) shares_[first + s] = {table.start[s], table.frequency[s]};
+    }
+  }
+  for (std::size_t first = kDecisions; first < kRecords; first += 2) {
+    const bool used = counts_[first] + counts_[first + 1] > 0;
+    head.put(used ? 1 : 0, 1);
+    if (!used) continue;
+    const std::uint32_t zero = write_bit_model(counts_[first], counts_[first + 1], head);
+    shares_[first] = {0, zero};
+    shares_[first + 1] = {zero, (1U << kRansBits) - zero};
+  }
+}
+
 bool StripeEncoder::assemble(std::size_t raw_bytes) noexcept {
   std::uint8_t* const body = out_.data() + kStripeOverhead;
   BitWriter head({body, out_.size() - kStripeOverhead});
-  for (std::size_t c = 0; c < counts_.size(); ++c) {
-    const bool used =
-        std::any_of(counts_[c].begin(), counts_[c].end(), [](auto n) { return n > 0; });
-    head.put(used ? 1 : 0, 1);
-    if (!used) continue;
-    write_counts(counts_[c], head);
-    tables_[c].build(counts_[c]);
-  }
-  std::array<std::array<RansShare, 2>, kBitContexts> bits{};
-  for (std::size_t c = 0; c < bits.size(); ++c) {
-    const bool used = bit_counts_[c][0] + bit_counts_[c][1] > 0;
-    head.put(used ? 1 : 0, 1);
-    if (!used) continue;
-    const std::uint32_t zero = write_bit_model(bit_counts_[c][0], bit_counts_[c][1], head);
-    bits[c] = {RansShare(0, zero), RansShare(zero, (1U << kRansBits) - zero)};
-  }
+  write_tables(head);
   const std::size_t head_bytes = head.finish();
   RansWriter w(rans_);
-  for (std::size_t i = recorded_; i-- > 0 && !w.full();) {
-    const unsigned r = records_[i];
-    if ((r & kBitRecord) != 0) {
-      w.put(bits[(r & 0x7fffU) >> 1U][r & 1U]);
-    } else {
-      w.put(tables_[r >> 5U].share[r & 31U]);
-    }
-  }
+  for (std::size_t i = recorded_; i-- > 0;) w.put(shares_[records_[i]]);
   const std::size_t rans_bytes = w.finish();
   if (w.full() || head.full() || head_bytes > 0xffff || raw_bytes > 0xffffff) return false;
   size_ = kStripeOverhead + head_bytes + raw_bytes + rans_bytes;

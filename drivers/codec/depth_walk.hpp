@@ -234,8 +234,17 @@ class Walk {
     r_.size[x] = static_cast<std::uint16_t>(size);
   }
 
+  // What lies left of a pixel. Held by value: what was stored just now is slow to be read again,
+  // and each pixel waits for the one before.
+  struct Left {
+    std::int32_t w, ww, www;
+    int size;
+  };
+
   template <Validity V, Prediction P>
   void pixels(int x0) noexcept {
+    const std::int32_t* const now = r_.now + x0;
+    Left left{now[-1], now[-2], now[-3], r_.size[x0 - 1]};
     for (int x = x0; x < x0 + kBlock; ++x) {
       const int before = points_[at_ + x];
       bool valid = true;
@@ -244,9 +253,11 @@ class Walk {
       if (!valid) {
         points_[at_ + x] = 0;
         set(x, 0, 0);
+        left = {left.w, left.w, left.ww, 0};
         continue;
       }
-      const Coded c = pixel<P>(x, before);
+      const Coded c = pixel<P>(x, before, left);
+      left = {c.value, left.w, left.ww, c.size};
       points_[at_ + x] = static_cast<std::uint16_t>(c.value);
       r_.now[x] = c.value;
       r_.there[x] = 1;
@@ -258,33 +269,32 @@ class Walk {
     return r_.there[x - 1] | r_.there_up[x] << 1 | r_.there_up[x + 1] << 2 |
            r_.there_up[x - 1] << 3 | (history_[at_ + x] & 3) << 4;
   }
-  [[nodiscard]] int size_context(int x) const noexcept {
-    return kSizeOf[static_cast<std::size_t>(2 * r_.size[x - 1] + 2 * r_.size_up[x] +
-                                            r_.size_up[x - 1] + r_.size_up[x + 1])];
+  [[nodiscard]] int size_context(int x, const Left& left) const noexcept {
+    return kSizeOf[static_cast<std::size_t>(2 * left.size + 2 * r_.size_up[x] + r_.size_up[x - 1] +
+                                            r_.size_up[x + 1])];
   }
-  [[nodiscard]] int edge(int x) const noexcept {
-    return first_ ? r_.now[x - 1] : edge_prediction(r_.now[x - 1], r_.up[x], r_.up[x - 1]);
+  [[nodiscard]] int edge(int x, const Left& left) const noexcept {
+    return first_ ? left.w : edge_prediction(left.w, r_.up[x], r_.up[x - 1]);
   }
 
   template <Prediction P>
-  [[nodiscard]] Coded pixel(int x, int before) noexcept {
+  [[nodiscard]] Coded pixel(int x, int before, const Left& left) noexcept {
     if constexpr (P == Prediction::kCopy) {
       if (before != 0) return {before, 0};
-      return io_.spatial(kAloneContext, at_ + x, edge(x));
+      return io_.spatial(kAloneContext, at_ + x, edge(x, left));
     } else if constexpr (P == Prediction::kTime) {
-      if (before == 0) return io_.spatial(kAloneContext, at_ + x, edge(x));
-      return io_.temporal(kTimeContext + size_context(x), at_ + x, before, edge(x));
+      if (before == 0) return io_.spatial(kAloneContext, at_ + x, edge(x, left));
+      return io_.temporal(kTimeContext + size_context(x, left), at_ + x, before, edge(x, left));
     } else {
       int prediction = 0;
-      const std::int32_t* w = r_.now + x;
       if (P == Prediction::kEdge || first_) {
-        prediction = edge(x);
+        prediction = edge(x, left);
       } else if (P == Prediction::kPlane) {
-        prediction = (r_.plane[x] + 19 * w[-1] + 14 * w[-2] + 11 * w[-3] + 32) >> 6;
+        prediction = (r_.plane[x] + 14 * left.ww + 11 * left.www + 32 + 19 * left.w) >> 6;
       } else {
-        prediction = (r_.mean[x] + 3 * w[-1] + w[-2] + 4) >> 3;
+        prediction = (r_.mean[x] + left.ww + 4 + 3 * left.w) >> 3;
       }
-      return io_.spatial(kSpaceContext + size_context(x), at_ + x, prediction);
+      return io_.spatial(kSpaceContext + size_context(x, left), at_ + x, prediction);
     }
   }
 

@@ -35,10 +35,10 @@ void RansTable::build(const RansCounts& counts) noexcept {
     if (counts[s] > counts[most]) most = s;
   }
   frequency = {};
-  start = {};
   if (sum == 0) {
     frequency[0] = kTotal;
-    share[0] = {0, kTotal};
+    start.fill(kTotal);
+    start[0] = 0;
     return;
   }
   std::uint32_t given = 0;
@@ -55,13 +55,11 @@ void RansTable::build(const RansCounts& counts) noexcept {
   for (std::size_t s = 0; s < counts.size(); ++s) {
     start[s] = static_cast<std::uint16_t>(at);
     at += frequency[s];
-    if (frequency[s] != 0) share[s] = {start[s], frequency[s]};
   }
 }
 
 void RansDecodeTable::build(const RansCounts& counts) noexcept {
   table.build(counts);
-  zeros = table.frequency[0];
   for (std::size_t s = 0; s < counts.size(); ++s) {
     std::fill_n(symbol.begin() + table.start[s], table.frequency[s], static_cast<std::uint8_t>(s));
   }

@@ -41,9 +41,9 @@ struct RansShare {
   std::uint32_t inverse = 0;
 };
 
+// `start` ascends: a symbol that does not occur starts where the next one does.
 struct RansTable {
   std::array<std::uint16_t, kRansSymbols> frequency{}, start{};
-  std::array<RansShare, kRansSymbols> share{};  // for the writer
   // Frequencies for these counts: 0 where the count is 0, else at least 1. Counts up to 2^13.
   void build(const RansCounts& counts) noexcept;
 };
@@ -63,12 +63,18 @@ class RansWriter {
  public:
   explicit RansWriter(std::span<std::uint8_t> out) noexcept
       : begin_(out.data()), at_(out.data() + out.size()), end_(at_) {}
+  // Without a branch on the state: whether a word is due is as good as random.
   void put(const RansShare& s) noexcept {
-    std::uint32_t x = state_[0];
-    if (x >= std::uint32_t{s.frequency} << (31U - kRansBits)) {
-      word(x);
-      x >>= 16U;
+    if (at_ - begin_ < 2) {
+      full_ = true;
+      return;
     }
+    std::uint32_t x = state_[0];
+    at_[-2] = static_cast<std::uint8_t>(x);
+    at_[-1] = static_cast<std::uint8_t>(x >> 8U);
+    const unsigned due = x >= std::uint32_t{s.frequency} << (31U - kRansBits) ? 1 : 0;
+    at_ -= 2 * due;
+    x >>= 16 * due;
     const auto q = static_cast<std::uint32_t>((std::uint64_t{x} * s.inverse) >> s.shift);
     x += s.start + q * ((std::uint32_t{1} << static_cast<unsigned>(kRansBits)) - s.frequency);
     state_[0] = state_[1];
@@ -102,7 +108,6 @@ class RansWriter {
 struct RansDecodeTable {
   std::array<std::uint8_t, std::size_t{1} << static_cast<unsigned>(kRansBits)> symbol;
   RansTable table;
-  std::uint32_t zeros = 0;  // frequency of symbol 0
   void build(const RansCounts& counts) noexcept;
 };
 
@@ -122,12 +127,13 @@ class RansReader {
   }
   [[nodiscard]] unsigned get(const RansDecodeTable& t) noexcept {
     const std::uint32_t slot = state_[0] & kMask;
-    if (slot < t.zeros) {  // the commonest by far: no table
-      step(slot, 0, t.zeros);
+    const auto& start = t.table.start;
+    if (slot < start[1]) {  // the commonest by far: no table
+      step(slot, 0, start[1]);
       return 0;
     }
     const unsigned s = t.symbol[slot];
-    step(slot, t.table.start[s], t.table.frequency[s]);
+    step(slot, start[s], t.table.frequency[s]);
     return s;
   }
   [[nodiscard]] bool bit(std::uint32_t zero) noexcept {

@@ -33,7 +33,7 @@ struct MasterConfig {
   rt::Nanos reply_timeout = std::chrono::microseconds{500};  // as the youBot's own driver has it
   rt::Nanos state_timeout = std::chrono::seconds{2};         // for one step of the state machine
   rt::Nanos period = std::chrono::milliseconds{1};           // between cycles while starting
-  int bad_limit = 100;    // lost or short cycles in a row that stop
+  int bad_limit = 100;    // lost or short cycles in a row that stop; a read and a write are one
   int watchdog_ms = 100;  // of process data, in the slaves that have one; 0: as they come
 };
 
@@ -50,6 +50,7 @@ struct CycleResult {
   int counter = 0, expected = 0;  // working counter; of LRD and LWR in one frame: their sum
 };
 
+// Of cycles: read_inputs() with the write_outputs() after it is one, and bad once if either is.
 struct BusCounters {
   std::uint64_t cycles = 0, lost = 0, link_down = 0, short_counter = 0;
   int bad_in_row = 0;
@@ -119,11 +120,12 @@ class Master {
   struct Places {  // of the datagrams in the frame under way; -1: not in it
     int data = -1, write = -1, all = -1, service = -1, mailbox = -1;
   };
+  enum class Half : std::uint8_t { kBoth, kRead, kWrite };
   void add_watch(Places& p) noexcept;
-  CycleResult finish(const Places& p, int expected, bool takes_inputs) noexcept;
+  CycleResult finish(const Places& p, int expected, Half h) noexcept;
   void take_watch(const Places& p) noexcept;
   void lose(const Places& p) noexcept;
-  void judge(CycleStatus s) noexcept;
+  void judge(Half h, CycleStatus s) noexcept;
   [[nodiscard]] std::span<const std::uint8_t> output_image() const noexcept;
 
   MasterConfig config_;
@@ -137,6 +139,7 @@ class Master {
   MailboxTransfer transfer_;
   BusCounters counters_;
   CycleStatus last_ = CycleStatus::kOk;
+  bool half_read_ = false;  // a read went, its write has not
   int present_ = 0;
   std::uint8_t all_states_ = 0;  // of all slaves, ORed
   std::size_t watched_ = 0;

@@ -76,7 +76,7 @@ CycleResult Master::exchange() noexcept {
     }
   }
   add_watch(p);
-  return finish(p, expected, true);
+  return finish(p, expected, Half::kBoth);
 }
 
 CycleResult Master::read_inputs() noexcept {
@@ -87,7 +87,7 @@ CycleResult Master::read_inputs() noexcept {
                   mapping_.input_bytes))
     p.data = 0;
   add_watch(p);
-  return finish(p, mapping_.expected_lrd(), true);
+  return finish(p, mapping_.expected_lrd(), Half::kRead);
 }
 
 CycleResult Master::write_outputs() noexcept {
@@ -97,11 +97,10 @@ CycleResult Master::write_outputs() noexcept {
   if (mapping_.output_bytes > 0 &&
       frames_.add(Command::kLwr, 0, mapping_.output_bytes, output_image()))
     p.write = 0;
-  return finish(p, mapping_.expected_lwr(), false);
+  return finish(p, mapping_.expected_lwr(), Half::kWrite);
 }
 
-CycleResult Master::finish(const Places& p, int expected, bool takes_inputs) noexcept {
-  ++counters_.cycles;
+CycleResult Master::finish(const Places& p, int expected, Half h) noexcept {
   CycleResult r{CycleStatus::kOk, 0, expected};
   if (!frames_.send()) {
     r.status = CycleStatus::kLinkDown;
@@ -110,7 +109,7 @@ CycleResult Master::finish(const Places& p, int expected, bool takes_inputs) noe
   }
   if (r.status != CycleStatus::kOk) {
     lose(p);
-    judge(r.status);
+    judge(h, r.status);
     return r;
   }
   const auto counted = [&](int place) {
@@ -118,7 +117,7 @@ CycleResult Master::finish(const Places& p, int expected, bool takes_inputs) noe
   };
   r.counter = counted(p.data) + counted(p.write);
   if (r.counter != expected) r.status = CycleStatus::kShort;
-  if (r.status == CycleStatus::kOk && takes_inputs && p.data >= 0) {
+  if (r.status == CycleStatus::kOk && h != Half::kWrite && p.data >= 0) {
     const auto data = frames_.reply(static_cast<std::size_t>(p.data)).data;
     // Of LRW the image comes back whole; of LRD the inputs alone.
     const auto in = data.last(mapping_.input_bytes);
@@ -126,7 +125,7 @@ CycleResult Master::finish(const Places& p, int expected, bool takes_inputs) noe
               image_.begin() + static_cast<std::ptrdiff_t>(mapping_.output_bytes));
   }
   take_watch(p);
-  judge(r.status);
+  judge(h, r.status);
   return r;
 }
 
@@ -158,10 +157,19 @@ void Master::lose(const Places& p) noexcept {
   if (p.mailbox >= 0) transfer_.on_lost();
 }
 
-void Master::judge(CycleStatus s) noexcept {
+// A write belongs to the read before it: together they are one cycle, as good as its worse half.
+void Master::judge(Half h, CycleStatus s) noexcept {
+  const bool second = h == Half::kWrite && half_read_;
+  const bool read_was_bad = second && last_ != CycleStatus::kOk;
+  // A read without a write was a whole cycle.
+  if (half_read_ && !second && last_ == CycleStatus::kOk) counters_.bad_in_row = 0;
+  half_read_ = h == Half::kRead;
+  if (!second) ++counters_.cycles;
+  if (read_was_bad) return;
   last_ = s;
   if (s == CycleStatus::kOk) {
-    counters_.bad_in_row = 0;
+    // A good read counts when its write was good as well.
+    if (h != Half::kRead) counters_.bad_in_row = 0;
     return;
   }
   if (s == CycleStatus::kLost) ++counters_.lost;

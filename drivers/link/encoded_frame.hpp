@@ -4,7 +4,8 @@
 //
 // Wire form, little-endian (write_wire / read_wire), kWireHeader bytes, then the joints, then the
 // blobs:
-//   u32 magic "TTF2", u8 box, u8 flags (1 = colour, 2 = needs the frame before it), u16 width, u16
+//   u32 magic "TTF2", u8 box, u8 flags (1 = colour, 2 = needs the frame before it,
+//   4 x Spared::rungs, 32 = kLate), u16 width, u16
 //   height, u8 joints, u8 codecs (DepthCodecId + 16 ColourCodecId), u32 depth size, u32 colour
 //   size, u64 seq, i64 exposure ns, 4 x f64 fx fy cx cy, u64 check (rt::Hash64 over the header
 //   before it, the joints and the blobs)
@@ -29,6 +30,20 @@ enum class ColourCodecId : std::uint8_t {
   kStream,  // drivers/codec/colour_stream.hpp
 };
 
+// What the sending end spares the road at this frame, and why (frame_asker.hpp).
+struct Spared {
+  enum class Why : std::uint8_t {
+    kNo,
+    kBusy,  // single frames keep the road busy nearly all the time
+    kLate,  // its round trip has grown
+  };
+  // 1 to 3: quality steps coarser; 4, 5: three steps, and 24 or 20 frames a second.
+  std::uint8_t rungs = 0;
+  Why why = Why::kNo;
+  static constexpr std::uint8_t kMost = 5;
+  bool operator==(const Spared&) const = default;
+};
+
 struct EncodedFrame {
   // Of the longest any codec may make.
   static constexpr std::size_t kMaxDepthBytes = 2 * perception::RgbdFrame::kMaxPixels + 96;
@@ -43,6 +58,7 @@ struct EncodedFrame {
       false;  // can be decoded by who decoded the frame that was encoded before it
   DepthCodecId depth_codec = DepthCodecId::kLossless;
   ColourCodecId colour_codec = ColourCodecId::kJpeg;
+  Spared spared{};
   std::uint64_t demand = 0;  // that it answers (FrameDemand::seq); not on the wire
   perception::JointAngles joints{};
   std::uint32_t depth_size = 0, colour_size = 0;
@@ -72,8 +88,10 @@ inline constexpr std::size_t kWireHeader = 76;
 inline constexpr std::size_t kMaxJointBytes = 8 + 8 * std::size_t{perception::JointAngles::kMost};
 inline constexpr std::size_t kMaxWire = kWireHeader + kMaxJointBytes + EncodedFrame::kCapacity;
 [[nodiscard]] std::size_t wire_size(const EncodedFrame& frame) noexcept;
-// Bytes written; 0 when `out` is shorter than wire_size().
-std::size_t write_wire(const EncodedFrame& frame, std::span<std::uint8_t> out) noexcept;
+// Bytes written; 0 when `out` is shorter than wire_size(). `spared`: at the moment of sending,
+// which is not known when a frame is encoded; the frame's own is not looked at.
+std::size_t write_wire(const EncodedFrame& frame, std::span<std::uint8_t> out,
+                       Spared spared = {}) noexcept;
 // Copies only what the header and the check vouch for; `out` is untouched on any status but kOk.
 [[nodiscard]] FrameStatus read_wire(std::span<const std::uint8_t> in, EncodedFrame& out) noexcept;
 

@@ -16,8 +16,9 @@ constexpr rt::Nanos kAlivePeriod = std::chrono::milliseconds{10};
 LinkEndpoint::LinkEndpoint(rt::NonRealtime&, rt::Box box)
     : box_(box), buffer_(kHeaderSize + kMaxBody) {}
 
-void LinkEndpoint::add_outgoing(MessageId id, rt::Nanos period, bool bulk, Fill fill) {
-  outgoing_.push_back({id, period, bulk, std::move(fill), {}, 0});
+void LinkEndpoint::add_outgoing(MessageId id, rt::Nanos period, bool bulk, Fill fill,
+                                Urgent urgent) {
+  outgoing_.push_back({id, period, bulk, std::move(fill), std::move(urgent), {}, 0});
   std::stable_partition(outgoing_.begin(), outgoing_.end(),
                         [](const Outgoing& o) { return !o.bulk; });
 }
@@ -55,7 +56,8 @@ void LinkEndpoint::poll(rt::Time now, bool line_free, const Send& send, rt::Nano
   }
   if (ask_ && ready()) ask_(now, line_free ? rt::Nanos{0} : busy_for);
   for (auto& o : outgoing_) {
-    if (now < o.next || (o.bulk && !line_free)) continue;
+    const bool due = now >= o.next || (o.urgent && o.urgent());
+    if (!due || (o.bulk && !line_free)) continue;
     // Bodies are built behind the header's place, so an image is copied once.
     const std::size_t n = o.fill(std::span(buffer_).subspan(kHeaderSize));
     if (n == 0) continue;

@@ -35,7 +35,9 @@ class LinkEndpoint {
   // Before the first poll: how pictures are coded (schema_hash()).
   void speak(std::string_view pictures) { schema_ = schema_hash(pictures); }
 
-  void add_outgoing(MessageId id, rt::Nanos period, bool bulk, Fill fill);
+  // `urgent`, if there is one: while it says so the period is not waited for.
+  using Urgent = std::function<bool()>;
+  void add_outgoing(MessageId id, rt::Nanos period, bool bulk, Fill fill, Urgent urgent = {});
   void add_incoming(MessageId id, Deliver deliver);
 
   // Sees every message as it arrived and whether it was taken, after its handler has run.
@@ -97,6 +99,7 @@ class LinkEndpoint {
     rt::Nanos period{};
     bool bulk = false;
     Fill fill;
+    Urgent urgent;
     rt::Time next{};
     std::uint64_t seq = 0;
   };

@@ -114,6 +114,12 @@ void FrameAsker::renew() noexcept {
   sending_ = false;
 }
 
+Spared FrameAsker::spared() const noexcept {
+  if (rung() == 0) return {};
+  return {static_cast<std::uint8_t>(rung()),
+          wish_ >= rung_ ? Spared::Why::kLate : Spared::Why::kBusy};
+}
+
 FrameAsker::Stats FrameAsker::stats() const noexcept {
   Stats s = stats_;
   s.rung = rung();

@@ -20,6 +20,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "drivers/link/encoded_frame.hpp"
 #include "drivers/link/frame_demand.hpp"
 #include "drivers/link/messages.hpp"
 
@@ -56,6 +57,7 @@ class FrameAsker {
 
   static constexpr int kCoarsest = 3;  // quality steps below what the scene asks for
   static constexpr int kRungs = kCoarsest + 2;
+  static_assert(kRungs == Spared::kMost);
   struct Stats {
     std::uint64_t sent = 0, keys = 0;
     std::uint64_t keys_asked = 0;  // by the other end
@@ -63,6 +65,8 @@ class FrameAsker {
     int rung = 0;  // 0: as the scene asks; to kCoarsest: coarser; then 24 and 20 frames a second
   };
   [[nodiscard]] Stats stats() const noexcept;
+  // What is spared now, and why, for people.
+  [[nodiscard]] Spared spared() const noexcept;
 
  private:
   [[nodiscard]] FrameDemand make(rt::Time now) noexcept;

@@ -293,12 +293,35 @@ std::size_t wire_size(const EncodedFrame& f) noexcept {
   return kWireHeader + joint_bytes(f.joints.count) + f.depth_size + f.colour_size;
 }
 
-std::size_t write_wire(const EncodedFrame& f, std::span<std::uint8_t> out) noexcept {
+namespace {
+
+// Flags of a frame: colour, needs the one before it, what is spared and why.
+std::uint8_t flags_of(const EncodedFrame& f, Spared spared) noexcept {
+  const unsigned rungs = std::min(spared.rungs, Spared::kMost);
+  const bool late = rungs > 0 && spared.why == Spared::Why::kLate;
+  return static_cast<std::uint8_t>((f.has_colour ? 1U : 0U) | (f.needs_previous ? 2U : 0U) |
+                                   rungs << 2U | (late ? 32U : 0U));
+}
+
+bool good_flags(unsigned flags) noexcept {
+  const unsigned rungs = flags >> 2U & 7U;
+  return flags < 64 && rungs <= Spared::kMost && (rungs > 0 || (flags & 32U) == 0);
+}
+
+Spared spared_of(unsigned flags) noexcept {
+  const auto rungs = static_cast<std::uint8_t>(flags >> 2U & 7U);
+  if (rungs == 0) return {};
+  return {rungs, (flags & 32U) != 0 ? Spared::Why::kLate : Spared::Why::kBusy};
+}
+
+}  // namespace
+
+std::size_t write_wire(const EncodedFrame& f, std::span<std::uint8_t> out, Spared spared) noexcept {
   if (out.size() < wire_size(f)) return 0;
   std::uint8_t* at = out.data();
   put(at, kFrameMagic);
   put(at, static_cast<std::uint8_t>(f.exposure.box));
-  put(at, static_cast<std::uint8_t>((f.has_colour ? 1 : 0) | (f.needs_previous ? 2 : 0)));
+  put(at, flags_of(f, spared));
   put(at, static_cast<std::uint16_t>(f.intrinsics.width));
   put(at, static_cast<std::uint16_t>(f.intrinsics.height));
   put(at, static_cast<std::uint8_t>(f.joints.count));
@@ -335,7 +358,7 @@ FrameStatus read_wire(std::span<const std::uint8_t> in, EncodedFrame& out) noexc
   const auto exposure_ns = static_cast<std::int64_t>(get<std::uint64_t>(at));
   k.fx = get_double(at), k.fy = get_double(at), k.cx = get_double(at), k.cy = get_double(at);
   const auto check = get<std::uint64_t>(at);
-  if (box > 1 || flags > 3 || (codecs & 15U) > kLastDepthCodec ||
+  if (box > 1 || !good_flags(flags) || (codecs & 15U) > kLastDepthCodec ||
       (codecs >> 4U) > kLastColourCodec || joints > perception::JointAngles::kMost ||
       !plausible(k) || depth_size > EncodedFrame::kMaxDepthBytes ||
       colour_size > EncodedFrame::kMaxColourBytes || ((flags & 1U) == 0) != (colour_size == 0)) {
@@ -354,6 +377,7 @@ FrameStatus read_wire(std::span<const std::uint8_t> in, EncodedFrame& out) noexc
   out.joints = q;
   out.has_colour = (flags & 1U) != 0;
   out.needs_previous = (flags & 2U) != 0;
+  out.spared = spared_of(flags);
   out.depth_codec = static_cast<DepthCodecId>(codecs & 15U);
   out.colour_codec = static_cast<ColourCodecId>(codecs >> 4U);
   out.demand = 0;

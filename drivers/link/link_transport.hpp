@@ -49,6 +49,8 @@ class LinkTransport {
   [[nodiscard]] virtual State state() const noexcept = 0;
   [[nodiscard]] bool ended() const noexcept { return state() >= State::kClosed; }
   [[nodiscard]] virtual std::string fault() const = 0;  // why, after kFault
+  // Which congestion control the kernel works with, read back; empty: no connection, or not known.
+  [[nodiscard]] virtual std::string congestion() const { return {}; }
   // Connections whose handshake was complete, so far.
   [[nodiscard]] virtual std::uint64_t sessions() const noexcept = 0;
   // Local time of the last valid message, ns; 0 = never.

@@ -56,8 +56,8 @@ class RoadLink final : public LinkTransport {
   // 0: the road carries what it is given; up to 5: quality steps that it wishes to be spared,
   // because its round trip grows (pace.hpp). The numbers are the rungs of FrameAsker.
   [[nodiscard]] int wish() const noexcept { return wish_.load(); }
-  [[nodiscard]] std::string congestion() const;  // read back from the kernel; empty: no session
-  [[nodiscard]] RoadPeer peer() const;           // of the last session
+  [[nodiscard]] std::string congestion() const override;
+  [[nodiscard]] RoadPeer peer() const;  // of the last session
   [[nodiscard]] RoadCounts counts() const;
   [[nodiscard]] std::string last_refusal() const;  // of a stranger, by this box
   // How certificates are judged where that differs from the usual: a clock that is unset.

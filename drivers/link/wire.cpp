@@ -131,7 +131,7 @@ std::string schema_of(const char* name) {
 std::uint64_t schema_hash(std::string_view pictures) noexcept {
   std::string text = "header:magic4,version2,id2,length4,crc4,seq8,stamp8,schema8;hello:;" +
                      schema_of<ClockRequest>("clock_request") +
-                     schema_of<ClockReply>("clock_reply") + "frame:encoded_frame_v2;" +
+                     schema_of<ClockReply>("clock_reply") + "frame:encoded_frame_v3;" +
                      schema_of<RobotState>("robot_state") + schema_of<RobotGoal>("robot_goal") +
                      schema_of<CommandReport>("command_report") + "bye:;alive:";
   if (!pictures.empty())

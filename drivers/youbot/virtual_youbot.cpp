@@ -1,5 +1,6 @@
 #include "drivers/youbot/virtual_youbot.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -68,19 +69,29 @@ bool PoseHistory::at(rt::Time t, Sample& out, rt::Nanos extrapolate) const noexc
 VirtualYoubot::VirtualYoubot(rt::NonRealtime&, const VirtualYoubotConfig& config, RobotPlant plant)
     : config_(config), plant_(std::move(plant)) {}
 
-BusStatus VirtualYoubot::exchange(rt::Time now, const MotorSetpoints& setpoints,
-                                  MotorStates& states) noexcept {
+BusStatus VirtualYoubot::act(rt::Time now, const MotorSetpoints& setpoints) noexcept {
+  if (faults_.down) return BusStatus::kDown;
+  if (losing_) return BusStatus::kFrameLost;
+  // Its owner may have hung since sense(): the watchdog stops the motors first.
+  if (now > last_exchange_ + std::chrono::milliseconds{config_.watchdog_ms}) simulate(now);
+  last_exchange_ = std::max(last_exchange_, now);
+  bool finite = true;
+  for (const double w : setpoints.wheel_rad_per_s) finite = finite && std::isfinite(w);
+  powered_ = setpoints.mode == MotorMode::kVelocity && finite && !timeout_ && !safe();
+  plant_.command(now, setpoints.wheel_rad_per_s, powered_);
+  return BusStatus::kOk;
+}
+
+BusStatus VirtualYoubot::sense(rt::Time now, MotorStates& states) noexcept {
   simulate(now);
   if (faults_.down) return BusStatus::kDown;
-  if (faults_.lose_frames > 0) {
+  losing_ = faults_.lose_frames > 0;
+  if (losing_) {
     --faults_.lose_frames;
     return BusStatus::kFrameLost;
   }
   last_exchange_ = now;
-  bool finite = true;
-  for (const double w : setpoints.wheel_rad_per_s) finite = finite && std::isfinite(w);
-  const bool powered = setpoints.mode == MotorMode::kVelocity && finite && !timeout_ && !safe();
-  plant_.command(now, setpoints.wheel_rad_per_s, powered);
+  powered_ = powered_ && !timeout_ && !safe();
 
   states.seq = ++seq_;
   states.taken = now;
@@ -89,7 +100,7 @@ BusStatus VirtualYoubot::exchange(rt::Time now, const MotorSetpoints& setpoints,
   for (int i = 0; i < kWheels; ++i) {
     states.current_A[i] = plant_.current_A(i);
     std::uint32_t f = motor_flag::kInitialised;
-    if (powered) f |= motor_flag::kVelocityMode;
+    if (powered_) f |= motor_flag::kVelocityMode;
     if (std::abs(plant_.state().wheel_rad_per_s[i]) < 1e-3) f |= motor_flag::kMotorHalted;
     if (timeout_) f |= motor_flag::kTimeout;
     states.flags[i] = f;

@@ -1,13 +1,13 @@
 // Twin of the youBot's motor bus: MotorBus in front of a RobotPlant.
 //
-// Watchdog  no exchange for 100 ms: the motors stop and flag bit 16 latches on every wheel;
+// Watchdog  no cycle for 100 ms: the motors stop and flag bit 16 latches on every wheel;
 //           setpoints have no effect until rearm() (SAP 158 on the real boards). It is armed by the
-//           first exchange.
-// Safe      make_safe() may come from any thread; it holds from the last exchange on and stays until
+//           first cycle.
+// Safe      make_safe() may come from any thread; it holds from the last cycle on and stays until
 //           rearm(), which only the owner calls (an operator's act).
 // Faults    planned by time in config or set by the owner: frame lost, bus down, stuck wheel,
 //           not-a-number angle.
-// History   every exchange publishes the true state; the camera twin and the console read it from
+// History   every sense() publishes the true state; the camera twin and the console read it from
 //           their own threads without waiting.
 #pragma once
 
@@ -21,7 +21,7 @@
 namespace drivers {
 
 struct BusFaults {
-  std::uint32_t lose_frames = 0;  // this many exchanges from now are lost, both ways
+  std::uint32_t lose_frames = 0;  // this many cycles from now are lost, both ways
   bool down = false;
   int stuck_wheel = -1;
   bool nan_angle = false;  // wheel 0 reports NaN
@@ -72,8 +72,8 @@ class VirtualYoubot final : public MotorBus {
   // The plant's owner from now on.
   VirtualYoubot(rt::NonRealtime&, const VirtualYoubotConfig&, RobotPlant plant);
 
-  [[nodiscard]] BusStatus exchange(rt::Time now, const MotorSetpoints& setpoints,
-                                   MotorStates& states) noexcept override;
+  [[nodiscard]] BusStatus sense(rt::Time now, MotorStates& states) noexcept override;
+  [[nodiscard]] BusStatus act(rt::Time now, const MotorSetpoints& setpoints) noexcept override;
   void make_safe() noexcept override { safe_.store(true, std::memory_order_release); }
 
   // Owner's thread only, from here on.
@@ -101,6 +101,8 @@ class VirtualYoubot final : public MotorBus {
   BusFaults faults_;
   std::atomic<bool> safe_{false};
   bool started_ = false, timeout_ = false;
+  bool losing_ = false;   // this cycle
+  bool powered_ = false;  // by the last act()
   rt::Time last_exchange_{};
   std::uint64_t seq_ = 0;
   PoseHistory history_;

@@ -26,13 +26,16 @@ void EtherCatMotorBus::rearm() noexcept {
   if (master_.stopped() || master_.health().fault != ethercat::BusFault::kNone) master_.recover();
 }
 
-BusStatus EtherCatMotorBus::exchange(rt::Time now, const MotorSetpoints& setpoints,
-                                     MotorStates& states) noexcept {
-  put_setpoints(setpoints);
+BusStatus EtherCatMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
   clear_flags();
-  const BusStatus status = status_of(master_.exchange());
+  const BusStatus status = status_of(master_.read_inputs());
   if (status != BusStatus::kOk) return status;
   return take_states(now, states) ? BusStatus::kOk : BusStatus::kDown;
+}
+
+BusStatus EtherCatMotorBus::act(rt::Time, const MotorSetpoints& setpoints) noexcept {
+  put_setpoints(setpoints);
+  return status_of(master_.write_outputs());
 }
 
 void EtherCatMotorBus::put_setpoints(const MotorSetpoints& s) noexcept {

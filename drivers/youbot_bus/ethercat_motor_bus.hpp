@@ -1,14 +1,14 @@
 // The wheels of a youBot base on EtherCAT, as robot_io drives them (drivers/youbot/motor_bus.hpp).
 //
-//   exchange   setpoints to rpm, one cycle of the master, encoder words to wheel angles that do not
-//              wrap. kFrameLost: no frame, or its working counter is not the expected one, and
-//              `states` keeps what it had. kDown: link, slaves or states are gone, or the master
-//              has stopped.
+//   sense      the inputs' frame (LRD): encoder words to wheel angles that do not wrap.
+//   act        the outputs' frame (LWR): setpoints to rpm. Of both, kFrameLost: no frame, or its
+//              working counter is not the expected one; `states` keeps what it had. kDown: link,
+//              slaves or states are gone, or the master has stopped.
 //   rearm      the operator's act: the master brings slaves back to OP, then each wheel's timeout
 //              flag is cleared (axis parameter 158), one step a cycle. Until all of it is done the
 //              wheels stand and take no setpoint; motion begins with the first setpoint after that.
 //   make_safe  from any thread: every cycle from now on carries motor stop. If the owner hangs in
-//              exchange(), no frame goes, and the slaves' watchdog (100 ms) stops the motors.
+//              a cycle, no frame goes, and the slaves' watchdog (100 ms) stops the motors.
 // Nothing allocates after construction.
 #pragma once
 
@@ -31,8 +31,8 @@ class EtherCatMotorBus final : public MotorBus {
   // `master` is in OP, and this object's from now on.
   EtherCatMotorBus(rt::NonRealtime&, ethercat::Master& master, const MotorBusConfig& = {});
 
-  [[nodiscard]] BusStatus exchange(rt::Time now, const MotorSetpoints& setpoints,
-                                   MotorStates& states) noexcept override;
+  [[nodiscard]] BusStatus sense(rt::Time now, MotorStates& states) noexcept override;
+  [[nodiscard]] BusStatus act(rt::Time now, const MotorSetpoints& setpoints) noexcept override;
   void rearm() noexcept override;
   void make_safe() noexcept override { safe_.store(true, std::memory_order_release); }
 

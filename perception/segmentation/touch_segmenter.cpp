@@ -26,7 +26,8 @@ TouchSegmenter::TouchSegmenter(int max_width, int max_height, const TouchConfig&
     : config_(config),
       patches_(max_width, max_height),
       graph_(max_width, max_height),
-      outline_(max_width, max_height) {
+      outline_(max_width, max_height),
+      split_(max_width, max_height) {
   const auto half = static_cast<std::size_t>((max_width + 1) / 2 * ((max_height + 1) / 2));
   inside_.resize(half);
   chosen_.resize(half);
@@ -91,11 +92,11 @@ void TouchSegmenter::select_region(int region) noexcept {
   }
 }
 
-void TouchSegmenter::add_occluded_parts(int region) noexcept {
+void TouchSegmenter::add_occluded_parts(int region, const ObjectGraphConfig& graph) noexcept {
   for (int i = 0; i < patches_.count(); ++i) {
     const int other = graph_.region(i);
     if (other != i || other == region || graph_.area_cm2(other) < config_.occluded_cm2) continue;
-    if (graph_.same_behind_occluder(patches_, region, other, config_.graph)) select_region(other);
+    if (graph_.same_behind_occluder(patches_, region, other, graph)) select_region(other);
   }
 }
 
@@ -121,11 +122,32 @@ void TouchSegmenter::select_flat(int pixel) noexcept {
   }
 }
 
-bool TouchSegmenter::touch(int u, int v) noexcept {
+int TouchSegmenter::pixel_of(int u, int v) const noexcept {
   const HalfWindow& win = patches_.window();
   const int x = std::clamp(u / 2 - win.u0, 0, win.width - 1);
   const int y = std::clamp(v / 2 - win.v0, 0, win.height - 1);
-  const int pixel = y * win.width + x, n = win.width * win.height;
+  return y * win.width + x;
+}
+
+void TouchSegmenter::choose_others(std::span<const SplitSeed> others) noexcept {
+  for (const SplitSeed& s : others) {
+    if (!s.of_object) continue;
+    const auto pixel = static_cast<std::size_t>(pixel_of(s.u, s.v));
+    const int region = graph_.region(patches_.labels()[pixel]);
+    if (region >= 0) select_region(region);
+  }
+}
+
+bool TouchSegmenter::touch(int u, int v) noexcept {
+  return touch(u, v, config_.graph, config_.outline, {}, {});
+}
+
+bool TouchSegmenter::touch(int u, int v, const ObjectGraphConfig& graph,
+                           const OutlineConfig& outline, std::span<const SplitSeed> others,
+                           const SplitConfig& split) noexcept {
+  const HalfWindow& win = patches_.window();
+  const int pixel = pixel_of(u, v), n = win.width * win.height;
+  const int x = pixel % win.width, y = pixel / win.width;
   std::fill_n(inside_.begin(), n, std::uint8_t{0});
   std::fill_n(chosen_.begin(), patches_.count(), std::uint8_t{0});
   const int seen = nearest_reading(patches_.z_m().data(), win.width, win.height, pixel);
@@ -135,8 +157,8 @@ bool TouchSegmenter::touch(int u, int v) noexcept {
   named_support_ = false;
   if (found) {
     plane_ = graph_.find_support(patches_, patches_.point(seen % win.width, seen / win.width),
-                                 config_.graph);
-    graph_.build(patches_, plane_, config_.graph);
+                                 graph);
+    graph_.build(patches_, plane_, graph);
     int region = graph_.region(piece);
     if (region == ObjectGraph::kNone) region = nearest_region(x, y);
     const Colour here = colour_near(x, y);
@@ -146,8 +168,9 @@ bool TouchSegmenter::touch(int u, int v) noexcept {
     } else if (region != ObjectGraph::kNone) {
       select_region(region);
       named_support_ = region == ObjectGraph::kSupport;
-      if (region >= 0) add_occluded_parts(region);
+      if (region >= 0) add_occluded_parts(region, graph);
     }
+    choose_others(others);
   }
   if (graph_.region(piece) == ObjectGraph::kNone) chosen_[static_cast<std::size_t>(piece)] = 1;
   inside_[static_cast<std::size_t>(pixel)] = 1;
@@ -155,8 +178,8 @@ bool TouchSegmenter::touch(int u, int v) noexcept {
     const auto k = static_cast<std::size_t>(i);
     inside_[k] |= chosen_[static_cast<std::size_t>(patches_.labels()[k])];
   }
-  outline_.refine(rgb_, depth_, mm_per_unit_, patches_, plane_, config_.graph, inside_, u, v,
-                  config_.outline);
+  if (!others.empty()) split_.split(patches_, {u, v, true}, others, split, inside_);
+  outline_.refine(rgb_, depth_, mm_per_unit_, patches_, plane_, graph, inside_, u, v, outline);
   return found;
 }
 

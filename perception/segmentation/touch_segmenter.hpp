@@ -11,9 +11,11 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "perception/segmentation/outline.hpp"
+#include "perception/segmentation/seed_split.hpp"
 
 namespace perception {
 
@@ -42,6 +44,11 @@ class TouchSegmenter {
   // The object at pixel (u, v) of the full image. False, with a mask of that pixel alone, when there
   // is no depth near it.
   bool touch(int u, int v) noexcept;
+  // The same with other settings of regions and outline than the configuration's. Further pixels, if any: the
+  // regions of the others that are the object's (of_object) belong to it, and it ends where it is nearer to one that
+  // is not (seed_split.hpp).
+  bool touch(int u, int v, const ObjectGraphConfig& graph, const OutlineConfig& outline,
+             std::span<const SplitSeed> others, const SplitConfig& split) noexcept;
   // Pixels (inclusive) of the image.
   struct SeedBox {
     int u0, v0, u1, v1;
@@ -74,7 +81,9 @@ class TouchSegmenter {
   bool choose_covered(const Seed& seed) noexcept;
   void select_region(int region) noexcept;
   void select_flat(int pixel) noexcept;
-  void add_occluded_parts(int region) noexcept;
+  void add_occluded_parts(int region, const ObjectGraphConfig& graph) noexcept;
+  [[nodiscard]] int pixel_of(int u, int v) const noexcept;
+  void choose_others(std::span<const SplitSeed> others) noexcept;
   [[nodiscard]] int nearest_region(int u, int v) const noexcept;
   struct Colour : Lab {
     bool known = false;
@@ -85,6 +94,7 @@ class TouchSegmenter {
   SurfacePatches patches_;
   ObjectGraph graph_;
   OutlineRefiner outline_;
+  SeedSplit split_;
   SupportPlane plane_;
   ImageView<const Rgb> rgb_;
   ImageView<const std::uint16_t> depth_;

@@ -76,7 +76,10 @@ bool RealExecutor<Faults>::sleep_until(std::int64_t host_ns) const noexcept {
 template <class Faults>
 void RealExecutor<Faults>::launch(std::thread& thread, int cpu, int priority,
                                   const std::string& name, std::function<void()> body) {
+  // No work before every thread has its core and its priority: a task whose release is due would
+  // run as an ordinary thread, and tasks that have their priority would keep it from the others.
   thread = std::thread([this, body = std::move(body)] {
+    placed_.wait(false);
     body();
     alive_.fetch_sub(1);
   });
@@ -105,6 +108,7 @@ template <class Faults>
 void RealExecutor<Faults>::run(const RunPlan& plan) {
   plan_ = plan;
   stop_.store(false);
+  placed_.store(false);
   stopped_at_.store(kNever);
   drain_done_.store(false);
   start_workers();
@@ -128,6 +132,8 @@ void RealExecutor<Faults>::run(const RunPlan& plan) {
   }
   std::thread watchdog;
   launch(watchdog, watchdog_cpu(), kWatchdogPriority, "watchdog", [this] { watchdog_loop(); });
+  placed_.store(true);
+  placed_.notify_all();
   std::thread drain([this] { drain_loop(); });
   for (auto& w : workers_) {
     if (w->place < 0) w->thread.join();

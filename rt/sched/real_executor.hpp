@@ -6,6 +6,8 @@
 // the parent's jobs. Its record of a job runs from the first fork to the end of its last part, with
 // its own CPU time.
 //
+// No thread does a step of its work before all of them have their core and priority.
+//
 // A missing right (FIFO, mlock) is reported, and the run is marked "not real-time". cpu_dma_latency
 // is not such a right: without it wake-ups from deep idle states are later, which sentinels see and
 // the run reports.
@@ -94,6 +96,7 @@ class RealExecutor final : public Executor {
   std::vector<std::unique_ptr<Sentinel>> sentinels_;
   std::vector<std::string> missing_, notes_;
   std::atomic<bool> stop_{false};
+  std::atomic<bool> placed_{false};          // every thread has its core and its priority
   std::atomic<std::int64_t> stopped_at_{0};  // host; the largest value: nobody asked
   std::atomic<int> alive_{0};
   std::atomic<bool> drain_done_{false};

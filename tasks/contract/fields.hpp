@@ -10,6 +10,7 @@
 #include "rt/message/fields.hpp"
 #include "tasks/contract/messages.hpp"
 #include "tasks/contract/object_list.hpp"
+#include "tasks/contract/operator_act.hpp"
 #include "tasks/contract/scene_edit.hpp"
 #include "tasks/contract/scene_view.hpp"
 #include "tasks/contract/surface_points.hpp"
@@ -88,6 +89,23 @@ struct Fields<tasks::SceneEdit> {
                                     number(&M::yaw_rad)};
 };
 static_assert(lists_every_field<tasks::SceneEdit>());
+
+template <>
+struct Fields<tasks::OperatorAct> {
+  using M = tasks::OperatorAct;
+  static constexpr std::tuple kList{value(&M::seq),   instant(&M::stamp), value(&M::kind),
+                                    value(&M::turns), number(&M::p_W),    number(&M::normal_W),
+                                    number(&M::yaw_rad)};
+};
+static_assert(lists_every_field<tasks::OperatorAct>());
+
+template <>
+struct Fields<tasks::DriveIntent> {
+  using M = tasks::DriveIntent;
+  static constexpr std::tuple kList{value(&M::seq), datum(&M::stamp), value(&M::held),
+                                    number(&M::vx), number(&M::vy),   number(&M::wz)};
+};
+static_assert(lists_every_field<tasks::DriveIntent>());
 
 template <>
 struct Fields<tasks::SurfacePoints> {

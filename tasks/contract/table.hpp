@@ -43,6 +43,8 @@ struct ObjectList;
 struct HapticState;
 struct TouchEvent;
 struct SceneEdit;
+struct OperatorAct;
+struct DriveIntent;
 struct Path;
 struct TaskState;
 struct ModeMsg;
@@ -114,10 +116,10 @@ inline constexpr std::array<TaskRow, kTaskCount> kTaskTable{{
 
 enum class EdgeId : std::uint8_t {
   kFrame, kRobotState, kGoal,                                             // across the link
-  kPatch, kSurface, kView, kMesh, kCostMap, kCameraPose, kObjects, kHand, kTouch, kEdit, kPath, kTask, kMode, kOdometryFrame,  // operator box
+  kPatch, kSurface, kView, kMesh, kCostMap, kCameraPose, kObjects, kHand, kTouch, kEdit, kAct, kDrive, kPath, kTask, kMode, kOdometryFrame,  // operator box
   kRobotMode, kDemand,                                                    // robot box
 };
-inline constexpr int kEdgeCount = 19;
+inline constexpr int kEdgeCount = 21;
 [[nodiscard]] constexpr std::size_t index_of(EdgeId id) noexcept { return static_cast<std::size_t>(id); }
 
 enum class EdgeKind : std::uint8_t { kLatest, kRing, kRemote };
@@ -199,7 +201,8 @@ inline constexpr auto kEdges = [] {
   return std::tuple{
     make_edge<perception::RgbdFrame, drivers::EncodedFrame>(
         {kFrame, "frame", TaskId::kCapture, kRemote, "map stays, tracking idles", 0, {MessageId::kFrame, 30, true}},
-        Reader{TaskId::kFusion, 0, 500, 1000, "silent: map stays, tracking idles; old: ignored"}),
+        Reader{TaskId::kFusion, 0, 500, 1000, "silent: map stays, tracking idles; old: ignored"},
+        Reader{kConsole, kUnlisted, 1000, 2000, kNamed}),
     make_edge<drivers::RobotState>(
         {kRobotState, "robot_state", TaskId::kRobotIo, kRemote, "ramp down", 1, {MessageId::kRobotState, 10}},
         Reader{TaskId::kPrediction, 0, 180, 500, "goals are not engaged", "", "prediction.state_liveness_ms"},
@@ -246,6 +249,12 @@ inline constexpr auto kEdges = [] {
     make_edge<SceneEdit>(
         {kEdit, "edit", kConsole, kRing, "when full, the console tries again", kUnlisted, {}, 32},
         Reader{TaskId::kFusion, kUnlisted, 2000, kAgeless, "logged; areas drawn before stay"}),
+    make_edge<OperatorAct>(
+        {kAct, "act", kConsole, kRing, "when full, the console tries again", kUnlisted, {}, 32},
+        Reader{TaskId::kPlanning, kUnlisted, 2000, kAgeless, "logged; the goal stays"}),
+    make_edge<DriveIntent>(
+        {kDrive, "drive", kConsole, kLatest, "nobody drives by hand", kUnlisted},
+        Reader{TaskId::kPrediction, 4, 200, 200, "the base halts; a new press is needed"}),
     make_edge<Path>(
         {kPath, "path", TaskId::kPlanning, kLatest, "last path holds", 0},
         Reader{TaskId::kPrediction, 1, 1000, 10000, "goals are not engaged"},

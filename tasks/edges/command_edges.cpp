@@ -56,6 +56,24 @@ void receive_commands(EdgeCells<rt::Box::kRobot>& cells, drivers::CommandGate& g
                         });
 }
 
+void send_commands(EdgeCells<rt::Box::kOperator>& cells, drivers::LinkEndpoint& endpoint,
+                   const std::function<bool()>& stopped) {
+  constexpr Wire wire = kEdge<EdgeId::kGoal>.row.wire;
+  const auto told = std::make_shared<bool>(false);  // of the stop that is asked for now
+  endpoint.add_outgoing(
+      wire.code, std::chrono::milliseconds{wire.period_ms}, wire.bulk,
+      [&cells, stopped, told](std::span<std::uint8_t> out) -> std::size_t {
+        const auto newest = cells.read_by_link<EdgeId::kGoal>();
+        if (!newest) return 0;
+        *told = stopped();
+        if (!*told) return drivers::encode(*newest, out);
+        drivers::RobotGoal goal = *newest;
+        goal.engaged = goal.operator_engaged = 0;
+        return drivers::encode(goal, out);
+      },
+      [stopped, told] { return stopped() && !*told; });
+}
+
 void receive_command_reports(drivers::LinkEndpoint& endpoint, TellRefused tell) {
   endpoint.add_incoming(drivers::MessageId::kCommandReport,
                         [tell = std::move(tell)](std::span<const std::uint8_t> body, rt::Time) {

@@ -17,6 +17,11 @@ using TellRefused = std::function<void(std::uint64_t refused, drivers::CommandFa
 // Robot box. Everything given must outlive the endpoint's use.
 void receive_commands(EdgeCells<rt::Box::kRobot>& cells, drivers::CommandGate& gate,
                       drivers::LinkEndpoint& endpoint, TellRefused tell);
+// Operator box. While `stopped` says so, whatever goes out lets the base stand and takes the
+// engagement back; the first such message goes out at once, before the tasks have answered: the
+// newest goal again, changed so.
+void send_commands(EdgeCells<rt::Box::kOperator>& cells, drivers::LinkEndpoint& endpoint,
+                   const std::function<bool()>& stopped);
 // Operator box: what the robot's box says of them.
 void receive_command_reports(drivers::LinkEndpoint& endpoint, TellRefused tell);
 

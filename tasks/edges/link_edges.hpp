@@ -6,6 +6,7 @@
 #include "drivers/link/endpoint.hpp"
 #include "drivers/link/wire.hpp"
 #include "tasks/edges/edge_cells.hpp"
+#include "tasks/edges/message_values.hpp"
 
 namespace tasks {
 
@@ -17,15 +18,24 @@ void to_local(M& m, const drivers::LinkEndpoint& endpoint) noexcept {
   });
 }
 
-template <EdgeId E, rt::Box B>
-void receive_edge(EdgeCells<B>& cells, drivers::LinkEndpoint& endpoint) {
+struct NobodyLooks {
+  template <class M>
+  void operator()(const M&, std::int64_t, std::size_t) const noexcept {}
+};
+
+// `seen` is told of each value that was taken, when it was made on the sender's own clock, and the
+// size of its body.
+template <EdgeId E, rt::Box B, class Seen = NobodyLooks>
+void receive_edge(EdgeCells<B>& cells, drivers::LinkEndpoint& endpoint, Seen seen = {}) {
   endpoint.add_incoming(kEdge<E>.row.wire.code,
-                        [&cells, &endpoint](std::span<const std::uint8_t> body, rt::Time) {
+                        [&cells, &endpoint, seen](std::span<const std::uint8_t> body, rt::Time) {
                           MessageOf<E> m;
                           if (!drivers::decode(body, m)) return false;
+                          const std::int64_t made_ns = rt::ns_of(edge::datum(m));
                           to_local(m, endpoint);
                           cells.template begin_write<E>() = m;
                           cells.template publish<E>(endpoint.arrived(), endpoint.unsure());
+                          seen(m, made_ns, body.size());
                           return true;
                         });
 }

@@ -35,6 +35,9 @@ struct OdometryPrior {
   Vec3 v_OB_B = Vec3::Zero(), w_OB_B = Vec3::Zero();  // m/s, rad/s, in B
 };
 
+// In place of a number of a mesh delta: nobody takes any, so none is made.
+inline constexpr std::uint64_t kMeshUnwanted = ~std::uint64_t{0};
+
 struct FusionIn {
   const perception::RgbdFrame* frame = nullptr;  // nullptr: there never was one
   bool frame_fresh = false;                      // not handed in before

@@ -159,7 +159,7 @@ MeshWriter::MeshWriter(rt::NonRealtime& nrt, const FusionConfig& config, percept
     : config_(config), sender_(nrt, map) {}
 
 void MeshWriter::write(const FusionScene& scene, std::uint64_t taken, FusionOut& out) noexcept {
-  if (out.mesh == nullptr || !scene.camera.started) return;
+  if (out.mesh == nullptr || taken == kMeshUnwanted || !scene.camera.started) return;
   if ((scene.period - 1) % static_cast<std::uint64_t>(config_.mesh_period_frames) != 0) return;
   if (taken != seq_) {
     if (++waited_ < kMeshPatience) return;

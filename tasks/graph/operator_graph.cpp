@@ -46,7 +46,7 @@ OperatorGraph::OperatorGraph(rt::NonRealtime& nrt, const GraphConfig& config,
   cells_ = std::make_unique<OperatorCells>(nrt, config_, setup.faults);
   nodes_.reset(new Nodes{HapticNode(nrt, config_, setup, *cells_, haptic_period_s),
                          FusionNode(nrt, config_, setup, *cells_, requests_),
-                         PlanningNode(nrt, config_, setup, *cells_),
+                         PlanningNode(nrt, config_, setup, *cells_, requests_),
                          PredictionNode(nrt, config_, setup, *cells_, link_),
                          SupervisionNode(nrt, config_, *cells_, link_, requests_, setup)});
   if (cells_->has<EdgeId::kSurface>()) rt::effect_built(rt::Effect::kForceShading);
@@ -77,11 +77,15 @@ LatchedStatus OperatorGraph::latched(TaskId id) const noexcept {
   if (id == TaskId::kPrediction) {
     s.round_trip_ns = nodes_->prediction.in().round_trip.count();
     s.uncertainty_ns = nodes_->prediction.in().round_trip_uncertainty.count();
+    const auto& drive = nodes_->prediction.drive_latched();
+    if (drive.any) s.drive = nodes_->prediction.drive(), s.drive_number = drive.number;
+    s.drive_at = drive.at;
   }
   if (id == TaskId::kFusion) {
     s.mesh_taken = nodes_->fusion.in().mesh_taken;
     s.edit = nodes_->fusion.edit();
   }
+  if (id == TaskId::kPlanning) s.act = nodes_->planning.act();
   if (id == TaskId::kPlanning)
     s.events_full = nodes_->planning.in().event_count == PlanningTask::kMaxEvents;
   return s;
@@ -91,13 +95,39 @@ bool OperatorGraph::edit(const SceneEdit& edit) noexcept {
   return cells_->push<EdgeId::kEdit>(edit);
 }
 
+bool OperatorGraph::act(const OperatorAct& act) noexcept { return cells_->push<EdgeId::kAct>(act); }
+
+void OperatorGraph::drive(const DriveIntent& intent, rt::Time now) noexcept {
+  cells_->begin_write<EdgeId::kDrive>() = intent;
+  static_cast<void>(cells_->publish<EdgeId::kDrive>(now));
+}
+
 const FusionTask& OperatorGraph::fusion() const noexcept { return nodes_->fusion.task(); }
 const HapticTask& OperatorGraph::haptic() const noexcept { return nodes_->haptic.task(); }
 
 void OperatorGraph::bind_link(rt::NonRealtime& nrt, drivers::LinkEndpoint& endpoint) {
-  receive_pictures(nrt, *cells_, config_.capture, camera_, endpoint);
-  receive_edge<EdgeId::kRobotState>(*cells_, endpoint);
-  send_edge<EdgeId::kGoal>(*cells_, endpoint);
+  const auto told = [this](const LinkSample& s) {
+    cells_->link_samples.try_push(s);
+    if (!s.picture) return;
+    link_.picture_ns.store(rt::ns_of(s.made));
+    link_.tell_spared(s.spared);
+  };
+  receive_pictures(nrt, *cells_, config_.capture, camera_, endpoint, told);
+  receive_edge<EdgeId::kRobotState>(
+      *cells_, endpoint,
+      [told, &endpoint](const drivers::RobotState& s, std::int64_t taken_ns, std::size_t bytes) {
+        told({endpoint.arrived(),
+              s.taken,
+              taken_ns,
+              static_cast<std::uint32_t>(bytes + drivers::kHeaderSize),
+              false,
+              false,
+              {}});
+      });
+  send_commands(*cells_, endpoint, [this] {
+    return requests_.ramp_down.load(std::memory_order_relaxed) ||
+           requests_.stop.load(std::memory_order_relaxed);
+  });
   receive_command_reports(endpoint, [this](std::uint64_t n, drivers::CommandFault newest) {
     link_.tell_refused(n, newest);
   });

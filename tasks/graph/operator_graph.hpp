@@ -11,6 +11,7 @@
 #include "drivers/link/endpoint.hpp"
 #include "rt/sched/mode_gate.hpp"
 #include "rt/sched/task.hpp"
+#include "tasks/contract/operator_act.hpp"
 #include "tasks/edges/edge_cells.hpp"
 #include "tasks/graph/graph_config.hpp"
 #include "tasks/graph/node_parts.hpp"
@@ -30,6 +31,7 @@ struct OperatorCells : EdgeCells<rt::Box::kOperator> {
   std::unique_ptr<TaskLogs> logs;
   HapticSamples haptic_samples;
   FusionSamples fusion_samples;
+  LinkSamples link_samples;
 };
 
 // Written by the link's thread (or the virtual link), read by supervision and prediction.
@@ -45,10 +47,22 @@ struct LinkStatus {
   // fault. On the operator's box as the robot's last said. For people; no task reads them.
   std::atomic<std::uint64_t> commands_refused{0};
   std::atomic<std::uint8_t> commands_newest{0};
+  // What is spared of the pictures now (drivers::Spared), as the robot's end says; and of the
+  // newest picture that arrived on the operator's box, the middle of its exposure in local time,
+  // ns. For people, likewise.
+  std::atomic<std::uint8_t> spared_rungs{0}, spared_why{0};
+  std::atomic<std::int64_t> picture_ns{0};
 
   void tell_refused(std::uint64_t commands, drivers::CommandFault newest) noexcept {
     commands_refused.store(commands);
     commands_newest.store(static_cast<std::uint8_t>(newest));
+  }
+  void tell_spared(drivers::Spared spared) noexcept {
+    spared_why.store(static_cast<std::uint8_t>(spared.why));
+    spared_rungs.store(spared.rungs);
+  }
+  [[nodiscard]] drivers::Spared spared() const noexcept {
+    return {spared_rungs.load(), static_cast<drivers::Spared::Why>(spared_why.load())};
   }
 };
 
@@ -72,6 +86,10 @@ struct LatchedStatus {
   bool events_full = false;  // planning took all the touch events it had room for
   std::uint64_t mesh_taken = 0;
   std::optional<SceneEdit> edit;  // fusion took it off the ring
+  std::optional<OperatorAct> act;  // planning took it off the ring
+  DriveIntent drive;               // prediction's newest, with its number and when it was published
+  std::uint64_t drive_number = 0;  // 0: none yet
+  rt::Time drive_at{};
 };
 
 // What the graphs of both boxes hold beside their tasks.
@@ -117,6 +135,10 @@ class OperatorGraph : public BoxGraph<OperatorCells> {
 
   // What the operator asks of the scene; by the console's thread. False: no room now, ask again.
   [[nodiscard]] bool edit(const SceneEdit& edit) noexcept;
+  // The same for planning.
+  [[nodiscard]] bool act(const OperatorAct& act) noexcept;
+  // To prediction; by the console's thread.
+  void drive(const DriveIntent& intent, rt::Time now) noexcept;
   // Of the newest latch of `id`; by that task's thread, before its next latch.
   [[nodiscard]] LatchedStatus latched(TaskId id) const noexcept;
   [[nodiscard]] const FusionTask& fusion() const noexcept;

@@ -13,14 +13,15 @@ constexpr rt::Nanos kReportPeriod = std::chrono::milliseconds{20};
 constexpr std::uint64_t kReportEvery = 3;  // frames; at once while a key is wanted
 
 void send_asked(EdgeCells<rt::Box::kRobot>& cells, drivers::FrameAsker& asker,
-                drivers::LinkEndpoint& endpoint) {
+                drivers::LinkEndpoint& endpoint, const std::function<void(drivers::Spared)>& told) {
   endpoint.on_renew([&asker] { asker.renew(); });
   const auto polled = std::make_shared<rt::Time>();
-  endpoint.set_ask([&, polled](rt::Time now, rt::Nanos busy_for) {
+  endpoint.set_ask([&, polled, told](rt::Time now, rt::Nanos busy_for) {
     *polled = now;
     asker.wish(endpoint.wish());
     const auto demand = asker.poll(now, busy_for, endpoint.last_heard());
     if (!demand) return;
+    if (told) told(asker.spared());
     cells.begin_write<EdgeId::kDemand>() = *demand;
     cells.publish<EdgeId::kDemand>(now);
   });
@@ -32,7 +33,7 @@ void send_asked(EdgeCells<rt::Box::kRobot>& cells, drivers::FrameAsker& asker,
                           const bool answers =
                               asker.sent(*polled, frame->demand, !frame->needs_previous,
                                          drivers::wire_size(*frame));
-                          return answers ? drivers::write_wire(*frame, out) : 0;
+                          return answers ? drivers::write_wire(*frame, out, asker.spared()) : 0;
                         });
   endpoint.add_incoming(drivers::MessageId::kFrameReport,
                         [&asker](std::span<const std::uint8_t> body, rt::Time) {
@@ -46,10 +47,11 @@ void send_asked(EdgeCells<rt::Box::kRobot>& cells, drivers::FrameAsker& asker,
 }  // namespace
 
 void send_pictures(EdgeCells<rt::Box::kRobot>& cells, drivers::FrameAsker& asker,
-                   const drivers::PictureConfig& pictures, drivers::LinkEndpoint& endpoint) {
+                   const drivers::PictureConfig& pictures, drivers::LinkEndpoint& endpoint,
+                   const std::function<void(drivers::Spared)>& told) {
   if (pictures.on_demand()) {
     endpoint.speak(pictures.dialect());
-    send_asked(cells, asker, endpoint);
+    send_asked(cells, asker, endpoint, told);
     return;
   }
   endpoint.add_outgoing(kWire.code, std::chrono::milliseconds{kWire.period_ms}, kWire.bulk,
@@ -62,7 +64,8 @@ void send_pictures(EdgeCells<rt::Box::kRobot>& cells, drivers::FrameAsker& asker
 
 void receive_pictures(rt::NonRealtime& nrt, EdgeCells<rt::Box::kOperator>& cells,
                       const CaptureConfig& config, const perception::Intrinsics& camera,
-                      drivers::LinkEndpoint& endpoint) {
+                      drivers::LinkEndpoint& endpoint,
+                      const std::function<void(const LinkSample&)>& told) {
   struct Decoder {
     Decoder(rt::NonRealtime& n, const CaptureConfig& c, const perception::Intrinsics& k)
         : scratch(n, c.colour, c.pictures, k, drivers::CodecEnd::kDecodes) {}
@@ -72,20 +75,26 @@ void receive_pictures(rt::NonRealtime& nrt, EdgeCells<rt::Box::kOperator>& cells
     std::uint64_t told = 0;  // arrivals that were reported
   };
   const auto decoder = std::make_shared<Decoder>(nrt, config, camera);
-  endpoint.add_incoming(kWire.code, [&, decoder](std::span<const std::uint8_t> body, rt::Time) {
-    auto& d = *decoder;
-    d.report.arrived = endpoint.arrived_seq();
-    d.report.key_wanted = 1;  // unless it is decoded
-    if (drivers::read_wire(body, d.encoded) != drivers::FrameStatus::kOk) return false;
-    auto& slot = cells.begin_write<EdgeId::kFrame>();
-    const rt::Time exposure = endpoint.to_local(d.encoded.exposure.ns);
-    const auto status = drivers::decode(d.encoded, exposure, d.scratch, slot);
-    if (status != drivers::FrameStatus::kOk && status != drivers::FrameStatus::kWithoutColour)
-      return false;
-    d.report.key_wanted = d.scratch.colour_wants_key ? 1 : 0;
-    cells.publish<EdgeId::kFrame>(endpoint.arrived(), endpoint.unsure());
-    return true;
-  });
+  endpoint.add_incoming(
+      kWire.code, [&, decoder, told](std::span<const std::uint8_t> body, rt::Time) {
+        auto& d = *decoder;
+        d.report.arrived = endpoint.arrived_seq();
+        d.report.key_wanted = 1;  // unless it is decoded
+        if (drivers::read_wire(body, d.encoded) != drivers::FrameStatus::kOk) return false;
+        auto& slot = cells.begin_write<EdgeId::kFrame>();
+        const rt::Time exposure = endpoint.to_local(d.encoded.exposure.ns);
+        const auto status = drivers::decode(d.encoded, exposure, d.scratch, slot);
+        if (status != drivers::FrameStatus::kOk && status != drivers::FrameStatus::kWithoutColour)
+          return false;
+        d.report.key_wanted = d.scratch.colour_wants_key ? 1 : 0;
+        cells.publish<EdgeId::kFrame>(endpoint.arrived(), endpoint.unsure());
+        if (told) {
+          told({endpoint.arrived(), exposure, d.encoded.exposure.ns,
+                static_cast<std::uint32_t>(body.size() + drivers::kHeaderSize), true,
+                !d.encoded.needs_previous, d.encoded.spared});
+        }
+        return true;
+      });
   if (!config.pictures.on_demand()) return;
   endpoint.speak(config.pictures.dialect());
   endpoint.on_renew([decoder] { decoder->report.arrived = decoder->told = 0; });

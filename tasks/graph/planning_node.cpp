@@ -29,9 +29,11 @@ drivers::RobotState in_world(drivers::RobotState s, const OdometryFrame& frame) 
 }  // namespace
 
 PlanningNode::PlanningNode(rt::NonRealtime& nrt, const GraphConfig& config,
-                           const OperatorSetup& setup, OperatorCells& cells)
+                           const OperatorSetup& setup, OperatorCells& cells,
+                           const OperatorRequests& requests)
     : task_(nrt, of_one_robot(config), config.seed),
       cells_(cells),
+      requests_(requests),
       hash_(setup.hash_outputs),
       limits_(config, cells.logs.get()) {
   // Within an open mark an event comes this often at least.
@@ -53,6 +55,7 @@ void PlanningNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (events > 0) touch_heard_ = tick.start;
   in_.touch_live = !task_.mark_open() ||
                    limits_.of<EdgeId::kTouch>().within(tick.start, touch_heard_, tick.start);
+  take_act(tick.start);
   const auto map = cells_.take<EdgeId::kCostMap, TaskId::kPlanning>(record);
   const auto robot = cells_.take<EdgeId::kRobotState, TaskId::kPlanning>(record);
   const auto objects = cells_.take<EdgeId::kObjects, TaskId::kPlanning>(record);
@@ -76,6 +79,16 @@ void PlanningNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
       in_.event_count > 0 ? in_.events[static_cast<std::size_t>(in_.event_count - 1)].seq : 0;
 }
 
+// One a job; what an aborted job saw is seen again.
+void PlanningNode::take_act(rt::Time now) noexcept {
+  const rt::Time looked = rt::time_from_ns(requests_.console_ns.load(std::memory_order_relaxed));
+  if (looked != rt::Time{}) static_cast<void>(limits_.of<EdgeId::kAct>().within(now, looked, now));
+  act_taken_.reset();
+  OperatorAct act;
+  if (in_.act || !cells_.ring<EdgeId::kAct, TaskId::kPlanning>().try_pop(act)) return;
+  in_.act = act_taken_ = act;
+}
+
 rt::Health PlanningNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   health_ = task_.step(tick, in_, out_);
   record.work = out_.work;
@@ -84,6 +97,7 @@ rt::Health PlanningNode::step(const rt::Tick& tick, rt::JobRecord& record) noexc
 
 void PlanningNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   in_.event_count = 0;
+  in_.act.reset();
   Path& path = cells_.begin_write<EdgeId::kPath>();
   path = out_.path;
   const bool path_out = cells_.publish<EdgeId::kPath>(tick.start);

@@ -42,6 +42,13 @@ void PredictionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept
   in_.path = path && path->seq != 0 && path_live_ ? path.value : nullptr;
   in_.camera =
       limits_.of<EdgeId::kCameraPose>().within(camera, tick.start) ? camera.value : nullptr;
+  const auto drive = cells_.take<EdgeId::kDrive, TaskId::kPrediction>(record);
+  if (drive) drive_ = *drive;
+  drive_latched_ = {static_cast<bool>(drive), drive.seq, drive.at};
+  // One that was let go does not grow old.
+  const bool driven =
+      drive && drive_.held && limits_.of<EdgeId::kDrive>().within(drive, tick.start);
+  in_.drive = driven ? &drive_ : nullptr;
   if (mode) mode_ = *mode;
   mode_live_ = limits_.of<EdgeId::kMode>().within(mode, tick.start);
   in_.round_trip = rt::Nanos{link_.round_trip_ns.load(std::memory_order_relaxed)};

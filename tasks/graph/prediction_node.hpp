@@ -15,6 +15,15 @@ class PredictionNode final : public rt::TaskBody {
   void commit(const rt::Tick& tick, rt::JobRecord& record) noexcept override;
   [[nodiscard]] const PredictionTask::In& in() const noexcept { return in_; }
 
+  // The newest that the newest latch found, held or not. `any` false: none yet.
+  struct LatchedDrive {
+    bool any = false;
+    std::uint64_t number = 0;
+    rt::Time at{};
+  };
+  [[nodiscard]] const DriveIntent& drive() const noexcept { return drive_; }
+  [[nodiscard]] const LatchedDrive& drive_latched() const noexcept { return drive_latched_; }
+
  private:
   PredictionTask task_;
   OperatorCells& cells_;
@@ -22,6 +31,8 @@ class PredictionNode final : public rt::TaskBody {
   bool hash_;
   ReaderLimits<TaskId::kPrediction> limits_;
   ModeMsg mode_;
+  DriveIntent drive_;
+  LatchedDrive drive_latched_;
   bool mode_live_ = true, path_live_ = true;
   PredictionTask::In in_;
   PredictionTask::Out out_;

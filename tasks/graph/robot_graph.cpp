@@ -63,7 +63,8 @@ void RobotGraph::bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint) {
     link_.tell_refused(n, newest);
   });
   send_edge<EdgeId::kRobotState>(*cells_, endpoint);
-  send_pictures(*cells_, asker_, config_.capture.pictures, endpoint);
+  send_pictures(*cells_, asker_, config_.capture.pictures, endpoint,
+                [this](drivers::Spared spared) { link_.tell_spared(spared); });
 }
 
 }  // namespace tasks

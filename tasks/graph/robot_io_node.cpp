@@ -1,5 +1,6 @@
 #include "tasks/graph/robot_io_node.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "tasks/edges/output_hash.hpp"
@@ -20,14 +21,12 @@ RobotIoNode::RobotIoNode(rt::NonRealtime& nrt, const GraphConfig& config, const 
   in_.mode = &mode_;
 }
 
-// One bus frame a tick carries the setpoints of the last committed job out and the states in. The
-// safety lines come before it: what an open emergency stop forbids is not sent any more.
+// A job's cycle on the bus: states in here, setpoints out in commit(). The safety lines come first:
+// what an open emergency stop forbids is not sent in this job any more.
 void RobotIoNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
-  if (safety_ != nullptr) {
-    safety_->sense(tick.start, in_.safety);
-    if (in_.safety.estop_open) setpoints_ = {};
-  }
-  in_.bus = bus_.exchange(tick.start, setpoints_, in_.motors);
+  if (safety_ != nullptr) safety_->sense(tick.start, in_.safety);
+  in_.sent = sent_;
+  in_.bus = bus_.sense(tick.start, in_.motors);
   const auto goal = cells_.take<EdgeId::kGoal, TaskId::kRobotIo>(record);
   in_.goal = goal.value;
   in_.goal_unsure = goal.unsure;
@@ -66,12 +65,13 @@ rt::Health RobotIoNode::step(const rt::Tick& tick, rt::JobRecord& record) noexce
 
 void RobotIoNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (out_.rearm_motors) bus_.rearm();
+  // On the virtual clock a job ends when its cost says; on the real one no stamp is taken for it.
+  sent_ = bus_.act(std::max(tick.start, rt::time_from_ns(record.end_ns)), out_.setpoints);
   if (safety_ != nullptr) {
     if (out_.rearm_motors) safety_->allow_again();
     safety_->act(tick.start, out_.safety);
     log_estop(tick);
   }
-  setpoints_ = out_.setpoints;
   cells_.begin_write<EdgeId::kRobotState>() = out_.state;
   cells_.publish<EdgeId::kRobotState>(tick.start);
   publish_health(health_of(cells_, TaskId::kRobotIo), tick.start, health_);

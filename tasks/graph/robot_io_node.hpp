@@ -1,4 +1,4 @@
-// The robot_io task as an executor sees it: one exchange with the bus a job, goal and mode in, state out.
+// The robot_io task as an executor sees it: one cycle of the bus a job, goal and mode in, state out.
 #pragma once
 
 #include "tasks/graph/limits.hpp"
@@ -31,7 +31,7 @@ class RobotIoNode final : public rt::TaskBody {
   LinkStatus& link_;
   std::function<std::int64_t()> twin_cpu_;
   bool hash_;
-  drivers::MotorSetpoints setpoints_;  // of the last committed job: goes out with the next exchange
+  drivers::BusStatus sent_ = drivers::BusStatus::kOk;  // of the last job's setpoints
   ReaderLimits<TaskId::kRobotIo> limits_;
   std::uint64_t logged_refused_ = 0, logged_expired_ = 0;
   rt::Time logged_estop_{};

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "drivers/link/encoded_frame.hpp"
 #include "rt/channel/ring.hpp"
 #include "tasks/contract/messages.hpp"
 
@@ -43,8 +44,19 @@ struct RobotSample {
   std::uint8_t mode = 0;
 };
 
+// A picture or a robot state that arrived, by the link's thread.
+struct LinkSample {
+  rt::Time stamp{};                 // of the arrival
+  rt::Time made{};                  // middle of the exposure, or when the state was taken
+  std::int64_t made_remote_ns = 0;  // the same on the clock of the robot's box
+  std::uint32_t bytes = 0;          // on the link, header included
+  bool picture = false, key = false;
+  drivers::Spared spared{};
+};
+
 using HapticSamples = rt::Ring<HapticSample, 8192>;
 using FusionSamples = rt::Ring<FusionSample, 512>;
+using LinkSamples = rt::Ring<LinkSample, 4096>;
 using RobotSamples = rt::Ring<RobotSample, 8192>;
 
 }  // namespace tasks

@@ -369,6 +369,7 @@ void PlanningTask::lay_headings(double robot_yaw, const Ground& ground, Point2 m
   }
   double end = n > 1 ? direction(n - 1) : robot_yaw;
   if (!state_.path_truncated && std::hypot(dx, dy) > 0.05) end = std::atan2(dy, dx);
+  if (!state_.path_truncated && state_.goal.turns) end = state_.goal.yaw_rad;
   at(0)[2] = wrapped(n > 1 ? robot_yaw : end);
   for (int i = 1; i < n; ++i) {
     const double most = config_.turn_rad_per_m * length(i);

@@ -81,17 +81,44 @@ void PlanningTask::end_mark(Out& out) noexcept {
     const double d = (m.points[static_cast<std::size_t>(i)] - mean).squaredNorm();
     if (d < best_d) best_d = d, best = i;
   }
-  drop_path(out);
   Goal g;
-  g.have = g.pending = true;
   g.mark_seq = m.seq;
   g.mark_stamp = m.stamp;
   g.p_W = m.points[static_cast<std::size_t>(best)];
   g.normal_W = m.normals[static_cast<std::size_t>(best)];
-  state_.goal = g;
+  pursue(g, out);
+}
+
+// Instead of what was pursued before.
+void PlanningTask::pursue(const Goal& goal, Out& out) noexcept {
+  drop_path(out);
+  state_.goal = goal;
+  state_.goal.have = state_.goal.pending = true;
   state_.task.phase = TaskState::Phase::kPlanning;
   ++state_.task.marks;
   out.flags |= kMarkTaken;
+}
+
+// Of acts and marks of the hand the later one is pursued. The hand's numbers are below kOfAct.
+rt::Health PlanningTask::take_act(const OperatorAct& act, Out& out) noexcept {
+  constexpr std::uint64_t kOfAct = 1ULL << 62U;
+  if (!act.p_W.allFinite() || !act.normal_W.allFinite() || !std::isfinite(act.yaw_rad))
+    return counted(kFaultPlanningBadInput);
+  if (act.kind == OperatorAct::Kind::kCancel) {
+    drop_path(out);
+    state_.goal.have = state_.goal.pending = state_.mark.open = false;
+    state_.task.phase = TaskState::Phase::kIdle;
+    return rt::Health::ok();
+  }
+  Goal g;
+  g.mark_seq = kOfAct | act.seq;
+  g.mark_stamp = act.stamp;
+  g.p_W = act.p_W;
+  g.normal_W = act.kind == OperatorAct::Kind::kMark ? act.normal_W : Vec3::UnitZ();
+  g.turns = act.turns;
+  g.yaw_rad = act.yaw_rad;
+  pursue(g, out);
+  return rt::Health::ok();
 }
 
 rt::Health PlanningTask::take_events(const In& in, Out& out) noexcept {
@@ -302,6 +329,7 @@ rt::Health PlanningTask::step(const rt::Tick& tick, const In& in, Out& out) noex
     out.flags |= kGapDropped;
     health = rt::worst(health, counted(kFaultPlanningEventsLost));
   }
+  if (in.act) health = rt::worst(health, take_act(*in.act, out));
   stop_if_asked(in, out);
 
   const bool robot_ok = in.robot != nullptr && std::isfinite(in.robot->x_m) &&

@@ -1,6 +1,7 @@
 // From a mark on the scene to a path on the ground, 10 Hz.
 //
 //   reads   Ring<TouchEvent>     from tasks/haptic         up to 64 a job; a gap drops an open mark
+//           Ring<OperatorAct>    from the console          one a job: go there, mark, drop it
 //           Latest<CostMap>      from tasks/fusion         held for one job
 //           Latest<ObjectList>   from tasks/fusion         the object that the mark named, if it did
 //           Latest<RobotState>   over the link             newest; its pose in W by X_WO. Without
@@ -28,6 +29,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "config/schema.hpp"
@@ -38,6 +40,7 @@
 #include "rt/tick.hpp"
 #include "tasks/contract/messages.hpp"
 #include "tasks/contract/object_list.hpp"
+#include "tasks/contract/operator_act.hpp"
 #include "tasks/planning/grasp.hpp"
 #include "tasks/planning/planner.hpp"
 
@@ -100,6 +103,7 @@ class PlanningTask {
   struct In {  // latched at dispatch
     std::array<TouchEvent, kMaxEvents> events{};
     int event_count = 0;
+    std::optional<OperatorAct> act;              // beside the hand's; after them
     const perception::CostMap* map = nullptr;    // null: never published
     const drivers::RobotState* robot = nullptr;  // its pose in W; null: none
     const ObjectList* objects = nullptr;         // null: none, or objects are switched off
@@ -158,6 +162,8 @@ class PlanningTask {
     bool object_placed = false;    // the next one is set
     Vec3 object_W = Vec3::Zero();  // its centre when p_W was last set
     bool grasp_due = false;        // from `box`, which is new
+    bool turns = false;            // the base is to end at yaw_rad, W
+    double yaw_rad = 0;
     ObjectBox box;
     Grasp grasp;  // kind kNone: the goal is no grasp
   };
@@ -180,6 +186,8 @@ class PlanningTask {
   struct Ground;
 
   rt::Health take_events(const In& in, Out& out) noexcept;
+  rt::Health take_act(const OperatorAct& act, Out& out) noexcept;
+  void pursue(const Goal& goal, Out& out) noexcept;
   rt::Health follow_object(const ObjectList& list, Out& out) noexcept;
   rt::Health choose_grasp(const Ground& ground, const drivers::RobotState& robot,
                           Out& out) noexcept;

@@ -176,6 +176,40 @@ double PredictionTask::speed_limit(rt::Nanos age, rt::Nanos life, rt::Nanos unsu
   return limit;
 }
 
+bool PredictionTask::usable(const DriveIntent* drive) noexcept {
+  return drive != nullptr && drive->held && std::isfinite(drive->vx) &&
+         std::isfinite(drive->vy) && std::isfinite(drive->wz);
+}
+
+// A place ahead of the base where it will be when the goal arrives: so far that it does not brake
+// before the goal after this one has come, and would stop there if none came.
+void PredictionTask::drive_goal(const DriveIntent& drive, const Pose2& X_OB,
+                                drivers::RobotGoal& g) const noexcept {
+  constexpr double kAhead_s = 0.35, kTurnAhead_s = 0.15, kTurnBrake_rad_per_s2 = 1.0;
+  const double asked = std::hypot(drive.vx, drive.vy);
+  const double speed = std::min(asked, g.speed_limit_m_per_s);
+  const double way = speed * kAhead_s + speed * speed / (2 * config_.brake_m_per_s2);
+  const double share = asked > 1e-9 ? way / asked : 0;
+  const double turn =
+      drive.wz * kTurnAhead_s + drive.wz * std::abs(drive.wz) / (2 * kTurnBrake_rad_per_s2);
+  const Pose2 X_OG = perception::compose(
+      X_OB, {share * drive.vx, share * drive.vy, std::clamp(turn, -1.5, 1.5)});
+  g.x_m = X_OG.x;
+  g.y_m = X_OG.y;
+  g.yaw_rad = X_OG.yaw;
+  g.speed_limit_m_per_s = speed;
+}
+
+void PredictionTask::limit_goal(const rt::Tick& tick, const In& in,
+                                drivers::RobotGoal& g) const noexcept {
+  const rt::Nanos age = std::max(tick.start - state_.taken, rt::Nanos{0});
+  const rt::Nanos life =
+      std::min<rt::Nanos>(in.round_trip + std::chrono::milliseconds{config_.goal_hold_ms},
+                          std::chrono::milliseconds{config_.goal_valid_ms});
+  g.valid_until = tick.start + life;
+  g.speed_limit_m_per_s = speed_limit(age + in.robot_unsure, life, in.round_trip_uncertainty);
+}
+
 bool PredictionTask::make_goal(const rt::Tick& tick, const In& in, Out& out,
                                Health& health) noexcept {
   if (!have_state_) return false;
@@ -205,6 +239,13 @@ bool PredictionTask::make_goal(const rt::Tick& tick, const In& in, Out& out,
     out.frame.held = Held::kPlaceUnsure;
     health = rt::worst(health, Health::of(Severity::kDegraded, prediction_fault::kPlaceUnsure));
   }
+  const bool engaged = in.mode != nullptr && in.mode->mode == Mode::kEngaged;
+  limit_goal(tick, in, out.goal);
+  if (usable(in.drive)) {
+    // The person sees where it goes: it may drive where its place in the map is not sure.
+    drive_goal(*in.drive, p.X_OB, out.goal);
+    return engaged;
+  }
   if (!follower_.has_path()) return false;
 
   const PathFollower::Goal goal = follower_.next(t.predicted_X_WB);
@@ -220,12 +261,7 @@ bool PredictionTask::make_goal(const rt::Tick& tick, const In& in, Out& out,
   g.x_m = X_OG.x;
   g.y_m = X_OG.y;
   g.yaw_rad = X_OG.yaw;
-  const rt::Nanos life =
-      std::min<rt::Nanos>(in.round_trip + std::chrono::milliseconds{config_.goal_hold_ms},
-                          std::chrono::milliseconds{config_.goal_valid_ms});
-  g.valid_until = tick.start + life;
-  g.speed_limit_m_per_s = speed_limit(age + in.robot_unsure, life, in.round_trip_uncertainty);
-  return sure && in.mode != nullptr && in.mode->mode == Mode::kEngaged;
+  return sure && engaged;
 }
 
 }  // namespace tasks

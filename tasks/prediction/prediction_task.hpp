@@ -4,6 +4,7 @@
 //                                not engaged
 //            Latest<Path>         from planning
 //            Latest<CameraPose>   from fusion: where O lies in W
+//            Latest<DriveIntent>  from the console: a velocity instead of the path
 //            Latest<ModeMsg>      from supervision of the operator box
 //            round trip and its uncertainty, from the link's clock estimate
 //   writes   RobotGoal            over the link, to robot_io
@@ -26,6 +27,7 @@
 #include "rt/memory/non_realtime.hpp"
 #include "rt/tick.hpp"
 #include "tasks/contract/messages.hpp"
+#include "tasks/contract/operator_act.hpp"
 #include "tasks/contract/table.hpp"
 #include "tasks/prediction/motion_predictor.hpp"
 #include "tasks/prediction/path_follower.hpp"
@@ -107,6 +109,7 @@ class PredictionTask {
     const Path* path = nullptr;                  // newest; null or seq 0: no path
     const CameraPose* camera = nullptr;
     const ModeMsg* mode = nullptr;
+    const DriveIntent* drive = nullptr;  // held, and young enough; null: nobody drives by hand
     bool delay_known = false;
     rt::Nanos round_trip{0};
     rt::Nanos round_trip_uncertainty{0};
@@ -132,6 +135,10 @@ class PredictionTask {
   [[nodiscard]] bool sure_enough(double lead_s) noexcept;
   [[nodiscard]] bool in_time(const rt::Tick&, const In&, OdometryFrame&) noexcept;
   [[nodiscard]] double speed_limit(rt::Nanos age, rt::Nanos life, rt::Nanos unsure) const noexcept;
+  [[nodiscard]] static bool usable(const DriveIntent* drive) noexcept;
+  void drive_goal(const DriveIntent& drive, const perception::Pose2& X_OB,
+                  drivers::RobotGoal& goal) const noexcept;
+  void limit_goal(const rt::Tick&, const In&, drivers::RobotGoal&) const noexcept;
   [[nodiscard]] bool make_goal(const rt::Tick&, const In&, Out&, rt::Health&) noexcept;
   [[nodiscard]] double to_seconds(rt::Time t) const noexcept { return rt::seconds(t - epoch_); }
 

@@ -53,17 +53,25 @@ Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept 
   health = until_seen(health);
 
   const Drive drive = decide(tick, in, out, health);
+  const bool bus_down = lost_in_a_row_ >= config_.frames_lost_limit;
+  out.safety = safety_.show(tick, in.safety, in.mode, bus_down);
+  if (drive == Drive::kOff) {
+    powered_ = false;
+    off_until_ = tick.start;
+  } else if (!powered_) {
+    start_motors(in, out);
+    write_state(tick, in, drive, health, out);
+    return health;
+  }
   const double period = rt::seconds(tick.period);
   const double dt = period * std::min(10.0, 1.0 + static_cast<double>(tick.skipped));
   const Pose2& X_OB = odometry_.pose();
   telemetry_.driving = drive == Drive::kGoal;
   telemetry_.tracking_error_m = telemetry_.tracking_error_rad = 0;
   PlanarVelocity v_O;
-  const bool resumes = stopped_ && drive != Drive::kOff;
-  switch (resumes ? Drive::kOff : drive) {
+  switch (drive) {
     case Drive::kOff:
       trajectory_.halt(X_OB);
-      void_goals(in, health);
       break;
     case Drive::kRampDown:
       v_O = trajectory_.ramp_down(X_OB, dt);
@@ -90,48 +98,49 @@ Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept 
       break;
     }
   }
-  if (resumes) v_O = go_on_from_measured();
   const double c = std::cos(X_OB.yaw), s = std::sin(X_OB.yaw);
   v_commanded_ = {c * v_O.x + s * v_O.y, -s * v_O.x + c * v_O.y, v_O.yaw};
-  write_setpoints(drive, out);
-  if (resumes) out.setpoints.wheel_rad_per_s = in.motors.wheel_rad_per_s;
+  write_setpoints(drive, dt, out);
   write_state(tick, in, drive, health, out);
-  const bool bus_down = lost_in_a_row_ >= config_.frames_lost_limit;
-  out.safety = safety_.show(tick, in.safety, in.mode, bus_down);
   return health;
 }
 
-// What was asked for before a safe stop, or while it lasts, moves nothing after it.
-void RobotIoTask::void_goals(const In& in, Health health) noexcept {
-  if (last_mode_ != Mode::kSafeStop && health.severity != Severity::kSafeStop) return;
-  stopped_ = true;
-  have_goal_ = false;
-  void_goal_ = in.goal != nullptr;
-  if (void_goal_) void_seq_ = in.goal->seq;
-}
-
-// The first setpoints after a safe stop are what the wheels do: no step, even if they still roll.
-PlanarVelocity RobotIoTask::go_on_from_measured() noexcept {
-  stopped_ = false;
+// Motors that were off. The next job's setpoints go on from these with the acceleration limit.
+void RobotIoTask::start_motors(const In& in, Out& out) noexcept {
   const Pose2& X_OB = odometry_.pose();
   const double c = std::cos(X_OB.yaw), s = std::sin(X_OB.yaw);
-  const PlanarVelocity v_O{c * v_measured_.vx - s * v_measured_.vy,
-                           s * v_measured_.vx + c * v_measured_.vy, v_measured_.wz};
-  trajectory_.resume(X_OB, v_O);
-  return v_O;
+  v_commanded_ = v_measured_;
+  trajectory_.start_from(X_OB, {c * v_measured_.vx - s * v_measured_.vy,
+                                s * v_measured_.vx + c * v_measured_.vy, v_measured_.wz});
+  telemetry_.driving = false;
+  telemetry_.tracking_error_m = telemetry_.tracking_error_rad = 0;
+  out.setpoints.mode = drivers::MotorMode::kVelocity;
+  out.setpoints.wheel_rad_per_s = in.motors.wheel_rad_per_s;
+  const drivers::WheelVector of_base = kinematics_.inverse(v_measured_);
+  for (std::size_t w = 0; w < of_base.size(); ++w)
+    residual_rad_per_s_[w] = in.motors.wheel_rad_per_s[w] - of_base[w];
+  powered_ = true;
+}
+
+// A cycle is lost when either of its frames is: this job's read, or the write before it.
+Health RobotIoTask::count_frame(const In& in) noexcept {
+  using drivers::BusStatus;
+  if (in.bus == BusStatus::kOk && in.sent == BusStatus::kOk) {
+    lost_in_a_row_ = 0;
+    return Health::ok();
+  }
+  ++telemetry_.frames_lost;
+  ++lost_in_a_row_;
+  if (in.bus == BusStatus::kDown || lost_in_a_row_ >= config_.frames_lost_limit) {
+    lost_in_a_row_ = config_.frames_lost_limit;
+    return Health::of(Severity::kSafeStop, robot_io_fault::kBusDown);
+  }
+  return Health::of(Severity::kCounted, robot_io_fault::kFrameLost);
 }
 
 Health RobotIoTask::sense_bus(const In& in) noexcept {
-  if (in.bus != drivers::BusStatus::kOk) {
-    ++telemetry_.frames_lost;
-    ++lost_in_a_row_;
-    if (in.bus == drivers::BusStatus::kDown || lost_in_a_row_ >= config_.frames_lost_limit) {
-      lost_in_a_row_ = config_.frames_lost_limit;
-      return Health::of(Severity::kSafeStop, robot_io_fault::kBusDown);
-    }
-    return Health::of(Severity::kCounted, robot_io_fault::kFrameLost);
-  }
-  lost_in_a_row_ = 0;
+  const Health frame = count_frame(in);
+  if (in.bus != drivers::BusStatus::kOk) return frame;
   motor_flags_ = 0;
   for (const std::uint32_t f : in.motors.flags) motor_flags_ |= f;
   const Twist2 v = kinematics_.forward(in.motors.wheel_rad_per_s);
@@ -152,7 +161,7 @@ Health RobotIoTask::sense_bus(const In& in) noexcept {
   if ((motor_flags_ & drivers::motor_flag::kTimeout) != 0) {
     return Health::of(Severity::kSafeStop, robot_io_fault::kMotorTimeout);
   }
-  return Health::ok();
+  return frame;
 }
 
 // The operator's clear, of what is no longer there. After a leap the pose is kept and the angles
@@ -178,7 +187,6 @@ Health RobotIoTask::until_seen(Health health) noexcept {
 
 Health RobotIoTask::accept_goal(const rt::Tick&, const In& in) noexcept {
   if (in.goal == nullptr || (have_goal_ && in.goal->seq == goal_.seq)) return Health::ok();
-  if (void_goal_ && in.goal->seq == void_seq_) return Health::ok();
   if (!usable(*in.goal)) {
     if (refused_seq_ != in.goal->seq || telemetry_.goals_refused == 0) ++telemetry_.goals_refused;
     refused_seq_ = in.goal->seq;
@@ -194,6 +202,8 @@ RobotIoTask::Drive RobotIoTask::decide(const rt::Tick& tick, const In& in, Out&,
                                        Health& health) noexcept {
   telemetry_.goal_distance_m = 0;
   if (health.severity == Severity::kSafeStop || !odometry_.primed()) return Drive::kOff;
+  // What the wheels do now has to be known before they are given speeds.
+  if (!powered_ && in.bus != drivers::BusStatus::kOk) return Drive::kOff;
   switch (last_mode_) {
     case Mode::kInit:
     case Mode::kSafeStop:
@@ -210,7 +220,8 @@ RobotIoTask::Drive RobotIoTask::decide(const rt::Tick& tick, const In& in, Out&,
     health = rt::worst(health, Health::of(Severity::kDegraded, robot_io_fault::kLinkSilent));
     return Drive::kRampDown;
   }
-  if (!have_goal_ || goal_.engaged == 0) return Drive::kHalt;
+  if (!have_goal_ || goal_.engaged == 0 || goal_.made <= off_until_ + in.goal_unsure)
+    return Drive::kHalt;
   if (tick.start + in.goal_unsure > goal_.valid_until) {
     if (!expiry_counted_) ++telemetry_.goals_expired;
     expiry_counted_ = true;
@@ -222,7 +233,7 @@ RobotIoTask::Drive RobotIoTask::decide(const rt::Tick& tick, const In& in, Out&,
   return Drive::kGoal;
 }
 
-void RobotIoTask::write_setpoints(Drive drive, Out& out) noexcept {
+void RobotIoTask::write_setpoints(Drive drive, double dt, Out& out) noexcept {
   if (drive == Drive::kOff) {
     out.setpoints = {};
     return;
@@ -234,6 +245,12 @@ void RobotIoTask::write_setpoints(Drive drive, Out& out) noexcept {
   }
   out.setpoints.mode = drivers::MotorMode::kVelocity;
   out.setpoints.wheel_rad_per_s = kinematics_.inverse(v_commanded_);
+  const double most =
+      config_.trajectory.ramp_down_deceleration_m_per_s2 * dt / kinematics_.wheel_radius();
+  for (std::size_t w = 0; w < residual_rad_per_s_.size(); ++w) {
+    residual_rad_per_s_[w] -= std::clamp(residual_rad_per_s_[w], -most, most);
+    out.setpoints.wheel_rad_per_s[w] += residual_rad_per_s_[w];
+  }
 }
 
 void RobotIoTask::write_state(const rt::Tick&, const In& in, Drive, Health health,

@@ -1,10 +1,10 @@
 // Robot I/O, 1 kHz, hard: goal and wheel angles in, wheel speeds out.
 //
-//   sense    MotorStates           from drivers/youbot   (bus exchange; outside step)
+//   sense    MotorStates           from drivers/youbot   (bus, outside step)
 //   reads    Latest<RobotGoal>     from prediction, over the link; silent or expired -> ramp down
 //            Latest<ModeMsg>       from supervision of the robot box
 //            SafetyInputs          from drivers/gpio, where fitted (safety_watch.hpp)
-//   act      MotorSetpoints        to drivers/youbot     (bus exchange; outside step)
+//   act      MotorSetpoints        to drivers/youbot     (bus, outside step; of the same job)
 //   writes   RobotState            over the link, to prediction
 //   budget   100 us of the 1 ms period
 //
@@ -12,9 +12,10 @@
 // The base moves only while: mode engaged, bus up, a finite goal that is engaged and not expired,
 // the link heard from. A fault among these ramps it down with its own, steeper deceleration; a goal
 // that is not engaged halts it with the acceleration limit; safe stop switches the motors off at
-// once. After a safe stop older goals are void, and the first setpoints are the measured speeds.
-// What it has latched (the motors' watchdog, an encoder fault) goes with the operator's clear; until
-// supervision is seen in its safe stop the fault stays reported.
+// once. What a safe stop has latched (the motors' watchdog, an encoder fault) goes with the
+// operator's clear; until supervision is seen in its safe stop the fault stays reported.
+// Motors that were off start from what their wheels do: the first setpoints are the wheels' own
+// speeds, the reference is where the base is, and goals made before that instant are void.
 #pragma once
 
 #include <cstdint>
@@ -88,7 +89,9 @@ class RobotIoTask {
  public:
   struct In {
     drivers::BusStatus bus = drivers::BusStatus::kDown;
-    drivers::MotorStates motors;               // of this tick's exchange; valid when bus is kOk
+    drivers::MotorStates motors;  // read in this job; valid when bus is kOk
+    // What became of the setpoints of the job before this one.
+    drivers::BusStatus sent = drivers::BusStatus::kOk;
     const drivers::RobotGoal* goal = nullptr;  // newest, times of this box; null: none yet
     rt::Nanos goal_unsure{0};                  // of its times: it ends so much earlier
     const ModeMsg* mode = nullptr;             // newest; null: not engaged
@@ -115,12 +118,12 @@ class RobotIoTask {
   enum class Drive : std::uint8_t { kOff, kRampDown, kHalt, kGoal };
   [[nodiscard]] rt::Health sense_bus(const In&) noexcept;
   void let_go(Out&) noexcept;
-  void void_goals(const In&, rt::Health) noexcept;
-  [[nodiscard]] PlanarVelocity go_on_from_measured() noexcept;
+  [[nodiscard]] rt::Health count_frame(const In&) noexcept;
   [[nodiscard]] rt::Health until_seen(rt::Health) noexcept;
+  void start_motors(const In&, Out&) noexcept;
   [[nodiscard]] Drive decide(const rt::Tick&, const In&, Out&, rt::Health&) noexcept;
   [[nodiscard]] rt::Health accept_goal(const rt::Tick&, const In&) noexcept;
-  void write_setpoints(Drive, Out&) noexcept;
+  void write_setpoints(Drive, double dt, Out&) noexcept;
   void write_state(const rt::Tick&, const In&, Drive, rt::Health, Out&) noexcept;
 
   RobotIoConfig config_;
@@ -129,9 +132,10 @@ class RobotIoTask {
   Trajectory trajectory_;
   drivers::RobotGoal goal_;  // last accepted one
   bool have_goal_ = false, expiry_counted_ = false;
-  bool stopped_ = false;    // safely, and nothing was sent to the wheels since
-  bool void_goal_ = false;  // the newest goal came before or in a safe stop
-  std::uint64_t void_seq_ = 0;
+  bool powered_ = false;  // the last job's setpoints were speeds
+  // Of wheels that were off: what of their speeds is no motion of the base. It goes to zero.
+  drivers::WheelVector residual_rad_per_s_{};
+  rt::Time off_until_{};  // goals made before it are void
   std::uint64_t refused_seq_ = 0;
   Mode last_mode_ = Mode::kInit;
   std::uint64_t seq_ = 0;

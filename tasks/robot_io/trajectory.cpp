@@ -112,13 +112,7 @@ PlanarVelocity Trajectory::let_reference_follow(const Pose2& X_OB) noexcept {
   return v_cmd_;
 }
 
-void Trajectory::halt(const Pose2& X_OB) noexcept {
-  v_cmd_ = {};
-  v_ref_ = {};
-  X_OR_ = X_OB;
-}
-
-void Trajectory::resume(const Pose2& X_OB, const PlanarVelocity& v_O) noexcept {
+void Trajectory::start_from(const Pose2& X_OB, const PlanarVelocity& v_O) noexcept {
   v_cmd_ = v_O;
   v_ref_ = v_O;
   X_OR_ = X_OB;

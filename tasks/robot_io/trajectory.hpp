@@ -75,9 +75,9 @@ class Trajectory {
   // The same with the deceleration of a ramp-down.
   PlanarVelocity ramp_down(const perception::Pose2& X_OB, double dt) noexcept;
   // At once: the command is zero, no ramp (safe stop).
-  void halt(const perception::Pose2& X_OB) noexcept;
-  // The base moves at `v_O` already: the next tick goes on from there.
-  void resume(const perception::Pose2& X_OB, const PlanarVelocity& v_O) noexcept;
+  void halt(const perception::Pose2& X_OB) noexcept { start_from(X_OB, {}); }
+  // Command and reference are where the base is: the next tick goes on from there.
+  void start_from(const perception::Pose2& X_OB, const PlanarVelocity& v_O) noexcept;
 
   [[nodiscard]] const perception::Pose2& reference() const noexcept { return X_OR_; }
   [[nodiscard]] const PlanarVelocity& reference_velocity() const noexcept { return v_ref_; }

@@ -7,6 +7,7 @@
 #include "tools/box/box_sides.hpp"
 #include "tools/files/take.hpp"
 #include "tools/record/input_recorder.hpp"
+#include "tools/scene/page_hook.hpp"
 
 namespace teletact {
 
@@ -22,6 +23,13 @@ std::unique_ptr<InputRecorder> start_recorder(rt::NonRealtime& nrt, rt::Box box,
                : nullptr;
   }
   return make_recorder(nrt, plan.folder, box, scene, camera_of(scene), std::move(now));
+}
+
+// A recorder outside of a page's hand.
+void wrap_devices(rt::NonRealtime& nrt, InputRecorder* inputs, PageHook* page,
+                  BoxOptions& box_options) {
+  if (inputs != nullptr) inputs->wrap(box_options);
+  put_page_hand(nrt, page, box_options);
 }
 
 // By the link's thread, once a millisecond and when the connection has ended. A link that lasts may
@@ -73,7 +81,7 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
   Side::complete(box_options);
   BoxRunner runner{options, plan, Side::kBox, clock};
   const auto inputs = start_recorder(nrt, Side::kBox, scene, options, plan, box_options.now);
-  if (inputs) inputs->wrap(box_options);
+  wrap_devices(nrt, inputs.get(), options.page, box_options);
   Side side(nrt, scene, options, box_options);
   auto& graph = side.box.graph();
   if (inputs) inputs->attach(graph, side.box.endpoint());

@@ -12,6 +12,7 @@
 #include "rt/sched/real_executor.hpp"
 #include "tools/files/build_info.hpp"
 #include "tools/host/store_watch.hpp"
+#include "tools/scene/page_hook.hpp"
 
 namespace teletact {
 
@@ -105,6 +106,11 @@ BoxStatus BoxRunner::status() const {
   s.connections = link->sessions();
   if (link->last_heard_ns() != 0) s.heard_ago_ms = ms(rt::ns_of(now()) - link->last_heard_ns());
   if (link->round_trip_ns() != 0) s.round_trip_ms = ms(link->round_trip_ns());
+  s.congestion = link->congestion();
+  if (const auto seen = link_status->picture_ns.load(); seen != 0)
+    s.picture_age_ms = ms(rt::ns_of(now()) - seen);
+  s.pictures = spared_text(link_status->spared());
+  if (s.pictures.empty()) s.pictures = "whole";
   s.commands_refused = link_status->commands_refused.load();
   s.commands_refused_reason =
       drivers::to_text(static_cast<drivers::CommandFault>(link_status->commands_newest.load()));
@@ -114,8 +120,9 @@ BoxStatus BoxRunner::status() const {
 
 // Since their threads began; the console is the thread that asks.
 OrdinaryCpu BoxRunner::ordinary_now() const {
-  return {link->thread_cpu_ns(), rt::thread_cpu_ns(), camera_twin_cpu ? camera_twin_cpu() : 0,
-          rt::monotonic_ns()};
+  const std::int64_t page = options.page != nullptr ? options.page->cpu_ns() : 0;
+  return {link->thread_cpu_ns(), rt::thread_cpu_ns() + page,
+          camera_twin_cpu ? camera_twin_cpu() : 0, rt::monotonic_ns()};
 }
 
 void BoxRunner::await_link() const {

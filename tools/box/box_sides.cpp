@@ -8,6 +8,7 @@
 
 #include "rt/clock/box_time.hpp"
 #include "tools/record/recording_truth.hpp"
+#include "tools/scene/page_hook.hpp"
 #include "tools/touch/force_check.hpp"
 
 namespace teletact {
@@ -21,6 +22,8 @@ OperatorSide::OperatorSide(rt::NonRealtime& nrt, const Scene& scene, const DemoO
       epoch_(box_options.epoch),
       next_line_(epoch_ + std::chrono::seconds{1}) {
   half_.epoch_ns = rt::ns_of(epoch_);
+  if (options.page != nullptr)
+    options.page->open(box, console, scene, epoch_, PageHook::Clock::kReal);
 }
 
 rt::Result<std::unique_ptr<drivers::TcpLink>> OperatorSide::open_link(const Scene& scene,
@@ -37,6 +40,7 @@ rt::Result<std::unique_ptr<drivers::TcpLink>> OperatorSide::open_link(const Scen
 
 void OperatorSide::tick(rt::Time t, drivers::LinkTransport& link) {
   console.tick(t);
+  if (options_.page != nullptr) options_.page->tick(t);
   if (!options_.quiet) std::fputs(console.news().c_str(), stdout);
   if (!options_.quiet && t >= next_line_) {
     next_line_ += std::chrono::seconds{1};
@@ -52,10 +56,12 @@ void OperatorSide::tick(rt::Time t, drivers::LinkTransport& link) {
 
 OperatorHalf& OperatorSide::half() {
   half_.view = console.copy();
+  half_.link = console.link();
   return half_;
 }
 
 void OperatorSide::finish(rt::NonRealtime& nrt, const drivers::LinkTransport& link) {
+  if (options_.page != nullptr) options_.page->close();
   save_scene(nrt, console, box.graph().fusion(), options_.report + "/raw", options_.save_map);
   half_.link_round_trip_ns = link.round_trip_ns();
   half_.link_uncertainty_ns = link.clock_uncertainty_ns();

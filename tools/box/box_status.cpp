@@ -62,6 +62,9 @@ std::string status_json(const BoxStatus& s) {
                                  {"connections", s.connections},
                                  {"heard_ago_ms", s.heard_ago_ms},
                                  {"round_trip_ms", s.round_trip_ms},
+                                 {"congestion", s.congestion},
+                                 {"picture_age_ms", s.picture_age_ms},
+                                 {"pictures", s.pictures},
                                  {"commands_refused", s.commands_refused},
                                  {"commands_refused_reason", s.commands_refused_reason},
                                  {"report", s.report}};

@@ -24,6 +24,9 @@ struct BoxStatus {
   std::uint64_t connections = 0;        // so far
   double heard_ago_ms = -1;             // last valid message of the other box; below 0: never
   double round_trip_ms = -1;            // below 0: not measured
+  std::string congestion;               // of the kernel, read back; empty: no session, or no TLS
+  double picture_age_ms = -1;           // on the operator's box, since the exposure; below 0: none
+  std::string pictures;                 // what is lowered, why, when it comes back; else "whole"
   std::uint64_t commands_refused = 0;   // by the robot's box, as this box knows it
   std::string commands_refused_reason;  // of the newest
   std::string report;                   // folder

@@ -43,7 +43,8 @@ void LinkNews::look(const drivers::LinkTransport& link, const tasks::LinkStatus&
         refused_line(
             status.commands_refused.load(),
             drivers::to_text(static_cast<drivers::CommandFault>(status.commands_newest.load())),
-            rt::monotonic_ns())}) {
+            rt::monotonic_ns()),
+        ready ? spared_news_.look(status.spared(), rt::monotonic_ns()) : std::string()}) {
     if (text.empty() || quiet) continue;
     std::printf("%s\n", text.c_str());
     std::fflush(stdout);

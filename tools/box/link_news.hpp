@@ -1,6 +1,6 @@
 // What a person is told of a link that lasts: that it waits, that the other box is there, and why
 // it has gone. One line each time that this changes. And, once a second at most, that commands were
-// refused.
+// refused; and what is lowered of the pictures, why, and that it is whole again.
 #pragma once
 
 #include <cstdint>
@@ -8,6 +8,7 @@
 
 #include "drivers/link/link_transport.hpp"
 #include "tasks/graph/operator_graph.hpp"
+#include "tools/pictures/picture_words.hpp"
 
 namespace teletact {
 
@@ -21,6 +22,7 @@ class LinkNews {
   [[nodiscard]] std::string line(bool ready, std::uint64_t sessions, const std::string& fault);
 
  private:
+  SparedNews spared_news_;
   std::string told_fault_;
   bool begun_ = false, was_ready_ = false;
   std::uint64_t sessions_ = 0, refused_ = 0;

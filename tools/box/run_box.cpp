@@ -12,6 +12,7 @@
 #include "tools/record/box_recorder.hpp"
 #include "tools/record/input_recorder.hpp"
 #include "tools/scene/host_info.hpp"
+#include "tools/scene/page_hook.hpp"
 
 namespace teletact {
 
@@ -95,13 +96,15 @@ int report_box(const DemoOptions& options, const BoxCommand& command, const BoxP
 }
 
 HostPlan admit_for(const Scene& scene, const BoxCommand& command,
-                   const tasks::Calibration& calibration) {
+                   const tasks::Calibration& calibration, bool page) {
   tasks::BestEffortShares shares;
+  if (page) shares.console += kPageShare;
   // The camera's twin renders on an ordinary thread of the robot's box.
   shares.camera_twin = scene.rgbd_dir.empty() ? 0.30 : 0.0;
   const auto cpus = rt::affinity_cpus();
-  return is_loopback(command.road.host) ? admit_host(scene, calibration, cpus, shares)
-                                        : admit_box(scene, calibration, cpus, shares, command.box);
+  return command.one_host || is_loopback(command.road.host)
+             ? admit_host(scene, calibration, cpus, shares)
+             : admit_box(scene, calibration, cpus, shares, command.box);
 }
 
 }  // namespace
@@ -111,7 +114,7 @@ int run_box(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
   BoxPlan plan;
   plan.calibration = as_asked(calibration, scene);
   plan.clock[0] = plan.clock[1] = {};  // each box has a clock of its own: this machine's
-  plan.host = admit_for(scene, command, calibration);
+  plan.host = admit_for(scene, command, calibration, options.page != nullptr);
   if (!plan.host.refusal.empty()) throw CouldNotStart("admission: " + plan.host.refusal);
   if (plan.host.voxel_m > 0) scene.graph.fusion.tsdf.voxel_size_m = plan.host.voxel_m;
   try {

@@ -18,6 +18,9 @@ struct BoxCommand {
   bool listens = true;
   RoadAddress road;
   bool plain = false;  // no TLS: loopback alone
+  // The other box is on this host too, though its address does not say so (another network
+  // namespace).
+  bool one_host = false;
   // With TLS (drivers/road/road_options.hpp): the folder of this box's keys, who must answer
   // (empty: any box of the other role that the lab's CA vouches for), what the road carries.
   std::string keys, peer;

@@ -18,6 +18,7 @@
 #include "tools/host/run_folder.hpp"
 #include "tools/record/box_recorder.hpp"
 #include "tools/record/input_recorder.hpp"
+#include "tools/scene/page_hook.hpp"
 
 namespace teletact {
 
@@ -43,6 +44,14 @@ std::string verdict(const Child& c, int status) {
                       : "");
 }
 
+// The camera's twin renders on an ordinary thread; a recording needs none.
+tasks::BestEffortShares shares_of(const Scene& scene, const DemoOptions& options) {
+  tasks::BestEffortShares shares;
+  shares.camera_twin = scene.rgbd_dir.empty() ? 0.30 : 0.0;
+  if (options.page != nullptr) shares.console += kPageShare;
+  return shares;
+}
+
 }  // namespace
 
 RealRun run_processes(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
@@ -51,10 +60,7 @@ RealRun run_processes(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& opt
   BoxPlan plan;
   plan.calibration = as_asked(calibration, scene);
   const auto cpus = rt::affinity_cpus();
-  // The camera's twin renders on an ordinary thread; a recording needs none.
-  tasks::BestEffortShares shares;
-  shares.camera_twin = scene.rgbd_dir.empty() ? 0.30 : 0.0;
-  plan.host = admit_host(scene, calibration, cpus, shares);
+  plan.host = admit_host(scene, calibration, cpus, shares_of(scene, options));
   run.admission = plan.host.admission;
   run.modes = plan.host.modes;
   run.best_effort = plan.host.request.best_effort;

@@ -2,6 +2,7 @@
 #   include/teletact/<module>/<folder>/   public headers; "rt/sched/admission.hpp" works as in the tree
 #   lib/cmake/teletact/                   find_package(teletact)
 #   share/teletact/config/                scenes, fault plans, limits; found by the program from bin/
+#   share/teletact/console/               the operator's page (tools/console/page)
 #   lib/systemd/system/                   units that run a box as a service
 include(CMakePackageConfigHelpers)
 get_property(headers GLOBAL PROPERTY teletact_private_headers)

@@ -309,26 +309,10 @@ void OperatorConsole::clear(rt::Time now) {
   }
 }
 
-// No mesh is sent while nothing changes: that fusion is alive is known from its samples. The age of a mesh is its age
-// when it arrives.
-void OperatorConsole::take_mesh(rt::Time now) {
-  auto& cells = box_.graph().cells();
-  if (!cells.has<tasks::EdgeId::kMesh>()) return;
-  const auto delta = cells.read<tasks::EdgeId::kMesh, tasks::kConsole>();
-  if (!delta) return;
-  if (delta->seq != mesh_.seq()) mesh_lag_ = now - delta->exposure;
-  for (auto& w : watches_) {
-    if (w.row().edge == tasks::EdgeId::kMesh && !w.within(now, fusion_heard_, now - mesh_lag_))
-      seen_.beyond.push_back("mesh");
-  }
-  if (delta->seq == mesh_.seq() || !mesh_.take(*delta)) return;
-  if (edits_scene_) box_.graph().requests().mesh_taken.store(delta->seq);
-}
-
 // In the order of the script. One that does not fit, or whose pixel shows nothing yet, is asked again.
 void OperatorConsole::edit(rt::Time now) {
   const auto& edits = scene_.operator_script.edits;
-  while (edits_scene_ && next_edit_ < edits.size()) {
+  while (edits_scene_ && !page_ && next_edit_ < edits.size()) {
     const EditConfig& e = edits[next_edit_];
     if (rt::seconds(now - epoch_) < e.at_s) return;
     perception::Vec3 centre_W(e.position_m[0], e.position_m[1], e.position_m[2]);
@@ -345,6 +329,7 @@ void OperatorConsole::edit(rt::Time now) {
 void OperatorConsole::tick(rt::Time now) {
   box_.graph().requests().console_ns.store(rt::ns_of(now));
   drain(now);
+  link_.drain(box_.graph().cells().link_samples);
   fold_samples();
   take_mesh(now);
   edit(now);
@@ -353,8 +338,10 @@ void OperatorConsole::tick(rt::Time now) {
     seen_.log_dropped = log_->dropped();
   }
   mind_device(now);
-  engage(now);
-  clear(now);
+  if (!page_) {
+    engage(now);
+    clear(now);
+  }
   resolve_points(now);
   if (touch_script_.asked()) {
     touch_script_.tick(now - epoch_, *seen_.view, *seen_.map);

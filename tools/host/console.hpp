@@ -12,6 +12,7 @@
 
 #include "tasks/graph/limits.hpp"
 #include "tools/host/view_tally.hpp"
+#include "tools/pictures/link_seen.hpp"
 #include "tools/scene/box_devices.hpp"
 #include "tools/touch/force_act.hpp"
 #include "tools/touch/touch_script.hpp"
@@ -85,10 +86,23 @@ class OperatorConsole {
   [[nodiscard]] const OperatorView& seen() const noexcept { return seen_; }
   [[nodiscard]] OperatorView take() { return std::move(seen_); }  // ends its use
   [[nodiscard]] OperatorView copy() const;
+  [[nodiscard]] const LinkSeen& link() const noexcept { return link_; }
   void ramp_down() noexcept { box_.graph().requests().ramp_down.store(true); }
   [[nodiscard]] std::string status_line(rt::Time now) const;
   // What the hand chose since the last call, a line each; mostly empty.
   [[nodiscard]] std::string news() { return touch_script_.news(); }
+  // From now on a person at a page asks for all that the script would have asked for: engage,
+  // clear, edits. What is asked is counted as the script's acts are.
+  void leave_to_page() noexcept { page_ = true; }
+  void count(std::uint32_t OperatorView::*act) noexcept { ++(seen_.*act); }
+  // Who else takes the mesh. kNone: nobody wants any, and fusion makes none; kWhole: it has
+  // nothing, deltas count from one with `restart` on. `take` sees each delta that counts.
+  enum class MeshWanted : std::uint8_t { kNone, kDeltas, kWhole };
+  struct MeshTaker {
+    std::function<MeshWanted()> wants;
+    std::function<void(const perception::MeshDelta&)> take;
+  };
+  void mesh_also_to(MeshTaker taker) { mesh_taker_ = std::move(taker); }
   // From now on it asks nothing of the scene, and does not say what it has taken of the mesh.
   void leave_the_scene() noexcept { edits_scene_ = false; }
   // The mesh as far as it was told to this console; empty where the scene asks for none.
@@ -123,10 +137,12 @@ class OperatorConsole {
   rt::Nanos mesh_lag_{0};  // from the newest image in the mesh to its arrival
   rt::Time held_since_{}, stopped_since_{}, pressed_since_{};
   bool followed_ = false;  // an engage has been followed in this run
-  bool engage_shown_ = false, edits_scene_ = true;
+  bool engage_shown_ = false, edits_scene_ = true, page_ = false;
   std::size_t next_edit_ = 0;
   std::ptrdiff_t most_moving_px_ = 0;
   perception::MeshStore mesh_;
+  LinkSeen link_;
+  MeshTaker mesh_taker_;
   std::unique_ptr<rt::LogDrain> log_;
 };
 

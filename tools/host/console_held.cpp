@@ -1,9 +1,11 @@
-// Of the operator's console: its status line, and why the base stands.
+// Of the operator's console: its status line, why the base stands, the mesh that it is told of.
 #include <algorithm>
 #include <cstdio>
 
+#include "tasks/fusion/fusion_io.hpp"
 #include "tasks/robot_io/robot_io_task.hpp"
 #include "tools/host/console.hpp"
+#include "tools/pictures/picture_words.hpp"
 #include "tools/record/box_recorder.hpp"
 
 namespace teletact {
@@ -87,17 +89,48 @@ std::string OperatorConsole::status_line(rt::Time now) const {
                   seen_.world.unsure ? "  STANDS: where it is, is not sure enough" : "");
   else if (seen_.world.follows_camera)
     std::snprintf(sure, sizeof sure, "  where it is, is not known yet");
-  char line[640];
+  const auto& link = box_.graph().link();
+  std::optional<rt::Nanos> age;
+  if (const auto seen_ns = link.picture_ns.load(); seen_ns != 0)
+    age = rt::Nanos{rt::ns_of(now) - seen_ns};
+  const std::string spared = spared_text(link.spared());
+  const std::string picture =
+      "  picture " + age_text(age) + (spared.empty() ? "" : "  LOWERED: " + spared);
+  char line[960];
   std::snprintf(line, sizeof line,
                 "%5.1f s  %-9s  force %5.2f N  reach %3.0f %%  frames %4ld  marks %u  paths %u  "
-                "%-8s  robot (%.2f, %.2f) m%s%s%s%s%s",
+                "%-8s  robot (%.2f, %.2f) m%s%s%s%s%s%s",
                 rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
                 static_cast<double>(force), 100 * static_cast<double>(reach),
                 static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
                 phases[static_cast<int>(seen_.task.phase)], X_WB.x, X_WB.y, sure, why.c_str(),
                 moving, force_act_.waits() ? "  forces off: press the clutch and let go" : "",
-                old.c_str());
+                old.c_str(), picture.c_str());
   return line;
+}
+
+// No mesh is sent while nothing changes: that fusion is alive is known from its samples. The age of
+// a mesh is its age when it arrives.
+void OperatorConsole::take_mesh(rt::Time now) {
+  auto& cells = box_.graph().cells();
+  if (!cells.has<tasks::EdgeId::kMesh>()) return;
+  auto& taken = box_.graph().requests().mesh_taken;
+  const MeshWanted wanted = mesh_taker_.wants ? mesh_taker_.wants() : MeshWanted::kDeltas;
+  if (wanted == MeshWanted::kNone) return taken.store(tasks::kMeshUnwanted);
+  const auto delta = cells.read<tasks::EdgeId::kMesh, tasks::kConsole>();
+  if (!delta) return;
+  if (delta->seq != mesh_.seq()) mesh_lag_ = now - delta->exposure;
+  for (auto& w : watches_) {
+    if (w.row().edge == tasks::EdgeId::kMesh && !w.within(now, fusion_heard_, now - mesh_lag_))
+      seen_.beyond.push_back("mesh");
+  }
+  // To who has nothing no delta counts but one that begins anew, which comes when none is taken.
+  const bool counts = wanted != MeshWanted::kWhole || delta->restart;
+  if (!counts && edits_scene_) taken.store(0);
+  if (!counts || (delta->seq == mesh_.seq() && wanted == MeshWanted::kDeltas)) return;
+  if (delta->seq != mesh_.seq() && !mesh_.take(*delta)) return;
+  if (mesh_taker_.take) mesh_taker_.take(*delta);
+  if (edits_scene_) taken.store(delta->seq);
 }
 
 }  // namespace teletact

@@ -49,8 +49,7 @@ class FedDevice final : public drivers::HapticDevice {
 
 class FedBus final : public drivers::MotorBus {
  public:
-  [[nodiscard]] drivers::BusStatus exchange(rt::Time, const drivers::MotorSetpoints&,
-                                            drivers::MotorStates& states) noexcept override {
+  [[nodiscard]] drivers::BusStatus sense(rt::Time, drivers::MotorStates& states) noexcept override {
     const auto status = static_cast<drivers::BusStatus>(fed.status);
     if (status != drivers::BusStatus::kOk) return status;
     states.seq = fed.seq;
@@ -60,6 +59,10 @@ class FedBus final : public drivers::MotorBus {
     states.current_A = fed.current_A;
     states.flags = fed.flags;
     return status;
+  }
+  // What became of it is with the next job's input.
+  [[nodiscard]] drivers::BusStatus act(rt::Time, const drivers::MotorSetpoints&) noexcept override {
+    return drivers::BusStatus::kOk;
   }
   void make_safe() noexcept override {}
   MotorInput fed;
@@ -341,7 +344,12 @@ ReplayResult replay_operator(rt::NonRealtime& nrt, const Scene& scene, const Box
       inputs.word(device->fed.seq << 2U | device->fed.buttons);
     } else if (id == TaskId::kFusion) {
       set_scene(graph, op.get<SceneInput>(), inputs);
-    } else if (id == TaskId::kPrediction || id == TaskId::kSupervision) {
+    } else if (id == TaskId::kPlanning) {
+      set_act(graph, op.get<TouchInput>(), inputs);
+    } else if (id == TaskId::kPrediction) {
+      set_words(graph.link(), graph.requests(), op.get<DriveInput>().status);
+      set_drive(graph, op.get<DriveInput>(), inputs);
+    } else if (id == TaskId::kSupervision) {
       set_words(graph.link(), graph.requests(), op.get<StatusInput>());
     }
   };

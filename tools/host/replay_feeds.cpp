@@ -36,6 +36,35 @@ void set_scene(tasks::OperatorGraph& graph, const SceneInput& s, rt::Hash64& inp
       graph.cells().ring<tasks::EdgeId::kEdit, tasks::TaskId::kFusion>().try_push(edit));
 }
 
+void set_act(tasks::OperatorGraph& graph, const TouchInput& in, rt::Hash64& inputs) {
+  inputs.word(in.acted);
+  if (in.acted == 0) return;
+  tasks::OperatorAct act;
+  act.seq = in.seq;
+  act.stamp = rt::time_from_ns(in.stamp_ns);
+  act.kind = static_cast<tasks::OperatorAct::Kind>(in.kind);
+  act.turns = in.turns != 0;
+  act.p_W = {in.p_W[0], in.p_W[1], in.p_W[2]};
+  act.normal_W = {in.normal_W[0], in.normal_W[1], in.normal_W[2]};
+  act.yaw_rad = in.yaw_rad;
+  inputs.word(in.kind);
+  for (const double x : in.p_W) inputs.value(x);
+  static_cast<void>(
+      graph.cells().ring<tasks::EdgeId::kAct, tasks::TaskId::kPlanning>().try_push(act));
+}
+
+void set_drive(tasks::OperatorGraph& graph, const DriveInput& in, rt::Hash64& inputs) {
+  using tasks::EdgeId;
+  if (in.number == 0) return;
+  inputs.word(in.seq);
+  for (const double x : {in.vx, in.vy, in.wz}) inputs.value(x);
+  auto& cell = graph.cells().of<EdgeId::kDrive>().cell;  // past its gate: it has been through it
+  while (cell.latest_seq() < in.number) {
+    cell.begin_write() = {in.seq, rt::time_from_ns(in.stamp_ns), in.held != 0, in.vx, in.vy, in.wz};
+    cell.publish(rt::time_from_ns(in.published_ns));
+  }
+}
+
 void set_demand(tasks::RobotGraph& graph, const CameraInput& in, rt::Hash64& inputs) {
   using tasks::EdgeId;
   if (in.number == 0 || !graph.cells().has<EdgeId::kDemand>()) return;

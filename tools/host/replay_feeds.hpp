@@ -13,6 +13,9 @@ namespace teletact {
 void set_words(tasks::LinkStatus& link, tasks::OperatorRequests& requests, const StatusInput& s);
 // What the console asked of the scene, for fusion.
 void set_scene(tasks::OperatorGraph& graph, const SceneInput& s, rt::Hash64& inputs);
+// What the operator asked of planning; the velocity by hand, for prediction, under its number.
+void set_act(tasks::OperatorGraph& graph, const TouchInput& in, rt::Hash64& inputs);
+void set_drive(tasks::OperatorGraph& graph, const DriveInput& in, rt::Hash64& inputs);
 // The link's demand for a frame, for capture, under the number that it had.
 void set_demand(tasks::RobotGraph& graph, const CameraInput& in, rt::Hash64& inputs);
 

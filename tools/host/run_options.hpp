@@ -21,6 +21,8 @@ namespace teletact {
 
 inline constexpr double kWholeDemo_s = 20;  // of a scene without a recording
 
+class PageHook;
+
 struct DemoOptions {
   std::string scene_path;
   std::vector<std::string> overrides;
@@ -43,6 +45,7 @@ struct DemoOptions {
   double cut_link_at_s = -1;  // the cable is cut then
   double black_box_s = 5;     // seconds that a black box holds; 0: none
   double passer_from_s = -1;  // virtual clock: somebody walks before the camera from then on
+  PageHook* page = nullptr;   // somebody sits at a page; null: nobody (page_hook.hpp)
   bool record = false;        // inputs of both boxes to <report>/raw, for a replay
   std::string save_map;       // file for fusion's map at the end; empty: none
   // Virtual clock, for tests: called once, between two jobs, at this instant of the run.

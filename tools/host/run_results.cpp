@@ -22,9 +22,9 @@ namespace {
 // Plain records in and out. The file is read by the build that wrote it, on the same host.
 struct Saver {
   std::ofstream out;
-  template <class T>
-  void one(const T& v) {
-    out.write(reinterpret_cast<const char*>(&v), sizeof v);
+  template <class... T>
+  void one(const T&... v) {
+    (out.write(reinterpret_cast<const char*>(&v), sizeof v), ...);
   }
   template <class T>
   void many(const std::vector<T>& v) {
@@ -99,6 +99,8 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.one(h.view.fusion_past);
     s.many(h.view.touched_past);
     s.many(h.view.fusion);
+    s.many(h.link.newest);
+    s.one(h.link.past);
     s.many(h.view.paths);
     s.one(h.view.task);
     s.one(h.view.camera);
@@ -110,18 +112,14 @@ void save_half(const std::string& folder, const OperatorHalf& h) {
     s.one(h.view.error_max_m);
     s.one(h.view.unsure_s);
     s.one(h.view.held_s);
-    s.one(h.view.held);
-    s.one(h.view.held_ms);
-    s.one(h.view.held_limit_ms);
+    s.one(h.view.held, h.view.held_ms, h.view.held_limit_ms);
     s.many(h.view.arrived);
     s.one(h.view.arrivals);
     s.one(h.view.first_arrival);
     s.one(h.view.points_resolved);
     s.many(h.view.visits);
     s.one(h.view.device_brakes);
-    s.one(h.view.engages);
-    s.one(h.view.clears);
-    s.one(h.view.edits);
+    s.one(h.view.engages, h.view.clears, h.view.edits);
     s.one(h.view.log_dropped);
     s.one(*h.view.view);
     s.one(*h.view.map);
@@ -143,19 +141,19 @@ void load_half(const std::string& folder, OperatorHalf& h, const rt::StorePiece&
   h.complete = false;
   (void)(l.one(h.epoch_ns) && l.many(h.view.haptic) && l.many(h.view.haptic_thin.kept) &&
          l.one(h.view.haptic_past) && l.one(h.view.fusion_past) && l.many(h.view.touched_past) &&
-         l.many(h.view.fusion) && l.many(h.view.paths) && l.one(h.view.task) &&
-         l.one(h.view.camera) && l.one(h.view.objects) && l.one(h.view.objects_named) &&
-         l.one(h.view.mode) && l.one(h.view.robot) && l.one(h.view.world) &&
-         l.one(h.view.error_max_m) && l.one(h.view.unsure_s) && l.one(h.view.held_s) &&
-         l.one(h.view.held) && l.one(h.view.held_ms) && l.one(h.view.held_limit_ms) &&
-         l.many(h.view.arrived) && l.one(h.view.arrivals) && l.one(h.view.first_arrival) &&
-         l.one(h.view.points_resolved) && l.many(h.view.visits) && l.one(h.view.device_brakes) &&
-         l.one(h.view.engages) && l.one(h.view.clears) && l.one(h.view.edits) &&
-         l.one(h.view.log_dropped) && l.one(*h.view.view) && l.one(*h.view.map) &&
-         l.one(*h.view.moving_view) && l.one(*h.view.moving_map) && l.many(h.totals) &&
-         l.one(h.dropped_records) && l.one(h.hangs) && l.one(h.link_round_trip_ns) &&
-         l.one(h.link_uncertainty_ns) && l.one(h.force_check) && l.one(h.ordinary) &&
-         l.one(h.complete));
+         l.many(h.view.fusion) && l.many(h.link.newest) && l.one(h.link.past) &&
+         l.many(h.view.paths) && l.one(h.view.task) && l.one(h.view.camera) &&
+         l.one(h.view.objects) && l.one(h.view.objects_named) && l.one(h.view.mode) &&
+         l.one(h.view.robot) && l.one(h.view.world) && l.one(h.view.error_max_m) &&
+         l.one(h.view.unsure_s) && l.one(h.view.held_s) && l.one(h.view.held) &&
+         l.one(h.view.held_ms) && l.one(h.view.held_limit_ms) && l.many(h.view.arrived) &&
+         l.one(h.view.arrivals) && l.one(h.view.first_arrival) && l.one(h.view.points_resolved) &&
+         l.many(h.view.visits) && l.one(h.view.device_brakes) && l.one(h.view.engages) &&
+         l.one(h.view.clears) && l.one(h.view.edits) && l.one(h.view.log_dropped) &&
+         l.one(*h.view.view) && l.one(*h.view.map) && l.one(*h.view.moving_view) &&
+         l.one(*h.view.moving_map) && l.many(h.totals) && l.one(h.dropped_records) &&
+         l.one(h.hangs) && l.one(h.link_round_trip_ns) && l.one(h.link_uncertainty_ns) &&
+         l.one(h.force_check) && l.one(h.ordinary) && l.one(h.complete));
   if (auto log = rt::read_run(folder + "/operator.run", piece)) h.log = std::move(log).value();
 }
 
@@ -455,7 +453,7 @@ void add_metrics(const RunInfo& info, const OperatorHalf& op, const RobotHalf& r
   m.add("log.dropped", static_cast<double>(op.view.log_dropped + robot.view.log_dropped), "1");
   m.add("audit.dropped", static_cast<double>(op.dropped_records + robot.dropped_records), "1");
   m.add("effects.constructed", static_cast<double>(info.effects.size()), "1");
-  m.add("link.round_trip_ms", 1e-6 * static_cast<double>(op.link_round_trip_ns), "ms");
+  add_link_metrics(op.link, op.link_round_trip_ns, m);
   for (const auto& o : ordinary_shares(info, op, robot)) {
     m.add("best_effort." + o.name + "_share", o.share, "1");
     m.add("best_effort." + o.name + "_declared", o.declared, "1");

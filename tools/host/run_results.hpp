@@ -36,6 +36,7 @@ struct OrdinaryCpu {
 struct OperatorHalf {
   rt::RunLog log;
   OperatorView view;
+  LinkSeen link;
   std::vector<BoxTotals> totals;
   std::int64_t epoch_ns = 0;  // operator box clock
   std::uint64_t dropped_records = 0, hangs = 0;

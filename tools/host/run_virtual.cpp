@@ -22,6 +22,7 @@
 #include "tools/host/sim_link.hpp"
 #include "tools/record/box_recorder.hpp"
 #include "tools/record/input_recorder.hpp"
+#include "tools/scene/page_hook.hpp"
 #include "tools/touch/force_check.hpp"
 
 namespace teletact {
@@ -95,6 +96,26 @@ std::int64_t execute(std::vector<rt::PlacedTask> placed, rt::CostModel& costs, c
   return stopped ? executor.now_host_ns() : plan.epoch_host_ns + plan.duration.count();
 }
 
+// Ends the consoles' use.
+void take_views(VirtualRun& run, OperatorConsole& op, RobotConsole& robot) {
+  run.op.link = op.link();
+  run.op.view = op.take();
+  run.robot.view = robot.take();
+}
+
+// The tasks' logs into files, and to the black boxes that there will be.
+void log_both(rt::NonRealtime& nrt, const std::string& folder, OperatorConsole& op,
+              const std::unique_ptr<BoxRecorder>& op_last, RobotConsole& robot,
+              const std::unique_ptr<BoxRecorder>& robot_last) {
+  std::filesystem::create_directories(folder);
+  op.log_to(nrt, folder + "/operator.log", [&](std::string_view line) {
+    if (op_last) op_last->line(line);
+  });
+  robot.log_to(nrt, folder + "/robot.log", [&](std::string_view line) {
+    if (robot_last) robot_last->line(line);
+  });
+}
+
 }  // namespace
 
 VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
@@ -146,6 +167,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
       op_inputs->wrap(op_options);
       robot_inputs->wrap(robot_options);
     }
+    put_page_hand(nrt, options.page, op_options);
     robot = std::make_unique<RobotBox>(nrt, scene, robot_options);
     op = std::make_unique<OperatorBox>(nrt, scene, camera, op_options);
     if (options.record) {
@@ -162,19 +184,16 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
           "link: no handshake before the start; lower the delay of link.shape or link.network");
     op_console = std::make_unique<OperatorConsole>(*op, scene, op_options.epoch);
     robot_console = std::make_unique<RobotConsole>(*robot);
-    if (!options.log_folder.empty()) {
-      std::filesystem::create_directories(options.log_folder);
-      op_console->log_to(nrt, options.log_folder + "/operator.log", [&](std::string_view line) {
-        if (op_last) op_last->line(line);
-      });
-      robot_console->log_to(nrt, options.log_folder + "/robot.log", [&](std::string_view line) {
-        if (robot_last) robot_last->line(line);
-      });
-    }
+    if (!options.log_folder.empty())
+      log_both(nrt, options.log_folder, *op_console, op_last, *robot_console, robot_last);
+    if (options.page != nullptr)
+      options.page->open(*op, *op_console, scene, op_options.epoch,
+                         options.paced ? PageHook::Clock::kPaced : PageHook::Clock::kFree);
     if (!scene.rgbd_dir.empty())
       forces.emplace(scene.graph.haptic.stiffness_N_per_m, scene.graph.haptic.scale);
     owned.push_back(std::make_unique<Periodic>(epoch + 7000000, 20000000, [&](std::int64_t t) {
       op_console->tick(kOperatorClock.from_host(t));
+      if (options.page != nullptr) options.page->tick(kOperatorClock.from_host(t));
       if (forces) forces->look(op->graph().fusion().map(), op_console->seen().haptic);
       robot_console->tick(kRobotClock.from_host(t));
       if (!options.quiet) std::fputs(op_console->news().c_str(), stdout);
@@ -279,6 +298,7 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
   for (auto* inputs : {op_inputs.get(), robot_inputs.get()}) {
     if (inputs != nullptr) inputs->finish();
   }
+  if (op && options.page != nullptr) options.page->close();
   if (op) {
     op_console->tick(kOperatorClock.from_host(end));
     robot_console->tick(kRobotClock.from_host(end));
@@ -288,12 +308,11 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
     if (op_last) say_black_boxes(options.log_folder);
     save_scene(nrt, *op_console, op->graph().fusion(), options.log_folder, options.save_map);
     run.op.link_round_trip_ns = op->endpoint().round_trip().count();
-    run.op.view = op_console->take();
+    take_views(run, *op_console, *robot_console);
     run.op.force_check =
         forces ? forces->result()
                : check_force(op->graph().fusion().map(), run.op.view.haptic,
                              scene.graph.haptic.stiffness_N_per_m, scene.graph.haptic.scale);
-    run.robot.view = robot_console->take();
     run.robot.camera_twin_cpu_ns = robot->camera_twin_cpu_ns();
   }
   run.op.complete = run.robot.complete = true;

@@ -17,6 +17,7 @@
 #include "tools/measure/bench/drift.hpp"
 #include "tools/measure/bench/fusion_peer.hpp"
 #include "tools/measure/bench/fuzz.hpp"
+#include "tools/measure/bench/link/link_bench.hpp"
 #include "tools/measure/bench/log_bench.hpp"
 #include "tools/measure/bench/rings.hpp"
 #include "tools/measure/bench/table1.hpp"
@@ -159,9 +160,8 @@ struct EffectsBench {
   void add_to(CLI::App& app) {
     app.add_option("--effect", effect, "effects: this one alone, by its name in teletact explain");
     app.add_option("--write", file,
-                   "effects: write the table that teletact explain prints; prediction, days: write "
-                   "the page of "
-                   "docs/measured");
+                   "effects: write the table that teletact explain prints; prediction, days, link: "
+                   "write the page of docs/measured");
     app.add_option("--span", span_s, "effects: simulated seconds of a run")
         ->check(in_range(1, 600))
         ->capture_default_str();
@@ -207,6 +207,25 @@ struct DaysBench {
   }
 };
 
+struct LinkBench {
+  LinkBenchOptions options;
+  explicit LinkBench(CLI::App& app) {
+    app.add_option("--link-run", options.only, "link: these runs alone")
+        ->check(CLI::IsMember(link_run_names()))
+        ->delimiter(',');
+    app.add_option("--run-seconds", options.seconds, "link: of rest, strict and lenient")
+        ->check(in_range(20, 600))
+        ->capture_default_str();
+  }
+  [[nodiscard]] LinkBenchResult run(const std::string& page, int argc, char** argv) const {
+    std::string command = "teletact";
+    for (int i = 0; i < argc; ++i) command += " " + std::string(argv[i]);
+    LinkBenchResult result = bench_link(std::cerr, options);
+    if (!page.empty()) write_whole_file(page, result.page(command));
+    return result;
+  }
+};
+
 struct PredictionBench {
   TraceSetOptions options;
   std::string logs = "../shared/data/odometry";
@@ -241,22 +260,16 @@ struct PredictionBench {
 }  // namespace
 
 int cmd_bench(int argc, char** argv) {
-  CLI::App app{
-      "Measures one part beside its peers. WHAT: rings, wakeup, audit, table1, table2, "
-      "segmentation, fusion, codec, drift, fuzz, haptic, boundary, prediction, effects, days. Ends "
-      "with "
-      "1 "
-      "when a "
-      "limit is missed."};
+  CLI::App app{"Measures one part beside its peers. Ends with 1 when a limit is missed."};
   std::string what, json;
   int rounds = 9;
   double slice_s = 1.0;
   const std::vector<std::string> names = {
       "rings", "wakeup", "audit",  "table1",   "table2",     "segmentation", "fusion", "codec",
-      "drift", "fuzz",   "haptic", "boundary", "prediction", "effects",      "days"};
+      "drift", "fuzz",   "haptic", "boundary", "prediction", "effects",      "days",   "link"};
   app.add_option("WHAT", what,
                  "rings | wakeup | audit | table1 | table2 | segmentation | fusion | codec | drift "
-                 "| fuzz | haptic | boundary | prediction | effects | days")
+                 "| fuzz | haptic | boundary | prediction | effects | days | link")
       ->required()
       ->check(CLI::IsMember(names));
   app.add_option("--rounds", rounds, "interleaved rounds")
@@ -300,6 +313,7 @@ int cmd_bench(int argc, char** argv) {
   haptic.add_to(app);
   PredictionBench prediction(app);
   DaysBench days(app);
+  const LinkBench link(app);
   int frames = 0;
   DriftOptions drift;
   app.add_option(
@@ -361,6 +375,8 @@ int cmd_bench(int argc, char** argv) {
     take(fuzz.run(seed));
   } else if (what == "days") {
     take(days.run(effects.file, argc, argv));
+  } else if (what == "link") {
+    take(link.run(effects.file, argc, argv));
   } else if (what == "prediction") {
     take(prediction.run(app, seed, haptic.svg, effects.file));
   } else if (what == "table1" || what == "fusion") {

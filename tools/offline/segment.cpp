@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "perception/geometry/no_colour.hpp"
+#include "perception/segmentation/click_segmenter.hpp"
 #include "perception/segmentation/object_summary.hpp"
 #include "perception/segmentation/region_merge.hpp"
 #include "perception/segmentation/touch_segmenter.hpp"
@@ -37,11 +38,11 @@ struct Selected {
 
 double cpu_ms() { return 1e-6 * static_cast<double>(rt::thread_cpu_ns()); }
 
-Touch parse_touch(const std::string& text, int width, int height) {
-  const auto v = number_list("--touch", text, 2, 2);
+Touch parse_touch(const std::string& option, const std::string& text, int width, int height) {
+  const auto v = number_list(option, text, 2, 2);
   if (v[0] != std::floor(v[0]) || v[1] != std::floor(v[1]) || v[0] < 0 || v[1] < 0 ||
       v[0] >= width || v[1] >= height) {
-    throw std::runtime_error("--touch " + text + ": must be a pixel of the image, 0..." +
+    throw std::runtime_error(option + " " + text + ": must be a pixel of the image, 0..." +
                              std::to_string(width - 1) + ",0..." + std::to_string(height - 1));
   }
   return {static_cast<int>(v[0]), static_cast<int>(v[1])};
@@ -96,10 +97,10 @@ class Segmenter {
     return s;
   }
 
-  [[nodiscard]] perception::ObjectSummary summary(const Selected& s) const {
+  [[nodiscard]] perception::ObjectSummary summary(const std::vector<int>& pixels) const {
     std::vector<perception::Vec3f> points;
     std::vector<Rgb> colours;
-    for (const int i : s.pixels) {
+    for (const int i : pixels) {
       colours.push_back(rgb_.data()[i]);
       if (depth_ == nullptr || !(points_.z_mm()[i] > 0)) continue;
       points.push_back(1e-3F *
@@ -212,7 +213,7 @@ Image<std::uint16_t> segment_touches(const SegmentOptions& o, const Image<Rgb>& 
                                      Metrics& metrics) {
   const int w = rgb.width(), h = rgb.height();
   std::vector<Touch> touches;
-  for (const std::string& t : o.touches) touches.push_back(parse_touch(t, w, h));
+  for (const std::string& t : o.touches) touches.push_back(parse_touch("--touch", t, w, h));
   const auto depth = read_depth(o, w, h);
   const double t0 = cpu_ms();
   Segmenter segmenter(o, rgb, depth ? &depth->image : nullptr,
@@ -225,12 +226,47 @@ Image<std::uint16_t> segment_touches(const SegmentOptions& o, const Image<Rgb>& 
       const auto p = static_cast<std::size_t>(s.pixels[i]);
       if (s.d[i] < least[p]) least[p] = s.d[i], out.data()[p] = static_cast<std::uint16_t>(n + 1);
     }
-    add_metrics(metrics, static_cast<int>(n + 1), segmenter.summary(s), s.pixels.size());
+    add_metrics(metrics, static_cast<int>(n + 1), segmenter.summary(s.pixels), s.pixels.size());
   }
   for (std::size_t n = 0; n < touches.size(); ++n) {
     out.at(touches[n].u, touches[n].v) = static_cast<std::uint16_t>(n + 1);
   }
   metrics.add("segment.cpu_ms", cpu_ms() - t0, "ms");
+  return out;
+}
+
+// One object, by all the clicks together.
+Image<std::uint16_t> segment_clicks(const SegmentOptions& o, const Image<Rgb>& rgb,
+                                    Metrics& metrics) {
+  const int w = rgb.width(), h = rgb.height();
+  std::vector<perception::Click> clicks;
+  for (const std::string& text : o.touches) {
+    const Touch t = parse_touch("--touch", text, w, h);
+    clicks.push_back({t.u, t.v, true});
+  }
+  for (const std::string& text : o.nots) {
+    const Touch t = parse_touch("--not", text, w, h);
+    clicks.push_back({t.u, t.v, false});
+  }
+  const auto depth = read_depth(o, w, h);
+  if (!depth) throw std::runtime_error("--not and --one-object need --depth");
+  const auto unit = static_cast<float>(o.depth_unit_mm);
+  const double t0 = cpu_ms();
+  perception::ClickSegmenter segmenter(w, h);
+  segmenter.set_frame(rgb.view(), depth->image.view(), depth->k, unit);
+  const auto answer = segmenter.segment(clicks);
+  if (perception::refused(answer))
+    throw std::runtime_error(std::string("--touch, --not: ") + perception::reason(answer));
+  Image<std::uint16_t> out(w, h, 0);
+  std::vector<int> pixels;
+  for (int i = 0; i < w * h; ++i) {
+    if (!segmenter.in(i % w, i / w)) continue;
+    out.data()[i] = 1;
+    pixels.push_back(i);
+  }
+  metrics.add("segment.cpu_ms", cpu_ms() - t0, "ms");
+  add_metrics(metrics, 1, Segmenter(o, rgb, &depth->image, depth->k).summary(pixels),
+              pixels.size());
   return out;
 }
 
@@ -244,8 +280,10 @@ void segment_image(const SegmentOptions& o) {
   if (rgb.width() < 2 || rgb.height() < 2)
     throw std::runtime_error(o.color + ": is below 2 x 2 pixels");
   Metrics metrics("segment");
-  const Image<std::uint16_t> labels =
-      o.whole ? segment_all(o, rgb, metrics) : segment_touches(o, rgb, metrics);
+  const bool one = o.one_object || !o.nots.empty();
+  const Image<std::uint16_t> labels = o.whole ? segment_all(o, rgb, metrics)
+                                      : one   ? segment_clicks(o, rgb, metrics)
+                                              : segment_touches(o, rgb, metrics);
   const std::string png = encode_labels(labels.view());
   write_outputs({{o.out, [&](const auto& path) { write_whole_file(path, png); }},
                  {o.json, [&](const auto& path) { metrics.write(path); }}});

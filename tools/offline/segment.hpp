@@ -11,8 +11,8 @@ namespace teletact {
 
 struct SegmentOptions {
   std::string color, depth, intrinsics, method = "default", out, json;
-  std::vector<std::string> touches;
-  bool whole = false;
+  std::vector<std::string> touches, nots;
+  bool whole = false, one_object = false;  // one_object: all touches name the same one
   double depth_unit_mm = 1;
   perception::GrowConfig grow;
 };

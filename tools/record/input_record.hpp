@@ -7,7 +7,7 @@
 // Everything else a job uses another task of the box published; its sequence number says which one.
 //
 // File, of this machine's layout, read by the build that wrote it:
-//   text   "teletact-inputs 9 <sizeof JobOp>", one "key value" a line, an empty line
+//   text   "teletact-inputs 10 <sizeof JobOp>", one "key value" a line, an empty line
 //   'O' JobOp          the latch or the end of a job; in order within a task
 //   'M' MessageHead, bytes     a message as it arrived on the link, in order
 //   'F' FrameHead, depth, colour    a camera frame as its driver gave it, in order
@@ -77,10 +77,17 @@ struct MotorInput {  // robot_io
   std::int64_t link_heard_ns = 0;
   std::uint8_t status = 0, link_closed = 0;
   std::uint8_t safety = 0;  // drivers::to_byte(SafetyInputs); 0: none are fitted
+  std::uint8_t sent = 0;    // status of the write before it
 };
 struct TouchInput {         // planning
   std::uint64_t taken = 0;  // events taken off the ring since the start
   std::uint8_t full = 0;    // it took all it had room for; there may have been more
+  std::uint8_t acted = 0;   // it took an act of the operator off its ring: the fields below
+  std::uint8_t kind = 0, turns = 0;
+  std::uint64_t seq = 0;
+  std::int64_t stamp_ns = 0;
+  std::array<double, 3> p_W{}, normal_W{};
+  double yaw_rad = 0;
 };
 struct StatusInput {  // prediction and both supervisions
   std::int64_t last_heard_ns = 0, round_trip_ns = 0, uncertainty_ns = 0;
@@ -88,6 +95,13 @@ struct StatusInput {  // prediction and both supervisions
   std::int32_t engage = 0;
   std::uint8_t refused = 0, expected = 0, closed = 0, ramp_down = 0, stop = 0, clear = 0,
                watchdog_bit = 0;
+};
+struct DriveInput {  // prediction: the words above, and what it took of the edge `drive`
+  StatusInput status;
+  std::uint64_t number = 0, seq = 0;  // number 0: nothing yet
+  std::int64_t stamp_ns = 0, published_ns = 0;
+  double vx = 0, vy = 0, wz = 0;
+  std::uint8_t held = 0;
 };
 struct SceneInput {  // fusion
   std::uint64_t mesh_taken = 0, seq = 0;

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "drivers/camera/frame_copy.hpp"
+#include "tools/record/latched_inputs.hpp"
 
 namespace teletact {
 
@@ -49,55 +50,6 @@ Seqs published(tasks::RobotCells& cells, int writer) noexcept {
   return published_in<rt::Box::kRobot>(cells, writer);
 }
 
-namespace {
-
-StatusInput status_input(const tasks::LatchedStatus& s) noexcept {
-  StatusInput in;
-  in.last_heard_ns = s.last_heard_ns;
-  in.round_trip_ns = s.round_trip_ns;
-  in.uncertainty_ns = s.uncertainty_ns;
-  in.engage = s.engage;
-  in.refused = s.refused;
-  in.expected = s.expected;
-  in.closed = s.closed;
-  in.session = s.session;
-  in.ramp_down = s.ramp_down;
-  in.stop = s.stop;
-  in.clear = s.clear;
-  in.watchdog_bit = s.watchdog_bit;
-  return in;
-}
-
-SceneInput scene_input(const tasks::LatchedStatus& s) noexcept {
-  SceneInput in;
-  in.mesh_taken = s.mesh_taken;
-  if (!s.edit) return in;
-  in.seq = s.edit->seq;
-  in.stamp_ns = rt::ns_of(s.edit->stamp);
-  in.centre_W = s.edit->centre_W;
-  in.half_m = s.edit->half_m;
-  in.yaw_rad = s.edit->yaw_rad;
-  in.id = s.edit->id;
-  in.kind = static_cast<std::uint8_t>(s.edit->kind);
-  in.taken = 1;
-  return in;
-}
-
-CameraInput camera_input(std::uint8_t status, const tasks::LatchedDemand& d) noexcept {
-  CameraInput in;
-  in.status = status;
-  in.coarser = d.demand.coarser;
-  in.key = d.demand.key;
-  in.rate_kbit_per_s = d.demand.rate_kbit_per_s;
-  in.number = d.number;
-  in.seq = d.demand.seq;
-  in.made_ns = rt::ns_of(d.demand.made);
-  in.published_ns = rt::ns_of(d.at);
-  return in;
-}
-
-}  // namespace
-
 // Keeps the newest sample for the job's own record: both happen in one latch.
 class InputRecorder::HapticTap final : public drivers::HapticDevice {
  public:
@@ -131,9 +83,9 @@ class InputRecorder::HapticTap final : public drivers::HapticDevice {
 class InputRecorder::BusTap final : public drivers::MotorBus {
  public:
   explicit BusTap(drivers::MotorBus& inner) : inner_(inner) {}
-  [[nodiscard]] drivers::BusStatus exchange(rt::Time now, const drivers::MotorSetpoints& setpoints,
-                                            drivers::MotorStates& states) noexcept override {
-    const auto status = inner_.exchange(now, setpoints, states);
+  [[nodiscard]] drivers::BusStatus sense(rt::Time now,
+                                         drivers::MotorStates& states) noexcept override {
+    const auto status = inner_.sense(now, states);
     newest.seq = states.seq;
     newest.taken_ns = rt::ns_of(states.taken);
     newest.wheel_rad = states.wheel_rad;
@@ -141,6 +93,13 @@ class InputRecorder::BusTap final : public drivers::MotorBus {
     newest.current_A = states.current_A;
     newest.flags = states.flags;
     newest.status = static_cast<std::uint8_t>(status);
+    newest.sent = sent_;
+    return status;
+  }
+  [[nodiscard]] drivers::BusStatus act(rt::Time now,
+                                       const drivers::MotorSetpoints& setpoints) noexcept override {
+    const auto status = inner_.act(now, setpoints);
+    sent_ = static_cast<std::uint8_t>(status);
     return status;
   }
   void rearm() noexcept override { inner_.rearm(); }
@@ -149,6 +108,7 @@ class InputRecorder::BusTap final : public drivers::MotorBus {
 
  private:
   drivers::MotorBus& inner_;
+  std::uint8_t sent_ = 0;
 };
 
 class InputRecorder::SafetyTap final : public drivers::SafetyIo {
@@ -270,7 +230,7 @@ InputRecorder::InputRecorder(rt::NonRealtime&, const std::string& path, const Ke
   if (path.empty()) return;
   file_.reset(std::fopen(path.c_str(), "wb"));
   if (!file_) throw std::runtime_error(path + ": can not be written");
-  std::fprintf(file_.get(), "teletact-inputs 9 %zu\n", sizeof(JobOp));
+  std::fprintf(file_.get(), "teletact-inputs 10 %zu\n", sizeof(JobOp));
   for (const auto& [key, value] : keys)
     std::fprintf(file_.get(), "%s %s\n", key.c_str(), value.c_str());
   std::fprintf(file_.get(), "\n");
@@ -319,8 +279,10 @@ void InputRecorder::attach(tasks::OperatorGraph& graph, drivers::LinkEndpoint& e
       op.put(haptic_->newest);
     } else if (id == TaskId::kPlanning) {
       // In planning's own thread, so both of its counts rest.
-      op.put(TouchInput{cells.ring<tasks::EdgeId::kTouch, TaskId::kPlanning>().taken(),
-                        graph.latched(id).events_full});
+      op.put(touch_input(cells.ring<tasks::EdgeId::kTouch, TaskId::kPlanning>().taken(),
+                         graph.latched(id)));
+    } else if (id == TaskId::kPrediction) {
+      op.put(drive_input(graph.latched(id)));
     } else if (id == TaskId::kFusion) {
       op.put(scene_input(graph.latched(id)));
     } else {

@@ -11,6 +11,7 @@
 #include "tools/host/run_folder.hpp"
 #include "tools/scene/host_info.hpp"
 #include "tools/teletact/commands.hpp"
+#include "tools/teletact/console_words.hpp"
 
 namespace teletact {
 
@@ -61,6 +62,9 @@ void add_options(CLI::App& app, bool robot, DemoOptions& o, BoxCommand& c, BoxWo
                  "what the slowest part of the road carries, Mbit/s; 0: images are not paced")
       ->check(in_range(0, 10000))
       ->needs(keys);
+  app.add_flag("--one-host", c.one_host,
+               "the other box is on this machine too, in another network namespace: both are "
+               "admitted together, as on loopback");
   app.add_option("--seconds", o.seconds, "length of the run; default: until it is stopped")
       ->check(in_range(0.1, 864000));
   app.add_flag("--record", o.record, "record this box's inputs, for teletact replay REPORT/raw");
@@ -87,6 +91,8 @@ int run_command(int argc, char** argv, rt::Box box) {
   o.seconds = 0;
   o.report = robot ? "robot_report" : "operator_report";
   add_options(app, robot, o, c, w);
+  ConsoleWords console;
+  if (!robot) add_console_options(app, console);
   if (!parse_options(app, argc, argv)) return 0;
   if (w.listen.empty() && w.dial.empty()) w.listen = "127.0.0.1:" + std::to_string(kRoadPort);
   c.listens = w.dial.empty();
@@ -94,8 +100,11 @@ int run_command(int argc, char** argv, rt::Box box) {
   check_road(c);
   check_outputs({{"--json", c.json}}, {});
   o.scene_path = find_config("scenes", w.scene);
+  prepare_console(console, o);
   auto scene = load_scene(o.scene_path, o.overrides);
   if (!robot) check_haptic_device(*scene);
+  const auto page = console_of(console, *scene, o);
+  o.page = page.get();
 
   catch_signals();
   make_output_folder("--report", o.report);

@@ -7,6 +7,7 @@
 #include "tools/cli/options.hpp"
 #include "tools/record/recording_truth.hpp"
 #include "tools/teletact/commands.hpp"
+#include "tools/teletact/console_words.hpp"
 
 namespace teletact {
 
@@ -15,6 +16,7 @@ namespace {
 struct DemoCommand {
   DemoOptions demo;
   DemoWords words;
+  ConsoleWords console;
   std::string bodies = "real", scene_name = "default_room", simd = "auto";
   double seconds = -1;
 };
@@ -110,6 +112,7 @@ int cmd_demo(int argc, char** argv) {
   DemoCommand c;
   add_run_options(app, c);
   add_file_options(app, c);
+  add_console_options(app, c.console);
   if (!parse_options(app, argc, argv)) return 0;
   DemoOptions& o = c.demo;
   check_outputs({{"--json", c.words.json}, {"--save-map", o.save_map}}, {});
@@ -118,11 +121,17 @@ int cmd_demo(int argc, char** argv) {
   check_bodies(o, c.words.clock);
   c.words.cores_given = app.count("--cores") > 0;
   for (int i = 0; i < argc; ++i) o.command += (i == 0 ? "teletact " : " ") + std::string(argv[i]);
+  prepare_console(c.console, o);
+  if (c.console.console && o.stub_bodies) throw std::runtime_error("--console needs --bodies real");
   const auto scene = scene_of(c, app.count("--scene") > 0);
   // A recording that can not be read is said before anything starts.
   const double whole =
       o.rgbd_dir.empty() ? kWholeDemo_s : recording_seconds(o.rgbd_dir) + scene->hold_s + 0.5;
-  o.seconds = c.seconds > 0 ? c.seconds : whole;
+  // Of a person at a page: until it is stopped.
+  constexpr double kUntilStopped_s = 864000;
+  o.seconds = c.seconds > 0 ? c.seconds : c.console.console ? kUntilStopped_s : whole;
+  const auto page = console_of(c.console, *scene, o);
+  o.page = page.get();
   return run_demo(*scene, o, c.words);
 }
 

@@ -5,6 +5,8 @@
 //                             no reading; needs --intrinsics
 //   --touch x,y               pixel; the k-th touch paints value k. A pixel that several objects claim
 //                             goes to the one it is nearer to (d of the paper), then to the first
+//   --not x,y                 pixel that is not of the object; then, or with --one-object, all touches and nots name
+//                             one object together, which is painted with value 1; needs --depth
 //   --whole                   every region of the image, with depth or by colour alone
 //   --method default|paper    paper: region growing from the touched pixel, nothing else; d = |dI| + m/g |dP|,
 //                             --m, --g (mm with depth, else px), --threshold
@@ -30,6 +32,12 @@ void check(const SegmentOptions& o) {
   if (o.whole && o.method != "default") {
     throw std::runtime_error("--method can not be used with --whole: it belongs to touches");
   }
+  const bool one = o.one_object || !o.nots.empty();
+  if (one && o.touches.empty())
+    throw std::runtime_error("--not and --one-object need at least one --touch");
+  if (one && o.method != "default")
+    throw std::runtime_error("--not and --one-object have no meaning with --method " + o.method);
+  if (one && o.depth.empty()) throw std::runtime_error("--not and --one-object need --depth");
   if (o.touches.size() > 255)
     throw std::runtime_error("--touch: " + std::to_string(o.touches.size()) +
                              " given, at most 255");
@@ -65,6 +73,8 @@ int cmd_segment(int argc, char** argv) {
       ->capture_default_str();
   depth->needs(app.add_option("--intrinsics", o.intrinsics, "fx,fy,cx,cy in px")->needs(depth));
   app.add_option("--touch", o.touches, "pixel x,y; repeat for more objects");
+  app.add_option("--not", o.nots, "pixel x,y that is not of the object; all touches name one object");
+  app.add_flag("--one-object", o.one_object, "all touches name one object");
   app.add_flag("--whole", o.whole, "segment the whole image");
   app.add_option("--method", o.method, "default | paper")
       ->check(CLI::IsMember({"default", "paper"}))

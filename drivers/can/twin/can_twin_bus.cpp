@@ -22,13 +22,16 @@ std::vector<TmclModule> CanTwinBus::modules_of(const CanMotorConfig& c) {
 CanTwinBus::CanTwinBus(rt::NonRealtime& nrt, MotorBus& robot, const CanMotorConfig& config)
     : robot_(robot), config_(config), port_(nrt, modules_of(config)), bus_(nrt, port_, config) {}
 
-BusStatus CanTwinBus::exchange(rt::Time now, const MotorSetpoints& setpoints,
-                               MotorStates& states) noexcept {
+BusStatus CanTwinBus::sense(rt::Time now, MotorStates& states) noexcept {
   const std::int64_t cpu = cpu_clock_ != nullptr ? cpu_clock_() : 0;
   port_.advance(now);  // what was sent in the last job, with what the motors did then
   turn_motors(now);
   if (cpu_clock_ != nullptr) twin_cpu_ns_ += cpu_clock_() - cpu;
-  return bus_.exchange(now, setpoints, states);
+  return bus_.sense(now, states);
+}
+
+BusStatus CanTwinBus::act(rt::Time now, const MotorSetpoints& setpoints) noexcept {
+  return bus_.act(now, setpoints);
 }
 
 void CanTwinBus::turn_motors(rt::Time now) noexcept {

@@ -12,8 +12,8 @@ class CanTwinBus final : public MotorBus {
   // `robot` outlives this object and is its.
   CanTwinBus(rt::NonRealtime&, MotorBus& robot, const CanMotorConfig& = {});
 
-  [[nodiscard]] BusStatus exchange(rt::Time now, const MotorSetpoints& setpoints,
-                                   MotorStates& states) noexcept override;
+  [[nodiscard]] BusStatus sense(rt::Time now, MotorStates& states) noexcept override;
+  [[nodiscard]] BusStatus act(rt::Time now, const MotorSetpoints& setpoints) noexcept override;
   void rearm() noexcept override;
   void make_safe() noexcept override;
 

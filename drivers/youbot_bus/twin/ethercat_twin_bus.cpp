@@ -15,8 +15,8 @@ void require(const rt::Result<bool>& r) {
 
 }  // namespace
 
-// The four motors as one: what they are told is handed to the robot's bus once a frame, what it
-// says is what each encoder shows until the next frame.
+// The four motors as one: what they are told is handed to the robot's bus once a cycle, what it
+// says is what each encoder shows until the next cycle.
 class EtherCatTwinBus::Wheels {
  public:
   Wheels(MotorBus& robot, const MotorBusConfig& c)
@@ -24,7 +24,6 @@ class EtherCatTwinBus::Wheels {
         ticks_per_rad_(c.ticks_per_motor_turn * c.gear_ratio / (2 * std::numbers::pi)),
         rad_per_s_per_rpm_(2 * std::numbers::pi / 60 / c.gear_ratio) {}
 
-  void attach() noexcept { attached_ = true; }
   void rearm() noexcept { robot_.rearm(); }
   void make_safe() noexcept { robot_.make_safe(); }
   void command(std::size_t w, const MotorCommand& c) noexcept {
@@ -33,9 +32,8 @@ class EtherCatTwinBus::Wheels {
     turning_ = turns ? turning_ | 1U << w : turning_ & ~(1U << w);
     told_.mode = turning_ != 0 ? MotorMode::kVelocity : MotorMode::kStop;
   }
-  [[nodiscard]] BusStatus exchange(rt::Time now) noexcept {
-    return attached_ ? robot_.exchange(now, told_, states_) : BusStatus::kOk;
-  }
+  [[nodiscard]] BusStatus sense(rt::Time now) noexcept { return robot_.sense(now, states_); }
+  [[nodiscard]] BusStatus act(rt::Time now) noexcept { return robot_.act(now, told_); }
   [[nodiscard]] MotorMotion motion(std::size_t w) const noexcept {
     return {states_.wheel_rad[w] * ticks_per_rad_, states_.wheel_rad_per_s[w] / rad_per_s_per_rpm_,
             1e3 * states_.current_A[w]};
@@ -44,7 +42,6 @@ class EtherCatTwinBus::Wheels {
  private:
   MotorBus& robot_;
   double ticks_per_rad_, rad_per_s_per_rpm_;
-  bool attached_ = false;
   unsigned turning_ = 0;
   MotorSetpoints told_;
   MotorStates states_;
@@ -91,24 +88,30 @@ EtherCatTwinBus::EtherCatTwinBus(rt::NonRealtime& nrt, MotorBus& robot,
     (void)bus_->exchange(port_->now(), {}, ignored);
   }
   if (bus_->rearming()) throw std::runtime_error("the virtual motors' timeout flags do not clear");
-  wheels_->attach();
 }
 
 EtherCatTwinBus::~EtherCatTwinBus() = default;
 
-BusStatus EtherCatTwinBus::exchange(rt::Time now, const MotorSetpoints& setpoints,
-                                    MotorStates& states) noexcept {
+void EtherCatTwinBus::set_clock(rt::Time now) noexcept {
   if (!begun_) ahead_ = now - (port_->now() + kPeriod);
   begun_ = true;
   port_->set_now(now - ahead_);
-  // First the robot up to now under what it was told last, so the encoders show this instant;
-  // behind the frame it is told what the frame brought.
-  const BusStatus before = wheels_->exchange(now);
-  const BusStatus frame = bus_->exchange(now, setpoints, states);
-  if (before != BusStatus::kOk) return before;
-  if (frame != BusStatus::kOk) return frame;
-  states.taken = now;
-  return wheels_->exchange(now);
+}
+
+// First the robot up to now under what it was told last, so the encoders show this instant.
+BusStatus EtherCatTwinBus::sense(rt::Time now, MotorStates& states) noexcept {
+  set_clock(now);
+  const BusStatus robot = wheels_->sense(now);
+  const BusStatus frame = bus_->sense(now, states);
+  return robot != BusStatus::kOk ? robot : frame;
+}
+
+// Behind the frame the robot is told what the frame brought.
+BusStatus EtherCatTwinBus::act(rt::Time now, const MotorSetpoints& setpoints) noexcept {
+  set_clock(now);
+  const BusStatus frame = bus_->act(now, setpoints);
+  const BusStatus robot = wheels_->act(now);
+  return robot != BusStatus::kOk ? robot : frame;
 }
 
 void EtherCatTwinBus::rearm() noexcept {

@@ -1,7 +1,7 @@
 // The base's wheels through master, frames and virtual chain to another MotorBus: the virtual robot
 // (drivers/youbot/virtual_youbot.hpp). What robot_io asks for becomes bytes, passes the virtual
 // slaves and their controllers, and comes out at the other side as setpoints in rpm; its states
-// come back as encoder ticks. One job, one frame.
+// come back as encoder ticks. A job reads by one frame and writes by another.
 // Time is that of the calls; the chain's own clock begins with the first of them, however long
 // after construction it comes.
 #pragma once
@@ -22,8 +22,8 @@ class EtherCatTwinBus final : public MotorBus {
                   const MotorBusConfig& = {});
   ~EtherCatTwinBus() override;
 
-  [[nodiscard]] BusStatus exchange(rt::Time now, const MotorSetpoints& setpoints,
-                                   MotorStates& states) noexcept override;
+  [[nodiscard]] BusStatus sense(rt::Time now, MotorStates& states) noexcept override;
+  [[nodiscard]] BusStatus act(rt::Time now, const MotorSetpoints& setpoints) noexcept override;
   void rearm() noexcept override;
   void make_safe() noexcept override;
 
@@ -35,6 +35,7 @@ class EtherCatTwinBus final : public MotorBus {
   [[nodiscard]] static YoubotChainConfig base_alone();
 
  private:
+  void set_clock(rt::Time now) noexcept;
   class Wheels;
   class Wheel;
   std::unique_ptr<Wheels> wheels_;

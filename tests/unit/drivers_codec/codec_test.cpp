@@ -394,6 +394,31 @@ TEST(Wire, RoundTripAndEveryByteCounts) {
   }
 }
 
+// What the sender spares is said at the moment of sending; what no sender says is refused.
+TEST(Wire, EachFrameSaysWhatIsSpared) {
+  using drivers::Spared;
+  Frames f;
+  f.source->intrinsics = {36.5, 36.25, 15.5, 11.5, 32, 24};
+  FrameCodecScratch scratch(startup.token(), {});
+  ASSERT_EQ(encode(*f.source, rt::Box::kRobot, true, scratch, *f.encoded), FrameStatus::kOk);
+  Bytes wire(wire_size(*f.encoded));
+  auto back = std::make_unique<EncodedFrame>();
+  for (std::uint8_t rungs = 0; rungs <= Spared::kMost; ++rungs) {
+    for (const auto why : {Spared::Why::kBusy, Spared::Why::kLate}) {
+      ASSERT_EQ(write_wire(*f.encoded, wire, {rungs, why}), wire.size());
+      ASSERT_EQ(read_wire(wire, *back), FrameStatus::kOk);
+      EXPECT_EQ(back->spared, rungs == 0 ? Spared{} : (Spared{rungs, why}));
+      EXPECT_EQ(back->has_colour, f.encoded->has_colour);
+    }
+  }
+  constexpr std::size_t kFlags = 5;
+  for (const unsigned bad : {6U << 2U, 7U << 2U, 32U, 64U, 128U}) {
+    Bytes b = wire;
+    b[kFlags] = static_cast<std::uint8_t>((b[kFlags] & 3U) | bad);
+    EXPECT_EQ(read_wire(b, *back), FrameStatus::kBadHeader) << bad;
+  }
+}
+
 perception::JointAngles some_joints() {
   perception::JointAngles q;
   q.count = 5;

@@ -90,10 +90,12 @@ TEST(FrameAsker, AWishOfTheRoadIsAtLeastTheRung) {
   EXPECT_EQ(demand(5).first, FrameAsker::kCoarsest);
   EXPECT_EQ(demand(5).second, 50) << "20 a second";
   EXPECT_EQ(asker.stats().rung, 5);
+  EXPECT_EQ(asker.spared(), (drivers::Spared{5, drivers::Spared::Why::kLate}));
   EXPECT_EQ(demand(99).second, 50) << "no further";
   demand(0);
   EXPECT_EQ(demand(0), std::pair(0, std::int64_t{30}));
   EXPECT_EQ(demand(-3).first, 0);
+  EXPECT_EQ(asker.spared(), drivers::Spared{});
 }
 
 TEST(FrameAsker, AFrameThatAnswersNoDemandIsNotSent) {

@@ -39,7 +39,7 @@ TEST(YoubotBusCycle, AllocatesNothing) {
   }
   EXPECT_EQ(rt_guard::counts().total(), 0U);
   EXPECT_EQ(rig.master.health().fault, ec::BusFault::kNone) << rig.health();
-  EXPECT_GT(rig.master.counters().lost, 150U);
+  EXPECT_GT(rig.master.frames().lost, 150U);
 }
 
 TEST(YoubotBusCycle, SetpointsArriveAndPositionsComeBack) {

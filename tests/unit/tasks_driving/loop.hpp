@@ -157,8 +157,9 @@ inline Ride ride(const drivers::World& world, const RoomMap& room, const Disc& d
       down.pop_front();
     }
     rin.link_heard_at = now;
-    rin.bus = bus.exchange(now, rout.setpoints, rin.motors);
+    rin.bus = bus.sense(now, rin.motors);
     (void)robot.step(t, rin, rout);
+    rin.sent = bus.act(now, rout.setpoints);
     if (ms % 20 == 0) up.emplace_back(now + one_way, rout.state);
     while (!up.empty() && up.front().first <= now) {
       state = up.front().second;

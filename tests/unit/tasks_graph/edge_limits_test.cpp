@@ -50,8 +50,10 @@ class Hand final : public drivers::HapticDevice {
 
 class Bus final : public drivers::MotorBus {
  public:
-  drivers::BusStatus exchange(Time now, const drivers::MotorSetpoints&,
-                              drivers::MotorStates& out) noexcept override {
+  drivers::BusStatus act(Time, const drivers::MotorSetpoints&) noexcept override {
+    return drivers::BusStatus::kOk;
+  }
+  drivers::BusStatus sense(Time now, drivers::MotorStates& out) noexcept override {
     out = {};
     out.seq = ++seq_;
     out.taken = now;
@@ -118,7 +120,7 @@ struct Boxes {
     robot_cells = std::make_unique<RobotCells>(nrt, rt::FaultPlan{}, true);
     haptic = std::make_unique<tasks::HapticNode>(nrt, config, setup, *cells, 1e-3);
     fusion = std::make_unique<tasks::FusionNode>(nrt, config, setup, *cells, requests);
-    planning = std::make_unique<tasks::PlanningNode>(nrt, config, setup, *cells);
+    planning = std::make_unique<tasks::PlanningNode>(nrt, config, setup, *cells, requests);
     prediction = std::make_unique<tasks::PredictionNode>(nrt, config, setup, *cells, link);
     supervision =
         std::make_unique<tasks::SupervisionNode>(nrt, config, *cells, link, requests, setup);
@@ -250,8 +252,15 @@ struct Boxes {
         break;
       }
       case EdgeId::kEdit:
+      case EdgeId::kAct:
         requests.console_ns = rt::ns_of(at);
         break;
+      case EdgeId::kDrive: {
+        auto& m = slot(cells->of<EdgeId::kDrive>().cell);
+        m = {seq, taken, true, 0.1, 0, 0};
+        cells->of<EdgeId::kDrive>().cell.publish(at);
+        break;
+      }
       case EdgeId::kOdometryFrame: {
         auto& m = slot(cells->of<EdgeId::kOdometryFrame>().cell);
         m = {};
@@ -358,6 +367,9 @@ std::vector<Case> cases() {
            [](const Boxes& b, auto&) { return b.fusion->in().hand.v_WH.isZero(); }),
       {EdgeId::kTouch, TaskId::kPlanning, fault(tasks::kFaultPlanningEventsLost), {}},
       {EdgeId::kEdit, TaskId::kFusion, told, {}},
+      {EdgeId::kAct, TaskId::kPlanning, told, {}},
+      both(EdgeId::kDrive, TaskId::kPrediction,
+           [](const Boxes& b, auto&) { return b.prediction->in().drive == nullptr; }),
       both(EdgeId::kPath, TaskId::kPrediction,
            [](const Boxes& b, auto&) { return b.prediction->in().path == nullptr; }),
       both(EdgeId::kMode, TaskId::kHaptic,
@@ -433,7 +445,7 @@ void play(const Case& c, bool stall, Boxes& b) {
     return beyond ? beyond(b, health) : false;
   };
   // Where all that happens is that it is told, the answer says no more than that nothing else does.
-  const bool always = c.edge == EdgeId::kEdit ||
+  const bool always = c.edge == EdgeId::kEdit || c.edge == EdgeId::kAct ||
                       ((c.edge == EdgeId::kPatch || c.edge == EdgeId::kSurface) && !stall);
   for (int i = 0; i < 5; ++i) {
     const bool yet = tick(false);

@@ -237,6 +237,16 @@ TEST(MessageGolden, Instants) {
   edge::spoil(edit);
   EXPECT_TRUE(std::isnan(edit.centre_W[2]) && std::isnan(edit.half_m[0]) &&
               std::isnan(edit.yaw_rad));
+  OperatorAct act;
+  act.stamp = at(8300);
+  edge::age(act, kOlder);
+  EXPECT_EQ(act.stamp, at(8300) - kOlder);
+  edge::spoil(act);
+  EXPECT_TRUE(std::isnan(act.p_W.x()) && std::isnan(act.normal_W.z()) && std::isnan(act.yaw_rad));
+  DriveIntent drive{1, at(8400), true, 0.1, 0.2, 0.3};
+  EXPECT_EQ(edge::datum(drive), at(8400));
+  edge::spoil(drive);
+  EXPECT_TRUE(std::isnan(drive.vx) && std::isnan(drive.vy) && std::isnan(drive.wz));
 }
 
 }  // namespace

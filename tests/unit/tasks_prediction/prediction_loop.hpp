@@ -82,8 +82,9 @@ struct Loop {
     rin.link_heard_at = now;  // an end with nothing to say says that it is alive
     {
       rt::Section section;
-      rin.bus = bus.exchange(now, rout.setpoints, rin.motors);
+      rin.bus = bus.sense(now, rin.motors);
       (void)robot.step(t, rin, rout);
+      rin.sent = bus.act(now, rout.setpoints);
     }
     if (ms % 20 == 0) up.emplace_back(now + one_way, rout.state);
     while (!up.empty() && up.front().first <= now) {

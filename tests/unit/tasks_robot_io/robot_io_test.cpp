@@ -25,7 +25,7 @@ using tasks::RobotIoConfig;
 using tasks::RobotIoTask;
 namespace fault = tasks::robot_io_fault;
 
-// The robot box without the box: task and virtual robot, 1 kHz, outputs act in the next exchange.
+// The robot box without the box: task and virtual robot, 1 kHz, outputs act in the same job.
 struct Robot {
   rt::Startup startup;
   RobotIoConfig config;
@@ -72,7 +72,7 @@ struct Robot {
     t.period = 1ms;
     {
       rt::Section section;
-      in.bus = bus.exchange(now, out.setpoints, in.motors);
+      in.bus = bus.sense(now, in.motors);
       if (link_alive) {
         in.link_heard = true;
         in.link_heard_at = now;
@@ -80,6 +80,7 @@ struct Robot {
       health = task.step(t, in, out);
     }
     if (out.rearm_motors) bus.rearm();
+    in.sent = bus.act(now, out.setpoints);
     now += 1ms;
   }
   void run(int ms) {
@@ -342,6 +343,9 @@ TEST(RobotIo, DoesNotMoveBeforeItIsToldTo) {
   EXPECT_EQ(r.truth().path_m, 0);
   r.link_alive = true;
   r.run(300);
+  EXPECT_EQ(r.truth().path_m, 0) << "the goal is older than the engage";
+  r.send({1, 0, 0}, 10s);
+  r.run(300);
   EXPECT_GT(r.truth().path_m, 0);
 }
 
@@ -416,7 +420,7 @@ TEST(RobotIo, LatchedMotorWatchdogNeedsAClear) {
   EXPECT_LT(r.error(held), 1e-6) << "nor is a clear";
   r.mode.mode = Mode::kEngaged;
   r.run(200);
-  EXPECT_LT(r.error(held), 1e-6) << "the goal is from before the stop";
+  EXPECT_LT(r.error(held), 1e-6) << "nor a goal from before it";
   r.send({3, 0, 0}, 100s);
   r.run(1000);
   EXPECT_GT(r.error(held), 0.2);
@@ -439,6 +443,7 @@ TEST(RobotIo, BrokenEncoderIsASafeStopUntilCleared) {
   clear(r);
   EXPECT_TRUE(r.health == rt::Health::ok());
   r.mode.mode = Mode::kEngaged;
+  r.run(1);
   r.send({3, 0, 0}, 100s);
   r.run(500);
   EXPECT_TRUE(r.health == rt::Health::ok());

@@ -37,8 +37,12 @@ SyntheticRoom room_of(const CodecFilmOptions& o) {
   return room;
 }
 
-// Within two pixels of a step of the inverse depth's second difference, or of a pixel without a
-// reading: where jitter and drop-out act.
+std::uint8_t shaken(std::uint8_t c, double by) {
+  return static_cast<std::uint8_t>(std::clamp(static_cast<int>(std::lround(c + by)), 1, 255));
+}
+
+}  // namespace
+
 void mark_inner(const std::uint16_t* mm, int width, int height, std::uint8_t* inner) {
   std::fill_n(inner, static_cast<std::ptrdiff_t>(width) * height, std::uint8_t{1});
   const auto at = [&](int u, int v) { return mm[v * width + u]; };
@@ -57,12 +61,6 @@ void mark_inner(const std::uint16_t* mm, int width, int height, std::uint8_t* in
     }
   }
 }
-
-std::uint8_t shaken(std::uint8_t c, double by) {
-  return static_cast<std::uint8_t>(std::clamp(static_cast<int>(std::lround(c + by)), 1, 255));
-}
-
-}  // namespace
 
 double noise_mm(DepthNoiseLaw law, double z_m) noexcept {
   return law == DepthNoiseLaw::kStrict ? 1e3 * drivers::kinect_v2_sigma_m(z_m)

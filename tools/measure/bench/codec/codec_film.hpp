@@ -39,6 +39,10 @@ struct CodecFilmOptions {
 // Standard deviation along the axis, mm.
 [[nodiscard]] double noise_mm(drivers::DepthNoiseLaw law, double z_m) noexcept;
 
+// Of each pixel of a true depth image: 0 within two pixels of a step of the inverse depth's second
+// difference, or of a pixel without a reading, where jitter and drop-out act; else 1.
+void mark_inner(const std::uint16_t* mm, int width, int height, std::uint8_t* inner);
+
 [[nodiscard]] CodecFilm film_codec(rt::NonRealtime& nrt, const CodecFilmOptions& options);
 
 }  // namespace teletact

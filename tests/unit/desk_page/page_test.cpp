@@ -1,0 +1,194 @@
+// A whole run with a browser's place taken by a WebSocket client: code, session, views, a goal by
+// click, the stop. Simulated time, paced by the real clock.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <boost/asio/connect.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <future>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "tools/desk/page_desk.hpp"
+#include "tools/host/calibrate.hpp"
+#include "tools/host/run_options.hpp"
+
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = boost::beast::http;
+namespace fs = std::filesystem;
+using nlohmann::json;
+using tcp = asio::ip::tcp;
+
+// What a page does, in one thread: writes, and reads what has come.
+class Page {
+ public:
+  explicit Page(const std::string& url) {
+    // http://127.0.0.1:PORT/#code=CODE
+    const auto host_at = url.find("//") + 2, path_at = url.find('/', host_at);
+    host_ = url.substr(host_at, path_at - host_at);
+    code_ = url.substr(url.find("code=") + 5);
+    port_ = static_cast<std::uint16_t>(std::stoi(host_.substr(host_.find(':') + 1)));
+  }
+
+  http::response<http::string_body> post(const std::string& path, const std::string& body) {
+    beast::tcp_stream stream(io_);
+    stream.connect(tcp::endpoint(asio::ip::make_address("127.0.0.1"), port_));
+    http::request<http::string_body> r{http::verb::post, path, 11};
+    r.set(http::field::host, host_);
+    r.set(http::field::origin, "http://" + host_);
+    r.set(http::field::content_type, "application/json");
+    if (!cookie_.empty()) r.set(http::field::cookie, cookie_);
+    r.body() = body;
+    r.prepare_payload();
+    http::write(stream, r);
+    beast::flat_buffer buffer;
+    http::response<http::string_body> answer;
+    http::read(stream, buffer, answer);
+    return answer;
+  }
+
+  int enter() {
+    const auto answer = post("/session", json{{"code", code_}}.dump());
+    const std::string set(answer[http::field::set_cookie]);
+    cookie_ = set.substr(0, set.find(';'));
+    return static_cast<int>(answer.result_int());
+  }
+
+  void connect() {
+    ws_.next_layer().connect(tcp::endpoint(asio::ip::make_address("127.0.0.1"), port_));
+    ws_.set_option(beast::websocket::stream_base::decorator([this](auto& r) {
+      r.set(http::field::origin, "http://" + host_);
+      r.set(http::field::cookie, cookie_);
+      r.set(http::field::sec_websocket_protocol, "teletact.1");
+    }));
+    ws_.handshake(host_, "/ws");
+    ws_.text(true);
+  }
+
+  std::int64_t say(json intent) {
+    intent["id"] = ++id_;
+    ws_.write(asio::buffer(intent.dump()));
+    return id_;
+  }
+
+  // Until `there` says so, at most so long; tokens go on.
+  bool until(const std::function<bool()>& there, std::chrono::seconds most) {
+    const auto end = std::chrono::steady_clock::now() + most;
+    while (std::chrono::steady_clock::now() < end) {
+      if (!holds.is_null() && std::chrono::steady_clock::now() >= token_due_) {
+        token_due_ = std::chrono::steady_clock::now() + std::chrono::milliseconds{50};
+        say({{"act", "token"}, {"holds", holds}});
+      }
+      while (ws_.next_layer().socket().available() > 0) take();
+      if (there()) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds{5});
+    }
+    return false;
+  }
+
+  json text;  // newest slow state
+  json holds;
+  std::map<std::int64_t, json> answers;
+  std::map<int, int> views;
+
+ private:
+  void take() {
+    beast::flat_buffer buffer;
+    ws_.read(buffer);
+    const auto* bytes = static_cast<const char*>(buffer.data().data());
+    if (buffer.size() < 24) return;
+    const int kind = static_cast<unsigned char>(bytes[0]);
+    ++views[kind];
+    const std::string body(bytes + 24, buffer.size() - 24);
+    if (kind == 1) text = json::parse(body);
+    if (kind == 7) {
+      const json a = json::parse(body);
+      answers[a["id"]] = a;
+    }
+  }
+  asio::io_context io_;
+  beast::websocket::stream<beast::tcp_stream> ws_{io_};
+  std::string host_, code_, cookie_;
+  std::uint16_t port_ = 0;
+  std::int64_t id_ = 0;
+  std::chrono::steady_clock::time_point token_due_{};
+};
+
+fs::path page_folder() {
+  const fs::path folder = fs::temp_directory_path() / ("teletact_page_" + std::to_string(getpid()));
+  fs::create_directories(folder);
+  std::ofstream(folder / "index.html") << "<!doctype html><title>t</title>";
+  return folder;
+}
+
+TEST(DeskPage, APersonAtABrowserDrivesTheRobotToAPlace) {
+  using namespace std::chrono_literals;
+  constexpr double kX = 1.85, kY = -0.38;
+  const fs::path folder = page_folder();
+  std::promise<std::string> told;
+  teletact::PageOptions o;
+  o.server.page_folder = folder.string();
+  o.quiet = true;
+  o.tell = [&](const std::string& url) { told.set_value(url); };
+  teletact::PageDesk desk(std::move(o));
+  auto scene = teletact::load_scene(teletact::find_config("scenes", "default_room"),
+                                    {"fusion.mesh_blocks=100"});
+  scene->hand.start_after_s = 1e6;
+  teletact::DemoOptions options;
+  options.seconds = 300;
+  options.virtual_clock = options.quiet = options.paced = true;
+  options.cores = 2;
+  options.page = &desk;
+  teletact::VirtualRun run;
+  std::thread box([&] {
+    rt::Startup startup;
+    run =
+        teletact::run_virtual(startup.token(), *scene, options, teletact::reference_calibration());
+  });
+  const auto state = [](const Page& p, const char* key) {
+    return p.text.is_object() ? p.text.value(key, "") : std::string();
+  };
+  auto url = told.get_future();
+  [&] {
+    ASSERT_EQ(url.wait_for(60s), std::future_status::ready);
+    Page p(url.get());
+    ASSERT_EQ(p.enter(), 200);
+    p.connect();
+    p.holds = json::array({"engage"});
+    ASSERT_TRUE(p.until([&] { return state(p, "mode") == "hold" && p.views[5] > 0; }, 120s));
+    EXPECT_EQ(p.text["role"], "operator");
+    const auto engage = p.say({{"act", "engage"}});
+    ASSERT_TRUE(p.until([&] { return p.answers.count(engage) > 0; }, 60s));
+    ASSERT_TRUE(p.answers[engage]["ok"]) << p.answers[engage];
+    const auto goal = p.say({{"act", "go_to"}, {"x", kX}, {"y", kY}});
+    const auto wrong = p.say({{"act", "go_to"}, {"x", "there"}, {"y", kY}});
+    ASSERT_TRUE(p.until([&] { return state(p, "phase") == "arrived"; }, 180s)) << p.text;
+    EXPECT_TRUE(p.answers[goal]["ok"]);
+    EXPECT_FALSE(p.answers[wrong]["ok"]);
+    for (const int kind : {1, 2, 3, 4, 5}) EXPECT_GT(p.views[kind], 0) << kind;
+    EXPECT_EQ(p.post("/stop", "{}").result_int(), 200U);
+    EXPECT_TRUE(p.until([&] { return state(p, "mode") == "hold"; }, 60s)) << p.text;
+  }();
+  teletact::g_stop_requested.store(true);
+  box.join();
+  teletact::g_stop_requested.store(false);
+  fs::remove_all(folder);
+  ASSERT_FALSE(run.robot.view.truth.empty());
+  const auto& end = run.robot.view.truth.back();
+  EXPECT_LT(std::hypot(end.x_m - kX, end.y_m - kY), 0.10);
+}
+
+}  // namespace

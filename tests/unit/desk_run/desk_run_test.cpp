@@ -1,0 +1,396 @@
+// A run that is driven from a page, on the virtual clock, with a person in place of the page: a goal
+// by click, an obstacle drawn on the way, driving by tokens, a stop; and the same again from its
+// recording.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "tools/desk/desk.hpp"
+#include "tools/host/calibrate.hpp"
+#include "tools/host/replay.hpp"
+#include "tools/host/run_options.hpp"
+#include "tools/record/input_recorder.hpp"
+#include "tools/scene/page_hook.hpp"
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using teletact::ConsoleAnswer;
+using teletact::DemoOptions;
+using teletact::Desk;
+using teletact::Scene;
+using teletact::VirtualRun;
+
+rt::Startup& startup() {
+  static rt::Startup s;
+  return s;
+}
+
+const fs::path& folder() {
+  static const struct Folder {
+    fs::path path = fs::temp_directory_path() / ("teletact_desk_" + std::to_string(::getpid()));
+    Folder() { fs::create_directories(path); }
+    ~Folder() { fs::remove_all(path); }
+  } f;
+  return f.path;
+}
+
+// The desk without a server. Each tick asks `person` what to do; instants are seconds of the run.
+class Person : public teletact::PageHook {
+ public:
+  drivers::HapticDevice* hand_over(rt::NonRealtime& nrt, drivers::HapticDevice& device) override {
+    hand = std::make_unique<teletact::PageHand>(nrt, device);
+    return hand.get();
+  }
+  void open(teletact::OperatorBox& box, teletact::OperatorConsole& console, const Scene& scene,
+            rt::Time epoch, Clock) override {
+    epoch_ = epoch;
+    console_ = &console;
+    teletact::DeskOptions o;
+    o.clock = [this] { return now_ns_; };
+    o.hand = hand.get();
+    hand->bind(box.graph().haptic());
+    teletact::DeskPort port;
+    port.viewers = [this] { return viewers; };
+    port.publish = [this](teletact::ViewKind kind, const teletact::ViewStamp&,
+                          std::span<const std::uint8_t> body) {
+      ++views[kind];
+      bytes[kind] = body.size();
+      if (kind == teletact::ViewKind::kText) text.assign(body.begin(), body.end());
+      return true;
+    };
+    port.wants_whole_mesh = [this] { return whole_mesh; };
+    port.mesh = [this](const perception::MeshDelta& d, const teletact::ViewStamp&, double) {
+      if (d.restart) whole_mesh = false;
+      mesh_blocks += d.block_count;
+      return true;
+    };
+    port.answer = [this](std::uint32_t, std::int64_t id, const ConsoleAnswer& a) {
+      answers[id] = a;
+    };
+    desk = std::make_unique<Desk>(box, console, scene, epoch, o, port);
+  }
+  void tick(rt::Time now) override {
+    now_ns_ = rt::ns_of(now);
+    const double t = rt::seconds(now - epoch_);
+    if (act) act(t);
+    if (!holds.is_null() && now_ns_ >= next_token_ns_) {
+      next_token_ns_ = now_ns_ + 50'000'000;
+      say({{"act", "token"}, {"holds", holds}});
+      if (driven) say(*driven);
+    }
+    desk->tick(now);
+  }
+  void close() override {}
+  std::int64_t cpu_ns() const override { return 0; }
+
+  // The number of the act.
+  std::int64_t say(json intent) {
+    intent["id"] = ++id_;
+    if (auto a = desk->take(1, id_, intent["act"].get<std::string>(), intent)) answers[id_] = *a;
+    return id_;
+  }
+  // At t, once.
+  bool once(const std::string& what, double t, double at) {
+    return t >= at && done_.insert(what).second;
+  }
+  const teletact::OperatorView& seen() const { return console_->seen(); }
+
+  std::function<void(double)> act;
+  json holds;                  // null: no token is sent
+  std::optional<json> driven;  // with each token
+  std::map<std::int64_t, ConsoleAnswer> answers;
+  std::map<teletact::ViewKind, int> views;
+  std::map<teletact::ViewKind, std::size_t> bytes;
+  std::string text;
+  int viewers = 0, mesh_blocks = 0;
+  bool whole_mesh = true;
+  std::unique_ptr<Desk> desk;
+  std::unique_ptr<teletact::PageHand> hand;
+
+ private:
+  rt::Time epoch_{};
+  teletact::OperatorConsole* console_ = nullptr;
+  std::int64_t now_ns_ = 0, next_token_ns_ = 0, id_ = 0;
+  std::set<std::string> done_;
+};
+
+std::unique_ptr<Scene> scene(const std::vector<std::string>& overrides = {}) {
+  auto s = teletact::load_scene(teletact::find_config("scenes", "default_room"), overrides);
+  s->hand.start_after_s = 1e6;  // nobody moves the hand
+  return s;
+}
+
+VirtualRun run(Scene& s, double seconds, Person& person, DemoOptions options = {}) {
+  options.seconds = seconds;
+  options.virtual_clock = options.quiet = true;
+  options.cores = 2;
+  options.page = &person;
+  return teletact::run_virtual(startup().token(), s, options, teletact::reference_calibration());
+}
+
+double since_start(const VirtualRun& r, const tasks::RobotSample& s) {
+  return 1e-9 * static_cast<double>(rt::ns_of(s.stamp) - r.robot.epoch_ns);
+}
+// Measured speed of the base at an instant of the run.
+double speed_at(const VirtualRun& r, double t) {
+  double v = -1;
+  for (const auto& s : r.robot.view.robot)
+    if (since_start(r, s) <= t) v = static_cast<double>(s.speed_m_per_s);
+  return v;
+}
+double path_to(const VirtualRun& r, double t) {
+  double way = 0;
+  for (const auto& s : r.robot.view.truth)
+    if (1e-9 * static_cast<double>(rt::ns_of(s.stamp) - r.robot.epoch_ns) <= t) way = s.path_m;
+  return way;
+}
+bool same_again(const std::string& folder, rt::Box box) {
+  auto recording = teletact::read_recording(teletact::recording_file(folder, box));
+  EXPECT_TRUE(recording) << recording.error();
+  if (!recording) return false;
+  const auto s = teletact::load_scene(folder + "/scene.toml", {});
+  const auto result = teletact::replay(startup().token(), *s, {}, recording.value());
+  EXPECT_TRUE(result) << result.error();
+  if (!result) return false;
+  EXPECT_TRUE(result.value().same()) << result.value().first_difference;
+  EXPECT_GT(result.value().jobs, 1000U);
+  return result.value().same();
+}
+
+// Nearest that the points of a path come to a place.
+double nearest(const tasks::Path& path, double x, double y) {
+  double least = 1e9;
+  for (int i = 0; i < path.size; ++i) {
+    const auto& p = path.points[static_cast<std::size_t>(i)];
+    least = std::min(least, std::hypot(p[0] - x, p[1] - y));
+  }
+  return least;
+}
+
+TEST(DeskRun, AGoalByClickIsReachedRoundADrawnObstacleAndReplays) {
+  constexpr double kX = 1.85, kY = -0.38, kRadius = 0.08;
+  auto s = scene({"fusion.mesh_blocks=100"});
+  Person p;
+  p.viewers = 1;
+  p.holds = json::array({"engage"});
+  std::int64_t engage = 0, goal = 0, draw = 0, wrong = 0;
+  double ox = 0, oy = 0;
+  p.act = [&](double t) {
+    if (p.once("engage", t, 1.5)) engage = p.say({{"act", "engage"}});
+    if (p.once("wrong", t, 2.0)) wrong = p.say({{"act", "erase"}, {"obstacle_id", 7}});
+    if (p.once("goal", t, 2.5)) goal = p.say({{"act", "go_to"}, {"x", kX}, {"y", kY}});
+    if (!p.seen().paths.empty() && p.once("draw", t, 3.5)) {
+      const auto& path = p.seen().paths.back();
+      for (int i = 0; i < path.size && ox == 0; ++i) {
+        const auto& q = path.points[static_cast<std::size_t>(i)];
+        if (std::hypot(q[0], q[1]) > 1.2) ox = q[0], oy = q[1];
+      }
+      draw = p.say({{"act", "draw"},
+                    {"obstacle",
+                     {{"id", 1},
+                      {"kind", "disc"},
+                      {"centre", {ox, oy, 0}},
+                      {"half", {kRadius, kRadius, 0.1}},
+                      {"yaw", 0}}}});
+    }
+  };
+  DemoOptions options;
+  options.report = (folder() / "goal").string();
+  options.record = true;
+  options.log_folder = options.report + "/raw";
+  const VirtualRun r = run(*s, 16, p, options);
+  for (const auto id : {engage, goal, draw})
+    EXPECT_TRUE(p.answers[id].ok) << id << ": " << p.answers[id].why;
+  EXPECT_FALSE(p.answers[wrong].ok);
+  ASSERT_GT(std::hypot(ox, oy), 1.0) << "no path to draw on";
+  EXPECT_GE(r.op.view.arrivals, 1U);
+  ASSERT_FALSE(r.robot.view.truth.empty());
+  const auto& end = r.robot.view.truth.back();
+  EXPECT_LT(std::hypot(end.x_m - kX, end.y_m - kY), 0.10);
+  EXPECT_EQ(end.collisions, 0U);
+  EXPECT_LT(nearest(r.op.view.paths.front(), ox, oy), 0.05);
+  EXPECT_GT(nearest(r.op.view.paths.back(), ox, oy), kRadius + 0.25);
+  // Views were made.
+  using V = teletact::ViewKind;
+  for (const V kind : {V::kText, V::kPose, V::kPicture, V::kCostMap, V::kMoving})
+    EXPECT_GT(p.views[kind], 5) << static_cast<int>(kind);
+  EXPECT_EQ(p.bytes[V::kPose], teletact::kPoseViewBytes);
+  EXPECT_GT(p.mesh_blocks, 100);
+  const json text = json::parse(p.text);
+  EXPECT_EQ(text["mode"], "engaged");
+  EXPECT_EQ(text["obstacles"].size(), 1U);
+  EXPECT_TRUE(text["first_steps"]["obstacle"]);
+  EXPECT_TRUE(same_again(options.log_folder, rt::Box::kOperator));
+  EXPECT_TRUE(same_again(options.log_folder, rt::Box::kRobot));
+}
+
+TEST(DeskRun, DrivingByHandEndsWithItsTokensAndReplays) {
+  auto s = scene();
+  Person p;
+  std::int64_t engage = 0, early = 0, lost = 0;
+  const json drive{{"act", "drive"}, {"vx", 0.3}, {"vy", 0.0}, {"wz", 0.0}};
+  const json both = json::array({"engage", "drive"}), one = json::array({"engage"});
+  p.holds = one;
+  p.act = [&](double t) {
+    if (p.once("early", t, 1.0)) early = p.say(drive);
+    if (p.once("engage", t, 1.5)) engage = p.say({{"act", "engage"}});
+    if (p.once("press", t, 2.5)) p.holds = both, p.driven = drive;
+    // The key is held, the browser stands still: only its engage goes on.
+    if (p.once("silent", t, 4.0)) {
+      p.holds = one;
+      p.driven.reset();
+    }
+    if (p.once("again", t, 5.0)) p.holds = both, p.driven = drive;
+    // The page is frozen: nothing at all comes.
+    if (p.once("frozen", t, 6.0)) p.holds = nullptr;
+    if (p.once("thaws", t, 6.6)) {
+      p.holds = both;
+      lost = p.say(drive);
+    }
+  };
+  DemoOptions options;
+  options.report = (folder() / "drive").string();
+  options.record = true;
+  options.log_folder = options.report + "/raw";
+  const VirtualRun r = run(*s, 8, p, options);
+  EXPECT_FALSE(p.answers[early].ok);
+  EXPECT_THAT(p.answers[early].why, testing::HasSubstr("not engaged"));
+  EXPECT_TRUE(p.answers[engage].ok) << p.answers[engage].why;
+  EXPECT_FALSE(p.answers[lost].ok);
+  EXPECT_NEAR(speed_at(r, 3.8), 0.3, 0.02);
+  EXPECT_LT(speed_at(r, 4.7), 0.005) << "let go: within a job, the way there and the ramp";
+  EXPECT_NEAR(speed_at(r, 5.9), 0.3, 0.02);
+  EXPECT_LT(speed_at(r, 6.0 + 0.2 + 0.1 + 0.1 + 0.3), 0.005) << "no token";
+  EXPECT_LT(path_to(r, 8) - path_to(r, 6.7), 0.005) << "what is still held is no new press";
+  EXPECT_TRUE(same_again(options.log_folder, rt::Box::kOperator));
+  EXPECT_TRUE(same_again(options.log_folder, rt::Box::kRobot));
+}
+
+// A person at the page touches the floor beside the pedestal, draws a stroke with the button, and
+// the base goes there: as with a device, and as often as it is run again.
+TEST(DeskRun, AHandAtThePageTouchesAndMarks) {
+  auto s = scene();
+  Person p;
+  double x = 1.85, y = -0.38;
+  p.holds = json::array({"engage"});
+  p.act = [&](double t) {
+    if (p.once("engage", t, 1.5)) p.say({{"act", "engage"}});
+    if (p.once("take", t, 2.0)) p.holds = json::array({"engage", "hand"});
+    if (t > 2.0 && t < 5.0) {
+      if (t > 4.0) x = 1.85 + 0.05 * (t - 4.0);
+      p.driven = json{{"act", "hand"},
+                      {"p", {x, y, 0.0}},
+                      {"normal", {0, 0, 1}},
+                      {"press", t > 3.0 && t < 4.8},
+                      {"button", t > 3.8 && t < 4.6},
+                      {"clutch", false}};
+    }
+    if (p.once("leave", t, 5.0)) p.holds = json::array({"engage"}), p.driven.reset();
+  };
+  DemoOptions options;
+  options.report = (folder() / "hand").string();
+  options.record = true;
+  options.log_folder = options.report + "/raw";
+  const VirtualRun r = run(*s, 14, p, options);
+  EXPECT_TRUE(p.desk->acts().first_steps().touch);
+  EXPECT_GE(r.op.view.task.marks, 1U);
+  EXPECT_GE(r.op.view.arrivals, 1U);
+  double deepest = 0, last = 1;
+  for (const auto& h : r.op.view.haptic) {
+    deepest = std::max(deepest, static_cast<double>(h.force_N));
+    last = static_cast<double>(h.force_N);
+  }
+  EXPECT_GT(deepest, 0.1) << "it pressed";
+  EXPECT_LT(last, 0.01);
+  EXPECT_TRUE(same_again(options.log_folder, rt::Box::kOperator));
+}
+
+// Calls something at instants of the host's clock, between the jobs.
+class At final : public rt::Actor {
+ public:
+  At(rt::Actor& inner, std::function<void(std::int64_t)> call)
+      : inner_(inner), call_(std::move(call)) {}
+  std::int64_t next_host_ns() const noexcept override {
+    return std::min(inner_.next_host_ns(), at_ns);
+  }
+  void act(std::int64_t host_ns) override {
+    if (inner_.next_host_ns() <= host_ns) return inner_.act(host_ns);
+    at_ns = std::int64_t{1} << 62;
+    call_(host_ns);
+  }
+  std::int64_t at_ns = std::int64_t{1} << 62;
+
+ private:
+  rt::Actor& inner_;
+  std::function<void(std::int64_t)> call_;
+};
+
+// Stop, with a thousand intents a second before it: from the press to the first falling speed no
+// more than one way and 30 ms; then it stands after v / (4 m/s2).
+TEST(DeskRun, AStopOvertakesWhateverWaits) {
+  constexpr double kOneWay_s = 0.020, kEvery_s = 2.2, kV = 0.3;
+  constexpr int kStops = 10;
+  auto s = scene({"link.shape.delay_ms=20"});
+  Person p;
+  const json drive{{"act", "drive"}, {"vx", kV}, {"vy", 0.0}, {"wz", 0.0}};
+  const json back{{"act", "drive"}, {"vx", -kV}, {"vy", 0.0}, {"wz", 0.0}};
+  std::unique_ptr<At> at;
+  std::vector<double> pressed;
+  p.act = [&](double t) {
+    for (int i = 0; i < 20; ++i) p.say({{"act", "note"}, {"text", "noise"}});
+    for (int k = 0; k < kStops; ++k) {
+      const double begin = 2 + kEvery_s * k;
+      const std::string n = std::to_string(k);
+      if (p.once("free" + n, t, begin - 0.3)) p.holds = json::array();
+      if (p.once("engage" + n, t, begin)) {
+        p.holds = json::array({"engage"});
+        p.say({{"act", "engage"}});
+      }
+      if (p.once("drive" + n, t, begin + 0.2)) {
+        p.holds = json::array({"engage", "drive"});
+        p.driven = k % 2 == 0 ? drive : back;
+      }
+      if (p.once("stop" + n, t, begin + 1.2)) {
+        // Somewhere within the tasks' periods.
+        const double press = t + 0.0003 + 0.0137 * k;
+        pressed.push_back(press);
+        at->at_ns = 1'000'000'000 + static_cast<std::int64_t>(1e9 * press);
+      }
+    }
+  };
+  DemoOptions options;
+  options.wrap_link = [&](rt::Actor& link) -> rt::Actor* {
+    at = std::make_unique<At>(link, [&](std::int64_t) { p.desk->stop(); });
+    return at.get();
+  };
+  const VirtualRun r = run(*s, 2 + kEvery_s * kStops, p, options);
+  ASSERT_EQ(pressed.size(), static_cast<std::size_t>(kStops));
+  double worst = 0;
+  for (const double press : pressed) {
+    double falls = -1, stands = -1, before = -1;
+    for (const auto& q : r.robot.view.robot) {
+      const double t = since_start(r, q);
+      const auto v = static_cast<double>(q.speed_m_per_s);
+      if (t < press) before = v;
+      if (t >= press && falls < 0 && v < before - 0.004) falls = t;
+      if (t >= press && stands < 0 && v < 0.01) stands = t;
+    }
+    EXPECT_NEAR(before, kV, 0.02) << "it was driving, at " << press;
+    ASSERT_GT(falls, 0) << press;
+    worst = std::max(worst, falls - press);
+    EXPECT_LT(falls - press, kOneWay_s + 0.030) << press;
+    EXPECT_LT(stands - falls, kV / 4 + 0.08) << press << ": and the lag of the motors' speed loop";
+  }
+  std::printf("first falling speed after the press: at most %.1f ms of them %.0f on the way\n",
+              1e3 * worst, 1e3 * kOneWay_s);
+  EXPECT_TRUE(p.desk->acts().first_steps().stop);
+}
+
+}  // namespace

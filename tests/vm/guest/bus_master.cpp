@@ -1,0 +1,275 @@
+// robot_io's side of the bus, on the product's executor: one job a millisecond drives the wheels of
+// a youBot chain behind a network interface.
+//
+//   vm_master --iface IF --expect run|gaps|books [--seconds S] [--act-at S] [--reply-us US]
+//             [--watchdog-ms MS] [--timed no] [--gate PATH]
+//
+//   run     the wheels turn to the end; lost frames are counted and change nothing
+//   gaps    frames are missing twice: first for less than 100 cycles, and the wheels turn on; then
+//           for longer, so the master stops; frames come again and it stays stopped until --act-at,
+//           then the wheels turn again
+//   books   no wrong state and no stop; for a clock on which a job may be late by a second
+//   gate    in OP it makes PATH.ready and waits for PATH.go
+//   timed   no: deadlines are not judged
+// Figures: ethercat.{cycles, missed, lost, in_row, short, cycle_cpu_{p50, p99, max}_us,
+// start_{p50, p99, max}_us}.
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <thread>
+#include <vector>
+
+#include "drivers/ethercat/master.hpp"
+#include "drivers/ethercat/raw_port.hpp"
+#include "drivers/youbot_bus/ethercat_motor_bus.hpp"
+#include "drivers/youbot_bus/process_data.hpp"
+#include "rt/quantile.hpp"
+#include "rt/sched/admission.hpp"
+#include "rt/sched/real_executor.hpp"
+#include "tests/vm/guest/say.hpp"
+
+namespace {
+
+using namespace drivers;
+
+constexpr std::int64_t kHz = 1000;
+constexpr double kWheel_rad_per_s = 2;
+// Between set-up and the first job the slaves' watchdog falls: memory is locked and threads are
+// made. So the first jobs are the act of a start, and those from kSettle on are judged.
+constexpr std::int64_t kStartAt = 50;
+constexpr std::uint64_t kSettle = 400;
+// From the stop until wheels that are switched off stand.
+constexpr std::uint64_t kStandsAfter = 300;
+
+struct Seen {
+  int longest_loss = 0, longest_held = 0;  // lost in a row; of these the master did not stop
+  std::uint64_t wrong_state =
+      0;  // cycles in which a slave was missing or not in OP, or a counter wrong
+  std::uint64_t replies_while_stopped = 0, moved_while_stopped = 0;
+  std::uint64_t after_act = 0;  // cycles with wheels that turn after the act
+  std::int64_t stopped_at = -1;
+  bool watchdog_seen = false;  // a slave said 0x001B
+  bool turning = false;        // in the last cycle
+  std::int64_t begun_at = -1;  // all in OP, flags cleared, the wheels turn
+};
+
+class WheelJob final : public rt::TaskBody {
+ public:
+  WheelJob(ethercat::Master& master, youbot_bus::EtherCatMotorBus& bus, double seconds,
+           double act_at)
+      : master_(master),
+        bus_(bus),
+        act_at_(act_at < 0 ? -1 : kSettle + std::llround(act_at * kHz)),
+        end_(kSettle + std::llround(seconds * kHz)) {
+    setpoints_.mode = MotorMode::kVelocity;
+    setpoints_.wheel_rad_per_s.fill(kWheel_rad_per_s);
+  }
+  void latch(const rt::Tick&, rt::JobRecord&) noexcept override {}
+  rt::Health step(const rt::Tick&, rt::JobRecord&) noexcept override { return rt::Health::ok(); }
+  void commit(const rt::Tick& tick, rt::JobRecord&) noexcept override {
+    const auto k = static_cast<std::int64_t>(tick.k);
+    if (k == kStartAt || k == act_at_) bus_.rearm();
+    if (k == first_) before_ = lost();
+    if (k == end_) before_end_ = lost();
+    const std::uint64_t lost_before = lost();
+    (void)bus_.exchange(tick.start, setpoints_, states_);
+    if (k >= first_ && k < end_) note(k, lost() == lost_before);
+  }
+  [[nodiscard]] std::uint64_t lost_while_judged() const noexcept { return before_end_ - before_; }
+  void make_safe() noexcept override { bus_.make_safe(); }
+  [[nodiscard]] const Seen& seen() const noexcept { return seen_; }
+  [[nodiscard]] std::uint64_t lost() const noexcept {
+    return master_.counters().lost + master_.counters().link_down;
+  }
+
+ private:
+  void note(std::int64_t k, bool replied) noexcept {
+    using ethercat::BusFault;
+    if (replied && !master_.stopped()) seen_.longest_held = std::max(seen_.longest_held, in_row_);
+    in_row_ = replied ? 0 : in_row_ + 1;
+    seen_.longest_loss = std::max(seen_.longest_loss, in_row_);
+    if (!replied) return;
+    const ethercat::BusHealth health = master_.health();
+    const bool good = health.fault == BusFault::kNone;
+    if (!good && seen_.begun_at >= 0 && seen_.stopped_at < 0 && !master_.stopped())
+      ++seen_.wrong_state;
+    if (health.al.code == ethercat::al_code::kWatchdog) seen_.watchdog_seen = true;
+    youbot_bus::DriveInputs in;
+    if (!youbot_bus::decode(master_.inputs(1), in)) return;
+    const bool moved = in.position_ticks != ticks_;
+    ticks_ = in.position_ticks;
+    seen_.turning = moved && in.velocity_rpm > 0;
+    if (good && seen_.turning && seen_.begun_at < 0) seen_.begun_at = k;
+    if (master_.stopped()) {
+      if (seen_.stopped_at < 0) seen_.stopped_at = k;
+      ++seen_.replies_while_stopped;
+      const bool stands = static_cast<std::uint64_t>(k - seen_.stopped_at) > kStandsAfter;
+      if (stands && moved) ++seen_.moved_while_stopped;
+    } else if (act_at_ >= 0 && k > act_at_ && seen_.turning) {
+      ++seen_.after_act;
+    }
+  }
+
+  ethercat::Master& master_;
+  youbot_bus::EtherCatMotorBus& bus_;
+  std::int64_t act_at_, first_ = kSettle, end_;
+  std::uint64_t before_ = 0, before_end_ = 0;  // lost frames
+  MotorSetpoints setpoints_;
+  MotorStates states_;
+  Seen seen_;
+  int in_row_ = 0;
+  std::int32_t ticks_ = 0;
+};
+
+struct Run {
+  std::vector<rt::JobRecord> jobs;
+  std::uint64_t releases = 0, late = 0;
+  std::vector<std::string> missing;
+  // Without a record: dropped by the policy.
+  [[nodiscard]] std::uint64_t missed() const { return late + releases - jobs.size(); }
+};
+
+Run drive(rt::NonRealtime& nrt, WheelJob& job, double seconds) {
+  const auto wanted = static_cast<std::uint64_t>(std::llround(seconds * kHz));
+  rt::PlacedTask task;
+  task.spec.name = "robot_io";
+  task.spec.rate = {kHz, 1};
+  task.spec.budget = std::chrono::microseconds{100};
+  task.body = &job;
+  task.priority = rt::kTopTaskPriority;
+  Run run;
+  run.jobs.reserve(wanted + 64);
+  rt::RealExecutor<rt::Plain> executor(
+      nrt, {task}, rt::Plain{},
+      [&](const rt::JobRecord& r) {
+        if (r.k >= kSettle && r.k < kSettle + wanted) run.jobs.push_back(r);
+      },
+      [](const rt::SentinelRecord&) {});
+  rt::RunPlan plan;
+  plan.epoch_host_ns = rt::monotonic_ns() + 300'000'000;
+  plan.duration = rt::Nanos{static_cast<std::int64_t>(kSettle + wanted + 10) * 1'000'000'000 / kHz};
+  executor.run(plan);
+  run.missing = executor.missing();
+  run.releases = wanted;
+  for (const auto& r : run.jobs) run.late += r.missed() ? 1 : 0;
+  return run;
+}
+
+void wait_at(const std::string& gate) {
+  if (gate.empty()) return;
+  std::fclose(std::fopen((gate + ".ready").c_str(), "w"));
+  while (::access((gate + ".go").c_str(), F_OK) != 0) ::usleep(10'000);
+}
+
+void say_job(const char* what, const rt::JobRecord& j) {
+  std::printf("%s: job %llu start %.1f us, CPU %.1f us, end %.1f us, %u faults, %u skipped\n", what,
+              static_cast<unsigned long long>(j.k), 1e-3 * static_cast<double>(j.lateness_ns()),
+              1e-3 * static_cast<double>(j.cpu_ns),
+              1e-3 * static_cast<double>(j.end_ns - j.release_ns), j.minor_faults, j.skipped);
+}
+
+void say_times(const Run& run) {
+  std::vector<double> start, cpu;
+  const rt::JobRecord* latest = run.jobs.data();
+  for (const auto& j : run.jobs) {
+    if (j.lateness_ns() > latest->lateness_ns()) latest = &j;
+    if (j.missed() || j.skipped > 0) say_job("missed", j);
+    start.push_back(1e-3 * static_cast<double>(j.lateness_ns()));
+    cpu.push_back(1e-3 * static_cast<double>(j.cpu_ns));
+  }
+  say_job("latest start", *latest);
+  std::sort(start.begin(), start.end());
+  std::sort(cpu.begin(), cpu.end());
+  const auto at = [](const std::vector<double>& sorted, double q) {
+    return sorted[rt::quantile_rank(q, sorted.size()) - 1];
+  };
+  vm::figure("ethercat.start_p50_us", at(start, .5), "us");
+  vm::figure("ethercat.start_p99_us", at(start, .99), "us");
+  vm::figure("ethercat.start_max_us", start.back(), "us");
+  vm::figure("ethercat.cycle_cpu_p50_us", at(cpu, .5), "us");
+  vm::figure("ethercat.cycle_cpu_p99_us", at(cpu, .99), "us");
+  vm::figure("ethercat.cycle_cpu_max_us", cpu.back(), "us");
+}
+
+void judge(const Seen& s, const ethercat::Master& master, const std::string& expect,
+           std::uint64_t lost) {
+  const auto text = [](auto n) { return std::to_string(n); };
+  if (expect == "books") {
+    vm::check("no wrong state", s.wrong_state == 0, text(s.wrong_state) + " cycles");
+    vm::check("no stop", !master.stopped() && s.stopped_at < 0, "");
+    return;
+  }
+  vm::check("in OP and turning from the first judged job on",
+            s.begun_at == static_cast<std::int64_t>(kSettle), "job " + text(s.begun_at));
+  vm::check("no wrong state", s.wrong_state == 0, text(s.wrong_state) + " cycles");
+  if (expect == "run") {
+    vm::check("no stop", !master.stopped() && s.stopped_at < 0, "");
+    vm::check("wheels turn at the end", s.turning, "");
+    return;
+  }
+  vm::check("held over the short gap", s.longest_held >= 10 && s.longest_held < 100,
+            text(s.longest_held) + " lost in a row");
+  vm::check("stopped by lost frames", s.stopped_at >= 0 && s.longest_loss >= 100,
+            text(s.longest_loss) + " lost in a row of " + text(lost));
+  vm::check("slaves fell to SAFEOP by their watchdog, 0x001B", s.watchdog_seen, "");
+  vm::check("stays stopped while frames come", s.replies_while_stopped >= 500,
+            text(s.replies_while_stopped) + " cycles with a reply");
+  vm::check("wheels stand meanwhile", s.moved_while_stopped == 0,
+            text(s.moved_while_stopped) + " cycles moved");
+  vm::check("recovers by the act", !master.stopped() && s.turning && s.after_act > 100,
+            text(s.after_act) + " cycles turning after it");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const double seconds = vm::option(argc, argv, "seconds", 60.0);
+  const double act_at = vm::option(argc, argv, "act-at", -1.0);
+  const bool timed = vm::option(argc, argv, "timed", std::string("yes")) == "yes";
+  const std::string expect = vm::option(argc, argv, "expect", std::string("run"));
+  rt::Startup startup;
+  auto& nrt = startup.token();
+  auto port = ethercat::RawPort::open(nrt, vm::option(argc, argv, "iface", std::string("lo")));
+  if (!port) {
+    std::fprintf(stderr, "%s\n", port.error().c_str());
+    return 2;
+  }
+  ethercat::MasterConfig config;
+  config.reply_timeout =
+      rt::Nanos{static_cast<std::int64_t>(1e3 * vm::option(argc, argv, "reply-us", 500.0))};
+  config.watchdog_ms = static_cast<int>(
+      vm::option(argc, argv, "watchdog-ms", static_cast<double>(config.watchdog_ms)));
+  ethercat::Master master(nrt, *port.value(), config);
+  for (const auto step :
+       {&ethercat::Master::find, &ethercat::Master::configure, &ethercat::Master::start}) {
+    const auto done = (master.*step)(nrt);
+    if (done) continue;
+    vm::check("chain in OP", false, done.error());
+    return 1;
+  }
+  vm::figure("ethercat.slaves", static_cast<double>(master.slaves().size()), "1");
+  youbot_bus::EtherCatMotorBus bus(nrt, master);
+  WheelJob job(master, bus, seconds, act_at);
+  wait_at(vm::option(argc, argv, "gate", std::string()));
+  const std::uint64_t at_gate = job.lost();
+  const Run run = drive(nrt, job, seconds);
+  for (const auto& line : run.missing) vm::check("every right", false, line);
+
+  const std::uint64_t lost = job.lost_while_judged();
+  vm::figure("ethercat.cycles", static_cast<double>(run.jobs.size()), "1");
+  vm::figure("ethercat.missed", static_cast<double>(run.missed()), "1");
+  vm::figure("ethercat.lost", static_cast<double>(lost), "1");
+  // From the gate on, with the jobs of start and end.
+  vm::figure("ethercat.lost_in_all", static_cast<double>(job.lost() - at_gate), "1");
+  vm::figure("ethercat.in_row", job.seen().longest_loss, "1");
+  vm::figure("ethercat.short", static_cast<double>(master.counters().short_counter), "1");
+  say_times(run);
+  if (timed) {
+    vm::check("no cycle missed", run.missed() == 0,
+              std::to_string(run.jobs.size()) + " of " + std::to_string(run.releases));
+  }
+  judge(job.seen(), master, expect, lost);
+  return 0;
+}

@@ -1,0 +1,122 @@
+// Dead-man driving: as long as keys, a pad on the screen, or a gamepad's shoulder button with its
+// stick are held. The box limits speed; here 1 is the speed chosen on the page.
+import { Held } from './held';
+
+export interface DriveRoad {
+  tell: (act: string, keys: object) => void;
+}
+
+export interface DriveGate {
+  why: () => string | null;  // why driving is not possible now
+}
+
+// vx vy wz, by the key's place on the keyboard, so that other layouts have them there too.
+export const driveKeys: Record<string, [number, number, number]> = {
+  KeyW: [1, 0, 0], KeyS: [-1, 0, 0],
+  KeyA: [0, 1, 0], KeyD: [0, -1, 0],
+  KeyQ: [0, 0, 1], KeyE: [0, 0, -1],
+};
+
+const period = 50;             // ms between commands
+const turn = 2;                // rad/s a m/s
+const deadZone = 0.15;         // of a stick
+const deadManButton = 5;       // right shoulder of the standard gamepad
+
+type Command = [number, number, number];
+
+export class Drive {
+  speed = 0.3;                 // m/s
+  private readonly down = new Map<string, Command>();
+  private pad: Command | null = null;
+  private padWasHeld = false;
+  private timer: ReturnType<typeof setInterval> | null = null;
+
+  constructor(private readonly road: DriveRoad, private readonly held: Held,
+    private readonly gate: DriveGate, private readonly refused: (why: string) => void) {
+    held.onLost((_, holds) => { if (holds.includes('drive')) this.forget(); });
+  }
+
+  // A press of a key or of the pad on the screen. False: it may not drive now.
+  press(source: string, command: Command): boolean {
+    const why = this.gate.why();
+    if (why !== null) {
+      this.refused(why);
+      return false;
+    }
+    this.down.set(source, command);
+    this.begin();
+    return true;
+  }
+
+  release(source: string): void {
+    if (!this.down.delete(source)) return;
+    if (this.down.size === 0 && !this.pad) this.end();
+    else this.send();
+  }
+
+  releaseAll(): void {
+    this.forget();
+    this.held.release('drive');
+  }
+
+  get driving(): boolean { return this.held.has('drive'); }
+
+  // Asked in each frame: gamepads have no events of their own.
+  pollGamepad(pads: (Gamepad | null)[]): void {
+    const pad = pads.find(p => p?.connected && p.mapping === 'standard');
+    const held = pad?.buttons[deadManButton]?.pressed ?? false;
+    const fresh = held && !this.padWasHeld;
+    this.padWasHeld = held;
+    if (!held || !pad) {
+      if (this.pad) {
+        this.pad = null;
+        if (this.down.size === 0) this.end();
+      }
+      return;
+    }
+    if (fresh) {
+      const why = this.gate.why();
+      if (why !== null) this.refused(why);
+      else this.pad = [0, 0, 0];
+      if (this.pad) this.begin();
+    }
+    const axis = (k: number) => Math.abs(pad.axes[k] ?? 0) < deadZone ? 0 : -(pad.axes[k] ?? 0);
+    if (this.pad) this.pad = [axis(1), axis(0), axis(2)];
+  }
+
+  private begin(): void {
+    this.held.press('drive');
+    this.send();
+    this.timer ??= setInterval(() => this.send(), period);
+  }
+
+  private end(): void {
+    this.send();
+    this.held.release('drive');
+    this.forget();
+  }
+
+  private forget(): void {
+    this.down.clear();
+    this.pad = null;
+    if (this.timer !== null) clearInterval(this.timer);
+    this.timer = null;
+  }
+
+  private send(): void {
+    const why = this.gate.why();
+    if (why !== null && this.driving) {
+      this.held.lose(why, ['drive']);
+      return;
+    }
+    const sum: Command = [0, 0, 0];
+    for (const command of [...this.down.values(), this.pad ?? [0, 0, 0]]) {
+      for (let k = 0; k < 3; ++k) sum[k]! += command[k]!;
+    }
+    const unit = (v: number) => Math.max(-1, Math.min(1, v));
+    this.road.tell('drive', {
+      vx: this.speed * unit(sum[0]), vy: this.speed * unit(sum[1]),
+      wz: turn * this.speed * unit(sum[2]),
+    });
+  }
+}

@@ -1,0 +1,84 @@
+// What must be held: engage, hand, drive. A token 20 times a second says "I still hold this"; the
+// box ends the act 200 ms after the last one. Whatever takes the page away from the person (blur,
+// hidden tab, lost pointer, gamepad or socket, a frozen browser) lets go here as well, and only a
+// new press holds again.
+
+export type Hold = 'engage' | 'hand' | 'drive';
+
+export const tokenPeriod = 50;  // ms
+const life = 200;               // ms that a token lives
+
+export interface HeldRoad {
+  tell: (act: string, keys: object) => void;
+}
+
+type Lost = (why: string, holds: Hold[]) => void;
+
+export class Held {
+  private readonly holds = new Set<Hold>();
+  private lastTick = 0;
+  private timer: ReturnType<typeof setInterval> | null = null;
+  private readonly hearers: Lost[] = [];
+
+  constructor(private readonly road: HeldRoad, private readonly now = () => performance.now()) {}
+
+  onLost(hear: Lost): void { this.hearers.push(hear); }
+  has(hold: Hold): boolean { return this.holds.has(hold); }
+
+  // Only from a fresh press of a person.
+  press(hold: Hold): void {
+    this.holds.add(hold);
+    this.send();
+    if (this.timer !== null) return;
+    this.lastTick = this.now();
+    this.timer = setInterval(() => this.tick(), tokenPeriod);
+  }
+
+  release(hold: Hold): void {
+    if (!this.holds.delete(hold)) return;
+    this.send();
+    this.rest();
+  }
+
+  // The person may not know: told why, and of what.
+  lose(why: string, which: Hold[] = ['engage', 'hand', 'drive']): void {
+    const lost = which.filter(hold => this.holds.delete(hold));
+    if (lost.length === 0) return;
+    this.send();
+    this.rest();
+    for (const hear of this.hearers) hear(why, lost);
+  }
+
+  private tick(): void {
+    const now = this.now();
+    const gap = now - this.lastTick;
+    this.lastTick = now;
+    // The box has let go by then; a token now would take it up again without a press.
+    if (gap > life) {
+      this.lose(`the browser stood still for ${Math.round(gap)} ms`);
+      return;
+    }
+    this.send();
+  }
+
+  private send(): void { this.road.tell('token', { holds: [...this.holds] }); }
+
+  private rest(): void {
+    if (this.holds.size > 0 || this.timer === null) return;
+    clearInterval(this.timer);
+    this.timer = null;
+  }
+}
+
+// The page's own ways to be taken away.
+export function watchLoss(held: Held): void {
+  addEventListener('blur', () => held.lose('the window lost the focus', ['hand', 'drive']));
+  document.addEventListener('visibilitychange', () => {
+    if (document.hidden) held.lose('the page was hidden');
+  });
+  addEventListener('pagehide', () => held.lose('the page was left'));
+  addEventListener('pointercancel', () => held.lose('the pointer was taken away',
+    ['hand', 'drive']));
+  addEventListener('gamepaddisconnected', () => held.lose('the gamepad was lost',
+    ['hand', 'drive']));
+}

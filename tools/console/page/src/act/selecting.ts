@@ -1,0 +1,58 @@
+// An object by clicks: the box proposes a mask, further clicks add to it or take away, and only
+// what was seen is accepted.
+import { Selection } from '../wire/types';
+import { Acts } from './acts';
+
+export interface Click { u: number; v: number; sign: 1 | -1 }
+
+export class Selecting {
+  sign: 1 | -1 = 1;
+  proposal: Selection | null = null;
+  clicks: Click[] = [];
+  onChange: () => void = () => {};
+
+  constructor(private readonly acts: Acts) {
+    acts.store.on('selection', selection => {
+      if (this.clicks.length === 0) return;  // dropped meanwhile
+      this.proposal = selection;
+      this.onChange();
+    });
+  }
+
+  clickPoint(at: [number, number] | null): void {
+    if (at) this.click(...at);
+    else this.acts.say('The picture does not show this place: turn the robot to it.', 'refused');
+  }
+
+  click(u: number, v: number, sign: 1 | -1 = this.sign): void {
+    const first = this.clicks.length === 0;
+    if (first && sign < 0) {
+      this.acts.say('The first click chooses; later ones can take away.', 'refused');
+      return;
+    }
+    const click: Click = { u, v, sign };
+    this.clicks.push(click);
+    this.onChange();
+    void this.acts.link.act('select', { u, v, sign, new: first }).then(answer => {
+      if (answer.ok) return;
+      this.clicks = this.clicks.filter(c => c !== click);
+      this.acts.say(`Refused: ${answer.why ?? 'no reason given'}`, 'refused');
+      this.onChange();
+    });
+  }
+
+  async accept(name: string): Promise<void> {
+    if (!this.proposal) return;
+    const keys = name ? { proposal: this.proposal.proposal, name }
+      : { proposal: this.proposal.proposal };
+    const answer = await this.acts.ask('accept', keys, 'The object is known now.');
+    if (answer.ok) this.drop();
+  }
+
+  drop(): void {
+    this.proposal = null;
+    this.clicks = [];
+    this.sign = 1;
+    this.onChange();
+  }
+}

@@ -1,0 +1,256 @@
+// The operator's page: puts the parts together. What goes over the wire: docs/console_protocol.md.
+import { Acts, Tone } from './act/acts';
+import { Aimer } from './act/aim';
+import { Drive } from './act/drive';
+import { Held, watchLoss } from './act/held';
+import { listenToKeys } from './act/keys';
+import { Pointer } from './act/pointer';
+import { Selecting } from './act/selecting';
+import { Tools } from './act/tools';
+import { button, by, h } from './panel/dom';
+import { fillHelp, Steps } from './panel/guides';
+import { Health, percentile } from './panel/health';
+import { Inset } from './panel/inset';
+import { Lists } from './panel/lists';
+import { Pad } from './panel/pad';
+import { entries, Rail } from './panel/rail';
+import { applyTheme, Session } from './panel/session';
+import { tabs } from './panel/tabs';
+import { Timeline } from './panel/timeline';
+import { TopBar } from './panel/top';
+import { FloorLayer } from './view/floor_layer';
+import { HandLayer } from './view/hand_layer';
+import { Headset } from './view/headset';
+import { MeshLayer } from './view/mesh_layer';
+import { PictureLayer } from './view/picture_layer';
+import { RobotLayer } from './view/robot_layer';
+import { Stage } from './view/stage';
+import { ThingsLayer } from './view/things_layer';
+import { Link, LinkState } from './wire/link';
+import { Store } from './wire/store';
+import { Pose, Vec3 } from './wire/types';
+
+const toastLife = 5000;    // ms
+const mostToasts = 4;
+const panelPeriod = 200;   // ms
+const mostTimes = 256;     // of the mesh, for its percentile
+
+function say(text: string, tone: Tone): void {
+  const toast = h('div', { class: `toast ${tone}` }, text);
+  by('toasts').append(toast);
+  while (by('toasts').children.length > mostToasts) by('toasts').firstElementChild!.remove();
+  setTimeout(() => toast.remove(), toastLife);
+}
+
+class Page {
+  readonly store = new Store();
+  readonly link = new Link({ onView: bytes => this.store.take(bytes),
+    onState: (state, why) => this.linkChanged(state, why) });
+  readonly held = new Held(this.link);
+  readonly acts = new Acts(this.link, this.store, this.held, say);
+  readonly stage = new Stage(by<HTMLCanvasElement>('canvas'));
+  readonly mesh = new MeshLayer();
+  readonly picture = new PictureLayer(() => this.stage.touch());
+  readonly robot = new RobotLayer();
+  readonly floor = new FloorLayer();
+  readonly things = new ThingsLayer();
+  readonly aimer = new Aimer(this.stage, this.mesh, this.store);
+  readonly hand = new HandLayer(p => this.aimer.below(p));
+  readonly selecting = new Selecting(this.acts);
+  readonly tools = new Tools(this.acts, this.things, this.aimer, this.selecting,
+    () => this.stage.touch());
+  readonly drive = new Drive(this.link, this.held, { why: () => this.lockReason() },
+    why => say(`Driving is locked: ${why}`, 'refused'));
+  readonly pointer = new Pointer(this.stage, this.aimer, this.tools);
+  readonly rail = new Rail(this.tools, this.stage, this.acts, this.store);
+  readonly inset = new Inset(this.store, this.tools, this.selecting,
+    () => { if (this.tools.name !== 'object') this.rail.choose('object'); });
+  readonly top = new TopBar(this.acts, this.store);
+  readonly lists = new Lists(this.acts, this.store, this.stage, this.things);
+  readonly health = new Health(this.acts, this.store, this.stage, () => this.figures());
+  readonly timeline = new Timeline(this.acts, this.store);
+  readonly steps = new Steps(this.store);
+  readonly pad = new Pad(this.drive);
+  readonly session = new Session(this.acts, this.store, this.stage, {
+    surface: this.mesh.group, 'live picture': this.picture.points, 'cost map': this.floor.cost,
+    robot: this.robot.group, hand: this.hand.group }, () => this.themed());
+  readonly showTab: (name: string) => void;
+  private readonly meshTimes: number[] = [];
+  private meshCame = 0;
+  private lastPose: Pose | null = null;
+
+  constructor() {
+    this.stage.world.add(this.mesh.group, this.picture.points, this.robot.group, this.floor.group,
+      this.hand.group, this.things.group);
+    this.picture.points.visible = true;
+    this.showTab = tabs({ Scene: this.lists.pane, Health: this.health.pane,
+      Timeline: this.timeline.pane, Session: this.session.pane });
+    fillHelp();
+    this.themed();
+    this.hear();
+    this.keys();
+    watchLoss(this.held);
+    this.held.onLost((why, holds) => say(this.acts.lostText(why, holds), 'refused'));
+    this.stage.beforeFrame(() => this.frame());
+    setInterval(() => this.showPanels(), panelPeriod);
+    new Headset(this.stage, this.aimer, this.tools, {
+      said: text => say(text, 'refused'),
+      stop: why => {
+        this.held.lose(why);
+        this.acts.stop();
+      },
+    });
+    void this.link.start();
+  }
+
+  // For tests and for whoever looks at the page's own costs.
+  figures() {
+    return {
+      fps: this.stage.fps, frames: this.stage.frames, triangles: this.mesh.triangles,
+      blocks: this.mesh.blocks, damaged: this.store.damaged, messages: this.store.messages,
+      answerP95: percentile(this.link.answerTimes, 0.95),
+      meshP95: percentile(this.meshTimes, 0.95), renderer: this.stage.rendererName(),
+      geometries: this.stage.renderer.info.memory.geometries,
+      textures: this.stage.renderer.info.memory.textures,
+    };
+  }
+
+  // Why the base may not be driven by hand now; null: it may.
+  lockReason(): string | null {
+    if (this.link.state !== 'open') return 'no connection to the box';
+    if (this.store.slow.role === 'viewer') return 'only the operator drives';
+    if (!this.store.may('drive')) return 'this run does not take it';
+    return this.inset.tick() === 'frozen' ? 'the picture is frozen' : null;
+  }
+
+  private hear(): void {
+    const { store } = this;
+    store.on('mesh', delta => {
+      this.meshCame ||= performance.now();
+      this.mesh.take(delta);
+    });
+    this.mesh.onApplied = () => {
+      this.meshTimes.push(performance.now() - this.meshCame);
+      if (this.meshTimes.length > mostTimes) this.meshTimes.shift();
+      this.meshCame = 0;
+    };
+    store.on('picture', picture => {
+      this.picture.take(picture, this.stage.canvas.height);
+      this.robot.lens(picture);
+    });
+    this.picture.onColour = bitmap => this.inset.show(bitmap);
+    store.on('pose', pose => {
+      this.robot.take(pose);
+      this.hand.take(pose);
+      this.stage.follow(pose, this.lastPose);
+      this.lastPose = pose;
+      this.stage.touch();
+    });
+    store.on('costMap', map => this.floor.takeCost(map));
+    store.on('moving', cells => this.floor.takeMoving(cells, store.costMap?.resolution ?? 0.05));
+    store.on('text', slow => {
+      this.floor.takeSlow(slow);
+      this.things.take(slow);
+      this.stage.touch();
+    });
+    // Id 0: not an answer, but news of the session.
+    store.on('answer', answer => {
+      if (!this.link.settle(answer) && (answer.id === 0 || !answer.ok)) {
+        say(answer.why ?? String(answer.result?.text ?? 'The session changed.'),
+          answer.ok ? 'news' : 'refused');
+      }
+    });
+    const shown = this.selecting.onChange;
+    this.selecting.onChange = () => {
+      shown();
+      this.picture.propose(this.selecting.proposal);
+      this.inset.propose();
+    };
+    const chosen = this.tools.onChange;
+    this.tools.onChange = () => {
+      chosen();
+      this.pointer.buttons();
+    };
+    by('looks').addEventListener('click', () => this.pointer.buttons());
+  }
+
+  private keys(): void {
+    const plain: Record<string, () => void> = {
+      g: () => void this.acts.engage(), h: () => this.acts.hold(), c: () => this.acts.clear(),
+      z: () => this.acts.undo(), v: () => { this.rail.nextLook(); this.pointer.buttons(); },
+      r: () => this.acts.record(!this.timeline.recording),
+      n: () => { this.showTab('Timeline'); this.timeline.focusNote(); },
+      y: () => void this.selecting.accept(''),
+      '?': () => by<HTMLDialogElement>('help').showModal(),
+      '+': () => this.zoom(0.87), '=': () => this.zoom(0.87), '-': () => this.zoom(1.15),
+      delete: () => {
+        const choice = this.lists.chosen;
+        if (choice?.kind === 'obstacle') this.acts.erase(choice.id);
+      },
+      escape: () => {
+        this.pointer.cancel();
+        this.selecting.drop();
+        this.tools.forget.cancel();
+        this.lists.choose(null);
+      },
+    };
+    for (const entry of entries) plain[entry.key] = () => this.rail.choose(entry.name);
+    listenToKeys(this.stage.canvas, this.drive, { stop: () => this.acts.stop(), plain });
+  }
+
+  private zoom(factor: number): void {
+    const { camera, controls } = this.stage;
+    camera.position.sub(controls.target).multiplyScalar(factor).add(controls.target);
+    controls.update();
+    this.stage.touch();
+  }
+
+  private frame(): void {
+    if (this.mesh.update()) this.stage.touch();
+    this.drive.pollGamepad(navigator.getGamepads?.() ?? []);
+  }
+
+  private showPanels(): void {
+    this.inset.tick();
+    this.top.show();
+    this.rail.show();
+    this.lists.show();
+    this.health.show();
+    this.timeline.show();
+    this.session.show();
+    this.steps.show();
+    this.pad.show(this.lockReason());
+  }
+
+  private linkChanged(state: LinkState, why: string): void {
+    const banner = by('banner');
+    banner.hidden = state === 'open';
+    banner.replaceChildren(why);
+    if (state === 'elsewhere') {
+      banner.append(button('Use it here', () => void this.link.start()));
+    }
+    if (state === 'open') this.store.reconnected();
+    else this.held.lose('the connection to the box was lost');
+  }
+
+  private themed(): void {
+    applyTheme();
+    const style = getComputedStyle(document.documentElement);
+    this.stage.colours(style.getPropertyValue('--scene').trim(),
+      style.getPropertyValue('--scene-line').trim());
+  }
+}
+
+declare global {
+  interface Window {
+    teletact: { figures: () => object; toScreen: (p: Vec3) => [number, number] | null };
+  }
+}
+
+applyTheme();
+matchMedia('(prefers-color-scheme: light)').addEventListener('change', () => applyTheme());
+const page = new Page();
+window.teletact = {
+  figures: () => page.figures(),
+  toScreen: p => page.stage.toScreen(p),
+};

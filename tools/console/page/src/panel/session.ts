@@ -1,0 +1,93 @@
+// Who acts and who watches, what this session has saved, how the page looks.
+import { Acts } from '../act/acts';
+import { Stage } from '../view/stage';
+import { Store } from '../wire/store';
+import { button, h, setText } from './dom';
+
+export type Layers = Record<string, { visible: boolean }>;
+
+const nameForm = /^[a-z0-9_-]{1,40}$/;
+
+export class Session {
+  readonly pane = h('div');
+  private readonly who = h('p');
+  private readonly link = h('div', { class: 'sayable', hidden: true });
+  private readonly name = h('input', { placeholder: 'name: a-z 0-9 _ -', maxlength: 40,
+    'aria-label': 'Name of the saved session' });
+  private readonly roles: Record<'ask' | 'give' | 'take' | 'view', HTMLButtonElement>;
+
+  constructor(private readonly acts: Acts, private readonly store: Store, stage: Stage,
+    layers: Layers, private readonly themed: () => void) {
+    const role = (act: string, text: string, done: string) =>
+      button(text, () => void acts.ask(act, {}, done));
+    this.roles = {
+      ask: role('ask_role', 'Ask to operate', 'The operator is asked.'),
+      take: role('take_role', 'Take over', 'You operate now.'),
+      give: role('give_role', 'Hand over', 'The role is handed over.'),
+      view: button('Link for a viewer', () => void this.makeLink()),
+    };
+    this.pane.append(h('h3', {}, 'Who'), this.who,
+      h('div', { class: 'buttons' }, ...Object.values(this.roles)), this.link,
+      h('h3', {}, 'Saved sessions'), this.name, h('div', { class: 'buttons' },
+        button('Save', () => this.named('save', 'Saved as')),
+        button('Open', () => this.named('open', 'Opened:'))),
+      h('p', { class: 'none' }, 'Map, marks, keep-outs, objects, settings.'),
+      h('h3', {}, 'Show'), this.layerButtons(layers, stage),
+      h('h3', {}, 'Colours'), h('div', { class: 'buttons' },
+        ...(['auto', 'dark', 'light'] as const).map(theme =>
+          button(theme, () => this.theme(theme)))));
+  }
+
+  show(): void {
+    const { slow } = this.store;
+    const viewer = slow.role === 'viewer';
+    const name = slow.operator_name ? ` Operator: ${slow.operator_name}.` : '';
+    setText(this.who, (viewer ? 'You watch.' : 'You operate.') + name);
+    this.roles.ask.hidden = this.roles.take.hidden = !viewer;
+    this.roles.give.hidden = this.roles.view.hidden = viewer;
+  }
+
+  theme(theme: 'auto' | 'dark' | 'light'): void {
+    localStorage.setItem('theme', theme);
+    applyTheme();
+    this.themed();
+  }
+
+  private async makeLink(): Promise<void> {
+    const url = await this.acts.link.viewLink();
+    this.link.hidden = url === null;
+    if (url === null) {
+      this.acts.say('Refused: the box makes no link for viewers now.', 'refused');
+      return;
+    }
+    setText(this.link, url);
+    this.acts.say('A link for one viewer is made. It works once.', 'done');
+  }
+
+  private named(act: 'save' | 'open', done: string): void {
+    const name = this.name.value.trim();
+    if (!nameForm.test(name)) {
+      this.acts.say('A name has 1 to 40 of a-z, 0-9, _ and -.', 'refused');
+      return;
+    }
+    void this.acts.ask(act, { name }, `${done} ${name}.`);
+  }
+
+  private layerButtons(layers: Layers, stage: Stage): HTMLElement {
+    return h('div', { class: 'buttons' }, ...Object.entries(layers).map(([name, layer]) => {
+      const b = button(name, () => {
+        layer.visible = !layer.visible;
+        b.setAttribute('aria-pressed', String(layer.visible));
+        stage.touch();
+      }, { 'aria-pressed': String(layer.visible) });
+      return b;
+    }));
+  }
+}
+
+export function applyTheme(): void {
+  const chosen = localStorage.getItem('theme') ?? 'auto';
+  const light = chosen === 'light'
+    || (chosen === 'auto' && matchMedia('(prefers-color-scheme: light)').matches);
+  document.documentElement.dataset.theme = light ? 'light' : 'dark';
+}

@@ -1,0 +1,138 @@
+// The live picture in the room: depth as a 16-bit texture, lifted to 3-D by the vertex shader, in
+// the colours of the picture, tinted where a selection is proposed.
+import * as THREE from 'three';
+import { Picture, Selection } from '../wire/types';
+import { quaternion } from './shapes';
+
+const vertex = `
+precision highp usampler2D;
+uniform usampler2D depth;
+uniform sampler2D mask;
+uniform vec4 lens;       // fx fy cx cy
+uniform vec2 size;
+uniform float step_px;
+uniform float height_px;
+out vec2 at;
+out float chosen;
+void main() {
+  float across = floor(size.x / step_px);
+  float n = float(gl_VertexID);
+  vec2 pixel = step_px * vec2(mod(n, across), floor(n / across));
+  uint mm = texelFetch(depth, ivec2(pixel), 0).r;
+  at = (pixel + 0.5) / size;
+  chosen = texture(mask, at).r;
+  float z = 0.001 * float(mm);
+  vec3 p = vec3((pixel - lens.zw) / lens.xy * z, z);
+  gl_Position = mm == 0u ? vec4(2.0, 2.0, 2.0, 1.0)
+    : projectionMatrix * modelViewMatrix * vec4(p, 1.0);
+  gl_PointSize = clamp(1.3 * step_px * z / lens.x * height_px / gl_Position.w, 1.0, 12.0);
+}`;
+
+const fragment = `
+precision highp float;
+uniform sampler2D colour;
+uniform float has_colour;
+in vec2 at;
+in float chosen;
+out vec4 shown;
+void main() {
+  vec3 c = mix(vec3(0.6), texture(colour, at).rgb, has_colour);
+  shown = vec4(mix(c, vec3(0.95, 0.62, 0.0), chosen > 0.5 ? 0.65 : 0.0), 1.0);
+}`;
+
+const mostPoints = 60000;  // beyond, every second pixel each way is left out
+
+export class PictureLayer {
+  readonly points: THREE.Points;
+  bitmap: ImageBitmap | null = null;
+  onColour: (bitmap: ImageBitmap) => void = () => {};
+  private readonly material: THREE.ShaderMaterial;
+  private depth: THREE.DataTexture | null = null;
+  private mask: THREE.DataTexture;
+  private colour: THREE.Texture | null = null;
+  private decoding = false;
+
+  constructor(private readonly changed: () => void) {
+    this.mask = this.plain(new Uint8Array(1), 1, 1);
+    this.material = new THREE.ShaderMaterial({
+      glslVersion: THREE.GLSL3, vertexShader: vertex, fragmentShader: fragment,
+      uniforms: {
+        depth: { value: null }, mask: { value: this.mask }, colour: { value: null },
+        has_colour: { value: 0 }, lens: { value: new THREE.Vector4(1, 1, 0, 0) },
+        size: { value: new THREE.Vector2(1, 1) }, step_px: { value: 1 },
+        height_px: { value: 720 },
+      },
+    });
+    this.points = new THREE.Points(new THREE.BufferGeometry(), this.material);
+    this.points.frustumCulled = false;  // the vertices are known to the shader alone
+    this.points.visible = false;
+  }
+
+  take(picture: Picture, heightPx: number): void {
+    const { width, height } = picture;
+    const uniforms = this.material.uniforms;
+    if (picture.depth.length > 0) {
+      if (this.depth?.image.width !== width || this.depth.image.height !== height) {
+        this.depth?.dispose();
+        this.depth = new THREE.DataTexture(null, width, height, THREE.RedIntegerFormat,
+          THREE.UnsignedShortType);
+        this.depth.internalFormat = 'R16UI';
+        uniforms.depth!.value = this.depth;
+      }
+      this.depth.image.data = picture.depth;
+      this.depth.needsUpdate = true;
+    }
+    const step = width * height > mostPoints ? 2 : 1;
+    uniforms.lens!.value.set(picture.fx, picture.fy, picture.cx, picture.cy);
+    uniforms.size!.value.set(width, height);
+    uniforms.step_px!.value = step;
+    uniforms.height_px!.value = heightPx;
+    const drawn = Math.floor(width / step) * Math.floor(height / step);
+    this.points.geometry.setDrawRange(0, picture.depth.length > 0 ? drawn : 0);
+    this.points.position.set(picture.camera[0]!, picture.camera[1]!, picture.camera[2]!);
+    this.points.quaternion.copy(quaternion(picture.camera.slice(3)));
+    if (picture.jpeg) void this.decode(picture.jpeg);
+    this.changed();
+  }
+
+  propose(selection: Selection | null): void {
+    this.mask.dispose();
+    this.mask = selection
+      ? this.plain(selection.mask.map(bit => 255 * bit), selection.width, selection.height)
+      : this.plain(new Uint8Array(1), 1, 1);
+    this.material.uniforms.mask!.value = this.mask;
+    this.changed();
+  }
+
+  // One at a time: what comes meanwhile is left out, the next picture is newer anyway.
+  private async decode(jpeg: Uint8Array): Promise<void> {
+    if (this.decoding) return;
+    this.decoding = true;
+    try {
+      const bitmap = await createImageBitmap(new Blob([jpeg as BlobPart], { type: 'image/jpeg' }));
+      this.colour?.dispose();
+      this.bitmap?.close();
+      this.bitmap = bitmap;
+      this.colour = new THREE.Texture(bitmap);
+      this.colour.flipY = false;
+      this.colour.generateMipmaps = false;
+      this.colour.minFilter = THREE.LinearFilter;
+      this.colour.needsUpdate = true;
+      this.material.uniforms.colour!.value = this.colour;
+      this.material.uniforms.has_colour!.value = 1;
+      this.onColour(bitmap);
+      this.changed();
+    } catch (error) {
+      console.warn('a picture that can not be decoded', error);
+    } finally {
+      this.decoding = false;
+    }
+  }
+
+  private plain(data: Uint8Array, width: number, height: number): THREE.DataTexture {
+    const texture = new THREE.DataTexture(data, width, height, THREE.RedFormat);
+    texture.unpackAlignment = 1;
+    texture.needsUpdate = true;
+    return texture;
+  }
+}

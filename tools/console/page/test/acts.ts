@@ -1,0 +1,142 @@
+// Seeing and acting, with the pointer and with the keyboard alone.
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { Vec3 } from '../src/wire/types';
+import { distanceToSurface, fromBody } from '../twin/world';
+import { desk, plant, twin } from './bench';
+import { until } from './browser';
+
+const clickError = 0.03;   // m
+const arrival = 0.1;       // m
+
+function at(x: number, y: number): number {
+  return Math.hypot(twin.plant.robot[0] - x, twin.plant.robot[1] - y);
+}
+
+test('the room is seen, and not a blank canvas', async () => {
+  const figures = (await desk.figures())!;
+  console.log(`renderer ${figures.renderer}, ${figures.triangles} triangles`);
+  assert.equal(figures.damaged, 0);
+  await desk.live();
+  await desk.shot('room_dark');
+});
+
+test('three clicked points of a box at a random place', async () => {
+  const box = twin.bodies[0]!;
+  const [x, y, z] = box.half;
+  await desk.tool('Touch');
+  for (const p of [[0, 0, z], [0.5 * x, -0.5 * y, z], [-0.5 * x, 0.4 * y, z]] as Vec3[]) {
+    const aimed = fromBody(box, p);
+    const before = twin.count('hand');
+    await desk.click(aimed);
+    await until('the hand', () => twin.count('hand') > before);
+    const touched = twin.newest('hand')!.p as Vec3;
+    assert.ok(distanceToSurface(twin.bodies, touched) < clickError);
+    assert.ok(Math.hypot(...touched.map((v, k) => v - aimed[k]!)) < clickError,
+      `${touched.join()} for ${aimed.join()}`);
+  }
+  assert.ok(twin.desk.steps.touch);
+});
+
+test('a mark by the pointer: the robot arrives', async () => {
+  await desk.tool('Mark');
+  await desk.drag([[0.75, -0.3, 0], [0.8, -0.25, 0], [0.85, -0.2, 0]]);
+  await until('the mark', () => twin.count('mark') === 1);
+  await desk.engage();
+  await until('the arrival', async () => {
+    if (plant.phase !== 'arrived') await desk.engage();
+    return plant.phase === 'arrived';
+  });
+  assert.ok(at(0.8, -0.25) < arrival, `${at(0.8, -0.25)} m off`);
+});
+
+test('a keep-out on the way: the robot goes round it', async () => {
+  await desk.tool('Keep-out');
+  await desk.drag([[1.5, 0, 0], [1.7, 0, 0]]);
+  await until('the keep-out', () => plant.obstacles.length === 1);
+  const disc = plant.obstacles[0]!;
+  assert.ok(Math.abs(disc.half[0] - 0.2) < 0.03, `radius ${disc.half[0]}`);
+  await desk.tool('Go to');
+  await desk.click([2.2, 0.25, 0]);
+  await until('the goal', () => twin.count('go_to') === 1);
+  let nearest = Infinity;
+  await until('the arrival', async () => {
+    nearest = Math.min(nearest, at(disc.centre[0], disc.centre[1]));
+    if (plant.phase !== 'arrived') await desk.engage();
+    return plant.phase === 'arrived';
+  });
+  assert.ok(at(2.2, 0.25) < arrival);
+  assert.ok(nearest > disc.half[0] + 0.2, `passed at ${nearest} m`);
+});
+
+test('a keep-out is moved, resized by numbers, deleted, and taken back', async () => {
+  await desk.tool('Keep-out');
+  await desk.drag([[1.5, 0, 0], [1.5, -0.3, 0]]);
+  await until('the move', () => Math.abs(plant.obstacles[0]!.centre[1] + 0.3) < 0.05);
+  await desk.page.click('#pane-scene button:has-text("Change")');
+  await desk.page.fill('input[aria-label="radius m"]', '0.35');
+  await desk.page.click('button:has-text("Apply")');
+  await until('the size', () => plant.obstacles[0]!.half[0] === 0.35);
+  await desk.page.click('#pane-scene .row button:has-text("Delete")');
+  await until('none', () => plant.obstacles.length === 0);
+  await desk.page.click('#commands button:has-text("Undo")');
+  await until('it again', () => plant.obstacles.length === 1);
+});
+
+test('the bin by clicks: shown, taken away, accepted', async () => {
+  plant.robot = [0.9, 0.1, 0.1];
+  const bin = twin.bodies.find(b => b.name === 'bin')!;
+  await desk.tool('Object');
+  await desk.live();
+  const shown = twin.newest('select') ? twin.count('select') : 0;
+  await until('a proposal of the bin', async () => {
+    await desk.page.keyboard.press('Escape');
+    await desk.click(fromBody(bin, [-bin.half[0], 0, 0.05]));
+    await desk.page.waitForTimeout(400);
+    return twin.desk.mask.filter(Boolean).length > 20 && twin.count('select') > shown;
+  });
+  const mask = twin.desk.mask.filter(Boolean).length;
+  await desk.page.click('#options button:has-text("take away")');
+  assert.ok(mask > 20);
+  await desk.page.fill('#options input', 'bin');
+  await desk.shot('object');
+  await desk.page.click('#options button:has-text("Accept")');
+  await until('the object', () => twin.desk.objects.some(o => o.name === 'bin'));
+  await until('it in the list', async () =>
+    (await desk.page.textContent('#pane-scene'))!.includes('bin'));
+});
+
+test('a region is forgotten only after a yes', async () => {
+  await desk.tool('Forget');
+  await desk.drag([[1.6, -0.2, 0], [2, 0.2, 0]]);
+  assert.equal(twin.count('forget'), 0);
+  await desk.page.click('#options button:has-text("Forget what is in the box")');
+  await until('the forgetting', () => twin.count('forget') === 1);
+  const { centre, half } = twin.newest('forget') as unknown as { centre: Vec3; half: Vec3 };
+  assert.ok(Math.abs(centre[0] - 1.8) < 0.05 && Math.abs(half[0] - 0.2) < 0.05);
+});
+
+test('the acts by keyboard alone', async () => {
+  const { keyboard } = desk.page;
+  await keyboard.press('Escape');
+  await keyboard.press('6');
+  const before = twin.count('go_to');
+  for (let i = 0; i < 6; ++i) await keyboard.press('ArrowDown');
+  await keyboard.press('Enter');
+  await until('a goal', () => twin.count('go_to') === before + 1);
+  await keyboard.press('3');
+  const marks = twin.count('mark');
+  await keyboard.down('Enter');
+  for (let i = 0; i < 4; ++i) await keyboard.press('ArrowRight');
+  await keyboard.up('Enter');
+  await until('a mark', () => twin.count('mark') === marks + 1);
+  assert.ok((twin.newest('mark')!.points as Vec3[]).length > 2);
+  await keyboard.press('z');
+  await until('the undo', () => twin.count('undo') === 2);
+  await keyboard.press('r');
+  await until('the recording', () => twin.desk.recording);
+  await keyboard.press('?');
+  await until('the keys', () => desk.page.isVisible('#help'));
+  await desk.shot('keys');
+  await keyboard.press('Escape');
+});

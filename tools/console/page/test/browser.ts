@@ -1,0 +1,105 @@
+// Debian's Chromium, headless, drawing in software, against a twin of the box.
+import { existsSync, mkdirSync } from 'node:fs';
+import { Browser, BrowserContext, chromium, Page } from 'playwright-core';
+import { Vec3 } from '../src/wire/types';
+import { TwinBox } from '../twin/box';
+
+export const [site, artefacts] = process.argv.slice(2) as [string, string];
+export const seed = Number(process.env.TELETACT_SEED ?? Date.now() % 100000);
+
+const programs = ['/usr/bin/chromium', '/usr/bin/chromium-browser'];
+const flags = ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
+  '--disable-dev-shm-usage'];
+const patience = 60000;  // ms; nothing is judged by how long it takes
+
+export function chromiumProgram(): string | undefined { return programs.find(existsSync); }
+
+export async function launch(): Promise<Browser> {
+  return chromium.launch({ executablePath: chromiumProgram()!, args: flags });
+}
+
+export async function until(what: string, holds: () => boolean | Promise<boolean>): Promise<void> {
+  const end = Date.now() + patience;
+  while (!await holds()) {
+    if (Date.now() > end) throw new Error(`waited in vain for: ${what}`);
+    await new Promise(done => setTimeout(done, 25));
+  }
+}
+
+export interface Figures {
+  frames: number;
+  blocks: number;
+  triangles: number;
+  damaged: number;
+  renderer: string;
+}
+
+// A page and what is asked of it.
+export class Desk {
+  readonly errors: string[] = [];
+
+  private constructor(readonly page: Page, readonly twin: TwinBox) {
+    page.on('pageerror', error => this.errors.push(String(error)));
+    page.on('console', message => {
+      if (message.text().includes('Content Security Policy')) this.errors.push(message.text());
+    });
+  }
+
+  static async open(context: BrowserContext, twin: TwinBox, url = twin.url()): Promise<Desk> {
+    const desk = new Desk(await context.newPage(), twin);
+    await desk.page.goto(url);
+    await desk.ready();
+    return desk;
+  }
+
+  async ready(): Promise<void> {
+    await until('the page to draw the room', async () => {
+      const f = await this.figures();
+      return f !== null && f.blocks > 100 && f.triangles > 1000 && f.frames > 2;
+    });
+  }
+
+  figures(): Promise<Figures | null> {
+    return this.page.evaluate(() => (window.teletact?.figures() ?? null) as Figures | null);
+  }
+
+  async screen(p: Vec3): Promise<[number, number]> {
+    const at = await this.page.evaluate(q => window.teletact.toScreen(q), p);
+    if (!at) throw new Error(`${p.join()} is behind the camera`);
+    return at;
+  }
+
+  async tool(name: string): Promise<void> {
+    await this.page.click(`#rail button:has-text("${name}")`);
+  }
+
+  async click(p: Vec3): Promise<void> { await this.page.mouse.click(...await this.screen(p)); }
+
+  async drag(points: Vec3[]): Promise<void> {
+    const { mouse } = this.page;
+    await mouse.move(...await this.screen(points[0]!));
+    await mouse.down();
+    for (const p of points.slice(1)) await mouse.move(...await this.screen(p), { steps: 4 });
+    await mouse.up();
+  }
+
+  async live(): Promise<void> {
+    await until('a live picture', () => this.page.evaluate(() =>
+      !document.getElementById('inset')!.classList.contains('frozen')));
+  }
+
+  async engage(): Promise<void> {
+    // A machine too busy to send a token within 200 ms lets go, rightly: pressed again.
+    await until('engaged', async () => {
+      if (this.twin.plant.mode === 'engaged') return true;
+      await this.page.click('#commands button:has-text("Engage")');
+      await this.page.waitForTimeout(150);
+      return this.twin.plant.mode === 'engaged';
+    });
+  }
+
+  async shot(name: string): Promise<void> {
+    mkdirSync(artefacts, { recursive: true });
+    await this.page.screenshot({ path: `${artefacts}/${name}.png` });
+  }
+}

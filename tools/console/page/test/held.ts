@@ -1,0 +1,86 @@
+// What is held, without a browser: the clock is the test's.
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { Drive } from '../src/act/drive';
+import { Held, Hold } from '../src/act/held';
+import { until } from './browser';
+
+type Told = { act: string; keys: Record<string, unknown> };
+
+function bench() {
+  const told: Told[] = [];
+  const lost: Hold[][] = [];
+  const refused: string[] = [];
+  const road = { tell: (act: string, keys: object) => {
+    told.push({ act, keys: keys as Record<string, unknown> });
+  } };
+  const clock = { now: 0 };
+  const held = new Held(road, () => clock.now);
+  held.onLost((_, holds) => lost.push(holds));
+  const gate = { why: null as string | null };
+  const drive = new Drive(road, held, { why: () => gate.why }, why => refused.push(why));
+  const newest = () => told.filter(t => t.act === 'token').pop()?.keys.holds as Hold[];
+  return { told, lost, refused, clock, held, drive, gate, newest };
+}
+
+test('a token goes on while it is held, and says at once that it is not', async () => {
+  const b = bench();
+  b.held.press('hand');
+  await until('tokens', () => b.told.length > 2);
+  assert.deepEqual(b.newest(), ['hand']);
+  b.held.release('hand');
+  assert.deepEqual(b.newest(), []);
+});
+test('a browser that stood still lets go', async () => {
+  const b = bench();
+  b.held.press('drive');
+  b.clock.now = 201;
+  await until('the loss', () => b.lost.length > 0);
+  assert.deepEqual(b.lost, [['drive']]);
+  assert.equal(b.held.has('drive'), false);
+  const count = b.told.length;
+  await new Promise(done => setTimeout(done, 120));
+  assert.equal(b.told.length, count, 'no token after it');
+});
+test('keys add up, and the last one up ends', () => {
+  const b = bench();
+  assert.ok(b.drive.press('KeyW', [1, 0, 0]));
+  b.drive.press('KeyQ', [0, 0, 1]);
+  assert.deepEqual(b.told.filter(x => x.act === 'drive').pop()!.keys,
+    { vx: 0.3, vy: 0, wz: 0.6 });
+  b.drive.release('KeyW');
+  assert.ok(b.drive.driving);
+  b.drive.release('KeyQ');
+  assert.equal(b.drive.driving, false);
+  assert.deepEqual(b.told.filter(x => x.act === 'drive').pop()!.keys, { vx: 0, vy: 0, wz: 0 });
+});
+test('what is locked does not start, and what locks meanwhile ends', async () => {
+  const b = bench();
+  b.gate.why = 'the picture is frozen';
+  assert.equal(b.drive.press('KeyW', [1, 0, 0]), false);
+  assert.equal(b.told.length, 0);
+  b.gate.why = null;
+  b.drive.press('KeyW', [1, 0, 0]);
+  b.gate.why = 'the picture is frozen';
+  await until('the loss', () => b.lost.length > 0);
+  assert.equal(b.drive.driving, false);
+  b.drive.releaseAll();
+});
+test('a gamepad drives by its dead-man button, and not by its stick alone', () => {
+  const b = bench();
+  const pad = (pressed: boolean) => [{ connected: true, mapping: 'standard', axes: [0, -1, 0, 0],
+    buttons: Array.from({ length: 16 }, (_, i) => ({ pressed: i === 5 && pressed })) },
+  ] as unknown as Gamepad[];
+  b.drive.pollGamepad(pad(false));
+  assert.equal(b.drive.driving, false);
+  b.drive.pollGamepad(pad(true));
+  assert.ok(b.drive.driving);
+  b.held.lose('the gamepad was lost', ['drive']);
+  b.drive.pollGamepad(pad(true));
+  assert.equal(b.drive.driving, false, 'still pressed is not a new press');
+  b.drive.pollGamepad(pad(false));
+  b.drive.pollGamepad(pad(true));
+  assert.ok(b.drive.driving);
+  b.drive.pollGamepad([null]);
+  assert.equal(b.drive.driving, false);
+});

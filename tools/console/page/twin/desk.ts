@@ -1,0 +1,203 @@
+// What the twin makes of each intent: checked, done or refused with a reason.
+import { Obstacle, SceneObject, Vec3 } from '../src/wire/types';
+import { Plant } from './plant';
+import { Body } from './world';
+
+export interface Intent { id: number; act: string; [key: string]: unknown }
+export interface Reply { ok: boolean; why?: string; result?: object; quiet?: boolean }
+
+interface Stroke { id: number; points: Vec3[] }
+
+const done: Reply = { ok: true };
+const refused = (why: string): Reply => ({ ok: false, why });
+
+function vec(value: unknown, size = 3): value is Vec3 {
+  return Array.isArray(value) && value.length === size
+    && value.every(v => typeof v === 'number' && Number.isFinite(v) && Math.abs(v) < 100);
+}
+
+function finite(...values: unknown[]): boolean {
+  return values.every(v => typeof v === 'number' && Number.isFinite(v));
+}
+
+export class Desk {
+  readonly steps: Record<string, boolean> = { touch: false, mark: false, obstacle: false,
+    object: false, stop: false };
+  marks: Stroke[] = [];
+  objects: SceneObject[] = [];
+  marked: Vec3 | null = null;
+  recording = false;
+  device = { kind: 'mouse', state: 'ready', renders_force: false, scale: 1, clutch: false };
+  mask: boolean[] = [];
+  proposal = 0;
+  private chosen = new Set<number>();
+  private readonly undoable: (() => void)[] = [];
+
+  constructor(readonly plant: Plant, private readonly bodies: Body[],
+    private readonly ids: () => Uint8Array, private readonly size: { width: number;
+      height: number }, private readonly note: (text: string, kind: string) => void) {}
+
+  take(intent: Intent): Reply {
+    const acts: Record<string, (i: Intent) => Reply> = {
+      token: i => this.token(i), hand: i => this.hand(i), drive: i => this.drive(i),
+      engage: () => this.engage(), hold: () => this.hold(), clear: () => done,
+      stop: () => this.stop(), cancel: () => { this.plant.drop(); return done; },
+      mark: i => this.mark(i), go_to: i => this.goTo(i), select: i => this.select(i),
+      accept: i => this.accept(i), draw: i => this.draw(i), erase: i => this.erase(i),
+      forget: i => vec(i.centre) && vec(i.half) ? done : refused('a region has centre and half'),
+      undo: () => this.undo(), device: i => this.changeDevice(i),
+      record: i => { this.recording = i.on === true; return done; },
+      note: i => { this.note(String(i.text).slice(0, 200), 'note'); return done; },
+      save: () => done, open: () => done,
+      ask_role: () => done, give_role: () => done, take_role: () => done,
+    };
+    const act = acts[intent.act];
+    if (!act) return refused(`no act ${intent.act}`);
+    const reply = act(intent);
+    if (!reply.quiet) {
+      this.note(`${intent.act}: ${reply.ok ? 'done' : `refused, ${reply.why}`}`, 'act');
+    }
+    return reply;
+  }
+
+  stop(): Reply {
+    this.plant.stop();
+    this.steps.stop = true;
+    return done;
+  }
+
+  private token(i: Intent): Reply {
+    if (!Array.isArray(i.holds)) return refused('holds is a list');
+    this.plant.tokens(i.holds as string[]);
+    return { ok: true, quiet: true };
+  }
+
+  private hand(i: Intent): Reply {
+    if (!vec(i.p) || !vec(i.normal)) return refused('a hand has p and normal');
+    if (!this.plant.holds('hand')) return refused('the hand is not held');
+    this.plant.hand = { p: i.p, normal: i.normal, press: i.press === true };
+    if (i.press === true) this.steps.touch = true;
+    return { ok: true, quiet: true };
+  }
+
+  private drive(i: Intent): Reply {
+    if (!finite(i.vx, i.vy, i.wz)) return refused('speeds are numbers');
+    this.plant.drive([i.vx as number, i.vy as number, i.wz as number]);
+    return { ok: true, quiet: true };
+  }
+
+  private engage(): Reply {
+    if (!this.plant.linkUp) return refused('the link is silent');
+    if (this.plant.mode === 'ramp_down') return refused('the base still ramps down');
+    this.plant.mode = 'engaged';
+    this.plant.cause = '';
+    return done;
+  }
+
+  private hold(): Reply {
+    if (this.plant.mode === 'engaged') this.plant.mode = 'hold';
+    return done;
+  }
+
+  private mark(i: Intent): Reply {
+    const points = i.points;
+    if (!Array.isArray(points) || points.length < 1 || points.length > 128
+      || !points.every(p => vec(p))) return refused('a mark has 1 to 128 points');
+    const stroke = { id: (this.marks[this.marks.length - 1]?.id ?? 0) + 1,
+      points: points as Vec3[] };
+    this.marks.push(stroke);
+    const middle = stroke.points[Math.floor(points.length / 2)]!;
+    this.marked = middle;
+    this.plant.setGoal([middle[0], middle[1]], null);
+    this.steps.mark = true;
+    this.undoable.push(() => {
+      this.marks = this.marks.filter(m => m !== stroke);
+      this.marked = null;
+      this.plant.drop();
+    });
+    return done;
+  }
+
+  private goTo(i: Intent): Reply {
+    if (!finite(i.x, i.y)) return refused('a place has x and y');
+    const [x, y] = [i.x as number, i.y as number];
+    if (x < -1 || x > 4 || Math.abs(y) > 2) return refused('the place is outside the map');
+    this.marked = [x, y, 0];
+    this.plant.setGoal([x, y], typeof i.yaw === 'number' ? i.yaw : null);
+    this.undoable.push(() => {
+      this.marked = null;
+      this.plant.drop();
+    });
+    return done;
+  }
+
+  private select(i: Intent): Reply {
+    if (!finite(i.u, i.v) || Math.abs(i.sign as number) !== 1) {
+      return refused('a click has u, v and sign');
+    }
+    const { width, height } = this.size;
+    const [u, v] = [i.u as number, i.v as number];
+    const at = Math.min(height - 1, Math.floor(v * height)) * width
+      + Math.min(width - 1, Math.floor(u * width));
+    const id = this.ids()[at]!;
+    if (i.new === true) this.chosen = new Set();
+    if (i.sign === 1) this.chosen.add(id);
+    else this.chosen.delete(id);
+    this.mask = [...this.ids()].map(pixel => this.chosen.has(pixel));
+    ++this.proposal;
+    return { ok: true, result: { proposal: this.proposal } };
+  }
+
+  private accept(i: Intent): Reply {
+    if (i.proposal !== this.proposal || this.chosen.size === 0) return refused('no such proposal');
+    for (const id of this.chosen) {
+      const b = this.bodies.find(body => body.id === id);
+      if (!b) continue;
+      this.objects.push({ id, serial: id, name: typeof i.name === 'string' ? i.name : b.name,
+        centre: b.centre, extent: b.half.map(v => 2 * v) as Vec3, colour: b.colour, seen: true,
+        quat: [Math.cos(b.yaw / 2), 0, 0, Math.sin(b.yaw / 2)] });
+    }
+    if (this.objects.length === 0) return refused('nothing was chosen that can be an object');
+    this.steps.object = true;
+    return done;
+  }
+
+  private draw(i: Intent): Reply {
+    const o = i.obstacle as Obstacle;
+    if (!o || !vec(o.centre) || !vec(o.half) || !finite(o.id, o.yaw) || o.id < 1 || o.id > 999) {
+      return refused('an obstacle has id, kind, centre, half, yaw');
+    }
+    const before = this.plant.obstacles;
+    this.plant.obstacles = [...before.filter(other => other.id !== o.id), o];
+    this.undoable.push(() => { this.plant.obstacles = before; });
+    this.plant.plan();
+    this.steps.obstacle = true;
+    return done;
+  }
+
+  private erase(i: Intent): Reply {
+    const before = this.plant.obstacles;
+    this.plant.obstacles = i.obstacle_id === 0 ? []
+      : before.filter(o => o.id !== i.obstacle_id);
+    if (before.length === this.plant.obstacles.length) return refused('there is none of this id');
+    this.undoable.push(() => { this.plant.obstacles = before; });
+    this.plant.plan();
+    return done;
+  }
+
+  private undo(): Reply {
+    const last = this.undoable.pop();
+    if (!last) return refused('nothing to take back');
+    last();
+    return done;
+  }
+
+  private changeDevice(i: Intent): Reply {
+    if (typeof i.scale === 'number') {
+      if (!(i.scale >= 0.1 && i.scale <= 20)) return refused('scale is 0.1 to 20');
+      this.device.scale = i.scale;
+    }
+    if (typeof i.clutch === 'boolean') this.device.clutch = i.clutch;
+    return done;
+  }
+}

@@ -1,0 +1,129 @@
+// The twin's robot, hand and what is held: enough of the box's rules that the page can be tried
+// alone. It is no model of the stack: paths are straight lines round one disc.
+import { Obstacle, Vec3 } from '../src/wire/types';
+
+const tokenLife = 0.2;       // s
+const acceleration = 4;      // m/s2
+const cruise = 0.6;          // m/s towards a goal
+const bodyRadius = 0.35;     // m of the base
+const reached = 0.03;        // m
+
+type Xy = [number, number];
+
+export class Plant {
+  time = 0;
+  mode = 'hold';
+  cause = '';
+  phase = 'idle';
+  robot: Vec3 = [0, 0, 0];
+  velocity: Vec3 = [0, 0, 0];
+  wheels = [0, 0, 0, 0];
+  goal: { at: Xy; yaw: number | null } | null = null;
+  path: Xy[] = [];
+  linkUp = true;
+  hand: { p: Vec3; normal: Vec3; press: boolean } | null = null;
+  obstacles: Obstacle[] = [];
+  onEvent: (text: string, kind: string) => void = () => {};
+  private readonly until = new Map<string, number>();
+  private command: Vec3 = [0, 0, 0];
+
+  tokens(holds: string[]): void {
+    for (const hold of ['engage', 'hand', 'drive']) {
+      if (holds.includes(hold)) this.until.set(hold, this.time + tokenLife);
+      else this.until.delete(hold);
+    }
+  }
+
+  holds(hold: string): boolean { return (this.until.get(hold) ?? -1) > this.time; }
+
+  drive(command: Vec3): void { this.command = command; }
+
+  stop(): void {
+    this.mode = 'ramp_down';
+    this.cause = 'stop was pressed';
+    this.drop();
+    this.until.clear();
+  }
+
+  drop(): void {
+    this.goal = null;
+    this.path = [];
+    this.phase = 'idle';
+  }
+
+  setGoal(at: Xy, yaw: number | null): void {
+    this.goal = { at, yaw };
+    this.phase = 'driving';
+    this.plan();
+  }
+
+  // Round the first disc or box that stands in the way.
+  plan(): void {
+    if (!this.goal) return;
+    const from: Xy = [this.robot[0], this.robot[1]];
+    const to = this.goal.at;
+    this.path = [from, to];
+    const length = Math.hypot(to[0] - from[0], to[1] - from[1]);
+    for (const o of this.obstacles) {
+      const along = ((o.centre[0] - from[0]) * (to[0] - from[0])
+        + (o.centre[1] - from[1]) * (to[1] - from[1])) / (length || 1);
+      const side = ((to[0] - from[0]) * (o.centre[1] - from[1])
+        - (to[1] - from[1]) * (o.centre[0] - from[0])) / (length || 1);
+      const clear = Math.max(o.half[0], o.kind === 'box' ? o.half[1] : 0) + bodyRadius;
+      if (along < 0 || along > length || Math.abs(side) > clear) continue;
+      const away = (side > 0 ? -1 : 1) * (clear + 0.15) / (length || 1);
+      this.path = [from, [o.centre[0] - (to[1] - from[1]) * away,
+        o.centre[1] + (to[0] - from[0]) * away], to];
+    }
+  }
+
+  step(dt: number): void {
+    this.time += dt;
+    if (!this.linkUp) this.silence();
+    if (this.mode === 'engaged' && !this.holds('engage')) {
+      this.mode = 'hold';
+      this.onEvent('engagement ended: it was no longer held', 'mode');
+    }
+    const wanted = this.wanted();
+    for (let k = 0; k < 3; ++k) {
+      const most = acceleration * dt * (k === 2 ? 2 : 1);
+      this.velocity[k]! += Math.max(-most, Math.min(most, wanted[k]! - this.velocity[k]!));
+    }
+    const [vx, vy, wz] = this.velocity;
+    const [c, s] = [Math.cos(this.robot[2]), Math.sin(this.robot[2])];
+    this.robot = [this.robot[0] + dt * (c * vx - s * vy), this.robot[1] + dt * (s * vx + c * vy),
+      this.robot[2] + dt * wz];
+    for (let k = 0; k < 4; ++k) this.wheels[k]! += dt * vx / 0.0475;
+    if (this.mode === 'ramp_down' && Math.hypot(...this.velocity) === 0) this.mode = 'hold';
+    if (!this.holds('hand')) this.hand = null;
+  }
+
+  private silence(): void {
+    if (this.mode === 'engaged' || this.mode === 'hold') {
+      this.mode = 'ramp_down';
+      this.cause = 'the link is silent';
+    }
+    this.velocity = [0, 0, 0];
+  }
+
+  private wanted(): Vec3 {
+    if (!this.linkUp || this.mode === 'ramp_down') return [0, 0, 0];
+    if (this.holds('drive')) return this.command;
+    if (this.mode !== 'engaged' || !this.goal) return [0, 0, 0];
+    const next = this.path[1] ?? this.goal.at;
+    const [dx, dy] = [next[0] - this.robot[0], next[1] - this.robot[1]];
+    const left = Math.hypot(dx, dy);
+    if (left < (this.path.length > 2 ? 0.15 : reached)) {
+      this.path.splice(1, 1);
+      if (this.path.length < 2) {
+        this.phase = 'arrived';
+        this.goal = null;
+        this.onEvent('arrived at the goal', 'goal');
+        return [0, 0, 0];
+      }
+    }
+    const speed = Math.min(cruise, 1.5 * left + 0.02);
+    const [c, s] = [Math.cos(this.robot[2]), Math.sin(this.robot[2])];
+    return [speed * (c * dx + s * dy) / (left || 1), speed * (c * dy - s * dx) / (left || 1), 0];
+  }
+}

@@ -1,0 +1,109 @@
+#include "tools/desk/desk.hpp"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "rt/clock/box_time.hpp"
+
+namespace teletact {
+
+namespace {
+
+DeskOptions complete(DeskOptions o) {
+  if (!o.clock) o.clock = &rt::monotonic_ns;
+  return o;
+}
+
+}  // namespace
+
+Desk::Desk(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
+           DeskOptions options, DeskPort port)
+    : console_(console),
+      options_(complete(std::move(options))),
+      port_(std::move(port)),
+      events_(epoch, options_.log),
+      acts_(box, console, events_, options_.hand),
+      show_(box, console, scene, epoch, port_, figures_) {}
+
+std::optional<ConsoleAnswer> Desk::take(std::uint32_t session, std::int64_t id,
+                                        std::string_view act, const nlohmann::json& intent) {
+  const auto refuse = [this](std::string why) {
+    refused_.fetch_add(1);
+    return ConsoleAnswer{false, std::move(why), {}};
+  };
+  auto read = read_intent(act, intent);
+  if (!read) return refuse(read.error());
+  if (!options_.no_acts.empty()) return refuse(options_.no_acts);
+  DeskItem item;
+  item.session = session;
+  item.id = id;
+  item.arrived_ns = clock_ns();
+  item.intent = std::move(read).value();
+  if (!inbox_.put(std::move(item))) return refuse("too much at once");
+  return std::nullopt;
+}
+
+// The operator's page came, went, or handed over: what it held is to end, and nothing that waits
+// from before counts for another.
+void Desk::role(const RoleEvent& event) {
+  using Kind = RoleEvent::Kind;
+  const bool mine = event.person.role == ConsoleRole::kOperator;
+  DeskItem item;
+  item.session = event.person.session;
+  item.arrived_ns = clock_ns();
+  if (event.kind == Kind::kLeft && mine)
+    item.kind = DeskItem::Kind::kLeft;
+  else if ((event.kind == Kind::kJoined && mine) || event.kind == Kind::kOperator)
+    item.kind = DeskItem::Kind::kJoined;
+  else
+    return;
+  static_cast<void>(inbox_.put(std::move(item)));
+}
+
+void Desk::answer(std::uint32_t session, std::int64_t id, const ConsoleAnswer& a) {
+  if (!a.ok) refused_.fetch_add(1);
+  if (port_.answer) port_.answer(session, id, a);
+}
+
+void Desk::do_acts(rt::Time now) {
+  const std::int64_t clock = clock_ns();
+  const auto said = [&](const DeskItem& item) {
+    figures_.intent_ms.add(1e-6 * static_cast<double>(clock - item.arrived_ns));
+    return now - rt::Nanos{std::max<std::int64_t>(0, clock - item.arrived_ns)};
+  };
+  auto taken = inbox_.take();
+  for (const DeskItem& item : taken.acts) {
+    if (item.kind == DeskItem::Kind::kLeft) {
+      acts_.left();
+      events_.add(now, "page", "the operator's page is gone");
+    } else if (item.kind == DeskItem::Kind::kJoined) {
+      acts_.left();
+      acts_.keep(now, [this](auto s, auto id, const auto& a) { answer(s, id, a); });
+      acts_.joined();
+    } else if (auto a = acts_.act(item, said(item), now)) {
+      answer(item.session, item.id, *a);
+    }
+  }
+  if (taken.drive) {
+    const std::string why = acts_.drive(taken.drive->intent, said(*taken.drive), now);
+    if (!why.empty()) answer(taken.drive->session, taken.drive->id, {false, why, {}});
+  }
+  if (taken.hand) {
+    const std::string why = acts_.hand(taken.hand->intent, said(*taken.hand), now);
+    if (!why.empty()) answer(taken.hand->session, taken.hand->id, {false, why, {}});
+  }
+}
+
+void Desk::tick(rt::Time now) {
+  do_acts(now);
+  acts_.keep(now, [this](auto s, auto id, const auto& a) { answer(s, id, a); });
+  events_.watch(console_.seen(), now);
+  DeskFacts facts;
+  facts.paced = options_.paced;
+  facts.takes_acts = options_.no_acts.empty();
+  facts.device = options_.device;
+  facts.recording = options_.recording;
+  show_.tick(acts_, events_, facts, now);
+}
+
+}  // namespace teletact

@@ -1,0 +1,257 @@
+#include "tools/desk/desk_acts.hpp"
+
+#include <algorithm>
+
+#include "tools/desk/desk_words.hpp"
+#include "tools/host/run_options.hpp"
+#include "tools/record/box_recorder.hpp"
+
+namespace teletact {
+
+using perception::Vec3;
+using tasks::Mode;
+using Phase = tasks::TaskState::Phase;
+
+namespace {
+
+ConsoleAnswer done() { return {true, {}, {}}; }
+ConsoleAnswer refused(std::string why) { return {false, std::move(why), {}}; }
+ConsoleAnswer crowded() { return refused("too many acts wait for the tasks: ask again"); }
+
+}  // namespace
+
+const std::vector<std::string_view>& DeskActs::can() {
+  static const std::vector<std::string_view> all = {"engage", "hold",  "clear",  "stop",  "token",
+                                                    "hand",   "drive", "mark",   "go_to", "cancel",
+                                                    "draw",   "erase", "forget", "undo",  "note"};
+  return all;
+}
+
+DeskActs::DeskActs(OperatorBox& box, OperatorConsole& console, DeskEvents& events, PageHand* hand)
+    : box_(box), console_(console), events_(events), hand_(hand) {
+  console_.leave_to_page();
+}
+
+std::optional<ConsoleAnswer> DeskActs::act(const DeskItem& item, rt::Time at, rt::Time now) {
+  const Intent& in = item.intent;
+  switch (in.act) {
+    case Act::kToken:
+      engage_hold_.say(in.hold_engage, at);
+      hand_hold_.say(in.hold_hand, at);
+      drive_hold_.say(in.hold_drive, at);
+      return std::nullopt;
+    case Act::kEngage:
+      return engage(item, at, now);
+    case Act::kHold:
+      engage_wanted_ = false;
+      return done();
+    case Act::kClear:
+      return clear(now);
+    case Act::kMark:
+      return mark(in, now);
+    case Act::kGoTo:
+      return go_to(in, now);
+    case Act::kCancel:
+      return push(tasks::OperatorAct{}, now) ? done() : crowded();
+    case Act::kDraw:
+      return draw(in.obstacle, now, true);
+    case Act::kErase:
+      return erase(in.obstacle_id, now, true);
+    case Act::kForget:
+      return forget(in, now);
+    case Act::kUndo:
+      return undo(now);
+    case Act::kNote:
+      events_.add(now, "note", in.text);
+      return done();
+    default:
+      return refused(std::string(name_of(in.act)) + " is not built into this version");
+  }
+}
+
+// ---- engage, clear, stop ------------------------------------------------------------------------
+
+std::optional<ConsoleAnswer> DeskActs::engage(const DeskItem& item, rt::Time at, rt::Time now) {
+  engage_hold_.say(true, at);
+  if (!engage_hold_.held(now)) return refused("let go first, then press again");
+  const tasks::ModeMsg& mode = console_.seen().mode;
+  switch (mode.mode) {
+    case Mode::kEngaged:
+      if (engage_wanted_) return done();
+      return refused("engaged by another hand: hold first");
+    case Mode::kInit:
+      return refused("not all tasks have been heard yet: in a moment");
+    case Mode::kRampDown:
+      return refused("ramping down: press again when it holds");
+    case Mode::kSafeStop:
+      return refused("a safe stop, " + fault_text(mode.cause) + ": clear it first");
+    case Mode::kHold:
+      break;
+  }
+  if (waiting_) return refused("asked already");
+  engage_wanted_ = true;
+  engaged_seen_ = false;
+  waiting_ = WaitingEngage{item.session, item.id, now};
+  console_.count(&OperatorView::engages);
+  return std::nullopt;
+}
+
+void DeskActs::keep_engage(rt::Time now, const Answer& answer) {
+  constexpr rt::Nanos kPatience = std::chrono::milliseconds{1500};
+  const tasks::ModeMsg& mode = console_.seen().mode;
+  const bool engaged = mode.mode == Mode::kEngaged;
+  if (engage_wanted_ && !engage_hold_.held(now)) {
+    engage_wanted_ = false;
+    events_.add(now, "hold",
+                engage_hold_.lost() ? "the page no longer says that it holds: engagement ends"
+                                    : "let go: engagement ends");
+  }
+  engaged_seen_ = engaged_seen_ || (engage_wanted_ && engaged);
+  // Ended by a fault: what is still pressed does not engage again.
+  if (engage_wanted_ && engaged_seen_ && !engaged && !mode.resumes) engage_wanted_ = false;
+  if (waiting_) {
+    const bool late = now - waiting_->since > kPatience;
+    if (engaged || late || !engage_wanted_) {
+      const std::string why =
+          mode.cause != rt::kNoFault ? fault_text(mode.cause) + fault_advice(mode.cause)
+          : late ? std::string("supervision did not follow: is the robot's box there?")
+                 : std::string("it was let go");
+      answer(waiting_->session, waiting_->id, engaged ? done() : refused(why));
+      if (!engaged) engage_wanted_ = false;
+      waiting_.reset();
+    }
+  }
+  using Engage = tasks::SupervisionTask::Engage;
+  box_.graph().requests().engage.store(
+      static_cast<int>(engage_wanted_ ? Engage::kYes : Engage::kNo));
+}
+
+ConsoleAnswer DeskActs::clear(rt::Time now) {
+  const auto& seen = console_.seen();
+  if (seen.mode.mode != Mode::kSafeStop && static_cast<Mode>(seen.robot.mode) != Mode::kSafeStop)
+    return refused("there is no safe stop to clear");
+  clear_from_ = now;
+  box_.graph().requests().clear.store(true);
+  console_.count(&OperatorView::clears);
+  events_.add(now, "clear", "safe stop cleared by the operator");
+  return done();
+}
+
+// Pressed for so long: the robot's motors and encoders need time to let go.
+void DeskActs::keep_clear(rt::Time now) {
+  constexpr rt::Nanos kPress = std::chrono::milliseconds{500};
+  auto& button = box_.graph().requests().clear;
+  if (button.load() && now - clear_from_ >= kPress) button.store(false);
+}
+
+void DeskActs::stop() noexcept {
+  box_.graph().requests().ramp_down.store(true);
+  stops_.fetch_add(1);
+}
+
+// The request stays until it was followed, and so long that every task has latched it. A program
+// that is to end keeps it.
+void DeskActs::keep_stop(rt::Time now) {
+  constexpr rt::Nanos kLeast = std::chrono::milliseconds{300}, kMost = std::chrono::seconds{2};
+  if (const std::uint64_t stops = stops_.load(); stops != stops_seen_) {
+    stops_seen_ = stops;
+    stop_from_ = now;
+    engage_wanted_ = false;
+    drive_hold_.lose();
+    hand_hold_.lose();
+    steps_.stop = true;
+    events_.add(now, "stop", "stop pressed");
+  }
+  if (stop_from_ == rt::Time{}) return;
+  const bool followed = console_.seen().mode.mode != Mode::kEngaged && now - stop_from_ >= kLeast;
+  if (!followed && now - stop_from_ < kMost) return;
+  stop_from_ = rt::Time{};
+  if (!g_stop_requested.load()) box_.graph().requests().ramp_down.store(false);
+}
+
+// ---- driving by hand ----------------------------------------------------------------------------
+
+std::string DeskActs::drive(const Intent& intent, rt::Time at, rt::Time now) {
+  if (console_.seen().mode.mode != Mode::kEngaged) return "not engaged";
+  if (!drive_hold_.held(now))
+    return drive_hold_.lost() ? "let go first, then press again" : "nothing is held";
+  drive_ = intent;
+  drive_at_ = at;
+  return {};
+}
+
+void DeskActs::keep_drive(rt::Time now) {
+  const auto& seen = console_.seen();
+  bool held =
+      drive_hold_.held(now) && seen.mode.mode == Mode::kEngaged && now - drive_at_ <= Hold::kLife;
+  if (held && drive_press_ != drive_hold_.presses()) {
+    const bool goal = seen.task.phase == Phase::kDriving || seen.task.phase == Phase::kPlanning;
+    held = !goal || push(tasks::OperatorAct{}, now);
+    if (held) drive_press_ = drive_hold_.presses();
+  }
+  if (!held && !driving_) return;
+  if (held != driving_) {
+    events_.add(now, "drive",
+                held ? "driven by hand"
+                     : (drive_hold_.lost() ? "the page no longer says that it holds: the base halts"
+                                           : "let go: the base halts"));
+  }
+  driving_ = held;
+  tasks::DriveIntent out;
+  out.seq = ++drive_seq_;
+  out.stamp = held ? std::min(drive_hold_.said(), drive_at_) : now;
+  out.held = held;
+  if (held) out.vx = drive_.vx, out.vy = drive_.vy, out.wz = drive_.wz;
+  box_.graph().drive(out, now);
+}
+
+// ---- the hand -----------------------------------------------------------------------------------
+
+std::string DeskActs::hand(const Intent& intent, rt::Time at, rt::Time now) {
+  if (hand_ == nullptr) return "a haptic device is in its place";
+  if (!hand_hold_.held(now))
+    return hand_hold_.lost() ? "let go first, then press again" : "nothing is held";
+  hand_wanted_ = intent;
+  hand_at_ = at;
+  return {};
+}
+
+// Pressed, it wants to be a little below the surface that the page points at, else a little above.
+void DeskActs::keep_hand(rt::Time now) {
+  constexpr double kBelow_m = 0.008, kAbove_m = 0.03;
+  if (hand_ == nullptr) return;
+  const bool held = hand_hold_.held(now) && now - hand_at_ <= Hold::kLife;
+  if (!held && !touching_) return;
+  touching_ = held;
+  PageHand::Target target;
+  if (held) {
+    const Intent& in = hand_wanted_;
+    const double length = in.normal_W.norm();
+    const perception::Vec3 up =
+        length > 0.5 ? perception::Vec3(in.normal_W / length) : perception::Vec3::UnitZ();
+    target = {true, in.p_W + (in.press ? -kBelow_m : kAbove_m) * up, in.button, in.clutch,
+              hand_hold_.said() + Hold::kLife};
+  }
+  hand_->want(target, now);
+}
+
+void DeskActs::left() {
+  for (Hold* h : {&engage_hold_, &hand_hold_, &drive_hold_}) h->lose();
+}
+void DeskActs::joined() {
+  for (Hold* h : {&engage_hold_, &hand_hold_, &drive_hold_}) h->renew();
+}
+
+void DeskActs::keep(rt::Time now, const Answer& answer) {
+  const auto& seen = console_.seen();
+  keep_stop(now);
+  keep_engage(now, answer);
+  keep_drive(now);
+  keep_hand(now);
+  keep_clear(now);
+  steps_.touch = steps_.touch || (!seen.haptic.empty() && seen.haptic.back().in_contact);
+  steps_.mark = steps_.mark || seen.task.marks > 0;
+  steps_.object = steps_.object || seen.objects_named > 0;
+}
+
+}  // namespace teletact

@@ -1,0 +1,116 @@
+// What the page asks for, as inputs of the tasks: the same rings and words that a scene's script
+// writes (tasks/contract/table.hpp: act, edit, drive; OperatorRequests). Everything by the
+// console's thread, but stop().
+//
+//   engage   pressed, and held by tokens: without one for Hold::kLife the engagement is taken back.
+//            Once it has ended, for whatever reason, a new press is needed.
+//   drive    a velocity, held by tokens; the first of a press drops a goal that is being driven to,
+//            so that letting go never sets the base off to somewhere.
+//   hand     a place for the hand, held by tokens: touched with, marked with (page_hand.hpp).
+//   stop     sets the request that supervision latches, which the link sends on at once
+//            (tasks/edges/command_edges.hpp). Any thread.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "tools/console/console_server.hpp"
+#include "tools/desk/desk_events.hpp"
+#include "tools/desk/desk_inbox.hpp"
+#include "tools/desk/hold.hpp"
+#include "tools/desk/intent.hpp"
+#include "tools/desk/page_hand.hpp"
+
+namespace teletact {
+
+struct ShownMark {
+  std::uint64_t id = 0;
+  std::vector<perception::Vec3> points_W;
+};
+
+class DeskActs {
+ public:
+  static constexpr std::size_t kMostObstacles = 32, kMostMarks = 32, kMostUndo = 64;
+  // What of `can` this build does.
+  [[nodiscard]] static const std::vector<std::string_view>& can();
+
+  // `hand` null: the device's own hand alone.
+  DeskActs(OperatorBox& box, OperatorConsole& console, DeskEvents& events, PageHand* hand);
+
+  // An act of the inbox that was said at `at`. None: it is answered later, through `answer`.
+  using Answer = std::function<void(std::uint32_t session, std::int64_t id, const ConsoleAnswer&)>;
+  [[nodiscard]] std::optional<ConsoleAnswer> act(const DeskItem& item, rt::Time at, rt::Time now);
+  // The newest velocity; none of it counts without its token. Empty: taken; else why not.
+  [[nodiscard]] std::string drive(const Intent& intent, rt::Time at, rt::Time now);
+  [[nodiscard]] std::string hand(const Intent& intent, rt::Time at, rt::Time now);
+  void left();    // the operator's page is gone
+  void joined();  // another page
+  // Once a tick, after the acts: what is held, and what was let go.
+  void keep(rt::Time now, const Answer& answer);
+  // Any thread.
+  void stop() noexcept;
+
+  [[nodiscard]] const std::map<std::uint16_t, DrawnObstacle>& obstacles() const noexcept {
+    return obstacles_;
+  }
+  [[nodiscard]] const std::vector<ShownMark>& marks() const noexcept { return marks_; }
+  [[nodiscard]] bool driving() const noexcept { return driving_; }
+  struct FirstSteps {
+    bool touch = false, mark = false, obstacle = false, object = false, stop = false;
+  };
+  [[nodiscard]] const FirstSteps& first_steps() const noexcept { return steps_; }
+
+ private:
+  struct Undo {
+    enum class Kind : std::uint8_t { kObstacle, kGoal } kind = Kind::kGoal;
+    std::uint16_t id = 0;
+    std::optional<DrawnObstacle> before;  // none: there was no such obstacle
+  };
+  struct WaitingEngage {
+    std::uint32_t session = 0;
+    std::int64_t id = 0;
+    rt::Time since{};
+  };
+  [[nodiscard]] std::optional<ConsoleAnswer> engage(const DeskItem& item, rt::Time at,
+                                                    rt::Time now);
+  [[nodiscard]] ConsoleAnswer clear(rt::Time now);
+  [[nodiscard]] ConsoleAnswer mark(const Intent& in, rt::Time now);
+  [[nodiscard]] ConsoleAnswer go_to(const Intent& in, rt::Time now);
+  [[nodiscard]] ConsoleAnswer draw(const DrawnObstacle& o, rt::Time now, bool undoable);
+  [[nodiscard]] ConsoleAnswer erase(std::uint16_t id, rt::Time now, bool undoable);
+  [[nodiscard]] ConsoleAnswer forget(const Intent& in, rt::Time now);
+  [[nodiscard]] ConsoleAnswer undo(rt::Time now);
+  [[nodiscard]] bool push(tasks::OperatorAct act, rt::Time now);
+  [[nodiscard]] bool push(tasks::SceneEdit edit, rt::Time now);
+  void remember(Undo step);
+  void keep_stop(rt::Time now);
+  void keep_engage(rt::Time now, const Answer& answer);
+  void keep_drive(rt::Time now);
+  void keep_hand(rt::Time now);
+  void keep_clear(rt::Time now);
+
+  OperatorBox& box_;
+  OperatorConsole& console_;
+  DeskEvents& events_;
+  PageHand* hand_;
+  Hold engage_hold_, hand_hold_, drive_hold_;
+  bool engage_wanted_ = false, engaged_seen_ = false, driving_ = false, touching_ = false;
+  std::optional<WaitingEngage> waiting_;
+  Intent drive_, hand_wanted_;
+  rt::Time drive_at_{}, hand_at_{}, clear_from_{}, stop_from_{};
+  std::uint64_t drive_press_ = 0;  // of the hold, whose goal was dropped
+  std::uint64_t act_seq_ = 0, edit_seq_ = 0, drive_seq_ = 0, mark_id_ = 0;
+  std::map<std::uint16_t, DrawnObstacle> obstacles_;
+  std::vector<ShownMark> marks_;
+  std::vector<Undo> undo_;
+  FirstSteps steps_;
+  std::atomic<std::uint64_t> stops_{0};
+  std::uint64_t stops_seen_ = 0;
+};
+
+}  // namespace teletact

@@ -1,0 +1,154 @@
+#include "tools/desk/desk_text.hpp"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "tasks/supervision/fault_ids.hpp"
+#include "tools/desk/desk_words.hpp"
+#include "tools/files/build_info.hpp"
+#include "tools/record/box_recorder.hpp"
+
+namespace teletact {
+
+namespace {
+
+using nlohmann::json;
+using perception::Vec3;
+
+// Two decimals are a centimetre on the page; four a tenth of a millimetre.
+double rounded(double v) { return std::round(v * 1e4) / 1e4; }
+json vec(const Vec3& v) { return {rounded(v.x()), rounded(v.y()), rounded(v.z())}; }
+
+json faults_of(const OperatorView& seen, const DeskEvents& events) {
+  json all = json::array();
+  const auto add = [&](rt::FaultId id, double since_s) {
+    for (const auto& row : tasks::kFaultTable) {
+      if (row.id != id) continue;
+      all.push_back({{"id", std::string(row.code)},
+                     {"text", std::string(row.what)},
+                     {"advice", std::string(row.advice)},
+                     {"since_s", rounded(since_s)}});
+    }
+  };
+  if (seen.mode.cause != rt::kNoFault) add(seen.mode.cause, events.mode_since_s());
+  if (seen.robot.fault != rt::kNoFault) add(seen.robot.fault, events.robot_fault_since_s());
+  return all;
+}
+
+json path_of(const OperatorView& seen) {
+  json points = json::array();
+  using Phase = tasks::TaskState::Phase;
+  const Phase phase = seen.task.phase;
+  if (seen.paths.empty() || phase == Phase::kIdle || phase == Phase::kFailed) return points;
+  const tasks::Path& path = seen.paths.back();
+  constexpr std::int32_t kEach = 2;  // points lie 4 cm apart at most
+  for (std::int32_t i = 0; i < path.size; ++i) {
+    const auto& p = path.points[static_cast<std::size_t>(i)];
+    if (i % kEach == 0 || i + 1 == path.size) points.push_back({rounded(p[0]), rounded(p[1])});
+  }
+  return points;
+}
+
+json obstacles_of(const DeskActs& acts) {
+  json all = json::array();
+  for (const auto& [id, o] : acts.obstacles()) {
+    all.push_back({{"id", id},
+                   {"kind", o.box ? "box" : "disc"},
+                   {"centre", vec(o.centre_W)},
+                   {"half", vec(o.half_m)},
+                   {"yaw", rounded(o.yaw_rad)}});
+  }
+  return all;
+}
+
+json objects_of(const OperatorView& seen) {
+  json all = json::array();
+  const auto n = static_cast<std::size_t>(
+      std::clamp<std::int32_t>(seen.objects.size, 0, perception::ObjectMap::kMost));
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto& e = seen.objects.entries[i];
+    if (!e.summarised) continue;
+    const Eigen::Quaterniond q(e.X_WO.linear());
+    all.push_back({{"id", e.id},
+                   {"serial", e.serial},
+                   {"name", "object " + std::to_string(e.serial)},
+                   {"centre", vec(e.X_WO * e.centre_m)},
+                   {"extent", vec(e.extent_m)},
+                   {"quat", {rounded(q.w()), rounded(q.x()), rounded(q.y()), rounded(q.z())}},
+                   {"colour", {e.colour.r, e.colour.g, e.colour.b}},
+                   {"seen", e.seen}});
+  }
+  return all;
+}
+
+json marks_of(const DeskActs& acts) {
+  json all = json::array();
+  for (const ShownMark& m : acts.marks()) {
+    json points = json::array();
+    for (const Vec3& p : m.points_W) points.push_back(vec(p));
+    all.push_back({{"id", m.id}, {"points", points}});
+  }
+  return all;
+}
+
+json events_of(const DeskEvents& events) {
+  json all = json::array();
+  for (const auto& e : events.newest())
+    all.push_back({{"t", rounded(e.t_s)}, {"kind", e.kind}, {"text", e.text}});
+  return all;
+}
+
+json link_of(const DeskFacts& facts) {
+  json link{{"state", !facts.link_heard   ? "no other box"
+                      : facts.link_closed ? "closed"
+                                          : "connected"},
+            {"fps", rounded(facts.fps)}};
+  if (facts.round_trip_ns != 0)
+    link["round_trip_ms"] = rounded(1e-6 * static_cast<double>(facts.round_trip_ns));
+  if (facts.picture_age_ms >= 0) link["age_ms"] = rounded(facts.picture_age_ms);
+  return link;
+}
+
+}  // namespace
+
+std::string text_body(const OperatorView& seen, const DeskActs& acts, const DeskEvents& events,
+                      const DeskFacts& facts, std::string_view role,
+                      std::string_view operator_name) {
+  const auto& w = seen.world;
+  json t{{"version", kVersion},
+         {"role", std::string(role)},
+         {"operator_name", std::string(operator_name)},
+         {"clock", facts.paced ? "paced" : "real"},
+         {"mode", mode_text(seen.mode.mode)},
+         {"robot_mode", mode_text(static_cast<tasks::Mode>(seen.robot.mode))},
+         {"phase", phase_text(seen.task.phase)},
+         {"held", held_text(w.held, w.held_ms, w.held_limit_ms)},
+         {"tracking", tracking_text(seen.camera.tracking)},
+         {"link", link_of(facts)},
+         {"faults", faults_of(seen, events)},
+         {"path", path_of(seen)},
+         {"marks", marks_of(acts)},
+         {"obstacles", obstacles_of(acts)},
+         {"objects", objects_of(seen)},
+         {"events", events_of(events)},
+         {"recording", facts.recording},
+         {"console", {{"viewers", facts.viewers}, {"share", rounded(facts.share)}}}};
+  if (seen.mode.cause != rt::kNoFault) t["mode_cause"] = fault_text(seen.mode.cause);
+  t["marked"] = nullptr;
+  if (!seen.paths.empty() && seen.paths.back().size > 0)
+    t["marked"] = vec(seen.paths.back().marked_W);
+  t["device"] = {{"kind", facts.device}, {"renders_force", facts.renders_force}};
+  const auto& s = acts.first_steps();
+  t["first_steps"] = {{"touch", s.touch},
+                      {"mark", s.mark},
+                      {"obstacle", s.obstacle},
+                      {"object", s.object},
+                      {"stop", s.stop}};
+  json can = json::array();
+  if (facts.takes_acts)
+    for (const std::string_view name : DeskActs::can()) can.push_back(std::string(name));
+  t["can"] = can;
+  return t.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+}  // namespace teletact

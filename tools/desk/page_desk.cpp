@@ -1,0 +1,102 @@
+#include "tools/desk/page_desk.hpp"
+
+#include <cstdio>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <stdexcept>
+
+namespace teletact {
+
+// Until the desk stands nothing is taken: the server starts with it in hand, but not at once.
+ConsoleCallbacks PageDesk::callbacks() {
+  ConsoleCallbacks c;
+  c.on_act = [this](const ConsoleAct& act) -> std::optional<ConsoleAnswer> {
+    if (!open_.load()) return ConsoleAnswer{false, "the box is not up yet", {}};
+    return desk_->take(act.from.session, act.id, act.act, act.intent);
+  };
+  c.on_stop = [this](const ConsolePerson&) {
+    if (open_.load()) desk_->stop();
+  };
+  c.on_role = [this](const RoleEvent& event) {
+    if (open_.load()) desk_->role(event);
+  };
+  return c;
+}
+
+DeskPort PageDesk::port() {
+  DeskPort p;
+  p.viewers = [this] { return server_->viewers(); };
+  p.publish = [this](ViewKind kind, const ViewStamp& at, std::span<const std::uint8_t> body) {
+    return server_->publish(kind, at, body);
+  };
+  p.wants_whole_mesh = [this] { return server_->wants_whole_mesh(); };
+  p.mesh = [this](const perception::MeshDelta& d, const ViewStamp& at, double edge_m) {
+    return server_->publish_mesh(d, at, edge_m);
+  };
+  p.answer = [this](std::uint32_t session, std::int64_t id, const ConsoleAnswer& a) {
+    server_->answer(session, id, a);
+  };
+  p.people = [this] { return server_->people(); };
+  p.text_to = [this](std::uint32_t session, const ViewStamp& at, std::string_view text) {
+    return server_->send_to(
+        session, ViewKind::kText, at,
+        std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  };
+  p.server_cpu_ns = [this] { return server_->counts().cpu_ns; };
+  return p;
+}
+
+drivers::HapticDevice* PageDesk::hand_over(rt::NonRealtime& nrt, drivers::HapticDevice& device) {
+  if (!options_.hand) return &device;
+  hand_ = std::make_unique<PageHand>(nrt, device);
+  return hand_.get();
+}
+
+void PageDesk::open(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
+                    Clock clock) {
+  epoch_ = epoch;
+  options_.desk.paced = clock != Clock::kReal;
+  if (clock == Clock::kFree)
+    options_.desk.no_acts =
+        "the simulated clock runs as fast as it goes, ahead of any person: use --clock paced";
+  options_.desk.hand = hand_.get();
+  if (hand_) hand_->bind(box.graph().haptic());
+  auto started = ConsoleServer::start(options_.server, callbacks());
+  if (!started) throw std::runtime_error("--console: " + started.error());
+  server_ = std::move(started).value();
+  server_->set_clock([this] { return now_s_.load(); });
+  desk_ = std::make_unique<Desk>(box, console, scene, epoch, options_.desk, port());
+  open_.store(true);
+  const std::string url = server_->url();
+  if (options_.tell) options_.tell(url);
+  if (!options_.quiet) {
+    std::printf("console: %s\n", url.c_str());
+    std::fflush(stdout);
+  }
+  if (options_.open_browser && !show_in_browser(url))
+    std::printf("--open: there is no desktop to open a browser on; open the address above\n");
+}
+
+void PageDesk::tick(rt::Time now) {
+  now_s_.store(rt::seconds(now - epoch_));
+  if (desk_) desk_->tick(now);
+}
+
+// Figures of what happened with somebody there.
+void PageDesk::write_figures() const {
+  const DeskFigures& f = desk_->figures();
+  const auto over = [&](double v) { return f.seconds > 0 ? v / f.seconds : -1; };
+  const nlohmann::json all{{"console.intent_p95_ms", f.intent_ms.percentile(0.95)},
+                           {"console.mesh_p95_ms", f.mesh_ms.percentile(0.95)},
+                           {"console.server_share", over(f.cpu_s)},
+                           {"console.fps", over(f.pictures)}};
+  std::ofstream(options_.figures) << all.dump(1) << '\n';
+}
+
+void PageDesk::close() {
+  if (server_) server_->stop();
+  if (open_.load() && desk_ && !options_.figures.empty()) write_figures();
+  open_.store(false);
+}
+
+}  // namespace teletact

@@ -1,0 +1,58 @@
+// A run with a page: the server of tools/console and the desk, opened in the process that holds the
+// operator's box. What `teletact demo --console` and `teletact operator --console` add.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "tools/console/console_server.hpp"
+#include "tools/desk/desk.hpp"
+#include "tools/scene/page_hook.hpp"
+
+namespace teletact {
+
+struct PageOptions {
+  ConsoleOptions server;
+  DeskOptions desk;
+  bool open_browser = false;
+  bool hand = true;     // false: a device's hand is never taken over
+  std::string figures;  // file for console.* of docs/metrics.md, at the end; empty: none
+  bool quiet = false;   // the URL goes to no terminal
+  // Tests and tools: the URL with its code, once.
+  std::function<void(const std::string& url)> tell;
+};
+
+class PageDesk final : public PageHook {
+ public:
+  explicit PageDesk(PageOptions options) : options_(std::move(options)) {}
+  ~PageDesk() override { close(); }
+  [[nodiscard]] drivers::HapticDevice* hand_over(rt::NonRealtime& nrt,
+                                                 drivers::HapticDevice& device) override;
+  // Throws std::runtime_error with one line where the server does not start.
+  void open(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
+            Clock clock) override;
+  void tick(rt::Time now) override;
+  void close() override;
+  [[nodiscard]] std::int64_t cpu_ns() const override {
+    return server_ ? server_->counts().cpu_ns : 0;
+  }
+
+ private:
+  void write_figures() const;
+  [[nodiscard]] DeskPort port();
+  [[nodiscard]] ConsoleCallbacks callbacks();
+  PageOptions options_;
+  std::atomic<double> now_s_{0};
+  rt::Time epoch_{};
+  // The server calls the desk, the desk the server: it is made first, and ends first.
+  std::unique_ptr<PageHand> hand_;
+  std::unique_ptr<ConsoleServer> server_;
+  std::unique_ptr<Desk> desk_;
+  std::atomic<bool> open_{false};
+};
+
+// Asks the desktop to show a page. The address goes through a file that this user alone may read,
+// since a program's arguments are there for every user to see. False: there is no desktop.
+[[nodiscard]] bool show_in_browser(const std::string& url);
+
+}  // namespace teletact

@@ -1,0 +1,77 @@
+#include "tools/teletact/console_words.hpp"
+
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <climits>
+#include <filesystem>
+#include <stdexcept>
+
+namespace teletact {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+fs::path program_folder() {
+  char self[PATH_MAX] = {};
+  const ssize_t n = ::readlink("/proc/self/exe", self, sizeof self - 1);
+  return n > 0 ? fs::path(std::string(self, static_cast<std::size_t>(n))).parent_path()
+               : fs::path(".");
+}
+
+std::string page_folder(const std::string& given) {
+  if (!given.empty()) {
+    if (!fs::exists(fs::path(given) / "index.html"))
+      throw std::runtime_error("--page " + given + ": holds no index.html");
+    return given;
+  }
+  const fs::path program = program_folder();
+  const std::array<fs::path, 3> places{program / "../share/teletact/console", program / "console",
+                                       program / "../../tools/console/page/dist"};
+  for (const auto& p : places)
+    if (fs::exists(p / "index.html")) return fs::canonical(p).string();
+  throw std::runtime_error(
+      "--console: the page is not built; tools/run builds it, and --page names another folder");
+}
+
+}  // namespace
+
+void add_console_options(CLI::App& app, ConsoleWords& w) {
+  auto* console = app.add_flag(
+      "--console", w.console,
+      "serve the operator's page: see the scene, drive, mark, draw; its address is printed once");
+  app.add_flag("--open", w.open, "open the page in this desktop's browser")->needs(console);
+  app.add_option("--console-port", w.port, "port of the page; 0: the kernel chooses")
+      ->check(CLI::Range(0, 65535))
+      ->needs(console);
+  app.add_option("--page", w.page, "folder of the built page")->needs(console);
+}
+
+void prepare_console(const ConsoleWords& w, DemoOptions& o) {
+  if (!w.console) return;
+  // Where the scene, or the command, says nothing else: later words win.
+  // A page's hand goes everywhere: beyond a device's reach the workspace follows it.
+  const std::vector<std::string> wanted = {"fusion.mesh_blocks=100", "haptic.border_m=0.065",
+                                           "haptic.border_rate_per_s=20"};
+  o.overrides.insert(o.overrides.begin(), wanted.begin(), wanted.end());
+}
+
+std::unique_ptr<PageDesk> console_of(const ConsoleWords& w, Scene& scene, const DemoOptions& o) {
+  if (!w.console) return nullptr;
+  constexpr double kNever_s = 1e9;
+  scene.hand.start_after_s = kNever_s;
+  PageOptions page;
+  page.server.page_folder = page_folder(w.page);
+  page.server.port = w.port;
+  page.desk.device = scene.choice.kind;
+  page.desk.recording = o.record;
+  page.desk.log = o.report + "/raw/console.log";
+  page.figures = o.report + "/raw/console.json";
+  page.hand = scene.choice.in_process();
+  page.open_browser = w.open;
+  return std::make_unique<PageDesk>(std::move(page));
+}
+
+}  // namespace teletact

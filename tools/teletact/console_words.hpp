@@ -1,0 +1,30 @@
+// The words --console, --open and what goes with them, of `teletact demo` and `teletact operator`.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "tools/desk/page_desk.hpp"
+#include "tools/host/run_options.hpp"
+
+namespace CLI {
+class App;
+}
+
+namespace teletact {
+
+struct ConsoleWords {
+  bool console = false, open = false;
+  int port = 0;
+  std::string page;  // folder of the built page; empty: beside the program, or in the source tree
+};
+
+void add_console_options(CLI::App& app, ConsoleWords& words);
+// Before the scene is read: a page wants the mesh.
+void prepare_console(const ConsoleWords& words, DemoOptions& options);
+// Null: nobody asked for one. Changes the scene: no script moves the hand. Throws
+// std::runtime_error where the page is not there.
+[[nodiscard]] std::unique_ptr<PageDesk> console_of(const ConsoleWords& words, Scene& scene,
+                                                   const DemoOptions& options);
+
+}  // namespace teletact
