@@ -20,12 +20,17 @@ using namespace std::chrono_literals;
 class WatchedBus final : public drivers::MotorBus {
  public:
   explicit WatchedBus(drivers::MotorBus& inner) : inner_(inner) {}
-  [[nodiscard]] drivers::BusStatus exchange(rt::Time now, const drivers::MotorSetpoints& s,
-                                            drivers::MotorStates& states) noexcept override {
+  [[nodiscard]] drivers::BusStatus sense(rt::Time now,
+                                         drivers::MotorStates& states) noexcept override {
+    const auto status = down ? drivers::BusStatus::kDown : inner_.sense(now, states);
+    before = states;
+    return status;
+  }
+  [[nodiscard]] drivers::BusStatus act(rt::Time now,
+                                       const drivers::MotorSetpoints& s) noexcept override {
     sent = s;
     sent_at = now;
-    before = states;
-    return down ? drivers::BusStatus::kDown : inner_.exchange(now, s, states);
+    return down ? drivers::BusStatus::kDown : inner_.act(now, s);
   }
   void rearm() noexcept override { inner_.rearm(); }
   void make_safe() noexcept override { inner_.make_safe(); }

@@ -163,6 +163,7 @@ TEST(Safety, AGoalFromBeforeTheStopIsVoid) {
   tasks::ModeMsg mode;
   drivers::RobotGoal goal;
   goal.seq = 7;
+  goal.made = r.now;
   goal.engaged = 1;
   goal.x_m = 5;
   goal.speed_limit_m_per_s = 0.5;
@@ -178,6 +179,7 @@ TEST(Safety, AGoalFromBeforeTheStopIsVoid) {
     t.release = t.start = r.now;
     t.period = 1ms;
     (void)task.step(t, in, out);
+    r.now += 1ms;
   };
   for (int i = 0; i < 5; ++i) step(Mode::kEngaged, false);
   EXPECT_TRUE(out.telemetry.driving);
@@ -186,6 +188,8 @@ TEST(Safety, AGoalFromBeforeTheStopIsVoid) {
   for (int i = 0; i < 5; ++i) step(Mode::kEngaged, false);
   EXPECT_FALSE(out.telemetry.driving) << "the goal of before the stop";
   goal.seq = 8;
+  goal.made = r.now;
+  r.now += 1ms;
   step(Mode::kEngaged, false);
   EXPECT_TRUE(out.telemetry.driving);
 }
