@@ -44,8 +44,7 @@ RobotIoTask::RobotIoTask(rt::NonRealtime&, const RobotIoConfig& config)
 
 Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   out.rearm_motors = false;
-  Health health = safety_.step(in.safety, in.mode);
-  health = rt::worst(health, sense_bus(in));
+  Health health = rt::worst(safety_.step(in.safety, in.mode), sense_bus(in));
   health = rt::worst(health, accept_goal(tick, in));
 
   last_mode_ = in.mode != nullptr ? in.mode->mode : Mode::kInit;
@@ -53,8 +52,7 @@ Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept 
   health = until_seen(health);
 
   const Drive drive = decide(tick, in, out, health);
-  const bool bus_down = lost_in_a_row_ >= config_.frames_lost_limit;
-  out.safety = safety_.show(tick, in.safety, in.mode, bus_down);
+  out.safety = safety_.show(tick, in.safety, in.mode, bus_is_down());
   if (drive == Drive::kOff) {
     powered_ = false;
     off_until_ = tick.start;

@@ -119,6 +119,9 @@ class RobotIoTask {
   [[nodiscard]] rt::Health sense_bus(const In&) noexcept;
   void let_go(Out&) noexcept;
   [[nodiscard]] rt::Health count_frame(const In&) noexcept;
+  [[nodiscard]] bool bus_is_down() const noexcept {
+    return lost_in_a_row_ >= config_.frames_lost_limit;
+  }
   [[nodiscard]] rt::Health until_seen(rt::Health) noexcept;
   void start_motors(const In&, Out&) noexcept;
   [[nodiscard]] Drive decide(const rt::Tick&, const In&, Out&, rt::Health&) noexcept;

@@ -15,6 +15,10 @@ namespace {
 // that every frame is complete well before the poll that takes it.
 constexpr rt::Nanos kRecordingLead = std::chrono::milliseconds{317};
 
+drivers::MotorBus* wrapped(drivers::MotorBus& motors, const BoxOptions& options) {
+  return options.wrap_bus ? options.wrap_bus(motors) : &motors;
+}
+
 // How the camera of a recording was held is not known: level, at the height of a chest.
 perception::Pose held_level() {
   drivers::SyntheticCameraConfig held;
@@ -114,8 +118,7 @@ RobotBox::RobotBox(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& o
   bus_ = std::make_unique<drivers::VirtualYoubot>(nrt, scene.bus, std::move(plant));
 
   tasks::RobotSetup setup;
-  drivers::MotorBus& motors = open_motors(nrt, scene, options);
-  setup.bus = options.wrap_bus ? options.wrap_bus(motors) : &motors;
+  setup.bus = wrapped(open_motors(nrt, scene, options), options);
   setup.safety = open_safety(nrt, scene, options);
   setup.bus_twin_cpu = [this] { return motor_twin_cpu_ns(); };
   setup.hash_outputs = options.hash_outputs;
@@ -176,7 +179,6 @@ Effects RobotBox::effects() const {
   if (mount_off_) out.emplace_back("camera: true_mount", "camera.true_mount");
   if (world_->moves()) out.emplace_back("world: things that move", "world.mover");
   for (const auto& name : arm_effects_) out.emplace_back("robot: " + name, "robot.arm");
-  if (lines_) out.emplace_back("robot: safety lines", "robot.gpio.kind");
   for (const auto& name : bus_->plant().effects())
     out.emplace_back("robot: " + name, "robot.plant");
   return out;

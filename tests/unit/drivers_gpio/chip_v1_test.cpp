@@ -82,7 +82,8 @@ int gpiod_line_event_read_fd_multiple(int fd, gpiod_line_event* out, unsigned n)
   for (auto& [offset, line] : kernel->chip.lines) {
     if (line.fd != fd) continue;
     unsigned k = 0;
-    for (; k < n && !line.events.empty(); ++k, line.events.pop_front()) out[k] = line.events.front();
+    for (; k < n && !line.events.empty(); ++k, line.events.pop_front())
+      out[k] = line.events.front();
     if (k > 0) return static_cast<int>(k);
   }
   errno = EAGAIN;

@@ -140,7 +140,8 @@ int gpiod_line_request_get_values_subset(gpiod_line_request*, size_t n, const un
                                          gpiod_line_value* values) {
   if (kernel->unreadable) return -1;
   for (size_t i = 0; i < n; ++i)
-    values[i] = kernel->value[offsets[i]] != 0 ? GPIOD_LINE_VALUE_ACTIVE : GPIOD_LINE_VALUE_INACTIVE;
+    values[i] =
+        kernel->value[offsets[i]] != 0 ? GPIOD_LINE_VALUE_ACTIVE : GPIOD_LINE_VALUE_INACTIVE;
   return 0;
 }
 int gpiod_line_request_set_value(gpiod_line_request*, unsigned offset, gpiod_line_value value) {
