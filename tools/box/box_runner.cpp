@@ -156,7 +156,7 @@ void BoxRunner::watch(Watch& w, rt::RunStore& writer, const std::function<void()
     if (host >= w.next_tick) {
       w.next_tick = host + kConsolePeriod;
       look();
-      w.told->look(mode(), now());
+      w.told->look(mode(), link_status->spared(), now());
     }
     if (hung() > 0) requests->watchdog_bit.store(true);
     if (g_stop_requested.load() && w.ramp_from == 0) {
@@ -224,7 +224,7 @@ void BoxRunner::run(rt::NonRealtime& nrt, const Faults& faults, const std::strin
   std::vector<rt::RunFileTotals> trailer;
   for (const BoxTotals& b : totals) trailer.push_back({b.task, b.totals});
   writer->finish(trailer, dropped);
-  told.look(mode(), now());
+  told.look(mode(), link_status->spared(), now());
   hangs = executor.hangs();
   if (black_box) {
     black_box->end(w.ramp_from != 0 ? kAskedToEnd

@@ -26,8 +26,8 @@ class JobKeeper {
     else
       memory_.add(record);
   }
-  void look(const tasks::ModeMsg& mode, rt::Time now) {
-    if (watch_) watch_->look(mode, now);
+  void look(const tasks::ModeMsg& mode, drivers::Spared spared, rt::Time now) {
+    if (watch_) watch_->look(mode, spared, now);
   }
   void finish(const std::vector<BoxTotals>& totals);
 
@@ -48,9 +48,10 @@ class JobKeepers {
   void add(bool of_operator, const rt::JobRecord& record) {
     (of_operator ? *operator_ : *robot_).add(record);
   }
-  void look(const tasks::ModeMsg& op, const tasks::ModeMsg& robot, std::int64_t host_ns) {
-    if (operator_) operator_->look(op, kOperatorClock.from_host(host_ns));
-    if (robot_) robot_->look(robot, kRobotClock.from_host(host_ns));
+  void look(const tasks::ModeMsg& op, const tasks::ModeMsg& robot, drivers::Spared spared,
+            std::int64_t host_ns) {
+    if (operator_) operator_->look(op, spared, kOperatorClock.from_host(host_ns));
+    if (robot_) robot_->look(robot, spared, kRobotClock.from_host(host_ns));
   }
   void finish();
   // What the consoles saw, beside the stores.

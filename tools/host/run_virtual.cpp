@@ -197,7 +197,8 @@ VirtualRun run_virtual(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& op
       if (forces) forces->look(op->graph().fusion().map(), op_console->seen().haptic);
       robot_console->tick(kRobotClock.from_host(t));
       if (!options.quiet) std::fputs(op_console->news().c_str(), stdout);
-      keep.look(op_console->seen().mode, robot_console->seen().mode, t);
+      keep.look(op_console->seen().mode, robot_console->seen().mode, op->graph().link().spared(),
+                t);
       if (op_last) op_last->watch(op_console->seen().mode, kOperatorClock.from_host(t));
       if (robot_last) robot_last->watch(robot_console->seen().mode, kRobotClock.from_host(t));
       for (auto* inputs : {op_inputs.get(), robot_inputs.get()}) {

@@ -1,5 +1,5 @@
-// What a box says into its store beside the jobs, and of it: changes of the mode, a disk that
-// refuses.
+// What a box says into its store beside the jobs, and of it: changes of the mode, what is lowered
+// of the pictures, a disk that refuses.
 #pragma once
 
 #include <cstdio>
@@ -7,6 +7,7 @@
 
 #include "rt/store/run_store.hpp"
 #include "tasks/contract/messages.hpp"
+#include "tools/pictures/picture_words.hpp"
 #include "tools/record/box_recorder.hpp"
 
 namespace teletact {
@@ -21,7 +22,7 @@ class StoreWatch {
  public:
   StoreWatch(rt::RunStore& store, rt::Box box) : store_(store), box_(box) {}
 
-  void look(const tasks::ModeMsg& mode, rt::Time now) {
+  void look(const tasks::ModeMsg& mode, drivers::Spared spared, rt::Time now) {
     if (mode.seq != 0 && (mode.mode != mode_ || mode.cause != cause_)) {
       static constexpr const char* kNames[] = {"init", "hold", "engaged", "ramp down", "safe stop"};
       std::string text = std::string("mode ") + kNames[static_cast<int>(mode.mode)];
@@ -30,6 +31,8 @@ class StoreWatch {
       mode_ = mode.mode;
       cause_ = mode.cause;
     }
+    if (const std::string line = spared_.look(spared, rt::ns_of(now)); !line.empty())
+      store_.event(rt::ns_of(now), line);
     const std::string problem = store_.problem();
     if (problem.empty() || told_) return;
     told_ = true;
@@ -43,6 +46,7 @@ class StoreWatch {
   rt::Box box_;
   tasks::Mode mode_ = tasks::Mode::kInit;
   rt::FaultId cause_ = rt::kNoFault;
+  SparedNews spared_;
   bool told_ = false;
 };
 

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <memory>
 
 #include "rt/quantile.hpp"
 #include "rt/random.hpp"

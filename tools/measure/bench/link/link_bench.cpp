@@ -1,6 +1,7 @@
 #include "tools/measure/bench/link/link_bench.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
