@@ -52,7 +52,7 @@ TEST(SlowCaller, ASlaveThatIsBusyForAFewLooksIsReadAllTheSame) {
   const auto found = scan(rig.startup.token(), rig.registers);
   ASSERT_TRUE(found) << found.error();
   ASSERT_EQ(found.value().size(), 1U);
-  EXPECT_EQ(found.value()[0].sii.identity.product, 8U);
+  EXPECT_EQ(found.value()[0].sii.product, 8U);
   EXPECT_GE(rig.port.sleeps, 4);
 }
 
