@@ -13,6 +13,8 @@ namespace {
 constexpr int kTriesOfNoAnswer = 3;
 constexpr std::size_t kMostWords = 0x4000;  // 32 KiB: no slave's EEPROM is larger
 constexpr rt::Nanos kSiiTimeout = std::chrono::milliseconds{20};
+// Asked at least so often: the caller's own thread may have been away for all of that time.
+constexpr int kLeastPolls = 8;
 constexpr rt::Nanos kSiiPoll = std::chrono::microseconds{50};
 
 rt::Error sii_problem(std::uint16_t station, std::size_t word, const char* what) {
@@ -25,10 +27,10 @@ rt::Error sii_problem(std::uint16_t station, std::size_t word, const char* what)
 // Waits until bit 15 is clear. The control word; nullopt: no answer, or busy for too long.
 std::optional<std::uint16_t> wait_ready(RegisterAccess& r, std::uint16_t station) {
   const rt::Time end = r.port().now() + kSiiTimeout;
-  for (;;) {
+  for (int polls = 1;; ++polls) {
     const auto control = r.read_u16(station, reg::kSiiControl);
     if (!control || (*control & sii_control::kBusy) == 0) return control;
-    if (r.port().now() >= end) return std::nullopt;
+    if (polls >= kLeastPolls && r.port().now() >= end) return std::nullopt;
     r.port().sleep_until(r.port().now() + kSiiPoll);
   }
 }

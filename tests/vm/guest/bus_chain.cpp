@@ -1,9 +1,10 @@
-// The virtual youBot on a network interface of the guest: each frame that comes passes the chain and
-// goes back. It stands for hardware, so its thread is above all others.
+// The virtual youBot on a network interface of the guest: each frame that comes passes the chain
+// and goes back. It stands for hardware, so its thread is above all others.
 //
 //   vm_chain --iface IF [--kind base+arm] [--gap-ms MS] [--long-gap-ms MS]
 //
-// SIGUSR1, SIGUSR2: all frames are swallowed for the gap, for the long one. SIGTERM: prints what it saw and ends.
+// SIGUSR1, SIGUSR2: all frames are swallowed for the gap, for the long one. SIGTERM: prints what it
+// saw and ends.
 #include <csignal>
 #include <cstdint>
 
@@ -19,7 +20,8 @@ constexpr int kPriority = 90;
 volatile std::sig_atomic_t gap_wanted = 0, end_wanted = 0;
 void on_signal(int number) { (number == SIGTERM ? end_wanted : gap_wanted) = number; }
 
-// Motors turn on without a frame; what is not done now would be done at the next frame, all at once.
+// Motors turn on without a frame; what is not done now would be done at the next frame, all at
+// once.
 void idle(drivers::youbot_bus::YoubotChain& chain, rt::Time now) {
   for (std::size_t i = 0; i < chain.boards().size(); ++i) {
     if (chain.drive(i) != nullptr) (void)chain.drive(i)->flags(now);

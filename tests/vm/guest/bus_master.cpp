@@ -242,11 +242,16 @@ int main(int argc, char** argv) {
   config.watchdog_ms = static_cast<int>(
       vm::option(argc, argv, "watchdog-ms", static_cast<double>(config.watchdog_ms)));
   ethercat::Master master(nrt, *port.value(), config);
+  master.registers().set_timeout(4 * config.reply_timeout);
   for (const auto step :
        {&ethercat::Master::find, &ethercat::Master::configure, &ethercat::Master::start}) {
     const auto done = (master.*step)(nrt);
     if (done) continue;
-    vm::check("chain in OP", false, done.error());
+    const auto& n = master.registers().counters();
+    vm::check("chain in OP", false,
+              done.error() + "; frames sent " + std::to_string(n.sent) + ", refused " +
+                  std::to_string(n.refused) + ", lost " + std::to_string(n.lost) + ", foreign " +
+                  std::to_string(n.foreign) + ", damaged " + std::to_string(n.damaged));
     return 1;
   }
   vm::figure("ethercat.slaves", static_cast<double>(master.slaves().size()), "1");

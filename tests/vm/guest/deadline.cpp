@@ -3,7 +3,7 @@
 //   vm_deadline --class deadline|fifo
 //
 // Under SCHED_DEADLINE the kernel gives it no more than its runtime a period: only its own jobs are
-// late. Under SCHED_FIFO, rate-monotonic, the thread below it is late too: that the load is one that
+// late. Under SCHED_FIFO, rate-monotonic, the thread below it is late too, so the load is one that
 // tells the two apart.
 #include <sys/syscall.h>
 #include <time.h>
