@@ -1,6 +1,7 @@
 #include "perception/segmentation/click_segmenter.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace perception {
 namespace {
@@ -39,12 +40,18 @@ void change(std::size_t k, ObjectGraphConfig& graph, OutlineConfig& outline) noe
 
 const char* reason(ClickAnswer answer) noexcept {
   switch (answer) {
-    case ClickAnswer::kDone: return "done";
-    case ClickAnswer::kNoDepth: return "no depth was measured near the first touch";
-    case ClickAnswer::kNothingAdded: return "no touch says what the object is";
-    case ClickAnswer::kOutside: return "a click is outside the image";
-    case ClickAnswer::kContradiction: return "one pixel is said to be of the object and not of it";
-    case ClickAnswer::kTooMany: return "too many clicks";
+    case ClickAnswer::kDone:
+      return "done";
+    case ClickAnswer::kNoDepth:
+      return "no depth was measured near the first touch";
+    case ClickAnswer::kNothingAdded:
+      return "no touch says what the object is";
+    case ClickAnswer::kOutside:
+      return "a click is outside the image";
+    case ClickAnswer::kContradiction:
+      return "one pixel is said to be of the object and not of it";
+    case ClickAnswer::kTooMany:
+      return "too many clicks";
   }
   return "unknown";
 }
@@ -73,7 +80,8 @@ ClickAnswer ClickSegmenter::check(std::span<const Click> clicks, Click& first) n
   if (clicks.size() > static_cast<std::size_t>(config_.max_clicks)) return ClickAnswer::kTooMany;
   for (const Click& k : clicks)
     if (!mask().contains(k.u, k.v)) return ClickAnswer::kOutside;
-  const auto added = std::find_if(clicks.begin(), clicks.end(), [](const Click& k) { return k.add; });
+  const auto added =
+      std::find_if(clicks.begin(), clicks.end(), [](const Click& k) { return k.add; });
   if (added == clicks.end()) return ClickAnswer::kNothingAdded;
   first = *added;
   clicks_.assign(clicks.begin(), clicks.end());
@@ -106,15 +114,30 @@ void ClickSegmenter::answer_otherwise(const Click& first) noexcept {
   }
 }
 
+// From a pixel to the nearest one of the other kind in the plain answer, px; the image's rim is none.
+float ClickSegmenter::depth_in_plain_px(const Click& k) const noexcept {
+  const ImageView<const std::uint8_t> plain = answer(kPlain);
+  const bool in = plain.at(k.u, k.v) != 0;
+  int best = width_ * width_ + height_ * height_;
+  for (int v = 0; v < height_; ++v) {
+    const int dv = (v - k.v) * (v - k.v);
+    if (dv >= best) continue;
+    for (int u = 0; u < width_; ++u)
+      if ((plain.at(u, v) != 0) != in) best = std::min(best, dv + (u - k.u) * (u - k.u));
+  }
+  return std::sqrt(static_cast<float>(best));
+}
+
 // Between clicks that are deep on the wrong side and those that are right. Shallow ones move the outline only.
 void ClickSegmenter::answer_parted(const Click& first) noexcept {
   seeds_.clear();
   bool deep = false;
   for (const Click& k : clicks_) {
-    const float s = correction_.plain_px(k.u, k.v);
-    const float right = k.add ? s : -s;
-    deep = deep || right < -config_.deep_px;
-    if (right < -config_.deep_px || (k.add && right > 0)) seeds_.push_back({k.u, k.v, k.add});
+    const bool right = (answer(kPlain).at(k.u, k.v) != 0) == k.add;
+    const float depth = right ? 0.0F : depth_in_plain_px(k);
+    deep = deep || depth > config_.deep_px;
+    if (depth > config_.deep_px || (k.add && right))
+      seeds_.push_back({k.u, k.v, k.add, config_.parted_reach * depth});
   }
   if (deep) {
     touch_.touch(first.u, first.v, config_.touch.graph, config_.touch.outline, seeds_,
@@ -167,12 +190,8 @@ ClickAnswer ClickSegmenter::segment(std::span<const Click> clicks) noexcept {
     return found_ ? ClickAnswer::kDone : ClickAnswer::kNoDepth;
   }
   answer_otherwise(first);
-  // The parted answer lies in the regions that the clicks name, which the box of the others may not hold.
-  const CorrectionConfig& c = config_.correction;
-  std::copy_n(answers_[kPlain].begin(), width_ * height_, answers_[kParted].begin());
-  correction_.set_box(box_of_answers());
-  correction_.set_answer(kPlain, answer(kPlain), c);
   answer_parted(first);
+  const CorrectionConfig& c = config_.correction;
   correction_.set_box(box_of_answers());
   for (std::size_t k = 0; k <= kParted; ++k) correction_.set_answer(k, answer(k), c);
   correction_.correct(clicks_, c, {mask_.data(), width_, height_, width_});

@@ -33,6 +33,7 @@ struct ClickConfig {
   int max_clicks = 32;
   // chosen on: mosd_learn, tabletop, odd frames; judged on: their even frames, ycb_video
   float deep_px = 6;  // so far on the wrong side of the plain outline a click is of another region
+  float parted_reach = 4;  // times that distance: the longest way from a click that takes away
 };
 
 enum class ClickAnswer {
@@ -73,6 +74,7 @@ class ClickSegmenter {
   [[nodiscard]] ClickAnswer check(std::span<const Click> clicks, Click& first) noexcept;
   void keep(std::size_t answer) noexcept;
   void answer_otherwise(const Click& first) noexcept;
+  [[nodiscard]] float depth_in_plain_px(const Click& k) const noexcept;
   void answer_parted(const Click& first) noexcept;
   [[nodiscard]] OutlineCorrection::Box box_of_answers() const noexcept;
   [[nodiscard]] ImageView<const std::uint8_t> answer(std::size_t k) const noexcept {

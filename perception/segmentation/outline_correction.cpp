@@ -79,9 +79,9 @@ OutlineCorrection::Place OutlineCorrection::look(int u, int v,
 // Covariance of the correction at two places.
 float OutlineCorrection::likeness(const Place& a, const Place& b,
                                   const CorrectionConfig& c) noexcept {
-  float k = a.near * b.near *
-            (c.shift_px * c.shift_px +
-             c.direction_px * c.direction_px * (a.nu * b.nu + a.nv * b.nv));
+  float k =
+      a.near * b.near *
+      (c.shift_px * c.shift_px + c.direction_px * c.direction_px * (a.nu * b.nu + a.nv * b.nv));
   for (std::size_t i = 0; i < a.other.size(); ++i) k += a.other[i] * b.other[i];
   const auto du = static_cast<float>(a.u - b.u), dv = static_cast<float>(a.v - b.v);
   const float r2 = (du * du + dv * dv) / (2 * c.local_reach_px * c.local_reach_px);

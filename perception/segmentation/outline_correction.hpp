@@ -49,8 +49,6 @@ class OutlineCorrection {
   void set_box(const Box& box) noexcept { box_ = box; }
   void set_answer(std::size_t k, ImageView<const std::uint8_t> mask,
                   const CorrectionConfig& config) noexcept;
-  // s_0 there; outside the box that of the nearest pixel of it.
-  [[nodiscard]] float plain_px(int u, int v) const noexcept { return at(0, u, v); }
 
   // Of all answers set. `clicks`: at most max_clicks, no pixel twice. Writes 0 and 1 into the box's part of `mask`.
   void correct(std::span<const Click> clicks, const CorrectionConfig& config,
@@ -59,8 +57,8 @@ class OutlineCorrection {
  private:
   struct Place {
     int u = 0, v = 0;
-    float s0 = 0, near = 0;  // near: 1 at the plain outline, 0 at reach_px from it
-    float nu = 0, nv = 0;    // where the outline faces
+    float s0 = 0, near = 0;                   // near: 1 at the plain outline, 0 at reach_px from it
+    float nu = 0, nv = 0;                     // where the outline faces
     std::array<float, kAnswers - 1> other{};  // w_k (s_k - s_0)
     float sign = 1, target = 0, weight = 0;   // of a click
   };

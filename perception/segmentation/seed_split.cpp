@@ -18,7 +18,7 @@ constexpr float kMostPixels = 250;
 SeedSplit::SeedSplit(int max_width, int max_height) {
   const auto half = static_cast<std::size_t>((max_width + 1) / 2 * ((max_height + 1) / 2));
   way_.resize(half), next_.resize(half), previous_.resize(half);
-  side_.resize(half);
+  seed_.resize(half);
   first_.resize(kLevels);
 }
 
@@ -47,12 +47,12 @@ int SeedSplit::pass(const SurfacePatches& patches, int i, int j, const SplitConf
 }
 
 // A pixel waits once, in the list of its shortest way so far.
-void SeedSplit::push(int pixel, int way, std::uint8_t side) noexcept {
+void SeedSplit::push(int pixel, int way, std::uint8_t seed) noexcept {
   const auto k = static_cast<std::size_t>(pixel);
   // Of equal ways the object's is taken, whichever came first.
-  if (way > way_[k] || (way == way_[k] && side >= side_[k] && side_[k] != 0)) return;
-  if (way == way_[k] && side_[k] != 0) {
-    side_[k] = side;
+  if (way > way_[k] || (way == way_[k] && seed >= seed_[k] && seed_[k] != 0)) return;
+  if (way == way_[k] && seed_[k] != 0) {
+    seed_[k] = seed;
     return;
   }
   if (way_[k] != kFar) {  // out of its list
@@ -64,7 +64,7 @@ void SeedSplit::push(int pixel, int way, std::uint8_t side) noexcept {
     }
     if (after != kNone) previous_[static_cast<std::size_t>(after)] = before;
   }
-  way_[k] = way, side_[k] = side;
+  way_[k] = way, seed_[k] = seed;
   int& first = first_[static_cast<std::size_t>(way % kLevels)];
   next_[k] = first, previous_[k] = kNone;
   if (first != kNone) previous_[static_cast<std::size_t>(first)] = pixel;
@@ -77,15 +77,20 @@ void SeedSplit::split(const SurfacePatches& patches, const SplitSeed& touched,
   const HalfWindow& win = patches.window();
   const int w = win.width, n = w * win.height;
   std::fill_n(way_.begin(), n, kFar);
-  std::fill_n(side_.begin(), n, std::uint8_t{0});
+  std::fill_n(seed_.begin(), n, std::uint8_t{0});
   std::fill(first_.begin(), first_.end(), kNone);
-  const auto start = [&](const SplitSeed& s) {
+  const auto start = [&](const SplitSeed& s, std::uint8_t seed) {
     const int x = std::clamp(s.u / 2 - win.u0, 0, w - 1);
     const int y = std::clamp(s.v / 2 - win.v0, 0, win.height - 1);
-    push(y * w + x, 0, s.of_object ? kObject : kRest);
+    push(y * w + x, 0, seed);
   };
-  start(touched);
-  for (const SplitSeed& s : others) start(s);
+  start(touched, kObject);
+  for (std::size_t k = 0; k < others.size(); ++k)
+    start(others[k], others[k].of_object ? kObject : static_cast<std::uint8_t>(kRest + k));
+  const auto longest = [&](std::uint8_t seed) {
+    const float px = seed < kRest ? 0.0F : others[seed - kRest].most_px;
+    return px > 0 ? static_cast<int>(0.5F * kUnits * px) : kFar;
+  };
   // Every pass costs less than kLevels, so a turn of the circle without a way is the end.
   for (int way = 0, idle = 0; idle < kLevels; ++way) {
     int& first = first_[static_cast<std::size_t>(way % kLevels)];
@@ -100,12 +105,13 @@ void SeedSplit::split(const SurfacePatches& patches, const SplitSeed& touched,
       for (const int j : four_neighbours(i, w, n)) {
         if (j < 0 || inside[static_cast<std::size_t>(j)] == 0) continue;
         if (way_[static_cast<std::size_t>(j)] <= way) continue;
-        push(j, way + pass(patches, i, j, c), side_[k]);
+        const int there = way + pass(patches, i, j, c);
+        if (there <= longest(seed_[k])) push(j, there, seed_[k]);
       }
     }
   }
   for (int i = 0; i < n; ++i)
-    if (side_[static_cast<std::size_t>(i)] == kRest) inside[static_cast<std::size_t>(i)] = 0;
+    if (seed_[static_cast<std::size_t>(i)] >= kRest) inside[static_cast<std::size_t>(i)] = 0;
 }
 
 }  // namespace perception

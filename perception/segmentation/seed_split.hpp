@@ -1,7 +1,8 @@
 // Parts a region of a frame between pixels that are the object's and pixels that are not: each pixel goes to the
 // one with the shortest way to it (Dijkstra 1959, from all of them at once). A way costs one a pixel; more where it
 // crosses a depth step, a valley between two surface pieces, or a change of colour. Where nothing of this lies
-// between two of them, the border runs half-way.
+// between two of them, the border runs half-way. A seed that is not the object's may have a longest way: what lies
+// beyond it is not parted from the object.
 #pragma once
 
 #include <cstdint>
@@ -15,6 +16,7 @@ namespace perception {
 struct SplitSeed {
   int u = 0, v = 0;  // pixel of the full image
   bool of_object = true;
+  float most_px = 0;  // of the full image, the longest way of one that is not the object's; 0: none
 };
 
 struct SplitConfig {
@@ -30,7 +32,7 @@ class SeedSplit {
  public:
   SeedSplit(int max_width, int max_height);
 
-  // `inside`: a byte a half-resolution pixel of the patches' window, nonzero for the region; left so only where a
+  // At most 250 others. `inside`: a byte a half-resolution pixel of the patches' window, nonzero for the region; left so only where a
   // way from `touched` or from another seed of the object is no longer than from one that is not. Ways run inside
   // the region. What no seed reaches stays. Same input, same bytes; does not allocate.
   void split(const SurfacePatches& patches, const SplitSeed& touched,
@@ -41,10 +43,10 @@ class SeedSplit {
   static constexpr int kLevels = 1024;  // of waiting ways: more than the longest single pass
   [[nodiscard]] static int pass(const SurfacePatches& patches, int i, int j,
                                 const SplitConfig& config) noexcept;
-  void push(int pixel, int way, std::uint8_t side) noexcept;
+  void push(int pixel, int way, std::uint8_t seed) noexcept;
 
   std::vector<std::int32_t> way_, next_, previous_;
-  std::vector<std::uint8_t> side_;   // 0: not reached; kObject, kRest
+  std::vector<std::uint8_t> seed_;   // 0: not reached; kObject, or kRest + which of the others
   std::vector<std::int32_t> first_;  // of each level of ways, circular
 };
 

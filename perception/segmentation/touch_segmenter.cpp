@@ -156,8 +156,8 @@ bool TouchSegmenter::touch(int u, int v, const ObjectGraphConfig& graph,
   plane_ = {};
   named_support_ = false;
   if (found) {
-    plane_ = graph_.find_support(patches_, patches_.point(seen % win.width, seen / win.width),
-                                 graph);
+    plane_ =
+        graph_.find_support(patches_, patches_.point(seen % win.width, seen / win.width), graph);
     graph_.build(patches_, plane_, graph);
     int region = graph_.region(piece);
     if (region == ObjectGraph::kNone) region = nearest_region(x, y);

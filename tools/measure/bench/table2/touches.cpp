@@ -1,99 +1,27 @@
 #include "tools/measure/bench/table2/touches.hpp"
 #include "rt/clock/box_time.hpp"
 #include "rt/quantile.hpp"
-#include "tools/files/take.hpp"
 #include "tools/measure/bench/other_load.hpp"
 
 #include <algorithm>
-#include <cctype>
 #include <cstdio>
-#include <filesystem>
 #include <map>
 #include <memory>
-#include <optional>
-#include <stdexcept>
 
-#include "drivers/camera/intrinsics_file.hpp"
-#include "drivers/camera/sequence_layout.hpp"
-#include "perception/geometry/no_colour.hpp"
 #include "perception/segmentation/measures.hpp"
 #include "perception/segmentation/region_grow.hpp"
 #include "rt/random.hpp"
-#include "tools/files/image_files.hpp"
 #include "tools/measure/bench/table2/followed.hpp"
+#include "tools/measure/bench/table2/labelled_frames.hpp"
 
 namespace teletact {
 namespace {
 
-namespace fs = std::filesystem;
 using perception::Image;
-using perception::Intrinsics;
-using perception::Rgb;
 
-constexpr std::uint16_t kUnlabelled = 65535;
 constexpr int kTouches = 10;
 
 double cpu_ms() { return 1e-6 * static_cast<double>(rt::thread_cpu_ns()); }
-
-struct Kind {
-  Intrinsics k;
-  float mm_per_unit = 1;
-  bool parts = false;  // label / 10 is the object
-};
-
-// What a folder's name says of it.
-std::optional<Kind> known_kind(const std::string& folder) {
-  if (folder.rfind("mosd", 0) == 0) return Kind{{525, 525, 319.5, 239.5, 640, 480}, 1, true};
-  if (folder == "tabletop") return Kind{{612.937, 613.173, 322.549, 248.158, 640, 480}, 1, false};
-  if (folder == "ycb_video") {
-    return Kind{{1066.778, 1067.487, 312.9869, 241.3109, 640, 480}, 0.1F, false};
-  }
-  return std::nullopt;
-}
-
-// Its intrinsics.txt goes before what its name says.
-std::optional<Kind> kind_of(const fs::path& folder, const std::string& name) {
-  auto kind = known_kind(name);
-  const std::string file = (folder / "intrinsics.txt").string();
-  if (!drivers::regular_file(file)) return kind;
-  const auto read = take(drivers::read_intrinsics(file));
-  if (!kind) kind.emplace();
-  kind->k = read.k;
-  kind->mm_per_unit = static_cast<float>(1000 / read.units_per_metre);
-  return kind;
-}
-
-// The last word of the path, whether it ends in a slash or is ".".
-std::string name_of(const fs::path& folder) {
-  fs::path whole = fs::absolute(folder).lexically_normal();
-  if (!whole.has_filename()) whole = whole.parent_path();
-  return whole.filename().string();
-}
-
-struct Frame {
-  Image<Rgb> rgb;
-  Image<std::uint16_t> depth, label;  // label: object, 0 rest, kUnlabelled not judged
-};
-
-Frame load(const fs::path& folder, const std::string& name, const Kind& kind) {
-  Frame f;
-  f.rgb = take(read_colour((folder / "rgb" / name).string()));
-  perception::lift_black(f.rgb.view());                           // an image file's black is black
-  const fs::path png = fs::path(name).replace_extension(".png");  // colour may be JPEG
-  f.depth = take(read_grey((folder / "depth" / png).string()));
-  f.label = take(read_grey((folder / "label" / png).string()));
-  const int w = f.rgb.width(), h = f.rgb.height();
-  if (f.depth.width() != w || f.depth.height() != h || f.label.width() != w ||
-      f.label.height() != h) {
-    throw std::runtime_error((folder / "rgb" / name).string() +
-                             ": depth or label is of another size");
-  }
-  for (int i = 0; kind.parts && i < w * h; ++i) {
-    std::uint16_t& l = f.label.data()[i];
-    l = l == 0 ? kUnlabelled : l < 20 ? std::uint16_t{0} : static_cast<std::uint16_t>(l / 10);
-  }
-  return f;
-}
 
 // Pixels at least 3 from the mask's edge; all of them where it is thinner.
 std::vector<int> touchable(const Image<std::uint16_t>& label, std::uint16_t object) {
@@ -110,24 +38,10 @@ std::vector<int> touchable(const Image<std::uint16_t>& label, std::uint16_t obje
   return inner.empty() ? all : inner;
 }
 
-template <class In>
-double iou(const Image<std::uint16_t>& label, std::uint16_t object, const In& in) {
-  double both = 0, either = 0;
-  for (int v = 0; v < label.height(); ++v) {
-    for (int u = 0; u < label.width(); ++u) {
-      const std::uint16_t l = label.at(u, v);
-      if (l == kUnlabelled) continue;
-      const bool a = in(u, v), b = l == object;
-      both += a && b ? 1 : 0;
-      either += a || b ? 1 : 0;
-    }
-  }
-  return either > 0 ? both / either : 0;
-}
-
 class Judge {
  public:
-  Judge(const Kind& kind, int w, int h, const perception::TouchConfig& config, bool touches_only)
+  Judge(const FrameKind& kind, int w, int h, const perception::TouchConfig& config,
+        bool touches_only)
       : kind_(kind),
         touches_only_(touches_only),
         touch_(w, h, config),
@@ -136,7 +50,7 @@ class Judge {
         grower_(w, h),
         fused_(kind.k, kind.mm_per_unit) {}
 
-  void frame(const Frame& f, rt::Random& random, TouchRow& row) {
+  void frame(const LabelledFrame& f, rt::Random& random, TouchRow& row) {
     std::map<std::uint16_t, std::vector<int>> objects;
     for (int i = 0; i < f.label.width() * f.label.height(); ++i) {
       const std::uint16_t l = f.label.data()[i];
@@ -191,7 +105,7 @@ class Judge {
   }
 
  private:
-  double one_touch(const Frame& f, std::uint16_t object, int i, int k) {
+  double one_touch(const LabelledFrame& f, std::uint16_t object, int i, int k) {
     const int w = f.label.width();
     const double t0 = cpu_ms();
     // The first touch of an object pays for the frame too; the others only repeat the question.
@@ -200,7 +114,7 @@ class Judge {
     if (k == 0) first_.push_back(cpu_ms() - t0);
     return iou(f.label, object, [&](int u, int v) { return touch_.in(u, v); });
   }
-  double one_paper(const Frame& f, std::uint16_t object, int i) {
+  double one_paper(const LabelledFrame& f, std::uint16_t object, int i) {
     const int w = f.label.width(), n = grower_.grow(lab_, &points_, i, {});
     mask_.assign(static_cast<std::size_t>(w * f.label.height()), 0);
     for (int k = 0; k < n; ++k) {
@@ -210,7 +124,7 @@ class Judge {
                [&](int u, int v) { return mask_[static_cast<std::size_t>(v * w + u)] != 0; });
   }
   // Each object as if its true mask were its projection from the map: work in its window only.
-  void follow(const Frame& f, const std::map<std::uint16_t, std::vector<int>>& objects) {
+  void follow(const LabelledFrame& f, const std::map<std::uint16_t, std::vector<int>>& objects) {
     const int w = f.label.width(), h = f.label.height();
     for (const auto& [object, pixels] : objects) {
       mask_.assign(static_cast<std::size_t>(w * h), 0);
@@ -224,8 +138,8 @@ class Judge {
   }
 
   // One touch an object, then all of them followed together.
-  void follow_in_map(const Frame& f, const std::map<std::uint16_t, std::vector<int>>& objects,
-                     rt::Random& random) {
+  void follow_in_map(const LabelledFrame& f,
+                     const std::map<std::uint16_t, std::vector<int>>& objects, rt::Random& random) {
     std::vector<FollowedObjects::Touch> touches;
     for (const auto& [object, pixels] : objects) {
       const int i = pixels[static_cast<std::size_t>(
@@ -240,7 +154,7 @@ class Judge {
       further_ms_.push_back((run.all_mean_ms - run.one_mean_ms) / (run.objects - 1));
   }
 
-  Kind kind_;
+  FrameKind kind_;
   bool touches_only_;
   perception::TouchSegmenter touch_;
   perception::LabImage lab_;
@@ -253,29 +167,21 @@ class Judge {
   std::vector<double> touch_ms_, follow_ms_, further_ms_, fused_iou_;
 };
 
-TouchRow run_folder(const fs::path& folder, const Kind& kind, std::uint64_t seed,
+TouchRow run_folder(const LabelledFolder& folder, std::uint64_t seed,
                     const perception::TouchConfig& config, bool touches_only,
                     std::ostream& progress) {
   TouchRow row;
-  row.folder = name_of(folder);
-  std::vector<std::string> names;
-  for (const auto& e : fs::directory_iterator(folder / "rgb")) names.push_back(e.path().filename());
-  std::sort(names.begin(), names.end());
+  row.folder = folder.name;
   std::unique_ptr<Judge> judge;
   rt::Random random(seed);
-  for (const std::string& name : names) {
+  for (const std::string& name : folder.frames) {
     progress << "\r" << row.folder << "/" << name << "   " << std::flush;
-    const Frame f = load(folder, name, kind);
-    if (f.rgb.width() != kind.k.width || f.rgb.height() != kind.k.height) {
-      throw std::runtime_error((folder / "rgb" / name).string() + ": must be " +
-                               std::to_string(kind.k.width) + " x " +
-                               std::to_string(kind.k.height) + ", as the folder's intrinsics");
-    }
+    const LabelledFrame f = load_frame(folder, name);
     if (!judge)
-      judge = std::make_unique<Judge>(kind, kind.k.width, kind.k.height, config, touches_only);
+      judge = std::make_unique<Judge>(folder.kind, folder.kind.k.width, folder.kind.k.height,
+                                      config, touches_only);
     judge->frame(f, random, row);
   }
-  if (!judge) throw std::runtime_error((folder / "rgb").string() + ": holds no image");
   judge->finish(row);
   return row;
 }
@@ -287,47 +193,14 @@ TouchResult bench_touches(std::ostream& progress, const std::string& folder, std
   const OtherLoad others;
   TouchResult result;
   result.seed = seed;
-  std::error_code ec;
-  std::vector<fs::path> folders;
-  const bool one = fs::is_directory(fs::path(folder) / "rgb");
-  if (one) folders.emplace_back(folder);
-  for (auto it = fs::directory_iterator(folder, ec); !one && !ec && it != fs::directory_iterator();
-       it.increment(ec))
-    if (it->is_directory(ec)) folders.push_back(it->path());
-  std::sort(folders.begin(), folders.end());
-  for (const fs::path& f : folders) {
-    const std::string name = name_of(f);
-    if (!fs::is_directory(f / "rgb")) {
-      progress << "left out: " << f.string() << ": holds no folder rgb\n";
-      continue;
-    }
-    const auto kind = kind_of(f, name);
-    if (!kind) {
-      progress << "left out: " << f.string()
-               << ": no intrinsics.txt (fx fy cx cy width height depth_units_per_metre)\n";
-      continue;
-    }
-    result.rows.push_back(run_folder(f, *kind, seed, config, touches_only, progress));
-  }
+  for (const LabelledFolder& f : labelled_folders(progress, folder))
+    result.rows.push_back(run_folder(f, seed, config, touches_only, progress));
   progress << "\r                                        \r";
   result.other_load = others.cores();
-  if (result.rows.empty()) {
-    throw std::runtime_error(folder +
-                             ": neither has rgb, depth, label and intrinsics.txt nor holds folders "
-                             "that have, or are named mosd..., tabletop or ycb_video");
-  }
   return result;
 }
 
-std::string TouchRow::name() const {
-  if (folder == "mosd_learn") return "mosd";
-  std::string name = folder;
-  for (char& c : name) {
-    const auto byte = static_cast<unsigned char>(c);
-    c = std::isalnum(byte) != 0 ? static_cast<char>(std::tolower(byte)) : '_';
-  }
-  return name;
-}
+std::string TouchRow::name() const { return metric_name(folder); }
 
 std::vector<Limit> TouchResult::limits() const {
   Limits all;
