@@ -71,7 +71,11 @@ void send_commands(EdgeCells<rt::Box::kOperator>& cells, drivers::LinkEndpoint& 
         goal.engaged = goal.operator_engaged = 0;
         return drivers::encode(goal, out);
       },
-      [stopped, told] { return stopped() && !*told; });
+      [stopped, told] {
+        const bool stop = stopped();
+        if (!stop) *told = false;
+        return stop && !*told;
+      });
 }
 
 void receive_command_reports(drivers::LinkEndpoint& endpoint, TellRefused tell) {
