@@ -1,4 +1,5 @@
-// Makes keys (Ed25519; P-256 for browsers, which take no other), certificates (X.509 v3) and signed lists of revoked ones (CRL v2). RFC
+// Makes keys (Ed25519; P-256 for browsers, which take no other), certificates (X.509 v3) and
+// signed lists of revoked ones (CRL v2). RFC
 // 5280, RFC 8410. Nothing here knows of files.
 #pragma once
 
@@ -38,7 +39,8 @@ struct RevokedRow {
                                                            std::int64_t number,
                                                            std::int64_t made_s);
 
-// Key, certificate and CA in one file behind a password, as browsers and tablets take it in (PKCS 12,
+// Key, certificate and CA in one file behind a password, as browsers and tablets take it in (PKCS
+// 12,
 // with 3DES and SHA-1: what all of them read; the password is made here and has 100 random bits).
 [[nodiscard]] rt::Result<std::string> pkcs12_of(const std::string& name, EVP_PKEY& key,
                                                 X509& certificate, X509& ca,

@@ -1,4 +1,5 @@
-// Files of a lab: of mode 0600, in folders of mode 0700, never overwritten by accident. Each refusal is
+// Files of a lab: of mode 0600, in folders of mode 0700, never overwritten by accident. Each
+// refusal is
 // one line that names the file.
 #pragma once
 

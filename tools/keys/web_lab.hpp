@@ -3,7 +3,8 @@
 //
 //   web/ca.key ca.crt ca.crl     made at first use; ca.crt goes into the tablet as a trusted CA
 //   web/certificates/SERIAL.crt  every certificate that was ever issued
-//   web/boxes/NAME/              web.key web.crt ca.crt ca.crl: what goes to the box (operator.keys)
+//   web/boxes/NAME/              web.key web.crt ca.crt ca.crl: what goes to the box
+// (operator.keys)
 //   web/browsers/NAME.p12        what goes into the browser, behind a password that is told once
 #pragma once
 
@@ -29,7 +30,8 @@ class WebLab {
   [[nodiscard]] static rt::Result<WebLab> open(const std::string& folder, std::int64_t now_s);
   [[nodiscard]] static bool is_there(const std::string& folder);
 
-  // The folder for the box. `hosts`: names and numeric addresses by which browsers address it. What is
+  // The folder for the box. `hosts`: names and numeric addresses by which browsers address it.
+  // What is
   // there of that name is replaced, with a new key.
   [[nodiscard]] rt::Result<std::string> issue_web(const std::string& name,
                                                   const std::vector<std::string>& hosts, int days,
