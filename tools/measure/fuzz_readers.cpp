@@ -104,6 +104,7 @@ FuzzReaders::FuzzReaders() {
   add_road();
   add_bus();
   add_desk();
+  add_console();
 }
 
 FuzzReaders::~FuzzReaders() {

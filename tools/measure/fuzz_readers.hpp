@@ -1,6 +1,6 @@
 // The readers of outside files that `teletact bench fuzz` feeds: images, recordings, odometry,
 // fields, maps, job records; the link's colour pictures and frames of the depth stream; the road's
-// frames and certificates; what comes over the robot's bus; what a page asks for.
+// frames and certificates; what comes over the robot's bus; what a page sends and asks for.
 #pragma once
 
 #include <filesystem>
@@ -31,6 +31,7 @@ class FuzzReaders {
   void add_road();
   void add_bus();
   void add_desk();
+  void add_console();
   std::filesystem::path folder_;
   std::vector<FuzzReader> readers_;
 };
