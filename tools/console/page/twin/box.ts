@@ -17,6 +17,7 @@ const types: Record<string, string> = { '.html': 'text/html', '.js': 'text/javas
 const mostEvents = 100;
 const keptIntents = 5000;
 const blocksAMessage = 120;
+const mostWaiting = 65536;  // bytes of a socket beyond which views are left out
 const cameraMount = { forward: -0.2, up: 0.95, pitch: 25 * Math.PI / 180 };
 
 interface Session { role: 'operator' | 'viewer'; socket: WebSocket | null }
@@ -218,7 +219,7 @@ export class TwinBox {
   private send(kind: number, body: Buffer, data: number): void {
     const bytes = this.made(kind, body, data);
     for (const socket of this.sockets.clients) {
-      if (socket.readyState === WebSocket.OPEN && socket.bufferedAmount < 1e6) socket.send(bytes);
+      if (socket.readyState === WebSocket.OPEN && socket.bufferedAmount < mostWaiting) socket.send(bytes);
     }
   }
 
