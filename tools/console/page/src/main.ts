@@ -33,6 +33,7 @@ import { Pose, Vec3 } from './wire/types';
 const toastLife = 5000;    // ms
 const mostToasts = 4;
 const panelPeriod = 200;   // ms
+const flushPeriod = 33;    // ms: at the rate of poses, also while nothing is drawn
 const mostTimes = 256;     // of the mesh, for its percentile
 
 function say(text: string, tone: Tone): void {
@@ -93,6 +94,7 @@ class Page {
     this.held.onLost((why, holds) => say(this.acts.lostText(why, holds), 'refused'));
     this.stage.beforeFrame(() => this.frame());
     setInterval(() => this.showPanels(), panelPeriod);
+    setInterval(() => this.store.flush(), flushPeriod);
     new Headset(this.stage, this.aimer, this.tools, {
       said: text => say(text, 'refused'),
       stop: why => {
@@ -109,7 +111,7 @@ class Page {
       fps: this.stage.fps, frames: this.stage.frames, triangles: this.mesh.triangles,
       blocks: this.mesh.blocks, damaged: this.store.damaged, messages: this.store.messages,
       answerP95: percentile(this.link.answerTimes, 0.95),
-      meshP95: percentile(this.meshTimes, 0.95), renderer: this.stage.rendererName(),
+      meshP95: percentile(this.meshTimes, 0.95), renderer: this.stage.rendererName,
       geometries: this.stage.renderer.info.memory.geometries,
       textures: this.stage.renderer.info.memory.textures,
     };

@@ -7,7 +7,7 @@ import { TwinBox } from '../twin/box';
 export const [site, artefacts] = process.argv.slice(2) as [string, string];
 export const seed = Number(process.env.TELETACT_SEED ?? Date.now() % 100000);
 
-const programs = ['/usr/bin/chromium', '/usr/bin/chromium-browser'];
+const programs = ['/usr/bin/chromium', '/usr/lib/chromium/chromium'];
 const flags = ['--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
   '--disable-dev-shm-usage'];
 const patience = 60000;  // ms; nothing is judged by how long it takes

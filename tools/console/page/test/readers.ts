@@ -39,7 +39,10 @@ test('views from the box, damaged', () => {
   let heard = 0;
   for (const topic of ['text', 'pose', 'mesh', 'picture', 'costMap', 'moving', 'answer',
     'selection'] as const) store.on(topic, () => ++heard);
-  for (const bytes of good) store.take(asArray(bytes));
+  for (const bytes of good) {
+    store.take(asArray(bytes));
+    store.flush();
+  }
   assert.equal(heard, good.length);
   assert.equal(store.damaged, 0);
   assert.equal(store.selection!.mask.reduce((sum, bit) => sum + bit, 0), 200);
@@ -54,6 +57,7 @@ test('views from the box, damaged', () => {
       cut[Math.floor(random() * Math.min(cut.length, 200))] = Math.floor(256 * random());
     }
     store.take(asArray(cut));
+    store.flush();
   }
   console.warn = warn;
   assert.ok(store.damaged > rounds / 10, `${store.damaged} left out`);

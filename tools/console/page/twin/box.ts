@@ -17,6 +17,7 @@ const types: Record<string, string> = { '.html': 'text/html', '.js': 'text/javas
 const mostEvents = 100;
 const keptIntents = 5000;
 const blocksAMessage = 120;
+const mostWaiting = 65536;  // bytes of a socket beyond which views are left out
 const cameraMount = { forward: -0.2, up: 0.95, pitch: 25 * Math.PI / 180 };
 
 interface Session { role: 'operator' | 'viewer'; socket: WebSocket | null }
@@ -43,6 +44,7 @@ export class TwinBox {
   stops = 0;
   private shot: Shot = { body: Buffer.alloc(0), ids: new Uint8Array(lens.width * lens.height) };
   private shotTime = -1;
+  private shotFrom = '';
   private eye: Vec3 = [0, 0, 1];
   private turn: number[] = [1, 0, 0, 0];
   private readonly events: { t: number; kind: string; text: string }[] = [];
@@ -218,7 +220,7 @@ export class TwinBox {
   private send(kind: number, body: Buffer, data: number): void {
     const bytes = this.made(kind, body, data);
     for (const socket of this.sockets.clients) {
-      if (socket.readyState === WebSocket.OPEN && socket.bufferedAmount < 1e6) socket.send(bytes);
+      if (socket.readyState === WebSocket.OPEN && socket.bufferedAmount < mostWaiting) socket.send(bytes);
     }
   }
 
@@ -229,7 +231,10 @@ export class TwinBox {
       cameraMount.up];
     this.turn = quaternionOf(yaw, cameraMount.pitch);
     if (!this.pictures || !this.plant.linkUp) return;
-    this.shot = shoot(this.bodies, this.eye, this.turn);
+    // A robot that stands sees the same again: the picture is new, the work is not done twice.
+    const from = [...this.eye, ...this.turn].join();
+    if (from !== this.shotFrom) this.shot = shoot(this.bodies, this.eye, this.turn);
+    this.shotFrom = from;
     this.shotTime = this.plant.time;
     this.send(4, this.shot.body, this.shotTime);
   }
@@ -258,7 +263,7 @@ export class TwinBox {
   }
 
   private sendCost(): void {
-    const [width, height, resolution] = [100, 80, 0.05];
+    const [width, height, resolution] = [50, 40, 0.1];
     const cost = Buffer.alloc(width * height);
     for (let j = 0; j < height; ++j) {
       for (let i = 0; i < width; ++i) {

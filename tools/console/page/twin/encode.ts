@@ -1,6 +1,6 @@
 // Views as bytes, written from docs/console_protocol.md and not from the page's reader.
 import jpeg from 'jpeg-js';
-import { Body, cast, colourAt, faces } from './world';
+import { Body, Caster, colourAt, faces } from './world';
 import { Vec3 } from '../src/wire/types';
 
 export function view(kind: number, sequence: number, time: number, data: number,
@@ -92,7 +92,7 @@ export interface Shot {
   ids: Uint8Array;  // of the thing in each pixel
 }
 
-export const lens = { width: 112, height: 84, fx: 91, fy: 91, cx: 55.5, cy: 41.5 };
+export const lens = { width: 96, height: 72, fx: 78, fy: 78, cx: 47.5, cy: 35.5 };
 
 // Axes of the camera (x right, y down, z forward) in W.
 export function cameraAxes(q: number[]): [Vec3, Vec3, Vec3] {
@@ -110,16 +110,19 @@ export function shoot(bodies: Body[], eye: Vec3, q: number[]): Shot {
   const depth = new Uint16Array(width * height);
   const ids = new Uint8Array(width * height);
   const rgba = Buffer.alloc(4 * width * height);
+  const caster = new Caster(bodies, eye);
+  const way: Vec3 = [0, 0, 0];
+  const p: Vec3 = [0, 0, 0];
   for (let v = 0; v < height; ++v) {
     for (let u = 0; u < width; ++u) {
       const [a, b] = [(u - cx) / fx, (v - cy) / fy];
-      const way = right.map((r, k) => a * r + b * down[k]! + forward[k]!) as Vec3;
-      const hit = cast(bodies, eye, way);
+      for (let k = 0; k < 3; ++k) way[k] = a * right[k]! + b * down[k]! + forward[k]!;
+      const hit = caster.cast(way);
       const i = v * width + u;
       const there = Number.isFinite(hit.t) && hit.t < 8;
       depth[i] = there ? Math.round(1000 * hit.t) : 0;
       ids[i] = there ? hit.id : 255;
-      const p = eye.map((e, k) => e + hit.t * way[k]!) as Vec3;
+      for (let k = 0; k < 3; ++k) p[k] = eye[k]! + hit.t * way[k]!;
       const colour = there ? colourAt(bodies, hit.id, hit.axis, p) : [30, 34, 40];
       for (let k = 0; k < 3; ++k) rgba[4 * i + k] = colour[k]!;
     }

@@ -39,8 +39,8 @@ export function makeBodies(seed: number): Body[] {
   ];
 }
 
-export function toBody(b: Body, p: Vec3, direction = false): Vec3 {
-  const d: Vec3 = direction ? p : [p[0] - b.centre[0], p[1] - b.centre[1], p[2] - b.centre[2]];
+export function toBody(b: Body, p: Vec3): Vec3 {
+  const d: Vec3 = [p[0] - b.centre[0], p[1] - b.centre[1], p[2] - b.centre[2]];
   const [c, s] = [Math.cos(b.yaw), Math.sin(b.yaw)];
   return [c * d[0] + s * d[1], c * d[1] - s * d[0], d[2]];
 }
@@ -53,29 +53,64 @@ export function fromBody(b: Body, p: Vec3): Vec3 {
 
 export interface RayHit { t: number; id: number; axis: number }
 
-function slab(origin: Vec3, way: Vec3, low: Vec3, high: Vec3): [number, number, number, number] {
-  let [near, far, axisIn, axisOut] = [-Infinity, Infinity, 0, 0];
+// Where a ray enters and leaves a box: results lie in `slab`, for a picture casts ten thousand rays.
+const slab = { near: 0, far: 0, axisIn: 0, axisOut: 0 };
+
+function meet(origin: Vec3, way: Vec3, low: Vec3, high: Vec3): void {
+  slab.near = -Infinity;
+  slab.far = Infinity;
   for (let k = 0; k < 3; ++k) {
     const a = (low[k]! - origin[k]!) / way[k]!;
     const b = (high[k]! - origin[k]!) / way[k]!;
-    if (Math.min(a, b) > near) [near, axisIn] = [Math.min(a, b), k];
-    if (Math.max(a, b) < far) [far, axisOut] = [Math.max(a, b), k];
+    if (Math.min(a, b) > slab.near) {
+      slab.near = Math.min(a, b);
+      slab.axisIn = k;
+    }
+    if (Math.max(a, b) < slab.far) {
+      slab.far = Math.max(a, b);
+      slab.axisOut = k;
+    }
   }
-  return [near, far, axisIn, axisOut];
 }
 
-// The nearest thing on a ray that starts inside the room.
-export function cast(bodies: Body[], origin: Vec3, way: Vec3): RayHit {
-  const [, far, , axisOut] = slab(origin, way, [room.x[0], room.y[0], 0],
-    [room.x[1], room.y[1], 100]);
-  let best: RayHit = { t: far, axis: axisOut, id: axisOut === 2 ? floorId : wallId };
-  if (axisOut !== 2 && origin[2] + far * way[2] > room.height) best.t = Infinity;
-  for (const b of bodies) {
-    const [near, out, axis] = slab(toBody(b, origin), toBody(b, way, true),
-      b.half.map(v => -v) as Vec3, b.half);
-    if (near > 0 && near < out && near < best.t) best = { t: near, id: b.id, axis };
+// Casts rays from one eye; the result is good until the next one.
+export class Caster {
+  private readonly low: Vec3 = [room.x[0], room.y[0], 0];
+  private readonly high: Vec3 = [room.x[1], room.y[1], 100];
+  private readonly eyes: Vec3[];
+  private readonly lows: Vec3[];
+  private readonly turns: [number, number][];
+  private readonly way: Vec3 = [0, 0, 0];
+  private readonly best: RayHit = { t: 0, id: 0, axis: 0 };
+
+  constructor(private readonly bodies: Body[], private readonly origin: Vec3) {
+    this.eyes = bodies.map(b => toBody(b, origin));
+    this.lows = bodies.map(b => b.half.map(v => -v) as Vec3);
+    this.turns = bodies.map(b => [Math.cos(b.yaw), Math.sin(b.yaw)]);
   }
-  return best;
+
+  // The nearest thing on a ray that starts inside the room.
+  cast(way: Vec3): RayHit {
+    const { best } = this;
+    meet(this.origin, way, this.low, this.high);
+    best.t = slab.far;
+    best.axis = slab.axisOut;
+    best.id = slab.axisOut === 2 ? floorId : wallId;
+    if (best.id === wallId && this.origin[2] + best.t * way[2] > room.height) best.t = Infinity;
+    for (let i = 0; i < this.bodies.length; ++i) {
+      const [c, s] = this.turns[i]!;
+      this.way[0] = c * way[0] + s * way[1];
+      this.way[1] = c * way[1] - s * way[0];
+      this.way[2] = way[2];
+      meet(this.eyes[i]!, this.way, this.lows[i]!, this.bodies[i]!.half);
+      if (slab.near > 0 && slab.near < slab.far && slab.near < best.t) {
+        best.t = slab.near;
+        best.axis = slab.axisIn;
+        best.id = this.bodies[i]!.id;
+      }
+    }
+    return best;
+  }
 }
 
 // Distance of a point from the nearest surface.

@@ -64,6 +64,7 @@ export class Health {
   }
 
   show(): void {
+    if (this.pane.hidden) return;
     const { slow } = this.store;
     this.faults.show(slow.faults ?? []);
     const link = slow.link;

@@ -110,14 +110,18 @@ export class PictureLayer {
     this.decoding = true;
     try {
       const bitmap = await createImageBitmap(new Blob([jpeg as BlobPart], { type: 'image/jpeg' }));
-      this.colour?.dispose();
-      this.bitmap?.close();
+      const old = this.bitmap;
       this.bitmap = bitmap;
-      this.colour = new THREE.Texture(bitmap);
-      this.colour.flipY = false;
-      this.colour.generateMipmaps = false;
-      this.colour.minFilter = THREE.LinearFilter;
+      if (old?.width !== bitmap.width || old.height !== bitmap.height || !this.colour) {
+        this.colour?.dispose();
+        this.colour = new THREE.Texture(bitmap);
+        this.colour.flipY = false;
+        this.colour.generateMipmaps = false;
+        this.colour.minFilter = THREE.LinearFilter;
+      }
+      this.colour.image = bitmap;
       this.colour.needsUpdate = true;
+      old?.close();
       this.material.uniforms.colour!.value = this.colour;
       this.material.uniforms.has_colour!.value = 1;
       this.onColour(bitmap);

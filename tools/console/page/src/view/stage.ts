@@ -42,6 +42,7 @@ export class Stage {
   fps = 0;
   frames = 0;
   readonly software: boolean;
+  readonly rendererName: string;  // asked once: each question waits for the drawing process
   private dirty = true;
   private lastFrame = 0;
   private lastCall = 0;
@@ -53,10 +54,12 @@ export class Stage {
   constructor(readonly canvas: HTMLCanvasElement) {
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !drawsInSoftware() });
     this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
-    this.software = softwareNames.test(this.rendererName());
+    this.rendererName = nameOf(this.renderer.getContext());
+    this.software = softwareNames.test(this.rendererName);
     this.renderer.setPixelRatio(this.software ? softwareRatio : Math.min(devicePixelRatio, 2));
     this.world.rotation.x = -Math.PI / 2;
     this.grid = new THREE.GridHelper(12, 24);
+    this.grid.position.y = -0.02;  // below the floor that is seen
     this.rig.add(this.camera);
     this.scene.add(this.world, this.rig, this.grid,
       new THREE.HemisphereLight(0xffffff, 0x8890a0, 2.2), this.sun());
@@ -162,7 +165,6 @@ export class Stage {
     return caster.ray;
   }
 
-  rendererName(): string { return nameOf(this.renderer.getContext()); }
 
   private sun(): THREE.Light {
     const sun = new THREE.DirectionalLight(0xffffff, 1.2);

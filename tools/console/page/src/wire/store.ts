@@ -19,6 +19,8 @@ interface Topics {
 
 type Hear<T> = (value: T, head: Head) => void;
 
+const newestOnly = new Set<number>([Kind.text, Kind.pose, Kind.picture, Kind.costMap,
+  Kind.moving]);
 const aheadSpan = 10;  // s
 
 // This page's clock minus the box's: the least of the last 10 to 20 s, for the quickest message was
@@ -56,6 +58,7 @@ export class Store {
   damaged = 0;   // views that could not be read
   messages = 0;
   private readonly ahead = new Ahead();
+  private readonly waiting = new Map<number, { head: Head; bytes: ArrayBuffer }>();
   private readonly hearers: { [K in keyof Topics]?: Hear<Topics[K]>[] } = {};
 
   on<K extends keyof Topics>(topic: K, hear: Hear<Topics[K]>): void {
@@ -63,16 +66,22 @@ export class Store {
     list.push(hear);
   }
 
+  // What is only worth its newest waits for flush(): a page that is slow leaves out what was
+  // overtaken meanwhile, and does not lag behind by what piled up.
   take(bytes: ArrayBuffer): void {
     ++this.messages;
-    try {
+    this.guarded(() => {
       const head = readHead(bytes);
       this.ahead.see(performance.now() / 1000, head.time);
-      this.dispatch(head, bytes);
-    } catch (error) {
-      ++this.damaged;
-      console.warn('a view that can not be read', error);
-    }
+      if (newestOnly.has(head.kind)) this.waiting.set(head.kind, { head, bytes });
+      else this.dispatch(head, bytes);
+    });
+  }
+
+  flush(): void {
+    const views = [...this.waiting.values()];
+    this.waiting.clear();
+    for (const { head, bytes } of views) this.guarded(() => this.dispatch(head, bytes));
   }
 
   // A new connection may be to a box that was started again: its clock begins anew.
@@ -90,6 +99,15 @@ export class Store {
 
   may(act: string): boolean {
     return this.slow.role !== 'viewer' && (!this.slow.can || this.slow.can.includes(act));
+  }
+
+  private guarded(read: () => void): void {
+    try {
+      read();
+    } catch (error) {
+      ++this.damaged;
+      console.warn('a view that can not be read', error);
+    }
   }
 
   private dispatch(head: Head, bytes: ArrayBuffer): void {
