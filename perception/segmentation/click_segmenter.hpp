@@ -31,7 +31,7 @@ struct ClickConfig {
   CorrectionConfig correction;
   SplitConfig split;
   int max_clicks = 32;
-  // chosen on: mosd_learn, tabletop, odd frames; judged on: their even frames, ycb_video
+  // chosen on: mosd_learn, tabletop, ycb_video; judged on: drawn clutter (docs/measured/segmentation.md)
   float deep_px = 6;  // so far on the wrong side of the plain outline a click is of another region
   float parted_reach = 4;  // times that distance: the longest way from a click that takes away
 };

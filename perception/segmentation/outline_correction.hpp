@@ -26,7 +26,7 @@
 namespace perception {
 
 struct CorrectionConfig {
-  // chosen on: mosd_learn, tabletop, odd frames; judged on: their even frames, ycb_video
+  // chosen on: mosd_learn, tabletop, ycb_video; judged on: drawn clutter (docs/measured/segmentation.md)
   int reach_px = 8;
   // Standard deviations of the weights: of another answer, of the one that was parted by the clicks.
   float answer_weight = 0.2F, parted_weight = 0.3F;

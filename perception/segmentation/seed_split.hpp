@@ -20,7 +20,7 @@ struct SplitSeed {
 };
 
 struct SplitConfig {
-  // chosen on: mosd_learn, tabletop, odd frames; judged on: their even frames, ycb_video
+  // chosen on: mosd_learn, tabletop, ycb_video; judged on: drawn clutter (docs/measured/segmentation.md)
   // What a crossing costs, in pixels of half resolution.
   float step_px = 40, valley_px = 20, colour_px = 20;
   float colour_scale = 25;  // Lab units

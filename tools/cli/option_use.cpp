@@ -60,7 +60,9 @@ constexpr OptionUse kAccuracy[] = {
     {"--frames", "fusion, fusion --rgbd, weighting, weighting --rgbd"},
     {"--voxels", "fusion, fusion --rgbd, weighting, weighting --rgbd"},
     {"--samples", "weighting, weighting --rgbd"},
-    {"--data", "segmentation"},
+    {"--data", "segmentation, clicks"},
+    {"--clutter", "clicks"},
+    {"--default-only", "clicks"},
     {"--seed", "segmentation, weighting, weighting --rgbd"},
 };
 

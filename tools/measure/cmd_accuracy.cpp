@@ -10,6 +10,7 @@
 #include "tools/cli/options.hpp"
 #include "tools/files/metrics_json.hpp"
 #include "tools/files/whole_file.hpp"
+#include "tools/measure/accuracy/clicks_study.hpp"
 #include "tools/measure/accuracy/fusion_study.hpp"
 #include "tools/measure/accuracy/segmentation_study.hpp"
 #include "tools/measure/accuracy/weighting_study.hpp"
@@ -47,7 +48,9 @@ WeightingOptions weighting_of(const CLI::App& app, const FusionStudyOptions& fus
 }
 
 Study study_of(const std::string& what, const FusionStudyOptions& fusion,
-               const SegmentationStudyOptions& segmentation, const WeightingOptions& weighting) {
+               const SegmentationStudyOptions& segmentation, const WeightingOptions& weighting,
+               const ClicksStudyOptions& clicks) {
+  if (what == "clicks") return study_clicks(std::cerr, clicks);
   if (what == "weighting") return study_weighting(std::cerr, weighting);
   if (what == "haptic") return study_haptic(std::cerr);
   return what == "fusion" ? study_fusion(std::cerr, fusion)
@@ -70,7 +73,7 @@ int cmd_accuracy(int argc, char** argv) {
   if (const auto own = own_command(argc, argv)) return own(argc - 1, argv + 1);
   CLI::App app{
       "Error of a method against its CPU time, over its knobs. WHAT: fusion, weighting, "
-      "segmentation, haptic; moving\n"
+      "segmentation, clicks, haptic; moving\n"
       "(accuracy moving --help): what a thing that moves does to fusion; recording (accuracy "
       "recording --help):\n"
       "one recording in every order, begun anywhere; choice (accuracy choice --help): segmentation "
@@ -81,10 +84,12 @@ int cmd_accuracy(int argc, char** argv) {
   std::string what, json, plots, intrinsics;
   FusionStudyOptions fusion;
   SegmentationStudyOptions segmentation;
+  ClicksStudyOptions clicks;
+  bool default_only = false;
   int samples = WeightingOptions{}.samples;
-  app.add_option("WHAT", what, "fusion | weighting | segmentation | haptic")
+  app.add_option("WHAT", what, "fusion | weighting | segmentation | clicks | haptic")
       ->required()
-      ->check(CLI::IsMember({"fusion", "weighting", "segmentation", "haptic"}));
+      ->check(CLI::IsMember({"fusion", "weighting", "segmentation", "clicks", "haptic"}));
   app.add_option("--rgbd", fusion.rgbd,
                  "fusion, weighting: recording in TUM or 7-Scenes layout with true poses, which "
                  "judge and nothing else");
@@ -113,7 +118,11 @@ int cmd_accuracy(int argc, char** argv) {
       ->check(CLI::Range(0, 100000))
       ->capture_default_str();
   app.add_option("--data", segmentation.data,
-                 "segmentation: folder that holds mosd_learn, tabletop or ycb_video");
+                 "segmentation, clicks: folder that holds mosd_learn, tabletop or ycb_video");
+  app.add_option("--clutter", clicks.clutter, "clicks: drawn scenes of clutter")
+      ->check(CLI::Range(0, 1000))
+      ->capture_default_str();
+  app.add_flag("--default-only", default_only, "clicks: the default setting alone");
   app.add_option("--seed", segmentation.seed,
                  "segmentation: of the touches; weighting: of the samples, default 31")
       ->capture_default_str();
@@ -123,11 +132,13 @@ int cmd_accuracy(int argc, char** argv) {
   check_accuracy_use(app, what, app.count("--rgbd") > 0);
   if (what == "segmentation" && segmentation.data.empty())
     throw std::runtime_error("accuracy segmentation needs --data DIR");
+  clicks.data = segmentation.data;
+  clicks.knobs = !default_only;
   if (!intrinsics.empty()) fusion.pinhole = parse_pinhole(intrinsics);
   check_outputs({{"--json", json}}, {});
   if (!plots.empty()) make_output_folder("--plots", plots);
-  const Study study =
-      study_of(what, fusion, segmentation, weighting_of(app, fusion, samples, segmentation.seed));
+  const Study study = study_of(what, fusion, segmentation,
+                               weighting_of(app, fusion, samples, segmentation.seed), clicks);
   study.print(std::cout);
   Metrics metrics("accuracy " + what);
   for (const BenchMetric& m : study.metrics()) metrics.add(m.name, m.value, m.unit);
