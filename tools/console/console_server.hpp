@@ -41,7 +41,8 @@ struct ConsoleOptions {
   // Host names by which browsers may address this server, without the port. Of loopback they are
   // known (127.0.0.1, localhost, ::1); the address itself is always one.
   std::vector<std::string> names;
-  // Folder with web.key, web.crt, ca.crt, ca.crl, as `teletact keys web` writes it. Empty: plain HTTP.
+  // Folder with web.key, web.crt, ca.crt, ca.crl, as `teletact keys web` writes it. Empty: plain
+  // HTTP.
   std::string keys;
 
   std::size_t most_viewers = 8;

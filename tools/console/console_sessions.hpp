@@ -1,6 +1,7 @@
 // Who may do what: one-time codes, sessions, and one operator at a time.
 //
-//   code      128 random bits, good once and for code_life. Of two sorts: the box's own makes a session
+//   code      128 random bits, good once and for code_life. Of two sorts: the box's own makes a
+// session
 //             that may operate, a view link's one that may only look.
 //   session   the secret of a cookie. Kept here are hashes alone, of codes too.
 //   operator  the first session of the box's own code. Another becomes it when the operator hands

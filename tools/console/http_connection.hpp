@@ -1,4 +1,5 @@
-// One connection before it is a WebSocket: TLS, then requests one after the other, each checked before
+// One connection before it is a WebSocket: TLS, then requests one after the other, each checked
+// before
 // anything is done for it.
 #pragma once
 

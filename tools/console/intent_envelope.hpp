@@ -1,4 +1,5 @@
-// The envelope of an intent, as a page sends it: one JSON object of at most 4 KiB with a number `id`
+// The envelope of an intent, as a page sends it: one JSON object of at most 4 KiB with a number
+// `id`
 // and a word `act`. What else is in it is for who does the act.
 #pragma once
 
@@ -20,7 +21,8 @@ struct IntentEnvelope {
   nlohmann::json intent;
 };
 
-// Refused as a whole, with one line: too long, not JSON (NaN and numbers without an end are not), no
+// Refused as a whole, with one line: too long, not JSON (NaN and numbers without an end are not),
+// no
 // object, nested deeper than 6, a key of the object twice, `id` or `act` missing or wrong.
 [[nodiscard]] rt::Result<IntentEnvelope> read_envelope(std::string_view text);
 

@@ -1,4 +1,5 @@
-// The inside of a ConsoleServer: what its connections share. Everything but the inbox, the snapshot of
+// The inside of a ConsoleServer: what its connections share. Everything but the inbox, the
+// snapshot of
 // people and the tally is the server thread's alone.
 #pragma once
 

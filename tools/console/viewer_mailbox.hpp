@@ -1,4 +1,5 @@
-// What waits for one viewer. Of each kind the newest view; answers in order, with a cap; a cursor in
+// What waits for one viewer. Of each kind the newest view; answers in order, with a cap; a cursor
+// in
 // the mesh. Answers go first; the kinds take turns, so a large one starves no other.
 #pragma once
 

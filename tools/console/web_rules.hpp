@@ -26,7 +26,8 @@ class WebNames {
 };
 
 // The segments of a request's path, decoded: of "/a/b.js?x" they are a, b.js; of "/", index.html.
-// Empty: refused. A segment has 1 to 64 letters, digits, '.', '_', '-', and no '.' first; so there is
+// Empty: refused. A segment has 1 to 64 letters, digits, '.', '_', '-', and no '.' first; so there
+// is
 // no way up, no hidden file, no absolute path. At most 8 segments.
 [[nodiscard]] std::vector<std::string> page_path(std::string_view target);
 // Of a file's ending; "application/octet-stream" of one that is not known.

@@ -3,6 +3,7 @@
 #include <openssl/bio.h>
 #include <openssl/bn.h>
 #include <openssl/pem.h>
+#include <openssl/pkcs12.h>
 #include <openssl/rand.h>
 #include <openssl/x509v3.h>
 
@@ -59,15 +60,22 @@ bool add_extension(X509& c, X509* issuer, int nid, const char* value) {
   return ok;
 }
 
-bool add_extensions(X509& c, X509* issuer, bool ca) {
+bool add_extensions(X509& c, X509* issuer, const CertificateSpec& spec) {
+  const bool ca = spec.ca;
   bool ok = add_extension(c, issuer, NID_basic_constraints,
                           ca ? "critical,CA:TRUE,pathlen:0" : "critical,CA:FALSE");
   ok = ok && add_extension(c, issuer, NID_key_usage,
                            ca ? "critical,keyCertSign,cRLSign" : "critical,digitalSignature");
-  // Either box may dial, so each may be either end of TLS.
-  if (!ca) ok = ok && add_extension(c, issuer, NID_ext_key_usage, "serverAuth,clientAuth");
+  if (!ca) ok = ok && add_extension(c, issuer, NID_ext_key_usage, spec.usage.c_str());
+  if (!spec.alternative.empty())
+    ok = ok && add_extension(c, issuer, NID_subject_alt_name, spec.alternative.c_str());
   ok = ok && add_extension(c, issuer, NID_subject_key_identifier, "hash");
   return ok && add_extension(c, issuer, NID_authority_key_identifier, "keyid:always");
+}
+
+// Ed25519 has its own.
+const EVP_MD* digest_of(const EVP_PKEY& key) {
+  return EVP_PKEY_get_base_id(&key) == EVP_PKEY_ED25519 ? nullptr : EVP_sha256();
 }
 
 template <class Write>
@@ -118,6 +126,12 @@ rt::Result<drivers::KeyPtr> make_key() {
   return key;
 }
 
+rt::Result<drivers::KeyPtr> make_browser_key() {
+  drivers::KeyPtr key(EVP_EC_gen("P-256"));
+  if (!key) return failed("a key");
+  return key;
+}
+
 rt::Result<drivers::CertificatePtr> make_certificate(const CertificateSpec& spec, EVP_PKEY& key,
                                                      X509* issuer, EVP_PKEY& issuer_key) {
   drivers::CertificatePtr c(X509_new());
@@ -128,9 +142,8 @@ rt::Result<drivers::CertificatePtr> make_certificate(const CertificateSpec& spec
   ok = ok && X509_set1_notBefore(c.get(), from.get()) == 1;
   ok = ok && X509_set1_notAfter(c.get(), until.get()) == 1;
   ok = ok && X509_set_pubkey(c.get(), &key) == 1;
-  ok = ok && add_extensions(*c, issuer, spec.ca);
-  // Ed25519 has its own digest.
-  ok = ok && X509_sign(c.get(), &issuer_key, nullptr) > 0;
+  ok = ok && add_extensions(*c, issuer, spec);
+  ok = ok && X509_sign(c.get(), &issuer_key, digest_of(issuer_key)) > 0;
   if (!ok) return failed("a certificate");
   return c;
 }
@@ -158,9 +171,43 @@ rt::Result<drivers::RevokedPtr> make_revoked(X509& ca, EVP_PKEY& ca_key,
   ok = ok && X509_CRL_set1_nextUpdate(list.get(), X509_get0_notAfter(&ca)) == 1;
   for (const RevokedRow& row : rows) ok = ok && add_row(*list, row);
   ok = ok && number_list(*list, ca, number);
-  ok = ok && X509_CRL_sort(list.get()) == 1 && X509_CRL_sign(list.get(), &ca_key, nullptr) > 0;
+  ok = ok && X509_CRL_sort(list.get()) == 1 &&
+       X509_CRL_sign(list.get(), &ca_key, digest_of(ca_key)) > 0;
   if (!ok) return failed("a list of revoked certificates");
   return list;
+}
+
+rt::Result<std::string> pkcs12_of(const std::string& name, EVP_PKEY& key, X509& certificate,
+                                  X509& ca, const std::string& password) {
+  STACK_OF(X509)* others = sk_X509_new_null();
+  PKCS12* file = nullptr;
+  constexpr int kKind = NID_pbe_WithSHA1And3_Key_TripleDES_CBC, kRounds = 20000;
+  if (others != nullptr && sk_X509_push(others, &ca) > 0)
+    file = PKCS12_create(password.c_str(), name.c_str(), &key, &certificate, others, kKind, kKind,
+                         kRounds, -1, 0);
+  sk_X509_free(others);
+  const bool ok = file != nullptr &&
+                  PKCS12_set_mac(file, password.c_str(), -1, nullptr, 0, kRounds, EVP_sha1()) == 1;
+  unsigned char* der = nullptr;
+  const int n = ok ? i2d_PKCS12(file, &der) : -1;
+  PKCS12_free(file);
+  if (n <= 0) return failed("a file for a browser");
+  std::string bytes(reinterpret_cast<const char*>(der), static_cast<std::size_t>(n));
+  OPENSSL_free(der);
+  return bytes;
+}
+
+std::string make_password() {
+  // 32 signs that nobody takes for one another.
+  static constexpr char kSigns[] = "abcdefghijkmnpqrstuvwxyz23456789";
+  std::array<unsigned char, 20> bytes{};
+  std::string text;
+  if (RAND_bytes(bytes.data(), bytes.size()) != 1) return text;
+  for (std::size_t i = 0; i < bytes.size(); ++i) {
+    if (i > 0 && i % 5 == 0) text += '-';
+    text += kSigns[bytes[i] & 31U];
+  }
+  return text;
 }
 
 std::string pem_of(const EVP_PKEY& key) {

@@ -1,16 +1,11 @@
 #include "tools/keys/key_lab.hpp"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <utility>
 
 #include "tools/keys/certificate_maker.hpp"
+#include "tools/keys/key_files.hpp"
 
 namespace teletact {
 
@@ -21,39 +16,6 @@ namespace fs = std::filesystem;
 constexpr std::int64_t kDay_s = 86400;
 // The clocks of boxes differ: what is issued now is valid at once.
 constexpr std::int64_t kBefore_s = 3600;
-
-rt::Result<bool> write_new(const std::string& path, const std::string& text) {
-  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-  if (fd < 0) {
-    return rt::Error{
-        path + ": " +
-        (errno == EEXIST ? "is there already and is not overwritten" : std::strerror(errno))};
-  }
-  const bool ok = ::write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size()) &&
-                  ::fsync(fd) == 0;
-  const bool closed = ::close(fd) == 0;
-  if (ok && closed) return true;
-  ::unlink(path.c_str());
-  return rt::Error{path + ": can not be written"};
-}
-
-// Whole or not at all: a box may be reading it.
-rt::Result<bool> replace(const std::string& path, const std::string& text) {
-  const std::string part = path + ".new";
-  ::unlink(part.c_str());
-  if (auto ok = write_new(part, text); !ok) return ok;
-  if (::rename(part.c_str(), path.c_str()) == 0) return true;
-  const std::string why = std::strerror(errno);
-  ::unlink(part.c_str());
-  return rt::Error{path + ": " + why};
-}
-
-rt::Result<bool> make_folder(const std::string& path) {
-  if (::mkdir(path.c_str(), 0700) == 0) return true;
-  return rt::Error{
-      path + ": " +
-      (errno == EEXIST ? "is there already and is not overwritten" : std::strerror(errno))};
-}
 
 rt::Result<bool> good_days(int days) {
   if (days >= 1 && days <= KeyLab::kMostDays) return true;
@@ -90,11 +52,11 @@ rt::Result<bool> KeyLab::init(const std::string& folder, const std::string& name
   if (failed) return rt::Error{folder + ": " + failed.message()};
   if (made) fs::permissions(folder, fs::perms::owner_all, failed);
   for (const char* inner : {"/certificates", "/boxes"}) {
-    if (auto ok = make_folder(folder + inner); !ok) return ok;
+    if (auto ok = make_key_folder(folder + inner); !ok) return ok;
   }
-  if (auto ok = write_new(folder + "/ca.key", pem_of(k)); !ok) return ok;
-  if (auto ok = write_new(folder + "/ca.crt", pem_of(*ca.value())); !ok) return ok;
-  return write_new(folder + "/ca.crl", pem_of(*list.value()));
+  if (auto ok = write_key_file(folder + "/ca.key", pem_of(k)); !ok) return ok;
+  if (auto ok = write_key_file(folder + "/ca.crt", pem_of(*ca.value())); !ok) return ok;
+  return write_key_file(folder + "/ca.crl", pem_of(*list.value()));
 }
 
 rt::Result<KeyLab> KeyLab::open(const std::string& folder) {
@@ -131,11 +93,11 @@ rt::Result<bool> KeyLab::certify(rt::Box role, const std::string& name, int days
                             ca_.get(), *ca_key_);
   if (!c) return rt::Error{c.error()};
   const std::string text = pem_of(*c.value());
-  if (auto ok =
-          write_new(folder_ + "/certificates/" + drivers::serial_of(*c.value()) + ".crt", text);
+  if (auto ok = write_key_file(folder_ + "/certificates/" + drivers::serial_of(*c.value()) + ".crt",
+                               text);
       !ok)
     return ok;
-  return replace(box_folder(name) + "/box.crt", text);
+  return replace_key_file(box_folder(name) + "/box.crt", text);
 }
 
 rt::Result<std::string> KeyLab::issue(rt::Box role, const std::string& name, int days,
@@ -145,11 +107,11 @@ rt::Result<std::string> KeyLab::issue(rt::Box role, const std::string& name, int
   const std::string box = box_folder(name);
   auto key = make_key();
   if (!key) return rt::Error{key.error()};
-  if (auto ok = make_folder(box); !ok) return rt::Error{ok.error()};
+  if (auto ok = make_key_folder(box); !ok) return rt::Error{ok.error()};
   auto done = certify(role, name, days, *key.value(), now_s);
-  if (done) done = write_new(box + "/box.key", pem_of(*key.value()));
-  if (done) done = write_new(box + "/ca.crt", pem_of(*ca_));
-  if (done) done = write_new(box + "/ca.crl", pem_of(*list_));
+  if (done) done = write_key_file(box + "/box.key", pem_of(*key.value()));
+  if (done) done = write_key_file(box + "/ca.crt", pem_of(*ca_));
+  if (done) done = write_key_file(box + "/ca.crl", pem_of(*list_));
   if (done) return box;
   std::error_code ignored;
   fs::remove_all(box, ignored);
@@ -173,7 +135,7 @@ rt::Result<std::string> KeyLab::renew(const std::string& name, int days, bool ne
   if (auto ok = certify(peer.value().role, name, days, *key.value(), now_s); !ok)
     return rt::Error{ok.error()};
   if (new_key) {
-    if (auto ok = replace(box + "/box.key", pem_of(*key.value())); !ok)
+    if (auto ok = replace_key_file(box + "/box.key", pem_of(*key.value())); !ok)
       return rt::Error{ok.error()};
   }
   return box;
@@ -221,11 +183,12 @@ rt::Result<int> KeyLab::revoke(const std::string& name, std::int64_t now_s) {
   auto made = make_revoked(*ca_, *ca_key_, revoked, drivers::revoked_number(*list_) + 1, now_s);
   if (!made) return rt::Error{made.error()};
   const std::string text = pem_of(*made.value());
-  if (auto ok = replace(folder_ + "/ca.crl", text); !ok) return rt::Error{ok.error()};
+  if (auto ok = replace_key_file(folder_ + "/ca.crl", text); !ok) return rt::Error{ok.error()};
   list_ = std::move(made).value();
   std::error_code failed;
   for (const auto& box : fs::directory_iterator(folder_ + "/boxes", failed)) {
-    if (auto ok = replace(box.path().string() + "/ca.crl", text); !ok) return rt::Error{ok.error()};
+    if (auto ok = replace_key_file(box.path().string() + "/ca.crl", text); !ok)
+      return rt::Error{ok.error()};
   }
   return added;
 }

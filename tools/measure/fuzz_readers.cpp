@@ -103,6 +103,7 @@ FuzzReaders::FuzzReaders() {
   add_store();
   add_road();
   add_bus();
+  add_console();
   add_desk();
 }
 

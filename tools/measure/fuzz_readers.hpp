@@ -1,6 +1,6 @@
 // The readers of outside files that `teletact bench fuzz` feeds: images, recordings, odometry,
 // fields, maps, job records; the link's colour pictures and frames of the depth stream; the road's
-// frames and certificates; what comes over the robot's bus; what a page asks for.
+// frames and certificates; what comes over the robot's bus; what a page sends.
 #pragma once
 
 #include <filesystem>
@@ -30,6 +30,7 @@ class FuzzReaders {
   void add_store();
   void add_road();
   void add_bus();
+  void add_console();
   void add_desk();
   std::filesystem::path folder_;
   std::vector<FuzzReader> readers_;

@@ -1,0 +1,211 @@
+// Over the wire: the page's files, sessions, and everything that must be refused.
+#include <unistd.h>
+
+#include <chrono>
+#include <filesystem>
+#include <thread>
+
+#include "support.hpp"
+
+namespace console_test {
+namespace {
+
+using teletact::Refusal;
+using teletact::RoleEvent;
+using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
+
+TEST_F(Console, ServesThePageWithItsPolicy) {
+  start();
+  const Reply index = get("/");
+  EXPECT_EQ(index.status, 200);
+  EXPECT_EQ(index.body, "<!doctype html><title>t</title>");
+  EXPECT_EQ(index.header("content-type"), "text/html; charset=utf-8");
+  EXPECT_THAT(index.header("content-security-policy"), StartsWith("default-src 'self'"));
+  EXPECT_EQ(index.header("x-content-type-options"), "nosniff");
+  const Reply script = get("/assets/main.js?v=1");
+  EXPECT_EQ(script.status, 200);
+  EXPECT_EQ(script.header("content-type"), "text/javascript; charset=utf-8");
+  folder_.write("page/assets/main.js", "export const x = 22;\n");
+  EXPECT_EQ(get("/assets/main.js").body, "export const x = 22;\n") << "built again";
+}
+
+TEST_F(Console, NoPathLeadsOutOfTheFolder) {
+  std::filesystem::create_symlink(folder_.path + "/secret.txt", folder_.path + "/page/link.txt");
+  std::filesystem::create_directory_symlink(folder_.path, folder_.path + "/page/up");
+  start();
+  int n = 0;
+  for (const char* path : {"/../secret.txt", "/assets/../../secret.txt", "/%2e%2e/secret.txt",
+                           "/..%2fsecret.txt", "/link.txt", "/up/secret.txt", "/assets", "/assets/",
+                           "/.", "//etc/passwd", "/etc/passwd", "/none.js"}) {
+    const Reply r = get(path);
+    EXPECT_EQ(r.status, 404) << path;
+    EXPECT_THAT(r.body, Not(HasSubstr("not for you"))) << path;
+    EXPECT_EQ(refused(Refusal::kPath), static_cast<std::uint64_t>(++n)) << path;
+  }
+}
+
+TEST_F(Console, ACodeMakesOneSession) {
+  start();
+  EXPECT_THAT(server_->url(), StartsWith("http://" + host() + "/#code="));
+  const std::string code = fresh_code();
+  const Reply r = post("/session", "{\"code\":\"" + code + "\"}");
+  EXPECT_EQ(r.status, 200);
+  EXPECT_EQ(r.body, "{\"role\":\"operator\"}");
+  const std::string cookie = r.header("set-cookie");
+  EXPECT_THAT(cookie, StartsWith("teletact_" + std::to_string(server_->port()) + "="));
+  EXPECT_THAT(cookie, HasSubstr("; HttpOnly; SameSite=Strict"));
+  EXPECT_EQ(get("/session", "Cookie: " + cookie.substr(0, cookie.find(';')) + "\r\n").body, r.body);
+  EXPECT_EQ(get("/session").status, 401);
+  EXPECT_EQ(get("/session", "Cookie: " + cookie.substr(0, 14) + "=00\r\n").status, 401);
+  const Reply again = post("/session", "{\"code\":\"" + code + "\"}");
+  EXPECT_EQ(again.status, 403) << "used";
+  EXPECT_EQ(again.header("set-cookie"), "");
+  EXPECT_EQ(post("/session", "{\"code\":\"" + std::string(32, '0') + "\"}").status, 403);
+  EXPECT_EQ(post("/session", "{}").status, 403);
+  EXPECT_EQ(refused(Refusal::kCode), 3U);
+  EXPECT_EQ(refused(Refusal::kSession), 2U);
+}
+
+TEST_F(Console, CodesAreTriedAtMost20TimesASecond) {
+  start();
+  int forbidden = 0, limited = 0;
+  for (int i = 0; i < 40; ++i) {
+    const int status = post("/session", "{\"code\":\"" + std::string(32, 'b') + "\"}").status;
+    forbidden += status == 403 ? 1 : 0;
+    limited += status == 429 ? 1 : 0;
+  }
+  EXPECT_EQ(forbidden + limited, 40);
+  EXPECT_GE(forbidden, 20);
+  EXPECT_EQ(refused(Refusal::kRate), static_cast<std::uint64_t>(limited));
+}
+
+TEST_F(Console, AStrangersNameIsRefusedEverywhere) {
+  start();
+  const std::string cookie = join_operator();
+  const std::string rest = "Cookie: " + cookie + "\r\n\r\n";
+  EXPECT_EQ(ask("GET / HTTP/1.1\r\nHost: evil.example\r\n" + rest).status, 421);
+  EXPECT_EQ(ask("GET / HTTP/1.1\r\n" + rest).status, 421);
+  EXPECT_EQ(ask("GET / HTTP/1.1\r\nHost: " + host() + "\r\nHost: evil.example\r\n" + rest).status,
+            421);
+  EXPECT_EQ(ask("POST /stop HTTP/1.1\r\nHost: evil.example\r\nOrigin: http://evil.example\r\n"
+                "Content-Type: application/json\r\n" +
+                rest)
+                .status,
+            421);
+  EXPECT_EQ(refused(Refusal::kHost), 4U);
+  EXPECT_EQ(stops_, 0);
+}
+
+TEST_F(Console, APageOfAnotherOriginMovesNothing) {
+  start();
+  const std::string cookie = join_operator(), head = "POST /stop HTTP/1.1\r\nHost: " + host() +
+                                                     "\r\nCookie: " + cookie +
+                                                     "\r\nContent-Length: 0\r\n";
+  const std::string json = "Content-Type: application/json\r\n";
+  EXPECT_EQ(ask(head + json + "\r\n").status, 403) << "no origin";
+  EXPECT_EQ(ask(head + json + "Origin: http://evil.example\r\n\r\n").status, 403);
+  EXPECT_EQ(ask(head + json + "Origin: null\r\n\r\n").status, 403);
+  EXPECT_EQ(ask(head + json + "Origin: http://127.0.0.1:1\r\n\r\n").status, 403)
+      << "another server of this host";
+  EXPECT_EQ(ask(head + "Content-Type: text/plain\r\nOrigin: " + origin() + "\r\n\r\n").status, 415)
+      << "what a form can send";
+  for (const std::string& o : {std::string("http://evil.example"), std::string("null"),
+                               "http://localhost:" + std::to_string(server_->port())}) {
+    const Socket s(
+        server_->port(),
+        upgrade_head(cookie, "Origin: " + o + "\r\nSec-WebSocket-Protocol: teletact.1\r\n"));
+    EXPECT_EQ(s.status(), 403) << o;
+  }
+  const Socket bare(server_->port(),
+                    upgrade_head(cookie, "Sec-WebSocket-Protocol: teletact.1\r\n"));
+  EXPECT_EQ(bare.status(), 403) << "no origin";
+  EXPECT_EQ(refused(Refusal::kOrigin), 8U);
+  EXPECT_EQ(stops_, 0);
+  EXPECT_EQ(server_->viewers(), 0);
+}
+
+TEST_F(Console, AWebSocketWantsASessionAndTheProtocol) {
+  start();
+  EXPECT_EQ(Socket(server_->port(), upgrade_head("")).status(), 401);
+  EXPECT_EQ(Socket(server_->port(), upgrade_head("teletact_1=aa")).status(), 401);
+  const std::string cookie = join_operator();
+  EXPECT_EQ(
+      Socket(server_->port(),
+             upgrade_head(cookie, "Origin: " + origin() + "\r\nSec-WebSocket-Protocol: chat\r\n"))
+          .status(),
+      400);
+  EXPECT_EQ(get("/ws", "Cookie: " + cookie + "\r\n").status, 426);
+  const auto good = open(cookie);
+  EXPECT_EQ(good->reply().header("sec-websocket-accept"), "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=")
+      << "the key's answer of RFC 6455, 1.3";
+  EXPECT_EQ(good->reply().header("sec-websocket-protocol"), "teletact.1");
+  EXPECT_TRUE(wait_for([&] { return server_->viewers() == 1; }));
+}
+
+TEST_F(Console, RequestsThatAreNoneOrTooLongAreRefused) {
+  start();
+  EXPECT_EQ(ask("nonsense\r\n\r\n").status, 400);
+  EXPECT_EQ(ask("GET /" + std::string(9000, 'a') + " HTTP/1.1\r\n\r\n").status, 431);
+  EXPECT_EQ(post("/session", std::string(2000, ' ')).status, 413);
+  EXPECT_EQ(
+      ask("PUT / HTTP/1.1\r\nHost: " + host() + "\r\nOrigin: " + origin() + "\r\n\r\n").status,
+      405);
+  EXPECT_GE(refused(Refusal::kRequest), 4U);
+  EXPECT_EQ(get("/").status, 200);
+}
+
+TEST_F(Console, ARequestThatNeverEndsIsCutAndACrowdKeepsNobodyOut) {
+  options_.request_limit = std::chrono::milliseconds{400};
+  options_.most_connections = 16;
+  start();
+  {
+    Wire slow(server_->port());
+    ASSERT_TRUE(slow.send("GET / HTTP/1.1\r\nHost: "));
+    EXPECT_EQ(slow.receive(), "") << "closed";
+    EXPECT_TRUE(wait_for([&] { return refused(Refusal::kLate) == 1; }));
+  }
+  options_.request_limit = std::chrono::seconds{60};
+  start();
+  std::vector<std::unique_ptr<Wire>> crowd;
+  for (int i = 0; i < 60; ++i) {
+    crowd.push_back(std::make_unique<Wire>(server_->port()));
+    crowd.back()->send("GET");
+  }
+  EXPECT_EQ(get("/").status, 200);
+  EXPECT_TRUE(wait_for([&] { return refused(Refusal::kCrowded) >= 40; }));
+}
+
+TEST_F(Console, TheStopNeedsASessionAndNoRole) {
+  start();
+  EXPECT_EQ(post("/stop", "").status, 401);
+  EXPECT_EQ(stops_, 0);
+  const std::string cookie = join_operator(), viewer = join_viewer(cookie);
+  EXPECT_EQ(post("/stop", "", "Cookie: " + cookie + "\r\n").status, 200);
+  EXPECT_EQ(post("/stop", "{}", "Cookie: " + viewer + "\r\n").status, 200);
+  EXPECT_EQ(stops_, 2);
+  EXPECT_EQ(server_->counts().stops, 2U);
+  EXPECT_EQ(post("/view-link", "{}", "Cookie: " + viewer + "\r\n").status, 403);
+  EXPECT_EQ(refused(Refusal::kRole), 1U);
+}
+
+TEST_F(Console, SetUpThatIsWrongIsOneLine) {
+  const auto error = [&](auto spoil) {
+    auto o = options_;
+    spoil(o);
+    const auto made = teletact::ConsoleServer::start(o, {});
+    return made ? std::string("started") : made.error();
+  };
+  EXPECT_THAT(error([](auto& o) { o.page_folder = "/nowhere"; }), HasSubstr("/nowhere"));
+  EXPECT_THAT(error([&](auto& o) { o.page_folder = folder_.path; }), HasSubstr("index.html"));
+  EXPECT_THAT(error([](auto& o) { o.address = "localhost"; }), HasSubstr("numeric"));
+  EXPECT_THAT(error([](auto& o) { o.address = "0.0.0.0"; }), HasSubstr("keys are needed"));
+  EXPECT_THAT(error([](auto& o) { o.port = 70000; }), HasSubstr("70000"));
+  EXPECT_THAT(error([&](auto& o) { o.keys = folder_.path; }), HasSubstr("ca.crt"));
+  start();
+  EXPECT_THAT(error([&](auto& o) { o.port = server_->port(); }), HasSubstr("in use"));
+}
+
+}  // namespace
+}  // namespace console_test
