@@ -93,8 +93,8 @@ static_assert(lists_every_field<tasks::SceneEdit>());
 template <>
 struct Fields<tasks::OperatorAct> {
   using M = tasks::OperatorAct;
-  static constexpr std::tuple kList{value(&M::seq),   instant(&M::stamp), value(&M::kind),
-                                    value(&M::turns), number(&M::p_W),    number(&M::normal_W),
+  static constexpr std::tuple kList{value(&M::seq),     instant(&M::stamp), value(&M::kind),
+                                    value(&M::turns),   number(&M::p_W),    number(&M::normal_W),
                                     number(&M::yaw_rad)};
 };
 static_assert(lists_every_field<tasks::OperatorAct>());

@@ -86,7 +86,7 @@ void push(EdgeGate& gate, Ring& ring, TouchEvent event, bool& gap) noexcept {
 // For a ring whose writer tries again: false, as if the ring were full.
 template <class Ring, class Asked>
 requires(!std::same_as<Asked, TouchEvent>)
-[[nodiscard]] bool push(EdgeGate& gate, Ring& ring, Asked edit) noexcept {
+    [[nodiscard]] bool push(EdgeGate& gate, Ring& ring, Asked edit) noexcept {
   rt::EdgeFaults fate;
   if (!gate.empty()) {
     fate = gate.next();

@@ -85,7 +85,7 @@ struct LatchedStatus {
   bool ramp_down = false, stop = false, clear = false, watchdog_bit = false;
   bool events_full = false;  // planning took all the touch events it had room for
   std::uint64_t mesh_taken = 0;
-  std::optional<SceneEdit> edit;  // fusion took it off the ring
+  std::optional<SceneEdit> edit;   // fusion took it off the ring
   std::optional<OperatorAct> act;  // planning took it off the ring
   DriveIntent drive;               // prediction's newest, with its number and when it was published
   std::uint64_t drive_number = 0;  // 0: none yet

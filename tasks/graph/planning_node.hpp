@@ -27,7 +27,7 @@ class PlanningNode final : public rt::TaskBody {
   bool hash_;
   int logged_level_ = -1;
   ReaderLimits<TaskId::kPlanning> limits_;
-  rt::Time touch_heard_{};     // when events were last taken
+  rt::Time touch_heard_{};  // when events were last taken
   std::optional<OperatorAct> act_taken_;
   drivers::RobotState robot_;  // the newest, its pose in W
   PlanningTask::In in_;        // events stay here until a job that saw them has committed

@@ -177,8 +177,8 @@ double PredictionTask::speed_limit(rt::Nanos age, rt::Nanos life, rt::Nanos unsu
 }
 
 bool PredictionTask::usable(const DriveIntent* drive) noexcept {
-  return drive != nullptr && drive->held && std::isfinite(drive->vx) &&
-         std::isfinite(drive->vy) && std::isfinite(drive->wz);
+  return drive != nullptr && drive->held && std::isfinite(drive->vx) && std::isfinite(drive->vy) &&
+         std::isfinite(drive->wz);
 }
 
 // A place ahead of the base where it will be when the goal arrives: so far that it does not brake
@@ -192,8 +192,8 @@ void PredictionTask::drive_goal(const DriveIntent& drive, const Pose2& X_OB,
   const double share = asked > 1e-9 ? way / asked : 0;
   const double turn =
       drive.wz * kTurnAhead_s + drive.wz * std::abs(drive.wz) / (2 * kTurnBrake_rad_per_s2);
-  const Pose2 X_OG = perception::compose(
-      X_OB, {share * drive.vx, share * drive.vy, std::clamp(turn, -1.5, 1.5)});
+  const Pose2 X_OG =
+      perception::compose(X_OB, {share * drive.vx, share * drive.vy, std::clamp(turn, -1.5, 1.5)});
   g.x_m = X_OG.x;
   g.y_m = X_OG.y;
   g.yaw_rad = X_OG.yaw;

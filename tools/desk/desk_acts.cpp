@@ -10,7 +10,6 @@ namespace teletact {
 
 using perception::Vec3;
 using tasks::Mode;
-using Phase = tasks::TaskState::Phase;
 
 namespace {
 
@@ -181,6 +180,7 @@ std::string DeskActs::drive(const Intent& intent, rt::Time at, rt::Time now) {
 }
 
 void DeskActs::keep_drive(rt::Time now) {
+  using Phase = tasks::TaskState::Phase;
   const auto& seen = console_.seen();
   bool held =
       drive_hold_.held(now) && seen.mode.mode == Mode::kEngaged && now - drive_at_ <= Hold::kLife;
