@@ -42,6 +42,7 @@ test('a mark by the pointer: the robot arrives', async () => {
   await desk.tool('Mark');
   await desk.drag([[0.75, -0.3, 0], [0.8, -0.25, 0], [0.85, -0.2, 0]]);
   await until('the mark', () => twin.count('mark') === 1);
+  await desk.shot('mark');
   await desk.engage();
   await until('the arrival', async () => {
     if (plant.phase !== 'arrived') await desk.engage();
@@ -59,6 +60,7 @@ test('a keep-out on the way: the robot goes round it', async () => {
   await desk.tool('Go to');
   await desk.click([2.2, 0.25, 0]);
   await until('the goal', () => twin.count('go_to') === 1);
+  await desk.shot('keep_out');
   let nearest = Infinity;
   await until('the arrival', async () => {
     nearest = Math.min(nearest, at(disc.centre[0], disc.centre[1]));

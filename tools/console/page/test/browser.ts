@@ -100,6 +100,6 @@ export class Desk {
 
   async shot(name: string): Promise<void> {
     mkdirSync(artefacts, { recursive: true });
-    await this.page.screenshot({ path: `${artefacts}/${name}.png` });
+    await this.page.screenshot({ path: `${artefacts}/${name}.jpg`, quality: 75, type: 'jpeg' });
   }
 }

@@ -15,7 +15,7 @@ test('a controller marks the floor, and the end of the session stops', async () 
   const other = await browser.newContext({ viewport: { width: 640, height: 360 } });
   await other.addInitScript(`${readFileSync(iwer, 'utf8')};
     window.device = new IWER.XRDevice(IWER.metaQuest3);
-    window.device.installRuntime();
+    window.device.installRuntime({ forceInstall: true });
     window.device.stereoEnabled = true;`);
   const desk = await Desk.open(other, twin);
   const { page } = desk;

@@ -220,7 +220,8 @@ export class TwinBox {
   private send(kind: number, body: Buffer, data: number): void {
     const bytes = this.made(kind, body, data);
     for (const socket of this.sockets.clients) {
-      if (socket.readyState === WebSocket.OPEN && socket.bufferedAmount < mostWaiting) socket.send(bytes);
+      const ready = socket.readyState === WebSocket.OPEN;
+      if (ready && socket.bufferedAmount < mostWaiting) socket.send(bytes);
     }
   }
 

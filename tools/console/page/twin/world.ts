@@ -53,7 +53,7 @@ export function fromBody(b: Body, p: Vec3): Vec3 {
 
 export interface RayHit { t: number; id: number; axis: number }
 
-// Where a ray enters and leaves a box: results lie in `slab`, for a picture casts ten thousand rays.
+// Where a ray enters and leaves a box; the result lies in `slab`: a picture casts many rays.
 const slab = { near: 0, far: 0, axisIn: 0, axisOut: 0 };
 
 function meet(origin: Vec3, way: Vec3, low: Vec3, high: Vec3): void {

@@ -55,7 +55,7 @@ export class Health {
     this.faults = new Rows(faultList, 'No fault.', f => f.id, () => this.faultRow());
     const body = h('tbody');
     this.tasks = new Rows(body, '', t => `${t.box ?? ''} ${t.name}`, () => this.taskRow());
-    const head = h('tr', {}, ...['task', 'late p95', 'CPU', 'share', 'missed', 'whose']
+    const head = h('tr', {}, ...['task', 'late us', 'CPU ms', '%', 'missed', 'whose']
       .map(text => h('th', { scope: 'col' }, text)));
     this.pane.append(h('h3', {}, 'Faults'), faultList, h('h3', {}, 'Link to the robot'),
       this.link.element, h('h3', {}, 'Timing'), h('table', {}, h('thead', {}, head), body),
@@ -120,11 +120,11 @@ export class Health {
     const cells = Array.from({ length: 6 }, () => h('td'));
     const element = h('tr', {}, ...cells);
     return { element, update: (task: TaskRow) => {
-      const short = (value: number | undefined, digits: number, unit = '') =>
-        value === undefined ? '' : number(value, digits, unit);
+      const short = (value: number | undefined, digits: number) =>
+        value === undefined ? '' : number(value, digits);
       const share = task.cpu_share === undefined ? undefined : 100 * task.cpu_share;
-      const texts = [task.name, short(task.late_p95_us, 0, ' us'), short(task.cpu_ms, 2, ' ms'),
-        short(share, 0, ' %'), short(task.misses, 0), task.blame ?? ''];
+      const texts = [task.name, short(task.late_p95_us, 0), short(task.cpu_ms, 2),
+        short(share, 0), short(task.misses, 0), task.blame ?? ''];
       texts.forEach((text, i) => setText(cells[i]!, text));
       element.title = `${task.box ?? ''} box, ${number(task.hz, 0, ' Hz')}`;
     } };
