@@ -174,6 +174,7 @@ void HttpConnection::open_session(std::uint32_t before) {
   if (session == 0)
     return refuse(Refusal::kCode, Status::forbidden, "this code is used, expired or wrong");
   ++core_.tally.sessions;
+  core_.close_viewers_of(before);
   core_.tell_roles();
   reply_json(Status::ok,
              "{\"role\":\"" + std::string(role_text(core_.sessions.person(session).role)) + "\"}",

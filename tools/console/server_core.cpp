@@ -154,6 +154,11 @@ void ServerCore::viewer_up(const std::shared_ptr<WsViewer>& viewer) {
   tell_roles();
 }
 
+void ServerCore::close_viewers_of(std::uint32_t session) {
+  for (const auto& v : std::vector(viewers_))
+    if (v->session == session) v->close(kCloseReplaced, "another session took its place");
+}
+
 void ServerCore::viewer_down(const WsViewer& viewer) {
   std::erase_if(viewers_, [&](const auto& v) { return v.get() == &viewer; });
   viewer_count = static_cast<int>(viewers_.size());

@@ -70,6 +70,8 @@ class ServerCore {
   [[nodiscard]] bool viewer_place(std::uint32_t session) const noexcept;
   void viewer_up(const std::shared_ptr<WsViewer>& viewer);
   void viewer_down(const WsViewer& viewer);
+  // What still stands of a session that is no more.
+  void close_viewers_of(std::uint32_t session);
   void connection_down(const HttpConnection& connection);
   void act(WsViewer& viewer, std::string_view text);
   void stop_asked(std::uint32_t session);

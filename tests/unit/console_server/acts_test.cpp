@@ -211,6 +211,18 @@ TEST_F(Console, AReloadResumesAndTheOldOneIsClosed) {
   EXPECT_EQ(server_->counts().reconnects, 1U);
 }
 
+TEST_F(Console, ANewCodeInTheSameBrowserEndsItsOldSession) {
+  start();
+  const std::string cookie = join_operator();
+  const auto old = open(cookie);
+  const Reply r =
+      post("/session", "{\"code\":\"" + fresh_code() + "\"}", "Cookie: " + cookie + "\r\n");
+  EXPECT_EQ(r.body, "{\"role\":\"operator\"}");
+  EXPECT_EQ(old->close_code(), 4001);
+  EXPECT_EQ(get("/session", "Cookie: " + cookie + "\r\n").status, 401);
+  EXPECT_EQ(server_->people().size(), 1U);
+}
+
 TEST_F(Console, WhoLeavesIsToldOf) {
   start();
   auto s = open(join_operator());
