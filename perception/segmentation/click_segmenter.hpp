@@ -1,17 +1,25 @@
-// An object named by several clicks: add (of the object) and take away (not of it). With one add click alone it is
+// An object named by several clicks: add (of the object) and take away (not of it). With one add
+// click alone it is
 // the touch of touch_segmenter.hpp, byte for byte.
 //
-//   answers     the touch answers several times, with other beliefs in depth against colour and other ends of
+//   answers     the touch answers several times, with other beliefs in depth against colour and
+//   other ends of
 //               joining; once parted by the clicks that are deep on the wrong side (seed_split.hpp)
-//   correction  moves the plain answer's outline towards the clicks, by what explains them (outline_correction.hpp)
+//   correction  moves the plain answer's outline towards the clicks, by what explains them
+//   (outline_correction.hpp)
 //
-// The first add click names the object. The others are a set: their order and repetitions change no bit. The pixel
-// of an add click is always inside, that of a take-away click always outside. A click where there is no depth is as
-// good as any, except the first add click: without depth near it nothing is named (kNoDepth; its pixel alone, and
+// The first add click names the object. The others are a set: their order and repetitions change
+// no bit. The pixel
+// of an add click is always inside, that of a take-away click always outside. A click where there
+// is no depth is as
+// good as any, except the first add click: without depth near it nothing is named (kNoDepth; its
+// pixel alone, and
 // those of the other add clicks).
 //
-// Bounded: at most max_clicks clicks, a fixed number of answers. Answers that do not depend on further clicks are
-// kept until the frame or the first add click changes. Nothing allocates or throws after construction. Same frame
+// Bounded: at most max_clicks clicks, a fixed number of answers. Answers that do not depend on
+// further clicks are
+// kept until the frame or the first add click changes. Nothing allocates or throws after
+// construction. Same frame
 // and clicks, same bytes, whatever was asked before.
 #pragma once
 
@@ -31,7 +39,7 @@ struct ClickConfig {
   CorrectionConfig correction;
   SplitConfig split;
   int max_clicks = 32;
-  // chosen on: mosd_learn, tabletop, ycb_video; judged on: drawn clutter (docs/measured/segmentation.md)
+  // chosen on: mosd_learn, tabletop, ycb_video; judged on: drawn clutter
   float deep_px = 6;  // so far on the wrong side of the plain outline a click is of another region
   float parted_reach = 4;  // times that distance: the longest way from a click that takes away
 };

@@ -1,15 +1,21 @@
-// Moves an outline so that every click lies on its side of it, and with it what the same cause moved wrongly.
+// Moves an outline so that every click lies on its side of it, and with it what the same cause
+// moved wrongly.
 //
-// Several answers for one object are given, as masks. s_0, s_1, ... are their signed distances, px: positive inside,
+// Several answers for one object are given, as masks. s_0, s_1, ... are their signed distances,
+// px: positive inside,
 // at most reach_px in size. The object is where s_0(x) + c(x) > 0. c is a sum of
 //   w_k (s_k - s_0)           as far as another answer is the better one
-//   b + (bu, bv) . n(x)       the whole outline is too wide, or shifted; n: where it faces. Only near the outline
+//   b + (bu, bv) . n(x)       the whole outline is too wide, or shifted; n: where it faces. Only
+//   near the outline
 //   g(x)                      beside a click, smooth, falling with the distance from it
-// with the least weights (squared, over the variances of the configuration) with which s_0 + c has the targets at
+// with the least weights (squared, over the variances of the configuration) with which s_0 + c
+// has the targets at
 // the clicks: a Gaussian process, one linear system of the size of the clicks.
 //
-// Targets: people click in the middle of what is wrong, so a click that lies d on the wrong side asks for d on the
-// right one. Clicks are taken up one after the other, the one that is most wrong first; a click that is right asks
+// Targets: people click in the middle of what is wrong, so a click that lies d on the wrong side
+// asks for d on the
+// right one. Clicks are taken up one after the other, the one that is most wrong first; a click
+// that is right asks
 // for nothing. So their order does not matter, and neither do repetitions.
 //
 // Nothing allocates or throws after construction. Same input, same bytes.
@@ -26,9 +32,10 @@
 namespace perception {
 
 struct CorrectionConfig {
-  // chosen on: mosd_learn, tabletop, ycb_video; judged on: drawn clutter (docs/measured/segmentation.md)
+  // chosen on: mosd_learn, tabletop, ycb_video; judged on: drawn clutter
   int reach_px = 8;
-  // Standard deviations of the weights: of another answer, of the one that was parted by the clicks.
+  // Standard deviations of the weights: of another answer, of the one that was parted by the
+  // clicks.
   float answer_weight = 0.2F, parted_weight = 0.3F;
   float shift_px = 0.3F, direction_px = 0.3F;
   float local_px = 2, local_reach_px = 10;
@@ -50,7 +57,8 @@ class OutlineCorrection {
   void set_answer(std::size_t k, ImageView<const std::uint8_t> mask,
                   const CorrectionConfig& config) noexcept;
 
-  // Of all answers set. `clicks`: at most max_clicks, no pixel twice. Writes 0 and 1 into the box's part of `mask`.
+  // Of all answers set. `clicks`: at most max_clicks, no pixel twice. Writes 0 and 1 into the
+  // box's part of `mask`.
   void correct(std::span<const Click> clicks, const CorrectionConfig& config,
                ImageView<std::uint8_t> mask) noexcept;
 

@@ -1,7 +1,11 @@
-// Parts a region of a frame between pixels that are the object's and pixels that are not: each pixel goes to the
-// one with the shortest way to it (Dijkstra 1959, from all of them at once). A way costs one a pixel; more where it
-// crosses a depth step, a valley between two surface pieces, or a change of colour. Where nothing of this lies
-// between two of them, the border runs half-way. A seed that is not the object's may have a longest way: what lies
+// Parts a region of a frame between pixels that are the object's and pixels that are not: each
+// pixel goes to the
+// one with the shortest way to it (Dijkstra 1959, from all of them at once). A way costs one a
+// pixel; more where it
+// crosses a depth step, a valley between two surface pieces, or a change of colour. Where nothing
+// of this lies
+// between two of them, the border runs half-way. A seed that is not the object's may have a
+// longest way: what lies
 // beyond it is not parted from the object.
 #pragma once
 
@@ -20,7 +24,7 @@ struct SplitSeed {
 };
 
 struct SplitConfig {
-  // chosen on: mosd_learn, tabletop, ycb_video; judged on: drawn clutter (docs/measured/segmentation.md)
+  // chosen on: mosd_learn, tabletop, ycb_video; judged on: drawn clutter
   // What a crossing costs, in pixels of half resolution.
   float step_px = 40, valley_px = 20, colour_px = 20;
   float colour_scale = 25;  // Lab units
@@ -32,8 +36,10 @@ class SeedSplit {
  public:
   SeedSplit(int max_width, int max_height);
 
-  // At most 250 others. `inside`: a byte a half-resolution pixel of the patches' window, nonzero for the region; left so only where a
-  // way from `touched` or from another seed of the object is no longer than from one that is not. Ways run inside
+  // At most 250 others. `inside`: a byte a half-resolution pixel of the patches' window, nonzero
+  // for the region; left so only where a
+  // way from `touched` or from another seed of the object is no longer than from one that is not.
+  // Ways run inside
   // the region. What no seed reaches stays. Same input, same bytes; does not allocate.
   void split(const SurfacePatches& patches, const SplitSeed& touched,
              std::span<const SplitSeed> others, const SplitConfig& config,

@@ -44,9 +44,9 @@ class TouchSegmenter {
   // The object at pixel (u, v) of the full image. False, with a mask of that pixel alone, when there
   // is no depth near it.
   bool touch(int u, int v) noexcept;
-  // The same with other settings of regions and outline than the configuration's. Further pixels, if any: the
-  // regions of the others that are the object's (of_object) belong to it, and it ends where it is nearer to one that
-  // is not (seed_split.hpp).
+  // The same with other settings of regions and outline than the configuration's. Further pixels,
+  // if any: the regions of those that are the object's (of_object) belong to it, and it ends where
+  // it is nearer to one that is not (seed_split.hpp).
   bool touch(int u, int v, const ObjectGraphConfig& graph, const OutlineConfig& outline,
              std::span<const SplitSeed> others, const SplitConfig& split) noexcept;
   // Pixels (inclusive) of the image.

@@ -32,6 +32,23 @@ void add_room(const Study& study, Metrics& metrics) {
   }
 }
 
+void write_pictures(const Study& study, const std::string& what, const std::string& plots) {
+  for (const std::string& file : study.write_plots(plots)) std::cout << file << "\n";
+  for (const char* method : {"constrained", "nearest", "force_shading"}) {
+    if (what != "haptic") break;
+    const std::string file = plots + "/haptic_corner_" + method + ".svg";
+    write_whole_file(file, corner_picture(method));
+    std::cout << file << "\n";
+  }
+}
+
+void add_clicks(CLI::App& app, ClicksStudyOptions& clicks, bool& default_only) {
+  app.add_option("--clutter", clicks.clutter, "clicks: drawn scenes of clutter")
+      ->check(CLI::Range(0, 1000))
+      ->capture_default_str();
+  app.add_flag("--default-only", default_only, "clicks: the default setting alone");
+}
+
 // What was given to fusion's options, over the study's own defaults.
 WeightingOptions weighting_of(const CLI::App& app, const FusionStudyOptions& fusion, int samples,
                               std::uint64_t seed) {
@@ -85,7 +102,6 @@ int cmd_accuracy(int argc, char** argv) {
   FusionStudyOptions fusion;
   SegmentationStudyOptions segmentation;
   ClicksStudyOptions clicks;
-  bool default_only = false;
   int samples = WeightingOptions{}.samples;
   app.add_option("WHAT", what, "fusion | weighting | segmentation | clicks | haptic")
       ->required()
@@ -119,10 +135,8 @@ int cmd_accuracy(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--data", segmentation.data,
                  "segmentation, clicks: folder that holds mosd_learn, tabletop or ycb_video");
-  app.add_option("--clutter", clicks.clutter, "clicks: drawn scenes of clutter")
-      ->check(CLI::Range(0, 1000))
-      ->capture_default_str();
-  app.add_flag("--default-only", default_only, "clicks: the default setting alone");
+  bool default_only = false;
+  add_clicks(app, clicks, default_only);
   app.add_option("--seed", segmentation.seed,
                  "segmentation: of the touches; weighting: of the samples, default 31")
       ->capture_default_str();
@@ -143,15 +157,7 @@ int cmd_accuracy(int argc, char** argv) {
   Metrics metrics("accuracy " + what);
   for (const BenchMetric& m : study.metrics()) metrics.add(m.name, m.value, m.unit);
   if (what == "fusion") add_room(study, metrics);
-  if (!plots.empty()) {
-    for (const std::string& file : study.write_plots(plots)) std::cout << file << "\n";
-    for (const char* method : {"constrained", "nearest", "force_shading"}) {
-      if (what != "haptic") break;
-      const std::string file = plots + "/haptic_corner_" + method + ".svg";
-      write_whole_file(file, corner_picture(method));
-      std::cout << file << "\n";
-    }
-  }
+  if (!plots.empty()) write_pictures(study, what, plots);
   if (!json.empty()) metrics.write(json);
   return 0;
 }

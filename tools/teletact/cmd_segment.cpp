@@ -5,8 +5,8 @@
 //                             no reading; needs --intrinsics
 //   --touch x,y               pixel; the k-th touch paints value k. A pixel that several objects claim
 //                             goes to the one it is nearer to (d of the paper), then to the first
-//   --not x,y                 pixel that is not of the object; then, or with --one-object, all touches and nots name
-//                             one object together, which is painted with value 1; needs --depth
+//   --not x,y                 pixel that is not of the object; then, or with --one-object, all
+//                             touches and nots name one object, painted with value 1; needs --depth
 //   --whole                   every region of the image, with depth or by colour alone
 //   --method default|paper    paper: region growing from the touched pixel, nothing else; d = |dI| + m/g |dP|,
 //                             --m, --g (mm with depth, else px), --threshold

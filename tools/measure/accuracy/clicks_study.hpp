@@ -1,9 +1,14 @@
-// teletact accuracy clicks: error of 1, 2, 3 and 5 clicks (1 - mean IoU) against thread CPU, over the knobs of
-// perception/segmentation/click_segmenter.hpp, on folders of RGB-D frames with true masks and on drawn clutter.
+// teletact accuracy clicks: error of 1, 2, 3 and 5 clicks (1 - mean IoU) against thread CPU, over
+// the knobs of
+// perception/segmentation/click_segmenter.hpp, on folders of RGB-D frames with true masks and on
+// drawn clutter.
 //
-// The clicks are put by rule. The first: the middle of the object, its pixel farthest from all others'. Each next
-// one: the middle of the largest error, that is of the largest 4-connected part of what is missing or too much; at
-// equal size the one whose first pixel comes first. Missing: add. Too much: take away. No error: no click.
+// The clicks are put by rule. The first: the middle of the object, its pixel farthest from all
+// others'. Each next
+// one: the middle of the largest error, that is of the largest 4-connected part of what is
+// missing or too much; at
+// equal size the one whose first pixel comes first. Missing: add. Too much: take away. No error:
+// no click.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,5 @@
-// Folders of RGB-D frames with true masks (their layout: touches.hpp), for whatever judges segmentation.
+// Folders of RGB-D frames with true masks (their layout: touches.hpp), for whatever judges
+// segmentation.
 #pragma once
 
 #include <cstdint>
@@ -31,7 +32,8 @@ struct LabelledFrame {
   perception::Image<std::uint16_t> depth, label;  // label: object, 0 rest, kUnlabelled not judged
 };
 
-// `folder` itself or those in it. One without intrinsics is left out, which is said on `progress`; none left:
+// `folder` itself or those in it. One without intrinsics is left out, which is said on
+// `progress`; none left:
 // std::runtime_error.
 [[nodiscard]] std::vector<LabelledFolder> labelled_folders(std::ostream& progress,
                                                            const std::string& folder);
