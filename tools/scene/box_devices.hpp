@@ -16,6 +16,7 @@
 #include "drivers/omega/omega_twin.hpp"
 #include "drivers/world/world.hpp"
 #include "drivers/youbot/virtual_youbot.hpp"
+#include "drivers/youbot_bus/ethercat_youbot.hpp"
 #include "drivers/youbot_bus/twin/ethercat_twin_bus.hpp"
 #include "rt/fault/plan.hpp"
 #include "tasks/graph/operator_graph.hpp"
@@ -50,6 +51,8 @@ class RobotBox {
   [[nodiscard]] tasks::RobotGraph& graph() noexcept { return *graph_; }
   [[nodiscard]] drivers::LinkEndpoint& endpoint() noexcept { return endpoint_; }
   [[nodiscard]] drivers::VirtualYoubot& bus() noexcept { return *bus_; }
+  // Motor stop on whatever bus there is, from any thread.
+  void make_safe() noexcept;
   [[nodiscard]] const drivers::World& world() const noexcept { return *world_; }
   [[nodiscard]] Effects effects() const;
   [[nodiscard]] std::int64_t camera_twin_cpu_ns() const noexcept;
@@ -57,12 +60,13 @@ class RobotBox {
  private:
   class BasePose;
   // What robot_io drives, and what of its CPU is the twins'.
-  drivers::MotorBus& open_motors(rt::NonRealtime&, const Scene&);
+  drivers::MotorBus& open_motors(rt::NonRealtime&, const Scene&, const BoxOptions&);
   [[nodiscard]] std::int64_t motor_twin_cpu_ns() const noexcept;
   std::unique_ptr<drivers::World> world_;
   std::unique_ptr<drivers::VirtualYoubot> bus_;
-  // Before it, where the scene asks for one.
+  // Before it, or in its place, as the scene asks.
   std::unique_ptr<drivers::youbot_bus::EtherCatTwinBus> wire_;
+  std::unique_ptr<drivers::youbot_bus::EtherCatYoubot> youbot_;
   std::unique_ptr<drivers::PoseSource> pose_;
   std::unique_ptr<drivers::Camera> camera_;
   drivers::SyntheticCamera* synthetic_ = nullptr;

@@ -105,8 +105,16 @@ void Scene::describe(config::Section& s) {
   plant.describe(robot_section.section("plant", "wheels, motors, floor"));
   auto& motor_bus = robot_section.section("bus", "motor bus");
   bus.describe(motor_bus);
-  motor_bus.text("kind", bus_kind, {"direct", "ethercat-twin"},
-                 "what carries setpoints to the virtual motors: nothing, or EtherCAT frames");
+  motor_bus
+      .text("kind", bus_kind, {"direct", "ethercat-twin", "ethercat"},
+            "what carries setpoints: to the virtual motors nothing, or EtherCAT frames; to a "
+            "youBot's, frames on a network card")
+      .text("interface", bus_interface, {}, "kind ethercat: the network card, as eth1")
+      .text("chain", bus_chain, {"any", "base", "base+arm", "base+2arms"},
+            "kind ethercat: what must be on the bus")
+      .text("arm_rest", arm_rest, {"hold", "free"},
+            "kind ethercat: with the wheels off, the arm holds its position, or is without torque "
+            "and sinks");
   arm.describe(robot_section.section("arm", "effect: its arm, in view of the camera"));
   auto& haptic_device = s.section("device", "haptic device, its twin and the hand on it");
   device.describe(haptic_device);

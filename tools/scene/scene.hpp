@@ -89,6 +89,7 @@ struct Scene {
   drivers::RobotPlantConfig plant;
   drivers::VirtualYoubotConfig bus;
   std::string bus_kind = "direct";
+  std::string bus_interface, bus_chain = "any", arm_rest = "hold";
   drivers::OmegaTwinConfig device;
   HapticChoice choice;
   drivers::HandScriptConfig hand;
