@@ -38,6 +38,10 @@ void EtherCatMotorBus::rearm() noexcept {
 BusStatus EtherCatMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
   clear_flags();
   const BusStatus status = status_of(master_.read_inputs());
+  if (recovering_ && !master_.recovering())
+    for (std::size_t w = 0; w < primed_.size(); ++w)
+      primed_[w] = primed_[w] && !master_.began_anew(config_.slave[w]);
+  recovering_ = master_.recovering();
   fresh_ = status == BusStatus::kOk;
   if (!fresh_) return status;
   return take_states(now, states) && ready_ ? BusStatus::kOk : BusStatus::kDown;
@@ -124,14 +128,15 @@ bool EtherCatMotorBus::take_states(rt::Time now, MotorStates& states) noexcept {
     // The difference of two words is right across a wrap.
     const auto step = static_cast<std::int32_t>(static_cast<std::uint32_t>(in[w].position_ticks) -
                                                 static_cast<std::uint32_t>(word_[w]));
-    ticks_[w] = primed_ ? ticks_[w] + step : in[w].position_ticks;
+    if (primed_[w]) ticks_[w] += step;
+    if (seq_ == 0) ticks_[w] = in[w].position_ticks;
+    primed_[w] = true;
     word_[w] = in[w].position_ticks;
     states.wheel_rad[w] = static_cast<double>(ticks_[w]) * rad_per_tick;
     states.wheel_rad_per_s[w] = in[w].velocity_rpm * 2 * std::numbers::pi / 60 / config_.gear_ratio;
     states.current_A[w] = 1e-3 * in[w].current_mA;
     states.flags[w] = in[w].flags;
   }
-  primed_ = true;
   states.seq = ++seq_;
   states.taken = now;
   return true;

@@ -13,6 +13,8 @@
 //              is able again. kFree: with the wheels off, no torque instead: the arm sinks.
 //   ready      wheels without commutation (flag 15) do not turn and count as kDown: finding it
 //              moves them, which is for `teletact youbot setup`.
+//   power      an encoder whose board had no power counts anew. Its wheel's angle goes on from
+//              where it was known last: what the wheel turned meanwhile is not known.
 //   make_safe  from any thread: every cycle from now on carries motor stop. If the owner hangs in
 //              a cycle, no frame goes, and the slaves' watchdog (100 ms) stops the motors.
 // Nothing allocates after construction.
@@ -69,7 +71,8 @@ class EtherCatMotorBus final : public MotorBus {
   bool ready_ = false;     // the wheels have their commutation
   std::array<bool, 10> held_{};
   std::array<std::int32_t, 10> hold_ticks_{};
-  bool primed_ = false;  // ticks_ are of an earlier cycle
+  bool recovering_ = false;             // in the last job
+  std::array<bool, kWheels> primed_{};  // word_ is of an earlier cycle of the same encoder
   std::uint64_t seq_ = 0;
   std::array<std::int32_t, kWheels> word_{};   // encoder, as it came last
   std::array<std::int64_t, kWheels> ticks_{};  // the same, unwrapped
