@@ -40,6 +40,7 @@ class DriveSession {
   [[nodiscard]] rt::Result<bool> put(std::size_t position, std::uint8_t parameter,
                                      std::int32_t value);
   [[nodiscard]] rt::Result<tmcl::Firmware> firmware(std::size_t position);
+  [[nodiscard]] rt::Time now() const noexcept { return port_.now(); }
   // Empty: it has not.
   [[nodiscard]] std::string failed() const;
   [[nodiscard]] std::string name(std::size_t position) const { return boards_[position].name(); }

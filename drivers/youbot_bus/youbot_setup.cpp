@@ -203,8 +203,11 @@ rt::Result<bool> jog(DriveSession& s, std::size_t i, double rad_per_s, double se
   bool at_limit = false;
   rest(s);
   s.set(i, {setpoint, ControllerMode::kVelocity});
+  // By time: cycles may come late.
   const auto cycles = static_cast<int>(seconds * 1000);
+  const rt::Time end = s.now() + rt::Nanos{static_cast<std::int64_t>(seconds * 1e9)};
   const bool ended = s.cycle_until(cycles, [&] {
+    if (s.now() >= end) return true;
     if (b.kind != BoardKind::kJoint) return false;
     // It is stopped where the brake, 2000 rpm/s (parameter 11), still ends within the limit.
     const JointFacts& f = joint_facts(b.number);
