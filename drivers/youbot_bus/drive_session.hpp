@@ -1,7 +1,7 @@
-// A youBot's chain in OP for set-up and bench: cycles at a pace, TMCL requests while they run, and a
-// command for each drive. Ordinary thread: it waits and allocates.
+// A youBot's chain in OP for set-up and bench: cycles at a pace, TMCL requests while they run,
+// and a command for each drive. Ordinary thread: it waits and allocates.
 //
-// Every command is motor stop until it is set. A cycle in which the bus is bad for `bad_limit` cycles
+// Every command is motor stop until it is set. A bus that is bad for `bad_limit` cycles in a row
 // ends the session: the master sends zeros from then on, and failed() says why.
 #pragma once
 

@@ -41,8 +41,8 @@ struct MotorBusConfig {
 
 class EtherCatMotorBus final : public MotorBus {
  public:
-  // `master` is in OP, and this object's from now on. Throws std::invalid_argument for more than ten
-  // joints.
+  // `master` is in OP, and this object's from now on. Throws std::invalid_argument for more than
+  // ten joints.
   EtherCatMotorBus(rt::NonRealtime&, ethercat::Master& master, const MotorBusConfig& = {});
 
   [[nodiscard]] BusStatus sense(rt::Time now, MotorStates& states) noexcept override;

@@ -8,8 +8,8 @@
 //              that counts up, until a joint stands and its current is beyond its limit for 10 ms;
 //              then its torque is taken away for 100 ms and its encoder set to 0 there. Its angles
 //              are below zero afterwards, and it is held.
-//   jog        one drive at a speed (of wheel or joint, in its own direction) for a time; joints only
-//              once they are homed, and within their limits.
+//   jog        one drive at a speed (of wheel or joint, in its own direction) for a time; joints
+//              only once they are homed, and within their limits.
 // Source: youbot_driver, YouBotManipulator.cpp (order, speeds, currents) and its config files; the
 // standstill beside the current is ours: the current of a start is not a stop.
 // Joints that are not moved hold where they are as soon as their commutation is known, also after
