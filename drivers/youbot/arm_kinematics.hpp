@@ -8,8 +8,9 @@
 //   two of the elbow, and a pose is reached only if its z axis lies in the plane through joint 1.
 // forward    any q.
 // inverse    every q within the limits that gives the pose to `tolerance` (m, and as much in a unit
-//            vector), at most four; those that fall together are one. On joint 1's own axis the pose
-//            does not say where joint 1 is: the plane of the tool's axis is taken, and if that is
+//            vector), at most four; those that fall together are one. On joint 1's own axis the
+//            pose does not say where joint 1 is: the plane of the tool's axis is taken, and if
+//            that is
 //            upright as well, `q1_free`.
 // Nothing allocates or throws.
 #pragma once
