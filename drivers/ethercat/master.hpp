@@ -111,6 +111,8 @@ class Master {
   // An operator's act. Outputs stay zero until recovered().
   void recover() noexcept;
   [[nodiscard]] bool recovering() const noexcept { return recovery_.active(); }
+  // Of the last recovery: slave `i` had been without power.
+  [[nodiscard]] bool began_anew(std::size_t i) const noexcept { return recovery_.began_anew(i); }
 
   // A mailbox request that the cycles carry; false: one is under way. Its end is in mailbox().
   bool post(std::size_t slave, std::span<const std::uint8_t> request, int patience = 200) noexcept;

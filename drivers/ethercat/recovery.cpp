@@ -14,6 +14,7 @@ constexpr int kLooksForAChange = 20;
 void Recovery::start(int steps) noexcept {
   succeeded_ = slaves_ == nullptr || slaves_->empty();
   active_ = !succeeded_;
+  anew_.reset();
   slave_ = 0;
   left_ = steps;
   step_ = Step::kObserve;
@@ -63,6 +64,7 @@ void Recovery::decide() noexcept {
   if (status_.error()) return write_al((status_.state & kAlStateMask) | kAlAcknowledge);
   switch (status_.is()) {
     case AlState::kInit:
+      anew_[static_cast<std::size_t>(slave_)] = true;
       if (write_block(std::span(m.mailbox_setup).first(static_cast<std::size_t>(m.mailbox_blocks))))
         return;
       return write_al(static_cast<unsigned>(AlState::kPreOp));

@@ -14,6 +14,7 @@
 // Nothing here allocates.
 #pragma once
 
+#include <bitset>
 #include <vector>
 
 #include "drivers/ethercat/exchange.hpp"
@@ -31,6 +32,8 @@ class Recovery {
   [[nodiscard]] bool active() const noexcept { return active_; }
   // Of the last start(): all slaves were seen in OP.
   [[nodiscard]] bool succeeded() const noexcept { return succeeded_; }
+  // Slave `i` was found in INIT: its power was off, and what it counted begins anew.
+  [[nodiscard]] bool began_anew(std::size_t i) const noexcept { return anew_[i]; }
   // The slave at work, and what it said last.
   [[nodiscard]] int slave() const noexcept { return slave_; }
   [[nodiscard]] const AlStatus& status() const noexcept { return status_; }
@@ -58,6 +61,7 @@ class Recovery {
 
   const std::vector<SlaveMapping>* slaves_ = nullptr;
   bool active_ = false, succeeded_ = false;
+  std::bitset<256> anew_;
   int slave_ = 0, left_ = 0;
   Step step_ = Step::kObserve;
   Write write_;

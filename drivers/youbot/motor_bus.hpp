@@ -1,6 +1,6 @@
 // The four wheel motors of a youBot base, as robot_io drives them. A cycle a job: sense() at its
-// beginning reads the states, act() at its end writes the setpoints, so what a job decides is on the
-// wire in that job. What carries it (EtherCAT master, virtual robot) is the implementation's
+// beginning reads the states, act() at its end writes the setpoints, so what a job decides is on
+// the wire in that job. What carries it (EtherCAT master, virtual robot) is the implementation's
 // business.
 //
 // Wheel order: 0 front left, 1 front right, 2 back left, 3 back right. Signs as in the youBot's own

@@ -1,5 +1,5 @@
 // Bits of MotorStates::flags: the error and status word of the youBot's motor controllers that this
-// project reads (reference: bits 0 to 16 of axis parameter 156).
+// project reads (reference: bits 0 to 17 of axis parameter 156).
 #pragma once
 
 #include <cstdint>
@@ -11,6 +11,7 @@ inline constexpr std::uint32_t kMotorHalted = 1U << 4U;
 inline constexpr std::uint32_t kVelocityMode = 1U << 9U;
 inline constexpr std::uint32_t kInitialised = 1U << 15U;
 inline constexpr std::uint32_t kTimeout = 1U << 16U;
+inline constexpr std::uint32_t kI2tExceeded = 1U << 17U;
 }  // namespace motor_flag
 
 }  // namespace drivers

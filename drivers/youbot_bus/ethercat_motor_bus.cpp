@@ -2,9 +2,11 @@
 
 #include <cmath>
 #include <numbers>
+#include <stdexcept>
 
 #include "drivers/tmcl/tmcl_frame.hpp"
 #include "drivers/tmcl/youbot_parameters.hpp"
+#include "drivers/youbot/motor_flags.hpp"
 
 namespace drivers::youbot_bus {
 
@@ -17,11 +19,18 @@ constexpr double kMost_rpm = 200000;
 
 EtherCatMotorBus::EtherCatMotorBus(rt::NonRealtime&, ethercat::Master& master,
                                    const MotorBusConfig& c)
-    : master_(master), config_(c) {}
+    : master_(master), config_(c) {
+  if (config_.joints.size() > held_.size())
+    throw std::invalid_argument("a youBot has at most ten arm joints");
+}
+
+std::size_t EtherCatMotorBus::slave_of(std::size_t drive) const noexcept {
+  return drive < kWheels ? config_.slave[drive] : config_.joints[drive - kWheels];
+}
 
 void EtherCatMotorBus::rearm() noexcept {
   safe_.store(false, std::memory_order_release);
-  to_clear_ = (1U << static_cast<unsigned>(kWheels)) - 1;
+  to_clear_ = (1U << static_cast<unsigned>(drives())) - 1;
   clearing_ = -1;
   if (master_.stopped() || master_.health().fault != ethercat::BusFault::kNone) master_.recover();
 }
@@ -29,8 +38,13 @@ void EtherCatMotorBus::rearm() noexcept {
 BusStatus EtherCatMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
   clear_flags();
   const BusStatus status = status_of(master_.read_inputs());
-  if (status != BusStatus::kOk) return status;
-  return take_states(now, states) ? BusStatus::kOk : BusStatus::kDown;
+  if (recovering_ && !master_.recovering())
+    for (std::size_t w = 0; w < primed_.size(); ++w)
+      primed_[w] = primed_[w] && !master_.began_anew(config_.slave[w]);
+  recovering_ = master_.recovering();
+  fresh_ = status == BusStatus::kOk;
+  if (!fresh_) return status;
+  return take_states(now, states) && ready_ ? BusStatus::kOk : BusStatus::kDown;
 }
 
 BusStatus EtherCatMotorBus::act(rt::Time, const MotorSetpoints& setpoints) noexcept {
@@ -39,8 +53,9 @@ BusStatus EtherCatMotorBus::act(rt::Time, const MotorSetpoints& setpoints) noexc
 }
 
 void EtherCatMotorBus::put_setpoints(const MotorSetpoints& s) noexcept {
-  bool moves =
-      s.mode == MotorMode::kVelocity && !rearming() && !safe_.load(std::memory_order_acquire);
+  const bool safe = safe_.load(std::memory_order_acquire);
+  put_arm(safe || s.mode == MotorMode::kStop);
+  bool moves = s.mode == MotorMode::kVelocity && ready_ && !rearming() && !safe;
   std::array<double, kWheels> rpm{};
   for (std::size_t w = 0; w < rpm.size(); ++w) {
     rpm[w] = s.wheel_rad_per_s[w] * config_.gear_ratio * 60 / (2 * std::numbers::pi);
@@ -53,6 +68,28 @@ void EtherCatMotorBus::put_setpoints(const MotorSetpoints& s) noexcept {
   }
 }
 
+void EtherCatMotorBus::put_arm(bool stopped) noexcept {
+  constexpr std::uint32_t kUnable = motor_flag::kTimeout | motor_flag::kI2tExceeded;
+  for (std::size_t j = 0; j < config_.joints.size(); ++j) {
+    DriveInputs in;
+    DriveOutputs o;
+    const bool able = decode(master_.inputs(config_.joints[j]), in) && !rearming() &&
+                      (in.flags & motor_flag::kInitialised) != 0 && (in.flags & kUnable) == 0;
+    if (!able) {
+      held_[j] = false;
+    } else if (stopped && config_.arm_rest == ArmRest::kFree) {
+      held_[j] = false;
+      o.mode = ControllerMode::kCurrent;
+    } else {
+      // Of this job's inputs: those of before a stop may be of before the power went.
+      if (!held_[j] && fresh_) hold_ticks_[j] = in.position_ticks;
+      held_[j] = held_[j] || fresh_;
+      if (held_[j]) o = {hold_ticks_[j], ControllerMode::kPosition};
+    }
+    (void)encode(o, master_.outputs(config_.joints[j]));
+  }
+}
+
 // One mailbox request at a time, a datagram a cycle.
 void EtherCatMotorBus::clear_flags() noexcept {
   if (to_clear_ == 0 || master_.recovering() || master_.mailbox().busy()) return;
@@ -62,12 +99,12 @@ void EtherCatMotorBus::clear_flags() noexcept {
       to_clear_ &= ~(1U << static_cast<unsigned>(clearing_));
   }
   clearing_ = -1;
-  for (int w = 0; w < kWheels && clearing_ < 0; ++w)
-    if ((to_clear_ >> static_cast<unsigned>(w) & 1U) != 0) clearing_ = w;
+  for (int d = 0; d < static_cast<int>(drives()) && clearing_ < 0; ++d)
+    if ((to_clear_ >> static_cast<unsigned>(d) & 1U) != 0) clearing_ = d;
   if (clearing_ < 0) return;
   const tmcl::Request clear{0, static_cast<std::uint8_t>(tmcl::Command::kSetAxisParameter),
                             tmcl::axis::kClearTimeout, 0, 1};
-  (void)master_.post(config_.slave[static_cast<std::size_t>(clearing_)], tmcl::encode(clear));
+  (void)master_.post(slave_of(static_cast<std::size_t>(clearing_)), tmcl::encode(clear));
 }
 
 BusStatus EtherCatMotorBus::status_of(const ethercat::CycleResult& r) const noexcept {
@@ -83,20 +120,23 @@ bool EtherCatMotorBus::take_states(rt::Time now, MotorStates& states) noexcept {
   std::array<DriveInputs, kWheels> in{};
   for (std::size_t w = 0; w < in.size(); ++w)
     if (!decode(master_.inputs(config_.slave[w]), in[w])) return false;
+  ready_ = true;
+  for (const DriveInputs& i : in) ready_ = ready_ && (i.flags & motor_flag::kInitialised) != 0;
   const double rad_per_tick =
       2 * std::numbers::pi / (config_.ticks_per_motor_turn * config_.gear_ratio);
   for (std::size_t w = 0; w < in.size(); ++w) {
     // The difference of two words is right across a wrap.
     const auto step = static_cast<std::int32_t>(static_cast<std::uint32_t>(in[w].position_ticks) -
                                                 static_cast<std::uint32_t>(word_[w]));
-    ticks_[w] = primed_ ? ticks_[w] + step : in[w].position_ticks;
+    if (primed_[w]) ticks_[w] += step;
+    if (seq_ == 0) ticks_[w] = in[w].position_ticks;
+    primed_[w] = true;
     word_[w] = in[w].position_ticks;
     states.wheel_rad[w] = static_cast<double>(ticks_[w]) * rad_per_tick;
     states.wheel_rad_per_s[w] = in[w].velocity_rpm * 2 * std::numbers::pi / 60 / config_.gear_ratio;
     states.current_A[w] = 1e-3 * in[w].current_mA;
     states.flags[w] = in[w].flags;
   }
-  primed_ = true;
   states.seq = ++seq_;
   states.taken = now;
   return true;

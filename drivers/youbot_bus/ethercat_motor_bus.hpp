@@ -7,12 +7,21 @@
 //   rearm      the operator's act: the master brings slaves back to OP, then each wheel's timeout
 //              flag is cleared (axis parameter 158), one step a cycle. Until all of it is done the
 //              wheels stand and take no setpoint; motion begins with the first setpoint after that.
+//   arm        each joint holds the position that it had when its drive became able to, as the arm
+//              has no brakes; it is told so in every cycle, also while the wheels are off. A joint
+//              whose drive is not able (flags) is told to stop, and takes a new position when it
+//              is able again. kFree: with the wheels off, no torque instead: the arm sinks.
+//   ready      wheels without commutation (flag 15) do not turn and count as kDown: finding it
+//              moves them, which is for `teletact youbot setup`.
+//   power      an encoder whose board had no power counts anew. Its wheel's angle goes on from
+//              where it was known last: what the wheel turned meanwhile is not known.
 //   make_safe  from any thread: every cycle from now on carries motor stop. If the owner hangs in
 //              a cycle, no frame goes, and the slaves' watchdog (100 ms) stops the motors.
 // Nothing allocates after construction.
 #pragma once
 
 #include <atomic>
+#include <vector>
 
 #include "drivers/ethercat/master.hpp"
 #include "drivers/youbot/motor_bus.hpp"
@@ -20,15 +29,20 @@
 
 namespace drivers::youbot_bus {
 
+enum class ArmRest : std::uint8_t { kHold, kFree };
+
 struct MotorBusConfig {
   std::array<std::size_t, kWheels> slave{1, 2, 3, 4};  // of each wheel, from 0 at the master
+  std::vector<std::size_t> joints;                     // of each arm joint; at most 10
+  ArmRest arm_rest = ArmRest::kHold;
   int ticks_per_motor_turn = 4000;
   double gear_ratio = 9405.0 / 364.0;  // motor turns per wheel turn
 };
 
 class EtherCatMotorBus final : public MotorBus {
  public:
-  // `master` is in OP, and this object's from now on.
+  // `master` is in OP, and this object's from now on. Throws std::invalid_argument for more than
+  // ten joints.
   EtherCatMotorBus(rt::NonRealtime&, ethercat::Master& master, const MotorBusConfig& = {});
 
   [[nodiscard]] BusStatus sense(rt::Time now, MotorStates& states) noexcept override;
@@ -41,6 +55,9 @@ class EtherCatMotorBus final : public MotorBus {
 
  private:
   void put_setpoints(const MotorSetpoints&) noexcept;
+  void put_arm(bool stopped) noexcept;
+  [[nodiscard]] std::size_t drives() const noexcept { return kWheels + config_.joints.size(); }
+  [[nodiscard]] std::size_t slave_of(std::size_t drive) const noexcept;
   void clear_flags() noexcept;
   [[nodiscard]] BusStatus status_of(const ethercat::CycleResult&) const noexcept;
   [[nodiscard]] bool take_states(rt::Time now, MotorStates&) noexcept;
@@ -48,9 +65,14 @@ class EtherCatMotorBus final : public MotorBus {
   ethercat::Master& master_;
   MotorBusConfig config_;
   std::atomic<bool> safe_{false};
-  unsigned to_clear_ = 0;  // wheels whose timeout flag is to be cleared, a bit each
-  int clearing_ = -1;      // the wheel whose request is under way
-  bool primed_ = false;    // ticks_ are of an earlier cycle
+  unsigned to_clear_ = 0;  // drives whose timeout flag is to be cleared, a bit each: wheels first
+  int clearing_ = -1;      // the drive whose request is under way
+  bool fresh_ = false;     // the inputs are of this job
+  bool ready_ = false;     // the wheels have their commutation
+  std::array<bool, 10> held_{};
+  std::array<std::int32_t, 10> hold_ticks_{};
+  bool recovering_ = false;             // in the last job
+  std::array<bool, kWheels> primed_{};  // word_ is of an earlier cycle of the same encoder
   std::uint64_t seq_ = 0;
   std::array<std::int32_t, kWheels> word_{};   // encoder, as it came last
   std::array<std::int64_t, kWheels> ticks_{};  // the same, unwrapped

@@ -1,4 +1,4 @@
-// The robot_io task as an executor sees it: one cycle of the bus a job, goal and mode in, state out.
+// The robot_io task as an executor sees it: one bus cycle a job, goal and mode in, state out.
 #pragma once
 
 #include "tasks/graph/limits.hpp"

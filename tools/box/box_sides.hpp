@@ -50,7 +50,7 @@ class RobotSide {
   [[nodiscard]] static rt::Result<std::unique_ptr<drivers::TcpLink>> open_link(const Scene& scene,
                                                                                const BoxPlan& plan);
   void tick(rt::Time t, drivers::LinkTransport&) { console.tick(t); }
-  void make_safe() { box.bus().make_safe(); }
+  void make_safe() { box.make_safe(); }
   [[nodiscard]] RobotHalf& half();
   void finish(rt::NonRealtime&, const drivers::LinkTransport&);
 

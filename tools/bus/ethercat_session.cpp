@@ -20,6 +20,7 @@ EtherCatSession::EtherCatSession(const EtherCatChoice& o) {
     yb::YoubotChainConfig c;
     c.kind = *kind_;
     c.generation = o.generation == "old" ? yb::Generation::kOld : yb::Generation::kNew;
+    c.end_stops = o.end_stops;
     chain_ = std::make_unique<yb::YoubotChain>(token(), c);
     wire_ = std::make_unique<ec::TwinPort>(chain_->wire());
   } else {

@@ -20,6 +20,7 @@ struct CouldNotDo : std::runtime_error {
 
 struct EtherCatChoice {
   std::string iface, twin, generation = "new", capture;
+  bool end_stops = false;  // of the twin's joints
 };
 
 class EtherCatSession {

@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "drivers/camera/passing_camera.hpp"
+#include "drivers/ethercat/raw_port.hpp"
 #include "drivers/gpio/chip_lines.hpp"
 #include "rt/clock/box_time.hpp"
 
@@ -47,6 +48,27 @@ perception::Intrinsics camera_of(const Scene& scene) {
                                 : open_recording(scene.rgbd_dir).intrinsics();
 }
 
+namespace {
+
+std::unique_ptr<drivers::youbot_bus::EtherCatYoubot> open_youbot(rt::NonRealtime& nrt,
+                                                                 const Scene& scene) {
+  namespace yb = drivers::youbot_bus;
+  const auto refuse = [](const std::string& why) { throw std::runtime_error("robot.bus: " + why); };
+  if (scene.bus_interface.empty()) refuse("kind ethercat wants the key robot.bus.interface");
+  auto port = drivers::ethercat::RawPort::open(nrt, scene.bus_interface);
+  if (!port) refuse(port.error());
+  yb::YoubotConfig c;
+  c.chain = scene.bus_chain;
+  c.gear_ratio = scene.graph.robot_io.base.gear_ratio;
+  c.arm_rest = scene.arm_rest == "free" ? yb::ArmRest::kFree : yb::ArmRest::kHold;
+  auto youbot = yb::EtherCatYoubot::open(nrt, std::move(port.value()), c);
+  if (!youbot) refuse(scene.bus_interface + ": " + youbot.error());
+  youbot.value()->keep_alive(nrt);
+  return std::move(youbot.value());
+}
+
+}  // namespace
+
 // The camera rides on the robot's true pose.
 class RobotBox::BasePose final : public drivers::PoseSource {
  public:
@@ -74,7 +96,12 @@ drivers::MotorBus& RobotBox::open_motors(rt::NonRealtime& nrt, const Scene& scen
     can_ = std::make_unique<CanMotors>(nrt, scene, *bus_, options.real_devices);
     return can_->bus();
   }
-  if (scene.bus_kind != "ethercat-twin") return *bus_;
+  if (scene.bus_kind == "ethercat" && options.real_devices) {
+    youbot_ = open_youbot(nrt, scene);
+    return *youbot_;
+  }
+  // Where no device is opened the virtual chain stands in for the robot's.
+  if (scene.bus_kind == "direct") return *bus_;
   drivers::youbot_bus::MotorBusConfig motors;
   motors.gear_ratio = scene.graph.robot_io.base.gear_ratio;
   wire_ = std::make_unique<drivers::youbot_bus::EtherCatTwinBus>(
@@ -95,6 +122,13 @@ drivers::SafetyIo* RobotBox::open_safety(rt::NonRealtime& nrt, const Scene& scen
   }
   safety_ = std::make_unique<drivers::gpio::SafetyChain>(nrt, scene.gpio, *lines_);
   return options.wrap_safety ? options.wrap_safety(*safety_) : safety_.get();
+}
+
+void RobotBox::make_safe() noexcept {
+  bus_->make_safe();
+  if (wire_) wire_->make_safe();
+  if (youbot_) youbot_->make_safe();
+  if (can_) can_->bus().make_safe();
 }
 
 std::int64_t RobotBox::motor_twin_cpu_ns() const noexcept {
@@ -179,6 +213,7 @@ Effects RobotBox::effects() const {
   if (mount_off_) out.emplace_back("camera: true_mount", "camera.true_mount");
   if (world_->moves()) out.emplace_back("world: things that move", "world.mover");
   for (const auto& name : arm_effects_) out.emplace_back("robot: " + name, "robot.arm");
+  if (youbot_) out.emplace_back("motors: youBot " + youbot_->description(), "robot.bus.interface");
   for (const auto& name : bus_->plant().effects())
     out.emplace_back("robot: " + name, "robot.plant");
   return out;

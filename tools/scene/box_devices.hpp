@@ -18,6 +18,7 @@
 #include "drivers/omega/omega_twin.hpp"
 #include "drivers/world/world.hpp"
 #include "drivers/youbot/virtual_youbot.hpp"
+#include "drivers/youbot_bus/ethercat_youbot.hpp"
 #include "drivers/youbot_bus/twin/ethercat_twin_bus.hpp"
 #include "rt/fault/plan.hpp"
 #include "tasks/graph/operator_graph.hpp"
@@ -54,6 +55,8 @@ class RobotBox {
   [[nodiscard]] tasks::RobotGraph& graph() noexcept { return *graph_; }
   [[nodiscard]] drivers::LinkEndpoint& endpoint() noexcept { return endpoint_; }
   [[nodiscard]] drivers::VirtualYoubot& bus() noexcept { return *bus_; }
+  // Motor stop on whatever bus there is, from any thread.
+  void make_safe() noexcept;
   [[nodiscard]] const drivers::World& world() const noexcept { return *world_; }
   [[nodiscard]] Effects effects() const;
   [[nodiscard]] std::int64_t camera_twin_cpu_ns() const noexcept;
@@ -67,11 +70,12 @@ class RobotBox {
   drivers::SafetyIo* open_safety(rt::NonRealtime&, const Scene&, const BoxOptions&);
   std::unique_ptr<drivers::World> world_;
   std::unique_ptr<drivers::VirtualYoubot> bus_;
-  // Before it, where the scene asks for one.
+  // Before it, or in its place, as the scene asks.
   std::unique_ptr<drivers::youbot_bus::EtherCatTwinBus> wire_;
   std::unique_ptr<CanMotors> can_;
   std::unique_ptr<drivers::gpio::GpioLines> lines_;
   std::unique_ptr<drivers::gpio::SafetyChain> safety_;
+  std::unique_ptr<drivers::youbot_bus::EtherCatYoubot> youbot_;
   std::unique_ptr<drivers::PoseSource> pose_;
   std::unique_ptr<drivers::Camera> camera_;
   drivers::SyntheticCamera* synthetic_ = nullptr;

@@ -105,9 +105,17 @@ void Scene::describe(config::Section& s) {
   plant.describe(robot_section.section("plant", "wheels, motors, floor"));
   auto& motor_bus = robot_section.section("bus", "motor bus");
   bus.describe(motor_bus);
-  motor_bus.text("kind", bus_kind, {"direct", "ethercat-twin", "can-twin", "can"},
-                 "what carries setpoints to the motors: nothing, EtherCAT frames or CAN frames of "
-                 "virtual ones, or a CAN bus (virtual where no device is opened)");
+  motor_bus
+      .text("kind", bus_kind, {"direct", "ethercat-twin", "ethercat", "can-twin", "can"},
+            "what carries setpoints: to the virtual motors nothing, EtherCAT frames or CAN frames; "
+            "to a youBot's, frames on a network card; or a CAN bus (virtual where no device is "
+            "opened)")
+      .text("interface", bus_interface, {}, "kind ethercat: the network card, as eth1")
+      .text("chain", bus_chain, {"any", "base", "base+arm", "base+2arms"},
+            "kind ethercat: what must be on the bus")
+      .text("arm_rest", arm_rest, {"hold", "free"},
+            "kind ethercat: with the wheels off, the arm holds its position, or is without torque "
+            "and sinks");
   can.describe(motor_bus.section("can", "TMCL modules on a CAN bus"));
   auto& lines = robot_section.section("gpio", "emergency stop, enable switch, heartbeat, lamp");
   gpio.describe(lines);

@@ -26,5 +26,7 @@ int cmd_replay(int argc, char** argv);
 int cmd_keys(int argc, char** argv);
 int cmd_can(int argc, char** argv);
 int cmd_ethercat(int argc, char** argv);
+int cmd_youbot(int argc, char** argv);
+int cmd_twin(int argc, char** argv);
 
 }  // namespace teletact

@@ -50,6 +50,9 @@ constexpr std::array kCommands{
             "TMCL modules on a CAN bus: who is there, what passes, parameters"},
     Command{"ethercat", teletact::cmd_ethercat,
             "the robot's EtherCAT bus: who is there, states, registers, parameters"},
+    Command{"youbot", teletact::cmd_youbot, "a youBot's drives at the bench: check, set-up, jog"},
+    Command{"twin", teletact::cmd_twin,
+            "a device's twin as a program: twin youbot, behind a network card"},
     Command{"doctor", teletact::cmd_doctor,
             "is this machine fit for real-time use, and what to do"},
 };

@@ -15,6 +15,7 @@ constexpr int kHalted = 4, kPwmMode = 8, kVelocityMode = 9, kPositionMode = 10, 
 
 // Wraps at 32 bits, as the counter of the real board does.
 std::int32_t wrapped(double ticks) noexcept {
+  if (!std::isfinite(ticks)) return 0;
   return static_cast<std::int32_t>(
       static_cast<std::uint32_t>(static_cast<std::int64_t>(std::floor(ticks))));
 }

@@ -45,6 +45,17 @@ void IdealMotor::step() noexcept {
     motion_.current_mA = change / kStep_s / config_.rpm_per_s_per_mA;
   motion_.velocity_rpm += change;
   motion_.position_ticks += motion_.velocity_rpm * config_.ticks_per_turn / 60 * kStep_s;
+  stop_at_ends();
+}
+
+void IdealMotor::stop_at_ends() noexcept {
+  const bool high = motion_.position_ticks >= config_.high_stop_ticks && motion_.velocity_rpm > 0;
+  const bool low = motion_.position_ticks <= config_.low_stop_ticks && motion_.velocity_rpm < 0;
+  if (!high && !low) return;
+  motion_.position_ticks = high ? config_.high_stop_ticks : config_.low_stop_ticks;
+  motion_.velocity_rpm = 0;
+  if (command_.mode != ControllerMode::kCurrent)
+    motion_.current_mA = high ? config_.stall_current_mA : -config_.stall_current_mA;
 }
 
 void IdealMotor::advance(rt::Time to) noexcept {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 #include "drivers/youbot_bus/process_data.hpp"
 #include "rt/time.hpp"
@@ -33,18 +34,26 @@ struct IdealMotorConfig {
   double velocity_limit_rpm = 4000;
   double rpm_per_s_per_mA = 10;  // current mode: acceleration of a free motor
   double rpm_per_duty = 2;       // PWM mode: speed of a free motor
+  double start_ticks = 0;
+  // Effect: ends of the travel. A motor that pushes against one stands and takes its most current.
+  double low_stop_ticks = -std::numeric_limits<double>::infinity();
+  double high_stop_ticks = std::numeric_limits<double>::infinity();
+  double stall_current_mA = 3000;
 };
 
 // A motor without load: its velocity goes to what the mode asks for at a constant rate. Lazy, in
 // sub-steps of 100 us on a grid from time 0, so its motion does not depend on who asks.
 class IdealMotor final : public DriveMotor {
  public:
-  explicit IdealMotor(const IdealMotorConfig& c = {}) noexcept : config_(c) {}
+  explicit IdealMotor(const IdealMotorConfig& c = {}) noexcept : config_(c) {
+    motion_.position_ticks = c.start_ticks;
+  }
   void command(const MotorCommand&, rt::Time at) noexcept override;
   [[nodiscard]] MotorMotion motion(rt::Time at) noexcept override;
 
  private:
   void step() noexcept;
+  void stop_at_ends() noexcept;
   void advance(rt::Time to) noexcept;
   IdealMotorConfig config_;
   MotorCommand command_;

@@ -1,5 +1,6 @@
 #include "drivers/youbot_bus/twin/youbot_chain.hpp"
 
+#include <array>
 #include <string>
 
 #include "drivers/ethercat/twin/sii_builder.hpp"
@@ -42,6 +43,21 @@ DriveBoardConfig board_config(const BoardPlace& b, const YoubotChainConfig& c) {
   return out;
 }
 
+// Travel of each joint in ticks of its motor (arm 1: 4000 * 156 * 338 / 360), from its stop, where
+// homing ends, downwards.
+constexpr std::array<double, 5> kTravel_ticks{585867, 268667, 330000, 161733, 264278};
+
+std::unique_ptr<DriveMotor> own_motor(const BoardPlace& b, const YoubotChainConfig& c) {
+  IdealMotorConfig m;
+  if (c.end_stops && b.kind == BoardKind::kJoint) {
+    // A homing stop that is not where the encoder happened to begin.
+    m.high_stop_ticks = 1234.0 * b.number;
+    m.low_stop_ticks = m.high_stop_ticks - kTravel_ticks[static_cast<std::size_t>(b.number - 1)];
+    m.start_ticks = m.high_stop_ticks - 0.1 * b.number * kTravel_ticks[0] / 5;
+  }
+  return std::make_unique<IdealMotor>(m);
+}
+
 void add_drive_content(ethercat::SiiBuilder& sii, const YoubotChainConfig& c) {
   const auto size = c.mailbox_bytes;
   const auto in_start = static_cast<std::uint16_t>(c.mailbox_start + size);
@@ -82,7 +98,7 @@ YoubotChain::YoubotChain(rt::NonRealtime& nrt, const YoubotChainConfig& c, const
     std::unique_ptr<ethercat::EscApplication> application;
     DriveBoard* drive = nullptr;
     if (b.is_drive()) {
-      auto m = motor ? motor(b) : std::make_unique<IdealMotor>();
+      auto m = motor ? motor(b) : own_motor(b, c);
       auto made = std::make_unique<DriveBoard>(nrt, board_config(b, c), std::move(m));
       drive = made.get();
       application = std::move(made);

@@ -26,6 +26,8 @@ struct YoubotChainConfig {
   bool data_watchdog = true;  // control of the outputs' sync manager 0x64, else 0x24
   bool forbids_lrw = false;   // a flag of the general category
   bool initialised = false;   // commutation known at power-up
+  // Effect: the joints' own motors have ends of travel, and stand within it at power-up.
+  bool end_stops = false;
   ethercat::EscConfig esc;
 };
 

@@ -320,7 +320,8 @@ TEST(Json, EveryCommandWritesIt) {
   // Boxes run until they are stopped, and these answer in forms of their own: tests/fault/two_boxes,
   // tests/unit/{tool_keys,tool_audit,tool_run}, the tests of `teletact ethercat`
   // and, for `can`, tests/unit/tool_can.
-  for (const char* other : {"can", "ethercat", "keys", "operator", "report", "robot", "status"})
+  for (const char* other :
+       {"can", "ethercat", "keys", "operator", "report", "robot", "status", "twin", "youbot"})
     EXPECT_TRUE(covered.insert(other).second) << other;
   EXPECT_EQ(covered, commands()) << "each command has a case here";
 }

@@ -1,0 +1,230 @@
+#include "drivers/youbot_bus/youbot_setup.hpp"
+
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "drivers/tmcl/youbot_parameters.hpp"
+#include "drivers/youbot/motor_flags.hpp"
+
+namespace drivers::youbot_bus {
+
+namespace {
+
+namespace axis = tmcl::axis;
+
+constexpr double kWheelGear = 9405.0 / 364.0, kTicksPerTurn = 4000;
+constexpr int kStandRpm = 5, kStandCycles = 10;  // at the stop
+constexpr int kFindCycles = 5000;                // of the commutation
+constexpr int kHomeCycles = 75000;               // the longest travel, 338 degrees, and a third
+constexpr int kSettleCycles = 100;
+constexpr int kRampCycles = 200;  // of a start, whose current is no stop's
+
+// Source: youbot_driver, config/youbot-manipulator.cfg, by joint.
+constexpr std::array<JointFacts, 5> kJoints{{{156, -580000, -1000, 2000, -1},
+                                             {156, -260000, -1000, 500, -1},
+                                             {100, -320000, -1000, 1000, 1},
+                                             {71, -155000, -1000, 500, -1},
+                                             {71, -255000, -5000, 500, -1}}};
+
+bool has(const DriveInputs& in, std::uint32_t flag) noexcept { return (in.flags & flag) != 0; }
+
+tmcl::Request calibrated(tmcl::Command c, std::int32_t value) {
+  return {0, static_cast<std::uint8_t>(c), tmcl::global::kCalibrated, tmcl::global::kUserBank,
+          value};
+}
+
+void hold(DriveSession& s, std::size_t i) {
+  s.set(i, {s.inputs(i).position_ticks, ControllerMode::kPosition});
+}
+
+// Wheels off, joints where they are.
+void rest(DriveSession& s) {
+  s.stop_all();
+  for (const std::size_t i : s.drives())
+    if (s.boards()[i].kind == BoardKind::kJoint && has(s.inputs(i), motor_flag::kInitialised))
+      hold(s, i);
+}
+
+rt::Error stopped(DriveSession& s, const std::string& why) {
+  const std::string bus = s.failed();
+  rest(s);
+  (void)s.cycle();
+  return rt::Error{bus.empty() ? why : bus};
+}
+
+rt::Result<DriveReport> look(DriveSession& s, std::size_t i) {
+  DriveReport r;
+  r.position = i;
+  r.name = s.name(i);
+  const auto firmware = s.firmware(i);
+  if (!firmware) return rt::Error{firmware.error()};
+  r.firmware = firmware.value();
+  const auto volts = s.get(i, axis::kSupplyVoltage);
+  const auto adc = s.get(i, axis::kTemperature);
+  const auto found = s.get(i, axis::kInitialised);
+  for (const auto* x : {&volts, &adc, &found})
+    if (!*x) return rt::Error{x->error()};
+  r.supply_V = 0.01 * volts.value();
+  r.temperature_C = tmcl::driver_temperature_C(adc.value());
+  const DriveInputs in = s.inputs(i);
+  r.flags = in.flags;
+  r.position_ticks = in.position_ticks;
+  r.current_mA = in.current_mA;
+  r.commutated = found.value() == 1;
+  if (s.boards()[i].kind == BoardKind::kJoint) {
+    const auto homed = s.ask(i, calibrated(tmcl::Command::kGetGlobal, 0));
+    if (!homed) return rt::Error{homed.error()};
+    r.homed = homed.value() == 1;
+    if (!r.homed) r.wrong = "not homed: teletact youbot setup";
+  }
+  if (!r.commutated) r.wrong = "no commutation: teletact youbot setup";
+  if (has(in, motor_flag::kI2tExceeded)) r.wrong = "I2t limit exceeded: let it cool down";
+  return r;
+}
+
+}  // namespace
+
+const JointFacts& joint_facts(int number) noexcept {
+  return kJoints[static_cast<std::size_t>(number - 1)];
+}
+
+double gear_of(const BoardPlace& b) noexcept {
+  return b.kind == BoardKind::kJoint ? joint_facts(b.number).gear : kWheelGear;
+}
+
+rt::Result<std::vector<DriveReport>> check(DriveSession& s) {
+  std::vector<DriveReport> out;
+  for (const std::size_t i : s.drives()) {
+    auto r = look(s, i);
+    if (!r) return rt::Error{r.error()};
+    out.push_back(std::move(r.value()));
+  }
+  return out;
+}
+
+rt::Result<bool> clear_timeouts(DriveSession& s) {
+  for (const std::size_t i : s.drives())
+    if (const auto done = s.put(i, axis::kClearTimeout, 1); !done) return done;
+  return true;
+}
+
+rt::Result<bool> commutate(DriveSession& s, const Progress& say) {
+  if (const auto done = clear_timeouts(s); !done) return done;
+  std::vector<std::size_t> without;
+  for (const std::size_t i : s.drives()) {
+    const auto found = s.get(i, axis::kInitialised);
+    if (!found) return rt::Error{found.error()};
+    if (found.value() == 1) continue;
+    const auto firmware = s.firmware(i);
+    if (!firmware) return rt::Error{firmware.error()};
+    const bool slow = firmware.value().version >= 200;
+    s.set(i, slow ? DriveOutputs{100, ControllerMode::kVelocity}
+                  : DriveOutputs{0, ControllerMode::kInitialise});
+    without.push_back(i);
+  }
+  const bool all = without.empty() || s.cycle_until(kFindCycles, [&] {
+    std::size_t found = 0;
+    for (const std::size_t i : without) {
+      if (!has(s.inputs(i), motor_flag::kInitialised)) continue;
+      s.set(i, {});  // it turns no further than it has to
+      ++found;
+    }
+    return found == without.size();
+  });
+  rest(s);
+  if (!all) {
+    for (const std::size_t i : without)
+      if (!has(s.inputs(i), motor_flag::kInitialised))
+        return stopped(s, s.name(i) + ": commutation not found within 5 s");
+    return stopped(s, "commutation not found");
+  }
+  for (int i = 0; i < 10; ++i) (void)s.cycle();
+  say(std::to_string(without.size()) + " of " + std::to_string(s.drives().size()) +
+      " drives have found their commutation, the others knew it");
+  return true;
+}
+
+rt::Result<bool> home_arm(DriveSession& s, int arm, const Progress& say) {
+  const auto joints = s.joints(arm);
+  if (joints.empty()) return rt::Error{"there is no arm " + std::to_string(arm)};
+  std::array<int, 5> stands{};
+  std::array<bool, 5> there{};
+  for (std::size_t j = 0; j < joints.size(); ++j)
+    s.set(joints[j], {static_cast<std::int32_t>(kJoints[j].gear), ControllerMode::kVelocity});
+  int cycles = 0;
+  const bool all = s.cycle_until(kHomeCycles, [&] {
+    ++cycles;
+    std::size_t n = 0;
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      const DriveInputs in = s.inputs(joints[j]);
+      const bool pushes = std::abs(in.current_mA) > kJoints[j].homing_mA &&
+                          std::abs(in.velocity_rpm) < kStandRpm && cycles > kRampCycles;
+      stands[j] = pushes ? stands[j] + 1 : 0;
+      if (!there[j] && stands[j] >= kStandCycles) {
+        there[j] = true;
+        s.set(joints[j], {0, ControllerMode::kCurrent});
+        say(s.name(joints[j]) + " has its stop");
+      }
+      n += there[j] ? 1 : 0;
+    }
+    return n == joints.size();
+  });
+  if (!all) {
+    std::string missing;
+    for (std::size_t j = 0; j < joints.size(); ++j)
+      if (!there[j]) missing += (missing.empty() ? "" : ", ") + s.name(joints[j]);
+    return stopped(s, "homing: no stop found by " + missing);
+  }
+  for (int i = 0; i < kSettleCycles; ++i)
+    if (!s.cycle()) return stopped(s, "");
+  for (const std::size_t i : joints) {
+    if (const auto done = s.put(i, axis::kActualPosition, 0); !done) return done;
+    if (const auto done = s.ask(i, calibrated(tmcl::Command::kSetGlobal, 1)); !done)
+      return rt::Error{done.error()};
+  }
+  if (!s.cycle()) return stopped(s, "");
+  for (const std::size_t i : joints) hold(s, i);
+  return s.cycle() ? rt::Result<bool>(true) : rt::Result<bool>(stopped(s, ""));
+}
+
+rt::Result<bool> jog(DriveSession& s, std::size_t i, double rad_per_s, double seconds) {
+  const BoardPlace& b = s.boards()[i];
+  const int sign = b.kind == BoardKind::kJoint ? joint_facts(b.number).sign : 1;
+  const double rpm = sign * rad_per_s * 60 / (2 * std::numbers::pi) * gear_of(b);
+  const auto setpoint = static_cast<std::int32_t>(std::lround(rpm));
+  if (b.kind == BoardKind::kJoint) {
+    const auto homed = s.ask(i, calibrated(tmcl::Command::kGetGlobal, 0));
+    if (!homed) return rt::Error{homed.error()};
+    if (homed.value() != 1)
+      return rt::Error{b.name() +
+                       " is not homed: its limits are not known (teletact youbot setup)"};
+  }
+  bool at_limit = false;
+  rest(s);
+  s.set(i, {setpoint, ControllerMode::kVelocity});
+  // By time: cycles may come late.
+  const auto cycles = static_cast<int>(seconds * 1000);
+  const rt::Time end = s.now() + rt::Nanos{static_cast<std::int64_t>(seconds * 1e9)};
+  const bool ended = s.cycle_until(cycles, [&] {
+    if (s.now() >= end) return true;
+    if (b.kind != BoardKind::kJoint) return false;
+    // It is stopped where the brake, 2000 rpm/s (parameter 11), still ends within the limit.
+    const JointFacts& f = joint_facts(b.number);
+    const double brake = rpm * rpm / (2 * 2000.0) / 60 * kTicksPerTurn;
+    const double at = s.inputs(i).position_ticks;
+    at_limit = setpoint > 0 ? at + brake >= f.high_ticks : at - brake <= f.low_ticks;
+    return at_limit;
+  });
+  if (!ended && !s.failed().empty()) return stopped(s, "");
+  // A joint brakes by its speed loop, then holds: without torque it would sink.
+  s.set(i,
+        b.kind == BoardKind::kJoint ? DriveOutputs{0, ControllerMode::kVelocity} : DriveOutputs{});
+  for (int k = 0; k < kSettleCycles; ++k) (void)s.cycle();
+  rest(s);
+  if (!s.cycle()) return stopped(s, "");
+  if (at_limit) return rt::Error{b.name() + " has reached its limit"};
+  return true;
+}
+
+}  // namespace drivers::youbot_bus

@@ -1,0 +1,61 @@
+// What a youBot needs before it is driven, and what a person does with it at the bench.
+//
+//   check      reads: firmware, flags, voltage, temperature, commutation, homing. Moves nothing.
+//   commutate  flags cleared, then every drive that does not know its commutation finds it: mode 7,
+//              on firmware 2.00 a slow velocity until flag 15 shows. Wheels and joints may move a
+//              little.
+//   home_arm   all joints at once toward their stops at 6 degrees a second, in the raw direction
+//              that counts up, until a joint stands and its current is beyond its limit for 10 ms;
+//              then its torque is taken away for 100 ms and its encoder set to 0 there. Its angles
+//              are below zero afterwards, and it is held.
+//   jog        one drive at a speed (of wheel or joint, in its own direction) for a time; joints
+//              only once they are homed, and within their limits.
+// Source: youbot_driver, YouBotManipulator.cpp (order, speeds, currents) and its config files; the
+// standstill beside the current is ours: the current of a start is not a stop.
+// Joints that are not moved hold where they are as soon as their commutation is known, also after
+// a failure: the arm has no brakes. Wheels are off.
+// Nothing here asks a person: the caller does, before commutate(), home_arm() and jog().
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "drivers/youbot_bus/drive_session.hpp"
+
+namespace drivers::youbot_bus {
+
+struct DriveReport {
+  std::size_t position = 0;  // on the bus
+  std::string name;
+  tmcl::Firmware firmware;
+  std::uint32_t flags = 0;
+  double supply_V = 0, temperature_C = 0;
+  std::int32_t position_ticks = 0, current_mA = 0;
+  bool commutated = false;
+  bool homed = false;  // joints alone
+  std::string wrong;   // what has to be done before it is driven; empty: nothing
+};
+
+[[nodiscard]] rt::Result<std::vector<DriveReport>> check(DriveSession&);
+
+// "joint 3 has its stop"
+using Progress = std::function<void(const std::string&)>;
+[[nodiscard]] rt::Result<bool> clear_timeouts(DriveSession&);
+[[nodiscard]] rt::Result<bool> commutate(DriveSession&, const Progress&);
+[[nodiscard]] rt::Result<bool> home_arm(DriveSession&, int arm, const Progress&);
+[[nodiscard]] rt::Result<bool> jog(DriveSession&, std::size_t position, double rad_per_s,
+                                   double seconds);
+
+// Turns of the motor for one of the joint (1 to 5), and its limits in raw ticks once it is homed.
+struct JointFacts {
+  double gear = 156;
+  std::int32_t low_ticks = 0, high_ticks = 0;
+  std::int32_t homing_mA = 500;
+  int sign = -1;  // of a positive angle on the wire
+};
+[[nodiscard]] const JointFacts& joint_facts(int number) noexcept;
+// Motor turns for one of the wheel or joint.
+[[nodiscard]] double gear_of(const BoardPlace&) noexcept;
+
+}  // namespace drivers::youbot_bus

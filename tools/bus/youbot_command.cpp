@@ -1,0 +1,171 @@
+#include "tools/bus/youbot_command.hpp"
+
+#include <array>
+#include <atomic>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+
+#include "drivers/youbot_bus/ethercat_youbot.hpp"
+#include "drivers/youbot_bus/youbot_setup.hpp"
+#include "tools/files/whole_file.hpp"
+
+namespace teletact {
+
+namespace yb = drivers::youbot_bus;
+
+namespace {
+
+constexpr const char* kWord = "move";
+
+// The chain in OP, its timeout flags cleared. Nothing has moved.
+struct Robot {
+  explicit Robot(const YoubotOptions& o) : bus(choice(o)) {
+    const auto kind = yb::bring_up(bus.token(), bus.master(), "any");
+    if (!kind) throw CouldNotDo(kind.error());
+    session.emplace(bus.token(), bus.master(), bus.port(), kind.value());
+    std::printf("youBot %s: %zu slaves\n", yb::to_text(kind.value()), session->boards().size());
+    require(yb::clear_timeouts(*session));
+  }
+  static EtherCatChoice choice(const YoubotOptions& o) {
+    EtherCatChoice c = o.bus;
+    c.end_stops = true;
+    return c;
+  }
+  template <class T>
+  static T require(rt::Result<T> r) {
+    if (!r) throw CouldNotDo(r.error());
+    return std::move(r.value());
+  }
+  EtherCatSession bus;
+  std::optional<yb::DriveSession> session;
+};
+
+// Frames go on while a person thinks, all outputs motor stop: else the slaves' watchdogs expire.
+bool confirmed(yb::DriveSession& s, std::istream& person, const std::string& what) {
+  std::printf("%s\nKeep clear of it, an arm supported by hand, the emergency stop within reach.\n",
+              what.c_str());
+  std::printf("Type '%s' to go on, anything else to stop: ", kWord);
+  std::fflush(stdout);
+  std::atomic<bool> answered{false};
+  std::thread frames([&] {
+    while (!answered.load() && s.cycle()) {
+    }
+  });
+  std::string word;
+  std::getline(person, word);
+  answered.store(true);
+  frames.join();
+  if (word == kWord) return true;
+  std::printf("\nnot confirmed: nothing has moved\n");
+  return false;
+}
+
+yb::Progress printed() {
+  return [](const std::string& line) { std::printf("  %s\n", line.c_str()); };
+}
+
+int print(const YoubotOptions& o, const std::vector<yb::DriveReport>& reports) {
+  nlohmann::ordered_json all = nlohmann::ordered_json::array();
+  bool good = true;
+  std::printf("%-6s %-18s %-10s %-6s %-6s %-10s %s\n", "slave", "drive", "firmware", "V", "C",
+              "ticks", "state");
+  for (const yb::DriveReport& r : reports) {
+    const int version = r.firmware.version;
+    std::printf("%-6zu %-18s %d %d.%02d %6.1f %6.1f %10d  %s\n", r.position + 1, r.name.c_str(),
+                r.firmware.controller, version / 100, version % 100, r.supply_V, r.temperature_C,
+                r.position_ticks, r.wrong.empty() ? "ready" : r.wrong.c_str());
+    all.push_back({{"slave", r.position + 1},
+                   {"drive", r.name},
+                   {"controller", r.firmware.controller},
+                   {"firmware", version},
+                   {"flags", r.flags},
+                   {"supply_V", r.supply_V},
+                   {"temperature_C", r.temperature_C},
+                   {"position_ticks", r.position_ticks},
+                   {"current_mA", r.current_mA},
+                   {"commutated", r.commutated},
+                   {"homed", r.homed},
+                   {"wrong", r.wrong}});
+    good = good && r.wrong.empty();
+  }
+  if (!o.json.empty()) {
+    const nlohmann::ordered_json whole{{"command", "youbot"}, {"drives", all}, {"ready", good}};
+    write_whole_file(o.json, whole.dump(2) + "\n");
+  }
+  return good ? 0 : 1;
+}
+
+void say_that_it_is_let_go(const yb::DriveSession& s) {
+  if (!s.joints(1).empty())
+    std::printf(
+        "The arm has no brakes: its drives hold it as long as frames come, then by what their\n"
+        "firmware does. Support it.\n");
+}
+
+}  // namespace
+
+int run_youbot_check(const YoubotOptions& o) {
+  Robot robot(o);
+  const int code = print(o, Robot::require(yb::check(*robot.session)));
+  robot.bus.finish();
+  return code;
+}
+
+int run_youbot_setup(const YoubotOptions& o, std::istream& person) {
+  Robot robot(o);
+  yb::DriveSession& s = *robot.session;
+  const auto before = Robot::require(yb::check(s));
+  std::string what = "Will move:";
+  std::array<bool, 3> homes{};
+  int lacking = 0;
+  for (const yb::DriveReport& r : before) {
+    lacking += r.commutated ? 0 : 1;
+    const yb::BoardPlace& b = s.boards()[r.position];
+    if (b.kind == yb::BoardKind::kJoint && !r.homed) homes[static_cast<std::size_t>(b.arm)] = true;
+  }
+  if (lacking > 0)
+    what += "\n  " + std::to_string(lacking) + " drives, a little, to find their commutation";
+  for (const int arm : {1, 2})
+    if (homes[static_cast<std::size_t>(arm)])
+      what += "\n  arm " + std::to_string(arm) +
+              ", every joint to its stop at 6 degrees a second, up to a minute";
+  if (lacking > 0 || homes[1] || homes[2]) {
+    if (!confirmed(s, person, what)) return 1;
+    if (!s.failed().empty()) throw CouldNotDo(s.failed());
+    (void)Robot::require(yb::commutate(s, printed()));
+    for (const int arm : {1, 2})
+      if (homes[static_cast<std::size_t>(arm)])
+        (void)Robot::require(yb::home_arm(s, arm, printed()));
+  } else {
+    std::printf("every drive is ready: nothing to move\n");
+  }
+  const int code = print(o, Robot::require(yb::check(s)));
+  say_that_it_is_let_go(s);
+  robot.bus.finish();
+  return code;
+}
+
+int run_youbot_jog(const YoubotOptions& o, std::istream& person) {
+  Robot robot(o);
+  yb::DriveSession& s = *robot.session;
+  const std::size_t i = robot.bus.slave(o.slave);
+  if (!s.boards()[i].is_drive())
+    throw std::runtime_error("--slave " + std::to_string(o.slave) + ": the " + s.name(i) +
+                             " has no motor");
+  char text[160];
+  std::snprintf(text, sizeof text, "Will move: %s, at %.3g rad/s for %.3g s%s", s.name(i).c_str(),
+                o.speed_rad_per_s, o.seconds,
+                "; drives without commutation find it first, all of them, a little");
+  if (!confirmed(s, person, text)) return 1;
+  (void)Robot::require(yb::commutate(s, printed()));
+  const auto before = s.inputs(i).position_ticks;
+  (void)Robot::require(yb::jog(s, i, o.speed_rad_per_s, o.seconds));
+  std::printf("%s: from %d to %d ticks\n", s.name(i).c_str(), before, s.inputs(i).position_ticks);
+  say_that_it_is_let_go(s);
+  robot.bus.finish();
+  return 0;
+}
+
+}  // namespace teletact

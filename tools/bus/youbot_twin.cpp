@@ -1,0 +1,60 @@
+// The virtual youBot behind a network card.
+#include <array>
+#include <csignal>
+#include <cstdio>
+
+#include "drivers/ethercat/frame.hpp"
+#include "drivers/ethercat/raw_port.hpp"
+#include "drivers/youbot_bus/twin/youbot_chain.hpp"
+#include "tools/bus/youbot_command.hpp"
+
+namespace teletact {
+
+namespace ec = drivers::ethercat;
+namespace yb = drivers::youbot_bus;
+
+namespace {
+
+volatile std::sig_atomic_t stop_twin = 0;
+void on_stop_twin(int) { stop_twin = 1; }
+
+}  // namespace
+
+int run_youbot_twin(const TwinOptions& o) {
+  rt::Startup startup;
+  const auto kind = yb::chain_kind_of(o.chain);
+  if (!kind)
+    throw std::runtime_error("--chain " + o.chain + ": not one of base, base+arm, base+2arms, arm");
+  auto port = ec::RawPort::open(startup.token(), o.iface);
+  if (!port) throw std::runtime_error(port.error());
+  yb::YoubotChainConfig c;
+  c.kind = *kind;
+  c.generation = o.generation == "old" ? yb::Generation::kOld : yb::Generation::kNew;
+  c.end_stops = true;
+  c.initialised = o.ready;
+  yb::YoubotChain chain(startup.token(), c);
+  std::signal(SIGINT, on_stop_twin);
+  std::signal(SIGTERM, on_stop_twin);
+  std::printf("virtual youBot %s on %s: %zu slaves\n", yb::to_text(*kind), o.iface.c_str(),
+              chain.boards().size());
+  std::fflush(stdout);
+
+  ec::RawPort& wire = *port.value();
+  const rt::Time begin = wire.now();
+  const auto most = std::chrono::duration_cast<rt::Nanos>(std::chrono::duration<double>(o.seconds));
+  std::array<std::uint8_t, 1600> bytes{};
+  std::uint64_t frames = 0, refused = 0;
+  while (stop_twin == 0 && (o.seconds <= 0 || wire.now() - begin < most)) {
+    const std::size_t n = wire.receive(bytes, wire.now() + std::chrono::milliseconds{100});
+    if (n == 0 || n > ec::kMaxFrame) continue;
+    const auto frame = std::span(bytes).first(n);
+    chain.wire().pass(frame, wire.now());
+    ++frames;
+    refused += wire.send(frame) ? 0 : 1;
+  }
+  std::printf("%llu frames, %llu not sent back\n", static_cast<unsigned long long>(frames),
+              static_cast<unsigned long long>(refused));
+  return 0;
+}
+
+}  // namespace teletact
