@@ -114,7 +114,8 @@ void ClickSegmenter::answer_otherwise(const Click& first) noexcept {
   }
 }
 
-// From a pixel to the nearest one of the other kind in the plain answer, px; the image's rim is none.
+// From a pixel to the nearest one of the other kind in the plain answer, px; the image's rim is
+// none.
 float ClickSegmenter::depth_in_plain_px(const Click& k) const noexcept {
   const ImageView<const std::uint8_t> plain = answer(kPlain);
   const bool in = plain.at(k.u, k.v) != 0;
@@ -128,7 +129,8 @@ float ClickSegmenter::depth_in_plain_px(const Click& k) const noexcept {
   return std::sqrt(static_cast<float>(best));
 }
 
-// Between clicks that are deep on the wrong side and those that are right. Shallow ones move the outline only.
+// Between clicks that are deep on the wrong side and those that are right. Shallow ones move the
+// outline only.
 void ClickSegmenter::answer_parted(const Click& first) noexcept {
   seeds_.clear();
   bool deep = false;
