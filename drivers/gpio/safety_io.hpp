@@ -5,7 +5,7 @@
 //                    supply: each is a stop
 //   enable switch    held by a person near the robot (dead-man). Open is "let go"
 //   heartbeat        a square wave that an external watchdog relay needs to see, or it cuts the
-//                    motors' power. It is made by the job that drives the motors, so it ends with it
+//                    motors' power. It is made by the job that drives the motors: it ends with it
 //   status lamp      on: the wheels may turn; slow: stands, can be engaged; fast: stopped, see why
 #pragma once
 

@@ -15,7 +15,7 @@ bool same_pixel(const Click& a, const Click& b) noexcept { return a.u == b.u && 
 
 // Answer k of 1 .. kParted - 1: whom it believes.
 void change(std::size_t k, ObjectGraphConfig& graph, OutlineConfig& outline) noexcept {
-  // chosen on: mosd_learn, tabletop; judged on: ycb_video
+  // chosen on: mosd_learn, tabletop, ycb_video; judged on: drawn clutter
   switch (k) {
     case 1:  // depth, down to the support
       graph.support_m = 0.004F;
