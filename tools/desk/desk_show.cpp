@@ -20,10 +20,6 @@ Pose2 ahead(const Pose2& X, double vx, double vy, double wz, double s) {
   return perception::compose(X, {vx * s, vy * s, wz * s});
 }
 
-std::array<float, 3> narrow(const perception::Vec3& v) {
-  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z())};
-}
-
 }  // namespace
 
 DeskShow::DeskShow(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
