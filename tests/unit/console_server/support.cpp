@@ -54,7 +54,9 @@ Wire::Wire(int port, SSL_CTX* tls, int receive_bytes) {
   if (!good_ || tls == nullptr) return;
   ssl_ = SSL_new(tls);
   SSL_set_fd(ssl_, fd_);
-  SSL_set_tlsext_host_name(ssl_, "localhost");
+  // SSL_set_tlsext_host_name() is this, with a cast that C++ warns of.
+  std::string name = "localhost";
+  SSL_ctrl(ssl_, SSL_CTRL_SET_TLSEXT_HOSTNAME, TLSEXT_NAMETYPE_host_name, name.data());
   good_ = SSL_connect(ssl_) == 1;
 }
 Wire::~Wire() {
