@@ -34,10 +34,12 @@ install_packages() {
 
 # build PRESET [TARGET]: all of it, or one target
 build() {
-  local preset=$1 target=${2:-all}
+  local preset=$1
+  shift
+  [ $# -gt 0 ] || set -- all
   (cd "$root" && cmake --preset "$preset" >"$root/build/.configure-$preset.log" 2>&1) || {
     cat "$root/build/.configure-$preset.log" >&2
     return 1
   }
-  cmake --build "$root/build/$preset" -j "$(nproc)" --target "$target"
+  cmake --build "$root/build/$preset" -j "$(nproc)" --target "$@"
 }

@@ -28,8 +28,9 @@ std::string page_folder(const std::string& given) {
     return given;
   }
   const fs::path program = program_folder();
-  const std::array<fs::path, 3> places{program / "../share/teletact/console", program / "console",
-                                       program / "../../tools/console/page/dist"};
+  // Beside the program in a build tree; installed, in the prefix.
+  const std::array<fs::path, 2> places{program / "share/teletact/console",
+                                       program / "../share/teletact/console"};
   for (const auto& p : places)
     if (fs::exists(p / "index.html")) return fs::canonical(p).string();
   throw std::runtime_error(
