@@ -136,7 +136,7 @@ fs::path page_folder() {
 
 TEST(DeskPage, APersonAtABrowserDrivesTheRobotToAPlace) {
   using namespace std::chrono_literals;
-  constexpr double kX = 1.85, kY = -0.38;
+  constexpr double kX = 1.43, kY = 0.70;
   const fs::path folder = page_folder();
   std::promise<std::string> told;
   teletact::PageOptions o;
@@ -146,7 +146,7 @@ TEST(DeskPage, APersonAtABrowserDrivesTheRobotToAPlace) {
   teletact::PageDesk desk(std::move(o));
   auto scene = teletact::load_scene(teletact::find_config("scenes", "default_room"),
                                     {"fusion.mesh_blocks=100"});
-  scene->hand.start_after_s = 1e6;
+  scene->hand.start_after_s = 3600;
   teletact::DemoOptions options;
   options.seconds = 300;
   options.virtual_clock = options.quiet = options.paced = true;
