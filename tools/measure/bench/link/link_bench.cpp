@@ -45,9 +45,10 @@ const Words& stall_keys() {
 
 // The road is real: no shape, no emulator.
 Words scene_keys(const std::string& depth, const Words& more = {}) {
-  Words keys{"link.shape.delay_ms=0", "link.shape.jitter_ms=0", "link.shape.rate_Mbit_per_s=0",
-             "link.depth_codec=" + depth,
-             std::string("link.colour_codec=") + (drivers::h264_built_in() ? "h264" : "jpeg")};
+  Words keys{
+      "link.shape.delay_ms=0", "link.shape.jitter_ms=0", "link.shape.rate_Mbit_per_s=0",
+      "link.depth_codec=\"" + depth + "\"",
+      std::string("link.colour_codec=") + (drivers::h264_built_in() ? "\"h264\"" : "\"jpeg\"")};
   keys.insert(keys.end(), more.begin(), more.end());
   return keys;
 }
@@ -64,7 +65,8 @@ std::vector<RigRun> runs_of(const LinkBenchOptions& o) {
   std::vector<RigRun> all{
       at_rest("rest", whole, road_keys()),
       {"strict", "rounds", scene_keys("moving"), road_keys(), whole},
-      {"lenient", "rounds", scene_keys("moving", {"link.depth_noise=lenient"}), road_keys(), whole},
+      {"lenient", "rounds", scene_keys("moving", {"link.depth_noise=\"lenient\""}), road_keys(),
+       whole},
       {"saturated", "default_room", scene_keys("lossless", {kNobodyEngages}), road_keys(), part},
       at_rest("stall", part, stall_keys()),
       at_rest("rate", 45,

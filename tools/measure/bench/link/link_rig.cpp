@@ -193,9 +193,11 @@ Words box_words(const std::string& program, const char* box, const RigRun& what,
   return words;
 }
 
-std::string beside(const std::string& name, const std::string& installed) {
+std::string beside(const std::string& folder, const std::string& name,
+                   const std::string& installed) {
   std::error_code failed;
-  const auto own = fs::read_symlink("/proc/self/exe", failed).parent_path();
+  const fs::path own =
+      folder.empty() ? fs::read_symlink("/proc/self/exe", failed).parent_path() : fs::path(folder);
   for (const auto& path : {own / name, (own / installed / name).lexically_normal()}) {
     if (::access(path.c_str(), X_OK) == 0) return path.string();
   }
@@ -213,11 +215,11 @@ std::string link_rig_refusal() {
   return {};
 }
 
-LinkRig::LinkRig()
+LinkRig::LinkRig(const std::string& programs)
     : left_("tlink-l" + std::to_string(::getpid())),
       right_("tlink-r" + std::to_string(::getpid())),
-      program_(beside("teletact", "../../bin")),
-      road_program_(beside("teletact-road", ".")) {
+      program_(beside(programs, "teletact", "../../bin")),
+      road_program_(beside(programs, "teletact-road", ".")) {
   std::string name = (fs::temp_directory_path() / "teletact_link_XXXXXX").string();
   if (::mkdtemp(name.data()) == nullptr) throw std::runtime_error(name + ": can not be made");
   folder_ = name;

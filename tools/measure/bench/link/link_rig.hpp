@@ -39,7 +39,9 @@ struct RigResult {
 
 class LinkRig {
  public:
-  LinkRig();  // throws std::runtime_error with one line
+  // `programs`: folder of `teletact` and `teletact-road`; empty: this program's own. Throws
+  // std::runtime_error with one line.
+  explicit LinkRig(const std::string& programs = {});
   ~LinkRig();
   LinkRig(const LinkRig&) = delete;
   LinkRig& operator=(const LinkRig&) = delete;
