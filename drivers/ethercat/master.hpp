@@ -5,7 +5,8 @@
 //             wrong and with which slave.
 //   cycle     exchange(): outputs out and inputs in by one frame. Or read_inputs() at the beginning
 //             of a job and write_outputs() at its end: two frames. noexcept, allocates nothing,
-//             waits at most `reply_timeout` for a frame.
+//             waits at most `reply_timeout` for a frame; half of it for a write whose read was lost,
+//             so that a job of 1 ms with two lost frames ends before the next.
 //   frame     LRW of the whole image (LRD and LWR where a slave forbids it), then in the same frame
 //             BRD of AL status (how many slaves there are, and is one not in OP), FPRD of one
 //             slave's AL status in turn (which one, and why) or a step of a recovery, and a step of

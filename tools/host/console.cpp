@@ -99,6 +99,7 @@ void OperatorConsole::drain(rt::Time now) {
     fusion_heard_ = f.stamp;
     seen_.fusion.push_back(f);
   }
+  judge(cells.read<tasks::EdgeId::kFrame, tasks::kConsole>(), EdgeId::kFrame, now);
   const auto v = cells.read<tasks::EdgeId::kView, tasks::kConsole>();
   judge(v, EdgeId::kView, now);
   if (v && v->seq != seen_.view->seq) {

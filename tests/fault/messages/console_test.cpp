@@ -26,9 +26,9 @@ const std::vector<std::string> kWithMeshAndObjects{"fusion.mesh_blocks=100",
 
 // The console names what it shows that is silent, or old.
 TEST(MessageFaults, TheConsoleNamesWhatIsBeyondItsLimits) {
-  const std::vector<std::string_view> named{"view", "cost_map",    "camera_pose",
-                                            "hand", "path",        "task",
-                                            "mode", "robot_state", "odometry_frame"};
+  const std::vector<std::string_view> named{"frame",       "view",          "cost_map", "hand",
+                                            "camera_pose", "path",          "task",     "mode",
+                                            "robot_state", "odometry_frame"};
   // These, two of the next test and the robot's mode are the console's rows.
   auto rows_here = named;
   rows_here.insert(rows_here.end(), {"mesh", "objects", "robot_mode"});
@@ -46,10 +46,10 @@ TEST(MessageFaults, TheConsoleNamesWhatIsBeyondItsLimits) {
       const auto row =
           std::find_if(rows.begin(), rows.end(), [&](auto& e) { return e.name == edge; });
       const bool robot = edge == "robot_state";
-      const int hz = edge == "hand"            ? 1000
-                     : edge == "mode" || robot ? 100
-                     : edge == "camera_pose"   ? 30
-                                               : 10;
+      const int hz = edge == "hand"                             ? 1000
+                     : edge == "mode" || robot                  ? 100
+                     : edge == "camera_pose" || edge == "frame" ? 30
+                                                                : 10;
       ASSERT_NE(row, rows.end());
       lines.push_back({kind, std::string(edge), edge == "view" ? 10 : static_cast<int>(5.3 * hz), 1,
                        0, std::string_view(kind) == "stale" ? 1.1e7 : 0.0});

@@ -98,6 +98,29 @@ TEST(YoubotBus, ReadAndWriteInTwoFrames) {
   EXPECT_EQ(out.counter, 9);
 }
 
+// Both frames of a job are lost: it ends before the next one's release, and is one lost cycle.
+TEST(YoubotBus, TwoLostFramesEndWithinTheirMillisecond) {
+  BusRig rig;
+  rig.bring_up();
+  const auto cycles = rig.master.counters();
+  const auto frames = rig.master.frames();
+  rig.port.faults().lose_out = 2;
+  const auto begun = rig.port.now();
+  EXPECT_EQ(rig.master.read_inputs().status, ec::CycleStatus::kLost);
+  EXPECT_EQ(rig.master.write_outputs().status, ec::CycleStatus::kLost);
+  const auto took = rig.port.now() - begun;
+  EXPECT_GE(took, 500us);
+  EXPECT_LE(took, 750us + 10us);
+  EXPECT_EQ(rig.master.counters().lost - cycles.lost, 1U);
+  EXPECT_EQ(rig.master.frames().lost - frames.lost, 2U);
+  // A write alone lost has the whole time.
+  EXPECT_EQ(rig.master.read_inputs().status, ec::CycleStatus::kOk);
+  rig.port.faults().lose_out = 1;
+  const auto again = rig.port.now();
+  EXPECT_EQ(rig.master.write_outputs().status, ec::CycleStatus::kLost);
+  EXPECT_GE(rig.port.now() - again, 500us);
+}
+
 TEST(YoubotBus, AWrongChainIsNamedSlaveBySlave) {
   yb::YoubotChainConfig c;
   c.kind = yb::ChainKind::kArm;

@@ -80,8 +80,9 @@ class WheelJob final : public rt::TaskBody {
   [[nodiscard]] std::uint64_t lost_while_judged() const noexcept { return before_end_ - before_; }
   void make_safe() noexcept override { bus_.make_safe(); }
   [[nodiscard]] const Seen& seen() const noexcept { return seen_; }
+  // Frames, of which a job sends two.
   [[nodiscard]] std::uint64_t lost() const noexcept {
-    return master_.counters().lost + master_.counters().link_down;
+    return master_.frames().lost + master_.frames().refused;
   }
 
  private:
