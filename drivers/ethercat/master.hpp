@@ -5,7 +5,7 @@
 //             wrong and with which slave.
 //   cycle     exchange(): outputs out and inputs in by one frame. Or read_inputs() at the beginning
 //             of a job and write_outputs() at its end: two frames. noexcept, allocates nothing,
-//             waits at most `reply_timeout` for a frame; half of it for a write whose read was lost,
+//             waits at most `reply_timeout` for a frame; half of it for a write after a lost read,
 //             so that a job of 1 ms with two lost frames ends before the next.
 //   frame     LRW of the whole image (LRD and LWR where a slave forbids it), then in the same frame
 //             BRD of AL status (how many slaves there are, and is one not in OP), FPRD of one

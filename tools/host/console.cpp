@@ -94,8 +94,7 @@ void OperatorConsole::drain(rt::Time now) {
     force_act_.see(static_cast<drivers::DeviceState>(h.device_state), h.clutched);
     seen_.haptic.push_back(h);
   }
-  tasks::FusionSample f;
-  while (cells.fusion_samples.try_pop(f)) {
+  for (tasks::FusionSample f; cells.fusion_samples.try_pop(f);) {
     fusion_heard_ = f.stamp;
     seen_.fusion.push_back(f);
   }
