@@ -7,8 +7,8 @@ groups: a file goes into the first group that has neither one of its own names n
 declaration of the same name for something else, and that is not too long. A file that says
 `using namespace x;` does not come together with one whose own names some header declares in x.
 
-usage: tools/unity_groups.py TREE...    prints "FILE GROUP" for each .cpp below TREE that does not stay
-                                        alone; a group's number counts within its folder
+usage: tools/unity_groups.py TREE...    prints "FILE GROUP" for each .cpp below TREE that does not
+                                        stay alone; a group's number counts within its folder
        tools/unity_groups.py --self-test
 """
 import collections
