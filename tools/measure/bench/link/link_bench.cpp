@@ -53,7 +53,7 @@ Words scene_keys(const std::string& depth, const Words& more = {}) {
   return keys;
 }
 
-const std::string kNobodyEngages = "operator.engage_after_s=100000";
+const std::string kNobodyEngages = "operator.engage_after_s=3600";
 // Once it was followed: an engagement that is lost stays lost, and the mark is not reached.
 const std::string kEngagedOnce = "operator.re_engage_after_s=0";
 
