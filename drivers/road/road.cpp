@@ -11,6 +11,8 @@ namespace drivers {
 namespace {
 
 constexpr std::int64_t kLastWords = 500'000'000;
+// BBR's own period is 10 s.
+constexpr std::int64_t kAnew = 5'000'000'000;
 // A session that ends sooner does not make the next attempt quick again.
 constexpr std::int64_t kSteadySession = 2'000'000'000;
 
@@ -107,6 +109,13 @@ void Road::Impl::look_at_pace(std::int64_t now_ns) {
   next_pace_ns_ = now_ns + RoadPace::kPeriod.count();
   const RoadSocketState s = state_of(bulk->fd());
   pace.look(s.round_trip, s.least_round_trip, in_flight_of(bulk->fd()));
+  if (now_ns < next_anew_ns_) return;
+  next_anew_ns_ = now_ns + kAnew;
+  for (const Shared* c : {&control, &bulk}) {
+    const RoadSocketState now = state_of((*c)->fd());
+    if (now.round_trip - now.least_round_trip < RoadPace::kTooLong)
+      begin_congestion_anew((*c)->fd());
+  }
 }
 
 void Road::Impl::session_up() {
@@ -115,6 +124,7 @@ void Road::Impl::session_up() {
   dialling_ = false;
   up_ns_ = heard_ns_ = now;
   next_pace_ns_ = now + RoadPace::kPeriod.count();
+  next_anew_ns_ = now + kAnew;
   pace = RoadPace(options.rate_Mbit_per_s);
   set_up_road_socket(bulk->fd(), true, pace.pacing_rate());
   ++counts.sessions;

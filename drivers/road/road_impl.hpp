@@ -93,6 +93,7 @@ class Road::Impl final : public RoadConnectionOwner {
   rt::Nanos backoff_;
   std::int64_t next_dial_ns_ = 0, dial_until_ns_ = 0;
   std::int64_t up_ns_ = 0, heard_ns_ = 0, next_list_ns_ = 0, next_pace_ns_ = 0;
+  std::int64_t next_anew_ns_ = 0;
 };
 
 }  // namespace drivers

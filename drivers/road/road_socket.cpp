@@ -15,6 +15,8 @@ namespace {
 
 constexpr int kUnsentControl = 4096, kUnsentBulk = 16384;
 constexpr unsigned kUserTimeout_ms = 20000;
+constexpr char kBbr[] = "bbr";
+constexpr int kOpen = 0;  // TCP_CA_Open: nothing is lost, and nothing out of order
 
 template <class T>
 void set_option(int fd, int level, int name, const T& value) noexcept {
@@ -27,11 +29,23 @@ void set_up_road_socket(int fd, bool bulk, std::size_t pacing_rate) noexcept {
   set_option(fd, IPPROTO_TCP, TCP_NODELAY, 1);
   set_option(fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, bulk ? kUnsentBulk : kUnsentControl);
   set_option(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, kUserTimeout_ms);
-  static constexpr char kBbr[] = "bbr";
   (void)::setsockopt(fd, IPPROTO_TCP, TCP_CONGESTION, kBbr, sizeof kBbr - 1);
+  // Few packets are under way: after a loss of many, try again at an even pace.
+  if (!bulk) set_option(fd, IPPROTO_TCP, TCP_THIN_LINEAR_TIMEOUTS, 1);
   if (bulk && pacing_rate > 0) {
     set_option(fd, SOL_SOCKET, SO_MAX_PACING_RATE, static_cast<unsigned>(pacing_rate));
   }
+}
+
+void begin_congestion_anew(int fd) noexcept {
+  tcp_info info{};
+  socklen_t size = sizeof info;
+  if (::getsockopt(fd, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) return;
+  if (info.tcpi_ca_state != kOpen || congestion_of(fd) != kBbr) return;
+  // The same name again would be left as it is.
+  static constexpr char kOther[] = "reno";
+  if (::setsockopt(fd, IPPROTO_TCP, TCP_CONGESTION, kOther, sizeof kOther - 1) == 0)
+    (void)::setsockopt(fd, IPPROTO_TCP, TCP_CONGESTION, kBbr, sizeof kBbr - 1);
 }
 
 std::string congestion_of(int fd) {

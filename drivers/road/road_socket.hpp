@@ -14,6 +14,11 @@ namespace drivers {
 // smaller than rate x round trip it would throttle a long road. What the kernel refuses is left
 // out.
 void set_up_road_socket(int fd, bool bulk, std::size_t pacing_rate) noexcept;
+// BBR asks for a round trip as short as its shortest once in 10 s, and where jitter gives it none,
+// it sends next to nothing for a third of a second: states and pictures stop. Begun anew before
+// that, it never does; that the queue stays short is our own pace's work (pace.hpp). For a socket
+// whose round trip is short now. Nothing happens while packets are lost, or without BBR.
+void begin_congestion_anew(int fd) noexcept;
 // Read back; "?": the kernel does not say.
 [[nodiscard]] std::string congestion_of(int fd);
 

@@ -205,7 +205,9 @@ rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) n
   }
   const bool in_episode = mode_ != Mode::kInit && mode_ != Mode::kHold;
   if (in_episode) episode_ = rt::worst(episode_, c.worst);
-  if (mode_ == Mode::kEngaged && in.peer_mode == Mode::kEngaged) peer_followed_ = true;
+  // What a silence has held up tells of the time before it: no answer to this engage.
+  if (mode_ == Mode::kEngaged && in.peer_mode == Mode::kEngaged && in.peer_mode_at > entered_)
+    peer_followed_ = true;
 
   out.now = c.worst;
   out.episode = episode_;

@@ -68,6 +68,7 @@ struct Story {
       }
       if (peer_follows) {
         in.peer_mode = out.mode.mode == Mode::kEngaged ? Mode::kEngaged : Mode::kHold;
+        in.peer_mode_at = tick.start;
       }
     }
     return *this;
@@ -346,6 +347,32 @@ TEST(SupervisionResume, APauseEngagesNobody) {
   s.in.requests.engage = Engage::kYes;
   s.run(1000ms);
   EXPECT_EQ(s.mode(), Mode::kHold) << "no release was seen right before";
+}
+
+// The first states behind a stall were made before the robot noticed it: they still say "engaged".
+TEST(SupervisionResume, StatesThatASilenceHeldUpAreNoAnswer) {  // F-SUP-04
+  Story s;
+  s.engaged();
+  const rt::Time before = s.tick.start;
+  s.peer_follows = false;
+  s.link_up = false;
+  s.run(300ms);
+  s.link_up = true;
+  s.in.peer_mode = Mode::kEngaged;
+  s.in.peer_mode_at = before;
+  s.run(100ms);
+  ASSERT_EQ(s.mode(), Mode::kEngaged);
+  s.in.peer_mode = Mode::kRampDown;
+  s.in.peer_mode_at = s.tick.start - 90ms;
+  s.run(100ms);
+  EXPECT_EQ(s.mode(), Mode::kEngaged) << "it has its grace";
+  s.in.peer_mode = Mode::kEngaged;
+  s.in.peer_mode_at = s.tick.start;
+  s.run(50ms);
+  s.in.peer_mode = Mode::kHold;
+  s.run(20ms);
+  EXPECT_EQ(s.mode(), Mode::kRampDown) << "it had followed, and left";
+  EXPECT_EQ(s.out.mode.cause, tasks::kFaultPeerNotEngaged);
 }
 
 // A robot that does not go on is noticed as one that does not follow.
