@@ -9,7 +9,7 @@ namespace {
 // A road's round trip is thought to be at most half a second; without a rate, 100 Mbit/s.
 constexpr double kLongestRoad_s = 0.5, kUnknownRate_Mbit_per_s = 100;
 constexpr std::size_t kRoom = 32768;
-constexpr int kLooksToFirst = 4, kLooksToNext = 8, kLooksBack = 60;
+constexpr int kLooksToFirst = 4, kLooksToNext = 8, kLooksBack = 60, kLooksToKnow = 20;
 
 std::size_t bytes_of(double rate_Mbit_per_s, double span_s) noexcept {
   return static_cast<std::size_t>(rate_Mbit_per_s * 125e3 * span_s);
@@ -25,7 +25,14 @@ RoadPace::RoadPace(double rate_Mbit_per_s) noexcept
 
 void RoadPace::look(rt::Nanos round_trip, rt::Nanos least_round_trip,
                     std::size_t in_flight) noexcept {
-  const rt::Nanos above = round_trip - least_round_trip;
+  rt::Nanos least = least_round_trip;
+  if (looks_ < kLooksToKnow) {
+    ++looks_;
+  } else {
+    least_smoothed_ = std::min(least_smoothed_, round_trip);
+    least = std::clamp(least_smoothed_, least_round_trip, least_round_trip + kJitter);
+  }
+  const rt::Nanos above = round_trip - least;
   if (above >= kTooLong) {
     // From what is there: an allowance that nobody uses would take many cuts before it is felt.
     const std::size_t used = std::min(allowance_, std::max(in_flight, kLeast));

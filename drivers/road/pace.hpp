@@ -6,6 +6,10 @@
 // is allowed was used: 6 % more. Where it stays above, a quality step fewer is wished for, after
 // 200 ms and then after each 400 ms; 3 s without it take one step back.
 //
+// Jitter of a road lifts the smoothed round trip above the kernel's least one without any queue. So
+// the least smoothed one counts as the least, once a second of looks has shown it, and by no more
+// than kJitter above the kernel's.
+//
 // Pure: what the kernel says is an argument.
 #pragma once
 
@@ -20,6 +24,7 @@ class RoadPace {
   static constexpr rt::Nanos kPeriod = std::chrono::milliseconds{50};
   static constexpr rt::Nanos kTooLong = std::chrono::milliseconds{40};
   static constexpr rt::Nanos kShort = std::chrono::milliseconds{25};
+  static constexpr rt::Nanos kJitter = std::chrono::milliseconds{20};
   static constexpr int kMostWish = 5;
   static constexpr std::size_t kLeast = 16384;
   // Of the rate that was set, what images may take: the rest is for the other connection, and for
@@ -39,7 +44,8 @@ class RoadPace {
 
  private:
   std::size_t most_, allowance_, pacing_rate_;
-  int wish_ = 0, long_looks_ = 0, calm_looks_ = 0;
+  int wish_ = 0, long_looks_ = 0, calm_looks_ = 0, looks_ = 0;
+  rt::Nanos least_smoothed_ = rt::Nanos::max();
 };
 
 }  // namespace drivers

@@ -156,6 +156,7 @@ TEST(RoadPace, AFallOfTheRateIsAnsweredWithinTwoSecondsAndUndone) {
 TEST(RoadPace, WishesRiseStepByStepAndNoFurtherThanFive) {
   RoadPace p(10);
   std::vector<int> wishes;
+  for (int i = 0; i < 40; ++i) p.look(kBase, kBase, 100'000);
   for (int i = 0; i < 60; ++i) {
     p.look(kBase + ms(60), kBase, 100'000);
     wishes.push_back(p.wish());
@@ -171,6 +172,25 @@ TEST(RoadPace, WishesRiseStepByStepAndNoFurtherThanFive) {
   for (int i = 0; i < 500; ++i) p.look(kBase + ms(30), kBase, before);
   EXPECT_EQ(p.wish(), RoadPace::kMostWish);
   EXPECT_EQ(p.allowance(), before);
+}
+
+// 20 ms of jitter each way: 15 to 33 ms above the kernel's least, and no queue.
+TEST(RoadPace, JitterIsNoQueue) {
+  constexpr std::uint64_t kSeed = 7104;
+  std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
+  rt::Random r(kSeed);
+  RoadPace p(10);
+  for (int i = 0; i < 40; ++i) p.look(kBase + ms(r.uniform(15, 33)), kBase, 200'000);
+  const std::size_t before = p.allowance();
+  for (int i = 0; i < 5; ++i) p.look(kBase + ms(90), kBase, 200'000);
+  ASSERT_EQ(p.wish(), 1) << "a queue of 60 ms and more is one";
+  for (int i = 0; i < 150; ++i) p.look(kBase + ms(r.uniform(15, 33)), kBase, 200'000);
+  EXPECT_EQ(p.wish(), 0) << "and the step comes back";
+  EXPECT_GE(p.allowance(), before / 2);
+  // A queue that was there from the beginning is seen all the same.
+  RoadPace full(10);
+  for (int i = 0; i < 60; ++i) full.look(kBase + ms(90), kBase, 200'000);
+  EXPECT_GT(full.wish(), 1);
 }
 
 TEST(RoadPace, OneLateLookIsNoReasonToWish) {
