@@ -34,6 +34,25 @@ struct MotorStates {
 
 enum class BusStatus : std::uint8_t { kOk, kFrameLost, kDown };
 
+// What is wrong with the bus, as far as that can tell which carries it.
+enum class BusTrouble : std::uint8_t {
+  kNone,            // nothing, or it can not tell
+  kFrameLost,       // no frame came back
+  kWorkingCounter,  // a frame came back that not every slave took
+  kLinkDown,        // no frame can be sent
+  kSlavesMissing,   // from `slave` on nobody answers
+  kSlaveState,      // `slave` is not in OP
+  kNotReady,        // a wheel does not know its commutation
+  kRearming         // status kOk: latches are being cleared, the wheels take no setpoint yet
+};
+struct BusDetail {
+  BusTrouble trouble = BusTrouble::kNone;
+  std::int16_t slave = 0;      // counted from 1; 0: not known, or of none
+  std::uint16_t al_state = 0;  // kSlaveState: registers 0x0130 and 0x0134 of that slave
+  std::uint16_t al_code = 0;
+  friend bool operator==(const BusDetail&, const BusDetail&) = default;
+};
+
 class MotorBus {
  public:
   virtual ~MotorBus() = default;
@@ -42,8 +61,11 @@ class MotorBus {
   // The second half, not before the first: the setpoints are with the motors when it returns kOk.
   // kFrameLost: they may be or not, and the motors go on with what they have.
   [[nodiscard]] virtual BusStatus act(rt::Time now, const MotorSetpoints& setpoints) noexcept = 0;
-  // The operator's clear: resets the motors' latched traffic timeout (SAP 158) and make_safe().
-  // Owner's thread.
+  // Of the half of a cycle that was made last.
+  [[nodiscard]] virtual BusDetail detail() const noexcept { return {}; }
+  // The operator's clear: resets the motors' latched traffic timeout (SAP 158), make_safe(), and
+  // what else they have latched. Called again while that goes on, it changes nothing. Owner's
+  // thread.
   virtual void rearm() noexcept {}
   // Motor stop, at once, from any thread, even while the owner hangs in a cycle.
   virtual void make_safe() noexcept = 0;

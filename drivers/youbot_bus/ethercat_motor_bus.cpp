@@ -15,6 +15,34 @@ namespace {
 // Above any motor's speed; a setpoint beyond it is no setpoint.
 constexpr double kMost_rpm = 200000;
 
+BusDetail trouble_of(const ethercat::BusHealth& h) noexcept {
+  using ethercat::BusFault;
+  BusDetail d;
+  d.slave = static_cast<std::int16_t>(h.slave + 1);
+  switch (h.fault) {
+    case BusFault::kNone:
+      break;
+    case BusFault::kLinkDown:
+      d.trouble = BusTrouble::kLinkDown;
+      break;
+    case BusFault::kFramesLost:
+      d.trouble = BusTrouble::kFrameLost;
+      break;
+    case BusFault::kSlavesMissing:
+      d.trouble = BusTrouble::kSlavesMissing;
+      break;
+    case BusFault::kSlaveState:
+      d.trouble = BusTrouble::kSlaveState;
+      d.al_state = h.al.state;
+      d.al_code = h.al.code;
+      break;
+    case BusFault::kWorkingCounter:
+      d.trouble = BusTrouble::kWorkingCounter;
+      break;
+  }
+  return d;
+}
+
 }  // namespace
 
 EtherCatMotorBus::EtherCatMotorBus(rt::NonRealtime&, ethercat::Master& master,
@@ -28,11 +56,20 @@ std::size_t EtherCatMotorBus::slave_of(std::size_t drive) const noexcept {
   return drive < kWheels ? config_.slave[drive] : config_.joints[drive - kWheels];
 }
 
+// Pressed for long, a clear comes every job: what is under way is not begun anew.
 void EtherCatMotorBus::rearm() noexcept {
   safe_.store(false, std::memory_order_release);
-  to_clear_ = (1U << static_cast<unsigned>(drives())) - 1;
-  clearing_ = -1;
-  if (master_.stopped() || master_.health().fault != ethercat::BusFault::kNone) master_.recover();
+  if (to_clear_ == 0) {
+    clearing_ = -1;
+    to_clear_ = (1U << static_cast<unsigned>(drives())) - 1;
+    for (std::size_t d = 0; d < drives(); ++d) {
+      DriveInputs in;
+      if (decode(master_.inputs(slave_of(d)), in) && (in.flags & motor_flag::kI2tExceeded) != 0)
+        to_clear_ |= 1U << static_cast<unsigned>(drives() + d);
+    }
+  }
+  const bool bad = master_.stopped() || master_.health().fault != ethercat::BusFault::kNone;
+  if (bad && !master_.recovering()) master_.recover();
 }
 
 BusStatus EtherCatMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
@@ -44,7 +81,18 @@ BusStatus EtherCatMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
   recovering_ = master_.recovering();
   fresh_ = status == BusStatus::kOk;
   if (!fresh_) return status;
-  return take_states(now, states) && ready_ ? BusStatus::kOk : BusStatus::kDown;
+  if (take_states(now, states) && ready_) {
+    if (rearming()) detail_.trouble = BusTrouble::kRearming;
+    return BusStatus::kOk;
+  }
+  detail_.trouble = BusTrouble::kNotReady;
+  for (std::size_t w = kWheels; w-- > 0;) {
+    DriveInputs in;
+    if (decode(master_.inputs(config_.slave[w]), in) && (in.flags & motor_flag::kInitialised) != 0)
+      continue;
+    detail_.slave = static_cast<std::int16_t>(config_.slave[w] + 1);
+  }
+  return BusStatus::kDown;
 }
 
 BusStatus EtherCatMotorBus::act(rt::Time, const MotorSetpoints& setpoints) noexcept {
@@ -99,21 +147,30 @@ void EtherCatMotorBus::clear_flags() noexcept {
       to_clear_ &= ~(1U << static_cast<unsigned>(clearing_));
   }
   clearing_ = -1;
-  for (int d = 0; d < static_cast<int>(drives()) && clearing_ < 0; ++d)
+  for (int d = 0; d < 2 * static_cast<int>(drives()) && clearing_ < 0; ++d)
     if ((to_clear_ >> static_cast<unsigned>(d) & 1U) != 0) clearing_ = d;
   if (clearing_ < 0) return;
-  const tmcl::Request clear{0, static_cast<std::uint8_t>(tmcl::Command::kSetAxisParameter),
-                            tmcl::axis::kClearTimeout, 0, 1};
-  (void)master_.post(slave_of(static_cast<std::size_t>(clearing_)), tmcl::encode(clear));
+  const auto bit = static_cast<std::size_t>(clearing_);
+  const bool timeout = bit < drives();
+  tmcl::Request clear{0, static_cast<std::uint8_t>(tmcl::Command::kSetAxisParameter),
+                      tmcl::axis::kClearTimeout, 0, 1};
+  if (!timeout) {
+    clear.type = tmcl::axis::kClearI2t;
+    clear.value = 0;
+  }
+  (void)master_.post(slave_of(timeout ? bit : bit - drives()), tmcl::encode(clear));
 }
 
-BusStatus EtherCatMotorBus::status_of(const ethercat::CycleResult& r) const noexcept {
+BusStatus EtherCatMotorBus::status_of(const ethercat::CycleResult& r) noexcept {
   using ethercat::BusFault;
-  const BusFault fault = master_.health().fault;
-  if (master_.stopped() || fault == BusFault::kLinkDown || fault == BusFault::kSlavesMissing ||
-      fault == BusFault::kSlaveState)
+  const ethercat::BusHealth h = master_.health();
+  detail_ = trouble_of(h);
+  if (master_.stopped() || h.fault == BusFault::kLinkDown || h.fault == BusFault::kSlavesMissing ||
+      h.fault == BusFault::kSlaveState)
     return BusStatus::kDown;
-  return r.status == ethercat::CycleStatus::kOk ? BusStatus::kOk : BusStatus::kFrameLost;
+  if (r.status != ethercat::CycleStatus::kOk) return BusStatus::kFrameLost;
+  detail_ = {};
+  return BusStatus::kOk;
 }
 
 bool EtherCatMotorBus::take_states(rt::Time now, MotorStates& states) noexcept {

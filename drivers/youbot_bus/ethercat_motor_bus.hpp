@@ -4,9 +4,11 @@
 //   act        the outputs' frame (LWR): setpoints to rpm. Of both, kFrameLost: no frame, or its
 //              working counter is not the expected one; `states` keeps what it had. kDown: link,
 //              slaves or states are gone, or the master has stopped.
-//   rearm      the operator's act: the master brings slaves back to OP, then each wheel's timeout
-//              flag is cleared (axis parameter 158), one step a cycle. Until all of it is done the
-//              wheels stand and take no setpoint; motion begins with the first setpoint after that.
+//   detail     which slave, and why, by the master's account (Master::health).
+//   rearm      the operator's act: the master brings slaves back to OP, then each drive's timeout
+//              flag is cleared (axis parameter 158), and of drives with flag 17 I2t (29; a winding
+//              that is still hot keeps it), one step a cycle. Until all of it is done the wheels
+//              stand and take no setpoint; motion begins with the first setpoint after that.
 //   arm        each joint holds the position that it had when its drive became able to, as the arm
 //              has no brakes; it is told so in every cycle, also while the wheels are off. A joint
 //              whose drive is not able (flags) is told to stop, and takes a new position when it
@@ -47,6 +49,7 @@ class EtherCatMotorBus final : public MotorBus {
 
   [[nodiscard]] BusStatus sense(rt::Time now, MotorStates& states) noexcept override;
   [[nodiscard]] BusStatus act(rt::Time now, const MotorSetpoints& setpoints) noexcept override;
+  [[nodiscard]] BusDetail detail() const noexcept override { return detail_; }
   void rearm() noexcept override;
   void make_safe() noexcept override { safe_.store(true, std::memory_order_release); }
 
@@ -59,14 +62,16 @@ class EtherCatMotorBus final : public MotorBus {
   [[nodiscard]] std::size_t drives() const noexcept { return kWheels + config_.joints.size(); }
   [[nodiscard]] std::size_t slave_of(std::size_t drive) const noexcept;
   void clear_flags() noexcept;
-  [[nodiscard]] BusStatus status_of(const ethercat::CycleResult&) const noexcept;
+  [[nodiscard]] BusStatus status_of(const ethercat::CycleResult&) noexcept;
   [[nodiscard]] bool take_states(rt::Time now, MotorStates&) noexcept;
 
   ethercat::Master& master_;
   MotorBusConfig config_;
   std::atomic<bool> safe_{false};
-  unsigned to_clear_ = 0;  // drives whose timeout flag is to be cleared, a bit each: wheels first
-  int clearing_ = -1;      // the drive whose request is under way
+  // What is to be cleared, a bit each: timeout flags of the drives, wheels first, then their I2t.
+  unsigned to_clear_ = 0;
+  int clearing_ = -1;      // the bit whose request is under way
+  BusDetail detail_;
   bool fresh_ = false;     // the inputs are of this job
   bool ready_ = false;     // the wheels have their commutation
   std::array<bool, 10> held_{};

@@ -41,6 +41,7 @@ class EtherCatYoubot final : public MotorBus {
 
   [[nodiscard]] BusStatus sense(rt::Time now, MotorStates& states) noexcept override;
   [[nodiscard]] BusStatus act(rt::Time now, const MotorSetpoints& setpoints) noexcept override;
+  [[nodiscard]] BusDetail detail() const noexcept override { return bus_->detail(); }
   void rearm() noexcept override;
   void make_safe() noexcept override { bus_->make_safe(); }
 

@@ -103,6 +103,7 @@ BusStatus EtherCatTwinBus::sense(rt::Time now, MotorStates& states) noexcept {
   set_clock(now);
   const BusStatus robot = wheels_->sense(now);
   const BusStatus frame = bus_->sense(now, states);
+  robot_ok_ = robot == BusStatus::kOk;
   return robot != BusStatus::kOk ? robot : frame;
 }
 
@@ -110,8 +111,20 @@ BusStatus EtherCatTwinBus::sense(rt::Time now, MotorStates& states) noexcept {
 BusStatus EtherCatTwinBus::act(rt::Time now, const MotorSetpoints& setpoints) noexcept {
   set_clock(now);
   const BusStatus frame = bus_->act(now, setpoints);
+  if (frame != BusStatus::kOk) let_boards_run();
   const BusStatus robot = wheels_->act(now);
+  robot_ok_ = robot == BusStatus::kOk;
   return robot != BusStatus::kOk ? robot : frame;
+}
+
+// A board does what is due when it is asked for something, and behind a cut nobody asks.
+void EtherCatTwinBus::let_boards_run() noexcept {
+  for (std::size_t i = 0; i < chain_->boards().size(); ++i)
+    if (DriveBoard* board = chain_->drive(i); board != nullptr) (void)board->flags(port_->now());
+}
+
+BusDetail EtherCatTwinBus::detail() const noexcept {
+  return robot_ok_ ? bus_->detail() : BusDetail{};
 }
 
 void EtherCatTwinBus::rearm() noexcept {

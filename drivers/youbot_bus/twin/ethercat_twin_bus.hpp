@@ -3,7 +3,8 @@
 // slaves and their controllers, and comes out at the other side as setpoints in rpm; its states
 // come back as encoder ticks. A job reads by one frame and writes by another.
 // Time is that of the calls; the chain's own clock begins with the first of them, however long
-// after construction it comes.
+// after construction it comes. Boards that no frame reaches go on by the calls' time: their own
+// watchdogs (100 ms) stop the wheels.
 #pragma once
 
 #include <memory>
@@ -24,6 +25,8 @@ class EtherCatTwinBus final : public MotorBus {
 
   [[nodiscard]] BusStatus sense(rt::Time now, MotorStates& states) noexcept override;
   [[nodiscard]] BusStatus act(rt::Time now, const MotorSetpoints& setpoints) noexcept override;
+  // Nothing of the robot's own faults.
+  [[nodiscard]] BusDetail detail() const noexcept override;
   void rearm() noexcept override;
   void make_safe() noexcept override;
 
@@ -36,6 +39,7 @@ class EtherCatTwinBus final : public MotorBus {
 
  private:
   void set_clock(rt::Time now) noexcept;
+  void let_boards_run() noexcept;
   class Wheels;
   class Wheel;
   std::unique_ptr<Wheels> wheels_;
@@ -44,6 +48,7 @@ class EtherCatTwinBus final : public MotorBus {
   std::unique_ptr<ethercat::Master> master_;
   std::unique_ptr<EtherCatMotorBus> bus_;
   bool begun_ = false;
+  bool robot_ok_ = true;  // in the last half of a cycle
   rt::Nanos ahead_{};  // of the caller's clock before the chain's
 };
 
