@@ -70,10 +70,10 @@ class EtherCatMotorBus final : public MotorBus {
   std::atomic<bool> safe_{false};
   // What is to be cleared, a bit each: timeout flags of the drives, wheels first, then their I2t.
   unsigned to_clear_ = 0;
-  int clearing_ = -1;      // the bit whose request is under way
+  int clearing_ = -1;  // the bit whose request is under way
   BusDetail detail_;
-  bool fresh_ = false;     // the inputs are of this job
-  bool ready_ = false;     // the wheels have their commutation
+  bool fresh_ = false;  // the inputs are of this job
+  bool ready_ = false;  // the wheels have their commutation
   std::array<bool, 10> held_{};
   std::array<std::int32_t, 10> hold_ticks_{};
   bool recovering_ = false;             // in the last job

@@ -27,6 +27,8 @@ void RobotIoNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (safety_ != nullptr) safety_->sense(tick.start, in_.safety);
   in_.sent = sent_;
   in_.bus = bus_.sense(tick.start, in_.motors);
+  const bool of_write = in_.bus == drivers::BusStatus::kOk && sent_ != drivers::BusStatus::kOk;
+  in_.bus_detail = of_write ? sent_detail_ : bus_.detail();
   const auto goal = cells_.take<EdgeId::kGoal, TaskId::kRobotIo>(record);
   in_.goal = goal.value;
   in_.goal_unsure = goal.unsure;
@@ -55,6 +57,25 @@ void RobotIoNode::log_estop(const rt::Tick& tick) noexcept {
   logs.of(TaskId::kRobotIo).write(logs.estop, tick.start, 1e6 * rt::seconds(tick.start - opened));
 }
 
+// Who has a fault: when it begins, when more of it is known, and at most once a second while it
+// comes and goes.
+void RobotIoNode::log_bus(const rt::Tick& tick) noexcept {
+  constexpr rt::Nanos kAgain = std::chrono::seconds{1};
+  const BusReport& now = out_.bus;
+  if (now.fault == rt::kNoFault || now.fault == robot_io_fault::kFrameLost) return;
+  // Which slave it is, is known some cycles later.
+  if (now.fault == robot_io_fault::kSlaveState && now.detail.slave == 0) return;
+  const bool same = now.fault == said_.fault && now.wheel == said_.wheel &&
+                    now.detail.slave == said_.detail.slave;
+  const bool lasts = tick.start - seen_at_ <= 2 * tick.period;
+  seen_at_ = tick.start;
+  if (same && (lasts || tick.start - said_at_ < kAgain)) return;
+  said_ = now;
+  said_at_ = tick.start;
+  auto& logs = *cells_.logs;
+  logs.bus.say(logs.of(TaskId::kRobotIo), tick.start, now);
+}
+
 rt::Health RobotIoNode::step(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   health_ = task_.step(tick, in_, out_);
   // The base ramps down; the operator's box is not told of a mode that nobody has entered.
@@ -67,6 +88,8 @@ void RobotIoNode::commit(const rt::Tick& tick, rt::JobRecord& record) noexcept {
   if (out_.rearm_motors) bus_.rearm();
   // On the virtual clock a job ends when its cost says; on the real one no stamp is taken for it.
   sent_ = bus_.act(std::max(tick.start, rt::time_from_ns(record.end_ns)), out_.setpoints);
+  sent_detail_ = bus_.detail();
+  log_bus(tick);
   if (safety_ != nullptr) {
     if (out_.rearm_motors) safety_->allow_again();
     safety_->act(tick.start, out_.safety);

@@ -24,6 +24,7 @@ class RobotIoNode final : public rt::TaskBody {
 
  private:
   void log_estop(const rt::Tick&) noexcept;
+  void log_bus(const rt::Tick&) noexcept;
   RobotIoTask task_;
   drivers::MotorBus& bus_;
   drivers::SafetyIo* safety_;  // null: the robot has no safety lines
@@ -32,6 +33,9 @@ class RobotIoNode final : public rt::TaskBody {
   std::function<std::int64_t()> twin_cpu_;
   bool hash_;
   drivers::BusStatus sent_ = drivers::BusStatus::kOk;  // of the last job's setpoints
+  drivers::BusDetail sent_detail_;
+  BusReport said_;  // on the log
+  rt::Time said_at_{}, seen_at_{};
   ReaderLimits<TaskId::kRobotIo> limits_;
   std::uint64_t logged_refused_ = 0, logged_expired_ = 0;
   rt::Time logged_estop_{};

@@ -8,6 +8,7 @@
 
 #include "rt/audit/rt_log.hpp"
 #include "tasks/contract/table.hpp"
+#include "tasks/graph/bus_log.hpp"
 
 namespace tasks {
 
@@ -53,6 +54,7 @@ class TaskLogs {
         surface_left(sites_.add<double, double, double>(
             nrt, rt::LogLevel::kWarning,
             "the surface under the hand at ({:.3f}, {:.3f}, {:.3f}) m left: the hand is let go")),
+        bus(nrt, sites_),
         limits(limit_sites(nrt)) {}
 
   [[nodiscard]] rt::RtLog& of(TaskId id) noexcept { return logs_[index_of(id)]; }
@@ -99,6 +101,7 @@ class TaskLogs {
   const rt::LogSite<unsigned> no_grasp;
   const rt::LogSite<std::uint64_t, unsigned> edit_refused;
   const rt::LogSite<double, double, double> surface_left;
+  const BusLog bus;
   const std::array<LimitSite, kLimitTable.size()> limits;  // of rows of kLimitTable
 };
 

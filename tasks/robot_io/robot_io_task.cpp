@@ -4,8 +4,6 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "drivers/youbot/motor_flags.hpp"
-
 namespace tasks {
 namespace {
 
@@ -30,7 +28,8 @@ RobotIoTask::RobotIoTask(rt::NonRealtime&, const RobotIoConfig& config)
       kinematics_(config.base),
       odometry_(kinematics_, {config.start_x_m, config.start_y_m, config.start_yaw_rad}),
       trajectory_(config.trajectory),
-      last_pose_(odometry_.pose()) {
+      last_pose_(odometry_.pose()),
+      bus_(config.frames_lost_limit) {
   // Straight drive at the speed limit must be within what the wheels may do; combined motion is
   // scaled down when it has to be.
   const double peak = kinematics_.peak_wheel_speed({config.trajectory.speed_m_per_s, 0, 0});
@@ -44,7 +43,7 @@ RobotIoTask::RobotIoTask(rt::NonRealtime&, const RobotIoConfig& config)
 
 Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept {
   out.rearm_motors = false;
-  Health health = rt::worst(safety_.step(in.safety, in.mode), sense_bus(in));
+  Health health = rt::worst(safety_.step(in.safety, in.mode), sense_bus(tick, in));
   health = rt::worst(health, accept_goal(tick, in));
 
   last_mode_ = in.mode != nullptr ? in.mode->mode : Mode::kInit;
@@ -52,7 +51,7 @@ Health RobotIoTask::step(const rt::Tick& tick, const In& in, Out& out) noexcept 
   health = until_seen(health);
 
   const Drive drive = decide(tick, in, out, health);
-  out.safety = safety_.show(tick, in.safety, in.mode, bus_is_down());
+  out.safety = safety_.show(tick, in.safety, in.mode, bus_.is_down());
   if (drive == Drive::kOff) {
     powered_ = false;
     off_until_ = tick.start;
@@ -120,27 +119,10 @@ void RobotIoTask::start_motors(const In& in, Out& out) noexcept {
   powered_ = true;
 }
 
-// A cycle is lost when either of its frames is: this job's read, or the write before it.
-Health RobotIoTask::count_frame(const In& in) noexcept {
-  using drivers::BusStatus;
-  if (in.bus == BusStatus::kOk && in.sent == BusStatus::kOk) {
-    lost_in_a_row_ = 0;
-    return Health::ok();
-  }
-  ++telemetry_.frames_lost;
-  ++lost_in_a_row_;
-  if (in.bus == BusStatus::kDown || lost_in_a_row_ >= config_.frames_lost_limit) {
-    lost_in_a_row_ = config_.frames_lost_limit;
-    return Health::of(Severity::kSafeStop, robot_io_fault::kBusDown);
-  }
-  return Health::of(Severity::kCounted, robot_io_fault::kFrameLost);
-}
-
-Health RobotIoTask::sense_bus(const In& in) noexcept {
-  const Health frame = count_frame(in);
-  if (in.bus != drivers::BusStatus::kOk) return frame;
-  motor_flags_ = 0;
-  for (const std::uint32_t f : in.motors.flags) motor_flags_ |= f;
+Health RobotIoTask::sense_bus(const rt::Tick& tick, const In& in) noexcept {
+  const Health cycle = bus_.cycle(in.bus, in.sent, in.bus_detail);
+  telemetry_.frames_lost = bus_.bad_cycles();
+  if (in.bus != drivers::BusStatus::kOk) return cycle;
   const Twist2 v = kinematics_.forward(in.motors.wheel_rad_per_s);
   encoder_readable_ = perception::is_finite(v);
   for (const double angle : in.motors.wheel_rad) {
@@ -156,10 +138,7 @@ Health RobotIoTask::sense_bus(const In& in) noexcept {
   const Pose2& p = odometry_.pose();
   telemetry_.odometry_path_m += std::hypot(p.x - last_pose_.x, p.y - last_pose_.y);
   last_pose_ = p;
-  if ((motor_flags_ & drivers::motor_flag::kTimeout) != 0) {
-    return Health::of(Severity::kSafeStop, robot_io_fault::kMotorTimeout);
-  }
-  return frame;
+  return rt::worst(cycle, bus_.motors(tick, in.motors));
 }
 
 // The operator's clear, of what is no longer there. After a leap the pose is kept and the angles
@@ -273,6 +252,8 @@ void RobotIoTask::write_state(const rt::Tick&, const In& in, Drive, Health healt
   s.fault = health.fault;
   telemetry_.X_OR = trajectory_.reference();
   out.telemetry = telemetry_;
+  out.bus = bus_.report();
+  bus_.told(out.setpoints);
 }
 
 }  // namespace tasks

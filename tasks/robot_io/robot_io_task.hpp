@@ -12,7 +12,8 @@
 // The base moves only while: mode engaged, bus up, a finite goal that is engaged and not expired,
 // the link heard from. A fault among these ramps it down with its own, steeper deceleration; a goal
 // that is not engaged halts it with the acceleration limit; safe stop switches the motors off at
-// once. What a safe stop has latched (the motors' watchdog, an encoder fault) goes with the
+// once; what of the bus and its motors is a fault: bus_watch.hpp. What a safe stop has latched (the
+// motors' watchdog, an encoder fault) goes with the
 // operator's clear; until supervision is seen in its safe stop the fault stays reported.
 // Motors that were off start from what their wheels do: the first setpoints are the wheels' own
 // speeds, the reference is where the base is, and goals made before that instant are void.
@@ -28,6 +29,7 @@
 #include "rt/tick.hpp"
 #include "tasks/contract/messages.hpp"
 #include "tasks/contract/table.hpp"
+#include "tasks/robot_io/bus_watch.hpp"
 #include "tasks/robot_io/safety_watch.hpp"
 #include "tasks/robot_io/trajectory.hpp"
 
@@ -64,14 +66,11 @@ struct RobotIoConfig {
 };
 
 namespace robot_io_fault {
-inline constexpr rt::FaultId kFrameLost = 501;     // one bus frame: counted
-inline constexpr rt::FaultId kBusDown = 502;       // many in a row or bus down: safe stop
-inline constexpr rt::FaultId kGoalExpired = 503;   // ramp down
-inline constexpr rt::FaultId kGoalRefused = 504;   // not finite: ignored, counted
-inline constexpr rt::FaultId kLinkSilent = 505;    // ramp down
-inline constexpr rt::FaultId kMotorTimeout = 506;  // flag bit 16: motors off until cleared
-inline constexpr rt::FaultId kEncoder = 507;       // not finite or a leap: safe stop
-inline constexpr rt::FaultId kTracking = 508;      // base does not follow: reference waits
+inline constexpr rt::FaultId kGoalExpired = 503;  // ramp down
+inline constexpr rt::FaultId kGoalRefused = 504;  // not finite: ignored, counted
+inline constexpr rt::FaultId kLinkSilent = 505;   // ramp down
+inline constexpr rt::FaultId kEncoder = 507;      // not finite or a leap: safe stop
+inline constexpr rt::FaultId kTracking = 508;     // base does not follow: reference waits
 }  // namespace robot_io_fault
 
 struct RobotIoTelemetry {
@@ -92,6 +91,8 @@ class RobotIoTask {
     drivers::MotorStates motors;  // read in this job; valid when bus is kOk
     // What became of the setpoints of the job before this one.
     drivers::BusStatus sent = drivers::BusStatus::kOk;
+    // Of the read; of a good one, of that write.
+    drivers::BusDetail bus_detail;
     const drivers::RobotGoal* goal = nullptr;  // newest, times of this box; null: none yet
     rt::Nanos goal_unsure{0};                  // of its times: it ends so much earlier
     const ModeMsg* mode = nullptr;             // newest; null: not engaged
@@ -107,6 +108,7 @@ class RobotIoTask {
     // The operator clears: the driver lets go of what its motors have latched.
     bool rearm_motors = false;
     drivers::SafetyOutputs safety;  // where fitted
+    BusReport bus;                  // who has the fault
   };
 
   // Throws std::invalid_argument if a limit contradicts another one.
@@ -116,12 +118,8 @@ class RobotIoTask {
 
  private:
   enum class Drive : std::uint8_t { kOff, kRampDown, kHalt, kGoal };
-  [[nodiscard]] rt::Health sense_bus(const In&) noexcept;
+  [[nodiscard]] rt::Health sense_bus(const rt::Tick&, const In&) noexcept;
   void let_go(Out&) noexcept;
-  [[nodiscard]] rt::Health count_frame(const In&) noexcept;
-  [[nodiscard]] bool bus_is_down() const noexcept {
-    return lost_in_a_row_ >= config_.frames_lost_limit;
-  }
   [[nodiscard]] rt::Health until_seen(rt::Health) noexcept;
   void start_motors(const In&, Out&) noexcept;
   [[nodiscard]] Drive decide(const rt::Tick&, const In&, Out&, rt::Health&) noexcept;
@@ -142,15 +140,14 @@ class RobotIoTask {
   std::uint64_t refused_seq_ = 0;
   Mode last_mode_ = Mode::kInit;
   std::uint64_t seq_ = 0;
-  int lost_in_a_row_ = 0;
   perception::Twist2 v_measured_;
   perception::Twist2 v_commanded_;
   perception::Pose2 last_pose_;
   rt::Time motors_taken_{};
-  std::uint32_t motor_flags_ = 0;
   bool encoder_fault_ = false, encoder_readable_ = false;
   rt::Health unseen_stop_;  // a safe stop that supervision has not taken up yet
   SafetyWatch safety_;
+  BusWatch bus_;
   RobotIoTelemetry telemetry_;
 };
 

@@ -47,27 +47,6 @@ class FedDevice final : public drivers::HapticDevice {
   drivers::DeviceProperties properties_;
 };
 
-class FedBus final : public drivers::MotorBus {
- public:
-  [[nodiscard]] drivers::BusStatus sense(rt::Time, drivers::MotorStates& states) noexcept override {
-    const auto status = static_cast<drivers::BusStatus>(fed.status);
-    if (status != drivers::BusStatus::kOk) return status;
-    states.seq = fed.seq;
-    states.taken = rt::time_from_ns(fed.taken_ns);
-    states.wheel_rad = fed.wheel_rad;
-    states.wheel_rad_per_s = fed.wheel_rad_per_s;
-    states.current_A = fed.current_A;
-    states.flags = fed.flags;
-    return status;
-  }
-  // What became of it is with the next job's input.
-  [[nodiscard]] drivers::BusStatus act(rt::Time, const drivers::MotorSetpoints&) noexcept override {
-    return drivers::BusStatus::kOk;
-  }
-  void make_safe() noexcept override {}
-  MotorInput fed;
-};
-
 class FedSafety final : public drivers::SafetyIo {
  public:
   void sense(rt::Time, drivers::SafetyInputs& out) noexcept override {
@@ -367,7 +346,7 @@ ReplayResult replay_operator(rt::NonRealtime& nrt, const Scene& scene, const Box
 ReplayResult replay_robot(rt::NonRealtime& nrt, const Scene& scene, const BoxOptions& given,
                           const Recording& recording, const std::vector<ReplayStep>& steps,
                           const Trial* trial) {
-  FedBus bus;
+  FedBus bus(recording);
   FedSafety safety;
   FedCamera camera(recording, camera_key(recording));
   BoxOptions options = given;
@@ -381,13 +360,13 @@ ReplayResult replay_robot(rt::NonRealtime& nrt, const Scene& scene, const BoxOpt
   fed.console = [&](rt::Time now) { console.tick(now); };
   fed.feed = [&](TaskId id, const JobOp& op, rt::Hash64& inputs) {
     if (id == TaskId::kRobotIo) {
-      bus.fed = op.get<MotorInput>();
-      for (const double x : bus.fed.wheel_rad) inputs.value(x);
-      for (const double x : bus.fed.wheel_rad_per_s) inputs.value(x);
-      safety.fed = bus.fed.safety;
+      const MotorInput& in = bus.feed();
+      for (const double x : in.wheel_rad) inputs.value(x);
+      for (const double x : in.wheel_rad_per_s) inputs.value(x);
+      safety.fed = in.safety;
       if (safety.fed != 0) inputs.word(safety.fed);
-      graph.link().last_heard_ns.store(bus.fed.link_heard_ns);
-      graph.link().closed.store(bus.fed.link_closed != 0);
+      graph.link().last_heard_ns.store(in.link_heard_ns);
+      graph.link().closed.store(in.link_closed != 0);
     } else if (id == TaskId::kCapture) {
       camera.feed(op.get<CameraInput>(), inputs);
       set_demand(graph, op.get<CameraInput>(), inputs);

@@ -85,7 +85,7 @@ rt::Result<Recording> read_recording(const std::string& path) {
   r.path = path;
   std::string line;
   std::getline(in, line);
-  if (line != "teletact-inputs 10 " + std::to_string(sizeof(JobOp)))
+  if (line != "teletact-inputs 11 " + std::to_string(sizeof(JobOp)))
     return rt::Error{path + ":1: not a recording of inputs by this version"};
   while (std::getline(in, line) && !line.empty()) {
     const auto space = line.find(' ');

@@ -7,7 +7,7 @@
 // Everything else a job uses another task of the box published; its sequence number says which one.
 //
 // File, of this machine's layout, read by the build that wrote it:
-//   text   "teletact-inputs 10 <sizeof JobOp>", one "key value" a line, an empty line
+//   text   "teletact-inputs 11 <sizeof JobOp>", one "key value" a line, an empty line
 //   'O' JobOp          the latch or the end of a job; in order within a task
 //   'M' MessageHead, bytes     a message as it arrived on the link, in order
 //   'F' FrameHead, depth, colour    a camera frame as its driver gave it, in order
@@ -22,6 +22,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "drivers/youbot/motor_bus.hpp"
 #include "perception/geometry/rgbd_frame.hpp"
 #include "rt/result.hpp"
 #include "tasks/contract/table.hpp"
@@ -75,9 +76,30 @@ struct MotorInput {  // robot_io
   std::array<double, 4> wheel_rad{}, wheel_rad_per_s{}, current_A{};
   std::array<std::uint32_t, 4> flags{};
   std::int64_t link_heard_ns = 0;
-  std::uint8_t status = 0, link_closed = 0;
+  std::uint8_t halves = 0;  // status of the read; of the write before it, times 16
+  std::uint8_t link_closed = 0;
   std::uint8_t safety = 0;  // drivers::to_byte(SafetyInputs); 0: none are fitted
-  std::uint8_t sent = 0;    // status of the write before it
+  // drivers::BusDetail of the read; of a good one, of the write before it.
+  std::uint8_t trouble = 0, slave = 0, al_state = 0;
+  std::uint16_t al_code = 0;
+  [[nodiscard]] drivers::BusStatus status() const noexcept {
+    return static_cast<drivers::BusStatus>(halves & 15U);
+  }
+  [[nodiscard]] drivers::BusStatus sent() const noexcept {
+    return static_cast<drivers::BusStatus>(halves >> 4U);
+  }
+  void put(drivers::BusStatus read, drivers::BusStatus write,
+           const drivers::BusDetail& d) noexcept {
+    halves =
+        static_cast<std::uint8_t>(static_cast<unsigned>(read) | static_cast<unsigned>(write) << 4U);
+    trouble = static_cast<std::uint8_t>(d.trouble);
+    slave = static_cast<std::uint8_t>(d.slave);
+    al_state = static_cast<std::uint8_t>(d.al_state);
+    al_code = d.al_code;
+  }
+  [[nodiscard]] drivers::BusDetail detail() const noexcept {
+    return {static_cast<drivers::BusTrouble>(trouble), slave, al_state, al_code};
+  }
 };
 struct TouchInput {         // planning
   std::uint64_t taken = 0;  // events taken off the ring since the start

@@ -92,23 +92,26 @@ class InputRecorder::BusTap final : public drivers::MotorBus {
     newest.wheel_rad_per_s = states.wheel_rad_per_s;
     newest.current_A = states.current_A;
     newest.flags = states.flags;
-    newest.status = static_cast<std::uint8_t>(status);
-    newest.sent = sent_;
+    const bool of_write = status == drivers::BusStatus::kOk && sent_ != drivers::BusStatus::kOk;
+    newest.put(status, sent_, of_write ? sent_detail_ : inner_.detail());
     return status;
   }
   [[nodiscard]] drivers::BusStatus act(rt::Time now,
                                        const drivers::MotorSetpoints& setpoints) noexcept override {
     const auto status = inner_.act(now, setpoints);
-    sent_ = static_cast<std::uint8_t>(status);
+    sent_ = status;
+    sent_detail_ = inner_.detail();
     return status;
   }
+  [[nodiscard]] drivers::BusDetail detail() const noexcept override { return inner_.detail(); }
   void rearm() noexcept override { inner_.rearm(); }
   void make_safe() noexcept override { inner_.make_safe(); }
   MotorInput newest;
 
  private:
   drivers::MotorBus& inner_;
-  std::uint8_t sent_ = 0;
+  drivers::BusStatus sent_ = drivers::BusStatus::kOk;
+  drivers::BusDetail sent_detail_;
 };
 
 class InputRecorder::SafetyTap final : public drivers::SafetyIo {
@@ -230,7 +233,7 @@ InputRecorder::InputRecorder(rt::NonRealtime&, const std::string& path, const Ke
   if (path.empty()) return;
   file_.reset(std::fopen(path.c_str(), "wb"));
   if (!file_) throw std::runtime_error(path + ": can not be written");
-  std::fprintf(file_.get(), "teletact-inputs 10 %zu\n", sizeof(JobOp));
+  std::fprintf(file_.get(), "teletact-inputs 11 %zu\n", sizeof(JobOp));
   for (const auto& [key, value] : keys)
     std::fprintf(file_.get(), "%s %s\n", key.c_str(), value.c_str());
   std::fprintf(file_.get(), "\n");

@@ -49,7 +49,7 @@ class EtherCatTwinBus final : public MotorBus {
   std::unique_ptr<EtherCatMotorBus> bus_;
   bool begun_ = false;
   bool robot_ok_ = true;  // in the last half of a cycle
-  rt::Nanos ahead_{};  // of the caller's clock before the chain's
+  rt::Nanos ahead_{};     // of the caller's clock before the chain's
 };
 
 }  // namespace drivers::youbot_bus

@@ -32,6 +32,7 @@ class WatchedBus final : public drivers::MotorBus {
     sent_at = now;
     return down ? drivers::BusStatus::kDown : inner_.act(now, s);
   }
+  [[nodiscard]] drivers::BusDetail detail() const noexcept override { return inner_.detail(); }
   void rearm() noexcept override { inner_.rearm(); }
   void make_safe() noexcept override { inner_.make_safe(); }
   drivers::MotorSetpoints sent;

@@ -382,5 +382,31 @@ TEST(SafetyFaults, ARobotWithoutLinesKnowsNoneOfIt) {
   EXPECT_EQ(r.twin.beats(), 0U);
 }
 
+// What a person reads of a cut: the first slave that is missing, once, and what to do.
+TEST(Safety, TheLogNamesTheSlaveOnce) {
+  RobotRig r;
+  drivers::youbot_bus::EtherCatTwinBus wire(r.startup.token(), r.robot);
+  r.setup.bus = &wire;
+  r.robot_io =
+      std::make_unique<tasks::RobotIoNode>(r.startup.token(), r.config, r.setup, r.cells, r.link);
+  r.jobs(100);
+  r.drive_on();
+  wire.chain().wire().cut_behind(3);
+  r.jobs(200);
+  EXPECT_EQ(r.health.fault, fault::kSlavesMissing);
+  EXPECT_EQ(r.mode(), Mode::kSafeStop);
+  std::vector<std::string> lines;
+  auto& logs = *r.cells.logs;
+  rt::LogRecord record;
+  while (logs.of(tasks::TaskId::kRobotIo).try_pop(record)) {
+    const std::string line = logs.sites().text(record);
+    if (line.find("F-RIO-12") != std::string::npos) lines.push_back(line);
+  }
+  ASSERT_EQ(lines.size(), 1U);
+  EXPECT_EQ(lines[0],
+            "F-RIO-12 from slave 4 on nobody answers; to do: check the cable before that slave, "
+            "motor power, the emergency stop, then clear");
+}
+
 }  // namespace
 }  // namespace tests

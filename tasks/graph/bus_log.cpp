@@ -1,0 +1,95 @@
+#include "tasks/graph/bus_log.hpp"
+
+#include <string>
+
+#include "drivers/tmcl/motor_faults.hpp"
+#include "tasks/supervision/fault_ids.hpp"
+
+namespace tasks {
+
+namespace {
+
+// "F-RIO-12 slave 4 does not answer; to do: ..."
+std::string line_of(rt::FaultId id, const std::string& who) {
+  const FaultRow& row = kFaultTable[static_cast<std::size_t>(fault_row(id))];
+  return std::string(row.code) + " " + who + "; to do: " + std::string(row.advice);
+}
+
+constexpr const char* kWheel =
+    "wheel {} (1 front left, 2 front right, 3 back left, 4 back right; on a youBot slaves 2 to "
+    "5): ";
+
+rt::FaultId fault_of_bit(unsigned bit) noexcept {
+  if (bit == 16) return robot_io_fault::kMotorTimeout;
+  return bit == 17 ? robot_io_fault::kI2tExceeded : robot_io_fault::kMotorFault;
+}
+
+}  // namespace
+
+BusLog::BusLog(rt::NonRealtime& nrt, rt::LogSites& sites) {
+  namespace f = robot_io_fault;
+  const auto level = rt::LogLevel::kWarning;
+  slave_state_ = sites.add<unsigned, unsigned, unsigned>(
+      nrt, level,
+      line_of(f::kSlaveState,
+              "slave {} left OP: AL status {:#04x} (1 INIT, 2 PREOP, 4 SAFEOP, 8 OP, +16 error), "
+              "code {:#06x}"));
+  slaves_missing_ = sites.add<unsigned>(
+      nrt, level, line_of(f::kSlavesMissing, "from slave {} on nobody answers"));
+  not_commutated_ = sites.add<unsigned>(
+      nrt, level, line_of(f::kNotCommutated, "slave {} does not know its commutation"));
+  encoder_stands_ = sites.add<unsigned>(
+      nrt, level,
+      line_of(f::kEncoderStands, kWheel + std::string("told to turn, and its encoder stands")));
+  working_counter_ = sites.add<>(
+      nrt, level, line_of(f::kWorkingCounter, "a frame came back that not every slave took"));
+  link_down_ = sites.add<>(nrt, level, line_of(f::kBusLinkDown, "the network card has no link"));
+  down_ = sites.add<>(nrt, level, line_of(f::kBusDown, "the motor bus is down"));
+  std::size_t n = 0;
+  for (const auto& flag : drivers::tmcl::motor_flags()) {
+    if (flag.kind == drivers::tmcl::FlagKind::kStatus || n == flags_.size()) continue;
+    flags_[n++] = {1U << flag.bit, sites.add<unsigned>(nrt, level,
+                                                       line_of(fault_of_bit(flag.bit),
+                                                               kWheel + std::string(flag.name)))};
+  }
+}
+
+void BusLog::say(rt::RtLog& log, rt::Time now, const BusReport& r) const noexcept {
+  const auto wheel = static_cast<unsigned>(r.wheel + 1);
+  const auto slave = static_cast<unsigned>(r.detail.slave);
+  switch (r.fault) {
+    case robot_io_fault::kWorkingCounter:
+      log.write(working_counter_, now);
+      break;
+    case robot_io_fault::kSlaveState:
+      log.write(slave_state_, now, slave, unsigned{r.detail.al_state}, unsigned{r.detail.al_code});
+      break;
+    case robot_io_fault::kSlavesMissing:
+      log.write(slaves_missing_, now, slave);
+      break;
+    case robot_io_fault::kBusLinkDown:
+      log.write(link_down_, now);
+      break;
+    case robot_io_fault::kNotCommutated:
+      log.write(not_commutated_, now, slave);
+      break;
+    case robot_io_fault::kEncoderStands:
+      log.write(encoder_stands_, now, wheel);
+      break;
+    case robot_io_fault::kI2tExceeded:
+    case robot_io_fault::kMotorTimeout:
+    case robot_io_fault::kMotorFault:
+      for (const Flag& f : flags_) {
+        const bool mine =
+            r.fault == robot_io_fault::kMotorFault
+                ? f.bit < 1U << 16U
+                : f.bit == (r.fault == robot_io_fault::kMotorTimeout ? 1U << 16U : 1U << 17U);
+        if (mine && (r.flags & f.bit) != 0) log.write(f.site, now, wheel);
+      }
+      break;
+    default:
+      log.write(down_, now);
+  }
+}
+
+}  // namespace tasks

@@ -1,0 +1,28 @@
+// What robot_io says of its bus and motors, for a person: which fault, of which slave or wheel, and
+// what to do.
+#pragma once
+
+#include <array>
+
+#include "rt/audit/rt_log.hpp"
+#include "tasks/robot_io/bus_watch.hpp"
+
+namespace tasks {
+
+class BusLog {
+ public:
+  BusLog(rt::NonRealtime&, rt::LogSites&);
+  void say(rt::RtLog&, rt::Time, const BusReport&) const noexcept;
+
+ private:
+  struct Flag {
+    std::uint32_t bit = 0;
+    rt::LogSite<unsigned> site;
+  };
+  std::array<Flag, 10> flags_{};
+  rt::LogSite<unsigned, unsigned, unsigned> slave_state_;
+  rt::LogSite<unsigned> slaves_missing_, not_commutated_, encoder_stands_;
+  rt::LogSite<> working_counter_, link_down_, down_;
+};
+
+}  // namespace tasks

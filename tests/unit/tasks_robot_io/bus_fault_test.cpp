@@ -1,0 +1,148 @@
+// Every fault of the motor bus through robot_io: seen within its bound, named, the wheels off, and
+// motion only after an act, from what the wheels do.
+#include <functional>
+
+#include "tests/unit/tasks_robot_io/chain_rig.hpp"
+
+namespace tests {
+namespace {
+
+using drivers::MotorMode;
+using rt::Severity;
+
+struct Fault {
+  const char* name;
+  std::function<void(Base&)> begin, end;
+  rt::FaultId id;
+  int within_jobs;  // until it is named
+  int slave = 0, wheel = -1;
+  bool lasts = true;  // it shows while the wheels are off
+};
+
+[[nodiscard]] bool named(const Base& b, const Fault& f) {
+  return b.health.fault == f.id && b.out.bus.fault == f.id &&
+         (f.slave == 0 || b.out.bus.detail.slave == f.slave) && b.out.bus.wheel == f.wheel;
+}
+
+// As supervision and the operator do it: seen, cleared while pressed, engaged.
+void recover(Base& b, const Fault& f) {
+  b.mode.mode = Mode::kSafeStop;
+  for (int i = 0; i < 20; ++i) b.job();
+  EXPECT_EQ(b.health.severity == Severity::kSafeStop, f.lasts) << f.name;
+  f.end(b);
+  b.mode.clear = true;
+  int jobs = 0;
+  for (; jobs < 3000 && (jobs < 20 || b.health.severity == Severity::kSafeStop); ++jobs) {
+    b.job();
+    ASSERT_EQ(b.out.setpoints.mode, MotorMode::kStop) << f.name;
+  }
+  std::printf("%-28s held again after %d ms of clear\n", f.name, jobs);
+  ASSERT_LT(b.health.severity, Severity::kSafeStop) << f.name << ", fault " << b.health.fault;
+  b.mode.clear = false;
+  for (int i = 0; i < 100; ++i) b.job();
+  b.mode.mode = Mode::kEngaged;
+  b.job();
+  ASSERT_EQ(b.out.setpoints.mode, MotorMode::kVelocity) << f.name;
+  for (std::size_t w = 0; w < 4; ++w)
+    EXPECT_EQ(b.out.setpoints.wheel_rad_per_s[w], b.in.motors.wheel_rad_per_s[w])
+        << f.name << ": the first setpoint is no step";
+  b.drive({b.out.state.x_m + 2, b.out.state.y_m, b.out.state.yaw_rad}, 1500);
+  EXPECT_GT(b.robot.plant().state().v_B.vx, 0.3) << f.name << ": it drives again";
+}
+
+const std::vector<Fault>& stops() {
+  static const std::vector<Fault> all{
+      {"a wheel's slave left OP",
+       [](Base& b) { b.wire->chain().wire().slave(3).fall(0x0050, b.wire->port().now()); },
+       [](Base&) {}, fault::kSlaveState, 12, 4},
+      {"cable cut behind slave 2", [](Base& b) { b.wire->chain().wire().cut_behind(2); },
+       [](Base& b) { b.wire->chain().wire().cut_behind(5); }, fault::kSlavesMissing, 2, 3},
+      {"no link", [](Base& b) { b.wire->port().faults().link_down = true; },
+       [](Base& b) { b.wire->port().faults().link_down = false; }, fault::kBusLinkDown, 2},
+      {"stuck encoder", [](Base& b) { b.wire->chain().drive(2)->stick_encoder(true); },
+       [](Base& b) { b.wire->chain().drive(2)->stick_encoder(false); }, fault::kEncoderStands, 102,
+       0, 1, false},
+      {"I2t trip", [](Base& b) { b.wire->chain().drive(3)->trip_i2t(b.wire->port().now()); },
+       [](Base&) {}, fault::kI2tExceeded, 2, 0, 2},
+  };
+  return all;
+}
+
+TEST(RobotIoBusFault, EachIsNamedStopsAndIsRecoveredFromByAnAct) {
+  for (const Fault& f : stops()) {
+    Base b(true);
+    b.drive({6, 0, 0}, 1500);
+    ASSERT_EQ(b.health.severity, Severity::kOk) << f.name;
+    f.begin(b);
+    int jobs = 0, until_stop = 0;
+    for (; jobs < 300 && !named(b, f); ++jobs) {
+      b.job();
+      if (b.out.setpoints.mode == MotorMode::kVelocity) ++until_stop;
+    }
+    EXPECT_LE(jobs, f.within_jobs) << f.name;
+    EXPECT_EQ(b.health.severity, Severity::kSafeStop) << f.name;
+    EXPECT_EQ(b.out.setpoints.mode, MotorMode::kStop) << f.name << ": in the job that names it";
+    std::printf("%-28s named after %d jobs, wheels off after %d\n", f.name, jobs, until_stop + 1);
+    if (!f.lasts) EXPECT_GE(jobs, 100) << f.name << ": not before its time";
+    recover(b, f);
+    if (HasFatalFailure()) return;
+  }
+}
+
+// Counted, named, and nothing else: the base drives on.
+TEST(RobotIoBusFault, AWrongCounterIsNamedInItsCycle) {
+  Base b(true);
+  b.drive({6, 0, 0}, 1000);
+  b.wire->port().faults().wrong_counter = 1;
+  b.job();
+  EXPECT_EQ(b.health, rt::Health::of(Severity::kCounted, fault::kWorkingCounter));
+  b.job();
+  EXPECT_EQ(b.health.severity, Severity::kOk);
+  EXPECT_EQ(b.out.setpoints.mode, MotorMode::kVelocity);
+}
+
+// A hundred of them in a row are a bus that is down.
+TEST(RobotIoBusFault, ManyBadCyclesInARowStop) {
+  for (const bool lost : {true, false}) {
+    Base b(true);
+    b.drive({6, 0, 0}, 1000);
+    auto& faults = b.wire->port().faults();
+    (lost ? faults.lose_back : faults.wrong_counter) = 400;
+    int jobs = 0;
+    for (; jobs < 150 && b.health.severity != Severity::kSafeStop; ++jobs) b.job();
+    EXPECT_EQ(jobs, b.config.frames_lost_limit);
+    EXPECT_EQ(b.health.fault, fault::kBusDown);
+  }
+}
+
+// Behind a cut no frame stops the wheels: their own watchdog does, 100 ms after the last one. What
+// they roll is that way and the tail of the speed loop, whose PI makes up for its own lag.
+TEST(RobotIoBusFault, WheelsBehindACutStopByTheirOwnWatchdog) {
+  Base b(true);
+  b.drive({6, 0, 0}, 1500);
+  const double from = b.truth().x, speed = b.robot.plant().state().v_B.vx;
+  ASSERT_GT(speed, 0.45);
+  b.wire->chain().wire().cut_behind(1);
+  for (int i = 0; i < 500; ++i) b.job();
+  const double rolled = b.truth().x - from;
+  std::printf("cut at %.2f m/s: rolled %.1f mm\n", speed, 1e3 * rolled);
+  EXPECT_LE(rolled, speed * 0.102 + 0.015);
+  EXPECT_GE(rolled, speed * 0.090);
+  EXPECT_LT(std::abs(b.robot.plant().state().v_B.vx), 1e-3);
+}
+
+// Its wheels turn on at a wall: no encoder stands.
+TEST(RobotIoBusFault, ACollisionIsNoStuckEncoder) {
+  for (const bool chain : {false, true}) {
+    Base b(chain, {}, [](const Pose2& X, rt::Time) { return X.x > 0.5; });
+    for (int i = 0; i < 4000; ++i) {
+      if (i % 100 == 1) b.send({3, 0, 0});
+      b.job();
+      ASSERT_LT(b.health.severity, Severity::kSafeStop) << i << ", fault " << b.health.fault;
+    }
+    EXPECT_GT(b.robot.plant().state().collisions, 0U);
+  }
+}
+
+}  // namespace
+}  // namespace tests
