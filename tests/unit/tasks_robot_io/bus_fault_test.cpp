@@ -83,7 +83,9 @@ TEST(RobotIoBusFault, EachIsNamedStopsAndIsRecoveredFromByAnAct) {
     EXPECT_EQ(b.health.severity, Severity::kSafeStop) << f.name;
     EXPECT_EQ(b.out.setpoints.mode, MotorMode::kStop) << f.name << ": in the job that names it";
     std::printf("%-28s named after %d jobs, wheels off after %d\n", f.name, jobs, until_stop + 1);
-    if (!f.lasts) EXPECT_GE(jobs, 100) << f.name << ": not before its time";
+    if (!f.lasts) {
+      EXPECT_GE(jobs, 100) << f.name << ": not before its time";
+    }
     recover(b, f);
     if (HasFatalFailure()) return;
   }
