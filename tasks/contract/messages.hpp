@@ -120,11 +120,22 @@ struct Path {
 
 // planning -> console.
 struct TaskState {
-  enum class Phase : std::uint8_t { kIdle, kPlanning, kDriving, kArrived, kFailed };
+  enum class Phase : std::uint8_t {
+    kIdle,
+    kPlanning,
+    kDriving,
+    kArrived,
+    kFailed,
+    kShort,  // stands at the end of its path, which is not where it was asked to go: off_m
+  };
   std::uint64_t seq = 0;
   rt::Time stamp{};
   Phase phase = Phase::kIdle;
   std::uint32_t marks = 0, paths = 0, failures = 0;
+  // From the end of the newest path to the goal that was asked for, on the ground; below 0: there
+  // is no path. is_short: too far to be called an arrival.
+  double off_m = -1;
+  bool is_short = false;
 };
 
 }  // namespace tasks

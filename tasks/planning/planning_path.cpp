@@ -225,7 +225,7 @@ bool PlanningTask::worth_waiting(const CostMap& map, Point2 mark, Point2 goal) c
 rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Ground& ground,
                                    Out& out) noexcept {
   const CostMap& map = *in.map;
-  const Goal& g = state_.goal;
+  Goal& g = state_.goal;
   const Point2 mark = ground.foot(g.p_W);
   const Vec3 n_M = ground.X_MW.linear() * g.normal_W;
   const double flat = std::hypot(n_M.x(), n_M.y());
@@ -240,6 +240,8 @@ rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Gro
     bool stands = g.grasp.kind == Grasp::Kind::kNone ? find_goal(map, mark, facing, goal)
                                                      : find_stand(map, mark, facing, goal);
     if (stands && worth_waiting(map, mark, goal)) stands = false;
+    if (stands && g.probe && distance(goal, mark) > state_.task.off_m - config_.go_on_m)
+      stands = false;
     status = stands ? planner_.plan(goal, seed_, tick.k, tick) : PlanStatus::kUnreachable;
     out.work += planner_.iterations();
   }
@@ -248,13 +250,26 @@ rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Gro
   lay_points(ground, escape, out);
   lay_headings(in.robot->yaw_rad, ground, mark, facing);
   if (planner_.from_grid()) out.flags |= kFromGrid;
-  publish_path(tick, map, mark, goal, out);
+  publish_path(tick, in, ground, goal, out);
   return rt::Health::ok();
+}
+
+// What may lie between the base and what was asked for at an arrival. A grasp has its place.
+double PlanningTask::reached_within(const Ground& ground) const noexcept {
+  constexpr double kFloor_m = 0.1;  // of a point on the floor, as a hand marks it
+  const Goal& g = state_.goal;
+  if (g.grasp.kind != Grasp::Kind::kNone) return std::numeric_limits<double>::infinity();
+  const double above = (ground.X_MW * g.p_W).z();
+  return above > kFloor_m ? config_.reached_object_m : config_.reached_m;
 }
 
 // No path in this job: waits for what moves, tries again with other samples, or gives up.
 rt::Health PlanningTask::answer_failure(const CostMap& map, Out& out) noexcept {
   Goal& g = state_.goal;
+  if (g.probe && out.status != PlanStatus::kCancelled) {
+    g.pending = g.probe = false;  // there is no nearer place, as far as it sees now
+    return rt::Health::ok();
+  }
   switch (out.status) {
     case PlanStatus::kFound:
       break;
@@ -284,17 +299,22 @@ rt::Health PlanningTask::answer_failure(const CostMap& map, Out& out) noexcept {
 }
 
 // The path that was laid answers the mark.
-void PlanningTask::publish_path(const rt::Tick& tick, const CostMap& map, Point2 mark, Point2 goal,
-                                Out& out) noexcept {
+void PlanningTask::publish_path(const rt::Tick& tick, const In& in, const Ground& ground,
+                                Point2 goal, Out& out) noexcept {
+  const CostMap& map = *in.map;
   Goal& g = state_.goal;
+  const Point2 mark = ground.foot(g.p_W);
   Path& p = state_.path;
   p.seq = ++state_.path_seq;
   p.made = tick.start;
   p.mark_seq = g.mark_seq;
   p.mark_stamp = g.mark_stamp;
   p.marked_W = g.p_W;
-  g.pending = false;
-  g.attempts = g.waited = g.moving = 0;
+  state_.task.off_m = distance(goal, mark);
+  state_.task.is_short = state_.task.off_m > reached_within(ground);
+  if (g.probe) out.flags |= kGoesOn;
+  g.pending = g.probe = false;
+  g.attempts = g.waited = g.moving = g.looks = 0;
   g.second = map.moving_count > 0 && !(goal == mark) && moves_near(map, mark);
   if (!g.second) g.best_m = distance(goal, mark);
   ++state_.task.paths;

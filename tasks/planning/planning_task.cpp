@@ -26,6 +26,10 @@ void PlanningConfig::describe(config::Section& s) {
            "from a new path to the goal it sends, but for the way to the robot");
   s.number("brake_m_per_s2", brake_m_per_s2, 0.05, 5.0, "deceleration a new path may count on");
   s.number("leave_m", leave_m, 0.05, 5.0, "farther from the path: plan again");
+  s.number("reached_m", reached_m, 0.0, 5.0, "of a goal on the floor: nearer is an arrival");
+  s.number("reached_object_m", reached_object_m, 0.0, 5.0, "the same of a mark above the floor");
+  s.number("go_on_m", go_on_m, 0.02, 5.0, "a place so much nearer to the goal is driven to");
+  s.integer("look_jobs", look_jobs, 0, 100000, "jobs it looks for a place nearer to the goal");
   s.number("object_moved_m", object_moved_m, 0.02, 5.0,
            "way of the marked object after which the goal follows it");
   s.integer("attempts", attempts, 1, 100, "jobs a goal may spend its iterations in vain");
@@ -174,8 +178,9 @@ rt::Health PlanningTask::take_events(const In& in, Out& out) noexcept {
 // so only a longer way counts. After the arrival nothing is followed: the robot moves on a mark alone.
 rt::Health PlanningTask::follow_object(const ObjectList& list, Out& out) noexcept {
   Goal& g = state_.goal;
-  if (!g.have || list.seq == 0 || state_.task.phase == TaskState::Phase::kArrived)
-    return rt::Health::ok();
+  using Phase = TaskState::Phase;
+  const bool stands = state_.task.phase == Phase::kArrived || state_.task.phase == Phase::kShort;
+  if (!g.have || list.seq == 0 || stands) return rt::Health::ok();
   const auto n = static_cast<std::size_t>(
       std::clamp(list.size, std::int32_t{0}, static_cast<std::int32_t>(list.entries.size())));
   for (const ObjectList::Entry& e : std::span(list.entries).first(n)) {
@@ -229,6 +234,9 @@ void PlanningTask::drop_path(Out& out) noexcept {
     state_.driven = state_.path;
   }
   state_.path = Path{};
+  state_.task.off_m = -1;
+  state_.task.is_short = false;
+  state_.goal.probe = false;
   state_.path_truncated = false;
   state_.escape_points = 0;
 }
@@ -290,6 +298,22 @@ bool PlanningTask::moves_near(const CostMap& map, Point2 mark) const noexcept {
   return false;
 }
 
+// At the end of its path, for good.
+void PlanningTask::stand() noexcept {
+  using Phase = TaskState::Phase;
+  state_.task.phase = state_.task.is_short ? Phase::kShort : Phase::kArrived;
+  state_.goal.pending = state_.goal.probe = false;
+}
+
+// At the end of a path that is short of the goal. True: it has not given up a nearer place yet.
+bool PlanningTask::look_for_nearer() noexcept {
+  constexpr int kEach = 4;  // jobs from one look to the next: the map is made anew meanwhile
+  Goal& g = state_.goal;
+  if (!state_.task.is_short || g.looks >= config_.look_jobs) return false;
+  if (++g.looks % kEach == 0) g.pending = g.probe = true;
+  return true;
+}
+
 // Of a path that is driven: is it at its end, does it hold?
 void PlanningTask::watch_path(const Ground& ground, const In& in, Out& out) noexcept {
   Goal& g = state_.goal;
@@ -297,8 +321,7 @@ void PlanningTask::watch_path(const Ground& ground, const In& in, Out& out) noex
   if (arrived(*in.robot) && !better) {
     // At the second best place it stands until what moved at the mark has gone.
     if (g.second && g.moving++ < config_.moving_jobs) return;
-    state_.task.phase = TaskState::Phase::kArrived;
-    g.pending = false;
+    if (!look_for_nearer()) stand();
     return;
   }
   if (g.pending) return;
@@ -380,8 +403,7 @@ rt::Health PlanningTask::wait_for_inputs(const In& in, bool robot_ok, Out& out) 
   using Phase = TaskState::Phase;
   if (robot_ok && state_.task.phase == Phase::kDriving && !state_.goal.second &&
       arrived(*in.robot)) {
-    state_.task.phase = Phase::kArrived;
-    state_.goal.pending = false;
+    stand();
   }
   if (!state_.goal.pending || ++state_.goal.waited <= config_.wait_jobs) return rt::Health::ok();
   out.status = PlanStatus::kNoMap;
@@ -399,6 +421,8 @@ rt::Health PlanningTask::pursue_goal(const rt::Tick& tick, const In& in, const G
   if (state_.goal.pending) {
     if (may_try(state_.goal.mark_seq)) {
       health = rt::worst(health, make_path(tick, in, ground, out));
+    } else if (state_.goal.probe) {
+      stand();
     } else {
       out.status = PlanStatus::kCancelled;
       give_up(out);

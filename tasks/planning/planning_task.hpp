@@ -18,6 +18,10 @@
 // the side that the marked surface faces, heading towards the mark. A path is planned again when
 // the map no longer lets it pass, or when the robot has left it.
 //
+// Where the base ends too far from what was asked for, that is no arrival: it looks for a nearer
+// place for look_jobs jobs, since it sees more from there, goes on if there is one, and else says
+// kShort and how far off it is.
+//
 // Moving things: if one blocks the only way, the goal waits for it to leave. If one stands at the
 // goal's own place, the robot goes to the next best place, and on to the goal once it is free.
 // Objects: if the mark named an object, the goal follows the object until the robot has arrived.
@@ -62,13 +66,17 @@ struct PlanningConfig {
   // jobs between) and while it brakes.
   double switch_s = 0.2;
   double brake_m_per_s2 = 0.6;
-  double leave_m = 0.4;          // farther from the path than this: plan again
-  double object_moved_m = 0.15;  // way of the marked object after which the goal follows it
-  int attempts = 3;              // jobs a goal may spend its iterations in vain
-  int wait_jobs = 50;            // jobs a mark waits for a map and a robot
-  int moving_jobs = 300;         // jobs a goal waits for what moves to leave its way
-  int aborts = 20;               // jobs in a row that may run out of time planning for one mark
-  double robot_radius_m = 0.35;  // no key: that of the ground map, [fusion.ground]
+  double leave_m = 0.4;           // farther from the path than this: plan again
+  double reached_m = 0.1;         // of a goal on the floor: a path that ends nearer reaches it
+  double reached_object_m = 0.8;  // of a mark above the floor, whose foot no base can stand on
+  double go_on_m = 0.15;          // so much nearer to the goal: worth going on to
+  int look_jobs = 20;             // jobs that it looks for such a place
+  double object_moved_m = 0.15;   // way of the marked object after which the goal follows it
+  int attempts = 3;               // jobs a goal may spend its iterations in vain
+  int wait_jobs = 50;             // jobs a mark waits for a map and a robot
+  int moving_jobs = 300;          // jobs a goal waits for what moves to leave its way
+  int aborts = 20;                // jobs in a row that may run out of time planning for one mark
+  double robot_radius_m = 0.35;   // no key: that of the ground map, [fusion.ground]
 
   void describe(config::Section& s);
 };
@@ -98,6 +106,7 @@ class PlanningTask {
     kObjectMoved = 1U << 9U,  // the goal went after the object that the mark named
     kWaits = 1U << 11U,       // no way while something moves in it: the goal waits
     kGrasp = 1U << 10U,       // a grasp was looked for: Out::grasp says which, or why there is none
+    kGoesOn = 1U << 12U,      // from a place short of the goal to a nearer one
   };
 
   struct In {  // latched at dispatch
@@ -162,6 +171,8 @@ class PlanningTask {
     bool object_placed = false;    // the next one is set
     Vec3 object_W = Vec3::Zero();  // its centre when p_W was last set
     bool grasp_due = false;        // from `box`, which is new
+    bool probe = false;            // pending only if there is a place nearer to the goal
+    int looks = 0;                 // jobs that it has looked for one
     bool turns = false;            // the base is to end at yaw_rad, W
     double yaw_rad = 0;
     ObjectBox box;
@@ -200,6 +211,9 @@ class PlanningTask {
   [[nodiscard]] Holds path_holds(const Ground& ground, const perception::CostMap& map,
                                  Point2 robot) const noexcept;
   [[nodiscard]] bool arrived(const drivers::RobotState& robot) const noexcept;
+  [[nodiscard]] bool look_for_nearer() noexcept;
+  void stand() noexcept;
+  [[nodiscard]] double reached_within(const Ground& ground) const noexcept;
   [[nodiscard]] bool worth_waiting(const perception::CostMap& map, Point2 mark,
                                    Point2 goal) const noexcept;
   [[nodiscard]] bool moves_near(const perception::CostMap& map, Point2 mark) const noexcept;
@@ -212,7 +226,7 @@ class PlanningTask {
                          Out& out) noexcept;
   rt::Health make_path(const rt::Tick& tick, const In& in, const Ground& ground, Out& out) noexcept;
   rt::Health answer_failure(const perception::CostMap& map, Out& out) noexcept;
-  void publish_path(const rt::Tick& tick, const perception::CostMap& map, Point2 mark, Point2 goal,
+  void publish_path(const rt::Tick& tick, const In& in, const Ground& ground, Point2 goal,
                     Out& out) noexcept;
   void look_ahead(const rt::Tick& tick, const Ground& ground, const perception::CostMap& map,
                   const drivers::RobotState& robot) noexcept;

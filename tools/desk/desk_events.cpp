@@ -41,7 +41,8 @@ void DeskEvents::watch(const OperatorView& seen, rt::Time now) {
   }
   if (seen.task.phase != phase_) {
     phase_ = seen.task.phase;
-    add(now, "task", phase_text(phase_));
+    const std::string goal = goal_text(seen.task);
+    add(now, "task", phase_text(phase_) + (goal.empty() ? "" : ", " + goal));
   }
   if (seen.camera.tracking != tracking_) {
     tracking_ = seen.camera.tracking;

@@ -134,6 +134,11 @@ std::string text_body(const OperatorView& seen, const DeskActs& acts, const Desk
          {"recording", facts.recording},
          {"console", {{"viewers", facts.viewers}, {"share", rounded(facts.share)}}}};
   if (seen.mode.cause != rt::kNoFault) t["mode_cause"] = fault_text(seen.mode.cause);
+  if (seen.task.off_m >= 0) {
+    t["goal"] = {{"off_m", rounded(seen.task.off_m)},
+                 {"short", seen.task.is_short},
+                 {"text", goal_text(seen.task)}};
+  }
   t["marked"] = nullptr;
   if (!seen.paths.empty() && seen.paths.back().size > 0)
     t["marked"] = vec(seen.paths.back().marked_W);

@@ -11,8 +11,10 @@ namespace teletact {
   return i < 5 ? kText[i] : "?";
 }
 [[nodiscard]] constexpr const char* phase_text(tasks::TaskState::Phase p) noexcept {
-  constexpr const char* kText[] = {"idle", "planning", "driving", "arrived", "failed"};
-  return kText[static_cast<std::size_t>(p)];
+  constexpr const char* kText[] = {"idle",    "planning", "driving",
+                                   "arrived", "failed",   "short of the goal"};
+  const auto i = static_cast<std::size_t>(p);
+  return i < 6 ? kText[i] : "?";
 }
 [[nodiscard]] constexpr const char* tracking_text(tasks::CameraPose::Tracking t) noexcept {
   constexpr const char* kText[] = {"lost", "weak", "tracking"};

@@ -37,6 +37,20 @@ std::string held_text(tasks::Held held, std::int32_t measured_ms, std::int32_t l
   return text;
 }
 
+std::string goal_text(const tasks::TaskState& task) {
+  using Phase = tasks::TaskState::Phase;
+  // What is marked on an object can not be stood on: how far off the base is belongs to the word.
+  constexpr double kWorthAWord_m = 0.1;
+  const bool stands = task.phase == Phase::kArrived || task.phase == Phase::kShort;
+  if ((!stands && task.phase != Phase::kDriving) || task.off_m < kWorthAWord_m) return {};
+  char text[120];
+  const char* format = !task.is_short ? "%.2f m from what was marked"
+                       : stands       ? "%.2f m short of the goal: no nearer place can be driven to"
+                                      : "this way ends %.2f m short of the goal";
+  std::snprintf(text, sizeof text, format, task.off_m);
+  return text;
+}
+
 // A job of prediction is a tenth of a second; where the console saw none, the next one counts for it. Settling keeps
 // the reason that it comes from.
 void OperatorConsole::mind_held(const tasks::OdometryFrame& newest) {
@@ -68,7 +82,7 @@ std::string OperatorConsole::stands() const {
 
 std::string OperatorConsole::status_line(rt::Time now) const {
   const char* modes[] = {"init", "hold", "engaged", "ramp down", "safe stop"};
-  const char* phases[] = {"idle", "planning", "driving", "arrived", "failed"};
+  const char* phases[] = {"idle", "planning", "driving", "arrived", "failed", "short"};
   const float force = seen_.haptic.empty() ? 0.0F : seen_.haptic.back().force_N;
   const float reach = seen_.haptic.empty() ? 0.0F : seen_.haptic.back().reach;
   const auto tracked = std::count_if(seen_.fusion.begin(), seen_.fusion.end(),
@@ -79,6 +93,8 @@ std::string OperatorConsole::status_line(rt::Time now) const {
                   map.moving_count * map.resolution * map.resolution);
   std::string old;
   const std::string why = stands();
+  std::string goal = goal_text(seen_.task);
+  if (!goal.empty()) goal = " (" + goal + ")";
   for (const auto edge : seen_.beyond) old += (old.empty() ? "  OLD: " : ", ") + std::string(edge);
   const auto X_WB =
       perception::compose({seen_.world.X_WO[0], seen_.world.X_WO[1], seen_.world.X_WO[2]},
@@ -99,13 +115,14 @@ std::string OperatorConsole::status_line(rt::Time now) const {
   char line[960];
   std::snprintf(line, sizeof line,
                 "%5.1f s  %-9s  force %5.2f N  reach %3.0f %%  frames %4ld  marks %u  paths %u  "
-                "%-8s  robot (%.2f, %.2f) m%s%s%s%s%s%s",
+                "%-8s%s  robot (%.2f, %.2f) m%s%s%s%s%s%s",
                 rt::seconds(now - epoch_), modes[static_cast<int>(seen_.mode.mode)],
                 static_cast<double>(force), 100 * static_cast<double>(reach),
                 static_cast<long>(tracked), seen_.task.marks, seen_.task.paths,
-                phases[static_cast<int>(seen_.task.phase)], X_WB.x, X_WB.y, sure, why.c_str(),
-                moving, force_act_.waits() ? "  forces off: press the clutch and let go" : "",
-                old.c_str(), picture.c_str());
+                phases[static_cast<int>(seen_.task.phase)], goal.c_str(), X_WB.x, X_WB.y, sure,
+                why.c_str(), moving,
+                force_act_.waits() ? "  forces off: press the clutch and let go" : "", old.c_str(),
+                picture.c_str());
   return line;
 }
 

@@ -118,6 +118,8 @@ GoalCheck check_goal(const Scene& scene, const DemoOptions& options, const Opera
       c.missed =
           metres("arrived by its own odometry, but %.2f m off in the simulated world", worst) +
           (left > kGoalReached_m ? "" : ", at an earlier goal");
+  } else if (task.phase == Phase::kShort) {
+    c.missed = goal_text(task) + why_held(op.view);
   } else if (task.phase == Phase::kFailed) {
     c.missed = off + "no path to it was found after the drive began" + why_held(op.view);
   } else if (task.phase == Phase::kDriving) {

@@ -130,7 +130,7 @@ TEST(PlanningMoving, WhoeverMovesElsewhereDelaysNoArrival) {
   Story s;
   s.box(1.2, -0.3, 1.8, 0.3);  // what is marked stands: its place is never the goal's
   moves(s, -2.8, 2.0, -2.5, 2.5);
-  s.mark({1.5, 0, 0}).job();
+  s.mark({1.5, 0, 0.4}).job();
   ASSERT_EQ(s.out.state.phase, Phase::kDriving);
   arrive(s);
   s.job();

@@ -71,6 +71,21 @@ test('a keep-out on the way: the robot goes round it', async () => {
   assert.ok(nearest > disc.half[0] + 0.2, `passed at ${nearest} m`);
 });
 
+test('a goal within a keep-out: told as not reached, and by how much', async () => {
+  const disc = plant.obstacles[0]!;
+  await desk.tool('Go to');
+  await desk.click([disc.centre[0] + 0.1, disc.centre[1], 0]);
+  await until('the goal', () => twin.count('go_to') === 2);
+  await until('the end of the way', async () => {
+    if (plant.phase === 'driving') await desk.engage();
+    return plant.phase === 'short of the goal';
+  });
+  await until('the word on top', async () =>
+    (await desk.page.textContent('#chips'))!.includes(`${plant.off.toFixed(2)} m short`));
+  assert.ok(!(await desk.page.textContent('#chips'))!.includes('arrived'));
+  assert.ok(at(disc.centre[0], disc.centre[1]) > disc.half[0] + 0.3);
+});
+
 test('a keep-out is moved, resized by numbers, deleted, and taken back', async () => {
   await desk.tool('Keep-out');
   await desk.drag([[1.5, 0, 0], [1.5, -0.3, 0]]);

@@ -295,6 +295,8 @@ export class TwinBox {
     const slow = {
       version: 'twin', operator_name: 'operator 1', clock: 'real', mode: p.mode,
       mode_cause: p.cause, robot_mode: p.mode, phase: p.phase, link, tracking: 'tracking',
+      ...(p.off < 0 ? {} : { goal: { off_m: p.off, short: p.short,
+        text: p.short ? `${p.off.toFixed(2)} m short of the goal` : '' } }),
       device: this.desk.device, bus: 'operational',
       held: p.goal && p.mode !== 'engaged' ? 'not engaged' : '',
       tasks: [task('haptic', 'operator', 1000, 38, 0.03), task('fusion', 'operator', 30, 210, 9.1),

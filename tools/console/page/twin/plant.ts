@@ -6,7 +6,8 @@ const tokenLife = 0.2;       // s
 const acceleration = 4;      // m/s2
 const cruise = 0.6;          // m/s towards a goal
 const bodyRadius = 0.35;     // m of the base
-const reached = 0.03;        // m
+const reached = 0.03;        // m from the end of the path
+const arrival = 0.1;         // m from the goal
 
 type Xy = [number, number];
 
@@ -19,6 +20,7 @@ export class Plant {
   velocity: Vec3 = [0, 0, 0];
   wheels = [0, 0, 0, 0];
   goal: { at: Xy; yaw: number | null } | null = null;
+  off = -1;  // m from the end of the path to what was asked for; below 0: no path
   path: Xy[] = [];
   linkUp = true;
   hand: { p: Vec3; normal: Vec3; press: boolean } | null = null;
@@ -48,13 +50,32 @@ export class Plant {
   drop(): void {
     this.goal = null;
     this.path = [];
+    this.off = -1;
     this.phase = 'idle';
   }
 
   setGoal(at: Xy, yaw: number | null): void {
-    this.goal = { at, yaw };
+    const end = this.outside(at);
+    this.off = Math.hypot(end[0] - at[0], end[1] - at[1]);
+    this.goal = { at: end, yaw };
     this.phase = 'driving';
     this.plan();
+  }
+
+  get short(): boolean { return this.off > arrival; }
+
+  // The place nearest to a goal at which no keep-out is in the way.
+  private outside(at: Xy): Xy {
+    for (const o of this.obstacles) {
+      const [dx, dy] = [at[0] - o.centre[0], at[1] - o.centre[1]];
+      const away = Math.hypot(dx, dy);
+      const clear = Math.max(o.half[0], o.half[1]) + bodyRadius + 0.05;
+      if (away >= clear) continue;
+      const f = away > 0 ? clear / away : 0;
+      return away > 0 ? [o.centre[0] + dx * f, o.centre[1] + dy * f]
+        : [o.centre[0] - clear, o.centre[1]];
+    }
+    return at;
   }
 
   // Round the first disc or box that stands in the way.
@@ -116,9 +137,9 @@ export class Plant {
     if (left < (this.path.length > 2 ? 0.15 : reached)) {
       this.path.splice(1, 1);
       if (this.path.length < 2) {
-        this.phase = 'arrived';
+        this.phase = this.short ? 'short of the goal' : 'arrived';
         this.goal = null;
-        this.onEvent('arrived at the goal', 'goal');
+        this.onEvent(this.phase, 'task');
         return [0, 0, 0];
       }
     }

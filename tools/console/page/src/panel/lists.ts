@@ -62,7 +62,8 @@ export class Lists {
         where: pose?.handValid ? `${words(pose.hand)}${pose.contact
           ? `, touches, ${number(Math.hypot(...pose.force), 1, ' N')}` : ''}` : 'not known' },
       { key: 'goal', name: 'Goal', at: goal, goes: false,
-        where: `${words(goal)}${slow.phase ? `; ${slow.phase}` : ''}` },
+        where: `${words(goal)}${slow.phase ? `; ${slow.phase}` : ''}`
+          + (slow.goal?.text ? `; ${slow.goal.text}` : '') },
     ]);
     this.objects.show(slow.objects ?? []);
     this.obstacles.show(slow.obstacles ?? []);

@@ -29,12 +29,14 @@ export class TopBar {
   private readonly mode = new Chip('Mode', 'main');
   private readonly link = new Chip('Link', 'main');
   private readonly tracking = new Chip('Camera tracking');
+  private readonly task = new Chip('Task');
   private readonly device = new Chip('Haptic device', 'extra');
   private readonly role = new Chip('Role', 'extra');
   private readonly engage: HTMLButtonElement;
 
   constructor(private readonly acts: Acts, private readonly store: Store) {
-    by('chips').append(...[this.mode, this.link, this.tracking, this.device, this.role]
+    by('chips').append(...[this.mode, this.link, this.task, this.tracking, this.device,
+      this.role]
       .map(chip => chip.element));
     this.engage = button('Engage', () => void acts.engage(), { 'aria-keyshortcuts': 'G' });
     by('commands').append(this.engage,
@@ -56,6 +58,12 @@ export class TopBar {
     this.mode.show(mode === 'hold' ? 'Hold' : mode, mode === 'engaged' ? 'good'
       : mode === 'hold' || mode === 'starting' ? '' : 'bad', slow.mode_cause ?? '');
     this.showLink(slow);
+    const phase = slow.phase ?? 'unknown';
+    const missed = slow.goal?.short === true || phase === 'failed';
+    this.task.show(slow.goal?.short && phase !== 'driving'
+      ? `${number(slow.goal.off_m, 2, ' m')} short of the goal` : `Task ${phase}`,
+    missed ? 'warn' : phase === 'arrived' ? 'good' : '',
+    phase === 'failed' ? 'No way to the goal was found: it was given up.' : slow.goal?.text ?? '');
     const tracking = slow.tracking ?? trackings[pose?.tracking ?? -1] ?? 'unknown';
     this.tracking.show(`Camera ${tracking}`, tracking === 'tracking' ? 'good'
       : tracking === 'lost' ? 'bad' : 'warn');

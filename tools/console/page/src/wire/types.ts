@@ -135,6 +135,7 @@ export interface Slow {
   robot_mode?: string;
   phase?: string;
   held?: string;
+  goal?: { off_m?: number; short?: boolean; text?: string };
   link?: {
     state?: string; fault?: string; round_trip_ms?: number; mbit_s?: number; fps?: number;
     age_ms?: number; loss?: number; lowered?: string | null;
