@@ -236,7 +236,17 @@ void BoxRunner::run(rt::NonRealtime& nrt, const Faults& faults, const std::strin
   }
 }
 
+// A page is served by the operator's process alone.
+void BoxRunner::tell_page(const rt::JobRecord& record) const {
+  if (options.page != nullptr && box == rt::Box::kOperator) options.page->job(record);
+}
+void BoxRunner::tell_page(const rt::SentinelRecord& record) const {
+  if (options.page != nullptr && box == rt::Box::kOperator) options.page->sentinel(record);
+}
+
 void BoxRunner::run(rt::NonRealtime& nrt, const std::string& file) {
+  if (options.page != nullptr && box == rt::Box::kOperator)
+    options.page->tasks(log_header(placed, box, plan.calibration));
   std::vector<std::string> names;
   for (const auto& s : plan.host.specs) names.push_back(s.name);
   rt::with_faults(plan.planned ? &plan.faults : nullptr, names,

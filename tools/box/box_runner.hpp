@@ -70,10 +70,13 @@ struct BoxRunner {
   [[nodiscard]] BoxStatus status() const;
   [[nodiscard]] OrdinaryCpu ordinary_now() const;
 
+  void tell_page(const rt::JobRecord& record) const;
+  void tell_page(const rt::SentinelRecord& record) const;
   template <class Record>
   void keep(rt::RunStore& writer, const Record& record) {
     writer.add(record);
     if (black_box) black_box->add(record);
+    tell_page(record);
   }
 };
 

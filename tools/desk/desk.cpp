@@ -23,7 +23,7 @@ Desk::Desk(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::T
       port_(std::move(port)),
       events_(epoch, options_.log),
       acts_(box, console, events_, options_.hand),
-      show_(box, console, scene, epoch, port_, figures_) {}
+      show_(box, console, scene, epoch, port_, figures_, options_.tasks) {}
 
 std::optional<ConsoleAnswer> Desk::take(std::uint32_t session, std::int64_t id,
                                         std::string_view act, const nlohmann::json& intent) {

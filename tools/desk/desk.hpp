@@ -24,6 +24,7 @@
 #include "tools/desk/desk_acts.hpp"
 #include "tools/desk/desk_inbox.hpp"
 #include "tools/desk/desk_show.hpp"
+#include "tools/desk/task_watch.hpp"
 
 namespace teletact {
 
@@ -33,6 +34,7 @@ struct DeskOptions {
   bool paced = false, recording = false;
   std::string device;                   // kind, as the page names it
   PageHand* hand = nullptr;             // null: none stands between the haptic task and its device
+  TaskWatch* tasks = nullptr;           // null: nothing is told of the tasks' timing
   std::string log;                      // file of all events; empty: none
   std::function<std::int64_t()> clock;  // of arrivals, ns; empty: the monotonic one
 };

@@ -4,6 +4,7 @@
 
 #include "perception/geometry/planar.hpp"
 #include "rt/clock/box_time.hpp"
+#include "tools/pictures/picture_words.hpp"
 
 namespace teletact {
 
@@ -23,11 +24,12 @@ Pose2 ahead(const Pose2& X, double vx, double vy, double wz, double s) {
 }  // namespace
 
 DeskShow::DeskShow(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
-                   const DeskPort& port, DeskFigures& figures)
+                   const DeskPort& port, DeskFigures& figures, TaskWatch* tasks)
     : box_(box),
       console_(console),
       port_(port),
       figures_(figures),
+      tasks_(tasks),
       epoch_(epoch),
       wheels_(scene.graph.robot_io.base),
       block_edge_m_(8 * scene.graph.fusion.tsdf.voxel_size_m),
@@ -111,10 +113,9 @@ void DeskShow::show_picture(rt::Time now) {
   auto& cells = box_.graph().cells();
   const auto frame = cells.read<tasks::EdgeId::kFrame, tasks::kConsole>();
   if (!frame || frame.seq == frame_seq_) return;
-  frames_ += frame.seq - frame_seq_;
   frame_seq_ = frame.seq;
+  loss_.see(frame->seq, frame.seq, now);
   if (!due(next_picture_, now, 66)) return;
-  picture_exposure_ = frame->exposure;
   ++figures_.pictures;
   port_.publish(ViewKind::kPicture, stamp(now, frame->exposure),
                 pictures_.body(*frame, console_.seen().camera.X_WC));
@@ -135,27 +136,35 @@ void DeskShow::measure(rt::Time now, DeskFacts& facts) {
     if (measured_ != rt::Time{}) {
       figures_.cpu_s += 1e-9 * static_cast<double>(cpu - cpu_before_ns_);
       figures_.seconds += passed_s;
-      fps_ = static_cast<double>(frames_ - frames_before_) / passed_s;
       share_ = 1e-9 * static_cast<double>(cpu - cpu_before_ns_) / passed_s;
     }
-    frames_before_ = frames_;
     cpu_before_ns_ = cpu;
     measured_ = now;
   }
-  facts.fps = fps_;
   facts.share = share_;
+}
+
+LinkFacts DeskShow::link_facts(rt::Time now) const {
+  const auto& link = box_.graph().link();
+  LinkFacts f;
+  f.now = link_now(console_.link().newest, now);
+  f.loss = loss_.share();
+  f.round_trip_ms = 1e-6 * static_cast<double>(link.round_trip_ns.load());
+  f.closed = link.closed;
+  f.refused = link.refused;
+  if (const std::int64_t heard = link.last_heard_ns; heard != 0)
+    f.heard_ago_ms = 1e-6 * static_cast<double>(rt::ns_of(now) - heard);
+  f.lowered = spared_text(link.spared());
+  f.commands_refused = link.commands_refused;
+  return f;
 }
 
 void DeskShow::show_text(const DeskActs& acts, const DeskEvents& events, DeskFacts facts,
                          rt::Time now) {
-  const auto& link = box_.graph().link();
   facts.renders_force = renders_force_;
-  facts.round_trip_ns = static_cast<std::uint64_t>(std::max<std::int64_t>(0, link.round_trip_ns));
-  facts.link_closed = link.closed;
-  facts.link_heard = link.last_heard_ns != 0;
+  facts.link = link_facts(now);
+  if (tasks_ != nullptr) facts.tasks = tasks_->now();
   facts.viewers = port_.viewers();
-  if (picture_exposure_ != rt::Time{})
-    facts.picture_age_ms = 1e3 * rt::seconds(now - picture_exposure_);
   const auto people = port_.people ? port_.people() : std::vector<ConsolePerson>{};
   std::string name;
   for (const ConsolePerson& p : people)
@@ -178,6 +187,8 @@ void DeskShow::show_text(const DeskActs& acts, const DeskEvents& events, DeskFac
 }
 
 void DeskShow::tick(const DeskActs& acts, const DeskEvents& events, DeskFacts facts, rt::Time now) {
+  // Whose fault a miss was is known by what came before it: looked at with nobody there as well.
+  if (tasks_ != nullptr && due(next_tasks_, now, 200)) tasks_->look();
   if (port_.viewers() == 0) {
     measured_ = {};
     return;

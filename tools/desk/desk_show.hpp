@@ -33,7 +33,7 @@ struct DeskPort {
 class DeskShow {
  public:
   DeskShow(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
-           const DeskPort& port, DeskFigures& figures);
+           const DeskPort& port, DeskFigures& figures, TaskWatch* tasks);
   void tick(const DeskActs& acts, const DeskEvents& events, DeskFacts facts, rt::Time now);
 
  private:
@@ -44,22 +44,23 @@ class DeskShow {
   void show_map(rt::Time now);
   void show_text(const DeskActs& acts, const DeskEvents& events, DeskFacts facts, rt::Time now);
   void measure(rt::Time now, DeskFacts& facts);
+  [[nodiscard]] LinkFacts link_facts(rt::Time now) const;
 
   OperatorBox& box_;
   OperatorConsole& console_;
   const DeskPort& port_;
   DeskFigures& figures_;
+  TaskWatch* tasks_;
   rt::Time epoch_;
   drivers::Mecanum wheels_;
   double block_edge_m_, brake_m_per_s2_;
   bool renders_force_;
   PictureMaker pictures_;
-  rt::Time next_pose_{}, next_picture_{}, next_map_{}, next_text_{}, rolled_{};
+  rt::Time next_pose_{}, next_picture_{}, next_map_{}, next_text_{}, next_tasks_{}, rolled_{};
   std::array<double, 4> wheel_rad_{};
-  rt::Time picture_exposure_{};
   std::uint64_t map_seq_ = 0;
-  double fps_ = 0, share_ = 0;
-  std::uint64_t frames_ = 0, frames_before_ = 0;
+  double share_ = 0;
+  PictureLoss loss_;
   std::uint64_t frame_seq_ = 0;
   std::int64_t cpu_ns_ = 0, cpu_before_ns_ = 0;
   rt::Time measured_{};

@@ -1,6 +1,8 @@
 #include "tools/desk/desk_text.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "tasks/supervision/fault_ids.hpp"
@@ -98,15 +100,67 @@ json events_of(const DeskEvents& events) {
   return all;
 }
 
-json link_of(const DeskFacts& facts) {
-  json link{{"state", !facts.link_heard   ? "no other box"
-                      : facts.link_closed ? "closed"
-                                          : "connected"},
-            {"fps", rounded(facts.fps)}};
-  if (facts.round_trip_ns != 0)
-    link["round_trip_ms"] = rounded(1e-6 * static_cast<double>(facts.round_trip_ns));
-  if (facts.picture_age_ms >= 0) link["age_ms"] = rounded(facts.picture_age_ms);
+std::string ms_text(double ms) {
+  char text[40];
+  std::snprintf(text, sizeof text, ms < 1000 ? "%.0f ms" : "%.1f s", ms < 1000 ? ms : 1e-3 * ms);
+  return text;
+}
+
+json link_of(const LinkFacts& f) {
+  constexpr double kSilent_ms = 500;
+  const bool heard = f.heard_ago_ms >= 0;
+  json link{{"state", !heard     ? "no other box"
+                      : f.closed ? "closed"
+                                 : "connected"},
+            {"fps", rounded(f.now.fps)},
+            {"mbit_s", rounded(f.now.mbit_s)},
+            {"lowered", nullptr}};
+  if (f.refused)
+    link["fault"] = "refused: the two boxes are of different versions or keys";
+  else if (heard && f.heard_ago_ms > kSilent_ms)
+    link["fault"] = "silent for " + ms_text(f.heard_ago_ms);
+  if (f.round_trip_ms > 0) link["round_trip_ms"] = rounded(f.round_trip_ms);
+  if (f.now.picture_age_ms >= 0) link["age_ms"] = rounded(f.now.picture_age_ms);
+  if (f.loss >= 0) link["loss"] = rounded(f.loss);
+  if (!f.lowered.empty()) link["lowered"] = f.lowered;
+  if (f.commands_refused > 0) link["commands_refused"] = f.commands_refused;
   return link;
+}
+
+json tasks_of(const DeskFacts& facts) {
+  json all = json::array();
+  for (const TaskFigures& t : facts.tasks) {
+    json row{{"name", t.name}, {"box", t.box}, {"hz", rounded(t.hz)}, {"misses", t.misses}};
+    if (const std::string blame = t.blame_text(); !blame.empty()) row["blame"] = blame;
+    if (t.jobs > 0) {
+      row["late_p95_us"] = rounded(t.late_p95_us);
+      row["cpu_ms"] = rounded(t.cpu_ms);
+      row["cpu_share"] = rounded(t.cpu_share);
+    }
+    all.push_back(row);
+  }
+  return all;
+}
+
+// The base's motors as the robot's box tells of them.
+std::string bus_text(const OperatorView& seen, const LinkNow& link) {
+  if (seen.robot.seq == 0) return "nothing heard of it yet";
+  const std::string fault =
+      seen.robot.fault != rt::kNoFault ? fault_text(seen.robot.fault) : "no fault";
+  const std::string moves = seen.robot.moving != 0 ? "moves" : "stands";
+  const std::string age =
+      link.state_age_ms >= 0 ? ", state " + ms_text(link.state_age_ms) + " old" : std::string();
+  return moves + ", " + fault + age;
+}
+
+json device_of(const OperatorView& seen, const DeskFacts& facts) {
+  constexpr std::array kStates = {"reset", "idle, forces off", "forces on", "brake, forces off"};
+  json device{{"kind", facts.device}, {"renders_force", facts.renders_force}};
+  if (seen.haptic.empty()) return device;
+  const tasks::HapticSample& h = seen.haptic.back();
+  device["state"] = h.device_state < kStates.size() ? kStates[h.device_state] : "unknown";
+  device["clutch"] = h.clutched;
+  return device;
 }
 
 }  // namespace
@@ -124,7 +178,9 @@ std::string text_body(const OperatorView& seen, const DeskActs& acts, const Desk
          {"phase", phase_text(seen.task.phase)},
          {"held", held_text(w.held, w.held_ms, w.held_limit_ms)},
          {"tracking", tracking_text(seen.camera.tracking)},
-         {"link", link_of(facts)},
+         {"link", link_of(facts.link)},
+         {"bus", bus_text(seen, facts.link.now)},
+         {"tasks", tasks_of(facts)},
          {"faults", faults_of(seen, events)},
          {"path", path_of(seen)},
          {"marks", marks_of(acts)},
@@ -142,7 +198,7 @@ std::string text_body(const OperatorView& seen, const DeskActs& acts, const Desk
   t["marked"] = nullptr;
   if (!seen.paths.empty() && seen.paths.back().size > 0)
     t["marked"] = vec(seen.paths.back().marked_W);
-  t["device"] = {{"kind", facts.device}, {"renders_force", facts.renders_force}};
+  t["device"] = device_of(seen, facts);
   const auto& s = acts.first_steps();
   t["first_steps"] = {{"touch", s.touch},
                       {"mark", s.mark},

@@ -5,8 +5,20 @@
 
 #include "tools/desk/desk_acts.hpp"
 #include "tools/desk/desk_events.hpp"
+#include "tools/desk/link_now.hpp"
+#include "tools/desk/task_watch.hpp"
 
 namespace teletact {
+
+struct LinkFacts {
+  LinkNow now;
+  double loss = -1;          // share of the pictures; below 0: not known
+  double round_trip_ms = 0;  // 0: not measured yet
+  double heard_ago_ms = -1;  // any message; below 0: never
+  bool closed = false, refused = false;
+  std::string lowered;                 // of the pictures, in words; empty: they are whole
+  std::uint64_t commands_refused = 0;  // by the robot's box
+};
 
 // What the desk knows beside what the console has seen.
 struct DeskFacts {
@@ -15,13 +27,10 @@ struct DeskFacts {
   std::string device;      // kind
   bool renders_force = true;
   bool recording = false;
-  double fps = 0, mesh_age_ms = 0, picture_age_ms = -1;
-  std::uint64_t round_trip_ns = 0;
-  std::uint64_t heard_ns = 0;
-  bool link_closed = false, link_heard = false;
+  LinkFacts link;
+  std::vector<TaskFigures> tasks;
   int viewers = 0;
-  double share = 0;           // of a core: the views and the server's thread
-  std::string server_counts;  // JSON text; empty: none
+  double share = 0;  // of a core: the views and the server's thread
 };
 
 [[nodiscard]] std::string text_body(const OperatorView& seen, const DeskActs& acts,

@@ -60,6 +60,7 @@ void PageDesk::open(OperatorBox& box, OperatorConsole& console, const Scene& sce
     options_.desk.no_acts =
         "the simulated clock runs as fast as it goes, ahead of any person: use --clock paced";
   options_.desk.hand = hand_.get();
+  options_.desk.tasks = &tasks_;
   if (hand_) hand_->bind(box.graph().haptic());
   auto started = ConsoleServer::start(options_.server, callbacks());
   if (!started) throw std::runtime_error("--console: " + started.error());
@@ -73,13 +74,14 @@ void PageDesk::open(OperatorBox& box, OperatorConsole& console, const Scene& sce
     std::printf("console: %s\n", url.c_str());
     std::fflush(stdout);
   }
-  if (options_.open_browser && !show_in_browser(url))
+  if (options_.open_browser && !door_.open(url))
     std::printf("--open: there is no desktop to open a browser on; open the address above\n");
 }
 
 void PageDesk::tick(rt::Time now) {
   now_s_.store(rt::seconds(now - epoch_));
   if (desk_) desk_->tick(now);
+  if (server_ && server_->viewers() > 0) door_.remove();  // it has led there
 }
 
 // Figures of what happened with somebody there.
@@ -95,6 +97,7 @@ void PageDesk::write_figures() const {
 
 void PageDesk::close() {
   if (server_) server_->stop();
+  door_.remove();
   if (open_.load() && desk_ && !options_.figures.empty()) write_figures();
   open_.store(false);
 }

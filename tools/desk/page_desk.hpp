@@ -6,6 +6,7 @@
 #include <string>
 
 #include "tools/console/console_server.hpp"
+#include "tools/desk/browser_door.hpp"
 #include "tools/desk/desk.hpp"
 #include "tools/scene/page_hook.hpp"
 
@@ -31,6 +32,9 @@ class PageDesk final : public PageHook {
   // Throws std::runtime_error with one line where the server does not start.
   void open(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
             Clock clock) override;
+  void tasks(const rt::RunLog& header) override { tasks_.tasks(header); }
+  void job(const rt::JobRecord& record) override { tasks_.add(record); }
+  void sentinel(const rt::SentinelRecord& record) override { tasks_.add(record); }
   void tick(rt::Time now) override;
   void close() override;
   [[nodiscard]] std::int64_t cpu_ns() const override {
@@ -44,15 +48,13 @@ class PageDesk final : public PageHook {
   PageOptions options_;
   std::atomic<double> now_s_{0};
   rt::Time epoch_{};
+  TaskWatch tasks_;
   // The server calls the desk, the desk the server: it is made first, and ends first.
   std::unique_ptr<PageHand> hand_;
   std::unique_ptr<ConsoleServer> server_;
   std::unique_ptr<Desk> desk_;
+  BrowserDoor door_;
   std::atomic<bool> open_{false};
 };
-
-// Asks the desktop to show a page. The address goes through a file that this user alone may read,
-// since a program's arguments are there for every user to see. False: there is no desktop.
-[[nodiscard]] bool show_in_browser(const std::string& url);
 
 }  // namespace teletact

@@ -43,6 +43,9 @@ void JobKeepers::start(rt::Time operator_epoch, rt::Time robot_epoch) {
   run_.robot.log.epoch_ns = rt::ns_of(robot_epoch);
   operator_ = std::make_unique<JobKeeper>(options_, rt::Box::kOperator, run_.op.log);
   robot_ = std::make_unique<JobKeeper>(options_, rt::Box::kRobot, run_.robot.log);
+  if (options_.page == nullptr) return;
+  options_.page->tasks(run_.op.log);
+  options_.page->tasks(run_.robot.log);
 }
 
 void JobKeepers::finish() {

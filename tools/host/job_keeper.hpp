@@ -9,6 +9,7 @@
 #include "rt/store/memory_log.hpp"
 #include "tools/host/run_options.hpp"
 #include "tools/host/store_watch.hpp"
+#include "tools/scene/page_hook.hpp"
 
 namespace teletact {
 
@@ -47,6 +48,7 @@ class JobKeepers {
   void start(rt::Time operator_epoch, rt::Time robot_epoch);
   void add(bool of_operator, const rt::JobRecord& record) {
     (of_operator ? *operator_ : *robot_).add(record);
+    if (options_.page != nullptr) options_.page->job(record);
   }
   void look(const tasks::ModeMsg& op, const tasks::ModeMsg& robot, drivers::Spared spared,
             std::int64_t host_ns) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "drivers/haptic/haptic_device.hpp"
+#include "rt/audit/run_log.hpp"
 #include "rt/memory/non_realtime.hpp"
 #include "rt/time.hpp"
 
@@ -32,6 +33,11 @@ class PageHook {
   // In the operator's process, once box and console stand, before the first job.
   virtual void open(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
                     Clock clock) = 0;
+  // The tasks of a box, before their first job, and what each job and sentinel was like. On the
+  // real clock those of the operator's box, by the thread that keeps the records.
+  virtual void tasks(const rt::RunLog& /*header*/) {}
+  virtual void job(const rt::JobRecord& /*record*/) {}
+  virtual void sentinel(const rt::SentinelRecord& /*record*/) {}
   // After each tick of the console.
   virtual void tick(rt::Time now) = 0;
   // Before the box goes.

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <map>
@@ -55,14 +56,18 @@ class Person : public teletact::PageHook {
     teletact::DeskOptions o;
     o.clock = [this] { return now_ns_; };
     o.hand = hand.get();
+    o.tasks = &watch;
     hand->bind(box.graph().haptic());
     teletact::DeskPort port;
     port.viewers = [this] { return viewers; };
-    port.publish = [this](teletact::ViewKind kind, const teletact::ViewStamp&,
+    port.publish = [this](teletact::ViewKind kind, const teletact::ViewStamp& at,
                           std::span<const std::uint8_t> body) {
       ++views[kind];
       bytes[kind] = body.size();
-      if (kind == teletact::ViewKind::kText) text.assign(body.begin(), body.end());
+      if (kind == teletact::ViewKind::kText) {
+        text.assign(body.begin(), body.end());
+        text_at_ns = tasks_at_ns = rt::ns_of(epoch_) + std::llround(1e9 * at.time_s);
+      }
       return true;
     };
     port.wants_whole_mesh = [this] { return whole_mesh; };
@@ -87,6 +92,8 @@ class Person : public teletact::PageHook {
     }
     desk->tick(now);
   }
+  void tasks(const rt::RunLog& header) override { watch.tasks(header); }
+  void job(const rt::JobRecord& record) override { watch.add(record); }
   void close() override {}
   std::int64_t cpu_ns() const override { return 0; }
 
@@ -109,6 +116,9 @@ class Person : public teletact::PageHook {
   std::map<teletact::ViewKind, int> views;
   std::map<teletact::ViewKind, std::size_t> bytes;
   std::string text;
+  std::int64_t text_at_ns = 0;   // operator's clock
+  std::int64_t tasks_at_ns = 0;  // the last look at the tasks' timing before it
+  teletact::TaskWatch watch;
   int viewers = 0, mesh_blocks = 0;
   bool whole_mesh = true;
   std::unique_ptr<Desk> desk;
@@ -234,6 +244,167 @@ TEST(DeskRun, ADrawnObstacleIsKeptClearOfAndAGoalByClickIsReachedWithoutItAndRep
   EXPECT_TRUE(text["first_steps"]["obstacle"]);
   EXPECT_TRUE(same_again(options.log_folder, rt::Box::kOperator));
   EXPECT_TRUE(same_again(options.log_folder, rt::Box::kRobot));
+}
+
+// Nearest that the true base came to a place from an instant on.
+double nearest_base(const VirtualRun& r, double from, double x, double y) {
+  double least = 1e9;
+  for (const auto& s : r.robot.view.truth) {
+    if (1e-9 * static_cast<double>(rt::ns_of(s.stamp) - r.robot.epoch_ns) < from) continue;
+    least = std::min(least, std::hypot(s.x_m - x, s.y_m - y));
+  }
+  return least;
+}
+
+// From free floor to free floor, a metre straight on; while the base drives there, a disc is drawn
+// in the middle of its way. There is floor enough beside it.
+TEST(DeskRun, AnObstacleDrawnOnItsWayIsGoneRound) {
+  using Phase = tasks::TaskState::Phase;
+  constexpr double kX = 2.40, kY = 0.75, kRadius = 0.10;
+  auto s = scene();
+  Person p;
+  p.holds = json::array({"engage"});
+  double ox = 0, oy = 0, drawn_at = -1;
+  std::int64_t draw = 0;
+  p.act = [&](double t) {
+    if (p.once("engage", t, 1.5)) p.say({{"act", "engage"}});
+    if (p.once("first", t, 2.0)) p.say({{"act", "go_to"}, {"x", 1.40}, {"y", kY}, {"yaw", 0.0}});
+    const bool there = p.seen().task.marks == 1 && p.seen().task.phase == Phase::kArrived;
+    if (there && p.once("second", t, 3.0))
+      p.say({{"act", "go_to"}, {"x", kX}, {"y", kY}, {"yaw", 0.0}});
+    const bool drives = p.seen().task.marks == 2 && p.seen().task.phase == Phase::kDriving;
+    if (!drives || std::abs(p.seen().robot.vx) < 0.1 || !p.once("draw", t, 3.0)) return;
+    const auto& path = p.seen().paths.back();
+    const auto& middle = path.points[static_cast<std::size_t>(path.size / 2)];
+    ox = middle[0], oy = middle[1], drawn_at = t;
+    draw = p.say({{"act", "draw"},
+                  {"obstacle",
+                   {{"id", 1},
+                    {"kind", "disc"},
+                    {"centre", {ox, oy, 0}},
+                    {"half", {kRadius, kRadius, 0.1}},
+                    {"yaw", 0}}}});
+  };
+  const VirtualRun r = run(*s, 24, p);
+  ASSERT_GT(drawn_at, 0) << "it never drove";
+  EXPECT_TRUE(p.answers[draw].ok) << p.answers[draw].why;
+  const double radius = s->graph.planning.robot_radius_m;
+  EXPECT_LT(std::abs(oy - kY), 0.15) << "the disc lies across the straight way";
+  ASSERT_FALSE(r.robot.view.truth.empty());
+  const auto& end = r.robot.view.truth.back();
+  EXPECT_LT(std::hypot(end.x_m - kX, end.y_m - kY), 0.10);
+  EXPECT_EQ(r.op.view.task.phase, Phase::kArrived);
+  EXPECT_FALSE(r.op.view.task.is_short);
+  // The base's own disc and the drawn one never touch.
+  const double least = nearest_base(r, drawn_at, ox, oy);
+  EXPECT_GT(least, kRadius + radius);
+  EXPECT_EQ(end.collisions, 0U);
+  std::printf(
+      "disc at (%.2f, %.2f), nearest %.3f m, touching would be %.3f m; %.3f m off at the end\n", ox,
+      oy, least, kRadius + radius, std::hypot(end.x_m - kX, end.y_m - kY));
+}
+
+// The same place with no floor left beside the disc that is drawn about it.
+TEST(DeskRun, AGoalThatIsDrawnOverIsToldAsNotReached) {
+  using Phase = tasks::TaskState::Phase;
+  constexpr double kX = 1.60, kY = 0.75, kRadius = 0.30;
+  auto s = scene();
+  Person p;
+  p.viewers = 1;
+  p.holds = json::array({"engage"});
+  p.act = [&](double t) {
+    if (p.once("engage", t, 1.5)) p.say({{"act", "engage"}});
+    if (p.once("draw", t, 2.0))
+      p.say({{"act", "draw"},
+             {"obstacle",
+              {{"id", 1},
+               {"kind", "disc"},
+               {"centre", {kX, kY, 0}},
+               {"half", {kRadius, kRadius, 0.1}},
+               {"yaw", 0}}}});
+    if (p.once("goal", t, 2.5)) p.say({{"act", "go_to"}, {"x", kX}, {"y", kY}});
+  };
+  const VirtualRun r = run(*s, 14, p);
+  ASSERT_FALSE(r.robot.view.truth.empty());
+  const auto& end = r.robot.view.truth.back();
+  const double off = std::hypot(end.x_m - kX, end.y_m - kY);
+  EXPECT_EQ(r.op.view.task.phase, Phase::kShort);
+  EXPECT_EQ(r.op.view.arrivals, 0U);
+  EXPECT_GT(off, kRadius + 0.3);
+  EXPECT_NEAR(r.op.view.task.off_m, off, 0.10);
+  const json text = json::parse(p.text);
+  EXPECT_EQ(text["phase"], "short of the goal");
+  EXPECT_TRUE(text["goal"]["short"]);
+  EXPECT_NEAR(text["goal"]["off_m"].get<double>(), off, 0.10);
+  EXPECT_THAT(text["goal"]["text"].get<std::string>(), testing::HasSubstr("short of the goal"));
+  bool told = false;
+  for (const auto& e : text["events"])
+    told = told || (e["kind"] == "task" &&
+                    e["text"].get<std::string>().find("short of the goal") != std::string::npos);
+  EXPECT_TRUE(told);
+}
+
+// The timing table and the link's figures against the run's own records.
+TEST(DeskRun, WhatThePageTellsOfTasksAndLinkIsWhatTheRunRecorded) {
+  auto s = scene();
+  Person p;
+  p.viewers = 1;
+  const VirtualRun r = run(*s, 9, p);
+  const json text = json::parse(p.text);
+  ASSERT_GT(p.text_at_ns, 0);
+  int compared = 0;
+  for (const auto* half : {&r.op.log, &r.robot.log}) {
+    const bool of_op = half == &r.op.log;
+    for (const auto& task : half->tasks) {
+      const json* row = nullptr;
+      for (const auto& t : text["tasks"])
+        if (t["name"] == task.spec.name) row = &t;
+      ASSERT_NE(row, nullptr) << task.spec.name;
+      EXPECT_EQ((*row)["box"], of_op ? "operator" : "robot");
+      // The robot's clock is another one: the operator's box alone is compared to the last digit.
+      if (!of_op) {
+        EXPECT_TRUE(row->contains("cpu_ms")) << task.spec.name;
+        continue;
+      }
+      std::vector<double> late;
+      double cpu_ms = 0;
+      std::int64_t newest = 0;
+      for (const auto& j : task.jobs)
+        if (j.end_ns <= p.tasks_at_ns) newest = j.release_ns;
+      for (const auto& j : task.jobs) {
+        if (j.release_ns > newest || j.release_ns <= newest - 5'000'000'000) continue;
+        late.push_back(1e-3 * static_cast<double>(j.start_ns - j.release_ns));
+        cpu_ms += 1e-6 * static_cast<double>(j.cpu_ns);
+      }
+      ASSERT_FALSE(late.empty()) << task.spec.name;
+      std::sort(late.begin(), late.end());
+      const auto rank =
+          static_cast<std::size_t>(std::ceil(0.95 * static_cast<double>(late.size())));
+      EXPECT_NEAR((*row)["late_p95_us"].get<double>(), late[rank - 1], 1e-3) << task.spec.name;
+      EXPECT_NEAR((*row)["cpu_ms"].get<double>(), cpu_ms / static_cast<double>(late.size()), 1e-3)
+          << task.spec.name;
+      ++compared;
+    }
+  }
+  EXPECT_GE(compared, 5);
+  double pictures = 0, bytes = 0;
+  for (const auto& l : r.op.link.newest) {
+    const std::int64_t ns = rt::ns_of(l.stamp);
+    if (ns > p.text_at_ns || ns <= p.text_at_ns - 2'000'000'000) continue;
+    pictures += l.picture ? 1 : 0;
+    bytes += l.bytes;
+  }
+  const json& link = text["link"];
+  EXPECT_GT(pictures, 20);
+  EXPECT_NEAR(link["fps"].get<double>(), pictures / 2, 1e-3);
+  EXPECT_NEAR(link["mbit_s"].get<double>(), 8e-6 * bytes / 2, 1e-3);
+  EXPECT_GT(link["round_trip_ms"].get<double>(), 60) << "30 ms each way";
+  EXPECT_LT(link["round_trip_ms"].get<double>(), 80);
+  EXPECT_GT(link["age_ms"].get<double>(), 30);
+  EXPECT_LT(link["age_ms"].get<double>(), 200);
+  EXPECT_EQ(link["loss"].get<double>(), 0);
+  EXPECT_EQ(text["device"]["state"], "forces on");
+  EXPECT_THAT(text["bus"].get<std::string>(), testing::HasSubstr("stands, no fault"));
 }
 
 TEST(DeskRun, DrivingByHandEndsWithItsTokensAndReplays) {

@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <string>
 
-#include "tools/desk/page_desk.hpp"
+#include "tools/desk/browser_door.hpp"
 
 extern char** environ;
 
@@ -35,11 +35,17 @@ std::string write_door(const std::string& url) {
 
 }  // namespace
 
-bool show_in_browser(const std::string& url) {
+void BrowserDoor::remove() noexcept {
+  if (!path_.empty()) ::unlink(path_.c_str());
+  path_.clear();
+}
+
+bool BrowserDoor::open(const std::string& url) {
+  remove();
   if (std::getenv("DISPLAY") == nullptr && std::getenv("WAYLAND_DISPLAY") == nullptr) return false;
-  const std::string door = write_door(url);
-  if (door.empty()) return false;
-  std::string program = "xdg-open", argument = door;
+  path_ = write_door(url);
+  if (path_.empty()) return false;
+  std::string program = "xdg-open", argument = path_;
   char* argv[] = {program.data(), argument.data(), nullptr};
   pid_t pid = 0;
   if (::posix_spawnp(&pid, "xdg-open", nullptr, nullptr, argv, environ) != 0) return false;
