@@ -50,7 +50,10 @@ bool BrowserDoor::open(const std::string& url) {
   pid_t pid = 0;
   if (::posix_spawnp(&pid, "xdg-open", nullptr, nullptr, argv, environ) != 0) return false;
   int status = 0;
-  return ::waitpid(pid, &status, 0) == pid && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  const bool shown =
+      ::waitpid(pid, &status, 0) == pid && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  if (!shown) remove();
+  return shown;
 }
 
 }  // namespace teletact

@@ -47,6 +47,15 @@ void add_console_options(CLI::App& app, ConsoleWords& w) {
   app.add_option("--console-port", w.port, "port of the page; 0: the kernel chooses")
       ->check(CLI::Range(0, 65535))
       ->needs(console);
+  auto* keys = app.add_option("--console-keys", w.keys,
+                              "folder of `teletact keys web`: HTTPS, for browsers that show a "
+                              "certificate of `teletact keys browser`");
+  keys->needs(console);
+  app.add_option("--console-address", w.address,
+                 "numeric address of the page's server; not loopback: with --console-keys")
+      ->needs(console);
+  app.add_option("--console-name", w.names, "name by which browsers reach this box; repeatable")
+      ->needs(console);
   app.add_option("--page", w.page, "folder of the built page")->needs(console);
 }
 
@@ -66,6 +75,9 @@ std::unique_ptr<PageDesk> console_of(const ConsoleWords& w, Scene& scene, const 
   PageOptions page;
   page.server.page_folder = page_folder(w.page);
   page.server.port = w.port;
+  page.server.address = w.address;
+  page.server.keys = w.keys;
+  page.server.names = w.names;
   page.desk.device = scene.choice.kind;
   page.desk.recording = o.record;
   page.desk.log = o.report + "/raw/console.log";

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "tools/desk/page_desk.hpp"
 #include "tools/host/run_options.hpp"
@@ -16,6 +17,8 @@ namespace teletact {
 struct ConsoleWords {
   bool console = false, open = false;
   int port = 0;
+  std::string address = "127.0.0.1", keys;  // not loopback: HTTPS with this folder of keys
+  std::vector<std::string> names;           // by which browsers reach this box
   std::string page;  // folder of the built page; empty: beside the program, or in the source tree
 };
 

@@ -58,10 +58,8 @@ TEST(BrowserDoor, LeadsThereForThisUserAloneAndIsRemoved) {
 
 TEST(BrowserDoor, IsRemovedWhereTheBrowserDoesNotStart) {
   const Desktop d(3);
-  {
-    teletact::BrowserDoor door;
-    EXPECT_FALSE(door.open(kUrl));
-  }
+  teletact::BrowserDoor door;
+  EXPECT_FALSE(door.open(kUrl));
   EXPECT_FALSE(fs::exists(d.door()));
 }
 
