@@ -46,7 +46,7 @@ ROOMS = {
         "cli", "files", "doctor", "report", "scene", "pictures", "touch", "record", "host",
         "console", "desk"},
     "bus": {"files"},
-    "desk": {"files", "scene", "record", "host", "console"},
+    "desk": {"files", "scene", "pictures", "record", "host", "console"},
     "console": set(),
 }
 ROOMS["teletact"] = set(ROOMS)

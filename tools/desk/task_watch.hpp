@@ -1,5 +1,5 @@
-// How the tasks do, while they run: from the job records that a run keeps, lateness, CPU, misses and
-// whose fault they are (rt/audit/blame.hpp), for the page's timing table.
+// How the tasks do, while they run: from the job records that a run keeps, lateness, CPU, misses
+// and whose fault they are (rt/audit/blame.hpp), for the page's timing table.
 //
 //   tasks(), add()   by the thread that keeps the records: an ordinary one, never a task's
 //   look(), now()    by the console's thread
