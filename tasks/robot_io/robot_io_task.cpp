@@ -250,6 +250,7 @@ void RobotIoTask::write_state(const rt::Tick&, const In& in, Drive, Health healt
   const bool turning = std::hypot(s.vx, s.vy) > 0.005 || std::abs(s.wz) > 0.01;
   s.moving = static_cast<std::uint8_t>(turning || trajectory_.moving());
   s.fault = health.fault;
+  s.pauses = static_cast<std::uint8_t>(in.mode != nullptr && in.mode->resumes);
   telemetry_.X_OR = trajectory_.reference();
   out.telemetry = telemetry_;
   out.bus = bus_.report();

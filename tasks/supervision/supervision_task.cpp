@@ -90,10 +90,25 @@ void SupervisionTask::gather(rt::Time now, const In& in, Conditions& c) const no
   if (mode_ != Mode::kEngaged) return;
   if (box_ == rt::Box::kRobot) {
     if (in.requests.engage != Engage::kYes) raise(c, kFaultEngageWithdrawn, Severity::kOk);
-  } else if (live && in.peer_mode != Mode::kEngaged) {
-    const bool patient = now - entered_ <= rt::nanos_from_seconds(config_.peer_grace_s);
-    if (peer_followed_ || !patient) raise(c, kFaultPeerNotEngaged, Severity::kOk);
+  } else if (live && peer_left(now, in)) {
+    raise(c, kFaultPeerNotEngaged, Severity::kOk);
   }
+}
+
+// Operator box, engaged: has the robot's not followed in time, or left? Where goals alone were lost,
+// only the robot has noticed a silence: it says so, and is waited for as long as it may wait itself.
+bool SupervisionTask::peer_left(rt::Time now, const In& in) const noexcept {
+  if (in.peer_mode == Mode::kEngaged) return false;
+  if (!peer_followed_) return now - entered_ > rt::nanos_from_seconds(config_.peer_grace_s);
+  const double wait_s = config_.resume_within_s + config_.ramp_s;
+  return !in.peer_pauses || now - peer_engaged_ > rt::nanos_from_seconds(wait_s);
+}
+
+// What a silence has held up tells of the time before it: no answer to this engage.
+void SupervisionTask::note_peer(rt::Time now, const In& in) noexcept {
+  if (mode_ != Mode::kEngaged || in.peer_mode != Mode::kEngaged) return;
+  if (in.peer_mode_at > entered_) peer_followed_ = true;
+  if (peer_followed_) peer_engaged_ = now;
 }
 
 void SupervisionTask::count_and_latch(const Conditions& c) noexcept {
@@ -205,9 +220,7 @@ rt::Health SupervisionTask::step(const rt::Tick& tick, const In& in, Out& out) n
   }
   const bool in_episode = mode_ != Mode::kInit && mode_ != Mode::kHold;
   if (in_episode) episode_ = rt::worst(episode_, c.worst);
-  // What a silence has held up tells of the time before it: no answer to this engage.
-  if (mode_ == Mode::kEngaged && in.peer_mode == Mode::kEngaged && in.peer_mode_at > entered_)
-    peer_followed_ = true;
+  note_peer(now, in);
 
   out.now = c.worst;
   out.episode = episode_;

@@ -84,6 +84,7 @@ class SupervisionTask {
     std::uint64_t link_session = 0;
     Mode peer_mode = Mode::kInit;  // newest, meaningful while the link is live
     rt::Time peer_mode_at{};       // when it was so, in this box's time; operator box
+    bool peer_pauses = false;      // a silence alone keeps it out of the engaged mode; operator box
     bool estop_fitted = false;
     bool estop_closed = true;  // false: pressed or wire broken
     rt::Time estop_sampled{};
@@ -135,6 +136,8 @@ class SupervisionTask {
     return gate_.may_enter(static_cast<std::size_t>(mode_), static_cast<std::size_t>(mode));
   }
   [[nodiscard]] bool link_live(rt::Time now, const In& in) const noexcept;
+  [[nodiscard]] bool peer_left(rt::Time now, const In& in) const noexcept;
+  void note_peer(rt::Time now, const In& in) noexcept;
   [[nodiscard]] bool all_heard(const In& in) const noexcept;
 
   SupervisionConfig config_;
@@ -155,6 +158,7 @@ class SupervisionTask {
   bool clearing_ = false;              // pressed, and not yet let go
   bool clear_open_ = false;            // and no safe stop has begun or ended since
   bool peer_followed_ = false;
+  rt::Time peer_engaged_{};  // when it last was, since it followed
   std::uint64_t seq_ = 0;
   std::uint64_t link_session_ = 0;  // newest seen; 0: none yet
   bool resumes_ = false;            // ramped down by a silence alone, and the act is held

@@ -375,6 +375,43 @@ TEST(SupervisionResume, StatesThatASilenceHeldUpAreNoAnswer) {  // F-SUP-04
   EXPECT_EQ(s.out.mode.cause, tasks::kFaultPeerNotEngaged);
 }
 
+// Goals alone were lost: the robot pauses, the operator's box has heard it all the time.
+TEST(SupervisionResume, TheOperatorWaitsForARobotThatPauses) {  // F-SUP-04
+  for (const auto pause : {100ms, 700ms, 1100ms}) {
+    Story s;
+    s.engaged();
+    s.run(100ms);
+    s.peer_follows = false;
+    s.in.peer_mode = Mode::kRampDown;
+    s.in.peer_pauses = true;
+    s.run(pause);
+    EXPECT_EQ(s.mode(), Mode::kEngaged) << pause.count();
+    s.in.peer_mode = Mode::kEngaged;
+    s.in.peer_pauses = false;
+    s.run(50ms);
+    EXPECT_EQ(s.mode(), Mode::kEngaged) << pause.count();
+    s.in.peer_mode = Mode::kHold;
+    s.run(20ms);
+    EXPECT_EQ(s.mode(), Mode::kRampDown) << "it left for another reason";
+  }
+}
+
+TEST(SupervisionResume, ButNotForOneThatPausesTooLongOrNoLonger) {  // F-SUP-04
+  for (const bool too_long : {true, false}) {
+    Story s;
+    s.engaged();
+    s.run(100ms);
+    s.peer_follows = false;
+    s.in.peer_mode = Mode::kHold;
+    s.in.peer_pauses = true;
+    s.run(too_long ? 1250ms : 300ms);
+    s.in.peer_pauses = too_long;
+    s.run(20ms);
+    EXPECT_EQ(s.mode(), Mode::kRampDown);
+    EXPECT_EQ(s.out.mode.cause, tasks::kFaultPeerNotEngaged);
+  }
+}
+
 // A robot that does not go on is noticed as one that does not follow.
 TEST(SupervisionResume, ThePeerHasItsGraceAgain) {  // F-SUP-04
   Story s;
