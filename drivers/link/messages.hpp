@@ -36,8 +36,8 @@ struct RobotState {
   std::uint8_t mode = 0;                      // tasks::Mode of the robot box
   std::uint8_t moving = 0;
   std::uint16_t fault = 0;
-  // 1: a silence of the link alone has taken the robot's box out of the engaged mode, and it goes
-  // on if it hears in time that the operator's box is still in it.
+  // A silence of the link alone has taken the robot's box out of the engaged mode, and it goes on if
+  // the operator still asks for it: 1: it is still silent. 2: it is heard again.
   std::uint8_t pauses = 0;
 };
 
@@ -90,7 +90,7 @@ struct rt::Fields<drivers::RobotState> {
       number(&M::vy, "vy"),        number(&M::wz, "wz"),           value(&M::cmd_vx, "cmd_vx"),
       value(&M::cmd_vy, "cmd_vy"), value(&M::cmd_wz, "cmd_wz"),    value(&M::goal_seq, "goal_seq"),
       value(&M::mode, "mode", 4),  value(&M::moving, "moving", 1), value(&M::fault, "fault"),
-      value(&M::pauses, "pauses", 1)};
+      value(&M::pauses, "pauses", 2)};
 };
 static_assert(rt::lists_every_field<drivers::RobotState>());
 

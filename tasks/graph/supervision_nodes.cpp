@@ -62,7 +62,8 @@ void SupervisionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcep
   latch_health(cells_, kOperatorWatched, in_, record);
   const auto robot = cells_.take<EdgeId::kRobotState, TaskId::kSupervision>(record);
   in_.peer_mode = robot ? static_cast<Mode>(robot->mode) : Mode::kInit;
-  in_.peer_pauses = robot && robot->pauses != 0;
+  using Pause = SupervisionTask::Pause;
+  in_.peer_pause = robot ? static_cast<Pause>(robot->pauses) : Pause::kNone;
   in_.peer_mode_at = robot ? robot->taken : rt::Time{};
   const std::int64_t heard = link_.last_heard_ns.load(std::memory_order_relaxed);
   in_.link_expected = link_.expected.load(std::memory_order_relaxed);

@@ -230,7 +230,15 @@ void RobotIoTask::write_setpoints(Drive drive, double dt, Out& out) noexcept {
   }
 }
 
-void RobotIoTask::write_state(const rt::Tick&, const In& in, Drive, Health health,
+// RobotState::pauses. Heard again: within the silence that takes the box out of its mode, which is
+// twice that at which the base ramps down.
+std::uint8_t RobotIoTask::pauses(const rt::Tick& tick, const In& in) const noexcept {
+  if (in.mode == nullptr || !in.mode->resumes) return 0;
+  const auto silence = 2 * std::chrono::milliseconds{config_.link_silence_ms};
+  return !in.link_heard || in.link_closed || tick.start - in.link_heard_at > silence ? 1 : 2;
+}
+
+void RobotIoTask::write_state(const rt::Tick& tick, const In& in, Drive, Health health,
                               Out& out) noexcept {
   const Pose2& p = odometry_.pose();
   drivers::RobotState& s = out.state;
@@ -250,7 +258,7 @@ void RobotIoTask::write_state(const rt::Tick&, const In& in, Drive, Health healt
   const bool turning = std::hypot(s.vx, s.vy) > 0.005 || std::abs(s.wz) > 0.01;
   s.moving = static_cast<std::uint8_t>(turning || trajectory_.moving());
   s.fault = health.fault;
-  s.pauses = static_cast<std::uint8_t>(in.mode != nullptr && in.mode->resumes);
+  s.pauses = pauses(tick, in);
   telemetry_.X_OR = trajectory_.reference();
   out.telemetry = telemetry_;
   out.bus = bus_.report();

@@ -125,6 +125,7 @@ class RobotIoTask {
   [[nodiscard]] Drive decide(const rt::Tick&, const In&, Out&, rt::Health&) noexcept;
   [[nodiscard]] rt::Health accept_goal(const rt::Tick&, const In&) noexcept;
   void write_setpoints(Drive, double dt, Out&) noexcept;
+  [[nodiscard]] std::uint8_t pauses(const rt::Tick&, const In&) const noexcept;
   void write_state(const rt::Tick&, const In&, Drive, rt::Health, Out&) noexcept;
 
   RobotIoConfig config_;

@@ -96,12 +96,14 @@ void SupervisionTask::gather(rt::Time now, const In& in, Conditions& c) const no
 }
 
 // Operator box, engaged: has the robot's not followed in time, or left? Where goals alone were lost,
-// only the robot has noticed a silence: it says so, and is waited for as long as it may wait itself.
+// only the robot has noticed a silence, and says so: this box ramps down with it while it lasts, and
+// waits for it behind it.
 bool SupervisionTask::peer_left(rt::Time now, const In& in) const noexcept {
   if (in.peer_mode == Mode::kEngaged) return false;
+  if (in.peer_pause == Pause::kSilent) return true;
   if (!peer_followed_) return now - entered_ > rt::nanos_from_seconds(config_.peer_grace_s);
-  const double wait_s = config_.resume_within_s + config_.ramp_s;
-  return !in.peer_pauses || now - peer_engaged_ > rt::nanos_from_seconds(wait_s);
+  return in.peer_pause == Pause::kNone ||
+         now - peer_engaged_ > rt::nanos_from_seconds(config_.resume_within_s + config_.ramp_s);
 }
 
 // What a silence has held up tells of the time before it: no answer to this engage.
@@ -130,12 +132,19 @@ bool SupervisionTask::link_changed(const In& in) noexcept {
 // ---- a silence that a held engage survives
 // ---------------------------------------------------------
 
+// The other box says that a silence has interrupted it.
+bool SupervisionTask::peer_pauses(const In& in) const noexcept {
+  return box_ == rt::Box::kRobot ? in.requests.engage == Engage::kPaused
+                                 : in.peer_pause != Pause::kNone;
+}
+
 // Of all that calls for a ramp down or more, only the silence is there: this box's, or that of
-// which the operator's box says that it has paused.
+// which the other box says that it has paused.
 bool SupervisionTask::silence_alone(const Conditions& c, bool paused) noexcept {
   for (std::size_t i = 0; i < kFaultCount; ++i) {
     const rt::FaultId id = kFaultTable[i].id;
-    const bool silence = id == kFaultLinkSilent || (paused && id == kFaultEngageWithdrawn);
+    const bool of_peer = id == kFaultEngageWithdrawn || id == kFaultPeerNotEngaged;
+    const bool silence = id == kFaultLinkSilent || (paused && of_peer);
     if (!silence && c.severity[i] >= Severity::kRampDown) return false;
   }
   return true;
@@ -144,7 +153,7 @@ bool SupervisionTask::silence_alone(const Conditions& c, bool paused) noexcept {
 // Before the mode is changed: is it such a silence still, or does one begin now?
 void SupervisionTask::keep_resuming(rt::Time now, const In& in, const Conditions& c,
                                     bool changed) noexcept {
-  const bool paused = in.requests.engage == Engage::kPaused;
+  const bool paused = peer_pauses(in);
   const bool begins = mode_ == Mode::kEngaged && c.worst.severity >= Severity::kRampDown &&
                       silence_alone(c, paused) && (paused || !link_live(now, in));
   if (begins) {
@@ -162,7 +171,8 @@ void SupervisionTask::keep_resuming(rt::Time now, const In& in, const Conditions
 
 bool SupervisionTask::may_resume(rt::Time now, const In& in,
                                  const rt::Health& worst) const noexcept {
-  return resumes_ && in.requests.engage == Engage::kYes && may_engage(now, in, worst);
+  return resumes_ && in.requests.engage == Engage::kYes && in.peer_pause != Pause::kSilent &&
+         may_engage(now, in, worst);
 }
 
 // ---- acts

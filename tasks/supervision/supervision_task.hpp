@@ -60,6 +60,9 @@ class SupervisionTask {
   // kPaused, to the robot alone: the operator's box is out of the engaged mode because of a silence
   // alone, holds the act, and may go on.
   enum class Engage : std::uint8_t { kAbsent, kNo, kYes, kPaused };
+  // The robot is out of the engaged mode because of a silence alone, and may go on: it is silent
+  // there still, or heard again (RobotState::pauses).
+  enum class Pause : std::uint8_t { kNone, kSilent, kHears };
   enum class Clear : std::uint8_t { kAbsent, kNo, kYes };
   struct TaskReport {
     bool heard = false;    // has published at least once
@@ -84,7 +87,7 @@ class SupervisionTask {
     std::uint64_t link_session = 0;
     Mode peer_mode = Mode::kInit;  // newest, meaningful while the link is live
     rt::Time peer_mode_at{};       // when it was so, in this box's time; operator box
-    bool peer_pauses = false;      // a silence alone keeps it out of the engaged mode; operator box
+    Pause peer_pause = Pause::kNone;  // operator box
     bool estop_fitted = false;
     bool estop_closed = true;  // false: pressed or wire broken
     rt::Time estop_sampled{};
@@ -119,6 +122,7 @@ class SupervisionTask {
   void gather(rt::Time now, const In& in, Conditions& c) const noexcept;
   [[nodiscard]] bool link_changed(const In& in) noexcept;
   void keep_resuming(rt::Time now, const In& in, const Conditions& c, bool changed) noexcept;
+  [[nodiscard]] bool peer_pauses(const In& in) const noexcept;
   [[nodiscard]] static bool silence_alone(const Conditions& c, bool paused) noexcept;
   [[nodiscard]] bool may_resume(rt::Time now, const In& in, const rt::Health& worst) const noexcept;
   static void raise(Conditions& c, rt::FaultId id, rt::Severity reported) noexcept;

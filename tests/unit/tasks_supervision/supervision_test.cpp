@@ -19,6 +19,7 @@ using tasks::Mode;
 using tasks::SupervisionConfig;
 using tasks::SupervisionTask;
 using Engage = SupervisionTask::Engage;
+using Pause = SupervisionTask::Pause;
 using Clear = SupervisionTask::Clear;
 
 rt::Startup startup;
@@ -375,39 +376,64 @@ TEST(SupervisionResume, StatesThatASilenceHeldUpAreNoAnswer) {  // F-SUP-04
   EXPECT_EQ(s.out.mode.cause, tasks::kFaultPeerNotEngaged);
 }
 
-// Goals alone were lost: the robot pauses, the operator's box has heard it all the time.
-TEST(SupervisionResume, TheOperatorWaitsForARobotThatPauses) {  // F-SUP-04
-  for (const auto pause : {100ms, 700ms, 1100ms}) {
+// Goals alone were lost: the robot pauses, the operator's box has heard it all the time. It ramps
+// down with it, and both go on.
+TEST(SupervisionResume, TheOperatorPausesWithTheRobot) {  // F-SUP-04
+  for (const auto pause : {100ms, 500ms, 900ms}) {
     Story s;
     s.engaged();
     s.run(100ms);
     s.peer_follows = false;
     s.in.peer_mode = Mode::kRampDown;
-    s.in.peer_pauses = true;
-    s.run(pause);
+    s.in.peer_pause = Pause::kSilent;
+    s.run(10ms);
+    EXPECT_EQ(s.mode(), Mode::kRampDown) << "the hand goes limp with it";
+    EXPECT_TRUE(s.out.mode.resumes);
+    s.run(pause - 10ms);
+    EXPECT_NE(s.mode(), Mode::kEngaged) << "not while it hears nothing";
+    s.in.peer_mode = Mode::kHold;
+    s.in.peer_pause = Pause::kHears;
+    s.run(220ms);
     EXPECT_EQ(s.mode(), Mode::kEngaged) << pause.count();
+    s.in.peer_pause = Pause::kNone;
     s.in.peer_mode = Mode::kEngaged;
-    s.in.peer_pauses = false;
+    s.in.peer_mode_at = s.tick.start;
     s.run(50ms);
     EXPECT_EQ(s.mode(), Mode::kEngaged) << pause.count();
     s.in.peer_mode = Mode::kHold;
     s.run(20ms);
     EXPECT_EQ(s.mode(), Mode::kRampDown) << "it left for another reason";
+    EXPECT_FALSE(s.out.mode.resumes);
   }
 }
 
-TEST(SupervisionResume, ButNotForOneThatPausesTooLongOrNoLonger) {  // F-SUP-04
+// The news of a silence that is over already.
+TEST(SupervisionResume, TheOperatorWaitsForARobotThatHearsAgain) {  // F-SUP-04
+  Story s;
+  s.engaged();
+  s.run(100ms);
+  s.peer_follows = false;
+  s.in.peer_mode = Mode::kRampDown;
+  s.in.peer_pause = Pause::kHears;
+  s.run(300ms);
+  EXPECT_EQ(s.mode(), Mode::kEngaged);
+  s.run(900ms);
+  EXPECT_EQ(s.mode(), Mode::kRampDown) << "not for ever";
+  EXPECT_EQ(s.out.mode.cause, tasks::kFaultPeerNotEngaged);
+}
+
+TEST(SupervisionResume, ARobotThatPausesNoLongerDemandsAnAct) {  // F-SUP-04
   for (const bool too_long : {true, false}) {
     Story s;
     s.engaged();
     s.run(100ms);
     s.peer_follows = false;
     s.in.peer_mode = Mode::kHold;
-    s.in.peer_pauses = true;
+    s.in.peer_pause = Pause::kSilent;
     s.run(too_long ? 1250ms : 300ms);
-    s.in.peer_pauses = too_long;
-    s.run(20ms);
-    EXPECT_EQ(s.mode(), Mode::kRampDown);
+    s.in.peer_pause = too_long ? Pause::kHears : Pause::kNone;
+    s.run(1000ms);
+    EXPECT_EQ(s.mode(), Mode::kHold);
     EXPECT_EQ(s.out.mode.cause, tasks::kFaultPeerNotEngaged);
   }
 }
