@@ -84,14 +84,13 @@ struct ClockReply {
 template <>
 struct rt::Fields<drivers::RobotState> {
   using M = drivers::RobotState;
-  static constexpr std::tuple kList{value(&M::seq, "seq"),       datum(&M::taken, "taken"),
-                                    number(&M::x_m, "x"),        number(&M::y_m, "y"),
-                                    number(&M::yaw_rad, "yaw"),  number(&M::vx, "vx"),
-                                    number(&M::vy, "vy"),        number(&M::wz, "wz"),
-                                    value(&M::cmd_vx, "cmd_vx"), value(&M::cmd_vy, "cmd_vy"),
-                                    value(&M::cmd_wz, "cmd_wz"), value(&M::goal_seq, "goal_seq"),
-                                    value(&M::mode, "mode", 4),  value(&M::moving, "moving", 1),
-                                    value(&M::fault, "fault"),   value(&M::pauses, "pauses", 2)};
+  static constexpr std::tuple kList{
+      value(&M::seq, "seq"),       datum(&M::taken, "taken"),      number(&M::x_m, "x"),
+      number(&M::y_m, "y"),        number(&M::yaw_rad, "yaw"),     number(&M::vx, "vx"),
+      number(&M::vy, "vy"),        number(&M::wz, "wz"),           value(&M::cmd_vx, "cmd_vx"),
+      value(&M::cmd_vy, "cmd_vy"), value(&M::cmd_wz, "cmd_wz"),    value(&M::goal_seq, "goal_seq"),
+      value(&M::mode, "mode", 4),  value(&M::moving, "moving", 1), value(&M::fault, "fault"),
+      value(&M::pauses, "pauses", 2)};
 };
 static_assert(rt::lists_every_field<drivers::RobotState>());
 
