@@ -8,8 +8,8 @@ namespace drivers {
 
 namespace motor_flag {
 // A motor's own faults, which clear with their cause: over-current, under- and over-voltage,
-// over-temperature (0 to 3), hall sensor, encoder, commutation (5 to 7), emergency stop (12). Names:
-// drivers/tmcl/motor_faults.hpp.
+// over-temperature (0 to 3), hall sensor, encoder, commutation (5 to 7), emergency stop (12).
+// Names: drivers/tmcl/motor_faults.hpp.
 inline constexpr std::uint32_t kFaults = 0x10EF;
 inline constexpr std::uint32_t kMotorHalted = 1U << 4U;
 inline constexpr std::uint32_t kVelocityMode = 1U << 9U;

@@ -177,7 +177,8 @@ inline constexpr std::array kFaultTable = {
   FaultRow{511, "F-RIO-11", rt::Severity::kSafeStop, ClearRule::kOperator,
            "robot_io: a slave of the motor bus left OP",
            "safe stop; the log names the slave and its code",
-           "code 0x001b: no frames for 100 ms; else look at the slave's power and cable; then clear"},
+           "code 0x001b: no frames for 100 ms; else look at the slave's power and cable; "
+           "then clear"},
   FaultRow{512, "F-RIO-12", rt::Severity::kSafeStop, ClearRule::kOperator,
            "robot_io: slaves of the motor bus do not answer",
            "safe stop; the log names the first one; drives behind a cut stop after 100 ms",

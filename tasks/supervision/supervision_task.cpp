@@ -95,9 +95,9 @@ void SupervisionTask::gather(rt::Time now, const In& in, Conditions& c) const no
   }
 }
 
-// Operator box, engaged: has the robot's not followed in time, or left? Where goals alone were lost,
-// only the robot has noticed a silence, and says so: this box ramps down with it while it lasts, and
-// waits for it behind it.
+// Operator box, engaged: has the robot's not followed in time, or left? Where goals alone were
+// lost, only the robot has noticed a silence, and says so: this box ramps down with it while it
+// lasts, and waits for it behind it.
 bool SupervisionTask::peer_left(rt::Time now, const In& in) const noexcept {
   if (in.peer_mode == Mode::kEngaged) return false;
   if (in.peer_pause == Pause::kSilent) return true;

@@ -85,8 +85,8 @@ class SupervisionTask {
     // Number of the connection. One that follows another ends what was engaged over it, also where
     // the end between them was too short to be seen as `link_closed`.
     std::uint64_t link_session = 0;
-    Mode peer_mode = Mode::kInit;  // newest, meaningful while the link is live
-    rt::Time peer_mode_at{};       // when it was so, in this box's time; operator box
+    Mode peer_mode = Mode::kInit;     // newest, meaningful while the link is live
+    rt::Time peer_mode_at{};          // when it was so, in this box's time; operator box
     Pause peer_pause = Pause::kNone;  // operator box
     bool estop_fitted = false;
     bool estop_closed = true;  // false: pressed or wire broken
