@@ -24,13 +24,22 @@ namespace tasks {
 
 // W's vertical must be near the ground's normal, or x and y of W would not name a place on it.
 struct PlanningTask::Ground {
-  explicit Ground(const perception::CostMap& map) : X_WM(map.X_WM), X_MW(map.X_WM.inverse()) {
+  explicit Ground(const perception::CostMap& of) : map(of), X_WM(of.X_WM), X_MW(of.X_WM.inverse()) {
     const auto& R = X_WM.linear();
     usable = map.ground_found && X_WM.matrix().allFinite() && R(2, 2) > 0.8;
   }
+  const perception::CostMap& map;
   Pose X_WM, X_MW;
   bool usable = false;
 
+  // Nobody has seen the floor there.
+  [[nodiscard]] bool unseen(Point2 p_M) const {
+    const double x = std::floor(p_M.x / map.resolution), y = std::floor(p_M.y / map.resolution);
+    if (!(x >= 0 && y >= 0 && x < map.width && y < map.height)) return true;
+    const auto cell = static_cast<std::size_t>(y) * static_cast<std::size_t>(map.width) +
+                      static_cast<std::size_t>(x);
+    return map.cost[cell] == perception::CostMap::kUnknown;
+  }
   // The point of the ground above or below (x, y) of W.
   [[nodiscard]] Point2 under(double x_W, double y_W) const {
     const Vec3 n = X_WM.linear().col(2), o = X_WM.translation();

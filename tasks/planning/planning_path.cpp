@@ -255,15 +255,16 @@ rt::Health PlanningTask::make_path(const rt::Tick& tick, const In& in, const Gro
 }
 
 // What may lie between the base's centre and what was asked for at an arrival. A place on the floor
-// that is within the base's circle is reached: no base can stand nearer to what is beside it. A
-// grasp has its place.
+// that is within the base's circle is reached: no base can stand nearer to what is beside it. Of a
+// place that nobody has seen that is not known. A grasp has its place.
 double PlanningTask::reached_within(const Ground& ground) const noexcept {
   constexpr double kFloor_m = 0.1;  // of a point on the floor, as a hand marks it
   const Goal& g = state_.goal;
   if (g.grasp.kind != Grasp::Kind::kNone) return std::numeric_limits<double>::infinity();
   const double above = (ground.X_MW * g.p_W).z();
-  return above > kFloor_m ? config_.reached_object_m
-                          : std::max(config_.reached_m, config_.robot_radius_m);
+  if (above > kFloor_m) return config_.reached_object_m;
+  if (ground.unseen(ground.foot(g.p_W))) return config_.reached_m;
+  return std::max(config_.reached_m, config_.robot_radius_m);
 }
 
 // No path in this job: waits for what moves, tries again with other samples, or gives up.

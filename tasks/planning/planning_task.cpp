@@ -26,9 +26,9 @@ void PlanningConfig::describe(config::Section& s) {
            "from a new path to the goal it sends, but for the way to the robot");
   s.number("brake_m_per_s2", brake_m_per_s2, 0.05, 5.0, "deceleration a new path may count on");
   s.number("leave_m", leave_m, 0.05, 5.0, "farther from the path: plan again");
-  s.number(
-      "reached_m", reached_m, 0.0, 5.0,
-      "of a goal on the floor: nearer is an arrival, and so is any place within the base's circle");
+  s.number("reached_m", reached_m, 0.0, 5.0,
+           "of a goal on the floor: nearer is an arrival, and so is a place that was seen, within "
+           "the base's circle");
   s.number("reached_object_m", reached_object_m, 0.0, 5.0, "the same of a mark above the floor");
   s.number("go_on_m", go_on_m, 0.02, 5.0, "a place so much nearer to the goal is driven to");
   s.integer("look_jobs", look_jobs, 0, 100000, "jobs it looks for a place nearer to the goal");

@@ -132,10 +132,10 @@ bool SupervisionTask::link_changed(const In& in) noexcept {
 // ---- a silence that a held engage survives
 // ---------------------------------------------------------
 
-// The other box says that a silence has interrupted it.
+// The other box says that a silence has interrupted it, and still does.
 bool SupervisionTask::peer_pauses(const In& in) const noexcept {
   return box_ == rt::Box::kRobot ? in.requests.engage == Engage::kPaused
-                                 : in.peer_pause != Pause::kNone;
+                                 : in.peer_pause == Pause::kSilent;
 }
 
 // Of all that calls for a ramp down or more, only the silence is there: this box's, or that of

@@ -87,7 +87,8 @@ TEST(OutputHash, CameraPathTaskAndMode) {
        FIELD(covariance[0]), FIELD(covariance[5]), FIELD(error_m), FIELD(error_rad), FIELD(known),
        FIELD(follows_camera), FIELD(unsure), FIELD(held), FIELD(held_ms), FIELD(held_limit_ms)});
   expect_each_seen<tasks::TaskState>(
-      {}, {FIELD(seq), FIELD(stamp), FIELD(phase), FIELD(marks), FIELD(paths), FIELD(failures)});
+      {}, {FIELD(seq), FIELD(stamp), FIELD(phase), FIELD(marks), FIELD(paths), FIELD(failures),
+           FIELD(off_m), FIELD(is_short)});
   expect_each_seen<tasks::ModeMsg>(
       {}, {FIELD(seq), FIELD(stamp), FIELD(mode), FIELD(cause), FIELD(clear), FIELD(resumes)});
 }
@@ -115,7 +116,7 @@ TEST(OutputHash, RobotGoalStateAndSetpoints) {
   expect_each_seen<drivers::RobotState>(
       {}, {FIELD(seq), FIELD(taken), FIELD(x_m), FIELD(y_m), FIELD(yaw_rad), FIELD(vx), FIELD(vy),
            FIELD(wz), FIELD(cmd_vx), FIELD(cmd_vy), FIELD(cmd_wz), FIELD(goal_seq), FIELD(mode),
-           FIELD(moving), FIELD(fault)});
+           FIELD(moving), FIELD(fault), FIELD(pauses)});
   expect_each_seen<drivers::MotorSetpoints>(
       {}, {FIELD(mode), FIELD(wheel_rad_per_s[0]), FIELD(wheel_rad_per_s[3])});
 }

@@ -71,7 +71,7 @@ TEST(PlanningShort, GoesOnWhenItSeesANearerPlace) {
   stand_at_the_end(s);
   s.job();
   EXPECT_EQ(s.out.state.phase, Phase::kArrived);
-  EXPECT_EQ(from_robot(s, 1.2, 0), 0);
+  EXPECT_NEAR(from_robot(s, 1.2, 0), 0, 1e-12);
 }
 
 TEST(PlanningShort, AMarkOnAnObjectIsReachedBesideIt) {

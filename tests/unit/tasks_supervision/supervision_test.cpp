@@ -417,7 +417,7 @@ TEST(SupervisionResume, TheOperatorWaitsForARobotThatHearsAgain) {  // F-SUP-04
   s.in.peer_pause = Pause::kHears;
   s.run(300ms);
   EXPECT_EQ(s.mode(), Mode::kEngaged);
-  s.run(900ms);
+  s.run(950ms);
   EXPECT_EQ(s.mode(), Mode::kRampDown) << "not for ever";
   EXPECT_EQ(s.out.mode.cause, tasks::kFaultPeerNotEngaged);
 }
@@ -432,8 +432,9 @@ TEST(SupervisionResume, ARobotThatPausesNoLongerDemandsAnAct) {  // F-SUP-04
     s.in.peer_pause = Pause::kSilent;
     s.run(too_long ? 1250ms : 300ms);
     s.in.peer_pause = too_long ? Pause::kHears : Pause::kNone;
-    s.run(1000ms);
+    s.run(1500ms);  // as long as it may take to follow, and the ramp
     EXPECT_EQ(s.mode(), Mode::kHold);
+    EXPECT_FALSE(s.out.mode.resumes);
     EXPECT_EQ(s.out.mode.cause, tasks::kFaultPeerNotEngaged);
   }
 }
