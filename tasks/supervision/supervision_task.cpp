@@ -163,7 +163,10 @@ void SupervisionTask::keep_resuming(rt::Time now, const In& in, const Conditions
   // While it lasts the robot's box knows the newest goal only: neither yes nor no is no release.
   const bool let_go = in.requests.engage == Engage::kNo;
   const rt::Nanos silence = std::max(now - in.link_last, in.link_last - quiet_from_);
-  const bool ended = changed || in.link_closed || in.link_refused || let_go ||
+  // The robot waited for the operator's box, and has given up.
+  const bool given_up = cause_ == kFaultPeerNotEngaged && in.peer_pause == Pause::kNone &&
+                        in.peer_mode != Mode::kEngaged;
+  const bool ended = changed || in.link_closed || in.link_refused || let_go || given_up ||
                      !silence_alone(c, paused) ||
                      silence > rt::nanos_from_seconds(config_.resume_within_s);
   if (ended || (mode_ == Mode::kEngaged && !begins)) resumes_ = false;
