@@ -78,7 +78,9 @@ inline Driven judge(const Scene& s, const VirtualRun& r) {
       (end.path_m - before.path_m) /
       (1e-9 * static_cast<double>(rt::ns_of(end.stamp) - rt::ns_of(before.stamp)));
   d.arrived = r.op.view.task.phase == tasks::TaskState::Phase::kArrived;
-  d.failed = r.op.view.task.phase == tasks::TaskState::Phase::kFailed;
+  // Told as not reached: no way at all, or none to where it was asked to go.
+  d.failed = r.op.view.task.phase == tasks::TaskState::Phase::kFailed ||
+             r.op.view.task.phase == tasks::TaskState::Phase::kShort;
   d.paths = r.op.view.task.paths;
   d.way_m = end.path_m;
   d.end_x_m = end.x_m, d.end_y_m = end.y_m, d.end_yaw_rad = end.yaw_rad;

@@ -206,7 +206,9 @@ inline Ride ride(const drivers::World& world, const RoomMap& room, const Disc& d
   r.speed_at_end_m_per_s = (s.path_m - path_before) / 0.5;
   r.drove = s.path_m > 0.01;
   r.arrived = lout.state.phase == tasks::TaskState::Phase::kArrived;
-  r.failed = lout.state.phase == tasks::TaskState::Phase::kFailed;
+  // Told as not reached: no way at all, or none to where it was asked to go.
+  r.failed = lout.state.phase == tasks::TaskState::Phase::kFailed ||
+             lout.state.phase == tasks::TaskState::Phase::kShort;
   r.paths = lout.state.paths;
   if (path.size > 0) {
     const auto& e = path.points[static_cast<std::size_t>(path.size - 1)];
