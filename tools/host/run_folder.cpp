@@ -25,9 +25,9 @@ constexpr std::string_view kMarkText =
 constexpr std::array<std::string_view, 9> kOfABox{
     ".log", ".1.log", ".2.log", ".run", ".view", ".view.tmp", ".effects", ".inputs", ".blackbox"};
 // Names that others could choose as well.
-constexpr std::array<std::string_view, 9> kOfARun{"scene.toml", "faults.toml", "scene.ply",
-                                                  "link.cut",   "notes",       "not_realtime",
-                                                  "pids",       "robot.port",  "robot.port.tmp"};
+constexpr std::array<std::string_view, 11> kOfARun{
+    "scene.toml", "faults.toml",  "scene.ply", "console.log", "console.json",  "link.cut",
+    "notes",      "not_realtime", "pids",      "robot.port",  "robot.port.tmp"};
 
 bool cut_head(std::string_view& text, std::string_view head) {
   if (text.substr(0, head.size()) != head) return false;
