@@ -184,6 +184,16 @@ double nearest(const tasks::Path& path, double x, double y) {
   return least;
 }
 
+json drawn_disc(double x_m, double y_m, double radius_m) {
+  return {{"act", "draw"},
+          {"obstacle",
+           {{"id", 1},
+            {"kind", "disc"},
+            {"centre", {x_m, y_m, 0}},
+            {"half", {radius_m, radius_m, 0.1}},
+            {"yaw", 0}}}};
+}
+
 // The floor that the camera has seen leaves no way round the drawn disc: the base goes as near as it
 // can and stands clear of it. With the drawing undone it arrives.
 TEST(DeskRun, ADrawnObstacleIsKeptClearOfAndAGoalByClickIsReachedWithoutItAndReplays) {
@@ -204,13 +214,7 @@ TEST(DeskRun, ADrawnObstacleIsKeptClearOfAndAGoalByClickIsReachedWithoutItAndRep
         const auto& q = path.points[static_cast<std::size_t>(i)];
         if (std::hypot(q[0], q[1]) > 0.8) ox = q[0], oy = q[1];
       }
-      draw = p.say({{"act", "draw"},
-                    {"obstacle",
-                     {{"id", 1},
-                      {"kind", "disc"},
-                      {"centre", {ox, oy, 0}},
-                      {"half", {kRadius, kRadius, 0.1}},
-                      {"yaw", 0}}}});
+      draw = p.say(drawn_disc(ox, oy, kRadius));
     }
     if (p.once("look", t, 7.5)) clear_m = nearest(p.seen().paths.back(), ox, oy);
     if (p.once("undo", t, 8.0)) undo = p.say({{"act", "undo"}});
@@ -279,13 +283,7 @@ TEST(DeskRun, AnObstacleDrawnOnItsWayIsGoneRound) {
     const auto& path = p.seen().paths.back();
     const auto& middle = path.points[static_cast<std::size_t>(path.size / 2)];
     ox = middle[0], oy = middle[1], drawn_at = t;
-    draw = p.say({{"act", "draw"},
-                  {"obstacle",
-                   {{"id", 1},
-                    {"kind", "disc"},
-                    {"centre", {ox, oy, 0}},
-                    {"half", {kRadius, kRadius, 0.1}},
-                    {"yaw", 0}}}});
+    draw = p.say(drawn_disc(ox, oy, kRadius));
   };
   const VirtualRun r = run(*s, 26, p);
   ASSERT_GT(drawn_at, 0) << "it never drove";
@@ -316,14 +314,7 @@ TEST(DeskRun, AGoalThatIsDrawnOverIsToldAsNotReached) {
   p.holds = json::array({"engage"});
   p.act = [&](double t) {
     if (p.once("engage", t, 1.5)) p.say({{"act", "engage"}});
-    if (p.once("draw", t, 2.0))
-      p.say({{"act", "draw"},
-             {"obstacle",
-              {{"id", 1},
-               {"kind", "disc"},
-               {"centre", {kX, kY, 0}},
-               {"half", {kRadius, kRadius, 0.1}},
-               {"yaw", 0}}}});
+    if (p.once("draw", t, 2.0)) p.say(drawn_disc(kX, kY, kRadius));
     if (p.once("goal", t, 2.5)) p.say({{"act", "go_to"}, {"x", kX}, {"y", kY}});
   };
   const VirtualRun r = run(*s, 14, p);
