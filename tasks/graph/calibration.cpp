@@ -134,6 +134,8 @@ void Calibration::describe(config::Section& s) {
   s.text("config", config, {}, "hash of the configuration");
   s.text("recording", recording, {}, "folder of recorded images");
   s.text("pictures", pictures, {}, "codecs of pictures that it was measured with");
+  s.number("camera_twin_share", camera_twin_share, -1, 64,
+           "of a core, what the camera's twin took; below 0: not measured");
   s.flag("ray_cast", ray_cast, "measured with haptic.method = \"force_shading\"");
   s.list(
       "task", [this](config::Section& item) { rows.emplace_back().describe(item); }, "one variant");
@@ -298,8 +300,13 @@ void save_calibration(const std::string& path, const Calibration& calibration) {
       out << "recording = " << quoted(calibration.recording) << "\n";
     if (calibration.ray_cast) out << "ray_cast = true\n";
     if (!calibration.pictures.empty()) out << "pictures = \"" << calibration.pictures << "\"\n";
+    char line[256];
+    if (calibration.camera_twin_share >= 0) {
+      std::snprintf(line, sizeof line, "camera_twin_share = %.4f\n",
+                    calibration.camera_twin_share);
+      out << line;
+    }
     for (const auto& r : calibration.rows) {
-      char line[256];
       out << "\n[[task]]\nname = \"" << r.name << "\"\n";
       if (!r.choice.empty()) out << "choice = \"" << r.choice << "\"\n";
       std::snprintf(line, sizeof line,

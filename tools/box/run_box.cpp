@@ -97,10 +97,7 @@ int report_box(const DemoOptions& options, const BoxCommand& command, const BoxP
 
 HostPlan admit_for(const Scene& scene, const BoxCommand& command,
                    const tasks::Calibration& calibration, bool page) {
-  tasks::BestEffortShares shares;
-  if (page) shares.console += kPageShare;
-  // The camera's twin renders on an ordinary thread of the robot's box.
-  shares.camera_twin = scene.rgbd_dir.empty() ? 0.30 : 0.0;
+  const tasks::BestEffortShares shares = declared_shares(scene, calibration, page);
   const auto cpus = rt::affinity_cpus();
   return command.one_host || is_loopback(command.road.host)
              ? admit_host(scene, calibration, cpus, shares)

@@ -44,14 +44,6 @@ std::string verdict(const Child& c, int status) {
                       : "");
 }
 
-// The camera's twin renders on an ordinary thread; a recording needs none.
-tasks::BestEffortShares shares_of(const Scene& scene, const DemoOptions& options) {
-  tasks::BestEffortShares shares;
-  shares.camera_twin = scene.rgbd_dir.empty() ? 0.30 : 0.0;
-  if (options.page != nullptr) shares.console += kPageShare;
-  return shares;
-}
-
 }  // namespace
 
 RealRun run_processes(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
@@ -60,7 +52,7 @@ RealRun run_processes(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& opt
   BoxPlan plan;
   plan.calibration = as_asked(calibration, scene);
   const auto cpus = rt::affinity_cpus();
-  plan.host = admit_host(scene, calibration, cpus, shares_of(scene, options));
+  plan.host = admit_host(scene, calibration, cpus, declared_shares(scene, calibration, options.page != nullptr));
   run.admission = plan.host.admission;
   run.modes = plan.host.modes;
   run.best_effort = plan.host.request.best_effort;

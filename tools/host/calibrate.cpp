@@ -313,6 +313,8 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
   // Admission and costs of the stored run are the declared ones: it is the same on every machine.
   const VirtualRun stored = run_virtual(nrt, scene, o, tasks::Calibration{});
   end_if_asked();
+  if (scene.rgbd_dir.empty())
+    c.camera_twin_share = 1e-9 * static_cast<double>(stored.robot.camera_twin_cpu_ns) / seconds;
   Passes passes(nrt, scene, folder.path() + "/raw", CameraTruth(scene, stored.robot),
                 kOperatorClock.to_host(rt::time_from_ns(stored.op.epoch_ns)) +
                     rt::nanos_from_seconds(o.passer_from_s).count(),

@@ -7,6 +7,7 @@
 #include "tasks/graph/calibration.hpp"
 #include "tasks/graph/frame_phase.hpp"
 #include "tasks/graph/picture_cost.hpp"
+#include "tools/scene/page_hook.hpp"
 
 namespace teletact {
 
@@ -86,6 +87,15 @@ tasks::ChoiceLimits choice_limits(const Scene& scene) {
   limits.ray_cast_us = ray_cast_us(scene);
   limits.encode_us = tasks::picture_cost(scene.graph.capture.pictures).encode_us;
   return limits;
+}
+
+tasks::BestEffortShares declared_shares(const Scene& scene, const tasks::Calibration& calibration,
+                                        bool page) {
+  tasks::BestEffortShares shares;
+  // The camera's twin renders on an ordinary thread; a recording needs none.
+  if (scene.rgbd_dir.empty()) shares.camera_twin = tasks::declared_twin_share(calibration);
+  if (page) shares.console += kPageShare;
+  return shares;
 }
 
 namespace {

@@ -40,6 +40,11 @@ struct HostPlan {
 // What the scene leaves open: fusion.tsdf.voxel_size_m where it is named, else the touch window.
 [[nodiscard]] tasks::ChoiceLimits choice_limits(const Scene& scene);
 
+// What ordinary threads of both boxes are declared to take, with a page or without.
+[[nodiscard]] tasks::BestEffortShares declared_shares(const Scene& scene,
+                                                      const tasks::Calibration& calibration,
+                                                      bool page);
+
 // `only_choice`: the one static choice to take ("20 mm"), for calibration; empty: the best that fits.
 [[nodiscard]] HostPlan admit_host(const Scene& scene, const tasks::Calibration& calibration,
                                   const std::vector<int>& cpus, tasks::BestEffortShares shares,

@@ -246,6 +246,19 @@ TEST(Calibration, AFileKeepsEverything) {
   EXPECT_TRUE(b.covers(kHere, tasks::make_specs(b)));
 }
 
+TEST(Calibration, TheCamerasTwinIsDeclaredAsMeasured) {
+  Calibration c = whole();
+  EXPECT_EQ(tasks::declared_twin_share(c), tasks::kTwinShare) << "nobody measured it";
+  EXPECT_EQ(text_of(c).find("camera_twin_share"), std::string::npos);
+  for (const double share : {0.0, 0.04, 0.17, 1.2}) {
+    c.camera_twin_share = share;
+    const auto back = tasks::read_calibration(text_of(c), "c.toml");
+    ASSERT_TRUE(back) << back.error();
+    EXPECT_NEAR(back.value().camera_twin_share, share, 1e-4);
+    EXPECT_NEAR(tasks::declared_twin_share(back.value()), tasks::kTwinMargin * share, 2e-4);
+  }
+}
+
 TEST(Calibration, HoldsForOneHostProgramConfigurationAndRecording) {
   const Calibration c = whole();
   const auto specs = tasks::make_specs(c);
@@ -287,6 +300,7 @@ TEST(Calibration, ABadFileIsOneLineWithFileKeyValueAndRange) {
       {[](Calibration& c) { c.rows[0].p999_us = 800; }, "task[0].p999_us", "800", "p99_us (900)"},
       {[](Calibration& c) { c.rows[2].work_max = 0; }, "task[2].work_max", "= 0", "work_min (1)"},
       {[](Calibration& c) { c.rows[0].quantiles_us[9] = 3; }, "quantiles_us[9]", "= 3", "before"},
+      {[](Calibration& c) { c.camera_twin_share = 65; }, "camera_twin_share", "65", "64"},
       {[](Calibration& c) { c.rows[2] = c.rows[1]; }, "task[2].level", "= 0", "once for fusion"},
   };
   for (const auto& bad : cases) {
