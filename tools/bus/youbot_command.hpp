@@ -25,8 +25,9 @@ struct YoubotOptions {
 
 struct TwinOptions {
   std::string iface, chain = "base+arm", generation = "new";
-  double seconds = 0;  // 0: until it is interrupted
-  bool ready = false;  // commutation known at power-up
+  double seconds = 0;   // 0: until it is interrupted
+  bool ready = false;   // commutation known at power-up
+  std::string effects;  // file of its motors' effects; empty: ideal ones
 };
 
 // The virtual youBot as a program behind a network card: every frame that comes goes through its

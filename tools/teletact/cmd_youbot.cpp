@@ -25,6 +25,7 @@ void add_youbot_options(CLI::App& c, YoubotOptions& o) {
   c.add_option("--generation", o.bus.generation, "of the twin's boards")
       ->check(CLI::IsMember({"old", "new"}))
       ->capture_default_str();
+  c.add_option("--effects", o.bus.effects, "effects of the twin's motors, a file (config/effects)");
   c.add_option("--json", o.json, "write the drives to this file");
   c.add_option("--capture", o.bus.capture, "write every frame to this file, as pcap");
 }
@@ -72,6 +73,9 @@ int cmd_twin(int argc, char** argv) {
       ->check(CLI::IsMember({"old", "new"}))
       ->capture_default_str();
   youbot->add_option("--seconds", o.seconds, "0: until it is interrupted")->capture_default_str();
+  youbot->add_option(
+      "--effects", o.effects,
+      "friction, inertia, play, weight, current limit, I2t: a file (config/effects)");
   youbot->add_flag("--ready", o.ready, "commutation known, as after a set-up");
   youbot->add_option("--clock", clock, "real; a wire has no virtual one")->capture_default_str();
   if (!parse_options(app, argc, argv)) return 0;
