@@ -14,6 +14,7 @@ namespace teletact {
 struct YoubotOptions {
   EtherCatChoice bus;
   std::string json;
+  std::string calibration;  // setup: file of what homing measures, and so homing anyway
   int slave = 2;
   double speed_rad_per_s = 0.2, seconds = 1;
 };

@@ -41,6 +41,8 @@ int cmd_youbot(int argc, char** argv) {
   auto* setup = app.add_subcommand("setup", "commutation and the arm's homing; asks first");
   auto* jog = app.add_subcommand("jog", "one drive at a speed for a time; asks first");
   for (CLI::App* c : {check, setup, jog}) add_youbot_options(*c, o);
+  setup->add_option("--calibration", o.calibration,
+                    "write what homing measures to this file; homes arms that are homed too");
   jog->add_option("--slave", o.slave, "counted from 1")
       ->check(CLI::Range(1, drivers::ethercat::kMostSlaves))
       ->required();
@@ -51,7 +53,9 @@ int cmd_youbot(int argc, char** argv) {
       ->check(CLI::Range(0.01, 10.0))
       ->capture_default_str();
   if (!parse_options(app, argc, argv)) return 0;
-  check_outputs({{"--json", o.json}, {"--capture", o.bus.capture}}, {});
+  check_outputs(
+      {{"--json", o.json}, {"--capture", o.bus.capture}, {"--calibration", o.calibration}},
+      {o.bus.effects});
   try {
     if (check->parsed()) return run_youbot_check(o);
     return setup->parsed() ? run_youbot_setup(o, std::cin) : run_youbot_jog(o, std::cin);
