@@ -8,9 +8,9 @@
 //               stop_mA        current there
 //   # check     CRC-32 of all before it, in the last line: a damaged file is told from a good one
 //
-// An error has one line: file, key, value, range. Whose file it is, is told by the boards' names and
-// identities. Whether real boards have serial numbers in their EEPROMs is not published: where all
-// are 0, two robots of one kind can not be told apart (has_serials).
+// An error has one line: file, key, value, range. Whose file it is, is told by the boards' names
+// and identities. Whether real boards have serial numbers in their EEPROMs is not published: where
+// all are 0, two robots of one kind can not be told apart (has_serials).
 #pragma once
 
 #include <cstdint>
