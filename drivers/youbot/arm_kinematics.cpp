@@ -4,18 +4,14 @@
 #include <cmath>
 #include <numbers>
 
+#include "drivers/youbot/arm_geometry.hpp"
+
 namespace drivers {
 
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
-constexpr double radians(double deg) { return deg * kTurn / 360; }
-
-// From the chain: where the plane of joints 2 to 4 begins, the links, and the angles at q = 0.
-constexpr double kBaseX_m = 0.024, kBaseZ_m = 0.096, kShoulderX_m = 0.033, kShoulderZ_m = 0.019;
-constexpr double kUpper_m = 0.155, kFore_m = 0.135, kToolX_m = -0.002, kToolZ_m = 0.130;
-constexpr ArmAngles kAtZero{radians(170), radians(-65), radians(146), radians(-102.5),
-                            radians(167.5)};
+using namespace arm_geometry;
 // Below it a direction in the plane is none.
 constexpr double kNoDirection = 1e-12;
 constexpr double kSame_rad = 1e-9;

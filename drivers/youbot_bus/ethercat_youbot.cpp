@@ -74,6 +74,10 @@ rt::Result<std::unique_ptr<EtherCatYoubot>> EtherCatYoubot::open(
   const auto kind = bring_up(nrt, *out->master_, c.chain);
   if (!kind) return rt::Error{kind.error()};
   if (kind.value() == ChainKind::kArm) return rt::Error{"an arm alone has no wheels to drive"};
+  if (c.calibration) {
+    const std::string other = other_robot(*c.calibration, out->master_->slaves());
+    if (!other.empty()) return rt::Error{"calibration: " + other};
+  }
   out->kind_ = kind.value();
   out->bus_ = std::make_unique<EtherCatMotorBus>(nrt, *out->master_, layout(out->kind_, c));
   out->bus_->rearm();

@@ -13,9 +13,11 @@
 
 #include <atomic>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 
+#include "drivers/youbot_bus/calibration_file.hpp"
 #include "drivers/youbot_bus/chain_layout.hpp"
 #include "drivers/youbot_bus/ethercat_motor_bus.hpp"
 #include "rt/result.hpp"
@@ -26,6 +28,8 @@ struct YoubotConfig {
   std::string chain = "any";  // or base, base+arm, base+2arms: what must be there
   double gear_ratio = 9405.0 / 364.0;
   ArmRest arm_rest = ArmRest::kHold;
+  // What homing measured on this robot; another robot's is an error.
+  std::optional<Calibration> calibration;
   ethercat::MasterConfig master;
 };
 

@@ -145,11 +145,13 @@ rt::Result<bool> commutate(DriveSession& s, const Progress& say) {
   return true;
 }
 
-rt::Result<bool> home_arm(DriveSession& s, int arm, const Progress& say) {
+rt::Result<bool> home_arm(DriveSession& s, int arm, const Progress& say,
+                          std::vector<HomedJoint>* measured) {
   const auto joints = s.joints(arm);
   if (joints.empty()) return rt::Error{"there is no arm " + std::to_string(arm)};
   std::array<int, 5> stands{};
   std::array<bool, 5> there{};
+  std::array<HomedJoint, 5> found{};
   for (std::size_t j = 0; j < joints.size(); ++j)
     s.set(joints[j], {static_cast<std::int32_t>(kJoints[j].gear), ControllerMode::kVelocity});
   int cycles = 0;
@@ -163,6 +165,7 @@ rt::Result<bool> home_arm(DriveSession& s, int arm, const Progress& say) {
       stands[j] = pushes ? stands[j] + 1 : 0;
       if (!there[j] && stands[j] >= kStandCycles) {
         there[j] = true;
+        found[j] = {arm, static_cast<int>(j) + 1, 0, in.current_mA > 0 ? 1 : -1, in.current_mA};
         s.set(joints[j], {0, ControllerMode::kCurrent});
         say(s.name(joints[j]) + " has its stop");
       }
@@ -178,12 +181,15 @@ rt::Result<bool> home_arm(DriveSession& s, int arm, const Progress& say) {
   }
   for (int i = 0; i < kSettleCycles; ++i)
     if (!s.cycle()) return stopped(s, "");
-  for (const std::size_t i : joints) {
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const std::size_t i = joints[j];
+    found[j].offset_ticks = s.inputs(i).position_ticks;
     if (const auto done = s.put(i, axis::kActualPosition, 0); !done) return done;
     if (const auto done = s.ask(i, calibrated(tmcl::Command::kSetGlobal, 1)); !done)
       return rt::Error{done.error()};
   }
   if (!s.cycle()) return stopped(s, "");
+  if (measured != nullptr) measured->insert(measured->end(), found.begin(), found.end());
   for (const std::size_t i : joints) hold(s, i);
   return s.cycle() ? rt::Result<bool>(true) : rt::Result<bool>(stopped(s, ""));
 }

@@ -21,6 +21,7 @@
 #include <string>
 #include <vector>
 
+#include "drivers/youbot_bus/calibration_file.hpp"
 #include "drivers/youbot_bus/drive_session.hpp"
 
 namespace drivers::youbot_bus {
@@ -43,7 +44,9 @@ struct DriveReport {
 using Progress = std::function<void(const std::string&)>;
 [[nodiscard]] rt::Result<bool> clear_timeouts(DriveSession&);
 [[nodiscard]] rt::Result<bool> commutate(DriveSession&, const Progress&);
-[[nodiscard]] rt::Result<bool> home_arm(DriveSession&, int arm, const Progress&);
+// `measured`: the joints of this arm are appended, once all have their stops.
+[[nodiscard]] rt::Result<bool> home_arm(DriveSession&, int arm, const Progress&,
+                                        std::vector<HomedJoint>* measured = nullptr);
 [[nodiscard]] rt::Result<bool> jog(DriveSession&, std::size_t position, double rad_per_s,
                                    double seconds);
 

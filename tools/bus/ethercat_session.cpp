@@ -10,9 +10,18 @@ namespace teletact {
 namespace ec = drivers::ethercat;
 namespace yb = drivers::youbot_bus;
 
+yb::MotorEffects motor_effects(const std::string& file) {
+  if (file.empty()) return {};
+  const auto read = yb::load_motor_effects(file);
+  if (!read) throw std::runtime_error("--effects " + read.error());
+  return read.value();
+}
+
 EtherCatSession::EtherCatSession(const EtherCatChoice& o) {
   if (o.iface.empty() == o.twin.empty())
     throw std::runtime_error("exactly one of --iface IF and --twin KIND");
+  if (o.twin.empty() && !o.effects.empty())
+    throw std::runtime_error("--effects is of a twin: it needs --twin KIND");
   if (!o.twin.empty()) {
     kind_ = yb::chain_kind_of(o.twin);
     if (!kind_)
@@ -21,6 +30,7 @@ EtherCatSession::EtherCatSession(const EtherCatChoice& o) {
     c.kind = *kind_;
     c.generation = o.generation == "old" ? yb::Generation::kOld : yb::Generation::kNew;
     c.end_stops = o.end_stops;
+    c.effects = motor_effects(o.effects);
     chain_ = std::make_unique<yb::YoubotChain>(token(), c);
     wire_ = std::make_unique<ec::TwinPort>(chain_->wire());
   } else {

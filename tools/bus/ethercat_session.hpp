@@ -21,7 +21,11 @@ struct CouldNotDo : std::runtime_error {
 struct EtherCatChoice {
   std::string iface, twin, generation = "new", capture;
   bool end_stops = false;  // of the twin's joints
+  std::string effects;     // file of the twin's motors' effects
 };
+
+// Of a file; an empty name: none. Throws std::runtime_error with one line.
+[[nodiscard]] drivers::youbot_bus::MotorEffects motor_effects(const std::string& file);
 
 class EtherCatSession {
  public:

@@ -9,6 +9,7 @@
 
 #include "drivers/youbot_bus/ethercat_youbot.hpp"
 #include "drivers/youbot_bus/youbot_setup.hpp"
+#include "tools/files/today.hpp"
 #include "tools/files/whole_file.hpp"
 
 namespace teletact {
@@ -22,10 +23,11 @@ constexpr const char* kWord = "move";
 // The chain in OP, its timeout flags cleared. Nothing has moved.
 struct Robot {
   explicit Robot(const YoubotOptions& o) : bus(choice(o)) {
-    const auto kind = yb::bring_up(bus.token(), bus.master(), "any");
-    if (!kind) throw CouldNotDo(kind.error());
-    session.emplace(bus.token(), bus.master(), bus.port(), kind.value());
-    std::printf("youBot %s: %zu slaves\n", yb::to_text(kind.value()), session->boards().size());
+    const auto there = yb::bring_up(bus.token(), bus.master(), "any");
+    if (!there) throw CouldNotDo(there.error());
+    kind = there.value();
+    session.emplace(bus.token(), bus.master(), bus.port(), kind);
+    std::printf("youBot %s: %zu slaves\n", yb::to_text(kind), session->boards().size());
     require(yb::clear_timeouts(*session));
   }
   static EtherCatChoice choice(const YoubotOptions& o) {
@@ -39,6 +41,7 @@ struct Robot {
     return std::move(r.value());
   }
   EtherCatSession bus;
+  yb::ChainKind kind = yb::ChainKind::kBase;
   std::optional<yb::DriveSession> session;
 };
 
@@ -97,6 +100,15 @@ int print(const YoubotOptions& o, const std::vector<yb::DriveReport>& reports) {
   return good ? 0 : 1;
 }
 
+void write_calibration(const std::string& path, const yb::Calibration& c) {
+  const std::string wrong = yb::why_refused(c);
+  if (!wrong.empty()) throw CouldNotDo("homing measured what can not be: " + wrong);
+  write_whole_file(path, yb::calibration_text(c));
+  std::printf("what homing measured is in %s\n", path.c_str());
+  if (!c.has_serials())
+    std::printf("The boards have no serial numbers: this file can not tell two robots apart.\n");
+}
+
 void say_that_it_is_let_go(const yb::DriveSession& s) {
   if (!s.joints(1).empty())
     std::printf(
@@ -123,8 +135,12 @@ int run_youbot_setup(const YoubotOptions& o, std::istream& person) {
   for (const yb::DriveReport& r : before) {
     lacking += r.commutated ? 0 : 1;
     const yb::BoardPlace& b = s.boards()[r.position];
-    if (b.kind == yb::BoardKind::kJoint && !r.homed) homes[static_cast<std::size_t>(b.arm)] = true;
+    if (b.kind == yb::BoardKind::kJoint && (!r.homed || !o.calibration.empty()))
+      homes[static_cast<std::size_t>(b.arm)] = true;
   }
+  if (!o.calibration.empty() && !homes[1])
+    throw std::runtime_error("--calibration " + o.calibration +
+                             ": a base alone has no arm to home");
   if (lacking > 0)
     what += "\n  " + std::to_string(lacking) + " drives, a little, to find their commutation";
   for (const int arm : {1, 2})
@@ -135,9 +151,11 @@ int run_youbot_setup(const YoubotOptions& o, std::istream& person) {
     if (!confirmed(s, person, what)) return 1;
     if (!s.failed().empty()) throw CouldNotDo(s.failed());
     (void)Robot::require(yb::commutate(s, printed()));
+    yb::Calibration found{today(), robot.kind, yb::identities(robot.bus.master().slaves()), {}};
     for (const int arm : {1, 2})
       if (homes[static_cast<std::size_t>(arm)])
-        (void)Robot::require(yb::home_arm(s, arm, printed()));
+        (void)Robot::require(yb::home_arm(s, arm, printed(), &found.joints));
+    if (!o.calibration.empty()) write_calibration(o.calibration, found);
   } else {
     std::printf("every drive is ready: nothing to move\n");
   }

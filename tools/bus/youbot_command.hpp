@@ -14,6 +14,7 @@ namespace teletact {
 struct YoubotOptions {
   EtherCatChoice bus;
   std::string json;
+  std::string calibration;  // setup: file of what homing measures, and so homing anyway
   int slave = 2;
   double speed_rad_per_s = 0.2, seconds = 1;
 };
@@ -25,8 +26,9 @@ struct YoubotOptions {
 
 struct TwinOptions {
   std::string iface, chain = "base+arm", generation = "new";
-  double seconds = 0;  // 0: until it is interrupted
-  bool ready = false;  // commutation known at power-up
+  double seconds = 0;   // 0: until it is interrupted
+  bool ready = false;   // commutation known at power-up
+  std::string effects;  // file of its motors' effects; empty: ideal ones
 };
 
 // The virtual youBot as a program behind a network card: every frame that comes goes through its

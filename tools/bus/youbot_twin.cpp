@@ -25,6 +25,7 @@ int run_youbot_twin(const TwinOptions& o) {
   const auto kind = yb::chain_kind_of(o.chain);
   if (!kind)
     throw std::runtime_error("--chain " + o.chain + ": not one of base, base+arm, base+2arms, arm");
+  const yb::MotorEffects effects = motor_effects(o.effects);
   auto port = ec::RawPort::open(startup.token(), o.iface);
   if (!port) throw std::runtime_error(port.error());
   yb::YoubotChainConfig c;
@@ -32,11 +33,13 @@ int run_youbot_twin(const TwinOptions& o) {
   c.generation = o.generation == "old" ? yb::Generation::kOld : yb::Generation::kNew;
   c.end_stops = true;
   c.initialised = o.ready;
+  c.effects = effects;
   yb::YoubotChain chain(startup.token(), c);
   std::signal(SIGINT, on_stop_twin);
   std::signal(SIGTERM, on_stop_twin);
   std::printf("virtual youBot %s on %s: %zu slaves\n", yb::to_text(*kind), o.iface.c_str(),
               chain.boards().size());
+  if (effects.any()) std::printf("effects: %s\n", effects.names().c_str());
   std::fflush(stdout);
 
   ec::RawPort& wire = *port.value();

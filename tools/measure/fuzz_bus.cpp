@@ -1,5 +1,5 @@
 // The readers of what comes over the robot's bus: EtherCAT frames, EEPROM content, CoE replies,
-// TMCL, CAN frames.
+// TMCL, CAN frames; and the file of what homing measured.
 #include <cstring>
 #include <stdexcept>
 
@@ -9,6 +9,7 @@
 #include "drivers/ethercat/frame.hpp"
 #include "drivers/ethercat/sii.hpp"
 #include "drivers/tmcl/tmcl_frame.hpp"
+#include "drivers/youbot_bus/calibration_file.hpp"
 #include "drivers/youbot_bus/twin/youbot_chain.hpp"
 #include "tools/measure/fuzz_readers.hpp"
 
@@ -139,6 +140,29 @@ void seal_tmcl(std::string& b) {
   b.back() = static_cast<char>(tmcl::checksum(bus_bytes(b).first<tmcl::kMailboxBytes>()));
 }
 
+rt::Result<bool> read_homing(const std::string& b) {
+  const auto read = yb::read_calibration(b, "calibration");
+  if (!read) return rt::Error{read.error()};
+  return true;
+}
+
+std::string homing_seed() {
+  yb::Calibration c;
+  c.date = "2026-11-25";
+  c.chain = yb::ChainKind::kArm;
+  for (const auto& b : yb::boards_of(c.chain)) {
+    const bool drive = b.is_drive();
+    c.boards.push_back({drive ? "TMCM-1610" : "KR-845", 0x286, 0x100, 2, 7});
+    if (drive) c.joints.push_back({b.arm, b.number, 1000 * b.number, 1, 700});
+  }
+  return yb::calibration_text(c);
+}
+
+void seal_homing(std::string& b) {
+  const auto last = b.rfind("# check");
+  b = yb::with_check(last == std::string::npos ? b : b.substr(0, last));
+}
+
 }  // namespace
 
 void FuzzReaders::add_bus() {
@@ -157,6 +181,7 @@ void FuzzReaders::add_bus() {
   readers_.push_back({"coe_reply", {sdo}, read_sdo, {}, false});
   const auto serial = tmcl::to_serial(tmcl::encode(tmcl::Reply{2, 1, 100, 6, 711}));
   readers_.push_back({"can_replies", {can_seed()}, read_can, {}, false});
+  readers_.push_back({"youbot_calibration", {homing_seed()}, read_homing, seal_homing, true});
   readers_.push_back({"tmcl_frame", {bus_text(serial)}, read_tmcl, seal_tmcl, false});
 }
 

@@ -55,9 +55,14 @@ std::unique_ptr<drivers::youbot_bus::EtherCatYoubot> open_youbot(rt::NonRealtime
   namespace yb = drivers::youbot_bus;
   const auto refuse = [](const std::string& why) { throw std::runtime_error("robot.bus: " + why); };
   if (scene.bus_interface.empty()) refuse("kind ethercat wants the key robot.bus.interface");
+  yb::YoubotConfig c;
+  if (!scene.bus_calibration.empty()) {
+    auto read = yb::load_calibration(scene.bus_calibration);
+    if (!read) refuse("calibration: " + read.error());
+    c.calibration = std::move(read.value());
+  }
   auto port = drivers::ethercat::RawPort::open(nrt, scene.bus_interface);
   if (!port) refuse(port.error());
-  yb::YoubotConfig c;
   c.chain = scene.bus_chain;
   c.gear_ratio = scene.graph.robot_io.base.gear_ratio;
   c.arm_rest = scene.arm_rest == "free" ? yb::ArmRest::kFree : yb::ArmRest::kHold;

@@ -116,6 +116,9 @@ void Scene::describe(config::Section& s) {
       .text("arm_rest", arm_rest, {"hold", "free"},
             "kind ethercat: with the wheels off, the arm holds its position, or is without torque "
             "and sinks");
+  motor_bus.text("calibration", bus_calibration, {},
+                 "kind ethercat: file of teletact youbot setup --calibration; another robot's is "
+                 "refused");
   can.describe(motor_bus.section("can", "TMCL modules on a CAN bus"));
   auto& lines = robot_section.section("gpio", "emergency stop, enable switch, heartbeat, lamp");
   gpio.describe(lines);

@@ -95,7 +95,7 @@ struct Scene {
   drivers::can::CanMotorConfig can;
   drivers::gpio::GpioConfig gpio;
   std::deque<drivers::gpio::TwinEvent> gpio_events;
-  std::string bus_interface, bus_chain = "any", arm_rest = "hold";
+  std::string bus_interface, bus_chain = "any", arm_rest = "hold", bus_calibration;
   drivers::OmegaTwinConfig device;
   HapticChoice choice;
   drivers::HandScriptConfig hand;

@@ -25,6 +25,7 @@ void add_youbot_options(CLI::App& c, YoubotOptions& o) {
   c.add_option("--generation", o.bus.generation, "of the twin's boards")
       ->check(CLI::IsMember({"old", "new"}))
       ->capture_default_str();
+  c.add_option("--effects", o.bus.effects, "effects of the twin's motors, a file (config/effects)");
   c.add_option("--json", o.json, "write the drives to this file");
   c.add_option("--capture", o.bus.capture, "write every frame to this file, as pcap");
 }
@@ -40,6 +41,8 @@ int cmd_youbot(int argc, char** argv) {
   auto* setup = app.add_subcommand("setup", "commutation and the arm's homing; asks first");
   auto* jog = app.add_subcommand("jog", "one drive at a speed for a time; asks first");
   for (CLI::App* c : {check, setup, jog}) add_youbot_options(*c, o);
+  setup->add_option("--calibration", o.calibration,
+                    "write what homing measures to this file; homes arms that are homed too");
   jog->add_option("--slave", o.slave, "counted from 1")
       ->check(CLI::Range(1, drivers::ethercat::kMostSlaves))
       ->required();
@@ -50,7 +53,9 @@ int cmd_youbot(int argc, char** argv) {
       ->check(CLI::Range(0.01, 10.0))
       ->capture_default_str();
   if (!parse_options(app, argc, argv)) return 0;
-  check_outputs({{"--json", o.json}, {"--capture", o.bus.capture}}, {});
+  check_outputs(
+      {{"--json", o.json}, {"--capture", o.bus.capture}, {"--calibration", o.calibration}},
+      {o.bus.effects});
   try {
     if (check->parsed()) return run_youbot_check(o);
     return setup->parsed() ? run_youbot_setup(o, std::cin) : run_youbot_jog(o, std::cin);
@@ -72,6 +77,9 @@ int cmd_twin(int argc, char** argv) {
       ->check(CLI::IsMember({"old", "new"}))
       ->capture_default_str();
   youbot->add_option("--seconds", o.seconds, "0: until it is interrupted")->capture_default_str();
+  youbot->add_option(
+      "--effects", o.effects,
+      "friction, inertia, play, weight, current limit, I2t: a file (config/effects)");
   youbot->add_flag("--ready", o.ready, "commutation known, as after a set-up");
   youbot->add_option("--clock", clock, "real; a wire has no virtual one")->capture_default_str();
   if (!parse_options(app, argc, argv)) return 0;

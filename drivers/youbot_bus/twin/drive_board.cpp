@@ -37,11 +37,12 @@ void DriveBoard::power_up(rt::Time now) noexcept {
   namespace axis = tmcl::axis;
   parameters_.fill(0);
   parameters_[axis::kRampVelocity] = 4000;
-  parameters_[axis::kMaxCurrent] = 8000;
+  parameters_[axis::kMaxCurrent] = config_.max_current_mA;
   parameters_[axis::kHaltedVelocity] = 5;
   parameters_[axis::kReachedDistance] = 5;
   parameters_[axis::kAcceleration] = 2000;
-  parameters_[axis::kThermalTime] = 1000;
+  parameters_[axis::kThermalTime] = config_.thermal_ms;
+  parameters_[axis::kI2tLimit] = config_.rated_mA;
   parameters_[axis::kSupplyVoltage] = 2400;
   parameters_[axis::kTemperature] = 738;  // 25 degrees Celsius
   parameters_[axis::kEncoderSteps] = 4000;
@@ -69,14 +70,17 @@ void DriveBoard::advance(rt::Time now) noexcept {
     initialised_ = true;
   }
   const rt::Time silent = last_traffic_ + std::chrono::milliseconds{timeout_ms_};
-  if (timeout_ || now < silent) return;
-  timeout_ = true;
-  stop(silent);
+  if (!timeout_ && now >= silent) {
+    timeout_ = true;
+    stop(silent);
+  }
+  if (rt::Time hot{}; motor_->take_trip(now, hot)) trip_i2t(hot, now);
 }
 
 void DriveBoard::on_traffic(rt::Time now) noexcept {
   advance(now);
   last_traffic_ = now;
+  if (!timeout_) motor_->stop_from(now + std::chrono::milliseconds{timeout_ms_});
 }
 
 void DriveBoard::on_state(ethercat::AlState s, rt::Time now) noexcept {
@@ -84,9 +88,9 @@ void DriveBoard::on_state(ethercat::AlState s, rt::Time now) noexcept {
   if (s != ethercat::AlState::kOp) stop(now);
 }
 
-void DriveBoard::trip_i2t(rt::Time now) noexcept {
+void DriveBoard::trip_i2t(rt::Time when, rt::Time now) noexcept {
   i2t_ = true;
-  tripped_at_ = now;
+  tripped_at_ = when;
   ++parameters_[tmcl::axis::kI2tExceeded];
   stop(now);
 }

@@ -4,8 +4,8 @@
 // Flags     bits 4, 8 to 11, 14, 15 follow what the motor does. Bit 16 (EtherCAT timeout) latches
 //           when no process data or mailbox came for global parameter 90 (100 ms unless set; the
 //           real default is not published) and at power-up; the motor stands and takes nothing
-//           until SAP 158. Bit 17 (I2t) latches by request; SAP 29 clears it once the winding's
-//           time constant is over.
+//           until SAP 158. Bit 17 (I2t) latches by request, or when the motor says that its winding
+//           is too hot; SAP 29 clears it once the winding's time constant is over.
 // Init      mode 7, or on firmware 2.00 mode 2 too, finds the commutation within `initialise_time`;
 //           then bit 15. Other modes do nothing before.
 // Mailbox   raw TMCL, no head. Behind joint 5 there is a gripper as module 1: two bars that are
@@ -30,6 +30,9 @@ struct DriveBoardConfig {
   bool initialised = false;  // commutation known from the start
   int timeout_ms = 100;      // global parameter 90
   rt::Nanos initialise_time = std::chrono::milliseconds{200};
+  // Axis parameters 6, 25 and 26 at power-up. What 26 and 27 (the sum) count is not published: here
+  // the current that a winding bears, and the root of its mean of current squared.
+  std::int32_t max_current_mA = 8000, thermal_ms = 1000, rated_mA = 0;
   std::int32_t password = 1234;  // of protected parameters; the real one is not published
 };
 
@@ -46,7 +49,7 @@ class DriveBoard final : public ethercat::EscApplication {
 
   // ---- faults
   void stick_encoder(bool on) noexcept { stuck_ = on; }
-  void trip_i2t(rt::Time now) noexcept;
+  void trip_i2t(rt::Time now) noexcept { trip_i2t(now, now); }
 
   [[nodiscard]] std::uint32_t flags(rt::Time now) noexcept;
   [[nodiscard]] DriveMotor& motor() noexcept { return *motor_; }
@@ -62,6 +65,7 @@ class DriveBoard final : public ethercat::EscApplication {
   void advance(rt::Time now) noexcept;
   void obey(const DriveOutputs&, rt::Time now) noexcept;
   void stop(rt::Time now) noexcept;
+  void trip_i2t(rt::Time when, rt::Time now) noexcept;
   [[nodiscard]] std::int32_t position(rt::Time now) noexcept;
   // drive_tmcl.cpp
   [[nodiscard]] tmcl::Reply serve(const tmcl::Request&, rt::Time now) noexcept;

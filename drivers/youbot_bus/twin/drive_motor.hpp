@@ -25,6 +25,14 @@ class DriveMotor {
   // From `at` on. Not before the instant of the last call.
   virtual void command(const MotorCommand&, rt::Time at) noexcept = 0;
   [[nodiscard]] virtual MotorMotion motion(rt::Time at) noexcept = 0;
+
+  // ---- motors with effects (loaded_motors.hpp); others have none of it
+  // Motor stop from `at` on, unless another call says another instant.
+  virtual void stop_from(rt::Time) noexcept {}
+  // True, once: its winding got too hot, at `when`, and has no current since.
+  [[nodiscard]] virtual bool take_trip(rt::Time, rt::Time&) noexcept { return false; }
+  [[nodiscard]] virtual double heat_A2() const noexcept { return 0; }
+  virtual void limit_current(double) noexcept {}
 };
 
 struct IdealMotorConfig {

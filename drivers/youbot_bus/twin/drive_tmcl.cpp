@@ -1,5 +1,6 @@
 // TMCL of the virtual motor controller: which command does what, and which status it gives.
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 #include "drivers/tmcl/tmcl_status.hpp"
@@ -125,6 +126,9 @@ std::uint8_t DriveBoard::set_axis(int number, std::int32_t value, rt::Time now) 
     case axis::kClearTimeout:
       timeout_ = false;
       break;
+    case axis::kMaxCurrent:
+      motor_->limit_current(1e-3 * value);
+      break;
     case axis::kPassword:
       unlocked_ = value == config_.password;
       break;
@@ -150,6 +154,9 @@ std::uint8_t DriveBoard::get_axis(int number, std::int32_t& value, rt::Time now)
       break;
     case axis::kInitialised:
       value = initialised_ ? 1 : 0;
+      break;
+    case axis::kI2tSum:
+      value = static_cast<std::int32_t>(1e3 * std::sqrt(motor_->heat_A2()));
       break;
     case axis::kFlags:
       value = static_cast<std::int32_t>(flags(now));

@@ -1,6 +1,7 @@
 #include "drivers/youbot_bus/twin/youbot_chain.hpp"
 
 #include <array>
+#include <cmath>
 #include <string>
 
 #include "drivers/ethercat/twin/sii_builder.hpp"
@@ -32,6 +33,8 @@ std::size_t input_bytes_of(const YoubotChainConfig& c) {
   return c.generation == Generation::kOld ? 20 : 32;
 }
 
+std::int32_t milli(double value) { return static_cast<std::int32_t>(std::lround(1e3 * value)); }
+
 DriveBoardConfig board_config(const BoardPlace& b, const YoubotChainConfig& c) {
   const bool old = c.generation == Generation::kOld;
   const bool wheel = b.kind == BoardKind::kWheel;
@@ -40,6 +43,12 @@ DriveBoardConfig board_config(const BoardPlace& b, const YoubotChainConfig& c) {
   out.firmware = old ? 148 : 200;
   out.has_gripper = b.kind == BoardKind::kJoint && b.number == 5;
   out.initialised = c.initialised;
+  const MotorEffects& e = c.effects;
+  if (e.current_limit) out.max_current_mA = milli(e.current_limit->limit_A.of(b));
+  if (e.i2t) {
+    out.thermal_ms = milli(e.i2t->winding_s);
+    out.rated_mA = milli(e.i2t->rated_A.of(b));
+  }
   return out;
 }
 
@@ -47,7 +56,7 @@ DriveBoardConfig board_config(const BoardPlace& b, const YoubotChainConfig& c) {
 // homing ends, downwards.
 constexpr std::array<double, 5> kTravel_ticks{585867, 268667, 330000, 161733, 264278};
 
-std::unique_ptr<DriveMotor> own_motor(const BoardPlace& b, const YoubotChainConfig& c) {
+IdealMotorConfig own_config(const BoardPlace& b, const YoubotChainConfig& c) {
   IdealMotorConfig m;
   if (c.end_stops && b.kind == BoardKind::kJoint) {
     // A homing stop that is not where the encoder happened to begin.
@@ -55,8 +64,39 @@ std::unique_ptr<DriveMotor> own_motor(const BoardPlace& b, const YoubotChainConf
     m.low_stop_ticks = m.high_stop_ticks - kTravel_ticks[static_cast<std::size_t>(b.number - 1)];
     m.start_ticks = m.high_stop_ticks - 0.1 * b.number * kTravel_ticks[0] / 5;
   }
-  return std::make_unique<IdealMotor>(m);
+  return m;
 }
+
+// The motors of a chain that brings its own: ideal ones, or under effects an arm's as one.
+class OwnMotors {
+ public:
+  OwnMotors(rt::NonRealtime& nrt, const YoubotChainConfig& c) : nrt_(nrt), c_(c) {}
+  std::unique_ptr<DriveMotor> motor(const BoardPlace& b) {
+    if (!c_.effects.any()) return std::make_unique<IdealMotor>(own_config(b, c_));
+    if (b.kind == BoardKind::kWheel) {
+      const auto config = loaded_config(b, c_.effects, own_config(b, c_));
+      return std::make_unique<LoadedMotor>(
+          std::make_shared<LoadedMotors>(nrt_, std::vector{config}, std::nullopt), 0);
+    }
+    if (b.arm != arm_) joints_ = arm(b.arm);
+    arm_ = b.arm;
+    return std::make_unique<LoadedMotor>(joints_, static_cast<std::size_t>(b.number - 1));
+  }
+
+ private:
+  std::shared_ptr<LoadedMotors> arm(int number) {
+    std::vector<LoadedDriveConfig> configs;
+    for (int j = 1; j <= kArmJoints; ++j) {
+      const BoardPlace b{BoardKind::kJoint, j, number};
+      configs.push_back(loaded_config(b, c_.effects, own_config(b, c_)));
+    }
+    return std::make_shared<LoadedMotors>(nrt_, configs, arm_weight(c_.effects, configs));
+  }
+  rt::NonRealtime& nrt_;
+  const YoubotChainConfig& c_;
+  int arm_ = 0;
+  std::shared_ptr<LoadedMotors> joints_;
+};
 
 void add_drive_content(ethercat::SiiBuilder& sii, const YoubotChainConfig& c) {
   const auto size = c.mailbox_bytes;
@@ -93,12 +133,13 @@ std::vector<std::uint8_t> youbot_eeprom(const BoardPlace& b, const YoubotChainCo
 
 YoubotChain::YoubotChain(rt::NonRealtime& nrt, const YoubotChainConfig& c, const MotorMaker& motor)
     : boards_(boards_of(c.kind)) {
-  std::uint32_t serial = 1;
+  std::uint32_t serial = c.first_serial;
+  OwnMotors own(nrt, c);
   for (const BoardPlace& b : boards_) {
     std::unique_ptr<ethercat::EscApplication> application;
     DriveBoard* drive = nullptr;
     if (b.is_drive()) {
-      auto m = motor ? motor(b) : own_motor(b, c);
+      auto m = motor ? motor(b) : own.motor(b);
       auto made = std::make_unique<DriveBoard>(nrt, board_config(b, c), std::move(m));
       drive = made.get();
       application = std::move(made);

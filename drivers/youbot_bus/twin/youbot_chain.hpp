@@ -9,6 +9,7 @@
 #include "drivers/ethercat/twin/chain.hpp"
 #include "drivers/youbot_bus/chain_layout.hpp"
 #include "drivers/youbot_bus/twin/drive_board.hpp"
+#include "drivers/youbot_bus/twin/motor_effects.hpp"
 
 namespace drivers::youbot_bus {
 
@@ -28,12 +29,15 @@ struct YoubotChainConfig {
   bool initialised = false;   // commutation known at power-up
   // Effect: the joints' own motors have ends of travel, and stand within it at power-up.
   bool end_stops = false;
+  // Of the chain's own motors: friction, weight and more; none of them: ideal motors.
+  MotorEffects effects;
+  std::uint32_t first_serial = 1;  // in the EEPROM of the first board, one more in each behind it
   ethercat::EscConfig esc;
 };
 
 class YoubotChain {
  public:
-  // `motor` is asked for the motor of each drive; empty: ideal ones.
+  // `motor` is asked for the motor of each drive; empty: the chain's own.
   using MotorMaker = std::function<std::unique_ptr<DriveMotor>(const BoardPlace&)>;
   YoubotChain(rt::NonRealtime&, const YoubotChainConfig&, const MotorMaker& motor = {});
 
