@@ -65,13 +65,14 @@ int write_box_report(const DemoOptions& options, const BoxCommand& command, RunI
                        "'s box alone: the other box has a report of its own");
   Metrics metrics(command.name());
   add_metrics(info, op, robot, metrics);
-  write_trace(options.report + "/trace.json", {&log});
-  info.files.push_back("trace.json");
-  write_report(options.report, make_report(info, op, robot, metrics));
-  if (!command.json.empty()) metrics.write(command.json);
   for (const auto& n : info.notes) std::printf("%s\n", n.c_str());
   for (const auto& p : info.problems)
     std::fprintf(stderr, "teletact %s: %s\n", command.name(), p.c_str());
+  // Behind the words: where the disk is full, they are all that is left.
+  if (!command.json.empty()) metrics.write(command.json);
+  write_trace(options.report + "/trace.json", {&log});
+  info.files.push_back("trace.json");
+  write_report(options.report, make_report(info, op, robot, metrics));
   std::printf("report: %s/report.html\n", options.report.c_str());
   return info.problems.empty() ? 0 : 1;
 }
@@ -134,7 +135,12 @@ int run_box(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
                                                   : run_operator_process(nrt, scene, options, plan);
   if (code == 3) return code;
   say_black_boxes(plan.folder);
-  const int reported = report_box(options, command, plan, info);
+  int reported = 1;
+  try {
+    reported = report_box(options, command, plan, info);
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "teletact %s: %s\n", command.name(), e.what());
+  }
   return code != 0 ? code : reported;
 }
 
