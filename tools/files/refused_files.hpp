@@ -12,24 +12,25 @@ namespace teletact {
 class RefusedFiles {
  public:
   // `line` names the file and what is missing because of it; the same line again says nothing.
-  void tell(const std::string& box, const std::string& line) {
-    const std::lock_guard lock(mutex_);
-    if (!lines_.insert(line).second) return;
-    std::fprintf(stderr, "teletact %s: %s\n", box.c_str(), line.c_str());
-    std::fflush(stderr);
-  }
+  void tell(const std::string& box, const std::string& line) { once(line, box, line); }
   // Of a file that grows while the box runs.
   void tell(const std::string& box, const std::string& file, const std::string& what_now) {
-    tell(box, "the disk refuses " + file + " (full?): " + what_now + "; the run goes on");
+    once(file, box, "the disk refuses " + file + " (full?): " + what_now + "; the run goes on");
   }
   [[nodiscard]] bool any() const {
     const std::lock_guard lock(mutex_);
-    return !lines_.empty();
+    return !told_.empty();
   }
 
  private:
+  void once(const std::string& key, const std::string& box, const std::string& line) {
+    const std::lock_guard lock(mutex_);
+    if (!told_.insert(key).second) return;
+    std::fprintf(stderr, "teletact %s: %s\n", box.c_str(), line.c_str());
+    std::fflush(stderr);
+  }
   mutable std::mutex mutex_;
-  std::set<std::string> lines_;
+  std::set<std::string> told_;
 };
 
 }  // namespace teletact
