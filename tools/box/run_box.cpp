@@ -6,6 +6,7 @@
 
 #include "drivers/link/road_link.hpp"
 #include "drivers/link/tcp_link.hpp"
+#include "tasks/graph/frame_phase.hpp"
 #include "tools/box/box_main.hpp"
 #include "tools/box/run_processes.hpp"
 #include "tools/host/run_folder.hpp"
@@ -108,6 +109,17 @@ HostPlan admit_for(const Scene& scene, const BoxCommand& command,
              : admit_box(scene, calibration, cpus, shares, command.box);
 }
 
+// The camera's twin counts from this box's epoch; of a recording or a real camera the phase is not
+// known. Admission holds at any phase (frame_phase.hpp).
+void place_capture(const Scene& scene, HostPlan& host) {
+  if (!scene.rgbd_dir.empty() || !scene.camera_choice.in_process()) return;
+  const rt::Nanos exposure = rt::nanos_from_seconds(1e-3 * scene.camera.exposure_ms);
+  for (std::size_t i = 0; i < host.specs.size(); ++i) {
+    if (host.ids[i] != tasks::index_of(tasks::TaskId::kCapture)) continue;
+    host.specs[i].offset = tasks::capture_offset(exposure, host.specs[i].period());
+  }
+}
+
 }  // namespace
 
 int run_box(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
@@ -117,6 +129,7 @@ int run_box(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
   plan.clock[0] = plan.clock[1] = {};  // each box has a clock of its own: this machine's
   plan.host = admit_for(scene, command, calibration, options.page != nullptr);
   if (!plan.host.refusal.empty()) throw CouldNotStart("admission: " + plan.host.refusal);
+  place_capture(scene, plan.host);
   if (plan.host.voxel_m > 0) scene.graph.fusion.tsdf.voxel_size_m = plan.host.voxel_m;
   try {
     check_room(plan, command.box);
