@@ -48,7 +48,9 @@ void LinkEndpoint::poll(rt::Time now, bool line_free, const Send& send, rt::Nano
   }
   if (!hello_ok_) return;
   std::array<std::uint8_t, kMaxControlBody> small{};
-  if (now >= next_clock_) {
+  const bool turn = now >= next_turn_;
+  if (turn) next_turn_ = std::max(next_turn_ + gather_, now + gather_ / 2);
+  if (turn && now >= next_clock_) {
     next_clock_ =
         now + (clock_replies_ < kClockRepliesAtStart ? kClockPeriodAtStart : kClockPeriod);
     emit(MessageId::kClockRequest, ++control_seq_,
@@ -56,7 +58,7 @@ void LinkEndpoint::poll(rt::Time now, bool line_free, const Send& send, rt::Nano
   }
   if (ask_ && ready()) ask_(now, line_free ? rt::Nanos{0} : busy_for);
   for (auto& o : outgoing_) {
-    const bool due = now >= o.next || (o.urgent && o.urgent());
+    const bool due = (now >= o.next && (turn || o.bulk)) || (o.urgent && o.urgent());
     if (!due || (o.bulk && !line_free)) continue;
     // Bodies are built behind the header's place, so an image is copied once.
     const std::size_t n = o.fill(std::span(buffer_).subspan(kHeaderSize));
@@ -65,7 +67,7 @@ void LinkEndpoint::poll(rt::Time now, bool line_free, const Send& send, rt::Nano
     emit(o.id, ++o.seq, std::span(buffer_).subspan(kHeaderSize, n), now, send);
     if (o.bulk) line_free = false;
   }
-  if (now >= next_alive_) emit(MessageId::kAlive, ++control_seq_, {}, now, send);
+  if (turn && now >= next_alive_) emit(MessageId::kAlive, ++control_seq_, {}, now, send);
 }
 
 bool LinkEndpoint::on_hello(const Header& h) {
@@ -149,7 +151,7 @@ void LinkEndpoint::send_bye(rt::Time now, const Send& send) {
 
 void LinkEndpoint::renew() noexcept {
   clock_ = {};
-  next_clock_ = next_alive_ = {};
+  next_clock_ = next_alive_ = next_turn_ = {};
   hello_sent_ = hello_ok_ = bye_ = false;
   control_seq_ = arrived_seq_ = 0;
   clock_replies_ = wish_ = 0;

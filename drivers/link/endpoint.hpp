@@ -5,7 +5,8 @@
 // Sending: each outgoing edge is asked for its newest message at its rate; small messages go first;
 // an image is fetched (and so encoded bytes are copied) only when the line is free: newest wins.
 // After 10 ms without a message of its own an end says that it is alive, so that the other may take
-// a silence of a few of these for a fault.
+// a silence of a few of these for a fault. Where they gather (gather()), small messages go together
+// at most once in that time.
 // Receiving: header and CRC are checked, then the edge's handler gets the body with the stamp
 // already in local time. The first message must be a Hello of the same schema.
 #pragma once
@@ -39,6 +40,10 @@ class LinkEndpoint {
   using Urgent = std::function<bool()>;
   void add_outgoing(MessageId id, rt::Nanos period, bool bulk, Fill fill, Urgent urgent = {});
   void add_incoming(MessageId id, Deliver deliver);
+
+  // Of a transport for which each packet is one more that can be lost: small messages that are due
+  // wait for the next turn, one in each `period`, but for urgent ones. Zero: none waits.
+  void gather(rt::Nanos period) noexcept { gather_ = period; }
 
   // Sees every message as it arrived and whether it was taken, after its handler has run.
   using Tap = std::function<void(std::span<const std::uint8_t> message, rt::Time now, bool taken)>;
@@ -119,7 +124,8 @@ class LinkEndpoint {
   Ask ask_;
   std::uint64_t schema_ = schema_hash();
   ClockSync clock_;
-  rt::Time next_clock_{}, next_alive_{};
+  rt::Time next_clock_{}, next_alive_{}, next_turn_{};
+  rt::Nanos gather_{0};
   bool hello_sent_ = false, hello_ok_ = false, bye_ = false, ever_heard_ = false;
   rt::Time last_heard_{}, arrived_{};
   std::uint64_t control_seq_ = 0, arrived_seq_ = 0;

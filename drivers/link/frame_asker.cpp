@@ -73,6 +73,8 @@ bool FrameAsker::sent(rt::Time now, std::uint64_t seq, bool key, std::size_t byt
     last_key_ = frames_;
     want_key_ = false;
   }
+  if (first_) counts_from_ = now + config_.learn;
+  first_ = false;
   sending_ = true;
   since_ = now;
   bytes_ = bytes;
@@ -82,11 +84,12 @@ bool FrameAsker::sent(rt::Time now, std::uint64_t seq, bool key, std::size_t byt
 void FrameAsker::line_is_free(rt::Time now) noexcept {
   sending_ = false;
   const double took_s = 1e-9 * static_cast<double>((now - since_).count());
-  load_ += kForget * (took_s / kCameraPeriod_s - load_);
   if (took_s > kLeastSeen_s) {
     const double rate = 8e-3 * static_cast<double>(bytes_) / took_s;
     rate_kbit_per_s_ += (rate_kbit_per_s_ > 0 ? kForget : 1.0) * (rate - rate_kbit_per_s_);
   }
+  if (since_ < counts_from_) return;
+  load_ += kForget * (took_s / kCameraPeriod_s - load_);
   ++frames_on_rung_;
   // Fewer frames leave more time to each.
   const double room = 1e-9 * static_cast<double>(period().count()) / kCameraPeriod_s;
@@ -110,7 +113,7 @@ void FrameAsker::report(const FrameReport& report) noexcept {
 void FrameAsker::renew() noexcept {
   sent_ = asked_;
   next_ = {};
-  want_key_ = true;
+  want_key_ = first_ = true;
   sending_ = false;
 }
 

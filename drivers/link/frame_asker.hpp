@@ -12,7 +12,9 @@
 //
 // A line that is busy nearly all the time with single frames gets coarser ones, then fewer; one
 // that is idle much of the time, finer and more again. One step at a time, and not before the last
-// one has shown what it does.
+// one has shown what it does. The first frames of a connection say nothing of the line: what they
+// wait for is the transport, which feels its way up from a few packets a round trip. A key is the
+// first of them, too.
 //
 // Pure: time is an argument. One thread: that of the link.
 #pragma once
@@ -34,6 +36,8 @@ class FrameAsker {
     // Until a demand is made again, answered or not: so that its reader hears that the link lives.
     rt::Nanos repeat = std::chrono::milliseconds{50};
     rt::Nanos silence = std::chrono::milliseconds{180};  // then nobody is there to send to
+    // From the first frame of a connection until single frames count: some round trips of a road.
+    rt::Nanos learn = std::chrono::milliseconds{1500};
   };
   FrameAsker() = default;
   explicit FrameAsker(const Config& config) noexcept : config_(config) {}
@@ -79,6 +83,8 @@ class FrameAsker {
   std::uint64_t frames_ = 0, last_key_ = 0;  // numbers of frames, as the other end sees them
   rt::Time next_{}, repeat_{};
   bool want_key_ = true, silent_ = false;
+  bool first_ = true;       // no frame of this connection has been sent
+  rt::Time counts_from_{};  // Config::learn
   // The frame that the line works on, and what was learned from those before it.
   bool sending_ = false;
   rt::Time since_{};

@@ -16,6 +16,8 @@ constexpr rt::Nanos kPoll = std::chrono::milliseconds{1};
 // For Bye to leave, at an orderly end.
 constexpr int kPollsForBye = 200;
 constexpr std::int64_t kNotePeriod = 1'000'000'000;
+// Twice the shortest period of a small message. Silences count from 90 ms on.
+constexpr rt::Nanos kTogether = std::chrono::milliseconds{20};
 // Longest message that is no image.
 constexpr std::size_t kMostControl = kHeaderSize + kMaxControlBody;
 
@@ -50,6 +52,7 @@ void RoadLink::start(LinkEndpoint& endpoint, std::function<rt::Time()> now,
                      const std::optional<LinkShapeConfig>& shape,
                      std::function<void()> after_poll) {
   endpoint_ = &endpoint;
+  endpoint.gather(kTogether);
   now_ = std::move(now);
   after_poll_ = std::move(after_poll);
   if (shape && shape->any()) {
@@ -96,11 +99,12 @@ void RoadLink::session_down(const std::string& why) {
 
 bool RoadLink::take(std::span<const std::uint8_t> message) {
   if (cut_.load()) return true;  // lost on the way
-  return endpoint_->receive(message, now_(), [this](std::span<const std::uint8_t> m) { send(m); });
+  return endpoint_->receive(message, now_(),
+                            [this](std::span<const std::uint8_t> m) { send(m, true); });
 }
 
-void RoadLink::send(std::span<const std::uint8_t> message) {
-  if (!shaper_) return road_->send(is_image(message), message);
+void RoadLink::send(std::span<const std::uint8_t> message, bool at_once) {
+  if (!shaper_) return road_->send(is_image(message), message, at_once);
   rt::effect_ran(rt::Effect::kLinkShape);
   const std::int64_t due = shaper_->deliver_at(rt::monotonic_ns(), message.size());
   delayed_.push_back({due, is_image(message), {message.begin(), message.end()}});
@@ -123,7 +127,8 @@ void RoadLink::poll_session() {
   rt::Nanos busy = road_->bulk_busy_for();
   if (shaper_) busy = std::max(busy, shaper_->busy_for(now));
   endpoint_->poll(
-      now_(), busy.count() == 0, [this](std::span<const std::uint8_t> m) { send(m); }, busy);
+      now_(), busy.count() == 0, [this](std::span<const std::uint8_t> m) { send(m, false); }, busy);
+  road_->flush();
   if (endpoint_->ready() && state_.load() == State::kHandshake) {
     const std::lock_guard lock(told_);
     fault_.clear();
@@ -169,7 +174,7 @@ void RoadLink::run() {
     if (after_poll_) after_poll_();
   }
   if (up_ && !cut_.load()) {
-    endpoint_->send_bye(now_(), [this](std::span<const std::uint8_t> m) { send(m); });
+    endpoint_->send_bye(now_(), [this](std::span<const std::uint8_t> m) { send(m, true); });
     for (int i = 0; i < kPollsForBye && up_ && (!delayed_.empty() || !road_->control_free()); ++i) {
       road_->run_for(kPoll);
       hand_over(rt::monotonic_ns());

@@ -4,6 +4,9 @@
 // end, and renews the endpoint for each session, so a box may start, stop and crash at any time.
 // Engagement is no matter of the transport: sessions() tells that the road was another one.
 //
+// Small messages go together, each 20 ms: one that is lost holds up all behind it for a round trip and
+// more, so there are to be few packets to lose.
+//
 // Security: docs/security.md. Send rules: docs/link.md, Road.
 #pragma once
 
@@ -75,7 +78,7 @@ class RoadLink final : public LinkTransport {
   void session_up();
   void session_down(const std::string& why);
   [[nodiscard]] bool take(std::span<const std::uint8_t> message);
-  void send(std::span<const std::uint8_t> message);
+  void send(std::span<const std::uint8_t> message, bool at_once);
   void hand_over(std::int64_t now_ns);
   void publish();
 

@@ -9,7 +9,7 @@ namespace {
 // A road's round trip is thought to be at most half a second; without a rate, 100 Mbit/s.
 constexpr double kLongestRoad_s = 0.5, kUnknownRate_Mbit_per_s = 100;
 constexpr std::size_t kRoom = 32768;
-constexpr int kLooksToFirst = 4, kLooksToNext = 8, kLooksBack = 60, kLooksToKnow = 20;
+constexpr int kLooksToFirst = 4, kLooksToNext = 8, kLooksBack = 60;
 
 std::size_t bytes_of(double rate_Mbit_per_s, double span_s) noexcept {
   return static_cast<std::size_t>(rate_Mbit_per_s * 125e3 * span_s);
@@ -26,18 +26,20 @@ RoadPace::RoadPace(double rate_Mbit_per_s) noexcept
 void RoadPace::look(rt::Nanos round_trip, rt::Nanos least_round_trip,
                     std::size_t in_flight) noexcept {
   rt::Nanos least = least_round_trip;
-  if (looks_ < kLooksToKnow) {
-    ++looks_;
-  } else {
+  const bool knows = looks_ >= kLooksToKnow;
+  if (knows) {
     least_smoothed_ = std::min(least_smoothed_, round_trip);
     least = std::clamp(least_smoothed_, least_round_trip, least_round_trip + kJitter);
+  } else if (in_flight > 0) {
+    ++looks_;
   }
   const rt::Nanos above = round_trip - least;
-  if (above >= kTooLong) {
+  if (above >= (knows ? kTooLong : kSurely)) {
     // From what is there: an allowance that nobody uses would take many cuts before it is felt.
     const std::size_t used = std::min(allowance_, std::max(in_flight, kLeast));
     allowance_ = std::max(kLeast, used - used * 7 / 100);
     calm_looks_ = 0;
+    if (!knows) return;
     if (++long_looks_ >= (wish_ == 0 ? kLooksToFirst : kLooksToNext)) {
       wish_ = std::min(wish_ + 1, kMostWish);
       long_looks_ = 0;

@@ -7,8 +7,11 @@
 // 200 ms and then after each 400 ms; 3 s without it take one step back.
 //
 // Jitter of a road lifts the smoothed round trip above the kernel's least one without any queue. So
-// the least smoothed one counts as the least, once a second of looks has shown it, and by no more
-// than kJitter above the kernel's.
+// the least smoothed one counts as the least, once kLooksToKnow looks at a connection in use have
+// shown it, and by no more than kJitter above the kernel's.
+//
+// Until then the smoothed round trip is that of the hand-shake, with late acknowledgements and a
+// thread that was busy: no queue. Only what is above by kSurely counts, and nothing is wished for.
 //
 // Pure: what the kernel says is an argument.
 #pragma once
@@ -25,6 +28,8 @@ class RoadPace {
   static constexpr rt::Nanos kTooLong = std::chrono::milliseconds{40};
   static constexpr rt::Nanos kShort = std::chrono::milliseconds{25};
   static constexpr rt::Nanos kJitter = std::chrono::milliseconds{20};
+  static constexpr rt::Nanos kSurely = std::chrono::milliseconds{120};
+  static constexpr int kLooksToKnow = 30;
   static constexpr int kMostWish = 5;
   static constexpr std::size_t kLeast = 16384;
   // Of the rate that was set, what images may take: the rest is for the other connection, and for

@@ -208,11 +208,11 @@ void Road::Impl::connection_closed(RoadConnection& c, const std::string& why) {
   }
 }
 
-void Road::Impl::send(bool for_bulk, std::span<const std::uint8_t> message) {
+void Road::Impl::send(bool for_bulk, std::span<const std::uint8_t> message, bool at_once) {
   if (!up) return;
   RoadConnection& c = for_bulk ? *bulk : *control;
   append_road_frame(RoadKind::kMessage, message, c.out());
-  c.send();
+  if (for_bulk || at_once) c.send();
 }
 
 rt::Nanos Road::Impl::bulk_busy_for() const noexcept {
@@ -250,7 +250,12 @@ bool Road::up() const noexcept { return impl_->up; }
 bool Road::control_free() const noexcept { return impl_->up && impl_->control->left() == 0; }
 bool Road::bulk_free() const noexcept { return impl_->bulk_busy_for().count() == 0; }
 rt::Nanos Road::bulk_busy_for() const noexcept { return impl_->bulk_busy_for(); }
-void Road::send(bool bulk, std::span<const std::uint8_t> m) { impl_->send(bulk, m); }
+void Road::send(bool bulk, std::span<const std::uint8_t> m, bool at_once) {
+  impl_->send(bulk, m, at_once);
+}
+void Road::flush() {
+  if (impl_->up) impl_->control->send();
+}
 void Road::close_session(const std::string& why) { impl_->close_session(why); }
 int Road::port() const noexcept { return impl_->port; }
 int Road::wish() const noexcept { return impl_->up ? impl_->pace.wish() : 0; }

@@ -26,7 +26,7 @@ class Road::Impl final : public RoadConnectionOwner {
   void run_for(rt::Nanos span);
   void close_session(const std::string& why, bool gently = true);
   [[nodiscard]] rt::Nanos bulk_busy_for() const noexcept;
-  void send(bool bulk, std::span<const std::uint8_t> message);
+  void send(bool bulk, std::span<const std::uint8_t> message, bool at_once);
 
   RoadOptions options;
   Handlers handlers;

@@ -43,6 +43,10 @@ rt::Nanos fusion_offset(const FrameArrival& arrival, rt::Nanos period) noexcept 
   return at % period;
 }
 
+rt::Nanos capture_offset(rt::Nanos exposure, rt::Nanos period) noexcept {
+  return (exposure + kWhole) % period;
+}
+
 void set_fusion_phase(std::vector<rt::TaskSpec>& specs, const rt::Admission& admission,
                       const Calibration& calibration, const drivers::LinkShapeConfig& shape) {
   const auto& capture = admission.tasks[index_of(TaskId::kCapture)];

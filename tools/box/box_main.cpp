@@ -59,14 +59,48 @@ std::unique_ptr<drivers::LinkTransport> open_link(const Scene& scene, const BoxP
   return link;
 }
 
+// Log lines and inputs to the black box; what the disk refuses of either is told.
+template <class Side>
+void feed_black_box(rt::NonRealtime& nrt, BoxRunner& runner, Side& side, InputRecorder* inputs) {
+  const std::string file = runner.plan.folder + "/" + Side::kName + ".log";
+  side.console.log_to(
+      nrt, file,
+      [&runner](std::string_view line) {
+        if (runner.black_box) runner.black_box->line(line);
+      },
+      [&runner, file] {
+        runner.refused.tell(runner.name(), file, "the log is short from here on");
+      });
+  if (inputs == nullptr) return;
+  inputs->also(
+      [&runner](const JobOp& op) {
+        if (runner.black_box) runner.black_box->add(op);
+      },
+      [&runner](const Tally& t) {
+        const RecordingMark mark{rt::ns_of(runner.now()), t.ops, t.messages, t.frames};
+        if (runner.black_box) runner.black_box->add(mark);
+      });
+}
+
+// At the end each file is tried, whatever became of the others.
+void try_write(BoxRunner& runner, const std::function<void()>& write) {
+  try {
+    write();
+  } catch (const std::exception& e) {
+    runner.refused.tell(runner.name(), e.what());
+  }
+}
+
 template <class Half>
-void save_whole(const std::string& folder, Half& half, const BoxRunner& runner) {
+void save_whole(const std::string& folder, Half& half, BoxRunner& runner) {
   half.totals = runner.totals;
   half.dropped_records = runner.dropped;
   half.hangs = runner.hangs;
   half.ordinary = runner.ordinary;
   half.complete = true;
-  save_half(folder, half);
+  if (!save_half(folder, half))
+    runner.refused.tell(runner.name(), folder + "/" + runner.name() + ".view",
+                        "the report lacks the end of the run");
 }
 
 template <class Side>
@@ -85,19 +119,7 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
   Side side(nrt, scene, options, box_options);
   auto& graph = side.box.graph();
   if (inputs) inputs->attach(graph, side.box.endpoint());
-  side.console.log_to(nrt, plan.folder + "/" + Side::kName + ".log", [&](std::string_view line) {
-    if (runner.black_box) runner.black_box->line(line);
-  });
-  if (inputs) {
-    inputs->also(
-        [&](const JobOp& op) {
-          if (runner.black_box) runner.black_box->add(op);
-        },
-        [&](const Tally& t) {
-          const RecordingMark mark{rt::ns_of(runner.now()), t.ops, t.messages, t.frames};
-          if (runner.black_box) runner.black_box->add(mark);
-        });
-  }
+  feed_black_box(nrt, runner, side, inputs.get());
   const auto registry = enter_registry(plan, Side::kBox);
 
   const auto opened = open_link<Side>(scene, plan);
@@ -114,9 +136,12 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
   runner.link_status = &graph.link();
   runner.tick = [&](rt::Time t) {
     side.tick(t, link);
-    if (inputs) inputs->drain();
+    if (!inputs) return;
+    inputs->drain();
+    if (const auto line = inputs->problem(); !line.empty())
+      runner.refused.tell(runner.name(), line);
   };
-  runner.save = [&] { save_half(plan.folder, side.half()); };
+  runner.save = [&] { return save_half(plan.folder, side.half()); };
   runner.make_safe = [&] { side.make_safe(); };
   runner.mode = [&] { return side.console.seen().mode; };
   if constexpr (Side::kBox == rt::Box::kRobot)
@@ -127,11 +152,12 @@ int run_box(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions& options
   else
     runner.await_link();
   runner.run(nrt, plan.folder + "/" + Side::kName + ".run");
-  side.finish(nrt, link);
+  try_write(runner, [&] { side.finish(nrt, link); });
   link.stop();
-  if (inputs) inputs->finish();
+  if (inputs) try_write(runner, [&] { inputs->finish(); });
   save_whole(plan.folder, side.half(), runner);
-  return runner.hangs > 0 ? 4 : 0;
+  if (runner.hangs > 0) return kTaskHung;
+  return runner.refused.any() ? kFileRefused : 0;
 }
 
 int with_errors(const char* who, const std::function<int()>& body) {

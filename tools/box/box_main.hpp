@@ -1,7 +1,7 @@
 // One box as a process: build, hand-shake, arm, run, ramp down, save. A box of the demo runs for so
 // many seconds over one connection, from an epoch that both agree on. A box of its own (teletact
 // robot, teletact operator) has its own epoch and a link that lasts (BoxPlan::open_link).
-// Exit codes: 0 orderly, 3 could not start, 4 stopped by a fault.
+// Exit codes: 0 orderly, 3 could not start, 4 stopped by a fault, 5 the disk refused a file of it.
 #pragma once
 
 #include <functional>
@@ -15,6 +15,8 @@
 #include "tools/host/run_options.hpp"
 
 namespace teletact {
+
+inline constexpr int kTaskHung = 4, kFileRefused = 5;
 
 struct BoxPlan {
   std::int64_t epoch_host_ns = 0;

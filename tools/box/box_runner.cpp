@@ -138,11 +138,13 @@ void BoxRunner::await_link() const {
 
 // What is saved grows with the run: of a box of its own it takes a twentieth of this thread at
 // most.
-void BoxRunner::save_now_and_then(Watch& w, rt::RunStore& writer, std::int64_t host_ns) const {
+void BoxRunner::save_now_and_then(Watch& w, rt::RunStore& writer, std::int64_t host_ns) {
   if (host_ns <= w.next_save || w.ramp_from != 0) return;
   w.next_save += save_period_ns(host_ns - plan.epoch_host_ns);
   writer.flush();
-  save();
+  if (!save())
+    refused.tell(name(), plan.folder + "/" + name() + ".view",
+                 "the report knows nothing that comes after the last one that was saved");
   if (!plan.lasting()) return;
   const std::int64_t end = rt::monotonic_ns();
   w.next_save = std::max(w.next_save, end + 20 * (end - host_ns));
@@ -187,7 +189,7 @@ void BoxRunner::run(rt::NonRealtime& nrt, const Faults& faults, const std::strin
   header.not_realtime = executor.missing();
   header.epoch_ns = rt::ns_of(clock.from_host(plan.epoch_host_ns));
   writer = std::make_unique<rt::RunStore>(file, header, options.store);
-  StoreWatch told(*writer, box);
+  StoreWatch told(*writer, box, file, refused);
   if (options.black_box_s > 0) {
     black_box = std::make_unique<BoxRecorder>(plan.folder, box, header, options.black_box_s);
     black_box->catch_crashes();

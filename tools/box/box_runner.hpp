@@ -16,6 +16,7 @@
 #include "tools/box/box_main.hpp"
 #include "tools/box/box_status.hpp"
 #include "tools/box/link_news.hpp"
+#include "tools/files/refused_files.hpp"
 #include "tools/record/box_recorder.hpp"
 
 namespace teletact {
@@ -36,7 +37,7 @@ struct BoxRunner {
   tasks::OperatorRequests* requests = nullptr;
   drivers::LinkTransport* link = nullptr;
   std::function<void(rt::Time)> tick{};    // console
-  std::function<void()> save{};            // partial half, so that a kill loses little
+  std::function<bool()> save{};            // partial half, so that a kill loses little
   std::function<void()> make_safe{};       // outputs to zero, from any thread
   std::function<tasks::ModeMsg()> mode{};  // newest that the console has seen
   std::vector<BoxTotals> totals{};
@@ -44,10 +45,14 @@ struct BoxRunner {
   std::function<std::int64_t()> camera_twin_cpu{};  // empty: no camera's twin in this process
   OrdinaryCpu ordinary{};
   std::unique_ptr<BoxRecorder> black_box{};
+  RefusedFiles refused{};
   LinkNews link_news{};
   std::optional<StatusServer> status_server{};
   tasks::LinkStatus* link_status = nullptr;
 
+  [[nodiscard]] const char* name() const noexcept {
+    return box == rt::Box::kOperator ? "operator" : "robot";
+  }
   [[nodiscard]] rt::Time now() const { return clock.from_host(rt::monotonic_ns()); }
 
   // Handshake before the epoch, or an error that names what is missing.
@@ -64,7 +69,7 @@ struct BoxRunner {
   void run(rt::NonRealtime& nrt, const Faults& faults, const std::string& file);
   void watch(Watch& w, rt::RunStore& writer, const std::function<void()>& request_stop,
              const std::function<std::uint64_t()>& hung);
-  void save_now_and_then(Watch& w, rt::RunStore& writer, std::int64_t host_ns) const;
+  void save_now_and_then(Watch& w, rt::RunStore& writer, std::int64_t host_ns);
   void note_request(std::int64_t host) const;
   void look();
   [[nodiscard]] BoxStatus status() const;

@@ -62,7 +62,6 @@ OperatorHalf& OperatorSide::half() {
 
 void OperatorSide::finish(rt::NonRealtime& nrt, const drivers::LinkTransport& link) {
   if (options_.page != nullptr) options_.page->close();
-  save_scene(nrt, console, box.graph().fusion(), options_.report + "/raw", options_.save_map);
   half_.link_round_trip_ns = link.round_trip_ns();
   half_.link_uncertainty_ns = link.clock_uncertainty_ns();
   // Of a recording from two seconds after its last image on: by then the map hardly changes.
@@ -73,6 +72,8 @@ void OperatorSide::finish(rt::NonRealtime& nrt, const drivers::LinkTransport& li
   half_.force_check =
       check_force(box.graph().fusion().map(), console.seen().haptic,
                   scene_.graph.haptic.stiffness_N_per_m, scene_.graph.haptic.scale, since);
+  // Last: the disk may refuse it.
+  save_scene(nrt, console, box.graph().fusion(), options_.report + "/raw", options_.save_map);
 }
 
 RobotSide::RobotSide(rt::NonRealtime& nrt, const Scene& scene, const DemoOptions&,

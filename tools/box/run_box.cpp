@@ -6,6 +6,7 @@
 
 #include "drivers/link/road_link.hpp"
 #include "drivers/link/tcp_link.hpp"
+#include "tasks/graph/frame_phase.hpp"
 #include "tools/box/box_main.hpp"
 #include "tools/box/run_processes.hpp"
 #include "tools/host/run_folder.hpp"
@@ -65,13 +66,14 @@ int write_box_report(const DemoOptions& options, const BoxCommand& command, RunI
                        "'s box alone: the other box has a report of its own");
   Metrics metrics(command.name());
   add_metrics(info, op, robot, metrics);
-  write_trace(options.report + "/trace.json", {&log});
-  info.files.push_back("trace.json");
-  write_report(options.report, make_report(info, op, robot, metrics));
-  if (!command.json.empty()) metrics.write(command.json);
   for (const auto& n : info.notes) std::printf("%s\n", n.c_str());
   for (const auto& p : info.problems)
     std::fprintf(stderr, "teletact %s: %s\n", command.name(), p.c_str());
+  // Behind the words: where the disk is full, they are all that is left.
+  if (!command.json.empty()) metrics.write(command.json);
+  write_trace(options.report + "/trace.json", {&log});
+  info.files.push_back("trace.json");
+  write_report(options.report, make_report(info, op, robot, metrics));
   std::printf("report: %s/report.html\n", options.report.c_str());
   return info.problems.empty() ? 0 : 1;
 }
@@ -104,6 +106,17 @@ HostPlan admit_for(const Scene& scene, const BoxCommand& command,
              : admit_box(scene, calibration, cpus, shares, command.box);
 }
 
+// The camera's twin counts from this box's epoch; of a recording or a real camera the phase is not
+// known. Admission holds at any phase (frame_phase.hpp).
+void place_capture(const Scene& scene, HostPlan& host) {
+  if (!scene.rgbd_dir.empty() || !scene.camera_choice.in_process()) return;
+  const rt::Nanos exposure = rt::nanos_from_seconds(1e-3 * scene.camera.exposure_ms);
+  for (std::size_t i = 0; i < host.specs.size(); ++i) {
+    if (host.ids[i] != tasks::index_of(tasks::TaskId::kCapture)) continue;
+    host.specs[i].offset = tasks::capture_offset(exposure, host.specs[i].period());
+  }
+}
+
 }  // namespace
 
 int run_box(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
@@ -113,6 +126,7 @@ int run_box(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
   plan.clock[0] = plan.clock[1] = {};  // each box has a clock of its own: this machine's
   plan.host = admit_for(scene, command, calibration, options.page != nullptr);
   if (!plan.host.refusal.empty()) throw CouldNotStart("admission: " + plan.host.refusal);
+  place_capture(scene, plan.host);
   if (plan.host.voxel_m > 0) scene.graph.fusion.tsdf.voxel_size_m = plan.host.voxel_m;
   try {
     check_room(plan, command.box);
@@ -131,7 +145,12 @@ int run_box(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& options,
                                                   : run_operator_process(nrt, scene, options, plan);
   if (code == 3) return code;
   say_black_boxes(plan.folder);
-  const int reported = report_box(options, command, plan, info);
+  int reported = 1;
+  try {
+    reported = report_box(options, command, plan, info);
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "teletact %s: %s\n", command.name(), e.what());
+  }
   return code != 0 ? code : reported;
 }
 

@@ -39,9 +39,10 @@ std::string verdict(const Child& c, int status) {
   const int code = WEXITSTATUS(status);
   if (code == 0) return {};
   return std::string("the ") + c.name + " process ended with code " + std::to_string(code) +
-         (code == 3   ? " (could not start: its own message says why)"
-          : code == 4 ? " (a task hung and its device was made safe)"
-                      : "");
+         (code == 3              ? " (could not start: its own message says why)"
+          : code == kTaskHung    ? " (a task hung and its device was made safe)"
+          : code == kFileRefused ? " (the disk refused a file of it: its own message says which)"
+                                 : "");
 }
 
 }  // namespace

@@ -1,17 +1,12 @@
 #include "tools/host/console.hpp"
 
-#include <spdlog/details/null_mutex.h>
-#include <spdlog/logger.h>
-#include <spdlog/sinks/base_sink.h>
-#include <spdlog/sinks/rotating_file_sink.h>
-
 #include <algorithm>
 #include <cstdio>
-#include <filesystem>
 #include <stdexcept>
 
 #include "perception/map_file/map_file.hpp"
 #include "perception/motion/motion_mask.hpp"
+#include "rt/audit/log_file.hpp"
 #include "tools/files/mesh_file.hpp"
 #include "tools/files/whole_file.hpp"
 #include "tools/record/recording_setup.hpp"
@@ -22,45 +17,25 @@ using tasks::OperatorCells;
 
 namespace {
 
-// A text log keeps its newest lines: this file, and so many older ones beside it (operator.1.log).
-constexpr std::size_t kTextLogBytes = std::size_t{8} << 20U, kTextLogs = 2;
-
-class LineSink final : public spdlog::sinks::base_sink<spdlog::details::null_mutex> {
- public:
-  explicit LineSink(TakeLine take) : take_(std::move(take)) {}
-
- private:
-  void sink_it_(const spdlog::details::log_msg& m) override {
-    take_({m.payload.data(), m.payload.size()});
-  }
-  void flush_() override {}
-  TakeLine take_;
-};
-
-// The records carry their own time (box clock), so lines need no other.
 std::unique_ptr<rt::LogDrain> drain_to(rt::NonRealtime& nrt, tasks::TaskLogs& logs, rt::Box box,
-                                       const std::string& path, TakeLine also) {
-  // An earlier run's go first: the sink would go on with them.
-  for (std::size_t i = 0; i <= kTextLogs; ++i)
-    std::filesystem::remove(spdlog::sinks::rotating_file_sink_mt::calc_filename(path, i));
-  auto sink =
-      std::make_shared<spdlog::sinks::rotating_file_sink_mt>(path, kTextLogBytes, kTextLogs);
-  auto logger = std::make_shared<spdlog::logger>("tasks", std::move(sink));
-  if (also) logger->sinks().push_back(std::make_shared<LineSink>(std::move(also)));
-  logger->set_pattern("%l %v");
-  logger->flush_on(spdlog::level::info);
-  auto drain = std::make_unique<rt::LogDrain>(nrt, logs.sites(), std::move(logger));
+                                       rt::LogFile file) {
+  auto drain =
+      std::make_unique<rt::LogDrain>(nrt, logs.sites(), rt::open_log_file(nrt, std::move(file)));
   logs.attach(nrt, box, *drain);
   return drain;
 }
 
 }  // namespace
 
-void OperatorConsole::log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also) {
-  log_ = drain_to(nrt, *box_.graph().cells().logs, rt::Box::kOperator, path, std::move(also));
+void OperatorConsole::log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also,
+                             std::function<void()> refused) {
+  log_ = drain_to(nrt, *box_.graph().cells().logs, rt::Box::kOperator,
+                  {path, std::move(also), std::move(refused)});
 }
-void RobotConsole::log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also) {
-  log_ = drain_to(nrt, *box_.graph().cells().logs, rt::Box::kRobot, path, std::move(also));
+void RobotConsole::log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also,
+                          std::function<void()> refused) {
+  log_ = drain_to(nrt, *box_.graph().cells().logs, rt::Box::kRobot,
+                  {path, std::move(also), std::move(refused)});
 }
 
 OperatorConsole::OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time epoch)

@@ -83,9 +83,10 @@ class OperatorConsole {
  public:
   OperatorConsole(OperatorBox& box, const Scene& scene, rt::Time epoch);
   void tick(rt::Time now);
-  // From now on the tasks' log lines go to this file, and to `also`. By an ordinary thread, with every
-  // tick.
-  void log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also = {});
+  // From now on the tasks' log lines go to this file, and to `also`; `refused`: once, when the disk
+  // does not take a line. By an ordinary thread, with every tick.
+  void log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also = {},
+              std::function<void()> refused = {});
   [[nodiscard]] const OperatorView& seen() const noexcept { return seen_; }
   [[nodiscard]] OperatorView take() { return std::move(seen_); }  // ends its use
   [[nodiscard]] OperatorView copy() const;
@@ -177,7 +178,8 @@ class RobotConsole {
  public:
   explicit RobotConsole(RobotBox& box);
   void tick(rt::Time now);
-  void log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also = {});
+  void log_to(rt::NonRealtime& nrt, const std::string& path, TakeLine also = {},
+              std::function<void()> refused = {});
   [[nodiscard]] const RobotView& seen() const noexcept { return seen_; }
   [[nodiscard]] RobotView take() { return std::move(seen_); }
 

@@ -13,7 +13,7 @@ JobKeeper::JobKeeper(const DemoOptions& options, rt::Box box, rt::RunLog& log)
   rt::StoreOptions store = options.store;
   store.block_bytes = std::size_t{256} << 10U;  // nobody is to look at it while it runs
   store_ = std::make_unique<rt::RunStore>(folder_, log, store);
-  watch_ = std::make_unique<StoreWatch>(*store_, box);
+  watch_ = std::make_unique<StoreWatch>(*store_, box, folder_, refused_);
 }
 
 void JobKeeper::finish(const std::vector<BoxTotals>& totals) {
@@ -55,8 +55,9 @@ void JobKeepers::finish() {
 
 void JobKeepers::save_views() const {
   if (options_.store_folder.empty()) return;
-  save_half(options_.store_folder, run_.op);
-  save_half(options_.store_folder, run_.robot);
+  const bool op = save_half(options_.store_folder, run_.op);
+  if (!save_half(options_.store_folder, run_.robot) || !op)
+    throw std::runtime_error(options_.store_folder + ": what the consoles saw can not be written");
 }
 
 }  // namespace teletact

@@ -36,6 +36,7 @@ class JobKeeper {
   rt::RunLog& log_;
   rt::MemoryLog memory_;
   std::string folder_;
+  RefusedFiles refused_;
   std::unique_ptr<rt::RunStore> store_;
   std::unique_ptr<StoreWatch> watch_;
 };

@@ -51,12 +51,11 @@ struct Loader {
 };
 
 template <class Body>
-void save_whole(const std::string& path, const Body& body) {
-  {
-    Saver s{std::ofstream(path + ".tmp", std::ios::binary)};
-    body(s);
-  }
-  std::rename((path + ".tmp").c_str(), path.c_str());
+bool save_whole(const std::string& path, const Body& body) {
+  Saver s{std::ofstream(path + ".tmp", std::ios::binary)};
+  body(s);
+  s.out.close();  // a full disk may show only now: the last whole one must outlive it
+  return s.out && std::rename((path + ".tmp").c_str(), path.c_str()) == 0;
 }
 
 // Frames that fusion took, and frames that a newer one had replaced before fusion looked: the numbers
@@ -90,8 +89,8 @@ const rt::TaskLog* task_of(const OperatorHalf& op, const RobotHalf& robot, tasks
 
 }  // namespace
 
-void save_half(const std::string& folder, const OperatorHalf& h) {
-  save_whole(folder + "/operator.view", [&](Saver& s) {
+bool save_half(const std::string& folder, const OperatorHalf& h) {
+  return save_whole(folder + "/operator.view", [&](Saver& s) {
     s.one(h.epoch_ns);
     s.many(h.view.haptic);
     s.many(h.view.haptic_thin.kept);
@@ -157,8 +156,8 @@ void load_half(const std::string& folder, OperatorHalf& h, const rt::StorePiece&
   if (auto log = rt::read_run(folder + "/operator.run", piece)) h.log = std::move(log).value();
 }
 
-void save_half(const std::string& folder, const RobotHalf& h) {
-  save_whole(folder + "/robot.view", [&](Saver& s) {
+bool save_half(const std::string& folder, const RobotHalf& h) {
+  return save_whole(folder + "/robot.view", [&](Saver& s) {
     s.one(h.epoch_ns);
     s.many(h.view.robot);
     s.many(h.view.truth);

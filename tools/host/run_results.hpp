@@ -58,8 +58,9 @@ struct RobotHalf {
 };
 
 // <folder>/operator.view, robot.view: raw records of this build, read back on this host only.
-void save_half(const std::string& folder, const OperatorHalf& half);
-void save_half(const std::string& folder, const RobotHalf& half);
+// False: the disk refused it, and the one that was saved before stays.
+bool save_half(const std::string& folder, const OperatorHalf& half);
+bool save_half(const std::string& folder, const RobotHalf& half);
 // Of the job records a report holds the newest five minutes whole: what a page and a trace can
 // show.
 inline constexpr rt::StorePiece kOfReport{0, std::numeric_limits<double>::infinity(), 300};

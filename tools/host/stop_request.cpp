@@ -1,4 +1,4 @@
-// SIGINT and SIGTERM: what run_options.hpp says of them.
+// SIGINT and SIGTERM: what run_options.hpp says of them. SIGXFSZ: ignored.
 #include <signal.h>
 
 #include "rt/clock/box_time.hpp"
@@ -29,6 +29,10 @@ void catch_signals() {
   action.sa_handler = on_signal;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  // A file that may not grow any more (a limit of the shell's or the service's): as on a full disk
+  // the write fails, and is told. The kernel's default would end the box while it drives.
+  action.sa_handler = SIG_IGN;
+  sigaction(SIGXFSZ, &action, nullptr);
 }
 
 }  // namespace teletact

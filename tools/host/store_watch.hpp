@@ -2,11 +2,12 @@
 // of the pictures, a disk that refuses.
 #pragma once
 
-#include <cstdio>
 #include <string>
+#include <utility>
 
 #include "rt/store/run_store.hpp"
 #include "tasks/contract/messages.hpp"
+#include "tools/files/refused_files.hpp"
 #include "tools/pictures/picture_words.hpp"
 #include "tools/record/box_recorder.hpp"
 
@@ -20,7 +21,9 @@ inline constexpr std::int64_t save_period_ns(std::int64_t since_epoch_ns) noexce
 
 class StoreWatch {
  public:
-  StoreWatch(rt::RunStore& store, rt::Box box) : store_(store), box_(box) {}
+  // `folder`: the store's.
+  StoreWatch(rt::RunStore& store, rt::Box box, std::string folder, RefusedFiles& refused)
+      : store_(store), box_(box), folder_(std::move(folder)), refused_(refused) {}
 
   void look(const tasks::ModeMsg& mode, drivers::Spared spared, rt::Time now) {
     if (mode.seq != 0 && (mode.mode != mode_ || mode.cause != cause_)) {
@@ -37,13 +40,15 @@ class StoreWatch {
     if (problem.empty() || told_) return;
     told_ = true;
     store_.event(rt::ns_of(now), problem);
-    std::fprintf(stderr, "teletact %s: %s\n", box_ == rt::Box::kOperator ? "operator" : "robot",
-                 problem.c_str());
+    refused_.tell(box_ == rt::Box::kOperator ? "operator" : "robot", folder_,
+                  "the job records are thinned harder, and counted");
   }
 
  private:
   rt::RunStore& store_;
   rt::Box box_;
+  std::string folder_;
+  RefusedFiles& refused_;
   tasks::Mode mode_ = tasks::Mode::kInit;
   rt::FaultId cause_ = rt::kNoFault;
   SparedNews spared_;

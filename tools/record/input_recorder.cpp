@@ -325,6 +325,7 @@ void InputRecorder::also(TakeOp take, TakeTally mark) {
 }
 
 void InputRecorder::write(char tag, const void* data, std::size_t size) {
+  if (failed_) return;  // what came behind a torn record could not be read
   if (tag != 0 && std::fputc(tag, file_.get()) == EOF) failed_ = true;
   if (size > 0 && std::fwrite(data, size, 1, file_.get()) != 1) failed_ = true;
 }
@@ -376,7 +377,12 @@ void InputRecorder::finish() {
   if (camera_) tally_.lost += camera_->lost();
   write('E', &tally_, sizeof tally_);
   if (std::fflush(file_.get()) != 0) failed_ = true;
-  if (failed_) throw std::runtime_error(path_ + ": only a part could be written (disk full?)");
+  if (failed_) throw std::runtime_error(problem());
+}
+
+std::string InputRecorder::problem() const {
+  return failed_ ? path_ + ": only a part could be written (disk full?): the recording ends there"
+                 : std::string();
 }
 
 std::string recording_file(const std::string& folder, rt::Box box) {

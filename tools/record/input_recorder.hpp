@@ -49,8 +49,12 @@ class InputRecorder {
   using TakeTally = std::function<void(const Tally&)>;
   void also(TakeOp take, TakeTally mark);
 
-  void drain();   // ordinary thread
-  void finish();  // drains and writes the end; after it nothing is recorded
+  void drain();  // ordinary thread
+  // Drains and writes the end; after it nothing is recorded. Throws std::runtime_error, problem().
+  void finish();
+  // One line once the disk refused a record, and nothing more is written; empty until then. By the
+  // thread that drains.
+  [[nodiscard]] std::string problem() const;
 
  private:
   class Body;

@@ -266,4 +266,38 @@ TEST(FrameAsker, ASlowRoadGetsCoarserThenFewerFramesAndFinerOnesAgain) {
   EXPECT_GE(road.sent.size() - fast, 298U);
 }
 
+// TCP feels its way up from ten packets a round trip: the first frames of a connection take round
+// trips of a long road each, whatever the road carries. 55 % of a camera period is the most at which
+// a rung would come back, so what was lowered then would stay for long.
+TEST(FrameAsker, TheFirstFramesOfAConnectionSayNothingOfTheLine) {
+  Road road(8'800);
+  road.delta_bytes = 24'000;  // 22 ms, .65 of a camera period
+  for (int connection = 0; connection < 3; ++connection) {
+    road.asker.renew();
+    road.slot.clear();
+    const std::size_t before = road.sent.size();
+    std::size_t seen = before;
+    for (int i = 0; i < 8'000; ++i) {
+      road.step();
+      if (HasFatalFailure()) return;
+      // Of the round trips that the first 200 kB take.
+      if (road.sent.size() == seen) continue;
+      seen = road.sent.size();
+      const double slow_ms = 340.0 - 40.0 * static_cast<double>(seen - before);
+      road.busy_until_ms = std::max(road.busy_until_ms, static_cast<double>(road.ms) + slow_ms);
+    }
+    EXPECT_GT(road.sent.size() - before, 200U);
+    EXPECT_EQ(road.coarsest, 0U) << "connection " << connection;
+    EXPECT_EQ(road.asker.stats().rung, 0);
+  }
+}
+
+TEST(FrameAsker, ARoadThatIsSlowFromTheBeginningIsSeenSoonAfter) {
+  Road road(3'600);
+  for (int i = 0; i < 1'500; ++i) road.step();
+  EXPECT_EQ(road.asker.stats().rung, 0);
+  for (int i = 0; i < 1'500; ++i) road.step();
+  EXPECT_GE(road.asker.stats().rung, 1);
+}
+
 }  // namespace

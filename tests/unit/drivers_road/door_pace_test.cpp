@@ -193,6 +193,31 @@ TEST(RoadPace, JitterIsNoQueue) {
   EXPECT_GT(full.wish(), 1);
 }
 
+// The smoothed round trip of the hand-shake holds a late acknowledgement (40 ms) and jitter, and stays
+// while nothing is under way; then the first pictures bring it down. There is no queue in any of it.
+TEST(RoadPace, TheStartIsNoQueue) {
+  constexpr std::uint64_t kSeed = 7105;
+  std::printf("seed %llu\n", static_cast<unsigned long long>(kSeed));
+  for (std::uint64_t run = 0; run < 50; ++run) {
+    rt::Random r(kSeed, run);
+    RoadPace p(10);
+    const std::size_t first = p.allowance();
+    double above = r.uniform(45, 100);
+    const auto idle = r.integer(0, 40);
+    for (std::int64_t i = 0; i < idle; ++i) p.look(kBase + ms(above), kBase, 0);
+    for (int i = 0; i < 100; ++i) {
+      above += 0.15 * (r.uniform(15, 33) - above);
+      p.look(kBase + ms(above), kBase, 100'000);
+      ASSERT_EQ(p.wish(), 0) << "run " << run << ", look " << i;
+      ASSERT_GE(p.allowance(), first);
+    }
+  }
+  // A road that drowns from the beginning is relieved at once.
+  RoadPace full(10);
+  for (int i = 0; i < 10; ++i) full.look(kBase + ms(200), kBase, 100'000);
+  EXPECT_LT(full.allowance(), 60'000U);
+}
+
 TEST(RoadPace, OneLateLookIsNoReasonToWish) {
   RoadPace p(10);
   for (int i = 0; i < 1000; ++i) p.look(i % 4 == 0 ? kBase + ms(300) : kBase, kBase, 200'000);

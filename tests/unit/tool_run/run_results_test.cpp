@@ -1,6 +1,8 @@
 #include "tools/host/run_results.hpp"
 
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -337,8 +339,8 @@ TEST(RunResults, HalvesComeBackAndTornOnesAreIncomplete) {
   robot.view.truth.push_back({{}, 1, 2, 3, 4, 5});
   robot.view.tracking_error_max_m = 0.01;
   robot.complete = true;
-  teletact::save_half(folder.string(), op);
-  teletact::save_half(folder.string(), robot);
+  EXPECT_TRUE(teletact::save_half(folder.string(), op));
+  EXPECT_TRUE(teletact::save_half(folder.string(), robot));
   OperatorHalf op2;
   RobotHalf robot2;
   teletact::load_half(folder.string(), op2);
@@ -354,6 +356,23 @@ TEST(RunResults, HalvesComeBackAndTornOnesAreIncomplete) {
   ASSERT_EQ(robot2.view.truth.size(), 1U);
   EXPECT_EQ(robot2.view.truth[0].path_m, 4);
   EXPECT_EQ(robot2.view.tracking_error_max_m, 0.01);
+
+  // A file that may not grow, as on a full disk: the one that was saved before stays.
+  ::signal(SIGXFSZ, SIG_IGN);
+  rlimit before{};
+  ::getrlimit(RLIMIT_FSIZE, &before);
+  const rlimit limit{300, before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
+  op.epoch_ns = 78;
+  const bool saved = teletact::save_half(folder.string(), op);
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  EXPECT_FALSE(saved);
+  teletact::load_half(folder.string(), op2);
+  EXPECT_TRUE(op2.complete);
+  EXPECT_EQ(op2.epoch_ns, 77);
+  EXPECT_TRUE(teletact::save_half(folder.string(), op));
+  teletact::load_half(folder.string(), op2);
+  EXPECT_EQ(op2.epoch_ns, 78);
 
   const auto path = folder / "robot.view";
   std::ifstream in(path, std::ios::binary);

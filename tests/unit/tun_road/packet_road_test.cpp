@@ -95,6 +95,19 @@ TEST(PacketRoad, LossIsItsShareAndTakesTheLine) {
   }
 }
 
+TEST(PacketRoad, LossForAWhileIsOfThatWhileAlone) {
+  RoadConfig c;
+  c.loss = 0.3;
+  c.loss_from_s = 10;
+  c.loss_for_s = 5;
+  PacketRoad road(c, Way::kToOperator, 0);
+  const auto got = pass(road, 40000, kMs);
+  std::uint32_t within = 0;
+  for (const Arrived& a : got) within += a.number >= 10000 && a.number < 15000;
+  EXPECT_EQ(got.size() - within, 35000U) << "before and behind it nothing is lost";
+  EXPECT_NEAR(within, 3500, 5 * std::sqrt(5000 * 0.21));
+}
+
 TEST(PacketRoad, JitterKeepsTheOrderAndReorderDoesNot) {
   RoadConfig c;
   c.network.delay_ms = 20;

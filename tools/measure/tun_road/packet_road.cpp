@@ -8,6 +8,8 @@ namespace teletact {
 void RoadConfig::describe(config::Section& s) {
   network.describe(s);
   s.number("loss", loss, 0, 1, "share of the packets that is lost behind the bottleneck");
+  s.number("loss_from_s", loss_from_s, 0, 864000, "from when on it is lost");
+  s.number("loss_for_s", loss_for_s, 0, 864000, "and for how long; 0: to the end");
   s.number("reorder", reorder, 0, 1, "share of the packets that others overtake");
   s.number("reorder_ms", reorder_ms, 0.1, 1000, "how much later these come");
 }
@@ -24,7 +26,11 @@ PacketRoad::PacketRoad(const RoadConfig& c, drivers::Way way, std::int64_t epoch
     : config_(c),
       line_(c.network, epoch_ns),
       random_(c.network.seed, way == drivers::Way::kToRobot ? 0 : 1),
-      damage_from_ns_(epoch_ns + static_cast<std::int64_t>(c.network.corrupt_from_s * 1e9)) {
+      damage_from_ns_(epoch_ns + static_cast<std::int64_t>(c.network.corrupt_from_s * 1e9)),
+      loss_from_ns_(epoch_ns + static_cast<std::int64_t>(c.loss_from_s * 1e9)),
+      loss_until_ns_(c.loss_for_s > 0
+                         ? loss_from_ns_ + static_cast<std::int64_t>(c.loss_for_s * 1e9)
+                         : drivers::kNever) {
   for (const drivers::CutConfig& cut : c.network.cuts) {
     if (cut.of(way))
       cut_at_ns_ = std::min(cut_at_ns_, epoch_ns + static_cast<std::int64_t>(cut.at_s * 1e9));
@@ -66,7 +72,8 @@ void PacketRoad::offer(std::int64_t now_ns, std::span<const std::uint8_t> packet
     waiting_ += packet.size();
     stats_.most_waiting = std::max(stats_.most_waiting, waiting_);
   }
-  if (config_.loss > 0 && random_.uniform() < config_.loss) {
+  if (config_.loss > 0 && now_ns >= loss_from_ns_ && now_ns < loss_until_ns_ &&
+      random_.uniform() < config_.loss) {
     ++stats_.lost;
     return;
   }

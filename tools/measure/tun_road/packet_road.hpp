@@ -5,7 +5,8 @@
 // have and streams have not:
 //   queue     drop-tail: a packet that does not fit is dropped
 //   jitter    drawn for each packet; it does not overtake the one before it
-//   loss      behind the bottleneck, as on a radio: a lost packet has used the line
+//   loss      behind the bottleneck, as on a radio: a lost packet has used the line. For the whole
+//             time, or for loss_for_s from loss_from_s on
 //   reorder   a share of the packets comes reorder_ms later, and others overtake it
 //   flap      a packet that has not arrived when the line goes down is lost; no connection ends
 //   damage    a packet with a changed byte; IP and TCP drop it by their checksums
@@ -26,8 +27,9 @@ namespace teletact {
 
 struct RoadConfig {
   drivers::NetworkConfig network;
-  double loss = 0;     // share of the packets
-  double reorder = 0;  // share of the packets
+  double loss = 0;                         // share of the packets
+  double loss_from_s = 0, loss_for_s = 0;  // for 0: to the end
+  double reorder = 0;                      // share of the packets
   double reorder_ms = 10;
   void describe(config::Section& s);
 };
@@ -77,6 +79,7 @@ class PacketRoad {
   drivers::LineSchedule line_;
   rt::Random random_;
   std::int64_t cut_at_ns_ = drivers::kNever, damage_from_ns_;
+  std::int64_t loss_from_ns_, loss_until_ns_;
   std::int64_t carried_until_ns_ = 0, last_due_ns_ = 0;
   std::queue<Waiting> queue_;
   std::size_t waiting_ = 0;
