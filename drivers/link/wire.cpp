@@ -1,13 +1,11 @@
 #include "drivers/link/wire.hpp"
 
-#include <algorithm>
 #include <array>
-#include <bit>
-#include <cmath>
 #include <concepts>
 #include <cstring>
 #include <string>
 
+#include "drivers/link/wire_body.hpp"
 #include "rt/hash.hpp"
 
 namespace drivers {
@@ -36,85 +34,8 @@ constexpr std::array<std::array<std::uint32_t, 256>, kCrcStride> make_crc_tables
 }
 constexpr auto kCrcTables = make_crc_tables();
 
-// Appends fields in order; `ok` turns false when the room is used up.
-struct Writer {
-  std::span<std::uint8_t> out;
-  std::size_t at = 0;
-  bool ok = true;
-  template <class T>
-  void put(T v) noexcept {
-    if (at + sizeof v > out.size()) {
-      ok = false;
-      return;
-    }
-    std::array<std::uint8_t, sizeof v> b;
-    std::memcpy(b.data(), &v, sizeof v);
-    if constexpr (std::endian::native == std::endian::big) std::reverse(b.begin(), b.end());
-    std::memcpy(out.data() + at, b.data(), sizeof v);
-    at += sizeof v;
-  }
-  void field(rt::Time t) noexcept { put(rt::ns_of(t)); }
-  template <class T>
-  void field(T v) noexcept {
-    put(v);
-  }
-  [[nodiscard]] std::size_t size() const noexcept { return ok ? at : 0; }
-};
-
-struct Reader {
-  std::span<const std::uint8_t> in;
-  std::size_t at = 0;
-  bool ok = true;
-  template <class T>
-  void get(T& v) noexcept {
-    if (at + sizeof v > in.size()) {
-      ok = false;
-      return;
-    }
-    std::array<std::uint8_t, sizeof v> b;
-    std::memcpy(b.data(), in.data() + at, sizeof v);
-    if constexpr (std::endian::native == std::endian::big) std::reverse(b.begin(), b.end());
-    std::memcpy(&v, b.data(), sizeof v);
-    at += sizeof v;
-  }
-  // A number of the physical world: finite and below anything a robot can mean.
-  void field(double& v, const auto&) noexcept {
-    get(v);
-    if (!std::isfinite(v) || std::abs(v) > 1e6) ok = false;
-  }
-  void field(std::int64_t& ns, const auto&) noexcept {
-    get(ns);
-    if (!plausible_instant(ns)) ok = false;
-  }
-  void field(rt::Time& t, const auto& list_row) noexcept {
-    std::int64_t ns = 0;
-    field(ns, list_row);
-    t = rt::time_from_ns(ns);
-  }
-  template <std::unsigned_integral T>
-  void field(T& v, const auto& list_row) noexcept {
-    get(v);
-    if (list_row.most != 0 && v > list_row.most) ok = false;
-  }
-  [[nodiscard]] bool done() const noexcept { return ok && at == in.size(); }
-};
-
 template <class M>
-std::size_t put_all(const M& m, std::span<std::uint8_t> out) noexcept {
-  Writer w{out};
-  rt::for_each_field(m, [&](const auto& v, const auto&) { w.field(v); });
-  return w.size();
-}
-
-template <class M>
-bool get_all(std::span<const std::uint8_t> in, M& m) noexcept {
-  Reader r{in};
-  rt::for_each_field(m, [&](auto& v, const auto& list_row) { r.field(v, list_row); });
-  return r.done();
-}
-
-template <class M>
-std::string schema_of(const char* name) {
+std::string schema_of(std::string_view name) {
   std::string text = std::string(name) + ":", between;
   M m;
   rt::for_each_field(m, [&]<class T>(const T&, const auto& list_row) {
@@ -131,9 +52,11 @@ std::string schema_of(const char* name) {
 std::uint64_t schema_hash(std::string_view pictures) noexcept {
   std::string text = "header:magic4,version2,id2,length4,crc4,seq8,stamp8,schema8;hello:;" +
                      schema_of<ClockRequest>("clock_request") +
-                     schema_of<ClockReply>("clock_reply") + "frame:encoded_frame_v3;" +
-                     schema_of<RobotState>("robot_state") + schema_of<RobotGoal>("robot_goal") +
-                     schema_of<CommandReport>("command_report") + "bye:;alive:";
+                     schema_of<ClockReply>("clock_reply") + "frame:encoded_frame_v3;";
+  std::apply(
+      [&text]<class... M>(const SchemaRow<M>&... row) { ((text += schema_of<M>(row.name)), ...); },
+      kSchema);
+  text += "bye:;alive:";
   if (!pictures.empty())
     text += ";" + schema_of<FrameReport>("frame_report") + "pictures:" + std::string(pictures);
   rt::Hash64 h;
@@ -177,7 +100,7 @@ std::uint32_t crc32c(std::span<const std::uint8_t> data) noexcept {
 }
 
 void write_header(const Header& h, std::span<std::uint8_t, kHeaderSize> out) noexcept {
-  Writer w{out};
+  wire::Writer w{out};
   w.put(kWireMagic);
   w.put(h.version);
   w.put(static_cast<std::uint16_t>(h.id));
@@ -190,7 +113,7 @@ void write_header(const Header& h, std::span<std::uint8_t, kHeaderSize> out) noe
 
 WireStatus read_header(std::span<const std::uint8_t> in, Header& out) noexcept {
   if (in.size() < kHeaderSize) return WireStatus::kIncomplete;
-  Reader r{in.first(kHeaderSize)};
+  wire::Reader r{in.first(kHeaderSize)};
   std::uint32_t magic = 0;
   std::uint16_t id = 0;
   r.get(magic);
@@ -222,30 +145,40 @@ std::size_t write_message(Header h, std::span<const std::uint8_t> body,
 }
 
 std::size_t encode(const RobotState& m, std::span<std::uint8_t> out) noexcept {
-  return put_all(m, out);
+  return wire::put_all(m, out);
 }
 std::size_t encode(const RobotGoal& m, std::span<std::uint8_t> out) noexcept {
-  return put_all(m, out);
+  return wire::put_all(m, out);
 }
 std::size_t encode(const ClockRequest& m, std::span<std::uint8_t> out) noexcept {
-  return put_all(m, out);
+  return wire::put_all(m, out);
 }
 std::size_t encode(const ClockReply& m, std::span<std::uint8_t> out) noexcept {
-  return put_all(m, out);
+  return wire::put_all(m, out);
 }
 std::size_t encode(const FrameReport& m, std::span<std::uint8_t> out) noexcept {
-  return put_all(m, out);
+  return wire::put_all(m, out);
 }
 std::size_t encode(const CommandReport& m, std::span<std::uint8_t> out) noexcept {
-  return put_all(m, out);
+  return wire::put_all(m, out);
 }
-bool decode(std::span<const std::uint8_t> in, RobotState& m) noexcept { return get_all(in, m); }
-bool decode(std::span<const std::uint8_t> in, RobotGoal& m) noexcept { return get_all(in, m); }
-bool decode(std::span<const std::uint8_t> in, ClockRequest& m) noexcept { return get_all(in, m); }
+bool decode(std::span<const std::uint8_t> in, RobotState& m) noexcept {
+  return wire::get_all(in, m);
+}
+bool decode(std::span<const std::uint8_t> in, RobotGoal& m) noexcept {
+  return wire::get_all(in, m);
+}
+bool decode(std::span<const std::uint8_t> in, ClockRequest& m) noexcept {
+  return wire::get_all(in, m);
+}
 bool decode(std::span<const std::uint8_t> in, ClockReply& m) noexcept {
-  return get_all(in, m) && m.t2_ns >= m.t1_ns;
+  return wire::get_all(in, m) && m.t2_ns >= m.t1_ns;
 }
-bool decode(std::span<const std::uint8_t> in, FrameReport& m) noexcept { return get_all(in, m); }
-bool decode(std::span<const std::uint8_t> in, CommandReport& m) noexcept { return get_all(in, m); }
+bool decode(std::span<const std::uint8_t> in, FrameReport& m) noexcept {
+  return wire::get_all(in, m);
+}
+bool decode(std::span<const std::uint8_t> in, CommandReport& m) noexcept {
+  return wire::get_all(in, m);
+}
 
 }  // namespace drivers

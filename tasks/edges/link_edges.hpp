@@ -4,7 +4,7 @@
 #include <span>
 
 #include "drivers/link/endpoint.hpp"
-#include "drivers/link/wire.hpp"
+#include "drivers/link/wire_body.hpp"
 #include "tasks/edges/edge_cells.hpp"
 #include "tasks/edges/message_values.hpp"
 
@@ -27,6 +27,7 @@ struct NobodyLooks {
 // size of its body.
 template <EdgeId E, rt::Box B, class Seen = NobodyLooks>
 void receive_edge(EdgeCells<B>& cells, drivers::LinkEndpoint& endpoint, Seen seen = {}) {
+  static_assert(drivers::InSchema<MessageOf<E>>, "kSchema of drivers/link/wire_body.hpp lists it");
   endpoint.add_incoming(kEdge<E>.row.wire.code,
                         [&cells, &endpoint, seen](std::span<const std::uint8_t> body, rt::Time) {
                           MessageOf<E> m;
@@ -42,12 +43,38 @@ void receive_edge(EdgeCells<B>& cells, drivers::LinkEndpoint& endpoint, Seen see
 
 template <EdgeId E, rt::Box B>
 void send_edge(EdgeCells<B>& cells, drivers::LinkEndpoint& endpoint) {
+  static_assert(drivers::InSchema<SentMessageOf<E>>,
+                "kSchema of drivers/link/wire_body.hpp lists it");
   constexpr Wire wire = kEdge<E>.row.wire;
   endpoint.add_outgoing(wire.code, std::chrono::milliseconds{wire.period_ms}, wire.bulk,
                         [&cells](std::span<std::uint8_t> out) -> std::size_t {
                           const auto m = cells.template read_by_link<E>();
                           return m ? drivers::encode(*m, out) : 0;
                         });
+}
+
+// Its values cross as they are. Between the ends of the others stand the codecs (picture_link.hpp)
+// or the gate (command_edges.hpp).
+[[nodiscard]] constexpr bool crosses_as_it_is(const EdgeRow& row) noexcept {
+  return row.kind == EdgeKind::kRemote && row.id != EdgeId::kFrame && row.id != EdgeId::kGoal;
+}
+
+// Both directions, all such edges, in the order of their rows.
+template <rt::Box B, class Seen = NobodyLooks>
+void bind_edges(EdgeCells<B>& cells, drivers::LinkEndpoint& endpoint, const Seen& seen = {}) {
+  const auto bind = [&]<std::size_t I>(std::integral_constant<std::size_t, I>) {
+    constexpr EdgeId id = static_cast<EdgeId>(I);
+    if constexpr (crosses_as_it_is(kEdge<id>.row)) {
+      if constexpr (end_in(id, B) == EdgeEnd::kSends)
+        send_edge<id>(cells, endpoint);
+      else
+        receive_edge<id>(cells, endpoint, seen);
+    }
+  };
+  [&]<std::size_t... I>(std::index_sequence<I...>) {
+    (bind(std::integral_constant<std::size_t, I>{}), ...);
+  }
+  (std::make_index_sequence<kEdgeCount>{});
 }
 
 }  // namespace tasks

@@ -113,17 +113,18 @@ void OperatorGraph::bind_link(rt::NonRealtime& nrt, drivers::LinkEndpoint& endpo
     link_.tell_spared(s.spared);
   };
   receive_pictures(nrt, *cells_, config_.capture, camera_, endpoint, told);
-  receive_edge<EdgeId::kRobotState>(
-      *cells_, endpoint,
-      [told, &endpoint](const drivers::RobotState& s, std::int64_t taken_ns, std::size_t bytes) {
-        told({endpoint.arrived(),
-              s.taken,
-              taken_ns,
-              static_cast<std::uint32_t>(bytes + drivers::kHeaderSize),
-              false,
-              false,
-              {}});
-      });
+  bind_edges(*cells_, endpoint,
+             [told, &endpoint]<class M>(const M& m, std::int64_t made_ns, std::size_t bytes) {
+               if constexpr (std::same_as<M, drivers::RobotState>) {
+                 told({endpoint.arrived(),
+                       m.taken,
+                       made_ns,
+                       static_cast<std::uint32_t>(bytes + drivers::kHeaderSize),
+                       false,
+                       false,
+                       {}});
+               }
+             });
   send_commands(*cells_, endpoint, [this] {
     return requests_.ramp_down.load(std::memory_order_relaxed) ||
            requests_.stop.load(std::memory_order_relaxed);

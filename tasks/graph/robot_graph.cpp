@@ -62,7 +62,7 @@ void RobotGraph::bind_link(rt::NonRealtime&, drivers::LinkEndpoint& endpoint) {
   receive_commands(*cells_, gate_, endpoint, [this](std::uint64_t n, drivers::CommandFault newest) {
     link_.tell_refused(n, newest);
   });
-  send_edge<EdgeId::kRobotState>(*cells_, endpoint);
+  bind_edges(*cells_, endpoint);
   send_pictures(*cells_, asker_, config_.capture.pictures, endpoint,
                 [this](drivers::Spared spared) { link_.tell_spared(spared); });
 }

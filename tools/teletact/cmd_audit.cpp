@@ -4,10 +4,10 @@
 
 #include "tools/audit/audit_tables.hpp"
 #include "tools/cli/options.hpp"
-#include "tools/host/piece_options.hpp"
 #include "tools/host/run_results.hpp"
 #include "tools/scene/host_info.hpp"
 #include "tools/teletact/commands.hpp"
+#include "tools/teletact/piece_options.hpp"
 
 namespace teletact {
 

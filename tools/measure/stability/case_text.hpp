@@ -14,6 +14,9 @@ using rig::Row;
 using rig::Scene;
 using rig::Vec3;
 
+// Share of the ticks in the surface that the optimum may leave unjudged.
+inline constexpr double kUnjudged = 0.01;
+
 inline std::string text(const char* format, auto... values) {
   char buffer[256];
   std::snprintf(buffer, sizeof buffer, format, values...);
