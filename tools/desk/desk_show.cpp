@@ -186,6 +186,12 @@ void DeskShow::show_text(const DeskActs& acts, const DeskEvents& events, DeskFac
   }
 }
 
+void DeskShow::show_proposal(const ShownProposal& shown, rt::Time now) {
+  if (!port_.view_to) return;
+  port_.view_to(shown.session, ViewKind::kSelection, stamp(now, shown.proposal->exposure),
+                selection_body(*shown.proposal));
+}
+
 void DeskShow::tick(const DeskActs& acts, const DeskEvents& events, DeskFacts facts, rt::Time now) {
   // Whose fault a miss was is known by what came before it: looked at with nobody there as well.
   if (tasks_ != nullptr && due(next_tasks_, now, 200)) tasks_->look();
