@@ -3,7 +3,7 @@
 // task may wait for. What is proposed is shown and moves nothing. Only what is accepted becomes an
 // input of a task (desk_objects.hpp), so a replay needs no clicks.
 //
-// Bounded: kMostWaiting clicks wait. Before the first click nothing is allocated and no thread runs.
+// Bounded: kMostWaiting clicks wait. Before the first click nothing is allocated, no thread runs.
 #pragma once
 
 #include <condition_variable>
