@@ -104,7 +104,10 @@ std::vector<Part> cut_up(Part whole, const Points& others) {
 }
 
 Box widened(const Part& part, const Points& others) {
+  constexpr double kLeast_m = 0.001;  // so that no side is flat, and no reading lies on one
   Box box = part.box;
+  box.min().array() -= kLeast_m;
+  box.max().array() += kLeast_m;
   int held = part.others;
   const double most = kMostOthers * static_cast<double>(part.own.size());
   for (int side = 0; side < 6; ++side) {

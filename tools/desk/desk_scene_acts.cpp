@@ -79,7 +79,8 @@ bool DeskActs::push(tasks::SceneEdit edit, rt::Time now) {
   edit.stamp = now;
   if (!box_.graph().edit(edit)) return false;
   ++edit_seq_;
-  console_.count(&OperatorView::edits);
+  // The boxes of an object and its point are one act.
+  if (edit.kind != tasks::SceneEdit::Kind::kObjectBox) console_.count(&OperatorView::edits);
   return true;
 }
 
