@@ -21,8 +21,8 @@ ConsoleAnswer crowded() { return refused("too many acts wait for the tasks: ask 
 
 const std::vector<std::string_view>& DeskActs::can() {
   static const std::vector<std::string_view> all = {
-      "engage", "hold", "clear", "stop",   "token", "hand", "drive",  "mark",  "go_to",
-      "cancel", "draw", "erase", "forget", "undo",  "note", "select", "accept"};
+      "engage", "hold", "clear", "stop",   "token", "hand", "drive",  "mark",   "go_to",
+      "cancel", "draw", "erase", "forget", "undo",  "note", "select", "accept", "device"};
   return all;
 }
 
@@ -66,6 +66,8 @@ std::optional<ConsoleAnswer> DeskActs::act(const DeskItem& item, rt::Time at, rt
       return forget(in, now);
     case Act::kUndo:
       return undo(now);
+    case Act::kDevice:
+      return device(in, now);
     case Act::kSelect:
       return objects_.select(item, now);
     case Act::kAccept:
@@ -245,7 +247,20 @@ void DeskActs::keep_hand(rt::Time now) {
   hand_->want(target, now);
 }
 
+ConsoleAnswer DeskActs::device(const Intent& in, rt::Time now) {
+  if (hand_ == nullptr) return refused("the page has no hold of the device in this run");
+  if (in.scale_given)
+    return refused("what is stable hangs on the scale: it is fixed in a run (haptic.scale)");
+  if (in.yaw_given)
+    return refused("while the clutch is held, the workspace turns to where the camera looks");
+  if (!in.clutch_given) return refused("nothing is asked of the device");
+  hand_->hold_clutch(in.clutch);
+  events_.add(now, "device", in.clutch ? "clutch held" : "clutch let go");
+  return done();
+}
+
 void DeskActs::left() {
+  if (hand_ != nullptr) hand_->hold_clutch(false);
   for (Hold* h : {&engage_hold_, &hand_hold_, &drive_hold_}) h->lose();
   objects_.forget();
 }

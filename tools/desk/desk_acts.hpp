@@ -9,6 +9,7 @@
 //   hand     a place for the hand, held by tokens: touched with, marked with (page_hand.hpp).
 //   select,  clicks propose an object; what is accepted goes to fusion (desk_objects.hpp).
 //   accept
+//   device   the clutch of the haptic device, held until it is let go or the page is gone.
 //   stop     sets the request that supervision latches, which the link sends on at once
 //            (tasks/edges/command_edges.hpp). Any thread.
 #pragma once
@@ -91,6 +92,7 @@ class DeskActs {
   [[nodiscard]] ConsoleAnswer draw(const DrawnObstacle& o, rt::Time now, bool undoable);
   [[nodiscard]] ConsoleAnswer erase(std::uint16_t id, rt::Time now, bool undoable);
   [[nodiscard]] ConsoleAnswer forget(const Intent& in, rt::Time now);
+  [[nodiscard]] ConsoleAnswer device(const Intent& in, rt::Time now);
   [[nodiscard]] ConsoleAnswer undo(rt::Time now);
   [[nodiscard]] bool push(tasks::OperatorAct act, rt::Time now);
   [[nodiscard]] bool push(tasks::SceneEdit edit, rt::Time now);

@@ -156,6 +156,7 @@ std::string bus_text(const OperatorView& seen, const LinkNow& link) {
 json device_of(const OperatorView& seen, const DeskFacts& facts) {
   constexpr std::array kStates = {"reset", "idle, forces off", "forces on", "brake, forces off"};
   json device{{"kind", facts.device}, {"renders_force", facts.renders_force}};
+  if (facts.scale > 0) device["scale"] = rounded(facts.scale);
   if (seen.haptic.empty()) return device;
   const tasks::HapticSample& h = seen.haptic.back();
   device["state"] = h.device_state < kStates.size() ? kStates[h.device_state] : "unknown";
