@@ -78,8 +78,10 @@ void ObjectMap::follow(const Look& look, MapObject& object, const SeedBox& known
   if (turn.planted > 0)
     object.window =
         half_pixels(turn.seed_box.u1 - turn.seed_box.u0, turn.seed_box.v1 - turn.seed_box.v0);
-  // A few bad masks of a young object would name others for good: the touched point still names it.
-  if (young && touch_at(look, object.touched_W, object.id, known)) {
+  // A few bad masks of a young object would name others for good: what was touched, or given, still
+  // names it.
+  if (young && (object.given ? given_at(look, object.id)
+                             : touch_at(look, object.touched_W, object.id, known))) {
     object.seen = true;
   } else if (turn.planted >= kLeastSeed) {
     const SeedBox& full = shared != nullptr ? *shared : turn.seed_box;

@@ -87,27 +87,45 @@ void ObjectMap::forget(TsdfMap& map, std::uint8_t id) noexcept {
   map.forget_label(id);
 }
 
-void ObjectMap::segment(const FrameView& frame, const MapView& map, const Pose& X_WC,
-                        const std::optional<Vec3>& touched_W) noexcept {
+// A frame begins. False: it can say nothing of objects.
+bool ObjectMap::ready(const FrameView& frame) noexcept {
   stats_ = {};
   painted_ = false;
   scale_ = 1;
   wipe_known();
   const Intrinsics& k = frame.intrinsics;
-  if (frame.colour.data == nullptr || k.width > max_width_ || k.height > max_height_) return;
-  if (!touched_W && count() == 0) return;
+  if (frame.colour.data == nullptr || k.width > max_width_ || k.height > max_height_) return false;
   image_.reshape(k.width, k.height);
   voting_.reshape(k.width, k.height);
   known_.reshape(k.width, k.height);
-  if (++frame_ == 0) frame_ = 1;
-  std::fill_n(image_.data(), k.width * k.height, std::uint8_t{0});
-  painted_ = true;
+  return true;
+}
+
+void ObjectMap::segment(const FrameView& frame, const MapView& map, const Pose& X_WC,
+                        const std::optional<Vec3>& touched_W) noexcept {
+  if (!ready(frame) || (!touched_W && count() == 0)) return;
+  begin_image();
   const Pose X_CW = X_WC.inverse(Eigen::Isometry);
-  const Look look{frame, map, X_WC, X_CW, CameraBoxes(k, X_CW), MapReader(map)};
+  const Look look{frame, map, X_WC, X_CW, CameraBoxes(frame.intrinsics, X_CW), MapReader(map)};
   if (touched_W)
     answer_touch(look, *touched_W);
   else
     follow_next(look);
+}
+
+void ObjectMap::segment_given(const FrameView& frame, const MapView& map, const Pose& X_WC,
+                              const GivenObject& given) noexcept {
+  if (!ready(frame)) return;
+  begin_image();
+  const Pose X_CW = X_WC.inverse(Eigen::Isometry);
+  answer_given({frame, map, X_WC, X_CW, CameraBoxes(frame.intrinsics, X_CW), MapReader(map)},
+               given);
+}
+
+void ObjectMap::begin_image() noexcept {
+  if (++frame_ == 0) frame_ = 1;
+  std::fill_n(image_.data(), image_.width() * image_.height(), std::uint8_t{0});
+  painted_ = true;
 }
 
 // ---------------------------------------------------------------- a touch
@@ -140,28 +158,38 @@ void ObjectMap::answer_touch(const Look& look, const Vec3& p_W) noexcept {
   int u = 0, v = 0;
   stats_.answer = check(look, p_W, u, v);
   if (stats_.answer != TouchAnswer::kObject) return;
-  if (const std::uint8_t known = look.reader.label(p_W); known != 0) {
-    stats_.answer = TouchAnswer::kKnown;
-    stats_.touched = known;
-    return;
-  }
-  const auto free =
-      std::find_if(objects_.begin(), objects_.end(), [](const auto& o) { return o.id == 0; });
-  if (free == objects_.end()) {
-    stats_.answer = TouchAnswer::kNoRoom;
-    return;
-  }
-  const auto id = static_cast<std::uint8_t>(free - objects_.begin() + 1);
-  if (!touch_at(look, p_W, id, {0, 0, -1, -1})) {
+  MapObject* place = free_place(look, p_W);
+  if (place == nullptr) return;
+  if (!touch_at(look, p_W, id_of(*place), {0, 0, -1, -1})) {
     stats_.answer = segmenter_.named_support() ? TouchAnswer::kSupport : TouchAnswer::kNoReading;
     return;
   }
-  *free = {};
-  free->id = id;
-  free->serial = ++serial_;
-  free->seen = true;
-  free->touched_W = p_W;
-  free->usual_seed = 0.25F * static_cast<float>(stats_.mask_pixels);
+  name(*place, p_W);
+}
+
+// Where a new object may be noted; null, and answered: it is known already, or there is no room.
+MapObject* ObjectMap::free_place(const Look& look, const Vec3& p_W) noexcept {
+  if (const std::uint8_t known = look.reader.label(p_W); known != 0) {
+    stats_.answer = TouchAnswer::kKnown;
+    stats_.touched = known;
+    return nullptr;
+  }
+  const auto free =
+      std::find_if(objects_.begin(), objects_.end(), [](const auto& o) { return o.id == 0; });
+  if (free != objects_.end()) return &*free;
+  stats_.answer = TouchAnswer::kNoRoom;
+  return nullptr;
+}
+
+// Its mask is painted.
+void ObjectMap::name(MapObject& place, const Vec3& p_W) noexcept {
+  const std::uint8_t id = id_of(place);
+  place = {};
+  place.id = id;
+  place.serial = ++serial_;
+  place.seen = true;
+  place.touched_W = p_W;
+  place.usual_seed = 0.25F * static_cast<float>(stats_.mask_pixels);
   stats_.touched = stats_.followed = id;
 }
 

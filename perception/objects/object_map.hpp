@@ -5,7 +5,9 @@
 // Each frame, after it was integrated:
 //   segment()  the label image of the frame. First frames: seed = the touched point, so that a few bad
 //              masks do not hand the object on to a neighbour. Later ones, and when the point is not
-//              seen: seed = the pixels whose reading lies on the object's fused labels.
+//              seen: seed = the pixels whose reading lies on the object's fused labels. An object
+//              that a person has accepted as boxes (given_object.hpp) is, in its first frames, what
+//              reads within them: nothing is segmented.
 //   fuse()     its vote, and what became of the objects.
 //
 // One object is segmented in each frame, in turn. Others on the same support are segmented with it
@@ -39,6 +41,7 @@
 #include <vector>
 
 #include "config/schema.hpp"
+#include "perception/objects/given_object.hpp"
 #include "perception/objects/outline_memory.hpp"
 #include "perception/segmentation/object_summary.hpp"
 #include "perception/segmentation/reduced_frame.hpp"
@@ -91,6 +94,7 @@ struct MapObject {
   std::int32_t held = 0;          // masks in a row that disagreed
   std::uint32_t empty_since = 0;  // frame number; 0: its place is not empty
   bool gone = false;              // ... for long enough
+  bool given = false;             // accepted as boxes; else touched
   Vec3 touched_W = Vec3::Zero();
   ObjectSummary summary;  // in W, of the labelled surface; points = 0 before the first
 };
@@ -117,6 +121,9 @@ class ObjectMap {
   // `frame` has colour and was just integrated into `map` at X_WC.
   void segment(const FrameView& frame, const MapView& map, const Pose& X_WC,
                const std::optional<Vec3>& touched_W) noexcept;
+  // The same for an object that is given as boxes; answered as a touch at its point is.
+  void segment_given(const FrameView& frame, const MapView& map, const Pose& X_WC,
+                     const GivenObject& given) noexcept;
   void fuse(TsdfMap& map) noexcept;
 
   // 0 background, an id, or kNoVote; of the last segment(), before fuse() judges it. To be changed by
@@ -154,7 +161,17 @@ class ObjectMap {
     int planted;       // half-resolution pixels where the map shows it
     SeedBox seed_box;  // that hold all of them
   };
+  [[nodiscard]] bool ready(const FrameView& frame) noexcept;
+  void begin_image() noexcept;
+  // That an object has or would have at this place.
+  [[nodiscard]] std::uint8_t id_of(const MapObject& place) const noexcept {
+    return static_cast<std::uint8_t>(&place - objects_.data() + 1);
+  }
   void answer_touch(const Look& look, const Vec3& p_W) noexcept;
+  void answer_given(const Look& look, const GivenObject& given) noexcept;
+  [[nodiscard]] MapObject* free_place(const Look& look, const Vec3& p_W) noexcept;
+  void name(MapObject& place, const Vec3& p_W) noexcept;
+  [[nodiscard]] bool given_at(const Look& look, std::uint8_t id) noexcept;
   bool touch_at(const Look& look, const Vec3& p_W, std::uint8_t id, const SeedBox& known) noexcept;
   [[nodiscard]] TouchAnswer check(const Look& look, const Vec3& p_W, int& u, int& v) const noexcept;
   void follow_next(const Look& look) noexcept;
@@ -203,6 +220,7 @@ class ObjectMap {
   std::array<Turn, kMost> turns_{};
   int turn_count_ = 0;
   std::array<MapObject, kMost> objects_{};
+  std::array<GivenObject, kMost> given_{};  // of the objects that say so
   ObjectStats stats_;
   std::uint32_t serial_ = 0, frame_ = 0;
   int turn_ = 0;

@@ -54,9 +54,10 @@ void FusionObjects::follow(const perception::FrameView& seen, perception::TsdfMa
                            const Pose& X_WC, bool draw, FusionOut& out) noexcept {
   if (!out.integrated) {
     if (mark_W_ && ++mark_waited_ > kMarkWaits) answer(TouchAnswer::kNotTracked, 0);
+    if (given_ && ++given_waited_ > kMarkWaits) given_.reset();
     return;
   }
-  objects_.segment(seen, map, X_WC, mark_W_);
+  segment(seen, map, X_WC);
   objects_.fuse(map);
   drawn_ = draw && objects_.count() > 0;
   if (drawn_) objects_.draw(seen, map, X_WC, view_step_, shown_.view());
@@ -64,6 +65,28 @@ void FusionObjects::follow(const perception::FrameView& seen, perception::TsdfMa
   out.work += out.segmentation.work;
   if (mark_W_ && out.segmentation.answer != TouchAnswer::kNone)
     answer(out.segmentation.answer, out.segmentation.touched);
+}
+
+// Whoever gave an object sees it in the list, or does not: there is no other answer.
+void FusionObjects::segment(const perception::FrameView& seen, const perception::TsdfMap& map,
+                            const Pose& X_WC) noexcept {
+  if (!given_ || mark_W_) return objects_.segment(seen, map, X_WC, mark_W_);
+  objects_.segment_given(seen, map, X_WC, *given_);
+  given_.reset();
+}
+
+void FusionObjects::edit(perception::TsdfMap& map, const perception::GivenObject* given,
+                         std::uint16_t drop) noexcept {
+  if (given != nullptr) {
+    given_ = *given;
+    given_waited_ = 0;
+  }
+  if (drop == 0) return;
+  for (const perception::MapObject& o : objects_.objects()) {
+    if (o.id == 0 || static_cast<std::uint16_t>(o.serial) != drop) continue;
+    objects_.forget(map, o.id);
+    return;
+  }
 }
 
 void FusionObjects::answer(TouchAnswer answer, std::uint8_t id) noexcept {

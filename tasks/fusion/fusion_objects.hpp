@@ -30,8 +30,11 @@ class FusionObjects {
 
   // A period begins: nothing is drawn; a mark that the hand made waits for an image.
   void begin(const HapticState& hand) noexcept;
-  // Is there a mark that was not answered yet?
-  [[nodiscard]] bool marked() const noexcept { return mark_W_.has_value(); }
+  // What the operator asks of objects; null, 0: nothing. One that is given waits for an image.
+  void edit(perception::TsdfMap& map, const perception::GivenObject* given,
+            std::uint16_t drop) noexcept;
+  // Is there a mark that was not answered yet, or an object that was not named yet?
+  [[nodiscard]] bool marked() const noexcept { return mark_W_ || given_; }
   // The image at X_WC, `out`.integrated into `map` or not; `draw`: for the view.
   void follow(const perception::FrameView& seen, perception::TsdfMap& map, const Pose& X_WC,
               bool draw, FusionOut& out) noexcept;
@@ -52,6 +55,8 @@ class FusionObjects {
 
  private:
   void answer(perception::TouchAnswer answer, std::uint8_t id) noexcept;
+  void segment(const perception::FrameView& seen, const perception::TsdfMap& map,
+               const Pose& X_WC) noexcept;
 
   int view_step_;
   perception::ObjectMap objects_;
@@ -60,6 +65,8 @@ class FusionObjects {
   bool drawn_ = false;
   std::optional<Vec3> mark_W_;  // not answered yet
   int mark_waited_ = 0;         // frames
+  std::optional<perception::GivenObject> given_;  // not named yet; a mark goes before it
+  int given_waited_ = 0;                          // frames
   std::uint64_t mark_seq_ = 0, answered_seq_ = 0, published_answer_ = 0, list_seq_ = 0;
   perception::TouchAnswer answer_ = perception::TouchAnswer::kNone;
   std::uint8_t answered_id_ = 0;

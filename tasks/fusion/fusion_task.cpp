@@ -82,7 +82,10 @@ rt::Health FusionTask::step(const rt::Tick& tick, const In& in, Out& out) noexce
   ++periods_;
 
   prior_.remember(in.odometry);
-  if (objects_) objects_->begin(in.hand);
+  if (objects_) {
+    objects_->begin(in.hand);
+    objects_->edit(scene_.map(), in.given, in.drop_object);
+  }
   if (in.virtual_obstacles_changed)
     static_cast<void>(scene_.ground().set_virtual(in.virtual_obstacles));
   if (in.clear_W) scene_.clear(*in.clear_W);

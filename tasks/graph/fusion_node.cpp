@@ -59,19 +59,37 @@ void FusionNode::take_edit(rt::Time now) noexcept {
   if (looked != rt::Time{}) static_cast<void>(limits_.of<EdgeId::kEdit>().within(now, looked, now));
   in_.clear_W.reset();
   in_.virtual_obstacles_changed = edit_refused_ = false;
+  in_.given = nullptr;
+  in_.drop_object = 0;
   edit_.reset();
   SceneEdit edit;
   if (task_->clearing() || !cells_.ring<EdgeId::kEdit, TaskId::kFusion>().try_pop(edit)) return;
   edit_ = edit;
-  if (edit.kind == SceneEdit::Kind::kClear) {
-    const Eigen::AlignedBox3d box_W = box_of(edit);
-    if (FusionTask::clearable(box_W)) in_.clear_W = box_W;
-    edit_refused_ = !in_.clear_W;
-    return;
+  edit_refused_ = !apply(edit);
+}
+
+// False: refused, nothing changes.
+bool FusionNode::apply(const SceneEdit& edit) noexcept {
+  switch (edit.kind) {
+    case SceneEdit::Kind::kClear: {
+      const Eigen::AlignedBox3d box_W = box_of(edit);
+      if (FusionTask::clearable(box_W)) in_.clear_W = box_W;
+      return in_.clear_W.has_value();
+    }
+    case SceneEdit::Kind::kObjectBox:
+    case SceneEdit::Kind::kObjectPoint: {
+      if (task_->objects() == nullptr || !given_.apply(edit)) return false;
+      in_.given = given_.whole();
+      return true;
+    }
+    case SceneEdit::Kind::kDropObject:
+      in_.drop_object = edit.id;
+      return task_->objects() != nullptr && edit.id != 0;
+    default:
+      in_.virtual_obstacles_changed = drawn_.apply(edit);
+      in_.virtual_obstacles = drawn_.all();
+      return in_.virtual_obstacles_changed;
   }
-  edit_refused_ = !drawn_.apply(edit);
-  in_.virtual_obstacles = drawn_.all();
-  in_.virtual_obstacles_changed = !edit_refused_;
 }
 
 void FusionNode::latch(const rt::Tick& tick, rt::JobRecord& record) noexcept {

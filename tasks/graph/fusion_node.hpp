@@ -2,6 +2,7 @@
 #pragma once
 
 #include "tasks/fusion/drawn_obstacles.hpp"
+#include "tasks/fusion/given_boxes.hpp"
 #include "tasks/graph/limits.hpp"
 #include "tasks/graph/operator_graph.hpp"
 
@@ -23,10 +24,12 @@ class FusionNode final : public rt::TaskBody {
 
  private:
   void take_edit(rt::Time now) noexcept;
+  [[nodiscard]] bool apply(const SceneEdit& edit) noexcept;
   std::unique_ptr<FusionTask> task_;
   OperatorCells& cells_;
   const OperatorRequests& requests_;
   DrawnObstacles drawn_;
+  GivenBoxes given_;
   std::optional<SceneEdit> edit_;
   bool edit_refused_ = false;
   bool hash_, odometry_prior_, lost_ = false;

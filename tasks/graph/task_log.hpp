@@ -42,7 +42,9 @@ class TaskLogs {
             "emergency stop opened {:.0f} us before the job that turned the motors off")),
         level(sites_.add<unsigned, unsigned>(nrt, rt::LogLevel::kInfo, "level {} -> {}")),
         edit(sites_.add<std::uint64_t, unsigned, unsigned>(
-            nrt, rt::LogLevel::kInfo, "edit {}: kind {} (0 clear, 1 disc, 2 box, 3 erase), id {}")),
+            nrt, rt::LogLevel::kInfo,
+            "edit {}: kind {} (0 clear, 1 disc, 2 box, 3 erase, 4 part of an object, 5 object, "
+            "6 no object), id {}")),
         grasp(sites_.add<unsigned, double, double>(
             nrt, rt::LogLevel::kInfo,
             "grasp from {} (1 above, 2 the side), gripper {:.3f} m open, base at {:.2f} m")),

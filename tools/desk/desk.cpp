@@ -22,7 +22,7 @@ Desk::Desk(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::T
       options_(complete(std::move(options))),
       port_(std::move(port)),
       events_(epoch, options_.log),
-      acts_(box, console, events_, options_.hand),
+      acts_(box, console, events_, options_.hand, options_.clicks_at_once),
       show_(box, console, scene, epoch, port_, figures_, options_.tasks) {}
 
 std::optional<ConsoleAnswer> Desk::take(std::uint32_t session, std::int64_t id,
@@ -97,6 +97,7 @@ void Desk::do_acts(rt::Time now) {
 void Desk::tick(rt::Time now) {
   do_acts(now);
   acts_.keep(now, [this](auto s, auto id, const auto& a) { answer(s, id, a); });
+  for (const ShownProposal& p : acts_.objects().take_shown()) show_.show_proposal(p, now);
   events_.watch(console_.seen(), now);
   DeskFacts facts;
   facts.paced = options_.paced;

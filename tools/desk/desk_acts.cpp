@@ -20,14 +20,20 @@ ConsoleAnswer crowded() { return refused("too many acts wait for the tasks: ask 
 }  // namespace
 
 const std::vector<std::string_view>& DeskActs::can() {
-  static const std::vector<std::string_view> all = {"engage", "hold",  "clear",  "stop",  "token",
-                                                    "hand",   "drive", "mark",   "go_to", "cancel",
-                                                    "draw",   "erase", "forget", "undo",  "note"};
+  static const std::vector<std::string_view> all = {
+      "engage", "hold", "clear", "stop",   "token", "hand", "drive",  "mark",   "go_to",
+      "cancel", "draw", "erase", "forget", "undo",  "note", "select", "accept", "device"};
   return all;
 }
 
-DeskActs::DeskActs(OperatorBox& box, OperatorConsole& console, DeskEvents& events, PageHand* hand)
-    : box_(box), console_(console), events_(events), hand_(hand) {
+DeskActs::DeskActs(OperatorBox& box, OperatorConsole& console, DeskEvents& events, PageHand* hand,
+                   bool clicks_at_once)
+    : box_(box),
+      console_(console),
+      events_(events),
+      hand_(hand),
+      objects_(box, clicks_at_once,
+               [this](const tasks::SceneEdit& e, rt::Time now) { return push(e, now); }) {
   console_.leave_to_page();
 }
 
@@ -60,6 +66,12 @@ std::optional<ConsoleAnswer> DeskActs::act(const DeskItem& item, rt::Time at, rt
       return forget(in, now);
     case Act::kUndo:
       return undo(now);
+    case Act::kDevice:
+      return device(in, now);
+    case Act::kSelect:
+      return objects_.select(item, now);
+    case Act::kAccept:
+      return objects_.accept(item, console_.seen(), now);
     case Act::kNote:
       events_.add(now, "note", in.text);
       return done();
@@ -235,8 +247,22 @@ void DeskActs::keep_hand(rt::Time now) {
   hand_->want(target, now);
 }
 
+ConsoleAnswer DeskActs::device(const Intent& in, rt::Time now) {
+  if (hand_ == nullptr) return refused("the page has no hold of the device in this run");
+  if (in.scale_given)
+    return refused("what is stable hangs on the scale: it is fixed in a run (haptic.scale)");
+  if (in.yaw_given)
+    return refused("while the clutch is held, the workspace turns to where the camera looks");
+  if (!in.clutch_given) return refused("nothing is asked of the device");
+  hand_->hold_clutch(in.clutch);
+  events_.add(now, "device", in.clutch ? "clutch held" : "clutch let go");
+  return done();
+}
+
 void DeskActs::left() {
+  if (hand_ != nullptr) hand_->hold_clutch(false);
   for (Hold* h : {&engage_hold_, &hand_hold_, &drive_hold_}) h->lose();
+  objects_.forget();
 }
 void DeskActs::joined() {
   for (Hold* h : {&engage_hold_, &hand_hold_, &drive_hold_}) h->renew();
@@ -249,6 +275,7 @@ void DeskActs::keep(rt::Time now, const Answer& answer) {
   keep_drive(now);
   keep_hand(now);
   keep_clear(now);
+  keep_objects(now, answer);
   steps_.touch = steps_.touch || (!seen.haptic.empty() && seen.haptic.back().in_contact);
   steps_.mark = steps_.mark || seen.task.marks > 0;
   steps_.object = steps_.object || seen.objects_named > 0;

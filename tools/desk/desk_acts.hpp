@@ -7,6 +7,9 @@
 //   drive    a velocity, held by tokens; the first of a press drops a goal that is being driven to,
 //            so that letting go never sets the base off to somewhere.
 //   hand     a place for the hand, held by tokens: touched with, marked with (page_hand.hpp).
+//   select,  clicks propose an object; what is accepted goes to fusion (desk_objects.hpp).
+//   accept
+//   device   the clutch of the haptic device, held until it is let go or the page is gone.
 //   stop     sets the request that supervision latches, which the link sends on at once
 //            (tasks/edges/command_edges.hpp). Any thread.
 #pragma once
@@ -22,6 +25,7 @@
 #include "tools/console/console_server.hpp"
 #include "tools/desk/desk_events.hpp"
 #include "tools/desk/desk_inbox.hpp"
+#include "tools/desk/desk_objects.hpp"
 #include "tools/desk/hold.hpp"
 #include "tools/desk/intent.hpp"
 #include "tools/desk/page_hand.hpp"
@@ -39,8 +43,9 @@ class DeskActs {
   // What of `can` this build does.
   [[nodiscard]] static const std::vector<std::string_view>& can();
 
-  // `hand` null: the device's own hand alone.
-  DeskActs(OperatorBox& box, OperatorConsole& console, DeskEvents& events, PageHand* hand);
+  // `hand` null: the device's own hand alone. `clicks_at_once`: see ClickWorker.
+  DeskActs(OperatorBox& box, OperatorConsole& console, DeskEvents& events, PageHand* hand,
+           bool clicks_at_once);
 
   // An act of the inbox that was said at `at`. None: it is answered later, through `answer`.
   using Answer = std::function<void(std::uint32_t session, std::int64_t id, const ConsoleAnswer&)>;
@@ -59,6 +64,8 @@ class DeskActs {
     return obstacles_;
   }
   [[nodiscard]] const std::vector<ShownMark>& marks() const noexcept { return marks_; }
+  [[nodiscard]] DeskObjects& objects() noexcept { return objects_; }
+  [[nodiscard]] const DeskObjects& objects() const noexcept { return objects_; }
   [[nodiscard]] bool driving() const noexcept { return driving_; }
   struct FirstSteps {
     bool touch = false, mark = false, obstacle = false, object = false, stop = false;
@@ -67,9 +74,10 @@ class DeskActs {
 
  private:
   struct Undo {
-    enum class Kind : std::uint8_t { kObstacle, kGoal } kind = Kind::kGoal;
+    enum class Kind : std::uint8_t { kObstacle, kGoal, kObject } kind = Kind::kGoal;
     std::uint16_t id = 0;
     std::optional<DrawnObstacle> before;  // none: there was no such obstacle
+    std::uint32_t serial = 0;             // of an object
   };
   struct WaitingEngage {
     std::uint32_t session = 0;
@@ -84,15 +92,19 @@ class DeskActs {
   [[nodiscard]] ConsoleAnswer draw(const DrawnObstacle& o, rt::Time now, bool undoable);
   [[nodiscard]] ConsoleAnswer erase(std::uint16_t id, rt::Time now, bool undoable);
   [[nodiscard]] ConsoleAnswer forget(const Intent& in, rt::Time now);
+  [[nodiscard]] ConsoleAnswer device(const Intent& in, rt::Time now);
   [[nodiscard]] ConsoleAnswer undo(rt::Time now);
   [[nodiscard]] bool push(tasks::OperatorAct act, rt::Time now);
   [[nodiscard]] bool push(tasks::SceneEdit edit, rt::Time now);
+  [[nodiscard]] ConsoleAnswer take_back(const Undo& step, rt::Time now);
+  [[nodiscard]] std::string text_of(const Undo& step) const;
   void remember(Undo step);
   void keep_stop(rt::Time now);
   void keep_engage(rt::Time now, const Answer& answer);
   void keep_drive(rt::Time now);
   void keep_hand(rt::Time now);
   void keep_clear(rt::Time now);
+  void keep_objects(rt::Time now, const Answer& answer);
 
   OperatorBox& box_;
   OperatorConsole& console_;
@@ -108,6 +120,7 @@ class DeskActs {
   std::map<std::uint16_t, DrawnObstacle> obstacles_;
   std::vector<ShownMark> marks_;
   std::vector<Undo> undo_;
+  DeskObjects objects_;
   FirstSteps steps_;
   std::atomic<std::uint64_t> stops_{0};
   std::uint64_t stops_seen_ = 0;

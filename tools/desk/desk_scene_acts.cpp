@@ -1,4 +1,4 @@
-// Of the desk: marks, goals, obstacles, regions, undo.
+// Of the desk: marks, goals, obstacles, regions, accepted objects, undo.
 #include <algorithm>
 #include <cstdio>
 #include <limits>
@@ -79,7 +79,8 @@ bool DeskActs::push(tasks::SceneEdit edit, rt::Time now) {
   edit.stamp = now;
   if (!box_.graph().edit(edit)) return false;
   ++edit_seq_;
-  console_.count(&OperatorView::edits);
+  // The boxes of an object and its point are one act.
+  if (edit.kind != tasks::SceneEdit::Kind::kObjectBox) console_.count(&OperatorView::edits);
   return true;
 }
 
@@ -170,19 +171,42 @@ ConsoleAnswer DeskActs::forget(const Intent& in, rt::Time now) {
 ConsoleAnswer DeskActs::undo(rt::Time now) {
   if (undo_.empty()) return no("there is nothing to undo");
   const Undo step = undo_.back();
-  ConsoleAnswer answer;
-  if (step.kind == Undo::Kind::kGoal)
-    answer = push(tasks::OperatorAct{}, now) ? yes() : no(kRingFull);
-  else if (step.before)
-    answer = draw(*step.before, now, false);
-  else
-    answer = erase(step.id, now, false);
+  ConsoleAnswer answer = take_back(step, now);
   if (!answer.ok) return answer;
   undo_.pop_back();
-  events_.add(
-      now, "undo",
-      step.kind == Undo::Kind::kGoal ? "goal dropped" : "obstacle " + std::to_string(step.id));
+  events_.add(now, "undo", text_of(step));
   return answer;
+}
+
+ConsoleAnswer DeskActs::take_back(const Undo& step, rt::Time now) {
+  switch (step.kind) {
+    case Undo::Kind::kGoal:
+      return push(tasks::OperatorAct{}, now) ? yes() : no(kRingFull);
+    case Undo::Kind::kObject:
+      return objects_.drop(step.serial, now) ? yes() : no(kRingFull);
+    case Undo::Kind::kObstacle:
+      break;
+  }
+  return step.before ? draw(*step.before, now, false) : erase(step.id, now, false);
+}
+
+std::string DeskActs::text_of(const Undo& step) const {
+  switch (step.kind) {
+    case Undo::Kind::kGoal:
+      return "goal dropped";
+    case Undo::Kind::kObject:
+      return objects_.name_of(step.serial) + " is no object any more";
+    case Undo::Kind::kObstacle:
+      break;
+  }
+  return "obstacle " + std::to_string(step.id);
+}
+
+void DeskActs::keep_objects(rt::Time now, const Answer& answer) {
+  const auto named = objects_.keep(console_.seen(), now, answer);
+  if (!named) return;
+  remember({Undo::Kind::kObject, 0, std::nullopt, named->serial});
+  events_.add(now, "object", named->name + " accepted");
 }
 
 }  // namespace teletact

@@ -162,6 +162,7 @@ LinkFacts DeskShow::link_facts(rt::Time now) const {
 void DeskShow::show_text(const DeskActs& acts, const DeskEvents& events, DeskFacts facts,
                          rt::Time now) {
   facts.renders_force = renders_force_;
+  facts.scale = box_.graph().config().haptic.scale;
   facts.link = link_facts(now);
   if (tasks_ != nullptr) facts.tasks = tasks_->now();
   facts.viewers = port_.viewers();
@@ -184,6 +185,12 @@ void DeskShow::show_text(const DeskActs& acts, const DeskEvents& events, DeskFac
       port_.text_to(p.session, at, text);
     }
   }
+}
+
+void DeskShow::show_proposal(const ShownProposal& shown, rt::Time now) {
+  if (!port_.view_to) return;
+  port_.view_to(shown.session, ViewKind::kSelection, stamp(now, shown.proposal->exposure),
+                selection_body(*shown.proposal));
 }
 
 void DeskShow::tick(const DeskActs& acts, const DeskEvents& events, DeskFacts facts, rt::Time now) {

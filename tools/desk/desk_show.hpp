@@ -27,6 +27,9 @@ struct DeskPort {
   std::function<std::vector<ConsolePerson>()> people;
   // The same text to one session, with its own role.
   std::function<bool(std::uint32_t, const ViewStamp&, std::string_view)> text_to;
+  // A view of one session alone.
+  std::function<bool(std::uint32_t, ViewKind, const ViewStamp&, std::span<const std::uint8_t>)>
+      view_to;
   std::function<std::int64_t()> server_cpu_ns;
 };
 
@@ -35,6 +38,8 @@ class DeskShow {
   DeskShow(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
            const DeskPort& port, DeskFigures& figures, TaskWatch* tasks);
   void tick(const DeskActs& acts, const DeskEvents& events, DeskFacts facts, rt::Time now);
+  // To whoever clicked.
+  void show_proposal(const ShownProposal& shown, rt::Time now);
 
  private:
   [[nodiscard]] ViewStamp stamp(rt::Time now, rt::Time data) const;

@@ -63,7 +63,7 @@ json obstacles_of(const DeskActs& acts) {
   return all;
 }
 
-json objects_of(const OperatorView& seen) {
+json objects_of(const OperatorView& seen, const DeskObjects& known) {
   json all = json::array();
   const auto n = static_cast<std::size_t>(
       std::clamp<std::int32_t>(seen.objects.size, 0, perception::ObjectMap::kMost));
@@ -73,7 +73,7 @@ json objects_of(const OperatorView& seen) {
     const Eigen::Quaterniond q(e.X_WO.linear());
     all.push_back({{"id", e.id},
                    {"serial", e.serial},
-                   {"name", "object " + std::to_string(e.serial)},
+                   {"name", known.name_of(e.serial)},
                    {"centre", vec(e.X_WO * e.centre_m)},
                    {"extent", vec(e.extent_m)},
                    {"quat", {rounded(q.w()), rounded(q.x()), rounded(q.y()), rounded(q.z())}},
@@ -156,6 +156,7 @@ std::string bus_text(const OperatorView& seen, const LinkNow& link) {
 json device_of(const OperatorView& seen, const DeskFacts& facts) {
   constexpr std::array kStates = {"reset", "idle, forces off", "forces on", "brake, forces off"};
   json device{{"kind", facts.device}, {"renders_force", facts.renders_force}};
+  if (facts.scale > 0) device["scale"] = rounded(facts.scale);
   if (seen.haptic.empty()) return device;
   const tasks::HapticSample& h = seen.haptic.back();
   device["state"] = h.device_state < kStates.size() ? kStates[h.device_state] : "unknown";
@@ -185,7 +186,7 @@ std::string text_body(const OperatorView& seen, const DeskActs& acts, const Desk
          {"path", path_of(seen)},
          {"marks", marks_of(acts)},
          {"obstacles", obstacles_of(acts)},
-         {"objects", objects_of(seen)},
+         {"objects", objects_of(seen, acts.objects())},
          {"events", events_of(events)},
          {"recording", facts.recording},
          {"console", {{"viewers", facts.viewers}, {"share", rounded(facts.share)}}}};

@@ -26,6 +26,7 @@ struct DeskFacts {
   bool takes_acts = true;  // false: every act is refused in this run
   std::string device;      // kind
   bool renders_force = true;
+  double scale = 0;  // scene metres per hand metre
   bool recording = false;
   LinkFacts link;
   std::vector<TaskFigures> tasks;

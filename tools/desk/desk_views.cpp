@@ -80,6 +80,22 @@ std::vector<std::uint8_t> moving_body(const perception::CostMap& map) {
   return out;
 }
 
+std::vector<std::uint8_t> selection_body(const Proposal& p) {
+  std::vector<std::uint8_t> out;
+  out.reserve(8 + (p.mask.size() + 7) / 8);
+  ByteWriter w(out);
+  w.u16(static_cast<std::uint16_t>(p.width));
+  w.u16(static_cast<std::uint16_t>(p.height));
+  w.u32(p.number);
+  for (std::size_t i = 0; i < p.mask.size(); i += 8) {
+    unsigned byte = 0;
+    for (std::size_t bit = 0; bit < 8 && i + bit < p.mask.size(); ++bit)
+      byte |= (p.mask[i + bit] != 0 ? 1U : 0U) << bit;
+    w.u8(static_cast<std::uint8_t>(byte));
+  }
+  return out;
+}
+
 PictureMaker::PictureMaker() : jpeg_(tjInitCompress()) {
   if (jpeg_ == nullptr) throw std::runtime_error("libturbojpeg does not start");
 }

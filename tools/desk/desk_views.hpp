@@ -10,6 +10,7 @@
 #include "perception/geometry/planar.hpp"
 #include "perception/geometry/rgbd_frame.hpp"
 #include "perception/ground/cost_map.hpp"
+#include "tools/desk/click_worker.hpp"
 #include "tools/host/console.hpp"
 
 namespace teletact {
@@ -43,6 +44,7 @@ inline constexpr std::size_t kPoseViewBytes = 12 * 4 + 4 + 4 + 9 * 4 + 16 + 4 + 
 [[nodiscard]] std::vector<std::uint8_t> pose_body(const PoseView& view);
 [[nodiscard]] std::vector<std::uint8_t> cost_map_body(const perception::CostMap& map);
 [[nodiscard]] std::vector<std::uint8_t> moving_body(const perception::CostMap& map);
+[[nodiscard]] std::vector<std::uint8_t> selection_body(const Proposal& proposal);
 
 // A camera's picture: depth as it is, colour as JPEG. Not thread-safe; allocates.
 class PictureMaker {

@@ -42,6 +42,10 @@ DeskPort PageDesk::port() {
         session, ViewKind::kText, at,
         std::span(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
   };
+  p.view_to = [this](std::uint32_t session, ViewKind kind, const ViewStamp& at,
+                     std::span<const std::uint8_t> body) {
+    return server_->send_to(session, kind, at, body);
+  };
   p.server_cpu_ns = [this] { return server_->counts().cpu_ns; };
   return p;
 }

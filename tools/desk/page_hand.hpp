@@ -8,6 +8,7 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 
 #include "drivers/haptic/haptic_device.hpp"
 #include "rt/channel/latest.hpp"
@@ -30,6 +31,9 @@ class PageHand final : public drivers::HapticDevice {
   // Before the first job: whose mapping places the hand.
   void bind(const tasks::HapticTask& task) noexcept { task_ = &task; }
 
+  // As a clutch of the device that is held, until it is said otherwise. Any thread.
+  void hold_clutch(bool held) noexcept { clutch_.store(held, std::memory_order_relaxed); }
+
   void want(const Target& target, rt::Time now) noexcept {
     wanted_.begin_write() = target;
     wanted_.publish(now);
@@ -42,6 +46,8 @@ class PageHand final : public drivers::HapticDevice {
     if (!inner_.sense(now, out)) return false;
     const auto target = wanted_.acquire_if_new(0);
     const bool held = task_ != nullptr && target && target->held && now <= target->until;
+    const bool clutch = clutch_.load(std::memory_order_relaxed);
+    out.clutch = out.clutch || clutch;
     if (!held && !away_) return true;
     if (!away_) p_DH_ = out.p_DH;
     perception::Vec3 goal_D = out.p_DH;
@@ -55,7 +61,7 @@ class PageHand final : public drivers::HapticDevice {
     last_ = now;
     out.p_DH = p_DH_;
     out.button = held && target->button;
-    out.clutch = held && target->clutch;
+    out.clutch = clutch || (held && target->clutch);
     out.repeated = false;
     return true;
   }
@@ -70,6 +76,7 @@ class PageHand final : public drivers::HapticDevice {
   double reach_m_;
   rt::Latest<Target> wanted_;
   const tasks::HapticTask* task_ = nullptr;
+  std::atomic<bool> clutch_{false};
   perception::Vec3 p_DH_{0, 0, 0};
   rt::Time last_{};
   bool away_ = false;  // not where the device is

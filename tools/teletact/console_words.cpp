@@ -63,8 +63,9 @@ void prepare_console(const ConsoleWords& w, DemoOptions& o) {
   if (!w.console) return;
   // Where the scene, or the command, says nothing else: later words win.
   // A page's hand goes everywhere: beyond a device's reach the workspace follows it.
-  const std::vector<std::string> wanted = {"fusion.mesh_blocks=100", "haptic.border_m=0.065",
-                                           "haptic.border_rate_per_s=20"};
+  // Without an object, following objects costs a comparison a frame.
+  const std::vector<std::string> wanted = {"fusion.mesh_blocks=100", "fusion.objects.enabled=true",
+                                           "haptic.border_m=0.065", "haptic.border_rate_per_s=20"};
   o.overrides.insert(o.overrides.begin(), wanted.begin(), wanted.end());
 }
 

@@ -2,8 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <iostream>
+#include <limits>
 
 #include "perception/tsdf/blocks/map_reader.hpp"
+#include "tasks/fusion/given_boxes.hpp"
 #include "tests/unit/tasks_fusion/rig.hpp"
 
 namespace tasks {
@@ -251,6 +253,128 @@ TEST(FusionObjects, ASceneNamesTheSurfaceOfAnObject) {
   }
   c.object_materials.push_back(c.object_materials.front());
   EXPECT_THROW(ObjectRig{c}, std::invalid_argument);
+}
+
+// What a person at a page would accept: all pixels of the box in the newest image.
+perception::GivenObject accepted(const ObjectRig& rig) {
+  const auto& k = rig.setup.camera;
+  const Pose X_WC = Rig::eye(rig.frames - 1);
+  perception::Image<std::uint8_t> mask(k.width, k.height);
+  for (int v = 0; v < k.height; ++v)
+    for (int u = 0; u < k.width; ++u) {
+      const Vec3 d = X_WC.linear() * k.unproject(u, v, 1.0);
+      const Vec3 p = X_WC.translation() + rig.room.cast(X_WC.translation(), d).t * d;
+      mask.at(u, v) = ObjectRig::on_box(rig.room, p, 1e-6) ? 1 : 0;
+    }
+  const Eigen::Vector2d at = k.project(X_WC.inverse(Eigen::Isometry) * rig.surface());
+  const perception::Click click{static_cast<int>(at.x()), static_cast<int>(at.y()), true};
+  return boxes_of(perception::FrameView::of(*rig.frame), mask.view(), X_WC, click);
+}
+
+SceneEdit box_edit(const perception::GivenObject& object, int n) {
+  SceneEdit e;
+  e.kind = SceneEdit::Kind::kObjectBox;
+  e.id = static_cast<std::uint16_t>(n + 1);
+  const auto& box_W = object.boxes_W[static_cast<std::size_t>(n)];
+  const Vec3 centre_W = box_W.center(), half_m = 0.5 * box_W.sizes();
+  for (int i = 0; i < 3; ++i) {
+    e.centre_W[static_cast<std::size_t>(i)] = centre_W(i);
+    e.half_m[static_cast<std::size_t>(i)] = half_m(i);
+  }
+  return e;
+}
+SceneEdit point_edit(const perception::GivenObject& object) {
+  SceneEdit e;
+  e.kind = SceneEdit::Kind::kObjectPoint;
+  e.id = static_cast<std::uint16_t>(object.count);
+  for (int i = 0; i < 3; ++i) e.centre_W[static_cast<std::size_t>(i)] = object.p_W(i);
+  return e;
+}
+
+TEST(FusionObjects, AnAcceptedObjectIsNamedWithTheNextImageAndDroppedByItsSerial) {
+  ObjectRig rig;
+  for (int i = 0; i < 4; ++i) rig.look();
+  const perception::GivenObject object = accepted(rig);
+  ASSERT_GE(object.count, 1);
+  GivenBoxes boxes;
+  for (int n = 0; n < object.count; ++n) {
+    ASSERT_TRUE(boxes.apply(box_edit(object, n)));
+    EXPECT_EQ(boxes.whole(), nullptr);
+  }
+  ASSERT_TRUE(boxes.apply(point_edit(object)));
+  ASSERT_NE(boxes.whole(), nullptr);
+  rig.in.given = boxes.whole();
+  rig.step(false);
+  rig.in.given = nullptr;
+  EXPECT_FALSE(rig.out.objects_written) << "it waits for an image";
+  rig.look();
+  ASSERT_EQ(rig.list->size, 1);
+  EXPECT_TRUE(rig.list->entries[0].summarised);
+  EXPECT_EQ(rig.list->mark_seq, 0U) << "no mark of the hand was answered";
+  for (int i = 0; i < 16; ++i) rig.look();
+  ASSERT_EQ(rig.list->size, 1);
+  const ObjectList::Entry& e = rig.list->entries[0];
+  const Vec3 centre_W = e.X_WO * e.centre_m;
+  EXPECT_LT((centre_W - rig.room.boxes[kBox].X_WS.translation()).norm(), 0.15);
+  EXPECT_NEAR(e.extent_m.maxCoeff(), 0.75, 0.15);
+
+  rig.in.drop_object = static_cast<std::uint16_t>(e.serial + 1);
+  rig.look();
+  EXPECT_EQ(rig.list->size, 1) << "another one's serial";
+  rig.in.drop_object = static_cast<std::uint16_t>(e.serial);
+  rig.look();
+  rig.in.drop_object = 0;
+  EXPECT_EQ(rig.list->size, 0);
+  rig.look();
+  EXPECT_EQ(rig.list->size, 0);
+}
+
+TEST(FusionObjects, BoxesOutOfOrderOrOfNoNumbersNameNothing) {
+  perception::GivenObject object;
+  object.count = 2;
+  object.boxes_W[0] = {Vec3(0, 0, 0), Vec3(1, 1, 1)};
+  object.boxes_W[1] = {Vec3(1, 0, 0), Vec3(2, 1, 1)};
+  object.p_W = Vec3(0.5, 0.5, 0.5);
+  const SceneEdit first = box_edit(object, 0), second = box_edit(object, 1);
+  const SceneEdit end = point_edit(object);
+  const auto takes = [](std::initializer_list<SceneEdit> edits) {
+    GivenBoxes boxes;
+    bool good = true;
+    for (const SceneEdit& e : edits) good = boxes.apply(e);
+    EXPECT_EQ(good && edits.size() > 2, boxes.whole() != nullptr);
+    return boxes.whole() != nullptr;
+  };
+  EXPECT_TRUE(takes({first, second, end}));
+  EXPECT_TRUE(takes({first, first, second, end})) << "begun anew";
+  EXPECT_FALSE(takes({first, end})) << "one is missing";
+  EXPECT_FALSE(takes({second, first, end}));
+  EXPECT_FALSE(takes({first, second, second, end}));
+  EXPECT_FALSE(takes({end}));
+  SceneEdit wrong = second;
+  wrong.half_m[1] = 0;
+  EXPECT_FALSE(takes({first, wrong, end}));
+  wrong.half_m[1] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(takes({first, wrong, end}));
+  wrong = second;
+  wrong.centre_W[2] = std::numeric_limits<double>::infinity();
+  EXPECT_FALSE(takes({first, wrong, end}));
+  wrong = end;
+  wrong.centre_W[0] = 7;
+  EXPECT_FALSE(takes({first, second, wrong})) << "a point beside its boxes";
+  wrong.centre_W[0] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(takes({first, second, wrong}));
+  wrong = first;
+  wrong.kind = SceneEdit::Kind::kErase;
+  EXPECT_FALSE(takes({first, wrong, second, end}));
+  GivenBoxes boxes;
+  for (int n = 0; n < perception::GivenObject::kMost; ++n) {
+    SceneEdit e = first;
+    e.id = static_cast<std::uint16_t>(n + 1);
+    EXPECT_TRUE(boxes.apply(e));
+  }
+  SceneEdit more = first;
+  more.id = perception::GivenObject::kMost + 1;
+  EXPECT_FALSE(boxes.apply(more));
 }
 
 TEST(FusionObjects, OffThereIsNothing) {

@@ -30,6 +30,7 @@ export class Desk {
   device = { kind: 'mouse', state: 'ready', renders_force: false, scale: 1, clutch: false };
   mask: boolean[] = [];
   proposal = 0;
+  private clicks = 0;
   private chosen = new Set<number>();
   private readonly undoable: (() => void)[] = [];
 
@@ -140,12 +141,18 @@ export class Desk {
     const at = Math.min(height - 1, Math.floor(v * height)) * width
       + Math.min(width - 1, Math.floor(u * width));
     const id = this.ids()[at]!;
-    if (i.new === true) this.chosen = new Set();
+    if (i.new === true) {
+      this.chosen = new Set();
+      this.clicks = 0;
+    }
     if (i.sign === 1) this.chosen.add(id);
     else this.chosen.delete(id);
     this.mask = [...this.ids()].map(pixel => this.chosen.has(pixel));
     ++this.proposal;
-    return { ok: true, result: { proposal: this.proposal } };
+    const body = this.bodies.find(b => this.chosen.has(b.id));
+    return { ok: true, result: { proposal: this.proposal, clicks: ++this.clicks,
+      pixels: this.mask.filter(Boolean).length,
+      ...(body ? { size_m: body.half.map(m => 2 * m) } : {}) } };
   }
 
   private accept(i: Intent): Reply {

@@ -9,6 +9,7 @@ export class Selecting {
   sign: 1 | -1 = 1;
   proposal: Selection | null = null;
   clicks: Click[] = [];
+  size: number[] | null = null;  // m, of what is proposed
   onChange: () => void = () => {};
 
   constructor(private readonly acts: Acts) {
@@ -34,7 +35,11 @@ export class Selecting {
     this.clicks.push(click);
     this.onChange();
     void this.acts.link.act('select', { u, v, sign, new: first }).then(answer => {
-      if (answer.ok) return;
+      if (answer.ok) {
+        this.size = (answer.result?.size_m as number[] | undefined) ?? null;
+        this.onChange();
+        return;
+      }
       this.clicks = this.clicks.filter(c => c !== click);
       this.acts.say(`Refused: ${answer.why ?? 'no reason given'}`, 'refused');
       this.onChange();
@@ -49,8 +54,17 @@ export class Selecting {
     if (answer.ok) this.drop();
   }
 
+  // What is proposed, in words.
+  get text(): string {
+    const { length } = this.clicks;
+    const clicks = length === 1 ? '1 click' : `${length} clicks`;
+    if (!this.proposal) return `${clicks}, looking`;
+    return this.size ? `${clicks}, ${this.size.map(m => m.toFixed(2)).join(' × ')} m` : clicks;
+  }
+
   drop(): void {
     this.proposal = null;
+    this.size = null;
     this.clicks = [];
     this.sign = 1;
     this.onChange();

@@ -106,7 +106,8 @@ export class Rail {
     name.value = typed;
     const accept = button('Accept', () => void selecting.accept(name.value.trim()));
     accept.disabled = !selecting.proposal;
-    return [sign(1, '+ add'), sign(-1, '− take away'), name, accept,
+    const text = h('span', { role: 'status' }, selecting.text);
+    return [sign(1, '+ add'), sign(-1, '− take away'), text, name, accept,
       button('Cancel', () => selecting.drop())];
   }
 }
