@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
+#include <utility>
 
 #include "drivers/tmcl/tmcl_status.hpp"
 #include "drivers/tmcl/youbot_parameters.hpp"
@@ -105,6 +106,9 @@ void CanMotorBus::make_safe() noexcept {
 }
 
 bool CanMotorBus::look_at_bus() noexcept {
+  // Counted, as a controller may be off and back (restart-ms) between two jobs.
+  const std::uint64_t seen = std::exchange(bus_offs_, port_.counters().bus_offs);
+  if (seen != bus_offs_) return true;
   const PortState s = port_.state();
   if (s == PortState::kBusOff || s == PortState::kDown || s == PortState::kGone) return true;
   if (full_ >= config_.full_jobs) return true;

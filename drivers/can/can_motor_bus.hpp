@@ -110,6 +110,7 @@ class CanMotorBus final : public MotorBus {
   bool down_ = false;      // latched
   std::size_t first_ = 0;  // module whose turn it is
   int full_ = 0;
+  std::uint64_t bus_offs_ = 0;  // of the port's, those that were acted on
   std::uint64_t seq_ = 0;
   Counters counters_;
 };

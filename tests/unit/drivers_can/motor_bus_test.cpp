@@ -267,6 +267,19 @@ TEST(CanFaults, BusOffIsLatchedAndPositionsAreReadBeforeMotion) {
   EXPECT_EQ(r.bus.port().counters().restarts, 1U);
 }
 
+// restart-ms brings a controller back by itself, maybe before a job has looked.
+TEST(CanFaults, BusOffAndBackBetweenTwoJobsIsLatchedToo) {
+  Rig r;
+  r.jobs(200, 300);
+  r.bus.port().bus_off();
+  r.bus.port().restart();
+  EXPECT_EQ(r.job(300), BusStatus::kDown);
+  EXPECT_EQ(r.jobs(50, 300), 0);
+  for (const auto& m : r.bus.port().modules()) EXPECT_FALSE(m.turning);
+  r.bus.rearm();
+  EXPECT_GT(r.jobs(100, 300), 80);
+}
+
 // Nobody acknowledges: the queue fills, nothing stale is kept, and after 20 jobs the bus is down.
 TEST(CanFaults, AFullQueueIsCountedThenDown) {
   Rig r;
