@@ -302,8 +302,7 @@ void save_calibration(const std::string& path, const Calibration& calibration) {
     if (!calibration.pictures.empty()) out << "pictures = \"" << calibration.pictures << "\"\n";
     char line[256];
     if (calibration.camera_twin_share >= 0) {
-      std::snprintf(line, sizeof line, "camera_twin_share = %.4f\n",
-                    calibration.camera_twin_share);
+      std::snprintf(line, sizeof line, "camera_twin_share = %.4f\n", calibration.camera_twin_share);
       out << line;
     }
     for (const auto& r : calibration.rows) {

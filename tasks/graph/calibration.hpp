@@ -8,7 +8,7 @@
 //                recording = "..."     folder of recorded images; none: the scene's own camera
 //                ray_cast = true       measured with haptic.method = "force_shading"; none: without
 //                pictures = "..."      codecs it was measured with; none: lossless, JPEG
-//                camera_twin_share = ...  of a core, what the camera's twin took; none: not measured
+//                camera_twin_share = ...  of a core, the camera's twin; none: not measured
 //                [[task]] name, choice, level, p50_us, p99_us, p999_us, work_min, work_max, quantiles_us[33],
 //                         of fusion also still_p50_us, still_p999_us, moving_p50_us, moving_p999_us,
 //                         tracked_share, claimed_share and, where the truth is known, off_mm

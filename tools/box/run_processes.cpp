@@ -53,7 +53,8 @@ RealRun run_processes(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& opt
   BoxPlan plan;
   plan.calibration = as_asked(calibration, scene);
   const auto cpus = rt::affinity_cpus();
-  plan.host = admit_host(scene, calibration, cpus, declared_shares(scene, calibration, options.page != nullptr));
+  plan.host = admit_host(scene, calibration, cpus,
+                         declared_shares(scene, calibration, options.page != nullptr));
   run.admission = plan.host.admission;
   run.modes = plan.host.modes;
   run.best_effort = plan.host.request.best_effort;

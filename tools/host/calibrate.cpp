@@ -272,6 +272,15 @@ std::string hex(std::uint64_t x) {
   return text;
 }
 
+void say_left_out(const tasks::Calibration& c) {
+  for (const auto& row : c.rows) {
+    const std::string why = c.does_not_track(row);
+    if (!why.empty())
+      std::printf("calibrate: fusion %s, level %d will not be admitted: %s\n", row.choice.c_str(),
+                  row.level, why.c_str());
+  }
+}
+
 // What its rows were measured with beside the scene's images.
 void note_asked(tasks::Calibration& c, const Scene& scene) {
   c.ray_cast = scene.graph.haptic.asks_for_ray_cast();
@@ -334,12 +343,7 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
     }
   }
   scene.graph.fusion.tsdf.voxel_size_m = voxel_m;
-  for (const auto& row : c.rows) {
-    const std::string why = c.does_not_track(row);
-    if (!quiet && !why.empty())
-      std::printf("calibrate: fusion %s, level %d will not be admitted: %s\n", row.choice.c_str(),
-                  row.level, why.c_str());
-  }
+  if (!quiet) say_left_out(c);
   if (input != nullptr) *input = passes.input();
   return c;
 }
