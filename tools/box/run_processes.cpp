@@ -52,8 +52,7 @@ RealRun run_processes(rt::NonRealtime& nrt, Scene& scene, const DemoOptions& opt
   RealRun run;
   BoxPlan plan;
   plan.calibration = as_asked(calibration, scene);
-  const auto cpus = rt::affinity_cpus();
-  plan.host = admit_host(scene, calibration, cpus,
+  plan.host = admit_host(scene, calibration, rt::affinity_cpus(),
                          declared_shares(scene, calibration, options.page != nullptr));
   run.admission = plan.host.admission;
   run.modes = plan.host.modes;
