@@ -7,8 +7,6 @@ namespace teletact {
 
 using perception::GivenObject;
 using perception::Vec3;
-using Entry = tasks::ObjectList::Entry;
-using Kind = tasks::SceneEdit::Kind;
 
 namespace {
 
@@ -16,12 +14,12 @@ constexpr const char* kOver = "another object was begun meanwhile";
 
 ConsoleAnswer not_now(std::string why) { return {false, std::move(why), {}}; }
 
-std::span<const Entry> entries_of(const OperatorView& seen) {
+std::span<const tasks::ObjectList::Entry> entries_of(const OperatorView& seen) {
   const auto n = std::clamp<std::int32_t>(seen.objects.size, 0, perception::ObjectMap::kMost);
   return std::span(seen.objects.entries).first(static_cast<std::size_t>(n));
 }
 
-bool holds(const Entry& e, const Vec3& p_W) {
+bool holds(const tasks::ObjectList::Entry& e, const Vec3& p_W) {
   if (!e.summarised) return false;
   const Vec3 p_O = e.X_WO.inverse(Eigen::Isometry) * p_W - e.centre_m;
   return (p_O.cwiseAbs() - 0.5 * e.extent_m).maxCoeff() <= 0;
@@ -133,7 +131,7 @@ std::string DeskObjects::why_not(const OperatorView& seen, std::uint32_t proposa
   if (proposed_->object.count == 0) return "hardly any distance of it was measured";
   if (entries_of(seen).size() >= perception::ObjectMap::kMost)
     return "as many objects as there can be";
-  for (const Entry& e : entries_of(seen))
+  for (const tasks::ObjectList::Entry& e : entries_of(seen))
     if (holds(e, proposed_->object.p_W)) return "it is an object already: " + name_of(e.serial);
   return {};
 }
@@ -152,7 +150,7 @@ std::optional<ConsoleAnswer> DeskObjects::accept(const DeskItem& item, const Ope
 // One edit a job. Without its end a beginning names nothing.
 bool DeskObjects::push_all(const GivenObject& object, rt::Time now) {
   tasks::SceneEdit e;
-  e.kind = Kind::kObjectBox;
+  e.kind = tasks::SceneEdit::Kind::kObjectBox;
   for (const Eigen::AlignedBox3d& box_W : object.boxes()) {
     const Vec3 centre_W = box_W.center(), half_m = 0.5 * box_W.sizes();
     ++e.id;
@@ -162,14 +160,14 @@ bool DeskObjects::push_all(const GivenObject& object, rt::Time now) {
     }
     if (!push_(e, now)) return false;
   }
-  e.kind = Kind::kObjectPoint;
+  e.kind = tasks::SceneEdit::Kind::kObjectPoint;
   for (int i = 0; i < 3; ++i) e.centre_W[static_cast<std::size_t>(i)] = object.p_W(i);
   return push_(e, now);
 }
 
 bool DeskObjects::drop(std::uint32_t serial, rt::Time now) {
   tasks::SceneEdit e;
-  e.kind = Kind::kDropObject;
+  e.kind = tasks::SceneEdit::Kind::kDropObject;
   e.id = static_cast<std::uint16_t>(serial);
   return push_(e, now);
 }
@@ -185,7 +183,7 @@ std::optional<NamedObject> DeskObjects::keep(const OperatorView& seen, rt::Time 
   Eigen::AlignedBox3d about_W = waiting_->bounds_W;
   about_W.min().array() -= kBeyond_m;
   about_W.max().array() += kBeyond_m;
-  for (const Entry& e : entries_of(seen)) {
+  for (const tasks::ObjectList::Entry& e : entries_of(seen)) {
     if (e.serial <= waiting_->newest_before || !e.summarised) continue;
     if (!about_W.contains(Vec3(e.X_WO * e.centre_m))) continue;
     if (!waiting_->name.empty()) names_[e.serial] = waiting_->name;

@@ -1,5 +1,5 @@
-// A whole run with a browser's place taken by a WebSocket client: code, session, views, a goal by
-// click, the stop. Simulated time, paced by the real clock.
+// A whole run with a browser's place taken by a WebSocket client: code, session, views, an object
+// by a click, a goal by click, the stop. Simulated time, paced by the real clock.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -170,6 +170,13 @@ TEST(DeskPage, APersonAtABrowserDrivesTheRobotToAPlace) {
     p.holds = json::array({"engage"});
     ASSERT_TRUE(p.until([&] { return state(p, "mode") == "hold" && p.views[5] > 0; }, 120s));
     EXPECT_EQ(p.text["role"], "operator");
+    // The bin, as the camera sees it from the start.
+    const auto select =
+        p.say({{"act", "select"}, {"u", 0.577}, {"v", 0.235}, {"sign", 1}, {"new", true}});
+    ASSERT_TRUE(p.until([&] { return p.answers.count(select) > 0; }, 60s));
+    EXPECT_TRUE(p.answers[select]["ok"]) << p.answers[select];
+    EXPECT_GT(p.answers[select]["result"]["pixels"], 500);
+    EXPECT_TRUE(p.until([&] { return p.views[8] == 1; }, 10s)) << "what is proposed is shown";
     const auto engage = p.say({{"act", "engage"}});
     ASSERT_TRUE(p.until([&] { return p.answers.count(engage) > 0; }, 60s));
     ASSERT_TRUE(p.answers[engage]["ok"]) << p.answers[engage];

@@ -115,8 +115,9 @@ test('the bin by clicks: shown, taken away, accepted', async () => {
   const mask = twin.desk.mask.filter(Boolean).length;
   await desk.page.click('#options button:has-text("take away")');
   assert.ok(mask > 20);
-  assert.match((await desk.page.textContent('#options [role=status]'))!,
-    /^1 click, \d\.\d\d × \d\.\d\d × \d\.\d\d m$/);
+  await until('its size in words', async () =>
+    /^1 click, \d\.\d\d × \d\.\d\d × \d\.\d\d m$/.test(
+      (await desk.page.textContent('#options [role=status]')) ?? ''));
   await desk.page.fill('#options input', 'bin');
   await desk.shot('object');
   await desk.page.click('#options button:has-text("Accept")');
