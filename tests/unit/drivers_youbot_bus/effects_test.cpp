@@ -114,6 +114,25 @@ TEST(MotorEffects, TheCurrentThatHoldsTheArmIsItsWeight) {
   }
 }
 
+// Friction and play make a held arm hunt, by less than they are.
+TEST(MotorEffects, UnderAllOfThemAHeldArmStaysWithinItsPlay) {
+  const std::string all = "[inertia]\n[friction]\n[backlash]\n[gravity]\n[current_limit]\n[i2t]\n";
+  for (const ArmAngles& q : kPoses) {
+    ArmRig rig(all, q);
+    rig.hold(q);
+    rig.now += 2s;
+    for (int i = 0; i < 400; ++i) {
+      rig.now += 10ms;
+      for (std::size_t j = 0; j < 5; ++j) {
+        rt::Time when{};
+        ASSERT_FALSE(rig.all->take_trip(j, rig.now, when)) << j + 1;
+        const double gap = yb::BacklashEffect{}.gap_deg.joint[j] * kTurn / 360;
+        ASSERT_NEAR(rig.all->angles_rad()[j], q[j], 0.6 * gap) << j + 1;
+      }
+    }
+  }
+}
+
 TEST(MotorEffects, WithoutTorqueTheArmSinksWhereItsWeightGoes) {
   for (const ArmAngles& q : kPoses) {
     ArmRig rig("[gravity]\n", q);
