@@ -278,6 +278,15 @@ void note_asked(tasks::Calibration& c, const Scene& scene) {
   c.pictures = scene.graph.capture.pictures.dialect();
 }
 
+void tell_not_tracking(const tasks::Calibration& c) {
+  for (const auto& row : c.rows) {
+    const std::string why = c.does_not_track(row);
+    if (!why.empty())
+      std::printf("calibrate: fusion %s, level %d will not be admitted: %s\n", row.choice.c_str(),
+                  row.level, why.c_str());
+  }
+}
+
 }  // namespace
 
 tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds, bool quiet,
@@ -332,12 +341,7 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
     }
   }
   scene.graph.fusion.tsdf.voxel_size_m = voxel_m;
-  for (const auto& row : c.rows) {
-    const std::string why = c.does_not_track(row);
-    if (!quiet && !why.empty())
-      std::printf("calibrate: fusion %s, level %d will not be admitted: %s\n", row.choice.c_str(),
-                  row.level, why.c_str());
-  }
+  if (!quiet) tell_not_tracking(c);
   if (input != nullptr) *input = passes.input();
   return c;
 }
