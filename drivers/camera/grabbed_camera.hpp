@@ -39,7 +39,6 @@ class GrabbedCamera final : public Camera {
   [[nodiscard]] perception::Intrinsics intrinsics() const noexcept override { return intrinsics_; }
   [[nodiscard]] double rate_hz() const noexcept override { return rate_hz_; }
   [[nodiscard]] CameraStatus poll(rt::Time now, perception::RgbdFrame& out) noexcept override;
-  [[nodiscard]] std::uint64_t grabbed() const noexcept { return grabbed_.load(); }
 
  private:
   void run();

@@ -7,7 +7,6 @@ namespace drivers {
 namespace {
 
 constexpr int kN = RayTile::kSize;
-using Doubles = double*;
 
 double least(double a, double b) noexcept { return a < b ? a : b; }
 double most(double a, double b) noexcept { return a > b ? a : b; }

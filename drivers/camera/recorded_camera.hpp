@@ -27,8 +27,6 @@ class RecordedCamera : public Camera {
   [[nodiscard]] double rate_hz() const noexcept override { return rate_hz_; }
   [[nodiscard]] CameraStatus poll(rt::Time now, perception::RgbdFrame& out) noexcept override;
 
-  // Before the first poll: plays from another instant (the run's common epoch, once it is known).
-  void set_start(rt::Time start) noexcept { start_ = start; }
   [[nodiscard]] int recorded() const noexcept { return static_cast<int>(offsets_.size()); }
   [[nodiscard]] rt::Nanos length() const noexcept;  // of the recording and the held part
 

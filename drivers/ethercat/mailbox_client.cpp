@@ -26,14 +26,14 @@ TransferState MailboxClient::wait_for(MailboxTransfer& t) {
     } else {
       t.on_lost();
     }
-    if (t.busy()) frames_.port().sleep_until(frames_.port().now() + poll_ / 4);
+    if (t.busy()) frames_.port().sleep_until(frames_.port().now() + kPoll / 4);
   }
   return t.state();
 }
 
 rt::Result<std::vector<std::uint8_t>> MailboxClient::raw(const SlaveInfo& s,
                                                          std::span<const std::uint8_t> request) {
-  transfer_.start(s.station, place_of(s), request, 4 * polls_);
+  transfer_.start(s.station, place_of(s), request, 4 * kPolls);
   const TransferState end = wait_for(transfer_);
   if (end != TransferState::kDone) return mailbox_problem(s, to_text(end));
   const auto reply = transfer_.reply();
@@ -47,14 +47,14 @@ std::uint8_t MailboxClient::count_up(const SlaveInfo& s) noexcept {
 
 rt::Result<SdoReply> MailboxClient::sdo(const SlaveInfo& s, SdoAddress address,
                                         std::span<const std::uint8_t> request, bool upload) {
-  transfer_.start(s.station, place_of(s), request, 4 * polls_);
+  transfer_.start(s.station, place_of(s), request, 4 * kPolls);
   for (int i = 0; i < kMostOtherMessages; ++i) {
     const TransferState end = wait_for(transfer_);
     if (end != TransferState::kDone) return mailbox_problem(s, to_text(end));
     auto reply = decode_sdo_reply(transfer_.reply(), address, upload);
     if (!reply) return mailbox_problem(s, reply.error());
     if (!reply.value().other) return reply;
-    transfer_.start_read(s.station, place_of(s), 4 * polls_);
+    transfer_.start_read(s.station, place_of(s), 4 * kPolls);
   }
   return mailbox_problem(s, "only messages that were not asked for");
 }

@@ -22,13 +22,6 @@ class MailboxClient {
   [[nodiscard]] rt::Result<bool> sdo_download(const SlaveInfo&, SdoAddress,
                                               std::span<const std::uint8_t> data);
 
-  // Between two polls, and how many of them (a joint's reply: 1 ms, 100 times, as the youBot's own
-  // driver has it).
-  void set_patience(rt::Nanos poll, int polls) noexcept {
-    poll_ = poll;
-    polls_ = polls;
-  }
-
  private:
   [[nodiscard]] TransferState wait_for(MailboxTransfer& transfer);
   [[nodiscard]] rt::Result<SdoReply> sdo(const SlaveInfo&, SdoAddress,
@@ -38,8 +31,10 @@ class MailboxClient {
   FrameExchange frames_;
   MailboxTransfer transfer_;
   std::array<std::uint8_t, 256> counter_{};  // of each slave's last CoE message, by position
-  rt::Nanos poll_ = std::chrono::milliseconds{1}, timeout_ = std::chrono::milliseconds{2};
-  int polls_ = 100;
+  rt::Nanos timeout_ = std::chrono::milliseconds{2};
+  // Between two polls, and how many of them: as the youBot's own driver waits for a joint's reply.
+  static constexpr rt::Nanos kPoll = std::chrono::milliseconds{1};
+  static constexpr int kPolls = 100;
 };
 
 }  // namespace drivers::ethercat

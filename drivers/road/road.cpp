@@ -248,7 +248,6 @@ void Road::set_handlers(Handlers handlers) { impl_->handlers = std::move(handler
 void Road::run_for(rt::Nanos span) { impl_->run_for(span); }
 bool Road::up() const noexcept { return impl_->up; }
 bool Road::control_free() const noexcept { return impl_->up && impl_->control->left() == 0; }
-bool Road::bulk_free() const noexcept { return impl_->bulk_busy_for().count() == 0; }
 rt::Nanos Road::bulk_busy_for() const noexcept { return impl_->bulk_busy_for(); }
 void Road::send(bool bulk, std::span<const std::uint8_t> m, bool at_once) {
   impl_->send(bulk, m, at_once);

@@ -43,7 +43,6 @@ class Road {
   [[nodiscard]] bool up() const noexcept;
   // Nothing that was sent before waits in this process: what is sent now is the newest.
   [[nodiscard]] bool control_free() const noexcept;
-  [[nodiscard]] bool bulk_free() const noexcept;
   // How long bulk will still be busy; 0: it is free; Nanos::max(): not known.
   [[nodiscard]] rt::Nanos bulk_busy_for() const noexcept;
   // Copies. Without a session nothing happens. Not `at_once`: a small message waits for flush(),

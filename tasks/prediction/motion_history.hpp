@@ -56,7 +56,6 @@ class MotionHistory {
   // Pose between samples on the arc that joins them; false: outside what is held.
   [[nodiscard]] bool pose_at(double t, perception::Pose2& out) const noexcept;
 
-  [[nodiscard]] bool has_commands() const noexcept { return command_size_ > 0; }
   // The command in force; null: none so early.
   [[nodiscard]] const Axes* command_at(double t) const noexcept;
 

@@ -80,7 +80,6 @@ class Trajectory {
   void start_from(const perception::Pose2& X_OB, const PlanarVelocity& v_O) noexcept;
 
   [[nodiscard]] const perception::Pose2& reference() const noexcept { return X_OR_; }
-  [[nodiscard]] const PlanarVelocity& reference_velocity() const noexcept { return v_ref_; }
   [[nodiscard]] const PlanarVelocity& command() const noexcept { return v_cmd_; }
   [[nodiscard]] bool moving() const noexcept;
 

@@ -4,7 +4,6 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <string_view>
 
 namespace teletact {
 
@@ -25,9 +24,6 @@ enum class Refusal : std::uint8_t {
   kCount
 };
 inline constexpr std::size_t kRefusals = static_cast<std::size_t>(Refusal::kCount);
-inline constexpr std::array<std::string_view, kRefusals> kRefusalNames = {
-    "host", "origin",  "path", "request",  "late", "code",       "session",
-    "role", "crowded", "rate", "envelope", "slow", "certificate"};
 
 struct ConsoleCounts {
   std::uint64_t views_sent = 0, views_replaced = 0, views_refused = 0;

@@ -32,7 +32,6 @@ class ConsoleMesh {
 
   // Forgets all; what comes is thrown away until a delta with `restart`.
   void clear();
-  [[nodiscard]] bool waits_for_restart() const noexcept { return waits_; }
   // False: thrown away, or not a message of a MeshSender; nothing changed.
   [[nodiscard]] bool take(const perception::MeshDelta& delta, const ViewStamp& stamp,
                           double block_edge_m);

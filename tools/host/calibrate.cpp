@@ -272,19 +272,19 @@ std::string hex(std::uint64_t x) {
   return text;
 }
 
-void say_left_out(const tasks::Calibration& c) {
+// What its rows were measured with beside the scene's images.
+void note_asked(tasks::Calibration& c, const Scene& scene) {
+  c.ray_cast = scene.graph.haptic.asks_for_ray_cast();
+  c.pictures = scene.graph.capture.pictures.dialect();
+}
+
+void tell_not_tracking(const tasks::Calibration& c) {
   for (const auto& row : c.rows) {
     const std::string why = c.does_not_track(row);
     if (!why.empty())
       std::printf("calibrate: fusion %s, level %d will not be admitted: %s\n", row.choice.c_str(),
                   row.level, why.c_str());
   }
-}
-
-// What its rows were measured with beside the scene's images.
-void note_asked(tasks::Calibration& c, const Scene& scene) {
-  c.ray_cast = scene.graph.haptic.asks_for_ray_cast();
-  c.pictures = scene.graph.capture.pictures.dialect();
 }
 
 }  // namespace
@@ -343,7 +343,7 @@ tasks::Calibration calibrate(rt::NonRealtime& nrt, Scene& scene, double seconds,
     }
   }
   scene.graph.fusion.tsdf.voxel_size_m = voxel_m;
-  if (!quiet) say_left_out(c);
+  if (!quiet) tell_not_tracking(c);
   if (input != nullptr) *input = passes.input();
   return c;
 }

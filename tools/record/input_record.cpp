@@ -1,6 +1,7 @@
 #include "tools/record/input_record.hpp"
 
 #include <fstream>
+#include <optional>
 #include <sstream>
 
 namespace teletact {
@@ -75,6 +76,24 @@ std::string Recording::key(std::string_view name) const {
   return {};
 }
 
+namespace {
+
+// The lines before the records; none: they are as they should be.
+std::optional<rt::Error> read_keys(std::ifstream& in, Recording& r) {
+  std::string line;
+  std::getline(in, line);
+  if (line != "teletact-inputs 11 " + std::to_string(sizeof(JobOp)))
+    return rt::Error{r.path + ":1: not a recording of inputs by this version"};
+  while (std::getline(in, line) && !line.empty()) {
+    const auto space = line.find(' ');
+    if (space == std::string::npos) return rt::Error{r.path + ": bad header line '" + line + "'"};
+    r.keys.emplace_back(line.substr(0, space), line.substr(space + 1));
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
 rt::Result<Recording> read_recording(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   if (!in) return rt::Error{path + ": can not be read"};
@@ -83,15 +102,7 @@ rt::Result<Recording> read_recording(const std::string& path) {
   in.seekg(0);
   Recording r;
   r.path = path;
-  std::string line;
-  std::getline(in, line);
-  if (line != "teletact-inputs 11 " + std::to_string(sizeof(JobOp)))
-    return rt::Error{path + ":1: not a recording of inputs by this version"};
-  while (std::getline(in, line) && !line.empty()) {
-    const auto space = line.find(' ');
-    if (space == std::string::npos) return rt::Error{path + ": bad header line '" + line + "'"};
-    r.keys.emplace_back(line.substr(0, space), line.substr(space + 1));
-  }
+  if (auto wrong = read_keys(in, r)) return *wrong;
   const rt::Error torn{path + ": the recording is cut off"};
   for (;;) {
     const auto at = static_cast<std::uint64_t>(in.tellg());

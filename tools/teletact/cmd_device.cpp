@@ -62,6 +62,27 @@ Reading read_device(drivers::HapticDevice& device, double seconds, double rate_h
   return r;
 }
 
+void print_reading(const Reading& r, const drivers::DeviceProperties& properties, double rate_hz) {
+  std::printf("state      %s%s\n", r.samples > 0 ? state_name(r.last.state) : "no sample",
+              r.last.button ? ", button pressed" : "");
+  if (r.samples > 0) {
+    std::printf("position   %.2f %.2f %.2f mm; moved %.2f %.2f %.2f mm\n", r.last.p_DH.x() * 1e3,
+                r.last.p_DH.y() * 1e3, r.last.p_DH.z() * 1e3, (r.high - r.low).x() * 1e3,
+                (r.high - r.low).y() * 1e3, (r.high - r.low).z() * 1e3);
+  }
+  std::printf("reads      %llu: %llu new, %llu repeated, %llu without a sample\n",
+              static_cast<unsigned long long>(r.ticks), static_cast<unsigned long long>(r.samples),
+              static_cast<unsigned long long>(r.repeats),
+              static_cast<unsigned long long>(r.misses));
+  if (properties.renders_force) {
+    std::printf("stiffness  at most %.0f N/m at %.0f Hz (b = %g N s/m %s, t_d = %g ms)\n",
+                properties.stiffness_limit(1.0 / rate_hz), rate_hz, properties.damping_N_s_per_m,
+                properties.measured ? "measured" : "assumed", properties.delay_s * 1e3);
+  } else {
+    std::printf("stiffness  any: no force is rendered\n");
+  }
+}
+
 }  // namespace
 
 int cmd_device(int argc, char** argv) {
@@ -95,24 +116,7 @@ int cmd_device(int argc, char** argv) {
   const auto properties = opened->device().properties();
   std::printf("%s\n", opened->description().c_str());
   const Reading r = read_device(opened->device(), seconds, rate_hz);
-  std::printf("state      %s%s\n", r.samples > 0 ? state_name(r.last.state) : "no sample",
-              r.last.button ? ", button pressed" : "");
-  if (r.samples > 0) {
-    std::printf("position   %.2f %.2f %.2f mm; moved %.2f %.2f %.2f mm\n", r.last.p_DH.x() * 1e3,
-                r.last.p_DH.y() * 1e3, r.last.p_DH.z() * 1e3, (r.high - r.low).x() * 1e3,
-                (r.high - r.low).y() * 1e3, (r.high - r.low).z() * 1e3);
-  }
-  std::printf("reads      %llu: %llu new, %llu repeated, %llu without a sample\n",
-              static_cast<unsigned long long>(r.ticks), static_cast<unsigned long long>(r.samples),
-              static_cast<unsigned long long>(r.repeats),
-              static_cast<unsigned long long>(r.misses));
-  if (properties.renders_force) {
-    std::printf("stiffness  at most %.0f N/m at %.0f Hz (b = %g N s/m %s, t_d = %g ms)\n",
-                properties.stiffness_limit(1.0 / rate_hz), rate_hz, properties.damping_N_s_per_m,
-                properties.measured ? "measured" : "assumed", properties.delay_s * 1e3);
-  } else {
-    std::printf("stiffness  any: no force is rendered\n");
-  }
+  print_reading(r, properties, rate_hz);
   Metrics metrics("device");
   metrics.add("device.new", static_cast<double>(r.samples), "1");
   metrics.add("device.repeated", static_cast<double>(r.repeats), "1");

@@ -108,7 +108,6 @@ void CanTwinPort::advance(rt::Time now) noexcept {
 }
 
 void CanTwinPort::deliver(const Waiting& w, rt::Time end) noexcept {
-  last_ = {w.frame, end};
   if (!w.from_module) {
     module_takes(w.frame, end);
     return;

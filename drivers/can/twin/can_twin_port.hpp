@@ -45,8 +45,6 @@ class CanTwinPort final : public CanPort {
   [[nodiscard]] CanTwinFaults& faults() noexcept { return faults_; }
   void bus_off() noexcept;  // the controller switches itself off; what it held is gone
   void restart() noexcept;  // as `ip link set can0 type can restart`
-  // The frame that was on the wire last, and when it ended.
-  [[nodiscard]] const Received& last_on_wire() const noexcept { return last_; }
   [[nodiscard]] rt::Nanos busy() const noexcept { return busy_; }
 
  private:
@@ -72,7 +70,6 @@ class CanTwinPort final : public CanPort {
   std::size_t arrived_ = 0;
   rt::Time free_at_{};  // the wire
   rt::Nanos busy_{0};
-  Received last_;
   std::atomic<bool> stop_all_{false};
 };
 

@@ -47,7 +47,6 @@ class GpioTwin final : public GpioLines {
   // ---- what stands at the outputs
   [[nodiscard]] bool output(int i) const noexcept { return output_[static_cast<std::size_t>(i)]; }
   [[nodiscard]] std::uint64_t beats() const noexcept { return beats_; }
-  [[nodiscard]] rt::Time last_beat() const noexcept { return last_beat_; }
   // The relay: closed while edges came within `limit`.
   [[nodiscard]] bool relay_closed(rt::Time now, rt::Nanos limit) const noexcept {
     return beats_ > 0 && now - last_beat_ <= limit;

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <string>
 
-#include "drivers/link/wire.hpp"
+#include "drivers/link/wire_body.hpp"
 #include "tasks/edges/edge_faults.hpp"
 #include "tasks/edges/output_hash.hpp"
 #include "tasks/graph/limits.hpp"
@@ -120,6 +120,18 @@ TEST(MessageGolden, Wire) {
   EXPECT_EQ(bytes_of(drivers::ClockRequest{0x1122334455}), "5544332211000000");
   EXPECT_EQ(bytes_of(drivers::ClockReply{0x1122334455, 0x66778899, 0x77889900}),
             "554433221100000099887766000000000099887700000000");
+}
+
+// What the message of a further edge is written and read by gives the same bytes.
+TEST(MessageGolden, WireByTheSchemasTemplate) {
+  std::array<std::uint8_t, drivers::kMaxControlBody> room{}, other{};
+  const std::size_t n = drivers::encode<drivers::RobotState>(robot_state(), room);
+  EXPECT_EQ(n, drivers::encode(robot_state(), other));
+  EXPECT_EQ(room, other);
+  drivers::RobotState back;
+  ASSERT_TRUE(drivers::decode<drivers::RobotState>(std::span(room).first(n), back));
+  EXPECT_EQ(bytes_of(back), bytes_of(robot_state()));
+  EXPECT_FALSE(drivers::decode<drivers::RobotState>(std::span(room).first(n - 1), back));
 }
 
 TEST(MessageGolden, HandAndTouch) {

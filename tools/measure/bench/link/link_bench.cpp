@@ -20,7 +20,7 @@ namespace {
 using Words = std::vector<std::string>;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kRate_Mbit_per_s = 10, kThin_Mbit_per_s = 4;
+constexpr double kRate_Mbit_per_s = 10;
 constexpr double kPath_ms = 95, kStall_ms = 400;
 // Of the road's clock, which begins a few seconds before the boxes do.
 constexpr double kThin_at_s = 18, kWide_at_s = 30, kFirstStall_at_s = 12, kStallEvery_s = 4;
