@@ -4,8 +4,8 @@
 // end, and renews the endpoint for each session, so a box may start, stop and crash at any time.
 // Engagement is no matter of the transport: sessions() tells that the road was another one.
 //
-// Small messages go together, each 20 ms: one that is lost holds up all behind it for a round trip and
-// more, so there are to be few packets to lose.
+// Small messages go together, each 20 ms: a packet that is lost holds up all behind it for a round
+// trip and more, so there are to be few.
 //
 // Security: docs/security.md. Send rules: docs/link.md, Road.
 #pragma once
