@@ -75,6 +75,7 @@ void RoadLink::stop() {
 
 void RoadLink::session_up() {
   delayed_.clear();
+  newest_ = {};
   endpoint_->renew();
   up_ = true;
   state_.store(State::kHandshake);
@@ -99,12 +100,29 @@ void RoadLink::session_down(const std::string& why) {
 
 bool RoadLink::take(std::span<const std::uint8_t> message) {
   if (cut_.load()) return true;  // lost on the way
+  if (!is_news(message)) return true;
   return endpoint_->receive(message, now_(),
                             [this](std::span<const std::uint8_t> m) { send(m, true); });
 }
 
+// Of the robot's end. What can not be read is for the endpoint to refuse.
+bool RoadLink::is_news(std::span<const std::uint8_t> message) noexcept {
+  Header h;
+  if (endpoint_->box() != rt::Box::kRobot || read_header(message, h) != WireStatus::kOk)
+    return true;
+  std::uint64_t& newest = newest_[static_cast<std::size_t>(h.id)];
+  if (h.seq <= newest) return false;
+  newest = h.seq;
+  return true;
+}
+
 void RoadLink::send(std::span<const std::uint8_t> message, bool at_once) {
-  if (!shaper_) return road_->send(is_image(message), message, at_once);
+  if (!shaper_) {
+    const bool image = is_image(message);
+    if (!image && to_control_) road_->send(false, message, at_once);
+    if (image || to_bulk_) road_->send(true, message, at_once);
+    return;
+  }
   rt::effect_ran(rt::Effect::kLinkShape);
   const std::int64_t due = shaper_->deliver_at(rt::monotonic_ns(), message.size());
   delayed_.push_back({due, is_image(message), {message.begin(), message.end()}});
@@ -118,11 +136,15 @@ void RoadLink::hand_over(std::int64_t now_ns) {
 }
 
 // A connection that has not taken the last small messages gets no more: when it does, it gets the
-// newest.
+// newest. An answer to what is received between two polls goes where the last one went.
 void RoadLink::poll_session() {
   const std::int64_t now = rt::monotonic_ns();
   hand_over(now);
-  if (!up_ || !road_->control_free()) return;
+  to_control_ = road_->control_free();
+  // Not before the other end has answered: nothing may reach it before the Hello that control has.
+  to_bulk_ = !shaper_ && endpoint_->box() == rt::Box::kOperator && endpoint_->ready() &&
+             road_->bulk_taken();
+  if (!up_ || !(to_control_ || to_bulk_)) return;
   endpoint_->set_wish(road_->wish());
   rt::Nanos busy = road_->bulk_busy_for();
   if (shaper_) busy = std::max(busy, shaper_->busy_for(now));

@@ -4,12 +4,17 @@
 // end, and renews the endpoint for each session, so a box may start, stop and crash at any time.
 // Engagement is no matter of the transport: sessions() tells that the road was another one.
 //
-// Small messages go together, each 20 ms: one that is lost holds up all behind it for a round trip
-// and more, so there are to be few packets to lose.
+// Small messages go together, each 20 ms: a packet that is lost holds up all behind it for a round
+// trip and more, so there are to be few.
+//
+// What the operator's box says goes both ways, on control and on bulk, where it has no images: what
+// one connection holds up the other one brings. The robot's end takes what comes first; a copy, and
+// what is older than what came, it drops, and counts as nothing heard.
 //
 // Security: docs/security.md. Send rules: docs/link.md, Road.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <deque>
 #include <functional>
@@ -79,6 +84,7 @@ class RoadLink final : public LinkTransport {
   void session_down(const std::string& why);
   [[nodiscard]] bool take(std::span<const std::uint8_t> message);
   void send(std::span<const std::uint8_t> message, bool at_once);
+  [[nodiscard]] bool is_news(std::span<const std::uint8_t> message) noexcept;
   void hand_over(std::int64_t now_ns);
   void publish();
 
@@ -90,6 +96,9 @@ class RoadLink final : public LinkTransport {
   std::deque<Delayed> delayed_;
   std::thread thread_;
   bool up_ = false;
+  // Which connections take what is said now.
+  bool to_control_ = true, to_bulk_ = false;
+  std::array<std::uint64_t, kMessageIds + 1> newest_{};  // by message id, of this session
   std::int64_t next_note_ns_ = 0;
   std::atomic<bool> stop_{false}, cut_{false};
   std::atomic<State> state_{State::kConnecting};

@@ -212,7 +212,7 @@ void Road::Impl::send(bool for_bulk, std::span<const std::uint8_t> message, bool
   if (!up) return;
   RoadConnection& c = for_bulk ? *bulk : *control;
   append_road_frame(RoadKind::kMessage, message, c.out());
-  if (for_bulk || at_once) c.send();
+  if (at_once) c.send();
 }
 
 rt::Nanos Road::Impl::bulk_busy_for() const noexcept {
@@ -248,12 +248,15 @@ void Road::set_handlers(Handlers handlers) { impl_->handlers = std::move(handler
 void Road::run_for(rt::Nanos span) { impl_->run_for(span); }
 bool Road::up() const noexcept { return impl_->up; }
 bool Road::control_free() const noexcept { return impl_->up && impl_->control->left() == 0; }
+bool Road::bulk_taken() const noexcept { return impl_->up && impl_->bulk->left() == 0; }
 rt::Nanos Road::bulk_busy_for() const noexcept { return impl_->bulk_busy_for(); }
 void Road::send(bool bulk, std::span<const std::uint8_t> m, bool at_once) {
   impl_->send(bulk, m, at_once);
 }
 void Road::flush() {
-  if (impl_->up) impl_->control->send();
+  if (!impl_->up) return;
+  impl_->control->send();
+  impl_->bulk->send();
 }
 void Road::close_session(const std::string& why) { impl_->close_session(why); }
 int Road::port() const noexcept { return impl_->port; }

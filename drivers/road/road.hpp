@@ -43,10 +43,12 @@ class Road {
   [[nodiscard]] bool up() const noexcept;
   // Nothing that was sent before waits in this process: what is sent now is the newest.
   [[nodiscard]] bool control_free() const noexcept;
+  // Nothing for bulk waits in this process; how much is under way does not matter.
+  [[nodiscard]] bool bulk_taken() const noexcept;
   // How long bulk will still be busy; 0: it is free; Nanos::max(): not known.
   [[nodiscard]] rt::Nanos bulk_busy_for() const noexcept;
-  // Copies. Without a session nothing happens. Not `at_once`: a small message waits for flush(),
-  // and all that wait go as one packet where they fit into one.
+  // Copies. Without a session nothing happens. Not `at_once`: the message waits for flush(), and
+  // all that wait go as one packet where they fit into one.
   void send(bool bulk, std::span<const std::uint8_t> message, bool at_once = true);
   void flush();
   // Ends the session; what waits is sent first.

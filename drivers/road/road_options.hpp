@@ -28,7 +28,7 @@ struct RoadOptions {
   double rate_Mbit_per_s = 10;
 
   rt::Nanos handshake_limit = std::chrono::seconds{5};  // from connecting to a session
-  // Nothing heard for so long: the session is over. An end of the link says something every 10 ms.
+  // Nothing heard for so long: the session is over. An end of the link says something every 20 ms.
   rt::Nanos silence_limit = std::chrono::seconds{5};
   // Between two attempts to dial: from the first, doubled up to the second.
   rt::Nanos redial_first = std::chrono::milliseconds{100};

@@ -51,7 +51,8 @@ RealExecutor<Faults>::~RealExecutor() {
 template <class Faults>
 Time RealExecutor<Faults>::release_box(const TaskSpec& spec, std::uint64_t k) const noexcept {
   const auto& clock = plan_.clock[static_cast<std::size_t>(spec.box)];
-  return clock.from_host(plan_.epoch_host_ns) + spec.offset + spec.rate.release(k);
+  const Time t = clock.from_host(plan_.epoch_host_ns) + spec.offset + spec.rate.release(k);
+  return spec.postponed ? t + Nanos{spec.postponed->applied_ns.load(std::memory_order_relaxed)} : t;
 }
 
 // With the delay that a fault plan adds.
@@ -198,6 +199,8 @@ void RealExecutor<Faults>::task_loop(Worker& w) {
     w.pending_to = monotonic_ns();
     // A release at or after the end is not ours to drop.
     const std::int64_t ended = std::min(w.pending_to, end);
+    if (Postponed* p = spec.postponed.get(); p != nullptr)
+      p->applied_ns.store(std::max(p->asked_ns.load(), p->applied_ns.load()));
     const NextRelease next = next_release(spec, k, arrival, clock.from_host(ended), raw);
     k = next.k;
     arrival = next.arrival;

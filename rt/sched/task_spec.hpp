@@ -2,7 +2,9 @@
 // priorities are derived from it (rate-monotonic), never given.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -60,6 +62,14 @@ struct StaticChoice {
 // latest fork. That and the parent's wait for the join, which counts as execution, are computed
 // (analysis.hpp). Workers block while they wait; they never spin.
 
+// How much later than its grid a task is released from now on: where its input comes at a phase
+// that is known only while it runs. It only grows, so two releases are never closer than a period,
+// which is all that the analysis asks of them. Real clock only.
+struct Postponed {
+  std::atomic<std::int64_t> asked_ns{0};    // by any ordinary thread
+  std::atomic<std::int64_t> applied_ns{0};  // by the task's thread, between two jobs
+};
+
 struct TaskSpec {
   std::string name;
   Box box = Box::kOperator;
@@ -82,6 +92,7 @@ struct TaskSpec {
   Nanos spin_lead{0};  // wake this much earlier and spin; admission adds it to the budget
   int forks = 0;       // of one job, at most; 0 = it has no workers
   std::string parent;  // of a pool worker: the row that forks; empty = an ordinary task
+  std::shared_ptr<Postponed> postponed;  // null: it keeps the phase of its offset
 
   [[nodiscard]] Nanos period() const noexcept { return rate.period(); }
   [[nodiscard]] Nanos relative_deadline() const noexcept {

@@ -4,6 +4,7 @@
 
 #include <cstdio>
 #include <fstream>
+#include <iterator>
 #include <stdexcept>
 
 #include "rt/clock/box_time.hpp"
@@ -38,8 +39,37 @@ rt::Result<std::unique_ptr<drivers::TcpLink>> OperatorSide::open_link(const Scen
   return drivers::TcpLink::connect(scene.link.address, port, std::chrono::seconds{2});
 }
 
+void OperatorSide::keep_phase(std::vector<rt::PlacedTask>& placed) {
+  for (rt::PlacedTask& p : placed) {
+    if (p.body == nullptr || p.id != tasks::index_of(tasks::TaskId::kFusion)) continue;
+    postponed_ = std::make_shared<rt::Postponed>();
+    p.spec.postponed = postponed_;
+    phase_.emplace(p.spec.period());
+  }
+}
+
+// What the console has seen since the last time.
+void OperatorSide::mind_phase() {
+  const auto since = [](const auto& samples, rt::Time& seen) {
+    auto from = samples.end();
+    while (from != samples.begin() && std::prev(from)->stamp > seen) --from;
+    if (from != samples.end()) seen = samples.back().stamp;
+    return from;
+  };
+  const auto& pictures = console.link().newest;
+  for (auto s = since(pictures, picture_seen_); s != pictures.end(); ++s) {
+    if (s->picture) phase_->arrived(s->stamp, s->made);
+  }
+  const auto& jobs = console.seen().fusion;
+  for (auto s = since(jobs, job_seen_); s != jobs.end(); ++s) {
+    if (s->consumed) phase_->taken(s->stamp, s->exposure);
+  }
+  postponed_->asked_ns.fetch_add(phase_->look().count());
+}
+
 void OperatorSide::tick(rt::Time t, drivers::LinkTransport& link) {
   console.tick(t);
+  if (postponed_) mind_phase();
   if (options_.page != nullptr) options_.page->tick(t);
   if (!options_.quiet) std::fputs(console.news().c_str(), stdout);
   if (!options_.quiet && t >= next_line_) {

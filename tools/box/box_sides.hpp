@@ -3,9 +3,13 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <vector>
 
 #include "drivers/link/tcp_link.hpp"
+#include "rt/sched/task.hpp"
 #include "tools/box/box_main.hpp"
+#include "tools/box/picture_phase.hpp"
 #include "tools/scene/box_devices.hpp"
 
 namespace teletact {
@@ -22,6 +26,8 @@ class OperatorSide {
   [[nodiscard]] static rt::Result<std::unique_ptr<drivers::TcpLink>> open_link(const Scene& scene,
                                                                                const BoxPlan& plan);
   void tick(rt::Time t, drivers::LinkTransport& link);
+  // From now on fusion, one of `placed`, is released when pictures have typically arrived.
+  void keep_phase(std::vector<rt::PlacedTask>& placed);
   void make_safe() { box.device().make_safe(); }
   [[nodiscard]] OperatorHalf& half();
   void finish(rt::NonRealtime& nrt, const drivers::LinkTransport& link);
@@ -30,8 +36,12 @@ class OperatorSide {
   OperatorConsole console;
 
  private:
+  void mind_phase();
   const Scene& scene_;
   const DemoOptions& options_;
+  std::optional<PicturePhase> phase_;
+  std::shared_ptr<rt::Postponed> postponed_;
+  rt::Time picture_seen_{}, job_seen_{};
   rt::Time epoch_, next_line_;
   bool cut_ = false;
   OperatorHalf half_;

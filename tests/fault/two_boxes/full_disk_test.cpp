@@ -136,8 +136,8 @@ TEST(FullDisk, AFileThatMayNotGrowIsToldAndNothingElse) {
   tell([](int n) {
     Boxes b("limit" + std::to_string(n), false);
     return story(b, b.folder, [&] {
-      // More than the boxes say; less than a few seconds of records.
-      const rlimit limit{200000, RLIM_INFINITY};
+      // More than the boxes say; less than ten seconds of records and samples.
+      const rlimit limit{60000, RLIM_INFINITY};
       for (const pid_t pid : {b.robot.pid(), b.op.pid()})
         EXPECT_EQ(::prlimit(pid, RLIMIT_FSIZE, &limit, nullptr), 0) << std::strerror(errno);
     });

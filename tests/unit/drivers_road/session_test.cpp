@@ -328,4 +328,42 @@ TEST(RoadLink, ADamagedOrOlderListChangesNothingAndIsTold) {
   EXPECT_TRUE(refused());
 }
 
+// A lost packet holds up its connection for a round trip and more. What the operator's box says comes by
+// the other one meanwhile, once, and nothing old behind it.
+TEST(RoadLink, WhatControlHoldsUpBulkBrings) {
+  Lab lab;
+  End robot(listening(lab, "rover", rt::Box::kRobot));
+  Proxy proxy(robot.link->port());
+  End op(dialling(lab, "ada", rt::Box::kOperator, proxy.port()));
+  robot.talk();
+  op.talk();
+  std::uint64_t newest = 0, again = 0;  // the robot's link thread
+  robot.endpoint.add_incoming(MessageId::kFrameReport,
+                              [&](std::span<const std::uint8_t> body, rt::Time) {
+                                drivers::FrameReport r;
+                                if (!drivers::decode(body, r)) return false;
+                                again += r.arrived <= newest ? 1 : 0;
+                                newest = std::max(newest, r.arrived);
+                                ++robot.got;
+                                return true;
+                              });
+  robot.start();
+  op.start();
+  ASSERT_TRUE(wait_for([&] { return op.ready() && robot.ready() && robot.got > 20; }));
+  for (const int which : {0, 1}) {  // control is dialled first
+    proxy.hold_one(which);
+    const int before = robot.got;
+    EXPECT_TRUE(wait_for([&] { return robot.got > before + 10; })) << "connection " << which;
+    proxy.hold_one(-1);
+    const int after = robot.got;
+    EXPECT_TRUE(wait_for([&] { return robot.got > after + 10; }));
+  }
+  EXPECT_EQ(robot.link->sessions(), 1U);
+  EXPECT_EQ(robot.faults, 0);
+  op.link->stop();
+  robot.link->stop();
+  EXPECT_EQ(again, 0U) << "each once, and none that is older than what came";
+  EXPECT_LE(static_cast<std::uint64_t>(robot.got.load()), op.made);
+}
+
 }  // namespace

@@ -217,19 +217,19 @@ void Proxy::run() {
       return true;
     });
     auto done = std::make_shared<std::atomic<bool>>(false);
-    passing_.push_back({std::thread([this, client, done] {
-                          pass(client, dial_plain(to_port_));
+    passing_.push_back({std::thread([this, client, done, which = accepted_++] {
+                          pass(client, dial_plain(to_port_), which);
                           done->store(true);
                         }),
                         done});
   }
 }
 
-void Proxy::pass(int client, int server) {
+void Proxy::pass(int client, int server, int which) {
   std::size_t before = 0;
   Bytes piece(16384);
   while (!stop_.load() && !cut_.load()) {
-    if (held_.load()) {
+    if (held_.load() || held_one_.load() == which) {
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
       continue;
     }

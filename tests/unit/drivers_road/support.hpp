@@ -101,7 +101,8 @@ class Proxy {
   explicit Proxy(int to_port);
   ~Proxy();
   int port() const { return port_; }
-  void hold(bool on) { held_.store(on); }  // half-open: nothing passes, nobody is told
+  void hold(bool on) { held_.store(on); }               // half-open: nothing passes, nobody is told
+  void hold_one(int which) { held_one_.store(which); }  // likewise, of the connections from 0 on
   void cut_all() { cut_.store(true); }
   // Called on what passes from the dialling side, per connection, with the number of bytes before.
   std::function<void(std::size_t before, Bytes& piece)> change;
@@ -110,9 +111,11 @@ class Proxy {
 
  private:
   void run();
-  void pass(int client, int server);
+  void pass(int client, int server, int which);
   int listen_fd_ = -1, port_ = 0, to_port_;
   std::atomic<bool> stop_{false}, held_{false}, cut_{false}, keep_{false};
+  std::atomic<int> held_one_{-1};
+  int accepted_ = 0;
   std::mutex mutex_;
   Bytes seen_;
   struct Passing {

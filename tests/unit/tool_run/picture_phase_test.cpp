@@ -1,0 +1,136 @@
+// Fusion's phase on a box of its own, against pictures and jobs simulated one by one.
+#include "tools/box/picture_phase.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cinttypes>
+#include <cstdio>
+#include <vector>
+
+#include "rt/random.hpp"
+
+namespace {
+
+using rt::Nanos;
+using rt::Time;
+using teletact::PicturePhase;
+
+constexpr std::int64_t kMs = 1'000'000, kPeriod = 33'333'333;
+constexpr std::int64_t kDecode = 3 * kMs;
+
+// Picture k is exposed at k T and arrives `way` and jitter later, in order; the cell keeps the newest;
+// fusion looks at a phase that only what the product asks for moves.
+struct Pictures {
+  rt::Random random;
+  std::int64_t way = 110 * kMs, jitter = 6 * kMs, drift_ppm = 0;
+  std::int64_t phase, postponed = 0;
+  int asked = 0;
+  PicturePhase keeper{Nanos{kPeriod}};
+  std::uint64_t picture = 0, job = 0;
+  std::int64_t last_arrival = 0, cell = -1, newest_taken = -1;
+  std::vector<std::int64_t> waits;  // of the last look's time
+  std::uint64_t missed = 0;
+  struct Arrival {
+    std::int64_t at, exposure;
+  };
+  std::vector<Arrival> on_the_way;
+
+  Pictures(std::uint64_t seed, std::int64_t phase_ns) : random(seed), phase(phase_ns) {}
+  static Time at(std::int64_t ns) { return rt::time_from_ns(1'000'000 * kMs + ns); }
+
+  void seconds(std::int64_t s) {
+    waits.clear();
+    missed = 0;
+    std::int64_t cell_at = 0;
+    for (const std::uint64_t end = job + static_cast<std::uint64_t>(30 * s); job < end; ++job) {
+      const std::int64_t start = static_cast<std::int64_t>(job) * kPeriod + phase + postponed;
+      // What has been exposed by then.
+      for (;; ++picture) {
+        const std::int64_t exposure =
+            static_cast<std::int64_t>(picture) * (kPeriod + kPeriod * drift_ppm / 1'000'000);
+        if (exposure > start) break;
+        last_arrival = std::max(last_arrival, exposure + way + random.integer(0, jitter));
+        on_the_way.push_back({last_arrival, exposure});
+      }
+      std::size_t n = 0;
+      for (; n < on_the_way.size() && on_the_way[n].at + kDecode <= start; ++n) {
+        keeper.arrived(at(on_the_way[n].at), at(on_the_way[n].exposure));
+        if (cell > newest_taken) ++missed;
+        cell = on_the_way[n].exposure;
+        cell_at = on_the_way[n].at;
+      }
+      on_the_way.erase(on_the_way.begin(), on_the_way.begin() + static_cast<std::ptrdiff_t>(n));
+      if (cell > newest_taken) {
+        newest_taken = cell;
+        keeper.taken(at(start), at(cell));
+        waits.push_back(start - cell_at);
+      }
+      const std::int64_t more = keeper.look().count();
+      ASSERT_GE(more, 0);
+      ASSERT_LE(more, kPeriod);
+      asked += more > 0 ? 1 : 0;
+      postponed += more;
+    }
+  }
+  [[nodiscard]] double p95_ms() {
+    std::sort(waits.begin(), waits.end());
+    return 1e-6 * static_cast<double>(waits.at(waits.size() * 95 / 100));
+  }
+};
+
+// Whatever the phase that chance gave.
+TEST(PicturePhase, PicturesSoonFindTheirJob) {
+  for (std::int64_t phase = 0; phase < kPeriod; phase += kPeriod / 40) {
+    for (const std::int64_t jitter : {0, 2, 6, 12}) {
+      SCOPED_TRACE(std::to_string(phase) + " ns, jitter " + std::to_string(jitter) + " ms");
+      Pictures run(1000 + static_cast<std::uint64_t>(phase), phase);
+      run.jitter = jitter * kMs;
+      run.seconds(20);
+      if (testing::Test::HasFatalFailure()) return;
+      const int settled = run.asked;
+      run.seconds(20);
+      EXPECT_LE(run.p95_ms(), 13.0 + static_cast<double>(jitter));
+      EXPECT_LE(run.missed, 12U) << "of 600";
+      EXPECT_LE(run.asked - settled, 1) << "and stay";
+    }
+  }
+}
+
+// 50 ppm, 3 ms a minute, either way, for half an hour.
+TEST(PicturePhase, ClocksThatDriftAreFollowed) {
+  for (const std::int64_t ppm : {-50, 50}) {
+    Pictures run(7, 12 * kMs);
+    run.drift_ppm = ppm;
+    run.seconds(30);
+    for (int minute = 0; minute < 30; ++minute) {
+      run.seconds(60);
+      if (testing::Test::HasFatalFailure()) return;
+      EXPECT_LE(run.p95_ms(), 21) << ppm << " ppm, minute " << minute;
+    }
+    EXPECT_LE(run.asked, 40);
+  }
+}
+
+// A job that comes too late now and then misses pictures at any phase: that is no reason to move.
+TEST(PicturePhase, MissedPicturesAloneAreNoReason) {
+  PicturePhase keeper{Nanos{kPeriod}};
+  for (int k = 0; k < 2'000; ++k) {
+    const std::int64_t exposure = k * kPeriod;
+    keeper.arrived(Pictures::at(exposure + 100 * kMs), Pictures::at(exposure));
+    if (k % 5 == 0) continue;
+    keeper.taken(Pictures::at(exposure + 109 * kMs), Pictures::at(exposure));
+    ASSERT_EQ(keeper.look().count(), 0) << k;
+  }
+}
+
+TEST(PicturePhase, WithoutPicturesNothingMoves) {
+  PicturePhase keeper{Nanos{kPeriod}};
+  for (int k = 0; k < 1'000; ++k) {
+    keeper.arrived(Pictures::at(k), Pictures::at(k));
+    EXPECT_EQ(keeper.look().count(), 0);
+    keeper.taken(Pictures::at(k), Pictures::at(k + 5'000));
+  }
+}
+
+}  // namespace

@@ -1,0 +1,45 @@
+#include "tools/box/picture_phase.hpp"
+
+#include <algorithm>
+
+namespace teletact {
+
+namespace {
+
+constexpr std::size_t kMostWaiting = 64;
+// The shortest waits but for this share are by chance; more missed than this are not.
+constexpr std::size_t kByChance = PicturePhase::kPictures / 20;
+
+}  // namespace
+
+void PicturePhase::arrived(rt::Time at, rt::Time exposure) {
+  if (waiting_.size() == kMostWaiting) waiting_.pop_front();
+  waiting_.push_back({at, exposure});
+}
+
+void PicturePhase::taken(rt::Time start, rt::Time exposure) {
+  while (!waiting_.empty() && waiting_.front().exposure < exposure) {
+    ++missed_;
+    waiting_.pop_front();
+  }
+  if (waiting_.empty() || waiting_.front().exposure != exposure) return;
+  waits_.push_back(start - waiting_.front().at);
+  waiting_.pop_front();
+}
+
+rt::Nanos PicturePhase::look() {
+  if (waits_.size() < kPictures) return rt::Nanos{0};
+  const auto at = waits_.begin() + static_cast<std::ptrdiff_t>(kByChance);
+  std::nth_element(waits_.begin(), at, waits_.end());
+  const rt::Nanos shortest = *at;
+  const bool many_missed = missed_ > kByChance;
+  waits_.clear();
+  missed_ = 0;
+  if (shortest > kMost) return period_ - (shortest - kGood);
+  // In the midst of the arrivals: the late ones find the next job, and there the next picture.
+  // Missed without that, they are by a job that came late, and no phase helps.
+  if (shortest >= (many_missed ? kGood : kLeast)) return rt::Nanos{0};
+  return kGood - std::min(shortest, kGood - kLeast);
+}
+
+}  // namespace teletact
