@@ -6,10 +6,12 @@
 #include <array>
 #include <chrono>
 #include <fstream>
+#include <memory>
 #include <sstream>
 #include <stdexcept>
 #include <thread>
 
+#include "perception/tsdf/mesh/mesh_deltas.hpp"
 #include "tools/console/console_server.hpp"
 #include "tools/console/view_bytes.hpp"
 #include "tools/measure/bench/callgrind.hpp"
@@ -29,6 +31,7 @@ constexpr std::uint64_t kFewer = 10;  // so many times less without --long
 constexpr double kLeast_s = 30;       // memory is looked at each second
 constexpr double kMost_s = 1500;
 constexpr int kWidth = 160, kHeight = 120;
+constexpr float kBlockEdge_m = 0.16F;
 
 double resident_MB() {
   std::ifstream in("/proc/self/statm");
@@ -74,6 +77,32 @@ std::string text(int n) {
   return j.dump();
 }
 
+// A patch of a floor of 20 by 20 blocks, cut again and again: a square a block, whose height changes.
+void floor_patch(int n, perception::MeshDelta& d) {
+  constexpr int kSide = 20;
+  d.seq = static_cast<std::uint64_t>(n) + 1;
+  d.block_count = kSide;
+  d.vertex_count = 4 * kSide;
+  d.triangle_count = 2 * kSide;
+  const float z = 0.02F + 0.001F * static_cast<float>(n % 40);
+  for (int i = 0; i < kSide; ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    auto& block = d.blocks[at];
+    block.at = {n % kSide, i, 0};
+    block.version = static_cast<std::uint32_t>(n / kSide + 1);
+    block.vertices = 4;
+    block.triangles = 2;
+    for (std::size_t k = 0; k < 4; ++k) {
+      auto& v = d.vertices[4 * at + k];
+      v.x = kBlockEdge_m * static_cast<float>(n % kSide + static_cast<int>(k % 2));
+      v.y = kBlockEdge_m * static_cast<float>(i + static_cast<int>(k / 2));
+      v.z = z;
+    }
+    d.triangles[2 * at] = {0, 1, 2};
+    d.triangles[2 * at + 1] = {1, 3, 2};
+  }
+}
+
 class Views {
  public:
   explicit Views(ConsoleServer& server) : server_(server) {}
@@ -81,6 +110,11 @@ class Views {
     const ViewStamp at{static_cast<double>(n_) / 30, static_cast<double>(n_) / 30, 0};
     server_.publish(ViewKind::kPose, at, pose());
     if (n_ % 2 == 0) server_.publish(ViewKind::kPicture, at, picture(n_));
+    if (n_ % 3 == 0) {
+      mesh_->restart = server_.wants_whole_mesh();
+      floor_patch(n_ / 3, *mesh_);
+      server_.publish_mesh(*mesh_, at, static_cast<double>(kBlockEdge_m));
+    }
     if (n_ % 6 == 0) server_.publish(ViewKind::kText, at, text(n_));
     if (n_ % 15 == 0) server_.publish(ViewKind::kCostMap, at, cost_map(n_));
     ++n_;
@@ -88,6 +122,7 @@ class Views {
 
  private:
   ConsoleServer& server_;
+  std::unique_ptr<perception::MeshDelta> mesh_ = std::make_unique<perception::MeshDelta>();
   int n_ = 0;
 };
 
