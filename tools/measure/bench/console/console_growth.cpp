@@ -77,7 +77,7 @@ std::string text(int n) {
   return j.dump();
 }
 
-// A patch of a floor of 20 by 20 blocks, cut again and again: a square a block, whose height changes.
+// A patch of a floor of 20 by 20 blocks, cut again and again: a square a block, its height changes.
 void floor_patch(int n, perception::MeshDelta& d) {
   constexpr int kSide = 20;
   d.seq = static_cast<std::uint64_t>(n) + 1;
