@@ -14,6 +14,7 @@
 #include "tools/files/whole_file.hpp"
 #include "tools/measure/bench/audit_bench.hpp"
 #include "tools/measure/bench/codec/codec_bench.hpp"
+#include "tools/measure/bench/console/console_bench.hpp"
 #include "tools/measure/bench/drift.hpp"
 #include "tools/measure/bench/fusion_peer.hpp"
 #include "tools/measure/bench/fuzz.hpp"
@@ -41,7 +42,8 @@ namespace {
 struct FuzzBench {
   FuzzOptions options;
   void add_to(CLI::App& app) {
-    app.add_option("--seconds", options.seconds, "fuzz: CPU seconds for each reader")
+    app.add_option("--seconds", options.seconds,
+                   "fuzz: CPU seconds for each reader; console: about so long each part")
         ->check(in_range(0.1, 1e6))
         ->capture_default_str();
     app.add_option("--reader", options.only, "fuzz: one reader only");
@@ -226,6 +228,27 @@ struct LinkBench {
   }
 };
 
+struct ConsoleBench {
+  ConsoleBenchOptions options;
+  explicit ConsoleBench(CLI::App& app) {
+    app.add_option("--part", options.only, "console: these parts alone: stop, acts, cost, growth")
+        ->check(CLI::IsMember(console_parts()))
+        ->delimiter(',');
+  }
+  // `seconds`: 0: each part its own length.
+  [[nodiscard]] ConsoleBenchResult run(const std::string& recording, double seconds, bool long_run,
+                                       const std::string& page, int argc, char** argv) {
+    std::string command = "teletact";
+    for (int i = 0; i < argc; ++i) command += " " + std::string(argv[i]);
+    options.recording = recording;
+    options.seconds = seconds;
+    options.long_run = long_run;
+    ConsoleBenchResult result = bench_console(std::cerr, options);
+    if (!page.empty()) write_whole_file(page, result.page(command));
+    return result;
+  }
+};
+
 struct PredictionBench {
   TraceSetOptions options;
   std::string logs = "../shared/data/odometry";
@@ -257,6 +280,18 @@ struct PredictionBench {
   }
 };
 
+void add_what(CLI::App& app, std::string& what) {
+  const std::vector<std::string> names = {
+      "rings",      "wakeup",  "audit", "table1", "table2", "segmentation",
+      "fusion",     "codec",   "drift", "fuzz",   "haptic", "boundary",
+      "prediction", "effects", "days",  "link",   "console"};
+  app.add_option("WHAT", what,
+                 "rings | wakeup | audit | table1 | table2 | segmentation | fusion | codec | drift "
+                 "| fuzz | haptic | boundary | prediction | effects | days | link | console")
+      ->required()
+      ->check(CLI::IsMember(names));
+}
+
 }  // namespace
 
 int cmd_bench(int argc, char** argv) {
@@ -264,14 +299,7 @@ int cmd_bench(int argc, char** argv) {
   std::string what, json;
   int rounds = 9;
   double slice_s = 1.0;
-  const std::vector<std::string> names = {
-      "rings", "wakeup", "audit",  "table1",   "table2",     "segmentation", "fusion", "codec",
-      "drift", "fuzz",   "haptic", "boundary", "prediction", "effects",      "days",   "link"};
-  app.add_option("WHAT", what,
-                 "rings | wakeup | audit | table1 | table2 | segmentation | fusion | codec | drift "
-                 "| fuzz | haptic | boundary | prediction | effects | days | link")
-      ->required()
-      ->check(CLI::IsMember(names));
+  add_what(app, what);
   app.add_option("--rounds", rounds, "interleaved rounds")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -304,7 +332,8 @@ int cmd_bench(int argc, char** argv) {
       ->capture_default_str();
   CodecBenchOptions codec;
   app.add_flag("--long", codec.long_run,
-               "codec: 100,000 damaged frames of each kind, 10,000 states");
+               "codec: 100,000 damaged frames of each kind, 10,000 states; "
+               "console: growth over an hour's worth of views");
   FuzzBench fuzz;
   fuzz.add_to(app);
   PeerBench peer;
@@ -314,6 +343,7 @@ int cmd_bench(int argc, char** argv) {
   PredictionBench prediction(app);
   DaysBench days(app);
   const LinkBench link(app);
+  ConsoleBench console(app);
   int frames = 0;
   DriftOptions drift;
   app.add_option(
@@ -377,6 +407,9 @@ int cmd_bench(int argc, char** argv) {
     take(days.run(effects.file, argc, argv));
   } else if (what == "link") {
     take(link.run(effects.file, argc, argv));
+  } else if (what == "console") {
+    take(console.run(table1.rgbd, app.count("--seconds") > 0 ? fuzz.options.seconds : 0,
+                     codec.long_run, effects.file, argc, argv));
   } else if (what == "prediction") {
     take(prediction.run(app, seed, haptic.svg, effects.file));
   } else if (what == "table1" || what == "fusion") {

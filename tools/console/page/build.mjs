@@ -1,4 +1,5 @@
-// Bundles the page: build.mjs --site FOLDER; with --tests the twin and the tests too, into run/.
+// Bundles the page: build.mjs --site FOLDER; with --tests the twin, the tests, the bench's part in
+// the browser and the film too, into run/.
 import { build } from 'esbuild';
 import { cpSync, mkdirSync } from 'node:fs';
 
@@ -12,6 +13,9 @@ await build({ entryPoints: ['src/main.ts'], outfile: `${site}/page.js`, bundle: 
   format: 'esm', target: 'es2022', minify: true, legalComments: 'external', logLevel: 'warning' });
 for (const file of ['index.html', 'style.css', 'icon.svg']) cpSync(file, `${site}/${file}`);
 if (words.includes('--tests')) {
-  await build({ ...node, entryPoints: ['twin/twin_main.ts'], outfile: 'run/twin.mjs' });
-  await build({ ...node, entryPoints: ['test/page_test.ts'], outfile: 'run/page_test.mjs' });
+  const programs = { twin: 'twin/twin_main', page_test: 'test/page_test',
+    measure: 'test/measure', film: 'test/film' };
+  for (const [name, file] of Object.entries(programs)) {
+    await build({ ...node, entryPoints: [`${file}.ts`], outfile: `run/${name}.mjs` });
+  }
 }

@@ -131,7 +131,8 @@ class Page {
       this.meshCame ||= performance.now();
       this.mesh.take(delta);
     });
-    this.mesh.onApplied = () => {
+    this.mesh.onApplied = sequence => {
+      window.teletact?.applied?.(sequence);
       this.meshTimes.push(performance.now() - this.meshCame);
       if (this.meshTimes.length > mostTimes) this.meshTimes.shift();
       this.meshCame = 0;
@@ -245,7 +246,11 @@ class Page {
 
 declare global {
   interface Window {
-    teletact: { figures: () => object; toScreen: (p: Vec3) => [number, number] | null };
+    teletact: {
+      figures: () => object;
+      toScreen: (p: Vec3) => [number, number] | null;
+      applied?: (sequence: number) => void;  // whoever measures: the mesh is in the scene
+    };
   }
 }
 

@@ -68,9 +68,9 @@ StopSeen stop_seen(std::span<const SpeedAt> speeds, double press_ms) {
 }
 
 std::optional<std::int64_t> first_start(std::span<const rt::JobRecord> jobs, std::int64_t ns) {
-  const auto at = std::lower_bound(
-      jobs.begin(), jobs.end(), ns,
-      [](const rt::JobRecord& job, std::int64_t t) { return job.start_ns < t; });
+  const auto at =
+      std::lower_bound(jobs.begin(), jobs.end(), ns,
+                       [](const rt::JobRecord& job, std::int64_t t) { return job.start_ns < t; });
   if (at == jobs.end()) return std::nullopt;
   return at->start_ns;
 }
