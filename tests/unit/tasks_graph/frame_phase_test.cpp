@@ -125,4 +125,17 @@ TEST(FramePhase, CaptureBelowFusionOnOneCoreGivesThePhaseOfCaptureAlone) {
   EXPECT_EQ(offset(0, milliseconds{3}), offset(1, milliseconds{2})) << "not below its own cost";
 }
 
+// Frame f is whole at f T + exposure: the release that follows comes kWhole later, not a period.
+TEST(FramePhase, CaptureComesWhenTheFrameIsWhole) {
+  for (const Nanos exposure :
+       {Nanos{100'000}, Nanos{10'000'000}, Nanos{23'000'000}, Nanos{30'000'000}}) {
+    const Nanos offset = tasks::capture_offset(exposure, kPeriod);
+    EXPECT_GE(offset.count(), 0);
+    EXPECT_LT(offset, kPeriod);
+    const Nanos whole = exposure % kPeriod;
+    const Nanos waits = offset >= whole ? offset - whole : offset + kPeriod - whole;
+    EXPECT_EQ(waits, tasks::kWhole) << exposure.count();
+  }
+}
+
 }  // namespace
