@@ -27,12 +27,14 @@ class Film {
   readonly frames: Frame[] = [];
   private readonly folder = mkdtempSync(join(tmpdir(), 'teletact_film_'));
   private begin = 0;
+  private ended = false;
 
   get now(): number { return (performance.now() - this.begin) / 1000; }
 
   async start(page: Page): Promise<void> {
     const session = await page.context().newCDPSession(page);
     session.on('Page.screencastFrame', ({ data, sessionId }) => {
+      if (this.ended) return;
       const file = join(this.folder, `${String(this.frames.length).padStart(5, '0')}.jpg`);
       writeFileSync(file, Buffer.from(data, 'base64'));
       this.frames.push({ file, at: this.now });
@@ -48,6 +50,7 @@ class Film {
   }
 
   write(out: string): void {
+    this.ended = true;
     const list = this.frames.map(({ file, at }, i) =>
       `file '${file}'\nduration ${((this.frames[i + 1]?.at ?? length) - at).toFixed(3)}`);
     writeFileSync(join(this.folder, 'list'), `${list.join('\n')}\n`);
