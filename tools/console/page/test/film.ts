@@ -128,7 +128,7 @@ class Newcomer {
   private async mark(): Promise<void> {
     await this.tool('Mark');
     await this.slowly([[0.75, -0.3, 0], [0.8, -0.25, 0], [0.85, -0.2, 0]]);
-    await this.press('#commands button:has-text("Engage")');
+    await this.engage();
   }
 
   private async obstacle(): Promise<void> {
@@ -136,6 +136,14 @@ class Newcomer {
     await this.slowly([[1.5, 0, 0], [1.7, 0, 0]]);
     await this.tool('Go to');
     await this.slowly([[2.2, 0.25, 0]]);
+    await this.engage();
+  }
+
+  // A page that stood still for a moment has let go.
+  private async engage(): Promise<void> {
+    if (this.twin.plant.mode !== 'engaged') {
+      await this.press('#commands button:has-text("Engage")');
+    }
   }
 
   private async object(): Promise<void> {
