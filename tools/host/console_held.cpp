@@ -135,7 +135,11 @@ void OperatorConsole::take_mesh(rt::Time now) {
   const MeshWanted wanted = mesh_taker_.wants ? mesh_taker_.wants() : MeshWanted::kDeltas;
   if (wanted == MeshWanted::kNone) return taken.store(tasks::kMeshUnwanted);
   const auto delta = cells.read<tasks::EdgeId::kMesh, tasks::kConsole>();
-  if (!delta) return;
+  if (!delta) {
+    // Nobody has wanted any so far: fusion makes the first one once it hears that somebody does.
+    if (edits_scene_ && taken.load() == tasks::kMeshUnwanted) taken.store(0);
+    return;
+  }
   if (delta->seq != mesh_.seq()) mesh_lag_ = now - delta->exposure;
   for (auto& w : watches_) {
     if (w.row().edge == tasks::EdgeId::kMesh && !w.within(now, fusion_heard_, now - mesh_lag_))

@@ -84,7 +84,7 @@ TEST(ConsoleBench, EachLimitCanBeMissed) {
                             [](auto& r) { r.acts->mesh_ms.assign(20, 100.1); },
                             [](auto& r) { r.acts->fps = 4.9; },
                             [](auto& r) { r.acts->acts[1].answer_ms.assign(20, 200.1); },
-                            [](auto& r) { r.cost->with += 1; },
+                            [](auto& r) { r.cost->with += 501; },
                             [](auto& r) { r.cost->log_with = "\"35\""; },
                             [](auto& r) { r.cost->fusion_open_ms.assign(10, 11.1); },
                             [](auto& r) { r.cost->server_share = 0.051; },
@@ -134,7 +134,7 @@ TEST(ConsoleBench, WhatWasNotMeasuredSaysWhy) {
   EXPECT_EQ(busy.missed(), 0) << "a figure of time on a machine that others use";
   EXPECT_THAT(printed(busy), HasSubstr("others used 2.00"));
   busy.cost->busy = busy.acts->busy;
-  busy.cost->with += 100;
+  busy.cost->with += 501;
   EXPECT_EQ(busy.missed(), 1) << "instructions do not depend on it";
 
   ConsoleBenchResult blind = just_good();

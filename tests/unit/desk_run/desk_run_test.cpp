@@ -200,6 +200,19 @@ TEST(DeskRun, AGoalThatIsDrawnOverIsToldAsNotReached) {
   EXPECT_TRUE(told);
 }
 
+// Whoever opens the page while the run goes on gets the whole surface, also the first one ever.
+TEST(DeskRun, AViewerWhoComesLateGetsTheMesh) {
+  auto s = scene({"fusion.mesh_blocks=100"});
+  Person p;
+  int before = -1;
+  p.act = [&](double t) {
+    if (p.once("come", t, 4.0)) before = p.mesh_blocks, p.viewers = 1;
+  };
+  const VirtualRun r = run(*s, 7, p);
+  EXPECT_EQ(before, 0) << "nobody looked";
+  EXPECT_GT(p.mesh_blocks, 100);
+}
+
 // The timing table and the link's figures against the run's own records.
 TEST(DeskRun, WhatThePageTellsOfTasksAndLinkIsWhatTheRunRecorded) {
   auto s = scene();

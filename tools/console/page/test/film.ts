@@ -27,12 +27,14 @@ class Film {
   readonly frames: Frame[] = [];
   private readonly folder = mkdtempSync(join(tmpdir(), 'teletact_film_'));
   private begin = 0;
+  private ended = false;
 
   get now(): number { return (performance.now() - this.begin) / 1000; }
 
   async start(page: Page): Promise<void> {
     const session = await page.context().newCDPSession(page);
     session.on('Page.screencastFrame', ({ data, sessionId }) => {
+      if (this.ended) return;
       const file = join(this.folder, `${String(this.frames.length).padStart(5, '0')}.jpg`);
       writeFileSync(file, Buffer.from(data, 'base64'));
       this.frames.push({ file, at: this.now });
@@ -48,6 +50,7 @@ class Film {
   }
 
   write(out: string): void {
+    this.ended = true;
     const list = this.frames.map(({ file, at }, i) =>
       `file '${file}'\nduration ${((this.frames[i + 1]?.at ?? length) - at).toFixed(3)}`);
     writeFileSync(join(this.folder, 'list'), `${list.join('\n')}\n`);
@@ -125,7 +128,7 @@ class Newcomer {
   private async mark(): Promise<void> {
     await this.tool('Mark');
     await this.slowly([[0.75, -0.3, 0], [0.8, -0.25, 0], [0.85, -0.2, 0]]);
-    await this.press('#commands button:has-text("Engage")');
+    await this.engage();
   }
 
   private async obstacle(): Promise<void> {
@@ -133,6 +136,14 @@ class Newcomer {
     await this.slowly([[1.5, 0, 0], [1.7, 0, 0]]);
     await this.tool('Go to');
     await this.slowly([[2.2, 0.25, 0]]);
+    await this.engage();
+  }
+
+  // A page that stood still for a moment has let go.
+  private async engage(): Promise<void> {
+    if (this.twin.plant.mode !== 'engaged') {
+      await this.press('#commands button:has-text("Engage")');
+    }
   }
 
   private async object(): Promise<void> {

@@ -13,7 +13,9 @@ import { clockOf, watchMesh, watchPage } from './watch';
 
 const pause = 250;         // ms between acts: each one alone
 const settle = 3000;       // ms until the first mesh has come whole
-const touchHold = 500;     // ms that a touch is held, and pauses after it
+const touchHold = 500;     // ms that a touch is held
+const touchPause = 1200;   // ms in which the hand goes back: still before the next touch
+const mostTouches = 20;    // within the newest minute of the hand, which the box keeps whole
 const driveFor = 9000;     // ms in which the base drives and new surface comes
 
 type All = Figures & { messages: number };
@@ -73,12 +75,11 @@ async function act(page: Page, rounds: number): Promise<void> {
   await page.waitForTimeout(driveFor);
   await command(page, 'Hold');
   await page.waitForTimeout(pause);
-  // Last: the box keeps the hand's newest minute whole.
   await tool(page, 'Touch');
-  for (let i = 0; i < rounds; ++i) {
+  for (let i = 0; i < Math.min(rounds, mostTouches); ++i) {
     const p: Vec3 = [1.6, 0.1 * (i % 2), 0];
     await drag(page, p, p, touchHold);
-    await page.waitForTimeout(touchHold);
+    await page.waitForTimeout(touchPause);
   }
 }
 

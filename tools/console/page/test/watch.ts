@@ -38,9 +38,9 @@ export function watchPage(): void {
     }
 
     override send(data: string): void {
-      const { act, id } = JSON.parse(data) as { act: string; id: number };
-      // Of a held act the first one after a press is what answers the pointer.
-      const again = act === 'hand' && held.has(String(seen.pointer));
+      const { act, id, press } = JSON.parse(data) as { act: string; id: number; press?: boolean };
+      // Of a touch the first one after the press is what answers the pointer.
+      const again = act === 'hand' && (!press || held.has(String(seen.pointer)));
       if (act === 'hand') held.add(String(seen.pointer));
       if (!quiet.includes(act) && !again) {
         seen.sent.push({ act, id, pointer: seen.pointer, at: performance.now() });

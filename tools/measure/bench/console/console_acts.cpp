@@ -23,6 +23,7 @@ constexpr int kRounds = 25, kLeast = 4;
 constexpr double kRound_s = 4, kBefore_s = 25;
 constexpr double kPatience = 8;  // a machine that is busy takes so many times as long
 constexpr double kDrawn_s = 10;
+const char* const kPlayed_s = "120";  // ended before: the recording is shorter, and then held
 // The hand has begun to go where the page wants it; before the press it was still.
 constexpr double kMoved_m = 0.0005, kStill_m = 0.0003, kStill_ms = 30, kLatest_ms = 500;
 
@@ -136,7 +137,7 @@ void play_recording(const ConsoleBenchOptions& options, const std::string& folde
     out.no_recording = "no recording: " + options.recording + " is not there";
     return;
   }
-  PagedDemo demo(folder + "/recording", {"--rgbd", options.recording});
+  PagedDemo demo(folder + "/recording", {"--rgbd", options.recording, "--seconds", kPlayed_s});
   const json drawn =
       run_page_script({"drawn", demo.url(), std::to_string(static_cast<int>(kDrawn_s))}, folder,
                       kPatience * (kDrawn_s + kBefore_s));

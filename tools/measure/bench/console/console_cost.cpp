@@ -29,13 +29,15 @@ constexpr double kPair_s = 15;
 constexpr int kHammered = 180;  // intents a second: below the server's limit of 200
 const char* const kCounted_s = "2";
 
-// The scene that a page is shown, and nobody in it: neither the script's hand nor its engage.
+// The scene that a page is shown (tools/teletact/console_words.cpp) but for the mesh, and nobody in
+// it: neither the script's hand nor its engage.
 // Later words win, so these stand with a page too.
 Words nobody(const std::string& report, const std::string& json) {
   Words words{"demo",    "--clock",  "virtual", "--seconds", kCounted_s,
               "--quiet", "--report", report,    "--json",    json};
-  for (const char* key : {"haptic.border_m=0.065", "haptic.border_rate_per_s=20",
-                          "operator.engage_after_s=3600", "hand.start_after_s=3600"})
+  for (const char* key :
+       {"haptic.border_m=0.065", "haptic.border_rate_per_s=20", "fusion.objects.enabled=true",
+        "operator.engage_after_s=3600", "hand.start_after_s=3600"})
     words.insert(words.end(), {"--set", key});
   return words;
 }

@@ -103,7 +103,9 @@ std::int64_t PageClient::say(nlohmann::json intent) {
 bool PageClient::post_stop() { return wire_->post("/stop", "{}").result_int() == 200; }
 
 void PageClient::tokens() {
-  if (holds.empty() || Clock::now() < token_due_) return;
+  // Once something was held, an empty list says that it was let go: only then a new press counts.
+  held_ = held_ || !holds.empty();
+  if (!held_ || Clock::now() < token_due_) return;
   token_due_ = Clock::now() + kToken;
   say({{"act", "token"}, {"holds", holds}});
   if (!driven.is_null()) say(driven);

@@ -49,6 +49,7 @@ class PageClient {
   void tokens();
   std::unique_ptr<Wire> wire_;
   std::int64_t id_ = 0;
+  bool held_ = false;
   std::chrono::steady_clock::time_point token_due_{};
 };
 

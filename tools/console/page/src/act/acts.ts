@@ -30,7 +30,7 @@ export class Acts {
 
   async engage(): Promise<void> {
     this.held.press('engage');
-    const answer = await this.ask('engage', { hold: 'engage' },
+    const answer = await this.ask('engage', {},
       'Engaged while this page is shown.');
     if (!answer.ok) this.held.release('engage');
   }
