@@ -10,6 +10,13 @@ namespace {
 
 constexpr int kMeshPatience = 10;  // messages' time that an answer may take
 
+// Of each of `parts`. Tiles of the cast are 4 rays high: a part that ends with one casts the rays
+// of a cast in one piece.
+int view_rows(int height, int parts) noexcept {
+  const int n = std::max(1, parts);
+  return ((height + n - 1) / n + 3) / 4 * 4;
+}
+
 }  // namespace
 
 // ---------------------------------------------------------------- patch
@@ -56,7 +63,9 @@ ViewWriter::ViewWriter(rt::NonRealtime& nrt, const FusionConfig& config,
     : config_(config),
       camera_(camera),
       maps_(nrt, camera.width / std::max(1, config.view_step) + 1,
-            camera.height / std::max(1, config.view_step) + 1) {}
+            camera.height / std::max(1, config.view_step) + 1),
+      rows_(view_rows(camera.subsampled(std::max(1, config.view_step)).height,
+                      config.view_period_frames / 2)) {}
 
 bool ViewWriter::due(bool started, std::uint64_t period, const FusionOut& out) const noexcept {
   return out.view != nullptr && config_.view_period_frames > 0 && started &&
@@ -73,16 +82,17 @@ void ViewWriter::show_mask(const CameraTracking& tracking, SceneView& v) const n
   }
 }
 
-// Pixels of the view, with `objects`' ids; nullptr: there are none.
-void ViewWriter::shade(const perception::ImageView<const std::uint8_t>* objects,
-                       SceneView& v) const noexcept {
+// Rows of the maps as pixels of the view, from `first_row` on.
+void ViewWriter::shade(int first_row, SceneView& v) const noexcept {
   const auto colour = maps_.colour();
+  const auto ids = maps_.labels();
   for (int y = 0; y < maps_.height(); ++y) {
     for (int x = 0; x < maps_.width(); ++x) {
-      const auto i = static_cast<std::size_t>(y) * static_cast<std::size_t>(v.intrinsics.width) +
-                     static_cast<std::size_t>(x);
+      const auto i =
+          static_cast<std::size_t>(first_row + y) * static_cast<std::size_t>(v.intrinsics.width) +
+          static_cast<std::size_t>(x);
       const float* r = maps_.at(x, y);
-      v.object[i] = objects != nullptr ? objects->at(x, y) : std::uint8_t{0};
+      if (labels_) v.object[i] = ids.at(x, y);
       if (!maps_.hit(x, y)) {
         v.colour[i] = {24, 26, 30};
         v.points[i] = {};
@@ -102,35 +112,64 @@ void ViewWriter::shade(const perception::ImageView<const std::uint8_t>* objects,
   }
 }
 
-void ViewWriter::write(const FusionScene& scene, const std::optional<Pose>& X_WV, bool has_body,
-                       FusionOut& out) noexcept {
-  if (!due(scene.camera.started, scene.period, out)) return;
-  Stage stage(scene.stages, &FusionProfile::view);
+// The eye, and what the camera's newest image says: later ones are of another pose.
+void ViewWriter::begin(const FusionScene& scene, const std::optional<Pose>& X_WV, bool has_body,
+                       SceneView& v) noexcept {
+  v.X_WV = X_WV ? *X_WV : scene.camera.X_WC;
+  v.intrinsics = camera_.subsampled(config_.view_step);
+  v.exposure = scene.camera.fused;
+  // The camera's own frame shows objects better than the map alone can.
   const FusionObjects* objects = scene.objects;
+  const bool own = objects != nullptr && objects->drawn() && !X_WV;
+  labels_ = !own && objects != nullptr && objects->count() > 0;
+  const int width = v.intrinsics.width;
+  std::uint8_t* to = v.object.data();
+  for (int y = 0; y < v.intrinsics.height; ++y, to += width) {
+    if (own)
+      std::copy_n(objects->shown().row(y), width, to);
+    else
+      std::fill_n(to, width, std::uint8_t{0});
+  }
+  // The mask is of the camera's pixels: another eye has none.
+  v.masked = !X_WV && (scene.tracking.masked() || has_body);
+  if (v.masked) show_mask(scene.tracking, v);
+}
+
+// The next rows of the view.
+perception::RaycastStats ViewWriter::cast(const FusionScene& scene, SceneView& v) noexcept {
   perception::RaycastOptions o;
   o.pixel_step = config_.view_step;
   o.min_weight = config_.view_min_weight;
   o.colour = true;
   o.crew = scene.stages.crew;
-  const Pose X = X_WV ? *X_WV : scene.camera.X_WC;
-  // The camera's own frame shows objects better than the map alone can.
-  const bool own = objects != nullptr && objects->drawn() && !X_WV;
-  o.labels = !own && objects != nullptr && objects->count() > 0;
-  const auto stats = perception::raycast(scene.map, camera_, X, o, maps_);
-  if (stats.rays == 0) return;
+  o.labels = labels_;
+  perception::Intrinsics part = camera_;
+  const int done = row_ * config_.view_step;
+  part.height = camera_.height - done;
+  part.cy -= done;
+  if (!labels_) part.height = std::min(part.height, rows_ * config_.view_step);
+  const auto stats = perception::raycast(scene.map, part, v.X_WV, o, maps_);
+  if (stats.rays == 0) return stats;
+  shade(row_, v);
+  row_ += maps_.height();
+  return stats;
+}
+
+void ViewWriter::write(const FusionScene& scene, const std::optional<Pose>& X_WV, bool has_body,
+                       FusionOut& out) noexcept {
+  const bool begins = row_ == 0;
+  if (out.view == nullptr || (begins && !due(scene.camera.started, scene.period, out))) return;
+  Stage stage(scene.stages, &FusionProfile::view);
   SceneView& v = *out.view;
-  v.X_WV = X;
-  v.intrinsics = maps_.intrinsics;
-  const auto ids = own ? objects->shown() : maps_.labels();
-  shade(own || o.labels ? &ids : nullptr, v);
-  // The mask is of the camera's pixels: another eye has none.
-  v.masked = !X_WV && (scene.tracking.masked() || has_body);
-  if (v.masked) show_mask(scene.tracking, v);
-  v.seq = ++seq_;
-  v.fused = scene.tick.start;
-  v.exposure = scene.camera.fused;
+  if (begins) begin(scene, X_WV, has_body, v);
+  const auto stats = cast(scene, v);
   out.work_view = static_cast<std::uint64_t>(stats.steps) + static_cast<std::uint64_t>(stats.rays);
   out.work += out.work_view;
+  if (stats.rays > 0 && row_ < v.intrinsics.height) return;
+  row_ = 0;
+  if (stats.rays == 0) return;
+  v.seq = ++seq_;
+  v.fused = scene.tick.start;
   out.view_written = true;
 }
 

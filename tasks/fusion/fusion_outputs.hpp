@@ -57,24 +57,36 @@ class PatchWriter {
 };
 
 // What the operator sees: a ray cast with colour, objects and the mask of what moves.
+//
+// A whole cast costs about as much as the rest of a frame, and the budget of a job is that of the
+// dearest one. So it is made in parts, some rows a job, within half of its period. All rows are
+// seen from where the eye was when the cast began; a row shows the map as it was in the job that
+// cast it, and `exposure` is of the first. One with labels from the map is made in one piece:
+// outlines cross rows.
 class ViewWriter {
  public:
   // Keeps a reference to `config`.
   ViewWriter(rt::NonRealtime&, const FusionConfig& config, const perception::Intrinsics& camera);
 
-  // Is a view to be made in this period?
+  // Is a view to be begun in this period?
   [[nodiscard]] bool due(bool started, std::uint64_t period, const FusionOut& out) const noexcept;
   // From the camera, or from X_WV. `has_body`: the mask shows the robot's own body.
   void write(const FusionScene& scene, const std::optional<Pose>& X_WV, bool has_body,
              FusionOut& out) noexcept;
 
  private:
-  void shade(const perception::ImageView<const std::uint8_t>* objects, SceneView& v) const noexcept;
+  void begin(const FusionScene& scene, const std::optional<Pose>& X_WV, bool has_body,
+             SceneView& v) noexcept;
+  [[nodiscard]] perception::RaycastStats cast(const FusionScene& scene, SceneView& v) noexcept;
+  void shade(int first_row, SceneView& v) const noexcept;
   void show_mask(const CameraTracking& tracking, SceneView& v) const noexcept;
 
   const FusionConfig& config_;
   perception::Intrinsics camera_;
   perception::RaycastMaps maps_;
+  int rows_;             // of a part
+  int row_ = 0;          // where the next part begins; 0: none is under way
+  bool labels_ = false;  // of the cast that is under way: objects' ids come from the map
   std::uint64_t seq_ = 0;
 };
 
