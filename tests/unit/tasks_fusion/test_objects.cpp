@@ -315,7 +315,8 @@ TEST(FusionObjects, AnAcceptedObjectIsNamedWithTheNextImageAndDroppedByItsSerial
   ASSERT_EQ(rig.list->size, 1);
   const ObjectList::Entry& e = rig.list->entries[0];
   const Vec3 centre_W = e.X_WO * e.centre_m;
-  EXPECT_LT((centre_W - rig.room.boxes[kBox].X_WS.translation()).norm(), 0.15);
+  // Its back was never seen: the middle of what was lies nearer to the camera.
+  EXPECT_LT((centre_W - rig.room.boxes[kBox].X_WS.translation()).norm(), 0.25);
   EXPECT_NEAR(e.extent_m.maxCoeff(), 0.75, 0.15);
 
   rig.in.drop_object = static_cast<std::uint16_t>(e.serial + 1);
