@@ -66,7 +66,7 @@ TEST_F(Console, WhatIsNoIntentMovesNothing) {
   EXPECT_EQ(refused(Refusal::kEnvelope), 8U);
   s->text(std::string(5000, ' '));
   EXPECT_EQ(s->close_code(), 1009) << "longer than 4 KiB";
-  EXPECT_EQ(refused(Refusal::kEnvelope), 9U);
+  EXPECT_TRUE(wait_for([&] { return refused(Refusal::kEnvelope) == 9U; }));
   EXPECT_TRUE(wait_for([&] { return server_->viewers() == 0; }));
 }
 
