@@ -156,7 +156,12 @@ class Hand {
 
 bool in_force(Hand& h) {
   h.device().request_enable();
-  return h.until([&] { return h.sensed && h.sample.state == DeviceState::kForce; }, 500);
+  return h.until([&] { return h.sensed && h.sample.state == DeviceState::kForce; }, 2000);
+}
+
+std::string hand_state(const Hand& h) {
+  return "state " + std::to_string(static_cast<int>(h.sample.state)) +
+         (h.sensed ? ", sensed" : ", nothing sensed");
 }
 
 void session(rt::NonRealtime& nrt, FalconFunction& function, vm::UsbPlug& plug) {
@@ -166,7 +171,7 @@ void session(rt::NonRealtime& nrt, FalconFunction& function, vm::UsbPlug& plug) 
   const Vec3 force(1, 0.5, 0);
   const auto renders = [&] { return (function.motor() - force).norm() < 0.05; };
   check("the Falcon's driver opens it and gets to force", in_force(h), h.device().description());
-  check("a force is at its motors", h.until(renders, 300, force), "");
+  check("a force is at its motors", h.until(renders, 1000, force), hand_state(h));
   const auto frames = h.device().counters().frames;
   for (int i = 0; i < 200; ++i) h.tick(force);
   const auto now = h.device().counters();
@@ -189,7 +194,7 @@ void session(rt::NonRealtime& nrt, FalconFunction& function, vm::UsbPlug& plug) 
   for (int i = 0; i < 50; ++i) h.tick(force);
   check("without a force until somebody enables it",
         h.sample.state != DeviceState::kForce && function.motor() == Vec3::Zero(), "");
-  check("then with it", in_force(h) && h.until(renders, 300, force), "");
+  check("then with it", in_force(h) && h.until(renders, 1000, force), hand_state(h));
 }
 
 }  // namespace
