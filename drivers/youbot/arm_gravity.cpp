@@ -21,8 +21,8 @@ ArmAngles arm_gravity_Nm(const ArmAngles& q, const ArmMasses& m) noexcept {
                       held_kg * (off_axis + geo::kToolZ_m * std::sin(tilt));
   const double hand_kg = m.link_kg[2] + m.link_kg[3] + held_kg;
   const double forearm = m.link_kg[1] * m.centre_m[1] * std::sin(fore) + hand_kg * wrist + hand;
-  const double arm = m.link_kg[0] * m.centre_m[0] * std::sin(upper) +
-                     (m.link_kg[1] + hand_kg) * elbow + forearm;
+  const double arm =
+      m.link_kg[0] * m.centre_m[0] * std::sin(upper) + (m.link_kg[1] + hand_kg) * elbow + forearm;
   return {0, kGravity_m_per_s2 * arm, kGravity_m_per_s2 * forearm, kGravity_m_per_s2 * hand, 0};
 }
 

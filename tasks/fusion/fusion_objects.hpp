@@ -63,8 +63,8 @@ class FusionObjects {
   std::array<std::uint8_t, 256> slot_of_label_{};
   perception::Image<std::uint8_t> shown_;
   bool drawn_ = false;
-  std::optional<Vec3> mark_W_;  // not answered yet
-  int mark_waited_ = 0;         // frames
+  std::optional<Vec3> mark_W_;                    // not answered yet
+  int mark_waited_ = 0;                           // frames
   std::optional<perception::GivenObject> given_;  // not named yet; a mark goes before it
   int given_waited_ = 0;                          // frames
   std::uint64_t mark_seq_ = 0, answered_seq_ = 0, published_answer_ = 0, list_seq_ = 0;
