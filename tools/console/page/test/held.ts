@@ -42,6 +42,29 @@ test('a browser that stood still lets go', async () => {
   await new Promise(done => setTimeout(done, 120));
   assert.equal(b.told.length, count, 'no token after it');
 });
+test('after a freeze the command whose timer is first does not go', () => {
+  const b = bench();
+  b.drive.press('KeyW', [1, 0, 0]);
+  b.drive.press('KeyQ', [0, 0, 1]);
+  const before = b.told.filter(x => x.act === 'drive').length;
+  b.clock.now = 201;
+  b.drive.release('KeyQ');  // a command at once, before the token's timer has run
+  assert.deepEqual(b.lost, [['drive']]);
+  assert.equal(b.told.filter(x => x.act === 'drive').length, before);
+  assert.deepEqual(b.newest(), []);
+});
+test('after a freeze a press holds what is pressed, and nothing from before', () => {
+  const b = bench();
+  b.held.press('engage');
+  b.held.press('hand');
+  b.clock.now = 201;
+  b.held.press('drive');
+  assert.deepEqual(b.lost, [['engage', 'hand']]);
+  assert.deepEqual(b.newest(), ['drive']);
+  b.clock.now = 402;
+  b.held.release('hand');
+  assert.deepEqual(b.newest(), []);
+});
 test('keys add up, and the last one up ends', () => {
   const b = bench();
   assert.ok(b.drive.press('KeyW', [1, 0, 0]));

@@ -104,6 +104,7 @@ export class Drive {
   }
 
   private send(): void {
+    if (!this.held.awake()) return;
     const why = this.gate.why();
     if (why !== null && this.driving) {
       this.held.lose(why, ['drive']);

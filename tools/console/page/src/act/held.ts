@@ -27,6 +27,7 @@ export class Held {
 
   // Only from a fresh press of a person.
   press(hold: Hold): void {
+    this.awake();
     this.holds.add(hold);
     this.send();
     if (this.timer !== null) return;
@@ -35,7 +36,7 @@ export class Held {
   }
 
   release(hold: Hold): void {
-    if (!this.holds.delete(hold)) return;
+    if (!this.awake() || !this.holds.delete(hold)) return;
     this.send();
     this.rest();
   }
@@ -49,15 +50,19 @@ export class Held {
     for (const hear of this.hearers) hear(why, lost);
   }
 
+  // After a freeze the box has let go; a token now would take the act up again without a press.
+  // Asked also before each command of a held act: after a freeze its timer may be the first to run.
+  awake(): boolean {
+    if (this.timer === null) return true;
+    const gap = this.now() - this.lastTick;
+    if (gap <= life) return true;
+    this.lose(`the browser stood still for ${Math.round(gap)} ms`);
+    return false;
+  }
+
   private tick(): void {
-    const now = this.now();
-    const gap = now - this.lastTick;
-    this.lastTick = now;
-    // The box has let go by then; a token now would take it up again without a press.
-    if (gap > life) {
-      this.lose(`the browser stood still for ${Math.round(gap)} ms`);
-      return;
-    }
+    if (!this.awake()) return;
+    this.lastTick = this.now();
     this.send();
   }
 

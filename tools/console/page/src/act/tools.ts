@@ -38,12 +38,12 @@ class TouchTool implements Tool {
   }
 
   move(aim: Aim): void {
-    if (!this.acts.held.has('hand')) return;
+    if (!this.acts.held.awake() || !this.acts.held.has('hand')) return;
     if (performance.now() - this.sent >= handPeriod) this.send(aim, true);
   }
 
   up(aim: Aim | null): void {
-    if (!this.acts.held.has('hand')) return;
+    if (!this.acts.held.awake() || !this.acts.held.has('hand')) return;
     const end = aim ?? this.last;
     if (end) this.send(end, false);
     this.acts.held.release('hand');
