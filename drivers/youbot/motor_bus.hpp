@@ -56,7 +56,8 @@ struct BusDetail {
 class MotorBus {
  public:
   virtual ~MotorBus() = default;
-  // The first half of a cycle. `states` is untouched unless kOk.
+  // The first half of a cycle. `states` has a new `seq` if they are of this job, and is untouched
+  // otherwise. kOk: they are. kDown: they are where the bus still tells what the wheels do.
   [[nodiscard]] virtual BusStatus sense(rt::Time now, MotorStates& states) noexcept = 0;
   // The second half, not before the first: the setpoints are with the motors when it returns kOk.
   // kFrameLost: they may be or not, and the motors go on with what they have.

@@ -74,13 +74,19 @@ void EtherCatMotorBus::rearm() noexcept {
 
 BusStatus EtherCatMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
   clear_flags();
-  const BusStatus status = status_of(master_.read_inputs());
+  const ethercat::CycleResult read = master_.read_inputs();
+  const BusStatus status = status_of(read);
   if (recovering_ && !master_.recovering())
     for (std::size_t w = 0; w < primed_.size(); ++w)
       primed_[w] = primed_[w] && !master_.began_anew(config_.slave[w]);
   recovering_ = master_.recovering();
   fresh_ = status == BusStatus::kOk;
-  if (!fresh_) return status;
+  if (!fresh_) {
+    // A slave that fell to SAFEOP turns no motor and still tells what its encoder counts. In a
+    // recovery one may have begun to count anew: its words are taken again after it.
+    if (read.status == ethercat::CycleStatus::kOk && !recovering_) (void)take_states(now, states);
+    return status;
+  }
   if (take_states(now, states) && ready_) {
     if (rearming()) detail_.trouble = BusTrouble::kRearming;
     return BusStatus::kOk;

@@ -122,7 +122,10 @@ void RobotIoTask::start_motors(const In& in, Out& out) noexcept {
 Health RobotIoTask::sense_bus(const rt::Tick& tick, const In& in) noexcept {
   const Health cycle = bus_.cycle(in.bus, in.sent, in.bus_detail);
   telemetry_.frames_lost = bus_.bad_cycles();
-  if (in.bus != drivers::BusStatus::kOk) return cycle;
+  // A bus that does not drive may still tell what the wheels do: a stopped robot rolls out.
+  const bool told = in.bus == drivers::BusStatus::kOk || in.motors.seq != motors_seq_;
+  if (!told) return cycle;
+  motors_seq_ = in.motors.seq;
   const Twist2 v = kinematics_.forward(in.motors.wheel_rad_per_s);
   encoder_readable_ = perception::is_finite(v);
   for (const double angle : in.motors.wheel_rad) {
@@ -131,13 +134,15 @@ Health RobotIoTask::sense_bus(const rt::Tick& tick, const In& in) noexcept {
   if (!encoder_readable_ || !odometry_.update(in.motors.wheel_rad)) encoder_fault_ = true;
   if (encoder_fault_) {
     v_measured_ = {};
-    return Health::of(Severity::kSafeStop, robot_io_fault::kEncoder);
+    const Health encoder = Health::of(Severity::kSafeStop, robot_io_fault::kEncoder);
+    return in.bus == drivers::BusStatus::kOk ? encoder : rt::worst(cycle, encoder);
   }
   v_measured_ = v;
   motors_taken_ = in.motors.taken;
   const Pose2& p = odometry_.pose();
   telemetry_.odometry_path_m += std::hypot(p.x - last_pose_.x, p.y - last_pose_.y);
   last_pose_ = p;
+  if (in.bus != drivers::BusStatus::kOk) return cycle;
   return rt::worst(cycle, bus_.motors(tick, in.motors));
 }
 

@@ -145,6 +145,7 @@ class RobotIoTask {
   perception::Twist2 v_commanded_;
   perception::Pose2 last_pose_;
   rt::Time motors_taken_{};
+  std::uint64_t motors_seq_ = 0;
   bool encoder_fault_ = false, encoder_readable_ = false;
   rt::Health unseen_stop_;  // a safe stop that supervision has not taken up yet
   SafetyWatch safety_;

@@ -98,6 +98,12 @@ TEST(EtherCatMotorBus, SilenceStopsAndOnlyRearmingRecovers) {
   EXPECT_EQ(rig.job(600), BusStatus::kDown);
   for (int i = 0; i < 300; ++i) EXPECT_EQ(rig.job(600), BusStatus::kDown);
   EXPECT_LT(std::abs(rig.robot.plant().state().wheel_rad_per_s[0]), 1e-3);
+  // Slaves in SAFEOP still tell what the wheels do.
+  for (std::size_t w = 0; w < 4; ++w) {
+    EXPECT_LT(std::abs(rig.states.wheel_rad_per_s[w]), 1e-3);
+    EXPECT_NEAR(rig.states.wheel_rad[w], rig.robot.plant().state().wheel_rad[w], 1.01 * kRadPerTick);
+  }
+  EXPECT_EQ(rig.states.taken, rig.now);
   rig.bus.rearm();
   int jobs = 0;
   for (; jobs < 1000 && rig.job(0, MotorMode::kStop) != BusStatus::kOk; ++jobs) {

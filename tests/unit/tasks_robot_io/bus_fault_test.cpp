@@ -91,6 +91,19 @@ TEST(RobotIoBusFault, EachIsNamedStopsAndIsRecoveredFromByAnAct) {
   }
 }
 
+// Its encoders are read on: the robot's state follows the base until it stands, and after that.
+TEST(RobotIoBusFault, TheStateFollowsABaseThatRollsOut) {
+  Base b(true);
+  b.drive({6, 0, 0}, 1500);
+  ASSERT_GT(b.out.state.vx, 0.4);
+  b.wire->chain().wire().slave(3).fall(0x0050, b.wire->port().now());
+  for (int i = 0; i < 500; ++i) b.job();
+  EXPECT_EQ(b.health.fault, fault::kSlaveState);
+  EXPECT_LT(std::abs(b.out.state.vx), 1e-3);
+  EXPECT_EQ(b.out.state.moving, 0);
+  EXPECT_NEAR(b.out.state.x_m, b.truth().x, 1e-3);
+}
+
 // Counted, named, and nothing else: the base drives on.
 TEST(RobotIoBusFault, AWrongCounterIsNamedInItsCycle) {
   Base b(true);
