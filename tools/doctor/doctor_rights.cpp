@@ -12,7 +12,7 @@ using Level = DoctorCheck::Level;
 
 namespace {
 
-constexpr int kCapIpcLock = 14, kCapSysNice = 23;
+constexpr int kCapNetRaw = 13, kCapIpcLock = 14, kCapSysNice = 23;
 
 bool has(unsigned long long caps, int bit) { return (caps >> bit & 1U) != 0; }
 
@@ -43,6 +43,7 @@ Limits limits_of(const Tree& tree) {
     if (line.compare(0, 7, "CapEff:") == 0) {
       l.cap_nice = has(caps, kCapSysNice);
       l.cap_lock = has(caps, kCapIpcLock);
+      l.cap_raw = has(caps, kCapNetRaw);
     } else if (line.compare(0, 7, "CapBnd:") == 0) {
       l.bounding_nice = has(caps, kCapSysNice);
       l.bounding_lock = has(caps, kCapIpcLock);

@@ -58,6 +58,19 @@ std::vector<std::string> Tree::numbered(const std::string& folder,
   return out;
 }
 
+std::vector<std::string> Tree::names(const std::string& folder) const {
+  constexpr std::size_t kMost = 4096;
+  std::vector<std::string> out;
+  std::error_code error;
+  for (fs::directory_iterator it(at(folder), error), end; !error && it != end && out.size() < kMost;
+       it.increment(error))
+    out.push_back(it->path().filename().string());
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+bool Tree::is_there(const std::string& path) const { return access(at(path).c_str(), F_OK) == 0; }
+
 bool Tree::writable(const std::string& path) const { return access(at(path).c_str(), W_OK) == 0; }
 
 std::string list_text(const std::vector<int>& cpus) {

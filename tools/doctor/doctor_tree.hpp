@@ -20,6 +20,9 @@ class Tree {
   // Names in a folder that begin with `prefix` followed by a digit, in order of the number.
   [[nodiscard]] std::vector<std::string> numbered(const std::string& folder,
                                                   const std::string& prefix) const;
+  // All names in a folder, sorted; at most 4096.
+  [[nodiscard]] std::vector<std::string> names(const std::string& folder) const;
+  [[nodiscard]] bool is_there(const std::string& path) const;
   [[nodiscard]] bool writable(const std::string& path) const;
 
  private:
@@ -35,7 +38,7 @@ class Tree {
 // What this process may ask for, as /proc tells.
 struct Limits {
   std::optional<double> rtprio, memlock;  // infinity: unlimited
-  bool cap_nice = false, cap_lock = false;
+  bool cap_nice = false, cap_lock = false, cap_raw = false;
   // What file capabilities could give it: true where /proc does not say.
   bool bounding_nice = true, bounding_lock = true, no_new_privileges = false;
 };

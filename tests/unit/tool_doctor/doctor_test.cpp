@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rt/random.hpp"
+#include "tools/doctor/doctor_network.hpp"
 #include "tools/teletact/commands.hpp"
 
 namespace {
@@ -284,10 +285,81 @@ TEST(Doctor, VirtualMachine) {
   EXPECT_EQ(m.level("virtual"), Level::kAdvice);
 }
 
+void put_card(Machine& m, const std::string& name) {
+  m.put("/sys/class/net/" + name + "/type", "1");
+  m.put("/sys/class/net/" + name + "/device/vendor", "0x8086");
+}
+
+TEST(Doctor, RawFrames) {
+  Machine m;
+  EXPECT_EQ(m.level("raw_frames"), Level::kFine) << "no card, no bus";
+  put_card(m, "enp3s0");
+  EXPECT_EQ(m.level("raw_frames"), Level::kAdvice);
+  EXPECT_THAT(m.check("raw_frames").todo, HasSubstr("cap_net_raw"));
+  m.put("/proc/self/status", "Name:\tteletact\nCapEff:\t0000000000002000\n");
+  EXPECT_EQ(m.level("raw_frames"), Level::kFine);
+}
+
+TEST(Doctor, Coalescing) {
+  using teletact::doctor::Moderation;
+  Machine m;
+  EXPECT_EQ(m.level("coalescing"), Level::kFine);
+  put_card(m, "enp3s0");
+  m.put("/sys/class/net/lo/type", "772");
+  m.put("/sys/class/net/wlan0/type", "1");
+  m.put("/sys/class/net/wlan0/device/vendor", "0x8086");
+  m.put("/sys/class/net/wlan0/wireless/x", "");
+  m.put("/sys/class/net/br0/type", "1");
+  const teletact::doctor::Tree tree(m.root());
+  std::vector<std::string> asked;
+  Moderation is{3, 0, false};
+  const auto read = [&](const std::string& card) -> std::optional<Moderation> {
+    asked.push_back(card);
+    return is;
+  };
+  auto c = teletact::doctor::coalescing(tree, read);
+  EXPECT_EQ(c.level, Level::kAdvice);
+  EXPECT_EQ(c.state, "enp3s0 rx 3 us, tx 0 us");
+  EXPECT_THAT(c.todo, HasSubstr("ethtool -C enp3s0 adaptive-rx off rx-usecs 0"));
+  EXPECT_EQ(asked, std::vector<std::string>{"enp3s0"}) << "no bridge, no radio, no loopback";
+  is = {0, 0, true};
+  EXPECT_EQ(teletact::doctor::coalescing(tree, read).level, Level::kAdvice);
+  is = {};
+  c = teletact::doctor::coalescing(tree, read);
+  EXPECT_EQ(c.level, Level::kFine);
+  EXPECT_TRUE(c.todo.empty());
+  EXPECT_EQ(teletact::doctor::moderation_of("no such card, and a long name"), std::nullopt);
+  EXPECT_EQ(teletact::doctor::moderation_of("lo-nowhere"), std::nullopt);
+}
+
+TEST(Doctor, InterruptThreads) {
+  Machine m;
+  put_card(m, "enp3s0");
+  EXPECT_EQ(m.level("irq_threads"), Level::kFine);
+  const auto thread = [&](const std::string& pid, const std::string& name, int priority) {
+    m.put("/proc/" + pid + "/comm", name);
+    std::string fields = pid + " (" + name + ") S";
+    for (int i = 4; i < 40; ++i) fields += " 0";
+    m.put("/proc/" + pid + "/stat", fields + " " + std::to_string(priority) + " 1 0");
+  };
+  thread("60", "irq/9-acpi", 50);
+  EXPECT_EQ(m.level("irq_threads"), Level::kFine) << "another's";
+  thread("61", "irq/35-enp3s0-r", 50);
+  thread("62", "irq/40-teletact", 50);
+  EXPECT_EQ(m.level("irq_threads"), Level::kAdvice);
+  EXPECT_EQ(m.check("irq_threads").state, "irq/35-enp3s0-r FIFO 50; irq/40-teletact FIFO 50");
+  EXPECT_EQ(m.check("irq_threads").todo, "as root: chrt -f -p 93 61 && chrt -f -p 93 62");
+  thread("61", "irq/35-enp3s0-r", 93);
+  thread("62", "irq/40-teletact", 93);
+  EXPECT_EQ(m.level("irq_threads"), Level::kFine);
+  m.put("/proc/61/stat", "61 (irq/35-enp3s0) S 1 2");
+  EXPECT_EQ(m.level("irq_threads"), Level::kAdvice) << "cut off: not known to be above";
+}
+
 // Files that are missing, empty, huge, folders or noise: a finding each, never a crash.
 TEST(Doctor, SurvivesAnyTree) {
   const auto empty = teletact::run_doctor("/nonexistent");
-  EXPECT_EQ(empty.size(), 15U);
+  EXPECT_EQ(empty.size(), 18U);
   EXPECT_EQ(teletact::doctor_verdict(empty), Level::kUnfit);
   const std::uint64_t seed = 31;
   rt::Random r(seed);
@@ -337,7 +409,7 @@ TEST(Command, ExitCodeBySeverityAndJson) {
   std::ifstream in(json);
   const auto j = nlohmann::json::parse(in);
   EXPECT_EQ(j.at("command"), "doctor");
-  EXPECT_EQ(j.at("checks").size(), 15U);
+  EXPECT_EQ(j.at("checks").size(), 18U);
   EXPECT_EQ(j.at("metrics").at(0).at("name"), "doctor.verdict");
   EXPECT_EQ(j.at("metrics").at(0).at("value"), 1);
   m.limits("0", "0");
