@@ -112,7 +112,7 @@ TEST(CpuList, AsTheKernelWritesThem) {
 TEST(Doctor, AFitMachineIsFine) {
   const Machine m;
   const auto checks = teletact::run_doctor(m.root());
-  EXPECT_EQ(checks.size(), 15U);
+  EXPECT_EQ(checks.size(), 18U);
   for (const auto& c : checks) EXPECT_EQ(m.level(c.id), Level::kFine) << c.id << ": " << c.state;
   EXPECT_EQ(teletact::doctor_verdict(checks), Level::kFine);
 }
