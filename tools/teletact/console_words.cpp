@@ -71,7 +71,7 @@ void prepare_console(const ConsoleWords& w, DemoOptions& o) {
 
 std::unique_ptr<PageDesk> console_of(const ConsoleWords& w, Scene& scene, const DemoOptions& o) {
   if (!w.console) return nullptr;
-  constexpr double kNever_s = 1e9;
+  constexpr double kNever_s = 864000;  // as long as a run may be: the scene can be read again
   scene.hand.start_after_s = kNever_s;
   PageOptions page;
   page.server.page_folder = page_folder(w.page);
