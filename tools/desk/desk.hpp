@@ -37,7 +37,8 @@ struct DeskOptions {
   TaskWatch* tasks = nullptr;           // null: nothing is told of the tasks' timing
   std::string log;                      // file of all events; empty: none
   std::function<std::int64_t()> clock;  // of arrivals, ns; empty: the monotonic one
-  bool clicks_at_once = false;          // see ClickWorker
+  bool clicks_at_once = false;          // see ClickWorker; the disk of sessions as well
+  SessionPlace sessions;                // its scene is written by the desk
 };
 
 class Desk {

@@ -17,28 +17,37 @@ ConsoleAnswer done() { return {true, {}, {}}; }
 ConsoleAnswer refused(std::string why) { return {false, std::move(why), {}}; }
 ConsoleAnswer crowded() { return refused("too many acts wait for the tasks: ask again"); }
 
+// While keep-outs are put back some are missing: nothing sets off, and nothing comes between.
+bool waits_for_opening(Act act) {
+  return act == Act::kEngage || act == Act::kMark || act == Act::kGoTo || act == Act::kDraw ||
+         act == Act::kErase || act == Act::kForget || act == Act::kUndo || act == Act::kAccept;
+}
+
 }  // namespace
 
 const std::vector<std::string_view>& DeskActs::can() {
   static const std::vector<std::string_view> all = {
-      "engage", "hold", "clear", "stop",   "token", "hand", "drive",  "mark",   "go_to",
-      "cancel", "draw", "erase", "forget", "undo",  "note", "select", "accept", "device"};
+      "engage", "hold",  "clear",  "stop", "token", "hand",   "drive",  "mark",   "go_to", "cancel",
+      "draw",   "erase", "forget", "undo", "note",  "select", "accept", "device", "save",  "open"};
   return all;
 }
 
 DeskActs::DeskActs(OperatorBox& box, OperatorConsole& console, DeskEvents& events, PageHand* hand,
-                   bool clicks_at_once)
+                   bool clicks_at_once, SessionPlace sessions)
     : box_(box),
       console_(console),
       events_(events),
       hand_(hand),
       objects_(box, clicks_at_once,
-               [this](const tasks::SceneEdit& e, rt::Time now) { return push(e, now); }) {
+               [this](const tasks::SceneEdit& e, rt::Time now) { return push(e, now); }),
+      sessions_(std::move(sessions), clicks_at_once) {
   console_.leave_to_page();
 }
 
 std::optional<ConsoleAnswer> DeskActs::act(const DeskItem& item, rt::Time at, rt::Time now) {
   const Intent& in = item.intent;
+  if (sessions_.opening() && waits_for_opening(in.act))
+    return refused("a session is being opened: in a moment");
   switch (in.act) {
     case Act::kToken:
       engage_hold_.say(in.hold_engage, at);
@@ -72,6 +81,10 @@ std::optional<ConsoleAnswer> DeskActs::act(const DeskItem& item, rt::Time at, rt
       return objects_.select(item, now);
     case Act::kAccept:
       return objects_.accept(item, console_.seen(), now);
+    case Act::kSave:
+      return sessions_.save(item, to_save());
+    case Act::kOpen:
+      return sessions_.open(item);
     case Act::kNote:
       events_.add(now, "note", in.text);
       return done();
@@ -276,6 +289,7 @@ void DeskActs::keep(rt::Time now, const Answer& answer) {
   keep_hand(now);
   keep_clear(now);
   keep_objects(now, answer);
+  keep_sessions(now, answer);
   steps_.touch = steps_.touch || (!seen.haptic.empty() && seen.haptic.back().in_contact);
   steps_.mark = steps_.mark || seen.task.marks > 0;
   steps_.object = steps_.object || seen.objects_named > 0;
