@@ -13,7 +13,8 @@ export class Acts {
 
   async ask(act: string, keys: object, done: string): Promise<Answer> {
     const answer = await this.link.act(act, keys);
-    if (answer.ok) this.say(done, 'done');
+    const text = answer.result?.text;  // the box knows more than the page
+    if (answer.ok) this.say(typeof text === 'string' ? text : done, 'done');
     else this.say(`Refused: ${answer.why ?? 'no reason given'}`, 'refused');
     return answer;
   }
