@@ -1,6 +1,7 @@
 #include "tools/desk/desk_acts.hpp"
 
 #include <algorithm>
+#include <cstdio>
 
 #include "tools/desk/desk_words.hpp"
 #include "tools/host/run_options.hpp"
@@ -16,6 +17,12 @@ namespace {
 ConsoleAnswer done() { return {true, {}, {}}; }
 ConsoleAnswer refused(std::string why) { return {false, std::move(why), {}}; }
 ConsoleAnswer crowded() { return refused("too many acts wait for the tasks: ask again"); }
+
+std::string two_digits(double v) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f", v);
+  return text;
+}
 
 // While keep-outs are put back some are missing: nothing sets off, and nothing comes between.
 bool waits_for_opening(Act act) {
@@ -233,7 +240,7 @@ void DeskActs::keep_drive(rt::Time now) {
 // ---- the hand -----------------------------------------------------------------------------------
 
 std::string DeskActs::hand(const Intent& intent, rt::Time at, rt::Time now) {
-  if (hand_ == nullptr) return "a haptic device is in its place";
+  if (hand_ == nullptr || !hand_->takes_over()) return "a haptic device is in its place";
   if (!hand_hold_.held(now))
     return hand_hold_.lost() ? "let go first, then press again" : "nothing is held";
   hand_wanted_ = intent;
@@ -262,14 +269,32 @@ void DeskActs::keep_hand(rt::Time now) {
 
 ConsoleAnswer DeskActs::device(const Intent& in, rt::Time now) {
   if (hand_ == nullptr) return refused("the page has no hold of the device in this run");
+  if (!in.scale_given && !in.yaw_given && !in.clutch_given)
+    return refused("nothing is asked of the device");
+  const double most = box_.graph().config().haptic.scale;
+  PageHand::Mapping mapping{device_share_, std::nullopt};
+  // The page shows rounded figures: what it shows as the most is the most.
+  constexpr double kRounded = 1.001;
   if (in.scale_given)
-    return refused("what is stable hangs on the scale: it is fixed in a run (haptic.scale)");
-  if (in.yaw_given)
-    return refused("while the clutch is held, the workspace turns to where the camera looks");
-  if (!in.clutch_given) return refused("nothing is asked of the device");
+    mapping.share = in.scale > most * kRounded ? in.scale / most : std::min(1.0, in.scale / most);
+  if (in.yaw_given) mapping.yaw_W_rad = in.yaw_rad;
+  if ((in.scale_given || in.yaw_given) && !hand_->map(mapping, now)) {
+    char text[96];
+    std::snprintf(text, sizeof text, "the scale may be %.2f to %.2f in this scene (haptic.scale)",
+                  PageHand::kLeastShare * most, most);
+    return refused(text);
+  }
+  device_share_ = mapping.share;
+  if (in.scale_given) events_.add(now, "device", "scale " + two_digits(in.scale));
+  if (in.yaw_given) events_.add(now, "device", "turned to the page's view");
+  if (!in.clutch_given) return done();
   hand_->hold_clutch(in.clutch);
   events_.add(now, "device", in.clutch ? "clutch held" : "clutch let go");
   return done();
+}
+
+double DeskActs::device_scale() const {
+  return box_.graph().config().haptic.scale * (hand_ == nullptr ? 1.0 : hand_->share());
 }
 
 void DeskActs::left() {

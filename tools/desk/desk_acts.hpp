@@ -9,7 +9,8 @@
 //   hand     a place for the hand, held by tokens: touched with, marked with (page_hand.hpp).
 //   select,  clicks propose an object; what is accepted goes to fusion (desk_objects.hpp).
 //   accept
-//   device   the clutch of the haptic device, held until it is let go or the page is gone.
+//   device   the clutch of the haptic device, held until it is let go or the page is gone; its
+//            scale and turn (page_hand.hpp).
 //   save,    what is in the scene, kept and put back (desk_sessions.hpp).
 //   open
 //   stop     sets the request that supervision latches, which the link sends on at once
@@ -71,6 +72,8 @@ class DeskActs {
   [[nodiscard]] DeskObjects& objects() noexcept { return objects_; }
   [[nodiscard]] const DeskObjects& objects() const noexcept { return objects_; }
   [[nodiscard]] const DeskSessions& sessions() const noexcept { return sessions_; }
+  // Of the haptic device, now: scene metres per hand metre.
+  [[nodiscard]] double device_scale() const;
   [[nodiscard]] bool driving() const noexcept { return driving_; }
   struct FirstSteps {
     bool touch = false, mark = false, obstacle = false, object = false, stop = false;
@@ -117,6 +120,7 @@ class DeskActs {
   OperatorConsole& console_;
   DeskEvents& events_;
   PageHand* hand_;
+  double device_share_ = 1;  // of the scene's scale, as it was asked for
   Hold engage_hold_, hand_hold_, drive_hold_;
   bool engage_wanted_ = false, engaged_seen_ = false, driving_ = false, touching_ = false;
   std::optional<WaitingEngage> waiting_;

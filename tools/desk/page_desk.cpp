@@ -53,8 +53,7 @@ DeskPort PageDesk::port() {
 }
 
 drivers::HapticDevice* PageDesk::hand_over(rt::NonRealtime& nrt, drivers::HapticDevice& device) {
-  if (!options_.hand) return &device;
-  hand_ = std::make_unique<PageHand>(nrt, device);
+  hand_ = std::make_unique<PageHand>(nrt, device, options_.hand);
   return hand_.get();
 }
 

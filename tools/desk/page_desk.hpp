@@ -16,7 +16,7 @@ struct PageOptions {
   ConsoleOptions server;
   DeskOptions desk;
   bool open_browser = false;
-  bool hand = true;     // false: a device's hand is never taken over
+  bool hand = true;     // false: a device's hand is never replaced by the page's
   std::string figures;  // file for console.* of docs/metrics.md, at the end; empty: none
   bool quiet = false;   // the URL goes to no terminal
   // Tests and tools: the URL with its code, once.
