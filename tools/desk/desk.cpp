@@ -106,7 +106,6 @@ void Desk::tick(rt::Time now) {
   facts.paced = options_.paced;
   facts.takes_acts = options_.no_acts.empty();
   facts.device = options_.device;
-  facts.recording = options_.recording;
   show_.tick(acts_, events_, facts, now);
 }
 

@@ -31,7 +31,7 @@ namespace teletact {
 struct DeskOptions {
   // Empty: acts are taken. Else every act is refused with this line; a stop never is.
   std::string no_acts;
-  bool paced = false, recording = false;
+  bool paced = false;
   std::string device;                   // kind, as the page names it
   PageHand* hand = nullptr;             // null: none stands between the haptic task and its device
   TaskWatch* tasks = nullptr;           // null: nothing is told of the tasks' timing

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "tools/desk/desk_words.hpp"
 #include "tools/host/run_options.hpp"
@@ -34,8 +35,9 @@ bool waits_for_opening(Act act) {
 
 const std::vector<std::string_view>& DeskActs::can() {
   static const std::vector<std::string_view> all = {
-      "engage", "hold",  "clear",  "stop", "token", "hand",   "drive",  "mark",   "go_to", "cancel",
-      "draw",   "erase", "forget", "undo", "note",  "select", "accept", "device", "save",  "open"};
+      "engage", "hold",   "clear",  "stop",   "token", "hand",   "drive",
+      "mark",   "go_to",  "cancel", "draw",   "erase", "forget", "undo",
+      "note",   "select", "accept", "device", "save",  "open",   "record"};
   return all;
 }
 
@@ -88,6 +90,8 @@ std::optional<ConsoleAnswer> DeskActs::act(const DeskItem& item, rt::Time at, rt
       return objects_.select(item, now);
     case Act::kAccept:
       return objects_.accept(item, console_.seen(), now);
+    case Act::kRecord:
+      return record(in.on, now);
     case Act::kSave:
       return sessions_.save(item, to_save());
     case Act::kOpen:
@@ -95,9 +99,26 @@ std::optional<ConsoleAnswer> DeskActs::act(const DeskItem& item, rt::Time at, rt
     case Act::kNote:
       events_.add(now, "note", in.text);
       return done();
-    default:
+    default:  // drive and hand, which do not come here
       return refused(std::string(name_of(in.act)) + " is not built into this version");
   }
+}
+
+ConsoleAnswer DeskActs::record(bool on, rt::Time now) {
+  if (on == recording()) return refused(on ? "a piece has begun already" : "no piece has begun");
+  const double at_s = events_.seconds_at(now);
+  std::string text;
+  if (on) {
+    piece_from_s_ = at_s;
+    text = "piece " + std::to_string(++pieces_) + " begins";
+  } else {
+    const double from_s = *piece_from_s_;
+    piece_from_s_.reset();
+    text = "piece " + std::to_string(pieces_) + " ends: teletact report --from " +
+           two_digits(from_s) + " --to " + two_digits(at_s);
+  }
+  events_.add(now, "record", text);
+  return {true, {}, nlohmann::json{{"text", text}}.dump()};
 }
 
 // ---- engage, clear, stop ------------------------------------------------------------------------

@@ -11,6 +11,8 @@
 //   accept
 //   device   the clutch of the haptic device, held until it is let go or the page is gone; its
 //            scale and turn (page_hand.hpp).
+//   record   begins and ends a piece of the run: its number and seconds are told in the events, for
+//            `teletact report --from --to`. What a run leaves is written anyhow.
 //   save,    what is in the scene, kept and put back (desk_sessions.hpp).
 //   open
 //   stop     sets the request that supervision latches, which the link sends on at once
@@ -72,6 +74,8 @@ class DeskActs {
   [[nodiscard]] DeskObjects& objects() noexcept { return objects_; }
   [[nodiscard]] const DeskObjects& objects() const noexcept { return objects_; }
   [[nodiscard]] const DeskSessions& sessions() const noexcept { return sessions_; }
+  // A piece of the run has begun and not ended.
+  [[nodiscard]] bool recording() const noexcept { return piece_from_s_.has_value(); }
   // Of the haptic device, now: scene metres per hand metre.
   [[nodiscard]] double device_scale() const;
   [[nodiscard]] bool driving() const noexcept { return driving_; }
@@ -102,6 +106,7 @@ class DeskActs {
   [[nodiscard]] ConsoleAnswer forget(const Intent& in, rt::Time now);
   [[nodiscard]] ConsoleAnswer device(const Intent& in, rt::Time now);
   [[nodiscard]] ConsoleAnswer undo(rt::Time now);
+  [[nodiscard]] ConsoleAnswer record(bool on, rt::Time now);
   [[nodiscard]] bool push(tasks::OperatorAct act, rt::Time now);
   [[nodiscard]] bool push(tasks::SceneEdit edit, rt::Time now);
   [[nodiscard]] ConsoleAnswer take_back(const Undo& step, rt::Time now);
@@ -131,6 +136,8 @@ class DeskActs {
   std::map<std::uint16_t, DrawnObstacle> obstacles_;
   std::vector<ShownMark> marks_;
   std::vector<Undo> undo_;
+  int pieces_ = 0;  // begun
+  std::optional<double> piece_from_s_;
   DeskObjects objects_;
   DeskSessions sessions_;
   rt::Time give_from_{};  // the ring has room for an object's edits then

@@ -200,7 +200,7 @@ std::string text_body(const OperatorView& seen, const DeskActs& acts, const Desk
          {"objects", objects_of(seen, acts.objects())},
          {"events", events_of(events)},
          {"sessions", sessions_of(acts.sessions())},
-         {"recording", facts.recording},
+         {"recording", acts.recording()},
          {"console", {{"viewers", facts.viewers}, {"share", rounded(facts.share)}}}};
   if (seen.mode.cause != rt::kNoFault) t["mode_cause"] = fault_text(seen.mode.cause);
   if (seen.task.off_m >= 0) {

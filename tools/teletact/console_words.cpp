@@ -128,7 +128,6 @@ std::unique_ptr<PageDesk> console_of(const ConsoleWords& w, Scene& scene, const 
   page.server.keys = w.keys;
   page.server.names = w.names;
   page.desk.device = scene.choice.kind;
-  page.desk.recording = o.record;
   page.desk.log = o.report + "/raw/console.log";
   page.figures = o.report + "/raw/console.json";
   page.hand = scene.choice.in_process();

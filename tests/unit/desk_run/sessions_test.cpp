@@ -101,6 +101,32 @@ TEST(DeskSessions, ASceneIsSavedAndOpenedAndTheRunReplays) {
   EXPECT_TRUE(desk_run::same_again(options.log_folder, rt::Box::kRobot));
 }
 
+// A piece of the run is named once it has ended, and none begins twice.
+TEST(DeskSessions, APieceOfTheRunIsNamedWithItsSeconds) {
+  auto s = desk_run::scene();
+  Person p;
+  p.viewers = 1;
+  std::int64_t none = 0, begin = 0, twice = 0, end = 0;
+  bool recording = false;
+  const auto record = [&](bool on) { return p.say({{"act", "record"}, {"on", on}}); };
+  p.act = [&](double t) {
+    if (p.once("none", t, 0.5)) none = record(false);
+    if (p.once("begin", t, 1.0)) begin = record(true);
+    if (p.once("twice", t, 1.2)) twice = record(true);
+    if (p.once("look", t, 1.8)) recording = json::parse(p.text)["recording"];
+    if (p.once("end", t, 2.0)) end = record(false);
+  };
+  static_cast<void>(desk_run::run(*s, 2.5, p));
+  EXPECT_FALSE(ok(p, none));
+  EXPECT_TRUE(ok(p, begin)) << why(p, begin);
+  EXPECT_FALSE(ok(p, twice));
+  EXPECT_TRUE(recording);
+  EXPECT_TRUE(ok(p, end)) << why(p, end);
+  // The console looks every 20 ms.
+  EXPECT_THAT(p.answers[end].result, testing::ContainsRegex("piece 1 ends.*--from 1\\.0[0-2]"));
+  EXPECT_FALSE(p.desk->acts().recording());
+}
+
 // The saved scene is one that a run can be started with.
 TEST(DeskSessions, ARunStartsWithASessionAndAnotherWorldIsRefused) {
   const std::string folder = (desk_run::folder() / "start").string();

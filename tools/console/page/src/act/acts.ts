@@ -65,7 +65,7 @@ export class Acts {
   }
 
   record(on: boolean): void {
-    void this.ask('record', { on }, on ? 'Recording.' : 'The recording is ended.');
+    void this.ask('record', { on }, on ? 'A piece begins.' : 'The piece is ended.');
   }
 
   note(text: string): void { void this.ask('note', { text }, 'Noted on the timeline.'); }

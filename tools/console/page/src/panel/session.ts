@@ -12,8 +12,8 @@ const nameForm = /^[a-z0-9_-]{1,40}$/;
 // How to go on with one that this run can not open; null: it can.
 function elsewhere(session: SavedSession): string | null {
   if (session.here) return null;
-  return session.map ? `Of another map. Start with: teletact demo --console --session ${session.name}`
-    : 'Of another map, which is not on the disk: its run goes on, or was killed.';
+  if (!session.map) return 'Of another map, which is not on the disk: its run goes on, or died.';
+  return `Of another map. Start with: teletact demo --console --session ${session.name}`;
 }
 
 export class Session {
