@@ -292,6 +292,14 @@ ConsoleAnswer DeskActs::device(const Intent& in, rt::Time now) {
   if (hand_ == nullptr) return refused("the page has no hold of the device in this run");
   if (!in.scale_given && !in.yaw_given && !in.clutch_given)
     return refused("nothing is asked of the device");
+  // What a press of the clutch means then is said in page_hand.hpp.
+  const auto& samples = console_.seen().haptic;
+  const bool forces =
+      !samples.empty() &&
+      samples.back().device_state == static_cast<std::uint8_t>(drivers::DeviceState::kForce);
+  const bool lets_go = in.clutch_given && !in.clutch && !in.scale_given && !in.yaw_given;
+  if (!forces && !lets_go)
+    return refused("the device's forces are off: press and release its own clutch first");
   const double most = box_.graph().config().haptic.scale;
   PageHand::Mapping mapping{device_share_, std::nullopt};
   // The page shows rounded figures: what it shows as the most is the most.

@@ -4,7 +4,9 @@
 //            task is given where the page wants the hand, approached at a hand's speed; the device
 //            gets no force. When it is let go, or `until` has passed, the hand goes back to where
 //            the device is.
-//   hold_clutch()   as a clutch of the device.
+//   hold_clutch()   as a clutch of the device. With the forces off a press of the clutch would ask
+//            for them again (tools/touch/force_act.hpp): that is for the person at the device
+//            alone, so no press from here begins while they are off.
 //   map()    the device's motion made smaller and turned before the task sees it:
 //
 //              p_DH = share R_z(yaw) p_device,   f_device = R_z(-yaw) f_H_D
@@ -85,8 +87,9 @@ class PageHand final : public drivers::HapticDevice {
     if (!inner_.sense(now, out)) return false;
     const auto target = wanted_.acquire_if_new(0);
     const bool held = task_ != nullptr && target && target->held && now <= target->until;
-    const bool clutch =
-        mind_mapping(now, held, out.p_DH) || clutch_.load(std::memory_order_relaxed);
+    const bool forces = out.state == drivers::DeviceState::kForce;
+    pressed_ = clutch_.load(std::memory_order_relaxed) && (pressed_ || forces);
+    const bool clutch = mind_mapping(now, held, forces, out.p_DH) || pressed_;
     out.clutch = out.clutch || clutch;
     out.p_DH = mapped(out.p_DH);
     const double step = kSpeed_m_per_s * std::clamp(rt::seconds(now - last_), 0.0, 0.005);
@@ -130,10 +133,11 @@ class PageHand final : public drivers::HapticDevice {
     return share() * (turn(yaw_rad_) * p_D);
   }
   // True: the clutch is held for a mapping that is taken over. `p_D`: of the device.
-  [[nodiscard]] bool mind_mapping(rt::Time now, bool held, const perception::Vec3& p_D) noexcept {
+  [[nodiscard]] bool mind_mapping(rt::Time now, bool held, bool forces,
+                                  const perception::Vec3& p_D) noexcept {
     if (task_ == nullptr) return false;
     const auto wanted = mappings_.acquire_if_new(0);
-    if (wanted && wanted.seq != mapping_seq_ && !asked_) asked_ = now;
+    if (wanted && wanted.seq != mapping_seq_ && !asked_ && forces) asked_ = now;
     if (asked_) {
       const rt::Nanos waited = now - *asked_;
       const bool faded =
@@ -167,7 +171,8 @@ class PageHand final : public drivers::HapticDevice {
   std::atomic<bool> clutch_{false};
   std::atomic<double> share_{1};
   // All below by the haptic task's thread.
-  double yaw_rad_ = 0;  // of what the task is given against the device
+  bool pressed_ = false;  // the clutch, at the page
+  double yaw_rad_ = 0;    // of what the task is given against the device
   std::uint64_t mapping_seq_ = 0;
   std::optional<rt::Time> asked_;  // a mapping waits for the force to fade
   bool settles_ = false;           // the hand goes over to a new mapping

@@ -18,6 +18,7 @@ class Stick final : public drivers::HapticDevice {
   [[nodiscard]] bool sense(rt::Time, drivers::StylusSample& out) noexcept override {
     out.p_DH = p_D;
     out.clutch = false;
+    out.state = state;
     return true;
   }
   void act(rt::Time, const drivers::ForceCommand& command) noexcept override {
@@ -26,6 +27,7 @@ class Stick final : public drivers::HapticDevice {
   void request_enable() noexcept override {}
   void make_safe() noexcept override {}
   Vec3 p_D{0, 0, 0}, f_D{0, 0, 0};
+  drivers::DeviceState state = drivers::DeviceState::kForce;
 };
 
 // Device, page's hand and task at 1 kHz over a floor at z = 0.
@@ -157,6 +159,31 @@ TEST(PageHand, TheForceIsTurnedBackToTheDevice) {
     static_cast<void>(loop.tick(Vec3(0, std::max(-0.024, -1e-4 * k), 0)));
   EXPECT_NEAR(loop.stick.f_D.y(), 4, 0.2) << loop.stick.f_D.transpose();
   EXPECT_NEAR(loop.stick.f_D.x(), 0, 0.05);
+}
+
+// A press of the clutch while the forces are off asks for them: never from the page.
+TEST(PageHand, WithTheForcesOffNoPressBegins) {
+  Loop loop(floor_scene(1));
+  loop.stick.state = drivers::DeviceState::kBrake;
+  loop.hand.hold_clutch(true);
+  ASSERT_TRUE(loop.hand.map({0.5, {}}, loop.now()));
+  for (int k = 0; k < 300; ++k) EXPECT_FALSE(loop.tick(in_the_air(k)).clutch);
+  loop.hand.hold_clutch(false);
+  for (int k = 300; k < 310; ++k) EXPECT_FALSE(loop.tick(in_the_air(k)).clutch);
+  EXPECT_EQ(loop.hand.share(), 1);
+  // The person has asked for them again.
+  loop.stick.state = drivers::DeviceState::kForce;
+  EXPECT_TRUE(loop.tick(in_the_air(310)).clutch);
+  // Braked in the midst: it is held to the end of the change, and let go.
+  loop.stick.state = drivers::DeviceState::kBrake;
+  bool clutch = true;
+  for (int k = 311; k < 2000; ++k) {
+    const bool now = loop.tick(in_the_air(k)).clutch;
+    EXPECT_FALSE(now && !clutch) << "no second press";
+    clutch = now;
+  }
+  EXPECT_FALSE(clutch);
+  EXPECT_EQ(loop.hand.share(), 0.5);
 }
 
 TEST(PageHand, OutOfRangeNothingChanges) {
