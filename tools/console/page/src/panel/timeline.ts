@@ -36,7 +36,8 @@ export class Timeline {
       return { element, update: () => {} };
     });
     this.pane.append(h('h3', {}, 'Record'), form, h('p', { class: 'none' },
-      'Record names a piece of this run: its report can be made by itself.'), h('h3', {}, 'Last 5 minutes'), this.strip,
+      'Record names a piece of this run: its report can be made by itself.'),
+      h('h3', {}, 'Last 5 minutes'), this.strip,
       h('h3', {}, 'Events'), list);
   }
 
