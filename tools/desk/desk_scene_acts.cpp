@@ -227,7 +227,8 @@ SavedSession DeskActs::to_save() const {
 void DeskActs::keep_sessions(rt::Time now, const Answer& answer) {
   SessionHands hands;
   hands.why_not = [this] {
-    const bool may = console_.seen().mode.mode != Mode::kEngaged && !waiting_;
+    // Wanted still, it may come back by itself when a fault is over.
+    const bool may = console_.seen().mode.mode != Mode::kEngaged && !engage_wanted_;
     return may ? std::string() : std::string("hold first: keep-outs change while a session opens");
   };
   // What was undoable is no more: it belonged to a scene that is gone.
