@@ -73,7 +73,7 @@ struct HandScriptConfig {
   std::deque<HandSegmentConfig> segments;
 
   void describe(config::Section& s) {
-    s.number("start_after_s", start_after_s, 0, 3600, "rest before the first segment");
+    s.number("start_after_s", start_after_s, 0, 864000, "rest before the first segment");
     s.numbers("start_m", start_m, -10, 10, "start point relative to the workspace centre, in W");
     s.list(
         "segment", [this](config::Section& item) { segments.emplace_back().describe(item); },

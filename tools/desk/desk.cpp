@@ -3,14 +3,16 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "config/schema.hpp"
 #include "rt/clock/box_time.hpp"
 
 namespace teletact {
 
 namespace {
 
-DeskOptions complete(DeskOptions o) {
+DeskOptions complete(DeskOptions o, const Scene& scene) {
   if (!o.clock) o.clock = &rt::monotonic_ns;
+  if (!o.sessions.folder.empty()) o.sessions.scene_toml = config::effective(scene.schema);
   return o;
 }
 
@@ -19,10 +21,11 @@ DeskOptions complete(DeskOptions o) {
 Desk::Desk(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
            DeskOptions options, DeskPort port)
     : console_(console),
-      options_(complete(std::move(options))),
+      options_(complete(std::move(options), scene)),
       port_(std::move(port)),
       events_(epoch, options_.log),
-      acts_(box, console, events_, options_.hand, options_.clicks_at_once),
+      acts_(box, console, events_, options_.hand, options_.clicks_at_once,
+            std::move(options_.sessions)),
       show_(box, console, scene, epoch, port_, figures_, options_.tasks) {}
 
 std::optional<ConsoleAnswer> Desk::take(std::uint32_t session, std::int64_t id,
@@ -103,7 +106,6 @@ void Desk::tick(rt::Time now) {
   facts.paced = options_.paced;
   facts.takes_acts = options_.no_acts.empty();
   facts.device = options_.device;
-  facts.recording = options_.recording;
   show_.tick(acts_, events_, facts, now);
 }
 

@@ -31,13 +31,14 @@ namespace teletact {
 struct DeskOptions {
   // Empty: acts are taken. Else every act is refused with this line; a stop never is.
   std::string no_acts;
-  bool paced = false, recording = false;
+  bool paced = false;
   std::string device;                   // kind, as the page names it
   PageHand* hand = nullptr;             // null: none stands between the haptic task and its device
   TaskWatch* tasks = nullptr;           // null: nothing is told of the tasks' timing
   std::string log;                      // file of all events; empty: none
   std::function<std::int64_t()> clock;  // of arrivals, ns; empty: the monotonic one
-  bool clicks_at_once = false;          // see ClickWorker
+  bool clicks_at_once = false;          // see ClickWorker; the disk of sessions as well
+  SessionPlace sessions;                // its scene is written by the desk
 };
 
 class Desk {

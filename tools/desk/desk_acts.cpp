@@ -1,6 +1,8 @@
 #include "tools/desk/desk_acts.hpp"
 
 #include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "tools/desk/desk_words.hpp"
 #include "tools/host/run_options.hpp"
@@ -17,28 +19,44 @@ ConsoleAnswer done() { return {true, {}, {}}; }
 ConsoleAnswer refused(std::string why) { return {false, std::move(why), {}}; }
 ConsoleAnswer crowded() { return refused("too many acts wait for the tasks: ask again"); }
 
+std::string two_digits(double v) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f", v);
+  return text;
+}
+
+// While keep-outs are put back some are missing: nothing sets off, and nothing comes between.
+bool waits_for_opening(Act act) {
+  return act == Act::kEngage || act == Act::kMark || act == Act::kGoTo || act == Act::kDraw ||
+         act == Act::kErase || act == Act::kForget || act == Act::kUndo || act == Act::kAccept;
+}
+
 }  // namespace
 
 const std::vector<std::string_view>& DeskActs::can() {
   static const std::vector<std::string_view> all = {
-      "engage", "hold", "clear", "stop",   "token", "hand", "drive",  "mark",   "go_to",
-      "cancel", "draw", "erase", "forget", "undo",  "note", "select", "accept", "device"};
+      "engage", "hold",   "clear",  "stop",   "token", "hand",   "drive",
+      "mark",   "go_to",  "cancel", "draw",   "erase", "forget", "undo",
+      "note",   "select", "accept", "device", "save",  "open",   "record"};
   return all;
 }
 
 DeskActs::DeskActs(OperatorBox& box, OperatorConsole& console, DeskEvents& events, PageHand* hand,
-                   bool clicks_at_once)
+                   bool clicks_at_once, SessionPlace sessions)
     : box_(box),
       console_(console),
       events_(events),
       hand_(hand),
       objects_(box, clicks_at_once,
-               [this](const tasks::SceneEdit& e, rt::Time now) { return push(e, now); }) {
+               [this](const tasks::SceneEdit& e, rt::Time now) { return push(e, now); }),
+      sessions_(std::move(sessions), clicks_at_once) {
   console_.leave_to_page();
 }
 
 std::optional<ConsoleAnswer> DeskActs::act(const DeskItem& item, rt::Time at, rt::Time now) {
   const Intent& in = item.intent;
+  if (sessions_.opening() && waits_for_opening(in.act))
+    return refused("a session is being opened: in a moment");
   switch (in.act) {
     case Act::kToken:
       engage_hold_.say(in.hold_engage, at);
@@ -72,12 +90,35 @@ std::optional<ConsoleAnswer> DeskActs::act(const DeskItem& item, rt::Time at, rt
       return objects_.select(item, now);
     case Act::kAccept:
       return objects_.accept(item, console_.seen(), now);
+    case Act::kRecord:
+      return record(in.on, now);
+    case Act::kSave:
+      return sessions_.save(item, to_save());
+    case Act::kOpen:
+      return sessions_.open(item);
     case Act::kNote:
       events_.add(now, "note", in.text);
       return done();
-    default:
+    default:  // drive and hand, which do not come here
       return refused(std::string(name_of(in.act)) + " is not built into this version");
   }
+}
+
+ConsoleAnswer DeskActs::record(bool on, rt::Time now) {
+  if (on == recording()) return refused(on ? "a piece has begun already" : "no piece has begun");
+  const double at_s = events_.seconds_at(now);
+  std::string text;
+  if (on) {
+    piece_from_s_ = at_s;
+    text = "piece " + std::to_string(++pieces_) + " begins";
+  } else {
+    const double from_s = *piece_from_s_;
+    piece_from_s_.reset();
+    text = "piece " + std::to_string(pieces_) + " ends: teletact report --from " +
+           two_digits(from_s) + " --to " + two_digits(at_s);
+  }
+  events_.add(now, "record", text);
+  return {true, {}, nlohmann::json{{"text", text}}.dump()};
 }
 
 // ---- engage, clear, stop ------------------------------------------------------------------------
@@ -220,7 +261,7 @@ void DeskActs::keep_drive(rt::Time now) {
 // ---- the hand -----------------------------------------------------------------------------------
 
 std::string DeskActs::hand(const Intent& intent, rt::Time at, rt::Time now) {
-  if (hand_ == nullptr) return "a haptic device is in its place";
+  if (hand_ == nullptr || !hand_->takes_over()) return "a haptic device is in its place";
   if (!hand_hold_.held(now))
     return hand_hold_.lost() ? "let go first, then press again" : "nothing is held";
   hand_wanted_ = intent;
@@ -249,14 +290,40 @@ void DeskActs::keep_hand(rt::Time now) {
 
 ConsoleAnswer DeskActs::device(const Intent& in, rt::Time now) {
   if (hand_ == nullptr) return refused("the page has no hold of the device in this run");
+  if (!in.scale_given && !in.yaw_given && !in.clutch_given)
+    return refused("nothing is asked of the device");
+  // What a press of the clutch means then is said in page_hand.hpp.
+  const auto& samples = console_.seen().haptic;
+  const bool forces =
+      !samples.empty() &&
+      samples.back().device_state == static_cast<std::uint8_t>(drivers::DeviceState::kForce);
+  const bool lets_go = in.clutch_given && !in.clutch && !in.scale_given && !in.yaw_given;
+  if (!forces && !lets_go)
+    return refused("the device's forces are off: press and release its own clutch first");
+  const double most = box_.graph().config().haptic.scale;
+  PageHand::Mapping mapping{device_share_, std::nullopt};
+  // The page shows rounded figures: what it shows as the most is the most.
+  constexpr double kRounded = 1.001;
   if (in.scale_given)
-    return refused("what is stable hangs on the scale: it is fixed in a run (haptic.scale)");
-  if (in.yaw_given)
-    return refused("while the clutch is held, the workspace turns to where the camera looks");
-  if (!in.clutch_given) return refused("nothing is asked of the device");
+    mapping.share = in.scale > most * kRounded ? in.scale / most : std::min(1.0, in.scale / most);
+  if (in.yaw_given) mapping.yaw_W_rad = in.yaw_rad;
+  if ((in.scale_given || in.yaw_given) && !hand_->map(mapping, now)) {
+    char text[96];
+    std::snprintf(text, sizeof text, "the scale may be %.2f to %.2f in this scene (haptic.scale)",
+                  PageHand::kLeastShare * most, most);
+    return refused(text);
+  }
+  device_share_ = mapping.share;
+  if (in.scale_given) events_.add(now, "device", "scale " + two_digits(in.scale));
+  if (in.yaw_given) events_.add(now, "device", "turned to the page's view");
+  if (!in.clutch_given) return done();
   hand_->hold_clutch(in.clutch);
   events_.add(now, "device", in.clutch ? "clutch held" : "clutch let go");
   return done();
+}
+
+double DeskActs::device_scale() const {
+  return box_.graph().config().haptic.scale * (hand_ == nullptr ? 1.0 : hand_->share());
 }
 
 void DeskActs::left() {
@@ -276,6 +343,7 @@ void DeskActs::keep(rt::Time now, const Answer& answer) {
   keep_hand(now);
   keep_clear(now);
   keep_objects(now, answer);
+  keep_sessions(now, answer);
   steps_.touch = steps_.touch || (!seen.haptic.empty() && seen.haptic.back().in_contact);
   steps_.mark = steps_.mark || seen.task.marks > 0;
   steps_.object = steps_.object || seen.objects_named > 0;

@@ -9,7 +9,12 @@
 //   hand     a place for the hand, held by tokens: touched with, marked with (page_hand.hpp).
 //   select,  clicks propose an object; what is accepted goes to fusion (desk_objects.hpp).
 //   accept
-//   device   the clutch of the haptic device, held until it is let go or the page is gone.
+//   device   the clutch of the haptic device, held until it is let go or the page is gone; its
+//            scale and turn (page_hand.hpp).
+//   record   begins and ends a piece of the run: its number and seconds are told in the events, for
+//            `teletact report --from --to`. What a run leaves is written anyhow.
+//   save,    what is in the scene, kept and put back (desk_sessions.hpp).
+//   open
 //   stop     sets the request that supervision latches, which the link sends on at once
 //            (tasks/edges/command_edges.hpp). Any thread.
 #pragma once
@@ -26,6 +31,7 @@
 #include "tools/desk/desk_events.hpp"
 #include "tools/desk/desk_inbox.hpp"
 #include "tools/desk/desk_objects.hpp"
+#include "tools/desk/desk_sessions.hpp"
 #include "tools/desk/hold.hpp"
 #include "tools/desk/intent.hpp"
 #include "tools/desk/page_hand.hpp"
@@ -39,13 +45,14 @@ struct ShownMark {
 
 class DeskActs {
  public:
-  static constexpr std::size_t kMostObstacles = 32, kMostMarks = 32, kMostUndo = 64;
+  static constexpr std::size_t kMostObstacles = SavedSession::kMostObstacles,
+                               kMostMarks = SavedSession::kMostMarks, kMostUndo = 64;
   // What of `can` this build does.
   [[nodiscard]] static const std::vector<std::string_view>& can();
 
   // `hand` null: the device's own hand alone. `clicks_at_once`: see ClickWorker.
   DeskActs(OperatorBox& box, OperatorConsole& console, DeskEvents& events, PageHand* hand,
-           bool clicks_at_once);
+           bool clicks_at_once, SessionPlace sessions = {});
 
   // An act of the inbox that was said at `at`. None: it is answered later, through `answer`.
   using Answer = std::function<void(std::uint32_t session, std::int64_t id, const ConsoleAnswer&)>;
@@ -66,6 +73,11 @@ class DeskActs {
   [[nodiscard]] const std::vector<ShownMark>& marks() const noexcept { return marks_; }
   [[nodiscard]] DeskObjects& objects() noexcept { return objects_; }
   [[nodiscard]] const DeskObjects& objects() const noexcept { return objects_; }
+  [[nodiscard]] const DeskSessions& sessions() const noexcept { return sessions_; }
+  // A piece of the run has begun and not ended.
+  [[nodiscard]] bool recording() const noexcept { return piece_from_s_.has_value(); }
+  // Of the haptic device, now: scene metres per hand metre.
+  [[nodiscard]] double device_scale() const;
   [[nodiscard]] bool driving() const noexcept { return driving_; }
   struct FirstSteps {
     bool touch = false, mark = false, obstacle = false, object = false, stop = false;
@@ -94,6 +106,7 @@ class DeskActs {
   [[nodiscard]] ConsoleAnswer forget(const Intent& in, rt::Time now);
   [[nodiscard]] ConsoleAnswer device(const Intent& in, rt::Time now);
   [[nodiscard]] ConsoleAnswer undo(rt::Time now);
+  [[nodiscard]] ConsoleAnswer record(bool on, rt::Time now);
   [[nodiscard]] bool push(tasks::OperatorAct act, rt::Time now);
   [[nodiscard]] bool push(tasks::SceneEdit edit, rt::Time now);
   [[nodiscard]] ConsoleAnswer take_back(const Undo& step, rt::Time now);
@@ -105,11 +118,14 @@ class DeskActs {
   void keep_hand(rt::Time now);
   void keep_clear(rt::Time now);
   void keep_objects(rt::Time now, const Answer& answer);
+  [[nodiscard]] SavedSession to_save() const;
+  void keep_sessions(rt::Time now, const Answer& answer);
 
   OperatorBox& box_;
   OperatorConsole& console_;
   DeskEvents& events_;
   PageHand* hand_;
+  double device_share_ = 1;  // of the scene's scale, as it was asked for
   Hold engage_hold_, hand_hold_, drive_hold_;
   bool engage_wanted_ = false, engaged_seen_ = false, driving_ = false, touching_ = false;
   std::optional<WaitingEngage> waiting_;
@@ -120,7 +136,11 @@ class DeskActs {
   std::map<std::uint16_t, DrawnObstacle> obstacles_;
   std::vector<ShownMark> marks_;
   std::vector<Undo> undo_;
+  int pieces_ = 0;  // begun
+  std::optional<double> piece_from_s_;
   DeskObjects objects_;
+  DeskSessions sessions_;
+  rt::Time give_from_{};  // the ring has room for an object's edits then
   FirstSteps steps_;
   std::atomic<std::uint64_t> stops_{0};
   std::uint64_t stops_seen_ = 0;

@@ -22,6 +22,8 @@ class DeskEvents {
   // `path` empty: no file.
   DeskEvents(rt::Time epoch, const std::string& path);
   void add(rt::Time now, std::string kind, std::string text);
+  // Since the epoch of the run.
+  [[nodiscard]] double seconds_at(rt::Time now) const { return rt::seconds(now - epoch_); }
   // Tells of what has changed since the last look: mode, phase, faults.
   void watch(const OperatorView& seen, rt::Time now);
   [[nodiscard]] const std::deque<Event>& newest() const noexcept { return events_; }

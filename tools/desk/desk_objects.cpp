@@ -19,6 +19,16 @@ std::span<const tasks::ObjectList::Entry> entries_of(const OperatorView& seen) {
   return std::span(seen.objects.entries).first(static_cast<std::size_t>(n));
 }
 
+// About the boxes of what was accepted, with its fused surface.
+Eigen::AlignedBox3d about(const GivenObject& object) {
+  constexpr double kBeyond_m = 0.05;
+  Eigen::AlignedBox3d all_W = object.bounds();
+  all_W.min().array() -= kBeyond_m;
+  all_W.max().array() += kBeyond_m;
+  return all_W;
+}
+Vec3 centre_of(const tasks::ObjectList::Entry& e) { return e.X_WO * e.centre_m; }
+
 bool holds(const tasks::ObjectList::Entry& e, const Vec3& p_W) {
   if (!e.summarised) return false;
   const Vec3 p_O = e.X_WO.inverse(Eigen::Isometry) * p_W - e.centre_m;
@@ -125,14 +135,18 @@ std::vector<ShownProposal> DeskObjects::take_shown() {
 std::string DeskObjects::why_not(const OperatorView& seen, std::uint32_t proposal) const {
   if (!proposed_ || proposed_->number != proposal) return "what was proposed is another one now";
   if (waiting_) return "the last object is not named yet: in a moment";
+  if (!proposed_->claimed) return "the camera did not know where it was: choose it again";
+  return why_not(seen, proposed_->object);
+}
+
+std::string DeskObjects::why_not(const OperatorView& seen, const GivenObject& object) const {
   if (!box_.graph().config().fusion.objects.enabled)
     return "objects are switched off in this run (fusion.objects.enabled)";
-  if (!proposed_->claimed) return "the camera did not know where it was: choose it again";
-  if (proposed_->object.count == 0) return "hardly any distance of it was measured";
+  if (object.count == 0) return "hardly any distance of it was measured";
   if (entries_of(seen).size() >= perception::ObjectMap::kMost)
     return "as many objects as there can be";
   for (const tasks::ObjectList::Entry& e : entries_of(seen))
-    if (holds(e, proposed_->object.p_W)) return "it is an object already: " + name_of(e.serial);
+    if (holds(e, object.p_W)) return "it is an object already: " + name_of(e.serial);
   return {};
 }
 
@@ -143,8 +157,59 @@ std::optional<ConsoleAnswer> DeskObjects::accept(const DeskItem& item, const Ope
   if (!push_all(proposed_->object, now))
     return not_now("too many acts wait for the tasks: ask again");
   waiting_ = WaitingObject{
-      item.session, item.id, now, seen.objects_named, proposed_->object.bounds(), item.intent.text};
+      item.session, item.id, now, seen.objects_named, {item.intent.text, proposed_->object}};
   return std::nullopt;
+}
+
+// ---- objects of a saved session -----------------------------------------------------------------
+
+DeskObjects::Given DeskObjects::give(const SavedObject& object, const OperatorView& seen,
+                                     rt::Time now) {
+  if (waiting_ || seen.camera.seq == 0 || !seen.camera.claimed) return Given::kLater;
+  for (const tasks::ObjectList::Entry& e : entries_of(seen)) {
+    if (!holds(e, object.object.p_W)) continue;
+    if (!object.name.empty()) names_[e.serial] = object.name;
+    given_[e.serial] = object;
+    return Given::kDone;
+  }
+  if (std::string why = why_not(seen, object.object); !why.empty()) {
+    missed_.push_back((object.name.empty() ? "an object" : object.name) + ": " + why);
+    unseen_.push_back(object);
+    return Given::kDone;
+  }
+  if (!push_all(object.object, now)) return Given::kNoRoom;
+  waiting_ = WaitingObject{0, 0, now, seen.objects_named, object, false};
+  return Given::kDone;
+}
+
+std::vector<SavedObject> DeskObjects::to_save(const OperatorView& seen) const {
+  std::vector<SavedObject> all;
+  for (const tasks::ObjectList::Entry& e : entries_of(seen)) {
+    const auto known = given_.find(e.serial);
+    if (known == given_.end() || !e.summarised) continue;
+    // One that was moved is not where its boxes say.
+    if (about(known->second.object).contains(centre_of(e))) all.push_back(known->second);
+  }
+  if (waiting_ && !waiting_->answered) all.push_back(waiting_->what);
+  all.insert(all.end(), unseen_.begin(), unseen_.end());
+  return all;
+}
+
+std::vector<std::string> DeskObjects::take_missed() {
+  std::vector<std::string> out;
+  out.swap(missed_);
+  return out;
+}
+
+void DeskObjects::miss(std::string why, const Answer& answer) {
+  const WaitingObject& w = *waiting_;
+  if (w.answered) {
+    answer(w.session, w.id, not_now(std::move(why)));
+  } else {
+    missed_.push_back((w.what.name.empty() ? "an object" : w.what.name) + ": " + why);
+    unseen_.push_back(w.what);
+  }
+  waiting_.reset();
 }
 
 // One edit a job. Without its end a beginning names nothing.
@@ -176,28 +241,26 @@ std::optional<NamedObject> DeskObjects::keep(const OperatorView& seen, rt::Time 
                                              const Answer& answer) {
   // Its edits, one a job; then frames for which fusion waits to know where the camera is.
   constexpr rt::Nanos kPatience = std::chrono::milliseconds{2500};
-  constexpr double kBeyond_m = 0.05;  // its fused surface, about the boxes
   hand_over_clicks(seen, now, answer);
   answer_clicks(answer);
   if (!waiting_) return std::nullopt;
-  Eigen::AlignedBox3d about_W = waiting_->bounds_W;
-  about_W.min().array() -= kBeyond_m;
-  about_W.max().array() += kBeyond_m;
+  const Eigen::AlignedBox3d about_W = about(waiting_->what.object);
   for (const tasks::ObjectList::Entry& e : entries_of(seen)) {
     if (e.serial <= waiting_->newest_before || !e.summarised) continue;
-    if (!about_W.contains(Vec3(e.X_WO * e.centre_m))) continue;
-    if (!waiting_->name.empty()) names_[e.serial] = waiting_->name;
+    if (!about_W.contains(centre_of(e))) continue;
+    if (!waiting_->what.name.empty()) names_[e.serial] = waiting_->what.name;
     NamedObject named{e.serial, name_of(e.serial)};
-    const nlohmann::json result{{"serial", e.serial}, {"name", named.name}};
-    answer(waiting_->session, waiting_->id, {true, {}, result.dump()});
+    if (waiting_->answered) {
+      const nlohmann::json result{{"serial", e.serial}, {"name", named.name}};
+      answer(waiting_->session, waiting_->id, {true, {}, result.dump()});
+      proposed_.reset();
+    }
+    given_[e.serial] = std::move(waiting_->what);
     waiting_.reset();
-    proposed_.reset();
     return named;
   }
-  if (now - waiting_->since <= kPatience) return std::nullopt;
-  answer(waiting_->session, waiting_->id,
-         not_now("it is not seen there now: hidden, moved, or the camera is lost"));
-  waiting_.reset();
+  if (now - waiting_->since > kPatience)
+    miss("it is not seen there now: hidden, moved, or the camera is lost", answer);
   return std::nullopt;
 }
 

@@ -19,6 +19,7 @@
 #include "tools/console/console_server.hpp"
 #include "tools/desk/click_worker.hpp"
 #include "tools/desk/desk_inbox.hpp"
+#include "tools/desk/saved_session.hpp"
 #include "tools/host/console.hpp"
 
 namespace teletact {
@@ -46,6 +47,16 @@ class DeskObjects {
   [[nodiscard]] std::optional<ConsoleAnswer> select(const DeskItem& item, rt::Time now);
   [[nodiscard]] std::optional<ConsoleAnswer> accept(const DeskItem& item, const OperatorView& seen,
                                                     rt::Time now);
+  // An object of a saved session, as if it were proposed and accepted now; nobody is answered.
+  // What is an object there already takes its name. kLater: the camera does not know where it is,
+  // or another one is not named yet. What is not seen there now stays with what is saved.
+  enum class Given : std::uint8_t { kDone, kLater, kNoRoom };
+  [[nodiscard]] Given give(const SavedObject& object, const OperatorView& seen, rt::Time now);
+  // All that is an object by boxes, where it still lies, and what was not seen.
+  [[nodiscard]] std::vector<SavedObject> to_save(const OperatorView& seen) const;
+  void forget_unseen() { unseen_.clear(); }
+  // What was given and not found, since the last call: a line each.
+  [[nodiscard]] std::vector<std::string> take_missed();
   // Is none any more. False: no room.
   [[nodiscard]] bool drop(std::uint32_t serial, rt::Time now);
   // Another person, or nobody: what was clicked is forgotten.
@@ -67,10 +78,13 @@ class DeskObjects {
     std::int64_t id = 0;
     rt::Time since{};
     std::uint32_t newest_before = 0;  // serial
-    Eigen::AlignedBox3d bounds_W;
-    std::string name;
+    SavedObject what;
+    bool answered = true;  // somebody waits for an answer
   };
   [[nodiscard]] std::string why_not(const OperatorView& seen, std::uint32_t proposal) const;
+  [[nodiscard]] std::string why_not(const OperatorView& seen,
+                                    const perception::GivenObject& object) const;
+  void miss(std::string why, const Answer& answer);
   [[nodiscard]] bool push_all(const perception::GivenObject& object, rt::Time now);
   void hand_over_clicks(const OperatorView& seen, rt::Time now, const Answer& answer);
   void answer_clicks(const Answer& answer);
@@ -85,6 +99,9 @@ class DeskObjects {
   std::vector<ShownProposal> shown_;
   std::optional<WaitingObject> waiting_;
   std::map<std::uint32_t, std::string> names_;
+  std::map<std::uint32_t, SavedObject> given_;  // by serial
+  std::vector<SavedObject> unseen_;             // of an opened session
+  std::vector<std::string> missed_;
 };
 
 }  // namespace teletact

@@ -1,4 +1,4 @@
-// Of the desk: marks, goals, obstacles, regions, accepted objects, undo.
+// Of the desk: marks, goals, obstacles, regions, accepted objects, undo; all of them saved, opened.
 #include <algorithm>
 #include <cstdio>
 #include <limits>
@@ -16,6 +16,8 @@ namespace {
 ConsoleAnswer yes() { return {true, {}, {}}; }
 ConsoleAnswer no(std::string why) { return {false, std::move(why), {}}; }
 constexpr const char* kRingFull = "too many acts wait for the tasks: ask again";
+// So long fusion needs for a full ring of edits, one a job.
+constexpr rt::Nanos kRing = std::chrono::milliseconds{1500};
 
 tasks::SceneEdit edit_of(const DrawnObstacle& o) {
   tasks::SceneEdit e;
@@ -203,10 +205,55 @@ std::string DeskActs::text_of(const Undo& step) const {
 }
 
 void DeskActs::keep_objects(rt::Time now, const Answer& answer) {
+  for (const std::string& line : objects_.take_missed()) events_.add(now, "object", line);
   const auto named = objects_.keep(console_.seen(), now, answer);
   if (!named) return;
   remember({Undo::Kind::kObject, 0, std::nullopt, named->serial});
   events_.add(now, "object", named->name + " accepted");
+}
+
+// ---- saved sessions -----------------------------------------------------------------------------
+
+SavedSession DeskActs::to_save() const {
+  SavedSession s;
+  for (const auto& [id, o] : obstacles_) s.obstacles.push_back(o);
+  for (const ShownMark& m : marks_) s.marks_W.push_back(m.points_W);
+  s.objects = objects_.to_save(console_.seen());
+  for (const SavedObject& o : sessions_.objects_left()) s.objects.push_back(o);
+  if (s.objects.size() > SavedSession::kMostObjects) s.objects.resize(SavedSession::kMostObjects);
+  return s;
+}
+
+void DeskActs::keep_sessions(rt::Time now, const Answer& answer) {
+  SessionHands hands;
+  hands.why_not = [this] {
+    // Wanted still, it may come back by itself when a fault is over.
+    const bool may = console_.seen().mode.mode != Mode::kEngaged && !engage_wanted_;
+    return may ? std::string() : std::string("hold first: keep-outs change while a session opens");
+  };
+  // What was undoable is no more: it belonged to a scene that is gone.
+  hands.erase_all = [this, now] {
+    if (!erase(0, now, false).ok) return false;
+    undo_.clear();
+    objects_.forget_unseen();
+    return true;
+  };
+  hands.draw = [this, now](const DrawnObstacle& o) {
+    give_from_ = now + kRing;
+    return draw(o, now, false).ok;
+  };
+  hands.marks = [this](std::vector<std::vector<Vec3>> marks_W) {
+    marks_.clear();
+    for (auto& points_W : marks_W) marks_.push_back({++mark_id_, std::move(points_W)});
+  };
+  hands.give = [this, now](const SavedObject& object) {
+    if (now < give_from_) return false;
+    const auto given = objects_.give(object, console_.seen(), now);
+    if (given == DeskObjects::Given::kNoRoom) give_from_ = now + kRing;
+    return given == DeskObjects::Given::kDone;
+  };
+  hands.tell = [this, now](const std::string& text) { events_.add(now, "session", text); };
+  sessions_.keep(hands, answer);
 }
 
 }  // namespace teletact

@@ -162,7 +162,7 @@ LinkFacts DeskShow::link_facts(rt::Time now) const {
 void DeskShow::show_text(const DeskActs& acts, const DeskEvents& events, DeskFacts facts,
                          rt::Time now) {
   facts.renders_force = renders_force_;
-  facts.scale = box_.graph().config().haptic.scale;
+  facts.scale = acts.device_scale();
   facts.link = link_facts(now);
   if (tasks_ != nullptr) facts.tasks = tasks_->now();
   facts.viewers = port_.viewers();

@@ -142,6 +142,17 @@ json tasks_of(const DeskFacts& facts) {
   return all;
 }
 
+// `here`: of this run's world, so that it can be opened now.
+json sessions_of(const DeskSessions& sessions) {
+  json all = json::array();
+  for (const SessionRow& row : sessions.rows())
+    all.push_back({{"name", row.name},
+                   {"saved", row.saved},
+                   {"map", row.map},
+                   {"here", row.world == sessions.world()}});
+  return all;
+}
+
 // The base's motors as the robot's box tells of them.
 std::string bus_text(const OperatorView& seen, const LinkNow& link) {
   if (seen.robot.seq == 0) return "nothing heard of it yet";
@@ -188,7 +199,8 @@ std::string text_body(const OperatorView& seen, const DeskActs& acts, const Desk
          {"obstacles", obstacles_of(acts)},
          {"objects", objects_of(seen, acts.objects())},
          {"events", events_of(events)},
-         {"recording", facts.recording},
+         {"sessions", sessions_of(acts.sessions())},
+         {"recording", acts.recording()},
          {"console", {{"viewers", facts.viewers}, {"share", rounded(facts.share)}}}};
   if (seen.mode.cause != rt::kNoFault) t["mode_cause"] = fault_text(seen.mode.cause);
   if (seen.task.off_m >= 0) {

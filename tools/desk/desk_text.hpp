@@ -27,7 +27,6 @@ struct DeskFacts {
   std::string device;      // kind
   bool renders_force = true;
   double scale = 0;  // scene metres per hand metre
-  bool recording = false;
   LinkFacts link;
   std::vector<TaskFigures> tasks;
   int viewers = 0;

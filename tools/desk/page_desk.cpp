@@ -5,6 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "perception/map_file/map_file.hpp"
+
 namespace teletact {
 
 // Until the desk stands nothing is taken: the server starts with it in hand, but not at once.
@@ -51,14 +53,14 @@ DeskPort PageDesk::port() {
 }
 
 drivers::HapticDevice* PageDesk::hand_over(rt::NonRealtime& nrt, drivers::HapticDevice& device) {
-  if (!options_.hand) return &device;
-  hand_ = std::make_unique<PageHand>(nrt, device);
+  hand_ = std::make_unique<PageHand>(nrt, device, options_.hand);
   return hand_.get();
 }
 
 void PageDesk::open(OperatorBox& box, OperatorConsole& console, const Scene& scene, rt::Time epoch,
                     Clock clock) {
   epoch_ = epoch;
+  box_ = &box;
   options_.desk.paced = clock != Clock::kReal;
   if (clock == Clock::kFree)
     options_.desk.no_acts =
@@ -99,7 +101,32 @@ void PageDesk::write_figures() const {
   std::ofstream(options_.figures) << all.dump(1) << '\n';
 }
 
+// Of the sessions that this run has saved: the tasks have ended, nobody writes the map any more. A
+// session whose map the disk refuses is told, and starts no run.
+void PageDesk::write_maps() const {
+  const DeskSessions& sessions = desk_->acts().sessions();
+  if (sessions.saved().empty()) return;
+  rt::Startup startup;
+  const tasks::FusionTask& fusion = box_->graph().fusion();
+  const std::string bytes =
+      perception::encode_map(startup.token(), fusion.map(), fusion.keyframes());
+  for (const std::string& name : sessions.saved()) {
+    const auto written = sessions.store().save_map(name, bytes);
+    if (!written)
+      std::fprintf(stderr, "session %s: its map: %s\n", name.c_str(), written.error().c_str());
+    if (written && !options_.quiet)
+      std::printf("session %s: whole; teletact demo --console --session %s goes on with it\n",
+                  name.c_str(), name.c_str());
+  }
+}
+
 void PageDesk::close() {
+  shut();
+  if (box_ != nullptr && desk_) write_maps();
+  box_ = nullptr;
+}
+
+void PageDesk::shut() {
   if (server_) server_->stop();
   door_.remove();
   if (open_.load() && desk_ && !options_.figures.empty()) write_figures();

@@ -16,7 +16,7 @@ struct PageOptions {
   ConsoleOptions server;
   DeskOptions desk;
   bool open_browser = false;
-  bool hand = true;     // false: a device's hand is never taken over
+  bool hand = true;     // false: a device's hand is never replaced by the page's
   std::string figures;  // file for console.* of docs/metrics.md, at the end; empty: none
   bool quiet = false;   // the URL goes to no terminal
   // Tests and tools: the URL with its code, once.
@@ -26,7 +26,7 @@ struct PageOptions {
 class PageDesk final : public PageHook {
  public:
   explicit PageDesk(PageOptions options) : options_(std::move(options)) {}
-  ~PageDesk() override { close(); }
+  ~PageDesk() override { shut(); }
   [[nodiscard]] drivers::HapticDevice* hand_over(rt::NonRealtime& nrt,
                                                  drivers::HapticDevice& device) override;
   // Throws std::runtime_error with one line where the server does not start.
@@ -42,12 +42,15 @@ class PageDesk final : public PageHook {
   }
 
  private:
+  void shut();
   void write_figures() const;
+  void write_maps() const;
   [[nodiscard]] DeskPort port();
   [[nodiscard]] ConsoleCallbacks callbacks();
   PageOptions options_;
   std::atomic<double> now_s_{0};
   rt::Time epoch_{};
+  OperatorBox* box_ = nullptr;  // while it stands
   TaskWatch tasks_;
   // The server calls the desk, the desk the server: it is made first, and ends first.
   std::unique_ptr<PageHand> hand_;

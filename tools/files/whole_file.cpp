@@ -10,7 +10,22 @@
 
 namespace teletact {
 
-void write_whole_file(const std::string& path, const std::string& content) {
+namespace {
+
+// A new name is on the disk when its folder is. Some file systems know no fsync of a folder: there
+// the name is as safe as they make it.
+void sync_folder_of(const std::string& path) {
+  const auto end = path.rfind('/');
+  const std::string folder = end == std::string::npos ? "." : path.substr(0, end + 1);
+  const int fd = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return;
+  static_cast<void>(fsync(fd));
+  close(fd);
+}
+
+}  // namespace
+
+void write_whole_file(const std::string& path, const std::string& content, OnDisk on_disk) {
   const std::string temporary = path + ".part" + std::to_string(getpid());
   const auto fail = [&](const char* what) {
     const std::string reason = std::strerror(errno);
@@ -30,9 +45,16 @@ void write_whole_file(const std::string& path, const std::string& content) {
     }
     done += static_cast<std::size_t>(n);
   }
+  if (on_disk == OnDisk::kWhenBack && fsync(fd) != 0) {
+    const int error = errno;
+    close(fd);
+    errno = error;
+    fail("can not be written");
+  }
   if (close(fd) != 0) fail("can not be written");
   if (std::rename(temporary.c_str(), path.c_str()) != 0)
     fail("can not be renamed to its final name");
+  if (on_disk == OnDisk::kWhenBack) sync_folder_of(path);
 }
 
 WholeFile::WholeFile(std::string path)

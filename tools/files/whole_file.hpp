@@ -6,8 +6,13 @@
 
 namespace teletact {
 
+// kWhenBack: the file and its name are on the disk, and not in the kernel's memory alone, when the
+// call comes back. That can take a second.
+enum class OnDisk : unsigned char { kSometime, kWhenBack };
+
 // Throws std::runtime_error naming the file and the reason; then nothing is left behind.
-void write_whole_file(const std::string& path, const std::string& content);
+void write_whole_file(const std::string& path, const std::string& content,
+                      OnDisk on_disk = OnDisk::kSometime);
 
 // The same, written piece by piece: it is there after finish(). Both throw as above.
 class WholeFile {

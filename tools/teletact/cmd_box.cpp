@@ -99,8 +99,8 @@ int run_command(int argc, char** argv, rt::Box box) {
   c.road = where(w, c.listens);
   check_road(c);
   check_outputs({{"--json", c.json}}, {});
+  prepare_console(console, app.count("--robot") > 0, w.scene, o);
   o.scene_path = find_config("scenes", w.scene);
-  prepare_console(console, o);
   auto scene = load_scene(o.scene_path, o.overrides);
   if (!robot) check_haptic_device(*scene);
   const auto page = console_of(console, *scene, o);

@@ -121,9 +121,10 @@ int cmd_demo(int argc, char** argv) {
   check_bodies(o, c.words.clock);
   c.words.cores_given = app.count("--cores") > 0;
   for (int i = 0; i < argc; ++i) o.command += (i == 0 ? "teletact " : " ") + std::string(argv[i]);
-  prepare_console(c.console, o);
+  const bool scene_given = app.count("--scene") > 0;
+  prepare_console(c.console, scene_given, c.scene_name, o);
   if (c.console.console && o.stub_bodies) throw std::runtime_error("--console needs --bodies real");
-  const auto scene = scene_of(c, app.count("--scene") > 0);
+  const auto scene = scene_of(c, scene_given || !c.console.session.empty());
   // A recording that can not be read is said before anything starts.
   const double whole =
       o.rgbd_dir.empty() ? kWholeDemo_s : recording_seconds(o.rgbd_dir) + scene->hold_s + 0.5;

@@ -37,6 +37,20 @@ std::string page_folder(const std::string& given) {
       "--console: the page is not built; tools/run builds it, and --page names another folder");
 }
 
+// NAME among this user's sessions, or a folder by its path.
+fs::path session_folder(const std::string& word) {
+  const bool path = word.find('/') != std::string::npos;
+  const fs::path folder =
+      path ? fs::absolute(word).lexically_normal() : fs::path(default_session_folder()) / word;
+  return folder.has_filename() ? folder : folder.parent_path();
+}
+
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) out += c == '"' || c == '\\' ? std::string{'\\', c} : std::string{c};
+  return out + "\"";
+}
+
 }  // namespace
 
 void add_console_options(CLI::App& app, ConsoleWords& w) {
@@ -57,10 +71,29 @@ void add_console_options(CLI::App& app, ConsoleWords& w) {
   app.add_option("--console-name", w.names, "name by which browsers reach this box; repeatable")
       ->needs(console);
   app.add_option("--page", w.page, "folder of the built page")->needs(console);
+  app.add_option("--session", w.session,
+                 "go on with a session that was saved at the page: its scene, settings, map, "
+                 "keep-outs, marks and objects; a name, or a folder by its path")
+      ->needs(console);
 }
 
-void prepare_console(const ConsoleWords& w, DemoOptions& o) {
+void prepare_console(const ConsoleWords& w, bool scene_given, std::string& scene_name,
+                     DemoOptions& o) {
   if (!w.console) return;
+  if (!w.session.empty()) {
+    if (scene_given) throw std::runtime_error("--session names the scene: leave --scene out");
+    const fs::path folder = session_folder(w.session);
+    const fs::path map = folder / SessionStore::kMap;
+    if (!fs::exists(folder / SessionStore::kSession))
+      throw std::runtime_error("--session " + w.session + ": there is none in " +
+                               folder.parent_path().string());
+    if (!fs::exists(map))
+      throw std::runtime_error(
+          "--session " + w.session +
+          ": its map is missing; the run that saved it has not ended by itself");
+    scene_name = (folder / SessionStore::kScene).string();
+    o.overrides.insert(o.overrides.begin(), "fusion.map=" + quoted(map.string()));
+  }
   // Where the scene, or the command, says nothing else: later words win.
   // A page's hand goes everywhere: beyond a device's reach the workspace follows it.
   // Without an object, following objects costs a comparison a frame.
@@ -69,9 +102,24 @@ void prepare_console(const ConsoleWords& w, DemoOptions& o) {
   o.overrides.insert(o.overrides.begin(), wanted.begin(), wanted.end());
 }
 
+namespace {
+
+void take_session(const ConsoleWords& w, SessionPlace& place) {
+  place.folder = default_session_folder();
+  if (w.session.empty()) return;
+  const fs::path folder = session_folder(w.session);
+  place.folder = folder.parent_path().string();
+  auto session = SessionStore(place.folder).read(folder.filename().string());
+  if (!session) throw std::runtime_error("--session: " + session.error());
+  place.world = session.value().world;
+  place.at_start = std::move(session).value();
+}
+
+}  // namespace
+
 std::unique_ptr<PageDesk> console_of(const ConsoleWords& w, Scene& scene, const DemoOptions& o) {
   if (!w.console) return nullptr;
-  constexpr double kNever_s = 1e9;
+  constexpr double kNever_s = 864000;  // as long as a run may be: the scene can be read again
   scene.hand.start_after_s = kNever_s;
   PageOptions page;
   page.server.page_folder = page_folder(w.page);
@@ -80,10 +128,10 @@ std::unique_ptr<PageDesk> console_of(const ConsoleWords& w, Scene& scene, const 
   page.server.keys = w.keys;
   page.server.names = w.names;
   page.desk.device = scene.choice.kind;
-  page.desk.recording = o.record;
   page.desk.log = o.report + "/raw/console.log";
   page.figures = o.report + "/raw/console.json";
   page.hand = scene.choice.in_process();
+  take_session(w, page.desk.sessions);
   page.open_browser = w.open;
   return std::make_unique<PageDesk>(std::move(page));
 }

@@ -20,11 +20,14 @@ struct ConsoleWords {
   std::string address = "127.0.0.1", keys;  // not loopback: HTTPS with this folder of keys
   std::vector<std::string> names;           // by which browsers reach this box
   std::string page;  // folder of the built page; empty: beside the program, or in the source tree
+  std::string session;  // a saved one to go on with: its name, or its folder; empty: none
 };
 
 void add_console_options(CLI::App& app, ConsoleWords& words);
-// Before the scene is read: a page wants the mesh.
-void prepare_console(const ConsoleWords& words, DemoOptions& options);
+// Before the scene is read: a page wants the mesh; a saved session names the scene and its map, and
+// is refused with a line beside a scene on the command line.
+void prepare_console(const ConsoleWords& words, bool scene_given, std::string& scene_name,
+                     DemoOptions& options);
 // Null: nobody asked for one. Changes the scene: no script moves the hand. Throws
 // std::runtime_error where the page is not there.
 [[nodiscard]] std::unique_ptr<PageDesk> console_of(const ConsoleWords& words, Scene& scene,

@@ -58,6 +58,7 @@ class Person : public teletact::PageHook {
     o.hand = hand.get();
     o.tasks = &watch;
     o.clicks_at_once = true;
+    o.sessions = sessions;
     hand->bind(box.graph().haptic());
     teletact::DeskPort port;
     port.viewers = [this] { return viewers; };
@@ -128,6 +129,7 @@ class Person : public teletact::PageHook {
   std::int64_t text_at_ns = 0;   // operator's clock
   std::int64_t tasks_at_ns = 0;  // the last look at the tasks' timing before it
   teletact::TaskWatch watch;
+  teletact::SessionPlace sessions;  // no folder: none are kept
   int viewers = 0, mesh_blocks = 0;
   bool whole_mesh = true;
   std::unique_ptr<Desk> desk;

@@ -136,6 +136,34 @@ test('a region is forgotten only after a yes', async () => {
   assert.ok(Math.abs(centre[0] - 1.8) < 0.05 && Math.abs(half[0] - 0.2) < 0.05);
 });
 
+test('a session is saved, and opened after the keep-outs are gone', async () => {
+  const { page } = desk;
+  await page.click('#commands button:has-text("Hold")');
+  await page.click('#tabs button:has-text("Session")');
+  await page.fill('input[aria-label="Name of the saved session"]', 'Not a name');
+  await page.click('#pane-session button:has-text("Save")');
+  assert.equal(twin.count('save'), 0);
+  const before = plant.obstacles.map(o => o.id);
+  assert.ok(before.length > 0);
+  await page.fill('input[aria-label="Name of the saved session"]', 'lab-1');
+  await page.click('#pane-session button:has-text("Save")');
+  await until('what was saved, in words', async () =>
+    (await page.textContent('#toasts'))!.includes('The map follows'));
+  await page.click('#tabs button:has-text("Scene")');
+  await page.click('#pane-scene .row button:has-text("Delete")');
+  await until('none', () => plant.obstacles.length === 0);
+  await page.click('#tabs button:has-text("Session")');
+  await page.click('#pane-session button[aria-label="Open lab-1"]');
+  await until('them again', () => plant.obstacles.length === before.length);
+  assert.deepEqual(plant.obstacles.map(o => o.id), before);
+  // One of another map has no button, and a line that says how to start with it.
+  const other = page.locator('#pane-session .row', { hasText: 'yesterday' });
+  assert.match((await other.textContent())!, /teletact demo --console --session yesterday/);
+  assert.ok(await other.locator('button').isHidden());
+  await desk.shot('session');
+  await page.click('#tabs button:has-text("Scene")');
+});
+
 test('the acts by keyboard alone', async () => {
   const { keyboard } = desk.page;
   await keyboard.press('Escape');

@@ -307,6 +307,7 @@ export class TwinBox {
         advice: 'See that the robot process runs and its network is up; then engage again.' }],
       path: p.path, marked: this.desk.marked, marks: this.desk.marks, obstacles: p.obstacles,
       objects: this.desk.objects, events: this.events, recording: this.desk.recording,
+      sessions: this.desk.sessions,
       first_steps: this.desk.steps, console: { viewers: this.sockets.clients.size, share: 0.02 },
     };
     for (const session of this.sessions.values()) {

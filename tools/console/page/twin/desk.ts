@@ -1,5 +1,5 @@
 // What the twin makes of each intent: checked, done or refused with a reason.
-import { Obstacle, SceneObject, Vec3 } from '../src/wire/types';
+import { Obstacle, SavedSession, SceneObject, Vec3 } from '../src/wire/types';
 import { Plant } from './plant';
 import { Body } from './world';
 
@@ -33,6 +33,10 @@ export class Desk {
   private clicks = 0;
   private chosen = new Set<number>();
   private readonly undoable: (() => void)[] = [];
+  // One of a run before, of another map.
+  sessions: SavedSession[] = [{ name: 'yesterday', saved: '2026-01-02T03:04:05Z', map: true,
+    here: false }];
+  private readonly kept = new Map<string, { obstacles: Obstacle[]; marks: Stroke[] }>();
 
   constructor(readonly plant: Plant, private readonly bodies: Body[],
     private readonly ids: () => Uint8Array, private readonly size: { width: number;
@@ -49,7 +53,7 @@ export class Desk {
       undo: () => this.undo(), device: i => this.changeDevice(i),
       record: i => { this.recording = i.on === true; return done; },
       note: i => { this.note(String(i.text).slice(0, 200), 'note'); return done; },
-      save: () => done, open: () => done,
+      save: i => this.save(i), open: i => this.open(i),
       ask_role: () => done, give_role: () => done, take_role: () => done,
     };
     const act = acts[intent.act];
@@ -197,6 +201,29 @@ export class Desk {
     if (!last) return refused('nothing to take back');
     last();
     return done;
+  }
+
+  private save(i: Intent): Reply {
+    const name = String(i.name);
+    if (this.sessions.some(s => s.name === name && !s.here)) {
+      return refused(`${name} is a session of another map: choose another name`);
+    }
+    this.kept.set(name, { obstacles: this.plant.obstacles, marks: this.marks });
+    this.sessions = [{ name, saved: new Date().toISOString(), map: false, here: true },
+      ...this.sessions.filter(s => s.name !== name)];
+    return { ok: true, result: { text: `Saved: ${this.plant.obstacles.length} keep-outs, `
+      + `${this.marks.length} marks, 0 objects. The map follows when this run ends.` } };
+  }
+
+  private open(i: Intent): Reply {
+    const kept = this.kept.get(String(i.name));
+    if (!kept) return refused(`there is no saved session ${String(i.name)}`);
+    if (this.plant.mode === 'engaged') return refused('hold first');
+    this.plant.obstacles = kept.obstacles;
+    this.marks = [...kept.marks];
+    this.undoable.length = 0;
+    this.plant.plan();
+    return { ok: true, result: { text: `Opened: ${kept.obstacles.length} keep-outs.` } };
   }
 
   private changeDevice(i: Intent): Reply {

@@ -13,7 +13,8 @@ export class Acts {
 
   async ask(act: string, keys: object, done: string): Promise<Answer> {
     const answer = await this.link.act(act, keys);
-    if (answer.ok) this.say(done, 'done');
+    const text = answer.result?.text;  // the box knows more than the page
+    if (answer.ok) this.say(typeof text === 'string' ? text : done, 'done');
     else this.say(`Refused: ${answer.why ?? 'no reason given'}`, 'refused');
     return answer;
   }
@@ -64,7 +65,7 @@ export class Acts {
   }
 
   record(on: boolean): void {
-    void this.ask('record', { on }, on ? 'Recording.' : 'The recording is ended.');
+    void this.ask('record', { on }, on ? 'A piece begins.' : 'The piece is ended.');
   }
 
   note(text: string): void { void this.ask('note', { text }, 'Noted on the timeline.'); }

@@ -43,7 +43,7 @@ const keys: [string, string][] = [
   ['H', 'hold'], ['Shift Enter', 'take away (tool Object)'],
   ['C', 'clear'], ['Y', 'accept the object'],
   ['Z', 'undo'], ['Delete', 'delete what is chosen'],
-  ['R', 'record, end'], ['+ −', 'nearer, farther'],
+  ['R', 'a piece of the run begins, ends'], ['+ −', 'nearer, farther'],
   ['N', 'note on the timeline'], ['Esc', 'give up; back to the scene'],
 ];
 

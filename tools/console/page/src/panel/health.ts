@@ -138,12 +138,12 @@ export class Health {
     });
     return h('div', { class: 'buttons' }, h('label', {}, 'Scale', this.scale),
       button('Set scale', () => void this.acts.ask('device', { scale: Number(this.scale.value) },
-        'The scale is set.')), clutch,
+        'The scale goes over while the hand is free for a moment.')), clutch,
       button('Turn the hand to this view', () => {
         const eye = this.stage.toWorld(this.stage.camera.position);
         const to = this.stage.toWorld(this.stage.controls.target);
         void this.acts.ask('device', { view_yaw: Math.atan2(to[1] - eye[1], to[0] - eye[0]) },
-          'The hand is turned to this view.');
+          'The hand turns to this view while it is free for a moment.');
       }));
   }
 }

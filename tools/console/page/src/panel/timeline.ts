@@ -35,7 +35,9 @@ export class Timeline {
         h('span', {}, e.text));
       return { element, update: () => {} };
     });
-    this.pane.append(h('h3', {}, 'Record'), form, h('h3', {}, 'Last 5 minutes'), this.strip,
+    this.pane.append(h('h3', {}, 'Record'), form, h('p', { class: 'none' },
+      'Record names a piece of this run: its report can be made by itself.'),
+      h('h3', {}, 'Last 5 minutes'), this.strip,
       h('h3', {}, 'Events'), list);
   }
 
@@ -43,7 +45,7 @@ export class Timeline {
   get recording(): boolean { return this.store.slow.recording ?? false; }
 
   show(): void {
-    setText(this.record, this.recording ? 'End recording' : 'Record');
+    setText(this.record, this.recording ? 'End the piece' : 'Record');
     this.record.setAttribute('aria-pressed', String(this.recording));
     const events = this.store.slow.events ?? [];
     const last = events[events.length - 1];

@@ -125,6 +125,13 @@ export interface TaskRow {
   blame?: string;
 }
 
+export interface SavedSession {
+  name: string;
+  saved?: string;  // UTC
+  map?: boolean;   // its map is on the disk
+  here?: boolean;  // its places are of this run's map
+}
+
 export interface Slow {
   version?: string;
   role?: 'operator' | 'viewer';
@@ -154,6 +161,7 @@ export interface Slow {
   objects?: SceneObject[];
   events?: { t: number; kind?: string; text: string }[];
   recording?: boolean;
+  sessions?: SavedSession[];
   first_steps?: Record<string, boolean>;
   console?: { viewers?: number; share?: number };
   can?: string[];
