@@ -36,38 +36,82 @@ struct AnalyticScene {
   std::vector<Plane> planes;
   std::vector<Box> boxes;
 
-  [[nodiscard]] Hit cast(const Vec3& o, const Vec3& d) const {
+  [[nodiscard]] Hit cast(const Vec3& o, const Vec3& d) const;
+};
+
+// All rays of an image begin at one point: what depends on it alone is computed once.
+class RaysFrom {
+ public:
+  RaysFrom(const AnalyticScene& scene, const Vec3& o) {
+    for (const auto& p : scene.planes) planes_.push_back({p.normal, p.normal.dot(p.point - o)});
+    for (const auto& b : scene.boxes) {
+      const Pose X_SW = b.X_WS.inverse();
+      // Of the ball about it, a little larger: most rays miss that, and need no division to tell.
+      const Vec3 to = b.X_WS.translation() - o;
+      const double r = 1.001 * b.half.norm() + 1e-6;
+      boxes_.push_back(
+          {X_SW.linear(), X_SW * o, b.half, b.X_WS.linear(), to, to.squaredNorm() - r * r});
+    }
+  }
+
+  [[nodiscard]] Hit cast(const Vec3& d) const {
     Hit best;
-    for (const Plane& p : planes) {
+    for (const Plane& p : planes_) {
       const double s = p.normal.dot(d);
       if (s >= -1e-12) continue;
-      const double t = p.normal.dot(p.point - o) / s;
+      const double t = p.reach / s;
       if (t > 1e-6 && t < best.t) best = {t, p.normal};
     }
-    for (const Box& b : boxes) {
-      const Pose X_SW = b.X_WS.inverse();
-      const Vec3 ol = X_SW * o, dl = X_SW.linear() * d;
-      double enter = -1e300, leave = 1e300;
-      int axis = 0;
-      for (int i = 0; i < 3; ++i) {
-        if (std::abs(dl(i)) < 1e-15) {
-          if (std::abs(ol(i)) > b.half(i)) leave = -1e300;
-          continue;
-        }
-        double t0 = (-b.half(i) - ol(i)) / dl(i), t1 = (b.half(i) - ol(i)) / dl(i);
-        if (t0 > t1) std::swap(t0, t1);
-        if (t0 > enter) enter = t0, axis = i;
-        leave = std::min(leave, t1);
-      }
-      if (enter < leave && enter > 1e-6 && enter < best.t) {
-        Vec3 n = Vec3::Zero();
-        n(axis) = dl(axis) > 0 ? -1 : 1;
-        best = {enter, b.X_WS.linear() * n};
-      }
+    const double d2 = d.squaredNorm();
+    for (const Box& b : boxes_) {
+      const double along = b.to.dot(d);
+      if (b.out2 > 0 && (along <= 0 || along * along < b.out2 * d2)) continue;
+      meet(b, d, best);
     }
     return best;
   }
+
+ private:
+  struct Plane {
+    Vec3 normal;
+    double reach;
+  };
+  struct Box {
+    Mat3 R_SW;
+    Vec3 ol, half;
+    Mat3 R_WS;
+    Vec3 to;      // its middle, from where the rays begin
+    double out2;  // > 0: they begin outside of its ball
+  };
+
+  static void meet(const Box& b, const Vec3& d, Hit& best) {
+    const Vec3 dl = b.R_SW * d;
+    double enter = -1e300, leave = 1e300;
+    int axis = 0;
+    for (int i = 0; i < 3; ++i) {
+      if (std::abs(dl(i)) < 1e-15) {
+        if (std::abs(b.ol(i)) > b.half(i)) leave = -1e300;
+        continue;
+      }
+      double t0 = (-b.half(i) - b.ol(i)) / dl(i), t1 = (b.half(i) - b.ol(i)) / dl(i);
+      if (t0 > t1) std::swap(t0, t1);
+      if (t0 > enter) enter = t0, axis = i;
+      leave = std::min(leave, t1);
+    }
+    if (enter < leave && enter > 1e-6 && enter < best.t) {
+      Vec3 n = Vec3::Zero();
+      n(axis) = dl(axis) > 0 ? -1 : 1;
+      best = {enter, b.R_WS * n};
+    }
+  }
+
+  std::vector<Plane> planes_;
+  std::vector<Box> boxes_;
 };
+
+inline Hit AnalyticScene::cast(const Vec3& o, const Vec3& d) const {
+  return RaysFrom(*this, o).cast(d);
+}
 
 // Floor z = 0, two walls, furniture: every direction of motion is constrained.
 inline AnalyticScene test_room() {
@@ -108,9 +152,10 @@ inline std::vector<double> cast_depth(const AnalyticScene& scene, const Intrinsi
                                       const Pose& X_WC) {
   std::vector<double> z(static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height),
                         0.0);
+  const RaysFrom rays(scene, X_WC.translation());
   for (int v = 0; v < k.height; ++v) {
     for (int u = 0; u < k.width; ++u) {
-      const Hit h = scene.cast(X_WC.translation(), X_WC.linear() * k.unproject(u, v, 1.0));
+      const Hit h = rays.cast(X_WC.linear() * k.unproject(u, v, 1.0));
       if (std::isfinite(h.t)) z[static_cast<std::size_t>(v * k.width + u)] = h.t;
     }
   }
@@ -133,10 +178,11 @@ inline std::vector<std::uint16_t> to_mm(const std::vector<double>& z, double sig
 inline std::vector<float> cast_model(const AnalyticScene& scene, const Intrinsics& k,
                                      const Pose& X_WC) {
   std::vector<float> m(static_cast<std::size_t>(k.width * k.height) * 4, 0.0F);
+  const RaysFrom rays(scene, X_WC.translation());
   for (int v = 0; v < k.height; ++v) {
     for (int u = 0; u < k.width; ++u) {
       const Vec3 ray_C = k.unproject(u, v, 1.0);
-      const Hit h = scene.cast(X_WC.translation(), X_WC.linear() * ray_C);
+      const Hit h = rays.cast(X_WC.linear() * ray_C);
       if (!std::isfinite(h.t)) continue;
       const Vec3 n = X_WC.linear().transpose() * h.normal_W;
       float* r = m.data() + 4 * (static_cast<std::ptrdiff_t>(v) * k.width + u);

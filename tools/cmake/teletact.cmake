@@ -117,7 +117,8 @@ function(teletact_together target)
   endif()
   get_target_property(sources ${target} SOURCES)
   foreach(source ${sources})
-    get_property(group GLOBAL PROPERTY "teletact_group_${source}")
+    cmake_path(ABSOLUTE_PATH source OUTPUT_VARIABLE whole)
+    get_property(group GLOBAL PROPERTY "teletact_group_${whole}")
     if(group)
       set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${group})
     endif()
@@ -159,21 +160,22 @@ add_custom_target(threads_tests)
 add_custom_target(bytes_tests)
 
 # teletact_test(<name> [DEPS ours...] [PACKAGES ...] [LABELS ...] [TIMEOUT s] [NO_GUARD] [NO_SANITIZE]
-#               [NEEDS_FAULTS] [SLOW] [LONG] [LONG_TESTS pattern...] [ALONE_TESTS pattern...])
+#               [NEEDS_FAULTS] [COST s] [LONG] [LONG_TESTS pattern...] [ALONE_TESTS pattern...] [WHOLE_TESTS pattern...])
 # Every .cpp of the calling folder becomes one GoogleTest program test_<name>. The allocation and
 # lock guard is linked in unless NO_GUARD or a sanitizer is on. Labels: unit; sanitize (run by
 # tools/test --all with AddressSanitizer and UBSan) unless NO_SANITIZE, which is for what takes
 # minutes or runs the whole program, or LABELS timing; LABELS threads: run with ThreadSanitizer too. LABELS bytes: readers of bytes from outside, and rings: quick ones, that CI runs with
 # AddressSanitizer and UBSan on every change. NEEDS_FAULTS: not declared when
 # TELETACT_FAULTS is OFF, for it runs a planned executor. Sanitizers get five times the TIMEOUT. LABELS timing: nothing runs beside it.
-# SLOW: begun before the others, so that it does not run alone at the end. LONG: takes hours; run by tools/test --long, that is
+# COST: about how many seconds it takes, from 10 on: ctest begins with the longest, so that none runs alone at the end. LONG: takes hours; run by tools/test --long, that is
 # ctest -C long -L long, and by no other ctest. LONG_TESTS: tests that repeat for minutes what others do
 # once; a sanitizer, which takes ten times as long, runs the program without them. ALONE_TESTS: tests that compare CPU times; what
 # another core does changes them (shared cache, shared execution units), so each is a test of its own with nothing beside it; a
-# sanitizer, under which a CPU time is not the product's, runs them with the others.
+# sanitizer, under which a CPU time is not the product's, runs them with the others. WHOLE_TESTS: tests that take few of their
+# samples (tests/support/whole.hpp); <name>.whole runs them with all, by tools/test --all, that is ctest -C all, and by no other.
 function(teletact_test name)
-  cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS;SLOW;LONG" "TIMEOUT"
-    "DEPS;PACKAGES;LABELS;LONG_TESTS;ALONE_TESTS"
+  cmake_parse_arguments(A "NO_GUARD;NO_SANITIZE;NEEDS_FAULTS;LONG" "TIMEOUT;COST"
+    "DEPS;PACKAGES;LABELS;LONG_TESTS;ALONE_TESTS;WHOLE_TESTS"
     ${ARGN})
   if(A_NEEDS_FAULTS AND NOT TELETACT_FAULTS)
     return()
@@ -231,7 +233,13 @@ function(teletact_test name)
   if("timing" IN_LIST labels)
     set_tests_properties(${name} PROPERTIES RUN_SERIAL TRUE)
   endif()
-  if(A_SLOW)
-    set_tests_properties(${name} PROPERTIES COST 100)
+  if(A_COST)
+    set_tests_properties(${name} PROPERTIES COST ${A_COST})
+  endif()
+  if(A_WHOLE_TESTS AND NOT TELETACT_SANITIZE)
+    string(JOIN ":" filter ${A_WHOLE_TESTS})
+    add_test(NAME ${name}.whole COMMAND test_${name} --gtest_filter=${filter} CONFIGURATIONS all)
+    set_tests_properties(${name}.whole PROPERTIES TIMEOUT 1800 COST 1000 LABELS "${labels}"
+      ENVIRONMENT TELETACT_WHOLE=1 FAIL_REGULAR_EXPRESSION "Running 0 tests")
   endif()
 endfunction()

@@ -2,9 +2,10 @@
 // there for it; without one the same check is met.
 #include <gtest/gtest.h>
 
-#include <algorithm>
+#include <map>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "tasks/haptic/touch_rules.hpp"
@@ -50,20 +51,36 @@ const Fault kFaults[] = {
      "not pushed out of the slot N"},
 };
 
-// The named check of every run that has it.
-std::vector<Check> checks(const Fault& fault, Broken broken, std::size_t place) {
+struct Judged {
+  std::string run;
+  std::vector<Check> checks;
+};
+
+// Several faults are of one case, and each is judged beside the case without one: a case is run once for each.
+const std::vector<Judged>& judged(std::vector<Run> (*run)(const Setting&), Broken broken,
+                                  std::size_t place) {
+  using Key = std::tuple<std::vector<Run> (*)(const Setting&), Broken, std::size_t>;
+  static std::map<Key, std::vector<Judged>> known;
+  const auto [at, is_new] = known.try_emplace(Key{run, broken, place});
+  if (!is_new) return at->second;
   Setting s;
   s.place = rig::placements()[place];
   s.judged = false;
   tasks::broken_now = broken;
+  for (const Run& each : run(s)) at->second.push_back({each.name, each.checks});
+  tasks::broken_now = Broken::kNone;
+  return at->second;
+}
+
+// The named check of every run that has it.
+std::vector<Check> checks(const Fault& fault, Broken broken, std::size_t place) {
   std::vector<Check> out;
-  for (const Run& run : fault.run(s)) {
-    if (run.name.find(fault.part) == std::string::npos) continue;
+  for (const Judged& run : judged(fault.run, broken, place)) {
+    if (run.run.find(fault.part) == std::string::npos) continue;
     for (const Check& c : run.checks) {
       if (c.name == fault.check) out.push_back(c);
     }
   }
-  tasks::broken_now = Broken::kNone;
   if (out.empty()) throw std::runtime_error(std::string("no check ") + fault.check);
   return out;
 }

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "rt/memory/section.hpp"
+#include "tests/support/whole.hpp"
 #include "tests/unit/perception_objects/table.hpp"
 #include "tools/measure/support/rt_guard.hpp"
 
@@ -82,7 +83,8 @@ TEST(Objects, FusedIsBetterThanAFrameAfterThirty) {
 // .03 (.13 of the three) is what they keep to, and more would be worse than it was.
 TEST(Objects, OneWrongFrameInFiveChangesTwoPercentAtMost) {
   const std::set<std::uint64_t> kMissed{14, 15, 16};
-  for (std::uint64_t seed = 11; seed <= 18; ++seed) {
+  for (const std::uint64_t seed :
+       whole_or<std::uint64_t>({11, 12, 13, 14, 15, 16, 17, 18}, {0, 3, 6})) {
     Rig clean, spoiled;
     frame(clean, 0, seed);
     frame(spoiled, 0, seed);

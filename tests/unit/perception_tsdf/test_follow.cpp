@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <vector>
 
+#include "tests/support/whole.hpp"
 #include "tests/unit/perception_tsdf/scene.hpp"
 
 namespace tests {
@@ -63,11 +64,10 @@ struct Watched {
           c.follow = follow;
           return c;
         }()) {}
-  // `said`: what the map is told of where the camera is, from where it is.
-  void see(const Scene& scene, const Vec3& said_off = Vec3::Zero()) {
-    const Pose X_WC = eye(frame, slant_deg);
-    const Frame f = seen(scene, X_WC, seed, frame++);
-    Pose said = X_WC;
+  void see(const Scene& scene) { take(seen(scene, eye(frame, slant_deg), seed, frame)); }
+  // `said_off`: what the map is told of where the camera is, from where it is.
+  void take(const Frame& f, const Vec3& said_off = Vec3::Zero()) {
+    Pose said = eye(frame++, slant_deg);
     said.translation() += said_off;
     const IntegrateStats out = map.integrate(f.view(), said, 1);
     ASSERT_FALSE(out.refused);
@@ -110,6 +110,13 @@ struct Watched {
   }
 };
 
+// The same image for both.
+void see_both(Watched& a, Watched& b, const Scene& scene, const Vec3& said_off = Vec3::Zero()) {
+  ASSERT_TRUE(a.frame == b.frame && a.seed == b.seed && a.slant_deg == b.slant_deg);
+  const Frame f = seen(scene, eye(a.frame, a.slant_deg), a.seed, a.frame);
+  a.take(f, said_off), b.take(f, said_off);
+}
+
 struct Lag {
   double most_mm = 0, end_mm = 0;
 };
@@ -138,6 +145,8 @@ TEST(Follow, ASlowSurfaceLagsBy3FramesAnd1500umAtMost) {
     for (const double slant : {20.0, 60.0})
       for (const double mm_s : {3.0, 10.0, 30.0, 50.0, 100.0}) {
         const double sign = (++seed & 1U) != 0 ? 1 : -1;  // both ways, by the seed
+        if (!whole() && (seed - first) % 3 != 1)
+          continue;  // a third: each value of each of the three
         Watched w(voxel, true, seed, slant);
         const Lag lag = lag_of(w, 1e-3 * sign * mm_s);
         std::printf("%.0f mm, %.0f deg, %+.0f mm/s: lag %.2f mm, at rest %.2f mm\n", 1e3 * voxel,
@@ -153,8 +162,7 @@ TEST(Follow, WhatStandsKeepsItsNoise) {
   for (const double voxel : {0.01, 0.02})
     for (const double slant : {20.0, 70.0}) {
       Watched w(voxel, true, 7, slant), plain(voxel, false, 7, slant);
-      w.see(plate(1.05), 50);
-      plain.see(plate(1.05), 50);
+      for (int n = 0; n < 50; ++n) see_both(w, plain, plate(1.05));
       std::printf("%.0f mm, %.0f deg: rms %.4f mm, %.4f without, %d blocks moved\n", 1e3 * voxel,
                   slant, 1e3 * w.rms(1.05), 1e3 * plain.rms(1.05), w.moved);
       EXPECT_LE(w.rms(1.05), 1.05 * plain.rms(1.05));
@@ -167,10 +175,10 @@ TEST(Follow, ACameraThatDriftsIsNotRunAfter) {
   for (const double voxel : {0.01, 0.02})
     for (const Vec3& way : {Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(-0.6, 0, 0.8)}) {
       Watched w(voxel, true, 9), plain(voxel, false, 9);
-      w.see(plate(1.05), 20), plain.see(plate(1.05), 20);
+      for (int n = 0; n < 20; ++n) see_both(w, plain, plate(1.05));
       double apart_mm = 0;
       for (int n = 1; n <= 20; ++n) {
-        w.see(plate(1.05), 1e-3 * n * way), plain.see(plate(1.05), 1e-3 * n * way);
+        see_both(w, plain, plate(1.05), 1e-3 * n * way);
         apart_mm = std::max(apart_mm, 1e3 * std::abs(w.mean(1.05) - plain.mean(1.05)));
       }
       std::printf("%.0f mm, drift (%.1f %.1f %.1f) mm a frame: %.2f mm apart, %d blocks moved\n",
@@ -189,10 +197,10 @@ TEST(Follow, WhatStandsIsNotMovedByTheMajority) {
   };
   Watched w(0.02, true, 4), plain(0.02, false, 4);
   double x = 1.05;
-  w.see(big(x), 20), plain.see(big(x), 20);
+  for (int n = 0; n < 20; ++n) see_both(w, plain, big(x));
   for (int n = 0; n < 12; ++n) {
     x -= 0.002;
-    w.see(big(x)), plain.see(big(x));
+    see_both(w, plain, big(x));
   }
   // Beside the plate, the wall.
   double sum[2] = {}, count[2] = {};
@@ -260,16 +268,16 @@ Crossings crossings(const Watched& of, const Scene& scene) {
 TEST(Follow, ThinWallsAndEdgesStay) {
   const Scene table = one_box({0.9, -0.4, -0.14}, {1.5, 0.4, -0.1});
   const Scene cube = one_box({0.95, -0.1, -0.1}, {1.15, 0.1, 0.1});
-  const Round rounds[] = {{"plate 30 mm, half round", plate(1.0, 0.03), 0, 1.9, 0.1, 6},
-                          {"plate 20 mm, half round", plate(1.0, 0.02), 0, 1.9, 0.1, 16},
-                          {"plate 50 mm, half round", plate(1.0, 0.05), 0, 1.9, 0.1, 26},
-                          {"plate 30 mm, slowly", plate(1.0, 0.03), 50, 0.6, 0.1, 36},
-                          {"plate 20 mm, slowly", plate(1.0, 0.02), 70, 0.3, 0.1, 46},
-                          {"table's edge", table, -60, 1.3, 0.5, 56},
-                          {"table's edge, slowly", table, -20, 0.4, 0.3, 66},
-                          {"cube's corner", cube, -80, 1.7, 0.4, 76},
-                          {"cube's corner, slowly", cube, 20, 0.5, 0.4, 86}};
-  for (const Round& r : rounds) {
+  const std::vector<Round> rounds{{"plate 30 mm, half round", plate(1.0, 0.03), 0, 1.9, 0.1, 6},
+                                  {"plate 20 mm, half round", plate(1.0, 0.02), 0, 1.9, 0.1, 16},
+                                  {"plate 50 mm, half round", plate(1.0, 0.05), 0, 1.9, 0.1, 26},
+                                  {"plate 30 mm, slowly", plate(1.0, 0.03), 50, 0.6, 0.1, 36},
+                                  {"plate 20 mm, slowly", plate(1.0, 0.02), 70, 0.3, 0.1, 46},
+                                  {"table's edge", table, -60, 1.3, 0.5, 56},
+                                  {"table's edge, slowly", table, -20, 0.4, 0.3, 66},
+                                  {"cube's corner", cube, -80, 1.7, 0.4, 76},
+                                  {"cube's corner, slowly", cube, 20, 0.5, 0.4, 86}};
+  for (const Round& r : whole_or(rounds, {0, 4, 6, 7})) {
     Watched w(0.01, true, r.seed), plain(0.01, false, r.seed);
     for (int n = 0; n < 95; ++n) {
       const Frame f = seen(r.scene, r.eye(n), r.seed, n);

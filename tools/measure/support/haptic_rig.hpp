@@ -84,6 +84,13 @@ struct Row {
       0;  // of the proxy below the blended field's zero set, by the pop checker; NaN: free, unknown
 };
 
+// std::lround of what fits an int, without a call: a fifth of a run's time was spent in it.
+inline int rounded(double x) {
+  const int i = static_cast<int>(x);
+  const double rest = x - i;
+  return i + (rest >= 0.5 ? 1 : 0) - (rest <= -0.5 ? 1 : 0);
+}
+
 inline double thread_us() { return 1e-3 * static_cast<double>(rt::thread_cpu_ns()); }
 
 class Rig {
@@ -151,7 +158,7 @@ class Rig {
           }
           v = std::clamp(v + setup_.extra(gx, gy, gz, frame), -setup_.truncation,
                          setup_.truncation);
-          patch.distance[i] = static_cast<std::int16_t>(std::lround(v / setup_.truncation * 32767));
+          patch.distance[i] = static_cast<std::int16_t>(rounded(v / setup_.truncation * 32767));
           patch.material[i] = 1;
           patch.set_free(i, v > 0);
         }
