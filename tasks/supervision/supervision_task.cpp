@@ -77,6 +77,9 @@ void SupervisionTask::gather(rt::Time now, const In& in, Conditions& c) const no
       raise(c, t.health.fault, t.health.severity);
     }
   }
+  // A person's engage is held. What the robot's box knows of it comes by the link, below.
+  if (box_ == rt::Box::kOperator && mode_ == Mode::kEngaged && in.requests.engage == Engage::kNo)
+    raise(c, kFaultEngageWithdrawn, Severity::kOk);
   if (!in.link_expected) return;
   const bool live = link_live(now, in);
   if (in.link_refused) raise(c, kFaultLinkRefused, Severity::kOk);
