@@ -43,7 +43,13 @@ enum class BusTrouble : std::uint8_t {
   kSlavesMissing,   // from `slave` on nobody answers
   kSlaveState,      // `slave` is not in OP
   kNotReady,        // a wheel does not know its commutation
-  kRearming         // status kOk: latches are being cleared, the wheels take no setpoint yet
+  kRearming,        // status kOk: latches are being cleared, the wheels take no setpoint yet
+  // Of a CAN bus. `slave` is the module: wheel 1 to 4.
+  kBusOff,         // the controller has switched itself off
+  kModuleSilent,   // `slave` tells no position
+  kQueueFull,      // frames do not leave: nobody acknowledges them
+  kInterfaceDown,  // the interface is down, or gone
+  kModuleRefuses   // `slave` does not take what it is told to do
 };
 struct BusDetail {
   BusTrouble trouble = BusTrouble::kNone;

@@ -29,6 +29,16 @@ rt::FaultId name_of(BusStatus read, BusTrouble t) noexcept {
       return robot_io_fault::kSlaveState;
     case BusTrouble::kNotReady:
       return robot_io_fault::kNotCommutated;
+    case BusTrouble::kBusOff:
+      return robot_io_fault::kBusOff;
+    case BusTrouble::kModuleSilent:
+      return robot_io_fault::kModuleSilent;
+    case BusTrouble::kQueueFull:
+      return robot_io_fault::kQueueFull;
+    case BusTrouble::kInterfaceDown:
+      return robot_io_fault::kInterfaceDown;
+    case BusTrouble::kModuleRefuses:
+      return robot_io_fault::kModuleRefuses;
     default:
       return robot_io_fault::kBusDown;
   }

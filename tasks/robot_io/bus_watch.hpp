@@ -3,6 +3,8 @@
 //   a cycle without a frame, or with a wrong working counter    counted; many in a row: safe stop
 //   link down, slaves missing, a slave that left OP, a wheel
 //   without commutation, or down without more                   safe stop
+//   CAN: bus-off, interface down, send queue full, a module
+//   that is silent, or refuses what it is told                  safe stop
 //   a motor's own fault, its I2t limit, its timeout             safe stop
 //   told to turn, and the encoder stands for 100 ms             safe stop
 //
@@ -42,6 +44,15 @@ struct BusReport {
   int wheel = -1;             // of a fault of a motor: 0 to 3
   std::uint32_t flags = 0;    // of that motor
 };
+
+// Of a CAN bus; each is a safe stop.
+namespace robot_io_fault {
+inline constexpr rt::FaultId kBusOff = 526;
+inline constexpr rt::FaultId kModuleSilent = 527;
+inline constexpr rt::FaultId kQueueFull = 528;
+inline constexpr rt::FaultId kInterfaceDown = 529;
+inline constexpr rt::FaultId kModuleRefuses = 530;
+}  // namespace robot_io_fault
 
 class BusWatch {
  public:
