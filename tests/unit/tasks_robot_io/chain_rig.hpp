@@ -95,6 +95,8 @@ struct Base {
     goal.speed_limit_m_per_s = 0.5;
     goal.engaged = 1;
   }
+  // The chain's own clock.
+  [[nodiscard]] rt::Time twin_now() const { return wire->port().now(); }
   [[nodiscard]] const Pose2& truth() const { return robot.plant().state().X_WB; }
   [[nodiscard]] double error(const Pose2& p) const {
     return std::hypot(truth().x - p.x, truth().y - p.y);
