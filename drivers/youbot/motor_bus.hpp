@@ -49,7 +49,12 @@ enum class BusTrouble : std::uint8_t {
   kModuleSilent,   // `slave` tells no position
   kQueueFull,      // frames do not leave: nobody acknowledges them
   kInterfaceDown,  // the interface is down, or gone
-  kModuleRefuses   // `slave` does not take what it is told to do
+  kModuleRefuses,  // `slave` does not take what it is told to do
+  // Status kOk: `slave` is a joint of an arm, and its drive can not hold it.
+  kJointNotCommutated,
+  kJointTimeout,
+  kJointI2t,
+  kJointFault  // its drive's own fault
 };
 struct BusDetail {
   BusTrouble trouble = BusTrouble::kNone;

@@ -26,6 +26,14 @@ rt::FaultId fault_of_bit(unsigned bit) noexcept {
   return bit == 17 ? robot_io_fault::kI2tExceeded : robot_io_fault::kMotorFault;
 }
 
+// Of a joint: which of BusLog's lines.
+std::size_t cause_of(drivers::BusTrouble t) noexcept {
+  using drivers::BusTrouble;
+  if (t == BusTrouble::kJointNotCommutated) return 0;
+  if (t == BusTrouble::kJointTimeout) return 1;
+  return t == BusTrouble::kJointI2t ? 2 : 3;
+}
+
 }  // namespace
 
 BusLog::BusLog(rt::NonRealtime& nrt, rt::LogSites& sites) {
@@ -55,6 +63,12 @@ BusLog::BusLog(rt::NonRealtime& nrt, rt::LogSites& sites) {
       nrt, level, line_of(f::kModuleSilent, kModule + std::string("tells no position any more")));
   module_refuses_ = sites.add<unsigned>(
       nrt, level, line_of(f::kModuleRefuses, kModule + std::string("refuses what it is told")));
+  constexpr std::array kWhy{"does not know its commutation", "got no frame in time (timeout)",
+                            "was overloaded for too long (I2t)", "reports a fault of its own"};
+  for (std::size_t i = 0; i < joint_.size(); ++i)
+    joint_[i] = sites.add<unsigned>(
+        nrt, level,
+        line_of(f::kJointUnable, std::string("slave {}, a joint of the arm, ") + kWhy[i]));
   down_ = sites.add<>(nrt, level, line_of(f::kBusDown, "the motor bus is down"));
   std::size_t n = 0;
   for (const auto& flag : drivers::tmcl::motor_flags()) {
@@ -95,6 +109,9 @@ void BusLog::say(rt::RtLog& log, rt::Time now, const BusReport& r) const noexcep
       break;
     case robot_io_fault::kModuleSilent:
       log.write(module_silent_, now, slave);
+      break;
+    case robot_io_fault::kJointUnable:
+      log.write(joint_[cause_of(r.detail.trouble)], now, slave);
       break;
     case robot_io_fault::kModuleRefuses:
       log.write(module_refuses_, now, slave);

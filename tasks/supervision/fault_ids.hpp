@@ -247,6 +247,11 @@ inline constexpr std::array kFaultTable = {
            "robot_io: a motor module on the CAN bus refuses what it is told to do",
            "safe stop; motor stop to all modules; the heartbeat ends; the log names the module",
            "look at its set-up with `teletact can get`, then clear"},
+  FaultRow{531, "F-RIO-31", rt::Severity::kSafeStop, ClearRule::kOperator,
+           "robot_io: a drive of the arm can not hold its joint (commutation, timeout, I2t, fault)",
+           "safe stop; that joint sinks, the others hold; the log names the slave and why",
+           "keep clear of the arm; remove what the log names, then clear until the box holds; "
+           "no commutation: `teletact youbot setup`"},
   FaultRow{590, "F-RIO-90", rt::Severity::kSafeStop, ClearRule::kOperator,
            "robot_io: the task is silent",
            "safe stop; the watchdog stops the motors",
