@@ -71,11 +71,15 @@ CanFrame CanMotorBus::stop_frame(const Module& m) const noexcept {
 BusStatus CanMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
   take_replies(now);
   const bool late = drop_late(now);
-  if (look_at_bus()) down_ = true;
-  if (down_) return BusStatus::kDown;
-  const bool placed =
-      std::all_of(modules_.begin(), modules_.end(), [](const Module& m) { return m.placed; });
-  if (late || !placed) return BusStatus::kFrameLost;
+  look_at_bus();
+  const bool known = all_known();
+  if (!down_ && known) why_ = {};
+  detail_ = why_;
+  if (down_ || why_.trouble != BusTrouble::kNone) return BusStatus::kDown;
+  if (late || !known) {
+    detail_.trouble = BusTrouble::kFrameLost;
+    return BusStatus::kFrameLost;
+  }
   write_states(now, states);
   return BusStatus::kOk;
 }
@@ -85,16 +89,20 @@ BusStatus CanMotorBus::act(rt::Time now, const MotorSetpoints& setpoints) noexce
   ask_all(now, setpoints);
   const bool full = port_.counters().refused != refused;
   full_ = full ? full_ + 1 : 0;
-  if (look_at_bus()) down_ = true;
+  look_at_bus();
+  detail_ = why_;
   if (down_) return BusStatus::kDown;
+  if (full) detail_.trouble = BusTrouble::kQueueFull;
   return full ? BusStatus::kFrameLost : BusStatus::kOk;
 }
 
+// Pressed for long, a clear comes every job: what is being read anew is not begun again.
 void CanMotorBus::rearm() noexcept {
+  if (!down_ && !safe_.load(std::memory_order_acquire)) return;
   down_ = false;
   full_ = 0;
   for (Module& m : modules_) {
-    m.placed = m.waiting = false;
+    m.placed = m.paced = m.waiting = m.refuses = false;
     m.silent = 0;
   }
   safe_.store(false, std::memory_order_release);
@@ -105,15 +113,38 @@ void CanMotorBus::make_safe() noexcept {
   port_.send_at_once(stop_);
 }
 
-bool CanMotorBus::look_at_bus() noexcept {
+bool CanMotorBus::all_known() const noexcept {
+  return std::all_of(modules_.begin(), modules_.end(),
+                     [](const Module& m) { return m.placed && m.paced; });
+}
+
+void CanMotorBus::look_at_bus() noexcept {
+  const BusDetail now = trouble();
+  if (down_ || now.trouble == BusTrouble::kNone) return;
+  down_ = true;
+  why_ = now;
+}
+
+// What alone takes the bus down. What concerns all modules goes before what concerns one.
+BusDetail CanMotorBus::trouble() noexcept {
+  BusDetail d;
   // Counted, as a controller may be off and back (restart-ms) between two jobs.
   const std::uint64_t seen = std::exchange(bus_offs_, port_.counters().bus_offs);
-  if (seen != bus_offs_) return true;
   const PortState s = port_.state();
-  if (s == PortState::kBusOff || s == PortState::kDown || s == PortState::kGone) return true;
-  if (full_ >= config_.full_jobs) return true;
-  return std::any_of(modules_.begin(), modules_.end(),
-                     [this](const Module& m) { return m.silent >= config_.silent_jobs; });
+  if (seen != bus_offs_ || s == PortState::kBusOff) {
+    d.trouble = BusTrouble::kBusOff;
+  } else if (s == PortState::kDown || s == PortState::kGone) {
+    d.trouble = BusTrouble::kInterfaceDown;
+  } else if (full_ >= config_.full_jobs) {
+    d.trouble = BusTrouble::kQueueFull;
+  }
+  for (std::size_t i = 0; i < kWheels && d.trouble == BusTrouble::kNone; ++i) {
+    const Module& m = modules_[i];
+    if (m.refuses) d.trouble = BusTrouble::kModuleRefuses;
+    if (m.silent >= config_.silent_jobs) d.trouble = BusTrouble::kModuleSilent;
+    if (d.trouble != BusTrouble::kNone) d.slave = static_cast<std::int16_t>(i + 1);
+  }
+  return d;
 }
 
 // ---- replies
@@ -137,6 +168,8 @@ void CanMotorBus::take_reply(const Received& r) noexcept {
   }
   m->waiting = false;
   ++counters_.replies;
+  // Another value with a good status is the late reply to an older setpoint, and no refusal.
+  if (m->kind == Ask::kSetpoint) m->refuses = reply.status != tmcl::status::kOk;
   if (!tmcl::answers(reply, m->asked)) {
     ++counters_.refused;
     return;
@@ -160,6 +193,7 @@ void CanMotorBus::keep(Module& m, const tmcl::Reply& reply, rt::Time at) noexcep
     }
     case Ask::kSpeed:
       m.rad_per_s = reply.value * kTwoPi / 60 / config_.gear_ratio;
+      m.paced = true;
       break;
     case Ask::kFlags:
       m.flags = static_cast<std::uint32_t>(reply.value);
@@ -192,8 +226,11 @@ tmcl::Request CanMotorBus::next_request(Module& m, double rpm, bool drive) const
   const unsigned turn = m.turn++;
   m.kind = turn % 2 == 0 ? Ask::kSetpoint : turn % 4 == 1 ? Ask::kPosition : Ask::kSpeed;
   if (!m.placed && m.kind == Ask::kSpeed) m.kind = Ask::kPosition;
-  if (m.kind == Ask::kSpeed && turn / 4 % kRareEvery == 0) m.kind = Ask::kFlags;
-  if (m.kind == Ask::kSpeed && turn / 4 % kRareEvery == kRareEvery / 2) m.kind = Ask::kCurrent;
+  if (m.placed && !m.paced && m.kind == Ask::kPosition) m.kind = Ask::kSpeed;
+  if (m.paced && m.kind == Ask::kSpeed) {
+    if (turn / 4 % kRareEvery == 0) m.kind = Ask::kFlags;
+    if (turn / 4 % kRareEvery == kRareEvery / 2) m.kind = Ask::kCurrent;
+  }
   switch (m.kind) {
     case Ask::kSetpoint:
       if (drive) {
@@ -223,9 +260,7 @@ tmcl::Request CanMotorBus::next_request(Module& m, double rpm, bool drive) const
 // What drives goes out by turns; motor stop is at the head of the queue in the job that asks for
 // it, also to a module that still owes a reply: that one is then not waited for.
 void CanMotorBus::ask_all(rt::Time now, const MotorSetpoints& setpoints) noexcept {
-  const bool placed =
-      std::all_of(modules_.begin(), modules_.end(), [](const Module& m) { return m.placed; });
-  bool drive = setpoints.mode == MotorMode::kVelocity && placed && !down_ &&
+  bool drive = setpoints.mode == MotorMode::kVelocity && all_known() && !down_ &&
                !safe_.load(std::memory_order_acquire);
   std::array<double, kWheels> rpm{};
   for (std::size_t i = 0; i < kWheels; ++i) {

@@ -10,10 +10,11 @@
 //
 //   kFrameLost   a module did not answer in time, or the queue took no frame; states keep what they
 //                had
-//   kDown        the bus is off, the interface down, or a module has told no position for
-//                `silent_jobs`.
-//                Latched: until rearm(), and then until every position has been read anew, only
-//                motor stop is sent
+//   kDown        the bus is off, the interface down, the queue full for `full_jobs`, a module has
+//                told no position for `silent_jobs`, or refuses what it is told to do (it would
+//                turn on at its last speed).
+//                Latched: until rearm(), and then until every position and speed has been read
+//                anew, only motor stop is sent, and detail() says why, by what came first
 //   make_safe    motor stop to every module at once from the calling thread, and from then on
 // Nothing allocates after construction.
 #pragma once
@@ -56,6 +57,7 @@ class CanMotorBus final : public MotorBus {
 
   [[nodiscard]] BusStatus sense(rt::Time now, MotorStates& states) noexcept override;
   [[nodiscard]] BusStatus act(rt::Time now, const MotorSetpoints& setpoints) noexcept override;
+  [[nodiscard]] BusDetail detail() const noexcept override { return detail_; }
   void rearm() noexcept override;
   void make_safe() noexcept override;
 
@@ -82,7 +84,9 @@ class CanMotorBus final : public MotorBus {
     rt::Time ask_from{};  // parameters; setpoints go out before
     int silent = 0;       // jobs without a position
     unsigned turn = 0;
-    bool placed = false;  // a position was read since the start or the last rearm()
+    // Position and speed were read since the start or the last rearm().
+    bool placed = false, paced = false;
+    bool refuses = false;  // its last setpoint or motor stop
     std::int32_t word = 0;
     std::int64_t ticks = 0;
     bool unwrapped = false;
@@ -96,7 +100,9 @@ class CanMotorBus final : public MotorBus {
   void ask_all(rt::Time now, const MotorSetpoints&) noexcept;
   [[nodiscard]] tmcl::Request next_request(Module&, double rpm, bool drive) const noexcept;
   [[nodiscard]] bool drop_late(rt::Time now) noexcept;
-  [[nodiscard]] bool look_at_bus() noexcept;
+  [[nodiscard]] bool all_known() const noexcept;
+  [[nodiscard]] BusDetail trouble() noexcept;
+  void look_at_bus() noexcept;
   void write_states(rt::Time now, MotorStates&) noexcept;
   [[nodiscard]] CanFrame stop_frame(const Module&) const noexcept;
 
@@ -108,6 +114,8 @@ class CanMotorBus final : public MotorBus {
   std::array<CanFrame, kWheels> stop_{};  // for make_safe(): never written after construction
   std::atomic<bool> safe_{false};
   bool down_ = false;      // latched
+  BusDetail why_;          // of down_; kept behind it until all is known again
+  BusDetail detail_;       // of the last half of a cycle
   std::size_t first_ = 0;  // module whose turn it is
   int full_ = 0;
   std::uint64_t bus_offs_ = 0;  // of the port's, those that were acted on

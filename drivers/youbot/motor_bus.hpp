@@ -43,7 +43,18 @@ enum class BusTrouble : std::uint8_t {
   kSlavesMissing,   // from `slave` on nobody answers
   kSlaveState,      // `slave` is not in OP
   kNotReady,        // a wheel does not know its commutation
-  kRearming         // status kOk: latches are being cleared, the wheels take no setpoint yet
+  kRearming,        // status kOk: latches are being cleared, the wheels take no setpoint yet
+  // Of a CAN bus. `slave` is the module: wheel 1 to 4.
+  kBusOff,         // the controller has switched itself off
+  kModuleSilent,   // `slave` tells no position
+  kQueueFull,      // frames do not leave: nobody acknowledges them
+  kInterfaceDown,  // the interface is down, or gone
+  kModuleRefuses,  // `slave` does not take what it is told to do
+  // Status kOk: `slave` is a joint of an arm, and its drive can not hold it.
+  kJointNotCommutated,
+  kJointTimeout,
+  kJointI2t,
+  kJointFault  // its drive's own fault
 };
 struct BusDetail {
   BusTrouble trouble = BusTrouble::kNone;

@@ -43,6 +43,13 @@ BusDetail trouble_of(const ethercat::BusHealth& h) noexcept {
   return d;
 }
 
+BusTrouble trouble_of_joint(std::uint32_t flags) noexcept {
+  if ((flags & motor_flag::kInitialised) == 0) return BusTrouble::kJointNotCommutated;
+  if ((flags & motor_flag::kTimeout) != 0) return BusTrouble::kJointTimeout;
+  if ((flags & motor_flag::kI2tExceeded) != 0) return BusTrouble::kJointI2t;
+  return (flags & motor_flag::kFaults) != 0 ? BusTrouble::kJointFault : BusTrouble::kNone;
+}
+
 }  // namespace
 
 EtherCatMotorBus::EtherCatMotorBus(rt::NonRealtime&, ethercat::Master& master,
@@ -89,6 +96,7 @@ BusStatus EtherCatMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
   }
   if (take_states(now, states) && ready_) {
     if (rearming()) detail_.trouble = BusTrouble::kRearming;
+    look_at_arm();
     return BusStatus::kOk;
   }
   detail_.trouble = BusTrouble::kNotReady;
@@ -99,6 +107,19 @@ BusStatus EtherCatMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
     detail_.slave = static_cast<std::int16_t>(config_.slave[w] + 1);
   }
   return BusStatus::kDown;
+}
+
+// Also while flags are being cleared: until its joints hold, a robot is not to be called well.
+void EtherCatMotorBus::look_at_arm() noexcept {
+  for (const std::size_t position : config_.joints) {
+    DriveInputs in;  // of an unknown size: no flags, so not commutated
+    (void)decode(master_.inputs(position), in);
+    const BusTrouble trouble = trouble_of_joint(in.flags);
+    if (trouble == BusTrouble::kNone) continue;
+    detail_.trouble = trouble;
+    detail_.slave = static_cast<std::int16_t>(position + 1);
+    return;
+  }
 }
 
 BusStatus EtherCatMotorBus::act(rt::Time, const MotorSetpoints& setpoints) noexcept {

@@ -12,7 +12,8 @@
 //   arm        each joint holds the position that it had when its drive became able to, as the arm
 //              has no brakes; it is told so in every cycle, also while the wheels are off. A joint
 //              whose drive is not able (flags) is told to stop, and takes a new position when it
-//              is able again. kFree: with the wheels off, no torque instead: the arm sinks.
+//              is able again; detail() names the first such joint, and why. kFree: with the wheels
+//              off, no torque instead: the arm sinks.
 //   ready      wheels without commutation (flag 15) do not turn and count as kDown: finding it
 //              moves them, which is for `teletact youbot setup`.
 //   power      an encoder whose board had no power counts anew. Its wheel's angle goes on from
@@ -59,6 +60,7 @@ class EtherCatMotorBus final : public MotorBus {
  private:
   void put_setpoints(const MotorSetpoints&) noexcept;
   void put_arm(bool stopped) noexcept;
+  void look_at_arm() noexcept;
   [[nodiscard]] std::size_t drives() const noexcept { return kWheels + config_.joints.size(); }
   [[nodiscard]] std::size_t slave_of(std::size_t drive) const noexcept;
   void clear_flags() noexcept;

@@ -18,10 +18,20 @@ std::string line_of(rt::FaultId id, const std::string& who) {
 constexpr const char* kWheel =
     "wheel {} (1 front left, 2 front right, 3 back left, 4 back right; on a youBot slaves 2 to "
     "5): ";
+constexpr const char* kModule =
+    "module {} of the CAN bus (1 front left, 2 front right, 3 back left, 4 back right): ";
 
 rt::FaultId fault_of_bit(unsigned bit) noexcept {
   if (bit == 16) return robot_io_fault::kMotorTimeout;
   return bit == 17 ? robot_io_fault::kI2tExceeded : robot_io_fault::kMotorFault;
+}
+
+// Of a joint: which of BusLog's lines.
+std::size_t cause_of(drivers::BusTrouble t) noexcept {
+  using drivers::BusTrouble;
+  if (t == BusTrouble::kJointNotCommutated) return 0;
+  if (t == BusTrouble::kJointTimeout) return 1;
+  return t == BusTrouble::kJointI2t ? 2 : 3;
 }
 
 }  // namespace
@@ -44,6 +54,21 @@ BusLog::BusLog(rt::NonRealtime& nrt, rt::LogSites& sites) {
   working_counter_ = sites.add<>(
       nrt, level, line_of(f::kWorkingCounter, "a frame came back that not every slave took"));
   link_down_ = sites.add<>(nrt, level, line_of(f::kBusLinkDown, "the network card has no link"));
+  bus_off_ = sites.add<>(nrt, level, line_of(f::kBusOff, "the CAN controller is off (bus-off)"));
+  queue_full_ = sites.add<>(
+      nrt, level, line_of(f::kQueueFull, "frames do not leave: the send queue stays full"));
+  interface_down_ =
+      sites.add<>(nrt, level, line_of(f::kInterfaceDown, "the CAN interface is down or gone"));
+  module_silent_ = sites.add<unsigned>(
+      nrt, level, line_of(f::kModuleSilent, kModule + std::string("tells no position any more")));
+  module_refuses_ = sites.add<unsigned>(
+      nrt, level, line_of(f::kModuleRefuses, kModule + std::string("refuses what it is told")));
+  constexpr std::array kWhy{"does not know its commutation", "got no frame in time (timeout)",
+                            "was overloaded for too long (I2t)", "reports a fault of its own"};
+  for (std::size_t i = 0; i < joint_.size(); ++i)
+    joint_[i] = sites.add<unsigned>(
+        nrt, level,
+        line_of(f::kJointUnable, std::string("slave {}, a joint of the arm, ") + kWhy[i]));
   down_ = sites.add<>(nrt, level, line_of(f::kBusDown, "the motor bus is down"));
   std::size_t n = 0;
   for (const auto& flag : drivers::tmcl::motor_flags()) {
@@ -72,6 +97,24 @@ void BusLog::say(rt::RtLog& log, rt::Time now, const BusReport& r) const noexcep
       break;
     case robot_io_fault::kNotCommutated:
       log.write(not_commutated_, now, slave);
+      break;
+    case robot_io_fault::kBusOff:
+      log.write(bus_off_, now);
+      break;
+    case robot_io_fault::kQueueFull:
+      log.write(queue_full_, now);
+      break;
+    case robot_io_fault::kInterfaceDown:
+      log.write(interface_down_, now);
+      break;
+    case robot_io_fault::kModuleSilent:
+      log.write(module_silent_, now, slave);
+      break;
+    case robot_io_fault::kJointUnable:
+      log.write(joint_[cause_of(r.detail.trouble)], now, slave);
+      break;
+    case robot_io_fault::kModuleRefuses:
+      log.write(module_refuses_, now, slave);
       break;
     case robot_io_fault::kEncoderStands:
       log.write(encoder_stands_, now, wheel);

@@ -29,9 +29,24 @@ rt::FaultId name_of(BusStatus read, BusTrouble t) noexcept {
       return robot_io_fault::kSlaveState;
     case BusTrouble::kNotReady:
       return robot_io_fault::kNotCommutated;
+    case BusTrouble::kBusOff:
+      return robot_io_fault::kBusOff;
+    case BusTrouble::kModuleSilent:
+      return robot_io_fault::kModuleSilent;
+    case BusTrouble::kQueueFull:
+      return robot_io_fault::kQueueFull;
+    case BusTrouble::kInterfaceDown:
+      return robot_io_fault::kInterfaceDown;
+    case BusTrouble::kModuleRefuses:
+      return robot_io_fault::kModuleRefuses;
     default:
       return robot_io_fault::kBusDown;
   }
+}
+
+bool of_joint(BusTrouble t) noexcept {
+  return t == BusTrouble::kJointNotCommutated || t == BusTrouble::kJointTimeout ||
+         t == BusTrouble::kJointI2t || t == BusTrouble::kJointFault;
 }
 
 }  // namespace
@@ -39,10 +54,12 @@ rt::FaultId name_of(BusStatus read, BusTrouble t) noexcept {
 Health BusWatch::cycle(BusStatus read, BusStatus sent, const drivers::BusDetail& d) noexcept {
   report_ = {};
   const bool good = read == BusStatus::kOk && sent == BusStatus::kOk;
-  takes_setpoints_ = good && d.trouble != BusTrouble::kRearming;
+  takes_setpoints_ = good && d.trouble == BusTrouble::kNone;
   if (good) {
     bad_in_row_ = 0;
-    return Health::ok();
+    if (!of_joint(d.trouble)) return Health::ok();
+    report_ = {robot_io_fault::kJointUnable, d, -1, 0};
+    return Health::of(Severity::kSafeStop, report_.fault);
   }
   ++bad_;
   ++bad_in_row_;
@@ -70,6 +87,7 @@ Health BusWatch::motors(const rt::Tick& tick, const drivers::MotorStates& m) noe
   for (const Kind& k : kinds) {
     for (std::size_t w = 0; w < m.flags.size(); ++w) {
       if ((m.flags[w] & k.bits) == 0) continue;
+      if (report_.fault == robot_io_fault::kJointUnable) return Health::ok();  // that one first
       report_ = {k.fault, {}, static_cast<int>(w), m.flags[w]};
       return Health::of(Severity::kSafeStop, k.fault);
     }

@@ -3,9 +3,13 @@
 //   a cycle without a frame, or with a wrong working counter    counted; many in a row: safe stop
 //   link down, slaves missing, a slave that left OP, a wheel
 //   without commutation, or down without more                   safe stop
+//   CAN: bus-off, interface down, send queue full, a module
+//   that is silent, or refuses what it is told                  safe stop
 //   a motor's own fault, its I2t limit, its timeout             safe stop
+//   a joint of the arm that its drive can not hold              safe stop
 //   told to turn, and the encoder stands for 100 ms             safe stop
 //
+// Such a joint sinks, as the arm has no brakes: its base is not to drive on below it.
 // A cycle is bad when either of its frames is: this job's read, or the write before it.
 // Encoder: a wheel that for 100 ms of good cycles was told at least 0.5 rad/s (2.4 cm/s at the rim)
 // and has not turned by 1 mrad (twenty encoder steps; 50 are due at the least). A wheel that is
@@ -42,6 +46,16 @@ struct BusReport {
   int wheel = -1;             // of a fault of a motor: 0 to 3
   std::uint32_t flags = 0;    // of that motor
 };
+
+// Of the arm and of a CAN bus; each is a safe stop.
+namespace robot_io_fault {
+inline constexpr rt::FaultId kJointUnable = 531;
+inline constexpr rt::FaultId kBusOff = 526;
+inline constexpr rt::FaultId kModuleSilent = 527;
+inline constexpr rt::FaultId kQueueFull = 528;
+inline constexpr rt::FaultId kInterfaceDown = 529;
+inline constexpr rt::FaultId kModuleRefuses = 530;
+}  // namespace robot_io_fault
 
 class BusWatch {
  public:

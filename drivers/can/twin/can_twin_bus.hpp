@@ -14,6 +14,7 @@ class CanTwinBus final : public MotorBus {
 
   [[nodiscard]] BusStatus sense(rt::Time now, MotorStates& states) noexcept override;
   [[nodiscard]] BusStatus act(rt::Time now, const MotorSetpoints& setpoints) noexcept override;
+  [[nodiscard]] BusDetail detail() const noexcept override { return bus_.detail(); }
   void rearm() noexcept override;
   void make_safe() noexcept override;
 

@@ -95,6 +95,21 @@ void DriveBoard::trip_i2t(rt::Time when, rt::Time now) noexcept {
   stop(now);
 }
 
+void DriveBoard::time_out(rt::Time now) noexcept {
+  timeout_ = true;
+  stop(now);
+}
+
+void DriveBoard::set_commutated(bool known, rt::Time now) noexcept {
+  initialised_ = known;
+  if (!known) stop(now);
+}
+
+void DriveBoard::set_faults(std::uint32_t bits, rt::Time now) noexcept {
+  faults_ = bits;
+  if (bits != 0) stop(now);
+}
+
 std::int32_t DriveBoard::position(rt::Time now) noexcept {
   if (!stuck_) stuck_ticks_ = wrapped(motor_->motion(now).position_ticks - encoder_offset_ticks_);
   return stuck_ticks_;
@@ -119,7 +134,7 @@ void DriveBoard::obey(const DriveOutputs& o, rt::Time now) noexcept {
     encoder_offset_ticks_ = motor_->motion(now).position_ticks - o.value;
     return stop(now);
   }
-  if (!moves(o.mode) || timeout_ || i2t_ || !initialised_) return stop(now);
+  if (!moves(o.mode) || timeout_ || i2t_ || !initialised_ || faults_ != 0) return stop(now);
   command_ = {o.mode, static_cast<double>(o.value)};
   MotorCommand physical = command_;
   if (o.mode == ControllerMode::kPosition) physical.value += encoder_offset_ticks_;
@@ -129,7 +144,7 @@ void DriveBoard::obey(const DriveOutputs& o, rt::Time now) noexcept {
 std::uint32_t DriveBoard::flags(rt::Time now) noexcept {
   advance(now);
   const MotorMotion m = motor_->motion(now);
-  std::uint32_t word = 0;
+  std::uint32_t word = faults_;
   if (std::abs(m.velocity_rpm) < parameters_[tmcl::axis::kHaltedVelocity])
     word |= flag_bit(kHalted);
   if (command_.mode == ControllerMode::kPwm) word |= flag_bit(kPwmMode);

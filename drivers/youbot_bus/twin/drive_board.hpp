@@ -10,7 +10,8 @@
 //           then bit 15. Other modes do nothing before.
 // Mailbox   raw TMCL, no head. Behind joint 5 there is a gripper as module 1: two bars that are
 //           where they were sent at once.
-// Faults    stuck encoder, I2t trip.
+// Faults    stuck encoder, I2t trip, a timeout of this board alone, lost commutation, and any fault
+//           bits of the status word: while there are some the motor has no current.
 // One owner; nothing allocates after construction.
 #pragma once
 
@@ -50,6 +51,9 @@ class DriveBoard final : public ethercat::EscApplication {
   // ---- faults
   void stick_encoder(bool on) noexcept { stuck_ = on; }
   void trip_i2t(rt::Time now) noexcept { trip_i2t(now, now); }
+  void time_out(rt::Time now) noexcept;
+  void set_commutated(bool known, rt::Time now) noexcept;
+  void set_faults(std::uint32_t bits, rt::Time now) noexcept;  // all that there are; 0: none
 
   [[nodiscard]] std::uint32_t flags(rt::Time now) noexcept;
   [[nodiscard]] DriveMotor& motor() noexcept { return *motor_; }
@@ -85,6 +89,7 @@ class DriveBoard final : public ethercat::EscApplication {
   bool timeout_ = true, i2t_ = false, initialised_ = false, initialising_ = false, stuck_ = false;
   bool unlocked_ = false;
   rt::Time last_traffic_{}, initialised_at_{}, tripped_at_{};
+  std::uint32_t faults_ = 0;
   double encoder_offset_ticks_ = 0;
   std::int32_t stuck_ticks_ = 0;
 };

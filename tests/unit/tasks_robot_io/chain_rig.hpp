@@ -1,5 +1,5 @@
-// robot_io in front of the virtual robot, through the EtherCAT master and the virtual chain or
-// without.
+// robot_io in front of the virtual robot: through the EtherCAT master and the virtual chain, over
+// the simulated CAN bus, or without.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "drivers/can/twin/can_twin_bus.hpp"
 #include "drivers/youbot/virtual_youbot.hpp"
 #include "drivers/youbot_bus/twin/ethercat_twin_bus.hpp"
 #include "rt/hash.hpp"
@@ -19,11 +20,14 @@ using perception::Pose2;
 using tasks::Mode;
 namespace fault = tasks::robot_io_fault;
 
+enum class Wire { kNone, kChain, kChainAndArm, kCan };
+
 struct Base {
   rt::Startup startup;
   tasks::RobotIoConfig config;
   drivers::VirtualYoubot robot;
   std::unique_ptr<drivers::youbot_bus::EtherCatTwinBus> wire;
+  std::unique_ptr<drivers::can::CanTwinBus> can;
   drivers::MotorBus* bus = &robot;
   tasks::RobotIoTask task{startup.token(), config};
   tasks::RobotIoTask::In in;
@@ -38,12 +42,27 @@ struct Base {
 
   explicit Base(bool through_chain, const drivers::RobotPlantConfig& plant = {},
                 drivers::CollisionTest collides = {})
+      : Base(through_chain ? Wire::kChain : Wire::kNone, plant, std::move(collides)) {}
+  explicit Base(Wire way, const drivers::RobotPlantConfig& plant = {},
+                drivers::CollisionTest collides = {})
       : robot(startup.token(), {},
               drivers::RobotPlant(startup.token(), plant, {}, {}, std::move(collides))) {
     mode.mode = Mode::kEngaged;
-    if (!through_chain) return;
-    wire = std::make_unique<drivers::youbot_bus::EtherCatTwinBus>(startup.token(), robot);
-    bus = wire.get();
+    if (way == Wire::kChain || way == Wire::kChainAndArm) {
+      namespace yb = drivers::youbot_bus;
+      yb::YoubotChainConfig chain = yb::EtherCatTwinBus::base_alone();
+      yb::MotorBusConfig motors;
+      if (way == Wire::kChainAndArm) {
+        chain.kind = yb::ChainKind::kBaseArm;
+        motors.joints = {6, 7, 8, 9, 10};
+      }
+      wire = std::make_unique<yb::EtherCatTwinBus>(startup.token(), robot, chain, motors);
+      bus = wire.get();
+    }
+    if (way == Wire::kCan) {
+      can = std::make_unique<drivers::can::CanTwinBus>(startup.token(), robot);
+      bus = can.get();
+    }
   }
   // As the node of robot_io does it.
   void job() {
@@ -83,6 +102,8 @@ struct Base {
     goal.speed_limit_m_per_s = 0.5;
     goal.engaged = 1;
   }
+  // The chain's own clock.
+  [[nodiscard]] rt::Time twin_now() const { return wire->port().now(); }
   [[nodiscard]] const Pose2& truth() const { return robot.plant().state().X_WB; }
   [[nodiscard]] double error(const Pose2& p) const {
     return std::hypot(truth().x - p.x, truth().y - p.y);
