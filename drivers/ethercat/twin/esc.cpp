@@ -34,6 +34,7 @@ Esc::Esc(rt::NonRealtime&, const EscConfig& config, std::vector<std::uint8_t> si
     : config_(config), sii_(std::move(sii)), application_(std::move(application)) {
   if (const auto content = parse_sii(sii_)) {
     const SiiContent& c = content.value();
+    mailbox_needed_ = c.protocols != 0;
     for (std::size_t i = 0; i < c.sync_managers.size() && i < wanted_.size(); ++i) {
       const SiiSyncManager& m = c.sync_managers[i];
       wanted_[i] = {m.start, m.length, m.control, m.length > 0};

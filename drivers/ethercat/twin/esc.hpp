@@ -8,6 +8,8 @@
 //         not built read 0 and count. A sync manager in mailbox mode takes a write only when empty
 //         and gives a read only when full; in buffered mode the area opens by its first byte and is
 //         handed over by its last.
+// Mailbox sync managers 0 and 1 that are on have to be the SII's, else PREOP is refused (0x0016).
+//         Off they may be only where the SII names no protocol: then no mailbox is served.
 // Limits  FMMUs map whole bytes (feature bit 0 says so). Distributed clocks answer: system time,
 //         offset, delay, latched receive times; nothing is synchronised.
 // One owner; nothing allocates after construction.
@@ -146,6 +148,7 @@ class Esc {
   AlStatus al_, shown_;                   // as it is; as register 0x0130 shows it
   int looks_left_ = 0, sii_busy_ = 0;
   bool last_ = true;
+  bool mailbox_needed_ = false;  // the SII names a protocol
   bool outputs_came_ = false, watchdog_good_ = true;
   rt::Time fed_{};  // watchdog
   bool request_waits_ = false;

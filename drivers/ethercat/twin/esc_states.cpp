@@ -66,7 +66,10 @@ std::uint16_t Esc::refusal(AlState to) const noexcept {
   if (to == AlState::kPreOp && al_.is() == AlState::kInit) {
     for (int i = 0; i < 2; ++i) {
       const Area w = wanted_area(i);
-      if (w.enabled && w.mailbox() && !manager_matches(i, w)) return al_code::kMailbox;
+      if (!w.enabled || !w.mailbox()) continue;
+      // Masters set up a mailbox where the SII names a protocol (word 0x1C), and some only there.
+      const bool wrong = area(i).enabled ? !manager_matches(i, w) : mailbox_needed_;
+      if (wrong) return al_code::kMailbox;
     }
   }
   if (to == AlState::kSafeOp && al_.is() == AlState::kPreOp) {

@@ -1,0 +1,67 @@
+// What masters other than ours ask of the virtual chain, and ours does not.
+#include <gtest/gtest.h>
+
+#include "tests/unit/drivers_ethercat/esc_rig.hpp"
+
+namespace tests {
+namespace {
+
+using namespace drivers::ethercat;
+using namespace std::chrono_literals;
+
+AlStatus ask(WireRig& rig, unsigned control) {
+  EXPECT_TRUE(rig.registers.write_u16(0x1001, 0x0120, control));
+  return rig.al(0);
+}
+
+// The mailbox block `i` of slave 1, one byte of it another.
+void write_mailbox(WireRig& rig, std::size_t i, std::size_t at = 0, std::uint8_t flip = 0) {
+  RegisterBlock b = rig.mapping.slaves[0].mailbox_setup[i];
+  b.bytes[at] ^= flip;
+  const std::array<std::uint8_t, 1> off{0};
+  ASSERT_TRUE(rig.registers.write(0x1001, static_cast<std::uint16_t>(b.reg + 6), off));
+  ASSERT_TRUE(rig.registers.write(0x1001, b.reg, std::span(b.bytes).first(8)));
+}
+
+// IgH and KickCAT set up a mailbox only where the SII names a protocol for it (word 0x1C).
+TEST(OtherMasters, PreopWithoutAMailboxThatHasNoProtocol) {
+  WireRig rig(1);
+  rig.scan_all();
+  EXPECT_EQ(ask(rig, 0x02), (AlStatus{0x02, 0x0000}));
+  Bytes whole(32, 5), reply(32);
+  EXPECT_EQ(rig.run(Command::kFpwr, station_address(0x1001, 0x1000), whole), 1) << "memory";
+  EXPECT_EQ(rig.run(Command::kFprd, station_address(0x1001, 0x1020), reply), 1);
+  EXPECT_EQ(reply, Bytes(32, 0)) << "nobody serves it";
+  EXPECT_EQ(ask(rig, 0x01), (AlStatus{0x01, 0x0000}));
+  // One of the two, and both.
+  write_mailbox(rig, 0);
+  EXPECT_EQ(ask(rig, 0x02), (AlStatus{0x02, 0x0000}));
+  EXPECT_EQ(ask(rig, 0x01), (AlStatus{0x01, 0x0000}));
+  write_mailbox(rig, 1);
+  EXPECT_EQ(ask(rig, 0x02), (AlStatus{0x02, 0x0000}));
+  // With a protocol it has to be there.
+  WireRig coe(1, {}, 4);
+  coe.scan_all();
+  EXPECT_EQ(ask(coe, 0x02), (AlStatus{0x11, 0x0016}));
+}
+
+// One that is on has to be the slave's: start, length, mode and direction.
+TEST(OtherMasters, PreopRefusesAWrongMailbox) {
+  for (const std::size_t i : {0U, 1U}) {
+    for (const auto& [at, flip] : {std::pair<std::size_t, std::uint8_t>{0, 0x40},
+                                   {1, 0x01},
+                                   {2, 0x01},
+                                   {4, 0x02},
+                                   {4, 0x04}}) {
+      WireRig rig(1);
+      rig.scan_all();
+      write_mailbox(rig, i, at, flip);
+      EXPECT_EQ(ask(rig, 0x02), (AlStatus{0x11, 0x0016})) << i << ": byte " << at;
+      write_mailbox(rig, i);
+      EXPECT_EQ(ask(rig, 0x12), (AlStatus{0x02, 0x0000})) << i << ": byte " << at;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace tests
