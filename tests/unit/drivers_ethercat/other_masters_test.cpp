@@ -63,5 +63,42 @@ TEST(OtherMasters, PreopRefusesAWrongMailbox) {
   }
 }
 
+// `n` reads of `bytes` bytes of AL status, of slaves in turn, by ETG.1000.4, 5.3 and by hand.
+Bytes many_reads(std::size_t n, std::size_t bytes) {
+  Bytes f(12, 0x10);
+  const auto put = [&](std::initializer_list<std::size_t> list) {
+    for (const std::size_t b : list) f.push_back(static_cast<std::uint8_t>(b));
+  };
+  const std::size_t length = n * (12 + bytes);
+  put({0x88, 0xA4, length % 256, 0x10 + length / 256});
+  for (std::size_t i = 0; i < n; ++i) {
+    put({4, i, 1 + i % 3, 0x10, 0x30, 0x01, bytes, i + 1 < n ? 0x80U : 0U, 0, 0});
+    f.resize(f.size() + bytes + 2, 0);
+  }
+  return f;
+}
+
+// SOEM asks up to 64 slaves for their state in one frame (FPRD_multi); 124 datagrams fit.
+TEST(OtherMasters, AFrameOfAsManyDatagramsAsFit) {
+  WireRig rig(3);
+  rig.scan_all();
+  for (const auto& [n, bytes] :
+       {std::pair<std::size_t, std::size_t>{16, 6}, {17, 6}, {64, 6}, {83, 6}, {124, 0}}) {
+    Bytes f = many_reads(n, bytes);
+    ASSERT_LE(f.size(), 1514U);
+    rig.wire.pass(f, rig.port.now());
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::size_t at = 16 + i * (12 + bytes) + 10;
+      if (bytes > 0) {
+        EXPECT_EQ(f[at], 1) << "INIT: " << n << ", " << i;
+      }
+      EXPECT_EQ(f[at + bytes], 1) << "counter: " << n << ", " << i;
+    }
+  }
+  Bytes errors(1);
+  EXPECT_EQ(rig.run(Command::kFprd, station_address(0x1001, 0x030C), errors), 1);
+  EXPECT_EQ(errors[0], 0) << "frames that the processing unit refused";
+}
+
 }  // namespace
 }  // namespace tests
