@@ -28,9 +28,10 @@ void TwinChain::pass(std::span<std::uint8_t> frame, rt::Time now) noexcept {
       const DatagramView& v = view_.datagram[k];
       const std::size_t n = v.data.size();
       Esc::Passing d{v.command, load_u32(frame, v.at - 8), frame.subspan(v.at, n),
-                     load_u16(frame, v.at + n)};
+                     load_u16(frame, v.at + n), load_u16(frame, v.at - 2)};
       slaves_[i]->pass(d, now);
       store_u32(frame, v.at - 8, d.address);
+      store_u16(frame, v.at - 2, d.irq);
       store_u16(frame, v.at + n, d.counter);
     }
   }

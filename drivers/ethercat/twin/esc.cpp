@@ -48,6 +48,7 @@ void Esc::power_cycle(rt::Time now) noexcept {
   managers_.fill({});
   al_ = shown_ = {static_cast<std::uint8_t>(AlState::kInit), al_code::kNone};
   looks_left_ = sii_busy_ = 0;
+  events_ = event::kDlStatus;  // the link came up
   outputs_came_ = request_waits_ = false;
   watchdog_good_ = true;
   fed_ = now;
@@ -80,6 +81,8 @@ void Esc::count_bad_frame() noexcept {
 
 void Esc::pass(Passing& d, rt::Time now) noexcept {
   advance(now);
+  d.irq =
+      static_cast<std::uint16_t>(d.irq | (event_request() & load_u16(memory_, reg::kEventMask)));
   if (by_logical(d.command)) return pass_logical(d, now);
   const auto reg = static_cast<std::size_t>(d.address >> 16U);
   if (by_position(d.command)) return run_position(d, now);
@@ -164,13 +167,47 @@ bool Esc::read(std::size_t at, std::span<std::uint8_t> out, rt::Time now) noexce
   if (at >= reg::kRam) return read_ram(at, out, now);
   if (touches(at, out.size(), reg::kAlStatus, 2)) {
     if (looks_left_ > 0) --looks_left_;
-    if (looks_left_ == 0) shown_ = al_;
+    if (looks_left_ == 0) show_state();
   }
   show(now);
   for (std::size_t i = 0; i < out.size(); ++i)
     out[i] = at + i < memory_.size() ? memory_[at + i] : std::uint8_t{0};
   if (touches(at, out.size(), reg::kSiiControl, 2) && sii_busy_ > 0) --sii_busy_;
+  if (touches(at, out.size(), reg::kDlStatus, 2)) events_ &= ~unsigned{event::kDlStatus};
+  if (touches(at, out.size(), reg::kAlStatus, 2)) events_ &= ~unsigned{event::kAlStatus};
   return true;
+}
+
+void Esc::set_last(bool last) noexcept {
+  if (last != last_) events_ |= event::kDlStatus;
+  last_ = last;
+}
+
+void Esc::show_state() noexcept {
+  if (!(shown_ == al_)) events_ |= event::kAlStatus;
+  shown_ = al_;
+}
+
+// ESC data sheet II, 0x0805: an event ends with the first byte of the next access by the other side.
+unsigned Esc::manager_status(int i) const noexcept {
+  const Manager& m = managers_[static_cast<std::size_t>(i)];
+  unsigned status = m.full ? sm::kFull : 0U;
+  if (m.full && !m.open) status |= sm::kWritten;
+  if (m.emptied && !m.open) status |= sm::kRead;
+  return status;
+}
+
+// The side that writes hears of reads, the side that reads of writes.
+unsigned Esc::event_request() const noexcept {
+  unsigned out = events_;
+  for (int i = 0; i < kManagers; ++i) {
+    const Area a = area(i);
+    if (!a.enabled || (a.control & sm::kMasterEvent) == 0) continue;
+    const unsigned told = a.written_by_master() ? sm::kRead : sm::kWritten;
+    if ((manager_status(i) & told) != 0)
+      out |= unsigned{event::kManager0} << static_cast<unsigned>(i);
+  }
+  return out;
 }
 
 // Registers whose value follows from something else.
@@ -189,11 +226,11 @@ void Esc::show(rt::Time now) noexcept {
     control |= sii_control::kChecksumError;
   store_u16(memory_, reg::kSiiControl, control);
   for (int i = 0; i < kManagers; ++i) {
+    memory_[reg::sm_status(i)] = static_cast<std::uint8_t>(manager_status(i));
     const auto& m = managers_[static_cast<std::size_t>(i)];
-    auto& status = memory_[reg::sm_status(i)];
-    status = static_cast<std::uint8_t>(m.full ? sm::kFull : 0);
     memory_[reg::sm_pdi(i)] = m.repeat ? sm::kRepeatAck : 0;
   }
+  store_u16(memory_, reg::kEventRequest, event_request());
   const std::uint64_t offset = load_u32(memory_, reg::kDcOffset) |
                                std::uint64_t{load_u32(memory_, reg::kDcOffset + 4)} << 32U;
   store_u64(memory_, reg::kDcSystem, static_cast<std::uint64_t>(rt::ns_of(now)) + offset);

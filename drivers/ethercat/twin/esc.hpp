@@ -10,6 +10,8 @@
 //         handed over by its last.
 // Mailbox sync managers 0 and 1 that are on have to be the SII's, else PREOP is refused (0x0016).
 //         Off they may be only where the SII names no protocol: then no mailbox is served.
+// Events  a new DL or AL status and what happened to mailboxes, ORed into the irq field of each
+//         datagram as far as 0x0200 lets them (data sheet II, 0x0210). Buffers have none.
 // Limits  FMMUs map whole bytes (feature bit 0 says so). Distributed clocks answer: system time,
 //         offset, delay, latched receive times; nothing is synchronised.
 // One owner; nothing allocates after construction.
@@ -67,6 +69,7 @@ class Esc {
     std::uint32_t address;
     std::span<std::uint8_t> data;
     std::uint16_t counter;
+    std::uint16_t irq;
   };
   void pass(Passing& d, rt::Time now) noexcept;
   // A frame that the processing unit could not read.
@@ -77,7 +80,7 @@ class Esc {
   // The application leaves for SAFEOP + ERROR by itself.
   void fall(std::uint16_t al_status_code, rt::Time now) noexcept;
   // Is there a slave behind this one? Shows in DL status.
-  void set_last(bool last) noexcept { last_ = last; }
+  void set_last(bool last) noexcept;
 
   [[nodiscard]] AlStatus al_status() const noexcept { return al_; }
   [[nodiscard]] EscApplication& application() noexcept { return *application_; }
@@ -90,7 +93,8 @@ class Esc {
   static constexpr int kManagers = 8;
   struct Manager {
     bool open = false, full = false;
-    bool repeat = false;  // the request bit that was answered last
+    bool emptied = false;  // read to its end, and not written since
+    bool repeat = false;   // the request bit that was answered last
   };
   struct Area {  // of a sync manager as its registers say
     std::size_t start = 0, length = 0;
@@ -115,6 +119,9 @@ class Esc {
   [[nodiscard]] bool write(std::size_t at, std::span<const std::uint8_t> in, rt::Time now) noexcept;
   void reset_registers() noexcept;
   void show(rt::Time now) noexcept;
+  void show_state() noexcept;
+  [[nodiscard]] unsigned manager_status(int i) const noexcept;
+  [[nodiscard]] unsigned event_request() const noexcept;
   void write_register(std::size_t at, std::uint8_t value) noexcept;
   void act_on_write(std::size_t at, std::size_t size, rt::Time now) noexcept;
   void run_sii_command() noexcept;
@@ -146,6 +153,7 @@ class Esc {
   std::array<Manager, kManagers> managers_{};
   std::array<Area, kManagers> wanted_{};  // sync managers as the SII asks for them
   AlStatus al_, shown_;                   // as it is; as register 0x0130 shows it
+  unsigned events_ = 0;                   // those of DL and AL status
   int looks_left_ = 0, sii_busy_ = 0;
   bool last_ = true;
   bool mailbox_needed_ = false;  // the SII names a protocol

@@ -50,7 +50,7 @@ rt::Nanos Esc::watchdog_time() const noexcept {
 void Esc::fall(std::uint16_t code, rt::Time now) noexcept {
   if (al_.is() == AlState::kOp) enter(AlState::kSafeOp, now);
   al_ = {static_cast<std::uint8_t>(al_.state | kAlError), code};
-  shown_ = al_;
+  show_state();
 }
 
 // As the SII asks for it, with the length of the PDOs where the category leaves it at that.
@@ -102,7 +102,7 @@ void Esc::request_state(unsigned control, rt::Time now) noexcept {
     enter(to, now);
   }
   looks_left_ = config_.state_looks;
-  if (looks_left_ == 0) shown_ = al_;
+  if (looks_left_ == 0) show_state();
 }
 
 void Esc::enter(AlState to, rt::Time now) noexcept {
@@ -113,7 +113,7 @@ void Esc::enter(AlState to, rt::Time now) noexcept {
   if (to == AlState::kInit || to == AlState::kPreOp) outputs_came_ = false;
   if (to == AlState::kInit) {
     request_waits_ = false;
-    for (Manager& m : managers_) m.full = m.open = false;
+    for (Manager& m : managers_) m.full = m.open = m.emptied = false;
   }
   application_->on_state(to, now);
 }

@@ -100,5 +100,73 @@ TEST(OtherMasters, AFrameOfAsManyDatagramsAsFit) {
   EXPECT_EQ(errors[0], 0) << "frames that the processing unit refused";
 }
 
+// The irq field of a datagram that comes back.
+unsigned irq_of(WireRig& rig, Command c, std::uint32_t address, std::size_t bytes) {
+  FrameWriter w;
+  EXPECT_TRUE(w.add(c, 1, address, bytes));
+  const auto sent = w.finish();
+  Bytes f(sent.begin(), sent.end());
+  rig.wire.pass(f, rig.port.now());
+  FrameView v;
+  parse_frame(f, v);
+  EXPECT_TRUE(v.good());
+  return v.datagram[0].irq;
+}
+unsigned irq_of(WireRig& rig) { return irq_of(rig, Command::kNop, 0, 0); }
+unsigned request_of(WireRig& rig, std::uint16_t station) {
+  return rig.registers.read_u16(station, 0x0210).value_or(0xFFFF);
+}
+
+// ESC data sheet II, 0x0200 and 0x0210: bit 2 DL status, 3 AL status, 4 and on sync managers.
+TEST(OtherMasters, EventsComeBackInEveryDatagram) {
+  WireRig rig(3);
+  rig.scan_all();  // reads DL and AL status, so both events are gone
+  Bytes mask{0x0C, 0x00};
+  EXPECT_EQ(rig.run(Command::kBwr, broadcast_address(0x0200), mask), 3);
+  EXPECT_EQ(irq_of(rig), 0U);
+  // A new AL state of one slave: in any datagram that passes it, until it is read.
+  ASSERT_TRUE(rig.registers.write_u16(0x1002, 0x0120, 0x02));
+  EXPECT_EQ(irq_of(rig), 0x08U);
+  EXPECT_EQ(irq_of(rig, Command::kFprd, station_address(0x1001, 0), 1), 0x08U);
+  EXPECT_EQ(request_of(rig, 0x1002), 0x08U);
+  EXPECT_EQ(request_of(rig, 0x1001), 0U);
+  (void)rig.al(0);
+  EXPECT_EQ(irq_of(rig), 0x08U) << "read of another slave";
+  (void)rig.al(1);
+  EXPECT_EQ(irq_of(rig), 0U);
+  // A cut behind slave 2: its DL status is another.
+  rig.wire.cut_behind(2);
+  EXPECT_EQ(irq_of(rig), 0x04U);
+  EXPECT_EQ(rig.registers.read_u16(0x1002, 0x0110).value_or(0), 0x5611);
+  EXPECT_EQ(irq_of(rig), 0U);
+  rig.wire.cut_behind(3);
+  EXPECT_EQ(irq_of(rig), 0x04U);
+  // Masked, it is there and not told.
+  Bytes none(2, 0);
+  EXPECT_EQ(rig.run(Command::kBwr, broadcast_address(0x0200), none), 3);
+  EXPECT_EQ(irq_of(rig), 0U);
+  EXPECT_EQ(request_of(rig, 0x1002), 0x04U);
+}
+
+// Control bit 4 of a sync manager: a reply lies in the in mailbox, the out mailbox was taken.
+TEST(OtherMasters, EventsOfMailboxes) {
+  WireRig rig(1);
+  rig.scan_all();
+  Bytes mask{0xF0, 0x0F};
+  EXPECT_EQ(rig.run(Command::kBwr, broadcast_address(0x0200), mask), 1);
+  write_mailbox(rig, 0, 4, 0x10);
+  write_mailbox(rig, 1, 4, 0x10);
+  EXPECT_EQ(ask(rig, 0x02), (AlStatus{0x02, 0x0000}));
+  EXPECT_EQ(irq_of(rig), 0U);
+  Bytes whole(32, 5), part(31), reply(32);
+  EXPECT_EQ(rig.run(Command::kFpwr, station_address(0x1001, 0x1000), whole), 1);
+  EXPECT_EQ(irq_of(rig), 0x30U) << "SM0 was read, SM1 was written";
+  EXPECT_EQ(rig.run(Command::kFprd, station_address(0x1001, 0x1020), part), 1);
+  EXPECT_EQ(irq_of(rig), 0x10U) << "its first byte was read";
+  EXPECT_EQ(rig.run(Command::kFprd, station_address(0x1001, 0x1020), reply), 1);
+  EXPECT_EQ(rig.run(Command::kFpwr, station_address(0x1001, 0x1000), part), 1);
+  EXPECT_EQ(irq_of(rig), 0U) << "SM0's first byte was written";
+}
+
 }  // namespace
 }  // namespace tests
