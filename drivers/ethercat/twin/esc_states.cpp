@@ -1,5 +1,6 @@
 // The state machine of the virtual slave: ETG.1000.6, 5.3 and 6.4; codes of the table "AL status
-// codes". A refused request leaves the state and sets the error bit; it stands until acknowledged.
+// codes". A refused request leaves the state and sets the error bit; it stands until it is acknowledged
+// or INIT is asked for.
 #include "drivers/ethercat/twin/esc.hpp"
 
 namespace drivers::ethercat {
@@ -85,7 +86,9 @@ std::uint16_t Esc::refusal(AlState to) const noexcept {
 
 void Esc::request_state(unsigned control, rt::Time now) noexcept {
   const auto to = static_cast<AlState>(control & kAlStateMask);
-  if (al_.error() && (control & kAlAcknowledge) == 0) return;
+  // Beckhoff's slave stack (5.x, AL_ControlInd) and SOES (ESC_state) do the same; older stacks also
+  // served the same or a lower state.
+  if (al_.error() && (control & kAlAcknowledge) == 0 && to != AlState::kInit) return;
   std::uint16_t code = al_code::kNone;
   if (!is_state(to)) {
     code = al_code::kUnknownState;

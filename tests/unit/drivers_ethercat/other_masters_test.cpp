@@ -168,5 +168,17 @@ TEST(OtherMasters, EventsOfMailboxes) {
   EXPECT_EQ(irq_of(rig), 0U) << "SM0's first byte was written";
 }
 
+// Beckhoff's slave stack (5.x, AL_ControlInd) and SOES (ESC_state): in an error INIT alone is
+// served without an acknowledgement.
+TEST(OtherMasters, InitIsServedWithoutAnAcknowledgement) {
+  WireRig rig(1);
+  rig.scan_all();
+  rig.all_to(AlState::kSafeOp);
+  EXPECT_EQ(ask(rig, 0x08), (AlStatus{0x14, 0x0019}));
+  for (const unsigned state : {0x08U, 0x04U, 0x02U})
+    EXPECT_EQ(ask(rig, state), (AlStatus{0x14, 0x0019})) << state << ": stands";
+  EXPECT_EQ(ask(rig, 0x01), (AlStatus{0x01, 0x0000}));
+}
+
 }  // namespace
 }  // namespace tests
