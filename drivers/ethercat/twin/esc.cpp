@@ -32,6 +32,8 @@ void store_u64(std::span<std::uint8_t> b, std::size_t at, std::uint64_t v) noexc
 Esc::Esc(rt::NonRealtime&, const EscConfig& config, std::vector<std::uint8_t> sii,
          std::unique_ptr<EscApplication> application)
     : config_(config), sii_(std::move(sii)), application_(std::move(application)) {
+  config_.fmmus = std::min(config_.fmmus, std::uint8_t{16});
+  config_.sync_managers = std::min(config_.sync_managers, std::uint8_t{kManagers});
   if (const auto content = parse_sii(sii_)) {
     const SiiContent& c = content.value();
     mailbox_needed_ = c.protocols != 0;
@@ -243,13 +245,21 @@ bool Esc::write(std::size_t at, std::span<const std::uint8_t> in, rt::Time now) 
   return true;
 }
 
+// Not an FMMU or sync manager beyond those that 0x0004 and 0x0005 count: these read 0.
+bool Esc::is_built(std::size_t at) const noexcept {
+  if (at >= reg::kFmmu && at < reg::fmmu(16)) return at < reg::fmmu(config_.fmmus);
+  if (at >= reg::kSm && at < reg::sync_manager(kManagers))
+    return at < reg::sync_manager(config_.sync_managers);
+  return true;
+}
+
 void Esc::write_register(std::size_t at, std::uint8_t value) noexcept {
   const auto in = [&](const Range& r) { return at >= r.first && at <= r.last; };
   if (at >= reg::kRxErrors && at < reg::kLostLinks + 4) {  // a write of anything clears
     memory_[at] = 0;
     return;
   }
-  if (std::none_of(kWritable.begin(), kWritable.end(), in)) return;
+  if (std::none_of(kWritable.begin(), kWritable.end(), in) || !is_built(at)) return;
   if (at >= reg::kSm && at < reg::kSm + reg::kSmBytes * kManagers) {
     const std::size_t place = (at - reg::kSm) % reg::kSmBytes;
     const std::size_t base = at - place;

@@ -48,7 +48,8 @@ class EscApplication {
 };
 
 struct EscConfig {
-  std::uint8_t type = 0x11, revision = 0, fmmus = 4, sync_managers = 4, ram_kib = 4;
+  std::uint8_t type = 0x11, revision = 0, ram_kib = 4;
+  std::uint8_t fmmus = 4, sync_managers = 4;  // at most 16 and 8
   std::uint16_t build = 2;
   std::uint16_t features = feature::kByteFmmu | feature::kClocks;
   bool sii_reads_eight = false;
@@ -122,6 +123,7 @@ class Esc {
   void show_state() noexcept;
   [[nodiscard]] unsigned manager_status(int i) const noexcept;
   [[nodiscard]] unsigned event_request() const noexcept;
+  [[nodiscard]] bool is_built(std::size_t at) const noexcept;
   void write_register(std::size_t at, std::uint8_t value) noexcept;
   void act_on_write(std::size_t at, std::size_t size, rt::Time now) noexcept;
   void run_sii_command() noexcept;

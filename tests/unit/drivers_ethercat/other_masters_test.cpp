@@ -180,5 +180,26 @@ TEST(OtherMasters, InitIsServedWithoutAnAcknowledgement) {
   EXPECT_EQ(ask(rig, 0x01), (AlStatus{0x01, 0x0000}));
 }
 
+// FMMUs and sync managers that the slave does not have (0x0004, 0x0005) are no memory.
+TEST(OtherMasters, RegistersBeyondTheCountsReadZero) {
+  EscConfig c;
+  c.fmmus = 3;
+  c.sync_managers = 4;
+  WireRig rig(1, c);
+  rig.scan_all();
+  Bytes ones(0x100, 0xFF);
+  EXPECT_EQ(rig.run(Command::kFpwr, station_address(0x1001, 0x0600), ones), 1);
+  ones.assign(0x40, 0x00);
+  for (std::size_t i = 0; i < 8; ++i) ones[8 * i + 1] = 0x18;  // start 0x1800
+  EXPECT_EQ(rig.run(Command::kFpwr, station_address(0x1001, 0x0800), ones), 1);
+  Bytes fmmus(0x100), managers(0x40);
+  EXPECT_EQ(rig.run(Command::kFprd, station_address(0x1001, 0x0600), fmmus), 1);
+  EXPECT_EQ(rig.run(Command::kFprd, station_address(0x1001, 0x0800), managers), 1);
+  for (std::size_t i = 0; i < fmmus.size(); ++i)
+    EXPECT_EQ(fmmus[i], i < 3 * 16 ? 0xFF : 0) << "FMMU " << i / 16;
+  for (std::size_t i = 0; i < 8; ++i)
+    EXPECT_EQ(managers[8 * i + 1], i < 4 ? 0x18 : 0) << "sync manager " << i;
+}
+
 }  // namespace
 }  // namespace tests
