@@ -180,9 +180,10 @@ bool Esc::read(std::size_t at, std::span<std::uint8_t> out, rt::Time now) noexce
   return true;
 }
 
-void Esc::set_last(bool last) noexcept {
-  if (last != last_) events_ |= event::kDlStatus;
-  last_ = last;
+void Esc::set_place(std::size_t before, std::size_t behind) noexcept {
+  if ((behind == 0) != (behind_ == 0)) events_ |= event::kDlStatus;
+  before_ = before;
+  behind_ = behind;
 }
 
 void Esc::show_state() noexcept {
@@ -218,7 +219,7 @@ void Esc::show(rt::Time now) noexcept {
   store_u16(memory_, reg::kAlStatusCode, shown_.code);
   // Link and communication of port 0, and of port 1 unless this is the last slave; loops of ports
   // that lead nowhere are closed.
-  store_u16(memory_, reg::kDlStatus, last_ ? 0x5611U : 0x5A31U);
+  store_u16(memory_, reg::kDlStatus, behind_ == 0 ? 0x5611U : 0x5A31U);
   memory_[reg::kWatchdogStatus] = watchdog_good_ ? 1 : 0;
   unsigned control = load_u16(memory_, reg::kSiiControl) & sii_control::kErrors;
   if (sii_busy_ > 0) control |= sii_control::kBusy;
@@ -235,7 +236,7 @@ void Esc::show(rt::Time now) noexcept {
   store_u16(memory_, reg::kEventRequest, event_request());
   const std::uint64_t offset = load_u32(memory_, reg::kDcOffset) |
                                std::uint64_t{load_u32(memory_, reg::kDcOffset + 4)} << 32U;
-  store_u64(memory_, reg::kDcSystem, static_cast<std::uint64_t>(rt::ns_of(now)) + offset);
+  store_u64(memory_, reg::kDcSystem, static_cast<std::uint64_t>(passing_ns(now)) + offset);
 }
 
 bool Esc::write(std::size_t at, std::span<const std::uint8_t> in, rt::Time now) noexcept {
@@ -302,10 +303,11 @@ void Esc::run_sii_command() noexcept {
 }
 
 void Esc::latch_clocks(rt::Time now) noexcept {
-  const auto ns = static_cast<std::uint64_t>(rt::ns_of(now));
-  for (int port = 0; port < 4; ++port)
-    store_u32(memory_, static_cast<std::size_t>(reg::kDcReceive + 4 * port),
-              static_cast<std::uint32_t>(ns));
+  const auto ns = static_cast<std::uint64_t>(passing_ns(now));
+  store_u32(memory_, reg::kDcReceive, static_cast<std::uint32_t>(ns));
+  // Port 1: back from the slaves behind. The others have no link, and latch nothing.
+  const std::uint64_t around = 2 * behind_ * static_cast<std::uint64_t>(kHop.count());
+  if (behind_ > 0) store_u32(memory_, reg::kDcReceive + 4, static_cast<std::uint32_t>(ns + around));
   store_u64(memory_, reg::kDcUnit, ns);
 }
 

@@ -12,8 +12,9 @@
 //         Off they may be only where the SII names no protocol: then no mailbox is served.
 // Events  a new DL or AL status and what happened to mailboxes, ORed into the irq field of each
 //         datagram as far as 0x0200 lets them (data sheet II, 0x0210). Buffers have none.
-// Limits  FMMUs map whole bytes (feature bit 0 says so). Distributed clocks answer: system time,
-//         offset, delay, latched receive times; nothing is synchronised.
+// Clocks  answer: system time, offset, delay, latched receive times, kHop from slave to slave and on
+//         the way back; nothing is synchronised.
+// Limits  FMMUs map whole bytes (feature bit 0 says so).
 // One owner; nothing allocates after construction.
 #pragma once
 
@@ -28,6 +29,9 @@
 #include "rt/time.hpp"
 
 namespace drivers::ethercat {
+
+// From one slave to the next, in either direction: its work on a byte, and the cable.
+inline constexpr rt::Nanos kHop{500};
 
 // What stands behind the slave controller.
 class EscApplication {
@@ -80,8 +84,8 @@ class Esc {
   void power_cycle(rt::Time now) noexcept;
   // The application leaves for SAFEOP + ERROR by itself.
   void fall(std::uint16_t al_status_code, rt::Time now) noexcept;
-  // Is there a slave behind this one? Shows in DL status.
-  void set_last(bool last) noexcept;
+  // Slaves before this one and behind it on its line: show in DL status and receive times.
+  void set_place(std::size_t before, std::size_t behind) noexcept;
 
   [[nodiscard]] AlStatus al_status() const noexcept { return al_; }
   [[nodiscard]] EscApplication& application() noexcept { return *application_; }
@@ -128,6 +132,10 @@ class Esc {
   void act_on_write(std::size_t at, std::size_t size, rt::Time now) noexcept;
   void run_sii_command() noexcept;
   void latch_clocks(rt::Time now) noexcept;
+  // The instant at which the frame that left the master `now` passes this slave.
+  [[nodiscard]] std::int64_t passing_ns(rt::Time now) const noexcept {
+    return rt::ns_of(now) + static_cast<std::int64_t>(before_) * kHop.count();
+  }
   // esc_memory.cpp: sync managers
   [[nodiscard]] Area area(int i) const noexcept;
   [[nodiscard]] bool open_for(int i, const Area& a, std::size_t at, std::size_t size, bool write,
@@ -157,7 +165,7 @@ class Esc {
   AlStatus al_, shown_;                   // as it is; as register 0x0130 shows it
   unsigned events_ = 0;                   // those of DL and AL status
   int looks_left_ = 0, sii_busy_ = 0;
-  bool last_ = true;
+  std::size_t before_ = 0, behind_ = 0;
   bool mailbox_needed_ = false;  // the SII names a protocol
   bool outputs_came_ = false, watchdog_good_ = true;
   rt::Time fed_{};  // watchdog

@@ -9,7 +9,7 @@ namespace drivers::ethercat {
 namespace {
 
 // 100 Mbit/s: 80 ns a byte, with preamble, check sequence and gap; 1 us a slave there and back.
-constexpr std::int64_t kByte_ns = 80, kAround_bytes = 24, kSlave_ns = 1000;
+constexpr std::int64_t kByte_ns = 80, kAround_bytes = 24, kSlave_ns = 2 * kHop.count();
 
 bool use_up(int& count) noexcept {
   if (count <= 0) return false;

@@ -201,5 +201,29 @@ TEST(OtherMasters, RegistersBeyondTheCountsReadZero) {
     EXPECT_EQ(managers[8 * i + 1], i < 4 ? 0x18 : 0) << "sync manager " << i;
 }
 
+// SOEM's and IgH's measurement: a link's delay is half of what a slave's round trip is shorter than
+// that of the slave before it (ESC data sheet I, 9.1.2).
+TEST(OtherMasters, ReceiveTimesGrowAlongTheLine) {
+  WireRig rig(4);
+  rig.scan_all();
+  Bytes latch(4);
+  EXPECT_EQ(rig.run(Command::kBwr, broadcast_address(0x0900), latch), 4);
+  std::array<std::int64_t, 4> there{}, around{};
+  for (std::size_t i = 0; i < 4; ++i) {
+    Bytes t(8);
+    const auto station = static_cast<std::uint16_t>(0x1001 + i);
+    EXPECT_EQ(rig.run(Command::kFprd, station_address(station, 0x0900), t), 1);
+    there[i] = load_u32(t);
+    around[i] = i < 3 ? load_u32(t, 4) - there[i] : 0;
+    Bytes unit(8);
+    EXPECT_EQ(rig.run(Command::kFprd, station_address(station, 0x0918), unit), 1);
+    EXPECT_EQ(load_u32(unit), there[i]);
+  }
+  for (std::size_t i = 1; i < 4; ++i) {
+    EXPECT_EQ(there[i] - there[i - 1], 500) << i;
+    EXPECT_EQ((around[i - 1] - around[i]) / 2, 500) << i;
+  }
+}
+
 }  // namespace
 }  // namespace tests
