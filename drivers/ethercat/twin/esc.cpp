@@ -191,7 +191,7 @@ void Esc::show_state() noexcept {
   shown_ = al_;
 }
 
-// ESC data sheet II, 0x0805: an event ends with the first byte of the next access by the other side.
+// ESC data sheet II, 0x0805: an event ends with the first byte that the other side touches.
 unsigned Esc::manager_status(int i) const noexcept {
   const Manager& m = managers_[static_cast<std::size_t>(i)];
   unsigned status = m.full ? sm::kFull : 0U;

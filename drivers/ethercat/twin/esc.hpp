@@ -12,8 +12,8 @@
 //         Off they may be only where the SII names no protocol: then no mailbox is served.
 // Events  a new DL or AL status and what happened to mailboxes, ORed into the irq field of each
 //         datagram as far as 0x0200 lets them (data sheet II, 0x0210). Buffers have none.
-// Clocks  answer: system time, offset, delay, latched receive times, kHop from slave to slave and on
-//         the way back; nothing is synchronised.
+// Clocks  answer: system time, offset, delay, latched receive times, kHop from slave to slave and
+//         on the way back; nothing is synchronised.
 // Limits  FMMUs map whole bytes (feature bit 0 says so).
 // One owner; nothing allocates after construction.
 #pragma once

@@ -1,6 +1,6 @@
 // The state machine of the virtual slave: ETG.1000.6, 5.3 and 6.4; codes of the table "AL status
-// codes". A refused request leaves the state and sets the error bit; it stands until it is acknowledged
-// or INIT is asked for.
+// codes". A refused request leaves the state and sets the error bit; it stands until it is
+// acknowledged or INIT is asked for.
 #include "drivers/ethercat/twin/esc.hpp"
 
 namespace drivers::ethercat {
