@@ -8,10 +8,9 @@ namespace {
 
 constexpr unsigned kLengthMask = 0x07FF, kCirculating = 1U << 14U, kMore = 1U << 15U;
 
-// The datagram at `at`, which ends at `end` at the latest.
+// The datagram at `at`, whose head is there; it ends at `end` at the latest.
 FrameFault read_datagram(std::span<const std::uint8_t> frame, std::size_t at, std::size_t end,
                          DatagramView& out) noexcept {
-  if (end - at < kDatagramOverhead) return FrameFault::kCutDatagram;
   const unsigned word = load_u16(frame, at + 6);
   const std::size_t length = word & kLengthMask;
   if (end - at < kDatagramOverhead + length) return FrameFault::kCutDatagram;
@@ -61,8 +60,7 @@ const char* to_text(FrameFault f) noexcept {
                                      "a datagram reaches behind the EtherCAT length",
                                      "bytes behind the last datagram",
                                      "more datagrams announced than there are",
-                                     "unknown command",
-                                     "more than 16 datagrams"};
+                                     "unknown command"};
   const auto i = static_cast<std::size_t>(f);
   return i < kNames.size() ? kNames[i] : "?";
 }
@@ -76,9 +74,9 @@ void parse_frame(std::span<const std::uint8_t> frame, FrameView& out) noexcept {
   while (out.good() && more) {
     if (at == out.bytes) {
       out.fault = FrameFault::kMoreTooMany;
-    } else if (out.count == kMostDatagrams) {
-      out.fault = FrameFault::kTooMany;
-    } else {
+    } else if (out.bytes - at < kDatagramOverhead) {
+      out.fault = FrameFault::kCutDatagram;
+    } else {  // as many as fit into a frame fit into `out`
       DatagramView& d = out.datagram[out.count];
       out.fault = read_datagram(frame, at, out.bytes, d);
       if (!out.good()) return;
@@ -104,7 +102,7 @@ void FrameWriter::clear() noexcept {
 
 bool FrameWriter::add(Command command, std::uint8_t index, std::uint32_t address,
                       std::size_t length, std::span<const std::uint8_t> data) noexcept {
-  if (length > kMaxData || data.size() > length || count_ == kMostDatagrams) return false;
+  if (length > kMaxData || data.size() > length) return false;
   if (kDatagramOverhead + length > room()) return false;
   if (count_ > 0) store_u16(bytes_, last_ + 6, load_u16(bytes_, last_ + 6) | kMore);
   last_ = end_;

@@ -27,7 +27,7 @@ inline constexpr std::size_t kMinFrame = 60, kMaxFrame = 1514;  // without the c
 // Of a frame's datagrams, heads and counters included; and of a datagram alone.
 inline constexpr std::size_t kMaxDatagrams = kMaxFrame - kEthernetHead - kEtherCatHead;
 inline constexpr std::size_t kMaxData = kMaxDatagrams - kDatagramOverhead;
-inline constexpr std::size_t kMostDatagrams = 16;  // of a frame, here
+inline constexpr std::size_t kMostDatagrams = kMaxDatagrams / kDatagramOverhead;  // of a frame: 124
 
 enum class Command : std::uint8_t {  // ETG.1000.4, table "command"
   kNop = 0,
@@ -112,8 +112,7 @@ enum class FrameFault : std::uint8_t {
   kCutDatagram,    // a datagram reaches behind the EtherCAT length
   kMoreMissing,    // bytes left behind a datagram that says it is the last
   kMoreTooMany,    // a datagram says that another follows, and none does
-  kUnknownCommand,
-  kTooMany  // datagrams
+  kUnknownCommand
 };
 [[nodiscard]] const char* to_text(FrameFault) noexcept;
 

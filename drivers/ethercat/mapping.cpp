@@ -87,23 +87,38 @@ std::string find_data_managers(const SlaveInfo& s, DataManagers& found) {
   return {};
 }
 
-// The FMMU that category 40 names for that direction; else the first for outputs, the next for
-// inputs.
-int fmmu_of(const SiiContent& sii, std::uint8_t use, int otherwise) {
-  for (std::size_t i = 0; i < sii.fmmus.size() && i < 16; ++i)
-    if (sii.fmmus[i] == use) return static_cast<int>(i);
-  return otherwise;
+// The FMMU that category 40 names for that direction, of those that the slave has; -1: none.
+int named_fmmu(const SlaveInfo& s, std::uint8_t use) {
+  for (std::size_t i = 0; i < s.sii.fmmus.size() && i < s.fmmus; ++i)
+    if (s.sii.fmmus[i] == use) return static_cast<int>(i);
+  return -1;
 }
 
-void map_direction(const SlaveInfo& s, std::size_t manager, Use use, std::size_t& logical,
+struct DataFmmus {
+  int outputs = 0, inputs = 0;
+};
+
+// A direction that is not named has the lowest one that the other leaves, outputs first.
+DataFmmus fmmus_of(const SlaveInfo& s, const DataManagers& data) {
+  const int outputs = data.outputs ? named_fmmu(s, 1) : -1;
+  const int inputs = data.inputs ? named_fmmu(s, 2) : -1;
+  DataFmmus out{outputs, inputs};
+  if (data.outputs && outputs < 0) out.outputs = inputs == 0 ? 1 : 0;
+  if (data.inputs && inputs < 0) out.inputs = out.outputs == 0 ? 1 : 0;
+  return out;
+}
+
+void map_direction(const SlaveInfo& s, const DataManagers& data, Use use, std::size_t& logical,
                    SlaveMapping& m) {
-  const SiiSyncManager& from = s.sii.sync_managers[manager];
   const bool out = use == Use::kOutputs;
+  const std::size_t manager = out ? *data.outputs : *data.inputs;
+  const SiiSyncManager& from = s.sii.sync_managers[manager];
   const std::size_t bytes = data_bytes(s.sii, manager, use);
   (out ? m.output_at : m.input_at) = logical;
   (out ? m.output_bytes : m.input_bytes) = bytes;
   if (out) m.watchdog = (from.control & sm::kWatchdog) != 0;
-  const int unit = fmmu_of(s.sii, out ? 1 : 2, out || m.output_bytes == 0 ? 0 : 1);
+  const DataFmmus fmmus = fmmus_of(s, data);
+  const int unit = out ? fmmus.outputs : fmmus.inputs;
   m.data_setup[static_cast<std::size_t>(m.data_blocks++)] =
       sm_block(static_cast<int>(manager), from.start, bytes, from.control);
   m.data_setup[static_cast<std::size_t>(m.data_blocks++)] =
@@ -129,13 +144,13 @@ rt::Result<ProcessMapping> map_process_data(const std::vector<SlaveInfo>& slaves
     if (auto wrong = find_data_managers(s, managers[i]); !wrong.empty())
       return rt::Error{std::move(wrong)};
     if (!managers[i].outputs) continue;
-    map_direction(s, *managers[i].outputs, Use::kOutputs, logical, m);
+    map_direction(s, managers[i], Use::kOutputs, logical, m);
     ++out.with_outputs;
   }
   out.output_bytes = logical;
   for (std::size_t i = 0; i < slaves.size(); ++i) {
     if (!managers[i].inputs) continue;
-    map_direction(slaves[i], *managers[i].inputs, Use::kInputs, logical, out.slaves[i]);
+    map_direction(slaves[i], managers[i], Use::kInputs, logical, out.slaves[i]);
     ++out.with_inputs;
   }
   out.input_bytes = logical - out.output_bytes;

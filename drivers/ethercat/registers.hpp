@@ -80,6 +80,12 @@ namespace feature {
 inline constexpr std::uint16_t kByteFmmu = 1U << 0U, kClocks = 1U << 2U, kNoLrw = 1U << 9U;
 }
 
+// Bits of 0x0200 and 0x0210 (ESC data sheet II, "ECAT event request"): a new DL or AL status until
+// the master reads it; from bit 4 on sync manager 0 and on, while its status has an event.
+namespace event {
+inline constexpr std::uint16_t kDlStatus = 1U << 2U, kAlStatus = 1U << 3U, kManager0 = 1U << 4U;
+}
+
 // Bits of 0x0502 (ESC data sheet II, "EEPROM control/status").
 namespace sii_control {
 inline constexpr std::uint16_t kWriteEnable = 1U << 0U, kReadsEight = 1U << 6U, kRead = 1U << 8U,
@@ -93,10 +99,10 @@ inline constexpr std::uint16_t kErrors = kChecksumError | kLoadError | kNoAnswer
 namespace sm {
 inline constexpr std::uint8_t kModeMask = 0x03, kMailbox = 0x02;  // control
 inline constexpr std::uint8_t kDirectionMask = 0x0C, kMasterWrites = 0x04;
-inline constexpr std::uint8_t kWatchdog = 0x40;
-inline constexpr std::uint8_t kFull = 0x08;                           // status
-inline constexpr std::uint8_t kEnable = 0x01, kRepeatRequest = 0x02;  // activate
-inline constexpr std::uint8_t kPdiDisable = 0x01, kRepeatAck = 0x02;  // PDI control
+inline constexpr std::uint8_t kMasterEvent = 0x10, kWatchdog = 0x40;
+inline constexpr std::uint8_t kWritten = 0x01, kRead = 0x02, kFull = 0x08;  // status
+inline constexpr std::uint8_t kEnable = 0x01, kRepeatRequest = 0x02;        // activate
+inline constexpr std::uint8_t kPdiDisable = 0x01, kRepeatAck = 0x02;        // PDI control
 }  // namespace sm
 
 // Of an FMMU, ETG.1000.4, 6.6: type (byte 11).

@@ -6,6 +6,7 @@
 
 #include <istream>
 #include <string>
+#include <vector>
 
 #include "tools/bus/ethercat_session.hpp"
 
@@ -26,9 +27,10 @@ struct YoubotOptions {
 
 struct TwinOptions {
   std::string iface, chain = "base+arm", generation = "new";
-  double seconds = 0;   // 0: until it is interrupted
-  bool ready = false;   // commutation known at power-up
-  std::string effects;  // file of its motors' effects; empty: ideal ones
+  double seconds = 0;               // 0: until it is interrupted
+  bool ready = false;               // commutation known at power-up
+  std::string effects;              // file of its motors' effects; empty: ideal ones
+  std::vector<std::string> faults;  // twin_faults.hpp
 };
 
 // The virtual youBot as a program behind a network card: every frame that comes goes through its

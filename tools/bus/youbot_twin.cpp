@@ -6,6 +6,7 @@
 #include "drivers/ethercat/frame.hpp"
 #include "drivers/ethercat/raw_port.hpp"
 #include "drivers/youbot_bus/twin/youbot_chain.hpp"
+#include "tools/bus/twin_faults.hpp"
 #include "tools/bus/youbot_command.hpp"
 
 namespace teletact {
@@ -26,8 +27,8 @@ int run_youbot_twin(const TwinOptions& o) {
   if (!kind)
     throw std::runtime_error("--chain " + o.chain + ": not one of base, base+arm, base+2arms, arm");
   const yb::MotorEffects effects = motor_effects(o.effects);
-  auto port = ec::RawPort::open(startup.token(), o.iface);
-  if (!port) throw std::runtime_error(port.error());
+  std::vector<TwinFault> faults;
+  for (const std::string& f : o.faults) faults.push_back(parse_twin_fault(f));
   yb::YoubotChainConfig c;
   c.kind = *kind;
   c.generation = o.generation == "old" ? yb::Generation::kOld : yb::Generation::kNew;
@@ -35,6 +36,9 @@ int run_youbot_twin(const TwinOptions& o) {
   c.initialised = o.ready;
   c.effects = effects;
   yb::YoubotChain chain(startup.token(), c);
+  FaultyTwin twin(chain, std::move(faults));
+  auto port = ec::RawPort::open(startup.token(), o.iface);
+  if (!port) throw std::runtime_error(port.error());
   std::signal(SIGINT, on_stop_twin);
   std::signal(SIGTERM, on_stop_twin);
   std::printf("virtual youBot %s on %s: %zu slaves\n", yb::to_text(*kind), o.iface.c_str(),
@@ -46,14 +50,17 @@ int run_youbot_twin(const TwinOptions& o) {
   const rt::Time begin = wire.now();
   const auto most = std::chrono::duration_cast<rt::Nanos>(std::chrono::duration<double>(o.seconds));
   std::array<std::uint8_t, 1600> bytes{};
+  twin.start(begin);
   std::uint64_t frames = 0, refused = 0;
   while (stop_twin == 0 && (o.seconds <= 0 || wire.now() - begin < most)) {
-    const std::size_t n = wire.receive(bytes, wire.now() + std::chrono::milliseconds{100});
-    if (n == 0 || n > ec::kMaxFrame) continue;
-    const auto frame = std::span(bytes).first(n);
-    chain.wire().pass(frame, wire.now());
-    ++frames;
-    refused += wire.send(frame) ? 0 : 1;
+    twin.act(wire.now());
+    std::size_t n = wire.receive(bytes, twin.next(wire.now() + std::chrono::milliseconds{100}));
+    if (n > 0 && n <= ec::kMaxFrame) {
+      twin.take(std::span(bytes).first(n), wire.now());
+      ++frames;
+    }
+    while ((n = twin.give(bytes, wire.now())) > 0)
+      refused += wire.send(std::span(bytes).first(n)) ? 0 : 1;
   }
   std::printf("%llu frames, %llu not sent back\n", static_cast<unsigned long long>(frames),
               static_cast<unsigned long long>(refused));

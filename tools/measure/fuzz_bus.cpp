@@ -171,7 +171,16 @@ void FuzzReaders::add_bus() {
       !frame.add(ec::Command::kFpwr, 1, ec::station_address(0x1001, 0x0800), 8) ||
       !frame.add(ec::Command::kLrw, 1, 0, 64))
     throw std::runtime_error("a frame could not be written");
-  readers_.push_back({"ethercat_frame", {bus_text(frame.finish())}, read_bus_frame, {}, false});
+  ec::FrameWriter many;  // as SOEM asks 64 slaves for their state
+  for (std::uint16_t i = 0; i < 64; ++i)
+    if (!many.add(ec::Command::kFprd, 1,
+                  ec::station_address(static_cast<std::uint16_t>(0x1001 + i), 0x0130), 6))
+      throw std::runtime_error("a frame could not be written");
+  readers_.push_back({"ethercat_frame",
+                      {bus_text(frame.finish()), bus_text(many.finish())},
+                      read_bus_frame,
+                      {},
+                      false});
   std::vector<std::string> eeproms;
   for (const auto& board : yb::boards_of(yb::ChainKind::kBaseArm))
     if (board.number <= 1) eeproms.push_back(bus_text(yb::youbot_eeprom(board, {}, 1)));

@@ -80,6 +80,10 @@ int cmd_twin(int argc, char** argv) {
   youbot->add_option(
       "--effects", o.effects,
       "friction, inertia, play, weight, current limit, I2t: a file (config/effects)");
+  youbot->add_option(
+      "--fault", o.faults,
+      "KIND[:VALUE][@SECONDS], again for each: lose-out, lose-back, duplicate, delay, "
+      "corrupt, counter (:SHARE of frames), cut, fall, i2t, stick (:SLAVE), estop");
   youbot->add_flag("--ready", o.ready, "commutation known, as after a set-up");
   youbot->add_option("--clock", clock, "real; a wire has no virtual one")->capture_default_str();
   if (!parse_options(app, argc, argv)) return 0;

@@ -11,8 +11,10 @@ void TwinChain::add(std::unique_ptr<Esc> slave) {
 
 void TwinChain::cut_behind(std::size_t n) noexcept {
   reach_ = std::min(n, slaves_.size());
-  for (std::size_t i = 0; i < slaves_.size(); ++i)
-    slaves_[i]->set_last(i + 1 == reach_ || i + 1 == slaves_.size());
+  for (std::size_t i = 0; i < slaves_.size(); ++i) {
+    const std::size_t end = i < reach_ ? reach_ : slaves_.size();
+    slaves_[i]->set_place(i, end - 1 - i);
+  }
 }
 
 void TwinChain::pass(std::span<std::uint8_t> frame, rt::Time now) noexcept {
@@ -28,9 +30,10 @@ void TwinChain::pass(std::span<std::uint8_t> frame, rt::Time now) noexcept {
       const DatagramView& v = view_.datagram[k];
       const std::size_t n = v.data.size();
       Esc::Passing d{v.command, load_u32(frame, v.at - 8), frame.subspan(v.at, n),
-                     load_u16(frame, v.at + n)};
+                     load_u16(frame, v.at + n), load_u16(frame, v.at - 2)};
       slaves_[i]->pass(d, now);
       store_u32(frame, v.at - 8, d.address);
+      store_u16(frame, v.at - 2, d.irq);
       store_u16(frame, v.at + n, d.counter);
     }
   }

@@ -32,8 +32,11 @@ void store_u64(std::span<std::uint8_t> b, std::size_t at, std::uint64_t v) noexc
 Esc::Esc(rt::NonRealtime&, const EscConfig& config, std::vector<std::uint8_t> sii,
          std::unique_ptr<EscApplication> application)
     : config_(config), sii_(std::move(sii)), application_(std::move(application)) {
+  config_.fmmus = std::min(config_.fmmus, std::uint8_t{16});
+  config_.sync_managers = std::min(config_.sync_managers, std::uint8_t{kManagers});
   if (const auto content = parse_sii(sii_)) {
     const SiiContent& c = content.value();
+    mailbox_needed_ = c.protocols != 0;
     for (std::size_t i = 0; i < c.sync_managers.size() && i < wanted_.size(); ++i) {
       const SiiSyncManager& m = c.sync_managers[i];
       wanted_[i] = {m.start, m.length, m.control, m.length > 0};
@@ -47,6 +50,7 @@ void Esc::power_cycle(rt::Time now) noexcept {
   managers_.fill({});
   al_ = shown_ = {static_cast<std::uint8_t>(AlState::kInit), al_code::kNone};
   looks_left_ = sii_busy_ = 0;
+  events_ = event::kDlStatus;  // the link came up
   outputs_came_ = request_waits_ = false;
   watchdog_good_ = true;
   fed_ = now;
@@ -79,6 +83,8 @@ void Esc::count_bad_frame() noexcept {
 
 void Esc::pass(Passing& d, rt::Time now) noexcept {
   advance(now);
+  d.irq =
+      static_cast<std::uint16_t>(d.irq | (event_request() & load_u16(memory_, reg::kEventMask)));
   if (by_logical(d.command)) return pass_logical(d, now);
   const auto reg = static_cast<std::size_t>(d.address >> 16U);
   if (by_position(d.command)) return run_position(d, now);
@@ -163,13 +169,48 @@ bool Esc::read(std::size_t at, std::span<std::uint8_t> out, rt::Time now) noexce
   if (at >= reg::kRam) return read_ram(at, out, now);
   if (touches(at, out.size(), reg::kAlStatus, 2)) {
     if (looks_left_ > 0) --looks_left_;
-    if (looks_left_ == 0) shown_ = al_;
+    if (looks_left_ == 0) show_state();
   }
   show(now);
   for (std::size_t i = 0; i < out.size(); ++i)
     out[i] = at + i < memory_.size() ? memory_[at + i] : std::uint8_t{0};
   if (touches(at, out.size(), reg::kSiiControl, 2) && sii_busy_ > 0) --sii_busy_;
+  if (touches(at, out.size(), reg::kDlStatus, 2)) events_ &= ~unsigned{event::kDlStatus};
+  if (touches(at, out.size(), reg::kAlStatus, 2)) events_ &= ~unsigned{event::kAlStatus};
   return true;
+}
+
+void Esc::set_place(std::size_t before, std::size_t behind) noexcept {
+  if ((behind == 0) != (behind_ == 0)) events_ |= event::kDlStatus;
+  before_ = before;
+  behind_ = behind;
+}
+
+void Esc::show_state() noexcept {
+  if (!(shown_ == al_)) events_ |= event::kAlStatus;
+  shown_ = al_;
+}
+
+// ESC data sheet II, 0x0805: an event ends with the first byte that the other side touches.
+unsigned Esc::manager_status(int i) const noexcept {
+  const Manager& m = managers_[static_cast<std::size_t>(i)];
+  unsigned status = m.full ? sm::kFull : 0U;
+  if (m.full && !m.open) status |= sm::kWritten;
+  if (m.emptied && !m.open) status |= sm::kRead;
+  return status;
+}
+
+// The side that writes hears of reads, the side that reads of writes.
+unsigned Esc::event_request() const noexcept {
+  unsigned out = events_;
+  for (int i = 0; i < kManagers; ++i) {
+    const Area a = area(i);
+    if (!a.enabled || (a.control & sm::kMasterEvent) == 0) continue;
+    const unsigned told = a.written_by_master() ? sm::kRead : sm::kWritten;
+    if ((manager_status(i) & told) != 0)
+      out |= unsigned{event::kManager0} << static_cast<unsigned>(i);
+  }
+  return out;
 }
 
 // Registers whose value follows from something else.
@@ -178,7 +219,7 @@ void Esc::show(rt::Time now) noexcept {
   store_u16(memory_, reg::kAlStatusCode, shown_.code);
   // Link and communication of port 0, and of port 1 unless this is the last slave; loops of ports
   // that lead nowhere are closed.
-  store_u16(memory_, reg::kDlStatus, last_ ? 0x5611U : 0x5A31U);
+  store_u16(memory_, reg::kDlStatus, behind_ == 0 ? 0x5611U : 0x5A31U);
   memory_[reg::kWatchdogStatus] = watchdog_good_ ? 1 : 0;
   unsigned control = load_u16(memory_, reg::kSiiControl) & sii_control::kErrors;
   if (sii_busy_ > 0) control |= sii_control::kBusy;
@@ -188,14 +229,14 @@ void Esc::show(rt::Time now) noexcept {
     control |= sii_control::kChecksumError;
   store_u16(memory_, reg::kSiiControl, control);
   for (int i = 0; i < kManagers; ++i) {
+    memory_[reg::sm_status(i)] = static_cast<std::uint8_t>(manager_status(i));
     const auto& m = managers_[static_cast<std::size_t>(i)];
-    auto& status = memory_[reg::sm_status(i)];
-    status = static_cast<std::uint8_t>(m.full ? sm::kFull : 0);
     memory_[reg::sm_pdi(i)] = m.repeat ? sm::kRepeatAck : 0;
   }
+  store_u16(memory_, reg::kEventRequest, event_request());
   const std::uint64_t offset = load_u32(memory_, reg::kDcOffset) |
                                std::uint64_t{load_u32(memory_, reg::kDcOffset + 4)} << 32U;
-  store_u64(memory_, reg::kDcSystem, static_cast<std::uint64_t>(rt::ns_of(now)) + offset);
+  store_u64(memory_, reg::kDcSystem, static_cast<std::uint64_t>(passing_ns(now)) + offset);
 }
 
 bool Esc::write(std::size_t at, std::span<const std::uint8_t> in, rt::Time now) noexcept {
@@ -205,13 +246,21 @@ bool Esc::write(std::size_t at, std::span<const std::uint8_t> in, rt::Time now) 
   return true;
 }
 
+// Not an FMMU or sync manager beyond those that 0x0004 and 0x0005 count: these read 0.
+bool Esc::is_built(std::size_t at) const noexcept {
+  if (at >= reg::kFmmu && at < reg::fmmu(16)) return at < reg::fmmu(config_.fmmus);
+  if (at >= reg::kSm && at < reg::sync_manager(kManagers))
+    return at < reg::sync_manager(config_.sync_managers);
+  return true;
+}
+
 void Esc::write_register(std::size_t at, std::uint8_t value) noexcept {
   const auto in = [&](const Range& r) { return at >= r.first && at <= r.last; };
   if (at >= reg::kRxErrors && at < reg::kLostLinks + 4) {  // a write of anything clears
     memory_[at] = 0;
     return;
   }
-  if (std::none_of(kWritable.begin(), kWritable.end(), in)) return;
+  if (std::none_of(kWritable.begin(), kWritable.end(), in) || !is_built(at)) return;
   if (at >= reg::kSm && at < reg::kSm + reg::kSmBytes * kManagers) {
     const std::size_t place = (at - reg::kSm) % reg::kSmBytes;
     const std::size_t base = at - place;
@@ -254,10 +303,11 @@ void Esc::run_sii_command() noexcept {
 }
 
 void Esc::latch_clocks(rt::Time now) noexcept {
-  const auto ns = static_cast<std::uint64_t>(rt::ns_of(now));
-  for (int port = 0; port < 4; ++port)
-    store_u32(memory_, static_cast<std::size_t>(reg::kDcReceive + 4 * port),
-              static_cast<std::uint32_t>(ns));
+  const auto ns = static_cast<std::uint64_t>(passing_ns(now));
+  store_u32(memory_, reg::kDcReceive, static_cast<std::uint32_t>(ns));
+  // Port 1: back from the slaves behind. The others have no link, and latch nothing.
+  const std::uint64_t around = 2 * behind_ * static_cast<std::uint64_t>(kHop.count());
+  if (behind_ > 0) store_u32(memory_, reg::kDcReceive + 4, static_cast<std::uint32_t>(ns + around));
   store_u64(memory_, reg::kDcUnit, ns);
 }
 

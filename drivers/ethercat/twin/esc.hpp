@@ -8,8 +8,13 @@
 //         not built read 0 and count. A sync manager in mailbox mode takes a write only when empty
 //         and gives a read only when full; in buffered mode the area opens by its first byte and is
 //         handed over by its last.
-// Limits  FMMUs map whole bytes (feature bit 0 says so). Distributed clocks answer: system time,
-//         offset, delay, latched receive times; nothing is synchronised.
+// Mailbox sync managers 0 and 1 that are on have to be the SII's, else PREOP is refused (0x0016).
+//         Off they may be only where the SII names no protocol: then no mailbox is served.
+// Events  a new DL or AL status and what happened to mailboxes, ORed into the irq field of each
+//         datagram as far as 0x0200 lets them (data sheet II, 0x0210). Buffers have none.
+// Clocks  answer: system time, offset, delay, latched receive times, kHop from slave to slave and
+//         on the way back; nothing is synchronised.
+// Limits  FMMUs map whole bytes (feature bit 0 says so).
 // One owner; nothing allocates after construction.
 #pragma once
 
@@ -24,6 +29,9 @@
 #include "rt/time.hpp"
 
 namespace drivers::ethercat {
+
+// From one slave to the next, in either direction: its work on a byte, and the cable.
+inline constexpr rt::Nanos kHop{500};
 
 // What stands behind the slave controller.
 class EscApplication {
@@ -44,7 +52,8 @@ class EscApplication {
 };
 
 struct EscConfig {
-  std::uint8_t type = 0x11, revision = 0, fmmus = 4, sync_managers = 4, ram_kib = 4;
+  std::uint8_t type = 0x11, revision = 0, ram_kib = 4;
+  std::uint8_t fmmus = 4, sync_managers = 4;  // at most 16 and 8
   std::uint16_t build = 2;
   std::uint16_t features = feature::kByteFmmu | feature::kClocks;
   bool sii_reads_eight = false;
@@ -65,6 +74,7 @@ class Esc {
     std::uint32_t address;
     std::span<std::uint8_t> data;
     std::uint16_t counter;
+    std::uint16_t irq;
   };
   void pass(Passing& d, rt::Time now) noexcept;
   // A frame that the processing unit could not read.
@@ -74,8 +84,8 @@ class Esc {
   void power_cycle(rt::Time now) noexcept;
   // The application leaves for SAFEOP + ERROR by itself.
   void fall(std::uint16_t al_status_code, rt::Time now) noexcept;
-  // Is there a slave behind this one? Shows in DL status.
-  void set_last(bool last) noexcept { last_ = last; }
+  // Slaves before this one and behind it on its line: show in DL status and receive times.
+  void set_place(std::size_t before, std::size_t behind) noexcept;
 
   [[nodiscard]] AlStatus al_status() const noexcept { return al_; }
   [[nodiscard]] EscApplication& application() noexcept { return *application_; }
@@ -88,7 +98,8 @@ class Esc {
   static constexpr int kManagers = 8;
   struct Manager {
     bool open = false, full = false;
-    bool repeat = false;  // the request bit that was answered last
+    bool emptied = false;  // read to its end, and not written since
+    bool repeat = false;   // the request bit that was answered last
   };
   struct Area {  // of a sync manager as its registers say
     std::size_t start = 0, length = 0;
@@ -113,10 +124,18 @@ class Esc {
   [[nodiscard]] bool write(std::size_t at, std::span<const std::uint8_t> in, rt::Time now) noexcept;
   void reset_registers() noexcept;
   void show(rt::Time now) noexcept;
+  void show_state() noexcept;
+  [[nodiscard]] unsigned manager_status(int i) const noexcept;
+  [[nodiscard]] unsigned event_request() const noexcept;
+  [[nodiscard]] bool is_built(std::size_t at) const noexcept;
   void write_register(std::size_t at, std::uint8_t value) noexcept;
   void act_on_write(std::size_t at, std::size_t size, rt::Time now) noexcept;
   void run_sii_command() noexcept;
   void latch_clocks(rt::Time now) noexcept;
+  // The instant at which the frame that left the master `now` passes this slave.
+  [[nodiscard]] std::int64_t passing_ns(rt::Time now) const noexcept {
+    return rt::ns_of(now) + static_cast<std::int64_t>(before_) * kHop.count();
+  }
   // esc_memory.cpp: sync managers
   [[nodiscard]] Area area(int i) const noexcept;
   [[nodiscard]] bool open_for(int i, const Area& a, std::size_t at, std::size_t size, bool write,
@@ -144,8 +163,10 @@ class Esc {
   std::array<Manager, kManagers> managers_{};
   std::array<Area, kManagers> wanted_{};  // sync managers as the SII asks for them
   AlStatus al_, shown_;                   // as it is; as register 0x0130 shows it
+  unsigned events_ = 0;                   // those of DL and AL status
   int looks_left_ = 0, sii_busy_ = 0;
-  bool last_ = true;
+  std::size_t before_ = 0, behind_ = 0;
+  bool mailbox_needed_ = false;  // the SII names a protocol
   bool outputs_came_ = false, watchdog_good_ = true;
   rt::Time fed_{};  // watchdog
   bool request_waits_ = false;

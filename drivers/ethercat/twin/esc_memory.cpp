@@ -33,6 +33,7 @@ bool Esc::open_for(int i, const Area& a, std::size_t at, std::size_t size, bool 
   if (first && !write && !a.mailbox() && !m.open)
     application_->fill_inputs(std::span(memory_).subspan(a.start, a.length), now);
   if (first) m.open = true;
+  if (first && write) m.emptied = false;
   return m.open;
 }
 
@@ -42,6 +43,7 @@ void Esc::closed(int i, const Area& a, bool write, rt::Time now) noexcept {
   m.open = false;
   if (a.mailbox()) {
     m.full = write;
+    m.emptied = !write;
     if (write) {
       request_waits_ = true;
       request_due_ = now + config_.mailbox_delay;
@@ -138,10 +140,12 @@ void Esc::serve_mailbox(rt::Time now) noexcept {
   if (!out.enabled || !in.enabled || managers_[1].full) return;
   request_waits_ = false;
   managers_[0].full = false;
+  managers_[0].emptied = true;
   const bool replied = application_->on_mailbox(
       std::span<const std::uint8_t>(memory_).subspan(out.start, out.length),
       std::span(memory_).subspan(in.start, in.length), request_due_);
   managers_[1].full = replied;
+  if (replied) managers_[1].emptied = false;
 }
 
 }  // namespace drivers::ethercat

@@ -1,5 +1,6 @@
 // The state machine of the virtual slave: ETG.1000.6, 5.3 and 6.4; codes of the table "AL status
-// codes". A refused request leaves the state and sets the error bit; it stands until acknowledged.
+// codes". A refused request leaves the state and sets the error bit; it stands until it is
+// acknowledged or INIT is asked for.
 #include "drivers/ethercat/twin/esc.hpp"
 
 namespace drivers::ethercat {
@@ -50,7 +51,7 @@ rt::Nanos Esc::watchdog_time() const noexcept {
 void Esc::fall(std::uint16_t code, rt::Time now) noexcept {
   if (al_.is() == AlState::kOp) enter(AlState::kSafeOp, now);
   al_ = {static_cast<std::uint8_t>(al_.state | kAlError), code};
-  shown_ = al_;
+  show_state();
 }
 
 // As the SII asks for it, with the length of the PDOs where the category leaves it at that.
@@ -66,7 +67,10 @@ std::uint16_t Esc::refusal(AlState to) const noexcept {
   if (to == AlState::kPreOp && al_.is() == AlState::kInit) {
     for (int i = 0; i < 2; ++i) {
       const Area w = wanted_area(i);
-      if (w.enabled && w.mailbox() && !manager_matches(i, w)) return al_code::kMailbox;
+      if (!w.enabled || !w.mailbox()) continue;
+      // Masters set up a mailbox where the SII names a protocol (word 0x1C), and some only there.
+      const bool wrong = area(i).enabled ? !manager_matches(i, w) : mailbox_needed_;
+      if (wrong) return al_code::kMailbox;
     }
   }
   if (to == AlState::kSafeOp && al_.is() == AlState::kPreOp) {
@@ -82,7 +86,9 @@ std::uint16_t Esc::refusal(AlState to) const noexcept {
 
 void Esc::request_state(unsigned control, rt::Time now) noexcept {
   const auto to = static_cast<AlState>(control & kAlStateMask);
-  if (al_.error() && (control & kAlAcknowledge) == 0) return;
+  // Beckhoff's slave stack (5.x, AL_ControlInd) and SOES (ESC_state) do the same; older stacks also
+  // served the same or a lower state.
+  if (al_.error() && (control & kAlAcknowledge) == 0 && to != AlState::kInit) return;
   std::uint16_t code = al_code::kNone;
   if (!is_state(to)) {
     code = al_code::kUnknownState;
@@ -99,7 +105,7 @@ void Esc::request_state(unsigned control, rt::Time now) noexcept {
     enter(to, now);
   }
   looks_left_ = config_.state_looks;
-  if (looks_left_ == 0) shown_ = al_;
+  if (looks_left_ == 0) show_state();
 }
 
 void Esc::enter(AlState to, rt::Time now) noexcept {
@@ -110,7 +116,7 @@ void Esc::enter(AlState to, rt::Time now) noexcept {
   if (to == AlState::kInit || to == AlState::kPreOp) outputs_came_ = false;
   if (to == AlState::kInit) {
     request_waits_ = false;
-    for (Manager& m : managers_) m.full = m.open = false;
+    for (Manager& m : managers_) m.full = m.open = m.emptied = false;
   }
   application_->on_state(to, now);
 }

@@ -2,14 +2,12 @@
 
 #include <algorithm>
 
-#include "rt/random.hpp"
-
 namespace drivers::ethercat {
 
 namespace {
 
 // 100 Mbit/s: 80 ns a byte, with preamble, check sequence and gap; 1 us a slave there and back.
-constexpr std::int64_t kByte_ns = 80, kAround_bytes = 24, kSlave_ns = 1000;
+constexpr std::int64_t kByte_ns = 80, kAround_bytes = 24, kSlave_ns = 2 * kHop.count();
 
 bool use_up(int& count) noexcept {
   if (count <= 0) return false;
@@ -33,27 +31,28 @@ bool TwinPort::send(std::span<const std::uint8_t> frame) noexcept {
   if (use_up(faults_.lose_back)) return true;
   rt::Time arrives = now_ + rt::Nanos{flight_ns};
   if (use_up(faults_.delay)) arrives += faults_.delay_by;
-  damage(work_);
-  const auto bytes = std::span<const std::uint8_t>(work_.bytes).first(work_.size);
+  const auto bytes = std::span(work_.bytes).first(work_.size);
+  if (use_up(faults_.wrong_counter)) lower_counter(bytes);
+  if (use_up(faults_.corrupt)) {
+    rt::Random random(faults_.seed, order_);
+    damage_heads(bytes, random);
+  }
   put(bytes, arrives);
   if (use_up(faults_.duplicate)) put(bytes, arrives + rt::Nanos{flight_ns});
   return true;
 }
 
-// Changes what the frame check sequence of a real link would have caught: a byte of the EtherCAT
-// header or of the first datagram's command, index, address or length.
-void TwinPort::damage(InFlight& f) noexcept {
-  if (use_up(faults_.wrong_counter)) {
-    const std::size_t length = load_u16(f.bytes, 22) & 0x07FFU;
-    const std::size_t at = 26 + length;
-    if (at + 2 <= f.size)
-      store_u16(f.bytes, at, static_cast<std::uint16_t>(load_u16(f.bytes, at) - 1));
-  }
-  if (!use_up(faults_.corrupt)) return;
-  rt::Random random(faults_.seed, order_);
+void damage_heads(std::span<std::uint8_t> frame, rt::Random& random) noexcept {
   const auto at = static_cast<std::size_t>(random.integer(14, 23));
   const auto bit = static_cast<unsigned>(random.integer(0, 7));
-  f.bytes[at] ^= static_cast<std::uint8_t>(1U << bit);
+  if (at < frame.size()) frame[at] ^= static_cast<std::uint8_t>(1U << bit);
+}
+
+void lower_counter(std::span<std::uint8_t> frame) noexcept {
+  if (frame.size() < 24) return;
+  const std::size_t at = 26 + (load_u16(frame, 22) & 0x07FFU);
+  if (at + 2 <= frame.size())
+    store_u16(frame, at, static_cast<std::uint16_t>(load_u16(frame, at) - 1));
 }
 
 void TwinPort::put(std::span<const std::uint8_t> frame, rt::Time arrives) noexcept {

@@ -5,6 +5,7 @@
 
 #include "drivers/ethercat/port.hpp"
 #include "drivers/ethercat/twin/chain.hpp"
+#include "rt/random.hpp"
 
 namespace drivers::ethercat {
 
@@ -20,6 +21,12 @@ struct WireFaults {
   bool link_down = false;
   std::uint64_t seed = 1;  // of the corrupted bytes
 };
+
+// What the faults above do to a frame's bytes. Damage is of what the check sequence of a real link
+// would have caught: a bit of the EtherCAT header, or of the first datagram's command, index,
+// address or length.
+void damage_heads(std::span<std::uint8_t> frame, rt::Random&) noexcept;
+void lower_counter(std::span<std::uint8_t> frame) noexcept;
 
 class TwinPort final : public Port {
  public:
@@ -48,7 +55,6 @@ class TwinPort final : public Port {
     std::uint64_t order = 0;
   };
   void put(std::span<const std::uint8_t> frame, rt::Time arrives) noexcept;
-  void damage(InFlight& frame) noexcept;
 
   TwinChain& chain_;
   WireFaults faults_;

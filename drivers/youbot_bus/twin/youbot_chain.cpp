@@ -103,7 +103,8 @@ void add_drive_content(ethercat::SiiBuilder& sii, const YoubotChainConfig& c) {
   const auto in_start = static_cast<std::uint16_t>(c.mailbox_start + size);
   const std::size_t inputs = input_bytes_of(c);
   const std::uint8_t outputs_control = c.data_watchdog ? 0x64 : 0x24;
-  // No protocol of the standard: raw TMCL.
+  // No protocol of the standard: raw TMCL. A master that goes by this word alone leaves the mailbox
+  // off; the board reaches OP without it.
   sii.mailbox(c.mailbox_start, size, in_start, size, 0);
   sii.fmmus({1, 2});
   sii.managers({{c.mailbox_start, size, 0x26, 1, 1},

@@ -3,76 +3,14 @@
 
 #include <algorithm>
 
-#include "drivers/ethercat/register_access.hpp"
-#include "drivers/ethercat/scan.hpp"
-#include "drivers/ethercat/state_control.hpp"
-#include "drivers/ethercat/twin/sii_builder.hpp"
-#include "drivers/ethercat/twin/twin_port.hpp"
 #include "rt/random.hpp"
+#include "tests/unit/drivers_ethercat/esc_rig.hpp"
 
 namespace tests {
 namespace {
 
 using namespace drivers::ethercat;
 using namespace std::chrono_literals;
-using Bytes = std::vector<std::uint8_t>;
-
-struct Echo final : EscApplication {  // inputs are the outputs plus one; mailbox turns bytes round
-  Bytes last;
-  void on_outputs(std::span<const std::uint8_t> b, rt::Time) noexcept override {
-    last.assign(b.begin(), b.end());
-  }
-  void fill_inputs(std::span<std::uint8_t> b, rt::Time) noexcept override {
-    for (std::size_t i = 0; i < b.size(); ++i)
-      b[i] = static_cast<std::uint8_t>((i < last.size() ? last[i] : 0) + 1);
-  }
-  bool on_mailbox(std::span<const std::uint8_t> q, std::span<std::uint8_t> a,
-                  rt::Time) noexcept override {
-    std::reverse_copy(q.begin(), q.end(), a.begin());
-    return true;
-  }
-};
-
-struct WireRig {
-  explicit WireRig(int count = 3, EscConfig esc = {}) {
-    for (int i = 0; i < count; ++i) {
-      SiiBuilder sii;
-      sii.identity(7, 8, 9, static_cast<std::uint32_t>(i)).mailbox(0x1000, 32, 0x1020, 32, 0);
-      sii.strings({"echo"}).fmmus({1, 2});
-      sii.managers({{0x1000, 32, 0x26, 1, 1},
-                    {0x1020, 32, 0x22, 1, 2},
-                    {0x1100, 4, 0x64, 1, 3},
-                    {0x1180, 6, 0x20, 1, 4}});
-      wire.add(std::make_unique<Esc>(startup.token(), esc, sii.image(), std::make_unique<Echo>()));
-    }
-  }
-  // One datagram; its counter.
-  int run(Command c, std::uint32_t address, Bytes& data) {
-    return registers.run(c, address, data).value_or(0xFFFF);
-  }
-  void scan_all() {
-    auto found = scan(startup.token(), registers);
-    ASSERT_TRUE(found) << found.error();
-    slaves = found.value();
-    mapping = map_process_data(slaves).value();
-  }
-  void all_to(AlState s) {
-    for (std::size_t i = 0; i < slaves.size(); ++i) {
-      ASSERT_TRUE(to_preop(registers, slaves[i], mapping.slaves[i], 1s));
-      if (s == AlState::kPreOp) continue;
-      const auto done = to_safeop(registers, slaves[i], mapping.slaves[i], 1s);
-      ASSERT_TRUE(done) << done.error();
-    }
-  }
-  AlStatus al(std::size_t i) { return read_al_status(registers, slaves[i].station); }
-
-  rt::Startup startup;
-  TwinChain wire;
-  TwinPort port{wire};
-  RegisterAccess registers{port};
-  std::vector<SlaveInfo> slaves;
-  ProcessMapping mapping;
-};
 
 // Counters and addresses of every command: BRD counts all, AP the one, FP the one, both count
 // right.
@@ -142,7 +80,12 @@ TEST(Esc, StateMachineRefusesWithItsCodes) {
   EXPECT_EQ(ask(0x04), (AlStatus{0x11, 0x0011})) << "INIT to SAFEOP";
   EXPECT_EQ(ask(0x02), (AlStatus{0x11, 0x0011})) << "an error stands until acknowledged";
   EXPECT_EQ(ask(0x11), (AlStatus{0x01, 0x0000}));
-  EXPECT_EQ(ask(0x02), (AlStatus{0x11, 0x0016})) << "mailbox not set up";
+  // Out mailbox of half its length.
+  const std::array<std::uint8_t, 8> half{0x00, 0x10, 16, 0, 0x26, 0, 1, 0};
+  const std::array<std::uint8_t, 1> off{0};
+  EXPECT_TRUE(rig.registers.write(0x1001, 0x0800, half));
+  EXPECT_EQ(ask(0x02), (AlStatus{0x11, 0x0016})) << "mailbox set up wrongly";
+  EXPECT_TRUE(rig.registers.write(0x1001, 0x0806, off));
   EXPECT_EQ(ask(0x17), (AlStatus{0x11, 0x0012})) << "no such state";
   EXPECT_EQ(ask(0x13), (AlStatus{0x11, 0x0013})) << "no bootstrap";
   EXPECT_EQ(ask(0x11), (AlStatus{0x01, 0x0000}));

@@ -78,7 +78,7 @@ TEST(EtherCatFrame, EveryLengthAndCommandSurvives) {
   ASSERT_TRUE(w.add(Command::kLrw, 1, 0, kMaxData));
   EXPECT_FALSE(w.add(Command::kNop, 1, 0, 0)) << "full";
   FrameWriter many;
-  for (std::size_t i = 0; i < kMostDatagrams; ++i) ASSERT_TRUE(many.add(Command::kNop, 1, 0, 0));
+  for (int i = 0; i < 124; ++i) ASSERT_TRUE(many.add(Command::kNop, 1, 0, 0));
   EXPECT_FALSE(many.add(Command::kNop, 1, 0, 0));
 }
 
@@ -107,7 +107,7 @@ TEST(EtherCatFrame, EachFaultIsNamed) {
   EXPECT_EQ(fault(23, 0x00), FrameFault::kMoreMissing) << "the first says it is the last";
   EXPECT_EQ(fault(39, 0x80), FrameFault::kMoreTooMany) << "the last says that another follows";
   EXPECT_EQ(fault(22, 0xFF), FrameFault::kCutDatagram);
-  for (int f = 0; f <= static_cast<int>(FrameFault::kTooMany); ++f)
+  for (int f = 0; f <= static_cast<int>(FrameFault::kUnknownCommand); ++f)
     EXPECT_GT(std::string(to_text(static_cast<FrameFault>(f))).size(), 3U);
 }
 
@@ -116,9 +116,9 @@ bool well_formed(const Bytes& b) {
   if (b.size() < 16 || b.size() > 1514 || b[12] != 0x88 || b[13] != 0xA4) return false;
   const std::size_t length = b[14] + 256 * static_cast<std::size_t>(b[15] & 7);
   if (b[15] / 16 != 1 || length == 0 || 16 + length > b.size()) return false;
-  std::size_t at = 16, left = length, count = 0;
+  std::size_t at = 16, left = length;
   for (bool more = true; more;) {
-    if (left < 12 || b[at] > 14 || ++count > 16) return false;
+    if (left < 12 || b[at] > 14) return false;
     const std::size_t n = b[at + 6] + 256 * static_cast<std::size_t>(b[at + 7] & 7);
     if (left < 12 + n) return false;
     more = (b[at + 7] & 0x80) != 0;
@@ -134,7 +134,7 @@ TEST(EtherCatFrame, AnyBytes) {
   int accepted = 0;
   for (int i = 0; i < 30000; ++i) {
     FrameWriter w;
-    const auto datagrams = random.integer(1, 4);
+    const auto datagrams = random.integer(1, random.uniform() < 0.1 ? 124 : 4);
     for (int d = 0; d < datagrams; ++d)
       (void)w.add(static_cast<Command>(random.integer(0, 14)), 3, 0x01300000,
                   static_cast<std::size_t>(random.integer(0, 60)));
