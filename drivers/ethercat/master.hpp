@@ -41,7 +41,7 @@ struct MasterConfig {
 enum class CycleStatus : std::uint8_t {
   kOk,
   kLost,      // no frame came back
-  kLinkDown,  // none could be sent
+  kLinkDown,  // none could be sent, or none came back and the card has no carrier
   kShort      // a frame came back, and its working counter is not the expected one
 };
 [[nodiscard]] const char* to_text(CycleStatus) noexcept;

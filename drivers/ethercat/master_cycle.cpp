@@ -103,12 +103,14 @@ CycleResult Master::write_outputs() noexcept {
 CycleResult Master::finish(const Places& p, int expected, Half h) noexcept {
   CycleResult r{CycleStatus::kOk, 0, expected};
   // After a lost read its write waits half as long: two lost frames shall not cost the next job.
-  const bool read_was_lost = h == Half::kWrite && half_read_ && last_ == CycleStatus::kLost;
+  const bool read_was_lost = h == Half::kWrite && half_read_ &&
+                             (last_ == CycleStatus::kLost || last_ == CycleStatus::kLinkDown);
   const rt::Nanos patience = read_was_lost ? config_.reply_timeout / 2 : config_.reply_timeout;
   if (!frames_.send()) {
     r.status = CycleStatus::kLinkDown;
   } else if (!frames_.collect(frames_.port().now() + patience)) {
-    r.status = CycleStatus::kLost;
+    // A card without a carrier takes frames all the same: only a lost one is worth the question.
+    r.status = frames_.port().link_up() ? CycleStatus::kLost : CycleStatus::kLinkDown;
   }
   if (r.status != CycleStatus::kOk) {
     lose(p);
