@@ -82,7 +82,9 @@ class Master {
   [[nodiscard]] rt::Result<bool> find(rt::NonRealtime&);       // all in INIT
   [[nodiscard]] rt::Result<bool> configure(rt::NonRealtime&);  // all in SAFEOP
   [[nodiscard]] rt::Result<bool> start(rt::NonRealtime&);      // all in OP, outputs zero
-  // SAFEOP for all; outputs zero.
+  // The end of what start() began: outputs zero, then SAFEOP for all, or INIT where one is below it,
+  // errors acknowledged. So nobody's watchdog ends it (0x001B). Waits for them, 60 ms at most;
+  // without a start(), or a second time, it does nothing.
   void stop(rt::NonRealtime&) noexcept;
 
   [[nodiscard]] const std::vector<SlaveInfo>& slaves() const noexcept { return slaves_; }
@@ -147,6 +149,7 @@ class Master {
   std::uint8_t all_states_ = 0;  // of all slaves, ORed
   std::size_t watched_ = 0;
   bool stopped_ = false;
+  bool started_ = false;  // and not ended by stop()
 };
 
 }  // namespace drivers::ethercat

@@ -1,4 +1,5 @@
 // From power-up to OP, and what a wrong chain is told.
+#include "drivers/ethercat/scan.hpp"
 #include "tests/unit/drivers_youbot_bus/bus_rig.hpp"
 
 namespace tests {
@@ -161,6 +162,50 @@ TEST(YoubotBus, ADriveWithoutItsDataIsNamed) {
   const auto wrong = yb::check_chain(c.kind, master.slaves());
   ASSERT_EQ(wrong.size(), 1U);
   EXPECT_EQ(wrong[0], "slave 5: wheel back right: no mailbox, a drive has one");
+}
+
+// Without it every slave would end in SAFEOP + ERROR 0x001B, 100 ms later.
+TEST(YoubotBus, TheEndLeavesSafeopAndZeros) {
+  for (const bool lossy : {false, true}) {
+    BusRig rig;
+    rig.bring_up();
+    rig.make_ready();
+    rig.set(1, yb::ControllerMode::kVelocity, 600);
+    rig.cycles(50);
+    rig.chain.wire().slave(4).fall(0x0050, rig.port.now());
+    if (lossy) rig.port.faults().lose_out = 2;
+    const auto begun = rig.port.now();
+    rig.master.stop(rig.startup.token());
+    EXPECT_LE(rig.port.now() - begun, 60ms);
+    rig.pause(500ms);
+    for (int i = 0; i < 11; ++i)
+      EXPECT_EQ(ec::read_al_status(rig.master.registers(), static_cast<std::uint16_t>(0x1001 + i)),
+                (ec::AlStatus{4, 0}))
+          << i << (lossy ? " lossy" : "");
+    const auto memory = rig.chain.wire().slave(1).memory();
+    for (std::size_t b = 0x1100; b < 0x1105 && !lossy; ++b) EXPECT_EQ(memory[b], 0);
+    // A second time, and a cycle behind it, change nothing.
+    const auto frames = rig.master.frames().sent;
+    rig.master.stop(rig.startup.token());
+    EXPECT_EQ(rig.master.frames().sent, frames);
+    EXPECT_TRUE(rig.master.stopped());
+  }
+}
+
+// No frame comes back: the end does not hang, and a slave that begins anew is not blamed.
+TEST(YoubotBus, TheEndOfABusThatIsGoneIsShort) {
+  BusRig rig;
+  rig.bring_up();
+  rig.chain.wire().slave(3).power_cycle(rig.port.now());
+  rig.master.stop(rig.startup.token());
+  for (std::size_t i = 0; i < 11; ++i)
+    EXPECT_EQ(rig.chain.wire().slave(i).al_status(), (ec::AlStatus{1, 0})) << i;
+  BusRig dead;
+  dead.bring_up();
+  dead.port.faults().lose_out = 1'000'000;
+  const auto begun = dead.port.now();
+  dead.master.stop(dead.startup.token());
+  EXPECT_LE(dead.port.now() - begun, 60ms);
 }
 
 TEST(YoubotBus, NoSlaveAndNoCableAreDifferent) {
