@@ -25,6 +25,7 @@ std::optional<int> reset_all(RegisterAccess& r) {
   const auto count = r.run(Command::kBrd, broadcast_address(reg::kType), type);
   if (!count) return std::nullopt;
   if (*count == 0) return 0;
+  (void)r.clear_all(reg::kStation, 2);  // 0x0010: of an earlier chain, or another master
   (void)r.write_all(reg::kDlLoopControl, zero);  // ports open and close by themselves
   (void)r.clear_all(reg::kRxErrors, 8);
   (void)r.clear_all(reg::kFmmu, 3 * reg::kFmmuBytes);
@@ -35,17 +36,20 @@ std::optional<int> reset_all(RegisterAccess& r) {
   return *count;
 }
 
-bool give_address(RegisterAccess& r, int position, std::uint16_t station) {
+std::uint16_t station_of(int position) {
+  return static_cast<std::uint16_t>(kFirstStation + position);
+}
+
+bool give_address(RegisterAccess& r, int position) {
   std::array<std::uint8_t, 2> b{};
-  store_u16(b, 0, station);
+  store_u16(b, 0, station_of(position));
   return r.run(Command::kApwr, position_address(position, reg::kStation), b) == 1;
 }
 
 rt::Result<SlaveInfo> look_at(RegisterAccess& r, int position) {
   SlaveInfo s;
   s.position = position;
-  s.station = static_cast<std::uint16_t>(kFirstStation + position);
-  if (!give_address(r, position, s.station)) return scan_error(position, "takes no address");
+  s.station = station_of(position);
   std::array<std::uint8_t, 10> info{};
   if (!r.read(s.station, reg::kType, info)) return scan_error(position, "does not answer");
   s.type = info[0];
@@ -89,6 +93,10 @@ rt::Result<std::vector<SlaveInfo>> scan(rt::NonRealtime&, RegisterAccess& r) {
   if (*count > kMostSlaves)
     return rt::Error{"EtherCAT: " + std::to_string(*count) + " slaves, at most " +
                      std::to_string(kMostSlaves) + " are served"};
+  // All of them before any is read: one that stood elsewhere in the chain may have the address of
+  // another, and two would answer.
+  for (int i = 0; i < *count; ++i)
+    if (!give_address(r, i)) return scan_error(i, "takes no address");
   std::vector<SlaveInfo> out;
   for (int i = 0; i < *count; ++i) {
     auto slave = look_at(r, i);

@@ -88,6 +88,23 @@ TEST(YoubotBus, SlowSlavesAndASecondStart) {
   }
 }
 
+// The chain was changed: a slave further on has the address that the first one gets.
+TEST(YoubotBus, AddressesOfAnEarlierChainAreNoTrouble) {
+  for (const int shift : {1, -1}) {
+    BusRig rig;
+    auto& registers = rig.master.registers();
+    for (int i = 0; i < 11; ++i) {
+      std::array<std::uint8_t, 2> old{};
+      ec::store_u16(old, 0, static_cast<unsigned>(0x1001 + i - shift));
+      EXPECT_EQ(registers.run(ec::Command::kApwr, ec::position_address(i, 0x0010), old), 1);
+    }
+    rig.bring_up();
+    if (HasFatalFailure()) return;
+    for (std::size_t i = 0; i < 11; ++i) EXPECT_EQ(rig.chain.wire().slave(i).station(), 0x1001 + i);
+    EXPECT_EQ(rig.cycle().status, ec::CycleStatus::kOk);
+  }
+}
+
 TEST(YoubotBus, ReadAndWriteInTwoFrames) {
   BusRig rig;
   rig.bring_up();
