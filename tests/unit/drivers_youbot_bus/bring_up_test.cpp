@@ -1,5 +1,6 @@
 // From power-up to OP, and what a wrong chain is told.
 #include "drivers/ethercat/scan.hpp"
+#include "drivers/ethercat/state_control.hpp"
 #include "tests/unit/drivers_youbot_bus/bus_rig.hpp"
 
 namespace tests {
@@ -103,6 +104,27 @@ TEST(YoubotBus, AddressesOfAnEarlierChainAreNoTrouble) {
     for (std::size_t i = 0; i < 11; ++i) EXPECT_EQ(rig.chain.wire().slave(i).station(), 0x1001 + i);
     EXPECT_EQ(rig.cycle().status, ec::CycleStatus::kOk);
   }
+}
+
+// The old error bit still shows for some looks after its acknowledge: that is no refusal.
+TEST(YoubotBus, AnErrorThatIsSlowToClearIsNoRefusal) {
+  yb::YoubotChainConfig c;
+  c.kind = yb::ChainKind::kBase;
+  c.esc.state_looks = 6;
+  BusRig rig(c);
+  ASSERT_TRUE(rig.master.find(rig.startup.token()));
+  ASSERT_TRUE(rig.master.configure(rig.startup.token()));
+  rig.chain.wire().slave(1).fall(0x001B, rig.port.now());
+  auto& registers = rig.master.registers();
+  const auto& slave = rig.master.slaves()[1];
+  const auto back = ec::request_state(registers, slave, ec::AlState::kPreOp, 1s);
+  EXPECT_TRUE(back) << back.error();
+  EXPECT_EQ(rig.chain.wire().slave(1).al_status(), (ec::AlStatus{2, 0}));
+  // A real one is: OP out of PREOP.
+  const auto refused = ec::request_state(registers, slave, ec::AlState::kOp, 1s);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().find("refuses OP; is PREOP + ERROR, code 0x0011"), std::string::npos)
+      << refused.error();
 }
 
 TEST(YoubotBus, ReadAndWriteInTwoFrames) {
