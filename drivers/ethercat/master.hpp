@@ -32,7 +32,7 @@ namespace drivers::ethercat {
 
 struct MasterConfig {
   rt::Nanos reply_timeout = std::chrono::microseconds{500};  // as the youBot's own driver has it
-  rt::Nanos state_timeout = std::chrono::seconds{2};         // for one step of the state machine
+  rt::Nanos state_timeout = std::chrono::seconds{2};         // for one step of the state machine; in recover(), for a slave
   rt::Nanos period = std::chrono::milliseconds{1};           // between cycles while starting
   int bad_limit = 100;    // lost or short cycles in a row that stop; a read and a write are one
   int watchdog_ms = 100;  // of process data, in the slaves that have one; 0: as they come

@@ -8,8 +8,9 @@ namespace drivers::ethercat {
 
 namespace {
 
-// Datagrams of a recovery, a slave: 2 + 6 blocks, four states, each asked for a few times.
-constexpr int kRecoverySteps = 300;
+// Datagrams of a recovery, a slave, beside those that wait for a state: 2 + 6 blocks, four states,
+// each asked for a few times, and some lost.
+constexpr std::int64_t kRecoverySteps = 300, kMostRecoverySteps = 1'000'000;
 
 }  // namespace
 
@@ -212,7 +213,9 @@ BusHealth Master::health() const noexcept {
 
 void Master::recover() noexcept {
   counters_.bad_in_row = 0;
-  recovery_.start(kRecoverySteps * static_cast<int>(slaves_.size()));
+  // One look a cycle: a slave has the time that a step of the state machine has.
+  const std::int64_t looks = config_.state_timeout / std::max(config_.period, rt::Nanos{1});
+  recovery_.start(static_cast<int>(std::min(kRecoverySteps + looks, kMostRecoverySteps)));
   clear_outputs();
 }
 

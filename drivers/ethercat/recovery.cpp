@@ -16,7 +16,7 @@ void Recovery::start(int steps) noexcept {
   active_ = !succeeded_;
   anew_.reset();
   slave_ = 0;
-  left_ = steps;
+  steps_ = left_ = steps;
   step_ = Step::kObserve;
   block_state_ = AlState::kNone;
   patience_ = 0;
@@ -105,6 +105,8 @@ void Recovery::write_al(unsigned value) noexcept {
 void Recovery::next_slave() noexcept {
   patience_ = 0;
   block_state_ = AlState::kNone;
+  left_ = steps_;
+  active_ = true;  // its last datagram brought it
   if (++slave_ < static_cast<int>(slaves_->size())) return;
   slave_ = static_cast<int>(slaves_->size()) - 1;
   active_ = false;

@@ -27,7 +27,8 @@ class Recovery {
   Recovery() = default;
   explicit Recovery(const std::vector<SlaveMapping>* slaves) noexcept : slaves_(slaves) {}
 
-  // All slaves, `steps` datagrams at most.
+  // All slaves, each with `steps` datagrams at most: one that does not come ends it, however many
+  // there are.
   void start(int steps) noexcept;
   [[nodiscard]] bool active() const noexcept { return active_; }
   // Of the last start(): all slaves were seen in OP.
@@ -62,7 +63,7 @@ class Recovery {
   const std::vector<SlaveMapping>* slaves_ = nullptr;
   bool active_ = false, succeeded_ = false;
   std::bitset<256> anew_;
-  int slave_ = 0, left_ = 0;
+  int slave_ = 0, steps_ = 0, left_ = 0;
   Step step_ = Step::kObserve;
   Write write_;
   AlStatus status_;

@@ -1,4 +1,6 @@
 // From power-up to OP, and what a wrong chain is told.
+#include <map>
+
 #include "drivers/ethercat/scan.hpp"
 #include "drivers/ethercat/state_control.hpp"
 #include "tests/unit/drivers_youbot_bus/bus_rig.hpp"
@@ -125,6 +127,52 @@ TEST(YoubotBus, AnErrorThatIsSlowToClearIsNoRefusal) {
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().find("refuses OP; is PREOP + ERROR, code 0x0011"), std::string::npos)
       << refused.error();
+}
+
+// Each slave lets OP wait for so long after it was asked first.
+class SlowToOp final : public ec::Port {
+ public:
+  SlowToOp(ec::TwinPort& wire, rt::Nanos wait) : wire_(wire), wait_(wait) {}
+  bool send(std::span<const std::uint8_t> f) noexcept override {
+    std::array<std::uint8_t, ec::kMaxFrame> copy{};
+    std::copy(f.begin(), f.end(), copy.begin());
+    ec::parse_frame(f, view_);
+    for (std::size_t i = 0; i < view_.count; ++i) {
+      const ec::DatagramView& d = view_.datagram[i];
+      if (d.command != ec::Command::kFpwr || d.address >> 16U != 0x0120 || d.data[0] != 8) continue;
+      const auto [first, anew] = asked_.try_emplace(d.address & 0xFFFFU, now());
+      if (now() - first->second < wait_) copy[d.at] = 4;  // still in SAFEOP
+    }
+    return wire_.send(std::span(copy).first(f.size()));
+  }
+  std::size_t receive(std::span<std::uint8_t> into, rt::Time deadline) noexcept override {
+    return wire_.receive(into, deadline);
+  }
+  [[nodiscard]] rt::Time now() const noexcept override { return wire_.now(); }
+  void sleep_until(rt::Time t) noexcept override { wire_.sleep_until(t); }
+
+ private:
+  ec::TwinPort& wire_;
+  rt::Nanos wait_;
+  ec::FrameView view_;
+  std::map<std::uint32_t, rt::Time> asked_;
+};
+
+// What is within the time of a state is waited for, of every slave; what is not ends the start.
+TEST(YoubotBus, FiveSlavesThatTakeTheirTimeToOp) {
+  for (const rt::Nanos wait : {400ms, 1900ms, 2500ms}) {
+    yb::YoubotChainConfig c;
+    c.kind = yb::ChainKind::kBase;
+    BusRig rig(c);
+    SlowToOp slow(rig.port, wait);
+    ec::Master master(rig.startup.token(), slow);
+    ASSERT_TRUE(master.find(rig.startup.token()));
+    ASSERT_TRUE(master.configure(rig.startup.token()));
+    const auto begun = slow.now();
+    const auto started = master.start(rig.startup.token());
+    EXPECT_EQ(static_cast<bool>(started), wait < 2s) << started.error();
+    EXPECT_LE(slow.now() - begun, wait < 2s ? 10s : 2500ms) << "one slave alone is not waited for";
+  }
 }
 
 TEST(YoubotBus, ReadAndWriteInTwoFrames) {
