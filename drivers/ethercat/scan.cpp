@@ -1,5 +1,6 @@
 #include "drivers/ethercat/scan.hpp"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdio>
@@ -12,6 +13,24 @@ namespace {
 
 rt::Error scan_error(int position, const char* what) {
   return {"slave " + std::to_string(position + 1) + ": " + what};
+}
+
+void clear_blocks(RegisterAccess& r, std::uint16_t first, std::size_t bytes) {
+  constexpr std::size_t kPiece = 64;  // of one clear_all()
+  for (std::size_t at = 0; at < bytes; at += kPiece)
+    (void)r.clear_all(static_cast<std::uint16_t>(first + at), std::min(kPiece, bytes - at));
+}
+
+// FMMUs and sync managers, as many as there are (0x0004, 0x0005; both at most 16, ETG.1000.4, 6.6).
+// Of a broadcast read the counts come ORed: the slave with the most has no more than that.
+void clear_units(RegisterAccess& r) {
+  std::array<std::uint8_t, 2> counts{};
+  if (r.run(Command::kBrd, broadcast_address(reg::kFmmuCount), counts).value_or(0) == 0) return;
+  constexpr std::size_t kMost = 16;
+  clear_blocks(r, reg::kFmmu, std::min<std::size_t>(counts[0], kMost) * reg::kFmmuBytes);
+  // Twice: one that is on takes nothing but being switched off.
+  for (int i = 0; i < 2; ++i)
+    clear_blocks(r, reg::kSm, std::min<std::size_t>(counts[1], kMost) * reg::kSmBytes);
 }
 
 // All slaves to INIT and their set-up gone; the number of slaves, nullopt: no frame came back.
@@ -28,8 +47,9 @@ std::optional<int> reset_all(RegisterAccess& r) {
   (void)r.clear_all(reg::kStation, 2);  // 0x0010: of an earlier chain, or another master
   (void)r.write_all(reg::kDlLoopControl, zero);  // ports open and close by themselves
   (void)r.clear_all(reg::kRxErrors, 8);
-  (void)r.clear_all(reg::kFmmu, 3 * reg::kFmmuBytes);
-  (void)r.clear_all(reg::kSm, 4 * reg::kSmBytes);
+  (void)r.clear_all(reg::kEventMask, 2);  // 0x0200: nobody reads the events in the datagrams
+  clear_units(r);
+  (void)r.clear_all(reg::kDcActivate, 1);  // 0x0981: no sync signals of a master before
   const std::array<std::uint8_t, 1> take{2};
   (void)r.write_all(reg::kSiiAccess, take);
   (void)r.write_all(reg::kSiiAccess, zero);

@@ -91,6 +91,29 @@ TEST(YoubotBus, SlowSlavesAndASecondStart) {
   }
 }
 
+// Another master used more units than this one does, clocks and events.
+TEST(YoubotBus, NothingOfAnotherMasterIsLeft) {
+  yb::YoubotChainConfig c;
+  c.kind = yb::ChainKind::kBase;
+  c.esc.fmmus = 8;
+  c.esc.sync_managers = 8;
+  BusRig rig(c);
+  auto& registers = rig.master.registers();
+  ASSERT_TRUE(rig.master.find(rig.startup.token()));
+  std::array<std::uint8_t, 16> used{};
+  used.fill(1);
+  for (const std::uint16_t r : {0x0630, 0x0670, 0x0820, 0x0838})
+    EXPECT_TRUE(registers.write(0x1002, r, std::span(used).first(r < 0x0800 ? 16 : 8)));
+  EXPECT_TRUE(registers.write_u8(0x1002, 0x0981, 3));
+  EXPECT_TRUE(registers.write_u16(0x1002, 0x0200, 0xFFFF));
+  ASSERT_TRUE(rig.master.find(rig.startup.token()));
+  const auto memory = rig.chain.wire().slave(1).memory();
+  for (std::size_t r = 0x0600; r < 0x0680; ++r) EXPECT_EQ(memory[r], 0) << r;
+  for (std::size_t r = 0x0800; r < 0x0840; ++r) EXPECT_EQ(memory[r], 0) << r;
+  EXPECT_EQ(memory[0x0981], 0);
+  EXPECT_EQ(ec::load_u16(memory, 0x0200), 0);
+}
+
 // The chain was changed: a slave further on has the address that the first one gets.
 TEST(YoubotBus, AddressesOfAnEarlierChainAreNoTrouble) {
   for (const int shift : {1, -1}) {
