@@ -67,6 +67,7 @@ void Recovery::decide() noexcept {
       anew_[static_cast<std::size_t>(slave_)] = true;
       if (write_block(std::span(m.mailbox_setup).first(static_cast<std::size_t>(m.mailbox_blocks))))
         return;
+      if (give_sii()) return;
       return write_al(static_cast<unsigned>(AlState::kPreOp));
     case AlState::kPreOp:
       if (write_block(std::span(m.data_setup).first(static_cast<std::size_t>(m.data_blocks))))
@@ -86,6 +87,16 @@ bool Recovery::write_block(std::span<const RegisterBlock> blocks) noexcept {
   const RegisterBlock& b = blocks[block_++];
   write_ = {Command::kFpwr, station_address(at_work().station, b.reg), b.size, {}};
   std::copy_n(b.bytes.begin(), b.size, write_.bytes.begin());
+  step_ = Step::kWrite;
+  return true;
+}
+
+// Register 0x0500, behind the mailbox blocks, as to_preop() does: from PREOP on the EEPROM is the
+// application's, and after power was off it is the master's.
+bool Recovery::give_sii() noexcept {
+  if (block_ > static_cast<std::size_t>(at_work().mailbox_blocks)) return false;
+  ++block_;
+  write_ = {Command::kFpwr, station_address(at_work().station, reg::kSiiAccess), 1, {1}};
   step_ = Step::kWrite;
   return true;
 }

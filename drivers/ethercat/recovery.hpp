@@ -6,7 +6,7 @@
 //
 //   no answer            its address again, by position, if the chain is that long
 //   error                AL control = state + acknowledge
-//   INIT                 mailbox sync managers, one a cycle, then PREOP
+//   INIT                 mailbox sync managers, one a cycle, EEPROM to the application, then PREOP
 //   PREOP                process data sync managers and FMMUs, one a cycle, then SAFEOP
 //   SAFEOP               OP
 //   OP                   next slave
@@ -55,6 +55,8 @@ class Recovery {
   void write_al(unsigned value) noexcept;
   // The next block of the set-up; false: all are written.
   bool write_block(std::span<const RegisterBlock> blocks) noexcept;
+  // False: it is given.
+  bool give_sii() noexcept;
   void next_slave() noexcept;
   [[nodiscard]] const SlaveMapping& at_work() const noexcept {
     return (*slaves_)[static_cast<std::size_t>(slave_)];

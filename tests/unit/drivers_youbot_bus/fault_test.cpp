@@ -202,6 +202,8 @@ TEST(YoubotBusFaults, EmergencyStopAndTheWayBack) {
   EXPECT_LT(cycles, 1000);
   EXPECT_EQ(rig.cycle().status, ec::CycleStatus::kOk);
   EXPECT_EQ(rig.master.health().fault, ec::BusFault::kNone) << rig.health();
+  for (std::size_t i = 0; i < 11; ++i)
+    EXPECT_EQ(rig.chain.wire().slave(i).memory()[0x0500], 1) << "the EEPROM is slave " << i << "'s";
   // Power was off: commutation is to be found again, the timeout flag is set.
   EXPECT_EQ(rig.inputs(kWheel).flags & (1U << 15U), 0U);
   EXPECT_NE(rig.inputs(kWheel).flags & (1U << 16U), 0U);
