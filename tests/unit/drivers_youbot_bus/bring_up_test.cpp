@@ -102,7 +102,7 @@ TEST(YoubotBus, NothingOfAnotherMasterIsLeft) {
   ASSERT_TRUE(rig.master.find(rig.startup.token()));
   std::array<std::uint8_t, 16> used{};
   used.fill(1);
-  for (const std::uint16_t r : {0x0630, 0x0670, 0x0820, 0x0838})
+  for (const std::uint16_t r : std::to_array<std::uint16_t>({0x0630, 0x0670, 0x0820, 0x0838}))
     EXPECT_TRUE(registers.write(0x1002, r, std::span(used).first(r < 0x0800 ? 16 : 8)));
   EXPECT_TRUE(registers.write_u8(0x1002, 0x0981, 3));
   EXPECT_TRUE(registers.write_u16(0x1002, 0x0200, 0xFFFF));
