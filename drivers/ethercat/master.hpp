@@ -79,8 +79,9 @@ class Master {
   Master(rt::NonRealtime&, Port& port, const MasterConfig& config = {});
 
   // ---- set-up
-  [[nodiscard]] rt::Result<bool> find(rt::NonRealtime&);       // all in INIT
-  [[nodiscard]] rt::Result<bool> configure(rt::NonRealtime&);  // all in SAFEOP
+  // All in INIT. A slave that can not be driven is among slaves(), with its reason in problem().
+  [[nodiscard]] rt::Result<bool> find(rt::NonRealtime&);
+  [[nodiscard]] rt::Result<bool> configure(rt::NonRealtime&);  // all in SAFEOP; not with a problem()
   [[nodiscard]] rt::Result<bool> start(rt::NonRealtime&);      // all in OP, outputs zero
   // The end of what start() began: outputs zero, then SAFEOP for all, or INIT where one is below it,
   // errors acknowledged. So nobody's watchdog ends it (0x001B). Waits for them, 60 ms at most;
@@ -88,6 +89,8 @@ class Master {
   void stop(rt::NonRealtime&) noexcept;
 
   [[nodiscard]] const std::vector<SlaveInfo>& slaves() const noexcept { return slaves_; }
+  // Of the chain that was found: why it is not driven; empty: it is.
+  [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
   [[nodiscard]] const ProcessMapping& mapping() const noexcept { return mapping_; }
   [[nodiscard]] RegisterAccess& registers() noexcept { return registers_; }
   // "slave 3 'TMCM-1632' fell to SAFEOP + ERROR: sync manager watchdog (0x001B)"
@@ -138,6 +141,7 @@ class Master {
   FrameExchange frames_;
   std::vector<SlaveInfo> slaves_;
   ProcessMapping mapping_;
+  std::string problem_;
   std::vector<std::uint8_t> image_;  // outputs, then inputs
   std::vector<AlStatus> al_;
   Recovery recovery_;

@@ -5,6 +5,7 @@
 #include "drivers/ethercat/master.hpp"
 #include "drivers/ethercat/registers.hpp"
 #include "drivers/ethercat/scan.hpp"
+#include "drivers/ethercat/served.hpp"
 #include "drivers/ethercat/state_control.hpp"
 
 namespace drivers::ethercat {
@@ -40,9 +41,9 @@ rt::Result<bool> Master::find(rt::NonRealtime& nrt) {
   auto found = scan(nrt, registers_);
   if (!found) return rt::Error{found.error()};
   slaves_ = std::move(found.value());
-  auto mapping = map_process_data(slaves_);
-  if (!mapping) return rt::Error{mapping.error()};
-  mapping_ = std::move(mapping.value());
+  ServedChain served = map_served(slaves_);
+  mapping_ = std::move(served.mapping);
+  problem_ = std::move(served.problem);
   for (SlaveMapping& m : mapping_.slaves) set_watchdog(m, config_.watchdog_ms);
   image_.assign(mapping_.output_bytes + mapping_.input_bytes, 0);
   al_.assign(slaves_.size(), AlStatus{});
@@ -57,6 +58,7 @@ rt::Result<bool> Master::find(rt::NonRealtime& nrt) {
 
 rt::Result<bool> Master::configure(rt::NonRealtime&) {
   if (slaves_.empty()) return rt::Error{"EtherCAT: no slave"};
+  if (!problem_.empty()) return rt::Error{problem_};
   for (std::size_t i = 0; i < slaves_.size(); ++i) {
     auto done = to_preop(registers_, slaves_[i], mapping_.slaves[i], config_.state_timeout);
     if (!done) return done;

@@ -11,8 +11,8 @@ namespace drivers::ethercat {
 
 namespace {
 
-rt::Error scan_error(int position, const char* what) {
-  return {"slave " + std::to_string(position + 1) + ": " + what};
+std::string problem_of(int position, const std::string& what) {
+  return "slave " + std::to_string(position + 1) + ": " + what;
 }
 
 void clear_blocks(RegisterAccess& r, std::uint16_t first, std::size_t bytes) {
@@ -66,12 +66,10 @@ bool give_address(RegisterAccess& r, int position) {
   return r.run(Command::kApwr, position_address(position, reg::kStation), b) == 1;
 }
 
-rt::Result<SlaveInfo> look_at(RegisterAccess& r, int position) {
-  SlaveInfo s;
-  s.position = position;
-  s.station = station_of(position);
+void look_at(RegisterAccess& r, SlaveInfo& s) {
+  const auto odd = [&](const std::string& what) { s.problem = problem_of(s.position, what); };
   std::array<std::uint8_t, 10> info{};
-  if (!r.read(s.station, reg::kType, info)) return scan_error(position, "does not answer");
+  if (!r.read(s.station, reg::kType, info)) return odd("does not answer");
   s.type = info[0];
   s.fmmus = info[reg::kFmmuCount];
   s.sync_managers = info[reg::kSyncManagers];
@@ -79,11 +77,10 @@ rt::Result<SlaveInfo> look_at(RegisterAccess& r, int position) {
   s.dl_status = r.read_u16(s.station, reg::kDlStatus).value_or(0);
   s.al = read_al_status(r, s.station);
   const auto image = read_sii_image(r, s.station);
-  if (!image) return scan_error(position, image.error().c_str());
+  if (!image) return odd(image.error());
   auto sii = parse_sii(image.value());
-  if (!sii) return scan_error(position, sii.error().c_str());
+  if (!sii) return odd(sii.error());
   s.sii = std::move(sii.value());
-  return s;
 }
 
 }  // namespace
@@ -115,14 +112,15 @@ rt::Result<std::vector<SlaveInfo>> scan(rt::NonRealtime&, RegisterAccess& r) {
                      std::to_string(kMostSlaves) + " are served"};
   // All of them before any is read: one that stood elsewhere in the chain may have the address of
   // another, and two would answer.
-  for (int i = 0; i < *count; ++i)
-    if (!give_address(r, i)) return scan_error(i, "takes no address");
-  std::vector<SlaveInfo> out;
+  std::vector<SlaveInfo> out(static_cast<std::size_t>(*count));
   for (int i = 0; i < *count; ++i) {
-    auto slave = look_at(r, i);
-    if (!slave) return rt::Error{slave.error()};
-    out.push_back(std::move(slave.value()));
+    SlaveInfo& s = out[static_cast<std::size_t>(i)];
+    s.position = i;
+    s.station = station_of(i);
+    if (!give_address(r, i)) s.problem = problem_of(i, "takes no address");
   }
+  for (SlaveInfo& s : out)
+    if (s.problem.empty()) look_at(r, s);
   return out;
 }
 
