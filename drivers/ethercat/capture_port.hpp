@@ -24,6 +24,7 @@ class CapturePort final : public Port {
   [[nodiscard]] bool send(std::span<const std::uint8_t> frame) noexcept override;
   [[nodiscard]] std::size_t receive(std::span<std::uint8_t> into,
                                     rt::Time deadline) noexcept override;
+  [[nodiscard]] bool link_up() noexcept override { return inner_.link_up(); }
   [[nodiscard]] rt::Time now() const noexcept override { return inner_.now(); }
   void sleep_until(rt::Time t) noexcept override { inner_.sleep_until(t); }
   // False: the disk took not all of it.

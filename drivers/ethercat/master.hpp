@@ -32,7 +32,7 @@ namespace drivers::ethercat {
 
 struct MasterConfig {
   rt::Nanos reply_timeout = std::chrono::microseconds{500};  // as the youBot's own driver has it
-  rt::Nanos state_timeout = std::chrono::seconds{2};         // for one step of the state machine
+  rt::Nanos state_timeout = std::chrono::seconds{2};         // for one step of the state machine; in recover(), for a slave
   rt::Nanos period = std::chrono::milliseconds{1};           // between cycles while starting
   int bad_limit = 100;    // lost or short cycles in a row that stop; a read and a write are one
   int watchdog_ms = 100;  // of process data, in the slaves that have one; 0: as they come
@@ -41,7 +41,7 @@ struct MasterConfig {
 enum class CycleStatus : std::uint8_t {
   kOk,
   kLost,      // no frame came back
-  kLinkDown,  // none could be sent
+  kLinkDown,  // none could be sent, or none came back and the card has no carrier
   kShort      // a frame came back, and its working counter is not the expected one
 };
 [[nodiscard]] const char* to_text(CycleStatus) noexcept;
@@ -79,13 +79,18 @@ class Master {
   Master(rt::NonRealtime&, Port& port, const MasterConfig& config = {});
 
   // ---- set-up
-  [[nodiscard]] rt::Result<bool> find(rt::NonRealtime&);       // all in INIT
-  [[nodiscard]] rt::Result<bool> configure(rt::NonRealtime&);  // all in SAFEOP
+  // All in INIT. A slave that can not be driven is among slaves(), with its reason in problem().
+  [[nodiscard]] rt::Result<bool> find(rt::NonRealtime&);
+  [[nodiscard]] rt::Result<bool> configure(rt::NonRealtime&);  // all in SAFEOP; not with a problem()
   [[nodiscard]] rt::Result<bool> start(rt::NonRealtime&);      // all in OP, outputs zero
-  // SAFEOP for all; outputs zero.
+  // The end of what start() began: outputs zero, then SAFEOP for all, or INIT where one is below it,
+  // errors acknowledged. So nobody's watchdog ends it (0x001B). Waits for them, 60 ms at most;
+  // without a start(), or a second time, it does nothing.
   void stop(rt::NonRealtime&) noexcept;
 
   [[nodiscard]] const std::vector<SlaveInfo>& slaves() const noexcept { return slaves_; }
+  // Of the chain that was found: why it is not driven; empty: it is.
+  [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
   [[nodiscard]] const ProcessMapping& mapping() const noexcept { return mapping_; }
   [[nodiscard]] RegisterAccess& registers() noexcept { return registers_; }
   // "slave 3 'TMCM-1632' fell to SAFEOP + ERROR: sync manager watchdog (0x001B)"
@@ -136,6 +141,7 @@ class Master {
   FrameExchange frames_;
   std::vector<SlaveInfo> slaves_;
   ProcessMapping mapping_;
+  std::string problem_;
   std::vector<std::uint8_t> image_;  // outputs, then inputs
   std::vector<AlStatus> al_;
   Recovery recovery_;
@@ -147,6 +153,7 @@ class Master {
   std::uint8_t all_states_ = 0;  // of all slaves, ORed
   std::size_t watched_ = 0;
   bool stopped_ = false;
+  bool started_ = false;  // and not ended by stop()
 };
 
 }  // namespace drivers::ethercat

@@ -8,8 +8,9 @@ namespace drivers::ethercat {
 
 namespace {
 
-// Datagrams of a recovery, a slave: 2 + 6 blocks, four states, each asked for a few times.
-constexpr int kRecoverySteps = 300;
+// Datagrams of a recovery, a slave, beside those that wait for a state: 2 + 6 blocks, four states,
+// each asked for a few times, and some lost.
+constexpr std::int64_t kRecoverySteps = 300, kMostRecoverySteps = 1'000'000;
 
 }  // namespace
 
@@ -103,12 +104,14 @@ CycleResult Master::write_outputs() noexcept {
 CycleResult Master::finish(const Places& p, int expected, Half h) noexcept {
   CycleResult r{CycleStatus::kOk, 0, expected};
   // After a lost read its write waits half as long: two lost frames shall not cost the next job.
-  const bool read_was_lost = h == Half::kWrite && half_read_ && last_ == CycleStatus::kLost;
+  const bool read_was_lost = h == Half::kWrite && half_read_ &&
+                             (last_ == CycleStatus::kLost || last_ == CycleStatus::kLinkDown);
   const rt::Nanos patience = read_was_lost ? config_.reply_timeout / 2 : config_.reply_timeout;
   if (!frames_.send()) {
     r.status = CycleStatus::kLinkDown;
   } else if (!frames_.collect(frames_.port().now() + patience)) {
-    r.status = CycleStatus::kLost;
+    // A card without a carrier takes frames all the same: only a lost one is worth the question.
+    r.status = frames_.port().link_up() ? CycleStatus::kLost : CycleStatus::kLinkDown;
   }
   if (r.status != CycleStatus::kOk) {
     lose(p);
@@ -210,7 +213,9 @@ BusHealth Master::health() const noexcept {
 
 void Master::recover() noexcept {
   counters_.bad_in_row = 0;
-  recovery_.start(kRecoverySteps * static_cast<int>(slaves_.size()));
+  // One look a cycle: a slave has the time that a step of the state machine has.
+  const std::int64_t looks = config_.state_timeout / std::max(config_.period, rt::Nanos{1});
+  recovery_.start(static_cast<int>(std::min(kRecoverySteps + looks, kMostRecoverySteps)));
   clear_outputs();
 }
 

@@ -3,7 +3,9 @@
 #include <cstdio>
 
 #include "drivers/ethercat/master.hpp"
+#include "drivers/ethercat/registers.hpp"
 #include "drivers/ethercat/scan.hpp"
+#include "drivers/ethercat/served.hpp"
 #include "drivers/ethercat/state_control.hpp"
 
 namespace drivers::ethercat {
@@ -12,6 +14,9 @@ namespace {
 
 // (n + 2) * 40 ns: 100 us (ESC data sheet II, register 0x0400).
 constexpr std::uint16_t kDivider100us = 2498;
+// Of stop(): less than the 100 ms of the slaves' watchdogs. The look under way when it is over takes
+// its three tries.
+constexpr rt::Nanos kStopTime = std::chrono::milliseconds{50};
 
 RegisterBlock u16_block(std::uint16_t r, unsigned value) {
   RegisterBlock b{r, 2, {}};
@@ -36,9 +41,9 @@ rt::Result<bool> Master::find(rt::NonRealtime& nrt) {
   auto found = scan(nrt, registers_);
   if (!found) return rt::Error{found.error()};
   slaves_ = std::move(found.value());
-  auto mapping = map_process_data(slaves_);
-  if (!mapping) return rt::Error{mapping.error()};
-  mapping_ = std::move(mapping.value());
+  ServedChain served = map_served(slaves_);
+  mapping_ = std::move(served.mapping);
+  problem_ = std::move(served.problem);
   for (SlaveMapping& m : mapping_.slaves) set_watchdog(m, config_.watchdog_ms);
   image_.assign(mapping_.output_bytes + mapping_.input_bytes, 0);
   al_.assign(slaves_.size(), AlStatus{});
@@ -47,11 +52,13 @@ rt::Result<bool> Master::find(rt::NonRealtime& nrt) {
   present_ = static_cast<int>(slaves_.size());
   watched_ = 0;
   stopped_ = false;
+  started_ = false;  // they are in INIT
   return true;
 }
 
 rt::Result<bool> Master::configure(rt::NonRealtime&) {
   if (slaves_.empty()) return rt::Error{"EtherCAT: no slave"};
+  if (!problem_.empty()) return rt::Error{problem_};
   for (std::size_t i = 0; i < slaves_.size(); ++i) {
     auto done = to_preop(registers_, slaves_[i], mapping_.slaves[i], config_.state_timeout);
     if (!done) return done;
@@ -68,6 +75,7 @@ rt::Result<bool> Master::start(rt::NonRealtime& nrt) {
   clear_outputs();
   counters_.bad_in_row = 0;
   stopped_ = false;
+  started_ = true;
   // Slaves want valid outputs before OP: a few cycles first.
   rt::Time next = port.now();
   const auto wait_period = [&] { port.sleep_until(next += config_.period); };
@@ -97,10 +105,29 @@ rt::Result<bool> Master::start(rt::NonRealtime& nrt) {
 }
 
 void Master::stop(rt::NonRealtime&) noexcept {
-  clear_outputs();
+  if (!started_) return;
+  started_ = false;
+  stopped_ = true;  // zeros, whoever calls a cycle after this
+  Port& port = frames_.port();
+  const rt::Time end = port.now() + kStopTime;
+  // Twice: the first may be lost, and SAFEOP shall find outputs that are zero.
   (void)exchange();
-  std::array<std::uint8_t, 2> safe{static_cast<std::uint8_t>(AlState::kSafeOp), 0};
-  (void)registers_.write_all(reg::kAlControl, safe);
+  (void)exchange();
+  std::array<std::uint8_t, 2> states{};
+  // Registers 0x0130 of all, ORed. Nobody there: nobody to be told.
+  const auto look = [&] {
+    states = {};
+    return registers_.run(Command::kBrd, broadcast_address(reg::kAlStatus), states).value_or(0);
+  };
+  if (look() == 0) return;
+  // A slave below SAFEOP refuses it, and would end with an error.
+  constexpr auto kBelow = static_cast<std::uint8_t>(AlState::kBoot);  // bits of INIT and PREOP
+  const AlState to = (states[0] & kBelow) == 0 ? AlState::kSafeOp : AlState::kInit;
+  const std::array<std::uint8_t, 2> request{
+      static_cast<std::uint8_t>(static_cast<unsigned>(to) | kAlAcknowledge), 0};
+  (void)registers_.write_all(reg::kAlControl, request);
+  while (look() > 0 && states[0] != static_cast<std::uint8_t>(to) && port.now() < end)
+    port.sleep_until(port.now() + std::chrono::milliseconds{1});
 }
 
 std::string Master::describe(rt::NonRealtime&, const BusHealth& h) const {

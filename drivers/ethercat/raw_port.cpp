@@ -4,6 +4,7 @@
 #include <linux/if_packet.h>
 #include <net/if.h>
 #include <poll.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
@@ -41,7 +42,7 @@ rt::Result<std::unique_ptr<RawPort>> RawPort::open(rt::NonRealtime&, const std::
   if (index == 0) return rt::Error{"interface " + interface + ": there is none of this name"};
   const int fd = ::socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, htons(kEtherType));
   if (fd < 0) return rt::Error{socket_problem(interface, errno)};
-  std::unique_ptr<RawPort> port(new RawPort(fd));
+  std::unique_ptr<RawPort> port(new RawPort(fd, interface));
   sockaddr_ll address{};
   address.sll_family = AF_PACKET;
   address.sll_protocol = htons(kEtherType);
@@ -49,6 +50,12 @@ rt::Result<std::unique_ptr<RawPort>> RawPort::open(rt::NonRealtime&, const std::
   if (::bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
     return rt::Error{socket_problem(interface, errno)};
   return port;
+}
+
+RawPort::RawPort(int socket, const std::string& interface) noexcept : socket_(socket) {
+  static_assert(sizeof interface_ == IFNAMSIZ);
+  std::copy_n(interface.begin(), std::min(interface.size(), interface_.size() - 1),
+              interface_.begin());
 }
 
 RawPort::~RawPort() { ::close(socket_); }
@@ -81,6 +88,19 @@ std::size_t RawPort::receive(std::span<std::uint8_t> into, rt::Time deadline) no
       (void)::getsockopt(socket_, SOL_SOCKET, SO_ERROR, &error, &size);
     }
   }
+}
+
+bool RawPort::link_up() noexcept {
+  if (interface_[0] == '\0') return true;
+  ifreq request{};
+  std::copy(interface_.begin(), interface_.end(), std::begin(request.ifr_name));
+  if (::ioctl(socket_, SIOCGIFFLAGS, &request) != 0) {
+    // Renamed: for a name that is not there a kernel may look for a module, and waits for that.
+    interface_[0] = '\0';
+    return true;
+  }
+  const auto flags = static_cast<unsigned>(request.ifr_flags);
+  return (flags & IFF_UP) != 0 && (flags & IFF_RUNNING) != 0;
 }
 
 rt::Time RawPort::now() const noexcept { return rt::time_from_ns(rt::monotonic_ns()); }

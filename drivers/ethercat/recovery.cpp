@@ -16,7 +16,7 @@ void Recovery::start(int steps) noexcept {
   active_ = !succeeded_;
   anew_.reset();
   slave_ = 0;
-  left_ = steps;
+  steps_ = left_ = steps;
   step_ = Step::kObserve;
   block_state_ = AlState::kNone;
   patience_ = 0;
@@ -67,6 +67,7 @@ void Recovery::decide() noexcept {
       anew_[static_cast<std::size_t>(slave_)] = true;
       if (write_block(std::span(m.mailbox_setup).first(static_cast<std::size_t>(m.mailbox_blocks))))
         return;
+      if (give_sii()) return;
       return write_al(static_cast<unsigned>(AlState::kPreOp));
     case AlState::kPreOp:
       if (write_block(std::span(m.data_setup).first(static_cast<std::size_t>(m.data_blocks))))
@@ -90,6 +91,16 @@ bool Recovery::write_block(std::span<const RegisterBlock> blocks) noexcept {
   return true;
 }
 
+// Register 0x0500, behind the mailbox blocks, as to_preop() does: from PREOP on the EEPROM is the
+// application's, and after power was off it is the master's.
+bool Recovery::give_sii() noexcept {
+  if (block_ > static_cast<std::size_t>(at_work().mailbox_blocks)) return false;
+  ++block_;
+  write_ = {Command::kFpwr, station_address(at_work().station, reg::kSiiAccess), 1, {1}};
+  step_ = Step::kWrite;
+  return true;
+}
+
 void Recovery::write_al(unsigned value) noexcept {
   if (patience_ > 0) {  // asked; the slave may take its time
     // A block may have been lost with its frame: the next request is made behind all of them again.
@@ -105,6 +116,8 @@ void Recovery::write_al(unsigned value) noexcept {
 void Recovery::next_slave() noexcept {
   patience_ = 0;
   block_state_ = AlState::kNone;
+  left_ = steps_;
+  active_ = true;  // its last datagram brought it
   if (++slave_ < static_cast<int>(slaves_->size())) return;
   slave_ = static_cast<int>(slaves_->size()) - 1;
   active_ = false;

@@ -6,7 +6,7 @@
 //
 //   no answer            its address again, by position, if the chain is that long
 //   error                AL control = state + acknowledge
-//   INIT                 mailbox sync managers, one a cycle, then PREOP
+//   INIT                 mailbox sync managers, one a cycle, EEPROM to the application, then PREOP
 //   PREOP                process data sync managers and FMMUs, one a cycle, then SAFEOP
 //   SAFEOP               OP
 //   OP                   next slave
@@ -27,7 +27,8 @@ class Recovery {
   Recovery() = default;
   explicit Recovery(const std::vector<SlaveMapping>* slaves) noexcept : slaves_(slaves) {}
 
-  // All slaves, `steps` datagrams at most.
+  // All slaves, each with `steps` datagrams at most: one that does not come ends it, however many
+  // there are.
   void start(int steps) noexcept;
   [[nodiscard]] bool active() const noexcept { return active_; }
   // Of the last start(): all slaves were seen in OP.
@@ -54,6 +55,8 @@ class Recovery {
   void write_al(unsigned value) noexcept;
   // The next block of the set-up; false: all are written.
   bool write_block(std::span<const RegisterBlock> blocks) noexcept;
+  // False: it is given.
+  bool give_sii() noexcept;
   void next_slave() noexcept;
   [[nodiscard]] const SlaveMapping& at_work() const noexcept {
     return (*slaves_)[static_cast<std::size_t>(slave_)];
@@ -62,7 +65,7 @@ class Recovery {
   const std::vector<SlaveMapping>* slaves_ = nullptr;
   bool active_ = false, succeeded_ = false;
   std::bitset<256> anew_;
-  int slave_ = 0, left_ = 0;
+  int slave_ = 0, steps_ = 0, left_ = 0;
   Step step_ = Step::kObserve;
   Write write_;
   AlStatus status_;

@@ -60,6 +60,7 @@ inline constexpr std::uint16_t kDcSystem = 0x0910;   // 8
 inline constexpr std::uint16_t kDcUnit = 0x0918;     // 8, local time of the last latch
 inline constexpr std::uint16_t kDcOffset = 0x0920;   // 8
 inline constexpr std::uint16_t kDcDelay = 0x0928;    // 4
+inline constexpr std::uint16_t kDcActivate = 0x0981;  // 1, cyclic unit and its sync signals
 inline constexpr std::uint16_t kRam = 0x1000;
 
 constexpr std::uint16_t fmmu(int i) { return static_cast<std::uint16_t>(kFmmu + kFmmuBytes * i); }

@@ -1,5 +1,6 @@
 #include "drivers/ethercat/scan.hpp"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstdio>
@@ -10,8 +11,26 @@ namespace drivers::ethercat {
 
 namespace {
 
-rt::Error scan_error(int position, const char* what) {
-  return {"slave " + std::to_string(position + 1) + ": " + what};
+std::string problem_of(int position, const std::string& what) {
+  return "slave " + std::to_string(position + 1) + ": " + what;
+}
+
+void clear_blocks(RegisterAccess& r, std::uint16_t first, std::size_t bytes) {
+  constexpr std::size_t kPiece = 64;  // of one clear_all()
+  for (std::size_t at = 0; at < bytes; at += kPiece)
+    (void)r.clear_all(static_cast<std::uint16_t>(first + at), std::min(kPiece, bytes - at));
+}
+
+// FMMUs and sync managers, as many as there are (0x0004, 0x0005; both at most 16, ETG.1000.4, 6.6).
+// Of a broadcast read the counts come ORed: the slave with the most has no more than that.
+void clear_units(RegisterAccess& r) {
+  std::array<std::uint8_t, 2> counts{};
+  if (r.run(Command::kBrd, broadcast_address(reg::kFmmuCount), counts).value_or(0) == 0) return;
+  constexpr std::size_t kMost = 16;
+  clear_blocks(r, reg::kFmmu, std::min<std::size_t>(counts[0], kMost) * reg::kFmmuBytes);
+  // Twice: one that is on takes nothing but being switched off.
+  for (int i = 0; i < 2; ++i)
+    clear_blocks(r, reg::kSm, std::min<std::size_t>(counts[1], kMost) * reg::kSmBytes);
 }
 
 // All slaves to INIT and their set-up gone; the number of slaves, nullopt: no frame came back.
@@ -25,29 +44,32 @@ std::optional<int> reset_all(RegisterAccess& r) {
   const auto count = r.run(Command::kBrd, broadcast_address(reg::kType), type);
   if (!count) return std::nullopt;
   if (*count == 0) return 0;
+  (void)r.clear_all(reg::kStation, 2);  // 0x0010: of an earlier chain, or another master
   (void)r.write_all(reg::kDlLoopControl, zero);  // ports open and close by themselves
   (void)r.clear_all(reg::kRxErrors, 8);
-  (void)r.clear_all(reg::kFmmu, 3 * reg::kFmmuBytes);
-  (void)r.clear_all(reg::kSm, 4 * reg::kSmBytes);
+  (void)r.clear_all(reg::kEventMask, 2);  // 0x0200: nobody reads the events in the datagrams
+  clear_units(r);
+  (void)r.clear_all(reg::kDcActivate, 1);  // 0x0981: no sync signals of a master before
   const std::array<std::uint8_t, 1> take{2};
   (void)r.write_all(reg::kSiiAccess, take);
   (void)r.write_all(reg::kSiiAccess, zero);
   return *count;
 }
 
-bool give_address(RegisterAccess& r, int position, std::uint16_t station) {
+std::uint16_t station_of(int position) {
+  return static_cast<std::uint16_t>(kFirstStation + position);
+}
+
+bool give_address(RegisterAccess& r, int position) {
   std::array<std::uint8_t, 2> b{};
-  store_u16(b, 0, station);
+  store_u16(b, 0, station_of(position));
   return r.run(Command::kApwr, position_address(position, reg::kStation), b) == 1;
 }
 
-rt::Result<SlaveInfo> look_at(RegisterAccess& r, int position) {
-  SlaveInfo s;
-  s.position = position;
-  s.station = static_cast<std::uint16_t>(kFirstStation + position);
-  if (!give_address(r, position, s.station)) return scan_error(position, "takes no address");
+void look_at(RegisterAccess& r, SlaveInfo& s) {
+  const auto odd = [&](const std::string& what) { s.problem = problem_of(s.position, what); };
   std::array<std::uint8_t, 10> info{};
-  if (!r.read(s.station, reg::kType, info)) return scan_error(position, "does not answer");
+  if (!r.read(s.station, reg::kType, info)) return odd("does not answer");
   s.type = info[0];
   s.fmmus = info[reg::kFmmuCount];
   s.sync_managers = info[reg::kSyncManagers];
@@ -55,11 +77,10 @@ rt::Result<SlaveInfo> look_at(RegisterAccess& r, int position) {
   s.dl_status = r.read_u16(s.station, reg::kDlStatus).value_or(0);
   s.al = read_al_status(r, s.station);
   const auto image = read_sii_image(r, s.station);
-  if (!image) return scan_error(position, image.error().c_str());
+  if (!image) return odd(image.error());
   auto sii = parse_sii(image.value());
-  if (!sii) return scan_error(position, sii.error().c_str());
+  if (!sii) return odd(sii.error());
   s.sii = std::move(sii.value());
-  return s;
 }
 
 }  // namespace
@@ -89,12 +110,17 @@ rt::Result<std::vector<SlaveInfo>> scan(rt::NonRealtime&, RegisterAccess& r) {
   if (*count > kMostSlaves)
     return rt::Error{"EtherCAT: " + std::to_string(*count) + " slaves, at most " +
                      std::to_string(kMostSlaves) + " are served"};
-  std::vector<SlaveInfo> out;
+  // All of them before any is read: one that stood elsewhere in the chain may have the address of
+  // another, and two would answer.
+  std::vector<SlaveInfo> out(static_cast<std::size_t>(*count));
   for (int i = 0; i < *count; ++i) {
-    auto slave = look_at(r, i);
-    if (!slave) return rt::Error{slave.error()};
-    out.push_back(std::move(slave.value()));
+    SlaveInfo& s = out[static_cast<std::size_t>(i)];
+    s.position = i;
+    s.station = station_of(i);
+    if (!give_address(r, i)) s.problem = problem_of(i, "takes no address");
   }
+  for (SlaveInfo& s : out)
+    if (s.problem.empty()) look_at(r, s);
   return out;
 }
 

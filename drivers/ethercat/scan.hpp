@@ -15,8 +15,8 @@ namespace drivers::ethercat {
 inline constexpr int kMostSlaves = 64;
 
 // Leaves all slaves in INIT, with addresses from kFirstStation on, their SII held by the master. An
-// error: no frame comes back, more than kMostSlaves, or a slave that can not be read; no slave at
-// all is an empty list.
+// error: no frame comes back, or more than kMostSlaves; no slave at all is an empty list. A slave
+// that can not be read is in the list, with its `problem`.
 [[nodiscard]] rt::Result<std::vector<SlaveInfo>> scan(rt::NonRealtime&, RegisterAccess&);
 
 // Looks, and changes no state: for slaves that another scan has addressed.

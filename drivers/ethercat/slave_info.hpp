@@ -20,6 +20,7 @@ struct SlaveInfo {
   std::uint16_t dl_status = 0;                          // register 0x0110
   AlStatus al;
   SiiContent sii;
+  std::string problem;  // one line: why it can not be driven; empty: it can
 
   [[nodiscard]] bool forbids_lrw() const noexcept;
   // Ports with a link and with communication: 1 at the end of the line, 2 in it.

@@ -37,8 +37,16 @@ rt::Result<bool> request_state(RegisterAccess& r, const SlaveInfo& s, AlState wa
                                rt::Nanos timeout) {
   const rt::Time end = r.port().now() + timeout;
   AlStatus is = read_al_status(r, s.station);
-  const unsigned ack = is.error() ? kAlAcknowledge : 0U;
-  if (!r.write_u16(s.station, reg::kAlControl, static_cast<unsigned>(wanted) | ack))
+  // Alone, and until it shows: an old error bit that is read behind the request would look like the
+  // request's refusal.
+  if (is.error() && !r.write_u16(s.station, reg::kAlControl, is.state | kAlAcknowledge))
+    return rt::Error{s.label() + ": does not answer"};
+  while (is.error()) {
+    if (r.port().now() >= end) return refusal(s, wanted, is);
+    r.port().sleep_until(r.port().now() + kStatePoll);
+    is = read_al_status(r, s.station);
+  }
+  if (!r.write_u16(s.station, reg::kAlControl, static_cast<unsigned>(wanted)))
     return rt::Error{s.label() + ": does not answer"};
   for (;;) {
     is = read_al_status(r, s.station);

@@ -7,7 +7,8 @@
 
 namespace drivers::ethercat {
 
-// One step. An error that stands is acknowledged with it. The error: the slave's label, the state
+// One step. An error that stands is acknowledged first (ETG.1000.6, 5.3), and the step is asked for
+// once the slave shows none; all of it within the timeout. The error: the slave's label, the state
 // that it refuses, its AL status code as text; or that nothing changed in time.
 [[nodiscard]] rt::Result<bool> request_state(RegisterAccess&, const SlaveInfo&, AlState,
                                              rt::Nanos timeout);

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "drivers/ethercat/mapping.hpp"
+#include "drivers/ethercat/served.hpp"
 #include "drivers/youbot_bus/process_data.hpp"
 
 namespace drivers::youbot_bus {
@@ -103,22 +103,26 @@ std::vector<std::string> check_chain(ChainKind kind,
                                      const std::vector<ethercat::SlaveInfo>& slaves) {
   std::vector<std::string> out;
   const auto boards = boards_of(kind);
-  const auto mapping = ethercat::map_process_data(slaves);
-  if (!mapping) out.push_back(mapping.error());
+  auto judged = slaves;
+  const ethercat::ServedChain served = ethercat::map_served(judged);
+  const auto odd = [&](std::size_t i) { return i < judged.size() && !judged[i].problem.empty(); };
   for (std::size_t i = 0; i < std::max(boards.size(), slaves.size()); ++i) {
     const std::string slave = "slave " + std::to_string(i + 1) + ": ";
     if (i >= slaves.size()) {
       out.push_back(slave + boards[i].name() + " (" + wanted_names(boards[i]) + ") is missing");
+    } else if (odd(i)) {
+      out.push_back(judged[i].problem);
     } else if (i >= boards.size()) {
       out.push_back(slave + "'" + slaves[i].sii.name + "' is one too many");
     } else if (!fits(boards[i], slaves[i].sii.name)) {
       out.push_back(slave + "'" + slaves[i].sii.name + "' where " + boards[i].name() + " (" +
                     wanted_names(boards[i]) + ") belongs");
-    } else if (boards[i].is_drive() && mapping) {
-      const std::string wrong = drive_problem(mapping.value().slaves[i]);
+    } else if (boards[i].is_drive()) {
+      const std::string wrong = drive_problem(served.mapping.slaves[i]);
       if (!wrong.empty()) out.push_back(slave + boards[i].name() + ": " + wrong);
     }
   }
+  if (out.empty() && !served.problem.empty()) out.push_back(served.problem);
   return out;
 }
 

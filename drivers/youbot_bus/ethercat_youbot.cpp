@@ -68,7 +68,7 @@ rt::Result<ChainKind> bring_up(rt::NonRealtime& nrt, ethercat::Master& master,
 
 rt::Result<std::unique_ptr<EtherCatYoubot>> EtherCatYoubot::open(
     rt::NonRealtime& nrt, std::unique_ptr<ethercat::Port> port, const YoubotConfig& c) {
-  std::unique_ptr<EtherCatYoubot> out(new EtherCatYoubot);
+  std::unique_ptr<EtherCatYoubot> out(new EtherCatYoubot(nrt));
   out->port_ = std::move(port);
   out->master_ = std::make_unique<ethercat::Master>(nrt, *out->port_, c.master);
   const auto kind = bring_up(nrt, *out->master_, c.chain);
@@ -101,6 +101,7 @@ rt::Result<std::unique_ptr<EtherCatYoubot>> EtherCatYoubot::open(
 EtherCatYoubot::~EtherCatYoubot() {
   wanted_.store(true, std::memory_order_release);
   if (keeper_.joinable()) keeper_.join();
+  master_->stop(nrt_);
 }
 
 void EtherCatYoubot::keep_alive(rt::NonRealtime&) {

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 
 #include "drivers/tmcl/youbot_parameters.hpp"
@@ -83,10 +84,22 @@ rt::Result<DriveReport> look(DriveSession& s, std::size_t i) {
   return r;
 }
 
+rt::Error too_fast(const BoardPlace& b, double rad_per_s) {
+  std::array<char, 96> text{};
+  std::snprintf(text.data(), text.size(), ": %.3g rad/s is beyond its limit of %.3g rad/s",
+                rad_per_s, most_jog_rad_per_s(b));
+  return {b.name() + text.data()};
+}
+
 }  // namespace
 
 const JointFacts& joint_facts(int number) noexcept {
   return kJoints[static_cast<std::size_t>(number - 1)];
+}
+
+double most_jog_rad_per_s(const BoardPlace& b) noexcept {
+  constexpr double kWheelMost = 3;
+  return b.kind == BoardKind::kJoint ? joint_facts(b.number).most_rad_per_s : kWheelMost;
 }
 
 double gear_of(const BoardPlace& b) noexcept {
@@ -198,13 +211,20 @@ rt::Result<bool> jog(DriveSession& s, std::size_t i, double rad_per_s, double se
   const BoardPlace& b = s.boards()[i];
   const int sign = b.kind == BoardKind::kJoint ? joint_facts(b.number).sign : 1;
   const double rpm = sign * rad_per_s * 60 / (2 * std::numbers::pi) * gear_of(b);
+  if (!(std::abs(rad_per_s) <= most_jog_rad_per_s(b))) return too_fast(b, rad_per_s);
   const auto setpoint = static_cast<std::int32_t>(std::lround(rpm));
+  double brake_ticks = 0;
   if (b.kind == BoardKind::kJoint) {
     const auto homed = s.ask(i, calibrated(tmcl::Command::kGetGlobal, 0));
     if (!homed) return rt::Error{homed.error()};
     if (homed.value() != 1)
       return rt::Error{b.name() +
                        " is not homed: its limits are not known (teletact youbot setup)"};
+    const auto rpm_per_s = s.get(i, axis::kAcceleration);
+    if (!rpm_per_s) return rt::Error{rpm_per_s.error()};
+    if (rpm_per_s.value() <= 0)
+      return rt::Error{b.name() + ": its acceleration (parameter 11) is 0, so it can not be braked"};
+    brake_ticks = rpm * rpm / (2.0 * rpm_per_s.value()) / 60 * kTicksPerTurn;
   }
   bool at_limit = false;
   rest(s);
@@ -215,11 +235,10 @@ rt::Result<bool> jog(DriveSession& s, std::size_t i, double rad_per_s, double se
   const bool ended = s.cycle_until(cycles, [&] {
     if (s.now() >= end) return true;
     if (b.kind != BoardKind::kJoint) return false;
-    // It is stopped where the brake, 2000 rpm/s (parameter 11), still ends within the limit.
+    // It is stopped where its brake still ends within the limit.
     const JointFacts& f = joint_facts(b.number);
-    const double brake = rpm * rpm / (2 * 2000.0) / 60 * kTicksPerTurn;
     const double at = s.inputs(i).position_ticks;
-    at_limit = setpoint > 0 ? at + brake >= f.high_ticks : at - brake <= f.low_ticks;
+    at_limit = setpoint > 0 ? at + brake_ticks >= f.high_ticks : at - brake_ticks <= f.low_ticks;
     return at_limit;
   });
   if (!ended && !s.failed().empty()) return stopped(s, "");

@@ -9,7 +9,8 @@
 //              then its torque is taken away for 100 ms and its encoder set to 0 there. Its angles
 //              are below zero afterwards, and it is held.
 //   jog        one drive at a speed (of wheel or joint, in its own direction) for a time; joints
-//              only once they are homed, and within their limits.
+//              only once they are homed, within their limits and up to their speed. It is braked
+//              where the drive's own acceleration (axis parameter 11) still ends within the limit.
 // Source: youbot_driver, YouBotManipulator.cpp (order, speeds, currents) and its config files; the
 // standstill beside the current is ours: the current of a start is not a stop.
 // Joints that are not moved hold where they are as soon as their commutation is known, also after
@@ -56,8 +57,12 @@ struct JointFacts {
   std::int32_t low_ticks = 0, high_ticks = 0;
   std::int32_t homing_mA = 500;
   int sign = -1;  // of a positive angle on the wire
+  // config/robots/youbot.toml, max_speed: 90 degrees a second (operating instructions, URDF).
+  double most_rad_per_s = 1.5708;
 };
 [[nodiscard]] const JointFacts& joint_facts(int number) noexcept;
+// What jog() takes: a joint's own limit; of a wheel 3 rad/s, the bench's.
+[[nodiscard]] double most_jog_rad_per_s(const BoardPlace&) noexcept;
 // Motor turns for one of the wheel or joint.
 [[nodiscard]] double gear_of(const BoardPlace&) noexcept;
 

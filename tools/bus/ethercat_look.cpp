@@ -50,7 +50,14 @@ Json slave_json(const ec::SlaveInfo& s, const ec::SlaveMapping& m) {
           {"mailbox_bytes", m.mailbox.out_length},
           {"coe", s.sii.has_coe()},
           {"lrw", !s.forbids_lrw()},
-          {"open_ports", s.open_ports()}};
+          {"open_ports", s.open_ports()},
+          {"problem", s.problem}};
+}
+
+// Behind its row; its whole reason stands below the table.
+std::string remark(const ec::SlaveInfo& s) {
+  if (!s.problem.empty()) return "  can not be driven";
+  return s.sii.checksum_good ? "" : "  EEPROM checksum is wrong";
 }
 
 ec::AlState state_of(const std::string& text) {
@@ -76,7 +83,7 @@ int run_scan(const EtherCatOptions& o) {
     std::printf("%5zu 0x%04X  %-16s 0x%08X 0x%08X %3u %4zu %3zu %8d %5d%s\n", i + 1, s.station,
                 s.sii.name.c_str(), s.sii.vendor, s.sii.product, s.sii.revision, m.output_bytes,
                 m.input_bytes, m.mailbox.out_length, s.open_ports(),
-                s.sii.checksum_good ? "" : "  EEPROM checksum is wrong");
+                remark(s).c_str());
     list.push_back(slave_json(s, m));
   }
   if (wrong.empty()) {

@@ -36,10 +36,12 @@ void bring_to(EtherCatSession& bus, ec::AlState wanted) {
     must(m.start(bus.token()));
     return;
   }
+  if (wanted == ec::AlState::kSafeOp && !m.problem().empty()) throw CouldNotDo(m.problem());
   constexpr rt::Nanos kStepTime = std::chrono::seconds{2};
   for (const ec::AlState step : {ec::AlState::kPreOp, ec::AlState::kSafeOp}) {
     if (static_cast<int>(step) > static_cast<int>(wanted)) return;
     for (std::size_t i = 0; i < m.slaves().size(); ++i) {
+      if (!m.slaves()[i].problem.empty()) continue;  // it stays in INIT, the others may be asked
       const auto& mapping = m.mapping().slaves[i];
       must(step == ec::AlState::kPreOp
                ? ec::to_preop(bus.registers(), m.slaves()[i], mapping, kStepTime)

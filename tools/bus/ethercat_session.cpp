@@ -48,6 +48,8 @@ EtherCatSession::EtherCatSession(const EtherCatChoice& o) {
   master_ = std::make_unique<ec::Master>(token(), *port_);
 }
 
+EtherCatSession::~EtherCatSession() { master_->stop(startup_.token()); }
+
 void EtherCatSession::find() {
   const auto found = master_->find(token());
   if (!found) throw std::runtime_error(found.error());
@@ -73,6 +75,7 @@ bool EtherCatSession::look(int position, std::uint16_t reg, std::span<std::uint8
 }
 
 void EtherCatSession::finish() {
+  master_->stop(token());
   if (capture_ && !capture_->close())
     throw std::runtime_error("--capture: the file could not be written to its end");
 }

@@ -31,6 +31,10 @@ class EtherCatSession {
  public:
   // Throws std::runtime_error with one line.
   explicit EtherCatSession(const EtherCatChoice&);
+  // A chain that was started ends with zero outputs, in SAFEOP (Master::stop).
+  ~EtherCatSession();
+  EtherCatSession(const EtherCatSession&) = delete;
+  EtherCatSession& operator=(const EtherCatSession&) = delete;
 
   [[nodiscard]] drivers::ethercat::Master& master() { return *master_; }
   [[nodiscard]] drivers::ethercat::RegisterAccess& registers() { return master_->registers(); }
@@ -45,7 +49,7 @@ class EtherCatSession {
   // Number of slaves, and registers by position: no slave changes its state.
   [[nodiscard]] int count();
   [[nodiscard]] bool look(int position, std::uint16_t reg, std::span<std::uint8_t> into);
-  // The pcap file is whole; throws else.
+  // The chain is stopped, and the pcap file is whole; throws else.
   void finish();
 
  private:

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <atomic>
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -172,6 +173,12 @@ int run_youbot_jog(const YoubotOptions& o, std::istream& person) {
   if (!s.boards()[i].is_drive())
     throw std::runtime_error("--slave " + std::to_string(o.slave) + ": the " + s.name(i) +
                              " has no motor");
+  if (const double most = yb::most_jog_rad_per_s(s.boards()[i]); std::abs(o.speed_rad_per_s) > most) {
+    std::array<char, 128> why{};
+    std::snprintf(why.data(), why.size(), "--speed %.3g: at most %.3g rad/s for the ",
+                  o.speed_rad_per_s, most);
+    throw std::runtime_error(why.data() + s.name(i));
+  }
   char text[160];
   std::snprintf(text, sizeof text, "Will move: %s, at %.3g rad/s for %.3g s%s", s.name(i).c_str(),
                 o.speed_rad_per_s, o.seconds,

@@ -44,6 +44,7 @@ TEST(RawPort, ALoopedFrameIsFromNoSlave) {
   rt::Startup startup;
   auto port = RawPort::open(startup.token(), "lo");
   if (!port) GTEST_SKIP() << port.error();
+  EXPECT_TRUE(port.value()->link_up());
   RegisterAccess registers(*port.value());
   registers.set_timeout(std::chrono::seconds{1});
   std::array<std::uint8_t, 1> type{0x55};

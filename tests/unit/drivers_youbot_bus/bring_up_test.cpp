@@ -1,4 +1,8 @@
 // From power-up to OP, and what a wrong chain is told.
+#include <map>
+
+#include "drivers/ethercat/scan.hpp"
+#include "drivers/ethercat/state_control.hpp"
 #include "tests/unit/drivers_youbot_bus/bus_rig.hpp"
 
 namespace tests {
@@ -87,6 +91,113 @@ TEST(YoubotBus, SlowSlavesAndASecondStart) {
   }
 }
 
+// Another master used more units than this one does, clocks and events.
+TEST(YoubotBus, NothingOfAnotherMasterIsLeft) {
+  yb::YoubotChainConfig c;
+  c.kind = yb::ChainKind::kBase;
+  c.esc.fmmus = 8;
+  c.esc.sync_managers = 8;
+  BusRig rig(c);
+  auto& registers = rig.master.registers();
+  ASSERT_TRUE(rig.master.find(rig.startup.token()));
+  std::array<std::uint8_t, 16> used{};
+  used.fill(1);
+  for (const std::uint16_t r : std::to_array<std::uint16_t>({0x0630, 0x0670, 0x0820, 0x0838}))
+    EXPECT_TRUE(registers.write(0x1002, r, std::span(used).first(r < 0x0800 ? 16 : 8)));
+  EXPECT_TRUE(registers.write_u8(0x1002, 0x0981, 3));
+  EXPECT_TRUE(registers.write_u16(0x1002, 0x0200, 0xFFFF));
+  ASSERT_TRUE(rig.master.find(rig.startup.token()));
+  const auto memory = rig.chain.wire().slave(1).memory();
+  for (std::size_t r = 0x0600; r < 0x0680; ++r) EXPECT_EQ(memory[r], 0) << r;
+  for (std::size_t r = 0x0800; r < 0x0840; ++r) EXPECT_EQ(memory[r], 0) << r;
+  EXPECT_EQ(memory[0x0981], 0);
+  EXPECT_EQ(ec::load_u16(memory, 0x0200), 0);
+}
+
+// The chain was changed: a slave further on has the address that the first one gets.
+TEST(YoubotBus, AddressesOfAnEarlierChainAreNoTrouble) {
+  for (const int shift : {1, -1}) {
+    BusRig rig;
+    auto& registers = rig.master.registers();
+    for (int i = 0; i < 11; ++i) {
+      std::array<std::uint8_t, 2> old{};
+      ec::store_u16(old, 0, static_cast<unsigned>(0x1001 + i - shift));
+      EXPECT_EQ(registers.run(ec::Command::kApwr, ec::position_address(i, 0x0010), old), 1);
+    }
+    rig.bring_up();
+    if (HasFatalFailure()) return;
+    for (std::size_t i = 0; i < 11; ++i) EXPECT_EQ(rig.chain.wire().slave(i).station(), 0x1001 + i);
+    EXPECT_EQ(rig.cycle().status, ec::CycleStatus::kOk);
+  }
+}
+
+// The old error bit still shows for some looks after its acknowledge: that is no refusal.
+TEST(YoubotBus, AnErrorThatIsSlowToClearIsNoRefusal) {
+  yb::YoubotChainConfig c;
+  c.kind = yb::ChainKind::kBase;
+  c.esc.state_looks = 6;
+  BusRig rig(c);
+  ASSERT_TRUE(rig.master.find(rig.startup.token()));
+  ASSERT_TRUE(rig.master.configure(rig.startup.token()));
+  rig.chain.wire().slave(1).fall(0x001B, rig.port.now());
+  auto& registers = rig.master.registers();
+  const auto& slave = rig.master.slaves()[1];
+  const auto back = ec::request_state(registers, slave, ec::AlState::kPreOp, 1s);
+  EXPECT_TRUE(back) << back.error();
+  EXPECT_EQ(rig.chain.wire().slave(1).al_status(), (ec::AlStatus{2, 0}));
+  // A real one is: OP out of PREOP.
+  const auto refused = ec::request_state(registers, slave, ec::AlState::kOp, 1s);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().find("refuses OP; is PREOP + ERROR, code 0x0011"), std::string::npos)
+      << refused.error();
+}
+
+// Each slave lets OP wait for so long after it was asked first.
+class SlowToOp final : public ec::Port {
+ public:
+  SlowToOp(ec::TwinPort& wire, rt::Nanos wait) : wire_(wire), wait_(wait) {}
+  bool send(std::span<const std::uint8_t> f) noexcept override {
+    std::array<std::uint8_t, ec::kMaxFrame> copy{};
+    std::copy(f.begin(), f.end(), copy.begin());
+    ec::parse_frame(f, view_);
+    for (std::size_t i = 0; i < view_.count; ++i) {
+      const ec::DatagramView& d = view_.datagram[i];
+      if (d.command != ec::Command::kFpwr || d.address >> 16U != 0x0120 || d.data[0] != 8) continue;
+      const auto [first, anew] = asked_.try_emplace(d.address & 0xFFFFU, now());
+      if (now() - first->second < wait_) copy[d.at] = 4;  // still in SAFEOP
+    }
+    return wire_.send(std::span(copy).first(f.size()));
+  }
+  std::size_t receive(std::span<std::uint8_t> into, rt::Time deadline) noexcept override {
+    return wire_.receive(into, deadline);
+  }
+  [[nodiscard]] rt::Time now() const noexcept override { return wire_.now(); }
+  void sleep_until(rt::Time t) noexcept override { wire_.sleep_until(t); }
+
+ private:
+  ec::TwinPort& wire_;
+  rt::Nanos wait_;
+  ec::FrameView view_;
+  std::map<std::uint32_t, rt::Time> asked_;
+};
+
+// What is within the time of a state is waited for, of every slave; what is not ends the start.
+TEST(YoubotBus, FiveSlavesThatTakeTheirTimeToOp) {
+  for (const rt::Nanos wait : {400ms, 1900ms, 2500ms}) {
+    yb::YoubotChainConfig c;
+    c.kind = yb::ChainKind::kBase;
+    BusRig rig(c);
+    SlowToOp slow(rig.port, wait);
+    ec::Master master(rig.startup.token(), slow);
+    ASSERT_TRUE(master.find(rig.startup.token()));
+    ASSERT_TRUE(master.configure(rig.startup.token()));
+    const auto begun = slow.now();
+    const auto started = master.start(rig.startup.token());
+    EXPECT_EQ(static_cast<bool>(started), wait < 2s) << started.error();
+    EXPECT_LE(slow.now() - begun, wait < 2s ? 10s : 2500ms) << "one slave alone is not waited for";
+  }
+}
+
 TEST(YoubotBus, ReadAndWriteInTwoFrames) {
   BusRig rig;
   rig.bring_up();
@@ -161,6 +272,50 @@ TEST(YoubotBus, ADriveWithoutItsDataIsNamed) {
   const auto wrong = yb::check_chain(c.kind, master.slaves());
   ASSERT_EQ(wrong.size(), 1U);
   EXPECT_EQ(wrong[0], "slave 5: wheel back right: no mailbox, a drive has one");
+}
+
+// Without it every slave would end in SAFEOP + ERROR 0x001B, 100 ms later.
+TEST(YoubotBus, TheEndLeavesSafeopAndZeros) {
+  for (const bool lossy : {false, true}) {
+    BusRig rig;
+    rig.bring_up();
+    rig.make_ready();
+    rig.set(1, yb::ControllerMode::kVelocity, 600);
+    rig.cycles(50);
+    rig.chain.wire().slave(4).fall(0x0050, rig.port.now());
+    if (lossy) rig.port.faults().lose_out = 2;
+    const auto begun = rig.port.now();
+    rig.master.stop(rig.startup.token());
+    EXPECT_LE(rig.port.now() - begun, 60ms);
+    rig.pause(500ms);
+    for (int i = 0; i < 11; ++i)
+      EXPECT_EQ(ec::read_al_status(rig.master.registers(), static_cast<std::uint16_t>(0x1001 + i)),
+                (ec::AlStatus{4, 0}))
+          << i << (lossy ? " lossy" : "");
+    const auto memory = rig.chain.wire().slave(1).memory();
+    for (std::size_t b = 0x1100; b < 0x1105 && !lossy; ++b) EXPECT_EQ(memory[b], 0);
+    // A second time, and a cycle behind it, change nothing.
+    const auto frames = rig.master.frames().sent;
+    rig.master.stop(rig.startup.token());
+    EXPECT_EQ(rig.master.frames().sent, frames);
+    EXPECT_TRUE(rig.master.stopped());
+  }
+}
+
+// No frame comes back: the end does not hang, and a slave that begins anew is not blamed.
+TEST(YoubotBus, TheEndOfABusThatIsGoneIsShort) {
+  BusRig rig;
+  rig.bring_up();
+  rig.chain.wire().slave(3).power_cycle(rig.port.now());
+  rig.master.stop(rig.startup.token());
+  for (std::size_t i = 0; i < 11; ++i)
+    EXPECT_EQ(rig.chain.wire().slave(i).al_status(), (ec::AlStatus{1, 0})) << i;
+  BusRig dead;
+  dead.bring_up();
+  dead.port.faults().lose_out = 1'000'000;
+  const auto begun = dead.port.now();
+  dead.master.stop(dead.startup.token());
+  EXPECT_LE(dead.port.now() - begun, 60ms);
 }
 
 TEST(YoubotBus, NoSlaveAndNoCableAreDifferent) {

@@ -202,6 +202,8 @@ TEST(YoubotBusFaults, EmergencyStopAndTheWayBack) {
   EXPECT_LT(cycles, 1000);
   EXPECT_EQ(rig.cycle().status, ec::CycleStatus::kOk);
   EXPECT_EQ(rig.master.health().fault, ec::BusFault::kNone) << rig.health();
+  for (std::size_t i = 0; i < 11; ++i)
+    EXPECT_EQ(rig.chain.wire().slave(i).memory()[0x0500], 1) << "the EEPROM is slave " << i << "'s";
   // Power was off: commutation is to be found again, the timeout flag is set.
   EXPECT_EQ(rig.inputs(kWheel).flags & (1U << 15U), 0U);
   EXPECT_NE(rig.inputs(kWheel).flags & (1U << 16U), 0U);
@@ -222,6 +224,52 @@ TEST(YoubotBusFaults, LinkLossAndReturn) {
   EXPECT_EQ(rig.cycle().status, ec::CycleStatus::kOk);
   EXPECT_EQ(rig.master.health().fault, ec::BusFault::kNone);
   EXPECT_FALSE(rig.master.stopped());
+}
+
+// A card that is up and has no carrier takes every frame, and none comes back.
+class NoCarrier final : public ec::Port {
+ public:
+  explicit NoCarrier(ec::TwinPort& wire) : wire_(wire) {}
+  bool send(std::span<const std::uint8_t> f) noexcept override { return pulled || wire_.send(f); }
+  std::size_t receive(std::span<std::uint8_t> into, rt::Time deadline) noexcept override {
+    return wire_.receive(into, deadline);
+  }
+  bool link_up() noexcept override { return ++asked, !pulled; }
+  [[nodiscard]] rt::Time now() const noexcept override { return wire_.now(); }
+  void sleep_until(rt::Time t) noexcept override { wire_.sleep_until(t); }
+  bool pulled = false;
+  int asked = 0;
+
+ private:
+  ec::TwinPort& wire_;
+};
+
+TEST(YoubotBusFaults, APulledCableIsALinkDownInItsCycleAndAGoodCycleDoesNotAsk) {
+  BusRig rig;
+  NoCarrier card(rig.port);
+  ec::Master master(rig.startup.token(), card);
+  ASSERT_TRUE(master.find(rig.startup.token()));
+  ASSERT_TRUE(master.configure(rig.startup.token()));
+  ASSERT_TRUE(master.start(rig.startup.token()));
+  EXPECT_EQ(card.asked, 0);
+  card.pulled = true;
+  EXPECT_EQ(master.exchange().status, ec::CycleStatus::kLinkDown);
+  EXPECT_EQ(master.health().fault, ec::BusFault::kLinkDown);
+  EXPECT_EQ(card.asked, 1);
+  // Two halves of a job: together no longer than two lost frames.
+  const auto begun = rig.port.now();
+  EXPECT_EQ(master.read_inputs().status, ec::CycleStatus::kLinkDown);
+  EXPECT_EQ(master.write_outputs().status, ec::CycleStatus::kLinkDown);
+  EXPECT_LE(rig.port.now() - begun, 750us + 10us);
+  EXPECT_EQ(master.counters().link_down, 2U);
+  EXPECT_EQ(master.counters().lost, 0U);
+  card.pulled = false;
+  EXPECT_EQ(master.exchange().status, ec::CycleStatus::kOk);
+  EXPECT_EQ(master.health().fault, ec::BusFault::kNone);
+  // Lost with a carrier is lost.
+  rig.port.faults().lose_out = 1;
+  EXPECT_EQ(master.exchange().status, ec::CycleStatus::kLost);
+  EXPECT_EQ(master.health().fault, ec::BusFault::kFramesLost);
 }
 
 TEST(YoubotBusFaults, StuckEncoderAndThermalTrip) {

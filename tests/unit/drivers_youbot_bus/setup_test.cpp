@@ -122,5 +122,41 @@ TEST(YoubotSetup, JogMovesOneDriveAndAJointStopsAtItsLimit) {
   EXPECT_LT(rig.true_ticks(9), stop_ticks(4)) << "it never saw the stop";
 }
 
+// Beyond a joint's speed nothing moves, and the line says which speed it may have.
+TEST(YoubotSetup, JogHasEachDrivesOwnSpeedLimit) {
+  SetupRig rig(yb::ChainKind::kBaseArm);
+  ASSERT_TRUE(yb::commutate(rig.session, rig.say));
+  ASSERT_TRUE(yb::home_arm(rig.session, 1, rig.say));
+  rig.remember();
+  for (const double speed : {1.6, -3.0, std::nan("")}) {
+    const auto refused = yb::jog(rig.session, 9, speed, 0.1);
+    ASSERT_FALSE(refused);
+    EXPECT_NE(refused.error().find("arm 1 joint 4: "), std::string::npos);
+    EXPECT_NE(refused.error().find("its limit of 1.57 rad/s"), std::string::npos)
+        << refused.error();
+  }
+  EXPECT_LT(rig.travelled(), 5);
+  EXPECT_TRUE(yb::jog(rig.session, 9, 1.5, 0.2));
+  EXPECT_TRUE(yb::jog(rig.session, 1, -3.0, 0.1)) << "a wheel may";
+  EXPECT_FALSE(yb::jog(rig.session, 1, 3.1, 0.1));
+}
+
+// A drive that brakes slowly is braked earlier: half the acceleration, twice the way.
+TEST(YoubotSetup, JogBrakesByTheDrivesOwnAcceleration) {
+  std::array<double, 2> short_of{};
+  for (const std::size_t slow : {0U, 1U}) {
+    SetupRig rig(yb::ChainKind::kBaseArm);
+    ASSERT_TRUE(yb::commutate(rig.session, rig.say));
+    ASSERT_TRUE(yb::home_arm(rig.session, 1, rig.say));
+    ASSERT_TRUE(yb::jog(rig.session, 9, 1.0, 1.5));
+    ASSERT_TRUE(rig.session.put(9, 11, slow == 1 ? 500 : 2000));
+    rig.remember();
+    ASSERT_FALSE(yb::jog(rig.session, 9, -1.0, 5.0));
+    short_of[slow] = yb::joint_facts(4).high_ticks - rig.true_ticks(9) + stop_ticks(4);
+  }
+  // 678 rpm at 2000 rpm/s: 7660 ticks; at 500: 30600. The twin's motor brakes as it likes.
+  EXPECT_GT(short_of[1], short_of[0] + 15000);
+}
+
 }  // namespace
 }  // namespace tests

@@ -182,6 +182,25 @@ TEST(EtherCatYoubot, FreeIsZeroTorqueOnlyWithTheWheelsOff) {
   EXPECT_EQ(rig.told_to(7).mode, yb::ControllerMode::kPosition);
 }
 
+// The wire outlives the robot's bus: what is left of it.
+TEST(EtherCatYoubot, ItsEndIsMotorStopAndSafeop) {
+  for (const bool kept : {false, true}) {
+    YoubotRig rig(YoubotRig::chain_of(yb::ChainKind::kBaseArm));
+    ASSERT_TRUE(rig.bot) << rig.error;
+    if (kept)
+      rig.bot->keep_alive(rig.startup.token());
+    else
+      EXPECT_EQ(rig.job(MotorMode::kVelocity, 3), BusStatus::kOk);
+    rig.bot.reset();
+    for (std::size_t i = 0; i < rig.chain->boards().size(); ++i) {
+      EXPECT_EQ(rig.chain->wire().slave(i).al_status(), (ec::AlStatus{4, 0})) << i;
+      if (rig.chain->drive(i) == nullptr) continue;
+      const auto memory = rig.chain->wire().slave(i).memory();
+      for (std::size_t b = 0x1100; b < 0x1105; ++b) EXPECT_EQ(memory[b], 0) << i;
+    }
+  }
+}
+
 // From the keeper's hand to the owner's.
 TEST(EtherCatYoubot, TheKeeperHandsOver) {
   YoubotRig rig(YoubotRig::chain_of(yb::ChainKind::kBase));
