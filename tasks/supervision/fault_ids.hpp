@@ -281,7 +281,7 @@ inline constexpr std::array kFaultTable = {
            "safe stop; while it lasts no engage is followed",
            "remove the cause on the other box, then clear"},
   FaultRow{706, "F-SUP-06", rt::Severity::kRampDown, ClearRule::kItself,
-           "the operator's box withdrew the engage",
+           "the operator let go, or the operator's box withdrew the engage",
            "ramp down",
            "engage again"},
   FaultRow{707, "F-SUP-07", rt::Severity::kRampDown, ClearRule::kItself,

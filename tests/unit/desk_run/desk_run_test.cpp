@@ -315,6 +315,7 @@ TEST(DeskRun, DrivingByHandEndsWithItsTokensAndReplays) {
   EXPECT_NEAR(speed_at(r, 5.9), 0.3, 0.02);
   EXPECT_LT(speed_at(r, 6.0 + 0.2 + 0.1 + 0.1 + 0.3), 0.005) << "no token";
   EXPECT_LT(path_to(r, 8) - path_to(r, 6.7), 0.005) << "what is still held is no new press";
+  EXPECT_EQ(json::parse(p.text)["mode"], "hold");
   EXPECT_TRUE(same_again(options.log_folder, rt::Box::kOperator));
   EXPECT_TRUE(same_again(options.log_folder, rt::Box::kRobot));
 }

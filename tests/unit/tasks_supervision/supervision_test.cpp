@@ -460,5 +460,21 @@ TEST(Supervision, RefusesAWrongWatchTable) {
   EXPECT_THROW(SupervisionTask(startup.token(), config, Box::kRobot, &bad, 17), std::logic_error);
 }
 
+// A person's engage is held: let go, the mode ends, and only a new press brings it back.
+TEST(Supervision, LettingGoEndsTheEngagement) {
+  Story s;
+  s.engaged();
+  s.in.requests.engage = Engage::kNo;
+  s.run(10ms);
+  EXPECT_EQ(s.mode(), Mode::kRampDown);
+  EXPECT_EQ(s.out.mode.cause, 706);
+  EXPECT_FALSE(s.out.mode.resumes);
+  s.in.requests.engage = Engage::kYes;
+  s.run(3000ms);
+  EXPECT_EQ(s.mode(), Mode::kHold) << "pressed while it ramps down is no press";
+  s.engage();
+  EXPECT_EQ(s.mode(), Mode::kEngaged);
+}
+
 }  // namespace
 }  // namespace tests
