@@ -32,8 +32,8 @@ namespace drivers::ethercat {
 
 struct MasterConfig {
   rt::Nanos reply_timeout = std::chrono::microseconds{500};  // as the youBot's own driver has it
-  rt::Nanos state_timeout = std::chrono::seconds{2};         // for one step of the state machine; in recover(), for a slave
-  rt::Nanos period = std::chrono::milliseconds{1};           // between cycles while starting
+  rt::Nanos state_timeout = std::chrono::seconds{2};  // a step of a state; in recover(), a slave
+  rt::Nanos period = std::chrono::milliseconds{1};    // between cycles while starting
   int bad_limit = 100;    // lost or short cycles in a row that stop; a read and a write are one
   int watchdog_ms = 100;  // of process data, in the slaves that have one; 0: as they come
 };
@@ -79,11 +79,11 @@ class Master {
   Master(rt::NonRealtime&, Port& port, const MasterConfig& config = {});
 
   // ---- set-up
-  // All in INIT. A slave that can not be driven is among slaves(), with its reason in problem().
-  [[nodiscard]] rt::Result<bool> find(rt::NonRealtime&);
-  [[nodiscard]] rt::Result<bool> configure(rt::NonRealtime&);  // all in SAFEOP; not with a problem()
+  // A slave that can not be driven is found too, and configure() refuses: problem().
+  [[nodiscard]] rt::Result<bool> find(rt::NonRealtime&);       // all in INIT
+  [[nodiscard]] rt::Result<bool> configure(rt::NonRealtime&);  // all in SAFEOP
   [[nodiscard]] rt::Result<bool> start(rt::NonRealtime&);      // all in OP, outputs zero
-  // The end of what start() began: outputs zero, then SAFEOP for all, or INIT where one is below it,
+  // The end of what start() began: outputs zero, then SAFEOP for all, or INIT if one is below it,
   // errors acknowledged. So nobody's watchdog ends it (0x001B). Waits for them, 60 ms at most;
   // without a start(), or a second time, it does nothing.
   void stop(rt::NonRealtime&) noexcept;

@@ -14,8 +14,8 @@ namespace {
 
 // (n + 2) * 40 ns: 100 us (ESC data sheet II, register 0x0400).
 constexpr std::uint16_t kDivider100us = 2498;
-// Of stop(): less than the 100 ms of the slaves' watchdogs. The look under way when it is over takes
-// its three tries.
+// Of stop(): less than the 100 ms of the slaves' watchdogs. The look under way when it is over
+// takes its three tries.
 constexpr rt::Nanos kStopTime = std::chrono::milliseconds{50};
 
 RegisterBlock u16_block(std::uint16_t r, unsigned value) {

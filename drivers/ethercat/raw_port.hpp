@@ -3,9 +3,9 @@
 // is left out (PACKET_OUTGOING).
 //
 // A pulled cable shows in no call of the socket: the card is up, and the kernel drops the frame and
-// says that it was sent. IFF_RUNNING (netdevice(7)) tells, by SIOCGIFFLAGS, which the kernel answers
-// without a lock that another process could hold: 0.6 us. It follows the carrier within a
-// millisecond; of a link that comes and goes more than once a second, within a second.
+// says that it was sent. IFF_RUNNING (netdevice(7)) tells, by SIOCGIFFLAGS, which the kernel
+// answers without a lock that another process could hold: 0.6 us. It follows the carrier within
+// milliseconds; of a link that comes and goes more than once a second, within a second.
 #pragma once
 
 #include <array>

@@ -55,11 +55,11 @@ inline constexpr std::uint16_t kFmmu = 0x0600;  // 16 each
 inline constexpr std::uint16_t kSm = 0x0800;    // 8 each
 inline constexpr std::uint16_t kFmmuBytes = 16, kSmBytes = 8;
 // Distributed clocks
-inline constexpr std::uint16_t kDcReceive = 0x0900;  // 16, a write latches the ports' times
-inline constexpr std::uint16_t kDcSystem = 0x0910;   // 8
-inline constexpr std::uint16_t kDcUnit = 0x0918;     // 8, local time of the last latch
-inline constexpr std::uint16_t kDcOffset = 0x0920;   // 8
-inline constexpr std::uint16_t kDcDelay = 0x0928;    // 4
+inline constexpr std::uint16_t kDcReceive = 0x0900;   // 16, a write latches the ports' times
+inline constexpr std::uint16_t kDcSystem = 0x0910;    // 8
+inline constexpr std::uint16_t kDcUnit = 0x0918;      // 8, local time of the last latch
+inline constexpr std::uint16_t kDcOffset = 0x0920;    // 8
+inline constexpr std::uint16_t kDcDelay = 0x0928;     // 4
 inline constexpr std::uint16_t kDcActivate = 0x0981;  // 1, cyclic unit and its sync signals
 inline constexpr std::uint16_t kRam = 0x1000;
 

@@ -44,7 +44,8 @@ std::optional<int> reset_all(RegisterAccess& r) {
   const auto count = r.run(Command::kBrd, broadcast_address(reg::kType), type);
   if (!count) return std::nullopt;
   if (*count == 0) return 0;
-  (void)r.clear_all(reg::kStation, 2);  // 0x0010: of an earlier chain, or another master
+  // 0x0010: of an earlier chain, or another master.
+  (void)r.clear_all(reg::kStation, 2);
   (void)r.write_all(reg::kDlLoopControl, zero);  // ports open and close by themselves
   (void)r.clear_all(reg::kRxErrors, 8);
   (void)r.clear_all(reg::kEventMask, 2);  // 0x0200: nobody reads the events in the datagrams

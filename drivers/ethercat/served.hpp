@@ -1,5 +1,5 @@
-// Which slaves of a chain can be driven: one that can not (its EEPROM is damaged, it wants more than
-// is served) stays in the list with its reason, and takes no part in the process data.
+// Which slaves of a chain can be driven: one that can not (its EEPROM is damaged, it wants more
+// than is served) stays in the list with its reason, and takes no part in the process data.
 #pragma once
 
 #include <vector>

@@ -107,6 +107,19 @@ rt::Result<tmcl::Firmware> DriveSession::firmware(std::size_t position) {
   return *version;
 }
 
+// Its text begins at byte 1 (youbot_driver, YouBotGripper.cpp).
+rt::Result<tmcl::Firmware> DriveSession::gripper_firmware(std::size_t position) {
+  const auto bytes =
+      transfer(position, {1, static_cast<std::uint8_t>(tmcl::Command::kFirmwareVersion), 0, 0, 0});
+  if (!bytes) return rt::Error{bytes.error()};
+  tmcl::MailboxFrame text{};
+  const auto reply = std::span(bytes.value()).first(tmcl::kMailboxBytes);
+  std::copy(reply.begin() + 1, reply.end(), text.begin());
+  const auto version = tmcl::firmware_of(text);
+  if (!version) return rt::Error{name(position) + ": its gripper's version is no text"};
+  return *version;
+}
+
 std::string DriveSession::failed() const {
   return master_.stopped() ? "the bus has failed: " + master_.describe(nrt_, master_.health())
                            : std::string{};

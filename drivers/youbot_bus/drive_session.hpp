@@ -40,6 +40,8 @@ class DriveSession {
   [[nodiscard]] rt::Result<bool> put(std::size_t position, std::uint8_t parameter,
                                      std::int32_t value);
   [[nodiscard]] rt::Result<tmcl::Firmware> firmware(std::size_t position);
+  // Of the gripper behind a joint 5.
+  [[nodiscard]] rt::Result<tmcl::Firmware> gripper_firmware(std::size_t position);
   [[nodiscard]] rt::Time now() const noexcept { return port_.now(); }
   // Empty: it has not.
   [[nodiscard]] std::string failed() const;

@@ -8,8 +8,8 @@
 //   keeper   From open() to the first sense() an ordinary thread exchanges frames every 10 ms, so
 //            that the slaves' watchdogs do not expire while the box gets ready. The first sense()
 //            asks it to end and counts as a lost frame until it has, at most 20 ms.
-//   end      the destructor sends zero outputs (motor stop, arms too) and brings the slaves to SAFEOP:
-//            Master::stop(), 60 ms at most. The token of open() outlives this object.
+//   end      the destructor sends zero outputs (motor stop, arms too) and brings the slaves to
+//            SAFEOP: Master::stop(), 60 ms at most. The token of open() outlives this object.
 //   cycle    EtherCatMotorBus (ethercat_motor_bus.hpp).
 #pragma once
 

@@ -223,7 +223,8 @@ rt::Result<bool> jog(DriveSession& s, std::size_t i, double rad_per_s, double se
     const auto rpm_per_s = s.get(i, axis::kAcceleration);
     if (!rpm_per_s) return rt::Error{rpm_per_s.error()};
     if (rpm_per_s.value() <= 0)
-      return rt::Error{b.name() + ": its acceleration (parameter 11) is 0, so it can not be braked"};
+      return rt::Error{b.name() +
+                       ": its acceleration (parameter 11) is 0, so it can not be braked"};
     brake_ticks = rpm * rpm / (2.0 * rpm_per_s.value()) / 60 * kTicksPerTurn;
   }
   bool at_limit = false;

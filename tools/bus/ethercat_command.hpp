@@ -17,11 +17,15 @@ struct EtherCatOptions {
   int reg = -1, parameter = -1, sii = -1;
   std::string sdo;
   std::int64_t value = 0;
+  double seconds = 1;  // capture
 };
 
 [[nodiscard]] int run_scan(const EtherCatOptions&);
 [[nodiscard]] int run_state(const EtherCatOptions&);
 [[nodiscard]] int run_read(const EtherCatOptions&);
 [[nodiscard]] int run_write(const EtherCatOptions&);
+// Every frame of the card, of other programs too, into `bus.capture`; sends none. Of a twin: cycles
+// in OP. 1: there was no frame.
+[[nodiscard]] int run_capture(const EtherCatOptions&);
 
 }  // namespace teletact

@@ -82,8 +82,7 @@ int run_scan(const EtherCatOptions& o) {
     const ec::SlaveMapping& m = bus.master().mapping().slaves[i];
     std::printf("%5zu 0x%04X  %-16s 0x%08X 0x%08X %3u %4zu %3zu %8d %5d%s\n", i + 1, s.station,
                 s.sii.name.c_str(), s.sii.vendor, s.sii.product, s.sii.revision, m.output_bytes,
-                m.input_bytes, m.mailbox.out_length, s.open_ports(),
-                remark(s).c_str());
+                m.input_bytes, m.mailbox.out_length, s.open_ports(), remark(s).c_str());
     list.push_back(slave_json(s, m));
   }
   if (wrong.empty()) {

@@ -51,6 +51,8 @@ class EtherCatSession {
   [[nodiscard]] bool look(int position, std::uint16_t reg, std::span<std::uint8_t> into);
   // The chain is stopped, and the pcap file is whole; throws else.
   void finish();
+  // Frames in the pcap file.
+  [[nodiscard]] std::uint64_t captured() const { return capture_ ? capture_->frames() : 0; }
 
  private:
   rt::Startup startup_;

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "drivers/youbot_bus/ethercat_youbot.hpp"
+#include "drivers/youbot_bus/gripper_setup.hpp"
 #include "drivers/youbot_bus/youbot_setup.hpp"
 #include "tools/files/today.hpp"
 #include "tools/files/whole_file.hpp"
@@ -70,7 +71,31 @@ yb::Progress printed() {
   return [](const std::string& line) { std::printf("  %s\n", line.c_str()); };
 }
 
-int print(const YoubotOptions& o, const std::vector<yb::DriveReport>& reports) {
+nlohmann::ordered_json print(const std::vector<yb::GripperReport>& grippers) {
+  nlohmann::ordered_json all = nlohmann::ordered_json::array();
+  for (const yb::GripperReport& g : grippers) {
+    std::printf("%-6zu %-18s %d %d.%02d  speed %d, %d, current %d, %d  %s\n", g.position + 1,
+                g.name.c_str(), g.firmware.controller, g.firmware.version / 100,
+                g.firmware.version % 100, g.bars[0].max_speed, g.bars[1].max_speed,
+                g.bars[0].max_current, g.bars[1].max_current,
+                g.calibrated ? "ready" : "not calibrated: teletact youbot setup");
+    nlohmann::ordered_json bars = nlohmann::ordered_json::array();
+    for (const yb::GripperBar& b : g.bars)
+      bars.push_back({{"max_speed", b.max_speed},
+                      {"max_current", b.max_current},
+                      {"standby_current", b.standby_current}});
+    all.push_back({{"slave", g.position + 1},
+                   {"gripper", g.name},
+                   {"controller", g.firmware.controller},
+                   {"firmware", g.firmware.version},
+                   {"calibrated", g.calibrated},
+                   {"bars", bars}});
+  }
+  return all;
+}
+
+int print(const YoubotOptions& o, const std::vector<yb::DriveReport>& reports,
+          const std::vector<yb::GripperReport>& grippers) {
   nlohmann::ordered_json all = nlohmann::ordered_json::array();
   bool good = true;
   std::printf("%-6s %-18s %-10s %-6s %-6s %-10s %s\n", "slave", "drive", "firmware", "V", "C",
@@ -94,8 +119,10 @@ int print(const YoubotOptions& o, const std::vector<yb::DriveReport>& reports) {
                    {"wrong", r.wrong}});
     good = good && r.wrong.empty();
   }
+  const auto held = print(grippers);
   if (!o.json.empty()) {
-    const nlohmann::ordered_json whole{{"command", "youbot"}, {"drives", all}, {"ready", good}};
+    const nlohmann::ordered_json whole{
+        {"command", "youbot"}, {"drives", all}, {"grippers", held}, {"ready", good}};
     write_whole_file(o.json, whole.dump(2) + "\n");
   }
   return good ? 0 : 1;
@@ -110,18 +137,56 @@ void write_calibration(const std::string& path, const yb::Calibration& c) {
     std::printf("The boards have no serial numbers: this file can not tell two robots apart.\n");
 }
 
+struct ToMove {
+  int without_commutation = 0;
+  std::array<bool, 3> homes{};              // by arm, 1 and 2
+  std::vector<yb::GripperReport> grippers;  // all there are
+  [[nodiscard]] bool anything() const {
+    bool grips = false;
+    for (const yb::GripperReport& g : grippers) grips = grips || !g.calibrated;
+    return without_commutation > 0 || homes[1] || homes[2] || grips;
+  }
+};
+
+ToMove to_move(const YoubotOptions& o, yb::DriveSession& s) {
+  ToMove out;
+  for (const yb::DriveReport& r : Robot::require(yb::check(s))) {
+    out.without_commutation += r.commutated ? 0 : 1;
+    const yb::BoardPlace& b = s.boards()[r.position];
+    if (b.kind == yb::BoardKind::kJoint && (!r.homed || !o.calibration.empty()))
+      out.homes[static_cast<std::size_t>(b.arm)] = true;
+  }
+  out.grippers = Robot::require(yb::look_at_grippers(s));
+  return out;
+}
+
+std::string what_moves(const ToMove& to) {
+  std::string what = "Will move:";
+  if (to.without_commutation > 0)
+    what += "\n  " + std::to_string(to.without_commutation) +
+            " drives, a little, to find their commutation";
+  for (const int arm : {1, 2})
+    if (to.homes[static_cast<std::size_t>(arm)])
+      what += "\n  arm " + std::to_string(arm) +
+              ", every joint to its stop at 6 degrees a second, up to a minute";
+  for (const yb::GripperReport& g : to.grippers)
+    if (!g.calibrated) what += "\n  " + g.name + ", open and then closed, up to 8 s";
+  return what;
+}
+
 void say_that_it_is_let_go(const yb::DriveSession& s) {
   if (!s.joints(1).empty())
     std::printf(
-        "The arm has no brakes: its drives hold it as long as frames come, then by what their\n"
-        "firmware does. Support it.\n");
+        "The arm has no brakes: its drives hold it as long as this command runs, and are told to\n"
+        "stop at its end. Support it.\n");
 }
 
 }  // namespace
 
 int run_youbot_check(const YoubotOptions& o) {
   Robot robot(o);
-  const int code = print(o, Robot::require(yb::check(*robot.session)));
+  const auto drives = Robot::require(yb::check(*robot.session));
+  const int code = print(o, drives, Robot::require(yb::look_at_grippers(*robot.session)));
   robot.bus.finish();
   return code;
 }
@@ -129,38 +194,26 @@ int run_youbot_check(const YoubotOptions& o) {
 int run_youbot_setup(const YoubotOptions& o, std::istream& person) {
   Robot robot(o);
   yb::DriveSession& s = *robot.session;
-  const auto before = Robot::require(yb::check(s));
-  std::string what = "Will move:";
-  std::array<bool, 3> homes{};
-  int lacking = 0;
-  for (const yb::DriveReport& r : before) {
-    lacking += r.commutated ? 0 : 1;
-    const yb::BoardPlace& b = s.boards()[r.position];
-    if (b.kind == yb::BoardKind::kJoint && (!r.homed || !o.calibration.empty()))
-      homes[static_cast<std::size_t>(b.arm)] = true;
-  }
-  if (!o.calibration.empty() && !homes[1])
+  const ToMove to = to_move(o, s);
+  if (!o.calibration.empty() && !to.homes[1])
     throw std::runtime_error("--calibration " + o.calibration +
                              ": a base alone has no arm to home");
-  if (lacking > 0)
-    what += "\n  " + std::to_string(lacking) + " drives, a little, to find their commutation";
-  for (const int arm : {1, 2})
-    if (homes[static_cast<std::size_t>(arm)])
-      what += "\n  arm " + std::to_string(arm) +
-              ", every joint to its stop at 6 degrees a second, up to a minute";
-  if (lacking > 0 || homes[1] || homes[2]) {
-    if (!confirmed(s, person, what)) return 1;
+  if (to.anything()) {
+    if (!confirmed(s, person, what_moves(to))) return 1;
     if (!s.failed().empty()) throw CouldNotDo(s.failed());
     (void)Robot::require(yb::commutate(s, printed()));
     yb::Calibration found{today(), robot.kind, yb::identities(robot.bus.master().slaves()), {}};
     for (const int arm : {1, 2})
-      if (homes[static_cast<std::size_t>(arm)])
+      if (to.homes[static_cast<std::size_t>(arm)])
         (void)Robot::require(yb::home_arm(s, arm, printed(), &found.joints));
+    for (const yb::GripperReport& g : to.grippers)
+      (void)Robot::require(yb::set_up_gripper(s, g, printed()));
     if (!o.calibration.empty()) write_calibration(o.calibration, found);
   } else {
     std::printf("every drive is ready: nothing to move\n");
   }
-  const int code = print(o, Robot::require(yb::check(s)));
+  const auto drives = Robot::require(yb::check(s));
+  const int code = print(o, drives, Robot::require(yb::look_at_grippers(s)));
   say_that_it_is_let_go(s);
   robot.bus.finish();
   return code;
@@ -173,7 +226,8 @@ int run_youbot_jog(const YoubotOptions& o, std::istream& person) {
   if (!s.boards()[i].is_drive())
     throw std::runtime_error("--slave " + std::to_string(o.slave) + ": the " + s.name(i) +
                              " has no motor");
-  if (const double most = yb::most_jog_rad_per_s(s.boards()[i]); std::abs(o.speed_rad_per_s) > most) {
+  if (const double most = yb::most_jog_rad_per_s(s.boards()[i]);
+      std::abs(o.speed_rad_per_s) > most) {
     std::array<char, 128> why{};
     std::snprintf(why.data(), why.size(), "--speed %.3g: at most %.3g rad/s for the ",
                   o.speed_rad_per_s, most);

@@ -4,6 +4,7 @@
 //   state    the state of each slave, changing none; --to STATE brings the chain there
 //   read     a register, an EEPROM word, a motor parameter (TMCL), an object (CoE)
 //   write    a register, a motor parameter, an object
+//   capture  every frame of the card for a time, as pcap; beside a running robot, and sends none
 //
 //   --iface IF   a network card (CAP_NET_RAW)
 //   --twin KIND  the virtual youBot in this process: base, base+arm, base+2arms, arm
@@ -30,6 +31,9 @@ void add_bus_options(CLI::App& c, EtherCatOptions& o) {
       ->check(CLI::IsMember({"old", "new"}))
       ->capture_default_str();
   c.add_option("--json", o.json, "write what was found to this file");
+}
+
+void add_capture_option(CLI::App& c, EtherCatOptions& o) {
   c.add_option("--capture", o.bus.capture, "write every frame to this file, as pcap");
 }
 
@@ -64,17 +68,25 @@ int cmd_ethercat(int argc, char** argv) {
   auto* state = app.add_subcommand("state", "state of each slave, and bring the chain to one");
   auto* read = app.add_subcommand("read", "a register, an EEPROM word, a parameter, an object");
   auto* write = app.add_subcommand("write", "a register, a parameter, an object");
-  for (CLI::App* c : {scan, state, read, write}) add_bus_options(*c, o);
+  auto* capture = app.add_subcommand("capture", "every frame of the card for a time, as pcap");
+  for (CLI::App* c : {scan, state, read, write, capture}) add_bus_options(*c, o);
+  for (CLI::App* c : {scan, state, read, write}) add_capture_option(*c, o);
+  capture->add_option("--out", o.bus.capture, "the pcap file")->required();
+  capture->add_option("--seconds", o.seconds, "how long")
+      ->check(in_range(0.01, 600))
+      ->capture_default_str();
   scan->add_option("--expect", o.expect, "the chain it should be: base, base+arm, base+2arms, arm");
   state->add_option("--to", o.to, "bring all slaves there")
       ->check(CLI::IsMember({"init", "preop", "safeop", "op"}));
   add_place_options(*read, o, false);
   add_place_options(*write, o, true);
   if (!parse_options(app, argc, argv)) return 0;
-  check_outputs({{"--json", o.json}, {"--capture", o.bus.capture}}, {});
+  check_outputs({{"--json", o.json}, {capture->parsed() ? "--out" : "--capture", o.bus.capture}},
+                {});
   try {
     if (scan->parsed()) return run_scan(o);
     if (state->parsed()) return run_state(o);
+    if (capture->parsed()) return run_capture(o);
     return read->parsed() ? run_read(o) : run_write(o);
   } catch (const CouldNotDo& e) {
     std::fprintf(stderr, "teletact ethercat: %s\n", e.what());

@@ -3,10 +3,12 @@
 #include "drivers/ethercat/raw_port.hpp"
 
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cstdio>
+#include <cstdlib>
 
 #include "drivers/ethercat/register_access.hpp"
 #include "drivers/ethercat/scan.hpp"
@@ -37,6 +39,38 @@ TEST(RawPort, WithoutTheRightItSaysWhich) {
   ASSERT_EQ(::waitpid(child, &status, 0), child);
   ASSERT_TRUE(WIFEXITED(status));
   if (WEXITSTATUS(status) >= 2) GTEST_SKIP() << "rights could not be dropped here";
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+}
+
+// In a network of its own, where this user may make one: the cable is pulled at the other end. The
+// kernel takes the frame all the same.
+TEST(RawPort, ACardWithoutACarrierTakesFramesAndSaysThatItHasNone) {
+  const pid_t child = ::fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    const auto did = [](const char* command) { return std::system(command) == 0; };
+    if (::unshare(CLONE_NEWNET) != 0 ||
+        !did("ip link add rp0 type veth peer name rp1 2>/dev/null && ip link set rp0 up && "
+             "ip link set rp1 up"))
+      ::_exit(2);
+    rt::Startup startup;
+    const auto port = RawPort::open(startup.token(), "rp0");
+    if (!port) ::_exit(2);
+    const auto becomes = [&](bool up) {
+      for (int i = 0; i < 300 && port.value()->link_up() != up; ++i) ::usleep(10'000);
+      return port.value()->link_up() == up;
+    };
+    const std::array<std::uint8_t, 60> frame{};
+    int failed = becomes(true) ? 0 : 10;
+    failed += did("ip link set rp1 down") && becomes(false) ? 0 : 20;
+    failed += port.value()->send(frame) ? 0 : 40;
+    failed += did("ip link set rp1 up") && becomes(true) ? 0 : 80;
+    ::_exit(failed);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  ASSERT_TRUE(WIFEXITED(status));
+  if (WEXITSTATUS(status) == 2) GTEST_SKIP() << "no network of its own here";
   EXPECT_EQ(WEXITSTATUS(status), 0);
 }
 

@@ -1,4 +1,5 @@
 // Set-up of a youBot: what a check reads, commutation, the arm's homing, a joint's limits.
+#include "drivers/youbot_bus/gripper_setup.hpp"
 #include "drivers/youbot_bus/youbot_setup.hpp"
 
 #include <cmath>
@@ -156,6 +157,50 @@ TEST(YoubotSetup, JogBrakesByTheDrivesOwnAcceleration) {
   }
   // 678 rpm at 2000 rpm/s: 7660 ticks; at 500: 30600. The twin's motor brakes as it likes.
   EXPECT_GT(short_of[1], short_of[0] + 15000);
+}
+
+constexpr std::array<std::uint8_t, 2> kBothBars{0, 1};
+
+// Found behind joint 5, read, set up as the reference has it; nothing without set_up_gripper().
+TEST(YoubotSetup, EachArmsGripperIsFoundAndSetUp) {
+  for (const auto kind : yb::kChainKinds) {
+    SetupRig rig(kind);
+    auto grippers = yb::look_at_grippers(rig.session);
+    ASSERT_TRUE(grippers) << grippers.error();
+    const std::size_t arms = kind == yb::ChainKind::kBase          ? 0
+                             : kind == yb::ChainKind::kBaseTwoArms ? 2
+                                                                   : 1;
+    ASSERT_EQ(grippers.value().size(), arms);
+    for (const yb::GripperReport& g : grippers.value()) {
+      EXPECT_EQ(g.firmware.controller, 842);
+      EXPECT_FALSE(g.calibrated);
+      EXPECT_EQ(rig.session.boards()[g.position].number, 5);
+      const auto gripper = [&](std::uint8_t type, std::uint8_t bar) {
+        return rig.session.ask(g.position, {1, 6, type, bar, 0}).value();
+      };
+      EXPECT_EQ(gripper(174, 0), 0) << "looking changes nothing";
+      // Somewhere: the zero is where it ends, closed.
+      for (const std::uint8_t bar : kBothBars)
+        ASSERT_TRUE(rig.session.ask(g.position, {1, 5, 1, bar, 4321}));
+      rig.said.clear();
+      const auto done = yb::set_up_gripper(rig.session, g, rig.say);
+      ASSERT_TRUE(done) << done.error();
+      EXPECT_EQ(rig.said.size(), 1U);
+      for (const std::uint8_t bar : kBothBars) {
+        EXPECT_EQ(gripper(174, bar), 50);
+        EXPECT_EQ(gripper(173, bar), 1);
+        EXPECT_EQ(gripper(1, bar), 0);
+      }
+    }
+    grippers = yb::look_at_grippers(rig.session);
+    ASSERT_TRUE(grippers) << grippers.error();
+    for (const yb::GripperReport& g : grippers.value()) {
+      EXPECT_TRUE(g.calibrated);
+      rig.said.clear();
+      EXPECT_TRUE(yb::set_up_gripper(rig.session, g, rig.say));
+      EXPECT_TRUE(rig.said.empty()) << "no motion a second time";
+    }
+  }
 }
 
 }  // namespace
