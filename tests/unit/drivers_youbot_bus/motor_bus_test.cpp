@@ -101,7 +101,8 @@ TEST(EtherCatMotorBus, SilenceStopsAndOnlyRearmingRecovers) {
   // Slaves in SAFEOP still tell what the wheels do.
   for (std::size_t w = 0; w < 4; ++w) {
     EXPECT_LT(std::abs(rig.states.wheel_rad_per_s[w]), 1e-3);
-    EXPECT_NEAR(rig.states.wheel_rad[w], rig.robot.plant().state().wheel_rad[w], 1.01 * kRadPerTick);
+    EXPECT_NEAR(rig.states.wheel_rad[w], rig.robot.plant().state().wheel_rad[w],
+                1.01 * kRadPerTick);
   }
   EXPECT_EQ(rig.states.taken, rig.now);
   rig.bus.rearm();
