@@ -280,6 +280,7 @@ TEST(DeskRun, WhatThePageTellsOfTasksAndLinkIsWhatTheRunRecorded) {
 TEST(DeskRun, DrivingByHandEndsWithItsTokensAndReplays) {
   auto s = scene();
   Person p;
+  p.viewers = 1;
   std::int64_t engage = 0, early = 0, lost = 0;
   const json drive{{"act", "drive"}, {"vx", 0.3}, {"vy", 0.0}, {"wz", 0.0}};
   const json both = json::array({"engage", "drive"}), one = json::array({"engage"});

@@ -291,11 +291,6 @@ TEST(Supervision, RobotFollowsTheOperatorsEngage) {  // F-SUP-06
     EXPECT_EQ(s.mode(), Mode::kRampDown);
     EXPECT_EQ(s.out.mode.cause, tasks::kFaultEngageWithdrawn);
   }
-  Story op;
-  op.engaged();
-  op.in.requests.engage = Engage::kNo;
-  op.run(500ms);
-  EXPECT_EQ(op.mode(), Mode::kEngaged) << "on the operator's box it is a button, not a switch";
 }
 
 TEST(Supervision, RequestedRampDownTakesItsRampAndNoLonger) {  // F-SUP-07
