@@ -16,6 +16,7 @@
 #include "tools/console/view_bytes.hpp"
 #include "tools/measure/bench/callgrind.hpp"
 #include "tools/measure/bench/console/console_bench.hpp"
+#include "tools/measure/bench/console/console_figures.hpp"
 #include "tools/measure/bench/console/demo_child.hpp"
 
 namespace teletact {
@@ -176,7 +177,9 @@ void measure_growth(std::ostream& progress, const ConsoleBenchOptions& options, 
   Views views(server);
   const auto begin = Clock::now();
   const auto passed_s = [&] { return std::chrono::duration<double>(Clock::now() - begin).count(); };
-  while (out.messages < messages || out.reloads < reloads || passed_s() < least_s) {
+  // The browser's script tells of its memory once a second at most, more rarely while it reloads.
+  while (out.messages < messages || out.reloads < reloads || passed_s() < least_s ||
+         out.heap_MB.size() < Growth::kLeast) {
     publish_for(server, views, milliseconds{1000});
     read_lines(script.said(), out);
     out.messages = sent(server);
