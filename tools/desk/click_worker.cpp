@@ -1,68 +1,11 @@
 #include "tools/desk/click_worker.hpp"
 
-#include <sys/resource.h>
-#include <unistd.h>
-
 #include <algorithm>
 
 namespace teletact {
 
 using perception::Click;
 using perception::ClickAnswer;
-
-ClickWorker::~ClickWorker() {
-  if (!thread_.joinable()) return;
-  {
-    const std::lock_guard lock(mutex_);
-    ends_ = true;
-  }
-  there_.notify_one();
-  thread_.join();
-}
-
-bool ClickWorker::full() {
-  const std::lock_guard lock(mutex_);
-  return waiting_.size() >= kMostWaiting;
-}
-
-void ClickWorker::put(ClickRequest request) {
-  if (at_once_) {
-    answered_.push_back(answer(request));
-    return;
-  }
-  {
-    const std::lock_guard lock(mutex_);
-    waiting_.push_back(std::move(request));
-  }
-  if (!thread_.joinable()) thread_ = std::thread([this] { run(); });
-  there_.notify_one();
-}
-
-std::vector<ClickAnswered> ClickWorker::take() {
-  std::vector<ClickAnswered> out;
-  const std::lock_guard lock(mutex_);
-  out.swap(answered_);
-  return out;
-}
-
-void ClickWorker::run() {
-  // Behind whatever else this box has to do. Where the kernel refuses, it is one thread more.
-  constexpr int kNice = 10;
-  static_cast<void>(::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNice));
-  for (;;) {
-    ClickRequest request;
-    {
-      std::unique_lock lock(mutex_);
-      there_.wait(lock, [this] { return ends_ || !waiting_.empty(); });
-      if (ends_) return;
-      request = std::move(waiting_.front());
-      waiting_.pop_front();
-    }
-    ClickAnswered done = answer(request);
-    const std::lock_guard lock(mutex_);
-    answered_.push_back(std::move(done));
-  }
-}
 
 ClickAnswered ClickWorker::answer(const ClickRequest& request) {
   ClickAnswered out;

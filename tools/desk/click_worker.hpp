@@ -6,18 +6,15 @@
 // Bounded: kMostWaiting clicks wait. Before the first click nothing is allocated, no thread runs.
 #pragma once
 
-#include <condition_variable>
 #include <cstdint>
-#include <deque>
 #include <memory>
-#include <mutex>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "perception/geometry/rgbd_frame.hpp"
 #include "perception/objects/given_object.hpp"
 #include "perception/segmentation/click_segmenter.hpp"
+#include "tools/desk/desk_thread.hpp"
 
 namespace teletact {
 
@@ -57,29 +54,23 @@ class ClickWorker {
   static constexpr std::size_t kMostWaiting = 8;
 
   // `at_once`: put() itself does the work. For runs that must be the same each time.
-  explicit ClickWorker(bool at_once) : at_once_(at_once) {}
-  ~ClickWorker();
+  explicit ClickWorker(bool at_once)
+      : thread_(kMostWaiting, at_once, AtEnd::kDropped,
+                [this](ClickRequest request) { return answer(request); }) {}
   ClickWorker(const ClickWorker&) = delete;
   ClickWorker& operator=(const ClickWorker&) = delete;
 
   // As many wait as may. One thread asks and puts.
-  [[nodiscard]] bool full();
-  void put(ClickRequest request);
-  [[nodiscard]] std::vector<ClickAnswered> take();
+  [[nodiscard]] bool full() { return thread_.full(); }
+  // Lost when full().
+  void put(ClickRequest request) { static_cast<void>(thread_.put(std::move(request))); }
+  [[nodiscard]] std::vector<ClickAnswered> take() { return thread_.take(); }
 
  private:
-  void run();
   [[nodiscard]] ClickAnswered answer(const ClickRequest& request);
   [[nodiscard]] std::string segment(const ClickRequest& request);
   [[nodiscard]] std::shared_ptr<const Proposal> propose();
 
-  bool at_once_;
-  std::mutex mutex_;
-  std::condition_variable there_;
-  bool ends_ = false;
-  std::deque<ClickRequest> waiting_;
-  std::vector<ClickAnswered> answered_;
-  std::thread thread_;
   // By the thread alone.
   std::unique_ptr<perception::ClickSegmenter> segmenter_;
   std::shared_ptr<const perception::RgbdFrame> frame_;
@@ -88,6 +79,7 @@ class ClickWorker {
   int width_ = 0, height_ = 0;  // that the segmenter was made for
   std::vector<perception::Click> clicks_;
   std::uint32_t number_ = 0;
+  DeskThread<ClickRequest, ClickAnswered> thread_;
 };
 
 }  // namespace teletact

@@ -1,8 +1,5 @@
 #include "tools/desk/session_store.hpp"
 
-#include <sys/resource.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cstdlib>
 #include <ctime>
@@ -121,58 +118,7 @@ std::vector<SessionRow> SessionStore::list() const {
   return rows;
 }
 
-// ---- the thread ---------------------------------------------------------------------------------
-
-SessionWorker::~SessionWorker() {
-  if (!thread_.joinable()) return;
-  {
-    const std::lock_guard lock(mutex_);
-    ends_ = true;
-  }
-  there_.notify_one();
-  thread_.join();
-}
-
-bool SessionWorker::put(Job job) {
-  if (at_once_) {
-    done_.push_back(work(std::move(job)));
-    return true;
-  }
-  {
-    const std::lock_guard lock(mutex_);
-    if (waiting_.size() >= kMostWaiting) return false;
-    waiting_.push_back(std::move(job));
-  }
-  if (!thread_.joinable()) thread_ = std::thread([this] { run(); });
-  there_.notify_one();
-  return true;
-}
-
-std::vector<SessionWorker::Done> SessionWorker::take() {
-  std::vector<Done> out;
-  const std::lock_guard lock(mutex_);
-  out.swap(done_);
-  return out;
-}
-
-// What was asked for before the end is still saved.
-void SessionWorker::run() {
-  constexpr int kNice = 10;
-  static_cast<void>(::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNice));
-  for (;;) {
-    Job job;
-    {
-      std::unique_lock lock(mutex_);
-      there_.wait(lock, [this] { return ends_ || !waiting_.empty(); });
-      if (waiting_.empty()) return;
-      job = std::move(waiting_.front());
-      waiting_.pop_front();
-    }
-    Done done = work(std::move(job));
-    const std::lock_guard lock(mutex_);
-    done_.push_back(std::move(done));
-  }
-}
+// ---- its work -----------------------------------------------------------------------------------
 
 SessionWorker::Done SessionWorker::work(Job job) const {
   Done out;

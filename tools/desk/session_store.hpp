@@ -10,14 +10,11 @@
 // by a run of its own world alone, so no map ever lies beside places of another one.
 #pragma once
 
-#include <condition_variable>
 #include <cstdint>
-#include <deque>
-#include <mutex>
 #include <string>
-#include <thread>
 #include <vector>
 
+#include "tools/desk/desk_thread.hpp"
 #include "tools/desk/saved_session.hpp"
 
 namespace teletact {
@@ -74,28 +71,24 @@ class SessionWorker {
   };
 
   // `at_once`: put() itself does the work. For runs that must be the same each time.
-  SessionWorker(std::string folder, bool at_once) : store_(std::move(folder)), at_once_(at_once) {}
-  ~SessionWorker();
+  // What was asked for before the end is still saved.
+  SessionWorker(std::string folder, bool at_once)
+      : store_(std::move(folder)), thread_(kMostWaiting, at_once, AtEnd::kDone, [this](Job job) {
+          return work(std::move(job));
+        }) {}
   SessionWorker(const SessionWorker&) = delete;
   SessionWorker& operator=(const SessionWorker&) = delete;
 
   [[nodiscard]] const SessionStore& store() const noexcept { return store_; }
   // False: as many wait as may.
-  [[nodiscard]] bool put(Job job);
-  [[nodiscard]] std::vector<Done> take();
+  [[nodiscard]] bool put(Job job) { return thread_.put(std::move(job)); }
+  [[nodiscard]] std::vector<Done> take() { return thread_.take(); }
 
  private:
-  void run();
   [[nodiscard]] Done work(Job job) const;
 
   SessionStore store_;
-  bool at_once_;
-  std::mutex mutex_;
-  std::condition_variable there_;
-  bool ends_ = false;
-  std::deque<Job> waiting_;
-  std::vector<Done> done_;
-  std::thread thread_;
+  DeskThread<Job, Done> thread_;
 };
 
 }  // namespace teletact
