@@ -132,18 +132,22 @@ std::unique_ptr<ColourEncoder> make_colour_encoder(rt::NonRealtime&,
 }
 
 struct ColourDecoder::State {
-  std::unique_ptr<ColourDecodeEngine> jpeg = make_jpeg_decoder(), h264 = make_h264_decoder();
+  std::unique_ptr<ColourDecodeEngine> jpeg = make_jpeg_decoder(), h264;
   std::vector<Rgb> small = std::vector<Rgb>(RgbdFrame::kMaxPixels);
   std::vector<std::uint8_t> mask;
   bool whole = false;  // nothing is missing since the last key
   std::uint8_t step = 0;
 
-  State() { mask.reserve(kBegin.size() + kMostColourMaskBytes); }
+  explicit State(bool with_h264) {
+    if (with_h264) h264 = make_h264_decoder();
+    mask.reserve(kBegin.size() + kMostColourMaskBytes);
+  }
   [[nodiscard]] ColourStatus payload(std::span<const std::uint8_t> in, std::size_t mask_bytes,
                                      ImageView<Rgb> image) noexcept;
 };
 
-ColourDecoder::ColourDecoder(rt::NonRealtime&) : state_(std::make_unique<State>()) {}
+ColourDecoder::ColourDecoder(rt::NonRealtime&, bool with_h264)
+    : state_(std::make_unique<State>(with_h264)) {}
 ColourDecoder::~ColourDecoder() = default;
 
 ColourStatus ColourDecoder::State::payload(std::span<const std::uint8_t> in, std::size_t mask_bytes,

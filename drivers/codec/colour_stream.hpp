@@ -91,11 +91,12 @@ class ColourEncoder {
 // H.264 was built in (CMake TELETACT_H264; Debian's libavcodec and libx264 are under the GPL).
 [[nodiscard]] bool h264_built_in() noexcept;
 
-// Takes pictures of either method. After kDamaged and kNeedsKey pictures that are no keys are
-// refused until a key comes. On any status but kOk the image's content is unspecified.
+// Takes pictures of either method, or of JPEG alone (the other's library is not set up then, its
+// pictures are kFailed). After kDamaged and kNeedsKey pictures that are no keys are refused until a
+// key comes. On any status but kOk the image's content is unspecified.
 class ColourDecoder {
  public:
-  explicit ColourDecoder(rt::NonRealtime&);
+  explicit ColourDecoder(rt::NonRealtime&, bool with_h264 = true);
   ~ColourDecoder();
   ColourDecoder(const ColourDecoder&) = delete;
   ColourDecoder& operator=(const ColourDecoder&) = delete;

@@ -54,8 +54,7 @@ inline constexpr std::array<int, 8> kDepthStepEighths{4, 6, 8, 12, 16, 20, 24, 3
 inline constexpr int kDepthSteps = static_cast<int>(kDepthStepEighths.size());
 // The step a mode takes when it is not told (an index into kDepthStepEighths; lossless has none:
 // 0).
-[[nodiscard]] int default_depth_step(DepthMode m,
-                                     DepthNoiseLaw law = DepthNoiseLaw::kStrict) noexcept;
+[[nodiscard]] int default_depth_step(DepthMode m, DepthNoiseLaw law) noexcept;
 // Most that |y - x| can be, in eighths of sigma at x; 0: lossless. `step` in [0, kDepthSteps).
 // Quiet is bound by kQuietBoundMm or five sigma besides, whichever is more.
 inline constexpr int kQuietBoundMm = 30;

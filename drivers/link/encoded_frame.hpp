@@ -1,12 +1,12 @@
 // An RGB-D frame as it crosses the link: a header, the joint angles at the exposure, and two blobs,
-// depth and colour, each of a codec that the header names (frame_codec.hpp). Fixed capacity, so it
-// lives in a prefaulted channel slot; on the wire it has only its real length.
+// depth of a codec that the header names (frame_codec.hpp) and colour (colour_stream.hpp). Fixed
+// capacity, so it lives in a prefaulted channel slot; on the wire it has only its real length.
 //
 // Wire form, little-endian (write_wire / read_wire), kWireHeader bytes, then the joints, then the
 // blobs:
-//   u32 magic "TTF2", u8 box, u8 flags (1 = colour, 2 = needs the frame before it,
+//   u32 magic "TTF3", u8 box, u8 flags (1 = colour, 2 = needs the frame before it,
 //   4 x Spared::rungs, 32 = kLate), u16 width, u16
-//   height, u8 joints, u8 codecs (DepthCodecId + 16 ColourCodecId), u32 depth size, u32 colour
+//   height, u8 joints, u8 DepthCodecId, u32 depth size, u32 colour
 //   size, u64 seq, i64 exposure ns, 4 x f64 fx fy cx cy, u64 check (rt::Hash64 over the header
 //   before it, the joints and the blobs)
 // and where there are joints: f32 error, f32 age s, and of each f32 position, f32 speed.
@@ -24,10 +24,6 @@ namespace drivers {
 enum class DepthCodecId : std::uint8_t {
   kLossless,  // depth_codec.hpp: each frame alone
   kStream,    // drivers/codec/depth_stream.hpp
-};
-enum class ColourCodecId : std::uint8_t {
-  kJpeg,    // colour_codec.hpp, with a mask of the pixels that have none: colour_mask.hpp
-  kStream,  // drivers/codec/colour_stream.hpp
 };
 
 // What the sending end spares the road at this frame, and why (frame_asker.hpp).
@@ -57,7 +53,6 @@ struct EncodedFrame {
   bool needs_previous =
       false;  // can be decoded by who decoded the frame that was encoded before it
   DepthCodecId depth_codec = DepthCodecId::kLossless;
-  ColourCodecId colour_codec = ColourCodecId::kJpeg;
   Spared spared{};
   std::uint64_t demand = 0;  // that it answers (FrameDemand::seq); not on the wire
   perception::JointAngles joints{};

@@ -17,9 +17,8 @@ namespace {
 static_assert(EncodedFrame::kMaxDepthBytes >= max_depth_frame_bytes(RgbdFrame::kMaxPixels));
 static_assert(EncodedFrame::kMaxDepthBytes >= max_depth_bytes(RgbdFrame::kMaxPixels));
 constexpr auto kLastDepthCodec = static_cast<unsigned>(DepthCodecId::kStream);
-constexpr auto kLastColourCodec = static_cast<unsigned>(ColourCodecId::kStream);
 
-constexpr std::uint32_t kFrameMagic = 0x32465454;  // "TTF2"
+constexpr std::uint32_t kFrameMagic = 0x33465454;  // "TTF3"
 
 bool plausible(const Intrinsics& k) noexcept {
   const auto within = [](double v, double lo, double hi) { return v >= lo && v <= hi; };
@@ -141,8 +140,9 @@ FrameStatus encode_depth_of(const RgbdFrame& frame, FrameCodecScratch& scratch,
     out.depth_size = static_cast<std::uint32_t>(encode_depth(depth, room));
     return FrameStatus::kOk;
   }
-  const int fine =
-      scratch.depth_step < 0 ? default_depth_step(scratch.depth_mode) : scratch.depth_step;
+  const int fine = scratch.depth_step < 0
+                       ? default_depth_step(scratch.depth_mode, scratch.depth_law)
+                       : scratch.depth_step;
   DepthFrameInfo info;
   const DepthDemand how{scratch.depth_mode, std::min(fine + demand.coarser, kDepthSteps - 1),
                         demand.key != 0};
@@ -160,9 +160,8 @@ std::size_t encode_colour_of(const RgbdFrame& frame, FrameCodecScratch& scratch,
   const std::span<const std::uint16_t> depth{frame.depth_mm.data(), pixels(frame.intrinsics)};
   const std::span<std::uint8_t> room{out.bytes.data() + out.depth_size,
                                      EncodedFrame::kMaxColourBytes};
-  if (!scratch.colour_encoder) return scratch.colour.encode(frame.rgb(), room, depth);
-  ColourDemand how;
-  how.rate_kbit_s = scratch.colour_rate_kbit_per_s;
+  if (!scratch.colour_encoder) return 0;
+  ColourDemand how = scratch.colour_demand;
   // A slow line is depth's first.
   if (demand.rate_kbit_per_s > 0)
     how.rate_kbit_s = std::min(how.rate_kbit_s, static_cast<int>(demand.rate_kbit_per_s / 5));
@@ -170,7 +169,6 @@ std::size_t encode_colour_of(const RgbdFrame& frame, FrameCodecScratch& scratch,
   const auto coded = scratch.colour_encoder->encode(frame.rgb(), depth, how, room);
   if (coded.status != ColourStatus::kOk) return 0;
   if (coded.key) scratch.colour_key_due = false;
-  out.colour_codec = ColourCodecId::kStream;
   out.needs_previous = out.needs_previous || !coded.key;
   return coded.bytes;
 }
@@ -178,12 +176,11 @@ std::size_t encode_colour_of(const RgbdFrame& frame, FrameCodecScratch& scratch,
 bool decode_colour_of(const EncodedFrame& frame, FrameCodecScratch& scratch,
                       RgbdFrame& out) noexcept {
   const std::span<const std::uint16_t> depth{out.depth_mm.data(), pixels(frame.intrinsics)};
-  if (frame.colour_codec == ColourCodecId::kJpeg)
-    return scratch.colour.decode(frame.colour(), out.rgb(), depth);
   if (!scratch.colour_decoder) return false;
   const bool ok =
       scratch.colour_decoder->decode(frame.colour(), depth, out.rgb()) == ColourStatus::kOk;
-  scratch.colour_wants_key = !ok;
+  // Of pictures that stand alone the next one is as good as a key.
+  scratch.colour_wants_key = scratch.colour_chained && !ok;
   return ok;
 }
 
@@ -206,32 +203,39 @@ FrameStatus decode_depth_of(const EncodedFrame& frame, FrameCodecScratch& scratc
 
 }  // namespace
 
-FrameCodecScratch::FrameCodecScratch(rt::NonRealtime& nrt, const ColourCodecConfig& jpeg)
-    : colour(nrt, jpeg) {}
+FrameCodecScratch::FrameCodecScratch(rt::NonRealtime& nrt, const ColourCodecConfig& jpeg) {
+  colour_demand.quality = jpeg.quality;
+  ColourStreamConfig c;
+  c.half = jpeg.half;
+  colour_encoder = make_colour_encoder(nrt, c, RgbdFrame::kMaxWidth, RgbdFrame::kMaxHeight);
+  colour_decoder.emplace(nrt, false);
+}
 
 FrameCodecScratch::FrameCodecScratch(rt::NonRealtime& nrt, const ColourCodecConfig& jpeg,
                                      const PictureConfig& pictures, const Intrinsics& camera,
                                      CodecEnd end)
-    : colour(nrt, jpeg),
-      depth_mode(mode_of(pictures.depth_codec)),
+    : depth_mode(mode_of(pictures.depth_codec)),
+      depth_law(pictures.depth_noise == "lenient" ? DepthNoiseLaw::kLenient
+                                                  : DepthNoiseLaw::kStrict),
       depth_step(pictures.depth_step),
+      colour_chained(pictures.colour_codec == "h264"),
       with_colour(pictures.colour_codec != "none") {
   const bool encodes = end == CodecEnd::kEncodes;
-  if (pictures.colour_codec == "h264") {
-    colour_rate_kbit_per_s = pictures.colour_rate_kbit_per_s;
+  colour_demand.quality = jpeg.quality;
+  colour_demand.rate_kbit_s = pictures.colour_rate_kbit_per_s;
+  if (with_colour) {
     ColourStreamConfig c;
     c.method = pictures.colour_codec;
     c.half = jpeg.half;
-    if (encodes)
+    if (!encodes)
+      colour_decoder.emplace(nrt, colour_chained);
+    else if (colour_chained)
       colour_encoder = make_colour_encoder(nrt, c, camera.width, camera.height);
     else
-      colour_decoder.emplace(nrt);
+      colour_encoder = make_colour_encoder(nrt, c, RgbdFrame::kMaxWidth, RgbdFrame::kMaxHeight);
   }
   if (depth_mode == DepthMode::kLossless) return;
-  DepthStreamConfig c;
-  c.width = camera.width;
-  c.height = camera.height;
-  c.law = pictures.depth_noise == "lenient" ? DepthNoiseLaw::kLenient : DepthNoiseLaw::kStrict;
+  const DepthStreamConfig c{camera.width, camera.height, depth_law};
   if (encodes)
     depth_encoder.emplace(nrt, c);
   else
@@ -256,11 +260,10 @@ FrameStatus encode(const RgbdFrame& frame, rt::Box box, bool with_colour,
   out.intrinsics = frame.intrinsics;
   out.demand = demand.seq;
   out.has_colour = false;
-  out.colour_codec = ColourCodecId::kJpeg;
   out.colour_size = 0;
   if (demand.key != 0) scratch.colour_key_due = true;
   // A key brings its colour along, also at a level that leaves it out of most frames.
-  with_colour = with_colour || (scratch.colour_encoder && scratch.colour_key_due);
+  with_colour = with_colour || (scratch.colour_chained && scratch.colour_key_due);
   if (!with_colour || !frame.has_colour || !scratch.with_colour) return FrameStatus::kOk;
   const std::size_t size = encode_colour_of(frame, scratch, demand, out);
   if (size == 0) return FrameStatus::kWithoutColour;
@@ -325,8 +328,7 @@ std::size_t write_wire(const EncodedFrame& f, std::span<std::uint8_t> out, Spare
   put(at, static_cast<std::uint16_t>(f.intrinsics.width));
   put(at, static_cast<std::uint16_t>(f.intrinsics.height));
   put(at, static_cast<std::uint8_t>(f.joints.count));
-  put(at, static_cast<std::uint8_t>(static_cast<unsigned>(f.depth_codec) |
-                                    static_cast<unsigned>(f.colour_codec) << 4U));
+  put(at, static_cast<std::uint8_t>(f.depth_codec));
   put(at, f.depth_size);
   put(at, f.colour_size);
   put(at, f.seq);
@@ -352,16 +354,16 @@ FrameStatus read_wire(std::span<const std::uint8_t> in, EncodedFrame& out) noexc
   Intrinsics k;
   k.width = get<std::uint16_t>(at);
   k.height = get<std::uint16_t>(at);
-  const auto joints = get<std::uint8_t>(at), codecs = get<std::uint8_t>(at);
+  const auto joints = get<std::uint8_t>(at), codec = get<std::uint8_t>(at);
   const auto depth_size = get<std::uint32_t>(at), colour_size = get<std::uint32_t>(at);
   const auto seq = get<std::uint64_t>(at);
   const auto exposure_ns = static_cast<std::int64_t>(get<std::uint64_t>(at));
   k.fx = get_double(at), k.fy = get_double(at), k.cx = get_double(at), k.cy = get_double(at);
   const auto check = get<std::uint64_t>(at);
-  if (box > 1 || !good_flags(flags) || (codecs & 15U) > kLastDepthCodec ||
-      (codecs >> 4U) > kLastColourCodec || joints > perception::JointAngles::kMost ||
-      !plausible(k) || depth_size > EncodedFrame::kMaxDepthBytes ||
-      colour_size > EncodedFrame::kMaxColourBytes || ((flags & 1U) == 0) != (colour_size == 0)) {
+  if (box > 1 || !good_flags(flags) || codec > kLastDepthCodec ||
+      joints > perception::JointAngles::kMost || !plausible(k) ||
+      depth_size > EncodedFrame::kMaxDepthBytes || colour_size > EncodedFrame::kMaxColourBytes ||
+      ((flags & 1U) == 0) != (colour_size == 0)) {
     return FrameStatus::kBadHeader;
   }
   const std::size_t size = std::size_t{depth_size} + colour_size, before = joint_bytes(joints);
@@ -378,8 +380,7 @@ FrameStatus read_wire(std::span<const std::uint8_t> in, EncodedFrame& out) noexc
   out.has_colour = (flags & 1U) != 0;
   out.needs_previous = (flags & 2U) != 0;
   out.spared = spared_of(flags);
-  out.depth_codec = static_cast<DepthCodecId>(codecs & 15U);
-  out.colour_codec = static_cast<ColourCodecId>(codecs >> 4U);
+  out.depth_codec = static_cast<DepthCodecId>(codec);
   out.demand = 0;
   out.depth_size = depth_size;
   out.colour_size = colour_size;

@@ -9,7 +9,6 @@
 
 #include "drivers/codec/colour_stream.hpp"
 #include "drivers/codec/depth_stream.hpp"
-#include "drivers/link/colour_codec.hpp"
 #include "drivers/link/encoded_frame.hpp"
 #include "drivers/link/frame_demand.hpp"
 #include "drivers/link/picture_config.hpp"
@@ -28,14 +27,15 @@ struct FrameCodecScratch {
   // An encoded frame was lost on this side: the next one is a key.
   void restart() noexcept;
 
-  ColourCodec colour;
   std::optional<DepthEncoder> depth_encoder;
   std::optional<DepthDecoder> depth_decoder;
   std::unique_ptr<ColourEncoder> colour_encoder;
   std::optional<ColourDecoder> colour_decoder;
   DepthMode depth_mode = DepthMode::kLossless;
+  DepthNoiseLaw depth_law = DepthNoiseLaw::kStrict;
   int depth_step = -1;
-  int colour_rate_kbit_per_s = 0;
+  bool colour_chained = false;  // a picture needs the one before it
+  ColourDemand colour_demand;   // before what a frame's demand changes
   bool with_colour = true;
   bool colour_key_due = false;  // a key was asked for, and no picture was one since
   // decode() found a picture that needs one before it which was not decoded here.

@@ -4,6 +4,11 @@
 
 namespace drivers {
 
+void ColourCodecConfig::describe(config::Section& s) {
+  s.integer("quality", quality, 1, 100, "of the JPEG pictures");
+  s.flag("half", half, "half the width and height");
+}
+
 void PictureConfig::describe(config::Section& link) {
   link.text("depth_codec", depth_codec, {"lossless", "faithful", "quiet", "moving"},
             "depth on the link; all but lossless code a frame from the one before it");

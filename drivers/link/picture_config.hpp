@@ -7,6 +7,13 @@
 
 namespace drivers {
 
+// Section [codec]: the pictures themselves.
+struct ColourCodecConfig {
+  int quality = 60;  // of JPEG, 1..100
+  bool half = true;  // half the width and height: a quarter of the bytes and of the time
+  void describe(config::Section& s);
+};
+
 struct PictureConfig {
   std::string depth_codec = "lossless";  // lossless, faithful, quiet, moving
   std::string colour_codec = "jpeg";     // jpeg, h264, none

@@ -107,15 +107,14 @@ void hash_joints(rt::Hash64& h, const perception::JointAngles& m) noexcept {
 }  // namespace
 
 void hash_output(rt::Hash64& h, const drivers::EncodedFrame& m) noexcept {
-  const auto& [exposure, seq, intrinsics, has_colour, needs_previous, depth_codec, colour_codec,
-               spared, demand, joints, depth_size, colour_size, bytes] = m;
+  const auto& [exposure, seq, intrinsics, has_colour, needs_previous, depth_codec, spared, demand,
+               joints, depth_size, colour_size, bytes] = m;
   weigh::all(h, exposure.box, exposure.ns, seq, intrinsics, has_colour, depth_size, colour_size);
   if (joints.count > 0) hash_joints(h, joints);
   if (spared.rungs > 0) weigh::all(h, spared.rungs, spared.why);
   // Of frames that stand alone and answer nobody there is nothing more to say.
-  if (demand != 0 || needs_previous || depth_codec != drivers::DepthCodecId::kLossless ||
-      colour_codec != drivers::ColourCodecId::kJpeg)
-    weigh::all(h, demand, needs_previous, depth_codec, colour_codec);
+  if (demand != 0 || needs_previous || depth_codec != drivers::DepthCodecId::kLossless)
+    weigh::all(h, demand, needs_previous, depth_codec);
   h.bytes(bytes.data(), std::size_t{depth_size} + colour_size);
 }
 

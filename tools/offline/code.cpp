@@ -87,11 +87,14 @@ struct CodecTally {
   }
 };
 
-// Of the frame rate that the stamps tell; --fps where there is one frame.
+// The camera's: by the middle interval, so that a pause in the recording is no slow camera. 30 of
+// one frame.
 double rate_of(const drivers::TumSequence& sequence, int frames) {
-  if (frames < 2) return 30;
-  const double span_s = sequence.stamp_s(frames - 1) - sequence.stamp_s(0);
-  return span_s > 0 ? std::min(1000.0, (frames - 1) / span_s) : 30;
+  std::vector<double> intervals_s;
+  for (int i = 1; i < frames; ++i)
+    intervals_s.push_back(sequence.stamp_s(i) - sequence.stamp_s(i - 1));
+  const double interval_s = rt::quantile(intervals_s, 0.5, 0);
+  return interval_s > 0 ? std::clamp(1 / interval_s, 1.0, 1000.0) : 30;
 }
 
 // On the road the newest frame wins: where the coarsest step is over the rate, fewer frames arrive.

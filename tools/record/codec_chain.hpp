@@ -41,9 +41,10 @@ class CodecChain {
   // `frame` becomes what its decoder makes of it. Throws std::runtime_error when a codec refuses
   // what the other end made, or the two ends hold different states.
   CodedFrame pass(perception::RgbdFrame& frame, bool key = false);
-  [[nodiscard]] const std::vector<std::uint8_t>& depth_bytes() const noexcept { return depth_out_; }
 
  private:
+  void pass_lossless(perception::RgbdFrame& frame, CodedFrame& out);
+  void pass_stream(perception::RgbdFrame& frame, bool key, CodedFrame& out);
   void encode_colour(const perception::RgbdFrame& frame, bool key, CodedFrame& out);
   void decode_colour(perception::RgbdFrame& frame, CodedFrame& out);
   CodecChoice choice_;
@@ -54,6 +55,7 @@ class CodecChain {
   drivers::RateSteps steps_;
   std::vector<std::uint8_t> depth_out_, colour_out_;
   std::vector<std::uint16_t> depth_in_;
+  std::uint32_t seq_ = 0;
 };
 
 }  // namespace teletact

@@ -142,6 +142,50 @@ TEST(ColourStream, ComesBackNearlyAsItWas) {
   }
 }
 
+TEST(ColourStream, OddAndTinySizes) {
+  for (const auto& [w, h] : {std::pair{1, 1}, {2, 1}, {3, 5}, {17, 9}, {639, 479}}) {
+    for (const bool half : {false, true}) {
+      Chain chain("jpeg", w, h, half);
+      Picture in(w, h), out(w, h);
+      std::fill(in.rgb.begin(), in.rgb.end(), Rgb{200, 100, 50});
+      const auto coded = chain.encode(in, {95, 1500, false});
+      ASSERT_EQ(coded.status, ColourStatus::kOk);
+      ASSERT_EQ(chain.decode(chain.bytes(coded), out), ColourStatus::kOk);
+      for (const Rgb& p : out.rgb) {
+        ASSERT_NEAR(p.r, 200, 3) << w << " x " << h;
+        ASSERT_NEAR(p.g, 100, 3);
+        ASSERT_NEAR(p.b, 50, 3);
+      }
+    }
+  }
+}
+
+// A JPEG that states another size than the picture's header is refused before its pixels are made.
+TEST(ColourStream, AJpegThatAsksForGigabytesIsRefused) {
+  Chain chain("jpeg", 96, 64);
+  Picture in = scene(96, 64, 3), out(96, 64);
+  Bytes bytes = chain.bytes(chain.encode(in));
+  for (std::size_t i = drivers::kColourHeader; i + 8 < bytes.size(); ++i) {
+    if (bytes[i] != 0xff || bytes[i + 1] != 0xc0) continue;
+    for (std::size_t k = 5; k < 9; ++k) bytes[i + k] = 0xff;
+    break;
+  }
+  drivers::seal_colour(bytes);
+  EXPECT_EQ(chain.decode(bytes, out), ColourStatus::kDamaged);
+}
+
+// Who named JPEG alone has no other library set up, and says so of its pictures.
+TEST(ColourStream, ADecoderOfJpegAloneTakesNothingElse) {
+  ColourDecoder decoder(startup.token(), false);
+  for (const char* method : methods()) {
+    Chain chain(method, 96, 64);
+    Picture in = scene(96, 64, 3), out(96, 64);
+    const Bytes bytes = chain.bytes(chain.encode(in));
+    EXPECT_EQ(decoder.decode(bytes, {}, out.view()),
+              std::strcmp(method, "jpeg") == 0 ? ColourStatus::kOk : ColourStatus::kFailed);
+  }
+}
+
 // The decoder of OpenCV reads the payload as it stands.
 TEST(ColourStream, JpegIsOneThatOthersRead) {
   Chain chain("jpeg", 96, 64);

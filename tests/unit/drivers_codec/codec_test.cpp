@@ -226,76 +226,6 @@ TEST(ColourCodec, PictureComesBack) {
   }
 }
 
-TEST(ColourCodec, OddAndTinySizes) {
-  rt::Random rng(6);
-  for (const auto& [w, h] : {std::pair{1, 1}, {2, 1}, {3, 5}, {17, 9}, {639, 479}}) {
-    for (const bool half : {false, true}) {
-      drivers::ColourCodec codec(startup.token(), {.quality = 95, .half = half});
-      std::vector<Rgb> image(static_cast<std::size_t>(w * h), Rgb{200, 100, 50}),
-          back(image.size());
-      Bytes out(EncodedFrame::kMaxColourBytes);
-      const std::size_t n = codec.encode({image.data(), w, h, w}, out);
-      ASSERT_GT(n, 0u);
-      ASSERT_TRUE(codec.decode({out.data(), n}, {back.data(), w, h, w}));
-      for (const auto& p : back) {
-        ASSERT_NEAR(p.r, 200, 3);
-        ASSERT_NEAR(p.g, 100, 3);
-        ASSERT_NEAR(p.b, 50, 3);
-      }
-    }
-  }
-}
-
-TEST(ColourCodec, DoesNotFitMeansNoColour) {
-  Frames f;
-  drivers::ColourCodec codec(startup.token(), {.quality = 90, .half = false});
-  Bytes small(1000);
-  EXPECT_EQ(codec.encode(std::as_const(*f.source).rgb(), small), 0u);
-  EXPECT_EQ(codec.encode({nullptr, 0, 0, 0}, small), 0u);
-}
-
-TEST(ColourCodec, DamagedJpegIsRefusedOrGarbageOfTheRightSize) {
-  rt::Random rng(9);
-  constexpr int kW = 48, kH = 40;
-  std::vector<Rgb> image(kW * kH), guarded(kW * kH + 2, Rgb{1, 2, 3});
-  for (std::size_t i = 0; i < image.size(); ++i) {
-    image[i] = {static_cast<std::uint8_t>(i), static_cast<std::uint8_t>(i / 7), 90};
-  }
-  drivers::ColourCodec codec(startup.token(), {.quality = 60, .half = false});
-  Bytes good(EncodedFrame::kMaxColourBytes);
-  good.resize(codec.encode({image.data(), kW, kH, kW}, good));
-  ASSERT_EQ(drivers::jpeg_size(good).width, kW);
-  ASSERT_EQ(drivers::jpeg_size(good).height, kH);
-  int refused = 0, garbage = 0;
-  ::testing::internal::CaptureStderr();  // libjpeg comments on what it is given
-  for (int i = 0; i < 20000; ++i) {
-    const Bytes b = damage(good, rng);
-    (codec.decode(b, {guarded.data() + 1, kW, kH, kW}) ? garbage : refused)++;
-    ASSERT_EQ(guarded.front(), (Rgb{1, 2, 3}));
-    ASSERT_EQ(guarded.back(), (Rgb{1, 2, 3}));
-  }
-  (void)::testing::internal::GetCapturedStderr();
-  EXPECT_GT(refused, 1000);
-  std::printf("  damaged JPEG: %d refused, %d decoded to something else\n", refused, garbage);
-}
-
-TEST(ColourCodec, AHeaderThatAsksForGigabytesIsRefusedBeforeTheLibrary) {
-  Frames f;
-  drivers::ColourCodec codec(startup.token(), {.quality = 60, .half = true});
-  Bytes b(EncodedFrame::kMaxColourBytes);
-  b.resize(codec.encode(std::as_const(*f.source).rgb(), b));
-  for (std::size_t i = 0; i + 8 < b.size(); ++i) {
-    if (b[i] == 0xff && b[i + 1] == 0xc0) {
-      for (std::size_t k = 5; k < 9; ++k) b[i + k] = 0xff;
-      break;
-    }
-  }
-  EXPECT_EQ(drivers::jpeg_size(b).width, 65535);
-  EXPECT_FALSE(codec.decode(b, f.back->rgb()));
-  f.back->intrinsics = {1, 1, 0, 0, 64, 64};
-  EXPECT_FALSE(codec.decode(b, f.back->rgb()));
-}
-
 // ---- whole frames ----------------------------------------------------------------------------
 
 TEST(FrameCodec, RoundTripKeepsAllButTheColoursLastBits) {
@@ -330,6 +260,39 @@ TEST(FrameCodec, SameFrameSameBytes) {
   EXPECT_EQ(first, digest(b));
   ++f.source->depth_mm[1000];
   EXPECT_NE(first, digest(a));
+}
+
+// A scene that names no step gets that of its mode and of its noise law.
+TEST(FrameCodec, TheStepIsThatOfTheModeAndTheLaw) {
+  Frames f;
+  for (const auto mode :
+       {drivers::DepthMode::kFaithful, drivers::DepthMode::kQuiet, drivers::DepthMode::kMoving}) {
+    for (const auto law : {drivers::DepthNoiseLaw::kStrict, drivers::DepthNoiseLaw::kLenient}) {
+      drivers::PictureConfig pictures;
+      pictures.depth_codec = to_text(mode);
+      pictures.depth_noise = to_text(law);
+      const auto& k = f.source->intrinsics;
+      FrameCodecScratch scratch(startup.token(), {}, pictures, k, drivers::CodecEnd::kEncodes);
+      ASSERT_EQ(encode(*f.source, rt::Box::kRobot, false, scratch, *f.encoded), FrameStatus::kOk);
+      drivers::DepthDecoder decoder(startup.token(), {k.width, k.height, law});
+      Depth back(static_cast<std::size_t>(k.width) * static_cast<std::size_t>(k.height));
+      drivers::DepthFrameInfo info;
+      ASSERT_EQ(decoder.decode(f.encoded->depth(), back, info), drivers::DepthStatus::kOk);
+      EXPECT_EQ(info.step, drivers::default_depth_step(mode, law))
+          << to_text(mode) << ' ' << to_text(law);
+    }
+  }
+}
+
+// Pictures that stand alone: one that does not decode asks for no key, which depth would pay for.
+TEST(FrameCodec, ADamagedJpegAsksForNoKey) {
+  Frames f;
+  FrameCodecScratch scratch(startup.token(), {});
+  ASSERT_EQ(encode(*f.source, rt::Box::kRobot, true, scratch, *f.encoded), FrameStatus::kOk);
+  EXPECT_FALSE(f.encoded->needs_previous);
+  f.encoded->bytes[f.encoded->depth_size + f.encoded->colour_size / 2] ^= 0x40U;
+  EXPECT_EQ(decode(*f.encoded, rt::Time{}, scratch, *f.back), FrameStatus::kWithoutColour);
+  EXPECT_FALSE(scratch.colour_wants_key);
 }
 
 TEST(FrameCodec, WorstCaseFits) {
