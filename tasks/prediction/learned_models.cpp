@@ -41,6 +41,7 @@ bool LearnedShare::predict(const MotionHistory& history, double h, Motion& out) 
   }
   const Axes v = axes(now.v_B);
   Axes mean = v;
+  double condition = 0;
   if (now.t - back >= first) {
     i_1 = i_2 = last;
     const Axes v1 = history.velocity(now.t - config_.lag_1_s, i_1);
@@ -50,11 +51,13 @@ bool LearnedShare::predict(const MotionHistory& history, double h, Motion& out) 
       const double lambda = config_.prior_samples * config_.scale[k] * config_.scale[k];
       const Sums& s = sums[k];
       const auto theta = ridge_solve(s.a11, s.a12, s.a22, s.b1, s.b2, lambda, lambda);
+      condition = std::max(condition, ridge_condition(s.a11, s.a12, s.a22, lambda, lambda));
       const double change = theta[0] * (v[k] - v1[k]) + theta[1] * (v[k] - v2[k]);
       mean[k] += std::clamp(change, -bound, bound);
     }
   }
   out = Motion::ramp(v, mean);
+  out.condition = condition;
   return true;
 }
 
@@ -102,8 +105,10 @@ bool CommandResponse::predict(const MotionHistory& history, double h, Motion& ou
   if (history.command_at(now.t) == nullptr) return false;
   const double prior = 1.0 / config_.response_time_s;
   Axes gain{}, rate{};
+  out.condition = 0;
   for (std::size_t k = 0; k < 3; ++k) {
     const auto p = fit_[k].solve();
+    out.condition = std::max(out.condition, fit_[k].condition());
     rate[k] = std::clamp(prior + p[1], 0.2, 100.0);
     gain[k] = std::clamp((prior + p[0]) / rate[k], 0.0, 2.0);
   }

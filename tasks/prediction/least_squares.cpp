@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace tasks {
 
@@ -15,6 +16,15 @@ std::array<double, 2> ridge_solve(double a11, double a12, double a22, double b1,
   const double z1 = b1 / l11, z2 = (b2 - l21 * z1) / l22;
   const double x2 = z2 / l22;
   return {(z1 - l21 * x2) / l11, x2};
+}
+
+double ridge_condition(double a11, double a12, double a22, double lambda1,
+                       double lambda2) noexcept {
+  const double m11 = a11 + lambda1, m22 = a22 + lambda2;
+  // Eigenvalues; the smaller one from the determinant, which does not cancel as their difference.
+  const double half = 0.5 * (m11 + m22), large = half + std::hypot(0.5 * (m11 - m22), a12);
+  const double small = (m11 * m22 - a12 * a12) / large;
+  return small > 0 ? std::sqrt(large / small) : std::numeric_limits<double>::infinity();
 }
 
 LinearFit minimum_norm(const FitMatrix& A, const FitOutputs& B, double ridge) noexcept {

@@ -25,6 +25,10 @@ namespace tasks {
 [[nodiscard]] std::array<double, 2> ridge_solve(double a11, double a12, double a22, double b1,
                                                 double b2, double lambda1, double lambda2) noexcept;
 
+// Of the matrix that was solved there, A over sqrt(lambda): largest over smallest singular value.
+[[nodiscard]] double ridge_condition(double a11, double a12, double a22, double lambda1,
+                                     double lambda2) noexcept;
+
 // Of at most 64 rows (data and ridge together), 18 unknowns, 3 outputs.
 using FitMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 64, 18>;
 using FitOutputs = Eigen::Matrix<double, Eigen::Dynamic, 3, 0, 64, 3>;

@@ -83,6 +83,7 @@ bool Mixture::predict(const MotionHistory& history, double h, Motion& out) const
     else
       said.known = members_[i].model->predict(history, h, said.motion);
     if (!said.known) continue;
+    out.condition = std::max(out.condition, said.motion.condition);
     for (std::size_t k = 0; k < 3; ++k) {
       const double e = members_[i].counts * error_[i][k] / config_.floor[k];
       const double w = std::pow(e + 1, -config_.sharpness);

@@ -127,6 +127,7 @@ bool LinearModel::predict(const MotionHistory& history, double h, Motion& out) c
   // horizon.
   const double part = h / static_cast<double>(Motion::kParts);
   out = {};
+  out.condition = theta.condition;
   std::size_t quarter = 0;
   double t = 0, step = 0;  // t: integrated up to here; step: in the sample period
   Axes from = past[0], to = from;

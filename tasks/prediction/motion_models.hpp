@@ -29,6 +29,9 @@ namespace tasks {
 struct Motion {
   static constexpr std::size_t kParts = 4;
   std::array<Axes, kParts> part{};
+  // Of the least squares behind it, the worst of its axes and members (least_squares.hpp); 0: none
+  // was solved. Infinite: singular.
+  double condition = 0;
 
   [[nodiscard]] Axes mean() const noexcept;
   // A velocity that goes from `start` on a line so that its mean is `mean`.

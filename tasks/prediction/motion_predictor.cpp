@@ -152,6 +152,7 @@ void MotionPredictor::place(double h, Prediction& out) const noexcept {
   for (const Axes& v : motion.part) X = perception::integrate(X, twist(v), part);
   out.X_OB = X;
   out.mean_B = twist(motion.mean());
+  out.condition = motion.condition;
 }
 
 bool MotionPredictor::peek(double t, Prediction& out) const noexcept {

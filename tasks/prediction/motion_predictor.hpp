@@ -89,6 +89,7 @@ class MotionPredictor {
     perception::Pose2 X_OB;
     perception::Twist2 mean_B;  // mean body twist over the horizon that leads there
     double horizon = 0;         // s after the newest sample
+    double condition = 0;       // Motion::condition
     // Of x, y, yaw in the frame of the base at the newest sample.
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   };

@@ -1,11 +1,13 @@
 #include "tools/offline/predict.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <stdexcept>
 #include <vector>
 
+#include "rt/quantile.hpp"
 #include "tasks/prediction/hand_back.hpp"
 #include "tools/cli/options.hpp"
 #include "tools/files/csv.hpp"
@@ -17,21 +19,47 @@ namespace teletact {
 namespace {
 
 struct Log {
-  std::vector<std::string> stamps;        // t_s as the file writes it
-  std::vector<std::vector<double>> rows;  // t, x, y, yaw, vx, vy, wz [, cmd vx, vy, wz]
+  std::vector<std::string> stamps;  // t_s as the file writes it
+  // t, x, y, yaw, vx, vy, wz [, cmd vx, vy, wz]; t, x and y less those of `first`.
+  std::vector<std::vector<double>> rows;
+  // Of the first row that counts: a stamp of Unix time or a place in a national grid leaves the
+  // digits to what moves.
+  std::array<double, 3> first{};
   bool commands = false;
   std::vector<std::string> refused;  // "line 7: not finite"
 };
 
+struct LogLine {
+  std::size_t at;  // of the table
+  std::vector<double> row;
+};
+
 // Nothing to say: the row counts.
 std::string why_not(const std::vector<double>& row, const Log& log) {
-  for (const double v : row) {
+  for (const double v : row)
     if (!std::isfinite(v)) return "not finite (nan or inf)";
-    if (std::abs(v) > tasks::MotionHistory::kLargest) return "larger than 1e6";
+  for (std::size_t c = 0; c < row.size(); ++c) {
+    const bool moves = c < log.first.size();
+    // Where a log may begin: Unix time, any map grid.
+    constexpr double kFarthest_s = 1e10, kFarthest_m = 1e8;
+    if (moves && log.rows.empty()) {
+      if (std::abs(row[c]) > (c == 0 ? kFarthest_s : kFarthest_m)) return "no time or place";
+    } else if (std::abs(row[c] - (moves ? log.first[c] : 0)) > tasks::MotionHistory::kLargest) {
+      return moves ? "more than 1e6 from the first row" : "larger than 1e6";
+    }
   }
-  if (log.rows.empty() || row[0] > log.rows.back()[0]) return {};
-  return row[0] == log.rows.back()[0] ? "t_s repeated: it must rise"
-                                      : "t_s goes back: it must rise";
+  if (log.rows.empty() || row[0] - log.first[0] > log.rows.back()[0]) return {};
+  return row[0] - log.first[0] == log.rows.back()[0] ? "t_s repeated: it must rise"
+                                                     : "t_s goes back: it must rise";
+}
+
+// One clock reading that jumps ahead must not cost the rows behind it, which go back only from
+// there: the two that follow rise, between the row before and this one.
+bool alone_ahead(const std::vector<LogLine>& lines, std::size_t i, const Log& log) {
+  if (i + 2 >= lines.size()) return false;
+  const double here = lines[i].row[0], next = lines[i + 1].row[0], then = lines[i + 2].row[0];
+  const bool behind = next < then && then < here;
+  return behind && (log.rows.empty() || next - log.first[0] > log.rows.back()[0]);
 }
 
 void read_rows(const CsvTable& table, const std::vector<std::string>& columns, Log& log) {
@@ -41,16 +69,24 @@ void read_rows(const CsvTable& table, const std::vector<std::string>& columns, L
     if (at < 0) throw std::runtime_error(table.name + ": column '" + columns[i] + "' is missing");
     index.push_back(static_cast<std::size_t>(at));
   }
+  std::vector<LogLine> lines;
   for (std::size_t r = 0; r < table.rows.size(); ++r) {
     std::vector<double> row;
     for (const std::size_t c : index) row.push_back(take(table.any_number(r, c)));
-    const std::string why = why_not(row, log);
+    lines.push_back({r, std::move(row)});
+  }
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    auto& row = lines[i].row;
+    std::string why = why_not(row, log);
+    if (why.empty() && alone_ahead(lines, i, log)) why = "t_s is ahead of the rows behind it";
     if (!why.empty()) {
-      log.refused.push_back("line " + std::to_string(table.lines[r]) + ": " + why);
+      log.refused.push_back("line " + std::to_string(table.lines[lines[i].at]) + ": " + why);
       continue;
     }
+    if (log.rows.empty()) std::copy_n(row.begin(), log.first.size(), log.first.begin());
+    for (std::size_t c = 0; c < log.first.size(); ++c) row[c] -= log.first[c];
     log.rows.push_back(std::move(row));
-    log.stamps.push_back(table.rows[r][index[0]]);
+    log.stamps.push_back(table.rows[lines[i].at][index[0]]);
   }
 }
 
@@ -102,6 +138,7 @@ std::string predict(const Log& log, const PredictOptions& o, Metrics& metrics) {
   tasks::HandBack hand_back({std::max(o.hand_back_s, 1e-3), 0.3, 0.6});
   std::string text = "t_s,x_m,y_m,yaw_rad\n";
   std::size_t known = 0, predicted = 0;
+  std::vector<double> conditions;
   constexpr double kSameInstant_s = 1e-6;
   for (std::size_t i = 0; i < log.rows.size(); ++i) {
     const double t = log.rows[i][0];
@@ -124,12 +161,16 @@ std::string predict(const Log& log, const PredictOptions& o, Metrics& metrics) {
       X = hand_back.show(t, p.X_OB);
     }
     char line[160];
-    std::snprintf(line, sizeof line, ",%.6f,%.6f,%.6f\n", X.x, X.y, X.yaw);
+    std::snprintf(line, sizeof line, ",%.6f,%.6f,%.6f\n", log.first[1] + X.x, log.first[2] + X.y,
+                  X.yaw);
     text += log.stamps[i] + line;
     ++predicted;
+    conditions.push_back(p.condition);
   }
   metrics.add("predict.rows", static_cast<double>(log.rows.size() + log.refused.size()), "1");
   metrics.add("predict.predicted", static_cast<double>(predicted), "1");
+  metrics.add("predict.condition_p50", rt::quantile(conditions, 0.5, 0), "1");
+  metrics.add("predict.condition_max", rt::quantile(conditions, 1, 0), "1");
   metrics.add("predict.refused", static_cast<double>(log.refused.size()), "1");
   return text;
 }

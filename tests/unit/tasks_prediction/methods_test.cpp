@@ -351,4 +351,30 @@ TEST(Methods, KnownCommandsCountWithOwnAndLsq) {
   }
 }
 
+// What was solved says how well it was posed; what solves nothing says 0. A motion that does not change has rank one.
+TEST(Methods, TheConditionIsStated) {
+  for (const std::string& m : methods()) {
+    for (const bool varied : {false, true}) {
+      MotionPredictor p = of(m);
+      MotionPredictor::Prediction out;
+      Pose2 X;
+      rt::Random random(431);
+      for (int i = 0; i < 200; ++i) {
+        const Twist2 v = varied ? Twist2{random.normal(), random.normal(), random.normal()}
+                                : Twist2{0.4, -0.2, 0.5};
+        ASSERT_TRUE(p.add({0.05 * i, X, v})) << m;
+        ASSERT_TRUE(p.predict(0.05 * i + 0.2, out)) << m;
+        X = perception::integrate(X, v, 0.05);
+      }
+      std::printf("  %s, %s: condition %.3g\n", m.c_str(), varied ? "varied" : "constant",
+                  out.condition);
+      const bool solves = m == "paper" || m == "ridge" || m == "lsq" || m == "own";
+      if (!solves) EXPECT_EQ(out.condition, 0) << m;
+      if (solves) EXPECT_GE(out.condition, 1) << m;
+      if (solves && varied) EXPECT_LT(out.condition, 1e3) << m;
+      if (m == "paper" && !varied) EXPECT_NEAR(out.condition, 1, 1e-6);
+    }
+  }
+}
+
 }  // namespace

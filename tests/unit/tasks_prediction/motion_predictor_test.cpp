@@ -45,6 +45,11 @@ TEST(RidgeSolve, EqualsQrOfTheStackedProblem) {
     const Eigen::Vector2d v = A.transpose() * b;
     const auto x = tasks::ridge_solve(M(0, 0), M(0, 1), M(1, 1), v[0], v[1], l1, l2);
     const Eigen::Vector2d want = by_qr(A, b, l1, l2);
+    Eigen::MatrixXd stacked(n + 2, 2);
+    stacked << A, Eigen::Matrix2d(Eigen::Vector2d(std::sqrt(l1), std::sqrt(l2)).asDiagonal());
+    const Eigen::VectorXd s = stacked.jacobiSvd().singularValues();
+    const double condition = tasks::ridge_condition(M(0, 0), M(0, 1), M(1, 1), l1, l2);
+    ASSERT_NEAR(condition, s[0] / s[1], 1e-6 * condition) << "seed " << seed << " case " << i;
     ASSERT_NEAR(x[0], want[0], 1e-7 * (1 + want.norm())) << "seed " << seed << " case " << i;
     ASSERT_NEAR(x[1], want[1], 1e-7 * (1 + want.norm())) << "seed " << seed << " case " << i;
   }
@@ -57,6 +62,8 @@ TEST(RidgeSolve, IllConditionedStaysFinite) {
     EXPECT_TRUE(std::isfinite(x[0]) && std::isfinite(x[1])) << scale;
     EXPECT_LT(std::abs(x[0]) + std::abs(x[1]), 2.0) << scale;
   }
+  EXPECT_EQ(tasks::ridge_condition(1, 1, 1, 0, 0), INFINITY);
+  EXPECT_EQ(tasks::ridge_condition(0, 0, 0, 1e-6, 1e-6), 1);
   const auto none = tasks::ridge_solve(0, 0, 0, 0, 0, 1e-6, 1e-6);
   EXPECT_EQ(none[0], 0);
   EXPECT_EQ(none[1], 0);

@@ -18,6 +18,7 @@ struct Target {
   double t = 0;
   std::size_t newest = 0;  // row
   Pose2 X_OB;
+  double condition = 0;
 };
 
 constexpr double kSameInstant_s = 1e-6;
@@ -41,7 +42,7 @@ double run(const MotionTrace& trace, const JudgedMethod& m, Each&& each) {
       (void)predictor.add({trace.rows[known].stamp, trace.rows[known].X_OB, trace.rows[known].v_B});
     tasks::MotionPredictor::Prediction p;
     if (known == 0 || !predictor.predict(t, p)) continue;
-    targets.push_back({t, known - 1, p.X_OB});
+    targets.push_back({t, known - 1, p.X_OB, p.condition});
   }
   const double us = 1e-3 * static_cast<double>(rt::thread_cpu_ns() - before);
   for (const Target& target : targets) each(target);
@@ -59,6 +60,7 @@ double MotionErrors::mean_cm() const {
 }
 double MotionErrors::p95_cm() const { return 100 * rt::quantile(error_m, 0.95, kNaN); }
 double MotionErrors::max_cm() const { return 100 * rt::quantile(error_m, 1, kNaN); }
+double MotionErrors::condition_p50() const { return rt::quantile(condition, 0.5, kNaN); }
 
 MotionErrors judge(const MotionTrace& trace, const JudgedMethod& m) {
   MotionErrors out;
@@ -71,6 +73,7 @@ MotionErrors judge(const MotionTrace& trace, const JudgedMethod& m) {
         perception::compose(perception::inverse(trace.true_pose(row.t)), trace.true_pose(target.t));
     out.t_s.push_back(target.t);
     out.error_m.push_back(std::hypot(said.x - is.x, said.y - is.y));
+    out.condition.push_back(target.condition);
   });
   return out;
 }

@@ -24,12 +24,14 @@ struct JudgedMethod {
 struct MotionErrors {
   std::string method;
   std::vector<double> t_s, error_m;  // a target each
+  std::vector<double> condition;     // of what was solved for it; 0: nothing was
   double cpu_us = 0;                 // of the thread: a target, with the rows that came before it
 
   // NaN when there are none. p95 at the nearest rank.
   [[nodiscard]] double mean_cm() const;
   [[nodiscard]] double p95_cm() const;
   [[nodiscard]] double max_cm() const;
+  [[nodiscard]] double condition_p50() const;
 };
 
 [[nodiscard]] MotionErrors judge(const MotionTrace&, const JudgedMethod&);

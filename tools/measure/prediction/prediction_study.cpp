@@ -80,6 +80,7 @@ Study study_prediction(std::ostream& progress, const PredictionStudyOptions& o) 
                               {{"mean_cm", e.mean_cm(), "cm"},
                                {"p95_cm", e.p95_cm(), "cm"},
                                {"max_cm", e.max_cm(), "cm"},
+                               {"condition", e.condition_p50(), "1"},
                                {"cpu_us", e.cpu_us, "us"}}});
       }
       study.plots.push_back(
