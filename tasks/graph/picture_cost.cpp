@@ -1,5 +1,7 @@
 #include "tasks/graph/picture_cost.hpp"
 
+#include <cmath>
+
 namespace tasks {
 
 namespace {
@@ -10,10 +12,12 @@ constexpr std::int64_t kDepthEncode_us = 5500 - 600, kDepthDecode_us = 3200 - 40
 // A picture of H.264 at half size, less what JPEG takes.
 constexpr std::int64_t kH264Encode_us = 1500, kH264Decode_us = 500;
 constexpr double kFrames_per_us = 30e-6;
+constexpr double kPixels = 512 * 424;
 
 }  // namespace
 
-PictureCost picture_cost(const drivers::PictureConfig& pictures) noexcept {
+PictureCost picture_cost(const drivers::PictureConfig& pictures,
+                         const perception::Intrinsics& camera) noexcept {
   PictureCost cost;
   std::int64_t decode_us = 0;
   if (pictures.depth_codec != "lossless") {
@@ -24,7 +28,9 @@ PictureCost picture_cost(const drivers::PictureConfig& pictures) noexcept {
     cost.encode_us += kH264Encode_us;
     decode_us += kH264Decode_us;
   }
-  cost.decode_share = kFrames_per_us * static_cast<double>(decode_us);
+  const double size = static_cast<double>(camera.width) * camera.height / kPixels;
+  cost.encode_us = std::llround(size * static_cast<double>(cost.encode_us));
+  cost.decode_share = size * kFrames_per_us * static_cast<double>(decode_us);
   return cost;
 }
 

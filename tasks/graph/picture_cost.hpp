@@ -1,9 +1,11 @@
-// Declared CPU of picture codecs, on top of lossless depth and JPEG at 512 x 424.
+// Declared CPU of picture codecs, on top of lossless depth and JPEG. Stated at 512 x 424; other
+// cameras in proportion to their pixels.
 #pragma once
 
 #include <cstdint>
 
 #include "drivers/link/picture_config.hpp"
+#include "perception/geometry/rgbd_frame.hpp"
 
 namespace tasks {
 
@@ -13,6 +15,7 @@ struct PictureCost {
 };
 
 // Both 0 where the scene names no other codecs.
-[[nodiscard]] PictureCost picture_cost(const drivers::PictureConfig& pictures) noexcept;
+[[nodiscard]] PictureCost picture_cost(const drivers::PictureConfig& pictures,
+                                       const perception::Intrinsics& camera) noexcept;
 
 }  // namespace tasks

@@ -7,6 +7,7 @@
 #include "tasks/graph/calibration.hpp"
 #include "tasks/graph/frame_phase.hpp"
 #include "tasks/graph/picture_cost.hpp"
+#include "tools/scene/box_devices.hpp"
 #include "tools/scene/page_hook.hpp"
 
 namespace teletact {
@@ -70,10 +71,21 @@ std::int64_t ray_cast_us(const Scene& scene) {
   return (tasks::kRayCast_us + parts - 1) / parts;
 }
 
+namespace {
+
+tasks::PictureCost picture_cost_of(const Scene& scene) {
+  const auto& pictures = scene.graph.capture.pictures;
+  // A recording is opened for its size only where that counts.
+  return pictures.on_demand() ? tasks::picture_cost(pictures, camera_of(scene))
+                              : tasks::PictureCost{};
+}
+
+}  // namespace
+
 tasks::Calibration as_asked(const tasks::Calibration& given, const Scene& scene) {
   const auto& pictures = scene.graph.capture.pictures;
   return tasks::with_pictures(tasks::with_ray_cast(given, ray_cast_us(scene)), pictures.dialect(),
-                              tasks::picture_cost(pictures).encode_us);
+                              picture_cost_of(scene).encode_us);
 }
 
 tasks::ChoiceLimits choice_limits(const Scene& scene) {
@@ -85,7 +97,7 @@ tasks::ChoiceLimits choice_limits(const Scene& scene) {
   limits.needed_half_extent_m = tasks::FusionTask::needed_half_extent(
       scene.device.speed_limit_m_per_s, scene.graph.haptic.scale);
   limits.ray_cast_us = ray_cast_us(scene);
-  limits.encode_us = tasks::picture_cost(scene.graph.capture.pictures).encode_us;
+  limits.encode_us = picture_cost_of(scene).encode_us;
   return limits;
 }
 
@@ -114,7 +126,7 @@ HostPlan admit_some(const Scene& scene, const tasks::Calibration& given,
     }
   }
   // The link's share is declared for both boxes together; one of them decodes.
-  shares.link += 0.5 * tasks::picture_cost(scene.graph.capture.pictures).decode_share;
+  shares.link += 0.5 * picture_cost_of(scene).decode_share;
   plan.request = tasks::make_request(specs, cpus, shares, scene.graph.pool, calibration);
   for (std::size_t i = 0; i < plan.request.tasks.size(); ++i) {
     if (!box || plan.request.tasks[i].box == *box)

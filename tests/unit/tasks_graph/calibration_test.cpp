@@ -190,18 +190,23 @@ TEST(Calibration, TheRayCastIsInTheDeclaredBudgetsToo) {
 // A scene that names other picture codecs pays for them: capture what was not measured with one, the link its share.
 TEST(Calibration, PictureCodecsAreInTheBudgetsOfCaptureAlone) {
   drivers::PictureConfig pictures;
-  const auto none = tasks::picture_cost(pictures);
+  perception::Intrinsics camera{365, 365, 256, 212, 512, 424};
+  const auto none = tasks::picture_cost(pictures, camera);
   EXPECT_EQ(none.encode_us, 0);
   EXPECT_EQ(none.decode_share, 0);
   pictures.depth_codec = "quiet";
-  const auto depth = tasks::picture_cost(pictures);
+  const auto depth = tasks::picture_cost(pictures, camera);
   pictures.colour_codec = "h264";
-  const auto both = tasks::picture_cost(pictures);
+  const auto both = tasks::picture_cost(pictures, camera);
   EXPECT_GT(depth.encode_us, 0);
   EXPECT_GT(both.encode_us, depth.encode_us);
   EXPECT_GT(both.decode_share, depth.decode_share);
   EXPECT_LE(30e-6 * static_cast<double>(depth.encode_us) + depth.decode_share, 0.25)
       << "what a depth codec may add to two cores";
+  camera.width = 256;
+  const auto half = tasks::picture_cost(pictures, camera);
+  EXPECT_NEAR(static_cast<double>(half.encode_us), 0.5 * static_cast<double>(both.encode_us), 1);
+  EXPECT_NEAR(half.decode_share, 0.5 * both.decode_share, 1e-9);
   const Calibration c = whole();
   EXPECT_TRUE(tasks::with_pictures(c, "", 0).pictures.empty());
   const Calibration more = tasks::with_pictures(c, pictures.dialect(), both.encode_us);
