@@ -6,19 +6,36 @@
 #include "tools/cli/number_list.hpp"
 #include "tools/cli/options.hpp"
 #include "tools/files/metrics_json.hpp"
-#include "tools/measure/accuracy/codec_study.hpp"
+#include "tools/measure/accuracy/codec/codec_steps.hpp"
+#include "tools/measure/accuracy/codec/codec_study.hpp"
 #include "tools/measure/commands.hpp"
 
 namespace teletact {
 
+namespace {
+
+void sweep_steps(const CodecStepsOptions& o, const std::string& plots, const std::string& json) {
+  const Study study = study_codec_steps(std::cerr, o);
+  study.print(std::cout);
+  if (!plots.empty()) {
+    for (const std::string& file : study.write_plots(plots)) std::cout << file << "\n";
+  }
+  Metrics metrics("accuracy codec");
+  for (const BenchMetric& m : study.metrics()) metrics.add(m.name, m.value, m.unit);
+  if (!json.empty()) metrics.write(json);
+}
+
+}  // namespace
+
 int cmd_codec_study(int argc, char** argv) {
   CLI::App app{
       "Bytes, CPU, and what fusion makes of depth and colour behind the link's codecs: seeded "
-      "rooms, "
-      "at rest and\nmoving, and a recording. Ends with 1 when a limit is missed.",
+      "rooms, at rest and\nmoving, and a recording. Ends with 1 when a limit is missed.",
       "teletact accuracy codec"};
   CodecStudyOptions o;
-  std::string intrinsics, json;
+  CodecStepsOptions steps;
+  bool sweep = false;
+  std::string intrinsics, json, plots;
   o.rgbd = "../shared/data/rgbd/7scenes_redkitchen";
   app.add_option("--seeds", o.seeds, "rooms")->check(CLI::Range(0, 1000))->capture_default_str();
   app.add_option("--rest-frames", o.rest_frames, "of a camera at rest; 0: none")
@@ -46,9 +63,18 @@ int cmd_codec_study(int argc, char** argv) {
       "--intrinsics", intrinsics,
       "where it has no intrinsics.txt: fx,fy,cx,cy in px, and depth units a metre if the "
       "data set's are not right");
+  auto* sweeps = app.add_flag("--steps", sweep,
+                              "instead: error, Mbit/s and CPU of every quality step of every mode");
+  app.add_option("--steps-seed", steps.seed, "of that room")->needs(sweeps)->capture_default_str();
+  app.add_option("--plots", plots, "folder for the SVG plots of --steps")->needs(sweeps);
   app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
   check_outputs({{"--json", json}}, {});
+  if (sweep) {
+    if (!plots.empty()) make_output_folder("--plots", plots);
+    sweep_steps(steps, plots, json);
+    return 0;
+  }
   if (!intrinsics.empty()) o.pinhole = parse_pinhole(intrinsics);
   if (rgbd->count() == 0 && !std::filesystem::exists(o.rgbd)) {
     std::cerr << o.rgbd << " is not there: only the synthetic rooms\n";

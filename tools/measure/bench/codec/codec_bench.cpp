@@ -78,6 +78,8 @@ CodecBenchRow run_codec_case(rt::NonRealtime& nrt, const CodecBenchCase& c, cons
   CodecChoice choice;
   choice.mode = c.mode;
   choice.law = c.law;
+  choice.step = c.step;
+  choice.with_colour = !c.depth_only;
   choice.fps = c.fps;
   choice.colour.method = drivers::h264_built_in() ? "h264" : "jpeg";
   choice.colour.fps = c.fps;
@@ -85,7 +87,7 @@ CodecBenchRow run_codec_case(rt::NonRealtime& nrt, const CodecBenchCase& c, cons
   const auto& k = film.sensor.intrinsics;
   CodecChain chain(nrt, choice, k.width, k.height);
   std::unique_ptr<Ffv1Peer> ffv1;
-  if (Ffv1Peer::built_in()) ffv1 = std::make_unique<Ffv1Peer>(k.width, k.height);
+  if (Ffv1Peer::built_in() && !c.depth_only) ffv1 = std::make_unique<Ffv1Peer>(k.width, k.height);
   const auto pixels = pixels_of(k);
   auto in = std::make_unique<RgbdFrame>(), out = std::make_unique<RgbdFrame>();
   std::vector<double> encode, decode, colour_encode, colour_decode, peer_encode, peer_decode;

@@ -44,6 +44,8 @@ struct CodecBenchCase {
   int colour_kbit_s;        // of H.264
   double most_mbit_s;       // 0: no limit
   bool error_below_sensor;  // limit: err_over_sensor < 1
+  int step = -1;            // of depth; -1: the mode's own
+  bool depth_only = false;  // neither colour nor FFV1
 };
 [[nodiscard]] const std::vector<CodecBenchCase>& codec_cases();
 

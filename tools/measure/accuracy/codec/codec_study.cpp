@@ -1,4 +1,4 @@
-#include "tools/measure/accuracy/codec_study.hpp"
+#include "tools/measure/accuracy/codec/codec_study.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -20,7 +20,7 @@ using perception::Pose;
 
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kUnmeasured = std::numeric_limits<double>::quiet_NaN();
 constexpr double kRestRatio = 1.1, kAte_mm = 1, kRmse_mm = 0.3, kRecordingAte_mm = 2,
                  kForce_N = 0.05;
 
@@ -58,7 +58,7 @@ class Runner {
       row.claimed = static_cast<int>(std::lround(run.claimed * sequence.size()));
       row.mbit_s = coded.mbit_s, row.encode_ms = coded.encode_ms, row.decode_ms = coded.decode_ms;
       row.ate_mm = run.ate_mm;
-      row.rmse_mm = row.p95_mm = kNaN;
+      row.rmse_mm = row.p95_mm = kUnmeasured;
       if (world != nullptr) {
         const SurfaceError e = surface_error(run.mesh, world->solids, {});
         row.rmse_mm = e.rmse_mm, row.p95_mm = e.p95_mm;
@@ -84,14 +84,14 @@ class Runner {
  private:
   void press(FusionFeed& feed, const Pose& X_WM, const Truth* world,
              const tasks::FusionConfig& config, CodecStudyRow& row) const {
-    row.force_p95_N = kNaN;
+    row.force_p95_N = kUnmeasured;
     if (world == nullptr || o_.presses == 0) return;
     PressOptions options;
     options.places = o_.presses, options.seed = row.seed;
     options.voxel_m = config.tsdf.voxel_size_m;
     const auto errors = press_errors_N(feed, X_WM, world->solids, world->seen_W, options);
     row.pressed = static_cast<int>(errors.size());
-    row.force_p95_N = rt::quantile(errors, 0.95, kNaN);
+    row.force_p95_N = rt::quantile(errors, 0.95, kUnmeasured);
   }
   rt::Startup startup_;
   const CodecStudyOptions& o_;
@@ -126,7 +126,8 @@ CodedSequence through_codec(rt::NonRealtime& nrt, const FusionSequence& sequence
   out.sequence.name = sequence.name;
   out.sequence.truth_WC = sequence.truth_WC;
   out.mbit_s = 8e-6 * bytes / std::max(1, sequence.size() - 1) * choice.fps;
-  out.encode_ms = rt::quantile(encode, 0.5, kNaN), out.decode_ms = rt::quantile(decode, 0.5, kNaN);
+  out.encode_ms = rt::quantile(encode, 0.5, kUnmeasured),
+  out.decode_ms = rt::quantile(decode, 0.5, kUnmeasured);
   return out;
 }
 
@@ -138,7 +139,7 @@ double CodecStudy::mean(const std::string& data, const std::string& mode,
     if (r.data != data || r.mode != mode) continue;
     sum += r.*figure, ++n;
   }
-  return n > 0 ? sum / n : kNaN;
+  return n > 0 ? sum / n : kUnmeasured;
 }
 
 Limits CodecStudy::limits() const {
