@@ -52,6 +52,82 @@ TEST(EtherCatFrame, MoreBitAndPosition) {
   EXPECT_EQ(b[14], 30);
 }
 
+// What a cycle of a base sends for one wheel, byte by byte from the tables of ETG.1000.4 (5.3
+// EtherCAT head, 5.4 PDUs): LRW of its 25 bytes, BRD of AL status, FPRD of one slave's.
+const Bytes kCycleOut{
+    0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x10, 0x10, 0x10, 0x10, 0x10, 0x10,
+    0x88, 0xA4, 0x45, 0x10,                                      // 37 + 14 + 18 bytes, type 1
+    0x0C, 0x2B, 0x00, 0x00, 0x01, 0x00, 0x19, 0x80, 0x00, 0x00,  // LRW, 0x00010000, 25, more
+    0x58, 0x02, 0x00, 0x00, 0x02,                                // outputs: 600 rpm, velocity mode
+    0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00,  // inputs, 20
+    0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00,  // working counter
+    0x07, 0x2B, 0x00, 0x00, 0x30, 0x01, 0x02, 0x80, 0x00, 0x00,              // BRD 0x0130, 2, more
+    0x00, 0x00, 0x00, 0x00,                                                  //
+    0x04, 0x2B, 0x02, 0x10, 0x30, 0x01, 0x06, 0x00, 0x00, 0x00,  // FPRD 0x1002, 0x0130, 6, last
+    0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00};
+
+TEST(EtherCatFrame, BytesOfACycle) {
+  FrameWriter w;
+  const std::array<std::uint8_t, 5> outputs{0x58, 0x02, 0x00, 0x00, 0x02};
+  ASSERT_TRUE(w.add(Command::kLrw, 0x2B, 0x00010000, 25, outputs));
+  ASSERT_TRUE(w.add(Command::kBrd, 0x2B, broadcast_address(0x0130), 2));
+  ASSERT_TRUE(w.add(Command::kFprd, 0x2B, station_address(0x1002, 0x0130), 6));
+  EXPECT_EQ(copy(w.finish()), kCycleOut);
+}
+
+// The same frame as five slaves give it back: the first has marked the source, LRW counts 3 (wrote 2,
+// read 1), BRD 5 and as many positions, FPRD 1.
+TEST(EtherCatFrame, BytesOfACyclesReply) {
+  Bytes b = kCycleOut;
+  const auto put = [&](std::size_t at, const Bytes& bytes) {
+    std::copy(bytes.begin(), bytes.end(), b.begin() + static_cast<std::ptrdiff_t>(at));
+  };
+  put(6, {0x12});
+  put(24, {0x04, 0x00});                                      // LRW: irq, an AL event
+  put(31, {0xFE, 0xFF, 0xFF, 0xFF, 0x2C, 0x01, 0x00, 0x00});  // position -2, 300 mA
+  put(39, {0x58, 0x02, 0x00, 0x00, 0x00, 0x82, 0x00, 0x00});  // 600 rpm, flags 9 and 15
+  put(51, {0x03, 0x00});                                      // LRW counter
+  put(55, {0x05, 0x00});                                      // BRD: slaves passed
+  put(63, {0x08, 0x00, 0x05, 0x00});                          // OP, counter
+  put(77, {0x08, 0x00, 0x00, 0x00, 0x00, 0x00, 0x01, 0x00});  // OP, code 0, counter
+  FrameView v;
+  parse_frame(b, v);
+  ASSERT_TRUE(v.good()) << to_text(v.fault);
+  ASSERT_EQ(v.count, 3U);
+  EXPECT_EQ(v.source[0], 0x12);
+  EXPECT_EQ(v.bytes, 85U);
+  const DatagramView &lrw = v.datagram[0], &brd = v.datagram[1], &fprd = v.datagram[2];
+  EXPECT_EQ(lrw.command, Command::kLrw);
+  EXPECT_EQ(lrw.address, 0x00010000U);
+  EXPECT_EQ(lrw.data.size(), 25U);
+  EXPECT_EQ(lrw.irq, 0x0004);
+  EXPECT_EQ(lrw.counter, 3);
+  EXPECT_EQ(copy(lrw.data.subspan(5, 8)), (Bytes{0xFE, 0xFF, 0xFF, 0xFF, 0x2C, 0x01, 0x00, 0x00}));
+  EXPECT_TRUE(lrw.more && brd.more && !fprd.more);
+  EXPECT_EQ(brd.command, Command::kBrd);
+  EXPECT_EQ(brd.address, 0x01300005U);
+  EXPECT_EQ(copy(brd.data), (Bytes{0x08, 0x00}));
+  EXPECT_EQ(brd.counter, 5);
+  EXPECT_EQ(fprd.command, Command::kFprd);
+  EXPECT_EQ(fprd.address, 0x01301002U);
+  EXPECT_EQ(fprd.data.size(), 6U);
+  EXPECT_EQ(fprd.counter, 1);
+}
+
+// Bits of the length word: 11 bits of length, 14 circulating, 15 more; bits 11 to 13 say nothing.
+TEST(EtherCatFrame, LengthWord) {
+  Bytes b = kCycleOut;
+  b[23] = 0x80 | 0x40;  // of LRW
+  b[60] = 0x80 | 0x38;  // of BRD: reserved bits set
+  FrameView v;
+  parse_frame(b, v);
+  ASSERT_TRUE(v.good()) << to_text(v.fault);
+  EXPECT_TRUE(v.datagram[0].circulating);
+  EXPECT_EQ(v.datagram[0].data.size(), 25U);
+  EXPECT_FALSE(v.datagram[1].circulating);
+  EXPECT_EQ(v.datagram[1].data.size(), 2U);
+}
+
 TEST(EtherCatFrame, EveryLengthAndCommandSurvives) {
   FrameView v;
   for (std::size_t n = 0; n <= kMaxData; ++n) {

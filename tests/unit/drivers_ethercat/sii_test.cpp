@@ -80,6 +80,92 @@ TEST(Sii, WordsByHand) {
   EXPECT_EQ(s.rx_pdos[0].bits, 40U);
 }
 
+// The first 64 words of a drive's EEPROM as another master's tool dumped it (SOEM issue 47, vendor
+// 0x26C). The tool prints the checksum of the device and its own: both 0x0040.
+Bytes words_of_a_device() {
+  Bytes b{0x05, 0x06, 0x0B, 0x0E, 0x64, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00,
+          0x00, 0x00, 0x00, 0x40, 0x00, 0x6C, 0x02, 0x00, 0x00, 0x02, 0x00,
+          0x00, 0x00, 0x01, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00};
+  b.resize(0x28, 0);
+  const Bytes mailboxes{0x00, 0x10, 0x80, 0x00, 0x80, 0x10, 0x80, 0x00,  // bootstrap
+                        0x00, 0x10, 0x80, 0x00, 0x80, 0x10, 0x80, 0x00,  // standard
+                        0x0C, 0x00};                                     // CoE and FoE
+  b.insert(b.end(), mailboxes.begin(), mailboxes.end());
+  b.resize(0x7C, 0);
+  const Bytes size{0x7F, 0x00, 0x01, 0x00};  // 128 KiBit, version 1
+  b.insert(b.end(), size.begin(), size.end());
+  return b;
+}
+
+TEST(Sii, ChecksumsOfDevices) {
+  const Bytes drive = words_of_a_device();
+  EXPECT_EQ(sii_checksum(std::span(drive).first<14>()), 0x40);
+  // EL1008 (product 0x03F03052) by the same tool: word 0 0x0104, word 1 and alias 0, checksum 0x39;
+  // words 2, 3, 5 and 6, which the tool does not print, are taken as 0.
+  const std::array<std::uint8_t, 14> terminal{0x04, 0x01};
+  EXPECT_EQ(sii_checksum(terminal), 0x39);
+}
+
+TEST(Sii, WordsOfADevice) {
+  Bytes b = words_of_a_device();
+  ASSERT_EQ(b.size(), 0x80U);
+  b.insert(b.end(), {0xFF, 0xFF});
+  const auto r = parse_sii(b);
+  ASSERT_TRUE(r) << r.error();
+  const SiiContent& s = r.value();
+  EXPECT_TRUE(s.checksum_good);
+  EXPECT_EQ(s.alias, 0);
+  EXPECT_EQ(s.vendor, 0x26CU);
+  EXPECT_EQ(s.product, 2U);
+  EXPECT_EQ(s.revision, 1U);
+  EXPECT_EQ(s.serial, 0U);
+  EXPECT_EQ(s.mailbox_out_start, 0x1000);
+  EXPECT_EQ(s.mailbox_out_length, 128);
+  EXPECT_EQ(s.mailbox_in_start, 0x1080);
+  EXPECT_EQ(s.mailbox_in_length, 128);
+  EXPECT_EQ(s.protocols, 0x0C);
+  b[0x0E] = 0x41;
+  EXPECT_FALSE(parse_sii(b).value().checksum_good);
+}
+
+// Categories by ETG.2010, tables of strings, general, FMMU and sync managers: head {type, size in
+// words}, data padded to a word; the name is the first string.
+TEST(Sii, CategoryHeads) {
+  Bytes b = words_of_a_device();
+  const Bytes categories{
+      0x0A, 0x00, 0x07, 0x00, 0x02, 0x09, 'T',  'M',  'C',  'M',  '-',  '1',   // strings, 7 words
+      '6',  '3',  '2',  0x02, 'k',  'W',                                       //
+      0x1E, 0x00, 0x10, 0x00, 0x00, 0x00, 0x02, 0x01, 0x00, 0x00, 0x00, 0x00,  // general, 16 words
+      0x00, 0x00, 0x00, 0x02, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00,  // flags: no LRW
+      0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00,  //
+      0x28, 0x00, 0x02, 0x00, 0x01, 0x02, 0x03, 0xFF,                          // FMMU, 2 words
+      0x29, 0x00, 0x10, 0x00,                                                  // 4 sync managers
+      0x00, 0x10, 0x80, 0x00, 0x26, 0x00, 0x01, 0x01,                          // mailbox out
+      0x80, 0x10, 0x80, 0x00, 0x22, 0x00, 0x01, 0x02,                          // mailbox in
+      0x00, 0x11, 0x05, 0x00, 0x64, 0x00, 0x01, 0x03,                          // outputs
+      0x00, 0x14, 0x14, 0x00, 0x20, 0x00, 0x01, 0x04,                          // inputs
+      0xFF, 0xFF};
+  b.insert(b.end(), categories.begin(), categories.end());
+  const auto r = parse_sii(b);
+  ASSERT_TRUE(r) << r.error();
+  const SiiContent& s = r.value();
+  EXPECT_EQ(s.strings, (std::vector<std::string>{"TMCM-1632", "kW"}));
+  EXPECT_EQ(s.name, "TMCM-1632");
+  EXPECT_EQ(s.general_flags, 0x02);
+  EXPECT_TRUE(s.forbids_lrw());
+  EXPECT_EQ(s.fmmus, (Bytes{1, 2, 3, 0xFF}));
+  ASSERT_EQ(s.sync_managers.size(), 4U);
+  const std::array<std::array<int, 4>, 4> want{{{0x1000, 128, 0x26, 1},
+                                                {0x1080, 128, 0x22, 2},
+                                                {0x1100, 5, 0x64, 3},
+                                                {0x1400, 20, 0x20, 4}}};
+  for (std::size_t i = 0; i < want.size(); ++i) {
+    const SiiSyncManager& m = s.sync_managers[i];
+    EXPECT_EQ((std::array<int, 4>{m.start, m.length, m.control, m.type}), want[i]) << i;
+    EXPECT_EQ(m.enable, 1) << i;
+  }
+}
+
 TEST(Sii, WhatTheBuilderWrites) {
   SiiBuilder sii;
   sii.identity(1, 2, 3, 4).alias(0x1234).mailbox(0x1000, 32, 0x1020, 48, 0);
