@@ -104,5 +104,49 @@ TEST(RobotIoArmFault, BesideAFaultOfAWheel) {
   EXPECT_EQ(b.out.bus.wheel, 0);
 }
 
+// ---- the second arm of two: slave 12 is its board, 13 to 17 are its joints
+
+const std::vector<Fault>& second_arm_stops() {
+  static const std::vector<Fault> all{
+      {"arm 2 joint 3: left OP",
+       [](Base& b) { b.wire->chain().wire().slave(14).fall(0x0050, b.twin_now()); }, [](Base&) {},
+       fault::kSlaveState, 18, 15},
+      {"arm 2 joint 3: I2t trip",
+       [](Base& b) { b.wire->chain().drive(14)->trip_i2t(b.twin_now()); }, [](Base&) {},
+       fault::kJointUnable, 1, 15},
+      {"cable cut between the arms", [](Base& b) { b.wire->chain().wire().cut_behind(11); },
+       [](Base& b) { b.wire->chain().wire().cut_behind(17); }, fault::kSlavesMissing, 2, 12},
+  };
+  return all;
+}
+
+TEST(RobotIoArmFault, OfTheSecondArmEachIsNamedStopsAndIsRecoveredFromByAnAct) {
+  for (const Fault& f : second_arm_stops()) {
+    Base b(Wire::kChainAndTwoArms);
+    named_stopped_recovered(b, f);
+    if (HasFatalFailure()) return;
+    EXPECT_EQ(b.health.severity, Severity::kOk) << f.name;
+    for (const std::size_t first : {6U, 12U})
+      for (std::size_t i = first; i < first + 5; ++i)
+        EXPECT_EQ(b.wire->chain().drive(i)->command().mode, ControllerMode::kPosition) << i;
+  }
+}
+
+// A trip of the second arm's joint lets go of nothing else: both arms hold, the base stands.
+TEST(RobotIoArmFault, BesideATrippedJointOfTheSecondArmTheFirstHolds) {
+  Base b(Wire::kChainAndTwoArms);
+  b.drive({6, 0, 0}, 1000);
+  b.wire->chain().drive(14)->trip_i2t(b.twin_now());
+  b.drive({6, 0, 0}, 500);
+  EXPECT_EQ(b.health, rt::Health::of(Severity::kSafeStop, fault::kJointUnable));
+  EXPECT_EQ(b.out.bus.detail.trouble, BusTrouble::kJointI2t);
+  EXPECT_EQ(b.out.bus.detail.slave, 15);
+  for (const std::size_t first : {6U, 12U})
+    for (std::size_t i = first; i < first + 5; ++i)
+      EXPECT_EQ(b.wire->chain().drive(i)->command().mode,
+                i == 14 ? ControllerMode::kStop : ControllerMode::kPosition)
+          << i;
+}
+
 }  // namespace
 }  // namespace tests

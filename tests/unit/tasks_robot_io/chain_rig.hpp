@@ -20,7 +20,7 @@ using perception::Pose2;
 using tasks::Mode;
 namespace fault = tasks::robot_io_fault;
 
-enum class Wire { kNone, kChain, kChainAndArm, kCan };
+enum class Wire { kNone, kChain, kChainAndArm, kChainAndTwoArms, kCan };
 
 struct Base {
   rt::Startup startup;
@@ -48,13 +48,17 @@ struct Base {
       : robot(startup.token(), {},
               drivers::RobotPlant(startup.token(), plant, {}, {}, std::move(collides))) {
     mode.mode = Mode::kEngaged;
-    if (way == Wire::kChain || way == Wire::kChainAndArm) {
+    if (way == Wire::kChain || way == Wire::kChainAndArm || way == Wire::kChainAndTwoArms) {
       namespace yb = drivers::youbot_bus;
       yb::YoubotChainConfig chain = yb::EtherCatTwinBus::base_alone();
       yb::MotorBusConfig motors;
       if (way == Wire::kChainAndArm) {
         chain.kind = yb::ChainKind::kBaseArm;
         motors.joints = {6, 7, 8, 9, 10};
+      }
+      if (way == Wire::kChainAndTwoArms) {
+        chain.kind = yb::ChainKind::kBaseTwoArms;
+        motors.joints = {6, 7, 8, 9, 10, 12, 13, 14, 15, 16};
       }
       wire = std::make_unique<yb::EtherCatTwinBus>(startup.token(), robot, chain, motors);
       bus = wire.get();
