@@ -18,12 +18,27 @@ std::string line_of(rt::FaultId id, const std::string& who) {
 constexpr const char* kWheel =
     "wheel {} (1 front left, 2 front right, 3 back left, 4 back right; on a youBot slaves 2 to "
     "5): ";
+// Of the chain alone, as the motor bus has no names (drivers/youbot_bus/chain_layout.hpp).
+constexpr const char* kSlave =
+    "slave {} (on a youBot 2 to 5 are the wheels, 6 is the first arm's board, 7 to 11 are its "
+    "joints, 12 is the second arm's board, 13 to 17 are its joints)";
 constexpr const char* kModule =
     "module {} of the CAN bus (1 front left, 2 front right, 3 back left, 4 back right): ";
 
 rt::FaultId fault_of_bit(unsigned bit) noexcept {
   if (bit == 16) return robot_io_fault::kMotorTimeout;
   return bit == 17 ? robot_io_fault::kI2tExceeded : robot_io_fault::kMotorFault;
+}
+
+// Of a youBot's joint, from its slave: the boards of the arms are slaves 6 and 12, each with its
+// five joints behind it.
+struct JointPlace {
+  unsigned arm, joint;
+};
+JointPlace place_of(unsigned slave) noexcept {
+  constexpr unsigned kFirstBoard = 6, kBoardsOfAnArm = 6;
+  const unsigned behind = slave < kFirstBoard ? 0 : slave - kFirstBoard;
+  return {1 + behind / kBoardsOfAnArm, behind % kBoardsOfAnArm};
 }
 
 // Of a joint: which of BusLog's lines.
@@ -42,12 +57,14 @@ BusLog::BusLog(rt::NonRealtime& nrt, rt::LogSites& sites) {
   slave_state_ = sites.add<unsigned, unsigned, unsigned>(
       nrt, level,
       line_of(f::kSlaveState,
-              "slave {} left OP: AL status {:#04x} (1 INIT, 2 PREOP, 4 SAFEOP, 8 OP, +16 error), "
-              "code {:#06x}"));
+              kSlave + std::string(" left OP: AL status {:#04x} (1 INIT, 2 PREOP, 4 SAFEOP, 8 OP, "
+                                   "+16 error), code {:#06x}")));
   slaves_missing_ = sites.add<unsigned>(
-      nrt, level, line_of(f::kSlavesMissing, "from slave {} on nobody answers"));
+      nrt, level,
+      line_of(f::kSlavesMissing, "nobody answers from here on: " + std::string(kSlave)));
   not_commutated_ = sites.add<unsigned>(
-      nrt, level, line_of(f::kNotCommutated, "slave {} does not know its commutation"));
+      nrt, level,
+      line_of(f::kNotCommutated, kSlave + std::string(" does not know its commutation")));
   encoder_stands_ = sites.add<unsigned>(
       nrt, level,
       line_of(f::kEncoderStands, kWheel + std::string("told to turn, and its encoder stands")));
@@ -66,9 +83,8 @@ BusLog::BusLog(rt::NonRealtime& nrt, rt::LogSites& sites) {
   constexpr std::array kWhy{"does not know its commutation", "got no frame in time (timeout)",
                             "was overloaded for too long (I2t)", "reports a fault of its own"};
   for (std::size_t i = 0; i < joint_.size(); ++i)
-    joint_[i] = sites.add<unsigned>(
-        nrt, level,
-        line_of(f::kJointUnable, std::string("slave {}, a joint of the arm, ") + kWhy[i]));
+    joint_[i] = sites.add<unsigned, unsigned, unsigned>(
+        nrt, level, line_of(f::kJointUnable, std::string("slave {}, arm {} joint {}, ") + kWhy[i]));
   down_ = sites.add<>(nrt, level, line_of(f::kBusDown, "the motor bus is down"));
   std::size_t n = 0;
   for (const auto& flag : drivers::tmcl::motor_flags()) {
@@ -110,9 +126,11 @@ void BusLog::say(rt::RtLog& log, rt::Time now, const BusReport& r) const noexcep
     case robot_io_fault::kModuleSilent:
       log.write(module_silent_, now, slave);
       break;
-    case robot_io_fault::kJointUnable:
-      log.write(joint_[cause_of(r.detail.trouble)], now, slave);
+    case robot_io_fault::kJointUnable: {
+      const JointPlace at = place_of(slave);
+      log.write(joint_[cause_of(r.detail.trouble)], now, slave, at.arm, at.joint);
       break;
+    }
     case robot_io_fault::kModuleRefuses:
       log.write(module_refuses_, now, slave);
       break;

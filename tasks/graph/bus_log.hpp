@@ -22,8 +22,8 @@ class BusLog {
   std::array<Flag, 10> flags_{};
   rt::LogSite<unsigned, unsigned, unsigned> slave_state_;
   rt::LogSite<unsigned> slaves_missing_, not_commutated_, encoder_stands_;
-  rt::LogSite<unsigned> module_silent_, module_refuses_;  // of a CAN bus
-  std::array<rt::LogSite<unsigned>, 4> joint_;            // by cause
+  rt::LogSite<unsigned> module_silent_, module_refuses_;            // of a CAN bus
+  std::array<rt::LogSite<unsigned, unsigned, unsigned>, 4> joint_;  // by cause: slave, arm, joint
   rt::LogSite<> bus_off_, queue_full_, interface_down_;
   rt::LogSite<> working_counter_, link_down_, down_;
 };
