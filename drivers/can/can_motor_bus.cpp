@@ -1,13 +1,16 @@
 #include "drivers/can/can_motor_bus.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
 #include <utility>
 
+#include "drivers/tmcl/motor_faults.hpp"
 #include "drivers/tmcl/tmcl_status.hpp"
 #include "drivers/tmcl/youbot_parameters.hpp"
+#include "drivers/youbot/motor_flags.hpp"
 
 namespace drivers::can {
 
@@ -19,6 +22,7 @@ constexpr double kMostRpm = 200'000;  // of parameter 2
 constexpr unsigned kRareEvery = 16;
 // A reply that comes at all comes within so many times the limit.
 constexpr int kQuietTimes = 4;
+constexpr std::uint32_t kLatched = motor_flag::kTimeout | motor_flag::kI2tExceeded;
 
 std::uint8_t code(tmcl::Command c) noexcept { return static_cast<std::uint8_t>(c); }
 
@@ -73,13 +77,16 @@ BusStatus CanMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
   const bool late = drop_late(now);
   look_at_bus();
   const bool known = all_known();
-  if (!down_ && known) why_ = {};
+  const bool looked =
+      std::all_of(modules_.begin(), modules_.end(), [](const Module& m) { return m.looked; });
+  if (!down_ && known && looked) why_ = {};
   detail_ = why_;
   if (down_ || why_.trouble != BusTrouble::kNone) return BusStatus::kDown;
   if (late || !known) {
     detail_.trouble = BusTrouble::kFrameLost;
     return BusStatus::kFrameLost;
   }
+  if (rearming()) detail_.trouble = BusTrouble::kRearming;
   write_states(now, states);
   return BusStatus::kOk;
 }
@@ -98,11 +105,17 @@ BusStatus CanMotorBus::act(rt::Time now, const MotorSetpoints& setpoints) noexce
 
 // Pressed for long, a clear comes every job: what is being read anew is not begun again.
 void CanMotorBus::rearm() noexcept {
-  if (!down_ && !safe_.load(std::memory_order_acquire)) return;
+  const bool anew = down_ || safe_.load(std::memory_order_acquire);
+  for (Module& m : modules_) {
+    const bool latched = m.latches == Latches::kNone && (m.flags & kLatched) != 0;
+    if (anew || latched) m.latches = Latches::kLook;
+  }
+  if (!anew) return;
   down_ = false;
   full_ = 0;
   for (Module& m : modules_) {
-    m.placed = m.paced = m.waiting = m.refuses = false;
+    // Flags are seldom read: those that are known may be of before a silence.
+    m.placed = m.paced = m.looked = m.waiting = m.refuses = false;
     m.silent = 0;
   }
   safe_.store(false, std::memory_order_release);
@@ -116,6 +129,11 @@ void CanMotorBus::make_safe() noexcept {
 bool CanMotorBus::all_known() const noexcept {
   return std::all_of(modules_.begin(), modules_.end(),
                      [](const Module& m) { return m.placed && m.paced; });
+}
+
+bool CanMotorBus::rearming() const noexcept {
+  return std::any_of(modules_.begin(), modules_.end(),
+                     [](const Module& m) { return m.latches != Latches::kNone; });
 }
 
 void CanMotorBus::look_at_bus() noexcept {
@@ -170,16 +188,31 @@ void CanMotorBus::take_reply(const Received& r) noexcept {
   ++counters_.replies;
   // Another value with a good status is the late reply to an older setpoint, and no refusal.
   if (m->kind == Ask::kSetpoint) m->refuses = reply.status != tmcl::status::kOk;
-  if (!tmcl::answers(reply, m->asked)) {
+  if (tmcl::answers(reply, m->asked))
+    keep(*m, reply, r.at);
+  else
     ++counters_.refused;
-    return;
+  // A module that knows no flags, or no such clear, is not asked for ever: its flags tell.
+  if (m->kind == Ask::kFlags || m->kind == Ask::kClear) go_on(*m);
+}
+
+void CanMotorBus::go_on(Module& m) noexcept {
+  if (m.kind == Ask::kClear) {
+    m.to_clear &= m.to_clear - 1;
+    if (m.to_clear == 0) m.latches = Latches::kLookAgain;
+  } else if (m.latches == Latches::kLook && (m.flags & kLatched) != 0) {
+    m.to_clear = m.flags & kLatched;
+    m.latches = Latches::kClear;
+  } else if (m.latches != Latches::kClear) {
+    m.latches = Latches::kNone;
+    m.looked = true;
   }
-  keep(*m, reply, r.at);
 }
 
 void CanMotorBus::keep(Module& m, const tmcl::Reply& reply, rt::Time at) noexcept {
   switch (m.kind) {
     case Ask::kSetpoint:
+    case Ask::kClear:
       break;
     case Ask::kPosition: {
       const auto step = static_cast<std::int32_t>(static_cast<std::uint32_t>(reply.value) -
@@ -220,17 +253,26 @@ bool CanMotorBus::drop_late(rt::Time now) noexcept {
 
 // ---- requests
 
-tmcl::Request CanMotorBus::next_request(Module& m, double rpm, bool drive) const noexcept {
+CanMotorBus::Ask CanMotorBus::next_kind(const Module& m, unsigned turn) noexcept {
+  if (turn % 2 == 0) {
+    // In place of every other motor stop: positions and speeds stay as fresh as ever.
+    if (turn % 4 == 0 || m.latches == Latches::kNone || m.driven) return Ask::kSetpoint;
+    return m.latches == Latches::kClear ? Ask::kClear : Ask::kFlags;
+  }
+  if (!m.placed) return Ask::kPosition;
+  if (!m.paced) return Ask::kSpeed;
+  if (turn % 4 == 1) return Ask::kPosition;
+  const unsigned round = turn / 4 % kRareEvery;
+  if (round == 0) return Ask::kFlags;
+  return round == kRareEvery / 2 ? Ask::kCurrent : Ask::kSpeed;
+}
+
+tmcl::Request CanMotorBus::next_request(Module& m, double rpm, bool drive,
+                                        bool setpoint) const noexcept {
   tmcl::Request q;
   q.command = code(tmcl::Command::kGetAxisParameter);
-  const unsigned turn = m.turn++;
-  m.kind = turn % 2 == 0 ? Ask::kSetpoint : turn % 4 == 1 ? Ask::kPosition : Ask::kSpeed;
-  if (!m.placed && m.kind == Ask::kSpeed) m.kind = Ask::kPosition;
-  if (m.placed && !m.paced && m.kind == Ask::kPosition) m.kind = Ask::kSpeed;
-  if (m.paced && m.kind == Ask::kSpeed) {
-    if (turn / 4 % kRareEvery == 0) m.kind = Ask::kFlags;
-    if (turn / 4 % kRareEvery == kRareEvery / 2) m.kind = Ask::kCurrent;
-  }
+  m.kind = setpoint ? Ask::kSetpoint : next_kind(m, m.turn);
+  ++m.turn;
   switch (m.kind) {
     case Ask::kSetpoint:
       if (drive) {
@@ -253,6 +295,13 @@ tmcl::Request CanMotorBus::next_request(Module& m, double rpm, bool drive) const
     case Ask::kCurrent:
       q.type = tmcl::axis::kActualCurrent;
       break;
+    case Ask::kClear: {
+      const auto bit = static_cast<std::size_t>(std::countr_zero(m.to_clear));
+      q.command = code(tmcl::Command::kSetAxisParameter);
+      q.type = tmcl::motor_flags()[bit].clear_parameter;
+      q.value = q.type == tmcl::axis::kClearTimeout ? 1 : 0;
+      break;
+    }
   }
   return q;
 }
@@ -260,7 +309,7 @@ tmcl::Request CanMotorBus::next_request(Module& m, double rpm, bool drive) const
 // What drives goes out by turns; motor stop is at the head of the queue in the job that asks for
 // it, also to a module that still owes a reply: that one is then not waited for.
 void CanMotorBus::ask_all(rt::Time now, const MotorSetpoints& setpoints) noexcept {
-  bool drive = setpoints.mode == MotorMode::kVelocity && all_known() && !down_ &&
+  bool drive = setpoints.mode == MotorMode::kVelocity && all_known() && !rearming() && !down_ &&
                !safe_.load(std::memory_order_acquire);
   std::array<double, kWheels> rpm{};
   for (std::size_t i = 0; i < kWheels; ++i) {
@@ -277,8 +326,9 @@ void CanMotorBus::ask_all(rt::Time now, const MotorSetpoints& setpoints) noexcep
     const bool stop_now = !drive && m.driven;
     if ((m.waiting || room == 0) && !stop_now) continue;
     room -= room > 0 ? 1 : 0;
-    if (stop_now || now < m.ask_from) m.turn += m.turn % 2;  // its turn to be told
-    m.asked = next_request(m, rpm[i], drive);
+    const bool setpoint = stop_now || now < m.ask_from;
+    if (setpoint) m.turn += m.turn % 2;  // its turn to be told
+    m.asked = next_request(m, rpm[i], drive, setpoint);
     (void)fill(frames[n], m.id, tmcl::to_can(m.asked));
     whose[n++] = i;
     m.asked_at = now;

@@ -14,7 +14,12 @@
 //                told no position for `silent_jobs`, or refuses what it is told to do (it would
 //                turn on at its last speed).
 //                Latched: until rearm(), and then until every position and speed has been read
-//                anew, only motor stop is sent, and detail() says why, by what came first
+//                anew and the latches have been looked after, only motor stop is sent, and detail()
+//                says why, by what came first
+//   rearm        The operator's act. A module whose flags (parameter 156) have a latch, and after a
+//                bus that was down every module: its flags are read, what is latched is cleared (a
+//                timeout by parameter 158, I2t by 29; a winding that is still hot keeps it), and
+//                they are read again. Until then the wheels take no setpoint (kRearming).
 //   make_safe    motor stop to every module at once from the calling thread, and from then on
 // Nothing allocates after construction.
 #pragma once
@@ -72,7 +77,9 @@ class CanMotorBus final : public MotorBus {
   [[nodiscard]] static std::vector<std::uint32_t> receive_ids(const CanMotorConfig&);
 
  private:
-  enum class Ask : std::uint8_t { kSetpoint, kPosition, kSpeed, kFlags, kCurrent };
+  enum class Ask : std::uint8_t { kSetpoint, kPosition, kSpeed, kFlags, kCurrent, kClear };
+  // What rearm() has begun with a module, in its order.
+  enum class Latches : std::uint8_t { kNone, kLook, kClear, kLookAgain };
   struct Module {
     std::uint32_t id = 0;
     std::uint8_t address = 0;
@@ -93,14 +100,22 @@ class CanMotorBus final : public MotorBus {
     rt::Time placed_at{};
     double rad_per_s = 0, current_A = 0;
     std::uint32_t flags = 0;
+    Latches latches = Latches::kNone;
+    bool looked = true;          // since a bus that was down was rearmed
+    std::uint32_t to_clear = 0;  // bits of flags
   };
   void take_replies(rt::Time now) noexcept;
   void take_reply(const Received&) noexcept;
   void keep(Module&, const tmcl::Reply&, rt::Time at) noexcept;
   void ask_all(rt::Time now, const MotorSetpoints&) noexcept;
-  [[nodiscard]] tmcl::Request next_request(Module&, double rpm, bool drive) const noexcept;
+  [[nodiscard]] static Ask next_kind(const Module&, unsigned turn) noexcept;
+  [[nodiscard]] tmcl::Request next_request(Module&, double rpm, bool drive,
+                                           bool setpoint) const noexcept;
+  // An answer to a look at the flags, or to a clear, has come: whatever it was.
+  static void go_on(Module&) noexcept;
   [[nodiscard]] bool drop_late(rt::Time now) noexcept;
   [[nodiscard]] bool all_known() const noexcept;
+  [[nodiscard]] bool rearming() const noexcept;
   [[nodiscard]] BusDetail trouble() noexcept;
   void look_at_bus() noexcept;
   void write_states(rt::Time now, MotorStates&) noexcept;

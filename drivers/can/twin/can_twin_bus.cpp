@@ -40,7 +40,7 @@ void CanTwinBus::turn_motors(rt::Time now) noexcept {
   bool any = false;
   for (std::size_t i = 0; i < kWheels; ++i) {
     TmclModule& m = port_.modules()[i];
-    m.turning = m.turning && !m.silent;
+    m.turning = m.turning && !m.silent && !m.timed_out && !m.tripped;
     any = any || m.turning;
     s.wheel_rad_per_s[i] = m.turning ? m.target_rpm * rad_per_s_per_rpm : 0;
   }

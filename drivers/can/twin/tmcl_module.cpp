@@ -2,6 +2,7 @@
 
 #include "drivers/tmcl/tmcl_status.hpp"
 #include "drivers/tmcl/youbot_parameters.hpp"
+#include "drivers/youbot/motor_flags.hpp"
 
 namespace drivers::can {
 
@@ -20,10 +21,30 @@ bool TmclModule::axis_parameter(std::uint8_t number, std::int32_t& value) const 
       value = current_mA;
       return true;
     case tmcl::axis::kFlags:
-      value = static_cast<std::int32_t>(flags);
+      value = static_cast<std::int32_t>(flags | (timed_out ? motor_flag::kTimeout : 0U) |
+                                        (tripped ? motor_flag::kI2tExceeded : 0U));
       return true;
     default:
       return false;
+  }
+}
+
+std::uint8_t TmclModule::set_axis(std::uint8_t number, std::int32_t value) noexcept {
+  switch (number) {
+    case tmcl::axis::kTargetSpeed:
+      turning = !timed_out && !tripped;
+      target_rpm = turning ? value : 0;
+      return tmcl::status::kOk;
+    case tmcl::axis::kClearTimeout:
+      if (!knows_clears) return tmcl::status::kWrongType;
+      timed_out = false;
+      return tmcl::status::kOk;
+    case tmcl::axis::kClearI2t:
+      if (!knows_clears) return tmcl::status::kWrongType;
+      tripped = tripped && hot;
+      return tmcl::status::kOk;
+    default:
+      return tmcl::status::kWrongType;
   }
 }
 
@@ -64,12 +85,7 @@ bool TmclModule::answer(const tmcl::Request& q, tmcl::Reply& out, bool& text) no
       ++stops;
       break;
     case Command::kSetAxisParameter:
-      if (q.type != tmcl::axis::kTargetSpeed) {
-        out.status = tmcl::status::kWrongType;
-        break;
-      }
-      turning = true;
-      target_rpm = q.value;
+      out.status = set_axis(q.type, q.value);
       break;
     case Command::kGetAxisParameter:
       if (!axis_parameter(q.type, out.value)) out.status = tmcl::status::kWrongType;

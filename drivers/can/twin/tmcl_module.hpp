@@ -22,7 +22,11 @@ class TmclModule {
   std::int32_t position = 0, rpm = 0, current_mA = 0;
   std::uint32_t flags = 0;
   // Faults.
-  bool silent = false;              // powered off
+  bool silent = false;  // powered off
+  // Latched, bits 16 and 17 of its flags: it stands until they are cleared by SAP 158 and SAP 29.
+  bool timed_out = false, tripped = false;
+  bool hot = false;                 // its winding: SAP 29 is taken and clears nothing
+  bool knows_clears = true;         // false: it has no such parameters
   std::uint8_t status_instead = 0;  // refuses everything with this status
   std::uint64_t requests = 0, stops = 0;
   rt::Time answered{};  // when its newest reply was ready
@@ -31,6 +35,7 @@ class TmclModule {
   [[nodiscard]] bool answer(const tmcl::Request&, tmcl::Reply& out, bool& text) noexcept;
 
  private:
+  [[nodiscard]] std::uint8_t set_axis(std::uint8_t number, std::int32_t value) noexcept;
   // False: it has no such parameter.
   [[nodiscard]] bool axis_parameter(std::uint8_t number, std::int32_t& value) const noexcept;
   [[nodiscard]] bool global_parameter(std::uint8_t number, std::int32_t& value) const noexcept;
