@@ -1,10 +1,12 @@
 #include "drivers/youbot_bus/ethercat_motor_bus.hpp"
 
+#include <bit>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
 
 #include "drivers/tmcl/tmcl_frame.hpp"
+#include "drivers/tmcl/tmcl_status.hpp"
 #include "drivers/tmcl/youbot_parameters.hpp"
 #include "drivers/youbot/motor_flags.hpp"
 
@@ -14,6 +16,11 @@ namespace {
 
 // Above any motor's speed; a setpoint beyond it is no setpoint.
 constexpr double kMost_rpm = 200000;
+constexpr std::uint32_t kLatched = motor_flag::kTimeout | motor_flag::kI2tExceeded;
+// The layout whose flags end at bit 15.
+constexpr std::size_t kNarrowInputs = 16;
+
+constexpr unsigned bit(std::size_t n) noexcept { return 1U << static_cast<unsigned>(n); }
 
 BusDetail trouble_of(const ethercat::BusHealth& h) noexcept {
   using ethercat::BusFault;
@@ -57,22 +64,31 @@ EtherCatMotorBus::EtherCatMotorBus(rt::NonRealtime&, ethercat::Master& master,
     : master_(master), config_(c) {
   if (config_.joints.size() > held_.size())
     throw std::invalid_argument("a youBot has at most ten arm joints");
+  for (std::size_t d = 0; d < drives(); ++d)
+    if (master_.inputs(slave_of(d)).size() == kNarrowInputs) narrow_ |= bit(d);
 }
 
 std::size_t EtherCatMotorBus::slave_of(std::size_t drive) const noexcept {
   return drive < kWheels ? config_.slave[drive] : config_.joints[drive - kWheels];
 }
 
+bool EtherCatMotorBus::read_drive(std::size_t drive, DriveInputs& out) const noexcept {
+  if (!decode(master_.inputs(slave_of(drive)), out)) return false;
+  out.flags |= latched_[drive];
+  return true;
+}
+
 // Pressed for long, a clear comes every job: what is under way is not begun anew.
 void EtherCatMotorBus::rearm() noexcept {
   safe_.store(false, std::memory_order_release);
-  if (to_clear_ == 0) {
-    clearing_ = -1;
-    to_clear_ = (1U << static_cast<unsigned>(drives())) - 1;
+  if (to_clear_ == 0 && to_look_ == 0) {
+    clearing_ = looking_ = -1;
+    to_clear_ = bit(drives()) - 1;
+    to_look_ = narrow_;
     for (std::size_t d = 0; d < drives(); ++d) {
       DriveInputs in;
-      if (decode(master_.inputs(slave_of(d)), in) && (in.flags & motor_flag::kI2tExceeded) != 0)
-        to_clear_ |= 1U << static_cast<unsigned>(drives() + d);
+      const bool hot = read_drive(d, in) && (in.flags & motor_flag::kI2tExceeded) != 0;
+      if (hot || (narrow_ & bit(d)) != 0) to_clear_ |= bit(drives() + d);
     }
   }
   const bool bad = master_.stopped() || master_.health().fault != ethercat::BusFault::kNone;
@@ -80,7 +96,7 @@ void EtherCatMotorBus::rearm() noexcept {
 }
 
 BusStatus EtherCatMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
-  clear_flags();
+  use_mailbox();
   const ethercat::CycleResult read = master_.read_inputs();
   const BusStatus status = status_of(read);
   if (recovering_ && !master_.recovering())
@@ -102,8 +118,7 @@ BusStatus EtherCatMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
   detail_.trouble = BusTrouble::kNotReady;
   for (std::size_t w = kWheels; w-- > 0;) {
     DriveInputs in;
-    if (decode(master_.inputs(config_.slave[w]), in) && (in.flags & motor_flag::kInitialised) != 0)
-      continue;
+    if (read_drive(w, in) && (in.flags & motor_flag::kInitialised) != 0) continue;
     detail_.slave = static_cast<std::int16_t>(config_.slave[w] + 1);
   }
   return BusStatus::kDown;
@@ -111,13 +126,13 @@ BusStatus EtherCatMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
 
 // Also while flags are being cleared: until its joints hold, a robot is not to be called well.
 void EtherCatMotorBus::look_at_arm() noexcept {
-  for (const std::size_t position : config_.joints) {
+  for (std::size_t d = kWheels; d < drives(); ++d) {
     DriveInputs in;  // of an unknown size: no flags, so not commutated
-    (void)decode(master_.inputs(position), in);
+    (void)read_drive(d, in);
     const BusTrouble trouble = trouble_of_joint(in.flags);
     if (trouble == BusTrouble::kNone) continue;
     detail_.trouble = trouble;
-    detail_.slave = static_cast<std::int16_t>(position + 1);
+    detail_.slave = static_cast<std::int16_t>(slave_of(d) + 1);
     return;
   }
 }
@@ -144,12 +159,11 @@ void EtherCatMotorBus::put_setpoints(const MotorSetpoints& s) noexcept {
 }
 
 void EtherCatMotorBus::put_arm(bool stopped) noexcept {
-  constexpr std::uint32_t kUnable = motor_flag::kTimeout | motor_flag::kI2tExceeded;
   for (std::size_t j = 0; j < config_.joints.size(); ++j) {
     DriveInputs in;
     DriveOutputs o;
-    const bool able = decode(master_.inputs(config_.joints[j]), in) && !rearming() &&
-                      (in.flags & motor_flag::kInitialised) != 0 && (in.flags & kUnable) == 0;
+    const bool able = read_drive(kWheels + j, in) && !rearming() &&
+                      (in.flags & motor_flag::kInitialised) != 0 && (in.flags & kLatched) == 0;
     if (!able) {
       held_[j] = false;
     } else if (stopped && config_.arm_rest == ArmRest::kFree) {
@@ -166,26 +180,53 @@ void EtherCatMotorBus::put_arm(bool stopped) noexcept {
 }
 
 // One mailbox request at a time, a datagram a cycle.
-void EtherCatMotorBus::clear_flags() noexcept {
-  if (to_clear_ == 0 || master_.recovering() || master_.mailbox().busy()) return;
-  if (clearing_ >= 0 && master_.mailbox().state() == ethercat::TransferState::kDone) {
-    tmcl::Reply reply;
-    if (tmcl::decode(master_.mailbox().reply(), reply) && reply.status == 100)
-      to_clear_ &= ~(1U << static_cast<unsigned>(clearing_));
-  }
-  clearing_ = -1;
-  for (int d = 0; d < 2 * static_cast<int>(drives()) && clearing_ < 0; ++d)
-    if ((to_clear_ >> static_cast<unsigned>(d) & 1U) != 0) clearing_ = d;
-  if (clearing_ < 0) return;
-  const auto bit = static_cast<std::size_t>(clearing_);
-  const bool timeout = bit < drives();
+void EtherCatMotorBus::use_mailbox() noexcept {
+  if (master_.recovering() || master_.mailbox().busy()) return;
+  take_answer();
+  clearing_ = looking_ = -1;
+  if (to_clear_ != 0)
+    post_clear();
+  else if (to_look_ != 0 || (narrow_ != 0 && fresh_))
+    post_look();
+}
+
+void EtherCatMotorBus::take_answer() noexcept {
+  tmcl::Reply reply;
+  if (master_.mailbox().state() != ethercat::TransferState::kDone ||
+      !tmcl::decode(master_.mailbox().reply(), reply))
+    return;
+  if (clearing_ >= 0 && reply.status == tmcl::status::kOk)
+    to_clear_ &= ~bit(static_cast<std::size_t>(clearing_));
+  const bool told = reply.command == static_cast<std::uint8_t>(tmcl::Command::kGetAxisParameter);
+  if (looking_ < 0 || !told) return;
+  const auto drive = static_cast<std::size_t>(looking_);
+  // A firmware that refuses has no such flags to tell.
+  const bool has = reply.status == tmcl::status::kOk;
+  latched_[drive] = has ? static_cast<std::uint32_t>(reply.value) & kLatched : 0;
+  to_look_ &= ~bit(drive);
+}
+
+void EtherCatMotorBus::post_clear() noexcept {
+  const auto first = static_cast<std::size_t>(std::countr_zero(to_clear_));
+  const bool timeout = first < drives();
   tmcl::Request clear{0, static_cast<std::uint8_t>(tmcl::Command::kSetAxisParameter),
                       tmcl::axis::kClearTimeout, 0, 1};
   if (!timeout) {
     clear.type = tmcl::axis::kClearI2t;
     clear.value = 0;
   }
-  (void)master_.post(slave_of(timeout ? bit : bit - drives()), tmcl::encode(clear));
+  clearing_ = static_cast<int>(first);
+  (void)master_.post(slave_of(timeout ? first : first - drives()), tmcl::encode(clear));
+}
+
+// The next behind the one that was asked last; in rearm() of those that have not answered yet.
+void EtherCatMotorBus::post_look() noexcept {
+  const unsigned all = to_look_ != 0 ? to_look_ : narrow_;
+  const unsigned behind = all & ~(bit(static_cast<std::size_t>(looked_ + 1)) - 1);
+  looked_ = looking_ = std::countr_zero(behind != 0 ? behind : all);
+  const tmcl::Request look{0, static_cast<std::uint8_t>(tmcl::Command::kGetAxisParameter),
+                           tmcl::axis::kFlags, 0, 0};
+  (void)master_.post(slave_of(static_cast<std::size_t>(looking_)), tmcl::encode(look));
 }
 
 BusStatus EtherCatMotorBus::status_of(const ethercat::CycleResult& r) noexcept {
@@ -203,7 +244,7 @@ BusStatus EtherCatMotorBus::status_of(const ethercat::CycleResult& r) noexcept {
 bool EtherCatMotorBus::take_states(rt::Time now, MotorStates& states) noexcept {
   std::array<DriveInputs, kWheels> in{};
   for (std::size_t w = 0; w < in.size(); ++w)
-    if (!decode(master_.inputs(config_.slave[w]), in[w])) return false;
+    if (!read_drive(w, in[w])) return false;
   ready_ = true;
   for (const DriveInputs& i : in) ready_ = ready_ && (i.flags & motor_flag::kInitialised) != 0;
   const double rad_per_tick =

@@ -9,6 +9,9 @@
 //              flag is cleared (axis parameter 158), and of drives with flag 17 I2t (29; a winding
 //              that is still hot keeps it), one step a cycle. Until all of it is done the wheels
 //              stand and take no setpoint; motion begins with the first setpoint after that.
+//   16 bytes   inputs of the first firmware have no room for flags 16 and 17: of such drives they
+//              are asked for by mailbox (axis parameter 156), one drive after the other, and in
+//              rearm() of each, after both were cleared. So they are seen up to 0.1 s later.
 //   arm        each joint holds the position that it had when its drive became able to, as the arm
 //              has no brakes; it is told so in every cycle, also while the wheels are off. A joint
 //              whose drive is not able (flags) is told to stop, and takes a new position when it
@@ -55,7 +58,9 @@ class EtherCatMotorBus final : public MotorBus {
   void make_safe() noexcept override { safe_.store(true, std::memory_order_release); }
 
   // Flags are being cleared, or slaves brought back.
-  [[nodiscard]] bool rearming() const noexcept { return to_clear_ != 0 || master_.recovering(); }
+  [[nodiscard]] bool rearming() const noexcept {
+    return to_clear_ != 0 || to_look_ != 0 || master_.recovering();
+  }
 
  private:
   void put_setpoints(const MotorSetpoints&) noexcept;
@@ -63,7 +68,12 @@ class EtherCatMotorBus final : public MotorBus {
   void look_at_arm() noexcept;
   [[nodiscard]] std::size_t drives() const noexcept { return kWheels + config_.joints.size(); }
   [[nodiscard]] std::size_t slave_of(std::size_t drive) const noexcept;
-  void clear_flags() noexcept;
+  // False: inputs of an unknown size.
+  [[nodiscard]] bool read_drive(std::size_t drive, DriveInputs& out) const noexcept;
+  void use_mailbox() noexcept;
+  void take_answer() noexcept;
+  void post_clear() noexcept;
+  void post_look() noexcept;
   [[nodiscard]] BusStatus status_of(const ethercat::CycleResult&) noexcept;
   [[nodiscard]] bool take_states(rt::Time now, MotorStates&) noexcept;
 
@@ -73,6 +83,11 @@ class EtherCatMotorBus final : public MotorBus {
   // What is to be cleared, a bit each: timeout flags of the drives, wheels first, then their I2t.
   unsigned to_clear_ = 0;
   int clearing_ = -1;  // the bit whose request is under way
+  // Drives with inputs of 16 bytes, a bit each: all, those that rearm() still has to ask, the one
+  // that is being asked, and what each said last of its latched flags.
+  unsigned narrow_ = 0, to_look_ = 0;
+  int looking_ = -1, looked_ = -1;
+  std::array<std::uint32_t, kWheels + 10> latched_{};
   BusDetail detail_;
   bool fresh_ = false;  // the inputs are of this job
   bool ready_ = false;  // the wheels have their commutation
