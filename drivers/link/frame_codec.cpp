@@ -127,7 +127,7 @@ namespace {
 DepthMode mode_of(const std::string& name) noexcept {
   for (const DepthMode m : {DepthMode::kFaithful, DepthMode::kQuiet, DepthMode::kMoving})
     if (name == to_text(m)) return m;
-  return DepthMode::kLossless;
+  return name == "auto" ? DepthMode::kQuiet : DepthMode::kLossless;
 }
 
 FrameStatus encode_depth_of(const RgbdFrame& frame, FrameCodecScratch& scratch,
@@ -140,6 +140,7 @@ FrameStatus encode_depth_of(const RgbdFrame& frame, FrameCodecScratch& scratch,
     out.depth_size = static_cast<std::uint32_t>(encode_depth(depth, room));
     return FrameStatus::kOk;
   }
+  if (scratch.depth_motion) scratch.depth_mode = scratch.depth_motion->judge(depth);
   const int fine = scratch.depth_step < 0
                        ? default_depth_step(scratch.depth_mode, scratch.depth_law)
                        : scratch.depth_step;
@@ -236,6 +237,7 @@ FrameCodecScratch::FrameCodecScratch(rt::NonRealtime& nrt, const ColourCodecConf
   }
   if (depth_mode == DepthMode::kLossless) return;
   const DepthStreamConfig c{camera.width, camera.height, depth_law};
+  if (encodes && pictures.depth_codec == "auto") depth_motion.emplace(nrt, c);
   if (encodes)
     depth_encoder.emplace(nrt, c);
   else

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "drivers/codec/colour_stream.hpp"
+#include "drivers/codec/depth_motion.hpp"
 #include "drivers/codec/depth_stream.hpp"
 #include "drivers/link/encoded_frame.hpp"
 #include "drivers/link/frame_demand.hpp"
@@ -32,6 +33,7 @@ struct FrameCodecScratch {
   std::unique_ptr<ColourEncoder> colour_encoder;
   std::optional<ColourDecoder> colour_decoder;
   DepthMode depth_mode = DepthMode::kLossless;
+  std::optional<DepthMotion> depth_motion;  // auto: it names the mode of each frame
   DepthNoiseLaw depth_law = DepthNoiseLaw::kStrict;
   int depth_step = -1;
   bool colour_chained = false;  // a picture needs the one before it

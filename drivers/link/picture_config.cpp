@@ -10,8 +10,9 @@ void ColourCodecConfig::describe(config::Section& s) {
 }
 
 void PictureConfig::describe(config::Section& link) {
-  link.text("depth_codec", depth_codec, {"lossless", "faithful", "quiet", "moving"},
-            "depth on the link; all but lossless code a frame from the one before it");
+  link.text("depth_codec", depth_codec, {"lossless", "auto", "faithful", "quiet", "moving"},
+            "depth on the link; all but lossless code a frame from the one before it; auto: quiet "
+            "while the camera rests, moving while it moves");
   link.text("colour_codec", colour_codec, {"jpeg", "h264", "none"},
             "colour on the link; h264 codes a picture from the one before it");
   link.text("depth_noise", depth_noise, {"strict", "lenient"},

@@ -15,7 +15,7 @@ struct ColourCodecConfig {
 };
 
 struct PictureConfig {
-  std::string depth_codec = "lossless";  // lossless, faithful, quiet, moving
+  std::string depth_codec = "lossless";  // lossless, auto, faithful, quiet, moving
   std::string colour_codec = "jpeg";     // jpeg, h264, none
   std::string depth_noise = "strict";    // of the sensor: strict, lenient (depth_stream.hpp)
   int depth_step = -1;                   // index of a quality step; -1: the codec's own

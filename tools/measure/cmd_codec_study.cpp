@@ -14,16 +14,36 @@ namespace teletact {
 
 namespace {
 
-void sweep_steps(const CodecStepsOptions& o, const std::string& plots, const std::string& json) {
-  const Study study = study_codec_steps(std::cerr, o);
-  study.print(std::cout);
-  if (!plots.empty()) {
-    for (const std::string& file : study.write_plots(plots)) std::cout << file << "\n";
+// What --steps asks for.
+struct Sweep {
+  bool asked = false;
+  CodecStepsOptions options;
+  std::string plots, noise = "strict";
+
+  void describe(CLI::App& app) {
+    auto* steps = app.add_flag(
+        "--steps", asked, "instead: error, Mbit/s and CPU of every quality step of every mode");
+    app.add_option("--steps-seed", options.seed, "of that room")
+        ->needs(steps)
+        ->capture_default_str();
+    app.add_option("--steps-noise", noise, "of camera and codec: strict, lenient")
+        ->needs(steps)
+        ->check(CLI::IsMember({"strict", "lenient"}));
+    app.add_option("--plots", plots, "folder for the SVG plots of --steps")->needs(steps);
   }
-  Metrics metrics("accuracy codec");
-  for (const BenchMetric& m : study.metrics()) metrics.add(m.name, m.value, m.unit);
-  if (!json.empty()) metrics.write(json);
-}
+  void run(const std::string& json) {
+    if (!plots.empty()) make_output_folder("--plots", plots);
+    if (noise == "lenient") options.noise = drivers::DepthNoiseLaw::kLenient;
+    const Study study = study_codec_steps(std::cerr, options);
+    study.print(std::cout);
+    if (!plots.empty()) {
+      for (const std::string& file : study.write_plots(plots)) std::cout << file << "\n";
+    }
+    Metrics metrics("accuracy codec");
+    for (const BenchMetric& m : study.metrics()) metrics.add(m.name, m.value, m.unit);
+    if (!json.empty()) metrics.write(json);
+  }
+};
 
 }  // namespace
 
@@ -33,9 +53,8 @@ int cmd_codec_study(int argc, char** argv) {
       "rooms, at rest and\nmoving, and a recording. Ends with 1 when a limit is missed.",
       "teletact accuracy codec"};
   CodecStudyOptions o;
-  CodecStepsOptions steps;
-  bool sweep = false;
-  std::string intrinsics, json, plots;
+  Sweep sweep;
+  std::string intrinsics, json;
   o.rgbd = "../shared/data/rgbd/7scenes_redkitchen";
   app.add_option("--seeds", o.seeds, "rooms")->check(CLI::Range(0, 1000))->capture_default_str();
   app.add_option("--rest-frames", o.rest_frames, "of a camera at rest; 0: none")
@@ -63,16 +82,12 @@ int cmd_codec_study(int argc, char** argv) {
       "--intrinsics", intrinsics,
       "where it has no intrinsics.txt: fx,fy,cx,cy in px, and depth units a metre if the "
       "data set's are not right");
-  auto* sweeps = app.add_flag("--steps", sweep,
-                              "instead: error, Mbit/s and CPU of every quality step of every mode");
-  app.add_option("--steps-seed", steps.seed, "of that room")->needs(sweeps)->capture_default_str();
-  app.add_option("--plots", plots, "folder for the SVG plots of --steps")->needs(sweeps);
+  sweep.describe(app);
   app.add_option("--json", json, "write the figures to this file");
   if (!parse_options(app, argc, argv)) return 0;
   check_outputs({{"--json", json}}, {});
-  if (sweep) {
-    if (!plots.empty()) make_output_folder("--plots", plots);
-    sweep_steps(steps, plots, json);
+  if (sweep.asked) {
+    sweep.run(json);
     return 0;
   }
   if (!intrinsics.empty()) o.pinhole = parse_pinhole(intrinsics);

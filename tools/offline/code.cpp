@@ -28,6 +28,8 @@ CodecChoice choice_of(const CodecOptions& o) {
   for (const auto mode : {drivers::DepthMode::kLossless, drivers::DepthMode::kFaithful,
                           drivers::DepthMode::kQuiet, drivers::DepthMode::kMoving})
     if (o.mode == to_text(mode)) c.mode = mode;
+  c.by_motion = o.mode == "auto";
+  if (c.by_motion) c.mode = drivers::DepthMode::kQuiet;  // until it moves
   c.law = o.noise == "lenient" ? drivers::DepthNoiseLaw::kLenient : drivers::DepthNoiseLaw::kStrict;
   c.with_colour = o.colour != "none";
   if (c.with_colour) c.colour.method = o.colour;

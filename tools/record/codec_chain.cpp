@@ -51,8 +51,10 @@ CodecChain::CodecChain(rt::NonRealtime& nrt, const CodecChoice& choice, int widt
     : choice_(choice),
       depth_encoder_(nrt, depth_config(choice, width, height)),
       depth_decoder_(nrt, depth_config(choice, width, height)),
+      motion_(nrt, depth_config(choice, width, height)),
       colour_decoder_(nrt),
-      steps_(first_step(choice), first_step(choice), coarsest_step(choice)),
+      first_step_(first_step(choice)),
+      steps_(first_step_, first_step_, coarsest_step(choice)),
       depth_out_(drivers::max_depth_frame_bytes(static_cast<std::size_t>(width) *
                                                 static_cast<std::size_t>(height))),
       colour_out_(drivers::kMostColourBytes),
@@ -88,8 +90,14 @@ void CodecChain::pass_lossless(perception::RgbdFrame& frame, CodedFrame& out) {
 
 void CodecChain::pass_stream(perception::RgbdFrame& frame, bool key, CodedFrame& out) {
   Stopwatch watch;
+  int step = steps_.step();
+  if (choice_.by_motion) {
+    choice_.mode = motion_.judge(depth_in_);
+    // As many steps coarser than its own as the rate asks for.
+    step = std::min(first_step(choice_) + step - first_step_, drivers::kDepthSteps - 1);
+  }
   const DepthStatus encoded =
-      depth_encoder_.encode(depth_in_, {choice_.mode, steps_.step(), key}, depth_out_, out.depth);
+      depth_encoder_.encode(depth_in_, {choice_.mode, step, key}, depth_out_, out.depth);
   out.depth_encode_ms = watch.lap_ms();
   if (encoded != DepthStatus::kOk) refuse_codec("depth can not be encoded", to_text(encoded));
   drivers::DepthFrameInfo seen;

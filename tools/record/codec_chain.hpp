@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "drivers/codec/colour_stream.hpp"
+#include "drivers/codec/depth_motion.hpp"
 #include "drivers/codec/depth_stream.hpp"
 #include "drivers/codec/rate_steps.hpp"
 #include "perception/geometry/rgbd_frame.hpp"
@@ -16,6 +17,7 @@ namespace teletact {
 
 struct CodecChoice {
   drivers::DepthMode mode = drivers::DepthMode::kFaithful;
+  bool by_motion = false;  // instead: quiet or moving, frame by frame (depth_motion.hpp)
   drivers::DepthNoiseLaw law = drivers::DepthNoiseLaw::kStrict;
   int step = -1;           // of depth; -1: the mode's own, and with a rate coarser where it must
   double rate_mbit_s = 0;  // of depth and colour; 0: no limit
@@ -50,8 +52,10 @@ class CodecChain {
   CodecChoice choice_;
   drivers::DepthEncoder depth_encoder_;
   drivers::DepthDecoder depth_decoder_;
+  drivers::DepthMotion motion_;
   std::unique_ptr<drivers::ColourEncoder> colour_encoder_;
   drivers::ColourDecoder colour_decoder_;
+  const int first_step_;
   drivers::RateSteps steps_;
   std::vector<std::uint8_t> depth_out_, colour_out_;
   std::vector<std::uint16_t> depth_in_;

@@ -1,7 +1,8 @@
 // teletact codec: a recording through the codecs of the link and back.
 //
 //   --rgbd DIR     recording in TUM or 7-Scenes layout
-//   --mode M       lossless, faithful, quiet, moving (drivers/codec/depth_stream.hpp)
+//   --mode M       lossless, faithful, quiet, moving (drivers/codec/depth_stream.hpp), auto: quiet
+//                  while the camera rests and moving while it moves (depth_motion.hpp)
 //   --rate MBIT    of depth and colour, Mbit/s: depth takes coarser steps until it fits. Where the
 //                  coarsest does not fit, a line says how many frames a second the rate carries
 //   --out DIR      what was decoded, as a recording; codec.csv: bytes, kind and CPU of each frame;
@@ -20,9 +21,10 @@ int cmd_codec(int argc, char** argv) {
   CLI::App app("teletact codec: a recording through the codecs of the link and back",
                "teletact codec");
   app.add_option("--rgbd", o.rgbd, "folder in TUM or 7-Scenes layout")->required();
-  app.add_option("--mode", o.mode, "of depth: lossless, faithful, quiet, moving")
+  app.add_option("--mode", o.mode,
+                 "of depth: lossless, faithful, quiet, moving; auto: quiet or moving")
       ->required()
-      ->check(CLI::IsMember({"lossless", "faithful", "quiet", "moving"}));
+      ->check(CLI::IsMember({"lossless", "auto", "faithful", "quiet", "moving"}));
   app.add_option("--out", o.out, "folder for what was decoded; new or empty")->required();
   app.add_option("--rate", o.choice.rate_mbit_s,
                  "of depth and colour, Mbit/s: depth takes coarser steps until it fits")

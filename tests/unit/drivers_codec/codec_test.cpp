@@ -284,6 +284,30 @@ TEST(FrameCodec, TheStepIsThatOfTheModeAndTheLaw) {
   }
 }
 
+// auto: quiet until the picture moves, moving from then on, quiet again when it has rested.
+TEST(FrameCodec, AutoTakesTheModeThatTheCameraCallsFor) {
+  Frames f;
+  drivers::PictureConfig pictures;
+  pictures.depth_codec = "auto";
+  EXPECT_TRUE(pictures.on_demand());
+  const auto& k = f.source->intrinsics;
+  FrameCodecScratch robot(startup.token(), {}, pictures, k, drivers::CodecEnd::kEncodes),
+      desk(startup.token(), {}, pictures, k, drivers::CodecEnd::kDecodes);
+  std::string modes;
+  for (int i = 0; i < 40; ++i) {
+    if (i >= 10 && i < 20) {
+      for (auto& mm : f.source->depth_mm) mm = static_cast<std::uint16_t>(mm == 0 ? 0 : mm + 12);
+    }
+    ASSERT_EQ(encode(*f.source, rt::Box::kRobot, false, robot, *f.encoded), FrameStatus::kOk);
+    ASSERT_EQ(decode(*f.encoded, rt::Time{}, desk, *f.back), FrameStatus::kOk) << "frame " << i;
+    modes += to_text(robot.depth_mode)[0];
+  }
+  std::printf("  %s\n", modes.c_str());
+  EXPECT_EQ(modes.substr(0, 10), "qqqqqqqqqq");
+  EXPECT_EQ(modes.substr(13, 7), "mmmmmmm");
+  EXPECT_EQ(modes.substr(36), "qqqq");
+}
+
 // Pictures that stand alone: one that does not decode asks for no key, which depth would pay for.
 TEST(FrameCodec, ADamagedJpegAsksForNoKey) {
   Frames f;

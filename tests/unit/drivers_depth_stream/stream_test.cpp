@@ -3,6 +3,7 @@
 #include <array>
 #include <thread>
 
+#include "drivers/codec/depth_motion.hpp"
 #include "rt/hash.hpp"
 #include "rt/memory/section.hpp"
 #include "tests/unit/drivers_depth_stream/streams.hpp"
@@ -203,6 +204,14 @@ TEST(DepthStream, NeitherAllocatesNorLocks) {
     }
     EXPECT_EQ(rt_guard::counts().total(), 0u);
   }
+  drivers::DepthMotion motion(startup.token(), {64, 48, DepthNoiseLaw::kStrict});
+  const Image image = scene.image({}, 1, 1);
+  rt_guard::reset();
+  {
+    const rt::Section section;
+    for (int i = 0; i < 20; ++i) EXPECT_EQ(motion.judge(image), DepthMode::kQuiet);
+  }
+  EXPECT_EQ(rt_guard::counts().total(), 0u);
 }
 
 }  // namespace

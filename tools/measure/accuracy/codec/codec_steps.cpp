@@ -10,16 +10,14 @@ using drivers::DepthMode;
 
 namespace {
 
-constexpr auto kStrict = drivers::DepthNoiseLaw::kStrict;
-
 // Of what a mode runs with when nobody asks for a step.
-bool is_default(DepthMode mode, int step) {
-  return mode == DepthMode::kLossless || step == drivers::default_depth_step(mode, kStrict);
+bool is_default(DepthMode mode, int step, drivers::DepthNoiseLaw law) {
+  return mode == DepthMode::kLossless || step == drivers::default_depth_step(mode, law);
 }
 
-void add_row(rt::NonRealtime& nrt, const CodecFilm& film, const char* data, DepthMode mode,
-             int step, Study& study) {
-  const CodecBenchCase c{to_text(mode), mode, false, kStrict, kStrict, 30, 0, 0, false, step, true};
+void add_row(rt::NonRealtime& nrt, const CodecFilm& film, const std::string& data, DepthMode mode,
+             int step, drivers::DepthNoiseLaw law, Study& study) {
+  const CodecBenchCase c{to_text(mode), mode, false, law, law, 30, 0, 0, false, step, true};
   const CodecBenchRow row = run_codec_case(nrt, c, film);
   std::string setting = to_text(mode), label = setting;
   if (mode != DepthMode::kLossless) {
@@ -33,7 +31,7 @@ void add_row(rt::NonRealtime& nrt, const CodecFilm& film, const char* data, Dept
                         to_text(mode),
                         setting,
                         label,
-                        is_default(mode, step),
+                        is_default(mode, step, law),
                         {{"err_over_sensor", row.err_over_sensor(), "1"},
                          {"furthest_sigma", row.worst_sigma, "1"},
                          {"flying", row.flying, "1"},
@@ -49,10 +47,12 @@ Study study_codec_steps(std::ostream& progress, const CodecStepsOptions& o) {
   study.name = "accuracy.codec_steps";
   rt::Startup startup;
   for (const bool moving : {false, true}) {
-    const char* const data = moving ? "moving" : "rest";
+    const std::string data = std::string(moving ? "moving" : "rest") +
+                             (o.noise == drivers::DepthNoiseLaw::kLenient ? "_lenient" : "");
     CodecFilmOptions scene;
     scene.moving = moving;
     scene.seed = o.seed;
+    scene.noise = o.noise;
     scene.frames = o.frames;
     scene.lateral_px = 0.3;
     const CodecFilm film = film_codec(startup.token(), scene);
@@ -62,14 +62,14 @@ Study study_codec_steps(std::ostream& progress, const CodecStepsOptions& o) {
       for (int step = 0; step < steps; ++step) {
         progress << "\r" << data << " " << to_text(mode) << " step " << step << "      "
                  << std::flush;
-        add_row(startup.token(), film, data, mode, step, study);
+        add_row(startup.token(), film, data, mode, step, o.noise, study);
       }
     }
     const std::string title =
         moving ? "Depth codec, camera carried" : "Depth codec, camera at rest";
     for (const auto& [cost, label] : {std::pair{"mbit_s", "depth, Mbit/s at 30 frames a second"},
                                       std::pair{"encode_ms", "thread CPU of encoding a frame, ms"}})
-      study.plots.push_back({std::string("accuracy_codec_steps_") + data + "_" + cost, title, data,
+      study.plots.push_back({"accuracy_codec_steps_" + data + "_" + cost, title, data,
                              "err_over_sensor", "RMS error over the camera's own", cost, label});
   }
   progress << "\r                                  \r";
