@@ -18,10 +18,6 @@ std::string line_of(rt::FaultId id, const std::string& who) {
 constexpr const char* kWheel =
     "wheel {} (1 front left, 2 front right, 3 back left, 4 back right; on a youBot slaves 2 to "
     "5): ";
-// Of the chain alone, as the motor bus has no names (drivers/youbot_bus/chain_layout.hpp).
-constexpr const char* kSlave =
-    "slave {} (on a youBot 2 to 5 are the wheels, 6 is the first arm's board, 7 to 11 are its "
-    "joints, 12 is the second arm's board, 13 to 17 are its joints)";
 constexpr const char* kModule =
     "module {} of the CAN bus (1 front left, 2 front right, 3 back left, 4 back right): ";
 
@@ -57,14 +53,12 @@ BusLog::BusLog(rt::NonRealtime& nrt, rt::LogSites& sites) {
   slave_state_ = sites.add<unsigned, unsigned, unsigned>(
       nrt, level,
       line_of(f::kSlaveState,
-              kSlave + std::string(" left OP: AL status {:#04x} (1 INIT, 2 PREOP, 4 SAFEOP, 8 OP, "
-                                   "+16 error), code {:#06x}")));
+              "slave {} left OP: AL status {:#04x} (1 INIT, 2 PREOP, 4 SAFEOP, 8 OP, +16 error), "
+              "code {:#06x}"));
   slaves_missing_ = sites.add<unsigned>(
-      nrt, level,
-      line_of(f::kSlavesMissing, "nobody answers from here on: " + std::string(kSlave)));
+      nrt, level, line_of(f::kSlavesMissing, "from slave {} on nobody answers"));
   not_commutated_ = sites.add<unsigned>(
-      nrt, level,
-      line_of(f::kNotCommutated, kSlave + std::string(" does not know its commutation")));
+      nrt, level, line_of(f::kNotCommutated, "slave {} does not know its commutation"));
   encoder_stands_ = sites.add<unsigned>(
       nrt, level,
       line_of(f::kEncoderStands, kWheel + std::string("told to turn, and its encoder stands")));

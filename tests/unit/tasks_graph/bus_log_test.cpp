@@ -63,16 +63,14 @@ TEST(BusLog, AJointIsNamedWithItsArm) {
   }
 }
 
-TEST(BusLog, ASlaveThatFellOrIsGoneIsPlacedOnTheChain) {
+TEST(BusLog, ASlaveOfTheSecondArmHasItsNumber) {
   LogRig rig;
   rig.drain.attach(rig.startup.token(), "robot_io", rig.log);
   const std::string fell = rig.said(fault::kSlaveState, BusTrouble::kSlaveState, 15);
-  EXPECT_TRUE(has(fell, "F-RIO-11 slave 15 (")) << fell;
-  EXPECT_TRUE(has(fell, "13 to 17 are its joints) left OP: AL status 0x14")) << fell;
+  EXPECT_TRUE(has(fell, "F-RIO-11 slave 15 left OP: AL status 0x14")) << fell;
   EXPECT_TRUE(has(fell, "code 0x001b")) << fell;
   const std::string gone = rig.said(fault::kSlavesMissing, BusTrouble::kSlavesMissing, 12);
-  EXPECT_TRUE(has(gone, "F-RIO-12 nobody answers from here on: slave 12 (")) << gone;
-  EXPECT_TRUE(has(gone, "12 is the second arm's board")) << gone;
+  EXPECT_TRUE(has(gone, "F-RIO-12 from slave 12 on nobody answers")) << gone;
 }
 
 }  // namespace
