@@ -8,13 +8,11 @@
 #include <sys/wait.h>
 
 #include <memory>
-#include <thread>
 
 #include "drivers/ethercat/master.hpp"
 #include "drivers/ethercat/raw_port.hpp"
 #include "drivers/gpio/chip_lines.hpp"
-#include "rt/sched/admission.hpp"
-#include "rt/sched/real_executor.hpp"
+#include "drivers/gpio/safety_chain.hpp"
 #include "tests/vm/guest/gpio_story.hpp"
 
 namespace {
@@ -44,10 +42,6 @@ std::string refusal(rt::NonRealtime& nrt, const gpio::GpioConfig& c) {
   }
   return "opened";
 }
-
-constexpr int kHandPriority = 92;
-// While threads begin, and the slaves are brought to OP anew, jobs may be late.
-constexpr std::uint64_t kSettle = 400;
 
 bool has(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
@@ -103,15 +97,6 @@ void no_right(rt::NonRealtime& nrt, const gpio::GpioConfig& c) {
   vm::check("a chip that is not there is named", has(said, "/dev/gpiochip77: "), said);
 }
 
-bool bring_up(rt::NonRealtime& nrt, ethercat::Master& master) {
-  for (const auto step :
-       {&ethercat::Master::find, &ethercat::Master::configure, &ethercat::Master::start}) {
-    const auto done = (master.*step)(nrt);
-    if (!done) return vm::check("chain in OP", false, done.error());
-  }
-  return true;
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -127,7 +112,7 @@ int main(int argc, char** argv) {
   auto port = ethercat::RawPort::open(nrt, iface);
   if (!port) return vm::check("port", false, port.error()) ? 0 : 1;
   ethercat::Master master(nrt, *port.value());
-  if (!bring_up(nrt, master)) return 1;
+  if (!vm::bring_up(nrt, master)) return 1;
   std::unique_ptr<gpio::GpioLines> lines;
   try {
     lines = gpio::open_chip_lines(nrt, config);
@@ -139,34 +124,13 @@ int main(int argc, char** argv) {
   vm::RobotJob job(nrt, chain, bus);
   vm::WireTap tap(iface, master.mapping());
 
-  rt::PlacedTask task;
-  task.spec.name = "robot_io";
-  task.spec.rate = {1000, 1};
-  task.spec.budget = std::chrono::microseconds{200};
-  task.body = &job;
-  task.priority = rt::kTopTaskPriority;
-  rt::RunPlan plan;
-  plan.epoch_host_ns = rt::monotonic_ns() + 300'000'000;
-  plan.duration = std::chrono::seconds{120};
-  std::uint64_t missed = 0;
-  rt::RealExecutor<rt::Plain> executor(
-      nrt, {task}, rt::Plain{},
-      [&](const rt::JobRecord& r) {
-        if (r.k >= kSettle && vm::GpioStory::timed() && r.missed()) ++missed;
-      },
-      [](const rt::SentinelRecord&) {});
-  std::thread person([&] {
-    // A hand is not held up by a program.
-    vm::become_real_time(kHandPriority);
-    while (job.jobs() == 0) ::usleep(1000);
-    vm::GpioStory story(job, tap, vm::SimLines(word("sim", "")), plan.epoch_host_ns,
+  const auto person = [&](std::int64_t epoch_ns) {
+    vm::GpioStory story(job, tap, vm::SimLines(word("sim", "")), epoch_ns,
                         static_cast<int>(vm::option(argc, argv, "chain-pid", 0.0)),
                         word("live", ""));
     story.tell_all(static_cast<int>(vm::option(argc, argv, "presses", 50.0)));
-    executor.request_stop();
-  });
-  executor.run(plan);
-  person.join();
+  };
+  const std::uint64_t missed = vm::run_robot(nrt, job, person, vm::GpioStory::timed);
   vm::figure("gpio.jobs", static_cast<double>(job.jobs()), "1");
   vm::check("no job missed", missed == 0, std::to_string(missed));
   return 0;

@@ -2,20 +2,25 @@
 // one job a millisecond. Supervision and the operator are the case's: a mode and a clear.
 #pragma once
 
+#include <unistd.h>
+
 #include <array>
 #include <atomic>
+#include <thread>
 
-#include "drivers/gpio/safety_chain.hpp"
+#include "drivers/gpio/safety_io.hpp"
 #include "drivers/youbot_bus/ethercat_motor_bus.hpp"
-#include "rt/sched/executor.hpp"
-#include "rt/sched/task.hpp"
+#include "rt/clock/box_time.hpp"
+#include "rt/sched/admission.hpp"
+#include "rt/sched/real_executor.hpp"
 #include "tasks/robot_io/robot_io_task.hpp"
+#include "tests/vm/guest/say.hpp"
 
 namespace vm {
 
 class RobotJob final : public rt::TaskBody {
  public:
-  RobotJob(rt::NonRealtime& nrt, drivers::gpio::SafetyChain& chain,
+  RobotJob(rt::NonRealtime& nrt, drivers::SafetyIo& chain,
            drivers::youbot_bus::EtherCatMotorBus& bus)
       : task_(nrt, {}), chain_(chain), bus_(bus) {}
 
@@ -52,7 +57,12 @@ class RobotJob final : public rt::TaskBody {
     chain_.act(tick.start, out_.safety);
     if (tick.k % 10 == 5) supervise();
     if (in_.safety.estop_opened != rt::Time{}) opened_ns_ = rt::ns_of(in_.safety.estop_opened);
-    if (health_.fault >= 500 && health_.fault < 600) ++faults_[health_.fault - 500U];
+    if (health_.fault >= 500 && health_.fault < 600) {
+      ++faults_[health_.fault - 500U];
+      if (health_.fault != fault_) began_ns_[health_.fault - 500U] = rt::ns_of(tick.start);
+    }
+    wheel_rad_ = in_.motors.wheel_rad[0];
+    wheel_rad_per_s_ = in_.motors.wheel_rad_per_s[0];
     fault_ = health_.fault;
     rearming_ = bus_.rearming();
     ++jobs_;
@@ -64,6 +74,11 @@ class RobotJob final : public rt::TaskBody {
   // Jobs that reported this fault, and the fault of the newest job.
   [[nodiscard]] std::uint64_t faults(rt::FaultId id) const { return faults_.at(id - 500U).load(); }
   [[nodiscard]] rt::FaultId fault() const noexcept { return fault_.load(); }
+  // When the first job began that reported it the last time; zero: none did.
+  [[nodiscard]] std::int64_t began_ns(rt::FaultId id) const { return began_ns_.at(id - 500U); }
+  // Of the first wheel, as the bus told it last.
+  [[nodiscard]] double wheel_rad() const noexcept { return wheel_rad_.load(); }
+  [[nodiscard]] double wheel_rad_per_s() const noexcept { return wheel_rad_per_s_.load(); }
   [[nodiscard]] bool rearming() const noexcept { return rearming_.load(); }
   [[nodiscard]] std::uint64_t jobs() const noexcept { return jobs_.load(); }
 
@@ -79,7 +94,7 @@ class RobotJob final : public rt::TaskBody {
   }
 
   tasks::RobotIoTask task_;
-  drivers::gpio::SafetyChain& chain_;
+  drivers::SafetyIo& chain_;
   drivers::youbot_bus::EtherCatMotorBus& bus_;
   tasks::RobotIoTask::In in_;
   tasks::RobotIoTask::Out out_;
@@ -90,9 +105,54 @@ class RobotJob final : public rt::TaskBody {
   rt::Health health_;
   std::atomic<std::int64_t> opened_ns_{0};
   std::array<std::atomic<std::uint64_t>, 100> faults_{};
+  std::array<std::atomic<std::int64_t>, 100> began_ns_{};
+  std::atomic<double> wheel_rad_{0}, wheel_rad_per_s_{0};
   std::atomic<rt::FaultId> fault_{0};
   std::atomic<bool> rearming_{false};
   std::atomic<std::uint64_t> jobs_{0};
 };
+
+inline bool bring_up(rt::NonRealtime& nrt, drivers::ethercat::Master& master) {
+  using drivers::ethercat::Master;
+  for (const auto step : {&Master::find, &Master::configure, &Master::start}) {
+    const auto done = (master.*step)(nrt);
+    if (!done) return check("chain in OP", false, done.error());
+  }
+  return true;
+}
+
+// The job at 1 kHz, until person(epoch_ns) has told its story on a thread of its own: a hand is not
+// held up by a program. Jobs that were missed while timed() are what it returns.
+template <class Person, class Timed>
+std::uint64_t run_robot(rt::NonRealtime& nrt, RobotJob& job, Person person, Timed timed) {
+  constexpr int kHandPriority = 92;
+  // While threads begin, and the slaves are brought to OP anew, jobs may be late.
+  constexpr std::uint64_t kSettle = 400;
+  rt::PlacedTask task;
+  task.spec.name = "robot_io";
+  task.spec.rate = {1000, 1};
+  task.spec.budget = std::chrono::microseconds{200};
+  task.body = &job;
+  task.priority = rt::kTopTaskPriority;
+  rt::RunPlan plan;
+  plan.epoch_host_ns = rt::monotonic_ns() + 300'000'000;
+  plan.duration = std::chrono::seconds{120};
+  std::uint64_t missed = 0;
+  rt::RealExecutor<rt::Plain> executor(
+      nrt, {task}, rt::Plain{},
+      [&](const rt::JobRecord& r) {
+        if (r.k >= kSettle && r.missed() && timed()) ++missed;
+      },
+      [](const rt::SentinelRecord&) {});
+  std::thread hand([&] {
+    become_real_time(kHandPriority);
+    while (job.jobs() == 0) ::usleep(1000);
+    person(plan.epoch_host_ns);
+    executor.request_stop();
+  });
+  executor.run(plan);
+  hand.join();
+  return missed;
+}
 
 }  // namespace vm
