@@ -1,16 +1,17 @@
 // The virtual youBot on a network interface of the guest: each frame that comes passes the chain
 // and goes back. It stands for hardware, so its thread is above all others.
 //
-//   vm_chain --iface IF [--kind base+arm] [--gap-ms MS] [--long-gap-ms MS]
+//   vm_chain --iface IF [--kind base+arm] [--gap-ms MS] [--long-gap-ms MS] [--check none]
 //
 // SIGUSR1, SIGUSR2: all frames are swallowed for the gap, for the long one. SIGTERM: prints what it
-// saw and ends.
+// saw and ends. --check: checked_port.hpp.
 #include <csignal>
 #include <cstdint>
 
 #include "drivers/ethercat/frame.hpp"
 #include "drivers/ethercat/raw_port.hpp"
 #include "drivers/youbot_bus/twin/youbot_chain.hpp"
+#include "tests/vm/guest/checked_port.hpp"
 #include "tests/vm/guest/say.hpp"
 
 namespace {
@@ -43,6 +44,7 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "%s\n", port ? "--kind: no such chain" : port.error().c_str());
     return 2;
   }
+  vm::CheckedPort wire(*port.value(), vm::option(argc, argv, "check", std::string("none")));
   youbot_bus::YoubotChainConfig config;
   config.kind = *kind;
   config.initialised = true;
@@ -60,9 +62,9 @@ int main(int argc, char** argv) {
   std::uint64_t passed = 0, swallowed = 0, refused = 0;
   rt::Time gap_until{};
   while (end_wanted == 0) {
-    const rt::Time until = port.value()->now() + std::chrono::milliseconds{2};
-    const std::size_t bytes = port.value()->receive(frame, until);
-    const rt::Time now = port.value()->now();
+    const rt::Time until = wire.now() + std::chrono::milliseconds{2};
+    const std::size_t bytes = wire.receive(frame, until);
+    const rt::Time now = wire.now();
     if (gap_wanted != 0) {
       gap_until = now + (gap_wanted == SIGUSR1 ? gap : long_gap);
       gap_wanted = 0;
@@ -74,10 +76,11 @@ int main(int argc, char** argv) {
     }
     const auto used = std::span(frame).first(bytes);
     chain.wire().pass(used, now);
-    ++(port.value()->send(used) ? passed : refused);
+    ++(wire.send(used) ? passed : refused);
   }
   vm::figure("chain.passed", static_cast<double>(passed), "1");
   vm::figure("chain.swallowed", static_cast<double>(swallowed), "1");
   vm::figure("chain.refused", static_cast<double>(refused), "1");
+  vm::figure("chain.wrong_sequence", static_cast<double>(wire.wrong()), "1");
   return 0;
 }

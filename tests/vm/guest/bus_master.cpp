@@ -1,23 +1,27 @@
 // robot_io's side of the bus, on the product's executor: one job a millisecond drives the wheels of
 // a youBot chain behind a network interface.
 //
-//   vm_master --iface IF --expect run|gaps|books [--seconds S] [--act-at S] [--reply-us US]
-//             [--watchdog-ms MS] [--timed no] [--gate PATH]
+//   vm_master --iface IF --expect run|gaps|books|damage [--seconds S] [--act-at S] [--reply-us US]
+//             [--watchdog-ms MS] [--timed no] [--gate PATH] [--check none|refuse|count]
 //
 //   run     the wheels turn to the end; lost frames are counted and change nothing
 //   gaps    frames are missing twice: first for less than 100 cycles, and the wheels turn on; then
 //           for longer, so the master stops; frames come again and it stays stopped until --act-at,
 //           then the wheels turn again
 //   books   no wrong state and no stop; for a clock on which a job may be late by a second
+//   damage  frames come with damage that nothing before the master refused: it goes on; what it
+//           took for good is counted
 //   gate    in OP it makes PATH.ready and waits for PATH.go
 //   timed   no: deadlines are not judged
-// Figures: ethercat.{cycles, missed, lost, in_row, short, cycle_cpu_{p50, p99, max}_us,
-// start_{p50, p99, max}_us}.
+//   check   checked_port.hpp
+// Figures: ethercat.{cycles, missed, lost, in_row, short, sent, foreign, damaged, wrong_sequence,
+// wrong_state, odd_positions, cycle_cpu_{p50, p99, max}_us, start_{p50, p99, max}_us}.
 #include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <numbers>
 #include <thread>
 #include <vector>
 
@@ -28,6 +32,7 @@
 #include "rt/quantile.hpp"
 #include "rt/sched/admission.hpp"
 #include "rt/sched/real_executor.hpp"
+#include "tests/vm/guest/checked_port.hpp"
 #include "tests/vm/guest/say.hpp"
 
 namespace {
@@ -47,6 +52,7 @@ struct Seen {
   int longest_loss = 0, longest_held = 0;  // lost in a row; of these the master did not stop
   std::uint64_t wrong_state =
       0;  // cycles in which a slave was missing or not in OP, or a counter wrong
+  std::uint64_t odd_positions = 0;  // no position of this cycle, by the speed of the wheel
   std::uint64_t replies_while_stopped = 0, moved_while_stopped = 0;
   std::uint64_t after_act = 0;  // cycles with wheels that turn after the act
   std::int64_t stopped_at = -1;
@@ -100,7 +106,10 @@ class WheelJob final : public rt::TaskBody {
     youbot_bus::DriveInputs in;
     if (!youbot_bus::decode(master_.inputs(1), in)) return;
     const bool moved = in.position_ticks != ticks_;
+    if (seen_.begun_at >= 0 && seen_.stopped_at < 0 && !master_.stopped())
+      note_step(k, in.position_ticks);
     ticks_ = in.position_ticks;
+    ticks_at_ = k;
     seen_.turning = moved && in.velocity_rpm > 0;
     if (good && seen_.turning && seen_.begun_at < 0) seen_.begun_at = k;
     if (master_.stopped()) {
@@ -113,6 +122,16 @@ class WheelJob final : public rt::TaskBody {
     }
   }
 
+  // A wheel at constant speed: the state of another cycle is a whole step off.
+  void note_step(std::int64_t k, std::int32_t ticks) noexcept {
+    const youbot_bus::MotorBusConfig c;
+    const double step =
+        kWheel_rad_per_s * c.gear_ratio * c.ticks_per_motor_turn / (2 * std::numbers::pi * kHz);
+    const double took = static_cast<double>(ticks) - static_cast<double>(ticks_);
+    if (std::abs(took - step * static_cast<double>(k - ticks_at_)) > step / 2)
+      ++seen_.odd_positions;
+  }
+
   ethercat::Master& master_;
   youbot_bus::EtherCatMotorBus& bus_;
   std::int64_t act_at_, first_ = kSettle, end_;
@@ -122,6 +141,7 @@ class WheelJob final : public rt::TaskBody {
   Seen seen_;
   int in_row_ = 0;
   std::int32_t ticks_ = 0;
+  std::int64_t ticks_at_ = 0;
 };
 
 struct Run {
@@ -194,6 +214,19 @@ void say_times(const Run& run) {
   vm::figure("ethercat.cycle_cpu_max_us", cpu.back(), "us");
 }
 
+void say_frames(ethercat::Master& master, const vm::CheckedPort& wire, const Seen& s) {
+  const auto &cycles = master.frames(), &set_up = master.registers().counters();
+  const auto figure = [](const char* name, std::uint64_t n) {
+    vm::figure(name, static_cast<double>(n), "1");
+  };
+  figure("ethercat.sent", cycles.sent + set_up.sent);
+  figure("ethercat.foreign", cycles.foreign + set_up.foreign);
+  figure("ethercat.damaged", cycles.damaged + set_up.damaged);
+  figure("ethercat.wrong_sequence", wire.wrong());
+  figure("ethercat.wrong_state", s.wrong_state);
+  figure("ethercat.odd_positions", s.odd_positions);
+}
+
 void judge(const Seen& s, const ethercat::Master& master, const std::string& expect,
            std::uint64_t lost) {
   const auto text = [](auto n) { return std::to_string(n); };
@@ -202,10 +235,17 @@ void judge(const Seen& s, const ethercat::Master& master, const std::string& exp
     vm::check("no stop", !master.stopped() && s.stopped_at < 0, "");
     return;
   }
+  if (expect == "damage") {
+    vm::check("no stop", !master.stopped() && s.stopped_at < 0, "");
+    vm::check("wheels turn at the end", s.turning, "");
+    return;
+  }
   vm::check("in OP and turning from the first judged job on",
             s.begun_at == static_cast<std::int64_t>(kSettle), "job " + text(s.begun_at));
   vm::check("no wrong state", s.wrong_state == 0, text(s.wrong_state) + " cycles");
   if (expect == "run") {
+    vm::check("every state is of its own cycle", s.odd_positions == 0,
+              text(s.odd_positions) + " are not");
     vm::check("no stop", !master.stopped() && s.stopped_at < 0, "");
     vm::check("wheels turn at the end", s.turning, "");
     return;
@@ -242,7 +282,8 @@ int main(int argc, char** argv) {
       rt::Nanos{static_cast<std::int64_t>(1e3 * vm::option(argc, argv, "reply-us", 500.0))};
   config.watchdog_ms = static_cast<int>(
       vm::option(argc, argv, "watchdog-ms", static_cast<double>(config.watchdog_ms)));
-  ethercat::Master master(nrt, *port.value(), config);
+  vm::CheckedPort wire(*port.value(), vm::option(argc, argv, "check", std::string("none")));
+  ethercat::Master master(nrt, wire, config);
   master.registers().set_timeout(4 * config.reply_timeout);
   for (const auto step :
        {&ethercat::Master::find, &ethercat::Master::configure, &ethercat::Master::start}) {
@@ -271,6 +312,7 @@ int main(int argc, char** argv) {
   vm::figure("ethercat.lost_in_all", static_cast<double>(job.lost() - at_gate), "1");
   vm::figure("ethercat.in_row", job.seen().longest_loss, "1");
   vm::figure("ethercat.short", static_cast<double>(master.counters().short_counter), "1");
+  say_frames(master, wire, job.seen());
   say_times(run);
   if (timed) {
     vm::check("no cycle missed", run.missed() == 0,
