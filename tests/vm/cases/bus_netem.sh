@@ -68,5 +68,5 @@ wrong=$(($(of bare wrong_sequence) + $(chain_of bare wrong_sequence)))
 found=$(($(of bare lost_in_all) + $(of bare short)))
 echo "figure bare.found $found 1"
 echo "figure bare.wrong_in_all $wrong 1"
-# A bit of the process data is nobody's to miss: that these pass is what the check sequence is for.
+# They can not see a bit of the process data that is turned over: for these there is the check sequence.
 holds "bare: heads and counters find a part" "$found > 0 && $found <= $wrong" "$found of $wrong"
