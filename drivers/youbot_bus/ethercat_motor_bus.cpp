@@ -195,7 +195,9 @@ void EtherCatMotorBus::take_answer() noexcept {
   if (master_.mailbox().state() != ethercat::TransferState::kDone ||
       !tmcl::decode(master_.mailbox().reply(), reply))
     return;
-  if (clearing_ >= 0 && reply.status == tmcl::status::kOk)
+  // A firmware that refuses to clear I2t refuses it for ever: the flag tells what became of it.
+  const bool i2t = clearing_ >= static_cast<int>(drives());
+  if (clearing_ >= 0 && (i2t || reply.status == tmcl::status::kOk))
     to_clear_ &= ~bit(static_cast<std::size_t>(clearing_));
   const bool told = reply.command == static_cast<std::uint8_t>(tmcl::Command::kGetAxisParameter);
   if (looking_ < 0 || !told) return;
