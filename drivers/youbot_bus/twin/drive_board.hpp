@@ -52,6 +52,8 @@ class DriveBoard final : public ethercat::EscApplication {
   void stick_encoder(bool on) noexcept { stuck_ = on; }
   void trip_i2t(rt::Time now) noexcept { trip_i2t(now, now); }
   void time_out(rt::Time now) noexcept;
+  // A firmware without the parameter that clears I2t: it answers "wrong type".
+  void knows_i2t_clear(bool yes) noexcept { i2t_clear_ = yes; }
   void set_commutated(bool known, rt::Time now) noexcept;
   void set_faults(std::uint32_t bits, rt::Time now) noexcept;  // all that there are; 0: none
 
@@ -87,7 +89,7 @@ class DriveBoard final : public ethercat::EscApplication {
   std::int32_t timeout_ms_ = 100;
   Gripper gripper_;
   bool timeout_ = true, i2t_ = false, initialised_ = false, initialising_ = false, stuck_ = false;
-  bool unlocked_ = false;
+  bool unlocked_ = false, i2t_clear_ = true;
   rt::Time last_traffic_{}, initialised_at_{}, tripped_at_{};
   std::uint32_t faults_ = 0;
   double encoder_offset_ticks_ = 0;

@@ -120,6 +120,7 @@ std::uint8_t DriveBoard::set_axis(int number, std::int32_t value, rt::Time now) 
       if (value != 0) obey({0, ControllerMode::kInitialise}, now);
       break;
     case axis::kClearI2t:
+      if (!i2t_clear_) return status::kWrongType;
       if (now - tripped_at_ >= std::chrono::milliseconds{parameters_[axis::kThermalTime]})
         i2t_ = false;
       break;

@@ -125,6 +125,28 @@ TEST(YoubotNarrowInputs, AJointThatCanNotHoldIsNamed) {
   }
 }
 
+// A firmware that knows no such clear must not keep the base from driving for ever: nothing was
+// latched there. What is latched stays named.
+TEST(YoubotNarrowInputs, ARefusedClearEndsTheClear) {
+  for (const bool trip : {false, true}) {
+    NarrowRig r;
+    r.jobs(100);
+    r.drive(kWheel2).knows_i2t_clear(false);
+    if (trip) {
+      r.drive(kWheel2).trip_i2t(r.bus->port().now());
+      (void)r.until(1, flag::kI2tExceeded);
+    }
+    (void)r.job(2, true);
+    int rearming = 0;
+    while (r.job() == BusStatus::kOk && r.detail.trouble == BusTrouble::kRearming &&
+           rearming < 1000)
+      ++rearming;
+    std::printf("rearmed after %d jobs\n", rearming);
+    EXPECT_LT(rearming, 300);
+    EXPECT_EQ(r.states.flags[1] & kLatched, trip ? flag::kI2tExceeded : 0U);
+  }
+}
+
 // Later boards tell it in their inputs, at once; nobody is asked.
 TEST(YoubotNarrowInputs, WiderOnesAreNotAsked) {
   for (const std::size_t bytes : {18U, 20U, 32U}) {
