@@ -62,6 +62,19 @@ bool alone_ahead(const std::vector<LogLine>& lines, std::size_t i, const Log& lo
   return behind && (log.rows.empty() || next - log.first[0] > log.rows.back()[0]);
 }
 
+// Nor must a first row from before the clock was set, or with a place that is none: everything counts
+// from the first row, and the two that follow lie together and far from it.
+bool alone_at_first(const std::vector<LogLine>& lines, std::size_t i, const Log& log) {
+  if (!log.rows.empty() || i + 2 >= lines.size()) return false;
+  const auto far = [&](std::size_t a, std::size_t b) {
+    for (std::size_t c = 0; c < log.first.size(); ++c)
+      if (!(std::abs(lines[a].row[c] - lines[b].row[c]) <= tasks::MotionHistory::kLargest))
+        return true;
+    return false;
+  };
+  return far(i, i + 1) && far(i, i + 2) && !far(i + 1, i + 2);
+}
+
 void read_rows(const CsvTable& table, const std::vector<std::string>& columns, Log& log) {
   std::vector<std::size_t> index;
   for (std::size_t i = 0; i < columns.size(); ++i) {
@@ -79,6 +92,7 @@ void read_rows(const CsvTable& table, const std::vector<std::string>& columns, L
     auto& row = lines[i].row;
     std::string why = why_not(row, log);
     if (why.empty() && alone_ahead(lines, i, log)) why = "t_s is ahead of the rows behind it";
+    if (why.empty() && alone_at_first(lines, i, log)) why = "more than 1e6 from the rows behind it";
     if (!why.empty()) {
       log.refused.push_back("line " + std::to_string(table.lines[lines[i].at]) + ": " + why);
       continue;
