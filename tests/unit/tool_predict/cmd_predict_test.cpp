@@ -330,6 +330,28 @@ TEST(CmdPredict, ARowAheadOfTheRestIsRefusedAlone) {
   }
 }
 
+// A first row of before the clock was set, or of a place that is none, is refused alone.
+TEST(CmdPredict, AFirstRowFarFromTheRestIsRefusedAlone) {
+  Folder f;
+  auto lines = wavy_log(false);
+  const auto good = joined(kHeader, lines, lines.size());
+  write(f.file("good.csv"), good);
+  for (const char* first : {"-2000000,0,0,0,0,0,0", "-1,2000000,0,0,0,0,0", "-1,0,-5e7,0,0,0,0"}) {
+    write(f.file("bad.csv"), kHeader + std::string(first) + good.substr(good.find('\n')));
+    for (const char* name : {"good", "bad"}) {
+      testing::internal::CaptureStderr();
+      ASSERT_EQ(run({"--log", f.file(std::string(name) + ".csv"), "--delay", "0.2", "--out",
+                     f.file(std::string(name) + "_p.csv")}),
+                0);
+      const std::string said = testing::internal::GetCapturedStderr();
+      const bool named =
+          said.find("1 of 401 rows refused: line 2: more than 1e6") != std::string::npos;
+      EXPECT_EQ(named, std::string(name) == "bad") << said;
+    }
+    EXPECT_EQ(read(f.file("good_p.csv")), read(f.file("bad_p.csv"))) << first;
+  }
+}
+
 // Unix stamps and the metres of a map grid: the same poses, that far away.
 TEST(CmdPredict, WhereALogBeginsChangesNothing) {
   Folder f;
