@@ -62,8 +62,8 @@ bool alone_ahead(const std::vector<LogLine>& lines, std::size_t i, const Log& lo
   return behind && (log.rows.empty() || next - log.first[0] > log.rows.back()[0]);
 }
 
-// Nor must a first row from before the clock was set, or with a place that is none: everything counts
-// from the first row, and the two that follow lie together and far from it.
+// Nor must a first row from before the clock was set, or with a place that is none: all counts from
+// the first row, and the two that follow lie together and far from it.
 bool alone_at_first(const std::vector<LogLine>& lines, std::size_t i, const Log& log) {
   if (!log.rows.empty() || i + 2 >= lines.size()) return false;
   const auto far = [&](std::size_t a, std::size_t b) {
