@@ -34,6 +34,9 @@ class DriveSession {
   void set(std::size_t position, const DriveOutputs&);
   void stop_all();
   [[nodiscard]] DriveInputs inputs(std::size_t position) const;
+  [[nodiscard]] std::size_t input_bytes(std::size_t position) const {
+    return master_.inputs(position).size();
+  }
   // TMCL through the mailbox while cycles run. The error names the board and what it said.
   [[nodiscard]] rt::Result<std::int32_t> ask(std::size_t position, const tmcl::Request&);
   [[nodiscard]] rt::Result<std::int32_t> get(std::size_t position, std::uint8_t parameter);

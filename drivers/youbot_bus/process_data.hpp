@@ -45,6 +45,7 @@ struct DriveInputs {
 };
 
 inline constexpr std::size_t kOutputBytes = 5;
+inline constexpr std::size_t kNarrowInputBytes = 16;  // flags 0 to 15 alone
 [[nodiscard]] constexpr bool known_input_size(std::size_t bytes) noexcept {
   return bytes == 16 || bytes == 18 || bytes == 20 || bytes == 32;
 }

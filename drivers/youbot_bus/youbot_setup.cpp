@@ -54,6 +54,16 @@ rt::Error stopped(DriveSession& s, const std::string& why) {
   return rt::Error{bus.empty() ? why : bus};
 }
 
+// The first firmware's inputs end at flag 15, so axis parameter 156 has its timeout and I2t. One that
+// refuses to tell has no such flags.
+rt::Result<std::uint32_t> flags_of(DriveSession& s, std::size_t i, const DriveInputs& in) {
+  if (s.input_bytes(i) != kNarrowInputBytes) return in.flags;
+  const auto all = s.get(i, axis::kFlags);
+  if (all) return in.flags | static_cast<std::uint32_t>(all.value());
+  if (!s.failed().empty()) return rt::Error{all.error()};
+  return in.flags;
+}
+
 rt::Result<DriveReport> look(DriveSession& s, std::size_t i) {
   DriveReport r;
   r.position = i;
@@ -69,7 +79,9 @@ rt::Result<DriveReport> look(DriveSession& s, std::size_t i) {
   r.supply_V = 0.01 * volts.value();
   r.temperature_C = tmcl::driver_temperature_C(adc.value());
   const DriveInputs in = s.inputs(i);
-  r.flags = in.flags;
+  const auto flags = flags_of(s, i, in);
+  if (!flags) return rt::Error{flags.error()};
+  r.flags = flags.value();
   r.position_ticks = in.position_ticks;
   r.current_mA = in.current_mA;
   r.commutated = found.value() == 1;
@@ -80,7 +92,7 @@ rt::Result<DriveReport> look(DriveSession& s, std::size_t i) {
     if (!r.homed) r.wrong = "not homed: teletact youbot setup";
   }
   if (!r.commutated) r.wrong = "no commutation: teletact youbot setup";
-  if (has(in, motor_flag::kI2tExceeded)) r.wrong = "I2t limit exceeded: let it cool down";
+  if ((r.flags & motor_flag::kI2tExceeded) != 0) r.wrong = "I2t limit exceeded: let it cool down";
   return r;
 }
 

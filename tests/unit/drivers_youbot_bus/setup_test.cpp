@@ -12,14 +12,18 @@ namespace {
 
 // The truth at the motors themselves, which the boards never say.
 struct SetupRig : BusRig {
-  explicit SetupRig(yb::ChainKind kind, yb::Generation g = yb::Generation::kNew)
-      : BusRig(config(kind, g)), session(startup.token(), master, port, kind) {
+  explicit SetupRig(yb::ChainKind kind, yb::Generation g = yb::Generation::kNew,
+                    std::size_t input_bytes = 0)
+      : BusRig(config(kind, g, input_bytes)), session(startup.token(), master, port, kind) {
     bring_up();
   }
-  static yb::YoubotChainConfig config(yb::ChainKind kind, yb::Generation g) {
+  // Of 0 bytes: those of the generation.
+  static yb::YoubotChainConfig config(yb::ChainKind kind, yb::Generation g,
+                                      std::size_t input_bytes) {
     yb::YoubotChainConfig c;
     c.kind = kind;
     c.generation = g;
+    c.input_bytes = input_bytes;
     c.end_stops = true;
     return c;
   }
@@ -60,6 +64,20 @@ TEST(YoubotSetup, CheckReadsAndMovesNothing) {
       EXPECT_EQ(r.firmware.version, 200);
     }
     EXPECT_EQ(rig.travelled(), 0);
+  }
+}
+
+// The first firmware's 16 bytes have no room for the flag: its check asks the board.
+TEST(YoubotSetup, CheckTellsATrippedDriveOfEveryInputSize) {
+  for (const std::size_t bytes : {16U, 18U, 20U, 32U}) {
+    SetupRig rig(yb::ChainKind::kBaseArm,
+                 bytes == 32 ? yb::Generation::kNew : yb::Generation::kOld, bytes);
+    rig.chain.drive(3)->trip_i2t(rig.port.now());
+    const auto reports = yb::check(rig.session);
+    ASSERT_TRUE(reports) << reports.error();
+    for (const auto& r : reports.value())
+      EXPECT_EQ(r.wrong.find("I2t") != std::string::npos, r.position == 3)
+          << bytes << " bytes, slave " << r.position << ": " << r.wrong;
   }
 }
 
