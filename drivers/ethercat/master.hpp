@@ -15,7 +15,8 @@
 //             or the frame is lost, inputs keep their last good values.
 //   stop      So many lost or short cycles in a row latch a stop: outputs are zero from then on,
 //             which is "motor stop" on a youBot. recover() is the act that ends it: slaves are
-//             brought back to OP with zero outputs; the latch falls when all are there.
+//             brought back to OP with zero outputs; the latch falls when all are there. Outputs of
+//             kept slaves go on as their owner writes them: an arm without brakes is held.
 //   clocks    Distributed clocks are not used. The slaves' watchdog of process data is set.
 // Source: ETG.1000.4 (commands, counters), ETG.1000.6 (states). One owner; no thread safety.
 #pragma once
@@ -40,8 +41,8 @@ struct MasterConfig {
 
 enum class CycleStatus : std::uint8_t {
   kOk,
-  kLost,      // no frame came back
-  kLinkDown,  // none could be sent, or none came back and the card has no carrier
+  kLost,      // no frame came back, or the card refused this one
+  kLinkDown,  // the same, and the card has no carrier
   kShort      // a frame came back, and its working counter is not the expected one
 };
 [[nodiscard]] const char* to_text(CycleStatus) noexcept;
@@ -104,17 +105,19 @@ class Master {
   [[nodiscard]] std::span<std::uint8_t> outputs(std::size_t i) noexcept;
   [[nodiscard]] std::span<const std::uint8_t> inputs(std::size_t i) const noexcept;
   void clear_outputs() noexcept;
+  // What slave `i` is told goes on in a stop and in a recovery. Set-up.
+  void keep_outputs(rt::NonRealtime&, std::size_t i) { kept_[i] = true; }
 
   [[nodiscard]] BusHealth health() const noexcept;
   [[nodiscard]] const BusCounters& counters() const noexcept { return counters_; }
   [[nodiscard]] const ExchangeCounters& frames() const noexcept { return frames_.counters(); }
   // Slaves that answered the last frame that came back.
   [[nodiscard]] int present() const noexcept { return present_; }
-  // As each slave was seen last.
+  // As each slave was seen last; in a recovery the one at work.
   [[nodiscard]] const AlStatus& al_status(std::size_t i) const noexcept { return al_[i]; }
 
   [[nodiscard]] bool stopped() const noexcept { return stopped_; }
-  // An operator's act. Outputs stay zero until recovered().
+  // An operator's act. Outputs stay zero until it has succeeded, but those of kept slaves.
   void recover() noexcept;
   [[nodiscard]] bool recovering() const noexcept { return recovery_.active(); }
   // Of the last recovery: slave `i` had been without power.
@@ -134,6 +137,9 @@ class Master {
   void take_watch(const Places& p) noexcept;
   void lose(const Places& p) noexcept;
   void judge(Half h, CycleStatus s) noexcept;
+  void take_service(const DatagramView& d) noexcept;
+  // Zeros where nothing is kept.
+  void stop_outputs() noexcept;
   [[nodiscard]] std::span<const std::uint8_t> output_image() const noexcept;
 
   MasterConfig config_;
@@ -144,6 +150,7 @@ class Master {
   std::string problem_;
   std::vector<std::uint8_t> image_;  // outputs, then inputs
   std::vector<AlStatus> al_;
+  std::vector<bool> kept_;  // by slave
   Recovery recovery_;
   MailboxTransfer transfer_;
   BusCounters counters_;

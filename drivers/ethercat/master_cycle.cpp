@@ -39,6 +39,11 @@ void Master::clear_outputs() noexcept {
   std::fill_n(image_.begin(), mapping_.output_bytes, std::uint8_t{0});
 }
 
+void Master::stop_outputs() noexcept {
+  for (std::size_t i = 0; i < kept_.size(); ++i)
+    if (!kept_[i]) std::ranges::fill(outputs(i), std::uint8_t{0});
+}
+
 std::span<const std::uint8_t> Master::output_image() const noexcept {
   return std::span(image_).first(mapping_.output_bytes);
 }
@@ -58,7 +63,7 @@ void Master::add_watch(Places& p) noexcept {
 }
 
 CycleResult Master::exchange() noexcept {
-  if (stopped_ || recovery_.active()) clear_outputs();
+  if (stopped_ || recovery_.active()) stop_outputs();
   frames_.begin();
   Places p;
   int expected = 0;
@@ -92,7 +97,7 @@ CycleResult Master::read_inputs() noexcept {
 }
 
 CycleResult Master::write_outputs() noexcept {
-  if (stopped_ || recovery_.active()) clear_outputs();
+  if (stopped_ || recovery_.active()) stop_outputs();
   frames_.begin();
   Places p;
   if (mapping_.output_bytes > 0 &&
@@ -108,7 +113,8 @@ CycleResult Master::finish(const Places& p, int expected, Half h) noexcept {
                              (last_ == CycleStatus::kLost || last_ == CycleStatus::kLinkDown);
   const rt::Nanos patience = read_was_lost ? config_.reply_timeout / 2 : config_.reply_timeout;
   if (!frames_.send()) {
-    r.status = CycleStatus::kLinkDown;
+    // A card whose queue is full refuses one frame, which is no more than lost.
+    r.status = frames_.port().link_up() ? CycleStatus::kLost : CycleStatus::kLinkDown;
   } else if (!frames_.collect(frames_.port().now() + patience)) {
     // A card without a carrier takes frames all the same: only a lost one is worth the question.
     r.status = frames_.port().link_up() ? CycleStatus::kLost : CycleStatus::kLinkDown;
@@ -141,21 +147,25 @@ void Master::take_watch(const Places& p) noexcept {
     present_ = all.counter;
     all_states_ = all.data[0];
   }
-  if (p.service >= 0) {
-    const DatagramView& d = frames_.reply(static_cast<std::size_t>(p.service));
-    if (recovery_.active()) {
-      recovery_.on_reply(d);
-      if (!recovery_.active() && recovery_.succeeded()) {
-        stopped_ = false;
-        std::fill(al_.begin(), al_.end(),
-                  AlStatus{static_cast<std::uint8_t>(AlState::kOp), al_code::kNone});
-      }
-    } else {
-      al_[watched_] = d.counter == 1 ? AlStatus{d.data[0], load_u16(d.data, 4)} : AlStatus{};
-      watched_ = (watched_ + 1) % slaves_.size();
-    }
-  }
+  if (p.service >= 0) take_service(frames_.reply(static_cast<std::size_t>(p.service)));
   if (p.mailbox >= 0) transfer_.on_reply(frames_.reply(static_cast<std::size_t>(p.mailbox)));
+}
+
+void Master::take_service(const DatagramView& d) noexcept {
+  const auto told = [&] {
+    return d.counter == 1 ? AlStatus{d.data[0], load_u16(d.data, 4)} : AlStatus{};
+  };
+  if (!recovery_.active()) {
+    al_[watched_] = told();
+    watched_ = (watched_ + 1) % slaves_.size();
+    return;
+  }
+  if (recovery_.observes()) al_[static_cast<std::size_t>(recovery_.slave())] = told();
+  recovery_.on_reply(d);
+  if (recovery_.active() || !recovery_.succeeded()) return;
+  stopped_ = false;
+  std::fill(al_.begin(), al_.end(),
+            AlStatus{static_cast<std::uint8_t>(AlState::kOp), al_code::kNone});
 }
 
 void Master::lose(const Places& p) noexcept {
@@ -216,7 +226,7 @@ void Master::recover() noexcept {
   // One look a cycle: a slave has the time that a step of the state machine has.
   const std::int64_t looks = config_.state_timeout / std::max(config_.period, rt::Nanos{1});
   recovery_.start(static_cast<int>(std::min(kRecoverySteps + looks, kMostRecoverySteps)));
-  clear_outputs();
+  stop_outputs();
 }
 
 bool Master::post(std::size_t slave, std::span<const std::uint8_t> request, int patience) noexcept {

@@ -47,6 +47,7 @@ rt::Result<bool> Master::find(rt::NonRealtime& nrt) {
   for (SlaveMapping& m : mapping_.slaves) set_watchdog(m, config_.watchdog_ms);
   image_.assign(mapping_.output_bytes + mapping_.input_bytes, 0);
   al_.assign(slaves_.size(), AlStatus{});
+  kept_.assign(slaves_.size(), false);
   recovery_ = Recovery(&mapping_.slaves);
   transfer_.stop();
   present_ = static_cast<int>(slaves_.size());
@@ -108,6 +109,7 @@ void Master::stop(rt::NonRealtime&) noexcept {
   if (!started_) return;
   started_ = false;
   stopped_ = true;  // zeros, whoever calls a cycle after this
+  std::ranges::fill(kept_, false);
   Port& port = frames_.port();
   const rt::Time end = port.now() + kStopTime;
   // Twice: the first may be lost, and SAFEOP shall find outputs that are zero.

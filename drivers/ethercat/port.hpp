@@ -20,8 +20,8 @@ class Port {
   // that has passed only looks.
   [[nodiscard]] virtual std::size_t receive(std::span<std::uint8_t> into,
                                             rt::Time deadline) noexcept = 0;
-  // Has the card a carrier, as far as it can tell? For a cycle whose frame was lost: neither waits
-  // nor allocates, and costs a call of the kernel.
+  // Has the card a carrier, as far as it can tell? For a cycle whose frame was lost or refused:
+  // neither waits nor allocates, and costs a call of the kernel.
   [[nodiscard]] virtual bool link_up() noexcept { return true; }
   [[nodiscard]] virtual rt::Time now() const noexcept = 0;
   // Set-up only: nothing is done until then.

@@ -62,7 +62,10 @@ RawPort::~RawPort() { ::close(socket_); }
 
 bool RawPort::send(std::span<const std::uint8_t> frame) noexcept {
   const ssize_t sent = ::send(socket_, frame.data(), frame.size(), MSG_DONTWAIT);
-  return sent == static_cast<ssize_t>(frame.size());
+  const bool taken = sent == static_cast<ssize_t>(frame.size());
+  // Down, or gone: any other refusal is of this frame alone (ENOBUFS, EAGAIN).
+  gone_ = !taken && sent < 0 && (errno == ENETDOWN || errno == ENXIO || errno == ENODEV);
+  return taken;
 }
 
 std::size_t RawPort::receive(std::span<std::uint8_t> into, rt::Time deadline) noexcept {
@@ -91,6 +94,7 @@ std::size_t RawPort::receive(std::span<std::uint8_t> into, rt::Time deadline) no
 }
 
 bool RawPort::link_up() noexcept {
+  if (gone_) return false;
   if (interface_[0] == '\0') return true;
   ifreq request{};
   std::copy(interface_.begin(), interface_.end(), std::begin(request.ifr_name));

@@ -37,6 +37,7 @@ class RawPort final : public Port {
  private:
   RawPort(int socket, const std::string& interface) noexcept;
   int socket_;
+  bool gone_ = false;  // the last frame was refused by an interface that is down, or not there
   std::array<char, 16> interface_{};  // IFNAMSIZ; empty: it can not be asked
 };
 

@@ -38,6 +38,8 @@ class Recovery {
   // The slave at work, and what it said last.
   [[nodiscard]] int slave() const noexcept { return slave_; }
   [[nodiscard]] const AlStatus& status() const noexcept { return status_; }
+  // The datagram under way reads its AL status; else it writes.
+  [[nodiscard]] bool observes() const noexcept { return step_ == Step::kObserve; }
 
   [[nodiscard]] bool add_to(FrameExchange& frame) noexcept;
   void on_reply(const DatagramView& d) noexcept;

@@ -51,6 +51,12 @@ void DriveSession::set(std::size_t position, const DriveOutputs& o) {
   (void)encode(o, master_.outputs(position));
 }
 
+DriveOutputs DriveSession::command(std::size_t position) const {
+  DriveOutputs o;
+  (void)decode(std::span<const std::uint8_t>(master_.outputs(position)), o);
+  return o;
+}
+
 void DriveSession::stop_all() { master_.clear_outputs(); }
 
 DriveInputs DriveSession::inputs(std::size_t position) const {

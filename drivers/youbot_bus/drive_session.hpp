@@ -32,6 +32,7 @@ class DriveSession {
   // As long as it is not `done`, at most so many cycles. False: not done, or the bus has failed.
   bool cycle_until(int most, const std::function<bool()>& done);
   void set(std::size_t position, const DriveOutputs&);
+  [[nodiscard]] DriveOutputs command(std::size_t position) const;
   void stop_all();
   [[nodiscard]] DriveInputs inputs(std::size_t position) const;
   [[nodiscard]] std::size_t input_bytes(std::size_t position) const {

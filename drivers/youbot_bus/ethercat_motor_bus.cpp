@@ -17,9 +17,6 @@ namespace {
 // Above any motor's speed; a setpoint beyond it is no setpoint.
 constexpr double kMost_rpm = 200000;
 constexpr std::uint32_t kLatched = motor_flag::kTimeout | motor_flag::kI2tExceeded;
-// The layout whose flags end at bit 15.
-constexpr std::size_t kNarrowInputs = 16;
-
 constexpr unsigned bit(std::size_t n) noexcept { return 1U << static_cast<unsigned>(n); }
 
 BusDetail trouble_of(const ethercat::BusHealth& h) noexcept {
@@ -59,13 +56,14 @@ BusTrouble trouble_of_joint(std::uint32_t flags) noexcept {
 
 }  // namespace
 
-EtherCatMotorBus::EtherCatMotorBus(rt::NonRealtime&, ethercat::Master& master,
+EtherCatMotorBus::EtherCatMotorBus(rt::NonRealtime& nrt, ethercat::Master& master,
                                    const MotorBusConfig& c)
     : master_(master), config_(c) {
   if (config_.joints.size() > held_.size())
     throw std::invalid_argument("a youBot has at most ten arm joints");
   for (std::size_t d = 0; d < drives(); ++d)
-    if (master_.inputs(slave_of(d)).size() == kNarrowInputs) narrow_ |= bit(d);
+    if (master_.inputs(slave_of(d)).size() == kNarrowInputBytes) narrow_ |= bit(d);
+  for (const std::size_t slave : config_.joints) master_.keep_outputs(nrt, slave);
 }
 
 std::size_t EtherCatMotorBus::slave_of(std::size_t drive) const noexcept {
@@ -74,25 +72,35 @@ std::size_t EtherCatMotorBus::slave_of(std::size_t drive) const noexcept {
 
 bool EtherCatMotorBus::read_drive(std::size_t drive, DriveInputs& out) const noexcept {
   if (!decode(master_.inputs(slave_of(drive)), out)) return false;
-  out.flags |= latched_[drive];
+  out.flags = (out.flags | latched_[drive]) & ~config_.ignored_flags;
   return true;
 }
 
 // Pressed for long, a clear comes every job: what is under way is not begun anew.
 void EtherCatMotorBus::rearm() noexcept {
   safe_.store(false, std::memory_order_release);
-  if (to_clear_ == 0 && to_look_ == 0) {
-    clearing_ = looking_ = -1;
-    to_clear_ = bit(drives()) - 1;
-    to_look_ = narrow_;
-    for (std::size_t d = 0; d < drives(); ++d) {
-      DriveInputs in;
-      const bool hot = read_drive(d, in) && (in.flags & motor_flag::kI2tExceeded) != 0;
-      if (hot || (narrow_ & bit(d)) != 0) to_clear_ |= bit(drives() + d);
-    }
-  }
   const bool bad = master_.stopped() || master_.health().fault != ethercat::BusFault::kNone;
+  if (to_clear_ == 0 && to_look_ == 0) {
+    // Drives that were without frames have latched it since their inputs were read last.
+    flags_awaited_ = bad || master_.recovering() || !fresh_;
+    if (!flags_awaited_) choose_clears();
+  }
   if (bad && !master_.recovering()) master_.recover();
+}
+
+// Of the first firmware's drives, which do not tell by themselves, both flags.
+void EtherCatMotorBus::choose_clears() noexcept {
+  flags_awaited_ = false;
+  clearing_ = looking_ = -1;
+  to_look_ = narrow_;
+  for (std::size_t d = 0; d < drives(); ++d) {
+    DriveInputs in;
+    const bool told = read_drive(d, in);
+    const bool narrow = (narrow_ & bit(d)) != 0;
+    if (narrow || (told && (in.flags & motor_flag::kTimeout) != 0)) to_clear_ |= bit(d);
+    if (narrow || (told && (in.flags & motor_flag::kI2tExceeded) != 0))
+      to_clear_ |= bit(drives() + d);
+  }
 }
 
 BusStatus EtherCatMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
@@ -104,6 +112,7 @@ BusStatus EtherCatMotorBus::sense(rt::Time now, MotorStates& states) noexcept {
       primed_[w] = primed_[w] && !master_.began_anew(config_.slave[w]);
   recovering_ = master_.recovering();
   fresh_ = status == BusStatus::kOk;
+  if (flags_awaited_ && fresh_ && !master_.recovering()) choose_clears();
   if (!fresh_) {
     // A slave that fell to SAFEOP turns no motor and still tells what its encoder counts. In a
     // recovery one may have begun to count anew: its words are taken again after it.
@@ -162,7 +171,9 @@ void EtherCatMotorBus::put_arm(bool stopped) noexcept {
   for (std::size_t j = 0; j < config_.joints.size(); ++j) {
     DriveInputs in;
     DriveOutputs o;
-    const bool able = read_drive(kWheels + j, in) && !rearming() &&
+    const ethercat::AlStatus& al = master_.al_status(config_.joints[j]);
+    const bool drives = al.is() == ethercat::AlState::kOp && !al.error();
+    const bool able = read_drive(kWheels + j, in) && drives &&
                       (in.flags & motor_flag::kInitialised) != 0 && (in.flags & kLatched) == 0;
     if (!able) {
       held_[j] = false;

@@ -5,18 +5,19 @@
 //              working counter is not the expected one; `states` keeps what it had. kDown: link,
 //              slaves or states are gone, or the master has stopped.
 //   detail     which slave, and why, by the master's account (Master::health).
-//   rearm      the operator's act: the master brings slaves back to OP, then each drive's timeout
-//              flag is cleared (axis parameter 158), and of drives with flag 17 I2t (29; a winding
+//   rearm      the operator's act: the master brings slaves back to OP, then of each drive that has
+//              it latched the timeout flag is cleared (axis parameter 158) and I2t (29; a winding
 //              that is still hot keeps it), one step a cycle. Until all of it is done the wheels
-//              stand and take no setpoint; motion begins with the first setpoint after that.
+//              stand and take no setpoint (kRearming).
 //   16 bytes   inputs of the first firmware have no room for flags 16 and 17: of such drives they
 //              are asked for by mailbox (axis parameter 156), one drive after the other, and in
 //              rearm() of each, after both were cleared. So they are seen up to 0.1 s later.
 //   arm        each joint holds the position that it had when its drive became able to, as the arm
-//              has no brakes; it is told so in every cycle, also while the wheels are off. A joint
-//              whose drive is not able (flags) is told to stop, and takes a new position when it
-//              is able again; detail() names the first such joint, and why. kFree: with the wheels
-//              off, no torque instead: the arm sinks.
+//              has no brakes; it is told so in every cycle, also while the wheels are off, another
+//              drive is at fault or being cleared, or the bus has stopped. A joint whose drive is
+//              not able (flags, or its slave not in OP) is told to stop, and takes a new position
+//              when it is able again; detail() names the first such joint, and why. kFree: with
+//              the wheels off, no torque instead: the arm sinks.
 //   ready      wheels without commutation (flag 15) do not turn and count as kDown: finding it
 //              moves them, which is for `teletact youbot setup`.
 //   power      an encoder whose board had no power counts anew. Its wheel's angle goes on from
@@ -41,6 +42,8 @@ struct MotorBusConfig {
   std::array<std::size_t, kWheels> slave{1, 2, 3, 4};  // of each wheel, from 0 at the master
   std::vector<std::size_t> joints;                     // of each arm joint; at most 10
   ArmRest arm_rest = ArmRest::kHold;
+  // Bits of the drives' flags that are taken as 0. Sources differ on 6, 7 and 12.
+  std::uint32_t ignored_flags = 0;
   int ticks_per_motor_turn = 4000;
   double gear_ratio = 9405.0 / 364.0;  // motor turns per wheel turn
 };
@@ -59,7 +62,7 @@ class EtherCatMotorBus final : public MotorBus {
 
   // Flags are being cleared, or slaves brought back.
   [[nodiscard]] bool rearming() const noexcept {
-    return to_clear_ != 0 || to_look_ != 0 || master_.recovering();
+    return flags_awaited_ || to_clear_ != 0 || to_look_ != 0 || master_.recovering();
   }
 
  private:
@@ -70,6 +73,7 @@ class EtherCatMotorBus final : public MotorBus {
   [[nodiscard]] std::size_t slave_of(std::size_t drive) const noexcept;
   // False: inputs of an unknown size.
   [[nodiscard]] bool read_drive(std::size_t drive, DriveInputs& out) const noexcept;
+  void choose_clears() noexcept;
   void use_mailbox() noexcept;
   void take_answer() noexcept;
   void post_clear() noexcept;
@@ -80,6 +84,7 @@ class EtherCatMotorBus final : public MotorBus {
   ethercat::Master& master_;
   MotorBusConfig config_;
   std::atomic<bool> safe_{false};
+  bool flags_awaited_ = false;  // what rearm() has to clear shows in the next good inputs
   // What is to be cleared, a bit each: timeout flags of the drives, wheels first, then their I2t.
   unsigned to_clear_ = 0;
   int clearing_ = -1;  // the bit whose request is under way

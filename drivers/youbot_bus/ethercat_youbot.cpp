@@ -1,6 +1,7 @@
 #include "drivers/youbot_bus/ethercat_youbot.hpp"
 
 #include "drivers/youbot/motor_flags.hpp"
+#include "drivers/youbot_bus/youbot_setup.hpp"
 
 namespace drivers::youbot_bus {
 
@@ -29,6 +30,7 @@ MotorBusConfig layout(ChainKind kind, const YoubotConfig& c) {
   MotorBusConfig out;
   out.gear_ratio = c.gear_ratio;
   out.arm_rest = c.arm_rest;
+  out.ignored_flags = c.ignored_flags;
   const auto boards = boards_of(kind);
   for (std::size_t i = 0; i < boards.size(); ++i) {
     if (boards[i].kind == BoardKind::kWheel)
@@ -79,6 +81,11 @@ rt::Result<std::unique_ptr<EtherCatYoubot>> EtherCatYoubot::open(
     if (!other.empty()) return rt::Error{"calibration: " + other};
   }
   out->kind_ = kind.value();
+  if (c.current_limit_mA > 0) {
+    DriveSession set_up(nrt, *out->master_, *out->port_, out->kind_);
+    const auto limited = limit_current(set_up, c.current_limit_mA);
+    if (!limited) return rt::Error{limited.error()};
+  }
   out->bus_ = std::make_unique<EtherCatMotorBus>(nrt, *out->master_, layout(out->kind_, c));
   out->bus_->rearm();
   MotorStates ignored;

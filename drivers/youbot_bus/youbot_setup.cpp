@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <numbers>
 
+#include "drivers/tmcl/motor_faults.hpp"
 #include "drivers/tmcl/youbot_parameters.hpp"
 #include "drivers/youbot/motor_flags.hpp"
 
@@ -64,6 +65,17 @@ rt::Result<std::uint32_t> flags_of(DriveSession& s, std::size_t i, const DriveIn
   return in.flags;
 }
 
+// "under-voltage, hall sensor error"; empty: none.
+std::string faults_text(std::uint32_t flags) {
+  std::string text;
+  const tmcl::MotorFaults faults = tmcl::faults_of(flags);
+  for (int k = 0; k < faults.count; ++k)
+    text +=
+        (text.empty() ? "" : ", ") + std::string(faults.entry[static_cast<std::size_t>(k)]->name);
+  if ((flags & motor_flag::kI2tExceeded) != 0) text += ": let it cool down, teletact youbot setup";
+  return text;
+}
+
 rt::Result<DriveReport> look(DriveSession& s, std::size_t i) {
   DriveReport r;
   r.position = i;
@@ -74,9 +86,11 @@ rt::Result<DriveReport> look(DriveSession& s, std::size_t i) {
   const auto volts = s.get(i, axis::kSupplyVoltage);
   const auto adc = s.get(i, axis::kTemperature);
   const auto found = s.get(i, axis::kInitialised);
-  for (const auto* x : {&volts, &adc, &found})
+  const auto most = s.get(i, axis::kMaxCurrent);
+  for (const auto* x : {&volts, &adc, &found, &most})
     if (!*x) return rt::Error{x->error()};
   r.supply_V = 0.01 * volts.value();
+  r.max_current_mA = most.value();
   r.temperature_C = tmcl::driver_temperature_C(adc.value());
   const DriveInputs in = s.inputs(i);
   const auto flags = flags_of(s, i, in);
@@ -92,7 +106,8 @@ rt::Result<DriveReport> look(DriveSession& s, std::size_t i) {
     if (!r.homed) r.wrong = "not homed: teletact youbot setup";
   }
   if (!r.commutated) r.wrong = "no commutation: teletact youbot setup";
-  if ((r.flags & motor_flag::kI2tExceeded) != 0) r.wrong = "I2t limit exceeded: let it cool down";
+  const std::string faults = faults_text(r.flags);
+  if (!faults.empty()) r.wrong = faults;
   return r;
 }
 
@@ -134,6 +149,35 @@ rt::Result<bool> clear_timeouts(DriveSession& s) {
   return true;
 }
 
+rt::Result<int> clear_i2t(DriveSession& s) {
+  int cleared = 0;
+  for (const std::size_t i : s.drives()) {
+    const auto before = flags_of(s, i, s.inputs(i));
+    if (!before) return rt::Error{before.error()};
+    if ((before.value() & motor_flag::kI2tExceeded) == 0) continue;
+    // Refused while the winding is hot, and by a firmware that knows no such clear.
+    (void)s.put(i, axis::kClearI2t, 0);
+    if (!s.failed().empty() || !s.cycle()) return rt::Error{s.failed()};
+    const auto after = flags_of(s, i, s.inputs(i));
+    if (!after) return rt::Error{after.error()};
+    cleared += (after.value() & motor_flag::kI2tExceeded) == 0 ? 1 : 0;
+  }
+  return cleared;
+}
+
+rt::Result<int> limit_current(DriveSession& s, std::int32_t most_mA) {
+  int lowered = 0;
+  for (const std::size_t i : s.drives()) {
+    const auto has = s.get(i, axis::kMaxCurrent);
+    if (!has) return rt::Error{has.error()};
+    if (has.value() <= most_mA) continue;
+    if (const auto done = s.put(i, axis::kMaxCurrent, most_mA); !done)
+      return rt::Error{done.error()};
+    ++lowered;
+  }
+  return lowered;
+}
+
 rt::Result<bool> commutate(DriveSession& s, const Progress& say) {
   if (const auto done = clear_timeouts(s); !done) return done;
   std::vector<std::size_t> without;
@@ -152,7 +196,11 @@ rt::Result<bool> commutate(DriveSession& s, const Progress& say) {
     std::size_t found = 0;
     for (const std::size_t i : without) {
       if (!has(s.inputs(i), motor_flag::kInitialised)) continue;
-      s.set(i, {});  // it turns no further than it has to
+      // A wheel turns no further than it has to; a joint has no brake.
+      if (s.boards()[i].kind != BoardKind::kJoint)
+        s.set(i, {});
+      else if (s.command(i).mode != ControllerMode::kPosition)
+        hold(s, i);
       ++found;
     }
     return found == without.size();

@@ -34,6 +34,7 @@ struct DriveReport {
   std::uint32_t flags = 0;
   double supply_V = 0, temperature_C = 0;
   std::int32_t position_ticks = 0, current_mA = 0;
+  std::int32_t max_current_mA = 0;  // axis parameter 6
   bool commutated = false;
   bool homed = false;  // joints alone
   std::string wrong;   // what has to be done before it is driven; empty: nothing
@@ -44,6 +45,11 @@ struct DriveReport {
 // "joint 3 has its stop"
 using Progress = std::function<void(const std::string&)>;
 [[nodiscard]] rt::Result<bool> clear_timeouts(DriveSession&);
+// Of drives that have I2t latched (flag 17): how many it was cleared of (axis parameter 29). A
+// winding that is still hot keeps it.
+[[nodiscard]] rt::Result<int> clear_i2t(DriveSession&);
+// Axis parameter 6, until power is off: how many drives had more. None is raised.
+[[nodiscard]] rt::Result<int> limit_current(DriveSession&, std::int32_t most_mA);
 [[nodiscard]] rt::Result<bool> commutate(DriveSession&, const Progress&);
 // `measured`: the joints of this arm are appended, once all have their stops.
 [[nodiscard]] rt::Result<bool> home_arm(DriveSession&, int arm, const Progress&,

@@ -185,7 +185,10 @@ RobotIoTask::Drive RobotIoTask::decide(const rt::Tick& tick, const In& in, Out&,
   telemetry_.goal_distance_m = 0;
   if (health.severity == Severity::kSafeStop || !odometry_.primed()) return Drive::kOff;
   // What the wheels do now has to be known before they are given speeds.
-  if (!powered_ && in.bus != drivers::BusStatus::kOk) return Drive::kOff;
+  const bool heard = in.bus == drivers::BusStatus::kOk && in.sent == drivers::BusStatus::kOk;
+  if (!powered_ && !heard) return Drive::kOff;
+  // They take none yet: the first one that counts shall be of what they do then.
+  if (in.bus_detail.trouble == drivers::BusTrouble::kRearming) return Drive::kOff;
   switch (last_mode_) {
     case Mode::kInit:
     case Mode::kSafeStop:

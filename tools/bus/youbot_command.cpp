@@ -22,9 +22,11 @@ namespace {
 
 constexpr const char* kWord = "move";
 
-// The chain in OP, its timeout flags cleared. Nothing has moved.
+// The chain in OP, its timeout flags cleared. Nothing is told to move.
 struct Robot {
   explicit Robot(const YoubotOptions& o) : bus(choice(o)) {
+    if (!o.bus.iface.empty())
+      std::printf("Drives that still hold an arm let it go now: support it.\n");
     const auto there = yb::bring_up(bus.token(), bus.master(), "any");
     if (!there) throw CouldNotDo(there.error());
     kind = there.value();
@@ -98,13 +100,14 @@ int print(const YoubotOptions& o, const std::vector<yb::DriveReport>& reports,
           const std::vector<yb::GripperReport>& grippers) {
   nlohmann::ordered_json all = nlohmann::ordered_json::array();
   bool good = true;
-  std::printf("%-6s %-18s %-10s %-6s %-6s %-10s %s\n", "slave", "drive", "firmware", "V", "C",
-              "ticks", "state");
+  std::printf("%-6s %-18s %-10s %-6s %-6s %-6s %-10s %s\n", "slave", "drive", "firmware", "V", "C",
+              "max A", "ticks", "state");
   for (const yb::DriveReport& r : reports) {
     const int version = r.firmware.version;
-    std::printf("%-6zu %-18s %d %d.%02d %6.1f %6.1f %10d  %s\n", r.position + 1, r.name.c_str(),
-                r.firmware.controller, version / 100, version % 100, r.supply_V, r.temperature_C,
-                r.position_ticks, r.wrong.empty() ? "ready" : r.wrong.c_str());
+    std::printf("%-6zu %-18s %d %d.%02d %6.1f %6.1f %6.2f %10d  %s\n", r.position + 1,
+                r.name.c_str(), r.firmware.controller, version / 100, version % 100, r.supply_V,
+                r.temperature_C, 1e-3 * r.max_current_mA, r.position_ticks,
+                r.wrong.empty() ? "ready" : r.wrong.c_str());
     all.push_back({{"slave", r.position + 1},
                    {"drive", r.name},
                    {"controller", r.firmware.controller},
@@ -114,6 +117,7 @@ int print(const YoubotOptions& o, const std::vector<yb::DriveReport>& reports,
                    {"temperature_C", r.temperature_C},
                    {"position_ticks", r.position_ticks},
                    {"current_mA", r.current_mA},
+                   {"max_current_mA", r.max_current_mA},
                    {"commutated", r.commutated},
                    {"homed", r.homed},
                    {"wrong", r.wrong}});
@@ -194,6 +198,8 @@ int run_youbot_check(const YoubotOptions& o) {
 int run_youbot_setup(const YoubotOptions& o, std::istream& person) {
   Robot robot(o);
   yb::DriveSession& s = *robot.session;
+  if (const int n = Robot::require(yb::clear_i2t(s)); n > 0)
+    std::printf("I2t cleared of %d drives that have cooled down\n", n);
   const ToMove to = to_move(o, s);
   if (!o.calibration.empty() && !to.homes[1])
     throw std::runtime_error("--calibration " + o.calibration +
@@ -210,7 +216,7 @@ int run_youbot_setup(const YoubotOptions& o, std::istream& person) {
       (void)Robot::require(yb::set_up_gripper(s, g, printed()));
     if (!o.calibration.empty()) write_calibration(o.calibration, found);
   } else {
-    std::printf("every drive is ready: nothing to move\n");
+    std::printf("nothing has to move\n");
   }
   const auto drives = Robot::require(yb::check(s));
   const int code = print(o, drives, Robot::require(yb::look_at_grippers(s)));

@@ -12,6 +12,7 @@
 #include <span>
 #include <stdexcept>
 
+#include "drivers/youbot/motor_flags.hpp"
 #include "perception/map_file/map_file.hpp"
 #include "tasks/graph/safe_times.hpp"
 #include "tools/files/build_info.hpp"
@@ -116,6 +117,13 @@ void Scene::describe(config::Section& s) {
       .text("arm_rest", arm_rest, {"hold", "free"},
             "kind ethercat: with the wheels off, the arm holds its position, or is without torque "
             "and sinks");
+  motor_bus
+      .integer("ignored_flags", ignored_flags, 0, static_cast<int>(drivers::motor_flag::kFaults),
+               "kind ethercat: sum of 2^bit of fault flags that are taken as 0, where a board's "
+               "firmware sets one without a meaning (docs/robot.md)")
+      .number("current_limit_A", current_limit_A, 0, 20,
+              "kind ethercat: most current of each drive (axis parameter 6, until power is off); "
+              "one that has less keeps it; 0: as they are");
   motor_bus.text("calibration", bus_calibration, {},
                  "kind ethercat: file of teletact youbot setup --calibration; another robot's is "
                  "refused");

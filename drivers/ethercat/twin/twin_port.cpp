@@ -19,6 +19,7 @@ bool use_up(int& count) noexcept {
 
 bool TwinPort::send(std::span<const std::uint8_t> frame) noexcept {
   if (faults_.link_down || frame.size() > kMaxFrame) return false;
+  if (use_up(faults_.refuse)) return false;
   if (use_up(faults_.lose_out)) return true;
   std::copy(frame.begin(), frame.end(), work_.bytes.begin());
   work_.size = frame.size();

@@ -18,6 +18,7 @@ struct WireFaults {
   rt::Nanos delay_by = std::chrono::milliseconds{2};
   int corrupt = 0;        // one byte of its heads is another
   int wrong_counter = 0;  // the first datagram's working counter is one too small
+  int refuse = 0;         // the card does not take it; its link is up
   bool link_down = false;
   std::uint64_t seed = 1;  // of the corrupted bytes
 };
@@ -35,6 +36,7 @@ class TwinPort final : public Port {
   [[nodiscard]] bool send(std::span<const std::uint8_t> frame) noexcept override;
   [[nodiscard]] std::size_t receive(std::span<std::uint8_t> into,
                                     rt::Time deadline) noexcept override;
+  [[nodiscard]] bool link_up() noexcept override { return !faults_.link_down; }
   [[nodiscard]] rt::Time now() const noexcept override { return now_; }
   void sleep_until(rt::Time t) noexcept override { set_now(t); }
 

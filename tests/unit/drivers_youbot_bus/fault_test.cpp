@@ -226,6 +226,22 @@ TEST(YoubotBusFaults, LinkLossAndReturn) {
   EXPECT_FALSE(rig.master.stopped());
 }
 
+// ENOBUFS of a card whose queue is full: one frame is lost, and the cable is not out.
+TEST(YoubotBusFaults, ARefusedFrameIsALostOne) {
+  BusRig rig;
+  rig.bring_up();
+  rig.port.faults().refuse = 1;
+  EXPECT_EQ(rig.cycle().status, ec::CycleStatus::kLost);
+  EXPECT_EQ(rig.master.health().fault, ec::BusFault::kFramesLost);
+  EXPECT_EQ(rig.master.frames().refused, 1U);
+  EXPECT_EQ(rig.cycle().status, ec::CycleStatus::kOk);
+  rig.port.faults().refuse = 99;
+  rig.cycles(99);
+  EXPECT_FALSE(rig.master.stopped());
+  EXPECT_EQ(rig.master.counters().link_down, 0U);
+  EXPECT_EQ(rig.cycle().status, ec::CycleStatus::kOk);
+}
+
 // A card that is up and has no carrier takes every frame, and none comes back.
 class NoCarrier final : public ec::Port {
  public:

@@ -1,4 +1,5 @@
 // Set-up of a youBot: what a check reads, commutation, the arm's homing, a joint's limits.
+#include "drivers/tmcl/motor_faults.hpp"
 #include "drivers/youbot_bus/gripper_setup.hpp"
 #include "drivers/youbot_bus/youbot_setup.hpp"
 
@@ -70,8 +71,8 @@ TEST(YoubotSetup, CheckReadsAndMovesNothing) {
 // The first firmware's 16 bytes have no room for the flag: its check asks the board.
 TEST(YoubotSetup, CheckTellsATrippedDriveOfEveryInputSize) {
   for (const std::size_t bytes : {16U, 18U, 20U, 32U}) {
-    SetupRig rig(yb::ChainKind::kBaseArm,
-                 bytes == 32 ? yb::Generation::kNew : yb::Generation::kOld, bytes);
+    SetupRig rig(yb::ChainKind::kBaseArm, bytes == 32 ? yb::Generation::kNew : yb::Generation::kOld,
+                 bytes);
     rig.chain.drive(3)->trip_i2t(rig.port.now());
     const auto reports = yb::check(rig.session);
     ASSERT_TRUE(reports) << reports.error();
@@ -79,6 +80,53 @@ TEST(YoubotSetup, CheckTellsATrippedDriveOfEveryInputSize) {
       EXPECT_EQ(r.wrong.find("I2t") != std::string::npos, r.position == 3)
           << bytes << " bytes, slave " << r.position << ": " << r.wrong;
   }
+}
+
+// Each bit that is a fault keeps a drive from being called ready, by its name; the others do not.
+TEST(YoubotSetup, CheckNamesEachFaultOfADrive) {
+  SetupRig rig(yb::ChainKind::kBaseArm);
+  ASSERT_TRUE(yb::commutate(rig.session, rig.say));
+  for (const auto& f : drivers::tmcl::motor_flags()) {
+    if (f.kind == drivers::tmcl::FlagKind::kLatched) continue;
+    rig.chain.drive(2)->set_faults(1U << f.bit, rig.port.now());
+    const auto reports = yb::check(rig.session);
+    ASSERT_TRUE(reports) << reports.error();
+    const std::string wheel = reports.value()[1].wrong;  // slave 3
+    EXPECT_EQ(wheel, f.kind == drivers::tmcl::FlagKind::kFault ? f.name : "") << f.name;
+    rig.chain.drive(2)->set_faults(0, rig.port.now());
+  }
+}
+
+// Set-up clears I2t of what has cooled down, and says no more than that of what has not.
+TEST(YoubotSetup, I2tIsClearedWhenTheWindingIsCool) {
+  for (const std::size_t bytes : {16U, 32U}) {
+    SetupRig rig(yb::ChainKind::kBaseArm, bytes == 32 ? yb::Generation::kNew : yb::Generation::kOld,
+                 bytes);
+    ASSERT_TRUE(yb::commutate(rig.session, rig.say));
+    for (const std::size_t slave : {2U, 7U}) rig.chain.drive(slave)->trip_i2t(rig.port.now());
+    auto cleared = yb::clear_i2t(rig.session);
+    ASSERT_TRUE(cleared) << cleared.error();
+    EXPECT_EQ(cleared.value(), 0) << "still hot";
+    rig.cycles(2000);
+    cleared = yb::clear_i2t(rig.session);
+    ASSERT_TRUE(cleared) << cleared.error();
+    EXPECT_EQ(cleared.value(), 2);
+    for (const auto& r : yb::check(rig.session).value())
+      EXPECT_EQ(r.wrong.find("I2t"), std::string::npos) << r.name;
+  }
+}
+
+TEST(YoubotSetup, ACurrentLimitLowersAndNeverRaises) {
+  SetupRig rig(yb::ChainKind::kBaseArm);
+  const auto has = rig.session.get(1, 6);
+  ASSERT_TRUE(has);
+  ASSERT_TRUE(rig.session.put(3, 6, 500));
+  const auto lowered = yb::limit_current(rig.session, 2000);
+  ASSERT_TRUE(lowered) << lowered.error();
+  EXPECT_EQ(lowered.value(), static_cast<int>(rig.session.drives().size()) - 1);
+  for (const std::size_t i : rig.session.drives())
+    EXPECT_EQ(rig.session.get(i, 6).value(), i == 3 ? 500 : 2000) << i;
+  EXPECT_EQ(yb::limit_current(rig.session, has.value()).value(), 0);
 }
 
 TEST(YoubotSetup, HomingFindsEachStopToATenthOfADegree) {

@@ -6,6 +6,8 @@
 #include <thread>
 
 #include "drivers/ethercat/twin/twin_port.hpp"
+#include "drivers/youbot/motor_flags.hpp"
+#include "drivers/youbot_bus/drive_session.hpp"
 #include "drivers/youbot_bus/twin/youbot_chain.hpp"
 
 namespace tests {
@@ -169,6 +171,33 @@ TEST(EtherCatYoubot, AfterThePowerWasOffTheArmHoldsItsNewPosition) {
   }
   EXPECT_LT(jobs, 3000);
   EXPECT_EQ(rig.told_to(6).value, 300) << "not the 0 of before, nor its 700";
+}
+
+// A bit that a board's firmware sets without a meaning, as the scene says: neither a wheel's nor a
+// joint's stops the robot. Nothing else is hidden.
+TEST(EtherCatYoubot, IgnoredFlagsAreNoFaults) {
+  yb::YoubotConfig c;
+  c.ignored_flags = 1U << 6U | 1U << 12U;
+  for (const bool ignored : {true, false}) {
+    YoubotRig rig(YoubotRig::chain_of(yb::ChainKind::kBaseArm), ignored ? c : yb::YoubotConfig{});
+    ASSERT_TRUE(rig.bot) << rig.error;
+    rig.chain->drive(2)->set_faults(1U << 6U | 1U << 3U, rig.port->now());
+    rig.chain->drive(7)->set_faults(1U << 12U, rig.port->now());
+    ASSERT_EQ(rig.job(MotorMode::kStop), BusStatus::kOk);
+    EXPECT_EQ(rig.bot->detail().trouble,
+              ignored ? drivers::BusTrouble::kNone : drivers::BusTrouble::kJointFault);
+    const std::uint32_t told = rig.states.flags[1] & drivers::motor_flag::kFaults;
+    EXPECT_EQ(told, ignored ? 1U << 3U : 1U << 6U | 1U << 3U);
+  }
+}
+
+TEST(EtherCatYoubot, ItsCurrentLimitIsSetBeforeItDrives) {
+  yb::YoubotConfig c;
+  c.current_limit_mA = 1500;
+  YoubotRig rig(YoubotRig::chain_of(yb::ChainKind::kBaseArm), c);
+  ASSERT_TRUE(rig.bot) << rig.error;
+  yb::DriveSession s(rig.startup.token(), rig.bot->master(), *rig.port, yb::ChainKind::kBaseArm);
+  for (const std::size_t i : s.drives()) EXPECT_EQ(s.get(i, 6).value(), 1500) << i;
 }
 
 TEST(EtherCatYoubot, FreeIsZeroTorqueOnlyWithTheWheelsOff) {
