@@ -204,8 +204,11 @@ void CanMotorBus::go_on(Module& m) noexcept {
     m.to_clear = m.flags & kLatched;
     m.latches = Latches::kClear;
   } else if (m.latches != Latches::kClear) {
-    m.latches = Latches::kNone;
+    const bool looked_for_it = m.latches == Latches::kLook || m.latches == Latches::kLookAgain;
+    if (looked_for_it) m.latches = Latches::kNone;
     m.looked = true;
+    if (looked_for_it && !rearming())
+      for (Module& each : modules_) each.latches = Latches::kPace;
   }
 }
 
@@ -227,6 +230,7 @@ void CanMotorBus::keep(Module& m, const tmcl::Reply& reply, rt::Time at) noexcep
     case Ask::kSpeed:
       m.rad_per_s = reply.value * kTwoPi / 60 / config_.gear_ratio;
       m.paced = true;
+      if (m.latches == Latches::kPace) m.latches = Latches::kNone;
       break;
     case Ask::kFlags:
       m.flags = static_cast<std::uint32_t>(reply.value);
@@ -257,6 +261,7 @@ CanMotorBus::Ask CanMotorBus::next_kind(const Module& m, unsigned turn) noexcept
   if (turn % 2 == 0) {
     // In place of every other motor stop: positions and speeds stay as fresh as ever.
     if (turn % 4 == 0 || m.latches == Latches::kNone || m.driven) return Ask::kSetpoint;
+    if (m.latches == Latches::kPace) return Ask::kSpeed;
     return m.latches == Latches::kClear ? Ask::kClear : Ask::kFlags;
   }
   if (!m.placed) return Ask::kPosition;

@@ -19,7 +19,8 @@
 //   rearm        The operator's act. A module whose flags (parameter 156) have a latch, and after a
 //                bus that was down every module: its flags are read, what is latched is cleared (a
 //                timeout by parameter 158, I2t by 29; a winding that is still hot keeps it), and
-//                they are read again. Until then the wheels take no setpoint (kRearming).
+//                they are read again, and then every module's speed. Until then the wheels take no
+//                setpoint (kRearming).
 //   make_safe    motor stop to every module at once from the calling thread, and from then on
 // Nothing allocates after construction.
 #pragma once
@@ -79,7 +80,7 @@ class CanMotorBus final : public MotorBus {
  private:
   enum class Ask : std::uint8_t { kSetpoint, kPosition, kSpeed, kFlags, kCurrent, kClear };
   // What rearm() has begun with a module, in its order.
-  enum class Latches : std::uint8_t { kNone, kLook, kClear, kLookAgain };
+  enum class Latches : std::uint8_t { kNone, kLook, kClear, kLookAgain, kPace };
   struct Module {
     std::uint32_t id = 0;
     std::uint8_t address = 0;
@@ -112,7 +113,7 @@ class CanMotorBus final : public MotorBus {
   [[nodiscard]] tmcl::Request next_request(Module&, double rpm, bool drive,
                                            bool setpoint) const noexcept;
   // An answer to a look at the flags, or to a clear, has come: whatever it was.
-  static void go_on(Module&) noexcept;
+  void go_on(Module&) noexcept;
   [[nodiscard]] bool drop_late(rt::Time now) noexcept;
   [[nodiscard]] bool all_known() const noexcept;
   [[nodiscard]] bool rearming() const noexcept;

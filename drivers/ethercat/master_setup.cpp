@@ -1,4 +1,5 @@
 // From nothing to OP, and back.
+#include <algorithm>
 #include <array>
 #include <cstdio>
 
@@ -109,7 +110,7 @@ void Master::stop(rt::NonRealtime&) noexcept {
   if (!started_) return;
   started_ = false;
   stopped_ = true;  // zeros, whoever calls a cycle after this
-  std::ranges::fill(kept_, false);
+  std::fill(kept_.begin(), kept_.end(), false);
   Port& port = frames_.port();
   const rt::Time end = port.now() + kStopTime;
   // Twice: the first may be lost, and SAFEOP shall find outputs that are zero.

@@ -81,10 +81,13 @@ rt::Result<std::unique_ptr<EtherCatYoubot>> EtherCatYoubot::open(
     if (!other.empty()) return rt::Error{"calibration: " + other};
   }
   out->kind_ = kind.value();
-  if (c.current_limit_mA > 0) {
-    DriveSession set_up(nrt, *out->master_, *out->port_, out->kind_);
-    const auto limited = limit_current(set_up, c.current_limit_mA);
-    if (!limited) return rt::Error{limited.error()};
+  if (c.most_current_mA > 0) {
+    DriveSession look(nrt, *out->master_, *out->port_, out->kind_);
+    const auto above = above_current(look, c.most_current_mA);
+    if (!above) return rt::Error{above.error()};
+    if (!above.value().empty())
+      return rt::Error{above.value() + ", most_current_A allows " +
+                       std::to_string(c.most_current_mA) + " mA"};
   }
   out->bus_ = std::make_unique<EtherCatMotorBus>(nrt, *out->master_, layout(out->kind_, c));
   out->bus_->rearm();

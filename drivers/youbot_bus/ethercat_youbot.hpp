@@ -30,8 +30,8 @@ struct YoubotConfig {
   std::string chain = "any";  // or base, base+arm, base+2arms: what must be there
   double gear_ratio = 9405.0 / 364.0;
   ArmRest arm_rest = ArmRest::kHold;
-  std::uint32_t ignored_flags = 0;    // MotorBusConfig
-  std::int32_t current_limit_mA = 0;  // of each drive that has more; 0: as they come
+  std::uint32_t ignored_flags = 0;   // MotorBusConfig
+  std::int32_t most_current_mA = 0;  // a drive that may take more is an error; 0: any
   // What homing measured on this robot; another robot's is an error.
   std::optional<Calibration> calibration;
   ethercat::MasterConfig master;

@@ -99,15 +99,17 @@ rt::Result<DriveReport> look(DriveSession& s, std::size_t i) {
   r.position_ticks = in.position_ticks;
   r.current_mA = in.current_mA;
   r.commutated = found.value() == 1;
+  std::string homing;
   if (s.boards()[i].kind == BoardKind::kJoint) {
     const auto homed = s.ask(i, calibrated(tmcl::Command::kGetGlobal, 0));
     if (!homed) return rt::Error{homed.error()};
     r.homed = homed.value() == 1;
-    if (!r.homed) r.wrong = "not homed: teletact youbot setup";
+    if (!r.homed) homing = "not homed: teletact youbot setup";
   }
-  if (!r.commutated) r.wrong = "no commutation: teletact youbot setup";
-  const std::string faults = faults_text(r.flags);
-  if (!faults.empty()) r.wrong = faults;
+  // Homing follows the commutation.
+  const std::string next = r.commutated ? homing : "no commutation: teletact youbot setup";
+  r.wrong = faults_text(r.flags);
+  if (!next.empty()) r.wrong += (r.wrong.empty() ? "" : "; ") + next;
   return r;
 }
 
@@ -165,17 +167,14 @@ rt::Result<int> clear_i2t(DriveSession& s) {
   return cleared;
 }
 
-rt::Result<int> limit_current(DriveSession& s, std::int32_t most_mA) {
-  int lowered = 0;
+rt::Result<std::string> above_current(DriveSession& s, std::int32_t most_mA) {
   for (const std::size_t i : s.drives()) {
     const auto has = s.get(i, axis::kMaxCurrent);
     if (!has) return rt::Error{has.error()};
-    if (has.value() <= most_mA) continue;
-    if (const auto done = s.put(i, axis::kMaxCurrent, most_mA); !done)
-      return rt::Error{done.error()};
-    ++lowered;
+    if (has.value() > most_mA)
+      return s.name(i) + " may take " + std::to_string(has.value()) + " mA (axis parameter 6)";
   }
-  return lowered;
+  return std::string{};
 }
 
 rt::Result<bool> commutate(DriveSession& s, const Progress& say) {

@@ -48,8 +48,9 @@ using Progress = std::function<void(const std::string&)>;
 // Of drives that have I2t latched (flag 17): how many it was cleared of (axis parameter 29). A
 // winding that is still hot keeps it.
 [[nodiscard]] rt::Result<int> clear_i2t(DriveSession&);
-// Axis parameter 6, until power is off: how many drives had more. None is raised.
-[[nodiscard]] rt::Result<int> limit_current(DriveSession&, std::int32_t most_mA);
+// The first drive that may take more (axis parameter 6, which a password of the maker protects), in
+// words; empty: none.
+[[nodiscard]] rt::Result<std::string> above_current(DriveSession&, std::int32_t most_mA);
 [[nodiscard]] rt::Result<bool> commutate(DriveSession&, const Progress&);
 // `measured`: the joints of this arm are appended, once all have their stops.
 [[nodiscard]] rt::Result<bool> home_arm(DriveSession&, int arm, const Progress&,

@@ -67,7 +67,7 @@ std::unique_ptr<drivers::youbot_bus::EtherCatYoubot> open_youbot(rt::NonRealtime
   c.chain = scene.bus_chain;
   c.gear_ratio = scene.graph.robot_io.base.gear_ratio;
   c.ignored_flags = static_cast<std::uint32_t>(scene.ignored_flags);
-  c.current_limit_mA = static_cast<std::int32_t>(std::lround(1e3 * scene.current_limit_A));
+  c.most_current_mA = static_cast<std::int32_t>(std::lround(1e3 * scene.most_current_A));
   c.arm_rest = scene.arm_rest == "free" ? yb::ArmRest::kFree : yb::ArmRest::kHold;
   auto youbot = yb::EtherCatYoubot::open(nrt, std::move(port.value()), c);
   if (!youbot) refuse(scene.bus_interface + ": " + youbot.error());

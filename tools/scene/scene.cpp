@@ -121,9 +121,9 @@ void Scene::describe(config::Section& s) {
       .integer("ignored_flags", ignored_flags, 0, static_cast<int>(drivers::motor_flag::kFaults),
                "kind ethercat: sum of 2^bit of fault flags that are taken as 0, where a board's "
                "firmware sets one without a meaning (docs/robot.md)")
-      .number("current_limit_A", current_limit_A, 0, 20,
-              "kind ethercat: most current of each drive (axis parameter 6, until power is off); "
-              "one that has less keeps it; 0: as they are");
+      .number("most_current_A", most_current_A, 0, 20,
+              "kind ethercat: a drive that may take more (axis parameter 6) is refused at start; "
+              "0: any");
   motor_bus.text("calibration", bus_calibration, {},
                  "kind ethercat: file of teletact youbot setup --calibration; another robot's is "
                  "refused");

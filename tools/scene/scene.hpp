@@ -97,7 +97,7 @@ struct Scene {
   std::deque<drivers::gpio::TwinEvent> gpio_events;
   std::string bus_interface, bus_chain = "any", arm_rest = "hold", bus_calibration;
   int ignored_flags = 0;
-  double current_limit_A = 0;
+  double most_current_A = 0;
   drivers::OmegaTwinConfig device;
   HapticChoice choice;
   drivers::HandScriptConfig hand;

@@ -111,22 +111,23 @@ TEST(YoubotSetup, I2tIsClearedWhenTheWindingIsCool) {
     cleared = yb::clear_i2t(rig.session);
     ASSERT_TRUE(cleared) << cleared.error();
     EXPECT_EQ(cleared.value(), 2);
-    for (const auto& r : yb::check(rig.session).value())
+    const auto reports = yb::check(rig.session);
+    ASSERT_TRUE(reports) << reports.error();
+    for (const auto& r : reports.value())
       EXPECT_EQ(r.wrong.find("I2t"), std::string::npos) << r.name;
   }
 }
 
-TEST(YoubotSetup, ACurrentLimitLowersAndNeverRaises) {
+TEST(YoubotSetup, ADriveThatMayTakeMoreCurrentIsNamed) {
   SetupRig rig(yb::ChainKind::kBaseArm);
-  const auto has = rig.session.get(1, 6);
+  const auto has = rig.session.get(3, 6);
   ASSERT_TRUE(has);
-  ASSERT_TRUE(rig.session.put(3, 6, 500));
-  const auto lowered = yb::limit_current(rig.session, 2000);
-  ASSERT_TRUE(lowered) << lowered.error();
-  EXPECT_EQ(lowered.value(), static_cast<int>(rig.session.drives().size()) - 1);
-  for (const std::size_t i : rig.session.drives())
-    EXPECT_EQ(rig.session.get(i, 6).value(), i == 3 ? 500 : 2000) << i;
-  EXPECT_EQ(yb::limit_current(rig.session, has.value()).value(), 0);
+  auto above = yb::above_current(rig.session, has.value());
+  ASSERT_TRUE(above) << above.error();
+  EXPECT_EQ(above.value(), "");
+  above = yb::above_current(rig.session, has.value() - 1);
+  ASSERT_TRUE(above) << above.error();
+  EXPECT_EQ(above.value(), "wheel front left may take 8000 mA (axis parameter 6)");
 }
 
 TEST(YoubotSetup, HomingFindsEachStopToATenthOfADegree) {

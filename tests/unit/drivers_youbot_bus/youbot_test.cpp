@@ -183,7 +183,8 @@ TEST(EtherCatYoubot, IgnoredFlagsAreNoFaults) {
     ASSERT_TRUE(rig.bot) << rig.error;
     rig.chain->drive(2)->set_faults(1U << 6U | 1U << 3U, rig.port->now());
     rig.chain->drive(7)->set_faults(1U << 12U, rig.port->now());
-    ASSERT_EQ(rig.job(MotorMode::kStop), BusStatus::kOk);
+    rig.port->set_now(rig.port->now() + 1ms);
+    ASSERT_EQ(rig.bot->sense(rig.port->now(), rig.states), BusStatus::kOk);
     EXPECT_EQ(rig.bot->detail().trouble,
               ignored ? drivers::BusTrouble::kNone : drivers::BusTrouble::kJointFault);
     const std::uint32_t told = rig.states.flags[1] & drivers::motor_flag::kFaults;
@@ -191,13 +192,17 @@ TEST(EtherCatYoubot, IgnoredFlagsAreNoFaults) {
   }
 }
 
-TEST(EtherCatYoubot, ItsCurrentLimitIsSetBeforeItDrives) {
-  yb::YoubotConfig c;
-  c.current_limit_mA = 1500;
-  YoubotRig rig(YoubotRig::chain_of(yb::ChainKind::kBaseArm), c);
-  ASSERT_TRUE(rig.bot) << rig.error;
-  yb::DriveSession s(rig.startup.token(), rig.bot->master(), *rig.port, yb::ChainKind::kBaseArm);
-  for (const std::size_t i : s.drives()) EXPECT_EQ(s.get(i, 6).value(), 1500) << i;
+TEST(EtherCatYoubot, DrivesThatMayTakeTooMuchCurrentAreRefused) {
+  for (const int most_mA : {7999, 8000}) {
+    yb::YoubotConfig c;
+    c.most_current_mA = most_mA;
+    YoubotRig rig(YoubotRig::chain_of(yb::ChainKind::kBaseArm), c);
+    EXPECT_EQ(rig.bot != nullptr, most_mA == 8000) << rig.error;
+    if (!rig.bot) {
+      EXPECT_NE(rig.error.find("wheel front left may take 8000 mA"), std::string::npos)
+          << rig.error;
+    }
+  }
 }
 
 TEST(EtherCatYoubot, FreeIsZeroTorqueOnlyWithTheWheelsOff) {

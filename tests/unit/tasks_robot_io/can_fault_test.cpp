@@ -105,8 +105,13 @@ TEST(RobotIoCanFault, TheFirstSetpointIsOfWhatTheWheelsDoNow) {
     ASSERT_LT(b.health.severity, Severity::kSafeStop) << n << ", fault " << b.health.fault;
     b.mode.clear = false;
     b.mode.mode = Mode::kEngaged;
-    const auto before = b.robot.plant().state().wheel_rad_per_s;
+    auto before = b.robot.plant().state().wheel_rad_per_s;
     b.job();
+    // Off until every speed has been read anew.
+    for (int i = 0; i < 20 && b.out.setpoints.mode == MotorMode::kStop; ++i) {
+      before = b.robot.plant().state().wheel_rad_per_s;
+      b.job();
+    }
     ASSERT_EQ(b.out.setpoints.mode, MotorMode::kVelocity) << n;
     for (std::size_t w = 0; w < 4; ++w)
       worst = std::max(worst, std::abs(b.out.setpoints.wheel_rad_per_s[w] - before[w]));
