@@ -42,7 +42,7 @@ struct MasterConfig {
 enum class CycleStatus : std::uint8_t {
   kOk,
   kLost,      // no frame came back, or the card refused this one
-  kLinkDown,  // the same, and the card has no carrier
+  kLinkDown,  // the same, and the card has no carrier, or it refused three in a row
   kShort      // a frame came back, and its working counter is not the expected one
 };
 [[nodiscard]] const char* to_text(CycleStatus) noexcept;
@@ -159,6 +159,7 @@ class Master {
   int present_ = 0;
   std::uint8_t all_states_ = 0;  // of all slaves, ORed
   std::size_t watched_ = 0;
+  int refused_in_row_ = 0;  // frames that the card did not take
   bool stopped_ = false;
   bool started_ = false;  // and not ended by stop()
 };

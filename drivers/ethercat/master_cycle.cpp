@@ -8,6 +8,7 @@ namespace drivers::ethercat {
 
 namespace {
 
+constexpr int kMostRefused = 2;  // the frames of one job
 // Datagrams of a recovery, a slave, beside those that wait for a state: 2 + 6 blocks, four states,
 // each asked for a few times, and some lost.
 constexpr std::int64_t kRecoverySteps = 300, kMostRecoverySteps = 1'000'000;
@@ -112,9 +113,13 @@ CycleResult Master::finish(const Places& p, int expected, Half h) noexcept {
   const bool read_was_lost = h == Half::kWrite && half_read_ &&
                              (last_ == CycleStatus::kLost || last_ == CycleStatus::kLinkDown);
   const rt::Nanos patience = read_was_lost ? config_.reply_timeout / 2 : config_.reply_timeout;
-  if (!frames_.send()) {
-    // A card whose queue is full refuses one frame, which is no more than lost.
-    r.status = frames_.port().link_up() ? CycleStatus::kLost : CycleStatus::kLinkDown;
+  const bool sent = frames_.send();
+  refused_in_row_ = sent ? 0 : refused_in_row_ + 1;
+  if (!sent) {
+    // A card whose queue is full refuses a frame, which is no more than lost. One that goes on sends
+    // none, whatever it says of its carrier: a fall of it may be told ten milliseconds later.
+    const bool down = refused_in_row_ > kMostRefused || !frames_.port().link_up();
+    r.status = down ? CycleStatus::kLinkDown : CycleStatus::kLost;
   } else if (!frames_.collect(frames_.port().now() + patience)) {
     // A card without a carrier takes frames all the same: only a lost one is worth the question.
     r.status = frames_.port().link_up() ? CycleStatus::kLost : CycleStatus::kLinkDown;

@@ -165,7 +165,7 @@ class RobotIoJob final : public rt::TaskBody {
     }
     last_ = in;
     last_at_ = k;
-    seen_.turning = moved && in.velocity_rpm > 0;
+    seen_.turning = moved && in.velocity_rpm != 0;
     if (good && seen_.turning && seen_.begun_at < 0) seen_.begun_at = k;
     if (master_.stopped()) {
       if (seen_.stopped_at < 0) seen_.stopped_at = k;
@@ -193,12 +193,13 @@ class RobotIoJob final : public rt::TaskBody {
   void note_step(std::int64_t k, const youbot_bus::DriveInputs& in) noexcept {
     const youbot_bus::MotorBusConfig c;
     constexpr double kLeast_rpm = 500;
-    if (std::min(in.velocity_rpm, last_.velocity_rpm) < kLeast_rpm) return;
+    if (std::min(std::abs(in.velocity_rpm), std::abs(last_.velocity_rpm)) < kLeast_rpm) return;
     const double step =
         0.5 * (in.velocity_rpm + last_.velocity_rpm) / 60 * c.ticks_per_motor_turn / kHz;
     const double took = static_cast<double>(in.position_ticks - last_.position_ticks);
     ++seen_.steps_judged;
-    if (std::abs(took - step * static_cast<double>(k - last_at_)) > step / 2) ++seen_.odd_positions;
+    if (std::abs(took - step * static_cast<double>(k - last_at_)) > std::abs(step) / 2)
+      ++seen_.odd_positions;
   }
 
   ethercat::Master& master_;
