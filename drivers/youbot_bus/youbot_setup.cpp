@@ -55,8 +55,8 @@ rt::Error stopped(DriveSession& s, const std::string& why) {
   return rt::Error{bus.empty() ? why : bus};
 }
 
-// The first firmware's inputs end at flag 15, so axis parameter 156 has its timeout and I2t. One that
-// refuses to tell has no such flags.
+// The first firmware's inputs end at flag 15, so axis parameter 156 has its timeout and I2t. One
+// that refuses to tell has no such flags.
 rt::Result<std::uint32_t> flags_of(DriveSession& s, std::size_t i, const DriveInputs& in) {
   if (s.input_bytes(i) != kNarrowInputBytes) return in.flags;
   const auto all = s.get(i, axis::kFlags);

@@ -196,9 +196,10 @@ template <class M, class Sent = M, class... R>
 }
 
 inline constexpr std::string_view kNamed = "named in the status line";
-inline constexpr auto kEdges = [] {
-  using enum EdgeId; using enum EdgeKind; using drivers::MessageId;
-  return std::tuple{
+// In a namespace of its own, for the short names of its rows.
+namespace edge_rows {
+using enum EdgeId; using enum EdgeKind; using drivers::MessageId;
+inline constexpr std::tuple kEdges{
     make_edge<perception::RgbdFrame, drivers::EncodedFrame>(
         {kFrame, "frame", TaskId::kCapture, kRemote, "map stays, tracking idles", 0, {MessageId::kFrame, 30, true}},
         Reader{TaskId::kFusion, 0, 500, 1000, "silent: map stays, tracking idles; old: ignored"},
@@ -279,7 +280,8 @@ inline constexpr auto kEdges = [] {
     make_edge<drivers::FrameDemand>(
         {kDemand, "demand", kLink, kLatest, "with codecs on demand: no frame is coded"},
         Reader{TaskId::kCapture, 1, 500, 500, "no frame is coded"})};
-}();
+}  // namespace edge_rows
+using edge_rows::kEdges;
 // clang-format on
 
 // ---------------------------------------------------------------- what follows from the rows
