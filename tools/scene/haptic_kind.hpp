@@ -1,5 +1,6 @@
 // A kind of haptic device, as a scene chooses it, and the device once it is open.
-// A new kind: its own kind_<name>.cpp and a row in haptic_kinds.hpp (docs/devices.md).
+// A new kind: its own kind_<name>.cpp, short by kind_of.hpp, and a row in haptic_kinds.hpp
+// (docs/devices.md).
 #pragma once
 
 #include <cstdint>

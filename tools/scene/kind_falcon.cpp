@@ -4,6 +4,7 @@
 #include "drivers/falcon/libusb_transport.hpp"
 #include "tools/scene/haptic_kinds.hpp"
 #include "tools/scene/kind_figures.hpp"
+#include "tools/scene/kind_of.hpp"
 #include "tools/scene/scene.hpp"
 
 namespace teletact {
@@ -23,11 +24,15 @@ class RealFalcon final : public OpenedDevice {
   bool person_simulated() const noexcept override { return twin_ != nullptr; }
   Figures figures() const override {
     const auto c = device_.counters();
-    Figures out{{"frames", as_number(c.frames)},    {"samples", as_number(c.samples)},
-                {"repeats", as_number(c.repeats)},  {"damaged", as_number(c.damaged)},
-                {"leaps", as_number(c.leaps)},      {"unsolved", as_number(c.unsolved)},
-                {"kicks", as_number(c.kicks)},      {"losses", as_number(c.losses)},
-                {"reopened", as_number(c.reopened)}};
+    Figures out = counted({{"frames", c.frames},
+                           {"samples", c.samples},
+                           {"repeats", c.repeats},
+                           {"damaged", c.damaged},
+                           {"leaps", c.leaps},
+                           {"unsolved", c.unsolved},
+                           {"kicks", c.kicks},
+                           {"losses", c.losses},
+                           {"reopened", c.reopened}});
     add_times(out, "round_trip", device_.round_trips());
     return out;
   }
@@ -44,14 +49,11 @@ class RealFalcon final : public OpenedDevice {
   drivers::FalconDevice device_;
 };
 
-class FalconKind final : public HapticKind {
+class FalconKind final : public KindOf<drivers::FalconDevice, drivers::FalconConfig> {
  public:
   void describe(config::Section& s) override {
-    config_.describe(s);
+    KindOf::describe(s);
     s.flag("twin", twin_, "its twin at the wire instead of the hardware");
-  }
-  drivers::DeviceProperties properties() const override {
-    return drivers::FalconDevice::properties_of(config_);
   }
   std::unique_ptr<OpenedDevice> open(rt::NonRealtime& nrt, const Scene& scene,
                                      drivers::HandScript& hand, rt::Time epoch) const override {
@@ -74,7 +76,6 @@ class FalconKind final : public HapticKind {
     return twin;
   }
 
-  drivers::FalconConfig config_;
   bool twin_ = false;
 };
 

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <string>
+#include <utility>
 
 #include "drivers/haptic/exchange_histogram.hpp"
 #include "tools/scene/haptic_kind.hpp"
@@ -10,6 +12,13 @@
 namespace teletact {
 
 inline double as_number(std::uint64_t n) { return static_cast<double>(n); }
+
+inline OpenedDevice::Figures counted(
+    std::initializer_list<std::pair<const char*, std::uint64_t>> numbers) {
+  OpenedDevice::Figures out;
+  for (const auto& [name, n] : numbers) out.emplace_back(name, as_number(n));
+  return out;
+}
 
 inline void add_times(OpenedDevice::Figures& out, const std::string& name,
                       const drivers::ExchangeHistogram& h) {

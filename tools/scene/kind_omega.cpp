@@ -7,6 +7,7 @@
 #include "rt/clock/box_time.hpp"
 #include "tools/scene/haptic_kinds.hpp"
 #include "tools/scene/kind_figures.hpp"
+#include "tools/scene/kind_of.hpp"
 #include "tools/scene/scene.hpp"
 
 namespace teletact {
@@ -65,10 +66,13 @@ class RealOmega final : public OpenedDevice {
   bool person_simulated() const noexcept override { return twin_ != nullptr; }
   Figures figures() const override {
     const auto c = device_.counters();
-    Figures out{{"samples", as_number(c.samples)},      {"repeats", as_number(c.repeats)},
-                {"failures", as_number(c.failures)},    {"saturated", as_number(c.saturated)},
-                {"losses", as_number(c.losses)},        {"reopened", as_number(c.reopened)},
-                {"force_offs", as_number(c.force_offs)}};
+    Figures out = counted({{"samples", c.samples},
+                           {"repeats", c.repeats},
+                           {"failures", c.failures},
+                           {"saturated", c.saturated},
+                           {"losses", c.losses},
+                           {"reopened", c.reopened},
+                           {"force_offs", c.force_offs}});
     add_times(out, "exchange", device_.exchange_times());
     return out;
   }
@@ -78,19 +82,12 @@ class RealOmega final : public OpenedDevice {
   drivers::OmegaDevice device_;
 };
 
-class OmegaKind final : public HapticKind {
+class OmegaKind final : public KindOf<drivers::OmegaDevice, drivers::OmegaConfig> {
  public:
-  void describe(config::Section& s) override { config_.describe(s); }
-  drivers::DeviceProperties properties() const override {
-    return drivers::OmegaDevice::properties_of(config_);
-  }
   std::unique_ptr<OpenedDevice> open(rt::NonRealtime& nrt, const Scene& scene,
                                      drivers::HandScript& hand, rt::Time epoch) const override {
     return std::make_unique<RealOmega>(nrt, scene, config_, hand.size() > 0, epoch);
   }
-
- private:
-  drivers::OmegaConfig config_;
 };
 
 }  // namespace
