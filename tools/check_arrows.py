@@ -7,8 +7,9 @@ other one, and tasks include of them drivers/haptic alone; tasks never include e
 (tasks/graph may include all of them, and all may include what they agree on: tasks/contract, which
 includes no other folder of tasks); no task includes the simulated world. A part of perception/tsdf
 includes the parts that PARTS names. A room of tools includes the rooms that ROOMS names; no room of
-the product includes tools/measure, and nothing outside tests includes tests. Exit 1 and one line
-for each offence. `--self-test` proves that offences are seen.
+the product includes tools/measure, and nothing outside tests includes tests. The table of rooms in
+docs/architecture.md says what ROOMS says. Exit 1 and one line for each offence. `--self-test`
+proves that offences are seen.
 """
 import pathlib
 import re
@@ -51,6 +52,10 @@ ROOMS = {
 }
 ROOMS["teletact"] = set(ROOMS)
 ROOMS["measure"] = set(ROOMS) - {"teletact"}
+# The page whose table has a line for each room: | `room` | holds | may include |. It may say "all
+# above" or "all but ROOM" instead of names.
+PAGE = "docs/architecture.md"
+ROW = re.compile(r"^\| `(\w+)` \|[^|]*\|([^|]*)\|$", re.M)
 # Of perception/tsdf: a part, and what of the others it may include. The map itself owns them all:
 # no part includes it.
 PARTS = {
@@ -108,6 +113,38 @@ def offences(path: str, text: str, devices: set):
             yield f"{path}: the simulated world is never linked into tasks: {line}"
 
 
+def table_offences(text: str, rooms: dict):
+    """Where the page's table of rooms is not what ROOMS says."""
+    table = text[text.find("| room | holds | may include |"):].split("\n\n")[0]
+    told = {}
+    for room, words in ROW.findall(table):
+        left_out = set(re.findall(r"all but (\w+)", words)) | {room}
+        named = set(told) if "all above" in words else set(rooms) - left_out
+        told[room] = named if "all" in words.split() else set(re.findall(r"\w+", words))
+    for room in sorted(set(told) | set(rooms)):
+        if room not in rooms:
+            yield f"{PAGE}: {room} is no room that tools/check_arrows.py knows"
+        elif room not in told:
+            yield f"{PAGE}: the table of rooms lacks {room}"
+        elif told[room] != rooms[room]:
+            missing, extra = sorted(rooms[room] - told[room]), sorted(told[room] - rooms[room])
+            yield f"{PAGE}: room {room}: lacks {missing}, has too many {extra}"
+
+
+def table_missed():
+    """Of the self-test: broken tables that pass, and a good one that does not."""
+    rooms = {"a": set(), "b": {"a"}, "c": {"a", "b"}, "d": {"a", "b", "c"}, "e": {"a", "b", "c"}}
+    head, rows = "| room | holds | may include |\n|---|---|---|\n", [
+        "| `a` | x | |\n", "| `b` | x | a |\n", "| `c` | x | a, b |\n", "| `d` | x | all above |\n",
+        "| `e` | x | all but d |\n", "\n| `z` | another table | |\n"]
+    good = head + "".join(rows)
+    bad = [good.replace(rows[1], ""), good.replace("| a, b |", "| a |"),
+           good.replace("| x | |", "| x | b |"), good.replace("\n\n", "\n"),
+           good.replace(rows[3], "") + rows[3], good.replace("all but d", "all but c"), ""]
+    yield from (text for text in bad if not list(table_offences(text, rooms)))
+    yield from table_offences(good, rooms)
+
+
 def main() -> int:
     if "--self-test" in sys.argv:
         bad = [("rt/a/b.hpp", '#include "config/schema.hpp"'),
@@ -132,7 +169,7 @@ def main() -> int:
         devices = haptic_devices([*((f"drivers/{name}/{name}.hpp", DEVICE) for name in names),
                                   ("drivers/haptic/stand_in.hpp", DEVICE),
                                   ("tasks/haptic/haptic_task.hpp", DEVICE)])
-        missed = [p for p, t in bad if not list(offences(p, t, devices))]
+        missed = [p for p, t in bad if not list(offences(p, t, devices))] + list(table_missed())
         if devices != set(names):
             missed.append(f"haptic devices: {sorted(devices)}")
         allowed = [("tasks/haptic/a.cpp", '#include "tasks/contract/messages.hpp"'),
@@ -148,6 +185,7 @@ def main() -> int:
              for f in sorted((ROOT / top).rglob("*")) if f.suffix in {".hpp", ".cpp", ".inl"}]
     devices = haptic_devices(files)
     found = [wrong for path, text in files for wrong in offences(path, text, devices)]
+    found += table_offences((ROOT / PAGE).read_text(), ROOMS)
     print("\n".join(found) if found else "includes: all arrows go one way")
     return 1 if found else 0
 
