@@ -19,6 +19,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <type_traits>
 #include <vector>
@@ -62,6 +63,11 @@ template <class T>
 [[nodiscard]] constexpr T quantile(std::vector<T> values, double q,
                                    std::type_identity_t<T> empty = {}) noexcept {
   return quantile_in_place(std::span<T>(values), q, empty);
+}
+
+// The same for a report, where NaN stands for "there is none".
+[[nodiscard]] inline double quantile_or_nan(std::vector<double> values, double q) noexcept {
+  return quantile_in_place(std::span(values), q, std::numeric_limits<double>::quiet_NaN());
 }
 
 }  // namespace rt

@@ -41,7 +41,8 @@ Part part_of(Points own, const Points& others) {
   return part;
 }
 
-// The value below which this share of them lies along an axis.
+// The value below which this share of them lies along an axis. Not the rank of rt/quantile.hpp,
+// which is one higher for some counts: that would change the map.
 double quantile(Points& points, int axis, double share) {
   const auto last = static_cast<double>(points.size() - 1);
   const auto at = points.begin() + static_cast<std::ptrdiff_t>(share * last);

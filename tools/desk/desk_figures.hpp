@@ -1,9 +1,10 @@
 // What a page cost and how quick it was, as figures: console.* of docs/metrics.md. One thread.
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <vector>
+
+#include "rt/quantile.hpp"
 
 namespace teletact {
 
@@ -19,15 +20,7 @@ class NewestValues {
     ++all_;
   }
   // share in 0..1; -1: there is none.
-  [[nodiscard]] double percentile(double share) const {
-    if (values_.empty()) return -1;
-    std::vector<double> sorted = values_;
-    const auto at = std::min(sorted.size() - 1,
-                             static_cast<std::size_t>(share * static_cast<double>(sorted.size())));
-    std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(at),
-                     sorted.end());
-    return sorted[at];
-  }
+  [[nodiscard]] double percentile(double share) const { return rt::quantile(values_, share, -1); }
   [[nodiscard]] std::size_t all() const noexcept { return all_; }
 
  private:

@@ -187,8 +187,6 @@ StudyRun run_scene(const StudyScene& scene, const StudyKnobs& knobs) {
   return run;
 }
 
-double quantile(const std::vector<double>& v, double q) { return rt::quantile(v, q, std::nan("")); }
-
 std::vector<BenchMetric> judge(const StudyScene& scene, const StudyRun& run) {
   std::vector<double> force, sent, place;
   double jump = 0, sent_jump = 0;
@@ -208,13 +206,13 @@ std::vector<BenchMetric> judge(const StudyScene& scene, const StudyRun& run) {
       sent_jump = std::max(sent_jump, (tick.sent - run.ticks[i - 1].sent).norm() - own);
     }
   }
-  return {{"force_error_p95_N", quantile(force, 0.95), "N"},
-          {"proxy_error_p95_mm", quantile(place, 0.95), "mm"},
+  return {{"force_error_p95_N", rt::quantile_or_nan(force, 0.95), "N"},
+          {"proxy_error_p95_mm", rt::quantile_or_nan(place, 0.95), "mm"},
           {"jump_N", std::max(jump, 1e-4), "N"},
-          {"guarded_error_p95_N", quantile(sent, 0.95), "N"},
+          {"guarded_error_p95_N", rt::quantile_or_nan(sent, 0.95), "N"},
           {"guarded_jump_N", std::max(sent_jump, 1e-4), "N"},
-          {"cpu_us", quantile(run.cpu_us, 0.5), "us"},
-          {"cpu_p99_us", quantile(run.cpu_us, 0.99), "us"}};
+          {"cpu_us", rt::quantile_or_nan(run.cpu_us, 0.5), "us"},
+          {"cpu_p99_us", rt::quantile_or_nan(run.cpu_us, 0.99), "us"}};
 }
 
 struct StudySetting {

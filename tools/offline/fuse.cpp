@@ -1,7 +1,6 @@
 #include "tools/offline/fuse.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <stdexcept>
@@ -62,8 +61,6 @@ std::string pose_line(const std::string& stamp, const tasks::CameraPose& camera)
   const bool lost = camera.tracking == tasks::CameraPose::Tracking::kLost;
   return std::string(lost ? "# lost " : "# degenerate ") + line;
 }
-
-double quantile(const std::vector<double>& v, double q) { return rt::quantile(v, q, std::nan("")); }
 
 struct FuseTally {
   int frames = 0, tracked = 0, claimed = 0, empty = 0;
@@ -166,8 +163,8 @@ void write_fused(rt::NonRealtime& nrt, const FuseOptions& o, const tasks::Fusion
     metrics.add("fusion.frames_tracked", tally.tracked, "1");
     metrics.add("fusion.frames_claimed", tally.claimed, "1");
     metrics.add("fusion.first_claim", tally.first_claim, "1");
-    metrics.add("fusion.cpu_p50_ms", quantile(tally.cpu_ms, 0.5), "ms");
-    metrics.add("fusion.cpu_p95_ms", quantile(tally.cpu_ms, 0.95), "ms");
+    metrics.add("fusion.cpu_p50_ms", rt::quantile_or_nan(tally.cpu_ms, 0.5), "ms");
+    metrics.add("fusion.cpu_p95_ms", rt::quantile_or_nan(tally.cpu_ms, 0.95), "ms");
     metrics.add("fusion.blocks", map.block_count(), "1");
     metrics.add("fusion.blocks_far", map.far_block_count(), "1");
     metrics.add("fusion.blocks_refused", static_cast<double>(tally.blocks_refused), "1");
@@ -280,7 +277,8 @@ int fuse_recording(const FuseOptions& o) {
   std::size_t vertices = 0;
   write_fused(startup.token(), o, task, poses, tally, vertices);
   std::printf("%d frames, %d tracked, %d claimed; %.1f ms CPU a frame (p50); %zu vertices\n",
-              tally.frames, tally.tracked, tally.claimed, quantile(tally.cpu_ms, 0.5), vertices);
+              tally.frames, tally.tracked, tally.claimed, rt::quantile_or_nan(tally.cpu_ms, 0.5),
+              vertices);
   if (!stored.empty() && tally.first_claim >= 0)
     std::printf("found in the map at frame %d\n", tally.first_claim);
   if (tally.blocks_refused > 0) {

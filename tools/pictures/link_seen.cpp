@@ -1,7 +1,7 @@
 #include "tools/pictures/link_seen.hpp"
+#include "rt/quantile.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 namespace teletact {
 
@@ -41,10 +41,10 @@ double LinkTally::quantile_ms(const Ages& ages, double q) noexcept {
   std::uint64_t all = 0, seen = 0;
   for (const auto n : ages) all += n;
   if (all == 0) return -1;
-  const auto rank = static_cast<std::uint64_t>(std::ceil(q * static_cast<double>(all)));
+  const std::uint64_t rank = rt::quantile_rank(q, all);
   for (std::size_t ms = 0; ms < ages.size(); ++ms) {
     seen += ages[ms];
-    if (seen >= std::max<std::uint64_t>(1, rank)) return static_cast<double>(ms);
+    if (seen >= rank) return static_cast<double>(ms);
   }
   return static_cast<double>(kMost_ms);
 }

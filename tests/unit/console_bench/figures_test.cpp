@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "rt/quantile.hpp"
 #include "tools/measure/bench/console/console_figures.hpp"
 
 namespace teletact {
@@ -88,10 +89,10 @@ TEST(ConsoleFigures, PairsGiveAMedianAndItsInterval) {
 }
 
 TEST(ConsoleFigures, AQuantileOfNothingIsNoNumber) {
-  EXPECT_TRUE(std::isnan(quantile_or_nan({}, 0.95)));
+  EXPECT_TRUE(std::isnan(rt::quantile_or_nan({}, 0.95)));
   std::vector<double> v;
   for (int i = 1; i <= 20; ++i) v.push_back(i);
-  EXPECT_DOUBLE_EQ(quantile_or_nan(v, 0.95), 19);
+  EXPECT_DOUBLE_EQ(rt::quantile_or_nan(v, 0.95), 19);
 }
 
 }  // namespace

@@ -16,6 +16,7 @@
 #include "perception/objects/object_map.hpp"
 #include "perception/raycast/raycast.hpp"
 #include "perception/tsdf/blocks/map_reader.hpp"
+#include "rt/quantile.hpp"
 #include "tests/support/whole.hpp"
 
 namespace tests {
@@ -253,8 +254,7 @@ Followed follow(const Sequence& s, int shape) {
     out.surface.fused += iou(labels.view(), id, truth.mask, &same) / kJudged;
   }
   out.drawn.single /= views, out.drawn.fused /= views;
-  std::nth_element(ms.begin(), ms.begin() + kFrames / 2, ms.end());
-  out.frame_ms = ms[kFrames / 2];
+  out.frame_ms = rt::quantile(ms, 0.5);
   return out;
 }
 

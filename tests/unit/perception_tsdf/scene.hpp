@@ -9,6 +9,7 @@
 
 #include "perception/tsdf/tsdf_map.hpp"
 #include "rt/clock/box_time.hpp"
+#include "rt/quantile.hpp"
 #include "rt/random.hpp"
 
 namespace tests {
@@ -135,11 +136,7 @@ inline Scene room() {
 
 inline double thread_cpu_ms() { return 1e-6 * static_cast<double>(rt::thread_cpu_ns()); }
 
-inline double quantile(std::vector<double> v, double q) {
-  if (v.empty()) return std::numeric_limits<double>::quiet_NaN();
-  std::sort(v.begin(), v.end());
-  return v[static_cast<std::size_t>(q * static_cast<double>(v.size() - 1))];
-}
+inline double quantile(const std::vector<double>& v, double q) { return rt::quantile_or_nan(v, q); }
 
 inline TsdfConfig small_map(double voxel = 0.02) {
   TsdfConfig c;

@@ -8,6 +8,7 @@
 #include "drivers/camera/tum_reader.hpp"
 #include "rt/hash.hpp"
 #include "rt/memory/section.hpp"
+#include "rt/quantile.hpp"
 #include "tasks/fusion/fusion_task.hpp"
 #include "tests/unit/tasks_fusion/recording.hpp"
 #include "tools/measure/support/rt_guard.hpp"
@@ -22,12 +23,6 @@ struct Playback {
   std::uint64_t hash = 0;
   std::array<std::vector<double>, 9> stage_ms;  // as Profile, then the frame without the view
 };
-
-double quantile(std::vector<double> v, double q) {
-  if (v.empty()) return 0;
-  std::sort(v.begin(), v.end());
-  return v[std::min(v.size() - 1, static_cast<std::size_t>(q * static_cast<double>(v.size())))];
-}
 
 Playback run(const FusionConfig& config, int level, bool small, int frames) {
   rt::Startup startup;
@@ -109,8 +104,8 @@ void print(const char* name, const Playback& r) {
       name, r.tracked, r.claimed, r.poses.size(), e.rms_mm, e.worst_mm, r.worst_condition,
       r.worst_residual_mm, r.least_share);
   for (std::size_t s = 0; s < 9; ++s) {
-    std::printf(" %s %.2f (%.2f)", stages[s], quantile(r.stage_ms[s], 0.5),
-                quantile(r.stage_ms[s], 0.95));
+    std::printf(" %s %.2f (%.2f)", stages[s], rt::quantile(r.stage_ms[s], 0.5),
+                rt::quantile(r.stage_ms[s], 0.95));
   }
   std::printf("\n");
 }

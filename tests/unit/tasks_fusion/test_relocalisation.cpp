@@ -9,6 +9,7 @@
 #include <numbers>
 #include <vector>
 
+#include "rt/quantile.hpp"
 #include "tests/unit/tasks_fusion/hall.hpp"
 
 namespace tasks {
@@ -278,10 +279,7 @@ double cpu_ms(const Rig& rig) {
   return 1e-6 * static_cast<double>(p.prepare + p.track + p.integrate + p.raycast + p.ground);
 }
 
-double median(std::vector<double> v) {
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-  return v[v.size() / 2];
-}
+double median(const std::vector<double>& v) { return rt::quantile(v, 0.5); }
 
 // In units of the frame's own filter, the same work in every frame of a scene: lost frames come after all the tracked ones,
 // and a machine that others use is slower at one time than at another.

@@ -1,4 +1,5 @@
 #include "tools/report/report.hpp"
+#include "rt/quantile.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -86,9 +87,7 @@ ReportData sample() {
       put(sentinel, l);
     }
     std::sort(values.begin(), values.end());
-    const auto q = [&](double p) {
-      return values[static_cast<std::size_t>(p * static_cast<double>(values.size() - 1))];
-    };
+    const auto q = [&](double p) { return rt::quantile_of_sorted(std::span(values), p); };
     t.cpu_us = {q(0.5), q(0.99), q(0.999), values.back()};
     t.lateness_us = {8, 21, 310, 420};
     t.response_us = {row.cpu + 8, row.cpu * 1.8, row.cpu * 2.2, row.cpu * 2.5};

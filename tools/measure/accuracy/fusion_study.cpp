@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -18,7 +17,6 @@ using perception::RgbdFrame;
 
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr int kAllocateStep = 2;  // of level 0
 
 // 13.3 as 13_3.
@@ -205,7 +203,7 @@ FusionRun run_fusion(rt::NonRealtime& nrt, const FusionSequence& sequence,
   run.ate_mm = error.ate_mm();
   run.worst_mm = error.worst_mm();
   run.claimed = static_cast<double>(claimed) / std::max(1, sequence.size());
-  run.cpu_ms = rt::quantile(cpu, 0.5, kNaN);
+  run.cpu_ms = rt::quantile_or_nan(cpu, 0.5);
   run.mesh = moved(perception::extract_mesh(nrt, task.map()), X_WM);
   if (at_end) at_end(feed, X_WM);
   return run;

@@ -100,7 +100,7 @@ struct Tally {
     cpu_ms += run.cpu_ms;
   }
   [[nodiscard]] std::vector<BenchMetric> figures() const {
-    return {{"ate_mm", rt::quantile(ate_mm, 0.5, std::nan("")), "mm"},
+    return {{"ate_mm", rt::quantile_or_nan(ate_mm, 0.5), "mm"},
             {"worst_mm", worst_mm, "mm"},
             {"claimed", claimed / samples, "1"},
             {"cpu_ms", cpu_ms / samples, "ms"},

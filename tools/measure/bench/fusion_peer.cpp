@@ -22,10 +22,6 @@ constexpr double kVoxel_m = 0.01;
 constexpr int kEdge = 512;
 constexpr const char* kUnfiltered = "teletact, no filter";
 
-double quantile(const std::vector<double>& v, double q) {
-  return rt::quantile(v, q, std::numeric_limits<double>::quiet_NaN());
-}
-
 // One mapper over one sequence.
 class Run {
  public:
@@ -52,8 +48,8 @@ class Run {
     row.name = name_;
     row.filter = filter_;
     row.absent = absent_;
-    row.p50_ms = quantile(ms_, 0.5), row.p95_ms = quantile(ms_, 0.95),
-    row.max_ms = quantile(ms_, 1.0);
+    row.p50_ms = rt::quantile_or_nan(ms_, 0.5), row.p95_ms = rt::quantile_or_nan(ms_, 0.95),
+    row.max_ms = rt::quantile_or_nan(ms_, 1.0);
     row.tracked = tracked_, row.frames = sequence.size();
     row.ate_mm = error_.ate_mm();
     return row;

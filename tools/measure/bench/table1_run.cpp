@@ -23,10 +23,6 @@ namespace teletact {
 
 namespace {
 
-double quantile(const std::vector<double>& v, double q) {
-  return rt::quantile(v, q, std::numeric_limits<double>::quiet_NaN());
-}
-
 // Of this process.
 double resident_bytes() {
   std::ifstream statm("/proc/self/statm");
@@ -36,7 +32,7 @@ double resident_bytes() {
 }
 
 Table1Row::Figures figures(const std::vector<double>& v) {
-  return {quantile(v, 0.5), quantile(v, 0.95), quantile(v, 1.0)};
+  return {rt::quantile_or_nan(v, 0.5), rt::quantile_or_nan(v, 0.95), rt::quantile_or_nan(v, 1.0)};
 }
 
 // What one row is made of.
@@ -248,7 +244,7 @@ Table1Row pass(const FusionSequence& sequence, const Cube& cube, int first_frame
   row.two.real_wall = figures(real_wall);
   row.two.own_cpu = figures(own_cpu);
   row.two.worker_cpu = figures(worker_cpu);
-  row.two.forks = quantile(forks, 0.5);
+  row.two.forks = rt::quantile_or_nan(forks, 0.5);
   return row;
 }
 
@@ -258,7 +254,7 @@ Table1Row::Figures median_of(const std::vector<Table1Row::Figures>& runs) {
        {&Table1Row::Figures::p50, &Table1Row::Figures::p95, &Table1Row::Figures::max}) {
     std::vector<double> v;
     for (const auto& f : runs) v.push_back(f.*member);
-    out.*member = quantile(v, 0.5);
+    out.*member = rt::quantile_or_nan(v, 0.5);
   }
   return out;
 }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "rt/clock/box_time.hpp"
 #include "rt/quantile.hpp"
@@ -49,8 +48,6 @@ double run(const MotionTrace& trace, const JudgedMethod& m, Each&& each) {
   return us / static_cast<double>(std::max<std::size_t>(trace.rows.size(), 1));
 }
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
 }  // namespace
 
 double MotionErrors::mean_cm() const {
@@ -58,9 +55,9 @@ double MotionErrors::mean_cm() const {
   for (const double e : error_m) sum += e;
   return 100 * sum / static_cast<double>(error_m.size());
 }
-double MotionErrors::p95_cm() const { return 100 * rt::quantile(error_m, 0.95, kNaN); }
-double MotionErrors::max_cm() const { return 100 * rt::quantile(error_m, 1, kNaN); }
-double MotionErrors::condition_p50() const { return rt::quantile(condition, 0.5, kNaN); }
+double MotionErrors::p95_cm() const { return 100 * rt::quantile_or_nan(error_m, 0.95); }
+double MotionErrors::max_cm() const { return 100 * rt::quantile_or_nan(error_m, 1); }
+double MotionErrors::condition_p50() const { return rt::quantile_or_nan(condition, 0.5); }
 
 MotionErrors judge(const MotionTrace& trace, const JudgedMethod& m) {
   MotionErrors out;

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "rt/clock/box_time.hpp"
+#include "rt/quantile.hpp"
 #include "tools/measure/tun_road/tun_device.hpp"
 
 namespace teletact {
@@ -31,13 +32,12 @@ class LateCount {
     max_us_ = std::max(max_us_, 1e-3 * static_cast<double>(late_ns));
   }
   [[nodiscard]] double quantile_us(double q) const {
+    const std::uint64_t rank = rt::quantile_rank(q, all_);
+    if (rank == 0) return 0;
     std::uint64_t below = 0;
-    for (std::size_t i = 0; i < counts_.size(); ++i) {
-      below += counts_[i];
-      if (static_cast<double>(below) >= q * static_cast<double>(all_) && all_ > 0)
-        return std::exp2(static_cast<double>(i + 1) / 8);
-    }
-    return 0;
+    std::size_t i = 0;
+    while (i + 1 < counts_.size() && (below += counts_[i]) < rank) ++i;
+    return std::exp2(static_cast<double>(i + 1) / 8);
   }
   [[nodiscard]] double max_us() const noexcept { return max_us_; }
 

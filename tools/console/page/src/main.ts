@@ -9,7 +9,7 @@ import { Selecting } from './act/selecting';
 import { Tools } from './act/tools';
 import { button, by, h } from './panel/dom';
 import { fillHelp, Steps } from './panel/guides';
-import { Health, percentile } from './panel/health';
+import { Health } from './panel/health';
 import { Inset } from './panel/inset';
 import { Lists } from './panel/lists';
 import { Pad } from './panel/pad';
@@ -27,6 +27,7 @@ import { RobotLayer } from './view/robot_layer';
 import { Stage } from './view/stage';
 import { ThingsLayer } from './view/things_layer';
 import { Link, LinkState } from './wire/link';
+import { quantile } from './wire/quantile';
 import { Store } from './wire/store';
 import { Pose, Vec3 } from './wire/types';
 
@@ -110,8 +111,8 @@ class Page {
     return {
       fps: this.stage.fps, frames: this.stage.frames, triangles: this.mesh.triangles,
       blocks: this.mesh.blocks, damaged: this.store.damaged, messages: this.store.messages,
-      answerP95: percentile(this.link.answerTimes, 0.95),
-      meshP95: percentile(this.meshTimes, 0.95), renderer: this.stage.rendererName,
+      answerP95: quantile(this.link.answerTimes, 0.95),
+      meshP95: quantile(this.meshTimes, 0.95), renderer: this.stage.rendererName,
       geometries: this.stage.renderer.info.memory.geometries,
       textures: this.stage.renderer.info.memory.textures,
     };

@@ -1,5 +1,6 @@
 // The page against a twin of the box, in a real browser: page_test.mjs SITE ARTEFACTS. Prints its
 // seed; TELETACT_SEED repeats a run. 77: no browser here. In the order of these lines.
+import './quantiles';
 import './readers';
 import './held';
 import './acts';

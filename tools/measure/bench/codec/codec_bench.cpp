@@ -53,7 +53,7 @@ struct Errors {
   }
 };
 
-double median(std::vector<double>& v) { return v.empty() ? kNaN : rt::quantile(v, 0.5); }
+double median(const std::vector<double>& v) { return rt::quantile_or_nan(v, 0.5); }
 
 }  // namespace
 

@@ -9,6 +9,7 @@
 
 #include "rt/audit/blame.hpp"
 #include "rt/clock/box_time.hpp"
+#include "rt/quantile.hpp"
 #include "tools/measure/bench/callgrind.hpp"
 #include "tools/measure/bench/console/console_bench.hpp"
 #include "tools/measure/bench/console/demo_child.hpp"
@@ -114,7 +115,7 @@ double late_us(const rt::RunLog& log, const Window& w) {
   std::vector<double> us;
   for (const auto ns : rt::late_minus_sentinel(log, slice(task_of(log, "haptic"), w)))
     us.push_back(1e-3 * static_cast<double>(ns));
-  return quantile_or_nan(us, 0.99);
+  return rt::quantile_or_nan(us, 0.99);
 }
 
 std::uint64_t own_misses(const rt::RunLog& log) {

@@ -37,7 +37,7 @@ Line line_through(const std::vector<SpeedAt>& points) {
 }
 
 double median(std::span<const double> values) {
-  return rt::quantile(std::vector<double>(values.begin(), values.end()), 0.5, kNaN);
+  return rt::quantile_or_nan({values.begin(), values.end()}, 0.5);
 }
 
 }  // namespace
@@ -108,10 +108,6 @@ PairedDifference paired(std::span<const double> with, std::span<const double> wi
   out.low = d[k - 1];
   out.high = d[d.size() - k];
   return out;
-}
-
-double quantile_or_nan(const std::vector<double>& values, double q) {
-  return rt::quantile(values, q, kNaN);
 }
 
 }  // namespace teletact

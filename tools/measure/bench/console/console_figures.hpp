@@ -55,7 +55,4 @@ struct PairedDifference {
 [[nodiscard]] PairedDifference paired(std::span<const double> with,
                                       std::span<const double> without);
 
-// The q-quantile; NaN: there is none.
-[[nodiscard]] double quantile_or_nan(const std::vector<double>& values, double q);
-
 }  // namespace teletact

@@ -5,6 +5,7 @@
 #include <limits>
 #include <sstream>
 
+#include "rt/quantile.hpp"
 #include "tools/measure/bench/console/console_bench.hpp"
 
 namespace teletact {
@@ -16,7 +17,7 @@ constexpr const char* kNotRun = "it was not run";
 constexpr double kTask_ms = 50, kSlowTask_ms = 130, kAnswer_ms = 200, kMesh_ms = 100, kFps = 5;
 constexpr double kFusionOver = 1.10, kServerShare = 0.05, kGrowth = 0.02, kPageGrowth = 0.05;
 
-double p95(const std::vector<double>& values) { return quantile_or_nan(values, 0.95); }
+double p95(const std::vector<double>& values) { return rt::quantile_or_nan(values, 0.95); }
 
 double mean(const std::vector<double>& values) {
   double sum = 0;
@@ -131,12 +132,12 @@ void print_stop(std::ostream& out, const StopPart& s) {
   seen(falls), seen(over), seen(stands);
   line(out, "  %zu stops, %zu seen to fall; %.0f ms on the way", s.stops.size(), falls.size(),
        s.one_way_ms);
-  line(out, "  press to first falling setpoint  p50 %.1f  max %.1f ms", quantile_or_nan(falls, 0.5),
-       quantile_or_nan(falls, 1));
-  line(out, "  ramp over v / (4 m/s2)           p50 %.3f  max %.3f", quantile_or_nan(over, 0.5),
-       quantile_or_nan(over, 1));
+  line(out, "  press to first falling setpoint  p50 %.1f  max %.1f ms",
+       rt::quantile_or_nan(falls, 0.5), rt::quantile_or_nan(falls, 1));
+  line(out, "  ramp over v / (4 m/s2)           p50 %.3f  max %.3f", rt::quantile_or_nan(over, 0.5),
+       rt::quantile_or_nan(over, 1));
   line(out, "  press to standing                p50 %.0f  max %.0f ms",
-       quantile_or_nan(stands, 0.5), quantile_or_nan(stands, 1));
+       rt::quantile_or_nan(stands, 0.5), rt::quantile_or_nan(stands, 1));
   line(out, "  %llu intents before them, %.0f a second; %llu refused for their speed",
        static_cast<unsigned long long>(s.notes), s.notes_per_s,
        static_cast<unsigned long long>(s.refused));
@@ -150,11 +151,11 @@ void print_acts(std::ostream& out, const ActsPart& a) {
        "answer p95");
   for (const ActTimes& t : a.acts)
     line(out, "  %-8s %-12s %5zu %5d %9.1f %9.1f %11.1f", t.act.c_str(), t.task.c_str(),
-         t.task_ms.size(), t.lost, quantile_or_nan(t.task_ms, 0.5), p95(t.task_ms),
+         t.task_ms.size(), t.lost, rt::quantile_or_nan(t.task_ms, 0.5), p95(t.task_ms),
          p95(t.answer_ms));
   line(out, "  mesh to scene: %zu pieces, p50 %.1f  p95 %.1f ms; to pixels p50 %.1f  p95 %.1f ms",
-       a.mesh_ms.size(), quantile_or_nan(a.mesh_ms, 0.5), p95(a.mesh_ms),
-       quantile_or_nan(a.pixels_ms, 0.5), p95(a.pixels_ms));
+       a.mesh_ms.size(), rt::quantile_or_nan(a.mesh_ms, 0.5), p95(a.mesh_ms),
+       rt::quantile_or_nan(a.pixels_ms, 0.5), p95(a.pixels_ms));
   line(out, "  frames a second %.1f, pictures sent %.1f a second; %s", a.fps, a.pictures_per_s,
        a.renderer.c_str());
   line(out, "  box alone: intent to task p95 %.1f ms, mesh to server p95 %.1f ms", a.intent_p95_ms,

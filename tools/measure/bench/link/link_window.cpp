@@ -18,10 +18,6 @@ double age_ms(const tasks::LinkSample& s) {
   return 1e-6 * static_cast<double>(rt::ns_of(s.stamp) - s.made_remote_ns);
 }
 
-double quantile_or_nan(std::vector<double>& v, double q) {
-  return v.empty() ? kNaN : rt::quantile(v, q);
-}
-
 // Of the newest two samples, m/s.
 double speed_between(const TruthSample& a, const TruthSample& b) {
   const double dt = rt::seconds(b.stamp - a.stamp);
@@ -53,10 +49,10 @@ LinkWindow link_window(std::span<const tasks::LinkSample> samples, std::span<con
   const auto n = static_cast<double>(picture.size());
   if (w.seconds > 0) w.fps = n / w.seconds, w.mbit_s = 8e-6 * bytes / w.seconds;
   if (n > 0) w.spared_share = spared / n, w.key_share = keys / n;
-  w.age_p50_ms = quantile_or_nan(picture, 0.5);
-  w.age_p95_ms = quantile_or_nan(picture, 0.95);
-  w.age_max_ms = quantile_or_nan(picture, 1.0);
-  w.state_p95_ms = quantile_or_nan(state, 0.95);
+  w.age_p50_ms = rt::quantile_or_nan(picture, 0.5);
+  w.age_p95_ms = rt::quantile_or_nan(picture, 0.95);
+  w.age_max_ms = rt::quantile_or_nan(picture, 1.0);
+  w.state_p95_ms = rt::quantile_or_nan(state, 0.95);
   return w;
 }
 

@@ -17,12 +17,6 @@ export interface OwnFigures {
   renderer: string;
 }
 
-export function percentile(values: number[], share: number): number | null {
-  if (values.length === 0) return null;
-  const sorted = [...values].sort((a, b) => a - b);
-  return sorted[Math.min(sorted.length - 1, Math.ceil(share * sorted.length) - 1)]!;
-}
-
 class Facts {
   readonly element = h('dl');
   private readonly values = new Map<string, HTMLElement>();
