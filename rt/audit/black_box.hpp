@@ -47,7 +47,8 @@ class BlackBoxWriter {
   void add(char tag, std::span<const std::byte> payload) noexcept;
   // The first reason stays. Safe in a signal handler.
   void note_stop(std::string_view why) noexcept;
-  // As it is now, with this reason, beside the ring that goes on. False: could not be written.
+  // Writes a snapshot with this reason to a second file; the ring continues. False: could not be
+  // written.
   [[nodiscard]] bool copy_to(const std::string& path, std::string_view why) noexcept;
   void remove() noexcept;  // a normal end: no black box
 

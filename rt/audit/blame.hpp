@@ -10,8 +10,8 @@
 //                                  (interrupts, host) but the kernel charged it to this thread
 //                        platform  wall time that was neither CPU nor run delay
 // The largest part wins; a late start or miss whose parts do not explain half of it is unknown.
-// A skipped release takes the cause of the job that ran over it. Of those that the task's totals
-// count beyond the records, what arrived after its thread had ended is own, the rest unknown.
+// A skipped release takes the cause of the job that ran over it. Releases without a record: cause
+// `own` if they arrived after the thread ended, else `unknown`.
 #pragma once
 
 #include <array>

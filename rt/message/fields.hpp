@@ -24,7 +24,7 @@ enum class FieldIs : std::uint8_t {
   kNumber,   // of the physical world: a fault plan's `nan` spoils it
   kInstant,  // of the writer's clock: it ages, and is converted where it crosses boxes
   kDatum,    // an instant: when the oldest sensor datum in the message was taken
-  kOnTheWay  // set by a channel, no part of what was said: in no hash
+  kOnTheWay  // set by the channel, not by the writer; excluded from hashes
 };
 
 template <class M, class T>
@@ -98,7 +98,7 @@ template <class M>
 }
 }  // namespace detail
 
-// M is a plain struct, and its list, with what it names apart, is all of it.
+// True if the field list plus `kApart` covers every member of the plain struct M.
 template <class M>
 [[nodiscard]] consteval bool lists_every_field() {
   return detail::member_count<M>() ==

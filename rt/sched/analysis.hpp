@@ -108,8 +108,8 @@ struct CoreAnalysis {
                                 const AnalysisOptions& = {});
 
 // Longest time that a parent waits for worker i of the set, from fork to join, summed over `forks`
-// forks between which the worker's C is shared out. Above one fork every window of waiting may meet
-// each higher task once more. Switch costs of each fork are in it.
+// forks between which the worker's C is shared out. With several forks, add one preemption by each
+// higher task per waiting interval. Switch costs of each fork are in it.
 [[nodiscard]] Nanos join_time(std::span<const AnalysisTask> tasks, std::size_t i, int forks,
                               const AnalysisOptions& = {});
 

@@ -46,8 +46,8 @@ class HostRows {
                                 const std::vector<int>& levels) const;
   // Empty if the core is fine; else the figures.
   [[nodiscard]] std::string core_problem(int core, const CoreSet& set) const;
-  // What is wrong when task i has just been put on its core: there, or, where fork and join ties cores
-  // together, anywhere.
+  // Problem after placing task i, or empty. Checks its core, and all cores if fork-join couples
+  // them.
   [[nodiscard]] std::string problem_after(std::size_t i, const std::vector<int>& placed,
                                           const std::vector<int>& levels) const;
 

@@ -48,8 +48,9 @@ void RealExecutor<Faults>::injector_loop(int cpu, bool theft) {
   }
 }
 
-// One wake-up at each release instant of the tasks on this core, just above them: how late it is, is
-// how late the machine was. With a spin lead L it must come before the task's own wake-up.
+// One wake-up at each release instant of the tasks on this core, just above them. Its lateness
+// measures the machine's wake-up latency. With a spin lead L it must come before the task's own
+// wake-up.
 template <class Faults>
 void RealExecutor<Faults>::sentinel_loop(Sentinel& s) {
   prctl(PR_SET_TIMERSLACK, 1UL);

@@ -39,10 +39,11 @@ void add_parameter_options(CLI::App& c, CanOptions& o) {
 
 int cmd_can(int argc, char** argv) {
   CanOptions o;
-  CLI::App app("TMCL modules on a CAN bus: who is there, what passes, parameters.", "teletact can");
+  CLI::App app("TMCL modules on a CAN bus: list modules, show traffic, read and set parameters.",
+               "teletact can");
   app.require_subcommand(1);
-  auto* scan = app.add_subcommand("scan", "who answers; nothing moves");
-  auto* dump = app.add_subcommand("dump", "what passes on the bus");
+  auto* scan = app.add_subcommand("scan", "list the modules that answer; nothing moves");
+  auto* dump = app.add_subcommand("dump", "show the traffic on the bus");
   auto* get = app.add_subcommand("get", "read a parameter");
   auto* set = app.add_subcommand("set", "write a parameter; a motor may move");
   auto* serve = app.add_subcommand("serve", "four simulated modules on an interface");

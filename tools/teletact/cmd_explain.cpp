@@ -43,11 +43,10 @@ int cmd_explain(int argc, char** argv) {
   const auto& rows = costs.value().rows;
   const auto told = std::count_if(rows.begin(), rows.end(), [](const auto& c) { return c.told(); });
   std::printf(
-      "\nCosts: thread CPU of the one that pays, in %s, by `teletact bench effects` on\n%s.\n",
+      "\nCosts: CPU time of the task that pays, in %s, by `teletact bench effects` on\n%s.\n",
       costs.value().scene.c_str(), costs.value().host.c_str());
-  std::printf(
-      "below: not told from no cost at all beside what else ran there; told: %td of %zu rows.\n",
-      told, rows.size());
+  std::printf("below: the cost was within the noise of that machine; above it: %td of %zu rows.\n",
+              told, rows.size());
   Metrics metrics("explain");
   metrics.add("explain.asked", static_cast<double>(e.asked.size()), "1");
   metrics.add("explain.not_asked", static_cast<double>(e.not_asked.size()), "1");

@@ -40,7 +40,7 @@ int cmd_fuse(int argc, char** argv) {
       "--intrinsics", o.intrinsics,
       "where the folder has no intrinsics.txt: fx,fy,cx,cy in px, and depth units a metre "
       "if the data set's are not right");
-  app.add_option("--bias", o.bias, "TOML with [[camera.bias]], what depth reads too much");
+  app.add_option("--bias", o.bias, "TOML with [[camera.bias]]: depth bias to subtract");
   app.add_option("--odometry", o.odometry, "TUM poses used as motion prior");
   app.add_option("--voxel", o.voxel_m, "edge of a voxel, m; 0.01 where nothing is said")
       ->check(in_range(0.004, 0.1));

@@ -175,7 +175,7 @@ int cmd_keys(int argc, char** argv) {
   CLI::App* const to_renew = action("renew", "a new certificate for a box that has one");
   to_renew->add_option("name", o.name, "of the box")->required();
   to_renew->add_flag("--new-key", o.new_key,
-                     "for a new key: where a peer has pinned the key, it must be told");
+                     "with a new key: update every peer that pins the old key");
   for (CLI::App* a : {to_init, to_issue, to_renew})
     a->add_option("--days", o.days, "it is valid (CA 3650, box 365)")
         ->check(CLI::Range(1, KeyLab::kMostDays));

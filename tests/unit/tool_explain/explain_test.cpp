@@ -136,7 +136,7 @@ TEST(Explain, ItSaysOnWhichMachineCostsWereMeasuredAndHowManyAreTold) {
   ASSERT_TRUE(costs) << costs.error();
   std::size_t told = 0;
   for (const EffectCost& c : costs.value().rows) told += std::abs(c.us) > c.floor_us ? 1 : 0;
-  EXPECT_THAT(said, testing::HasSubstr("told: " + std::to_string(told) + " of " +
+  EXPECT_THAT(said, testing::HasSubstr("above it: " + std::to_string(told) + " of " +
                                        std::to_string(costs.value().rows.size()) + " rows"));
   EXPECT_THAT(said, testing::HasSubstr(costs.value().host + ".\n"));
   EXPECT_THAT(text_of(find_config("limits", "effect_costs")),
