@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "tasks/haptic/haptic_task.hpp"
-#include "tools/measure/haptic/pop_checker.hpp"
+#include "tools/measure/support/pop_checker.hpp"
 
 namespace teletact {
 

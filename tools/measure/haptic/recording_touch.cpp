@@ -10,7 +10,7 @@
 #include "rt/memory/non_realtime.hpp"
 #include "tasks/fusion/fusion_task.hpp"
 #include "tasks/haptic/haptic_task.hpp"
-#include "tools/measure/haptic/pop_checker.hpp"
+#include "tools/measure/support/pop_checker.hpp"
 #include "tools/record/fusion_feed.hpp"
 #include "tools/record/fusion_sequence.hpp"
 

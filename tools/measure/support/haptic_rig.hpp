@@ -18,8 +18,8 @@
 #include "rt/memory/non_realtime.hpp"
 #include "rt/memory/section.hpp"
 #include "tasks/haptic/haptic_task.hpp"
-#include "tools/measure/haptic/pop_checker.hpp"
 #include "tools/measure/support/haptic_witness.hpp"
+#include "tools/measure/support/pop_checker.hpp"
 #include "tools/measure/support/rt_guard.hpp"
 
 namespace rig {

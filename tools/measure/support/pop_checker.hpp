@@ -2,8 +2,9 @@
 // its own interpolation, and shares no code with the renderer.
 //
 //   sunk     a contact tick with phi(p) < -0.5 mm on the blended field
-//   flipped  (p - h) . n_entry changed its sign without a free tick in between; n_entry is the direction of p - h
-//            in the first tick of the contact. Counted where the stretch is above 0.1 mm.
+//   flipped  (p - h) . n_entry changed its sign without a free tick in between; n_entry is the
+//            direction of p - h in the first tick of the contact. Counted where the stretch is
+//            above 0.1 mm.
 #pragma once
 
 #include <cmath>
