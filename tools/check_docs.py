@@ -11,7 +11,10 @@ links. An offence is
   command   `teletact NAME` that tools/teletact/main.cpp does not list
   option    behind a command or a script of tools/, an option that no source of tools/ has
 Words with < > or in capitals stand for something and are left out. Pages in `docs/measured` tell of
-what was and are left out too. Exit 1 and one line for each offence. `--self-test` proves that
+what was and are left out too; of them an offence is
+  measured  no "Command:", "Commit:" or "Machine:" before the first figures. What is unknown is "not
+            recorded"
+Exit 1 and one line for each offence. `--self-test` proves that
 offences are seen.
 """
 import fnmatch
@@ -140,6 +143,14 @@ def offences(page, text, tree):
                 yield f"{page}:{number}: link: {link}"
 
 
+def unknown_origin(page, text):
+    """What a page of figures does not say of how they were measured."""
+    head = "\n".join(text.split("\n")[:12])
+    for word in ("Command:", "Commit:", "Machine:"):
+        if not re.search(rf"{word}\s+\S", head):
+            yield f"{page}: measured: it does not say its {word[:-1].lower()}"
+
+
 def self_test():
     tree = Tree({
         "rt/time.hpp": "Time now();\nstruct Clock { int step_ns; };", "docs/a.md": "",
@@ -159,9 +170,13 @@ def self_test():
            "`time.hpp`,\n  `add_option()`", "[a](b.md)", "`build/release/teletact dance`"]
     wrong = [("passed", t) for t in bad if not list(offences("docs/p.md", t, tree))]
     wrong += [(o, t) for t in good for o in offences("docs/p.md", t, tree)]
+    origin = "# Measured\n\nCommand: `a`. Commit: not recorded.\nMachine: b.\n"
+    wrong += [(o, origin) for o in unknown_origin("docs/measured/a.md", origin)]
+    wrong += [("passed", w) for w in ("Command:", "Commit:", "Machine:")
+              if len(list(unknown_origin("docs/measured/a.md", origin.replace(w, "")))) != 1]
     for what, text in wrong:
         print(f"{what}: {text}")
-    print(f"self-test: {len(wrong)} of {len(good) + len(bad)} cases wrong")
+    print(f"self-test: {len(wrong)} of {len(good) + len(bad) + 4} cases wrong")
     return 1 if wrong else 0
 
 
@@ -177,6 +192,8 @@ def main():
     tree = Tree(files)
     pages = [f for f in files if re.match(r"^(README|CONTRIBUTING|docs/\w+)\.md$", f)]
     found = [wrong for page in sorted(pages) for wrong in offences(page, files[page], tree)]
+    found += [wrong for f in sorted(files) if re.match(r"^docs/measured/\w+\.md$", f)
+              for wrong in unknown_origin(f, files[f])]
     print("\n".join(found) if found else f"docs: {len(pages)} pages name what is there")
     return 1 if found else 0
 

@@ -179,10 +179,11 @@ void DaysResult::print(std::ostream& out) const {
 }
 
 std::string DaysResult::page(const std::string& command) const {
-  char text[900];
+  char text[1000];
   std::snprintf(text, sizeof text,
                 "# Runs for days\n\n"
-                "`%s`, on %s. Method and limits: `docs/storage.md`.\n\n"
+                "Command: `%s`. Commit: not recorded. Machine: %s.\n"
+                "Method and limits: `docs/storage.md`.\n\n"
                 "| figure | value | limit |\n|---|---|---|\n"
                 "| simulated time | %.2f h | |\n"
                 "| it took | %.0f s | |\n"

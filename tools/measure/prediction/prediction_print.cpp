@@ -169,9 +169,11 @@ std::vector<BenchMetric> PredictionResult::metrics() const {
 
 std::string PredictionResult::page(const std::string& command) const {
   const auto names = method_names(traces);
-  std::string out = "# Measured: methods of prediction\n\nWritten by `" + command +
-                    "`; do not edit. Method and terms: [../prediction.md](../prediction.md).\n\n"
-                    "Error in the plane, cm: mean / p95 / max.\n\n| trace |";
+  std::string out =
+      "# Measured: methods of prediction\n\nCommand: `" + command +
+      "`. Commit: not recorded. Machine: any, no figure is a time.\n"
+      "Written by the command. Method and terms: [../prediction.md](../prediction.md).\n\n"
+      "Error in the plane, cm: mean / p95 / max.\n\n| trace |";
   std::string rule = "|---|";
   for (const std::string& n : names) {
     out += " " + n + " |";

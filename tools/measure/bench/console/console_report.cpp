@@ -238,7 +238,8 @@ void ConsoleBenchResult::print(std::ostream& out) const {
 
 std::string ConsoleBenchResult::page(const std::string& command) const {
   std::ostringstream text;
-  text << "# The operator's page beside its box\n\n`" << command << "`, on " << host
+  text << "# The operator's page beside its box\n\nCommand: `" << command
+       << "`. Commit: not recorded. Machine: " << host
        << ".\nMethod and limits: `docs/console.md`, The bench. Made by `--write`.\n\n```\n";
   print(text);
   text << "```\n";

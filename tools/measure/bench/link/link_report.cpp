@@ -176,7 +176,8 @@ void LinkBenchResult::print(std::ostream& out) const {
 
 std::string LinkBenchResult::page(const std::string& command) const {
   std::ostringstream text;
-  text << "# The link over a road of packets\n\n`" << command << "`, on " << host
+  text << "# The link over a road of packets\n\nCommand: `" << command
+       << "`. Commit: not recorded. Machine: " << host
        << ".\nMethod and limits: `docs/network.md`, The bench. Made by `--write`.\n\n```\n";
   print(text);
   text << "```\n";
