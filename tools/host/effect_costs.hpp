@@ -1,5 +1,5 @@
 // What each effect of the catalogue costs, as a table on disk: measured by `teletact bench effects`
-// (tools/measure/effects.hpp), printed by `teletact explain`.
+// (tools/measure/effect_bench.hpp), printed by `teletact explain`.
 #pragma once
 
 #include <deque>

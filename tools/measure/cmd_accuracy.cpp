@@ -14,8 +14,8 @@
 #include "tools/measure/accuracy/fusion_study.hpp"
 #include "tools/measure/accuracy/segmentation_study.hpp"
 #include "tools/measure/accuracy/weighting_study.hpp"
-#include "tools/measure/commands.hpp"
 #include "tools/measure/haptic_study.hpp"
+#include "tools/measure/measure_commands.hpp"
 #include "tools/record/scenes.hpp"
 
 namespace teletact {

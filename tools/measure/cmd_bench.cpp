@@ -26,13 +26,13 @@
 #include "tools/measure/bench/table2/table2.hpp"
 #include "tools/measure/bench/table2/touches.hpp"
 #include "tools/measure/bench/wakeup.hpp"
-#include "tools/measure/commands.hpp"
 #include "tools/measure/days.hpp"
-#include "tools/measure/effects.hpp"
+#include "tools/measure/effect_bench.hpp"
 #include "tools/measure/fuzz_readers.hpp"
 #include "tools/measure/haptic/bench_haptic.hpp"
 #include "tools/measure/haptic/boundary.hpp"
 #include "tools/measure/haptic/recording_touch.hpp"
+#include "tools/measure/measure_commands.hpp"
 #include "tools/measure/prediction/prediction_bench.hpp"
 
 namespace teletact {

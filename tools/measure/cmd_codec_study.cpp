@@ -8,7 +8,7 @@
 #include "tools/files/metrics_json.hpp"
 #include "tools/measure/accuracy/codec/codec_steps.hpp"
 #include "tools/measure/accuracy/codec/codec_study.hpp"
-#include "tools/measure/commands.hpp"
+#include "tools/measure/measure_commands.hpp"
 
 namespace teletact {
 

@@ -10,7 +10,7 @@
 #include "tools/files/metrics_json.hpp"
 #include "tools/files/whole_file.hpp"
 #include "tools/measure/accuracy/moving_study.hpp"
-#include "tools/measure/commands.hpp"
+#include "tools/measure/measure_commands.hpp"
 
 namespace teletact {
 

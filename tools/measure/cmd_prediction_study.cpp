@@ -5,7 +5,7 @@
 
 #include "tools/cli/options.hpp"
 #include "tools/files/metrics_json.hpp"
-#include "tools/measure/commands.hpp"
+#include "tools/measure/measure_commands.hpp"
 #include "tools/measure/prediction/prediction_study.hpp"
 
 namespace teletact {

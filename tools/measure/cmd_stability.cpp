@@ -10,7 +10,7 @@
 #include "tools/cli/options.hpp"
 #include "tools/files/metrics_json.hpp"
 #include "tools/files/whole_file.hpp"
-#include "tools/measure/commands.hpp"
+#include "tools/measure/measure_commands.hpp"
 #include "tools/measure/stability/gates.hpp"
 #include "tools/measure/stability_drawing.hpp"
 #include "tools/measure/stability_json.hpp"

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <exception>
 
-#include "tools/measure/commands.hpp"
+#include "tools/measure/measure_commands.hpp"
 
 namespace {
 

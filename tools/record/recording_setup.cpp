@@ -12,7 +12,7 @@
 
 #include "tasks/fusion/fusion_task.hpp"
 #include "tools/scene/box_devices.hpp"
-#include "tools/touch/place_memory.hpp"
+#include "tools/touch/touch_places.hpp"
 #include "tools/touch/touch_script.hpp"
 
 namespace teletact {
@@ -116,7 +116,7 @@ struct Held {
   }
 };
 
-Held held(const PlaceMemory& memory, const Reach& reach) {
+Held held(const TouchPlaces& memory, const Reach& reach) {
   std::set<std::tuple<int, long, long, long>> cells;
   Held out;
   for (const auto& known : memory.known()) {
@@ -152,7 +152,7 @@ struct Placed {
   Held held;
 };
 
-std::optional<Placed> best_origin(const PlaceMemory& memory, const tasks::SceneView& view,
+std::optional<Placed> best_origin(const TouchPlaces& memory, const tasks::SceneView& view,
                                   Reach reach, double yaw_rad) {
   const double radius = reach.map.scale() * reach.radius_m;
   struct Origin {
@@ -273,7 +273,7 @@ RecordingSetup set_up_recording(rt::NonRealtime& nrt, Scene& scene, double run_s
     refuse(scene, "too short: " + std::to_string(images.size()) + " images, and only " +
                       std::to_string(kLeastImages) + " show a surface often enough");
   }
-  PlaceMemory memory;
+  TouchPlaces memory;
   const Reach reach = reach_of(scene);
   const double yaw_rad = scene.graph.haptic.workspace_yaw_deg * M_PI / 180.0;
   std::optional<Placed> best;

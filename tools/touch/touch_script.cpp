@@ -46,7 +46,7 @@ void TouchScript::settle(std::size_t i, rt::Nanos since_epoch, const tasks::Scen
   const auto& segment = hand_.segment(i);
   if (segment.kind == "move") {
     const bool half_way = next_is_chosen_move(i);
-    const PlaceMemory::Known* still = nullptr;
+    const TouchPlaces::Known* still = nullptr;
     if (visiting_ && next_) still = memory_.at(next_->place.p_W);
     if (still != nullptr && !half_way) {
       next_->pictures = still->pictures;
@@ -72,7 +72,7 @@ void TouchScript::settle(std::size_t i, rt::Nanos since_epoch, const tasks::Scen
     return;
   }
   if (!next_ || visits_.empty()) return;
-  const PlaceMemory::Known* still = memory_.at(next_->place.p_W);
+  const TouchPlaces::Known* still = memory_.at(next_->place.p_W);
   if (still == nullptr) {
     next_.reset();
     return;

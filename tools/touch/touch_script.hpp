@@ -19,7 +19,7 @@
 #include "perception/ground/cost_map.hpp"
 #include "rt/time.hpp"
 #include "tasks/graph/samples.hpp"
-#include "tools/touch/place_memory.hpp"
+#include "tools/touch/touch_places.hpp"
 
 namespace teletact {
 
@@ -53,7 +53,7 @@ class TouchScript {
   [[nodiscard]] bool next_is_chosen_move(std::size_t i) const;
   drivers::HandScript& hand_;
   Reach reach_;
-  PlaceMemory memory_;
+  TouchPlaces memory_;
   std::vector<TouchPlace> touched_;
   std::vector<Visit> visits_;
   std::optional<NextPlace> next_;

@@ -1,6 +1,6 @@
 // Places in pictures that are drawn here ray by ray, and what is remembered of them. The drawing shares nothing with the
 // map's ray cast.
-#include "tools/touch/place_memory.hpp"
+#include "tools/touch/touch_places.hpp"
 
 #include <gtest/gtest.h>
 
@@ -17,9 +17,9 @@ namespace {
 using perception::Pose;
 using perception::Vec3;
 using tasks::SceneView;
-using teletact::PlaceMemory;
 using teletact::Reach;
 using teletact::TouchPlace;
+using teletact::TouchPlaces;
 using Kind = TouchPlace::Kind;
 
 // W as in a recording: x right, y down, z ahead.
@@ -140,13 +140,13 @@ TEST(ViewPlaces, AnEmptyPictureHasNone) {
   EXPECT_TRUE(teletact::places_in_view(SceneView{}, kUp, {}).empty());
 }
 
-int sure(const PlaceMemory& m) {
+int sure(const TouchPlaces& m) {
   return static_cast<int>(
       std::count_if(m.known().begin(), m.known().end(), [](const auto& k) { return k.sure(); }));
 }
 
 TEST(PlaceMemory, TwoPicturesMakeItSureAndTwoThatLookThroughItForgetIt) {
-  PlaceMemory m;
+  TouchPlaces m;
   m.see(*draw({kTable}, 0.35), kUp, nullptr);
   ASSERT_FALSE(m.known().empty());
   EXPECT_EQ(sure(m), 0);
@@ -162,7 +162,7 @@ TEST(PlaceMemory, TwoPicturesMakeItSureAndTwoThatLookThroughItForgetIt) {
 }
 
 TEST(PlaceMemory, OutOfViewIsKeptHiddenIsNotChosen) {
-  PlaceMemory m;
+  TouchPlaces m;
   for (int i = 0; i < 2; ++i) m.see(*draw({kTable}, 0.35), kUp, nullptr);
   const int before = sure(m);
   ASSERT_GT(before, 0);
@@ -183,7 +183,7 @@ Reach reach_at(const Vec3& centre_W) {
 }
 
 TEST(NextPlace, InReachInTurnAndNotTheSameTwice) {
-  PlaceMemory m;
+  TouchPlaces m;
   const auto view = draw({kTable, kWall}, 0.35);
   for (int i = 0; i < 2; ++i) m.see(*view, kUp, nullptr);
   const Reach reach = reach_at(Vec3(0.05, 0.2, 0.92));
@@ -208,7 +208,7 @@ TEST(NextPlace, InReachInTurnAndNotTheSameTwice) {
 // The straight from one side to the other goes through a thing between them: the hand is drawn back on its way.
 TEST(NextPlace, AroundWhatIsInTheWay) {
   const Box block{Vec3(-0.06, 0.28, 0.7), Vec3(0.06, 0.4, 1.1)};
-  PlaceMemory m;
+  TouchPlaces m;
   const auto view = draw({kTable, kWall, block}, 0.5);
   for (int i = 0; i < 2; ++i) m.see(*view, kUp, nullptr);
   Reach reach = reach_at(Vec3(0, 0.2, 0.9));
@@ -233,7 +233,7 @@ TEST(NextPlace, AroundWhatIsInTheWay) {
 }
 
 TEST(Up, OfATableSeenFromAboveIsItsNormal) {
-  PlaceMemory m;
+  TouchPlaces m;
   const double pitch = 0.75;  // in the picture's own frame, as a recording's world is
   const auto tilted = [&] {
     auto v = draw({kTable, kWall}, pitch);

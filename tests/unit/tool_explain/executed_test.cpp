@@ -14,7 +14,7 @@
 #include "tools/host/calibrate.hpp"
 #include "tools/host/effect_costs.hpp"
 #include "tools/host/run_options.hpp"
-#include "tools/measure/effects.hpp"
+#include "tools/measure/effect_bench.hpp"
 #include "tools/record/recording_setup.hpp"
 #include "tools/scene/effect_catalogue.hpp"
 

@@ -36,7 +36,7 @@ struct Reach {
   }
 };
 
-class PlaceMemory {
+class TouchPlaces {
  public:
   static constexpr int kPictures = 2;  // that have shown it
   struct Known {
@@ -63,7 +63,7 @@ class PlaceMemory {
 // the directions that this leaves, the one is taken that makes most of the flat places level or
 // upright; without such places the camera is taken to look straight ahead. A table seen from
 // straight above is then called a wall.
-[[nodiscard]] perception::Vec3 up_of(const perception::CostMap& map, const PlaceMemory& memory);
+[[nodiscard]] perception::Vec3 up_of(const perception::CostMap& map, const TouchPlaces& memory);
 
 struct NextPlace {
   TouchPlace place;
@@ -74,7 +74,7 @@ struct NextPlace {
 // Takes in turn a top, a wall, a top, an edge, a corner, if there are such. Of each kind it takes
 // the place that the hand has touched least and whose way from `from_W` is free in the picture.
 // `touched`: the places before, in order.
-[[nodiscard]] std::optional<NextPlace> next_place(const PlaceMemory& memory,
+[[nodiscard]] std::optional<NextPlace> next_place(const TouchPlaces& memory,
                                                   const tasks::SceneView& view, const Reach& reach,
                                                   const perception::Vec3& from_W,
                                                   const std::vector<TouchPlace>& touched);

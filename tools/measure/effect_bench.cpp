@@ -1,4 +1,4 @@
-#include "tools/measure/effects.hpp"
+#include "tools/measure/effect_bench.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "tools/touch/place_memory.hpp"
+#include "tools/touch/touch_places.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -41,13 +41,13 @@ bool shows_there(const tasks::SceneView& view, const TouchPlace& place, const Ei
 
 // Along each ray what the picture shows is kClear_m behind the straight, as far as it shows the straight.
 // Where it does not, the places tell that are known.
-bool clear(const PlaceMemory& memory, const tasks::SceneView& view, const perception::Pose& X_VW,
+bool clear(const TouchPlaces& memory, const tasks::SceneView& view, const perception::Pose& X_VW,
            const Vec3& a, const Vec3& b) {
   const int n = 1 + static_cast<int>((b - a).norm() / 0.025);
   for (int i = 0; i <= n; ++i) {
     const Vec3 p = a + (static_cast<double>(i) / n) * (b - a);
     const Vec3 q = X_VW * p;
-    const auto meets = [&](const PlaceMemory::Known& k) {
+    const auto meets = [&](const TouchPlaces::Known& k) {
       const Vec3 r = p - k.place.p_W;
       const double h = r.dot(k.place.n_W);
       return h < 0.025 && h > -0.08 && (r - h * k.place.n_W).norm() < 0.06;
@@ -61,7 +61,7 @@ bool clear(const PlaceMemory& memory, const tasks::SceneView& view, const percep
 
 // A point between the two from which both are free to go to: half-way, or drawn back along the place's normal or
 // towards the eye.
-std::optional<Vec3> way(const PlaceMemory& memory, const tasks::SceneView& view, const Reach& reach,
+std::optional<Vec3> way(const TouchPlaces& memory, const tasks::SceneView& view, const Reach& reach,
                         const Vec3& a, const Vec3& b, const Vec3& normal) {
   const perception::Pose X_VW = view.X_WV.inverse();
   const Vec3 middle = 0.5 * (a + b), to_eye = (view.X_WV.translation() - middle).normalized();
@@ -77,7 +77,7 @@ std::optional<Vec3> way(const PlaceMemory& memory, const tasks::SceneView& view,
 
 }  // namespace
 
-void PlaceMemory::see(const tasks::SceneView& view, const Vec3& up_W, const Reach* reach) {
+void TouchPlaces::see(const tasks::SceneView& view, const Vec3& up_W, const Reach* reach) {
   const perception::Pose X_VW = view.X_WV.inverse();
   const auto& k = view.intrinsics;
   for (Known& known : known_) {
@@ -118,7 +118,7 @@ void PlaceMemory::see(const tasks::SceneView& view, const Vec3& up_W, const Reac
   }
 }
 
-const PlaceMemory::Known* PlaceMemory::at(const Vec3& p_W) const noexcept {
+const TouchPlaces::Known* TouchPlaces::at(const Vec3& p_W) const noexcept {
   const Known* best = nullptr;
   double nearest = kBeside_m;
   for (const Known& k : known_) {
@@ -130,7 +130,7 @@ const PlaceMemory::Known* PlaceMemory::at(const Vec3& p_W) const noexcept {
   return best;
 }
 
-Vec3 up_of(const perception::CostMap& map, const PlaceMemory& memory) {
+Vec3 up_of(const perception::CostMap& map, const TouchPlaces& memory) {
   if (map.seq != 0 && map.ground_found) return map.X_WM.linear().col(2);
   std::vector<Vec3> normals;
   for (const auto& k : memory.known()) {
@@ -154,12 +154,12 @@ Vec3 up_of(const perception::CostMap& map, const PlaceMemory& memory) {
   return best;
 }
 
-std::optional<NextPlace> next_place(const PlaceMemory& memory, const tasks::SceneView& view,
+std::optional<NextPlace> next_place(const TouchPlaces& memory, const tasks::SceneView& view,
                                     const Reach& reach, const Vec3& from_W,
                                     const std::vector<TouchPlace>& touched) {
   struct Choice {
     int other_kind, touched, narrow, rough_mm, far;
-    const PlaceMemory::Known* known;
+    const TouchPlaces::Known* known;
     [[nodiscard]] auto key() const { return std::tie(other_kind, touched, narrow, rough_mm, far); }
   };
   const Kind wanted = kTurn[touched.size() % kTurn.size()];
