@@ -36,7 +36,7 @@ ObjectSummary summarise(std::span<const Vec3f> points, std::span<const Rgb> colo
     for (std::size_t i = 0; i < n; ++i) {
       scratch[i] = static_cast<float>(axes.col(k).dot(points[i].cast<double>() - mean));
     }
-    // As many are left out at either end: the far one is the 0.99 quantile of rt/quantile.hpp, the near one its mirror image.
+    // The far end is the 0.99 quantile of rt/quantile.hpp, the near end its mirror image.
     const auto cut = static_cast<std::ptrdiff_t>(n / 100);
     const auto first = scratch.begin(), end = first + static_cast<std::ptrdiff_t>(n);
     std::nth_element(first, first + cut, end);

@@ -175,7 +175,7 @@ std::vector<Run> rise_runs(const Setting& s) {
     return solids::floor(p) - 0.1 * std::clamp(t - at, 0.0, kRise_s);
   };
   const double k = scene.config.stiffness_N_per_m;
-  // The true height in each of the windows: t, height; and how far off it the fused floor is in the last.
+  // In each window: t, the true height; and how far off it the fused floor is in the last.
   const auto fused = std::make_shared<std::vector<std::pair<double, double>>>();
   const auto end_mm = std::make_shared<double>(0);
   if (s.fused != nullptr) {  // every image of the rising floor is fused
@@ -201,7 +201,7 @@ std::vector<Run> rise_runs(const Setting& s) {
     const double height = row.p.z() - radius;
     if (row.t > at + 0.05 && row.t < at + kRise_s) lag = std::max(lag, row.t - at - height / 0.1);
   }
-  // What an exact proxy does on windows of the true floor, the last fading into the newest over one period.
+  // An exact proxy on windows of the true floor, the last fading into the newest over one period.
   double fused_lag = std::nan(""), fused_end = fused_lag;
   for (std::size_t i = 1; i < fused->size(); ++i) {
     const auto& [since, height] = (*fused)[i];

@@ -187,7 +187,7 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
     Vec3 f = setup.config.stiffness_N_per_m * (p - h);
     const double whole = f.norm();
     if (whole > 12) f *= 12 / whole;
-    // Behind the slew guard: where the optimum jumps, no force may follow at once. In the free too: it goes down there.
+    // Behind the slew guard: a force may not jump as the optimum may. In the free too.
     guarded.follow(f, moved);
     slower.follow(f, moved);
     if (!r.telemetry.in_contact && (p - h).norm() < 1e-4) continue;
@@ -213,7 +213,7 @@ inline std::vector<Optimum> score(const Rig& rig, const std::vector<Row>& rows, 
   out.f_error_p95 = rt::quantile(f_error, 0.95);
   out.f_error_max = rt::quantile(f_error, 1);
   out.f_error_guarded_optimum = rt::quantile(f_guarded_error, 0.95);
-  // A step over the limit of J is forced by the samples only if to go slower would put the force off.
+  // The samples force a step over the limit of J only if a slower one puts the force off.
   out.j_guarded_optimum =
       rt::quantile(f_slower_error, 0.95) <= kForceErrorLimit_N ? slower.j() : guarded.j();
   out.p_error_p95 = rt::quantile(p_error, 0.95);
